@@ -1,0 +1,59 @@
+# What to build, and the compiler settings that every target of ours shares.
+
+option(DIFFNEA_BUILD_APPS "Build the diffnea command" ${PROJECT_IS_TOP_LEVEL})
+option(DIFFNEA_BUILD_PYTHON "Build the Python module" "${SKBUILD}")
+if(PROJECT_IS_TOP_LEVEL AND NOT SKBUILD)
+  option(DIFFNEA_BUILD_TESTS "Build the C++ tests (needs Catch2 v3)" ON)
+else()
+  option(DIFFNEA_BUILD_TESTS "Build the C++ tests (needs Catch2 v3)" OFF)
+endif()
+option(DIFFNEA_INSTALL "Install the library, its headers and its CMake package" ${PROJECT_IS_TOP_LEVEL})
+option(DIFFNEA_WERROR "Treat warnings in our own sources as errors" OFF)
+set(DIFFNEA_SANITIZE "" CACHE STRING "Sanitizers for our own targets, e.g. address,undefined")
+
+if(PROJECT_IS_TOP_LEVEL)
+  if(NOT CMAKE_BUILD_TYPE AND NOT CMAKE_CONFIGURATION_TYPES)
+    set(CMAKE_BUILD_TYPE Release CACHE STRING "Build type" FORCE)
+  endif()
+  set(CMAKE_EXPORT_COMPILE_COMMANDS ON)
+
+  find_program(CCACHE_PROGRAM ccache)
+  mark_as_advanced(CCACHE_PROGRAM)
+  if(CCACHE_PROGRAM AND NOT DEFINED CMAKE_CXX_COMPILER_LAUNCHER)
+    set(CMAKE_C_COMPILER_LAUNCHER "${CCACHE_PROGRAM}")
+    set(CMAKE_CXX_COMPILER_LAUNCHER "${CCACHE_PROGRAM}")
+  endif()
+
+  # pip lives in the virtual environment when the system's Python has none.
+  if(NOT DEFINED Python_EXECUTABLE AND EXISTS "${PROJECT_SOURCE_DIR}/.venv/bin/python")
+    set(Python_EXECUTABLE "${PROJECT_SOURCE_DIR}/.venv/bin/python")
+  endif()
+endif()
+
+# Language level, position independence, warnings and sanitizers. All of it is private to `target`: a user's
+# target that links diffnea inherits none but the language level.
+function(diffnea_target_defaults target)
+  set_target_properties(${target} PROPERTIES
+    CXX_EXTENSIONS OFF
+    POSITION_INDEPENDENT_CODE ON
+    VISIBILITY_INLINES_HIDDEN ON)
+  target_compile_features(${target} PUBLIC cxx_std_20)
+  # -Wsign-conversion stays off: Eigen's indices are signed, the standard library's are not.
+  target_compile_options(${target} PRIVATE
+    -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wno-sign-conversion -Wnon-virtual-dtor -Woverloaded-virtual
+    -Wextra-semi -Wcast-align -Wformat=2)
+  if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
+    # gcc 12 reports these inside inlined Eigen and std::vector code that is correct: shown, never fatal.
+    target_compile_options(${target} PRIVATE
+      -Wduplicated-cond -Wlogical-op
+      -Wno-error=maybe-uninitialized -Wno-error=array-bounds -Wno-error=stringop-overflow -Wno-error=restrict)
+  endif()
+  if(DIFFNEA_WERROR)
+    target_compile_options(${target} PRIVATE -Werror)
+  endif()
+  if(DIFFNEA_SANITIZE)
+    target_compile_options(${target} PRIVATE
+      -fsanitize=${DIFFNEA_SANITIZE} -fno-sanitize-recover=all -fno-omit-frame-pointer)
+    target_link_options(${target} PUBLIC -fsanitize=${DIFFNEA_SANITIZE})
+  endif()
+endfunction()

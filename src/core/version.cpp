@@ -1,0 +1,7 @@
+#include "diffnea/version.hpp"
+
+namespace diffnea {
+
+std::string_view version() noexcept { return kVersion; }
+
+}  // namespace diffnea
