@@ -1,0 +1,66 @@
+#pragma once
+/// The scalar concept. All numerics are templates over two scalars: `P`, the parameters (inertias,
+/// fixed transforms), and `S`, the state (positions, velocities, torques). Three instances:
+/// `double`, a Ceres `Jet` (derivatives, forward mode), and a SIMD pack (many states at once;
+/// core/pack.hpp, internal to the library because its width depends on compiler flags).
+
+#include <ceres/jet.h>
+
+#include <Eigen/Core>
+#include <cmath>
+#include <concepts>
+#include <type_traits>
+
+namespace diffnea {
+
+/// Closed under + − × ÷, constructible from double, with sqrt, sin, cos found by `using std::…` and ADL.
+template <class T>
+concept Scalar = std::constructible_from<T, double> && requires(T a, T b) {
+  { a + b } -> std::convertible_to<T>;
+  { a - b } -> std::convertible_to<T>;
+  { a * b } -> std::convertible_to<T>;
+  { a / b } -> std::convertible_to<T>;
+};
+
+/// Scalar of a product: Jet if either factor is one.
+template <class A, class B>
+using Prod = std::remove_cvref_t<decltype(std::declval<A>() * std::declval<B>())>;
+
+/// Width of the Jets the library is compiled for. Wider derivatives take several sweeps, which is
+/// faster than one wide Jet (RNEA of 7 links: two sweeps of Jet⟨7⟩ 5.8 µs, one Jet⟨14⟩ 8.6 µs).
+inline constexpr int kJetWidth = 8;
+using JetD = ceres::Jet<double, kJetWidth>;
+
+/// Pairs (parameter scalar, state scalar) that are compiled into the library; any other pair
+/// compiles in the user's file from the same templates.
+#define DIFFNEA_FOR_EACH_SCALAR(X) \
+  X(double, double)                \
+  X(double, ::diffnea::JetD)       \
+  X(::diffnea::JetD, double)       \
+  X(::diffnea::JetD, ::diffnea::JetD)
+
+template <class T>
+using VecX = Eigen::Matrix<T, Eigen::Dynamic, 1>;
+template <class T>
+using MatX = Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic>;
+/// Row-major matrix: one row per sample of a recording.
+template <class T>
+using RowMatX = Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+/// Read-only vector argument; the scalar is never deduced from it.
+template <class T>
+using VecIn = Eigen::Ref<const VecX<std::type_identity_t<T>>>;
+
+/// Value part of a scalar: what a decision may look at.
+inline double value(double a) { return a; }
+template <class T, int N>
+double value(const ceres::Jet<T, N>& a) {
+  return a.a;
+}
+
+/// `condition ? a : b`, lane by lane for packs. The only way numerics branch on data.
+template <class T>
+T select(bool condition, const T& a, const T& b) {
+  return condition ? a : b;
+}
+
+}  // namespace diffnea

@@ -1,0 +1,37 @@
+#pragma once
+/// Forward dynamics: the articulated-body algorithm in Lie-group form (paper, Algorithm 1, corrected).
+
+#include <diffnea/dynamics/rnea.hpp>
+
+namespace diffnea {
+
+template <Scalar P, Scalar S>
+struct AbaWorkspace : LinkStates<P, S> {
+  using R = Prod<P, S>;
+  struct Articulated {
+    Twist<R> eta;              ///< η = ad_v s q̇
+    ArticulatedInertia<R> M;   ///< M̂, the inertia of the link and all that hangs on it
+    Wrench<R> f_b;             ///< bias force
+    Wrench<R> U;               ///< M̂ s
+    R psi;                     ///< Ψ = (sᵀ M̂ s + I_r)⁻¹
+  };
+  std::vector<Articulated> articulated;
+  VecX<R> qdd;
+};
+
+/// Joint accelerations q̈ [rad/s²], (n), under torques u at (q, q̇): O(n). Passive torques of effects
+/// (friction, springs) are the caller's: pass u − τ_effects.
+/// Corrected against the print: the bias force holds the link's own inertia M̄, not M̂; q̈ takes +f_b;
+/// the base accelerates by −g; the rotor inertia I_r enters Ψ.
+/// @param q, qd, u  (n) position [rad], velocity [rad/s], joint torque [N·m]; [m, m/s, N] if prismatic
+/// @param ws  scratch, overwritten: every link's twist, acceleration and wrench stay readable there;
+///            no allocation once it has seen this tree
+/// @return ws.qdd
+/// @throws ShapeError if a length differs from tree.num_dofs()
+template <Scalar P, Scalar S>
+const VecX<Prod<P, S>>& aba(const Tree<P>& tree, VecIn<S> q, VecIn<S> qd, VecIn<S> u,
+                            AbaWorkspace<P, S>& ws);
+
+}  // namespace diffnea
+
+#include <diffnea/dynamics/detail/aba_impl.hpp>

@@ -1,0 +1,79 @@
+#pragma once
+
+#include <diffnea/core/error.hpp>
+#include <diffnea/dynamics/rnea.hpp>
+
+namespace diffnea {
+namespace detail {
+
+/// What the world adds to a link without a parent: V = 0 and A = a₀ = [0; −g].
+template <Scalar P, Scalar R>
+Twist<R> base_acceleration(const Tree<P>& tree) {
+  return {{R(0.0), R(0.0), R(0.0)}, (-tree.gravity).template cast<R>()};
+}
+template <Scalar R>
+Twist<R> zero_twist() {
+  return {{R(0.0), R(0.0), R(0.0)}, {R(0.0), R(0.0), R(0.0)}};
+}
+
+/// Paper, Algorithm 2, on plain arrays of length n. `tau` may be any of the inputs' scalars' product.
+template <Scalar P, Scalar S>
+void rnea(const Tree<P>& tree, const S* q, const S* qd, const S* qdd, LinkStates<P, S>& ws,
+          Prod<P, S>* tau) {
+  using R = Prod<P, S>;
+  const int n = tree.num_dofs();
+  ws.links.resize(n);
+  const Twist<R> A0 = base_acceleration<P, R>(tree);
+
+  for (int i = 0; i < n; ++i) {
+    const Link<P>& link = tree.links[i];
+    auto& l = ws.links[i];
+    const Twist<double> s = joint_twist(link);
+    l.X_PL = joint_pose(link, q[i]);
+    const Twist<R> V_P =  // the parent's twist, seen from the link
+        link.parent < 0 ? zero_twist<R>() : to_child(l.X_PL, ws.links[link.parent].V);
+    const Twist<R>& A_P = link.parent < 0 ? A0 : ws.links[link.parent].A;
+    l.V = V_P + s * qd[i];                                       // v̄ = Ad v̄_λ + s q̇
+    l.A = to_child(l.X_PL, A_P) + ad(l.V, s) * qd[i] + s * qdd[i];  // ā = Ad ā_λ + ad_v s q̇ + s q̈
+    l.F = link.inertia * l.A + minus_ad_star(l.V, link.inertia * l.V);  // f̄ = M̄ā − ad*_v M̄v̄
+  }
+  for (int i = n - 1; i >= 0; --i) {
+    const Link<P>& link = tree.links[i];
+    auto& l = ws.links[i];
+    tau[i] = dot(joint_twist(link), l.F) + qdd[i] * link.armature;  // u = sᵀf̄ + I_r q̈
+    if (link.parent >= 0) {
+      auto& F_P = ws.links[link.parent].F;
+      F_P = F_P + to_parent(l.X_PL, l.F);  // f̄_λ += Ad* f̄
+    }
+  }
+}
+
+}  // namespace detail
+
+template <Scalar P, Scalar S>
+const VecX<Prod<P, S>>& rnea(const Tree<P>& tree, VecIn<S> q, VecIn<S> qd, VecIn<S> qdd,
+                             RneaWorkspace<P, S>& ws) {
+  const int n = tree.num_dofs();
+  require_size("rnea: q", q.size(), n, "joint");
+  require_size("rnea: qd", qd.size(), n, "joint");
+  require_size("rnea: qdd", qdd.size(), n, "joint");
+  ws.tau.resize(n);
+  detail::rnea(tree, q.data(), qd.data(), qdd.data(), ws, ws.tau.data());
+  return ws.tau;
+}
+
+template <Scalar P, Scalar S>
+const VecX<Prod<P, S>>& gravity_torques(const Tree<P>& tree, VecIn<S> q, RneaWorkspace<P, S>& ws) {
+  const VecX<S> zero = VecX<S>::Constant(tree.num_dofs(), S(0.0));
+  return rnea<P, S>(tree, q, zero, zero, ws);
+}
+
+#define DIFFNEA_EXTERN(P, S)                                                              \
+  extern template const VecX<Prod<P, S>>& rnea<P, S>(const Tree<P>&, VecIn<S>, VecIn<S>, \
+                                                     VecIn<S>, RneaWorkspace<P, S>&);     \
+  extern template const VecX<Prod<P, S>>& gravity_torques<P, S>(const Tree<P>&, VecIn<S>, \
+                                                                RneaWorkspace<P, S>&);
+DIFFNEA_FOR_EACH_SCALAR(DIFFNEA_EXTERN)
+#undef DIFFNEA_EXTERN
+
+}  // namespace diffnea

@@ -1,0 +1,45 @@
+#pragma once
+/// Inverse dynamics: recursive Newton–Euler in Lie-group form (paper, Algorithm 2, corrected).
+
+#include <diffnea/model/tree.hpp>
+#include <vector>
+
+namespace diffnea {
+
+/// Scratch of the recursions, and what they know of every link once they have run.
+template <Scalar P, Scalar S>
+struct LinkStates {
+  using R = Prod<P, S>;
+  struct State {
+    Pose<R> X_PL;  ///< pose of the link in its parent
+    Twist<R> V;    ///< twist of L against W, in L
+    Twist<R> A;    ///< its spatial acceleration minus gravity (base acceleration a₀ = [0; −g]), in L
+    Wrench<R> F;   ///< wrench that the parent transmits through the joint, about L's origin, in L
+  };
+  std::vector<State> links;
+};
+
+template <Scalar P, Scalar S>
+struct RneaWorkspace : LinkStates<P, S> {
+  VecX<Prod<P, S>> tau;
+};
+
+/// Joint torques τ [N·m], (n), that produce q̈ at (q, q̇), rotor inertia included: O(n).
+/// Twists and wrenches are expressed in their link L (paper, Algorithm 2; Featherstone 2008, Table 5.1).
+/// @param q, qd, qdd  (n) position [rad], velocity [rad/s], acceleration [rad/s²]; [m …] if prismatic
+/// @param ws  scratch, overwritten: every link's twist, acceleration and wrench stay readable there;
+///            no allocation once it has seen this tree
+/// @return ws.tau
+/// @throws ShapeError if a length differs from tree.num_dofs()
+template <Scalar P, Scalar S>
+const VecX<Prod<P, S>>& rnea(const Tree<P>& tree, VecIn<S> q, VecIn<S> qd, VecIn<S> qdd,
+                             RneaWorkspace<P, S>& ws);
+
+/// Torques that hold the tree still against gravity at q: rnea(q, 0, 0).
+/// @param q (n) [rad]  @throws ShapeError if a length differs
+template <Scalar P, Scalar S>
+const VecX<Prod<P, S>>& gravity_torques(const Tree<P>& tree, VecIn<S> q, RneaWorkspace<P, S>& ws);
+
+}  // namespace diffnea
+
+#include <diffnea/dynamics/detail/rnea_impl.hpp>

@@ -1,0 +1,115 @@
+#pragma once
+/// A robot as its file describes it: named links (fixed ones too), limits, frames, and the effects that
+/// act on it. Plain data. `make_tree` turns it into the numbers that the recursions run on.
+
+#include <array>
+#include <diffnea/model/tree.hpp>
+#include <limits>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace diffnea {
+
+/// One parameter of an effect: `coulomb = 1.2 N*m`.
+struct EffectParameter {
+  std::string name;
+  double value = 0.0;
+  std::string unit;
+};
+
+/// An effect on the model, as plain data; effects/catalogue.hpp gives it its formula.
+struct EffectSpec {
+  std::string effect;  ///< name in the catalogue, e.g. "coulomb_friction"
+  std::string where;   ///< joint name, or base, tip, all, ball, string, camera
+  std::vector<EffectParameter> parameters;
+};
+
+/// Limits of a joint; infinite where the file gives none. [rad, rad/s, N·m] or [m, m/s, N].
+struct JointLimits {
+  double lower = -std::numeric_limits<double>::infinity();
+  double upper = std::numeric_limits<double>::infinity();
+  double velocity = std::numeric_limits<double>::infinity();
+  double effort = std::numeric_limits<double>::infinity();
+};
+
+enum class ModelJoint { kFixed, kRevolute, kPrismatic };
+
+/// A link and the joint that carries it.
+struct ModelLink {
+  std::string name;
+  std::string joint;  ///< name of the joint to the parent; empty for a root
+  int parent = -1;    ///< index into Model::links, −1 for the world; always below the own index
+  ModelJoint type = ModelJoint::kFixed;
+  Vec3<double> axis{0, 0, 1};  ///< unit vector, in the link's frame
+  Pose<double> X_PJ = Pose<double>::identity();
+  SpatialInertia<double> inertia;  ///< about the link's origin, in the link; zero if the file gives none
+  JointLimits limits;
+  bool passive = false;  ///< torque known to be zero
+};
+
+/// A named frame F that is fixed to a link: X_LF. Sites of an MJCF, e.g. `cup`, `string`.
+struct ModelFrame {
+  std::string name;
+  int link = -1;  ///< index into Model::links, −1 for the world
+  Pose<double> X_LF = Pose<double>::identity();
+};
+
+/// Gaussian posterior of named parameters as `identify` leaves it: what `--base prior` may move.
+struct Posterior {
+  std::vector<std::string> names;   ///< parameter names, e.g. "forearm.mass", "elbow.coulomb_friction.coulomb"
+  std::vector<double> mean;         ///< SI units of the parameter
+  std::vector<double> information;  ///< inverse covariance, row-major (n×n); rank = what the data identified
+};
+
+struct Model {
+  std::string name;
+  std::vector<ModelLink> links;
+  std::vector<ModelFrame> frames;
+  std::vector<EffectSpec> effects;  ///< armature, friction, springs … of the base model and found later
+  Vec3<double> gravity{0, 0, -9.81};
+  std::optional<Posterior> posterior;
+  std::string source;  ///< file the model was read from, for messages
+};
+
+/// Indices of the moving links in the order of the degrees of freedom.
+std::vector<int> moving_links(const Model& model);
+/// Names of the moving joints in the order of the degrees of freedom.
+std::vector<std::string> joint_names(const Model& model);
+/// @return index of the degree of freedom
+/// @throws ModelError naming the joints there are
+int find_joint(const Model& model, const std::string& joint);
+
+/// Where every model link sits in the tree: links that are fixed to a moving one become part of it.
+struct TreeMap {
+  std::vector<int> dof;              ///< per model link: its tree link, −1 if it is fixed to the world
+  std::vector<Pose<double>> X_LF;    ///< per model link F: its pose in that tree link L (or in the world)
+};
+TreeMap map_to_tree(const Model& model);
+
+/// The numbers: fixed links lumped into the moving link (or the world) that carries them, effects named
+/// `armature` as rotor inertia.
+/// @throws ModelError if a parent does not precede its child, an axis is not a unit vector, or an
+///         armature effect names no joint
+Tree<double> make_tree(const Model& model);
+
+/// Ten inertial parameters of every moving link with all that is fixed to it, in the order of the
+/// degrees of freedom: the π that torques are linear in, (10 n).
+VecX<double> inertial_parameters(const Tree<double>& tree);
+
+/// Writes identified parameters back. The moving link takes the whole of its lump; links fixed to it
+/// keep their frames and lose their inertia (how a lump divides cannot be identified).
+/// @param pi (10 n), see inertial_parameters  @throws ShapeError
+void set_inertial_parameters(Model& model, const VecX<double>& pi);
+
+/// Something about a model that looks wrong, in words for a person.
+struct ModelIssue {
+  std::string link;
+  std::string text;
+};
+/// Masses that are not positive, inertias that no distribution of mass can have (smallest principal
+/// second moment below zero: the triangle inequality, by how much), limits that are empty, moving
+/// links without inertia.
+std::vector<ModelIssue> check_model(const Model& model);
+
+}  // namespace diffnea

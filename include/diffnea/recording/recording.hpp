@@ -1,0 +1,49 @@
+#pragma once
+/// Measured series of one robot in SI units: what a recording file holds, as arrays.
+
+#include <diffnea/core/scalar.hpp>
+#include <string>
+#include <vector>
+
+namespace diffnea {
+
+enum class TorqueSide { kMotor, kLink };
+enum class TorqueSampling { kHold, kInstant };
+
+/// What columns cannot hold: the optional `<data>.json` beside the file (contract).
+struct RecordingInfo {
+  TorqueSide torque_side = TorqueSide::kMotor;
+  /// hold: row k's torque acts from row k to k+1; instant: sampled with the positions.
+  TorqueSampling torque_sampling = TorqueSampling::kHold;
+  double period = 0.0;               ///< of a periodic motion [s]; 0: not periodic
+  std::vector<std::string> passive;  ///< joints whose torque is known to be zero
+};
+
+/// A channel that the contract does not know, kept by name.
+struct ExtraChannel {
+  std::string name;
+  VecX<double> values;
+};
+
+/// One uninterrupted recording of N rows and n joints. A gap is NaN. Empty matrices: not measured.
+struct Recording {
+  std::string source;  ///< file and run, for messages
+  int run = 0;
+  std::vector<std::string> joint_names;
+  VecX<double> time;         ///< (N) [s], strictly increasing
+  RowMatX<double> q;         ///< (N, n) [rad] or [m]
+  RowMatX<double> qd;        ///< (N, n), measured; empty if not
+  RowMatX<double> qdd;       ///< (N, n), measured; empty if not
+  RowMatX<double> qcmd;      ///< (N, n), desired position; empty if not
+  RowMatX<double> tau;       ///< (N, n) [N·m] or [N]; a column of NaN where has_tau is false
+  std::vector<bool> has_tau;  ///< per joint; false: prescribed motion or passive
+  RowMatX<double> ball;      ///< (N, 3) [m], W; empty if not measured
+  RowMatX<double> spin;      ///< (N, 3) [rad/s], W; empty if not measured
+  std::vector<ExtraChannel> extra;
+  RecordingInfo info;
+
+  long rows() const { return time.size(); }
+  int num_joints() const { return static_cast<int>(joint_names.size()); }
+};
+
+}  // namespace diffnea
