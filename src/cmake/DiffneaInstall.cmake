@@ -16,6 +16,7 @@ set(DIFFNEA_MUJOCO_FILE "")
 if(DIFFNEA_MUJOCO_LIBRARY)
   get_filename_component(DIFFNEA_MUJOCO_FILE "${DIFFNEA_MUJOCO_LIBRARY}" NAME)
   install(FILES "${DIFFNEA_MUJOCO_LIBRARY}" DESTINATION "${CMAKE_INSTALL_LIBDIR}")
+  install(FILES "${DIFFNEA_MUJOCO_LICENSE}" DESTINATION "${CMAKE_INSTALL_DOCDIR}" RENAME libmujoco.LICENSE)
 endif()
 
 configure_package_config_file(cmake/diffneaConfig.cmake.in "${CMAKE_CURRENT_BINARY_DIR}/diffneaConfig.cmake"

@@ -1,12 +1,16 @@
 # What to build, and the compiler settings that every target of ours shares.
 
 option(DIFFNEA_BUILD_APPS "Build the diffnea command" ${PROJECT_IS_TOP_LEVEL})
-option(DIFFNEA_BUILD_PYTHON "Build the Python module" "${SKBUILD}")
-if(PROJECT_IS_TOP_LEVEL AND NOT SKBUILD)
-  option(DIFFNEA_BUILD_TESTS "Build the C++ tests (needs Catch2 v3)" ON)
+# SKBUILD is set by scikit-build-core, that is, by pip: it wants the module and, unless told, no tests.
+if(SKBUILD)
+  set(_by_pip ON)
+  set(_by_cmake OFF)
 else()
-  option(DIFFNEA_BUILD_TESTS "Build the C++ tests (needs Catch2 v3)" OFF)
+  set(_by_pip OFF)
+  set(_by_cmake ${PROJECT_IS_TOP_LEVEL})
 endif()
+option(DIFFNEA_BUILD_PYTHON "Build the Python module" ${_by_pip})
+option(DIFFNEA_BUILD_TESTS "Build the C++ tests (needs Catch2 v3)" ${_by_cmake})
 option(DIFFNEA_INSTALL "Install the library, its headers and its CMake package" ${PROJECT_IS_TOP_LEVEL})
 option(DIFFNEA_WERROR "Treat warnings in our own sources as errors" OFF)
 set(DIFFNEA_SANITIZE "" CACHE STRING "Sanitizers for our own targets, e.g. address,undefined")

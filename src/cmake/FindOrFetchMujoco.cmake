@@ -6,10 +6,12 @@
 #
 #   DIFFNEA_MUJOCO_WHEEL   a wheel that you have downloaded yourself
 #
-# Sets DIFFNEA_MUJOCO_LIBRARY to the shared library that has to be installed with ours; empty for an installed MuJoCo.
+# Sets DIFFNEA_MUJOCO_LIBRARY and DIFFNEA_MUJOCO_LICENSE to the files that have to be installed with our library; both
+# are empty for an installed MuJoCo.
 
 set(DIFFNEA_MUJOCO_WHEEL "" CACHE FILEPATH "MuJoCo wheel to use instead of a download")
 set(DIFFNEA_MUJOCO_LIBRARY "")
+set(DIFFNEA_MUJOCO_LICENSE "")
 set(_mujoco_version 2.2.2)
 
 if(NOT DIFFNEA_MUJOCO_WHEEL)
@@ -90,6 +92,7 @@ endif()
 
 set(_mujoco_root "${CMAKE_BINARY_DIR}/_deps/mujoco-${_mujoco_version}")
 set(DIFFNEA_MUJOCO_LIBRARY "${_mujoco_root}/mujoco/libmujoco.so.${_mujoco_version}")
+set(DIFFNEA_MUJOCO_LICENSE "${_mujoco_root}/mujoco-${_mujoco_version}.dist-info/LICENSE")
 if(NOT EXISTS "${DIFFNEA_MUJOCO_LIBRARY}")
   file(ARCHIVE_EXTRACT INPUT "${_wheel}" DESTINATION "${_mujoco_root}"
        PATTERNS "mujoco/include/*" "mujoco/libmujoco*" "mujoco-*.dist-info/LICENSE*")
