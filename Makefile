@@ -1,0 +1,34 @@
+# The commands of the README. The work is done by .ci/setup (packages, .venv, build), CMake and pytest.
+#
+#   make demo     set up, build, and run the main job on a recording
+#   make test     set up, build, and run all tests
+#   make setup    set up and build: .venv/bin/diffnea and the Python module
+#   make bench    run the benchmarks
+#   make clean    delete what was built; .venv stays
+
+BUILD := build/release
+JOBS ?= $(shell nproc)
+
+.PHONY: help setup demo test bench clean
+
+help:
+	@sed -n 's/^#   //p' Makefile
+
+setup:
+	.ci/setup
+
+demo: setup
+	.venv/bin/diffnea --help
+
+test:
+	.ci/setup --tests
+	ctest --test-dir $(BUILD) --parallel $(JOBS) --output-on-failure --label-exclude study
+	.venv/bin/python -m pytest -m "not study"
+
+bench:
+	.ci/setup --tests
+	cmake --build $(BUILD) --target diffnea_benchmarks
+	$(BUILD)/tests/diffnea_benchmarks
+
+clean:
+	rm -rf build dist
