@@ -1,6 +1,6 @@
-#include <CLI/CLI.hpp>
-
 #include <string>
+
+#include <CLI/CLI.hpp>
 
 #include "diffnea/version.hpp"
 
@@ -12,7 +12,9 @@ constexpr int kWrongUsage = 2;
 }  // namespace
 
 int main(int argc, char** argv) {
-  CLI::App app("Identify the dynamics of a robot from recordings, and name the effect that its model lacks.", "diffnea");
+  CLI::App app(
+      "Identify the dynamics of a robot from recordings, and name the effect that its model lacks.",
+      "diffnea");
   app.set_version_flag("--version", std::string(diffnea::version()));
   try {
     app.parse(argc, argv);
