@@ -114,7 +114,7 @@ def internal_error(place: str, folder: str, target: str) -> str | None:
 
 
 def folder_of(place: str) -> str:
-    """Return ``dynamics`` for src/dynamics/rnea.cpp, ``apps`` for apps/main.cpp, "" for version.hpp."""
+    """Return ``dynamics`` for src/dynamics/rnea.cpp, ``apps`` for apps/main.cpp."""
     if is_below(place, ("apps", "python")):
         return place.split("/")[0]
     inner = place.removeprefix("include/diffnea/").removeprefix("src/")
