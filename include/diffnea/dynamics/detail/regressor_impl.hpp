@@ -1,0 +1,113 @@
+#pragma once
+
+#include <cstddef>
+#include <diffnea/core/error.hpp>
+#include <diffnea/dynamics/regressor.hpp>
+
+namespace diffnea {
+namespace detail {
+
+/// ∂f̄/∂θ of one body in its own frame, angular rows first: f̄ = [h×a + I α + ω×I ω; m a + α×h + ω×(ω×h)],
+/// a = the classical acceleration of its origin minus gravity. Linear rows do not see I.
+template <class T>
+struct BodyRegressor {
+  T angular[3][kThetaSize];
+  T linear[3][4];
+
+  BodyRegressor(const Twist<T>& V, const Twist<T>& A) {
+    const Vec3<T>& w = V.angular;
+    const Vec3<T>& al = A.angular;
+    const Vec3<T> a = A.linear + cross(w, V.linear);
+    const T o(0.0);
+    const T xx = w.x * w.x, yy = w.y * w.y, zz = w.z * w.z;
+    const T xy = w.x * w.y, xz = w.x * w.z, yz = w.y * w.z;
+    const T rows[3][kThetaSize] = {
+        {o, o, a.z, -a.y, al.x, al.y - xz, al.z + xy, -yz, yy - zz, yz},
+        {o, -a.z, o, a.x, xz, al.x + yz, zz - xx, al.y, al.z - xy, -xz},
+        {o, a.y, -a.x, o, -xy, xx - yy, al.x - yz, xy, al.y + xz, al.z}};
+    const T forces[3][4] = {{a.x, -yy - zz, xy - al.z, xz + al.y},
+                            {a.y, xy + al.z, -xx - zz, yz - al.x},
+                            {a.z, xz - al.y, yz + al.x, -xx - yy}};
+    for (int r = 0; r < 3; ++r) {
+      for (int c = 0; c < kThetaSize; ++c) angular[r][c] = rows[r][c];
+      for (int c = 0; c < 4; ++c) linear[r][c] = forces[r][c];
+    }
+  }
+
+  /// sᵀ ∂f̄/∂θ, s in the body's frame.
+  void project(const Twist<T>& s, T* y) const {
+    const Vec3<T>& w = s.angular;
+    const Vec3<T>& v = s.linear;
+    T sum[kThetaSize];
+    for (int c = 0; c < kThetaSize; ++c)
+      sum[c] = w.x * angular[0][c] + w.y * angular[1][c] + w.z * angular[2][c];
+    for (int c = 0; c < 4; ++c)
+      sum[c] = sum[c] + (v.x * linear[0][c] + v.y * linear[1][c] + v.z * linear[2][c]);
+    for (int c = 0; c < kThetaSize; ++c) y[c] = sum[c];
+  }
+};
+
+/// Fills n rows of 10n numbers, row i beginning at Y + i·row_stride. `links` is scratch.
+template <Scalar P, Scalar S>
+void torque_regressor(const Tree<P>& tree, const S* q, const S* qd, const S* qdd,
+                      std::vector<typename RegressorWorkspace<P, S>::LinkMotion>& links,
+                      Prod<P, S>* Y, std::ptrdiff_t row_stride) {
+  using R = Prod<P, S>;
+  const int n = tree.num_dofs();
+  links.resize(n);
+  const Twist<R> A0 = base_acceleration<P, R>(tree);
+  for (int k = 0; k < n; ++k) {
+    const Link<P>& link = tree.links[k];
+    auto& l = links[k];
+    const Twist<double> s = joint_twist(link);
+    const Pose<R> X_PL = joint_pose(link, q[k]);
+    if (link.parent < 0) {
+      l.X_WL = X_PL;
+      l.V = s * qd[k] + zero_twist<R>();
+      l.A = to_child(X_PL, A0) + s * qdd[k];
+    } else {
+      const auto& p = links[link.parent];
+      l.X_WL = p.X_WL * X_PL;
+      l.V = to_child(X_PL, p.V) + s * qd[k];
+      l.A = to_child(X_PL, p.A) + ad(l.V, s) * qd[k] + s * qdd[k];
+    }
+    l.s_W = to_parent(l.X_WL, s);
+
+    const BodyRegressor<R> body(l.V, l.A);
+    R* column = Y + kThetaSize * k;
+    const auto clear_rows = [&](int begin, int end) {
+      for (int i = begin; i < end; ++i)
+        for (int c = 0; c < kThetaSize; ++c) column[i * row_stride + c] = R(0.0);
+    };
+    clear_rows(k + 1, n);
+    for (int i = k; i >= 0;) {  // every joint that carries link k
+      body.project(to_child(l.X_WL, links[i].s_W), column + i * row_stride);
+      const int parent = tree.links[i].parent;
+      clear_rows(parent + 1, i);
+      i = parent;
+    }
+  }
+}
+
+}  // namespace detail
+
+template <Scalar P, Scalar S>
+const RowMatX<Prod<P, S>>& torque_regressor(const Tree<P>& tree, VecIn<S> q, VecIn<S> qd,
+                                            VecIn<S> qdd, RegressorWorkspace<P, S>& ws) {
+  const int n = tree.num_dofs();
+  require_size("torque_regressor: q", q.size(), n, "joint");
+  require_size("torque_regressor: qd", qd.size(), n, "joint");
+  require_size("torque_regressor: qdd", qdd.size(), n, "joint");
+  ws.Y.resize(n, kThetaSize * n);
+  detail::torque_regressor(tree, q.data(), qd.data(), qdd.data(), ws.links, ws.Y.data(),
+                           ws.Y.outerStride());
+  return ws.Y;
+}
+
+#define DIFFNEA_EXTERN(P, S)                                            \
+  extern template const RowMatX<Prod<P, S>>& torque_regressor<P, S>(    \
+      const Tree<P>&, VecIn<S>, VecIn<S>, VecIn<S>, RegressorWorkspace<P, S>&);
+DIFFNEA_FOR_EACH_SCALAR(DIFFNEA_EXTERN)
+#undef DIFFNEA_EXTERN
+
+}  // namespace diffnea
