@@ -1,16 +1,26 @@
 #pragma once
-/// The one vocabulary of causes. An effect is a small type with a name, named parameters with units and
-/// physical signs, a formula templated on the scalar, and a place where it acts. The same type extends
-/// the model in simulation and identification, is a candidate in diagnosis, and is written to results.
+/// The one vocabulary of causes. An effect is a small type with a name, named parameters with units
+/// and physical signs, a formula templated on the scalar, and a place where it acts. The same type
+/// extends the model in simulation and identification, is a candidate in diagnosis, and is written
+/// to results.
 ///
 /// A new effect is one header with
 ///     static const EffectInfo& info();
-///     template <Scalar T> void add_torque(const JointSample<T>& x, const int* joint, const T* p, T* tau) const;
-/// and one line in effects/catalogue.hpp.
+///     template <Scalar T> void add_torque(const JointSample<T>& x, const int* joint, const T* p,
+///     T* tau) const;
+/// and one line in effects/catalogue.hpp. `joint` are the one or two joints it acts on, `p` its
+/// parameters in the order of info(), and it *adds* to tau, which is indexed by joint. The torque
+/// must be homogeneous in the parameters that are marked linear (all of them 0: no torque): the
+/// columns that identification and diagnosis project on come from there.
+///
+/// Units are written in ASCII as in result files: "N*m", "N*m*s/rad", "kg*m^2"; "1" has none.
 
-#include <diffnea/core/scalar.hpp>
+#include <cmath>
+#include <limits>
 #include <string>
 #include <vector>
+
+#include <diffnea/core/scalar.hpp>
 
 namespace diffnea {
 
@@ -22,8 +32,11 @@ struct ParameterInfo {
   std::string unit;            ///< at a revolute joint
   std::string unit_prismatic;  ///< at a prismatic joint
   Sign sign = Sign::kFree;
-  bool linear = true;      ///< the torque is linear in it; otherwise a shape parameter
-  double initial = 0.0;    ///< where a fit starts, and the value a shape keeps if it is not fitted
+  bool linear = true;    ///< the torque is linear in it; otherwise a shape parameter
+  double initial = 0.0;  ///< where a fit starts, and the value a shape keeps if it is not fitted
+  /// The same at a prismatic joint; NaN: as `initial`.
+  double initial_prismatic = std::numeric_limits<double>::quiet_NaN();
+  bool per_run = false;  ///< one value per recording, named `<name>_<run>` once it is bound
 };
 
 /// Where an effect can act; also how many joints it names.
@@ -33,7 +46,7 @@ enum class Place { kJoint, kJointPair, kTip, kBase, kAllJoints };
 enum class Port {
   kJointTorque,     ///< adds to the right-hand side of the sign equation: add_torque
   kMeasurement,     ///< changes a measured channel
-  kModelParameter,  ///< changes a parameter of the link tree
+  kModelParameter,  ///< changes a parameter of the link tree: add_to_tree
 };
 
 /// What selection, results and files see of an effect.
@@ -44,7 +57,8 @@ struct EffectInfo {
   Place place = Place::kJoint;
   Port port = Port::kJointTorque;
   std::vector<ParameterInfo> parameters;
-  bool motor_side = false;  ///< left out of the sign equation on the link side (armature, motor friction)
+  bool motor_side =
+      false;  ///< left out of the sign equation on the link side (armature, motor friction)
 };
 
 /// All joints at one instant; arrays of length n [rad, rad/s, rad/s², N·m] or [m, m/s, m/s², N].
@@ -57,5 +71,17 @@ struct JointSample {
   const T* qdd = nullptr;
   const T* tau = nullptr;  ///< torque that the links transmit, without effects
 };
+
+/// The shape parameter v₀ of s = tanh(q̇/v₀), which stands for sign(q̇) in every dry friction. Its
+/// default is a tenth of a slow motion (0.1 rad/s, 10 mm/s): there, s is 1 to eight digits.
+inline ParameterInfo smoothing_parameter() {
+  return {.name = "smoothing",
+          .unit = "rad/s",
+          .unit_prismatic = "m/s",
+          .sign = Sign::kPositive,
+          .linear = false,
+          .initial = 0.01,
+          .initial_prismatic = 0.001};
+}
 
 }  // namespace diffnea

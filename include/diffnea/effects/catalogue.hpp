@@ -1,0 +1,104 @@
+#pragma once
+/// All effects there are, and the step from the plain data of a model file (`EffectSpec`) to
+/// something that computes (`BoundEffect`): names, places and units are checked here, once.
+///
+///     const BoundEffect friction = bind({"coulomb_friction", "elbow", {}}, model);
+///     add_torque(friction, sample, friction.parameters.data(), tau);
+
+#include <variant>
+
+#include <diffnea/effects/armature.hpp>
+#include <diffnea/effects/asymmetric_coulomb.hpp>
+#include <diffnea/effects/asymmetric_viscous.hpp>
+#include <diffnea/effects/cable_differential_friction.hpp>
+#include <diffnea/effects/coulomb_friction.hpp>
+#include <diffnea/effects/joint_spring.hpp>
+#include <diffnea/effects/payload.hpp>
+#include <diffnea/effects/quadratic_friction.hpp>
+#include <diffnea/effects/session_offset.hpp>
+#include <diffnea/effects/stribeck_friction.hpp>
+#include <diffnea/effects/sublinear_friction.hpp>
+#include <diffnea/effects/torque_gain.hpp>
+#include <diffnea/effects/torque_offset.hpp>
+#include <diffnea/effects/viscous_friction.hpp>
+#include <diffnea/model/model.hpp>
+
+namespace diffnea {
+
+/// One line per effect, sorted. This list is the catalogue.
+using AnyEffect = std::variant<  //
+    Armature,                    //
+    AsymmetricCoulomb,           //
+    AsymmetricViscous,           //
+    CableDifferentialFriction,   //
+    CoulombFriction,             //
+    JointSpring,                 //
+    Payload,                     //
+    QuadraticFriction,           //
+    SessionOffset,               //
+    StribeckFriction,            //
+    SublinearFriction,           //
+    TorqueGain,                  //
+    TorqueOffset,                //
+    ViscousFriction>;
+
+/// Metadata of every effect, in the order of AnyEffect.
+const std::vector<EffectInfo>& catalogue();
+
+/// @throws ModelError that lists the effects there are, the nearest name first
+AnyEffect find_effect(const std::string& name);
+
+const EffectInfo& info(const AnyEffect& effect);
+
+/// An effect at its joints, with values.
+struct BoundEffect {
+  AnyEffect type;
+  std::string where;        ///< as in the EffectSpec
+  std::vector<int> joints;  ///< degrees of freedom it acts on; at `all`: every one
+  int num_joints = 0;       ///< of the model
+  std::vector<ParameterInfo> parameter_info;  ///< unit and initial are those of this joint's type
+  std::vector<double> parameters;             ///< same order
+
+  const EffectInfo& info() const { return diffnea::info(type); }
+  /// Indices of the parameters the torque is linear in, and of the shape parameters.
+  std::vector<int> linear_parameters() const;
+  std::vector<int> shape_parameters() const;
+};
+
+/// Resolves `spec` on `model`. `where` is a joint's name, two of them for a pair ("elbow,wrist"),
+/// `tip` (the last moving link), `base` or `all`; an effect of one joint bound at `all` acts on
+/// every joint with the same parameters. Parameters that are not given take their initial values; a
+/// unit that is given must be the effect's. `runs`: recordings that a per-run effect gets a
+/// parameter for (those named in the spec come on top).
+/// @throws ModelError naming the choices if the effect, place, parameter or unit is unknown, a sign
+/// is
+///         wrong, or `all` would mix revolute and prismatic joints
+BoundEffect bind(const EffectSpec& spec, const Model& model, const std::vector<int>& runs = {});
+
+/// Back to plain data, with all parameters.
+EffectSpec to_spec(const BoundEffect& effect);
+
+/// Adds the effect's torque at one instant to the right-hand side of the sign equation.
+/// @param x    joints at that instant; the arrays that its formula names must be there
+/// @param p    parameters in the order of effect.parameter_info
+/// @param tau  (num_joints) [N·m] or [N], added to; untouched if the port is not kJointTorque
+template <Scalar T>
+void add_torque(const BoundEffect& effect, const JointSample<T>& x, const T* p, T* tau);
+
+/// Adds an effect of the port kModelParameter to the link tree; others leave it.
+/// @param p  parameters in the order of effect.parameter_info
+template <Scalar P>
+void add_to_tree(const BoundEffect& effect, const P* p, Tree<P>& tree);
+
+/// ∂τ/∂p of the linear parameters at the current values of the shape parameters.
+/// @param columns  (number of linear parameters × num_joints), row-major, overwritten:
+///                 columns[k·num_joints + j] is the torque of joint j for one unit of parameter
+///                 linear_parameters()[k]
+/// @throws ModelError if the port is not kJointTorque: the columns of a payload are those that the
+/// torque
+///         regressor has for the link effect.joints[0]
+void linear_columns(const BoundEffect& effect, const JointSample<double>& x, double* columns);
+
+}  // namespace diffnea
+
+#include <diffnea/effects/detail/catalogue_impl.hpp>

@@ -1,0 +1,30 @@
+#pragma once
+/// coulomb_friction: dry friction of constant size, F_c s with s = tanh(q̇/v₀).
+
+#include <diffnea/effects/effect.hpp>
+
+namespace diffnea {
+
+struct CoulombFriction {
+  static const EffectInfo& info() {
+    static const EffectInfo kInfo{.name = "coulomb_friction",
+                                  .formula = "F_c tanh(qd/v0)",
+                                  .summary = "dry friction of constant size",
+                                  .place = Place::kJoint,
+                                  .parameters = {{.name = "coulomb",
+                                                  .unit = "N*m",
+                                                  .unit_prismatic = "N",
+                                                  .sign = Sign::kNonNegative},
+                                                 smoothing_parameter()},
+                                  .motor_side = true};
+    return kInfo;
+  }
+
+  template <Scalar T>
+  void add_torque(const JointSample<T>& x, const int* joint, const T* p, T* tau) const {
+    using std::tanh;
+    tau[*joint] += p[0] * tanh(x.qd[*joint] / p[1]);
+  }
+};
+
+}  // namespace diffnea

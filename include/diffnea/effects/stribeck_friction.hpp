@@ -1,0 +1,42 @@
+#pragma once
+/// stribeck_friction: what dry friction has more near standstill, F_s s e^{−(q̇/v_s)²}, over Coulomb
+/// friction.
+
+#include <diffnea/effects/effect.hpp>
+
+namespace diffnea {
+
+struct StribeckFriction {
+  static const EffectInfo& info() {
+    static const EffectInfo kInfo{
+        .name = "stribeck_friction",
+        .formula = "F_s tanh(qd/v0) exp(-(qd/v_s)^2)",
+        .summary = "excess of dry friction near standstill, over coulomb_friction",
+        .place = Place::kJoint,
+        .parameters = {{.name = "stiction_excess",
+                        .unit = "N*m",
+                        .unit_prismatic = "N",
+                        .sign = Sign::kNonNegative},
+                       {.name = "stribeck_velocity",
+                        .unit = "rad/s",
+                        .unit_prismatic = "m/s",
+                        .sign = Sign::kPositive,
+                        .linear = false,
+                        .initial = 0.1,
+                        .initial_prismatic = 0.01},
+                       smoothing_parameter()},
+        .motor_side = true};
+    return kInfo;
+  }
+
+  template <Scalar T>
+  void add_torque(const JointSample<T>& x, const int* joint, const T* p, T* tau) const {
+    const T& qd = x.qd[*joint];
+    using std::exp;
+    using std::tanh;
+    const T ratio = qd / p[1];
+    tau[*joint] += p[0] * tanh(qd / p[2]) * exp(-ratio * ratio);
+  }
+};
+
+}  // namespace diffnea

@@ -1,0 +1,28 @@
+#pragma once
+/// viscous_friction: friction in proportion to speed, b q̇.
+
+#include <diffnea/effects/effect.hpp>
+
+namespace diffnea {
+
+struct ViscousFriction {
+  static const EffectInfo& info() {
+    static const EffectInfo kInfo{.name = "viscous_friction",
+                                  .formula = "b qd",
+                                  .summary = "friction in proportion to speed",
+                                  .place = Place::kJoint,
+                                  .parameters = {{.name = "viscous",
+                                                  .unit = "N*m*s/rad",
+                                                  .unit_prismatic = "N*s/m",
+                                                  .sign = Sign::kNonNegative}},
+                                  .motor_side = true};
+    return kInfo;
+  }
+
+  template <Scalar T>
+  void add_torque(const JointSample<T>& x, const int* joint, const T* p, T* tau) const {
+    tau[*joint] += p[0] * x.qd[*joint];
+  }
+};
+
+}  // namespace diffnea

@@ -1,0 +1,264 @@
+#include <algorithm>
+#include <charconv>
+#include <numeric>
+
+#include <diffnea/core/error.hpp>
+#include <diffnea/effects/catalogue.hpp>
+
+namespace diffnea {
+namespace {
+
+/// Levenshtein distance: how many letters to change, insert or delete.
+std::size_t edit_distance(const std::string& a, const std::string& b) {
+  std::vector<std::size_t> row(b.size() + 1);
+  std::iota(row.begin(), row.end(), 0);
+  for (std::size_t i = 1; i <= a.size(); ++i) {
+    std::size_t diagonal = std::exchange(row[0], i);
+    for (std::size_t j = 1; j <= b.size(); ++j) {
+      const std::size_t replace = diagonal + (a[i - 1] == b[j - 1] ? 0 : 1);
+      diagonal = std::exchange(row[j], std::min({replace, row[j] + 1, row[j - 1] + 1}));
+    }
+  }
+  return row.back();
+}
+
+/// "did you mean x? choices: a, b, c"
+std::string choices(const std::string& name, const std::vector<std::string>& names) {
+  std::string list, nearest;
+  std::size_t least = name.size() / 2 + 1;  // further off than half of its letters is no likeness
+  for (const std::string& n : names) {
+    list += (list.empty() ? "" : ", ") + n;
+    if (const std::size_t d = edit_distance(name, n); d < least) {
+      least = d;
+      nearest = n;
+    }
+  }
+  return (nearest.empty() ? "" : "did you mean '" + nearest + "'? ") +
+         "choices: " + (list.empty() ? "none" : list);
+}
+
+template <std::size_t... I>
+const std::vector<AnyEffect>& all_effects(std::index_sequence<I...>) {
+  static const std::vector<AnyEffect> kAll{
+      AnyEffect(std::variant_alternative_t<I, AnyEffect>{})...};
+  return kAll;
+}
+const std::vector<AnyEffect>& all_effects() {
+  return all_effects(std::make_index_sequence<std::variant_size_v<AnyEffect>>{});
+}
+
+std::string names_of_places(Place place) {
+  switch (place) {
+    case Place::kJoint:
+      return "a joint's name or `all`";
+    case Place::kJointPair:
+      return "two joints, \"first,second\"";
+    case Place::kTip:
+      return "`tip` or the joint that moves the link";
+    case Place::kBase:
+      return "`base`";
+    case Place::kAllJoints:
+      return "`all`";
+  }
+  return "";
+}
+
+int find_joint_or_throw(const std::string& here, const std::string& name, const Model& model) {
+  const std::vector<std::string> names = joint_names(model);
+  const auto it = std::ranges::find(names, name);
+  if (it == names.end())
+    throw ModelError(here + ": there is no moving joint '" + name + "'; " + choices(name, names));
+  return static_cast<int>(it - names.begin());
+}
+
+std::string trimmed(const std::string& s) {
+  const std::size_t first = s.find_first_not_of(' '), last = s.find_last_not_of(' ');
+  return first == std::string::npos ? "" : s.substr(first, last - first + 1);
+}
+
+std::vector<int> resolve_where(const std::string& here, const EffectInfo& info,
+                               const std::string& where, const Model& model) {
+  const int n = static_cast<int>(joint_names(model).size());
+  std::vector<int> all(n);
+  std::iota(all.begin(), all.end(), 0);
+  const std::string expected = "; expected " + names_of_places(info.place);
+  if (n == 0) throw ModelError(here + ": the model has no moving joint to act on");
+  if (where.empty()) throw ModelError(here + ": it is not said where it acts" + expected);
+
+  const bool acts_on_all = info.place == Place::kJoint || info.place == Place::kAllJoints;
+  if (where == "all" && acts_on_all) return all;
+  if (where == "tip" && info.place == Place::kTip) return {n - 1};
+  if (where == "base" && info.place == Place::kBase) return {};
+  const std::size_t comma = where.find(',');
+  if (info.place == Place::kJointPair) {
+    if (comma == std::string::npos || where.find(',', comma + 1) != std::string::npos)
+      throw ModelError(here + ": got '" + where + "'" + expected);
+    const int first = find_joint_or_throw(here, trimmed(where.substr(0, comma)), model);
+    const int second = find_joint_or_throw(here, trimmed(where.substr(comma + 1)), model);
+    if (first == second)
+      throw ModelError(here + ": both joints of the pair are the same" + expected);
+    return {first, second};
+  }
+  const bool names_place = where == "all" || where == "tip" || where == "base";
+  if (names_place || info.place == Place::kBase || info.place == Place::kAllJoints)
+    throw ModelError(here + ": got '" + where + "'" + expected);
+  return {find_joint_or_throw(here, where, model)};
+}
+
+/// Run of a per-run parameter's name: "offset_3" gives 3.
+bool parse_run(const std::string& name, const std::string& stem, int& run) {
+  if (name.rfind(stem + "_", 0) != 0) return false;
+  const char* end = name.data() + name.size();
+  const auto [last, error] = std::from_chars(name.data() + stem.size() + 1, end, run);
+  return error == std::errc() && last == end;
+}
+
+void check_value(const std::string& here, const ParameterInfo& info, double value) {
+  const bool ok = std::isfinite(value) && (info.sign != Sign::kNonNegative || value >= 0.0) &&
+                  (info.sign != Sign::kPositive || value > 0.0);
+  if (ok) return;
+  throw ModelError(here + ": " + info.name + " = " + std::to_string(value) + " " + info.unit +
+                   ", expected a " +
+                   (info.sign == Sign::kFree          ? "finite number"
+                    : info.sign == Sign::kNonNegative ? "number that is 0 or above"
+                                                      : "number above 0"));
+}
+
+}  // namespace
+
+const EffectInfo& info(const AnyEffect& effect) {
+  return std::visit([]<class E>(const E&) -> const EffectInfo& { return E::info(); }, effect);
+}
+
+const std::vector<EffectInfo>& catalogue() {
+  static const std::vector<EffectInfo> kCatalogue = [] {
+    std::vector<EffectInfo> out;
+    for (const AnyEffect& effect : all_effects()) out.push_back(info(effect));
+    return out;
+  }();
+  return kCatalogue;
+}
+
+AnyEffect find_effect(const std::string& name) {
+  std::vector<std::string> names;
+  for (const AnyEffect& effect : all_effects()) {
+    if (info(effect).name == name) return effect;
+    names.push_back(info(effect).name);
+  }
+  throw ModelError("effect '" + name + "': there is no such effect; " + choices(name, names));
+}
+
+std::vector<int> BoundEffect::linear_parameters() const {
+  std::vector<int> out;
+  for (std::size_t i = 0; i < parameter_info.size(); ++i)
+    if (parameter_info[i].linear) out.push_back(static_cast<int>(i));
+  return out;
+}
+
+std::vector<int> BoundEffect::shape_parameters() const {
+  std::vector<int> out;
+  for (std::size_t i = 0; i < parameter_info.size(); ++i)
+    if (!parameter_info[i].linear) out.push_back(static_cast<int>(i));
+  return out;
+}
+
+BoundEffect bind(const EffectSpec& spec, const Model& model, const std::vector<int>& runs) {
+  BoundEffect out;
+  out.type = find_effect(spec.effect);
+  out.where = spec.where;
+  const EffectInfo& info = out.info();
+  const std::string here = model.name + ": " + spec.effect + " at '" + spec.where + "'";
+  const std::vector<int> moving = moving_links(model);
+  out.num_joints = static_cast<int>(moving.size());
+  out.joints = resolve_where(here, info, spec.where, model);
+
+  // Units: those of the joints' type, which must be one where the unit depends on it.
+  int num_prismatic = 0;
+  for (const int j : out.joints)
+    num_prismatic += model.links[moving[j]].type == ModelJoint::kPrismatic ? 1 : 0;
+  const bool prismatic = num_prismatic > 0;
+  const bool mixed = prismatic && num_prismatic < static_cast<int>(out.joints.size());
+
+  // One entry per parameter; a per-run parameter gets one for every run that is known.
+  std::vector<int> all_runs = runs;
+  for (const EffectParameter& p : spec.parameters)
+    for (const ParameterInfo& i : info.parameters)
+      if (int run = 0; i.per_run && parse_run(p.name, i.name, run)) all_runs.push_back(run);
+  std::ranges::sort(all_runs);
+  all_runs.erase(std::ranges::unique(all_runs).begin(), all_runs.end());
+  if (SessionOffset* session = std::get_if<SessionOffset>(&out.type)) session->runs = all_runs;
+
+  for (ParameterInfo p : info.parameters) {
+    if (mixed && p.unit != p.unit_prismatic)
+      throw ModelError(here + ": " + p.name + " would be in " + p.unit + " at one joint and in " +
+                       p.unit_prismatic + " at another; bind it to each joint by name");
+    if (prismatic) {
+      p.unit = p.unit_prismatic;
+      if (!std::isnan(p.initial_prismatic)) p.initial = p.initial_prismatic;
+    }
+    p.unit_prismatic = p.unit;
+    p.initial_prismatic = p.initial;
+    if (!p.per_run) {
+      out.parameter_info.push_back(p);
+      continue;
+    }
+    for (const int run : all_runs) {
+      out.parameter_info.push_back(p);
+      out.parameter_info.back().name += "_" + std::to_string(run);
+    }
+  }
+
+  for (const ParameterInfo& p : out.parameter_info) out.parameters.push_back(p.initial);
+  std::vector<bool> given(out.parameters.size(), false);
+  for (const EffectParameter& p : spec.parameters) {
+    const auto it = std::ranges::find(out.parameter_info, p.name, &ParameterInfo::name);
+    if (it == out.parameter_info.end()) {
+      std::vector<std::string> names;
+      for (const ParameterInfo& i : info.parameters)
+        names.push_back(i.per_run ? i.name + "_<run>" : i.name);
+      throw ModelError(here + ": it has no parameter '" + p.name + "'; " + choices(p.name, names));
+    }
+    const std::size_t k = it - out.parameter_info.begin();
+    if (given[k]) throw ModelError(here + ": parameter '" + p.name + "' is given twice");
+    if (!p.unit.empty() && p.unit != it->unit)
+      throw ModelError(here + ": " + p.name + " is given in " + p.unit + ", expected " + it->unit);
+    check_value(here, *it, p.value);
+    given[k] = true;
+    out.parameters[k] = p.value;
+  }
+  return out;
+}
+
+EffectSpec to_spec(const BoundEffect& effect) {
+  EffectSpec spec{effect.info().name, effect.where, {}};
+  for (std::size_t i = 0; i < effect.parameters.size(); ++i)
+    spec.parameters.push_back(
+        {effect.parameter_info[i].name, effect.parameters[i], effect.parameter_info[i].unit});
+  return spec;
+}
+
+void linear_columns(const BoundEffect& effect, const JointSample<double>& x, double* columns) {
+  const EffectInfo& info = effect.info();
+  if (info.port != Port::kJointTorque)
+    throw ModelError(info.name + " at '" + effect.where +
+                     "': it is no joint torque; its columns are those of the torque regressor");
+  // The torque is homogeneous in the linear parameters: one of them 1, the others 0.
+  std::vector<double> p = effect.parameters;
+  const std::vector<int> linear = effect.linear_parameters();
+  for (const int k : linear) p[k] = 0.0;
+  std::fill_n(columns, linear.size() * effect.num_joints, 0.0);
+  for (const int k : linear) {
+    p[k] = 1.0;
+    add_torque(effect, x, p.data(), columns);
+    p[k] = 0.0;
+    columns += effect.num_joints;
+  }
+}
+
+template void add_torque<double>(const BoundEffect&, const JointSample<double>&, const double*,
+                                 double*);
+template void add_torque<JetD>(const BoundEffect&, const JointSample<JetD>&, const JetD*, JetD*);
+template void add_to_tree<double>(const BoundEffect&, const double*, Tree<double>&);
+template void add_to_tree<JetD>(const BoundEffect&, const JetD*, Tree<JetD>&);
+
+}  // namespace diffnea
