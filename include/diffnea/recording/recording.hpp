@@ -1,9 +1,11 @@
 #pragma once
 /// Measured series of one robot in SI units: what a recording file holds, as arrays.
 
-#include <diffnea/core/scalar.hpp>
 #include <string>
+#include <utility>
 #include <vector>
+
+#include <diffnea/core/scalar.hpp>
 
 namespace diffnea {
 
@@ -17,6 +19,8 @@ struct RecordingInfo {
   TorqueSampling torque_sampling = TorqueSampling::kHold;
   double period = 0.0;               ///< of a periodic motion [s]; 0: not periodic
   std::vector<std::string> passive;  ///< joints whose torque is known to be zero
+  /// Torque constant per joint [N·m/A], [N/A]: lets a column `tau_<joint> [A]` be read.
+  std::vector<std::pair<std::string, double>> torque_constant;
 };
 
 /// A channel that the contract does not know, kept by name.
@@ -30,15 +34,17 @@ struct Recording {
   std::string source;  ///< file and run, for messages
   int run = 0;
   std::vector<std::string> joint_names;
-  VecX<double> time;         ///< (N) [s], strictly increasing
-  RowMatX<double> q;         ///< (N, n) [rad] or [m]
-  RowMatX<double> qd;        ///< (N, n), measured; empty if not
-  RowMatX<double> qdd;       ///< (N, n), measured; empty if not
-  RowMatX<double> qcmd;      ///< (N, n), desired position; empty if not
-  RowMatX<double> tau;       ///< (N, n) [N·m] or [N]; a column of NaN where has_tau is false
-  std::vector<bool> has_tau;  ///< per joint; false: prescribed motion or passive
-  RowMatX<double> ball;      ///< (N, 3) [m], W; empty if not measured
-  RowMatX<double> spin;      ///< (N, 3) [rad/s], W; empty if not measured
+  VecX<double> time;     ///< (N) [s], strictly increasing
+  RowMatX<double> q;     ///< (N, n) [rad] or [m]
+  RowMatX<double> qd;    ///< (N, n), measured; empty if not
+  RowMatX<double> qdd;   ///< (N, n), measured; empty if not
+  RowMatX<double> qcmd;  ///< (N, n), desired position; empty if not
+  /// (N, n) [N·m] or [N]. Where has_tau is false: 0 at a passive joint (known), NaN at a prescribed
+  /// one.
+  RowMatX<double> tau;
+  std::vector<bool> has_tau;  ///< per joint: measured torque; false: prescribed motion or passive
+  RowMatX<double> ball;       ///< (N, 3) [m], W; empty if not measured
+  RowMatX<double> spin;       ///< (N, 3) [rad/s], W; empty if not measured
   std::vector<ExtraChannel> extra;
   RecordingInfo info;
 

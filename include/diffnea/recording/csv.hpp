@@ -1,0 +1,87 @@
+#pragma once
+/// Recordings as CSV files: the contract's columns, checked while they are read. docs/recordings.md
+/// has the format and every message.
+///
+///     RecordingReader reader("arm.csv");
+///     for (Recording block; reader.next(block, 10'000);) use(block);     // bounded memory
+///     const std::vector<Recording> runs = read_recordings("arm.csv");   // all of it
+
+#include <filesystem>
+#include <memory>
+
+#include <diffnea/recording/recording.hpp>
+
+namespace diffnea {
+
+struct ReadOptions {
+  RecordingInfo info;                   ///< what columns cannot hold (sidecar, command line)
+  double max_quarantined_share = 0.01;  ///< above this share of the rows the file is refused
+  long max_listed = 1000;               ///< quarantined rows listed one by one; all are counted
+};
+
+/// A row that cannot be true and was left out.
+struct QuarantinedRow {
+  long line = 0;  ///< in the file, 1 is the header
+  std::string reason;
+};
+
+/// What reading a file brought up, as data.
+struct ReadReport {
+  std::string source;
+  long rows = 0;         ///< rows read, the quarantined included
+  long quarantined = 0;  ///< how many of them were left out
+  std::vector<QuarantinedRow> quarantined_rows;
+  std::vector<std::string> extra_channels;  ///< columns that the contract does not know, kept
+  std::vector<std::string> notes;           ///< one sentence each, for people
+
+  void add(const ReadReport& other);  ///< of several files, one report
+};
+
+/// Reads a file block by block, in memory that does not grow with it.
+class RecordingReader {
+ public:
+  /// Opens the file and checks its header.
+  /// @throws FileError if it cannot be read; DataError `file:line:column: what` for a header that
+  /// the
+  ///         contract does not allow
+  explicit RecordingReader(const std::filesystem::path& path, const ReadOptions& options = {});
+  ~RecordingReader();
+  RecordingReader(RecordingReader&&) noexcept;
+  RecordingReader& operator=(RecordingReader&&) noexcept;
+
+  /// The next rows of one run; a block never spans two runs. Rows that cannot be true are left out.
+  /// @param block     overwritten; between 1 and max_rows rows
+  /// @param max_rows  above 0
+  /// @return false at the end of the file
+  /// @throws DataError for a cell that is no number, a row of another length, a run that comes
+  /// twice;
+  ///         and, since only the end tells, with the last block: too many quarantined rows, a
+  ///         torque that is zero throughout at a joint that nobody declared passive
+  bool next(Recording& block, long max_rows);
+
+  /// Complete once next() has returned false.
+  const ReadReport& report() const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+/// All runs of a file, in its order. @throws as RecordingReader  @param report  overwritten if
+/// given
+std::vector<Recording> read_recordings(const std::filesystem::path& path,
+                                       const ReadOptions& options = {},
+                                       ReadReport* report = nullptr);
+
+/// All runs of several files; runs are renumbered 0, 1, 2 … in order, `source` keeps file and run.
+std::vector<Recording> read_recordings(const std::vector<std::filesystem::path>& paths,
+                                       const ReadOptions& options = {},
+                                       ReadReport* report = nullptr);
+
+/// Writes SI columns with names of the contract, numbers to the last bit, a gap as an empty cell; a
+/// `run` column if there are several. The file appears complete or not at all.
+/// @throws FileError; DataError if recordings of other joints or channels would share the file
+void write_recording(const Recording& recording, const std::filesystem::path& path);
+void write_recordings(const std::vector<Recording>& recordings, const std::filesystem::path& path);
+
+}  // namespace diffnea

@@ -1,0 +1,57 @@
+#pragma once
+/// Low-pass and decimation of many columns at once, the same for torques and regressor columns
+/// (Gautier's parallel filter), as a stream.
+///
+/// Linear-phase FIR with a Kaiser window: symmetric, hence exactly no phase, and of finite support,
+/// so that blocks give the same rows as the whole. It is evaluated at output rows only. Rows whose
+/// support would leave the segment are not emitted: half of the support is lost at either end.
+
+#include <vector>
+
+#include <diffnea/core/scalar.hpp>
+
+namespace diffnea {
+
+struct DecimatorOptions {
+  double rate_hz = 0.0;  ///< of the input rows
+  int factor = 1;        ///< input rows per output row; 1 with no pass band: copies
+  double pass_hz = 0.0;  ///< kept to within the ripple; 0: 0.35 of the output rate
+  double stop_hz =
+      0.0;  ///< suppressed from here; 0: 0.65 of the output rate (what folds lands above pass_hz)
+  double attenuation_db = 60.0;  ///< ripple and suppression, 1e-3
+};
+
+class Decimator {
+ public:
+  /// @throws DataError if the bands are not 0 < pass < stop ≤ half of the input rate
+  explicit Decimator(const DecimatorOptions& options);
+
+  /// Takes the next input rows of the present segment.
+  /// @param rows  (K, C) any number of rows, C the same until reset()
+  /// @return (M, C) the output rows that they complete, possibly none
+  RowMatX<double> push(const Eigen::Ref<const RowMatX<double>>& rows);
+
+  /// Ends the segment: what follows is not filtered together with what was.
+  void reset();
+
+  /// Symmetric coefficients, sum 1, odd in number.
+  const std::vector<double>& coefficients() const { return h_; }
+  int half_length() const { return static_cast<int>(h_.size() / 2); }
+  int factor() const { return factor_; }
+  /// Output row k of a segment is centred on its input row half_length() + k·factor().
+  long center(long k) const { return half_length() + k * factor_; }
+  /// Of one output per input row: share of white noise variance that passes, Σ h².
+  double noise_gain() const;
+  /// |H| at a frequency [Hz].
+  double response(double hz) const;
+
+ private:
+  std::vector<double> h_;
+  double rate_hz_ = 0.0;
+  int factor_ = 1;
+  RowMatX<double> buffer_;  ///< rows that outputs to come still need
+  long filled_ = 0;         ///< of the buffer
+  long skip_ = 0;           ///< input rows to drop before the next support begins
+};
+
+}  // namespace diffnea

@@ -1,0 +1,39 @@
+#pragma once
+/// Fits recordings to the joints of a model: order, passive joints, and whether positions can be
+/// meant in radians. The model's joints come in as a plain struct (recording/ does not know the
+/// model).
+
+#include <limits>
+
+#include <diffnea/recording/recording.hpp>
+
+namespace diffnea {
+
+/// A joint as its model describes it. [rad, rad/s, N·m] or [m, m/s, N]; infinite: not given.
+struct JointDescription {
+  std::string name;
+  bool prismatic = false;
+  bool passive = false;
+  double lower = -std::numeric_limits<double>::infinity();
+  double upper = std::numeric_limits<double>::infinity();
+  double velocity = std::numeric_limits<double>::infinity();
+  double effort = std::numeric_limits<double>::infinity();
+};
+
+/// Reorders the recordings' columns to `joints` and takes over which are passive.
+/// @throws DataError that lists both sets of names if they differ; if a joint that the model calls
+/// passive
+///         has torque
+void match_joints(const std::vector<JointDescription>& joints, std::vector<Recording>& recordings);
+
+/// Something about a channel that looks wrong.
+struct ChannelWarning {
+  std::string joint;
+  std::string text;
+};
+/// Revolute joints whose positions leave their limits (without limits: ±2π by far) and fit them as
+/// degrees. The columns must be in the order of `joints`.
+std::vector<ChannelWarning> find_degrees(const std::vector<JointDescription>& joints,
+                                         const std::vector<Recording>& recordings);
+
+}  // namespace diffnea

@@ -1,0 +1,101 @@
+#pragma once
+/// From measured rows to what a regression needs: a uniform time grid, positions without noise,
+/// velocities and accelerations, torques that belong to them.
+///
+///   1. Gaps (rows without a position or a measured torque, or time that jumps by more than max_gap
+///   periods)
+///      cut the recording into segments. Nothing is filtered or differentiated across them.
+///   2. Each segment is put on a grid of the median period: a sample that lies on a grid point is
+///   kept, else
+///      q is interpolated by the cubic, τ by the line through its neighbours.
+///   3. τ of kHold sampling: row k's torque acts from k to k+1, so its sample k is (τ_{k−1} +
+///   τ_k)/2.
+///   4. q: Butterworth low-pass forward and backward (no phase; gain ½ at filter_hz).
+///   5. q̇, q̈ by five-point central differences of the filtered q: exact for polynomials of degree 4
+///      and 5; gain 1 − (ωh)⁴/30 and 1 − (ωh)⁴/90. Two rows at each end of a segment are lost.
+/// τ is not filtered here: recording/decimator.hpp does that together with the regressor's columns.
+///
+///     const PreprocessPlan plan = plan_preprocess(recordings, {});
+///     for (const Recording& r : recordings) use(preprocess(r, plan));
+
+#include <memory>
+
+#include <diffnea/recording/decimator.hpp>
+#include <diffnea/recording/recording.hpp>
+
+namespace diffnea {
+
+struct PreprocessOptions {
+  double filter_hz =
+      0.0;        ///< Butterworth cut-off; 0: where the spectra of q meet their noise floor
+  int order = 4;  ///< of the Butterworth filter, which acts twice
+  double decimate_to_hz =
+      0.0;                   ///< 0: about 50 Hz, more if filter_hz asks for it; above the rate: off
+  double max_gap = 5.0;      ///< a longer pause splits [periods]
+  double min_segment = 1.0;  ///< a shorter segment is dropped [s]
+  bool measured_velocity = false;  ///< filtered qd and its difference instead of differences of q
+};
+
+/// What is decided once for all blocks and recordings.
+struct PreprocessPlan {
+  double dt = 0.0;         ///< of the uniform grid [s]
+  double filter_hz = 0.0;  ///< Butterworth cut-off
+  int order = 4;
+  DecimatorOptions decimator;
+  double max_gap = 5.0;
+  double min_segment = 1.0;
+  bool measured_velocity = false;
+  std::vector<double>
+      joint_hz;  ///< per joint: where its spectrum meets the noise floor; filter_hz is the largest
+  std::vector<double>
+      q_noise;  ///< per joint: standard deviation of the white noise of q [rad] or [m]
+  std::vector<double> tau_noise;  ///< per joint: of τ; NaN where it is not measured
+  double timing_jitter = 0.0;  ///< share of the intervals that are off the grid's by more than 2 %
+};
+
+/// Rows of one recording on a uniform grid.
+struct Preprocessed {
+  std::string source;
+  int run = 0;
+  std::vector<std::string> joint_names;
+  double dt = 0.0;
+  VecX<double> time;           ///< (N) [s]
+  std::vector<int> segment;    ///< (N) rows of one segment are contiguous
+  RowMatX<double> q, qd, qdd;  ///< (N, n) filtered
+  RowMatX<double> tau;         ///< (N, n) not filtered; as in Recording where has_tau is false
+  std::vector<bool> has_tau;
+  std::vector<std::string> notes;  ///< segments dropped and why
+
+  long rows() const { return time.size(); }
+};
+
+/// Chooses grid, cut-off and decimation. For a stream, any stretch of it that is long enough to be
+/// typical does.
+/// @throws DataError if the recordings differ in joints, or hold no stretch to differentiate
+PreprocessPlan plan_preprocess(const std::vector<Recording>& recordings,
+                               const PreprocessOptions& options = {});
+
+/// One whole recording.
+Preprocessed preprocess(const Recording& recording, const PreprocessPlan& plan);
+
+/// The same block by block in bounded memory: blocks overlap by as much as the filter remembers,
+/// which makes the rows those of preprocess() to 1e-9 of their size.
+class Preprocessor {
+ public:
+  /// @param block_rows  rows that are filtered at once [rows]; 0: chosen
+  explicit Preprocessor(const PreprocessPlan& plan, long block_rows = 0);
+  ~Preprocessor();
+  Preprocessor(Preprocessor&&) noexcept;
+  Preprocessor& operator=(Preprocessor&&) noexcept;
+
+  /// Takes the next rows; another run ends the present segment. @return rows that are complete
+  Preprocessed push(const Recording& block);
+  /// Ends the recording. @return the rows that waited for more
+  Preprocessed finish();
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace diffnea
