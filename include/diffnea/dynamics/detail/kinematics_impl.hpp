@@ -1,0 +1,120 @@
+#pragma once
+
+#include <diffnea/core/error.hpp>
+#include <diffnea/dynamics/kinematics.hpp>
+
+namespace diffnea {
+
+template <Scalar P, Scalar S>
+void forward_kinematics(const Tree<P>& tree, VecIn<S> q, VecIn<S> qd, VecIn<S> qdd,
+                        LinkKinematics<Prod<P, S>>& out) {
+  using R = Prod<P, S>;
+  const int n = tree.num_dofs();
+  require_size("forward_kinematics: q", q.size(), n, "joint");
+  require_size("forward_kinematics: qd", qd.size(), n, "joint");
+  require_size("forward_kinematics: qdd", qdd.size(), n, "joint");
+  out.links.resize(n);
+  for (int i = 0; i < n; ++i) {
+    const Link<P>& link = tree.links[i];
+    auto& l = out.links[i];
+    const Twist<double> s = joint_twist(link);
+    const Pose<R> X_PL = joint_pose(link, q[i]);
+    if (link.parent < 0) {
+      l.X_WL = X_PL;
+      l.V = detail::zero_twist<R>() + s * qd[i];
+      l.A = detail::zero_twist<R>() + s * qdd[i];
+    } else {
+      const auto& p = out.links[link.parent];
+      l.X_WL = p.X_WL * X_PL;
+      l.V = to_child(X_PL, p.V) + s * qd[i];
+      l.A = to_child(X_PL, p.A) + ad(l.V, s) * qd[i] + s * qdd[i];
+    }
+  }
+}
+
+template <Scalar P, Scalar S>
+void forward_kinematics(const Tree<P>& tree, VecIn<S> q, LinkKinematics<Prod<P, S>>& out) {
+  const int n = tree.num_dofs();
+  require_size("forward_kinematics: q", q.size(), n, "joint");
+  out.links.resize(n);
+  for (int i = 0; i < n; ++i) {
+    const Link<P>& link = tree.links[i];
+    const Pose<Prod<P, S>> X_PL = joint_pose(link, S(q[i]));
+    out.links[i].X_WL = link.parent < 0 ? X_PL : out.links[link.parent].X_WL * X_PL;
+  }
+}
+
+template <Scalar P, Scalar S>
+void forward_kinematics(const Tree<P>& tree, const LinkStates<P, S>& states,
+                        LinkKinematics<Prod<P, S>>& out) {
+  using R = Prod<P, S>;
+  const int n = tree.num_dofs();
+  require_size("forward_kinematics: states", static_cast<long>(states.links.size()), n, "joint");
+  out.links.resize(n);
+  for (int i = 0; i < n; ++i) {
+    const auto& state = states.links[i];
+    auto& l = out.links[i];
+    const int parent = tree.links[i].parent;
+    l.X_WL = parent < 0 ? state.X_PL : out.links[parent].X_WL * state.X_PL;
+    l.V = state.V;
+    // The base accelerated by a₀ = [0; −g]; a constant linear acceleration is the same everywhere.
+    const Vec3<R> g_L = transpose_times(l.X_WL.R, tree.gravity);
+    l.A = {state.A.angular, state.A.linear + g_L};
+  }
+}
+
+template <Scalar T, Scalar F>
+Pose<Prod<T, F>> frame_pose(const LinkKinematics<T>& kinematics, int link, const Pose<F>& X_LF) {
+  if (link < 0) return X_LF.template cast<Prod<T, F>>();
+  return kinematics.links[link].X_WL * X_LF;
+}
+
+template <Scalar T, Scalar F>
+FrameMotion<Prod<T, F>> frame_motion(const LinkKinematics<T>& kinematics, int link,
+                                     const Pose<F>& X_LF) {
+  using R = Prod<T, F>;
+  FrameMotion<R> out;
+  out.X_WF = frame_pose(kinematics, link, X_LF);
+  if (link < 0) {
+    const Vec3<R> zero{R(0.0), R(0.0), R(0.0)};
+    out.angular_velocity = out.velocity = out.angular_acceleration = out.acceleration = zero;
+    return out;
+  }
+  const auto& l = kinematics.links[link];
+  const Vec3<T>& w = l.V.angular;
+  const Vec3<R> v = l.V.linear + cross(w, X_LF.p);          // ẋ_F = v + ω×p, in L
+  const Vec3<R> a = l.A.linear + cross(l.A.angular, X_LF.p);  // spatial acceleration at F's origin
+  out.angular_velocity = (l.X_WL.R * w).template cast<R>();
+  out.velocity = l.X_WL.R * v;
+  out.angular_acceleration = (l.X_WL.R * l.A.angular).template cast<R>();
+  out.acceleration = l.X_WL.R * (a + cross(w, v));
+  return out;
+}
+
+template <Scalar P, Scalar T, Scalar F>
+void frame_jacobian(const Tree<P>& tree, const LinkKinematics<T>& kinematics, int link,
+                    const Pose<F>& X_LF, MatX<Prod<T, F>>& J) {
+  using R = Prod<T, F>;
+  const Vec3<R> p_WF = frame_pose(kinematics, link, X_LF).p;
+  J.setConstant(6, tree.num_dofs(), R(0.0));
+  for (int i = link; i >= 0; i = tree.links[i].parent) {
+    const Pose<T>& X_WL = kinematics.links[i].X_WL;
+    const Twist<double> s = joint_twist(tree.links[i]);
+    const Vec3<T> w = X_WL.R * s.angular;
+    const Vec3<R> v = X_WL.R * s.linear + cross(w, p_WF - X_WL.p);
+    J(0, i) = R(w.x), J(1, i) = R(w.y), J(2, i) = R(w.z);
+    J(3, i) = v.x, J(4, i) = v.y, J(5, i) = v.z;
+  }
+}
+
+#define DIFFNEA_EXTERN(P, S)                                                                \
+  extern template void forward_kinematics<P, S>(const Tree<P>&, VecIn<S>, VecIn<S>, VecIn<S>, \
+                                                LinkKinematics<Prod<P, S>>&);               \
+  extern template void forward_kinematics<P, S>(const Tree<P>&, VecIn<S>,                   \
+                                                LinkKinematics<Prod<P, S>>&);               \
+  extern template void forward_kinematics<P, S>(const Tree<P>&, const LinkStates<P, S>&,    \
+                                                LinkKinematics<Prod<P, S>>&);
+DIFFNEA_FOR_EACH_SCALAR(DIFFNEA_EXTERN)
+#undef DIFFNEA_EXTERN
+
+}  // namespace diffnea

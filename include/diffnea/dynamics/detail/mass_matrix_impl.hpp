@@ -1,0 +1,45 @@
+#pragma once
+
+#include <diffnea/core/error.hpp>
+#include <diffnea/dynamics/mass_matrix.hpp>
+
+namespace diffnea {
+
+template <Scalar P, Scalar S>
+const MatX<Prod<P, S>>& mass_matrix(const Tree<P>& tree, VecIn<S> q, MassMatrixWorkspace<P, S>& ws) {
+  using R = Prod<P, S>;
+  const int n = tree.num_dofs();
+  require_size("mass_matrix: q", q.size(), n, "joint");
+  ws.X_PL.resize(n);
+  ws.composite.resize(n);
+  ws.M.setConstant(n, n, R(0.0));
+  for (int i = 0; i < n; ++i) {
+    const SpatialInertia<P>& b = tree.links[i].inertia;
+    ws.X_PL[i] = joint_pose(tree.links[i], S(q[i]));
+    ws.composite[i] = {R(b.m), b.h.template cast<R>(), b.I.template cast<R>()};
+  }
+  for (int i = n - 1; i >= 0; --i) {
+    const Link<P>& link = tree.links[i];
+    const Twist<double> s = joint_twist(link);
+    if (link.parent >= 0) {
+      SpatialInertia<R>& p = ws.composite[link.parent];
+      p = p + to_parent(ws.X_PL[i], ws.composite[i]);
+    }
+    Wrench<R> F = ws.composite[i] * s;  // what accelerates the subtree when joint i does, by 1
+    ws.M(i, i) = dot(s, F) + link.armature;
+    for (int j = i; tree.links[j].parent >= 0;) {
+      F = to_parent(ws.X_PL[j], F);
+      j = tree.links[j].parent;
+      ws.M(i, j) = ws.M(j, i) = dot(joint_twist(tree.links[j]), F);
+    }
+  }
+  return ws.M;
+}
+
+#define DIFFNEA_EXTERN(P, S)                                                        \
+  extern template const MatX<Prod<P, S>>& mass_matrix<P, S>(const Tree<P>&, VecIn<S>, \
+                                                            MassMatrixWorkspace<P, S>&);
+DIFFNEA_FOR_EACH_SCALAR(DIFFNEA_EXTERN)
+#undef DIFFNEA_EXTERN
+
+}  // namespace diffnea

@@ -1,0 +1,26 @@
+#pragma once
+/// Joint-space mass matrix: the composite-rigid-body algorithm (Featherstone 2008, Table 6.2).
+
+#include <diffnea/dynamics/rnea.hpp>
+
+namespace diffnea {
+
+template <Scalar P, Scalar S>
+struct MassMatrixWorkspace {
+  using R = Prod<P, S>;
+  std::vector<Pose<R>> X_PL;                 ///< pose of every link in its parent
+  std::vector<SpatialInertia<R>> composite;  ///< inertia of the link and all that hangs on it, in L
+  MatX<R> M;
+};
+
+/// M(q), (n × n), symmetric, rotor inertia I_r on the diagonal: τ = M q̈ + c(q, q̇). [kg·m², kg·m, kg]
+/// @param q  (n) position [rad], [m] if prismatic
+/// @param ws  scratch, overwritten; no allocation once it has seen this tree
+/// @return ws.M
+/// @throws ShapeError if the length differs from tree.num_dofs()
+template <Scalar P, Scalar S>
+const MatX<Prod<P, S>>& mass_matrix(const Tree<P>& tree, VecIn<S> q, MassMatrixWorkspace<P, S>& ws);
+
+}  // namespace diffnea
+
+#include <diffnea/dynamics/detail/mass_matrix_impl.hpp>

@@ -1,0 +1,43 @@
+#pragma once
+/// M = LᵀL of a mass matrix, L lower triangular with the tree's pattern: entry (i, j) can only be
+/// nonzero if j carries i (Featherstone 2008, §6.5). Rows of branches that do not meet never mix.
+
+#include <cmath>
+#include <diffnea/model/tree.hpp>
+
+namespace diffnea::detail {
+
+/// Overwrites the lower triangle of M, (n × n) row-major, by L. The diagonal holds 1/L_ii.
+inline void factor_ltl(const Tree<double>& tree, RowMatX<double>& M) {
+  for (int k = tree.num_dofs() - 1; k >= 0; --k) {
+    const double inverse = 1.0 / std::sqrt(M(k, k));
+    M(k, k) = inverse;
+    for (int i = tree.links[k].parent; i >= 0; i = tree.links[i].parent) M(k, i) *= inverse;
+    for (int i = tree.links[k].parent; i >= 0; i = tree.links[i].parent)
+      for (int j = i; j >= 0; j = tree.links[j].parent) M(i, j) -= M(k, i) * M(k, j);
+  }
+}
+
+/// B ← M⁻¹ B, B (n × columns) row-major.
+inline void solve_ltl(const Tree<double>& tree, const RowMatX<double>& L, double* B, int columns) {
+  const int n = tree.num_dofs();
+  const auto scale = [&](int i, double factor) {
+    double* row = B + static_cast<long>(i) * columns;
+    for (int c = 0; c < columns; ++c) row[c] *= factor;
+  };
+  const auto subtract = [&](int to, int from, double factor) {  // two rows never overlap
+    double* __restrict target = B + static_cast<long>(to) * columns;
+    const double* __restrict source = B + static_cast<long>(from) * columns;
+    for (int c = 0; c < columns; ++c) target[c] -= factor * source[c];
+  };
+  for (int i = n - 1; i >= 0; --i) {  // Lᵀ Y = B
+    scale(i, L(i, i));
+    for (int j = tree.links[i].parent; j >= 0; j = tree.links[j].parent) subtract(j, i, L(i, j));
+  }
+  for (int i = 0; i < n; ++i) {  // L X = Y
+    for (int j = tree.links[i].parent; j >= 0; j = tree.links[j].parent) subtract(i, j, L(i, j));
+    scale(i, L(i, i));
+  }
+}
+
+}  // namespace diffnea::detail
