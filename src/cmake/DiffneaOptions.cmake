@@ -47,10 +47,13 @@ function(diffnea_target_defaults target)
     -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wno-sign-conversion -Wnon-virtual-dtor -Woverloaded-virtual
     -Wextra-semi -Wcast-align -Wformat=2)
   if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
-    # gcc 12 reports these inside inlined Eigen and std::vector code that is correct: shown, never fatal.
+    # gcc reports these inside inlined Eigen and std::vector code that is correct: shown, never fatal.
     target_compile_options(${target} PRIVATE
       -Wduplicated-cond -Wlogical-op
-      -Wno-error=maybe-uninitialized -Wno-error=array-bounds -Wno-error=stringop-overflow -Wno-error=restrict)
+      -Wno-error=maybe-uninitialized -Wno-error=array-bounds -Wno-error=stringop-overflow)
+    if(CMAKE_CXX_COMPILER_VERSION VERSION_LESS 13)
+      target_compile_options(${target} PRIVATE -Wno-restrict)  # GCC bug 105651: std::string's operator+
+    endif()
   endif()
   if(DIFFNEA_WERROR)
     target_compile_options(${target} PRIVATE -Werror)
