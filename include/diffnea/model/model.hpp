@@ -70,6 +70,7 @@ struct Model {
   Vec3<double> gravity{0, 0, -9.81};
   std::optional<Posterior> posterior;
   std::string source;  ///< file the model was read from, for messages
+  std::vector<std::string> notes;  ///< what that file says and this model leaves out, one sentence each
 };
 
 /// Indices of the moving links in the order of the degrees of freedom.

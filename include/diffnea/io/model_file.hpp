@@ -1,0 +1,52 @@
+#pragma once
+/// Robot descriptions: URDF, MJCF and the project's JSON (docs/models.md, docs/schema/model.md).
+///
+///     Model model = read_model("panda.urdf");
+///     set_inertial_parameters(model, pi);                      // what identification found
+///     for (const std::string& note : write_model(model, "panda_identified.urdf")) ...
+///
+/// What the formats' friction, spring and rotor terms become, per joint:
+///
+///     effect, parameters                 MJCF joint             URDF <dynamics>
+///     viscous_friction  {viscous}        damping                damping
+///     coulomb_friction  {coulomb}        frictionloss           friction
+///     armature          {armature}       armature               –
+///     joint_spring      {stiffness,rest} stiffness, springref   –
+
+#include <filesystem>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include <diffnea/model/model.hpp>
+
+namespace diffnea {
+
+/// Reads a robot description. The content decides: `<robot>` is URDF, `<mujoco>` is MJCF, `{` the
+/// project's JSON. Meshes of a URDF are never opened. A model whose inertias cannot be true is
+/// read; check_model says what is wrong with it. (MuJoCo's compiler refuses such an MJCF, in its
+/// words.) Files that an MJCF includes must lie in its folder or below.
+/// @throws FileError if a file cannot be read
+/// @throws ModelError naming file and reason if it cannot be understood, or if it holds what a tree
+/// of
+///         revolute, prismatic and fixed joints cannot: mimic, floating and planar joints, ball
+///         joints, free bodies (but the one named `ball`, which is left out), equality constraints
+Model read_model(const std::filesystem::path& path);
+
+/// Writes a model. `.json` holds all of it. `.urdf` and `.xml` need a model that was read from that
+/// format: its original document (model.source) is written with the changed values put in place:
+/// inertias, friction, rotor inertia, spring, limits, and in a URDF the joints' poses. The moving
+/// link takes the inertia of its lump, links fixed to it none.
+/// @return what the format cannot express, one sentence each, for the user
+/// @throws FileError if the original cannot be read or the file not be written
+/// @throws ModelError if the original has other links, or the extension names no format
+std::vector<std::string> write_model(const Model& model, const std::filesystem::path& path);
+
+/// The project's JSON, schema "diffnea/model/1". Doubles come back bit by bit.
+/// @throws ModelError if a number is not finite where the schema has no word for it
+std::string model_to_json(const Model& model);
+/// @param where  what to call the text in messages, e.g. its path
+/// @throws ModelError with place and reason; an unknown key is refused with the list of those known
+Model model_from_json(std::string_view text, const std::string& where);
+
+}  // namespace diffnea

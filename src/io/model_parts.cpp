@@ -1,0 +1,156 @@
+#include "io/model_parts.hpp"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <set>
+
+#include <diffnea/core/error.hpp>
+
+namespace diffnea::io {
+namespace {
+
+/// Rotations and axes that a person wrote with six digits pass.
+constexpr double kRotationTol = 1e-5;
+constexpr double kRoundingTol = 1e-13;
+
+bool finite(const Vec3<double>& v) {
+  return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z);
+}
+
+void check_pose(const Pose<double>& X, const std::string& what) {
+  bool ok = finite(X.p);
+  for (int i = 0; i < 3 && ok; ++i) {
+    const Vec3<double> next = cross(X.R.col[i], X.R.col[(i + 1) % 3]) - X.R.col[(i + 2) % 3];
+    ok = finite(X.R.col[i]) && std::abs(dot(X.R.col[i], X.R.col[i]) - 1.0) < kRotationTol &&
+         dot(next, next) < kRotationTol * kRotationTol;
+  }
+  if (!ok) throw ModelError(what + ": its pose is not a rotation and a finite position");
+}
+
+double largest(const Theta<double>& t) {
+  double m = 0.0;
+  for (const double x : t) m = std::max(m, std::abs(x));
+  return m;
+}
+
+}  // namespace
+
+void add_joint_terms(Model& model, const ModelLink& link, const JointTerms& terms) {
+  const bool slides = link.type == ModelJoint::kPrismatic;
+  const auto unit = [&](const char* turning, const char* sliding) {
+    return slides ? sliding : turning;
+  };
+  const auto add = [&](const char* effect, std::vector<EffectParameter> parameters) {
+    model.effects.push_back({effect, link.joint, std::move(parameters)});
+  };
+  if (terms.armature != 0.0) add("armature", {{"armature", terms.armature, unit("kg*m^2", "kg")}});
+  if (terms.viscous != 0.0)
+    add("viscous_friction", {{"viscous", terms.viscous, unit("N*m*s/rad", "N*s/m")}});
+  if (terms.coulomb != 0.0) add("coulomb_friction", {{"coulomb", terms.coulomb, unit("N*m", "N")}});
+  if (terms.stiffness != 0.0)
+    add("joint_spring", {{"stiffness", terms.stiffness, unit("N*m/rad", "N/m")},
+                         {"rest", terms.rest, unit("rad", "m")}});
+}
+
+JointTerms joint_terms(const Model& model, const std::string& joint) {
+  JointTerms t;
+  for (const EffectSpec& e : model.effects) {
+    if (e.where != joint) continue;
+    for (const EffectParameter& p : e.parameters) {
+      if (e.effect == "armature" && p.name == "armature") t.armature += p.value;
+      if (e.effect == "viscous_friction" && p.name == "viscous") t.viscous += p.value;
+      if (e.effect == "coulomb_friction" && p.name == "coulomb") t.coulomb += p.value;
+      if (e.effect == "joint_spring" && p.name == "stiffness") t.stiffness += p.value;
+      if (e.effect == "joint_spring" && p.name == "rest") t.rest = p.value;
+    }
+  }
+  return t;
+}
+
+bool is_joint_term(const Model& model, const EffectSpec& effect) {
+  static const std::set<std::string> kNames{"armature", "viscous_friction", "coulomb_friction",
+                                            "joint_spring"};
+  const std::vector<std::string> joints = joint_names(model);
+  return kNames.contains(effect.effect) && std::ranges::find(joints, effect.where) != joints.end();
+}
+
+void validate(const Model& model, const std::string& where) {
+  std::set<std::string> links, joints, frames;
+  for (std::size_t i = 0; i < model.links.size(); ++i) {
+    const ModelLink& link = model.links[i];
+    const std::string what = where + ": link '" + link.name + "'";
+    if (link.name.empty()) throw ModelError(where + ": link " + std::to_string(i) + " has no name");
+    if (!links.insert(link.name).second)
+      throw ModelError(what + ": there are two links of this name");
+    if (link.parent < -1 || link.parent >= static_cast<int>(i))
+      throw ModelError(what + ": comes before its parent");
+    if (link.type != ModelJoint::kFixed) {
+      if (link.joint.empty()) throw ModelError(what + ": its joint has no name");
+      const double norm = std::sqrt(dot(link.axis, link.axis));
+      if (!(std::abs(norm - 1.0) < kRotationTol))
+        throw ModelError(what + ": axis of joint '" + link.joint + "' has length " + exact(norm) +
+                         ", expected 1");
+    }
+    if (!link.joint.empty() && !joints.insert(link.joint).second)
+      throw ModelError(where + ": there are two joints named '" + link.joint + "'");
+    check_pose(link.X_PJ, what);
+    if (!std::ranges::all_of(link.inertia.theta(), [](double x) { return std::isfinite(x); }))
+      throw ModelError(what + ": its inertia is not finite");
+    if (std::isnan(link.limits.lower) || std::isnan(link.limits.upper) ||
+        !(link.limits.velocity >= 0.0) || !(link.limits.effort >= 0.0))
+      throw ModelError(what + ": limits of joint '" + link.joint +
+                       "' must be numbers, those of velocity and effort not negative");
+  }
+  for (const ModelFrame& f : model.frames) {
+    const std::string what = where + ": frame '" + f.name + "'";
+    if (f.name.empty() || !frames.insert(f.name).second)
+      throw ModelError(what + ": a frame needs a name of its own");
+    if (f.link < -1 || f.link >= static_cast<int>(model.links.size()))
+      throw ModelError(what + ": names no link");
+    check_pose(f.X_LF, what);
+  }
+  for (const EffectSpec& e : model.effects)
+    for (const EffectParameter& p : e.parameters)
+      if (!std::isfinite(p.value))
+        throw ModelError(where + ": " + e.effect + " at " + e.where + ": parameter '" + p.name +
+                         "' is not finite");
+  if (!finite(model.gravity)) throw ModelError(where + ": gravity is not finite");
+}
+
+std::string exact(double value) {
+  char buffer[32];
+  const auto end = std::to_chars(buffer, buffer + sizeof buffer, value);
+  return {buffer, end.ptr};
+}
+
+std::string exact(const Vec3<double>& v) {
+  return exact(v.x) + " " + exact(v.y) + " " + exact(v.z);
+}
+
+ComInertia com_inertia(const SpatialInertia<double>& inertia) {
+  return {inertia.h * (1.0 / inertia.m), inertia_about_com(inertia)};
+}
+
+bool is_zero(const SpatialInertia<double>& inertia) {
+  return std::ranges::all_of(inertia.theta(), [](double x) { return x == 0.0; });
+}
+
+bool same(const SpatialInertia<double>& a, const SpatialInertia<double>& b) {
+  const Theta<double> x = a.theta(), y = b.theta();
+  const double scale = std::max(largest(x), largest(y));
+  for (int i = 0; i < kThetaSize; ++i)
+    if (std::abs(x[i] - y[i]) > kRoundingTol * scale) return false;
+  return true;
+}
+
+bool same(const Pose<double>& a, const Pose<double>& b) {
+  for (int i = 0; i < 3; ++i) {
+    const Vec3<double> d = a.R.col[i] - b.R.col[i];
+    if (dot(d, d) > kRoundingTol * kRoundingTol) return false;
+  }
+  const Vec3<double> d = a.p - b.p;
+  return dot(d, d) <= kRoundingTol * kRoundingTol * (1.0 + dot(a.p, a.p));
+}
+
+}  // namespace diffnea::io

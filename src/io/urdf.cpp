@@ -1,0 +1,271 @@
+#include "io/urdf.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <console_bridge/console.h>
+#include <map>
+#include <mutex>
+#include <set>
+
+#include <urdf_parser/urdf_parser.h>
+
+#include <diffnea/core/error.hpp>
+
+#include "io/model_parts.hpp"
+#include "io/xml.hpp"
+
+namespace diffnea::io {
+namespace {
+
+/// Collects what urdfdom would print. console_bridge has one handler for the process: hence the
+/// lock.
+class CollectErrors : public console_bridge::OutputHandler {
+ public:
+  CollectErrors() : lock_(mutex()) { console_bridge::useOutputHandler(this); }
+  ~CollectErrors() override { console_bridge::restorePreviousOutputHandler(); }
+  CollectErrors(const CollectErrors&) = delete;
+  CollectErrors& operator=(const CollectErrors&) = delete;
+
+  void log(const std::string& text, console_bridge::LogLevel level, const char*, int) override {
+    if (level >= console_bridge::CONSOLE_BRIDGE_LOG_ERROR)
+      text_ += (text_.empty() ? "" : "; ") + text;
+  }
+  const std::string& text() const { return text_; }
+
+ private:
+  static std::mutex& mutex() {
+    static std::mutex m;
+    return m;
+  }
+  std::lock_guard<std::mutex> lock_;
+  std::string text_;
+};
+
+urdf::ModelInterfaceSharedPtr parse(const std::string& text, const std::string& where) {
+  std::string reason;
+  try {
+    CollectErrors errors;
+    if (urdf::ModelInterfaceSharedPtr urdf = urdf::parseURDF(text)) return urdf;
+    reason = errors.text();
+  } catch (const std::exception& error) {
+    reason = error.what();
+  }
+  throw ModelError(where +
+                   ": is not a valid URDF: " + (reason.empty() ? "no reason given" : reason));
+}
+
+/// A tree has one parent a link and no cycle; urdfdom overwrites the first parent without a word
+/// and walks a cycle for ever.
+void check_tree(XmlElement& robot, const std::string& where) {
+  std::map<std::string, std::string> parent_of, joint_of;
+  std::set<std::string> links;
+  for_each_child(robot, "link", [&](XmlElement& link) { links.insert(attribute(link, "name")); });
+  for_each_child(robot, "joint", [&](XmlElement& joint) {
+    const std::string name = attribute(joint, "name");
+    const XmlElement* parent = joint.FirstChildElement("parent");
+    const XmlElement* child = joint.FirstChildElement("child");
+    if (!parent || !child) return;  // urdfdom says it
+    const std::string c = attribute(*child, "link");
+    if (const auto it = joint_of.find(c); it != joint_of.end())
+      throw ModelError(where + ": link '" + c + "' is the child of two joints, '" + it->second +
+                       "' and '" + name + "'; a robot must be a tree");
+    joint_of[c] = name;
+    parent_of[c] = attribute(*parent, "link");
+  });
+  for (const auto& [child, unused] : parent_of) {
+    std::string at = child;
+    for (std::size_t steps = 0; parent_of.contains(at); ++steps) {
+      if (steps > parent_of.size())
+        throw ModelError(where + ": link '" + child +
+                         "' is its own ancestor; a robot must be a tree");
+      at = parent_of[at];
+    }
+  }
+}
+
+Pose<double> pose(const urdf::Pose& p) {
+  double x = 0, y = 0, z = 0, w = 1;
+  p.rotation.getQuaternion(x, y, z, w);
+  return {rotation_from_quaternion(w, x, y, z), {p.position.x, p.position.y, p.position.z}};
+}
+
+SpatialInertia<double> inertia(const urdf::Inertial& i) {
+  const Pose<double> X_LC = pose(i.origin);
+  const Sym3<double> I_C{i.ixx, i.ixy, i.ixz, i.iyy, i.iyz, i.izz};
+  return inertia_from_com(i.mass, X_LC.p, rotate(X_LC.R, I_C));
+}
+
+void read_joint(const urdf::Joint& joint, const std::string& where, Model& model, ModelLink& link) {
+  const std::string what = where + ": joint '" + joint.name + "'";
+  link.joint = joint.name;
+  link.X_PJ = pose(joint.parent_to_joint_origin_transform);
+  if (joint.mimic)
+    throw ModelError(
+        what + " mimics '" + joint.mimic->joint_name +
+        "': coupled joints are not supported; make it fixed, or remove <mimic> if it has its "
+        "own actuator");
+  switch (joint.type) {
+    case urdf::Joint::FIXED:
+      return;
+    case urdf::Joint::REVOLUTE:
+    case urdf::Joint::CONTINUOUS:
+      link.type = ModelJoint::kRevolute;
+      break;
+    case urdf::Joint::PRISMATIC:
+      link.type = ModelJoint::kPrismatic;
+      break;
+    case urdf::Joint::FLOATING:
+    case urdf::Joint::PLANAR:
+      throw ModelError(
+          what + " is " + (joint.type == urdf::Joint::PLANAR ? "planar" : "floating") +
+          ": only robots whose base is fixed and whose joints have one degree of freedom are "
+          "supported; types: revolute, continuous, prismatic, fixed");
+    default:
+      throw ModelError(what + " has no known type");
+  }
+  const Vec3<double> axis{joint.axis.x, joint.axis.y, joint.axis.z};
+  const double norm = std::sqrt(dot(axis, axis));
+  if (!(norm > 1e-9)) throw ModelError(what + ": its axis is zero");
+  link.axis = norm == 1.0 ? axis : axis * (1.0 / norm);
+  if (joint.limits) {
+    if (joint.type != urdf::Joint::CONTINUOUS) {
+      link.limits.lower = joint.limits->lower;
+      link.limits.upper = joint.limits->upper;
+    }
+    // 0 is what exporters write when they do not know.
+    if (joint.limits->velocity > 0.0) link.limits.velocity = joint.limits->velocity;
+    if (joint.limits->effort > 0.0) link.limits.effort = joint.limits->effort;
+  }
+  if (joint.dynamics) {
+    JointTerms terms;
+    terms.viscous = joint.dynamics->damping;
+    terms.coulomb = joint.dynamics->friction;
+    add_joint_terms(model, link, terms);
+  }
+}
+
+void set_xyz_rpy(XmlElement& origin, const Pose<double>& X) {
+  origin.SetAttribute("xyz", exact(X.p).c_str());
+  origin.SetAttribute("rpy", exact(rpy_from_rotation(X.R)).c_str());
+}
+
+void set(XmlElement& element, const char* name, double value) {
+  element.SetAttribute(name, exact(value).c_str());
+}
+
+void write_inertial(XmlElement& link, const SpatialInertia<double>& b) {
+  if (is_zero(b)) return remove_children(link, "inertial");
+  XmlElement& inertial = child(link, "inertial");
+  const ComInertia c = com_inertia(b);
+  set_xyz_rpy(child(inertial, "origin"), {Mat3<double>::identity(), c.com});
+  set(child(inertial, "mass"), "value", b.m);
+  XmlElement& I = child(inertial, "inertia");
+  set(I, "ixx", c.I.xx);
+  set(I, "ixy", c.I.xy);
+  set(I, "ixz", c.I.xz);
+  set(I, "iyy", c.I.yy);
+  set(I, "iyz", c.I.yz);
+  set(I, "izz", c.I.zz);
+}
+
+}  // namespace
+
+Model model_from_urdf(const std::string& text, const std::string& where) {
+  const std::unique_ptr<XmlDocument> document = parse_xml(text, where);
+  XmlElement& robot = *document->RootElement();
+  check_tree(robot, where);
+  const urdf::ModelInterfaceSharedPtr urdf = parse(text, where);
+
+  Model model;
+  model.name = urdf->getName();
+  model.source = where;
+  // Joints in the order of the document: urdfdom sorts them by name.
+  std::map<std::string, std::vector<std::string>> children;
+  for_each_child(robot, "joint", [&](XmlElement& joint) {
+    const urdf::JointConstSharedPtr j = urdf->getJoint(attribute(joint, "name"));
+    if (j) children[j->parent_link_name].push_back(j->name);
+  });
+  struct Visit {
+    std::string link;
+    urdf::JointConstSharedPtr joint;
+    int parent;
+  };
+  std::vector<Visit> stack{{urdf->getRoot()->name, nullptr, -1}};
+  while (!stack.empty()) {
+    const Visit visit = stack.back();
+    stack.pop_back();
+    const urdf::LinkConstSharedPtr source = urdf->getLink(visit.link);
+    ModelLink link;
+    link.name = source->name;
+    link.parent = visit.parent;
+    if (source->inertial) link.inertia = inertia(*source->inertial);
+    if (visit.joint) read_joint(*visit.joint, where, model, link);
+    const int index = static_cast<int>(model.links.size());
+    model.links.push_back(link);
+    const std::vector<std::string>& below = children[visit.link];
+    for (auto it = below.rbegin(); it != below.rend(); ++it) {
+      const urdf::JointConstSharedPtr j = urdf->getJoint(*it);
+      stack.push_back({j->child_link_name, j, index});
+    }
+  }
+  validate(model, where);
+  return model;
+}
+
+std::string urdf_with_values(const std::string& original, const std::string& where,
+                             const Model& model, std::vector<std::string>& notes) {
+  const Model before = model_from_urdf(original, where);
+  const std::unique_ptr<XmlDocument> document = parse_xml(original, where);
+  XmlElement& robot = *document->RootElement();
+  std::map<std::string, XmlElement*> links, joints;
+  for_each_child(robot, "link", [&](XmlElement& e) { links[attribute(e, "name")] = &e; });
+  for_each_child(robot, "joint", [&](XmlElement& e) { joints[attribute(e, "name")] = &e; });
+
+  for (std::size_t i = 0; i < std::max(model.links.size(), before.links.size()); ++i)
+    if (i >= model.links.size() || i >= before.links.size() ||
+        model.links[i].name != before.links[i].name ||
+        model.links[i].joint != before.links[i].joint ||
+        model.links[i].type != before.links[i].type)
+      throw ModelError(where + ": its links are not those of the model '" + model.name +
+                       "'; write the model as .json");
+  for (std::size_t i = 0; i < model.links.size(); ++i) {
+    const ModelLink &now = model.links[i], &then = before.links[i];
+    if (!same(now.inertia, then.inertia)) write_inertial(*links.at(now.name), now.inertia);
+    if (now.joint.empty()) {
+      if (!same(now.X_PJ, then.X_PJ))
+        notes.push_back("the pose of the root link '" + now.name + "'");
+      continue;
+    }
+    XmlElement& joint = *joints.at(now.joint);
+    if (!same(now.X_PJ, then.X_PJ)) set_xyz_rpy(child(joint, "origin"), now.X_PJ);
+    if (now.type == ModelJoint::kFixed) continue;
+    if (now.axis.x != then.axis.x || now.axis.y != then.axis.y || now.axis.z != then.axis.z)
+      child(joint, "axis").SetAttribute("xyz", exact(now.axis).c_str());
+    const JointTerms a = joint_terms(model, now.joint), b = joint_terms(before, now.joint);
+    if (a.viscous != b.viscous) set(child(joint, "dynamics"), "damping", a.viscous);
+    if (a.coulomb != b.coulomb) set(child(joint, "dynamics"), "friction", a.coulomb);
+    if (a.armature != 0.0) notes.push_back("armature at " + now.joint + " = " + exact(a.armature));
+    if (a.stiffness != 0.0) notes.push_back("joint_spring at " + now.joint);
+    const auto limit = [&](const char* name, double x, double y) {
+      if (x == y) return;
+      if (std::isfinite(x))
+        set(child(joint, "limit"), name, x);
+      else if (XmlElement* e = joint.FirstChildElement("limit"))
+        e->SetAttribute(name, "0");
+    };
+    limit("lower", now.limits.lower, then.limits.lower);
+    limit("upper", now.limits.upper, then.limits.upper);
+    limit("velocity", now.limits.velocity, then.limits.velocity);
+    limit("effort", now.limits.effort, then.limits.effort);
+    if (now.passive) notes.push_back("joint '" + now.joint + "' is passive");
+  }
+  for (const EffectSpec& e : model.effects)
+    if (!is_joint_term(model, e)) notes.push_back(e.effect + " at " + e.where);
+  for (const ModelFrame& f : model.frames) notes.push_back("frame '" + f.name + "'");
+  const Vec3<double> g = model.gravity - before.gravity;
+  if (dot(g, g) != 0.0) notes.push_back("gravity " + exact(model.gravity));
+  if (model.posterior) notes.push_back("the posterior of the parameters");
+  return xml_text(*document);
+}
+
+}  // namespace diffnea::io

@@ -1,0 +1,41 @@
+#pragma once
+/// XML documents as trees that can be edited in place. tinyxml2 stays inside src/io.
+
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <tinyxml2.h>
+
+namespace diffnea::io {
+
+using XmlDocument = tinyxml2::XMLDocument;
+using XmlElement = tinyxml2::XMLElement;
+
+/// @throws ModelError `where: is not XML: line …`
+std::unique_ptr<XmlDocument> parse_xml(std::string_view text, const std::string& where);
+std::string xml_text(const XmlDocument& document);
+
+/// Attribute, or an empty string.
+std::string attribute(const XmlElement& element, const char* name);
+/// First child of that name, created (as last child) if there is none.
+XmlElement& child(XmlElement& element, const char* name);
+void remove_children(XmlElement& element, const char* name);
+
+/// Calls f(child) for every child element of that name (all names: nullptr); f may delete its
+/// argument.
+template <class F>
+void for_each_child(XmlElement& element, const char* name, F&& f) {
+  for (XmlElement* e = element.FirstChildElement(name); e != nullptr;) {
+    XmlElement* next = e->NextSiblingElement(name);
+    f(*e);
+    e = next;
+  }
+}
+
+/// A file below `folder`, however `relative` is written and wherever links point.
+/// @throws ModelError if it lies elsewhere; FileError if it does not exist
+std::filesystem::path confined_path(const std::filesystem::path& folder,
+                                    const std::string& relative, const std::string& where);
+
+}  // namespace diffnea::io
