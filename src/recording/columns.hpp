@@ -1,0 +1,45 @@
+#pragma once
+/// What a header of a recording means: for each column its channel, joint and factor to SI.
+/// Internal.
+
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include <diffnea/recording/recording.hpp>
+
+namespace diffnea::detail {
+
+enum class Channel { kTime, kRun, kQ, kQd, kQdd, kQcmd, kTau, kBall, kSpin, kExtra };
+
+struct Column {
+  Channel channel = Channel::kExtra;
+  int index = 0;       ///< joint, axis, or number of the extra channel
+  double scale = 1.0;  ///< to SI
+  std::string name;    ///< as in the header
+};
+
+struct Columns {
+  std::vector<Column> columns;
+  std::vector<std::string> joint_names;  ///< in the order of the q_ columns
+  std::vector<std::string> extra_names;
+  std::vector<bool> has_tau;  ///< per joint: there is a column
+  std::vector<std::string> notes;
+
+  bool has(Channel channel) const;
+};
+
+/// @param where  file name, for messages
+/// @throws DataError `file:1:column: …`
+Columns parse_header(std::string_view line, const std::string& where, const RecordingInfo& info);
+
+/// No measured value of this channel is larger, in SI; infinite: anything goes.
+double largest_credible(Channel channel);
+
+/// What to call the channel in a message.
+const char* channel_name(Channel channel);
+
+/// "a, b, c" or "none"
+std::string join(const std::vector<std::string>& names);
+
+}  // namespace diffnea::detail
