@@ -28,7 +28,7 @@ test:
 bench:
 	.ci/setup --tests
 	cmake --build $(BUILD) --target diffnea_benchmarks
-	$(BUILD)/tests/diffnea_benchmarks
+	$(BUILD)/tests/benchmarks/diffnea_benchmarks
 
 clean:
 	rm -rf build dist
