@@ -47,14 +47,21 @@ void walk(XmlElement& element, F&& f) {
 
 bool is(const XmlElement& e, const char* name) { return std::strcmp(e.Name(), name) == 0; }
 
+bool inertia_from_geoms(XmlElement& root) {
+  bool forced = false;
+  for_each_child(root, "compiler",
+                 [&](XmlElement& c) { forced |= attribute(c, "inertiafromgeom") == "true"; });
+  return forced;
+}
+
 /// Removes what needs files and has no mass, so that a model compiles where its looks are missing.
-void strip_looks(XmlElement& root, bool inertia_from_geoms) {
+void strip_looks(XmlElement& root, bool weigh_all) {
   std::set<std::string> used_meshes;
   for_each_child(root, "visual", [&](XmlElement& e) { root.DeleteChild(&e); });
   for_each_child(root, "statistic", [&](XmlElement& e) { root.DeleteChild(&e); });
   walk(root, [&](XmlElement& e) {
     for_each_child(e, nullptr, [&](XmlElement& c) {
-      const bool states_inertia = e.FirstChildElement("inertial") && !inertia_from_geoms;
+      const bool states_inertia = e.FirstChildElement("inertial") && !weigh_all;
       if (is(c, "texture") || is(c, "hfield") || is(c, "skin"))
         e.DeleteChild(&c);
       else if (is(c, "geom") && (c.Attribute("hfield") || (c.Attribute("mesh") && states_inertia)))
@@ -74,33 +81,8 @@ void strip_looks(XmlElement& root, bool inertia_from_geoms) {
   });
 }
 
-/// The virtual file system that MuJoCo reads from: 2 MB of names, hence on the heap.
-class Files {
- public:
-  Files() : vfs_(std::make_unique<mjVFS>()) { mj_defaultVFS(vfs_.get()); }
-  ~Files() { mj_deleteVFS(vfs_.get()); }
-  Files(const Files&) = delete;
-  Files& operator=(const Files&) = delete;
-
-  void add(const char* name, const std::string& content, const std::string& where) {
-#if mjVERSION_HEADER >= 310
-    const int status =
-        mj_addBufferVFS(vfs_.get(), name, content.data(), static_cast<int>(content.size()));
-#else
-    const int status = mj_makeEmptyFileVFS(vfs_.get(), name, static_cast<int>(content.size()));
-    if (status == 0)
-      std::memcpy(vfs_->filedata[mj_findFileVFS(vfs_.get(), name)], content.data(), content.size());
-#endif
-    if (status != 0) throw ModelError(where + ": names too many files");
-  }
-  const mjVFS* get() const { return vfs_.get(); }
-
- private:
-  std::unique_ptr<mjVFS> vfs_;
-};
-
 /// Meshes that give a body its inertia: checked, loaded, and renamed to flat names in memory.
-void add_meshes(XmlElement& root, const Mjcf& mjcf, Files& files) {
+void add_meshes(XmlElement& root, const Mjcf& mjcf, sim::MujocoFiles& files) {
   std::string mesh_folder;
   for_each_child(root, "compiler", [&](XmlElement& c) {
     for (const char* name : {"assetdir", "meshdir"})
@@ -116,7 +98,7 @@ void add_meshes(XmlElement& root, const Mjcf& mjcf, Files& files) {
         confined_path(mjcf.folder, (std::filesystem::path(mesh_folder) / file).string(),
                       mjcf.where + ": mesh '" + attribute(mesh, "name") + "'");
     const std::string flat = "mesh" + std::to_string(count++) + path.extension().string();
-    files.add(flat.c_str(), read_text_file(path), mjcf.where);
+    files.add(flat, read_text_file(path), mjcf.where);
     mesh.SetAttribute("file", flat.c_str());
   });
 }
@@ -223,6 +205,15 @@ ModelLink joint_link(const mjModel& m, int j, const Pose<double>& X_PB, const st
   return link;
 }
 
+/// About the body's origin, in the body.
+SpatialInertia<double> body_inertia(const mjModel& m, int b) {
+  if (!(m.body_mass[b] > 0)) return {};
+  const mjtNum* I = m.body_inertia + 3 * b;
+  const SpatialInertia<double> M_C =
+      inertia_from_com<double>(m.body_mass[b], {}, {I[0], 0, 0, I[1], 0, I[2]});
+  return to_parent(pose(m.body_ipos + 3 * b, m.body_iquat + 4 * b), M_C);
+}
+
 JointTerms mujoco_terms(const mjModel& m, int j) {
   const int dof = m.jnt_dofadr[j];
   JointTerms t;
@@ -248,23 +239,10 @@ MujocoModel compile_mjcf(const Mjcf& mjcf) {
   XmlDocument document;
   mjcf.document->DeepCopy(&document);
   XmlElement& root = *document.RootElement();
-  bool inertia_from_geoms = false;
-  for_each_child(root, "compiler", [&](XmlElement& c) {
-    inertia_from_geoms |= attribute(c, "inertiafromgeom") == "true";
-  });
-  strip_looks(root, inertia_from_geoms);
-  Files files;
+  strip_looks(root, inertia_from_geoms(root));
+  sim::MujocoFiles files;
   add_meshes(root, mjcf, files);
-  files.add("model.xml", xml_text(document), mjcf.where);
-  char error[1000] = "";
-  MujocoModel model(mj_loadXML("model.xml", files.get(), error, sizeof error));
-  if (!model) {
-    std::string reason = error;
-    std::ranges::replace(reason, '\n', ' ');
-    throw ModelError(mjcf.where + ": MuJoCo cannot compile it: " +
-                     (reason.empty() ? "no reason given" : reason));
-  }
-  return model;
+  return sim::compile_mujoco(xml_text(document), files, mjcf.where);
 }
 
 std::string body_name(const mjModel& m, int body) {
@@ -341,13 +319,7 @@ Model model_from_mujoco(const mjModel& m, const std::string& where) {
       at.X_LB = X_PB = shift(-vec(m.jnt_pos + 3 * j));
     }
     bodies[b] = at;
-    if (m.body_mass[b] > 0) {
-      const mjtNum* I = m.body_inertia + 3 * b;
-      const Pose<double> X_BC = pose(m.body_ipos + 3 * b, m.body_iquat + 4 * b);
-      const SpatialInertia<double> M_C =
-          inertia_from_com<double>(m.body_mass[b], {}, {I[0], 0, 0, I[1], 0, I[2]});
-      model.links[at.link].inertia = to_parent(at.X_LB * X_BC, M_C);
-    }
+    model.links[at.link].inertia = to_parent(at.X_LB, body_inertia(m, b));
   }
   for (int s = 0; s < m.nsite; ++s) {
     const int b = m.site_bodyid[s];
@@ -507,6 +479,22 @@ std::string mjcf_with_values(const std::string& original, const std::filesystem:
     if (!is_joint_term(model, e)) notes.push_back(e.effect + " at " + e.where);
   if (model.posterior) notes.emplace_back("the posterior of the parameters");
   return xml_text(*mjcf.document);
+}
+
+std::string self_contained_mjcf(const Mjcf& mjcf) {
+  XmlDocument document;
+  mjcf.document->DeepCopy(&document);
+  XmlElement& root = *document.RootElement();
+  strip_looks(root, inertia_from_geoms(root));
+  bool meshes = false;
+  walk(root, [&](XmlElement& e) { meshes |= is(e, "mesh"); });
+  if (!meshes) return xml_text(document);
+  const MujocoModel m = compile_mjcf(mjcf);
+  const Elements elements = find_elements(root, *m, mjcf.where);
+  for (int b = 1; b < m->nbody; ++b) write_inertial(*elements.bodies[b], body_inertia(*m, b));
+  trust_stated_inertias(root);
+  strip_looks(root, false);
+  return xml_text(document);
 }
 
 }  // namespace diffnea::io

@@ -8,22 +8,14 @@
 #include <string>
 #include <vector>
 
-#include <mujoco/mujoco.h>
-
 #include <diffnea/model/model.hpp>
 
 #include "io/xml.hpp"
+#include "sim/mujoco_model.hpp"
 
 namespace diffnea::io {
 
-struct DeleteMujocoModel {
-  void operator()(mjModel* m) const { mj_deleteModel(m); }
-};
-struct DeleteMujocoData {
-  void operator()(mjData* d) const { mj_deleteData(d); }
-};
-using MujocoModel = std::unique_ptr<mjModel, DeleteMujocoModel>;
-using MujocoData = std::unique_ptr<mjData, DeleteMujocoData>;
+using sim::MujocoModel;
 
 /// One document in place of a file and all it includes.
 struct Mjcf {
@@ -39,6 +31,10 @@ Mjcf expand_mjcf(const std::string& text, const std::filesystem::path& folder,
 /// bodies that state their inertia are left out: they do not move the robot.
 /// @throws ModelError with MuJoCo's words
 MujocoModel compile_mjcf(const Mjcf& mjcf);
+
+/// The document as text that needs no other file: meshes are gone, the bodies they gave an inertia
+/// state it.
+std::string self_contained_mjcf(const Mjcf& mjcf);
 
 /// Name of a body or joint; `body3`, `joint2` where the file gives none (the number is MuJoCo's).
 std::string body_name(const mjModel& m, int body);

@@ -44,6 +44,13 @@ Model read_model(const std::filesystem::path& path) {
   return model_from_json(text, where);
 }
 
+std::string read_mjcf(const std::filesystem::path& path) {
+  const std::string text = read_text_file(path), where = path.string();
+  if (format_of(text, where) != Format::kMjcf)
+    throw ModelError(where + ": is no MJCF (<mujoco>), which a simulated world needs");
+  return io::self_contained_mjcf(io::expand_mjcf(text, path.parent_path(), where));
+}
+
 std::vector<std::string> write_model(const Model& model, const std::filesystem::path& path) {
   const std::string extension = path.extension().string();
   std::vector<std::string> notes;

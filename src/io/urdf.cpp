@@ -41,17 +41,33 @@ class CollectErrors : public console_bridge::OutputHandler {
   std::string text_;
 };
 
-urdf::ModelInterfaceSharedPtr parse(const std::string& text, const std::string& where) {
-  std::string reason;
+/// Only links and joints, and of them what moves: looks may be missing or wrong.
+std::string without_looks(const XmlDocument& original) {
+  XmlDocument document;
+  original.DeepCopy(&document);
+  XmlElement& robot = *document.RootElement();
+  for_each_child(robot, nullptr, [&](XmlElement& e) {
+    const std::string name = e.Name();
+    if (name != "link" && name != "joint") return robot.DeleteChild(&e);
+    remove_children(e, "visual");
+    remove_children(e, "collision");
+  });
+  return xml_text(document);
+}
+
+/// @throws ModelError also where urdfdom complains and goes on: it drops an inertia that it cannot
+/// read
+urdf::ModelInterfaceSharedPtr parse(const XmlDocument& document, const std::string& where) {
+  std::string reason = "no reason given";
   try {
     CollectErrors errors;
-    if (urdf::ModelInterfaceSharedPtr urdf = urdf::parseURDF(text)) return urdf;
-    reason = errors.text();
+    const urdf::ModelInterfaceSharedPtr urdf = urdf::parseURDF(without_looks(document));
+    if (urdf && errors.text().empty()) return urdf;
+    if (!errors.text().empty()) reason = errors.text();
   } catch (const std::exception& error) {
     reason = error.what();
   }
-  throw ModelError(where +
-                   ": is not a valid URDF: " + (reason.empty() ? "no reason given" : reason));
+  throw ModelError(where + ": is not a valid URDF: " + reason);
 }
 
 /// A tree has one parent a link and no cycle; urdfdom overwrites the first parent without a word
@@ -174,7 +190,7 @@ Model model_from_urdf(const std::string& text, const std::string& where) {
   const std::unique_ptr<XmlDocument> document = parse_xml(text, where);
   XmlElement& robot = *document->RootElement();
   check_tree(robot, where);
-  const urdf::ModelInterfaceSharedPtr urdf = parse(text, where);
+  const urdf::ModelInterfaceSharedPtr urdf = parse(*document, where);
 
   Model model;
   model.name = urdf->getName();

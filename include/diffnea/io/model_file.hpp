@@ -33,6 +33,11 @@ namespace diffnea {
 ///         joints, free bodies (but the one named `ball`, which is left out), equality constraints
 Model read_model(const std::filesystem::path& path);
 
+/// An MJCF as one document that needs no other file, for a simulator: includes resolved, textures
+/// gone, and meshes too (the bodies whose inertia they gave state it).
+/// @throws FileError, ModelError as read_model
+std::string read_mjcf(const std::filesystem::path& path);
+
 /// Writes a model. `.json` holds all of it. `.urdf` and `.xml` need a model that was read from that
 /// format: its original document (model.source) is written with the changed values put in place:
 /// inertias, friction, rotor inertia, spring, limits, and in a URDF the joints' poses. The moving

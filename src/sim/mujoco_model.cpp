@@ -1,0 +1,49 @@
+#include "sim/mujoco_model.hpp"
+
+#include <algorithm>
+#include <cstring>
+
+#include <diffnea/core/error.hpp>
+
+namespace diffnea::sim {
+namespace {
+
+/// MuJoCo's own answer to a warning is a log file in the working folder; the library never writes
+/// unasked. Counts of warnings stay readable in mjData.
+const bool kQuiet = [] {
+  if (!mju_user_warning) mju_user_warning = [](const char*) {};
+  return true;
+}();
+
+}  // namespace
+
+MujocoFiles::MujocoFiles() : vfs_(std::make_unique<mjVFS>()) { mj_defaultVFS(vfs_.get()); }
+MujocoFiles::~MujocoFiles() { mj_deleteVFS(vfs_.get()); }
+
+void MujocoFiles::add(const std::string& name, std::string_view content, const std::string& where) {
+  const int size = static_cast<int>(content.size());
+#if mjVERSION_HEADER >= 310
+  const int status = mj_addBufferVFS(vfs_.get(), name.c_str(), content.data(), size);
+#else
+  const int status = mj_makeEmptyFileVFS(vfs_.get(), name.c_str(), size);
+  if (status == 0)
+    std::memcpy(vfs_->filedata[mj_findFileVFS(vfs_.get(), name.c_str())], content.data(),
+                content.size());
+#endif
+  if (status != 0) throw ModelError(where + ": names too many files");
+}
+
+MujocoModel compile_mujoco(std::string_view mjcf, MujocoFiles& files, const std::string& where) {
+  static_cast<void>(kQuiet);
+  files.add("model.xml", mjcf, where);
+  char error[1000] = "";
+  MujocoModel model(mj_loadXML("model.xml", files.get(), error, sizeof error));
+  if (model) return model;
+  std::string reason = error;
+  std::ranges::replace(reason, '\n', ' ');
+  while (!reason.empty() && reason.back() == ' ') reason.pop_back();
+  throw ModelError(where +
+                   ": MuJoCo cannot compile it: " + (reason.empty() ? "no reason given" : reason));
+}
+
+}  // namespace diffnea::sim
