@@ -14,11 +14,11 @@ namespace diffnea {
 
 struct DecimatorOptions {
   double rate_hz = 0.0;  ///< of the input rows
-  int factor = 1;        ///< input rows per output row; 1 with no pass band: copies
+  int factor = 1;        ///< input rows per output row; 1 without a pass band: copies
   double pass_hz = 0.0;  ///< kept to within the ripple; 0: 0.35 of the output rate
-  double stop_hz =
-      0.0;  ///< suppressed from here; 0: 0.65 of the output rate (what folds lands above pass_hz)
-  double attenuation_db = 60.0;  ///< ripple and suppression, 1e-3
+  /// Suppressed from here; 0: the output rate − pass_hz, so that what folds lands above pass_hz.
+  double stop_hz = 0.0;
+  double attenuation_db = 60.0;  ///< ripple and suppression: 1e-3
 };
 
 class Decimator {

@@ -2,17 +2,16 @@
 /// From measured rows to what a regression needs: a uniform time grid, positions without noise,
 /// velocities and accelerations, torques that belong to them.
 ///
-///   1. Gaps (rows without a position or a measured torque, or time that jumps by more than max_gap
-///   periods)
-///      cut the recording into segments. Nothing is filtered or differentiated across them.
-///   2. Each segment is put on a grid of the median period: a sample that lies on a grid point is
-///   kept, else
-///      q is interpolated by the cubic, τ by the line through its neighbours.
-///   3. τ of kHold sampling: row k's torque acts from k to k+1, so its sample k is (τ_{k−1} +
-///   τ_k)/2.
+///   1. Gaps (rows without a position or a measured torque, or time that jumps by more than
+///      max_gap) cut the recording into segments; nothing is filtered across them.
+///   2. Each segment is put on a grid of the mean period (without outliers). A sample that lies on
+///      a grid point is kept, else q is interpolated by the cubic through four neighbours, τ by
+///      the line through two.
+///   3. τ of kHold sampling: row k's torque acts from k to k+1, so what acts about row k is
+///      (τ_{k−1} + τ_k)/2.
 ///   4. q: Butterworth low-pass forward and backward (no phase; gain ½ at filter_hz).
-///   5. q̇, q̈ by five-point central differences of the filtered q: exact for polynomials of degree 4
-///      and 5; gain 1 − (ωh)⁴/30 and 1 − (ωh)⁴/90. Two rows at each end of a segment are lost.
+///   5. q̇, q̈ by five-point central differences of the filtered q: exact for polynomials of degree
+///      4 and 5; gain 1 − (ωh)⁴/30 and 1 − (ωh)⁴/90. Two rows at each end of a segment are lost.
 /// τ is not filtered here: recording/decimator.hpp does that together with the regressor's columns.
 ///
 ///     const PreprocessPlan plan = plan_preprocess(recordings, {});
@@ -26,14 +25,16 @@
 namespace diffnea {
 
 struct PreprocessOptions {
-  double filter_hz =
-      0.0;        ///< Butterworth cut-off; 0: where the spectra of q meet their noise floor
+  /// Butterworth cut-off; 0: 1.5 times the frequency where the accelerations' spectrum is lowest,
+  /// between the motion and the noise that rises with f⁴; the largest of the joints.
+  double filter_hz = 0.0;
   int order = 4;  ///< of the Butterworth filter, which acts twice
-  double decimate_to_hz =
-      0.0;                   ///< 0: about 50 Hz, more if filter_hz asks for it; above the rate: off
-  double max_gap = 5.0;      ///< a longer pause splits [periods]
-  double min_segment = 1.0;  ///< a shorter segment is dropped [s]
-  bool measured_velocity = false;  ///< filtered qd and its difference instead of differences of q
+  /// 0: about 50 Hz, or what holds 99 % of the accelerations' power; above the rate: off.
+  double decimate_to_hz = 0.0;
+  /// A longer pause splits [periods]; 0: 5, or a tenth of the cut-off's period if that is longer.
+  double max_gap = 0.0;
+  double min_segment = 1.0;        ///< a shorter segment is dropped [s]
+  bool measured_velocity = false;  ///< filtered qd and its difference, not differences of q
 };
 
 /// What is decided once for all blocks and recordings.
@@ -45,12 +46,10 @@ struct PreprocessPlan {
   double max_gap = 5.0;
   double min_segment = 1.0;
   bool measured_velocity = false;
-  std::vector<double>
-      joint_hz;  ///< per joint: where its spectrum meets the noise floor; filter_hz is the largest
-  std::vector<double>
-      q_noise;  ///< per joint: standard deviation of the white noise of q [rad] or [m]
-  std::vector<double> tau_noise;  ///< per joint: of τ; NaN where it is not measured
-  double timing_jitter = 0.0;  ///< share of the intervals that are off the grid's by more than 2 %
+  std::vector<double> joint_hz;   ///< per joint: the cut-off for it alone; 0: too short to tell
+  std::vector<double> q_noise;    ///< per joint: standard deviation of q's noise [rad] or [m]
+  std::vector<double> tau_noise;  ///< per joint: of the white part of τ's; NaN: not measured
+  double timing_jitter = 0.0;     ///< share of the intervals that are off dt by more than 2 %
 };
 
 /// Rows of one recording on a uniform grid.
@@ -70,7 +69,7 @@ struct Preprocessed {
 };
 
 /// Chooses grid, cut-off and decimation. For a stream, any stretch of it that is long enough to be
-/// typical does.
+/// typical does. Held-out recordings take the plan of those that were fitted.
 /// @throws DataError if the recordings differ in joints, or hold no stretch to differentiate
 PreprocessPlan plan_preprocess(const std::vector<Recording>& recordings,
                                const PreprocessOptions& options = {});
@@ -88,12 +87,14 @@ class Preprocessor {
   Preprocessor(Preprocessor&&) noexcept;
   Preprocessor& operator=(Preprocessor&&) noexcept;
 
-  /// Takes the next rows; another run ends the present segment. @return rows that are complete
+  /// Takes the next rows of one recording. @return rows that are complete
+  /// @throws DataError if they are of another recording: finish() ends one
   Preprocessed push(const Recording& block);
   /// Ends the recording. @return the rows that waited for more
   Preprocessed finish();
 
  private:
+  friend Preprocessed preprocess(const Recording&, const PreprocessPlan&);
   struct Impl;
   std::unique_ptr<Impl> impl_;
 };

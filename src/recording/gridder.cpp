@@ -1,0 +1,110 @@
+#include "recording/gridder.hpp"
+
+#include <cmath>
+
+namespace diffnea::detail {
+namespace {
+
+/// A sample this near to a grid point is taken as it is [periods].
+constexpr double kOnGrid = 0.02;
+/// Neighbours of an interval that lie closer to it are not used: a cubic through points that nearly
+/// coincide blows their noise up [periods].
+constexpr double kTooClose = 0.3;
+
+}  // namespace
+
+bool is_gap(const Recording& r, long i, bool velocity) {
+  for (long j = 0; j < r.q.cols(); ++j)
+    if (std::isnan(r.q(i, j)) || (r.has_tau[j] && std::isnan(r.tau(i, j))) ||
+        (velocity && std::isnan(r.qd(i, j))))
+      return true;
+  return false;
+}
+
+Gridder::Gridder(const Options& options, int num_joints)
+    : options_(options),
+      n_(num_joints),
+      num_columns_((options.velocity ? 3 : 2) * num_joints),
+      last_tau_(num_joints) {}
+
+bool Gridder::push(const Recording& r, long i) {
+  if (is_gap(r, i, options_.velocity)) return true;
+  const double t = r.time[i];
+  const bool first = times_.empty();
+  if (!first && t - times_.back() > options_.max_gap * options_.dt) return false;
+  if (first) {
+    t0_ = t;
+    next_ = 0;
+  }
+  const bool average =
+      options_.average_hold && !first && r.info.torque_sampling == TorqueSampling::kHold;
+  times_.push_back(t);
+  for (int j = 0; j < n_; ++j) raw_.push_back(r.q(i, j));
+  for (int j = 0; j < n_; ++j) {
+    const double tau = r.tau(i, j);
+    raw_.push_back(average ? 0.5 * (last_tau_[j] + tau) : tau);
+    last_tau_[j] = tau;
+  }
+  if (options_.velocity)
+    for (int j = 0; j < n_; ++j) raw_.push_back(r.qd(i, j));
+  // With four rows the second interval has a neighbour on either side.
+  if (times_.size() == 3) emit_interval(0);
+  if (times_.size() == 4) {
+    emit_interval(1);
+    times_.erase(times_.begin());
+    raw_.erase(raw_.begin(), raw_.begin() + num_columns_);
+  }
+  return true;
+}
+
+void Gridder::finish_segment() {
+  const std::size_t size = times_.size();
+  if (size == 2) emit_interval(0);
+  if (size == 3) emit_interval(1);
+  if (size > 0 && std::abs(t0_ + static_cast<double>(next_) * options_.dt - times_.back()) <=
+                      kOnGrid * options_.dt)
+    rows.insert(rows.end(), raw_.end() - num_columns_, raw_.end());
+  times_.clear();
+  raw_.clear();
+}
+
+/// Grid points from raw row k up to, not including, row k + 1.
+void Gridder::emit_interval(std::size_t k) {
+  const double dt = options_.dt;
+  for (;; ++next_) {
+    const double t = t0_ + static_cast<double>(next_) * dt;
+    if (t >= times_[k + 1] - kOnGrid * dt) return;
+    const double* a = raw_.data() + k * num_columns_;
+    if (std::abs(t - times_[k]) <= kOnGrid * dt) {
+      rows.insert(rows.end(), a, a + num_columns_);
+      continue;
+    }
+    // Lagrange's weights over the interval's ends and its neighbours.
+    std::size_t node[4];
+    int num_nodes = 0;
+    if (k > 0 && times_[k] - times_[k - 1] > kTooClose * dt) node[num_nodes++] = k - 1;
+    node[num_nodes++] = k;
+    node[num_nodes++] = k + 1;
+    if (k + 2 < times_.size() && times_[k + 2] - times_[k + 1] > kTooClose * dt)
+      node[num_nodes++] = k + 2;
+    double weight[4];
+    for (int i = 0; i < num_nodes; ++i) {
+      weight[i] = 1.0;
+      for (int m = 0; m < num_nodes; ++m)
+        if (m != i) weight[i] *= (t - times_[node[m]]) / (times_[node[i]] - times_[node[m]]);
+    }
+    const double s = (t - times_[k]) / (times_[k + 1] - times_[k]);
+    const double* b = a + num_columns_;
+    for (int c = 0; c < num_columns_; ++c) {
+      const bool torque = c >= n_ && c < 2 * n_;
+      double x = 0.0;
+      if (torque)
+        x = (1.0 - s) * a[c] + s * b[c];
+      else
+        for (int i = 0; i < num_nodes; ++i) x += weight[i] * raw_[node[i] * num_columns_ + c];
+      rows.push_back(x);
+    }
+  }
+}
+
+}  // namespace diffnea::detail

@@ -1,0 +1,418 @@
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+#include <diffnea/core/error.hpp>
+#include <diffnea/recording/butterworth.hpp>
+#include <diffnea/recording/preprocess.hpp>
+
+#include "recording/columns.hpp"
+#include "recording/gridder.hpp"
+#include "recording/spectrum.hpp"
+
+namespace diffnea {
+namespace {
+
+using detail::Gridder;
+
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+/// Half of the width of the difference stencils [rows].
+constexpr long kStencil = 2;
+/// What a block's artificial end may leave in its rows, relative to the signal. q̈ magnifies it by
+/// the square of the cut-off in the units of the data (10³ to 10⁵), which leaves 1e-9 of q̈.
+constexpr double kForgotten = 1e-15;
+/// Rows that planning looks at, at most; enough for any spectrum.
+constexpr long kPlanRows = 400'000;
+
+double median(std::vector<double> x) {
+  const auto middle = x.begin() + static_cast<long>(x.size() / 2);
+  std::nth_element(x.begin(), middle, x.end());
+  return *middle;
+}
+
+/// The grid's period: mean of the intervals within half of their median, which is the median to the
+/// accuracy that time was written with, and its true value where it was rounded.
+double choose_period(const std::vector<Recording>& recordings, const PreprocessOptions& options,
+                     double& jitter) {
+  std::vector<double> steps;
+  for (const Recording& r : recordings)
+    for (long i = 1; i < r.rows() && static_cast<long>(steps.size()) < kPlanRows; ++i)
+      if (!detail::is_gap(r, i, options.measured_velocity) &&
+          !detail::is_gap(r, i - 1, options.measured_velocity))
+        steps.push_back(r.time[i] - r.time[i - 1]);
+  if (steps.empty())
+    throw DataError((recordings.empty() ? std::string("preprocess") : recordings.front().source) +
+                    ": no two rows without a gap follow each other, so there is nothing to "
+                    "differentiate");
+  const double middle = median(steps);
+  double sum = 0.0, count = 0.0;
+  for (const double s : steps)
+    if (std::abs(s - middle) < 0.5 * middle) {
+      sum += s;
+      count += 1.0;
+    }
+  const double mean = sum / count;
+  // A mean far off the median is no rounding: two rates, or many rows left out.
+  const double dt = std::abs(mean - middle) < 0.1 * middle ? mean : middle;
+  jitter = static_cast<double>(std::ranges::count_if(
+               steps, [&](double s) { return std::abs(s - dt) > 0.02 * dt; })) /
+           static_cast<double>(steps.size());
+  return dt;
+}
+
+/// Uniform segments of all recordings, column by column: [column][segment].
+std::vector<std::vector<Eigen::VectorXd>> grid_segments(const std::vector<Recording>& recordings,
+                                                        const Gridder::Options& options) {
+  const int n = recordings.front().num_joints();
+  Gridder gridder(options, n);
+  std::vector<std::vector<Eigen::VectorXd>> out(gridder.num_columns());
+  const auto take = [&] {
+    gridder.finish_segment();
+    const long columns = gridder.num_columns();
+    const long rows = static_cast<long>(gridder.rows.size()) / columns;
+    const Eigen::Map<const RowMatX<double>> m(gridder.rows.data(), rows, columns);
+    for (long c = 0; c < columns && rows > 0; ++c) out[c].emplace_back(m.col(c));
+    gridder.rows.clear();
+  };
+  long taken = 0;
+  for (const Recording& r : recordings) {
+    for (long i = 0; i < r.rows() && taken < kPlanRows; ++i, ++taken)
+      if (!gridder.push(r, i)) {
+        take();
+        gridder.push(r, i);
+      }
+    take();
+  }
+  return out;
+}
+
+/// Window of about 4 s that the longest segment holds four times; a power of two.
+long window_length(const std::vector<Eigen::VectorXd>& segments, double dt) {
+  long longest = 0;
+  for (const Eigen::VectorXd& s : segments) longest = std::max<long>(longest, s.size());
+  long length = 16;
+  while (2.0 * static_cast<double>(length) * dt <= 4.0 && 8 * length <= longest) length *= 2;
+  return length <= longest ? length : 0;
+}
+
+/// What the spectrum of a position says.
+struct PositionSpectrum {
+  double cutoff_hz = 0.0;  ///< signal below, noise above; 0: too short to tell
+  double busy_hz = 0.0;    ///< below it: 99 % of the accelerations' power
+  double noise = 0.0;      ///< standard deviation of the noise of q, if it is white
+};
+
+/// The accelerations' power falls with the motion and rises again with the noise, as f⁴: its
+/// minimum parts them. The noise of positions does not grow with frequency, so a position spectrum
+/// that rises tenfold above the minimum is motion again, and the search goes on from there.
+PositionSpectrum look_at_position(const std::vector<Eigen::VectorXd>& segments, double rate_hz) {
+  // Positions are a few slow lines 100 dB above their noise, which side lobes would hide: their
+  // second difference goes into the window.
+  std::vector<Eigen::VectorXd> second;
+  for (const Eigen::VectorXd& s : segments)
+    if (s.size() > 2)
+      second.emplace_back(s.tail(s.size() - 2) - 2.0 * s.segment(1, s.size() - 2) +
+                          s.head(s.size() - 2));
+  PositionSpectrum out;
+  const long length = window_length(second, 1.0 / rate_hz);
+  if (length == 0) return out;
+  const detail::Spectrum spectrum = detail::welch(second, rate_hz, length);
+  const long num_bins = static_cast<long>(spectrum.power.size());
+  const long end = num_bins - num_bins / 10;  // the last tenth is folded
+
+  // Mean over an eighth of the frequency either way, at least over the window's main lobe.
+  std::vector<double> acceleration(num_bins, 0.0), position(num_bins, 0.0);
+  for (long k = 1; k < num_bins; ++k) {
+    const long reach = std::max(3L, k / 8);
+    const long first = std::max(1L, k - reach), last = std::min(num_bins - 1, k + reach);
+    for (long i = first; i <= last; ++i) acceleration[k] += spectrum.power[i];
+    acceleration[k] /= static_cast<double>(last - first + 1);
+    const double gain =
+        std::pow(2.0 * std::sin(std::numbers::pi * spectrum.frequency(k) / rate_hz), 4);
+    position[k] = acceleration[k] / gain;
+  }
+
+  // The motion's peak: below f⁴ noise the largest bin may be at the far end, in positions it never
+  // is.
+  constexpr double kRisen = 4.0, kMotionAgain = 10.0;
+  long lowest = std::max_element(position.begin() + 1, position.begin() + end) - position.begin();
+  for (long from = lowest;;) {
+    lowest = from;
+    for (long k = from; k < end && acceleration[k] < kRisen * acceleration[lowest]; ++k)
+      if (acceleration[k] < acceleration[lowest]) lowest = k;
+    const long again =
+        std::max_element(position.begin() + lowest, position.begin() + end) - position.begin();
+    if (again <= from || position[again] < kMotionAgain * position[lowest]) break;
+    from = again;
+  }
+  // A Butterworth filter is flat to 4 % up to two thirds of its cut-off.
+  out.cutoff_hz = 1.5 * spectrum.frequency(lowest);
+  const long noise_from = std::min(lowest, end - end / 4);
+  out.noise =
+      std::sqrt(median({position.begin() + noise_from, position.begin() + end}) * 0.5 * rate_hz);
+
+  double total = 0.0, sum = 0.0;
+  for (long k = 1; k <= lowest; ++k) total += spectrum.power[k];
+  for (long k = 1; k <= lowest && sum < 0.99 * total; ++k) {
+    sum += spectrum.power[k];
+    out.busy_hz = spectrum.frequency(k);
+  }
+  return out;
+}
+
+}  // namespace
+
+PreprocessPlan plan_preprocess(const std::vector<Recording>& recordings,
+                               const PreprocessOptions& options) {
+  if (recordings.empty()) throw DataError("preprocess: got no recording, expected one or more");
+  const std::vector<std::string>& names = recordings.front().joint_names;
+  for (const Recording& r : recordings) {
+    if (r.joint_names != names)
+      throw DataError(r.source + ": the joints are not those of " + recordings.front().source +
+                      ": " + detail::join(r.joint_names) + "; " + detail::join(names));
+    if (options.measured_velocity && r.qd.size() == 0)
+      throw DataError(r.source +
+                      ": measured velocities were asked for, but there is no column qd_<joint>");
+  }
+  if (names.empty())
+    throw DataError(recordings.front().source +
+                    ": there is no joint, so there is nothing to differentiate");
+
+  PreprocessPlan plan;
+  plan.order = options.order;
+  plan.min_segment = options.min_segment;
+  plan.measured_velocity = options.measured_velocity;
+  plan.dt = choose_period(recordings, options, plan.timing_jitter);
+  const double rate = 1.0 / plan.dt;
+  const std::size_t n = names.size();
+
+  // Until the cut-off is known: a pause of 20 ms is short against the motion of a robot.
+  plan.max_gap = std::max(5.0, 0.02 / plan.dt);
+  const auto columns = grid_segments(
+      recordings,
+      {.dt = plan.dt, .max_gap = plan.max_gap, .velocity = false, .average_hold = false});
+  double cutoff = 0.0, busy = 0.0;
+  for (std::size_t j = 0; j < n; ++j) {
+    const PositionSpectrum s = look_at_position(columns[j], rate);
+    plan.joint_hz.push_back(s.cutoff_hz);
+    plan.q_noise.push_back(s.noise);
+    cutoff = std::max(cutoff, s.cutoff_hz);
+    busy = std::max(busy, s.busy_hz);
+    const long length = window_length(columns[n + j], plan.dt);
+    const bool measured = recordings.front().has_tau[j] && length > 0;
+    plan.tau_noise.push_back(
+        measured ? std::sqrt(detail::noise_floor(detail::welch(columns[n + j], rate, length)) *
+                             0.5 * rate)
+                 : kNaN);
+  }
+  // The difference stencils are true up to a quarter of the rate.
+  plan.filter_hz = options.filter_hz > 0.0 ? options.filter_hz
+                   : cutoff > 0.0          ? std::clamp(cutoff, 1e-3 * rate, 0.25 * rate)
+                                           : 0.1 * rate;
+  if (plan.filter_hz >= 0.5 * rate)
+    throw DataError(recordings.front().source + ": filter_hz is " + std::to_string(plan.filter_hz) +
+                    " Hz, expected below half of the sampling rate, " + std::to_string(0.5 * rate) +
+                    " Hz");
+
+  // A pause of a tenth of the cut-off's period holds nothing that the interpolation would miss.
+  plan.max_gap =
+      options.max_gap > 0.0 ? options.max_gap : std::max(5.0, 0.1 / (plan.filter_hz * plan.dt));
+
+  constexpr double kUsualRate = 50.0, kPassShare = 0.35;
+  const double wanted = options.decimate_to_hz > 0.0 ? options.decimate_to_hz
+                                                     : std::max(kUsualRate, busy / kPassShare);
+  plan.decimator.rate_hz = rate;
+  plan.decimator.factor = std::max(1, static_cast<int>(std::lround(rate / wanted)));
+  return plan;
+}
+
+struct Preprocessor::Impl {
+  Impl(const PreprocessPlan& p, long rows)
+      : plan(p), filter(p.order, p.filter_hz, 1.0 / p.dt), halo(filter.memory(kForgotten)) {
+    block_rows = rows > 0 ? rows : std::max(4 * halo, 8192L);
+  }
+
+  void begin_recording(const Recording& r) {
+    header = Preprocessed{};
+    header.source = r.source;
+    header.run = r.run;
+    header.joint_names = r.joint_names;
+    header.has_tau = r.has_tau;
+    header.dt = plan.dt;
+    n = r.num_joints();
+    if (plan.measured_velocity && r.qd.size() == 0)
+      throw DataError(r.source +
+                      ": measured velocities were asked for, but there is no column qd_<joint>");
+    gridder.emplace_back(Gridder::Options{.dt = plan.dt,
+                                          .max_gap = plan.max_gap,
+                                          .velocity = plan.measured_velocity,
+                                          .average_hold = true},
+                         n);
+  }
+
+  void take(const Recording& r) {
+    if (!gridder.empty() && (r.run != header.run || r.joint_names != header.joint_names))
+      throw DataError(r.source + ": another recording than " + header.source +
+                      " goes on; finish() ends a recording");
+    if (gridder.empty()) begin_recording(r);
+    for (long i = 0; i < r.rows(); ++i)
+      if (!gridder[0].push(r, i)) {
+        end_segment();
+        gridder[0].push(r, i);
+      }
+    emit(false);
+  }
+
+  Preprocessed finish() {
+    if (!gridder.empty()) end_segment();
+    Preprocessed out = collect();
+    gridder.clear();
+    segment = 0;
+    return out;
+  }
+
+  void end_segment() {
+    if (!gridder[0].in_segment()) return;
+    const double start = gridder[0].start_time();
+    gridder[0].finish_segment();
+    const long rows = first_row + buffered();
+    if (is_too_short(rows)) {
+      char text[160];
+      std::snprintf(text, sizeof text,
+                    "the stretch from %.6g s was dropped: its %.4g s between gaps are too short",
+                    start, static_cast<double>(rows) * plan.dt);
+      notes.emplace_back(text);
+    } else {
+      emit(true);
+      ++segment;
+    }
+    gridder[0].rows.clear();
+    first_row = 0;
+    next_row = kStencil;
+  }
+
+  long buffered() const {
+    return static_cast<long>(gridder[0].rows.size()) / gridder[0].num_columns();
+  }
+
+  bool is_too_short(long rows) const {
+    return static_cast<double>(rows) * plan.dt < plan.min_segment ||
+           rows <= filter.extension() + 2 * kStencil;
+  }
+
+  /// Filters and differentiates all rows whose surroundings are there.
+  void emit(bool segment_ended) {
+    const long columns = gridder[0].num_columns();
+    while (true) {
+      const long end = first_row + buffered();  // grid rows of the segment so far
+      const long reach = halo + kStencil;
+      long last = next_row + block_rows;  // of the block, exclusive
+      if (segment_ended)
+        last = end - kStencil - next_row <= block_rows + halo ? end - kStencil : last;
+      else if (end < last + reach || is_too_short(end))
+        return;
+      if (last <= next_row) return;
+      const long from = std::max(first_row, next_row - reach), to = std::min(end, last + reach);
+      const Eigen::Map<const RowMatX<double>> all(gridder[0].rows.data(), end - first_row, columns);
+      const auto stretch = all.middleRows(from - first_row, to - from);
+      RowMatX<double> q = stretch.leftCols(n), qd;
+      filter.filter_both_ways(q);
+      if (plan.measured_velocity) {
+        qd = stretch.rightCols(n);
+        filter.filter_both_ways(qd);
+      }
+      const long rows = last - next_row, at = next_row - from;
+      const auto shifted = [&](const RowMatX<double>& x, long by) {
+        return x.middleRows(at + by, rows);
+      };
+      const auto derivative = [&](const RowMatX<double>& x) -> RowMatX<double> {
+        return (shifted(x, -2) - shifted(x, 2) + 8.0 * (shifted(x, 1) - shifted(x, -1))) /
+               (12.0 * plan.dt);
+      };
+      out_q.emplace_back(shifted(q, 0));
+      if (plan.measured_velocity) {
+        out_qd.emplace_back(shifted(qd, 0));
+        out_qdd.push_back(derivative(qd));
+      } else {
+        out_qd.push_back(derivative(q));
+        out_qdd.emplace_back((16.0 * (shifted(q, 1) + shifted(q, -1)) - 30.0 * shifted(q, 0) -
+                              shifted(q, 2) - shifted(q, -2)) /
+                             (12.0 * plan.dt * plan.dt));
+      }
+      out_tau.emplace_back(all.middleRows(next_row - first_row, rows).middleCols(n, n));
+      for (long k = next_row; k < last; ++k) {
+        out_time.push_back(gridder[0].start_time() + static_cast<double>(k) * plan.dt);
+        out_segment.push_back(segment);
+      }
+      next_row = last;
+      const long unused = std::max(0L, next_row - reach - first_row);
+      gridder[0].rows.erase(gridder[0].rows.begin(), gridder[0].rows.begin() + unused * columns);
+      first_row += unused;
+    }
+  }
+
+  Preprocessed collect() {
+    Preprocessed out = header;
+    out.time = Eigen::Map<const VecX<double>>(out_time.data(), static_cast<long>(out_time.size()));
+    out.segment.swap(out_segment);
+    const auto stack = [&](std::vector<RowMatX<double>>& parts) {
+      if (parts.size() == 1) {
+        RowMatX<double> one = std::move(parts.front());
+        parts.clear();
+        return one;
+      }
+      RowMatX<double> all(out.time.size(), n);
+      long at = 0;
+      for (const RowMatX<double>& p : parts) {
+        all.middleRows(at, p.rows()) = p;
+        at += p.rows();
+      }
+      parts.clear();
+      return all;
+    };
+    out.q = stack(out_q);
+    out.qd = stack(out_qd);
+    out.qdd = stack(out_qdd);
+    out.tau = stack(out_tau);
+    out.notes.swap(notes);
+    out_time.clear();
+    out_segment.clear();
+    return out;
+  }
+
+  PreprocessPlan plan;
+  Butterworth filter;
+  long halo, block_rows = 0;
+  std::vector<Gridder> gridder;  ///< one, once the joints are known
+  int n = 0;
+  int segment = 0;
+  long first_row = 0;        ///< grid row at the front of the gridder's rows
+  long next_row = kStencil;  ///< grid row to emit next
+  Preprocessed header;
+  std::vector<double> out_time;
+  std::vector<int> out_segment;
+  std::vector<RowMatX<double>> out_q, out_qd, out_qdd, out_tau;
+  std::vector<std::string> notes;
+};
+
+Preprocessor::Preprocessor(const PreprocessPlan& plan, long block_rows)
+    : impl_(std::make_unique<Impl>(plan, block_rows)) {}
+Preprocessor::~Preprocessor() = default;
+Preprocessor::Preprocessor(Preprocessor&&) noexcept = default;
+Preprocessor& Preprocessor::operator=(Preprocessor&&) noexcept = default;
+
+Preprocessed Preprocessor::push(const Recording& block) {
+  impl_->take(block);
+  return impl_->collect();
+}
+Preprocessed Preprocessor::finish() { return impl_->finish(); }
+
+Preprocessed preprocess(const Recording& recording, const PreprocessPlan& plan) {
+  // One block: nothing is emitted before the recording ends.
+  Preprocessor::Impl whole(plan, std::numeric_limits<long>::max() / 4);
+  whole.take(recording);
+  return whole.finish();
+}
+
+}  // namespace diffnea
