@@ -12,6 +12,13 @@ namespace diffnea {
 enum class TorqueSide { kMotor, kLink };
 enum class TorqueSampling { kHold, kInstant };
 
+/// A number that belongs to a joint: a gain or limit of its controller.
+struct JointValue {
+  std::string joint;
+  std::string name;  ///< e.g. "kp", "kd", "limit"
+  double value = 0.0;
+};
+
 /// What columns cannot hold: the optional `<data>.json` beside the file (contract).
 struct RecordingInfo {
   TorqueSide torque_side = TorqueSide::kMotor;
@@ -21,6 +28,7 @@ struct RecordingInfo {
   std::vector<std::string> passive;  ///< joints whose torque is known to be zero
   /// Torque constant per joint [N·m/A], [N/A]: lets a column `tau_<joint> [A]` be read.
   std::vector<std::pair<std::string, double>> torque_constant;
+  std::vector<JointValue> controller;  ///< gains and limits, SI
 };
 
 /// A channel that the contract does not know, kept by name.

@@ -1,0 +1,37 @@
+#pragma once
+/// The JSON file beside a recording that holds what columns cannot: `arm.json` (or `arm.csv.json`)
+/// for `arm.csv`.
+///
+///     {"schema": "diffnea/recording/1",
+///      "torque_side": "motor", "torque_sampling": "hold", "period": 10.0, "passive": ["wrist"],
+///      "torque_constant": {"elbow": 0.119},
+///      "controller": {"elbow": {"kp": 300.0, "kd": 12.0, "limit": 40.0}}}
+///
+/// Every key may be missing. A .json of another diffnea schema (a model of the same name) is not
+/// taken.
+
+#include <filesystem>
+#include <optional>
+
+#include <diffnea/recording/csv.hpp>
+
+namespace diffnea {
+
+struct Sidecar {
+  std::filesystem::path path;
+  RecordingInfo info;
+  std::vector<std::string> notes;  ///< keys that are not of the format
+};
+
+/// @param data  the recording's path; its sidecar need not exist
+/// @throws DataError naming the file and key if a value is not what the format says; FileError
+std::optional<Sidecar> read_sidecar(const std::filesystem::path& data);
+
+/// `options` with the info of the recording's sidecar, if there is one; joints that `options` calls
+/// passive stay so. @throws as read_sidecar
+ReadOptions with_sidecar(const std::filesystem::path& data, ReadOptions options = {});
+
+/// Writes the sidecar of a recording, atomically. @throws FileError
+void write_sidecar(const RecordingInfo& info, const std::filesystem::path& data);
+
+}  // namespace diffnea

@@ -1,0 +1,119 @@
+#include <algorithm>
+
+#include <diffnea/core/error.hpp>
+#include <diffnea/io/atomic_file.hpp>
+#include <diffnea/io/sidecar.hpp>
+
+#include "io/json.hpp"
+
+namespace diffnea {
+namespace {
+
+using io::Json;
+
+constexpr const char* kSchema = "diffnea/recording/1";
+constexpr const char* kKeys[] = {"schema",  "torque_side",     "torque_sampling", "period",
+                                 "passive", "torque_constant", "controller"};
+
+/// One of the words, as its index. @throws ModelError that lists them
+int choice(const Json& value, const std::string& where, const std::vector<std::string>& words) {
+  const std::string word = io::json_string(value, where);
+  const auto it = std::ranges::find(words, word);
+  if (it != words.end()) return static_cast<int>(it - words.begin());
+  std::string list;
+  for (const std::string& w : words) list += (list.empty() ? "" : ", ") + w;
+  throw ModelError(where + ": got '" + word + "'; choices: " + list);
+}
+
+const Json& object(const Json& value, const std::string& where) {
+  if (!value.is_object()) throw ModelError(where + ": expected an object with a key per joint");
+  return value;
+}
+
+Sidecar parse(const Json& json, const std::filesystem::path& path) {
+  const std::string file = path.string();
+  if (!json.is_object()) throw ModelError(file + ": expected an object");
+  Sidecar out;
+  out.path = path;
+  RecordingInfo& info = out.info;
+  const auto at = [&](const char* key) { return file + ": " + key; };
+  if (json.contains("torque_side"))
+    info.torque_side = choice(json["torque_side"], at("torque_side"), {"motor", "link"}) == 0
+                           ? TorqueSide::kMotor
+                           : TorqueSide::kLink;
+  // A drive holds its torque for a period; a joint torque sensor is sampled with the encoders.
+  info.torque_sampling =
+      info.torque_side == TorqueSide::kMotor ? TorqueSampling::kHold : TorqueSampling::kInstant;
+  if (json.contains("torque_sampling"))
+    info.torque_sampling =
+        choice(json["torque_sampling"], at("torque_sampling"), {"hold", "instant"}) == 0
+            ? TorqueSampling::kHold
+            : TorqueSampling::kInstant;
+  if (json.contains("period")) {
+    info.period = io::json_number(json["period"], at("period"));
+    if (info.period < 0.0) throw ModelError(at("period") + ": expected a time of 0 s or more");
+  }
+  if (json.contains("passive"))
+    for (const Json& joint : io::json_array(json["passive"], at("passive")))
+      info.passive.push_back(io::json_string(joint, at("passive")));
+  if (json.contains("torque_constant"))
+    for (const auto& [joint, value] :
+         object(json["torque_constant"], at("torque_constant")).items())
+      info.torque_constant.emplace_back(
+          joint, io::json_number(value, at("torque_constant") + "." + joint));
+  if (json.contains("controller"))
+    for (const auto& [joint, values] : object(json["controller"], at("controller")).items())
+      for (const auto& [name, value] : object(values, at("controller") + "." + joint).items())
+        info.controller.push_back(
+            {joint, name, io::json_number(value, at("controller") + "." + joint + "." + name)});
+  for (const auto& [key, value] : json.items())
+    if (std::ranges::find(kKeys, key) == std::end(kKeys))
+      out.notes.push_back(file + ": key '" + key + "' is not of the format and was not used");
+  return out;
+}
+
+}  // namespace
+
+std::optional<Sidecar> read_sidecar(const std::filesystem::path& data) {
+  std::filesystem::path beside = data, behind = data;
+  beside.replace_extension(".json");
+  behind += ".json";
+  for (const std::filesystem::path& path : {behind, beside}) {
+    if (path == data || !std::filesystem::is_regular_file(path)) continue;
+    try {
+      const Json json = io::parse_json(read_text_file(path), path.string());
+      if (json.is_object() && json.contains("schema") && json["schema"] != kSchema) continue;
+      return parse(json, path);
+    } catch (const ModelError& error) {
+      throw DataError(error.what());
+    }
+  }
+  return std::nullopt;
+}
+
+ReadOptions with_sidecar(const std::filesystem::path& data, ReadOptions options) {
+  const std::optional<Sidecar> sidecar = read_sidecar(data);
+  if (!sidecar) return options;
+  std::vector<std::string> passive = sidecar->info.passive;
+  for (const std::string& joint : options.info.passive)
+    if (std::ranges::find(passive, joint) == passive.end()) passive.push_back(joint);
+  options.info = sidecar->info;
+  options.info.passive = passive;
+  return options;
+}
+
+void write_sidecar(const RecordingInfo& info, const std::filesystem::path& data) {
+  Json json;
+  json["schema"] = kSchema;
+  json["torque_side"] = info.torque_side == TorqueSide::kMotor ? "motor" : "link";
+  json["torque_sampling"] = info.torque_sampling == TorqueSampling::kHold ? "hold" : "instant";
+  if (info.period > 0.0) json["period"] = info.period;
+  if (!info.passive.empty()) json["passive"] = info.passive;
+  for (const auto& [joint, value] : info.torque_constant) json["torque_constant"][joint] = value;
+  for (const JointValue& c : info.controller) json["controller"][c.joint][c.name] = c.value;
+  std::filesystem::path path = data;
+  path.replace_extension(".json");
+  write_file_atomically(path, json.dump(2) + "\n");
+}
+
+}  // namespace diffnea
