@@ -1,25 +1,32 @@
+#include <cstdio>
+#include <exception>
 #include <string>
 
 #include <CLI/CLI.hpp>
 
 #include "diffnea/version.hpp"
+#include <diffnea/core/error.hpp>
 
-namespace {
-
-/// Exit status of a command line that cannot be understood.
-constexpr int kWrongUsage = 2;
-
-}  // namespace
+#include "common.hpp"
 
 int main(int argc, char** argv) {
   CLI::App app(
       "Identify the dynamics of a robot from recordings, and name the effect that its model lacks.",
       "diffnea");
   app.set_version_flag("--version", std::string(diffnea::version()));
+  app.require_subcommand(1);
+  // One line per command, sorted.
+  diffnea::apps::add_info(app);
   try {
-    app.parse(argc, argv);
+    app.parse(argc, argv);  // runs the command
   } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : kWrongUsage;
+    return app.exit(error) == 0 ? 0 : diffnea::apps::kWrongUsage;
+  } catch (const diffnea::Error& error) {
+    std::fprintf(stderr, "%s\n", error.what());
+    return diffnea::apps::kBadInput;
+  } catch (const std::exception& error) {  // a mistake of ours: say so, but do not crash
+    std::fprintf(stderr, "diffnea: internal error: %s\n", error.what());
+    return diffnea::apps::kBadInput;
   }
   return 0;
 }

@@ -1,10 +1,10 @@
-#include <diffnea/core/error.hpp>
-#include <diffnea/model/model.hpp>
-#include <diffnea/model/physical.hpp>
-
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+
+#include <diffnea/core/error.hpp>
+#include <diffnea/model/model.hpp>
+#include <diffnea/model/physical.hpp>
 
 namespace diffnea {
 namespace {
@@ -98,9 +98,13 @@ Tree<double> make_tree(const Model& model) {
     }
     tree.links.push_back(l);
   }
-  for (const EffectSpec& e : model.effects)
-    if (e.effect == "armature")
-      tree.links[find_joint(model, e.where)].armature += e.parameters.at(0).value;
+  for (const EffectSpec& e : model.effects) {
+    if (e.effect != "armature") continue;
+    if (e.parameters.size() != 1 || e.parameters[0].name != "armature")
+      throw ModelError(model.name + ": armature at " + e.where +
+                       " takes one parameter, 'armature'");
+    tree.links[find_joint(model, e.where)].armature += e.parameters[0].value;
+  }
   return tree;
 }
 
@@ -116,7 +120,8 @@ VecX<double> inertial_parameters(const Tree<double>& tree) {
 void set_inertial_parameters(Model& model, const VecX<double>& pi) {
   const std::vector<int> moving = moving_links(model);
   require_size("set_inertial_parameters: pi", pi.size(),
-               kThetaSize * static_cast<long>(moving.size()), "inertial parameter of a moving link");
+               kThetaSize * static_cast<long>(moving.size()),
+               "inertial parameter of a moving link");
   const TreeMap map = map_to_tree(model);
   for (std::size_t i = 0; i < model.links.size(); ++i) {
     if (map.dof[i] < 0) continue;
@@ -136,9 +141,9 @@ std::vector<ModelIssue> check_model(const Model& model) {
         issues.push_back({link.name, "mass is " + format(b.m) + " kg, expected > 0"});
       else if (const double margin = triangle_margin(b);
                margin < -1e-9 * (b.I.xx + b.I.yy + b.I.zz))
-        issues.push_back({link.name,
-                          "inertia misses the triangle inequality by " + format(-margin) +
-                              " kg·m² (no distribution of mass has these principal moments)"});
+        issues.push_back(
+            {link.name, "inertia misses the triangle inequality by " + format(-margin) +
+                            " kg·m² (no distribution of mass has these principal moments)"});
     }
     if (link.limits.lower > link.limits.upper)
       issues.push_back({link.name, "limits of joint '" + link.joint + "' are empty: lower " +

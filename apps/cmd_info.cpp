@@ -1,0 +1,33 @@
+#include <cstdio>
+
+#include <diffnea/io/model_file.hpp>
+#include <diffnea/io/model_info.hpp>
+
+#include "common.hpp"
+
+namespace diffnea::apps {
+namespace {
+
+struct InfoOptions {
+  CommonOptions common;
+  std::string model;
+};
+
+void run_info(const InfoOptions& options) {
+  const Model model = read_model(options.model);
+  const std::string text = options.common.json ? model_info_json(model) : model_info_text(model);
+  std::fwrite(text.data(), 1, text.size(), stdout);
+}
+
+}  // namespace
+
+void add_info(CLI::App& app) {
+  auto options = std::make_shared<InfoOptions>();
+  CLI::App* command = app.add_subcommand(
+      "info", "Show a robot description as it is understood, and what looks wrong with it.");
+  command->add_option("model", options->model, "robot description: URDF, MJCF or JSON")->required();
+  add_common(*command, options->common);
+  command->callback([options] { run_info(*options); });
+}
+
+}  // namespace diffnea::apps

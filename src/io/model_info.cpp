@@ -1,0 +1,178 @@
+#include <cmath>
+#include <cstdio>
+
+#include <diffnea/core/error.hpp>
+#include <diffnea/effects/catalogue.hpp>
+#include <diffnea/io/model_info.hpp>
+#include <diffnea/model/physical.hpp>
+
+#include "io/json.hpp"
+#include "io/model_parts.hpp"
+
+namespace diffnea {
+namespace {
+
+using io::Json;
+
+std::string number(double x) {
+  char buffer[32];
+  std::snprintf(buffer, sizeof buffer, "%.4g", x);
+  return buffer;
+}
+
+std::string range(double low, double high, const char* unit) {
+  if (!std::isfinite(low) && !std::isfinite(high)) return "";
+  return ", " + number(low) + " … " + number(high) + " " + unit;
+}
+
+std::string bound(const char* what, double x, const char* unit) {
+  return std::isfinite(x) ? std::string(", ") + what + number(x) + " " + unit : "";
+}
+
+std::string joint_text(const ModelLink& link) {
+  if (link.type == ModelJoint::kFixed)
+    return link.joint.empty() ? "" : " (fixed: " + link.joint + ")";
+  const bool turns = link.type == ModelJoint::kRevolute;
+  const JointLimits& l = link.limits;
+  return " (" + link.joint + ": " + (turns ? "revolute" : "prismatic") +
+         range(l.lower, l.upper, turns ? "rad" : "m") +
+         bound("≤ ", l.velocity, turns ? "rad/s" : "m/s") +
+         bound("≤ ", l.effort, turns ? "N·m" : "N") + (link.passive ? ", passive" : "") + ")";
+}
+
+std::string inertia_text(const SpatialInertia<double>& b) {
+  if (io::is_zero(b)) return "";
+  if (!(b.m > 0.0)) return "  " + number(b.m) + " kg";
+  const Vec3<double> c = io::com_inertia(b).com;
+  return "  " + number(b.m) + " kg at (" + number(c.x) + " " + number(c.y) + " " + number(c.z) +
+         ")";
+}
+
+void append_tree(const Model& model, int parent, const std::string& indent, std::string& out) {
+  std::vector<int> children;
+  for (std::size_t i = 0; i < model.links.size(); ++i)
+    if (model.links[i].parent == parent) children.push_back(static_cast<int>(i));
+  for (const int i : children) {
+    const bool last = i == children.back();
+    out += "  " + indent + (last ? "└─ " : "├─ ") + model.links[i].name +
+           joint_text(model.links[i]) + inertia_text(model.links[i].inertia) + "\n";
+    append_tree(model, i, indent + (last ? "   " : "│  "), out);
+  }
+}
+
+double total_mass(const Model& model) {
+  double mass = 0.0;
+  for (const ModelLink& link : model.links) mass += link.inertia.m;
+  return mass;
+}
+
+std::string link_name(const Model& model, int link) {
+  return link < 0 ? "the ground" : model.links[link].name;
+}
+
+Json finite_or_null(double x) { return std::isfinite(x) ? Json(x) : Json(); }
+
+Json triple(const Vec3<double>& v) { return Json::array({v.x, v.y, v.z}); }
+
+}  // namespace
+
+std::vector<ModelIssue> model_issues(const Model& model) {
+  std::vector<ModelIssue> issues;
+  try {
+    issues = check_model(model);
+  } catch (const ModelError& error) {
+    issues.push_back({model.name, error.what()});
+  }
+  for (const EffectSpec& effect : model.effects) {
+    try {
+      bind(effect, model);
+    } catch (const ModelError& error) {
+      issues.push_back({effect.where, error.what()});
+    }
+  }
+  return issues;
+}
+
+std::string model_info_text(const Model& model) {
+  const std::size_t n = moving_links(model).size();
+  std::string out = (model.name.empty() ? "(no name)" : model.name) + ": " + std::to_string(n) +
+                    (n == 1 ? " degree" : " degrees") + " of freedom, " +
+                    std::to_string(model.links.size()) + " links, " + number(total_mass(model)) +
+                    " kg\ngravity (" + number(model.gravity.x) + " " + number(model.gravity.y) +
+                    " " + number(model.gravity.z) + ") m/s²\n\n  ground\n";
+  append_tree(model, -1, "", out);
+  if (!model.effects.empty()) out += "\neffects\n";
+  for (const EffectSpec& e : model.effects) {
+    out += "  " + e.effect + " at " + e.where;
+    for (std::size_t k = 0; k < e.parameters.size(); ++k)
+      out += (k == 0 ? ": " : ", ") + e.parameters[k].name + " = " + number(e.parameters[k].value) +
+             " " + e.parameters[k].unit;
+    out += "\n";
+  }
+  if (!model.frames.empty()) out += "\nframes\n";
+  for (const ModelFrame& f : model.frames)
+    out += "  " + f.name + " on " + link_name(model, f.link) + " at (" + number(f.X_LF.p.x) + " " +
+           number(f.X_LF.p.y) + " " + number(f.X_LF.p.z) + ")\n";
+  if (!model.notes.empty()) out += "\nnotes\n";
+  for (const std::string& note : model.notes) out += "  " + note + "\n";
+  const std::vector<ModelIssue> issues = model_issues(model);
+  out += issues.empty() ? "\nnothing looks wrong\n" : "\nlooks wrong\n";
+  for (const ModelIssue& issue : issues) out += "  " + issue.link + ": " + issue.text + "\n";
+  return out;
+}
+
+std::string model_info_json(const Model& model) {
+  static constexpr const char* kTypes[] = {"fixed", "revolute", "prismatic"};
+  const TreeMap map = map_to_tree(model);
+  Json out;
+  out["schema"] = "diffnea/info/1";
+  out["name"] = model.name;
+  out["source"] = model.source;
+  out["dofs"] = moving_links(model).size();
+  out["joints"] = joint_names(model);
+  out["mass"] = total_mass(model);
+  out["gravity"] = triple(model.gravity);
+  out["links"] = Json::array();
+  for (std::size_t i = 0; i < model.links.size(); ++i) {
+    const ModelLink& link = model.links[i];
+    Json l;
+    l["name"] = link.name;
+    l["parent"] = link.parent < 0 ? Json() : Json(model.links[link.parent].name);
+    l["joint"] = link.joint.empty() ? Json() : Json(link.joint);
+    l["type"] = kTypes[static_cast<std::size_t>(link.type)];
+    l["dof"] = link.type == ModelJoint::kFixed ? Json() : Json(map.dof[i]);
+    l["passive"] = link.passive;
+    l["limits"] = {{"lower", finite_or_null(link.limits.lower)},
+                   {"upper", finite_or_null(link.limits.upper)},
+                   {"velocity", finite_or_null(link.limits.velocity)},
+                   {"effort", finite_or_null(link.limits.effort)}};
+    l["mass"] = link.inertia.m;
+    if (link.inertia.m > 0.0) {
+      const io::ComInertia c = io::com_inertia(link.inertia);
+      l["com"] = triple(c.com);
+      l["inertia_about_com"] = Json::array({c.I.xx, c.I.xy, c.I.xz, c.I.yy, c.I.yz, c.I.zz});
+      l["triangle_margin"] = triangle_margin(link.inertia);
+    }
+    out["links"].push_back(l);
+  }
+  out["frames"] = Json::array();
+  for (const ModelFrame& f : model.frames)
+    out["frames"].push_back({{"name", f.name},
+                             {"link", f.link < 0 ? Json() : Json(model.links[f.link].name)},
+                             {"position", triple(f.X_LF.p)}});
+  out["effects"] = Json::array();
+  for (const EffectSpec& e : model.effects) {
+    Json parameters = Json::array();
+    for (const EffectParameter& p : e.parameters)
+      parameters.push_back({{"name", p.name}, {"value", p.value}, {"unit", p.unit}});
+    out["effects"].push_back(
+        {{"effect", e.effect}, {"where", e.where}, {"parameters", parameters}});
+  }
+  out["issues"] = Json::array();
+  for (const ModelIssue& issue : model_issues(model))
+    out["issues"].push_back({{"link", issue.link}, {"text", issue.text}});
+  out["notes"] = model.notes;
+  return out.dump(1, ' ', false, Json::error_handler_t::replace) + "\n";
+}
+
+}  // namespace diffnea
