@@ -168,8 +168,9 @@ struct RecordingReader::Impl {
         const std::string_view cell(p, cell_end - p);
         if (!parse_odd_cell(cell, x)) {
           const Column& c = header.columns[k];
-          const bool is_last_of_cut = !lines.terminated() && cell_end == end && k + 1 < num_columns;
-          if (is_last_of_cut) return false;
+          // "1e", "-" at the very end of the file: the beginning of a number.
+          const bool is_beginning = cell.find_first_not_of("0123456789+-.eE") == cell.npos;
+          if (!lines.terminated() && cell_end == end && is_beginning) return false;
           if (c.channel != Channel::kExtra)
             fail(k, "'" + std::string(cell.substr(0, 40)) + "' in column '" + c.name +
                         "' is no number; an empty cell or NaN marks a gap");

@@ -1,0 +1,74 @@
+#include "diffnea/recording/joints.hpp"
+
+#include <catch2/catch_test_macros.hpp>
+#include <catch2/matchers/catch_matchers_string.hpp>
+
+#include <diffnea/core/error.hpp>
+
+using Catch::Matchers::ContainsSubstring;
+
+namespace diffnea {
+namespace {
+
+Recording recording() {
+  Recording r;
+  r.source = "arm.csv";
+  r.joint_names = {"a", "b"};
+  r.has_tau = {true, false};
+  r.time = VecX<double>::LinSpaced(3, 0.0, 0.2);
+  r.q.resize(3, 2);
+  r.q << 1, 10, 2, 20, 3, 30;
+  r.tau = r.q;
+  return r;
+}
+
+}  // namespace
+
+TEST_CASE("joints: columns take the model's order", "[recording]") {
+  std::vector<Recording> all = {recording()};
+  match_joints({{.name = "b"}, {.name = "a"}}, all);
+  CHECK(all[0].joint_names == std::vector<std::string>{"b", "a"});
+  CHECK(all[0].has_tau == std::vector<bool>{false, true});
+  CHECK(all[0].q(2, 0) == 30.0);
+  CHECK(all[0].q(2, 1) == 3.0);
+  CHECK(all[0].tau(1, 1) == 2.0);
+  CHECK(all[0].qd.size() == 0);
+}
+
+TEST_CASE("joints: a joint that the model calls passive has torque zero", "[recording]") {
+  std::vector<Recording> all = {recording()};
+  match_joints({{.name = "a", .passive = true}, {.name = "b"}}, all);
+  CHECK(all[0].has_tau == std::vector<bool>{false, false});
+  CHECK(all[0].tau.col(0).isZero(0.0));
+  CHECK(all[0].info.passive == std::vector<std::string>{"a"});
+}
+
+TEST_CASE("joints: another set of joints is refused, both sets named", "[recording]") {
+  std::vector<Recording> all = {recording()};
+  for (const std::vector<JointDescription>& joints :
+       {std::vector<JointDescription>{{.name = "a"}},
+        std::vector<JointDescription>{{.name = "a"}, {.name = "c"}},
+        std::vector<JointDescription>{{.name = "a"}, {.name = "b"}, {.name = "c"}}})
+    CHECK_THROWS_WITH(
+        match_joints(joints, all),
+        ContainsSubstring("arm.csv: the joints are not the model's; recording: a, b; model: a"));
+}
+
+TEST_CASE("joints: degrees show by limits that only they would fit", "[recording]") {
+  const std::vector<Recording> all = {recording()};  // to 3 and to 30
+  const auto warned = [&](const JointDescription& b) {
+    std::string out;
+    for (const ChannelWarning& w : find_degrees({{.name = "a"}, b}, all))
+      out += w.joint + ": " + w.text;
+    return out;
+  };
+  CHECK(warned({.name = "b", .lower = -3.0, .upper = 3.0})
+            .starts_with("b: q_b runs from 10 to 30 rad"));
+  CHECK(warned({.name = "b"}).starts_with("b: q_b runs from 10 to 30 rad, outside the usual"));
+  CHECK(warned({.name = "b", .prismatic = true, .lower = -3.0, .upper = 3.0}).empty());
+  CHECK(warned({.name = "b", .lower = -40.0, .upper = 40.0}).empty());
+  // As degrees it would not fit either: something else is wrong.
+  CHECK(warned({.name = "b", .lower = -0.1, .upper = 0.1}).empty());
+}
+
+}  // namespace diffnea
