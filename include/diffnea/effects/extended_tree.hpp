@@ -1,0 +1,30 @@
+#pragma once
+/// A model with its effects, ready to compute: what changes the link tree (armature, payload) is in the
+/// tree, what adds torque is in the list. The right-hand side of the sign equation is
+/// RNEA(q, q̇, q̈) + armature·q̈ + effects.
+
+#include <diffnea/dynamics/rnea.hpp>
+#include <diffnea/effects/catalogue.hpp>
+
+namespace diffnea {
+
+struct ExtendedTree {
+  Tree<double> tree;                 ///< armature and payload included
+  std::vector<BoundEffect> effects;  ///< those of the port kJointTorque, without armature
+};
+
+/// @param runs  recordings that per-run effects have a parameter for
+/// @throws ModelError if an effect of the model cannot be bound
+ExtendedTree extend(const Model& model, const std::vector<int>& runs = {});
+
+/// Joint torques with all effects, one row a sample: what the sensors of the drives would read.
+/// @param q, qd, qdd  (N, n) [rad, rad/s, rad/s²] or [m …]
+/// @param run         recording the rows belong to
+/// @return (N, n) [N·m] or [N]
+/// @throws ShapeError
+RowMatX<double> inverse_dynamics(const ExtendedTree& model,
+                                 const Eigen::Ref<const RowMatX<double>>& q,
+                                 const Eigen::Ref<const RowMatX<double>>& qd,
+                                 const Eigen::Ref<const RowMatX<double>>& qdd, int run = 0);
+
+}  // namespace diffnea

@@ -1,0 +1,56 @@
+#pragma once
+/// From the factors of the regression to parameters with uncertainties: noise of each joint, consistent
+/// optimum, what the data see and what they do not.
+
+#include <diffnea/identify/convex_fit.hpp>
+#include <diffnea/identify/layout.hpp>
+#include <diffnea/identify/triangular_factor.hpp>
+
+namespace diffnea {
+
+/// All rows of one joint's torque: a factor over the columns that can be nonzero there.
+struct JointFactor {
+  std::vector<int> columns;  ///< columns of the layout (then of the shape directions)
+  TriangularFactor factor;
+
+  /// Σ (τ̂ − τ)² over the rows, for parameters x of the whole layout.
+  double sum_of_squares(const VecX<double>& x) const;
+  double rmse(const VecX<double>& x) const;
+};
+
+/// A combination of parameters that the data determine by themselves.
+struct BaseParameter {
+  std::string expression;  ///< "upper_arm.Izz + 0.055 forearm.mass"
+  double value = 0.0;
+  double std = 0.0;
+  std::vector<int> columns;  ///< of the layout, the leading one first
+  std::vector<double> coefficients;
+};
+
+struct LinearFitOptions {
+  bool physical = true;         ///< false: plain least squares, for comparison
+  double entropic_prior = 0.0;  ///< γ of solve_convex_fit
+  /// Parameters the data say nothing of stay at the prior: a Gaussian this many times as wide as their scale.
+  /// At 10, a direction known to its own scale is shrunk by 1 %, one known to a tenth of it by 0.01 %.
+  double prior_width = 10.0;
+  int max_reweightings = 20;  ///< of the joints' noise; stops when no σ moves by more than 0.1 %
+};
+
+struct LinearFit {
+  VecX<double> x;                 ///< (p) values
+  VecX<double> std;               ///< (p) standard errors; NaN where not identifiable; 0 where fixed
+  std::vector<bool> identifiable;  ///< the data alone know it better than its scale
+  VecX<double> sigma;             ///< (n) noise of each joint's torque [N·m]
+  MatX<double> information;       ///< (p, p) of the data alone, inverse covariance
+  int rank = 0;                   ///< number of combinations the data determine
+  std::vector<BaseParameter> base_parameters;
+  ConvexFitResult solver;
+};
+
+/// @param factors   one a joint; joints without torque have no rows
+/// @param inflation (n) variance of a sum of residuals over that of independent ones (autocorrelation); ≥ 1
+/// @throws DataError if there are fewer rows than free parameters
+LinearFit fit_linear(const FitLayout& layout, const std::vector<JointFactor>& factors,
+                     const VecX<double>& inflation, const LinearFitOptions& options = {});
+
+}  // namespace diffnea

@@ -1,0 +1,41 @@
+#pragma once
+/// Where recordings come from: memory, or files that are read block by block, as often as needed.
+
+#include <diffnea/model/model.hpp>
+#include <diffnea/recording/csv.hpp>
+#include <diffnea/recording/joints.hpp>
+#include <filesystem>
+#include <functional>
+#include <memory>
+
+namespace diffnea {
+
+/// A stream of recordings whose joints are in the model's order and whose runs are numbered 0, 1, 2 ….
+class RecordingSource {
+ public:
+  virtual ~RecordingSource() = default;
+  /// Calls `use` with whole runs or blocks of them, in order, until it returns false.
+  virtual void for_each(const std::function<bool(const Recording&)>& use) const = 0;
+  /// Enough of the beginning to choose filters from.
+  virtual std::vector<Recording> sample() const = 0;
+  virtual std::vector<int> runs() const = 0;
+  /// What reading brought up: quarantined rows, extra channels, degrees where radians are expected.
+  virtual const ReadReport& report() const = 0;
+};
+
+/// Recordings in memory. @throws DataError if their joints are not the model's (both sets listed)
+std::unique_ptr<RecordingSource> recordings_in_memory(const Model& model,
+                                                      std::vector<Recording> recordings);
+
+/// Files. Small ones are read once and kept; above `keep_bytes` in all they are streamed at every pass.
+/// @param info  of each file (sidecar); one for all if its size is 1
+/// @throws FileError, DataError (recording/csv.hpp), naming file, line and column
+std::unique_ptr<RecordingSource> recordings_in_files(const Model& model,
+                                                     const std::vector<std::filesystem::path>& paths,
+                                                     const std::vector<RecordingInfo>& info,
+                                                     long keep_bytes = 64L << 20);
+
+/// The model's joints as recording/ wants them.
+std::vector<JointDescription> describe_joints(const Model& model);
+
+}  // namespace diffnea

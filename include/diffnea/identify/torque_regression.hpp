@@ -1,0 +1,80 @@
+#pragma once
+/// Streams a recording into the factors of the inverse loss: rows [Y | effects | τ] of every joint, low-passed
+/// and decimated alike, then factored. One pass; memory does not grow with the recording.
+
+#include <diffnea/dynamics/regressor.hpp>
+#include <diffnea/identify/linear_fit.hpp>
+#include <diffnea/recording/preprocess.hpp>
+#include <functional>
+
+namespace diffnea {
+
+/// Where the regression stands: what it is linearised about.
+struct RegressionPoint {
+  VecX<double> linear;  ///< (p) for shape directions and for effects of the transmitted torque
+  VecX<double> shape;   ///< (s)
+};
+
+/// Filtered, decimated rows of one joint, for a look at residuals.
+struct JointRows {
+  std::vector<double> time;    ///< (M) [s]
+  std::vector<int> run;        ///< (M)
+  std::vector<double> values;  ///< (M, columns + 1) by rows, the last column is τ
+  long width = 0;              ///< columns + 1
+
+  Eigen::Map<const RowMatX<double>> rows() const {
+    return {values.data(), static_cast<long>(time.size()), width};
+  }
+};
+
+struct RegressionOptions {
+  /// Rows kept for residual analysis and plots [bytes in all]; more are factored, not kept.
+  long keep_bytes = 48L << 20;
+  /// Weight of a row of joint j with residual r; empty: 1. Robust losses re-weigh in further passes.
+  std::function<double(int joint, double residual)> weight;
+};
+
+class TorqueRegression {
+ public:
+  /// Columns are those of the layout, then one for each free shape parameter: ∂τ/∂(ln η) at `at`.
+  TorqueRegression(const Tree<double>& tree, const FitLayout& layout, const PreprocessPlan& plan,
+                   const RegressionPoint& at, const RegressionOptions& options = {});
+
+  /// Takes the next rows; segments are filtered separately.
+  void add(const Preprocessed& block);
+
+  const std::vector<JointFactor>& factors() const { return factors_; }
+  /// Unweighted where `factors` are weighted.
+  const std::vector<JointRows>& kept() const { return kept_; }
+
+ private:
+  struct Joint {
+    std::vector<int> columns;            // of the layout, then shape directions
+    std::vector<long> source;            // where each column stands in a full row
+    Decimator decimator;
+    RowMatX<double> block;
+    long emitted = 0;
+  };
+  void fill_row(const Preprocessed& block, long row);
+  void flush(int joint, const RowMatX<double>& rows);
+
+  const Tree<double>& tree_;
+  const FitLayout& layout_;
+  RegressionPoint at_;
+  RegressionOptions options_;
+  std::vector<int> free_shapes_;
+  std::vector<BoundEffect> effects_;
+  std::vector<std::vector<int>> effect_column_;  // per effect: column of its k-th linear parameter
+  std::vector<Joint> joints_;
+  std::vector<JointFactor> factors_;
+  std::vector<JointRows> kept_;
+  long kept_bytes_ = 0;
+  int segment_ = -1, run_ = -1;
+  RegressorWorkspace<double, double> ws_;
+  RowMatX<double> full_;  // (n, columns) of one sample
+  VecX<double> links_;
+  std::vector<double> scratch_;
+  double segment_start_ = 0.0, dt_ = 0.0;
+};
+
+}  // namespace diffnea

@@ -1,0 +1,47 @@
+#include <diffnea/core/error.hpp>
+#include <diffnea/effects/extended_tree.hpp>
+
+namespace diffnea {
+
+ExtendedTree extend(const Model& model, const std::vector<int>& runs) {
+  ExtendedTree out{make_tree(model), {}};  // make_tree takes the armature
+  for (const EffectSpec& spec : model.effects) {
+    if (spec.effect == "armature") continue;
+    const BoundEffect effect = bind(spec, model, runs);
+    if (effect.info().port == Port::kModelParameter)
+      add_to_tree(effect, effect.parameters.data(), out.tree);
+    else if (effect.info().port == Port::kJointTorque)
+      out.effects.push_back(effect);
+  }
+  return out;
+}
+
+RowMatX<double> inverse_dynamics(const ExtendedTree& model,
+                                 const Eigen::Ref<const RowMatX<double>>& q,
+                                 const Eigen::Ref<const RowMatX<double>>& qd,
+                                 const Eigen::Ref<const RowMatX<double>>& qdd, int run) {
+  const int n = model.tree.num_dofs();
+  require_size("inverse_dynamics: columns of q", q.cols(), n, "joint");
+  for (const auto* m : {&qd, &qdd}) {
+    require_size("inverse_dynamics: columns", m->cols(), n, "joint");
+    require_size("inverse_dynamics: rows", m->rows(), q.rows(), "row of q");
+  }
+  RowMatX<double> tau(q.rows(), n);
+  RneaWorkspace<double, double> ws;
+  VecX<double> links(n);
+  for (long k = 0; k < q.rows(); ++k) {
+    links = rnea<double, double>(model.tree, q.row(k).transpose(), qd.row(k).transpose(),
+                                 qdd.row(k).transpose(), ws);
+    tau.row(k) = links.transpose();
+    JointSample<double> x;
+    x.run = run;
+    x.q = q.row(k).data();
+    x.qd = qd.row(k).data();
+    x.qdd = qdd.row(k).data();
+    x.tau = links.data();
+    for (const BoundEffect& e : model.effects) add_torque(e, x, e.parameters.data(), tau.row(k).data());
+  }
+  return tau;
+}
+
+}  // namespace diffnea

@@ -1,0 +1,242 @@
+#include <diffnea/core/error.hpp>
+#include <diffnea/identify/layout.hpp>
+#include <diffnea/model/physical.hpp>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+namespace diffnea {
+namespace {
+
+const std::array<const char*, kThetaSize> kThetaNames{"mass", "hx",  "hy",  "hz",  "Ixx",
+                                                      "Ixy",  "Ixz", "Iyy", "Iyz", "Izz"};
+const char* theta_unit(int k) { return k == 0 ? "kg" : k < 4 ? "kg*m" : "kg*m^2"; }
+
+const std::vector<std::string> kGroups{"inertia", "armature", "effects", "shapes"};
+
+std::string join(const std::vector<std::string>& names) {
+  std::string out;
+  for (const std::string& n : names) out += (out.empty() ? "" : ", ") + n;
+  return out;
+}
+
+bool contains(const std::vector<std::string>& list, const std::string& item) {
+  return std::ranges::find(list, item) != list.end();
+}
+
+/// `pattern` with any number of *.
+bool matches(const std::string& pattern, const std::string& name) {
+  std::size_t p = 0, n = 0, star = std::string::npos, mark = 0;
+  while (n < name.size()) {
+    if (p < pattern.size() && pattern[p] == '*') {
+      star = p++;
+      mark = n;
+    } else if (p < pattern.size() && pattern[p] == name[n]) {
+      ++p, ++n;
+    } else if (star != std::string::npos) {
+      p = star + 1;
+      n = ++mark;
+    } else {
+      return false;
+    }
+  }
+  while (p < pattern.size() && pattern[p] == '*') ++p;
+  return p == pattern.size();
+}
+
+/// Length over which a link's mass is spread [m]: its radius of gyration with its offset, or a
+/// decimetre where the model gives none.
+double length_scale(const SpatialInertia<double>& b) {
+  const double r2 = b.m > 0.0 ? 0.5 * (b.I.xx + b.I.yy + b.I.zz) / b.m : 0.0;
+  return r2 > 0.0 ? std::sqrt(r2) : 0.1;
+}
+
+void add_inertias(const Model& model, bool fixed, FitLayout& layout) {
+  const Tree<double> tree = make_tree(model);
+  const std::vector<int> moving = moving_links(model);
+  double total = 0.0;
+  for (const Link<double>& l : tree.links) total += std::max(l.inertia.m, 0.0);
+  for (int i = 0; i < tree.num_dofs(); ++i) {
+    const SpatialInertia<double>& b = tree.links[i].inertia;
+    const Theta<double> theta = b.theta();
+    const double m = std::max({b.m, 0.02 * total, 1e-3}), length = length_scale(b);
+    for (int k = 0; k < kThetaSize; ++k) {
+      FitParameter p;
+      p.name = model.links[moving[i]].name + "." + kThetaNames[k];
+      p.unit = theta_unit(k);
+      p.prior = theta[k];
+      p.scale = k == 0 ? m : k < 4 ? m * length : m * length * length;
+      p.fixed = fixed;
+      p.dof = i;
+      p.theta = k;
+      layout.linear.push_back(p);
+    }
+  }
+}
+
+/// @param payload_mass  what a payload may well weigh [kg]; its mass is spread over some 0.1 m
+void add_effect(const BoundEffect& effect, bool fixed, bool fix_shapes, double payload_mass,
+                FitLayout& layout) {
+  const int e = static_cast<int>(layout.effects.size());
+  layout.effects.push_back(effect);
+  for (std::size_t k = 0; k < effect.parameter_info.size(); ++k) {
+    const ParameterInfo& info = effect.parameter_info[k];
+    FitParameter p;
+    p.name = effect.where + "." + effect.info().name + "." + info.name;
+    p.unit = info.unit;
+    p.sign = info.sign;
+    p.prior = effect.parameters[k];
+    p.fixed = info.linear ? fixed : fixed || fix_shapes;
+    p.effect = e;
+    p.index = static_cast<int>(k);
+    if (effect.info().port == Port::kModelParameter) {  // ten inertial parameters: as a small link
+      p.theta = static_cast<int>(k);
+      p.scale = k == 0 ? payload_mass : k < 4 ? 0.1 * payload_mass : 0.01 * payload_mass;
+    }
+    (info.linear ? layout.linear : layout.shape).push_back(p);
+  }
+}
+
+/// The places an effect asked for without one acts at.
+std::vector<std::string> places(const EffectInfo& info, const Model& model) {
+  switch (info.place) {
+    case Place::kJoint: return joint_names(model);
+    case Place::kTip: return {"tip"};
+    case Place::kBase: return {"base"};
+    case Place::kAllJoints: return {"all"};
+    case Place::kJointPair: break;
+  }
+  throw ModelError("effects: " + info.name + " acts on a pair of joints; name them, e.g. " +
+                   info.name + "@" + joint_names(model).front() + "," + joint_names(model).back());
+}
+
+std::vector<std::string> default_effects(bool link_side) {
+  if (link_side) return {"torque_offset"};
+  return {"armature", "viscous_friction", "coulomb_friction", "torque_offset"};
+}
+
+}  // namespace
+
+std::vector<int> FitLayout::bodies() const {
+  std::vector<int> out;
+  for (std::size_t i = 0; i < linear.size(); ++i)
+    if (linear[i].theta == 0) out.push_back(static_cast<int>(i));
+  return out;
+}
+
+std::vector<int> FitLayout::columns_of_joint(const Tree<double>& tree, int joint) const {
+  std::vector<bool> carried(num_dofs, false);
+  for (int i = joint; i < num_dofs; ++i)
+    carried[i] = i == joint || (tree.links[i].parent >= 0 && carried[tree.links[i].parent]);
+  std::vector<int> out;
+  for (std::size_t c = 0; c < linear.size(); ++c) {
+    const FitParameter& p = linear[c];
+    if (p.dof >= 0) {
+      if (carried[p.dof]) out.push_back(static_cast<int>(c));
+      continue;
+    }
+    const BoundEffect& e = effects[p.effect];
+    const bool acts = e.info().port == Port::kModelParameter
+                          ? carried[e.joints.at(0)]
+                          : std::ranges::find(e.joints, joint) != e.joints.end();
+    if (acts) out.push_back(static_cast<int>(c));
+  }
+  return out;
+}
+
+VecX<double> FitLayout::prior() const {
+  VecX<double> out(linear.size());
+  for (std::size_t i = 0; i < linear.size(); ++i) out[i] = linear[i].prior;
+  return out;
+}
+
+FitLayout make_layout(const Model& model, const FitChoice& choice, const std::vector<int>& runs) {
+  for (const std::string& group : choice.fit)
+    if (!contains(kGroups, group))
+      throw ModelError("fit: there is no group '" + group + "'; groups: " + join(kGroups));
+  const bool fit_inertia = contains(choice.fit, "inertia");
+  const bool fit_armature = contains(choice.fit, "armature");
+  const bool fit_effects = contains(choice.fit, "effects");
+  const bool fix_shapes = !contains(choice.fit, "shapes");
+
+  FitLayout layout;
+  layout.num_dofs = static_cast<int>(moving_links(model).size());
+  add_inertias(model, !fit_inertia, layout);
+  double total_mass = 0.0;
+  for (const ModelLink& l : model.links) total_mass += std::max(l.inertia.m, 0.0);
+  std::vector<std::string> present;
+  const auto add = [&](const EffectSpec& spec) {
+    const BoundEffect effect = bind(spec, model, runs);
+    const bool fit = spec.effect == "armature" ? fit_armature : fit_effects;
+    add_effect(effect, !fit, fix_shapes, std::max(0.1 * total_mass, 1e-3), layout);
+    present.push_back(spec.effect + "@" + spec.where);
+  };
+  const std::vector<std::string> asked = choice.effects.value_or(default_effects(choice.link_side));
+  for (const EffectSpec& spec : model.effects) {
+    const bool left_out = choice.link_side && info(find_effect(spec.effect)).motor_side &&
+                          !contains(asked, spec.effect) &&
+                          !contains(asked, spec.effect + "@" + spec.where);
+    if (!left_out) add(spec);
+  }
+  for (const std::string& entry : asked) {
+    const std::size_t at = entry.find('@');
+    const std::string name = entry.substr(0, at);
+    const EffectInfo effect_info = info(find_effect(name));
+    if (name == "armature" ? !fit_armature : !fit_effects) continue;
+    const std::vector<std::string> where = at == std::string::npos
+                                               ? places(effect_info, model)
+                                               : std::vector<std::string>{entry.substr(at + 1)};
+    for (const std::string& w : where)
+      if (!contains(present, name + "@" + w)) add({name, w, {}});
+  }
+  for (const std::string& pattern : choice.fix) {
+    bool found = false;
+    for (auto* list : {&layout.linear, &layout.shape})
+      for (FitParameter& p : *list)
+        if (matches(pattern, p.name)) p.fixed = found = true;
+    if (!found) {
+      std::vector<std::string> names;
+      for (const auto* list : {&layout.linear, &layout.shape})
+        for (const FitParameter& p : *list) names.push_back(p.name);
+      throw ModelError("fix: no parameter matches '" + pattern + "'; parameters: " + join(names));
+    }
+  }
+  return layout;
+}
+
+Model apply_fit(const Model& model, const FitLayout& layout, const VecX<double>& linear,
+                const VecX<double>& shape) {
+  require_size("apply_fit: linear", linear.size(), static_cast<long>(layout.linear.size()),
+               "linear parameter");
+  require_size("apply_fit: shape", shape.size(), static_cast<long>(layout.shape.size()),
+               "shape parameter");
+  Model out = model;
+  VecX<double> pi(kThetaSize * layout.num_dofs);
+  std::vector<BoundEffect> effects = layout.effects;
+  const auto set = [&](const FitParameter& p, double value) {
+    if (p.dof >= 0)
+      pi[kThetaSize * p.dof + p.theta] = value;
+    else
+      effects[p.effect].parameters[p.index] = value;
+  };
+  bool moved = false;
+  for (std::size_t i = 0; i < layout.linear.size(); ++i) {
+    set(layout.linear[i], linear[i]);
+    moved = moved || (layout.linear[i].dof >= 0 && linear[i] != layout.linear[i].prior);
+  }
+  for (std::size_t i = 0; i < layout.shape.size(); ++i) set(layout.shape[i], shape[i]);
+  if (moved) set_inertial_parameters(out, pi);
+  for (const BoundEffect& e : effects) {
+    const EffectSpec spec = to_spec(e);
+    const auto same = [&](const EffectSpec& s) { return s.effect == spec.effect && s.where == spec.where; };
+    const auto it = std::ranges::find_if(out.effects, same);
+    if (it != out.effects.end())
+      *it = spec;
+    else
+      out.effects.push_back(spec);
+  }
+  return out;
+}
+
+}  // namespace diffnea

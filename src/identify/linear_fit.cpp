@@ -1,0 +1,230 @@
+#include <diffnea/core/error.hpp>
+#include <diffnea/identify/linear_fit.hpp>
+#include <diffnea/model/physical.hpp>
+
+#include <Eigen/Cholesky>
+#include <Eigen/QR>
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <limits>
+
+namespace diffnea {
+namespace {
+
+/// Combinations with a smaller share of the largest pivot are structurally invisible: columns that are
+/// exactly dependent leave 1e-13 (observed), directions that the data do see at all some 1e-5.
+constexpr double kStructuralTol = 1e-9;
+
+std::vector<int> free_columns(const FitLayout& layout) {
+  std::vector<int> out;
+  for (std::size_t i = 0; i < layout.linear.size(); ++i)
+    if (!layout.linear[i].fixed) out.push_back(static_cast<int>(i));
+  return out;
+}
+
+/// Scales of the effects' parameters: what would make their torque as large as the joint's.
+VecX<double> parameter_scales(const FitLayout& layout, const std::vector<JointFactor>& factors) {
+  VecX<double> scale(layout.linear.size());
+  for (std::size_t i = 0; i < layout.linear.size(); ++i) scale[i] = layout.linear[i].scale;
+  VecX<double> largest = VecX<double>::Zero(layout.linear.size());
+  for (const JointFactor& f : factors) {
+    if (f.factor.rows() == 0) continue;
+    const MatX<double> R = f.factor.R();
+    const double torque = std::sqrt(f.factor.sum_of_squares(VecX<double>::Zero(R.cols())));
+    for (std::size_t k = 0; k < f.columns.size(); ++k) {
+      const int c = f.columns[k];
+      if (!std::isnan(layout.linear[c].scale)) continue;
+      const double share = R.col(static_cast<long>(k)).norm() / std::max(torque, 1e-300);
+      largest[c] = std::max(largest[c], share);
+    }
+  }
+  for (long c = 0; c < scale.size(); ++c)
+    if (std::isnan(scale[c]))
+      scale[c] = std::max(std::abs(layout.linear[c].prior), largest[c] > 0 ? 1.0 / largest[c] : 1.0);
+  return scale;
+}
+
+/// The factors of all joints as one least-squares problem in units of their noise.
+void stack(const std::vector<JointFactor>& factors, const VecX<double>& sigma, long columns,
+           MatX<double>& R, VecX<double>& d) {
+  TriangularFactor whole(static_cast<int>(columns));
+  for (std::size_t j = 0; j < factors.size(); ++j) {
+    const JointFactor& f = factors[j];
+    if (f.factor.rows() == 0) continue;
+    const MatX<double> Rj = f.factor.R();
+    RowMatX<double> rows = RowMatX<double>::Zero(Rj.rows(), columns + 1);
+    for (std::size_t k = 0; k < f.columns.size(); ++k)
+      rows.col(f.columns[k]) = Rj.col(static_cast<long>(k)) / sigma[j];
+    rows.col(columns) = f.factor.d() / sigma[j];
+    whole.add(rows);
+  }
+  R = whole.R();
+  d = whole.d();
+}
+
+/// Inside the cone, as near to the prior as consistency allows: a link that the model gives no (or an
+/// impossible) inertia becomes a ball of its scale.
+VecX<double> consistent_start(const FitLayout& layout, const VecX<double>& scale) {
+  VecX<double> x = layout.prior();
+  for (const int b : layout.bodies()) {
+    Theta<double> t;
+    std::copy_n(x.data() + b, kThetaSize, t.begin());
+    const double m = scale[b], I = scale[b + 4];
+    const Theta<double> ball{m, 0, 0, 0, I, 0, 0, I, 0, I};
+    // A thin or flat link lies on the boundary; a thousandth of the ball moves it inside.
+    Theta<double> inner;
+    const bool consistent = smallest_pseudo_inertia_eigenvalue(t) > -1e-12 * (t[0] + I) && t[0] > 0;
+    for (int k = 0; k < kThetaSize; ++k) inner[k] = consistent ? t[k] + 1e-3 * ball[k] : ball[k];
+    const bool inside =
+        consistent && smallest_pseudo_inertia_eigenvalue(t) > 1e-6 * (t[0] * I > 0 ? I : 1.0);
+    std::ranges::copy(inside ? t : inner, x.data() + b);
+  }
+  for (std::size_t i = 0; i < layout.linear.size(); ++i)
+    if (layout.linear[i].sign != Sign::kFree && !layout.linear[i].fixed)
+      x[i] = std::max(x[i], 0.01 * scale[i]);
+  return x;
+}
+
+std::string number(double x) {
+  char buffer[32];
+  std::snprintf(buffer, sizeof buffer, "%.4g", std::abs(x));
+  return buffer;
+}
+
+/// Base parameters by QR with column pivoting (Gautier 1991): x_i + Σ β x_d for each independent column
+/// i, the dependent columns d regrouped into them. Columns are offered in the order of the layout's
+/// scales so that large, familiar parameters lead.
+std::vector<BaseParameter> base_parameters(const FitLayout& layout, const MatX<double>& R,
+                                           const VecX<double>& x, const VecX<double>& scale,
+                                           const std::vector<int>& free, double variance) {
+  MatX<double> Rs = R(Eigen::all, free);
+  for (std::size_t k = 0; k < free.size(); ++k) Rs.col(static_cast<long>(k)) *= scale[free[k]];
+  Eigen::ColPivHouseholderQR<MatX<double>> qr(Rs);
+  qr.setThreshold(kStructuralTol);
+  const long rank = qr.rank(), p = static_cast<long>(free.size());
+  const MatX<double> upper = qr.matrixR().topRows(rank);
+  const MatX<double> R1 = upper.leftCols(rank).template triangularView<Eigen::Upper>();
+  const MatX<double> beta = R1.template triangularView<Eigen::Upper>().solve(
+      MatX<double>(upper.rightCols(p - rank)));
+  const MatX<double> inverse = R1.template triangularView<Eigen::Upper>().solve(
+      MatX<double>(MatX<double>::Identity(rank, rank)));
+  std::vector<BaseParameter> out;
+  const Eigen::VectorXi order = qr.colsPermutation().indices();
+  for (long i = 0; i < rank; ++i) {
+    const int lead = free[order[i]];
+    BaseParameter b;
+    b.columns = {lead};
+    b.coefficients = {1.0};
+    b.expression = layout.linear[lead].name;
+    b.value = x[lead];
+    b.std = scale[lead] * inverse.row(i).norm() * std::sqrt(variance);
+    for (long k = 0; k < p - rank; ++k) {
+      const int dependent = free[order[rank + k]];
+      const double c = beta(i, k) * scale[lead] / scale[dependent];
+      // A regrouped share below a millionth of the scales is rounding.
+      if (std::abs(beta(i, k)) < 1e-6) continue;
+      b.columns.push_back(dependent);
+      b.coefficients.push_back(c);
+      b.expression += (c < 0 ? " - " : " + ") + number(c) + " " + layout.linear[dependent].name;
+      b.value += c * x[dependent];
+    }
+    out.push_back(b);
+  }
+  std::ranges::sort(out, {}, [](const BaseParameter& b) { return b.columns.front(); });
+  return out;
+}
+
+}  // namespace
+
+double JointFactor::sum_of_squares(const VecX<double>& x) const {
+  return factor.sum_of_squares(x(columns));
+}
+double JointFactor::rmse(const VecX<double>& x) const {
+  return std::sqrt(sum_of_squares(x) / static_cast<double>(std::max<long>(factor.rows(), 1)));
+}
+
+LinearFit fit_linear(const FitLayout& layout, const std::vector<JointFactor>& factors,
+                     const VecX<double>& inflation, const LinearFitOptions& options) {
+  const long p = static_cast<long>(layout.linear.size());
+  const long n = static_cast<long>(factors.size());
+  const std::vector<int> free = free_columns(layout);
+  long rows = 0;
+  for (const JointFactor& f : factors) rows += f.factor.rows();
+  if (rows < static_cast<long>(free.size()))
+    throw DataError("identify: " + std::to_string(rows) + " torque samples after filtering for " +
+                    std::to_string(free.size()) +
+                    " parameters; record longer, raise the decimation rate, or fix parameters");
+
+  const VecX<double> scale = parameter_scales(layout, factors);
+  ConvexFitProblem problem;
+  problem.start = consistent_start(layout, scale);
+  if (options.physical) {
+    problem.bodies = layout.bodies();
+    for (long k = 0; k < p; ++k)
+      if (layout.linear[k].sign != Sign::kFree) problem.nonnegative.push_back(static_cast<int>(k));
+  }
+  for (long k = 0; k < p; ++k)
+    if (layout.linear[k].fixed) {
+      problem.fixed.push_back(static_cast<int>(k));
+      problem.start[k] = layout.linear[k].prior;
+    }
+  problem.entropic_prior = options.entropic_prior;
+  VecX<double> weak = VecX<double>::Zero(p);
+  for (const int k : free) weak[k] = 1.0 / std::pow(options.prior_width * scale[k], 2);
+  problem.prior_information = weak.asDiagonal();
+
+  // Noise of each joint: weights and parameters in turn, from the factors alone.
+  LinearFit fit;
+  fit.sigma = VecX<double>::Ones(n);
+  for (long j = 0; j < n; ++j)
+    if (factors[j].factor.rows() > 0)
+      fit.sigma[j] = std::max(factors[j].rmse(VecX<double>::Zero(p)), 1e-12);
+  for (int round = 0; round < options.max_reweightings; ++round) {
+    stack(factors, fit.sigma, p, problem.R, problem.d);
+    fit.solver = solve_convex_fit(problem);
+    fit.x = fit.solver.x;
+    double change = 0.0;
+    for (long j = 0; j < n; ++j) {
+      const JointFactor& f = factors[j];
+      if (f.factor.rows() == 0) continue;
+      // Every joint pays for the parameters by its share of the rows.
+      const double dof = static_cast<double>(f.factor.rows()) *
+                         std::max(1.0 - static_cast<double>(free.size()) / rows, 0.1);
+      const double floor = 1e-9 * f.rmse(VecX<double>::Zero(p)) + 1e-15;
+      const double next = std::max(std::sqrt(f.sum_of_squares(fit.x) / dof), floor);
+      change = std::max(change, std::abs(next / fit.sigma[j] - 1.0));
+      fit.sigma[j] = next;
+    }
+    if (change < 1e-3) break;
+  }
+
+  // Uncertainty: the data's information, each joint's rows counted as many as they are worth.
+  VecX<double> effective = fit.sigma;
+  for (long j = 0; j < n; ++j) effective[j] *= std::sqrt(std::max(inflation[j], 1.0));
+  VecX<double> unused;
+  MatX<double> R;
+  stack(factors, effective, p, R, unused);
+  fit.information = R.transpose() * R;
+  MatX<double> H = fit.information(free, free);
+  H.diagonal() += weak(free);
+  const VecX<double> s = H.diagonal().cwiseSqrt().cwiseInverse();
+  const MatX<double> covariance =
+      s.asDiagonal() *
+      Eigen::LDLT<MatX<double>>(s.asDiagonal() * H * s.asDiagonal())
+          .solve(MatX<double>(MatX<double>::Identity(H.rows(), H.cols()))) *
+      s.asDiagonal();
+  fit.std = VecX<double>::Zero(p);
+  fit.identifiable.assign(p, false);
+  for (std::size_t k = 0; k < free.size(); ++k) {
+    const int c = free[k];
+    const double std = std::sqrt(std::max(covariance(static_cast<long>(k), static_cast<long>(k)), 0.0));
+    fit.identifiable[c] = std < scale[c];
+    fit.std[c] = fit.identifiable[c] ? std : std::numeric_limits<double>::quiet_NaN();
+  }
+  fit.base_parameters = base_parameters(layout, R, fit.x, scale, free, 1.0);
+  fit.rank = static_cast<int>(fit.base_parameters.size());
+  return fit;
+}
+
+}  // namespace diffnea

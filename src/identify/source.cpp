@@ -1,0 +1,160 @@
+#include <diffnea/core/error.hpp>
+#include <diffnea/identify/source.hpp>
+
+#include <algorithm>
+
+namespace diffnea {
+namespace {
+
+/// Rows that are read at once when a file is streamed, and that filters are chosen from.
+constexpr long kBlockRows = 16384;
+constexpr long kSampleRows = 4 * kBlockRows;
+
+void add_warnings(const std::vector<JointDescription>& joints,
+                  const std::vector<Recording>& recordings, ReadReport& report) {
+  for (const ChannelWarning& w : find_degrees(joints, recordings))
+    report.notes.push_back(w.joint + ": " + w.text);
+}
+
+/// The model's word that a joint is passive counts as much as the sidecar's.
+void add_passive(const std::vector<JointDescription>& joints, RecordingInfo& info) {
+  for (const JointDescription& j : joints)
+    if (j.passive && std::ranges::find(info.passive, j.name) == info.passive.end())
+      info.passive.push_back(j.name);
+}
+
+class InMemory : public RecordingSource {
+ public:
+  InMemory(const Model& model, std::vector<Recording> recordings, ReadReport report = {})
+      : recordings_(std::move(recordings)), report_(std::move(report)) {
+    const std::vector<JointDescription> joints = describe_joints(model);
+    match_joints(joints, recordings_);
+    for (std::size_t k = 0; k < recordings_.size(); ++k) recordings_[k].run = static_cast<int>(k);
+    add_warnings(joints, recordings_, report_);
+  }
+  void for_each(const std::function<bool(const Recording&)>& use) const override {
+    for (const Recording& r : recordings_)
+      if (!use(r)) return;
+  }
+  std::vector<Recording> sample() const override { return recordings_; }
+  std::vector<int> runs() const override {
+    std::vector<int> out(recordings_.size());
+    for (std::size_t k = 0; k < out.size(); ++k) out[k] = static_cast<int>(k);
+    return out;
+  }
+  const ReadReport& report() const override { return report_; }
+
+ private:
+  std::vector<Recording> recordings_;
+  ReadReport report_;
+};
+
+class InFiles : public RecordingSource {
+ public:
+  InFiles(const Model& model, std::vector<std::filesystem::path> paths,
+          std::vector<RecordingInfo> info)
+      : joints_(describe_joints(model)), paths_(std::move(paths)), info_(std::move(info)) {
+    sample_ = first_rows();
+    add_warnings(joints_, sample_, report_);
+  }
+  void for_each(const std::function<bool(const Recording&)>& use) const override {
+    int run = -1;
+    std::string previous;
+    for (std::size_t f = 0; f < paths_.size(); ++f) {
+      RecordingReader reader(paths_[f], options(f));
+      std::vector<Recording> block(1);
+      int run_in_file = -1;
+      while (reader.next(block[0], kBlockRows)) {
+        if (run_in_file != block[0].run || previous != paths_[f]) ++run;
+        run_in_file = block[0].run;
+        previous = paths_[f];
+        match_joints(joints_, block);
+        block[0].run = run;
+        if (!use(block[0])) return;
+      }
+    }
+  }
+  std::vector<Recording> sample() const override { return sample_; }
+  std::vector<int> runs() const override {
+    int last = -1;
+    for_each([&](const Recording& r) {
+      last = r.run;
+      return true;
+    });
+    std::vector<int> out(last + 1);
+    for (int k = 0; k <= last; ++k) out[k] = k;
+    return out;
+  }
+  const ReadReport& report() const override { return report_; }
+
+ private:
+  ReadOptions options(std::size_t file) const {
+    ReadOptions out;
+    if (!info_.empty()) out.info = info_[info_.size() == 1 ? 0 : file];
+    add_passive(joints_, out.info);
+    return out;
+  }
+  /// The first rows, the blocks of one run joined.
+  std::vector<Recording> first_rows() const {
+    std::vector<Recording> out;
+    RecordingReader reader(paths_.front(), options(0));
+    std::vector<Recording> block(1);
+    if (!reader.next(block[0], kSampleRows))
+      throw DataError(paths_.front().string() + ": no rows");
+    match_joints(joints_, block);
+    block[0].run = 0;
+    out.push_back(block[0]);
+    return out;
+  }
+
+  std::vector<JointDescription> joints_;
+  std::vector<std::filesystem::path> paths_;
+  std::vector<RecordingInfo> info_;
+  std::vector<Recording> sample_;
+  ReadReport report_;
+};
+
+}  // namespace
+
+std::vector<JointDescription> describe_joints(const Model& model) {
+  std::vector<JointDescription> out;
+  for (const int i : moving_links(model)) {
+    const ModelLink& l = model.links[i];
+    out.push_back({l.joint, l.type == ModelJoint::kPrismatic, l.passive, l.limits.lower,
+                   l.limits.upper, l.limits.velocity, l.limits.effort});
+  }
+  return out;
+}
+
+std::unique_ptr<RecordingSource> recordings_in_memory(const Model& model,
+                                                      std::vector<Recording> recordings) {
+  if (recordings.empty()) throw DataError("recordings: got none, expected at least one");
+  return std::make_unique<InMemory>(model, std::move(recordings));
+}
+
+std::unique_ptr<RecordingSource> recordings_in_files(const Model& model,
+                                                     const std::vector<std::filesystem::path>& paths,
+                                                     const std::vector<RecordingInfo>& info,
+                                                     long keep_bytes) {
+  if (paths.empty()) throw DataError("recordings: got no file, expected at least one");
+  long bytes = 0;
+  for (const auto& path : paths) {
+    std::error_code error;
+    const auto size = std::filesystem::file_size(path, error);
+    if (!error) bytes += static_cast<long>(size);
+  }
+  if (bytes > keep_bytes) return std::make_unique<InFiles>(model, paths, info);
+  std::vector<Recording> all;
+  ReadReport report;
+  for (std::size_t f = 0; f < paths.size(); ++f) {
+    ReadOptions options;
+    if (!info.empty()) options.info = info[info.size() == 1 ? 0 : f];
+    add_passive(describe_joints(model), options.info);
+    ReadReport one;
+    for (Recording& r : read_recordings(paths[f], options, &one)) all.push_back(std::move(r));
+    report.add(one);
+  }
+  return std::make_unique<InMemory>(model, std::move(all), report);
+}
+
+}  // namespace diffnea

@@ -1,0 +1,151 @@
+#include <diffnea/core/error.hpp>
+#include <diffnea/identify/torque_regression.hpp>
+
+#include <algorithm>
+#include <cmath>
+
+namespace diffnea {
+
+TorqueRegression::TorqueRegression(const Tree<double>& tree, const FitLayout& layout,
+                                   const PreprocessPlan& plan, const RegressionPoint& at,
+                                   const RegressionOptions& options)
+    : tree_(tree), layout_(layout), at_(at), options_(options), effects_(layout.effects) {
+  const int n = layout.num_dofs;
+  const int p = static_cast<int>(layout.linear.size());
+  effect_column_.resize(effects_.size());
+  for (int c = 0; c < p; ++c)
+    if (layout.linear[c].effect >= 0) {
+      effect_column_[layout.linear[c].effect].push_back(c);
+      effects_[layout.linear[c].effect].parameters[layout.linear[c].index] = at.linear[c];
+    }
+  for (std::size_t s = 0; s < layout.shape.size(); ++s) {
+    effects_[layout.shape[s].effect].parameters[layout.shape[s].index] = at.shape[s];
+    if (!layout.shape[s].fixed) free_shapes_.push_back(static_cast<int>(s));
+  }
+  full_ = RowMatX<double>::Zero(n, p + static_cast<int>(free_shapes_.size()));
+  links_.resize(n);
+  for (int j = 0; j < n; ++j) {
+    std::vector<int> columns = layout.columns_of_joint(tree, j);
+    for (std::size_t s = 0; s < free_shapes_.size(); ++s) {
+      const std::vector<int>& acts = effects_[layout.shape[free_shapes_[s]].effect].joints;
+      if (std::ranges::find(acts, j) != acts.end()) columns.push_back(p + static_cast<int>(s));
+    }
+    joints_.push_back({columns, {}, Decimator(plan.decimator), {}, 0});
+    factors_.push_back({columns, TriangularFactor(static_cast<int>(columns.size()))});
+    kept_.push_back({{}, {}, {}, static_cast<long>(columns.size()) + 1});
+  }
+}
+
+void TorqueRegression::fill_row(const Preprocessed& block, long row) {
+  const int n = layout_.num_dofs;
+  const int p = static_cast<int>(layout_.linear.size());
+  const RowMatX<double>& Y =
+      torque_regressor<double, double>(tree_, block.q.row(row).transpose(), block.qd.row(row).transpose(),
+                                       block.qdd.row(row).transpose(), ws_);
+  full_.leftCols(kThetaSize * n) = Y;  // inertial parameters come first in a layout
+  links_.noalias() = Y * at_.linear.head(kThetaSize * n);
+  JointSample<double> x;
+  x.time = block.time[row];
+  x.run = block.run;
+  x.q = block.q.row(row).data();
+  x.qd = block.qd.row(row).data();
+  x.qdd = block.qdd.row(row).data();
+  x.tau = links_.data();
+  for (std::size_t e = 0; e < effects_.size(); ++e) {
+    const BoundEffect& effect = effects_[e];
+    const std::vector<int>& columns = effect_column_[e];
+    if (effect.info().port == Port::kModelParameter) {
+      for (std::size_t k = 0; k < columns.size(); ++k)
+        full_.col(columns[k]) = Y.col(kThetaSize * effect.joints.at(0) + static_cast<long>(k));
+    } else if (effect.info().port == Port::kJointTorque) {
+      scratch_.resize(columns.size() * n);
+      linear_columns(effect, x, scratch_.data());
+      for (std::size_t k = 0; k < columns.size(); ++k)
+        full_.col(columns[k]) = Eigen::Map<const VecX<double>>(scratch_.data() + k * n, n);
+    }
+  }
+  // Shape directions ∂τ/∂(ln η), by Jets through the effect's own formula.
+  for (std::size_t s = 0; s < free_shapes_.size(); ++s) {
+    const FitParameter& shape = layout_.shape[free_shapes_[s]];
+    const BoundEffect& effect = effects_[shape.effect];
+    std::vector<JetD> p_jet(effect.parameters.begin(), effect.parameters.end());
+    p_jet[shape.index].v[0] = effect.parameters[shape.index];
+    std::vector<JetD> state(4 * n), tau(n, JetD(0.0));
+    for (int j = 0; j < n; ++j) {
+      state[j] = JetD(x.q[j]);
+      state[n + j] = JetD(x.qd[j]);
+      state[2 * n + j] = JetD(x.qdd[j]);
+      state[3 * n + j] = JetD(x.tau[j]);
+    }
+    const JointSample<JetD> xj{x.time, x.run, &state[0], &state[n], &state[2 * n], &state[3 * n]};
+    add_torque(effect, xj, p_jet.data(), tau.data());
+    for (int j = 0; j < n; ++j) full_(j, p + static_cast<int>(s)) = tau[j].v[0];
+  }
+}
+
+void TorqueRegression::add(const Preprocessed& block) {
+  const int n = layout_.num_dofs;
+  long row = 0;
+  dt_ = block.dt;
+  while (row < block.rows()) {
+    const int segment = block.segment[row];
+    if (segment != segment_ || block.run != run_) {
+      for (Joint& j : joints_) {
+        j.decimator.reset();
+        j.emitted = 0;
+      }
+      segment_ = segment;
+      run_ = block.run;
+      segment_start_ = block.time[row];
+    }
+    long end = row;
+    while (end < block.rows() && block.segment[end] == segment && end - row < 1024) ++end;
+    for (int j = 0; j < n; ++j)
+      joints_[j].block.resize(end - row, static_cast<long>(joints_[j].columns.size()) + 1);
+    for (long r = row; r < end; ++r) {
+      fill_row(block, r);
+      for (int j = 0; j < n; ++j) {
+        if (!block.has_tau[j]) continue;
+        Joint& joint = joints_[j];
+        const long width = static_cast<long>(joint.columns.size());
+        double* out = joint.block.row(r - row).data();
+        for (long c = 0; c < width; ++c) out[c] = full_(j, joint.columns[c]);
+        out[width] = block.tau(r, j);
+      }
+    }
+    for (int j = 0; j < n; ++j)
+      if (block.has_tau[j]) flush(j, joints_[j].decimator.push(joints_[j].block));
+    row = end;
+  }
+}
+
+void TorqueRegression::flush(int j, const RowMatX<double>& rows) {
+  Joint& joint = joints_[j];
+  JointRows& kept = kept_[j];
+  const long bytes = rows.size() * static_cast<long>(sizeof(double));
+  if (kept_bytes_ + bytes <= options_.keep_bytes && rows.rows() > 0) {
+    kept.values.insert(kept.values.end(), rows.data(), rows.data() + rows.size());
+    kept.run.insert(kept.run.end(), rows.rows(), run_);
+    for (long k = 0; k < rows.rows(); ++k)
+      kept.time.push_back(segment_start_ +
+                          dt_ * static_cast<double>(joint.decimator.center(joint.emitted + k)));
+    kept_bytes_ += bytes;
+  }
+  joint.emitted += rows.rows();
+  if (!options_.weight) {
+    factors_[j].factor.add(rows);
+    return;
+  }
+  const long width = static_cast<long>(joint.columns.size());
+  const long p = static_cast<long>(layout_.linear.size());
+  RowMatX<double> weighted = rows;
+  for (long k = 0; k < rows.rows(); ++k) {
+    double residual = -rows(k, width);
+    for (long c = 0; c < width; ++c)
+      if (joint.columns[c] < p) residual += rows(k, c) * at_.linear[joint.columns[c]];
+    weighted.row(k) *= std::sqrt(options_.weight(j, residual));
+  }
+  factors_[j].factor.add(weighted);
+}
+
+}  // namespace diffnea

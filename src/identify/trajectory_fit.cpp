@@ -1,0 +1,539 @@
+#include <diffnea/core/error.hpp>
+#include <diffnea/dynamics/integrators.hpp>
+#include <diffnea/identify/linear_fit.hpp>
+#include <diffnea/identify/trajectory_fit.hpp>
+#include <diffnea/recording/preprocess.hpp>
+
+#include <Eigen/LU>
+#include <Eigen/QR>
+#include <algorithm>
+#include <cmath>
+#include <future>
+#include <limits>
+
+namespace diffnea {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+/// A state beyond this is a blow-up, whatever the robot [rad, rad/s or m, m/s].
+constexpr double kBlowUp = 1e6;
+constexpr int kMaxSubsteps = 50;
+
+/// Bound on the eigenvalues of ∂q̈/∂q̇ at rest, where dry friction is steepest [1/s].
+double fastest_rate(ForwardDynamics& dynamics, const ShootingWindow& w) {
+  const int n = dynamics.num_dofs();
+  const VecX<double> q = w.measured_state.head(n), rest = VecX<double>::Zero(n), u = w.u.row(0);
+  dynamics.linearise(q.data(), rest.data(), u.data(), w.run);
+  return dynamics.dqdd_dqd().cwiseAbs().rowwise().sum().maxCoeff();
+}
+
+/// Integrates the columns of A = [state | sensitivities] (2n, …) along the window's torque.
+/// @param slope   slope(u, A, dA)
+/// @param at_row  called with (k, A) at every row k of the window
+/// @return false if the state blew up before the last row
+template <class Slope, class AtRow>
+bool integrate(const ShootingWindow& w, double rate, double max_step, MatX<double>& A,
+               const Slope& slope, const AtRow& at_row) {
+  RungeKutta4<MatX<double>> rk;
+  const long m = static_cast<long>(w.time.size());
+  VecX<double> u;
+  for (long k = 0; k < m; ++k) {
+    at_row(k, A);
+    if (k + 1 == m) break;
+    const double h = w.time[k + 1] - w.time[k];
+    const int steps = std::clamp(static_cast<int>(std::ceil(h * rate / max_step)), 1, kMaxSubsteps);
+    for (int s = 0; s < steps; ++s) {
+      const auto f = [&](double share, const MatX<double>& at, MatX<double>& d) {
+        const double a = (s + share) / steps;
+        u = ((1 - a) * w.u.row(k) + a * w.u_end.row(k)).transpose();
+        slope(u, at, d);
+      };
+      rk.step(f, h / steps, A);
+      if (!(A.col(0).cwiseAbs().maxCoeff() < kBlowUp)) return false;
+    }
+  }
+  return true;
+}
+
+/// q̈ alone: the slope of a state without sensitivities.
+auto state_slope(ForwardDynamics& dynamics, int run) {
+  return [&dynamics, run](const VecX<double>& u, const MatX<double>& z, MatX<double>& dz) {
+    const int n = dynamics.num_dofs();
+    dz.resize(2 * n, 1);
+    dz.topRows(n) = z.bottomRows(n);
+    dynamics.acceleration(z.data(), z.data() + n, u.data(), run, dz.data() + n);
+  };
+}
+
+/// The model at given parameters, with sensitivities to (initial state | free parameters).
+class WindowSimulator {
+ public:
+  WindowSimulator(const Model& model, const FitLayout& layout, const VecX<double>& x,
+                  const std::vector<int>& free, const std::vector<int>& runs,
+                  const TrajectoryOptions& options)
+      : layout_(layout),
+        free_(free),
+        options_(options),
+        dynamics_(extend(apply_fit(model, layout, x, shapes(layout)), runs)),
+        geometry_(dynamics_.model().tree),
+        n_(layout.num_dofs),
+        f_(static_cast<int>(free.size())) {
+    effects_ = layout.effects;
+    for (std::size_t c = 0; c < layout.linear.size(); ++c)
+      if (layout.linear[c].effect >= 0)
+        effects_[layout.linear[c].effect].parameters[layout.linear[c].index] =
+            x[static_cast<long>(c)];
+    slot_.assign(layout.linear.size(), -1);
+    for (int k = 0; k < f_; ++k) slot_[free[k]] = k;
+    effect_columns_.resize(effects_.size());
+    for (std::size_t c = 0; c < layout.linear.size(); ++c)
+      if (layout.linear[c].effect >= 0)
+        effect_columns_[layout.linear[c].effect].push_back(static_cast<int>(c));
+  }
+
+  ForwardDynamics& dynamics() { return dynamics_; }
+
+  /// Residual rows q̂ − q over sigma: [J_state | J_parameters | residual]; false if it blew up.
+  bool rows(const ShootingWindow& w, const VecX<double>& sigma, RowMatX<double>& out) {
+    const int width = 2 * n_ + f_;
+    out.resize(static_cast<long>(w.time.size()) * n_, width + 1);
+    MatX<double> A = MatX<double>::Zero(2 * n_, 1 + width);
+    A.col(0) = w.state;
+    A.middleCols(1, 2 * n_).setIdentity();
+    long filled = 0;
+    const bool finite = integrate(
+        w, fastest_rate(dynamics_, w), options_.max_step, A,
+        [&](const VecX<double>& u, const MatX<double>& at, MatX<double>& d) {
+          sensitivity_slope(w.run, u, at, d);
+        },
+        [&](long k, const MatX<double>& at) {
+          for (int j = 0; j < n_; ++j) {
+            if (std::isnan(w.q(k, j))) continue;
+            out.row(filled).head(width) = at.row(j).tail(width) / sigma[j];
+            out(filled++, width) = (at(j, 0) - w.q(k, j)) / sigma[j];
+          }
+        });
+    out.conservativeResize(filled, Eigen::NoChange);
+    return finite;
+  }
+
+  /// ½ Σ (residual/σ)² of one window; +∞ if it blew up.
+  double cost(const ShootingWindow& w, const VecX<double>& state, const VecX<double>& sigma) {
+    MatX<double> z = state;
+    double sum = 0.0;
+    const bool finite = integrate(w, fastest_rate(dynamics_, w), options_.max_step, z,
+                                  state_slope(dynamics_, w.run),
+                                  [&](long k, const MatX<double>& at) {
+                                    for (int j = 0; j < n_; ++j)
+                                      if (!std::isnan(w.q(k, j)))
+                                        sum += 0.5 * std::pow((at(j, 0) - w.q(k, j)) / sigma[j], 2);
+                                  });
+    return finite ? sum : kInfinity;
+  }
+
+ private:
+  static VecX<double> shapes(const FitLayout& layout) {
+    VecX<double> out(layout.shape.size());
+    for (std::size_t s = 0; s < layout.shape.size(); ++s) out[s] = layout.shape[s].prior;
+    return out;
+  }
+
+  /// d/dt [z | Z]: Z̈_q = ∂q̈/∂q Z_q + ∂q̈/∂q̇ Z_q̇ − M⁻¹ C in the parameters' columns.
+  void sensitivity_slope(int run, const VecX<double>& u, const MatX<double>& A, MatX<double>& dA) {
+    dynamics_.linearise(A.data(), A.data() + n_, u.data(), run);
+    columns(run, A.col(0), dynamics_.qdd());
+    dA.resize(A.rows(), A.cols());
+    dA.topRows(n_) = A.bottomRows(n_);
+    dA.bottomRows(n_).noalias() = dynamics_.dqdd_dq() * A.topRows(n_);
+    dA.bottomRows(n_).noalias() += dynamics_.dqdd_dqd() * A.bottomRows(n_);
+    dA.bottomRows(n_).rightCols(f_).noalias() -= dynamics_.inverse_mass_matrix() * C_;
+    dA.col(0).tail(n_) = dynamics_.qdd();
+  }
+
+  /// C = ∂τ/∂x at q̈: ∂q̈/∂x = −M⁻¹ C.
+  void columns(int run, const VecX<double>& z, const VecX<double>& qdd) {
+    C_.setZero(n_, f_);
+    const VecX<double> q = z.head(n_), qd = z.tail(n_);
+    const RowMatX<double>& Y = torque_regressor<double, double>(geometry_, q, qd, qdd, ws_);
+    for (int c = 0; c < kThetaSize * n_; ++c)
+      if (slot_[c] >= 0) C_.col(slot_[c]) = Y.col(c);
+    JointSample<double> x;
+    x.run = run;
+    x.q = q.data();
+    x.qd = qd.data();
+    x.qdd = qdd.data();
+    x.tau = qdd.data();
+    for (std::size_t e = 0; e < effects_.size(); ++e) {
+      const std::vector<int>& at = effect_columns_[e];
+      if (at.empty() || std::ranges::all_of(at, [&](int c) { return slot_[c] < 0; })) continue;
+      if (effects_[e].info().port == Port::kModelParameter) {
+        for (std::size_t k = 0; k < at.size(); ++k)
+          if (slot_[at[k]] >= 0)
+            C_.col(slot_[at[k]]) =
+                Y.col(kThetaSize * effects_[e].joints.at(0) + static_cast<long>(k));
+        continue;
+      }
+      scratch_.resize(at.size() * n_);
+      linear_columns(effects_[e], x, scratch_.data());
+      for (std::size_t k = 0; k < at.size(); ++k)
+        if (slot_[at[k]] >= 0)
+          C_.col(slot_[at[k]]) = Eigen::Map<const VecX<double>>(scratch_.data() + k * n_, n_);
+    }
+  }
+
+  const FitLayout& layout_;
+  const std::vector<int>& free_;
+  const TrajectoryOptions& options_;
+  ForwardDynamics dynamics_;
+  Tree<double> geometry_;
+  int n_, f_;
+  std::vector<BoundEffect> effects_;
+  std::vector<std::vector<int>> effect_columns_;
+  std::vector<int> slot_;  // per linear column: its place among the free ones, −1 if fixed
+  RegressorWorkspace<double, double> ws_;
+  MatX<double> C_;
+  std::vector<double> scratch_;
+};
+
+/// What is left of a window once its initial state is eliminated.
+struct ReducedWindow {
+  bool finite = false;
+  RowMatX<double> rows;     // (≤ f+1, f+1): [J | r] that no initial state can explain
+  MatX<double> R_state;     // (2n, 2n)
+  MatX<double> top;         // (2n, f+1)
+};
+
+ReducedWindow reduce(const RowMatX<double>& rows, int states) {
+  ReducedWindow out;
+  const long width = rows.cols();
+  const Eigen::HouseholderQR<MatX<double>> qr(rows);
+  const long kept = std::min(rows.rows(), width);
+  const MatX<double> R =
+      MatX<double>(qr.matrixQR().topRows(kept)).triangularView<Eigen::Upper>();
+  const long s = std::min<long>(states, kept);
+  out.finite = rows.allFinite() && s == states;
+  if (!out.finite) return out;
+  out.R_state = R.topLeftCorner(s, s);
+  out.top = R.topRightCorner(s, width - s);
+  out.rows = R.bottomRightCorner(kept - s, width - s);
+  return out;
+}
+
+/// Runs `job(i)` for i < count on `threads` threads; results do not depend on their number.
+void parallel_for(std::size_t count, int threads, const std::function<void(std::size_t, int)>& job) {
+  if (threads <= 1) {
+    for (std::size_t i = 0; i < count; ++i) job(i, 0);
+    return;
+  }
+  std::vector<std::future<void>> workers;
+  for (int t = 0; t < threads; ++t)
+    workers.push_back(std::async(std::launch::async, [&, t] {
+      for (std::size_t i = static_cast<std::size_t>(t); i < count; i += static_cast<std::size_t>(threads))
+        job(i, t);
+    }));
+  for (auto& w : workers) w.get();
+}
+
+/// The first rows of every window, for an early stage.
+std::vector<ShootingWindow> shortened(const std::vector<ShootingWindow>& windows, double share) {
+  std::vector<ShootingWindow> out = windows;
+  for (ShootingWindow& w : out) {
+    const long m = std::max<long>(static_cast<long>(share * static_cast<double>(w.time.size())), 8);
+    if (m >= static_cast<long>(w.time.size())) continue;
+    w.time.resize(static_cast<std::size_t>(m));
+    w.q.conservativeResize(m, Eigen::NoChange);
+    w.u.conservativeResize(m, Eigen::NoChange);
+    w.u_end.conservativeResize(m, Eigen::NoChange);
+  }
+  return out;
+}
+
+class TrajectoryFitter {
+ public:
+  TrajectoryFitter(const Model& model, const FitLayout& layout, const VecX<double>& start,
+                   const VecX<double>& scale, const TrajectoryOptions& options,
+                   const std::function<bool(const char*, int, double)>& progress)
+      : model_(model), layout_(layout), start_(start), scale_(scale), options_(options),
+        progress_(progress) {
+    for (std::size_t c = 0; c < layout.linear.size(); ++c)
+      if (!layout.linear[c].fixed) free_.push_back(static_cast<int>(c));
+    fit_.x = start;
+  }
+
+  TrajectoryFit run(std::vector<ShootingWindow>& windows) {
+    const int n = layout_.num_dofs;
+    for (const ShootingWindow& w : windows) runs_.push_back(w.run);
+    std::ranges::sort(runs_);
+    runs_.erase(std::unique(runs_.begin(), runs_.end()), runs_.end());
+    fit_.sigma = VecX<double>::Ones(n);
+    for (std::size_t stage = 0; stage <= options_.stages.size(); ++stage) {
+      const bool last = stage == options_.stages.size();
+      std::vector<ShootingWindow> now =
+          last ? windows : shortened(windows, options_.stages[stage]);
+      for (std::size_t i = 0; i < now.size(); ++i) now[i].state = windows[i].state;
+      gauss_newton(now, last ? options_.max_iterations : options_.max_iterations / 2);
+      for (std::size_t i = 0; i < now.size(); ++i) windows[i].state = now[i].state;
+      if (fit_.interrupted) break;
+    }
+    return fit_;
+  }
+
+ private:
+  std::vector<std::unique_ptr<WindowSimulator>> simulators(const VecX<double>& x) {
+    std::vector<std::unique_ptr<WindowSimulator>> out;
+    for (int t = 0; t < std::max(options_.threads, 1); ++t)
+      out.push_back(std::make_unique<WindowSimulator>(model_, layout_, x, free_, runs_, options_));
+    return out;
+  }
+
+  double cost(const std::vector<ShootingWindow>& windows, const VecX<double>& x,
+              const std::vector<VecX<double>>& states) {
+    auto workers = simulators(x);
+    std::vector<double> costs(windows.size());
+    parallel_for(windows.size(), options_.threads, [&](std::size_t i, int t) {
+      costs[i] = workers[static_cast<std::size_t>(t)]->cost(windows[i], states[i], fit_.sigma);
+    });
+    double sum = 0.0;
+    for (const double c : costs) sum += c;
+    return sum;
+  }
+
+  /// Output error of each joint at the present estimate.
+  void update_sigma(const std::vector<ShootingWindow>& windows) {
+    const int n = layout_.num_dofs;
+    auto workers = simulators(fit_.x);
+    VecX<double> sum = VecX<double>::Zero(n), count = VecX<double>::Zero(n);
+    for (const ShootingWindow& w : windows) {
+      const RowMatX<double> q = simulate_window(workers[0]->dynamics(), w, w.state, options_);
+      for (long k = 0; k < q.rows(); ++k)
+        for (int j = 0; j < n; ++j)
+          if (!std::isnan(w.q(k, j)) && std::isfinite(q(k, j))) {
+            sum[j] += std::pow(q(k, j) - w.q(k, j), 2);
+            count[j] += 1;
+          }
+    }
+    fit_.samples = static_cast<long>(count.sum());
+    for (int j = 0; j < n; ++j)
+      fit_.sigma[j] = std::max(std::sqrt(sum[j] / std::max(count[j], 1.0)), 1e-9);
+  }
+
+  void gauss_newton(std::vector<ShootingWindow>& windows, int max_iterations) {
+    const long p = static_cast<long>(layout_.linear.size());
+    const int n = layout_.num_dofs, f = static_cast<int>(free_.size());
+    update_sigma(windows);
+    double damping = 1e-4;
+    std::vector<VecX<double>> states;
+    for (const ShootingWindow& w : windows) states.push_back(w.state);
+    double now = cost(windows, fit_.x, states);
+    fit_.converged = false;
+    fit_.termination = "iteration limit";
+    int rounds = 0;
+    for (int iteration = 0; iteration < max_iterations; ++iteration) {
+      // Linearise every window and eliminate its initial state.
+      auto workers = simulators(fit_.x);
+      std::vector<ReducedWindow> reduced(windows.size());
+      parallel_for(windows.size(), options_.threads, [&](std::size_t i, int t) {
+        RowMatX<double> rows;
+        if (workers[static_cast<std::size_t>(t)]->rows(windows[i], fit_.sigma, rows))
+          reduced[i] = reduce(rows, 2 * n);
+      });
+      TriangularFactor whole(f);
+      for (const ReducedWindow& r : reduced)
+        if (r.finite) whole.add(r.rows);
+      fit_.R = MatX<double>::Zero(f, p);
+      const MatX<double> R = whole.R();
+      for (int k = 0; k < f; ++k) fit_.R.col(free_[static_cast<std::size_t>(k)]) = R.col(k);
+      const VecX<double> d = fit_.R * fit_.x - whole.d();  // R x_new = R x − (r): whole.d() is r's part
+
+      bool accepted = false;
+      double gained = 0.0;
+      for (int attempt = 0; attempt < 8 && !accepted; ++attempt) {
+        const VecX<double> x_new = step(d, damping);
+        std::vector<VecX<double>> next = states;
+        VecX<double> dx(f);
+        for (int k = 0; k < f; ++k)
+          dx[k] = x_new[free_[static_cast<std::size_t>(k)]] - fit_.x[free_[static_cast<std::size_t>(k)]];
+        for (std::size_t i = 0; i < windows.size(); ++i) {
+          if (!reduced[i].finite) continue;
+          const VecX<double> rhs =
+              -reduced[i].top.col(f) - reduced[i].top.leftCols(f) * dx;
+          next[i] += reduced[i].R_state.fullPivLu().solve(rhs);
+        }
+        const double after = cost(windows, x_new, next);
+        if (after < now) {
+          gained = now - after;
+          now = after;
+          fit_.x = x_new;
+          states = next;
+          for (std::size_t i = 0; i < windows.size(); ++i) windows[i].state = states[i];
+          damping = std::max(damping * 0.2, 1e-9);
+          accepted = true;
+        } else {
+          damping *= 10.0;
+        }
+      }
+      ++fit_.iterations;
+      fit_.objective = now;
+      if (progress_ && !progress_("simulating", fit_.iterations, now)) {
+        fit_.interrupted = true;
+        fit_.termination = "interrupted";
+        return;
+      }
+      if (!accepted || gained < options_.tolerance * now) {
+        // Converged for this noise; weigh the joints anew, twice at most.
+        const VecX<double> before = fit_.sigma;
+        update_sigma(windows);
+        const double change = (fit_.sigma.cwiseQuotient(before).array() - 1.0).abs().maxCoeff();
+        if (change < 0.01 || ++rounds > 3) {
+          fit_.converged = true;
+          fit_.termination = accepted ? "gain below tolerance" : "no lower point along the step";
+          break;
+        }
+        now = cost(windows, fit_.x, states);
+        damping = 1e-4;
+      }
+    }
+  }
+
+  /// Levenberg–Marquardt step as a convex fit: consistency exact, damping and prior as Gaussians.
+  VecX<double> step(const VecX<double>& d, double damping) {
+    const long p = static_cast<long>(layout_.linear.size());
+    const long f = fit_.R.rows();
+    ConvexFitProblem problem;
+    problem.R = MatX<double>::Zero(f + p, p);
+    problem.d = VecX<double>::Zero(f + p);
+    problem.R.topRows(f) = fit_.R;
+    problem.d.head(f) = d;
+    for (const int c : free_) {
+      // What the data cannot tell stays where the fit began.
+      const double weak = 1.0 / (10.0 * scale_[c]);
+      problem.R(f + c, c) = weak;
+      problem.d[f + c] = weak * start_[c];
+    }
+    problem.start = fit_.x;
+    problem.bodies = layout_.bodies();
+    problem.prior_information = MatX<double>::Zero(p, p);
+    for (long c = 0; c < p; ++c) {
+      const double curvature = fit_.R.col(c).squaredNorm() + std::pow(0.1 / scale_[c], 2);
+      problem.prior_information(c, c) = damping * curvature;
+      if (layout_.linear[static_cast<std::size_t>(c)].fixed)
+        problem.fixed.push_back(static_cast<int>(c));
+      else if (layout_.linear[static_cast<std::size_t>(c)].sign != Sign::kFree)
+        problem.nonnegative.push_back(static_cast<int>(c));
+    }
+    return solve_convex_fit(problem).x;
+  }
+
+  const Model& model_;
+  const FitLayout& layout_;
+  const VecX<double>& start_;
+  const VecX<double>& scale_;
+  const TrajectoryOptions& options_;
+  const std::function<bool(const char*, int, double)>& progress_;
+  std::vector<int> free_, runs_;
+  TrajectoryFit fit_;
+};
+
+}  // namespace
+
+std::vector<ShootingWindow> make_windows(const Recording& recording, double window_seconds,
+                                         double filter_hz, const std::vector<bool>& passive) {
+  PreprocessOptions options;
+  options.filter_hz = filter_hz;
+  const PreprocessPlan plan = plan_preprocess({recording}, options);
+  const Preprocessed smooth = preprocess(recording, plan);
+  const int n = recording.num_joints();
+  std::vector<ShootingWindow> out;
+  const bool hold = recording.info.torque_sampling == TorqueSampling::kHold;
+  const auto torque = [&](long k, int j) {
+    return j < static_cast<int>(passive.size()) && passive[static_cast<std::size_t>(j)] ? 0.0
+                                                                                      : recording.tau(k, j);
+  };
+  long at = 0;
+  for (long k = 0; k < recording.rows();) {
+    while (at < smooth.rows() && smooth.time[at] < recording.time[k] - 0.5 * smooth.dt) ++at;
+    if (at == smooth.rows()) break;
+    if (smooth.time[at] > recording.time[k] + 0.5 * smooth.dt) {  // filtered rows begin later
+      ++k;
+      continue;
+    }
+    long end = k;
+    bool complete = true;
+    while (end < recording.rows() && recording.time[end] - recording.time[k] < window_seconds) {
+      for (int j = 0; j < n; ++j) complete = complete && !std::isnan(torque(end, j));
+      if (end > k && recording.time[end] - recording.time[end - 1] > plan.max_gap * plan.dt)
+        complete = false;
+      ++end;
+    }
+    const bool whole = end < recording.rows() ||
+                       recording.time[end - 1] - recording.time[k] > 0.9 * window_seconds;
+    if (complete && whole && end - k > 8) {
+      ShootingWindow w;
+      w.run = recording.run;
+      const long m = end - k;
+      w.q = recording.q.middleRows(k, m);
+      w.u.resize(m, n);
+      w.u_end.resize(m, n);
+      for (long r = 0; r < m; ++r) {
+        w.time.push_back(recording.time[k + r]);
+        const long next = std::min(k + r + 1, recording.rows() - 1);
+        for (int j = 0; j < n; ++j) {
+          w.u(r, j) = torque(k + r, j);
+          w.u_end(r, j) = hold ? w.u(r, j) : torque(next, j);
+        }
+      }
+      w.measured_state.resize(2 * n);
+      w.measured_state.head(n) = smooth.q.row(at).transpose();
+      w.measured_state.tail(n) = smooth.qd.row(at).transpose();
+      w.state = w.measured_state;
+      out.push_back(std::move(w));
+    }
+    k = std::max(end, k + 1);
+  }
+  if (out.empty())
+    throw DataError(recording.source + ": no window of " + std::to_string(window_seconds) +
+                    " s has a torque at every row; choose a shorter window, or declare joints "
+                    "without a drive passive");
+  return out;
+}
+
+RowMatX<double> simulate_window(ForwardDynamics& dynamics, const ShootingWindow& window,
+                                const VecX<double>& state, const TrajectoryOptions& options) {
+  const int n = dynamics.num_dofs();
+  RowMatX<double> q = RowMatX<double>::Constant(static_cast<long>(window.time.size()), n,
+                                                std::numeric_limits<double>::quiet_NaN());
+  MatX<double> z = state;
+  integrate(window, fastest_rate(dynamics, window), options.max_step, z,
+            state_slope(dynamics, window.run),
+            [&](long k, const MatX<double>& at) { q.row(k) = at.col(0).head(n).transpose(); });
+  return q;
+}
+
+TrajectoryFit fit_trajectories(const Model& model, const FitLayout& layout, const VecX<double>& start,
+                               const VecX<double>& scale, std::vector<ShootingWindow>& windows,
+                               const TrajectoryOptions& options,
+                               const std::function<bool(const char*, int, double)>& progress) {
+  return TrajectoryFitter(model, layout, start, scale, options, progress).run(windows);
+}
+
+VecX<double> window_rmse(const Model& model, const std::vector<ShootingWindow>& windows,
+                         bool measured_state, const TrajectoryOptions& options) {
+  std::vector<int> runs;
+  for (const ShootingWindow& w : windows) runs.push_back(w.run);
+  ForwardDynamics dynamics(extend(model, runs));
+  const int n = dynamics.num_dofs();
+  VecX<double> sum = VecX<double>::Zero(n), count = VecX<double>::Zero(n);
+  for (const ShootingWindow& w : windows) {
+    const RowMatX<double> q =
+        simulate_window(dynamics, w, measured_state ? w.measured_state : w.state, options);
+    for (long k = 0; k < q.rows(); ++k)
+      for (int j = 0; j < n; ++j)
+        if (!std::isnan(w.q(k, j))) {
+          sum[j] += std::pow(q(k, j) - w.q(k, j), 2);
+          count[j] += 1;
+        }
+  }
+  return sum.cwiseQuotient(count.cwiseMax(1.0)).cwiseSqrt();
+}
+
+}  // namespace diffnea
