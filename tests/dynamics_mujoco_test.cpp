@@ -1,20 +1,13 @@
 /// RNEA, ABA and the mass matrix against MuJoCo on the same random trees.
 
-#include <mujoco/mujoco.h>
-
-#include <Eigen/Eigenvalues>
 #include <catch2/catch_test_macros.hpp>
 #include <catch2/generators/catch_generators_range.hpp>
-#include <cstdio>
 #include <diffnea/dynamics/aba.hpp>
 #include <diffnea/dynamics/mass_matrix.hpp>
 #include <diffnea/dynamics/rnea.hpp>
-#include <filesystem>
-#include <fstream>
-#include <memory>
-#include <string>
 
 #include "support/matrix_near.hpp"
+#include "support/mujoco_tree.hpp"
 #include "support/random_arm.hpp"
 
 using namespace diffnea;
@@ -27,98 +20,13 @@ constexpr double kTorqueTol = 1e-10;
 /// Accelerations after a solve with a mass matrix of condition 10³ or more, entries to 10³.
 constexpr double kAccelerationTol = 1e-8;
 
-std::string numbers(std::initializer_list<double> values) {
-  std::string out;
-  char buffer[32];
-  for (const double x : values) {
-    std::snprintf(buffer, sizeof buffer, "%s%.17g", out.empty() ? "" : " ", x);
-    out += buffer;
-  }
-  return out;
-}
-
-std::string quaternion(const Eigen::Matrix3d& R) {
-  const Eigen::Quaterniond q(R);
-  return numbers({q.w(), q.x(), q.y(), q.z()});
-}
-
-/// Inertia in principal axes: `fullinertia` would be diagonalised by MuJoCo, before 3.16 to 1e-6 only.
-std::string inertial(const SpatialInertia<double>& b) {
-  const Vec3<double> p = b.h * (1.0 / b.m);
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(to_eigen(full(inertia_about_com(b))));
-  Eigen::Matrix3d axes = solver.eigenvectors();
-  if (axes.determinant() < 0) axes.col(0) *= -1.0;
-  const Eigen::Vector3d moments = solver.eigenvalues();
-  return "<inertial mass='" + numbers({b.m}) + "' pos='" + numbers({p.x, p.y, p.z}) + "' quat='" +
-         quaternion(axes) + "' diaginertia='" + numbers({moments[0], moments[1], moments[2]}) + "'/>";
-}
-
-std::string bodies(const Tree<double>& tree, int parent) {
-  std::string out;
-  for (int i = 0; i < tree.num_dofs(); ++i) {
-    const Link<double>& link = tree.links[i];
-    if (link.parent != parent) continue;
-    const Vec3<double>&p = link.X_PJ.p, &a = link.axis;
-    const std::string number = std::to_string(i);
-    out += "<body name='b" + number + "' pos='" + numbers({p.x, p.y, p.z}) + "' quat='" +
-           quaternion(to_eigen(link.X_PJ.R)) + "'><joint name='j" + number + "' type='" +
-           (link.type == JointType::kRevolute ? "hinge" : "slide") + "' axis='" +
-           numbers({a.x, a.y, a.z}) + "' armature='" + numbers({link.armature}) + "'/>" +
-           inertial(link.inertia) + bodies(tree, i) + "</body>";
-  }
-  return out;
-}
-
-struct Mujoco {
-  explicit Mujoco(const Tree<double>& tree, unsigned seed) {
-    const auto path = std::filesystem::temp_directory_path() /
-                      ("diffnea_dynamics_" + std::to_string(seed) + ".xml");
-    std::ofstream(path) << "<mujoco><compiler angle='radian' inertiafromgeom='false'/><option gravity='"
-                        << numbers({tree.gravity.x, tree.gravity.y, tree.gravity.z})
-                        << "'/><worldbody>" << bodies(tree, -1) << "</worldbody></mujoco>";
-    char error[500] = "";
-    model.reset(mj_loadXML(path.c_str(), nullptr, error, sizeof error));
-    std::filesystem::remove(path);
-    INFO(error);
-    REQUIRE(model);
-    data.reset(mj_makeData(model.get()));
-    for (int i = 0; i < tree.num_dofs(); ++i)
-      dof.push_back(mj_name2id(model.get(), mjOBJ_JOINT, ("j" + std::to_string(i)).c_str()));
-  }
-
-  /// Our tree with the inertia that MuJoCo has compiled.
-  Tree<double> with_compiled_inertia(Tree<double> tree) const {
-    for (int i = 0; i < tree.num_dofs(); ++i) {
-      const int body = mj_name2id(model.get(), mjOBJ_BODY, ("b" + std::to_string(i)).c_str());
-      const mjtNum *p = model->body_ipos + 3 * body, *q = model->body_iquat + 4 * body,
-                   *moments = model->body_inertia + 3 * body;
-      const Sym3<double> I_com = rotate(rotation_from_quaternion(q[0], q[1], q[2], q[3]),
-                                        Sym3<double>{moments[0], 0, 0, moments[1], 0, moments[2]});
-      tree.links[i].inertia = inertia_from_com<double>(model->body_mass[body], {p[0], p[1], p[2]}, I_com);
-    }
-    return tree;
-  }
-  void scatter(const VecX<double>& from, mjtNum* to) const {
-    for (std::size_t i = 0; i < dof.size(); ++i) to[dof[i]] = from[i];
-  }
-  VecX<double> gather(const mjtNum* from) const {
-    VecX<double> to(dof.size());
-    for (std::size_t i = 0; i < dof.size(); ++i) to[i] = from[dof[i]];
-    return to;
-  }
-
-  std::unique_ptr<mjModel, decltype(&mj_deleteModel)> model{nullptr, mj_deleteModel};
-  std::unique_ptr<mjData, decltype(&mj_deleteData)> data{nullptr, mj_deleteData};
-  std::vector<int> dof;  ///< MuJoCo's index of our degree of freedom; one number a joint
-};
-
 }  // namespace
 
 TEST_CASE("dynamics: rnea, aba and the mass matrix agree with MuJoCo", "[dynamics][mujoco]") {
   const unsigned seed = GENERATE(range(0u, 30u));
   CAPTURE(seed);
   const RandomArm arm(seed, {.num_dofs = 1 + static_cast<int>(seed % 9)});
-  const Mujoco mujoco(arm.tree, seed);
+  const Mujoco mujoco(arm.tree);
   const Tree<double> tree = mujoco.with_compiled_inertia(arm.tree);
   mjModel* m = mujoco.model.get();
   mjData* d = mujoco.data.get();

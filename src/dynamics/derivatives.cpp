@@ -1,4 +1,5 @@
 #include <diffnea/core/error.hpp>
+#include <diffnea/dynamics/detail/joint_axis.hpp>
 #include <diffnea/dynamics/derivatives.hpp>
 
 #include "dynamics/ltl.hpp"
@@ -31,20 +32,15 @@ void velocity_pass(const Tree<double>& tree, const double* q, const double* qd, 
   for (int i = 0; i < tree.num_dofs(); ++i) {
     const Link<double>& link = tree.links[i];
     WorldStates::State& l = links[i];
-    const Twist<double> s_L = joint_twist(link);
-    const Pose<double> X_PL = joint_pose(link, q[i]);
-    if (link.parent < 0) {
-      l.X_WL = X_PL;
+    detail::with_axis(link, [&](const auto& s_L) {
+      const Pose<double> X_PL = detail::joint_pose(link, s_L, q[i]);
+      l.X_WL = link.parent < 0 ? X_PL : links[link.parent].X_WL * X_PL;
       l.s = to_parent(l.X_WL, s_L);
-      l.psid = {};
-      l.V = l.s * qd[i];
-    } else {
-      const WorldStates::State& p = links[link.parent];
-      l.X_WL = p.X_WL * X_PL;
-      l.s = to_parent(l.X_WL, s_L);
-      l.psid = ad(p.V, l.s);
-      l.V = p.V + l.s * qd[i];
-    }
+    });
+    const Twist<double> V_P =
+        link.parent < 0 ? detail::zero_twist<double>() : links[link.parent].V;
+    l.psid = ad(V_P, l.s);
+    l.V = V_P + l.s * qd[i];
     l.M = to_parent(l.X_WL, link.inertia);
     const double half_trace = 0.5 * (l.M.I.xx + l.M.I.yy + l.M.I.zz);
     const Sym3<double> second_moment{half_trace - l.M.I.xx, -l.M.I.xy, -l.M.I.xz,
@@ -145,10 +141,12 @@ void rnea_derivatives(const Tree<double>& tree, VecIn<double> q, VecIn<double> q
   require_size("rnea_derivatives: qdd", qdd.size(), n, "joint");
   States& links = out.scratch.links;
   out.tau.resize(n);
-  velocity_pass(tree, q.data(), qd.data(), links);
-  force_pass(tree, qd.data(), qdd.data(), links, out.tau.data());
-  composite_pass(tree, links, out.M);
-  derivative_pass(tree, links, out.dtau_dq, out.dtau_dqd);
+  call_inlined<double>([&] {
+    velocity_pass(tree, q.data(), qd.data(), links);
+    force_pass(tree, qd.data(), qdd.data(), links, out.tau.data());
+    composite_pass(tree, links, out.M);
+    derivative_pass(tree, links, out.dtau_dq, out.dtau_dqd);
+  });
 }
 
 void aba_derivatives(const Tree<double>& tree, VecIn<double> q, VecIn<double> qd,
@@ -158,10 +156,12 @@ void aba_derivatives(const Tree<double>& tree, VecIn<double> q, VecIn<double> qd
   require_size("aba_derivatives: qd", qd.size(), n, "joint");
   require_size("aba_derivatives: tau", tau.size(), n, "joint");
   States& links = out.scratch.links;
-  velocity_pass(tree, q.data(), qd.data(), links);
-  solve_forward(tree, qd.data(), tau.data(), links, out.L, out.qdd, out.tau);
-  force_pass(tree, qd.data(), out.qdd.data(), links, out.tau.data());
-  derivative_pass(tree, links, out.dqdd_dq, out.dqdd_dqd);
+  call_inlined<double>([&] {
+    velocity_pass(tree, q.data(), qd.data(), links);
+    solve_forward(tree, qd.data(), tau.data(), links, out.L, out.qdd, out.tau);
+    force_pass(tree, qd.data(), out.qdd.data(), links, out.tau.data());
+    derivative_pass(tree, links, out.dqdd_dq, out.dqdd_dqd);
+  });
   out.dqdd_dtau.setIdentity(n, n);
   detail::solve_ltl(tree, out.L, out.dqdd_dtau.data(), n);
   out.dqdd_dq *= -1.0;
@@ -178,12 +178,14 @@ const RowMatX<double>& forward_dynamics_parameter_jacobian(const Tree<double>& t
   require_size("forward_dynamics_parameter_jacobian: q", q.size(), n, "joint");
   require_size("forward_dynamics_parameter_jacobian: qd", qd.size(), n, "joint");
   require_size("forward_dynamics_parameter_jacobian: tau", tau.size(), n, "joint");
-  velocity_pass(tree, q.data(), qd.data(), ws.scratch.links);
-  solve_forward(tree, qd.data(), tau.data(), ws.scratch.links, ws.L, ws.qdd, ws.bias);
   const int columns = kThetaSize * n;
   ws.dqdd_dpi.resize(n, columns);
-  detail::torque_regressor(tree, q.data(), qd.data(), ws.qdd.data(), ws.motion, ws.dqdd_dpi.data(),
-                           columns);
+  call_inlined<double>([&] {
+    velocity_pass(tree, q.data(), qd.data(), ws.scratch.links);
+    solve_forward(tree, qd.data(), tau.data(), ws.scratch.links, ws.L, ws.qdd, ws.bias);
+    detail::torque_regressor(tree, q.data(), qd.data(), ws.qdd.data(), ws.motion,
+                             ws.dqdd_dpi.data(), columns);
+  });
   ws.dqdd_dpi *= -1.0;
   detail::solve_ltl(tree, ws.L, ws.dqdd_dpi.data(), columns);
   return ws.dqdd_dpi;

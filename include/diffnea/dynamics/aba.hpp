@@ -9,7 +9,6 @@ template <Scalar P, Scalar S>
 struct AbaWorkspace : LinkStates<P, S> {
   using R = Prod<P, S>;
   struct Articulated {
-    Twist<R> eta;              ///< η = ad_v s q̇
     ArticulatedInertia<R> M;   ///< M̂, the inertia of the link and all that hangs on it
     Wrench<R> f_b;             ///< bias force
     Wrench<R> U;               ///< M̂ s

@@ -76,8 +76,10 @@ struct ArticulatedInertia {
   Mat3<T> H;
   Sym3<T> M;
 
-  static ArticulatedInertia from_rigid(const SpatialInertia<T>& b) {
-    return {b.I, skew(b.h), {b.m, T(0.0), T(0.0), b.m, T(0.0), b.m}};
+  template <class U>
+  static ArticulatedInertia from_rigid(const SpatialInertia<U>& b) {
+    const T m(b.m), o(0.0);
+    return {b.I.template cast<T>(), skew(b.h.template cast<T>()), {m, o, o, m, o, m}};
   }
 };
 

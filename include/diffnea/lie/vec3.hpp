@@ -133,18 +133,21 @@ Sym3<T> outer(const Vec3<T>& v, const T& s) {
   const Vec3<T> u = v * s;
   return {u.x * v.x, u.x * v.y, u.x * v.z, u.y * v.y, u.y * v.z, u.z * v.z};
 }
-/// R S Rᵀ
+/// R S Rᵀ. S = zz 1 + L, and L = Σ e_k l_kᵀ + l_k e_kᵀ with l_1 = [½(xx−zz), xy, xz], l_2 = [0, ½(yy−zz), yz]:
+/// the unit part does not turn, L takes two turned vectors (38 products; R S, then · Rᵀ, takes 45).
 template <class A, class B>
 Sym3<Prod<A, B>> rotate(const Mat3<A>& R, const Sym3<B>& s) {
   using T = Prod<A, B>;
-  const Mat3<T> RS = R * full(s);
-  const auto entry = [&](const Vec3<T>& a, const Vec3<T>& b) { return dot(a, b); };
-  const Mat3<A> Rt = transpose(R);
-  const Mat3<T> RSt = transpose(RS);
-  const Mat3<T> Rtt = Rt.template cast<T>();
-  return {entry(RSt.col[0], Rtt.col[0]), entry(RSt.col[0], Rtt.col[1]),
-          entry(RSt.col[0], Rtt.col[2]), entry(RSt.col[1], Rtt.col[1]),
-          entry(RSt.col[1], Rtt.col[2]), entry(RSt.col[2], Rtt.col[2])};
+  const Vec3<A>&r1 = R.col[0], &r2 = R.col[1], &r3 = R.col[2];
+  const Vec3<T> u = r1 * (B(0.5) * (s.xx - s.zz)) + r2 * s.xy + r3 * s.xz;
+  const Vec3<T> w = r2 * (B(0.5) * (s.yy - s.zz)) + r3 * s.yz;
+  const T xx = r1.x * u.x + r2.x * w.x, yy = r1.y * u.y + r2.y * w.y, zz = r1.z * u.z + r2.z * w.z;
+  return {s.zz + (xx + xx),
+          r1.x * u.y + r1.y * u.x + r2.x * w.y + r2.y * w.x,
+          r1.x * u.z + r1.z * u.x + r2.x * w.z + r2.z * w.x,
+          s.zz + (yy + yy),
+          r1.y * u.z + r1.z * u.y + r2.y * w.z + r2.z * w.y,
+          s.zz + (zz + zz)};
 }
 
 template <class T>

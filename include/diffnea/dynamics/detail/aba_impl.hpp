@@ -18,41 +18,43 @@ void aba(const Tree<P>& tree, const S* q, const S* qd, const S* u, AbaWorkspace<
     const Link<P>& link = tree.links[i];
     auto& l = ws.links[i];
     auto& a = ws.articulated[i];
-    const Twist<double> s = joint_twist(link);
-    l.X_PL = joint_pose(link, q[i]);
-    const Twist<R> V_P =
-        link.parent < 0 ? zero_twist<R>() : to_child(l.X_PL, ws.links[link.parent].V);
-    l.V = V_P + s * qd[i];                                     // v̄ = Ad v̄_λ + s q̇
-    a.eta = ad(l.V, s) * qd[i];                                // η = ad_v s q̇
-    a.M = ArticulatedInertia<R>::from_rigid({R(link.inertia.m), link.inertia.h.template cast<R>(),
-                                             link.inertia.I.template cast<R>()});
-    a.f_b = minus_ad_star(l.V, link.inertia * l.V);            // f_b = −ad*_v M̄ v̄: own inertia
+    with_axis(link, [&](const auto& s) {
+      l.X_PL = joint_pose(link, s, q[i]);
+      const Twist<R> V_P =
+          link.parent < 0 ? zero_twist<R>() : to_child(l.X_PL, ws.links[link.parent].V);
+      l.V = V_P + s * qd[i];                                   // v̄ = Ad v̄_λ + s q̇
+      a.M = ArticulatedInertia<R>::from_rigid(link.inertia);
+      a.f_b = minus_ad_star(l.V, link.inertia * l.V);          // f_b = −ad*_v M̄ v̄: own inertia
+    });
   }
   for (int i = n - 1; i >= 0; --i) {
     const Link<P>& link = tree.links[i];
+    const auto& l = ws.links[i];
     auto& a = ws.articulated[i];
-    const Twist<double> s = joint_twist(link);
-    a.U = a.M * s;
-    a.psi = R(1.0) / (dot(s, a.U) + link.armature);            // Ψ = (sᵀ M̂ s + I_r)⁻¹
-    if (link.parent < 0) continue;
-    auto& p = ws.articulated[link.parent];
-    const Wrench<R> f = a.f_b + a.M * a.eta;                   // M̂η + f_b
-    const Wrench<R> f_out = f + a.U * (a.psi * (u[i] - dot(s, f)));  // f_b + β
-    p.M = p.M + to_parent(ws.links[i].X_PL, rank_one_down(a.M, a.U, a.psi));  // Σ Ad* Π Ad
-    p.f_b = p.f_b + to_parent(ws.links[i].X_PL, f_out);        // Σ Ad* (f_b + β)
+    with_axis(link, [&](const auto& s) {
+      a.U = a.M * s;
+      a.psi = R(1.0) / (dot(s, a.U) + link.armature);          // Ψ = (sᵀ M̂ s + I_r)⁻¹
+      if (link.parent < 0) return;
+      auto& p = ws.articulated[link.parent];
+      const Wrench<R> f = a.f_b + a.M * (ad(l.V, s) * qd[i]);  // M̂η + f_b, η = ad_v s q̇
+      const Wrench<R> f_out = f + a.U * (a.psi * (u[i] - dot(s, f)));           // f_b + β
+      p.M = p.M + to_parent(l.X_PL, rank_one_down(a.M, a.U, a.psi));            // Σ Ad* Π Ad
+      p.f_b = p.f_b + to_parent(l.X_PL, f_out);                // Σ Ad* (f_b + β)
+    });
   }
   const Twist<R> A0 = base_acceleration<P, R>(tree);
   for (int i = 0; i < n; ++i) {
     const Link<P>& link = tree.links[i];
     auto& l = ws.links[i];
     const auto& a = ws.articulated[i];
-    const Twist<double> s = joint_twist(link);
-    const Twist<R>& A_P = link.parent < 0 ? A0 : ws.links[link.parent].A;
-    const Twist<R> A = to_child(l.X_PL, A_P) + a.eta;          // Ad ā_λ + η
-    const Wrench<R> F = a.M * A + a.f_b;
-    qdd[i] = a.psi * (u[i] - dot(s, F));                       // q̈ = Ψ(u − sᵀ(M̂(Ad ā_λ + η) + f_b))
-    l.A = A + s * qdd[i];
-    l.F = F + a.U * qdd[i];                                    // f̄ = M̂ ā + f_b
+    with_axis(link, [&](const auto& s) {
+      const Twist<R>& A_P = link.parent < 0 ? A0 : ws.links[link.parent].A;
+      const Twist<R> A = to_child(l.X_PL, A_P) + ad(l.V, s) * qd[i];            // Ad ā_λ + η
+      const Wrench<R> F = a.M * A + a.f_b;
+      qdd[i] = a.psi * (u[i] - dot(s, F));                     // q̈ = Ψ(u − sᵀ(M̂(Ad ā_λ + η) + f_b))
+      l.A = A + s * qdd[i];
+      l.F = F + a.U * qdd[i];                                  // f̄ = M̂ ā + f_b
+    });
   }
 }
 
@@ -66,7 +68,9 @@ const VecX<Prod<P, S>>& aba(const Tree<P>& tree, VecIn<S> q, VecIn<S> qd, VecIn<
   require_size("aba: qd", qd.size(), n, "joint");
   require_size("aba: u", u.size(), n, "joint");
   ws.qdd.resize(n);
-  detail::aba(tree, q.data(), qd.data(), u.data(), ws, ws.qdd.data());
+  call_inlined<Prod<P, S>>([&] {
+    detail::aba(tree, q.data(), qd.data(), u.data(), ws, ws.qdd.data());
+  });
   return ws.qdd;
 }
 

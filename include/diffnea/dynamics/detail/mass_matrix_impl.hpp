@@ -1,38 +1,53 @@
 #pragma once
 
 #include <diffnea/core/error.hpp>
+#include <diffnea/dynamics/detail/joint_axis.hpp>
 #include <diffnea/dynamics/mass_matrix.hpp>
 
 namespace diffnea {
 
+namespace detail {
+
+/// Featherstone 2008, Table 6.2.
 template <Scalar P, Scalar S>
-const MatX<Prod<P, S>>& mass_matrix(const Tree<P>& tree, VecIn<S> q, MassMatrixWorkspace<P, S>& ws) {
+void mass_matrix(const Tree<P>& tree, const S* q, MassMatrixWorkspace<P, S>& ws) {
   using R = Prod<P, S>;
   const int n = tree.num_dofs();
-  require_size("mass_matrix: q", q.size(), n, "joint");
-  ws.X_PL.resize(n);
-  ws.composite.resize(n);
-  ws.M.setConstant(n, n, R(0.0));
   for (int i = 0; i < n; ++i) {
-    const SpatialInertia<P>& b = tree.links[i].inertia;
-    ws.X_PL[i] = joint_pose(tree.links[i], S(q[i]));
+    const Link<P>& link = tree.links[i];
+    const SpatialInertia<P>& b = link.inertia;
+    with_axis(link, [&](const auto& s) { ws.X_PL[i] = joint_pose(link, s, q[i]); });
     ws.composite[i] = {R(b.m), b.h.template cast<R>(), b.I.template cast<R>()};
   }
   for (int i = n - 1; i >= 0; --i) {
     const Link<P>& link = tree.links[i];
-    const Twist<double> s = joint_twist(link);
     if (link.parent >= 0) {
       SpatialInertia<R>& p = ws.composite[link.parent];
       p = p + to_parent(ws.X_PL[i], ws.composite[i]);
     }
-    Wrench<R> F = ws.composite[i] * s;  // what accelerates the subtree when joint i does, by 1
-    ws.M(i, i) = dot(s, F) + link.armature;
+    Wrench<R> F;  // what accelerates the subtree when joint i does, by 1
+    with_axis(link, [&](const auto& s) {
+      F = ws.composite[i] * s;
+      ws.M(i, i) = dot(s, F) + link.armature;
+    });
     for (int j = i; tree.links[j].parent >= 0;) {
       F = to_parent(ws.X_PL[j], F);
       j = tree.links[j].parent;
-      ws.M(i, j) = ws.M(j, i) = dot(joint_twist(tree.links[j]), F);
+      with_axis(tree.links[j], [&](const auto& s) { ws.M(i, j) = ws.M(j, i) = dot(s, F); });
     }
   }
+}
+
+}  // namespace detail
+
+template <Scalar P, Scalar S>
+const MatX<Prod<P, S>>& mass_matrix(const Tree<P>& tree, VecIn<S> q, MassMatrixWorkspace<P, S>& ws) {
+  const int n = tree.num_dofs();
+  require_size("mass_matrix: q", q.size(), n, "joint");
+  ws.X_PL.resize(n);
+  ws.composite.resize(n);
+  ws.M.setConstant(n, n, Prod<P, S>(0.0));
+  call_inlined<Prod<P, S>>([&] { detail::mass_matrix(tree, q.data(), ws); });
   return ws.M;
 }
 

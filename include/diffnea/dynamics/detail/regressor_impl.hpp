@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <diffnea/core/error.hpp>
+#include <diffnea/dynamics/detail/joint_axis.hpp>
 #include <diffnea/dynamics/regressor.hpp>
 
 namespace diffnea {
@@ -59,20 +60,16 @@ void torque_regressor(const Tree<P>& tree, const S* q, const S* qd, const S* qdd
   for (int k = 0; k < n; ++k) {
     const Link<P>& link = tree.links[k];
     auto& l = links[k];
-    const Twist<double> s = joint_twist(link);
-    const Pose<R> X_PL = joint_pose(link, q[k]);
-    if (link.parent < 0) {
-      l.X_WL = X_PL;
-      l.V = s * qd[k] + zero_twist<R>();
-      l.A = to_child(X_PL, A0) + s * qdd[k];
-    } else {
-      const auto& p = links[link.parent];
-      l.X_WL = p.X_WL * X_PL;
-      l.V = to_child(X_PL, p.V) + s * qd[k];
-      l.A = to_child(X_PL, p.A) + ad(l.V, s) * qd[k] + s * qdd[k];
-    }
-    l.s_W = to_parent(l.X_WL, s);
-
+    with_axis(link, [&](const auto& s) {
+      const Pose<R> X_PL = joint_pose(link, s, q[k]);
+      const bool root = link.parent < 0;
+      const Twist<R> V_P = root ? zero_twist<R>() : to_child(X_PL, links[link.parent].V);
+      const Twist<R> A_P = to_child(X_PL, root ? A0 : links[link.parent].A);
+      l.X_WL = root ? X_PL : links[link.parent].X_WL * X_PL;
+      l.V = V_P + s * qd[k];
+      l.A = A_P + ad(l.V, s) * qd[k] + s * qdd[k];
+      l.s_W = to_parent(l.X_WL, s);
+    });
     const BodyRegressor<R> body(l.V, l.A);
     R* column = Y + kThetaSize * k;
     const auto clear_rows = [&](int begin, int end) {
@@ -99,8 +96,10 @@ const RowMatX<Prod<P, S>>& torque_regressor(const Tree<P>& tree, VecIn<S> q, Vec
   require_size("torque_regressor: qd", qd.size(), n, "joint");
   require_size("torque_regressor: qdd", qdd.size(), n, "joint");
   ws.Y.resize(n, kThetaSize * n);
-  detail::torque_regressor(tree, q.data(), qd.data(), qdd.data(), ws.links, ws.Y.data(),
-                           ws.Y.outerStride());
+  call_inlined<Prod<P, S>>([&] {
+    detail::torque_regressor(tree, q.data(), qd.data(), qdd.data(), ws.links, ws.Y.data(),
+                             ws.Y.outerStride());
+  });
   return ws.Y;
 }
 

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <diffnea/core/error.hpp>
+#include <diffnea/dynamics/detail/joint_axis.hpp>
 #include <diffnea/dynamics/rnea.hpp>
 
 namespace diffnea {
@@ -28,19 +29,20 @@ void rnea(const Tree<P>& tree, const S* q, const S* qd, const S* qdd, LinkStates
   for (int i = 0; i < n; ++i) {
     const Link<P>& link = tree.links[i];
     auto& l = ws.links[i];
-    const Twist<double> s = joint_twist(link);
-    l.X_PL = joint_pose(link, q[i]);
-    const Twist<R> V_P =  // the parent's twist, seen from the link
-        link.parent < 0 ? zero_twist<R>() : to_child(l.X_PL, ws.links[link.parent].V);
-    const Twist<R>& A_P = link.parent < 0 ? A0 : ws.links[link.parent].A;
-    l.V = V_P + s * qd[i];                                       // v̄ = Ad v̄_λ + s q̇
-    l.A = to_child(l.X_PL, A_P) + ad(l.V, s) * qd[i] + s * qdd[i];  // ā = Ad ā_λ + ad_v s q̇ + s q̈
-    l.F = link.inertia * l.A + minus_ad_star(l.V, link.inertia * l.V);  // f̄ = M̄ā − ad*_v M̄v̄
+    with_axis(link, [&](const auto& s) {
+      l.X_PL = joint_pose(link, s, q[i]);
+      const bool root = link.parent < 0;
+      const Twist<R> V_P = root ? zero_twist<R>() : to_child(l.X_PL, ws.links[link.parent].V);
+      const Twist<R> A_P = to_child(l.X_PL, root ? A0 : ws.links[link.parent].A);
+      l.V = V_P + s * qd[i];                                      // v̄ = Ad v̄_λ + s q̇
+      l.A = A_P + ad(l.V, s) * qd[i] + s * qdd[i];                // ā = Ad ā_λ + ad_v s q̇ + s q̈
+      l.F = link.inertia * l.A + minus_ad_star(l.V, link.inertia * l.V);  // f̄ = M̄ā − ad*_v M̄v̄
+    });
   }
   for (int i = n - 1; i >= 0; --i) {
     const Link<P>& link = tree.links[i];
     auto& l = ws.links[i];
-    tau[i] = dot(joint_twist(link), l.F) + qdd[i] * link.armature;  // u = sᵀf̄ + I_r q̈
+    with_axis(link, [&](const auto& s) { tau[i] = dot(s, l.F) + qdd[i] * link.armature; });  // u = sᵀf̄ + I_r q̈
     if (link.parent >= 0) {
       auto& F_P = ws.links[link.parent].F;
       F_P = F_P + to_parent(l.X_PL, l.F);  // f̄_λ += Ad* f̄
@@ -58,7 +60,9 @@ const VecX<Prod<P, S>>& rnea(const Tree<P>& tree, VecIn<S> q, VecIn<S> qd, VecIn
   require_size("rnea: qd", qd.size(), n, "joint");
   require_size("rnea: qdd", qdd.size(), n, "joint");
   ws.tau.resize(n);
-  detail::rnea(tree, q.data(), qd.data(), qdd.data(), ws, ws.tau.data());
+  call_inlined<Prod<P, S>>([&] {
+    detail::rnea(tree, q.data(), qd.data(), qdd.data(), ws, ws.tau.data());
+  });
   return ws.tau;
 }
 
