@@ -87,12 +87,13 @@ std::vector<std::vector<Eigen::VectorXd>> grid_segments(const std::vector<Record
   return out;
 }
 
-/// Window of about 4 s that the longest segment holds four times; a power of two.
+/// Window of 5 to 10 s, which tells the slow lines of a motion apart; the longest segment holds
+/// three of them. A power of two.
 long window_length(const std::vector<Eigen::VectorXd>& segments, double dt) {
   long longest = 0;
   for (const Eigen::VectorXd& s : segments) longest = std::max<long>(longest, s.size());
   long length = 16;
-  while (2.0 * static_cast<double>(length) * dt <= 4.0 && 8 * length <= longest) length *= 2;
+  while (2.0 * static_cast<double>(length) * dt <= 10.0 && 6 * length <= longest) length *= 2;
   return length <= longest ? length : 0;
 }
 
@@ -126,23 +127,23 @@ PositionSpectrum look_at_position(const std::vector<Eigen::VectorXd>& segments, 
   for (long k = 1; k < num_bins; ++k) {
     const long reach = std::max(3L, k / 8);
     const long first = std::max(1L, k - reach), last = std::min(num_bins - 1, k + reach);
-    for (long i = first; i <= last; ++i) acceleration[k] += spectrum.power[i];
-    acceleration[k] /= static_cast<double>(last - first + 1);
-    const double gain =
-        std::pow(2.0 * std::sin(std::numbers::pi * spectrum.frequency(k) / rate_hz), 4);
-    position[k] = acceleration[k] / gain;
+    for (long i = first; i <= last; ++i) {
+      const double w = 2.0 * std::sin(std::numbers::pi * spectrum.frequency(i) / rate_hz);
+      acceleration[k] += spectrum.power[i] / static_cast<double>(last - first + 1);
+      position[k] += spectrum.power[i] / (std::pow(w, 4) * static_cast<double>(last - first + 1));
+    }
   }
 
-  // The motion's peak: below f⁴ noise the largest bin may be at the far end, in positions it never
-  // is.
-  constexpr double kRisen = 4.0, kMotionAgain = 10.0;
-  long lowest = std::max_element(position.begin() + 1, position.begin() + end) - position.begin();
-  for (long from = lowest;;) {
-    lowest = from;
-    for (long k = from; k < end && acceleration[k] < kRisen * acceleration[lowest]; ++k)
-      if (acceleration[k] < acceleration[lowest]) lowest = k;
-    const long again =
-        std::max_element(position.begin() + lowest, position.begin() + end) - position.begin();
+  // From the motion's peak: of the positions, because that of the accelerations may be noise.
+  constexpr double kMotionAgain = 10.0;
+  const auto peak = [&](long from) {
+    return std::max_element(position.begin() + from, position.begin() + end) - position.begin();
+  };
+  long from = peak(1), lowest = from;
+  while (true) {
+    lowest = std::min_element(acceleration.begin() + from, acceleration.begin() + end) -
+             acceleration.begin();
+    const long again = peak(lowest);
     if (again <= from || position[again] < kMotionAgain * position[lowest]) break;
     from = again;
   }
