@@ -16,9 +16,13 @@ int main(int argc, char** argv) {
   app.set_version_flag("--version", std::string(diffnea::version()));
   app.require_subcommand(1);
   // One line per command, sorted.
+  diffnea::apps::add_excite(app);
   diffnea::apps::add_info(app);
+  diffnea::apps::add_simulate(app);
   try {
-    app.parse(argc, argv);  // runs the command
+    app.parse(argc, argv);                    // runs the command
+  } catch (const CLI::RuntimeError& error) {  // a command's own exit status
+    return error.get_exit_code();
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : diffnea::apps::kWrongUsage;
   } catch (const diffnea::Error& error) {

@@ -10,6 +10,7 @@ install(DIRECTORY "${PROJECT_SOURCE_DIR}/include/diffnea" DESTINATION "${CMAKE_I
         FILES_MATCHING PATTERN "*.hpp")
 install(FILES "${PROJECT_BINARY_DIR}/include/diffnea/version.hpp"
         DESTINATION "${CMAKE_INSTALL_INCLUDEDIR}/diffnea")
+install(DIRECTORY "${PROJECT_SOURCE_DIR}/models/" DESTINATION "${CMAKE_INSTALL_DATADIR}/diffnea/models")
 install(EXPORT diffneaTargets NAMESPACE diffnea:: DESTINATION "${_package_folder}")
 
 set(DIFFNEA_MUJOCO_FILE "")

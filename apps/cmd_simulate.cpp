@@ -1,0 +1,101 @@
+#include <cstdio>
+#include <optional>
+
+#include <diffnea/io/model_file.hpp>
+#include <diffnea/io/sidecar.hpp>
+#include <diffnea/io/simulate_result.hpp>
+#include <diffnea/io/trajectory_file.hpp>
+#include <diffnea/io/world.hpp>
+#include <diffnea/recording/csv.hpp>
+
+#include "common.hpp"
+
+namespace diffnea::apps {
+namespace {
+
+struct SimulateOptions {
+  CommonOptions common;
+  std::string model, trajectory, world, out, truth;
+  std::optional<double> noise;
+  std::vector<double> kp, kd;
+  RecordOptions record;
+};
+
+VecX<double> vector(const std::vector<double>& values) {
+  return Eigen::Map<const VecX<double>>(values.data(), static_cast<long>(values.size()));
+}
+
+void scale_noise(RecordOptions& record, double factor) {
+  record.position_noise *= factor;
+  record.slide_noise *= factor;
+  record.torque_noise *= factor;
+}
+
+void run_simulate(SimulateOptions options) {
+  const Model model = read_model(options.model);
+  const Trajectory trajectory = read_trajectory(options.trajectory);
+  options.record.kp = vector(options.kp);
+  options.record.kd = vector(options.kd);
+  options.record.seed = options.common.seed;
+  SimulatedRecording result;
+  if (options.world.empty()) {
+    scale_noise(options.record, options.noise.value_or(0.0));
+    result = record_model(model, model, trajectory, options.record);
+    if (!options.truth.empty()) write_model(model, options.truth);
+  } else {
+    const WorldSpec world = parse_world(options.world);
+    const std::uint64_t seed = world.seed.value_or(options.common.seed);
+    options.record.seed = seed;
+    scale_noise(options.record, options.noise.value_or(world.noise));
+    const Model truth = perturbed(read_model(world.mjcf), world.perturbation, seed);
+    result = record_in_mujoco(read_mjcf(world.mjcf), truth, model, trajectory, options.record);
+    if (!options.truth.empty()) write_model(truth, options.truth);
+  }
+  write_recording(result.recording, options.out);
+  write_sidecar(result.recording.info, options.out);
+  if (options.common.json)
+    std::fputs(simulate_result_json(result, options.out).c_str(), stdout);
+  else if (!options.common.quiet)
+    std::fprintf(stderr, "%s: %ld rows, %ld with a torque at its limit\n", options.out.c_str(),
+                 result.recording.rows(), result.saturated);
+  if (!result.failure.empty()) {
+    std::fprintf(stderr, "%s: the simulation ended early: %s\n", options.out.c_str(),
+                 result.failure.c_str());
+    throw CLI::RuntimeError(kNoUsableResult);
+  }
+}
+
+}  // namespace
+
+void add_simulate(CLI::App& app) {
+  auto options = std::make_shared<SimulateOptions>();
+  CLI::App* command = app.add_subcommand(
+      "simulate",
+      "Follow a desired motion with a controller that knows the model, and record.\n"
+      "Without --world the robot is the model itself, without noise; with a MuJoCo world it "
+      "differs from it, and its sensors are noisy.");
+  command->add_option("model", options->model, "robot description: URDF, MJCF or JSON")->required();
+  command->add_option("--trajectory", options->trajectory, "time, qcmd_*, qdcmd_*, qddcmd_* (.csv)")
+      ->required();
+  command->add_option(
+      "--world", options->world,
+      "mujoco:NAME[,key=value...]; NAME: wam4, ..., or a path to an MJCF; keys: perturb = none, A "
+      "(default), B; seed (default: --seed); noise (factor)");
+  command
+      ->add_option("-o,--output", options->out,
+                   "recording (.csv); what columns cannot hold goes beside it (.json)")
+      ->required();
+  command->add_option("--truth", options->truth,
+                      "write the robot's true parameters (.json), for tests");
+  command->add_option("--noise", options->noise, "factor on the sensors' noise");
+  command->add_option("--period", options->record.period,
+                      "of the desired motion [s], if it has one");
+  command->add_option("--kp", options->kp, "gain per joint [N*m/rad]; default: from the model");
+  command->add_option("--kd", options->kd, "gain per joint [N*m*s/rad]; default: from the model");
+  command->add_option("--rate", options->record.control_rate, "of control and rows [Hz]")
+      ->capture_default_str();
+  add_common(*command, options->common);
+  command->callback([options] { run_simulate(*options); });
+}
+
+}  // namespace diffnea::apps

@@ -1,0 +1,49 @@
+#pragma once
+/// MuJoCo as the real robot: a world whose inertias and friction differ from what the model says.
+/// The truth is drawn as a Model of its own, which tests and demonstrations compare with, and which
+/// nothing else sees.
+///
+///     const Model nominal = read_model("wam4.xml");
+///     const Model truth = perturbed(nominal, surrogate_a(), /*seed=*/1);
+///     const SimulatedRecording r = record_in_mujoco(read_mjcf("wam4.xml"), truth, nominal,
+///     trajectory);
+
+#include <diffnea/sim/record.hpp>
+
+namespace diffnea {
+
+/// Ranges that every number is drawn from, uniformly.
+struct Perturbation {
+  double mass_low = 0.0, mass_high = 0.0;  ///< relative change of every mass
+  double inertia_low = 0.0,
+         inertia_high = 0.0;  ///< relative change of inertias about the centre of mass
+  double com = 0.0;           ///< largest shift of a centre of mass [m]
+  double coulomb_low = 0.0, coulomb_high = 0.0;    ///< added Coulomb friction [N·m]
+  double viscous_low = 0.0, viscous_high = 0.0;    ///< added viscous friction [N·m·s/rad]
+  double armature_low = 0.0, armature_high = 0.0;  ///< added rotor inertia [kg·m²]
+};
+/// Masses −8…+20 %, inertias +10…+20 %, centres of mass up to 15 mm, Coulomb friction 0.6…1.5 N·m,
+/// viscous 0.5…1.2 N·m·s/rad, rotors +0.03…0.1 kg·m².
+Perturbation surrogate_a();
+/// About twice that.
+Perturbation surrogate_b();
+
+/// A robot like `model` whose parameters were drawn anew: every link with mass that moves, every
+/// joint with a motor (friction and rotors times torque_scale). Physically consistent if the model
+/// is.
+Model perturbed(const Model& model, const Perturbation& perturbation, std::uint64_t seed);
+
+/// Runs MuJoCo with the inertias, friction, rotors and springs of `truth` written over those of the
+/// document; other effects of joint torque that `truth` has act as additional torques.
+/// Deterministic.
+/// @param mjcf        one self-contained document (read_mjcf)
+/// @param truth       a model with the document's links and joints, e.g. perturbed(read_model(…))
+/// @param controller  as record_model
+/// @throws ModelError if MuJoCo cannot compile the document, or its names are not those of the
+/// model, or an effect of
+///         `truth` cannot act in MuJoCo
+SimulatedRecording record_in_mujoco(const std::string& mjcf, const Model& truth,
+                                    const Model& controller, const Trajectory& trajectory,
+                                    const RecordOptions& options = {});
+
+}  // namespace diffnea

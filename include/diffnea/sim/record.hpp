@@ -1,0 +1,54 @@
+#pragma once
+/// Recordings of simulated robots as a real one would give them: a controller that knows the
+/// nominal model follows a desired motion, and sensors with noise write down positions and
+/// commanded torques.
+
+#include <cstdint>
+#include <string>
+
+#include <diffnea/model/model.hpp>
+#include <diffnea/recording/recording.hpp>
+#include <diffnea/recording/trajectory.hpp>
+
+namespace diffnea {
+
+struct RecordOptions {
+  double control_rate = 500.0;  ///< [Hz]; torques are held between two samples, one row each
+  double physics_step = 5e-4;   ///< largest step of the integration [s]
+  /// Gains per degree of freedom [N·m/rad, N·m·s/rad] or [N/m, N·s/m]. Empty: kp = M_jj ω², kd = 2
+  /// ζ M_jj ω from the nominal mass matrix at the start, with the two numbers below.
+  VecX<double> kp, kd;
+  double bandwidth = 16.0;           ///< ω of the gains that are derived [rad/s]
+  double damping = 0.7;              ///< ζ
+  bool gravity_compensation = true;  ///< of the nominal model, at the measured position
+  // Standard deviations of the noise on what is recorded (and on the position the controller sees).
+  double position_noise = 1e-4;  ///< revolute [rad]
+  double slide_noise = 1e-5;     ///< prismatic [m]
+  double torque_noise = 0.05;    ///< [N·m] or [N], times torque_scale of the joint
+  double period =
+      0.0;  ///< of the desired motion [s], for the recording's information; 0: not periodic
+  std::uint64_t seed = 0;  ///< of the noise
+};
+
+/// Size of a joint's torques against an arm's: effort limit / 40 N·m, at most 1. Noise and
+/// perturbations of small rigs shrink with it.
+double torque_scale(const ModelLink& link);
+
+struct SimulatedRecording {
+  Recording recording;  ///< q, qcmd, tau; a passive joint has no tau
+  long saturated = 0;   ///< rows where a torque met its limit
+  /// Empty if the simulation reached the end; otherwise what went wrong, the recording ends before
+  /// it.
+  std::string failure;
+};
+
+/// The model itself as the robot: ABA with all its effects, RK4.
+/// @param controller  the model that the controller compensates gravity with; same joints
+/// @param trajectory  of all joints that have a motor, and possibly others; its first row is the
+/// start, at rest
+/// @throws ModelError if joints differ, or an effect has no explicit forward form; ShapeError for
+/// the gains
+SimulatedRecording record_model(const Model& robot, const Model& controller,
+                                const Trajectory& trajectory, const RecordOptions& options = {});
+
+}  // namespace diffnea

@@ -1,0 +1,160 @@
+#include "sim/control_loop.hpp"
+
+#include <algorithm>
+#include <limits>
+
+#include <diffnea/core/error.hpp>
+#include <diffnea/dynamics/mass_matrix.hpp>
+
+namespace diffnea::sim {
+namespace {
+
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+
+/// Desired motion in the order of the robot's joints, sampled by straight lines between the rows.
+class Reference {
+ public:
+  Reference(const Trajectory& t, const Model& robot) : t_(t) {
+    const std::vector<std::string> joints = joint_names(robot);
+    const std::vector<int> moving = moving_links(robot);
+    for (const std::string& name : t.joint_names) find_joint(robot, name);  // throws
+    for (std::size_t j = 0; j < joints.size(); ++j) {
+      const auto it = std::ranges::find(t.joint_names, joints[j]);
+      if (it == t.joint_names.end() && !robot.links[moving[j]].passive)
+        throw DataError(t.source + ": there is no desired motion for joint '" + joints[j] +
+                        "' (column qcmd_" + joints[j] + ")");
+      column_.push_back(it == t.joint_names.end() ? -1
+                                                  : static_cast<int>(it - t.joint_names.begin()));
+    }
+  }
+
+  /// Writes NaN where a passive joint has no desired motion. Times must not decrease between calls.
+  void sample(double time, VecX<double>& q, VecX<double>& qd) {
+    while (row_ + 2 < t_.rows() && t_.time[row_ + 1] <= time) ++row_;
+    const double s =
+        std::clamp((time - t_.time[row_]) / (t_.time[row_ + 1] - t_.time[row_]), 0.0, 1.0);
+    for (std::size_t j = 0; j < column_.size(); ++j) {
+      const int c = column_[j];
+      q[j] = c < 0 ? kNaN : (1.0 - s) * t_.q(row_, c) + s * t_.q(row_ + 1, c);
+      qd[j] = c < 0 ? kNaN : (1.0 - s) * t_.qd(row_, c) + s * t_.qd(row_ + 1, c);
+    }
+  }
+
+ private:
+  const Trajectory& t_;
+  std::vector<int> column_;
+  long row_ = 0;
+};
+
+struct Joint {
+  bool passive;
+  double limit, position_noise, torque_noise;
+};
+
+std::vector<Joint> joints_of(const Model& robot, const RecordOptions& o) {
+  std::vector<Joint> out;
+  for (const int i : moving_links(robot)) {
+    const ModelLink& link = robot.links[i];
+    out.push_back({link.passive, link.limits.effort,
+                   link.type == ModelJoint::kRevolute ? o.position_noise : o.slide_noise,
+                   o.torque_noise * torque_scale(link)});
+  }
+  return out;
+}
+
+/// @param given  empty, or one value per degree of freedom
+VecX<double> gains(const VecX<double>& given, const VecX<double>& derived, const char* name) {
+  if (given.size() == 0) return derived;
+  require_size(name, given.size(), derived.size(), "degree of freedom");
+  return given;
+}
+
+}  // namespace
+
+SimulatedRecording run_control_loop(Plant& plant, const Model& robot, const Model& controller,
+                                    const Trajectory& trajectory, const RecordOptions& o) {
+  if (joint_names(robot) != joint_names(controller))
+    throw ModelError(controller.source + ": its joints are not those of the robot, " +
+                     robot.source);
+  if (!(o.control_rate > 0.0) || !(o.physics_step > 0.0))
+    throw Error("record: control_rate and physics_step must be positive");
+  if (trajectory.rows() < 2)
+    throw DataError(trajectory.source + ": a trajectory needs two rows or more");
+
+  const std::vector<Joint> joints = joints_of(robot, o);
+  const int n = static_cast<int>(joints.size());
+  const Tree<double> nominal = make_tree(controller);
+  Reference reference(trajectory, robot);
+  RneaWorkspace<double, double> ws;
+  Rng rng(o.seed);
+
+  VecX<double> qcmd(n), qdcmd(n), measured(n), u(n);
+  const double start = trajectory.time[0];
+  reference.sample(start, qcmd, qdcmd);
+  const VecX<double> q0 = qcmd.array().isNaN().select(0.0, qcmd);
+  MassMatrixWorkspace<double, double> mass_ws;
+  const VecX<double> inertia = mass_matrix(nominal, VecIn<double>(q0), mass_ws).diagonal();
+  const VecX<double> kp = gains(o.kp, inertia * (o.bandwidth * o.bandwidth), "record: kp");
+  const VecX<double> kd = gains(o.kd, inertia * (2.0 * o.damping * o.bandwidth), "record: kd");
+
+  const double duration = trajectory.time[trajectory.rows() - 1] - start;
+  const long rows = static_cast<long>(std::floor(duration * o.control_rate + 1e-6)) + 1;
+  SimulatedRecording out;
+  Recording& r = out.recording;
+  r.joint_names = joint_names(robot);
+  r.time.resize(rows);
+  r.q.resize(rows, n);
+  r.qcmd.resize(rows, n);
+  r.tau.resize(rows, n);
+  r.info.torque_side = TorqueSide::kMotor;
+  r.info.torque_sampling = TorqueSampling::kHold;
+  r.info.period = o.period;
+  for (int j = 0; j < n; ++j) {
+    r.has_tau.push_back(!joints[j].passive);
+    if (joints[j].passive) {
+      r.info.passive.push_back(r.joint_names[j]);
+      continue;
+    }
+    r.info.controller.push_back({r.joint_names[j], "kp", kp[j]});
+    r.info.controller.push_back({r.joint_names[j], "kd", kd[j]});
+    if (std::isfinite(joints[j].limit))
+      r.info.controller.push_back({r.joint_names[j], "limit", joints[j].limit});
+  }
+
+  plant.reset(q0);
+  long row = 0;
+  for (; row < rows && out.failure.empty(); ++row) {
+    const double time = static_cast<double>(row) / o.control_rate;
+    reference.sample(start + time, qcmd, qdcmd);
+    measured = plant.q();
+    for (int j = 0; j < n; ++j) measured[j] += joints[j].position_noise * rng.normal();
+    const VecX<double> velocity = plant.qd();
+    u.setZero();
+    if (o.gravity_compensation) u = gravity_torques(nominal, VecIn<double>(measured), ws);
+    bool saturated = false;
+    for (int j = 0; j < n; ++j) {
+      if (joints[j].passive) {
+        u[j] = 0.0;
+        r.tau(row, j) = kNaN;
+        continue;
+      }
+      u[j] += kp[j] * (qcmd[j] - measured[j]) + kd[j] * (qdcmd[j] - velocity[j]);
+      saturated |= std::abs(u[j]) > joints[j].limit;
+      u[j] = std::clamp(u[j], -joints[j].limit, joints[j].limit);
+      r.tau(row, j) = u[j] + joints[j].torque_noise * rng.normal();
+    }
+    out.saturated += saturated;
+    r.time[row] = time;
+    r.q.row(row) = measured;
+    r.qcmd.row(row) = qcmd;
+    out.failure = plant.step(u);
+    if (!out.failure.empty()) out.failure += " at t = " + std::to_string(time) + " s";
+  }
+  r.time.conservativeResize(row);
+  r.q.conservativeResize(row, n);
+  r.qcmd.conservativeResize(row, n);
+  r.tau.conservativeResize(row, n);
+  return out;
+}
+
+}  // namespace diffnea::sim

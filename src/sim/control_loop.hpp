@@ -1,0 +1,34 @@
+#pragma once
+/// The loop that every recording runs: measure, compute the torque, hold it while the plant moves.
+
+#include <cmath>
+
+#include <diffnea/core/random.hpp>
+#include <diffnea/dynamics/rnea.hpp>
+#include <diffnea/sim/record.hpp>
+
+namespace diffnea::sim {
+
+/// A robot that can be stepped. Vectors are (n), in the order of the degrees of freedom.
+class Plant {
+ public:
+  virtual ~Plant() = default;
+  virtual void reset(const VecX<double>& q) = 0;  ///< at rest
+  virtual VecX<double> q() const = 0;
+  virtual VecX<double> qd() const = 0;
+  /// Moves by one control period under constant torque.
+  /// @return empty, or what went wrong
+  virtual std::string step(const VecX<double>& torque) = 0;
+};
+
+/// Number of integration steps a control period.
+inline int substeps(const RecordOptions& options) {
+  return std::max(
+      1, static_cast<int>(std::ceil(1.0 / (options.control_rate * options.physics_step) - 1e-9)));
+}
+
+/// @throws as record_model
+SimulatedRecording run_control_loop(Plant& plant, const Model& robot, const Model& controller,
+                                    const Trajectory& trajectory, const RecordOptions& options);
+
+}  // namespace diffnea::sim
