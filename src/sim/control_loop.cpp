@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <limits>
 
+#include <Eigen/LU>
+
 #include <diffnea/core/error.hpp>
 #include <diffnea/dynamics/mass_matrix.hpp>
 
@@ -93,7 +95,11 @@ SimulatedRecording run_control_loop(Plant& plant, const Model& robot, const Mode
   reference.sample(start, qcmd, qdcmd);
   const VecX<double> q0 = qcmd.array().isNaN().select(0.0, qcmd);
   MassMatrixWorkspace<double, double> mass_ws;
-  const VecX<double> inertia = mass_matrix(nominal, VecIn<double>(q0), mass_ws).diagonal();
+  // What a joint feels while the others move freely, 1/(M⁻¹)_jj: with it the sampled loop is stable
+  // however the joints are coupled; M_jj can be a hundred times that.
+  const MatX<double> inverse =
+      MatX<double>(mass_matrix(nominal, VecIn<double>(q0), mass_ws)).inverse();
+  const VecX<double> inertia = inverse.diagonal().cwiseInverse();
   const VecX<double> kp = gains(o.kp, inertia * (o.bandwidth * o.bandwidth), "record: kp");
   const VecX<double> kd = gains(o.kd, inertia * (2.0 * o.damping * o.bandwidth), "record: kd");
 

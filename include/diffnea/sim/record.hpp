@@ -15,8 +15,9 @@ namespace diffnea {
 struct RecordOptions {
   double control_rate = 500.0;  ///< [Hz]; torques are held between two samples, one row each
   double physics_step = 5e-4;   ///< largest step of the integration [s]
-  /// Gains per degree of freedom [N·m/rad, N·m·s/rad] or [N/m, N·s/m]. Empty: kp = M_jj ω², kd = 2
-  /// ζ M_jj ω from the nominal mass matrix at the start, with the two numbers below.
+  /// Gains per degree of freedom [N·m/rad, N·m·s/rad] or [N/m, N·s/m]. Empty: kp = m_j ω², kd = 2 ζ
+  /// m_j ω with m_j = 1/(M⁻¹)_jj, the inertia that the joint feels at the start in the nominal
+  /// model.
   VecX<double> kp, kd;
   double bandwidth = 16.0;           ///< ω of the gains that are derived [rad/s]
   double damping = 0.7;              ///< ζ
