@@ -6,7 +6,7 @@
 namespace diffnea {
 
 template <Scalar P, Scalar S>
-struct AbaWorkspace : LinkStates<P, S> {
+struct AbaStates : LinkStates<P, S> {
   using R = Prod<P, S>;
   struct Articulated {
     ArticulatedInertia<R> M;   ///< M̂, the inertia of the link and all that hangs on it
@@ -15,7 +15,11 @@ struct AbaWorkspace : LinkStates<P, S> {
     R psi;                     ///< Ψ = (sᵀ M̂ s + I_r)⁻¹
   };
   std::vector<Articulated> articulated;
-  VecX<R> qdd;
+};
+
+template <Scalar P, Scalar S>
+struct AbaWorkspace : AbaStates<P, S> {
+  VecX<Prod<P, S>> qdd;
 };
 
 /// Joint accelerations q̈ [rad/s²], (n), under torques u at (q, q̇): O(n). Passive torques of effects

@@ -69,7 +69,7 @@ struct ParameterJacobianWorkspace {
   RowMatX<double> L;         ///< (n × n) lower factor of the mass matrix, M = LᵀL
   VecX<double> bias;         ///< c(q, q̇), torque at q̈ = 0
   WorldStates scratch;
-  std::vector<RegressorWorkspace<double, double>::LinkMotion> motion;
+  std::vector<RegressorLinkMotion<double>> motion;
 };
 
 /// ∂q̈/∂π = −M⁻¹ Y(q, q̇, q̈), (n × 10n), at q̈ = aba(q, q̇, tau): exact, because τ = Y π + I_r q̈ is linear

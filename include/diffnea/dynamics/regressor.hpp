@@ -5,17 +5,19 @@
 
 namespace diffnea {
 
+/// What the regressor needs of a link.
+template <Scalar T>
+struct RegressorLinkMotion {
+  Pose<T> X_WL;  ///< pose of the link in W
+  Twist<T> V;    ///< twist of L against W, in L
+  Twist<T> A;    ///< its spatial acceleration minus gravity, in L
+  Twist<T> s_W;  ///< the joint's axis in W, moment about W's origin
+};
+
 template <Scalar P, Scalar S>
 struct RegressorWorkspace {
-  using R = Prod<P, S>;
-  struct LinkMotion {
-    Pose<R> X_WL;  ///< pose of the link in W
-    Twist<R> V;    ///< twist of L against W, in L
-    Twist<R> A;    ///< its spatial acceleration minus gravity, in L
-    Twist<R> s_W;  ///< the joint's axis in W, moment about W's origin
-  };
-  std::vector<LinkMotion> links;
-  RowMatX<R> Y;
+  std::vector<RegressorLinkMotion<Prod<P, S>>> links;
+  RowMatX<Prod<P, S>> Y;
 };
 
 /// Y(q, q̇, q̈), (n × 10n), with τ = Y π + I_r q̈: π stacks θ = [m, h, I] of the links in the order of the

@@ -7,7 +7,7 @@ namespace detail {
 
 /// Paper, Algorithm 1 (corrected), on plain arrays of length n.
 template <Scalar P, Scalar S>
-void aba(const Tree<P>& tree, const S* q, const S* qd, const S* u, AbaWorkspace<P, S>& ws,
+void aba(const Tree<P>& tree, const S* q, const S* qd, const S* u, AbaStates<P, S>& ws,
          Prod<P, S>* qdd) {
   using R = Prod<P, S>;
   const int n = tree.num_dofs();

@@ -51,7 +51,7 @@ struct BodyRegressor {
 /// Fills n rows of 10n numbers, row i beginning at Y + i·row_stride. `links` is scratch.
 template <Scalar P, Scalar S>
 void torque_regressor(const Tree<P>& tree, const S* q, const S* qd, const S* qdd,
-                      std::vector<typename RegressorWorkspace<P, S>::LinkMotion>& links,
+                      std::vector<RegressorLinkMotion<Prod<P, S>>>& links,
                       Prod<P, S>* Y, std::ptrdiff_t row_stride) {
   using R = Prod<P, S>;
   const int n = tree.num_dofs();

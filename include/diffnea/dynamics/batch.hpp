@@ -1,0 +1,41 @@
+#pragma once
+/// Dynamics of many states at once: rows of matrices, one state a row. Several rows run side by side in
+/// the lanes of SIMD registers; the instruction set is chosen when the program runs.
+
+#include <diffnea/model/tree.hpp>
+#include <string>
+#include <vector>
+
+namespace diffnea {
+
+struct BatchOptions {
+  int num_threads = 1;          ///< rows are divided among as many threads; ≤ 0: one per processor
+  std::string instruction_set;  ///< of batch_instruction_sets(); empty: the first
+};
+
+/// Instruction sets that this build holds and this processor has, best first.
+std::vector<std::string> batch_instruction_sets();
+
+/// τ [N·m], (N × n): rnea of every row.
+/// @param Q, Qd, Qdd  (N × n) positions [rad], velocities [rad/s], accelerations [rad/s²]; [m …] if prismatic
+/// @throws ShapeError if shapes differ or columns are not tree.num_dofs()
+/// @throws Error naming the instruction sets there are if options ask for another
+RowMatX<double> rnea_batch(const Tree<double>& tree, const RowMatX<double>& Q,
+                           const RowMatX<double>& Qd, const RowMatX<double>& Qdd,
+                           const BatchOptions& options = {});
+
+/// q̈ [rad/s²], (N × n): aba of every row.
+/// @param Q, Qd, Tau  (N × n) positions [rad], velocities [rad/s], torques [N·m]; [m …] if prismatic
+/// @throws as rnea_batch
+RowMatX<double> aba_batch(const Tree<double>& tree, const RowMatX<double>& Q,
+                          const RowMatX<double>& Qd, const RowMatX<double>& Tau,
+                          const BatchOptions& options = {});
+
+/// Torque regressors of all rows, stacked: (N·n × 10n), rows k·n … k·n + n − 1 are those of state k.
+/// @param Q, Qd, Qdd  (N × n) as for rnea_batch
+/// @throws as rnea_batch
+RowMatX<double> regressor_batch(const Tree<double>& tree, const RowMatX<double>& Q,
+                                const RowMatX<double>& Qd, const RowMatX<double>& Qdd,
+                                const BatchOptions& options = {});
+
+}  // namespace diffnea

@@ -1,0 +1,117 @@
+#include <algorithm>
+#include <diffnea/core/error.hpp>
+#include <diffnea/dynamics/batch.hpp>
+#include <diffnea/lie/inertia.hpp>
+#include <thread>
+
+#include "dynamics/batch_kernels.hpp"
+
+namespace diffnea {
+namespace {
+
+struct Kernels {
+  const char* name;
+  bool (*supported)();
+  batch::Kernel *rnea, *aba, *regressor;
+};
+
+/// Best first.
+const Kernels kKernels[] = {
+#ifdef DIFFNEA_HAS_X86_KERNELS
+    // What the build's -march=x86-64-v4 and -v3 let the compiler use.
+    {"avx512",
+     [] {
+       return __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") &&
+              __builtin_cpu_supports("avx512cd") && __builtin_cpu_supports("avx512dq") &&
+              __builtin_cpu_supports("avx512vl") && __builtin_cpu_supports("bmi2");
+     },
+     batch::avx512::rnea, batch::avx512::aba, batch::avx512::regressor},
+    {"avx2",
+     [] {
+       return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") &&
+              __builtin_cpu_supports("bmi") && __builtin_cpu_supports("bmi2");
+     },
+     batch::avx2::rnea, batch::avx2::aba, batch::avx2::regressor},
+    {"sse2", [] { return true; }, batch::sse2::rnea, batch::sse2::aba, batch::sse2::regressor},
+#else
+    {"base", [] { return true; }, batch::base::rnea, batch::base::aba, batch::base::regressor},
+#endif
+};
+
+const Kernels& choose(const std::string& name) {
+  std::string known;
+  for (const Kernels& k : kKernels) {
+    if (!k.supported()) continue;
+    if (name.empty() || name == k.name) return k;
+    known += (known.empty() ? "" : ", ") + std::string(k.name);
+  }
+  throw Error("batch: this build and processor have no instruction set '" + name + "'; choices: " + known);
+}
+
+/// Every thread takes a contiguous share of the rows.
+void run(batch::Kernel* kernel, const Tree<double>& tree, const batch::Rows& all, int num_threads) {
+  const long processors = std::max(1u, std::thread::hardware_concurrency());
+  constexpr long kRowsPerThread = 64;  // fewer are done before a thread has started
+  const long count = all.end - all.begin;
+  const long shares = std::clamp<long>(num_threads > 0 ? num_threads : processors, 1,
+                                       std::max(1L, count / kRowsPerThread));
+  std::vector<std::jthread> threads;
+  for (long s = 0; s < shares; ++s) {
+    batch::Rows rows = all;
+    rows.begin = all.begin + count * s / shares;
+    rows.end = all.begin + count * (s + 1) / shares;
+    if (s + 1 == shares)
+      kernel(tree, rows);
+    else
+      threads.emplace_back([kernel, &tree, rows] { kernel(tree, rows); });
+  }
+}
+
+void require_shape(const char* where, const char* name, const RowMatX<double>& M, long rows, int columns) {
+  if (M.rows() == rows && M.cols() == columns) return;
+  throw ShapeError(std::string(where) + ": " + name + " is " + std::to_string(M.rows()) + "x" +
+                   std::to_string(M.cols()) + ", expected " + std::to_string(rows) + "x" +
+                   std::to_string(columns) + " (one row per state, one column per joint)");
+}
+
+RowMatX<double> run_rows(const char* where, batch::Kernel* Kernels::* kernel, const Tree<double>& tree,
+                         const RowMatX<double>& Q, const RowMatX<double>& Qd, const char* name_x,
+                         const RowMatX<double>& X, long out_rows_per_state, long out_columns,
+                         const BatchOptions& options) {
+  const int n = tree.num_dofs();
+  require_shape(where, "Q", Q, Q.rows(), n);
+  require_shape(where, "Qd", Qd, Q.rows(), n);
+  require_shape(where, name_x, X, Q.rows(), n);
+  RowMatX<double> out(Q.rows() * out_rows_per_state, out_columns);
+  run(choose(options.instruction_set).*kernel, tree, {Q.data(), Qd.data(), X.data(), out.data(), 0, Q.rows()},
+      options.num_threads);
+  return out;
+}
+
+}  // namespace
+
+std::vector<std::string> batch_instruction_sets() {
+  std::vector<std::string> names;
+  for (const Kernels& k : kKernels)
+    if (k.supported()) names.emplace_back(k.name);
+  return names;
+}
+
+RowMatX<double> rnea_batch(const Tree<double>& tree, const RowMatX<double>& Q, const RowMatX<double>& Qd,
+                           const RowMatX<double>& Qdd, const BatchOptions& options) {
+  return run_rows("rnea_batch", &Kernels::rnea, tree, Q, Qd, "Qdd", Qdd, 1, tree.num_dofs(), options);
+}
+
+RowMatX<double> aba_batch(const Tree<double>& tree, const RowMatX<double>& Q, const RowMatX<double>& Qd,
+                          const RowMatX<double>& Tau, const BatchOptions& options) {
+  return run_rows("aba_batch", &Kernels::aba, tree, Q, Qd, "Tau", Tau, 1, tree.num_dofs(), options);
+}
+
+RowMatX<double> regressor_batch(const Tree<double>& tree, const RowMatX<double>& Q,
+                                const RowMatX<double>& Qd, const RowMatX<double>& Qdd,
+                                const BatchOptions& options) {
+  return run_rows("regressor_batch", &Kernels::regressor, tree, Q, Qd, "Qdd", Qdd, tree.num_dofs(),
+                  static_cast<long>(kThetaSize) * tree.num_dofs(), options);
+}
+
+}  // namespace diffnea
