@@ -298,6 +298,26 @@ TEST_CASE("reading: a wrong file is named, with the reason", "[io]") {
            "type='mesh' mesh='m'/>"
            "</body></worldbody></mujoco>",
            "outside the model's folder"},
+      Case{"a.xml",
+           "<mujoco><worldbody><body pos='nan 0 0'><joint/><geom "
+           "size='1'/></body></worldbody></mujoco>",
+           "NaN"},
+      Case{"a.xml",
+           "<mujoco><worldbody><body><composite type='grid' count='300 300 1' spacing='1'><geom "
+           "size='1'/>"
+           "</composite></body></worldbody></mujoco>",
+           "the limit is 10000"},
+      Case{"a.xml",
+           "<mujoco><worldbody><body><joint name='j'/><geom size='1'/><body><joint name='k'/><geom "
+           "size='1'/></body>"
+           "</body></worldbody><equality><joint name='gear' joint1='j' "
+           "joint2='k'/></equality></mujoco>",
+           "equality constraint 'gear'"},
+      Case{"a.xml",
+           "<mujoco><worldbody><body name='bad'><inertial pos='0 0 0' mass='1' diaginertia='1 1 "
+           "3'/><joint/></body>"
+           "</worldbody></mujoco>",
+           "Object name = bad"},
       Case{"a.json", "{", "is not JSON"}, Case{"a.json", "{}", "key 'schema' is missing"},
       Case{"a.json", R"({"schema":"diffnea/model/2"})", "expected 'diffnea/model/1'"},
       Case{"a.json", R"({"schema":"diffnea/model/1","links":[],"colour":1})",

@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <cstring>
 #include <set>
+#include <sstream>
 
 #include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
@@ -18,6 +20,7 @@ namespace {
 
 /// Includes in includes; a chain this long is a mistake or an attack.
 constexpr int kMaxIncludeDepth = 16;
+constexpr int kMaxGeneratedBodies = 10000;
 
 void expand(XmlElement& element, const std::filesystem::path& folder, const std::string& where,
             std::set<std::filesystem::path>& seen, int depth) {
@@ -225,6 +228,33 @@ JointTerms mujoco_terms(const mjModel& m, int j) {
   return t;
 }
 
+/// Generated bodies: MuJoCo takes hours over what one attribute can ask for.
+void limit_generated_bodies(XmlElement& root, const std::string& where) {
+  walk(root, [&](XmlElement& e) {
+    if (!is(e, "composite") && !is(e, "replicate")) return;
+    std::istringstream counts(attribute(e, "count"));
+    double product = 1.0;
+    for (double n; counts >> n;) product *= std::max(n, 1.0);
+    if (!(product <= kMaxGeneratedBodies))
+      throw ModelError(where + ": <" + e.Name() + "> asks for " + attribute(e, "count") +
+                       " bodies; the limit is " + std::to_string(kMaxGeneratedBodies));
+  });
+}
+
+/// MuJoCo takes NaN for "not given" and goes on.
+void refuse_nan(XmlElement& root, const std::string& where) {
+  walk(root, [&](XmlElement& e) {
+    for (const tinyxml2::XMLAttribute* a = e.FirstAttribute(); a; a = a->Next()) {
+      if (std::strcmp(a->Name(), "name") == 0) continue;
+      std::istringstream words(a->Value());
+      for (std::string word; words >> word;)
+        if (word.size() == 3 && std::isnan(std::strtod(word.c_str(), nullptr)))
+          throw ModelError(where + ": <" + e.Name() + "> has " + a->Name() + " = '" + a->Value() +
+                           "', expected finite numbers (NaN)");
+    }
+  });
+}
+
 }  // namespace
 
 Mjcf expand_mjcf(const std::string& text, const std::filesystem::path& folder,
@@ -232,6 +262,8 @@ Mjcf expand_mjcf(const std::string& text, const std::filesystem::path& folder,
   Mjcf out{parse_xml(text, where), folder.empty() ? std::filesystem::path(".") : folder, where};
   std::set<std::filesystem::path> seen;
   expand(*out.document->RootElement(), out.folder, where, seen, 0);
+  limit_generated_bodies(*out.document->RootElement(), where);
+  refuse_nan(*out.document->RootElement(), where);
   return out;
 }
 
