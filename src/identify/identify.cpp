@@ -213,6 +213,8 @@ class InverseFit {
   }
 
   void fit() {
+    FitLayout with_shapes = layout_;
+    for (FitParameter& shape : layout_.shape) shape.fixed = true;  // no columns for them but in fit_shapes
     Pass first = pass(layout_, false);
     result_.summary.rows = first.rows;
     result_.notes.insert(result_.notes.end(), first.notes.begin(), first.notes.end());
@@ -222,12 +224,13 @@ class InverseFit {
       result_.notes.push_back(names[j] + " never moves: its friction, armature and springs are held at "
                                          "the model's values");
     hold_motionless(still, layout_);
+    hold_motionless(still, with_shapes);
     for (const JointFactor& f : regression_->factors())
       result_.summary.fitted_rows += f.factor.rows();
 
     solve(layout_);
-    const bool shapes = std::ranges::any_of(layout_.shape, [](const auto& s) { return !s.fixed; });
-    if (shapes) fit_shapes();
+    if (std::ranges::any_of(with_shapes.shape, [](const auto& s) { return !s.fixed; }))
+      fit_shapes(with_shapes);
     if (options_.robust != Robust::kNone) reweigh();
     // Standard errors that know of the residuals' autocorrelation.
     VecX<double> inflation = VecX<double>::Ones(layout_.num_dofs);
@@ -248,81 +251,64 @@ class InverseFit {
       options_.progress({"fitting", result_.summary.passes, result_.summary.rows, fit_.solver.objective});
   }
 
-  /// χ²/2 of the present factors at the present point, each joint in units of its first noise.
-  double misfit(const VecX<double>& sigma) const {
-    double sum = 0.0;
-    VecX<double> x = VecX<double>::Zero(x_.size() + num_free_shapes());
-    x.head(x_.size()) = x_;
-    for (std::size_t j = 0; j < regression_->factors().size(); ++j)
-      if (regression_->factors()[j].factor.rows() > 0)
-        sum += 0.5 * regression_->factors()[j].sum_of_squares(x) / (sigma[j] * sigma[j]);
-    return sum;
-  }
-  long num_free_shapes() const {
-    return std::ranges::count_if(layout_.shape, [](const auto& s) { return !s.fixed; });
-  }
-
-  /// Gauss–Newton in ln η with the linear parameters solved along (one pass a step).
-  void fit_shapes() {
-    const FitLayout extended = with_shape_steps(layout_);
+  /// Gauss–Newton in ln η with the linear parameters solved along, one pass over the data a step.
+  /// @param layout  with the shapes that are to be fitted
+  void fit_shapes(const FitLayout& layout) {
+    FitLayout moving = with_shape_steps(layout);
+    FitLayout held = moving;  // the same columns, the steps at zero
+    for (std::size_t k = layout.linear.size(); k < held.linear.size(); ++k) held.linear[k].fixed = true;
     const VecX<double> sigma = fit_.sigma;
-    const long p = x_.size();
-    VecX<double> best_x = x_, best_shape = shape_;
+    const long p = x_.size(), s = static_cast<long>(moving.linear.size()) - p;
+    const auto misfit = [&] {  // χ²/2 in units of the noise at the start
+      VecX<double> x = VecX<double>::Zero(p + s);
+      x.head(p) = x_;
+      double sum = 0.0;
+      for (std::size_t j = 0; j < regression_->factors().size(); ++j)
+        sum += 0.5 * regression_->factors()[j].sum_of_squares(x) / (sigma[j] * sigma[j]);
+      return sum;
+    };
+    VecX<double> best_x = x_, best_shape = shape_, step = VecX<double>::Zero(s);
     double best = std::numeric_limits<double>::infinity(), shrink = 1.0;
-    VecX<double> step;
     while (result_.summary.passes < options_.max_passes && !result_.summary.interrupted) {
-      pass(extended, false);
-      // The linear optimum at this shape: the factor without the step's columns.
-      solve_without_steps(extended);
-      const double now = misfit(sigma);
+      pass(layout, false);
+      solve(held);  // the linear optimum at these shapes
+      const double now = misfit();
       if (now < best) {
         const double gained = best - now;
         best = now;
         best_x = x_;
         best_shape = shape_;
         shrink = std::min(1.0, 2.0 * shrink);
-        const LinearFit joint =
-            fit_linear(extended, regression_->factors(), VecX<double>::Ones(layout_.num_dofs),
-                       options_.linear);
-        step = joint.x.tail(joint.x.size() - p).cwiseMax(-0.7).cwiseMin(0.7);
-        if (gained < 1e-3) break;  // a thousandth of a unit in χ²/2: far inside one σ
+        step = fit_linear(moving, regression_->factors(), VecX<double>::Ones(layout.num_dofs),
+                          options_.linear)
+                   .x.tail(s);
+        if (gained < 0.01) break;  // a hundredth of a unit in χ²/2: far inside one σ
       } else {
         shrink *= 0.25;
       }
       if (!(shrink * step.cwiseAbs().maxCoeff() > options_.shape_tolerance)) break;
       long k = 0;
-      for (std::size_t s = 0; s < layout_.shape.size(); ++s)
-        if (!layout_.shape[s].fixed)
-          shape_[s] = best_shape[s] * std::exp(std::clamp(shrink * step[k++], -0.7, 0.7));
+      for (std::size_t i = 0; i < layout.shape.size(); ++i)
+        if (!layout.shape[i].fixed)  // at most a factor of two a step
+          shape_[i] = best_shape[i] * std::exp(std::clamp(shrink * step[k++], -0.7, 0.7));
     }
     x_ = best_x;
     shape_ = best_shape;
-    pass(layout_frozen(), false);
+    pass(layout_, false);
     solve(layout_);
-  }
-  /// Shapes are in their places: no more columns for them.
-  const FitLayout& layout_frozen() {
-    for (FitParameter& s : layout_.shape) s.fixed = true;
-    return layout_;
-  }
-  void solve_without_steps(const FitLayout& extended) {
-    FitLayout held = extended;
-    for (std::size_t k = layout_.linear.size(); k < held.linear.size(); ++k)
-      held.linear[k].fixed = true;
-    solve(held);
   }
 
   void reweigh() {
     while (result_.summary.passes < options_.max_passes && !result_.summary.interrupted) {
       const VecX<double> before = x_, std = fit_.std;
-      pass(layout_frozen(), true);
+      pass(layout_, true);
       solve(layout_);
       double change = 0.0;
       for (long k = 0; k < x_.size(); ++k)
         if (std[k] > 0.0) change = std::max(change, std::abs(x_[k] - before[k]) / std[k]);
       if (change < 1e-2) break;  // a hundredth of each standard error
     }
-    pass(layout_frozen(), false);  // errors are reported of all rows, unweighted
+    pass(layout_, false);  // errors are reported of all rows, unweighted
   }
 
   void evaluate() {
@@ -390,7 +376,7 @@ class InverseFit {
     same.filter_hz = result_.plan.filter_hz;
     if (test_) {
       const PreprocessPlan plan = plan_preprocess(test_->sample(), same);
-      test = std::make_unique<TorqueRegression>(tree_, layout_frozen(), plan,
+      test = std::make_unique<TorqueRegression>(tree_, layout_, plan,
                                                 RegressionPoint{x_, shape_});
       const Pass p = for_each_block(held_out, plan, "testing", 0, options_,
                                     [&](const Preprocessed& b) { test->add(b); });

@@ -159,11 +159,9 @@ LinearFit fit_linear(const FitLayout& layout, const std::vector<JointFactor>& fa
   const VecX<double> scale = parameter_scales(layout, factors);
   ConvexFitProblem problem;
   problem.start = consistent_start(layout, scale);
-  if (options.physical) {
-    problem.bodies = layout.bodies();
-    for (long k = 0; k < p; ++k)
-      if (layout.linear[k].sign != Sign::kFree) problem.nonnegative.push_back(static_cast<int>(k));
-  }
+  if (options.physical) problem.bodies = layout.bodies();
+  for (long k = 0; k < p; ++k)
+    if (layout.linear[k].sign != Sign::kFree) problem.nonnegative.push_back(static_cast<int>(k));
   for (long k = 0; k < p; ++k)
     if (layout.linear[k].fixed) {
       problem.fixed.push_back(static_cast<int>(k));
@@ -190,7 +188,7 @@ LinearFit fit_linear(const FitLayout& layout, const std::vector<JointFactor>& fa
       if (f.factor.rows() == 0) continue;
       // Every joint pays for the parameters by its share of the rows.
       const double dof = static_cast<double>(f.factor.rows()) *
-                         std::max(1.0 - static_cast<double>(free.size()) / rows, 0.1);
+                         std::max(1.0 - static_cast<double>(free.size()) / static_cast<double>(rows), 0.1);
       const double floor = 1e-9 * f.rmse(VecX<double>::Zero(p)) + 1e-15;
       const double next = std::max(std::sqrt(f.sum_of_squares(fit.x) / dof), floor);
       change = std::max(change, std::abs(next / fit.sigma[j] - 1.0));

@@ -28,7 +28,7 @@ struct BaseParameter {
 };
 
 struct LinearFitOptions {
-  bool physical = true;         ///< false: plain least squares, for comparison
+  bool physical = true;         ///< false: inertias are free (least squares), for comparison
   double entropic_prior = 0.0;  ///< γ of solve_convex_fit
   /// Parameters the data say nothing of stay at the prior: a Gaussian this many times as wide as their scale.
   /// At 10, a direction known to its own scale is shrunk by 1 %, one known to a tenth of it by 0.01 %.
