@@ -32,5 +32,6 @@ inline void add_common(CLI::App& command, CommonOptions& options) {
 void add_excite(CLI::App& app);
 void add_info(CLI::App& app);
 void add_simulate(CLI::App& app);
+void add_worlds(CLI::App& app);
 
 }  // namespace diffnea::apps

@@ -19,6 +19,7 @@ int main(int argc, char** argv) {
   diffnea::apps::add_excite(app);
   diffnea::apps::add_info(app);
   diffnea::apps::add_simulate(app);
+  diffnea::apps::add_worlds(app);
   try {
     app.parse(argc, argv);                    // runs the command
   } catch (const CLI::RuntimeError& error) {  // a command's own exit status

@@ -2,13 +2,22 @@
 #include <charconv>
 #include <cstdlib>
 #include <map>
-#include <set>
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/io/world.hpp>
 
+#include "io/json.hpp"
+
 namespace diffnea {
 namespace {
+
+struct WorldKey {
+  const char *name, *meaning;
+};
+constexpr WorldKey kWorldKeys[] = {
+    {"perturb", "how far the robot is from its description: none, A (default) or B, about twice A"},
+    {"seed", "of the perturbation and the noise; default: that of the command"},
+    {"noise", "factor on the noise of the sensors, default 1"}};
 
 template <class Number>
 Number number(const std::string& world, const std::string& key, const std::string& text) {
@@ -66,27 +75,54 @@ std::vector<std::filesystem::path> model_folders() {
   std::vector<std::filesystem::path> out;
   if (const char* folder = std::getenv("DIFFNEA_MODELS"); folder && *folder)
     out.emplace_back(folder);
+  std::error_code error;  // an installation that was moved: beside the command
+  const std::filesystem::path command = std::filesystem::read_symlink("/proc/self/exe", error);
+  if (!error) out.push_back(command.parent_path().parent_path() / "share" / "diffnea" / "models");
   out.emplace_back(DIFFNEA_INSTALLED_MODELS);
   out.emplace_back(DIFFNEA_SOURCE_MODELS);
   return out;
+}
+
+std::map<std::string, std::filesystem::path> list_models(
+    const std::vector<std::string>& extensions) {
+  std::map<std::string, std::filesystem::path> out;
+  std::error_code ignored;
+  for (const std::filesystem::path& folder : model_folders())
+    for (std::filesystem::directory_iterator it(folder, ignored), end; it != end;
+         it.increment(ignored))
+      if (std::ranges::find(extensions, it->path().extension().string()) != extensions.end())
+        out.emplace(it->path().stem().string(), it->path());
+  return out;
+}
+
+std::string worlds_text() {
+  std::string out = "worlds\n";
+  for (const auto& [name, path] : list_models({".xml"}))
+    out += "  mujoco:" + name + "  " + path.string() + "\n";
+  out += "  mujoco:PATH  an MJCF of your own\n\nkeys, as in mujoco:wam4,perturb=A,seed=3\n";
+  for (const WorldKey& key : kWorldKeys)
+    out += std::string("  ") + key.name + "  " + key.meaning + "\n";
+  return out;
+}
+
+std::string worlds_json() {
+  io::Json worlds = io::Json::array(), keys = io::Json::array();
+  for (const auto& [name, path] : list_models({".xml"}))
+    worlds.push_back({{"world", "mujoco:" + name}, {"file", path.string()}});
+  for (const WorldKey& key : kWorldKeys)
+    keys.push_back({{"key", key.name}, {"meaning", key.meaning}});
+  const io::Json out{{"schema", "diffnea/worlds/1"}, {"worlds", worlds}, {"keys", keys}};
+  return out.dump(1, ' ', false, io::Json::error_handler_t::replace) + "\n";
 }
 
 std::filesystem::path find_model_file(const std::string& name,
                                       const std::vector<std::string>& extensions) {
   std::error_code ignored;
   if (!name.empty() && std::filesystem::is_regular_file(name, ignored)) return name;
-  std::set<std::string> known;
-  for (const std::filesystem::path& folder : model_folders()) {
-    for (std::filesystem::directory_iterator it(folder, ignored), end; it != end;
-         it.increment(ignored)) {
-      if (std::ranges::find(extensions, it->path().extension().string()) == extensions.end())
-        continue;
-      if (it->path().stem() == name) return it->path();
-      known.insert(it->path().stem().string());
-    }
-  }
+  const std::map<std::string, std::filesystem::path> known = list_models(extensions);
+  if (const auto it = known.find(name); it != known.end()) return it->second;
   std::string names;
-  for (const std::string& k : known) names += (names.empty() ? "" : ", ") + k;
+  for (const auto& [k, path] : known) names += (names.empty() ? "" : ", ") + k;
   throw FileError("there is no model '" + name + "'; a path to a file, or one of: " +
                   (names.empty() ? "(none found; set DIFFNEA_MODELS to their folder)" : names));
 }

@@ -152,9 +152,16 @@ std::vector<ModelIssue> check_model(const Model& model) {
   }
   const Tree<double> tree = make_tree(model);
   const std::vector<int> moving = moving_links(model);
+  std::vector<bool> carries(tree.links.size());  // inertia, its own or of a link that it moves
+  for (int i = tree.num_dofs() - 1; i >= 0; --i) {
+    const Link<double>& link = tree.links[i];
+    if (has_inertia(link.inertia) || link.armature > 0.0) carries[i] = true;
+    if (carries[i] && link.parent >= 0) carries[link.parent] = true;
+  }
   for (int i = 0; i < tree.num_dofs(); ++i)
-    if (!has_inertia(tree.links[i].inertia))
-      issues.push_back({model.links[moving[i]].name, "moving link has no inertia"});
+    if (!carries[i])
+      issues.push_back({model.links[moving[i]].name,
+                        "moving link has no inertia, nor has anything that it carries"});
   return issues;
 }
 

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -27,9 +28,18 @@ struct WorldSpec {
 WorldSpec parse_world(const std::string& text);
 
 /// Folders with the models that come with the program, in the order they are searched:
-/// $DIFFNEA_MODELS, the folder share/diffnea/models of the installation, the source tree it was
-/// built from.
+/// $DIFFNEA_MODELS, the folder share/diffnea/models beside the command or of the installation, the
+/// source tree it was built from.
 std::vector<std::filesystem::path> model_folders();
+
+/// Models in those folders by name; the first folder that has a name wins.
+std::map<std::string, std::filesystem::path> list_models(
+    const std::vector<std::string>& extensions);
+
+/// What `diffnea worlds` says: the worlds there are, and their keys. As JSON: schema
+/// "diffnea/worlds/1".
+std::string worlds_text();
+std::string worlds_json();
 
 /// `wam4` → …/wam4.xml; a path that exists is returned as it is.
 /// @param extensions  those that will do, e.g. {".xml"}

@@ -110,7 +110,7 @@ struct ModelIssue {
 };
 /// Masses that are not positive, inertias that no distribution of mass can have (smallest principal
 /// second moment below zero: the triangle inequality, by how much), limits that are empty, moving
-/// links without inertia.
+/// links that neither have inertia nor carry a link that has.
 std::vector<ModelIssue> check_model(const Model& model);
 
 }  // namespace diffnea

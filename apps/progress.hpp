@@ -1,0 +1,40 @@
+#pragma once
+/// Progress of long work on standard error, and Ctrl-C.
+
+#include <chrono>
+#include <string>
+
+#include <diffnea/identify/identify.hpp>
+
+namespace diffnea::apps {
+
+/// While it lives, the first SIGINT or SIGTERM sets a flag; the second ends the program.
+class Interruptible {
+ public:
+  Interruptible();
+  ~Interruptible();
+  Interruptible(const Interruptible&) = delete;
+  Interruptible& operator=(const Interruptible&) = delete;
+  static bool requested();
+};
+
+/// On a terminal one line that is rewritten, else a line for every stage and every ten seconds.
+class ProgressLine {
+ public:
+  explicit ProgressLine(bool quiet);
+  ~ProgressLine() { clear(); }
+  ProgressLine(const ProgressLine&) = delete;
+  ProgressLine& operator=(const ProgressLine&) = delete;
+
+  void show(const FitProgress& progress);
+  /// Leaves the terminal's line empty.
+  void clear();
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  bool quiet_, terminal_, drawn_ = false;
+  std::string stage_;
+  Clock::time_point start_ = Clock::now(), last_{};
+};
+
+}  // namespace diffnea::apps
