@@ -228,6 +228,13 @@ class InverseFit {
     for (const JointFactor& f : regression_->factors())
       result_.summary.fitted_rows += f.factor.rows();
 
+    for (const int c : absorbed_by_links(layout_, regression_->factors())) {
+      layout_.linear[c].fixed = with_shapes.linear[c].fixed = true;
+      result_.notes.push_back(layout_.linear[c].name +
+                              " cannot be told from the links' inertia, which absorbs it: held at " +
+                              format(layout_.linear[c].prior));
+    }
+
     solve(layout_);
     if (std::ranges::any_of(with_shapes.shape, [](const auto& s) { return !s.fixed; }))
       fit_shapes(with_shapes);
@@ -239,6 +246,22 @@ class InverseFit {
           variance_inflation(regression_->kept()[j], x_(regression_->factors()[j].columns));
     fit_ = fit_linear(layout_, regression_->factors(), inflation, options_.linear);
     x_ = fit_.x;
+    if (options_.robust != Robust::kNone) pass(layout_, false);  // errors are those of all rows
+    note_rest();
+  }
+
+  void note_rest() {
+    const std::vector<std::string> names = joint_names(model_);
+    std::string list;
+    for (int j = 0; j < layout_.num_dofs; ++j) {
+      const double rest = static_cast<double>(regression_->rows_at_rest(j));
+      const double all = rest + static_cast<double>(regression_->factors()[j].factor.rows());
+      if (rest > 0.05 * all)
+        list += (list.empty() ? "" : ", ") + names[j] + " " + format(100.0 * rest / all) + " %";
+    }
+    if (!list.empty())
+      result_.notes.push_back("rows in which a joint rests are left out, since dry friction at rest can "
+                              "have any size: " + list);
   }
 
   void solve(const FitLayout& layout) {
@@ -308,7 +331,6 @@ class InverseFit {
         if (std[k] > 0.0) change = std::max(change, std::abs(x_[k] - before[k]) / std[k]);
       if (change < 1e-2) break;  // a hundredth of each standard error
     }
-    pass(layout_, false);  // errors are reported of all rows, unweighted
   }
 
   void evaluate() {

@@ -144,6 +144,32 @@ double JointFactor::rmse(const VecX<double>& x) const {
   return std::sqrt(sum_of_squares(x) / static_cast<double>(std::max<long>(factor.rows(), 1)));
 }
 
+std::vector<int> absorbed_by_links(const FitLayout& layout,
+                                   const std::vector<JointFactor>& factors) {
+  const long p = static_cast<long>(layout.linear.size());
+  VecX<double> sigma = VecX<double>::Ones(static_cast<long>(factors.size()));
+  for (std::size_t j = 0; j < factors.size(); ++j)
+    sigma[static_cast<long>(j)] = std::max(factors[j].rmse(VecX<double>::Zero(p)), 1e-12);
+  MatX<double> R;
+  VecX<double> d;
+  stack(factors, sigma, p, R, d);
+  std::vector<int> links, out;
+  for (const int c : free_columns(layout))
+    if (layout.linear[c].dof >= 0) links.push_back(c);
+  if (links.empty()) return out;
+  MatX<double> L = R(Eigen::all, links);
+  for (long k = 0; k < L.cols(); ++k) L.col(k) /= std::max(L.col(k).norm(), 1e-300);
+  Eigen::ColPivHouseholderQR<MatX<double>> qr(L);
+  qr.setThreshold(kStructuralTol);
+  for (const int c : free_columns(layout)) {
+    if (layout.linear[c].dof >= 0 || layout.linear[c].theta >= 0) continue;
+    const VecX<double> g = R.col(c);
+    // Of a dependent column rounding leaves 1e-12 (observed); of any other, noise alone leaves 1e-5.
+    if (g.norm() > 0.0 && (L * qr.solve(g) - g).norm() < 1e-7 * g.norm()) out.push_back(c);
+  }
+  return out;
+}
+
 LinearFit fit_linear(const FitLayout& layout, const std::vector<JointFactor>& factors,
                      const VecX<double>& inflation, const LinearFitOptions& options) {
   const long p = static_cast<long>(layout.linear.size());

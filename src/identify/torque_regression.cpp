@@ -30,7 +30,13 @@ TorqueRegression::TorqueRegression(const Tree<double>& tree, const FitLayout& la
       const std::vector<int>& acts = effects_[layout.shape[free_shapes_[s]].effect].joints;
       if (std::ranges::find(acts, j) != acts.end()) columns.push_back(p + static_cast<int>(s));
     }
-    joints_.push_back({columns, {}, Decimator(plan.decimator), {}, 0});
+    double smoothing = 0.0;
+    for (const BoundEffect& e : layout.effects)  // of the model: the same rows at every pass
+      for (std::size_t k = 0; k < e.parameter_info.size(); ++k)
+        if (e.parameter_info[k].name == "smoothing" &&
+            std::ranges::find(e.joints, j) != e.joints.end())
+          smoothing = std::max(smoothing, e.parameters[k]);
+    joints_.push_back({columns, Decimator(plan.decimator), {}, options.rest_speed * smoothing});
     factors_.push_back({columns, TriangularFactor(static_cast<int>(columns.size()))});
     kept_.push_back({{}, {}, {}, static_cast<long>(columns.size()) + 1});
   }
@@ -101,7 +107,7 @@ void TorqueRegression::add(const Preprocessed& block) {
     long end = row;
     while (end < block.rows() && block.segment[end] == segment && end - row < 1024) ++end;
     for (int j = 0; j < n; ++j)
-      joints_[j].block.resize(end - row, static_cast<long>(joints_[j].columns.size()) + 1);
+      joints_[j].block.resize(end - row, static_cast<long>(joints_[j].columns.size()) + 2);
     for (long r = row; r < end; ++r) {
       fill_row(block, r);
       for (int j = 0; j < n; ++j) {
@@ -111,6 +117,7 @@ void TorqueRegression::add(const Preprocessed& block) {
         double* out = joint.block.row(r - row).data();
         for (long c = 0; c < width; ++c) out[c] = full_(j, joint.columns[c]);
         out[width] = block.tau(r, j);
+        out[width + 1] = std::abs(block.qd(r, j));
       }
     }
     for (int j = 0; j < n; ++j)
@@ -119,33 +126,33 @@ void TorqueRegression::add(const Preprocessed& block) {
   }
 }
 
-void TorqueRegression::flush(int j, const RowMatX<double>& rows) {
+void TorqueRegression::flush(int j, const RowMatX<double>& decimated) {
   Joint& joint = joints_[j];
   JointRows& kept = kept_[j];
-  const long bytes = rows.size() * static_cast<long>(sizeof(double));
-  if (kept_bytes_ + bytes <= options_.keep_bytes && rows.rows() > 0) {
-    kept.values.insert(kept.values.end(), rows.data(), rows.data() + rows.size());
-    kept.run.insert(kept.run.end(), rows.rows(), run_);
-    for (long k = 0; k < rows.rows(); ++k)
-      kept.time.push_back(segment_start_ +
-                          dt_ * static_cast<double>(joint.decimator.center(joint.emitted + k)));
-    kept_bytes_ += bytes;
-  }
-  joint.emitted += rows.rows();
-  if (!options_.weight) {
-    factors_[j].factor.add(rows);
-    return;
-  }
   const long width = static_cast<long>(joint.columns.size());
   const long p = static_cast<long>(layout_.linear.size());
-  RowMatX<double> weighted = rows;
-  for (long k = 0; k < rows.rows(); ++k) {
-    double residual = -rows(k, width);
+  RowMatX<double> rows(decimated.rows(), width + 1);
+  long moving = 0;
+  for (long k = 0; k < decimated.rows(); ++k) {
+    if (decimated(k, width + 1) < joint.rest_speed) continue;
+    rows.row(moving++) = decimated.row(k).head(width + 1);
+    if ((kept_bytes_ += (width + 1) * static_cast<long>(sizeof(double))) <= options_.keep_bytes) {
+      kept.values.insert(kept.values.end(), decimated.row(k).data(),
+                         decimated.row(k).data() + width + 1);
+      kept.run.push_back(run_);
+      kept.time.push_back(segment_start_ +
+                          dt_ * static_cast<double>(joint.decimator.center(joint.emitted + k)));
+    }
+    if (!options_.weight) continue;
+    auto row = rows.row(moving - 1);
+    double residual = -row[width];
     for (long c = 0; c < width; ++c)
-      if (joint.columns[c] < p) residual += rows(k, c) * at_.linear[joint.columns[c]];
-    weighted.row(k) *= std::sqrt(options_.weight(j, residual));
+      if (joint.columns[c] < p) residual += row[c] * at_.linear[joint.columns[c]];
+    row *= std::sqrt(options_.weight(j, residual));
   }
-  factors_[j].factor.add(weighted);
+  joint.emitted += decimated.rows();
+  joint.at_rest += decimated.rows() - moving;
+  factors_[j].factor.add(rows.topRows(moving));
 }
 
 }  // namespace diffnea

@@ -47,6 +47,11 @@ struct LinearFit {
   ConvexFitResult solver;
 };
 
+/// Free parameters of effects whose torque is, in these data, exactly one of the links' inertias': the rotor
+/// inertia of a joint that always turns about the same axis is part of what it carries. (Columns that the
+/// links' columns span.)
+std::vector<int> absorbed_by_links(const FitLayout& layout, const std::vector<JointFactor>& factors);
+
 /// @param factors   one a joint; joints without torque have no rows
 /// @param inflation (n) variance of a sum of residuals over that of independent ones (autocorrelation); ≥ 1
 /// @throws DataError if there are fewer rows than free parameters

@@ -30,6 +30,9 @@ struct JointRows {
 struct RegressionOptions {
   /// Rows kept for residual analysis and plots [bytes in all]; more are factored, not kept.
   long keep_bytes = 48L << 20;
+  /// Dry friction at rest can have any size up to its largest: rows in which a joint with dry friction moves
+  /// slower than this many smoothing speeds v₀ are left out of that joint's factor.
+  double rest_speed = 2.0;
   /// Weight of a row of joint j with residual r; empty: 1. Robust losses re-weigh in further passes.
   std::function<double(int joint, double residual)> weight;
 };
@@ -46,14 +49,16 @@ class TorqueRegression {
   const std::vector<JointFactor>& factors() const { return factors_; }
   /// Unweighted where `factors` are weighted.
   const std::vector<JointRows>& kept() const { return kept_; }
+  /// Rows of joint j that were left out because it rested.
+  long rows_at_rest(int j) const { return joints_[j].at_rest; }
 
  private:
   struct Joint {
-    std::vector<int> columns;            // of the layout, then shape directions
-    std::vector<long> source;            // where each column stands in a full row
+    std::vector<int> columns;  // of the layout, then shape directions
     Decimator decimator;
-    RowMatX<double> block;
-    long emitted = 0;
+    RowMatX<double> block;  // [columns | τ | speed]
+    double rest_speed = 0.0;
+    long emitted = 0, at_rest = 0;
   };
   void fill_row(const Preprocessed& block, long row);
   void flush(int joint, const RowMatX<double>& rows);
