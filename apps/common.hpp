@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include <CLI/CLI.hpp>
 
@@ -30,7 +31,10 @@ inline void add_common(CLI::App& command, CommonOptions& options) {
 }
 
 void add_excite(CLI::App& app);
+/// @param command_line  as it was typed, for the result
+void add_identify(CLI::App& app, const std::vector<std::string>& command_line);
 void add_info(CLI::App& app);
+void add_report(CLI::App& app);
 void add_simulate(CLI::App& app);
 void add_worlds(CLI::App& app);
 

@@ -1,6 +1,7 @@
 #include <cstdio>
 #include <exception>
 #include <string>
+#include <vector>
 
 #include <CLI/CLI.hpp>
 
@@ -17,7 +18,9 @@ int main(int argc, char** argv) {
   app.require_subcommand(1);
   // One line per command, sorted.
   diffnea::apps::add_excite(app);
+  diffnea::apps::add_identify(app, std::vector<std::string>(argv, argv + argc));
   diffnea::apps::add_info(app);
+  diffnea::apps::add_report(app);
   diffnea::apps::add_simulate(app);
   diffnea::apps::add_worlds(app);
   try {

@@ -1,0 +1,218 @@
+#include <algorithm>
+#include <cstdio>
+#include <filesystem>
+
+#include <diffnea/core/error.hpp>
+#include <diffnea/identify/identify.hpp>
+#include <diffnea/io/atomic_file.hpp>
+#include <diffnea/io/model_file.hpp>
+#include <diffnea/io/result.hpp>
+#include <diffnea/io/result_folder.hpp>
+#include <diffnea/io/sidecar.hpp>
+#include <diffnea/report/identify_page.hpp>
+#include <diffnea/report/identify_text.hpp>
+#include <diffnea/version.hpp>
+
+#include "common.hpp"
+#include "progress.hpp"
+
+namespace diffnea::apps {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Everything that `identify` may leave in RUN/.
+const std::vector<std::string> kRunFiles{"result.json", "series.json", "model.json",
+                                         "model.urdf",  "model.xml",   "report.html"};
+
+struct IdentifyCommand {
+  CommonOptions common;
+  std::vector<std::string> command_line;
+  std::string model, out, torque_side, prior = "none";
+  std::vector<std::string> data, test, passive, effects;
+  bool effects_given = false;
+  IdentifyOptions options;
+};
+
+/// A held-out error on data of the fit would be a lie, and a file taken twice would count twice.
+void refuse_repeated_files(const IdentifyCommand& c) {
+  std::vector<std::string> all = c.data;
+  all.insert(all.end(), c.test.begin(), c.test.end());
+  for (std::size_t i = 0; i < all.size(); ++i)
+    for (std::size_t k = 0; k < i; ++k) {
+      std::error_code ignored;
+      if (!fs::equivalent(all[i], all[k], ignored)) continue;
+      throw DataError(all[i] + (i >= c.data.size() && k < c.data.size()
+                                    ? ": is given as data of the fit and as --test; held-out data "
+                                      "must be other recordings"
+                                    : ": is given twice"));
+    }
+}
+
+RecordingInfo recording_info(const IdentifyCommand& c, const std::string& path, ProgressLine& line) {
+  ReadOptions options;
+  options.info.passive = c.passive;
+  const std::optional<Sidecar> sidecar = read_sidecar(path);
+  if (sidecar && !c.common.quiet) {
+    line.clear();
+    for (const std::string& note : sidecar->notes)
+      std::fprintf(stderr, "%s: %s\n", sidecar->path.string().c_str(), note.c_str());
+  }
+  RecordingInfo info = with_sidecar(path, options).info;
+  if (!c.torque_side.empty()) {
+    const TorqueSide side = c.torque_side == "link" ? TorqueSide::kLink : TorqueSide::kMotor;
+    if (side != info.torque_side)  // the default sampling of that side (contract)
+      info.torque_sampling =
+          side == TorqueSide::kLink ? TorqueSampling::kInstant : TorqueSampling::kHold;
+    info.torque_side = side;
+  }
+  return info;
+}
+
+std::unique_ptr<RecordingSource> open(const IdentifyCommand& c, const Model& model,
+                                      const std::vector<std::string>& files, ProgressLine& line) {
+  std::vector<fs::path> paths(files.begin(), files.end());
+  std::vector<RecordingInfo> info;
+  for (const std::string& file : files) info.push_back(recording_info(c, file, line));
+  return recordings_in_files(model, paths, info);
+}
+
+void set_prior(const std::string& text, IdentifyOptions& options) {
+  if (text == "none") return;
+  double strength = 0.0;
+  if (!text.starts_with("entropic=") || !CLI::detail::lexical_cast(text.substr(9), strength) ||
+      !(strength >= 0.0))
+    throw CLI::ValidationError("--prior", "got " + text + "; choices: none, entropic=STRENGTH with "
+                                                          "a STRENGTH of 0 or more, e.g. entropic=0.1");
+  options.linear.entropic_prior = strength;
+}
+
+/// The extension of the format that the model was read from; empty for JSON.
+std::string model_extension(const Model& model) {
+  const std::string text = read_text_file(model.source);
+  if (text.find_first_not_of(" \t\r\n\xEF\xBB\xBF") == text.find('{')) return "";
+  return text.find("<robot") < text.find("<mujoco") ? ".urdf" : ".xml";
+}
+
+/// Collects every file of the run in the folder's staging area.
+void write_run(const FitRun& run, const fs::path& folder, std::vector<std::string>& notes) {
+  write_model(run.fit.model, folder / "model.json");
+  const std::string extension = model_extension(run.fit.model);
+  if (!extension.empty()) {
+    std::string left_out;
+    for (const std::string& what : write_model(run.fit.model, folder / ("model" + extension)))
+      left_out += (left_out.empty() ? "" : ", ") + what;
+    if (!left_out.empty())
+      notes.push_back("model" + extension + " cannot hold: " + left_out + "; model.json does");
+  }
+  FitRun noted = run;
+  noted.fit.notes = notes;
+  write_file_atomically(folder / "series.json", series_json(noted.fit));
+  write_file_atomically(folder / "report.html", identify_page(noted));
+  write_file_atomically(folder / "result.json", identify_result_json(noted));
+}
+
+void run_identify(IdentifyCommand c) {
+  refuse_repeated_files(c);
+  set_prior(c.prior, c.options);
+  if (c.effects_given)
+    c.options.choice.effects = c.effects == std::vector<std::string>{"none"}
+                                   ? std::vector<std::string>{}
+                                   : c.effects;
+  const Model model = read_model(c.model);
+  ResultFolder folder(c.out);  // cannot be written: better known now
+
+  const Interruptible interruptible;
+  ProgressLine line(c.common.quiet);
+  c.options.progress = [&](const FitProgress& progress) {
+    line.show(progress);
+    return !Interruptible::requested();
+  };
+  FitRun run;
+  run.reproduce.version = version();
+  run.reproduce.command = c.command_line;
+  try {
+    line.show({"opening", 0, 0, 0.0});
+    const std::unique_ptr<RecordingSource> train = open(c, model, c.data, line);
+    std::unique_ptr<RecordingSource> test;
+    if (!c.test.empty()) test = open(c, model, c.test, line);
+    run.fit = identify(model, *train, test.get(), c.options);
+  } catch (const Error&) {
+    if (!Interruptible::requested()) throw;
+    line.clear();
+    std::fprintf(stderr, "interrupted before anything was fitted; nothing was written\n");
+    throw CLI::RuntimeError(kInterrupted);
+  }
+  run.reproduce.inputs.push_back(describe_input("model", c.model));
+  for (const std::string& file : c.data) run.reproduce.inputs.push_back(describe_input("data", file));
+  for (const std::string& file : c.test) run.reproduce.inputs.push_back(describe_input("test", file));
+  write_run(run, folder.staging(), run.fit.notes);
+  folder.publish(kRunFiles);
+  line.clear();
+  const std::string text = c.common.json ? identify_result_json(run) : identify_text(run);
+  std::fwrite(text.data(), 1, text.size(), stdout);
+  if (!c.common.json && !c.common.quiet)
+    std::printf("%s: result.json, model.json, report.html\n", folder.path().string().c_str());
+  if (run.fit.summary.interrupted) {
+    std::fprintf(stderr, "interrupted: the result is of what had been read until then\n");
+    throw CLI::RuntimeError(kInterrupted);
+  }
+  if (!run.fit.summary.converged) {
+    std::fprintf(stderr, "no usable result: %s\n", run.fit.summary.termination.c_str());
+    throw CLI::RuntimeError(kNoUsableResult);
+  }
+}
+
+}  // namespace
+
+void add_identify(CLI::App& app, const std::vector<std::string>& command_line) {
+  auto c = std::make_shared<IdentifyCommand>();
+  c->command_line = command_line;
+  IdentifyOptions& o = c->options;
+  CLI::App* command = app.add_subcommand(
+      "identify", "Fit a model's parameters to recordings; physically consistent, with uncertainties.");
+  command->add_option("model", c->model, "robot description: URDF, MJCF or JSON")->required();
+  command->add_option("data", c->data, "recordings (.csv): time, q_*, tau_*")->required();
+  command->add_option("--test", c->test, "held-out recordings (.csv), never fitted");
+  command->add_option("-o,--output", c->out, "folder for the results")->required();
+  command->add_option("--loss", o.loss, "inverse (torque), forward (acceleration) or trajectory")
+      ->transform(CLI::CheckedTransformer(
+          std::map<std::string, Loss>{{"inverse", Loss::kInverse},
+                                      {"forward", Loss::kForward},
+                                      {"trajectory", Loss::kTrajectory}}))
+      ->default_str("inverse");
+  command->add_option("--robust", o.robust, "weights that outliers lose by: none, huber or cauchy")
+      ->transform(CLI::CheckedTransformer(std::map<std::string, Robust>{
+          {"none", Robust::kNone}, {"huber", Robust::kHuber}, {"cauchy", Robust::kCauchy}}))
+      ->default_str("none");
+  command
+      ->add_option("--fit", o.choice.fit,
+                   "what may move, separated by commas: inertia, armature, effects, shapes")
+      ->delimiter(',')
+      ->capture_default_str();
+  command
+      ->add_option("--effects", c->effects,
+                   "beyond those of the model: name or name@joint, separated by commas; none; "
+                   "default: armature, viscous and Coulomb friction and an offset at every joint")
+      ->delimiter(',')
+      ->each([raw = c.get()](const std::string&) { raw->effects_given = true; });
+  command->add_option("--fix", o.choice.fix,
+                      "parameters to hold at the model's value: names, or patterns with *");
+  command
+      ->add_option("--prior", c->prior,
+                   "on the inertias: none, or entropic=STRENGTH (log det distance to the model)")
+      ->capture_default_str();
+  command->add_option("--passive", c->passive, "joints whose torque is known to be zero");
+  command->add_option("--torque-side", c->torque_side, "where torque is measured: motor or link")
+      ->check(CLI::IsMember({"motor", "link"}));
+  command->add_option("--filter", o.preprocess.filter_hz, "low-pass of the positions [Hz], 0: chosen")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
+  command->add_option("--decimate", o.preprocess.decimate_to_hz, "rate of the fit [Hz], 0: chosen")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
+  add_common(*command, c->common);
+  command->callback([c] { run_identify(*c); });
+}
+
+}  // namespace diffnea::apps

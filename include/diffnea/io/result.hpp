@@ -1,0 +1,52 @@
+#pragma once
+/// RUN/result.json and RUN/series.json of a fit, both ways (docs/schema/identify.md).
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include <diffnea/identify/identify.hpp>
+
+namespace diffnea {
+
+/// A file that went into a run.
+struct RunInput {
+  std::string role;  ///< "model", "data", "test"
+  std::string path;  ///< as it was given
+  std::uintmax_t bytes = 0;
+  std::string sha256;  ///< lower-case hexadecimal; empty for files above 64 MiB
+};
+
+/// What it takes to get the same result again.
+struct Reproduce {
+  std::string version;               ///< of diffnea
+  std::vector<std::string> command;  ///< the arguments, the program's name first
+  std::vector<RunInput> inputs;
+};
+
+/// A fit as RUN/ holds it.
+struct FitRun {
+  IdentifyResult fit;
+  Reproduce reproduce;
+};
+
+/// Size and checksum of a file. @throws FileError if it cannot be read
+RunInput describe_input(const std::string& role, const std::filesystem::path& path);
+
+/// Schema "diffnea/identify/1". A number that does not exist (no test set, not identifiable) is null.
+std::string identify_result_json(const FitRun& run);
+
+/// Schema "diffnea/series/1": measured, fitted and nominal torque of every joint over time, rounded to 6
+/// digits.
+std::string series_json(const IdentifyResult& fit);
+
+/// Reads what the two functions above and write_model left in a folder. Without series.json the series are
+/// empty; of model.json the posterior is read if it is there.
+/// @throws FileError, ModelError naming file and key; for a result of another kind, naming its schema
+FitRun read_fit_run(const std::filesystem::path& folder);
+
+/// What `diffnea report --json` prints, schema "diffnea/report/1".
+std::string report_result_json(const std::filesystem::path& page);
+
+}  // namespace diffnea

@@ -1,0 +1,82 @@
+#include "report/format.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+namespace diffnea::report {
+
+std::string number(double x, int digits) {
+  if (std::isnan(x)) return "–";
+  char text[40];
+  std::snprintf(text, sizeof text, "%.*g", digits, x);
+  return text;
+}
+
+std::string value_and_std(double value, double std) {
+  if (!(std > 0.0) || !std::isfinite(std)) return number(value);
+  // Decimals that show two digits of the standard error.
+  const int decimals = 1 - static_cast<int>(std::floor(std::log10(std)));
+  char text[80];
+  if (decimals < 0 || decimals > 6) {
+    std::snprintf(text, sizeof text, "%.3g ± %.1g", value, std);
+  } else {
+    std::snprintf(text, sizeof text, "%.*f ± %.*f", decimals, value, decimals, std);
+  }
+  return text;
+}
+
+std::string percent(double share) {
+  if (!std::isfinite(share)) return "–";
+  char text[40];
+  const double p = 100.0 * share;
+  std::snprintf(text, sizeof text, p >= 99.95 ? "%.0f %%" : p >= 0.995 ? "%.1f %%" : "%.2f %%", p);
+  return text;
+}
+
+std::string unit(std::string_view text) {
+  std::string out;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    if (text[i] == '*') {
+      out += "·";
+    } else if (text[i] == '^' && i + 1 < text.size() && (text[i + 1] == '2' || text[i + 1] == '3')) {
+      out += text[++i] == '2' ? "²" : "³";
+    } else {
+      out += text[i];
+    }
+  }
+  return out;
+}
+
+std::size_t width(std::string_view text) {
+  return static_cast<std::size_t>(
+      std::ranges::count_if(text, [](char c) { return (static_cast<unsigned char>(c) & 0xC0) != 0x80; }));
+}
+
+std::string table(const std::vector<std::string>& titles,
+                  const std::vector<std::vector<std::string>>& rows) {
+  const std::size_t columns = titles.size();
+  std::vector<bool> left(columns, false);
+  std::vector<std::string> heads = titles;
+  std::vector<std::size_t> widths(columns);
+  for (std::size_t c = 0; c < columns; ++c) {
+    left[c] = c == 0 || heads[c].starts_with('<');
+    if (heads[c].starts_with('<')) heads[c].erase(0, 1);
+    widths[c] = width(heads[c]);
+    for (const auto& row : rows) widths[c] = std::max(widths[c], width(row[c]));
+  }
+  std::string out;
+  const auto line = [&](const std::vector<std::string>& cells) {
+    std::string text = " ";
+    for (std::size_t c = 0; c < columns; ++c) {
+      const std::string pad(widths[c] - width(cells[c]), ' ');
+      text += " " + (left[c] ? cells[c] + pad : pad + cells[c]) + (c + 1 < columns ? " " : "");
+    }
+    out += text.substr(0, text.find_last_not_of(' ') + 1) + "\n";
+  };
+  line(heads);
+  for (const auto& row : rows) line(row);
+  return out;
+}
+
+}  // namespace diffnea::report
