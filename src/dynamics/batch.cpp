@@ -50,11 +50,11 @@ const Kernels& choose(const std::string& name) {
 
 /// Every thread takes a contiguous share of the rows.
 void run(batch::Kernel* kernel, const Tree<double>& tree, const batch::Rows& all, int num_threads) {
-  const long processors = std::max(1u, std::thread::hardware_concurrency());
   constexpr long kRowsPerThread = 64;  // fewer are done before a thread has started
   const long count = all.end - all.begin;
-  const long shares = std::clamp<long>(num_threads > 0 ? num_threads : processors, 1,
-                                       std::max(1L, count / kRowsPerThread));
+  // The number of processors is read from a file: only on request.
+  const long wanted = num_threads > 0 ? num_threads : std::max(1u, std::thread::hardware_concurrency());
+  const long shares = std::clamp<long>(wanted, 1, std::max(1L, count / kRowsPerThread));
   std::vector<std::jthread> threads;
   for (long s = 0; s < shares; ++s) {
     batch::Rows rows = all;
@@ -74,18 +74,17 @@ void require_shape(const char* where, const char* name, const RowMatX<double>& M
                    std::to_string(columns) + " (one row per state, one column per joint)");
 }
 
-RowMatX<double> run_rows(const char* where, batch::Kernel* Kernels::* kernel, const Tree<double>& tree,
-                         const RowMatX<double>& Q, const RowMatX<double>& Qd, const char* name_x,
-                         const RowMatX<double>& X, long out_rows_per_state, long out_columns,
-                         const BatchOptions& options) {
+void run_rows(const char* where, batch::Kernel* Kernels::* kernel, const Tree<double>& tree,
+              const RowMatX<double>& Q, const RowMatX<double>& Qd, const char* name_x,
+              const RowMatX<double>& X, long out_rows_per_state, long out_columns, RowMatX<double>& out,
+              const BatchOptions& options) {
   const int n = tree.num_dofs();
   require_shape(where, "Q", Q, Q.rows(), n);
   require_shape(where, "Qd", Qd, Q.rows(), n);
   require_shape(where, name_x, X, Q.rows(), n);
-  RowMatX<double> out(Q.rows() * out_rows_per_state, out_columns);
+  out.resize(Q.rows() * out_rows_per_state, out_columns);
   run(choose(options.instruction_set).*kernel, tree, {Q.data(), Qd.data(), X.data(), out.data(), 0, Q.rows()},
       options.num_threads);
-  return out;
 }
 
 }  // namespace
@@ -99,19 +98,30 @@ std::vector<std::string> batch_instruction_sets() {
 
 RowMatX<double> rnea_batch(const Tree<double>& tree, const RowMatX<double>& Q, const RowMatX<double>& Qd,
                            const RowMatX<double>& Qdd, const BatchOptions& options) {
-  return run_rows("rnea_batch", &Kernels::rnea, tree, Q, Qd, "Qdd", Qdd, 1, tree.num_dofs(), options);
+  RowMatX<double> tau;
+  run_rows("rnea_batch", &Kernels::rnea, tree, Q, Qd, "Qdd", Qdd, 1, tree.num_dofs(), tau, options);
+  return tau;
 }
 
 RowMatX<double> aba_batch(const Tree<double>& tree, const RowMatX<double>& Q, const RowMatX<double>& Qd,
                           const RowMatX<double>& Tau, const BatchOptions& options) {
-  return run_rows("aba_batch", &Kernels::aba, tree, Q, Qd, "Tau", Tau, 1, tree.num_dofs(), options);
+  RowMatX<double> qdd;
+  run_rows("aba_batch", &Kernels::aba, tree, Q, Qd, "Tau", Tau, 1, tree.num_dofs(), qdd, options);
+  return qdd;
+}
+
+void regressor_batch(const Tree<double>& tree, const RowMatX<double>& Q, const RowMatX<double>& Qd,
+                     const RowMatX<double>& Qdd, RowMatX<double>& Y, const BatchOptions& options) {
+  const int n = tree.num_dofs();
+  run_rows("regressor_batch", &Kernels::regressor, tree, Q, Qd, "Qdd", Qdd, n, kThetaSize * n, Y, options);
 }
 
 RowMatX<double> regressor_batch(const Tree<double>& tree, const RowMatX<double>& Q,
                                 const RowMatX<double>& Qd, const RowMatX<double>& Qdd,
                                 const BatchOptions& options) {
-  return run_rows("regressor_batch", &Kernels::regressor, tree, Q, Qd, "Qdd", Qdd, tree.num_dofs(),
-                  static_cast<long>(kThetaSize) * tree.num_dofs(), options);
+  RowMatX<double> Y;
+  regressor_batch(tree, Q, Qd, Qdd, Y, options);
+  return Y;
 }
 
 }  // namespace diffnea

@@ -118,6 +118,20 @@ void derivative_pass(const Tree<double>& tree, States& links, RowMatX<double>& d
   }
 }
 
+/// out = −A B, all (n × n): at this size a plain loop over rows beats a general product.
+void minus_product(const RowMatX<double>& A, const RowMatX<double>& B, RowMatX<double>& out) {
+  const Eigen::Index n = A.rows();
+  out.setZero(n, n);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    double* __restrict row = out.data() + i * n;
+    for (Eigen::Index k = 0; k < n; ++k) {
+      const double* __restrict b = B.data() + k * n;
+      const double a = A(i, k);
+      for (Eigen::Index j = 0; j < n; ++j) row[j] -= a * b[j];
+    }
+  }
+}
+
 /// q̈ = M⁻¹(τ − c) after a velocity pass; leaves M's factor in `L`, and accelerations in `links`.
 void solve_forward(const Tree<double>& tree, const double* qd, const double* tau, States& links,
                    RowMatX<double>& L, VecX<double>& qdd, VecX<double>& bias) {
@@ -160,14 +174,12 @@ void aba_derivatives(const Tree<double>& tree, VecIn<double> q, VecIn<double> qd
     velocity_pass(tree, q.data(), qd.data(), links);
     solve_forward(tree, qd.data(), tau.data(), links, out.L, out.qdd, out.tau);
     force_pass(tree, qd.data(), out.qdd.data(), links, out.tau.data());
-    derivative_pass(tree, links, out.dqdd_dq, out.dqdd_dqd);
+    derivative_pass(tree, links, out.dtau_dq, out.dtau_dqd);
   });
   out.dqdd_dtau.setIdentity(n, n);
   detail::solve_ltl(tree, out.L, out.dqdd_dtau.data(), n);
-  out.dqdd_dq *= -1.0;
-  out.dqdd_dqd *= -1.0;
-  detail::solve_ltl(tree, out.L, out.dqdd_dq.data(), n);
-  detail::solve_ltl(tree, out.L, out.dqdd_dqd.data(), n);
+  minus_product(out.dqdd_dtau, out.dtau_dq, out.dqdd_dq);
+  minus_product(out.dqdd_dtau, out.dtau_dqd, out.dqdd_dqd);
 }
 
 const RowMatX<double>& forward_dynamics_parameter_jacobian(const Tree<double>& tree,

@@ -51,6 +51,7 @@ struct AbaDerivatives {
   RowMatX<double> dqdd_dq;    ///< (n × n) −M⁻¹ ∂τ/∂q
   RowMatX<double> dqdd_dqd;   ///< (n × n) −M⁻¹ ∂τ/∂q̇
   RowMatX<double> dqdd_dtau;  ///< (n × n) M⁻¹
+  RowMatX<double> dtau_dq, dtau_dqd;  ///< (n × n) of inverse dynamics at q̈
   RowMatX<double> L;          ///< (n × n) lower factor of the mass matrix, M = LᵀL
   VecX<double> tau;           ///< inverse dynamics of q̈: the given torque, to rounding
   WorldStates scratch;
