@@ -49,7 +49,8 @@ void refuse_repeated_files(const IdentifyCommand& c) {
     }
 }
 
-RecordingInfo recording_info(const IdentifyCommand& c, const std::string& path, ProgressLine& line) {
+RecordingInfo recording_info(const IdentifyCommand& c, const std::string& path,
+                             ProgressLine& line) {
   ReadOptions options;
   options.info.passive = c.passive;
   const std::optional<Sidecar> sidecar = read_sidecar(path);
@@ -82,8 +83,9 @@ void set_prior(const std::string& text, IdentifyOptions& options) {
   double strength = 0.0;
   if (!text.starts_with("entropic=") || !CLI::detail::lexical_cast(text.substr(9), strength) ||
       !(strength >= 0.0))
-    throw CLI::ValidationError("--prior", "got " + text + "; choices: none, entropic=STRENGTH with "
-                                                          "a STRENGTH of 0 or more, e.g. entropic=0.1");
+    throw CLI::ValidationError("--prior", "got " + text +
+                                              "; choices: none, entropic=STRENGTH with "
+                                              "a STRENGTH of 0 or more, e.g. entropic=0.1");
   options.linear.entropic_prior = strength;
 }
 
@@ -116,9 +118,8 @@ void run_identify(IdentifyCommand c) {
   refuse_repeated_files(c);
   set_prior(c.prior, c.options);
   if (c.effects_given)
-    c.options.choice.effects = c.effects == std::vector<std::string>{"none"}
-                                   ? std::vector<std::string>{}
-                                   : c.effects;
+    c.options.choice.effects =
+        c.effects == std::vector<std::string>{"none"} ? std::vector<std::string>{} : c.effects;
   const Model model = read_model(c.model);
   ResultFolder folder(c.out);  // cannot be written: better known now
 
@@ -144,8 +145,10 @@ void run_identify(IdentifyCommand c) {
     throw CLI::RuntimeError(kInterrupted);
   }
   run.reproduce.inputs.push_back(describe_input("model", c.model));
-  for (const std::string& file : c.data) run.reproduce.inputs.push_back(describe_input("data", file));
-  for (const std::string& file : c.test) run.reproduce.inputs.push_back(describe_input("test", file));
+  for (const std::string& file : c.data)
+    run.reproduce.inputs.push_back(describe_input("data", file));
+  for (const std::string& file : c.test)
+    run.reproduce.inputs.push_back(describe_input("test", file));
   write_run(run, folder.staging(), run.fit.notes);
   folder.publish(kRunFiles);
   line.clear();
@@ -170,16 +173,17 @@ void add_identify(CLI::App& app, const std::vector<std::string>& command_line) {
   c->command_line = command_line;
   IdentifyOptions& o = c->options;
   CLI::App* command = app.add_subcommand(
-      "identify", "Fit a model's parameters to recordings; physically consistent, with uncertainties.");
+      "identify",
+      "Fit a model's parameters to recordings; physically consistent, with uncertainties.");
   command->add_option("model", c->model, "robot description: URDF, MJCF or JSON")->required();
   command->add_option("data", c->data, "recordings (.csv): time, q_*, tau_*")->required();
   command->add_option("--test", c->test, "held-out recordings (.csv), never fitted");
   command->add_option("-o,--output", c->out, "folder for the results")->required();
   command->add_option("--loss", o.loss, "inverse (torque), forward (acceleration) or trajectory")
-      ->transform(CLI::CheckedTransformer(
-          std::map<std::string, Loss>{{"inverse", Loss::kInverse},
-                                      {"forward", Loss::kForward},
-                                      {"trajectory", Loss::kTrajectory}}))
+      ->transform(
+          CLI::CheckedTransformer(std::map<std::string, Loss>{{"inverse", Loss::kInverse},
+                                                              {"forward", Loss::kForward},
+                                                              {"trajectory", Loss::kTrajectory}}))
       ->default_str("inverse");
   command->add_option("--robust", o.robust, "weights that outliers lose by: none, huber or cauchy")
       ->transform(CLI::CheckedTransformer(std::map<std::string, Robust>{
@@ -205,7 +209,8 @@ void add_identify(CLI::App& app, const std::vector<std::string>& command_line) {
   command->add_option("--passive", c->passive, "joints whose torque is known to be zero");
   command->add_option("--torque-side", c->torque_side, "where torque is measured: motor or link")
       ->check(CLI::IsMember({"motor", "link"}));
-  command->add_option("--filter", o.preprocess.filter_hz, "low-pass of the positions [Hz], 0: chosen")
+  command
+      ->add_option("--filter", o.preprocess.filter_hz, "low-pass of the positions [Hz], 0: chosen")
       ->check(CLI::NonNegativeNumber)
       ->capture_default_str();
   command->add_option("--decimate", o.preprocess.decimate_to_hz, "rate of the fit [Hz], 0: chosen")

@@ -1,11 +1,10 @@
-#include <diffnea/io/result.hpp>
-
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <map>
 
 #include <diffnea/io/atomic_file.hpp>
+#include <diffnea/io/result.hpp>
 
 #include "io/json.hpp"
 #include "io/sha256.hpp"
@@ -78,7 +77,7 @@ Json base_parameters(const IdentifyResult& fit) {
   return out;
 }
 
-Json by_joint(const IdentifyResult& fit, double JointError::*member) {
+Json by_joint(const IdentifyResult& fit, double JointError::* member) {
   Json out = Json::object();
   for (const JointError& e : fit.errors) out[e.joint] = number(e.*member);
   return out;

@@ -16,8 +16,8 @@ std::uint32_t fraction_bits(long double x) {
   return static_cast<std::uint32_t>((x - std::floor(x)) * 4294967296.0L);
 }
 
-/// FIPS 180-4, 4.2.2 and 5.3.3: K from the cube roots of the first 64 primes, H from square roots of the
-/// first 8.
+/// FIPS 180-4, 4.2.2 and 5.3.3: K from the cube roots of the first 64 primes, H from square roots
+/// of the first 8.
 struct Constants {
   std::array<std::uint32_t, 64> k{};
   Words8 h{};

@@ -39,7 +39,8 @@ std::string unit(std::string_view text) {
   for (std::size_t i = 0; i < text.size(); ++i) {
     if (text[i] == '*') {
       out += "·";
-    } else if (text[i] == '^' && i + 1 < text.size() && (text[i + 1] == '2' || text[i + 1] == '3')) {
+    } else if (text[i] == '^' && i + 1 < text.size() &&
+               (text[i + 1] == '2' || text[i + 1] == '3')) {
       out += text[++i] == '2' ? "²" : "³";
     } else {
       out += text[i];
@@ -49,8 +50,8 @@ std::string unit(std::string_view text) {
 }
 
 std::size_t width(std::string_view text) {
-  return static_cast<std::size_t>(
-      std::ranges::count_if(text, [](char c) { return (static_cast<unsigned char>(c) & 0xC0) != 0x80; }));
+  return static_cast<std::size_t>(std::ranges::count_if(
+      text, [](char c) { return (static_cast<unsigned char>(c) & 0xC0) != 0x80; }));
 }
 
 std::string table(const std::vector<std::string>& titles,

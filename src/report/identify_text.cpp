@@ -12,7 +12,8 @@ namespace {
 using namespace report;
 
 bool has_test(const FitRun& run) {
-  return std::ranges::any_of(run.fit.errors, [](const JointError& e) { return std::isfinite(e.test); });
+  return std::ranges::any_of(run.fit.errors,
+                             [](const JointError& e) { return std::isfinite(e.test); });
 }
 
 /// "forearm.Ixx" → "forearm", "elbow.armature.armature" → "elbow.armature"
@@ -38,7 +39,8 @@ std::string parameters_text(const FitRun& run) {
   }
   std::string out = "parameters that the data determine, ± one standard error\n";
   out += table({"", "value", "<unit", "prior", "<"}, rows);
-  if (!owners.empty()) out += "not visible one by one, at or near the prior (the data see combinations)\n";
+  if (!owners.empty())
+    out += "not visible one by one, at or near the prior (the data see combinations)\n";
   for (const std::string& name : owners) {
     std::string line = "  " + name + ":";
     for (const std::string& p : unseen[name]) line += " " + p;
@@ -78,7 +80,8 @@ std::string identify_headline(const FitRun& run) {
   if (joints == 0) return "No torque was measured, so nothing can be said of the model's error.";
   return std::string(held_out ? "On held-out data the" : "On the data it was fitted to, the") +
          " torque error falls from " + percent(before / torque) + " to " + percent(after / torque) +
-         " of the torque" + (joints > 1 ? " (mean of " + std::to_string(joints) + " joints)." : ".");
+         " of the torque" +
+         (joints > 1 ? " (mean of " + std::to_string(joints) + " joints)." : ".");
 }
 
 std::string identify_text(const FitRun& run) {

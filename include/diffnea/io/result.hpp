@@ -34,16 +34,18 @@ struct FitRun {
 /// Size and checksum of a file. @throws FileError if it cannot be read
 RunInput describe_input(const std::string& role, const std::filesystem::path& path);
 
-/// Schema "diffnea/identify/1". A number that does not exist (no test set, not identifiable) is null.
+/// Schema "diffnea/identify/1". A number that does not exist (no test set, not identifiable) is
+/// null.
 std::string identify_result_json(const FitRun& run);
 
-/// Schema "diffnea/series/1": measured, fitted and nominal torque of every joint over time, rounded to 6
-/// digits.
+/// Schema "diffnea/series/1": measured, fitted and nominal torque of every joint over time, rounded
+/// to 6 digits.
 std::string series_json(const IdentifyResult& fit);
 
-/// Reads what the two functions above and write_model left in a folder. Without series.json the series are
-/// empty; of model.json the posterior is read if it is there.
-/// @throws FileError, ModelError naming file and key; for a result of another kind, naming its schema
+/// Reads what the two functions above and write_model left in a folder. Without series.json the
+/// series are empty; of model.json the posterior is read if it is there.
+/// @throws FileError, ModelError naming file and key; for a result of another kind, naming its
+/// schema
 FitRun read_fit_run(const std::filesystem::path& folder);
 
 /// What `diffnea report --json` prints, schema "diffnea/report/1".

@@ -1,9 +1,8 @@
 #pragma once
 /// RUN/: results appear in it complete, or not at all.
 ///
-///     ResultFolder folder("run");                            // fails now, not after an hour's work
-///     write_file_atomically(folder.staging() / "result.json", text);
-///     folder.publish();
+///     ResultFolder folder("run");                            // fails now, not after an hour's
+///     work write_file_atomically(folder.staging() / "result.json", text); folder.publish();
 
 #include <filesystem>
 #include <string>

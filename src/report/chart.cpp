@@ -1,0 +1,141 @@
+#include "report/chart.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <limits>
+
+#include "report/format.hpp"
+#include "report/html.hpp"
+
+namespace diffnea::report {
+namespace {
+
+constexpr double kWidth = 900.0, kLeft = 52.0, kRight = 8.0, kTop = 8.0, kBottom = 24.0;
+
+struct Range {
+  double low = std::numeric_limits<double>::infinity();
+  double high = -std::numeric_limits<double>::infinity();
+  void take(double x) {
+    if (!std::isfinite(x)) return;
+    low = std::min(low, x);
+    high = std::max(high, x);
+  }
+  /// With a margin, and never empty.
+  Range widened(double share) const {
+    if (!(low <= high)) return {0.0, 1.0};
+    const double margin = high > low ? share * (high - low) : std::max(0.5 * std::abs(low), 0.5);
+    return {low - margin, high + margin};
+  }
+};
+
+/// Positions of round numbers, about `count` of them: steps of 1, 2 or 5 times a power of ten.
+std::vector<double> ticks(const Range& range, int count) {
+  const double raw = (range.high - range.low) / count;
+  const double power = std::pow(10.0, std::floor(std::log10(raw)));
+  const double step = power * (raw / power < 1.5   ? 1.0
+                               : raw / power < 3.5 ? 2.0
+                               : raw / power < 7.5 ? 5.0
+                                                   : 10.0);
+  std::vector<double> out;
+  for (double k = std::ceil(range.low / step); k * step <= range.high; k += 1.0)
+    out.push_back(k * step);
+  return out;
+}
+
+std::string coordinate(double x) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.1f", x);
+  return text;
+}
+
+std::string text_at(double x, double y, const char* anchor, const std::string& text) {
+  return "<text x=\"" + coordinate(x) + "\" y=\"" + coordinate(y) + "\" text-anchor=\"" + anchor +
+         "\">" + escape(text) + "</text>";
+}
+
+std::string segment(const char* css_class, double x1, double y1, double x2, double y2) {
+  return std::string("<line class=\"") + css_class + "\" x1=\"" + coordinate(x1) + "\" y1=\"" +
+         coordinate(y1) + "\" x2=\"" + coordinate(x2) + "\" y2=\"" + coordinate(y2) + "\"/>";
+}
+
+/// The path of one line; of the points in one column of pixels the lowest and the highest are kept.
+template <typename X, typename Y>
+std::string path(const std::vector<double>& x, const std::vector<double>& y, X to_x, Y to_y,
+                 double column_width) {
+  std::string out;
+  bool drawing = false;
+  const auto put = [&](std::size_t k) {
+    out += drawing ? "L" : "M";
+    out += coordinate(to_x(x[k])) + " " + coordinate(to_y(y[k]));
+    drawing = true;
+  };
+  std::size_t k = 0;
+  while (k < x.size()) {
+    if (!std::isfinite(y[k]) || !std::isfinite(x[k])) {
+      drawing = false;
+      ++k;
+      continue;
+    }
+    const double column = std::floor(to_x(x[k]) / column_width);
+    std::size_t lowest = k, highest = k;
+    for (; k < x.size() && std::isfinite(y[k]) && std::floor(to_x(x[k]) / column_width) == column;
+         ++k) {
+      if (y[k] < y[lowest]) lowest = k;
+      if (y[k] > y[highest]) highest = k;
+    }
+    put(std::min(lowest, highest));
+    if (lowest != highest) put(std::max(lowest, highest));
+  }
+  return out;
+}
+
+}  // namespace
+
+std::string line_chart(const std::vector<double>& x, const std::vector<Line>& lines,
+                       const std::pair<double, double>& x_range, const std::string& unit,
+                       int height, int columns) {
+  Range ry;
+  for (const Line& line : lines)
+    for (const double v : *line.y) ry.take(v);
+  const Range rx = Range{x_range.first, x_range.second}.widened(0.0);
+  ry = ry.widened(0.05);
+  const double bottom = height - kBottom;
+  const auto to_x = [&](double v) {
+    return kLeft + (v - rx.low) / (rx.high - rx.low) * (kWidth - kLeft - kRight);
+  };
+  const auto to_y = [&](double v) {
+    return bottom - (v - ry.low) / (ry.high - ry.low) * (bottom - kTop);
+  };
+  std::string out = "<svg viewBox=\"0 0 " + coordinate(kWidth) + " " + std::to_string(height) +
+                    "\" role=\"img\">";
+  for (const double t : ticks(ry, height / 40))
+    out += segment("grid", kLeft, to_y(t), kWidth - kRight, to_y(t)) +
+           text_at(kLeft - 5, to_y(t) + 4, "end", number(t));
+  for (const double t : ticks(rx, 8)) out += text_at(to_x(t), height - 8, "middle", number(t));
+  out += text_at(kWidth - kRight, bottom - 4, "end", "s") +
+         text_at(kLeft + 4, kTop + 8, "start", unit);
+  for (const Line& line : lines)
+    out += std::string("<path class=\"") + line.css_class + "\" d=\"" +
+           path(x, *line.y, to_x, to_y, (kWidth - kLeft) / columns) + "\"/>";
+  return out + "</svg>\n";
+}
+
+std::string error_bar(double prior, double value, double std) {
+  const double spread = std::isfinite(std) ? 2.0 * std : 0.0;
+  Range range;
+  range.take(value - spread);
+  range.take(value + spread);
+  range.take(prior);
+  range = range.widened(0.1);
+  const auto to_x = [&](double v) {
+    return 4.0 + 172.0 * (v - range.low) / (range.high - range.low);
+  };
+  std::string out = "<svg class=\"bar\" viewBox=\"0 0 180 14\">";
+  if (range.low < 0.0 && range.high > 0.0) out += segment("grid", to_x(0), 0, to_x(0), 14);
+  out += segment("prior", to_x(prior), 1, to_x(prior), 13);
+  if (spread > 0.0) out += segment("spread", to_x(value - spread), 7, to_x(value + spread), 7);
+  return out + "<circle cx=\"" + coordinate(to_x(value)) + "\" cy=\"7\" r=\"3\"/></svg>";
+}
+
+}  // namespace diffnea::report
