@@ -18,7 +18,7 @@ setup:
 	.ci/setup
 
 demo: setup
-	.venv/bin/diffnea --help
+	.ci/demo
 
 test:
 	.ci/setup --tests

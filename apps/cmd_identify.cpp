@@ -110,8 +110,9 @@ void write_run(const FitRun& run, const fs::path& folder, std::vector<std::strin
   FitRun noted = run;
   noted.fit.notes = notes;
   write_file_atomically(folder / "series.json", series_json(noted.fit));
-  write_file_atomically(folder / "report.html", identify_page(noted));
   write_file_atomically(folder / "result.json", identify_result_json(noted));
+  // From what was written, so that `diffnea report` gives the same page.
+  write_file_atomically(folder / "report.html", identify_page(read_fit_run(folder)));
 }
 
 void run_identify(IdentifyCommand c) {

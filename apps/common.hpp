@@ -30,6 +30,7 @@ inline void add_common(CLI::App& command, CommonOptions& options) {
   command.add_option("--threads", options.threads, "threads, 0: one a core")->capture_default_str();
 }
 
+void add_compare(CLI::App& app);
 void add_excite(CLI::App& app);
 /// @param command_line  as it was typed, for the result
 void add_identify(CLI::App& app, const std::vector<std::string>& command_line);

@@ -195,6 +195,31 @@ std::string series_json(const IdentifyResult& fit) {
               -1);
 }
 
+std::string comparison_json(const Comparison& c) {
+  const auto list = [](const std::vector<Change>& changes) {
+    Json out = Json::array();
+    for (const Change& change : changes)
+      out.push_back({{"name", change.name},
+                     {"unit", change.unit},
+                     {"before", number(change.before)},
+                     {"after", number(change.after)},
+                     {"std", number(change.std)},
+                     {"z", number(change.z)},
+                     {"p", number(change.p)},
+                     {"significant", change.significant}});
+    return out;
+  };
+  return text({{"schema", "diffnea/compare/1"},
+               {"joints", c.joints},
+               {"changed", c.changed},
+               {"base_parameters", list(c.base_parameters)},
+               {"parameters", list(c.parameters)},
+               {"only_before", c.only_before},
+               {"only_after", c.only_after},
+               {"not_comparable", c.not_comparable}},
+              1);
+}
+
 std::string report_result_json(const std::filesystem::path& page) {
   return text({{"schema", "diffnea/report/1"}, {"page", page.string()}}, 1);
 }

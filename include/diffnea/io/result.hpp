@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include <diffnea/identify/compare.hpp>
 #include <diffnea/identify/identify.hpp>
 
 namespace diffnea {
@@ -47,6 +48,9 @@ std::string series_json(const IdentifyResult& fit);
 /// @throws FileError, ModelError naming file and key; for a result of another kind, naming its
 /// schema
 FitRun read_fit_run(const std::filesystem::path& folder);
+
+/// Schema "diffnea/compare/1" (docs/schema/compare.md).
+std::string comparison_json(const Comparison& comparison);
 
 /// What `diffnea report --json` prints, schema "diffnea/report/1".
 std::string report_result_json(const std::filesystem::path& page);

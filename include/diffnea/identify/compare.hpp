@@ -1,0 +1,46 @@
+#pragma once
+/// Two fits of one robot: what changed, and whether that is more than their uncertainties explain.
+///
+/// Single parameters are often not identifiable; combinations are. So the base parameters c·x of
+/// the first fit are evaluated in the second, with its own standard error √(c Σ c): comparable
+/// where the second fit sees the combination too. z = difference / √(σ₁² + σ₂²); Holm's procedure
+/// (1979) keeps the chance of any false alarm among all base parameters below `alpha`.
+
+#include <string>
+#include <vector>
+
+#include <diffnea/identify/identify.hpp>
+
+namespace diffnea {
+
+/// One quantity in two fits.
+struct Change {
+  std::string name, unit;  ///< a parameter, or the expression of a base parameter
+  double before = 0.0, after = 0.0;
+  double std = 0.0;  ///< of the difference
+  double z = 0.0;    ///< difference / std
+  double p =
+      0.0;  ///< probability of such a z by chance, two-sided; adjusted for how many were tested
+  bool significant = false;
+};
+
+struct CompareOptions {
+  double alpha = 0.05;  ///< chance of any false alarm, in each of the two lists
+};
+
+struct Comparison {
+  std::vector<std::string> joints;
+  std::vector<Change> base_parameters;  ///< combinations that both fits see, most significant first
+  std::vector<Change> parameters;       ///< parameters that both fits see by themselves
+  std::vector<std::string> only_before, only_after;  ///< parameters that one fit alone has
+  int not_comparable = 0;  ///< base parameters of the first fit that the second does not see
+  bool changed = false;    ///< any base parameter changed significantly
+};
+
+/// @param before, after  with posteriors (Model::posterior) for combinations; without, the base
+/// parameters of equal expression are compared
+/// @throws DataError listing both sets of joints if the robots differ
+Comparison compare(const IdentifyResult& before, const IdentifyResult& after,
+                   const CompareOptions& options = {});
+
+}  // namespace diffnea

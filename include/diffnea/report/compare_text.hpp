@@ -1,0 +1,12 @@
+#pragma once
+/// What changed between two fits, as text for a terminal.
+
+#include <string>
+
+#include <diffnea/io/result.hpp>
+
+namespace diffnea {
+
+std::string compare_text(const Comparison& comparison);
+
+}  // namespace diffnea

@@ -1,0 +1,29 @@
+from pathlib import Path
+
+import pytest
+from cli import MODELS, done
+
+PENDULUM = MODELS / "double_pendulum.urdf"
+
+
+@pytest.fixture(scope="session")
+def recordings(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two recordings of the double pendulum with sensor noise: train.csv, test.csv."""
+    folder = tmp_path_factory.mktemp("recordings")
+    for seed, name in enumerate(("train", "test"), start=1):
+        motion = folder / f"{name}_motion.csv"
+        common = ("--seed", seed, "--quiet")
+        done("excite", PENDULUM, "--duration", 10, "-o", motion, *common)
+        out = folder / f"{name}.csv"
+        done("simulate", PENDULUM, "--trajectory", motion, "--noise", 1, "-o", out, *common)
+        motion.unlink()
+    return folder
+
+
+@pytest.fixture(scope="session")
+def run(recordings: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """RUN/ of the double pendulum, fitted to train.csv and judged on test.csv."""
+    folder = tmp_path_factory.mktemp("runs") / "RUN"
+    train, test = recordings / "train.csv", recordings / "test.csv"
+    done("identify", PENDULUM, train, "--test", test, "-o", folder)
+    return folder

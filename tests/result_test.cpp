@@ -1,0 +1,184 @@
+#include <fstream>
+#include <limits>
+
+#include <catch2/catch_test_macros.hpp>
+#include <catch2/matchers/catch_matchers_string.hpp>
+
+#include <diffnea/core/error.hpp>
+#include <diffnea/io/atomic_file.hpp>
+#include <diffnea/io/result.hpp>
+#include <diffnea/io/result_folder.hpp>
+#include <diffnea/report/identify_page.hpp>
+#include <diffnea/report/identify_text.hpp>
+
+#include "support/temporary_folder.hpp"
+
+namespace diffnea {
+namespace {
+
+using Catch::Matchers::ContainsSubstring;
+namespace fs = std::filesystem;
+
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+
+/// A result with every kind of entry; names that a page must not take for markup.
+FitRun some_run() {
+  FitRun run;
+  IdentifyResult& fit = run.fit;
+  fit.model.name = "<b>robot</b>";
+  fit.parameters = {
+      {"arm.mass", "kg", 1.25, 0.03, 1.0, true, false, false},
+      {"arm.hx", "kg*m", 0.5, kNaN, 0.5, false, false, false},
+      {"elbow.armature.armature", "kg*m^2", 0.0, 0.01, 0.1, true, false, true},
+      {"<i>.viscous_friction.viscous", "N*m*s/rad", 0.25, 0.0, 0.25, false, true, false}};
+  fit.base_parameters = {{"arm.mass + 0.5 arm.hx", 1.5, 0.02, {0, 1}, {1.0, 0.5}}};
+  fit.errors = {{"elbow", "N*m", 2.0, 0.1, 0.5, 0.2, 1.0, 0.3},
+                {"<i>", "N", kNaN, kNaN, kNaN, kNaN, kNaN, kNaN}};
+  fit.boundary = {"arm"};
+  fit.consistency_cost = 0.75;
+  fit.physically_consistent = true;
+  fit.plan.filter_hz = 12.5;
+  fit.plan.decimator.rate_hz = 500;
+  fit.plan.decimator.factor = 10;
+  fit.data_report.quarantined = 1;
+  fit.data_report.quarantined_rows = {{17, "q_elbow is 1e30"}};
+  fit.data_report.extra_channels = {"</script><script>alert(1)</script>"};
+  fit.notes = {"a \"note\" & more"};
+  fit.summary = {true, false, "converged", 7, 1, 1000, 2000, 0.5, 0.25};
+  fit.train_series = {{"elbow", "N*m", {0, 0.1, 0.2}, {1, 2, 3}, {1.1, 2.1, 2.9}, {0, 1, 2}},
+                      {"<i>", "N", {}, {}, {}, {}}};
+  run.reproduce = {"1.2.3", {"diffnea", "identify", "a model.urdf"}, {{"model", "a.urdf", 12, ""}}};
+  return run;
+}
+
+fs::path write_run(const FitRun& run, const fs::path& folder) {
+  write_file_atomically(folder / "result.json", identify_result_json(run));
+  write_file_atomically(folder / "series.json", series_json(run.fit));
+  return folder;
+}
+
+}  // namespace
+
+TEST_CASE("result: what is written comes back", "[io]") {
+  const test::TemporaryFolder folder;
+  const FitRun run = some_run();
+  const FitRun back = read_fit_run(write_run(run, folder.path()));
+  // Everything the schema holds is compared by writing it again.
+  CHECK(identify_result_json(back) == identify_result_json(run));
+  CHECK(series_json(back.fit) == series_json(run.fit));
+  CHECK(identify_page(back) == identify_page(run));
+}
+
+TEST_CASE("result: a number that does not exist is null", "[io]") {
+  const std::string text = identify_result_json(some_run());
+  CHECK_THAT(text, ContainsSubstring("\"std\": null"));
+  CHECK_THAT(text, !ContainsSubstring("nan") && !ContainsSubstring("NaN"));
+}
+
+TEST_CASE("result: a broken file is refused with its path and key", "[io]") {
+  const test::TemporaryFolder folder;
+  const auto read = [&](const std::string& text) {
+    write_file_atomically(folder.path() / "result.json", text);
+    return read_fit_run(folder.path());
+  };
+  CHECK_THROWS_AS(read_fit_run(folder.path() / "nothing"), FileError);
+  CHECK_THROWS_AS(read("{"), ModelError);
+  CHECK_THROWS_WITH(read(R"({"schema": "diffnea/learn/1"})"),
+                    ContainsSubstring("result.json") && ContainsSubstring("diffnea/learn/1"));
+  CHECK_THROWS_WITH(read(R"({"schema": "diffnea/identify/1"})"), ContainsSubstring("rmse"));
+}
+
+TEST_CASE("report: text from outside is never markup", "[report]") {
+  const std::string page = identify_page(some_run());
+  CHECK_THAT(page, !ContainsSubstring("<b>robot") && !ContainsSubstring("<script>alert"));
+  CHECK_THAT(page, !ContainsSubstring("<i>"));
+  CHECK_THAT(page, ContainsSubstring("&lt;b&gt;robot&lt;/b&gt;"));
+  CHECK_THAT(page, ContainsSubstring("a &quot;note&quot; &amp; more"));
+  CHECK_THAT(page, ContainsSubstring("&#39;a model.urdf&#39;"));  // as a shell takes it
+}
+
+TEST_CASE("report: the page needs nothing from elsewhere", "[report]") {
+  const std::string page = identify_page(some_run());
+  CHECK_THAT(page, ContainsSubstring("default-src 'none'"));
+  CHECK_THAT(page, !ContainsSubstring("src=") && !ContainsSubstring("href="));
+}
+
+TEST_CASE("report: many long series keep the page below 5 MB", "[report]") {
+  FitRun run = some_run();
+  TorqueSeries s{"joint", "N*m", {}, {}, {}, {}};
+  for (int k = 0; k < 4000; ++k) {
+    s.time.push_back(0.0123457 * k);
+    for (auto* y : {&s.measured, &s.fitted, &s.nominal}) y->push_back(-1.23457e-3 * (k % 97));
+  }
+  run.fit.train_series.assign(40, s);
+  run.fit.test_series.assign(40, s);
+  CHECK(identify_page(run).size() < 5'000'000);
+}
+
+TEST_CASE("report: the terminal's text names error and uncertainty", "[report]") {
+  const std::string text = identify_text(some_run());
+  CHECK_THAT(text, ContainsSubstring("1.250 ± 0.030"));
+  CHECK_THAT(text, ContainsSubstring("from 50.0 % to 10.0 % of the torque"));
+  CHECK_THAT(text, ContainsSubstring("at its bound"));
+}
+
+TEST_CASE("result: inputs carry their SHA-256", "[io]") {
+  const test::TemporaryFolder folder;
+  const auto digest = [&](const std::string& content) {
+    write_file_atomically(folder.path() / "input", content);
+    const RunInput input = describe_input("data", folder.path() / "input");
+    CHECK(input.bytes == content.size());
+    return input.sha256;
+  };
+  // NIST's examples for FIPS 180-4: one block, two blocks, the empty text, a long one.
+  CHECK(digest("abc") == "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad");
+  CHECK(digest("abcdbcdecdefdefgefghfghighijhijkijkljklmklmnlmnomnopnopq") ==
+        "248d6a61d20638b8e5c026930c3e6039a33ce45964ff2167f6ecedd419db06c1");
+  CHECK(digest("") == "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855");
+  CHECK(digest(std::string(1'000'000, 'a')) ==
+        "cdc76e5c9914fb9281a1c7e284d73e67f1809a48a497200e046d39ccc7112cd0");
+  CHECK_THROWS_AS(describe_input("data", folder.path() / "nothing"), FileError);
+}
+
+TEST_CASE("result folder: files appear together, and leftovers of an earlier run go", "[io]") {
+  const test::TemporaryFolder folder;
+  const fs::path path = folder.path() / "a" / "run";
+  const std::vector<std::string> names{"result.json", "model.json", "model.urdf"};
+  {
+    ResultFolder run(path);
+    write_file_atomically(run.staging() / "result.json", "1");
+    write_file_atomically(run.staging() / "model.urdf", "1");
+    CHECK_FALSE(fs::exists(path / "result.json"));
+    run.publish(names);
+  }
+  write_file_atomically(path / "mine.txt", "kept");
+  {
+    ResultFolder run(path);
+    write_file_atomically(run.staging() / "result.json", "2");
+    write_file_atomically(run.staging() / "model.json", "2");
+    run.publish(names);
+  }
+  CHECK(read_text_file(path / "result.json") == "2");
+  CHECK(fs::exists(path / "model.json"));
+  CHECK_FALSE(fs::exists(path / "model.urdf"));
+  CHECK(fs::exists(path / "mine.txt"));
+  CHECK(std::distance(fs::directory_iterator(path), fs::directory_iterator()) == 3);
+}
+
+TEST_CASE("result folder: nothing remains of a run that failed", "[io]") {
+  const test::TemporaryFolder folder;
+  {
+    ResultFolder run(folder.path() / "a" / "run/");
+    write_file_atomically(run.staging() / "result.json", "1");
+  }
+  CHECK_FALSE(fs::exists(folder.path() / "a"));
+}
+
+TEST_CASE("result folder: one that cannot be written is refused at once", "[io]") {
+  const test::TemporaryFolder folder;
+  write_file_atomically(folder.path() / "file", "");
+  CHECK_THROWS_WITH(ResultFolder(folder.path() / "file" / "run"),
+                    ContainsSubstring("file/run") && ContainsSubstring("-o"));
+}
+
+}  // namespace diffnea
