@@ -39,7 +39,7 @@ std::vector<double> ticks(const Range& range, int count) {
                                                    : 10.0);
   std::vector<double> out;
   for (double k = std::ceil(range.low / step); k * step <= range.high; k += 1.0)
-    out.push_back(k * step);
+    out.push_back(k * step + 0.0);  // never −0
   return out;
 }
 

@@ -262,7 +262,8 @@ std::string identify_page(const FitRun& run) {
   body += element("h2", "Data and notes") + data_notes(fit);
   body += element("p", "Fit: " + fit.summary.termination + "; " +
                            std::to_string(fit.summary.iterations) + " iterations, " +
-                           std::to_string(fit.summary.passes) + " passes over the data, " +
+                           std::to_string(fit.summary.passes) +
+                           (fit.summary.passes == 1 ? " pass" : " passes") + " over the data, " +
                            number(fit.summary.seconds, 2) + " s.");
   body += element("h2", "How to get this again") + reproduce(run.reproduce);
   return document("Identification of " + name, body, series_json(shown));

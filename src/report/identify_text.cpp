@@ -23,7 +23,8 @@ std::string parameters_text(const FitRun& run) {
   std::vector<std::vector<std::string>> rows;
   std::vector<std::string> owners;  // in order, of what the data do not see
   std::map<std::string, std::vector<std::string>> unseen;
-  std::string held;
+  std::vector<std::string> held;  // in order, each with the links or joints where
+  std::map<std::string, std::string> held_at;
   for (const ParameterEstimate& p : run.fit.parameters) {
     if (!p.identifiable && !p.fixed) {
       if (!unseen.contains(owner(p.name))) owners.push_back(owner(p.name));
@@ -31,7 +32,10 @@ std::string parameters_text(const FitRun& run) {
       continue;
     }
     if (p.fixed) {
-      held += (held.empty() ? "" : ", ") + p.name;
+      const std::size_t dot = p.name.find('.');
+      const std::string what = p.name.substr(dot + 1), place = p.name.substr(0, dot);
+      if (!held_at.contains(what)) held.push_back(what);
+      held_at[what] += (held_at[what].empty() ? "" : " ") + place;
       continue;
     }
     rows.push_back({p.name, value_and_std(p.value, p.std), unit(p.unit), number(p.prior),
@@ -46,7 +50,8 @@ std::string parameters_text(const FitRun& run) {
     for (const std::string& p : unseen[name]) line += " " + p;
     out += line + "\n";
   }
-  if (!held.empty()) out += "held at the model's value: " + held + "\n";
+  for (const std::string& what : held)
+    out += "held at the model's value: " + what + " of " + held_at[what] + "\n";
   return out;
 }
 

@@ -1,0 +1,61 @@
+"""The page in a browser: it draws its charts, complains of nothing, loads nothing."""
+
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+BROWSER = next(
+    filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
+)
+needs_browser = pytest.mark.skipif(BROWSER is None, reason="no chromium on PATH")
+
+# Standard error of the browser has lines of its own about the machine; these are the page's.
+COMPLAINT = re.compile(r"CONSOLE|Refused|net::ERR", re.IGNORECASE)
+
+
+def rendered(page: Path, profile: Path) -> tuple[str, list[str]]:
+    """Return the document after its scripts have run, and what the browser complained of."""
+    assert BROWSER
+    answer = subprocess.run(
+        [
+            *(BROWSER, "--headless", "--no-sandbox", "--disable-gpu"),
+            *("--enable-logging=stderr", f"--user-data-dir={profile}", "--dump-dom", page.as_uri()),
+        ],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=True,
+    )
+    return answer.stdout, [x for x in answer.stderr.splitlines() if COMPLAINT.search(x)]
+
+
+def test_the_page_is_one_small_file(run: Path) -> None:
+    page = (run / "report.html").read_text(encoding="utf-8")
+    assert len(page) < 5_000_000
+    markup = page[: page.index('id="data"')]
+    assert not re.search(r"src=|href=|url\(|://", markup)
+    # Two joints, torque and error each, held out and training: for print, and without scripts.
+    assert markup.count("<svg viewBox") == 8
+
+
+@needs_browser
+def test_the_charts_are_drawn_without_complaint(run: Path, tmp_path: Path) -> None:
+    page = run / "report.html"
+    document, complaints = rendered(page, tmp_path)
+    assert complaints == []
+    if "Dygraph=" not in page.read_text(encoding="utf-8"):
+        pytest.skip("built without the chart library")
+    # Two joints, torque and error each; the training data's charts wait for being opened.
+    assert document.count('class="plot"') == 4
+    assert document.count("<canvas") >= 4
+
+
+@needs_browser
+def test_a_script_that_fails_would_be_noticed(run: Path, tmp_path: Path) -> None:
+    broken = tmp_path / "broken.html"
+    text = (run / "report.html").read_text(encoding="utf-8")
+    broken.write_text(text.replace("JSON.parse(", "nothing.parse(", 1), encoding="utf-8")
+    assert rendered(broken, tmp_path / "profile")[1] or "Dygraph=" not in text
