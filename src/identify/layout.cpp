@@ -13,7 +13,8 @@ const std::array<const char*, kThetaSize> kThetaNames{"mass", "hx",  "hy",  "hz"
                                                       "Ixy",  "Ixz", "Iyy", "Iyz", "Izz"};
 const char* theta_unit(int k) { return k == 0 ? "kg" : k < 4 ? "kg*m" : "kg*m^2"; }
 
-const std::vector<std::string> kGroups{"inertia", "armature", "effects", "shapes"};
+const std::vector<std::string> kGroups{"inertia", "armature", "effects", "shapes", "kinematics"};
+const std::array<const char*, 6> kKinematicNames{"roll", "pitch", "yaw", "px", "py", "pz"};
 
 std::string join(const std::vector<std::string>& names) {
   std::string out;
@@ -98,6 +99,19 @@ void add_effect(const BoundEffect& effect, bool fixed, bool fix_shapes, double p
   }
 }
 
+/// The fixed transform of one joint.
+void add_kinematics(const Model& model, int dof, FitLayout& layout) {
+  const std::string& joint = model.links[moving_links(model)[static_cast<std::size_t>(dof)]].joint;
+  for (int k = 0; k < 6; ++k) {
+    FitParameter p;
+    p.name = joint + ".kinematics." + kKinematicNames[static_cast<std::size_t>(k)];
+    p.unit = k < 3 ? "rad" : "m";
+    p.dof = dof;
+    p.kinematic = k;
+    layout.shape.push_back(p);
+  }
+}
+
 /// The places an effect asked for without one acts at.
 std::vector<std::string> places(const EffectInfo& info, const Model& model) {
   switch (info.place) {
@@ -153,8 +167,9 @@ VecX<double> FitLayout::prior() const {
 
 FitLayout make_layout(const Model& model, const FitChoice& choice, const std::vector<int>& runs) {
   for (const std::string& group : choice.fit)
-    if (!contains(kGroups, group))
-      throw ModelError("fit: there is no group '" + group + "'; groups: " + join(kGroups));
+    if (!contains(kGroups, group) && !group.starts_with("kinematics@"))
+      throw ModelError("fit: there is no group '" + group + "'; groups: " + join(kGroups) +
+                       ", kinematics@JOINT");
   const bool fit_inertia = contains(choice.fit, "inertia");
   const bool fit_armature = contains(choice.fit, "armature");
   const bool fit_effects = contains(choice.fit, "effects");
@@ -190,6 +205,13 @@ FitLayout make_layout(const Model& model, const FitChoice& choice, const std::ve
     for (const std::string& w : where)
       if (!contains(present, name + "@" + w)) add({name, w, {}});
   }
+  const std::vector<std::string> joints = joint_names(model);
+  for (int dof = 0; dof < layout.num_dofs; ++dof)
+    if (contains(choice.fit, "kinematics") ||
+        contains(choice.fit, "kinematics@" + joints[static_cast<std::size_t>(dof)]))
+      add_kinematics(model, dof, layout);
+  for (const std::string& group : choice.fit)
+    if (group.starts_with("kinematics@")) find_joint(model, group.substr(11));
   for (const std::string& pattern : choice.fix) {
     bool found = false;
     for (auto* list : {&layout.linear, &layout.shape})
@@ -205,6 +227,17 @@ FitLayout make_layout(const Model& model, const FitChoice& choice, const std::ve
   return layout;
 }
 
+std::vector<Mat3<double>> joint_carriers(const Model& model) {
+  const TreeMap map = map_to_tree(model);
+  std::vector<Mat3<double>> out;
+  for (const int i : moving_links(model)) {
+    const int parent = model.links[static_cast<std::size_t>(i)].parent;
+    out.push_back(parent < 0 ? Mat3<double>::identity()
+                             : map.X_LF[static_cast<std::size_t>(parent)].R);
+  }
+  return out;
+}
+
 Model apply_fit(const Model& model, const FitLayout& layout, const VecX<double>& linear,
                 const VecX<double>& shape) {
   require_size("apply_fit: linear", linear.size(), static_cast<long>(layout.linear.size()),
@@ -214,7 +247,9 @@ Model apply_fit(const Model& model, const FitLayout& layout, const VecX<double>&
   Model out = model;
   VecX<double> pi(kThetaSize * layout.num_dofs);
   std::vector<BoundEffect> effects = layout.effects;
+  const std::vector<int> moving = moving_links(model);
   const auto set = [&](const FitParameter& p, double value) {
+    if (p.kinematic >= 0) return;
     if (p.dof >= 0)
       pi[kThetaSize * p.dof + p.theta] = value;
     else
@@ -227,6 +262,15 @@ Model apply_fit(const Model& model, const FitLayout& layout, const VecX<double>&
   }
   for (std::size_t i = 0; i < layout.shape.size(); ++i) set(layout.shape[i], shape[i]);
   if (moved) set_inertial_parameters(out, pi);
+  for (std::size_t i = 0; i + 5 < layout.shape.size(); ++i) {
+    if (layout.shape[i].kinematic != 0) continue;
+    Pose<double>& X = out.links[static_cast<std::size_t>(
+                                    moving[static_cast<std::size_t>(layout.shape[i].dof)])]
+                          .X_PJ;
+    const double* d = shape.data() + i;
+    X.R = X.R * rotation_from_rpy<double>({d[0], d[1], d[2]});
+    X.p = X.p + Vec3<double>{d[3], d[4], d[5]};
+  }
   for (const BoundEffect& e : effects) {
     const EffectSpec spec = to_spec(e);
     const auto same = [&](const EffectSpec& s) { return s.effect == spec.effect && s.where == spec.where; };

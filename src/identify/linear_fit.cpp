@@ -23,7 +23,8 @@ std::vector<int> free_columns(const FitLayout& layout) {
   return out;
 }
 
-/// Scales of the effects' parameters: what would make their torque as large as the joint's.
+}  // namespace
+
 VecX<double> parameter_scales(const FitLayout& layout, const std::vector<JointFactor>& factors) {
   VecX<double> scale(layout.linear.size());
   for (std::size_t i = 0; i < layout.linear.size(); ++i) scale[i] = layout.linear[i].scale;
@@ -31,7 +32,14 @@ VecX<double> parameter_scales(const FitLayout& layout, const std::vector<JointFa
   for (const JointFactor& f : factors) {
     if (f.factor.rows() == 0) continue;
     const MatX<double> R = f.factor.R();
-    const double torque = std::sqrt(f.factor.sum_of_squares(VecX<double>::Zero(R.cols())));
+    double torque = std::sqrt(f.factor.sum_of_squares(VecX<double>::Zero(R.cols())));
+    if (torque == 0.0) {  // a passive joint: what its links take
+      VecX<double> links = VecX<double>::Zero(R.cols());
+      for (std::size_t k = 0; k < f.columns.size(); ++k)
+        if (f.columns[k] < scale.size() && layout.linear[f.columns[k]].dof >= 0)
+          links[static_cast<long>(k)] = layout.linear[f.columns[k]].prior;
+      torque = (R * links).norm();
+    }
     for (std::size_t k = 0; k < f.columns.size(); ++k) {
       const int c = f.columns[k];
       if (!std::isnan(layout.linear[c].scale)) continue;
@@ -44,6 +52,8 @@ VecX<double> parameter_scales(const FitLayout& layout, const std::vector<JointFa
       scale[c] = std::max(std::abs(layout.linear[c].prior), largest[c] > 0 ? 1.0 / largest[c] : 1.0);
   return scale;
 }
+
+namespace {
 
 /// The factors of all joints as one least-squares problem in units of their noise.
 void stack(const std::vector<JointFactor>& factors, const VecX<double>& sigma, long columns,
@@ -63,8 +73,8 @@ void stack(const std::vector<JointFactor>& factors, const VecX<double>& sigma, l
   d = whole.d();
 }
 
-/// Inside the cone, as near to the prior as consistency allows: a link that the model gives no (or an
-/// impossible) inertia becomes a ball of its scale.
+}  // namespace
+
 VecX<double> consistent_start(const FitLayout& layout, const VecX<double>& scale) {
   VecX<double> x = layout.prior();
   for (const int b : layout.bodies()) {
@@ -85,6 +95,8 @@ VecX<double> consistent_start(const FitLayout& layout, const VecX<double>& scale
       x[i] = std::max(x[i], 0.01 * scale[i]);
   return x;
 }
+
+namespace {
 
 std::string number(double x) {
   char buffer[32];

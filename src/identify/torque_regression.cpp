@@ -1,15 +1,21 @@
-#include <diffnea/core/error.hpp>
-#include <diffnea/identify/torque_regression.hpp>
-
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <diffnea/core/error.hpp>
+#include <diffnea/effects/extended_tree.hpp>
+#include <diffnea/identify/torque_regression.hpp>
+#include <numeric>
 
 namespace diffnea {
 
-TorqueRegression::TorqueRegression(const Tree<double>& tree, const FitLayout& layout,
+TorqueRegression::TorqueRegression(const Model& model, const FitLayout& layout,
                                    const PreprocessPlan& plan, const RegressionPoint& at,
                                    const RegressionOptions& options)
-    : tree_(tree), layout_(layout), at_(at), options_(options), effects_(layout.effects) {
+    : tree_(extend(apply_fit(model, layout, at.linear, at.shape)).tree),
+      layout_(layout),
+      at_(at),
+      options_(options),
+      effects_(layout.effects) {
   const int n = layout.num_dofs;
   const int p = static_cast<int>(layout.linear.size());
   effect_column_.resize(effects_.size());
@@ -19,16 +25,27 @@ TorqueRegression::TorqueRegression(const Tree<double>& tree, const FitLayout& la
       effects_[layout.linear[c].effect].parameters[layout.linear[c].index] = at.linear[c];
     }
   for (std::size_t s = 0; s < layout.shape.size(); ++s) {
-    effects_[layout.shape[s].effect].parameters[layout.shape[s].index] = at.shape[s];
-    if (!layout.shape[s].fixed) free_shapes_.push_back(static_cast<int>(s));
+    const FitParameter& shape = layout.shape[s];
+    if (shape.kinematic < 0)
+      effects_[shape.effect].parameters[shape.index] = at.shape[s];
+    else if (shape.kinematic == 0 && !std::all_of(layout.shape.begin() + s, layout.shape.begin() + s + 6,
+                                                  [](const auto& k) { return k.fixed; }))
+      add_moved_tree(model, static_cast<int>(s));
+    if (!shape.fixed) free_shapes_.push_back(static_cast<int>(s));
   }
-  full_ = RowMatX<double>::Zero(n, p + static_cast<int>(free_shapes_.size()));
+  full_ = RowMatX<double>::Zero(n, p + static_cast<int>(free_shapes_.size()) + 1);
   links_.resize(n);
   for (int j = 0; j < n; ++j) {
-    std::vector<int> columns = layout.columns_of_joint(tree, j);
+    std::vector<int> columns = layout.columns_of_joint(tree_, j);
     for (std::size_t s = 0; s < free_shapes_.size(); ++s) {
-      const std::vector<int>& acts = effects_[layout.shape[free_shapes_[s]].effect].joints;
-      if (std::ranges::find(acts, j) != acts.end()) columns.push_back(p + static_cast<int>(s));
+      const FitParameter& shape = layout.shape[free_shapes_[s]];
+      if (shape.kinematic >= 0 ||
+          std::ranges::find(effects_[shape.effect].joints, j) != effects_[shape.effect].joints.end())
+        columns.push_back(p + static_cast<int>(s));
+    }
+    if (options.acceleration) {  // M⁻¹ mixes the joints
+      columns.resize(full_.cols() - 1);
+      std::iota(columns.begin(), columns.end(), 0);
     }
     double smoothing = 0.0;
     for (const BoundEffect& e : layout.effects)  // of the model: the same rows at every pass
@@ -42,9 +59,24 @@ TorqueRegression::TorqueRegression(const Tree<double>& tree, const FitLayout& la
   }
 }
 
+/// The tree with the six directions of one joint's fixed transform seeded.
+void TorqueRegression::add_moved_tree(const Model& model, int first_shape) {
+  VecX<double> still = at_.shape;
+  std::vector<JetD> shape(static_cast<std::size_t>(still.size()));
+  for (long s = 0; s < still.size(); ++s) {
+    shape[s] = JetD(at_.shape[s]);
+    if (layout_.shape[s].kinematic >= 0) still[s] = 0.0;
+  }
+  for (int k = 0; k < 6; ++k) shape[first_shape + k].v[k] = 1.0;
+  Tree<JetD> tree =
+      extend(apply_fit(model, layout_, at_.linear, still)).tree.template cast<JetD>();
+  move_joints(layout_, joint_carriers(model), shape.data(), tree);
+  moved_.push_back(std::move(tree));
+  moved_shape_.push_back(first_shape);
+}
+
 void TorqueRegression::fill_row(const Preprocessed& block, long row) {
   const int n = layout_.num_dofs;
-  const int p = static_cast<int>(layout_.linear.size());
   const RowMatX<double>& Y =
       torque_regressor<double, double>(tree_, block.q.row(row).transpose(), block.qd.row(row).transpose(),
                                        block.qdd.row(row).transpose(), ws_);
@@ -70,9 +102,30 @@ void TorqueRegression::fill_row(const Preprocessed& block, long row) {
         full_.col(columns[k]) = Eigen::Map<const VecX<double>>(scratch_.data() + k * n, n);
     }
   }
-  // Shape directions ∂τ/∂(ln η), by Jets through the effect's own formula.
+  add_shape_columns(x);
+  full_.col(full_.cols() - 1) = block.tau.row(row).transpose();
+  if (options_.acceleration) {
+    const MatX<double>& M = mass_matrix<double, double>(tree_, block.q.row(row).transpose(), mass_ws_);
+    full_ = M.llt().solve(full_).eval();
+  }
+}
+
+/// ∂τ/∂(ln η) by Jets through the effect's own formula, ∂τ/∂x of fixed transforms by Jets through RNEA.
+void TorqueRegression::add_shape_columns(const JointSample<double>& x) {
+  const int n = layout_.num_dofs;
+  const int p = static_cast<int>(layout_.linear.size());
+  for (std::size_t m = 0; m < moved_.size(); ++m) {
+    const Eigen::Map<const VecX<double>> q(x.q, n), qd(x.qd, n), qdd(x.qdd, n);
+    const VecX<JetD>& tau = rnea<JetD, double>(moved_[m], q, qd, qdd, jet_ws_);
+    for (std::size_t s = 0; s < free_shapes_.size(); ++s) {
+      const int k = free_shapes_[s] - moved_shape_[m];
+      if (k < 0 || k > 5) continue;
+      for (int j = 0; j < n; ++j) full_(j, p + static_cast<int>(s)) = tau[j].v[k];
+    }
+  }
   for (std::size_t s = 0; s < free_shapes_.size(); ++s) {
     const FitParameter& shape = layout_.shape[free_shapes_[s]];
+    if (shape.kinematic >= 0) continue;
     const BoundEffect& effect = effects_[shape.effect];
     std::vector<JetD> p_jet(effect.parameters.begin(), effect.parameters.end());
     p_jet[shape.index].v[0] = effect.parameters[shape.index];
@@ -89,10 +142,20 @@ void TorqueRegression::fill_row(const Preprocessed& block, long row) {
   }
 }
 
+/// Whether a joint's torque is known: measured, or passive and hence zero (a prescribed joint's is NaN).
+bool torque_known(const Preprocessed& block, int joint) {
+  return block.has_tau[joint] || (block.rows() > 0 && !std::isnan(block.tau(0, joint)));
+}
+
 void TorqueRegression::add(const Preprocessed& block) {
   const int n = layout_.num_dofs;
   long row = 0;
   dt_ = block.dt;
+  for (int j = 0; options_.acceleration && j < n; ++j)
+    if (!torque_known(block, j))
+      throw DataError(block.source + ": the forward loss needs the torque of every joint, and " +
+                      block.joint_names[static_cast<std::size_t>(j)] +
+                      " has none; use the inverse loss, or declare the joint passive");
   while (row < block.rows()) {
     const int segment = block.segment[row];
     if (segment != segment_ || block.run != run_) {
@@ -111,17 +174,17 @@ void TorqueRegression::add(const Preprocessed& block) {
     for (long r = row; r < end; ++r) {
       fill_row(block, r);
       for (int j = 0; j < n; ++j) {
-        if (!block.has_tau[j]) continue;
+        if (!torque_known(block, j)) continue;
         Joint& joint = joints_[j];
         const long width = static_cast<long>(joint.columns.size());
         double* out = joint.block.row(r - row).data();
         for (long c = 0; c < width; ++c) out[c] = full_(j, joint.columns[c]);
-        out[width] = block.tau(r, j);
+        out[width] = full_(j, full_.cols() - 1);
         out[width + 1] = std::abs(block.qd(r, j));
       }
     }
     for (int j = 0; j < n; ++j)
-      if (block.has_tau[j]) flush(j, joints_[j].decimator.push(joints_[j].block));
+      if (torque_known(block, j)) flush(j, joints_[j].decimator.push(joints_[j].block));
     row = end;
   }
 }

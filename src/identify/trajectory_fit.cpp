@@ -4,6 +4,7 @@
 #include <diffnea/identify/trajectory_fit.hpp>
 #include <diffnea/recording/preprocess.hpp>
 
+#include <Eigen/Cholesky>
 #include <Eigen/LU>
 #include <Eigen/QR>
 #include <algorithm>
@@ -248,13 +249,19 @@ std::vector<ShootingWindow> shortened(const std::vector<ShootingWindow>& windows
   return out;
 }
 
+double total(const std::vector<double>& parts) {
+  double sum = 0.0;
+  for (const double c : parts) sum += c;
+  return sum;
+}
+
 class TrajectoryFitter {
  public:
   TrajectoryFitter(const Model& model, const FitLayout& layout, const VecX<double>& start,
                    const VecX<double>& scale, const TrajectoryOptions& options,
                    const std::function<bool(const char*, int, double)>& progress)
       : model_(model), layout_(layout), start_(start), scale_(scale), options_(options),
-        progress_(progress) {
+        progress_(progress), tree_(make_tree(model)) {
     for (std::size_t c = 0; c < layout.linear.size(); ++c)
       if (!layout.linear[c].fixed) free_.push_back(static_cast<int>(c));
     fit_.x = start;
@@ -286,19 +293,38 @@ class TrajectoryFitter {
     return out;
   }
 
-  double cost(const std::vector<ShootingWindow>& windows, const VecX<double>& x,
-              const std::vector<VecX<double>>& states) {
+  /// Costs of all windows at x, each from the best of its states along the Gauss–Newton step: a window
+  /// near an unstable equilibrium must not hold back the others.
+  /// @param from, to  where the step begins and ends, one a window
+  /// @param before    costs at the beginning; shorter steps are tried only where the full one is worse
+  std::vector<double> costs(const std::vector<ShootingWindow>& windows, const VecX<double>& x,
+                            const std::vector<VecX<double>>& from, std::vector<VecX<double>>& to,
+                            const std::vector<double>& before) {
     auto workers = simulators(x);
-    std::vector<double> costs(windows.size());
+    std::vector<double> out(windows.size());
     parallel_for(windows.size(), options_.threads, [&](std::size_t i, int t) {
-      costs[i] = workers[static_cast<std::size_t>(t)]->cost(windows[i], states[i], fit_.sigma);
+      WindowSimulator& simulator = *workers[static_cast<std::size_t>(t)];
+      const VecX<double> full = to[i] - from[i];
+      out[i] = simulator.cost(windows[i], to[i], fit_.sigma);
+      for (const double share : {0.5, 0.2, 0.05, 0.0}) {
+        if (out[i] <= before[i]) break;
+        const VecX<double> state = from[i] + share * full;
+        const double c = simulator.cost(windows[i], state, fit_.sigma);
+        if (c < out[i]) {
+          out[i] = c;
+          to[i] = state;
+        }
+      }
     });
-    double sum = 0.0;
-    for (const double c : costs) sum += c;
-    return sum;
+    return out;
+  }
+  std::vector<double> costs(const std::vector<ShootingWindow>& windows, const VecX<double>& x,
+                            std::vector<VecX<double>> states) {
+    return costs(windows, x, states, states, std::vector<double>(windows.size(), kInfinity));
   }
 
-  /// Output error of each joint at the present estimate.
+  /// Output error at the present estimate, one for all joints of a kind: they carry the same encoders, and
+  /// what is left is the model's error, which weights by joint would only push from one joint to the next.
   void update_sigma(const std::vector<ShootingWindow>& windows) {
     const int n = layout_.num_dofs;
     auto workers = simulators(fit_.x);
@@ -313,8 +339,17 @@ class TrajectoryFitter {
           }
     }
     fit_.samples = static_cast<long>(count.sum());
-    for (int j = 0; j < n; ++j)
-      fit_.sigma[j] = std::max(std::sqrt(sum[j] / std::max(count[j], 1.0)), 1e-9);
+    for (const JointType kind : {JointType::kRevolute, JointType::kPrismatic}) {
+      double of_kind = 0.0, samples = 0.0;
+      for (int j = 0; j < n; ++j)
+        if (tree_.links[static_cast<std::size_t>(j)].type == kind) {
+          of_kind += sum[j];
+          samples += count[j];
+        }
+      for (int j = 0; j < n; ++j)
+        if (tree_.links[static_cast<std::size_t>(j)].type == kind)
+          fit_.sigma[j] = std::max(std::sqrt(of_kind / std::max(samples, 1.0)), 1e-9);
+    }
   }
 
   void gauss_newton(std::vector<ShootingWindow>& windows, int max_iterations) {
@@ -324,7 +359,8 @@ class TrajectoryFitter {
     double damping = 1e-4;
     std::vector<VecX<double>> states;
     for (const ShootingWindow& w : windows) states.push_back(w.state);
-    double now = cost(windows, fit_.x, states);
+    std::vector<double> parts = costs(windows, fit_.x, states);
+    double now = total(parts);
     fit_.converged = false;
     fit_.termination = "iteration limit";
     int rounds = 0;
@@ -343,7 +379,9 @@ class TrajectoryFitter {
       fit_.R = MatX<double>::Zero(f, p);
       const MatX<double> R = whole.R();
       for (int k = 0; k < f; ++k) fit_.R.col(free_[static_cast<std::size_t>(k)]) = R.col(k);
-      const VecX<double> d = fit_.R * fit_.x - whole.d();  // R x_new = R x − (r): whole.d() is r's part
+      // R (x_new − x) = −r, r what no initial state explains
+      const VecX<double> d = fit_.R * fit_.x - whole.d();
+      set_covariance(reduced);
 
       bool accepted = false;
       double gained = 0.0;
@@ -359,10 +397,12 @@ class TrajectoryFitter {
               -reduced[i].top.col(f) - reduced[i].top.leftCols(f) * dx;
           next[i] += reduced[i].R_state.fullPivLu().solve(rhs);
         }
-        const double after = cost(windows, x_new, next);
+        const std::vector<double> tried = costs(windows, x_new, states, next, parts);
+        const double after = total(tried);
         if (after < now) {
           gained = now - after;
           now = after;
+          parts = tried;
           fit_.x = x_new;
           states = next;
           for (std::size_t i = 0; i < windows.size(); ++i) windows[i].state = states[i];
@@ -389,10 +429,38 @@ class TrajectoryFitter {
           fit_.termination = accepted ? "gain below tolerance" : "no lower point along the step";
           break;
         }
-        now = cost(windows, fit_.x, states);
+        parts = costs(windows, fit_.x, states);
+        now = total(parts);
         damping = 1e-4;
       }
     }
+  }
+
+  /// (H + Λ)⁻¹ Σ_w g_w g_wᵀ (H + Λ)⁻¹ plus the prior's part: the rows of a window are far from independent, the
+  /// windows are not.
+  void set_covariance(const std::vector<ReducedWindow>& reduced) {
+    const long p = static_cast<long>(layout_.linear.size()), f = static_cast<long>(free_.size());
+    MatX<double> meat = MatX<double>::Zero(f, f), H = MatX<double>::Zero(f, f);
+    for (const ReducedWindow& r : reduced) {
+      if (!r.finite || r.rows.rows() == 0) continue;
+      const MatX<double> J = r.rows.leftCols(f);
+      const VecX<double> g = J.transpose() * r.rows.col(f);
+      meat += g * g.transpose();
+      H += J.transpose() * J;
+    }
+    for (long k = 0; k < f; ++k) {
+      const double weak = std::pow(1.0 / (10.0 * scale_[free_[static_cast<std::size_t>(k)]]), 2);
+      H(k, k) += weak;
+      meat(k, k) += weak;
+    }
+    const VecX<double> s = H.diagonal().cwiseSqrt().cwiseInverse();
+    const MatX<double> inverse =
+        s.asDiagonal() *
+        Eigen::LDLT<MatX<double>>(s.asDiagonal() * H * s.asDiagonal())
+            .solve(MatX<double>(MatX<double>::Identity(f, f))) *
+        s.asDiagonal();
+    fit_.covariance = MatX<double>::Zero(p, p);
+    fit_.covariance(free_, free_) = inverse * meat * inverse;
   }
 
   /// Levenberg–Marquardt step as a convex fit: consistency exact, damping and prior as Gaussians.
@@ -430,6 +498,7 @@ class TrajectoryFitter {
   const VecX<double>& scale_;
   const TrajectoryOptions& options_;
   const std::function<bool(const char*, int, double)>& progress_;
+  Tree<double> tree_;
   std::vector<int> free_, runs_;
   TrajectoryFit fit_;
 };

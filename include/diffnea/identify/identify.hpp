@@ -13,6 +13,7 @@
 
 #include <diffnea/identify/linear_fit.hpp>
 #include <diffnea/identify/source.hpp>
+#include <diffnea/identify/trajectory_fit.hpp>
 #include <diffnea/recording/preprocess.hpp>
 
 namespace diffnea {
@@ -34,6 +35,7 @@ struct IdentifyOptions {
   FitChoice choice;
   PreprocessOptions preprocess;
   LinearFitOptions linear;
+  TrajectoryOptions trajectory;
   int max_passes = 25;             ///< over the data, of robust losses and shape parameters
   double shape_tolerance = 1e-3;   ///< stop when no ln η moves by more
   std::function<bool(const FitProgress&)> progress;

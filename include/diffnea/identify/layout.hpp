@@ -24,6 +24,9 @@ struct FitParameter {
   int theta = -1;  ///< of a link or payload: index in θ, else −1
   int effect = -1;  ///< of an effect: index into FitLayout::effects, else −1
   int index = -1;   ///< of an effect: index into its parameters
+  /// Of a joint's fixed transform (dof is set too): 0–2 roll, pitch, yaw of a rotation after the model's own,
+  /// R_PJ = R₀ R_rpy(φ); 3–5 a step of p_PJ in the parent link. The paper's θ_K about the model's values.
+  int kinematic = -1;
 };
 
 /// Linear parameters are columns of the regression; shape parameters are not.
@@ -42,8 +45,9 @@ struct FitLayout {
 
 /// What a fit moves, by name.
 struct FitChoice {
-  /// Any of inertia, armature, effects, shapes. Armature is the effect of that name; `effects` are all
-  /// others; `shapes` their shape parameters (needs several passes over the data).
+  /// Any of inertia, armature, effects, shapes, kinematics. Armature is the effect of that name; `effects`
+  /// are all others; `shapes` their shape parameters, `kinematics` the fixed transforms of all joints or,
+  /// as `kinematics@JOINT`, of one (both need several passes over the data).
   std::vector<std::string> fit{"inertia", "armature", "effects"};
   /// Effects beyond those of the model: "name" for every joint it suits, or "name@where". Not given: on
   /// the motor side armature, viscous and Coulomb friction and an offset at every joint; on the link side
@@ -58,7 +62,22 @@ struct FitChoice {
 /// @throws ModelError naming the choices if a group, effect, place or parameter does not exist
 FitLayout make_layout(const Model& model, const FitChoice& choice, const std::vector<int>& runs);
 
-/// The model with fitted values in place: inertias, and every effect of the layout.
+/// The tree with the layout's fixed transforms at `shape`, in any scalar. `carrier`: R_LF of the links' parents
+/// (map_to_tree), which the steps of p_PJ are expressed in.
+template <Scalar T>
+void move_joints(const FitLayout& layout, const std::vector<Mat3<double>>& carrier, const T* shape,
+                 Tree<T>& tree) {
+  for (std::size_t s = 0; s + 5 < layout.shape.size(); ++s) {
+    if (layout.shape[s].kinematic != 0) continue;  // six in a row
+    Pose<T>& X = tree.links[static_cast<std::size_t>(layout.shape[s].dof)].X_PJ;
+    const T* d = shape + s;
+    X.R = X.R * rotation_from_rpy<T>({d[0], d[1], d[2]});
+    X.p = X.p + carrier[static_cast<std::size_t>(layout.shape[s].dof)] * Vec3<T>{d[3], d[4], d[5]};
+  }
+}
+std::vector<Mat3<double>> joint_carriers(const Model& model);
+
+/// The model with fitted values in place: inertias, fixed transforms, and every effect of the layout.
 /// @param linear, shape  values in the order of the layout's lists
 Model apply_fit(const Model& model, const FitLayout& layout, const VecX<double>& linear,
                 const VecX<double>& shape);

@@ -47,6 +47,14 @@ struct LinearFit {
   ConvexFitResult solver;
 };
 
+/// How far each linear parameter may well be from its prior (FitParameter::scale; what makes an effect's torque as
+/// large as the joint's where the layout leaves it open), (p).
+VecX<double> parameter_scales(const FitLayout& layout, const std::vector<JointFactor>& factors);
+
+/// Parameters strictly inside what is physically possible, as near to the prior as that allows: a link that the
+/// model gives no (or an impossible) inertia becomes a ball of its scale.
+VecX<double> consistent_start(const FitLayout& layout, const VecX<double>& scale);
+
 /// Free parameters of effects whose torque is, in these data, exactly one of the links' inertias': the rotor
 /// inertia of a joint that always turns about the same axis is part of what it carries. (Columns that the
 /// links' columns span.)

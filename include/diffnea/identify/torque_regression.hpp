@@ -2,6 +2,7 @@
 /// Streams a recording into the factors of the inverse loss: rows [Y | effects | τ] of every joint, low-passed
 /// and decimated alike, then factored. One pass; memory does not grow with the recording.
 
+#include <diffnea/dynamics/mass_matrix.hpp>
 #include <diffnea/dynamics/regressor.hpp>
 #include <diffnea/identify/linear_fit.hpp>
 #include <diffnea/recording/preprocess.hpp>
@@ -33,14 +34,18 @@ struct RegressionOptions {
   /// Dry friction at rest can have any size up to its largest: rows in which a joint with dry friction moves
   /// slower than this many smoothing speeds v₀ are left out of that joint's factor.
   double rest_speed = 2.0;
+  /// Forward loss: rows times M⁻¹ at `at`, which makes their residual that of q̈ [rad/s²]. Needs the torque of
+  /// every joint.
+  bool acceleration = false;
   /// Weight of a row of joint j with residual r; empty: 1. Robust losses re-weigh in further passes.
   std::function<double(int joint, double residual)> weight;
 };
 
 class TorqueRegression {
  public:
-  /// Columns are those of the layout, then one for each free shape parameter: ∂τ/∂(ln η) at `at`.
-  TorqueRegression(const Tree<double>& tree, const FitLayout& layout, const PreprocessPlan& plan,
+  /// Columns are those of the layout, then one for each free shape parameter: ∂τ/∂(ln η), and ∂τ/∂x of
+  /// fixed transforms, at `at`.
+  TorqueRegression(const Model& model, const FitLayout& layout, const PreprocessPlan& plan,
                    const RegressionPoint& at, const RegressionOptions& options = {});
 
   /// Takes the next rows; segments are filtered separately.
@@ -63,7 +68,14 @@ class TorqueRegression {
   void fill_row(const Preprocessed& block, long row);
   void flush(int joint, const RowMatX<double>& rows);
 
-  const Tree<double>& tree_;
+  void add_shape_columns(const JointSample<double>& x);
+  void add_moved_tree(const Model& model, int first_shape);
+
+  Tree<double> tree_;  // at the point: transforms, inertias, armature
+  std::vector<Tree<JetD>> moved_;  // per joint with free transform: its six directions seeded
+  std::vector<int> moved_shape_;   // index of the first of the six in the layout's shapes
+  RneaWorkspace<JetD, double> jet_ws_;
+  MassMatrixWorkspace<double, double> mass_ws_;
   const FitLayout& layout_;
   RegressionPoint at_;
   RegressionOptions options_;
@@ -76,7 +88,7 @@ class TorqueRegression {
   long kept_bytes_ = 0;
   int segment_ = -1, run_ = -1;
   RegressorWorkspace<double, double> ws_;
-  RowMatX<double> full_;  // (n, columns) of one sample
+  RowMatX<double> full_;  // (n, columns + 1) of one sample, the last column is τ
   VecX<double> links_;
   std::vector<double> scratch_;
   double segment_start_ = 0.0, dt_ = 0.0;

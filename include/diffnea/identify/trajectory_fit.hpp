@@ -49,7 +49,8 @@ RowMatX<double> simulate_window(ForwardDynamics& dynamics, const ShootingWindow&
 struct TrajectoryFit {
   VecX<double> x;            ///< (p) linear parameters of the layout
   VecX<double> sigma;        ///< (n) output error of each joint [rad] or [m]
-  MatX<double> R;            ///< (p, p) factor of the last linearisation, in units of sigma
+  MatX<double> R;            ///< (f, p) factor of the last linearisation, in units of sigma
+  MatX<double> covariance;   ///< (p, p) of x: windows as clusters (Liang, Zeger 1986), prior included
   long samples = 0;          ///< positions compared
   double objective = 0.0;    ///< χ²/2 with sigma
   int iterations = 0;

@@ -1,0 +1,89 @@
+#include <algorithm>
+#include <cstdio>
+#include <limits>
+
+#include "identify/passes.hpp"
+
+namespace diffnea {
+
+std::string format_number(double x) {
+  char buffer[32];
+  std::snprintf(buffer, sizeof buffer, "%.4g", x);
+  return buffer;
+}
+
+Pass for_each_block(const RecordingSource& source, const PreprocessPlan& plan,
+                    const std::string& stage, int iteration, const IdentifyOptions& options,
+                    const std::function<void(const Preprocessed&)>& use) {
+  Pass pass;
+  Preprocessor preprocessor(plan);
+  const auto take = [&](const Preprocessed& block) {
+    pass.notes.insert(pass.notes.end(), block.notes.begin(), block.notes.end());
+    if (block.rows() == 0) return;
+    const VecX<double> low = block.q.colwise().minCoeff(), high = block.q.colwise().maxCoeff();
+    pass.lowest = pass.lowest.size() == 0 ? low : VecX<double>(pass.lowest.cwiseMin(low));
+    pass.highest = pass.highest.size() == 0 ? high : VecX<double>(pass.highest.cwiseMax(high));
+    use(block);
+  };
+  std::string present;  // source and run of the recording that is being read
+  source.for_each([&](const Recording& recording) {
+    const std::string name = recording.source + "#" + std::to_string(recording.run);
+    if (!present.empty() && name != present) take(preprocessor.finish());
+    present = name;
+    pass.rows += recording.rows();
+    take(preprocessor.push(recording));
+    if (options.progress && !options.progress({stage, iteration, pass.rows, 0.0}))
+      pass.interrupted = true;
+    return !pass.interrupted;
+  });
+  take(preprocessor.finish());
+  return pass;
+}
+
+FitLayout layout_for(const Model& model, const RecordingSource& source, const FitChoice& choice) {
+  FitChoice with_side = choice;
+  with_side.link_side = source.sample().front().info.torque_side == TorqueSide::kLink;
+  const bool per_run = choice.effects && std::ranges::any_of(*choice.effects, [](const auto& e) {
+    return e.starts_with("session_offset");
+  });
+  return make_layout(model, with_side, per_run ? source.runs() : std::vector<int>{0});
+}
+
+std::vector<ParameterEstimate> parameter_estimates(const FitLayout& layout, const VecX<double>& x,
+                                                   const VecX<double>& shape,
+                                                   const VecX<double>& std,
+                                                   const std::vector<bool>& identifiable,
+                                                   const std::vector<int>& at_bound) {
+  std::vector<ParameterEstimate> out;
+  for (std::size_t k = 0; k < layout.linear.size(); ++k) {
+    const FitParameter& def = layout.linear[k];
+    const long i = static_cast<long>(k);
+    const bool bound = std::ranges::find(at_bound, static_cast<int>(k)) != at_bound.end();
+    out.push_back({def.name, def.unit, x[i], std[i], def.prior, identifiable[k], def.fixed, bound});
+  }
+  for (std::size_t k = 0; k < layout.shape.size(); ++k) {
+    const FitParameter& def = layout.shape[k];
+    const double value = shape[static_cast<long>(k)];
+    const bool moved = value != def.prior;
+    out.push_back({def.name, def.unit, value, std::numeric_limits<double>::quiet_NaN(), def.prior,
+                   moved, !moved, false});
+  }
+  return out;
+}
+
+Posterior posterior_of(const FitLayout& layout, const VecX<double>& x,
+                       const MatX<double>& information) {
+  Posterior out;
+  std::vector<int> free;
+  for (std::size_t k = 0; k < layout.linear.size(); ++k)
+    if (!layout.linear[k].fixed) free.push_back(static_cast<int>(k));
+  for (const int k : free) {
+    out.names.push_back(layout.linear[static_cast<std::size_t>(k)].name);
+    out.mean.push_back(x[k]);
+  }
+  const MatX<double> block = information(free, free);
+  out.information.assign(block.data(), block.data() + block.size());
+  return out;
+}
+
+}  // namespace diffnea

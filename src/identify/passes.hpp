@@ -1,0 +1,44 @@
+#pragma once
+/// One pass over a source of recordings, shared by the losses. Internal to identify/.
+
+#include <diffnea/identify/identify.hpp>
+
+namespace diffnea {
+
+/// What a pass saw besides the rows it handed on.
+struct Pass {
+  long rows = 0;
+  bool interrupted = false;
+  VecX<double> lowest, highest;  // of q, filtered
+  std::vector<std::string> notes;
+};
+
+/// Preprocesses the source block by block and hands the rows on; stops when options.progress says so.
+Pass for_each_block(const RecordingSource& source, const PreprocessPlan& plan,
+                    const std::string& stage, int iteration, const IdentifyOptions& options,
+                    const std::function<void(const Preprocessed&)>& use);
+
+/// Four significant digits.
+std::string format_number(double x);
+
+/// The layout of a fit to these recordings.
+FitLayout layout_for(const Model& model, const RecordingSource& source, const FitChoice& choice);
+
+/// Estimates in the order of the layout: linear parameters, then shapes.
+std::vector<ParameterEstimate> parameter_estimates(const FitLayout& layout, const VecX<double>& x,
+                                                   const VecX<double>& shape,
+                                                   const VecX<double>& std,
+                                                   const std::vector<bool>& identifiable,
+                                                   const std::vector<int>& at_bound);
+
+/// The Gaussian that data of this information leave of the free linear parameters.
+Posterior posterior_of(const FitLayout& layout, const VecX<double>& x,
+                       const MatX<double>& information);
+
+/// The losses.
+IdentifyResult identify_by_torque(const Model& model, const RecordingSource& train,
+                                  const RecordingSource* test, const IdentifyOptions& options);
+IdentifyResult identify_by_trajectory(const Model& model, const RecordingSource& train,
+                                      const RecordingSource* test, const IdentifyOptions& options);
+
+}  // namespace diffnea

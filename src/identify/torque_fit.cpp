@@ -1,0 +1,393 @@
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <diffnea/core/error.hpp>
+#include <diffnea/effects/extended_tree.hpp>
+#include <diffnea/identify/torque_regression.hpp>
+#include <limits>
+
+#include "identify/passes.hpp"
+
+namespace diffnea {
+namespace {
+
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+
+double seconds_since(std::chrono::steady_clock::time_point start) {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+}
+
+double robust_weight(Robust kind, double r) {
+  // Tuning constants of 95 % efficiency at the Gaussian (Holland, Welsch 1977).
+  constexpr double kHuber = 1.345, kCauchy = 2.385;
+  const double a = std::abs(r);
+  if (kind == Robust::kHuber) return a <= kHuber ? 1.0 : kHuber / a;
+  if (kind == Robust::kCauchy) return 1.0 / (1.0 + (r / kCauchy) * (r / kCauchy));
+  return 1.0;
+}
+
+/// How much less a joint's rows tell than independent ones: variance of the least-squares estimate under
+/// the residuals' autocorrelation (Newey, West 1987) over that under white noise, mean over parameters.
+double variance_inflation(const JointRows& kept, const VecX<double>& x_joint) {
+  const long rows = std::min<long>(static_cast<long>(kept.time.size()), 6000);
+  const long p = kept.width - 1;
+  if (rows < 4 * p) return 1.0;
+  const MatX<double> Y = kept.rows().topLeftCorner(rows, p);
+  const VecX<double> r = Y * x_joint - kept.rows().col(p).head(rows);
+  const double variance = r.squaredNorm() / static_cast<double>(rows - p);
+  if (!(variance > 0.0)) return 1.0;
+  const VecX<double> scale = Y.colwise().norm().cwiseMax(1e-300).cwiseInverse();
+  const MatX<double> Ys = Y * scale.asDiagonal();
+  const MatX<double> scores = r.asDiagonal() * Ys;
+  MatX<double> meat = scores.transpose() * scores;
+  const long lags = static_cast<long>(std::ceil(1.3 * std::sqrt(static_cast<double>(rows))));
+  for (long l = 1; l <= lags; ++l) {
+    const double w = 1.0 - static_cast<double>(l) / static_cast<double>(lags + 1);
+    const MatX<double> c = scores.topRows(rows - l).transpose() * scores.bottomRows(rows - l);
+    meat += w * (c + c.transpose());
+  }
+  MatX<double> bread = Ys.transpose() * Ys;
+  bread.diagonal().array() += 1e-8;  // columns of norm 1: dependent ones must not blow up
+  const MatX<double> white = variance * bread;
+  // tr(W⁻¹ S) / p, both in the metric of the estimate.
+  const double ratio = white.ldlt().solve(meat).trace() / static_cast<double>(p);
+  return std::clamp(ratio, 1.0, 1e3);
+}
+
+/// A joint whose filtered position stays within what its noise explains tells nothing of its own motion.
+std::vector<int> motionless_joints(const Pass& pass, const PreprocessPlan& plan) {
+  std::vector<int> out;
+  for (long j = 0; j < pass.lowest.size(); ++j) {
+    const double noise = j < static_cast<long>(plan.q_noise.size()) ? plan.q_noise[j] : 0.0;
+    const double range = pass.highest[j] - pass.lowest[j];
+    if (range <= std::max(10.0 * noise, 1e-6)) out.push_back(static_cast<int>(j));
+  }
+  return out;
+}
+
+/// What a motionless joint's recording cannot tell: all its effects but a constant torque.
+void hold_motionless(const std::vector<int>& joints, FitLayout& layout) {
+  for (auto* list : {&layout.linear, &layout.shape})
+    for (FitParameter& p : *list) {
+      if (p.effect < 0) continue;
+      const BoundEffect& e = layout.effects[p.effect];
+      const bool constant = e.info().name == "torque_offset" || e.info().name == "session_offset";
+      const bool still = std::ranges::any_of(joints, [&](int j) {
+        return std::ranges::find(e.joints, j) != e.joints.end();
+      });
+      if (still && !constant && e.info().port == Port::kJointTorque) p.fixed = true;
+    }
+}
+
+/// The layout with one more linear parameter for each free shape: the step of ln η.
+FitLayout with_shape_steps(const FitLayout& layout) {
+  FitLayout out = layout;
+  for (const FitParameter& s : layout.shape)
+    if (!s.fixed) {
+      FitParameter step = s;
+      step.name += " (step)";
+      step.sign = Sign::kFree;
+      step.prior = 0.0;
+      step.scale = s.kinematic >= 0 ? 0.01 : 0.1;  // ten times that by prior_width: e-fold; 0.1 rad, 0.1 m
+      out.linear.push_back(step);
+    }
+  return out;
+}
+
+std::vector<TorqueSeries> make_series(const Model& model, const FitLayout& layout,
+                                      const TorqueRegression& regression, const VecX<double>& x,
+                                      const VecX<double>& nominal) {
+  constexpr std::size_t kMaxPoints = 4000;
+  std::vector<TorqueSeries> out;
+  const std::vector<int> moving = moving_links(model);
+  for (int j = 0; j < layout.num_dofs; ++j) {
+    const JointRows& kept = regression.kept()[j];
+    TorqueSeries s;
+    s.joint = model.links[moving[j]].joint;
+    s.unit = model.links[moving[j]].type == ModelJoint::kPrismatic ? "N" : "N*m";
+    const std::vector<int>& columns = regression.factors()[j].columns;
+    const VecX<double> xj = x(columns), nj = nominal(columns);
+    const auto rows = kept.rows();
+    const std::size_t points = std::min(kept.time.size(), kMaxPoints);
+    for (std::size_t k = 0; k < points; ++k) {
+      const auto row = rows.row(static_cast<long>(k));
+      s.time.push_back(kept.time[k]);
+      s.measured.push_back(row[kept.width - 1]);
+      s.fitted.push_back(row.head(kept.width - 1).dot(xj));
+      s.nominal.push_back(row.head(kept.width - 1).dot(nj));
+    }
+    out.push_back(std::move(s));
+  }
+  return out;
+}
+
+/// The inverse loss, from data to numbers.
+class InverseFit {
+ public:
+  InverseFit(const Model& model, const RecordingSource& train, const RecordingSource* test,
+             const IdentifyOptions& options)
+      : model_(model), train_(train), test_(test), options_(options) {}
+
+  IdentifyResult run() {
+    const auto start = std::chrono::steady_clock::now();
+    prepare();
+    fit();
+    result_.summary.seconds_fitting = seconds_since(start);
+    evaluate();
+    result_.summary.seconds = seconds_since(start);
+    return std::move(result_);
+  }
+
+ private:
+  void prepare() {
+    const std::vector<Recording> sample = train_.sample();
+    layout_ = layout_for(model_, train_, options_.choice);
+    result_.plan = plan_preprocess(sample, options_.preprocess);
+    result_.data_report = train_.report();
+    nominal_ = layout_.prior();
+    x_ = nominal_;
+    shape_.resize(static_cast<long>(layout_.shape.size()));
+    for (std::size_t s = 0; s < layout_.shape.size(); ++s) shape_[s] = layout_.shape[s].prior;
+  }
+
+  /// One pass at the present point; leaves rows and factors in regression_.
+  Pass pass(const FitLayout& layout, bool weighted, bool in_torque = false) {
+    RegressionOptions o;
+    o.acceleration = options_.loss == Loss::kForward && !in_torque;
+    if (weighted)
+      o.weight = [this](int j, double r) { return robust_weight(options_.robust, r / fit_.sigma[j]); };
+    regression_ = std::make_unique<TorqueRegression>(model_, layout, result_.plan,
+                                                     RegressionPoint{x_, shape_}, o);
+    Pass p = for_each_block(train_, result_.plan, "reading", result_.summary.passes, options_,
+                            [&](const Preprocessed& b) { regression_->add(b); });
+    ++result_.summary.passes;
+    result_.summary.interrupted = result_.summary.interrupted || p.interrupted;
+    return p;
+  }
+
+  void fit() {
+    FitLayout with_shapes = layout_;
+    for (FitParameter& shape : layout_.shape) shape.fixed = true;  // no columns for them but in fit_shapes
+    Pass first = pass(layout_, false);
+    result_.summary.rows = first.rows;
+    result_.notes.insert(result_.notes.end(), first.notes.begin(), first.notes.end());
+    const std::vector<int> still = motionless_joints(first, result_.plan);
+    const std::vector<std::string> names = joint_names(model_);
+    for (const int j : still)
+      result_.notes.push_back(names[j] + " never moves: its friction, armature and springs are held at "
+                                         "the model's values");
+    hold_motionless(still, layout_);
+    hold_motionless(still, with_shapes);
+    bool torque = false;
+    for (const JointFactor& f : regression_->factors()) {
+      result_.summary.fitted_rows += f.factor.rows();
+      torque = torque || f.rmse(VecX<double>::Zero(x_.size())) > 0.0;
+    }
+    if (!torque)
+      throw DataError(train_.sample().front().source +
+                      ": no joint has a measured torque, so that any multiple of the model fits; use the "
+                      "trajectory loss, which holds what cannot be seen at the model's values");
+
+    for (const int c : absorbed_by_links(layout_, regression_->factors())) {
+      layout_.linear[c].fixed = with_shapes.linear[c].fixed = true;
+      result_.notes.push_back(layout_.linear[c].name +
+                              " cannot be told from the links' inertia, which absorbs it: held at " +
+                              format_number(layout_.linear[c].prior));
+    }
+
+    solve(layout_);
+    if (std::ranges::any_of(with_shapes.shape, [](const auto& s) { return !s.fixed; }))
+      fit_shapes(with_shapes);
+    if (options_.robust != Robust::kNone || options_.loss == Loss::kForward) reweigh();
+    // Standard errors that know of the residuals' autocorrelation.
+    VecX<double> inflation = VecX<double>::Ones(layout_.num_dofs);
+    for (int j = 0; j < layout_.num_dofs; ++j)
+      inflation[j] =
+          variance_inflation(regression_->kept()[j], x_(regression_->factors()[j].columns));
+    fit_ = fit_linear(layout_, regression_->factors(), inflation, options_.linear);
+    x_ = fit_.x;
+    if (options_.robust != Robust::kNone || options_.loss == Loss::kForward)
+      pass(layout_, false, true);  // errors are torques, of all rows
+    note_rest();
+  }
+
+  void note_rest() {
+    const std::vector<std::string> names = joint_names(model_);
+    std::string list;
+    for (int j = 0; j < layout_.num_dofs; ++j) {
+      const double rest = static_cast<double>(regression_->rows_at_rest(j));
+      const double all = rest + static_cast<double>(regression_->factors()[j].factor.rows());
+      if (rest > 0.05 * all)
+        list += (list.empty() ? "" : ", ") + names[j] + " " + format_number(100.0 * rest / all) + " %";
+    }
+    if (!list.empty())
+      result_.notes.push_back("rows in which a joint rests are left out, since dry friction at rest can "
+                              "have any size: " + list);
+  }
+
+  void solve(const FitLayout& layout) {
+    fit_ = fit_linear(layout, regression_->factors(),
+                      VecX<double>::Ones(layout.num_dofs), options_.linear);
+    x_ = fit_.x.head(static_cast<long>(layout_.linear.size()));
+    result_.summary.converged = fit_.solver.converged;
+    result_.summary.iterations = fit_.solver.iterations;
+    if (options_.progress)
+      options_.progress({"fitting", result_.summary.passes, result_.summary.rows, fit_.solver.objective});
+  }
+
+  /// Gauss–Newton in ln η with the linear parameters solved along, one pass over the data a step.
+  /// @param layout  with the shapes that are to be fitted
+  void fit_shapes(const FitLayout& layout) {
+    FitLayout moving = with_shape_steps(layout);
+    FitLayout held = moving;  // the same columns, the steps at zero
+    for (std::size_t k = layout.linear.size(); k < held.linear.size(); ++k) held.linear[k].fixed = true;
+    const VecX<double> sigma = fit_.sigma;
+    const long p = x_.size(), s = static_cast<long>(moving.linear.size()) - p;
+    const auto misfit = [&] {  // χ²/2 in units of the noise at the start
+      VecX<double> x = VecX<double>::Zero(p + s);
+      x.head(p) = x_;
+      double sum = 0.0;
+      for (std::size_t j = 0; j < regression_->factors().size(); ++j)
+        sum += 0.5 * regression_->factors()[j].sum_of_squares(x) / (sigma[j] * sigma[j]);
+      return sum;
+    };
+    VecX<double> best_x = x_, best_shape = shape_, step = VecX<double>::Zero(s);
+    double best = std::numeric_limits<double>::infinity(), shrink = 1.0;
+    while (result_.summary.passes < options_.max_passes && !result_.summary.interrupted) {
+      pass(layout, false);
+      solve(held);  // the linear optimum at these shapes
+      const double now = misfit();
+      if (now < best) {
+        const double gained = best - now;
+        best = now;
+        best_x = x_;
+        best_shape = shape_;
+        shrink = std::min(1.0, 2.0 * shrink);
+        step = fit_linear(moving, regression_->factors(), VecX<double>::Ones(layout.num_dofs),
+                          options_.linear)
+                   .x.tail(s);
+        if (gained < 0.01) break;  // a hundredth of a unit in χ²/2: far inside one σ
+      } else {
+        shrink *= 0.25;
+      }
+      if (!(shrink * step.cwiseAbs().maxCoeff() > options_.shape_tolerance)) break;
+      long k = 0;
+      for (std::size_t i = 0; i < layout.shape.size(); ++i)
+        if (layout.shape[i].kinematic >= 0 && !layout.shape[i].fixed)
+          shape_[i] = best_shape[i] + std::clamp(shrink * step[k++], -0.1, 0.1);
+        else if (!layout.shape[i].fixed)  // at most a factor of two a step
+          shape_[i] = best_shape[i] * std::exp(std::clamp(shrink * step[k++], -0.7, 0.7));
+    }
+    x_ = best_x;
+    shape_ = best_shape;
+    pass(layout_, false);
+    solve(layout_);
+  }
+
+  /// Robust weights, and M⁻¹ of the forward loss, follow the parameters: solve and re-weigh in turn. (The forward
+  /// loss's residual is M⁻¹ times the inverse one's; with M held at the last parameters it is linear.)
+  void reweigh() {
+    while (result_.summary.passes < options_.max_passes && !result_.summary.interrupted) {
+      const VecX<double> before = x_, std = fit_.std;
+      pass(layout_, options_.robust != Robust::kNone);
+      solve(layout_);
+      double change = 0.0;
+      for (long k = 0; k < x_.size(); ++k)
+        if (std[k] > 0.0) change = std::max(change, std::abs(x_[k] - before[k]) / std[k]);
+      if (change < 1e-2) break;  // a hundredth of each standard error
+    }
+  }
+
+  void evaluate() {
+    result_.model = apply_fit(model_, layout_, x_, shape_);
+    result_.model.posterior = posterior_of(layout_, x_, fit_.information);
+    result_.parameters = parameter_estimates(layout_, x_, shape_, fit_.std, fit_.identifiable,
+                                             fit_.solver.active_nonnegative);
+    result_.base_parameters = fit_.base_parameters;
+    result_.physically_consistent = options_.linear.physical;
+    const std::vector<int> bodies = layout_.bodies();
+    for (const int b : fit_.solver.active_bodies) {
+      const std::string& name = layout_.linear[bodies[b]].name;
+      result_.boundary.push_back(name.substr(0, name.rfind('.')));
+    }
+    result_.consistency_cost = fit_.solver.consistency_cost;
+    for (const std::string& link : result_.boundary)
+      result_.notes.push_back("the data press " + link +
+                              " to the boundary of what a body can be (a flat or massless part)");
+    if (result_.consistency_cost > 10.0)
+      result_.notes.push_back(
+          "physical consistency costs " + format_number(result_.consistency_cost) +
+          " in chi^2/2: the data ask for an impossible body, a sign of an effect the model lacks");
+    finish_errors();
+    FitSummary& s = result_.summary;
+    s.termination = s.interrupted   ? "interrupted; fitted to what had been read"
+                    : s.converged ? "converged"
+                                  : "the barrier method stopped before its tolerance";
+  }
+
+  void finish_errors() {
+    const std::vector<int> moving = moving_links(model_);
+    std::unique_ptr<TorqueRegression> test;
+    VecX<double> raw = VecX<double>::Constant(layout_.num_dofs, kNaN);
+    const RecordingSource& held_out = test_ ? *test_ : train_;
+    PreprocessOptions same = options_.preprocess;
+    same.filter_hz = result_.plan.filter_hz;
+    if (test_) {
+      const PreprocessPlan plan = plan_preprocess(test_->sample(), same);
+      test = std::make_unique<TorqueRegression>(model_, layout_, plan,
+                                                RegressionPoint{x_, shape_});
+      const Pass p = for_each_block(held_out, plan, "testing", 0, options_,
+                                    [&](const Preprocessed& b) { test->add(b); });
+      result_.notes.insert(result_.notes.end(), p.notes.begin(), p.notes.end());
+      const ExtendedTree fitted = extend(result_.model, test_->runs());
+      VecX<double> sum = VecX<double>::Zero(layout_.num_dofs);
+      long rows = 0;
+      for_each_block(held_out, plan, "testing", 1, options_, [&](const Preprocessed& b) {
+        const RowMatX<double> tau = inverse_dynamics(fitted, b.q, b.qd, b.qdd, b.run);
+        sum += (tau - b.tau).colwise().squaredNorm().transpose();
+        rows += b.rows();
+      });
+      if (rows > 0) raw = (sum / static_cast<double>(rows)).cwiseSqrt();
+      result_.test_series = make_series(model_, layout_, *test, x_, nominal_);
+    }
+    result_.train_series = make_series(model_, layout_, *regression_, x_, nominal_);
+    for (int j = 0; j < layout_.num_dofs; ++j) {
+      const JointFactor& f = regression_->factors()[j];
+      JointError e;
+      e.joint = model_.links[moving[j]].joint;
+      e.unit = model_.links[moving[j]].type == ModelJoint::kPrismatic ? "N" : "N*m";
+      const VecX<double> zero = VecX<double>::Zero(x_.size());
+      if (f.factor.rows() == 0) {
+        e.torque_rms = e.train = e.nominal_train = e.test = e.nominal_test = e.test_raw = kNaN;
+      } else {
+        e.train = f.rmse(x_);
+        e.nominal_train = f.rmse(nominal_);
+        e.test = test ? test->factors()[j].rmse(x_) : kNaN;
+        e.nominal_test = test ? test->factors()[j].rmse(nominal_) : kNaN;
+        e.test_raw = raw[j];
+        e.torque_rms = test ? test->factors()[j].rmse(zero) : f.rmse(zero);
+      }
+      result_.errors.push_back(e);
+    }
+  }
+
+  const Model& model_;
+  const RecordingSource& train_;
+  const RecordingSource* test_;
+  const IdentifyOptions& options_;
+  IdentifyResult result_;
+  FitLayout layout_;
+  VecX<double> nominal_, x_, shape_;
+  std::unique_ptr<TorqueRegression> regression_;
+  LinearFit fit_;
+};
+
+}  // namespace
+
+IdentifyResult identify_by_torque(const Model& model, const RecordingSource& train,
+                                  const RecordingSource* test, const IdentifyOptions& options) {
+  return InverseFit(model, train, test, options).run();
+}
+
+}  // namespace diffnea

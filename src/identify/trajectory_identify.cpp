@@ -1,0 +1,221 @@
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <diffnea/core/error.hpp>
+#include <diffnea/identify/torque_regression.hpp>
+#include <diffnea/identify/trajectory_fit.hpp>
+#include <limits>
+
+#include "identify/passes.hpp"
+
+namespace diffnea {
+namespace {
+
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+
+std::vector<bool> passive_joints(const Recording& recording) {
+  std::vector<bool> out;
+  for (const std::string& joint : recording.joint_names)
+    out.push_back(std::ranges::find(recording.info.passive, joint) != recording.info.passive.end());
+  return out;
+}
+
+std::vector<ShootingWindow> windows_of(const RecordingSource& source,
+                                       const IdentifyOptions& options) {
+  std::vector<ShootingWindow> out;
+  source.for_each([&](const Recording& r) {
+    for (ShootingWindow& w : make_windows(r, options.trajectory.window, options.preprocess.filter_hz,
+                                          passive_joints(r)))
+      out.push_back(std::move(w));
+    return true;
+  });
+  return out;
+}
+
+/// The output-error loss, from data to numbers.
+class TrajectoryIdentification {
+ public:
+  TrajectoryIdentification(const Model& model, const RecordingSource& train,
+                           const RecordingSource* test, const IdentifyOptions& options)
+      : model_(model), train_(train), test_(test), options_(options) {}
+
+  IdentifyResult run() {
+    const auto start = std::chrono::steady_clock::now();
+    const auto seconds = [&] {
+      return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    };
+    prepare();
+    fit_ = fit_trajectories(model_, layout_, start_, scale_, windows_, options_.trajectory,
+                            [this](const char* stage, int iteration, double objective) {
+                              return !options_.progress ||
+                                     options_.progress({stage, iteration, result_.summary.rows, objective});
+                            });
+    result_.summary.seconds_fitting = seconds();
+    evaluate();
+    result_.summary.seconds = seconds();
+    return std::move(result_);
+  }
+
+ private:
+  void prepare() {
+    layout_ = layout_for(model_, train_, options_.choice);
+    for (const FitParameter& s : layout_.shape)
+      if (!s.fixed)
+        throw ModelError("identify: the trajectory loss fits linear parameters; fit " + s.name +
+                         " with the inverse loss first");
+    result_.data_report = train_.report();
+    result_.plan = plan_preprocess(train_.sample(), options_.preprocess);
+    windows_ = windows_of(train_, options_);
+    VecX<double> shape(static_cast<long>(layout_.shape.size()));
+    for (std::size_t s = 0; s < layout_.shape.size(); ++s) shape[static_cast<long>(s)] = layout_.shape[s].prior;
+    shape_ = shape;
+    // One pass of the inverse regression: for scales, and for what the links' inertia absorbs.
+    TorqueRegression regression(model_, layout_, result_.plan, {layout_.prior(), shape});
+    const Pass pass = for_each_block(train_, result_.plan, "reading", 0, options_,
+                                     [&](const Preprocessed& b) { regression.add(b); });
+    result_.summary.rows = pass.rows;
+    result_.summary.passes = 1;
+    result_.notes = pass.notes;
+    for (const int c : absorbed_by_links(layout_, regression.factors())) {
+      layout_.linear[static_cast<std::size_t>(c)].fixed = true;
+      result_.notes.push_back(layout_.linear[static_cast<std::size_t>(c)].name +
+                              " cannot be told from the links' inertia, which absorbs it: held at " +
+                              format_number(layout_.linear[static_cast<std::size_t>(c)].prior));
+    }
+    scale_ = parameter_scales(layout_, regression.factors());
+    start_ = consistent_start(layout_, scale_);
+    for (std::size_t k = 0; k < layout_.linear.size(); ++k)
+      if (layout_.linear[k].fixed) start_[static_cast<long>(k)] = layout_.linear[k].prior;
+  }
+
+  /// Estimates the windows' own initial states with the parameters held at x.
+  void fit_states(const VecX<double>& x, std::vector<ShootingWindow>& windows) const {
+    FitLayout held = layout_;
+    for (FitParameter& p : held.linear) p.fixed = true;
+    fit_trajectories(model_, held, x, scale_, windows, options_.trajectory);
+  }
+
+  void evaluate() {
+    const long p = fit_.x.size();
+    result_.model = apply_fit(model_, layout_, fit_.x, shape_);
+    VecX<double> std = VecX<double>::Zero(p);
+    std::vector<bool> identifiable(static_cast<std::size_t>(p), false);
+    std::vector<int> at_bound;
+    for (long k = 0; k < p; ++k) {
+      const FitParameter& def = layout_.linear[static_cast<std::size_t>(k)];
+      if (def.fixed) continue;
+      const double s = std::sqrt(std::max(fit_.covariance(k, k), 0.0));
+      const double informed = fit_.R.col(k).norm() > 0.0 ? s : kNaN;
+      identifiable[static_cast<std::size_t>(k)] = informed < scale_[k];
+      std[k] = identifiable[static_cast<std::size_t>(k)] ? s : kNaN;
+      if (def.sign != Sign::kFree && fit_.x[k] < 1e-4 * scale_[k]) at_bound.push_back(static_cast<int>(k));
+    }
+    result_.parameters = parameter_estimates(layout_, fit_.x, shape_, std, identifiable, at_bound);
+    result_.model.posterior = posterior_of(layout_, fit_.x, information());
+    result_.physically_consistent = true;
+
+    // Errors: every window from its own estimated initial state, before and after alike.
+    std::vector<ShootingWindow> nominal = windows_of(train_, options_);
+    fit_states(layout_.prior(), nominal);
+    const VecX<double> train = window_rmse(result_.model, windows_, false, options_.trajectory);
+    const VecX<double> before = window_rmse(model_, nominal, false, options_.trajectory);
+    VecX<double> test = VecX<double>::Constant(layout_.num_dofs, kNaN), nominal_test = test, raw = test;
+    if (test_) {
+      std::vector<ShootingWindow> held_out = windows_of(*test_, options_), old = held_out;
+      raw = window_rmse(result_.model, held_out, true, options_.trajectory);
+      fit_states(fit_.x, held_out);
+      test = window_rmse(result_.model, held_out, false, options_.trajectory);
+      fit_states(layout_.prior(), old);
+      nominal_test = window_rmse(model_, old, false, options_.trajectory);
+      result_.test_series = series(held_out, old);
+    }
+    result_.train_series = series(windows_, nominal);
+    const std::vector<int> moving = moving_links(model_);
+    for (int j = 0; j < layout_.num_dofs; ++j) {
+      const ModelLink& link = model_.links[static_cast<std::size_t>(moving[static_cast<std::size_t>(j)])];
+      JointError e;
+      e.joint = link.joint;
+      e.unit = link.type == ModelJoint::kPrismatic ? "m" : "rad";
+      e.torque_rms = kNaN;
+      e.train = train[j];
+      e.nominal_train = before[j];
+      e.test = test[j];
+      e.nominal_test = nominal_test[j];
+      e.test_raw = raw[j];
+      result_.errors.push_back(e);
+    }
+    FitSummary& s = result_.summary;
+    s.converged = fit_.converged;
+    s.interrupted = fit_.interrupted;
+    s.termination = fit_.termination;
+    s.iterations = fit_.iterations;
+    s.fitted_rows = fit_.samples;
+    result_.notes.push_back(std::to_string(windows_.size()) + " windows of " +
+                            format_number(options_.trajectory.window) +
+                            " s; errors are of positions, each window from its own estimated initial "
+                            "state (test_raw: from the measured one)");
+  }
+
+  MatX<double> information() const {
+    const long p = fit_.x.size();
+    MatX<double> out = MatX<double>::Zero(p, p);
+    std::vector<int> free;
+    for (long k = 0; k < p; ++k)
+      if (!layout_.linear[static_cast<std::size_t>(k)].fixed) free.push_back(static_cast<int>(k));
+    MatX<double> c = fit_.covariance(free, free);
+    const VecX<double> s = c.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
+    c = s.asDiagonal() * c * s.asDiagonal();
+    c.diagonal().array() += 1e-10;  // clusters fewer than parameters leave it singular
+    out(free, free) = s.asDiagonal() *
+                      c.ldlt().solve(MatX<double>(MatX<double>::Identity(c.rows(), c.cols()))) *
+                      s.asDiagonal();
+    return out;
+  }
+
+  std::vector<TorqueSeries> series(const std::vector<ShootingWindow>& fitted,
+                                   const std::vector<ShootingWindow>& nominal) const {
+    constexpr std::size_t kMaxPoints = 4000;
+    std::vector<TorqueSeries> out;
+    for (const JointDescription& j : describe_joints(model_)) {
+      TorqueSeries s;
+      s.joint = j.name;
+      s.unit = j.prismatic ? "m" : "rad";
+      out.push_back(s);
+    }
+    ForwardDynamics after(extend(result_.model)), before(extend(model_));
+    for (std::size_t i = 0; i < fitted.size() && out[0].time.size() < kMaxPoints; ++i) {
+      const ShootingWindow& w = fitted[i];
+      const RowMatX<double> a = simulate_window(after, w, w.state, options_.trajectory);
+      const RowMatX<double> b = simulate_window(before, nominal[i], nominal[i].state, options_.trajectory);
+      for (long k = 0; k < a.rows(); ++k)
+        for (std::size_t j = 0; j < out.size(); ++j) {
+          const long column = static_cast<long>(j);
+          out[j].time.push_back(w.time[static_cast<std::size_t>(k)]);
+          out[j].measured.push_back(w.q(k, column));
+          out[j].fitted.push_back(a(k, column));
+          out[j].nominal.push_back(b(k, column));
+        }
+    }
+    return out;
+  }
+
+  const Model& model_;
+  const RecordingSource& train_;
+  const RecordingSource* test_;
+  const IdentifyOptions& options_;
+  IdentifyResult result_;
+  FitLayout layout_;
+  VecX<double> scale_, start_, shape_;
+  std::vector<ShootingWindow> windows_;
+  TrajectoryFit fit_;
+};
+
+}  // namespace
+
+IdentifyResult identify_by_trajectory(const Model& model, const RecordingSource& train,
+                                      const RecordingSource* test, const IdentifyOptions& options) {
+  return TrajectoryIdentification(model, train, test, options).run();
+}
+
+}  // namespace diffnea
