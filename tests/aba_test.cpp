@@ -1,5 +1,6 @@
 #include <catch2/catch_test_macros.hpp>
 #include <catch2/generators/catch_generators_range.hpp>
+
 #include <diffnea/dynamics/aba.hpp>
 #include <diffnea/dynamics/rnea.hpp>
 
@@ -13,7 +14,8 @@ using namespace diffnea::test;
 
 namespace {
 
-/// aba after rnea must give back q̈ of order 5: the condition of M (10³) times rounding, 10² of margin.
+/// aba after rnea must give back q̈ of order 5: the condition of M (10³) times rounding, 10² of
+/// margin.
 constexpr double kRoundTripTol = 1e-10;
 /// Wrenches of order 10² from two algorithms: 1e-12 observed, 10² of margin.
 constexpr double kWrenchTol = 1e-10;
@@ -26,21 +28,27 @@ constexpr double kCentralDifferenceTol = 1e-6;
 TEST_CASE("aba: undoes rnea with rotors, gravity, branches and motion", "[dynamics]") {
   const unsigned seed = GENERATE(range(0u, 60u));
   CAPTURE(seed);
-  const RandomArm arm(seed, {.num_dofs = 1 + static_cast<int>(seed % 10), .armature = seed % 3 != 0});
+  const RandomArm arm(seed,
+                      {.num_dofs = 1 + static_cast<int>(seed % 10), .armature = seed % 3 != 0});
   RneaWorkspace<double, double> rnea_ws;
   AbaWorkspace<double, double> aba_ws;
   const VecX<double> tau = rnea(arm.tree, arm.q, arm.qd, arm.qdd, rnea_ws);
   CHECK_THAT(aba(arm.tree, arm.q, arm.qd, tau, aba_ws), MatrixNear(arm.qdd, kRoundTripTol));
   for (int i = 0; i < arm.tree.num_dofs(); ++i) {
     CAPTURE(i);
-    CHECK_THAT(to_eigen(aba_ws.links[i].F.torque), MatrixNear(to_eigen(rnea_ws.links[i].F.torque), kWrenchTol));
-    CHECK_THAT(to_eigen(aba_ws.links[i].F.force), MatrixNear(to_eigen(rnea_ws.links[i].F.force), kWrenchTol));
-    CHECK_THAT(to_eigen(aba_ws.links[i].V.linear), MatrixNear(to_eigen(rnea_ws.links[i].V.linear), kWrenchTol));
-    CHECK_THAT(to_eigen(aba_ws.links[i].A.linear), MatrixNear(to_eigen(rnea_ws.links[i].A.linear), kWrenchTol));
+    CHECK_THAT(to_eigen(aba_ws.links[i].F.torque),
+               MatrixNear(to_eigen(rnea_ws.links[i].F.torque), kWrenchTol));
+    CHECK_THAT(to_eigen(aba_ws.links[i].F.force),
+               MatrixNear(to_eigen(rnea_ws.links[i].F.force), kWrenchTol));
+    CHECK_THAT(to_eigen(aba_ws.links[i].V.linear),
+               MatrixNear(to_eigen(rnea_ws.links[i].V.linear), kWrenchTol));
+    CHECK_THAT(to_eigen(aba_ws.links[i].A.linear),
+               MatrixNear(to_eigen(rnea_ws.links[i].A.linear), kWrenchTol));
   }
 }
 
-TEST_CASE("aba: a workspace that has seen another tree gives the same accelerations", "[dynamics]") {
+TEST_CASE("aba: a workspace that has seen another tree gives the same accelerations",
+          "[dynamics]") {
   const RandomArm large(1, {.num_dofs = 8}), small(2, {.num_dofs = 3});
   AbaWorkspace<double, double> used, fresh;
   aba(large.tree, large.q, large.qd, large.tau, used);
@@ -66,7 +74,8 @@ TEST_CASE("aba: Jets of the state match central differences", "[dynamics]") {
   CHECK_THAT(jets, MatrixNear(central_jacobian(state, kStep, qdd), kCentralDifferenceTol * scale));
 }
 
-TEST_CASE("aba: Jets of every parameter, fixed poses included, match central differences", "[dynamics]") {
+TEST_CASE("aba: Jets of every parameter, fixed poses included, match central differences",
+          "[dynamics]") {
   const unsigned seed = GENERATE(range(0u, 10u));
   CAPTURE(seed);
   const RandomArm arm(seed, {.num_dofs = 5});

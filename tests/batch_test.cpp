@@ -1,5 +1,6 @@
 #include <catch2/catch_test_macros.hpp>
 #include <catch2/generators/catch_generators_range.hpp>
+
 #include <diffnea/core/error.hpp>
 #include <diffnea/dynamics/aba.hpp>
 #include <diffnea/dynamics/batch.hpp>
@@ -14,8 +15,8 @@ using namespace diffnea::test;
 
 namespace {
 
-/// The same operations, but for fused multiply-add and a vectorised sine of 1 ulp: 1e-14 of the largest
-/// value observed, 10² of margin.
+/// The same operations, but for fused multiply-add and a vectorised sine of 1 ulp: 1e-14 of the
+/// largest value observed, 10² of margin.
 constexpr double kRelativeTol = 1e-12;
 
 RowMatX<double> random_rows(Rng& rng, int rows, int n, double scale) {
@@ -30,7 +31,8 @@ double scaled_tolerance(const RowMatX<double>& truth) {
 
 }  // namespace
 
-TEST_CASE("batch: every instruction set and number of rows gives the scalar results", "[dynamics]") {
+TEST_CASE("batch: every instruction set and number of rows gives the scalar results",
+          "[dynamics]") {
   const unsigned seed = GENERATE(range(0u, 10u));
   const int rows = GENERATE(0, 1, 3, 8, 21, 300);
   CAPTURE(seed, rows);
@@ -63,7 +65,8 @@ TEST_CASE("batch: every instruction set and number of rows gives the scalar resu
 TEST_CASE("batch: a wrong shape and an unknown instruction set are refused by name", "[dynamics]") {
   const RandomArm arm(0);
   const int n = arm.tree.num_dofs();
-  const RowMatX<double> good = RowMatX<double>::Zero(4, n), narrow = RowMatX<double>::Zero(4, n - 1),
+  const RowMatX<double> good = RowMatX<double>::Zero(4, n),
+                        narrow = RowMatX<double>::Zero(4, n - 1),
                         short_ = RowMatX<double>::Zero(3, n);
   CHECK_THROWS_AS(rnea_batch(arm.tree, good, narrow, good), ShapeError);
   CHECK_THROWS_AS(aba_batch(arm.tree, good, good, short_), ShapeError);

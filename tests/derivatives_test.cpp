@@ -1,5 +1,6 @@
 #include <catch2/catch_test_macros.hpp>
 #include <catch2/generators/catch_generators_range.hpp>
+
 #include <diffnea/dynamics/aba.hpp>
 #include <diffnea/dynamics/derivatives.hpp>
 #include <diffnea/dynamics/mass_matrix.hpp>
@@ -13,10 +14,11 @@ using namespace diffnea::test;
 
 namespace {
 
-/// Two exact derivatives of torques of order 10², 9 links: rounding leaves 1e-12 (observed), 10² of margin.
+/// Two exact derivatives of torques of order 10², 9 links: rounding leaves 1e-12 (observed), 10² of
+/// margin.
 constexpr double kRoundingTol = 1e-10;
-/// The same after a solve with the mass matrix, whose condition reaches 10⁴ on these arms; the entries
-/// reach 10⁴.
+/// The same after a solve with the mass matrix, whose condition reaches 10⁴ on these arms; the
+/// entries reach 10⁴.
 constexpr double kSolveTol = 1e-8;
 
 using Jets = VecX<JetD>;
@@ -37,10 +39,12 @@ TEST_CASE("derivatives: of rnea equal the Jets", "[dynamics]") {
     return rnea(arm.tree, q, qd, qdd, jet_ws);
   };
   const Jets q = arm.q.cast<JetD>(), qd = arm.qd.cast<JetD>(), qdd = arm.qdd.cast<JetD>();
-  CHECK_THAT(out.dtau_dq, MatrixNear(jet_jacobian(arm.q, [&](const Jets& x) { return tau(x, qd, qdd); }),
-                                     kRoundingTol));
-  CHECK_THAT(out.dtau_dqd, MatrixNear(jet_jacobian(arm.qd, [&](const Jets& x) { return tau(q, x, qdd); }),
-                                      kRoundingTol));
+  CHECK_THAT(out.dtau_dq,
+             MatrixNear(jet_jacobian(arm.q, [&](const Jets& x) { return tau(x, qd, qdd); }),
+                        kRoundingTol));
+  CHECK_THAT(out.dtau_dqd,
+             MatrixNear(jet_jacobian(arm.qd, [&](const Jets& x) { return tau(q, x, qdd); }),
+                        kRoundingTol));
   CHECK_THAT(out.M, MatrixNear(jet_jacobian(arm.qdd, [&](const Jets& x) { return tau(q, qd, x); }),
                                kRoundingTol));
   MassMatrixWorkspace<double, double> mass_ws;
@@ -61,12 +65,15 @@ TEST_CASE("derivatives: of aba equal the Jets", "[dynamics]") {
     return aba(arm.tree, q, qd, tau, jet_ws);
   };
   const Jets q = arm.q.cast<JetD>(), qd = arm.qd.cast<JetD>(), tau = arm.tau.cast<JetD>();
-  CHECK_THAT(out.dqdd_dq, MatrixNear(jet_jacobian(arm.q, [&](const Jets& x) { return qdd(x, qd, tau); }),
-                                     kSolveTol));
-  CHECK_THAT(out.dqdd_dqd, MatrixNear(jet_jacobian(arm.qd, [&](const Jets& x) { return qdd(q, x, tau); }),
-                                      kSolveTol));
-  CHECK_THAT(out.dqdd_dtau, MatrixNear(jet_jacobian(arm.tau, [&](const Jets& x) { return qdd(q, qd, x); }),
-                                       kSolveTol));
+  CHECK_THAT(
+      out.dqdd_dq,
+      MatrixNear(jet_jacobian(arm.q, [&](const Jets& x) { return qdd(x, qd, tau); }), kSolveTol));
+  CHECK_THAT(
+      out.dqdd_dqd,
+      MatrixNear(jet_jacobian(arm.qd, [&](const Jets& x) { return qdd(q, x, tau); }), kSolveTol));
+  CHECK_THAT(
+      out.dqdd_dtau,
+      MatrixNear(jet_jacobian(arm.tau, [&](const Jets& x) { return qdd(q, qd, x); }), kSolveTol));
 }
 
 TEST_CASE("derivatives: -M^-1 Y is the Jet of aba in every inertial parameter", "[dynamics]") {
@@ -78,7 +85,8 @@ TEST_CASE("derivatives: -M^-1 Y is the Jet of aba in every inertial parameter", 
       forward_dynamics_parameter_jacobian(arm.tree, arm.q, arm.qd, arm.tau, ws);
 
   VecX<double> pi(kThetaSize * arm.tree.num_dofs());
-  for (int i = 0; i < pi.size(); ++i) pi[i] = arm.tree.links[i / kThetaSize].inertia.theta()[i % kThetaSize];
+  for (int i = 0; i < pi.size(); ++i)
+    pi[i] = arm.tree.links[i / kThetaSize].inertia.theta()[i % kThetaSize];
   Tree<JetD> tree = arm.tree.cast<JetD>();
   AbaWorkspace<JetD, double> jet_ws;
   const auto qdd = [&](const Jets& x) {

@@ -2,6 +2,7 @@
 
 #include <catch2/catch_test_macros.hpp>
 #include <catch2/generators/catch_generators_range.hpp>
+
 #include <diffnea/dynamics/aba.hpp>
 #include <diffnea/dynamics/mass_matrix.hpp>
 #include <diffnea/dynamics/rnea.hpp>
@@ -15,7 +16,8 @@ using namespace diffnea::test;
 
 namespace {
 
-/// Torques of order 10²; the MJCF holds 17 digits, so only rounding remains: 1e-12 observed, 10² of margin.
+/// Torques of order 10²; the MJCF holds 17 digits, so only rounding remains: 1e-12 observed, 10² of
+/// margin.
 constexpr double kTorqueTol = 1e-10;
 /// Accelerations after a solve with a mass matrix of condition 10³ or more, entries to 10³.
 constexpr double kAccelerationTol = 1e-8;

@@ -1,5 +1,6 @@
 #include <catch2/catch_test_macros.hpp>
 #include <catch2/generators/catch_generators_range.hpp>
+
 #include <diffnea/dynamics/aba.hpp>
 #include <diffnea/dynamics/kinematics.hpp>
 
@@ -14,11 +15,12 @@ namespace {
 
 /// Sums of a few hundred products of order 10²: rounding leaves 1e-13 (observed), 10² of margin.
 constexpr double kRoundingTol = 1e-11;
-/// Central differences in time, h = 1e-4 s: truncation is h²/6 times a third derivative of order 10³.
+/// Central differences in time, h = 1e-4 s: truncation is h²/6 times a third derivative of order
+/// 10³.
 constexpr double kTimeStep = 1e-4;
 constexpr double kVelocityTol = 1e-4;
-/// Second differences of positions of order 1 lose 1e-16/h² = 1e-8 to rounding; h²/12 times a fourth
-/// derivative of order 10⁵ weighs more.
+/// Second differences of positions of order 1 lose 1e-16/h² = 1e-8 to rounding; h²/12 times a
+/// fourth derivative of order 10⁵ weighs more.
 constexpr double kAccelerationTol = 1e-2;
 
 /// Position and rotation of F at time t along q(t) = q + q̇t + ½q̈t².
@@ -31,7 +33,8 @@ Pose<double> pose_at(const RandomArm& arm, int link, const Pose<double>& X_LF, d
 
 }  // namespace
 
-TEST_CASE("kinematics: frame velocity and acceleration are time derivatives of its pose", "[dynamics]") {
+TEST_CASE("kinematics: frame velocity and acceleration are time derivatives of its pose",
+          "[dynamics]") {
   const unsigned seed = GENERATE(range(0u, 20u));
   CAPTURE(seed);
   const RandomArm arm(seed, {.num_dofs = 4});
@@ -53,10 +56,11 @@ TEST_CASE("kinematics: frame velocity and acceleration are time derivatives of i
     // Ṙ = [ω] R,  R̈ = ([α] + [ω][ω]) R
     const Eigen::Matrix3d R = to_eigen(now.R), w = to_eigen(skew(motion.angular_velocity));
     const Eigen::Matrix3d al = to_eigen(skew(motion.angular_acceleration));
-    CHECK_THAT(w * R, MatrixNear((to_eigen(after.R) - to_eigen(before.R)) / (2.0 * kTimeStep), kVelocityTol));
-    CHECK_THAT((al + w * w) * R,
-               MatrixNear((to_eigen(after.R) + to_eigen(before.R) - 2.0 * R) / (kTimeStep * kTimeStep),
-                          kAccelerationTol));
+    CHECK_THAT(w * R, MatrixNear((to_eigen(after.R) - to_eigen(before.R)) / (2.0 * kTimeStep),
+                                 kVelocityTol));
+    CHECK_THAT((al + w * w) * R, MatrixNear((to_eigen(after.R) + to_eigen(before.R) - 2.0 * R) /
+                                                (kTimeStep * kTimeStep),
+                                            kAccelerationTol));
   }
 }
 
@@ -107,7 +111,8 @@ TEST_CASE("kinematics: the frame Jacobian maps joint rates to the frame's veloci
   }
 }
 
-TEST_CASE("kinematics: a frame's attachment can be a Jet while the links are double", "[dynamics]") {
+TEST_CASE("kinematics: a frame's attachment can be a Jet while the links are double",
+          "[dynamics]") {
   const RandomArm arm(7);
   LinkKinematics<double> kinematics;
   forward_kinematics<double, double>(arm.tree, arm.q, arm.qd, arm.qdd, kinematics);
@@ -121,5 +126,6 @@ TEST_CASE("kinematics: a frame's attachment can be a Jet while the links are dou
     return out;
   };
   // ẍ is affine in p: the difference quotient is exact but for rounding.
-  CHECK_THAT(jet_jacobian(p, acceleration), MatrixNear(central_jacobian(p, 0.5, acceleration), 1e-9));
+  CHECK_THAT(jet_jacobian(p, acceleration),
+             MatrixNear(central_jacobian(p, 0.5, acceleration), 1e-9));
 }

@@ -1,5 +1,6 @@
 #include <catch2/catch_test_macros.hpp>
 #include <catch2/generators/catch_generators_range.hpp>
+
 #include <diffnea/dynamics/regressor.hpp>
 #include <diffnea/dynamics/rnea.hpp>
 
@@ -11,7 +12,8 @@ using namespace diffnea::test;
 
 namespace {
 
-/// Two exact algorithms on torques of order 10² N·m: rounding leaves 1e-13 (observed), 10² of margin.
+/// Two exact algorithms on torques of order 10² N·m: rounding leaves 1e-13 (observed), 10² of
+/// margin.
 constexpr double kRoundingTol = 1e-11;
 
 VecX<double> parameters(const Tree<double>& tree) {
@@ -50,7 +52,8 @@ TEST_CASE("regressor: each column is the torque of one unit parameter", "[dynami
     unit[column % kThetaSize] = 1.0;
     SpatialInertia<double>& inertia = arm.tree.links[column / kThetaSize].inertia;
     inertia = SpatialInertia<double>::from_theta(unit);
-    CHECK_THAT(Y.col(column), MatrixNear(rnea(arm.tree, arm.q, arm.qd, arm.qdd, rnea_ws), kRoundingTol));
+    CHECK_THAT(Y.col(column),
+               MatrixNear(rnea(arm.tree, arm.q, arm.qd, arm.qdd, rnea_ws), kRoundingTol));
     inertia = {};
   }
 }

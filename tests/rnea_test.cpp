@@ -1,7 +1,9 @@
+#include <cmath>
+
 #include <catch2/catch_test_macros.hpp>
 #include <catch2/generators/catch_generators_range.hpp>
 #include <catch2/matchers/catch_matchers_floating_point.hpp>
-#include <cmath>
+
 #include <diffnea/dynamics/kinematics.hpp>
 #include <diffnea/dynamics/mass_matrix.hpp>
 #include <diffnea/dynamics/rnea.hpp>
@@ -17,9 +19,11 @@ using Catch::Matchers::WithinAbs;
 
 namespace {
 
-/// Closed forms and identities of torques of order 10²: rounding leaves 1e-13 (observed), 10² of margin.
+/// Closed forms and identities of torques of order 10²: rounding leaves 1e-13 (observed), 10² of
+/// margin.
 constexpr double kRoundingTol = 1e-11;
-/// Central difference, h = 1e-6, on torques of order 10²: rounding leaves 1e-8 (observed), 10² of margin.
+/// Central difference, h = 1e-6, on torques of order 10²: rounding leaves 1e-8 (observed), 10² of
+/// margin.
 constexpr double kStep = 1e-6;
 constexpr double kCentralDifferenceTol = 1e-5;
 /// Lagrange's equation by nested differences, h = 1e-4, of energies of order 10² J: rounding leaves
@@ -27,7 +31,8 @@ constexpr double kCentralDifferenceTol = 1e-5;
 constexpr double kLagrangeStep = 1e-4;
 constexpr double kLagrangeTol = 5e-3;
 
-/// Kinetic energy of links and rotors, point by point from poses and twists; no inertia is transformed.
+/// Kinetic energy of links and rotors, point by point from poses and twists; no inertia is
+/// transformed.
 double kinetic_energy(const Tree<double>& tree, const VecX<double>& q, const VecX<double>& qd) {
   LinkKinematics<double> kinematics;
   forward_kinematics<double, double>(tree, q, qd, VecX<double>::Zero(q.size()), kinematics);
@@ -53,7 +58,8 @@ double potential_energy(const Tree<double>& tree, const VecX<double>& q) {
   return energy;
 }
 
-/// A link of a planar chain about y: mass m at distance c along x, inertia J about its centre of mass.
+/// A link of a planar chain about y: mass m at distance c along x, inertia J about its centre of
+/// mass.
 Link<double> planar_link(int parent, double offset, double m, double c, double J) {
   Link<double> link;
   link.parent = parent;
@@ -111,13 +117,15 @@ TEST_CASE("rnea: torques solve Lagrange's equation of the energies", "[dynamics]
     const VecX<double> e = VecX<double>::Unit(n, i);
     // ∂T/∂q̇_i is exact by a unit step: T is quadratic in q̇.
     const auto momentum = [&](double t) {
-      const VecX<double> q = arm.q + arm.qd * t + arm.qdd * (0.5 * t * t), qd = arm.qd + arm.qdd * t;
+      const VecX<double> q = arm.q + arm.qd * t + arm.qdd * (0.5 * t * t),
+                         qd = arm.qd + arm.qdd * t;
       return 0.5 * (energy(q, qd + e) - energy(q, qd - e));
     };
-    tau[i] = (momentum(h) - momentum(-h)) / (2 * h) -
-             (energy(arm.q + h * e, arm.qd) - energy(arm.q - h * e, arm.qd)) / (2 * h) +
-             (potential_energy(arm.tree, arm.q + h * e) - potential_energy(arm.tree, arm.q - h * e)) /
-                 (2 * h);
+    tau[i] =
+        (momentum(h) - momentum(-h)) / (2 * h) -
+        (energy(arm.q + h * e, arm.qd) - energy(arm.q - h * e, arm.qd)) / (2 * h) +
+        (potential_energy(arm.tree, arm.q + h * e) - potential_energy(arm.tree, arm.q - h * e)) /
+            (2 * h);
   }
   RneaWorkspace<double, double> ws;
   CHECK_THAT(rnea(arm.tree, arm.q, arm.qd, arm.qdd, ws), MatrixNear(tau, kLagrangeTol));
@@ -134,10 +142,12 @@ TEST_CASE("rnea: linear in acceleration with the mass matrix", "[dynamics]") {
   const MatX<double> M = mass_matrix(arm.tree, arm.q, mass_ws);
   CHECK_THAT(M * arm.qdd, MatrixNear(tau - bias, kRoundingTol));
   CHECK(M == M.transpose());
-  CHECK_THAT(0.5 * arm.qd.dot(M * arm.qd), WithinAbs(kinetic_energy(arm.tree, arm.q, arm.qd), kRoundingTol));
+  CHECK_THAT(0.5 * arm.qd.dot(M * arm.qd),
+             WithinAbs(kinetic_energy(arm.tree, arm.q, arm.qd), kRoundingTol));
 }
 
-TEST_CASE("rnea: the wrench at every joint balances momentum and the wrenches beyond it", "[dynamics]") {
+TEST_CASE("rnea: the wrench at every joint balances momentum and the wrenches beyond it",
+          "[dynamics]") {
   const unsigned seed = GENERATE(range(0u, 20u));
   CAPTURE(seed);
   const RandomArm arm(seed);
@@ -193,10 +203,12 @@ TEST_CASE("rnea: Jets of the state match central differences", "[dynamics]") {
     const VecX<T> q = x.head(n), qd = x.segment(n, n), qdd = x.tail(n);
     return VecX<T>(rnea(arm.tree, q, qd, qdd, ws));
   };
-  CHECK_THAT(jet_jacobian(state, tau), MatrixNear(central_jacobian(state, kStep, tau), kCentralDifferenceTol));
+  CHECK_THAT(jet_jacobian(state, tau),
+             MatrixNear(central_jacobian(state, kStep, tau), kCentralDifferenceTol));
 }
 
-TEST_CASE("rnea: Jets of every parameter, fixed poses included, match central differences", "[dynamics]") {
+TEST_CASE("rnea: Jets of every parameter, fixed poses included, match central differences",
+          "[dynamics]") {
   const unsigned seed = GENERATE(range(0u, 10u));
   CAPTURE(seed);
   const RandomArm arm(seed, {.num_dofs = 5});
@@ -207,7 +219,8 @@ TEST_CASE("rnea: Jets of every parameter, fixed poses included, match central di
     return VecX<T>(rnea(tree, arm.q, arm.qd, arm.qdd, ws));
   };
   const VecX<double> x = VecX<double>::Zero(num_parameters(arm.tree));
-  CHECK_THAT(jet_jacobian(x, tau), MatrixNear(central_jacobian(x, kStep, tau), kCentralDifferenceTol));
+  CHECK_THAT(jet_jacobian(x, tau),
+             MatrixNear(central_jacobian(x, kStep, tau), kCentralDifferenceTol));
 }
 
 TEST_CASE("rnea: a vector of the wrong length is refused by name", "[dynamics]") {

@@ -27,6 +27,8 @@ function(diffnea_add_isa_kernels target source)
     if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
       # GCC bug 105593: its own AVX-512 intrinsics start from a variable that is undefined on purpose.
       target_compile_options(${copy} PRIVATE -Wno-uninitialized -Wno-maybe-uninitialized)
+      # "Unique" symbols (constants of std::experimental::simd, in builds without optimisation) cannot be made local.
+      target_compile_options(${copy} PRIVATE -fno-gnu-unique)
     endif()
     if(march_${isa})
       target_compile_options(${copy} PRIVATE -march=${march_${isa}})

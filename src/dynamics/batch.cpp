@@ -1,8 +1,9 @@
 #include <algorithm>
+#include <thread>
+
 #include <diffnea/core/error.hpp>
 #include <diffnea/dynamics/batch.hpp>
 #include <diffnea/lie/inertia.hpp>
-#include <thread>
 
 #include "dynamics/batch_kernels.hpp"
 
@@ -45,7 +46,8 @@ const Kernels& choose(const std::string& name) {
     if (name.empty() || name == k.name) return k;
     known += (known.empty() ? "" : ", ") + std::string(k.name);
   }
-  throw Error("batch: this build and processor have no instruction set '" + name + "'; choices: " + known);
+  throw Error("batch: this build and processor have no instruction set '" + name +
+              "'; choices: " + known);
 }
 
 /// Every thread takes a contiguous share of the rows.
@@ -53,7 +55,8 @@ void run(batch::Kernel* kernel, const Tree<double>& tree, const batch::Rows& all
   constexpr long kRowsPerThread = 64;  // fewer are done before a thread has started
   const long count = all.end - all.begin;
   // The number of processors is read from a file: only on request.
-  const long wanted = num_threads > 0 ? num_threads : std::max(1u, std::thread::hardware_concurrency());
+  const long wanted =
+      num_threads > 0 ? num_threads : std::max(1u, std::thread::hardware_concurrency());
   const long shares = std::clamp<long>(wanted, 1, std::max(1L, count / kRowsPerThread));
   std::vector<std::jthread> threads;
   for (long s = 0; s < shares; ++s) {
@@ -67,7 +70,8 @@ void run(batch::Kernel* kernel, const Tree<double>& tree, const batch::Rows& all
   }
 }
 
-void require_shape(const char* where, const char* name, const RowMatX<double>& M, long rows, int columns) {
+void require_shape(const char* where, const char* name, const RowMatX<double>& M, long rows,
+                   int columns) {
   if (M.rows() == rows && M.cols() == columns) return;
   throw ShapeError(std::string(where) + ": " + name + " is " + std::to_string(M.rows()) + "x" +
                    std::to_string(M.cols()) + ", expected " + std::to_string(rows) + "x" +
@@ -76,15 +80,15 @@ void require_shape(const char* where, const char* name, const RowMatX<double>& M
 
 void run_rows(const char* where, batch::Kernel* Kernels::* kernel, const Tree<double>& tree,
               const RowMatX<double>& Q, const RowMatX<double>& Qd, const char* name_x,
-              const RowMatX<double>& X, long out_rows_per_state, long out_columns, RowMatX<double>& out,
-              const BatchOptions& options) {
+              const RowMatX<double>& X, long out_rows_per_state, long out_columns,
+              RowMatX<double>& out, const BatchOptions& options) {
   const int n = tree.num_dofs();
   require_shape(where, "Q", Q, Q.rows(), n);
   require_shape(where, "Qd", Qd, Q.rows(), n);
   require_shape(where, name_x, X, Q.rows(), n);
   out.resize(Q.rows() * out_rows_per_state, out_columns);
-  run(choose(options.instruction_set).*kernel, tree, {Q.data(), Qd.data(), X.data(), out.data(), 0, Q.rows()},
-      options.num_threads);
+  run(choose(options.instruction_set).*kernel, tree,
+      {Q.data(), Qd.data(), X.data(), out.data(), 0, Q.rows()}, options.num_threads);
 }
 
 }  // namespace
@@ -96,15 +100,17 @@ std::vector<std::string> batch_instruction_sets() {
   return names;
 }
 
-RowMatX<double> rnea_batch(const Tree<double>& tree, const RowMatX<double>& Q, const RowMatX<double>& Qd,
-                           const RowMatX<double>& Qdd, const BatchOptions& options) {
+RowMatX<double> rnea_batch(const Tree<double>& tree, const RowMatX<double>& Q,
+                           const RowMatX<double>& Qd, const RowMatX<double>& Qdd,
+                           const BatchOptions& options) {
   RowMatX<double> tau;
   run_rows("rnea_batch", &Kernels::rnea, tree, Q, Qd, "Qdd", Qdd, 1, tree.num_dofs(), tau, options);
   return tau;
 }
 
-RowMatX<double> aba_batch(const Tree<double>& tree, const RowMatX<double>& Q, const RowMatX<double>& Qd,
-                          const RowMatX<double>& Tau, const BatchOptions& options) {
+RowMatX<double> aba_batch(const Tree<double>& tree, const RowMatX<double>& Q,
+                          const RowMatX<double>& Qd, const RowMatX<double>& Tau,
+                          const BatchOptions& options) {
   RowMatX<double> qdd;
   run_rows("aba_batch", &Kernels::aba, tree, Q, Qd, "Tau", Tau, 1, tree.num_dofs(), qdd, options);
   return qdd;
@@ -113,7 +119,8 @@ RowMatX<double> aba_batch(const Tree<double>& tree, const RowMatX<double>& Q, co
 void regressor_batch(const Tree<double>& tree, const RowMatX<double>& Q, const RowMatX<double>& Qd,
                      const RowMatX<double>& Qdd, RowMatX<double>& Y, const BatchOptions& options) {
   const int n = tree.num_dofs();
-  run_rows("regressor_batch", &Kernels::regressor, tree, Q, Qd, "Qdd", Qdd, n, kThetaSize * n, Y, options);
+  run_rows("regressor_batch", &Kernels::regressor, tree, Q, Qd, "Qdd", Qdd, n, kThetaSize * n, Y,
+           options);
 }
 
 RowMatX<double> regressor_batch(const Tree<double>& tree, const RowMatX<double>& Q,

@@ -1,17 +1,19 @@
-/// The recursions over packs. The build compiles this file once per instruction set, DIFFNEA_ISA its name.
+/// The recursions over packs. The build compiles this file once per instruction set, DIFFNEA_ISA
+/// its name.
 ///
 /// One-definition rule: a template over `double` that both this file and the rest of the library
-/// instantiate (lie/, std::vector) would be one symbol, and the linker might keep the AVX-512 copy for
-/// everyone. The build therefore makes every symbol of this file local but those that carry the
+/// instantiate (lie/, std::vector) would be one symbol, and the linker might keep the AVX-512 copy
+/// for everyone. The build therefore makes every symbol of this file local but those that carry the
 /// instruction set's name (src/cmake/DiffneaIsaKernels.cmake); the pack's type differs by itself.
 
+#include "dynamics/batch_kernels.hpp"
+
 #include <algorithm>
+
 #include <diffnea/core/pack.hpp>
 #include <diffnea/dynamics/aba.hpp>
 #include <diffnea/dynamics/regressor.hpp>
 #include <diffnea/dynamics/rnea.hpp>
-
-#include "dynamics/batch_kernels.hpp"
 
 namespace diffnea::batch {
 namespace {
@@ -19,7 +21,9 @@ namespace {
 /// Lane l reads row begin + l, or the last row where there is none.
 void load(const double* rows, long begin, long end, int n, std::vector<Pack>& out) {
   for (int j = 0; j < n; ++j)
-    out[j] = Pack([&](auto lane) { return rows[std::min(begin + static_cast<long>(lane), end - 1) * n + j]; });
+    out[j] = Pack([&](auto lane) {
+      return rows[std::min(begin + static_cast<long>(lane), end - 1) * n + j];
+    });
 }
 
 void store(const std::vector<Pack>& in, long begin, long end, int n, double* rows) {
@@ -41,8 +45,10 @@ void for_each_pack(const Tree<double>& tree, const Rows& rows, const Compute& co
   }
 }
 
-/// (n × 10n) packs to one such matrix a lane; a block is zero unless its row's joint carries its link.
-void store_regressors(const Tree<double>& tree, const std::vector<Pack>& Y, long begin, long end, double* out) {
+/// (n × 10n) packs to one such matrix a lane; a block is zero unless its row's joint carries its
+/// link.
+void store_regressors(const Tree<double>& tree, const std::vector<Pack>& Y, long begin, long end,
+                      double* out) {
   const int n = tree.num_dofs(), columns = kThetaSize * n;
   const int lanes = static_cast<int>(std::min<long>(kPackWidth, end - begin));
   alignas(Pack) double block[kThetaSize][kPackWidth];
@@ -50,7 +56,8 @@ void store_regressors(const Tree<double>& tree, const std::vector<Pack>& Y, long
   for (int k = 0; k < n; ++k) {
     for (int i = k; i >= 0; i = tree.links[i].parent) {
       const long offset = static_cast<long>(i) * columns + kThetaSize * k;
-      for (int c = 0; c < kThetaSize; ++c) Y[offset + c].copy_to(block[c], std::experimental::vector_aligned);
+      for (int c = 0; c < kThetaSize; ++c)
+        Y[offset + c].copy_to(block[c], std::experimental::vector_aligned);
       for (int lane = 0; lane < lanes; ++lane) {
         double* target = out + (begin + lane) * n * columns + offset;
         for (int c = 0; c < kThetaSize; ++c) target[c] = block[c][lane];

@@ -1,6 +1,6 @@
 #pragma once
-/// Entry points of batch_kernels.cpp, one namespace per instruction set. Plain pointers only: what an
-/// instruction set does to the layout of a type must not cross this line.
+/// Entry points of batch_kernels.cpp, one namespace per instruction set. Plain pointers only: what
+/// an instruction set does to the layout of a type must not cross this line.
 
 #include <diffnea/model/tree.hpp>
 

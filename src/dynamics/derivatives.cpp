@@ -1,6 +1,6 @@
 #include <diffnea/core/error.hpp>
-#include <diffnea/dynamics/detail/joint_axis.hpp>
 #include <diffnea/dynamics/derivatives.hpp>
+#include <diffnea/dynamics/detail/joint_axis.hpp>
 
 #include "dynamics/ltl.hpp"
 
@@ -37,8 +37,7 @@ void velocity_pass(const Tree<double>& tree, const double* q, const double* qd, 
       l.X_WL = link.parent < 0 ? X_PL : links[link.parent].X_WL * X_PL;
       l.s = to_parent(l.X_WL, s_L);
     });
-    const Twist<double> V_P =
-        link.parent < 0 ? detail::zero_twist<double>() : links[link.parent].V;
+    const Twist<double> V_P = link.parent < 0 ? detail::zero_twist<double>() : links[link.parent].V;
     l.psid = ad(V_P, l.s);
     l.V = V_P + l.s * qd[i];
     l.M = to_parent(l.X_WL, link.inertia);
@@ -47,7 +46,7 @@ void velocity_pass(const Tree<double>& tree, const double* q, const double* qd, 
                                      half_trace - l.M.I.yy, -l.M.I.yz, half_trace - l.M.I.zz};
     const Mat3<double> spin = skew_times(l.V.angular, second_moment);
     const Vec3<double>& v = l.V.linear;
-    l.momentum = v * l.M.m + cross(l.V.angular, l.M.h);  // Σ m (v + ω×r)
+    l.momentum = v * l.M.m + cross(l.V.angular, l.M.h);                 // Σ m (v + ω×r)
     l.Gt = Mat3<double>{v * l.M.h.x, v * l.M.h.y, v * l.M.h.z} + spin;  // Σ m (v + ω×r) rᵀ
   }
 }
@@ -102,8 +101,8 @@ void derivative_pass(const Tree<double>& tree, States& links, RowMatX<double>& d
     const int parent = tree.links[i].parent;
     l.psidd = parent < 0 ? ad(A0, l.s) : ad(links[parent].A, l.s) + ad(links[parent].V, l.psid);
 
-    const Wrench<double> dF_dq = times_B(l, l.psid.angular) * 2.0 + l.M_c * l.psidd +
-                                 minus_ad_star(l.s, l.F);
+    const Wrench<double> dF_dq =
+        times_B(l, l.psid.angular) * 2.0 + l.M_c * l.psidd + minus_ad_star(l.s, l.F);
     const Wrench<double> dF_dqd = (times_B(l, l.s.angular) + l.M_c * l.psid) * 2.0;
     const Vec3<double> Bt_s = transpose_times_B(l, l.s) * 2.0;
     dtau_dq(i, i) = dot(l.s, dF_dq);
@@ -163,8 +162,8 @@ void rnea_derivatives(const Tree<double>& tree, VecIn<double> q, VecIn<double> q
   });
 }
 
-void aba_derivatives(const Tree<double>& tree, VecIn<double> q, VecIn<double> qd,
-                     VecIn<double> tau, AbaDerivatives& out) {
+void aba_derivatives(const Tree<double>& tree, VecIn<double> q, VecIn<double> qd, VecIn<double> tau,
+                     AbaDerivatives& out) {
   const int n = tree.num_dofs();
   require_size("aba_derivatives: q", q.size(), n, "joint");
   require_size("aba_derivatives: qd", qd.size(), n, "joint");

@@ -2,12 +2,11 @@
 
 namespace diffnea {
 
-#define DIFFNEA_INSTANTIATE(P, S)                                                       \
-  template void forward_kinematics<P, S>(const Tree<P>&, VecIn<S>, VecIn<S>, VecIn<S>, \
-                                         LinkKinematics<Prod<P, S>>&);                  \
-  template void forward_kinematics<P, S>(const Tree<P>&, VecIn<S>,                      \
-                                         LinkKinematics<Prod<P, S>>&);                  \
-  template void forward_kinematics<P, S>(const Tree<P>&, const LinkStates<P, S>&,       \
+#define DIFFNEA_INSTANTIATE(P, S)                                                                \
+  template void forward_kinematics<P, S>(const Tree<P>&, VecIn<S>, VecIn<S>, VecIn<S>,           \
+                                         LinkKinematics<Prod<P, S>>&);                           \
+  template void forward_kinematics<P, S>(const Tree<P>&, VecIn<S>, LinkKinematics<Prod<P, S>>&); \
+  template void forward_kinematics<P, S>(const Tree<P>&, const LinkStates<P, S>&,                \
                                          LinkKinematics<Prod<P, S>>&);
 DIFFNEA_FOR_EACH_SCALAR(DIFFNEA_INSTANTIATE)
 

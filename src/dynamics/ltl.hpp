@@ -3,6 +3,7 @@
 /// nonzero if j carries i (Featherstone 2008, §6.5). Rows of branches that do not meet never mix.
 
 #include <cmath>
+
 #include <diffnea/model/tree.hpp>
 
 namespace diffnea::detail {

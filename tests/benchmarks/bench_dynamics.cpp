@@ -1,22 +1,22 @@
 /// Time of the dynamics against MuJoCo, and Pinocchio where it was found: `make bench`.
-/// Thread CPU time per call; all calls take turns in every round, and the table shows the median round, so
-/// that a machine that slows down slows all of them.
-
-#include <time.h>
+/// Thread CPU time per call; all calls take turns in every round, and the table shows the median
+/// round, so that a machine that slows down slows all of them.
 
 #include <algorithm>
 #include <array>
 #include <cstdio>
+#include <fstream>
+#include <functional>
+#include <string>
+#include <time.h>
+#include <vector>
+
 #include <diffnea/dynamics/aba.hpp>
 #include <diffnea/dynamics/batch.hpp>
 #include <diffnea/dynamics/derivatives.hpp>
 #include <diffnea/dynamics/mass_matrix.hpp>
 #include <diffnea/dynamics/regressor.hpp>
 #include <diffnea/dynamics/rnea.hpp>
-#include <fstream>
-#include <functional>
-#include <string>
-#include <vector>
 
 #ifdef DIFFNEA_HAS_PINOCCHIO
 #include "benchmarks/pinocchio_peer.hpp"
@@ -68,7 +68,8 @@ std::string processor() {
 
 int main() {
   Rng rng(7);
-  Tree<double> tree = random_tree(rng, {.num_dofs = kJoints, .branching = false, .prismatic = false});
+  Tree<double> tree =
+      random_tree(rng, {.num_dofs = kJoints, .branching = false, .prismatic = false});
   for (int i = 0; i < kJoints; ++i) tree.links[i].axis = {0, 0, 1};
   tree.gravity = {0, 0, -9.81};
   std::vector<VecX<double>> q, qd, qdd, tau;
@@ -93,9 +94,12 @@ int main() {
   add("RNEA", "diffnea", [&](int k) { rnea(tree, q[k], qd[k], qdd[k], rnea_ws); });
   add("ABA", "diffnea", [&](int k) { aba(tree, q[k], qd[k], tau[k], aba_ws); });
   add("mass matrix", "diffnea", [&](int k) { mass_matrix(tree, q[k], mass_ws); });
-  add("RNEA derivatives", "diffnea", [&](int k) { rnea_derivatives(tree, q[k], qd[k], qdd[k], rnea_derivs); });
-  add("ABA derivatives", "diffnea", [&](int k) { aba_derivatives(tree, q[k], qd[k], tau[k], aba_derivs); });
-  add("torque regressor", "diffnea", [&](int k) { torque_regressor(tree, q[k], qd[k], qdd[k], regressor_ws); });
+  add("RNEA derivatives", "diffnea",
+      [&](int k) { rnea_derivatives(tree, q[k], qd[k], qdd[k], rnea_derivs); });
+  add("ABA derivatives", "diffnea",
+      [&](int k) { aba_derivatives(tree, q[k], qd[k], tau[k], aba_derivs); });
+  add("torque regressor", "diffnea",
+      [&](int k) { torque_regressor(tree, q[k], qd[k], qdd[k], regressor_ws); });
   add("70 d(qdd)/d(pi)", "diffnea",
       [&](int k) { forward_dynamics_parameter_jacobian(tree, q[k], qd[k], tau[k], parameter_ws); });
 
@@ -117,7 +121,8 @@ int main() {
     mj_forward(m, d);
   });
 
-  RowMatX<double> Q(kBatch, kJoints), Qd(kBatch, kJoints), Qdd(kBatch, kJoints), Tau(kBatch, kJoints);
+  RowMatX<double> Q(kBatch, kJoints), Qd(kBatch, kJoints), Qdd(kBatch, kJoints),
+      Tau(kBatch, kJoints);
   for (int k = 0; k < kBatch; ++k) {
     Q.row(k) = q[k % kStates];
     Qd.row(k) = qd[k % kStates];
@@ -128,7 +133,8 @@ int main() {
   for (const std::string& isa : batch_instruction_sets()) {
     const BatchOptions options{.num_threads = 1, .instruction_set = isa};
     const auto add_batch = [&](std::string group, std::function<void()> call) {
-      table.push_back({std::move(group), "diffnea " + isa + ", a state", [call](int) { call(); }, kBatch});
+      table.push_back(
+          {std::move(group), "diffnea " + isa + ", a state", [call](int) { call(); }, kBatch});
     };
     add_batch("RNEA", [&, options] { rnea_batch(tree, Q, Qd, Qdd, options); });
     add_batch("ABA", [&, options] { aba_batch(tree, Q, Qd, Tau, options); });
@@ -140,7 +146,8 @@ int main() {
   for (const Link<double>& link : tree.links) {
     const Vec3<double> p = link.X_PJ.p, c = link.inertia.h * (1.0 / link.inertia.m);
     const Mat3<double> Rt = transpose(link.X_PJ.R), I = full(inertia_about_com(link.inertia));
-    PeerLink peer{link.parent, {}, {p.x, p.y, p.z}, link.inertia.m, {c.x, c.y, c.z}, {}, link.armature};
+    PeerLink peer{link.parent,     {}, {p.x, p.y, p.z}, link.inertia.m,
+                  {c.x, c.y, c.z}, {}, link.armature};
     for (int k = 0; k < 3; ++k) {
       std::ranges::copy(std::array{Rt.col[k].x, Rt.col[k].y, Rt.col[k].z}, peer.R_PJ + 3 * k);
       std::ranges::copy(std::array{I.col[k].x, I.col[k].y, I.col[k].z}, peer.I_com + 3 * k);
@@ -149,30 +156,38 @@ int main() {
   }
   PinocchioPeer peer(peer_links);
   const std::string by = std::string("Pinocchio ") + PinocchioPeer::version();
-  for (int k = 0; k < kStates; ++k) {  // a comparison of times means something if the numbers are the same
-    const Eigen::Map<const VecX<double>> their_qdd(peer.aba(q[k].data(), qd[k].data(), tau[k].data()), kJoints);
-    const double error = (aba(tree, q[k], qd[k], tau[k], aba_ws) - their_qdd).norm() / their_qdd.norm();
+  for (int k = 0; k < kStates;
+       ++k) {  // a comparison of times means something if the numbers are the same
+    const Eigen::Map<const VecX<double>> their_qdd(
+        peer.aba(q[k].data(), qd[k].data(), tau[k].data()), kJoints);
+    const double error =
+        (aba(tree, q[k], qd[k], tau[k], aba_ws) - their_qdd).norm() / their_qdd.norm();
     if (!(error < 1e-9)) throw std::runtime_error("the peer computes something else");
   }
   add("RNEA", by, [&](int k) { peer.rnea(q[k].data(), qd[k].data(), qdd[k].data()); });
   add("ABA", by, [&](int k) { peer.aba(q[k].data(), qd[k].data(), tau[k].data()); });
   add("mass matrix", by, [&](int k) { peer.mass_matrix(q[k].data()); });
-  add("RNEA derivatives", by, [&](int k) { peer.rnea_derivatives(q[k].data(), qd[k].data(), qdd[k].data()); });
-  add("ABA derivatives", by, [&](int k) { peer.aba_derivatives(q[k].data(), qd[k].data(), tau[k].data()); });
-  add("torque regressor", by, [&](int k) { peer.torque_regressor(q[k].data(), qd[k].data(), qdd[k].data()); });
+  add("RNEA derivatives", by,
+      [&](int k) { peer.rnea_derivatives(q[k].data(), qd[k].data(), qdd[k].data()); });
+  add("ABA derivatives", by,
+      [&](int k) { peer.aba_derivatives(q[k].data(), qd[k].data(), tau[k].data()); });
+  add("torque regressor", by,
+      [&](int k) { peer.torque_regressor(q[k].data(), qd[k].data(), qdd[k].data()); });
 #endif
 
   for (int round = 0; round < kRounds; ++round)
     for (Timed& timed : table) run_round(timed);
 
-  std::printf("%s; MuJoCo %s; %d joints; median of %d rounds, thread CPU time; ratio to diffnea's scalar call\n", processor().c_str(),
-              mj_versionString(), kJoints, kRounds);
+  std::printf(
+      "%s; MuJoCo %s; %d joints; median of %d rounds, thread CPU time; ratio to diffnea's scalar "
+      "call\n",
+      processor().c_str(), mj_versionString(), kJoints, kRounds);
   std::printf("%-18s %-26s %10s %8s\n", "call", "by", "ns", "ratio");
   for (const Timed& ours : table) {
     if (ours.name != "diffnea") continue;
     for (const Timed& other : table)
       if (other.group == ours.group)
-        std::printf("%-18s %-26s %10.0f %8.2f\n", other.group.c_str(), other.name.c_str(), other.median(),
-                    other.median() / ours.median());
+        std::printf("%-18s %-26s %10.0f %8.2f\n", other.group.c_str(), other.name.c_str(),
+                    other.median(), other.median() / ours.median());
   }
 }

@@ -26,13 +26,16 @@ struct PinocchioPeer::Impl {
     pinocchio::Model model;
     for (std::size_t i = 0; i < links.size(); ++i) {
       const PeerLink& l = links[i];
-      const pinocchio::SE3 placement(Eigen::Map<const Row3>(l.R_PJ), Eigen::Map<const Eigen::Vector3d>(l.p_PJ));
+      const pinocchio::SE3 placement(Eigen::Map<const Row3>(l.R_PJ),
+                                     Eigen::Map<const Eigen::Vector3d>(l.p_PJ));
       const auto id = model.addJoint(static_cast<pinocchio::JointIndex>(l.parent + 1),
                                      pinocchio::JointModelRZ(), placement, "j" + std::to_string(i));
-      model.appendBodyToJoint(id, pinocchio::Inertia(l.mass, Eigen::Map<const Eigen::Vector3d>(l.p_com),
-                                                     Eigen::Map<const Row3>(l.I_com)));
+      model.appendBodyToJoint(id,
+                              pinocchio::Inertia(l.mass, Eigen::Map<const Eigen::Vector3d>(l.p_com),
+                                                 Eigen::Map<const Row3>(l.I_com)));
     }
-    for (std::size_t i = 0; i < links.size(); ++i) model.armature[static_cast<Eigen::Index>(i)] = links[i].armature;
+    for (std::size_t i = 0; i < links.size(); ++i)
+      model.armature[static_cast<Eigen::Index>(i)] = links[i].armature;
     return model;
   }
   explicit Impl(const std::vector<PeerLink>& links)

@@ -1,8 +1,9 @@
 #pragma once
-/// Jacobians of vector functions: by Jets of the library's width, in as many sweeps as it takes, and by
-/// central differences.
+/// Jacobians of vector functions: by Jets of the library's width, in as many sweeps as it takes,
+/// and by central differences.
 
 #include <algorithm>
+
 #include <diffnea/core/scalar.hpp>
 
 namespace diffnea::test {

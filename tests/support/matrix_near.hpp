@@ -1,9 +1,10 @@
 #pragma once
 /// Catch2 matcher: every entry equal to within an absolute tolerance; says which entry is worst.
 
+#include <sstream>
+
 #include <Eigen/Core>
 #include <catch2/matchers/catch_matchers_templated.hpp>
-#include <sstream>
 
 namespace diffnea::test {
 

@@ -1,19 +1,20 @@
 #pragma once
 /// A link tree as an MJCF, compiled by MuJoCo.
 
-#include <mujoco/mujoco.h>
-#include <unistd.h>
-
-#include <Eigen/Eigenvalues>
 #include <cstdio>
-#include <diffnea/model/tree.hpp>
 #include <filesystem>
 #include <fstream>
 #include <initializer_list>
 #include <memory>
 #include <stdexcept>
 #include <string>
+#include <unistd.h>
 #include <vector>
+
+#include <Eigen/Eigenvalues>
+#include <mujoco/mujoco.h>
+
+#include <diffnea/model/tree.hpp>
 
 namespace diffnea::test {
 
@@ -32,7 +33,8 @@ inline std::string quaternion(const Eigen::Matrix3d& R) {
   return numbers({q.w(), q.x(), q.y(), q.z()});
 }
 
-/// Inertia in principal axes: `fullinertia` would be diagonalised by MuJoCo, before 3.16 to 1e-6 only.
+/// Inertia in principal axes: `fullinertia` would be diagonalised by MuJoCo, before 3.16 to 1e-6
+/// only.
 inline std::string inertial(const SpatialInertia<double>& b) {
   const Vec3<double> p = b.h * (1.0 / b.m);
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(to_eigen(full(inertia_about_com(b))));
@@ -40,7 +42,8 @@ inline std::string inertial(const SpatialInertia<double>& b) {
   if (axes.determinant() < 0) axes.col(0) *= -1.0;
   const Eigen::Vector3d moments = solver.eigenvalues();
   return "<inertial mass='" + numbers({b.m}) + "' pos='" + numbers({p.x, p.y, p.z}) + "' quat='" +
-         quaternion(axes) + "' diaginertia='" + numbers({moments[0], moments[1], moments[2]}) + "'/>";
+         quaternion(axes) + "' diaginertia='" + numbers({moments[0], moments[1], moments[2]}) +
+         "'/>";
 }
 
 inline std::string bodies(const Tree<double>& tree, int parent) {
@@ -64,9 +67,10 @@ struct Mujoco {
   explicit Mujoco(const Tree<double>& tree) {
     const auto path = std::filesystem::temp_directory_path() /
                       ("diffnea_dynamics_" + std::to_string(getpid()) + ".xml");
-    std::ofstream(path) << "<mujoco><compiler angle='radian' inertiafromgeom='false'/><option gravity='"
-                        << numbers({tree.gravity.x, tree.gravity.y, tree.gravity.z})
-                        << "'/><worldbody>" << bodies(tree, -1) << "</worldbody></mujoco>";
+    std::ofstream(path)
+        << "<mujoco><compiler angle='radian' inertiafromgeom='false'/><option gravity='"
+        << numbers({tree.gravity.x, tree.gravity.y, tree.gravity.z}) << "'/><worldbody>"
+        << bodies(tree, -1) << "</worldbody></mujoco>";
     char error[500] = "";
     model.reset(mj_loadXML(path.c_str(), nullptr, error, sizeof error));
     std::filesystem::remove(path);
@@ -84,7 +88,8 @@ struct Mujoco {
                    *moments = model->body_inertia + 3 * body;
       const Sym3<double> I_com = rotate(rotation_from_quaternion(q[0], q[1], q[2], q[3]),
                                         Sym3<double>{moments[0], 0, 0, moments[1], 0, moments[2]});
-      tree.links[i].inertia = inertia_from_com<double>(model->body_mass[body], {p[0], p[1], p[2]}, I_com);
+      tree.links[i].inertia =
+          inertia_from_com<double>(model->body_mass[body], {p[0], p[1], p[2]}, I_com);
     }
     return tree;
   }

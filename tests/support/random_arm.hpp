@@ -1,6 +1,6 @@
 #pragma once
-/// Random robots and states for property tests: branching trees, revolute and prismatic joints, any axes,
-/// rotor inertia, any gravity, inertias that a body can have.
+/// Random robots and states for property tests: branching trees, revolute and prismatic joints, any
+/// axes, rotor inertia, any gravity, inertias that a body can have.
 
 #include <diffnea/core/random.hpp>
 #include <diffnea/model/tree.hpp>
@@ -27,20 +27,22 @@ inline SpatialInertia<double> random_inertia(Rng& rng, int num_points = 10) {
   SpatialInertia<double> sum;
   const Vec3<double> center = random_vec3(rng, 0.1);
   for (int i = 0; i < num_points; ++i)
-    sum = sum + inertia_from_com<double>(rng.uniform(0.05, 0.4), center + random_vec3(rng, 0.1), {});
+    sum =
+        sum + inertia_from_com<double>(rng.uniform(0.05, 0.4), center + random_vec3(rng, 0.1), {});
   return sum;
 }
 
 struct RandomArmOptions {
   int num_dofs = 6;
-  bool branching = true;      ///< else a serial chain
-  bool prismatic = true;      ///< a third of the joints slide; else all revolute
+  bool branching = true;        ///< else a serial chain
+  bool prismatic = true;        ///< a third of the joints slide; else all revolute
   bool principal_axes = false;  ///< ±x, ±y, ±z only; else half of the axes are oblique
   bool armature = true;
 };
 
 inline Tree<double> random_tree(Rng& rng, const RandomArmOptions& options = {}) {
-  const Vec3<double> principal[] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}, {-1, 0, 0}, {0, -1, 0}, {0, 0, -1}};
+  const Vec3<double> principal[] = {{1, 0, 0},  {0, 1, 0},  {0, 0, 1},
+                                    {-1, 0, 0}, {0, -1, 0}, {0, 0, -1}};
   Tree<double> tree;
   tree.gravity = random_vec3(rng, 6.0);
   for (int i = 0; i < options.num_dofs; ++i) {
@@ -48,7 +50,8 @@ inline Tree<double> random_tree(Rng& rng, const RandomArmOptions& options = {}) 
     link.parent = options.branching ? static_cast<int>(rng.uniform() * (i + 1)) - 1 : i - 1;
     // Serial stretches are what most robots have: half of the links follow the one before.
     if (rng.uniform() < 0.5) link.parent = i - 1;
-    link.type = options.prismatic && rng.uniform() < 0.33 ? JointType::kPrismatic : JointType::kRevolute;
+    link.type =
+        options.prismatic && rng.uniform() < 0.33 ? JointType::kPrismatic : JointType::kRevolute;
     const bool oblique = !options.principal_axes && rng.uniform() < 0.5;
     link.axis = oblique ? random_unit(rng) : principal[static_cast<int>(rng.uniform() * 6)];
     link.X_PJ = random_pose(rng);

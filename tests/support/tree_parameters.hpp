@@ -1,6 +1,6 @@
 #pragma once
-/// Every continuous parameter of a tree as one vector of deviations: gravity, and per link the fixed pose
-/// (a rotation vector in J and a shift), the ten inertial parameters, the rotor inertia.
+/// Every continuous parameter of a tree as one vector of deviations: gravity, and per link the
+/// fixed pose (a rotation vector in J and a shift), the ten inertial parameters, the rotor inertia.
 
 #include <diffnea/model/tree.hpp>
 
@@ -8,7 +8,9 @@ namespace diffnea::test {
 
 inline constexpr int kParametersPerLink = 6 + kThetaSize + 1;
 
-inline int num_parameters(const Tree<double>& tree) { return 3 + kParametersPerLink * tree.num_dofs(); }
+inline int num_parameters(const Tree<double>& tree) {
+  return 3 + kParametersPerLink * tree.num_dofs();
+}
 
 template <Scalar T>
 Tree<T> with_parameters(const Tree<double>& tree, const VecX<T>& x) {

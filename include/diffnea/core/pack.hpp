@@ -1,13 +1,15 @@
 #pragma once
-/// SIMD packs as a scalar: one state per lane. Internal: the width depends on the compiler's flags, so no
-/// public header may include this, and only files that diffnea_add_isa_kernels builds may use it.
+/// SIMD packs as a scalar: one state per lane. Internal: the width depends on the compiler's flags,
+/// so no public header may include this, and only files that diffnea_add_isa_kernels builds may use
+/// it.
 ///
-/// `native_simd` is as wide as a register: wider packs spill (gcc 12, ABA: 65 ns a lane at 8 lanes of
-/// AVX-512, 349 at 16). Its type, and so the name of every template over it, differs between
+/// `native_simd` is as wide as a register: wider packs spill (gcc 12, ABA: 65 ns a lane at 8 lanes
+/// of AVX-512, 349 at 16). Its type, and so the name of every template over it, differs between
 /// instruction sets.
 
-#include <diffnea/core/scalar.hpp>
 #include <experimental/simd>
+
+#include <diffnea/core/scalar.hpp>
 
 namespace diffnea {
 

@@ -1,5 +1,6 @@
 #pragma once
-/// Forward dynamics: the articulated-body algorithm in Lie-group form (paper, Algorithm 1, corrected).
+/// Forward dynamics: the articulated-body algorithm in Lie-group form (paper, Algorithm 1,
+/// corrected).
 
 #include <diffnea/dynamics/rnea.hpp>
 
@@ -9,10 +10,10 @@ template <Scalar P, Scalar S>
 struct AbaStates : LinkStates<P, S> {
   using R = Prod<P, S>;
   struct Articulated {
-    ArticulatedInertia<R> M;   ///< M̂, the inertia of the link and all that hangs on it
-    Wrench<R> f_b;             ///< bias force
-    Wrench<R> U;               ///< M̂ s
-    R psi;                     ///< Ψ = (sᵀ M̂ s + I_r)⁻¹
+    ArticulatedInertia<R> M;  ///< M̂, the inertia of the link and all that hangs on it
+    Wrench<R> f_b;            ///< bias force
+    Wrench<R> U;              ///< M̂ s
+    R psi;                    ///< Ψ = (sᵀ M̂ s + I_r)⁻¹
   };
   std::vector<Articulated> articulated;
 };
@@ -26,8 +27,10 @@ struct AbaWorkspace : AbaStates<P, S> {
 /// (friction, springs) are the caller's: pass u − τ_effects.
 /// Corrected against the print: the bias force holds the link's own inertia M̄, not M̂; q̈ takes +f_b;
 /// the base accelerates by −g; the rotor inertia I_r enters Ψ.
-/// @param q, qd, u  (n) position [rad], velocity [rad/s], joint torque [N·m]; [m, m/s, N] if prismatic
-/// @param ws  scratch, overwritten: every link's twist, acceleration and wrench stay readable there;
+/// @param q, qd, u  (n) position [rad], velocity [rad/s], joint torque [N·m]; [m, m/s, N] if
+/// prismatic
+/// @param ws  scratch, overwritten: every link's twist, acceleration and wrench stay readable
+/// there;
 ///            no allocation once it has seen this tree
 /// @return ws.qdd
 /// @throws ShapeError if a length differs from tree.num_dofs()

@@ -1,10 +1,11 @@
 #pragma once
-/// Dynamics of many states at once: rows of matrices, one state a row. Several rows run side by side in
-/// the lanes of SIMD registers; the instruction set is chosen when the program runs.
+/// Dynamics of many states at once: rows of matrices, one state a row. Several rows run side by
+/// side in the lanes of SIMD registers; the instruction set is chosen when the program runs.
 
-#include <diffnea/model/tree.hpp>
 #include <string>
 #include <vector>
+
+#include <diffnea/model/tree.hpp>
 
 namespace diffnea {
 
@@ -17,7 +18,8 @@ struct BatchOptions {
 std::vector<std::string> batch_instruction_sets();
 
 /// τ [N·m], (N × n): rnea of every row.
-/// @param Q, Qd, Qdd  (N × n) positions [rad], velocities [rad/s], accelerations [rad/s²]; [m …] if prismatic
+/// @param Q, Qd, Qdd  (N × n) positions [rad], velocities [rad/s], accelerations [rad/s²]; [m …] if
+/// prismatic
 /// @throws ShapeError if shapes differ or columns are not tree.num_dofs()
 /// @throws Error naming the instruction sets there are if options ask for another
 RowMatX<double> rnea_batch(const Tree<double>& tree, const RowMatX<double>& Q,
@@ -25,21 +27,24 @@ RowMatX<double> rnea_batch(const Tree<double>& tree, const RowMatX<double>& Q,
                            const BatchOptions& options = {});
 
 /// q̈ [rad/s²], (N × n): aba of every row.
-/// @param Q, Qd, Tau  (N × n) positions [rad], velocities [rad/s], torques [N·m]; [m …] if prismatic
+/// @param Q, Qd, Tau  (N × n) positions [rad], velocities [rad/s], torques [N·m]; [m …] if
+/// prismatic
 /// @throws as rnea_batch
 RowMatX<double> aba_batch(const Tree<double>& tree, const RowMatX<double>& Q,
                           const RowMatX<double>& Qd, const RowMatX<double>& Tau,
                           const BatchOptions& options = {});
 
-/// Torque regressors of all rows, stacked: (N·n × 10n), rows k·n … k·n + n − 1 are those of state k.
+/// Torque regressors of all rows, stacked: (N·n × 10n), rows k·n … k·n + n − 1 are those of state
+/// k.
 /// @param Q, Qd, Qdd  (N × n) as for rnea_batch
 /// @throws as rnea_batch
 RowMatX<double> regressor_batch(const Tree<double>& tree, const RowMatX<double>& Q,
                                 const RowMatX<double>& Qd, const RowMatX<double>& Qdd,
                                 const BatchOptions& options = {});
-/// The same into Y, which is resized if need be. Half of the time of a fresh matrix goes into its memory
-/// pages: reuse one.
+/// The same into Y, which is resized if need be. Half of the time of a fresh matrix goes into its
+/// memory pages: reuse one.
 void regressor_batch(const Tree<double>& tree, const RowMatX<double>& Q, const RowMatX<double>& Qd,
-                     const RowMatX<double>& Qdd, RowMatX<double>& Y, const BatchOptions& options = {});
+                     const RowMatX<double>& Qdd, RowMatX<double>& Y,
+                     const BatchOptions& options = {});
 
 }  // namespace diffnea

@@ -1,13 +1,14 @@
 #pragma once
 /// Analytic derivatives of inverse and forward dynamics, for `double`: 20 times cheaper than Jets.
 ///
-/// All vectors live in the world frame at its origin, where the derivative of everything that hangs on
-/// joint j with respect to q_j is one Lie bracket with s_j (Singh, Russell, Wensing 2022, "Efficient
-/// Analytical Derivatives of Rigid-Body Dynamics using Spatial Vector Algebra", Table I). With
+/// All vectors live in the world frame at its origin, where the derivative of everything that hangs
+/// on joint j with respect to q_j is one Lie bracket with s_j (Singh, Russell, Wensing 2022,
+/// "Efficient Analytical Derivatives of Rigid-Body Dynamics using Spatial Vector Algebra", Table
+/// I). With
 ///   ψ̇_j = v̄_λ × s_j,   ψ̈_j = ā_λ × s_j + v̄_λ × ψ̇_j   (λ the parent, ā₀ = [0; −g])
 /// and M̄ᶜ, B̄ᶜ, f̄ᶜ summed over the subtree of i, for j ≤ i:
-///   ∂τ_i/∂q_j = s_iᵀ(2B̄ᶜ_i ψ̇_j + M̄ᶜ_i ψ̈_j)      ∂τ_j/∂q_i = s_jᵀ(2B̄ᶜ_i ψ̇_i + M̄ᶜ_i ψ̈_i + s_i ×* f̄ᶜ_i)
-///   ∂τ_i/∂q̇_j = 2s_iᵀ(B̄ᶜ_i s_j + M̄ᶜ_i ψ̇_j)      ∂τ_j/∂q̇_i = 2s_jᵀ(B̄ᶜ_i s_i + M̄ᶜ_i ψ̇_i)
+///   ∂τ_i/∂q_j = s_iᵀ(2B̄ᶜ_i ψ̇_j + M̄ᶜ_i ψ̈_j)      ∂τ_j/∂q_i = s_jᵀ(2B̄ᶜ_i ψ̇_i + M̄ᶜ_i ψ̈_i + s_i ×*
+///   f̄ᶜ_i) ∂τ_i/∂q̇_j = 2s_iᵀ(B̄ᶜ_i s_j + M̄ᶜ_i ψ̇_j)      ∂τ_j/∂q̇_i = 2s_jᵀ(B̄ᶜ_i s_i + M̄ᶜ_i ψ̇_i)
 /// Theirs is a 6×6 B̄. Summed over the points r of a body, which move at ẋ, it is the map
 ///   B̄ [w; u] = Σ m [r×(w×ẋ); w×ẋ],
 /// which does not see u and holds 12 numbers: the momentum Σ m ẋ and G = Σ m r ẋᵀ.
@@ -20,13 +21,13 @@ namespace diffnea {
 struct WorldStates {
   struct State {
     Pose<double> X_WL;
-    Twist<double> s, V, A;             ///< joint axis, twist, acceleration minus gravity; in W
-    Twist<double> psid, psidd;         ///< ψ̇, ψ̈
-    SpatialInertia<double> M, M_c;     ///< of the link; of its subtree, M̄ᶜ
-    Vec3<double> momentum;             ///< Σ m ẋ, of the link, then of its subtree
-    Mat3<double> Gt;                   ///< Gᵀ = Σ m ẋ rᵀ, of the link, then of its subtree
-    Wrench<double> F;                  ///< of the link, then of its subtree, f̄ᶜ
-    Wrench<double> U;                  ///< M̄ᶜ s
+    Twist<double> s, V, A;          ///< joint axis, twist, acceleration minus gravity; in W
+    Twist<double> psid, psidd;      ///< ψ̇, ψ̈
+    SpatialInertia<double> M, M_c;  ///< of the link; of its subtree, M̄ᶜ
+    Vec3<double> momentum;          ///< Σ m ẋ, of the link, then of its subtree
+    Mat3<double> Gt;                ///< Gᵀ = Σ m ẋ rᵀ, of the link, then of its subtree
+    Wrench<double> F;               ///< of the link, then of its subtree, f̄ᶜ
+    Wrench<double> U;               ///< M̄ᶜ s
   };
   std::vector<State> links;
 };
@@ -40,20 +41,21 @@ struct RneaDerivatives {
 };
 
 /// τ and its derivatives with respect to q, q̇, q̈.
-/// @param q, qd, qdd  (n) position [rad], velocity [rad/s], acceleration [rad/s²]; [m …] if prismatic
+/// @param q, qd, qdd  (n) position [rad], velocity [rad/s], acceleration [rad/s²]; [m …] if
+/// prismatic
 /// @param out  overwritten; no allocation once it has seen this tree
 /// @throws ShapeError if a length differs from tree.num_dofs()
 void rnea_derivatives(const Tree<double>& tree, VecIn<double> q, VecIn<double> qd,
                       VecIn<double> qdd, RneaDerivatives& out);
 
 struct AbaDerivatives {
-  VecX<double> qdd;           ///< (n) [rad/s²]
-  RowMatX<double> dqdd_dq;    ///< (n × n) −M⁻¹ ∂τ/∂q
-  RowMatX<double> dqdd_dqd;   ///< (n × n) −M⁻¹ ∂τ/∂q̇
-  RowMatX<double> dqdd_dtau;  ///< (n × n) M⁻¹
+  VecX<double> qdd;                   ///< (n) [rad/s²]
+  RowMatX<double> dqdd_dq;            ///< (n × n) −M⁻¹ ∂τ/∂q
+  RowMatX<double> dqdd_dqd;           ///< (n × n) −M⁻¹ ∂τ/∂q̇
+  RowMatX<double> dqdd_dtau;          ///< (n × n) M⁻¹
   RowMatX<double> dtau_dq, dtau_dqd;  ///< (n × n) of inverse dynamics at q̈
-  RowMatX<double> L;          ///< (n × n) lower factor of the mass matrix, M = LᵀL
-  VecX<double> tau;           ///< inverse dynamics of q̈: the given torque, to rounding
+  RowMatX<double> L;                  ///< (n × n) lower factor of the mass matrix, M = LᵀL
+  VecX<double> tau;                   ///< inverse dynamics of q̈: the given torque, to rounding
   WorldStates scratch;
 };
 
@@ -61,8 +63,8 @@ struct AbaDerivatives {
 /// @param q, qd, tau  (n) position [rad], velocity [rad/s], joint torque [N·m]; [m …] if prismatic
 /// @param out  overwritten; no allocation once it has seen this tree
 /// @throws ShapeError if a length differs from tree.num_dofs()
-void aba_derivatives(const Tree<double>& tree, VecIn<double> q, VecIn<double> qd,
-                     VecIn<double> tau, AbaDerivatives& out);
+void aba_derivatives(const Tree<double>& tree, VecIn<double> q, VecIn<double> qd, VecIn<double> tau,
+                     AbaDerivatives& out);
 
 struct ParameterJacobianWorkspace {
   VecX<double> qdd;          ///< (n) [rad/s²]
@@ -73,8 +75,8 @@ struct ParameterJacobianWorkspace {
   std::vector<RegressorLinkMotion<double>> motion;
 };
 
-/// ∂q̈/∂π = −M⁻¹ Y(q, q̇, q̈), (n × 10n), at q̈ = aba(q, q̇, tau): exact, because τ = Y π + I_r q̈ is linear
-/// in the inertial parameters π.
+/// ∂q̈/∂π = −M⁻¹ Y(q, q̇, q̈), (n × 10n), at q̈ = aba(q, q̇, tau): exact, because τ = Y π + I_r q̈ is
+/// linear in the inertial parameters π.
 /// @param q, qd, tau  (n) position [rad], velocity [rad/s], joint torque [N·m]; [m …] if prismatic
 /// @param ws  scratch, overwritten; no allocation once it has seen this tree
 /// @return ws.dqdd_dpi, order of π as in torque_regressor

@@ -1,5 +1,6 @@
 #pragma once
-/// Where the links are and how they move: poses, twists, accelerations, and any frame F fixed to a link.
+/// Where the links are and how they move: poses, twists, accelerations, and any frame F fixed to a
+/// link.
 
 #include <diffnea/dynamics/rnea.hpp>
 
@@ -11,7 +12,8 @@ struct LinkKinematics {
   struct LinkMotion {
     Pose<T> X_WL;
     Twist<T> V;  ///< twist of L against W, in L
-    Twist<T> A;  ///< its spatial acceleration, in L; the linear part is not ẍ of the origin (see FrameMotion)
+    Twist<T> A;  ///< its spatial acceleration, in L; the linear part is not ẍ of the origin (see
+                 ///< FrameMotion)
   };
   std::vector<LinkMotion> links;
 };
@@ -27,7 +29,8 @@ struct FrameMotion {
 };
 
 /// Poses, twists and accelerations of all links.
-/// @param q, qd, qdd  (n) position [rad], velocity [rad/s], acceleration [rad/s²]; [m …] if prismatic
+/// @param q, qd, qdd  (n) position [rad], velocity [rad/s], acceleration [rad/s²]; [m …] if
+/// prismatic
 /// @param out  overwritten; no allocation once it has seen this tree
 /// @throws ShapeError if a length differs from tree.num_dofs()
 template <Scalar P, Scalar S>
@@ -37,8 +40,8 @@ void forward_kinematics(const Tree<P>& tree, VecIn<S> q, VecIn<S> qd, VecIn<S> q
 template <Scalar P, Scalar S>
 void forward_kinematics(const Tree<P>& tree, VecIn<S> q, LinkKinematics<Prod<P, S>>& out);
 
-/// The same from the workspace that rnea or aba has just filled: the offset −g that their accelerations
-/// carry is removed.
+/// The same from the workspace that rnea or aba has just filled: the offset −g that their
+/// accelerations carry is removed.
 template <Scalar P, Scalar S>
 void forward_kinematics(const Tree<P>& tree, const LinkStates<P, S>& states,
                         LinkKinematics<Prod<P, S>>& out);

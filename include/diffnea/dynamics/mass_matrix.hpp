@@ -13,7 +13,8 @@ struct MassMatrixWorkspace {
   MatX<R> M;
 };
 
-/// M(q), (n × n), symmetric, rotor inertia I_r on the diagonal: τ = M q̈ + c(q, q̇). [kg·m², kg·m, kg]
+/// M(q), (n × n), symmetric, rotor inertia I_r on the diagonal: τ = M q̈ + c(q, q̇). [kg·m², kg·m,
+/// kg]
 /// @param q  (n) position [rad], [m] if prismatic
 /// @param ws  scratch, overwritten; no allocation once it has seen this tree
 /// @return ws.M

@@ -1,8 +1,9 @@
 #pragma once
 /// Inverse dynamics: recursive Newton–Euler in Lie-group form (paper, Algorithm 2, corrected).
 
-#include <diffnea/model/tree.hpp>
 #include <vector>
+
+#include <diffnea/model/tree.hpp>
 
 namespace diffnea {
 
@@ -13,8 +14,8 @@ struct LinkStates {
   struct State {
     Pose<R> X_PL;  ///< pose of the link in its parent
     Twist<R> V;    ///< twist of L against W, in L
-    Twist<R> A;    ///< its spatial acceleration minus gravity (base acceleration a₀ = [0; −g]), in L
-    Wrench<R> F;   ///< wrench that the parent transmits through the joint, about L's origin, in L
+    Twist<R> A;   ///< its spatial acceleration minus gravity (base acceleration a₀ = [0; −g]), in L
+    Wrench<R> F;  ///< wrench that the parent transmits through the joint, about L's origin, in L
   };
   std::vector<State> links;
 };
@@ -25,9 +26,12 @@ struct RneaWorkspace : LinkStates<P, S> {
 };
 
 /// Joint torques τ [N·m], (n), that produce q̈ at (q, q̇), rotor inertia included: O(n).
-/// Twists and wrenches are expressed in their link L (paper, Algorithm 2; Featherstone 2008, Table 5.1).
-/// @param q, qd, qdd  (n) position [rad], velocity [rad/s], acceleration [rad/s²]; [m …] if prismatic
-/// @param ws  scratch, overwritten: every link's twist, acceleration and wrench stay readable there;
+/// Twists and wrenches are expressed in their link L (paper, Algorithm 2; Featherstone 2008,
+/// Table 5.1).
+/// @param q, qd, qdd  (n) position [rad], velocity [rad/s], acceleration [rad/s²]; [m …] if
+/// prismatic
+/// @param ws  scratch, overwritten: every link's twist, acceleration and wrench stay readable
+/// there;
 ///            no allocation once it has seen this tree
 /// @return ws.tau
 /// @throws ShapeError if a length differs from tree.num_dofs()

@@ -1,6 +1,7 @@
 #pragma once
-/// Motion subspace s of a revolute joint along a coordinate axis, s = [e_K; 0], as a type: products with
-/// it pick components, so that the recursions read as for any s and compute what differs from zero.
+/// Motion subspace s of a revolute joint along a coordinate axis, s = [e_K; 0], as a type: products
+/// with it pick components, so that the recursions read as for any s and compute what differs from
+/// zero.
 
 #include <diffnea/lie/inertia.hpp>
 
@@ -37,7 +38,8 @@ AlongAxis<K, T> operator*(RevoluteAxis<K>, const T& x) {
 }
 template <int K, class A, class B>
 Twist<Prod<A, B>> operator+(const Twist<A>& V, const AlongAxis<K, B>& sx) {
-  Twist<Prod<A, B>> out{V.angular.template cast<Prod<A, B>>(), V.linear.template cast<Prod<A, B>>()};
+  Twist<Prod<A, B>> out{V.angular.template cast<Prod<A, B>>(),
+                        V.linear.template cast<Prod<A, B>>()};
   component<K>(out.angular) = component<K>(V.angular) + sx.x;
   return out;
 }
@@ -90,7 +92,8 @@ Wrench<T> operator*(const SpatialInertia<T>& M, RevoluteAxis<K>) {
 }
 template <int K, class T>
 Wrench<T> operator*(const ArticulatedInertia<T>& M, RevoluteAxis<K>) {
-  return {column<K>(M.I), {component<K>(M.H.col[0]), component<K>(M.H.col[1]), component<K>(M.H.col[2])}};
+  return {column<K>(M.I),
+          {component<K>(M.H.col[0]), component<K>(M.H.col[1]), component<K>(M.H.col[2])}};
 }
 template <int K, class T>
 Wrench<T> operator*(const ArticulatedInertia<T>& M, const AcrossAxis<K, T>& U) {

@@ -1,13 +1,15 @@
 #pragma once
-/// Spatial inertia M̄ = [[J, m[p]], [m[p]ᵀ, m I]] of one link, and the articulated inertia of a subtree.
+/// Spatial inertia M̄ = [[J, m[p]], [m[p]ᵀ, m I]] of one link, and the articulated inertia of a
+/// subtree.
 
 #include <array>
+
 #include <diffnea/lie/se3.hpp>
 
 namespace diffnea {
 
-/// Order of the ten inertial parameters everywhere: θ = [m, hx, hy, hz, Ixx, Ixy, Ixz, Iyy, Iyz, Izz],
-/// h = m·p_com [kg·m], I about the link origin [kg·m²]; linear in every torque.
+/// Order of the ten inertial parameters everywhere: θ = [m, hx, hy, hz, Ixx, Ixy, Ixz, Iyy, Iyz,
+/// Izz], h = m·p_com [kg·m], I about the link origin [kg·m²]; linear in every torque.
 inline constexpr int kThetaSize = 10;
 template <class T>
 using Theta = std::array<T, kThetaSize>;
@@ -40,8 +42,8 @@ Wrench<Prod<A, B>> operator*(const SpatialInertia<A>& M, const Twist<B>& V) {
 template <class T>
 Sym3<T> minus_skew_product(const Vec3<T>& a, const Vec3<T>& b) {
   const T xx = a.x * b.x, yy = a.y * b.y, zz = a.z * b.z;
-  return {T(2.0) * (yy + zz),        -(a.x * b.y + b.x * a.y), -(a.x * b.z + b.x * a.z),
-          T(2.0) * (xx + zz),        -(a.y * b.z + b.y * a.z), T(2.0) * (xx + yy)};
+  return {T(2.0) * (yy + zz), -(a.x * b.y + b.x * a.y), -(a.x * b.z + b.x * a.z),
+          T(2.0) * (xx + zz), -(a.y * b.z + b.y * a.z), T(2.0) * (xx + yy)};
 }
 
 /// The same body seen from A, X_AB the pose of its frame B. Exact in all ten parameters.
@@ -56,8 +58,8 @@ SpatialInertia<Prod<A, B>> to_parent(const Pose<A>& X_AB, const SpatialInertia<B
   return {m, Rh + p * m, rotate(X_AB.R, M.I) + shift};
 }
 
-/// θ from mass, centre of mass and the rotational inertia about the centre of mass, axes of the link:
-/// I = I_C − m[p][p] (the paper prints +, corrected).
+/// θ from mass, centre of mass and the rotational inertia about the centre of mass, axes of the
+/// link: I = I_C − m[p][p] (the paper prints +, corrected).
 template <class T>
 SpatialInertia<T> inertia_from_com(const T& m, const Vec3<T>& p_com, const Sym3<T>& I_com) {
   return {m, p_com * m, I_com + minus_skew_product(p_com, p_com * (T(0.5) * m))};
@@ -114,8 +116,8 @@ ArticulatedInertia<T> to_parent(const Pose<T>& X_AB, const ArticulatedInertia<T>
   const Mat3<T> H = H0 + Mat3<T>{cross(p, Mf.col[0]), cross(p, Mf.col[1]), cross(p, Mf.col[2])};
   const Mat3<T> H0t = transpose(H0), Ht = transpose(H);
   // −H₀[p] = ([p] H₀ᵀ)ᵀ
-  const Mat3<T> a = transpose(
-      Mat3<T>{cross(p, H0t.col[0]), cross(p, H0t.col[1]), cross(p, H0t.col[2])});
+  const Mat3<T> a =
+      transpose(Mat3<T>{cross(p, H0t.col[0]), cross(p, H0t.col[1]), cross(p, H0t.col[2])});
   const Mat3<T> b = {cross(p, Ht.col[0]), cross(p, Ht.col[1]), cross(p, Ht.col[2])};
   return {rotate(X_AB.R, A.I) + upper(a + b), H, M};
 }

@@ -56,9 +56,7 @@ struct Mat3 {
   Mat3<U> cast() const {
     return {col[0].template cast<U>(), col[1].template cast<U>(), col[2].template cast<U>()};
   }
-  static Mat3 identity() {
-    return {{{T(1), T(0), T(0)}, {T(0), T(1), T(0)}, {T(0), T(0), T(1)}}};
-  }
+  static Mat3 identity() { return {{{T(1), T(0), T(0)}, {T(0), T(1), T(0)}, {T(0), T(0), T(1)}}}; }
 };
 
 template <class A, class B>
@@ -133,8 +131,9 @@ Sym3<T> outer(const Vec3<T>& v, const T& s) {
   const Vec3<T> u = v * s;
   return {u.x * v.x, u.x * v.y, u.x * v.z, u.y * v.y, u.y * v.z, u.z * v.z};
 }
-/// R S Rᵀ. S = zz 1 + L, and L = Σ e_k l_kᵀ + l_k e_kᵀ with l_1 = [½(xx−zz), xy, xz], l_2 = [0, ½(yy−zz), yz]:
-/// the unit part does not turn, L takes two turned vectors (38 products; R S, then · Rᵀ, takes 45).
+/// R S Rᵀ. S = zz 1 + L, and L = Σ e_k l_kᵀ + l_k e_kᵀ with l_1 = [½(xx−zz), xy, xz], l_2 = [0,
+/// ½(yy−zz), yz]: the unit part does not turn, L takes two turned vectors (38 products; R S, then ·
+/// Rᵀ, takes 45).
 template <class A, class B>
 Sym3<Prod<A, B>> rotate(const Mat3<A>& R, const Sym3<B>& s) {
   using T = Prod<A, B>;

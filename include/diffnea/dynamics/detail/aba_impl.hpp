@@ -22,9 +22,9 @@ void aba(const Tree<P>& tree, const S* q, const S* qd, const S* u, AbaStates<P, 
       l.X_PL = joint_pose(link, s, q[i]);
       const Twist<R> V_P =
           link.parent < 0 ? zero_twist<R>() : to_child(l.X_PL, ws.links[link.parent].V);
-      l.V = V_P + s * qd[i];                                   // v̄ = Ad v̄_λ + s q̇
+      l.V = V_P + s * qd[i];  // v̄ = Ad v̄_λ + s q̇
       a.M = ArticulatedInertia<R>::from_rigid(link.inertia);
-      a.f_b = minus_ad_star(l.V, link.inertia * l.V);          // f_b = −ad*_v M̄ v̄: own inertia
+      a.f_b = minus_ad_star(l.V, link.inertia * l.V);  // f_b = −ad*_v M̄ v̄: own inertia
     });
   }
   for (int i = n - 1; i >= 0; --i) {
@@ -33,13 +33,13 @@ void aba(const Tree<P>& tree, const S* q, const S* qd, const S* u, AbaStates<P, 
     auto& a = ws.articulated[i];
     with_axis(link, [&](const auto& s) {
       a.U = a.M * s;
-      a.psi = R(1.0) / (dot(s, a.U) + link.armature);          // Ψ = (sᵀ M̂ s + I_r)⁻¹
+      a.psi = R(1.0) / (dot(s, a.U) + link.armature);  // Ψ = (sᵀ M̂ s + I_r)⁻¹
       if (link.parent < 0) return;
       auto& p = ws.articulated[link.parent];
-      const Wrench<R> f = a.f_b + a.M * (ad(l.V, s) * qd[i]);  // M̂η + f_b, η = ad_v s q̇
-      const Wrench<R> f_out = f + a.U * (a.psi * (u[i] - dot(s, f)));           // f_b + β
-      p.M = p.M + to_parent(l.X_PL, rank_one_down(a.M, a.U, a.psi));            // Σ Ad* Π Ad
-      p.f_b = p.f_b + to_parent(l.X_PL, f_out);                // Σ Ad* (f_b + β)
+      const Wrench<R> f = a.f_b + a.M * (ad(l.V, s) * qd[i]);          // M̂η + f_b, η = ad_v s q̇
+      const Wrench<R> f_out = f + a.U * (a.psi * (u[i] - dot(s, f)));  // f_b + β
+      p.M = p.M + to_parent(l.X_PL, rank_one_down(a.M, a.U, a.psi));   // Σ Ad* Π Ad
+      p.f_b = p.f_b + to_parent(l.X_PL, f_out);                        // Σ Ad* (f_b + β)
     });
   }
   const Twist<R> A0 = base_acceleration<P, R>(tree);
@@ -49,11 +49,11 @@ void aba(const Tree<P>& tree, const S* q, const S* qd, const S* u, AbaStates<P, 
     const auto& a = ws.articulated[i];
     with_axis(link, [&](const auto& s) {
       const Twist<R>& A_P = link.parent < 0 ? A0 : ws.links[link.parent].A;
-      const Twist<R> A = to_child(l.X_PL, A_P) + ad(l.V, s) * qd[i];            // Ad ā_λ + η
+      const Twist<R> A = to_child(l.X_PL, A_P) + ad(l.V, s) * qd[i];  // Ad ā_λ + η
       const Wrench<R> F = a.M * A + a.f_b;
-      qdd[i] = a.psi * (u[i] - dot(s, F));                     // q̈ = Ψ(u − sᵀ(M̂(Ad ā_λ + η) + f_b))
+      qdd[i] = a.psi * (u[i] - dot(s, F));  // q̈ = Ψ(u − sᵀ(M̂(Ad ā_λ + η) + f_b))
       l.A = A + s * qdd[i];
-      l.F = F + a.U * qdd[i];                                  // f̄ = M̂ ā + f_b
+      l.F = F + a.U * qdd[i];  // f̄ = M̂ ā + f_b
     });
   }
 }
@@ -68,15 +68,14 @@ const VecX<Prod<P, S>>& aba(const Tree<P>& tree, VecIn<S> q, VecIn<S> qd, VecIn<
   require_size("aba: qd", qd.size(), n, "joint");
   require_size("aba: u", u.size(), n, "joint");
   ws.qdd.resize(n);
-  call_inlined<Prod<P, S>>([&] {
-    detail::aba(tree, q.data(), qd.data(), u.data(), ws, ws.qdd.data());
-  });
+  call_inlined<Prod<P, S>>(
+      [&] { detail::aba(tree, q.data(), qd.data(), u.data(), ws, ws.qdd.data()); });
   return ws.qdd;
 }
 
-#define DIFFNEA_EXTERN(P, S)                                                             \
-  extern template const VecX<Prod<P, S>>& aba<P, S>(const Tree<P>&, VecIn<S>, VecIn<S>, \
-                                                    VecIn<S>, AbaWorkspace<P, S>&);
+#define DIFFNEA_EXTERN(P, S)                                                                      \
+  extern template const VecX<Prod<P, S>>& aba<P, S>(const Tree<P>&, VecIn<S>, VecIn<S>, VecIn<S>, \
+                                                    AbaWorkspace<P, S>&);
 DIFFNEA_FOR_EACH_SCALAR(DIFFNEA_EXTERN)
 #undef DIFFNEA_EXTERN
 

@@ -7,7 +7,8 @@
 
 namespace diffnea::detail {
 
-/// Calls f(s): s is a RevoluteAxis where the joint turns about +x, +y or +z of its link, else a Twist.
+/// Calls f(s): s is a RevoluteAxis where the joint turns about +x, +y or +z of its link, else a
+/// Twist.
 template <Scalar P, class F>
 void with_axis(const Link<P>& link, const F& f) {
   if (link.type == JointType::kRevolute) {

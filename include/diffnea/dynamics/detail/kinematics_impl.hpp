@@ -82,7 +82,7 @@ FrameMotion<Prod<T, F>> frame_motion(const LinkKinematics<T>& kinematics, int li
   }
   const auto& l = kinematics.links[link];
   const Vec3<T>& w = l.V.angular;
-  const Vec3<R> v = l.V.linear + cross(w, X_LF.p);          // ẋ_F = v + ω×p, in L
+  const Vec3<R> v = l.V.linear + cross(w, X_LF.p);            // ẋ_F = v + ω×p, in L
   const Vec3<R> a = l.A.linear + cross(l.A.angular, X_LF.p);  // spatial acceleration at F's origin
   out.angular_velocity = (l.X_WL.R * w).template cast<R>();
   out.velocity = l.X_WL.R * v;
@@ -107,12 +107,12 @@ void frame_jacobian(const Tree<P>& tree, const LinkKinematics<T>& kinematics, in
   }
 }
 
-#define DIFFNEA_EXTERN(P, S)                                                                \
+#define DIFFNEA_EXTERN(P, S)                                                                  \
   extern template void forward_kinematics<P, S>(const Tree<P>&, VecIn<S>, VecIn<S>, VecIn<S>, \
-                                                LinkKinematics<Prod<P, S>>&);               \
-  extern template void forward_kinematics<P, S>(const Tree<P>&, VecIn<S>,                   \
-                                                LinkKinematics<Prod<P, S>>&);               \
-  extern template void forward_kinematics<P, S>(const Tree<P>&, const LinkStates<P, S>&,    \
+                                                LinkKinematics<Prod<P, S>>&);                 \
+  extern template void forward_kinematics<P, S>(const Tree<P>&, VecIn<S>,                     \
+                                                LinkKinematics<Prod<P, S>>&);                 \
+  extern template void forward_kinematics<P, S>(const Tree<P>&, const LinkStates<P, S>&,      \
                                                 LinkKinematics<Prod<P, S>>&);
 DIFFNEA_FOR_EACH_SCALAR(DIFFNEA_EXTERN)
 #undef DIFFNEA_EXTERN

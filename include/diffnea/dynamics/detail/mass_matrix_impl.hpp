@@ -41,7 +41,8 @@ void mass_matrix(const Tree<P>& tree, const S* q, MassMatrixWorkspace<P, S>& ws)
 }  // namespace detail
 
 template <Scalar P, Scalar S>
-const MatX<Prod<P, S>>& mass_matrix(const Tree<P>& tree, VecIn<S> q, MassMatrixWorkspace<P, S>& ws) {
+const MatX<Prod<P, S>>& mass_matrix(const Tree<P>& tree, VecIn<S> q,
+                                    MassMatrixWorkspace<P, S>& ws) {
   const int n = tree.num_dofs();
   require_size("mass_matrix: q", q.size(), n, "joint");
   ws.X_PL.resize(n);
@@ -51,7 +52,7 @@ const MatX<Prod<P, S>>& mass_matrix(const Tree<P>& tree, VecIn<S> q, MassMatrixW
   return ws.M;
 }
 
-#define DIFFNEA_EXTERN(P, S)                                                        \
+#define DIFFNEA_EXTERN(P, S)                                                          \
   extern template const MatX<Prod<P, S>>& mass_matrix<P, S>(const Tree<P>&, VecIn<S>, \
                                                             MassMatrixWorkspace<P, S>&);
 DIFFNEA_FOR_EACH_SCALAR(DIFFNEA_EXTERN)

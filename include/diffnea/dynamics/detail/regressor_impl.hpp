@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+
 #include <diffnea/core/error.hpp>
 #include <diffnea/dynamics/detail/joint_axis.hpp>
 #include <diffnea/dynamics/regressor.hpp>
@@ -8,8 +9,8 @@
 namespace diffnea {
 namespace detail {
 
-/// ∂f̄/∂θ of one body in its own frame, angular rows first: f̄ = [h×a + I α + ω×I ω; m a + α×h + ω×(ω×h)],
-/// a = the classical acceleration of its origin minus gravity. Linear rows do not see I.
+/// ∂f̄/∂θ of one body in its own frame, angular rows first: f̄ = [h×a + I α + ω×I ω; m a + α×h +
+/// ω×(ω×h)], a = the classical acceleration of its origin minus gravity. Linear rows do not see I.
 template <class T>
 struct BodyRegressor {
   T angular[3][kThetaSize];
@@ -22,10 +23,9 @@ struct BodyRegressor {
     const T o(0.0);
     const T xx = w.x * w.x, yy = w.y * w.y, zz = w.z * w.z;
     const T xy = w.x * w.y, xz = w.x * w.z, yz = w.y * w.z;
-    const T rows[3][kThetaSize] = {
-        {o, o, a.z, -a.y, al.x, al.y - xz, al.z + xy, -yz, yy - zz, yz},
-        {o, -a.z, o, a.x, xz, al.x + yz, zz - xx, al.y, al.z - xy, -xz},
-        {o, a.y, -a.x, o, -xy, xx - yy, al.x - yz, xy, al.y + xz, al.z}};
+    const T rows[3][kThetaSize] = {{o, o, a.z, -a.y, al.x, al.y - xz, al.z + xy, -yz, yy - zz, yz},
+                                   {o, -a.z, o, a.x, xz, al.x + yz, zz - xx, al.y, al.z - xy, -xz},
+                                   {o, a.y, -a.x, o, -xy, xx - yy, al.x - yz, xy, al.y + xz, al.z}};
     const T forces[3][4] = {{a.x, -yy - zz, xy - al.z, xz + al.y},
                             {a.y, xy + al.z, -xx - zz, yz - al.x},
                             {a.z, xz - al.y, yz + al.x, -xx - yy}};
@@ -51,8 +51,8 @@ struct BodyRegressor {
 /// Fills n rows of 10n numbers, row i beginning at Y + i·row_stride. `links` is scratch.
 template <Scalar P, Scalar S>
 void torque_regressor(const Tree<P>& tree, const S* q, const S* qd, const S* qdd,
-                      std::vector<RegressorLinkMotion<Prod<P, S>>>& links,
-                      Prod<P, S>* Y, std::ptrdiff_t row_stride) {
+                      std::vector<RegressorLinkMotion<Prod<P, S>>>& links, Prod<P, S>* Y,
+                      std::ptrdiff_t row_stride) {
   using R = Prod<P, S>;
   const int n = tree.num_dofs();
   links.resize(n);
@@ -103,8 +103,8 @@ const RowMatX<Prod<P, S>>& torque_regressor(const Tree<P>& tree, VecIn<S> q, Vec
   return ws.Y;
 }
 
-#define DIFFNEA_EXTERN(P, S)                                            \
-  extern template const RowMatX<Prod<P, S>>& torque_regressor<P, S>(    \
+#define DIFFNEA_EXTERN(P, S)                                         \
+  extern template const RowMatX<Prod<P, S>>& torque_regressor<P, S>( \
       const Tree<P>&, VecIn<S>, VecIn<S>, VecIn<S>, RegressorWorkspace<P, S>&);
 DIFFNEA_FOR_EACH_SCALAR(DIFFNEA_EXTERN)
 #undef DIFFNEA_EXTERN

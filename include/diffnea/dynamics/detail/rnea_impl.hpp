@@ -17,7 +17,8 @@ Twist<R> zero_twist() {
   return {{R(0.0), R(0.0), R(0.0)}, {R(0.0), R(0.0), R(0.0)}};
 }
 
-/// Paper, Algorithm 2, on plain arrays of length n. `tau` may be any of the inputs' scalars' product.
+/// Paper, Algorithm 2, on plain arrays of length n. `tau` may be any of the inputs' scalars'
+/// product.
 template <Scalar P, Scalar S>
 void rnea(const Tree<P>& tree, const S* q, const S* qd, const S* qdd, LinkStates<P, S>& ws,
           Prod<P, S>* tau) {
@@ -34,15 +35,17 @@ void rnea(const Tree<P>& tree, const S* q, const S* qd, const S* qdd, LinkStates
       const bool root = link.parent < 0;
       const Twist<R> V_P = root ? zero_twist<R>() : to_child(l.X_PL, ws.links[link.parent].V);
       const Twist<R> A_P = to_child(l.X_PL, root ? A0 : ws.links[link.parent].A);
-      l.V = V_P + s * qd[i];                                      // v̄ = Ad v̄_λ + s q̇
-      l.A = A_P + ad(l.V, s) * qd[i] + s * qdd[i];                // ā = Ad ā_λ + ad_v s q̇ + s q̈
+      l.V = V_P + s * qd[i];                        // v̄ = Ad v̄_λ + s q̇
+      l.A = A_P + ad(l.V, s) * qd[i] + s * qdd[i];  // ā = Ad ā_λ + ad_v s q̇ + s q̈
       l.F = link.inertia * l.A + minus_ad_star(l.V, link.inertia * l.V);  // f̄ = M̄ā − ad*_v M̄v̄
     });
   }
   for (int i = n - 1; i >= 0; --i) {
     const Link<P>& link = tree.links[i];
     auto& l = ws.links[i];
-    with_axis(link, [&](const auto& s) { tau[i] = dot(s, l.F) + qdd[i] * link.armature; });  // u = sᵀf̄ + I_r q̈
+    with_axis(link, [&](const auto& s) {
+      tau[i] = dot(s, l.F) + qdd[i] * link.armature;
+    });  // u = sᵀf̄ + I_r q̈
     if (link.parent >= 0) {
       auto& F_P = ws.links[link.parent].F;
       F_P = F_P + to_parent(l.X_PL, l.F);  // f̄_λ += Ad* f̄
@@ -60,9 +63,8 @@ const VecX<Prod<P, S>>& rnea(const Tree<P>& tree, VecIn<S> q, VecIn<S> qd, VecIn
   require_size("rnea: qd", qd.size(), n, "joint");
   require_size("rnea: qdd", qdd.size(), n, "joint");
   ws.tau.resize(n);
-  call_inlined<Prod<P, S>>([&] {
-    detail::rnea(tree, q.data(), qd.data(), qdd.data(), ws, ws.tau.data());
-  });
+  call_inlined<Prod<P, S>>(
+      [&] { detail::rnea(tree, q.data(), qd.data(), qdd.data(), ws, ws.tau.data()); });
   return ws.tau;
 }
 
@@ -72,10 +74,10 @@ const VecX<Prod<P, S>>& gravity_torques(const Tree<P>& tree, VecIn<S> q, RneaWor
   return rnea<P, S>(tree, q, zero, zero, ws);
 }
 
-#define DIFFNEA_EXTERN(P, S)                                                              \
-  extern template const VecX<Prod<P, S>>& rnea<P, S>(const Tree<P>&, VecIn<S>, VecIn<S>, \
-                                                     VecIn<S>, RneaWorkspace<P, S>&);     \
-  extern template const VecX<Prod<P, S>>& gravity_torques<P, S>(const Tree<P>&, VecIn<S>, \
+#define DIFFNEA_EXTERN(P, S)                                                                       \
+  extern template const VecX<Prod<P, S>>& rnea<P, S>(const Tree<P>&, VecIn<S>, VecIn<S>, VecIn<S>, \
+                                                     RneaWorkspace<P, S>&);                        \
+  extern template const VecX<Prod<P, S>>& gravity_torques<P, S>(const Tree<P>&, VecIn<S>,          \
                                                                 RneaWorkspace<P, S>&);
 DIFFNEA_FOR_EACH_SCALAR(DIFFNEA_EXTERN)
 #undef DIFFNEA_EXTERN
