@@ -41,8 +41,7 @@ RowMatX<double> aba_batch(const Tree<double>& tree, const RowMatX<double>& Q,
 RowMatX<double> regressor_batch(const Tree<double>& tree, const RowMatX<double>& Q,
                                 const RowMatX<double>& Qd, const RowMatX<double>& Qdd,
                                 const BatchOptions& options = {});
-/// The same into Y, which is resized if need be. Half of the time of a fresh matrix goes into its
-/// memory pages: reuse one.
+/// The same into Y, which is resized if need be: no allocation where the size already fits.
 void regressor_batch(const Tree<double>& tree, const RowMatX<double>& Q, const RowMatX<double>& Qd,
                      const RowMatX<double>& Qdd, RowMatX<double>& Y,
                      const BatchOptions& options = {});

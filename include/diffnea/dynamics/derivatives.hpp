@@ -1,5 +1,5 @@
 #pragma once
-/// Analytic derivatives of inverse and forward dynamics, for `double`: 20 times cheaper than Jets.
+/// Analytic derivatives of inverse and forward dynamics, for `double`.
 ///
 /// All vectors live in the world frame at its origin, where the derivative of everything that hangs
 /// on joint j with respect to q_j is one Lie bracket with s_j (Singh, Russell, Wensing 2022,
