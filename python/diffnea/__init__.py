@@ -1,5 +1,122 @@
-"""Identify the dynamics of a robot from recordings, and name the effect that its model lacks."""
+"""Identify the dynamics of a robot from recordings, and name the effect that its model lacks.
 
-from ._core import __version__
+    >>> model = diffnea.load_model("arm.urdf")
+    >>> result = diffnea.identify(model, "train.csv", test="test.csv")
+    >>> result.parameters["forearm.mass"].value
+    >>> result.model.save("fitted.json")
 
-__all__ = ["__version__"]
+Arrays are float64: ``(n,)`` for one state of n joints, ``(T, n)`` for many; SI units throughout.
+"""
+
+from . import models
+from ._core import (
+    BaseParameter,
+    Change,
+    Comparison,
+    DataError,
+    DecimatorOptions,
+    Effect,
+    Error,
+    FileError,
+    FitProgress,
+    FitSummary,
+    FrameMotion,
+    IdentifyResult,
+    Issue,
+    JointError,
+    Link,
+    Model,
+    ModelError,
+    ParameterEstimate,
+    PreprocessPlan,
+    QuarantinedRow,
+    ReadReport,
+    Recording,
+    Reproduce,
+    RunInput,
+    ShapeError,
+    Simulation,
+    TorqueSeries,
+    Trajectory,
+    __version__,
+    aba,
+    compare,
+    effects,
+    excite,
+    frame_jacobian,
+    frame_motion,
+    frame_pose,
+    gravity_torques,
+    mass_matrix,
+    read_result,
+    read_trajectory,
+    regressor,
+    rnea,
+    rnea_derivatives,
+)
+from ._files import (
+    Recordings,
+    load_model,
+    read_recording,
+    read_recordings,
+    write_recording,
+)
+from ._identify import identify
+from ._results import Parameters
+from ._simulate import simulate, worlds
+
+__all__ = [
+    "BaseParameter",
+    "Change",
+    "Comparison",
+    "DataError",
+    "DecimatorOptions",
+    "Effect",
+    "Error",
+    "FileError",
+    "FitProgress",
+    "FitSummary",
+    "FrameMotion",
+    "IdentifyResult",
+    "Issue",
+    "JointError",
+    "Link",
+    "Model",
+    "ModelError",
+    "ParameterEstimate",
+    "Parameters",
+    "PreprocessPlan",
+    "QuarantinedRow",
+    "ReadReport",
+    "Recording",
+    "Recordings",
+    "Reproduce",
+    "RunInput",
+    "ShapeError",
+    "Simulation",
+    "TorqueSeries",
+    "Trajectory",
+    "__version__",
+    "aba",
+    "compare",
+    "effects",
+    "excite",
+    "frame_jacobian",
+    "frame_motion",
+    "frame_pose",
+    "gravity_torques",
+    "identify",
+    "load_model",
+    "mass_matrix",
+    "models",
+    "read_recording",
+    "read_recordings",
+    "read_result",
+    "read_trajectory",
+    "regressor",
+    "rnea",
+    "rnea_derivatives",
+    "simulate",
+    "worlds",
+    "write_recording",
+]

@@ -1,0 +1,99 @@
+#include "arrays.hpp"
+
+#include <diffnea/core/error.hpp>
+
+namespace diffnea::python {
+namespace {
+
+using Numbers = py::array_t<double, py::array::c_style | py::array::forcecast>;
+
+RowMatX<double> copy(const py::array_t<double>& a, long rows, long columns) {
+  return Eigen::Map<const RowMatX<double>>(a.data(), rows, columns);
+}
+
+}  // namespace
+
+std::string shape_text(const py::array& array) {
+  std::string out = "(";
+  for (py::ssize_t k = 0; k < array.ndim(); ++k)
+    out += (k == 0 ? "" : ", ") + std::to_string(array.shape(k));
+  return out + (array.ndim() == 1 ? ",)" : ")");
+}
+
+py::array_t<double> number_array(const std::string& what, const py::handle& x) {
+  const Numbers array = Numbers::ensure(x);
+  if (!array)
+    throw py::type_error(what + ": got " + std::string(py::str(py::type::of(x).attr("__name__"))) +
+                         ", expected an array of real numbers");
+  return array;
+}
+
+VecX<double> vector_in(const std::string& what, const py::handle& x, long size) {
+  const py::array_t<double> a = number_array(what, x);
+  if (a.ndim() != 1 || (size >= 0 && a.shape(0) != size))
+    throw ShapeError(what + ": got shape " + shape_text(a) + ", expected " +
+                     (size < 0 ? "(N,)" : "(" + std::to_string(size) + ",)"));
+  return Eigen::Map<const VecX<double>>(a.data(), a.size());
+}
+
+RowMatX<double> matrix_in(const std::string& what, const py::handle& x, long rows, long columns) {
+  const py::array_t<double> a = number_array(what, x);
+  const bool column = a.ndim() == 1 && columns <= 1;  // one joint's series needs no second index
+  if (!(column || a.ndim() == 2) || a.shape(0) != rows ||
+      (!column && columns >= 0 && a.shape(1) != columns))
+    throw ShapeError(what + ": got shape " + shape_text(a) + ", expected (" + std::to_string(rows) +
+                     ", " + (columns < 0 ? "n" : std::to_string(columns)) + ")");
+  return copy(a, rows, column ? 1 : a.shape(1));
+}
+
+py::array_t<double> array_out(RowMatX<double>&& values, const std::vector<py::ssize_t>& shape) {
+  auto* kept = new RowMatX<double>(std::move(values));
+  const py::capsule owner(kept, [](void* p) { delete static_cast<RowMatX<double>*>(p); });
+  return py::array_t<double>(shape, kept->data(), owner);
+}
+
+py::array_t<double> array_out(const RowMatX<double>& values) {
+  return py::array_t<double>({values.rows(), values.cols()}, values.data());
+}
+
+py::array_t<double> array_out(const VecX<double>& values) {
+  return py::array_t<double>(values.size(), values.data());
+}
+
+py::array_t<double> array_out(const std::vector<double>& values) {
+  return py::array_t<double>(static_cast<py::ssize_t>(values.size()), values.data());
+}
+
+py::array_t<double> States::shaped(RowMatX<double>&& rows,
+                                   const std::vector<py::ssize_t>& inner) const {
+  std::vector<py::ssize_t> shape;
+  if (!single) shape.push_back(this->rows());
+  shape.insert(shape.end(), inner.begin(), inner.end());
+  return array_out(std::move(rows), shape);
+}
+
+States states_in(const std::string& where, long n, std::initializer_list<NamedArray> arrays) {
+  States out;
+  std::string first_shape;
+  const char* first_name = nullptr;
+  for (const NamedArray& argument : arrays) {
+    const std::string what = where + ": " + argument.name;
+    const py::array_t<double> a = number_array(what, argument.array);
+    const bool single = a.ndim() == 1;
+    if ((a.ndim() != 1 && a.ndim() != 2) || a.shape(a.ndim() - 1) != n)
+      throw ShapeError(what + ": got shape " + shape_text(a) + ", expected (" + std::to_string(n) +
+                       ",) or (T, " + std::to_string(n) + "), one value per joint");
+    if (!first_name) {
+      first_name = argument.name;
+      first_shape = shape_text(a);
+      out.single = single;
+    } else if (shape_text(a) != first_shape) {
+      throw ShapeError(what + ": got shape " + shape_text(a) + ", expected " + first_shape +
+                       ", that of " + first_name);
+    }
+    out.values.push_back(copy(a, single ? 1 : a.shape(0), n));
+  }
+  return out;
+}
+
+}  // namespace diffnea::python

@@ -1,0 +1,55 @@
+#pragma once
+/// NumPy at the boundary: what comes in is copied (another thread may change it while the GIL is
+/// released), what goes out owns its memory.
+
+#include <initializer_list>
+#include <string>
+#include <vector>
+
+#include <pybind11/numpy.h>
+#include <pybind11/pybind11.h>
+
+#include <diffnea/core/scalar.hpp>
+
+namespace diffnea::python {
+
+namespace py = pybind11;
+
+/// "(20, 7)"
+std::string shape_text(const py::array& array);
+
+/// Any array of numbers as float64 in C order. @throws py::type_error naming `what`
+py::array_t<double> number_array(const std::string& what, const py::handle& x);
+
+/// A vector of any length, or of `size`. @throws ShapeError
+VecX<double> vector_in(const std::string& what, const py::handle& x, long size = -1);
+
+/// (rows, columns); columns < 0: any. @throws ShapeError
+RowMatX<double> matrix_in(const std::string& what, const py::handle& x, long rows, long columns);
+
+py::array_t<double> array_out(RowMatX<double>&& values, const std::vector<py::ssize_t>& shape);
+py::array_t<double> array_out(const RowMatX<double>& values);
+py::array_t<double> array_out(const VecX<double>& values);
+py::array_t<double> array_out(const std::vector<double>& values);
+
+/// An argument by name, e.g. {"qd", qd}.
+struct NamedArray {
+  const char* name;
+  const py::object& array;
+};
+
+/// Arguments of one shape: (n,), a single state, or (T, n), one state a row.
+struct States {
+  std::vector<RowMatX<double>> values;  ///< (T, n) each; T = 1 for a single state
+  bool single = false;
+
+  long rows() const { return values.front().rows(); }
+  /// Results, one row a state, as (T, *inner), or as `inner` for a single state.
+  py::array_t<double> shaped(RowMatX<double>&& rows, const std::vector<py::ssize_t>& inner) const;
+};
+
+/// @param where  the function, for messages  @param n  joints
+/// @throws ShapeError if an array is neither (n,) nor (T, n), or if their shapes differ
+States states_in(const std::string& where, long n, std::initializer_list<NamedArray> arrays);
+
+}  // namespace diffnea::python

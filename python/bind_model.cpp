@@ -1,0 +1,290 @@
+/// Robot descriptions and the catalogue of effects.
+
+#include <cmath>
+#include <filesystem>
+
+#include <pybind11/stl/filesystem.h>
+
+#include <diffnea/core/error.hpp>
+#include <diffnea/effects/catalogue.hpp>
+#include <diffnea/io/model_file.hpp>
+#include <diffnea/io/model_info.hpp>
+#include <diffnea/io/world.hpp>
+#include <diffnea/model/model.hpp>
+
+#include "bindings.hpp"
+#include "value_type.hpp"
+
+namespace diffnea::python {
+namespace {
+
+using namespace pybind11::literals;
+namespace fs = std::filesystem;
+
+/// A link as Python sees it: names instead of indices.
+struct LinkView {
+  std::string name, parent, joint, type;
+  bool passive = false;
+  double mass = 0.0;
+  VecX<double> com, inertia;
+  double lower = 0.0, upper = 0.0, velocity = 0.0, effort = 0.0;
+};
+
+/// Inertia about the centre of mass: I_c = I_o − m (|c|² 1 − c cᵀ).
+LinkView view(const Model& model, const ModelLink& link) {
+  static constexpr const char* kTypes[] = {"fixed", "revolute", "prismatic"};
+  LinkView out;
+  out.name = link.name;
+  out.parent = link.parent < 0 ? "" : model.links[static_cast<std::size_t>(link.parent)].name;
+  out.joint = link.joint;
+  out.type = kTypes[static_cast<std::size_t>(link.type)];
+  out.passive = link.passive;
+  const SpatialInertia<double>& b = link.inertia;
+  out.mass = b.m;
+  const Eigen::Vector3d h = to_eigen(b.h);
+  const Eigen::Vector3d c = b.m > 0.0 ? Eigen::Vector3d(h / b.m) : Eigen::Vector3d::Zero();
+  const Eigen::Matrix3d shift = c.dot(h) * Eigen::Matrix3d::Identity() - c * h.transpose();
+  const Eigen::Matrix3d I = to_eigen(full(b.I)) - shift;
+  out.com = c;
+  out.inertia = VecX<double>(6);
+  out.inertia << I(0, 0), I(0, 1), I(0, 2), I(1, 1), I(1, 2), I(2, 2);
+  out.lower = link.limits.lower;
+  out.upper = link.limits.upper;
+  out.velocity = link.limits.velocity;
+  out.effort = link.limits.effort;
+  return out;
+}
+
+std::vector<LinkView> links(const Model& model) {
+  std::vector<LinkView> out;
+  for (const ModelLink& link : model.links) out.push_back(view(model, link));
+  return out;
+}
+
+std::string model_repr(const Model& model) {
+  const auto list = [](const std::vector<std::string>& names) {
+    std::string text;
+    for (std::size_t k = 0; k < names.size() && k < 8; ++k) text += (k == 0 ? "" : ", ") + names[k];
+    return text + (names.size() > 8 ? ", …" : "");
+  };
+  double mass = 0.0;
+  for (const ModelLink& link : model.links) mass += link.inertia.m;
+  std::map<std::string, int> effects;
+  for (const EffectSpec& e : model.effects) ++effects[e.effect];
+  std::vector<std::string> counted;
+  for (const auto& [name, count] : effects) counted.push_back(name + " ×" + std::to_string(count));
+  const std::vector<std::string> joints = joint_names(model);
+  const py::str gravity =
+      py::repr(py::make_tuple(model.gravity.x, model.gravity.y, model.gravity.z));
+  return "Model(" + std::string(py::repr(py::str(model.name))) + ": " +
+         std::to_string(joints.size()) + " joints [" + list(joints) + "], " +
+         std::to_string(model.links.size()) + " links, " +
+         std::string(py::str("{:.4g}").format(mass)) + " kg, effects [" + list(counted) +
+         "], gravity " + std::string(gravity) + ")";
+}
+
+Model from_dict(const py::object& dict) {
+  const std::string text = py::cast<std::string>(python_function("json", "dumps")(dict));
+  return model_from_json(text, "Model.from_dict");
+}
+
+Model with_effects(Model model, std::vector<EffectSpec> effects) {
+  for (EffectSpec& spec : effects) spec = to_spec(bind(spec, model));
+  model.effects = std::move(effects);
+  return model;
+}
+
+EffectSpec make_effect(std::string effect, std::string where,
+                       const std::map<std::string, double>& parameters) {
+  EffectSpec out{std::move(effect), std::move(where), {}};
+  const EffectInfo& about = info(find_effect(out.effect));  // unknown names: better known now
+  for (const auto& [name, value] : parameters) {
+    // The catalogue's order; what it does not know (offset_3 of run 3) comes last and is checked
+    // when bound.
+    out.parameters.push_back({name, value, ""});
+  }
+  const auto rank = [&](const EffectParameter& p) {
+    std::size_t k = 0;
+    while (k < about.parameters.size() && about.parameters[k].name != p.name) ++k;
+    return k;
+  };
+  std::ranges::stable_sort(out.parameters, {}, rank);
+  return out;
+}
+
+std::string effect_repr(const EffectSpec& e) {
+  std::string text = "Effect('" + e.effect + "', '" + e.where + "'";
+  for (const EffectParameter& p : e.parameters)
+    text += ", " + p.name + "=" + std::string(py::repr(py::float_(p.value))) +
+            (p.unit.empty() || p.unit == "1" ? "" : " " + p.unit);
+  return text + ")";
+}
+
+py::dict effect_parameters(const EffectSpec& e) {
+  py::dict out;
+  for (const EffectParameter& p : e.parameters) out[py::str(p.name)] = p.value;
+  return out;
+}
+
+py::list effect_catalogue() {
+  static constexpr const char* kPlaces[] = {"joint", "joint pair", "tip", "base", "all"};
+  static constexpr const char* kSigns[] = {"any", "not negative", "positive"};
+  py::list out;
+  for (const EffectInfo& e : catalogue()) {
+    py::list parameters;
+    for (const ParameterInfo& p : e.parameters)
+      parameters.append(
+          py::dict("name"_a = p.name, "unit"_a = p.unit, "unit_prismatic"_a = p.unit_prismatic,
+                   "sign"_a = kSigns[static_cast<std::size_t>(p.sign)], "linear"_a = p.linear,
+                   "initial"_a = p.initial, "per_run"_a = p.per_run));
+    out.append(py::dict("effect"_a = e.name, "formula"_a = e.formula, "summary"_a = e.summary,
+                        "place"_a = kPlaces[static_cast<std::size_t>(e.place)],
+                        "motor_side"_a = e.motor_side, "parameters"_a = parameters));
+  }
+  return out;
+}
+
+}  // namespace
+
+void bind_model(py::module_& m) {
+  py::class_<EffectSpec> effect(m, "Effect",
+                                "An effect on a model, as plain data: what, where, how much.");
+  effect
+      .def(py::init(&make_effect), "effect"_a, "where"_a, "parameters"_a = py::dict(),
+           "``effect``: a name of ``diffnea.effects()``; ``where``: a joint's name, two of them "
+           "separated by a\n"
+           "comma, or base, tip, all; ``parameters``: values in SI units by name, the others take "
+           "their defaults.")
+      .def_readonly("effect", &EffectSpec::effect,
+                    "Name in the catalogue, e.g. ``coulomb_friction``.")
+      .def_readonly("where", &EffectSpec::where, "A joint's name, or base, tip, all.")
+      .def_property_readonly("parameters", &effect_parameters, "Values by name [SI units].")
+      .def_property_readonly(
+          "units",
+          [](const EffectSpec& e) {
+            py::dict out;
+            for (const EffectParameter& p : e.parameters) out[py::str(p.name)] = p.unit;
+            return out;
+          },
+          "Units by parameter name; empty where the effect has not been bound to a model.")
+      .def("__repr__", &effect_repr)
+      .def("__eq__",
+           [](const EffectSpec& a, const py::object& other) {
+             if (!py::isinstance<EffectSpec>(other)) return false;
+             const EffectSpec b = py::cast<EffectSpec>(other);
+             return a.effect == b.effect && a.where == b.where &&
+                    effect_parameters(a).equal(effect_parameters(b));
+           })
+      .def(py::pickle(
+          [](const EffectSpec& e) {
+            py::list parameters;
+            for (const EffectParameter& p : e.parameters)
+              parameters.append(py::make_tuple(p.name, p.value, p.unit));
+            return py::make_tuple(e.effect, e.where, parameters);
+          },
+          [](const py::tuple& state) {
+            EffectSpec e{py::cast<std::string>(state[0]), py::cast<std::string>(state[1]), {}};
+            for (const auto& [name, value, unit] :
+                 py::cast<std::vector<std::tuple<std::string, double, std::string>>>(state[2]))
+              e.parameters.push_back({name, value, unit});
+            return e;
+          }));
+  effect.attr("__module__") = "diffnea";
+
+  value_type<LinkView>(
+      m, "Link", "A link and the joint that carries it.",
+      field("name", &LinkView::name, "The link's name."),
+      field("parent", &LinkView::parent, "Name of the parent link; empty: the ground."),
+      field("joint", &LinkView::joint, "Name of the joint to the parent."),
+      field("type", &LinkView::type, "``revolute``, ``prismatic`` or ``fixed``."),
+      field("passive", &LinkView::passive, "The joint's torque is known to be zero."),
+      field("mass", &LinkView::mass, "[kg]"),
+      field("com", &LinkView::com, "(3,) centre of mass in the link's frame [m]."),
+      field("inertia", &LinkView::inertia,
+            "(6,) Ixx, Ixy, Ixz, Iyy, Iyz, Izz about the centre of mass [kg·m²]."),
+      field("lower", &LinkView::lower, "Smallest position [rad] or [m]; −inf: no limit."),
+      field("upper", &LinkView::upper, "Largest position [rad] or [m]; inf: no limit."),
+      field("velocity", &LinkView::velocity, "Largest speed [rad/s] or [m/s]; inf: no limit."),
+      field("effort", &LinkView::effort, "Largest torque [N·m] or force [N]; inf: no limit."));
+
+  value_type<ModelIssue>(m, "Issue", "Something about a model that looks wrong.",
+                         field("link", &ModelIssue::link, "Name of the link or joint."),
+                         field("text", &ModelIssue::text, "What, and by how much."));
+
+  py::class_<Model> model(
+      m, "Model", "A robot: a tree of links, and the effects that act on it. Never changes.");
+  model.def_readonly("name", &Model::name, "The robot's name.")
+      .def_readonly("source", &Model::source, "File that it was read from.")
+      .def_readonly("notes", &Model::notes,
+                    "What that file says and this model leaves out, one sentence each.")
+      .def_property_readonly(
+          "num_joints", [](const Model& x) { return moving_links(x).size(); },
+          "Number n of moving joints, which is that of degrees of freedom.")
+      .def_property_readonly("joint_names", &joint_names,
+                             "Names of the moving joints; arrays (…, n) have this order.")
+      .def_property_readonly("links", &links, "All links, parents before children.")
+      .def_property_readonly(
+          "frame_names",
+          [](const Model& x) {
+            std::vector<std::string> out;
+            for (const ModelFrame& f : x.frames) out.push_back(f.name);
+            for (const ModelLink& l : x.links) out.push_back(l.name);
+            return out;
+          },
+          "Frames that the kinematics know: those of the file, then the links'.")
+      .def_readonly("effects", &Model::effects,
+                    "Effects on the model, as a list of :class:`Effect`.")
+      .def_property_readonly(
+          "gravity", [](const Model& x) { return array_out(VecX<double>(to_eigen(x.gravity))); },
+          "(3,) acceleration of gravity in the world [m/s²].")
+      .def_property_readonly(
+          "inertial_parameters",
+          [](const Model& x) { return array_out(inertial_parameters(make_tree(x))); },
+          "(10 n,) per moving link, with all that is fixed to it: m, hx, hy, hz, Ixx, Ixy, Ixz, "
+          "Iyy, Iyz, Izz;\n"
+          "h first moment [kg·m], I about the link's origin [kg·m²]. What :func:`regressor` "
+          "multiplies.")
+      .def(
+          "with_inertial_parameters",
+          [](Model x, const py::object& pi) {
+            set_inertial_parameters(x, vector_in("with_inertial_parameters: pi", pi));
+            return x;
+          },
+          "pi"_a, "A copy with other inertias, (10 n,) in the order of ``inertial_parameters``.")
+      .def("with_effects", &with_effects, "effects"_a,
+           "A copy with these effects in place of its own; names, places and signs are checked.")
+      .def("issues", &model_issues, "What looks wrong, as a list of :class:`Issue`.")
+      .def("info", &model_info_text, "The tree with masses, limits, effects and issues, as text.")
+      .def(
+          "to_dict", [](const Model& x) { return parse_json(model_to_json(x)); },
+          "The model as dict, schema ``diffnea/model/1``.")
+      .def_static("from_dict", &from_dict, "data"_a, "The inverse of :meth:`to_dict`.")
+      .def("save", &write_model, "path"_a, py::call_guard<py::gil_scoped_release>(),
+           "Write ``.json`` (all of it), or ``.urdf`` or ``.xml``: the file that the model was "
+           "read from, with\n"
+           "its values put in place. Return what that format cannot express, one sentence each.")
+      .def("__repr__", &model_repr)
+      .def("__eq__",
+           [](const Model& a, const py::object& other) {
+             return py::isinstance<Model>(other) &&
+                    model_to_json(a) == model_to_json(py::cast<const Model&>(other));
+           })
+      .def("__copy__", [](const Model& x) { return Model(x); })
+      .def(
+          "__deepcopy__", [](const Model& x, const py::dict&) { return Model(x); }, "memo"_a)
+      .def(py::pickle([](const Model& x) { return py::make_tuple(model_to_json(x), x.source); },
+                      [](const py::tuple& state) {
+                        Model x = model_from_json(py::cast<std::string>(state[0]), "pickle");
+                        x.source = py::cast<std::string>(state[1]);
+                        return x;
+                      }));
+  model.attr("__module__") = "diffnea";
+
+  m.def("_read_model", &read_model, "path"_a, py::call_guard<py::gil_scoped_release>());
+  m.def("_find_model_file", &find_model_file, "name"_a, "extensions"_a);
+  m.def("effects", &effect_catalogue,
+        "The effects there are: a list of dicts with effect, formula, summary, place, motor_side "
+        "and parameters.");
+}
+
+}  // namespace diffnea::python

@@ -1,0 +1,447 @@
+/// Recordings and trajectories: from arrays, from files, and back.
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <map>
+#include <optional>
+#include <set>
+
+#include <pybind11/stl/filesystem.h>
+
+#include <diffnea/core/error.hpp>
+#include <diffnea/io/sidecar.hpp>
+#include <diffnea/io/trajectory_file.hpp>
+#include <diffnea/recording/csv.hpp>
+#include <diffnea/recording/recording.hpp>
+#include <diffnea/recording/trajectory.hpp>
+
+#include "arrays.hpp"
+#include "bindings.hpp"
+#include "recording_info.hpp"
+#include "value_type.hpp"
+
+namespace diffnea::python {
+namespace {
+
+using namespace pybind11::literals;
+namespace fs = std::filesystem;
+
+void require_increasing(const char* where, const VecX<double>& time) {
+  for (long k = 0; k < time.size(); ++k) {
+    if (std::isfinite(time[k]) && (k == 0 || time[k] > time[k - 1])) continue;
+    throw DataError(std::string(where) + ": time[" + std::to_string(k) + "] is " +
+                    std::to_string(time[k]) +
+                    (k == 0 ? "" : " after " + std::to_string(time[k - 1])) +
+                    " s, expected finite and strictly increasing; leave such rows out");
+  }
+}
+
+void require_names(const char* where, const std::vector<std::string>& names, long joints) {
+  if (static_cast<long>(names.size()) != joints)
+    throw ShapeError(std::string(where) + ": got " + std::to_string(names.size()) +
+                     " joint_names, expected " + std::to_string(joints) + ", one per column of q");
+  if (std::set<std::string>(names.begin(), names.end()).size() != names.size())
+    throw DataError(std::string(where) + ": a name occurs twice in joint_names");
+}
+
+void require_finite_or_gap(const std::string& what, const RowMatX<double>& x) {
+  for (long k = 0; k < x.rows(); ++k)
+    for (long j = 0; j < x.cols(); ++j)
+      if (std::isinf(x(k, j)))
+        throw DataError(
+            what + "[" + std::to_string(k) + ", " + std::to_string(j) +
+            "] is infinite; NaN marks a gap, rows that cannot be true must be left out");
+}
+
+/// An optional series of N rows.
+RowMatX<double> series(const char* name, const py::object& x, long rows, long columns) {
+  if (x.is_none()) return {};
+  const std::string what = std::string("Recording: ") + name;
+  RowMatX<double> out = matrix_in(what, x, rows, columns);
+  require_finite_or_gap(what, out);
+  return out;
+}
+
+/// Which joints have a torque: a column of gaps is a prescribed joint's, a declared one's is zero.
+void classify_torques(Recording& r) {
+  const long n = r.num_joints();
+  for (const std::string& name : r.info.passive)
+    if (std::ranges::find(r.joint_names, name) == r.joint_names.end())
+      throw DataError("Recording: passive names '" + name + "', which is not in joint_names");
+  r.has_tau.assign(static_cast<std::size_t>(n), true);
+  for (long j = 0; j < n; ++j) {
+    const std::string& name = r.joint_names[static_cast<std::size_t>(j)];
+    const bool passive = std::ranges::find(r.info.passive, name) != r.info.passive.end();
+    const bool zero = (r.tau.col(j).array() == 0.0).all();
+    const bool unknown = r.tau.col(j).array().isNaN().all();
+    if (passive && !zero && !unknown)
+      throw DataError("Recording: joint '" + name + "' is passive, but its torque is not zero");
+    if (zero && !passive)
+      throw DataError("Recording: the torque of joint '" + name +
+                      "' is zero in every row; passive=['" + name +
+                      "'] if it is known to be zero, NaN if it is unknown (motion prescribed)");
+    if (passive) r.tau.col(j).setZero();
+    r.has_tau[static_cast<std::size_t>(j)] = !passive && !unknown;
+  }
+}
+
+Recording make_recording(const py::object& time, const py::object& q, const py::object& tau,
+                         std::vector<std::string> joint_names, const py::object& qd,
+                         const py::object& qdd, const py::object& qcmd, const py::object& ball,
+                         const py::object& spin, const std::map<std::string, py::object>& extra,
+                         const std::string& torque_side,
+                         const std::optional<std::string>& torque_sampling,
+                         std::vector<std::string> passive, std::optional<double> period,
+                         std::string source) {
+  Recording r;
+  r.source = std::move(source);
+  r.time = vector_in("Recording: time", time);
+  require_increasing("Recording", r.time);
+  const long N = r.time.size();
+  if (N == 0) throw DataError("Recording: got no rows");
+  r.q = series("q", q, N, joint_names.size() == 1 ? 1 : -1);
+  const long n = r.q.cols();
+  require_names("Recording", joint_names, n);
+  r.joint_names = std::move(joint_names);
+  r.qd = series("qd", qd, N, n);
+  r.qdd = series("qdd", qdd, N, n);
+  r.qcmd = series("qcmd", qcmd, N, n);
+  r.ball = series("ball", ball, N, 3);
+  r.spin = series("spin", spin, N, 3);
+  r.tau = tau.is_none() ? RowMatX<double>::Constant(N, n, std::nan("")) : series("tau", tau, N, n);
+  for (const auto& [name, values] : extra)
+    r.extra.push_back({name, vector_in("Recording: extra['" + name + "']", values, N)});
+  r.info = recording_info(torque_side, torque_sampling);
+  r.info.passive = std::move(passive);
+  r.info.period = period.value_or(0.0);
+  if (!(r.info.period >= 0.0)) throw DataError("Recording: period must not be negative");
+  classify_torques(r);
+  return r;
+}
+
+py::object or_none(const RowMatX<double>& x) {
+  if (x.size() == 0) return py::none();
+  return array_out(x);
+}
+
+std::string recording_repr(const Recording& r) {
+  std::string joints;
+  for (const std::string& name : r.joint_names) joints += (joints.empty() ? "" : ", ") + name;
+  const double seconds = r.rows() > 0 ? r.time[r.rows() - 1] - r.time[0] : 0.0;
+  std::string channels = "q";
+  for (const auto& [name, values] : {std::pair{"qd", &r.qd},
+                                     {"qdd", &r.qdd},
+                                     {"qcmd", &r.qcmd},
+                                     {"ball", &r.ball},
+                                     {"spin", &r.spin}})
+    if (values->size() > 0) channels += std::string(", ") + name;
+  const long torques = std::ranges::count(r.has_tau, true);
+  if (torques > 0) channels += ", tau";
+  if (torques > 0 && torques < r.num_joints()) channels += " of " + std::to_string(torques);
+  for (const ExtraChannel& e : r.extra) channels += ", " + e.name;
+  return "Recording(" + std::to_string(r.rows()) + " rows, " +
+         std::string(py::str("{:.4g}").format(seconds)) + " s, " + std::to_string(r.num_joints()) +
+         (r.num_joints() == 1 ? " joint [" : " joints [") + joints + "]: " + channels +
+         (r.info.torque_side == TorqueSide::kLink ? "; torque of the link side)" : ")");
+}
+
+Recording rows_of(const Recording& r, const py::slice& slice) {
+  py::ssize_t start = 0, stop = 0, step = 0, count = 0;
+  if (!slice.compute(r.rows(), &start, &stop, &step, &count)) throw py::error_already_set();
+  if (step != 1) throw ShapeError("Recording[…]: a step other than 1 would change the sampling");
+  if (count == 0) throw DataError("Recording[…]: no rows are left");
+  Recording out = r;
+  const auto cut = [&](RowMatX<double>& x) {
+    if (x.size() > 0) x = RowMatX<double>(x.middleRows(start, count));
+  };
+  out.time = VecX<double>(r.time.segment(start, count));
+  for (RowMatX<double>* x : {&out.q, &out.qd, &out.qdd, &out.qcmd, &out.tau, &out.ball, &out.spin})
+    cut(*x);
+  for (ExtraChannel& e : out.extra) e.values = VecX<double>(e.values.segment(start, count));
+  return out;
+}
+
+/// Reads one file; what is not given comes from the sidecar of `described_by`.
+/// @param name  what to call the data, where the file is not the user's own
+py::tuple read_file(const fs::path& path, const std::string& name, const fs::path& described_by,
+                    const std::optional<std::string>& torque_side,
+                    const std::optional<std::string>& torque_sampling,
+                    const std::vector<std::string>& passive, std::optional<double> period) {
+  ReadReport report;
+  std::vector<Recording> runs;
+  {
+    const py::gil_scoped_release release;
+    ReadOptions options;
+    options.info = described_info(described_by, torque_side, torque_sampling, passive, period);
+    runs = read_recordings(path, options, &report);
+    const auto rename = [&, file = path.string()](std::string& text) {
+      if (const std::size_t at = text.find(file); at != text.npos)
+        text.replace(at, file.size(), name);
+    };
+    for (Recording& r : runs) rename(r.source);
+    rename(report.source);
+    for (std::string& note : report.notes) rename(note);
+  }
+  return py::make_tuple(runs, report);
+}
+
+void write_files(const std::vector<Recording>& recordings, const fs::path& path) {
+  const py::gil_scoped_release release;
+  write_recordings(recordings, path);
+  write_sidecar(recordings.front().info, path);
+}
+
+void write_sidecar_of(const Recording& recording, const fs::path& path) {
+  write_sidecar(recording.info, path);
+}
+
+Trajectory make_trajectory(const py::object& time, const py::object& q, const py::object& qd,
+                           const py::object& qdd, std::vector<std::string> joint_names) {
+  Trajectory t;
+  t.time = vector_in("Trajectory: time", time);
+  require_increasing("Trajectory", t.time);
+  t.q = matrix_in("Trajectory: q", q, t.time.size(), joint_names.size() == 1 ? 1 : -1);
+  require_names("Trajectory", joint_names, t.q.cols());
+  t.joint_names = std::move(joint_names);
+  t.qd = matrix_in("Trajectory: qd", qd, t.time.size(), t.q.cols());
+  t.qdd = matrix_in("Trajectory: qdd", qdd, t.time.size(), t.q.cols());
+  for (const RowMatX<double>* x : {&t.q, &t.qd, &t.qdd})
+    if (!x->allFinite()) throw DataError("Trajectory: a value is not finite");
+  return t;
+}
+
+}  // namespace
+
+RecordingInfo recording_info(const std::string& torque_side,
+                             const std::optional<std::string>& torque_sampling) {
+  RecordingInfo info;
+  if (torque_side != "motor" && torque_side != "link")
+    throw DataError("torque_side: got '" + torque_side + "'; choices: motor, link");
+  info.torque_side = torque_side == "link" ? TorqueSide::kLink : TorqueSide::kMotor;
+  const std::string sampling =
+      torque_sampling.value_or(info.torque_side == TorqueSide::kLink ? "instant" : "hold");
+  if (sampling != "hold" && sampling != "instant")
+    throw DataError("torque_sampling: got '" + sampling + "'; choices: hold, instant");
+  info.torque_sampling = sampling == "hold" ? TorqueSampling::kHold : TorqueSampling::kInstant;
+  return info;
+}
+
+RecordingInfo described_info(const fs::path& data, const std::optional<std::string>& torque_side,
+                             const std::optional<std::string>& torque_sampling,
+                             const std::vector<std::string>& passive,
+                             std::optional<double> period) {
+  ReadOptions options;
+  options.info.passive = passive;
+  RecordingInfo info = with_sidecar(data, options).info;
+  if (torque_side) {
+    const RecordingInfo asked = recording_info(*torque_side, torque_sampling);
+    if (asked.torque_side != info.torque_side || torque_sampling)
+      info.torque_sampling = asked.torque_sampling;
+    info.torque_side = asked.torque_side;
+  } else if (torque_sampling) {
+    info.torque_sampling = recording_info("motor", torque_sampling).torque_sampling;
+  }
+  if (period) info.period = *period;
+  return info;
+}
+
+void bind_recording(py::module_& m) {
+  py::class_<Recording> c(m, "Recording",
+                          "Measured series of one robot, N rows and n joints, in SI units. NaN is "
+                          "a gap. Never changes.");
+  c.def(py::init(&make_recording), py::kw_only(), "time"_a, "q"_a, "tau"_a = py::none(),
+        "joint_names"_a, "qd"_a = py::none(), "qdd"_a = py::none(), "qcmd"_a = py::none(),
+        "ball"_a = py::none(), "spin"_a = py::none(), "extra"_a = py::dict(),
+        "torque_side"_a = "motor", "torque_sampling"_a = py::none(),
+        "passive"_a = std::vector<std::string>{}, "period"_a = py::none(), "source"_a = "arrays",
+        "``time``: (N,) [s], strictly increasing. ``q``, ``tau``, ``qd``, ``qdd``, ``qcmd``: (N, "
+        "n) [rad, N·m, rad/s,\n"
+        "rad/s²] or [m, N, …]. A column of ``tau`` that is NaN throughout belongs to a joint whose "
+        "motion is prescribed;\n"
+        "``passive`` names joints whose torque is known to be zero. ``ball``, ``spin``: (N, 3) "
+        "[m], [rad/s] in the\n"
+        "world. ``extra``: further channels (N,) by name. ``torque_side``: ``motor``, or ``link`` "
+        "for joint torque\n"
+        "sensors. ``torque_sampling``: ``hold`` (row k's torque acts from row k to k+1; default of "
+        "the motor side)\n"
+        "or ``instant``. ``period``: of a periodic motion [s].")
+      .def_readonly("source", &Recording::source, "Where it comes from, for messages.")
+      .def_readonly("run", &Recording::run, "Number of the run in its file.")
+      .def_readonly("joint_names", &Recording::joint_names,
+                    "Names of the joints, in the order of the columns.")
+      .def_property_readonly("num_joints", &Recording::num_joints, "Number n of joints.")
+      .def_property_readonly(
+          "time", [](const Recording& r) { return array_out(r.time); }, "(N,) [s]")
+      .def_property_readonly(
+          "q", [](const Recording& r) { return array_out(r.q); }, "(N, n) [rad] or [m]")
+      .def_property_readonly(
+          "qd", [](const Recording& r) { return or_none(r.qd); },
+          "(N, n) measured velocity, or None.")
+      .def_property_readonly(
+          "qdd", [](const Recording& r) { return or_none(r.qdd); },
+          "(N, n) measured acceleration, or None.")
+      .def_property_readonly(
+          "qcmd", [](const Recording& r) { return or_none(r.qcmd); },
+          "(N, n) desired position, or None.")
+      .def_property_readonly(
+          "tau", [](const Recording& r) { return array_out(r.tau); },
+          "(N, n) [N·m] or [N]; zero at a passive joint, NaN at a prescribed one.")
+      .def_readonly("has_tau", &Recording::has_tau, "Per joint: its torque was measured.")
+      .def_property_readonly(
+          "ball", [](const Recording& r) { return or_none(r.ball); }, "(N, 3) [m], world, or None.")
+      .def_property_readonly(
+          "spin", [](const Recording& r) { return or_none(r.spin); },
+          "(N, 3) [rad/s], world, or None.")
+      .def_property_readonly(
+          "extra",
+          [](const Recording& r) {
+            py::dict out;
+            for (const ExtraChannel& e : r.extra) out[py::str(e.name)] = array_out(e.values);
+            return out;
+          },
+          "Further channels (N,) by name.")
+      .def_property_readonly(
+          "torque_side",
+          [](const Recording& r) {
+            return r.info.torque_side == TorqueSide::kLink ? "link" : "motor";
+          },
+          "``motor`` or ``link``: where torque was measured.")
+      .def_property_readonly(
+          "torque_sampling",
+          [](const Recording& r) {
+            return r.info.torque_sampling == TorqueSampling::kHold ? "hold" : "instant";
+          },
+          "``hold`` or ``instant``.")
+      .def_property_readonly(
+          "passive", [](const Recording& r) { return r.info.passive; },
+          "Joints whose torque is known to be zero.")
+      .def_property_readonly(
+          "period",
+          [](const Recording& r) {
+            return r.info.period > 0.0 ? py::object(py::float_(r.info.period)) : py::none();
+          },
+          "Of a periodic motion [s], or None.")
+      .def_property_readonly(
+          "controller",
+          [](const Recording& r) {
+            std::map<std::string, std::map<std::string, double>> out;
+            for (const JointValue& v : r.info.controller) out[v.joint][v.name] = v.value;
+            return out;
+          },
+          "Gains and limits of the controller per joint, where the recording knows them [SI "
+          "units].")
+      .def("__len__", &Recording::rows)
+      .def("__getitem__", &rows_of, "rows"_a, "Consecutive rows: ``recording[:1000]``.")
+      .def(
+          "to_frame",
+          [](const Recording& r) {
+            return python_function("diffnea._frames", "recording_frame")(r);
+          },
+          "A pandas data frame with the columns of a recording file.")
+      .def_static(
+          "from_frame",
+          [](const py::object& frame, const py::kwargs& options) {
+            return python_function("diffnea._files", "recording_from_frame")(frame, **options);
+          },
+          "A recording from a data frame with the columns of a recording file: ``time``, "
+          "``q_<joint>``, …")
+      .def("__repr__", &recording_repr)
+      .def(py::pickle(
+          [](const Recording& r) {
+            py::list extra;
+            for (const ExtraChannel& e : r.extra)
+              extra.append(py::make_tuple(e.name, array_out(e.values)));
+            py::list controller;
+            for (const JointValue& v : r.info.controller)
+              controller.append(py::make_tuple(v.joint, v.name, v.value));
+            return py::make_tuple(r.source, r.run, r.joint_names, array_out(r.time), array_out(r.q),
+                                  array_out(r.qd), array_out(r.qdd), array_out(r.qcmd),
+                                  array_out(r.tau), r.has_tau, array_out(r.ball), array_out(r.spin),
+                                  extra, static_cast<int>(r.info.torque_side),
+                                  static_cast<int>(r.info.torque_sampling), r.info.period,
+                                  r.info.passive, r.info.torque_constant, controller);
+          },
+          [](const py::tuple& s) {
+            Recording r;
+            r.source = py::cast<std::string>(s[0]);
+            r.run = py::cast<int>(s[1]);
+            r.joint_names = py::cast<std::vector<std::string>>(s[2]);
+            r.time = py::cast<VecX<double>>(s[3]);
+            std::size_t k = 4;
+            for (RowMatX<double>* x : {&r.q, &r.qd, &r.qdd, &r.qcmd, &r.tau})
+              *x = py::cast<RowMatX<double>>(s[k++]);
+            r.has_tau = py::cast<std::vector<bool>>(s[9]);
+            r.ball = py::cast<RowMatX<double>>(s[10]);
+            r.spin = py::cast<RowMatX<double>>(s[11]);
+            for (const auto& [name, values] :
+                 py::cast<std::vector<std::pair<std::string, VecX<double>>>>(s[12]))
+              r.extra.push_back({name, values});
+            r.info.torque_side = static_cast<TorqueSide>(py::cast<int>(s[13]));
+            r.info.torque_sampling = static_cast<TorqueSampling>(py::cast<int>(s[14]));
+            r.info.period = py::cast<double>(s[15]);
+            r.info.passive = py::cast<std::vector<std::string>>(s[16]);
+            r.info.torque_constant = py::cast<std::vector<std::pair<std::string, double>>>(s[17]);
+            for (const auto& [joint, name, value] :
+                 py::cast<std::vector<std::tuple<std::string, std::string, double>>>(s[18]))
+              r.info.controller.push_back({joint, name, value});
+            return r;
+          }));
+  c.attr("__module__") = "diffnea";
+
+  value_type<QuarantinedRow>(m, "QuarantinedRow", "A row that cannot be true and was left out.",
+                             field("line", &QuarantinedRow::line, "In the file; 1 is the header."),
+                             field("reason", &QuarantinedRow::reason, "Why."));
+  value_type<ReadReport>(
+      m, "ReadReport", "What reading a file brought up.",
+      field("source", &ReadReport::source, "The file."),
+      field("rows", &ReadReport::rows, "Rows read, the quarantined included."),
+      field("quarantined", &ReadReport::quarantined, "How many of them were left out."),
+      field("quarantined_rows", &ReadReport::quarantined_rows, "The first of them, with reasons."),
+      field("extra_channels", &ReadReport::extra_channels,
+            "Columns that the format does not know, kept."),
+      field("notes", &ReadReport::notes, "One sentence each."));
+  m.def("_read_recordings", &read_file, "path"_a, "name"_a, "described_by"_a, "torque_side"_a,
+        "torque_sampling"_a, "passive"_a, "period"_a);
+  m.def("_write_recordings", &write_files, "recordings"_a, "path"_a);
+  m.def("_write_sidecar", &write_sidecar_of, "recording"_a, "path"_a);
+
+  py::class_<Trajectory> t(m, "Trajectory", "Desired motion, N rows and n joints. Never changes.");
+  t.def(py::init(&make_trajectory), py::kw_only(), "time"_a, "q"_a, "qd"_a, "qdd"_a,
+        "joint_names"_a,
+        "``time``: (N,) [s]; ``q``, ``qd``, ``qdd``: (N, n) [rad, rad/s, rad/s²] or [m, …].")
+      .def_readonly("joint_names", &Trajectory::joint_names,
+                    "Names of the joints, in the order of the columns.")
+      .def_property_readonly(
+          "time", [](const Trajectory& x) { return array_out(x.time); }, "(N,) [s]")
+      .def_property_readonly(
+          "q", [](const Trajectory& x) { return array_out(x.q); }, "(N, n) [rad] or [m]")
+      .def_property_readonly(
+          "qd", [](const Trajectory& x) { return array_out(x.qd); }, "(N, n) [rad/s] or [m/s]")
+      .def_property_readonly(
+          "qdd", [](const Trajectory& x) { return array_out(x.qdd); }, "(N, n) [rad/s²] or [m/s²]")
+      .def("save", &write_trajectory, "path"_a, py::call_guard<py::gil_scoped_release>(),
+           "Write a trajectory file (.csv): time, qcmd_*, qdcmd_*, qddcmd_*.")
+      .def(
+          "to_frame",
+          [](const Trajectory& x) {
+            return python_function("diffnea._frames", "trajectory_frame")(x);
+          },
+          "A pandas data frame with the columns of a trajectory file.")
+      .def("__len__", &Trajectory::rows)
+      .def("__repr__", [](const Trajectory& x) {
+        const double seconds = x.rows() > 0 ? x.time[x.rows() - 1] - x.time[0] : 0.0;
+        return "Trajectory(" + std::to_string(x.rows()) + " rows, " +
+               std::string(py::str("{:.4g}").format(seconds)) + " s, " +
+               std::to_string(x.num_joints()) + " joints)";
+      });
+  def_pickle(t, field("source", &Trajectory::source, ""),
+             field("joint_names", &Trajectory::joint_names, ""),
+             field("time", &Trajectory::time, ""), field("q", &Trajectory::q, ""),
+             field("qd", &Trajectory::qd, ""), field("qdd", &Trajectory::qdd, ""));
+  t.attr("__module__") = "diffnea";
+  m.def("read_trajectory", &read_trajectory, "path"_a, py::call_guard<py::gil_scoped_release>(),
+        "Read a trajectory file (.csv): time, qcmd_*, optionally qdcmd_*, qddcmd_*.");
+}
+
+}  // namespace diffnea::python

@@ -1,0 +1,117 @@
+/// Informative trajectories, and recordings of simulated robots.
+
+#include <pybind11/stl.h>
+
+#include <diffnea/excite/fourier.hpp>
+#include <diffnea/io/model_file.hpp>
+#include <diffnea/io/world.hpp>
+#include <diffnea/sim/mujoco_world.hpp>
+#include <diffnea/sim/record.hpp>
+
+#include "bindings.hpp"
+#include "value_type.hpp"
+
+namespace diffnea::python {
+namespace {
+
+using namespace pybind11::literals;
+
+struct Simulation {
+  Recording recording;
+  Model truth;
+  long saturated = 0;
+  std::string failure;
+};
+
+VecX<double> gains(const char* name, const py::object& x) {
+  return x.is_none() ? VecX<double>() : vector_in(std::string("simulate: ") + name, x);
+}
+
+Simulation simulate(const Model& model, const Trajectory& trajectory,
+                    const std::optional<std::string>& world, std::optional<std::uint64_t> seed,
+                    std::optional<double> noise, double rate, const py::object& kp,
+                    const py::object& kd, double bandwidth, double damping,
+                    bool gravity_compensation, std::optional<double> period) {
+  RecordOptions options;
+  options.control_rate = rate;
+  options.kp = gains("kp", kp);
+  options.kd = gains("kd", kd);
+  options.bandwidth = bandwidth;
+  options.damping = damping;
+  options.gravity_compensation = gravity_compensation;
+  options.period = period.value_or(0.0);
+  options.seed = seed.value_or(0);
+  const auto scale_noise = [&options](double factor) {
+    options.position_noise *= factor;
+    options.slide_noise *= factor;
+    options.torque_noise *= factor;
+  };
+
+  const py::gil_scoped_release release;
+  Simulation out;
+  SimulatedRecording result;
+  if (!world) {
+    scale_noise(noise.value_or(0.0));
+    out.truth = model;
+    result = record_model(model, model, trajectory, options);
+  } else {
+    const WorldSpec spec = parse_world(*world);
+    options.seed = spec.seed.value_or(options.seed);
+    scale_noise(noise.value_or(spec.noise));
+    out.truth = perturbed(read_model(spec.mjcf), spec.perturbation, options.seed);
+    result = record_in_mujoco(read_mjcf(spec.mjcf), out.truth, model, trajectory, options);
+  }
+  out.recording = std::move(result.recording);
+  out.saturated = result.saturated;
+  out.failure = std::move(result.failure);
+  return out;
+}
+
+Trajectory excite(const Model& model, double duration, double period, int harmonics, double rate,
+                  std::uint64_t seed, double position_share, double velocity_share,
+                  double effort_share, double half_range, double velocity, double half_stroke,
+                  double slide_velocity) {
+  return random_fourier(model, {.duration = duration,
+                                .period = period,
+                                .harmonics = harmonics,
+                                .rate = rate,
+                                .seed = seed,
+                                .position_share = position_share,
+                                .velocity_share = velocity_share,
+                                .effort_share = effort_share,
+                                .half_range = half_range,
+                                .velocity = velocity,
+                                .half_stroke = half_stroke,
+                                .slide_velocity = slide_velocity});
+}
+
+}  // namespace
+
+void bind_sim(py::module_& m) {
+  value_type<Simulation>(
+      m, "Simulation", "A recording of a simulated robot, and the truth behind it.",
+      field("recording", &Simulation::recording, "What the robot's sensors gave."),
+      field("truth", &Simulation::truth, "The robot as it was: the model that nobody knows."),
+      field("saturated", &Simulation::saturated, "Rows where a torque met its limit."),
+      field("failure", &Simulation::failure,
+            "Empty, or why the simulation ended early; the recording ends before that."));
+  m.def("_simulate", &simulate, "model"_a, "trajectory"_a, "world"_a, "seed"_a, "noise"_a, "rate"_a,
+        "kp"_a, "kd"_a, "bandwidth"_a, "damping"_a, "gravity_compensation"_a, "period"_a);
+  const FourierOptions o;
+  m.def("excite", &excite, "model"_a, py::kw_only(), "duration"_a = o.duration,
+        "period"_a = o.period, "harmonics"_a = o.harmonics, "rate"_a = o.rate, "seed"_a = o.seed,
+        "position_share"_a = o.position_share, "velocity_share"_a = o.velocity_share,
+        "effort_share"_a = o.effort_share, "half_range"_a = o.half_range, "velocity"_a = o.velocity,
+        "half_stroke"_a = o.half_stroke, "slide_velocity"_a = o.slide_velocity,
+        py::call_guard<py::gil_scoped_release>(),
+        "Random periodic motion within the model's limits: a finite Fourier series per joint with "
+        "a motor.\n\n"
+        "``duration``, ``period`` [s]; ``harmonics``, 3 at least; ``rate`` of the rows [Hz]; "
+        "``…_share`` of the limits\n"
+        "that is used. Where the model states none: ``half_range`` [rad], ``velocity`` [rad/s], "
+        "``half_stroke`` [m],\n"
+        "``slide_velocity`` [m/s].");
+  m.def("_worlds", [] { return parse_json(worlds_json()); });
+}
+
+}  // namespace diffnea::python

@@ -1,0 +1,24 @@
+#pragma once
+/// One binding unit per flow; module.cpp calls them in this order.
+
+#include <pybind11/pybind11.h>
+
+namespace diffnea::python {
+
+void bind_model(pybind11::module_& m);
+void bind_dynamics(pybind11::module_& m);
+void bind_recording(pybind11::module_& m);
+void bind_identify(pybind11::module_& m);
+void bind_sim(pybind11::module_& m);
+
+/// diffnea.<module>.<function>, for what is written in Python: data frames, plots, HTML.
+inline pybind11::object python_function(const char* module, const char* function) {
+  return pybind11::module_::import(module).attr(function);
+}
+
+/// A JSON text as dict.
+inline pybind11::object parse_json(const std::string& text) {
+  return python_function("json", "loads")(text);
+}
+
+}  // namespace diffnea::python

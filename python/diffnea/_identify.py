@@ -1,0 +1,111 @@
+"""`identify` on whatever holds a recording."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeAlias
+
+from ._core import FitProgress, IdentifyResult, Model, Recording, _identify
+from ._files import StrPath, load_model, read_recordings
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    One: TypeAlias = Recording | StrPath | pd.DataFrame
+    Data: TypeAlias = One | Sequence[One]
+
+
+def identify(
+    model: Model | StrPath,
+    data: Data,
+    *,
+    test: Data | None = None,
+    loss: str = "inverse",
+    robust: str = "none",
+    fit: Sequence[str] = ("inertia", "armature", "effects"),
+    effects: Sequence[str] | None = None,
+    fix: Sequence[str] = (),
+    entropic_prior: float = 0.0,
+    physical: bool = True,
+    filter_hz: float = 0.0,
+    decimate_to_hz: float = 0.0,
+    window: float = 0.5,
+    max_passes: int = 25,
+    threads: int = 1,
+    torque_side: str | None = None,
+    passive: Sequence[str] = (),
+    progress: Callable[[FitProgress], bool | None] | None = None,
+) -> IdentifyResult:
+    """Fit a model's parameters to recordings; physically consistent, with uncertainties.
+
+    Args:
+        model: the robot, or the path of its description.
+        data: what to fit: a :class:`Recording`, a path, a data frame, or a list of them. CSV
+            files are streamed, so that any length fits into memory.
+        test: held-out recordings, never fitted; their errors are reported.
+        loss: ``inverse`` (torque), ``forward`` (acceleration) or ``trajectory`` (simulated
+            positions).
+        robust: weights that outliers lose by: ``none``, ``huber`` or ``cauchy``.
+        fit: what may move: any of ``inertia``, ``armature``, ``effects``, ``shapes``,
+            ``kinematics``.
+        effects: beyond those of the model: ``name`` for every joint it suits, or ``name@joint``;
+            ``[]`` for none. Default: on the motor side armature, viscous and Coulomb friction and
+            an offset at every joint, on the link side the offset alone.
+        fix: parameters to hold at the model's value: names, or patterns with ``*``.
+        entropic_prior: pull of every inertia to the model's [units of χ²/2]; 0: none.
+        physical: ``False`` leaves inertias free (least squares), for comparison.
+        filter_hz: low-pass of the positions [Hz]; 0: chosen from the data.
+        decimate_to_hz: rate of the fit [Hz]; 0: chosen from the data.
+        window: length of the simulated windows of the trajectory loss [s].
+        max_passes: over the data, of robust losses and shape parameters.
+        threads: of the trajectory loss.
+        torque_side: where torque was measured, ``motor`` or ``link``; for files, over what the
+            file says.
+        passive: for files: joints whose torque is known to be zero.
+        progress: called as the fit goes. Return ``False`` to stop it and have what was found
+            until then (``result.summary.interrupted``). Ctrl-C raises ``KeyboardInterrupt``.
+
+    Raises:
+        DataError, ModelError, FileError: where the input is at fault; the message says what to
+            do.
+
+    """
+    if not isinstance(model, Model):
+        model = load_model(model)
+    return _identify(
+        model,
+        _items(data, torque_side, passive),
+        [] if test is None else _items(test, torque_side, passive),
+        loss,
+        robust,
+        list(fit),
+        None if effects is None else list(effects),
+        list(fix),
+        entropic_prior,
+        physical,
+        filter_hz,
+        decimate_to_hz,
+        window,
+        max_passes,
+        threads,
+        torque_side,
+        list(passive),
+        progress,
+    )
+
+
+def _items(data: Data, torque_side: str | None, passive: Sequence[str]) -> list[Recording | Path]:
+    """All CSV files, or all recordings in memory."""
+    one: list[One] = list(data) if isinstance(data, list | tuple) else [data]  # type: ignore[list-item]
+    paths = [Path(x) for x in one if isinstance(x, str | os.PathLike)]
+    if len(paths) == len(one) and all(path.suffix not in (".parquet", ".npz") for path in paths):
+        return list(paths)
+    recordings: list[Recording | Path] = []
+    for x in one:
+        if isinstance(x, Recording):
+            recordings.append(x)
+        else:
+            recordings.extend(read_recordings(x, torque_side=torque_side, passive=passive))
+    return recordings

@@ -1,0 +1,113 @@
+"""How results look: tables and plots."""
+
+from __future__ import annotations
+
+import html as text
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, overload
+
+from ._core import Error, IdentifyResult, ParameterEstimate, TorqueSeries
+from ._files import import_pandas
+
+if TYPE_CHECKING:
+    from typing import SupportsIndex
+
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+
+class Parameters(list[ParameterEstimate]):
+    """Fitted parameters, by position or by name: ``result.parameters["forearm.mass"]``."""
+
+    @overload
+    def __getitem__(self, key: SupportsIndex | str) -> ParameterEstimate: ...
+    @overload
+    def __getitem__(self, key: slice) -> list[ParameterEstimate]: ...
+    def __getitem__(
+        self, key: SupportsIndex | str | slice
+    ) -> ParameterEstimate | list[ParameterEstimate]:
+        if not isinstance(key, str):
+            return super().__getitem__(key)
+        for parameter in self:
+            if parameter.name == key:
+                return parameter
+        raise KeyError(f"there is no parameter {key!r}; names: {', '.join(p.name for p in self)}")
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return a data frame, one row a parameter, the name as index."""
+        fields = ("value", "std", "unit", "prior", "identifiable", "fixed", "at_bound")
+        rows = [{"name": p.name} | {field: getattr(p, field) for field in fields} for p in self]
+        columns = ["name", *fields]
+        pandas = import_pandas("Parameters.to_frame")
+        frame: pd.DataFrame = pandas.DataFrame(rows, columns=columns).set_index("name")
+        return frame
+
+
+def _number(x: float) -> str:
+    return f"{x:.4g}" if math.isfinite(x) else "–"
+
+
+def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    def line(tag: str, cells: Sequence[str]) -> str:
+        return "<tr>" + "".join(f"<{tag}>{text.escape(cell)}</{tag}>" for cell in cells) + "</tr>"
+
+    return "<table>" + line("th", head) + "".join(line("td", row) for row in rows) + "</table>"
+
+
+def html(result: IdentifyResult) -> str:
+    """Implement ``_repr_html_``: what the data determine, and the error before and after."""
+    held_out = any(math.isfinite(e.test) for e in result.errors)
+    errors = [
+        [
+            e.joint,
+            e.unit,
+            _number(e.torque_rms),
+            _number(e.nominal_test if held_out else e.nominal_train),
+            _number(e.test if held_out else e.train),
+        ]
+        for e in result.errors
+    ]
+    known = [p for p in result.parameters if p.identifiable and not p.fixed]
+    parameters = [
+        [p.name, _number(p.value), _number(p.std), p.unit, _number(p.prior)] for p in known
+    ]
+    rest = len(result.parameters) - len(known)
+    return (
+        f"<p><b>{text.escape(result.model.name)}</b>: rms torque error, "
+        f"{'held out' if held_out else 'on the data of the fit'}</p>"
+        + _table(["joint", "unit", "torque", "before", "after"], errors)
+        + _table(["parameter", "value", "± std", "unit", "prior"], parameters)
+        + (
+            f"<p>{rest} more that the data do not determine one by one, or that were held</p>"
+            if rest
+            else ""
+        )
+    )
+
+
+def plot(result: IdentifyResult, of: str) -> Figure:
+    """Implement :meth:`IdentifyResult.plot`."""
+    try:
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        raise ImportError(
+            "IdentifyResult.plot needs matplotlib; install it with: pip install 'diffnea[plots]'"
+        ) from error
+    choices = {"train": result.train_series, "test": result.test_series}
+    choices["auto"] = choices["test"] or choices["train"]
+    if of not in choices:
+        raise Error(f"plot: of: got {of!r}; choices: {', '.join(sorted(choices))}")
+    series: list[TorqueSeries] = choices[of]
+    if not series:
+        raise Error(f"plot: the result holds no {of} series")
+    figure = Figure(figsize=(9, 1 + 1.8 * len(series)), layout="constrained")
+    panels: Any = figure.subplots(len(series), 1, sharex=True, squeeze=False)[:, 0]
+    for panel, s in zip(panels, series, strict=True):
+        panel.plot(s.time, s.measured, color="0.6", linewidth=1.5, label="measured")
+        panel.plot(s.time, s.nominal, color="C1", linewidth=0.8, label="before")
+        panel.plot(s.time, s.fitted, color="C0", linewidth=0.8, label="after")
+        panel.set_ylabel(f"{s.joint} [{s.unit.replace('*', '·')}]")
+    panels[0].legend(loc="upper right", ncols=3, fontsize="small")
+    panels[-1].set_xlabel("time [s]")
+    return figure
