@@ -91,7 +91,8 @@ TEST_CASE("rnea: a two-link arm has its closed form", "[dynamics]") {
   q << 0.4, -1.1;
   qd << 1.7, -2.3;
   qdd << -3.1, 4.2;
-  // Spong, Hutchinson, Vidyasagar 2006, eq. 7.87 ff., angles about +y (gravity's sign turns over).
+  // Spong, Hutchinson, Vidyasagar 2006, planar elbow arm; angles about +y (gravity's sign turns
+  // over).
   const double c = std::cos(q[1]), h = -m2 * l1 * c2 * std::sin(q[1]);
   const double d11 = m1 * c1 * c1 + m2 * (l1 * l1 + c2 * c2 + 2 * l1 * c2 * c) + J1 + J2;
   const double d12 = m2 * (c2 * c2 + l1 * c2 * c) + J2, d22 = m2 * c2 * c2 + J2;

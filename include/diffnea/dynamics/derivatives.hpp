@@ -3,8 +3,8 @@
 ///
 /// All vectors live in the world frame at its origin, where the derivative of everything that hangs
 /// on joint j with respect to q_j is one Lie bracket with s_j (Singh, Russell, Wensing 2022,
-/// "Efficient Analytical Derivatives of Rigid-Body Dynamics using Spatial Vector Algebra", Table
-/// I). With
+/// "Efficient Analytical Derivatives of Rigid-Body Dynamics using Spatial Vector Algebra").
+/// With
 ///   ψ̇_j = v̄_λ × s_j,   ψ̈_j = ā_λ × s_j + v̄_λ × ψ̇_j   (λ the parent, ā₀ = [0; −g])
 /// and M̄ᶜ, B̄ᶜ, f̄ᶜ summed over the subtree of i, for j ≤ i:
 ///   ∂τ_i/∂q_j = s_iᵀ(2B̄ᶜ_i ψ̇_j + M̄ᶜ_i ψ̈_j)      ∂τ_j/∂q_i = s_jᵀ(2B̄ᶜ_i ψ̇_i + M̄ᶜ_i ψ̈_i + s_i ×*

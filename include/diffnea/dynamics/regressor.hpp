@@ -23,7 +23,7 @@ struct RegressorWorkspace {
 /// Y(q, q̇, q̈), (n × 10n), with τ = Y π + I_r q̈: π stacks θ = [m, h, I] of the links in the order of
 /// the degrees of freedom (lie/inertia.hpp; model/model.hpp, inertial_parameters). Rotor inertia is
 /// not in π. Column block k of row i is sᵢᵀ ∂f̄ₖ/∂θₖ, zero unless joint i carries link k. Only the
-/// tree's geometry is read, not its inertias. (Atkeson, An, Hollerbach 1986, eq. 6–10; here each sᵢ
+/// tree's geometry is read, not its inertias. (Atkeson, An, Hollerbach 1986; here each sᵢ
 /// moves to link k, which is a twist, where they move the 6×10 matrix of link k.)
 /// @param q, qd, qdd  (n) position [rad], velocity [rad/s], acceleration [rad/s²]; [m …] if
 /// prismatic
