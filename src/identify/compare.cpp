@@ -171,7 +171,8 @@ Comparison compare(const IdentifyResult& before, const IdentifyResult& after,
   compare_parameters(before, after, out);
   holm(out.base_parameters, options.alpha);
   holm(out.parameters, options.alpha);
-  out.changed = std::ranges::any_of(out.base_parameters, &Change::significant);
+  out.changed = std::ranges::any_of(
+      out.base_parameters.empty() ? out.parameters : out.base_parameters, &Change::significant);
   return out;
 }
 

@@ -105,16 +105,21 @@ std::string number(double x) {
 }
 
 /// Base parameters by QR with column pivoting (Gautier 1991): x_i + Σ β x_d for each independent column
-/// i, the dependent columns d regrouped into them. Columns are offered in the order of the layout's
-/// scales so that large, familiar parameters lead.
+/// i, the dependent columns d regrouped into them. Columns compete in units of their scales; what the links
+/// absorb is regrouped too, but never leads.
 std::vector<BaseParameter> base_parameters(const FitLayout& layout, const MatX<double>& R,
-                                           const VecX<double>& x, const VecX<double>& scale,
-                                           const std::vector<int>& free, double variance) {
-  MatX<double> Rs = R(Eigen::all, free);
-  for (std::size_t k = 0; k < free.size(); ++k) Rs.col(static_cast<long>(k)) *= scale[free[k]];
+                                           const VecX<double>& x, const VecX<double>& scale) {
+  std::vector<int> columns;
+  VecX<double> weight = scale;
+  for (std::size_t k = 0; k < layout.linear.size(); ++k) {
+    if (layout.linear[k].absorbed) weight[static_cast<long>(k)] *= 1e-4;
+    if (!layout.linear[k].fixed || layout.linear[k].absorbed) columns.push_back(static_cast<int>(k));
+  }
+  MatX<double> Rs = R(Eigen::all, columns);
+  for (long k = 0; k < Rs.cols(); ++k) Rs.col(k) *= weight[columns[static_cast<std::size_t>(k)]];
   Eigen::ColPivHouseholderQR<MatX<double>> qr(Rs);
   qr.setThreshold(kStructuralTol);
-  const long rank = qr.rank(), p = static_cast<long>(free.size());
+  const long rank = qr.rank(), p = Rs.cols();
   const MatX<double> upper = qr.matrixR().topRows(rank);
   const MatX<double> R1 = upper.leftCols(rank).template triangularView<Eigen::Upper>();
   const MatX<double> beta = R1.template triangularView<Eigen::Upper>().solve(
@@ -124,18 +129,18 @@ std::vector<BaseParameter> base_parameters(const FitLayout& layout, const MatX<d
   std::vector<BaseParameter> out;
   const Eigen::VectorXi order = qr.colsPermutation().indices();
   for (long i = 0; i < rank; ++i) {
-    const int lead = free[order[i]];
+    const int lead = columns[static_cast<std::size_t>(order[i])];
     BaseParameter b;
     b.columns = {lead};
     b.coefficients = {1.0};
     b.expression = layout.linear[lead].name;
     b.value = x[lead];
-    b.std = scale[lead] * inverse.row(i).norm() * std::sqrt(variance);
+    b.std = weight[lead] * inverse.row(i).norm();
     for (long k = 0; k < p - rank; ++k) {
-      const int dependent = free[order[rank + k]];
-      const double c = beta(i, k) * scale[lead] / scale[dependent];
-      // A regrouped share below a millionth of the scales is rounding.
-      if (std::abs(beta(i, k)) < 1e-6) continue;
+      const int dependent = columns[static_cast<std::size_t>(order[rank + k])];
+      const double c = beta(i, k) * weight[lead] / weight[dependent];
+      // A share below a millionth of the scales is rounding.
+      if (std::abs(c) * scale[dependent] < 1e-6 * scale[lead]) continue;
       b.columns.push_back(dependent);
       b.coefficients.push_back(c);
       b.expression += (c < 0 ? " - " : " + ") + number(c) + " " + layout.linear[dependent].name;
@@ -258,7 +263,7 @@ LinearFit fit_linear(const FitLayout& layout, const std::vector<JointFactor>& fa
     fit.identifiable[c] = std < scale[c];
     fit.std[c] = fit.identifiable[c] ? std : std::numeric_limits<double>::quiet_NaN();
   }
-  fit.base_parameters = base_parameters(layout, R, fit.x, scale, free, 1.0);
+  fit.base_parameters = base_parameters(layout, R, fit.x, scale);
   fit.rank = static_cast<int>(fit.base_parameters.size());
   return fit;
 }

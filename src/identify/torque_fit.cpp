@@ -191,6 +191,7 @@ class InverseFit {
 
     for (const int c : absorbed_by_links(layout_, regression_->factors())) {
       layout_.linear[c].fixed = with_shapes.linear[c].fixed = true;
+      layout_.linear[c].absorbed = with_shapes.linear[c].absorbed = true;
       result_.notes.push_back(layout_.linear[c].name +
                               " cannot be told from the links' inertia, which absorbs it: held at " +
                               format_number(layout_.linear[c].prior));

@@ -79,6 +79,7 @@ class TrajectoryIdentification {
     result_.notes = pass.notes;
     for (const int c : absorbed_by_links(layout_, regression.factors())) {
       layout_.linear[static_cast<std::size_t>(c)].fixed = true;
+      layout_.linear[static_cast<std::size_t>(c)].absorbed = true;
       result_.notes.push_back(layout_.linear[static_cast<std::size_t>(c)].name +
                               " cannot be told from the links' inertia, which absorbs it: held at " +
                               format_number(layout_.linear[static_cast<std::size_t>(c)].prior));
