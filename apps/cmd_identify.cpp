@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cstdio>
 #include <filesystem>
+#include <thread>
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/identify/identify.hpp>
@@ -121,6 +122,9 @@ void run_identify(IdentifyCommand c) {
   if (c.effects_given)
     c.options.choice.effects =
         c.effects == std::vector<std::string>{"none"} ? std::vector<std::string>{} : c.effects;
+  c.options.trajectory.threads =
+      c.common.threads > 0 ? c.common.threads
+                           : static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
   const Model model = read_model(c.model);
   ResultFolder folder(c.out);  // cannot be written: better known now
 
@@ -216,6 +220,11 @@ void add_identify(CLI::App& app, const std::vector<std::string>& command_line) {
       ->capture_default_str();
   command->add_option("--decimate", o.preprocess.decimate_to_hz, "rate of the fit [Hz], 0: chosen")
       ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
+  command
+      ->add_option("--window", o.trajectory.window,
+                   "trajectory loss: length of a simulated window [s]")
+      ->check(CLI::PositiveNumber)
       ->capture_default_str();
   add_common(*command, c->common);
   command->callback([c] { run_identify(*c); });

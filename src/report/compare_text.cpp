@@ -31,7 +31,9 @@ std::string changes_table(const std::vector<Change>& changes) {
 }
 
 std::string count(std::size_t n, const char* what) {
-  return std::to_string(n) + " " + what + (n == 1 ? "" : "s");
+  std::string text = what;  // "combination of parameters" → "combinations of parameters"
+  if (n != 1) text.insert(std::min(text.find(' '), text.size()), "s");
+  return std::to_string(n) + " " + text;
 }
 
 std::string list(const char* title, const std::vector<std::string>& names) {
@@ -47,27 +49,25 @@ std::string compare_text(const Comparison& c) {
   const auto significant = [](const std::vector<Change>& list) {
     return static_cast<std::size_t>(std::ranges::count_if(list, &Change::significant));
   };
-  const std::size_t changed = significant(c.base_parameters);
+  const std::vector<Change>& main = c.base_parameters.empty() ? c.parameters : c.base_parameters;
+  const std::string compared =
+      count(main.size(), c.base_parameters.empty() ? "parameter" : "combination of parameters");
+  const std::size_t changed = significant(main);
   std::string out;
-  if (c.base_parameters.empty())
-    out += "nothing to compare: the fits share no combination of parameters that both see\n";
+  if (main.empty())
+    out += "nothing to compare: the fits share nothing that both see\n";
   else if (changed == 0)
-    out += "nothing changed: " + count(c.base_parameters.size(), "combination") +
-           " of parameters compared, no difference beyond its uncertainty\n";
+    out += "nothing changed: " + compared + " compared, no difference beyond its uncertainty\n" +
+           "largest: " + main.front().name + ", z = " + number(main.front().z, 2) + "\n";
   else
-    out += std::to_string(changed) + " of " + count(c.base_parameters.size(), "combination") +
-           " of parameters changed by more than their uncertainty explains\n" +
-           changes_table(c.base_parameters);
+    out += std::to_string(changed) + " of " + compared +
+           " changed by more than the uncertainty explains\n" + changes_table(main);
   std::vector<Change> others;  // single parameters that are not in the table above
   for (const Change& p : c.parameters)
-    if (std::ranges::none_of(c.base_parameters, [&](const Change& b) { return b.name == p.name; }))
+    if (std::ranges::none_of(main, [&](const Change& b) { return b.name == p.name; }))
       others.push_back(p);
   if (significant(others) > 0)
     out += "\nparameters that both fits see by themselves\n" + changes_table(others);
-  if (!c.base_parameters.empty()) {
-    const Change& first = c.base_parameters.front();
-    if (changed == 0) out += "largest: " + first.name + ", z = " + number(first.z, 2) + "\n";
-  }
   if (c.not_comparable > 0)
     out += count(static_cast<std::size_t>(c.not_comparable), "combination") +
            " of the first fit cannot be seen in the second\n";

@@ -6,6 +6,7 @@
 #include <diffnea/report/identify_text.hpp>
 
 #include "report/chart.hpp"
+#include "report/fit_words.hpp"
 #include "report/format.hpp"
 #include "report/html.hpp"
 
@@ -19,10 +20,6 @@ constexpr std::size_t kMaxPoints = 90'000;
 /// Columns of pixels in all drawings together: each some 25 characters in up to 3 lines, below 1
 /// MB.
 constexpr std::size_t kMaxColumns = 14'000;
-
-bool has_test(const IdentifyResult& fit) {
-  return std::ranges::any_of(fit.errors, [](const JointError& e) { return std::isfinite(e.test); });
-}
 
 /// The shortest step in time, which is that of the decimated grid.
 double period(const std::vector<double>& time) {
@@ -82,7 +79,8 @@ std::string chart_keys() {
          "<span class=\"screen\">; drag to zoom, double-click to see all</span></p>\n";
 }
 
-std::string charts(const std::vector<TorqueSeries>& list, int columns) {
+/// @param what  is drawn: "torque"
+std::string charts(const std::vector<TorqueSeries>& list, const std::string& what, int columns) {
   std::string out;
   double first = std::numeric_limits<double>::infinity(), last = -first;
   for (const TorqueSeries& s : list) {
@@ -94,12 +92,12 @@ std::string charts(const std::vector<TorqueSeries>& list, int columns) {
     const TorqueSeries& s = list[j];
     const std::string index = std::to_string(j), u = unit(s.unit);
     if (s.time.empty()) {
-      out += "<h3>" + escape(s.joint) + " <small>no torque was measured</small></h3>\n";
+      out += "<h3>" + escape(s.joint) + " <small>not measured</small></h3>\n";
       continue;
     }
     const std::vector<double> after = difference(s.fitted, s.measured);
-    out += "<section class=\"joint\"><h3>" + escape(s.joint) +
-           " <small>torque, and the fit's error below [" + escape(u) +
+    out += "<section class=\"joint\"><h3>" + escape(s.joint) + " <small>" + what +
+           ", and the fit's error below [" + escape(u) +
            "]</small></h3>\n<div class=\"chart torque\" data-joint=\"" + index + "\">" +
            line_chart(s.time,
                       {{"measured", &s.measured}, {"nominal", &s.nominal}, {"fitted", &s.fitted}},
@@ -112,20 +110,26 @@ std::string charts(const std::vector<TorqueSeries>& list, int columns) {
 }
 
 std::string error_table(const IdentifyResult& fit) {
-  const bool held_out = has_test(fit);
+  const bool torque = quantity(fit) == "torque";
   std::vector<std::vector<std::string>> rows;
   for (const JointError& e : fit.errors) {
-    const double before = held_out ? e.nominal_test : e.nominal_train;
-    const double after = held_out ? e.test : e.train;
-    rows.push_back({escape(e.joint), escape(unit(e.unit)), number(e.torque_rms, 3),
-                    number(before, 3), percent(before / e.torque_rms),
-                    "<b>" + number(after, 3) + "</b>",
-                    "<b>" + percent(after / e.torque_rms) + "</b>", number(e.train, 3),
-                    number(e.test_raw, 3)});
+    const double first = before(fit, e), last = after(fit, e);
+    std::vector<std::string> row{escape(e.joint), escape(unit(e.unit)), number(first, 3),
+                                 "<b>" + number(last, 3) + "</b>"};
+    if (torque)
+      for (const std::string& cell :
+           {percent(first / e.torque_rms), "<b>" + percent(last / e.torque_rms) + "</b>",
+            number(e.torque_rms, 3)})
+        row.push_back(cell);
+    row.push_back(number(e.train, 3));
+    row.push_back(number(e.test_raw, 3));
+    rows.push_back(row);
   }
-  return html_table({"joint", "unit", "rms torque", "error before", "of torque", "error after",
-                     "of torque", "after, training data", "after, unfiltered"},
-                    rows, {"", "", "n", "n", "n", "n", "n", "n", "n"});
+  std::vector<std::string> titles{"joint", "unit", "before", "after"};
+  if (torque) titles.insert(titles.end(), {"of torque, before", "after", "rms torque"});
+  titles.push_back("after, training data");
+  titles.push_back(torque ? "after, unfiltered" : "after, from the measured state");
+  return html_table(titles, rows, {"", "", "n", "n", "n", "n", "n", "n", "n"});
 }
 
 std::string parameter_table(const IdentifyResult& fit) {
@@ -155,6 +159,7 @@ std::string parameter_table(const IdentifyResult& fit) {
 }
 
 std::string base_table(const IdentifyResult& fit) {
+  if (fit.base_parameters.empty()) return "";
   std::vector<std::vector<std::string>> rows;
   for (const BaseParameter& b : fit.base_parameters)
     rows.push_back({escape(b.expression), value_and_std(b.value, b.std)});
@@ -187,8 +192,8 @@ std::string data_notes(const IdentifyResult& fit) {
   }
   for (const std::string& channel : fit.data_report.extra_channels)
     items.push_back("column " + channel + " is kept, not used");
-  items.insert(items.end(), fit.data_report.notes.begin(), fit.data_report.notes.end());
-  items.insert(items.end(), fit.notes.begin(), fit.notes.end());
+  const std::vector<std::string> remarks = notes(fit);
+  items.insert(items.end(), remarks.begin(), remarks.end());
   return list(items);
 }
 
@@ -235,6 +240,7 @@ std::string warnings(const IdentifyResult& fit) {
 std::string identify_page(const FitRun& run) {
   const IdentifyResult& fit = run.fit;
   const bool held_out = has_test(fit);
+  const std::string what = quantity(fit);
   IdentifyResult shown;  // what the charts need
   shown.test_series = on_one_axis(fit.test_series, kMaxPoints / 2);
   shown.train_series = on_one_axis(fit.train_series, kMaxPoints / 2);
@@ -245,15 +251,16 @@ std::string identify_page(const FitRun& run) {
   const std::string name = fit.model.name.empty() ? "model" : fit.model.name;
   std::string body = element("h1", "Identification of " + name);
   body += element("p", identify_headline(run), "headline") + warnings(fit);
-  body += element("h2", held_out ? "Error of the torque on held-out data" : "Error of the torque");
+  body += element("h2", "Error of the " + what + (held_out ? " on held-out data" : ""));
   body += error_table(fit);
   if (!shown.test_series.empty())
-    body += "<div data-set=\"test\">" + element("h2", "Held-out torque over time") + chart_keys() +
-            charts(shown.test_series, columns) + "</div>\n";
+    body += "<div data-set=\"test\">" + element("h2", "Held-out " + what + " over time") +
+            chart_keys() + charts(shown.test_series, what, columns) + "</div>\n";
   if (!shown.train_series.empty()) {
-    const std::string inside = chart_keys() + charts(shown.train_series, columns);
+    const std::string inside = chart_keys() + charts(shown.train_series, what, columns);
     if (shown.test_series.empty())
-      body += "<div data-set=\"train\">" + element("h2", "Torque over time") + inside + "</div>\n";
+      body += "<div data-set=\"train\">" + element("h2", "The " + what + " over time") + inside +
+              "</div>\n";
     else
       body += "<details data-set=\"train\"><summary>The same for the training data</summary>\n" +
               inside + "</details>\n";

@@ -4,17 +4,13 @@
 
 #include <diffnea/report/identify_text.hpp>
 
+#include "report/fit_words.hpp"
 #include "report/format.hpp"
 
 namespace diffnea {
 namespace {
 
 using namespace report;
-
-bool has_test(const FitRun& run) {
-  return std::ranges::any_of(run.fit.errors,
-                             [](const JointError& e) { return std::isfinite(e.test); });
-}
 
 /// "forearm.Ixx" → "forearm", "elbow.armature.armature" → "elbow.armature"
 std::string owner(const std::string& name) { return name.substr(0, name.rfind('.')); }
@@ -55,52 +51,80 @@ std::string parameters_text(const FitRun& run) {
   return out;
 }
 
-std::string errors_text(const FitRun& run) {
-  const bool held_out = has_test(run);
+std::string errors_text(const IdentifyResult& fit) {
+  const bool torque = quantity(fit) == "torque";
   std::vector<std::vector<std::string>> rows;
-  for (const JointError& e : run.fit.errors) {
-    const double before = held_out ? e.nominal_test : e.nominal_train;
-    const double after = held_out ? e.test : e.train;
-    rows.push_back({e.joint, unit(e.unit), number(e.torque_rms, 3), number(before, 3),
-                    number(after, 3), percent(after / e.torque_rms), number(e.train, 3)});
+  for (const JointError& e : fit.errors) {
+    std::vector<std::string> row{e.joint, unit(e.unit)};
+    if (torque) row.push_back(number(e.torque_rms, 3));
+    row.push_back(number(before(fit, e), 3));
+    row.push_back(number(after(fit, e), 3));
+    if (torque) row.push_back(percent(after(fit, e) / e.torque_rms));
+    row.push_back(number(e.train, 3));
+    rows.push_back(row);
   }
-  return std::string("rms torque error, ") + (held_out ? "held out" : "on the data of the fit") +
-         "\n" + table({"", "<unit", "torque", "before", "after", "of torque", "(train)"}, rows);
+  const std::vector<std::string> titles =
+      torque ? std::vector<std::string>{"",      "<unit",     "torque", "before",
+                                        "after", "of torque", "(train)"}
+             : std::vector<std::string>{"", "<unit", "before", "after", "(train)"};
+  return "rms " + quantity(fit) + " error, " +
+         (has_test(fit) ? "held out" : "on the data of the fit") + "\n" + table(titles, rows);
+}
+
+std::string from_to(const std::string& from, const std::string& to, bool rises) {
+  return (rises ? "rises from " : "falls from ") + from + " to " + to;
+}
+
+std::string torque_sentence(const IdentifyResult& fit) {
+  double first = 0.0, last = 0.0;
+  int joints = 0;
+  for (const JointError& e : fit.errors) {
+    if (!std::isfinite(after(fit, e)) || !(e.torque_rms > 0.0)) continue;
+    first += before(fit, e) / e.torque_rms;
+    last += after(fit, e) / e.torque_rms;
+    ++joints;
+  }
+  if (joints == 0) return "";
+  return "torque error " + from_to(percent(first / joints), percent(last / joints), last > first) +
+         " of the torque" +
+         (joints > 1 ? " (mean of " + std::to_string(joints) + " joints)." : ".");
+}
+
+std::string position_sentence(const IdentifyResult& fit) {
+  std::string out;
+  for (const JointError& e : fit.errors)
+    if (std::isfinite(after(fit, e)))
+      out += (out.empty() ? "error of simulated positions " : ", ") +
+             from_to(number(before(fit, e), 3), number(after(fit, e), 3),
+                     after(fit, e) > before(fit, e)) +
+             " " + e.unit + " (" + e.joint + ")";
+  return out.empty() ? out : out + ".";
 }
 
 }  // namespace
 
 std::string identify_headline(const FitRun& run) {
-  const bool held_out = has_test(run);
-  double torque = 0.0, before = 0.0, after = 0.0;
-  int joints = 0;
-  for (const JointError& e : run.fit.errors) {
-    const double b = held_out ? e.nominal_test : e.nominal_train, a = held_out ? e.test : e.train;
-    if (!std::isfinite(a) || !(e.torque_rms > 0.0)) continue;
-    before += b / e.torque_rms;
-    after += a / e.torque_rms;
-    torque += 1.0;
-    ++joints;
-  }
-  if (joints == 0) return "No torque was measured, so nothing can be said of the model's error.";
-  return std::string(held_out ? "On held-out data the" : "On the data it was fitted to, the") +
-         " torque error falls from " + percent(before / torque) + " to " + percent(after / torque) +
-         " of the torque" +
-         (joints > 1 ? " (mean of " + std::to_string(joints) + " joints)." : ".");
+  const IdentifyResult& fit = run.fit;
+  const std::string sentence =
+      quantity(fit) == "torque" ? torque_sentence(fit) : position_sentence(fit);
+  if (sentence.empty()) return "Nothing was measured that would show the model's error.";
+  return (has_test(fit) ? "On held-out data the " : "On the data it was fitted to, the ") +
+         sentence;
 }
 
 std::string identify_text(const FitRun& run) {
   const IdentifyResult& fit = run.fit;
-  std::string out = parameters_text(run) + "\n" + errors_text(run);
-  std::vector<std::string> notes = fit.notes;
-  notes.insert(notes.end(), fit.data_report.notes.begin(), fit.data_report.notes.end());
-  if (!notes.empty()) out += "\nnotes\n";
-  for (const std::string& note : notes) out += "  " + note + "\n";
+  std::string out = parameters_text(run) + "\n" + errors_text(fit);
+  const std::vector<std::string> remarks = notes(fit);
+  if (!remarks.empty()) out += "\nnotes\n";
+  for (const std::string& note : remarks) out += "  " + note + "\n";
   out += "\n" + std::to_string(fit.summary.rows) + " rows, " + number(fit.plan.filter_hz, 3) +
-         " Hz low-pass, " + std::to_string(fit.base_parameters.size()) +
-         " combinations determined; " + fit.summary.termination + " in " +
-         std::to_string(fit.summary.iterations) + " iterations, " + number(fit.summary.seconds, 2) +
-         " s\n" + identify_headline(run) + "\n";
+         " Hz low-pass, " +
+         (fit.base_parameters.empty()
+              ? ""
+              : std::to_string(fit.base_parameters.size()) + " combinations determined; ") +
+         fit.summary.termination + " in " + std::to_string(fit.summary.iterations) +
+         " iterations, " + number(fit.summary.seconds, 2) + " s\n" + identify_headline(run) + "\n";
   return out;
 }
 

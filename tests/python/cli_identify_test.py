@@ -271,12 +271,24 @@ def test_a_torque_that_is_always_zero(recordings: Path, tmp_path: Path) -> None:
     assert "passive" in message
 
 
-def test_a_torque_of_zero_at_a_joint_that_is_declared_passive(
-    recordings: Path, tmp_path: Path
-) -> None:
-    data = edited(recordings / "train.csv", tmp_path / "data.csv", silent_elbow)
-    answer = diffnea("identify", PENDULUM, data, "--passive", "elbow", "-o", tmp_path / "run")
-    assert answer.returncode == DONE, answer.stderr
+def test_a_torque_of_zero_at_a_joint_that_is_declared_passive(run: Path, tmp_path: Path) -> None:
+    # The robot: the double pendulum whose elbow swings freely.
+    robot = load(run / "model.json")
+    elbow = next(x["joint"] for x in robot["links"] if x.get("joint", {}).get("name") == "elbow")
+    elbow["passive"] = True
+    robot["effects"] = []
+    model, motion, data = (tmp_path / name for name in ("robot.json", "motion.csv", "data.csv"))
+    model.write_text(json.dumps(robot))
+    done("excite", PENDULUM, "--duration", 10, "-o", motion)
+    done("simulate", model, "--trajectory", motion, "--noise", 1, "-o", data)
+    (tmp_path / "data.json").unlink()  # which declares it too
+
+    def add_silence(table: Table) -> Table:
+        return [[*row, "tau_elbow" if k == 0 else "0"] for k, row in enumerate(table)]
+
+    edited(data, data, add_silence)
+    assert "elbow" in refused(tmp_path / "run", PENDULUM, data)
+    done("identify", PENDULUM, data, "--passive", "elbow", "-o", tmp_path / "run")
 
 
 def test_degrees_bring_a_warning(recordings: Path, tmp_path: Path) -> None:

@@ -34,7 +34,7 @@ struct Comparison {
   std::vector<Change> parameters;       ///< parameters that both fits see by themselves
   std::vector<std::string> only_before, only_after;  ///< parameters that one fit alone has
   int not_comparable = 0;  ///< base parameters of the first fit that the second does not see
-  bool changed = false;    ///< any base parameter changed significantly
+  bool changed = false;  ///< any base parameter (without them: any parameter) changed significantly
 };
 
 /// @param before, after  with posteriors (Model::posterior) for combinations; without, the base

@@ -1,0 +1,47 @@
+#include "report/fit_words.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace diffnea::report {
+
+bool has_test(const IdentifyResult& fit) {
+  return std::ranges::any_of(fit.errors, [](const JointError& e) { return std::isfinite(e.test); });
+}
+
+std::string quantity(const IdentifyResult& fit) {
+  return !fit.errors.empty() && fit.errors.front().unit.starts_with('N') ? "torque" : "position";
+}
+
+double before(const IdentifyResult& fit, const JointError& error) {
+  return has_test(fit) ? error.nominal_test : error.nominal_train;
+}
+
+double after(const IdentifyResult& fit, const JointError& error) {
+  return has_test(fit) ? error.test : error.train;
+}
+
+std::vector<std::string> notes(const IdentifyResult& fit) {
+  std::vector<std::string> out = fit.notes;
+  std::vector<std::string> texts, files;
+  std::vector<int> counts;
+  for (const std::string& note : fit.data_report.notes) {
+    const std::size_t colon = note.find(": ");
+    const std::string text = colon == std::string::npos ? note : note.substr(colon);
+    const auto known = std::ranges::find(texts, text);
+    if (known != texts.end()) {
+      ++counts[static_cast<std::size_t>(known - texts.begin())];
+      continue;
+    }
+    texts.push_back(text);
+    files.push_back(colon == std::string::npos ? "" : note.substr(0, colon));
+    counts.push_back(1);
+  }
+  for (std::size_t k = 0; k < texts.size(); ++k)
+    out.push_back(files[k] +
+                  (counts[k] > 1 ? " and " + std::to_string(counts[k] - 1) + " more" : "") +
+                  texts[k]);
+  return out;
+}
+
+}  // namespace diffnea::report

@@ -1,0 +1,22 @@
+#pragma once
+/// What both the terminal's text and the page say of a fit's errors.
+
+#include <string>
+#include <vector>
+
+#include <diffnea/identify/identify.hpp>
+
+namespace diffnea::report {
+
+/// Whether errors on held-out recordings are known.
+bool has_test(const IdentifyResult& fit);
+/// "torque", or "position" for the trajectory loss.
+std::string quantity(const IdentifyResult& fit);
+/// Error of the model before the fit and after it: held out, or of the training data without a test
+/// set.
+double before(const IdentifyResult& fit, const JointError& error);
+double after(const IdentifyResult& fit, const JointError& error);
+/// Notes on the fit and on its data; those that differ by the file's name alone are one.
+std::vector<std::string> notes(const IdentifyResult& fit);
+
+}  // namespace diffnea::report
