@@ -55,6 +55,19 @@ TEST_CASE("compare: a combination that the second fit does not see is not compar
   CHECK(compare(fit(1, 1, 0), second).not_comparable == 1);
 }
 
+TEST_CASE("compare: a held parameter moves the value of a combination, not its uncertainty",
+          "[identify]") {
+  // b is held, at another value than in the first fit; a has taken over what it leaves.
+  IdentifyResult second = fit(2, 0.5, 0);
+  second.parameters[1].fixed = true;
+  second.model.posterior = Posterior{{"a", "c"}, {2, 0}, {100, 0, 0, 25}};
+  const Comparison c = compare(fit(1, 1, 0), second);
+  CHECK(c.not_comparable == 0);
+  CHECK_FALSE(c.changed);
+  CHECK(c.base_parameters[0].std ==
+        Approx(std::sqrt(c.base_parameters[0].name == "c" ? 0.08 : 0.02)));
+}
+
 TEST_CASE("compare: without a posterior equal expressions are compared", "[identify]") {
   IdentifyResult first = fit(1, 1, 0), second = fit(2, 1, 0);
   second.model.posterior.reset();

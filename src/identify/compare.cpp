@@ -120,7 +120,8 @@ void compare_combinations(const IdentifyResult& before, const IdentifyResult& af
       const auto found = values.find(p.name);
       known = known && found != values.end();
       if (!known) break;
-      combination[p.name] = b.coefficients[k];
+      // What is held has no part in the uncertainty: the data see the combination by what moved.
+      if (!found->second->fixed) combination[p.name] = b.coefficients[k];
       value_before += b.coefficients[k] * p.value;
       value_after += b.coefficients[k] * found->second->value;
     }
