@@ -186,8 +186,10 @@ py::tuple read_file(const fs::path& path, const std::string& name, const fs::pat
   return py::make_tuple(runs, report);
 }
 
-void write_files(const std::vector<Recording>& recordings, const fs::path& path) {
+void write_files(std::vector<Recording> recordings, const fs::path& path) {
   const py::gil_scoped_release release;
+  if (recordings.size() > 1)  // their numbers may come from several files
+    for (std::size_t k = 0; k < recordings.size(); ++k) recordings[k].run = static_cast<int>(k);
   write_recordings(recordings, path);
   write_sidecar(recordings.front().info, path);
 }

@@ -2,6 +2,9 @@ from pathlib import Path
 
 import pytest
 from cli import MODELS, done
+from planar_arm import arm, formulas, held_out, rubbing_arm, states, train
+
+__all__ = ["arm", "formulas", "held_out", "rubbing_arm", "states", "train"]
 
 PENDULUM = MODELS / "double_pendulum.urdf"
 

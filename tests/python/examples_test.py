@@ -1,0 +1,69 @@
+"""The examples of docs/examples, run as their users would run them."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from cli import COMMAND, MODELS, ROOT, done
+
+EXAMPLES = ROOT / "docs" / "examples"
+
+
+def run(*command: object, cwd: Path, **environment: str) -> str:
+    answer = subprocess.run(
+        [str(part) for part in command],
+        capture_output=True,
+        text=True,
+        cwd=cwd,
+        env=os.environ | environment,
+        check=False,
+        timeout=600,
+    )
+    assert answer.returncode == 0, answer.stdout + answer.stderr
+    return answer.stdout
+
+
+def test_python(tmp_path: Path) -> None:
+    text = run(sys.executable, EXAMPLES / "identify.py", cwd=tmp_path)
+    assert "worst joint, held out" in text
+    assert (tmp_path / "run" / "report.html").is_file()
+
+
+def test_shell(tmp_path: Path) -> None:
+    path = f"{Path(COMMAND).parent}{os.pathsep}{os.environ['PATH']}"
+    text = run("sh", EXAMPLES / "identify.sh", "here", cwd=tmp_path, PATH=path)
+    assert "run/report.html" in text
+    assert (tmp_path / "here" / "run" / "report.html").is_file()
+
+
+def build_folder() -> Path | None:
+    """A build of the library that can be installed."""
+    chosen = os.environ.get("DIFFNEA_BUILD")
+    folders = [Path(chosen)] if chosen else [ROOT / "build" / "release"]
+    return next((folder for folder in folders if (folder / "src" / "libdiffnea.a").is_file()), None)
+
+
+def test_cpp_against_an_installation(tmp_path: Path) -> None:
+    build = build_folder()
+    if build is None or shutil.which("cmake") is None:
+        pytest.skip("needs cmake and the library in build/release (or DIFFNEA_BUILD)")
+    prefix = tmp_path / "prefix"
+    run("cmake", "--install", build, "--prefix", prefix, cwd=tmp_path)
+    # The installation alone: no source tree, no build folder.
+    source = tmp_path / "example"
+    shutil.copytree(EXAMPLES / "cpp", source)
+    run("cmake", "-S", source, "-B", "build", f"-DCMAKE_PREFIX_PATH={prefix}", cwd=tmp_path)
+    run("cmake", "--build", "build", cwd=tmp_path)
+
+    model = MODELS / "double_pendulum.urdf"
+    for seed, name in enumerate(("train", "test"), start=1):
+        motion, out = tmp_path / "motion.csv", tmp_path / f"{name}.csv"
+        common = ("--seed", seed, "--quiet")
+        done("excite", model, "--duration", 10, "-o", motion, *common)
+        done("simulate", model, "--trajectory", motion, "--noise", 1, "-o", out, *common)
+    text = run("build/identify", model, "train.csv", "test.csv", cwd=tmp_path)
+    assert "at rest:" in text
+    assert "(held out)" in text
