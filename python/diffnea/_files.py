@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import csv
 import os
 import tempfile
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
 
 StrPath: TypeAlias = "str | os.PathLike[str]"
 
-_ARRAYS = ("time", "q", "tau", "qd", "qdd", "qcmd", "ball", "spin")
+_SERIES = ("q", "tau", "qd", "qdd", "qcmd", "ball", "spin")
 
 
 class Recordings(list[Recording]):
@@ -175,9 +176,29 @@ def _read_frame(
         raise TypeError(f"got {type(frame).__name__}, expected a path or a pandas data frame")
     if "time" not in frame.columns and frame.index.name == "time":
         frame = frame.reset_index()
+    return _through_csv(
+        lambda path: frame.to_csv(path, index=False),
+        name,
+        described_by,
+        torque_side,
+        torque_sampling,
+        passive,
+        period,
+    )
+
+
+def _through_csv(
+    write: Callable[[Path], None],
+    name: str,
+    described_by: Path | None,
+    torque_side: str | None,
+    torque_sampling: str | None,
+    passive: list[str],
+    period: float | None,
+) -> Recordings:
     with tempfile.TemporaryDirectory(prefix="diffnea-") as folder:
         path = Path(folder) / "frame.csv"
-        frame.to_csv(path, index=False)
+        write(path)
         try:
             return Recordings(
                 *_read_recordings(
@@ -202,23 +223,36 @@ def _read_npz(
             arrays = {key: file[key] for key in file.files}
     except (OSError, ValueError) as error:
         raise FileError(f"{path}: cannot be read as NPZ ({error})") from error
-    if "q" in arrays and "joint_names" in arrays:
-        names = [str(name) for name in arrays["joint_names"]]
-        columns: dict[str, Any] = {"time": arrays["time"]}
-        for key in _ARRAYS[1:6]:
-            if key not in arrays:
-                continue
-            values = np.asarray(arrays[key]).reshape(len(arrays["time"]), -1)
-            if values.shape[1] != len(names):
-                raise DataError(
-                    f"{path}: {key} has {values.shape[1]} columns, "
-                    f"expected {len(names)}, one per joint name"
-                )
-            columns |= {f"{key}_{name}": values[:, j] for j, name in enumerate(names)}
-        for key in _ARRAYS[6:]:
-            if key in arrays:
-                columns |= {f"{key}_{axis}": arrays[key][:, j] for j, axis in enumerate("xyz")}
+    if {"time", "q", "joint_names"} <= arrays.keys():
+        columns = _columns_of_arrays(path, arrays)
     else:
         columns = {key: values for key, values in arrays.items() if values.ndim == 1}
-    frame = import_pandas(f"{path}: reading NPZ").DataFrame(columns)
-    return _read_frame(frame, str(path), path, torque_side, torque_sampling, passive, period)
+    lengths = {key: len(values) for key, values in columns.items()}
+    if len(set(lengths.values())) > 1:
+        raise DataError(f"{path}: arrays of different lengths: {lengths}")
+
+    def write(file: Path) -> None:
+        with file.open("w", newline="", encoding="utf-8") as stream:
+            writer = csv.writer(stream)
+            writer.writerow(columns)
+            for row in zip(*(values.tolist() for values in columns.values()), strict=True):
+                writer.writerow("" if x != x else x for x in row)  # NaN is a gap
+
+    return _through_csv(write, str(path), path, torque_side, torque_sampling, passive, period)
+
+
+def _columns_of_arrays(path: Path, arrays: dict[str, Any]) -> dict[str, Any]:
+    time, names = arrays["time"], [str(name) for name in np.ravel(arrays["joint_names"])]
+    columns = {"time": time}
+    for key in _SERIES:
+        if key not in arrays:
+            continue
+        values, labels = arrays[key], list("xyz") if key in ("ball", "spin") else names
+        if values.shape == time.shape and len(labels) == 1:
+            values = values[:, np.newaxis]
+        if values.shape != (len(time), len(labels)):
+            raise DataError(
+                f"{path}: {key} has shape {values.shape}, expected {(len(time), len(labels))}"
+            )
+        columns |= {f"{key}_{label}": values[:, j] for j, label in enumerate(labels)}
+    return columns

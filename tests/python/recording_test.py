@@ -183,7 +183,6 @@ def test_a_recording_survives_its_frame() -> None:
 
 
 def test_npz_holds_columns_or_arrays(tmp_path: Path) -> None:
-    pytest.importorskip("pandas")
     np.savez(tmp_path / "arrays.npz", time=TIME, q=series(0), tau=series(1), joint_names=NAMES)
     columns = {
         f"{c}_{n}": series(k)[:, j] for k, c in enumerate(("q", "tau")) for j, n in enumerate(NAMES)
@@ -192,6 +191,9 @@ def test_npz_holds_columns_or_arrays(tmp_path: Path) -> None:
     expected = diffnea.Recording(time=TIME, q=series(0), tau=series(1), joint_names=NAMES)
     for name in ("arrays", "columns"):
         assert_same(diffnea.read_recording(tmp_path / f"{name}.npz"), expected)
+    np.savez(tmp_path / "short.npz", time=TIME, q_elbow=TIME[:3])
+    with pytest.raises(diffnea.DataError, match=r"short\.npz: arrays of different lengths"):
+        diffnea.read_recording(tmp_path / "short.npz")
 
 
 def test_what_cannot_be_read_says_why(tmp_path: Path) -> None:
