@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <numbers>
 #include <optional>
 
 #include <Eigen/Eigenvalues>
@@ -19,6 +20,7 @@ constexpr double kOutside = 1e-4;
 
 std::vector<std::string> joints_of(const IdentifyResult& fit) {
   std::vector<std::string> out;
+  out.reserve(fit.errors.size());
   for (const JointError& e : fit.errors) out.push_back(e.joint);
   return out;
 }
@@ -88,7 +90,7 @@ Change make_change(const std::string& name, const std::string& unit, double befo
                    double variance) {
   Change c{name, unit, before, after, std::sqrt(variance), 0.0, 1.0, false};
   c.z = (after - before) / c.std;
-  c.p = std::erfc(std::abs(c.z) / std::sqrt(2.0));
+  c.p = std::erfc(std::abs(c.z) / std::numbers::sqrt2);
   return c;
 }
 

@@ -154,6 +154,19 @@ std::vector<BaseParameter> base_parameters(const FitLayout& layout, const MatX<d
 
 }  // namespace
 
+namespace {
+
+/// tr(H⁻¹ B) / f: how much larger the score's covariance is than independent residuals make it.
+double mean_ratio(const MatX<double>& B, const MatX<double>& H) {
+  const VecX<double> s = H.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
+  MatX<double> scaled = s.asDiagonal() * H * s.asDiagonal();
+  scaled.diagonal().array() += 1e-8;  // dependent columns must not blow up
+  const MatX<double> b = s.asDiagonal() * B * s.asDiagonal();
+  return Eigen::LDLT<MatX<double>>(scaled).solve(b).trace() / static_cast<double>(B.rows());
+}
+
+}  // namespace
+
 double JointFactor::sum_of_squares(const VecX<double>& x) const {
   return factor.sum_of_squares(x(columns));
 }
@@ -188,7 +201,7 @@ std::vector<int> absorbed_by_links(const FitLayout& layout,
 }
 
 LinearFit fit_linear(const FitLayout& layout, const std::vector<JointFactor>& factors,
-                     const VecX<double>& inflation, const LinearFitOptions& options) {
+                     const LinearFitOptions& options) {
   const long p = static_cast<long>(layout.linear.size());
   const long n = static_cast<long>(factors.size());
   const std::vector<int> free = free_columns(layout);
@@ -240,32 +253,48 @@ LinearFit fit_linear(const FitLayout& layout, const std::vector<JointFactor>& fa
     if (change < 1e-3) break;
   }
 
-  // Uncertainty: the data's information, each joint's rows counted as many as they are worth.
-  VecX<double> effective = fit.sigma;
-  for (long j = 0; j < n; ++j) effective[j] *= std::sqrt(std::max(inflation[j], 1.0));
+  fit.scale = scale;
+  fit.weak = weak;
   VecX<double> unused;
   MatX<double> R;
-  stack(factors, effective, p, R, unused);
+  stack(factors, fit.sigma, p, R, unused);
   fit.information = R.transpose() * R;
-  MatX<double> H = fit.information(free, free);
-  H.diagonal() += weak(free);
-  const VecX<double> s = H.diagonal().cwiseSqrt().cwiseInverse();
-  const MatX<double> covariance =
-      s.asDiagonal() *
-      Eigen::LDLT<MatX<double>>(s.asDiagonal() * H * s.asDiagonal())
-          .solve(MatX<double>(MatX<double>::Identity(H.rows(), H.cols()))) *
-      s.asDiagonal();
-  fit.std = VecX<double>::Zero(p);
-  fit.identifiable.assign(p, false);
-  for (std::size_t k = 0; k < free.size(); ++k) {
-    const int c = free[k];
-    const double std = std::sqrt(std::max(covariance(static_cast<long>(k), static_cast<long>(k)), 0.0));
-    fit.identifiable[c] = std < scale[c];
-    fit.std[c] = fit.identifiable[c] ? std : std::numeric_limits<double>::quiet_NaN();
-  }
   fit.base_parameters = base_parameters(layout, R, fit.x, scale);
   fit.rank = static_cast<int>(fit.base_parameters.size());
+  use_sandwich(layout, fit.information, fit);
   return fit;
+}
+
+void use_sandwich(const FitLayout& layout, const MatX<double>& meat, LinearFit& fit) {
+  require_size("use_sandwich: meat", meat.rows(), fit.x.size(), "parameter");
+  const std::vector<int> free = free_columns(layout);
+  const long p = fit.x.size(), f = static_cast<long>(free.size());
+  MatX<double> H = fit.information(free, free), B = meat(free, free);
+  const double ratio = std::max(1.0, B.trace() > 0.0 && H.trace() > 0.0 ? mean_ratio(B, H) : 1.0);
+  H.diagonal() += fit.weak(free);
+  B.diagonal() += fit.weak(free);
+  const VecX<double> s = H.diagonal().cwiseSqrt().cwiseInverse();
+  const MatX<double> inverse =
+      s.asDiagonal() *
+      Eigen::LDLT<MatX<double>>(s.asDiagonal() * H * s.asDiagonal())
+          .solve(MatX<double>(MatX<double>::Identity(f, f))) *
+      s.asDiagonal();
+  MatX<double> covariance = MatX<double>::Zero(p, p), independent = covariance;
+  covariance(free, free) = inverse * B * inverse;
+  independent(free, free) = inverse;
+  fit.std = VecX<double>::Zero(p);
+  fit.identifiable.assign(static_cast<std::size_t>(p), false);
+  for (const int c : free) {
+    const double std = std::sqrt(std::max(covariance(c, c), independent(c, c)));
+    fit.identifiable[static_cast<std::size_t>(c)] = std < fit.scale[c];
+    fit.std[c] = std < fit.scale[c] ? std : std::numeric_limits<double>::quiet_NaN();
+  }
+  for (BaseParameter& b : fit.base_parameters) {
+    VecX<double> c = VecX<double>::Zero(p);
+    for (std::size_t k = 0; k < b.columns.size(); ++k) c[b.columns[k]] = b.coefficients[k];
+    b.std = std::sqrt(std::max(c.dot(covariance * c), c.dot(independent * c)));
+  }
+  fit.information /= ratio;
 }
 
 }  // namespace diffnea

@@ -27,32 +27,24 @@ double robust_weight(Robust kind, double r) {
   return 1.0;
 }
 
-/// How much less a joint's rows tell than independent ones: variance of the least-squares estimate under
-/// the residuals' autocorrelation (Newey, West 1987) over that under white noise, mean over parameters.
-double variance_inflation(const JointRows& kept, const VecX<double>& x_joint) {
-  const long rows = std::min<long>(static_cast<long>(kept.time.size()), 6000);
-  const long p = kept.width - 1;
-  if (rows < 4 * p) return 1.0;
+/// Σ of score products of one joint's rows over lags (Newey, West 1987), for rows [Y | τ] over sigma: what
+/// takes the place of YᵀY in the middle of the sandwich when residuals are autocorrelated. Scaled up to all
+/// rows where only some were kept.
+MatX<double> score_covariance(const JointRows& kept, const VecX<double>& x, double sigma,
+                              double all_rows) {
+  const long rows = std::min<long>(static_cast<long>(kept.time.size()), 4000), p = kept.width - 1;
+  if (rows < 2) return MatX<double>::Zero(p, p);
   const MatX<double> Y = kept.rows().topLeftCorner(rows, p);
-  const VecX<double> r = Y * x_joint - kept.rows().col(p).head(rows);
-  const double variance = r.squaredNorm() / static_cast<double>(rows - p);
-  if (!(variance > 0.0)) return 1.0;
-  const VecX<double> scale = Y.colwise().norm().cwiseMax(1e-300).cwiseInverse();
-  const MatX<double> Ys = Y * scale.asDiagonal();
-  const MatX<double> scores = r.asDiagonal() * Ys;
+  const VecX<double> r = Y * x - kept.rows().col(p).head(rows);
+  const MatX<double> scores = r.asDiagonal() * Y / (sigma * sigma);
   MatX<double> meat = scores.transpose() * scores;
-  const long lags = static_cast<long>(std::ceil(1.3 * std::sqrt(static_cast<double>(rows))));
+  const long lags = std::min<long>(static_cast<long>(std::sqrt(static_cast<double>(rows))), rows - 1);
   for (long l = 1; l <= lags; ++l) {
     const double w = 1.0 - static_cast<double>(l) / static_cast<double>(lags + 1);
     const MatX<double> c = scores.topRows(rows - l).transpose() * scores.bottomRows(rows - l);
     meat += w * (c + c.transpose());
   }
-  MatX<double> bread = Ys.transpose() * Ys;
-  bread.diagonal().array() += 1e-8;  // columns of norm 1: dependent ones must not blow up
-  const MatX<double> white = variance * bread;
-  // tr(W⁻¹ S) / p, both in the metric of the estimate.
-  const double ratio = white.ldlt().solve(meat).trace() / static_cast<double>(p);
-  return std::clamp(ratio, 1.0, 1e3);
+  return meat * (all_rows / static_cast<double>(rows));
 }
 
 /// A joint whose filtered position stays within what its noise explains tells nothing of its own motion.
@@ -202,12 +194,14 @@ class InverseFit {
       fit_shapes(with_shapes);
     if (options_.robust != Robust::kNone || options_.loss == Loss::kForward) reweigh();
     // Standard errors that know of the residuals' autocorrelation.
-    VecX<double> inflation = VecX<double>::Ones(layout_.num_dofs);
-    for (int j = 0; j < layout_.num_dofs; ++j)
-      inflation[j] =
-          variance_inflation(regression_->kept()[j], x_(regression_->factors()[j].columns));
-    fit_ = fit_linear(layout_, regression_->factors(), inflation, options_.linear);
-    x_ = fit_.x;
+    MatX<double> meat = MatX<double>::Zero(x_.size(), x_.size());
+    for (int j = 0; j < layout_.num_dofs; ++j) {
+      const JointFactor& f = regression_->factors()[j];
+      meat(f.columns, f.columns) +=
+          score_covariance(regression_->kept()[j], x_(f.columns), fit_.sigma[j],
+                           static_cast<double>(f.factor.rows()));
+    }
+    use_sandwich(layout_, meat, fit_);
     if (options_.robust != Robust::kNone || options_.loss == Loss::kForward)
       pass(layout_, false, true);  // errors are torques, of all rows
     note_rest();
@@ -228,8 +222,7 @@ class InverseFit {
   }
 
   void solve(const FitLayout& layout) {
-    fit_ = fit_linear(layout, regression_->factors(),
-                      VecX<double>::Ones(layout.num_dofs), options_.linear);
+    fit_ = fit_linear(layout, regression_->factors(), options_.linear);
     x_ = fit_.x.head(static_cast<long>(layout_.linear.size()));
     result_.summary.converged = fit_.solver.converged;
     result_.summary.iterations = fit_.solver.iterations;
@@ -265,9 +258,7 @@ class InverseFit {
         best_x = x_;
         best_shape = shape_;
         shrink = std::min(1.0, 2.0 * shrink);
-        step = fit_linear(moving, regression_->factors(), VecX<double>::Ones(layout.num_dofs),
-                          options_.linear)
-                   .x.tail(s);
+        step = fit_linear(moving, regression_->factors(), options_.linear).x.tail(s);
         if (gained < 0.01) break;  // a hundredth of a unit in χ²/2: far inside one σ
       } else {
         shrink *= 0.25;
@@ -329,7 +320,7 @@ class InverseFit {
 
   void finish_errors() {
     const std::vector<int> moving = moving_links(model_);
-    std::unique_ptr<TorqueRegression> test;
+    std::unique_ptr<TorqueRegression> test, test_all;
     VecX<double> raw = VecX<double>::Constant(layout_.num_dofs, kNaN);
     const RecordingSource& held_out = test_ ? *test_ : train_;
     PreprocessOptions same = options_.preprocess;
@@ -338,8 +329,16 @@ class InverseFit {
       const PreprocessPlan plan = plan_preprocess(test_->sample(), same);
       test = std::make_unique<TorqueRegression>(model_, layout_, plan,
                                                 RegressionPoint{x_, shape_});
+      RegressionOptions with_rest;
+      with_rest.rest_speed = 0.0;
+      with_rest.keep_bytes = 0;
+      test_all = std::make_unique<TorqueRegression>(model_, layout_, plan, RegressionPoint{x_, shape_},
+                                                    with_rest);
       const Pass p = for_each_block(held_out, plan, "testing", 0, options_,
-                                    [&](const Preprocessed& b) { test->add(b); });
+                                    [&](const Preprocessed& b) {
+                                      test->add(b);
+                                      test_all->add(b);
+                                    });
       result_.notes.insert(result_.notes.end(), p.notes.begin(), p.notes.end());
       const ExtendedTree fitted = extend(result_.model, test_->runs());
       VecX<double> sum = VecX<double>::Zero(layout_.num_dofs);
@@ -360,12 +359,13 @@ class InverseFit {
       e.unit = model_.links[moving[j]].type == ModelJoint::kPrismatic ? "N" : "N*m";
       const VecX<double> zero = VecX<double>::Zero(x_.size());
       if (f.factor.rows() == 0) {
-        e.torque_rms = e.train = e.nominal_train = e.test = e.nominal_test = e.test_raw = kNaN;
+        e.torque_rms = e.train = e.nominal_train = e.test = e.nominal_test = e.test_all = e.test_raw = kNaN;
       } else {
         e.train = f.rmse(x_);
         e.nominal_train = f.rmse(nominal_);
         e.test = test ? test->factors()[j].rmse(x_) : kNaN;
         e.nominal_test = test ? test->factors()[j].rmse(nominal_) : kNaN;
+        e.test_all = test_all ? test_all->factors()[j].rmse(x_) : kNaN;
         e.test_raw = raw[j];
         e.torque_rms = test ? test->factors()[j].rmse(zero) : f.rmse(zero);
       }

@@ -180,7 +180,7 @@ void TorqueRegression::add(const Preprocessed& block) {
         double* out = joint.block.row(r - row).data();
         for (long c = 0; c < width; ++c) out[c] = full_(j, joint.columns[c]);
         out[width] = full_(j, full_.cols() - 1);
-        out[width + 1] = std::abs(block.qd(r, j));
+        out[width + 1] = std::abs(block.qd(r, j)) < joint.rest_speed ? 1.0 : 0.0;
       }
     }
     for (int j = 0; j < n; ++j)
@@ -197,7 +197,7 @@ void TorqueRegression::flush(int j, const RowMatX<double>& decimated) {
   RowMatX<double> rows(decimated.rows(), width + 1);
   long moving = 0;
   for (long k = 0; k < decimated.rows(); ++k) {
-    if (decimated(k, width + 1) < joint.rest_speed) continue;
+    if (decimated(k, width + 1) > options_.rest_share) continue;
     rows.row(moving++) = decimated.row(k).head(width + 1);
     if ((kept_bytes_ += (width + 1) * static_cast<long>(sizeof(double))) <= options_.keep_bytes) {
       kept.values.insert(kept.values.end(), decimated.row(k).data(),

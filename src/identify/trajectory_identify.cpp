@@ -143,6 +143,7 @@ class TrajectoryIdentification {
       e.nominal_train = before[j];
       e.test = test[j];
       e.nominal_test = nominal_test[j];
+      e.test_all = test[j];
       e.test_raw = raw[j];
       result_.errors.push_back(e);
     }

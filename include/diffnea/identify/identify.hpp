@@ -60,6 +60,7 @@ struct JointError {
   double nominal_train = 0.0; ///< the model before the fit
   double test = 0.0;          ///< held out; NaN without a test set
   double nominal_test = 0.0;
+  double test_all = 0.0;      ///< rows in which the joint rests included
   double test_raw = 0.0;      ///< unfiltered torque
 };
 

@@ -42,6 +42,8 @@ struct LinearFit {
   std::vector<bool> identifiable;  ///< the data alone know it better than its scale
   VecX<double> sigma;             ///< (n) noise of each joint's torque [N·m]
   MatX<double> information;       ///< (p, p) of the data alone, inverse covariance
+  VecX<double> scale;             ///< (p) how far a parameter may well be from its prior
+  VecX<double> weak;              ///< (p) diagonal of the weak prior Λ
   int rank = 0;                   ///< number of combinations the data determine
   std::vector<BaseParameter> base_parameters;
   ConvexFitResult solver;
@@ -60,10 +62,16 @@ VecX<double> consistent_start(const FitLayout& layout, const VecX<double>& scale
 /// links' columns span.)
 std::vector<int> absorbed_by_links(const FitLayout& layout, const std::vector<JointFactor>& factors);
 
-/// @param factors   one a joint; joints without torque have no rows
-/// @param inflation (n) variance of a sum of residuals over that of independent ones (autocorrelation); ≥ 1
+/// Standard errors are those of independent residuals until use_sandwich() replaces them.
+/// @param factors  one a joint; joints without torque have no rows
 /// @throws DataError if there are fewer rows than free parameters
 LinearFit fit_linear(const FitLayout& layout, const std::vector<JointFactor>& factors,
-                     const VecX<double>& inflation, const LinearFitOptions& options = {});
+                     const LinearFitOptions& options = {});
+
+/// Standard errors, and what counts as identifiable, for residuals that are not independent: (H + Λ)⁻¹ (meat + Λ)
+/// (H + Λ)⁻¹, and never less than independent residuals give: noise of the positions, differentiated twice, can make
+/// the sandwich small where what limits the fit is no noise at all (blurred friction). The information is scaled down by the mean ratio of meat to H.
+/// @param meat  (p, p) covariance of the score Σ yᵀr/σ² (autocorrelation included)
+void use_sandwich(const FitLayout& layout, const MatX<double>& meat, LinearFit& fit);
 
 }  // namespace diffnea

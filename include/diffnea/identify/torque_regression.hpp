@@ -31,9 +31,11 @@ struct JointRows {
 struct RegressionOptions {
   /// Rows kept for residual analysis and plots [bytes in all]; more are factored, not kept.
   long keep_bytes = 48L << 20;
-  /// Dry friction at rest can have any size up to its largest: rows in which a joint with dry friction moves
-  /// slower than this many smoothing speeds v₀ are left out of that joint's factor.
-  double rest_speed = 2.0;
+  /// Dry friction at rest can have any size up to its largest, and filters blur its jump at a reversal: rows
+  /// of a joint with dry friction are left out of that joint's factor where more than `rest_share` of the
+  /// filter's weight lies on samples slower than `rest_speed` smoothing speeds v₀.
+  double rest_speed = 10.0;
+  double rest_share = 0.02;
   /// Forward loss: rows times M⁻¹ at `at`, which makes their residual that of q̈ [rad/s²]. Needs the torque of
   /// every joint.
   bool acceleration = false;
@@ -61,8 +63,8 @@ class TorqueRegression {
   struct Joint {
     std::vector<int> columns;  // of the layout, then shape directions
     Decimator decimator;
-    RowMatX<double> block;  // [columns | τ | speed]
-    double rest_speed = 0.0;
+    RowMatX<double> block;  // [columns | τ | at rest]
+    double rest_speed = 10.0;
     long emitted = 0, at_rest = 0;
   };
   void fill_row(const Preprocessed& block, long row);
