@@ -213,7 +213,9 @@ void bind_parts(py::module_& m) {
       field("nominal_train", &JointError::nominal_train, "The same before the fit."),
       field("test", &JointError::test, "Held out; NaN without a test set."),
       field("nominal_test", &JointError::nominal_test, "The same before the fit."),
-      field("test_raw", &JointError::test_raw, "Held out, of the unfiltered torque."));
+      field("test_raw", &JointError::test_raw, "Held out, of the unfiltered torque."),
+      field("test_all", &JointError::test_all,
+            "Held out, rows in which the joint rests included."));
   value_type<TorqueSeries>(
       m, "TorqueSeries", "Torque of one joint over time, filtered and decimated.",
       field("joint", &TorqueSeries::joint, "The joint's name."),
