@@ -101,7 +101,7 @@ TEST_CASE("report: text from outside is never markup", "[report]") {
 
 TEST_CASE("report: the page names nothing from elsewhere and forbids it", "[report]") {
   const std::string page = identify_page(some_run());
-  const std::string markup = page.substr(0, page.find("id=\"data\""));
+  const std::string markup = page.substr(0, page.find("id='data'"));
   for (const char* text : {"src=", "href=", "url(", "@import", "://"})
     CHECK(markup.find(text) == std::string::npos);
   CHECK(markup.find("default-src 'none'") != std::string::npos);

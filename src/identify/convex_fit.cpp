@@ -145,13 +145,21 @@ void check(const ConvexFitProblem& p) {
     require_size("solve_convex_fit: columns of prior_information", p.prior_information.cols(), n,
                  "parameter");
   }
+  const auto is_fixed = [&](int k) {
+    return std::find(p.fixed.begin(), p.fixed.end(), k) != p.fixed.end();
+  };
+  const auto held = [&](int body) {  // nothing of it moves: it may be what it is
+    for (int k = body; k < body + kThetaSize; ++k)
+      if (!is_fixed(k)) return false;
+    return true;
+  };
   for (std::size_t b = 0; b < p.bodies.size(); ++b)
-    if (!std::isfinite(log_det(pseudo_inertia_at(p.start, p.bodies[b]))))
+    if (!held(p.bodies[b]) && !std::isfinite(log_det(pseudo_inertia_at(p.start, p.bodies[b]))))
       throw ModelError("solve_convex_fit: body " + std::to_string(b) +
                        " of the start is not strictly physically consistent (its pseudo-inertia is "
                        "not positive definite)");
   for (const int k : p.nonnegative)
-    if (!(p.start[k] > 0.0) && std::find(p.fixed.begin(), p.fixed.end(), k) == p.fixed.end())
+    if (!(p.start[k] > 0.0) && !is_fixed(k))
       throw ModelError("solve_convex_fit: parameter " + std::to_string(k) + " starts at " +
                        std::to_string(p.start[k]) + ", expected > 0");
 }

@@ -176,7 +176,7 @@ class InverseFit {
       result_.summary.fitted_rows += f.factor.rows();
       torque = torque || f.rmse(VecX<double>::Zero(x_.size())) > 0.0;
     }
-    if (!torque)
+    if (!torque && result_.summary.fitted_rows > 0)
       throw DataError(train_.sample().front().source +
                       ": no joint has a measured torque, so that any multiple of the model fits; use the "
                       "trajectory loss, which holds what cannot be seen at the model's values");

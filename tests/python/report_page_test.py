@@ -35,7 +35,7 @@ def rendered(page: Path, profile: Path) -> tuple[str, list[str]]:
 def test_the_page_is_one_small_file(run: Path) -> None:
     page = (run / "report.html").read_text(encoding="utf-8")
     assert len(page) < 5_000_000
-    markup = page[: page.index('id="data"')]
+    markup = page[: page.index("id='data'")]
     assert not re.search(r"src=|href=|url\(|://", markup)
     # Two joints, torque and error each, held out and training: for print, and without scripts.
     assert markup.count("<svg viewBox") == 8

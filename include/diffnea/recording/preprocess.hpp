@@ -25,7 +25,7 @@
 namespace diffnea {
 
 struct PreprocessOptions {
-  /// Butterworth cut-off; 0: 1.5 times the frequency where the accelerations' spectrum is lowest,
+  /// Butterworth cut-off; 0: 1.2 times the frequency where the accelerations' spectrum is lowest,
   /// between the motion and the noise that rises with f⁴; the largest of the joints.
   double filter_hz = 0.0;
   int order = 4;  ///< of the Butterworth filter, which acts twice

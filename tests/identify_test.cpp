@@ -1,0 +1,185 @@
+/// identify() on recordings of a MuJoCo WAM that the model does not know, and on what it must refuse.
+
+#include <diffnea/core/error.hpp>
+#include <diffnea/identify/identify.hpp>
+#include <diffnea/io/model_file.hpp>
+#include <diffnea/model/physical.hpp>
+
+#include <support/wam_study.hpp>
+
+#include <algorithm>
+#include <catch2/catch_approx.hpp>
+#include <catch2/catch_test_macros.hpp>
+#include <catch2/matchers/catch_matchers_string.hpp>
+#include <filesystem>
+
+using namespace diffnea;
+using Catch::Approx;
+using Catch::Matchers::ContainsSubstring;
+
+namespace {
+
+/// One draw serves all tests of this file: recording takes a tenth of a second.
+const test::WamDraw& draw() {
+  static const test::WamDraw kDraw = test::draw_wam(300, 20.0);
+  return kDraw;
+}
+
+const ParameterEstimate& find(const IdentifyResult& result, const std::string& name) {
+  const auto it = std::ranges::find(result.parameters, name, &ParameterEstimate::name);
+  REQUIRE(it != result.parameters.end());
+  return *it;
+}
+
+double mean_test_error(const IdentifyResult& result) {
+  double sum = 0.0;
+  for (const JointError& e : result.errors) sum += e.test;
+  return sum / static_cast<double>(result.errors.size());
+}
+
+bool has_note(const IdentifyResult& result, const std::string& part) {
+  return std::ranges::any_of(result.notes, [&](const std::string& n) {
+    return n.find(part) != std::string::npos;
+  });
+}
+
+}  // namespace
+
+TEST_CASE("identify: a MuJoCo arm's residual falls to the noise floor", "[identify]") {
+  const IdentifyResult result = identify(draw().nominal, {draw().train}, {draw().test});
+  REQUIRE(result.summary.converged);
+  IdentifyOptions held;  // what the truth itself leaves of the same rows
+  held.choice.fit = {"effects"};
+  held.choice.effects = std::vector<std::string>{"torque_offset"};
+  held.choice.fix = {"*friction*", "*armature*"};
+  held.preprocess.filter_hz = result.plan.filter_hz;
+  const IdentifyResult floor = identify(draw().truth, {draw().train}, {draw().test}, held);
+  for (std::size_t j = 0; j < result.errors.size(); ++j) {
+    CAPTURE(j);
+    // 20 s hold some 40 parameters: 1.02 is expected, 1.06 the worst of the study's 40 s runs.
+    CHECK(result.errors[j].test < 1.15 * floor.errors[j].nominal_test);
+    CHECK(result.errors[j].test < 0.25 * result.errors[j].nominal_test);
+  }
+  const Tree<double> fitted = make_tree(result.model);
+  for (const Link<double>& link : fitted.links)
+    CHECK(smallest_pseudo_inertia_eigenvalue(link.inertia.theta()) > 0.0);
+}
+
+TEST_CASE("identify: base parameters lie within their intervals", "[identify]") {
+  const IdentifyResult result = identify(draw().nominal, {draw().train}, {});
+  const test::Coverage c = test::coverage(result, draw().truth);
+  REQUIRE(c.of > 30);
+  // One draw: the study's rate is 0.85 or more, its spread over draws 0.08.
+  CHECK(c.inside > 0.65 * c.of);
+}
+
+TEST_CASE("identify: friction comes out as MuJoCo had it", "[identify]") {
+  const IdentifyResult result = identify(draw().nominal, {draw().train}, {});
+  const std::map<std::string, double> truth = test::true_parameters(draw().truth);
+  for (const char* name : {"joint1.viscous_friction.viscous", "joint2.coulomb_friction.coulomb",
+                           "joint4.viscous_friction.viscous", "joint3.coulomb_friction.coulomb"}) {
+    CAPTURE(name);
+    CHECK(find(result, name).identifiable);
+    CHECK(find(result, name).value == Approx(truth.at(name)).epsilon(0.05));  // 2 % observed
+  }
+  CHECK(find(result, "joint1.armature.armature").fixed);  // the first link's inertia absorbs it
+  CHECK(has_note(result, "joint1.armature.armature cannot be told"));
+}
+
+TEST_CASE("identify: streamed from files is the same as from memory", "[identify]") {
+  const auto folder = std::filesystem::temp_directory_path() / "diffnea_identify_test";
+  std::filesystem::create_directories(folder);
+  const auto path = folder / "train.csv";
+  write_recording(draw().train, path);
+  const auto in_memory = recordings_in_files(draw().nominal, {path}, {});
+  const auto streamed = recordings_in_files(draw().nominal, {path}, {}, /*keep_bytes=*/0);
+  const IdentifyResult a = identify(draw().nominal, *in_memory, nullptr);
+  const IdentifyResult b = identify(draw().nominal, *streamed, nullptr);
+  std::filesystem::remove_all(folder);
+  REQUIRE(a.parameters.size() == b.parameters.size());
+  for (std::size_t k = 0; k < a.parameters.size(); ++k) {
+    CAPTURE(a.parameters[k].name);
+    // The stream's filter is chosen from its beginning, its blocks are filtered with a halo: 1e-9.
+    if (!std::isnan(a.parameters[k].std))
+      CHECK(std::abs(a.parameters[k].value - b.parameters[k].value) <= 0.05 * a.parameters[k].std + 1e-12);
+  }
+}
+
+TEST_CASE("identify: the forward loss agrees where the model is right", "[identify]") {
+  IdentifyOptions options;
+  options.loss = Loss::kForward;
+  const IdentifyResult forward = identify(draw().nominal, {draw().train}, {draw().test}, options);
+  const IdentifyResult inverse = identify(draw().nominal, {draw().train}, {draw().test});
+  CHECK(forward.summary.passes > 1);
+  CHECK(mean_test_error(forward) < 1.3 * mean_test_error(inverse));  // another weighting of the same rows
+}
+
+TEST_CASE("identify: robust losses shrug off bursts on the torque", "[identify]") {
+  Recording spoiled = draw().train;
+  for (long k = 0; k + 100 < spoiled.rows(); k += 500)  // a tenth of the time
+    for (long r = k; r < k + 50; ++r)
+      for (int j = 0; j < 4; ++j) spoiled.tau(r, j) += 30.0;
+  IdentifyOptions plain, robust;
+  robust.robust = Robust::kCauchy;
+  const double e_plain = mean_test_error(identify(draw().nominal, {spoiled}, {draw().test}, plain));
+  const double e_robust = mean_test_error(identify(draw().nominal, {spoiled}, {draw().test}, robust));
+  CHECK(e_robust < 0.3 * e_plain);
+}
+
+TEST_CASE("identify: a misplaced joint is found by its fixed transform", "[identify]") {
+  Model wrong = draw().nominal;
+  const std::vector<int> moving = moving_links(wrong);
+  wrong.links[moving[3]].X_PJ.p.x += 0.05;  // the elbow, 5 cm off
+  IdentifyOptions as_is, kinematic;
+  kinematic.choice.fit = {"inertia", "armature", "effects", "kinematics@joint4"};
+  const double held = mean_test_error(identify(wrong, {draw().train}, {draw().test}, as_is));
+  const IdentifyResult found = identify(wrong, {draw().train}, {draw().test}, kinematic);
+  const double right = mean_test_error(identify(draw().nominal, {draw().train}, {draw().test}, as_is));
+  CHECK(held > 1.1 * right);
+  CHECK(mean_test_error(found) < right + 0.2 * (held - right));
+}
+
+TEST_CASE("identify: a joint that never moves is held, the others are fitted", "[identify]") {
+  Recording still = draw().train;
+  still.q.col(2).setConstant(0.3);
+  still.qcmd.resize(0, 0);
+  const IdentifyResult result = identify(draw().nominal, {still}, {});
+  CHECK(has_note(result, "joint3 never moves"));
+  CHECK(find(result, "joint3.viscous_friction.viscous").fixed);
+  CHECK_FALSE(find(result, "joint3.viscous_friction.viscous").identifiable);
+  CHECK_FALSE(find(result, "joint1.viscous_friction.viscous").fixed);
+}
+
+TEST_CASE("identify: fixed parameters keep the model's value", "[identify]") {
+  IdentifyOptions options;
+  options.choice.fix = {"forearm.*"};
+  const IdentifyResult result = identify(draw().nominal, {draw().train}, {}, options);
+  const ParameterEstimate& mass = find(result, "forearm.mass");
+  CHECK(mass.fixed);
+  CHECK(mass.value == mass.prior);
+}
+
+TEST_CASE("identify: a callback that says stop is obeyed, what was read is fitted", "[identify]") {
+  IdentifyOptions options;
+  options.progress = [](const FitProgress&) { return false; };
+  const IdentifyResult result = identify(draw().nominal, {draw().train}, {}, options);
+  CHECK(result.summary.interrupted);
+  CHECK_THAT(result.summary.termination, ContainsSubstring("interrupted"));
+}
+
+TEST_CASE("identify: input that cannot be fitted is refused with the reason", "[identify]") {
+  Recording brief = draw().train;
+  const long rows = 1000;  // 2 s, which leave ten rows a joint at 5 Hz
+  brief.time = VecX<double>(brief.time.head(rows));
+  brief.q = RowMatX<double>(brief.q.topRows(rows));
+  brief.tau = RowMatX<double>(brief.tau.topRows(rows));
+  brief.qcmd.resize(0, 0);
+  IdentifyOptions sparse;
+  sparse.preprocess.decimate_to_hz = 5.0;
+  CHECK_THROWS_WITH(identify(draw().nominal, {brief}, {}, sparse), ContainsSubstring("parameters"));
+
+  Recording other = draw().train;
+  other.joint_names = {"a", "b", "c", "d"};
+  CHECK_THROWS_WITH(identify(draw().nominal, {other}, {}), ContainsSubstring("joint1"));
+  CHECK_THROWS_AS(identify(draw().nominal, std::vector<Recording>{}, {}), DataError);
+}

@@ -1,0 +1,87 @@
+/// Output error on simulated double pendulums: exact data come back exactly, and derivatives are right.
+
+#include <diffnea/excite/fourier.hpp>
+#include <diffnea/identify/identify.hpp>
+#include <diffnea/io/model_file.hpp>
+#include <diffnea/sim/record.hpp>
+
+#include <algorithm>
+#include <catch2/catch_approx.hpp>
+#include <catch2/catch_test_macros.hpp>
+
+using namespace diffnea;
+using Catch::Approx;
+
+namespace {
+
+Model pendulum_with_friction(double coulomb, double viscous) {
+  Model model = read_model(std::string(DIFFNEA_SOURCE_DIR) + "/models/double_pendulum.urdf");
+  for (const char* joint : {"shoulder", "elbow"}) {
+    // A wide smoothing: the simulator and the fit then step over the same smooth friction.
+    model.effects.push_back({"coulomb_friction", joint, {{"coulomb", coulomb, ""}, {"smoothing", 0.2, ""}}});
+    model.effects.push_back({"viscous_friction", joint, {{"viscous", viscous, ""}}});
+  }
+  return model;
+}
+
+Recording swing(const Model& model, double noise) {
+  FourierOptions motion;
+  motion.duration = 10.0;
+  motion.seed = 4;
+  RecordOptions options;
+  options.position_noise = noise;
+  options.torque_noise = 0.0;
+  return record_model(model, model, random_fourier(model, motion), options).recording;
+}
+
+IdentifyOptions trajectory_options() {
+  IdentifyOptions options;
+  options.loss = Loss::kTrajectory;
+  options.choice.effects = std::vector<std::string>{};
+  options.trajectory.window = 0.4;
+  return options;
+}
+
+const ParameterEstimate& find(const IdentifyResult& result, const std::string& name) {
+  const auto it = std::ranges::find(result.parameters, name, &ParameterEstimate::name);
+  REQUIRE(it != result.parameters.end());
+  return *it;
+}
+
+}  // namespace
+
+TEST_CASE("trajectory fit: noise-free windows are reproduced, friction and inertia found",
+          "[identify]") {
+  const Model truth = pendulum_with_friction(0.12, 0.05);
+  Model start = pendulum_with_friction(0.05, 0.02);
+  for (ModelLink& link : start.links) link.inertia.h = link.inertia.h * 1.1;
+  const IdentifyResult result = identify(start, {swing(truth, 0.0)}, {}, trajectory_options());
+  CHECK(result.summary.converged);
+  // Friction is what torque and motion show together; 1 % is the integrators' difference at 2 ms.
+  CHECK(find(result, "elbow.coulomb_friction.coulomb").value == Approx(0.12).epsilon(0.02));
+  CHECK(find(result, "shoulder.viscous_friction.viscous").value == Approx(0.05).epsilon(0.05));
+  for (const JointError& e : result.errors) {
+    CHECK(e.train < 1e-4);  // [rad]
+    CHECK(e.train < 0.05 * e.nominal_train);
+  }
+}
+
+TEST_CASE("trajectory fit: with encoder noise the residual is the noise", "[identify]") {
+  const Model truth = pendulum_with_friction(0.12, 0.05);
+  const IdentifyResult result =
+      identify(pendulum_with_friction(0.05, 0.02), {swing(truth, 1e-3)}, {}, trajectory_options());
+  for (const JointError& e : result.errors) CHECK(e.train == Approx(1e-3).epsilon(0.05));
+  const ParameterEstimate& coulomb = find(result, "elbow.coulomb_friction.coulomb");
+  REQUIRE(coulomb.std > 0.0);
+  CHECK(std::abs(coulomb.value - 0.12) < 4.0 * coulomb.std + 0.002);
+}
+
+TEST_CASE("trajectory fit: the result does not depend on the number of threads", "[identify]") {
+  const Recording data = swing(pendulum_with_friction(0.12, 0.05), 1e-3);
+  IdentifyOptions one = trajectory_options(), two = trajectory_options();
+  two.trajectory.threads = 2;
+  const Model start = pendulum_with_friction(0.05, 0.02);
+  const IdentifyResult a = identify(start, {data}, {}, one), b = identify(start, {data}, {}, two);
+  for (std::size_t k = 0; k < a.parameters.size(); ++k)
+    CHECK(a.parameters[k].value == b.parameters[k].value);
+}
