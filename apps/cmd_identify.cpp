@@ -73,8 +73,9 @@ RecordingInfo recording_info(const IdentifyCommand& c, const std::string& path,
 
 std::unique_ptr<RecordingSource> open(const IdentifyCommand& c, const Model& model,
                                       const std::vector<std::string>& files, ProgressLine& line) {
-  std::vector<fs::path> paths(files.begin(), files.end());
+  const std::vector<fs::path> paths(files.begin(), files.end());
   std::vector<RecordingInfo> info;
+  info.reserve(files.size());
   for (const std::string& file : files) info.push_back(recording_info(c, file, line));
   return recordings_in_files(model, paths, info);
 }

@@ -34,7 +34,7 @@ class ProgressLine {
   using Clock = std::chrono::steady_clock;
   bool quiet_, terminal_, drawn_ = false;
   std::string stage_;
-  Clock::time_point start_ = Clock::now(), last_{};
+  Clock::time_point start_ = Clock::now(), last_;
 };
 
 }  // namespace diffnea::apps

@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <ranges>
 #include <system_error>
 #include <unistd.h>
 
@@ -26,7 +27,7 @@ ResultFolder::ResultFolder(const fs::path& path) : path_(path.lexically_normal()
   fs::create_directories(staging_, error);
   if (error) {
     const std::error_code reason = error;
-    for (auto p = created_.rbegin(); p != created_.rend(); ++p) fs::remove(*p, error);
+    for (const fs::path& p : std::views::reverse(created_)) fs::remove(p, error);
     fail(path_, reason);
   }
 }
@@ -35,7 +36,7 @@ ResultFolder::~ResultFolder() {
   std::error_code ignored;
   fs::remove_all(staging_, ignored);
   if (published_) return;
-  for (auto p = created_.rbegin(); p != created_.rend(); ++p) fs::remove(*p, ignored);  // if empty
+  for (const fs::path& p : std::views::reverse(created_)) fs::remove(p, ignored);  // if empty
 }
 
 void ResultFolder::publish(const std::vector<std::string>& names) {

@@ -50,13 +50,13 @@ std::string coordinate(double x) {
 }
 
 std::string text_at(double x, double y, const char* anchor, const std::string& text) {
-  return "<text x=\"" + coordinate(x) + "\" y=\"" + coordinate(y) + "\" text-anchor=\"" + anchor +
-         "\">" + escape(text) + "</text>";
+  return "<text x='" + coordinate(x) + "' y='" + coordinate(y) + "' text-anchor='" + anchor + "'>" +
+         escape(text) + "</text>";
 }
 
 std::string segment(const char* css_class, double x1, double y1, double x2, double y2) {
-  return std::string("<line class=\"") + css_class + "\" x1=\"" + coordinate(x1) + "\" y1=\"" +
-         coordinate(y1) + "\" x2=\"" + coordinate(x2) + "\" y2=\"" + coordinate(y2) + "\"/>";
+  return std::string("<line class='") + css_class + "' x1='" + coordinate(x1) + "' y1='" +
+         coordinate(y1) + "' x2='" + coordinate(x2) + "' y2='" + coordinate(y2) + "'/>";
 }
 
 /// The path of one line; of the points in one column of pixels the lowest and the highest are kept.
@@ -107,8 +107,8 @@ std::string line_chart(const std::vector<double>& x, const std::vector<Line>& li
   const auto to_y = [&](double v) {
     return bottom - (v - ry.low) / (ry.high - ry.low) * (bottom - kTop);
   };
-  std::string out = "<svg viewBox=\"0 0 " + coordinate(kWidth) + " " + std::to_string(height) +
-                    "\" role=\"img\">";
+  std::string out =
+      "<svg viewBox='0 0 " + coordinate(kWidth) + " " + std::to_string(height) + "' role='img'>";
   for (const double t : ticks(ry, height / 40))
     out += segment("grid", kLeft, to_y(t), kWidth - kRight, to_y(t)) +
            text_at(kLeft - 5, to_y(t) + 4, "end", number(t));
@@ -116,8 +116,8 @@ std::string line_chart(const std::vector<double>& x, const std::vector<Line>& li
   out += text_at(kWidth - kRight, bottom - 4, "end", "s") +
          text_at(kLeft + 4, kTop + 8, "start", unit);
   for (const Line& line : lines)
-    out += std::string("<path class=\"") + line.css_class + "\" d=\"" +
-           path(x, *line.y, to_x, to_y, (kWidth - kLeft) / columns) + "\"/>";
+    out += std::string("<path class='") + line.css_class + "' d='" +
+           path(x, *line.y, to_x, to_y, (kWidth - kLeft) / columns) + "'/>";
   return out + "</svg>\n";
 }
 
@@ -131,11 +131,11 @@ std::string error_bar(double prior, double value, double std) {
   const auto to_x = [&](double v) {
     return 4.0 + 172.0 * (v - range.low) / (range.high - range.low);
   };
-  std::string out = "<svg class=\"bar\" viewBox=\"0 0 180 14\">";
+  std::string out = "<svg class='bar' viewBox='0 0 180 14'>";
   if (range.low < 0.0 && range.high > 0.0) out += segment("grid", to_x(0), 0, to_x(0), 14);
   out += segment("prior", to_x(prior), 1, to_x(prior), 13);
   if (spread > 0.0) out += segment("spread", to_x(value - spread), 7, to_x(value + spread), 7);
-  return out + "<circle cx=\"" + coordinate(to_x(value)) + "\" cy=\"7\" r=\"3\"/></svg>";
+  return out + "<circle cx='" + coordinate(to_x(value)) + "' cy='7' r='3'/></svg>";
 }
 
 }  // namespace diffnea::report

@@ -44,7 +44,7 @@ std::string script_json(std::string_view json) {
 
 std::string element(const char* tag, std::string_view text, const char* css_class) {
   std::string out = std::string("<") + tag;
-  if (*css_class) out += std::string(" class=\"") + css_class + "\"";
+  if (*css_class) out += std::string(" class='") + css_class + "'";
   return out + ">" + escape(text) + "</" + tag + ">\n";
 }
 
@@ -53,10 +53,10 @@ std::string html_table(const std::vector<std::string>& titles,
                        const std::vector<const char*>& classes) {
   const auto attribute = [&](std::size_t column) {
     return column < classes.size() && *classes[column]
-               ? std::string(" class=\"") + classes[column] + "\""
+               ? std::string(" class='") + classes[column] + "'"
                : std::string();
   };
-  std::string out = "<div class=\"wide\"><table><thead><tr>";
+  std::string out = "<div class='wide'><table><thead><tr>";
   for (std::size_t c = 0; c < titles.size(); ++c)
     out += "<th" + attribute(c) + ">" + escape(titles[c]) + "</th>";
   out += "</tr></thead><tbody>\n";
@@ -72,15 +72,18 @@ std::string html_table(const std::vector<std::string>& titles,
 std::string document(const std::string& title, const std::string& body,
                      const std::string& data_json) {
   std::string out =
-      "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n"
-      "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n"
-      "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; "
-      "style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:\">\n";
+      R"(<!DOCTYPE html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<meta http-equiv="Content-Security-Policy" content="default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:">
+)";
   out += "<title>" + escape(title) + "</title>\n<style>\n";
   out += kChartStyle;
   out += kPageStyle;
   out += "</style>\n</head>\n<body>\n<main>\n" + body + "</main>\n";
-  out += "<script type=\"application/json\" id=\"data\">" + script_json(data_json) + "</script>\n";
+  out += "<script type='application/json' id='data'>" + script_json(data_json) + "</script>\n";
   if (!kChartLibrary.empty()) {
     out += "<script>";
     out += kChartLibrary;

@@ -73,10 +73,10 @@ std::vector<double> difference(const std::vector<double>& a, const std::vector<d
 }
 
 std::string chart_keys() {
-  return "<p class=\"faint\"><span class=\"key measured\"></span>measured"
-         "<span class=\"key fitted\"></span>fitted<span class=\"key nominal\"></span>model before"
+  return "<p class='faint'><span class='key measured'></span>measured"
+         "<span class='key fitted'></span>fitted<span class='key nominal'></span>model before"
          "; rows that were left out are gaps"
-         "<span class=\"screen\">; drag to zoom, double-click to see all</span></p>\n";
+         "<span class='screen'>; drag to zoom, double-click to see all</span></p>\n";
 }
 
 /// @param what  is drawn: "torque"
@@ -96,13 +96,13 @@ std::string charts(const std::vector<TorqueSeries>& list, const std::string& wha
       continue;
     }
     const std::vector<double> after = difference(s.fitted, s.measured);
-    out += "<section class=\"joint\"><h3>" + escape(s.joint) + " <small>" + what +
+    out += "<section class='joint'><h3>" + escape(s.joint) + " <small>" + what +
            ", and the fit's error below [" + escape(u) +
-           "]</small></h3>\n<div class=\"chart torque\" data-joint=\"" + index + "\">" +
+           "]</small></h3>\n<div class='chart torque' data-joint='" + index + "'>" +
            line_chart(s.time,
                       {{"measured", &s.measured}, {"nominal", &s.nominal}, {"fitted", &s.fitted}},
                       {first, last}, u, 210, columns) +
-           "</div>\n<div class=\"chart residual\" data-joint=\"" + index + "\">" +
+           "</div>\n<div class='chart residual' data-joint='" + index + "'>" +
            line_chart(s.time, {{"fitted", &after}}, {first, last}, "error " + u, 110, columns) +
            "</div></section>\n";
   }
@@ -147,13 +147,13 @@ std::string parameter_table(const IdentifyResult& fit) {
   std::string out = html_table({"parameter", "before", "", "fitted", "unit", ""}, seen,
                                {"", "n", "", "n", "", ""});
   out +=
-      "<p class=\"faint\">Tick: the model before. Dot: fitted. Bar: two standard errors to either "
+      "<p class='faint'>Tick: the model before. Dot: fitted. Bar: two standard errors to either "
       "side. "
       "Each row has its own scale.</p>\n";
   if (unseen.empty()) return out;
   return out + "<details><summary>" + std::to_string(unseen.size()) +
          " parameters that were held, or that the data do not show one by one</summary>\n<div "
-         "class=\"held\">" +
+         "class='held'>" +
          html_table({"parameter", "before", "value", "unit", ""}, unseen, {"", "n", "n", "", ""}) +
          "</div></details>\n";
 }
@@ -218,7 +218,7 @@ std::string reproduce(const Reproduce& r) {
                     "<code>" + escape(i.sha256) + "</code>"});
   return element("pre", command) +
          html_table({"", "file", "bytes", "SHA-256"}, rows, {"", "wrap", "n", "wrap"}) +
-         "<p class=\"faint\">diffnea " + escape(r.version) + "</p>\n";
+         "<p class='faint'>diffnea " + escape(r.version) + "</p>\n";
 }
 
 std::string warnings(const IdentifyResult& fit) {
@@ -254,15 +254,15 @@ std::string identify_page(const FitRun& run) {
   body += element("h2", "Error of the " + what + (held_out ? " on held-out data" : ""));
   body += error_table(fit);
   if (!shown.test_series.empty())
-    body += "<div data-set=\"test\">" + element("h2", "Held-out " + what + " over time") +
+    body += "<div data-set='test'>" + element("h2", "Held-out " + what + " over time") +
             chart_keys() + charts(shown.test_series, what, columns) + "</div>\n";
   if (!shown.train_series.empty()) {
     const std::string inside = chart_keys() + charts(shown.train_series, what, columns);
     if (shown.test_series.empty())
-      body += "<div data-set=\"train\">" + element("h2", "The " + what + " over time") + inside +
+      body += "<div data-set='train'>" + element("h2", "The " + what + " over time") + inside +
               "</div>\n";
     else
-      body += "<details data-set=\"train\"><summary>The same for the training data</summary>\n" +
+      body += "<details data-set='train'><summary>The same for the training data</summary>\n" +
               inside + "</details>\n";
   }
   body += element("h2", "Parameters") + parameter_table(fit) + base_table(fit);
