@@ -7,6 +7,8 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, overload
 
+import numpy as np
+
 from ._core import Error, IdentifyResult, ParameterEstimate, TorqueSeries
 from ._files import import_pandas
 
@@ -104,10 +106,18 @@ def plot(result: IdentifyResult, of: str) -> Figure:
     figure = Figure(figsize=(9, 1 + 1.8 * len(series)), layout="constrained")
     panels: Any = figure.subplots(len(series), 1, sharex=True, squeeze=False)[:, 0]
     for panel, s in zip(panels, series, strict=True):
-        panel.plot(s.time, s.measured, color="0.6", linewidth=1.5, label="measured")
-        panel.plot(s.time, s.nominal, color="C1", linewidth=0.8, label="before")
-        panel.plot(s.time, s.fitted, color="C0", linewidth=0.8, label="after")
+        # Rows that were left out are gaps, not straight lines.
+        step = np.diff(s.time)
+        gaps = 1 + np.flatnonzero(step > 1.5 * np.median(step)) if len(step) else np.arange(0)
+        time = np.insert(s.time, gaps, np.nan)
+        for values, label, color, width in (
+            (s.measured, "measured", "0.7", 2.5),
+            (s.nominal, "before", "C1", 0.8),
+            (s.fitted, "after", "C0", 1.0),
+        ):
+            line = np.insert(values, gaps, np.nan)
+            panel.plot(time, line, color=color, linewidth=width, label=label)
         panel.set_ylabel(f"{s.joint} [{s.unit.replace('*', '·')}]")
-    panels[0].legend(loc="upper right", ncols=3, fontsize="small")
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper right", ncols=3)
     panels[-1].set_xlabel("time [s]")
     return figure

@@ -145,9 +145,8 @@ def test_plot_draws_a_panel_for_every_joint(result, arm, train) -> None:
     pytest.importorskip("matplotlib")
     figure = result.plot()
     assert [axes.get_ylabel() for axes in figure.axes] == ["shoulder [N·m]", "elbow [N·m]"]
-    np.testing.assert_array_equal(
-        figure.axes[0].lines[0].get_ydata(), result.test_series[0].measured
-    )
+    drawn = figure.axes[0].lines[0].get_ydata()
+    np.testing.assert_array_equal(drawn[~np.isnan(drawn)], result.test_series[0].measured)
     with pytest.raises(diffnea.Error, match="choices: auto, test, train"):
         result.plot(of="both")
     with pytest.raises(diffnea.Error, match="holds no test series"):

@@ -3,9 +3,9 @@
 import re
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
+from cli import ROOT
 
 import diffnea
 
@@ -25,11 +25,12 @@ def test_every_public_name_is_documented() -> None:
 
 def test_the_stub_says_what_the_module_has() -> None:
     pytest.importorskip("mypy")
+    config = ("--mypy-config-file", str(ROOT / "pyproject.toml"))
     answer = subprocess.run(
-        [sys.executable, "-m", "mypy.stubtest", "diffnea._core"],
+        [sys.executable, "-m", "mypy.stubtest", "diffnea._core", *config],
         capture_output=True,
         text=True,
-        cwd=Path(diffnea.__file__).parent.parent,
+        cwd=ROOT,
         check=False,
     )
     errors = [line for line in answer.stdout.splitlines() if line.startswith("error:")]
