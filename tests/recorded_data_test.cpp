@@ -80,7 +80,7 @@ TEST_CASE("recorded data: cut-offs are those that people chose by hand", "[data]
                ur10e = cutoff("ur10e/id_50s_12harm.csv");
   CHECK(emps > 60.0);
   CHECK(emps < 200.0);
-  CHECK(panda > 2.0);
+  CHECK(panda > 3.0);
   CHECK(panda < 12.0);
   CHECK(ur10e > 3.0);
   CHECK(ur10e < 12.0);

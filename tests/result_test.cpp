@@ -32,8 +32,8 @@ FitRun some_run() {
       {"elbow.armature.armature", "kg*m^2", 0.0, 0.01, 0.1, true, false, true},
       {"<i>.viscous_friction.viscous", "N*m*s/rad", 0.25, 0.0, 0.25, false, true, false}};
   fit.base_parameters = {{"arm.mass + 0.5 arm.hx", 1.5, 0.02, {0, 1}, {1.0, 0.5}}};
-  fit.errors = {{"elbow", "N*m", 2.0, 0.1, 0.5, 0.2, 1.0, 0.3},
-                {"<i>", "N", kNaN, kNaN, kNaN, kNaN, kNaN, kNaN}};
+  fit.errors = {{"elbow", "N*m", 2.0, 0.1, 0.5, 0.2, 1.0, 0.25, 0.3},
+                {"<i>", "N", kNaN, kNaN, kNaN, kNaN, kNaN, kNaN, kNaN}};
   fit.boundary = {"arm"};
   fit.consistency_cost = 0.75;
   fit.physically_consistent = true;
@@ -117,6 +117,15 @@ TEST_CASE("report: many long series keep the page below 5 MB", "[report]") {
   run.fit.train_series.assign(40, s);
   run.fit.test_series.assign(40, s);
   CHECK(identify_page(run).size() < 5'000'000);
+}
+
+TEST_CASE("report: numbers of any size can be drawn", "[report]") {
+  for (const double size : {0.0, 1e-300, 1e20, 1e300}) {
+    FitRun run = some_run();
+    TorqueSeries& s = run.fit.train_series[0];
+    s.measured = s.fitted = s.nominal = {size, size * (1 + 1e-15), kNaN};
+    CHECK(identify_page(run).size() > 1000);  // and ends
+  }
 }
 
 TEST_CASE("report: the terminal's text names error and uncertainty", "[report]") {

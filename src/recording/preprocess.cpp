@@ -147,9 +147,8 @@ PositionSpectrum look_at_position(const std::vector<Eigen::VectorXd>& segments, 
     if (again <= from || position[again] < kMotionAgain * position[lowest]) break;
     from = again;
   }
-  // There the filter, which acts twice, passes 0.81. A higher cut-off follows faster motion, but the noise of q̈
-  // that it lets in biases inertias (errors in variables): 1.5 left the intervals of a simulated arm too narrow.
-  out.cutoff_hz = 1.2 * spectrum.frequency(lowest);
+  // A Butterworth filter is flat to 4 % up to two thirds of its cut-off.
+  out.cutoff_hz = 1.5 * spectrum.frequency(lowest);
   const long noise_from = std::min(lowest, end - end / 4);
   out.noise =
       std::sqrt(median({position.begin() + noise_from, position.begin() + end}) * 0.5 * rate_hz);
@@ -221,18 +220,18 @@ PreprocessPlan plan_preprocess(const std::vector<Recording>& recordings,
   plan.max_gap =
       options.max_gap > 0.0 ? options.max_gap : std::max(5.0, 0.1 / (plan.filter_hz * plan.dt));
 
-  // Torques pass as far as positions do: above the cut-off their noise meets no regressor. Bands in shares of
-  // the output rate as in DecimatorOptions, in shares of the cut-off where that is lower (Butterworth
-  // twice: gain 0.95 at 0.7 of it, 0.11 at 1.3).
+  // Torques and regressor pass as far as the filter of the positions is flat (Butterworth twice: 4 % at two
+  // thirds of the cut-off). Above, torque noise meets no motion, and noise of q̈ would bias inertias (errors in
+  // variables). Bands in shares of the output rate as in DecimatorOptions, or of the cut-off where lower.
   constexpr double kUsualRate = 50.0, kPass = 0.35, kStop = 0.65;
   const double wanted = options.decimate_to_hz > 0.0
                             ? options.decimate_to_hz
-                            : std::min(std::max(kUsualRate, busy / kPass), 2.6 * plan.filter_hz);
+                            : std::min(std::max(kUsualRate, busy / kPass), 2.0 * plan.filter_hz);
   plan.decimator.rate_hz = rate;
   plan.decimator.factor = std::max(1, static_cast<int>(std::lround(rate / wanted)));
   const double output = rate / plan.decimator.factor;
-  plan.decimator.pass_hz = std::min(kPass * output, 0.7 * plan.filter_hz);
-  plan.decimator.stop_hz = std::min({kStop * output, 1.3 * plan.filter_hz, 0.5 * rate});
+  plan.decimator.pass_hz = std::min(kPass * output, 0.5 * plan.filter_hz);
+  plan.decimator.stop_hz = std::min({kStop * output, 0.95 * plan.filter_hz, 0.5 * rate});
   return plan;
 }
 

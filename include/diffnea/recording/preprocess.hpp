@@ -25,11 +25,11 @@
 namespace diffnea {
 
 struct PreprocessOptions {
-  /// Butterworth cut-off; 0: 1.2 times the frequency where the accelerations' spectrum is lowest,
+  /// Butterworth cut-off; 0: 1.5 times the frequency where the accelerations' spectrum is lowest,
   /// between the motion and the noise that rises with f⁴; the largest of the joints.
   double filter_hz = 0.0;
   int order = 4;  ///< of the Butterworth filter, which acts twice
-  /// 0: about 50 Hz, or what holds 99 % of the accelerations' power; above the rate: off.
+  /// 0: about 50 Hz, more if the accelerations' power asks for it, at most twice the cut-off; above the rate: off.
   double decimate_to_hz = 0.0;
   /// A longer pause splits [periods]; 0: 5, or a tenth of the cut-off's period if that is longer.
   double max_gap = 0.0;
