@@ -97,6 +97,7 @@ Json errors(const IdentifyResult& fit) {
           {"nominal_train", by_joint(fit, &JointError::nominal_train)},
           {"test", by_joint(fit, &JointError::test)},
           {"nominal_test", by_joint(fit, &JointError::nominal_test)},
+          {"test_all", by_joint(fit, &JointError::test_all)},
           {"test_raw", by_joint(fit, &JointError::test_raw)},
           {"torque_rms", by_joint(fit, &JointError::torque_rms)},
           {"relative",

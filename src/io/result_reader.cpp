@@ -100,6 +100,7 @@ void read_errors(JsonObject& root, IdentifyResult& fit) {
     e.nominal_train = value("nominal_train", e.joint);
     e.test = value("test", e.joint);
     e.nominal_test = value("nominal_test", e.joint);
+    e.test_all = value("test_all", e.joint);
     e.test_raw = value("test_raw", e.joint);
     e.torque_rms = value("torque_rms", e.joint);
     fit.errors.push_back(e);

@@ -37,9 +37,10 @@ std::vector<double> ticks(const Range& range, int count) {
                                : raw / power < 3.5 ? 2.0
                                : raw / power < 7.5 ? 5.0
                                                    : 10.0);
+  const double first = std::ceil(range.low / step);
   std::vector<double> out;
-  for (double k = std::ceil(range.low / step); k * step <= range.high; k += 1.0)
-    out.push_back(k * step + 0.0);  // never −0
+  for (int k = 0; k <= 2 * count; ++k)  // bounded: of a huge number, one step more may be none
+    if (const double t = (first + k) * step; t <= range.high) out.push_back(t + 0.0);  // never −0
   return out;
 }
 

@@ -122,14 +122,16 @@ std::string error_table(const IdentifyResult& fit) {
             number(e.torque_rms, 3)})
         row.push_back(cell);
     row.push_back(number(e.train, 3));
+    if (torque) row.push_back(number(e.test_all, 3));
     row.push_back(number(e.test_raw, 3));
     rows.push_back(row);
   }
   std::vector<std::string> titles{"joint", "unit", "before", "after"};
   if (torque) titles.insert(titles.end(), {"of torque, before", "after", "rms torque"});
   titles.push_back("after, training data");
+  if (torque) titles.push_back("after, with rests");
   titles.push_back(torque ? "after, unfiltered" : "after, from the measured state");
-  return html_table(titles, rows, {"", "", "n", "n", "n", "n", "n", "n", "n"});
+  return html_table(titles, rows, {"", "", "n", "n", "n", "n", "n", "n", "n", "n"});
 }
 
 std::string parameter_table(const IdentifyResult& fit) {
