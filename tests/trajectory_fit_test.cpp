@@ -85,3 +85,19 @@ TEST_CASE("trajectory fit: the result does not depend on the number of threads",
   for (std::size_t k = 0; k < a.parameters.size(); ++k)
     CHECK(a.parameters[k].value == b.parameters[k].value);
 }
+
+TEST_CASE("identify: a passive joint is fitted, not wished away", "[identify]") {
+  // With τ = 0 at the elbow a massless lower link leaves no residual there; the shoulder knows better.
+  Model truth = read_model(std::string(DIFFNEA_SOURCE_DIR) + "/models/double_pendulum.urdf");
+  truth.links[static_cast<std::size_t>(moving_links(truth)[1])].passive = true;
+  const Recording data = swing(truth, 1e-5);
+  Model start = truth;
+  for (ModelLink& link : start.links) link.inertia.m *= 1.1;
+  IdentifyOptions options;
+  options.choice.effects = std::vector<std::string>{};
+  const IdentifyResult result = identify(start, {data}, {}, options);
+  CHECK(result.summary.converged);
+  CHECK(result.errors[0].train < 0.02 * result.errors[0].torque_rms);
+  const double h = make_tree(truth).links[1].inertia.h.z;
+  CHECK(find(result, "lower.hz").value == Approx(h).epsilon(0.05));
+}

@@ -25,6 +25,20 @@ std::vector<int> free_columns(const FitLayout& layout) {
 
 }  // namespace
 
+namespace {
+
+/// Root mean square of the torque that the links alone take at parameters x [N·m].
+double link_torque(const FitLayout& layout, const JointFactor& f, const VecX<double>& x) {
+  const MatX<double> R = f.factor.R();
+  VecX<double> links = VecX<double>::Zero(R.cols());
+  for (std::size_t k = 0; k < f.columns.size(); ++k)
+    if (f.columns[k] < static_cast<int>(layout.linear.size()) && layout.linear[f.columns[k]].dof >= 0)
+      links[static_cast<long>(k)] = x[f.columns[k]];
+  return (R * links).norm() / std::sqrt(static_cast<double>(std::max<long>(f.factor.rows(), 1)));
+}
+
+}  // namespace
+
 VecX<double> parameter_scales(const FitLayout& layout, const std::vector<JointFactor>& factors) {
   VecX<double> scale(layout.linear.size());
   for (std::size_t i = 0; i < layout.linear.size(); ++i) scale[i] = layout.linear[i].scale;
@@ -33,13 +47,8 @@ VecX<double> parameter_scales(const FitLayout& layout, const std::vector<JointFa
     if (f.factor.rows() == 0) continue;
     const MatX<double> R = f.factor.R();
     double torque = std::sqrt(f.factor.sum_of_squares(VecX<double>::Zero(R.cols())));
-    if (torque == 0.0) {  // a passive joint: what its links take
-      VecX<double> links = VecX<double>::Zero(R.cols());
-      for (std::size_t k = 0; k < f.columns.size(); ++k)
-        if (f.columns[k] < scale.size() && layout.linear[f.columns[k]].dof >= 0)
-          links[static_cast<long>(k)] = layout.linear[f.columns[k]].prior;
-      torque = (R * links).norm();
-    }
+    if (torque == 0.0)  // a passive joint: what its links take
+      torque = link_torque(layout, f, layout.prior()) * std::sqrt(static_cast<double>(f.factor.rows()));
     for (std::size_t k = 0; k < f.columns.size(); ++k) {
       const int c = f.columns[k];
       if (!std::isnan(layout.linear[c].scale)) continue;
@@ -232,8 +241,11 @@ LinearFit fit_linear(const FitLayout& layout, const std::vector<JointFactor>& fa
   LinearFit fit;
   fit.sigma = VecX<double>::Ones(n);
   for (long j = 0; j < n; ++j)
-    if (factors[j].factor.rows() > 0)
-      fit.sigma[j] = std::max(factors[j].rmse(VecX<double>::Zero(p)), 1e-12);
+    if (factors[j].factor.rows() > 0) {
+      const double torque = factors[j].rmse(VecX<double>::Zero(p));
+      fit.sigma[j] = std::max(
+          torque > 0.0 ? torque : link_torque(layout, factors[j], problem.start), 1e-12);
+    }
   for (int round = 0; round < options.max_reweightings; ++round) {
     stack(factors, fit.sigma, p, problem.R, problem.d);
     fit.solver = solve_convex_fit(problem);
@@ -245,8 +257,14 @@ LinearFit fit_linear(const FitLayout& layout, const std::vector<JointFactor>& fa
       // Every joint pays for the parameters by its share of the rows.
       const double dof = static_cast<double>(f.factor.rows()) *
                          std::max(1.0 - static_cast<double>(free.size()) / static_cast<double>(rows), 0.1);
-      const double floor = 1e-9 * f.rmse(VecX<double>::Zero(p)) + 1e-15;
-      const double next = std::max(std::sqrt(f.sum_of_squares(fit.x) / dof), floor);
+      const double torque = f.rmse(VecX<double>::Zero(p));
+      double next = std::max(std::sqrt(f.sum_of_squares(fit.x) / dof), 1e-9 * torque + 1e-15);
+      // Where the torque is zero throughout (a passive joint) any multiple of its links fits as well, and small
+      // ones leave small residuals: the noise is measured in units of what the links take.
+      if (torque == 0.0)
+        next = std::max(next * link_torque(layout, f, problem.start) /
+                            std::max(link_torque(layout, f, fit.x), 1e-300),
+                        1e-9 * link_torque(layout, f, problem.start) + 1e-15);
       change = std::max(change, std::abs(next / fit.sigma[j] - 1.0));
       fit.sigma[j] = next;
     }

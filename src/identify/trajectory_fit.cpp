@@ -1,8 +1,6 @@
 #include <diffnea/core/error.hpp>
-#include <diffnea/dynamics/integrators.hpp>
 #include <diffnea/identify/linear_fit.hpp>
 #include <diffnea/identify/trajectory_fit.hpp>
-#include <diffnea/recording/preprocess.hpp>
 
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
@@ -12,59 +10,12 @@
 #include <future>
 #include <limits>
 
+#include "identify/window_integrator.hpp"
+
 namespace diffnea {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-/// A state beyond this is a blow-up, whatever the robot [rad, rad/s or m, m/s].
-constexpr double kBlowUp = 1e6;
-constexpr int kMaxSubsteps = 50;
-
-/// Bound on the eigenvalues of ∂q̈/∂q̇ at rest, where dry friction is steepest [1/s].
-double fastest_rate(ForwardDynamics& dynamics, const ShootingWindow& w) {
-  const int n = dynamics.num_dofs();
-  const VecX<double> q = w.measured_state.head(n), rest = VecX<double>::Zero(n), u = w.u.row(0);
-  dynamics.linearise(q.data(), rest.data(), u.data(), w.run);
-  return dynamics.dqdd_dqd().cwiseAbs().rowwise().sum().maxCoeff();
-}
-
-/// Integrates the columns of A = [state | sensitivities] (2n, …) along the window's torque.
-/// @param slope   slope(u, A, dA)
-/// @param at_row  called with (k, A) at every row k of the window
-/// @return false if the state blew up before the last row
-template <class Slope, class AtRow>
-bool integrate(const ShootingWindow& w, double rate, double max_step, MatX<double>& A,
-               const Slope& slope, const AtRow& at_row) {
-  RungeKutta4<MatX<double>> rk;
-  const long m = static_cast<long>(w.time.size());
-  VecX<double> u;
-  for (long k = 0; k < m; ++k) {
-    at_row(k, A);
-    if (k + 1 == m) break;
-    const double h = w.time[k + 1] - w.time[k];
-    const int steps = std::clamp(static_cast<int>(std::ceil(h * rate / max_step)), 1, kMaxSubsteps);
-    for (int s = 0; s < steps; ++s) {
-      const auto f = [&](double share, const MatX<double>& at, MatX<double>& d) {
-        const double a = (s + share) / steps;
-        u = ((1 - a) * w.u.row(k) + a * w.u_end.row(k)).transpose();
-        slope(u, at, d);
-      };
-      rk.step(f, h / steps, A);
-      if (!(A.col(0).cwiseAbs().maxCoeff() < kBlowUp)) return false;
-    }
-  }
-  return true;
-}
-
-/// q̈ alone: the slope of a state without sensitivities.
-auto state_slope(ForwardDynamics& dynamics, int run) {
-  return [&dynamics, run](const VecX<double>& u, const MatX<double>& z, MatX<double>& dz) {
-    const int n = dynamics.num_dofs();
-    dz.resize(2 * n, 1);
-    dz.topRows(n) = z.bottomRows(n);
-    dynamics.acceleration(z.data(), z.data() + n, u.data(), run, dz.data() + n);
-  };
-}
 
 /// The model at given parameters, with sensitivities to (initial state | free parameters).
 class WindowSimulator {
@@ -103,7 +54,7 @@ class WindowSimulator {
     A.middleCols(1, 2 * n_).setIdentity();
     long filled = 0;
     const bool finite = integrate(
-        w, fastest_rate(dynamics_, w), options_.max_step, A,
+        w, fastest_rate(dynamics_, w), options_.stepping.max_step, A,
         [&](const VecX<double>& u, const MatX<double>& at, MatX<double>& d) {
           sensitivity_slope(w.run, u, at, d);
         },
@@ -122,7 +73,7 @@ class WindowSimulator {
   double cost(const ShootingWindow& w, const VecX<double>& state, const VecX<double>& sigma) {
     MatX<double> z = state;
     double sum = 0.0;
-    const bool finite = integrate(w, fastest_rate(dynamics_, w), options_.max_step, z,
+    const bool finite = integrate(w, fastest_rate(dynamics_, w), options_.stepping.max_step, z,
                                   state_slope(dynamics_, w.run),
                                   [&](long k, const MatX<double>& at) {
                                     for (int j = 0; j < n_; ++j)
@@ -330,7 +281,7 @@ class TrajectoryFitter {
     auto workers = simulators(fit_.x);
     VecX<double> sum = VecX<double>::Zero(n), count = VecX<double>::Zero(n);
     for (const ShootingWindow& w : windows) {
-      const RowMatX<double> q = simulate_window(workers[0]->dynamics(), w, w.state, options_);
+      const RowMatX<double> q = simulate_window(workers[0]->dynamics(), w, w.state, options_.stepping);
       for (long k = 0; k < q.rows(); ++k)
         for (int j = 0; j < n; ++j)
           if (!std::isnan(w.q(k, j)) && std::isfinite(q(k, j))) {
@@ -505,104 +456,11 @@ class TrajectoryFitter {
 
 }  // namespace
 
-std::vector<ShootingWindow> make_windows(const Recording& recording, double window_seconds,
-                                         double filter_hz, const std::vector<bool>& passive) {
-  PreprocessOptions options;
-  options.filter_hz = filter_hz;
-  const PreprocessPlan plan = plan_preprocess({recording}, options);
-  const Preprocessed smooth = preprocess(recording, plan);
-  const int n = recording.num_joints();
-  std::vector<ShootingWindow> out;
-  const bool hold = recording.info.torque_sampling == TorqueSampling::kHold;
-  const auto torque = [&](long k, int j) {
-    return j < static_cast<int>(passive.size()) && passive[static_cast<std::size_t>(j)] ? 0.0
-                                                                                      : recording.tau(k, j);
-  };
-  long at = 0;
-  for (long k = 0; k < recording.rows();) {
-    while (at < smooth.rows() && smooth.time[at] < recording.time[k] - 0.5 * smooth.dt) ++at;
-    if (at == smooth.rows()) break;
-    if (smooth.time[at] > recording.time[k] + 0.5 * smooth.dt) {  // filtered rows begin later
-      ++k;
-      continue;
-    }
-    long end = k;
-    bool complete = true;
-    while (end < recording.rows() && recording.time[end] - recording.time[k] < window_seconds) {
-      for (int j = 0; j < n; ++j) complete = complete && !std::isnan(torque(end, j));
-      if (end > k && recording.time[end] - recording.time[end - 1] > plan.max_gap * plan.dt)
-        complete = false;
-      ++end;
-    }
-    const bool whole = end < recording.rows() ||
-                       recording.time[end - 1] - recording.time[k] > 0.9 * window_seconds;
-    if (complete && whole && end - k > 8) {
-      ShootingWindow w;
-      w.run = recording.run;
-      const long m = end - k;
-      w.q = recording.q.middleRows(k, m);
-      w.u.resize(m, n);
-      w.u_end.resize(m, n);
-      for (long r = 0; r < m; ++r) {
-        w.time.push_back(recording.time[k + r]);
-        const long next = std::min(k + r + 1, recording.rows() - 1);
-        for (int j = 0; j < n; ++j) {
-          w.u(r, j) = torque(k + r, j);
-          w.u_end(r, j) = hold ? w.u(r, j) : torque(next, j);
-        }
-      }
-      w.measured_state.resize(2 * n);
-      w.measured_state.head(n) = smooth.q.row(at).transpose();
-      w.measured_state.tail(n) = smooth.qd.row(at).transpose();
-      w.state = w.measured_state;
-      out.push_back(std::move(w));
-    }
-    k = std::max(end, k + 1);
-  }
-  if (out.empty())
-    throw DataError(recording.source + ": no window of " + std::to_string(window_seconds) +
-                    " s has a torque at every row; choose a shorter window, or declare joints "
-                    "without a drive passive");
-  return out;
-}
-
-RowMatX<double> simulate_window(ForwardDynamics& dynamics, const ShootingWindow& window,
-                                const VecX<double>& state, const TrajectoryOptions& options) {
-  const int n = dynamics.num_dofs();
-  RowMatX<double> q = RowMatX<double>::Constant(static_cast<long>(window.time.size()), n,
-                                                std::numeric_limits<double>::quiet_NaN());
-  MatX<double> z = state;
-  integrate(window, fastest_rate(dynamics, window), options.max_step, z,
-            state_slope(dynamics, window.run),
-            [&](long k, const MatX<double>& at) { q.row(k) = at.col(0).head(n).transpose(); });
-  return q;
-}
-
 TrajectoryFit fit_trajectories(const Model& model, const FitLayout& layout, const VecX<double>& start,
                                const VecX<double>& scale, std::vector<ShootingWindow>& windows,
                                const TrajectoryOptions& options,
                                const std::function<bool(const char*, int, double)>& progress) {
   return TrajectoryFitter(model, layout, start, scale, options, progress).run(windows);
-}
-
-VecX<double> window_rmse(const Model& model, const std::vector<ShootingWindow>& windows,
-                         bool measured_state, const TrajectoryOptions& options) {
-  std::vector<int> runs;
-  for (const ShootingWindow& w : windows) runs.push_back(w.run);
-  ForwardDynamics dynamics(extend(model, runs));
-  const int n = dynamics.num_dofs();
-  VecX<double> sum = VecX<double>::Zero(n), count = VecX<double>::Zero(n);
-  for (const ShootingWindow& w : windows) {
-    const RowMatX<double> q =
-        simulate_window(dynamics, w, measured_state ? w.measured_state : w.state, options);
-    for (long k = 0; k < q.rows(); ++k)
-      for (int j = 0; j < n; ++j)
-        if (!std::isnan(w.q(k, j))) {
-          sum[j] += std::pow(q(k, j) - w.q(k, j), 2);
-          count[j] += 1;
-        }
-  }
-  return sum.cwiseQuotient(count.cwiseMax(1.0)).cwiseSqrt();
 }
 
 }  // namespace diffnea

@@ -119,16 +119,16 @@ class TrajectoryIdentification {
     // Errors: every window from its own estimated initial state, before and after alike.
     std::vector<ShootingWindow> nominal = windows_of(train_, options_);
     fit_states(layout_.prior(), nominal);
-    const VecX<double> train = window_rmse(result_.model, windows_, false, options_.trajectory);
-    const VecX<double> before = window_rmse(model_, nominal, false, options_.trajectory);
+    const VecX<double> train = window_rmse(result_.model, windows_, false, options_.trajectory.stepping);
+    const VecX<double> before = window_rmse(model_, nominal, false, options_.trajectory.stepping);
     VecX<double> test = VecX<double>::Constant(layout_.num_dofs, kNaN), nominal_test = test, raw = test;
     if (test_) {
       std::vector<ShootingWindow> held_out = windows_of(*test_, options_), old = held_out;
-      raw = window_rmse(result_.model, held_out, true, options_.trajectory);
+      raw = window_rmse(result_.model, held_out, true, options_.trajectory.stepping);
       fit_states(fit_.x, held_out);
-      test = window_rmse(result_.model, held_out, false, options_.trajectory);
+      test = window_rmse(result_.model, held_out, false, options_.trajectory.stepping);
       fit_states(layout_.prior(), old);
-      nominal_test = window_rmse(model_, old, false, options_.trajectory);
+      nominal_test = window_rmse(model_, old, false, options_.trajectory.stepping);
       result_.test_series = series(held_out, old);
     }
     result_.train_series = series(windows_, nominal);
@@ -188,8 +188,8 @@ class TrajectoryIdentification {
     ForwardDynamics after(extend(result_.model)), before(extend(model_));
     for (std::size_t i = 0; i < fitted.size() && out[0].time.size() < kMaxPoints; ++i) {
       const ShootingWindow& w = fitted[i];
-      const RowMatX<double> a = simulate_window(after, w, w.state, options_.trajectory);
-      const RowMatX<double> b = simulate_window(before, nominal[i], nominal[i].state, options_.trajectory);
+      const RowMatX<double> a = simulate_window(after, w, w.state, options_.trajectory.stepping);
+      const RowMatX<double> b = simulate_window(before, nominal[i], nominal[i].state, options_.trajectory.stepping);
       for (long k = 0; k < a.rows(); ++k)
         for (std::size_t j = 0; j < out.size(); ++j) {
           const long column = static_cast<long>(j);

@@ -282,10 +282,6 @@ def test_a_torque_that_is_always_zero(recordings: Path, tmp_path: Path) -> None:
     assert "passive" in message
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="torque of zero fits a body of zero: the noise of a passive joint must not follow it",
-)
 def test_a_torque_of_zero_at_a_joint_that_is_declared_passive(run: Path, tmp_path: Path) -> None:
     # The robot: the double pendulum whose elbow swings freely.
     robot = load(run / "model.json")

@@ -8,24 +8,12 @@
 /// physical consistency holds exactly. Sensitivities are integrated with the state (Runge–Kutta 4):
 /// ∂q̈/∂π = −M⁻¹Y, ∂q̈/∂(q, q̇) analytic, effects by Jets.
 
-#include <diffnea/effects/forward_dynamics.hpp>
 #include <diffnea/identify/convex_fit.hpp>
 #include <diffnea/identify/layout.hpp>
-#include <diffnea/recording/recording.hpp>
+#include <diffnea/identify/shooting_window.hpp>
 #include <functional>
 
 namespace diffnea {
-
-/// A stretch of a recording that is simulated in one go.
-struct ShootingWindow {
-  int run = 0;
-  std::vector<double> time;  ///< (m) [s]
-  RowMatX<double> q;         ///< (m, n) measured, NaN where not
-  RowMatX<double> u;         ///< (m, n) torque that acts from row k to k+1
-  RowMatX<double> u_end;     ///< (m, n) torque at the end of that step (u if held)
-  VecX<double> state;        ///< (2n) q, q̇ at the first row: estimate
-  VecX<double> measured_state;  ///< (2n) the same from the filtered recording
-};
 
 struct TrajectoryOptions {
   double window = 0.5;      ///< length of a window [s]
@@ -33,18 +21,9 @@ struct TrajectoryOptions {
   std::vector<double> stages{0.25, 0.5};
   int max_iterations = 50;  ///< Gauss–Newton steps of the last stage; half of it in the others
   double tolerance = 1e-5;  ///< stop when a step gains a smaller share of the objective
-  double max_step = 2.0;    ///< h·λ of the fastest friction allowed in one Runge–Kutta step (stable to 2.7)
+  SteppingOptions stepping;
   int threads = 1;
 };
-
-/// Windows of a recording, initial states from q filtered at `filter_hz`.
-/// @throws DataError if no window of that length has a torque at every row
-std::vector<ShootingWindow> make_windows(const Recording& recording, double window_seconds,
-                                         double filter_hz, const std::vector<bool>& passive);
-
-/// Positions of one window, (m, n), from its state; rows after a blow-up are NaN.
-RowMatX<double> simulate_window(ForwardDynamics& dynamics, const ShootingWindow& window,
-                                const VecX<double>& state, const TrajectoryOptions& options);
 
 struct TrajectoryFit {
   VecX<double> x;            ///< (p) linear parameters of the layout
@@ -68,10 +47,5 @@ TrajectoryFit fit_trajectories(const Model& model, const FitLayout& layout, cons
                                const VecX<double>& scale, std::vector<ShootingWindow>& windows,
                                const TrajectoryOptions& options,
                                const std::function<bool(const char*, int, double)>& progress = {});
-
-/// Root mean square position error of each joint over windows, (n), initial states as they are in
-/// `state` or as measured.
-VecX<double> window_rmse(const Model& model, const std::vector<ShootingWindow>& windows,
-                         bool measured_state, const TrajectoryOptions& options);
 
 }  // namespace diffnea
