@@ -60,12 +60,13 @@ std::string errors_text(const IdentifyResult& fit) {
     row.push_back(number(before(fit, e), 3));
     row.push_back(number(after(fit, e), 3));
     if (torque) row.push_back(percent(after(fit, e) / e.torque_rms));
+    if (torque) row.push_back(number(e.test_all, 3));
     row.push_back(number(e.train, 3));
     rows.push_back(row);
   }
   const std::vector<std::string> titles =
       torque ? std::vector<std::string>{"",      "<unit",     "torque", "before",
-                                        "after", "of torque", "(train)"}
+                                        "after", "of torque", "(with rests)", "(train)"}
              : std::vector<std::string>{"", "<unit", "before", "after", "(train)"};
   return "rms " + quantity(fit) + " error, " +
          (has_test(fit) ? "held out" : "on the data of the fit") + "\n" + table(titles, rows);
@@ -76,18 +77,22 @@ std::string from_to(const std::string& from, const std::string& to, bool rises) 
 }
 
 std::string torque_sentence(const IdentifyResult& fit) {
-  double first = 0.0, last = 0.0;
+  double first = 0.0, last = 0.0, with_rests = 0.0;
   int joints = 0;
   for (const JointError& e : fit.errors) {
     if (!std::isfinite(after(fit, e)) || !(e.torque_rms > 0.0)) continue;
     first += before(fit, e) / e.torque_rms;
     last += after(fit, e) / e.torque_rms;
+    with_rests += (std::isfinite(e.test_all) ? e.test_all : after(fit, e)) / e.torque_rms;
     ++joints;
   }
   if (joints == 0) return "";
   return "torque error " + from_to(percent(first / joints), percent(last / joints), last > first) +
          " of the torque" +
-         (joints > 1 ? " (mean of " + std::to_string(joints) + " joints)." : ".");
+         (joints > 1 ? " (mean of " + std::to_string(joints) + " joints)" : "") +
+         (with_rests > 1.1 * last
+              ? "; " + percent(with_rests / joints) + " with the rows in which a joint rests."
+              : ".");
 }
 
 std::string position_sentence(const IdentifyResult& fit) {
