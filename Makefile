@@ -27,8 +27,9 @@ test:
 
 bench:
 	.ci/setup --tests
-	cmake --build $(BUILD) --target diffnea_benchmarks
+	cmake --build $(BUILD) --target diffnea_benchmarks diffnea_bench_identify
 	$(BUILD)/tests/benchmarks/diffnea_benchmarks
+	$(BUILD)/tests/benchmarks/diffnea_bench_identify
 
 clean:
 	rm -rf build dist

@@ -315,11 +315,14 @@ class TrajectoryFitter {
     fit_.converged = false;
     fit_.termination = "iteration limit";
     int rounds = 0;
+    // Without free parameters windows know nothing of each other, and one that has converged rests.
+    std::vector<char> done(windows.size(), 0);
     for (int iteration = 0; iteration < max_iterations; ++iteration) {
       // Linearise every window and eliminate its initial state.
       auto workers = simulators(fit_.x);
       std::vector<ReducedWindow> reduced(windows.size());
       parallel_for(windows.size(), options_.threads, [&](std::size_t i, int t) {
+        if (done[i] != 0) return;
         RowMatX<double> rows;
         if (workers[static_cast<std::size_t>(t)]->rows(windows[i], fit_.sigma, rows))
           reduced[i] = reduce(rows, 2 * n);
@@ -336,7 +339,8 @@ class TrajectoryFitter {
 
       bool accepted = false;
       double gained = 0.0;
-      for (int attempt = 0; attempt < 8 && !accepted; ++attempt) {
+      const int attempts = f == 0 ? 1 : 8;  // damping holds parameters alone
+      for (int attempt = 0; attempt < attempts && !accepted; ++attempt) {
         const VecX<double> x_new = step(d, damping);
         std::vector<VecX<double>> next = states;
         VecX<double> dx(f);
@@ -353,6 +357,9 @@ class TrajectoryFitter {
         if (after < now) {
           gained = now - after;
           now = after;
+          if (f == 0)
+            for (std::size_t i = 0; i < windows.size(); ++i)
+              done[i] = parts[i] - tried[i] <= options_.tolerance * tried[i] ? 1 : 0;
           parts = tried;
           fit_.x = x_new;
           states = next;
@@ -383,6 +390,7 @@ class TrajectoryFitter {
         parts = costs(windows, fit_.x, states);
         now = total(parts);
         damping = 1e-4;
+        done.assign(windows.size(), 0);
       }
     }
   }

@@ -1,7 +1,9 @@
 /// Time and memory of whole identifications: `make bench`. Wall-clock medians of several runs.
 ///
 ///     diffnea_bench_identify                 all of it
-///     diffnea_bench_identify --once FILE     one identification of FILE, which a process of its own measures
+///     diffnea_bench_identify --trajectory    the trajectory loss alone
+///     diffnea_bench_identify --once FILE     one identification of FILE, which a process of its
+///     own measures
 
 #include <algorithm>
 #include <chrono>
@@ -125,12 +127,14 @@ int once(const std::filesystem::path& path) {
 void bench_wam() {
   const WamDraw draw = draw_wam(1, 40.0);
   const TemporaryFolder folder;
-  const std::filesystem::path file = folder.path() / "wam.csv", large = folder.path() / "wam_100.csv";
+  const std::filesystem::path file = folder.path() / "wam.csv",
+                              large = folder.path() / "wam_100.csv";
   write_recording(draw.train, file);
   const Model model = wam();
 
-  std::printf("\nWAM-4, %ld rows from CSV, inertia + armature + friction, inverse loss, one thread\n",
-              draw.train.rows());
+  std::printf(
+      "\nWAM-4, %ld rows from CSV, inertia + armature + friction, inverse loss, one thread\n",
+      draw.train.rows());
   IdentifyResult result;
   const double total = median_seconds(11, [&] { result = identify_file(model, file); });
   // The stages by themselves.
@@ -141,7 +145,8 @@ void bench_wam() {
   const double planning = median_seconds(11, [&] { plan = plan_preprocess(sample); });
   FitLayout layout = make_layout(model, wam_options().choice, {0});
   VecX<double> shape(static_cast<long>(layout.shape.size()));
-  for (std::size_t s = 0; s < layout.shape.size(); ++s) shape[static_cast<long>(s)] = layout.shape[s].prior;
+  for (std::size_t s = 0; s < layout.shape.size(); ++s)
+    shape[static_cast<long>(s)] = layout.shape[s].prior;
   std::vector<JointFactor> factors;
   const double factoring = median_seconds(11, [&] {
     TorqueRegression regression(model, layout, plan, {layout.prior(), shape});
@@ -157,9 +162,11 @@ void bench_wam() {
   std::printf("    parsing the file             %7.1f ms\n", 1e3 * parsing);
   std::printf("    choosing filters             %7.1f ms\n", 1e3 * planning);
   std::printf("    rows, filters, factor        %7.1f ms\n", 1e3 * factoring);
-  std::printf("    iterations                   %7.1f ms   (target 50): %d free parameters, %d Newton steps in "
-              "the last of the fits that weigh the joints\n",
-              1e3 * solving, free, fit.solver.iterations);
+  std::printf(
+      "    iterations                   %7.1f ms   (target 50): %d free parameters, %d Newton "
+      "steps in "
+      "the last of the fits that weigh the joints\n",
+      1e3 * solving, free, fit.solver.iterations);
 
   repeat(file, large, kRepeats);
   std::vector<Once> small, big;
@@ -174,17 +181,20 @@ void bench_wam() {
   };
   const double t1 = middle(small, &Once::total), t100 = middle(big, &Once::total);
   const double r1 = middle(small, &Once::reading), r100 = middle(big, &Once::reading);
-  std::printf("\n%d times the samples: %ld rows, %.0f MB, streamed; each in a process of its own\n", kRepeats,
-              big[0].rows, static_cast<double>(std::filesystem::file_size(large)) / 1e6);
+  std::printf("\n%d times the samples: %ld rows, %.0f MB, streamed; each in a process of its own\n",
+              kRepeats, big[0].rows, static_cast<double>(std::filesystem::file_size(large)) / 1e6);
   std::printf("  total                          %7.2f s, of it parsing %.2f s\n", t100, r100);
   std::printf("  over the total of one time     %7.1f     (target 110)\n", t100 / t1);
-  std::printf("  over reading of one time       %7.1f     (parsing alone, %.1f ms)\n", t100 / r1, 1e3 * r1);
-  std::printf("  over the pass of one time      %7.1f     (parsing, rows, filters, factor: %.1f ms)\n",
-              t100 / (r1 + factoring), 1e3 * (r1 + factoring));
+  std::printf("  over reading of one time       %7.1f     (parsing alone, %.1f ms)\n", t100 / r1,
+              1e3 * r1);
+  std::printf(
+      "  over the pass of one time      %7.1f     (parsing, rows, filters, factor: %.1f ms)\n",
+      t100 / (r1 + factoring), 1e3 * (r1 + factoring));
   std::printf("  memory, growth                 %7.1f MB  (target 200): from %.1f to %.1f MB\n",
-              middle(big, &Once::memory) - middle(small, &Once::memory), middle(small, &Once::memory),
-              middle(big, &Once::memory));
-  std::printf("  Newton steps                   %7d     (one time: %d)\n", big[0].iterations, small[0].iterations);
+              middle(big, &Once::memory) - middle(small, &Once::memory),
+              middle(small, &Once::memory), middle(big, &Once::memory));
+  std::printf("  Newton steps                   %7d     (one time: %d)\n", big[0].iterations,
+              small[0].iterations);
 }
 
 void bench_trajectory() {
@@ -199,7 +209,8 @@ void bench_trajectory() {
   const auto source = recordings_in_memory(model, {r});
 
   std::vector<int> threads{1};
-  if (const int all = static_cast<int>(std::thread::hardware_concurrency()); all > 1) threads.push_back(all);
+  if (const int all = static_cast<int>(std::thread::hardware_concurrency()); all > 1)
+    threads.push_back(all);
   for (const int n : threads) {
     IdentifyOptions options = wam_options();
     options.loss = Loss::kTrajectory;
@@ -218,11 +229,13 @@ void bench_trajectory() {
     }
     double error = 0.0, floor = RecordOptions{}.position_noise;
     for (const JointError& e : result.errors) error = std::max(error, e.train);
-    std::printf("\nPanda, %ld rows of 10 s, trajectory loss, windows of %.1f s, %d parameters (%d free), %d "
-                "thread%s\n",
-                r.rows(), options.trajectory.window, linear, free, n, n == 1 ? "" : "s");
-    std::printf("  total                          %7.2f s    (target 10), of it the fit %.2f s\n", median(total),
-                median(fitting));
+    std::printf(
+        "\nPanda, %ld rows of 10 s, trajectory loss, windows of %.1f s, %d parameters (%d free), "
+        "%d "
+        "thread%s\n",
+        r.rows(), options.trajectory.window, linear, free, n, n == 1 ? "" : "s");
+    std::printf("  total                          %7.2f s    (target 10), of it the fit %.2f s\n",
+                median(total), median(fitting));
     std::printf("  %s after %d steps; largest position error %.3g rad (noise %.3g)\n",
                 result.summary.termination.c_str(), result.summary.iterations, error, floor);
     std::fflush(stdout);
@@ -233,6 +246,7 @@ void bench_trajectory() {
 
 int main(int argc, char** argv) {
   if (argc == 3 && std::string(argv[1]) == "--once") return once(argv[2]);
+  if (argc == 2 && std::string(argv[1]) == "--trajectory") return bench_trajectory(), 0;
   std::printf("%s, %u cores\n", processor().c_str(), std::thread::hardware_concurrency());
   bench_wam();
   std::fflush(stdout);
