@@ -197,13 +197,15 @@ void add_identify(CLI::App& app, const std::vector<std::string>& command_line) {
       ->default_str("none");
   command
       ->add_option("--fit", o.choice.fit,
-                   "what may move, separated by commas: inertia, armature, effects, shapes")
+                   "what may move, separated by commas: inertia, armature, effects, shapes (of effects), "
+                   "kinematics (fixed transforms; kinematics@JOINT for one)")
       ->delimiter(',')
       ->capture_default_str();
   command
       ->add_option("--effects", c->effects,
                    "beyond those of the model: name or name@joint, separated by commas; none; "
-                   "default: armature, viscous and Coulomb friction and an offset at every joint")
+                   "default: armature, viscous and Coulomb friction and an offset at every joint; "
+                   "with torque sensors behind the drive (--torque-side link) the offset alone")
       ->delimiter(',')
       ->each([raw = c.get()](const std::string&) { raw->effects_given = true; });
   command->add_option("--fix", o.choice.fix,

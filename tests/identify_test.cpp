@@ -183,3 +183,23 @@ TEST_CASE("identify: input that cannot be fitted is refused with the reason", "[
   CHECK_THROWS_WITH(identify(draw().nominal, {other}, {}), ContainsSubstring("joint1"));
   CHECK_THROWS_AS(identify(draw().nominal, std::vector<Recording>{}, {}), DataError);
 }
+
+TEST_CASE("identify: nothing left to fit, or no band to fit in, is refused", "[identify]") {
+  IdentifyOptions options;
+  options.choice.fix = {"*"};
+  CHECK_THROWS_WITH(identify(draw().nominal, {draw().train}, {}, options), ContainsSubstring("nothing is left"));
+  options.loss = Loss::kTrajectory;
+  CHECK_THROWS_WITH(identify(draw().nominal, {draw().train}, {}, options), ContainsSubstring("nothing is left"));
+  options = {};
+  options.preprocess.filter_hz = 1e-6;
+  CHECK_THROWS_WITH(identify(draw().nominal, {draw().train}, {}, options), ContainsSubstring("Hz"));
+  options = {};
+  options.preprocess.decimate_to_hz = 1e-6;
+  CHECK_THROWS_WITH(identify(draw().nominal, {draw().train}, {}, options), ContainsSubstring("Hz"));
+}
+
+TEST_CASE("identify: torque of the wrong sign is not passed over in silence", "[identify]") {
+  Recording flipped = draw().train;
+  flipped.tau = -flipped.tau;
+  CHECK(has_note(identify(draw().nominal, {flipped}, {}), "check its sign"));
+}

@@ -2,10 +2,34 @@
 
 namespace diffnea {
 
+namespace {
+
+/// What a reader must not overlook: a model that was wrong before, a fit that explains little or made things worse.
+void add_warnings(const Model& model, IdentifyResult& result) {
+  std::vector<std::string> first;
+  for (const ModelIssue& issue : check_model(model))
+    first.push_back("the model before the fit looks wrong: " + issue.link + ": " + issue.text);
+  for (const JointError& e : result.errors) {
+    if (e.train > 1.02 * e.nominal_train)
+      first.push_back(e.joint + " is reproduced worse than by the model before the fit (" +
+                      format_number(e.train) + " against " + format_number(e.nominal_train) + " " +
+                      e.unit + "): look for bad stretches of data, or for an effect that the fit lacks");
+    if (e.torque_rms > 0.0 && e.train > 0.8 * e.torque_rms)
+      first.push_back(e.joint + ": the fit explains little of the measured torque; check its sign, its unit, the "
+                                "order of columns, and which effects are fitted");
+  }
+  result.notes.insert(result.notes.begin(), first.begin(), first.end());
+}
+
+}  // namespace
+
 IdentifyResult identify(const Model& model, const RecordingSource& train,
                         const RecordingSource* test, const IdentifyOptions& options) {
-  return options.loss == Loss::kTrajectory ? identify_by_trajectory(model, train, test, options)
-                                           : identify_by_torque(model, train, test, options);
+  IdentifyResult result = options.loss == Loss::kTrajectory
+                              ? identify_by_trajectory(model, train, test, options)
+                              : identify_by_torque(model, train, test, options);
+  add_warnings(model, result);
+  return result;
 }
 
 IdentifyResult identify(const Model& model, const std::vector<Recording>& train,

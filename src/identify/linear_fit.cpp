@@ -131,10 +131,11 @@ std::vector<BaseParameter> base_parameters(const FitLayout& layout, const MatX<d
   const long rank = qr.rank(), p = Rs.cols();
   const MatX<double> upper = qr.matrixR().topRows(rank);
   const MatX<double> R1 = upper.leftCols(rank).template triangularView<Eigen::Upper>();
-  const MatX<double> beta = R1.template triangularView<Eigen::Upper>().solve(
-      MatX<double>(upper.rightCols(p - rank)));
-  const MatX<double> inverse = R1.template triangularView<Eigen::Upper>().solve(
-      MatX<double>(MatX<double>::Identity(rank, rank)));
+  MatX<double> beta(rank, p - rank);
+  if (rank > 0 && p > rank) {
+    const MatX<double> dependent = upper.rightCols(p - rank);
+    beta = R1.template triangularView<Eigen::Upper>().solve(dependent);
+  }
   std::vector<BaseParameter> out;
   const Eigen::VectorXi order = qr.colsPermutation().indices();
   for (long i = 0; i < rank; ++i) {
@@ -144,7 +145,6 @@ std::vector<BaseParameter> base_parameters(const FitLayout& layout, const MatX<d
     b.coefficients = {1.0};
     b.expression = layout.linear[lead].name;
     b.value = x[lead];
-    b.std = weight[lead] * inverse.row(i).norm();
     for (long k = 0; k < p - rank; ++k) {
       const int dependent = columns[static_cast<std::size_t>(order[rank + k])];
       const double c = beta(i, k) * weight[lead] / weight[dependent];
@@ -216,6 +216,9 @@ LinearFit fit_linear(const FitLayout& layout, const std::vector<JointFactor>& fa
   const std::vector<int> free = free_columns(layout);
   long rows = 0;
   for (const JointFactor& f : factors) rows += f.factor.rows();
+  if (free.empty())
+    throw ModelError("identify: every parameter is held, nothing is left to fit; groups of fit: inertia, "
+                     "armature, effects");
   if (rows < static_cast<long>(free.size()))
     throw DataError("identify: " + std::to_string(rows) + " torque samples after filtering for " +
                     std::to_string(free.size()) +

@@ -84,6 +84,9 @@ class TrajectoryIdentification {
                               " cannot be told from the links' inertia, which absorbs it: held at " +
                               format_number(layout_.linear[static_cast<std::size_t>(c)].prior));
     }
+    if (std::ranges::all_of(layout_.linear, [](const FitParameter& p) { return p.fixed; }))
+      throw ModelError("identify: every parameter is held, nothing is left to fit; groups of fit: "
+                       "inertia, armature, effects");
     scale_ = parameter_scales(layout_, regression.factors());
     start_ = consistent_start(layout_, scale_);
     for (std::size_t k = 0; k < layout_.linear.size(); ++k)

@@ -211,6 +211,14 @@ PreprocessPlan plan_preprocess(const std::vector<Recording>& recordings,
   plan.filter_hz = options.filter_hz > 0.0 ? options.filter_hz
                    : cutoff > 0.0          ? std::clamp(cutoff, 1e-3 * rate, 0.25 * rate)
                                            : 0.1 * rate;
+  double longest = 0.0;
+  for (const Recording& r : recordings)
+    if (r.rows() > 1) longest = std::max(longest, r.time[r.rows() - 1] - r.time[0]);
+  for (const double hz : {plan.filter_hz, options.decimate_to_hz > 0.0 ? options.decimate_to_hz : rate})
+    if (!(hz * longest >= 5.0))
+      throw DataError(recordings.front().source + ": filter or decimation to " + std::to_string(hz) +
+                      " Hz leaves fewer than five rows of " + std::to_string(longest) +
+                      " s; expected at least " + std::to_string(5.0 / longest) + " Hz");
   if (plan.filter_hz >= 0.5 * rate)
     throw DataError(recordings.front().source + ": filter_hz is " + std::to_string(plan.filter_hz) +
                     " Hz, expected below half of the sampling rate, " + std::to_string(0.5 * rate) +

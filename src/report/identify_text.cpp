@@ -40,7 +40,7 @@ std::string parameters_text(const FitRun& run) {
   std::string out = "parameters that the data determine, ± one standard error\n";
   out += table({"", "value", "<unit", "prior", "<"}, rows);
   if (!owners.empty())
-    out += "not visible one by one, at or near the prior (the data see combinations)\n";
+    out += "not visible one by one (the data see combinations; a single value may have moved far and means nothing)\n";
   for (const std::string& name : owners) {
     std::string line = "  " + name + ":";
     for (const std::string& p : unseen[name]) line += " " + p;
