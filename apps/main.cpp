@@ -37,5 +37,9 @@ int main(int argc, char** argv) {
     std::fprintf(stderr, "diffnea: internal error: %s\n", error.what());
     return diffnea::apps::kBadInput;
   }
+  if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0) {
+    std::fprintf(stderr, "diffnea: standard output cannot be written; the results did not reach it\n");
+    return diffnea::apps::kBadInput;
+  }
   return 0;
 }

@@ -178,6 +178,8 @@ TEST_CASE("identify: input that cannot be fitted is refused with the reason", "[
   sparse.preprocess.decimate_to_hz = 5.0;
   CHECK_THROWS_WITH(identify(draw().nominal, {brief}, {}, sparse), ContainsSubstring("parameters"));
 
+  CHECK_THROWS_WITH(identify(draw().nominal, {draw().train}, {draw().train}), ContainsSubstring("same rows"));
+
   Recording other = draw().train;
   other.joint_names = {"a", "b", "c", "d"};
   CHECK_THROWS_WITH(identify(draw().nominal, {other}, {}), ContainsSubstring("joint1"));

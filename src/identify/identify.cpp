@@ -1,3 +1,6 @@
+#include <cstring>
+#include <diffnea/core/error.hpp>
+
 #include "identify/passes.hpp"
 
 namespace diffnea {
@@ -21,10 +24,26 @@ void add_warnings(const Model& model, IdentifyResult& result) {
   result.notes.insert(result.notes.begin(), first.begin(), first.end());
 }
 
+bool same_numbers(const RowMatX<double>& a, const RowMatX<double>& b) {
+  return a.rows() == b.rows() && a.cols() == b.cols() &&
+         std::memcmp(a.data(), b.data(), sizeof(double) * static_cast<std::size_t>(a.size())) == 0;
+}
+
+/// A held-out error on data of the fit would be a lie, however the copy is called.
+void refuse_same_recording(const RecordingSource& train, const RecordingSource& test) {
+  const std::vector<Recording> fitted = train.sample();
+  for (const Recording& b : test.sample())
+    for (const Recording& a : fitted)
+      if (b.rows() > 0 && same_numbers(a.q, b.q) && same_numbers(a.tau, b.tau))
+        throw DataError(b.source + ": holds the same rows as " + a.source +
+                        ", which is data of the fit; held-out data must be other recordings");
+}
+
 }  // namespace
 
 IdentifyResult identify(const Model& model, const RecordingSource& train,
                         const RecordingSource* test, const IdentifyOptions& options) {
+  if (test) refuse_same_recording(train, *test);
   IdentifyResult result = options.loss == Loss::kTrajectory
                               ? identify_by_trajectory(model, train, test, options)
                               : identify_by_torque(model, train, test, options);

@@ -19,6 +19,7 @@ namespace fs = std::filesystem;
 }  // namespace
 
 ResultFolder::ResultFolder(const fs::path& path) : path_(path.lexically_normal()) {
+  if (path_.empty()) throw FileError("output folder: got an empty name, expected a folder");
   if (path_.has_relative_path() && !path_.has_filename()) path_ = path_.parent_path();  // "run/"
   std::error_code error;
   for (fs::path p = path_; !p.empty() && !fs::exists(p, error); p = p.parent_path())

@@ -211,6 +211,10 @@ PreprocessPlan plan_preprocess(const std::vector<Recording>& recordings,
   plan.filter_hz = options.filter_hz > 0.0 ? options.filter_hz
                    : cutoff > 0.0          ? std::clamp(cutoff, 1e-3 * rate, 0.25 * rate)
                                            : 0.1 * rate;
+  if (!(options.filter_hz >= 0.0 && options.decimate_to_hz >= 0.0))
+    throw DataError("preprocess: filter_hz is " + std::to_string(options.filter_hz) +
+                    ", decimate_to_hz " + std::to_string(options.decimate_to_hz) +
+                    "; expected 0 (chosen from the data) or above");
   double longest = 0.0;
   for (const Recording& r : recordings)
     if (r.rows() > 1) longest = std::max(longest, r.time[r.rows() - 1] - r.time[0]);
