@@ -137,6 +137,10 @@ TEST_CASE("identify: a misplaced joint is found by its fixed transform", "[ident
   const double right = mean_test_error(identify(draw().nominal, {draw().train}, {draw().test}, as_is));
   CHECK(held > 1.1 * right);
   CHECK(mean_test_error(found) < right + 0.2 * (held - right));
+  // "Before" is the model before the fit, its misplaced joint included.
+  const IdentifyResult unmoved = identify(wrong, {draw().train}, {draw().test}, as_is);
+  for (std::size_t j = 0; j < found.errors.size(); ++j)
+    CHECK(found.errors[j].nominal_test == Approx(unmoved.errors[j].nominal_test));
 }
 
 TEST_CASE("identify: a joint that never moves is held, the others are fitted", "[identify]") {

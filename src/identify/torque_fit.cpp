@@ -89,7 +89,7 @@ FitLayout with_shape_steps(const FitLayout& layout) {
 
 std::vector<TorqueSeries> make_series(const Model& model, const FitLayout& layout,
                                       const TorqueRegression& regression, const VecX<double>& x,
-                                      const VecX<double>& nominal) {
+                                      const TorqueRegression& before, const VecX<double>& nominal) {
   constexpr std::size_t kMaxPoints = 4000;
   std::vector<TorqueSeries> out;
   const std::vector<int> moving = moving_links(model);
@@ -100,14 +100,15 @@ std::vector<TorqueSeries> make_series(const Model& model, const FitLayout& layou
     s.unit = model.links[moving[j]].type == ModelJoint::kPrismatic ? "N" : "N*m";
     const std::vector<int>& columns = regression.factors()[j].columns;
     const VecX<double> xj = x(columns), nj = nominal(columns);
-    const auto rows = kept.rows();
-    const std::size_t points = std::min(kept.time.size(), kMaxPoints);
+    const auto rows = kept.rows(), rows_before = before.kept()[j].rows();
+    const std::size_t points =
+        std::min({kept.time.size(), before.kept()[j].time.size(), kMaxPoints});
     for (std::size_t k = 0; k < points; ++k) {
       const auto row = rows.row(static_cast<long>(k));
       s.time.push_back(kept.time[k]);
       s.measured.push_back(row[kept.width - 1]);
       s.fitted.push_back(row.head(kept.width - 1).dot(xj));
-      s.nominal.push_back(row.head(kept.width - 1).dot(nj));
+      s.nominal.push_back(rows_before.row(static_cast<long>(k)).head(kept.width - 1).dot(nj));
     }
     out.push_back(std::move(s));
   }
@@ -318,9 +319,23 @@ class InverseFit {
                                   : "the barrier method stopped before its tolerance";
   }
 
+  /// The rows as the model before the fit has them: another pass where shapes or fixed transforms moved, since
+  /// columns depend on those. Null: the rows of the fit serve both.
+  std::unique_ptr<TorqueRegression> rows_before(const RecordingSource& source,
+                                                const PreprocessPlan& plan) const {
+    VecX<double> prior(shape_.size());
+    for (long s = 0; s < prior.size(); ++s) prior[s] = layout_.shape[s].prior;
+    if (prior == shape_) return nullptr;
+    auto out = std::make_unique<TorqueRegression>(model_, layout_, plan, RegressionPoint{nominal_, prior});
+    for_each_block(source, plan, "testing", 2, options_, [&](const Preprocessed& b) { out->add(b); });
+    return out;
+  }
+
   void finish_errors() {
     const std::vector<int> moving = moving_links(model_);
-    std::unique_ptr<TorqueRegression> test, test_all;
+    std::unique_ptr<TorqueRegression> test, test_all, test_before;
+    const std::unique_ptr<TorqueRegression> moved = rows_before(train_, result_.plan);
+    const TorqueRegression& train_before = moved ? *moved : *regression_;
     VecX<double> raw = VecX<double>::Constant(layout_.num_dofs, kNaN);
     const RecordingSource& held_out = test_ ? *test_ : train_;
     PreprocessOptions same = options_.preprocess;
@@ -349,9 +364,11 @@ class InverseFit {
         rows += b.rows();
       });
       if (rows > 0) raw = (sum / static_cast<double>(rows)).cwiseSqrt();
-      result_.test_series = make_series(model_, layout_, *test, x_, nominal_);
+      test_before = rows_before(held_out, plan);
+      result_.test_series =
+          make_series(model_, layout_, *test, x_, test_before ? *test_before : *test, nominal_);
     }
-    result_.train_series = make_series(model_, layout_, *regression_, x_, nominal_);
+    result_.train_series = make_series(model_, layout_, *regression_, x_, train_before, nominal_);
     for (int j = 0; j < layout_.num_dofs; ++j) {
       const JointFactor& f = regression_->factors()[j];
       JointError e;
@@ -362,9 +379,10 @@ class InverseFit {
         e.torque_rms = e.train = e.nominal_train = e.test = e.nominal_test = e.test_all = e.test_raw = kNaN;
       } else {
         e.train = f.rmse(x_);
-        e.nominal_train = f.rmse(nominal_);
+        e.nominal_train = train_before.factors()[j].rmse(nominal_);
         e.test = test ? test->factors()[j].rmse(x_) : kNaN;
-        e.nominal_test = test ? test->factors()[j].rmse(nominal_) : kNaN;
+        e.nominal_test =
+            test ? (test_before ? *test_before : *test).factors()[j].rmse(nominal_) : kNaN;
         e.test_all = test_all ? test_all->factors()[j].rmse(x_) : kNaN;
         e.test_raw = raw[j];
         e.torque_rms = test ? test->factors()[j].rmse(zero) : f.rmse(zero);
