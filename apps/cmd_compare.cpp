@@ -31,7 +31,7 @@ void add_compare(CLI::App& app) {
   command->add_option("first", c->before, "folder that identify wrote")->required();
   command->add_option("second", c->after, "folder that identify wrote")->required();
   command->add_option("--alpha", c->options.alpha, "chance of any false alarm")
-      ->check(CLI::Range(1e-12, 0.5))
+      ->check(in_range(1e-12, 0.5))
       ->capture_default_str();
   add_common(*command, c->common);
   command->callback([c] { run_compare(*c); });

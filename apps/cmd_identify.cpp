@@ -1,17 +1,17 @@
 #include <algorithm>
 #include <cstdio>
 #include <filesystem>
+#include <map>
 #include <thread>
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/identify/identify.hpp>
-#include <diffnea/io/atomic_file.hpp>
 #include <diffnea/io/model_file.hpp>
 #include <diffnea/io/result.hpp>
 #include <diffnea/io/result_folder.hpp>
 #include <diffnea/io/sidecar.hpp>
-#include <diffnea/report/identify_page.hpp>
 #include <diffnea/report/identify_text.hpp>
+#include <diffnea/report/run_folder.hpp>
 #include <diffnea/version.hpp>
 
 #include "common.hpp"
@@ -22,14 +22,19 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Everything that `identify` may leave in RUN/.
-const std::vector<std::string> kRunFiles{"result.json", "series.json", "model.json",
-                                         "model.urdf",  "model.xml",   "report.html"};
+/// The inertias are the model's then, to nine digits; beyond, squares of the strength drown the
+/// data.
+constexpr double kStrongestPrior = 1e9;
+
+const std::map<std::string, Loss> kLosses{
+    {"inverse", Loss::kInverse}, {"forward", Loss::kForward}, {"trajectory", Loss::kTrajectory}};
+const std::map<std::string, Robust> kRobust{
+    {"none", Robust::kNone}, {"huber", Robust::kHuber}, {"cauchy", Robust::kCauchy}};
 
 struct IdentifyCommand {
   CommonOptions common;
   std::vector<std::string> command_line;
-  std::string model, out, torque_side, prior = "none";
+  std::string model, out, torque_side, prior = "none", loss = "inverse", robust = "none";
   std::vector<std::string> data, test, passive, effects;
   bool effects_given = false;
   IdentifyOptions options;
@@ -84,42 +89,18 @@ void set_prior(const std::string& text, IdentifyOptions& options) {
   if (text == "none") return;
   double strength = 0.0;
   if (!text.starts_with("entropic=") || !CLI::detail::lexical_cast(text.substr(9), strength) ||
-      !(strength >= 0.0))
+      !(strength >= 0.0 && strength <= kStrongestPrior))
     throw CLI::ValidationError("--prior", "got " + text +
-                                              "; choices: none, entropic=STRENGTH with "
-                                              "a STRENGTH of 0 or more, e.g. entropic=0.1");
+                                              "; choices: none, entropic=STRENGTH with a STRENGTH "
+                                              "from 0 to 1e9, e.g. entropic=0.1");
   options.linear.entropic_prior = strength;
-}
-
-/// The extension of the format that the model was read from; empty for JSON.
-std::string model_extension(const Model& model) {
-  const std::string text = read_text_file(model.source);
-  if (text.find_first_not_of(" \t\r\n\xEF\xBB\xBF") == text.find('{')) return "";
-  return text.find("<robot") < text.find("<mujoco") ? ".urdf" : ".xml";
-}
-
-/// Collects every file of the run in the folder's staging area.
-void write_run(const FitRun& run, const fs::path& folder, std::vector<std::string>& notes) {
-  write_model(run.fit.model, folder / "model.json");
-  const std::string extension = model_extension(run.fit.model);
-  if (!extension.empty()) {
-    std::string left_out;
-    for (const std::string& what : write_model(run.fit.model, folder / ("model" + extension)))
-      left_out += (left_out.empty() ? "" : ", ") + what;
-    if (!left_out.empty())
-      notes.push_back("model" + extension + " cannot hold: " + left_out + "; model.json does");
-  }
-  FitRun noted = run;
-  noted.fit.notes = notes;
-  write_file_atomically(folder / "series.json", series_json(noted.fit));
-  write_file_atomically(folder / "result.json", identify_result_json(noted));
-  // From what was written, so that `diffnea report` gives the same page.
-  write_file_atomically(folder / "report.html", identify_page(read_fit_run(folder)));
 }
 
 void run_identify(IdentifyCommand c) {
   refuse_repeated_files(c);
   set_prior(c.prior, c.options);
+  c.options.loss = kLosses.at(c.loss);
+  c.options.robust = kRobust.at(c.robust);
   if (c.effects_given)
     c.options.choice.effects =
         c.effects == std::vector<std::string>{"none"} ? std::vector<std::string>{} : c.effects;
@@ -129,7 +110,7 @@ void run_identify(IdentifyCommand c) {
   const Model model = read_model(c.model);
   ResultFolder folder(c.out);  // cannot be written: better known now
 
-  const Interruptible interruptible;
+  const Interruptible interruptible(folder.leftovers(kFitRunFiles));
   ProgressLine line(c.common.quiet);
   c.options.progress = [&](const FitProgress& progress) {
     line.show(progress);
@@ -155,8 +136,7 @@ void run_identify(IdentifyCommand c) {
     run.reproduce.inputs.push_back(describe_input("data", file));
   for (const std::string& file : c.test)
     run.reproduce.inputs.push_back(describe_input("test", file));
-  write_run(run, folder.staging(), run.fit.notes);
-  folder.publish(kRunFiles);
+  publish_fit_run(run, folder);
   line.clear();
   const std::string text = c.common.json ? identify_result_json(run) : identify_text(run);
   std::fwrite(text.data(), 1, text.size(), stdout);
@@ -185,20 +165,18 @@ void add_identify(CLI::App& app, const std::vector<std::string>& command_line) {
   command->add_option("data", c->data, "recordings (.csv): time, q_*, tau_*")->required();
   command->add_option("--test", c->test, "held-out recordings (.csv), never fitted");
   command->add_option("-o,--output", c->out, "folder for the results")->required();
-  command->add_option("--loss", o.loss, "inverse (torque), forward (acceleration) or trajectory")
-      ->transform(
-          CLI::CheckedTransformer(std::map<std::string, Loss>{{"inverse", Loss::kInverse},
-                                                              {"forward", Loss::kForward},
-                                                              {"trajectory", Loss::kTrajectory}}))
-      ->default_str("inverse");
-  command->add_option("--robust", o.robust, "weights that outliers lose by: none, huber or cauchy")
-      ->transform(CLI::CheckedTransformer(std::map<std::string, Robust>{
-          {"none", Robust::kNone}, {"huber", Robust::kHuber}, {"cauchy", Robust::kCauchy}}))
-      ->default_str("none");
   command
-      ->add_option("--fit", o.choice.fit,
-                   "what may move, separated by commas: inertia, armature, effects, shapes (of effects), "
-                   "kinematics (fixed transforms; kinematics@JOINT for one)")
+      ->add_option("--loss", c->loss, "of torque (inverse), acceleration (forward), or trajectory")
+      ->check(CLI::IsMember({"inverse", "forward", "trajectory"}))
+      ->capture_default_str();
+  command->add_option("--robust", c->robust, "weights that outliers lose by")
+      ->check(CLI::IsMember({"none", "huber", "cauchy"}))
+      ->capture_default_str();
+  command
+      ->add_option(
+          "--fit", o.choice.fit,
+          "what may move, separated by commas: inertia, armature, effects, shapes (of effects), "
+          "kinematics (fixed transforms; kinematics@JOINT for one)")
       ->delimiter(',')
       ->capture_default_str();
   command
@@ -219,15 +197,15 @@ void add_identify(CLI::App& app, const std::vector<std::string>& command_line) {
       ->check(CLI::IsMember({"motor", "link"}));
   command
       ->add_option("--filter", o.preprocess.filter_hz, "low-pass of the positions [Hz], 0: chosen")
-      ->check(CLI::NonNegativeNumber)
+      ->check(at_least(0.0))
       ->capture_default_str();
   command->add_option("--decimate", o.preprocess.decimate_to_hz, "rate of the fit [Hz], 0: chosen")
-      ->check(CLI::NonNegativeNumber)
+      ->check(at_least(0.0))
       ->capture_default_str();
   command
       ->add_option("--window", o.trajectory.window,
                    "trajectory loss: length of a simulated window [s]")
-      ->check(CLI::PositiveNumber)
+      ->check(at_least(0.0, true))
       ->capture_default_str();
   add_common(*command, c->common);
   command->callback([c] { run_identify(*c); });

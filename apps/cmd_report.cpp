@@ -17,7 +17,11 @@ struct ReportOptions {
 
 void run_report(const ReportOptions& options) {
   const std::filesystem::path page = std::filesystem::path(options.run) / "report.html";
-  write_file_atomically(page, identify_page(read_fit_run(options.run)));
+  const FitRun run = read_fit_run(options.run);
+  write_file_atomically(page, identify_page(run));
+  if (run.fit.train_series.empty() && !options.common.quiet)
+    std::fprintf(stderr, "%s: holds no series.json, so that the page has no charts\n",
+                 options.run.c_str());
   if (options.common.json)
     std::fputs(report_result_json(page).c_str(), stdout);
   else if (!options.common.quiet)

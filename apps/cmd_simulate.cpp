@@ -32,6 +32,10 @@ void scale_noise(RecordOptions& record, double factor) {
 }
 
 void run_simulate(SimulateOptions options) {
+  const std::vector<std::string> inputs{options.model, options.trajectory};
+  const auto sidecar = std::filesystem::path(options.out).replace_extension(".json").string();
+  for (const std::string& output : {options.out, sidecar, options.truth})
+    refuse_overwriting(output, inputs);
   const Model model = read_model(options.model);
   const Trajectory trajectory = read_trajectory(options.trajectory);
   options.record.kp = vector(options.kp);
@@ -87,12 +91,17 @@ void add_simulate(CLI::App& app) {
       ->required();
   command->add_option("--truth", options->truth,
                       "write the robot's true parameters (.json), for tests");
-  command->add_option("--noise", options->noise, "factor on the sensors' noise");
-  command->add_option("--period", options->record.period,
-                      "of the desired motion [s], if it has one");
-  command->add_option("--kp", options->kp, "gain per joint [N*m/rad]; default: from the model");
-  command->add_option("--kd", options->kd, "gain per joint [N*m*s/rad]; default: from the model");
+  command->add_option("--noise", options->noise, "factor on the sensors' noise")
+      ->check(at_least(0.0));
+  command
+      ->add_option("--period", options->record.period, "of the desired motion [s], if it has one")
+      ->check(at_least(0.0));
+  command->add_option("--kp", options->kp, "gain per joint [N*m/rad]; default: from the model")
+      ->check(at_least(0.0));
+  command->add_option("--kd", options->kd, "gain per joint [N*m*s/rad]; default: from the model")
+      ->check(at_least(0.0));
   command->add_option("--rate", options->record.control_rate, "of control and rows [Hz]")
+      ->check(at_least(0.0, true))
       ->capture_default_str();
   add_common(*command, options->common);
   command->callback([options] { run_simulate(*options); });

@@ -2,6 +2,7 @@
 
 #include <csignal>
 #include <cstdio>
+#include <cstring>
 #include <unistd.h>
 
 namespace diffnea::apps {
@@ -9,25 +10,45 @@ namespace {
 
 volatile std::sig_atomic_t interrupt_requested = 0;
 
-extern "C" void on_interrupt(int) { interrupt_requested = 1; }
+/// What the second signal removes: each path ends with '\0'. A handler may not allocate, so that it
+/// was laid out before.
+std::string* paths_to_remove = nullptr;
 
-void install(void (*handler)(int), int flags) {
+void install(void (*handler)(int)) {
   struct sigaction action = {};
   action.sa_handler = handler;
-  action.sa_flags = flags;
   sigemptyset(&action.sa_mask);
   sigaction(SIGINT, &action, nullptr);
   sigaction(SIGTERM, &action, nullptr);
 }
 
-}  // namespace
-
-Interruptible::Interruptible() {
-  interrupt_requested = 0;
-  install(on_interrupt, static_cast<int>(SA_RESETHAND));
+extern "C" void on_interrupt(int signal) {
+  if (interrupt_requested == 0) {
+    interrupt_requested = 1;
+    return;
+  }
+  const char* const end = paths_to_remove->data() + paths_to_remove->size();
+  for (const char* path = paths_to_remove->data(); path < end; path += std::strlen(path) + 1)
+    if (unlink(path) != 0) rmdir(path);
+  install(SIG_DFL);
+  raise(signal);  // is taken when this function returns
 }
 
-Interruptible::~Interruptible() { install(SIG_DFL, 0); }
+}  // namespace
+
+Interruptible::Interruptible(const std::vector<std::filesystem::path>& leftovers) {
+  static std::string paths;
+  paths.clear();
+  for (const std::filesystem::path& path : leftovers) {
+    paths += path.string();
+    paths += '\0';
+  }
+  paths_to_remove = &paths;
+  interrupt_requested = 0;
+  install(on_interrupt);
+}
+
+Interruptible::~Interruptible() { install(SIG_DFL); }
 
 bool Interruptible::requested() { return interrupt_requested != 0; }
 

@@ -2,7 +2,9 @@
 /// Progress of long work on standard error, and Ctrl-C.
 
 #include <chrono>
+#include <filesystem>
 #include <string>
+#include <vector>
 
 #include <diffnea/identify/identify.hpp>
 
@@ -11,7 +13,9 @@ namespace diffnea::apps {
 /// While it lives, the first SIGINT or SIGTERM sets a flag; the second ends the program.
 class Interruptible {
  public:
-  Interruptible();
+  /// @param leftovers  files and folders that go before the second signal ends the program, in
+  /// order
+  explicit Interruptible(const std::vector<std::filesystem::path>& leftovers = {});
   ~Interruptible();
   Interruptible(const Interruptible&) = delete;
   Interruptible& operator=(const Interruptible&) = delete;

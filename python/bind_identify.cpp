@@ -10,12 +10,11 @@
 #include <diffnea/core/error.hpp>
 #include <diffnea/identify/compare.hpp>
 #include <diffnea/identify/identify.hpp>
-#include <diffnea/io/atomic_file.hpp>
-#include <diffnea/io/model_file.hpp>
 #include <diffnea/io/result.hpp>
 #include <diffnea/io/result_folder.hpp>
 #include <diffnea/report/identify_page.hpp>
 #include <diffnea/report/identify_text.hpp>
+#include <diffnea/report/run_folder.hpp>
 #include <diffnea/version.hpp>
 
 #include "bindings.hpp"
@@ -147,28 +146,10 @@ FitRun identify_python(const Model& model, const py::list& train_items, const py
   return run;
 }
 
-/// Everything that a run may leave in its folder, as `diffnea identify -o` does.
+/// What `diffnea identify -o path` leaves there.
 void save(FitRun run, const fs::path& path) {
   ResultFolder folder(path);
-  const fs::path& staging = folder.staging();
-  write_model(run.fit.model, staging / "model.json");
-  for (const char* name : {"model.urdf", "model.xml"}) {
-    try {
-      std::string left_out;
-      for (const std::string& what : write_model(run.fit.model, staging / name))
-        left_out += (left_out.empty() ? "" : ", ") + what;
-      if (!left_out.empty())
-        run.fit.notes.push_back(std::string(name) + " cannot hold: " + left_out +
-                                "; model.json does");
-    } catch (const Error&) {
-      // The model was read from another format, or its file is gone: model.json holds all of it.
-    }
-  }
-  write_file_atomically(staging / "series.json", series_json(run.fit));
-  write_file_atomically(staging / "report.html", identify_page(run));
-  write_file_atomically(staging / "result.json", identify_result_json(run));
-  folder.publish(
-      {"result.json", "series.json", "model.json", "model.urdf", "model.xml", "report.html"});
+  publish_fit_run(run, folder);
 }
 
 template <class F>
@@ -215,7 +196,7 @@ void bind_parts(py::module_& m) {
       field("nominal_test", &JointError::nominal_test, "The same before the fit."),
       field("test_raw", &JointError::test_raw, "Held out, of the unfiltered torque."),
       field("test_all", &JointError::test_all,
-            "Held out, rows in which the joint rests included."));
+            "Held out, samples at which the joint rests included."));
   value_type<TorqueSeries>(
       m, "TorqueSeries", "Torque of one joint over time, filtered and decimated.",
       field("joint", &TorqueSeries::joint, "The joint's name."),

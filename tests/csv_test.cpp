@@ -203,6 +203,111 @@ TEST_CASE("csv: a file with more than 1 % of impossible rows is refused", "[reco
           ContainsSubstring("need a column `run`"));
 }
 
+namespace {
+
+/// 400 rows whose torque swings between ±2; the rows from `first` to before `end` have `absurd`.
+std::string with_torques(const std::string& absurd, int first, int end) {
+  std::string out = "time,q_a,tau_a\n";
+  for (int i = 0; i < 400; ++i)
+    out += std::to_string(0.01 * i) + ",0.1," +
+           (i >= first && i < end ? absurd : std::to_string(2.0 * std::sin(0.1 * i))) + "\n";
+  return out;
+}
+
+/// Lines that are left out of a file.
+std::vector<long> left_out(const std::string& text, const ReadOptions& options = {}) {
+  ReadReport report;
+  read(text, options, &report);
+  std::vector<long> lines;
+  for (const QuarantinedRow& row : report.quarantined_rows) lines.push_back(row.line);
+  return lines;
+}
+
+}  // namespace
+
+TEST_CASE("csv: a short burst of absurd torque is left out, wherever it stands", "[recording]") {
+  using Lines = std::vector<long>;
+  CHECK(left_out(with_torques("-1e6", 200, 202)) == Lines{202, 203});
+  CHECK(left_out(with_torques("1e6", 0, 2)) == Lines{2, 3});
+  CHECK(left_out(with_torques("1e6", 398, 400)) == Lines{400, 401});
+  CHECK(left_out(with_torques("nan", 398, 400)).empty());
+  ReadReport report;
+  const Recording r = read(with_torques("1e6", 200, 202), {}, &report).at(0);
+  CHECK(r.rows() == 398);
+  CHECK(r.tau.cwiseAbs().maxCoeff() <= 2.0);
+  CHECK_THAT(report.quarantined_rows.at(0).reason,
+             ContainsSubstring("'tau_a' is 1e+06, more than 1000 times"));
+}
+
+TEST_CASE("csv: a torque that is large for long is the torque", "[recording]") {
+  // 21 rows of 400: more than a burst, and more than 2 %, so that it is usual.
+  CHECK(left_out(with_torques("1e6", 200, 221)).empty());
+  // 25 of 2000: 98 % stay below 2, and yet no burst.
+  std::string text = with_torques("1e6", 200, 225);
+  for (int i = 400; i < 2000; ++i) text += std::to_string(0.01 * i) + ",0.1,1.5\n";
+  ReadReport report;
+  const Recording r = read(text, {}, &report).at(0);
+  CHECK(report.quarantined == 0);
+  CHECK(r.rows() == 2000);
+  CHECK(r.tau(210, 0) == 1e6);
+  CHECK(r.tau(199, 0) != 1e6);
+  CHECK(r.tau(225, 0) != 1e6);
+}
+
+TEST_CASE("csv: the joint's effort limit tells an absurd torque earlier", "[recording]") {
+  ReadOptions options;
+  options.joints = {{.name = "a", .effort = 5.0}};
+  const std::string text = with_torques("600", 200, 201);  // 300 times what is usual
+  CHECK(left_out(text).empty());
+  CHECK(left_out(text, options) == std::vector<long>{202});
+  // A limit that all rows exceed is wrong itself; one of 0 was never given.
+  for (const double effort : {1e-3, 0.0}) {
+    options.joints = {{.name = "a", .effort = effort}};
+    CHECK(left_out(with_torques("2", 0, 0), options).empty());
+  }
+}
+
+TEST_CASE("csv: absurd torques do not depend on the blocks that are asked for", "[recording]") {
+  const CsvFile file(with_torques("1e6", 100, 103));
+  for (const long block_rows : {1L, 7L, 101L, 1000L}) {
+    RecordingReader reader(file.path);
+    long rows = 0;
+    for (Recording block; reader.next(block, block_rows);) {
+      CHECK(block.tau.cwiseAbs().maxCoeff() <= 2.0);
+      rows += block.rows();
+    }
+    CHECK(rows == 397);
+    CHECK(reader.report().quarantined == 3);
+  }
+}
+
+TEST_CASE("csv: an angle cannot be that of a slide, nor a length that of a hinge", "[recording]") {
+  ReadOptions options;
+  options.joints = {{.name = "a", .prismatic = true}, {.name = "b"}};
+  const auto header = [&](const std::string& a, const std::string& b) {
+    return read("time," + a + "," + b + "\n0,0,0\n1,0,0\n", options).size();
+  };
+  CHECK(header("q_a [mm]", "q_b [deg]") == 1);
+  CHECK(header("q_a", "q_b") == 1);
+  CHECK_THROWS_WITH(header("q_a [deg]", "q_b"),
+                    ContainsSubstring(":1:2: unit 'deg' cannot be that of 'a', which slides"));
+  CHECK_THROWS_WITH(header("q_a", "q_b [mm]"), ContainsSubstring("expected rad"));
+  CHECK_THROWS_WITH(read("time,q_a,tau_a [N*m],q_b\n0,0,1,0\n", options),
+                    ContainsSubstring("expected N or"));
+}
+
+TEST_CASE("csv: gaps and a file that breaks off are noted", "[recording]") {
+  std::string text = with_torques("", 10, 13);
+  ReadReport report;
+  read(text, {}, &report);
+  REQUIRE(report.notes.size() == 1);
+  CHECK_THAT(report.notes[0], ContainsSubstring("'tau_a' in 3 of 400 rows"));
+  text = with_torques("", 0, 0) + "4.0,0.";
+  read(text, {}, &report);
+  CHECK_THAT(report.notes.back(),
+             ContainsSubstring("breaks off in the middle of its last row, line 402"));
+}
+
 TEST_CASE("csv: a file that breaks off loses its last row, not itself", "[recording]") {
   ReadReport report;
   CHECK(read("time,q_a,tau_a\n" + good_rows(200) + "2.00,1.0", {}, &report)[0].rows() == 200);

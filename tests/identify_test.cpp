@@ -105,6 +105,23 @@ TEST_CASE("identify: streamed from files is the same as from memory", "[identify
   }
 }
 
+TEST_CASE("identify: what reading a stream brought up is reported, held out or not", "[identify]") {
+  const auto folder = std::filesystem::temp_directory_path() / "diffnea_stream_report_test";
+  std::filesystem::create_directories(folder);
+  const auto path = folder / "train.csv";
+  Recording spoiled = draw().train;
+  spoiled.tau(1000, 2) = 1e6;
+  write_recording(spoiled, path);
+  const auto streamed = recordings_in_files(draw().nominal, {path}, {}, /*keep_bytes=*/0);
+  const IdentifyResult fitted = identify(draw().nominal, *streamed, nullptr);
+  CHECK(fitted.data_report.quarantined == 1);
+  CHECK(fitted.data_report.rows == spoiled.rows());
+  const auto held_out = recordings_in_files(draw().nominal, {path}, {});
+  const auto train = recordings_in_memory(draw().nominal, {draw().test});
+  CHECK(has_note(identify(draw().nominal, *train, held_out.get()), "held-out data: 1 of"));
+  std::filesystem::remove_all(folder);
+}
+
 TEST_CASE("identify: the forward loss agrees where the model is right", "[identify]") {
   IdentifyOptions options;
   options.loss = Loss::kForward;

@@ -1,5 +1,8 @@
 #include "diffnea/recording/joints.hpp"
 
+#include <cmath>
+#include <limits>
+
 #include <catch2/catch_test_macros.hpp>
 #include <catch2/matchers/catch_matchers_string.hpp>
 
@@ -69,6 +72,38 @@ TEST_CASE("joints: degrees show by limits that only they would fit", "[recording
   CHECK(warned({.name = "b", .lower = -40.0, .upper = 40.0}).empty());
   // As degrees it would not fit either: something else is wrong.
   CHECK(warned({.name = "b", .lower = -0.1, .upper = 0.1}).empty());
+}
+
+TEST_CASE("joints: torque beyond twice the effort limit is a question of units", "[recording]") {
+  const std::vector<Recording> all = {recording()};  // tau_a up to 3, tau_b not measured
+  const auto warned = [&](double effort) {
+    return find_excess_torque({{.name = "a", .effort = effort}, {.name = "b", .effort = 1.0}}, all)
+        .size();
+  };
+  CHECK(warned(1.0) == 1);
+  CHECK(warned(2.0) == 0);
+  CHECK(warned(0.0) == 0);
+  CHECK(warned(std::numeric_limits<double>::infinity()) == 0);
+}
+
+TEST_CASE("joints: a burst of absurd torque becomes a gap", "[recording]") {
+  Recording r;
+  r.source = "arm";
+  r.joint_names = {"a"};
+  r.has_tau = {true};
+  r.time = VecX<double>::LinSpaced(1000, 0.0, 9.99);
+  r.q = r.tau = RowMatX<double>::Constant(1000, 1, 1.5);
+  r.tau(500, 0) = r.tau(999, 0) = -1e6;
+  r.tau.middleRows(100, 15).setConstant(1e4);
+  std::vector<Recording> all = {r};
+  const std::vector<std::string> notes = blank_absurd_torque({{.name = "a"}}, all);
+  REQUIRE(notes.size() == 1);
+  CHECK_THAT(notes[0], ContainsSubstring("arm: tau_a is 10000 at 1 s") &&
+                           ContainsSubstring("17 such values are taken as gaps"));
+  long gaps = 0;
+  for (long i = 0; i < 1000; ++i) gaps += std::isnan(all[0].tau(i, 0)) ? 1 : 0;
+  CHECK(gaps == 17);
+  CHECK(blank_absurd_torque({{.name = "a"}}, all).empty());
 }
 
 }  // namespace diffnea

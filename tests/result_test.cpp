@@ -1,5 +1,7 @@
 #include <fstream>
 #include <limits>
+#include <sys/wait.h>
+#include <unistd.h>
 
 #include <catch2/catch_test_macros.hpp>
 #include <catch2/matchers/catch_matchers_string.hpp>
@@ -135,6 +137,42 @@ TEST_CASE("report: the terminal's text names error and uncertainty", "[report]")
   CHECK_THAT(text, ContainsSubstring("at its bound"));
 }
 
+TEST_CASE("report: the headline says falls, rises, stays, and what cannot be computed",
+          "[report]") {
+  FitRun run = some_run();
+  const auto headline = [&](double before, double after) {
+    run.fit.errors = {{"slide", "m", kNaN, after, before, kNaN, kNaN, kNaN, kNaN}};
+    return identify_headline(run);
+  };
+  CHECK_THAT(headline(0.5, 0.25), ContainsSubstring("falls from 0.5 to 0.25 m (slide)"));
+  CHECK_THAT(headline(0.25, 0.5), ContainsSubstring("rises from 0.25 to 0.5"));
+  CHECK_THAT(headline(0.25, 0.2501), ContainsSubstring("stays at 0.25 m"));
+  CHECK_THAT(headline(kNaN, 0.25),
+             ContainsSubstring("is 0.25 m (slide) (that of the model before cannot"));
+}
+
+TEST_CASE("report: a warning stands on top of the page, once", "[report]") {
+  FitRun run = some_run();
+  run.fit.notes = {std::string(kWarning) + "the elbow is in degrees", "nothing much"};
+  const std::string page = identify_page(run);
+  const std::size_t at = page.find("the elbow is in degrees");
+  REQUIRE(at != page.npos);
+  CHECK(at < page.find("Error of the"));
+  CHECK(page.find("the elbow is in degrees", at + 1) == page.npos);
+  CHECK(page.find("nothing much") > page.find("Data and notes"));
+}
+
+TEST_CASE("report: recorded rows and fitted samples are told apart, as are missing charts",
+          "[report]") {
+  FitRun run = some_run();
+  for (const std::string& text : {identify_text(run), identify_page(run)})
+    CHECK_THAT(text,
+               ContainsSubstring("1001 recorded rows (1 quarantined), 2000 torque samples fitted"));
+  CHECK_THAT(identify_page(run), !ContainsSubstring("holds no series.json"));
+  run.fit.train_series.clear();
+  CHECK_THAT(identify_page(run), ContainsSubstring("holds no series.json"));
+}
+
 TEST_CASE("result: inputs carry their SHA-256", "[io]") {
   const test::TemporaryFolder folder;
   const auto digest = [&](const std::string& content) {
@@ -185,6 +223,29 @@ TEST_CASE("result folder: nothing remains of a run that failed", "[io]") {
     write_file_atomically(run.staging() / "result.json", "1");
   }
   CHECK_FALSE(fs::exists(folder.path() / "a"));
+}
+
+TEST_CASE("result folder: what a killed program left behind goes, what a running one uses stays",
+          "[io]") {
+  const test::TemporaryFolder folder;
+  const pid_t child = ::fork();
+  if (child == 0) ::_exit(0);
+  REQUIRE(child > 0);
+  ::waitpid(child, nullptr, 0);  // its number is free now
+  const fs::path dead = folder.path() / (".partial-" + std::to_string(child)),
+                 alive = folder.path() / (".partial-" + std::to_string(::getppid())),
+                 own = folder.path() / (".partial-" + std::to_string(::getpid())),
+                 other = folder.path() / ".partial-of-mine";
+  for (const fs::path& path : {dead, alive, own, other}) {
+    fs::create_directory(path);
+    write_file_atomically(path / "model.xml", "old");
+  }
+  ResultFolder run(folder.path());
+  CHECK_FALSE(fs::exists(dead));
+  CHECK(fs::exists(alive / "model.xml"));
+  CHECK(fs::exists(other / "model.xml"));
+  CHECK(run.staging() == own);
+  CHECK(fs::is_empty(own));  // or the old file would be published with the new ones
 }
 
 TEST_CASE("result folder: one that cannot be written is refused at once", "[io]") {

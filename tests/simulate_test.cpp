@@ -227,6 +227,31 @@ TEST_CASE("excite: nothing to excite, or no strength to hold the arm, is said", 
   CHECK_THROWS_AS(random_fourier(weak, few), Error);
 }
 
+TEST_CASE("excite: limits that are inverted, empty or missing", "[excite]") {
+  Model model = read_model(DIFFNEA_SOURCE_DIR "/models/double_pendulum.urdf");
+  const auto elbow = std::ranges::find(model.links, "elbow", &ModelLink::joint);
+  REQUIRE(elbow != model.links.end());
+  elbow->limits.lower = 1.0;
+  elbow->limits.upper = -1.0;
+  CHECK_THROWS_WITH(
+      random_fourier(model, {}),
+      Catch::Matchers::ContainsSubstring("joint 'elbow' are inverted: lower 1, upper -1"));
+  elbow->limits.upper = 1.0;                            // no range: held there
+  elbow->limits.effort = elbow->limits.velocity = 0.0;  // not given
+  const Trajectory held = random_fourier(model, {});
+  CHECK(held.q.col(1).isConstant(1.0, 0.0));
+  CHECK(held.qd.col(1).isZero(0.0));
+  CHECK(held.q.col(0).maxCoeff() - held.q.col(0).minCoeff() > 0.5);  // [rad] the other one moves
+  std::string notes;
+  for (const std::string& note : fourier_notes(model, {})) notes += note + "\n";
+  for (const char* text : {"shoulder: no position limits, it moves within -1 to 1 rad",
+                           "elbow: its limits leave no range, it is held at 1 rad",
+                           "elbow: no velocity limit (0)", "elbow: no effort limit (0)"})
+    CHECK_THAT(notes, Catch::Matchers::ContainsSubstring(text));
+  for (ModelLink& link : model.links) link.limits.lower = link.limits.upper = 0.0;
+  CHECK_THROWS_AS(random_fourier(model, {}), ModelError);
+}
+
 TEST_CASE("trajectory file: comes back bit by bit; what is wrong is placed", "[io]") {
   const TemporaryFolder folder;
   const Trajectory t = motion(read_model(kWam), 1);

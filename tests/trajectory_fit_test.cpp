@@ -1,13 +1,16 @@
-/// Output error on simulated double pendulums: exact data come back exactly, and derivatives are right.
+/// Output error on simulated double pendulums: exact data come back exactly, and derivatives are
+/// right.
+
+#include <algorithm>
+#include <cmath>
+
+#include <catch2/catch_approx.hpp>
+#include <catch2/catch_test_macros.hpp>
 
 #include <diffnea/excite/fourier.hpp>
 #include <diffnea/identify/identify.hpp>
 #include <diffnea/io/model_file.hpp>
 #include <diffnea/sim/record.hpp>
-
-#include <algorithm>
-#include <catch2/catch_approx.hpp>
-#include <catch2/catch_test_macros.hpp>
 
 using namespace diffnea;
 using Catch::Approx;
@@ -18,7 +21,8 @@ Model pendulum_with_friction(double coulomb, double viscous) {
   Model model = read_model(std::string(DIFFNEA_SOURCE_DIR) + "/models/double_pendulum.urdf");
   for (const char* joint : {"shoulder", "elbow"}) {
     // A wide smoothing: the simulator and the fit then step over the same smooth friction.
-    model.effects.push_back({"coulomb_friction", joint, {{"coulomb", coulomb, ""}, {"smoothing", 0.2, ""}}});
+    model.effects.push_back(
+        {"coulomb_friction", joint, {{"coulomb", coulomb, ""}, {"smoothing", 0.2, ""}}});
     model.effects.push_back({"viscous_friction", joint, {{"viscous", viscous, ""}}});
   }
   return model;
@@ -87,7 +91,8 @@ TEST_CASE("trajectory fit: the result does not depend on the number of threads",
 }
 
 TEST_CASE("identify: a passive joint is fitted, not wished away", "[identify]") {
-  // With τ = 0 at the elbow a massless lower link leaves no residual there; the shoulder knows better.
+  // With τ = 0 at the elbow a massless lower link leaves no residual there; the shoulder knows
+  // better.
   Model truth = read_model(std::string(DIFFNEA_SOURCE_DIR) + "/models/double_pendulum.urdf");
   truth.links[static_cast<std::size_t>(moving_links(truth)[1])].passive = true;
   const Recording data = swing(truth, 1e-5);
@@ -100,4 +105,25 @@ TEST_CASE("identify: a passive joint is fitted, not wished away", "[identify]") 
   CHECK(result.errors[0].train < 0.02 * result.errors[0].torque_rms);
   const double h = make_tree(truth).links[1].inertia.h.z;
   CHECK(find(result, "lower.hz").value == Approx(h).epsilon(0.05));
+}
+
+TEST_CASE("trajectory fit: a window in which a hand moved the joint is named", "[identify]") {
+  const Model truth = pendulum_with_friction(0.12, 0.05);
+  Recording data = swing(truth, 1e-5);
+  // From 6.0 to 6.4 s the elbow is led along another way; no torque tells of it.
+  for (long k = 0; k < data.rows(); ++k)
+    if (const double t = data.time[k]; t > 6.0 && t < 6.4)
+      data.q(k, 1) += 0.05 * std::pow(std::sin((t - 6.0) / 0.4 * 3.14159265358979), 4);
+  const IdentifyResult result = identify(truth, {data}, {}, trajectory_options());
+  const auto named = [](const IdentifyResult& r) {
+    const auto it = std::ranges::find_if(
+        r.notes, [](const std::string& n) { return n.find("does not reproduce") != n.npos; });
+    return it == r.notes.end() ? std::string() : *it;
+  };
+  const std::string note = named(result);
+  INFO(note);
+  CHECK(note.find("elbow from ") != note.npos);
+  // Windows are 0.4 s long and begin with the first filtered row.
+  CHECK((note.find(" 5.") != note.npos || note.find(" 6.") != note.npos));
+  CHECK(named(identify(truth, {swing(truth, 1e-5)}, {}, trajectory_options())).empty());
 }

@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <limits>
 #include <numbers>
 
@@ -15,11 +16,25 @@ struct Range {
   double middle, half, velocity, effort;
 };
 
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+/// A velocity or effort limit; descriptions write 0 where they know none.
+bool is_given(double limit) { return limit > 0.0 && std::isfinite(limit); }
+
+std::string number(double x) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.4g", x);
+  return text;
+}
+
 Range range_of(const ModelLink& link, const FourierOptions& o) {
   const bool turns = link.type == ModelJoint::kRevolute;
   const JointLimits& l = link.limits;
+  if (l.lower > l.upper)
+    throw ModelError("excite: the limits of joint '" + link.joint + "' are inverted: lower " +
+                     number(l.lower) + ", upper " + number(l.upper) + "; correct the model");
   Range r{0.0, turns ? o.half_range : o.half_stroke, turns ? o.velocity : o.slide_velocity,
-          l.effort * o.effort_share};
+          is_given(l.effort) ? l.effort * o.effort_share : kInfinity};
   const bool low = std::isfinite(l.lower), high = std::isfinite(l.upper);
   if (low && high) {
     r.middle = 0.5 * (l.lower + l.upper);
@@ -31,8 +46,7 @@ Range range_of(const ModelLink& link, const FourierOptions& o) {
   } else if (high) {
     r.middle = std::min(0.0, l.upper - r.half);
   }
-  if (std::isfinite(l.velocity))
-    r.velocity = std::min(l.velocity, 2.0 * r.velocity) * o.velocity_share;
+  if (is_given(l.velocity)) r.velocity = std::min(l.velocity, 2.0 * r.velocity) * o.velocity_share;
   return r;
 }
 
@@ -96,6 +110,7 @@ Trajectory random_fourier(const Model& model, const FourierOptions& o) {
   std::vector<Range> ranges;
   VecX<double> middle = VecX<double>::Zero(n);
   std::vector<int> driven;
+  bool may_move = false;
   RowMatX<double> q = RowMatX<double>::Zero(rows, n), qd = q, qdd = q;
   for (int j = 0; j < n; ++j) {
     const ModelLink& link = model.links[moving[j]];
@@ -104,8 +119,13 @@ Trajectory random_fourier(const Model& model, const FourierOptions& o) {
       ranges.back().effort = std::numeric_limits<double>::infinity();
       continue;
     }
-    driven.push_back(j);
     middle[j] = ranges[j].middle;
+    driven.push_back(j);
+    if (!(ranges[j].half > 0.0)) {
+      q.col(j).setConstant(middle[j]);
+      continue;
+    }
+    may_move = true;
     // A stream of its own: leaving out one joint does not change the others.
     Rng rng(o.seed * 1000003 + static_cast<std::uint64_t>(j));
     const Series s = random_series(o.harmonics, rng);
@@ -132,6 +152,11 @@ Trajectory random_fourier(const Model& model, const FourierOptions& o) {
   if (driven.empty())
     throw ModelError(model.name + ": no joint has a motor; there is nothing to excite");
 
+  if (!may_move)
+    throw ModelError(model.name +
+                     ": the limits of every joint with a motor leave no range, there is nothing to "
+                     "excite; correct them, or leave them out");
+
   const long step = std::max(1L, per_period / 1000);
   if (effort_share(tree, ranges, q.topRows(1), qd.topRows(1), qdd.topRows(1), middle, 0.0, 1) > 1.0)
     throw ModelError(model.name +
@@ -154,6 +179,31 @@ Trajectory random_fourier(const Model& model, const FourierOptions& o) {
     out.q.col(c) = middle[j] + gain * (q.col(j).array() - middle[j]);
     out.qd.col(c) = gain * qd.col(j);
     out.qdd.col(c) = gain * qdd.col(j);
+  }
+  return out;
+}
+
+std::vector<std::string> fourier_notes(const Model& model, const FourierOptions& o) {
+  std::vector<std::string> out;
+  for (const int i : moving_links(model)) {
+    const ModelLink& link = model.links[i];
+    if (link.passive) continue;
+    const bool turns = link.type == ModelJoint::kRevolute;
+    const JointLimits& l = link.limits;
+    const Range r = range_of(link, o);
+    const std::string unit = turns ? " rad" : " m";
+    if (!(r.half > 0.0))
+      out.push_back(link.joint + ": its limits leave no range, it is held at " + number(r.middle) +
+                    unit);
+    else if (!std::isfinite(l.lower) && !std::isfinite(l.upper))
+      out.push_back(link.joint + ": no position limits, it moves within " +
+                    number(r.middle - r.half) + " to " + number(r.middle + r.half) + unit);
+    if (!is_given(l.velocity))
+      out.push_back(link.joint + ": no velocity limit" + (l.velocity == 0.0 ? " (0)" : "") +
+                    ", it moves at up to " + number(r.velocity) + unit + "/s");
+    if (!is_given(l.effort))
+      out.push_back(link.joint + ": no effort limit" + (l.effort == 0.0 ? " (0)" : "") +
+                    ", its torque is not looked at");
   }
   return out;
 }

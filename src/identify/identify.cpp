@@ -7,9 +7,15 @@ namespace diffnea {
 
 namespace {
 
-/// What a reader must not overlook: a model that was wrong before, a fit that explains little or made things worse.
-void add_warnings(const Model& model, IdentifyResult& result) {
+/// What a reader must not overlook: positions in degrees, a model that was wrong before, a fit that
+/// explains little or made things worse.
+void add_warnings(const Model& model, const RecordingSource& train, const RecordingSource* test,
+                  IdentifyResult& result) {
   std::vector<std::string> first;
+  for (const RecordingSource* source : {&train, test})
+    if (source != nullptr)
+      for (const ChannelWarning& w : source->warnings())
+        first.push_back((source == test ? "held-out data: " : "") + w.joint + ": " + w.text);
   for (const ModelIssue& issue : check_model(model))
     first.push_back("the model before the fit looks wrong: " + issue.link + ": " + issue.text);
   for (const JointError& e : result.errors) {
@@ -21,6 +27,7 @@ void add_warnings(const Model& model, IdentifyResult& result) {
       first.push_back(e.joint + ": the fit explains little of the measured torque; check its sign, its unit, the "
                                 "order of columns, and which effects are fitted");
   }
+  for (std::string& note : first) note.insert(0, kWarning);
   result.notes.insert(result.notes.begin(), first.begin(), first.end());
 }
 
@@ -47,7 +54,11 @@ IdentifyResult identify(const Model& model, const RecordingSource& train,
   IdentifyResult result = options.loss == Loss::kTrajectory
                               ? identify_by_trajectory(model, train, test, options)
                               : identify_by_torque(model, train, test, options);
-  add_warnings(model, result);
+  add_warnings(model, train, test, result);
+  if (test && test->report().quarantined > 0)
+    result.notes.push_back("held-out data: " + std::to_string(test->report().quarantined) + " of " +
+                           std::to_string(test->report().rows) +
+                           " recorded rows cannot be true and were quarantined");
   return result;
 }
 

@@ -71,6 +71,23 @@ std::vector<ParameterEstimate> parameter_estimates(const FitLayout& layout, cons
   return out;
 }
 
+std::string unit_of_joint(const Model& model, int j, bool of_torque) {
+  const ModelLink& link = model.links[moving_links(model)[static_cast<std::size_t>(j)]];
+  const bool slides = link.type == ModelJoint::kPrismatic;
+  if (of_torque) return slides ? "N" : "N*m";
+  return slides ? "m" : "rad";
+}
+
+JointError blank_error(const Model& model, int j, bool of_torque) {
+  constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+  JointError e;
+  e.joint = joint_names(model)[static_cast<std::size_t>(j)];
+  e.unit = unit_of_joint(model, j, of_torque);
+  e.torque_rms = e.train = e.nominal_train = kNaN;
+  e.test = e.nominal_test = e.test_all = e.test_raw = kNaN;
+  return e;
+}
+
 Posterior posterior_of(const FitLayout& layout, const VecX<double>& x,
                        const MatX<double>& information) {
   Posterior out;

@@ -35,6 +35,11 @@ std::vector<ParameterEstimate> parameter_estimates(const FitLayout& layout, cons
 Posterior posterior_of(const FitLayout& layout, const VecX<double>& x,
                        const MatX<double>& information);
 
+/// "N*m" or "N" for torques of joint j, "rad" or "m" for positions.
+std::string unit_of_joint(const Model& model, int j, bool of_torque);
+/// Joint j's line of the table of errors, without a number yet: all NaN.
+JointError blank_error(const Model& model, int j, bool of_torque);
+
 /// The losses.
 IdentifyResult identify_by_torque(const Model& model, const RecordingSource& train,
                                   const RecordingSource* test, const IdentifyOptions& options);

@@ -1,8 +1,11 @@
+#include <algorithm>
 #include <cmath>
-#include <diffnea/core/error.hpp>
-#include <diffnea/recording/preprocess.hpp>
 #include <limits>
 
+#include <diffnea/core/error.hpp>
+#include <diffnea/recording/preprocess.hpp>
+
+#include "identify/passes.hpp"
 #include "identify/window_integrator.hpp"
 
 namespace diffnea {
@@ -17,8 +20,9 @@ std::vector<ShootingWindow> make_windows(const Recording& recording, double wind
   std::vector<ShootingWindow> out;
   const bool hold = recording.info.torque_sampling == TorqueSampling::kHold;
   const auto torque = [&](long k, int j) {
-    return j < static_cast<int>(passive.size()) && passive[static_cast<std::size_t>(j)] ? 0.0
-                                                                                      : recording.tau(k, j);
+    return j < static_cast<int>(passive.size()) && passive[static_cast<std::size_t>(j)]
+               ? 0.0
+               : recording.tau(k, j);
   };
   long at = 0;
   for (long k = 0; k < recording.rows();) {
@@ -80,24 +84,70 @@ RowMatX<double> simulate_window(ForwardDynamics& dynamics, const ShootingWindow&
   return q;
 }
 
-VecX<double> window_rmse(const Model& model, const std::vector<ShootingWindow>& windows,
-                         bool measured_state, const SteppingOptions& options) {
+VecX<double> WindowErrors::rmse() const {
+  return sum.colwise()
+      .sum()
+      .cwiseQuotient(count.colwise().sum().cwiseMax(1.0))
+      .cwiseSqrt()
+      .transpose();
+}
+
+WindowErrors window_errors(const Model& model, const std::vector<ShootingWindow>& windows,
+                           bool measured_state, const SteppingOptions& options) {
   std::vector<int> runs;
   for (const ShootingWindow& w : windows) runs.push_back(w.run);
   ForwardDynamics dynamics(extend(model, runs));
   const int n = dynamics.num_dofs();
-  VecX<double> sum = VecX<double>::Zero(n), count = VecX<double>::Zero(n);
-  for (const ShootingWindow& w : windows) {
+  WindowErrors out;
+  out.sum = out.count = RowMatX<double>::Zero(static_cast<long>(windows.size()), n);
+  for (long i = 0; i < out.sum.rows(); ++i) {
+    const ShootingWindow& w = windows[static_cast<std::size_t>(i)];
     const RowMatX<double> q =
         simulate_window(dynamics, w, measured_state ? w.measured_state : w.state, options);
     for (long k = 0; k < q.rows(); ++k)
       for (int j = 0; j < n; ++j)
         if (!std::isnan(w.q(k, j))) {
-          sum[j] += std::pow(q(k, j) - w.q(k, j), 2);
-          count[j] += 1;
+          out.sum(i, j) += std::pow(q(k, j) - w.q(k, j), 2);
+          out.count(i, j) += 1;
         }
   }
-  return sum.cwiseQuotient(count.cwiseMax(1.0)).cwiseSqrt();
+  return out;
+}
+
+std::string unlike_the_others(const WindowErrors& errors,
+                              const std::vector<ShootingWindow>& windows,
+                              const std::vector<std::string>& joints) {
+  constexpr long kFewest = 8;         // windows that have a median
+  constexpr double kUnlike = 10.0;    // times the median
+  constexpr std::size_t kListed = 5;  // of a joint
+  std::string out;
+  if (errors.sum.rows() < kFewest) return out;
+  for (long j = 0; j < errors.sum.cols(); ++j) {
+    const VecX<double> mean =
+        errors.sum.col(j).cwiseQuotient(errors.count.col(j).cwiseMax(1.0)).cwiseSqrt();
+    std::vector<double> sorted;
+    for (const double x : mean)
+      sorted.push_back(std::isnan(x) ? std::numeric_limits<double>::infinity() : x);
+    std::ranges::nth_element(sorted, sorted.begin() + static_cast<long>(sorted.size() / 2));
+    const double median = sorted[sorted.size() / 2];
+    std::vector<std::string> times;
+    for (long i = 0; i < mean.size(); ++i)
+      if (median > 0.0 && !(mean[i] <= kUnlike * median)) {
+        const ShootingWindow& w = windows[static_cast<std::size_t>(i)];
+        times.push_back(format_number(w.time.front()) + " s" +
+                        (w.run > 0 ? " of run " + std::to_string(w.run) : ""));
+      }
+    for (std::size_t i = 0; i < std::min(times.size(), kListed); ++i)
+      out += (i > 0         ? ", "
+              : out.empty() ? joints[static_cast<std::size_t>(j)] + " from "
+                            : "; " + joints[static_cast<std::size_t>(j)] + " from ") +
+             times[i];
+    if (times.size() > kListed) out += " and " + std::to_string(times.size() - kListed) + " more";
+  }
+  if (out.empty()) return out;
+  return "windows that the fit does not reproduce (over ten times the joint's median error): " +
+         out +
+         "; something acted there that the model does not know (a hand, a stop), or rows are bad";
 }
 
 }  // namespace diffnea

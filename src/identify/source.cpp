@@ -10,10 +10,11 @@ namespace {
 constexpr long kBlockRows = 16384;
 constexpr long kSampleRows = 4 * kBlockRows;
 
-void add_warnings(const std::vector<JointDescription>& joints,
-                  const std::vector<Recording>& recordings, ReadReport& report) {
-  for (const ChannelWarning& w : find_degrees(joints, recordings))
-    report.notes.push_back(w.joint + ": " + w.text);
+std::vector<ChannelWarning> find_warnings(const std::vector<JointDescription>& joints,
+                                          const std::vector<Recording>& recordings) {
+  std::vector<ChannelWarning> out = find_degrees(joints, recordings);
+  for (ChannelWarning& w : find_excess_torque(joints, recordings)) out.push_back(std::move(w));
+  return out;
 }
 
 /// The model's word that a joint is passive counts as much as the sidecar's.
@@ -30,7 +31,9 @@ class InMemory : public RecordingSource {
     const std::vector<JointDescription> joints = describe_joints(model);
     match_joints(joints, recordings_);
     for (std::size_t k = 0; k < recordings_.size(); ++k) recordings_[k].run = static_cast<int>(k);
-    add_warnings(joints, recordings_, report_);
+    for (std::string& note : blank_absurd_torque(joints, recordings_))
+      report_.notes.push_back(std::move(note));
+    warnings_ = find_warnings(joints, recordings_);
   }
   void for_each(const std::function<bool(const Recording&)>& use) const override {
     for (const Recording& r : recordings_)
@@ -43,10 +46,12 @@ class InMemory : public RecordingSource {
     return out;
   }
   const ReadReport& report() const override { return report_; }
+  const std::vector<ChannelWarning>& warnings() const override { return warnings_; }
 
  private:
   std::vector<Recording> recordings_;
   ReadReport report_;
+  std::vector<ChannelWarning> warnings_;
 };
 
 class InFiles : public RecordingSource {
@@ -55,11 +60,12 @@ class InFiles : public RecordingSource {
           std::vector<RecordingInfo> info)
       : joints_(describe_joints(model)), paths_(std::move(paths)), info_(std::move(info)) {
     sample_ = first_rows();
-    add_warnings(joints_, sample_, report_);
+    warnings_ = find_warnings(joints_, sample_);
   }
   void for_each(const std::function<bool(const Recording&)>& use) const override {
     int run = -1;
     std::string previous;
+    ReadReport report;
     for (std::size_t f = 0; f < paths_.size(); ++f) {
       RecordingReader reader(paths_[f], options(f));
       std::vector<Recording> block(1);
@@ -72,7 +78,9 @@ class InFiles : public RecordingSource {
         block[0].run = run;
         if (!use(block[0])) return;
       }
+      report.add(reader.report());
     }
+    if (report_.rows == 0) report_ = std::move(report);
   }
   std::vector<Recording> sample() const override { return sample_; }
   std::vector<int> runs() const override {
@@ -86,12 +94,14 @@ class InFiles : public RecordingSource {
     return out;
   }
   const ReadReport& report() const override { return report_; }
+  const std::vector<ChannelWarning>& warnings() const override { return warnings_; }
 
  private:
   ReadOptions options(std::size_t file) const {
     ReadOptions out;
     if (!info_.empty()) out.info = info_[info_.size() == 1 ? 0 : file];
     add_passive(joints_, out.info);
+    out.joints = joints_;
     return out;
   }
   /// The first rows, the blocks of one run joined.
@@ -111,7 +121,8 @@ class InFiles : public RecordingSource {
   std::vector<std::filesystem::path> paths_;
   std::vector<RecordingInfo> info_;
   std::vector<Recording> sample_;
-  ReadReport report_;
+  mutable ReadReport report_;  ///< of the first pass that came to the end; later ones read the same
+  std::vector<ChannelWarning> warnings_;
 };
 
 }  // namespace
@@ -144,12 +155,14 @@ std::unique_ptr<RecordingSource> recordings_in_files(const Model& model,
     if (!error) bytes += static_cast<long>(size);
   }
   if (bytes > keep_bytes) return std::make_unique<InFiles>(model, paths, info);
+  const std::vector<JointDescription> joints = describe_joints(model);
   std::vector<Recording> all;
   ReadReport report;
   for (std::size_t f = 0; f < paths.size(); ++f) {
     ReadOptions options;
     if (!info.empty()) options.info = info[info.size() == 1 ? 0 : f];
-    add_passive(describe_joints(model), options.info);
+    add_passive(joints, options.info);
+    options.joints = joints;
     ReadReport one;
     for (Recording& r : read_recordings(paths[f], options, &one)) all.push_back(std::move(r));
     report.add(one);

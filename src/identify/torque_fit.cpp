@@ -137,7 +137,6 @@ class InverseFit {
     const std::vector<Recording> sample = train_.sample();
     layout_ = layout_for(model_, train_, options_.choice);
     result_.plan = plan_preprocess(sample, options_.preprocess);
-    result_.data_report = train_.report();
     nominal_ = layout_.prior();
     x_ = nominal_;
     shape_.resize(static_cast<long>(layout_.shape.size()));
@@ -163,6 +162,7 @@ class InverseFit {
     FitLayout with_shapes = layout_;
     for (FitParameter& shape : layout_.shape) shape.fixed = true;  // no columns for them but in fit_shapes
     Pass first = pass(layout_, false);
+    result_.data_report = train_.report();
     result_.summary.rows = first.rows;
     result_.notes.insert(result_.notes.end(), first.notes.begin(), first.notes.end());
     const std::vector<int> still = motionless_joints(first, result_.plan);
@@ -218,8 +218,8 @@ class InverseFit {
         list += (list.empty() ? "" : ", ") + names[j] + " " + format_number(100.0 * rest / all) + " %";
     }
     if (!list.empty())
-      result_.notes.push_back("rows in which a joint rests are left out, since dry friction at rest can "
-                              "have any size: " + list);
+      result_.notes.push_back("torque samples at which a joint rests are left out, since dry friction at "
+                              "rest can have any size: " + list);
   }
 
   void solve(const FitLayout& layout) {
@@ -332,7 +332,6 @@ class InverseFit {
   }
 
   void finish_errors() {
-    const std::vector<int> moving = moving_links(model_);
     std::unique_ptr<TorqueRegression> test, test_all, test_before;
     const std::unique_ptr<TorqueRegression> moved = rows_before(train_, result_.plan);
     const TorqueRegression& train_before = moved ? *moved : *regression_;
@@ -371,21 +370,18 @@ class InverseFit {
     result_.train_series = make_series(model_, layout_, *regression_, x_, train_before, nominal_);
     for (int j = 0; j < layout_.num_dofs; ++j) {
       const JointFactor& f = regression_->factors()[j];
-      JointError e;
-      e.joint = model_.links[moving[j]].joint;
-      e.unit = model_.links[moving[j]].type == ModelJoint::kPrismatic ? "N" : "N*m";
-      const VecX<double> zero = VecX<double>::Zero(x_.size());
-      if (f.factor.rows() == 0) {
-        e.torque_rms = e.train = e.nominal_train = e.test = e.nominal_test = e.test_all = e.test_raw = kNaN;
-      } else {
+      JointError e = blank_error(model_, j, true);
+      if (f.factor.rows() > 0) {
+        const VecX<double> zero = VecX<double>::Zero(x_.size());
         e.train = f.rmse(x_);
         e.nominal_train = train_before.factors()[j].rmse(nominal_);
-        e.test = test ? test->factors()[j].rmse(x_) : kNaN;
-        e.nominal_test =
-            test ? (test_before ? *test_before : *test).factors()[j].rmse(nominal_) : kNaN;
-        e.test_all = test_all ? test_all->factors()[j].rmse(x_) : kNaN;
-        e.test_raw = raw[j];
         e.torque_rms = test ? test->factors()[j].rmse(zero) : f.rmse(zero);
+      }
+      if (f.factor.rows() > 0 && test) {
+        e.test = test->factors()[j].rmse(x_);
+        e.nominal_test = (test_before ? *test_before : *test).factors()[j].rmse(nominal_);
+        e.test_all = test_all->factors()[j].rmse(x_);
+        e.test_raw = raw[j];
       }
       result_.errors.push_back(e);
     }

@@ -64,9 +64,9 @@ class TrajectoryIdentification {
       if (!s.fixed)
         throw ModelError("identify: the trajectory loss fits linear parameters; fit " + s.name +
                          " with the inverse loss first");
-    result_.data_report = train_.report();
     result_.plan = plan_preprocess(train_.sample(), options_.preprocess);
     windows_ = windows_of(train_, options_);
+    result_.data_report = train_.report();
     VecX<double> shape(static_cast<long>(layout_.shape.size()));
     for (std::size_t s = 0; s < layout_.shape.size(); ++s) shape[static_cast<long>(s)] = layout_.shape[s].prior;
     shape_ = shape;
@@ -122,26 +122,24 @@ class TrajectoryIdentification {
     // Errors: every window from its own estimated initial state, before and after alike.
     std::vector<ShootingWindow> nominal = windows_of(train_, options_);
     fit_states(layout_.prior(), nominal);
-    const VecX<double> train = window_rmse(result_.model, windows_, false, options_.trajectory.stepping);
-    const VecX<double> before = window_rmse(model_, nominal, false, options_.trajectory.stepping);
-    VecX<double> test = VecX<double>::Constant(layout_.num_dofs, kNaN), nominal_test = test, raw = test;
+    const SteppingOptions& stepping = options_.trajectory.stepping;
+    const WindowErrors fitted = window_errors(result_.model, windows_, false, stepping);
+    const VecX<double> train = fitted.rmse();
+    const VecX<double> before = window_errors(model_, nominal, false, stepping).rmse();
+    VecX<double> test = VecX<double>::Constant(layout_.num_dofs, kNaN), nominal_test = test,
+                 raw = test;
     if (test_) {
       std::vector<ShootingWindow> held_out = windows_of(*test_, options_), old = held_out;
-      raw = window_rmse(result_.model, held_out, true, options_.trajectory.stepping);
+      raw = window_errors(result_.model, held_out, true, stepping).rmse();
       fit_states(fit_.x, held_out);
-      test = window_rmse(result_.model, held_out, false, options_.trajectory.stepping);
+      test = window_errors(result_.model, held_out, false, stepping).rmse();
       fit_states(layout_.prior(), old);
-      nominal_test = window_rmse(model_, old, false, options_.trajectory.stepping);
+      nominal_test = window_errors(model_, old, false, stepping).rmse();
       result_.test_series = series(held_out, old);
     }
     result_.train_series = series(windows_, nominal);
-    const std::vector<int> moving = moving_links(model_);
     for (int j = 0; j < layout_.num_dofs; ++j) {
-      const ModelLink& link = model_.links[static_cast<std::size_t>(moving[static_cast<std::size_t>(j)])];
-      JointError e;
-      e.joint = link.joint;
-      e.unit = link.type == ModelJoint::kPrismatic ? "m" : "rad";
-      e.torque_rms = kNaN;
+      JointError e = blank_error(model_, j, false);
       e.train = train[j];
       e.nominal_train = before[j];
       e.test = test[j];
@@ -156,10 +154,13 @@ class TrajectoryIdentification {
     s.termination = fit_.termination;
     s.iterations = fit_.iterations;
     s.fitted_rows = fit_.samples;
-    result_.notes.push_back(std::to_string(windows_.size()) + " windows of " +
-                            format_number(options_.trajectory.window) +
-                            " s; errors are of positions, each window from its own estimated initial "
-                            "state (test_raw: from the measured one)");
+    result_.notes.push_back(
+        std::to_string(windows_.size()) + " windows of " +
+        format_number(options_.trajectory.window) +
+        " s; errors are of positions, each window from its own estimated initial "
+        "state (test_raw: from the measured one)");
+    if (std::string text = unlike_the_others(fitted, windows_, joint_names(model_)); !text.empty())
+      result_.notes.push_back(std::move(text));
   }
 
   MatX<double> information() const {

@@ -1,4 +1,6 @@
-#include <algorithm>
+#include <cerrno>
+#include <charconv>
+#include <csignal>
 #include <ranges>
 #include <system_error>
 #include <unistd.h>
@@ -16,6 +18,26 @@ namespace fs = std::filesystem;
                   "); choose another folder with -o");
 }
 
+constexpr std::string_view kStaging = ".partial-";
+
+/// Removes the hidden folders of programs that no longer run: killed, or off with the power.
+void remove_abandoned(const fs::path& folder) {
+  std::error_code error;
+  std::vector<fs::path> abandoned;
+  for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) {
+    const std::string name = it->path().filename().string();
+    if (!name.starts_with(kStaging)) continue;
+    const std::string digits = name.substr(kStaging.size());
+    pid_t pid = 0;
+    const auto [last, wrong] = std::from_chars(digits.data(), digits.data() + digits.size(), pid);
+    if (wrong != std::errc() || last != digits.data() + digits.size() || pid <= 0) continue;
+    // One of this number can only be left over from before: it is created next.
+    if (pid == ::getpid() || (::kill(pid, 0) != 0 && errno == ESRCH))
+      abandoned.push_back(it->path());
+  }
+  for (const fs::path& path : abandoned) fs::remove_all(path, error);
+}
+
 }  // namespace
 
 ResultFolder::ResultFolder(const fs::path& path) : path_(path.lexically_normal()) {
@@ -24,7 +46,8 @@ ResultFolder::ResultFolder(const fs::path& path) : path_(path.lexically_normal()
   std::error_code error;
   for (fs::path p = path_; !p.empty() && !fs::exists(p, error); p = p.parent_path())
     created_.insert(created_.begin(), p);
-  staging_ = path_ / (".partial-" + std::to_string(::getpid()));
+  remove_abandoned(path_);
+  staging_ = path_ / (std::string(kStaging) + std::to_string(::getpid()));
   fs::create_directories(staging_, error);
   if (error) {
     const std::error_code reason = error;
@@ -38,6 +61,15 @@ ResultFolder::~ResultFolder() {
   fs::remove_all(staging_, ignored);
   if (published_) return;
   for (const fs::path& p : std::views::reverse(created_)) fs::remove(p, ignored);  // if empty
+}
+
+std::vector<fs::path> ResultFolder::leftovers(const std::vector<std::string>& names) const {
+  std::vector<fs::path> out;
+  out.reserve(names.size() + created_.size() + 1);
+  for (const std::string& name : names) out.push_back(staging_ / name);
+  out.push_back(staging_);
+  out.insert(out.end(), created_.rbegin(), created_.rend());  // goes if it is empty
+  return out;
 }
 
 void ResultFolder::publish(const std::vector<std::string>& names) {

@@ -23,7 +23,8 @@ std::string simulate_result_json(const SimulatedRecording& result, const std::st
                {"failure", result.failure.empty() ? io::Json() : io::Json(result.failure)}});
 }
 
-std::string excite_result_json(const Trajectory& t, double period, const std::string& file) {
+std::string excite_result_json(const Trajectory& t, double period, const std::string& file,
+                               const std::vector<std::string>& notes) {
   io::Json joints = io::Json::array();
   for (int j = 0; j < t.num_joints(); ++j)
     joints.push_back({{"joint", t.joint_names[j]},
@@ -35,7 +36,8 @@ std::string excite_result_json(const Trajectory& t, double period, const std::st
                {"rows", t.rows()},
                {"seconds", t.time[t.rows() - 1]},
                {"period", period},
-               {"joints", joints}});
+               {"joints", joints},
+               {"notes", notes}});
 }
 
 }  // namespace diffnea

@@ -75,6 +75,23 @@ std::string plain_unit(std::string_view unit) {
   return out;
 }
 
+/// A unit of turning ("deg/s", "N*m"), of sliding ("mm", "N"), or of neither ("A").
+enum class Motion { kTurns, kSlides, kEither };
+
+Motion motion_of(Channel channel, const std::string& unit) {
+  if (channel == Channel::kTau) {
+    if (unit == "A") return Motion::kEither;
+    return unit.ends_with('m') ? Motion::kTurns : Motion::kSlides;
+  }
+  const std::string length = unit.substr(0, unit.find('/'));
+  return length == "m" || length == "cm" || length == "mm" ? Motion::kSlides : Motion::kTurns;
+}
+
+bool is_of_joint(Channel channel) {
+  return channel == Channel::kQ || channel == Channel::kQd || channel == Channel::kQdd ||
+         channel == Channel::kQcmd || channel == Channel::kTau;
+}
+
 /// Cells of a header line, unquoted.
 std::vector<std::string> split_header(std::string_view line) {
   std::vector<std::string> out;
@@ -173,7 +190,8 @@ bool Columns::has(Channel channel) const {
   return std::ranges::any_of(columns, [&](const Column& c) { return c.channel == channel; });
 }
 
-Columns parse_header(std::string_view line, const std::string& where, const RecordingInfo& info) {
+Columns parse_header(std::string_view line, const std::string& where, const RecordingInfo& info,
+                     const std::vector<JointDescription>& joints) {
   if (line.starts_with("\xef\xbb\xbf")) line.remove_prefix(3);
   const std::vector<std::string> cells = split_header(line);
   const auto fail = [&](std::size_t column, const std::string& what) -> void {
@@ -241,6 +259,20 @@ Columns parse_header(std::string_view line, const std::string& where, const Reco
           std::ranges::find_if(known, [&](const Unit& u) { return u.name == units[k]; });
       if (it != known.end()) {
         c.scale = it->scale;
+        const auto joint =
+            is_of_joint(c.channel)
+                ? std::ranges::find(joints, out.joint_names[c.index], &JointDescription::name)
+                : joints.end();
+        if (joint != joints.end()) {
+          const Motion motion = motion_of(c.channel, units[k]);
+          if (motion == (joint->prismatic ? Motion::kTurns : Motion::kSlides))
+            fail(k, "unit '" + units[k] + "' cannot be that of '" + joint->name + "', which " +
+                        (joint->prismatic ? "slides (prismatic)" : "turns (revolute)") +
+                        " in the model; expected " +
+                        (c.channel == Channel::kTau ? (joint->prismatic ? "N" : "N*m")
+                                                    : (joint->prismatic ? "m" : "rad")) +
+                        " or another unit of that kind");
+        }
       } else {
         const std::string joint = c.channel == Channel::kTau ? out.joint_names[c.index] : "";
         const auto constant =

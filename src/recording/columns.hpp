@@ -6,6 +6,7 @@
 #include <string_view>
 #include <vector>
 
+#include <diffnea/recording/joints.hpp>
 #include <diffnea/recording/recording.hpp>
 
 namespace diffnea::detail {
@@ -29,9 +30,11 @@ struct Columns {
   bool has(Channel channel) const;
 };
 
-/// @param where  file name, for messages
+/// @param where   file name, for messages
+/// @param joints  of the model, where it is known: its slides have no angles, its hinges no lengths
 /// @throws DataError `file:1:column: …`
-Columns parse_header(std::string_view line, const std::string& where, const RecordingInfo& info);
+Columns parse_header(std::string_view line, const std::string& where, const RecordingInfo& info,
+                     const std::vector<JointDescription>& joints = {});
 
 /// No measured value of this channel is larger, in SI; infinite: anything goes.
 double largest_credible(Channel channel);

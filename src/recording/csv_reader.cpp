@@ -3,6 +3,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#include <deque>
 #include <memory>
 #include <set>
 
@@ -10,6 +11,7 @@
 #include <diffnea/recording/csv.hpp>
 
 #include "recording/columns.hpp"
+#include "recording/torque_spikes.hpp"
 
 namespace diffnea {
 namespace {
@@ -100,6 +102,12 @@ std::string number_text(double x) {
 }  // namespace
 
 struct RecordingReader::Impl {
+  struct WaitingRow {
+    long line = 0;
+    std::vector<double> values;
+    std::string reason;  ///< why it is suspect
+  };
+
   Impl(const std::filesystem::path& path, const ReadOptions& opt)
       : name(path.string()), options(opt), lines(path, name) {
     std::string_view line;
@@ -107,7 +115,7 @@ struct RecordingReader::Impl {
       if (!lines.next(line))
         throw DataError(name + ": the file is empty, expected a header and rows");
     } while (line.find_first_not_of(" \t") == line.npos);
-    header = detail::parse_header(line, name, options.info);
+    header = detail::parse_header(line, name, options.info, options.joints);
     report.source = name;
     report.notes = header.notes;
     report.extra_channels = header.extra_names;
@@ -122,6 +130,8 @@ struct RecordingReader::Impl {
       if (header.columns[k].channel == Channel::kRun) run_column = static_cast<long>(k);
       limits.push_back(detail::largest_credible(header.columns[k].channel));
     }
+    suspect_torques = detail::suspect_torques(path, header, options.joints);
+    gaps.assign(header.columns.size(), 0);
     text_extras.assign(header.extra_names.size(), 0);
     if (!header.extra_names.empty())
       report.notes.push_back("columns that are not of the format are kept as extra channels: " +
@@ -205,6 +215,61 @@ struct RecordingReader::Impl {
     return {};
   }
 
+  /// Why a torque of the row is suspect; empty if none is.
+  std::string reason_against_torque() const {
+    for (std::size_t k = 0; k < row.size(); ++k)
+      if (std::abs(row[k]) > suspect_torques[k].above &&
+          !passive[header.columns[k].index])  // a passive joint's torque is not used
+        return "'" + header.columns[k].name + "' is " + number_text(row[k]) + ", " +
+               suspect_torques[k].than + ", and its neighbours are not";
+    return {};
+  }
+
+  /// Suspect torques of a short burst cannot be true.
+  void quarantine_burst() {
+    for (WaitingRow& w : burst) quarantine(w.line, std::move(w.reason));
+    burst.clear();
+  }
+
+  /// The next row that can be true, into `row` and `row_line`. @return false at the end of the file
+  bool read_row() {
+    std::string_view line;
+    while (released.empty()) {
+      if (!lines.next(line)) {
+        quarantine_burst();
+        return false;
+      }
+      if (line.find_first_not_of(" \t") == line.npos) continue;
+      ++report.rows;
+      row_line = lines.number();
+      if (!parse(line)) {
+        quarantine(row_line, "the file ends in the middle of the row");
+        breaks_off = true;
+        continue;
+      }
+      if (std::string reason = reason_against_row(); !reason.empty()) {
+        quarantine(row_line, std::move(reason));
+        continue;
+      }
+      std::string suspicion = reason_against_torque();
+      if (suspicion.empty()) {
+        quarantine_burst();
+        in_long_burst = false;
+        return true;
+      }
+      if (in_long_burst) return true;
+      burst.push_back({row_line, row, std::move(suspicion)});
+      if (burst.size() > detail::kLongestBurst) {
+        released.swap(burst);
+        in_long_burst = true;
+      }
+    }
+    row_line = released.front().line;
+    row = std::move(released.front().values);
+    released.pop_front();
+    return true;
+  }
+
   /// The run of a row that passed.
   int run_of(const std::vector<double>& r) const {
     return run_column < 0 ? 0 : static_cast<int>(r[run_column]);
@@ -234,7 +299,7 @@ struct RecordingReader::Impl {
         const double jump = before - committed_time, step = now - committed_time;
         const bool before_is_wrong =
             rows_in_run > 1 && step > 0.0 && jump > 100.0 * last_step && step < 10.0 * last_step;
-        quarantine(before_is_wrong ? pending_line : lines.number(),
+        quarantine(before_is_wrong ? pending_line : row_line,
                    before_is_wrong ? "time jumps ahead to " + number_text(before) + " and back"
                    : now == before ? "time repeats (" + number_text(now) + ")"
                                    : "time runs backward, from " + number_text(before) + " to " +
@@ -243,7 +308,7 @@ struct RecordingReader::Impl {
       }
     }
     std::swap(pending, row);
-    pending_line = lines.number();
+    pending_line = row_line;
     has_pending = true;
   }
 
@@ -253,11 +318,10 @@ struct RecordingReader::Impl {
                       " rows was asked for, expected 1 or more");
     accepted.clear();
     num_accepted = 0;
-    std::string_view line;
     while (num_accepted < max_rows) {
       // The first row of a new run waited until the run before was handed out.
       if (has_pending && num_accepted == 0 && new_run) begin_run();
-      if (finished || !lines.next(line)) {
+      if (finished || !read_row()) {
         finished = true;
         if (has_pending) {
           commit_pending();
@@ -269,28 +333,18 @@ struct RecordingReader::Impl {
         }
         break;
       }
-      if (line.find_first_not_of(" \t") == line.npos) continue;
-      ++report.rows;
-      if (!parse(line)) {
-        quarantine(lines.number(), "the file ends in the middle of the row");
-        continue;
-      }
-      if (std::string reason = reason_against_row(); !reason.empty()) {
-        quarantine(lines.number(), std::move(reason));
-        continue;
-      }
-      note_torque();
+      note_values();
       if (has_pending && run_of(row) != run_of(pending)) {
         commit_pending();
         std::swap(pending, row);
-        pending_line = lines.number();
+        pending_line = row_line;
         has_pending = true;
         new_run = true;
         break;
       }
       if (!has_pending && rows_in_run == 0) {
         std::swap(pending, row);
-        pending_line = lines.number();
+        pending_line = row_line;
         has_pending = true;
         begin_run();
         continue;
@@ -311,12 +365,26 @@ struct RecordingReader::Impl {
                       " begins a second time; the rows of a run must follow each other");
   }
 
-  void note_torque() {
-    for (std::size_t k = 0; k < row.size(); ++k)
+  void note_values() {
+    for (std::size_t k = 0; k < row.size(); ++k) {
+      gaps[k] += std::isnan(row[k]) ? 1 : 0;
       if (header.columns[k].channel == Channel::kTau) {
         double& largest = largest_tau[header.columns[k].index];
         largest = std::max(largest, std::isnan(row[k]) ? -1.0 : std::abs(row[k]));
       }
+    }
+  }
+
+  /// Columns of joints that lack values in some rows, each with their number.
+  std::string gaps_text() const {
+    std::string out;
+    for (std::size_t k = 0; k < gaps.size(); ++k) {
+      const Channel channel = header.columns[k].channel;
+      if (gaps[k] > 0 && (channel == Channel::kQ || channel == Channel::kTau))
+        out += (out.empty() ? "'" : ", '") + header.columns[k].name + "' in " +
+               std::to_string(gaps[k]);
+    }
+    return out;
   }
 
   void build(Recording& r) const {
@@ -420,9 +488,17 @@ struct RecordingReader::Impl {
     if (report.quarantined > 0)
       report.notes.push_back(
           std::to_string(report.quarantined) + " of " + std::to_string(report.rows) +
-          " rows cannot be true and were left out, first line " +
+          " recorded rows cannot be true and were quarantined, first line " +
           std::to_string(report.quarantined_rows.empty() ? 0
                                                          : report.quarantined_rows.front().line));
+    if (breaks_off)
+      report.notes.push_back("the file breaks off in the middle of its last row, line " +
+                             std::to_string(lines.number()) + ": is the copy complete?");
+    if (const std::string missing = gaps_text(); !missing.empty())
+      report.notes.push_back("values are missing: " + missing + " of " +
+                             std::to_string(report.rows) +
+                             " rows; a short gap is bridged by interpolation, a long one splits "
+                             "the recording");
     for (std::size_t i = 0; i < text_extras.size(); ++i)
       if (text_extras[i] > 0)
         report.notes.push_back("extra channel '" + header.extra_names[i] + "' holds " +
@@ -436,13 +512,18 @@ struct RecordingReader::Impl {
   ReadReport report;
   std::size_t time_column = 0;
   long run_column = -1;
-  std::vector<double> limits;       ///< largest credible size per column
-  std::vector<bool> passive;        ///< per joint
-  std::vector<double> largest_tau;  ///< per joint, −1: no value yet
-  std::vector<long> text_extras;    ///< per extra channel: cells that are no numbers
+  std::vector<double> limits;                          ///< largest credible size per column
+  std::vector<detail::SuspectTorque> suspect_torques;  ///< per column
+  std::vector<long> gaps;                              ///< per column: rows without a value
+  std::vector<bool> passive;                           ///< per joint
+  std::vector<double> largest_tau;                     ///< per joint, −1: no value yet
+  std::vector<long> text_extras;  ///< per extra channel: cells that are no numbers
 
   std::vector<double> row, pending;  ///< the row just read, and the one before it, which waits
-  long pending_line = 0;
+  long row_line = 0, pending_line = 0;
+  std::deque<WaitingRow> burst;     ///< rows with suspect torques, until it shows how many follow
+  std::deque<WaitingRow> released;  ///< a burst that was too long to be one
+  bool in_long_burst = false, breaks_off = false;
   bool has_pending = false, new_run = false, finished = false, checked = false;
   std::vector<double> accepted;  ///< rows of the block, row-major
   long num_accepted = 0;

@@ -7,6 +7,7 @@
 #include <diffnea/recording/joints.hpp>
 
 #include "recording/columns.hpp"
+#include "recording/torque_spikes.hpp"
 
 namespace diffnea {
 
@@ -70,6 +71,65 @@ std::vector<ChannelWarning> find_degrees(const std::vector<JointDescription>& jo
                   "degrees; if so, name the column `q_%s [deg]`",
                   joint.name.c_str(), low, high, limited ? "its limits" : "the usual", lower, upper,
                   joint.name.c_str());
+    out.push_back({joint.name, text});
+  }
+  return out;
+}
+
+std::vector<std::string> blank_absurd_torque(const std::vector<JointDescription>& joints,
+                                             std::vector<Recording>& recordings) {
+  std::vector<std::string> out;
+  for (Recording& r : recordings)
+    for (std::size_t j = 0; j < joints.size(); ++j) {
+      if (!r.has_tau[j]) continue;
+      auto tau = r.tau.col(static_cast<long>(j));
+      std::vector<double> sizes(static_cast<std::size_t>(tau.size()));
+      for (long i = 0; i < tau.size(); ++i) sizes[static_cast<std::size_t>(i)] = std::abs(tau[i]);
+      const detail::SuspectTorque suspect = detail::suspect_torque(sizes, joints[j].effort);
+      long blanked = 0, first = 0;
+      double value = 0.0;
+      for (long i = 0; i < tau.size(); ++i) {
+        long end = i;
+        while (end < tau.size() && std::abs(tau[end]) > suspect.above) ++end;
+        if (end == i) continue;
+        if (end - i <= static_cast<long>(detail::kLongestBurst)) {
+          if (blanked == 0) {
+            first = i;
+            value = tau[i];
+          }
+          blanked += end - i;
+          tau.segment(i, end - i).setConstant(std::numeric_limits<double>::quiet_NaN());
+        }
+        i = end;
+      }
+      if (blanked == 0) continue;
+      char text[240];
+      std::snprintf(text, sizeof text, "tau_%s is %.6g at %.6g s, %s: %ld such %s taken as gaps",
+                    joints[j].name.c_str(), value, r.time[first], suspect.than.c_str(), blanked,
+                    blanked == 1 ? "value is" : "values are");
+      out.push_back((r.source.empty() ? "" : r.source + ": ") + text);
+    }
+  return out;
+}
+
+std::vector<ChannelWarning> find_excess_torque(const std::vector<JointDescription>& joints,
+                                               const std::vector<Recording>& recordings) {
+  constexpr double kBeyond = 2.0;  // limits of continuous torque are passed for moments
+  std::vector<ChannelWarning> out;
+  for (std::size_t j = 0; j < joints.size(); ++j) {
+    const JointDescription& joint = joints[j];
+    if (!(joint.effort > 0.0) || !std::isfinite(joint.effort)) continue;
+    double largest = 0.0;
+    for (const Recording& r : recordings)
+      for (long i = 0; r.has_tau[j] && i < r.rows(); ++i)
+        largest = std::max(largest, std::abs(r.tau(i, static_cast<long>(j))));  // passes NaN over
+    if (!(largest > kBeyond * joint.effort)) continue;
+    const char* unit = joint.prismatic ? "N" : "N*m";
+    char text[240];
+    std::snprintf(text, sizeof text,
+                  "tau_%s reaches %.4g %s, %.3g times the model's effort limit of %.4g: is it in "
+                  "%s, and of the joint (not a current, not on the motor's side of a gear)?",
+                  joint.name.c_str(), largest, unit, largest / joint.effort, joint.effort, unit);
     out.push_back({joint.name, text});
   }
   return out;

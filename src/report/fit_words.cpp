@@ -21,6 +21,13 @@ double after(const IdentifyResult& fit, const JointError& error) {
   return has_test(fit) ? error.test : error.train;
 }
 
+std::string rows_text(const IdentifyResult& fit) {
+  const long quarantined = fit.data_report.quarantined;
+  return std::to_string(fit.summary.rows + quarantined) + " recorded rows" +
+         (quarantined > 0 ? " (" + std::to_string(quarantined) + " quarantined)" : "") + ", " +
+         std::to_string(fit.summary.fitted_rows) + " " + quantity(fit) + " samples fitted";
+}
+
 std::vector<std::string> notes(const IdentifyResult& fit) {
   std::vector<std::string> out = fit.notes;
   std::vector<std::string> texts, files;

@@ -16,6 +16,8 @@ std::string quantity(const IdentifyResult& fit);
 /// set.
 double before(const IdentifyResult& fit, const JointError& error);
 double after(const IdentifyResult& fit, const JointError& error);
+/// "5000 recorded rows (2 quarantined), 1200 torque samples fitted"
+std::string rows_text(const IdentifyResult& fit);
 /// Notes on the fit and on its data; those that differ by the file's name alone are one.
 std::vector<std::string> notes(const IdentifyResult& fit);
 

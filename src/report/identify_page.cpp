@@ -75,7 +75,7 @@ std::vector<double> difference(const std::vector<double>& a, const std::vector<d
 std::string chart_keys() {
   return "<p class='faint'><span class='key measured'></span>measured"
          "<span class='key fitted'></span>fitted<span class='key nominal'></span>model before"
-         "; rows that were left out are gaps"
+         "; samples that were left out are gaps"
          "<span class='screen'>; drag to zoom, double-click to see all</span></p>\n";
 }
 
@@ -179,23 +179,20 @@ std::string list(const std::vector<std::string>& items) {
 
 std::string data_notes(const IdentifyResult& fit) {
   std::vector<std::string> items;
-  items.push_back(std::to_string(fit.summary.rows) + " rows read, " +
-                  std::to_string(fit.data_report.quarantined) +
-                  " left out because they cannot be true");
+  items.push_back(rows_text(fit));
   items.push_back("positions low-passed at " + number(fit.plan.filter_hz, 3) +
                   " Hz; torques and model decimated to " +
-                  number(fit.plan.decimator.rate_hz / fit.plan.decimator.factor, 3) + " Hz; " +
-                  std::to_string(fit.summary.fitted_rows) + " torque samples in the fit");
+                  number(fit.plan.decimator.rate_hz / fit.plan.decimator.factor, 3) + " Hz");
   if (fit.plan.timing_jitter > 0.01)
     items.push_back(percent(fit.plan.timing_jitter) + " of the sampling intervals are irregular");
   for (const QuarantinedRow& row : fit.data_report.quarantined_rows) {
     if (items.size() > 12) break;
-    items.push_back("line " + std::to_string(row.line) + " left out: " + row.reason);
+    items.push_back("line " + std::to_string(row.line) + " quarantined: " + row.reason);
   }
   for (const std::string& channel : fit.data_report.extra_channels)
     items.push_back("column " + channel + " is kept, not used");
-  const std::vector<std::string> remarks = notes(fit);
-  items.insert(items.end(), remarks.begin(), remarks.end());
+  for (const std::string& note : notes(fit))
+    if (!note.starts_with(kWarning)) items.push_back(note);  // warnings stand on top
   return list(items);
 }
 
@@ -232,6 +229,8 @@ std::string warnings(const IdentifyResult& fit) {
   if (!fit.physically_consistent) items.push_back("Physical consistency was not asked for.");
   if (!has_test(fit))
     items.push_back("No held-out recording (--test): the errors are of the data that were fitted.");
+  for (const std::string& note : fit.notes)
+    if (note.starts_with(kWarning)) items.push_back(note);
   std::string out;
   for (const std::string& item : items) out += element("p", item, "warning");
   return out;
@@ -255,6 +254,9 @@ std::string identify_page(const FitRun& run) {
   body += element("p", identify_headline(run), "headline") + warnings(fit);
   body += element("h2", "Error of the " + what + (held_out ? " on held-out data" : ""));
   body += error_table(fit);
+  if (fit.test_series.empty() && fit.train_series.empty())
+    body +=
+        element("p", "The folder holds no series.json, so that no chart can be drawn.", "faint");
   if (!shown.test_series.empty())
     body += "<div data-set='test'>" + element("h2", "Held-out " + what + " over time") +
             chart_keys() + charts(shown.test_series, what, columns) + "</div>\n";

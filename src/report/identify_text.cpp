@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <map>
 
 #include <diffnea/report/identify_text.hpp>
@@ -11,6 +12,8 @@ namespace diffnea {
 namespace {
 
 using namespace report;
+
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
 /// "forearm.Ixx" → "forearm", "elbow.armature.armature" → "elbow.armature"
 std::string owner(const std::string& name) { return name.substr(0, name.rfind('.')); }
@@ -40,7 +43,9 @@ std::string parameters_text(const FitRun& run) {
   std::string out = "parameters that the data determine, ± one standard error\n";
   out += table({"", "value", "<unit", "prior", "<"}, rows);
   if (!owners.empty())
-    out += "not visible one by one (the data see combinations; a single value may have moved far and means nothing)\n";
+    out +=
+        "not visible one by one (the data see combinations; a single value may have moved far and "
+        "means nothing)\n";
   for (const std::string& name : owners) {
     std::string line = "  " + name + ":";
     for (const std::string& p : unseen[name]) line += " " + p;
@@ -65,15 +70,20 @@ std::string errors_text(const IdentifyResult& fit) {
     rows.push_back(row);
   }
   const std::vector<std::string> titles =
-      torque ? std::vector<std::string>{"",      "<unit",     "torque", "before",
+      torque ? std::vector<std::string>{"",      "<unit",     "torque",       "before",
                                         "after", "of torque", "(with rests)", "(train)"}
              : std::vector<std::string>{"", "<unit", "before", "after", "(train)"};
   return "rms " + quantity(fit) + " error, " +
          (has_test(fit) ? "held out" : "on the data of the fit") + "\n" + table(titles, rows);
 }
 
-std::string from_to(const std::string& from, const std::string& to, bool rises) {
-  return (rises ? "rises from " : "falls from ") + from + " to " + to;
+/// "falls from 0.5 to 0.1 rad", as far as the digits shown can tell. @param unit  with what follows
+std::string from_to(const std::string& from, const std::string& to, bool rises,
+                    const std::string& unit) {
+  if (from == number(kNaN))
+    return "is " + to + unit + " (that of the model before cannot be computed)";
+  if (from == to) return "stays at " + to + unit;
+  return (rises ? "rises from " : "falls from ") + from + " to " + to + unit;
 }
 
 std::string torque_sentence(const IdentifyResult& fit) {
@@ -87,11 +97,11 @@ std::string torque_sentence(const IdentifyResult& fit) {
     ++joints;
   }
   if (joints == 0) return "";
-  return "torque error " + from_to(percent(first / joints), percent(last / joints), last > first) +
-         " of the torque" +
+  return "torque error " +
+         from_to(percent(first / joints), percent(last / joints), last > first, " of the torque") +
          (joints > 1 ? " (mean of " + std::to_string(joints) + " joints)" : "") +
          (with_rests > 1.1 * last
-              ? "; " + percent(with_rests / joints) + " with the rows in which a joint rests."
+              ? "; " + percent(with_rests / joints) + " with the samples at which a joint rests."
               : ".");
 }
 
@@ -101,8 +111,7 @@ std::string position_sentence(const IdentifyResult& fit) {
     if (std::isfinite(after(fit, e)))
       out += (out.empty() ? "error of simulated positions " : ", ") +
              from_to(number(before(fit, e), 3), number(after(fit, e), 3),
-                     after(fit, e) > before(fit, e)) +
-             " " + e.unit + " (" + e.joint + ")";
+                     after(fit, e) > before(fit, e), " " + e.unit + " (" + e.joint + ")");
   return out.empty() ? out : out + ".";
 }
 
@@ -123,8 +132,7 @@ std::string identify_text(const FitRun& run) {
   const std::vector<std::string> remarks = notes(fit);
   if (!remarks.empty()) out += "\nnotes\n";
   for (const std::string& note : remarks) out += "  " + note + "\n";
-  out += "\n" + std::to_string(fit.summary.rows) + " rows, " + number(fit.plan.filter_hz, 3) +
-         " Hz low-pass, " +
+  out += "\n" + rows_text(fit) + ", " + number(fit.plan.filter_hz, 3) + " Hz low-pass, " +
          (fit.base_parameters.empty()
               ? ""
               : std::to_string(fit.base_parameters.size()) + " combinations determined; ") +

@@ -4,6 +4,8 @@
 /// from motion.
 
 #include <cstdint>
+#include <string>
+#include <vector>
 
 #include <diffnea/model/model.hpp>
 #include <diffnea/recording/trajectory.hpp>
@@ -30,9 +32,13 @@ struct FourierOptions {
 /// A trajectory of the joints that have a motor. Every joint moves about the middle of its range
 /// with an amplitude that meets its position and velocity limits on the rows; then all amplitudes
 /// shrink together until the torques that the model (without effects) needs meet the effort limits.
-/// @throws ModelError if no joint has a motor, or if holding the middle posture alone exceeds an
-/// effort limit;
+/// @throws ModelError if no joint has a motor or may move, if limits are inverted, or if holding
+/// the middle posture alone exceeds an effort limit;
 ///         Error for options out of range
 Trajectory random_fourier(const Model& model, const FourierOptions& options);
+
+/// What random_fourier() does where limits are missing or zero, one sentence each: a range of zero
+/// width holds the joint there; a velocity or effort limit of 0 counts as not given.
+std::vector<std::string> fourier_notes(const Model& model, const FourierOptions& options);
 
 }  // namespace diffnea

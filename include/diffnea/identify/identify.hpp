@@ -60,7 +60,7 @@ struct JointError {
   double nominal_train = 0.0; ///< the model before the fit
   double test = 0.0;          ///< held out; NaN without a test set
   double nominal_test = 0.0;
-  double test_all = 0.0;      ///< rows in which the joint rests included
+  double test_all = 0.0;      ///< samples at which the joint rests included
   double test_raw = 0.0;      ///< unfiltered torque
 };
 
@@ -80,6 +80,9 @@ struct FitSummary {
   long fitted_rows = 0;  ///< torque samples in the factor
   double seconds = 0.0, seconds_fitting = 0.0;
 };
+
+/// How a note begins that a reader must not overlook; these come first.
+inline constexpr const char* kWarning = "WARNING: ";
 
 struct IdentifyResult {
   Model model;  ///< the input with fitted values, effects and posterior

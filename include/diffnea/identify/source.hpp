@@ -19,8 +19,11 @@ class RecordingSource {
   /// Enough of the beginning to choose filters from.
   virtual std::vector<Recording> sample() const = 0;
   virtual std::vector<int> runs() const = 0;
-  /// What reading brought up: quarantined rows, extra channels, degrees where radians are expected.
+  /// What reading brought up: quarantined rows, gaps, extra channels. Of files that are streamed:
+  /// complete after the first for_each() that came to the end.
   virtual const ReadReport& report() const = 0;
+  /// What looks wrong against the model: degrees where radians are expected, torque beyond limits.
+  virtual const std::vector<ChannelWarning>& warnings() const = 0;
 };
 
 /// Recordings in memory. @throws DataError if their joints are not the model's (both sets listed)

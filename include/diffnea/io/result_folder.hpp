@@ -1,8 +1,9 @@
 #pragma once
 /// RUN/: results appear in it complete, or not at all.
 ///
-///     ResultFolder folder("run");                            // fails now, not after an hour's
-///     work write_file_atomically(folder.staging() / "result.json", text); folder.publish();
+///     ResultFolder folder("run");  // fails now, not after an hour's work
+///     write_file_atomically(folder.staging() / "result.json", text);
+///     folder.publish({"result.json"});
 
 #include <filesystem>
 #include <string>
@@ -12,7 +13,8 @@ namespace diffnea {
 
 class ResultFolder {
  public:
-  /// Creates the folder, if it is not there, and a hidden one in it that collects the files.
+  /// Creates the folder, if it is not there, and a hidden one in it that collects the files. Those
+  /// that killed programs left there go.
   /// @throws FileError with the system's reason
   explicit ResultFolder(const std::filesystem::path& path);
   /// Unpublished files vanish, and so does the folder if it was created here and is empty.
@@ -22,6 +24,10 @@ class ResultFolder {
 
   const std::filesystem::path& path() const { return path_; }
   const std::filesystem::path& staging() const { return staging_; }
+
+  /// What would remain if the program were killed now, in the order in which it can be removed.
+  /// @param names  files that a run of this kind may have
+  std::vector<std::filesystem::path> leftovers(const std::vector<std::string>& names) const;
 
   /// Moves the collected files into the folder; what an earlier run left under one of `names` goes.
   /// result.json is removed first and comes last: where it is, the rest belongs to it.

@@ -9,12 +9,16 @@
 #include <filesystem>
 #include <memory>
 
+#include <diffnea/recording/joints.hpp>
 #include <diffnea/recording/recording.hpp>
 
 namespace diffnea {
 
 struct ReadOptions {
-  RecordingInfo info;                   ///< what columns cannot hold (sidecar, command line)
+  RecordingInfo info;  ///< what columns cannot hold (sidecar, command line)
+  /// Of the model, where it is known: a unit that a joint cannot have is refused, and effort limits
+  /// help to tell which torques are absurd.
+  std::vector<JointDescription> joints;
   double max_quarantined_share = 0.01;  ///< above this share of the rows the file is refused
   long max_listed = 1000;               ///< quarantined rows listed one by one; all are counted
 };

@@ -36,4 +36,16 @@ struct ChannelWarning {
 std::vector<ChannelWarning> find_degrees(const std::vector<JointDescription>& joints,
                                          const std::vector<Recording>& recordings);
 
+/// Makes gaps of torques that cannot be true: short bursts far beyond the rest of their column and
+/// the effort limits, which a file's reader would have left out (docs/recordings.md). The columns
+/// must be in the order of `joints`.
+/// @return one sentence per recording and joint concerned
+std::vector<std::string> blank_absurd_torque(const std::vector<JointDescription>& joints,
+                                             std::vector<Recording>& recordings);
+
+/// Joints whose measured torque goes beyond twice their effort limit: a unit, a current, or a
+/// torque behind another gear. The columns must be in the order of `joints`.
+std::vector<ChannelWarning> find_excess_torque(const std::vector<JointDescription>& joints,
+                                               const std::vector<Recording>& recordings);
+
 }  // namespace diffnea
