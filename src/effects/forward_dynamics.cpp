@@ -13,10 +13,20 @@ ForwardDynamics::ForwardDynamics(ExtendedTree model)
       dtau_dq_(n_, n_),
       dtau_dqd_(n_, n_) {
   aba_ws_.qdd.resize(n_);
-  for (const BoundEffect& e : model_.effects)
-    if (e.info().name == "torque_gain")
-      throw ModelError("forward dynamics: torque_gain scales the transmitted torque, which has no "
-                       "explicit forward form; correct the recorded torque instead");
+  const auto refuse = [](const BoundEffect& e, const char* why) {
+    throw ModelError("forward dynamics: " + e.info().name + " at '" + e.where + "' " + why);
+  };
+  for (const BoundEffect& e : model_.effects) {
+    const std::string& name = e.info().name;
+    if (name == "torque_gain" || name == "load_friction" || name == "transmission_coupling")
+      refuse(e,
+             "depends on the transmitted torque or the acceleration, which has no explicit forward "
+             "form");
+    if (name == "tip_force" || name == "warm_up") refuse(e, "has no forward form here");
+  }
+  for (const BoundEffect& e : model_.series)
+    refuse(e,
+           "depends on the past, or on how the motion is measured, and has no forward form here");
 }
 
 void ForwardDynamics::effect_torques(const double* q, const double* qd, int run, double* tau) {
@@ -44,8 +54,9 @@ void ForwardDynamics::linearise(const double* q, const double* qd, const double*
   const Eigen::Map<const VecX<double>> q_map(q, n_), qd_map(qd, n_);
   aba_derivatives(model_.tree, q_map, qd_map, tau_, aba_);
 
-  // ∂τ_effects/∂(q, q̇) by Jets. A joint's torque depends on that joint alone, or on the few an effect
-  // couples: directions 2i and 2i+1 belong to the effect's i-th joint, all joints at once where uncoupled.
+  // ∂τ_effects/∂(q, q̇) by Jets. A joint's torque depends on that joint alone, or on the few an
+  // effect couples: directions 2i and 2i+1 belong to the effect's i-th joint, all joints at once
+  // where uncoupled.
   dtau_dq_.setZero();
   dtau_dqd_.setZero();
   for (int j = 0; j < n_; ++j) {
