@@ -46,10 +46,34 @@ struct Backlash {
     return kInfo;
   }
 
+  /// θ − q [rad] at the torque τ [N·m].
+  static double deflection_at(double tau, const double* p) {
+    return tau / p[1] + 0.5 * p[0] * std::tanh(tau / p[3]);
+  }
+
+  /// τ [N·m] at θ − q [rad]: the root of deflection_at, which rises throughout, by Newton's method
+  /// kept in its bracket.
+  static double transmitted(double deflection, const double* p) {
+    double low = p[1] * (std::abs(deflection) - 0.5 * p[0]), high = p[1] * std::abs(deflection);
+    low = low > 0.0 ? low : 0.0;
+    double tau = low;
+    for (int i = 0; i < 100; ++i) {
+      const double off = deflection_at(tau, p) - std::abs(deflection);
+      (off > 0.0 ? high : low) = tau;
+      const double s = std::tanh(tau / p[3]);
+      double next = tau - off / (1.0 / p[1] + 0.5 * p[0] * (1.0 - s * s) / p[3]);
+      if (!(next > low && next < high)) next = 0.5 * (low + high);
+      const double change = std::abs(next - tau);
+      tau = next;
+      if (!(change > 1e-13 * (1.0 + tau))) break;
+    }
+    return deflection < 0.0 ? -tau : tau;
+  }
+
   /// θ − q (N) [rad].
   VecX<double> deflection(const JointSeries& x, int joint, const double* p) const {
     const VecX<double> tau = x.tau.col(joint);
-    return tau / p[1] + 0.5 * p[0] * (tau / p[3]).array().tanh().matrix();
+    return tau.unaryExpr([p](double torque) { return deflection_at(torque, p); });
   }
 
   VecX<double> torque_series(const JointSeries& x, int joint, const double* p) const {
