@@ -102,6 +102,7 @@ inline void add_common(CLI::App& command, CommonOptions& options) {
 }
 
 void add_compare(CLI::App& app);
+void add_effects(CLI::App& app);
 void add_excite(CLI::App& app);
 /// @param command_line  as it was typed, for the result
 void add_identify(CLI::App& app, const std::vector<std::string>& command_line);

@@ -18,6 +18,7 @@ int main(int argc, char** argv) {
   app.require_subcommand(1);
   // One line per command, sorted.
   diffnea::apps::add_compare(app);
+  diffnea::apps::add_effects(app);
   diffnea::apps::add_excite(app);
   diffnea::apps::add_identify(app, std::vector<std::string>(argv, argv + argc));
   diffnea::apps::add_info(app);

@@ -136,7 +136,7 @@ py::list effect_catalogue() {
       parameters.append(
           py::dict("name"_a = p.name, "unit"_a = p.unit, "unit_prismatic"_a = p.unit_prismatic,
                    "sign"_a = kSigns[static_cast<std::size_t>(p.sign)], "linear"_a = p.linear,
-                   "initial"_a = p.initial, "per_run"_a = p.per_run));
+                   "initial"_a = p.initial, "per_run"_a = p.per_run, "search"_a = p.search));
     out.append(py::dict("effect"_a = e.name, "formula"_a = e.formula, "summary"_a = e.summary,
                         "place"_a = kPlaces[static_cast<std::size_t>(e.place)],
                         "motor_side"_a = e.motor_side, "parameters"_a = parameters));

@@ -38,7 +38,7 @@ Model arm() {
 
 struct State {
   double q[3], qd[3], qdd[3], tau[3];
-  JointSample<double> sample(int run = 0) const { return {0.0, run, q, qd, qdd, tau}; }
+  JointSample<double> sample(int run = 0) const { return {2.0, run, q, qd, qdd, tau}; }
 };
 
 State random_state(unsigned seed) {
@@ -54,6 +54,7 @@ State random_state(unsigned seed) {
 EffectSpec spec_of(const EffectInfo& info) {
   EffectSpec spec{info.name, info.place == Place::kJointPair ? "base_yaw,elbow" : "base_yaw", {}};
   if (info.place == Place::kTip) spec.where = "tip";
+  if (info.place == Place::kBase) spec.where = "base";
   double value = 0.7;
   for (const ParameterInfo& p : info.parameters) {
     const double v = p.name == "smoothing" ? 0.05 : value;
@@ -79,14 +80,23 @@ std::pair<double, double> by_hand(const std::string& name, const State& x) {
   if (name == "armature") return {a * x.qdd[0], 0.0};
   if (name == "asymmetric_coulomb") return {v > 0 ? a * s : b * s, 0.0};
   if (name == "asymmetric_viscous") return {v > 0 ? a * v : b * v, 0.0};
+  if (name == "cogging") return {a * std::sin(c * x.q[0]) + b * std::cos(c * x.q[0]), 0.0};
   if (name == "coulomb_friction") return {a * s, 0.0};
   if (name == "joint_spring") return {a * x.q[0] - a * b, 0.0};
+  if (name == "load_friction")  // motoring a, braking a·b
+    return {(sign_of(v) == sign_of(x.tau[0]) ? a : a * b) * std::abs(x.tau[0]) * s, 0.0};
   if (name == "quadratic_friction") return {a * v * v * sign_of(v), 0.0};
   if (name == "session_offset" || name == "torque_offset") return {a, 0.0};
   if (name == "stribeck_friction") return {a * s / std::exp(v * v / (b * b)), 0.0};
   if (name == "sublinear_friction") return {a * s * std::pow(v * v, 0.25), 0.0};
   if (name == "torque_gain") return {a * x.tau[0], 0.0};
+  if (name == "transmission_coupling") {  // 1.9: ratio
+    const double w = v + 1.9 * x.qd[1], wd = x.qdd[0] + 1.9 * x.qdd[1];
+    const double f = a * wd + b * w + c * std::tanh(w / 0.05);
+    return {f, 1.9 * f};
+  }
   if (name == "viscous_friction") return {a * v, 0.0};
+  if (name == "warm_up") return {a * v / std::exp(2.0 / b), 0.0};  // the sample is at 2 s
   if (name == "cable_differential_friction") {
     // Lagrange: the shafts' dissipation is Σ F(w) dw/dq̇.
     double tau0 = 0.0, tau1 = 0.0;
@@ -153,7 +163,7 @@ TEST_CASE("effects: Jet derivatives match central differences, in the parameters
       }
       std::vector<JetD> p(effect.parameters.begin(), effect.parameters.end());
       (k < num_parameters ? p[k] : *std::array{q, qd, qdd, tau}[k - num_parameters]).v[0] = 1.0;
-      add_torque(effect, JointSample<JetD>{0.0, 0, q, qd, qdd, tau}, p.data(), out);
+      add_torque(effect, JointSample<JetD>{2.0, 0, q, qd, qdd, tau}, p.data(), out);
       for (int i = 0; i < 3; ++i) {
         const double difference = (up[i] - down[i]) / (2.0 * h);
         CHECK_THAT(out[i].v[0],
@@ -272,11 +282,50 @@ TEST_CASE("effects: a payload adds its ten parameters to the link that holds it"
                     ContainsSubstring("torque regressor"));
 }
 
+TEST_CASE("effects: a search starts at values that the parameter can take", "[effects]") {
+  for (const EffectInfo& info : catalogue())
+    for (const ParameterInfo& p : info.parameters) {
+      CAPTURE(info.name, p.name);
+      CHECK(p.unit.empty() == false);
+      if (p.linear) CHECK(p.search.empty());
+      for (const auto* values : {&p.search, &p.search_prismatic})
+        for (const double v : *values) CHECK((v > 0.0 || p.sign == Sign::kFree));
+      if (scale(p) == Scale::kLog) CHECK(p.initial > 0.0);
+    }
+  const BoundEffect sliding = bind({"stribeck_friction", "slide", {}}, arm());
+  CHECK(sliding.parameter_info[1].search.front() ==
+        0.002);  // [m/s], a tenth of the joint that turns
+  const std::vector<double> grid = log_grid(1.0, 8.0, 4);
+  REQUIRE(grid.size() == 4);
+  for (int i = 0; i < 4; ++i) CHECK_THAT(grid[i], WithinAbs(1 << i, kSameFormula));
+}
+
+TEST_CASE("effects: what switches an effect on", "[effects]") {
+  const auto amplitudes = [](const char* name) {
+    return bind(spec_of(info(find_effect(name))), arm()).amplitude_parameters();
+  };
+  CHECK(amplitudes("stribeck_friction") == std::vector<int>{0});
+  CHECK(amplitudes("encoder_offset") == std::vector<int>{0});
+  CHECK(amplitudes("actuator_delay") == std::vector<int>{0});
+  CHECK(amplitudes("joint_elasticity") == std::vector<int>{2});
+  CHECK(amplitudes("saturation").empty());
+  CHECK(amplitudes("presliding_lugre").empty());
+}
+
+TEST_CASE("effects: a cogging wave has the amplitude and phase of its sine and cosine",
+          "[effects]") {
+  const CoggingWave wave = cogging_wave(0.3, -0.4);
+  for (const double angle : {0.0, 1.0, 4.0})
+    CHECK_THAT(wave.amplitude * std::sin(angle + wave.phase),
+               WithinAbs(0.3 * std::sin(angle) - 0.4 * std::cos(angle), kSameFormula));
+}
+
 TEST_CASE("effects: a wrong name is answered with the right ones", "[effects]") {
   const Model model = arm();
-  CHECK_THROWS_WITH(find_effect("colomb_friction"),
-                    ContainsSubstring("did you mean 'coulomb_friction'?") &&
-                        ContainsSubstring("choices: armature, asymmetric_coulomb"));
+  CHECK_THROWS_WITH(
+      find_effect("colomb_friction"),
+      ContainsSubstring("did you mean 'coulomb_friction'?") &&
+          ContainsSubstring("choices: actuator_delay, actuator_lag, armature, asymmetric_coulomb"));
   CHECK_THROWS_WITH(find_effect("zzz"), !ContainsSubstring("did you mean"));
   CHECK_THROWS_WITH(bind({"armature", "elbo", {}}, model),
                     ContainsSubstring("did you mean 'elbow'? choices: base_yaw, elbow, slide"));

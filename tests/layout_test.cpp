@@ -70,6 +70,10 @@ TEST_CASE("layout: what does not exist is refused with what does", "[identify]")
   choice = {};
   choice.effects = std::vector<std::string>{"cable_differential_friction"};
   CHECK_THROWS_WITH(make_layout(wam(), choice, {0}), ContainsSubstring("pair of joints"));
+  choice.effects = std::vector<std::string>{"actuator_lag@joint2"};
+  CHECK_THROWS_WITH(make_layout(wam(), choice, {0}),
+                    ContainsSubstring("cannot fit actuator_lag at 'joint2'") &&
+                        ContainsSubstring("`diffnea diagnose` fits it"));
 }
 
 TEST_CASE("layout: behind the drive, motor effects are left out unless asked for", "[identify]") {

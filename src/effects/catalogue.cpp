@@ -88,7 +88,7 @@ std::vector<int> resolve_where(const std::string& here, const EffectInfo& info,
   const bool acts_on_all = info.place == Place::kJoint || info.place == Place::kAllJoints;
   if (where == "all" && acts_on_all) return all;
   if (where == "tip" && info.place == Place::kTip) return {n - 1};
-  if (where == "base" && info.place == Place::kBase) return {};
+  if (where == "base" && info.place == Place::kBase) return all;
   const std::size_t comma = where.find(',');
   if (info.place == Place::kJointPair) {
     if (comma == std::string::npos || where.find(',', comma + 1) != std::string::npos)
@@ -111,6 +111,23 @@ bool parse_run(const std::string& name, const std::string& stem, int& run) {
   const char* end = name.data() + name.size();
   const auto [last, error] = std::from_chars(name.data() + stem.size() + 1, end, run);
   return error == std::errc() && last == end;
+}
+
+/// Where a tip force pulls, in the frame of the link that dof `joint` moves; see tip_force.hpp.
+Vec3<double> tip_point(const Model& model, int joint) {
+  const TreeMap map = map_to_tree(model);
+  const ModelFrame* frame = nullptr;
+  for (const ModelFrame& f : model.frames)
+    if (f.link >= 0 && map.dof[static_cast<std::size_t>(f.link)] == joint &&
+        (!frame || frame->name != "tip"))
+      frame = &f;
+  if (frame) return (map.X_LF[static_cast<std::size_t>(frame->link)] * frame->X_LF).p;
+  const auto outermost = std::ranges::find(map.dof.rbegin(), map.dof.rend(), joint);
+  const auto link = map.dof.rend() - outermost - 1;
+  if (model.links[static_cast<std::size_t>(link)].type == ModelJoint::kFixed)
+    return map.X_LF[static_cast<std::size_t>(link)].p;
+  const SpatialInertia<double>& body = model.links[static_cast<std::size_t>(link)].inertia;
+  return body.m > 0.0 ? body.h * (1.0 / body.m) : Vec3<double>{0, 0, 0};
 }
 
 void check_value(const std::string& here, const ParameterInfo& info, double value) {
@@ -162,6 +179,16 @@ std::vector<int> BoundEffect::shape_parameters() const {
   return out;
 }
 
+std::vector<int> BoundEffect::amplitude_parameters() const {
+  std::vector<int> out = linear_parameters();
+  if (!out.empty()) return out;
+  for (const int k : shape_parameters())
+    if (scale(parameter_info[k]) == Scale::kPlain) out.push_back(k);
+  if (std::holds_alternative<PreslidingLugre>(type))
+    out.clear();  // its damping switches nothing on
+  return out;
+}
+
 BoundEffect bind(const EffectSpec& spec, const Model& model, const std::vector<int>& runs) {
   BoundEffect out;
   out.type = find_effect(spec.effect);
@@ -187,6 +214,8 @@ BoundEffect bind(const EffectSpec& spec, const Model& model, const std::vector<i
   std::ranges::sort(all_runs);
   all_runs.erase(std::ranges::unique(all_runs).begin(), all_runs.end());
   if (SessionOffset* session = std::get_if<SessionOffset>(&out.type)) session->runs = all_runs;
+  if (TipForce* force = std::get_if<TipForce>(&out.type))
+    force->p_LF = tip_point(model, out.joints.at(0));
 
   for (ParameterInfo p : info.parameters) {
     if (mixed && p.unit != p.unit_prismatic)
@@ -195,9 +224,11 @@ BoundEffect bind(const EffectSpec& spec, const Model& model, const std::vector<i
     if (prismatic) {
       p.unit = p.unit_prismatic;
       if (!std::isnan(p.initial_prismatic)) p.initial = p.initial_prismatic;
+      if (!p.search_prismatic.empty()) p.search = p.search_prismatic;
     }
     p.unit_prismatic = p.unit;
     p.initial_prismatic = p.initial;
+    p.search_prismatic = p.search;
     if (!p.per_run) {
       out.parameter_info.push_back(p);
       continue;
@@ -241,7 +272,8 @@ void linear_columns(const BoundEffect& effect, const JointSample<double>& x, dou
   const EffectInfo& info = effect.info();
   if (info.port != Port::kJointTorque)
     throw ModelError(info.name + " at '" + effect.where +
-                     "': it is no joint torque; its columns are those of the torque regressor");
+                     "': it is no joint torque at one instant; series_columns has its columns (a "
+                     "payload's are those of the torque regressor)");
   // The torque is homogeneous in the linear parameters: one of them 1, the others 0.
   std::vector<double> p = effect.parameters;
   const std::vector<int> linear = effect.linear_parameters();
@@ -258,6 +290,10 @@ void linear_columns(const BoundEffect& effect, const JointSample<double>& x, dou
 template void add_torque<double>(const BoundEffect&, const JointSample<double>&, const double*,
                                  double*);
 template void add_torque<JetD>(const BoundEffect&, const JointSample<JetD>&, const JetD*, JetD*);
+template void add_torque<double>(const BoundEffect&, const Tree<double>&,
+                                 const JointSample<double>&, const double*, double*);
+template void add_torque<JetD>(const BoundEffect&, const Tree<double>&, const JointSample<JetD>&,
+                               const JetD*, JetD*);
 template void add_to_tree<double>(const BoundEffect&, const double*, Tree<double>&);
 template void add_to_tree<JetD>(const BoundEffect&, const JetD*, Tree<JetD>&);
 

@@ -4,14 +4,14 @@
 namespace diffnea {
 
 ExtendedTree extend(const Model& model, const std::vector<int>& runs) {
-  ExtendedTree out{make_tree(model), {}};  // make_tree takes the armature
+  ExtendedTree out{make_tree(model), {}, {}};  // make_tree takes the armature
   for (const EffectSpec& spec : model.effects) {
     if (spec.effect == "armature") continue;
     const BoundEffect effect = bind(spec, model, runs);
     if (effect.info().port == Port::kModelParameter)
       add_to_tree(effect, effect.parameters.data(), out.tree);
-    else if (effect.info().port == Port::kJointTorque)
-      out.effects.push_back(effect);
+    else
+      (effect.is_local() ? out.effects : out.series).push_back(effect);
   }
   return out;
 }
@@ -26,6 +26,10 @@ RowMatX<double> inverse_dynamics(const ExtendedTree& model,
     require_size("inverse_dynamics: columns", m->cols(), n, "joint");
     require_size("inverse_dynamics: rows", m->rows(), q.rows(), "row of q");
   }
+  if (!model.series.empty())
+    throw ModelError("inverse_dynamics: the torque of " + model.series.front().info().name +
+                     " at '" + model.series.front().where +
+                     "' depends on rows before and after; expected a model without such effects");
   RowMatX<double> tau(q.rows(), n);
   RneaWorkspace<double, double> ws;
   VecX<double> links(n);
@@ -33,13 +37,15 @@ RowMatX<double> inverse_dynamics(const ExtendedTree& model,
     links = rnea<double, double>(model.tree, q.row(k).transpose(), qd.row(k).transpose(),
                                  qdd.row(k).transpose(), ws);
     tau.row(k) = links.transpose();
+    for (int j = 0; j < n; ++j) links[j] -= model.tree.links[j].armature * qdd(k, j);
     JointSample<double> x;
     x.run = run;
     x.q = q.row(k).data();
     x.qd = qd.row(k).data();
     x.qdd = qdd.row(k).data();
     x.tau = links.data();
-    for (const BoundEffect& e : model.effects) add_torque(e, x, e.parameters.data(), tau.row(k).data());
+    for (const BoundEffect& e : model.effects)
+      add_torque(e, model.tree, x, e.parameters.data(), tau.row(k).data());
   }
   return tau;
 }

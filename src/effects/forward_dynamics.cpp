@@ -1,7 +1,14 @@
+#include <Eigen/LU>
+
 #include <diffnea/core/error.hpp>
 #include <diffnea/effects/forward_dynamics.hpp>
 
 namespace diffnea {
+
+bool reads_acceleration(const BoundEffect& e) {
+  const std::string& name = e.info().name;
+  return name == "torque_gain" || name == "load_friction" || name == "transmission_coupling";
+}
 
 ForwardDynamics::ForwardDynamics(ExtendedTree model)
     : model_(std::move(model)),
@@ -13,20 +20,59 @@ ForwardDynamics::ForwardDynamics(ExtendedTree model)
       dtau_dq_(n_, n_),
       dtau_dqd_(n_, n_) {
   aba_ws_.qdd.resize(n_);
+  for (const BoundEffect& e : model_.series)
+    throw ModelError("forward dynamics: " + e.info().name + " at '" + e.where +
+                     "' depends on the past or on how the motion is measured, not on one instant; "
+                     "`diffnea simulate` integrates it");
   for (const BoundEffect& e : model_.effects)
-    if (e.info().name == "torque_gain")
-      throw ModelError("forward dynamics: torque_gain scales the transmitted torque, which has no "
-                       "explicit forward form; correct the recorded torque instead");
+    if (reads_acceleration(e)) implicit_.push_back(e);
 }
 
 void ForwardDynamics::effect_torques(const double* q, const double* qd, int run, double* tau) {
   JointSample<double> x;
+  x.time = time_;
   x.run = run;
   x.q = q;
   x.qd = qd;
-  x.qdd = q;  // unread: no explicit forward form reads q̈ or τ
-  x.tau = q;
-  for (const BoundEffect& e : model_.effects) add_torque(e, x, e.parameters.data(), tau);
+  x.qdd = x.tau = q;  // unread: what reads them is implicit
+  for (const BoundEffect& e : model_.effects)
+    if (!reads_acceleration(e)) add_torque(e, model_.tree, x, e.parameters.data(), tau);
+}
+
+/// M q̈ + c + E(q̈) = u by Newton's method, from the q̈ without the implicit effects E. E is linear in
+/// q̈ and in the transmitted torque but for the signs of load friction, so two or three steps end
+/// it.
+void ForwardDynamics::solve_implicit(const double* q, const double* qd, int run, double* qdd) {
+  const Eigen::Map<const VecX<double>> q_map(q, n_), qd_map(qd, n_);
+  const MatX<double> M = mass_matrix<double, double>(model_.tree, q_map, mass_ws_);
+  const VecX<double> bias =
+      rnea<double, double>(model_.tree, q_map, qd_map, VecX<double>::Zero(n_), rnea_ws_);
+  MatX<double> M_links = M;
+  for (int j = 0; j < n_; ++j) M_links(j, j) -= model_.tree.links[j].armature;
+  const auto effects = [&](const VecX<double>& a) {
+    const VecX<double> links = M_links * a + bias;
+    VecX<double> out = VecX<double>::Zero(n_);
+    const JointSample<double> x{time_, run, q, qd, a.data(), links.data()};
+    for (const BoundEffect& e : implicit_) add_torque(e, x, e.parameters.data(), out.data());
+    return out;
+  };
+  Eigen::Map<VecX<double>> at(qdd, n_);
+  VecX<double> a = at;
+  const VecX<double> free = M * a;  // u − c − explicit effects
+  for (int step = 0; step < 20; ++step) {
+    const VecX<double> here = effects(a);
+    const VecX<double> off = M * a + here - free;
+    if (!(off.cwiseAbs().maxCoeff() > 1e-10 * (1.0 + free.cwiseAbs().maxCoeff()))) break;
+    MatX<double> slope = M;
+    constexpr double kStep = 1e-6;
+    for (int j = 0; j < n_; ++j) {
+      VecX<double> moved = a;
+      moved[j] += kStep;
+      slope.col(j) += (effects(moved) - here) / kStep;
+    }
+    a -= slope.partialPivLu().solve(off);
+  }
+  at = a;
 }
 
 void ForwardDynamics::acceleration(const double* q, const double* qd, const double* u, int run,
@@ -35,17 +81,25 @@ void ForwardDynamics::acceleration(const double* q, const double* qd, const doub
   effect_torques(q, qd, run, tau_.data());
   for (int j = 0; j < n_; ++j) tau_[j] = u[j] - tau_[j];
   detail::aba(model_.tree, q, qd, tau_.data(), aba_ws_, qdd);
+  if (!implicit_.empty()) solve_implicit(q, qd, run, qdd);
 }
 
 void ForwardDynamics::linearise(const double* q, const double* qd, const double* u, int run) {
+  for (const BoundEffect& e : model_.effects)
+    if (reads_acceleration(e) || e.info().name == "warm_up" || e.info().port == Port::kLinkForce)
+      throw ModelError(
+          "forward dynamics: " + e.info().name + " at '" + e.where +
+          "' has no derivatives here, so the trajectory loss cannot have it; the inverse loss "
+          "or `diffnea diagnose` can");
   tau_.setZero();
   effect_torques(q, qd, run, tau_.data());
   for (int j = 0; j < n_; ++j) tau_[j] = u[j] - tau_[j];
   const Eigen::Map<const VecX<double>> q_map(q, n_), qd_map(qd, n_);
   aba_derivatives(model_.tree, q_map, qd_map, tau_, aba_);
 
-  // ∂τ_effects/∂(q, q̇) by Jets. A joint's torque depends on that joint alone, or on the few an effect
-  // couples: directions 2i and 2i+1 belong to the effect's i-th joint, all joints at once where uncoupled.
+  // ∂τ_effects/∂(q, q̇) by Jets. A joint's torque depends on that joint alone, or on the few an
+  // effect couples: directions 2i and 2i+1 belong to the effect's i-th joint, all joints at once
+  // where uncoupled.
   dtau_dq_.setZero();
   dtau_dqd_.setZero();
   for (int j = 0; j < n_; ++j) {

@@ -99,6 +99,15 @@ void add_effect(const BoundEffect& effect, bool fixed, bool fix_shapes, double p
   }
 }
 
+/// @throws ModelError for effects that no loss has a column for
+void require_fittable(const BoundEffect& effect) {
+  const EffectInfo& info = effect.info();
+  if (info.port == Port::kJointTorque || info.name == "payload") return;
+  throw ModelError("effects: identify cannot fit " + info.name + " at '" + effect.where +
+                   "', nor a model that has it: its torque is no function of one instant of the joints; "
+                   "`diffnea diagnose` fits it");
+}
+
 /// The fixed transform of one joint.
 void add_kinematics(const Model& model, int dof, FitLayout& layout) {
   const std::string& joint = model.links[moving_links(model)[static_cast<std::size_t>(dof)]].joint;
@@ -183,6 +192,7 @@ FitLayout make_layout(const Model& model, const FitChoice& choice, const std::ve
   std::vector<std::string> present;
   const auto add = [&](const EffectSpec& spec) {
     const BoundEffect effect = bind(spec, model, runs);
+    require_fittable(effect);
     const bool fit = spec.effect == "armature" ? fit_armature : fit_effects;
     add_effect(effect, !fit, fix_shapes, std::max(0.1 * total_mass, 1e-3), layout);
     present.push_back(spec.effect + "@" + spec.where);

@@ -83,7 +83,7 @@ void TorqueRegression::fill_row(const Preprocessed& block, long row) {
   full_.leftCols(kThetaSize * n) = Y;  // inertial parameters come first in a layout
   links_.noalias() = Y * at_.linear.head(kThetaSize * n);
   JointSample<double> x;
-  x.time = block.time[row];
+  x.time = block.time[row] - run_start_;
   x.run = block.run;
   x.q = block.q.row(row).data();
   x.qd = block.qd.row(row).data();
@@ -163,6 +163,7 @@ void TorqueRegression::add(const Preprocessed& block) {
         j.decimator.reset();
         j.emitted = 0;
       }
+      if (block.run != run_) run_start_ = block.time[row];
       segment_ = segment;
       run_ = block.run;
       segment_start_ = block.time[row];

@@ -74,7 +74,8 @@ VecX<double> gains(const VecX<double>& given, const VecX<double>& derived, const
 }  // namespace
 
 SimulatedRecording run_control_loop(Plant& plant, const Model& robot, const Model& controller,
-                                    const Trajectory& trajectory, const RecordOptions& o) {
+                                    const Trajectory& trajectory, const RecordOptions& o,
+                                    bool log_velocity) {
   if (joint_names(robot) != joint_names(controller))
     throw ModelError(controller.source + ": its joints are not those of the robot, " +
                      robot.source);
@@ -110,6 +111,7 @@ SimulatedRecording run_control_loop(Plant& plant, const Model& robot, const Mode
   r.joint_names = joint_names(robot);
   r.time.resize(rows);
   r.q.resize(rows, n);
+  if (log_velocity) r.qd.resize(rows, n);
   r.qcmd.resize(rows, n);
   r.tau.resize(rows, n);
   r.info.torque_side = TorqueSide::kMotor;
@@ -152,12 +154,14 @@ SimulatedRecording run_control_loop(Plant& plant, const Model& robot, const Mode
     out.saturated += saturated;
     r.time[row] = time;
     r.q.row(row) = measured;
+    if (log_velocity) r.qd.row(row) = velocity;
     r.qcmd.row(row) = qcmd;
     out.failure = plant.step(u);
     if (!out.failure.empty()) out.failure += " at t = " + std::to_string(time) + " s";
   }
   r.time.conservativeResize(row);
   r.q.conservativeResize(row, n);
+  if (log_velocity) r.qd.conservativeResize(row, n);
   r.qcmd.conservativeResize(row, n);
   r.tau.conservativeResize(row, n);
   return out;

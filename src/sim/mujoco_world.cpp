@@ -143,7 +143,8 @@ class MujocoPlant : public sim::Plant {
         m.jnt_stiffness[joint_[j]] = bound.parameters[0];
         m.qpos_spring[qpos_[j]] = bound.parameters[1];
       }
-    } else if (info.port == Port::kJointTorque && info.name != "torque_gain") {
+    } else if (info.port == Port::kJointTorque && info.name != "torque_gain" &&
+               info.name != "load_friction" && info.name != "transmission_coupling") {
       effects_.push_back(std::move(bound));
     } else {
       throw ModelError("MuJoCo world: effect '" + info.name + "' cannot act in MuJoCo");

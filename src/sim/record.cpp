@@ -1,12 +1,8 @@
 #include <algorithm>
-#include <cmath>
 
-#include <diffnea/core/error.hpp>
-#include <diffnea/dynamics/integrators.hpp>
-#include <diffnea/effects/forward_dynamics.hpp>
 #include <diffnea/sim/record.hpp>
 
-#include "sim/control_loop.hpp"
+#include "sim/model_plant.hpp"
 
 namespace diffnea {
 namespace {
@@ -14,36 +10,23 @@ namespace {
 /// The effort limit of an arm's joint to which friction of about 1 N·m belongs.
 constexpr double kArmEffort = 40.0;  // [N·m]
 
-class ModelPlant : public sim::Plant {
- public:
-  ModelPlant(const Model& model, const RecordOptions& options)
-      : dynamics_(extend(model)),
-        n_(dynamics_.num_dofs()),
-        substeps_(sim::substeps(options)),
-        step_(1.0 / (options.control_rate * substeps_)),
-        z_(VecX<double>::Zero(2 * n_)) {}
+/// What the log, not the encoder, does to the motion: filtered velocities, a clock that is late.
+void apply_channels(const Model& robot, Recording& r) {
+  for (const BoundEffect& e : extend(robot, {0}).series)
+    for (const int j : e.joints) {
+      const double dt = r.rows() > 1 ? r.time[1] - r.time[0] : 0.0;
+      if (std::holds_alternative<VelocityFilterLag>(e.type))
+        r.qd.col(j) = low_passed(r.qd.col(j), dt, e.parameters[0]);
+      if (!std::holds_alternative<TimeShift>(e.type) || r.rows() < 2) continue;
+      r.q.col(j) = shifted(r.q.col(j), dt, -e.parameters[0]);
+      if (r.qd.size() > 0) r.qd.col(j) = shifted(r.qd.col(j), dt, -e.parameters[0]);
+    }
+}
 
-  void reset(const VecX<double>& q) override { z_ << q, VecX<double>::Zero(n_); }
-  VecX<double> q() const override { return z_.head(n_); }
-  VecX<double> qd() const override { return z_.tail(n_); }
-  std::string step(const VecX<double>& torque) override {
-    const auto slope = [&](double, const VecX<double>& z, VecX<double>& dz) {
-      dz.resize(2 * n_);
-      dz.head(n_) = z.tail(n_);
-      dynamics_.acceleration(z.data(), z.data() + n_, torque.data(), 0, dz.data() + n_);
-    };
-    for (int i = 0; i < substeps_; ++i) integrator_.step(slope, step_, z_);
-    return z_.allFinite() ? "" : "the integration is unstable";
-  }
-
- private:
-  ForwardDynamics dynamics_;
-  int n_;
-  int substeps_;
-  double step_;
-  VecX<double> z_;  ///< q, q̇
-  RungeKutta4<VecX<double>> integrator_;
-};
+bool logs_velocity(const Model& robot) {
+  return std::ranges::find(robot.effects, "velocity_filter_lag", &EffectSpec::effect) !=
+         robot.effects.end();
+}
 
 }  // namespace
 
@@ -53,8 +36,10 @@ double torque_scale(const ModelLink& link) {
 
 SimulatedRecording record_model(const Model& robot, const Model& controller,
                                 const Trajectory& trajectory, const RecordOptions& options) {
-  ModelPlant plant(robot, options);
-  SimulatedRecording out = sim::run_control_loop(plant, robot, controller, trajectory, options);
+  sim::ModelPlant plant(robot, options);
+  SimulatedRecording out = sim::run_control_loop(plant, robot, controller, trajectory, options,
+                                                 logs_velocity(robot));
+  apply_channels(robot, out.recording);
   out.recording.source = robot.source;
   return out;
 }

@@ -25,7 +25,8 @@ struct CableDifferentialFriction {
               .unit_prismatic = "1",
               .sign = Sign::kPositive,
               .linear = false,
-              .initial = 1.0 / 1.68},
+              .initial = 1.0 / 1.68,
+              .search = {1.0 / 1.68, 1.0, 1.68}},
              smoothing_parameter()},
         .motor_side = true};
     return kInfo;

@@ -7,40 +7,74 @@
 
 #include <variant>
 
+#include <diffnea/effects/actuator_delay.hpp>
+#include <diffnea/effects/actuator_lag.hpp>
 #include <diffnea/effects/armature.hpp>
 #include <diffnea/effects/asymmetric_coulomb.hpp>
 #include <diffnea/effects/asymmetric_viscous.hpp>
+#include <diffnea/effects/backlash.hpp>
+#include <diffnea/effects/base_tilt.hpp>
 #include <diffnea/effects/cable_differential_friction.hpp>
+#include <diffnea/effects/cogging.hpp>
 #include <diffnea/effects/coulomb_friction.hpp>
+#include <diffnea/effects/encoder_offset.hpp>
+#include <diffnea/effects/encoder_scale.hpp>
+#include <diffnea/effects/joint_elasticity.hpp>
 #include <diffnea/effects/joint_spring.hpp>
+#include <diffnea/effects/load_friction.hpp>
 #include <diffnea/effects/payload.hpp>
+#include <diffnea/effects/presliding_dahl.hpp>
+#include <diffnea/effects/presliding_lugre.hpp>
 #include <diffnea/effects/quadratic_friction.hpp>
+#include <diffnea/effects/saturation.hpp>
 #include <diffnea/effects/session_offset.hpp>
 #include <diffnea/effects/stribeck_friction.hpp>
 #include <diffnea/effects/sublinear_friction.hpp>
+#include <diffnea/effects/time_shift.hpp>
+#include <diffnea/effects/tip_force.hpp>
 #include <diffnea/effects/torque_gain.hpp>
 #include <diffnea/effects/torque_offset.hpp>
+#include <diffnea/effects/transmission_coupling.hpp>
+#include <diffnea/effects/velocity_filter_lag.hpp>
 #include <diffnea/effects/viscous_friction.hpp>
+#include <diffnea/effects/warm_up.hpp>
 #include <diffnea/model/model.hpp>
 
 namespace diffnea {
 
 /// One line per effect, sorted. This list is the catalogue.
 using AnyEffect = std::variant<  //
+    ActuatorDelay,               //
+    ActuatorLag,                 //
     Armature,                    //
     AsymmetricCoulomb,           //
     AsymmetricViscous,           //
+    Backlash,                    //
+    BaseTilt,                    //
     CableDifferentialFriction,   //
+    Cogging,                     //
     CoulombFriction,             //
+    EncoderOffset,               //
+    EncoderScale,                //
+    JointElasticity,             //
     JointSpring,                 //
+    LoadFriction,                //
     Payload,                     //
+    PreslidingDahl,              //
+    PreslidingLugre,             //
     QuadraticFriction,           //
+    Saturation,                  //
     SessionOffset,               //
     StribeckFriction,            //
     SublinearFriction,           //
+    TimeShift,                   //
+    TipForce,                    //
     TorqueGain,                  //
     TorqueOffset,                //
-    ViscousFriction>;
+    TransmissionCoupling,        //
+    VelocityFilterLag,           //
+    ViscousFriction,             //
+    WarmUp>;
 
 /// Metadata of every effect, in the order of AnyEffect.
 const std::vector<EffectInfo>& catalogue();
@@ -54,7 +88,7 @@ const EffectInfo& info(const AnyEffect& effect);
 struct BoundEffect {
   AnyEffect type;
   std::string where;        ///< as in the EffectSpec
-  std::vector<int> joints;  ///< degrees of freedom it acts on; at `all`: every one
+  std::vector<int> joints;  ///< degrees of freedom it acts on; at `all` and `base`: every one
   int num_joints = 0;       ///< of the model
   std::vector<ParameterInfo> parameter_info;  ///< unit and initial are those of this joint's type
   std::vector<double> parameters;             ///< same order
@@ -63,6 +97,15 @@ struct BoundEffect {
   /// Indices of the parameters the torque is linear in, and of the shape parameters.
   std::vector<int> linear_parameters() const;
   std::vector<int> shape_parameters() const;
+  /// Parameters that switch the effect on, 0: it is absent. The linear ones; those of Scale::kPlain
+  /// where none is linear (an encoder's offset); empty for saturation, which an infinite limit
+  /// switches off, and LuGre.
+  std::vector<int> amplitude_parameters() const;
+  /// Whether its torque at one instant follows from that instant: ports kJointTorque and
+  /// kLinkForce.
+  bool is_local() const {
+    return info().port == Port::kJointTorque || info().port == Port::kLinkForce;
+  }
 };
 
 /// Resolves `spec` on `model`. `where` is a joint's name, two of them for a pair ("elbow,wrist"),
@@ -85,6 +128,11 @@ EffectSpec to_spec(const BoundEffect& effect);
 template <Scalar T>
 void add_torque(const BoundEffect& effect, const JointSample<T>& x, const T* p, T* tau);
 
+/// The same, of the port kLinkForce too: forces on links reach the joints by way of the tree.
+template <Scalar T>
+void add_torque(const BoundEffect& effect, const Tree<double>& tree, const JointSample<T>& x,
+                const T* p, T* tau);
+
 /// Adds an effect of the port kModelParameter to the link tree; others leave it.
 /// @param p  parameters in the order of effect.parameter_info
 template <Scalar P>
@@ -94,9 +142,9 @@ void add_to_tree(const BoundEffect& effect, const P* p, Tree<P>& tree);
 /// @param columns  (number of linear parameters × num_joints), row-major, overwritten:
 ///                 columns[k·num_joints + j] is the torque of joint j for one unit of parameter
 ///                 linear_parameters()[k]
-/// @throws ModelError if the port is not kJointTorque: the columns of a payload are those that the
-/// torque
-///         regressor has for the link effect.joints[0]
+/// @throws ModelError if the port is not kJointTorque: series_columns (effects/series.hpp) has them
+/// for any
+///         port; a payload's are those that the torque regressor has for the link effect.joints[0]
 void linear_columns(const BoundEffect& effect, const JointSample<double>& x, double* columns);
 
 }  // namespace diffnea

@@ -11,7 +11,9 @@
 /// and one line in effects/catalogue.hpp. `joint` are the one or two joints it acts on, `p` its
 /// parameters in the order of info(), and it *adds* to tau, which is indexed by joint. The torque
 /// must be homogeneous in the parameters that are marked linear (all of them 0: no torque): the
-/// columns that identification and diagnosis project on come from there.
+/// columns that identification and diagnosis project on come from there. Other ports have another
+/// function in add_torque's place, see Port; what all of them have in common, the torque that the
+/// log has in addition, is in effects/series.hpp.
 ///
 /// Units are written in ASCII as in result files: "N*m", "N*m*s/rad", "kg*m^2"; "1" has none.
 
@@ -37,7 +39,29 @@ struct ParameterInfo {
   /// The same at a prismatic joint; NaN: as `initial`.
   double initial_prismatic = std::numeric_limits<double>::quiet_NaN();
   bool per_run = false;  ///< one value per recording, named `<name>_<run>` once it is bound
+  /// Values at which a search over a nonlinear parameter starts; empty: at `initial` alone.
+  std::vector<double> search = {};
+  std::vector<double> search_prismatic = {};  ///< at a prismatic joint; empty: as `search`
 };
+
+/// On which scale a parameter moves, and what a derivative with respect to it means.
+enum class Scale {
+  kLinear,  ///< the torque is linear in it: ∂τ/∂p is the column of a regression
+  kPlain,   ///< nonlinear, may be 0 or negative: ∂τ/∂p at the present value
+  kLog      ///< nonlinear and positive, a shape: ∂τ/∂ln p
+};
+inline Scale scale(const ParameterInfo& p) {
+  if (p.linear) return Scale::kLinear;
+  return p.sign == Sign::kPositive ? Scale::kLog : Scale::kPlain;
+}
+
+/// `count` values from low to high, each the same factor above the one before.
+inline std::vector<double> log_grid(double low, double high, int count) {
+  std::vector<double> out;
+  for (int i = 0; i < count; ++i)
+    out.push_back(low * std::pow(high / low, double(i) / (count - 1)));
+  return out;
+}
 
 /// Where an effect can act; also how many joints it names.
 enum class Place { kJoint, kJointPair, kTip, kBase, kAllJoints };
@@ -45,8 +69,10 @@ enum class Place { kJoint, kJointPair, kTip, kBase, kAllJoints };
 /// What it acts on.
 enum class Port {
   kJointTorque,     ///< adds to the right-hand side of the sign equation: add_torque
-  kMeasurement,     ///< changes a measured channel
+  kLinkForce,       ///< the same, but a force on a link, so that it needs the tree: add_torque
   kModelParameter,  ///< changes a parameter of the link tree: add_to_tree
+  kMeasurement,     ///< changes what is logged of the motion: add_to_motion turns it into the truth
+  kMemory,          ///< torque that depends on the past of the motion: torque_series
 };
 
 /// What selection, results and files see of an effect.
@@ -64,12 +90,12 @@ struct EffectInfo {
 /// All joints at one instant; arrays of length n [rad, rad/s, rad/s², N·m] or [m, m/s, m/s², N].
 template <Scalar T>
 struct JointSample {
-  double time = 0.0;  ///< [s]
+  double time = 0.0;  ///< since the run began [s]
   int run = 0;        ///< which recording of several
   const T* q = nullptr;
   const T* qd = nullptr;
   const T* qdd = nullptr;
-  const T* tau = nullptr;  ///< torque that the links transmit, without effects
+  const T* tau = nullptr;  ///< torque that the links transmit, without effects and rotor inertia
 };
 
 /// The shape parameter v₀ of s = tanh(q̇/v₀), which stands for sign(q̇) in every dry friction. Its

@@ -1,7 +1,7 @@
 #pragma once
-/// A model with its effects, ready to compute: what changes the link tree (armature, payload) is in the
-/// tree, what adds torque is in the list. The right-hand side of the sign equation is
-/// RNEA(q, q̇, q̈) + armature·q̈ + effects.
+/// A model with its effects, ready to compute: what changes the link tree (armature, payload) is in
+/// the tree, what adds torque is in the list. The right-hand side of the sign equation is RNEA(q,
+/// q̇, q̈) + armature·q̈ + effects.
 
 #include <diffnea/dynamics/rnea.hpp>
 #include <diffnea/effects/catalogue.hpp>
@@ -9,8 +9,10 @@
 namespace diffnea {
 
 struct ExtendedTree {
-  Tree<double> tree;                 ///< armature and payload included
-  std::vector<BoundEffect> effects;  ///< those of the port kJointTorque, without armature
+  Tree<double> tree;  ///< armature, payload and tilt of the base included
+  std::vector<BoundEffect>
+      effects;  ///< torques of one instant (BoundEffect::is_local), without armature
+  std::vector<BoundEffect> series;  ///< those of the ports kMeasurement and kMemory
 };
 
 /// @param runs  recordings that per-run effects have a parameter for
@@ -21,7 +23,9 @@ ExtendedTree extend(const Model& model, const std::vector<int>& runs = {});
 /// @param q, qd, qdd  (N, n) [rad, rad/s, rad/s²] or [m …]
 /// @param run         recording the rows belong to
 /// @return (N, n) [N·m] or [N]
-/// @throws ShapeError
+/// @throws ShapeError; ModelError if the model has an effect with memory or of a measurement
+/// channel, which
+///         rows without their time do not tell (effects/series.hpp)
 RowMatX<double> inverse_dynamics(const ExtendedTree& model,
                                  const Eigen::Ref<const RowMatX<double>>& q,
                                  const Eigen::Ref<const RowMatX<double>>& qd,

@@ -4,23 +4,34 @@
 
 #include <diffnea/dynamics/aba.hpp>
 #include <diffnea/dynamics/derivatives.hpp>
+#include <diffnea/dynamics/mass_matrix.hpp>
 #include <diffnea/effects/extended_tree.hpp>
 
 namespace diffnea {
 
+/// Whether the effect's torque reads q̈ or the transmitted torque, so that q̈ is the solution of an equation.
+bool reads_acceleration(const BoundEffect& e);
+
 /// q̈ = M⁻¹(u − c(q, q̇) − τ_effects(q, q̇)) with derivatives. Evaluates one state at a time; not thread-safe.
 class ForwardDynamics {
  public:
-  /// @throws ModelError if an effect needs q̈ or the transmitted torque (no explicit forward form here)
+  /// @throws ModelError for effects with memory or of a measurement channel: sim/record.hpp integrates those
   explicit ForwardDynamics(ExtendedTree model);
 
   int num_dofs() const { return n_; }
   ExtendedTree& model() { return model_; }
+  const ExtendedTree& model() const { return model_; }
 
-  /// q̈ alone. @param q, qd, u  (n)  @param qdd  (n), written
+  /// Time since the run began [s], which warm_up reads.
+  void set_time(double time) { time_ = time; }
+
+  /// q̈ alone. @param q, qd, u  (n)  @param qdd  (n), written; NaN where an effect that needs q̈ or the
+  /// transmitted torque leaves no solution
   void acceleration(const double* q, const double* qd, const double* u, int run, double* qdd);
 
   /// Also ∂q̈/∂q, ∂q̈/∂q̇ and M⁻¹, effects included; read them from the accessors.
+  /// @throws ModelError for effects that it has no derivatives of: those that need q̈, the transmitted torque,
+  ///         the time or the place of a link
   void linearise(const double* q, const double* qd, const double* u, int run);
   const VecX<double>& qdd() const { return aba_.qdd; }
   const RowMatX<double>& dqdd_dq() const { return aba_.dqdd_dq; }
@@ -29,9 +40,14 @@ class ForwardDynamics {
 
  private:
   void effect_torques(const double* q, const double* qd, int run, double* tau);
+  void solve_implicit(const double* q, const double* qd, int run, double* qdd);
 
   ExtendedTree model_;
+  std::vector<BoundEffect> implicit_;  ///< of the model's effects, those that read q̈ or the transmitted torque
   int n_ = 0;
+  double time_ = 0.0;
+  MassMatrixWorkspace<double, double> mass_ws_;
+  RneaWorkspace<double, double> rnea_ws_;
   AbaWorkspace<double, double> aba_ws_;
   AbaDerivatives aba_;
   VecX<double> tau_;

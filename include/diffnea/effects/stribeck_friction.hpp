@@ -23,7 +23,9 @@ struct StribeckFriction {
                         .sign = Sign::kPositive,
                         .linear = false,
                         .initial = 0.1,
-                        .initial_prismatic = 0.01},
+                        .initial_prismatic = 0.01,
+                        .search = log_grid(0.02, 1.0, 6),
+                        .search_prismatic = log_grid(0.002, 0.1, 6)},
                        smoothing_parameter()},
         .motor_side = true};
     return kInfo;

@@ -93,7 +93,7 @@ class TorqueRegression {
   RowMatX<double> full_;  // (n, columns + 1) of one sample, the last column is τ
   VecX<double> links_;
   std::vector<double> scratch_;
-  double segment_start_ = 0.0, dt_ = 0.0;
+  double segment_start_ = 0.0, run_start_ = 0.0, dt_ = 0.0;
 };
 
 }  // namespace diffnea

@@ -18,6 +18,18 @@ void add_torque(const BoundEffect& effect, const JointSample<T>& x, const T* p, 
       effect.type);
 }
 
+template <Scalar T>
+void add_torque(const BoundEffect& effect, const Tree<double>& tree, const JointSample<T>& x,
+                const T* p, T* tau) {
+  add_torque(effect, x, p, tau);
+  std::visit(
+      [&](const auto& formula) {
+        if constexpr (requires(const int* j) { formula.add_torque(tree, x, j, p, tau); })
+          formula.add_torque(tree, x, effect.joints.data(), p, tau);
+      },
+      effect.type);
+}
+
 template <Scalar P>
 void add_to_tree(const BoundEffect& effect, const P* p, Tree<P>& tree) {
   std::visit(
@@ -32,6 +44,10 @@ extern template void add_torque<double>(const BoundEffect&, const JointSample<do
                                         const double*, double*);
 extern template void add_torque<JetD>(const BoundEffect&, const JointSample<JetD>&, const JetD*,
                                       JetD*);
+extern template void add_torque<double>(const BoundEffect&, const Tree<double>&,
+                                        const JointSample<double>&, const double*, double*);
+extern template void add_torque<JetD>(const BoundEffect&, const Tree<double>&,
+                                      const JointSample<JetD>&, const JetD*, JetD*);
 extern template void add_to_tree<double>(const BoundEffect&, const double*, Tree<double>&);
 extern template void add_to_tree<JetD>(const BoundEffect&, const JetD*, Tree<JetD>&);
 

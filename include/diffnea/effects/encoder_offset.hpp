@@ -1,0 +1,26 @@
+#pragma once
+/// encoder_offset: the encoder's zero is not the model's. What is logged is q_true + δ.
+
+#include <diffnea/effects/effect.hpp>
+#include <diffnea/effects/joint_series.hpp>
+
+namespace diffnea {
+
+struct EncoderOffset {
+  static const EffectInfo& info() {
+    static const EffectInfo kInfo{
+        .name = "encoder_offset",
+        .formula = "q_logged = q + delta",
+        .summary = "zero of the encoder",
+        .port = Port::kMeasurement,
+        .parameters = {{.name = "offset", .unit = "rad", .unit_prismatic = "m", .linear = false}}};
+    return kInfo;
+  }
+
+  /// Replaces the logged motion of `joint` by the true one.
+  void add_to_motion(const JointSeries&, int joint, const double* p, JointSeries& truth) const {
+    truth.q.col(joint).array() -= p[0];
+  }
+};
+
+}  // namespace diffnea

@@ -1,0 +1,40 @@
+#pragma once
+/// A stretch of a recording as effects with memory and effects of measurement channels see it, and
+/// the numerics on a uniform time grid that they are made of.
+
+#include <diffnea/core/scalar.hpp>
+
+namespace diffnea {
+
+/// All joints over one uninterrupted stretch on a uniform time grid. [rad, rad/s, rad/s², N·m] or
+/// [m …, N].
+struct JointSeries {
+  double dt = 0.0;     ///< [s]
+  double start = 0.0;  ///< time of the first row since its recording began [s]
+  int run = 0;
+  RowMatX<double> q, qd, qdd;  ///< (N, n) smooth (filtered) motion as logged
+  /// (N, n) torque that the links transmit, as the base model predicts it for that motion: without
+  /// rotor inertia, friction or any other effect (smooth).
+  RowMatX<double> tau;
+  /// (N, n) torque that the base model predicts for the log, with all its effects; empty: as tau.
+  RowMatX<double> total;
+  RowMatX<double> logged;  ///< (N, n) logged torque; may be empty, saturation alone reads it
+
+  long rows() const { return q.rows(); }
+  const RowMatX<double>& drive() const { return total.size() > 0 ? total : tau; }
+};
+
+/// f' by central differences of order four, one-sided ones at the ends; of lower order below five
+/// rows.
+/// @param f  (N), @param dt [s]
+VecX<double> derivative(const VecX<double>& f, double dt);
+
+/// f(t + d), piecewise cubic with the slopes of `derivative`: it is continuous and so is its slope,
+/// also in d. Held beyond the ends. @param d [s], of either sign
+VecX<double> shifted(const VecX<double>& f, double dt, double d);
+
+/// y of T ẏ = f − y: exact where f is straight between the rows. Begins as if f had always risen as
+/// in its first step. @param T  [s] ≥ 0
+VecX<double> low_passed(const VecX<double>& f, double dt, double T);
+
+}  // namespace diffnea

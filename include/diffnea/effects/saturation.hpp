@@ -1,0 +1,42 @@
+#pragma once
+/// saturation: the drive gives no more than ±τ_max, and the log holds what was asked of it: adds
+/// logged − clip(logged, ±τ_max). It needs the logged torque; filter the result as the torque is
+/// filtered, never its input. What is logged behind the limit shows no such difference.
+
+#include <algorithm>
+
+#include <diffnea/core/error.hpp>
+#include <diffnea/effects/effect.hpp>
+#include <diffnea/effects/joint_series.hpp>
+
+namespace diffnea {
+
+struct Saturation {
+  static const EffectInfo& info() {
+    static const EffectInfo kInfo{
+        .name = "saturation",
+        .formula = "u = clip(tau_c, -tau_max, tau_max)",
+        .summary = "largest torque of the drive, below what is asked of it",
+        .port = Port::kMemory,
+        .parameters = {{.name = "limit",
+                        .unit = "N*m",
+                        .unit_prismatic = "N",
+                        .sign = Sign::kPositive,
+                        .linear = false,
+                        .initial = 1e3,
+                        .search = log_grid(0.1, 1e3, 21)}},
+        .motor_side = true};
+    return kInfo;
+  }
+
+  /// @throws DataError if the series has no logged torque
+  VecX<double> torque_series(const JointSeries& x, int joint, const double* p) const {
+    if (x.logged.rows() != x.rows() || x.logged.cols() <= joint)
+      throw DataError(
+          "saturation: the series has no logged torque, which is what a limit shows in");
+    const VecX<double> u = x.logged.col(joint);
+    return u - u.cwiseMin(p[0]).cwiseMax(-p[0]);
+  }
+};
+
+}  // namespace diffnea

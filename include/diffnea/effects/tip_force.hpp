@@ -1,0 +1,47 @@
+#pragma once
+/// tip_force: a constant force F in the world's directions that pulls at a point of the last moving
+/// link (a cable, a hose, a balancer), or of the link that the named joint moves. The drives must
+/// give −JᵀF. The point is the frame `tip` of that link if the model has one, else the outermost
+/// frame or link that is fixed to it, else its centre of mass (bind() sees to it).
+
+#include <diffnea/dynamics/kinematics.hpp>
+#include <diffnea/effects/effect.hpp>
+
+namespace diffnea {
+
+struct TipForce {
+  Vec3<double> p_LF{0, 0, 0};  ///< where it pulls, in the link's frame [m]
+
+  static const EffectInfo& info() {
+    static const EffectInfo kInfo{
+        .name = "tip_force",
+        .formula = "-J^T F",
+        .summary = "constant force on the tip, in the world's directions",
+        .place = Place::kTip,
+        .port = Port::kLinkForce,
+        .parameters = {{.name = "fx", .unit = "N", .unit_prismatic = "N"},
+                       {.name = "fy", .unit = "N", .unit_prismatic = "N"},
+                       {.name = "fz", .unit = "N", .unit_prismatic = "N"}}};
+    return kInfo;
+  }
+
+  template <Scalar T>
+  void add_torque(const Tree<double>& tree, const JointSample<T>& x, const int* joint, const T* p,
+                  T* tau) const {
+    const int n = tree.num_dofs();
+    LinkKinematics<T> kinematics;
+    forward_kinematics<double, T>(tree, Eigen::Map<const VecX<T>>(x.q, n), kinematics);
+    const Vec3<T> force{p[0], p[1], p[2]};
+    const Pose<T>& X_WT = kinematics.links[*joint].X_WL;
+    const Vec3<T> point = X_WT.p + X_WT.R * p_LF;
+    for (int i = *joint; i >= 0; i = tree.links[i].parent) {  // columns of J
+      const Pose<T>& X_WL = kinematics.links[i].X_WL;
+      const Vec3<T> axis = X_WL.R * tree.links[i].axis;
+      const Vec3<T> column =
+          tree.links[i].type == JointType::kPrismatic ? axis : cross(axis, point - X_WL.p);
+      tau[i] = tau[i] - dot(column, force);
+    }
+  }
+};
+
+}  // namespace diffnea

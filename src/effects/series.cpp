@@ -1,0 +1,237 @@
+#include <algorithm>
+#include <cmath>
+
+#include <diffnea/core/error.hpp>
+#include <diffnea/effects/series.hpp>
+
+namespace diffnea {
+namespace {
+
+using Rows = RowMatX<double>;
+
+/// Torque the links transmit at every row; `rotors`: with rotor inertia.
+Rows link_torque(const Tree<double>& tree, const JointSeries& x, bool rotors) {
+  Rows out(x.rows(), tree.num_dofs());
+  RneaWorkspace<double, double> ws;
+  for (long k = 0; k < x.rows(); ++k)
+    out.row(k) = rnea<double, double>(tree, x.q.row(k).transpose(), x.qd.row(k).transpose(),
+                                      x.qdd.row(k).transpose(), ws)
+                     .transpose();
+  for (int j = 0; !rotors && j < tree.num_dofs(); ++j)
+    out.col(j) -= tree.links[static_cast<std::size_t>(j)].armature * x.qdd.col(j);
+  return out;
+}
+
+JointSample<double> sample(const JointSeries& x, long k) {
+  return {x.start + static_cast<double>(k) * x.dt,
+          x.run,
+          x.q.row(k).data(),
+          x.qd.row(k).data(),
+          x.qdd.row(k).data(),
+          x.tau.row(k).data()};
+}
+
+void add_local(const BoundEffect& effect, const Tree<double>& tree, const JointSeries& x,
+               const double* p, Rows& out) {
+  for (long k = 0; k < x.rows(); ++k) add_torque(effect, tree, sample(x, k), p, out.row(k).data());
+}
+
+/// The sign equation with all effects of one instant.
+Rows local_total(const ExtendedTree& base, JointSeries x) {
+  x.tau = link_torque(base.tree, x, false);
+  Rows out = link_torque(base.tree, x, true);
+  for (const BoundEffect& e : base.effects) add_local(e, base.tree, x, e.parameters.data(), out);
+  return out;
+}
+
+/// Motion as it was, for an effect of a channel.
+JointSeries true_motion(const BoundEffect& effect, const JointSeries& x, const double* p) {
+  JointSeries truth = x;
+  std::visit(
+      [&](const auto& formula) {
+        if constexpr (requires { formula.add_to_motion(x, 0, p, truth); })
+          for (const int j : effect.joints) formula.add_to_motion(x, j, p, truth);
+      },
+      effect.type);
+  return truth;
+}
+
+/// What friction on the motor's side changes because it turns at θ̇, not q̇.
+Rows moved_friction(const ExtendedTree& base, const JointSeries& x, int joint,
+                    const VecX<double>& deflection) {
+  JointSeries motor = x;
+  const VecX<double> speed = derivative(deflection, x.dt);
+  motor.q.col(joint) += deflection;
+  motor.qd.col(joint) += speed;
+  motor.qdd.col(joint) += derivative(speed, x.dt);
+  Rows there = Rows::Zero(x.rows(), x.q.cols()), here = there;
+  for (const BoundEffect& e : base.effects) {
+    if (!e.info().motor_side || std::ranges::find(e.joints, joint) == e.joints.end()) continue;
+    add_local(e, base.tree, motor, e.parameters.data(), there);
+    add_local(e, base.tree, x, e.parameters.data(), here);
+  }
+  return there - here;
+}
+
+Rows memory_torque(const BoundEffect& effect, const ExtendedTree& base, const JointSeries& x,
+                   const double* p) {
+  Rows out = Rows::Zero(x.rows(), x.q.cols());
+  std::visit(
+      [&](const auto& formula) {
+        for (const int j : effect.joints) {
+          if constexpr (requires { formula.torque_series(x, j, p); })
+            out.col(j) += formula.torque_series(x, j, p);
+          if constexpr (requires { formula.deflection(x, j, p); })
+            if (!base.effects.empty())
+              out += moved_friction(base, x, j, formula.deflection(x, j, p));
+        }
+      },
+      effect.type);
+  return out;
+}
+
+/// x with everything in it that torques are computed from. @throws ShapeError
+JointSeries complete(const BoundEffect& effect, const ExtendedTree& base, const JointSeries& x) {
+  const int n = base.tree.num_dofs();
+  require_size("series: joints of the effect's model", effect.num_joints, n, "joint");
+  for (const Rows* m : {&x.q, &x.qd, &x.qdd}) {
+    require_size("series: columns of the motion", m->cols(), n, "joint");
+    require_size("series: rows of the motion", m->rows(), x.rows(), "row of q");
+  }
+  if (!(x.dt > 0.0))
+    throw ShapeError("series: dt = " + std::to_string(x.dt) + " s, expected above 0");
+  for (const Rows* m : {&x.tau, &x.total, &x.logged}) {
+    if (m->size() == 0) continue;
+    require_size("series: columns of the torque", m->cols(), n, "joint");
+    require_size("series: rows of the torque", m->rows(), x.rows(), "row of q");
+  }
+  JointSeries out = x;
+  if (out.tau.size() == 0) out.tau = link_torque(base.tree, x, false);
+  return out;
+}
+
+Rows torque_of(const BoundEffect& effect, const ExtendedTree& base, const JointSeries& x,
+               const double* p) {
+  switch (effect.info().port) {
+    case Port::kModelParameter: {
+      Tree<double> changed = base.tree;
+      add_to_tree(effect, p, changed);
+      return link_torque(changed, x, true) - link_torque(base.tree, x, true);
+    }
+    case Port::kMeasurement:
+      return local_total(base, true_motion(effect, x, p)) - local_total(base, x);
+    case Port::kMemory:
+      return memory_torque(effect, base, x, p);
+    case Port::kJointTorque:
+    case Port::kLinkForce:
+      break;
+  }
+  Rows out = Rows::Zero(x.rows(), x.q.cols());
+  add_local(effect, base.tree, x, p, out);
+  return out;
+}
+
+/// One unit of linear parameter k, the other linear ones 0.
+Rows unit_column(const BoundEffect& effect, const ExtendedTree& base, const JointSeries& x,
+                 std::vector<double> p, int k) {
+  for (const int i : effect.linear_parameters()) p[static_cast<std::size_t>(i)] = 0.0;
+  const std::vector<double> none = p;
+  p[static_cast<std::size_t>(k)] = 1.0;
+  Rows out = torque_of(effect, base, x, p.data());
+  // Friction that follows a hidden motor stays where the rotor has no inertia.
+  if (effect.info().port == Port::kMemory && !base.effects.empty())
+    out -= torque_of(effect, base, x, none.data());
+  return out;
+}
+
+/// Shape parameter k of an effect of one instant, by Jets through its formula.
+Rows jet_column(const BoundEffect& effect, const ExtendedTree& base, const JointSeries& x,
+                const std::vector<double>& p, int k) {
+  const int n = static_cast<int>(x.q.cols());
+  std::vector<JetD> jets(p.begin(), p.end()), state(static_cast<std::size_t>(4 * n)),
+      tau(static_cast<std::size_t>(n));
+  const auto at = static_cast<std::size_t>(k);
+  jets[at].v[0] = scale(effect.parameter_info[at]) == Scale::kLog ? p[at] : 1.0;
+  Rows out(x.rows(), n);
+  for (long row = 0; row < x.rows(); ++row) {
+    for (int j = 0; j < n; ++j) {
+      const auto i = static_cast<std::size_t>(j), m = static_cast<std::size_t>(n);
+      state[i] = JetD(x.q(row, j));
+      state[m + i] = JetD(x.qd(row, j));
+      state[2 * m + i] = JetD(x.qdd(row, j));
+      state[3 * m + i] = JetD(x.tau(row, j));
+    }
+    std::ranges::fill(tau, JetD(0.0));
+    const JointSample<JetD> s{x.start + static_cast<double>(row) * x.dt,
+                              x.run,
+                              state.data(),
+                              state.data() + n,
+                              state.data() + 2 * n,
+                              state.data() + 3 * n};
+    add_torque(effect, base.tree, s, jets.data(), tau.data());
+    for (int j = 0; j < n; ++j) out(row, j) = tau[static_cast<std::size_t>(j)].v[0];
+  }
+  return out;
+}
+
+/// Shape parameter k by differences of order two; from one side where a parameter must not fall
+/// below 0.
+Rows difference_column(const BoundEffect& effect, const ExtendedTree& base, const JointSeries& x,
+                       const std::vector<double>& p, int k) {
+  const auto at = static_cast<std::size_t>(k);
+  const ParameterInfo& info = effect.parameter_info[at];
+  const bool log = scale(info) == Scale::kLog;
+  // Cuts the error of the difference, of order h², to 1e-8 and leaves rounding at 1e-16/h.
+  const double h = log ? 1e-4 : 1e-5 * std::max(1.0, std::abs(p[at]));
+  const auto torque = [&](double step) {
+    std::vector<double> moved = p;
+    moved[at] = log ? p[at] * std::exp(step) : p[at] + step;
+    return torque_of(effect, base, x, moved.data());
+  };
+  if (info.sign == Sign::kNonNegative && p[at] < h)
+    return (4.0 * torque(h) - torque(2.0 * h) - 3.0 * torque(0.0)) / (2.0 * h);
+  return (torque(h) - torque(-h)) / (2.0 * h);
+}
+
+}  // namespace
+
+void predict(const ExtendedTree& base, JointSeries& x) {
+  x.tau = link_torque(base.tree, x, false);
+  x.total = local_total(base, x);
+}
+
+Rows series_torque(const BoundEffect& effect, const ExtendedTree& base, const JointSeries& x,
+                   const double* p) {
+  return torque_of(effect, base, complete(effect, base, x), p);
+}
+Rows series_torque(const BoundEffect& effect, const Tree<double>& tree, const JointSeries& x,
+                   const double* p) {
+  return series_torque(effect, ExtendedTree{tree, {}, {}}, x, p);
+}
+
+std::vector<Rows> series_columns(const BoundEffect& effect, const ExtendedTree& base,
+                                 const JointSeries& x, const double* p,
+                                 const std::vector<int>& which) {
+  const JointSeries full = complete(effect, base, x);
+  const std::vector<double> at(p, p + effect.parameters.size());
+  std::vector<Rows> out;
+  for (const int k : which) {
+    if (k < 0 || k >= static_cast<int>(at.size()))
+      throw ShapeError("series_columns: parameter " + std::to_string(k) + " of " +
+                       effect.info().name + ", which has " + std::to_string(at.size()));
+    if (effect.parameter_info[static_cast<std::size_t>(k)].linear)
+      out.push_back(unit_column(effect, base, full, at, k));
+    else if (effect.is_local())
+      out.push_back(jet_column(effect, base, full, at, k));
+    else
+      out.push_back(difference_column(effect, base, full, at, k));
+  }
+  return out;
+}
+std::vector<Rows> series_columns(const BoundEffect& effect, const Tree<double>& tree,
+                                 const JointSeries& x, const double* p,
+                                 const std::vector<int>& which) {
+  return series_columns(effect, ExtendedTree{tree, {}, {}}, x, p, which);
+}
+
+}  // namespace diffnea

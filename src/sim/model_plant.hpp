@@ -1,0 +1,65 @@
+#pragma once
+/// A model with all its effects as a robot that can be stepped: those of one instant by forward
+/// dynamics, those with memory with their states (torque of the drives, bristles, angles of hidden
+/// motors), encoders on what is read.
+
+#include <diffnea/dynamics/integrators.hpp>
+#include <diffnea/effects/forward_dynamics.hpp>
+
+#include "sim/control_loop.hpp"
+#include "sim/drives.hpp"
+
+namespace diffnea::sim {
+
+class ModelPlant : public Plant {
+ public:
+  /// @throws ModelError if effects cannot act together: two motors at one joint, or what reads q̈ at
+  /// a joint
+  ///         with a hidden motor
+  ModelPlant(const Model& model, const RecordOptions& options);
+  ModelPlant(const ModelPlant&) = delete;  // its parts point at its effects
+  ModelPlant& operator=(const ModelPlant&) = delete;
+
+  void reset(const VecX<double>& q) override;
+  VecX<double> q() const override { return encoders_.read(z_.head(n_)); }
+  VecX<double> qd() const override { return encoders_.read_velocity(z_.segment(n_, n_)); }
+  std::string step(const VecX<double>& torque) override;
+
+ private:
+  /// Dahl's or LuGre's bristles at a joint; `state` is z/x_s or z.
+  struct Bristles {
+    const BoundEffect* effect;
+    int joint;
+    double state = 0.0;
+    double advanced(double travel, double h) const;
+    double torque(double state, double velocity) const;
+  };
+  /// A motor behind a spring or a gap. Its angle and velocity are z[2n + k] and z[2n + m + k] of m
+  /// motors.
+  struct Motor {
+    const BoundEffect* effect;
+    int joint;
+    double inertia;
+    double shared_armature;  ///< of the joint, what turns with the link's acceleration in the model
+    double transmitted(double deflection, double velocity) const;
+  };
+
+  ExtendedTree take_apart(ExtendedTree model);
+  int steps_for_stiffness(const VecX<double>& q) const;
+  void slope(double share, const VecX<double>& z, VecX<double>& dz);
+
+  int n_;
+  std::vector<BoundEffect> series_;         ///< with memory, or of a channel
+  std::vector<BoundEffect> motor_effects_;  ///< of one instant, at joints with a hidden motor
+  std::vector<Bristles> bristles_;
+  std::vector<Motor> motors_;
+  ForwardDynamics dynamics_;
+  Drives drives_;
+  Encoders encoders_;
+  double period_, largest_step_, time_ = 0.0, step_ = 0.0;
+  int substeps_ = 1;
+  VecX<double> z_, start_;  ///< q, q̇, θ, θ̇; at the beginning of the step
+  RungeKutta4<VecX<double>> integrator_;
+};
+
+}  // namespace diffnea::sim
