@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numeric>
 #include <stdexcept>
 
@@ -136,48 +137,47 @@ void declare_for(const std::string& effect, int joint, Robot& robot, const Scale
   }
 }
 
-double size_of(const Eigen::MatrixXd& effect, const Series& series, const Mechanism& h) {
-  const Eigen::VectorXd share = rms(effect).cwiseQuotient(rms(series.tau));
+double size_of(const World& world, const Series& series, const Case& c, const Mechanism& h) {
+  const Eigen::VectorXd share = effect_share(world, series, c.rate);
   double largest = 0.0;
   for (const int j : h.joints) largest = std::max(largest, share[j]);
   return largest;
 }
 
 /// Scales a mechanism until it makes up `target` of its joint's torque, as far as it may go: secant
-/// steps in the logarithms, one period each.
+/// steps in the logarithms, one period each, halved where they leave what is known to be too weak
+/// and too strong.
 void scale_to(double target, const Mechanism& unscaled, std::size_t index, const Motion& motion,
               Case& c) {
   World alone = c.world;
   alone.hidden = {unscaled};
   Mechanism& h = alone.hidden[0];
-  double strength = std::min(h.start, h.limit), limit = h.limit, slope = 1.0;
-  double last_strength = 0.0, last_size = 0.0, best_gap = 1e9;
+  double strength = std::min(h.start, h.limit), slope = 1.0, best_gap = 1e9;
+  double weak = 0.0, weak_size = 0.0, strong = h.limit, strong_size = 0.0;
   c.world.hidden[index].strength = strength;
-  for (int i = 0; i < 7; ++i) {
+  for (int i = 0; i < 12; ++i) {
     h.strength = strength;
-    double size;
+    double size = std::numeric_limits<double>::infinity();
     try {
-      const Series s = quiet_run(alone, motion, c);
-      size = size_of(effect_torque(alone, s), s, h);
-    } catch (const std::runtime_error&) {
-      limit = 0.7 * strength;
-      strength *= 0.4;
-      continue;
+      size = size_of(alone, quiet_run(alone, motion, c), c, h);
+    } catch (const std::runtime_error&) {  // too strong to follow the motion
     }
     const double gap = std::abs(std::log(std::max(size, 1e-12) / target));
     if (gap < best_gap) {
       best_gap = gap;
       c.world.hidden[index].strength = strength;
     }
-    if (gap < 0.05) return;
-    if (last_size > 0.0 && size > 0.0 && last_size != size && last_strength != strength)
-      slope = std::clamp(std::log(size / last_size) / std::log(strength / last_strength), 0.3, 4.0);
-    last_strength = strength;
-    last_size = size;
-    const double factor = size > 0.0 ? std::pow(target / size, 1.0 / slope) : 1.3;
-    const double next = std::min(limit, strength * std::clamp(factor, 0.02, 50.0));
-    if (next == strength) return;
-    strength = next;
+    if (gap < 0.1 || (size < target && strength == h.limit)) return;
+    (size < target ? weak : strong) = strength;
+    (size < target ? weak_size : strong_size) = size;
+    const bool bracketed = weak_size > 0.0 && strong_size > 0.0 && std::isfinite(strong_size);
+    if (bracketed) slope = std::log(strong_size / weak_size) / std::log(strong / weak);
+    double next =
+        strength * std::clamp(std::pow(target / std::max(size, 1e-9), 1.0 / slope), 0.1, 50.0);
+    // Every second step at least halves a bracket that the secant does not close.
+    if (weak > 0.0 && (!(next > weak && next < strong) || (i % 2 == 1 && std::isfinite(strong))))
+      next = std::isfinite(strong) ? std::sqrt(weak * strong) : 10.0 * weak;
+    strength = std::min(next, h.limit);
   }
 }
 
@@ -194,6 +194,21 @@ Eigen::VectorXd rms(const Eigen::MatrixXd& padded) {
   const Eigen::Index rows = padded.rows() - 2 * kPad;
   return (padded.middleRows(kPad, rows).colwise().squaredNorm() / static_cast<double>(rows))
       .cwiseSqrt();
+}
+
+Eigen::MatrixXd decimate(const Eigen::MatrixXd& padded, double rate) {
+  const Eigen::Index every = std::max<Eigen::Index>(1, std::lround(rate / 50.0));
+  Eigen::MatrixXd out((padded.rows() - 2 * kPad) / every, padded.cols());
+  for (Eigen::Index k = 0; k < out.rows(); ++k)
+    out.row(k) = padded.middleRows(kPad + k * every, every).colwise().mean();
+  return out;
+}
+
+Eigen::VectorXd effect_share(const World& world, const Series& s, double rate) {
+  const Eigen::MatrixXd effect = decimate(effect_torque(world, s), rate);
+  const Eigen::VectorXd root_mean_square =
+      (effect.colwise().squaredNorm() / static_cast<double>(effect.rows())).cwiseSqrt();
+  return root_mean_square.cwiseQuotient(rms(s.tau));
 }
 
 Eigen::MatrixXd effect_torque(const World& world, const Series& s) {
@@ -214,19 +229,21 @@ Eigen::MatrixXd effect_torque(const World& world, const Series& s) {
 }
 
 Case draw_case(std::uint64_t seed, const std::string& given, const CaseOptions& o) {
-  Rng rng(seed, kDraw);
   const std::vector<std::string> all = families();
   Case c;
   c.seed = seed;
   c.rate = o.rate;
   c.duration = o.duration;
-  c.family = rng.one_of(all);
-  if (!given.empty()) c.family = given;
-  if (std::ranges::find(all, c.family) == all.end()) {
+  c.family = given.empty() ? Rng(seed, kFamily).one_of(all) : given;
+  const auto family = std::ranges::find(all, c.family);
+  if (family == all.end()) {
     std::string list;
     for (const std::string& f : all) list += (list.empty() ? "" : ", ") + f;
     throw std::invalid_argument("no family '" + c.family + "'; there are " + list);
   }
+  // Other robots in every family, though the seed be the same.
+  c.stream = 100 * static_cast<std::uint64_t>(family - all.begin() + 1);
+  Rng rng(seed, c.stream + kDraw);
 
   // What is hidden, before it has numbers.
   std::vector<std::string> effects;
@@ -275,7 +292,7 @@ Case draw_case(std::uint64_t seed, const std::string& given, const CaseOptions& 
     joints.push_back(rng.one_of(free));
   }
 
-  const Motion motion(c.world.robot, c.period, Rng(seed, kTrainMotion));
+  const Motion motion(c.world.robot, c.period, Rng(seed, c.stream + kTrainMotion));
   c.world.nominal = c.world.robot;
   Scales scales = scales_of(quiet_run(c.world, motion, c), c.world.robot);
   if (rng.chance(0.3)) declare(c.world.robot, scales, rng);

@@ -23,6 +23,7 @@ struct Sensors {
 
 struct Case {
   std::uint64_t seed = 0;
+  std::uint64_t stream = 0;  ///< of its family
   std::string family;
   World world;
   double period = 10.0;  ///< of the motion [s]
@@ -50,10 +51,16 @@ Case draw_case(std::uint64_t seed, const std::string& family, const CaseOptions&
 /// positions as they are reported. Rows as in `series`. [N·m]
 Eigen::MatrixXd effect_torque(const World& world, const Series& series);
 
+/// Means over a fiftieth of a second, without the padding.
+Eigen::MatrixXd decimate(const Eigen::MatrixXd& padded, double rate);
+
+/// Per joint: root mean square of the effect at 50 Hz over that of the torque.
+Eigen::VectorXd effect_share(const World& world, const Series& series, double rate);
+
 /// Root mean square of each column without the padding.
 Eigen::VectorXd rms(const Eigen::MatrixXd& padded);
 
 /// Seeds of the independent streams of a case.
-enum Stream : std::uint64_t { kDraw, kTrainMotion, kTestMotion, kTrainNoise, kTestNoise };
+enum Stream : std::uint64_t { kFamily, kDraw, kTrainMotion, kTestMotion, kTrainNoise, kTestNoise };
 
 }  // namespace hidden

@@ -13,15 +13,6 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-/// Means of `every` rows at a time, padding left out.
-MatrixXd decimate(const MatrixXd& padded, Index every) {
-  const Index rows = (padded.rows() - 2 * kPad) / every;
-  MatrixXd out(rows, padded.cols());
-  for (Index k = 0; k < rows; ++k)
-    out.row(k) = padded.middleRows(kPad + k * every, every).colwise().mean();
-  return out;
-}
-
 /// Joints' columns below each other, each divided by its noise.
 VectorXd stacked(const MatrixXd& torque, const VectorXd& sigma) {
   const MatrixXd white = torque * sigma.cwiseInverse().asDiagonal();
@@ -138,22 +129,24 @@ const std::vector<std::vector<std::string>> kRivals{{"coulomb_friction"},
                                                     {"viscous_friction", "quadratic_friction"}};
 
 /// Variance at 50 Hz over that of the samples.
-double noise_factor(const Case& c, Index every) {
-  if (c.sensors.corner == 0.0) return 1.0 / static_cast<double>(every);
+double noise_factor(const Case& c) {
+  const auto every = static_cast<double>(std::max(1L, std::lround(c.rate / 50.0)));
+  if (c.sensors.corner == 0.0) return 1.0 / every;
   const double a = std::exp(-2.0 * std::numbers::pi * c.sensors.corner / c.rate);
-  return std::min(1.0, (1.0 + a) / (1.0 - a) / static_cast<double>(every));
+  return std::min(1.0, (1.0 + a) / (1.0 - a) / every);
 }
 
 }  // namespace
 
 std::vector<Evidence> evidence(const Case& c, const Series& s) {
   const int n = c.world.robot.num_joints();
-  const Index every = std::max<Index>(1, std::lround(c.rate / 50.0));
-  const VectorXd sigma = std::sqrt(noise_factor(c, every)) * c.sensors.torque_noise * rms(s.tau);
-  const Motion50 x{decimate(s.mean_q, every), decimate(s.mean_qd, every),
-                   decimate(s.mean_qdd, every), decimate(s.tau, every)};
-  const MatrixXd effect = decimate(effect_torque(c.world, s), every);
-  const VectorXd share = rms(effect_torque(c.world, s)).cwiseQuotient(rms(s.tau));
+  // Where there is no noise the figures are those of a noise of 1e-6.
+  const VectorXd sigma =
+      std::sqrt(noise_factor(c)) * std::max(c.sensors.torque_noise, 1e-6) * rms(s.tau);
+  const Motion50 x{decimate(s.mean_q, c.rate), decimate(s.mean_qd, c.rate),
+                   decimate(s.mean_qdd, c.rate), decimate(s.tau, c.rate)};
+  const MatrixXd effect = decimate(effect_torque(c.world, s), c.rate);
+  const VectorXd share = effect_share(c.world, s, c.rate);
   MatrixXd base = base_columns(c.world.robot, x, sigma, c.world.coulomb_width);
   if (c.base == "fixed") base = MatrixXd::Zero(base.rows(), 1);
   const Projector projector(base);
@@ -178,7 +171,7 @@ std::vector<Evidence> evidence(const Case& c, const Series& s) {
       if (k != static_cast<Index>(i)) others.col(col++) = visible.col(k);
     Evidence& e = out[i];
     e.expected_lm = left_over(others, own);
-    e.visible_share = e.raw_lm > 0.0 ? std::sqrt(e.expected_lm / e.raw_lm) : 0.0;
+    e.visible_share = e.raw_lm > 1e-9 ? std::sqrt(e.expected_lm / e.raw_lm) : 0.0;
     const std::vector<int>& joints = c.world.hidden[i].joints;
     if (joints.size() > 2 || (n <= 2 && joints.size() > 1)) continue;  // not a joint's effect
     for (const std::vector<std::string>& names : kRivals) {

@@ -48,6 +48,7 @@ Json truth_of(const Case& c, const Series& train) {
           {"base", c.base},
           {"robot", c.world.robot.name},
           {"effects", effects},
+          {"effect_share", list(effect_share(c.world, train, c.rate))},
           {"recording",
            {{"period", c.period},
             {"duration", c.duration},
@@ -70,8 +71,9 @@ void generate(std::uint64_t seed, const std::string& family, const CaseOptions& 
 
   Eigen::VectorXd torque_rms;
   for (const bool is_test : {false, true}) {
-    Rng noise(seed, is_test ? kTestNoise : kTrainNoise);
-    const Motion motion(c.world.robot, c.period, Rng(seed, is_test ? kTestMotion : kTrainMotion));
+    Rng noise(seed, c.stream + (is_test ? kTestNoise : kTrainNoise));
+    const Motion motion(c.world.robot, c.period,
+                        Rng(seed, c.stream + (is_test ? kTestMotion : kTrainMotion)));
     SimulationOptions o;
     o.rate = c.rate;
     o.duration = c.duration;
