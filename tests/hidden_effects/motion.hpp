@@ -18,6 +18,7 @@ class Motion {
   double period() const { return period_; }
   double position(int joint, double time) const { return sum(joint, time, 0); }
   double velocity(int joint, double time) const { return sum(joint, time, 1); }
+  double acceleration(int joint, double time) const { return sum(joint, time, 2); }
 
  private:
   static constexpr int kHarmonics = 5;

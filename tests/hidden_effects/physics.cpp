@@ -143,8 +143,8 @@ Series simulate(const World& world, const Motion& motion, const SimulationOption
   }
   mj_setConst(&m, d);
 
-  // The controller: PD with the inertia that each joint feels while the others move freely,
-  // 1/(M⁻¹)_jj.
+  // The controller: the nominal model's torque, and PD with the inertia that each joint feels while
+  // the others move freely, 1/(M⁻¹)_jj.
   Inverse reference(world.robot), model_seen(world.nominal);
   Eigen::VectorXd kp(n), kd(n);
   {
@@ -179,13 +179,12 @@ Series simulate(const World& world, const Motion& motion, const SimulationOption
   for (const Mechanism& h : world.hidden)
     if (h.place) h.place(state);
   const ActiveForces installed(forces);
-  const Eigen::VectorXd zero = Eigen::VectorXd::Zero(n);
   for (long k = -lead; k < rows - kPad; ++k) {
     const double time = static_cast<double>(k) / o.rate;
     const long row = k + kPad;
     read_state(*d, forces);
     Eigen::VectorXd measured = state.motor_q, encoder_scale = Eigen::VectorXd::Ones(n),
-                    encoder_offset = zero, command(n);
+                    encoder_offset = Eigen::VectorXd::Zero(n), command(n);
     for (const Mechanism& h : world.hidden)
       for (int j = 0; h.encoder && j < n; ++j) {
         const Encoder e = h.encoder(h.strength, j);
@@ -194,10 +193,15 @@ Series simulate(const World& world, const Motion& motion, const SimulationOption
       }
     measured = measured.cwiseProduct(encoder_scale) + encoder_offset;
     if (o.position_noise.rows() > 0 && row >= 0) measured += o.position_noise.row(row).transpose();
-    const Eigen::VectorXd gravity = model_seen.torque(measured, zero, zero);
+    Eigen::VectorXd desired_qd(n), desired_qdd(n);
+    for (int j = 0; j < n; ++j) {
+      desired_qd[j] = motion.velocity(j, time);
+      desired_qdd[j] = motion.acceleration(j, time);
+    }
+    const Eigen::VectorXd feed_forward = model_seen.torque(measured, desired_qd, desired_qdd);
     for (int j = 0; j < n; ++j)
-      command[j] = gravity[j] + kp[j] * (motion.position(j, time) - measured[j]) +
-                   kd[j] * (motion.velocity(j, time) - state.motor_qd[j]);
+      command[j] = feed_forward[j] + kp[j] * (motion.position(j, time) - measured[j]) +
+                   kd[j] * (desired_qd[j] - state.motor_qd[j]);
     if (row >= 0) {
       out.time[row] = time;
       out.q.row(row) = state.q;

@@ -1,5 +1,5 @@
 #pragma once
-/// The robot in MuJoCo with what is hidden in it, followed by a controller at the sampling rate.
+/// The robot in MuJoCo with what is hidden in it, led by a controller at the sampling rate.
 
 #include <memory>
 #include <vector>
