@@ -20,7 +20,8 @@ VectorXd stacked(const MatrixXd& torque, const VectorXd& sigma) {
 }
 
 struct Motion50 {
-  MatrixXd q, qd, qdd, tau;
+  MatrixXd q, qd, qdd;
+  MatrixXd tau;  ///< without the hidden effects
 };
 
 /// Torque is linear in ten numbers a link: ten different bodies in the place of each link, all
@@ -144,7 +145,7 @@ std::vector<Evidence> evidence(const Case& c, const Series& s) {
   const VectorXd sigma =
       std::sqrt(noise_factor(c)) * std::max(c.sensors.torque_noise, 1e-6) * rms(s.tau);
   const Motion50 x{decimate(s.mean_q, c.rate), decimate(s.mean_qd, c.rate),
-                   decimate(s.mean_qdd, c.rate), decimate(s.tau, c.rate)};
+                   decimate(s.mean_qdd, c.rate), decimate(s.needed, c.rate)};
   const MatrixXd effect = decimate(effect_torque(c.world, s), c.rate);
   const VectorXd share = effect_share(c.world, s, c.rate);
   MatrixXd base = base_columns(c.world.robot, x, sigma, c.world.coulomb_width);

@@ -12,6 +12,8 @@ namespace {
 constexpr double kLeadIn = 2.5;
 /// A joint this far from its desired position is lost [rad]; [m] for a carriage.
 constexpr double kLost = 0.7;
+/// Postures along the motion in which the controller's inertias are looked up.
+constexpr int kPostures = 50;
 
 int joint_id(const mjModel& m, const std::string& name) {
   const int id = mj_name2id(&m, mjOBJ_JOINT, name.c_str());
@@ -144,22 +146,29 @@ Series simulate(const World& world, const Motion& motion, const SimulationOption
   mj_setConst(&m, d);
 
   // The controller: the nominal model's torque, and PD with the inertia that each joint feels while
-  // the others move freely, 1/(M⁻¹)_jj.
+  // the others move freely, 1/(M⁻¹)_jj: its mean over the motion, unless the sampled loop would be
+  // unstable where it is least.
   Inverse reference(world.robot), model_seen(world.nominal);
-  Eigen::VectorXd kp(n), kd(n);
-  {
-    mj_resetData(&m, d);
-    for (int j = 0; j < n; ++j) d->qpos[forces.qpos[j]] = motion.position(j, 0.0);
+  Eigen::VectorXd mean_inertia = Eigen::VectorXd::Zero(n);
+  Eigen::VectorXd least_inertia = Eigen::VectorXd::Constant(n, 1e9);
+  mj_resetData(&m, d);
+  for (int i = 0; i < kPostures; ++i) {
+    for (int j = 0; j < n; ++j)
+      d->qpos[forces.qpos[j]] = motion.position(j, i * motion.period() / kPostures);
     mj_forward(&m, d);
     for (int j = 0; j < n; ++j) {
-      Eigen::VectorXd unit = Eigen::VectorXd::Unit(m.nv, state.dof[j]), response(m.nv);
+      const Eigen::VectorXd unit = Eigen::VectorXd::Unit(m.nv, state.dof[j]);
+      Eigen::VectorXd response(m.nv);
       mj_solveM(&m, d, response.data(), unit.data(), 1);
       double inertia = 1.0 / response[state.dof[j]];
       if (state.motor_dof[j] != state.dof[j]) inertia += m.dof_armature[state.motor_dof[j]];
-      kp[j] = inertia * o.control_bandwidth * o.control_bandwidth;
-      kd[j] = inertia * 2.0 * 0.8 * o.control_bandwidth;
+      mean_inertia[j] += inertia / kPostures;
+      least_inertia[j] = std::min(least_inertia[j], inertia);
     }
   }
+  const Eigen::VectorXd inertia = mean_inertia.cwiseMin(4.0 * least_inertia);
+  const Eigen::VectorXd kp = inertia * o.control_bandwidth * o.control_bandwidth;
+  const Eigen::VectorXd kd = inertia * 2.0 * 0.8 * o.control_bandwidth;
 
   const long rows = std::lround(o.duration * o.rate) + 2 * kPad;
   Series out;
