@@ -1,0 +1,55 @@
+#include "motion.hpp"
+
+#include <algorithm>
+
+namespace hidden {
+namespace {
+
+// What an arm does without shaking; a carriage moves a tenth of that.
+constexpr double kMaxVelocity = 2.5;       // [rad/s]
+constexpr double kMaxAcceleration = 30.0;  // [rad/s²]
+constexpr double kSlide = 0.2;             // [m/rad]
+
+}  // namespace
+
+Motion::Motion(const Robot& robot, double period, Rng rng) : period_(period) {
+  for (int j = 0; j < robot.num_joints(); ++j) {
+    const Link& link = robot.links[static_cast<std::size_t>(j)];
+    Series s;
+    for (int h = 0; h < kHarmonics; ++h) {
+      s.a[h] = rng.normal() / std::sqrt(h + 1.0);
+      s.b[h] = rng.normal() / std::sqrt(h + 1.0);
+    }
+    joints_.push_back(s);
+    const double unit = link.slide ? kSlide : 1.0;
+    const double scale = rng.uniform(0.75, 1.0) *
+                         std::min({link.range / peak(j, 0), unit * kMaxVelocity / peak(j, 1),
+                                   unit * kMaxAcceleration / peak(j, 2)});
+    Series& drawn = joints_.back();
+    for (double* coefficient : {drawn.a, drawn.b})
+      for (int h = 0; h < kHarmonics; ++h) coefficient[h] *= scale;
+    drawn.centre = link.centre;
+  }
+}
+
+double Motion::sum(int joint, double time, int derivative) const {
+  const Series& s = joints_[static_cast<std::size_t>(joint)];
+  double out = derivative == 0 ? s.centre : 0.0;
+  for (int h = 0; h < kHarmonics; ++h) {
+    const double w = 2.0 * std::numbers::pi * (h + 1) / period_;
+    const double sine = std::sin(w * time), cosine = std::cos(w * time);
+    if (derivative == 0) out += s.a[h] * sine + s.b[h] * cosine;
+    if (derivative == 1) out += w * (s.a[h] * cosine - s.b[h] * sine);
+    if (derivative == 2) out -= w * w * (s.a[h] * sine + s.b[h] * cosine);
+  }
+  return out;
+}
+
+double Motion::peak(int joint, int derivative) const {
+  double largest = 0.0;
+  for (int i = 0; i < 400; ++i)
+    largest = std::max(largest, std::abs(sum(joint, period_ * i / 400.0, derivative)));
+  return largest;
+}
+
+}  // namespace hidden

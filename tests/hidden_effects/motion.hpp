@@ -1,0 +1,36 @@
+#pragma once
+/// Desired motions: Fourier series, periodic, another one for every stream of a seed.
+
+#include <vector>
+
+#include "random.hpp"
+#include "robot.hpp"
+
+namespace hidden {
+
+/// q(t) = centre + Σ_h a_h sin(2πht/T) + b_h cos(2πht/T), one series per joint.
+class Motion {
+ public:
+  /// Amplitudes fill the joints' ranges as far as speed and acceleration allow.
+  /// @param period  T [s]
+  Motion(const Robot& robot, double period, Rng rng);
+
+  double period() const { return period_; }
+  double position(int joint, double time) const { return sum(joint, time, 0); }
+  double velocity(int joint, double time) const { return sum(joint, time, 1); }
+  double acceleration(int joint, double time) const { return sum(joint, time, 2); }
+
+ private:
+  static constexpr int kHarmonics = 5;
+  struct Series {
+    double centre = 0.0;
+    double a[kHarmonics] = {}, b[kHarmonics] = {};
+  };
+  double sum(int joint, double time, int derivative) const;
+  double peak(int joint, int derivative) const;
+
+  double period_;
+  std::vector<Series> joints_;
+};
+
+}  // namespace hidden
