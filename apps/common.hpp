@@ -30,6 +30,7 @@ inline void add_common(CLI::App& command, CommonOptions& options) {
   command.add_option("--threads", options.threads, "threads, 0: one a core")->capture_default_str();
 }
 
+void add_audit(CLI::App& app);
 void add_compare(CLI::App& app);
 void add_excite(CLI::App& app);
 /// @param command_line  as it was typed, for the result
