@@ -101,6 +101,7 @@ inline void add_common(CLI::App& command, CommonOptions& options) {
       ->capture_default_str();
 }
 
+void add_audit(CLI::App& app);
 void add_compare(CLI::App& app);
 void add_effects(CLI::App& app);
 void add_excite(CLI::App& app);

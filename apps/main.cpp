@@ -17,6 +17,7 @@ int main(int argc, char** argv) {
   app.set_version_flag("--version", std::string(diffnea::version()));
   app.require_subcommand(1);
   // One line per command, sorted.
+  diffnea::apps::add_audit(app);
   diffnea::apps::add_compare(app);
   diffnea::apps::add_effects(app);
   diffnea::apps::add_excite(app);

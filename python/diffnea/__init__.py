@@ -9,9 +9,13 @@ Arrays are float64: ``(n,)`` for one state of n joints, ``(T, n)`` for many; SI 
 """
 
 from . import models
+from ._audit import audit
 from ._core import (
+    AuditCheck,
+    AuditReport,
     BaseParameter,
     Change,
+    ChannelFault,
     Comparison,
     DataError,
     DecimatorOptions,
@@ -28,6 +32,7 @@ from ._core import (
     Model,
     ModelError,
     ParameterEstimate,
+    Period,
     PreprocessPlan,
     QuarantinedRow,
     ReadReport,
@@ -41,6 +46,7 @@ from ._core import (
     __version__,
     aba,
     compare,
+    detect_period,
     effects,
     excite,
     frame_jacobian,
@@ -66,8 +72,11 @@ from ._results import Parameters
 from ._simulate import simulate, worlds
 
 __all__ = [
+    "AuditCheck",
+    "AuditReport",
     "BaseParameter",
     "Change",
+    "ChannelFault",
     "Comparison",
     "DataError",
     "DecimatorOptions",
@@ -85,6 +94,7 @@ __all__ = [
     "ModelError",
     "ParameterEstimate",
     "Parameters",
+    "Period",
     "PreprocessPlan",
     "QuarantinedRow",
     "ReadReport",
@@ -98,7 +108,9 @@ __all__ = [
     "Trajectory",
     "__version__",
     "aba",
+    "audit",
     "compare",
+    "detect_period",
     "effects",
     "excite",
     "frame_jacobian",

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
-from ._core import Error, IdentifyResult, ParameterEstimate, TorqueSeries
+from ._core import AuditReport, Error, IdentifyResult, ParameterEstimate, TorqueSeries
 from ._files import import_pandas
 
 if TYPE_CHECKING:
@@ -86,6 +86,27 @@ def html(result: IdentifyResult) -> str:
             else ""
         )
     )
+
+
+def audit_html(report: AuditReport) -> str:
+    """Implement ``_repr_html_`` of :class:`AuditReport`: every fault with its evidence."""
+
+    def size(value: float, std: float, unit: str) -> str:
+        error = f" ± {std:.2g}" if math.isfinite(std) else ""
+        return f"{_number(value)}{error}{'' if unit == '1' else ' ' + unit}"
+
+    rows = [
+        [f.severity, f.fault, f.channel, size(f.value, f.std, f.unit), f.evidence]
+        for f in report.faults
+    ]
+    unchecked = "".join(
+        f"<p>not checked: {text.escape(c.name)}: {text.escape(c.text)}</p>"
+        for c in report.checks
+        if not c.done
+    )
+    if not rows:
+        return f"<p>no channel fault in {report.rows} rows</p>" + unchecked
+    return _table(["", "fault", "channel", "size", "evidence"], rows) + unchecked
 
 
 def plot(result: IdentifyResult, of: str) -> Figure:

@@ -474,6 +474,8 @@ struct RecordingReader::Impl {
         if (largest_tau[j] > 0.0)
           report.notes.push_back("the joint is declared passive, so its " + column + " (up to " +
                                  number_text(largest_tau[j]) + ") is not used");
+      } else if (!options.refuse_silent_torque) {
+        continue;
       } else if (largest_tau[j] < 0.0) {
         throw DataError(
             name + ": column " + column +

@@ -1,0 +1,59 @@
+#include <cstdio>
+
+#include <diffnea/identify/source.hpp>
+#include <diffnea/io/audit_result.hpp>
+#include <diffnea/io/model_file.hpp>
+#include <diffnea/report/audit_text.hpp>
+
+#include "common.hpp"
+
+namespace diffnea::apps {
+namespace {
+
+struct AuditCommand {
+  CommonOptions common;
+  std::string model;
+  std::vector<std::string> data, passive;
+  AuditLimits limits;
+};
+
+void run_audit(AuditCommand c) {
+  std::string name;
+  if (!c.model.empty()) {
+    const Model model = read_model(c.model);
+    name = model.name;
+    c.limits.joints = describe_joints(model);
+  }
+  const AuditReport report = audit_files({c.data.begin(), c.data.end()}, c.limits, c.passive);
+  const std::string text =
+      c.common.json ? audit_result_json(report, c.data, name) : audit_text(report);
+  std::fwrite(text.data(), 1, text.size(), stdout);
+}
+
+}  // namespace
+
+void add_audit(CLI::App& app) {
+  auto c = std::make_shared<AuditCommand>();
+  CLI::App* command = app.add_subcommand(
+      "audit",
+      "Find what is wrong with the channels of a recording, before any dynamics.\n"
+      "Velocities against dq/dt (sign, scale, lag, swapped joints), the clock (gaps, jitter, "
+      "rate),\n"
+      "torques at a limit or of the wrong sign or joint, dead, frozen, slow and coarse channels,\n"
+      "spikes, degrees, periods. Every fault is named with channel, size ± standard error and\n"
+      "evidence; a fault biases what is fitted, a note does not. docs/recordings.md lists them.\n"
+      "The exit status is 0 whatever was found: read `audit` of --json to act on it.");
+  command->add_option("data", c->data, "recordings of one robot (.csv)")->required();
+  command->add_option("--model", c->model,
+                      "robot description, for limits of position and torque: URDF, MJCF or JSON");
+  command->add_option("--passive", c->passive, "joints whose torque is known to be zero");
+  command
+      ->add_option("--significance", c->limits.significance,
+                   "least size of a fault over its standard error")
+      ->check(CLI::Range(3.0, 1000.0))
+      ->capture_default_str();
+  add_common(*command, c->common);
+  command->callback([c] { run_audit(*c); });
+}
+
+}  // namespace diffnea::apps

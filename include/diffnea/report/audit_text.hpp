@@ -1,0 +1,13 @@
+#pragma once
+/// An audit as text for a terminal.
+
+#include <string>
+
+#include <diffnea/recording/audit.hpp>
+
+namespace diffnea {
+
+/// A table of the faults, each with its evidence, then what could not be checked and why.
+std::string audit_text(const AuditReport& report);
+
+}  // namespace diffnea
