@@ -331,7 +331,8 @@ Case draw_case(std::uint64_t seed, const std::string& given, const CaseOptions& 
   const double position_noise = rng.log_uniform(2e-5, 1e-4);
   const double turn = rng.chance(0.3) ? std::exp2(-rng.uniform(17.0, 20.0)) * 6.283185307 : 0.0;
   for (int j = 0; j < n; ++j) {
-    const double unit = c.world.robot.links[static_cast<std::size_t>(j)].slide ? 0.1 : 1.0;
+    const double unit =
+        o.position_noise * (c.world.robot.links[static_cast<std::size_t>(j)].slide ? 0.1 : 1.0);
     s.position_noise[j] = unit * position_noise;
     s.position_step[j] = unit * turn;
   }

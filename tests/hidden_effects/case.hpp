@@ -36,6 +36,7 @@ struct Case {
 
 struct CaseOptions {
   double noise = 0.01, duration = 40.0, rate = 500.0;
+  double position_noise = 1.0;  ///< times what is drawn
   /// Share of its joint's torque RMS that an effect is scaled to, drawn between these (logarithm).
   double smallest = 0.003, largest = 0.1;
 };

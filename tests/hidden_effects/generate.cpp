@@ -120,6 +120,9 @@ int main(int argc, char** argv) {
   app.add_option("--noise", options.noise, "torque noise, share of each joint's torque RMS")
       ->check(CLI::NonNegativeNumber)
       ->capture_default_str();
+  app.add_option("--position-noise", options.position_noise, "factor on the positions' noise")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
   app.add_option("--smallest", options.smallest,
                  "size of an effect, share of its joint's torque RMS")
       ->check(CLI::Range(1e-5, 0.5))

@@ -1,0 +1,213 @@
+"""Judge what `diffnea diagnose` said of a case of hidden_effects_generate.
+
+    python3 score.py truth.json result.json
+
+Needs Python alone. The outcomes:
+
+    right       the set of causes is the truth: every effect at its joint, nothing else
+    class       every truth stands in the class that a cause reports, nothing else is named
+    confusable  what was named explains the truth as well as the truth does: a documented
+                confusion, or simpler effects beyond which its expected LM is below CONFUSABLE
+    partial     some of several effects, nothing wrong
+    missed      nothing named although the truth can be seen
+    unknown     UNKNOWN although the truth is in the catalogue
+    wrong       a cause that is not there
+    false_alarm a cause, or UNKNOWN, where nothing is to be seen
+    failed      no result
+"""
+
+import json
+import sys
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+Json = dict[str, Any]
+Cause = tuple[str, str]
+
+# Expected LM below which an effect need not be found: the goals of the study begin here.
+VISIBLE = 30.0
+# Expected LM of the truth over a rival below which ΔBIC = 10 cannot be expected, two more
+# parameters at ln 2000 each and the spread of a χ² with mean 20 included.
+CONFUSABLE = 30.0
+# EFFECTS.md, known confusions: the same to first order in frequency, or unless poses are large.
+DOCUMENTED = (
+    {"actuator_lag", "actuator_delay"},
+    {"tip_force", "base_tilt"},
+    {"presliding_dahl", "presliding_lugre"},
+    {"time_shift", "actuator_delay"},
+)
+
+GOOD = ("right", "class", "confusable")
+
+
+@dataclass
+class Score:
+    """One case judged."""
+
+    outcome: str
+    truth: list[Cause]
+    named: list[Cause]
+    verdict: str = ""
+    expected_lm: float | None = None  # of the weakest effect that must be found
+    size: float | None = None  # its share of the joint's torque
+    in_class: bool | None = None  # the truth is named or in a class
+    class_size: float | None = None  # mean over the causes
+    witness: bool | None = None  # UNKNOWN, and with the right variables
+    absorbed: bool | None = None  # the absorbed effect was declared as such
+    covered: list[bool] = field(default_factory=list)  # 95 % intervals that hold the truth
+    explained: float | None = None  # share of the removable held-out error
+    seconds: float | None = None
+
+
+def place(where: str) -> str:
+    """Return a place that does not depend on the order of a pair."""
+    return ",".join(sorted(part.strip() for part in where.split(",")))
+
+
+def cause(item: Json) -> Cause:
+    return item["effect"], place(item["where"])
+
+
+def documented(a: Cause, b: Cause) -> bool:
+    same_place = a[1] == b[1] or {a[1], b[1]} & {"all", "base", "tip"}
+    return bool(same_place) and any({a[0], b[0]} == pair for pair in DOCUMENTED)
+
+
+def confusable(effect: Json, named: set[Cause]) -> bool:
+    """Whether causes at the effect's joint explain as much as the effect itself."""
+    mine = cause(effect)
+    if any(documented(mine, other) for other in named):
+        return True
+    here = {name for name, where in named if where == mine[1]}
+    if {"actuator_delay", "actuator_lag"} & here:
+        here.add("actuator_lag")  # the rival's column stands for both
+    return any(
+        set(rival["effects"]) <= here and rival["lm_beyond"] < CONFUSABLE
+        for rival in effect["rivals"]
+    )
+
+
+def all_classes(result: Json) -> list[set[Cause]]:
+    return [{cause(c)} | {cause(other) for other in c.get("class", [])} for c in result["causes"]]
+
+
+def judge_named(truth: Json, result: Json, score: Score) -> str:
+    effects = truth["effects"]
+    required = [e for e in effects if e["expected_lm"] >= VISIBLE]
+    optional = [e for e in effects if e["expected_lm"] < VISIBLE]
+    named, classes = set(score.named), all_classes(result)
+    score.in_class = all(any(cause(e) in c for c in classes) for e in required)
+    if not named:
+        if result["verdict"] == "UNKNOWN":
+            return "unknown"
+        return "missed" if required else "right"
+    allowed = {cause(e) for e in effects}
+    needed = {cause(e) for e in required}
+    if needed <= named <= allowed:
+        return "right"
+    if score.in_class and all(c & allowed for c in classes):
+        return "class"
+    # Every cause must serve a truth, and every truth must be served.
+    served = [e for e in required if cause(e) in named or confusable(e, named)]
+    useful = {
+        c
+        for c in named
+        if c in allowed
+        or any(
+            documented(cause(e), c) or (c[1] in cause(e)[1].split(",") and confusable(e, named))
+            for e in [*served, *optional]
+        )
+    }
+    if useful == named:
+        return "confusable" if len(served) == len(required) else "partial"
+    return "wrong" if required else "false_alarm"
+
+
+def judge_unknown(truth: Json, result: Json, score: Score) -> str:
+    effect = truth["effects"][0]
+    if effect["expected_lm"] < VISIBLE and not score.named:
+        return "right"
+    if result["verdict"] == "UNKNOWN" or (not score.named and result.get("witness")):
+        wanted = set(effect["variables"])
+        score.witness = any(
+            wanted <= set(w["variables"]) and place(w["where"]) == place(effect["where"])
+            for w in result.get("witness", [])
+        )
+        return "right"
+    if not score.named:
+        return "missed"
+    return "confusable" if confusable(effect, set(score.named)) else "wrong"
+
+
+def judge_absorbed(truth: Json, result: Json, score: Score) -> str:
+    hidden = cause(truth["effects"][0])
+    listed = {cause(a) for a in result.get("absorbed", [])}
+    score.absorbed = hidden in listed or any(
+        name == hidden[0] and where in ("all", "tip") for name, where in listed
+    )
+    quiet = not score.named and result["verdict"] in ("NONE", "NOT_IDENTIFIABLE")
+    return "right" if quiet else "false_alarm"
+
+
+def judge_audit(truth: Json, result: Json, score: Score) -> str:
+    hidden = cause(truth["effects"][0])
+    found = {(a["fault"], place(a["where"])) for a in result.get("audit", [])}
+    if score.named or result["verdict"] == "UNKNOWN":
+        return "false_alarm"
+    return "right" if hidden in found else "missed"
+
+
+def intervals(truth: Json, result: Json) -> Iterable[bool]:
+    """Whether each parameter of each cause that is right lies in its 95 % interval."""
+    true = {cause(e): e["parameters"] for e in truth["effects"]}
+    for item in result["causes"]:
+        values = true.get(cause(item), {})
+        for parameter in item["parameters"]:
+            value, interval = values.get(parameter["name"]), parameter.get("ci95")
+            if isinstance(value, float) and interval and None not in interval:
+                yield interval[0] <= value <= interval[1]
+
+
+def judge(truth: Json, result: Json | None) -> Score:
+    """Judge a result, None where `diagnose` gave none."""
+    effects = truth["effects"]
+    required = [e for e in effects if e["expected_lm"] >= VISIBLE] or effects
+    score = Score("failed", [cause(e) for e in effects], [])
+    if required and truth["kind"] != "audit":
+        weakest = min(required, key=lambda e: e["expected_lm"])
+        score.expected_lm, score.size = weakest["expected_lm"], weakest["size"]
+    if result is None:
+        return score
+    score.verdict = result["verdict"]
+    score.named = sorted({cause(c) for c in result["causes"]})
+    if result["causes"]:
+        sizes = [len(c) for c in all_classes(result)]
+        score.class_size = sum(sizes) / len(sizes)
+    if truth["kind"] == "none":
+        alarm = score.named or score.verdict == "UNKNOWN"
+        score.outcome = "false_alarm" if alarm else "right"
+    else:
+        judges = {
+            "named": judge_named,
+            "unknown": judge_unknown,
+            "absorbed": judge_absorbed,
+            "audit": judge_audit,
+        }
+        score.outcome = judges[truth["kind"]](truth, result, score)
+    score.covered = list(intervals(truth, result))
+    shares = [c["gain"]["explained_share"] for c in result["causes"] if c.get("gain")]
+    score.explained = shares[-1] if shares else None
+    return score
+
+
+def main() -> None:
+    if len(sys.argv) != 3:
+        sys.exit(__doc__)
+    truth, result = (json.loads(Path(path).read_text(encoding="utf-8")) for path in sys.argv[1:])
+    print(json.dumps(asdict(judge(truth, result)), indent=1))
+
+
+if __name__ == "__main__":
+    main()

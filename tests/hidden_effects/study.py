@@ -1,0 +1,357 @@
+"""Hide effects in hundreds of recordings, let `diffnea diagnose` look for them, write the table.
+
+    python3 study.py build/release --set report -o build/study
+    python3 study.py build/release --set tune --count 5 --family coulomb_friction -o build/tune
+
+BUILD holds the generator and the command. One folder a case; what is finished is not done again,
+so the study can be stopped and resumed. A case is made again from its name:
+hidden_effects_generate with its group's options, seed and family. Thresholds are tuned on the
+seeds of `tune` and reported on those of `report`. `--table` only writes the table anew,
+`--rescore` judges the stored results anew.
+"""
+
+import argparse
+import concurrent.futures
+import json
+import math
+import os
+import shutil
+import subprocess
+import sys
+import time
+from collections import Counter, defaultdict
+from collections.abc import Callable, Iterable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+import score as scoring
+
+# The first seed of each set; a set holds less than FIRST_SEED["report"] - FIRST_SEED["tune"] seeds.
+FIRST_SEED = {"tune": 1_000, "report": 1_000_000}
+TIMEOUT = 600  # [s] for one diagnosis
+
+
+@dataclass(frozen=True)
+class Group:
+    """Cases that are made alike."""
+
+    name: str
+    options: tuple[str, ...] = ()
+    families: tuple[str, ...] = ()  # empty: all but `none`
+
+
+GROUPS = (
+    Group("main"),
+    Group("none", families=("none",)),
+    Group("none_noisy", ("--noise", "0.05"), ("none",)),
+    # Around the smallest effects that can be found: expected LM of 10 to 1000.
+    Group("weak", ("--smallest", "0.0003", "--largest", "0.003")),
+    # Lag and delay differ to second order only: long ones.
+    Group(
+        "lag_or_delay",
+        ("--smallest", "0.05", "--largest", "0.4"),
+        ("actuator_lag", "actuator_delay"),
+    ),
+)
+
+
+@dataclass(frozen=True)
+class Case:
+    group: Group
+    family: str
+    seed: int
+
+    @property
+    def name(self) -> str:
+        return f"{self.group.name}-{self.family}-{self.seed}"
+
+
+def families(generator: Path) -> list[str]:
+    return subprocess.run(
+        [generator, "--list"], capture_output=True, text=True, check=True
+    ).stdout.split()
+
+
+def plan(args: argparse.Namespace, all_families: list[str]) -> list[Case]:
+    cases = []
+    for group in GROUPS:
+        if args.group and group.name not in args.group:
+            continue
+        count = args.none if "none" in group.families else args.count
+        for family in group.families or [f for f in all_families if f != "none"]:
+            if args.family and family not in args.family:
+                continue
+            first = FIRST_SEED[args.set]
+            cases += [Case(group, family, first + i) for i in range(count)]
+    # Spread over the families, so that what is finished is always a fair sample.
+    return sorted(cases, key=lambda c: (c.seed, c.name))
+
+
+def run_case(case: Case, folder: Path, generator: Path, command: Path, keep: bool) -> str | None:
+    """Make, diagnose and judge one case; return what went wrong."""
+    home = folder / case.name
+    if (home / "score.json").exists():
+        return None
+    shutil.rmtree(home, ignore_errors=True)
+    make = [generator, "--seed", str(case.seed), "--family", case.family, "-o", home]
+    made = subprocess.run([*make, *case.group.options], capture_output=True, text=True)
+    if made.returncode != 0:
+        return f"{case.name}: {made.stderr.strip()}"
+    truth = json.loads((home / "truth" / "truth.json").read_text(encoding="utf-8"))
+    seen, run = home / "seen", home / "run"
+    look = [command, "diagnose", seen / "model.xml", seen / "train.csv"]
+    look += ["--test", seen / "test.csv", "--base", truth["base"], "-o", run]
+    begun = time.monotonic()
+    try:
+        looked = subprocess.run(
+            [*look, "--quiet", "--threads", "1"], capture_output=True, text=True, timeout=TIMEOUT
+        )
+        message = looked.stderr.strip() if looked.returncode != 0 else ""
+    except subprocess.TimeoutExpired:
+        message = f"no answer within {TIMEOUT} s"
+    seconds = time.monotonic() - begun
+    result = None
+    if not message and (run / "result.json").exists():
+        shutil.copy(run / "result.json", home / "result.json")
+        result = json.loads((home / "result.json").read_text(encoding="utf-8"))
+    write_score(home, scoring.judge(truth, result), seconds)
+    if not keep:
+        shutil.rmtree(seen)
+        shutil.rmtree(run, ignore_errors=True)
+    return f"{case.name}: {message}" if message else None
+
+
+def write_score(home: Path, score: scoring.Score, seconds: float | None) -> None:
+    score.seconds = seconds
+    partial = home / "score.json.tmp"
+    partial.write_text(json.dumps(asdict(score), indent=1) + "\n", encoding="utf-8")
+    partial.replace(home / "score.json")
+
+
+def rescore(home: Path) -> None:
+    truth = json.loads((home / "truth" / "truth.json").read_text(encoding="utf-8"))
+    stored = home / "result.json"
+    result = json.loads(stored.read_text(encoding="utf-8")) if stored.exists() else None
+    seconds = json.loads((home / "score.json").read_text(encoding="utf-8"))["seconds"]
+    write_score(home, scoring.judge(truth, result), seconds)
+
+
+# --- figures
+
+
+def wilson(hits: int, n: int, z: float = 1.96) -> tuple[float, float]:
+    """95 % interval of a rate (Wilson 1927)."""
+    if n == 0:
+        return 0.0, 1.0
+    p, d = hits / n, 1.0 + z * z / n
+    middle = (p + z * z / (2 * n)) / d
+    half = z / d * math.sqrt(p * (1 - p) / n + z * z / (4 * n * n))
+    return max(0.0, middle - half), min(1.0, middle + half)
+
+
+def upper_bound(hits: int, n: int, confidence: float = 0.95) -> float:
+    """One-sided upper bound of a rate (Clopper and Pearson 1934)."""
+    if hits >= n:
+        return 1.0
+
+    def at_most(p: float) -> float:
+        return sum(math.comb(n, k) * p**k * (1 - p) ** (n - k) for k in range(hits + 1))
+
+    low, high = hits / n, 1.0
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if at_most(middle) > 1 - confidence else (low, middle)
+    return high
+
+
+def rate(scores: list[dict[str, Any]], good: Callable[[dict[str, Any]], bool]) -> str:
+    if not scores:
+        return "–"
+    hits = sum(map(good, scores))
+    low, high = wilson(hits, len(scores))
+    return f"{hits}/{len(scores)} ({100 * low:.0f}–{100 * high:.0f} %)"
+
+
+def size_named_in(share: float, scores: list[dict[str, Any]]) -> float | None:
+    """Size at which `share` of the cases is named: a logistic curve over its logarithm.
+
+    Newton's steps with a weak prior (slope 2 ± 2 per e-fold), without which perfect separation has
+    no maximum. None where fewer than 8 cases, or none at all, were named.
+    """
+    points = [(math.log(s["size"]), s["outcome"] in scoring.GOOD) for s in scores if s["size"]]
+    if len(points) < 8 or not any(y for _, y in points):
+        return None
+    mean = sum(x for x, _ in points) / len(points)
+    a, b = 0.0, 2.0
+    for _ in range(50):
+        ga, gb, haa, hab, hbb = -a / 25, -(b - 2) / 4, 1 / 25, 0.0, 1 / 4
+        for x, y in points:
+            u = x - mean
+            p = 1 / (1 + math.exp(-max(-500.0, min(500.0, a + b * u))))
+            ga, gb = ga + y - p, gb + (y - p) * u
+            w = p * (1 - p)
+            haa, hab, hbb = haa + w, hab + w * u, hbb + w * u * u
+        det = haa * hbb - hab * hab
+        da, db = (hbb * ga - hab * gb) / det, (haa * gb - hab * ga) / det
+        step = min(1.0, 2.0 / (abs(da) + abs(db) + 1e-12))
+        a, b = a + step * da, max(0.1, b + step * db)
+    return math.exp(mean + (math.log(share / (1 - share)) - a) / b)
+
+
+def good(s: dict[str, Any]) -> bool:
+    return s["outcome"] in scoring.GOOD
+
+
+def right(s: dict[str, Any]) -> bool:
+    return s["outcome"] == "right"
+
+
+def by_power(scores: list[dict[str, Any]], low: float, high: float) -> list[dict[str, Any]]:
+    return [s for s in scores if s["expected_lm"] is not None and low <= s["expected_lm"] < high]
+
+
+def mean(values: Iterable[float | None]) -> str:
+    known = [v for v in values if v is not None]
+    return f"{sum(known) / len(known):.2f}" if known else "–"
+
+
+def table(scores: list[dict[str, Any]], title: str) -> str:
+    named = [s for s in scores if s["kind"] == "named"]
+    single = [s for s in named if len(s["truth"]) == 1]
+    lines = [f"# {title}", "", f"{len(scores)} cases. Rates with 95 % intervals (Wilson).", ""]
+
+    lines += ["| nothing hidden | cases | false alarms | 95 % upper bound |", "|---|---|---|---|"]
+    for group in ("none", "none_noisy"):
+        mine = [s for s in scores if s["group"] == group]
+        alarms = sum(s["outcome"] != "right" for s in mine)
+        bound = f"{100 * upper_bound(alarms, len(mine)):.2f} %" if mine else "–"
+        lines.append(f"| {group} | {len(mine)} | {alarms} | {bound} |")
+
+    strong, weak = by_power(single, 100, math.inf), by_power(single, 30, 100)
+    catalogue = by_power(named, 30, math.inf)
+    unknown = [s for s in scores if s["kind"] == "unknown" and (s["expected_lm"] or 0) >= 30]
+    absorbed = [s for s in scores if s["kind"] == "absorbed"]
+    audit = [s for s in scores if s["kind"] == "audit"]
+    lag = [s for s in scores if s["group"] == "lag_or_delay"]
+    in_class = rate(catalogue, lambda s: bool(s["in_class"]))
+    covered = [{"hit": c} for s in scores if right(s) for c in s["covered"]]
+    lines += [
+        "",
+        "| figure | value |",
+        "|---|---|",
+        f"| right effect and joint, expected LM ≥ 100 | {rate(strong, right)} |",
+        f"| …, or a class or confusion that holds it | {rate(strong, good)} |",
+        f"| right effect and joint, expected LM 30–100 | {rate(weak, right)} |",
+        f"| …, or a class or confusion that holds it | {rate(weak, good)} |",
+        f"| truth in a reported class, LM ≥ 30 | {in_class} |",
+        f"| mean class size | {mean(s['class_size'] for s in catalogue)} |",
+    ]
+    for family in ("two", "three"):
+        mine = [s for s in named if s["family"] == family]
+        lines.append(f"| exact set, {family} effects | {rate(mine, right)} |")
+    lines += [
+        f"| outside the catalogue: UNKNOWN | {rate(unknown, right)} |",
+        f"| …, with the right variables | {rate(unknown, lambda s: bool(s['witness']))} |",
+        "| in the catalogue, called UNKNOWN "
+        f"| {rate(catalogue, lambda s: s['outcome'] == 'unknown')} |",
+        f"| absorbed: no cause | {rate(absorbed, right)} |",
+        f"| absorbed: declared | {rate(absorbed, lambda s: bool(s['absorbed']))} |",
+        f"| channel fault found by the audit | {rate(audit, right)} |",
+        f"| long lag told from long delay | {rate(lag, right)} |",
+        f"| 95 % intervals that hold the truth | {rate(covered, lambda c: c['hit'])} |",
+        f"| explained share, mean | {mean(s['explained'] for s in named)} |",
+        f"| seconds a diagnosis, mean | {mean(s['seconds'] for s in scores)} |",
+        f"| no result | {sum(s['outcome'] == 'failed' for s in scores)} |",
+    ]
+
+    lines += ["", "## By family", ""]
+    lines += [
+        "| family | right, LM ≥ 100 | acceptable | right, LM 30–100 | acceptable "
+        "| size named in 90 % |",
+        "|---|---|---|---|---|---|",
+    ]
+    for family in sorted({s["family"] for s in named}):
+        mine = [s for s in named if s["family"] == family]
+        a, b = by_power(mine, 100, math.inf), by_power(mine, 30, 100)
+        size = size_named_in(0.9, [s for s in mine if s["group"] in ("main", "weak")])
+        shown = f"{100 * size:.2g} %" if size else "–"
+        lines.append(
+            f"| {family} | {rate(a, right)} | {rate(a, good)} | {rate(b, right)} "
+            f"| {rate(b, good)} | {shown} |"
+        )
+
+    lines += ["", "## What was named instead", "", "| truth | named | cases |", "|---|---|---|"]
+    confusion: dict[str, Counter[str]] = defaultdict(Counter)
+    for s in scores:
+        if right(s):
+            continue
+        answer = "+".join(sorted({e for e, _ in s["named"]})) or s["verdict"] or "no result"
+        if s["named"] and {e for e, _ in s["named"]} == {e for e, _ in s["truth"]}:
+            answer += " elsewhere"
+        truth = "+".join(sorted({e for e, _ in s["truth"]})) or "nothing"
+        confusion[truth][f"{answer} ({s['outcome']})"] += 1
+    for truth in sorted(confusion):
+        for answer, count in confusion[truth].most_common():
+            lines.append(f"| {truth} | {answer} | {count} |")
+    return "\n".join(lines) + "\n"
+
+
+def stored(cases: list[Case], folder: Path) -> list[dict[str, Any]]:
+    out = []
+    for case in cases:
+        home = folder / case.name
+        if not (home / "score.json").exists():
+            continue
+        s = json.loads((home / "score.json").read_text(encoding="utf-8"))
+        truth = json.loads((home / "truth" / "truth.json").read_text(encoding="utf-8"))
+        out.append(s | {"group": case.group.name, "family": case.family, "kind": truth["kind"]})
+    return out
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("build", type=Path, help="build folder with the generator and the command")
+    parser.add_argument("--set", choices=FIRST_SEED, default="tune", help="which seeds")
+    parser.add_argument("--count", type=int, default=20, help="cases a family and group")
+    parser.add_argument("--none", type=int, default=400, help="cases that hide nothing")
+    parser.add_argument("--family", action="append", help="only this one; may be repeated")
+    parser.add_argument("--group", action="append", choices=[g.name for g in GROUPS])
+    parser.add_argument("--jobs", type=int, default=os.cpu_count())
+    parser.add_argument("--keep", action="store_true", help="keep recordings and RUN folders")
+    parser.add_argument("--rescore", action="store_true", help="judge stored results anew")
+    parser.add_argument("--table", action="store_true", help="only write the table")
+    parser.add_argument("-o", dest="folder", type=Path, required=True, help="folder of the study")
+    args = parser.parse_args()
+
+    generator = (args.build / "tests/hidden_effects/hidden_effects_generate").resolve()
+    command = (args.build / "apps/diffnea").resolve()
+    cases = plan(args, families(generator))
+    args.folder.mkdir(parents=True, exist_ok=True)
+    if not (args.table or args.rescore):
+        with concurrent.futures.ThreadPoolExecutor(args.jobs) as pool:
+            jobs = [
+                pool.submit(run_case, case, args.folder, generator, command, args.keep)
+                for case in cases
+            ]
+            for done, job in enumerate(concurrent.futures.as_completed(jobs), start=1):
+                if message := job.result():
+                    print(message, file=sys.stderr)
+                if done % 20 == 0 or done == len(jobs):
+                    print(f"{done} of {len(jobs)} cases", file=sys.stderr)
+    if args.rescore:
+        for case in cases:
+            if (args.folder / case.name / "score.json").exists():
+                rescore(args.folder / case.name)
+    first = FIRST_SEED[args.set]
+    title = f"Hidden effects, set `{args.set}` (seeds from {first})"
+    text = table(stored(cases, args.folder), title)
+    (args.folder / f"{args.set}.md").write_text(text, encoding="utf-8")
+    print(text)
+
+
+if __name__ == "__main__":
+    main()

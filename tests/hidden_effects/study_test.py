@@ -1,0 +1,98 @@
+"""The study's figures against published or exact ones, and its way through the cases."""
+
+import json
+import random
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import study
+
+
+def test_wilson_interval() -> None:
+    # Brown, Cai, DasGupta 2001: 0 of 10 gives 0 to 0.2775.
+    low, high = study.wilson(0, 10)
+    assert (low, high) == (0.0, pytest.approx(0.2775, abs=1e-3))
+    low, high = study.wilson(5, 10)
+    assert low == pytest.approx(1 - high)
+
+
+def test_upper_bound_is_exact_for_no_hits_and_grows_with_them() -> None:
+    assert study.upper_bound(0, 400) == pytest.approx(1 - 0.05 ** (1 / 400), rel=1e-9)
+    assert study.upper_bound(1, 400) > study.upper_bound(0, 400)
+    assert study.upper_bound(3, 3) == 1.0
+
+
+def test_size_named_in_finds_the_curve_it_was_drawn_from() -> None:
+    rng = random.Random(1)
+    middle, slope = 0.004, 3.0
+    scores = []
+    for _ in range(4000):
+        size = 0.0003 * 300 ** rng.random()
+        p = 1 / (1 + (middle / size) ** slope)
+        scores.append({"size": size, "outcome": "right" if rng.random() < p else "missed"})
+    truth = middle * 9 ** (1 / slope)  # logit 0.9 = ln 9
+    # 4000 draws: 3 % of spread in the size.
+    assert study.size_named_in(0.9, scores) == pytest.approx(truth, rel=0.1)
+    assert study.size_named_in(0.9, scores[:5]) is None
+
+
+def test_the_sets_share_no_seed() -> None:
+    tune, report = study.FIRST_SEED["tune"], study.FIRST_SEED["report"]
+    assert report - tune > 100_000
+
+
+@pytest.fixture
+def build(generator: Path, tmp_path: Path) -> Path:
+    """A build folder whose command names Coulomb friction at the elbow, whatever it sees."""
+    build = tmp_path / "build"
+    (build / "tests/hidden_effects").mkdir(parents=True)
+    (build / "tests/hidden_effects/hidden_effects_generate").symlink_to(generator)
+    cause = {"effect": "coulomb_friction", "where": "elbow", "parameters": [], "class": []}
+    answer = json.dumps({"verdict": "NAMED", "causes": [cause]})
+    command = build / "apps/diffnea"
+    command.parent.mkdir()
+    command.write_text(
+        f"""#!{sys.executable}
+import pathlib, sys
+run = pathlib.Path(sys.argv[sys.argv.index("-o") + 1])
+run.mkdir()
+(run / "result.json").write_text('{answer}')
+with pathlib.Path({str(tmp_path / "calls")!r}).open("a") as calls:
+    calls.write(" ".join(sys.argv[1:]) + "\\n")
+"""
+    )
+    command.chmod(0o755)
+    return build
+
+
+def run_study(build: Path, folder: Path, *options: str) -> str:
+    command = [sys.executable, study.__file__, str(build), "-o", str(folder), *options]
+    return subprocess.run(command, capture_output=True, text=True, check=True).stdout
+
+
+def test_a_study_goes_through_its_cases_once(build: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "study"
+    options = ("--count", "2", "--none", "1", "--group", "none", "--group", "main")
+    options += ("--family", "none", "--family", "coulomb_friction")
+    text = run_study(build, folder, *options)
+    calls = (tmp_path / "calls").read_text().splitlines()
+    assert len(calls) == 3
+    assert all(call.startswith("diagnose ") and "--test" in call for call in calls)
+    assert not any("truth" in call.split(" --base")[0] for call in calls)
+    assert "| none | 1 | 1 |" in text  # the command always cries
+    assert (folder / "tune.md").read_text() == text.rstrip("\n") + "\n"
+    for case in ("none-none-1000", "main-coulomb_friction-1000", "main-coulomb_friction-1001"):
+        assert {path.name for path in (folder / case).iterdir()} == {
+            "truth",
+            "result.json",
+            "score.json",
+        }
+    assert run_study(build, folder, *options) == text
+    assert len((tmp_path / "calls").read_text().splitlines()) == 3
+
+
+def test_an_empty_study_has_a_table() -> None:
+    text = study.table([], "nothing yet")
+    assert "| none | 0 | 0 | – |" in text
