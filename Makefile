@@ -4,12 +4,13 @@
 #   make test     set up, build, and run all tests
 #   make setup    set up and build: .venv/bin/diffnea and the Python module
 #   make bench    run the benchmarks
+#   make study    hide effects in hundreds of recordings and diagnose them; can be stopped and resumed
 #   make clean    delete what was built; .venv stays
 
 BUILD := build/release
 JOBS ?= $(shell nproc)
 
-.PHONY: help setup demo test bench clean
+.PHONY: help setup demo test bench study clean
 
 help:
 	@sed -n 's/^#   //p' Makefile
@@ -30,6 +31,10 @@ bench:
 	cmake --build $(BUILD) --target diffnea_benchmarks diffnea_bench_identify
 	$(BUILD)/tests/benchmarks/diffnea_benchmarks
 	$(BUILD)/tests/benchmarks/diffnea_bench_identify
+
+study:
+	.ci/setup --tests
+	.venv/bin/python tests/hidden_effects/study.py $(BUILD) --set report --jobs $(JOBS) -o build/study
 
 clean:
 	rm -rf build dist
