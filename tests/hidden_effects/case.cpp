@@ -68,7 +68,8 @@ std::vector<int> joints_for(const std::string& effect, const Robot& robot) {
   if (effect == "cable_differential_friction") return {n == 2 ? 0 : 1};
   if (effect == "transmission_coupling") return {n - 2};
   int first = 0, last = n - 1;
-  if (effect == "armature") first = 1;  // at the first joint it is the link's own
+  // Before, the links' own inertia takes it up.
+  if (effect == "armature") first = robot.first_is_vertical ? 2 : 1;
   if (effect == "encoder_offset") first = 1, last = n - 2;
   std::vector<int> out(static_cast<std::size_t>(last - first + 1));
   std::iota(out.begin(), out.end(), first);
@@ -288,7 +289,9 @@ Case draw_case(std::uint64_t seed, const std::string& given, const CaseOptions& 
     std::vector<int> free = joints_for(effect, c.world.robot);
     std::erase_if(free, [&](int j) { return std::ranges::count(joints, j) > 0; });
     if (c.kind == "absorbed")
-      free = effect == "encoder_offset" ? std::vector<int>{0, n - 1} : std::vector<int>{0};
+      free = effect == "encoder_offset" ? std::vector<int>{0, n - 1}
+             : effect == "armature"     ? std::vector<int>{0, 1}
+                                        : std::vector<int>{0};
     joints.push_back(rng.one_of(free));
   }
 
