@@ -103,6 +103,8 @@ inline void add_common(CLI::App& command, CommonOptions& options) {
 
 void add_audit(CLI::App& app);
 void add_compare(CLI::App& app);
+/// @param command_line  as it was typed, for the result
+void add_diagnose(CLI::App& app, const std::vector<std::string>& command_line);
 void add_effects(CLI::App& app);
 void add_excite(CLI::App& app);
 /// @param command_line  as it was typed, for the result

@@ -19,6 +19,7 @@ int main(int argc, char** argv) {
   // One line per command, sorted.
   diffnea::apps::add_audit(app);
   diffnea::apps::add_compare(app);
+  diffnea::apps::add_diagnose(app, std::vector<std::string>(argv, argv + argc));
   diffnea::apps::add_effects(app);
   diffnea::apps::add_excite(app);
   diffnea::apps::add_identify(app, std::vector<std::string>(argv, argv + argc));
@@ -40,7 +41,8 @@ int main(int argc, char** argv) {
     return diffnea::apps::kBadInput;
   }
   if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0) {
-    std::fprintf(stderr, "diffnea: standard output cannot be written; the results did not reach it\n");
+    std::fprintf(stderr,
+                 "diffnea: standard output cannot be written; the results did not reach it\n");
     return diffnea::apps::kBadInput;
   }
   return 0;

@@ -1,4 +1,5 @@
 #include <cstring>
+
 #include <diffnea/core/error.hpp>
 
 #include "identify/passes.hpp"
@@ -22,10 +23,13 @@ void add_warnings(const Model& model, const RecordingSource& train, const Record
     if (e.train > 1.02 * e.nominal_train)
       first.push_back(e.joint + " is reproduced worse than by the model before the fit (" +
                       format_number(e.train) + " against " + format_number(e.nominal_train) + " " +
-                      e.unit + "): look for bad stretches of data, or for an effect that the fit lacks");
+                      e.unit +
+                      "): look for bad stretches of data, or for an effect that the fit lacks");
     if (e.torque_rms > 0.0 && e.train > 0.8 * e.torque_rms)
-      first.push_back(e.joint + ": the fit explains little of the measured torque; check its sign, its unit, the "
-                                "order of columns, and which effects are fitted");
+      first.push_back(
+          e.joint +
+          ": the fit explains little of the measured torque; check its sign, its unit, the "
+          "order of columns, and which effects are fitted");
   }
   for (std::string& note : first) note.insert(0, kWarning);
   result.notes.insert(result.notes.begin(), first.begin(), first.end());
@@ -36,7 +40,8 @@ bool same_numbers(const RowMatX<double>& a, const RowMatX<double>& b) {
          std::memcmp(a.data(), b.data(), sizeof(double) * static_cast<std::size_t>(a.size())) == 0;
 }
 
-/// A held-out error on data of the fit would be a lie, however the copy is called.
+}  // namespace
+
 void refuse_same_recording(const RecordingSource& train, const RecordingSource& test) {
   const std::vector<Recording> fitted = train.sample();
   for (const Recording& b : test.sample())
@@ -45,8 +50,6 @@ void refuse_same_recording(const RecordingSource& train, const RecordingSource& 
         throw DataError(b.source + ": holds the same rows as " + a.source +
                         ", which is data of the fit; held-out data must be other recordings");
 }
-
-}  // namespace
 
 IdentifyResult identify(const Model& model, const RecordingSource& train,
                         const RecordingSource* test, const IdentifyOptions& options) {

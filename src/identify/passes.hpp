@@ -13,10 +13,15 @@ struct Pass {
   std::vector<std::string> notes;
 };
 
-/// Preprocesses the source block by block and hands the rows on; stops when options.progress says so.
+/// Preprocesses the source block by block and hands the rows on; stops when options.progress says
+/// so.
 Pass for_each_block(const RecordingSource& source, const PreprocessPlan& plan,
                     const std::string& stage, int iteration, const IdentifyOptions& options,
                     const std::function<void(const Preprocessed&)>& use);
+
+/// A held-out error on data of the fit would be a lie, however the copy is called.
+/// @throws DataError if a recording of the one holds the rows of one of the other
+void refuse_same_recording(const RecordingSource& train, const RecordingSource& test);
 
 /// Four significant digits.
 std::string format_number(double x);

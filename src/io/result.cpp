@@ -1,32 +1,20 @@
 #include <cmath>
-#include <cstdio>
-#include <cstdlib>
 #include <map>
 
 #include <diffnea/io/atomic_file.hpp>
 #include <diffnea/io/result.hpp>
 
-#include "io/json.hpp"
+#include "io/json_numbers.hpp"
 #include "io/sha256.hpp"
 
 namespace diffnea {
 namespace {
 
 using io::Json;
-
-/// What does not exist, a NaN here, is null there.
-Json number(double x) { return std::isfinite(x) ? Json(x) : Json(); }
-
-/// To 6 digits: what a plot can show, in a third of the space.
-Json rounded(const std::vector<double>& values) {
-  Json out = Json::array();
-  for (const double x : values) {
-    char text[32];
-    std::snprintf(text, sizeof text, "%.6g", x);
-    out.push_back(number(std::strtod(text, nullptr)));
-  }
-  return out;
-}
+using io::number;
+using io::reproduce;
+using io::rounded;
+using io::text;
 
 Json parameters(const IdentifyResult& fit) {
   Json out = Json::array();
@@ -121,16 +109,6 @@ Json preprocessing(const IdentifyResult& fit) {
           {"timing_jitter", number(plan.timing_jitter)}};
 }
 
-Json reproduce(const Reproduce& r) {
-  Json inputs = Json::array();
-  for (const RunInput& i : r.inputs)
-    inputs.push_back({{"role", i.role},
-                      {"path", i.path},
-                      {"bytes", i.bytes},
-                      {"sha256", i.sha256.empty() ? Json() : Json(i.sha256)}});
-  return {{"version", r.version}, {"command", r.command}, {"inputs", inputs}};
-}
-
 Json series(const std::vector<TorqueSeries>& list) {
   Json out = Json::array();
   for (const TorqueSeries& s : list)
@@ -141,10 +119,6 @@ Json series(const std::vector<TorqueSeries>& list) {
                    {"fitted", rounded(s.fitted)},
                    {"nominal", rounded(s.nominal)}});
   return out;
-}
-
-std::string text(const Json& json, int indent) {
-  return json.dump(indent, ' ', false, Json::error_handler_t::replace) + "\n";
 }
 
 }  // namespace

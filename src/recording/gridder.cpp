@@ -22,10 +22,7 @@ bool is_gap(const Recording& r, long i, bool velocity) {
 }
 
 Gridder::Gridder(const Options& options, int num_joints)
-    : options_(options),
-      n_(num_joints),
-      num_columns_((options.velocity ? 3 : 2) * num_joints),
-      last_tau_(num_joints) {}
+    : options_(options), n_(num_joints), num_columns_((options.velocity ? 3 : 2) * num_joints) {}
 
 bool Gridder::push(const Recording& r, long i) {
   if (is_gap(r, i, options_.velocity)) return true;
@@ -36,17 +33,16 @@ bool Gridder::push(const Recording& r, long i) {
     t0_ = t;
     next_ = 0;
   }
-  const bool average =
-      options_.average_hold && !first && r.info.torque_sampling == TorqueSampling::kHold;
+  if (first) held_.clear();
   times_.push_back(t);
   for (int j = 0; j < n_; ++j) raw_.push_back(r.q(i, j));
   for (int j = 0; j < n_; ++j) {
-    const double tau = r.tau(i, j);
-    raw_.push_back(average ? 0.5 * (last_tau_[j] + tau) : tau);
-    last_tau_[j] = tau;
+    raw_.push_back(r.tau(i, j));
+    held_.push_back(r.tau(i, j));
   }
   if (options_.velocity)
     for (int j = 0; j < n_; ++j) raw_.push_back(r.qd(i, j));
+  if (options_.average_hold && r.info.torque_sampling == TorqueSampling::kHold) place_held_torque();
   // With four rows the second interval has a neighbour on either side.
   if (times_.size() == 3) emit_interval(0);
   if (times_.size() == 4) {
@@ -55,6 +51,30 @@ bool Gridder::push(const Recording& r, long i) {
     raw_.erase(raw_.begin(), raw_.begin() + num_columns_);
   }
   return true;
+}
+
+/// A held torque is a mean over the period that it begins. At the instant between two of them a
+/// band-limited torque has the value (7 (τ_{k−1} + τ_k) − τ_{k−2} − τ_{k+1})/12, exact for cubics
+/// (finite-volume reconstruction, e.g. LeVeque 2002, sec. 10.3); (τ_{k−1} + τ_k)/2 where a
+/// neighbour is missing or the rows are not uniform.
+void Gridder::place_held_torque() {
+  const std::size_t n = static_cast<std::size_t>(n_), rows = times_.size(),
+                    known = held_.size() / n;
+  const auto tau = [&](std::size_t back, std::size_t j) {
+    return held_[(known - 1 - back) * n + j];
+  };
+  const auto place = [&](std::size_t back, std::size_t j, double value) {
+    raw_[(rows - 1 - back) * static_cast<std::size_t>(num_columns_) + n + j] = value;
+  };
+  bool uniform = known >= 4 && rows >= 4;
+  for (std::size_t k = 1; uniform && k < 4; ++k)
+    uniform =
+        std::abs(times_[rows - k] - times_[rows - k - 1] - options_.dt) < kOnGrid * options_.dt;
+  for (std::size_t j = 0; j < n; ++j) {
+    if (known >= 2) place(0, j, 0.5 * (tau(1, j) + tau(0, j)));
+    if (uniform) place(1, j, (7.0 * (tau(2, j) + tau(1, j)) - tau(3, j) - tau(0, j)) / 12.0);
+  }
+  if (known > 3) held_.erase(held_.begin(), held_.begin() + n_);
 }
 
 void Gridder::finish_segment() {

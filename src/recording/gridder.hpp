@@ -11,10 +11,11 @@ namespace diffnea::detail {
 class Gridder {
  public:
   struct Options {
-    double dt = 0.0;           ///< [s]
-    double max_gap = 5.0;      ///< [periods]
-    bool velocity = false;     ///< measured q̇ too
-    bool average_hold = true;  ///< τ of kHold sampling: (τ_{k−1} + τ_k)/2
+    double dt = 0.0;        ///< [s]
+    double max_gap = 5.0;   ///< [periods]
+    bool velocity = false;  ///< measured q̇ too
+    bool average_hold =
+        true;  ///< τ of kHold sampling: at the rows' instants, from the held values about them
   };
   Gridder(const Options& options, int num_joints);
 
@@ -34,12 +35,13 @@ class Gridder {
 
  private:
   void emit_interval(std::size_t k);
+  void place_held_torque();
 
   Options options_;
   int n_, num_columns_;
-  std::vector<double> times_;     ///< of the raw rows that are still needed, at most 4
-  std::vector<double> raw_;       ///< the same rows' columns
-  std::vector<double> last_tau_;  ///< measured τ of the row before
+  std::vector<double> times_;  ///< of the raw rows that are still needed, at most 4
+  std::vector<double> raw_;    ///< the same rows' columns
+  std::vector<double> held_;   ///< measured τ of the last four rows, oldest first
   double t0_ = 0.0;
   long next_ = 0;  ///< grid point to come
 };

@@ -8,7 +8,7 @@
 ///      a grid point is kept, else q is interpolated by the cubic through four neighbours, τ by
 ///      the line through two.
 ///   3. τ of kHold sampling: row k's torque acts from k to k+1, so what acts about row k is
-///      (τ_{k−1} + τ_k)/2.
+///      (7 (τ_{k−1} + τ_k) − τ_{k−2} − τ_{k+1})/12, exact for cubics.
 ///   4. q: Butterworth low-pass forward and backward (no phase; gain ½ at filter_hz).
 ///   5. q̇, q̈ by five-point central differences of the filtered q: exact for polynomials of degree
 ///      4 and 5; gain 1 − (ωh)⁴/30 and 1 − (ωh)⁴/90. Two rows at each end of a segment are lost.
@@ -29,7 +29,8 @@ struct PreprocessOptions {
   /// between the motion and the noise that rises with f⁴; the largest of the joints.
   double filter_hz = 0.0;
   int order = 4;  ///< of the Butterworth filter, which acts twice
-  /// 0: about 50 Hz, more if the accelerations' power asks for it, at most twice the cut-off; above the rate: off.
+  /// 0: about 50 Hz, more if the accelerations' power asks for it, at most twice the cut-off; above
+  /// the rate: off.
   double decimate_to_hz = 0.0;
   /// A longer pause splits [periods]; 0: 5, or a tenth of the cut-off's period if that is longer.
   double max_gap = 0.0;

@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include <diffnea/recording/audit.hpp>
+#include <diffnea/io/audit_result.hpp>
 
 namespace diffnea {
 

@@ -1,0 +1,114 @@
+#include <cstdio>
+#include <map>
+
+#include <diffnea/core/error.hpp>
+#include <diffnea/diagnose/diagnose.hpp>
+#include <diffnea/io/atomic_file.hpp>
+#include <diffnea/io/diagnosis.hpp>
+#include <diffnea/io/model_file.hpp>
+#include <diffnea/io/result_folder.hpp>
+#include <diffnea/report/diagnose_text.hpp>
+#include <diffnea/version.hpp>
+
+#include "common.hpp"
+#include "recordings.hpp"
+
+namespace diffnea::apps {
+namespace {
+
+const std::map<std::string, Base> kBases{{"auto", Base::kAuto},
+                                         {"refit", Base::kRefit},
+                                         {"prior", Base::kPrior},
+                                         {"fixed", Base::kFixed}};
+
+/// Everything that `diagnose` may leave in RUN/.
+const std::vector<std::string> kRunFiles{"result.json", "series.json", "model.json",
+                                         "model.urdf",  "model.xml",   "report.html"};
+
+struct DiagnoseCommand {
+  CommonOptions common;
+  RecordingOptions recording;
+  std::vector<std::string> command_line;
+  std::string model, out, base = "auto";
+  std::vector<std::string> data, test;
+  DiagnoseOptions options;
+};
+
+void run_diagnose(DiagnoseCommand c) {
+  refuse_repeated_files(c.data, c.test);
+  c.recording.quiet = c.common.quiet;
+  c.options.base = kBases.at(c.base);
+  c.options.seed = c.common.seed;
+  const Model model = read_model(c.model);
+  ResultFolder folder(c.out);  // cannot be written: better known now
+
+  const Interruptible interruptible;
+  ProgressLine line(c.common.quiet);
+  c.options.progress = [&](const FitProgress& progress) {
+    line.show(progress);
+    return !Interruptible::requested();
+  };
+  DiagnoseRun run;
+  run.reproduce.version = version();
+  run.reproduce.command = c.command_line;
+  line.show({"opening", 0, 0, 0.0});
+  const std::unique_ptr<RecordingSource> train = open_recordings(model, c.data, c.recording, line);
+  std::unique_ptr<RecordingSource> test;
+  if (!c.test.empty()) test = open_recordings(model, c.test, c.recording, line);
+  run.finding = diagnose(model, *train, test.get(), c.options);
+
+  run.reproduce.inputs.push_back(describe_input("model", c.model));
+  for (const std::string& file : c.data)
+    run.reproduce.inputs.push_back(describe_input("data", file));
+  for (const std::string& file : c.test)
+    run.reproduce.inputs.push_back(describe_input("test", file));
+  write_model(run.finding.model, folder.staging() / "model.json");
+  write_file_atomically(folder.staging() / "series.json", diagnose_series_json(run.finding));
+  write_file_atomically(folder.staging() / "result.json", diagnose_result_json(run));
+  folder.publish(kRunFiles);
+  line.clear();
+  const std::string text = c.common.json ? diagnose_result_json(run) : diagnose_text(run);
+  std::fwrite(text.data(), 1, text.size(), stdout);
+}
+
+}  // namespace
+
+void add_diagnose(CLI::App& app, const std::vector<std::string>& command_line) {
+  auto c = std::make_shared<DiagnoseCommand>();
+  c->command_line = command_line;
+  CLI::App* command = app.add_subcommand(
+      "diagnose",
+      "Name the effects that a model lacks, with evidence, rivals and the gain on held-out data.");
+  command->add_option("model", c->model, "robot description: URDF, MJCF or JSON")->required();
+  command->add_option("data", c->data, "recordings (.csv): time, q_*, tau_*")->required();
+  command->add_option("--test", c->test,
+                      "held-out recordings (.csv); without them blocks of time are held out");
+  command->add_option("-o,--output", c->out, "folder for the results")->required();
+  command
+      ->add_option("--base", c->base,
+                   "what may be re-fitted of the model: refit (all), prior (within the posterior "
+                   "that identify left), "
+                   "fixed (nothing), auto (prior if there is one, else refit)")
+      ->check(CLI::IsMember({"auto", "refit", "prior", "fixed"}))
+      ->capture_default_str();
+  command
+      ->add_option("--effects", c->options.effects,
+                   "candidates: name or name@where, separated by commas; default: all that "
+                   "`diffnea effects` lists")
+      ->delimiter(',');
+  command
+      ->add_option("--filter", c->options.preprocess.filter_hz,
+                   "low-pass of the positions [Hz], 0: chosen")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
+  command
+      ->add_option("--decimate", c->options.preprocess.decimate_to_hz,
+                   "rate of the tests [Hz], 0: chosen")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
+  add_recording_options(*command, c->recording);
+  add_common(*command, c->common);
+  command->callback([c] { run_diagnose(*c); });
+}
+
+}  // namespace diffnea::apps

@@ -1,0 +1,46 @@
+#pragma once
+/// Diagnosis: which effect a model lacks, judged by recordings.
+///
+///     const Finding finding = diagnose(read_model("arm.urdf"), train, &test);
+///     std::puts(finding.sentence.c_str());
+///     write_model(finding.model, "extended.json");
+///
+/// Method (docs/diagnosis.md): filter torques and every candidate's columns alike; estimate the
+/// noise from what a saturated model leaves, whiten; project the base out; score every candidate by
+/// what it removes (Lagrange multiplier, BIC); refine shapes; accept what also helps on held-out
+/// data; eliminate backward; report what else would do nearly as well, what cannot be seen, and on
+/// what the rest depends.
+
+#include <cstdint>
+
+#include <diffnea/diagnose/finding.hpp>
+
+namespace diffnea {
+
+/// What diagnosis may re-fit of the base model.
+enum class Base {
+  kAuto,   ///< kPrior if the model has a posterior, else kRefit
+  kRefit,  ///< all its parameters
+  kPrior,  ///< within the posterior that identification left
+  kFixed,  ///< nothing: the model stands accused as it is
+};
+
+struct DiagnoseOptions {
+  Base base = Base::kAuto;
+  /// Candidates: names, "name@where", or empty for the whole catalogue.
+  std::vector<std::string> effects;
+  PreprocessOptions preprocess;
+  double accept_delta_bic = 10.0;
+  int max_causes = 8;
+  std::uint64_t seed = 0;  ///< of the bootstrap
+  std::function<bool(const FitProgress&)> progress;
+};
+
+/// @param test  held-out recordings; null: blocks of time are held out, which is weaker
+/// @throws DataError, ModelError, FileError before any work starts where the input is at fault
+Finding diagnose(const Model& model, const RecordingSource& train, const RecordingSource* test,
+                 const DiagnoseOptions& options = {});
+Finding diagnose(const Model& model, const std::vector<Recording>& train,
+                 const std::vector<Recording>& test, const DiagnoseOptions& options = {});
+
+}  // namespace diffnea

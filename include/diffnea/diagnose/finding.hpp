@@ -1,0 +1,136 @@
+#pragma once
+/// What a diagnosis says: plain data in the terms of `result.json` (docs/schema/diagnose.md).
+
+#include <limits>
+#include <string>
+#include <vector>
+
+#include <diffnea/identify/identify.hpp>
+#include <diffnea/model/model.hpp>
+
+namespace diffnea {
+
+enum class Verdict {
+  kNamed,            ///< every cause has one name
+  kClass,            ///< some cause cannot be told from its rivals with this recording
+  kUnknown,          ///< something is left that no effect of the catalogue explains
+  kNone,             ///< nothing is left to explain
+  kNotIdentifiable,  ///< the recording cannot show what the model lacks
+};
+
+/// "NAMED", "CLASS", "UNKNOWN", "NONE", "NOT_IDENTIFIABLE".
+const char* name_of(Verdict verdict);
+/// @throws ModelError naming the choices
+Verdict verdict_from(const std::string& name);
+
+/// One parameter of a cause with its uncertainty.
+struct CauseParameter {
+  std::string name, unit;
+  double value = 0.0;
+  double std = std::numeric_limits<double>::quiet_NaN();
+  double low = std::numeric_limits<double>::quiet_NaN();  ///< 95 % interval
+  double high = std::numeric_limits<double>::quiet_NaN();
+};
+
+/// Another effect in the place of a cause.
+struct Rival {
+  std::string effect, where;
+  double delta_bic = 0.0;  ///< how much worse the fit is with the rival instead
+};
+
+/// What one step (or all of them) gains on held-out data. Errors are of the filtered, decimated
+/// torques, each joint's divided by its noise: 1 is noise alone.
+struct Gain {
+  double before = 0.0, after = 0.0;  ///< root mean square without and with the cause
+  double noise_floor = 0.0;          ///< what no smooth function of the motion removes either
+  double explained_share = 0.0;      ///< of the removable mean square
+  double low = 0.0,
+         high = 0.0;  ///< 95 % interval of the removed share of the mean square (block bootstrap)
+};
+
+/// An effect that the model lacks.
+struct Cause {
+  std::string effect, where;
+  Verdict verdict = Verdict::kNamed;  ///< kNamed or kClass
+  std::vector<CauseParameter> parameters;
+  double delta_bic = 0.0;  ///< of leaving it out
+  double lm = 0.0;  ///< its share of χ², base refitted: twice the log-likelihood that it gains
+  double visible_share = 0.0;
+  double torque_share = 0.0;   ///< its torque's RMS over the measured torque's, at its joint
+  std::vector<Rival> members;  ///< its equivalence class without itself: less than 10 worse
+  std::vector<Rival> rivals;   ///< the next ones
+  Gain gain;                   ///< of this cause alone, the others in place
+};
+
+/// A candidate that could not be tested or was refused, and why.
+struct Refusal {
+  std::string effect, where, reason;
+  double delta_bic = 0.0;
+};
+
+/// One line of the table of candidates: at the first step, before anything was accepted.
+struct CandidateScore {
+  std::string effect, where;
+  double delta_bic = 0.0;
+  double lm = 0.0;
+  double visible_share = 0.0;
+  std::vector<double> shape;  ///< values of the searched shape parameters, best of the grid
+};
+
+/// What the residual depends on.
+struct Witness {
+  std::string where;
+  std::vector<std::string>
+      variables;       ///< channel names as in the recording: "q_joint2", "qd_joint2"
+  double share = 0.0;  ///< of the joint's residual mean square
+  double delta_bic = 0.0;
+};
+
+/// An effect that this recording cannot show beside the base parameters.
+struct Absorbed {
+  std::string effect, where;
+  double visible_share = 0.0;
+};
+
+/// Held-out error of one joint through the steps [N·m] or [N].
+struct JointGain {
+  std::string joint, unit;
+  double torque_rms = 0.0;
+  double base = 0.0;      ///< base model, refitted as `base` allows
+  double extended = 0.0;  ///< with all causes
+  double noise_floor = 0.0;
+};
+
+/// Residuals of one joint over the held-out rows, for plots.
+struct ResidualSeries {
+  std::string joint, unit;
+  std::vector<double> time, measured, base, extended;  ///< torque; the two models' predictions
+  std::vector<double> q, qd, qdd;
+};
+
+struct Finding {
+  Verdict verdict = Verdict::kNone;
+  std::string sentence;
+  std::vector<Cause> causes;
+  std::vector<Witness> witness;
+  std::vector<Absorbed> absorbed;
+  std::vector<Refusal> refused;
+  std::vector<CandidateScore> candidates;  ///< best first
+  Gain gain;                               ///< of all causes together
+  std::vector<JointGain> joints;
+  std::vector<ResidualSeries> series;
+  double lack_of_fit = 0.0;    ///< F of the base model against the saturated one
+  double lack_of_fit_p = 1.0;  ///< its p-value
+  std::vector<double> noise;   ///< per joint, of the filtered, decimated torque [N·m] or [N]
+  std::string held_out;        ///< "test recording" or "time blocks"
+  std::string base;            ///< "refit", "prior", "fixed"
+  Model model;                 ///< the extended model
+  std::vector<ParameterEstimate> parameters;  ///< of its base
+  PreprocessPlan plan;
+  ReadReport data_report;
+  std::vector<std::string> notes;
+  double seconds = 0.0;
+  bool interrupted = false;
+};
+
+}  // namespace diffnea

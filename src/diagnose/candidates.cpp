@@ -1,0 +1,113 @@
+#include "diagnose/candidates.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include <diffnea/core/error.hpp>
+
+namespace diffnea {
+namespace {
+
+/// LuGre's friction is Dahl's with Stribeck's curve and no linear parameter: those two are tried in
+/// its place. A filter of the velocity channel is a matter of the audit: positions are
+/// differentiated here.
+const std::vector<std::string> kOnlyIfAsked{"presliding_lugre", "velocity_filter_lag"};
+
+bool contains(const std::vector<std::string>& list, const std::string& name) {
+  return std::ranges::find(list, name) != list.end();
+}
+
+/// Neighbours in the tree, either way round.
+std::vector<std::string> joint_pairs(const Model& model) {
+  const std::vector<std::string> names = joint_names(model);
+  const Tree<double> tree = make_tree(model);
+  std::vector<std::string> out;
+  for (std::size_t j = 0; j < names.size(); ++j)
+    if (const int parent = tree.links[j].parent; parent >= 0)
+      out.push_back(names[static_cast<std::size_t>(parent)] + "," + names[j]);
+  return out;
+}
+
+std::vector<std::string> places(const EffectInfo& info, const Model& model) {
+  switch (info.place) {
+    case Place::kJoint:
+      return joint_names(model);
+    case Place::kJointPair:
+      return joint_pairs(model);
+    case Place::kTip:
+      return {"tip"};
+    case Place::kBase:
+      return {"base"};
+    case Place::kAllJoints:
+      return {"all"};
+  }
+  return {};
+}
+
+/// One more shape: its values times all that there are.
+void grow(Candidate& c, int parameter, const std::vector<double>& values) {
+  c.shapes.push_back(parameter);
+  c.shape_low.push_back(0.0);
+  std::vector<std::vector<double>> grown;
+  for (const std::vector<double>& point : c.grid)
+    for (const double v : values) {
+      grown.push_back(point);
+      grown.back().push_back(v);
+    }
+  c.grid = std::move(grown);
+}
+
+Candidate make_candidate(const EffectSpec& spec, const Model& model, const std::vector<int>& runs) {
+  Candidate c;
+  c.effect = bind(spec, model, runs);
+  c.grid.emplace_back();
+  for (std::size_t i = 0; i < c.effect.parameter_info.size(); ++i) {
+    const ParameterInfo& p = c.effect.parameter_info[i];
+    const int k = static_cast<int>(i);
+    const bool grid_of_plain =
+        scale(p) == Scale::kPlain && !p.search.empty() && p.sign == Sign::kFree;
+    if (scale(p) == Scale::kLinear) {
+      c.linear.push_back(k);
+    } else if (grid_of_plain) {  // a ratio of either sign: each value its own start, not refined
+      grow(c, k, p.search);
+    } else if (scale(p) == Scale::kPlain && c.effect.parameter_info.size() == 1) {
+      c.linear.push_back(k);  // by its tangent at 0
+      c.nonlinear = true;
+    } else if (scale(p) == Scale::kLog && !p.search.empty()) {
+      grow(c, k, p.search);
+    }
+  }
+  if (c.linear.empty()) c.nonlinear = true;
+  return c;
+}
+
+}  // namespace
+
+std::vector<Candidate> make_candidates(const Model& model, const std::vector<std::string>& asked,
+                                       const std::vector<int>& runs, bool link_side) {
+  std::vector<Candidate> out;
+  const auto add = [&](const EffectInfo& info, const std::string& where) {
+    out.push_back(make_candidate({info.name, where, {}}, model, runs));
+  };
+  if (asked.empty()) {
+    for (const EffectInfo& info : catalogue()) {
+      if (link_side && info.motor_side) continue;
+      // One offset for each of several runs; with one run it is the torque offset.
+      if (info.name == "session_offset" && runs.size() < 2) continue;
+      if (contains(kOnlyIfAsked, info.name)) continue;
+      for (const std::string& where : places(info, model)) add(info, where);
+    }
+    return out;
+  }
+  for (const std::string& entry : asked) {
+    const std::size_t at = entry.find('@');
+    const EffectInfo& effect_info = info(find_effect(entry.substr(0, at)));
+    if (at != std::string::npos)
+      add(effect_info, entry.substr(at + 1));
+    else
+      for (const std::string& where : places(effect_info, model)) add(effect_info, where);
+  }
+  return out;
+}
+
+}  // namespace diffnea

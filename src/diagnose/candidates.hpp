@@ -1,0 +1,27 @@
+#pragma once
+/// Which effects are tried, where, and from which shapes a search starts. Internal to diagnose/.
+
+#include <diffnea/effects/catalogue.hpp>
+
+namespace diffnea {
+
+struct Candidate {
+  BoundEffect effect;
+  std::vector<int> linear;  ///< parameters that a fit solves for, by columns ∂τ/∂p
+  std::vector<int> shapes;  ///< parameters that a search moves by factors
+  bool nonlinear = false;   ///< the columns change with those parameters
+  std::vector<std::vector<double>>
+      grid;  ///< values of `shapes` that the search starts from; one empty entry if none
+
+  std::vector<double> shape_low;  ///< of `shapes`; 0: no bound
+  std::string label() const { return effect.info().name + " at " + effect.where; }
+};
+
+/// Every effect of the catalogue at every place it suits, or those asked for.
+/// @param asked  names or "name@where"; empty: all
+/// @param runs   of the recordings
+/// @throws ModelError listing the names if an effect or place does not exist
+std::vector<Candidate> make_candidates(const Model& model, const std::vector<std::string>& asked,
+                                       const std::vector<int>& runs, bool link_side);
+
+}  // namespace diffnea

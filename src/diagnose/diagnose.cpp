@@ -1,0 +1,443 @@
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <set>
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+
+#include <diffnea/core/error.hpp>
+#include <diffnea/diagnose/diagnose.hpp>
+
+#include "diagnose/selection.hpp"
+#include "diagnose/sentence.hpp"
+#include "diagnose/witness.hpp"
+
+namespace diffnea {
+namespace {
+
+constexpr double kAbsorbedShare = 0.01;  ///< of a candidate's column that the base leaves
+constexpr double kExplained = 0.8;       ///< below it, the cause is unknown
+
+/// Where torques are compared, positions must not be attenuated: the order of their low-pass. (At
+/// order 4, 14 % of an acceleration are missing at 0.8 of the cut-off, which looks like an elastic
+/// joint.)
+constexpr int kSteepFilter = 8;
+
+IdentifyOptions reading_options(const DiagnoseOptions& options) {
+  IdentifyOptions out;
+  out.preprocess = options.preprocess;
+  out.progress = options.progress;
+  return out;
+}
+
+/// Rows of the inverse square root of a posterior's covariance, and a weak pull on what it says
+/// nothing of.
+BasePrior base_prior(Base base, const Model& model, const FitLayout& layout,
+                     const std::vector<JointFactor>& factors) {
+  BasePrior out;
+  const long linear = static_cast<long>(layout.linear.size());
+  const long smoothing = std::ranges::count_if(layout.shape, is_smoothing);
+  out.x0 = VecX<double>::Zero(linear + smoothing);
+  out.x0.head(linear) = layout.prior();
+  if (base == Base::kFixed) {
+    out.root.resize(0, 0);
+    return out;
+  }
+  for (std::size_t k = 0; k < layout.linear.size(); ++k)
+    if (!layout.linear[k].fixed) out.free.push_back(static_cast<int>(k));
+  const double width = LinearFitOptions{}.prior_width;
+  VecX<double> scale(linear + smoothing);
+  scale << parameter_scales(layout, factors),
+      VecX<double>::Constant(smoothing, 1.0 / width);  // a factor of e
+  for (long s = 0; s < smoothing; ++s) out.free.push_back(static_cast<int>(linear + s));
+  const long p = static_cast<long>(out.free.size());
+  MatX<double> weak = MatX<double>::Zero(p, p);
+  for (long k = 0; k < p; ++k)
+    weak(k, k) = 1.0 / (width * scale[out.free[static_cast<std::size_t>(k)]]);
+  if (base != Base::kPrior) {
+    out.root = weak;
+    return out;
+  }
+  const Posterior& posterior = *model.posterior;
+  const long n = static_cast<long>(posterior.names.size());
+  const MatX<double> information =
+      Eigen::Map<const MatX<double>>(posterior.information.data(), n, n);
+  const Eigen::SelfAdjointEigenSolver<MatX<double>> eigen(information);
+  MatX<double> root(n, p);
+  root.setZero();
+  const MatX<double> L =
+      eigen.eigenvalues().cwiseMax(0.0).cwiseSqrt().asDiagonal() * eigen.eigenvectors().transpose();
+  for (long i = 0; i < n; ++i)
+    for (long k = 0; k < p; ++k)
+      if (out.free[static_cast<std::size_t>(k)] < linear &&
+          layout.linear[static_cast<std::size_t>(out.free[static_cast<std::size_t>(k)])].name ==
+              posterior.names[static_cast<std::size_t>(i)])
+        root.col(k) = L.col(i);
+  out.root.resize(n + p, p);
+  out.root << root, weak;
+  return out;
+}
+
+/// Every other tenth of the time is held out, a second apart from what is fitted.
+void split_in_time(const Evidence& evidence, std::vector<bool>& fitted, std::vector<bool>& held) {
+  fitted.assign(static_cast<std::size_t>(evidence.rows()), false);
+  held = fitted;
+  const long m = evidence.times(), block = std::max<long>(m / 10, 1);
+  const long guard = std::lround(1.0 / evidence.step());
+  for (long i = 0; i < m; ++i) {
+    const long inside = std::min(i % block, block - 1 - i % block);
+    if (inside < guard / 2) continue;
+    std::vector<bool>& which = (i / block) % 2 == 0 ? fitted : held;
+    for (std::size_t k = 0; k < evidence.joints().size(); ++k)
+      which[k * static_cast<std::size_t>(m) + static_cast<std::size_t>(i)] = true;
+  }
+}
+
+/// The base parameters that go with the causes, physically consistent where all of them may move.
+VecX<double> final_base(Base base, const FitLayout& layout, const Search& search,
+                        const Evidence& evidence, const std::vector<Term>& terms, LinearFit& fit) {
+  VecX<double> effects = VecX<double>::Zero(evidence.rows());
+  for (const Term& t : terms) effects += t.torque();
+  VecX<double> x = search.projection().parameters(effects);
+  if (base != Base::kRefit) return x;
+  const long p = static_cast<long>(layout.linear.size()), smoothing = x.size() - p;
+  MatX<double> all(evidence.rows(), p + 1);
+  all << evidence.base().leftCols(p),
+      evidence.torque() - effects - evidence.base().rightCols(smoothing) * x.tail(smoothing);
+  const MatX<double> rows = search.whitener()(all);
+  std::vector<JointFactor> factors;
+  std::size_t known = 0;
+  for (int j = 0; j < evidence.num_dofs(); ++j) {
+    std::vector<int> columns = evidence.factors()[static_cast<std::size_t>(j)].columns;
+    std::erase_if(columns, [&](int c) { return c >= p; });
+    factors.push_back({columns, TriangularFactor(static_cast<int>(columns.size()))});
+    if (known >= evidence.joints().size() || evidence.joints()[known] != j) continue;
+    const long begin = static_cast<long>(known++) * evidence.times();
+    std::vector<long> used;
+    for (long i = begin; i < begin + evidence.times(); ++i)
+      if (search.whitener().kept()[static_cast<std::size_t>(i)]) used.push_back(i);
+    RowMatX<double> block(static_cast<long>(used.size()), static_cast<long>(columns.size()) + 1);
+    for (std::size_t c = 0; c < columns.size(); ++c)
+      block.col(static_cast<long>(c)) = rows.col(columns[c])(used);
+    block.col(block.cols() - 1) = rows.col(p)(used);
+    factors.back().factor.add(block);
+  }
+  fit = fit_linear(layout, factors);
+  x.head(p) = fit.x;
+  return x;
+}
+
+std::vector<std::string> units_of(const Model& model) {
+  std::vector<std::string> out;
+  for (const int l : moving_links(model))
+    out.push_back(model.links[static_cast<std::size_t>(l)].type == ModelJoint::kPrismatic ? "N"
+                                                                                          : "N*m");
+  return out;
+}
+
+class Diagnosis {
+ public:
+  Diagnosis(const Model& model, const RecordingSource& train, const RecordingSource* test,
+            const DiagnoseOptions& options)
+      : model_(model), train_source_(train), test_source_(test), options_(options) {}
+
+  Finding run() {
+    const auto start = std::chrono::steady_clock::now();
+    prepare();
+    select();
+    describe();
+    judge();
+    finding_.sentence = sentence(finding_);
+    finding_.seconds =
+        std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    return std::move(finding_);
+  }
+
+ private:
+  void prepare() {
+    base_ = options_.base != Base::kAuto ? options_.base
+            : model_.posterior           ? Base::kPrior
+                                         : Base::kRefit;
+    if (base_ == Base::kPrior && !model_.posterior)
+      throw ModelError(
+          "--base prior: " + (model_.source.empty() ? "the model" : model_.source) +
+          " has no posterior; give the model.json that `identify` wrote, or take --base refit");
+    finding_.base = base_ == Base::kRefit ? "refit" : base_ == Base::kPrior ? "prior" : "fixed";
+    FitChoice choice;
+    choice.effects = std::vector<std::string>{};
+    layout_ = layout_for(model_, train_source_, choice);
+    const IdentifyOptions reading = reading_options(options_);
+    const std::vector<Recording> sample = train_source_.sample();
+    const bool link_side = sample.front().info.torque_side == TorqueSide::kLink;
+    period_ = sample.front().info.period;
+    candidates_ = make_candidates(model_, options_.effects, train_source_.runs(), link_side);
+    PreprocessOptions preprocess = options_.preprocess;
+    preprocess.order = kSteepFilter;
+    finding_.plan = plan_preprocess(sample, preprocess);
+    fit_rows_to_period(finding_.plan);
+    finding_.data_report = train_source_.report();
+    train_ = std::make_unique<Evidence>(model_, layout_, train_source_, finding_.plan, reading);
+    if (test_source_) {
+      PreprocessOptions same = preprocess;
+      same.filter_hz = finding_.plan.filter_hz;
+      PreprocessPlan plan = plan_preprocess(test_source_->sample(), same);
+      plan.decimator.factor = finding_.plan.decimator.factor;
+      test_ = std::make_unique<Evidence>(model_, layout_, *test_source_, plan, reading);
+      finding_.held_out = "test recording";
+    } else {
+      split_in_time(*train_, fitted_rows_, held_rows_);
+      finding_.held_out = "time blocks";
+    }
+    bound_saturation();
+    prior_ = base_prior(base_, model_, layout_, linear_factors());
+    VecX<double> x = prior_.x0;
+    if (base_ == Base::kRefit)
+      x.head(static_cast<long>(layout_.linear.size())) = fit_linear(layout_, linear_factors()).x;
+    set_reference(x, {});
+    held_out_ = std::make_unique<HeldOut>(test_ ? *test_ : *train_, held_rows_, options_.seed);
+    search_ = std::make_unique<Search>(*train_, candidates_, prior_, fitted_rows_);
+    std::vector<Term> none;
+    search_->refresh(period_, none);
+  }
+
+  /// Factors of the linear parameters alone.
+  std::vector<JointFactor> linear_factors() const {
+    const int p = static_cast<int>(layout_.linear.size());
+    std::vector<JointFactor> out;
+    for (const JointFactor& f : train_->factors()) {
+      std::vector<int> columns = f.columns;
+      std::erase_if(columns, [&](int c) { return c >= p; });
+      JointFactor kept{columns, TriangularFactor(static_cast<int>(columns.size()))};
+      const long k = static_cast<long>(columns.size());  // they come first
+      if (f.factor.rows() > 0) {
+        RowMatX<double> rows = RowMatX<double>::Zero(f.factor.R().rows() + 1, k + 1);
+        rows.topLeftCorner(rows.rows() - 1, k) = f.factor.R().leftCols(k);
+        rows.col(k).head(rows.rows() - 1) = f.factor.d();
+        rows(rows.rows() - 1, k) = std::sqrt(f.factor.residual_sum_of_squares());
+        kept.factor.add(rows);
+      }
+      out.push_back(std::move(kept));
+    }
+    return out;
+  }
+
+  /// Rows of a period must be a whole number, so that its repeats can be compared.
+  void fit_rows_to_period(PreprocessPlan& plan) const {
+    const long samples = std::lround(period_ / plan.dt);
+    if (period_ <= 0.0 || samples < 1) return;
+    for (int factor = plan.decimator.factor; factor > plan.decimator.factor / 2 && factor >= 1;
+         --factor)
+      if (samples % factor == 0) {
+        plan.decimator.factor = factor;
+        return;
+      }
+  }
+
+  /// The model whose torques effects refer to: base parameters x and the causes so far.
+  void set_reference(const VecX<double>& x, const std::vector<Term>& terms) {
+    const long linear = static_cast<long>(layout_.linear.size());
+    VecX<double> shape(static_cast<long>(layout_.shape.size()));
+    long at = linear;
+    for (std::size_t s = 0; s < layout_.shape.size(); ++s) {
+      shape[static_cast<long>(s)] = layout_.shape[s].prior;
+      if (is_smoothing(layout_.shape[s]))
+        shape[static_cast<long>(s)] *= std::exp(std::clamp(x[at++], -1.5, 1.5));
+    }
+    Model reference = apply_fit(model_, layout_, x.head(linear), shape);
+    for (const Term& t : terms) reference.effects.push_back(to_spec(t.effect));
+    finding_.model = reference;
+    train_->set_reference(reference);
+    if (test_) test_->set_reference(reference);
+  }
+
+  /// A limit is met now and then: one below most of the torque would explain any torque by itself.
+  /// It shows in the logged torque, whose noise it must not share: without repeats it is not tried.
+  void bound_saturation() {
+    std::vector<Candidate> kept;
+    for (Candidate& c : candidates_) {
+      if (c.effect.info().name == "saturation") {
+        if (!train_->averaged() || (test_ && !test_->averaged())) continue;
+        std::vector<double> size;
+        for (const JointSeries& s : train_->series())
+          for (long i = 0; i < s.rows(); ++i)
+            size.push_back(std::abs(s.logged(i, c.effect.joints[0])));
+        std::ranges::sort(size);
+        const auto quantile = [&](double q) {
+          return size[static_cast<std::size_t>(q * static_cast<double>(size.size() - 1))];
+        };
+        c.grid.clear();
+        for (const double q : {0.999, 0.99, 0.97, 0.94, 0.9, 0.85, 0.8})
+          c.grid.push_back({quantile(q)});
+        c.shape_low = {quantile(0.75)};
+      }
+      kept.push_back(std::move(c));
+    }
+    candidates_ = std::move(kept);
+  }
+
+  void select() {
+    Selection selection(*search_, candidates_, *held_out_,
+                        {options_.accept_delta_bic, options_.max_causes, period_});
+    first_scores_ = search_->scores({});
+    terms_ = selection.run(options_.progress);
+    finding_.refused = selection.refused();
+    if (!terms_.empty()) {
+      finding_.causes = selection.causes(terms_);
+    }
+  }
+
+  void describe() {
+    for (const Score& s : first_scores_) {
+      const Candidate& c = candidates_[static_cast<std::size_t>(s.candidate)];
+      const std::string& name = c.effect.info().name;
+      if (s.visible_share < kAbsorbedShare && s.visible_share > 0.0)
+        finding_.absorbed.push_back({name, c.effect.where, s.visible_share});
+      if (s.variant >= 0)
+        finding_.candidates.push_back(
+            {name, c.effect.where, s.delta_bic, s.gain, s.visible_share, {}});
+    }
+    for (const JointNoise& n : search_->whitener().noise()) finding_.noise.push_back(n.rms);
+    // Is there anything to explain? The best of all candidates, as many times as there were trials.
+    const double best = first_scores_.empty() || first_scores_.front().variant < 0
+                            ? 0.0
+                            : first_scores_.front().gain;
+    finding_.lack_of_fit_p = std::min(1.0, static_cast<double>(first_scores_.size()) *
+                                               std::erfc(std::sqrt(std::max(best, 0.0) / 2.0)));
+    finding_.lack_of_fit =
+        search_->residual_sum() /
+        static_cast<double>(std::max<long>(search_->rows() - search_->projection().rank(), 1));
+
+    const std::vector<std::string> names = joint_names(model_);
+    const std::vector<WitnessScore> left =
+        find_witnesses(*train_, *search_, terms_, *held_out_, names, options_.accept_delta_bic);
+    for (const WitnessScore& w : left)
+      finding_.witness.push_back(
+          {names[static_cast<std::size_t>(w.joint)], w.variables, w.share, w.delta_bic});
+
+    const VecX<double> e0 = held_out_->errors(*search_, {}),
+                       e1 = held_out_->errors(*search_, terms_);
+    const HeldOutChange change =
+        held_out_->compare(held_out_->whitened(*search_, e0), held_out_->whitened(*search_, e1));
+    double more = 0.0;  // that smooth functions of the motion would still remove
+    for (const WitnessScore& w : left) more += std::max(0.0, w.held_out.before - w.held_out.after);
+    finding_.gain = {std::sqrt(change.before),
+                     std::sqrt(change.after),
+                     std::sqrt(std::max(change.after - more, 0.0)),
+                     change.before - change.after > 0.0
+                         ? (change.before - change.after) / (change.before - change.after + more)
+                         : 0.0,
+                     change.low,
+                     change.high};
+    for (Cause& c : finding_.causes) c.gain.noise_floor = finding_.gain.noise_floor;
+    add_series(e0, e1, more);
+
+    LinearFit fit;
+    const VecX<double> x = final_base(base_, layout_, *search_, *train_, terms_, fit);
+    set_reference(x, terms_);
+  }
+
+  void add_series(const VecX<double>& e0, const VecX<double>& e1, double) {
+    const Evidence& e = held_out_->evidence();
+    const std::vector<std::string> names = joint_names(model_), units = units_of(model_);
+    for (std::size_t k = 0; k < e.joints().size(); ++k) {
+      const int j = e.joints()[k];
+      const long begin = static_cast<long>(k) * e.times();
+      ResidualSeries s;
+      s.joint = names[static_cast<std::size_t>(j)];
+      s.unit = units[static_cast<std::size_t>(j)];
+      JointGain g{s.joint, s.unit, 0.0, 0.0, 0.0, search_->whitener().noise()[k].rms};
+      double rows = 0.0;
+      for (long i = 0; i < e.times(); ++i) {
+        const long row = begin + i;
+        if (!held_rows_.empty() && !held_rows_[static_cast<std::size_t>(row)]) continue;
+        s.time.push_back(e.time()[static_cast<std::size_t>(i)]);
+        s.measured.push_back(e.torque()[row]);
+        s.base.push_back(e.torque()[row] - e0[row]);
+        s.extended.push_back(e.torque()[row] - e1[row]);
+        s.q.push_back(e.q()(i, j));
+        s.qd.push_back(e.qd()(i, j));
+        s.qdd.push_back(e.qdd()(i, j));
+        g.torque_rms += e.torque()[row] * e.torque()[row];
+        g.base += e0[row] * e0[row];
+        g.extended += e1[row] * e1[row];
+        ++rows;
+      }
+      for (double* v : {&g.torque_rms, &g.base, &g.extended})
+        *v = std::sqrt(*v / std::max(rows, 1.0));
+      finding_.joints.push_back(g);
+      finding_.series.push_back(std::move(s));
+    }
+  }
+
+  void judge() {
+    Finding& f = finding_;
+    const bool ambiguous =
+        std::ranges::any_of(f.causes, [](const Cause& c) { return c.verdict == Verdict::kClass; });
+    if (!f.witness.empty() && f.gain.explained_share < kExplained)
+      f.verdict = Verdict::kUnknown;
+    else if (f.causes.empty())
+      f.verdict = f.candidates.empty() ? Verdict::kNotIdentifiable : Verdict::kNone;
+    else
+      f.verdict = ambiguous ? Verdict::kClass : Verdict::kNamed;
+  }
+
+  const Model& model_;
+  const RecordingSource& train_source_;
+  const RecordingSource* test_source_;
+  const DiagnoseOptions& options_;
+  Finding finding_;
+  Base base_ = Base::kRefit;
+  FitLayout layout_;
+  std::vector<Candidate> candidates_;
+  double period_ = 0.0;
+  std::vector<bool> fitted_rows_, held_rows_;
+  BasePrior prior_;
+  std::unique_ptr<Evidence> train_, test_;
+  std::unique_ptr<HeldOut> held_out_;
+  std::unique_ptr<Search> search_;
+  std::vector<Score> first_scores_;
+  std::vector<Term> terms_;
+};
+
+}  // namespace
+
+const char* name_of(Verdict verdict) {
+  switch (verdict) {
+    case Verdict::kNamed:
+      return "NAMED";
+    case Verdict::kClass:
+      return "CLASS";
+    case Verdict::kUnknown:
+      return "UNKNOWN";
+    case Verdict::kNone:
+      return "NONE";
+    case Verdict::kNotIdentifiable:
+      return "NOT_IDENTIFIABLE";
+  }
+  return "";
+}
+
+Verdict verdict_from(const std::string& name) {
+  for (const Verdict v : {Verdict::kNamed, Verdict::kClass, Verdict::kUnknown, Verdict::kNone,
+                          Verdict::kNotIdentifiable})
+    if (name == name_of(v)) return v;
+  throw ModelError("verdict: got '" + name +
+                   "'; choices: NAMED, CLASS, UNKNOWN, NONE, NOT_IDENTIFIABLE");
+}
+
+Finding diagnose(const Model& model, const RecordingSource& train, const RecordingSource* test,
+                 const DiagnoseOptions& options) {
+  if (test) refuse_same_recording(train, *test);
+  return Diagnosis(model, train, test, options).run();
+}
+
+Finding diagnose(const Model& model, const std::vector<Recording>& train,
+                 const std::vector<Recording>& test, const DiagnoseOptions& options) {
+  const auto source = recordings_in_memory(model, train);
+  std::unique_ptr<RecordingSource> held_out;
+  if (!test.empty()) held_out = recordings_in_memory(model, test);
+  return diagnose(model, *source, held_out.get(), options);
+}
+
+}  // namespace diffnea

@@ -1,0 +1,287 @@
+#include "diagnose/evidence.hpp"
+
+#include <algorithm>
+
+#include <diffnea/core/error.hpp>
+
+namespace diffnea {
+namespace {
+
+/// Slower than this share of a joint's RMS velocity it rests: what holds it then is not known.
+constexpr double kRestShare = 0.01;
+
+/// Collects blocks into whole stretches.
+struct SeriesCollector {
+  std::vector<JointSeries> series;
+  std::vector<Preprocessed> about;  ///< of each stretch: all but its rows
+  double run_start = 0.0;
+
+  void add(const Preprocessed& block) {
+    for (long row = 0; row < block.rows();) {
+      long end = row;
+      while (end < block.rows() && block.segment[static_cast<std::size_t>(end)] ==
+                                       block.segment[static_cast<std::size_t>(row)])
+        ++end;
+      const bool new_run = about.empty() || about.back().run != block.run;
+      if (new_run) run_start = block.time[row];
+      if (new_run || about.back().segment[0] != block.segment[static_cast<std::size_t>(row)])
+        begin(block, row);
+      JointSeries& s = series.back();
+      const long count = end - row;
+      append(block.q.middleRows(row, count), s.q);
+      append(block.qd.middleRows(row, count), s.qd);
+      append(block.qdd.middleRows(row, count), s.qdd);
+      append(block.tau.middleRows(row, count), s.logged);
+      row = end;
+    }
+  }
+
+  /// The rows of a stretch with the motion of `s` and their own torque.
+  Preprocessed rows_of(std::size_t i, const JointSeries& s) const {
+    Preprocessed out = about[i];
+    out.q = s.q;
+    out.qd = s.qd;
+    out.qdd = s.qdd;
+    out.tau = series[i].logged;
+    out.time = VecX<double>::LinSpaced(s.rows(), about[i].time[0],
+                                       about[i].time[0] + s.dt * static_cast<double>(s.rows() - 1));
+    out.segment.assign(static_cast<std::size_t>(s.rows()), about[i].segment[0]);
+    return out;
+  }
+
+ private:
+  void begin(const Preprocessed& block, long row) {
+    JointSeries s;
+    s.dt = block.dt;
+    s.start = block.time[row] - run_start;
+    s.run = block.run;
+    series.push_back(std::move(s));
+    Preprocessed of;
+    of.source = block.source;
+    of.run = block.run;
+    of.joint_names = block.joint_names;
+    of.dt = block.dt;
+    of.has_tau = block.has_tau;
+    of.time = VecX<double>::Constant(1, block.time[row]);
+    of.segment = {block.segment[static_cast<std::size_t>(row)]};
+    about.push_back(std::move(of));
+  }
+  static void append(const Eigen::Ref<const RowMatX<double>>& rows, RowMatX<double>& to) {
+    const long before = to.rows();
+    to.conservativeResize(before + rows.rows(), rows.cols());
+    to.bottomRows(rows.rows()) = rows;
+  }
+};
+
+/// The largest part of a joint's motion that may change from period to period.
+constexpr double kRepeats = 5e-3;
+
+/// Replaces every period by the mean of the others at the same phase. @return false, and nothing is
+/// changed, if the stretch holds fewer than three periods, a period is no whole number of samples,
+/// or the motion does not repeat
+bool average_other_periods(double period, JointSeries& s) {
+  const double steps = period / s.dt;
+  const long p = std::lround(steps), n = s.rows();
+  const long repeats = p > 0 ? n / p : 0;
+  if (repeats < 3 || std::abs(steps - static_cast<double>(p)) * static_cast<double>(repeats) > 0.5)
+    return false;
+  const auto mean_of = [&](const RowMatX<double>& x) {
+    RowMatX<double> sum = RowMatX<double>::Zero(p, x.cols());
+    for (long r = 0; r < repeats; ++r) sum += x.middleRows(r * p, p);
+    return RowMatX<double>(sum / static_cast<double>(repeats));
+  };
+  const RowMatX<double> mean = mean_of(s.q);
+  for (long j = 0; j < s.q.cols(); ++j) {
+    const double motion = (mean.col(j).array() - mean.col(j).mean()).matrix().norm();
+    for (long r = 0; r < repeats; ++r)
+      if ((s.q.col(j).segment(r * p, p) - mean.col(j)).norm() > kRepeats * motion) return false;
+  }
+  for (RowMatX<double>* x : {&s.q, &s.qd, &s.qdd, &s.logged}) {
+    const RowMatX<double> all = mean_of(*x), own = *x;
+    const double r = static_cast<double>(repeats);
+    for (long i = 0; i < n; ++i) {
+      const long phase = i % p;
+      // Rows after the last whole period are in no mean.
+      if (i < repeats * p)
+        x->row(i) = (r * all.row(phase) - own.row(i)) / (r - 1.0);
+      else
+        x->row(i) = all.row(phase);
+    }
+  }
+  return true;
+}
+
+}  // namespace
+
+bool is_smoothing(const FitParameter& shape) { return shape.name.ends_with(".smoothing"); }
+
+Evidence::Evidence(const Model& model, const FitLayout& layout, const RecordingSource& source,
+                   const PreprocessPlan& plan, const IdentifyOptions& options)
+    : num_dofs_(layout.num_dofs), runs_(source.runs()), decimator_(plan.decimator) {
+  VecX<double> shape(static_cast<long>(layout.shape.size()));
+  for (std::size_t s = 0; s < layout.shape.size(); ++s)
+    shape[static_cast<long>(s)] = layout.shape[s].prior;
+  FitLayout held = layout;
+  for (FitParameter& s : held.shape) s.fixed = !is_smoothing(s);
+  RegressionOptions all;
+  all.keep_bytes = std::numeric_limits<long>::max() / 2;
+  all.rest_speed = 0.0;
+  all.rest_share = 2.0;
+  TorqueRegression regression(model, held, plan, {layout.prior(), shape}, all);
+  SeriesCollector collector;
+  for_each_block(source, plan, "reading", 0, options,
+                 [&](const Preprocessed& block) { collector.add(block); });
+  series_ = collector.series;
+  const double period = source.sample().front().info.period;
+  averaged_ = period > 0.0 && !series_.empty();
+  for (JointSeries& s : series_) averaged_ = averaged_ && average_other_periods(period, s);
+  if (!averaged_) {
+    series_ = collector.series;
+    for (JointSeries& s : series_) s.logged.resize(0, 0);
+  }
+  for (std::size_t i = 0; i < series_.size(); ++i)
+    regression.add(collector.rows_of(i, collector.series[i]));
+
+  const long p =
+      static_cast<long>(layout.linear.size()) + std::ranges::count_if(layout.shape, is_smoothing);
+  for (int j = 0; j < num_dofs_; ++j)
+    if (!regression.kept()[static_cast<std::size_t>(j)].time.empty()) joints_.push_back(j);
+  if (joints_.empty())
+    throw DataError(
+        "diagnose: no stretch of the recording is long enough for the filter, or no joint has a "
+        "torque; "
+        "record longer than " +
+        format_number(2.0 * plan.min_segment) + " s");
+  const long m =
+      static_cast<long>(regression.kept()[static_cast<std::size_t>(joints_[0])].time.size());
+  torque_.resize(m * static_cast<long>(joints_.size()));
+  for (std::size_t k = 0; k < joints_.size(); ++k) {
+    const JointRows& kept = regression.kept()[static_cast<std::size_t>(joints_[k])];
+    torque_.segment(static_cast<long>(k) * m, m) = kept.rows().col(kept.width - 1);
+  }
+  time_ = regression.kept()[static_cast<std::size_t>(joints_[0])].time;
+  base_ = stacked_base(regression, p);
+  if (averaged_) {
+    TorqueRegression averaged(model, held, plan, {layout.prior(), shape}, all);
+    for (std::size_t i = 0; i < series_.size(); ++i) averaged.add(collector.rows_of(i, series_[i]));
+    averaged_base_ = stacked_base(averaged, p);
+  }
+  stretch_.resize(time_.size());
+  const Decimator filter(decimator_);
+  std::vector<RowMatX<double>> states;
+  VecX<double> rest_speed = VecX<double>::Zero(num_dofs_);
+  long samples = 0;
+  for (const JointSeries& s : series_) {
+    rest_speed += s.qd.colwise().squaredNorm().transpose();
+    samples += s.qd.rows();
+  }
+  rest_speed = kRestShare * (rest_speed / static_cast<double>(samples)).cwiseSqrt();
+  const long n = num_dofs_, known = static_cast<long>(joints_.size());
+  long row = 0;
+  for (std::size_t i = 0; i < series_.size(); ++i) {
+    const JointSeries& s = series_[i];
+    const long outputs = s.q.rows() < 2 * filter.half_length() + 1
+                             ? 0
+                             : (s.q.rows() - 2 * filter.half_length() - 1) / filter.factor() + 1;
+    for (long k = 0; k < outputs && row < m; ++k)
+      stretch_[static_cast<std::size_t>(row++)] = static_cast<int>(i);
+    step_ = s.dt * filter.factor();
+    RowMatX<double> all_states(s.q.rows(), 3 * n + known);
+    all_states << s.q, s.qd, s.qdd, RowMatX<double>::Zero(s.q.rows(), known);
+    for (long k = 0; k < known; ++k) {
+      const int j = joints_[static_cast<std::size_t>(k)];
+      all_states.col(3 * n + k) =
+          (s.qd.col(j).array().abs() < rest_speed[j]).cast<double>().matrix();
+    }
+    states.push_back(std::move(all_states));
+  }
+  const MatX<double> decimated = decimate(states);
+  if (row != m || decimated.rows() != m)
+    throw Error("diagnose: rows of states and of torques differ (" +
+                std::to_string(decimated.rows()) + ", " + std::to_string(m) + ")");
+  q_ = decimated.leftCols(n);
+  qd_ = decimated.middleCols(n, n);
+  qdd_ = decimated.middleCols(2 * n, n);
+  rest_ = decimated.rightCols(known);
+  factors_ = regression.factors();
+  set_reference(model);
+}
+
+MatX<double> Evidence::stacked_base(const TorqueRegression& regression, long p) const {
+  MatX<double> out = MatX<double>::Zero(rows(), p);
+  for (std::size_t k = 0; k < joints_.size(); ++k) {
+    const std::size_t j = static_cast<std::size_t>(joints_[k]);
+    const auto rows = regression.kept()[j].rows();
+    const std::vector<int>& columns = regression.factors()[j].columns;
+    for (std::size_t c = 0; c < columns.size(); ++c)
+      out.col(columns[c]).segment(static_cast<long>(k) * times(), times()) =
+          rows.col(static_cast<long>(c));
+  }
+  return out;
+}
+
+MatX<double> Evidence::decimate(const std::vector<RowMatX<double>>& stretches) const {
+  std::vector<RowMatX<double>> parts;
+  long rows = 0;
+  Decimator filter(decimator_);
+  for (const RowMatX<double>& s : stretches) {
+    filter.reset();
+    parts.push_back(filter.push(s));
+    rows += parts.back().rows();
+  }
+  MatX<double> out(rows, stretches.empty() ? 0 : stretches[0].cols());
+  rows = 0;
+  for (const RowMatX<double>& part : parts) {
+    if (part.rows() > 0) out.middleRows(rows, part.rows()) = part;
+    rows += part.rows();
+  }
+  return out;
+}
+
+void Evidence::set_reference(const Model& fitted) {
+  reference_ = extend(fitted, runs_);
+  for (JointSeries& s : series_) predict(reference_, s);
+}
+
+MatX<double> Evidence::columns(const BoundEffect& effect, const std::vector<int>& which) const {
+  const long m = times(), width = static_cast<long>(which.size());
+  MatX<double> out = MatX<double>::Zero(rows(), width);
+  // Joint torques of one joint reach that joint alone: the others' columns need no filter.
+  std::vector<long> reached;  // index into joints_
+  const Port port = effect.info().port;
+  const bool local = port == Port::kJointTorque || port == Port::kMemory;
+  for (std::size_t k = 0; k < joints_.size(); ++k)
+    if (!local || std::ranges::find(effect.joints, joints_[k]) != effect.joints.end())
+      reached.push_back(static_cast<long>(k));
+  if (reached.empty()) return out;
+  std::vector<RowMatX<double>> stretches;
+  for (const JointSeries& s : series_) {
+    const std::vector<RowMatX<double>> c =
+        series_columns(effect, reference_, s, effect.parameters.data(), which);
+    RowMatX<double> block(s.q.rows(), width * static_cast<long>(reached.size()));
+    for (long w = 0; w < width; ++w)
+      for (std::size_t r = 0; r < reached.size(); ++r)
+        block.col(w * static_cast<long>(reached.size()) + static_cast<long>(r)) =
+            c[static_cast<std::size_t>(w)].col(joints_[static_cast<std::size_t>(reached[r])]);
+    stretches.push_back(std::move(block));
+  }
+  const MatX<double> d = decimate(stretches);
+  for (long w = 0; w < width; ++w)
+    for (std::size_t r = 0; r < reached.size(); ++r)
+      out.col(w).segment(reached[r] * m, m) =
+          d.col(w * static_cast<long>(reached.size()) + static_cast<long>(r));
+  return out;
+}
+
+VecX<double> Evidence::torque_of(const BoundEffect& effect) const {
+  std::vector<RowMatX<double>> stretches;
+  for (const JointSeries& s : series_)
+    stretches.push_back(series_torque(effect, reference_, s, effect.parameters.data()));
+  const MatX<double> d = decimate(stretches);
+  VecX<double> out(rows());
+  for (std::size_t k = 0; k < joints_.size(); ++k)
+    out.segment(static_cast<long>(k) * times(), times()) = d.col(joints_[k]);
+  return out;
+}
+
+}  // namespace diffnea

@@ -1,0 +1,93 @@
+#pragma once
+/// Recordings as a diagnosis sees them: filtered, decimated rows of measured torque, of the base
+/// model's columns, and of the columns of any effect, on demand. Internal to diagnose/.
+///
+/// Rows of the joints whose torque is known are stacked: row m of the k-th such joint is row
+/// k·times() + m. All matrices here are (rows(), columns).
+
+#include <diffnea/effects/series.hpp>
+#include <diffnea/identify/torque_regression.hpp>
+
+#include "identify/passes.hpp"
+
+namespace diffnea {
+
+/// Whether a shape parameter is the v₀ of a smoothed friction.
+bool is_smoothing(const FitParameter& shape);
+
+class Evidence {
+ public:
+  /// @param layout  of the base model
+  /// @throws DataError if no row is left
+  Evidence(const Model& model, const FitLayout& layout, const RecordingSource& source,
+           const PreprocessPlan& plan, const IdentifyOptions& options);
+
+  long rows() const { return torque_.size(); }
+  /// Rows of one joint; the same instants for all.
+  long times() const { return static_cast<long>(time_.size()); }
+  /// Degrees of freedom whose torque is known, ascending.
+  const std::vector<int>& joints() const { return joints_; }
+  int num_dofs() const { return num_dofs_; }
+
+  const VecX<double>& torque() const { return torque_; }
+  /// Columns of the layout's linear parameters, then ∂τ/∂ln v₀ of the base's smoothed friction: how
+  /// sharply it turns is not known.
+  const MatX<double>& base() const { return base_; }
+  /// The same of the averaged motion (series()): what of a candidate's columns the base takes over.
+  /// As base() where motion does not repeat.
+  const MatX<double>& averaged_base() const { return averaged_ ? averaged_base_ : base_; }
+
+  // Of each instant, (times()).
+  const std::vector<double>& time() const { return time_; }
+  /// Instants with the same number follow one another at equal steps.
+  const std::vector<int>& stretch() const { return stretch_; }
+  /// Share of the filter's weight on samples in which a joint of joints() rests, (times(),
+  /// joints().size()).
+  const MatX<double>& rest() const { return rest_; }
+  /// Filtered positions, velocities, accelerations, (times(), num_dofs()).
+  const MatX<double>& q() const { return q_; }
+  const MatX<double>& qd() const { return qd_; }
+  const MatX<double>& qdd() const { return qdd_; }
+  /// Step between instants of one stretch [s].
+  double step() const { return step_; }
+  /// Whether effects' columns are those of the motion averaged over periods.
+  bool averaged() const { return averaged_; }
+  /// Samples at the recording's rate, as effects see them. Where the motion repeats, each period
+  /// holds the mean of the other periods: its noise is neither that of the torque beside it, which
+  /// a controller has made of its own position's noise, nor that of the base's columns. Columns of
+  /// high derivatives would find both. Then `logged` is that mean too, else it is empty.
+  const std::vector<JointSeries>& series() const { return series_; }
+
+  /// Factors of the base columns, unwhitened, all rows.
+  const std::vector<JointFactor>& factors() const { return factors_; }
+
+  /// The model that effects of torque refer to: what the links transmit, what the drives give.
+  void set_reference(const Model& fitted);
+
+  /// ∂τ/∂p of chosen parameters of an effect, (rows(), which.size()).
+  MatX<double> columns(const BoundEffect& effect, const std::vector<int>& which) const;
+  /// The effect's own torque at its parameters, (rows()).
+  VecX<double> torque_of(const BoundEffect& effect) const;
+
+ private:
+  /// One column for each of the base's, (rows(), p).
+  MatX<double> stacked_base(const TorqueRegression& regression, long p) const;
+  /// Filters and decimates series of the recording's rate, one matrix for each stretch.
+  MatX<double> decimate(const std::vector<RowMatX<double>>& stretches) const;
+
+  int num_dofs_ = 0;
+  bool averaged_ = false;
+  std::vector<int> joints_;
+  std::vector<JointSeries> series_;
+  std::vector<int> runs_;
+  DecimatorOptions decimator_;
+  std::vector<JointFactor> factors_;
+  ExtendedTree reference_;
+  std::vector<double> time_;
+  std::vector<int> stretch_;
+  double step_ = 0.0;
+  VecX<double> torque_;
+  MatX<double> base_, averaged_base_, rest_, q_, qd_, qdd_;
+};
+
+}  // namespace diffnea

@@ -1,0 +1,80 @@
+#include "diagnose/held_out.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include <diffnea/core/random.hpp>
+
+namespace diffnea {
+namespace {
+
+constexpr int kResamples = 1000;
+constexpr double kBlockSeconds = 1.0;
+
+}  // namespace
+
+VecX<double> HeldOut::errors(const Search& search, const std::vector<Term>& terms) const {
+  return errors_with(search, terms,
+                     VecX<double>::Zero(static_cast<long>(search.whitener().kept().size())),
+                     VecX<double>::Zero(evidence_.rows()));
+}
+
+VecX<double> HeldOut::errors_with(const Search& search, const std::vector<Term>& terms,
+                                  VecX<double> there, VecX<double> here) const {
+  for (const Term& t : terms) {
+    there += t.torque();
+    here += evidence_.torque_of(t.effect);
+  }
+  // The base that goes with them on the fitted rows.
+  return evidence_.torque() - here - evidence_.base() * search.projection().parameters(there);
+}
+
+VecX<double> HeldOut::whitened(const Search& search, const VecX<double>& errors) const {
+  const Whitener whitener(evidence_, search.whitener().noise(), used_);
+  return whitener(errors);
+}
+
+HeldOutChange HeldOut::compare(const VecX<double>& before, const VecX<double>& after) const {
+  const long m = evidence_.times();
+  const long block = std::max<long>(std::lround(kBlockSeconds / evidence_.step()), 8);
+  std::vector<double> square, removed;  // of each block
+  for (long i = 0; i < m;) {
+    double s = 0.0, d = 0.0;
+    long count = 0;
+    const int stretch = evidence_.stretch()[static_cast<std::size_t>(i)];
+    for (; i < m && count < block && evidence_.stretch()[static_cast<std::size_t>(i)] == stretch;
+         ++i, ++count)
+      for (std::size_t k = 0; k < evidence_.joints().size(); ++k) {
+        const long row = static_cast<long>(k) * m + i;
+        s += before[row] * before[row];
+        d += before[row] * before[row] - after[row] * after[row];
+      }
+    if (s == 0.0 && d == 0.0) continue;
+    square.push_back(s);
+    removed.push_back(d);
+  }
+  HeldOutChange out;
+  long rows = 0;
+  for (long i = 0; i < before.size(); ++i) rows += before[i] != 0.0 || after[i] != 0.0;
+  if (square.empty() || rows == 0) return out;
+  out.before = before.squaredNorm() / static_cast<double>(rows);
+  out.after = after.squaredNorm() / static_cast<double>(rows);
+  Rng rng(seed_ + 0x9e37);
+  std::vector<double> shares(kResamples);
+  for (double& share : shares) {
+    double s = 0.0, d = 0.0;
+    for (std::size_t b = 0; b < square.size(); ++b) {
+      const std::size_t pick =
+          static_cast<std::size_t>(rng.uniform() * static_cast<double>(square.size()));
+      s += square[pick];
+      d += removed[pick];
+    }
+    share = d / s;
+  }
+  std::ranges::sort(shares);
+  out.low = shares[static_cast<std::size_t>(0.025 * kResamples)];
+  out.high = shares[static_cast<std::size_t>(0.975 * kResamples)];
+  return out;
+}
+
+}  // namespace diffnea

@@ -1,0 +1,45 @@
+#pragma once
+/// What terms are worth on rows that no fit has seen. Internal to diagnose/.
+
+#include <cstdint>
+
+#include "diagnose/search.hpp"
+
+namespace diffnea {
+
+/// The mean square of held-out errors with and without something, and what is certain of the
+/// difference.
+struct HeldOutChange {
+  double before = 0.0, after = 0.0;  ///< mean squares, noise is 1
+  double low = 0.0, high = 0.0;      ///< 95 % interval of (before − after)/before, block bootstrap
+  bool helps() const { return low > 0.0; }
+};
+
+class HeldOut {
+ public:
+  /// @param used  (rows()) rows that are held out; empty: all
+  HeldOut(const Evidence& evidence, std::vector<bool> used, std::uint64_t seed)
+      : evidence_(evidence), used_(std::move(used)), seed_(seed) {}
+
+  /// Torque error of the model with `terms`, base and terms as fitted by `search`, (rows()) [N·m]
+  /// or [N].
+  VecX<double> errors(const Search& search, const std::vector<Term>& terms) const;
+  /// The same with another torque beside the terms: `there` on the fitted rows, `here` on these.
+  VecX<double> errors_with(const Search& search, const std::vector<Term>& terms, VecX<double> there,
+                           VecX<double> here) const;
+  /// Errors in units of noise; 0 in rows that do not count.
+  VecX<double> whitened(const Search& search, const VecX<double>& errors) const;
+
+  /// Blocks of consecutive instants are drawn with replacement (Künsch 1989), all joints together.
+  HeldOutChange compare(const VecX<double>& before, const VecX<double>& after) const;
+
+  const Evidence& evidence() const { return evidence_; }
+  const std::vector<bool>& used() const { return used_; }
+
+ private:
+  const Evidence& evidence_;
+  std::vector<bool> used_;
+  std::uint64_t seed_;
+};
+
+}  // namespace diffnea

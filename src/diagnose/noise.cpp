@@ -1,0 +1,145 @@
+#include "diagnose/noise.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace diffnea {
+namespace {
+
+constexpr int kOrder = 8;
+/// A row in which the joint rests for more than this share of the filter's weight is not tested.
+constexpr double kMostRest = 0.3;
+
+/// Levinson–Durbin recursion. @param r  autocovariances r_0 … r_order
+JointNoise levinson(const std::vector<double>& r) {
+  JointNoise out;
+  out.a.assign(r.size() - 1, 0.0);
+  out.rms = std::sqrt(r[0]);
+  double error = r[0];
+  for (std::size_t k = 1; k < r.size() && error > 1e-12 * r[0]; ++k) {
+    double reflection = r[k];
+    for (std::size_t i = 1; i < k; ++i) reflection -= out.a[i - 1] * r[k - i];
+    reflection /= error;
+    const std::vector<double> before = out.a;
+    out.a[k - 1] = reflection;
+    for (std::size_t i = 1; i < k; ++i)
+      out.a[i - 1] = before[i - 1] - reflection * before[k - i - 1];
+    error *= 1.0 - reflection * reflection;
+  }
+  out.sigma = std::sqrt(std::max(error, 1e-12 * r[0]));
+  return out;
+}
+
+}  // namespace
+
+std::vector<JointNoise> estimate_noise(const Evidence& evidence, const VecX<double>& residual,
+                                       const std::vector<bool>& used, double lost) {
+  const long m = evidence.times();
+  std::vector<JointNoise> out;
+  for (std::size_t k = 0; k < evidence.joints().size(); ++k) {
+    const long begin = static_cast<long>(k) * m;
+    // A constant is no noise: whitened away, an offset would be invisible.
+    double mean = 0.0;
+    long count = 0;
+    for (long i = 0; i < m; ++i)
+      if (used[static_cast<std::size_t>(begin + i)]) mean += residual[begin + i], ++count;
+    mean /= static_cast<double>(std::max<long>(count, 1));
+    std::vector<double> r(kOrder + 1, 0.0);
+    std::vector<long> pairs(kOrder + 1, 0);
+    for (long i = 0; i < m; ++i) {
+      if (!used[static_cast<std::size_t>(begin + i)]) continue;
+      for (long lag = 0; lag <= kOrder && lag <= i; ++lag) {
+        if (!used[static_cast<std::size_t>(begin + i - lag)] ||
+            evidence.stretch()[static_cast<std::size_t>(i)] !=
+                evidence.stretch()[static_cast<std::size_t>(i - lag)])
+          continue;
+        r[static_cast<std::size_t>(lag)] +=
+            (residual[begin + i] - mean) * (residual[begin + i - lag] - mean);
+        ++pairs[static_cast<std::size_t>(lag)];
+      }
+    }
+    const double n = std::max<double>(static_cast<double>(pairs[0]), 1.0);
+    const double freedom = n / std::max(n - lost, 0.1 * n);
+    // Bartlett's weights keep the sequence positive definite where rows are missing.
+    for (int lag = 0; lag <= kOrder; ++lag)
+      r[static_cast<std::size_t>(lag)] *= freedom / n * (lag ? 1.0 - 1e-6 : 1.0);
+    if (!(r[0] > 0.0)) r[0] = 1e-300;
+    out.push_back(levinson(r));
+  }
+  return out;
+}
+
+VecX<double> repeatable_noise(const Evidence& evidence, const VecX<double>& residual,
+                              double period) {
+  const double steps = period / evidence.step();
+  const long p = std::lround(steps);
+  const long m = evidence.times();
+  VecX<double> out =
+      VecX<double>::Constant(residual.size(), std::numeric_limits<double>::quiet_NaN());
+  bool any = false;
+  for (long begin = 0; begin < m;) {
+    long end = begin;
+    while (end < m && evidence.stretch()[static_cast<std::size_t>(end)] ==
+                          evidence.stretch()[static_cast<std::size_t>(begin)])
+      ++end;
+    const long repeats = p > 0 ? (end - begin) / p : 0;
+    // Over the whole stretch the phase may slip by a twentieth of a row.
+    if (repeats >= 3 &&
+        std::abs(steps - static_cast<double>(p)) * static_cast<double>(repeats) < 0.05) {
+      any = true;
+      const double scale =
+          std::sqrt(static_cast<double>(repeats) / static_cast<double>(repeats - 1));
+      for (std::size_t k = 0; k < evidence.joints().size(); ++k)
+        for (long phase = 0; phase < p; ++phase) {
+          const long first = static_cast<long>(k) * m + begin + phase;
+          double mean = 0.0;
+          for (long c = 0; c < repeats; ++c) mean += residual[first + c * p];
+          mean /= static_cast<double>(repeats);
+          for (long c = 0; c < repeats; ++c)
+            out[first + c * p] = scale * (residual[first + c * p] - mean);
+        }
+    }
+    begin = end;
+  }
+  return any ? out : VecX<double>();
+}
+
+Whitener::Whitener(const Evidence& evidence, std::vector<JointNoise> noise,
+                   const std::vector<bool>& used)
+    : noise_(std::move(noise)), times_(evidence.times()) {
+  kept_.assign(static_cast<std::size_t>(evidence.rows()), false);
+  for (std::size_t k = 0; k < evidence.joints().size(); ++k) {
+    long since = 0;  // usable rows in a row
+    for (long i = 0; i < times_; ++i) {
+      const std::size_t row = k * static_cast<std::size_t>(times_) + static_cast<std::size_t>(i);
+      const bool follows = i > 0 && evidence.stretch()[static_cast<std::size_t>(i)] ==
+                                        evidence.stretch()[static_cast<std::size_t>(i - 1)];
+      const bool may = used.empty() || used[row];
+      since = !may ? 0 : follows ? since + 1 : 1;
+      kept_[row] = since > kOrder && evidence.rest()(i, static_cast<long>(k)) <= kMostRest;
+      used_rows_ += kept_[row];
+    }
+  }
+}
+
+MatX<double> Whitener::operator()(const MatX<double>& rows) const {
+  MatX<double> out = MatX<double>::Zero(rows.rows(), rows.cols());
+  for (long c = 0; c < rows.cols(); ++c)
+    for (std::size_t k = 0; k < noise_.size(); ++k) {
+      const JointNoise& noise = noise_[k];
+      const long begin = static_cast<long>(k) * times_;
+      const double* x = rows.col(c).data() + begin;
+      if (Eigen::Map<const VecX<double>>(x, times_).isZero(0.0)) continue;
+      double* y = out.col(c).data() + begin;
+      const double scale = 1.0 / noise.sigma;
+      for (long i = kOrder; i < times_; ++i) {
+        if (!kept_[static_cast<std::size_t>(begin + i)]) continue;
+        double e = x[i];
+        for (int l = 0; l < kOrder; ++l) e -= noise.a[static_cast<std::size_t>(l)] * x[i - 1 - l];
+        y[i] = scale * e;
+      }
+    }
+  return out;
+}
+
+}  // namespace diffnea

@@ -1,0 +1,47 @@
+#pragma once
+/// Noise of every joint's filtered, decimated torque: an autoregression of order 8 (Ljung 1999,
+/// sec. 4.2), and the filter that makes rows independent of equal variance. Internal to diagnose/.
+
+#include "diagnose/evidence.hpp"
+
+namespace diffnea {
+
+struct JointNoise {
+  std::vector<double> a;  ///< e_m = Σ a_k e_{m−k} + innovation
+  double sigma = 1.0;     ///< of the innovations [N·m] or [N]
+  double rms = 1.0;       ///< of the noise itself [N·m] or [N]
+};
+
+/// From residuals, (rows()); rows that are not in `used` are gaps.
+/// @param lost  degrees of freedom that the fit took of each joint's rows
+std::vector<JointNoise> estimate_noise(const Evidence& evidence, const VecX<double>& residual,
+                                       const std::vector<bool>& used, double lost);
+
+/// What changes from one period of the motion to the next is noise, whatever the model lacks:
+/// differences to the mean over periods, scaled by √(R/(R−1)).
+/// @param period  [s]
+/// @return (rows()) noise; empty unless a period is a whole number of rows and a stretch holds
+/// three of them
+VecX<double> repeatable_noise(const Evidence& evidence, const VecX<double>& residual,
+                              double period);
+
+/// Rows that tests use: not at rest, and with a whole filter's length of rows before them in their
+/// stretch.
+class Whitener {
+ public:
+  /// @param used  (rows()) which rows may be used at all; empty: all
+  Whitener(const Evidence& evidence, std::vector<JointNoise> noise, const std::vector<bool>& used);
+
+  /// Rows in units of independent noise; unused ones are 0. (rows(), C) → (rows(), C)
+  MatX<double> operator()(const MatX<double>& rows) const;
+  const std::vector<JointNoise>& noise() const { return noise_; }
+  long used_rows() const { return used_rows_; }
+  const std::vector<bool>& kept() const { return kept_; }
+
+ private:
+  std::vector<JointNoise> noise_;
+  std::vector<bool> kept_;
+  long times_ = 0, used_rows_ = 0;
+};
+
+}  // namespace diffnea

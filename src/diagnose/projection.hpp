@@ -1,0 +1,48 @@
+#pragma once
+/// The base model projected out: what is left of torques and of candidates' columns once the base
+/// parameters have been fitted to them, within their prior. Internal to diagnose/.
+///
+/// Minimise ‖W(τ − X x − G ψ)‖² + ‖L(x − x₀)‖² over x for every ψ (variable projection, Golub and
+/// Pereyra 1973): with A = [W X; L] and its orthonormal basis Q, G⊥ = (I − QQᵀ)[W G; 0] and r = (I
+/// − QQᵀ)[W(τ − X x₀); 0]. Where effects see the averaged motion, their Q is that motion's.
+
+#include <Eigen/QR>
+
+#include "diagnose/noise.hpp"
+
+namespace diffnea {
+
+/// What the base may do: Gaussian of the free parameters about x₀.
+struct BasePrior {
+  VecX<double> x0;        ///< (p)
+  std::vector<int> free;  ///< columns that may move
+  MatX<double> root;      ///< (any, free) L
+};
+
+class Projection {
+ public:
+  Projection(const Evidence& evidence, const Whitener& whitener, const BasePrior& prior);
+
+  /// Columns of a candidate, whitened and projected, (rows() + prior rows, k).
+  MatX<double> project(const MatX<double>& columns) const;
+  /// The same for columns that are whitened already.
+  MatX<double> project_whitened(MatX<double> columns) const;
+  const VecX<double>& residual() const { return residual_; }
+  /// Base parameters that go with `effects`, the torque of all effects (rows()).
+  VecX<double> parameters(const VecX<double>& effects) const;
+  /// Rank of the base.
+  long rank() const { return Q_.cols(); }
+  long rows() const { return whitener_.used_rows(); }
+  const Whitener& whitener() const { return whitener_; }
+
+ private:
+  const Evidence& evidence_;
+  const Whitener& whitener_;
+  const BasePrior& prior_;
+  MatX<double> Q_;  ///< of the base as effects see it
+  Eigen::ColPivHouseholderQR<MatX<double>> qr_;
+  VecX<double> scale_;
+  VecX<double> residual_;
+};
+
+}  // namespace diffnea

@@ -1,0 +1,406 @@
+#include "diagnose/search.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include <Eigen/Cholesky>
+
+#include "diagnose/signed_fit.hpp"
+
+namespace diffnea {
+namespace {
+
+/// A column of which the base leaves less than this share tells nothing: it is filter error and
+/// rounding.
+constexpr double kInvisible = 1e-4;
+/// A shape whose derivative the linear parameters reproduce but for this share cannot be told from
+/// them.
+constexpr double kRedundant = 0.02;
+/// Of a joint's measured torque.
+constexpr double kWhole = 0.95;
+
+std::vector<bool> signs(const BoundEffect& effect, const std::vector<int>& linear) {
+  std::vector<bool> out;
+  for (const int k : linear)
+    out.push_back(effect.parameter_info[static_cast<std::size_t>(k)].sign != Sign::kFree);
+  return out;
+}
+
+/// Columns of all terms, and the sum of their offsets.
+struct Stack {
+  MatX<double> G;
+  VecX<double> offset;
+};
+Stack stack(const std::vector<Term>& terms, long rows) {
+  long columns = 0;
+  for (const Term& t : terms) columns += t.width();
+  Stack out{MatX<double>(rows, columns), VecX<double>::Zero(rows)};
+  columns = 0;
+  for (const Term& t : terms) {
+    out.G.middleCols(columns, t.width()) = t.projected.leftCols(t.width());
+    if (t.has_offset()) out.offset += t.projected.col(t.width());
+    columns += t.width();
+  }
+  return out;
+}
+
+}  // namespace
+
+VecX<double> Term::values() const {
+  VecX<double> out(static_cast<long>(linear.size()));
+  for (std::size_t k = 0; k < linear.size(); ++k)
+    out[static_cast<long>(k)] = effect.parameters[static_cast<std::size_t>(linear[k])];
+  return out;
+}
+
+VecX<double> Term::torque() const {
+  VecX<double> out = columns * values();
+  if (has_offset()) out += offset;
+  return out;
+}
+
+Search::Search(const Evidence& evidence, const std::vector<Candidate>& candidates,
+               const BasePrior& prior, const std::vector<bool>& used)
+    : evidence_(evidence), candidates_(candidates), prior_(prior), used_(used) {
+  if (used_.empty()) used_.assign(static_cast<std::size_t>(evidence.rows()), true);
+  std::vector<Term> all;
+  long width = 0;
+  for (std::size_t c = 0; c < candidates.size(); ++c)
+    for (std::size_t g = 0; g < candidates[c].grid.size(); ++g) {
+      all.push_back(make_term(static_cast<int>(c), candidates[c].grid[g]));
+      // Most begin at no torque; a limit does not.
+      const bool offset = all.back().has_offset() && !all.back().offset.isZero(0.0);
+      variants_.push_back(
+          {static_cast<int>(c), static_cast<int>(g), width, all.back().width(), offset});
+      width += all.back().width() + offset;
+    }
+  raw_.resize(evidence.rows(), width);
+  for (std::size_t i = 0; i < variants_.size(); ++i) {
+    raw_.middleCols(variants_[i].first, variants_[i].width) = all[i].columns;
+    if (variants_[i].offset) raw_.col(variants_[i].first + variants_[i].width) = all[i].offset;
+  }
+}
+
+Term Search::make_term(int candidate, const std::vector<double>& shapes) const {
+  const Candidate& c = candidates_[static_cast<std::size_t>(candidate)];
+  Term term;
+  term.candidate = candidate;
+  term.effect = c.effect;
+  term.linear = c.linear;
+  term.shapes = c.shapes;
+  for (const int k : term.linear) term.effect.parameters[static_cast<std::size_t>(k)] = 0.0;
+  for (std::size_t s = 0; s < shapes.size(); ++s)
+    term.effect.parameters[static_cast<std::size_t>(c.shapes[s])] = shapes[s];
+  set_columns(term);
+  return term;
+}
+
+void Search::set_columns(Term& term) const {
+  const Candidate& c = candidates_[static_cast<std::size_t>(term.candidate)];
+  term.columns = evidence_.columns(term.effect, term.linear);
+  if (c.nonlinear) term.offset = evidence_.torque_of(term.effect) - term.columns * term.values();
+  if (!projection_) return;
+  MatX<double> both = term.columns;
+  if (term.has_offset()) {
+    both.conservativeResize(Eigen::NoChange, term.width() + 1);
+    both.col(term.width()) = term.offset;
+  }
+  term.projected = projection_->project(both);
+}
+
+void Search::refresh(double period, std::vector<Term>& terms) {
+  const bool first = !projection_;
+  for (int round = 0; round < (first ? 3 : 1); ++round) {
+    VecX<double> left;
+    if (projection_) {
+      left = residual(terms);
+    } else {  // white to begin with
+      std::vector<JointNoise> unit(evidence_.joints().size());
+      for (std::size_t k = 0; k < unit.size(); ++k) {
+        unit[k].a.assign(8, 0.0);
+        unit[k].sigma = unit[k].rms =
+            std::max(evidence_.torque()
+                             .segment(static_cast<long>(k) * evidence_.times(), evidence_.times())
+                             .norm() /
+                         std::sqrt(static_cast<double>(evidence_.times())),
+                     1e-12);
+      }
+      whitener_ = std::make_unique<Whitener>(evidence_, unit, used_);
+      projection_ = std::make_unique<Projection>(evidence_, *whitener_, prior_);
+      left = residual(terms);
+    }
+    std::vector<bool> rows = used_;
+    VecX<double> noise = period > 0.0 ? repeatable_noise(evidence_, left, period) : VecX<double>();
+    repeatable_ = noise.size() > 0;
+    double lost = 0.0;
+    if (repeatable_) {
+      for (long i = 0; i < noise.size(); ++i)
+        rows[static_cast<std::size_t>(i)] =
+            rows[static_cast<std::size_t>(i)] && std::isfinite(noise[i]);
+    } else {
+      noise = left;
+      lost = static_cast<double>(projection_->rank() + num_parameters(terms)) /
+             static_cast<double>(evidence_.joints().size());
+    }
+    for (std::size_t k = 0; k < evidence_.joints().size();
+         ++k)  // at rest the torque is not the model's
+      for (long i = 0; i < evidence_.times(); ++i)
+        if (evidence_.rest()(i, static_cast<long>(k)) > 0.3)
+          rows[k * static_cast<std::size_t>(evidence_.times()) + static_cast<std::size_t>(i)] =
+              false;
+    std::vector<JointNoise> estimate = estimate_noise(evidence_, noise, rows, lost);
+    projection_.reset();
+    whitener_ = std::make_unique<Whitener>(evidence_, std::move(estimate), used_);
+    projection_ = std::make_unique<Projection>(evidence_, *whitener_, prior_);
+    for (Term& t : terms) set_columns(t);
+    fit(terms);
+  }
+  MatX<double> whitened = (*whitener_)(raw_);
+  norms_ = whitened.colwise().norm().transpose();
+  projected_ = projection_->project_whitened(std::move(whitened));
+  gram_.setZero(projected_.cols(), projected_.cols());
+  gram_.selfadjointView<Eigen::Lower>().rankUpdate(projected_.transpose());
+  gram_.triangularView<Eigen::StrictlyUpper>() = gram_.transpose();
+}
+
+std::vector<bool> Search::signs_of(const std::vector<Term>& terms) const {
+  std::vector<bool> out;
+  for (const Term& t : terms)
+    for (const bool s : signs(t.effect, t.linear)) out.push_back(s);
+  return out;
+}
+
+std::vector<Score> Search::scores(const std::vector<Term>& terms) const {
+  const Stack S = stack(terms, projected_.rows());
+  const VecX<double> r = projection_->residual() - S.offset;
+  const MatX<double> SS = S.G.transpose() * S.G, SG = S.G.transpose() * projected_;
+  const VecX<double> Sr = S.G.transpose() * r, Gr = projected_.transpose() * r;
+  const std::vector<bool> s_signs = signs_of(terms);
+  const double before = signed_fit(SS, Sr, s_signs).gain, chi2 = r.squaredNorm();
+  const double n = static_cast<double>(rows());
+  std::vector<Score> best(candidates_.size());
+  for (std::size_t c = 0; c < candidates_.size(); ++c) best[c].candidate = static_cast<int>(c);
+  for (std::size_t i = 0; i < variants_.size(); ++i) {
+    const Variant& v = variants_[i];
+    const Candidate& c = candidates_[static_cast<std::size_t>(v.candidate)];
+    const long k = v.width, s = S.G.cols();
+    double visible = 0.0, whole = 0.0;
+    for (long w = 0; w < k + v.offset; ++w) {
+      visible += gram_(v.first + w, v.first + w);
+      whole += norms_[v.first + w] * norms_[v.first + w];
+    }
+    const double share = whole > 0.0 ? std::sqrt(visible / whole) : 0.0;
+    Score& b = best[static_cast<std::size_t>(v.candidate)];
+    b.visible_share = std::max(b.visible_share, share);
+    if (share < kInvisible) continue;
+    MatX<double> K(s + k, s + k);
+    K << SS, SG.middleCols(v.first, k), SG.middleCols(v.first, k).transpose(),
+        gram_.block(v.first, v.first, k, k);
+    VecX<double> rhs(s + k);
+    rhs << Sr, Gr.segment(v.first, k);
+    double gain = -before;
+    if (v.offset) {
+      const long o = v.first + k;
+      rhs.head(s) -= SG.col(o);
+      rhs.tail(k) -= gram_.block(v.first, o, k, 1);
+      gain += 2.0 * Gr[o] - gram_(o, o);
+    }
+    std::vector<bool> sign = s_signs;
+    for (const bool x : signs(c.effect, c.linear)) sign.push_back(x);
+    gain += signed_fit(K, rhs, sign).gain;
+    if (b.variant >= 0 && gain <= b.gain) continue;
+    b.gain = gain;
+    b.variant = static_cast<int>(i);
+  }
+  for (Score& b : best)
+    b.delta_bic = b.variant < 0
+                      ? -1e9
+                      : n * std::log((chi2 - before) / std::max(chi2 - before - b.gain, 1e-300)) -
+                            (candidates_[static_cast<std::size_t>(b.candidate)].linear.size() +
+                             candidates_[static_cast<std::size_t>(b.candidate)].shapes.size()) *
+                                std::log(n);
+  std::ranges::sort(best, std::greater<>{}, &Score::delta_bic);
+  return best;
+}
+
+Term Search::refined(const Score& score, const std::vector<Term>& terms) const {
+  const Variant& v = variants_[static_cast<std::size_t>(score.variant)];
+  const Candidate& c = candidates_[static_cast<std::size_t>(v.candidate)];
+  std::vector<Term> all = terms;
+  all.push_back(make_term(v.candidate, c.grid[static_cast<std::size_t>(v.point)]));
+  double gain = fit(all);
+  if (c.nonlinear) {  // the torque at the fitted values instead of its straight line
+    set_columns(all.back());
+    gain = std::max(gain_at(all), 0.0);
+  }
+  double shrink = 1.0;
+  for (int step = 0; step < 12 && (!all.back().shapes.empty() || c.nonlinear); ++step) {
+    const Stack S = stack(all, projected_.rows());
+    const MatX<double> D =
+        projection_->project(evidence_.columns(all.back().effect, all.back().shapes));
+    if (step == 0 && drop_redundant(S.G, D, all.back())) {
+      if (all.back().shapes.empty() && !c.nonlinear) break;
+      continue;
+    }
+    const long shapes = D.cols();
+    MatX<double> J(S.G.rows(), S.G.cols() + shapes);
+    J << S.G, D;
+    MatX<double> K = J.transpose() * J;
+    VecX<double> scale = K.diagonal().cwiseSqrt().cwiseMax(1e-300).cwiseInverse();
+    K = scale.asDiagonal() * K * scale.asDiagonal();
+    K.diagonal().array() += 1e-6;
+    const VecX<double> rhs =
+        scale.cwiseProduct(J.transpose() * (projection_->residual() - S.offset));
+    const VecX<double> x = scale.cwiseProduct(K.ldlt().solve(rhs));
+    const VecX<double> now_values = all.back().values();
+    std::vector<Term> fitted = all;
+    fit(fitted);
+    const VecX<double> target = fitted.back().values();
+    bool better = false;
+    const double before = gain;
+    for (; shrink > 0.02 && !better; shrink *= better ? 1.0 : 0.3) {
+      std::vector<Term> trial = all;
+      Term& moved = trial.back();
+      for (std::size_t k = 0; k < moved.linear.size(); ++k)
+        moved.effect.parameters[static_cast<std::size_t>(moved.linear[k])] =
+            now_values[static_cast<long>(k)] + shrink * (target - now_values)[static_cast<long>(k)];
+      for (long s = 0; s < shapes; ++s) {
+        const std::size_t k = static_cast<std::size_t>(moved.shapes[static_cast<std::size_t>(s)]);
+        const std::size_t at = static_cast<std::size_t>(
+            std::ranges::find(c.shapes, static_cast<int>(k)) - c.shapes.begin());
+        double& value = moved.effect.parameters[k];
+        value = std::max(value * std::exp(std::clamp(shrink * x[S.G.cols() + s], -0.7, 0.7)),
+                         c.shape_low[at]);
+      }
+      set_columns(moved);
+      const double now = c.nonlinear ? gain_at(trial) : fit(trial);
+      if (now > gain) {
+        gain = now;
+        all = std::move(trial);
+        better = true;
+      }
+    }
+    shrink = std::min(1.0, 3.0 * shrink);
+    if (!better || gain - before < 0.02) break;  // far inside one unit of χ²
+  }
+  return all.back();
+}
+
+bool Search::drop_redundant(const MatX<double>& G, const MatX<double>& D, Term& term) const {
+  const Eigen::HouseholderQR<MatX<double>> qr(G);
+  const MatX<double> Q = qr.householderQ() * MatX<double>::Identity(G.rows(), G.cols());
+  std::vector<int> kept;
+  for (long s = 0; s < D.cols(); ++s) {
+    const double left = (D.col(s) - Q * (Q.transpose() * D.col(s))).norm();
+    if (left > kRedundant * D.col(s).norm())
+      kept.push_back(term.shapes[static_cast<std::size_t>(s)]);
+  }
+  const bool dropped = kept.size() < term.shapes.size();
+  term.shapes = std::move(kept);
+  return dropped;
+}
+
+bool Search::plausible(const Term& term) const {
+  const VecX<double> torque = term.torque();
+  const long m = evidence_.times();
+  for (std::size_t k = 0; k < evidence_.joints().size(); ++k) {
+    const double size = torque.segment(static_cast<long>(k) * m, m).norm();
+    if (size > kWhole * evidence_.torque().segment(static_cast<long>(k) * m, m).norm())
+      return false;
+  }
+  return true;
+}
+
+double Search::fit(std::vector<Term>& terms) const {
+  if (terms.empty()) return 0.0;
+  const Stack S = stack(terms, projection_->residual().size());
+  const VecX<double> r = projection_->residual() - S.offset;
+  const SignedFit f = signed_fit(S.G.transpose() * S.G, S.G.transpose() * r, signs_of(terms));
+  long at = 0;
+  for (Term& t : terms) {
+    for (const int k : t.linear) t.effect.parameters[static_cast<std::size_t>(k)] = f.x[at++];
+    t.norm = (*whitener_)(t.torque()).norm();
+  }
+  return f.gain + residual_sum() - r.squaredNorm();
+}
+
+double Search::gain_at(const std::vector<Term>& terms) const {
+  const Stack S = stack(terms, projection_->residual().size());
+  VecX<double> x(S.G.cols());
+  long at = 0;
+  for (const Term& t : terms) {
+    x.segment(at, t.width()) = t.values();
+    at += t.width();
+  }
+  return residual_sum() - (projection_->residual() - S.offset - S.G * x).squaredNorm();
+}
+
+double Search::gain_of(const std::vector<Term>& terms) const {
+  std::vector<Term> copy = terms;
+  return fit(copy);
+}
+
+int Search::num_parameters(const std::vector<Term>& terms) const {
+  int out = 0;
+  for (const Term& t : terms) out += t.num_parameters();
+  return out;
+}
+
+double Search::bic(double gain, const std::vector<Term>& terms) const {
+  const double n = static_cast<double>(rows());
+  return n * std::log(std::max(residual_sum() - gain, 1e-300) / residual_sum()) +
+         num_parameters(terms) * std::log(n);
+}
+
+std::vector<MatX<double>> Search::covariances(const std::vector<Term>& terms) const {
+  std::vector<MatX<double>> columns;
+  long width = 0;
+  for (const Term& t : terms) {
+    MatX<double> J(t.projected.rows(), t.width() + static_cast<long>(t.shapes.size()));
+    J << t.projected.leftCols(t.width()),
+        projection_->project(evidence_.columns(t.effect, t.shapes));
+    width += J.cols();
+    columns.push_back(std::move(J));
+  }
+  MatX<double> J(projection_->residual().size(), width);
+  width = 0;
+  for (const MatX<double>& c : columns) {
+    J.middleCols(width, c.cols()) = c;
+    width += c.cols();
+  }
+  MatX<double> K = J.transpose() * J;
+  VecX<double> scale = K.diagonal().cwiseSqrt().cwiseMax(1e-300).cwiseInverse();
+  K = scale.asDiagonal() * K * scale.asDiagonal();
+  K.diagonal().array() += 1e-9;
+  MatX<double> C = K.llt().solve(MatX<double>::Identity(width, width));
+  // Rows are in units of noise; a lack of fit that is left widens the intervals.
+  const double chi2 =
+      (residual_sum() - gain_of(terms)) / static_cast<double>(std::max<long>(rows() - width, 1));
+  C = std::max(1.0, chi2) * (scale.asDiagonal() * C * scale.asDiagonal());
+  std::vector<MatX<double>> out;
+  long at = 0;
+  for (const MatX<double>& c : columns) {
+    out.push_back(C.block(at, at, c.cols(), c.cols()));
+    at += c.cols();
+  }
+  return out;
+}
+
+double Search::replaced_share(const Term& term, const Term& by) const {
+  VecX<double> y = term.projected.leftCols(term.width()) * term.values();
+  if (term.has_offset()) y += term.projected.col(term.width());
+  const MatX<double> G = by.projected.leftCols(by.width());
+  VecX<double> left = y;
+  if (by.has_offset()) left -= by.projected.col(by.width());
+  const SignedFit f =
+      signed_fit(G.transpose() * G, G.transpose() * left, signs(by.effect, by.linear));
+  return y.squaredNorm() > 0.0 ? 1.0 - (left.squaredNorm() - f.gain) / y.squaredNorm() : 0.0;
+}
+
+VecX<double> Search::residual(const std::vector<Term>& terms) const {
+  VecX<double> effects = VecX<double>::Zero(evidence_.rows());
+  for (const Term& t : terms) effects += t.torque();
+  return evidence_.torque() - effects - evidence_.base() * projection_->parameters(effects);
+}
+
+}  // namespace diffnea

@@ -1,0 +1,106 @@
+#pragma once
+/// Candidates against what the base leaves: scores, shapes, and fits of several effects at once.
+/// Everything here works on columns that are whitened and projected (projection.hpp), where effects
+/// are independent of the base. Internal to diagnose/.
+
+#include <memory>
+
+#include "diagnose/candidates.hpp"
+#include "diagnose/projection.hpp"
+
+namespace diffnea {
+
+/// An effect in the model under test: its shapes are set, its other parameters follow from a fit.
+/// About the present values its torque is offset + columns · p.
+struct Term {
+  int candidate = -1;
+  BoundEffect effect;
+  std::vector<int> linear,
+      shapes;  ///< as the candidate's; without shapes that the linear parameters stand in for
+  MatX<double> columns;    ///< (rows(), linear) ∂τ/∂p
+  VecX<double> offset;     ///< (rows()); empty where the torque is linear in p
+  MatX<double> projected;  ///< whitened, beside the base: [columns | offset]
+  double norm = 0.0;       ///< of the torque, whitened
+
+  int num_parameters() const { return static_cast<int>(linear.size() + shapes.size()); }
+  long width() const { return columns.cols(); }
+  bool has_offset() const { return offset.size() > 0; }
+  VecX<double> values() const;
+  VecX<double> torque() const;
+};
+
+/// The score of one candidate beside the terms that are there.
+struct Score {
+  int candidate = -1;
+  int variant = -1;
+  double gain = 0.0;  ///< removed from χ²
+  double delta_bic = 0.0;
+  double visible_share = 0.0;  ///< ‖G⊥‖/‖G‖ beside the base alone
+};
+
+class Search {
+ public:
+  Search(const Evidence& evidence, const std::vector<Candidate>& candidates, const BasePrior& prior,
+         const std::vector<bool>& used);
+
+  /// Noise from `period` where the motion repeats, else from what base and terms leave; whitens and
+  /// projects anew.
+  void refresh(double period, std::vector<Term>& terms);
+
+  /// Every candidate beside `terms`, best first.
+  std::vector<Score> scores(const std::vector<Term>& terms) const;
+  /// The candidate of a score as a term, its shapes refined beside `terms` (Gauss–Newton in their
+  /// logarithms).
+  Term refined(const Score& score, const std::vector<Term>& terms) const;
+  /// A torque as large as the joint's whole torque is no effect but a failed fit.
+  bool plausible(const Term& term) const;
+
+  /// Linear parameters of all terms together; sets their values. @return what they remove from χ²
+  double fit(std::vector<Term>& terms) const;
+  double gain_of(const std::vector<Term>& terms) const;
+  /// The same at the parameters as they are.
+  double gain_at(const std::vector<Term>& terms) const;
+  /// BIC of a gain, lower is better, relative to the base alone.
+  double bic(double gain, const std::vector<Term>& terms) const;
+  int num_parameters(const std::vector<Term>& terms) const;
+
+  /// Covariance of each term's parameters, linear ones first, then shapes (of their logarithm).
+  std::vector<MatX<double>> covariances(const std::vector<Term>& terms) const;
+  /// How much of a term's projected column another one can take over, 0 … 1.
+  double replaced_share(const Term& term, const Term& by) const;
+
+  const Projection& projection() const { return *projection_; }
+  const Whitener& whitener() const { return *whitener_; }
+  double residual_sum() const { return projection_->residual().squaredNorm(); }
+  long rows() const { return projection_->rows(); }
+  bool noise_is_repeatable() const { return repeatable_; }
+  /// The residual of torque at the base that goes with the terms, (rows()).
+  VecX<double> residual(const std::vector<Term>& terms) const;
+
+ private:
+  struct Variant {
+    int candidate;
+    int point;   ///< of the candidate's grid
+    long first;  ///< column of raw_
+    long width;
+    bool offset;  ///< one more column: torque that comes with coefficient 1
+  };
+  Term make_term(int candidate, const std::vector<double>& shapes) const;
+  void set_columns(Term& term) const;
+  bool drop_redundant(const MatX<double>& G, const MatX<double>& D, Term& term) const;
+  std::vector<bool> signs_of(const std::vector<Term>& terms) const;
+
+  const Evidence& evidence_;
+  const std::vector<Candidate>& candidates_;
+  const BasePrior& prior_;
+  std::vector<bool> used_;
+  std::vector<Variant> variants_;
+  MatX<double> raw_, projected_;
+  VecX<double> norms_;  // of whitened columns
+  MatX<double> gram_;
+  std::unique_ptr<Whitener> whitener_;
+  std::unique_ptr<Projection> projection_;
+  bool repeatable_ = false;
+};
+
+}  // namespace diffnea

@@ -1,0 +1,227 @@
+#include "diagnose/selection.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+
+namespace diffnea {
+namespace {
+
+constexpr int kRefined = 5;          ///< candidates whose shapes are refined at each step
+constexpr double kSameClass = 10.0;  ///< ΔBIC
+constexpr double kChild = 0.98;      ///< of a cause's column that a more general effect reproduces
+
+std::vector<Term> without(const std::vector<Term>& terms, std::size_t i) {
+  std::vector<Term> out = terms;
+  out.erase(out.begin() + static_cast<long>(i));
+  return out;
+}
+
+std::set<int> names(const std::vector<Term>& terms) {
+  std::set<int> out;
+  for (const Term& t : terms) out.insert(t.candidate);
+  return out;
+}
+
+}  // namespace
+
+std::vector<Selection::Offer> Selection::offers(const std::vector<Term>& terms,
+                                                int how_many) const {
+  std::vector<Offer> out;
+  const std::set<int> present = names(terms);
+  const double before = search_.bic(search_.gain_of(terms), terms);
+  for (const Score& s : search_.scores(terms)) {
+    if (static_cast<int>(out.size()) >= how_many || s.variant < 0 ||
+        s.delta_bic < -3.0 * options_.accept)
+      break;
+    if (present.contains(s.candidate)) continue;
+    std::vector<Term> with = terms;
+    with.push_back(search_.refined(s, terms));
+    const double gain = search_.fit(with);
+    if (!search_.plausible(with.back())) continue;
+    out.push_back({with.back(), before - search_.bic(gain, with)});
+  }
+  std::ranges::stable_sort(out, std::greater<>{}, &Offer::delta_bic);
+  // A parent within reach of its child goes first: the simpler name.
+  for (std::size_t i = 1; i < out.size(); ++i)
+    if (out[0].delta_bic - out[i].delta_bic < kSameClass &&
+        out[i].term.num_parameters() < out[0].term.num_parameters() &&
+        search_.replaced_share(out[i].term, out[0].term) > kChild) {
+      std::rotate(out.begin(), out.begin() + static_cast<long>(i),
+                  out.begin() + static_cast<long>(i) + 1);
+      break;
+    }
+  return out;
+}
+
+HeldOutChange Selection::change(const std::vector<Term>& without,
+                                const std::vector<Term>& with) const {
+  const auto errors = [&](const std::vector<Term>& terms) {
+    return held_out_.whitened(search_, held_out_.errors(search_, terms));
+  };
+  return held_out_.compare(errors(without), errors(with));
+}
+
+bool Selection::add_one(std::vector<Term>& terms) {
+  for (Offer& offer : offers(terms, kRefined)) {
+    if (offer.delta_bic <= options_.accept) return false;
+    if (std::ranges::find(refused_candidates_, offer.term.candidate) != refused_candidates_.end())
+      continue;
+    std::vector<Term> with = terms;
+    with.push_back(offer.term);
+    search_.fit(with);
+    if (change(terms, with).helps()) {
+      terms = std::move(with);
+      return true;
+    }
+    const Candidate& c = candidates_[static_cast<std::size_t>(offer.term.candidate)];
+    refused_candidates_.push_back(offer.term.candidate);
+    refused_.push_back(
+        {c.effect.info().name, c.effect.where, "does not help on held-out data", offer.delta_bic});
+  }
+  return false;
+}
+
+bool Selection::eliminate(std::vector<Term>& terms) const {
+  bool any = false;
+  while (terms.size() > 1) {
+    const double with = search_.bic(search_.gain_of(terms), terms);
+    double least = options_.accept;
+    std::size_t drop = terms.size();
+    for (std::size_t i = 0; i < terms.size(); ++i) {
+      const std::vector<Term> rest = without(terms, i);
+      if (const double worse = search_.bic(search_.gain_of(rest), rest) - with; worse < least) {
+        least = worse;
+        drop = i;
+      }
+    }
+    if (drop == terms.size()) break;
+    terms = without(terms, drop);
+    search_.fit(terms);
+    any = true;
+  }
+  return any;
+}
+
+bool Selection::exchange(std::vector<Term>& terms) const {
+  const double now = search_.bic(search_.gain_of(terms), terms);
+  for (std::size_t i = 0; i < terms.size(); ++i) {
+    std::vector<Term> rest = without(terms, i);
+    const double base = search_.bic(search_.gain_of(rest), rest);
+    for (const Offer& offer : offers(rest, 3)) {
+      if (offer.term.candidate == terms[i].candidate || base - offer.delta_bic > now - 1.0)
+        continue;
+      // Parents and children: the child must be better by more than the class's width.
+      const bool child = offer.term.num_parameters() > terms[i].num_parameters() &&
+                         search_.replaced_share(terms[i], offer.term) > kChild;
+      if (child && base - offer.delta_bic > now - kSameClass) continue;
+      std::vector<Term> with = rest;
+      with.push_back(offer.term);
+      if (!change(rest, with).helps()) continue;
+      search_.fit(with);
+      terms = std::move(with);
+      return true;
+    }
+  }
+  return false;
+}
+
+std::vector<Term> Selection::run(const std::function<bool(const FitProgress&)>& progress) {
+  std::vector<Term> terms;
+  std::set<std::set<int>> seen;
+  for (int step = 0;
+       step < 3 * options_.max_terms && static_cast<int>(terms.size()) < options_.max_terms;
+       ++step) {
+    if (progress && !progress({"testing", step, 0, search_.residual_sum() / 2.0})) break;
+    if (!add_one(terms)) break;
+    search_.refresh(options_.period, terms);
+    eliminate(terms);
+    if (exchange(terms)) search_.refresh(options_.period, terms);
+    if (!seen.insert(names(terms)).second) break;
+  }
+  // What does not help on data that no fit has seen goes, the least first.
+  for (bool dropped = true; dropped && !terms.empty();) {
+    dropped = false;
+    for (std::size_t i = terms.size(); i-- > 0;) {
+      const std::vector<Term> rest = without(terms, i);
+      if (change(rest, terms).helps()) continue;
+      const Candidate& c = candidates_[static_cast<std::size_t>(terms[i].candidate)];
+      refused_.push_back({c.effect.info().name, c.effect.where,
+                          "does not help on held-out data beside the others", 0.0});
+      terms = rest;
+      search_.fit(terms);
+      dropped = true;
+      break;
+    }
+  }
+  return terms;
+}
+
+void Selection::add_rivals(const std::vector<Term>& terms, std::size_t which, Cause& cause) const {
+  const std::vector<Term> rest = without(terms, which);
+  const double best = search_.bic(search_.gain_of(terms), terms);
+  const double base = search_.bic(search_.gain_of(rest), rest);
+  const int own = terms[which].num_parameters();
+  for (const Offer& offer : offers(rest, kRefined + 2)) {
+    if (offer.term.candidate == terms[which].candidate) continue;
+    const Candidate& c = candidates_[static_cast<std::size_t>(offer.term.candidate)];
+    const Rival rival{c.effect.info().name, c.effect.where, base - offer.delta_bic - best};
+    const bool child = offer.term.num_parameters() > own &&
+                       search_.replaced_share(terms[which], offer.term) > kChild;
+    (rival.delta_bic < kSameClass && !child ? cause.members : cause.rivals).push_back(rival);
+  }
+  for (auto* list : {&cause.members, &cause.rivals})
+    std::ranges::sort(*list, {}, &Rival::delta_bic);
+}
+
+std::vector<Cause> Selection::causes(const std::vector<Term>& terms) const {
+  std::vector<Cause> out;
+  const std::vector<MatX<double>> covariances = search_.covariances(terms);
+  const double all = search_.gain_of(terms);
+  for (std::size_t i = 0; i < terms.size(); ++i) {
+    const Term& t = terms[i];
+    const Candidate& c = candidates_[static_cast<std::size_t>(t.candidate)];
+    const std::vector<Term> rest = without(terms, i);
+    Cause cause;
+    cause.effect = c.effect.info().name;
+    cause.where = c.effect.where;
+    const double gain_without = search_.gain_of(rest);
+    cause.lm = all - gain_without;
+    cause.delta_bic = search_.bic(gain_without, rest) - search_.bic(all, terms);
+    cause.visible_share =
+        t.norm > 0.0 ? std::sqrt(std::max(
+                           0.0, (t.projected.leftCols(t.width()) * t.values()).squaredNorm())) /
+                           t.norm
+                     : 0.0;
+    for (std::size_t k = 0; k < t.effect.parameter_info.size(); ++k) {
+      const ParameterInfo& p = t.effect.parameter_info[k];
+      CauseParameter out_p{p.name, p.unit, t.effect.parameters[k]};
+      const auto linear = std::ranges::find(t.linear, static_cast<int>(k));
+      const auto shape = std::ranges::find(t.shapes, static_cast<int>(k));
+      if (linear != t.linear.end()) {
+        const long at = linear - t.linear.begin();
+        out_p.std = std::sqrt(covariances[i](at, at));
+        out_p.low = out_p.value - 1.96 * out_p.std;
+        out_p.high = out_p.value + 1.96 * out_p.std;
+      } else if (shape != t.shapes.end()) {
+        const long at = t.width() + (shape - t.shapes.begin());
+        const double log_std = std::sqrt(covariances[i](at, at));
+        out_p.std = std::abs(out_p.value) * log_std;
+        const double reach = std::exp(std::min(1.96 * log_std, 20.0));
+        out_p.low = std::min(out_p.value / reach, out_p.value * reach);
+        out_p.high = std::max(out_p.value / reach, out_p.value * reach);
+      }
+      cause.parameters.push_back(out_p);
+    }
+    const HeldOutChange held = change(rest, terms);
+    cause.gain = {std::sqrt(held.before), std::sqrt(held.after), 0.0, 0.0, held.low, held.high};
+    cause.gain.explained_share = held.before > 0.0 ? 1.0 - held.after / held.before : 0.0;
+    add_rivals(terms, i, cause);
+    cause.verdict = cause.members.empty() ? Verdict::kNamed : Verdict::kClass;
+    out.push_back(std::move(cause));
+  }
+  std::ranges::sort(out, std::greater<>{}, &Cause::lm);
+  return out;
+}
+
+}  // namespace diffnea

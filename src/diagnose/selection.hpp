@@ -1,0 +1,50 @@
+#pragma once
+/// Which effects together: forward by the best score that also helps on held-out data, backward by
+/// elimination, then what else could stand in each one's place. Internal to diagnose/.
+
+#include <diffnea/diagnose/finding.hpp>
+
+#include "diagnose/held_out.hpp"
+
+namespace diffnea {
+
+struct SelectionOptions {
+  double accept = 10.0;  ///< ΔBIC
+  int max_terms = 8;
+  double period = 0.0;  ///< [s]
+};
+
+class Selection {
+ public:
+  Selection(Search& search, const std::vector<Candidate>& candidates, const HeldOut& held_out,
+            const SelectionOptions& options)
+      : search_(search), candidates_(candidates), held_out_(held_out), options_(options) {}
+
+  /// @param progress  returns false: stop with what there is
+  std::vector<Term> run(const std::function<bool(const FitProgress&)>& progress);
+  /// Evidence, rivals and gain of each accepted term.
+  std::vector<Cause> causes(const std::vector<Term>& terms) const;
+  const std::vector<Refusal>& refused() const { return refused_; }
+
+ private:
+  struct Offer {
+    Term term;
+    double delta_bic;
+  };
+  /// The best candidates beside `terms`, shapes refined, best first.
+  std::vector<Offer> offers(const std::vector<Term>& terms, int how_many) const;
+  bool add_one(std::vector<Term>& terms);
+  bool eliminate(std::vector<Term>& terms) const;
+  bool exchange(std::vector<Term>& terms) const;
+  HeldOutChange change(const std::vector<Term>& without, const std::vector<Term>& with) const;
+  void add_rivals(const std::vector<Term>& terms, std::size_t which, Cause& cause) const;
+
+  Search& search_;
+  const std::vector<Candidate>& candidates_;
+  const HeldOut& held_out_;
+  SelectionOptions options_;
+  std::vector<Refusal> refused_;
+  std::vector<int> refused_candidates_;
+};
+
+}  // namespace diffnea

@@ -1,0 +1,68 @@
+#include "diagnose/signed_fit.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include <Eigen/Cholesky>
+
+namespace diffnea {
+namespace {
+
+/// Solution over the parameters in `on`; dependent columns are damped by a relative 1e-10.
+VecX<double> solve(const MatX<double>& K, const VecX<double>& b, const std::vector<int>& on) {
+  MatX<double> sub = K(on, on);
+  VecX<double> scale = sub.diagonal().cwiseSqrt();
+  for (double& s : scale) s = s > 0.0 ? 1.0 / s : 0.0;
+  sub = scale.asDiagonal() * sub * scale.asDiagonal();
+  sub.diagonal().array() += 1e-10;
+  return scale.cwiseProduct(sub.ldlt().solve(scale.cwiseProduct(b(on))));
+}
+
+}  // namespace
+
+SignedFit signed_fit(const MatX<double>& K, const VecX<double>& b,
+                     const std::vector<bool>& nonnegative) {
+  const long n = b.size();
+  SignedFit out;
+  out.x = VecX<double>::Zero(n);
+  std::vector<bool> active(nonnegative.begin(), nonnegative.end());  // held at zero
+  for (int iteration = 0; iteration < 10 * n + 10; ++iteration) {
+    std::vector<int> on;
+    for (long i = 0; i < n; ++i)
+      if (!active[static_cast<std::size_t>(i)]) on.push_back(static_cast<int>(i));
+    VecX<double> target = VecX<double>::Zero(n);
+    if (!on.empty()) {
+      const VecX<double> s = solve(K, b, on);
+      for (std::size_t i = 0; i < on.size(); ++i) target[on[i]] = s[static_cast<long>(i)];
+    }
+    // As far towards the target as signs allow.
+    double step = 1.0;
+    int block = -1;
+    for (const int i : on)
+      if (nonnegative[static_cast<std::size_t>(i)] && target[i] < 0.0) {
+        const double t = out.x[i] / (out.x[i] - target[i]);
+        if (t < step) step = t, block = i;
+      }
+    out.x += step * (target - out.x);
+    if (block >= 0) {
+      active[static_cast<std::size_t>(block)] = true;
+      out.x[block] = 0.0;
+      continue;
+    }
+    const VecX<double> gradient = b - K * out.x;
+    long best = -1;
+    double most = 1e-9;
+    for (long i = 0; i < n; ++i) {
+      if (!active[static_cast<std::size_t>(i)] || !(K(i, i) > 0.0)) continue;
+      const double g =
+          gradient[i] / (std::sqrt(K(i, i)) * (1.0 + std::abs(b[i]) / std::sqrt(K(i, i))));
+      if (g > most) most = g, best = i;
+    }
+    if (best < 0) break;
+    active[static_cast<std::size_t>(best)] = false;
+  }
+  out.gain = 2.0 * b.dot(out.x) - out.x.dot(K * out.x);
+  return out;
+}
+
+}  // namespace diffnea

@@ -1,0 +1,19 @@
+#pragma once
+/// Least squares in few parameters, some of which must not be negative. Internal to diagnose/.
+
+#include <vector>
+
+#include <diffnea/core/scalar.hpp>
+
+namespace diffnea {
+
+struct SignedFit {
+  VecX<double> x;
+  double gain = 0.0;  ///< ‖r‖² − ‖r − G x‖²
+};
+
+/// From K = GᵀG and b = Gᵀr, by active sets (Lawson and Hanson 1974, ch. 23).
+SignedFit signed_fit(const MatX<double>& K, const VecX<double>& b,
+                     const std::vector<bool>& nonnegative);
+
+}  // namespace diffnea

@@ -1,0 +1,164 @@
+#include "diagnose/witness.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include <Eigen/Cholesky>
+
+namespace diffnea {
+namespace {
+
+constexpr int kKnotsAlone = 16, kKnotsPair = 6;
+
+/// A channel that a residual may depend on.
+struct Variable {
+  std::string name;
+  int kind;  ///< 0 q, 1 q̇, 2 time
+  int joint;
+};
+
+VecX<double> values(const Evidence& e, const Variable& v) {
+  if (v.kind == 0) return e.q().col(v.joint);
+  if (v.kind == 1) return e.qd().col(v.joint);
+  return Eigen::Map<const VecX<double>>(e.time().data(), e.times());
+}
+
+/// Knots at quantiles of the fitted data, so that each interval holds rows.
+std::vector<double> knots(const VecX<double>& x, int count) {
+  std::vector<double> sorted(x.data(), x.data() + x.size());
+  std::ranges::sort(sorted);
+  std::vector<double> out;
+  for (int k = 0; k < count; ++k) {
+    const double v = sorted[static_cast<std::size_t>(std::lround(
+        static_cast<double>(k) / (count - 1) * static_cast<double>(sorted.size() - 1)))];
+    if (out.empty() || v > out.back() + 1e-12 * (1.0 + std::abs(v))) out.push_back(v);
+  }
+  return out;
+}
+
+/// Piecewise-linear hats on the knots, constant beyond them. (N, knots)
+MatX<double> hats(const VecX<double>& x, const std::vector<double>& t) {
+  MatX<double> out = MatX<double>::Zero(x.size(), static_cast<long>(t.size()));
+  for (long i = 0; i < x.size(); ++i) {
+    const auto above = std::ranges::upper_bound(t, x[i]);
+    const long k = above - t.begin();
+    if (k == 0) {
+      out(i, 0) = 1.0;
+    } else if (k == static_cast<long>(t.size())) {
+      out(i, k - 1) = 1.0;
+    } else {
+      const double w = (x[i] - t[static_cast<std::size_t>(k - 1)]) /
+                       (t[static_cast<std::size_t>(k)] - t[static_cast<std::size_t>(k - 1)]);
+      out(i, k) = w;
+      out(i, k - 1) = 1.0 - w;
+    }
+  }
+  return out;
+}
+
+/// A function of one or two variables in the torque of one joint.
+struct Basis {
+  std::vector<Variable> variables;
+  std::vector<std::vector<double>> t;
+
+  MatX<double> operator()(const Evidence& e, long joint_index) const {
+    MatX<double> B = hats(values(e, variables[0]), t[0]);
+    if (variables.size() == 2) {
+      const MatX<double> A = B, C = hats(values(e, variables[1]), t[1]);
+      B.resize(A.rows(), A.cols() * C.cols());
+      for (long a = 0; a < A.cols(); ++a)
+        for (long c = 0; c < C.cols(); ++c)
+          B.col(a * C.cols() + c) = A.col(a).cwiseProduct(C.col(c));
+    }
+    MatX<double> out = MatX<double>::Zero(e.rows(), B.cols());
+    out.middleRows(joint_index * e.times(), e.times()) = B;
+    return out;
+  }
+};
+
+std::vector<Basis> bases(const Evidence& e, int joint, const std::vector<std::string>& names) {
+  std::vector<Variable> single;
+  for (int j = 0; j < e.num_dofs(); ++j) {
+    single.push_back({"q_" + names[static_cast<std::size_t>(j)], 0, j});
+    single.push_back({"qd_" + names[static_cast<std::size_t>(j)], 1, j});
+  }
+  single.push_back({"time", 2, -1});
+  std::vector<Basis> out;
+  for (const Variable& v : single) out.push_back({{v}, {knots(values(e, v), kKnotsAlone)}});
+  const auto pair = [&](const Variable& a, const Variable& b) {
+    out.push_back({{a, b}, {knots(values(e, a), kKnotsPair), knots(values(e, b), kKnotsPair)}});
+  };
+  const Variable q = single[2 * static_cast<std::size_t>(joint)],
+                 qd = single[2 * static_cast<std::size_t>(joint) + 1];
+  pair(q, qd);
+  for (int j = 0; j < e.num_dofs(); ++j)
+    if (j != joint) {
+      pair(q, single[2 * static_cast<std::size_t>(j)]);
+      pair(qd, single[2 * static_cast<std::size_t>(j) + 1]);
+    }
+  return out;
+}
+
+}  // namespace
+
+std::vector<WitnessScore> find_witnesses(const Evidence& evidence, const Search& search,
+                                         const std::vector<Term>& terms, const HeldOut& held_out,
+                                         const std::vector<std::string>& names, double accept) {
+  const Projection& projection = search.projection();
+  const double n = static_cast<double>(search.rows());
+  // The terms' columns are projected out too.
+  MatX<double> S(projection.residual().size(), 0);
+  VecX<double> left = projection.residual();
+  for (const Term& t : terms) {
+    S.conservativeResize(Eigen::NoChange, S.cols() + t.width());
+    S.rightCols(t.width()) = t.projected.leftCols(t.width());
+    if (t.has_offset()) left -= t.projected.col(t.width());
+  }
+  const Eigen::HouseholderQR<MatX<double>> qr(S);
+  const MatX<double> Q = qr.householderQ() * MatX<double>::Identity(S.rows(), S.cols());
+  const VecX<double> r = left - Q * (Q.transpose() * left);
+  const double chi2 = r.squaredNorm();
+  const VecX<double> base_errors = held_out.errors(search, terms);
+  const VecX<double> before = held_out.whitened(search, base_errors);
+  std::vector<WitnessScore> out;
+  for (std::size_t k = 0; k < evidence.joints().size(); ++k) {
+    const int joint = evidence.joints()[k];
+    WitnessScore best;
+    best.joint = joint;
+    const Basis* best_basis = nullptr;
+    VecX<double> best_psi;
+    const std::vector<Basis> all = bases(evidence, joint, names);
+    for (const Basis& basis : all) {
+      MatX<double> B = projection.project(basis(evidence, static_cast<long>(k)));
+      B -= Q * (Q.transpose() * B).eval();
+      MatX<double> K = B.transpose() * B;
+      const double ridge = 1e-6 * std::max(K.diagonal().maxCoeff(), 1e-300);
+      K.diagonal().array() += ridge;
+      const VecX<double> b = B.transpose() * r;
+      const VecX<double> psi = K.ldlt().solve(b);
+      const double gain = 2.0 * b.dot(psi) - psi.dot(K * psi);
+      const double delta = n * std::log(chi2 / std::max(chi2 - gain, 1e-300)) -
+                           static_cast<double>(B.cols()) * std::log(n);
+      if (best_basis && delta <= best.delta_bic) continue;
+      best.delta_bic = delta;
+      best_basis = &basis;
+      best_psi = psi;
+      const double joint_chi2 =
+          r.segment(static_cast<long>(k) * evidence.times(), evidence.times()).squaredNorm();
+      best.share = joint_chi2 > 0.0 ? std::min(gain / joint_chi2, 1.0) : 0.0;
+    }
+    if (!best_basis || best.delta_bic <= accept) continue;
+    for (const Variable& v : best_basis->variables) best.variables.push_back(v.name);
+    // Held out: the base gives way to the function on the fitted rows as it did above.
+    VecX<double> there = (*best_basis)(evidence, static_cast<long>(k)) * best_psi;
+    const VecX<double> here = (*best_basis)(held_out.evidence(), static_cast<long>(k)) * best_psi;
+    const VecX<double> after =
+        held_out.whitened(search, held_out.errors_with(search, terms, there, here));
+    best.held_out = held_out.compare(before, after);
+    if (best.held_out.helps()) out.push_back(best);
+  }
+  std::ranges::sort(out, std::greater<>{}, &WitnessScore::delta_bic);
+  return out;
+}
+
+}  // namespace diffnea
