@@ -13,6 +13,9 @@ namespace {
 /// differentiated here.
 const std::vector<std::string> kOnlyIfAsked{"presliding_lugre", "velocity_filter_lag"};
 
+/// Effects that all joints may share: one clock of the torques, one delay of the bus, one scale.
+const std::vector<std::string> kCommon{"actuator_delay", "time_shift", "torque_gain"};
+
 bool contains(const std::vector<std::string>& list, const std::string& name) {
   return std::ranges::find(list, name) != list.end();
 }
@@ -44,6 +47,14 @@ std::vector<std::string> places(const EffectInfo& info, const Model& model) {
   return {};
 }
 
+/// Whether there are several joints, and all of one type: the same number is then the same thing everywhere.
+bool one_type(const Model& model) {
+  const std::vector<int> moving = moving_links(model);
+  return moving.size() > 1 && std::ranges::all_of(moving, [&](int l) {
+           return model.links[static_cast<std::size_t>(l)].type == model.links[static_cast<std::size_t>(moving[0])].type;
+         });
+}
+
 /// One more shape: its values times all that there are.
 void grow(Candidate& c, int parameter, const std::vector<double>& values) {
   c.shapes.push_back(parameter);
@@ -70,8 +81,8 @@ Candidate make_candidate(const EffectSpec& spec, const Model& model, const std::
       c.linear.push_back(k);
     } else if (grid_of_plain) {  // a ratio of either sign: each value its own start, not refined
       grow(c, k, p.search);
-    } else if (scale(p) == Scale::kPlain && c.effect.parameter_info.size() == 1) {
-      c.linear.push_back(k);  // by its tangent at 0
+    } else if (scale(p) == Scale::kPlain && (c.effect.parameter_info.size() == 1 || p.sign == Sign::kFree)) {
+      c.linear.push_back(k);  // by its tangent, which moves with the others
       c.nonlinear = true;
     } else if (scale(p) == Scale::kLog && !p.search.empty()) {
       grow(c, k, p.search);
@@ -96,6 +107,7 @@ std::vector<Candidate> make_candidates(const Model& model, const std::vector<std
       if (info.name == "session_offset" && runs.size() < 2) continue;
       if (contains(kOnlyIfAsked, info.name)) continue;
       for (const std::string& where : places(info, model)) add(info, where);
+      if (contains(kCommon, info.name) && one_type(model)) add(info, "all");
     }
     return out;
   }

@@ -1,13 +1,14 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <set>
+#include <numbers>
 
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/diagnose/diagnose.hpp>
+#include <diffnea/recording/audit.hpp>
 
 #include "diagnose/selection.hpp"
 #include "diagnose/sentence.hpp"
@@ -170,26 +171,34 @@ class Diagnosis {
     const IdentifyOptions reading = reading_options(options_);
     const std::vector<Recording> sample = train_source_.sample();
     const bool link_side = sample.front().info.torque_side == TorqueSide::kLink;
+    const AuditReport report = audit(sample, {.joints = describe_joints(model_)});
+    finding_.audit = report.faults;
     period_ = sample.front().info.period;
+    if (period_ <= 0.0 && !report.periods.empty()) period_ = report.periods.front().seconds;
     candidates_ = make_candidates(model_, options_.effects, train_source_.runs(), link_side);
     PreprocessOptions preprocess = options_.preprocess;
     preprocess.order = kSteepFilter;
     finding_.plan = plan_preprocess(sample, preprocess);
     fit_rows_to_period(finding_.plan);
     finding_.data_report = train_source_.report();
-    train_ = std::make_unique<Evidence>(model_, layout_, train_source_, finding_.plan, reading);
+    period_ = finding_.plan.dt * std::round(period_ / finding_.plan.dt);
+    train_ = std::make_unique<Evidence>(model_, layout_, train_source_, finding_.plan, period_, reading);
+    if (!train_->averaged()) period_ = 0.0;  // does not repeat well enough
     if (test_source_) {
       PreprocessOptions same = preprocess;
       same.filter_hz = finding_.plan.filter_hz;
       PreprocessPlan plan = plan_preprocess(test_source_->sample(), same);
       plan.decimator.factor = finding_.plan.decimator.factor;
-      test_ = std::make_unique<Evidence>(model_, layout_, *test_source_, plan, reading);
+      const std::vector<Recording> held = test_source_->sample();
+      double period = held.front().info.period;
+      if (period <= 0.0) period = detect_period(held.front()).seconds;
+      test_ = std::make_unique<Evidence>(model_, layout_, *test_source_, plan, plan.dt * std::round(period / plan.dt), reading);
       finding_.held_out = "test recording";
     } else {
       split_in_time(*train_, fitted_rows_, held_rows_);
       finding_.held_out = "time blocks";
     }
-    bound_saturation();
+    bound_shapes();
     prior_ = base_prior(base_, model_, layout_, linear_factors());
     VecX<double> x = prior_.x0;
     if (base_ == Base::kRefit)
@@ -251,29 +260,43 @@ class Diagnosis {
     if (test_) test_->set_reference(reference);
   }
 
-  /// A limit is met now and then: one below most of the torque would explain any torque by itself.
-  /// It shows in the logged torque, whose noise it must not share: without repeats it is not tried.
-  void bound_saturation() {
+  /// Shapes that the recording bounds.
+  void bound_shapes() {
     std::vector<Candidate> kept;
     for (Candidate& c : candidates_) {
-      if (c.effect.info().name == "saturation") {
-        if (!train_->averaged() || (test_ && !test_->averaged())) continue;
-        std::vector<double> size;
-        for (const JointSeries& s : train_->series())
-          for (long i = 0; i < s.rows(); ++i)
-            size.push_back(std::abs(s.logged(i, c.effect.joints[0])));
-        std::ranges::sort(size);
-        const auto quantile = [&](double q) {
-          return size[static_cast<std::size_t>(q * static_cast<double>(size.size() - 1))];
-        };
-        c.grid.clear();
-        for (const double q : {0.999, 0.99, 0.97, 0.94, 0.9, 0.85, 0.8})
-          c.grid.push_back({quantile(q)});
-        c.shape_low = {quantile(0.75)};
+      const std::string& name = c.effect.info().name;
+      const bool repeats = train_->averaged() && (!test_ || test_->averaged());
+      // Columns of fourth derivatives and of the logged torque share the noise of what they are to explain, unless
+      // both come from other periods.
+      if (!repeats && (name == "saturation" || name == "joint_elasticity" || name == "backlash")) {
+        finding_.refused.push_back({name, c.effect.where, "not tried: needs a motion that repeats, two periods or more", 0.0});
+        continue;
       }
-      kept.push_back(std::move(c));
+      if (name == "saturation") bound_saturation(c);
+      if (name == "cogging") bound_cogging(c);
+      if (!c.grid.empty()) kept.push_back(std::move(c));
     }
     candidates_ = std::move(kept);
+  }
+
+  /// A limit is met now and then: one below most of the torque would explain any torque by itself.
+  void bound_saturation(Candidate& c) const {
+    std::vector<double> size;
+    for (const JointSeries& s : train_->series())
+      for (long i = 0; i < s.rows(); ++i) size.push_back(std::abs(s.logged(i, c.effect.joints[0])));
+    std::ranges::sort(size);
+    const auto quantile = [&](double q) { return size[static_cast<std::size_t>(q * static_cast<double>(size.size() - 1))]; };
+    c.grid.clear();
+    for (const double q : {0.999, 0.99, 0.97, 0.94, 0.9, 0.85, 0.8}) c.grid.push_back({quantile(q)});
+    c.shape_low = {quantile(0.75)};
+  }
+
+  /// A ripple is one if the motion runs through it twice; below, it is any smooth function of the position.
+  void bound_cogging(Candidate& c) const {
+    const VecX<double> q = train_->q().col(c.effect.joints[0]);
+    const double range = q.maxCoeff() - q.minCoeff(), lowest = range > 0.0 ? 4.0 * std::numbers::pi / range : 1e300;
+    std::erase_if(c.grid, [&](const std::vector<double>& g) { return g[0] < lowest; });
+    c.shape_low = {lowest};
   }
 
   void select() {

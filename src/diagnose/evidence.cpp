@@ -76,37 +76,38 @@ struct SeriesCollector {
 /// The largest part of a joint's motion that may change from period to period.
 constexpr double kRepeats = 5e-3;
 
-/// Replaces every period by the mean of the others at the same phase. @return false, and nothing is
-/// changed, if the stretch holds fewer than three periods, a period is no whole number of samples,
-/// or the motion does not repeat
+/// Rows that must have another one at their phase.
+constexpr double kCovered = 0.8;
+
+/// Replaces every row by the mean of the rows whole periods away from it; the few that have none stay. @return false,
+/// and nothing is changed, if too many have none, a period is no whole number of samples, or the motion does not repeat
 bool average_other_periods(double period, JointSeries& s) {
   const double steps = period / s.dt;
   const long p = std::lround(steps), n = s.rows();
-  const long repeats = p > 0 ? n / p : 0;
-  if (repeats < 3 || std::abs(steps - static_cast<double>(p)) * static_cast<double>(repeats) > 0.5)
-    return false;
-  const auto mean_of = [&](const RowMatX<double>& x) {
+  if (p < 1 || std::abs(steps - static_cast<double>(p)) * static_cast<double>(n / p) > 0.5) return false;
+  const long covered = n >= 2 * p ? n : 2 * std::max(0L, n - p);
+  if (static_cast<double>(covered) < kCovered * static_cast<double>(n)) return false;
+  const auto sum_of = [&](const RowMatX<double>& x) {
     RowMatX<double> sum = RowMatX<double>::Zero(p, x.cols());
-    for (long r = 0; r < repeats; ++r) sum += x.middleRows(r * p, p);
-    return RowMatX<double>(sum / static_cast<double>(repeats));
+    for (long i = 0; i < n; ++i) sum.row(i % p) += x.row(i);
+    return sum;
   };
-  const RowMatX<double> mean = mean_of(s.q);
+  const auto repeats = [&](long i) { return (n - 1 - i % p) / p + 1; };
+  const RowMatX<double> sum = sum_of(s.q);
   for (long j = 0; j < s.q.cols(); ++j) {
-    const double motion = (mean.col(j).array() - mean.col(j).mean()).matrix().norm();
-    for (long r = 0; r < repeats; ++r)
-      if ((s.q.col(j).segment(r * p, p) - mean.col(j)).norm() > kRepeats * motion) return false;
+    const VecX<double> q = s.q.col(j);
+    const double motion = (q.array() - q.mean()).matrix().norm();
+    double change = 0.0;
+    for (long i = 0; i < n; ++i) {
+      const double d = q[i] - sum(i % p, j) / static_cast<double>(repeats(i));
+      change += d * d;
+    }
+    if (std::sqrt(change) > kRepeats * motion) return false;
   }
   for (RowMatX<double>* x : {&s.q, &s.qd, &s.qdd, &s.logged}) {
-    const RowMatX<double> all = mean_of(*x), own = *x;
-    const double r = static_cast<double>(repeats);
-    for (long i = 0; i < n; ++i) {
-      const long phase = i % p;
-      // Rows after the last whole period are in no mean.
-      if (i < repeats * p)
-        x->row(i) = (r * all.row(phase) - own.row(i)) / (r - 1.0);
-      else
-        x->row(i) = all.row(phase);
-    }
+    const RowMatX<double> all = sum_of(*x), own = *x;
+    for (long i = 0; i < n; ++i)
+      if (const long c = repeats(i); c > 1) x->row(i) = (all.row(i % p) - own.row(i)) / static_cast<double>(c - 1);
   }
   return true;
 }
@@ -116,7 +117,7 @@ bool average_other_periods(double period, JointSeries& s) {
 bool is_smoothing(const FitParameter& shape) { return shape.name.ends_with(".smoothing"); }
 
 Evidence::Evidence(const Model& model, const FitLayout& layout, const RecordingSource& source,
-                   const PreprocessPlan& plan, const IdentifyOptions& options)
+                   const PreprocessPlan& plan, double period, const IdentifyOptions& options)
     : num_dofs_(layout.num_dofs), runs_(source.runs()), decimator_(plan.decimator) {
   VecX<double> shape(static_cast<long>(layout.shape.size()));
   for (std::size_t s = 0; s < layout.shape.size(); ++s)
@@ -132,7 +133,6 @@ Evidence::Evidence(const Model& model, const FitLayout& layout, const RecordingS
   for_each_block(source, plan, "reading", 0, options,
                  [&](const Preprocessed& block) { collector.add(block); });
   series_ = collector.series;
-  const double period = source.sample().front().info.period;
   averaged_ = period > 0.0 && !series_.empty();
   for (JointSeries& s : series_) averaged_ = averaged_ && average_other_periods(period, s);
   if (!averaged_) {

@@ -18,9 +18,10 @@ bool is_smoothing(const FitParameter& shape);
 class Evidence {
  public:
   /// @param layout  of the base model
+  /// @param period  of the motion [s]; 0: not periodic
   /// @throws DataError if no row is left
   Evidence(const Model& model, const FitLayout& layout, const RecordingSource& source,
-           const PreprocessPlan& plan, const IdentifyOptions& options);
+           const PreprocessPlan& plan, double period, const IdentifyOptions& options);
 
   long rows() const { return torque_.size(); }
   /// Rows of one joint; the same instants for all.

@@ -69,36 +69,28 @@ std::vector<JointNoise> estimate_noise(const Evidence& evidence, const VecX<doub
   return out;
 }
 
-VecX<double> repeatable_noise(const Evidence& evidence, const VecX<double>& residual,
-                              double period) {
+VecX<double> repeatable_noise(const Evidence& evidence, const VecX<double>& residual, double period) {
   const double steps = period / evidence.step();
-  const long p = std::lround(steps);
-  const long m = evidence.times();
-  VecX<double> out =
-      VecX<double>::Constant(residual.size(), std::numeric_limits<double>::quiet_NaN());
+  const long p = std::lround(steps), m = evidence.times();
+  VecX<double> out = VecX<double>::Constant(residual.size(), std::numeric_limits<double>::quiet_NaN());
   bool any = false;
   for (long begin = 0; begin < m;) {
     long end = begin;
-    while (end < m && evidence.stretch()[static_cast<std::size_t>(end)] ==
-                          evidence.stretch()[static_cast<std::size_t>(begin)])
-      ++end;
-    const long repeats = p > 0 ? (end - begin) / p : 0;
+    while (end < m && evidence.stretch()[static_cast<std::size_t>(end)] == evidence.stretch()[static_cast<std::size_t>(begin)]) ++end;
+    const long n = end - begin;
     // Over the whole stretch the phase may slip by a twentieth of a row.
-    if (repeats >= 3 &&
-        std::abs(steps - static_cast<double>(p)) * static_cast<double>(repeats) < 0.05) {
-      any = true;
-      const double scale =
-          std::sqrt(static_cast<double>(repeats) / static_cast<double>(repeats - 1));
-      for (std::size_t k = 0; k < evidence.joints().size(); ++k)
-        for (long phase = 0; phase < p; ++phase) {
-          const long first = static_cast<long>(k) * m + begin + phase;
-          double mean = 0.0;
-          for (long c = 0; c < repeats; ++c) mean += residual[first + c * p];
-          mean /= static_cast<double>(repeats);
-          for (long c = 0; c < repeats; ++c)
-            out[first + c * p] = scale * (residual[first + c * p] - mean);
-        }
-    }
+    const bool whole = p > 0 && std::abs(steps - static_cast<double>(p)) * static_cast<double>(n / std::max(p, 1L)) < 0.05;
+    for (std::size_t k = 0; whole && k < evidence.joints().size(); ++k)
+      for (long phase = 0; phase < std::min(p, n); ++phase) {
+        const long first = static_cast<long>(k) * m + begin + phase, repeats = (n - 1 - phase) / p + 1;
+        if (repeats < 2) continue;
+        any = true;
+        double mean = 0.0;
+        for (long c = 0; c < repeats; ++c) mean += residual[first + c * p];
+        mean /= static_cast<double>(repeats);
+        const double scale = std::sqrt(static_cast<double>(repeats) / static_cast<double>(repeats - 1));
+        for (long c = 0; c < repeats; ++c) out[first + c * p] = scale * (residual[first + c * p] - mean);
+      }
     begin = end;
   }
   return any ? out : VecX<double>();

@@ -216,9 +216,7 @@ std::vector<Score> Search::scores(const std::vector<Term>& terms) const {
     b.delta_bic = b.variant < 0
                       ? -1e9
                       : n * std::log((chi2 - before) / std::max(chi2 - before - b.gain, 1e-300)) -
-                            (candidates_[static_cast<std::size_t>(b.candidate)].linear.size() +
-                             candidates_[static_cast<std::size_t>(b.candidate)].shapes.size()) *
-                                std::log(n);
+                            b.parameters * std::log(n);
   std::ranges::sort(best, std::greater<>{}, &Score::delta_bic);
   return best;
 }

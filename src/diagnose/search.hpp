@@ -22,7 +22,9 @@ struct Term {
   MatX<double> projected;  ///< whitened, beside the base: [columns | offset]
   double norm = 0.0;       ///< of the torque, whitened
 
-  int num_parameters() const { return static_cast<int>(linear.size() + shapes.size()); }
+  int rank = 0;                     ///< of `linear` that this recording shows beside the base
+
+  int num_parameters() const { return rank + static_cast<int>(shapes.size()); }
   long width() const { return columns.cols(); }
   bool has_offset() const { return offset.size() > 0; }
   VecX<double> values() const;
@@ -33,6 +35,7 @@ struct Term {
 struct Score {
   int candidate = -1;
   int variant = -1;
+  int parameters = 0;
   double gain = 0.0;  ///< removed from χ²
   double delta_bic = 0.0;
   double visible_share = 0.0;  ///< ‖G⊥‖/‖G‖ beside the base alone

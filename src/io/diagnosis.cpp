@@ -78,7 +78,9 @@ std::string diagnose_result_json(const DiagnoseRun& run) {
        {"sentence", f.sentence},
        {"base", f.base},
        {"held_out", f.held_out},
-       {"audit", Json::array()},
+       {"audit", list(f.audit, [](const ChannelFault& c) {
+          return Json{{"fault", c.fault}, {"where", c.where}, {"value", number(c.value)}, {"unit", c.unit}, {"evidence", c.evidence}};
+        })},
        {"causes", causes(f)},
        {"witness", list(f.witness,
                         [](const Witness& w) {

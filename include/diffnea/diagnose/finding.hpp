@@ -7,6 +7,7 @@
 
 #include <diffnea/identify/identify.hpp>
 #include <diffnea/model/model.hpp>
+#include <diffnea/recording/audit.hpp>
 
 namespace diffnea {
 
@@ -111,6 +112,7 @@ struct ResidualSeries {
 struct Finding {
   Verdict verdict = Verdict::kNone;
   std::string sentence;
+  std::vector<ChannelFault> audit;  ///< of the recordings, before any dynamics
   std::vector<Cause> causes;
   std::vector<Witness> witness;
   std::vector<Absorbed> absorbed;
