@@ -110,10 +110,11 @@ TEST_CASE("record: the log holds what series_torque says the effect adds", "[sim
       EffectSpec{"warm_up", "joint2", {{"viscous", 3.0, ""}, {"time_constant", 3.0, ""}}},
       EffectSpec{"encoder_offset", "joint2", {{"offset", 0.1, ""}}},
       EffectSpec{"encoder_scale", "joint2", {{"scale_error", 0.05, ""}}},
-      EffectSpec{"velocity_filter_lag", "joint2", {{"time_constant", 0.02, ""}}},
+      EffectSpec{"velocity_filter_lag", "joint2", {{"lag", 0.02, ""}}},
       EffectSpec{"time_shift", "all", {{"shift", 0.02, ""}}},
-      EffectSpec{"base_tilt", "base", {{"gx", 0.5, ""}, {"gy", -0.3, ""}}},
-      EffectSpec{"tip_force", "tip", {{"fx", 3.0, ""}, {"fy", 1.0, ""}, {"fz", -2.0, ""}}});
+      EffectSpec{"base_tilt", "base", {{"gravity_x", 0.5, ""}, {"gravity_y", -0.3, ""}}},
+      EffectSpec{
+          "tip_force", "tip", {{"force_x", 3.0, ""}, {"force_y", 1.0, ""}, {"force_z", -2.0, ""}}});
   CAPTURE(spec.effect);
   const Model nominal = wam();
   Model robot = nominal;
@@ -161,7 +162,7 @@ TEST_CASE("record: MuJoCo with drives, encoders and a tilted base moves as the m
                EffectSpec{"actuator_delay", "joint2", {{"delay", 0.015, ""}}},
                EffectSpec{"saturation", "joint2", {{"limit", 20.0, ""}}},
                EffectSpec{"encoder_scale", "joint2", {{"scale_error", 0.05, ""}}},
-               EffectSpec{"base_tilt", "base", {{"gx", 0.5, ""}, {"gy", -0.3, ""}}},
+               EffectSpec{"base_tilt", "base", {{"gravity_x", 0.5, ""}, {"gravity_y", -0.3, ""}}},
                EffectSpec{"warm_up", "joint2", {{"viscous", 3.0, ""}, {"time_constant", 1.0, ""}}},
                EffectSpec{"time_shift", "all", {{"shift", 0.02, ""}}});
   CAPTURE(spec.effect);
