@@ -298,7 +298,7 @@ TEST_CASE("channels: the logged motion with the effect has the torque of the tru
   }
   SECTION("filtered velocity") {
     const double T = 0.01;
-    spec = {"velocity_filter_lag", "joint3", {{"time_constant", T, "s"}}};
+    spec = {"velocity_filter_lag", "joint3", {{"lag", T, "s"}}};
     const double w = 9.0, lag = std::atan(w * T), share = 1.0 / std::hypot(1.0, w * T);
     logged.qd.col(2) =
         sampled([&](double t) { return share * 0.6 * w * std::cos(w * t + 2 - lag); });
@@ -328,8 +328,9 @@ TEST_CASE("base_tilt: a robot on a base that is tilted about x", "[effects]") {
     const VecX<double> level = rnea<double, double>(tree, q, qd, qdd, ws);
     expected.row(k) = (rnea<double, double>(tilted, q, qd, qdd, ws) - level).transpose();
   }
-  const BoundEffect e =
-      bind({"base_tilt", "base", {{"gx", 0.0, ""}, {"gy", -9.81 * std::sin(angle), ""}}}, model);
+  const BoundEffect e = bind(
+      {"base_tilt", "base", {{"gravity_x", 0.0, ""}, {"gravity_y", -9.81 * std::sin(angle), ""}}},
+      model);
   CHECK(expected.cwiseAbs().maxCoeff() > 0.5);
   CHECK_THAT(series_torque(e, tree, x, e.parameters.data()), MatrixNear(expected, 1e-10));
 }

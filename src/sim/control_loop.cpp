@@ -7,6 +7,7 @@
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/dynamics/mass_matrix.hpp>
+#include <diffnea/effects/extended_tree.hpp>
 
 namespace diffnea::sim {
 namespace {
@@ -71,11 +72,23 @@ VecX<double> gains(const VecX<double>& given, const VecX<double>& derived, const
   return given;
 }
 
+/// What the log, not the encoder, does to the motion: filtered velocities, a clock that is late.
+void apply_channels(const std::vector<BoundEffect>& channels, Recording& r) {
+  for (const BoundEffect& e : channels)
+    for (const int j : e.joints) {
+      const double dt = r.rows() > 1 ? r.time[1] - r.time[0] : 0.0;
+      if (std::holds_alternative<VelocityFilterLag>(e.type))
+        r.qd.col(j) = low_passed(r.qd.col(j), dt, e.parameters[0]);
+      if (!std::holds_alternative<TimeShift>(e.type) || r.rows() < 2) continue;
+      r.q.col(j) = shifted(r.q.col(j), dt, -e.parameters[0]);
+      if (r.qd.size() > 0) r.qd.col(j) = shifted(r.qd.col(j), dt, -e.parameters[0]);
+    }
+}
+
 }  // namespace
 
 SimulatedRecording run_control_loop(Plant& plant, const Model& robot, const Model& controller,
-                                    const Trajectory& trajectory, const RecordOptions& o,
-                                    bool log_velocity) {
+                                    const Trajectory& trajectory, const RecordOptions& o) {
   if (joint_names(robot) != joint_names(controller))
     throw ModelError(controller.source + ": its joints are not those of the robot, " +
                      robot.source);
@@ -87,6 +100,10 @@ SimulatedRecording run_control_loop(Plant& plant, const Model& robot, const Mode
   const std::vector<Joint> joints = joints_of(robot, o);
   const int n = static_cast<int>(joints.size());
   const Tree<double> nominal = make_tree(controller);
+  const std::vector<BoundEffect> channels = extend(robot, {0}).series;
+  const bool log_velocity = std::ranges::any_of(channels, [](const BoundEffect& e) {
+    return std::holds_alternative<VelocityFilterLag>(e.type);
+  });
   Reference reference(trajectory, robot);
   RneaWorkspace<double, double> ws;
   Rng rng(o.seed);
@@ -164,6 +181,7 @@ SimulatedRecording run_control_loop(Plant& plant, const Model& robot, const Mode
   if (log_velocity) r.qd.conservativeResize(row, n);
   r.qcmd.conservativeResize(row, n);
   r.tau.conservativeResize(row, n);
+  apply_channels(channels, r);
   return out;
 }
 

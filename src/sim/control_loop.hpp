@@ -27,10 +27,8 @@ inline int substeps(const RecordOptions& options) {
       1, static_cast<int>(std::ceil(1.0 / (options.control_rate * options.physics_step) - 1e-9)));
 }
 
-/// @param log_velocity  also writes down the velocities that the plant reads
 /// @throws as record_model
 SimulatedRecording run_control_loop(Plant& plant, const Model& robot, const Model& controller,
-                                    const Trajectory& trajectory, const RecordOptions& options,
-                                    bool log_velocity = false);
+                                    const Trajectory& trajectory, const RecordOptions& options);
 
 }  // namespace diffnea::sim

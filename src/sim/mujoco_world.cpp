@@ -12,6 +12,7 @@
 #include <diffnea/sim/mujoco_world.hpp>
 
 #include "sim/control_loop.hpp"
+#include "sim/drives.hpp"
 #include "sim/mujoco_model.hpp"
 
 namespace diffnea {
@@ -77,27 +78,36 @@ class MujocoPlant : public sim::Plant {
     mj_setConst(&m, data_.get());
     q_.resize(static_cast<long>(dof_.size()));
     qd_ = extra_ = q_;
+    drives_ = sim::Drives(series_, static_cast<int>(dof_.size()));
+    encoders_ = sim::Encoders(series_, static_cast<int>(dof_.size()));
   }
 
-  void reset(const VecX<double>& q) override {
+  void reset(const VecX<double>& reading) override {
+    const VecX<double> q = encoders_.truth(reading);
+    drives_.reset();
     mj_resetData(model_.get(), data_.get());
     for (std::size_t j = 0; j < dof_.size(); ++j) data_->qpos[qpos_[j]] = q[j];
     mj_forward(model_.get(), data_.get());
     read_state();
   }
-  VecX<double> q() const override { return q_; }
-  VecX<double> qd() const override { return qd_; }
+  VecX<double> q() const override { return encoders_.read(q_); }
+  VecX<double> qd() const override { return encoders_.read_velocity(qd_); }
 
   std::string step(const VecX<double>& torque) override {
+    drives_.command(data_->time, torque);
     for (int i = 0; i < substeps_; ++i) {
       extra_.setZero();
       JointSample<double> x;
+      x.time = data_->time;
       x.q = q_.data();
       x.qd = qd_.data();
       x.qdd = x.tau = q_.data();  // unread: such effects were refused
       for (const BoundEffect& e : effects_) add_torque(e, x, e.parameters.data(), extra_.data());
+      drives_.begin_step(data_->time, model_->opt.timestep);
+      const VecX<double> applied = drives_.applied(0.5);
       for (std::size_t j = 0; j < dof_.size(); ++j)
-        data_->qfrc_applied[dof_[j]] = torque[j] - extra_[j];
+        data_->qfrc_applied[dof_[j]] = applied[j] - extra_[j];
+      drives_.end_step();
       mj_step(model_.get(), data_.get());
       read_state();
     }
@@ -146,6 +156,11 @@ class MujocoPlant : public sim::Plant {
     } else if (info.port == Port::kJointTorque && info.name != "torque_gain" &&
                info.name != "load_friction" && info.name != "transmission_coupling") {
       effects_.push_back(std::move(bound));
+    } else if (info.name == "base_tilt") {
+      for (int i = 0; i < 2; ++i) m.opt.gravity[i] += bound.parameters[static_cast<std::size_t>(i)];
+    } else if (info.port == Port::kMeasurement || info.name.starts_with("actuator_") ||
+               info.name == "saturation") {
+      series_.push_back(std::move(bound));  // drives, encoders; the control loop has the rest
     } else {
       throw ModelError("MuJoCo world: effect '" + info.name + "' cannot act in MuJoCo");
     }
@@ -162,7 +177,9 @@ class MujocoPlant : public sim::Plant {
   sim::MujocoData data_;
   int substeps_ = 1;
   std::vector<int> joint_, qpos_, dof_;
-  std::vector<BoundEffect> effects_;
+  std::vector<BoundEffect> effects_, series_;
+  sim::Drives drives_{{}, 0};
+  sim::Encoders encoders_{{}, 0};
   VecX<double> q_, qd_, extra_;
 };
 

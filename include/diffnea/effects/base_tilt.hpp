@@ -15,8 +15,8 @@ struct BaseTilt {
         .summary = "base that is not level: horizontal components of gravity",
         .place = Place::kBase,
         .port = Port::kModelParameter,
-        .parameters = {{.name = "gx", .unit = "m/s^2", .unit_prismatic = "m/s^2"},
-                       {.name = "gy", .unit = "m/s^2", .unit_prismatic = "m/s^2"}}};
+        .parameters = {{.name = "gravity_x", .unit = "m/s^2", .unit_prismatic = "m/s^2"},
+                       {.name = "gravity_y", .unit = "m/s^2", .unit_prismatic = "m/s^2"}}};
     return kInfo;
   }
 

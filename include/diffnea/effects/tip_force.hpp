@@ -19,9 +19,9 @@ struct TipForce {
         .summary = "constant force on the tip, in the world's directions",
         .place = Place::kTip,
         .port = Port::kLinkForce,
-        .parameters = {{.name = "fx", .unit = "N", .unit_prismatic = "N"},
-                       {.name = "fy", .unit = "N", .unit_prismatic = "N"},
-                       {.name = "fz", .unit = "N", .unit_prismatic = "N"}}};
+        .parameters = {{.name = "force_x", .unit = "N", .unit_prismatic = "N"},
+                       {.name = "force_y", .unit = "N", .unit_prismatic = "N"},
+                       {.name = "force_z", .unit = "N", .unit_prismatic = "N"}}};
     return kInfo;
   }
 

@@ -14,7 +14,7 @@ struct VelocityFilterLag {
                                   .formula = "qd = qd_logged + T d(qd_logged)/dt",
                                   .summary = "first-order filter in the logged velocity",
                                   .port = Port::kMeasurement,
-                                  .parameters = {{.name = "time_constant",
+                                  .parameters = {{.name = "lag",
                                                   .unit = "s",
                                                   .unit_prismatic = "s",
                                                   .sign = Sign::kNonNegative,
