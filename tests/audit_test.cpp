@@ -18,6 +18,7 @@
 #include <diffnea/core/random.hpp>
 #include <diffnea/excite/fourier.hpp>
 #include <diffnea/identify/source.hpp>
+#include <diffnea/io/audit_result.hpp>
 #include <diffnea/io/model_file.hpp>
 #include <diffnea/io/world.hpp>
 #include <diffnea/sim/mujoco_world.hpp>
@@ -33,14 +34,14 @@ constexpr double kPeriod = 8.0;
 
 /// A joint's motion: a Fourier series with known derivatives.
 struct Series {
-  double center = 0.0;
+  double center = 0.0, period = kPeriod;
   std::vector<double> a, b;
 
   /// Derivative of order 0, 1 or 2 at time t.
   double at(double t, int order) const {
     double sum = order == 0 ? center : 0.0;
     for (std::size_t k = 0; k < a.size(); ++k) {
-      const double w = 2.0 * kPi * static_cast<double>(k + 1) / kPeriod;
+      const double w = 2.0 * kPi * static_cast<double>(k + 1) / period;
       const double phase = w * t + 0.5 * kPi * order;
       sum += std::pow(w, order) * (a[k] * std::sin(phase) + b[k] * std::cos(phase));
     }
@@ -67,11 +68,12 @@ double torque(const Arm& arm, int j, double t) {
 }
 
 /// 40 s at 250 Hz; noise of q 2e-5 rad, of q̇ 2 mrad/s, of τ 0.05 N·m.
-Arm clean_arm(unsigned seed, bool noise = true) {
+Arm clean_arm(unsigned seed, bool noise = true, double period = kPeriod) {
   Arm arm;
   Rng rng(seed + 7000);
   for (int j = 0; j < kJoints; ++j) {
     Series s;
+    s.period = period;
     s.center = rng.uniform(-0.5, 0.5);
     for (int k = 1; k <= 6; ++k) {
       s.a.push_back(0.3 * rng.normal() / k);
@@ -127,9 +129,9 @@ ChannelFault only(const std::vector<ChannelFault>& faults, const std::string& fa
 
 /// Of a value with a standard error: 5 of them (12 checks of 5 σ fail by chance once in 10⁵ runs),
 /// and a share for what is no noise.
-bool near(const ChannelFault& f, double value, double share = 0.0) {
+void check_near(const ChannelFault& f, double value, double share = 0.0) {
   CAPTURE(f.value, f.std, value);
-  return std::abs(f.value - value) < 5.0 * f.std + share * std::abs(value);
+  CHECK(std::abs(f.value - value) < 5.0 * f.std + share * std::abs(value));
 }
 
 }  // namespace
@@ -143,6 +145,17 @@ TEST_CASE("audit: nothing is found in clean channels", "[audit]") {
   CHECK(report.faults.empty());
   REQUIRE(report.periods.size() == 1);
   CHECK(std::abs(report.periods[0].seconds - kPeriod) < 5.0 * report.periods[0].std + 1e-4);
+}
+
+TEST_CASE("audit: the false alarm rate is below 1 %", "[.][audit-study]") {
+  int alarms = 0;
+  for (unsigned seed = 1000; seed < 1400; ++seed) {
+    const std::vector<ChannelFault> faults = found(clean_arm(seed).recording);
+    if (faults.empty()) continue;
+    ++alarms;
+    UNSCOPED_INFO(seed << ": " << names(faults));
+  }
+  CHECK(alarms == 0);  // 0 of 400: below 0.75 % with 95 % confidence
 }
 
 TEST_CASE("audit: nothing is found without noise, nor without velocities", "[audit]") {
@@ -166,7 +179,7 @@ TEST_CASE("audit: a velocity's scale, sign, offset and lag are named with their 
   SECTION("scale") {
     const double scale = GENERATE(0.95, 1.01, 1.05, 2.0);
     r.qd.col(1) *= scale;
-    CHECK(near(only(found(r), "velocity_scale", "qd_elbow"), scale));
+    check_near(only(found(r), "velocity_scale", "qd_elbow"), scale);
   }
   SECTION("a scale of half of the threshold is none") {
     r.qd.col(1) *= 1.0025;
@@ -179,25 +192,26 @@ TEST_CASE("audit: a velocity's scale, sign, offset and lag are named with their 
   }
   SECTION("sign") {
     r.qd.col(0) *= -1.0;
-    CHECK(near(only(found(r), "velocity_sign", "qd_shoulder"), -1.0));
+    check_near(only(found(r), "velocity_sign", "qd_shoulder"), -1.0);
   }
   SECTION("offset") {
     r.qd.col(0).array() += 0.05;
-    CHECK(near(only(found(r), "velocity_offset", "qd_shoulder"), 0.05));
+    check_near(only(found(r), "velocity_offset", "qd_shoulder"), 0.05);
   }
   SECTION("low-pass") {
     const double lag = GENERATE(0.002, 0.01, 0.03);
-    double y = r.qd(0, 1);
+    double y = arm.motion[1].at(0.0, 1);
+    constexpr int kSteps = 20;             // of the filter's equation a row
     for (long i = 1; i < r.rows(); ++i) {  // of q̇ without noise, which is measured after it
-      const double v = arm.motion[1].at(r.time[i], 1);
-      y += (1.0 - std::exp(-0.004 / lag)) * (v - y);
-      r.qd(i, 1) = y + (r.qd(i, 1) - v);
+      const double h = (r.time[i] - r.time[i - 1]) / kSteps;
+      for (int k = 1; k <= kSteps; ++k)
+        y += (1.0 - std::exp(-h / lag)) * (arm.motion[1].at(r.time[i - 1] + (k - 0.5) * h, 1) - y);
+      r.qd(i, 1) += y - arm.motion[1].at(r.time[i], 1);
     }
-    // y answers to the value of row i held over the row before: half a row early.
     const ChannelFault f = only(found(r), "velocity_filter_lag", "qd_elbow");
-    CHECK(near(f, lag - 0.002 * (lag > 0.005 ? 1.0 : 0.6), 0.05));
-    if (lag > 0.02)
-      CHECK_THAT(f.evidence, ContainsSubstring("low-pass of first order fits better"));
+    check_near(f, lag, 0.01);
+    CHECK_THAT(f.evidence, ContainsSubstring("low-pass of first order fits better") ||
+                               ContainsSubstring("cannot tell a low-pass"));
   }
   SECTION("delay") {
     const double lag = GENERATE(0.004, 0.03);
@@ -205,8 +219,10 @@ TEST_CASE("audit: a velocity's scale, sign, offset and lag are named with their 
       r.qd(i, 1) += arm.motion[1].at(r.time[i] - lag, 1) - arm.motion[1].at(r.time[i], 1);
     const std::vector<ChannelFault> faults = found(r);
     REQUIRE(faults.size() == 1);
-    CHECK(near(faults[0], lag));
-    if (lag > 0.02) CHECK(faults[0].fault == "time_shift");
+    check_near(faults[0], lag);
+    // Slow motion may not tell; it must not tell wrongly.
+    if (faults[0].fault != "time_shift")
+      CHECK_THAT(faults[0].evidence, ContainsSubstring("cannot tell a low-pass"));
   }
   SECTION("a delay below a tenth of a row is none") {
     for (long i = 0; i < r.rows(); ++i)
@@ -231,6 +247,41 @@ TEST_CASE("audit: a velocity's scale, sign, offset and lag are named with their 
     r.qdd.col(1) *= -1.0;
     only(found(r), "acceleration_sign", "qdd_elbow");
   }
+}
+
+TEST_CASE("audit: fast motion tells a low-pass from a delay", "[audit]") {
+  const unsigned seed = GENERATE(range(0u, 6u));
+  CAPTURE(seed);
+  const Arm arm = clean_arm(seed, true, 2.0);  // up to 3 Hz
+  Recording r = arm.recording;
+  const double lag = 0.02;
+  double y = arm.motion[1].at(0.0, 1);
+  const bool filter = GENERATE(true, false);
+  constexpr int kSteps = 20;  // of the filter's equation a row
+  for (long i = 1; i < r.rows(); ++i) {
+    const double h = (r.time[i] - r.time[i - 1]) / kSteps;
+    for (int k = 1; k <= kSteps; ++k)
+      y += (1.0 - std::exp(-h / lag)) * (arm.motion[1].at(r.time[i - 1] + (k - 0.5) * h, 1) - y);
+    r.qd(i, 1) +=
+        (filter ? y : arm.motion[1].at(r.time[i] - lag, 1)) - arm.motion[1].at(r.time[i], 1);
+  }
+  const ChannelFault f = only(found(r), filter ? "velocity_filter_lag" : "time_shift", "qd_elbow");
+  check_near(f, lag, 0.01);
+  CHECK_THAT(f.evidence, !ContainsSubstring("cannot tell"));
+}
+
+TEST_CASE("audit: the same fault of many recordings is one", "[audit]") {
+  std::vector<Recording> runs;
+  for (unsigned seed = 0; seed < 4; ++seed) {
+    runs.push_back(clean_arm(seed).recording);
+    runs.back().run = static_cast<int>(seed);
+    runs.back().source = "arm.csv run " + std::to_string(seed);
+    if (seed > 0) runs.back().tau(900, 1) += 5.0 + seed;
+  }
+  const ChannelFault f = only(audit(runs).faults, "spike", "tau_elbow");
+  CHECK(std::abs(f.value - 8.0) < 0.4);  // the noise of three rows
+  CHECK_THAT(f.evidence, ContainsSubstring("in 3 of 4 recordings"));
+  CHECK(f.source == "arm.csv run 3");
 }
 
 TEST_CASE("audit: the clock", "[audit]") {
@@ -418,7 +469,7 @@ TEST_CASE("audit: clipping, limits and units", "[audit]") {
     CHECK_THAT(f.evidence, ContainsSubstring("q_elbow [deg]"));
   }
   SECTION("a position beyond its limit") {
-    r.q.col(1).array() += 3.0;
+    r.q.col(1).array() += 3.5;
     only(found(r, limits), "position_beyond_limit", "q_elbow");
   }
   SECTION("millinewton metres") {
@@ -441,7 +492,7 @@ TEST_CASE("audit: friction tells the sign of a torque and whose it is", "[audit]
     r.tau.col(j) *= -1.0;
     const ChannelFault f = only(found(r), "torque_sign", "tau_" + r.joint_names[j]);
     // The friction of the joint, with the wrong sign; the black box takes a tenth of it.
-    CHECK(near(f, -(1.0 + 0.3 * j), 0.1));
+    check_near(f, -(1.0 + 0.3 * j), 0.1);
   }
   SECTION("swapped") {
     r.tau.col(0).swap(r.tau.col(1));
@@ -520,6 +571,64 @@ TEST_CASE("audit: simulated recordings are clean", "[audit]") {
   const AuditReport report = audit({s.recording}, {.joints = describe_joints(nominal)});
   INFO(names(report.faults));
   CHECK((report.faults.empty() || s.saturated > 0));
+}
+
+TEST_CASE("audit: measured recordings hold what is known of them", "[audit][data]") {
+  const std::filesystem::path folder = test::data_folder();
+  const auto audited = [&](const char* file) { return audit_files({folder / file}); };
+  const auto find = [](const AuditReport& report, const std::string& fault,
+                       const std::string& channel) -> const ChannelFault* {
+    const auto it = std::ranges::find_if(report.faults, [&](const ChannelFault& f) {
+      return f.fault == fault && f.channel == channel;
+    });
+    return it == report.faults.end() ? nullptr : &*it;
+  };
+  const auto severe = [](const AuditReport& report) {
+    return std::ranges::count(report.faults, FaultSeverity::kFault, &ChannelFault::severity);
+  };
+  SECTION("the Panda's velocities are filtered, and rows repeat") {
+    // 4.8 to 5.8 ms by a separate computation (numpy, another low-pass, 1 to 8 Hz).
+    const AuditReport report = audited("panda/exciting.csv");
+    for (int j = 1; j <= 7; ++j) {
+      const ChannelFault* lag =
+          find(report, "velocity_filter_lag", "qd_panda_joint" + std::to_string(j));
+      REQUIRE(lag != nullptr);
+      CHECK(lag->value > 4.5e-3);
+      CHECK(lag->value < 6.1e-3);
+    }
+    CHECK(std::ranges::count(report.faults, "stuck_samples", &ChannelFault::fault) > 0);
+    CHECK(severe(report) == 0);
+  }
+  SECTION("the double pendulum's drives difference backward at 500 Hz") {
+    for (const char* file : {"double_pendulum/record_00.csv", "double_pendulum/record_12.csv"})
+      for (const char* channel : {"qd_shoulder", "qd_elbow"}) {
+        const AuditReport report = audited(file);
+        const ChannelFault* lag = find(report, "velocity_filter_lag", channel);
+        REQUIRE(lag != nullptr);
+        CHECK(std::abs(lag->value - 1e-3) < 5.0 * lag->std + 2e-5);
+        CHECK_THAT(lag->evidence, ContainsSubstring("backward difference"));
+        CHECK(severe(report) == 0);
+      }
+  }
+  SECTION("EMPS is clean and repeats") {
+    for (const char* file : {"emps/train.csv", "emps/test.csv"}) {
+      const AuditReport report = audited(file);
+      CHECK(names(report.faults).empty());
+      CHECK(std::abs(report.periods[0].seconds - 6.24) < 1e-3);
+    }
+  }
+  SECTION("UR10e: rows of garbage, the clock's jitter") {
+    const AuditReport report = audited("ur10e/id_50s_15harm_loaded_mass_unstated.csv");
+    const ChannelFault* garbage = find(report, "impossible_rows", "time");
+    REQUIRE(garbage != nullptr);
+    CHECK(garbage->value == 3.0);
+    CHECK(find(report, "time_jitter", "time") != nullptr);
+  }
+  SECTION("a free pendulum has no torque") {
+    const AuditReport report = audited("pendulum_free_swing/free_swing.csv");
+    CHECK(find(report, "dead_channel", "tau_pendulum") != nullptr);
+    CHECK(report.faults.size() == 1);
+  }
 }
 
 }  // namespace diffnea

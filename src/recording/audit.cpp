@@ -4,6 +4,7 @@
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/recording/audit.hpp>
+#include <diffnea/recording/butterworth.hpp>
 
 #include "recording/audit_parts.hpp"
 #include "recording/audit_statistics.hpp"
@@ -39,6 +40,32 @@ double median_interval(const std::vector<Recording>& recordings) {
 double severity_rank(const ChannelFault& f) {
   return (f.severity == FaultSeverity::kFault ? 1e12 : 0.0) +
          (std::isnan(f.significance) ? 0.0 : std::min(f.significance, 1e9));
+}
+
+/// One fault per channel: where several recordings have it, the largest stands for all.
+void merge_recordings(std::vector<ChannelFault>& faults, std::size_t num_recordings) {
+  std::vector<ChannelFault> merged;
+  std::vector<long> count;
+  for (ChannelFault& f : faults) {
+    const auto same = std::ranges::find_if(merged, [&](const ChannelFault& m) {
+      return m.fault == f.fault && m.channel == f.channel && !m.source.empty() &&
+             m.source != f.source;
+    });
+    if (same == merged.end()) {
+      merged.push_back(std::move(f));
+      count.push_back(1);
+      continue;
+    }
+    ++count[same - merged.begin()];
+    if (std::pair(f.severity, std::abs(f.value)) > std::pair(same->severity, std::abs(same->value)))
+      *same = std::move(f);
+  }
+  for (std::size_t i = 0; i < merged.size(); ++i)
+    if (count[i] > 1)
+      merged[i].evidence =
+          format("in %ld of %zu recordings, here the largest: ", count[i], num_recordings) +
+          merged[i].evidence;
+  faults = std::move(merged);
 }
 
 }  // namespace
@@ -117,6 +144,7 @@ void filter_channels(AuditContext& c) {
     c.velocity_noise[j] = c.plan->q_noise[j] * std::sqrt(8.0 * std::numbers::pi * std::numbers::pi *
                                                          c.plan->dt * band * band * band / 3.0);
 
+  const long ends = Butterworth(c.plan->order, c.plan->filter_hz, 1.0 / c.plan->dt).memory(1e-4);
   for (std::size_t k = 0; k < c.recordings.size(); ++k) {
     const Recording& r = c.recordings[k];
     // All channels as if they were positions: they get the same grid and the same filter.
@@ -146,8 +174,11 @@ void filter_channels(AuditContext& c) {
     stack.tau.setZero(r.rows(), stack.q.cols());
     stack.info.torque_sampling = TorqueSampling::kInstant;
     const Preprocessed p = preprocess(stack, *c.plan);
-    for (long from = 0, to = 0; from < p.rows(); from = to) {
-      while (to < p.rows() && p.segment[to] == p.segment[from]) ++to;
+    for (long begin = 0, end = 0; begin < p.rows(); begin = end) {
+      while (end < p.rows() && p.segment[end] == p.segment[begin]) ++end;
+      // What the filter makes of the ends differs from channel to channel.
+      const long trim = std::min(ends, (end - begin) / 8), from = begin + trim, to = end - trim;
+      if (to - from < 8) continue;
       FilteredStretch s;
       s.recording = k;
       s.time = p.time.segment(from, to - from);
@@ -198,6 +229,7 @@ AuditReport audit(const std::vector<Recording>& recordings, const AuditLimits& l
   audit_velocity(context);
   audit_torque(context);
   audit_period(context);
+  merge_recordings(report.faults, recordings.size());
   std::ranges::stable_sort(report.faults, [](const ChannelFault& a, const ChannelFault& b) {
     return severity_rank(a) > severity_rank(b);
   });

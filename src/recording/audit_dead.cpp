@@ -65,10 +65,12 @@ void audit_dead(AuditContext& c) {
     return it == ranges.end() ? 0.0 : it->second.size();
   };
   for (const auto& [name, range] : ranges) {
-    ChannelFault f = make_fault("dead_channel", range.where, name, range.low, range.unit);
+    ChannelFault f = make_fault("dead_channel", range.where, name, range.low + 0.0, range.unit);
     if (range.finite == 0) {
       const bool other = c.recordings.front().rows() > 0;
-      if (!other || range.kind == 'q') continue;
+      // A joint without a motor has no command.
+      const bool no_motor = range.joint >= 0 && !c.recordings.front().has_tau[range.joint];
+      if (!other || range.kind == 'q' || (range.kind == 'c' && no_motor)) continue;
       f.value = 0.0;
       f.evidence = format("all %ld rows are empty", range.rows);
       c.add(std::move(f));

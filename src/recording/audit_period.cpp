@@ -35,9 +35,21 @@ double mismatch(const Motion& m, double seconds) {
   return d.squaredNorm() / (static_cast<double>(d.size()) + 1e-300);
 }
 
-Motion motion_of(const Recording& r) {
+/// @param command  the desired positions, where they are recorded, else the measured ones; joints
+///                 without a motor go their own way
+Motion motion_of(const Recording& r, bool command) {
+  std::vector<long> joints;
+  for (long j = 0; j < r.num_joints(); ++j)
+    if (std::ranges::find(r.info.passive, r.joint_names[j]) == r.info.passive.end())
+      joints.push_back(j);
+  RowMatX<double> q = r.q(Eigen::all, joints);
+  if (command && r.qcmd.size() > 0) {
+    const RowMatX<double> desired = r.qcmd(Eigen::all, joints);
+    if (desired.allFinite()) q = desired;
+  }
+
   Motion out;
-  const long n = r.num_joints();
+  const long n = q.cols();
   if (r.rows() < 20 || n == 0) return out;
   std::vector<double> steps;
   for (long i = 1; i < r.rows(); ++i) steps.push_back(r.time[i] - r.time[i - 1]);
@@ -45,7 +57,7 @@ Motion motion_of(const Recording& r) {
   // Lines between the measured rows, over the longest stretch whose pauses are short.
   long best_from = 0, best_to = 0;
   const auto gap = [&](long i) {
-    return r.time[i] - r.time[i - 1] > std::max(0.1, 5.0 * dt) || !r.q.row(i).allFinite();
+    return r.time[i] - r.time[i - 1] > std::max(0.1, 5.0 * dt) || !q.row(i).allFinite();
   };
   for (long from = 0, i = 1; i <= r.rows(); ++i)
     if (i == r.rows() || gap(i)) {
@@ -55,7 +67,7 @@ Motion motion_of(const Recording& r) {
       }
       from = i;
     }
-  while (best_from < best_to && !r.q.row(best_from).allFinite()) ++best_from;
+  while (best_from < best_to && !q.row(best_from).allFinite()) ++best_from;
   if (best_to - best_from < 20) return out;
   const double t0 = r.time[best_from], seconds = r.time[best_to - 1] - t0;
   const long rows = best_to - best_from;
@@ -66,7 +78,7 @@ Motion motion_of(const Recording& r) {
     const double t = t0 + static_cast<double>(i) * out.dt;
     while (k + 2 < best_to && r.time[k + 1] < t) ++k;
     const double s = std::clamp((t - r.time[k]) / (r.time[k + 1] - r.time[k]), 0.0, 1.0);
-    out.x.row(i) = (1.0 - s) * r.q.row(k) + s * r.q.row(k + 1);
+    out.x.row(i) = (1.0 - s) * q.row(k) + s * q.row(k + 1);
   }
   // Joints that hold still say nothing: they would be noise of size one.
   std::vector<long> moving;
@@ -94,7 +106,7 @@ Motion thinned(const Motion& m) {
 
 Period detect_period(const Recording& recording) {
   Period none;
-  const Motion full = motion_of(recording);
+  const Motion full = motion_of(recording, false);
   if (full.x.size() == 0) return none;
   const Motion coarse = thinned(full);
   const long rows = coarse.x.rows();
@@ -148,7 +160,7 @@ void audit_period(AuditContext& c) {
     if (found.seconds > 0.0) ++periodic;
     const double stated = r.info.period;
     if (stated <= 0.0) continue;
-    const Motion motion = motion_of(r);
+    const Motion motion = motion_of(r, true);
     const double seconds = static_cast<double>(motion.x.rows()) * motion.dt;
     if (motion.x.size() == 0 || seconds < 2.0 * stated) {
       c.check("stated period", false,
@@ -159,7 +171,7 @@ void audit_period(AuditContext& c) {
     const double left = std::sqrt(0.5 * mismatch(motion, stated));
     const double multiple = found.seconds > 0.0 ? stated / found.seconds : 0.0;
     c.check("stated period", true,
-            format("%s: after %.6g s positions differ by %.2g %% of the motion", r.source.c_str(),
+            format("%s: after %.6g s the motion differs by %.2g %% of the motion", r.source.c_str(),
                    stated, 100.0 * left));
     // Where the motion does repeat, the stated period must do as well as the one found.
     if (left < kRepeats && (found.seconds == 0.0 || left < 2.0 * found.mismatch + 1e-3 ||
@@ -169,7 +181,7 @@ void audit_period(AuditContext& c) {
     ChannelFault f = make_fault("period", "time", "time", stated, "s");
     f.source = r.source;
     f.evidence = format(
-        "the sidecar says %.6g s, after which positions differ by %.2g %% of the "
+        "the sidecar says %.6g s, after which the motion differs by %.2g %% of the "
         "motion; ",
         stated, 100.0 * left);
     f.evidence += found.seconds > 0.0 ? format("they repeat every %.6g ± %.2g s (to %.2g %%)",

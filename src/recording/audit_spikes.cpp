@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "recording/audit_parts.hpp"
 #include "recording/audit_statistics.hpp"
@@ -16,6 +17,19 @@ constexpr double kHigh = 5.0;
 constexpr double kLoud = 1e-3;
 /// More of them are no outliers but how the channel is.
 constexpr double kFew = 0.01;
+
+/// A joint that moves by less is at rest [rad, m].
+constexpr double kRests = 0.05;
+
+double range_of(const VecX<double>& x) {
+  double low = std::numeric_limits<double>::infinity(), high = -low;
+  for (const double v : x)
+    if (std::isfinite(v)) {
+      low = std::min(low, v);
+      high = std::max(high, v);
+    }
+  return high - low;
+}
 
 }  // namespace
 
@@ -66,7 +80,9 @@ void audit_spikes(AuditContext& c) {
         square += v * v;
       }
     const double share = energy / std::max(square - mean * mean / rows, 1e-300);
-    f.severity = share > kLoud ? FaultSeverity::kFault : FaultSeverity::kNote;
+    // Where the joint rests, hardly anything is most of the variance.
+    const bool rests = view.joint >= 0 && range_of(r.q.col(view.joint)) < kRests;
+    f.severity = share > kLoud && !rests ? FaultSeverity::kFault : FaultSeverity::kNote;
     f.source = r.source;
     f.evidence = format(
         "%ld isolated value%s; the largest, at t = %.6g s, stands %+.4g %s off its "

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <map>
 
 #include "recording/audit_parts.hpp"
@@ -72,15 +73,16 @@ std::vector<long> repeated_rows(const std::vector<double>& d, double quantum, do
   const double unit = std::max(quantum, quantile(sizes, 0.001));
   const double moves = std::max(kMovingSteps * unit, 0.2 * quantile(sizes, 0.5));
   std::vector<long> zero;
-  double finest_steps = 0.0;
+  double fine_steps = 0.0;
   for (std::size_t i = 2; i + 1 < d.size(); ++i) {
     if (!(std::min(std::abs(d[i - 1]), std::abs(d[i + 1])) > moves)) continue;
     ++moving;
     if (d[i] == 0.0) zero.push_back(static_cast<long>(i));
-    if (std::abs(d[i]) > 0.0 && std::abs(d[i]) < 1.5 * unit) finest_steps += 1.0;
+    if (std::abs(d[i]) > 0.0 && std::abs(d[i]) < 4.5 * unit) fine_steps += 1.0;
   }
-  // By chance a step of 0 is as frequent as one of +1 quantum, or of −1.
-  const double count = static_cast<double>(zero.size()), chance = 0.5 * finest_steps;
+  // By chance a step of 0 is as frequent as any of ±1 … ±4 quanta; twice that, because channels
+  // that are computed from quantised ones skip some of these.
+  const double count = static_cast<double>(zero.size()), chance = 0.25 * fine_steps;
   const bool found = count >= 10.0 && count > kSmallShare * static_cast<double>(moving) + chance &&
                      count - chance > significance * std::sqrt(count + chance);
   return found ? zero : std::vector<long>{};
@@ -92,6 +94,12 @@ void find_frozen(const AuditContext& c, const ChannelView& view, const std::vect
     if (std::abs(x) > 0.0) sizes.push_back(std::abs(x));
   if (sizes.size() < 50) return;
   const double large = quantile(sizes, 0.99), fine = 3.0 * quantile(sizes, 0.001);
+  double low = std::numeric_limits<double>::infinity(), high = -low;
+  for (const double x : view.values)
+    if (std::isfinite(x)) {
+      low = std::min(low, x);
+      high = std::max(high, x);
+    }
   long run = 0, longest = 0, end = 0, count = 0;
   for (long i = 1; i < static_cast<long>(d.size()); ++i) {
     if (d[i] == 0.0) {
@@ -104,7 +112,8 @@ void find_frozen(const AuditContext& c, const ChannelView& view, const std::vect
     int moved = 0;
     for (long k = std::max(1L, i - run - 5); k < i - run; ++k)
       if (std::abs(d[k]) > fine) ++moved;
-    jumps = jumps && moved >= 3;
+    const double held = view.values[i - 1];  // at the extreme it is clipped
+    jumps = jumps && moved >= 3 && held > low && held < high;
     if (jumps) {
       ++count;
       if (run > longest) {
@@ -201,7 +210,7 @@ void audit_stuck(AuditContext& c) {
           make_fault("stuck_samples", where(group.channels), name(group.channels), share, "1");
       f.std = std::sqrt(share * (1.0 - share) / static_cast<double>(group.moving));
       f.significance = share / f.std;
-      f.severity = share > 0.1 ? FaultSeverity::kFault : FaultSeverity::kNote;
+      f.severity = share > 0.2 ? FaultSeverity::kFault : FaultSeverity::kNote;
       f.source = c.recordings[k].source;
       f.evidence = format(
           "%zu rows repeat the value before while the rows about them move (%.2g %% "

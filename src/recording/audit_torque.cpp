@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include <diffnea/recording/butterworth.hpp>
+
 #include "recording/audit_parts.hpp"
 #include "recording/audit_statistics.hpp"
 
@@ -80,6 +82,15 @@ void audit_torque(AuditContext& c) {
     c.check(kName, false, format("%ld rows at 50 Hz are too few for %ld joints", num_rows, m));
     return;
   }
+  // What the low-pass does to torques, it must do to the jumps; all else is smooth.
+  const Butterworth filter(c.plan->order, c.plan->filter_hz, 1.0 / c.plan->dt);
+  std::vector<RowMatX<double>> signs;
+  for (const FilteredStretch& s : c.stretches) {
+    RowMatX<double> sign(s.qd.rows(), m);
+    for (long j = 0; j < m; ++j) sign.col(j) = (s.qd.col(moving[j]).array() / edge[j]).tanh();
+    filter.filter_both_ways(sign);
+    signs.push_back(std::move(sign));
+  }
   MatX<double> x = MatX<double>::Zero(num_rows, columns);
   for (long i = 0; i < num_rows; ++i) {
     const auto& [k, row] = rows.at[i];
@@ -87,7 +98,7 @@ void audit_torque(AuditContext& c) {
     VecX<double> trig(trigonometric);
     for (long j = 0; j < m; ++j) {
       const int joint = moving[j];
-      x(i, j) = std::tanh(s.qd(row, joint) / edge[j]);
+      x(i, j) = signs[k](row, j);
       x(i, m + j) = s.qd(row, joint);
       x(i, 2 * m + j) = s.qdd(row, joint);
       trig[2 * j] = std::sin(s.q(row, joint));

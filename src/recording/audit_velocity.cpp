@@ -117,15 +117,21 @@ LagFit fit_lag(const Pair& pair, Shape shape, double start) {
   return out;
 }
 
-/// How sure it is that `a` fits better than `b` [standard errors of the blocks' differences].
-double preference(const LagFit& a, const LagFit& b) {
-  double sum = 0.0, square = 0.0;
+/// How sure it is that `a` fits better than `b` [standard errors], negative where `b` does: the
+/// likelihood ratio of as many independent draws as the low-pass leaves, 0 unless most blocks
+/// agree.
+double preference(const LagFit& a, const LagFit& b, double draws) {
+  double sum = 0.0, square = 0.0, rss_a = 0.0, rss_b = 0.0;
   for (std::size_t k = 0; k < a.block_rss.size(); ++k) {
     const double d = b.block_rss[k] - a.block_rss[k];
     sum += d;
     square += d * d;
+    rss_a += a.block_rss[k];
+    rss_b += b.block_rss[k];
   }
-  return square > 0.0 ? sum / std::sqrt(square) : 0.0;
+  if (!(rss_a > 0.0 && rss_b > 0.0) || std::abs(sum) < 1.5 * std::sqrt(square)) return 0.0;
+  const double ratio = draws * std::log(rss_b / rss_a);
+  return std::copysign(std::sqrt(std::abs(ratio)), ratio);
 }
 
 /// What differs between the check of velocities and that of accelerations.
@@ -248,10 +254,11 @@ struct Checker {
                           delay.scale, delay.scale_std, kind.derivative, correlation(j, j));
       c.add(std::move(f));
     }
+    const double draws = 2.0 * c.plan->filter_hz * static_cast<double>(pair.rows) * pair.dt;
     // A lag moves the scale by second order; both shapes of it are tried.
     const LagFit filter = fit_lag(pair, &low_passed, std::max(0.0, delay.lag));
     const double filter_over_delay =
-        delay.lag > 0.0 && filter.converged ? preference(filter, delay) : -99.0;
+        delay.lag > 0.0 && filter.converged ? preference(filter, delay, draws) : -99.0;
     const LagFit& best = filter_over_delay > 0.0 ? filter : delay;
     const double scale = std::abs(best.scale);
     const double rms_reference = rms(kind.reference, j), ratio = noise(j) / rms_reference;
