@@ -88,7 +88,8 @@ Candidate make_candidate(const EffectSpec& spec, const Model& model, const std::
       grow(c, k, p.search);
     }
   }
-  if (c.linear.empty()) c.nonlinear = true;
+  // A hidden motor angle moves the base's friction with it, whatever the motor's inertia.
+  if (c.linear.empty() || spec.effect == "joint_elasticity" || spec.effect == "backlash") c.nonlinear = true;
   return c;
 }
 

@@ -105,7 +105,11 @@ void Search::set_columns(Term& term) const {
     both.conservativeResize(Eigen::NoChange, term.width() + 1);
     both.col(term.width()) = term.offset;
   }
-  term.projected = projection_->project(both);
+  const MatX<double> whitened = (*whitener_)(both);
+  const VecX<double> whole = whitened.colwise().norm().transpose();
+  term.projected = projection_->project_whitened(whitened);
+  term.rank = 0;
+  for (long k = 0; k < term.width(); ++k) term.rank += term.projected.col(k).norm() > kInvisible * whole[k];
 }
 
 void Search::refresh(double period, std::vector<Term>& terms) {
@@ -185,9 +189,12 @@ std::vector<Score> Search::scores(const std::vector<Term>& terms) const {
     const Candidate& c = candidates_[static_cast<std::size_t>(v.candidate)];
     const long k = v.width, s = S.G.cols();
     double visible = 0.0, whole = 0.0;
+    long rank = 0;
     for (long w = 0; w < k + v.offset; ++w) {
-      visible += gram_(v.first + w, v.first + w);
-      whole += norms_[v.first + w] * norms_[v.first + w];
+      const double left = gram_(v.first + w, v.first + w), all = norms_[v.first + w] * norms_[v.first + w];
+      visible += left;
+      whole += all;
+      rank += w < k && left > kInvisible * kInvisible * all;
     }
     const double share = whole > 0.0 ? std::sqrt(visible / whole) : 0.0;
     Score& b = best[static_cast<std::size_t>(v.candidate)];
@@ -211,6 +218,7 @@ std::vector<Score> Search::scores(const std::vector<Term>& terms) const {
     if (b.variant >= 0 && gain <= b.gain) continue;
     b.gain = gain;
     b.variant = static_cast<int>(i);
+    b.parameters = static_cast<int>(rank + static_cast<long>(c.shapes.size()));
   }
   for (Score& b : best)
     b.delta_bic = b.variant < 0

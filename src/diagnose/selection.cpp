@@ -84,7 +84,7 @@ bool Selection::add_one(std::vector<Term>& terms) {
 
 bool Selection::eliminate(std::vector<Term>& terms) const {
   bool any = false;
-  while (terms.size() > 1) {
+  while (!terms.empty()) {
     const double with = search_.bic(search_.gain_of(terms), terms);
     double least = options_.accept;
     std::size_t drop = terms.size();
@@ -126,19 +126,38 @@ bool Selection::exchange(std::vector<Term>& terms) const {
   return false;
 }
 
+bool Selection::simplify(std::vector<Term>& terms) const {
+  const double now = search_.bic(search_.gain_of(terms), terms);
+  for (std::size_t i = 0; i < terms.size(); ++i) {
+    const std::vector<Term> rest = without(terms, i);
+    const double base = search_.bic(search_.gain_of(rest), rest);
+    for (const Offer& offer : offers(rest, kRefined + 2)) {
+      if (offer.term.num_parameters() >= terms[i].num_parameters() || base - offer.delta_bic > now + kSameClass ||
+          search_.replaced_share(offer.term, terms[i]) < kChild)
+        continue;
+      std::vector<Term> with = rest;
+      with.push_back(offer.term);
+      search_.fit(with);
+      terms = std::move(with);
+      return true;
+    }
+  }
+  return false;
+}
+
 std::vector<Term> Selection::run(const std::function<bool(const FitProgress&)>& progress) {
   std::vector<Term> terms;
   std::set<std::set<int>> seen;
-  for (int step = 0;
-       step < 3 * options_.max_terms && static_cast<int>(terms.size()) < options_.max_terms;
-       ++step) {
+  for (int step = 0; step < 3 * options_.max_terms && static_cast<int>(terms.size()) < options_.max_terms; ++step) {
     if (progress && !progress({"testing", step, 0, search_.residual_sum() / 2.0})) break;
     if (!add_one(terms)) break;
     search_.refresh(options_.period, terms);
     eliminate(terms);
-    if (exchange(terms)) search_.refresh(options_.period, terms);
+    for (int i = 0; i < options_.max_terms && exchange(terms); ++i) search_.refresh(options_.period, terms);
+    eliminate(terms);
     if (!seen.insert(names(terms)).second) break;
   }
+  for (int i = 0; i < options_.max_terms && simplify(terms); ++i) search_.refresh(options_.period, terms);
   // What does not help on data that no fit has seen goes, the least first.
   for (bool dropped = true; dropped && !terms.empty();) {
     dropped = false;
@@ -146,8 +165,7 @@ std::vector<Term> Selection::run(const std::function<bool(const FitProgress&)>& 
       const std::vector<Term> rest = without(terms, i);
       if (change(rest, terms).helps()) continue;
       const Candidate& c = candidates_[static_cast<std::size_t>(terms[i].candidate)];
-      refused_.push_back({c.effect.info().name, c.effect.where,
-                          "does not help on held-out data beside the others", 0.0});
+      refused_.push_back({c.effect.info().name, c.effect.where, "does not help on held-out data beside the others", 0.0});
       terms = rest;
       search_.fit(terms);
       dropped = true;
@@ -166,6 +184,12 @@ void Selection::add_rivals(const std::vector<Term>& terms, std::size_t which, Ca
     if (offer.term.candidate == terms[which].candidate) continue;
     const Candidate& c = candidates_[static_cast<std::size_t>(offer.term.candidate)];
     const Rival rival{c.effect.info().name, c.effect.where, base - offer.delta_bic - best};
+    if (rival.delta_bic < 0.0) {  // better here, but not where it was not fitted
+      std::vector<Term> with = rest;
+      with.push_back(offer.term);
+      search_.fit(with);
+      if (!change(rest, with).helps()) continue;
+    }
     const bool child = offer.term.num_parameters() > own &&
                        search_.replaced_share(terms[which], offer.term) > kChild;
     (rival.delta_bic < kSameClass && !child ? cause.members : cause.rivals).push_back(rival);

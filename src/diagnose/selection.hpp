@@ -36,6 +36,8 @@ class Selection {
   bool add_one(std::vector<Term>& terms);
   bool eliminate(std::vector<Term>& terms) const;
   bool exchange(std::vector<Term>& terms) const;
+  /// A simpler effect in a term's place, if the term can be that effect and is not clearly better.
+  bool simplify(std::vector<Term>& terms) const;
   HeldOutChange change(const std::vector<Term>& without, const std::vector<Term>& with) const;
   void add_rivals(const std::vector<Term>& terms, std::size_t which, Cause& cause) const;
 
