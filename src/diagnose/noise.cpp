@@ -115,22 +115,25 @@ Whitener::Whitener(const Evidence& evidence, std::vector<JointNoise> noise,
 }
 
 MatX<double> Whitener::operator()(const MatX<double>& rows) const {
+  MatX<double> out(rows.rows(), rows.cols());
+  for (long k = 0; k < static_cast<long>(noise_.size()); ++k)
+    out.middleRows(k * times_, times_) = joint(k, rows.middleRows(k * times_, times_));
+  return out;
+}
+
+MatX<double> Whitener::joint(long k, const Eigen::Ref<const MatX<double>>& rows) const {
   MatX<double> out = MatX<double>::Zero(rows.rows(), rows.cols());
-  for (long c = 0; c < rows.cols(); ++c)
-    for (std::size_t k = 0; k < noise_.size(); ++k) {
-      const JointNoise& noise = noise_[k];
-      const long begin = static_cast<long>(k) * times_;
-      const double* x = rows.col(c).data() + begin;
-      if (Eigen::Map<const VecX<double>>(x, times_).isZero(0.0)) continue;
-      double* y = out.col(c).data() + begin;
-      const double scale = 1.0 / noise.sigma;
-      for (long i = kOrder; i < times_; ++i) {
-        if (!kept_[static_cast<std::size_t>(begin + i)]) continue;
-        double e = x[i];
-        for (int l = 0; l < kOrder; ++l) e -= noise.a[static_cast<std::size_t>(l)] * x[i - 1 - l];
-        y[i] = scale * e;
-      }
+  const JointNoise& noise = noise_[static_cast<std::size_t>(k)];
+  const double scale = 1.0 / noise.sigma;
+  for (long c = 0; c < rows.cols(); ++c) {
+    if (rows.col(c).isZero(0.0)) continue;
+    for (long i = kOrder; i < times_; ++i) {
+      if (!kept_[static_cast<std::size_t>(k * times_ + i)]) continue;
+      double e = rows(i, c);
+      for (int l = 0; l < kOrder; ++l) e -= noise.a[static_cast<std::size_t>(l)] * rows(i - 1 - l, c);
+      out(i, c) = scale * e;
     }
+  }
   return out;
 }
 

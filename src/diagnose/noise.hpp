@@ -34,6 +34,8 @@ class Whitener {
 
   /// Rows in units of independent noise; unused ones are 0. (rows(), C) → (rows(), C)
   MatX<double> operator()(const MatX<double>& rows) const;
+  /// The rows of the k-th joint alone, (times(), C) → (times(), C).
+  MatX<double> joint(long k, const Eigen::Ref<const MatX<double>>& rows) const;
   const std::vector<JointNoise>& noise() const { return noise_; }
   long used_rows() const { return used_rows_; }
   const std::vector<bool>& kept() const { return kept_; }

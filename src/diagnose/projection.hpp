@@ -30,6 +30,8 @@ class Projection {
   const VecX<double>& residual() const { return residual_; }
   /// Base parameters that go with `effects`, the torque of all effects (rows()).
   VecX<double> parameters(const VecX<double>& effects) const;
+  /// Orthonormal basis of the base as effects see it, (rows() + prior rows, rank).
+  const MatX<double>& basis() const { return Q_; }
   /// Rank of the base.
   long rank() const { return Q_.cols(); }
   long rows() const { return whitener_.used_rows(); }

@@ -63,22 +63,25 @@ Search::Search(const Evidence& evidence, const std::vector<Candidate>& candidate
                const BasePrior& prior, const std::vector<bool>& used)
     : evidence_(evidence), candidates_(candidates), prior_(prior), used_(used) {
   if (used_.empty()) used_.assign(static_cast<std::size_t>(evidence.rows()), true);
-  std::vector<Term> all;
-  long width = 0;
+  const long m = evidence.times();
   for (std::size_t c = 0; c < candidates.size(); ++c)
     for (std::size_t g = 0; g < candidates[c].grid.size(); ++g) {
-      all.push_back(make_term(static_cast<int>(c), candidates[c].grid[g]));
+      const Term term = make_term(static_cast<int>(c), candidates[c].grid[g]);
+      Variant v;
+      v.candidate = static_cast<int>(c);
+      v.point = static_cast<int>(g);
       // Most begin at no torque; a limit does not.
-      const bool offset = all.back().has_offset() && !all.back().offset.isZero(0.0);
-      variants_.push_back(
-          {static_cast<int>(c), static_cast<int>(g), width, all.back().width(), offset});
-      width += all.back().width() + offset;
+      v.offset = term.has_offset() && !term.offset.isZero(0.0);
+      MatX<double> both(evidence.rows(), term.width() + v.offset);
+      both.leftCols(term.width()) = term.columns;
+      if (v.offset) both.col(term.width()) = term.offset;
+      for (long k = 0; k < static_cast<long>(evidence.joints().size()); ++k)
+        if (!both.middleRows(k * m, m).isZero(0.0)) v.joints.push_back(k);
+      v.raw.resize(m * static_cast<long>(v.joints.size()), both.cols());
+      for (std::size_t i = 0; i < v.joints.size(); ++i)
+        v.raw.middleRows(static_cast<long>(i) * m, m) = both.middleRows(v.joints[i] * m, m);
+      variants_.push_back(std::move(v));
     }
-  raw_.resize(evidence.rows(), width);
-  for (std::size_t i = 0; i < variants_.size(); ++i) {
-    raw_.middleCols(variants_[i].first, variants_[i].width) = all[i].columns;
-    if (variants_[i].offset) raw_.col(variants_[i].first + variants_[i].width) = all[i].offset;
-  }
 }
 
 Term Search::make_term(int candidate, const std::vector<double>& shapes) const {
@@ -159,12 +162,22 @@ void Search::refresh(double period, std::vector<Term>& terms) {
     for (Term& t : terms) set_columns(t);
     fit(terms);
   }
-  MatX<double> whitened = (*whitener_)(raw_);
-  norms_ = whitened.colwise().norm().transpose();
-  projected_ = projection_->project_whitened(std::move(whitened));
-  gram_.setZero(projected_.cols(), projected_.cols());
-  gram_.selfadjointView<Eigen::Lower>().rankUpdate(projected_.transpose());
-  gram_.triangularView<Eigen::StrictlyUpper>() = gram_.transpose();
+  const long m = evidence_.times();
+  const MatX<double>& Q = projection_->basis();
+  for (Variant& v : variants_) {
+    v.whitened.resize(v.raw.rows(), v.raw.cols());
+    MatX<double> onto_base = MatX<double>::Zero(Q.cols(), v.raw.cols());
+    v.onto = VecX<double>::Zero(v.raw.cols());
+    for (std::size_t i = 0; i < v.joints.size(); ++i) {
+      auto block = v.whitened.middleRows(static_cast<long>(i) * m, m);
+      block = whitener_->joint(v.joints[i], v.raw.middleRows(static_cast<long>(i) * m, m));
+      onto_base.noalias() += Q.middleRows(v.joints[i] * m, m).transpose() * block;
+      v.onto.noalias() += block.transpose() * projection_->residual().segment(v.joints[i] * m, m);
+    }
+    const MatX<double> whole = v.whitened.transpose() * v.whitened;
+    v.norms = whole.diagonal().cwiseSqrt();
+    v.gram = whole - onto_base.transpose() * onto_base;
+  }
 }
 
 std::vector<bool> Search::signs_of(const std::vector<Term>& terms) const {
@@ -175,23 +188,24 @@ std::vector<bool> Search::signs_of(const std::vector<Term>& terms) const {
 }
 
 std::vector<Score> Search::scores(const std::vector<Term>& terms) const {
-  const Stack S = stack(terms, projected_.rows());
+  const Stack S = stack(terms, projection_->residual().size());
   const VecX<double> r = projection_->residual() - S.offset;
-  const MatX<double> SS = S.G.transpose() * S.G, SG = S.G.transpose() * projected_;
-  const VecX<double> Sr = S.G.transpose() * r, Gr = projected_.transpose() * r;
+  const MatX<double> SS = S.G.transpose() * S.G;
+  const VecX<double> Sr = S.G.transpose() * r;
   const std::vector<bool> s_signs = signs_of(terms);
   const double before = signed_fit(SS, Sr, s_signs).gain, chi2 = r.squaredNorm();
   const double n = static_cast<double>(rows());
+  const long m = evidence_.times();
   std::vector<Score> best(candidates_.size());
   for (std::size_t c = 0; c < candidates_.size(); ++c) best[c].candidate = static_cast<int>(c);
   for (std::size_t i = 0; i < variants_.size(); ++i) {
     const Variant& v = variants_[i];
     const Candidate& c = candidates_[static_cast<std::size_t>(v.candidate)];
-    const long k = v.width, s = S.G.cols();
+    const long k = v.width(), s = S.G.cols();
     double visible = 0.0, whole = 0.0;
     long rank = 0;
     for (long w = 0; w < k + v.offset; ++w) {
-      const double left = gram_(v.first + w, v.first + w), all = norms_[v.first + w] * norms_[v.first + w];
+      const double left = std::max(v.gram(w, w), 0.0), all = v.norms[w] * v.norms[w];
       visible += left;
       whole += all;
       rank += w < k && left > kInvisible * kInvisible * all;
@@ -200,17 +214,22 @@ std::vector<Score> Search::scores(const std::vector<Term>& terms) const {
     Score& b = best[static_cast<std::size_t>(v.candidate)];
     b.visible_share = std::max(b.visible_share, share);
     if (share < kInvisible) continue;
+    MatX<double> SG = MatX<double>::Zero(s, k + v.offset);  // terms are beside the base: SᵀG⊥ = SᵀG
+    VecX<double> Gr = v.onto;
+    for (std::size_t b = 0; b < v.joints.size(); ++b) {
+      const auto block = v.whitened.middleRows(static_cast<long>(b) * m, m);
+      SG.noalias() += S.G.middleRows(v.joints[b] * m, m).transpose() * block;
+      Gr.noalias() -= block.transpose() * S.offset.segment(v.joints[b] * m, m);
+    }
     MatX<double> K(s + k, s + k);
-    K << SS, SG.middleCols(v.first, k), SG.middleCols(v.first, k).transpose(),
-        gram_.block(v.first, v.first, k, k);
+    K << SS, SG.leftCols(k), SG.leftCols(k).transpose(), v.gram.topLeftCorner(k, k);
     VecX<double> rhs(s + k);
-    rhs << Sr, Gr.segment(v.first, k);
+    rhs << Sr, Gr.head(k);
     double gain = -before;
     if (v.offset) {
-      const long o = v.first + k;
-      rhs.head(s) -= SG.col(o);
-      rhs.tail(k) -= gram_.block(v.first, o, k, 1);
-      gain += 2.0 * Gr[o] - gram_(o, o);
+      rhs.head(s) -= SG.col(k);
+      rhs.tail(k) -= v.gram.block(0, k, k, 1);
+      gain += 2.0 * Gr[k] - v.gram(k, k);
     }
     std::vector<bool> sign = s_signs;
     for (const bool x : signs(c.effect, c.linear)) sign.push_back(x);
@@ -241,7 +260,7 @@ Term Search::refined(const Score& score, const std::vector<Term>& terms) const {
   }
   double shrink = 1.0;
   for (int step = 0; step < 12 && (!all.back().shapes.empty() || c.nonlinear); ++step) {
-    const Stack S = stack(all, projected_.rows());
+    const Stack S = stack(all, projection_->residual().size());
     const MatX<double> D =
         projection_->project(evidence_.columns(all.back().effect, all.back().shapes));
     if (step == 0 && drop_redundant(S.G, D, all.back())) {

@@ -81,12 +81,20 @@ class Search {
   VecX<double> residual(const std::vector<Term>& terms) const;
 
  private:
+  /// A candidate at one point of its grid: columns [∂τ/∂p | torque that comes with coefficient 1] in the rows of the
+  /// joints that it reaches.
   struct Variant {
     int candidate;
-    int point;   ///< of the candidate's grid
-    long first;  ///< column of raw_
-    long width;
-    bool offset;  ///< one more column: torque that comes with coefficient 1
+    int point;
+    bool offset;
+    std::vector<long> joints;  ///< indices into evidence.joints()
+    MatX<double> raw;          ///< (joints · times(), width + offset)
+    MatX<double> whitened;
+    VecX<double> norms;        ///< of whitened columns
+    MatX<double> gram;         ///< of the projected ones
+    VecX<double> onto;         ///< projected columns times the residual
+
+    long width() const { return raw.cols() - offset; }
   };
   Term make_term(int candidate, const std::vector<double>& shapes) const;
   void set_columns(Term& term) const;
@@ -98,9 +106,6 @@ class Search {
   const BasePrior& prior_;
   std::vector<bool> used_;
   std::vector<Variant> variants_;
-  MatX<double> raw_, projected_;
-  VecX<double> norms_;  // of whitened columns
-  MatX<double> gram_;
   std::unique_ptr<Whitener> whitener_;
   std::unique_ptr<Projection> projection_;
   bool repeatable_ = false;
