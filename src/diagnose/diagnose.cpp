@@ -8,6 +8,7 @@
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/diagnose/diagnose.hpp>
+#include <diffnea/dynamics/mass_matrix.hpp>
 #include <diffnea/recording/audit.hpp>
 
 #include "diagnose/selection.hpp"
@@ -24,6 +25,7 @@ constexpr double kExplained = 0.8;       ///< below it, the cause is unknown
 /// order 4, 14 % of an acceleration are missing at 0.8 of the cut-off, which looks like an elastic
 /// joint.)
 constexpr int kSteepFilter = 8;
+constexpr double kLeastFilterHz = 5.0;
 
 IdentifyOptions reading_options(const DiagnoseOptions& options) {
   IdentifyOptions out;
@@ -179,6 +181,10 @@ class Diagnosis {
     PreprocessOptions preprocess = options_.preprocess;
     preprocess.order = kSteepFilter;
     finding_.plan = plan_preprocess(sample, preprocess);
+    if (const double hz = informative_hz(finding_.plan); preprocess.filter_hz == 0.0 && hz < finding_.plan.filter_hz) {
+      preprocess.filter_hz = hz;
+      finding_.plan = plan_preprocess(sample, preprocess);
+    }
     fit_rows_to_period(finding_.plan);
     finding_.data_report = train_source_.report();
     period_ = finding_.plan.dt * std::round(period_ / finding_.plan.dt);
@@ -229,6 +235,25 @@ class Diagnosis {
       out.push_back(std::move(kept));
     }
     return out;
+  }
+
+  /// Where the positions' noise, as an acceleration of the joint's own inertia, becomes four times the torque's: beyond, rows
+  /// tell little, and columns of accelerations are mostly noise. Median over the joints.
+  double informative_hz(const PreprocessPlan& plan) const {
+    const Tree<double> tree = make_tree(model_);
+    MassMatrixWorkspace<double, double> ws;
+    const MatX<double>& M = mass_matrix<double, double>(tree, VecX<double>::Zero(tree.num_dofs()), ws);
+    std::vector<double> hz;
+    for (int j = 0; j < tree.num_dofs(); ++j) {
+      const std::size_t k = static_cast<std::size_t>(j);
+      if (k >= plan.q_noise.size() || k >= plan.tau_noise.size() || !(plan.q_noise[k] > 0.0) ||
+          !(plan.tau_noise[k] > 0.0) || !(M(j, j) > 0.0))
+        continue;
+      hz.push_back(std::sqrt(4.0 * plan.tau_noise[k] / (M(j, j) * plan.q_noise[k])) / (2.0 * std::numbers::pi));
+    }
+    if (hz.empty()) return plan.filter_hz;
+    std::ranges::nth_element(hz, hz.begin() + static_cast<long>(hz.size() / 2));
+    return std::max(hz[hz.size() / 2], kLeastFilterHz);
   }
 
   /// Rows of a period must be a whole number, so that its repeats can be compared.
