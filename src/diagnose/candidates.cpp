@@ -103,7 +103,8 @@ std::vector<Candidate> make_candidates(const Model& model, const std::vector<std
   };
   if (asked.empty()) {
     for (const EffectInfo& info : catalogue()) {
-      if (link_side && info.motor_side) continue;
+      // Behind the drive a torque sensor still feels the joint's own friction, but no drive.
+      if (link_side && info.motor_side && info.port == Port::kMemory) continue;
       // One offset for each of several runs; with one run it is the torque offset.
       if (info.name == "session_offset" && runs.size() < 2) continue;
       if (contains(kOnlyIfAsked, info.name)) continue;

@@ -329,7 +329,15 @@ class Diagnosis {
                         {options_.accept_delta_bic, options_.max_causes, period_});
     first_scores_ = search_->scores({});
     terms_ = selection.run(options_.progress);
-    finding_.refused = selection.refused();
+    for (const Refusal& r : selection.refused()) {  // the last word on each that was not accepted after all
+      const auto same = [&](const auto& other) { return other.effect == r.effect && other.where == r.where; };
+      std::erase_if(finding_.refused, same);
+      finding_.refused.push_back(r);
+    }
+    for (const Term& t : terms_)
+      std::erase_if(finding_.refused, [&](const Refusal& r) {
+        return r.effect == t.effect.info().name && r.where == t.effect.where;
+      });
     if (!terms_.empty()) {
       finding_.causes = selection.causes(terms_);
     }

@@ -72,6 +72,7 @@ bool Selection::add_one(std::vector<Term>& terms) {
     search_.fit(with);
     if (change(terms, with).helps()) {
       terms = std::move(with);
+      refused_candidates_.clear();  // beside another set it may help
       return true;
     }
     const Candidate& c = candidates_[static_cast<std::size_t>(offer.term.candidate)];
