@@ -278,7 +278,11 @@ class Diagnosis {
       if (is_smoothing(layout_.shape[s]))
         shape[static_cast<long>(s)] *= std::exp(std::clamp(x[at++], -1.5, 1.5));
     }
-    Model reference = apply_fit(model_, layout_, x.head(linear), shape);
+    VecX<double> physical = x.head(linear);
+    for (std::size_t k = 0; k < layout_.linear.size(); ++k)  // the test's base knows no bounds
+      if (layout_.linear[k].sign != Sign::kFree && !layout_.linear[k].fixed)
+        physical[static_cast<long>(k)] = std::max(physical[static_cast<long>(k)], 0.0);
+    Model reference = apply_fit(model_, layout_, physical, shape);
     for (const Term& t : terms) reference.effects.push_back(to_spec(t.effect));
     finding_.model = reference;
     train_->set_reference(reference);
@@ -294,7 +298,9 @@ class Diagnosis {
       // Columns of fourth derivatives and of the logged torque share the noise of what they are to explain, unless
       // both come from other periods.
       if (!repeats && (name == "saturation" || name == "joint_elasticity" || name == "backlash")) {
-        finding_.refused.push_back({name, c.effect.where, "not tried: needs a motion that repeats, two periods or more", 0.0});
+        const std::string reason = "not tried: needs a motion that repeats, two periods or more";
+        if (std::ranges::none_of(finding_.refused, [&](const Refusal& r) { return r.effect == name; }))
+          finding_.refused.push_back({name, "all", reason, 0.0});
         continue;
       }
       if (name == "saturation") bound_saturation(c);
@@ -325,10 +331,13 @@ class Diagnosis {
   }
 
   void select() {
+    const int most = options_.max_causes > 0 ? options_.max_causes : std::max(8, 3 * layout_.num_dofs);
     Selection selection(*search_, candidates_, *held_out_,
-                        {options_.accept_delta_bic, options_.max_causes, period_});
+                        {options_.accept_delta_bic, most, period_});
     first_scores_ = search_->scores({});
     terms_ = selection.run(options_.progress);
+    if (static_cast<int>(terms_.size()) >= most)
+      finding_.notes.push_back("stopped at " + std::to_string(most) + " causes; the model may lack more");
     for (const Refusal& r : selection.refused()) {  // the last word on each that was not accepted after all
       const auto same = [&](const auto& other) { return other.effect == r.effect && other.where == r.where; };
       std::erase_if(finding_.refused, same);
