@@ -47,11 +47,13 @@ std::vector<std::string> places(const EffectInfo& info, const Model& model) {
   return {};
 }
 
-/// Whether there are several joints, and all of one type: the same number is then the same thing everywhere.
+/// Whether there are several joints, and all of one type: the same number is then the same thing
+/// everywhere.
 bool one_type(const Model& model) {
   const std::vector<int> moving = moving_links(model);
   return moving.size() > 1 && std::ranges::all_of(moving, [&](int l) {
-           return model.links[static_cast<std::size_t>(l)].type == model.links[static_cast<std::size_t>(moving[0])].type;
+           return model.links[static_cast<std::size_t>(l)].type ==
+                  model.links[static_cast<std::size_t>(moving[0])].type;
          });
 }
 
@@ -81,7 +83,8 @@ Candidate make_candidate(const EffectSpec& spec, const Model& model, const std::
       c.linear.push_back(k);
     } else if (grid_of_plain) {  // a ratio of either sign: each value its own start, not refined
       grow(c, k, p.search);
-    } else if (scale(p) == Scale::kPlain && (c.effect.parameter_info.size() == 1 || p.sign == Sign::kFree)) {
+    } else if (scale(p) == Scale::kPlain &&
+               (c.effect.parameter_info.size() == 1 || p.sign == Sign::kFree)) {
       c.linear.push_back(k);  // by its tangent, which moves with the others
       c.nonlinear = true;
     } else if (scale(p) == Scale::kLog && !p.search.empty()) {
@@ -89,7 +92,8 @@ Candidate make_candidate(const EffectSpec& spec, const Model& model, const std::
     }
   }
   // A hidden motor angle moves the base's friction with it, whatever the motor's inertia.
-  if (c.linear.empty() || spec.effect == "joint_elasticity" || spec.effect == "backlash") c.nonlinear = true;
+  if (c.linear.empty() || spec.effect == "joint_elasticity" || spec.effect == "backlash")
+    c.nonlinear = true;
   return c;
 }
 

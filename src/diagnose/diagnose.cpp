@@ -43,8 +43,9 @@ BasePrior base_prior(Base base, const Model& model, const FitLayout& layout,
   const long smoothing = std::ranges::count_if(layout.shape, is_smoothing);
   out.x0 = VecX<double>::Zero(linear + smoothing);
   out.x0.head(linear) = layout.prior();
-  if (base == Base::kFixed) {
-    out.root.resize(0, 0);
+  if (base == Base::kFixed) {  // how sharply friction turns is no claim of the model
+    for (long s = 0; s < smoothing; ++s) out.free.push_back(static_cast<int>(linear + s));
+    out.root = MatX<double>::Identity(smoothing, smoothing);
     return out;
   }
   for (std::size_t k = 0; k < layout.linear.size(); ++k)
@@ -181,14 +182,16 @@ class Diagnosis {
     PreprocessOptions preprocess = options_.preprocess;
     preprocess.order = kSteepFilter;
     finding_.plan = plan_preprocess(sample, preprocess);
-    if (const double hz = informative_hz(finding_.plan); preprocess.filter_hz == 0.0 && hz < finding_.plan.filter_hz) {
+    if (const double hz = informative_hz(finding_.plan);
+        preprocess.filter_hz == 0.0 && hz < finding_.plan.filter_hz) {
       preprocess.filter_hz = hz;
       finding_.plan = plan_preprocess(sample, preprocess);
     }
     fit_rows_to_period(finding_.plan);
     finding_.data_report = train_source_.report();
     period_ = finding_.plan.dt * std::round(period_ / finding_.plan.dt);
-    train_ = std::make_unique<Evidence>(model_, layout_, train_source_, finding_.plan, period_, reading);
+    train_ =
+        std::make_unique<Evidence>(model_, layout_, train_source_, finding_.plan, period_, reading);
     if (!train_->averaged()) period_ = 0.0;  // does not repeat well enough
     if (test_source_) {
       PreprocessOptions same = preprocess;
@@ -198,7 +201,9 @@ class Diagnosis {
       const std::vector<Recording> held = test_source_->sample();
       double period = held.front().info.period;
       if (period <= 0.0) period = detect_period(held.front()).seconds;
-      test_ = std::make_unique<Evidence>(model_, layout_, *test_source_, plan, plan.dt * std::round(period / plan.dt), reading);
+      if (period <= 0.0) period = period_;  // checked where it is used
+      test_ = std::make_unique<Evidence>(model_, layout_, *test_source_, plan,
+                                         plan.dt * std::round(period / plan.dt), reading);
       finding_.held_out = "test recording";
     } else {
       split_in_time(*train_, fitted_rows_, held_rows_);
@@ -237,19 +242,22 @@ class Diagnosis {
     return out;
   }
 
-  /// Where the positions' noise, as an acceleration of the joint's own inertia, becomes four times the torque's: beyond, rows
-  /// tell little, and columns of accelerations are mostly noise. Median over the joints.
+  /// Where the positions' noise, as an acceleration of the joint's own inertia, becomes four times
+  /// the torque's: beyond, rows tell little, and columns of accelerations are mostly noise. Median
+  /// over the joints.
   double informative_hz(const PreprocessPlan& plan) const {
     const Tree<double> tree = make_tree(model_);
     MassMatrixWorkspace<double, double> ws;
-    const MatX<double>& M = mass_matrix<double, double>(tree, VecX<double>::Zero(tree.num_dofs()), ws);
+    const MatX<double>& M =
+        mass_matrix<double, double>(tree, VecX<double>::Zero(tree.num_dofs()), ws);
     std::vector<double> hz;
     for (int j = 0; j < tree.num_dofs(); ++j) {
       const std::size_t k = static_cast<std::size_t>(j);
       if (k >= plan.q_noise.size() || k >= plan.tau_noise.size() || !(plan.q_noise[k] > 0.0) ||
           !(plan.tau_noise[k] > 0.0) || !(M(j, j) > 0.0))
         continue;
-      hz.push_back(std::sqrt(4.0 * plan.tau_noise[k] / (M(j, j) * plan.q_noise[k])) / (2.0 * std::numbers::pi));
+      hz.push_back(std::sqrt(4.0 * plan.tau_noise[k] / (M(j, j) * plan.q_noise[k])) /
+                   (2.0 * std::numbers::pi));
     }
     if (hz.empty()) return plan.filter_hz;
     std::ranges::nth_element(hz, hz.begin() + static_cast<long>(hz.size() / 2));
@@ -295,11 +303,12 @@ class Diagnosis {
     for (Candidate& c : candidates_) {
       const std::string& name = c.effect.info().name;
       const bool repeats = train_->averaged() && (!test_ || test_->averaged());
-      // Columns of fourth derivatives and of the logged torque share the noise of what they are to explain, unless
-      // both come from other periods.
+      // Columns of fourth derivatives and of the logged torque share the noise of what they are to
+      // explain, unless both come from other periods.
       if (!repeats && (name == "saturation" || name == "joint_elasticity" || name == "backlash")) {
         const std::string reason = "not tried: needs a motion that repeats, two periods or more";
-        if (std::ranges::none_of(finding_.refused, [&](const Refusal& r) { return r.effect == name; }))
+        if (std::ranges::none_of(finding_.refused,
+                                 [&](const Refusal& r) { return r.effect == name; }))
           finding_.refused.push_back({name, "all", reason, 0.0});
         continue;
       }
@@ -316,30 +325,40 @@ class Diagnosis {
     for (const JointSeries& s : train_->series())
       for (long i = 0; i < s.rows(); ++i) size.push_back(std::abs(s.logged(i, c.effect.joints[0])));
     std::ranges::sort(size);
-    const auto quantile = [&](double q) { return size[static_cast<std::size_t>(q * static_cast<double>(size.size() - 1))]; };
+    const auto quantile = [&](double q) {
+      return size[static_cast<std::size_t>(q * static_cast<double>(size.size() - 1))];
+    };
     c.grid.clear();
-    for (const double q : {0.999, 0.99, 0.97, 0.94, 0.9, 0.85, 0.8}) c.grid.push_back({quantile(q)});
+    for (const double q : {0.999, 0.99, 0.97, 0.94, 0.9, 0.85, 0.8})
+      c.grid.push_back({quantile(q)});
     c.shape_low = {quantile(0.75)};
   }
 
-  /// A ripple is one if the motion runs through it twice; below, it is any smooth function of the position.
+  /// A ripple is one if the motion runs through it twice; below, it is any smooth function of the
+  /// position.
   void bound_cogging(Candidate& c) const {
     const VecX<double> q = train_->q().col(c.effect.joints[0]);
-    const double range = q.maxCoeff() - q.minCoeff(), lowest = range > 0.0 ? 4.0 * std::numbers::pi / range : 1e300;
+    const double range = q.maxCoeff() - q.minCoeff(),
+                 lowest = range > 0.0 ? 4.0 * std::numbers::pi / range : 1e300;
     std::erase_if(c.grid, [&](const std::vector<double>& g) { return g[0] < lowest; });
     c.shape_low = {lowest};
   }
 
   void select() {
-    const int most = options_.max_causes > 0 ? options_.max_causes : std::max(8, 3 * layout_.num_dofs);
+    const int most =
+        options_.max_causes > 0 ? options_.max_causes : std::max(8, 3 * layout_.num_dofs);
     Selection selection(*search_, candidates_, *held_out_,
                         {options_.accept_delta_bic, most, period_});
     first_scores_ = search_->scores({});
     terms_ = selection.run(options_.progress);
     if (static_cast<int>(terms_.size()) >= most)
-      finding_.notes.push_back("stopped at " + std::to_string(most) + " causes; the model may lack more");
-    for (const Refusal& r : selection.refused()) {  // the last word on each that was not accepted after all
-      const auto same = [&](const auto& other) { return other.effect == r.effect && other.where == r.where; };
+      finding_.notes.push_back("stopped at " + std::to_string(most) +
+                               " causes; the model may lack more");
+    for (const Refusal& r :
+         selection.refused()) {  // the last word on each that was not accepted after all
+      const auto same = [&](const auto& other) {
+        return other.effect == r.effect && other.where == r.where;
+      };
       std::erase_if(finding_.refused, same);
       finding_.refused.push_back(r);
     }

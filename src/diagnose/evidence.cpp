@@ -79,12 +79,14 @@ constexpr double kRepeats = 5e-3;
 /// Rows that must have another one at their phase.
 constexpr double kCovered = 0.8;
 
-/// Replaces every row by the mean of the rows whole periods away from it; the few that have none stay. @return false,
-/// and nothing is changed, if too many have none, a period is no whole number of samples, or the motion does not repeat
+/// Replaces every row by the mean of the rows whole periods away from it; the few that have none
+/// stay. @return false, and nothing is changed, if too many have none, a period is no whole number
+/// of samples, or the motion does not repeat
 bool average_other_periods(double period, JointSeries& s) {
   const double steps = period / s.dt;
   const long p = std::lround(steps), n = s.rows();
-  if (p < 1 || std::abs(steps - static_cast<double>(p)) * static_cast<double>(n / p) > 0.5) return false;
+  if (p < 1 || std::abs(steps - static_cast<double>(p)) * static_cast<double>(n / p) > 0.5)
+    return false;
   const long covered = n >= 2 * p ? n : 2 * std::max(0L, n - p);
   if (static_cast<double>(covered) < kCovered * static_cast<double>(n)) return false;
   const auto sum_of = [&](const RowMatX<double>& x) {
@@ -107,7 +109,8 @@ bool average_other_periods(double period, JointSeries& s) {
   for (RowMatX<double>* x : {&s.q, &s.qd, &s.qdd, &s.logged}) {
     const RowMatX<double> all = sum_of(*x), own = *x;
     for (long i = 0; i < n; ++i)
-      if (const long c = repeats(i); c > 1) x->row(i) = (all.row(i % p) - own.row(i)) / static_cast<double>(c - 1);
+      if (const long c = repeats(i); c > 1)
+        x->row(i) = (all.row(i % p) - own.row(i)) / static_cast<double>(c - 1);
   }
   return true;
 }

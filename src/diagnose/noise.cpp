@@ -69,27 +69,36 @@ std::vector<JointNoise> estimate_noise(const Evidence& evidence, const VecX<doub
   return out;
 }
 
-VecX<double> repeatable_noise(const Evidence& evidence, const VecX<double>& residual, double period) {
+VecX<double> repeatable_noise(const Evidence& evidence, const VecX<double>& residual,
+                              double period) {
   const double steps = period / evidence.step();
   const long p = std::lround(steps), m = evidence.times();
-  VecX<double> out = VecX<double>::Constant(residual.size(), std::numeric_limits<double>::quiet_NaN());
+  VecX<double> out =
+      VecX<double>::Constant(residual.size(), std::numeric_limits<double>::quiet_NaN());
   bool any = false;
   for (long begin = 0; begin < m;) {
     long end = begin;
-    while (end < m && evidence.stretch()[static_cast<std::size_t>(end)] == evidence.stretch()[static_cast<std::size_t>(begin)]) ++end;
+    while (end < m && evidence.stretch()[static_cast<std::size_t>(end)] ==
+                          evidence.stretch()[static_cast<std::size_t>(begin)])
+      ++end;
     const long n = end - begin;
     // Over the whole stretch the phase may slip by a twentieth of a row.
-    const bool whole = p > 0 && std::abs(steps - static_cast<double>(p)) * static_cast<double>(n / std::max(p, 1L)) < 0.05;
+    const bool whole =
+        p > 0 &&
+        std::abs(steps - static_cast<double>(p)) * static_cast<double>(n / std::max(p, 1L)) < 0.05;
     for (std::size_t k = 0; whole && k < evidence.joints().size(); ++k)
       for (long phase = 0; phase < std::min(p, n); ++phase) {
-        const long first = static_cast<long>(k) * m + begin + phase, repeats = (n - 1 - phase) / p + 1;
+        const long first = static_cast<long>(k) * m + begin + phase,
+                   repeats = (n - 1 - phase) / p + 1;
         if (repeats < 2) continue;
         any = true;
         double mean = 0.0;
         for (long c = 0; c < repeats; ++c) mean += residual[first + c * p];
         mean /= static_cast<double>(repeats);
-        const double scale = std::sqrt(static_cast<double>(repeats) / static_cast<double>(repeats - 1));
-        for (long c = 0; c < repeats; ++c) out[first + c * p] = scale * (residual[first + c * p] - mean);
+        const double scale =
+            std::sqrt(static_cast<double>(repeats) / static_cast<double>(repeats - 1));
+        for (long c = 0; c < repeats; ++c)
+          out[first + c * p] = scale * (residual[first + c * p] - mean);
       }
     begin = end;
   }
@@ -130,7 +139,8 @@ MatX<double> Whitener::joint(long k, const Eigen::Ref<const MatX<double>>& rows)
     for (long i = kOrder; i < times_; ++i) {
       if (!kept_[static_cast<std::size_t>(k * times_ + i)]) continue;
       double e = rows(i, c);
-      for (int l = 0; l < kOrder; ++l) e -= noise.a[static_cast<std::size_t>(l)] * rows(i - 1 - l, c);
+      for (int l = 0; l < kOrder; ++l)
+        e -= noise.a[static_cast<std::size_t>(l)] * rows(i - 1 - l, c);
       out(i, c) = scale * e;
     }
   }

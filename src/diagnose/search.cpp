@@ -112,7 +112,8 @@ void Search::set_columns(Term& term) const {
   const VecX<double> whole = whitened.colwise().norm().transpose();
   term.projected = projection_->project_whitened(whitened);
   term.rank = 0;
-  for (long k = 0; k < term.width(); ++k) term.rank += term.projected.col(k).norm() > kInvisible * whole[k];
+  for (long k = 0; k < term.width(); ++k)
+    term.rank += term.projected.col(k).norm() > kInvisible * whole[k];
 }
 
 void Search::refresh(double period, std::vector<Term>& terms) {
@@ -251,8 +252,13 @@ std::vector<Score> Search::scores(const std::vector<Term>& terms) const {
 Term Search::refined(const Score& score, const std::vector<Term>& terms) const {
   const Variant& v = variants_[static_cast<std::size_t>(score.variant)];
   const Candidate& c = candidates_[static_cast<std::size_t>(v.candidate)];
+  return refined(make_term(v.candidate, c.grid[static_cast<std::size_t>(v.point)]), terms);
+}
+
+Term Search::refined(Term term, const std::vector<Term>& terms) const {
+  const Candidate& c = candidates_[static_cast<std::size_t>(term.candidate)];
   std::vector<Term> all = terms;
-  all.push_back(make_term(v.candidate, c.grid[static_cast<std::size_t>(v.point)]));
+  all.push_back(std::move(term));
   double gain = fit(all);
   if (c.nonlinear) {  // the torque at the fitted values instead of its straight line
     set_columns(all.back());
@@ -291,11 +297,12 @@ Term Search::refined(const Score& score, const std::vector<Term>& terms) const {
             now_values[static_cast<long>(k)] + shrink * (target - now_values)[static_cast<long>(k)];
       for (long s = 0; s < shapes; ++s) {
         const std::size_t k = static_cast<std::size_t>(moved.shapes[static_cast<std::size_t>(s)]);
-        const std::size_t at = static_cast<std::size_t>(
-            std::ranges::find(c.shapes, static_cast<int>(k)) - c.shapes.begin());
+        const auto at = std::ranges::find(c.shapes, static_cast<int>(k));
+        const double low = at == c.shapes.end()
+                               ? 0.0
+                               : c.shape_low[static_cast<std::size_t>(at - c.shapes.begin())];
         double& value = moved.effect.parameters[k];
-        value = std::max(value * std::exp(std::clamp(shrink * x[S.G.cols() + s], -0.7, 0.7)),
-                         c.shape_low[at]);
+        value = std::max(value * std::exp(std::clamp(shrink * x[S.G.cols() + s], -0.7, 0.7)), low);
       }
       set_columns(moved);
       const double now = c.nonlinear ? gain_at(trial) : fit(trial);
@@ -411,15 +418,23 @@ std::vector<MatX<double>> Search::covariances(const std::vector<Term>& terms) co
   return out;
 }
 
-double Search::replaced_share(const Term& term, const Term& by) const {
+double Search::replaced_share(const Term& term, const Term& by,
+                              const std::vector<Term>& beside) const {
   VecX<double> y = term.projected.leftCols(term.width()) * term.values();
   if (term.has_offset()) y += term.projected.col(term.width());
-  const MatX<double> G = by.projected.leftCols(by.width());
-  VecX<double> left = y;
-  if (by.has_offset()) left -= by.projected.col(by.width());
-  const SignedFit f =
-      signed_fit(G.transpose() * G, G.transpose() * left, signs(by.effect, by.linear));
-  return y.squaredNorm() > 0.0 ? 1.0 - (left.squaredNorm() - f.gain) / y.squaredNorm() : 0.0;
+  const Stack rest = stack(beside, y.size());
+  const auto left_of = [&](const MatX<double>& G, const std::vector<bool>& nonnegative,
+                           const VecX<double>& target) {
+    return target.squaredNorm() -
+           signed_fit(G.transpose() * G, G.transpose() * target, nonnegative).gain;
+  };
+  std::vector<bool> nonnegative(static_cast<std::size_t>(rest.G.cols()), false);
+  const double alone = left_of(rest.G, nonnegative, y);
+  MatX<double> G(y.size(), rest.G.cols() + by.width());
+  G << rest.G, by.projected.leftCols(by.width());
+  for (const bool s : signs(by.effect, by.linear)) nonnegative.push_back(s);
+  if (by.has_offset()) y -= by.projected.col(by.width());
+  return alone > 0.0 ? 1.0 - left_of(G, nonnegative, y) / alone : 0.0;
 }
 
 VecX<double> Search::residual(const std::vector<Term>& terms) const {

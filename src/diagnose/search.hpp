@@ -22,7 +22,7 @@ struct Term {
   MatX<double> projected;  ///< whitened, beside the base: [columns | offset]
   double norm = 0.0;       ///< of the torque, whitened
 
-  int rank = 0;                     ///< of `linear` that this recording shows beside the base
+  int rank = 0;  ///< of `linear` that this recording shows beside the base
 
   int num_parameters() const { return rank + static_cast<int>(shapes.size()); }
   long width() const { return columns.cols(); }
@@ -55,6 +55,7 @@ class Search {
   /// The candidate of a score as a term, its shapes refined beside `terms` (Gauss–Newton in their
   /// logarithms).
   Term refined(const Score& score, const std::vector<Term>& terms) const;
+  Term refined(Term term, const std::vector<Term>& terms) const;
   /// A torque as large as the joint's whole torque is no effect but a failed fit.
   bool plausible(const Term& term) const;
 
@@ -69,8 +70,9 @@ class Search {
 
   /// Covariance of each term's parameters, linear ones first, then shapes (of their logarithm).
   std::vector<MatX<double>> covariances(const std::vector<Term>& terms) const;
-  /// How much of a term's projected column another one can take over, 0 … 1.
-  double replaced_share(const Term& term, const Term& by) const;
+  /// How much of a term's projected torque another one can take over together with those that are
+  /// there, 0 … 1.
+  double replaced_share(const Term& term, const Term& by, const std::vector<Term>& beside) const;
 
   const Projection& projection() const { return *projection_; }
   const Whitener& whitener() const { return *whitener_; }
@@ -81,8 +83,8 @@ class Search {
   VecX<double> residual(const std::vector<Term>& terms) const;
 
  private:
-  /// A candidate at one point of its grid: columns [∂τ/∂p | torque that comes with coefficient 1] in the rows of the
-  /// joints that it reaches.
+  /// A candidate at one point of its grid: columns [∂τ/∂p | torque that comes with coefficient 1]
+  /// in the rows of the joints that it reaches.
   struct Variant {
     int candidate;
     int point;
@@ -90,9 +92,9 @@ class Search {
     std::vector<long> joints;  ///< indices into evidence.joints()
     MatX<double> raw;          ///< (joints · times(), width + offset)
     MatX<double> whitened;
-    VecX<double> norms;        ///< of whitened columns
-    MatX<double> gram;         ///< of the projected ones
-    VecX<double> onto;         ///< projected columns times the residual
+    VecX<double> norms;  ///< of whitened columns
+    MatX<double> gram;   ///< of the projected ones
+    VecX<double> onto;   ///< projected columns times the residual
 
     long width() const { return raw.cols() - offset; }
   };

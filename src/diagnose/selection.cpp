@@ -8,6 +8,7 @@ namespace diffnea {
 namespace {
 
 constexpr int kRefined = 5;          ///< candidates whose shapes are refined at each step
+constexpr int kMostParts = 4;        ///< simple effects in the place of a compound one
 constexpr double kSameClass = 10.0;  ///< ΔBIC
 constexpr double kChild = 0.98;      ///< of a cause's column that a more general effect reproduces
 
@@ -46,7 +47,7 @@ std::vector<Selection::Offer> Selection::offers(const std::vector<Term>& terms,
   for (std::size_t i = 1; i < out.size(); ++i)
     if (out[0].delta_bic - out[i].delta_bic < kSameClass &&
         out[i].term.num_parameters() < out[0].term.num_parameters() &&
-        search_.replaced_share(out[i].term, out[0].term) > kChild) {
+        search_.replaced_share(out[i].term, out[0].term, terms) > kChild) {
       std::rotate(out.begin(), out.begin() + static_cast<long>(i),
                   out.begin() + static_cast<long>(i) + 1);
       break;
@@ -114,7 +115,7 @@ bool Selection::exchange(std::vector<Term>& terms) const {
         continue;
       // Parents and children: the child must be better by more than the class's width.
       const bool child = offer.term.num_parameters() > terms[i].num_parameters() &&
-                         search_.replaced_share(terms[i], offer.term) > kChild;
+                         search_.replaced_share(terms[i], offer.term, rest) > kChild;
       if (child && base - offer.delta_bic > now - kSameClass) continue;
       std::vector<Term> with = rest;
       with.push_back(offer.term);
@@ -133,8 +134,9 @@ bool Selection::simplify(std::vector<Term>& terms) const {
     const std::vector<Term> rest = without(terms, i);
     const double base = search_.bic(search_.gain_of(rest), rest);
     for (const Offer& offer : offers(rest, kRefined + 2)) {
-      if (offer.term.num_parameters() >= terms[i].num_parameters() || base - offer.delta_bic > now + kSameClass ||
-          search_.replaced_share(offer.term, terms[i]) < kChild)
+      if (offer.term.num_parameters() >= terms[i].num_parameters() ||
+          base - offer.delta_bic > now + kSameClass ||
+          search_.replaced_share(offer.term, terms[i], rest) < kChild)
         continue;
       std::vector<Term> with = rest;
       with.push_back(offer.term);
@@ -146,19 +148,78 @@ bool Selection::simplify(std::vector<Term>& terms) const {
   return false;
 }
 
+bool Selection::sharpen(std::vector<Term>& terms) const {
+  for (std::size_t i = 0; i < terms.size(); ++i) {
+    const std::vector<ParameterInfo>& info = terms[i].effect.parameter_info;
+    const auto smoothing = std::ranges::find(info, "smoothing", &ParameterInfo::name);
+    const int k = static_cast<int>(smoothing - info.begin());
+    if (smoothing == info.end() || std::ranges::find(terms[i].shapes, k) != terms[i].shapes.end())
+      continue;
+    const std::vector<Term> rest = without(terms, i);
+    Term moved = terms[i];
+    moved.shapes.push_back(k);
+    std::vector<Term> with = rest;
+    with.push_back(search_.refined(std::move(moved), rest));
+    if (search_.bic(search_.fit(with), with) >
+        search_.bic(search_.gain_of(terms), terms) - options_.accept)
+      continue;
+    terms = std::move(with);
+    return true;
+  }
+  return false;
+}
+
+bool Selection::split(std::vector<Term>& terms) const {
+  for (std::size_t i = 0; i < terms.size(); ++i) {
+    if (terms[i].num_parameters() < 2) continue;
+    const double now = search_.bic(search_.gain_of(terms), terms);
+    const std::vector<int>& joints = terms[i].effect.joints;
+    std::vector<Term> with = without(terms, i);
+    double best = search_.bic(search_.gain_of(with), with);
+    for (int parts = 0; parts < kMostParts; ++parts) {
+      const Score* next = nullptr;
+      const std::vector<Score> scores = search_.scores(with);
+      for (const Score& s : scores) {
+        const Candidate& c = candidates_[static_cast<std::size_t>(s.candidate)];
+        const bool simple = c.effect.info().place == Place::kJoint && c.linear.size() == 1 &&
+                            c.shapes.empty() && !c.nonlinear;
+        const bool here = std::ranges::all_of(
+            c.effect.joints, [&](int j) { return std::ranges::find(joints, j) != joints.end(); });
+        if (simple && here && !names(with).contains(s.candidate) && s.delta_bic > options_.accept) {
+          next = &s;
+          break;
+        }
+      }
+      if (!next) break;
+      with.push_back(search_.refined(*next, with));
+      best = search_.bic(search_.fit(with), with);
+    }
+    if (best > now || with.size() < terms.size()) continue;
+    if (!change(without(terms, i), with).helps()) continue;
+    terms = std::move(with);
+    return true;
+  }
+  return false;
+}
+
 std::vector<Term> Selection::run(const std::function<bool(const FitProgress&)>& progress) {
   std::vector<Term> terms;
   std::set<std::set<int>> seen;
-  for (int step = 0; step < 3 * options_.max_terms && static_cast<int>(terms.size()) < options_.max_terms; ++step) {
+  for (int step = 0;
+       step < 3 * options_.max_terms && static_cast<int>(terms.size()) < options_.max_terms;
+       ++step) {
     if (progress && !progress({"testing", step, 0, search_.residual_sum() / 2.0})) break;
     if (!add_one(terms)) break;
     search_.refresh(options_.period, terms);
     eliminate(terms);
-    for (int i = 0; i < options_.max_terms && exchange(terms); ++i) search_.refresh(options_.period, terms);
+    for (int i = 0; i < options_.max_terms && (split(terms) || sharpen(terms) || exchange(terms));
+         ++i)
+      search_.refresh(options_.period, terms);
     eliminate(terms);
     if (!seen.insert(names(terms)).second) break;
   }
-  for (int i = 0; i < options_.max_terms && simplify(terms); ++i) search_.refresh(options_.period, terms);
+  for (int i = 0; i < options_.max_terms && simplify(terms); ++i)
+    search_.refresh(options_.period, terms);
   // What does not help on data that no fit has seen goes, the least first.
   for (bool dropped = true; dropped && !terms.empty();) {
     dropped = false;
@@ -166,7 +227,8 @@ std::vector<Term> Selection::run(const std::function<bool(const FitProgress&)>& 
       const std::vector<Term> rest = without(terms, i);
       if (change(rest, terms).helps()) continue;
       const Candidate& c = candidates_[static_cast<std::size_t>(terms[i].candidate)];
-      refused_.push_back({c.effect.info().name, c.effect.where, "does not help on held-out data beside the others", 0.0});
+      refused_.push_back({c.effect.info().name, c.effect.where,
+                          "does not help on held-out data beside the others", 0.0});
       terms = rest;
       search_.fit(terms);
       dropped = true;
@@ -192,7 +254,7 @@ void Selection::add_rivals(const std::vector<Term>& terms, std::size_t which, Ca
       if (!change(rest, with).helps()) continue;
     }
     const bool child = offer.term.num_parameters() > own &&
-                       search_.replaced_share(terms[which], offer.term) > kChild;
+                       search_.replaced_share(terms[which], offer.term, rest) > kChild;
     (rival.delta_bic < kSameClass && !child ? cause.members : cause.rivals).push_back(rival);
   }
   for (auto* list : {&cause.members, &cause.rivals})

@@ -36,6 +36,10 @@ class Selection {
   bool add_one(std::vector<Term>& terms);
   bool eliminate(std::vector<Term>& terms) const;
   bool exchange(std::vector<Term>& terms) const;
+  /// How sharply a dry friction turns, where that makes a clear difference.
+  bool sharpen(std::vector<Term>& terms) const;
+  /// Effects of one parameter at a compound term's joints in its place, if they do better.
+  bool split(std::vector<Term>& terms) const;
   /// A simpler effect in a term's place, if the term can be that effect and is not clearly better.
   bool simplify(std::vector<Term>& terms) const;
   HeldOutChange change(const std::vector<Term>& without, const std::vector<Term>& with) const;
