@@ -180,14 +180,18 @@ void add_identify(CLI::App& app, const std::vector<std::string>& command_line) {
       ->delimiter(',')
       ->capture_default_str();
   command
-      ->add_option("--effects", c->effects,
-                   "beyond those of the model: name or name@joint, separated by commas; none; "
-                   "default: armature, viscous and Coulomb friction and an offset at every joint; "
-                   "with torque sensors behind the drive (--torque-side link) the offset alone")
+      ->add_option(
+          "--effects", c->effects,
+          "beyond those of the model: name or name@joint, separated by commas; "
+          "payload@tip:run=1 acts in recording 1 alone (from 0, those of --test last); none; "
+          "default: armature, viscous and Coulomb friction and an offset at every joint; "
+          "with torque sensors behind the drive (--torque-side link) the offset alone")
       ->delimiter(',')
       ->each([raw = c.get()](const std::string&) { raw->effects_given = true; });
-  command->add_option("--fix", o.choice.fix,
-                      "parameters to hold at the model's value: names, or patterns with *");
+  command->add_option(
+      "--fix", o.choice.fix,
+      "parameters to hold at the model's value: names, or patterns with *; at another: "
+      "NAME=VALUE");
   command
       ->add_option("--prior", c->prior,
                    "on the inertias: none, or entropic=STRENGTH (log det distance to the model)")

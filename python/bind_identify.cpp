@@ -204,7 +204,16 @@ void bind_parts(py::module_& m) {
       field("time", &TorqueSeries::time, "(M,) [s]"),
       field("measured", &TorqueSeries::measured, "(M,) measured."),
       field("fitted", &TorqueSeries::fitted, "(M,) of the model as fitted."),
-      field("nominal", &TorqueSeries::nominal, "(M,) of the model before the fit."));
+      field("nominal", &TorqueSeries::nominal, "(M,) of the model before the fit."),
+      field("velocity", &TorqueSeries::velocity,
+            "(M,) of the joint [rad/s] or [m/s]; empty with the trajectory loss."));
+  value_type<TorqueConstant>(
+      m, "TorqueConstant", "A torque constant that the fit corrected.",
+      field("joint", &TorqueConstant::joint, "The joint's name."),
+      field("unit", &TorqueConstant::unit, "``N*m/A`` or ``N/A``."),
+      field("assumed", &TorqueConstant::assumed, "What the recorded torques were made with."),
+      field("value", &TorqueConstant::value, "Assumed / (1 + gain_error)."),
+      field("std", &TorqueConstant::std, "Standard error; NaN if not identifiable."));
   value_type<FitSummary>(
       m, "FitSummary", "How the fit went.",
       field("converged", &FitSummary::converged, "It reached its stop rule."),
@@ -250,8 +259,9 @@ void bind_parts(py::module_& m) {
   using R = IdentifyResult;
   value_type<R>(m, "_Fit", "The part of an IdentifyResult that the library fills.",
                 field("model", &R::model, ""), field("parameters", &R::parameters, ""),
-                field("base_parameters", &R::base_parameters, ""), field("errors", &R::errors, ""),
-                field("boundary", &R::boundary, ""),
+                field("base_parameters", &R::base_parameters, ""),
+                field("torque_constants", &R::torque_constants, ""),
+                field("errors", &R::errors, ""), field("boundary", &R::boundary, ""),
                 field("consistency_cost", &R::consistency_cost, ""),
                 field("physically_consistent", &R::physically_consistent, ""),
                 field("plan", &R::plan, ""), field("data_report", &R::data_report, ""),
@@ -276,6 +286,10 @@ void bind_result(py::module_& m) {
       .def_property_readonly(
           "base_parameters", of_fit(&R::base_parameters),
           "Combinations that the data determine, a list of :class:`BaseParameter`.")
+      .def_property_readonly(
+          "torque_constants", of_fit(&R::torque_constants),
+          "Torque constants where a gain was fitted and the recording names one, a list of "
+          ":class:`TorqueConstant`.")
       .def_property_readonly("errors", of_fit(&R::errors),
                              "Torque error of every joint, a list of :class:`JointError`.")
       .def_property_readonly("boundary", of_fit(&R::boundary),

@@ -86,6 +86,46 @@ void classify_torques(Recording& r) {
   }
 }
 
+/// The keys of a sidecar's payload.
+std::optional<HeldBody> held_body(const std::optional<py::dict>& given) {
+  if (!given) return std::nullopt;
+  HeldBody body;
+  for (const auto& [key, value] : *given) {
+    const std::string name = py::cast<std::string>(key);
+    if (name == "name")
+      body.name = py::cast<std::string>(value);
+    else if (name == "where")
+      body.where = py::cast<std::string>(value);
+    else if (name == "mass")
+      body.mass = py::cast<double>(value);
+    else if (name == "com")
+      body.com = py::cast<std::array<double, 3>>(value);
+    else if (name == "about_com")
+      body.about_com = py::cast<std::array<double, 6>>(value);
+    else
+      throw DataError("Recording: payload has no key '" + name +
+                      "'; keys: name, where, mass, com, about_com");
+  }
+  if (body.mass && !(*body.mass >= 0.0))
+    throw DataError("Recording: payload: mass is " + std::to_string(*body.mass) +
+                    " kg, expected 0 or more");
+  if ((body.com && !body.mass) || (body.about_com && !body.com))
+    throw DataError(
+        "Recording: payload: a center of mass needs the mass, an inertia about it needs both");
+  return body;
+}
+
+py::object payload_dict(const std::optional<HeldBody>& body) {
+  if (!body) return py::none();
+  py::dict out;
+  if (!body->name.empty()) out["name"] = body->name;
+  out["where"] = body->where;
+  if (body->mass) out["mass"] = *body->mass;
+  if (body->com) out["com"] = *body->com;
+  if (body->about_com) out["about_com"] = *body->about_com;
+  return out;
+}
+
 Recording make_recording(const py::object& time, const py::object& q, const py::object& tau,
                          std::vector<std::string> joint_names, const py::object& qd,
                          const py::object& qdd, const py::object& qcmd, const py::object& ball,
@@ -93,7 +133,8 @@ Recording make_recording(const py::object& time, const py::object& q, const py::
                          const std::string& torque_side,
                          const std::optional<std::string>& torque_sampling,
                          std::vector<std::string> passive, std::optional<double> period,
-                         std::string source) {
+                         const std::map<std::string, double>& torque_constant,
+                         const std::optional<py::dict>& payload, std::string source) {
   Recording r;
   r.source = std::move(source);
   r.time = vector_in("Recording: time", time);
@@ -115,6 +156,8 @@ Recording make_recording(const py::object& time, const py::object& q, const py::
   r.info = recording_info(torque_side, torque_sampling);
   r.info.passive = std::move(passive);
   r.info.period = period.value_or(0.0);
+  r.info.torque_constant.assign(torque_constant.begin(), torque_constant.end());
+  r.info.payload = held_body(payload);
   if (!(r.info.period >= 0.0)) throw DataError("Recording: period must not be negative");
   classify_torques(r);
   return r;
@@ -256,7 +299,9 @@ void bind_recording(py::module_& m) {
         "joint_names"_a, "qd"_a = py::none(), "qdd"_a = py::none(), "qcmd"_a = py::none(),
         "ball"_a = py::none(), "spin"_a = py::none(), "extra"_a = py::dict(),
         "torque_side"_a = "motor", "torque_sampling"_a = py::none(),
-        "passive"_a = std::vector<std::string>{}, "period"_a = py::none(), "source"_a = "arrays",
+        "passive"_a = std::vector<std::string>{}, "period"_a = py::none(),
+        "torque_constant"_a = std::map<std::string, double>{}, "payload"_a = py::none(),
+        "source"_a = "arrays",
         "``time``: (N,) [s], strictly increasing. ``q``, ``tau``, ``qd``, ``qdd``, ``qcmd``: (N, "
         "n) [rad, N·m, rad/s,\n"
         "rad/s²] or [m, N, …]. A column of ``tau`` that is NaN throughout belongs to a joint whose "
@@ -267,7 +312,13 @@ void bind_recording(py::module_& m) {
         "for joint torque\n"
         "sensors. ``torque_sampling``: ``hold`` (row k's torque acts from row k to k+1; default of "
         "the motor side)\n"
-        "or ``instant``. ``period``: of a periodic motion [s].")
+        "or ``instant``. ``period``: of a periodic motion [s]. ``torque_constant``: [N·m/A], by "
+        "joint, "
+        "that ``tau`` was made\n"
+        "with. ``payload``: a body that the robot held, as in a sidecar: ``mass`` [kg], ``com`` "
+        "[m], "
+        "``about_com`` [kg·m²],\n"
+        "``where``, ``name``, each left out if it is not known.")
       .def_readonly("source", &Recording::source, "Where it comes from, for messages.")
       .def_readonly("run", &Recording::run, "Number of the run in its file.")
       .def_readonly("joint_names", &Recording::joint_names,
@@ -325,6 +376,16 @@ void bind_recording(py::module_& m) {
           },
           "Of a periodic motion [s], or None.")
       .def_property_readonly(
+          "torque_constant",
+          [](const Recording& r) {
+            return std::map<std::string, double>(r.info.torque_constant.begin(),
+                                                 r.info.torque_constant.end());
+          },
+          "[N·m/A] or [N/A] by joint, where the recording knows them.")
+      .def_property_readonly(
+          "payload", [](const Recording& r) { return payload_dict(r.info.payload); },
+          "The body that the robot held, as in a sidecar, or None.")
+      .def_property_readonly(
           "controller",
           [](const Recording& r) {
             std::map<std::string, std::map<std::string, double>> out;
@@ -357,12 +418,12 @@ void bind_recording(py::module_& m) {
             py::list controller;
             for (const JointValue& v : r.info.controller)
               controller.append(py::make_tuple(v.joint, v.name, v.value));
-            return py::make_tuple(r.source, r.run, r.joint_names, array_out(r.time), array_out(r.q),
-                                  array_out(r.qd), array_out(r.qdd), array_out(r.qcmd),
-                                  array_out(r.tau), r.has_tau, array_out(r.ball), array_out(r.spin),
-                                  extra, static_cast<int>(r.info.torque_side),
-                                  static_cast<int>(r.info.torque_sampling), r.info.period,
-                                  r.info.passive, r.info.torque_constant, controller);
+            return py::make_tuple(
+                r.source, r.run, r.joint_names, array_out(r.time), array_out(r.q), array_out(r.qd),
+                array_out(r.qdd), array_out(r.qcmd), array_out(r.tau), r.has_tau, array_out(r.ball),
+                array_out(r.spin), extra, static_cast<int>(r.info.torque_side),
+                static_cast<int>(r.info.torque_sampling), r.info.period, r.info.passive,
+                r.info.torque_constant, controller, payload_dict(r.info.payload));
           },
           [](const py::tuple& s) {
             Recording r;
@@ -387,6 +448,7 @@ void bind_recording(py::module_& m) {
             for (const auto& [joint, name, value] :
                  py::cast<std::vector<std::tuple<std::string, std::string, double>>>(s[18]))
               r.info.controller.push_back({joint, name, value});
+            r.info.payload = held_body(py::cast<std::optional<py::dict>>(s[19]));
             return r;
           }));
   c.attr("__module__") = "diffnea";

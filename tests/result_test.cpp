@@ -47,8 +47,9 @@ FitRun some_run() {
   fit.data_report.extra_channels = {"</script><script>alert(1)</script>"};
   fit.notes = {"a \"note\" & more"};
   fit.summary = {true, false, "converged", 7, 1, 1000, 2000, 0.5, 0.25};
-  fit.train_series = {{"elbow", "N*m", {0, 0.1, 0.2}, {1, 2, 3}, {1.1, 2.1, 2.9}, {0, 1, 2}},
-                      {"<i>", "N", {}, {}, {}, {}}};
+  fit.train_series = {{"elbow", "N*m", {0, 0.1, 0.2}, {1, 2, 3}, {1.1, 2.1, 2.9}, {0, 1, 2}, {-0.5, 0.1, 0.6}},
+                      {"<i>", "N", {}, {}, {}, {}, {}}};
+  fit.torque_constants = {{"elbow", "N*m/A", 2.0, 1.75, 0.125}};
   run.reproduce = {"1.2.3", {"diffnea", "identify", "a model.urdf"}, {{"model", "a.urdf", 12, ""}}};
   return run;
 }
@@ -109,12 +110,26 @@ TEST_CASE("report: the page names nothing from elsewhere and forbids it", "[repo
   CHECK(markup.find("default-src 'none'") != std::string::npos);
 }
 
+TEST_CASE("result: torque constants and velocities come back from the files", "[io][report]") {
+  const test::TemporaryFolder folder;
+  const FitRun back = read_fit_run(write_run(some_run(), folder.path()));
+  REQUIRE(back.fit.torque_constants.size() == 1);
+  CHECK(back.fit.torque_constants[0].value == 1.75);
+  CHECK(back.fit.torque_constants[0].std == 0.125);
+  CHECK(back.fit.train_series[0].velocity == std::vector<double>{-0.5, 0.1, 0.6});
+  CHECK(back.fit.train_series[1].velocity.empty());
+  const std::string page = identify_page(back);
+  CHECK(page.find("Torque constants") != std::string::npos);
+  CHECK(page.find("error over velocity") != std::string::npos);
+}
+
 TEST_CASE("report: many long series keep the page below 5 MB", "[report]") {
   FitRun run = some_run();
-  TorqueSeries s{"joint", "N*m", {}, {}, {}, {}};
+  TorqueSeries s{"joint", "N*m", {}, {}, {}, {}, {}};
   for (int k = 0; k < 4000; ++k) {
     s.time.push_back(0.0123457 * k);
     for (auto* y : {&s.measured, &s.fitted, &s.nominal}) y->push_back(-1.23457e-3 * (k % 97));
+    s.velocity.push_back(0.01 * (k % 89));
   }
   run.fit.train_series.assign(40, s);
   run.fit.test_series.assign(40, s);

@@ -51,9 +51,11 @@ def identify(
         fit: what may move: any of ``inertia``, ``armature``, ``effects``, ``shapes``,
             ``kinematics``.
         effects: beyond those of the model: ``name`` for every joint it suits, or ``name@joint``;
+            ``payload@tip:run=1`` acts in recording 1 alone (from 0, ``data`` first, then ``test``);
             ``[]`` for none. Default: on the motor side armature, viscous and Coulomb friction and
             an offset at every joint, on the link side the offset alone.
-        fix: parameters to hold at the model's value: names, or patterns with ``*``.
+        fix: parameters to hold at the model's value, or at one that is given: names, or patterns
+            with ``*``; ``"*payload.mass=2.8"``.
         entropic_prior: pull of every inertia to the model's [units of χ²/2]; 0: none.
         physical: ``False`` leaves inertias free (least squares), for comparison.
         filter_hz: low-pass of the positions [Hz]; 0: chosen from the data.

@@ -130,6 +130,13 @@ Vec3<double> tip_point(const Model& model, int joint) {
   return body.m > 0.0 ? body.h * (1.0 / body.m) : Vec3<double>{0, 0, 0};
 }
 
+[[noreturn]] void refuse_runs(const std::string& where) {
+  throw ModelError(
+      "effects: got '" + where +
+      "'; after a colon come the recordings an effect acts in, run=K or run=K+L, numbered "
+      "from 0 as they are given, e.g. payload@tip:run=1");
+}
+
 void check_value(const std::string& here, const ParameterInfo& info, double value) {
   const bool ok = std::isfinite(value) && (info.sign != Sign::kNonNegative || value >= 0.0) &&
                   (info.sign != Sign::kPositive || value > 0.0);
@@ -142,6 +149,37 @@ void check_value(const std::string& here, const ParameterInfo& info, double valu
 }
 
 }  // namespace
+
+RunPlace split_where(const std::string& where) {
+  const std::size_t colon = where.find(':');
+  RunPlace out{where.substr(0, colon), {}};
+  if (colon == std::string::npos) return out;
+  std::string rest = where.substr(colon + 1);
+  if (!rest.starts_with("run=")) refuse_runs(where);
+  rest = rest.substr(4) + "+";
+  for (std::size_t at = 0; at < rest.size();) {
+    const std::size_t plus = rest.find('+', at);
+    int run = -1;
+    const auto [last, error] = std::from_chars(rest.data() + at, rest.data() + plus, run);
+    if (error != std::errc() || last != rest.data() + plus || run < 0) refuse_runs(where);
+    out.runs.push_back(run);
+    at = plus + 1;
+  }
+  std::ranges::sort(out.runs);
+  out.runs.erase(std::ranges::unique(out.runs).begin(), out.runs.end());
+  return out;
+}
+
+std::string join_where(const RunPlace& where) {
+  std::string out = where.place;
+  for (std::size_t k = 0; k < where.runs.size(); ++k)
+    out += (k == 0 ? ":run=" : "+") + std::to_string(where.runs[k]);
+  return out;
+}
+
+bool BoundEffect::acts_in(int run) const {
+  return runs.empty() || std::ranges::find(runs, run) != runs.end();
+}
 
 const EffectInfo& info(const AnyEffect& effect) {
   return std::visit([]<class E>(const E&) -> const EffectInfo& { return E::info(); }, effect);
@@ -197,7 +235,12 @@ BoundEffect bind(const EffectSpec& spec, const Model& model, const std::vector<i
   const std::string here = model.name + ": " + spec.effect + " at '" + spec.where + "'";
   const std::vector<int> moving = moving_links(model);
   out.num_joints = static_cast<int>(moving.size());
-  out.joints = resolve_where(here, info, spec.where, model);
+  const RunPlace place = split_where(spec.where);
+  out.runs = place.runs;
+  out.joints = resolve_where(here, info, place.place, model);
+  if (!out.runs.empty() && (spec.effect == "armature" || spec.effect == "torque_gain"))
+    throw ModelError(here +
+                     ": it belongs to the robot and acts in every recording; leave out ':run='");
 
   // Units: those of the joints' type, which must be one where the unit depends on it.
   int num_prismatic = 0;

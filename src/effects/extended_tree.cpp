@@ -3,11 +3,12 @@
 
 namespace diffnea {
 
-ExtendedTree extend(const Model& model, const std::vector<int>& runs) {
+ExtendedTree extend(const Model& model, const std::vector<int>& runs, int run) {
   ExtendedTree out{make_tree(model), {}, {}};  // make_tree takes the armature
   for (const EffectSpec& spec : model.effects) {
     if (spec.effect == "armature") continue;
     const BoundEffect effect = bind(spec, model, runs);
+    if (!effect.acts_in(run)) continue;
     if (effect.info().port == Port::kModelParameter)
       add_to_tree(effect, effect.parameters.data(), out.tree);
     else

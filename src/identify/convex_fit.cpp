@@ -215,12 +215,15 @@ ConvexFitResult solve_convex_fit(const ConvexFitProblem& problem,
       double t = 1.0;
       VecX<double> next = x + t * direction;
       double f_next = barrier.value(next, mu);
-      while (!(f_next <= f - 0.2 * t * decrement) && t > 1e-12) {  // Armijo, and stay inside
+      // Armijo, and stay inside; a step that promises less than f is rounded to shows nothing.
+      const double rounding = std::numeric_limits<double>::epsilon() * std::abs(f);
+      const auto worth_trying = [&] { return t > 1e-12 && t * decrement > rounding; };
+      while (!(f_next <= f - 0.2 * t * decrement) && worth_trying()) {
         t *= 0.5;
         next = x + t * direction;
         f_next = barrier.value(next, mu);
       }
-      if (t <= 1e-12) {  // rounding: no lower point along a descent direction
+      if (!worth_trying()) {  // rounding: no lower point along a descent direction
         if (last) result.converged = decrement < 1e-9 * std::abs(f) + options.final_barrier;
         break;
       }

@@ -1,10 +1,12 @@
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cmath>
+#include <utility>
+
 #include <diffnea/core/error.hpp>
 #include <diffnea/identify/layout.hpp>
 #include <diffnea/model/physical.hpp>
-
-#include <algorithm>
-#include <array>
-#include <cmath>
 
 namespace diffnea {
 namespace {
@@ -46,6 +48,42 @@ bool matches(const std::string& pattern, const std::string& name) {
   return p == pattern.size();
 }
 
+/// "elbow.*" or "tip:run=1.payload.mass=2.8": what follows the last = is a value if it is a number.
+std::pair<std::string, std::optional<double>> split_value(const std::string& entry) {
+  const std::size_t equals = entry.rfind('=');
+  if (equals == std::string::npos) return {entry, std::nullopt};
+  double value = 0.0;
+  const char* end = entry.data() + entry.size();
+  const auto [last, error] = std::from_chars(entry.data() + equals + 1, end, value);
+  if (error != std::errc() || last != end) return {entry, std::nullopt};
+  return {entry.substr(0, equals), value};
+}
+
+void hold(const std::string& entry, FitLayout& layout) {
+  const auto [pattern, value] = split_value(entry);
+  bool found = false;
+  for (auto* list : {&layout.linear, &layout.shape})
+    for (FitParameter& p : *list) {
+      if (!matches(pattern, p.name)) continue;
+      p.fixed = found = true;
+      if (!value) continue;
+      if (!std::isfinite(*value) || (p.sign != Sign::kFree && *value < 0.0) ||
+          (p.sign == Sign::kPositive && *value == 0.0) || p.kinematic >= 0)
+        throw ModelError("fix: got '" + entry + "'; " + p.name +
+                         (p.kinematic >= 0
+                              ? " is a step from the model and can be held at 0 alone"
+                              : " cannot be that: expected a finite number" +
+                                    std::string(p.sign == Sign::kFree ? "" : ", not negative")));
+      p.prior = *value;
+      if (p.effect >= 0) layout.effects[p.effect].parameters[p.index] = *value;
+    }
+  if (found) return;
+  std::vector<std::string> names;
+  for (const auto* list : {&layout.linear, &layout.shape})
+    for (const FitParameter& p : *list) names.push_back(p.name);
+  throw ModelError("fix: no parameter matches '" + pattern + "'; parameters: " + join(names));
+}
+
 /// Length over which a link's mass is spread [m]: its radius of gyration with its offset, or a
 /// decimetre where the model gives none.
 double length_scale(const SpatialInertia<double>& b) {
@@ -76,6 +114,9 @@ void add_inertias(const Model& model, bool fixed, FitLayout& layout) {
   }
 }
 
+/// A torque constant that is known worse than to a factor of 1.5 is not known.
+constexpr double kGainScale = 0.5;
+
 /// @param payload_mass  what a payload may well weigh [kg]; its mass is spread over some 0.1 m
 void add_effect(const BoundEffect& effect, bool fixed, bool fix_shapes, double payload_mass,
                 FitLayout& layout) {
@@ -95,6 +136,7 @@ void add_effect(const BoundEffect& effect, bool fixed, bool fix_shapes, double p
       p.theta = static_cast<int>(k);
       p.scale = k == 0 ? payload_mass : k < 4 ? 0.1 * payload_mass : 0.01 * payload_mass;
     }
+    if (effect.info().name == "torque_gain") p.scale = kGainScale;
     (info.linear ? layout.linear : layout.shape).push_back(p);
   }
 }
@@ -222,18 +264,7 @@ FitLayout make_layout(const Model& model, const FitChoice& choice, const std::ve
       add_kinematics(model, dof, layout);
   for (const std::string& group : choice.fit)
     if (group.starts_with("kinematics@")) find_joint(model, group.substr(11));
-  for (const std::string& pattern : choice.fix) {
-    bool found = false;
-    for (auto* list : {&layout.linear, &layout.shape})
-      for (FitParameter& p : *list)
-        if (matches(pattern, p.name)) p.fixed = found = true;
-    if (!found) {
-      std::vector<std::string> names;
-      for (const auto* list : {&layout.linear, &layout.shape})
-        for (const FitParameter& p : *list) names.push_back(p.name);
-      throw ModelError("fix: no parameter matches '" + pattern + "'; parameters: " + join(names));
-    }
-  }
+  for (const std::string& entry : choice.fix) hold(entry, layout);
   return layout;
 }
 

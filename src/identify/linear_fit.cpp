@@ -84,6 +84,25 @@ void stack(const std::vector<JointFactor>& factors, const VecX<double>& sigma, l
 
 }  // namespace
 
+namespace {
+
+/// A body of which some values are held and no body is known: those values, and a ball about its
+/// center.
+Theta<double> ball_with_held(const FitLayout& layout, int b, const Theta<double>& t, double m,
+                             double I) {
+  const auto held = [&](int k) { return layout.linear[b + k].fixed; };
+  if (held(0)) m = t[0];
+  Vec3<double> h{held(1) ? t[1] : 0.0, held(2) ? t[2] : 0.0, held(3) ? t[3] : 0.0};
+  Theta<double> out =
+      inertia_from_com<double>(m, h * (1.0 / std::max(m, 1e-300)), Sym3<double>{I, 0, 0, I, 0, I})
+          .theta();
+  for (int k = 0; k < kThetaSize; ++k)
+    if (held(k)) out[k] = t[k];
+  return out;
+}
+
+}  // namespace
+
 VecX<double> consistent_start(const FitLayout& layout, const VecX<double>& scale) {
   VecX<double> x = layout.prior();
   for (const int b : layout.bodies()) {
@@ -94,7 +113,8 @@ VecX<double> consistent_start(const FitLayout& layout, const VecX<double>& scale
     // A thin or flat link lies on the boundary; a thousandth of the ball moves it inside.
     Theta<double> inner;
     const bool consistent = smallest_pseudo_inertia_eigenvalue(t) > -1e-12 * (t[0] + I) && t[0] > 0;
-    for (int k = 0; k < kThetaSize; ++k) inner[k] = consistent ? t[k] + 1e-3 * ball[k] : ball[k];
+    for (int k = 0; k < kThetaSize; ++k) inner[k] = t[k] + 1e-3 * ball[k];
+    if (!consistent) inner = ball_with_held(layout, b, t, m, I);
     const bool inside =
         consistent && smallest_pseudo_inertia_eigenvalue(t) > 1e-6 * (t[0] * I > 0 ? I : 1.0);
     std::ranges::copy(inside ? t : inner, x.data() + b);
@@ -209,6 +229,24 @@ std::vector<int> absorbed_by_links(const FitLayout& layout,
   return out;
 }
 
+namespace {
+
+/// Held values that no body has would leave the barrier nothing to start from.
+void require_consistent(const FitLayout& layout, int b, const VecX<double>& x) {
+  Theta<double> t;
+  std::copy_n(x.data() + b, kThetaSize, t.begin());
+  const auto held = [&](int k) { return layout.linear[static_cast<std::size_t>(b + k)].fixed; };
+  int fixed = 0;
+  for (int k = 0; k < kThetaSize; ++k) fixed += held(k) ? 1 : 0;
+  if (fixed == 0 || fixed == kThetaSize || smallest_pseudo_inertia_eigenvalue(t) > 0.0) return;
+  const std::string& name = layout.linear[static_cast<std::size_t>(b)].name;
+  throw ModelError("fix: no body has the values that are held of " +
+                   name.substr(0, name.rfind('.')) +
+                   "; hold a mass above 0, a center of mass, or all ten of its parameters");
+}
+
+}  // namespace
+
 LinearFit fit_linear(const FitLayout& layout, const std::vector<JointFactor>& factors,
                      const LinearFitOptions& options) {
   const long p = static_cast<long>(layout.linear.size());
@@ -235,6 +273,7 @@ LinearFit fit_linear(const FitLayout& layout, const std::vector<JointFactor>& fa
       problem.fixed.push_back(static_cast<int>(k));
       problem.start[k] = layout.linear[k].prior;
     }
+  for (const int b : problem.bodies) require_consistent(layout, b, problem.start);
   problem.entropic_prior = options.entropic_prior;
   VecX<double> weak = VecX<double>::Zero(p);
   for (const int k : free) weak[k] = 1.0 / std::pow(options.prior_width * scale[k], 2);

@@ -1,8 +1,11 @@
+#include "identify/passes.hpp"
+
 #include <algorithm>
 #include <cstdio>
 #include <limits>
+#include <numeric>
 
-#include "identify/passes.hpp"
+#include "identify/run_effects.hpp"
 
 namespace diffnea {
 
@@ -29,6 +32,7 @@ Pass for_each_block(const RecordingSource& source, const PreprocessPlan& plan,
   source.for_each([&](const Recording& recording) {
     const std::string name = recording.source + "#" + std::to_string(recording.run);
     if (!present.empty() && name != present) take(preprocessor.finish());
+    if (name != present) ++pass.runs;
     present = name;
     pass.rows += recording.rows();
     take(preprocessor.push(recording));
@@ -40,13 +44,25 @@ Pass for_each_block(const RecordingSource& source, const PreprocessPlan& plan,
   return pass;
 }
 
-FitLayout layout_for(const Model& model, const RecordingSource& source, const FitChoice& choice) {
+FitLayout layout_for(const Model& model, const RecordingSource& source, const RecordingSource* test,
+                     const FitChoice& choice, std::vector<std::string>& notes) {
   FitChoice with_side = choice;
   with_side.link_side = source.sample().front().info.torque_side == TorqueSide::kLink;
   const bool per_run = choice.effects && std::ranges::any_of(*choice.effects, [](const auto& e) {
     return e.starts_with("session_offset");
   });
-  return make_layout(model, with_side, per_run ? source.runs() : std::vector<int>{0});
+  if (!depends_on_runs(model, choice, source, test))
+    return make_layout(model, with_side, per_run ? source.runs() : std::vector<int>{0});
+  std::vector<RunDescription> runs = source.describe_runs();
+  const int training = static_cast<int>(runs.size());
+  std::vector<int> numbers(runs.size());
+  std::iota(numbers.begin(), numbers.end(), 0);
+  if (test)
+    for (RunDescription& r : test->describe_runs()) runs.push_back(std::move(r));
+  const Model held = with_held_bodies(model, runs, with_side);
+  FitLayout layout = make_layout(held, with_side, numbers);
+  check_runs(runs, training, model, layout, notes);
+  return layout;
 }
 
 std::vector<ParameterEstimate> parameter_estimates(const FitLayout& layout, const VecX<double>& x,

@@ -8,6 +8,7 @@ namespace diffnea {
 /// What a pass saw besides the rows it handed on.
 struct Pass {
   long rows = 0;
+  int runs = 0;  // recordings
   bool interrupted = false;
   VecX<double> lowest, highest;  // of q, filtered
   std::vector<std::string> notes;
@@ -26,8 +27,14 @@ void refuse_same_recording(const RecordingSource& train, const RecordingSource& 
 /// Four significant digits.
 std::string format_number(double x);
 
-/// The layout of a fit to these recordings.
-FitLayout layout_for(const Model& model, const RecordingSource& source, const FitChoice& choice);
+/// The layout of a fit to these recordings, with the bodies that they say the robot held.
+/// @param test   held-out recordings, numbered after those of the fit; may be null
+/// @param notes  added to
+/// @throws DataError, ModelError if an effect is asked for in a recording that does not exist, or
+/// has
+///         something to fit and acts in no recording of the fit
+FitLayout layout_for(const Model& model, const RecordingSource& source, const RecordingSource* test,
+                     const FitChoice& choice, std::vector<std::string>& notes);
 
 /// Estimates in the order of the layout: linear parameters, then shapes.
 std::vector<ParameterEstimate> parameter_estimates(const FitLayout& layout, const VecX<double>& x,

@@ -45,6 +45,15 @@ class InMemory : public RecordingSource {
     for (std::size_t k = 0; k < out.size(); ++k) out[k] = static_cast<int>(k);
     return out;
   }
+  std::vector<RunDescription> describe_runs() const override {
+    std::vector<RunDescription> out;
+    for (const Recording& r : recordings_) out.push_back({r.source, r.info});
+    return out;
+  }
+  bool holds_payload() const override {
+    return std::ranges::any_of(recordings_,
+                               [](const Recording& r) { return r.info.payload.has_value(); });
+  }
   const ReadReport& report() const override { return report_; }
   const std::vector<ChannelWarning>& warnings() const override { return warnings_; }
 
@@ -92,6 +101,17 @@ class InFiles : public RecordingSource {
     std::vector<int> out(last + 1);
     for (int k = 0; k <= last; ++k) out[k] = k;
     return out;
+  }
+  std::vector<RunDescription> describe_runs() const override {
+    std::vector<RunDescription> out;
+    for_each([&](const Recording& r) {
+      if (r.run == static_cast<int>(out.size())) out.push_back({r.source, r.info});
+      return true;
+    });
+    return out;
+  }
+  bool holds_payload() const override {
+    return std::ranges::any_of(info_, [](const RecordingInfo& i) { return i.payload.has_value(); });
   }
   const ReadReport& report() const override { return report_; }
   const std::vector<ChannelWarning>& warnings() const override { return warnings_; }

@@ -1,12 +1,16 @@
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <limits>
+#include <map>
+
+#include <Eigen/Cholesky>
+
 #include <diffnea/core/error.hpp>
 #include <diffnea/effects/extended_tree.hpp>
 #include <diffnea/identify/torque_regression.hpp>
-#include <limits>
 
+#include "identify/gains.hpp"
 #include "identify/passes.hpp"
 
 namespace diffnea {
@@ -27,15 +31,17 @@ double robust_weight(Robust kind, double r) {
   return 1.0;
 }
 
-/// Σ of score products of one joint's rows over lags (Newey, West 1987), for rows [Y | τ] over sigma: what
-/// takes the place of YᵀY in the middle of the sandwich when residuals are autocorrelated. Scaled up to all
-/// rows where only some were kept.
-MatX<double> score_covariance(const JointRows& kept, const VecX<double>& x, double sigma,
-                              double all_rows) {
+/// Σ of score products of one joint's rows over lags (Newey, West 1987), for rows [Y | τ] over
+/// sigma: what takes the place of YᵀY in the middle of the sandwich when residuals are
+/// autocorrelated. Scaled up to all rows where only some were kept.
+/// @param T  what the rows are multiplied with first (Gains::linearisation)
+MatX<double> score_covariance(const JointRows& kept, const MatX<double>& T, const VecX<double>& x,
+                              double sigma, double all_rows) {
   const long rows = std::min<long>(static_cast<long>(kept.time.size()), 4000), p = kept.width - 1;
   if (rows < 2) return MatX<double>::Zero(p, p);
-  const MatX<double> Y = kept.rows().topLeftCorner(rows, p);
-  const VecX<double> r = Y * x - kept.rows().col(p).head(rows);
+  const MatX<double> linear = kept.rows().topRows(rows) * T;
+  const MatX<double> Y = linear.leftCols(p);
+  const VecX<double> r = Y * x - linear.col(p);
   const MatX<double> scores = r.asDiagonal() * Y / (sigma * sigma);
   MatX<double> meat = scores.transpose() * scores;
   const long lags = std::min<long>(static_cast<long>(std::sqrt(static_cast<double>(rows))), rows - 1);
@@ -99,13 +105,16 @@ std::vector<TorqueSeries> make_series(const Model& model, const FitLayout& layou
     s.joint = model.links[moving[j]].joint;
     s.unit = model.links[moving[j]].type == ModelJoint::kPrismatic ? "N" : "N*m";
     const std::vector<int>& columns = regression.factors()[j].columns;
-    const VecX<double> xj = x(columns), nj = nominal(columns);
+    const Gains gains(layout);
+    const VecX<double> xj = gains.effective(j, x)(columns),
+                       nj = gains.effective(j, nominal)(columns);
     const auto rows = kept.rows(), rows_before = before.kept()[j].rows();
     const std::size_t points =
         std::min({kept.time.size(), before.kept()[j].time.size(), kMaxPoints});
     for (std::size_t k = 0; k < points; ++k) {
       const auto row = rows.row(static_cast<long>(k));
       s.time.push_back(kept.time[k]);
+      s.velocity.push_back(kept.velocity[k]);
       s.measured.push_back(row[kept.width - 1]);
       s.fitted.push_back(row.head(kept.width - 1).dot(xj));
       s.nominal.push_back(rows_before.row(static_cast<long>(k)).head(kept.width - 1).dot(nj));
@@ -135,7 +144,12 @@ class InverseFit {
  private:
   void prepare() {
     const std::vector<Recording> sample = train_.sample();
-    layout_ = layout_for(model_, train_, options_.choice);
+    layout_ = layout_for(model_, train_, test_, options_.choice, result_.notes);
+    gains_ = Gains(layout_);
+    if (options_.loss == Loss::kForward && gains_.any_free())
+      throw ModelError(
+          "identify: the forward loss does not fit torque gains; fit torque_gain with the inverse "
+          "loss first, then hold it (--fix \"*torque_gain*\")");
     result_.plan = plan_preprocess(sample, options_.preprocess);
     nominal_ = layout_.prior();
     x_ = nominal_;
@@ -164,6 +178,7 @@ class InverseFit {
     Pass first = pass(layout_, false);
     result_.data_report = train_.report();
     result_.summary.rows = first.rows;
+    training_runs_ = first.runs;
     result_.notes.insert(result_.notes.end(), first.notes.begin(), first.notes.end());
     const std::vector<int> still = motionless_joints(first, result_.plan);
     const std::vector<std::string> names = joint_names(model_);
@@ -183,6 +198,7 @@ class InverseFit {
                       "trajectory loss, which holds what cannot be seen at the model's values");
 
     for (const int c : absorbed_by_links(layout_, regression_->factors())) {
+      if (gains_.owns(c)) continue;
       layout_.linear[c].fixed = with_shapes.linear[c].fixed = true;
       layout_.linear[c].absorbed = with_shapes.linear[c].absorbed = true;
       result_.notes.push_back(layout_.linear[c].name +
@@ -190,6 +206,7 @@ class InverseFit {
                               format_number(layout_.linear[c].prior));
     }
 
+    if (gains_.any_free()) hold_undetermined_gains(with_shapes);
     solve(layout_);
     if (std::ranges::any_of(with_shapes.shape, [](const auto& s) { return !s.fixed; }))
       fit_shapes(with_shapes);
@@ -199,8 +216,8 @@ class InverseFit {
     for (int j = 0; j < layout_.num_dofs; ++j) {
       const JointFactor& f = regression_->factors()[j];
       meat(f.columns, f.columns) +=
-          score_covariance(regression_->kept()[j], x_(f.columns), fit_.sigma[j],
-                           static_cast<double>(f.factor.rows()));
+          score_covariance(regression_->kept()[j], linearisation(j, f.columns), x_(f.columns),
+                           fit_.sigma[j], static_cast<double>(f.factor.rows()));
     }
     use_sandwich(layout_, meat, fit_);
     if (options_.robust != Robust::kNone || options_.loss == Loss::kForward)
@@ -222,9 +239,60 @@ class InverseFit {
                               "rest can have any size: " + list);
   }
 
+  /// What makes the rows of joint j linear about the present point; the forward loss holds its
+  /// gains.
+  MatX<double> linearisation(int j, const std::vector<int>& columns) const {
+    const long p = static_cast<long>(columns.size());
+    return linearise() ? gains_.linearisation(j, columns, x_)
+                       : MatX<double>(MatX<double>::Identity(p + 1, p + 1));
+  }
+  bool linearise() const { return gains_.any() && options_.loss != Loss::kForward; }
+  std::vector<JointFactor> factors() const {
+    return linearise() ? gains_.linearised(regression_->factors(), x_) : regression_->factors();
+  }
+
+  /// Without a known mass all torque constants have one scale in common with all masses.
+  void hold_undetermined_gains(FitLayout& with_shapes) {
+    std::vector<int> moving;
+    for (std::size_t c = 0; c < layout_.linear.size(); ++c)
+      if (gains_.owns(static_cast<int>(c)) && !layout_.linear[c].fixed)
+        moving.push_back(static_cast<int>(c));
+    for (const int c : moving) layout_.linear[c].fixed = true;
+    const auto free = [](const FitParameter& p) { return !p.fixed; };
+    if (std::ranges::any_of(layout_.linear, free)) solve(layout_);  // masses to linearise about
+    for (const int c : moving) layout_.linear[c].fixed = false;
+    std::string names;
+    for (const int c : gains_.undetermined(factors())) {
+      layout_.linear[c].fixed = with_shapes.linear[c].fixed = true;
+      names += (names.empty() ? "" : ", ") + layout_.linear[c].name;
+    }
+    if (!names.empty())
+      result_.notes.push_back(
+          names +
+          ": not identifiable, and held: these recordings hold no known mass, so that all torque "
+          "constants and all masses may be larger by one factor. Give a recording with a payload "
+          "of known "
+          "mass and one without it, or hold one gain (the others are then relative to it)");
+  }
+
+  /// Gauss–Newton over the gains, from the factors alone; one linear fit where nothing is bilinear.
   void solve(const FitLayout& layout) {
-    fit_ = fit_linear(layout, regression_->factors(), options_.linear);
-    x_ = fit_.x.head(static_cast<long>(layout_.linear.size()));
+    constexpr int kMaxSteps = 30;  // converges quadratically, in 3 to 6
+    const long p = static_cast<long>(layout_.linear.size());
+    bool settled = false;
+    for (int step = 0; step < kMaxSteps && !settled; ++step) {
+      const VecX<double> before = x_;
+      fit_ = fit_linear(layout, factors(), options_.linear);
+      x_ = fit_.x.head(p);
+      settled = true;
+      for (long c = 0; linearise() && c < p;
+           ++c)  // a thousandth of a standard error, or of its scale
+        if (gains_.owns(static_cast<int>(c)) || layout_.linear[c].dof >= 0 ||
+            layout_.linear[c].theta >= 0)
+          settled = settled && std::abs(x_[c] - before[c]) <=
+                                   1e-3 * (fit_.std[c] > 0.0 ? fit_.std[c] : fit_.scale[c]);
+    }
+    if (!settled) fit_.solver.converged = false;
     result_.summary.converged = fit_.solver.converged;
     result_.summary.iterations = fit_.solver.iterations;
     if (options_.progress)
@@ -244,7 +312,10 @@ class InverseFit {
       x.head(p) = x_;
       double sum = 0.0;
       for (std::size_t j = 0; j < regression_->factors().size(); ++j)
-        sum += 0.5 * regression_->factors()[j].sum_of_squares(x) / (sigma[j] * sigma[j]);
+        sum += 0.5 *
+               regression_->factors()[j].sum_of_squares(
+                   Gains(moving).effective(static_cast<int>(j), x)) /
+               (sigma[j] * sigma[j]);
       return sum;
     };
     VecX<double> best_x = x_, best_shape = shape_, step = VecX<double>::Zero(s);
@@ -259,7 +330,11 @@ class InverseFit {
         best_x = x_;
         best_shape = shape_;
         shrink = std::min(1.0, 2.0 * shrink);
-        step = fit_linear(moving, regression_->factors(), options_.linear).x.tail(s);
+        step = fit_linear(moving,
+                          linearise() ? Gains(moving).linearised(regression_->factors(), x_)
+                                      : regression_->factors(),
+                          options_.linear)
+                   .x.tail(s);
         if (gained < 0.01) break;  // a hundredth of a unit in χ²/2: far inside one σ
       } else {
         shrink *= 0.25;
@@ -298,6 +373,8 @@ class InverseFit {
     result_.parameters = parameter_estimates(layout_, x_, shape_, fit_.std, fit_.identifiable,
                                              fit_.solver.active_nonnegative);
     result_.base_parameters = fit_.base_parameters;
+    set_torque_constants();
+    note_payloads();
     result_.physically_consistent = options_.linear.physical;
     const std::vector<int> bodies = layout_.bodies();
     for (const int b : fit_.solver.active_bodies) {
@@ -319,21 +396,75 @@ class InverseFit {
                                   : "the barrier method stopped before its tolerance";
   }
 
+  void set_torque_constants() {
+    std::vector<std::pair<std::string, double>> assumed;
+    for (const Recording& r : train_.sample())
+      if (assumed.empty()) assumed = r.info.torque_constant;
+    const std::vector<int> moving = moving_links(model_);
+    const std::vector<std::string> joints = joint_names(model_);
+    for (std::size_t c = 0; c < layout_.linear.size(); ++c) {
+      const FitParameter& p = layout_.linear[c];
+      if (!gains_.owns(static_cast<int>(c)) || p.fixed) continue;
+      for (const int j : layout_.effects[p.effect].joints) {
+        const auto known =
+            std::ranges::find(assumed, joints[j], &std::pair<std::string, double>::first);
+        if (known == assumed.end()) continue;
+        const double scale = 1.0 + x_[c];
+        const bool slides = model_.links[moving[j]].type == ModelJoint::kPrismatic;
+        result_.torque_constants.push_back({joints[j], slides ? "N/A" : "N*m/A", known->second,
+                                            known->second / scale,
+                                            known->second * fit_.std[c] / (scale * scale)});
+      }
+    }
+  }
+
+  /// A payload's mass says as much of the torque constants as of the payload.
+  void note_payloads() {
+    for (std::size_t c = 0; c < layout_.linear.size(); ++c) {
+      const FitParameter& p = layout_.linear[c];
+      if (p.effect < 0 || p.theta != 0) continue;
+      if (!p.fixed && fit_.identifiable[c])
+        result_.notes.push_back(
+            p.name + " = " + format_number(x_[c]) + " ± " + format_number(fit_.std[c]) +
+            " kg hangs on the torque constants: torque is K times current, so that dm/m = dK/K, "
+            "and K that is 5 % "
+            "too large makes " +
+            format_number(0.05 * x_[c]) + " kg of it. The standard error knows of noise, not of K");
+      if (p.fixed && p.prior > 0.0 && !layout_.effects[p.effect].runs.empty()) note_calibration(p);
+    }
+  }
+
+  void note_calibration(const FitParameter& mass) {
+    std::string list;
+    for (std::size_t c = 0; c < layout_.linear.size(); ++c)
+      if (gains_.owns(static_cast<int>(c)) && fit_.identifiable[c])
+        list += (list.empty() ? "" : ", ") + layout_.effects[layout_.linear[c].effect].where + " " +
+                format_number(x_[c]) + " ± " + format_number(fit_.std[c]);
+    if (!list.empty())
+      result_.notes.push_back(
+          "the known payload (" + mass.name + " = " + format_number(mass.prior) +
+          " kg) calibrates the torque: recorded over true torque is 1 + gain_error, " + list +
+          ". The links' parameters are true ones; friction and offsets are of the recorded torque");
+  }
+
   /// The rows as the model before the fit has them: another pass where shapes or fixed transforms moved, since
   /// columns depend on those. Null: the rows of the fit serve both.
   std::unique_ptr<TorqueRegression> rows_before(const RecordingSource& source,
-                                                const PreprocessPlan& plan) const {
+                                                const PreprocessPlan& plan, int first_run) const {
     VecX<double> prior(shape_.size());
     for (long s = 0; s < prior.size(); ++s) prior[s] = layout_.shape[s].prior;
     if (prior == shape_) return nullptr;
-    auto out = std::make_unique<TorqueRegression>(model_, layout_, plan, RegressionPoint{nominal_, prior});
+    RegressionOptions o;
+    o.first_run = first_run;
+    auto out = std::make_unique<TorqueRegression>(model_, layout_, plan,
+                                                  RegressionPoint{nominal_, prior}, o);
     for_each_block(source, plan, "testing", 2, options_, [&](const Preprocessed& b) { out->add(b); });
     return out;
   }
 
   void finish_errors() {
     std::unique_ptr<TorqueRegression> test, test_all, test_before;
-    const std::unique_ptr<TorqueRegression> moved = rows_before(train_, result_.plan);
+    const std::unique_ptr<TorqueRegression> moved = rows_before(train_, result_.plan, 0);
     const TorqueRegression& train_before = moved ? *moved : *regression_;
     VecX<double> raw = VecX<double>::Constant(layout_.num_dofs, kNaN);
     const RecordingSource& held_out = test_ ? *test_ : train_;
@@ -341,9 +472,11 @@ class InverseFit {
     same.filter_hz = result_.plan.filter_hz;
     if (test_) {
       const PreprocessPlan plan = plan_preprocess(test_->sample(), same);
-      test = std::make_unique<TorqueRegression>(model_, layout_, plan,
-                                                RegressionPoint{x_, shape_});
-      RegressionOptions with_rest;
+      RegressionOptions held;
+      held.first_run = training_runs_;
+      test = std::make_unique<TorqueRegression>(model_, layout_, plan, RegressionPoint{x_, shape_},
+                                                held);
+      RegressionOptions with_rest = held;
       with_rest.rest_speed = 0.0;
       with_rest.keep_bytes = 0;
       test_all = std::make_unique<TorqueRegression>(model_, layout_, plan, RegressionPoint{x_, shape_},
@@ -354,33 +487,37 @@ class InverseFit {
                                       test_all->add(b);
                                     });
       result_.notes.insert(result_.notes.end(), p.notes.begin(), p.notes.end());
-      const ExtendedTree fitted = extend(result_.model, test_->runs());
+      const std::vector<int> runs = test_->runs();
+      std::map<int, ExtendedTree> fitted;  // per run: bodies that the robot held in it
       VecX<double> sum = VecX<double>::Zero(layout_.num_dofs);
       long rows = 0;
       for_each_block(held_out, plan, "testing", 1, options_, [&](const Preprocessed& b) {
-        const RowMatX<double> tau = inverse_dynamics(fitted, b.q, b.qd, b.qdd, b.run);
+        if (!fitted.contains(b.run))
+          fitted[b.run] = extend(result_.model, runs, training_runs_ + b.run);
+        const RowMatX<double> tau = inverse_dynamics(fitted[b.run], b.q, b.qd, b.qdd, b.run);
         sum += (tau - b.tau).colwise().squaredNorm().transpose();
         rows += b.rows();
       });
       if (rows > 0) raw = (sum / static_cast<double>(rows)).cwiseSqrt();
-      test_before = rows_before(held_out, plan);
+      test_before = rows_before(held_out, plan, training_runs_);
       result_.test_series =
           make_series(model_, layout_, *test, x_, test_before ? *test_before : *test, nominal_);
     }
     result_.train_series = make_series(model_, layout_, *regression_, x_, train_before, nominal_);
     for (int j = 0; j < layout_.num_dofs; ++j) {
       const JointFactor& f = regression_->factors()[j];
+      const VecX<double> x = gains_.effective(j, x_), first = gains_.effective(j, nominal_);
       JointError e = blank_error(model_, j, true);
       if (f.factor.rows() > 0) {
         const VecX<double> zero = VecX<double>::Zero(x_.size());
-        e.train = f.rmse(x_);
-        e.nominal_train = train_before.factors()[j].rmse(nominal_);
+        e.train = f.rmse(x);
+        e.nominal_train = train_before.factors()[j].rmse(first);
         e.torque_rms = test ? test->factors()[j].rmse(zero) : f.rmse(zero);
       }
       if (f.factor.rows() > 0 && test) {
-        e.test = test->factors()[j].rmse(x_);
-        e.nominal_test = (test_before ? *test_before : *test).factors()[j].rmse(nominal_);
-        e.test_all = test_all->factors()[j].rmse(x_);
+        e.test = test->factors()[j].rmse(x);
+        e.nominal_test = (test_before ? *test_before : *test).factors()[j].rmse(first);
+        e.test_all = test_all->factors()[j].rmse(x);
         e.test_raw = raw[j];
       }
       result_.errors.push_back(e);
@@ -393,6 +530,8 @@ class InverseFit {
   const IdentifyOptions& options_;
   IdentifyResult result_;
   FitLayout layout_;
+  Gains gains_{layout_};
+  int training_runs_ = 0;
   VecX<double> nominal_, x_, shape_;
   std::unique_ptr<TorqueRegression> regression_;
   LinearFit fit_;

@@ -11,11 +11,7 @@ namespace diffnea {
 TorqueRegression::TorqueRegression(const Model& model, const FitLayout& layout,
                                    const PreprocessPlan& plan, const RegressionPoint& at,
                                    const RegressionOptions& options)
-    : tree_(extend(apply_fit(model, layout, at.linear, at.shape)).tree),
-      layout_(layout),
-      at_(at),
-      options_(options),
-      effects_(layout.effects) {
+    : model_(model), layout_(layout), at_(at), options_(options), effects_(layout.effects) {
   const int n = layout.num_dofs;
   const int p = static_cast<int>(layout.linear.size());
   effect_column_.resize(effects_.size());
@@ -30,9 +26,12 @@ TorqueRegression::TorqueRegression(const Model& model, const FitLayout& layout,
       effects_[shape.effect].parameters[shape.index] = at.shape[s];
     else if (shape.kinematic == 0 && !std::all_of(layout.shape.begin() + s, layout.shape.begin() + s + 6,
                                                   [](const auto& k) { return k.fixed; }))
-      add_moved_tree(model, static_cast<int>(s));
+      moved_shape_.push_back(static_cast<int>(s));
     if (!shape.fixed) free_shapes_.push_back(static_cast<int>(s));
   }
+  for (const BoundEffect& e : effects_)
+    tree_of_run_ = tree_of_run_ || (!e.runs.empty() && e.info().port == Port::kModelParameter);
+  enter_run(-1);
   full_ = RowMatX<double>::Zero(n, p + static_cast<int>(free_shapes_.size()) + 1);
   links_.resize(n);
   for (int j = 0; j < n; ++j) {
@@ -55,12 +54,21 @@ TorqueRegression::TorqueRegression(const Model& model, const FitLayout& layout,
           smoothing = std::max(smoothing, e.parameters[k]);
     joints_.push_back({columns, Decimator(plan.decimator), {}, options.rest_speed * smoothing});
     factors_.push_back({columns, TriangularFactor(static_cast<int>(columns.size()))});
-    kept_.push_back({{}, {}, {}, static_cast<long>(columns.size()) + 1});
+    kept_.push_back({{}, {}, {}, {}, static_cast<long>(columns.size()) + 1});
   }
 }
 
+/// @param run  numbered as effects name it
+void TorqueRegression::enter_run(int run) {
+  if (run >= 0 && !tree_of_run_) return;
+  run_of_effects_ = run;
+  tree_ = extend(apply_fit(model_, layout_, at_.linear, at_.shape), {}, run).tree;
+  moved_.clear();
+  for (const int s : moved_shape_) add_moved_tree(s);
+}
+
 /// The tree with the six directions of one joint's fixed transform seeded.
-void TorqueRegression::add_moved_tree(const Model& model, int first_shape) {
+void TorqueRegression::add_moved_tree(int first_shape) {
   VecX<double> still = at_.shape;
   std::vector<JetD> shape(static_cast<std::size_t>(still.size()));
   for (long s = 0; s < still.size(); ++s) {
@@ -68,11 +76,10 @@ void TorqueRegression::add_moved_tree(const Model& model, int first_shape) {
     if (layout_.shape[s].kinematic >= 0) still[s] = 0.0;
   }
   for (int k = 0; k < 6; ++k) shape[first_shape + k].v[k] = 1.0;
-  Tree<JetD> tree =
-      extend(apply_fit(model, layout_, at_.linear, still)).tree.template cast<JetD>();
-  move_joints(layout_, joint_carriers(model), shape.data(), tree);
+  Tree<JetD> tree = extend(apply_fit(model_, layout_, at_.linear, still), {}, run_of_effects_)
+                        .tree.template cast<JetD>();
+  move_joints(layout_, joint_carriers(model_), shape.data(), tree);
   moved_.push_back(std::move(tree));
-  moved_shape_.push_back(first_shape);
 }
 
 void TorqueRegression::fill_row(const Preprocessed& block, long row) {
@@ -89,12 +96,23 @@ void TorqueRegression::fill_row(const Preprocessed& block, long row) {
   x.qd = block.qd.row(row).data();
   x.qdd = block.qdd.row(row).data();
   x.tau = links_.data();
+  const int run = block.run + options_.first_run;
+  for (std::size_t e = 0; e < effects_.size(); ++e) {  // payloads first: the links transmit them
+    const BoundEffect& effect = effects_[e];
+    if (effect.info().port != Port::kModelParameter) continue;
+    for (std::size_t k = 0; k < effect_column_[e].size(); ++k) {
+      const int c = effect_column_[e][k];
+      full_.col(c).setZero();
+      if (!effect.acts_in(run)) continue;
+      full_.col(c) = Y.col(kThetaSize * effect.joints.at(0) + static_cast<long>(k));
+      links_ += at_.linear[c] * full_.col(c);
+    }
+  }
   for (std::size_t e = 0; e < effects_.size(); ++e) {
     const BoundEffect& effect = effects_[e];
     const std::vector<int>& columns = effect_column_[e];
-    if (effect.info().port == Port::kModelParameter) {
-      for (std::size_t k = 0; k < columns.size(); ++k)
-        full_.col(columns[k]) = Y.col(kThetaSize * effect.joints.at(0) + static_cast<long>(k));
+    if (!effect.acts_in(run)) {
+      for (const int c : columns) full_.col(c).setZero();
     } else if (effect.info().port == Port::kJointTorque) {
       scratch_.resize(columns.size() * n);
       linear_columns(effect, x, scratch_.data());
@@ -127,6 +145,10 @@ void TorqueRegression::add_shape_columns(const JointSample<double>& x) {
     const FitParameter& shape = layout_.shape[free_shapes_[s]];
     if (shape.kinematic >= 0) continue;
     const BoundEffect& effect = effects_[shape.effect];
+    if (!effect.acts_in(x.run + options_.first_run)) {
+      full_.col(p + static_cast<long>(s)).setZero();
+      continue;
+    }
     std::vector<JetD> p_jet(effect.parameters.begin(), effect.parameters.end());
     p_jet[shape.index].v[0] = effect.parameters[shape.index];
     std::vector<JetD> state(4 * n), tau(n, JetD(0.0));
@@ -163,7 +185,10 @@ void TorqueRegression::add(const Preprocessed& block) {
         j.decimator.reset();
         j.emitted = 0;
       }
-      if (block.run != run_) run_start_ = block.time[row];
+      if (block.run != run_) {
+        run_start_ = block.time[row];
+        enter_run(block.run + options_.first_run);
+      }
       segment_ = segment;
       run_ = block.run;
       segment_start_ = block.time[row];
@@ -171,7 +196,7 @@ void TorqueRegression::add(const Preprocessed& block) {
     long end = row;
     while (end < block.rows() && block.segment[end] == segment && end - row < 1024) ++end;
     for (int j = 0; j < n; ++j)
-      joints_[j].block.resize(end - row, static_cast<long>(joints_[j].columns.size()) + 2);
+      joints_[j].block.resize(end - row, static_cast<long>(joints_[j].columns.size()) + 3);
     for (long r = row; r < end; ++r) {
       fill_row(block, r);
       for (int j = 0; j < n; ++j) {
@@ -182,6 +207,7 @@ void TorqueRegression::add(const Preprocessed& block) {
         for (long c = 0; c < width; ++c) out[c] = full_(j, joint.columns[c]);
         out[width] = full_(j, full_.cols() - 1);
         out[width + 1] = std::abs(block.qd(r, j)) < joint.rest_speed ? 1.0 : 0.0;
+        out[width + 2] = block.qd(r, j);
       }
     }
     for (int j = 0; j < n; ++j)
@@ -204,6 +230,7 @@ void TorqueRegression::flush(int j, const RowMatX<double>& decimated) {
       kept.values.insert(kept.values.end(), decimated.row(k).data(),
                          decimated.row(k).data() + width + 1);
       kept.run.push_back(run_);
+      kept.velocity.push_back(decimated(k, width + 2));
       kept.time.push_back(segment_start_ +
                           dt_ * static_cast<double>(joint.decimator.center(joint.emitted + k)));
     }

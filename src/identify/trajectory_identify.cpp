@@ -59,7 +59,12 @@ class TrajectoryIdentification {
 
  private:
   void prepare() {
-    layout_ = layout_for(model_, train_, options_.choice);
+    layout_ = layout_for(model_, train_, test_, options_.choice, result_.notes);
+    for (const BoundEffect& e : layout_.effects)
+      if (!e.runs.empty())
+        throw ModelError("identify: " + e.info().name + "@" + e.where +
+                         " acts in some recordings only, which the "
+                         "trajectory loss does not know; use the inverse loss");
     for (const FitParameter& s : layout_.shape)
       if (!s.fixed)
         throw ModelError("identify: the trajectory loss fits linear parameters; fit " + s.name +
@@ -76,7 +81,7 @@ class TrajectoryIdentification {
                                      [&](const Preprocessed& b) { regression.add(b); });
     result_.summary.rows = pass.rows;
     result_.summary.passes = 1;
-    result_.notes = pass.notes;
+    result_.notes.insert(result_.notes.end(), pass.notes.begin(), pass.notes.end());
     for (const int c : absorbed_by_links(layout_, regression.factors())) {
       layout_.linear[static_cast<std::size_t>(c)].fixed = true;
       layout_.linear[static_cast<std::size_t>(c)].absorbed = true;

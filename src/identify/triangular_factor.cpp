@@ -33,6 +33,17 @@ void TriangularFactor::add(const TriangularFactor& other) {
   rows_ = own + other.rows_;
 }
 
+TriangularFactor TriangularFactor::mapped(const MatX<double>& T) const {
+  require_size("TriangularFactor::mapped: rows of T", T.rows(), columns_ + 1, "column of [Y tau]");
+  require_size("TriangularFactor::mapped: columns of T", T.cols(), columns_ + 1,
+               "column of [Y tau]");
+  TriangularFactor out(columns_);
+  out.rows_ = rows_;
+  out.filled_ = filled_;
+  out.buffer_.topRows(filled_).noalias() = buffer_.topRows(filled_) * T;
+  return out;
+}
+
 void TriangularFactor::reduce() {
   const long p = columns_ + 1;
   const MatX<double> block = buffer_.topRows(filled_);

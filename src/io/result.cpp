@@ -92,6 +92,17 @@ Json errors(const IdentifyResult& fit) {
            {{"of", held_out ? "test" : "train"}, {"fitted", fitted}, {"nominal", nominal}}}};
 }
 
+Json torque_constants(const IdentifyResult& fit) {
+  Json out = Json::array();
+  for (const TorqueConstant& k : fit.torque_constants)
+    out.push_back({{"joint", k.joint},
+                   {"unit", k.unit},
+                   {"assumed", number(k.assumed)},
+                   {"value", number(k.value)},
+                   {"std", number(k.std)}});
+  return out;
+}
+
 Json preprocessing(const IdentifyResult& fit) {
   const PreprocessPlan& plan = fit.plan;
   Json quarantined = Json::array();
@@ -117,7 +128,8 @@ Json series(const std::vector<TorqueSeries>& list) {
                    {"time", rounded(s.time)},
                    {"measured", rounded(s.measured)},
                    {"fitted", rounded(s.fitted)},
-                   {"nominal", rounded(s.nominal)}});
+                   {"nominal", rounded(s.nominal)},
+                   {"velocity", rounded(s.velocity)}});
   return out;
 }
 
@@ -145,6 +157,7 @@ std::string identify_result_json(const FitRun& run) {
                {"effects", effects(fit)},
                {"rank", fit.base_parameters.size()},
                {"base_parameters", base_parameters(fit)},
+               {"torque_constants", torque_constants(fit)},
                {"rmse", errors(fit)},
                {"boundary", fit.boundary},
                {"consistency_cost", number(fit.consistency_cost)},

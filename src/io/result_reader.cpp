@@ -82,6 +82,14 @@ void read_parameters(JsonObject& root, IdentifyResult& fit) {
   });
 }
 
+void read_torque_constants(JsonObject& root, IdentifyResult& fit) {
+  if (!root.optional("torque_constants")) return;
+  for_each_object(root, "torque_constants", [&](JsonObject& o) {
+    fit.torque_constants.push_back({o.string("joint"), o.string("unit"), number(o, "assumed"),
+                                    number(o, "value"), number(o, "std")});
+  });
+}
+
 void read_errors(JsonObject& root, IdentifyResult& fit) {
   JsonObject rmse(root.required("rmse"), root.at("rmse"));
   const Json& units = rmse.required("units");
@@ -164,6 +172,10 @@ std::vector<TorqueSeries> read_series(JsonObject& root, const char* key) {
     s.measured = numbers("measured");
     s.fitted = numbers("fitted");
     s.nominal = numbers("nominal");
+    if (o.optional("velocity")) s.velocity = numbers("velocity");
+    if (!s.velocity.empty() && s.velocity.size() != s.time.size())
+      throw ModelError(o.at("velocity") + ": has " + std::to_string(s.velocity.size()) +
+                       " values, time " + std::to_string(s.time.size()));
     for (const std::vector<double>* column : {&s.measured, &s.fitted, &s.nominal})
       if (column->size() != s.time.size())
         throw ModelError(o.at("time") + ": has " + std::to_string(s.time.size()) +
@@ -190,6 +202,7 @@ FitRun read_fit_run(const std::filesystem::path& folder) {
   fit.boundary = strings(root, "boundary");
   fit.notes = strings(root, "notes");
   read_parameters(root, fit);
+  read_torque_constants(root, fit);
   read_errors(root, fit);
   read_preprocessing(root, fit);
   read_summary(root, fit.summary);

@@ -13,7 +13,7 @@ using io::Json;
 
 constexpr const char* kSchema = "diffnea/recording/1";
 constexpr const char* kKeys[] = {"schema",  "torque_side",     "torque_sampling", "period",
-                                 "passive", "torque_constant", "controller"};
+                                 "passive", "torque_constant", "controller",      "payload"};
 
 /// One of the words, as its index. @throws ModelError that lists them
 int choice(const Json& value, const std::string& where, const std::vector<std::string>& words) {
@@ -28,6 +28,29 @@ int choice(const Json& value, const std::string& where, const std::vector<std::s
 const Json& object(const Json& value, const std::string& where) {
   if (!value.is_object()) throw ModelError(where + ": expected an object with a key per joint");
   return value;
+}
+
+template <std::size_t N>
+std::array<double, N> numbers(const Json& value, const std::string& where) {
+  const std::vector<double> list = io::json_numbers(value, where, static_cast<int>(N));
+  std::array<double, N> out;
+  std::ranges::copy(list, out.begin());
+  return out;
+}
+
+HeldBody held_body(const Json& json, const std::string& where) {
+  io::JsonObject o(json, where);
+  HeldBody out;
+  if (const Json* name = o.optional("name")) out.name = io::json_string(*name, o.at("name"));
+  if (const Json* place = o.optional("where")) out.where = io::json_string(*place, o.at("where"));
+  if (const Json* mass = o.optional("mass")) out.mass = io::json_number(*mass, o.at("mass"));
+  if (const Json* com = o.optional("com")) out.com = numbers<3>(*com, o.at("com"));
+  if (const Json* I = o.optional("about_com")) out.about_com = numbers<6>(*I, o.at("about_com"));
+  o.finish();
+  if (out.mass && !(*out.mass >= 0.0)) throw ModelError(o.at("mass") + ": expected 0 kg or more");
+  if ((out.com && !out.mass) || (out.about_com && !out.com))
+    throw ModelError(where + ": a center of mass needs the mass, an inertia about it needs both");
+  return out;
 }
 
 Sidecar parse(const Json& json, const std::filesystem::path& path) {
@@ -66,6 +89,7 @@ Sidecar parse(const Json& json, const std::filesystem::path& path) {
       for (const auto& [name, value] : object(values, at("controller") + "." + joint).items())
         info.controller.push_back(
             {joint, name, io::json_number(value, at("controller") + "." + joint + "." + name)});
+  if (json.contains("payload")) info.payload = held_body(json["payload"], at("payload"));
   for (const auto& [key, value] : json.items())
     if (std::ranges::find(kKeys, key) == std::end(kKeys))
       out.notes.push_back(file + ": key '" + key + "' is not of the format and was not used");
@@ -111,6 +135,13 @@ void write_sidecar(const RecordingInfo& info, const std::filesystem::path& data)
   if (!info.passive.empty()) json["passive"] = info.passive;
   for (const auto& [joint, value] : info.torque_constant) json["torque_constant"][joint] = value;
   for (const JointValue& c : info.controller) json["controller"][c.joint][c.name] = c.value;
+  if (const std::optional<HeldBody>& body = info.payload) {
+    Json& out = json["payload"] = {{"where", body->where}};
+    if (!body->name.empty()) out["name"] = body->name;
+    if (body->mass) out["mass"] = *body->mass;
+    if (body->com) out["com"] = *body->com;
+    if (body->about_com) out["about_com"] = *body->about_com;
+  }
   std::filesystem::path path = data;
   path.replace_extension(".json");
   write_file_atomically(path, json.dump(2) + "\n");

@@ -122,6 +122,92 @@ std::string line_chart(const std::vector<double>& x, const std::vector<Line>& li
   return out + "</svg>\n";
 }
 
+std::vector<Bin> binned(const std::vector<double>& x, const std::vector<double>& y, int bins) {
+  std::vector<double> sorted;
+  for (std::size_t k = 0; k < x.size(); ++k)
+    if (std::isfinite(x[k]) && std::isfinite(y[k])) sorted.push_back(x[k]);
+  std::ranges::sort(sorted);
+  const std::size_t per_bin =
+      std::max<std::size_t>(sorted.size() / static_cast<std::size_t>(bins), 1);
+  std::vector<double> upper;  // the last value of each bin
+  for (std::size_t k = per_bin; k <= sorted.size() && upper.size() < static_cast<std::size_t>(bins);
+       k += per_bin)
+    if (upper.empty() || sorted[k - 1] > upper.back()) upper.push_back(sorted[k - 1]);
+  if (upper.empty()) return {};
+  upper.back() = sorted.back();
+  const auto bin_of = [&](double v) { return std::ranges::lower_bound(upper, v) - upper.begin(); };
+
+  std::vector<Bin> out(upper.size());
+  std::vector<double> count(upper.size(), 0.0);
+  for (std::size_t k = 0; k < x.size(); ++k) {
+    if (!std::isfinite(x[k]) || !std::isfinite(y[k])) continue;
+    const auto b = static_cast<std::size_t>(bin_of(x[k]));
+    out[b].x += x[k];
+    out[b].mean += y[k];
+    count[b] += 1.0;
+  }
+  for (std::size_t b = 0; b < out.size(); ++b) {
+    out[b].x /= count[b];
+    out[b].mean /= count[b];
+  }
+  std::vector<double> squares(upper.size(), 0.0), stays(upper.size(), 0.0);
+  for (std::size_t k = 0; k < x.size();) {
+    if (!std::isfinite(x[k]) || !std::isfinite(y[k])) {
+      ++k;
+      continue;
+    }
+    const auto b = static_cast<std::size_t>(bin_of(x[k]));
+    double sum = 0.0;
+    for (; k < x.size() && std::isfinite(x[k]) && std::isfinite(y[k]) &&
+           static_cast<std::size_t>(bin_of(x[k])) == b;
+         ++k)
+      sum += y[k] - out[b].mean;
+    squares[b] += sum * sum;
+    stays[b] += 1.0;
+  }
+  for (std::size_t b = 0; b < out.size(); ++b)
+    out[b].half = stays[b] < 2.0
+                      ? std::numeric_limits<double>::quiet_NaN()
+                      : 1.96 * std::sqrt(squares[b] * stays[b] / (stays[b] - 1.0)) / count[b];
+  return out;
+}
+
+std::string binned_chart(const std::vector<Bin>& bins, const std::string& x_unit,
+                         const std::string& y_unit, int height) {
+  Range rx, ry;
+  ry.take(0.0);
+  for (const Bin& b : bins) {
+    rx.take(b.x);
+    ry.take(b.mean);
+    ry.take(b.mean - b.half);
+    ry.take(b.mean + b.half);
+  }
+  rx = rx.widened(0.02);
+  ry = ry.widened(0.05);
+  const double bottom = height - kBottom;
+  const auto to_x = [&](double v) {
+    return kLeft + (v - rx.low) / (rx.high - rx.low) * (kWidth - kLeft - kRight);
+  };
+  const auto to_y = [&](double v) {
+    return bottom - (v - ry.low) / (ry.high - ry.low) * (bottom - kTop);
+  };
+  std::string out =
+      "<svg viewBox='0 0 " + coordinate(kWidth) + " " + std::to_string(height) + "' role='img'>";
+  for (const double t : ticks(ry, height / 40))
+    out += segment("grid", kLeft, to_y(t), kWidth - kRight, to_y(t)) +
+           text_at(kLeft - 5, to_y(t) + 4, "end", number(t));
+  for (const double t : ticks(rx, 8)) out += text_at(to_x(t), height - 8, "middle", number(t));
+  out += segment("prior", kLeft, to_y(0.0), kWidth - kRight, to_y(0.0));
+  for (const Bin& b : bins) {
+    if (std::isfinite(b.half))
+      out += segment("spread", to_x(b.x), to_y(b.mean - b.half), to_x(b.x), to_y(b.mean + b.half));
+    out +=
+        "<circle cx='" + coordinate(to_x(b.x)) + "' cy='" + coordinate(to_y(b.mean)) + "' r='3'/>";
+  }
+  return out + text_at(kWidth - kRight, bottom - 4, "end", x_unit) +
+         text_at(kLeft + 4, kTop + 8, "start", y_unit) + "</svg>\n";
+}
+
 std::string error_bar(double prior, double value, double std) {
   const double spread = std::isfinite(std) ? 2.0 * std : 0.0;
   Range range;

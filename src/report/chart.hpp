@@ -20,6 +20,21 @@ std::string line_chart(const std::vector<double>& x, const std::vector<Line>& li
                        const std::pair<double, double>& x_range, const std::string& unit,
                        int height, int columns);
 
+/// Mean of y where x lies in a bin, with its 95 % interval.
+struct Bin {
+  double x = 0.0;  ///< mean of x in the bin
+  double mean = 0.0;
+  double half = 0.0;  ///< half the interval's width; NaN if a single stay makes it up
+};
+
+/// Bins of equally many samples. Samples of one stay in a bin are not independent (a slow motion
+/// gives many), stays are: the interval is that of clusters (Liang, Zeger 1986).
+std::vector<Bin> binned(const std::vector<double>& x, const std::vector<double>& y, int bins);
+
+/// Means as dots, intervals as bars, and the zero line.
+std::string binned_chart(const std::vector<Bin>& bins, const std::string& x_unit,
+                         const std::string& y_unit, int height);
+
 /// One parameter: where it was (tick), where it is (dot), two standard errors to either side (bar).
 std::string error_bar(double prior, double value, double std);
 

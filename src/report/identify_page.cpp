@@ -79,8 +79,23 @@ std::string chart_keys() {
          "<span class='screen'>; drag to zoom, double-click to see all</span></p>\n";
 }
 
+/// What is left over depends on velocity where friction is described wrongly.
+std::string velocity_chart(const TorqueSeries& s) {
+  constexpr int kBins = 24;
+  if (s.velocity.empty()) return "";
+  const std::vector<Bin> bins = binned(s.velocity, difference(s.fitted, s.measured), kBins);
+  if (bins.size() < 2) return "";
+  const std::string speed = s.unit == "N" ? "m/s" : "rad/s";
+  return "<h4>error over velocity <small>mean and its 95 % interval; equally many samples in each "
+         "bin</small></h4>"
+         "\n<div class='binned'>" +
+         binned_chart(bins, speed, "error " + unit(s.unit), 150) + "</div>\n";
+}
+
 /// @param what  is drawn: "torque"
-std::string charts(const std::vector<TorqueSeries>& list, const std::string& what, int columns) {
+/// @param all   the same joints with every point, for averages
+std::string charts(const std::vector<TorqueSeries>& list, const std::vector<TorqueSeries>& all,
+                   const std::string& what, int columns) {
   std::string out;
   double first = std::numeric_limits<double>::infinity(), last = -first;
   for (const TorqueSeries& s : list) {
@@ -104,7 +119,7 @@ std::string charts(const std::vector<TorqueSeries>& list, const std::string& wha
                       {first, last}, u, 210, columns) +
            "</div>\n<div class='chart residual' data-joint='" + index + "'>" +
            line_chart(s.time, {{"fitted", &after}}, {first, last}, "error " + u, 110, columns) +
-           "</div></section>\n";
+           "</div>\n" + velocity_chart(all[j]) + "</section>\n";
   }
   return out;
 }
@@ -158,6 +173,16 @@ std::string parameter_table(const IdentifyResult& fit) {
          "class='held'>" +
          html_table({"parameter", "before", "value", "unit", ""}, unseen, {"", "n", "n", "", ""}) +
          "</div></details>\n";
+}
+
+std::string torque_constants_table(const IdentifyResult& fit) {
+  if (fit.torque_constants.empty()) return "";
+  std::vector<std::vector<std::string>> rows;
+  for (const TorqueConstant& k : fit.torque_constants)
+    rows.push_back({escape(k.joint), number(k.assumed), error_bar(k.assumed, k.value, k.std),
+                    value_and_std(k.value, k.std), escape(unit(k.unit))});
+  return element("h3", "Torque constants") +
+         html_table({"joint", "assumed", "", "calibrated", "unit"}, rows, {"", "n", "", "n", ""});
 }
 
 std::string base_table(const IdentifyResult& fit) {
@@ -259,9 +284,10 @@ std::string identify_page(const FitRun& run) {
         element("p", "The folder holds no series.json, so that no chart can be drawn.", "faint");
   if (!shown.test_series.empty())
     body += "<div data-set='test'>" + element("h2", "Held-out " + what + " over time") +
-            chart_keys() + charts(shown.test_series, what, columns) + "</div>\n";
+            chart_keys() + charts(shown.test_series, fit.test_series, what, columns) + "</div>\n";
   if (!shown.train_series.empty()) {
-    const std::string inside = chart_keys() + charts(shown.train_series, what, columns);
+    const std::string inside =
+        chart_keys() + charts(shown.train_series, fit.train_series, what, columns);
     if (shown.test_series.empty())
       body += "<div data-set='train'>" + element("h2", "The " + what + " over time") + inside +
               "</div>\n";
@@ -269,7 +295,8 @@ std::string identify_page(const FitRun& run) {
       body += "<details data-set='train'><summary>The same for the training data</summary>\n" +
               inside + "</details>\n";
   }
-  body += element("h2", "Parameters") + parameter_table(fit) + base_table(fit);
+  body += element("h2", "Parameters") + parameter_table(fit) + torque_constants_table(fit) +
+          base_table(fit);
   body += element("h2", "Data and notes") + data_notes(fit);
   body += element("p", "Fit: " + fit.summary.termination + "; " +
                            std::to_string(fit.summary.iterations) + " iterations, " +

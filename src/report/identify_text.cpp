@@ -56,6 +56,15 @@ std::string parameters_text(const FitRun& run) {
   return out;
 }
 
+std::string torque_constants_text(const IdentifyResult& fit) {
+  if (fit.torque_constants.empty()) return "";
+  std::vector<std::vector<std::string>> rows;
+  for (const TorqueConstant& k : fit.torque_constants)
+    rows.push_back({k.joint, number(k.assumed), value_and_std(k.value, k.std), unit(k.unit)});
+  return "\ntorque constants, ± one standard error\n" +
+         table({"", "assumed", "calibrated", "<unit"}, rows);
+}
+
 std::string errors_text(const IdentifyResult& fit) {
   const bool torque = quantity(fit) == "torque";
   std::vector<std::vector<std::string>> rows;
@@ -128,7 +137,7 @@ std::string identify_headline(const FitRun& run) {
 
 std::string identify_text(const FitRun& run) {
   const IdentifyResult& fit = run.fit;
-  std::string out = parameters_text(run) + "\n" + errors_text(fit);
+  std::string out = parameters_text(run) + torque_constants_text(fit) + "\n" + errors_text(fit);
   const std::vector<std::string> remarks = notes(fit);
   if (!remarks.empty()) out += "\nnotes\n";
   for (const std::string& note : remarks) out += "  " + note + "\n";

@@ -166,6 +166,50 @@ def test_compare_sees_a_payload_and_nothing_else(arm, train, held_out, result) -
     assert diffnea.compare(result, other).changed
 
 
+def test_a_known_payload_calibrates_torque_constants(arm, rubbing_arm, train) -> None:
+    loaded = rubbing_arm.with_inertial_parameters(
+        arm.inertial_parameters + np.r_[np.zeros(10), 0.5, 0.15, 0, 0, 0, 0, 0, 0.045, 0, 0.045]
+    )
+    other = diffnea.simulate(loaded, diffnea.excite(arm, duration=10, seed=4), noise=0.2, seed=4)
+    gains = np.array([0.9, 1.1])
+
+    def with_gains(r: diffnea.Recording, **more) -> diffnea.Recording:
+        return diffnea.Recording(
+            time=r.time,
+            q=r.q,
+            tau=r.tau * gains,
+            joint_names=r.joint_names,
+            torque_constant={"elbow": 2.0},
+            **more,
+        )
+
+    runs = [with_gains(train), with_gains(other.recording, payload={"mass": 0.5})]
+    assert runs[1].payload == {"where": "tip", "mass": 0.5}
+    assert pickle.loads(pickle.dumps(runs[1])).payload == runs[1].payload
+    effects = ["armature", "viscous_friction", "torque_offset", "torque_gain"]
+    result = diffnea.identify(arm, runs, effects=effects)
+    for joint, gain in zip(arm.joint_names, gains, strict=True):
+        found = result.parameters[f"{joint}.torque_gain.gain_error"]
+        # Two numbers at four standard errors, the seed is fixed.
+        assert abs(found.value - (gain - 1)) < 4 * found.std
+        assert found.std < 0.02
+    (constant,) = result.torque_constants
+    assert (constant.joint, constant.unit, constant.assumed) == ("elbow", "N*m/A", 2.0)
+    assert abs(constant.value - 2.0 / 1.1) < 4 * constant.std
+    assert pickle.loads(pickle.dumps(result)).torque_constants[0].value == constant.value
+
+    unknown = diffnea.identify(
+        arm,
+        [train, other.recording],
+        effects=["armature", "viscous_friction", "torque_offset", "payload@tip:run=1"],
+    )
+    mass = unknown.parameters["tip:run=1.payload.mass"]
+    assert abs(mass.value - 0.5) < 4 * mass.std
+    assert any("hangs on the torque constants" in note for note in unknown.notes)
+    with pytest.raises(diffnea.Error, match="keys: name, where, mass, com, about_com"):
+        with_gains(train, payload={"weight": 2})
+
+
 def test_progress_is_told_and_can_stop_the_fit(arm, train) -> None:
     seen = []
     diffnea.identify(arm, train, progress=lambda p: seen.append((p.stage, p.rows)))

@@ -37,8 +37,9 @@ def test_the_page_is_one_small_file(run: Path) -> None:
     assert len(page) < 5_000_000
     markup = page[: page.index("id='data'")]
     assert not re.search(r"src=|href=|url\(|://", markup)
-    # Two joints, torque and error each, held out and training: for print, and without scripts.
-    assert markup.count("<svg viewBox") == 8
+    # Two joints; torque, error, error over velocity; held out and training: for print, and without
+    # scripts.
+    assert markup.count("<svg viewBox") == 12
 
 
 @needs_browser

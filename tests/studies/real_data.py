@@ -15,6 +15,7 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
+from xml.etree import ElementTree
 
 SOURCE = Path(__file__).resolve().parents[2]
 DATA = Path(os.environ.get("DIFFNEA_DATA", SOURCE.parent / "shared" / "data"))
@@ -230,64 +231,180 @@ def double_pendulum(folder):
     print(f"  {r['summary']['seconds']:.1f} s, {r['summary']['termination']}")
 
 
-OTHER_K = (
-    10.0,
-    10.70,
-    8.46,
-    9.00,
-    9.48,
-    10.12,
-)  # [N·m/A], published like those of the logged torques
+# [N·m/A]: of the logged torques, and of another publication.
+LOGGED_K = (14.87, 13.26, 11.13, 10.62, 11.03, 11.47)
+OTHER_K = (10.0, 10.70, 8.46, 9.00, 9.48, 10.12)
+UR10E = [
+    f"{j}_joint"
+    for j in ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")
+]
+LOAD = 2.805  # kg
+FRICTION = "armature,viscous_friction,coulomb_friction,torque_offset,sublinear_friction"
 
 
-def with_torque_constants(path, constants, folder):
-    """The run with tau = K times current."""
+def read_rows(path):
     with path.open() as f:
-        header, *rows = csv.reader(f)
-    tau = [i for i, name in enumerate(header) if name.startswith("tau_")]
-    current = [i for i, name in enumerate(header) if name.startswith("current_")]
+        return list(csv.DictReader(f))
+
+
+def write_rows(path, rows):
+    with path.open("w", newline="") as f:
+        out = csv.DictWriter(f, rows[0].keys())
+        out.writeheader()
+        out.writerows(rows)
+    return path
+
+
+def with_torque_constants(path, constants, folder, name, **sidecar):
+    """The run with tau = K times current, and a sidecar that names K."""
+    rows = read_rows(path)
     for row in rows:
-        for t, c, k in zip(tau, current, constants, strict=True):
-            row[t] = repr(k * float(row[c])) if row[c] else ""
-    out = folder / f"{path.stem}_other_K.csv"
-    with out.open("w", newline="") as f:
-        csv.writer(f).writerows([header, *rows])
+        for joint, k in zip(UR10E, constants, strict=True):
+            current = row[f"current_{joint}"]
+            row[f"tau_{joint}"] = repr(k * float(current)) if current else ""
+    out = write_rows(folder / f"{path.stem}_{name}.csv", rows)
+    constant = dict(zip(UR10E, constants, strict=True))
+    out.with_suffix(".json").write_text(
+        json.dumps({"schema": "diffnea/recording/1", "torque_constant": constant, **sidecar})
+    )
+    return out
+
+
+def mass_of_load(folder, title, files, *options, effects=FRICTION, stated=True):
+    """Joint fit of the runs without and with the load; prints its mass against 2.805 kg."""
+    _, r = identify(
+        f"UR10e payload, {title}",
+        folder,
+        DATA / "ur10e" / "ur10e.urdf",
+        files,
+        "--effects",
+        effects + ",payload@tip:run=1",
+        *options,
+    )
+    m = parameter(r, "tip:run=1.payload.mass")
+    std = m["std"] or 0.0
+    print(
+        f"  mass {m['value']:.3f} ± {1.96 * std:.3f} kg, "
+        f"{'truth' if stated else 'if it is the body of 14harm:'} {LOAD}: {100 * (m['value'] / LOAD - 1):+.1f} %"
+    )
+    return r
+
+
+def stands(folder):
+    """Where the robot stands for a second and more, clear of the person who pushes; each its own run."""
+    where = {
+        "contact_push_pose1": [(0.0, 2.2), (6.2, 8.7), (9.8, 12.4), (13.5, 18.3)],
+        "val_ptp_10_points": [(0.2, 6.2), (47.3, 57.0)],
+        "single_joint2": [(62.4, 64.3)],
+        "single_joint4": [(64.3, 67.0)],
+        "id_50s_12harm": [(0.1, 2.2), (54.5, 58.0)],
+        "id_50s_14harm_unloaded": [(52.5, 56.3)],
+        "id_50s_15harm_unloaded": [(53.5, 56.0)],
+    }
+    rows = []
+    for name, windows in where.items():
+        for first, last in windows:
+            run = rows[-1]["run"] + 1 if rows else 0
+            for row in read_rows(DATA / "ur10e" / f"{name}.csv"):
+                if first <= float(row["time"]) <= last:
+                    keep = {k: v for k, v in row.items() if k[:2] in ("ti", "q_", "ta")}
+                    rows.append(keep | {"run": run})
+    return write_rows(folder / "stands.csv", rows)
+
+
+def manufacturers_model(folder):
+    """The URDF with masses and centers of mass of the upper arm and forearm as the manufacturer's description has them.
+
+    Universal_Robots_ROS2_Description, config/ur10e/physical_parameters.yaml. The URDF of the data has midpoints.
+    """
+    masses = {
+        "shoulder_link": (7.369, None),
+        "upper_arm_link": (13.051, 0.38757),
+        "forearm_link": (3.989, 0.1984),
+        "wrist_1_link": (2.1, None),
+        "wrist_2_link": (1.98, None),
+        "wrist_3_link": (0.615, None),
+    }
+    tree = ElementTree.parse(DATA / "ur10e" / "ur10e.urdf")
+    for link in tree.getroot().findall("link"):
+        if link.get("name") in masses:
+            mass, along = masses[link.get("name")]
+            link.find("inertial/mass").set("value", str(mass))
+            if along:
+                link.find("inertial/origin").set("xyz", f"0 0 {along}")
+    out = folder / "manufacturer.urdf"
+    tree.write(out)
     return out
 
 
 def payload(folder):
     d = DATA / "ur10e"
-    runs = [d / "id_50s_14harm_unloaded.csv", d / "id_50s_14harm_load2p805kg.csv"]
-    for title, files in (
-        ("K of the logged torques", runs),
-        ("the other published K", [with_torque_constants(f, OTHER_K, folder) for f in runs]),
-    ):
-        run, _ = identify(
-            f"UR10e payload, {title}: unloaded",
-            folder,
-            d / "ur10e.urdf",
-            files[0],
-            "--effects",
-            "armature,viscous_friction,coulomb_friction,torque_offset,sublinear_friction",
-        )
+    names = ["id_50s_14harm_unloaded", "id_50s_14harm_load2p805kg"]
+    runs = [d / f"{n}.csv" for n in names]
+
+    def pair(constants, name):
+        return [with_torque_constants(f, constants, folder, name) for f in runs]
+
+    logged = pair(LOGGED_K, "logged_K")
+    mass_of_load(folder, "K of the logged torques", logged)
+    mass_of_load(folder, "the other published K", pair(OTHER_K, "other_K"))
+
+    # K from standstill: what the links weigh over the current that holds them. Joints whose gain the stands do not
+    # tell to 15 % keep their K.
+    standing = stands(folder)
+    for name, model in (("URDF", d / "ur10e.urdf"), ("manufacturer", manufacturers_model(folder))):
         _, r = identify(
-            f"UR10e payload, {title}: loaded, all but the payload held",
+            f"UR10e, K from standstill and the masses of the {name}",
             folder,
-            run / "model.json",
-            files[1],
-            "--effects",
-            "payload@tip",
-            "--fit",
-            "effects",
-            "--fix",
-            "*friction*",
-            "*armature*",
-            "*offset*",
+            model,
+            standing,
+            *("--fit", "effects", "--effects", "torque_gain", "--filter", 5, "--decimate", 10),
         )
-        values(r, "payload.mass")
+        values(r, ".gain_error")
+        gains = [parameter(r, f"{j}.torque_gain.gain_error") for j in UR10E]
+        told = [g["identifiable"] and g["std"] < 0.15 for g in gains]
+        k = [
+            k / (1 + g["value"]) if t else k for k, g, t in zip(LOGGED_K, gains, told, strict=True)
+        ]
+        print("  K " + " ".join(f"{x:.2f}" for x in k))
+        mass_of_load(
+            folder,
+            f"K from standstill, masses of the {name}",
+            pair(k, f"standing_K_{name}"),
+        )
+
+    # The URDF's masses against the whole motion.
+    _, r = identify(
+        "UR10e, K from the motion without load and the URDF's masses",
+        folder,
+        d / "ur10e.urdf",
+        logged[0],
+        *("--fit", "effects,armature", "--effects", FRICTION + ",torque_gain"),
+    )
+    values(r, ".gain_error")
+    moving = [k["value"] for k in r["torque_constants"]]
+    mass_of_load(folder, "K from the motion and the URDF's masses", pair(moving, "moving_K"))
+
+    r = mass_of_load(
+        folder,
+        "the load known, torque constants fitted",
+        logged,
+        *("--fix", f"*payload.mass={LOAD}"),
+        effects=FRICTION + ",torque_gain",
+    )
+    for k in r["torque_constants"]:
         print(
-            f"  truth 2.805 kg: {100 * (parameter(r, 'tip.payload.mass')['value'] / 2.805 - 1):+.1f} %"
+            f"  K of {k['joint']:<22}{k['assumed']:.2f} -> {k['value']:.2f} ± {1.96 * k['std']:.2f} {k['unit']}"
         )
+
+    # Those K on another session: its load is not stated, but is likely the same one.
+    calibrated = [k["value"] for k in r["torque_constants"]]
+    runs = [
+        d / f"{n}.csv" for n in ("id_50s_15harm_unloaded", "id_50s_15harm_loaded_mass_unstated")
+    ]
+    for name, constants in (("logged", LOGGED_K), ("calibrated", calibrated)):
+        files = pair(constants, f"{name}_15")
+        mass_of_load(folder, f"15harm, mass not stated, {name} K", files, stated=False)
 
 
 STUDIES = {

@@ -89,11 +89,13 @@ struct BoundEffect {
   AnyEffect type;
   std::string where;        ///< as in the EffectSpec
   std::vector<int> joints;  ///< degrees of freedom it acts on; at `all` and `base`: every one
+  std::vector<int> runs;    ///< recordings it acts in; empty: all of them
   int num_joints = 0;       ///< of the model
   std::vector<ParameterInfo> parameter_info;  ///< unit and initial are those of this joint's type
   std::vector<double> parameters;             ///< same order
 
   const EffectInfo& info() const { return diffnea::info(type); }
+  bool acts_in(int run) const;
   /// Indices of the parameters the torque is linear in, and of the shape parameters.
   std::vector<int> linear_parameters() const;
   std::vector<int> shape_parameters() const;
@@ -108,11 +110,21 @@ struct BoundEffect {
   }
 };
 
+/// "tip:run=1+4" is the place "tip" in recordings 1 and 4 alone; without the ending: in all.
+struct RunPlace {
+  std::string place;
+  std::vector<int> runs;  ///< ascending; empty: all
+};
+/// @throws ModelError if what follows the colon is not `run=` and numbers of recordings
+RunPlace split_where(const std::string& where);
+std::string join_where(const RunPlace& where);
+
 /// Resolves `spec` on `model`. `where` is a joint's name, two of them for a pair ("elbow,wrist"),
 /// `tip` (the last moving link), `base` or `all`; an effect of one joint bound at `all` acts on
-/// every joint with the same parameters. Parameters that are not given take their initial values; a
-/// unit that is given must be the effect's. `runs`: recordings that a per-run effect gets a
-/// parameter for (those named in the spec come on top).
+/// every joint with the same parameters. A place that ends in `:run=K`, or `:run=K+L`, stands for
+/// those recordings alone (armature, which is of the link tree, acts in all). Parameters that are
+/// not given take their initial values; a unit that is given must be the effect's. `runs`:
+/// recordings that a per-run effect gets a parameter for (those named in the spec come on top).
 /// @throws ModelError naming the choices if the effect, place, parameter or unit is unknown, a sign
 /// is
 ///         wrong, or `all` would mix revolute and prismatic joints

@@ -16,8 +16,10 @@ struct ExtendedTree {
 };
 
 /// @param runs  recordings that per-run effects have a parameter for
+/// @param run   the recording that it stands for: effects of others (`where` ends in :run=K) are
+///              left out; −1: of no recording, only what acts in all
 /// @throws ModelError if an effect of the model cannot be bound
-ExtendedTree extend(const Model& model, const std::vector<int>& runs = {});
+ExtendedTree extend(const Model& model, const std::vector<int>& runs = {}, int run = -1);
 
 /// Joint torques with all effects, one row a sample: what the sensors of the drives would read.
 /// @param q, qd, qdd  (N, n) [rad, rad/s, rad/s²] or [m …]

@@ -68,6 +68,16 @@ struct JointError {
 struct TorqueSeries {
   std::string joint, unit;
   std::vector<double> time, measured, fitted, nominal;
+  std::vector<double> velocity;  ///< low-passed like the torque; trajectory loss: empty
+};
+
+/// A torque constant that the fit corrected: recorded torques are `assumed` times the current, and
+/// 1 + ε (torque_gain) times what they should be.
+struct TorqueConstant {
+  std::string joint, unit;
+  double assumed = 0.0;  ///< of the recording's sidecar [N·m/A] or [N/A]
+  double value = 0.0;    ///< assumed / (1 + ε)
+  double std = 0.0;      ///< standard error; NaN if the gain could not be identified
 };
 
 struct FitSummary {
@@ -88,6 +98,8 @@ struct IdentifyResult {
   Model model;  ///< the input with fitted values, effects and posterior
   std::vector<ParameterEstimate> parameters;
   std::vector<BaseParameter> base_parameters;
+  /// Where the recording names one and a gain was fitted.
+  std::vector<TorqueConstant> torque_constants;
   std::vector<JointError> errors;
   std::vector<std::string> boundary;  ///< links on the boundary of consistency
   double consistency_cost = 0.0;      ///< χ²/2 that consistency costs

@@ -54,7 +54,8 @@ struct FitChoice {
   /// the motor side armature, viscous and Coulomb friction and an offset at every joint; on the link side
   /// (torque measured behind the drive) the offset alone.
   std::optional<std::vector<std::string>> effects;
-  /// Parameters to hold at the model's value: a name, or a pattern with *, e.g. "forearm.*".
+  /// Parameters to hold: a name, or a pattern with *, at the model's value ("forearm.*") or at one
+  /// that is given ("tip.payload.mass=2.8").
   std::vector<std::string> fix;
   bool link_side = false;  ///< where the torque was measured (contract, torque_side)
 };

@@ -10,6 +10,12 @@
 
 namespace diffnea {
 
+/// One run of a source.
+struct RunDescription {
+  std::string source;  ///< file and run, for messages
+  RecordingInfo info;
+};
+
 /// A stream of recordings whose joints are in the model's order and whose runs are numbered 0, 1, 2 ….
 class RecordingSource {
  public:
@@ -19,6 +25,10 @@ class RecordingSource {
   /// Enough of the beginning to choose filters from.
   virtual std::vector<Recording> sample() const = 0;
   virtual std::vector<int> runs() const = 0;
+  /// In order. Files that are streamed are read through.
+  virtual std::vector<RunDescription> describe_runs() const = 0;
+  /// Some recording says that the robot held a body.
+  virtual bool holds_payload() const = 0;
   /// What reading brought up: quarantined rows, gaps, extra channels. Of files that are streamed:
   /// complete after the first for_each() that came to the end.
   virtual const ReadReport& report() const = 0;

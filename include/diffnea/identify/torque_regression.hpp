@@ -20,6 +20,7 @@ struct RegressionPoint {
 struct JointRows {
   std::vector<double> time;    ///< (M) [s]
   std::vector<int> run;        ///< (M)
+  std::vector<double> velocity;  ///< (M) of the joint [rad/s] or [m/s]
   std::vector<double> values;  ///< (M, columns + 1) by rows, the last column is τ
   long width = 0;              ///< columns + 1
 
@@ -39,6 +40,9 @@ struct RegressionOptions {
   /// Forward loss: rows times M⁻¹ at `at`, which makes their residual that of q̈ [rad/s²]. Needs the torque of
   /// every joint.
   bool acceleration = false;
+  /// Number of the source's first recording among those that effects name (`:run=K`): held-out ones
+  /// come after those of the fit.
+  int first_run = 0;
   /// Weight of a row of joint j with residual r; empty: 1. Robust losses re-weigh in further passes.
   std::function<double(int joint, double residual)> weight;
 };
@@ -63,17 +67,19 @@ class TorqueRegression {
   struct Joint {
     std::vector<int> columns;  // of the layout, then shape directions
     Decimator decimator;
-    RowMatX<double> block;  // [columns | τ | at rest]
+    RowMatX<double> block;  // [columns | τ | at rest | q̇]
     double rest_speed = 10.0;
     long emitted = 0, at_rest = 0;
   };
   void fill_row(const Preprocessed& block, long row);
   void flush(int joint, const RowMatX<double>& rows);
 
+  void enter_run(int run);
   void add_shape_columns(const JointSample<double>& x);
-  void add_moved_tree(const Model& model, int first_shape);
+  void add_moved_tree(int first_shape);
 
-  Tree<double> tree_;  // at the point: transforms, inertias, armature
+  Model model_;
+  Tree<double> tree_;              // at the point and of this run: transforms, inertias, armature
   std::vector<Tree<JetD>> moved_;  // per joint with free transform: its six directions seeded
   std::vector<int> moved_shape_;   // index of the first of the six in the layout's shapes
   RneaWorkspace<JetD, double> jet_ws_;
@@ -83,6 +89,8 @@ class TorqueRegression {
   RegressionOptions options_;
   std::vector<int> free_shapes_;
   std::vector<BoundEffect> effects_;
+  int run_of_effects_ = -1;
+  bool tree_of_run_ = false;                     // a payload is held in some runs only
   std::vector<std::vector<int>> effect_column_;  // per effect: column of its k-th linear parameter
   std::vector<Joint> joints_;
   std::vector<JointFactor> factors_;
@@ -91,7 +99,7 @@ class TorqueRegression {
   int segment_ = -1, run_ = -1;
   RegressorWorkspace<double, double> ws_;
   RowMatX<double> full_;  // (n, columns + 1) of one sample, the last column is τ
-  VecX<double> links_;
+  VecX<double> links_;    // torque that the links transmit at the point, payloads included
   std::vector<double> scratch_;
   double segment_start_ = 0.0, run_start_ = 0.0, dt_ = 0.0;
 };

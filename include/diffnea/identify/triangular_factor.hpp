@@ -18,6 +18,10 @@ class TriangularFactor {
   /// Adds all rows another factor has seen.
   void add(const TriangularFactor& other);
 
+  /// The factor of all rows times T, [Y τ] T, (p+1, p+1): columns combined, no row read again.
+  /// @throws ShapeError
+  TriangularFactor mapped(const MatX<double>& T) const;
+
   int columns() const { return columns_; }
   long rows() const { return rows_; }
   /// R (p, p) and d (p) of ‖Rπ − d‖², and the residual sum of squares ‖e‖² no π can remove.

@@ -5,7 +5,8 @@
 ///     {"schema": "diffnea/recording/1",
 ///      "torque_side": "motor", "torque_sampling": "hold", "period": 10.0, "passive": ["wrist"],
 ///      "torque_constant": {"elbow": 0.119},
-///      "controller": {"elbow": {"kp": 300.0, "kd": 12.0, "limit": 40.0}}}
+///      "controller": {"elbow": {"kp": 300.0, "kd": 12.0, "limit": 40.0}},
+///      "payload": {"where": "tip", "mass": 2.8, "com": [0, 0, 0.05]}}
 ///
 /// Every key may be missing. A .json of another diffnea schema (a model of the same name) is not
 /// taken.

@@ -1,6 +1,8 @@
 #pragma once
 /// Measured series of one robot in SI units: what a recording file holds, as arrays.
 
+#include <array>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -19,6 +21,18 @@ struct JointValue {
   double value = 0.0;
 };
 
+/// A rigid body that the robot held. What is not given is unknown; equal bodies are one body.
+struct HeldBody {
+  std::string name;            ///< tells bodies apart of which nothing is known; may be empty
+  std::string where = "tip";   ///< the last moving link; or the joint that moves what holds it
+  std::optional<double> mass;  ///< [kg]
+  std::optional<std::array<double, 3>> com;  ///< [m] in the link's frame; needs the mass
+  /// Ixx Ixy Ixz Iyy Iyz Izz about its center of mass, in the link's axes [kg·m²]; needs the com
+  std::optional<std::array<double, 6>> about_com;
+
+  bool operator==(const HeldBody&) const = default;
+};
+
 /// What columns cannot hold: the optional `<data>.json` beside the file (contract).
 struct RecordingInfo {
   TorqueSide torque_side = TorqueSide::kMotor;
@@ -29,6 +43,7 @@ struct RecordingInfo {
   /// Torque constant per joint [N·m/A], [N/A]: lets a column `tau_<joint> [A]` be read.
   std::vector<std::pair<std::string, double>> torque_constant;
   std::vector<JointValue> controller;  ///< gains and limits, SI
+  std::optional<HeldBody> payload;     ///< held in this recording
 };
 
 /// A channel that the contract does not know, kept by name.
