@@ -3,11 +3,11 @@
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/diagnose/diagnose.hpp>
-#include <diffnea/io/atomic_file.hpp>
 #include <diffnea/io/diagnosis.hpp>
 #include <diffnea/io/model_file.hpp>
 #include <diffnea/io/result_folder.hpp>
 #include <diffnea/report/diagnose_text.hpp>
+#include <diffnea/report/run_folder.hpp>
 #include <diffnea/version.hpp>
 
 #include "common.hpp"
@@ -20,10 +20,6 @@ const std::map<std::string, Base> kBases{{"auto", Base::kAuto},
                                          {"refit", Base::kRefit},
                                          {"prior", Base::kPrior},
                                          {"fixed", Base::kFixed}};
-
-/// Everything that `diagnose` may leave in RUN/.
-const std::vector<std::string> kRunFiles{"result.json", "series.json", "model.json",
-                                         "model.urdf",  "model.xml",   "report.html"};
 
 struct DiagnoseCommand {
   CommonOptions common;
@@ -42,7 +38,7 @@ void run_diagnose(DiagnoseCommand c) {
   const Model model = read_model(c.model);
   ResultFolder folder(c.out);  // cannot be written: better known now
 
-  const Interruptible interruptible;
+  const Interruptible interruptible(folder.leftovers(kDiagnoseRunFiles));
   ProgressLine line(c.common.quiet);
   c.options.progress = [&](const FitProgress& progress) {
     line.show(progress);
@@ -51,24 +47,32 @@ void run_diagnose(DiagnoseCommand c) {
   DiagnoseRun run;
   run.reproduce.version = version();
   run.reproduce.command = c.command_line;
-  line.show({"opening", 0, 0, 0.0});
-  const std::unique_ptr<RecordingSource> train = open_recordings(model, c.data, c.recording, line);
-  std::unique_ptr<RecordingSource> test;
-  if (!c.test.empty()) test = open_recordings(model, c.test, c.recording, line);
-  run.finding = diagnose(model, *train, test.get(), c.options);
-
+  try {
+    line.show({"opening", 0, 0, 0.0});
+    const std::unique_ptr<RecordingSource> train =
+        open_recordings(model, c.data, c.recording, line);
+    std::unique_ptr<RecordingSource> test;
+    if (!c.test.empty()) test = open_recordings(model, c.test, c.recording, line);
+    run.finding = diagnose(model, *train, test.get(), c.options);
+  } catch (const Error&) {
+    if (!Interruptible::requested()) throw;
+    line.clear();
+    std::fprintf(stderr, "interrupted before anything was found; nothing was written\n");
+    throw CLI::RuntimeError(kInterrupted);
+  }
   run.reproduce.inputs.push_back(describe_input("model", c.model));
   for (const std::string& file : c.data)
     run.reproduce.inputs.push_back(describe_input("data", file));
   for (const std::string& file : c.test)
     run.reproduce.inputs.push_back(describe_input("test", file));
-  write_model(run.finding.model, folder.staging() / "model.json");
-  write_file_atomically(folder.staging() / "series.json", diagnose_series_json(run.finding));
-  write_file_atomically(folder.staging() / "result.json", diagnose_result_json(run));
-  folder.publish(kRunFiles);
+  publish_diagnose_run(run, folder);
   line.clear();
   const std::string text = c.common.json ? diagnose_result_json(run) : diagnose_text(run);
   std::fwrite(text.data(), 1, text.size(), stdout);
+  if (run.finding.interrupted) {
+    std::fprintf(stderr, "interrupted: the result is of what had been found until then\n");
+    throw CLI::RuntimeError(kInterrupted);
+  }
 }
 
 }  // namespace
@@ -99,12 +103,12 @@ void add_diagnose(CLI::App& app, const std::vector<std::string>& command_line) {
   command
       ->add_option("--filter", c->options.preprocess.filter_hz,
                    "low-pass of the positions [Hz], 0: chosen")
-      ->check(CLI::NonNegativeNumber)
+      ->check(at_least(0.0))
       ->capture_default_str();
   command
       ->add_option("--decimate", c->options.preprocess.decimate_to_hz,
                    "rate of the tests [Hz], 0: chosen")
-      ->check(CLI::NonNegativeNumber)
+      ->check(at_least(0.0))
       ->capture_default_str();
   add_recording_options(*command, c->recording);
   add_common(*command, c->common);

@@ -1,6 +1,5 @@
 #include <algorithm>
 #include <cstdio>
-#include <filesystem>
 #include <map>
 #include <thread>
 
@@ -9,18 +8,15 @@
 #include <diffnea/io/model_file.hpp>
 #include <diffnea/io/result.hpp>
 #include <diffnea/io/result_folder.hpp>
-#include <diffnea/io/sidecar.hpp>
 #include <diffnea/report/identify_text.hpp>
 #include <diffnea/report/run_folder.hpp>
 #include <diffnea/version.hpp>
 
 #include "common.hpp"
-#include "progress.hpp"
+#include "recordings.hpp"
 
 namespace diffnea::apps {
 namespace {
-
-namespace fs = std::filesystem;
 
 /// The inertias are the model's then, to nine digits; beyond, squares of the strength drown the
 /// data.
@@ -34,56 +30,12 @@ const std::map<std::string, Robust> kRobust{
 struct IdentifyCommand {
   CommonOptions common;
   std::vector<std::string> command_line;
-  std::string model, out, torque_side, prior = "none", loss = "inverse", robust = "none";
-  std::vector<std::string> data, test, passive, effects;
+  RecordingOptions recording;
+  std::string model, out, prior = "none", loss = "inverse", robust = "none";
+  std::vector<std::string> data, test, effects;
   bool effects_given = false;
   IdentifyOptions options;
 };
-
-/// A held-out error on data of the fit would be a lie, and a file taken twice would count twice.
-void refuse_repeated_files(const IdentifyCommand& c) {
-  std::vector<std::string> all = c.data;
-  all.insert(all.end(), c.test.begin(), c.test.end());
-  for (std::size_t i = 0; i < all.size(); ++i)
-    for (std::size_t k = 0; k < i; ++k) {
-      std::error_code ignored;
-      if (!fs::equivalent(all[i], all[k], ignored)) continue;
-      throw DataError(all[i] + (i >= c.data.size() && k < c.data.size()
-                                    ? ": is given as data of the fit and as --test; held-out data "
-                                      "must be other recordings"
-                                    : ": is given twice"));
-    }
-}
-
-RecordingInfo recording_info(const IdentifyCommand& c, const std::string& path,
-                             ProgressLine& line) {
-  ReadOptions options;
-  options.info.passive = c.passive;
-  const std::optional<Sidecar> sidecar = read_sidecar(path);
-  if (sidecar && !c.common.quiet) {
-    line.clear();
-    for (const std::string& note : sidecar->notes)
-      std::fprintf(stderr, "%s: %s\n", sidecar->path.string().c_str(), note.c_str());
-  }
-  RecordingInfo info = with_sidecar(path, options).info;
-  if (!c.torque_side.empty()) {
-    const TorqueSide side = c.torque_side == "link" ? TorqueSide::kLink : TorqueSide::kMotor;
-    if (side != info.torque_side)  // the default sampling of that side (contract)
-      info.torque_sampling =
-          side == TorqueSide::kLink ? TorqueSampling::kInstant : TorqueSampling::kHold;
-    info.torque_side = side;
-  }
-  return info;
-}
-
-std::unique_ptr<RecordingSource> open(const IdentifyCommand& c, const Model& model,
-                                      const std::vector<std::string>& files, ProgressLine& line) {
-  const std::vector<fs::path> paths(files.begin(), files.end());
-  std::vector<RecordingInfo> info;
-  info.reserve(files.size());
-  for (const std::string& file : files) info.push_back(recording_info(c, file, line));
-  return recordings_in_files(model, paths, info);
-}
 
 void set_prior(const std::string& text, IdentifyOptions& options) {
   if (text == "none") return;
@@ -97,7 +49,8 @@ void set_prior(const std::string& text, IdentifyOptions& options) {
 }
 
 void run_identify(IdentifyCommand c) {
-  refuse_repeated_files(c);
+  refuse_repeated_files(c.data, c.test);
+  c.recording.quiet = c.common.quiet;
   set_prior(c.prior, c.options);
   c.options.loss = kLosses.at(c.loss);
   c.options.robust = kRobust.at(c.robust);
@@ -121,9 +74,10 @@ void run_identify(IdentifyCommand c) {
   run.reproduce.command = c.command_line;
   try {
     line.show({"opening", 0, 0, 0.0});
-    const std::unique_ptr<RecordingSource> train = open(c, model, c.data, line);
+    const std::unique_ptr<RecordingSource> train =
+        open_recordings(model, c.data, c.recording, line);
     std::unique_ptr<RecordingSource> test;
-    if (!c.test.empty()) test = open(c, model, c.test, line);
+    if (!c.test.empty()) test = open_recordings(model, c.test, c.recording, line);
     run.fit = identify(model, *train, test.get(), c.options);
   } catch (const Error&) {
     if (!Interruptible::requested()) throw;
@@ -196,9 +150,7 @@ void add_identify(CLI::App& app, const std::vector<std::string>& command_line) {
       ->add_option("--prior", c->prior,
                    "on the inertias: none, or entropic=STRENGTH (log det distance to the model)")
       ->capture_default_str();
-  command->add_option("--passive", c->passive, "joints whose torque is known to be zero");
-  command->add_option("--torque-side", c->torque_side, "where torque is measured: motor or link")
-      ->check(CLI::IsMember({"motor", "link"}));
+  add_recording_options(*command, c->recording);
   command
       ->add_option("--filter", o.preprocess.filter_hz, "low-pass of the positions [Hz], 0: chosen")
       ->check(at_least(0.0))

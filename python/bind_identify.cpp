@@ -1,8 +1,6 @@
 /// Identification, its result, and the comparison of two results.
 
-#include <exception>
 #include <filesystem>
-#include <map>
 #include <memory>
 
 #include <pybind11/stl/filesystem.h>
@@ -18,7 +16,9 @@
 #include <diffnea/version.hpp>
 
 #include "bindings.hpp"
-#include "recording_info.hpp"
+#include "choice.hpp"
+#include "data.hpp"
+#include "supervisor.hpp"
 #include "value_type.hpp"
 
 namespace diffnea::python {
@@ -26,70 +26,6 @@ namespace {
 
 using namespace pybind11::literals;
 namespace fs = std::filesystem;
-
-template <class T>
-T choice(const char* what, const std::string& name, const std::map<std::string, T>& choices) {
-  const auto it = choices.find(name);
-  if (it != choices.end()) return it->second;
-  std::string names;
-  for (const auto& [known, value] : choices) names += (names.empty() ? "" : ", ") + known;
-  throw Error(std::string("identify: ") + what + ": got '" + name + "'; choices: " + names);
-}
-
-/// Ctrl-C and the caller's own function, asked by the fit as it goes. Python's exceptions wait here
-/// until the fit has come home.
-class Supervisor {
- public:
-  explicit Supervisor(py::object callback) : callback_(std::move(callback)) {}
-
-  bool operator()(const FitProgress& progress) {
-    const py::gil_scoped_acquire gil;
-    try {
-      if (PyErr_CheckSignals() != 0) throw py::error_already_set();
-      return callback_.is_none() || !callback_(progress).is(py::bool_(false));
-    } catch (const py::error_already_set&) {
-      raised_ = std::current_exception();
-      return false;
-    }
-  }
-  /// With the GIL held.
-  void rethrow() const {
-    if (raised_) std::rethrow_exception(raised_);
-  }
-
- private:
-  py::object callback_;
-  std::exception_ptr raised_;
-};
-
-/// What `identify` takes its rows from: files, which are streamed, or recordings in memory.
-struct Data {
-  std::vector<fs::path> files;
-  std::vector<Recording> recordings;
-
-  explicit Data(const py::list& items) {
-    for (const py::handle item : items)
-      if (py::isinstance<Recording>(item))
-        recordings.push_back(py::cast<Recording>(item));
-      else
-        files.push_back(py::cast<fs::path>(item));
-  }
-};
-
-struct FileOptions {
-  std::optional<std::string> torque_side;
-  std::vector<std::string> passive;
-};
-
-std::unique_ptr<RecordingSource> open(const Model& model, const Data& data,
-                                      const FileOptions& options) {
-  if (data.files.empty()) return recordings_in_memory(model, data.recordings);
-  std::vector<RecordingInfo> info;
-  for (const fs::path& file : data.files)
-    info.push_back(
-        described_info(file, options.torque_side, std::nullopt, options.passive, std::nullopt));
-  return recordings_in_files(model, data.files, info);
-}
 
 FitRun identify_python(const Model& model, const py::list& train_items, const py::list& test_items,
                        const std::string& loss, const std::string& robust,
@@ -100,12 +36,12 @@ FitRun identify_python(const Model& model, const py::list& train_items, const py
                        int threads, const std::optional<std::string>& torque_side,
                        const std::vector<std::string>& passive, const py::object& progress) {
   IdentifyOptions options;
-  options.loss = choice<Loss>("loss", loss,
+  options.loss = choice<Loss>("identify: loss", loss,
                               {{"inverse", Loss::kInverse},
                                {"forward", Loss::kForward},
                                {"trajectory", Loss::kTrajectory}});
   options.robust = choice<Robust>(
-      "robust", robust,
+      "identify: robust", robust,
       {{"none", Robust::kNone}, {"huber", Robust::kHuber}, {"cauchy", Robust::kCauchy}});
   options.choice.fit = fit;
   options.choice.effects = effects;
@@ -122,7 +58,6 @@ FitRun identify_python(const Model& model, const py::list& train_items, const py
 
   const Data train(train_items), test(test_items);
   const FileOptions file_options{torque_side, passive};
-  const bool held_out = !test.files.empty() || !test.recordings.empty();
   FitRun run;
   run.reproduce.version = version();
   run.reproduce.command = {"diffnea.identify"};
@@ -130,14 +65,9 @@ FitRun identify_python(const Model& model, const py::list& train_items, const py
     const py::gil_scoped_release release;
     const std::unique_ptr<RecordingSource> train_source = open(model, train, file_options);
     std::unique_ptr<RecordingSource> test_source;
-    if (held_out) test_source = open(model, test, file_options);
+    if (!test.empty()) test_source = open(model, test, file_options);
     run.fit = identify(model, *train_source, test_source.get(), options);
-    if (fs::exists(model.source))
-      run.reproduce.inputs.push_back(describe_input("model", model.source));
-    for (const fs::path& file : train.files)
-      run.reproduce.inputs.push_back(describe_input("data", file));
-    for (const fs::path& file : test.files)
-      run.reproduce.inputs.push_back(describe_input("test", file));
+    run.reproduce.inputs = describe_inputs(model, train, test);
   } catch (const Error&) {
     supervisor.rethrow();  // stopped before there was anything to return
     throw;

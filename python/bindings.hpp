@@ -10,6 +10,7 @@ void bind_dynamics(pybind11::module_& m);
 void bind_recording(pybind11::module_& m);
 void bind_audit(pybind11::module_& m);
 void bind_identify(pybind11::module_& m);
+void bind_diagnose(pybind11::module_& m);
 void bind_sim(pybind11::module_& m);
 
 /// diffnea.<module>.<function>, for what is written in Python: data frames, plots, HTML.

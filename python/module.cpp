@@ -43,5 +43,6 @@ PYBIND11_MODULE(_core, m) {
   diffnea::python::bind_recording(m);
   diffnea::python::bind_audit(m);
   diffnea::python::bind_identify(m);
+  diffnea::python::bind_diagnose(m);
   diffnea::python::bind_sim(m);
 }

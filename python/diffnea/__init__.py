@@ -4,6 +4,8 @@
     >>> result = diffnea.identify(model, "train.csv", test="test.csv")
     >>> result.parameters["forearm.mass"].value
     >>> result.model.save("fitted.json")
+    >>> finding = diffnea.diagnose(model, "train.csv", test="test.csv")
+    >>> finding.causes[0].effect
 
 Arrays are float64: ``(n,)`` for one state of n joints, ``(T, n)`` for many; SI units throughout.
 """
@@ -11,9 +13,13 @@ Arrays are float64: ``(n,)`` for one state of n joints, ``(T, n)`` for many; SI 
 from . import models
 from ._audit import audit
 from ._core import (
+    Absorbed,
     AuditCheck,
     AuditReport,
     BaseParameter,
+    CandidateScore,
+    Cause,
+    CauseParameter,
     Change,
     ChannelFault,
     Comparison,
@@ -22,12 +28,15 @@ from ._core import (
     Effect,
     Error,
     FileError,
+    Finding,
     FitProgress,
     FitSummary,
     FrameMotion,
+    Gain,
     IdentifyResult,
     Issue,
     JointError,
+    JointGain,
     Link,
     Model,
     ModelError,
@@ -37,13 +46,17 @@ from ._core import (
     QuarantinedRow,
     ReadReport,
     Recording,
+    Refusal,
     Reproduce,
+    ResidualSeries,
+    Rival,
     RunInput,
     ShapeError,
     Simulation,
     TorqueConstant,
     TorqueSeries,
     Trajectory,
+    Witness,
     __version__,
     aba,
     compare,
@@ -61,6 +74,7 @@ from ._core import (
     rnea,
     rnea_derivatives,
 )
+from ._diagnose import diagnose
 from ._files import (
     Recordings,
     load_model,
@@ -73,9 +87,13 @@ from ._results import Parameters
 from ._simulate import simulate, worlds
 
 __all__ = [
+    "Absorbed",
     "AuditCheck",
     "AuditReport",
     "BaseParameter",
+    "CandidateScore",
+    "Cause",
+    "CauseParameter",
     "Change",
     "ChannelFault",
     "Comparison",
@@ -84,12 +102,15 @@ __all__ = [
     "Effect",
     "Error",
     "FileError",
+    "Finding",
     "FitProgress",
     "FitSummary",
     "FrameMotion",
+    "Gain",
     "IdentifyResult",
     "Issue",
     "JointError",
+    "JointGain",
     "Link",
     "Model",
     "ModelError",
@@ -101,18 +122,23 @@ __all__ = [
     "ReadReport",
     "Recording",
     "Recordings",
+    "Refusal",
     "Reproduce",
+    "ResidualSeries",
+    "Rival",
     "RunInput",
     "ShapeError",
     "Simulation",
     "TorqueConstant",
     "TorqueSeries",
     "Trajectory",
+    "Witness",
     "__version__",
     "aba",
     "audit",
     "compare",
     "detect_period",
+    "diagnose",
     "effects",
     "excite",
     "frame_jacobian",

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING
 
 from ._core import AuditReport, Model, Recording, _audit_files, _audit_recordings
-from ._files import StrPath, load_model, read_recordings
+from ._data import items
+from ._files import StrPath, load_model
 
 if TYPE_CHECKING:
-    import pandas as pd
-
-    One: TypeAlias = Recording | StrPath | pd.DataFrame
-    Data: TypeAlias = One | Sequence[One]
+    from ._data import Data
 
 
 def audit(
@@ -43,14 +40,9 @@ def audit(
     """
     if model is not None and not isinstance(model, Model):
         model = load_model(model)
-    one: list[One] = list(data) if isinstance(data, list | tuple) else [data]  # type: ignore[list-item]
-    paths = [Path(x) for x in one if isinstance(x, str | os.PathLike)]
-    if len(paths) == len(one) and all(path.suffix not in (".parquet", ".npz") for path in paths):
+    found = items(data, None, passive)
+    paths = [x for x in found if isinstance(x, Path)]
+    if paths:
         return _audit_files(paths, model, significance, list(passive))
-    recordings: list[Recording] = []
-    for x in one:
-        if isinstance(x, Recording):
-            recordings.append(x)
-        else:
-            recordings.extend(read_recordings(x, passive=passive))
+    recordings = [x for x in found if isinstance(x, Recording)]
     return _audit_recordings(recordings, model, significance)

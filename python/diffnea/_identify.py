@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Sequence
-from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING
 
-from ._core import FitProgress, IdentifyResult, Model, Recording, _identify
-from ._files import StrPath, load_model, read_recordings
+from ._core import FitProgress, IdentifyResult, Model, _identify
+from ._data import items
+from ._files import StrPath, load_model
 
 if TYPE_CHECKING:
-    import pandas as pd
-
-    One: TypeAlias = Recording | StrPath | pd.DataFrame
-    Data: TypeAlias = One | Sequence[One]
+    from ._data import Data
 
 
 def identify(
@@ -78,8 +74,8 @@ def identify(
         model = load_model(model)
     return _identify(
         model,
-        _items(data, torque_side, passive),
-        [] if test is None else _items(test, torque_side, passive),
+        items(data, torque_side, passive),
+        [] if test is None else items(test, torque_side, passive),
         loss,
         robust,
         list(fit),
@@ -96,18 +92,3 @@ def identify(
         list(passive),
         progress,
     )
-
-
-def _items(data: Data, torque_side: str | None, passive: Sequence[str]) -> list[Recording | Path]:
-    """All CSV files, or all recordings in memory."""
-    one: list[One] = list(data) if isinstance(data, list | tuple) else [data]  # type: ignore[list-item]
-    paths = [Path(x) for x in one if isinstance(x, str | os.PathLike)]
-    if len(paths) == len(one) and all(path.suffix not in (".parquet", ".npz") for path in paths):
-        return list(paths)
-    recordings: list[Recording | Path] = []
-    for x in one:
-        if isinstance(x, Recording):
-            recordings.append(x)
-        else:
-            recordings.extend(read_recordings(x, torque_side=torque_side, passive=passive))
-    return recordings

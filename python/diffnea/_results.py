@@ -9,7 +9,16 @@ from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
-from ._core import AuditReport, Error, IdentifyResult, ParameterEstimate, TorqueSeries
+from ._core import (
+    AuditReport,
+    Cause,
+    Error,
+    Finding,
+    IdentifyResult,
+    ParameterEstimate,
+    ResidualSeries,
+    TorqueSeries,
+)
 from ._files import import_pandas
 
 if TYPE_CHECKING:
@@ -109,14 +118,43 @@ def audit_html(report: AuditReport) -> str:
     return _table(["", "fault", "channel", "size", "evidence"], rows) + unchecked
 
 
+def finding_html(finding: Finding) -> str:
+    """Implement ``_repr_html_`` of :class:`Finding`: verdict, causes, held-out error per joint."""
+
+    def values(cause: Cause) -> str:
+        return ", ".join(
+            f"{p.name} {_number(p.value)} ± {p.std:.2g}{'' if p.unit == '1' else ' ' + p.unit}"
+            for p in cause.parameters
+            if math.isfinite(p.std)
+        )
+
+    causes = [
+        [
+            c.effect,
+            c.where,
+            values(c),
+            _number(c.delta_bic),
+            f"{100 * c.gain.explained_share:.3g} %",
+            ", ".join(f"{m.effect} at {m.where}" for m in c.members),
+        ]
+        for c in finding.causes
+    ]
+    joints = [
+        [j.joint, j.unit, *map(_number, (j.torque_rms, j.base, j.extended, j.noise_floor))]
+        for j in finding.joints
+    ]
+    head = ["cause", "where", "parameters ± std", "ΔBIC", "held-out error² explained", "or"]
+    return (
+        f"<p><b>{finding.verdict}</b>: {text.escape(finding.sentence)}</p>"
+        + (_table(head, causes) if causes else "")
+        + f"<p>rms torque error, held out ({text.escape(finding.held_out)})</p>"
+        + _table(["joint", "unit", "torque", "before", "after", "noise"], joints)
+    )
+
+
 def plot(result: IdentifyResult, of: str) -> Figure:
     """Implement :meth:`IdentifyResult.plot`."""
-    try:
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        raise ImportError(
-            "IdentifyResult.plot needs matplotlib; install it with: pip install 'diffnea[plots]'"
-        ) from error
+    figure_type = _import_figure("IdentifyResult.plot")
     choices = {"train": result.train_series, "test": result.test_series}
     choices["auto"] = choices["test"] or choices["train"]
     if of not in choices:
@@ -124,12 +162,10 @@ def plot(result: IdentifyResult, of: str) -> Figure:
     series: list[TorqueSeries] = choices[of]
     if not series:
         raise Error(f"plot: the result holds no {of} series")
-    figure = Figure(figsize=(9, 1 + 1.8 * len(series)), layout="constrained")
+    figure = figure_type(figsize=(9, 1 + 1.8 * len(series)), layout="constrained")
     panels: Any = figure.subplots(len(series), 1, sharex=True, squeeze=False)[:, 0]
     for panel, s in zip(panels, series, strict=True):
-        # Rows that were left out are gaps, not straight lines.
-        step = np.diff(s.time)
-        gaps = 1 + np.flatnonzero(step > 1.5 * np.median(step)) if len(step) else np.arange(0)
+        gaps = _gaps(s.time)
         time = np.insert(s.time, gaps, np.nan)
         for values, label, color, width in (
             (s.measured, "measured", "0.7", 2.5),
@@ -142,3 +178,55 @@ def plot(result: IdentifyResult, of: str) -> Figure:
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper right", ncols=3)
     panels[-1].set_xlabel("time [s]")
     return figure
+
+
+def plot_finding(finding: Finding, joints: Sequence[str] | None) -> Figure:
+    """Implement :meth:`Finding.plot`."""
+    figure_type = _import_figure("Finding.plot")
+    names = [s.joint for s in finding.series]
+    if joints is None:
+        places = [c.where for c in finding.causes] + [w.where for w in finding.witness]
+        named = {part.strip() for place in places for part in place.split(",")}
+        joints = [name for name in names if name in named] or names  # the tip acts on all of them
+    unknown = [name for name in joints if name not in names]
+    if unknown or not joints:
+        raise Error(f"plot: joints: got {unknown or joints!r}; choices: {', '.join(names)}")
+    series: list[ResidualSeries] = [finding.series[names.index(name)] for name in joints]
+    figure = figure_type(figsize=(10, 1 + 2.4 * len(series)), layout="constrained")
+    panels: Any = figure.subplots(len(series), 2, squeeze=False, width_ratios=(3, 2))
+    for (over_time, over_velocity), s in zip(panels, series, strict=True):
+        gaps = _gaps(s.time)
+        time = np.insert(s.time, gaps, np.nan)
+        for values, label, color, width in (
+            (s.measured, "measured", "0.7", 2.5),
+            (s.base, "before", "C1", 0.8),
+            (s.extended, "after", "C0", 1.0),
+        ):
+            line = np.insert(values, gaps, np.nan)
+            over_time.plot(time, line, color=color, linewidth=width, label=label)
+        unit = s.unit.replace("*", "·")
+        over_time.set_ylabel(f"{s.joint} [{unit}]")
+        for values, color in ((s.base, "C1"), (s.extended, "C0")):
+            over_velocity.plot(s.qd, s.measured - values, ".", color=color, markersize=2)
+        over_velocity.set_ylabel(f"error [{unit}]")
+        over_velocity.set_xlabel(f"velocity [{'m' if s.unit == 'N' else 'rad'}/s]")
+    figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside upper right", ncols=3)
+    panels[-1, 0].set_xlabel("time [s]")
+    return figure
+
+
+def _import_figure(purpose: str) -> type[Figure]:
+    """Matplotlib's figure, or an error that says what needs it."""
+    try:
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        raise ImportError(
+            f"{purpose} needs matplotlib; install it with: pip install 'diffnea[plots]'"
+        ) from error
+    return Figure
+
+
+def _gaps(time: np.ndarray) -> np.ndarray:
+    """Where rows were left out: gaps in a line, no straight strokes."""
+    step = np.diff(time)
+    return 1 + np.flatnonzero(step > 1.5 * np.median(step)) if len(step) else np.arange(0)

@@ -144,7 +144,14 @@ class Diagnosis {
  public:
   Diagnosis(const Model& model, const RecordingSource& train, const RecordingSource* test,
             const DiagnoseOptions& options)
-      : model_(model), train_source_(train), test_source_(test), options_(options) {}
+      : model_(model), train_source_(train), test_source_(test), options_(options) {
+    if (options.progress)
+      options_.progress = [this, told = options.progress](const FitProgress& progress) {
+        const bool go_on = told(progress);
+        finding_.interrupted |= !go_on;
+        return go_on;
+      };
+  }
 
   Finding run() {
     const auto start = std::chrono::steady_clock::now();
@@ -469,7 +476,7 @@ class Diagnosis {
   const Model& model_;
   const RecordingSource& train_source_;
   const RecordingSource* test_source_;
-  const DiagnoseOptions& options_;
+  DiagnoseOptions options_;
   Finding finding_;
   Base base_ = Base::kRefit;
   FitLayout layout_;

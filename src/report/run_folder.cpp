@@ -44,4 +44,12 @@ void publish_fit_run(FitRun& run, ResultFolder& folder) {
   folder.publish(kFitRunFiles);
 }
 
+void publish_diagnose_run(const DiagnoseRun& run, ResultFolder& folder) {
+  const fs::path& staging = folder.staging();
+  write_model(run.finding.model, staging / "model.json");
+  write_file_atomically(staging / "series.json", diagnose_series_json(run.finding));
+  write_file_atomically(staging / "result.json", diagnose_result_json(run));
+  folder.publish(kDiagnoseRunFiles);
+}
+
 }  // namespace diffnea

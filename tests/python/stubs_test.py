@@ -13,7 +13,7 @@ import diffnea
 EXPECTED = re.compile(
     r"is inconsistent, metaclass differs"
     r"|__init__ is inconsistent, stub does not have \*args parameter"
-    r"|_core\.(Array|StrPath) is not present at runtime"
+    r"|_core\.(Array|StrPath|Verdict) is not present at runtime"
 )
 
 

@@ -1,0 +1,285 @@
+/// Diagnosis and what it finds.
+
+#include <filesystem>
+#include <memory>
+
+#include <pybind11/stl/filesystem.h>
+
+#include <diffnea/core/error.hpp>
+#include <diffnea/diagnose/diagnose.hpp>
+#include <diffnea/io/diagnosis.hpp>
+#include <diffnea/io/result_folder.hpp>
+#include <diffnea/report/diagnose_text.hpp>
+#include <diffnea/report/run_folder.hpp>
+#include <diffnea/version.hpp>
+
+#include "bindings.hpp"
+#include "choice.hpp"
+#include "data.hpp"
+#include "supervisor.hpp"
+#include "value_type.hpp"
+
+namespace pybind11::detail {
+
+/// "NAMED", "CLASS", "UNKNOWN", "NONE", "NOT_IDENTIFIABLE".
+template <>
+struct type_caster<diffnea::Verdict> {
+  PYBIND11_TYPE_CASTER(diffnea::Verdict, const_name("str"));
+  bool load(handle source, bool) {
+    if (!isinstance<str>(source)) return false;
+    value = diffnea::verdict_from(source.cast<std::string>());
+    return true;
+  }
+  static handle cast(diffnea::Verdict verdict, return_value_policy, handle) {
+    return str(diffnea::name_of(verdict)).release();
+  }
+};
+
+}  // namespace pybind11::detail
+
+namespace diffnea::python {
+namespace {
+
+using namespace pybind11::literals;
+
+DiagnoseRun diagnose_python(const Model& model, const py::list& train_items,
+                            const py::list& test_items, const std::string& base,
+                            const std::vector<std::string>& effects, double filter_hz,
+                            double decimate_to_hz, int max_causes, std::uint64_t seed,
+                            const std::optional<std::string>& torque_side,
+                            const std::vector<std::string>& passive, const py::object& progress) {
+  DiagnoseOptions options;
+  options.base = choice<Base>("diagnose: base", base,
+                              {{"auto", Base::kAuto},
+                               {"refit", Base::kRefit},
+                               {"prior", Base::kPrior},
+                               {"fixed", Base::kFixed}});
+  options.effects = effects;
+  options.preprocess.filter_hz = filter_hz;
+  options.preprocess.decimate_to_hz = decimate_to_hz;
+  options.max_causes = max_causes;
+  options.seed = seed;
+  Supervisor supervisor(progress);
+  options.progress = [&supervisor](const FitProgress& p) { return supervisor(p); };
+
+  const Data train(train_items), test(test_items);
+  const FileOptions file_options{torque_side, passive};
+  DiagnoseRun run;
+  run.reproduce.version = version();
+  run.reproduce.command = {"diffnea.diagnose"};
+  try {
+    const py::gil_scoped_release release;
+    const std::unique_ptr<RecordingSource> train_source = open(model, train, file_options);
+    std::unique_ptr<RecordingSource> test_source;
+    if (!test.empty()) test_source = open(model, test, file_options);
+    run.finding = diagnose(model, *train_source, test_source.get(), options);
+    run.reproduce.inputs = describe_inputs(model, train, test);
+  } catch (const Error&) {
+    supervisor.rethrow();  // stopped before there was anything to return
+    throw;
+  }
+  supervisor.rethrow();
+  return run;
+}
+
+/// What `diffnea diagnose -o path` leaves there.
+void save(const DiagnoseRun& run, const std::filesystem::path& path) {
+  ResultFolder folder(path);
+  publish_diagnose_run(run, folder);
+}
+
+void bind_cause(py::module_& m) {
+  value_type<CauseParameter>(m, "CauseParameter", "One parameter of a cause.",
+                             field("name", &CauseParameter::name, "As ``effects()`` names it."),
+                             field("unit", &CauseParameter::unit, "SI unit."),
+                             field("value", &CauseParameter::value, "Estimate."),
+                             field("std", &CauseParameter::std, "Standard error; NaN if held."),
+                             field("low", &CauseParameter::low, "Lower end, 95 % interval."),
+                             field("high", &CauseParameter::high, "Upper end, 95 % interval."));
+  value_type<Rival>(
+      m, "Rival", "Another effect in the place of a cause.",
+      field("effect", &Rival::effect, "Its name."),
+      field("where", &Rival::where, "Joint, pair of joints, ``tip``, ``base`` or ``all``."),
+      field("delta_bic", &Rival::delta_bic, "How much worse the fit is with it instead."));
+  value_type<Gain>(
+      m, "Gain",
+      "What causes gain on held-out data. Errors are of filtered, decimated torque, each joint's "
+      "over its noise.",
+      field("before", &Gain::before, "Root mean square without them."),
+      field("after", &Gain::after, "With them."),
+      field("noise_floor", &Gain::noise_floor,
+            "What no smooth function of the motion removes either."),
+      field("explained_share", &Gain::explained_share, "Of the removable mean square."),
+      field("low", &Gain::low,
+            "Removed share of the mean square: lower end of the 95 % interval (block bootstrap)."),
+      field("high", &Gain::high, "Its upper end."));
+  value_type<Cause>(
+      m, "Cause", "An effect that the model lacks.", field("effect", &Cause::effect, "Its name."),
+      field("where", &Cause::where, "Joint, pair of joints, ``tip``, ``base`` or ``all``."),
+      field("verdict", &Cause::verdict, "``NAMED``, or ``CLASS`` if ``members`` do as well."),
+      field("parameters", &Cause::parameters, "A list of :class:`CauseParameter`."),
+      field("delta_bic", &Cause::delta_bic, "Of leaving it out."),
+      field("lm", &Cause::lm, "χ² that it takes away, the base refitted."),
+      field("visible_share", &Cause::visible_share,
+            "Of its torque: what the base parameters cannot take over."),
+      field("torque_share", &Cause::torque_share,
+            "Root mean square of its torque over that of its joint's torque."),
+      field("members", &Cause::members,
+            "Its class without itself: effects that this recording cannot tell from it; a list of "
+            ":class:`Rival`."),
+      field("rivals", &Cause::rivals, "The next ones, a list of :class:`Rival`."),
+      field("gain", &Cause::gain, "Of this cause alone, the others in place."));
+}
+
+void bind_rest(py::module_& m) {
+  value_type<Refusal>(m, "Refusal", "A candidate that could not be tested, or was refused.",
+                      field("effect", &Refusal::effect, "Its name."),
+                      field("where", &Refusal::where, "Its place."),
+                      field("reason", &Refusal::reason, "Why."),
+                      field("delta_bic", &Refusal::delta_bic, "What it would have gained."));
+  value_type<CandidateScore>(
+      m, "CandidateScore", "A candidate before anything was accepted.",
+      field("effect", &CandidateScore::effect, "Its name."),
+      field("where", &CandidateScore::where, "Its place."),
+      field("delta_bic", &CandidateScore::delta_bic, "Of adding it to the base model."),
+      field("lm", &CandidateScore::lm, "χ² that it takes away, the base refitted."),
+      field("visible_share", &CandidateScore::visible_share,
+            "Of its torque: what the base parameters cannot take over."),
+      field("shape", &CandidateScore::shape, "Its searched shape parameters at their best."));
+  value_type<Witness>(m, "Witness", "What the error that is left depends on.",
+                      field("where", &Witness::where, "The joint."),
+                      field("variables", &Witness::variables, "Channels, e.g. ``q_elbow``."),
+                      field("share", &Witness::share, "Of the mean square of the joint's error."),
+                      field("delta_bic", &Witness::delta_bic, "Of a smooth function of them."));
+  value_type<Absorbed>(m, "Absorbed",
+                       "An effect that this recording cannot show beside the base parameters.",
+                       field("effect", &Absorbed::effect, "Its name."),
+                       field("where", &Absorbed::where, "Its place."),
+                       field("visible_share", &Absorbed::visible_share, "Of its torque."));
+  value_type<JointGain>(
+      m, "JointGain", "Root mean square of one joint's held-out torque error [N·m] or [N].",
+      field("joint", &JointGain::joint, "The joint's name."),
+      field("unit", &JointGain::unit, "Of the torque."),
+      field("torque_rms", &JointGain::torque_rms, "Of the measured torque."),
+      field("base", &JointGain::base, "Of the base model, refitted as ``base`` allows."),
+      field("extended", &JointGain::extended, "With all causes."),
+      field("noise_floor", &JointGain::noise_floor, "Of the noise."));
+  value_type<ResidualSeries>(
+      m, "ResidualSeries", "Torque of one joint over the held-out rows, filtered and decimated.",
+      field("joint", &ResidualSeries::joint, "The joint's name."),
+      field("unit", &ResidualSeries::unit, "Of the torque."),
+      field("time", &ResidualSeries::time, "(M,) [s]"),
+      field("measured", &ResidualSeries::measured, "(M,) measured torque."),
+      field("base", &ResidualSeries::base, "(M,) of the base model."),
+      field("extended", &ResidualSeries::extended, "(M,) of the model with all causes."),
+      field("q", &ResidualSeries::q, "(M,) position [rad] or [m]."),
+      field("qd", &ResidualSeries::qd, "(M,) velocity."),
+      field("qdd", &ResidualSeries::qdd, "(M,) acceleration."));
+}
+
+template <class F>
+auto of_finding(F Finding::* member) {
+  return [member](const DiagnoseRun& run) { return detail::to_python(run.finding.*member); };
+}
+
+void bind_finding(py::module_& m) {
+  using F = Finding;
+  value_type<F>(m, "_Diagnosis", "The part of a Finding that the library fills.",
+                field("verdict", &F::verdict, ""), field("sentence", &F::sentence, ""),
+                field("causes", &F::causes, ""), field("witness", &F::witness, ""),
+                field("absorbed", &F::absorbed, ""), field("refused", &F::refused, ""),
+                field("candidates", &F::candidates, ""), field("gain", &F::gain, ""),
+                field("joints", &F::joints, ""), field("series", &F::series, ""),
+                field("lack_of_fit", &F::lack_of_fit, ""),
+                field("lack_of_fit_p", &F::lack_of_fit_p, ""), field("noise", &F::noise, ""),
+                field("held_out", &F::held_out, ""), field("base", &F::base, ""),
+                field("model", &F::model, ""), field("parameters", &F::parameters, ""),
+                field("plan", &F::plan, ""), field("data_report", &F::data_report, ""),
+                field("notes", &F::notes, ""), field("seconds", &F::seconds, ""),
+                field("interrupted", &F::interrupted, ""))
+      .attr("__module__") = "diffnea._core";
+  py::class_<DiagnoseRun> c(m, "Finding",
+                            "What a model lacks, with evidence, rivals and the gain.");
+  const auto property = [&c](const char* name, auto member, const char* doc) {
+    c.def_property_readonly(name, of_finding(member), doc);
+  };
+  property("verdict", &F::verdict,
+           "``NAMED``, ``CLASS``, ``UNKNOWN``, ``NONE`` or ``NOT_IDENTIFIABLE``.");
+  property("sentence", &F::sentence, "The verdict in words.");
+  property("causes", &F::causes, "What the model lacks, a list of :class:`Cause`.");
+  property("witness", &F::witness,
+           "What the error that is left depends on, a list of :class:`Witness`.");
+  property("absorbed", &F::absorbed, "Effects that cannot be seen, a list of :class:`Absorbed`.");
+  property("refused", &F::refused, "Effects that were refused, a list of :class:`Refusal`.");
+  property("candidates", &F::candidates,
+           "All that was tried at the first step, best first; a list of :class:`CandidateScore`.");
+  property("gain", &F::gain, "Of all causes together, on held-out data.");
+  property("joints", &F::joints, "Held-out error of every joint, a list of :class:`JointGain`.");
+  property("series", &F::series, "Held-out torques, a list of :class:`ResidualSeries`.");
+  property("lack_of_fit", &F::lack_of_fit, "F of the base model against the noise.");
+  property("lack_of_fit_p", &F::lack_of_fit_p,
+           "Chance of the best candidate's score if nothing is left to explain.");
+  property("noise", &F::noise,
+           "Root mean square of the noise of each joint's filtered, decimated torque.");
+  property("held_out", &F::held_out, "``test recording`` or ``time blocks``.");
+  property("base", &F::base, "What of the base could move: ``refit``, ``prior`` or ``fixed``.");
+  property("model", &F::model, "The extended model: base parameters as fitted, and the causes.");
+  property("plan", &F::plan, "How the recordings were filtered.");
+  property("data_report", &F::data_report, "What reading the files brought up.");
+  property("notes", &F::notes, "What a reader should know, one sentence each.");
+  property("seconds", &F::seconds, "In all.");
+  property("interrupted", &F::interrupted, "It was stopped; what had been found is there.");
+  c.def_property_readonly(
+       "parameters",
+       [](const DiagnoseRun& run) {
+         return python_function("diffnea._results", "Parameters")(py::cast(run.finding.parameters));
+       },
+       "The base parameters that go with the causes: a list of :class:`ParameterEstimate`, also "
+       "by name.")
+      .def_property_readonly(
+          "reproduce", [](const DiagnoseRun& run) { return run.reproduce; },
+          "Version and input files.")
+      .def(
+          "to_dict", [](const DiagnoseRun& run) { return parse_json(diagnose_result_json(run)); },
+          "The content of result.json, schema ``diffnea/diagnose/1``.")
+      .def("save", &save, "folder"_a, py::call_guard<py::gil_scoped_release>(),
+           "Write what ``diffnea diagnose -o folder`` leaves there: result.json, series.json and "
+           "the\nextended model.json.")
+      .def(
+          "plot",
+          [](const DiagnoseRun& run, const std::optional<std::vector<std::string>>& joints) {
+            return python_function("diffnea._results", "plot_finding")(run, joints);
+          },
+          py::kw_only(), "joints"_a = py::none(),
+          "Draw torque over time and its error over velocity, before and after, for every joint "
+          "that a\ncause or a witness names (all, if none does), or for those given; return the "
+          "matplotlib\nfigure.")
+      .def("__repr__",
+           [](const DiagnoseRun& run) {
+             return "Finding(" + std::string(py::repr(py::str(run.finding.model.name))) + ": " +
+                    name_of(run.finding.verdict) + ". " + run.finding.sentence + ")";
+           })
+      .def("__str__", &diagnose_text)
+      .def(
+          "_repr_html_",
+          [](const DiagnoseRun& run) {
+            return python_function("diffnea._results", "finding_html")(run);
+          },
+          "The verdict and small tables for notebooks.");
+  def_pickle(c, field("finding", &DiagnoseRun::finding, ""),
+             field("reproduce", &DiagnoseRun::reproduce, ""));
+  c.attr("__module__") = "diffnea";
+}
+
+}  // namespace
+
+void bind_diagnose(py::module_& m) {
+  bind_cause(m);
+  bind_rest(m);
+  bind_finding(m);
+  m.def("_diagnose", &diagnose_python, "model"_a, "train"_a, "test"_a, "base"_a, "effects"_a,
+        "filter_hz"_a, "decimate_to_hz"_a, "max_causes"_a, "seed"_a, "torque_side"_a, "passive"_a,
+        "progress"_a);
+}
+
+}  // namespace diffnea::python

@@ -1,0 +1,32 @@
+"""Whatever holds recordings, as the compiled part takes it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeAlias
+
+from ._core import Recording
+from ._files import StrPath, read_recordings
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    One: TypeAlias = Recording | StrPath | pd.DataFrame
+    Data: TypeAlias = One | Sequence[One]
+
+
+def items(data: Data, torque_side: str | None, passive: Sequence[str]) -> list[Recording | Path]:
+    """All CSV files, or all recordings in memory."""
+    one: list[One] = list(data) if isinstance(data, list | tuple) else [data]
+    paths = [Path(x) for x in one if isinstance(x, str | os.PathLike)]
+    if len(paths) == len(one) and all(path.suffix not in (".parquet", ".npz") for path in paths):
+        return list(paths)
+    recordings: list[Recording | Path] = []
+    for x in one:
+        if isinstance(x, Recording):
+            recordings.append(x)
+        else:
+            recordings.extend(read_recordings(x, torque_side=torque_side, passive=passive))
+    return recordings

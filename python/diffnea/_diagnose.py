@@ -1,0 +1,77 @@
+"""`diagnose` on whatever holds a recording."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+from ._core import Error, Finding, FitProgress, Model, _diagnose
+from ._data import items
+from ._files import StrPath, load_model
+
+if TYPE_CHECKING:
+    from ._data import Data
+
+
+def diagnose(
+    model: Model | StrPath,
+    train: Data,
+    *,
+    test: Data | None = None,
+    base: str = "auto",
+    effects: Sequence[str] | None = None,
+    filter_hz: float = 0.0,
+    decimate_to_hz: float = 0.0,
+    max_causes: int = 8,
+    seed: int = 0,
+    torque_side: str | None = None,
+    passive: Sequence[str] = (),
+    progress: Callable[[FitProgress], bool | None] | None = None,
+) -> Finding:
+    """Name the effects that a model lacks, with evidence, rivals and the gain on held-out data.
+
+    Args:
+        model: the robot, or the path of its description.
+        train: what to explain: a :class:`Recording`, a path, a data frame, or a list of them.
+        test: recordings of other motions, on which causes must help too. Without them blocks of
+            time are held out, which is weaker.
+        base: what may be re-fitted of the model: ``refit`` (all its parameters), ``prior`` (within
+            the posterior that :func:`identify` left in it), ``fixed`` (nothing), ``auto``
+            (``prior`` if there is one, else ``refit``).
+        effects: candidates: ``name`` wherever it suits, or ``name@where``. Default: all that
+            :func:`effects` lists.
+        filter_hz: low-pass of the positions [Hz]; 0: chosen from the data.
+        decimate_to_hz: rate of the tests [Hz]; 0: chosen from the data.
+        max_causes: at most so many are named.
+        seed: of the bootstrap.
+        torque_side: where torque was measured, ``motor`` or ``link``; for files, over what the
+            file says.
+        passive: for files: joints whose torque is known to be zero.
+        progress: called before each step. Return ``False`` to stop and have what was found until
+            then (``finding.interrupted``). Ctrl-C raises ``KeyboardInterrupt``.
+
+    Raises:
+        DataError, ModelError, FileError: where the input is at fault; the message says what to
+            do.
+
+    """
+    if not isinstance(model, Model):
+        model = load_model(model)
+    if effects is not None and not effects:
+        raise Error("diagnose: effects: got none; leave it out to try all that effects() lists")
+    if isinstance(effects, str):
+        effects = [effects]
+    return _diagnose(
+        model,
+        items(train, torque_side, passive),
+        [] if test is None else items(test, torque_side, passive),
+        base,
+        [] if effects is None else list(effects),
+        filter_hz,
+        decimate_to_hz,
+        max_causes,
+        seed,
+        torque_side,
+        list(passive),
+        progress,
+    )

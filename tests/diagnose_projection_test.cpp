@@ -1,0 +1,112 @@
+/// The base projected out, against least squares of its own kind.
+
+#include <support/swinging.hpp>
+
+#include <Eigen/SVD>
+#include <catch2/catch_test_macros.hpp>
+#include <catch2/matchers/catch_matchers_floating_point.hpp>
+
+#include "diagnose/projection.hpp"
+
+using namespace diffnea;
+using Catch::Matchers::WithinAbs;
+using Catch::Matchers::WithinRel;
+
+namespace {
+
+/// Double precision through a QR of some thousand rows; 1e-13 observed on vectors of norm 1.
+constexpr double kRounding = 1e-10;
+
+/// All base parameters free, or none; noise of an autoregression, so that whitening shows.
+struct Setting {
+  explicit Setting(bool free = true, double pull = 1e-3)
+      : evidence(40.0),
+        whitener(*evidence, std::vector<JointNoise>(2, {{0.5, 0, 0, 0, 0, 0, 0, 0}, 0.3, 0.35}),
+                 {}) {
+    const long p = evidence->base().cols();
+    prior.x0 = VecX<double>::LinSpaced(p, -0.5, 0.5);
+    if (free)
+      for (int k = 0; k < p; ++k) prior.free.push_back(k);
+    prior.root = pull * MatX<double>::Identity(free ? p : 0, free ? p : 0);
+  }
+  MatX<double> random(long columns) const {
+    Rng rng(7);
+    MatX<double> out(evidence->rows(), columns);
+    for (double& x : out.reshaped()) x = rng.normal();
+    return out;
+  }
+  /// [W X; L]
+  MatX<double> stacked() const {
+    MatX<double> out(evidence->rows() + prior.root.rows(), evidence->base().cols());
+    out << whitener(evidence->base()), prior.root;
+    return out;
+  }
+
+  test::SwingingEvidence evidence;
+  Whitener whitener;
+  BasePrior prior;
+};
+
+}  // namespace
+
+TEST_CASE("Projection: columns are orthogonal to the base", "[diagnose]") {
+  const Setting s;
+  const Projection projection(*s.evidence, s.whitener, s.prior);
+  const MatX<double> columns = projection.project(s.random(4));
+  const MatX<double> base = s.stacked().colwise().normalized();
+  CHECK((base.transpose() * columns.colwise().normalized()).cwiseAbs().maxCoeff() < kRounding);
+  CHECK((base.transpose() * projection.residual().normalized()).cwiseAbs().maxCoeff() < kRounding);
+  // What is orthogonal stays.
+  MatX<double> again = columns.topRows(s.evidence->rows());
+  again = projection.project_whitened(again);
+  CHECK_THAT(again.norm(), WithinRel(columns.norm(), 1e-3));  // but for the prior's rows
+}
+
+TEST_CASE("Projection: of a column of the base only the prior's pull is left", "[diagnose]") {
+  const Setting s(true, 1e-6);
+  const Projection projection(*s.evidence, s.whitener, s.prior);
+  const MatX<double> white = s.whitener(s.evidence->base());
+  const MatX<double> left = projection.project(s.evidence->base());
+  for (long k = 0; k < left.cols(); ++k) {
+    CAPTURE(k);
+    // ‖(I − QQᵀ)[a; 0]‖ ≤ ‖[0; L_k]‖ = 1e-6.
+    CHECK(left.col(k).norm() <= 1e-6 + kRounding * white.col(k).norm());
+  }
+}
+
+TEST_CASE("Projection: its residual is that of least squares", "[diagnose]") {
+  const Setting s;
+  const Projection projection(*s.evidence, s.whitener, s.prior);
+  VecX<double> y = VecX<double>::Zero(s.evidence->rows() + s.prior.root.rows());
+  y.head(s.evidence->rows()) = s.whitener(s.evidence->torque() - s.evidence->base() * s.prior.x0);
+  const MatX<double> A = s.stacked();
+  const VecX<double> scale = A.colwise().norm().cwiseInverse();
+  const MatX<double> scaled = A * scale.asDiagonal();
+  const VecX<double> x =
+      scaled.bdcSvd(Eigen::ComputeThinU | Eigen::ComputeThinV).setThreshold(1e-10).solve(y);
+  CHECK((projection.residual() - (y - scaled * x)).norm() < 1e-8 * y.norm());
+}
+
+TEST_CASE("Projection: parameters() recovers what made the torque", "[diagnose]") {
+  const Setting s(true, 1e-6);
+  const Projection projection(*s.evidence, s.whitener, s.prior);
+  VecX<double> truth = s.prior.x0;
+  Rng rng(11);
+  for (double& x : truth) x += rng.normal();
+  // Effects that leave the torque of `truth`.
+  const VecX<double> effects = s.evidence->torque() - s.evidence->base() * truth;
+  const VecX<double> found = projection.parameters(effects);
+  const VecX<double> torque = s.evidence->base() * truth;
+  // Some directions of the links' parameters have no torque: those of the torque are compared. The
+  // prior pulls with 1e-6 against columns of norm 1 and more.
+  CHECK((s.evidence->base() * found - torque).norm() < 1e-6 * torque.norm());
+}
+
+TEST_CASE("Projection: a base that is held takes nothing", "[diagnose]") {
+  const Setting s(false);
+  const Projection projection(*s.evidence, s.whitener, s.prior);
+  const MatX<double> columns = s.random(2);
+  CHECK(projection.rank() == 0);
+  CHECK(projection.project(columns) == s.whitener(columns));
+  CHECK(projection.parameters(VecX<double>::Zero(s.evidence->rows())) == s.prior.x0);
+}
