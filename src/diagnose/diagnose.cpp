@@ -177,7 +177,7 @@ class Diagnosis {
     finding_.base = base_ == Base::kRefit ? "refit" : base_ == Base::kPrior ? "prior" : "fixed";
     FitChoice choice;
     choice.effects = std::vector<std::string>{};
-    layout_ = layout_for(model_, train_source_, choice);
+    layout_ = layout_for(model_, train_source_, test_source_, choice, finding_.notes);
     const IdentifyOptions reading = reading_options(options_);
     const std::vector<Recording> sample = train_source_.sample();
     const bool link_side = sample.front().info.torque_side == TorqueSide::kLink;

@@ -48,12 +48,13 @@ struct SwingingEvidence {
     source = recordings_in_memory(model, {swinging(model, seconds, repeats, seed)});
     FitChoice choice;
     choice.effects = std::vector<std::string>{"viscous_friction"};
-    layout = layout_for(model, *source, choice);
+    std::vector<std::string> notes;
+    layout = layout_for(model, *source, nullptr, choice, notes);
     PreprocessOptions preprocess;
     preprocess.filter_hz = 8.0;
     preprocess.decimate_to_hz = 25.0;
     evidence = std::make_unique<Evidence>(
-        model, layout, *source, plan_preprocess(source->sample(), preprocess), IdentifyOptions{});
+        model, layout, *source, plan_preprocess(source->sample(), preprocess), 0.0, IdentifyOptions{});
   }
   const Evidence& operator*() const { return *evidence; }
   const Evidence* operator->() const { return evidence.get(); }
