@@ -449,6 +449,7 @@ class Diagnosis {
         s.q.push_back(e.q()(i, j));
         s.qd.push_back(e.qd()(i, j));
         s.qdd.push_back(e.qdd()(i, j));
+        if (e.rest()(i, static_cast<long>(k)) > 0.3) continue;  // what holds a joint at rest is not known
         g.torque_rms += e.torque()[row] * e.torque()[row];
         g.base += e0[row] * e0[row];
         g.extended += e1[row] * e1[row];
