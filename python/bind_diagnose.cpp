@@ -186,11 +186,11 @@ void bind_finding(py::module_& m) {
   using F = Finding;
   value_type<F>(m, "_Diagnosis", "The part of a Finding that the library fills.",
                 field("verdict", &F::verdict, ""), field("sentence", &F::sentence, ""),
-                field("causes", &F::causes, ""), field("witness", &F::witness, ""),
-                field("absorbed", &F::absorbed, ""), field("refused", &F::refused, ""),
-                field("candidates", &F::candidates, ""), field("gain", &F::gain, ""),
-                field("joints", &F::joints, ""), field("series", &F::series, ""),
-                field("lack_of_fit", &F::lack_of_fit, ""),
+                field("audit", &F::audit, ""), field("causes", &F::causes, ""),
+                field("witness", &F::witness, ""), field("absorbed", &F::absorbed, ""),
+                field("refused", &F::refused, ""), field("candidates", &F::candidates, ""),
+                field("gain", &F::gain, ""), field("joints", &F::joints, ""),
+                field("series", &F::series, ""), field("lack_of_fit", &F::lack_of_fit, ""),
                 field("lack_of_fit_p", &F::lack_of_fit_p, ""), field("noise", &F::noise, ""),
                 field("held_out", &F::held_out, ""), field("base", &F::base, ""),
                 field("model", &F::model, ""), field("parameters", &F::parameters, ""),
@@ -206,6 +206,8 @@ void bind_finding(py::module_& m) {
   property("verdict", &F::verdict,
            "``NAMED``, ``CLASS``, ``UNKNOWN``, ``NONE`` or ``NOT_IDENTIFIABLE``.");
   property("sentence", &F::sentence, "The verdict in words.");
+  property("audit", &F::audit,
+           "Faults of the channels, found before any dynamics; a list of :class:`ChannelFault`.");
   property("causes", &F::causes, "What the model lacks, a list of :class:`Cause`.");
   property("witness", &F::witness,
            "What the error that is left depends on, a list of :class:`Witness`.");

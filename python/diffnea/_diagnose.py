@@ -22,7 +22,7 @@ def diagnose(
     effects: Sequence[str] | None = None,
     filter_hz: float = 0.0,
     decimate_to_hz: float = 0.0,
-    max_causes: int = 8,
+    max_causes: int = 0,
     seed: int = 0,
     torque_side: str | None = None,
     passive: Sequence[str] = (),
@@ -42,7 +42,7 @@ def diagnose(
             :func:`effects` lists.
         filter_hz: low-pass of the positions [Hz]; 0: chosen from the data.
         decimate_to_hz: rate of the tests [Hz]; 0: chosen from the data.
-        max_causes: at most so many are named.
+        max_causes: at most so many are named; 0: three for each joint, at least eight.
         seed: of the bootstrap.
         torque_side: where torque was measured, ``motor`` or ``link``; for files, over what the
             file says.
