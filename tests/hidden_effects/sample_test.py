@@ -81,9 +81,7 @@ def test_least_is_the_lower_bound_of_a_binomial() -> None:
     assert least(1.0, 8) == 8
     assert least(0.5, 4) == 0
     n, rate = 14, 0.9
-    below = sum(
-        math.comb(n, k) * rate**k * (1 - rate) ** (n - k) for k in range(least(rate, n))
-    )
+    below = sum(math.comb(n, k) * rate**k * (1 - rate) ** (n - k) for k in range(least(rate, n)))
     assert below <= 0.01
 
 

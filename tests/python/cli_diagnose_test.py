@@ -8,8 +8,6 @@ from pathlib import Path
 import pytest
 from cli import BAD_INPUT, DONE, MODELS, WRONG_USAGE, diffnea, done, load
 
-import diffnea as library
-
 PENDULUM = MODELS / "double_pendulum.urdf"
 TRUTH = {"effect": "coulomb_friction", "where": "elbow"}
 
@@ -18,15 +16,17 @@ TRUTH = {"effect": "coulomb_friction", "where": "elbow"}
 def rubbing(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Recordings of a double pendulum with Coulomb friction in its elbow: train.csv, test.csv."""
     folder = tmp_path_factory.mktemp("rubbing")
-    model = library.load_model(PENDULUM)
-    effect = library.Effect(*TRUTH.values(), {"coulomb": 0.05})
-    model.with_effects([effect]).save(folder / "truth.json")
+    joint = '<joint name="elbow" type="continuous">'
+    text = PENDULUM.read_text()
+    assert text.count(joint) == 1
+    rubs = text.replace(joint, joint + '\n    <dynamics friction="0.05"/>')
+    (folder / "truth.urdf").write_text(rubs)
     for seed, name in enumerate(("train", "test"), start=1):
         motion = folder / "motion.csv"
         common = ("--seed", seed, "--quiet")
         done("excite", PENDULUM, "--duration", 20, "-o", motion, *common)
         out = folder / f"{name}.csv"
-        truth = folder / "truth.json"
+        truth = folder / "truth.urdf"
         done("simulate", truth, "--trajectory", motion, "--noise", 1, "-o", out, *common)
     return folder
 
