@@ -3,11 +3,11 @@
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/diagnose/diagnose.hpp>
-#include <diffnea/io/atomic_file.hpp>
 #include <diffnea/io/diagnosis.hpp>
 #include <diffnea/io/model_file.hpp>
 #include <diffnea/io/result_folder.hpp>
 #include <diffnea/report/diagnose_text.hpp>
+#include <diffnea/report/run_folder.hpp>
 #include <diffnea/version.hpp>
 
 #include "common.hpp"
@@ -20,10 +20,6 @@ const std::map<std::string, Base> kBases{{"auto", Base::kAuto},
                                          {"refit", Base::kRefit},
                                          {"prior", Base::kPrior},
                                          {"fixed", Base::kFixed}};
-
-/// Everything that `diagnose` may leave in RUN/.
-const std::vector<std::string> kRunFiles{"result.json", "series.json", "model.json",
-                                         "model.urdf",  "model.xml",   "report.html"};
 
 struct DiagnoseCommand {
   CommonOptions common;
@@ -42,7 +38,7 @@ void run_diagnose(DiagnoseCommand c) {
   const Model model = read_model(c.model);
   ResultFolder folder(c.out);  // cannot be written: better known now
 
-  const Interruptible interruptible;
+  const Interruptible interruptible(folder.leftovers(kRunFiles));
   ProgressLine line(c.common.quiet);
   c.options.progress = [&](const FitProgress& progress) {
     line.show(progress);
@@ -51,24 +47,40 @@ void run_diagnose(DiagnoseCommand c) {
   DiagnoseRun run;
   run.reproduce.version = version();
   run.reproduce.command = c.command_line;
-  line.show({"opening", 0, 0, 0.0});
-  const std::unique_ptr<RecordingSource> train = open_recordings(model, c.data, c.recording, line);
-  std::unique_ptr<RecordingSource> test;
-  if (!c.test.empty()) test = open_recordings(model, c.test, c.recording, line);
-  run.finding = diagnose(model, *train, test.get(), c.options);
+  const auto nothing_found = [&] {
+    line.clear();
+    std::fprintf(stderr, "interrupted before anything was found; nothing was written\n");
+    throw CLI::RuntimeError(kInterrupted);
+  };
+  try {
+    line.show({"opening", 0, 0, 0.0});
+    const std::unique_ptr<RecordingSource> train =
+        open_recordings(model, c.data, c.recording, line);
+    std::unique_ptr<RecordingSource> test;
+    if (!c.test.empty()) test = open_recordings(model, c.test, c.recording, line);
+    run.finding = diagnose(model, *train, test.get(), c.options);
+  } catch (const Error&) {  // of the part that had been read
+    if (!Interruptible::requested()) throw;
+    nothing_found();
+  }
+  // Without a cause, "nothing is left to explain" would be a claim about what was not tried.
+  if (run.finding.interrupted && run.finding.causes.empty()) nothing_found();
 
   run.reproduce.inputs.push_back(describe_input("model", c.model));
   for (const std::string& file : c.data)
     run.reproduce.inputs.push_back(describe_input("data", file));
   for (const std::string& file : c.test)
     run.reproduce.inputs.push_back(describe_input("test", file));
-  write_model(run.finding.model, folder.staging() / "model.json");
-  write_file_atomically(folder.staging() / "series.json", diagnose_series_json(run.finding));
-  write_file_atomically(folder.staging() / "result.json", diagnose_result_json(run));
-  folder.publish(kRunFiles);
+  publish_diagnose_run(run, folder);
   line.clear();
   const std::string text = c.common.json ? diagnose_result_json(run) : diagnose_text(run);
   std::fwrite(text.data(), 1, text.size(), stdout);
+  if (!c.common.json && !c.common.quiet)
+    std::printf("\n%s: result.json, model.json, report.html\n", folder.path().string().c_str());
+  if (run.finding.interrupted) {
+    std::fprintf(stderr, "interrupted: the result is what had been found until then\n");
+    throw CLI::RuntimeError(kInterrupted);
+  }
 }
 
 }  // namespace

@@ -9,6 +9,7 @@
 #include <diffnea/core/error.hpp>
 #include <diffnea/diagnose/diagnose.hpp>
 
+#include "diagnose/evidence_plots.hpp"
 #include "diagnose/selection.hpp"
 #include "diagnose/sentence.hpp"
 #include "diagnose/witness.hpp"
@@ -148,6 +149,7 @@ class Diagnosis {
     select();
     describe();
     judge();
+    finding_.plots = evidence_plots(finding_);
     finding_.sentence = sentence(finding_);
     finding_.seconds =
         std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
@@ -280,7 +282,10 @@ class Diagnosis {
     Selection selection(*search_, candidates_, *held_out_,
                         {options_.accept_delta_bic, options_.max_causes, period_});
     first_scores_ = search_->scores({});
-    terms_ = selection.run(options_.progress);
+    terms_ = selection.run([this](const FitProgress& progress) {
+      finding_.interrupted = options_.progress && !options_.progress(progress);
+      return !finding_.interrupted;
+    });
     finding_.refused = selection.refused();
     if (!terms_.empty()) {
       finding_.causes = selection.causes(terms_);
