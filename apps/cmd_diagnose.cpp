@@ -38,7 +38,7 @@ void run_diagnose(DiagnoseCommand c) {
   const Model model = read_model(c.model);
   ResultFolder folder(c.out);  // cannot be written: better known now
 
-  const Interruptible interruptible(folder.leftovers(kDiagnoseRunFiles));
+  const Interruptible interruptible(folder.leftovers(kRunFiles));
   ProgressLine line(c.common.quiet);
   c.options.progress = [&](const FitProgress& progress) {
     line.show(progress);
@@ -47,6 +47,11 @@ void run_diagnose(DiagnoseCommand c) {
   DiagnoseRun run;
   run.reproduce.version = version();
   run.reproduce.command = c.command_line;
+  const auto nothing_found = [&] {
+    line.clear();
+    std::fprintf(stderr, "interrupted before anything was found; nothing was written\n");
+    throw CLI::RuntimeError(kInterrupted);
+  };
   try {
     line.show({"opening", 0, 0, 0.0});
     const std::unique_ptr<RecordingSource> train =
@@ -54,12 +59,13 @@ void run_diagnose(DiagnoseCommand c) {
     std::unique_ptr<RecordingSource> test;
     if (!c.test.empty()) test = open_recordings(model, c.test, c.recording, line);
     run.finding = diagnose(model, *train, test.get(), c.options);
-  } catch (const Error&) {
+  } catch (const Error&) {  // of the part that had been read
     if (!Interruptible::requested()) throw;
-    line.clear();
-    std::fprintf(stderr, "interrupted before anything was found; nothing was written\n");
-    throw CLI::RuntimeError(kInterrupted);
+    nothing_found();
   }
+  // Without a cause, "nothing is left to explain" would be a claim about what was not tried.
+  if (run.finding.interrupted && run.finding.causes.empty()) nothing_found();
+
   run.reproduce.inputs.push_back(describe_input("model", c.model));
   for (const std::string& file : c.data)
     run.reproduce.inputs.push_back(describe_input("data", file));
@@ -69,8 +75,10 @@ void run_diagnose(DiagnoseCommand c) {
   line.clear();
   const std::string text = c.common.json ? diagnose_result_json(run) : diagnose_text(run);
   std::fwrite(text.data(), 1, text.size(), stdout);
+  if (!c.common.json && !c.common.quiet)
+    std::printf("\n%s: result.json, model.json, report.html\n", folder.path().string().c_str());
   if (run.finding.interrupted) {
-    std::fprintf(stderr, "interrupted: the result is of what had been found until then\n");
+    std::fprintf(stderr, "interrupted: the result is what had been found until then\n");
     throw CLI::RuntimeError(kInterrupted);
   }
 }

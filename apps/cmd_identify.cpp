@@ -63,7 +63,7 @@ void run_identify(IdentifyCommand c) {
   const Model model = read_model(c.model);
   ResultFolder folder(c.out);  // cannot be written: better known now
 
-  const Interruptible interruptible(folder.leftovers(kFitRunFiles));
+  const Interruptible interruptible(folder.leftovers(kRunFiles));
   ProgressLine line(c.common.quiet);
   c.options.progress = [&](const FitProgress& progress) {
     line.show(progress);

@@ -2,7 +2,9 @@
 #include <filesystem>
 
 #include <diffnea/io/atomic_file.hpp>
+#include <diffnea/io/diagnosis.hpp>
 #include <diffnea/io/result.hpp>
+#include <diffnea/report/diagnose_page.hpp>
 #include <diffnea/report/identify_page.hpp>
 
 #include "common.hpp"
@@ -17,9 +19,17 @@ struct ReportOptions {
 
 void run_report(const ReportOptions& options) {
   const std::filesystem::path page = std::filesystem::path(options.run) / "report.html";
-  const FitRun run = read_fit_run(options.run);
-  write_file_atomically(page, identify_page(run));
-  if (run.fit.train_series.empty() && !options.common.quiet)
+  bool has_charts = false;
+  if (run_schema(options.run).starts_with("diffnea/diagnose/")) {
+    const DiagnoseRun run = read_diagnose_run(options.run);
+    has_charts = !run.finding.series.empty();
+    write_file_atomically(page, diagnose_page(run));
+  } else {
+    const FitRun run = read_fit_run(options.run);
+    has_charts = !run.fit.train_series.empty();
+    write_file_atomically(page, identify_page(run));
+  }
+  if (!has_charts && !options.common.quiet)
     std::fprintf(stderr, "%s: holds no series.json, so that the page has no charts\n",
                  options.run.c_str());
   if (options.common.json)
@@ -33,7 +43,7 @@ void run_report(const ReportOptions& options) {
 void add_report(CLI::App& app) {
   auto options = std::make_shared<ReportOptions>();
   CLI::App* command = app.add_subcommand("report", "Rebuild the page of a run from its results.");
-  command->add_option("run", options->run, "folder that identify wrote")->required();
+  command->add_option("run", options->run, "folder that identify or diagnose wrote")->required();
   add_common(*command, options->common);
   command->callback([options] { run_report(*options); });
 }

@@ -83,7 +83,7 @@ DiagnoseRun diagnose_python(const Model& model, const py::list& train_items,
 }
 
 /// What `diffnea diagnose -o path` leaves there.
-void save(const DiagnoseRun& run, const std::filesystem::path& path) {
+void save(DiagnoseRun run, const std::filesystem::path& path) {
   ResultFolder folder(path);
   publish_diagnose_run(run, folder);
 }

@@ -11,6 +11,7 @@
 #include <diffnea/dynamics/mass_matrix.hpp>
 #include <diffnea/recording/audit.hpp>
 
+#include "diagnose/evidence_plots.hpp"
 #include "diagnose/selection.hpp"
 #include "diagnose/sentence.hpp"
 #include "diagnose/witness.hpp"
@@ -159,6 +160,7 @@ class Diagnosis {
     select();
     describe();
     judge();
+    finding_.plots = evidence_plots(finding_);
     finding_.sentence = sentence(finding_);
     finding_.seconds =
         std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
@@ -357,7 +359,10 @@ class Diagnosis {
     Selection selection(*search_, candidates_, *held_out_,
                         {options_.accept_delta_bic, most, period_});
     first_scores_ = search_->scores({});
-    terms_ = selection.run(options_.progress);
+    terms_ = selection.run([this](const FitProgress& progress) {
+      finding_.interrupted = options_.progress && !options_.progress(progress);
+      return !finding_.interrupted;
+    });
     if (static_cast<int>(terms_.size()) >= most)
       finding_.notes.push_back("stopped at " + std::to_string(most) +
                                " causes; the model may lack more");

@@ -9,6 +9,8 @@ using io::Json;
 using io::number;
 using io::rounded;
 
+constexpr std::size_t kMostPoints = 4000;  ///< of each series that is stored
+
 Json gain(const Gain& g) {
   return {{"test_rmse_before", number(g.before)},
           {"test_rmse_after", number(g.after)},
@@ -56,7 +58,52 @@ Json candidates(const Finding& f) {
                    {"where", c.where},
                    {"delta_bic", number(c.delta_bic)},
                    {"lm", number(c.lm)},
-                   {"visible_share", number(c.visible_share)}});
+                   {"visible_share", number(c.visible_share)},
+                   {"shape", c.shape}});
+  return out;
+}
+
+Json audit(const Finding& f) {
+  Json out = Json::array();
+  for (const ChannelFault& a : f.audit)
+    out.push_back({{"fault", a.fault},
+                   {"where", a.where},
+                   {"channel", a.channel},
+                   {"value", number(a.value)},
+                   {"unit", a.unit},
+                   {"std", number(a.std)},
+                   {"significance", number(a.significance)},
+                   {"severity", a.severity == FaultSeverity::kFault ? "fault" : "note"},
+                   {"source", a.source.empty() ? Json() : Json(a.source)},
+                   {"evidence", a.evidence}});
+  return out;
+}
+
+Json next_experiment(const Finding& f) {
+  if (!f.next_experiment) return {};
+  Json pairs = Json::array();
+  for (const auto& [one, other] : f.next_experiment->separates) pairs.push_back({one, other});
+  return {{"separates", pairs},
+          {"expected_delta_bic", number(f.next_experiment->expected_delta_bic)},
+          {"trajectory", f.next_experiment->trajectory}};
+}
+
+/// Every n-th value, so that at most kMostPoints are left.
+std::vector<double> thinned(const std::vector<double>& values) {
+  const std::size_t stride = (values.size() + kMostPoints - 1) / kMostPoints;
+  if (stride <= 1) return values;
+  std::vector<double> out;
+  for (std::size_t k = 0; k < values.size(); k += stride) out.push_back(values[k]);
+  return out;
+}
+
+Json curves(const EvidencePlot& plot) {
+  Json out = Json::array();
+  for (const EvidenceCurve& c : plot.curves)
+    out.push_back({{"model", c.model},
+                   {"mean", rounded(c.mean)},
+                   {"low", rounded(c.low)},
+                   {"high", rounded(c.high)}});
   return out;
 }
 
@@ -78,9 +125,7 @@ std::string diagnose_result_json(const DiagnoseRun& run) {
        {"sentence", f.sentence},
        {"base", f.base},
        {"held_out", f.held_out},
-       {"audit", list(f.audit, [](const ChannelFault& c) {
-          return Json{{"fault", c.fault}, {"where", c.where}, {"value", number(c.value)}, {"unit", c.unit}, {"evidence", c.evidence}};
-        })},
+       {"audit", audit(f)},
        {"causes", causes(f)},
        {"witness", list(f.witness,
                         [](const Witness& w) {
@@ -104,6 +149,7 @@ std::string diagnose_result_json(const DiagnoseRun& run) {
                         })},
        {"candidates", candidates(f)},
        {"gain", gain(f.gain)},
+       {"next_experiment", next_experiment(f)},
        {"joints", list(f.joints,
                        [](const JointGain& j) {
                          return Json{{"joint", j.joint},
@@ -113,11 +159,14 @@ std::string diagnose_result_json(const DiagnoseRun& run) {
                                      {"extended", number(j.extended)},
                                      {"noise_floor", number(j.noise_floor)}};
                        })},
+       {"noise", f.noise},
        {"lack_of_fit", {{"f", number(f.lack_of_fit)}, {"p", number(f.lack_of_fit_p)}}},
        {"preprocessing",
         {{"filter_hz", number(f.plan.filter_hz)},
          {"decimated_to_hz", number(f.plan.decimator.rate_hz / f.plan.decimator.factor)},
-         {"quarantined", f.data_report.quarantined}}},
+         {"quarantined", f.data_report.quarantined},
+         {"extra_channels", f.data_report.extra_channels},
+         {"notes", f.data_report.notes}}},
        {"notes", f.notes},
        {"summary", {{"seconds", number(f.seconds)}, {"interrupted", f.interrupted}}},
        {"reproduce", io::reproduce(run.reproduce)}},
@@ -130,12 +179,32 @@ std::string diagnose_series_json(const Finding& finding) {
        {"model", finding.model.name},
        {"joints", list(finding.series,
                        [](const ResidualSeries& s) {
-                         return Json{{"joint", s.joint},        {"unit", s.unit},
-                                     {"time", rounded(s.time)}, {"measured", rounded(s.measured)},
-                                     {"base", rounded(s.base)}, {"extended", rounded(s.extended)},
-                                     {"q", rounded(s.q)},       {"qd", rounded(s.qd)},
-                                     {"qdd", rounded(s.qdd)}};
-                       })}},
+                         Json out{{"joint", s.joint}, {"unit", s.unit}};
+                         const auto put = [&](const char* key, const std::vector<double>& values) {
+                           out[key] = rounded(thinned(values));
+                         };
+                         put("time", s.time);
+                         put("measured", s.measured);
+                         put("base", s.base);
+                         put("extended", s.extended);
+                         put("q", s.q);
+                         put("qd", s.qd);
+                         put("qdd", s.qdd);
+                         return out;
+                       })},
+       {"plots", list(finding.plots,
+                      [](const EvidencePlot& p) {
+                        return Json{{"kind", p.kind},
+                                    {"joint", p.joint},
+                                    {"effect", p.effect.empty() ? Json() : Json(p.effect)},
+                                    {"x_name", p.x_name},
+                                    {"x_unit", p.x_unit},
+                                    {"y_name", p.y_name},
+                                    {"y_unit", p.y_unit},
+                                    {"mark", number(p.mark)},
+                                    {"x", rounded(p.x)},
+                                    {"curves", curves(p)}};
+                      })}},
       -1);
 }
 

@@ -1,54 +1,24 @@
 #include <limits>
 #include <map>
 
-#include <diffnea/io/atomic_file.hpp>
 #include <diffnea/io/model_file.hpp>
 #include <diffnea/io/result.hpp>
 
-#include "io/json.hpp"
+#include "io/run_reader.hpp"
 
 namespace diffnea {
 namespace {
 
+using io::count;
+using io::for_each_object;
 using io::Json;
 using io::JsonObject;
+using io::number_or_nan;
+using io::read_reproduce;
+using io::require_schema;
+using io::strings;
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-
-// Keys that are not known are passed over: a later version may have more.
-
-void require_schema(JsonObject& root, const std::string& where, const std::string& expected) {
-  const std::string got = root.string("schema");
-  if (got != expected)
-    throw ModelError(where + ": its schema is " + got + ", expected " + expected);
-}
-
-/// NaN where it is null or missing.
-double number(JsonObject& object, const char* key) { return object.number_or(key, kNaN); }
-
-long count(JsonObject& object, const char* key) {
-  return static_cast<long>(object.number_or(key, 0.0));
-}
-
-std::vector<std::string> strings(JsonObject& object, const char* key) {
-  std::vector<std::string> out;
-  if (const Json* list = object.optional(key))
-    for (const Json& item : io::json_array(*list, object.at(key)))
-      out.push_back(io::json_string(item, object.at(key)));
-  return out;
-}
-
-/// Calls use(object) with every item of a list of objects.
-template <typename Use>
-void for_each_object(JsonObject& parent, const char* key, const Use& use) {
-  const Json* list = parent.optional(key);
-  if (!list) return;
-  int k = 0;
-  for (const Json& item : io::json_array(*list, parent.at(key))) {
-    JsonObject object(item, parent.at(key) + "[" + std::to_string(k++) + "]");
-    use(object);
-  }
-}
 
 void read_parameters(JsonObject& root, IdentifyResult& fit) {
   std::map<std::string, int> index;
@@ -56,9 +26,9 @@ void read_parameters(JsonObject& root, IdentifyResult& fit) {
     ParameterEstimate p;
     p.name = o.string("name");
     p.unit = o.string("unit");
-    p.value = number(o, "value");
-    p.std = number(o, "std");
-    p.prior = number(o, "prior");
+    p.value = number_or_nan(o, "value");
+    p.std = number_or_nan(o, "std");
+    p.prior = number_or_nan(o, "prior");
     p.identifiable = o.boolean_or("identifiable", false);
     p.fixed = o.boolean_or("fixed", false);
     p.at_bound = o.boolean_or("at_bound", false);
@@ -68,15 +38,15 @@ void read_parameters(JsonObject& root, IdentifyResult& fit) {
   for_each_object(root, "base_parameters", [&](JsonObject& o) {
     BaseParameter b;
     b.expression = o.string("expression");
-    b.value = number(o, "value");
-    b.std = number(o, "std");
+    b.value = number_or_nan(o, "value");
+    b.std = number_or_nan(o, "std");
     for_each_object(o, "terms", [&](JsonObject& term) {
       const auto found = index.find(term.string("parameter"));
       if (found == index.end())
         throw ModelError(term.at("parameter") + ": '" + term.string("parameter") +
                          "' is not among the parameters");
       b.columns.push_back(found->second);
-      b.coefficients.push_back(number(term, "coefficient"));
+      b.coefficients.push_back(number_or_nan(term, "coefficient"));
     });
     fit.base_parameters.push_back(b);
   });
@@ -85,8 +55,9 @@ void read_parameters(JsonObject& root, IdentifyResult& fit) {
 void read_torque_constants(JsonObject& root, IdentifyResult& fit) {
   if (!root.optional("torque_constants")) return;
   for_each_object(root, "torque_constants", [&](JsonObject& o) {
-    fit.torque_constants.push_back({o.string("joint"), o.string("unit"), number(o, "assumed"),
-                                    number(o, "value"), number(o, "std")});
+    fit.torque_constants.push_back({o.string("joint"), o.string("unit"),
+                                    number_or_nan(o, "assumed"), number_or_nan(o, "value"),
+                                    number_or_nan(o, "std")});
   });
 }
 
@@ -98,7 +69,7 @@ void read_errors(JsonObject& root, IdentifyResult& fit) {
     const Json* table = rmse.optional(key);
     if (!table) return kNaN;
     JsonObject object(*table, rmse.at(key));
-    return number(object, joint.c_str());
+    return number_or_nan(object, joint.c_str());
   };
   for (const auto& item : units.items()) {
     JointError e;
@@ -117,11 +88,11 @@ void read_errors(JsonObject& root, IdentifyResult& fit) {
 
 void read_preprocessing(JsonObject& root, IdentifyResult& fit) {
   JsonObject p(root.required("preprocessing"), root.at("preprocessing"));
-  fit.plan.filter_hz = number(p, "filter_hz");
-  fit.plan.decimator.rate_hz = number(p, "decimated_to_hz");
+  fit.plan.filter_hz = number_or_nan(p, "filter_hz");
+  fit.plan.decimator.rate_hz = number_or_nan(p, "decimated_to_hz");
   fit.plan.decimator.factor = 1;
-  fit.plan.dt = number(p, "period");
-  fit.plan.timing_jitter = number(p, "timing_jitter");
+  fit.plan.dt = number_or_nan(p, "period");
+  fit.plan.timing_jitter = number_or_nan(p, "timing_jitter");
   fit.summary.rows = count(p, "rows");
   fit.summary.fitted_rows = count(p, "fitted_rows");
   fit.data_report.quarantined = count(p, "quarantined");
@@ -139,21 +110,8 @@ void read_summary(JsonObject& root, FitSummary& out) {
   out.termination = s.string_or("termination", "");
   out.iterations = static_cast<int>(count(s, "iterations"));
   out.passes = static_cast<int>(count(s, "passes"));
-  out.seconds = number(s, "seconds");
-  out.seconds_fitting = number(s, "seconds_fitting");
-}
-
-void read_reproduce(JsonObject& root, Reproduce& out) {
-  const Json* value = root.optional("reproduce");
-  if (!value) return;
-  JsonObject r(*value, root.at("reproduce"));
-  out.version = r.string_or("version", "");
-  out.command = strings(r, "command");
-  for_each_object(r, "inputs", [&](JsonObject& o) {
-    out.inputs.push_back({o.string("role"), o.string("path"),
-                          static_cast<std::uintmax_t>(count(o, "bytes")),
-                          o.string_or("sha256", "")});
-  });
+  out.seconds = number_or_nan(s, "seconds");
+  out.seconds_fitting = number_or_nan(s, "seconds_fitting");
 }
 
 std::vector<TorqueSeries> read_series(JsonObject& root, const char* key) {
@@ -162,17 +120,11 @@ std::vector<TorqueSeries> read_series(JsonObject& root, const char* key) {
     TorqueSeries s;
     s.joint = o.string("joint");
     s.unit = o.string("unit");
-    const auto numbers = [&](const char* name) {
-      std::vector<double> values;
-      for (const Json& item : io::json_array(o.required(name), o.at(name)))
-        values.push_back(item.is_null() ? kNaN : io::json_number(item, o.at(name)));
-      return values;
-    };
-    s.time = numbers("time");
-    s.measured = numbers("measured");
-    s.fitted = numbers("fitted");
-    s.nominal = numbers("nominal");
-    if (o.optional("velocity")) s.velocity = numbers("velocity");
+    s.time = io::column(o, "time");
+    s.measured = io::column(o, "measured");
+    s.fitted = io::column(o, "fitted");
+    s.nominal = io::column(o, "nominal");
+    if (o.optional("velocity")) s.velocity = io::column(o, "velocity");
     if (!s.velocity.empty() && s.velocity.size() != s.time.size())
       throw ModelError(o.at("velocity") + ": has " + std::to_string(s.velocity.size()) +
                        " values, time " + std::to_string(s.time.size()));
@@ -190,15 +142,13 @@ std::vector<TorqueSeries> read_series(JsonObject& root, const char* key) {
 FitRun read_fit_run(const std::filesystem::path& folder) {
   FitRun run;
   const std::string where = (folder / "result.json").string();
-  if (!std::filesystem::exists(folder / "result.json"))
-    throw FileError(folder.string() + ": holds no result.json; expected the folder of a run");
-  const Json document = io::parse_json(read_text_file(folder / "result.json"), where);
+  const Json document = io::run_file(folder, "result.json");
   JsonObject root(document, where);
   require_schema(root, where, "diffnea/identify/1");
   IdentifyResult& fit = run.fit;
   fit.model.name = root.string_or("model", "");
   fit.physically_consistent = root.boolean_or("physically_consistent", false);
-  fit.consistency_cost = number(root, "consistency_cost");
+  fit.consistency_cost = number_or_nan(root, "consistency_cost");
   fit.boundary = strings(root, "boundary");
   fit.notes = strings(root, "notes");
   read_parameters(root, fit);
@@ -208,7 +158,7 @@ FitRun read_fit_run(const std::filesystem::path& folder) {
   read_summary(root, fit.summary);
   read_reproduce(root, run.reproduce);
   if (const auto path = folder / "series.json"; std::filesystem::exists(path)) {
-    const Json json = io::parse_json(read_text_file(path), path.string());
+    const Json json = io::run_file(folder, "series.json");
     JsonObject object(json, path.string());
     require_schema(object, path.string(), "diffnea/series/1");
     fit.train_series = read_series(object, "train");

@@ -208,6 +208,92 @@ std::string binned_chart(const std::vector<Bin>& bins, const std::string& x_unit
          text_at(kLeft + 4, kTop + 8, "start", y_unit) + "</svg>\n";
 }
 
+std::string band_chart(const std::vector<double>& x, const std::vector<Band>& bands,
+                       const std::string& x_title, const std::string& y_title, double mark) {
+  constexpr double kWide = 450.0, kHigh = 230.0, kLow = kHigh - 38.0, kAbove = 20.0;
+  Range rx, ry;
+  for (const double v : x) rx.take(v);
+  for (const Band& b : bands)
+    for (const auto* y : {b.mean, b.low, b.high})
+      for (const double v : *y) ry.take(v);
+  ry.take(0.0);
+  rx = rx.widened(0.02);
+  ry = ry.widened(0.06);
+  const auto to_x = [&](double v) {
+    return kLeft + (v - rx.low) / (rx.high - rx.low) * (kWide - kLeft - kRight);
+  };
+  const auto to_y = [&](double v) {
+    return kLow - (v - ry.low) / (ry.high - ry.low) * (kLow - kAbove);
+  };
+  std::string out = "<svg class='band' viewBox='0 0 " + coordinate(kWide) + " " +
+                    coordinate(kHigh) + "' role='img'>";
+  for (const double t : ticks(ry, 5))
+    out += segment("grid", kLeft, to_y(t), kWide - kRight, to_y(t)) +
+           text_at(kLeft - 5, to_y(t) + 4, "end", number(t));
+  for (const double t : ticks(rx, 6))
+    out += segment("grid", to_x(t), kLow, to_x(t), kLow + 4) +
+           text_at(to_x(t), kLow + 16, "middle", number(t));
+  out += segment("zero", kLeft, to_y(0), kWide - kRight, to_y(0));
+  if (std::isfinite(mark) && mark > rx.low && mark < rx.high)
+    out += segment("mark", to_x(mark), kAbove, to_x(mark), kLow);
+  out += text_at((kLeft + kWide) / 2, kHigh - 4, "middle", x_title) +
+         text_at(4, kAbove - 8, "start", y_title);
+  for (const Band& b : bands) {  // runs of finite intervals
+    for (std::size_t k = 0; k < x.size();) {
+      std::size_t end = k;
+      while (end < x.size() && std::isfinite((*b.low)[end]) && std::isfinite((*b.high)[end])) ++end;
+      if (end > k + 1) {
+        std::string points;
+        for (std::size_t i = k; i < end; ++i)
+          points += coordinate(to_x(x[i])) + "," + coordinate(to_y((*b.high)[i])) + " ";
+        for (std::size_t i = end; i-- > k;)
+          points += coordinate(to_x(x[i])) + "," + coordinate(to_y((*b.low)[i])) + " ";
+        out += std::string("<polygon class='") + b.css_class + "' points='" + points + "'/>";
+      }
+      k = std::max(end, k) + 1;
+    }
+  }
+  for (const Band& b : bands)
+    out += std::string("<path class='") + b.css_class + "' d='" +
+           path(x, *b.mean, to_x, to_y, 1e-3) + "'/>";
+  return out + "</svg>\n";
+}
+
+std::string bar_chart(const std::vector<Bar>& bars, bool logarithmic, double knee) {
+  constexpr double kRow = 22.0, kLabels = 300.0, kTexts = 170.0;
+  const auto scaled = [&](double v) { return logarithmic ? std::asinh(v / knee) : v; };
+  Range range;
+  range.take(0.0);
+  for (const Bar& b : bars) {
+    range.take(scaled(b.begin));
+    range.take(scaled(b.end));
+  }
+  if (logarithmic) range.take(scaled(2.0 * knee));
+  if (!(range.high > range.low)) range.high = range.low + 1.0;
+  const auto to_x = [&](double v) {
+    return kLabels +
+           (scaled(v) - range.low) / (range.high - range.low) * (kWidth - kLabels - kTexts);
+  };
+  const double height = kRow * static_cast<double>(bars.size()) + 4.0;
+  std::string out = "<svg class='bars' viewBox='0 0 " + coordinate(kWidth) + " " +
+                    coordinate(height) + "' role='img'>" +
+                    segment("zero", to_x(0), 0, to_x(0), height);
+  if (logarithmic) out += segment("mark", to_x(knee), 0, to_x(knee), height);
+  double y = 4.0;
+  for (const Bar& b : bars) {
+    if (std::isfinite(b.begin) && std::isfinite(b.end)) {
+      const double left = std::min(to_x(b.begin), to_x(b.end));
+      const double wide = std::abs(to_x(b.end) - to_x(b.begin));
+      out += std::string("<rect class='") + b.css_class + "' x='" + coordinate(left) + "' y='" +
+             coordinate(y) + "' width='" + coordinate(std::max(wide, 0.5)) + "' height='14'/>";
+      out += text_at(std::max(left + wide, to_x(0)) + 6, y + 11, "start", b.text);
+    }
+    out += text_at(kLabels - 8, y + 11, "end", b.label);
+    y += kRow;
+  }
+  return out + "</svg>\n";
+}
+
 std::string error_bar(double prior, double value, double std) {
   const double spread = std::isfinite(std) ? 2.0 * std : 0.0;
   Range range;

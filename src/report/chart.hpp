@@ -34,6 +34,28 @@ std::vector<Bin> binned(const std::vector<double>& x, const std::vector<double>&
 /// Means as dots, intervals as bars, and the zero line.
 std::string binned_chart(const std::vector<Bin>& bins, const std::string& x_unit,
                          const std::string& y_unit, int height);
+/// A mean with its interval; NaN where there is none.
+struct Band {
+  const char* css_class;
+  const std::vector<double>*mean, *low, *high;
+};
+
+/// Means over anything, with bands of their intervals and the zero line.
+/// @param mark  a place on x to point at; NaN: none
+std::string band_chart(const std::vector<double>& x, const std::vector<Band>& bands,
+                       const std::string& x_title, const std::string& y_title, double mark);
+
+/// One bar of a list of bars.
+struct Bar {
+  std::string label, text;  ///< to the left and to the right
+  double begin = 0.0, end = 0.0;
+  const char* css_class = "";
+};
+
+/// Bars below each other.
+/// @param logarithmic  equal steps for equal ratios far above `knee`, for equal differences below
+/// it (asinh); a line marks the knee
+std::string bar_chart(const std::vector<Bar>& bars, bool logarithmic = false, double knee = 0.0);
 
 /// One parameter: where it was (tick), where it is (dot), two standard errors to either side (bar).
 std::string error_bar(double prior, double value, double std);

@@ -1,7 +1,9 @@
+#include <algorithm>
 #include <cmath>
 
 #include <diffnea/report/diagnose_text.hpp>
 
+#include "report/diagnose_words.hpp"
 #include "report/format.hpp"
 
 namespace diffnea {
@@ -9,24 +11,38 @@ namespace {
 
 using namespace report;
 
+/// Parameters of one cause that the terminal shows; a payload has ten.
+constexpr std::size_t kMostParameters = 4;
+/// Names in a row of what cannot be seen.
+constexpr std::size_t kMostAbsorbed = 8;
+
+std::string listed(const std::vector<Rival>& rivals, const std::string& where) {
+  std::string out;
+  for (const Rival& r : rivals)
+    out += (out.empty() ? "" : ", ") + (r.where == where ? plain(r.effect) : at(r.effect, r.where));
+  return out;
+}
+
 std::string causes_text(const Finding& f) {
-  std::vector<std::vector<std::string>> rows;
+  if (f.causes.empty()) return "";
+  std::vector<std::vector<std::string>> rows, values;
   for (const Cause& c : f.causes) {
-    std::string values, members;
-    for (const CauseParameter& p : c.parameters)
-      if (!std::isnan(p.std))
-        values += (values.empty() ? "" : ", ") + p.name + " " + value_and_std(p.value, p.std) +
-                  " " + unit(p.unit);
-    for (const Rival& r : c.members)
-      members += (members.empty() ? "" : ", ") + r.effect + " at " + r.where;
-    rows.push_back({c.effect, c.where, values, number(c.delta_bic, 3),
-                    percent(c.gain.explained_share), members});
+    rows.push_back({at(c.effect, c.where), number(c.delta_bic, 3),
+                    percent(1.0 - std::pow(c.gain.after / c.gain.before, 2)),
+                    percent(c.visible_share), listed(c.members, c.where)});
+    std::size_t shown = 0;
+    for (const CauseParameter& p : c.parameters) {
+      if (std::isnan(p.std)) continue;  // held
+      if (++shown > kMostParameters) continue;
+      values.push_back({shown == 1 ? at(c.effect, c.where) : "", plain(p.name),
+                        value_and_interval(p), p.unit == "1" ? "" : unit(p.unit)});
+    }
+    if (shown > kMostParameters)
+      values.push_back(
+          {"", "and " + std::to_string(shown - kMostParameters) + " more", "in result.json", ""});
   }
-  if (rows.empty()) return "";
-  return table({"cause", "<where", "<parameters ± one standard error", "ΔBIC", "held-out error²",
-                "<or"},
-               rows) +
-         "\n";
+  return table({"cause", "ΔBIC", "of the error²", "visible", "<or"}, rows) + "\n" +
+         table({"parameter", "<", "<value and its 95 % interval", "<"}, values) + "\n";
 }
 
 std::string joints_text(const Finding& f) {
@@ -46,12 +62,25 @@ std::string rest_text(const Finding& f) {
     out += "left unexplained: the error of " + w.where + " depends on " + variables + " (" +
            percent(w.share) + ")\n";
   }
+  for (const Cause& c : f.causes)
+    if (!c.rivals.empty())
+      out += "next rival of " + at(c.effect, c.where) + ": " +
+             at(c.rivals.front().effect, c.rivals.front().where) + ", worse by " +
+             number(c.rivals.front().delta_bic, 3) + " in BIC\n";
   for (const Refusal& r : f.refused)
-    out += "refused: " + r.effect + " at " + r.where + ": " + r.reason + "\n";
+    out += "refused: " + at(r.effect, r.where) + ": " + r.reason + "\n";
   std::string absorbed;
-  for (const Absorbed& a : f.absorbed)
-    absorbed += (absorbed.empty() ? "" : ", ") + a.effect + " at " + a.where;
+  for (std::size_t k = 0; k < std::min(f.absorbed.size(), kMostAbsorbed); ++k)
+    absorbed += (k ? ", " : "") + at(f.absorbed[k].effect, f.absorbed[k].where);
+  if (f.absorbed.size() > kMostAbsorbed)
+    absorbed += " and " + std::to_string(f.absorbed.size() - kMostAbsorbed) + " more";
   if (!absorbed.empty()) out += "not visible beside the base parameters: " + absorbed + "\n";
+  if (f.next_experiment)
+    out += "next experiment: " + f.next_experiment->trajectory + " (expected ΔBIC " +
+           number(f.next_experiment->expected_delta_bic, 3) + ")\n";
+  for (const ChannelFault& a : f.audit) out += "channel: " + a.evidence + "\n";
+  for (const std::string& text : reservations(f))
+    if (!text.starts_with(kWarning)) out += "note: " + text + "\n";
   for (const std::string& note : f.notes) out += "note: " + note + "\n";
   return out.empty() ? "" : "\n" + out;
 }
@@ -60,7 +89,7 @@ std::string rest_text(const Finding& f) {
 
 std::string diagnose_text(const DiagnoseRun& run) {
   const Finding& f = run.finding;
-  return std::string(name_of(f.verdict)) + ": " + f.sentence + "\n\n" + causes_text(f) +
+  return plain(name_of(f.verdict)) + ": " + pretty(f.sentence) + "\n\n" + causes_text(f) +
          joints_text(f) + rest_text(f);
 }
 

@@ -3,12 +3,13 @@
 (function () {
   if (typeof Dygraph === "undefined") return;
   const data = JSON.parse(document.getElementById("data").textContent);
-  const color = { measured: "#b4b8c4", fitted: "#0072b2", "model before": "#e69f00" };
+  const color = { measured: "#b4b8c4", after: "#0072b2", before: "#e69f00" };
 
-  function rows(series, residual) {
+  function rows(series, residual, both) {
     return series.time.map((t, k) => {
       const m = series.measured[k], f = series.fitted[k], n = series.nominal[k];
       const gap = m === null;
+      if (residual && both) return [t, gap ? null : m - n, gap ? null : m - f];
       if (residual) return [t, gap ? null : f - m];
       return [t, m, n, f];
     });
@@ -16,14 +17,16 @@
 
   function draw(holder, series, group) {
     const residual = holder.classList.contains("residual");
-    const labels = residual ? ["time", "fitted"] : ["time", "measured", "model before", "fitted"];
+    const both = !residual || group.both;
+    const drawn = [...(residual ? [] : ["measured"]), ...(both ? ["before"] : []), "after"];
+    const labels = ["time", ...drawn.map((name) => group.names[name])];
     const plot = document.createElement("div");
     plot.className = "plot";
     holder.appendChild(plot);
     holder.classList.add("live");
-    const chart = new Dygraph(plot, rows(series, residual), {
+    const chart = new Dygraph(plot, rows(series, residual, group.both), {
       labels: labels,
-      colors: labels.slice(1).map((name) => color[name]),
+      colors: drawn.map((name) => color[name]),
       strokeWidth: 1.2,
       series: residual ? {} : { measured: { strokeWidth: 3 } },
       dateWindow: group.range,
@@ -47,7 +50,8 @@
 
   document.body.classList.add("zooms");
   for (const section of document.querySelectorAll("[data-set]")) {
-    const group = { charts: [], busy: true };
+    const names = { measured: "measured", before: section.dataset.before, after: section.dataset.after };
+    const group = { charts: [], busy: true, names: names, both: "both" in section.dataset };
     const start = () => {
       if (group.charts.length) return;
       const used = data[section.dataset.set].filter((series) => series.time.length);

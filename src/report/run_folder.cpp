@@ -1,6 +1,7 @@
 #include <diffnea/core/error.hpp>
 #include <diffnea/io/atomic_file.hpp>
 #include <diffnea/io/model_file.hpp>
+#include <diffnea/report/diagnose_page.hpp>
 #include <diffnea/report/identify_page.hpp>
 #include <diffnea/report/run_folder.hpp>
 
@@ -20,36 +21,41 @@ std::string model_extension(const Model& model) {
   return urdf < mjcf ? ".urdf" : ".xml";
 }
 
+/// model.json, and the form that the model came in. @param notes  gains what that form cannot hold
+void write_models(const Model& model, const fs::path& folder, std::vector<std::string>& notes) {
+  write_model(model, folder / "model.json");
+  const std::string extension = model_extension(model);
+  if (extension.empty()) return;
+  try {
+    std::string left_out;
+    for (const std::string& what : write_model(model, folder / ("model" + extension)))
+      left_out += (left_out.empty() ? "" : ", ") + what;
+    if (!left_out.empty())
+      notes.push_back("model" + extension + " cannot hold: " + left_out + "; model.json does");
+  } catch (const ModelError& error) {  // the file changed since it was read; the fit is not lost
+    notes.push_back("model" + extension + " was not written: " + error.what());
+  }
+}
+
 }  // namespace
 
 void publish_fit_run(FitRun& run, ResultFolder& folder) {
   const fs::path& staging = folder.staging();
-  write_model(run.fit.model, staging / "model.json");
-  if (const std::string extension = model_extension(run.fit.model); !extension.empty()) {
-    try {
-      std::string left_out;
-      for (const std::string& what : write_model(run.fit.model, staging / ("model" + extension)))
-        left_out += (left_out.empty() ? "" : ", ") + what;
-      if (!left_out.empty())
-        run.fit.notes.push_back("model" + extension + " cannot hold: " + left_out +
-                                "; model.json does");
-    } catch (const ModelError& error) {  // the file changed since it was read; the fit is not lost
-      run.fit.notes.push_back("model" + extension + " was not written: " + error.what());
-    }
-  }
+  write_models(run.fit.model, staging, run.fit.notes);
   write_file_atomically(staging / "series.json", series_json(run.fit));
   write_file_atomically(staging / "result.json", identify_result_json(run));
   // From what was written, so that `diffnea report` gives the same page.
   write_file_atomically(staging / "report.html", identify_page(read_fit_run(staging)));
-  folder.publish(kFitRunFiles);
+  folder.publish(kRunFiles);
 }
 
-void publish_diagnose_run(const DiagnoseRun& run, ResultFolder& folder) {
+void publish_diagnose_run(DiagnoseRun& run, ResultFolder& folder) {
   const fs::path& staging = folder.staging();
-  write_model(run.finding.model, staging / "model.json");
+  write_models(run.finding.model, staging, run.finding.notes);
   write_file_atomically(staging / "series.json", diagnose_series_json(run.finding));
   write_file_atomically(staging / "result.json", diagnose_result_json(run));
-  folder.publish(kDiagnoseRunFiles);
+  write_file_atomically(staging / "report.html", diagnose_page(read_diagnose_run(staging)));
+  folder.publish(kRunFiles);
 }
 
 }  // namespace diffnea

@@ -2,7 +2,9 @@
 /// What a diagnosis says: plain data in the terms of `result.json` (docs/schema/diagnose.md).
 
 #include <limits>
+#include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <diffnea/identify/identify.hpp>
@@ -109,10 +111,33 @@ struct ResidualSeries {
   std::vector<double> q, qd, qdd;
 };
 
+/// One line of a plot: means with their 95 % intervals; NaN where there is none.
+struct EvidenceCurve {
+  std::string model;  ///< whose error: "base", "extended"
+  std::vector<double> mean, low, high;
+};
+
+/// What an effect looks like in the torque error (measured − predicted) of held-out rows.
+struct EvidencePlot {
+  std::string kind;   ///< "velocity", "position", "spectrum", "reversal", "correlation", …
+  std::string joint;  ///< whose error
+  std::string x_name, x_unit, y_name, y_unit;
+  std::string effect;  ///< the cause that it stands for; empty: an overview
+  std::vector<double> x;
+  std::vector<EvidenceCurve> curves;
+  double mark = std::numeric_limits<double>::quiet_NaN();  ///< the cause's own x (cycles, delay)
+};
+
+/// A motion that would tell the rivals apart.
+struct NextExperiment {
+  std::vector<std::pair<std::string, std::string>> separates;
+  double expected_delta_bic = 0.0;
+  std::string trajectory;  ///< file in RUN/
+};
+
 struct Finding {
   Verdict verdict = Verdict::kNone;
   std::string sentence;
-  std::vector<ChannelFault> audit;  ///< of the recordings, before any dynamics
   std::vector<Cause> causes;
   std::vector<Witness> witness;
   std::vector<Absorbed> absorbed;
@@ -121,6 +146,9 @@ struct Finding {
   Gain gain;                               ///< of all causes together
   std::vector<JointGain> joints;
   std::vector<ResidualSeries> series;
+  std::vector<EvidencePlot> plots;
+  std::vector<ChannelFault> audit;  ///< of the recordings, before any dynamics
+  std::optional<NextExperiment> next_experiment;
   double lack_of_fit = 0.0;    ///< F of the base model against the saturated one
   double lack_of_fit_p = 1.0;  ///< its p-value
   std::vector<double> noise;   ///< per joint, of the filtered, decimated torque [N·m] or [N]

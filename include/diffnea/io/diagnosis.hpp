@@ -1,5 +1,5 @@
 #pragma once
-/// RUN/result.json and RUN/series.json of a diagnosis (docs/schema/diagnose.md).
+/// RUN/result.json and RUN/series.json of a diagnosis, both ways (docs/schema/diagnose.md).
 
 #include <diffnea/diagnose/finding.hpp>
 #include <diffnea/io/result.hpp>
@@ -16,7 +16,14 @@ struct DiagnoseRun {
 std::string diagnose_result_json(const DiagnoseRun& run);
 
 /// Schema "diffnea/diagnose-series/1": held-out torque of every joint, measured and as both models
-/// predict it, and the joint's motion, rounded to 6 digits.
+/// predict it, the joint's motion, and the curves of the evidence; rounded to 6 digits, at most
+/// 4000 points of each joint.
 std::string diagnose_series_json(const Finding& finding);
+
+/// Reads what the two functions above left in a folder. Without series.json there are no series and
+/// no plots; the model is its name alone (model.json holds it).
+/// @throws FileError, ModelError naming file and key; for a result of another kind, naming its
+/// schema
+DiagnoseRun read_diagnose_run(const std::filesystem::path& folder);
 
 }  // namespace diffnea

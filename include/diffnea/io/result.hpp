@@ -49,6 +49,10 @@ std::string series_json(const IdentifyResult& fit);
 /// schema
 FitRun read_fit_run(const std::filesystem::path& folder);
 
+/// Of what kind a run is: the schema that its result.json names.
+/// @throws FileError, ModelError
+std::string run_schema(const std::filesystem::path& folder);
+
 /// Schema "diffnea/compare/1" (docs/schema/compare.md).
 std::string comparison_json(const Comparison& comparison);
 

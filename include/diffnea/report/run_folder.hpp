@@ -1,5 +1,5 @@
 #pragma once
-/// RUN/ of a fit or of a diagnosis: its files, written together.
+/// RUN/ of a fit or a diagnosis: its files, written together.
 
 #include <string>
 #include <vector>
@@ -10,9 +10,9 @@
 
 namespace diffnea {
 
-/// Everything that a fit may leave in RUN/ (docs/schema/identify.md).
-inline const std::vector<std::string> kFitRunFiles{"result.json", "series.json", "model.json",
-                                                   "model.urdf",  "model.xml",   "report.html"};
+/// Everything that a run may leave in RUN/ (docs/schema/identify.md, diagnose.md).
+inline const std::vector<std::string> kRunFiles{"result.json", "series.json", "model.json",
+                                                "model.urdf",  "model.xml",   "report.html"};
 
 /// Writes all of them into the folder and publishes it. Where the model came from a URDF or an MJCF
 /// that is still there, the fitted one is written in that form too.
@@ -20,12 +20,7 @@ inline const std::vector<std::string> kFitRunFiles{"result.json", "series.json",
 /// @throws FileError
 void publish_fit_run(FitRun& run, ResultFolder& folder);
 
-/// Everything that a diagnosis may leave in RUN/ (docs/schema/diagnose.md). A fit's files go: where
-/// result.json is, the rest belongs to it.
-inline const std::vector<std::string> kDiagnoseRunFiles = kFitRunFiles;
-
-/// Writes result.json, series.json and the extended model.json into the folder and publishes it.
-/// @throws FileError
-void publish_diagnose_run(const DiagnoseRun& run, ResultFolder& folder);
+/// The same for a diagnosis and its extended model.
+void publish_diagnose_run(DiagnoseRun& run, ResultFolder& folder);
 
 }  // namespace diffnea

@@ -1,0 +1,342 @@
+#include <algorithm>
+#include <cmath>
+#include <set>
+
+#include <diffnea/report/diagnose_page.hpp>
+
+#include "report/chart.hpp"
+#include "report/diagnose_words.hpp"
+#include "report/format.hpp"
+#include "report/html.hpp"
+#include "report/page_parts.hpp"
+#include "report/time_charts.hpp"
+
+namespace diffnea {
+namespace {
+
+using namespace report;
+
+constexpr double kSameClass = 10.0;          ///< ΔBIC that a candidate needs, and that tells apart
+constexpr std::size_t kMostBars = 16;        ///< candidates that are drawn
+constexpr std::size_t kMostPoints = 90'000;  ///< of the charts over time
+constexpr std::size_t kMostJoints = 4;       ///< that are open where no cause names them
+const ChartNames kNames{"base model", "extended model", true};
+
+bool is_cause(const Finding& f, const std::string& effect, const std::string& where) {
+  return std::ranges::any_of(
+      f.causes, [&](const Cause& c) { return c.effect == effect && c.where == where; });
+}
+
+bool is_member(const Finding& f, const std::string& effect, const std::string& where) {
+  return std::ranges::any_of(f.causes, [&](const Cause& c) {
+    return std::ranges::any_of(
+        c.members, [&](const Rival& r) { return r.effect == effect && r.where == where; });
+  });
+}
+
+std::string badge(Verdict verdict) {
+  const char* css = verdict == Verdict::kNamed     ? "named"
+                    : verdict == Verdict::kClass   ? "class"
+                    : verdict == Verdict::kUnknown ? "unknown"
+                                                   : "none";
+  std::string text = name_of(verdict);
+  return std::string("<span class='badge ") + css + "'>" + escape(plain(text)) + "</span>";
+}
+
+std::string head(const Finding& f, const std::string& name) {
+  std::string out = element("h1", "Diagnosis of " + name);
+  out += "<p class='verdict'>" + badge(f.verdict) + escape(pretty(f.sentence)) + "</p>\n";
+  out += element("p", gained(f), "gained");
+  for (const std::string& text : reservations(f)) out += element("p", text, "warning");
+  return out;
+}
+
+// --- over time
+
+/// Series of the joints whose error a cause names or changed, and of the others.
+std::pair<std::vector<std::size_t>, std::vector<std::size_t>> affected(const Finding& f) {
+  std::set<std::string> named;
+  for (const Cause& c : f.causes)
+    for (std::size_t begin = 0; begin <= c.where.size();) {
+      const std::size_t end = std::min(c.where.find(',', begin), c.where.size());
+      named.insert(c.where.substr(begin, end - begin));
+      begin = end + 1;
+    }
+  for (const Witness& w : f.witness) named.insert(w.where);
+  std::vector<std::size_t> first, rest;
+  for (std::size_t j = 0; j < f.series.size(); ++j)
+    (named.contains(f.series[j].joint) ? first : rest).push_back(j);
+  if (!first.empty()) return {first, rest};
+  // No joint is named (the tip, the base, nothing): those that changed most, or the first.
+  const auto ratio = [&](std::size_t j) {
+    for (const JointGain& g : f.joints)
+      if (g.joint == f.series[j].joint) return g.base > 0.0 ? g.extended / g.base : 1.0;
+    return 1.0;
+  };
+  std::ranges::stable_sort(rest, {}, ratio);
+  const std::size_t count = std::min(f.causes.empty() ? 1 : kMostJoints, rest.size());
+  first.assign(rest.begin(), rest.begin() + static_cast<long>(count));
+  rest.erase(rest.begin(), rest.begin() + static_cast<long>(count));
+  std::ranges::sort(rest);
+  return {first, rest};
+}
+
+std::vector<TorqueSeries> drawn_series(const Finding& f) {
+  std::vector<TorqueSeries> out;
+  for (const ResidualSeries& s : f.series)
+    out.push_back({s.joint, s.unit, s.time, s.measured, s.extended, s.base});
+  return on_one_axis(out, kMostPoints);
+}
+
+std::string over_time(const Finding& f, const std::vector<TorqueSeries>& drawn) {
+  if (drawn.empty())
+    return element("p", "The folder holds no series.json, so that no chart can be drawn.", "faint");
+  const auto [first, rest] = affected(f);
+  const int columns = chart_columns(drawn.size());
+  std::string out = "<div " + chart_set("test", kNames) + ">" +
+                    element("h2", "Torque on held-out data, measured and simulated") +
+                    chart_keys(kNames) + time_charts(drawn, first, "torque", columns, kNames) +
+                    "</div>\n";
+  if (!rest.empty())
+    out += "<details " + chart_set("test", kNames) + "><summary>The other " +
+           (rest.size() == 1 ? "joint" : std::to_string(rest.size()) + " joints") + "</summary>\n" +
+           time_charts(drawn, rest, "torque", columns, kNames) + "</details>\n";
+  return out;
+}
+
+// --- evidence
+
+std::string with_unit(const std::string& name, const std::string& u) {
+  return name + (u == "1" || u.empty() ? "" : " [" + unit(u) + "]");
+}
+
+std::string evidence(const Finding& f) {
+  if (f.plots.empty()) return "";
+  std::string out =
+      element("h2", "Evidence") +
+      "<p class='faint'>What the model lacks (measured − model) on held-out data: <span class='key "
+      "nominal'></span>base model" +
+      (f.causes.empty() ? "" : "<span class='key fitted'></span>extended model") +
+      ". Bands: 95 % of the mean; where the blue line stays at zero, the cause explains what was "
+      "missing.</p>\n<div class='evidence'>\n";
+  for (const EvidencePlot& p : f.plots) {
+    std::vector<Band> bands;
+    for (const EvidenceCurve& c : p.curves)
+      bands.push_back({c.model == "base" ? "nominal" : "fitted", &c.mean, &c.low, &c.high});
+    const std::string title = p.kind == "correlation" ? "with the torque's rate, over the lag"
+                              : p.kind == "spectrum"  ? "spectrum over position"
+                                                      : "over " + p.x_name;
+    out += "<figure><figcaption>" + escape(p.joint) + " <small>" + escape(p.y_name) + " " +
+           escape(p.kind.ends_with("reversal") ? "around reversals" : title) +
+           (p.effect.empty() ? "" : ": " + escape(plain(p.effect))) + "</small></figcaption>" +
+           band_chart(p.x, bands, with_unit(p.x_name, p.x_unit), with_unit(p.y_name, p.y_unit),
+                      p.mark) +
+           "</figure>\n";
+  }
+  return out + "</div>\n";
+}
+
+// --- candidates
+
+std::string rival_list(const std::vector<Rival>& rivals) {
+  std::string out;
+  for (const Rival& r : rivals)
+    out += (out.empty() ? "" : ", ") + at(r.effect, r.where) + " (" + number(r.delta_bic, 3) + ")";
+  return out.empty() ? "none" : out;
+}
+
+std::string candidates(const Finding& f) {
+  std::string out = element("h2", "Candidates and rivals");
+  std::vector<Bar> bars;
+  for (const CandidateScore& c : f.candidates) {
+    if (bars.size() >= kMostBars || (c.delta_bic < 0.0 && bars.size() >= 5)) break;
+    bars.push_back({at(c.effect, c.where), number(c.delta_bic, 3), 0.0, std::max(c.delta_bic, 0.0),
+                    is_cause(f, c.effect, c.where)    ? "cause"
+                    : is_member(f, c.effect, c.where) ? "member"
+                                                      : ""});
+  }
+  if (bars.empty()) {
+    out += element("p", "No candidate could be tested.");
+  } else {
+    out +=
+        "<p class='faint'>How much better one effect alone makes the base model (ΔBIC, first "
+        "step, scale logarithmic above 10; the dashed line is 10, below which nothing is "
+        "accepted). Dark blue: named as a cause in the end; light blue: in the class of one. " +
+        std::to_string(f.candidates.size()) + " candidates were tested.</p>\n" +
+        bar_chart(bars, true, kSameClass);
+  }
+  if (f.causes.empty()) return out;
+  std::vector<std::vector<std::string>> rows;
+  for (const Cause& c : f.causes)
+    rows.push_back({"<b>" + escape(at(c.effect, c.where)) + "</b>", number(c.delta_bic, 3),
+                    percent(c.visible_share), escape(rival_list(c.members)),
+                    escape(rival_list(c.rivals))});
+  out += html_table({"cause", "ΔBIC of leaving it out", "visible beside the base",
+                     "cannot be told from (ΔBIC)", "rivals in its place, worse by (ΔBIC)"},
+                    rows, {"", "n", "n", "wrap", "wrap"});
+  return out;
+}
+
+// --- what is left open
+
+std::string next_experiment(const Finding& f) {
+  if (!f.next_experiment) return "";
+  std::vector<std::string> pairs;
+  for (const auto& [one, other] : f.next_experiment->separates)
+    pairs.push_back(plain(one) + " from " + plain(other));
+  std::string text = "Next experiment: record " + f.next_experiment->trajectory + ", which tells ";
+  for (std::size_t k = 0; k < pairs.size(); ++k) text += (k ? ", " : "") + pairs[k];
+  return element(
+      "p", text + " (expected ΔBIC " + number(f.next_experiment->expected_delta_bic, 3) + ").",
+      "gained");
+}
+
+std::string left_open(const Finding& f) {
+  std::vector<std::string> items;
+  for (const Cause& c : f.causes)
+    if (!c.members.empty())
+      items.push_back(at(c.effect, c.where) + " cannot be told from " + rival_list(c.members) +
+                      " with this recording.");
+  for (const Witness& w : f.witness) {
+    std::string variables;
+    for (const std::string& v : w.variables) variables += (variables.empty() ? "" : ", ") + v;
+    items.push_back("What is left of the error of " + w.where + " depends on " + variables + ": " +
+                    percent(w.share) + " of its mean square (ΔBIC " + number(w.delta_bic, 3) +
+                    ").");
+  }
+  std::string out = element("h2", "What this recording leaves open");
+  const std::string next = next_experiment(f);
+  if (items.empty() && next.empty() && f.refused.empty() && f.absorbed.empty())
+    return out + element("p",
+                         "Nothing: every effect that was tried is visible, and no rival is "
+                         "within reach.");
+  if (!items.empty()) out += html_list(items);
+  out += next;
+  if (!f.refused.empty()) {
+    std::vector<std::vector<std::string>> rows;
+    for (const Refusal& r : f.refused)
+      rows.push_back({escape(at(r.effect, r.where)), escape(r.reason), number(r.delta_bic, 3)});
+    out += element("h3", "Refused") +
+           html_table({"candidate", "reason", "ΔBIC"}, rows, {"", "wrap", "n"});
+  }
+  if (!f.absorbed.empty()) {
+    std::vector<std::vector<std::string>> rows;
+    for (const Absorbed& a : f.absorbed)
+      rows.push_back({escape(at(a.effect, a.where)), percent(a.visible_share)});
+    out += "<details" + std::string(f.absorbed.size() <= 6 ? " open" : "") + "><summary>" +
+           std::to_string(rows.size()) +
+           " effects that this recording cannot show: the base parameters take them "
+           "over</summary>\n" +
+           html_table({"effect", "visible beside the base"}, rows, {"", "n"}) + "</details>\n";
+  }
+  return out;
+}
+
+// --- gain
+
+/// From the base model's error through what each cause removes by itself to the noise floor.
+std::string waterfall(const Finding& f) {
+  const Gain& g = f.gain;
+  const double first = g.before * g.before, last = g.after * g.after;
+  if (!std::isfinite(first) || !std::isfinite(last)) return "";
+  std::vector<Bar> bars{{"base model", number(g.before, 3) + " × noise", 0.0, first, "base"}};
+  double level = first;
+  const auto step = [&](const std::string& label, double removed) {
+    bars.push_back({label, "− " + percent(removed / first), level - removed, level, "removed"});
+    level -= removed;
+  };
+  for (const Cause& c : f.causes)
+    step(at(c.effect, c.where), c.gain.before * c.gain.before - c.gain.after * c.gain.after);
+  // Effects overlap: what they remove together need not be the sum of what each removes alone.
+  if (!f.causes.empty() && std::abs(level - last) > 0.01 * first)
+    step("together, beyond each alone", level - last);
+  if (!f.causes.empty())
+    bars.push_back({"extended model", number(g.after, 3) + " × noise", 0.0, last, "after"});
+  bars.push_back({"noise floor", number(g.noise_floor, 3) + " × noise", 0.0,
+                  g.noise_floor * g.noise_floor, "floor"});
+  return "<p class='faint'>Mean square of the held-out torque errors, each joint's in units of its "
+         "noise; what every cause removes with the others in place.</p>\n" +
+         bar_chart(bars);
+}
+
+std::string joints(const Finding& f) {
+  std::vector<std::vector<std::string>> rows;
+  for (const JointGain& j : f.joints)
+    rows.push_back({escape(j.joint), escape(unit(j.unit)), number(j.torque_rms, 3),
+                    number(j.base, 3), "<b>" + number(j.extended, 3) + "</b>",
+                    number(j.noise_floor, 3), percent(j.base / j.torque_rms),
+                    "<b>" + percent(j.extended / j.torque_rms) + "</b>"});
+  return html_table({"joint", "unit", "rms torque", "base model", "extended", "noise",
+                     "of torque, base", "extended"},
+                    rows, {"", "", "n", "n", "n", "n", "n", "n"});
+}
+
+std::string parameters(const Finding& f) {
+  if (f.causes.empty()) return "";
+  std::vector<std::vector<std::string>> rows;
+  for (const Cause& c : f.causes)
+    for (std::size_t k = 0; k < c.parameters.size(); ++k) {
+      const CauseParameter& p = c.parameters[k];
+      rows.push_back({k == 0 ? "<b>" + escape(at(c.effect, c.where)) + "</b>" : "",
+                      escape(plain(p.name)), number(p.value),
+                      std::isfinite(p.low) ? number(p.low) + " … " + number(p.high) : "held",
+                      escape(p.unit == "1" ? "" : unit(p.unit))});
+    }
+  return element("h2", "Parameters of the causes") +
+         html_table({"cause", "parameter", "value", "95 % interval", "unit"}, rows,
+                    {"", "", "n", "n", ""}) +
+         element("p", "model.json holds the extended model: identify, simulate and Python load it.",
+                 "faint");
+}
+
+// --- data
+
+std::string data(const Finding& f) {
+  std::string out = element("h2", "Data and notes");
+  if (!f.audit.empty()) {
+    std::vector<std::vector<std::string>> rows;
+    for (const ChannelFault& a : f.audit)
+      rows.push_back(
+          {escape(a.severity == FaultSeverity::kFault ? "fault" : "note"), escape(plain(a.fault)),
+           escape(a.channel.empty() ? a.where : a.channel),
+           value_and_std(a.value, a.std) + " " + escape(unit(a.unit == "1" ? "" : a.unit)),
+           escape(a.evidence)});
+    out += element("h3", "Audit of the channels") +
+           html_table({"", "what", "channel", "size", "evidence"}, rows, {"", "", "", "n", "wrap"});
+  }
+  std::vector<std::string> items;
+  items.push_back("positions low-passed at " + number(f.plan.filter_hz, 3) +
+                  " Hz; torques and every candidate's columns alike, decimated to " +
+                  number(f.plan.decimator.rate_hz / f.plan.decimator.factor, 3) + " Hz");
+  items.push_back("base: " + f.base + "; held out: " + f.held_out);
+  items.push_back(
+      "noise-weighted residual of the base model: " + number(f.lack_of_fit, 3) +
+      " (1: noise alone); chance that nothing is hidden, by the best candidate: " +
+      (f.lack_of_fit_p < 1e-12 ? std::string("below 1e-12") : "p = " + number(f.lack_of_fit_p, 2)));
+  if (f.data_report.quarantined > 0)
+    items.push_back(std::to_string(f.data_report.quarantined) + " rows were quarantined");
+  for (const std::string& channel : f.data_report.extra_channels)
+    items.push_back("column " + channel + " is kept, not used");
+  for (const std::string& note : f.data_report.notes) items.push_back(note);
+  for (const std::string& note : f.notes)
+    if (!note.starts_with(kWarning)) items.push_back(note);
+  items.push_back("took " + number(f.seconds, 2) + " s");
+  return out + html_list(items);
+}
+
+}  // namespace
+
+std::string diagnose_page(const DiagnoseRun& run) {
+  const Finding& f = run.finding;
+  const std::string name = f.model.name.empty() ? "model" : f.model.name;
+  IdentifyResult shown;  // what the charts need
+  shown.test_series = drawn_series(f);
+  std::string body =
+      head(f, name) + over_time(f, shown.test_series) + evidence(f) + candidates(f) + left_open(f);
+  body += element("h2", "What was gained on held-out data") + waterfall(f) + joints(f);
+  body += parameters(f) + data(f);
+  body += element("h2", "How to get this again") + reproduce(run.reproduce);
+  return document("Diagnosis of " + name, body, series_json(shown));
+}
+
+}  // namespace diffnea

@@ -1,0 +1,26 @@
+#pragma once
+/// What the terminal's text and the page of a diagnosis say alike.
+
+#include <string>
+#include <vector>
+
+#include <diffnea/io/diagnosis.hpp>
+
+namespace diffnea::report {
+
+/// "coulomb friction" for "coulomb_friction".
+std::string plain(std::string name);
+/// "coulomb friction at elbow"
+std::string at(const std::string& effect, const std::string& where);
+/// The sentence with the signs that its ASCII stands for: "±", "N·m".
+std::string pretty(std::string sentence);
+/// What was gained on held-out data, in one line.
+std::string gained(const Finding& finding);
+/// What the verdict means, in a few words.
+std::string meaning(Verdict verdict);
+/// Value and half of its 95 % interval to two digits, or the interval where it is not symmetric.
+std::string value_and_interval(const CauseParameter& parameter);
+/// What ended early, or is weaker than it should be.
+std::vector<std::string> reservations(const Finding& finding);
+
+}  // namespace diffnea::report
