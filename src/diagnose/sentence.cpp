@@ -1,6 +1,8 @@
 #include "diagnose/sentence.hpp"
 
+#include <algorithm>
 #include <cmath>
+#include <cstdio>
 
 #include "identify/passes.hpp"
 
@@ -18,13 +20,23 @@ std::string name(const std::string& effect) {
   return out;
 }
 
-/// "coulomb 0.53 ± 0.02 N*m"
+/// A value and half its 95 % interval, to two digits of that: "0.530 ± 0.021".
+std::string with_interval(double value, double half) {
+  if (!(half > 0.0) || !std::isfinite(half)) return format_number(value);
+  const int decimals = std::clamp(1 - static_cast<int>(std::floor(std::log10(half))), 0, 9);
+  char text[64];
+  std::snprintf(text, sizeof text, "%.*f ± %.*f", decimals, value, decimals, half);
+  return text;
+}
+
+/// "coulomb 0.530 ± 0.021 N·m"
 std::string values(const Cause& cause) {
   std::string out;
   for (const CauseParameter& p : cause.parameters) {
-    if (std::isnan(p.std)) continue;
-    out += (out.empty() ? "" : ", ") + p.name + " " + format_number(p.value) + " +- " +
-           format_number(1.96 * p.std) + (p.unit == "1" ? "" : " " + p.unit);
+    if (std::isnan(p.std) || p.name == "smoothing") continue;
+    std::string unit = p.unit == "1" ? "" : " " + p.unit;
+    for (std::size_t at; (at = unit.find('*')) != std::string::npos;) unit.replace(at, 1, "·");
+    out += (out.empty() ? "" : ", ") + p.name + " " + with_interval(p.value, 1.96 * p.std) + unit;
   }
   return out;
 }
@@ -43,6 +55,16 @@ std::string cause_words(const Cause& cause) {
   for (const Rival& r : cause.members)
     others.push_back(name(r.effect) + (r.where == cause.where ? "" : " at " + r.where));
   return out + ", which this recording cannot tell from " + listed(others, " or ");
+}
+
+/// The strongest causes; all of them stand in the table.
+std::string causes_words(const Finding& f) {
+  constexpr std::size_t kMost = 3;
+  std::vector<std::string> words;
+  for (std::size_t i = 0; i < std::min(f.causes.size(), kMost); ++i)
+    words.push_back(cause_words(f.causes[i]));
+  if (f.causes.size() > kMost) words.push_back(std::to_string(f.causes.size() - kMost) + " more");
+  return listed(words, " and ");
 }
 
 std::string witness_words(const Finding& f) {
@@ -65,9 +87,7 @@ std::string sentence(const Finding& f) {
     case Verdict::kUnknown: {
       std::string out = "The cause is not in the catalogue: " + witness_words(f);
       if (!f.causes.empty()) {
-        std::vector<std::string> words;
-        for (const Cause& c : f.causes) words.push_back(cause_words(c));
-        out += "; the nearest effects are " + listed(words, " and ") + ", and they explain " +
+        out += "; the nearest effects are " + causes_words(f) + ", and they explain " +
                percent(f.gain.explained_share) + " of the held-out error that can be removed";
       }
       return out + ".";
@@ -76,10 +96,8 @@ std::string sentence(const Finding& f) {
     case Verdict::kClass:
       break;
   }
-  std::vector<std::string> words;
-  for (const Cause& c : f.causes) words.push_back(cause_words(c));
   std::string out =
-      "The model lacks " + listed(words, " and ") + ". The extension removes " +
+      "The model lacks " + causes_words(f) + ". The extension removes " +
       percent(f.gain.explained_share) + " of the held-out error that can be removed (error " +
       format_number(f.gain.before) + " to " + format_number(f.gain.after) + " times the noise)";
   const Cause& first = f.causes.front();
