@@ -182,15 +182,39 @@ auto of_finding(F Finding::* member) {
   return [member](const DiagnoseRun& run) { return detail::to_python(run.finding.*member); };
 }
 
+void bind_plots(py::module_& m) {
+  value_type<EvidenceCurve>(
+      m, "EvidenceCurve", "One line of a plot: means with their 95 % intervals.",
+      field("model", &EvidenceCurve::model, "Whose error: ``base`` or ``extended``."),
+      field("mean", &EvidenceCurve::mean, ""), field("low", &EvidenceCurve::low, ""),
+      field("high", &EvidenceCurve::high, ""));
+  value_type<EvidencePlot>(
+      m, "EvidencePlot", "What an effect looks like in the torque error of held-out rows.",
+      field("kind", &EvidencePlot::kind, "``velocity``, ``position``, ``spectrum`` …"),
+      field("joint", &EvidencePlot::joint, "Whose error."),
+      field("x_name", &EvidencePlot::x_name, ""), field("x_unit", &EvidencePlot::x_unit, ""),
+      field("y_name", &EvidencePlot::y_name, ""), field("y_unit", &EvidencePlot::y_unit, ""),
+      field("effect", &EvidencePlot::effect, "The cause; empty: an overview."),
+      field("x", &EvidencePlot::x, ""), field("curves", &EvidencePlot::curves, ""),
+      field("mark", &EvidencePlot::mark, "The cause's own x, e.g. a delay; NaN: none."));
+  value_type<NextExperiment>(
+      m, "NextExperiment", "A motion that would tell rivals apart.",
+      field("separates", &NextExperiment::separates, "Pairs of effects."),
+      field("expected_delta_bic", &NextExperiment::expected_delta_bic, ""),
+      field("trajectory", &NextExperiment::trajectory, "File beside the result."));
+}
+
 void bind_finding(py::module_& m) {
   using F = Finding;
+  bind_plots(m);
   value_type<F>(m, "_Diagnosis", "The part of a Finding that the library fills.",
                 field("verdict", &F::verdict, ""), field("sentence", &F::sentence, ""),
                 field("audit", &F::audit, ""), field("causes", &F::causes, ""),
                 field("witness", &F::witness, ""), field("absorbed", &F::absorbed, ""),
                 field("refused", &F::refused, ""), field("candidates", &F::candidates, ""),
                 field("gain", &F::gain, ""), field("joints", &F::joints, ""),
-                field("series", &F::series, ""), field("lack_of_fit", &F::lack_of_fit, ""),
+                field("series", &F::series, ""), field("plots", &F::plots, ""),
+                field("next_experiment", &F::next_experiment, ""), field("lack_of_fit", &F::lack_of_fit, ""),
                 field("lack_of_fit_p", &F::lack_of_fit_p, ""), field("noise", &F::noise, ""),
                 field("held_out", &F::held_out, ""), field("base", &F::base, ""),
                 field("model", &F::model, ""), field("parameters", &F::parameters, ""),
@@ -218,6 +242,9 @@ void bind_finding(py::module_& m) {
   property("gain", &F::gain, "Of all causes together, on held-out data.");
   property("joints", &F::joints, "Held-out error of every joint, a list of :class:`JointGain`.");
   property("series", &F::series, "Held-out torques, a list of :class:`ResidualSeries`.");
+  property("plots", &F::plots, "Evidence to draw, a list of :class:`EvidencePlot`.");
+  property("next_experiment", &F::next_experiment,
+           "A :class:`NextExperiment`, or None where none is known.");
   property("lack_of_fit", &F::lack_of_fit, "F of the base model against the noise.");
   property("lack_of_fit_p", &F::lack_of_fit_p,
            "Chance of the best candidate's score if nothing is left to explain.");
