@@ -88,7 +88,10 @@ BasePrior base_prior(Base base, const Model& model, const FitLayout& layout,
 void split_in_time(const Evidence& evidence, std::vector<bool>& fitted, std::vector<bool>& held) {
   fitted.assign(static_cast<std::size_t>(evidence.rows()), false);
   held = fitted;
-  const long m = evidence.times(), block = std::max<long>(m / 10, 1);
+  const long m = evidence.times(), block = std::max<long>(m / 10, std::lround(4.0 / evidence.step()));
+  if (m < 2 * block)
+    throw DataError("diagnose: " + format_number(static_cast<double>(m) * evidence.step()) +
+                    " s are too short to hold blocks of time out; record 8 s or more, or give --test");
   const long guard = std::lround(1.0 / evidence.step());
   for (long i = 0; i < m; ++i) {
     const long inside = std::min(i % block, block - 1 - i % block);
@@ -430,6 +433,13 @@ class Diagnosis {
 
     LinearFit fit;
     const VecX<double> x = final_base(base_, layout_, *search_, *train_, terms_, fit);
+    if (base_ == Base::kRefit) {
+      VecX<double> shape(static_cast<long>(layout_.shape.size()));
+      for (std::size_t k = 0; k < layout_.shape.size(); ++k)
+        shape[static_cast<long>(k)] = layout_.shape[k].prior;
+      finding_.parameters = parameter_estimates(layout_, fit.x, shape, fit.std, fit.identifiable,
+                                                fit.solver.active_nonnegative);
+    }
     set_reference(x, terms_);
   }
 
@@ -454,7 +464,6 @@ class Diagnosis {
         s.q.push_back(e.q()(i, j));
         s.qd.push_back(e.qd()(i, j));
         s.qdd.push_back(e.qdd()(i, j));
-        if (e.rest()(i, static_cast<long>(k)) > 0.3) continue;  // what holds a joint at rest is not known
         g.torque_rms += e.torque()[row] * e.torque()[row];
         g.base += e0[row] * e0[row];
         g.extended += e1[row] * e1[row];

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include <diffnea/identify/identify.hpp>
+#include <diffnea/io/result.hpp>
 
 namespace diffnea::report {
 

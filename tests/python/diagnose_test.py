@@ -134,7 +134,7 @@ def test_findings_are_values(finding) -> None:
     json.dumps(finding.to_dict(), allow_nan=False)
     assert finding.to_dict()["schema"] == "diffnea/diagnose/1"
     assert repr(finding).startswith("Finding('planar': NAMED. ")
-    assert "coulomb_friction" in str(finding)
+    assert "coulomb friction" in str(finding)
     assert repr(finding.causes[0]).startswith("Cause(effect='coulomb_friction', where='elbow'")
     page = finding._repr_html_()
     assert page.count("<table>") == 2
