@@ -151,7 +151,7 @@ Evidence::Evidence(const Model& model, const FitLayout& layout, const RecordingS
     if (!regression.kept()[static_cast<std::size_t>(j)].time.empty()) joints_.push_back(j);
   if (joints_.empty())
     throw DataError(
-        "diagnose: no joint moves, no stretch of the recording is long enough for the filter, or no joint has a "
+        source.sample().front().source + ": diagnose: no joint moves, no stretch of the recording is long enough for the filter, or no joint has a "
         "torque; "
         "record longer than " +
         format_number(2.0 * plan.min_segment) + " s");
