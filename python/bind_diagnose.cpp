@@ -207,20 +207,20 @@ void bind_plots(py::module_& m) {
 void bind_finding(py::module_& m) {
   using F = Finding;
   bind_plots(m);
-  value_type<F>(m, "_Diagnosis", "The part of a Finding that the library fills.",
-                field("verdict", &F::verdict, ""), field("sentence", &F::sentence, ""),
-                field("audit", &F::audit, ""), field("causes", &F::causes, ""),
-                field("witness", &F::witness, ""), field("absorbed", &F::absorbed, ""),
-                field("refused", &F::refused, ""), field("candidates", &F::candidates, ""),
-                field("gain", &F::gain, ""), field("joints", &F::joints, ""),
-                field("series", &F::series, ""), field("plots", &F::plots, ""),
-                field("next_experiment", &F::next_experiment, ""), field("lack_of_fit", &F::lack_of_fit, ""),
-                field("lack_of_fit_p", &F::lack_of_fit_p, ""), field("noise", &F::noise, ""),
-                field("held_out", &F::held_out, ""), field("base", &F::base, ""),
-                field("model", &F::model, ""), field("parameters", &F::parameters, ""),
-                field("plan", &F::plan, ""), field("data_report", &F::data_report, ""),
-                field("notes", &F::notes, ""), field("seconds", &F::seconds, ""),
-                field("interrupted", &F::interrupted, ""))
+  value_type<F>(
+      m, "_Diagnosis", "The part of a Finding that the library fills.",
+      field("verdict", &F::verdict, ""), field("sentence", &F::sentence, ""),
+      field("audit", &F::audit, ""), field("causes", &F::causes, ""),
+      field("witness", &F::witness, ""), field("absorbed", &F::absorbed, ""),
+      field("refused", &F::refused, ""), field("candidates", &F::candidates, ""),
+      field("gain", &F::gain, ""), field("joints", &F::joints, ""), field("series", &F::series, ""),
+      field("plots", &F::plots, ""), field("next_experiment", &F::next_experiment, ""),
+      field("lack_of_fit", &F::lack_of_fit, ""), field("lack_of_fit_p", &F::lack_of_fit_p, ""),
+      field("noise", &F::noise, ""), field("held_out", &F::held_out, ""),
+      field("base", &F::base, ""), field("model", &F::model, ""),
+      field("parameters", &F::parameters, ""), field("plan", &F::plan, ""),
+      field("data_report", &F::data_report, ""), field("notes", &F::notes, ""),
+      field("seconds", &F::seconds, ""), field("interrupted", &F::interrupted, ""))
       .attr("__module__") = "diffnea._core";
   py::class_<DiagnoseRun> c(m, "Finding",
                             "What a model lacks, with evidence, rivals and the gain.");

@@ -1,20 +1,20 @@
-#include <diffnea/core/error.hpp>
-#include <diffnea/core/random.hpp>
-#include <diffnea/identify/convex_fit.hpp>
-#include <diffnea/model/physical.hpp>
-
 #include <Eigen/QR>
 #include <catch2/catch_approx.hpp>
 #include <catch2/catch_test_macros.hpp>
 #include <catch2/generators/catch_generators_all.hpp>
+
+#include <diffnea/core/error.hpp>
+#include <diffnea/core/random.hpp>
+#include <diffnea/identify/convex_fit.hpp>
+#include <diffnea/model/physical.hpp>
 
 using namespace diffnea;
 using Catch::Approx;
 
 namespace {
 
-/// A barrier of 1e-6 moves a parameter by 1e-6 of the unit in which the data press: 1e-4 observed over
-/// the seeds where data of unit weight meet bodies of order 1.
+/// A barrier of 1e-6 moves a parameter by 1e-6 of the unit in which the data press: 1e-4 observed
+/// over the seeds where data of unit weight meet bodies of order 1.
 constexpr double kBarrierTol = 1e-3;
 
 VecX<double> random_body(Rng& rng) {
@@ -104,8 +104,8 @@ TEST_CASE("convex fit: what the data do not see stays at the prior", "[identify]
   ConvexFitProblem problem = two_bodies(rng, truth);
   const MatX<double> N = MatX<double>(random_matrix(rng, 21, 2));
   // Remove two directions from the data; hold them by a weak prior.
-  const MatX<double> Q = Eigen::HouseholderQR<MatX<double>>(N).householderQ() *
-                         MatX<double>::Identity(21, 2);
+  const MatX<double> Q =
+      Eigen::HouseholderQR<MatX<double>>(N).householderQ() * MatX<double>::Identity(21, 2);
   problem.R -= problem.R * Q * Q.transpose();
   problem.d = problem.R * truth;
   problem.prior_information = 1e-2 * Q * Q.transpose();

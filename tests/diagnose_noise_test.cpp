@@ -160,7 +160,8 @@ TEST_CASE("repeatable_noise: what a period repeats is no noise", "[diagnose]") {
              WithinRel(kSigma * kSigma, kSigmas * std::sqrt(2.0 / static_cast<double>(rows))));
 }
 
-TEST_CASE("repeatable_noise: empty without a second period, or where it is no whole number of rows", "[diagnose]") {
+TEST_CASE("repeatable_noise: empty without a second period, or where it is no whole number of rows",
+          "[diagnose]") {
   const test::SwingingEvidence evidence(20.0);
   const VecX<double> residual = VecX<double>::Ones(evidence->rows());
   CHECK(repeatable_noise(*evidence, residual, 0.0).size() == 0);

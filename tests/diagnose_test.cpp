@@ -126,7 +126,8 @@ TEST_CASE("diagnose: without test data blocks of time are held out", "[diagnose]
   const Finding finding = diagnose(arm().nominal, {arm().recorded({kCoulomb}, 1)}, {});
   CAPTURE(finding.sentence);
   CHECK(finding.held_out == "time blocks");
-  // Blocks of the same motion hold out less: a small ripple may stand beside the cause (docs/diagnosis.md).
+  // Blocks of the same motion hold out less: a small ripple may stand beside the cause
+  // (docs/diagnosis.md).
   REQUIRE_FALSE(finding.causes.empty());
   CHECK(finding.causes.front().effect == "coulomb_friction");
   CHECK(finding.causes.front().where == "elbow");

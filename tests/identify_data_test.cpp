@@ -1,13 +1,14 @@
-/// identify() on measured recordings against the literature's figures. docs/results.md has the commands.
+/// identify() on measured recordings against the literature's figures. docs/results.md has the
+/// commands.
+
+#include <algorithm>
+#include <support/data_folder.hpp>
+
+#include <catch2/catch_approx.hpp>
+#include <catch2/catch_test_macros.hpp>
 
 #include <diffnea/identify/identify.hpp>
 #include <diffnea/io/model_file.hpp>
-
-#include <support/data_folder.hpp>
-
-#include <algorithm>
-#include <catch2/catch_approx.hpp>
-#include <catch2/catch_test_macros.hpp>
 
 using namespace diffnea;
 using Catch::Approx;
@@ -48,9 +49,11 @@ Recording between(Recording r, double from, double to) {
 
 TEST_CASE("EMPS: the literature's recipe gives the literature's parameters", "[data]") {
   const auto folder = test::data_folder() / "emps";
-  // Janot, Gautier, Brunot 2019: sign(q̇), 100 Hz Butterworth, decimated by 10; intervals are theirs (± 2σ).
+  // Janot, Gautier, Brunot 2019: sign(q̇), 100 Hz Butterworth, decimated by 10; intervals are theirs
+  // (± 2σ).
   Model model = own_model("emps.urdf");
-  model.effects.push_back({"coulomb_friction", "carriage", {{"coulomb", 1.0, ""}, {"smoothing", 1e-6, ""}}});
+  model.effects.push_back(
+      {"coulomb_friction", "carriage", {{"coulomb", 1.0, ""}, {"smoothing", 1e-6, ""}}});
   IdentifyOptions options;
   options.choice.effects = std::vector<std::string>{"viscous_friction", "torque_offset"};
   options.preprocess.filter_hz = 100.0;
@@ -81,8 +84,8 @@ TEST_CASE("Panda: physically consistent, held out", "[data]") {
   const Recording all = read_recordings(folder / "exciting.csv", read).at(0);
   const double end = all.time[all.rows() - 1];
   IdentifyOptions options;
-  options.choice.effects = std::vector<std::string>{"armature", "viscous_friction",
-                                                    "coulomb_friction", "torque_offset"};
+  options.choice.effects =
+      std::vector<std::string>{"armature", "viscous_friction", "coulomb_friction", "torque_offset"};
   const IdentifyResult result = identify(own_model("panda.urdf"), {between(all, 0.0, 0.6 * end)},
                                          {between(all, 0.6 * end, 1e9)}, options);
   double sum = 0.0;
@@ -93,13 +96,13 @@ TEST_CASE("Panda: physically consistent, held out", "[data]") {
 TEST_CASE("UR10e: held-out motion of another kind", "[data]") {
   const auto folder = test::data_folder() / "ur10e";
   IdentifyOptions options;
-  options.choice.effects =
-      std::vector<std::string>{"armature", "viscous_friction", "coulomb_friction",
-                               "sublinear_friction", "torque_offset"};
+  options.choice.effects = std::vector<std::string>{
+      "armature", "viscous_friction", "coulomb_friction", "sublinear_friction", "torque_offset"};
   const IdentifyResult result =
       identify(read_model(folder / "ur10e.urdf"), read_recordings(folder / "id_50s_12harm.csv"),
                read_recordings(folder / "val_ptp_10_points.csv"), options);
-  const double goal[] = {0.084, 0.040, 0.039, 0.059, 0.14};  // joint 6's offset drifted between the runs
+  const double goal[] = {0.084, 0.040, 0.039, 0.059,
+                         0.14};  // joint 6's offset drifted between the runs
   for (std::size_t j = 0; j < 5; ++j) {
     CAPTURE(j);
     CHECK(result.errors[j].test < goal[j] * result.errors[j].torque_rms);

@@ -1,17 +1,18 @@
-/// identify() on recordings of a MuJoCo WAM that the model does not know, and on what it must refuse.
+/// identify() on recordings of a MuJoCo WAM that the model does not know, and on what it must
+/// refuse.
+
+#include <algorithm>
+#include <filesystem>
+#include <support/wam_study.hpp>
+
+#include <catch2/catch_approx.hpp>
+#include <catch2/catch_test_macros.hpp>
+#include <catch2/matchers/catch_matchers_string.hpp>
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/identify/identify.hpp>
 #include <diffnea/io/model_file.hpp>
 #include <diffnea/model/physical.hpp>
-
-#include <support/wam_study.hpp>
-
-#include <algorithm>
-#include <catch2/catch_approx.hpp>
-#include <catch2/catch_test_macros.hpp>
-#include <catch2/matchers/catch_matchers_string.hpp>
-#include <filesystem>
 
 using namespace diffnea;
 using Catch::Approx;
@@ -38,9 +39,8 @@ double mean_test_error(const IdentifyResult& result) {
 }
 
 bool has_note(const IdentifyResult& result, const std::string& part) {
-  return std::ranges::any_of(result.notes, [&](const std::string& n) {
-    return n.find(part) != std::string::npos;
-  });
+  return std::ranges::any_of(
+      result.notes, [&](const std::string& n) { return n.find(part) != std::string::npos; });
 }
 
 }  // namespace
@@ -101,7 +101,8 @@ TEST_CASE("identify: streamed from files is the same as from memory", "[identify
     CAPTURE(a.parameters[k].name);
     // The stream's filter is chosen from its beginning, its blocks are filtered with a halo: 1e-9.
     if (!std::isnan(a.parameters[k].std))
-      CHECK(std::abs(a.parameters[k].value - b.parameters[k].value) <= 0.05 * a.parameters[k].std + 1e-12);
+      CHECK(std::abs(a.parameters[k].value - b.parameters[k].value) <=
+            0.05 * a.parameters[k].std + 1e-12);
   }
 }
 
@@ -128,7 +129,8 @@ TEST_CASE("identify: the forward loss agrees where the model is right", "[identi
   const IdentifyResult forward = identify(draw().nominal, {draw().train}, {draw().test}, options);
   const IdentifyResult inverse = identify(draw().nominal, {draw().train}, {draw().test});
   CHECK(forward.summary.passes > 1);
-  CHECK(mean_test_error(forward) < 1.3 * mean_test_error(inverse));  // another weighting of the same rows
+  CHECK(mean_test_error(forward) <
+        1.3 * mean_test_error(inverse));  // another weighting of the same rows
 }
 
 TEST_CASE("identify: robust losses shrug off bursts on the torque", "[identify]") {
@@ -139,7 +141,8 @@ TEST_CASE("identify: robust losses shrug off bursts on the torque", "[identify]"
   IdentifyOptions plain, robust;
   robust.robust = Robust::kCauchy;
   const double e_plain = mean_test_error(identify(draw().nominal, {spoiled}, {draw().test}, plain));
-  const double e_robust = mean_test_error(identify(draw().nominal, {spoiled}, {draw().test}, robust));
+  const double e_robust =
+      mean_test_error(identify(draw().nominal, {spoiled}, {draw().test}, robust));
   CHECK(e_robust < 0.3 * e_plain);
 }
 
@@ -151,7 +154,8 @@ TEST_CASE("identify: a misplaced joint is found by its fixed transform", "[ident
   kinematic.choice.fit = {"inertia", "armature", "effects", "kinematics@joint4"};
   const double held = mean_test_error(identify(wrong, {draw().train}, {draw().test}, as_is));
   const IdentifyResult found = identify(wrong, {draw().train}, {draw().test}, kinematic);
-  const double right = mean_test_error(identify(draw().nominal, {draw().train}, {draw().test}, as_is));
+  const double right =
+      mean_test_error(identify(draw().nominal, {draw().train}, {draw().test}, as_is));
   CHECK(held > 1.1 * right);
   CHECK(mean_test_error(found) < right + 0.2 * (held - right));
   // "Before" is the model before the fit, its misplaced joint included.
@@ -199,7 +203,8 @@ TEST_CASE("identify: input that cannot be fitted is refused with the reason", "[
   sparse.preprocess.decimate_to_hz = 5.0;
   CHECK_THROWS_WITH(identify(draw().nominal, {brief}, {}, sparse), ContainsSubstring("parameters"));
 
-  CHECK_THROWS_WITH(identify(draw().nominal, {draw().train}, {draw().train}), ContainsSubstring("same rows"));
+  CHECK_THROWS_WITH(identify(draw().nominal, {draw().train}, {draw().train}),
+                    ContainsSubstring("same rows"));
 
   Recording other = draw().train;
   other.joint_names = {"a", "b", "c", "d"};
@@ -210,9 +215,11 @@ TEST_CASE("identify: input that cannot be fitted is refused with the reason", "[
 TEST_CASE("identify: nothing left to fit, or no band to fit in, is refused", "[identify]") {
   IdentifyOptions options;
   options.choice.fix = {"*"};
-  CHECK_THROWS_WITH(identify(draw().nominal, {draw().train}, {}, options), ContainsSubstring("nothing is left"));
+  CHECK_THROWS_WITH(identify(draw().nominal, {draw().train}, {}, options),
+                    ContainsSubstring("nothing is left"));
   options.loss = Loss::kTrajectory;
-  CHECK_THROWS_WITH(identify(draw().nominal, {draw().train}, {}, options), ContainsSubstring("nothing is left"));
+  CHECK_THROWS_WITH(identify(draw().nominal, {draw().train}, {}, options),
+                    ContainsSubstring("nothing is left"));
   options = {};
   options.preprocess.filter_hz = 1e-6;
   CHECK_THROWS_WITH(identify(draw().nominal, {draw().train}, {}, options), ContainsSubstring("Hz"));

@@ -1,11 +1,12 @@
+#include <algorithm>
+#include <string>
+
+#include <catch2/catch_test_macros.hpp>
+#include <catch2/matchers/catch_matchers_string.hpp>
+
 #include <diffnea/core/error.hpp>
 #include <diffnea/identify/layout.hpp>
 #include <diffnea/io/model_file.hpp>
-
-#include <algorithm>
-#include <catch2/catch_test_macros.hpp>
-#include <catch2/matchers/catch_matchers_string.hpp>
-#include <string>
 
 using namespace diffnea;
 using Catch::Matchers::ContainsSubstring;
@@ -57,7 +58,8 @@ TEST_CASE("layout: fix holds what a pattern names", "[identify]") {
 TEST_CASE("layout: what does not exist is refused with what does", "[identify]") {
   FitChoice choice;
   choice.fit = {"inertias"};
-  CHECK_THROWS_WITH(make_layout(wam(), choice, {0}), ContainsSubstring("armature, effects, shapes"));
+  CHECK_THROWS_WITH(make_layout(wam(), choice, {0}),
+                    ContainsSubstring("armature, effects, shapes"));
   choice = {};
   choice.fix = {"elbow.mass"};
   CHECK_THROWS_WITH(make_layout(wam(), choice, {0}), ContainsSubstring("joint1.viscous_friction"));

@@ -1,13 +1,14 @@
-#include <diffnea/core/error.hpp>
-#include <diffnea/core/random.hpp>
-#include <diffnea/model/physical.hpp>
+#include <cmath>
+#include <vector>
 
 #include <Eigen/Eigenvalues>
 #include <catch2/catch_approx.hpp>
 #include <catch2/catch_test_macros.hpp>
 #include <catch2/generators/catch_generators_all.hpp>
-#include <cmath>
-#include <vector>
+
+#include <diffnea/core/error.hpp>
+#include <diffnea/core/random.hpp>
+#include <diffnea/model/physical.hpp>
 
 using namespace diffnea;
 using Catch::Approx;
@@ -83,8 +84,9 @@ TEST_CASE("physical: the Jacobian is the central difference", "[model]") {
     const Theta<double> b = theta_with_jacobian(form, minus).theta;
     for (int k = 0; k < kThetaSize; ++k) {
       CAPTURE(k, l);
-      CHECK(at.jacobian(k, l) ==
-            Approx((a[k] - b[k]) / (2 * h)).epsilon(kCentralDifferenceTol).margin(kCentralDifferenceTol));
+      CHECK(at.jacobian(k, l) == Approx((a[k] - b[k]) / (2 * h))
+                                     .epsilon(kCentralDifferenceTol)
+                                     .margin(kCentralDifferenceTol));
     }
   }
 }
@@ -92,8 +94,8 @@ TEST_CASE("physical: the Jacobian is the central difference", "[model]") {
 TEST_CASE("physical: a solid box has its textbook inertia", "[model]") {
   // m = 3, sides 0.2, 0.4, 0.6 about the centre; the frame's origin in one corner.
   const double m = 3, a = 0.2, b = 0.4, c = 0.6;
-  const Sym3<double> I_com{m / 12 * (b * b + c * c), 0, 0, m / 12 * (a * a + c * c), 0,
-                           m / 12 * (a * a + b * b)};
+  const Sym3<double> I_com{m / 12 * (b * b + c * c), 0, 0,
+                           m / 12 * (a * a + c * c), 0, m / 12 * (a * a + b * b)};
   const auto body = inertia_from_com<double>(m, {a / 2, b / 2, c / 2}, I_com);
   CHECK(body.I.xx == Approx(m / 3 * (b * b + c * c)));
   CHECK(body.I.xy == Approx(-m * a * b / 4));

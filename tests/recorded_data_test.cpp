@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <support/data_folder.hpp>
 
 #include <catch2/catch_test_macros.hpp>
 #include <catch2/matchers/catch_matchers_string.hpp>
@@ -10,8 +11,6 @@
 #include <diffnea/core/error.hpp>
 #include <diffnea/recording/csv.hpp>
 #include <diffnea/recording/preprocess.hpp>
-
-#include <support/data_folder.hpp>
 
 namespace diffnea {
 namespace {

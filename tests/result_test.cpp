@@ -47,8 +47,9 @@ FitRun some_run() {
   fit.data_report.extra_channels = {"</script><script>alert(1)</script>"};
   fit.notes = {"a \"note\" & more"};
   fit.summary = {true, false, "converged", 7, 1, 1000, 2000, 0.5, 0.25};
-  fit.train_series = {{"elbow", "N*m", {0, 0.1, 0.2}, {1, 2, 3}, {1.1, 2.1, 2.9}, {0, 1, 2}, {-0.5, 0.1, 0.6}},
-                      {"<i>", "N", {}, {}, {}, {}, {}}};
+  fit.train_series = {
+      {"elbow", "N*m", {0, 0.1, 0.2}, {1, 2, 3}, {1.1, 2.1, 2.9}, {0, 1, 2}, {-0.5, 0.1, 0.6}},
+      {"<i>", "N", {}, {}, {}, {}, {}}};
   fit.torque_constants = {{"elbow", "N*m/A", 2.0, 1.75, 0.125}};
   run.reproduce = {"1.2.3", {"diffnea", "identify", "a model.urdf"}, {{"model", "a.urdf", 12, ""}}};
   return run;

@@ -1,9 +1,9 @@
+#include <catch2/catch_approx.hpp>
+#include <catch2/catch_test_macros.hpp>
+
 #include <diffnea/core/error.hpp>
 #include <diffnea/core/random.hpp>
 #include <diffnea/identify/triangular_factor.hpp>
-
-#include <catch2/catch_approx.hpp>
-#include <catch2/catch_test_macros.hpp>
 
 using namespace diffnea;
 using Catch::Approx;

@@ -88,10 +88,12 @@ BasePrior base_prior(Base base, const Model& model, const FitLayout& layout,
 void split_in_time(const Evidence& evidence, std::vector<bool>& fitted, std::vector<bool>& held) {
   fitted.assign(static_cast<std::size_t>(evidence.rows()), false);
   held = fitted;
-  const long m = evidence.times(), block = std::max<long>(m / 10, std::lround(4.0 / evidence.step()));
+  const long m = evidence.times(),
+             block = std::max<long>(m / 10, std::lround(4.0 / evidence.step()));
   if (m < 2 * block)
-    throw DataError("diagnose: " + format_number(static_cast<double>(m) * evidence.step()) +
-                    " s are too short to hold blocks of time out; record 8 s or more, or give --test");
+    throw DataError(
+        "diagnose: " + format_number(static_cast<double>(m) * evidence.step()) +
+        " s are too short to hold blocks of time out; record 8 s or more, or give --test");
   const long guard = std::lround(1.0 / evidence.step());
   for (long i = 0; i < m; ++i) {
     const long inside = std::min(i % block, block - 1 - i % block);

@@ -150,11 +150,10 @@ Evidence::Evidence(const Model& model, const FitLayout& layout, const RecordingS
   for (int j = 0; j < num_dofs_; ++j)
     if (!regression.kept()[static_cast<std::size_t>(j)].time.empty()) joints_.push_back(j);
   if (joints_.empty())
-    throw DataError(
-        source.sample().front().source + ": diagnose: no joint moves, no stretch of the recording is long enough for the filter, or no joint has a "
-        "torque; "
-        "record longer than " +
-        format_number(2.0 * plan.min_segment) + " s");
+    throw DataError(source.sample().front().source +
+                    ": diagnose: no joint moves, no stretch of the recording is long enough for "
+                    "the filter, or no joint has a torque; record longer than " +
+                    format_number(2.0 * plan.min_segment) + " s");
   const long m =
       static_cast<long>(regression.kept()[static_cast<std::size_t>(joints_[0])].time.size());
   torque_.resize(m * static_cast<long>(joints_.size()));

@@ -1,13 +1,14 @@
-#include <diffnea/core/error.hpp>
-#include <diffnea/identify/convex_fit.hpp>
-#include <diffnea/model/physical.hpp>
-
-#include <Eigen/Cholesky>
-#include <Eigen/QR>
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
+
+#include <Eigen/Cholesky>
+#include <Eigen/QR>
+
+#include <diffnea/core/error.hpp>
+#include <diffnea/identify/convex_fit.hpp>
+#include <diffnea/model/physical.hpp>
 
 namespace diffnea {
 namespace {
@@ -68,7 +69,9 @@ class Barrier {
   const std::vector<int>& free() const { return free_; }
   const std::vector<int>& bodies() const { return bodies_; }
   const std::vector<int>& bounds() const { return bounds_; }
-  int num_terms() const { return 4 * static_cast<int>(bodies_.size()) + static_cast<int>(bounds_.size()); }
+  int num_terms() const {
+    return 4 * static_cast<int>(bodies_.size()) + static_cast<int>(bounds_.size());
+  }
 
   /// +∞ outside the cone.
   double value(const VecX<double>& x, double mu) const {
@@ -180,8 +183,7 @@ double unconstrained_objective(const ConvexFitProblem& p, const std::vector<int>
 
 }  // namespace
 
-ConvexFitResult solve_convex_fit(const ConvexFitProblem& problem,
-                                 const ConvexFitOptions& options) {
+ConvexFitResult solve_convex_fit(const ConvexFitProblem& problem, const ConvexFitOptions& options) {
   check(problem);
   const Barrier barrier(problem);
   ConvexFitResult result;
@@ -192,7 +194,8 @@ ConvexFitResult solve_convex_fit(const ConvexFitProblem& problem,
     result.converged = true;
     return result;
   }
-  // The barrier starts where it weighs as much as the misfit of the start, and falls tenfold a stage.
+  // The barrier starts where it weighs as much as the misfit of the start, and falls tenfold a
+  // stage.
   const int terms = std::max(barrier.num_terms(), 1);
   double mu = std::max(barrier.value(x, 0.0) / terms, 10.0 * options.final_barrier);
   VecX<double> direction;
@@ -235,13 +238,14 @@ ConvexFitResult solve_convex_fit(const ConvexFitProblem& problem,
   result.consistency_cost =
       std::max(0.0, result.objective - unconstrained_objective(problem, barrier.free()));
 
-  // At the boundary an eigenvalue is μ/z with a multiplier z that the data press with; inside, it is
-  // of the order of the body itself.
+  // At the boundary an eigenvalue is μ/z with a multiplier z that the data press with; inside, it
+  // is of the order of the body itself.
   constexpr double kBoundary = 1e-4;
   for (const int b : barrier.bodies()) {
     const Matrix4 Pi = pseudo_inertia_at(x, problem.bodies[b]);
     const Matrix4 Pi0 = pseudo_inertia_at(problem.start, problem.bodies[b]);
-    const Eigen::GeneralizedSelfAdjointEigenSolver<Matrix4> relative(Pi, Pi0, Eigen::EigenvaluesOnly);
+    const Eigen::GeneralizedSelfAdjointEigenSolver<Matrix4> relative(Pi, Pi0,
+                                                                     Eigen::EigenvaluesOnly);
     if (relative.eigenvalues()[0] < kBoundary) result.active_bodies.push_back(b);
   }
   for (const int k : barrier.bounds()) {

@@ -145,9 +145,10 @@ void add_effect(const BoundEffect& effect, bool fixed, bool fix_shapes, double p
 void require_fittable(const BoundEffect& effect) {
   const EffectInfo& info = effect.info();
   if (info.port == Port::kJointTorque || info.name == "payload") return;
-  throw ModelError("effects: identify cannot fit " + info.name + " at '" + effect.where +
-                   "', nor a model that has it: its torque is no function of one instant of the joints; "
-                   "`diffnea diagnose` fits it");
+  throw ModelError(
+      "effects: identify cannot fit " + info.name + " at '" + effect.where +
+      "', nor a model that has it: its torque is no function of one instant of the joints; "
+      "`diffnea diagnose` fits it");
 }
 
 /// The fixed transform of one joint.
@@ -166,11 +167,16 @@ void add_kinematics(const Model& model, int dof, FitLayout& layout) {
 /// The places an effect asked for without one acts at.
 std::vector<std::string> places(const EffectInfo& info, const Model& model) {
   switch (info.place) {
-    case Place::kJoint: return joint_names(model);
-    case Place::kTip: return {"tip"};
-    case Place::kBase: return {"base"};
-    case Place::kAllJoints: return {"all"};
-    case Place::kJointPair: break;
+    case Place::kJoint:
+      return joint_names(model);
+    case Place::kTip:
+      return {"tip"};
+    case Place::kBase:
+      return {"base"};
+    case Place::kAllJoints:
+      return {"all"};
+    case Place::kJointPair:
+      break;
   }
   throw ModelError("effects: " + info.name + " acts on a pair of joints; name them, e.g. " +
                    info.name + "@" + joint_names(model).front() + "," + joint_names(model).back());
@@ -305,16 +311,18 @@ Model apply_fit(const Model& model, const FitLayout& layout, const VecX<double>&
   if (moved) set_inertial_parameters(out, pi);
   for (std::size_t i = 0; i + 5 < layout.shape.size(); ++i) {
     if (layout.shape[i].kinematic != 0) continue;
-    Pose<double>& X = out.links[static_cast<std::size_t>(
-                                    moving[static_cast<std::size_t>(layout.shape[i].dof)])]
-                          .X_PJ;
+    Pose<double>& X =
+        out.links[static_cast<std::size_t>(moving[static_cast<std::size_t>(layout.shape[i].dof)])]
+            .X_PJ;
     const double* d = shape.data() + i;
     X.R = X.R * rotation_from_rpy<double>({d[0], d[1], d[2]});
     X.p = X.p + Vec3<double>{d[3], d[4], d[5]};
   }
   for (const BoundEffect& e : effects) {
     const EffectSpec spec = to_spec(e);
-    const auto same = [&](const EffectSpec& s) { return s.effect == spec.effect && s.where == spec.where; };
+    const auto same = [&](const EffectSpec& s) {
+      return s.effect == spec.effect && s.where == spec.where;
+    };
     const auto it = std::ranges::find_if(out.effects, same);
     if (it != out.effects.end())
       *it = spec;

@@ -1,19 +1,20 @@
-#include <diffnea/core/error.hpp>
-#include <diffnea/identify/linear_fit.hpp>
-#include <diffnea/model/physical.hpp>
-
-#include <Eigen/Cholesky>
-#include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <limits>
 
+#include <Eigen/Cholesky>
+#include <Eigen/QR>
+
+#include <diffnea/core/error.hpp>
+#include <diffnea/identify/linear_fit.hpp>
+#include <diffnea/model/physical.hpp>
+
 namespace diffnea {
 namespace {
 
-/// Combinations with a smaller share of the largest pivot are structurally invisible: columns that are
-/// exactly dependent leave 1e-13 (observed), directions that the data do see at all some 1e-5.
+/// Combinations with a smaller share of the largest pivot are structurally invisible: columns that
+/// are exactly dependent leave 1e-13 (observed), directions that the data do see at all some 1e-5.
 constexpr double kStructuralTol = 1e-9;
 
 std::vector<int> free_columns(const FitLayout& layout) {
@@ -32,7 +33,8 @@ double link_torque(const FitLayout& layout, const JointFactor& f, const VecX<dou
   const MatX<double> R = f.factor.R();
   VecX<double> links = VecX<double>::Zero(R.cols());
   for (std::size_t k = 0; k < f.columns.size(); ++k)
-    if (f.columns[k] < static_cast<int>(layout.linear.size()) && layout.linear[f.columns[k]].dof >= 0)
+    if (f.columns[k] < static_cast<int>(layout.linear.size()) &&
+        layout.linear[f.columns[k]].dof >= 0)
       links[static_cast<long>(k)] = x[f.columns[k]];
   return (R * links).norm() / std::sqrt(static_cast<double>(std::max<long>(f.factor.rows(), 1)));
 }
@@ -48,7 +50,8 @@ VecX<double> parameter_scales(const FitLayout& layout, const std::vector<JointFa
     const MatX<double> R = f.factor.R();
     double torque = std::sqrt(f.factor.sum_of_squares(VecX<double>::Zero(R.cols())));
     if (torque == 0.0)  // a passive joint: what its links take
-      torque = link_torque(layout, f, layout.prior()) * std::sqrt(static_cast<double>(f.factor.rows()));
+      torque =
+          link_torque(layout, f, layout.prior()) * std::sqrt(static_cast<double>(f.factor.rows()));
     for (std::size_t k = 0; k < f.columns.size(); ++k) {
       const int c = f.columns[k];
       if (!std::isnan(layout.linear[c].scale)) continue;
@@ -58,7 +61,8 @@ VecX<double> parameter_scales(const FitLayout& layout, const std::vector<JointFa
   }
   for (long c = 0; c < scale.size(); ++c)
     if (std::isnan(scale[c]))
-      scale[c] = std::max(std::abs(layout.linear[c].prior), largest[c] > 0 ? 1.0 / largest[c] : 1.0);
+      scale[c] =
+          std::max(std::abs(layout.linear[c].prior), largest[c] > 0 ? 1.0 / largest[c] : 1.0);
   return scale;
 }
 
@@ -133,16 +137,17 @@ std::string number(double x) {
   return buffer;
 }
 
-/// Base parameters by QR with column pivoting (Gautier 1991): x_i + Σ β x_d for each independent column
-/// i, the dependent columns d regrouped into them. Columns compete in units of their scales; what the links
-/// absorb is regrouped too, but never leads.
+/// Base parameters by QR with column pivoting (Gautier 1991): x_i + Σ β x_d for each independent
+/// column i, the dependent columns d regrouped into them. Columns compete in units of their scales;
+/// what the links absorb is regrouped too, but never leads.
 std::vector<BaseParameter> base_parameters(const FitLayout& layout, const MatX<double>& R,
                                            const VecX<double>& x, const VecX<double>& scale) {
   std::vector<int> columns;
   VecX<double> weight = scale;
   for (std::size_t k = 0; k < layout.linear.size(); ++k) {
     if (layout.linear[k].absorbed) weight[static_cast<long>(k)] *= 1e-4;
-    if (!layout.linear[k].fixed || layout.linear[k].absorbed) columns.push_back(static_cast<int>(k));
+    if (!layout.linear[k].fixed || layout.linear[k].absorbed)
+      columns.push_back(static_cast<int>(k));
   }
   MatX<double> Rs = R(Eigen::all, columns);
   for (long k = 0; k < Rs.cols(); ++k) Rs.col(k) *= weight[columns[static_cast<std::size_t>(k)]];
@@ -223,7 +228,8 @@ std::vector<int> absorbed_by_links(const FitLayout& layout,
   for (const int c : free_columns(layout)) {
     if (layout.linear[c].dof >= 0 || layout.linear[c].theta >= 0) continue;
     const VecX<double> g = R.col(c);
-    // Of a dependent column rounding leaves 1e-12 (observed); of any other, noise alone leaves 1e-5.
+    // Of a dependent column rounding leaves 1e-12 (observed); of any other, noise alone leaves
+    // 1e-5.
     if (g.norm() > 0.0 && (L * qr.solve(g) - g).norm() < 1e-7 * g.norm()) out.push_back(c);
   }
   return out;
@@ -255,8 +261,9 @@ LinearFit fit_linear(const FitLayout& layout, const std::vector<JointFactor>& fa
   long rows = 0;
   for (const JointFactor& f : factors) rows += f.factor.rows();
   if (free.empty())
-    throw ModelError("identify: every parameter is held, nothing is left to fit; groups of fit: inertia, "
-                     "armature, effects");
+    throw ModelError(
+        "identify: every parameter is held, nothing is left to fit; groups of fit: inertia, "
+        "armature, effects");
   if (rows < static_cast<long>(free.size()))
     throw DataError("identify: " + std::to_string(rows) + " torque samples after filtering for " +
                     std::to_string(free.size()) +
@@ -285,8 +292,8 @@ LinearFit fit_linear(const FitLayout& layout, const std::vector<JointFactor>& fa
   for (long j = 0; j < n; ++j)
     if (factors[j].factor.rows() > 0) {
       const double torque = factors[j].rmse(VecX<double>::Zero(p));
-      fit.sigma[j] = std::max(
-          torque > 0.0 ? torque : link_torque(layout, factors[j], problem.start), 1e-12);
+      fit.sigma[j] =
+          std::max(torque > 0.0 ? torque : link_torque(layout, factors[j], problem.start), 1e-12);
     }
   for (int round = 0; round < options.max_reweightings; ++round) {
     stack(factors, fit.sigma, p, problem.R, problem.d);
@@ -297,12 +304,14 @@ LinearFit fit_linear(const FitLayout& layout, const std::vector<JointFactor>& fa
       const JointFactor& f = factors[j];
       if (f.factor.rows() == 0) continue;
       // Every joint pays for the parameters by its share of the rows.
-      const double dof = static_cast<double>(f.factor.rows()) *
-                         std::max(1.0 - static_cast<double>(free.size()) / static_cast<double>(rows), 0.1);
+      const double dof =
+          static_cast<double>(f.factor.rows()) *
+          std::max(1.0 - static_cast<double>(free.size()) / static_cast<double>(rows), 0.1);
       const double torque = f.rmse(VecX<double>::Zero(p));
       double next = std::max(std::sqrt(f.sum_of_squares(fit.x) / dof), 1e-9 * torque + 1e-15);
-      // Where the torque is zero throughout (a passive joint) any multiple of its links fits as well, and small
-      // ones leave small residuals: the noise is measured in units of what the links take.
+      // Where the torque is zero throughout (a passive joint) any multiple of its links fits as
+      // well, and small ones leave small residuals: the noise is measured in units of what the
+      // links take.
       if (torque == 0.0)
         next = std::max(next * link_torque(layout, f, problem.start) /
                             std::max(link_torque(layout, f, fit.x), 1e-300),
@@ -334,11 +343,10 @@ void use_sandwich(const FitLayout& layout, const MatX<double>& meat, LinearFit& 
   H.diagonal() += fit.weak(free);
   B.diagonal() += fit.weak(free);
   const VecX<double> s = H.diagonal().cwiseSqrt().cwiseInverse();
-  const MatX<double> inverse =
-      s.asDiagonal() *
-      Eigen::LDLT<MatX<double>>(s.asDiagonal() * H * s.asDiagonal())
-          .solve(MatX<double>(MatX<double>::Identity(f, f))) *
-      s.asDiagonal();
+  const MatX<double> inverse = s.asDiagonal() *
+                               Eigen::LDLT<MatX<double>>(s.asDiagonal() * H * s.asDiagonal())
+                                   .solve(MatX<double>(MatX<double>::Identity(f, f))) *
+                               s.asDiagonal();
   MatX<double> covariance = MatX<double>::Zero(p, p), independent = covariance;
   covariance(free, free) = inverse * B * inverse;
   independent(free, free) = inverse;

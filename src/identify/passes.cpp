@@ -49,8 +49,8 @@ FitLayout layout_for(const Model& model, const RecordingSource& source, const Re
   FitChoice with_side = choice;
   with_side.link_side = source.sample().front().info.torque_side == TorqueSide::kLink;
   const bool per_run = choice.effects && std::ranges::any_of(*choice.effects, [](const auto& e) {
-    return e.starts_with("session_offset");
-  });
+                         return e.starts_with("session_offset");
+                       });
   if (!depends_on_runs(model, choice, source, test))
     return make_layout(model, with_side, per_run ? source.runs() : std::vector<int>{0});
   std::vector<RunDescription> runs = source.describe_runs();

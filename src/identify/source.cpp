@@ -1,7 +1,7 @@
+#include <algorithm>
+
 #include <diffnea/core/error.hpp>
 #include <diffnea/identify/source.hpp>
-
-#include <algorithm>
 
 namespace diffnea {
 namespace {
@@ -129,8 +129,7 @@ class InFiles : public RecordingSource {
     std::vector<Recording> out;
     RecordingReader reader(paths_.front(), options(0));
     std::vector<Recording> block(1);
-    if (!reader.next(block[0], kSampleRows))
-      throw DataError(paths_.front().string() + ": no rows");
+    if (!reader.next(block[0], kSampleRows)) throw DataError(paths_.front().string() + ": no rows");
     match_joints(joints_, block);
     block[0].run = 0;
     out.push_back(block[0]);
@@ -163,10 +162,9 @@ std::unique_ptr<RecordingSource> recordings_in_memory(const Model& model,
   return std::make_unique<InMemory>(model, std::move(recordings));
 }
 
-std::unique_ptr<RecordingSource> recordings_in_files(const Model& model,
-                                                     const std::vector<std::filesystem::path>& paths,
-                                                     const std::vector<RecordingInfo>& info,
-                                                     long keep_bytes) {
+std::unique_ptr<RecordingSource> recordings_in_files(
+    const Model& model, const std::vector<std::filesystem::path>& paths,
+    const std::vector<RecordingInfo>& info, long keep_bytes) {
   if (paths.empty()) throw DataError("recordings: got no file, expected at least one");
   long bytes = 0;
   for (const auto& path : paths) {

@@ -44,7 +44,8 @@ MatX<double> score_covariance(const JointRows& kept, const MatX<double>& T, cons
   const VecX<double> r = Y * x - linear.col(p);
   const MatX<double> scores = r.asDiagonal() * Y / (sigma * sigma);
   MatX<double> meat = scores.transpose() * scores;
-  const long lags = std::min<long>(static_cast<long>(std::sqrt(static_cast<double>(rows))), rows - 1);
+  const long lags =
+      std::min<long>(static_cast<long>(std::sqrt(static_cast<double>(rows))), rows - 1);
   for (long l = 1; l <= lags; ++l) {
     const double w = 1.0 - static_cast<double>(l) / static_cast<double>(lags + 1);
     const MatX<double> c = scores.topRows(rows - l).transpose() * scores.bottomRows(rows - l);
@@ -53,7 +54,8 @@ MatX<double> score_covariance(const JointRows& kept, const MatX<double>& T, cons
   return meat * (all_rows / static_cast<double>(rows));
 }
 
-/// A joint whose filtered position stays within what its noise explains tells nothing of its own motion.
+/// A joint whose filtered position stays within what its noise explains tells nothing of its own
+/// motion.
 std::vector<int> motionless_joints(const Pass& pass, const PreprocessPlan& plan) {
   std::vector<int> out;
   for (long j = 0; j < pass.lowest.size(); ++j) {
@@ -71,9 +73,8 @@ void hold_motionless(const std::vector<int>& joints, FitLayout& layout) {
       if (p.effect < 0) continue;
       const BoundEffect& e = layout.effects[p.effect];
       const bool constant = e.info().name == "torque_offset" || e.info().name == "session_offset";
-      const bool still = std::ranges::any_of(joints, [&](int j) {
-        return std::ranges::find(e.joints, j) != e.joints.end();
-      });
+      const bool still = std::ranges::any_of(
+          joints, [&](int j) { return std::ranges::find(e.joints, j) != e.joints.end(); });
       if (still && !constant && e.info().port == Port::kJointTorque) p.fixed = true;
     }
 }
@@ -87,7 +88,8 @@ FitLayout with_shape_steps(const FitLayout& layout) {
       step.name += " (step)";
       step.sign = Sign::kFree;
       step.prior = 0.0;
-      step.scale = s.kinematic >= 0 ? 0.01 : 0.1;  // ten times that by prior_width: e-fold; 0.1 rad, 0.1 m
+      step.scale =
+          s.kinematic >= 0 ? 0.01 : 0.1;  // ten times that by prior_width: e-fold; 0.1 rad, 0.1 m
       out.linear.push_back(step);
     }
   return out;
@@ -162,7 +164,9 @@ class InverseFit {
     RegressionOptions o;
     o.acceleration = options_.loss == Loss::kForward && !in_torque;
     if (weighted)
-      o.weight = [this](int j, double r) { return robust_weight(options_.robust, r / fit_.sigma[j]); };
+      o.weight = [this](int j, double r) {
+        return robust_weight(options_.robust, r / fit_.sigma[j]);
+      };
     regression_ = std::make_unique<TorqueRegression>(model_, layout, result_.plan,
                                                      RegressionPoint{x_, shape_}, o);
     Pass p = for_each_block(train_, result_.plan, "reading", result_.summary.passes, options_,
@@ -174,7 +178,8 @@ class InverseFit {
 
   void fit() {
     FitLayout with_shapes = layout_;
-    for (FitParameter& shape : layout_.shape) shape.fixed = true;  // no columns for them but in fit_shapes
+    for (FitParameter& shape : layout_.shape)
+      shape.fixed = true;  // no columns for them but in fit_shapes
     Pass first = pass(layout_, false);
     result_.data_report = train_.report();
     result_.summary.rows = first.rows;
@@ -183,8 +188,9 @@ class InverseFit {
     const std::vector<int> still = motionless_joints(first, result_.plan);
     const std::vector<std::string> names = joint_names(model_);
     for (const int j : still)
-      result_.notes.push_back(names[j] + " never moves: its friction, armature and springs are held at "
-                                         "the model's values");
+      result_.notes.push_back(names[j] +
+                              " never moves: its friction, armature and springs are held at "
+                              "the model's values");
     hold_motionless(still, layout_);
     hold_motionless(still, with_shapes);
     bool torque = false;
@@ -193,17 +199,19 @@ class InverseFit {
       torque = torque || f.rmse(VecX<double>::Zero(x_.size())) > 0.0;
     }
     if (!torque && result_.summary.fitted_rows > 0)
-      throw DataError(train_.sample().front().source +
-                      ": no joint has a measured torque, so that any multiple of the model fits; use the "
-                      "trajectory loss, which holds what cannot be seen at the model's values");
+      throw DataError(
+          train_.sample().front().source +
+          ": no joint has a measured torque, so that any multiple of the model fits; use the "
+          "trajectory loss, which holds what cannot be seen at the model's values");
 
     for (const int c : absorbed_by_links(layout_, regression_->factors())) {
       if (gains_.owns(c)) continue;
       layout_.linear[c].fixed = with_shapes.linear[c].fixed = true;
       layout_.linear[c].absorbed = with_shapes.linear[c].absorbed = true;
-      result_.notes.push_back(layout_.linear[c].name +
-                              " cannot be told from the links' inertia, which absorbs it: held at " +
-                              format_number(layout_.linear[c].prior));
+      result_.notes.push_back(
+          layout_.linear[c].name +
+          " cannot be told from the links' inertia, which absorbs it: held at " +
+          format_number(layout_.linear[c].prior));
     }
 
     if (gains_.any_free()) hold_undetermined_gains(with_shapes);
@@ -232,11 +240,14 @@ class InverseFit {
       const double rest = static_cast<double>(regression_->rows_at_rest(j));
       const double all = rest + static_cast<double>(regression_->factors()[j].factor.rows());
       if (rest > 0.05 * all)
-        list += (list.empty() ? "" : ", ") + names[j] + " " + format_number(100.0 * rest / all) + " %";
+        list +=
+            (list.empty() ? "" : ", ") + names[j] + " " + format_number(100.0 * rest / all) + " %";
     }
     if (!list.empty())
-      result_.notes.push_back("torque samples at which a joint rests are left out, since dry friction at "
-                              "rest can have any size: " + list);
+      result_.notes.push_back(
+          "torque samples at which a joint rests are left out, since dry friction at "
+          "rest can have any size: " +
+          list);
   }
 
   /// What makes the rows of joint j linear about the present point; the forward loss holds its
@@ -296,7 +307,8 @@ class InverseFit {
     result_.summary.converged = fit_.solver.converged;
     result_.summary.iterations = fit_.solver.iterations;
     if (options_.progress)
-      options_.progress({"fitting", result_.summary.passes, result_.summary.rows, fit_.solver.objective});
+      options_.progress(
+          {"fitting", result_.summary.passes, result_.summary.rows, fit_.solver.objective});
   }
 
   /// Gauss–Newton in ln η with the linear parameters solved along, one pass over the data a step.
@@ -304,7 +316,8 @@ class InverseFit {
   void fit_shapes(const FitLayout& layout) {
     FitLayout moving = with_shape_steps(layout);
     FitLayout held = moving;  // the same columns, the steps at zero
-    for (std::size_t k = layout.linear.size(); k < held.linear.size(); ++k) held.linear[k].fixed = true;
+    for (std::size_t k = layout.linear.size(); k < held.linear.size(); ++k)
+      held.linear[k].fixed = true;
     const VecX<double> sigma = fit_.sigma;
     const long p = x_.size(), s = static_cast<long>(moving.linear.size()) - p;
     const auto misfit = [&] {  // χ²/2 in units of the noise at the start
@@ -353,8 +366,9 @@ class InverseFit {
     solve(layout_);
   }
 
-  /// Robust weights, and M⁻¹ of the forward loss, follow the parameters: solve and re-weigh in turn. (The forward
-  /// loss's residual is M⁻¹ times the inverse one's; with M held at the last parameters it is linear.)
+  /// Robust weights, and M⁻¹ of the forward loss, follow the parameters: solve and re-weigh in
+  /// turn. (The forward loss's residual is M⁻¹ times the inverse one's; with M held at the last
+  /// parameters it is linear.)
   void reweigh() {
     while (result_.summary.passes < options_.max_passes && !result_.summary.interrupted) {
       const VecX<double> before = x_, std = fit_.std;
@@ -391,7 +405,7 @@ class InverseFit {
           " in chi^2/2: the data ask for an impossible body, a sign of an effect the model lacks");
     finish_errors();
     FitSummary& s = result_.summary;
-    s.termination = s.interrupted   ? "interrupted; fitted to what had been read"
+    s.termination = s.interrupted ? "interrupted; fitted to what had been read"
                     : s.converged ? "converged"
                                   : "the barrier method stopped before its tolerance";
   }
@@ -447,8 +461,8 @@ class InverseFit {
           ". The links' parameters are true ones; friction and offsets are of the recorded torque");
   }
 
-  /// The rows as the model before the fit has them: another pass where shapes or fixed transforms moved, since
-  /// columns depend on those. Null: the rows of the fit serve both.
+  /// The rows as the model before the fit has them: another pass where shapes or fixed transforms
+  /// moved, since columns depend on those. Null: the rows of the fit serve both.
   std::unique_ptr<TorqueRegression> rows_before(const RecordingSource& source,
                                                 const PreprocessPlan& plan, int first_run) const {
     VecX<double> prior(shape_.size());
@@ -458,7 +472,8 @@ class InverseFit {
     o.first_run = first_run;
     auto out = std::make_unique<TorqueRegression>(model_, layout_, plan,
                                                   RegressionPoint{nominal_, prior}, o);
-    for_each_block(source, plan, "testing", 2, options_, [&](const Preprocessed& b) { out->add(b); });
+    for_each_block(source, plan, "testing", 2, options_,
+                   [&](const Preprocessed& b) { out->add(b); });
     return out;
   }
 
@@ -479,13 +494,13 @@ class InverseFit {
       RegressionOptions with_rest = held;
       with_rest.rest_speed = 0.0;
       with_rest.keep_bytes = 0;
-      test_all = std::make_unique<TorqueRegression>(model_, layout_, plan, RegressionPoint{x_, shape_},
-                                                    with_rest);
-      const Pass p = for_each_block(held_out, plan, "testing", 0, options_,
-                                    [&](const Preprocessed& b) {
-                                      test->add(b);
-                                      test_all->add(b);
-                                    });
+      test_all = std::make_unique<TorqueRegression>(model_, layout_, plan,
+                                                    RegressionPoint{x_, shape_}, with_rest);
+      const Pass p =
+          for_each_block(held_out, plan, "testing", 0, options_, [&](const Preprocessed& b) {
+            test->add(b);
+            test_all->add(b);
+          });
       result_.notes.insert(result_.notes.end(), p.notes.begin(), p.notes.end());
       const std::vector<int> runs = test_->runs();
       std::map<int, ExtendedTree> fitted;  // per run: bodies that the robot held in it

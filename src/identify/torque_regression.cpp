@@ -1,10 +1,12 @@
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <numeric>
+
+#include <Eigen/Cholesky>
+
 #include <diffnea/core/error.hpp>
 #include <diffnea/effects/extended_tree.hpp>
 #include <diffnea/identify/torque_regression.hpp>
-#include <numeric>
 
 namespace diffnea {
 
@@ -24,8 +26,9 @@ TorqueRegression::TorqueRegression(const Model& model, const FitLayout& layout,
     const FitParameter& shape = layout.shape[s];
     if (shape.kinematic < 0)
       effects_[shape.effect].parameters[shape.index] = at.shape[s];
-    else if (shape.kinematic == 0 && !std::all_of(layout.shape.begin() + s, layout.shape.begin() + s + 6,
-                                                  [](const auto& k) { return k.fixed; }))
+    else if (shape.kinematic == 0 &&
+             !std::all_of(layout.shape.begin() + s, layout.shape.begin() + s + 6,
+                          [](const auto& k) { return k.fixed; }))
       moved_shape_.push_back(static_cast<int>(s));
     if (!shape.fixed) free_shapes_.push_back(static_cast<int>(s));
   }
@@ -38,8 +41,8 @@ TorqueRegression::TorqueRegression(const Model& model, const FitLayout& layout,
     std::vector<int> columns = layout.columns_of_joint(tree_, j);
     for (std::size_t s = 0; s < free_shapes_.size(); ++s) {
       const FitParameter& shape = layout.shape[free_shapes_[s]];
-      if (shape.kinematic >= 0 ||
-          std::ranges::find(effects_[shape.effect].joints, j) != effects_[shape.effect].joints.end())
+      if (shape.kinematic >= 0 || std::ranges::find(effects_[shape.effect].joints, j) !=
+                                      effects_[shape.effect].joints.end())
         columns.push_back(p + static_cast<int>(s));
     }
     if (options.acceleration) {  // M⁻¹ mixes the joints
@@ -84,9 +87,9 @@ void TorqueRegression::add_moved_tree(int first_shape) {
 
 void TorqueRegression::fill_row(const Preprocessed& block, long row) {
   const int n = layout_.num_dofs;
-  const RowMatX<double>& Y =
-      torque_regressor<double, double>(tree_, block.q.row(row).transpose(), block.qd.row(row).transpose(),
-                                       block.qdd.row(row).transpose(), ws_);
+  const RowMatX<double>& Y = torque_regressor<double, double>(tree_, block.q.row(row).transpose(),
+                                                              block.qd.row(row).transpose(),
+                                                              block.qdd.row(row).transpose(), ws_);
   full_.leftCols(kThetaSize * n) = Y;  // inertial parameters come first in a layout
   links_.noalias() = Y * at_.linear.head(kThetaSize * n);
   JointSample<double> x;
@@ -123,12 +126,14 @@ void TorqueRegression::fill_row(const Preprocessed& block, long row) {
   add_shape_columns(x);
   full_.col(full_.cols() - 1) = block.tau.row(row).transpose();
   if (options_.acceleration) {
-    const MatX<double>& M = mass_matrix<double, double>(tree_, block.q.row(row).transpose(), mass_ws_);
+    const MatX<double>& M =
+        mass_matrix<double, double>(tree_, block.q.row(row).transpose(), mass_ws_);
     full_ = M.llt().solve(full_).eval();
   }
 }
 
-/// ∂τ/∂(ln η) by Jets through the effect's own formula, ∂τ/∂x of fixed transforms by Jets through RNEA.
+/// ∂τ/∂(ln η) by Jets through the effect's own formula, ∂τ/∂x of fixed transforms by Jets through
+/// RNEA.
 void TorqueRegression::add_shape_columns(const JointSample<double>& x) {
   const int n = layout_.num_dofs;
   const int p = static_cast<int>(layout_.linear.size());
@@ -164,7 +169,8 @@ void TorqueRegression::add_shape_columns(const JointSample<double>& x) {
   }
 }
 
-/// Whether a joint's torque is known: measured, or passive and hence zero (a prescribed joint's is NaN).
+/// Whether a joint's torque is known: measured, or passive and hence zero (a prescribed joint's is
+/// NaN).
 bool torque_known(const Preprocessed& block, int joint) {
   return block.has_tau[joint] || (block.rows() > 0 && !std::isnan(block.tau(0, joint)));
 }

@@ -1,14 +1,15 @@
-#include <diffnea/core/error.hpp>
-#include <diffnea/identify/linear_fit.hpp>
-#include <diffnea/identify/trajectory_fit.hpp>
-
-#include <Eigen/Cholesky>
-#include <Eigen/LU>
-#include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
 #include <future>
 #include <limits>
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+#include <Eigen/QR>
+
+#include <diffnea/core/error.hpp>
+#include <diffnea/identify/linear_fit.hpp>
+#include <diffnea/identify/trajectory_fit.hpp>
 
 #include "identify/window_integrator.hpp"
 
@@ -73,13 +74,13 @@ class WindowSimulator {
   double cost(const ShootingWindow& w, const VecX<double>& state, const VecX<double>& sigma) {
     MatX<double> z = state;
     double sum = 0.0;
-    const bool finite = integrate(w, fastest_rate(dynamics_, w), options_.stepping.max_step, z,
-                                  state_slope(dynamics_, w.run),
-                                  [&](long k, const MatX<double>& at) {
-                                    for (int j = 0; j < n_; ++j)
-                                      if (!std::isnan(w.q(k, j)))
-                                        sum += 0.5 * std::pow((at(j, 0) - w.q(k, j)) / sigma[j], 2);
-                                  });
+    const bool finite =
+        integrate(w, fastest_rate(dynamics_, w), options_.stepping.max_step, z,
+                  state_slope(dynamics_, w.run), [&](long k, const MatX<double>& at) {
+                    for (int j = 0; j < n_; ++j)
+                      if (!std::isnan(w.q(k, j)))
+                        sum += 0.5 * std::pow((at(j, 0) - w.q(k, j)) / sigma[j], 2);
+                  });
     return finite ? sum : kInfinity;
   }
 
@@ -150,9 +151,9 @@ class WindowSimulator {
 /// What is left of a window once its initial state is eliminated.
 struct ReducedWindow {
   bool finite = false;
-  RowMatX<double> rows;     // (≤ f+1, f+1): [J | r] that no initial state can explain
-  MatX<double> R_state;     // (2n, 2n)
-  MatX<double> top;         // (2n, f+1)
+  RowMatX<double> rows;  // (≤ f+1, f+1): [J | r] that no initial state can explain
+  MatX<double> R_state;  // (2n, 2n)
+  MatX<double> top;      // (2n, f+1)
 };
 
 ReducedWindow reduce(const RowMatX<double>& rows, int states) {
@@ -160,8 +161,7 @@ ReducedWindow reduce(const RowMatX<double>& rows, int states) {
   const long width = rows.cols();
   const Eigen::HouseholderQR<MatX<double>> qr(rows);
   const long kept = std::min(rows.rows(), width);
-  const MatX<double> R =
-      MatX<double>(qr.matrixQR().topRows(kept)).triangularView<Eigen::Upper>();
+  const MatX<double> R = MatX<double>(qr.matrixQR().topRows(kept)).triangularView<Eigen::Upper>();
   const long s = std::min<long>(states, kept);
   out.finite = rows.allFinite() && s == states;
   if (!out.finite) return out;
@@ -172,7 +172,8 @@ ReducedWindow reduce(const RowMatX<double>& rows, int states) {
 }
 
 /// Runs `job(i)` for i < count on `threads` threads; results do not depend on their number.
-void parallel_for(std::size_t count, int threads, const std::function<void(std::size_t, int)>& job) {
+void parallel_for(std::size_t count, int threads,
+                  const std::function<void(std::size_t, int)>& job) {
   if (threads <= 1) {
     for (std::size_t i = 0; i < count; ++i) job(i, 0);
     return;
@@ -180,7 +181,8 @@ void parallel_for(std::size_t count, int threads, const std::function<void(std::
   std::vector<std::future<void>> workers;
   for (int t = 0; t < threads; ++t)
     workers.push_back(std::async(std::launch::async, [&, t] {
-      for (std::size_t i = static_cast<std::size_t>(t); i < count; i += static_cast<std::size_t>(threads))
+      for (std::size_t i = static_cast<std::size_t>(t); i < count;
+           i += static_cast<std::size_t>(threads))
         job(i, t);
     }));
   for (auto& w : workers) w.get();
@@ -211,8 +213,13 @@ class TrajectoryFitter {
   TrajectoryFitter(const Model& model, const FitLayout& layout, const VecX<double>& start,
                    const VecX<double>& scale, const TrajectoryOptions& options,
                    const std::function<bool(const char*, int, double)>& progress)
-      : model_(model), layout_(layout), start_(start), scale_(scale), options_(options),
-        progress_(progress), tree_(make_tree(model)) {
+      : model_(model),
+        layout_(layout),
+        start_(start),
+        scale_(scale),
+        options_(options),
+        progress_(progress),
+        tree_(make_tree(model)) {
     for (std::size_t c = 0; c < layout.linear.size(); ++c)
       if (!layout.linear[c].fixed) free_.push_back(static_cast<int>(c));
     fit_.x = start;
@@ -226,8 +233,7 @@ class TrajectoryFitter {
     fit_.sigma = VecX<double>::Ones(n);
     for (std::size_t stage = 0; stage <= options_.stages.size(); ++stage) {
       const bool last = stage == options_.stages.size();
-      std::vector<ShootingWindow> now =
-          last ? windows : shortened(windows, options_.stages[stage]);
+      std::vector<ShootingWindow> now = last ? windows : shortened(windows, options_.stages[stage]);
       for (std::size_t i = 0; i < now.size(); ++i) now[i].state = windows[i].state;
       gauss_newton(now, last ? options_.max_iterations : options_.max_iterations / 2);
       for (std::size_t i = 0; i < now.size(); ++i) windows[i].state = now[i].state;
@@ -244,10 +250,11 @@ class TrajectoryFitter {
     return out;
   }
 
-  /// Costs of all windows at x, each from the best of its states along the Gauss–Newton step: a window
-  /// near an unstable equilibrium must not hold back the others.
+  /// Costs of all windows at x, each from the best of its states along the Gauss–Newton step: a
+  /// window near an unstable equilibrium must not hold back the others.
   /// @param from, to  where the step begins and ends, one a window
-  /// @param before    costs at the beginning; shorter steps are tried only where the full one is worse
+  /// @param before    costs at the beginning; shorter steps are tried only where the full one is
+  /// worse
   std::vector<double> costs(const std::vector<ShootingWindow>& windows, const VecX<double>& x,
                             const std::vector<VecX<double>>& from, std::vector<VecX<double>>& to,
                             const std::vector<double>& before) {
@@ -274,14 +281,16 @@ class TrajectoryFitter {
     return costs(windows, x, states, states, std::vector<double>(windows.size(), kInfinity));
   }
 
-  /// Output error at the present estimate, one for all joints of a kind: they carry the same encoders, and
-  /// what is left is the model's error, which weights by joint would only push from one joint to the next.
+  /// Output error at the present estimate, one for all joints of a kind: they carry the same
+  /// encoders, and what is left is the model's error, which weights by joint would only push from
+  /// one joint to the next.
   void update_sigma(const std::vector<ShootingWindow>& windows) {
     const int n = layout_.num_dofs;
     auto workers = simulators(fit_.x);
     VecX<double> sum = VecX<double>::Zero(n), count = VecX<double>::Zero(n);
     for (const ShootingWindow& w : windows) {
-      const RowMatX<double> q = simulate_window(workers[0]->dynamics(), w, w.state, options_.stepping);
+      const RowMatX<double> q =
+          simulate_window(workers[0]->dynamics(), w, w.state, options_.stepping);
       for (long k = 0; k < q.rows(); ++k)
         for (int j = 0; j < n; ++j)
           if (!std::isnan(w.q(k, j)) && std::isfinite(q(k, j))) {
@@ -345,11 +354,11 @@ class TrajectoryFitter {
         std::vector<VecX<double>> next = states;
         VecX<double> dx(f);
         for (int k = 0; k < f; ++k)
-          dx[k] = x_new[free_[static_cast<std::size_t>(k)]] - fit_.x[free_[static_cast<std::size_t>(k)]];
+          dx[k] = x_new[free_[static_cast<std::size_t>(k)]] -
+                  fit_.x[free_[static_cast<std::size_t>(k)]];
         for (std::size_t i = 0; i < windows.size(); ++i) {
           if (!reduced[i].finite) continue;
-          const VecX<double> rhs =
-              -reduced[i].top.col(f) - reduced[i].top.leftCols(f) * dx;
+          const VecX<double> rhs = -reduced[i].top.col(f) - reduced[i].top.leftCols(f) * dx;
           next[i] += reduced[i].R_state.fullPivLu().solve(rhs);
         }
         const std::vector<double> tried = costs(windows, x_new, states, next, parts);
@@ -395,8 +404,8 @@ class TrajectoryFitter {
     }
   }
 
-  /// (H + Λ)⁻¹ Σ_w g_w g_wᵀ (H + Λ)⁻¹ plus the prior's part: the rows of a window are far from independent, the
-  /// windows are not.
+  /// (H + Λ)⁻¹ Σ_w g_w g_wᵀ (H + Λ)⁻¹ plus the prior's part: the rows of a window are far from
+  /// independent, the windows are not.
   void set_covariance(const std::vector<ReducedWindow>& reduced) {
     const long p = static_cast<long>(layout_.linear.size()), f = static_cast<long>(free_.size());
     MatX<double> meat = MatX<double>::Zero(f, f), H = MatX<double>::Zero(f, f);
@@ -413,11 +422,10 @@ class TrajectoryFitter {
       meat(k, k) += weak;
     }
     const VecX<double> s = H.diagonal().cwiseSqrt().cwiseInverse();
-    const MatX<double> inverse =
-        s.asDiagonal() *
-        Eigen::LDLT<MatX<double>>(s.asDiagonal() * H * s.asDiagonal())
-            .solve(MatX<double>(MatX<double>::Identity(f, f))) *
-        s.asDiagonal();
+    const MatX<double> inverse = s.asDiagonal() *
+                                 Eigen::LDLT<MatX<double>>(s.asDiagonal() * H * s.asDiagonal())
+                                     .solve(MatX<double>(MatX<double>::Identity(f, f))) *
+                                 s.asDiagonal();
     fit_.covariance = MatX<double>::Zero(p, p);
     fit_.covariance(free_, free_) = inverse * meat * inverse;
   }
@@ -464,8 +472,9 @@ class TrajectoryFitter {
 
 }  // namespace
 
-TrajectoryFit fit_trajectories(const Model& model, const FitLayout& layout, const VecX<double>& start,
-                               const VecX<double>& scale, std::vector<ShootingWindow>& windows,
+TrajectoryFit fit_trajectories(const Model& model, const FitLayout& layout,
+                               const VecX<double>& start, const VecX<double>& scale,
+                               std::vector<ShootingWindow>& windows,
                                const TrajectoryOptions& options,
                                const std::function<bool(const char*, int, double)>& progress) {
   return TrajectoryFitter(model, layout, start, scale, options, progress).run(windows);

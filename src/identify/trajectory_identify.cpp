@@ -1,11 +1,13 @@
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <limits>
+
+#include <Eigen/Cholesky>
+
 #include <diffnea/core/error.hpp>
 #include <diffnea/identify/torque_regression.hpp>
 #include <diffnea/identify/trajectory_fit.hpp>
-#include <limits>
 
 #include "identify/passes.hpp"
 
@@ -25,8 +27,8 @@ std::vector<ShootingWindow> windows_of(const RecordingSource& source,
                                        const IdentifyOptions& options) {
   std::vector<ShootingWindow> out;
   source.for_each([&](const Recording& r) {
-    for (ShootingWindow& w : make_windows(r, options.trajectory.window, options.preprocess.filter_hz,
-                                          passive_joints(r)))
+    for (ShootingWindow& w : make_windows(r, options.trajectory.window,
+                                          options.preprocess.filter_hz, passive_joints(r)))
       out.push_back(std::move(w));
     return true;
   });
@@ -46,11 +48,12 @@ class TrajectoryIdentification {
       return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     };
     prepare();
-    fit_ = fit_trajectories(model_, layout_, start_, scale_, windows_, options_.trajectory,
-                            [this](const char* stage, int iteration, double objective) {
-                              return !options_.progress ||
-                                     options_.progress({stage, iteration, result_.summary.rows, objective});
-                            });
+    fit_ = fit_trajectories(
+        model_, layout_, start_, scale_, windows_, options_.trajectory,
+        [this](const char* stage, int iteration, double objective) {
+          return !options_.progress ||
+                 options_.progress({stage, iteration, result_.summary.rows, objective});
+        });
     result_.summary.seconds_fitting = seconds();
     evaluate();
     result_.summary.seconds = seconds();
@@ -73,7 +76,8 @@ class TrajectoryIdentification {
     windows_ = windows_of(train_, options_);
     result_.data_report = train_.report();
     VecX<double> shape(static_cast<long>(layout_.shape.size()));
-    for (std::size_t s = 0; s < layout_.shape.size(); ++s) shape[static_cast<long>(s)] = layout_.shape[s].prior;
+    for (std::size_t s = 0; s < layout_.shape.size(); ++s)
+      shape[static_cast<long>(s)] = layout_.shape[s].prior;
     shape_ = shape;
     // One pass of the inverse regression: for scales, and for what the links' inertia absorbs.
     TorqueRegression regression(model_, layout_, result_.plan, {layout_.prior(), shape});
@@ -85,13 +89,15 @@ class TrajectoryIdentification {
     for (const int c : absorbed_by_links(layout_, regression.factors())) {
       layout_.linear[static_cast<std::size_t>(c)].fixed = true;
       layout_.linear[static_cast<std::size_t>(c)].absorbed = true;
-      result_.notes.push_back(layout_.linear[static_cast<std::size_t>(c)].name +
-                              " cannot be told from the links' inertia, which absorbs it: held at " +
-                              format_number(layout_.linear[static_cast<std::size_t>(c)].prior));
+      result_.notes.push_back(
+          layout_.linear[static_cast<std::size_t>(c)].name +
+          " cannot be told from the links' inertia, which absorbs it: held at " +
+          format_number(layout_.linear[static_cast<std::size_t>(c)].prior));
     }
     if (std::ranges::all_of(layout_.linear, [](const FitParameter& p) { return p.fixed; }))
-      throw ModelError("identify: every parameter is held, nothing is left to fit; groups of fit: "
-                       "inertia, armature, effects");
+      throw ModelError(
+          "identify: every parameter is held, nothing is left to fit; groups of fit: "
+          "inertia, armature, effects");
     scale_ = parameter_scales(layout_, regression.factors());
     start_ = consistent_start(layout_, scale_);
     for (std::size_t k = 0; k < layout_.linear.size(); ++k)
@@ -118,7 +124,8 @@ class TrajectoryIdentification {
       const double informed = fit_.R.col(k).norm() > 0.0 ? s : kNaN;
       identifiable[static_cast<std::size_t>(k)] = informed < scale_[k];
       std[k] = identifiable[static_cast<std::size_t>(k)] ? s : kNaN;
-      if (def.sign != Sign::kFree && fit_.x[k] < 1e-4 * scale_[k]) at_bound.push_back(static_cast<int>(k));
+      if (def.sign != Sign::kFree && fit_.x[k] < 1e-4 * scale_[k])
+        at_bound.push_back(static_cast<int>(k));
     }
     result_.parameters = parameter_estimates(layout_, fit_.x, shape_, std, identifiable, at_bound);
     result_.model.posterior = posterior_of(layout_, fit_.x, information());
@@ -198,7 +205,8 @@ class TrajectoryIdentification {
     for (std::size_t i = 0; i < fitted.size() && out[0].time.size() < kMaxPoints; ++i) {
       const ShootingWindow& w = fitted[i];
       const RowMatX<double> a = simulate_window(after, w, w.state, options_.trajectory.stepping);
-      const RowMatX<double> b = simulate_window(before, nominal[i], nominal[i].state, options_.trajectory.stepping);
+      const RowMatX<double> b =
+          simulate_window(before, nominal[i], nominal[i].state, options_.trajectory.stepping);
       for (long k = 0; k < a.rows(); ++k)
         for (std::size_t j = 0; j < out.size(); ++j) {
           const long column = static_cast<long>(j);

@@ -1,8 +1,9 @@
-#include <diffnea/core/error.hpp>
-#include <diffnea/identify/triangular_factor.hpp>
+#include <algorithm>
 
 #include <Eigen/QR>
-#include <algorithm>
+
+#include <diffnea/core/error.hpp>
+#include <diffnea/identify/triangular_factor.hpp>
 
 namespace diffnea {
 namespace {
@@ -49,8 +50,7 @@ void TriangularFactor::reduce() {
   const MatX<double> block = buffer_.topRows(filled_);
   const Eigen::HouseholderQR<MatX<double>> qr(block);
   const long kept = std::min(p, filled_);
-  buffer_.topRows(kept) =
-      qr.matrixQR().topRows(kept).template triangularView<Eigen::Upper>();
+  buffer_.topRows(kept) = qr.matrixQR().topRows(kept).template triangularView<Eigen::Upper>();
   filled_ = kept;
 }
 

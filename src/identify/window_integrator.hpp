@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+
 #include <diffnea/dynamics/integrators.hpp>
 #include <diffnea/identify/shooting_window.hpp>
 

@@ -1,7 +1,7 @@
+#include <cstdio>
+
 #include <diffnea/core/error.hpp>
 #include <diffnea/model/physical.hpp>
-
-#include <cstdio>
 
 namespace diffnea {
 namespace {
@@ -53,7 +53,8 @@ Theta<double> virtual_from_theta(const Theta<double>& theta) {
   const Eigen::Matrix3d Sigma = 0.5 * I.trace() * Eigen::Matrix3d::Identity() - I;
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(Sigma);
   const Eigen::Vector3d L = eigen.eigenvalues().reverse();
-  const double tolerance = 1e-12 * std::max(I.trace(), 1e-300);  // rounding of the parallel-axis shift
+  const double tolerance =
+      1e-12 * std::max(I.trace(), 1e-300);  // rounding of the parallel-axis shift
   if (L[2] < -tolerance)
     throw ModelError("virtual_from_theta: principal second moment " + format(L[2]) +
                      " kg·m², expected >= 0 (the inertia misses the triangle inequality by " +
@@ -62,8 +63,8 @@ Theta<double> virtual_from_theta(const Theta<double>& theta) {
   if (R.determinant() < 0) R.col(2) *= -1;
   const Vec3<double> rpy = rpy_from_rotation(mat3<double>(R));
   const auto root = [](double x) { return std::sqrt(std::max(x, 0.0)); };
-  return {root(L[0]), root(L[1]), root(L[2]), std::sqrt(body.m), rpy.x, rpy.y, rpy.z,
-          body.h.x / body.m, body.h.y / body.m, body.h.z / body.m};
+  return {root(L[0]), root(L[1]), root(L[2]),        std::sqrt(body.m), rpy.x,
+          rpy.y,      rpy.z,      body.h.x / body.m, body.h.y / body.m, body.h.z / body.m};
 }
 
 Theta<double> log_cholesky_from_theta(const Theta<double>& theta) {
@@ -76,18 +77,19 @@ Theta<double> log_cholesky_from_theta(const Theta<double>& theta) {
                      ", expected > 0 (mass and all principal second moments positive)");
   const Eigen::Matrix4d U = Eigen::Matrix4d(llt.matrixL()).reverse();
   const double s = U(3, 3);
-  return {std::log(s),           std::log(U(0, 0) / s), std::log(U(1, 1) / s),
-          std::log(U(2, 2) / s), U(0, 1) / s,           U(1, 2) / s,
-          U(0, 2) / s,           U(0, 3) / s,           U(1, 3) / s,
-          U(2, 3) / s};
+  return {std::log(s),           std::log(U(0, 0) / s),
+          std::log(U(1, 1) / s), std::log(U(2, 2) / s),
+          U(0, 1) / s,           U(1, 2) / s,
+          U(0, 2) / s,           U(0, 3) / s,
+          U(1, 3) / s,           U(2, 3) / s};
 }
 
 ThetaJacobian theta_with_jacobian(InertiaCoordinates form, const Theta<double>& phi) {
   using Jet = ceres::Jet<double, kThetaSize>;
   Theta<Jet> x;
   for (int i = 0; i < kThetaSize; ++i) x[i] = Jet(phi[i], i);
-  const Theta<Jet> y = form == InertiaCoordinates::kVirtual ? theta_from_virtual(x)
-                                                            : theta_from_log_cholesky(x);
+  const Theta<Jet> y =
+      form == InertiaCoordinates::kVirtual ? theta_from_virtual(x) : theta_from_log_cholesky(x);
   ThetaJacobian out{{}, Eigen::MatrixXd(kThetaSize, kThetaSize)};
   for (int i = 0; i < kThetaSize; ++i) {
     out.theta[i] = y[i].a;

@@ -218,11 +218,13 @@ PreprocessPlan plan_preprocess(const std::vector<Recording>& recordings,
   double longest = 0.0;
   for (const Recording& r : recordings)
     if (r.rows() > 1) longest = std::max(longest, r.time[r.rows() - 1] - r.time[0]);
-  for (const double hz : {plan.filter_hz, options.decimate_to_hz > 0.0 ? options.decimate_to_hz : rate})
+  for (const double hz :
+       {plan.filter_hz, options.decimate_to_hz > 0.0 ? options.decimate_to_hz : rate})
     if (!(hz * longest >= 5.0))
-      throw DataError(recordings.front().source + ": filter or decimation to " + std::to_string(hz) +
-                      " Hz leaves fewer than five rows of " + std::to_string(longest) +
-                      " s; expected at least " + std::to_string(5.0 / longest) + " Hz");
+      throw DataError(recordings.front().source + ": filter or decimation to " +
+                      std::to_string(hz) + " Hz leaves fewer than five rows of " +
+                      std::to_string(longest) + " s; expected at least " +
+                      std::to_string(5.0 / longest) + " Hz");
   if (plan.filter_hz >= 0.5 * rate)
     throw DataError(recordings.front().source + ": filter_hz is " + std::to_string(plan.filter_hz) +
                     " Hz, expected below half of the sampling rate, " + std::to_string(0.5 * rate) +
@@ -232,9 +234,10 @@ PreprocessPlan plan_preprocess(const std::vector<Recording>& recordings,
   plan.max_gap =
       options.max_gap > 0.0 ? options.max_gap : std::max(5.0, 0.1 / (plan.filter_hz * plan.dt));
 
-  // Torques and regressor pass as far as the filter of the positions is flat (Butterworth twice: 4 % at two
-  // thirds of the cut-off). Above, torque noise meets no motion, and noise of q̈ would bias inertias (errors in
-  // variables). Bands in shares of the output rate as in DecimatorOptions, or of the cut-off where lower.
+  // Torques and regressor pass as far as the filter of the positions is flat (Butterworth twice: 4
+  // % at two thirds of the cut-off). Above, torque noise meets no motion, and noise of q̈ would bias
+  // inertias (errors in variables). Bands in shares of the output rate as in DecimatorOptions, or
+  // of the cut-off where lower.
   constexpr double kUsualRate = 50.0, kPass = 0.35, kStop = 0.65;
   const double wanted = options.decimate_to_hz > 0.0
                             ? options.decimate_to_hz

@@ -32,7 +32,8 @@ std::string velocity_chart(const TorqueSeries& s) {
   const std::vector<Bin> bins = binned(s.velocity, difference(s.fitted, s.measured), kBins);
   if (bins.size() < 2) return "";
   const std::string speed = s.unit == "N" ? "m/s" : "rad/s";
-  return "<h4>" + escape(s.joint) + ": error over velocity <small>mean and its 95 % interval; equally many samples in each "
+  return "<h4>" + escape(s.joint) +
+         ": error over velocity <small>mean and its 95 % interval; equally many samples in each "
          "bin</small></h4>"
          "\n<div class='binned'>" +
          binned_chart(bins, speed, "error " + unit(s.unit), 150) + "</div>\n";
@@ -43,7 +44,6 @@ std::string velocity_charts(const std::vector<TorqueSeries>& list) {
   for (const TorqueSeries& s : list) out += velocity_chart(s);
   return out;
 }
-
 
 std::string error_table(const IdentifyResult& fit) {
   const bool torque = quantity(fit) == "torque";

@@ -68,7 +68,8 @@ class MujocoPlant : public sim::Plant {
     mjModel& m = *model_;
     substeps_ = sim::substeps(options);
     m.opt.timestep = 1.0 / (options.control_rate * substeps_);
-    // Semi-implicit Euler moves the robot half a step early: a quarter of a millisecond, which a diagnosis finds.
+    // Semi-implicit Euler moves the robot half a step early: a quarter of a millisecond, which a
+    // diagnosis finds.
     m.opt.integrator = mjINT_RK4;
     const Vec3<double>& g = truth.gravity;
     const double gravity[3] = {g.x, g.y, g.z};

@@ -40,6 +40,7 @@ TWO = [("two", k) for k in range(2)]
 # What share of the cases must come out: measured on seeds FIRST to FIRST + 5 of the same families
 # and options.
 RIGHT_SINGLE = 0.9
+COVERED = 0.8
 
 Scores = dict[tuple[str, int], dict[str, Any]]
 

@@ -1,13 +1,13 @@
-/// Study: a WAM that the model does not know exactly, recorded in MuJoCo, identified from 40 s. Over many seeds,
-/// does the residual reach the noise floor, and do the 95 % intervals of the base parameters hold the truth?
+/// Study: a WAM that the model does not know exactly, recorded in MuJoCo, identified from 40 s.
+/// Over many seeds, does the residual reach the noise floor, and do the 95 % intervals of the base
+/// parameters hold the truth?
 ///
 ///     identify_coverage [SEEDS=50] [FIRST=0] [FILTER_HZ=0]
-
-#include <support/wam_study.hpp>
 
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>
+#include <support/wam_study.hpp>
 #include <vector>
 
 int main(int argc, char** argv) {
@@ -43,6 +43,6 @@ int main(int argc, char** argv) {
   std::ranges::sort(ratios);
   std::printf("base parameters inside their 95 %% intervals: %.1f %% of %d\n",
               100.0 * all.inside / all.of, all.of);
-  std::printf("held-out error over noise floor: median %.3f, worst %.3f\n", ratios[ratios.size() / 2],
-              ratios.back());
+  std::printf("held-out error over noise floor: median %.3f, worst %.3f\n",
+              ratios[ratios.size() / 2], ratios.back());
 }

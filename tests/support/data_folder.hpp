@@ -8,8 +8,8 @@
 
 namespace diffnea::test {
 
-/// The folder of measured recordings (DIFFNEA_DATA, or ../shared/data beside the project); skips the test if it
-/// is not there.
+/// The folder of measured recordings (DIFFNEA_DATA, or ../shared/data beside the project); skips
+/// the test if it is not there.
 inline std::filesystem::path data_folder() {
   const char* named = std::getenv("DIFFNEA_DATA");
   const std::filesystem::path folder =

@@ -53,8 +53,9 @@ struct SwingingEvidence {
     PreprocessOptions preprocess;
     preprocess.filter_hz = 8.0;
     preprocess.decimate_to_hz = 25.0;
-    evidence = std::make_unique<Evidence>(
-        model, layout, *source, plan_preprocess(source->sample(), preprocess), 0.0, IdentifyOptions{});
+    evidence = std::make_unique<Evidence>(model, layout, *source,
+                                          plan_preprocess(source->sample(), preprocess), 0.0,
+                                          IdentifyOptions{});
   }
   const Evidence& operator*() const { return *evidence; }
   const Evidence* operator->() const { return evidence.get(); }

@@ -1,16 +1,16 @@
 #pragma once
-/// One draw of the study "a WAM the model does not know exactly": MuJoCo records, identify() fits, and the
-/// truth, which identify() never sees, judges.
+/// One draw of the study "a WAM the model does not know exactly": MuJoCo records, identify() fits,
+/// and the truth, which identify() never sees, judges.
+
+#include <cmath>
+#include <map>
+#include <string>
 
 #include <diffnea/excite/fourier.hpp>
 #include <diffnea/identify/identify.hpp>
 #include <diffnea/io/atomic_file.hpp>
 #include <diffnea/io/model_file.hpp>
 #include <diffnea/sim/mujoco_world.hpp>
-
-#include <cmath>
-#include <map>
-#include <string>
 
 namespace diffnea::test {
 
@@ -31,8 +31,9 @@ inline WamDraw draw_wam(unsigned seed, double seconds) {
     motion_options.seed = motion;
     RecordOptions options;
     options.seed = motion + 1000;
-    const SimulatedRecording r = record_in_mujoco(read_text_file(path), out.truth, out.nominal,
-                                                  random_fourier(out.nominal, motion_options), options);
+    const SimulatedRecording r =
+        record_in_mujoco(read_text_file(path), out.truth, out.nominal,
+                         random_fourier(out.nominal, motion_options), options);
     if (!r.failure.empty()) throw Error("draw_wam: " + r.failure);
     return r.recording;
   };
@@ -41,7 +42,8 @@ inline WamDraw draw_wam(unsigned seed, double seconds) {
   return out;
 }
 
-/// The truth's value of every linear parameter that `result` names; an effect the truth lacks is zero.
+/// The truth's value of every linear parameter that `result` names; an effect the truth lacks is
+/// zero.
 inline std::map<std::string, double> true_parameters(const Model& truth) {
   static const char* const kNames[] = {"mass", "hx",  "hy",  "hz",  "Ixx",
                                        "Ixy",  "Ixz", "Iyy", "Iyz", "Izz"};

@@ -16,8 +16,8 @@ int main(int argc, char** argv) try {
     return 2;
   }
   const diffnea::Model model = diffnea::read_model(argv[1]);
-  const diffnea::IdentifyResult result = diffnea::identify(
-      model, diffnea::read_recordings(argv[2]), diffnea::read_recordings(argv[3]));
+  const diffnea::IdentifyResult result = diffnea::identify(model, diffnea::read_recordings(argv[2]),
+                                                           diffnea::read_recordings(argv[3]));
 
   for (const diffnea::ParameterEstimate& p : result.parameters)
     if (p.identifiable && !p.fixed)
@@ -28,10 +28,10 @@ int main(int argc, char** argv) try {
 
   // The fitted model computes: torques that hold the robot still in its zero posture.
   const diffnea::ExtendedTree robot = diffnea::extend(result.model);
-  const diffnea::RowMatX<double> still =
-      diffnea::RowMatX<double>::Zero(1, robot.tree.num_dofs());
+  const diffnea::RowMatX<double> still = diffnea::RowMatX<double>::Zero(1, robot.tree.num_dofs());
   const diffnea::RowMatX<double> tau = diffnea::inverse_dynamics(robot, still, still, still);
-  for (long j = 0; j < tau.cols(); ++j) std::printf("%s%.3f", j == 0 ? "at rest: " : ", ", tau(0, j));
+  for (long j = 0; j < tau.cols(); ++j)
+    std::printf("%s%.3f", j == 0 ? "at rest: " : ", ", tau(0, j));
   std::printf(" N·m\n");
   return result.summary.converged ? 0 : 3;
 } catch (const std::exception& error) {

@@ -4,21 +4,22 @@
 /// `double`, a Ceres `Jet` (derivatives, forward mode), and a SIMD pack (many states at once;
 /// core/pack.hpp, internal to the library because its width depends on compiler flags).
 
-#include <ceres/jet.h>
-
-#include <Eigen/Core>
 #include <cmath>
 #include <concepts>
 #include <type_traits>
 
+#include <Eigen/Core>
+#include <ceres/jet.h>
+
 namespace diffnea {
 
-/// Closed under + − × ÷, constructible from double, with sqrt, sin, cos found by `using std::…` and ADL.
+/// Closed under + − × ÷, constructible from double, with sqrt, sin, cos found by `using std::…` and
+/// ADL.
 template <class T>
 concept Scalar = std::constructible_from<T, double> && requires(T a, T b) {
   { a + b } -> std::convertible_to<T>;
   { a - b } -> std::convertible_to<T>;
-  { a * b } -> std::convertible_to<T>;
+  { a* b } -> std::convertible_to<T>;
   { a / b } -> std::convertible_to<T>;
 };
 

@@ -31,7 +31,7 @@ struct DiagnoseOptions {
   std::vector<std::string> effects;
   PreprocessOptions preprocess;
   double accept_delta_bic = 10.0;
-  int max_causes = 0;  ///< 0: three for each joint, at least eight
+  int max_causes = 0;      ///< 0: three for each joint, at least eight
   std::uint64_t seed = 0;  ///< of the bootstrap
   std::function<bool(const FitProgress&)> progress;
 };

@@ -1,6 +1,6 @@
 #pragma once
-/// Explicit Runge–Kutta of order four (Kutta 1901), on any state that adds and scales: a vector, or a
-/// matrix that holds the state in its first column and sensitivities in the others.
+/// Explicit Runge–Kutta of order four (Kutta 1901), on any state that adds and scales: a vector, or
+/// a matrix that holds the state in its first column and sensitivities in the others.
 
 namespace diffnea {
 

@@ -7,9 +7,10 @@
 ///                                            read_recordings("test.csv"), options);
 ///     write_model(result.model, "fitted.json");
 ///
-/// Inverse loss (paper, eq. 3): torques are linear in the inertial and most effect parameters. One pass over
-/// the data factors [Y τ]; the consistent optimum follows from the factor alone and is global. Robust losses
-/// and shape parameters (v₀, Stribeck velocity …) take one more pass for each re-weighting or step.
+/// Inverse loss (paper, eq. 3): torques are linear in the inertial and most effect parameters. One
+/// pass over the data factors [Y τ]; the consistent optimum follows from the factor alone and is
+/// global. Robust losses and shape parameters (v₀, Stribeck velocity …) take one more pass for each
+/// re-weighting or step.
 
 #include <diffnea/identify/linear_fit.hpp>
 #include <diffnea/identify/source.hpp>
@@ -36,8 +37,8 @@ struct IdentifyOptions {
   PreprocessOptions preprocess;
   LinearFitOptions linear;
   TrajectoryOptions trajectory;
-  int max_passes = 25;             ///< over the data, of robust losses and shape parameters
-  double shape_tolerance = 1e-3;   ///< stop when no ln η moves by more
+  int max_passes = 25;            ///< over the data, of robust losses and shape parameters
+  double shape_tolerance = 1e-3;  ///< stop when no ln η moves by more
   std::function<bool(const FitProgress&)> progress;
 };
 
@@ -49,19 +50,20 @@ struct ParameterEstimate {
   double prior = 0.0;
   bool identifiable = false;
   bool fixed = false;
-  bool at_bound = false;  ///< the consistent optimum lies on the boundary (zero friction, massless part)
+  bool at_bound =
+      false;  ///< the consistent optimum lies on the boundary (zero friction, massless part)
 };
 
 /// Root mean square of one joint's torque error, four times over [N·m] or [N].
 struct JointError {
   std::string joint, unit;
-  double torque_rms = 0.0;    ///< of the measured torque, held-out set (training set without one)
-  double train = 0.0;         ///< filtered, decimated series that was fitted
-  double nominal_train = 0.0; ///< the model before the fit
-  double test = 0.0;          ///< held out; NaN without a test set
+  double torque_rms = 0.0;     ///< of the measured torque, held-out set (training set without one)
+  double train = 0.0;          ///< filtered, decimated series that was fitted
+  double nominal_train = 0.0;  ///< the model before the fit
+  double test = 0.0;           ///< held out; NaN without a test set
   double nominal_test = 0.0;
-  double test_all = 0.0;      ///< samples at which the joint rests included
-  double test_raw = 0.0;      ///< unfiltered torque
+  double test_all = 0.0;  ///< samples at which the joint rests included
+  double test_raw = 0.0;  ///< unfiltered torque
 };
 
 /// Torque of one joint over time, for plots; rows of the filtered, decimated series.
@@ -84,9 +86,9 @@ struct FitSummary {
   bool converged = false;
   bool interrupted = false;
   std::string termination;
-  int iterations = 0;  ///< Newton steps of the last fit
-  int passes = 0;      ///< over the data
-  long rows = 0;       ///< of the recordings
+  int iterations = 0;    ///< Newton steps of the last fit
+  int passes = 0;        ///< over the data
+  long rows = 0;         ///< of the recordings
   long fitted_rows = 0;  ///< torque samples in the factor
   double seconds = 0.0, seconds_fitting = 0.0;
 };
@@ -106,7 +108,8 @@ struct IdentifyResult {
   bool physically_consistent = false;
   PreprocessPlan plan;
   ReadReport data_report;
-  std::vector<std::string> notes;  ///< what a reader should know: motionless joints, dropped segments …
+  std::vector<std::string>
+      notes;  ///< what a reader should know: motionless joints, dropped segments …
   std::vector<TorqueSeries> train_series, test_series;
   FitSummary summary;
 };

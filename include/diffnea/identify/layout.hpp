@@ -1,12 +1,14 @@
 #pragma once
-/// What a fit may move: the list of parameters, their prior, and the columns of the regression they own.
+/// What a fit may move: the list of parameters, their prior, and the columns of the regression they
+/// own.
 
-#include <diffnea/effects/catalogue.hpp>
-#include <diffnea/model/model.hpp>
 #include <limits>
 #include <optional>
 #include <string>
 #include <vector>
+
+#include <diffnea/effects/catalogue.hpp>
+#include <diffnea/model/model.hpp>
 
 namespace diffnea {
 
@@ -16,17 +18,18 @@ struct FitParameter {
   std::string unit;
   Sign sign = Sign::kFree;
   double prior = 0.0;  ///< value in the model before the fit, where what cannot be seen is held
-  /// How far from the prior it may well be; sets what counts as identified. NaN: what makes its torque as
-  /// large as the joint's.
+  /// How far from the prior it may well be; sets what counts as identified. NaN: what makes its
+  /// torque as large as the joint's.
   double scale = std::numeric_limits<double>::quiet_NaN();
   bool fixed = false;
   bool absorbed = false;  ///< fixed because the links' inertia absorbs it (absorbed_by_links)
-  int dof = -1;    ///< of a link: the degree of freedom that moves it, else −1
-  int theta = -1;  ///< of a link or payload: index in θ, else −1
-  int effect = -1;  ///< of an effect: index into FitLayout::effects, else −1
-  int index = -1;   ///< of an effect: index into its parameters
-  /// Of a joint's fixed transform (dof is set too): 0–2 roll, pitch, yaw of a rotation after the model's own,
-  /// R_PJ = R₀ R_rpy(φ); 3–5 a step of p_PJ in the parent link. The paper's θ_K about the model's values.
+  int dof = -1;           ///< of a link: the degree of freedom that moves it, else −1
+  int theta = -1;         ///< of a link or payload: index in θ, else −1
+  int effect = -1;        ///< of an effect: index into FitLayout::effects, else −1
+  int index = -1;         ///< of an effect: index into its parameters
+  /// Of a joint's fixed transform (dof is set too): 0–2 roll, pitch, yaw of a rotation after the
+  /// model's own, R_PJ = R₀ R_rpy(φ); 3–5 a step of p_PJ in the parent link. The paper's θ_K about
+  /// the model's values.
   int kinematic = -1;
 };
 
@@ -46,13 +49,13 @@ struct FitLayout {
 
 /// What a fit moves, by name.
 struct FitChoice {
-  /// Any of inertia, armature, effects, shapes, kinematics. Armature is the effect of that name; `effects`
-  /// are all others; `shapes` their shape parameters, `kinematics` the fixed transforms of all joints or,
-  /// as `kinematics@JOINT`, of one (both need several passes over the data).
+  /// Any of inertia, armature, effects, shapes, kinematics. Armature is the effect of that name;
+  /// `effects` are all others; `shapes` their shape parameters, `kinematics` the fixed transforms
+  /// of all joints or, as `kinematics@JOINT`, of one (both need several passes over the data).
   std::vector<std::string> fit{"inertia", "armature", "effects"};
-  /// Effects beyond those of the model: "name" for every joint it suits, or "name@where". Not given: on
-  /// the motor side armature, viscous and Coulomb friction and an offset at every joint; on the link side
-  /// (torque measured behind the drive) the offset alone.
+  /// Effects beyond those of the model: "name" for every joint it suits, or "name@where". Not
+  /// given: on the motor side armature, viscous and Coulomb friction and an offset at every joint;
+  /// on the link side (torque measured behind the drive) the offset alone.
   std::optional<std::vector<std::string>> effects;
   /// Parameters to hold: a name, or a pattern with *, at the model's value ("forearm.*") or at one
   /// that is given ("tip.payload.mass=2.8").
@@ -64,8 +67,8 @@ struct FitChoice {
 /// @throws ModelError naming the choices if a group, effect, place or parameter does not exist
 FitLayout make_layout(const Model& model, const FitChoice& choice, const std::vector<int>& runs);
 
-/// The tree with the layout's fixed transforms at `shape`, in any scalar. `carrier`: R_LF of the links' parents
-/// (map_to_tree), which the steps of p_PJ are expressed in.
+/// The tree with the layout's fixed transforms at `shape`, in any scalar. `carrier`: R_LF of the
+/// links' parents (map_to_tree), which the steps of p_PJ are expressed in.
 template <Scalar T>
 void move_joints(const FitLayout& layout, const std::vector<Mat3<double>>& carrier, const T* shape,
                  Tree<T>& tree) {
@@ -79,7 +82,8 @@ void move_joints(const FitLayout& layout, const std::vector<Mat3<double>>& carri
 }
 std::vector<Mat3<double>> joint_carriers(const Model& model);
 
-/// The model with fitted values in place: inertias, fixed transforms, and every effect of the layout.
+/// The model with fitted values in place: inertias, fixed transforms, and every effect of the
+/// layout.
 /// @param linear, shape  values in the order of the layout's lists
 Model apply_fit(const Model& model, const FitLayout& layout, const VecX<double>& linear,
                 const VecX<double>& shape);

@@ -1,6 +1,6 @@
 #pragma once
-/// From the factors of the regression to parameters with uncertainties: noise of each joint, consistent
-/// optimum, what the data see and what they do not.
+/// From the factors of the regression to parameters with uncertainties: noise of each joint,
+/// consistent optimum, what the data see and what they do not.
 
 #include <diffnea/identify/convex_fit.hpp>
 #include <diffnea/identify/layout.hpp>
@@ -30,37 +30,39 @@ struct BaseParameter {
 struct LinearFitOptions {
   bool physical = true;         ///< false: inertias are free (least squares), for comparison
   double entropic_prior = 0.0;  ///< γ of solve_convex_fit
-  /// Parameters the data say nothing of stay at the prior: a Gaussian this many times as wide as their scale.
-  /// At 10, a direction known to its own scale is shrunk by 1 %, one known to a tenth of it by 0.01 %.
+  /// Parameters the data say nothing of stay at the prior: a Gaussian this many times as wide as
+  /// their scale. At 10, a direction known to its own scale is shrunk by 1 %, one known to a tenth
+  /// of it by 0.01 %.
   double prior_width = 10.0;
   int max_reweightings = 20;  ///< of the joints' noise; stops when no σ moves by more than 0.1 %
 };
 
 struct LinearFit {
-  VecX<double> x;                 ///< (p) values
-  VecX<double> std;               ///< (p) standard errors; NaN where not identifiable; 0 where fixed
+  VecX<double> x;    ///< (p) values
+  VecX<double> std;  ///< (p) standard errors; NaN where not identifiable; 0 where fixed
   std::vector<bool> identifiable;  ///< the data alone know it better than its scale
-  VecX<double> sigma;             ///< (n) noise of each joint's torque [N·m]
-  MatX<double> information;       ///< (p, p) of the data alone, inverse covariance
-  VecX<double> scale;             ///< (p) how far a parameter may well be from its prior
-  VecX<double> weak;              ///< (p) diagonal of the weak prior Λ
-  int rank = 0;                   ///< number of combinations the data determine
+  VecX<double> sigma;              ///< (n) noise of each joint's torque [N·m]
+  MatX<double> information;        ///< (p, p) of the data alone, inverse covariance
+  VecX<double> scale;              ///< (p) how far a parameter may well be from its prior
+  VecX<double> weak;               ///< (p) diagonal of the weak prior Λ
+  int rank = 0;                    ///< number of combinations the data determine
   std::vector<BaseParameter> base_parameters;
   ConvexFitResult solver;
 };
 
-/// How far each linear parameter may well be from its prior (FitParameter::scale; what makes an effect's torque as
-/// large as the joint's where the layout leaves it open), (p).
+/// How far each linear parameter may well be from its prior (FitParameter::scale; what makes an
+/// effect's torque as large as the joint's where the layout leaves it open), (p).
 VecX<double> parameter_scales(const FitLayout& layout, const std::vector<JointFactor>& factors);
 
-/// Parameters strictly inside what is physically possible, as near to the prior as that allows: a link that the
-/// model gives no (or an impossible) inertia becomes a ball of its scale.
+/// Parameters strictly inside what is physically possible, as near to the prior as that allows: a
+/// link that the model gives no (or an impossible) inertia becomes a ball of its scale.
 VecX<double> consistent_start(const FitLayout& layout, const VecX<double>& scale);
 
-/// Free parameters of effects whose torque is, in these data, exactly one of the links' inertias': the rotor
-/// inertia of a joint that always turns about the same axis is part of what it carries. (Columns that the
-/// links' columns span.)
-std::vector<int> absorbed_by_links(const FitLayout& layout, const std::vector<JointFactor>& factors);
+/// Free parameters of effects whose torque is, in these data, exactly one of the links' inertias':
+/// the rotor inertia of a joint that always turns about the same axis is part of what it carries.
+/// (Columns that the links' columns span.)
+std::vector<int> absorbed_by_links(const FitLayout& layout,
+                                   const std::vector<JointFactor>& factors);
 
 /// Standard errors are those of independent residuals until use_sandwich() replaces them.
 /// @param factors  one a joint; joints without torque have no rows
@@ -68,9 +70,10 @@ std::vector<int> absorbed_by_links(const FitLayout& layout, const std::vector<Jo
 LinearFit fit_linear(const FitLayout& layout, const std::vector<JointFactor>& factors,
                      const LinearFitOptions& options = {});
 
-/// Standard errors, and what counts as identifiable, for residuals that are not independent: (H + Λ)⁻¹ (meat + Λ)
-/// (H + Λ)⁻¹, and never less than independent residuals give: noise of the positions, differentiated twice, can make
-/// the sandwich small where what limits the fit is no noise at all (blurred friction). The information is scaled down by the mean ratio of meat to H.
+/// Standard errors, and what counts as identifiable, for residuals that are not independent: (H +
+/// Λ)⁻¹ (meat + Λ) (H + Λ)⁻¹, and never less than independent residuals give: noise of the
+/// positions, differentiated twice, can make the sandwich small where what limits the fit is no
+/// noise at all (blurred friction). The information is scaled down by the mean ratio of meat to H.
 /// @param meat  (p, p) covariance of the score Σ yᵀr/σ² (autocorrelation included)
 void use_sandwich(const FitLayout& layout, const MatX<double>& meat, LinearFit& fit);
 

@@ -1,12 +1,13 @@
 #pragma once
 /// Where recordings come from: memory, or files that are read block by block, as often as needed.
 
-#include <diffnea/model/model.hpp>
-#include <diffnea/recording/csv.hpp>
-#include <diffnea/recording/joints.hpp>
 #include <filesystem>
 #include <functional>
 #include <memory>
+
+#include <diffnea/model/model.hpp>
+#include <diffnea/recording/csv.hpp>
+#include <diffnea/recording/joints.hpp>
 
 namespace diffnea {
 
@@ -16,7 +17,8 @@ struct RunDescription {
   RecordingInfo info;
 };
 
-/// A stream of recordings whose joints are in the model's order and whose runs are numbered 0, 1, 2 ….
+/// A stream of recordings whose joints are in the model's order and whose runs are numbered 0, 1, 2
+/// ….
 class RecordingSource {
  public:
   virtual ~RecordingSource() = default;
@@ -40,13 +42,13 @@ class RecordingSource {
 std::unique_ptr<RecordingSource> recordings_in_memory(const Model& model,
                                                       std::vector<Recording> recordings);
 
-/// Files. Small ones are read once and kept; above `keep_bytes` in all they are streamed at every pass.
+/// Files. Small ones are read once and kept; above `keep_bytes` in all they are streamed at every
+/// pass.
 /// @param info  of each file (sidecar); one for all if its size is 1
 /// @throws FileError, DataError (recording/csv.hpp), naming file, line and column
-std::unique_ptr<RecordingSource> recordings_in_files(const Model& model,
-                                                     const std::vector<std::filesystem::path>& paths,
-                                                     const std::vector<RecordingInfo>& info,
-                                                     long keep_bytes = 64L << 20);
+std::unique_ptr<RecordingSource> recordings_in_files(
+    const Model& model, const std::vector<std::filesystem::path>& paths,
+    const std::vector<RecordingInfo>& info, long keep_bytes = 64L << 20);
 
 /// The model's joints as recording/ wants them.
 std::vector<JointDescription> describe_joints(const Model& model);

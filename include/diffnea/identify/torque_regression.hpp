@@ -1,12 +1,14 @@
 #pragma once
-/// Streams a recording into the factors of the inverse loss: rows [Y | effects | τ] of every joint, low-passed
-/// and decimated alike, then factored. One pass; memory does not grow with the recording.
+/// Streams a recording into the factors of the inverse loss: rows [Y | effects | τ] of every joint,
+/// low-passed and decimated alike, then factored. One pass; memory does not grow with the
+/// recording.
+
+#include <functional>
 
 #include <diffnea/dynamics/mass_matrix.hpp>
 #include <diffnea/dynamics/regressor.hpp>
 #include <diffnea/identify/linear_fit.hpp>
 #include <diffnea/recording/preprocess.hpp>
-#include <functional>
 
 namespace diffnea {
 
@@ -18,11 +20,11 @@ struct RegressionPoint {
 
 /// Filtered, decimated rows of one joint, for a look at residuals.
 struct JointRows {
-  std::vector<double> time;    ///< (M) [s]
-  std::vector<int> run;        ///< (M)
+  std::vector<double> time;      ///< (M) [s]
+  std::vector<int> run;          ///< (M)
   std::vector<double> velocity;  ///< (M) of the joint [rad/s] or [m/s]
-  std::vector<double> values;  ///< (M, columns + 1) by rows, the last column is τ
-  long width = 0;              ///< columns + 1
+  std::vector<double> values;    ///< (M, columns + 1) by rows, the last column is τ
+  long width = 0;                ///< columns + 1
 
   Eigen::Map<const RowMatX<double>> rows() const {
     return {values.data(), static_cast<long>(time.size()), width};
@@ -32,25 +34,27 @@ struct JointRows {
 struct RegressionOptions {
   /// Rows kept for residual analysis and plots [bytes in all]; more are factored, not kept.
   long keep_bytes = 48L << 20;
-  /// Dry friction at rest can have any size up to its largest, and filters blur its jump at a reversal: rows
-  /// of a joint with dry friction are left out of that joint's factor where more than `rest_share` of the
-  /// filter's weight lies on samples slower than `rest_speed` smoothing speeds v₀.
+  /// Dry friction at rest can have any size up to its largest, and filters blur its jump at a
+  /// reversal: rows of a joint with dry friction are left out of that joint's factor where more
+  /// than `rest_share` of the filter's weight lies on samples slower than `rest_speed` smoothing
+  /// speeds v₀.
   double rest_speed = 10.0;
   double rest_share = 0.02;
-  /// Forward loss: rows times M⁻¹ at `at`, which makes their residual that of q̈ [rad/s²]. Needs the torque of
-  /// every joint.
+  /// Forward loss: rows times M⁻¹ at `at`, which makes their residual that of q̈ [rad/s²]. Needs the
+  /// torque of every joint.
   bool acceleration = false;
   /// Number of the source's first recording among those that effects name (`:run=K`): held-out ones
   /// come after those of the fit.
   int first_run = 0;
-  /// Weight of a row of joint j with residual r; empty: 1. Robust losses re-weigh in further passes.
+  /// Weight of a row of joint j with residual r; empty: 1. Robust losses re-weigh in further
+  /// passes.
   std::function<double(int joint, double residual)> weight;
 };
 
 class TorqueRegression {
  public:
-  /// Columns are those of the layout, then one for each free shape parameter: ∂τ/∂(ln η), and ∂τ/∂x of
-  /// fixed transforms, at `at`.
+  /// Columns are those of the layout, then one for each free shape parameter: ∂τ/∂(ln η), and ∂τ/∂x
+  /// of fixed transforms, at `at`.
   TorqueRegression(const Model& model, const FitLayout& layout, const PreprocessPlan& plan,
                    const RegressionPoint& at, const RegressionOptions& options = {});
 

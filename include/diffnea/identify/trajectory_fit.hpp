@@ -1,22 +1,23 @@
 #pragma once
 /// Output error: simulate windows of the recording with the measured torque and compare positions
-/// (multiple shooting; Bock 1983). Needs no velocity, acceleration or filter, hence no bias from them:
-/// where torques are small differences of large terms, this is what to use.
+/// (multiple shooting; Bock 1983). Needs no velocity, acceleration or filter, hence no bias from
+/// them: where torques are small differences of large terms, this is what to use.
 ///
-/// Each window has its own initial state, estimated with the parameters and eliminated by a QR of the
-/// window's rows, so that a Gauss–Newton step costs one small convex problem (solve_convex_fit), in which
-/// physical consistency holds exactly. Sensitivities are integrated with the state (Runge–Kutta 4):
-/// ∂q̈/∂π = −M⁻¹Y, ∂q̈/∂(q, q̇) analytic, effects by Jets.
+/// Each window has its own initial state, estimated with the parameters and eliminated by a QR of
+/// the window's rows, so that a Gauss–Newton step costs one small convex problem
+/// (solve_convex_fit), in which physical consistency holds exactly. Sensitivities are integrated
+/// with the state (Runge–Kutta 4): ∂q̈/∂π = −M⁻¹Y, ∂q̈/∂(q, q̇) analytic, effects by Jets.
+
+#include <functional>
 
 #include <diffnea/identify/convex_fit.hpp>
 #include <diffnea/identify/layout.hpp>
 #include <diffnea/identify/shooting_window.hpp>
-#include <functional>
 
 namespace diffnea {
 
 struct TrajectoryOptions {
-  double window = 0.5;      ///< length of a window [s]
+  double window = 0.5;  ///< length of a window [s]
   /// Horizons before the full one, as shares: long windows are not convex until the fit is close.
   std::vector<double> stages{0.25, 0.5};
   int max_iterations = 50;  ///< Gauss–Newton steps of the last stage; half of it in the others
@@ -26,12 +27,13 @@ struct TrajectoryOptions {
 };
 
 struct TrajectoryFit {
-  VecX<double> x;            ///< (p) linear parameters of the layout
-  VecX<double> sigma;        ///< (n) output error of each joint [rad] or [m]
-  MatX<double> R;            ///< (f, p) factor of the last linearisation, in units of sigma
-  MatX<double> covariance;   ///< (p, p) of x: windows as clusters (Liang, Zeger 1986), prior included
-  long samples = 0;          ///< positions compared
-  double objective = 0.0;    ///< χ²/2 with sigma
+  VecX<double> x;      ///< (p) linear parameters of the layout
+  VecX<double> sigma;  ///< (n) output error of each joint [rad] or [m]
+  MatX<double> R;      ///< (f, p) factor of the last linearisation, in units of sigma
+  MatX<double>
+      covariance;          ///< (p, p) of x: windows as clusters (Liang, Zeger 1986), prior included
+  long samples = 0;        ///< positions compared
+  double objective = 0.0;  ///< χ²/2 with sigma
   int iterations = 0;
   bool converged = false;
   bool interrupted = false;
@@ -43,8 +45,9 @@ struct TrajectoryFit {
 /// @param windows  their states are updated
 /// @param progress called after every step with (stage, iteration, objective); false stops
 /// @throws ModelError if an effect has no forward form
-TrajectoryFit fit_trajectories(const Model& model, const FitLayout& layout, const VecX<double>& start,
-                               const VecX<double>& scale, std::vector<ShootingWindow>& windows,
+TrajectoryFit fit_trajectories(const Model& model, const FitLayout& layout,
+                               const VecX<double>& start, const VecX<double>& scale,
+                               std::vector<ShootingWindow>& windows,
                                const TrajectoryOptions& options,
                                const std::function<bool(const char*, int, double)>& progress = {});
 

@@ -36,7 +36,7 @@ class TriangularFactor {
 
   int columns_;
   long rows_ = 0;
-  long filled_ = 0;       // rows of buffer_ in use; the first min(filled_, p+1) may be triangular
+  long filled_ = 0;  // rows of buffer_ in use; the first min(filled_, p+1) may be triangular
   RowMatX<double> buffer_;
 };
 

@@ -1,13 +1,14 @@
 #pragma once
-/// A robot as its file describes it: named links (fixed ones too), limits, frames, and the effects that
-/// act on it. Plain data. `make_tree` turns it into the numbers that the recursions run on.
+/// A robot as its file describes it: named links (fixed ones too), limits, frames, and the effects
+/// that act on it. Plain data. `make_tree` turns it into the numbers that the recursions run on.
 
 #include <array>
-#include <diffnea/model/tree.hpp>
 #include <limits>
 #include <optional>
 #include <string>
 #include <vector>
+
+#include <diffnea/model/tree.hpp>
 
 namespace diffnea {
 
@@ -43,7 +44,8 @@ struct ModelLink {
   ModelJoint type = ModelJoint::kFixed;
   Vec3<double> axis{0, 0, 1};  ///< unit vector, in the link's frame
   Pose<double> X_PJ = Pose<double>::identity();
-  SpatialInertia<double> inertia;  ///< about the link's origin, in the link; zero if the file gives none
+  SpatialInertia<double>
+      inertia;  ///< about the link's origin, in the link; zero if the file gives none
   JointLimits limits;
   bool passive = false;  ///< torque known to be zero
 };
@@ -57,20 +59,24 @@ struct ModelFrame {
 
 /// Gaussian posterior of named parameters as `identify` leaves it: what `--base prior` may move.
 struct Posterior {
-  std::vector<std::string> names;   ///< parameter names, e.g. "forearm.mass", "elbow.coulomb_friction.coulomb"
-  std::vector<double> mean;         ///< SI units of the parameter
-  std::vector<double> information;  ///< inverse covariance, row-major (n×n); rank = what the data identified
+  std::vector<std::string>
+      names;  ///< parameter names, e.g. "forearm.mass", "elbow.coulomb_friction.coulomb"
+  std::vector<double> mean;  ///< SI units of the parameter
+  std::vector<double>
+      information;  ///< inverse covariance, row-major (n×n); rank = what the data identified
 };
 
 struct Model {
   std::string name;
   std::vector<ModelLink> links;
   std::vector<ModelFrame> frames;
-  std::vector<EffectSpec> effects;  ///< armature, friction, springs … of the base model and found later
+  std::vector<EffectSpec>
+      effects;  ///< armature, friction, springs … of the base model and found later
   Vec3<double> gravity{0, 0, -9.81};
   std::optional<Posterior> posterior;
   std::string source;  ///< file the model was read from, for messages
-  std::vector<std::string> notes;  ///< what that file says and this model leaves out, one sentence each
+  std::vector<std::string>
+      notes;  ///< what that file says and this model leaves out, one sentence each
 };
 
 /// Indices of the moving links in the order of the degrees of freedom.
@@ -83,13 +89,14 @@ int find_joint(const Model& model, const std::string& joint);
 
 /// Where every model link sits in the tree: links that are fixed to a moving one become part of it.
 struct TreeMap {
-  std::vector<int> dof;              ///< per model link: its tree link, −1 if it is fixed to the world
-  std::vector<Pose<double>> X_LF;    ///< per model link F: its pose in that tree link L (or in the world)
+  std::vector<int> dof;  ///< per model link: its tree link, −1 if it is fixed to the world
+  std::vector<Pose<double>>
+      X_LF;  ///< per model link F: its pose in that tree link L (or in the world)
 };
 TreeMap map_to_tree(const Model& model);
 
-/// The numbers: fixed links lumped into the moving link (or the world) that carries them, effects named
-/// `armature` as rotor inertia.
+/// The numbers: fixed links lumped into the moving link (or the world) that carries them, effects
+/// named `armature` as rotor inertia.
 /// @throws ModelError if a parent does not precede its child, an axis is not a unit vector, or an
 ///         armature effect names no joint
 Tree<double> make_tree(const Model& model);
@@ -98,8 +105,8 @@ Tree<double> make_tree(const Model& model);
 /// degrees of freedom: the π that torques are linear in, (10 n).
 VecX<double> inertial_parameters(const Tree<double>& tree);
 
-/// Writes identified parameters back. The moving link takes the whole of its lump; links fixed to it
-/// keep their frames and lose their inertia (how a lump divides cannot be identified).
+/// Writes identified parameters back. The moving link takes the whole of its lump; links fixed to
+/// it keep their frames and lose their inertia (how a lump divides cannot be identified).
 /// @param pi (10 n), see inertial_parameters  @throws ShapeError
 void set_inertial_parameters(Model& model, const VecX<double>& pi);
 

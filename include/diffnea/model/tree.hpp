@@ -2,8 +2,9 @@
 /// The link tree the recursions run on: numbers only, links in an order where a parent comes before
 /// its children. Names, limits, frames and effects live in `Model` (model/model.hpp).
 
-#include <diffnea/lie/inertia.hpp>
 #include <vector>
+
+#include <diffnea/lie/inertia.hpp>
 
 namespace diffnea {
 
@@ -37,7 +38,10 @@ struct Tree {
     out.links.reserve(links.size());
     for (const Link<P>& l : links) {
       const SpatialInertia<P>& b = l.inertia;
-      out.links.push_back({l.parent, l.type, l.axis, l.X_PJ.template cast<Q>(),
+      out.links.push_back({l.parent,
+                           l.type,
+                           l.axis,
+                           l.X_PJ.template cast<Q>(),
                            {Q(b.m), b.h.template cast<Q>(), b.I.template cast<Q>()},
                            Q(l.armature)});
     }

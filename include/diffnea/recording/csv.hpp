@@ -22,7 +22,7 @@ struct ReadOptions {
   double max_quarantined_share = 0.01;  ///< above this share of the rows the file is refused
   /// A torque that is zero or empty throughout at a joint that nobody declared passive is refused.
   bool refuse_silent_torque = true;
-  long max_listed = 1000;               ///< quarantined rows listed one by one; all are counted
+  long max_listed = 1000;  ///< quarantined rows listed one by one; all are counted
 };
 
 /// A row that cannot be true and was left out.

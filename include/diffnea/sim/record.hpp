@@ -43,15 +43,16 @@ struct SimulatedRecording {
   std::string failure;
 };
 
-/// The model itself as the robot: ABA with all its effects, RK4; steps are shortened for stiff springs and bristles.
-/// Lag, delay and limit stand between the torque that is recorded and the one that acts; motors behind a spring or a
-/// gap have their own angle; encoders show the controller, too, what they read. A filter in the logged velocity (then
-/// `qd` is recorded) and a late clock change the log alone.
+/// The model itself as the robot: ABA with all its effects, RK4; steps are shortened for stiff
+/// springs and bristles. Lag, delay and limit stand between the torque that is recorded and the one
+/// that acts; motors behind a spring or a gap have their own angle; encoders show the controller,
+/// too, what they read. A filter in the logged velocity (then `qd` is recorded) and a late clock
+/// change the log alone.
 /// @param controller  the model that the controller compensates gravity with; same joints
 /// @param trajectory  of all joints that have a motor, and possibly others; its first row is the
 /// start, at rest
-/// @throws ModelError if joints differ, or effects cannot act at one joint together; ShapeError for the
-/// gains
+/// @throws ModelError if joints differ, or effects cannot act at one joint together; ShapeError for
+/// the gains
 SimulatedRecording record_model(const Model& robot, const Model& controller,
                                 const Trajectory& trajectory, const RecordOptions& options = {});
 

@@ -28,16 +28,8 @@ Theta<T> theta_from_log_cholesky(const Theta<T>& phi) {
   const T Sxz = s13 * d3 + t1 * t3;
   const T Syz = s23 * d3 + t2 * t3;
   // I = tr(Σ) 1 − Σ
-  return {scale,
-          scale * t1,
-          scale * t2,
-          scale * t3,
-          scale * (Syy + Szz),
-          -scale * Sxy,
-          -scale * Sxz,
-          scale * (Sxx + Szz),
-          -scale * Syz,
-          scale * (Sxx + Syy)};
+  return {scale,        scale * t1,   scale * t2,          scale * t3,   scale * (Syy + Szz),
+          -scale * Sxy, -scale * Sxz, scale * (Sxx + Szz), -scale * Syz, scale * (Sxx + Syy)};
 }
 
 }  // namespace diffnea
