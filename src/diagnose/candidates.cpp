@@ -4,6 +4,8 @@
 #include <cmath>
 
 #include <diffnea/core/error.hpp>
+#include <diffnea/dynamics/mass_matrix.hpp>
+#include <diffnea/effects/forward_dynamics.hpp>
 
 namespace diffnea {
 namespace {
@@ -61,6 +63,7 @@ bool one_type(const Model& model) {
 void grow(Candidate& c, int parameter, const std::vector<double>& values) {
   c.shapes.push_back(parameter);
   c.shape_low.push_back(0.0);
+  c.shape_high.push_back(c.effect.parameter_info[static_cast<std::size_t>(parameter)].most);
   std::vector<std::vector<double>> grown;
   for (const std::vector<double>& point : c.grid)
     for (const double v : values) {
@@ -70,16 +73,39 @@ void grow(Candidate& c, int parameter, const std::vector<double>& values) {
   c.grid = std::move(grown);
 }
 
+constexpr double kRotorKnown = 0.3;  ///< relative: as well as models state rotors
+constexpr double kRotorShare = 0.3;  ///< of a joint's inertia, where no model says
+
+/// The rotor before a gap: the armature that the model declares, else a share of the joint's
+/// inertia. (Behind a spring it is fitted: with friction on the link's side, torque tells its ratio
+/// to the stiffness alone.)
+double rotor_inertia(const Model& model, int joint) {
+  const Tree<double> tree = make_tree(model);
+  const double declared = tree.links[static_cast<std::size_t>(joint)].armature;
+  if (declared > 0.0) return declared;
+  MassMatrixWorkspace<double, double> ws;
+  return kRotorShare *
+         mass_matrix<double, double>(tree, VecX<double>::Zero(tree.num_dofs()), ws)(joint, joint);
+}
+
 Candidate make_candidate(const EffectSpec& spec, const Model& model, const std::vector<int>& runs) {
   Candidate c;
   c.effect = bind(spec, model, runs);
+  const bool hides_motor = spec.effect == "joint_elasticity" || spec.effect == "backlash";
+  const double rotor = spec.effect == "backlash" ? rotor_inertia(model, c.effect.joints[0]) : 0.0;
+  const Port port = c.effect.info().port;
+  c.of_reference =
+      (port != Port::kJointTorque && port != Port::kLinkForce) || reads_acceleration(c.effect);
   c.grid.emplace_back();
   for (std::size_t i = 0; i < c.effect.parameter_info.size(); ++i) {
     const ParameterInfo& p = c.effect.parameter_info[i];
     const int k = static_cast<int>(i);
     const bool grid_of_plain =
         scale(p) == Scale::kPlain && !p.search.empty() && p.sign == Sign::kFree;
-    if (scale(p) == Scale::kLinear) {
+    if (rotor > 0.0 && p.name == "motor_inertia") {
+      c.effect.parameters[i] = rotor;
+      c.held = kRotorKnown;
+    } else if (scale(p) == Scale::kLinear) {
       c.linear.push_back(k);
     } else if (grid_of_plain) {  // a ratio of either sign: each value its own start, not refined
       grow(c, k, p.search);
@@ -92,8 +118,7 @@ Candidate make_candidate(const EffectSpec& spec, const Model& model, const std::
     }
   }
   // A hidden motor angle moves the base's friction with it, whatever the motor's inertia.
-  if (c.linear.empty() || spec.effect == "joint_elasticity" || spec.effect == "backlash")
-    c.nonlinear = true;
+  if (c.linear.empty() || hides_motor) c.nonlinear = true;
   return c;
 }
 

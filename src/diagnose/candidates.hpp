@@ -7,13 +7,15 @@ namespace diffnea {
 
 struct Candidate {
   BoundEffect effect;
-  std::vector<int> linear;  ///< parameters that a fit solves for, by columns ∂τ/∂p
-  std::vector<int> shapes;  ///< parameters that a search moves by factors
-  bool nonlinear = false;   ///< the columns change with those parameters
+  std::vector<int> linear;    ///< parameters that a fit solves for, by columns ∂τ/∂p
+  std::vector<int> shapes;    ///< parameters that a search moves by factors
+  bool nonlinear = false;     ///< the columns change with those parameters
+  bool of_reference = false;  ///< they change with the model that they refer to
   std::vector<std::vector<double>>
       grid;  ///< values of `shapes` that the search starts from; one empty entry if none
 
-  std::vector<double> shape_low;  ///< of `shapes`; 0: no bound
+  std::vector<double> shape_low, shape_high;  ///< of `shapes`; 0, infinity: no bound
+  double held = 0.0;  ///< relative uncertainty of what is held at the model's word
   std::string label() const { return effect.info().name + " at " + effect.where; }
 };
 

@@ -28,6 +28,16 @@ constexpr double kExplained = 0.8;       ///< below it, the cause is unknown
 constexpr int kSteepFilter = 8;
 constexpr double kLeastFilterHz = 5.0;
 
+/// How often the base's friction is read anew, and the change of ln v₀ that is worth it.
+constexpr int kSmoothingPasses = 3;
+constexpr double kSmoothingMove = 0.1;
+
+/// Of the rows' Nyquist frequency: at half the RMS velocity, where most rows are.
+constexpr double kRippleShare = 2.0;
+
+/// A reference whose torque moves by less leaves the candidates' columns as they are.
+constexpr double kMoved = 0.003;
+
 IdentifyOptions reading_options(const DiagnoseOptions& options) {
   IdentifyOptions out;
   out.preprocess = options.preprocess;
@@ -204,8 +214,13 @@ class Diagnosis {
     fit_rows_to_period(finding_.plan);
     finding_.data_report = train_source_.report();
     period_ = finding_.plan.dt * std::round(period_ / finding_.plan.dt);
-    train_ =
-        std::make_unique<Evidence>(model_, layout_, train_source_, finding_.plan, period_, reading);
+    const auto read_train = [&] {
+      train_ = std::make_unique<Evidence>(model_, layout_, train_source_, finding_.plan, period_,
+                                          reading);
+    };
+    read_train();
+    // The columns of friction are straight lines in ln v₀ about its first guess.
+    for (int pass = 0; pass < kSmoothingPasses && turns_sharper(); ++pass) read_train();
     if (!train_->averaged()) period_ = 0.0;  // does not repeat well enough
     if (test_source_) {
       PreprocessOptions same = preprocess;
@@ -233,6 +248,60 @@ class Diagnosis {
     search_ = std::make_unique<Search>(*train_, candidates_, prior_, fitted_rows_);
     std::vector<Term> none;
     search_->refresh(period_, none);
+  }
+
+  /// Moves how sharply the base's friction turns to where the recording has it; whether that is
+  /// far.
+  bool turns_sharper() {
+    const long p = static_cast<long>(layout_.linear.size());
+    const long smoothing = std::ranges::count_if(layout_.shape, is_smoothing);
+    if (smoothing == 0) return false;
+    // Joints weighted by what the fit leaves of each; a factor of e is the prior's width.
+    const VecX<double> x0 =
+        base_ == Base::kRefit ? fit_linear(layout_, linear_factors()).x : layout_.prior();
+    const std::vector<JointFactor>& factors = train_->factors();
+    MatX<double> K = MatX<double>::Zero(p + smoothing, p + smoothing);
+    VecX<double> k = VecX<double>::Zero(p + smoothing);
+    for (const JointFactor& f : factors) {
+      if (f.factor.rows() == 0) continue;
+      const MatX<double> R = f.factor.R();
+      VecX<double> d = f.factor.d();
+      VecX<double> at(R.cols());
+      for (long c = 0; c < R.cols(); ++c) {
+        const int column = f.columns[static_cast<std::size_t>(c)];
+        at[c] = column < p ? x0[column] : 0.0;
+      }
+      d -= R * at;
+      const double left = d.squaredNorm() + f.factor.residual_sum_of_squares();
+      const double weight = static_cast<double>(f.factor.rows()) / std::max(left, 1e-300);
+      const MatX<double> RR = weight * (R.transpose() * R);
+      const VecX<double> Rd = weight * (R.transpose() * d);
+      for (long a = 0; a < R.cols(); ++a) {
+        k[f.columns[static_cast<std::size_t>(a)]] += Rd[a];
+        for (long b = 0; b < R.cols(); ++b)
+          K(f.columns[static_cast<std::size_t>(a)], f.columns[static_cast<std::size_t>(b)]) +=
+              RR(a, b);
+      }
+    }
+    std::vector<int> free;
+    for (long c = 0; c < p + smoothing; ++c)
+      if (c >= p || (base_ != Base::kFixed && !layout_.linear[static_cast<std::size_t>(c)].fixed))
+        free.push_back(static_cast<int>(c));
+    MatX<double> A = K(free, free);
+    const VecX<double> b = k(free);
+    for (long c = 0; c < A.rows(); ++c)
+      A(c, c) += free[static_cast<std::size_t>(c)] >= p ? 1.0 : 1e-9 * A(c, c) + 1e-300;
+    const VecX<double> step = A.ldlt().solve(b).tail(smoothing);
+    bool far = false;
+    long at = 0;
+    for (FitParameter& shape : layout_.shape) {
+      if (!is_smoothing(shape)) continue;
+      const double move = std::isfinite(step[at]) ? std::clamp(step[at], -1.0, 1.0) : 0.0;
+      ++at;
+      shape.prior *= std::exp(move);
+      far = far || std::abs(move) > kSmoothingMove;
+    }
+    return far;
   }
 
   /// Factors of the linear parameters alone.
@@ -291,7 +360,8 @@ class Diagnosis {
   }
 
   /// The model whose torques effects refer to: base parameters x and the causes so far.
-  void set_reference(const VecX<double>& x, const std::vector<Term>& terms) {
+  /// @return by which share a joint's torque moved, the largest of all
+  double set_reference(const VecX<double>& x, const std::vector<Term>& terms) {
     const long linear = static_cast<long>(layout_.linear.size());
     VecX<double> shape(static_cast<long>(layout_.shape.size()));
     long at = linear;
@@ -305,10 +375,23 @@ class Diagnosis {
       if (layout_.linear[k].sign != Sign::kFree && !layout_.linear[k].fixed)
         physical[static_cast<long>(k)] = std::max(physical[static_cast<long>(k)], 0.0);
     Model reference = apply_fit(model_, layout_, physical, shape);
-    for (const Term& t : terms) reference.effects.push_back(to_spec(t.effect));
     finding_.model = reference;
-    train_->set_reference(reference);
+    for (const Term& t : terms) {
+      finding_.model.effects.push_back(to_spec(t.effect));
+      // Those that change the tree or the channels are columns of their own on top of it.
+      if (t.effect.is_local()) reference.effects.push_back(to_spec(t.effect));
+    }
+    const double moved = train_->set_reference(reference);
     if (test_) test_->set_reference(reference);
+    return moved;
+  }
+
+  /// The reference beside the causes so far. A delay is a share of the torque that the model
+  /// predicts: it is as wrong as that torque.
+  bool rebase(const std::vector<Term>& terms) {
+    VecX<double> effects = VecX<double>::Zero(train_->rows());
+    for (const Term& t : terms) effects += t.torque();
+    return set_reference(search_->projection().parameters(effects), terms) > kMoved;
   }
 
   /// Shapes that the recording bounds.
@@ -349,20 +432,29 @@ class Diagnosis {
   }
 
   /// A ripple is one if the motion runs through it twice; below, it is any smooth function of the
-  /// position.
+  /// position. And at the joint's RMS velocity the rows must follow it; beyond, it is left of it
+  /// what happens at reversals alone.
   void bound_cogging(Candidate& c) const {
-    const VecX<double> q = train_->q().col(c.effect.joints[0]);
+    const int j = c.effect.joints[0];
+    const VecX<double> q = train_->q().col(j);
     const double range = q.maxCoeff() - q.minCoeff(),
                  lowest = range > 0.0 ? 4.0 * std::numbers::pi / range : 1e300;
-    std::erase_if(c.grid, [&](const std::vector<double>& g) { return g[0] < lowest; });
+    const double speed =
+        std::sqrt(train_->qd().col(j).squaredNorm() / static_cast<double>(train_->times()));
+    const double highest =
+        kRippleShare * std::numbers::pi / (train_->step() * std::max(speed, 1e-300));
+    std::erase_if(c.grid,
+                  [&](const std::vector<double>& g) { return g[0] < lowest || g[0] > highest; });
     c.shape_low = {lowest};
+    c.shape_high = {std::max(highest, lowest)};
   }
 
   void select() {
     const int most =
         options_.max_causes > 0 ? options_.max_causes : std::max(8, 3 * layout_.num_dofs);
     Selection selection(*search_, candidates_, *held_out_,
-                        {options_.accept_delta_bic, most, period_});
+                        {options_.accept_delta_bic, most, period_,
+                         [this](const std::vector<Term>& terms) { return rebase(terms); }});
     first_scores_ = search_->scores({});
     terms_ = selection.run([this](const FitProgress& progress) {
       finding_.interrupted = options_.progress && !options_.progress(progress);

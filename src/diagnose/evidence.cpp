@@ -3,12 +3,16 @@
 #include <algorithm>
 
 #include <diffnea/core/error.hpp>
+#include <diffnea/recording/butterworth.hpp>
 
 namespace diffnea {
 namespace {
 
 /// Slower than this share of a joint's RMS velocity it rests: what holds it then is not known.
 constexpr double kRestShare = 0.01;
+
+/// Of a disturbance at the end of a recording.
+constexpr double kRemembered = 0.01;
 
 /// Collects blocks into whole stretches.
 struct SeriesCollector {
@@ -33,6 +37,19 @@ struct SeriesCollector {
       append(block.qdd.middleRows(row, count), s.qdd);
       append(block.tau.middleRows(row, count), s.logged);
       row = end;
+    }
+  }
+
+  /// Drops rows at either end of every stretch that is long enough to spare them.
+  void trim(long rows) {
+    for (std::size_t i = 0; i < series.size(); ++i) {
+      JointSeries& s = series[i];
+      const long left = s.rows() - 2 * rows;
+      if (left < 4 * rows) continue;
+      for (RowMatX<double>* x : {&s.q, &s.qd, &s.qdd, &s.logged})
+        *x = RowMatX<double>(x->middleRows(rows, left));
+      s.start += static_cast<double>(rows) * s.dt;
+      about[i].time[0] += static_cast<double>(rows) * s.dt;
     }
   }
 
@@ -135,6 +152,9 @@ Evidence::Evidence(const Model& model, const FitLayout& layout, const RecordingS
   SeriesCollector collector;
   for_each_block(source, plan, "reading", 0, options,
                  [&](const Preprocessed& block) { collector.add(block); });
+  // Where a recording begins and ends, its filter still remembers how it was continued beyond.
+  // Averaged, that would reach the rows of other periods, too.
+  collector.trim(Butterworth(plan.order, plan.filter_hz, 1.0 / plan.dt).memory(kRemembered));
   series_ = collector.series;
   averaged_ = period > 0.0 && !series_.empty();
   for (JointSeries& s : series_) averaged_ = averaged_ && average_other_periods(period, s);
@@ -240,9 +260,19 @@ MatX<double> Evidence::decimate(const std::vector<RowMatX<double>>& stretches) c
   return out;
 }
 
-void Evidence::set_reference(const Model& fitted) {
+double Evidence::set_reference(const Model& fitted) {
   reference_ = extend(fitted, runs_);
-  for (JointSeries& s : series_) predict(reference_, s);
+  VecX<double> change = VecX<double>::Zero(num_dofs_), size = change;
+  for (JointSeries& s : series_) {
+    const RowMatX<double> before = std::move(s.total);
+    predict(reference_, s);
+    size += s.total.colwise().squaredNorm().transpose();
+    change += (before.size() == 0 ? s.total : RowMatX<double>(s.total - before))
+                  .colwise()
+                  .squaredNorm()
+                  .transpose();
+  }
+  return std::sqrt((change.array() / size.array().max(1e-300)).maxCoeff());
 }
 
 MatX<double> Evidence::columns(const BoundEffect& effect, const std::vector<int>& which) const {

@@ -63,7 +63,8 @@ class Evidence {
   const std::vector<JointFactor>& factors() const { return factors_; }
 
   /// The model that effects of torque refer to: what the links transmit, what the drives give.
-  void set_reference(const Model& fitted);
+  /// @return the change of its torque, the largest of all joints' [share of the RMS]
+  double set_reference(const Model& fitted);
 
   /// ∂τ/∂p of chosen parameters of an effect, (rows(), which.size()).
   MatX<double> columns(const BoundEffect& effect, const std::vector<int>& which) const;

@@ -63,25 +63,37 @@ Search::Search(const Evidence& evidence, const std::vector<Candidate>& candidate
                const BasePrior& prior, const std::vector<bool>& used)
     : evidence_(evidence), candidates_(candidates), prior_(prior), used_(used) {
   if (used_.empty()) used_.assign(static_cast<std::size_t>(evidence.rows()), true);
-  const long m = evidence.times();
   for (std::size_t c = 0; c < candidates.size(); ++c)
     for (std::size_t g = 0; g < candidates[c].grid.size(); ++g) {
-      const Term term = make_term(static_cast<int>(c), candidates[c].grid[g]);
       Variant v;
       v.candidate = static_cast<int>(c);
       v.point = static_cast<int>(g);
-      // Most begin at no torque; a limit does not.
-      v.offset = term.has_offset() && !term.offset.isZero(0.0);
-      MatX<double> both(evidence.rows(), term.width() + v.offset);
-      both.leftCols(term.width()) = term.columns;
-      if (v.offset) both.col(term.width()) = term.offset;
-      for (long k = 0; k < static_cast<long>(evidence.joints().size()); ++k)
-        if (!both.middleRows(k * m, m).isZero(0.0)) v.joints.push_back(k);
-      v.raw.resize(m * static_cast<long>(v.joints.size()), both.cols());
-      for (std::size_t i = 0; i < v.joints.size(); ++i)
-        v.raw.middleRows(static_cast<long>(i) * m, m) = both.middleRows(v.joints[i] * m, m);
+      fill(v);
       variants_.push_back(std::move(v));
     }
+}
+
+void Search::fill(Variant& v) const {
+  const long m = evidence_.times();
+  const Term term = make_term(
+      v.candidate,
+      candidates_[static_cast<std::size_t>(v.candidate)].grid[static_cast<std::size_t>(v.point)]);
+  // Most begin at no torque; a limit does not.
+  v.offset = term.has_offset() && !term.offset.isZero(0.0);
+  MatX<double> both(evidence_.rows(), term.width() + v.offset);
+  both.leftCols(term.width()) = term.columns;
+  if (v.offset) both.col(term.width()) = term.offset;
+  v.joints.clear();
+  for (long k = 0; k < static_cast<long>(evidence_.joints().size()); ++k)
+    if (!both.middleRows(k * m, m).isZero(0.0)) v.joints.push_back(k);
+  v.raw.resize(m * static_cast<long>(v.joints.size()), both.cols());
+  for (std::size_t i = 0; i < v.joints.size(); ++i)
+    v.raw.middleRows(static_cast<long>(i) * m, m) = both.middleRows(v.joints[i] * m, m);
+}
+
+void Search::recompute() {
+  for (Variant& v : variants_)
+    if (candidates_[static_cast<std::size_t>(v.candidate)].of_reference) fill(v);
 }
 
 Term Search::make_term(int candidate, const std::vector<double>& shapes) const {
@@ -217,10 +229,10 @@ std::vector<Score> Search::scores(const std::vector<Term>& terms) const {
     if (share < kInvisible) continue;
     MatX<double> SG = MatX<double>::Zero(s, k + v.offset);  // terms are beside the base: SᵀG⊥ = SᵀG
     VecX<double> Gr = v.onto;
-    for (std::size_t b = 0; b < v.joints.size(); ++b) {
-      const auto block = v.whitened.middleRows(static_cast<long>(b) * m, m);
-      SG.noalias() += S.G.middleRows(v.joints[b] * m, m).transpose() * block;
-      Gr.noalias() -= block.transpose() * S.offset.segment(v.joints[b] * m, m);
+    for (std::size_t j = 0; j < v.joints.size(); ++j) {
+      const auto block = v.whitened.middleRows(static_cast<long>(j) * m, m);
+      SG.noalias() += S.G.middleRows(v.joints[j] * m, m).transpose() * block;
+      Gr.noalias() -= block.transpose() * S.offset.segment(v.joints[j] * m, m);
     }
     MatX<double> K(s + k, s + k);
     K << SS, SG.leftCols(k), SG.leftCols(k).transpose(), v.gram.topLeftCorner(k, k);
@@ -298,11 +310,11 @@ Term Search::refined(Term term, const std::vector<Term>& terms) const {
       for (long s = 0; s < shapes; ++s) {
         const std::size_t k = static_cast<std::size_t>(moved.shapes[static_cast<std::size_t>(s)]);
         const auto at = std::ranges::find(c.shapes, static_cast<int>(k));
-        const double low = at == c.shapes.end()
-                               ? 0.0
-                               : c.shape_low[static_cast<std::size_t>(at - c.shapes.begin())];
         double& value = moved.effect.parameters[k];
-        value = std::max(value * std::exp(std::clamp(shrink * x[S.G.cols() + s], -0.7, 0.7)), low);
+        value *= std::exp(std::clamp(shrink * x[S.G.cols() + s], -0.7, 0.7));
+        if (at == c.shapes.end()) continue;
+        const std::size_t bound = static_cast<std::size_t>(at - c.shapes.begin());
+        value = std::clamp(value, c.shape_low[bound], c.shape_high[bound]);
       }
       set_columns(moved);
       const double now = c.nonlinear ? gain_at(trial) : fit(trial);
@@ -365,6 +377,29 @@ double Search::gain_at(const std::vector<Term>& terms) const {
     at += t.width();
   }
   return residual_sum() - (projection_->residual() - S.offset - S.G * x).squaredNorm();
+}
+
+double Search::explained_at(const Term& term, const std::vector<Term>& terms) const {
+  const Stack S = stack(terms, projection_->residual().size());
+  VecX<double> after = projection_->residual() - S.offset;
+  long at = 0;
+  for (const Term& t : terms) {
+    after -= S.G.middleCols(at, t.width()) * t.values();
+    at += t.width();
+  }
+  const long m = evidence_.times();
+  const Port port = term.effect.info().port;
+  const bool local = port == Port::kJointTorque || port == Port::kMemory;
+  double out = 0.0;
+  for (std::size_t k = 0; k < evidence_.joints().size(); ++k) {
+    if (local &&
+        std::ranges::find(term.effect.joints, evidence_.joints()[k]) == term.effect.joints.end())
+      continue;
+    const long begin = static_cast<long>(k) * m;
+    out += projection_->residual().segment(begin, m).squaredNorm() -
+           after.segment(begin, m).squaredNorm();
+  }
+  return out;
 }
 
 double Search::gain_of(const std::vector<Term>& terms) const {

@@ -49,6 +49,8 @@ class Search {
   /// Noise from `period` where the motion repeats, else from what base and terms leave; whitens and
   /// projects anew.
   void refresh(double period, std::vector<Term>& terms);
+  /// The candidates' columns, after the evidence's reference has moved; refresh() next.
+  void recompute();
 
   /// Every candidate beside `terms`, best first.
   std::vector<Score> scores(const std::vector<Term>& terms) const;
@@ -73,6 +75,9 @@ class Search {
   /// How much of a term's projected torque another one can take over together with those that are
   /// there, 0 … 1.
   double replaced_share(const Term& term, const Term& by, const std::vector<Term>& beside) const;
+
+  /// What `terms` remove from χ² at the joints that `term` reaches.
+  double explained_at(const Term& term, const std::vector<Term>& terms) const;
 
   const Projection& projection() const { return *projection_; }
   const Whitener& whitener() const { return *whitener_; }
@@ -99,6 +104,7 @@ class Search {
     long width() const { return raw.cols() - offset; }
   };
   Term make_term(int candidate, const std::vector<double>& shapes) const;
+  void fill(Variant& variant) const;
   void set_columns(Term& term) const;
   bool drop_redundant(const MatX<double>& G, const MatX<double>& D, Term& term) const;
   std::vector<bool> signs_of(const std::vector<Term>& terms) const;

@@ -10,7 +10,13 @@ namespace {
 constexpr int kRefined = 5;          ///< candidates whose shapes are refined at each step
 constexpr int kMostParts = 4;        ///< simple effects in the place of a compound one
 constexpr double kSameClass = 10.0;  ///< ΔBIC
-constexpr double kChild = 0.98;      ///< of a cause's column that a more general effect reproduces
+/// Of an accepted effect's torque: so well do its columns have its shape (filters, the reference
+/// model, terms of order two). What explains less beside it is not taken for another effect.
+constexpr double kAccuracy = 0.03;
+/// Of a parameter, beside what noise leaves: as well as filters and the reference model let an
+/// effect's column be known.
+constexpr double kColumnError = 0.01;
+constexpr double kChild = 0.98;  ///< of a cause's column that a more general effect reproduces
 
 std::vector<Term> without(const std::vector<Term>& terms, std::size_t i) {
   std::vector<Term> out = terms;
@@ -63,6 +69,11 @@ HeldOutChange Selection::change(const std::vector<Term>& without,
   return held_out_.compare(errors(without), errors(with));
 }
 
+void Selection::renew(std::vector<Term>& terms) {
+  if (options_.rebase && options_.rebase(terms)) search_.recompute();
+  search_.refresh(options_.period, terms);
+}
+
 bool Selection::add_one(std::vector<Term>& terms) {
   for (Offer& offer : offers(terms, kRefined)) {
     if (offer.delta_bic <= options_.accept) return false;
@@ -70,7 +81,8 @@ bool Selection::add_one(std::vector<Term>& terms) {
       continue;
     std::vector<Term> with = terms;
     with.push_back(offer.term);
-    search_.fit(with);
+    const double gain = search_.fit(with) - search_.gain_of(terms);
+    if (gain < kAccuracy * kAccuracy * search_.explained_at(offer.term, terms)) continue;
     if (change(terms, with).helps()) {
       terms = std::move(with);
       refused_candidates_.clear();  // beside another set it may help
@@ -210,16 +222,15 @@ std::vector<Term> Selection::run(const std::function<bool(const FitProgress&)>& 
        ++step) {
     if (progress && !progress({"testing", step, 0, search_.residual_sum() / 2.0})) break;
     if (!add_one(terms)) break;
-    search_.refresh(options_.period, terms);
+    renew(terms);
     eliminate(terms);
     for (int i = 0; i < options_.max_terms && (split(terms) || sharpen(terms) || exchange(terms));
          ++i)
-      search_.refresh(options_.period, terms);
+      renew(terms);
     eliminate(terms);
     if (!seen.insert(names(terms)).second) break;
   }
-  for (int i = 0; i < options_.max_terms && simplify(terms); ++i)
-    search_.refresh(options_.period, terms);
+  for (int i = 0; i < options_.max_terms && simplify(terms); ++i) renew(terms);
   // What does not help on data that no fit has seen goes, the least first.
   for (bool dropped = true; dropped && !terms.empty();) {
     dropped = false;
@@ -287,12 +298,14 @@ std::vector<Cause> Selection::causes(const std::vector<Term>& terms) const {
       const auto shape = std::ranges::find(t.shapes, static_cast<int>(k));
       if (linear != t.linear.end()) {
         const long at = linear - t.linear.begin();
-        out_p.std = std::sqrt(covariances[i](at, at));
+        out_p.std = std::hypot(std::sqrt(covariances[i](at, at)), kColumnError * out_p.value);
+        if (t.shapes.size() < c.shapes.size())  // it hangs on a shape that does not show
+          out_p.std = std::numeric_limits<double>::quiet_NaN();
         out_p.low = out_p.value - 1.96 * out_p.std;
         out_p.high = out_p.value + 1.96 * out_p.std;
       } else if (shape != t.shapes.end()) {
         const long at = t.width() + (shape - t.shapes.begin());
-        const double log_std = std::sqrt(covariances[i](at, at));
+        const double log_std = std::hypot(std::sqrt(covariances[i](at, at)), kColumnError, c.held);
         out_p.std = std::abs(out_p.value) * log_std;
         const double reach = std::exp(std::min(1.96 * log_std, 20.0));
         out_p.low = std::min(out_p.value / reach, out_p.value * reach);

@@ -12,6 +12,8 @@ struct SelectionOptions {
   double accept = 10.0;  ///< ΔBIC
   int max_terms = 8;
   double period = 0.0;  ///< [s]
+  /// Refits the model that columns refer to beside the terms; whether that moved its torques.
+  std::function<bool(const std::vector<Term>&)> rebase;
 };
 
 class Selection {
@@ -34,6 +36,8 @@ class Selection {
   /// The best candidates beside `terms`, shapes refined, best first.
   std::vector<Offer> offers(const std::vector<Term>& terms, int how_many) const;
   bool add_one(std::vector<Term>& terms);
+  /// Model, columns and noise that go with the terms.
+  void renew(std::vector<Term>& terms);
   bool eliminate(std::vector<Term>& terms) const;
   bool exchange(std::vector<Term>& terms) const;
   /// How sharply a dry friction turns, where that makes a clear difference.

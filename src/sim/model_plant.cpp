@@ -43,7 +43,7 @@ double ModelPlant::Motor::transmitted(double deflection, double velocity) const 
   const double* p = effect->parameters.data();
   if (std::holds_alternative<JointElasticity>(effect->type))
     return p[0] * deflection + p[1] * velocity;
-  return Backlash::transmitted(deflection, p);
+  return Backlash::transmitted(deflection, velocity, p);
 }
 
 /// Moves out of the model what a step treats by itself.

@@ -182,6 +182,13 @@ void scale_to(double target, const Mechanism& unscaled, std::size_t index, const
   }
 }
 
+/// Of both signs for a tenth of the time at least.
+bool changes_sign(const Eigen::VectorXd& torque) {
+  const double positive =
+      static_cast<double>((torque.array() > 0.0).count()) / static_cast<double>(torque.size());
+  return positive > 0.1 && positive < 0.9;
+}
+
 }  // namespace
 
 std::vector<std::string> families() {
@@ -297,7 +304,15 @@ Case draw_case(std::uint64_t seed, const std::string& given, const CaseOptions& 
 
   const Motion motion(c.world.robot, c.period, Rng(seed, c.stream + kTrainMotion));
   c.world.nominal = c.world.robot;
-  Scales scales = scales_of(quiet_run(c.world, motion, c), c.world.robot);
+  const Series quiet = quiet_run(c.world, motion, c);
+  // A gap that the torque never crosses is none to be found.
+  for (std::size_t i = 0; i < effects.size(); ++i) {
+    if (effects[i] != "backlash") continue;
+    std::vector<int> crossed = joints_for(effects[i], c.world.robot);
+    std::erase_if(crossed, [&](int j) { return !changes_sign(quiet.tau.col(j)); });
+    if (!crossed.empty()) joints[i] = rng.one_of(crossed);
+  }
+  Scales scales = scales_of(quiet, c.world.robot);
   if (rng.chance(0.3)) declare(c.world.robot, scales, rng);
   for (std::size_t i = 0; i < effects.size(); ++i)
     declare_for(effects[i], joints[i], c.world.robot, scales, rng);

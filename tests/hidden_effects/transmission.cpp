@@ -58,7 +58,7 @@ Mechanism backlash(int j, const Draw& draw) {
   Mechanism h;
   const double rotor = rotor_inertia(draw, j), reduced = reduced_inertia(draw, j);
   const double unit = draw.link(j).slide ? 0.1 : 1.0;
-  const double frequency = draw.rng.uniform(40.0, 80.0);
+  const double frequency = draw.rng.uniform(80.0, 160.0);
   const double stiffness = stiffness_at(frequency, reduced);
   const double damping = 2.0 * 0.2 * stiffness / (kTurn * frequency);
   h.start = 0.01 * unit;

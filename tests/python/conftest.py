@@ -1,3 +1,5 @@
+import signal
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -5,6 +7,14 @@ from cli import MODELS, done
 from planar_arm import arm, formulas, held_out, rubbing_arm, states, train
 
 __all__ = ["arm", "formulas", "held_out", "rubbing_arm", "states", "train"]
+
+@pytest.fixture(autouse=True)
+def ctrl_c_interrupts() -> Iterator[None]:
+    """A shell lets what it starts in the background ignore Ctrl-C; tests that press it need it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
 
 PENDULUM = MODELS / "double_pendulum.urdf"
 

@@ -1,10 +1,14 @@
 #pragma once
-/// backlash: a gap β in the gear, K·deadzone(θ − q, β/2) = τ, the torque the links transmit: θ − q
-/// = τ/K + (β/2) sgn τ. The rotor crosses the gap where the *transmitted torque* changes its sign,
-/// and the log has J_m(θ̈ − q̈) more than the base model, whose armature turns with q. sgn τ is
-/// tanh(τ/τ_w): τ_w, the torque at which the faces of the teeth are in contact, makes the crossing
-/// as smooth as filtered motion is.
+/// backlash: a gap β in the gear. Inside it nothing is transmitted and the rotor runs free,
+/// J_m θ̈ = u − friction; at its ends the teeth push, and throw each other back with the restitution
+/// e. The encoder reads the link's angle q, the motor's, θ, is hidden; the log has J_m(θ̈ − q̈) more
+/// than the base model, whose armature J_m turns with q: inside the gap that is the whole torque
+/// that it takes for transmitted, and an impulse where the teeth meet (Nordin and Gutman 2002). The
+/// rotor leaves a flank where the torque on it, seen from the motor, changes its sign.
 
+#include <algorithm>
+
+#include <diffnea/core/error.hpp>
 #include <diffnea/effects/effect.hpp>
 #include <diffnea/effects/joint_series.hpp>
 
@@ -14,16 +18,18 @@ struct Backlash {
   static const EffectInfo& info() {
     static const EffectInfo kInfo{
         .name = "backlash",
-        .formula = "J_m (thdd - qdd), th - q = tau/K + beta/2 tanh(tau/tau_w)",
+        .formula = "J_m (thdd - qdd), th - q within +-beta/2",
         .summary = "gap between the teeth of a gear; the motor's angle is hidden",
         .port = Port::kMemory,
         .parameters = {{.name = "gap",
                         .unit = "rad",
                         .unit_prismatic = "m",
-                        .sign = Sign::kNonNegative,
+                        .sign = Sign::kPositive,
                         .linear = false,
                         .initial = 0.01,
-                        .initial_prismatic = 1e-4},
+                        .initial_prismatic = 1e-3,
+                        .search = log_grid(0.003, 0.1, 6),
+                        .search_prismatic = log_grid(3e-4, 1e-2, 6)},
                        {.name = "stiffness",
                         .unit = "N*m/rad",
                         .unit_prismatic = "N/m",
@@ -34,50 +40,95 @@ struct Backlash {
                        {.name = "motor_inertia",
                         .unit = "kg*m^2",
                         .unit_prismatic = "kg",
-                        .sign = Sign::kNonNegative},
-                       {.name = "contact_torque",
-                        .unit = "N*m",
-                        .unit_prismatic = "N",
-                        .sign = Sign::kPositive,
+                        .sign = Sign::kNonNegative,
+                        .linear = false},
+                       {.name = "restitution",
+                        .unit = "1",
+                        .unit_prismatic = "1",
+                        .sign = Sign::kNonNegative,
                         .linear = false,
                         .initial = 0.5,
-                        .search = log_grid(0.1, 3.0, 4)}},
+                        .most = 0.99}},
         .motor_side = true};
     return kInfo;
   }
 
-  /// θ − q [rad] at the torque τ [N·m].
+  /// θ − q [rad] that holds the torque τ [N·m] at rest.
   static double deflection_at(double tau, const double* p) {
-    return tau / p[1] + 0.5 * p[0] * std::tanh(tau / p[3]);
+    return tau / p[1] + (tau > 0.0 ? 0.5 : tau < 0.0 ? -0.5 : 0.0) * p[0];
   }
 
-  /// τ [N·m] at θ − q [rad]: the root of deflection_at, which rises throughout, by Newton's method
-  /// kept in its bracket.
-  static double transmitted(double deflection, const double* p) {
-    double low = p[1] * (std::abs(deflection) - 0.5 * p[0]), high = p[1] * std::abs(deflection);
-    low = low > 0.0 ? low : 0.0;
-    double tau = low;
-    for (int i = 0; i < 100; ++i) {
-      const double off = deflection_at(tau, p) - std::abs(deflection);
-      (off > 0.0 ? high : low) = tau;
-      const double s = std::tanh(tau / p[3]);
-      double next = tau - off / (1.0 / p[1] + 0.5 * p[0] * (1.0 - s * s) / p[3]);
-      if (!(next > low && next < high)) next = 0.5 * (low + high);
-      const double change = std::abs(next - tau);
-      tau = next;
-      if (!(change > 1e-13 * (1.0 + tau))) break;
-    }
-    return deflection < 0.0 ? -tau : tau;
+  /// τ [N·m] at θ − q [rad] and θ̇ − q̇ [rad/s], in simulation: the flanks are springs whose damping
+  /// lets a rotor that is light beside its load bounce with the restitution. They push only.
+  static double transmitted(double deflection, double velocity, const double* p) {
+    const double wind_up = deflection - std::clamp(deflection, -0.5 * p[0], 0.5 * p[0]);
+    if (wind_up == 0.0) return 0.0;
+    const double loss = -std::log(std::max(p[3], 1e-6));
+    const double ratio = loss / std::hypot(loss, 3.14159265358979323846);
+    const double tau = p[1] * wind_up + 2.0 * ratio * std::sqrt(p[1] * p[2]) * velocity;
+    return tau * wind_up > 0.0 ? tau : 0.0;
   }
 
-  /// θ − q (N) [rad].
-  VecX<double> deflection(const JointSeries& x, int joint, const double* p) const {
-    const VecX<double> tau = x.tau.col(joint);
-    return tau.unaryExpr([p](double torque) { return deflection_at(torque, p); });
-  }
-
+  /// (N) torque in addition at `joint`, between flanks that do not yield: the rotor's flight under
+  /// the logged torque less friction. An impulse is shared by the two rows about it.
+  /// @throws DataError without x.logged
   VecX<double> torque_series(const JointSeries& x, int joint, const double* p) const {
-    return p[2] * derivative(derivative(deflection(x, joint, p), x.dt), x.dt);
+    const long n = x.rows();
+    if (x.logged.rows() != n)
+      throw DataError("backlash: got no logged torque, by which the rotor flies; set x.logged");
+    VecX<double> out = VecX<double>::Zero(n);
+    const double half = 0.5 * p[0], J = p[2], dt = x.dt;
+    if (!(J > 0.0)) return out;
+    // What the motor has for its load, as the log says and the model.
+    const VecX<double> push = x.logged.col(joint) - x.drive().col(joint) + x.tau.col(joint);
+    double side = push[0] < 0.0 ? -1.0 : 1.0, at = side * half, v = 0.0;
+    bool free = false;
+    for (long k = 0; k + 1 < n; ++k) {
+      double left = dt;
+      const double force = 0.5 * (push[k] + push[k + 1]);
+      for (int events = 0; events < 8 && left > 0.0; ++events) {
+        if (!free) {
+          if (side * force >= 0.0) break;
+          free = true;
+          v = 0.0;
+        }
+        const double a = force / J, hit = first_hit(at, v, a, half, left);
+        const double flown = std::min(hit, left), middle = (dt - left + 0.5 * flown) / dt;
+        out[k] += force * flown / dt * (1.0 - middle);
+        out[k + 1] += force * flown / dt * middle;
+        at += (v + 0.5 * a * flown) * flown;
+        v += a * flown;
+        left -= flown;
+        if (hit > flown || left <= 0.0) continue;
+        side = at > 0.0 ? 1.0 : -1.0;
+        at = side * half;
+        double rebound = -p[3] * v;
+        // A bounce that is over within a row is none.
+        if (side * force > 0.0 && 2.0 * J * std::abs(rebound) < std::abs(force) * dt)
+          rebound = 0.0, free = false;
+        const double impulse = J * (rebound - v) / dt, moment = (dt - left) / dt;
+        out[k] += impulse * (1.0 - moment);
+        out[k + 1] += impulse * moment;
+        v = rebound;
+      }
+    }
+    return out;
+  }
+
+ private:
+  /// When a flight reaches ±half [s]; infinity if not within `most`.
+  static double first_hit(double at, double v, double a, double half, double most) {
+    if (std::abs(at) >= half && (v * at > 0.0 || (v == 0.0 && a * at > 0.0))) return 0.0;
+    double first = std::numeric_limits<double>::infinity();
+    for (const double wall : {half, -half}) {
+      const double c = at - wall, root = v * v - 2.0 * a * c;
+      if (root < 0.0) continue;
+      const double s = std::sqrt(root);
+      for (const double t : {a != 0.0 ? (-v - s) / a : -c / v, a != 0.0 ? (-v + s) / a : -c / v})
+        // Towards the wall, not away from it at the start.
+        if (t >= 0.0 && t <= most && (v + a * t) * wall > 0.0) first = std::min(first, t);
+    }
+    return first;
   }
 };
 

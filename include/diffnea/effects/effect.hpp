@@ -38,6 +38,7 @@ struct ParameterInfo {
   double initial = 0.0;  ///< where a fit starts, and the value a shape keeps if it is not fitted
   /// The same at a prismatic joint; NaN: as `initial`.
   double initial_prismatic = std::numeric_limits<double>::quiet_NaN();
+  double most = std::numeric_limits<double>::infinity();  ///< above it, no physics
   bool per_run = false;  ///< one value per recording, named `<name>_<run>` once it is bound
   /// Values at which a search over a nonlinear parameter starts; empty: at `initial` alone.
   std::vector<double> search = {};

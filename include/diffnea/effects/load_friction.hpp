@@ -24,6 +24,7 @@ struct LoadFriction {
               .sign = Sign::kPositive,
               .linear = false,
               .initial = 1.0,
+              .most = 1.0,
               .search = {0.4, 0.7, 1.0}},
              smoothing_parameter()},
         .motor_side = true};
