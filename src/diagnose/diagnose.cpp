@@ -28,6 +28,9 @@ constexpr double kExplained = 0.8;       ///< below it, the cause is unknown
 constexpr int kSteepFilter = 8;
 constexpr double kLeastFilterHz = 5.0;
 
+/// Stribeck's velocity over v₀, at least.
+constexpr double kStribeckTurns = 3.0;
+
 /// How often the base's friction is read anew, and the change of ln v₀ that is worth it.
 constexpr int kSmoothingPasses = 3;
 constexpr double kSmoothingMove = 0.1;
@@ -411,6 +414,7 @@ class Diagnosis {
       }
       if (name == "saturation") bound_saturation(c);
       if (name == "cogging") bound_cogging(c);
+      if (name == "stribeck_friction") bound_stribeck(c);
       if (!c.grid.empty()) kept.push_back(std::move(c));
     }
     candidates_ = std::move(kept);
@@ -429,6 +433,22 @@ class Diagnosis {
     for (const double q : {0.999, 0.99, 0.97, 0.94, 0.9, 0.85, 0.8})
       c.grid.push_back({quantile(q)});
     c.shape_low = {quantile(0.75)};
+  }
+
+  /// Below a few v₀, Stribeck's curve only mends how friction turns.
+  void bound_stribeck(Candidate& c) const {
+    const auto value = [&](const char* name) {
+      const auto at = std::ranges::find(c.effect.parameter_info, name, &ParameterInfo::name);
+      return c.effect.parameters[static_cast<std::size_t>(at - c.effect.parameter_info.begin())];
+    };
+    double v0 = value("smoothing");
+    for (const FitParameter& shape : layout_.shape)
+      if (is_smoothing(shape) && shape.name.starts_with(c.effect.where + "."))
+        v0 = std::max(v0, shape.prior);
+    const double least = kStribeckTurns * v0;
+    std::erase_if(c.grid, [&](const std::vector<double>& g) { return g[0] < least; });
+    c.shape_low = {least};
+    if (c.grid.empty()) c.grid = {{least}};
   }
 
   /// A ripple is one if the motion runs through it twice; below, it is any smooth function of the

@@ -46,6 +46,10 @@ Stack stack(const std::vector<Term>& terms, long rows) {
 
 }  // namespace
 
+double fit_cost(double chi2, double n) {
+  return chi2 > n ? n * std::log(chi2 / n) : std::max(chi2, 0.0) - n;
+}
+
 VecX<double> Term::values() const {
   VecX<double> out(static_cast<long>(linear.size()));
   for (std::size_t k = 0; k < linear.size(); ++k)
@@ -253,10 +257,9 @@ std::vector<Score> Search::scores(const std::vector<Term>& terms) const {
     b.parameters = static_cast<int>(rank + static_cast<long>(c.shapes.size()));
   }
   for (Score& b : best)
-    b.delta_bic = b.variant < 0
-                      ? -1e9
-                      : n * std::log((chi2 - before) / std::max(chi2 - before - b.gain, 1e-300)) -
-                            b.parameters * std::log(n);
+    b.delta_bic = b.variant < 0 ? -1e9
+                                : fit_cost(chi2 - before, n) - fit_cost(chi2 - before - b.gain, n) -
+                                      b.parameters * std::log(n);
   std::ranges::sort(best, std::greater<>{}, &Score::delta_bic);
   return best;
 }
@@ -415,8 +418,7 @@ int Search::num_parameters(const std::vector<Term>& terms) const {
 
 double Search::bic(double gain, const std::vector<Term>& terms) const {
   const double n = static_cast<double>(rows());
-  return n * std::log(std::max(residual_sum() - gain, 1e-300) / residual_sum()) +
-         num_parameters(terms) * std::log(n);
+  return fit_cost(residual_sum() - gain, n) + num_parameters(terms) * std::log(n);
 }
 
 std::vector<MatX<double>> Search::covariances(const std::vector<Term>& terms) const {

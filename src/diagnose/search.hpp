@@ -10,6 +10,10 @@
 
 namespace diffnea {
 
+/// What a fit costs, −2 ln of its likelihood but for a constant, on n whitened rows: n ln χ² where
+/// more is left than noise, whose size is then what is left; χ² where it is within the noise.
+double fit_cost(double chi2, double n);
+
 /// An effect in the model under test: its shapes are set, its other parameters follow from a fit.
 /// About the present values its torque is offset + columns · p.
 struct Term {

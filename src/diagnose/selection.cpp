@@ -12,7 +12,7 @@ constexpr int kMostParts = 4;        ///< simple effects in the place of a compo
 constexpr double kSameClass = 10.0;  ///< ΔBIC
 /// Of an accepted effect's torque: so well do its columns have its shape (filters, the reference
 /// model, terms of order two). What explains less beside it is not taken for another effect.
-constexpr double kAccuracy = 0.03;
+constexpr double kAccuracy = 0.02;
 /// Of a parameter, beside what noise leaves: as well as filters and the reference model let an
 /// effect's column be known.
 constexpr double kColumnError = 0.01;
@@ -264,7 +264,9 @@ void Selection::add_rivals(const std::vector<Term>& terms, std::size_t which, Ca
       search_.fit(with);
       if (!change(rest, with).helps()) continue;
     }
+    // A body in the hand is no more general kind of force, however well it does its work.
     const bool child = offer.term.num_parameters() > own &&
+                       c.effect.info().port != Port::kModelParameter &&
                        search_.replaced_share(terms[which], offer.term, rest) > kChild;
     (rival.delta_bic < kSameClass && !child ? cause.members : cause.rivals).push_back(rival);
   }
