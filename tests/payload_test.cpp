@@ -11,6 +11,8 @@
 #include <catch2/matchers/catch_matchers_string.hpp>
 
 #include <diffnea/core/error.hpp>
+#include <diffnea/core/random.hpp>
+#include <diffnea/effects/extended_tree.hpp>
 #include <diffnea/identify/identify.hpp>
 #include <diffnea/io/atomic_file.hpp>
 #include <diffnea/io/model_file.hpp>
@@ -235,6 +237,52 @@ TEST_CASE("payload: gains without a known mass are held, and it is said", "[iden
     REQUIRE(g.identifiable);
     CHECK(std::abs(g.value - kGains[3]) < kInterval * g.std);
   }
+}
+
+TEST_CASE("payload: gains of a robot that stands, each time with an offset of its own",
+          "[identify][payload]") {
+  // Four poses, held: drives report what gravity asks for, by constants that are off.
+  Model bare = draw().truth;
+  bare.effects
+      .clear();  // what stands tells nothing of dry friction: rows at rest would be left out
+  const ExtendedTree robot = extend(bare);
+  const double poses[][4] = {
+      {0, 0.3, 0.2, 0.5}, {0.4, -0.5, 0.9, 1.2}, {-0.4, 0.8, -0.7, 1.6}, {0.2, 1.1, 0.4, 0.8}};
+  std::vector<Recording> stands;
+  Rng rng(5);
+  for (const auto& pose : poses) {
+    const VecX<double> q = Eigen::Map<const VecX<double>>(pose, 4);
+    RneaWorkspace<double, double> ws;
+    const VecX<double> weight = gravity_torques<double, double>(robot.tree, q, ws);
+    Recording r;
+    r.source = "stand " + std::to_string(stands.size());
+    r.joint_names = joint_names(draw().nominal);
+    r.time = VecX<double>::LinSpaced(600, 0.0, 2.995);
+    r.q = q.transpose().replicate(600, 1);
+    r.tau = weight.transpose().replicate(600, 1);
+    for (long k = 0; k < r.rows(); ++k)
+      for (int j = 0; j < 4; ++j) {
+        r.q(k, j) += 1e-5 * rng.normal();
+        r.tau(k, j) = (1.0 + kGains[j]) * r.tau(k, j) + 0.1 * rng.normal();
+      }
+    r.has_tau.assign(4, true);
+    stands.push_back(r);
+  }
+  IdentifyOptions options;
+  options.preprocess.filter_hz = 5.0;  // [Hz]; what stands has no band to choose from
+  options.choice.fit = {"effects"};
+  options.choice.effects = std::vector<std::string>{"torque_gain"};
+  const std::string joint = joint_names(draw().nominal)[1] + ".torque_gain.gain_error";
+  const ParameterEstimate known = find(identify(bare, stands, {}, options), joint);
+  REQUIRE(known.identifiable);
+  CHECK(std::abs(known.value - kGains[1]) < kInterval * known.std);
+
+  options.choice.effects = std::vector<std::string>{"torque_gain", "session_offset"};
+  const IdentifyResult result = identify(bare, stands, {}, options);
+  CHECK(result.summary.converged);
+  CHECK(find(result, joint).fixed);  // an offset a pose says all that its weight does
+  CHECK(find(result, joint).value == 0.0);
+  CHECK(has_note(result, "no better than to 50 %"));
 }
 
 TEST_CASE("payload: recordings that do not exist, and places that say nothing, are refused",

@@ -6,6 +6,7 @@
 
 #include <catch2/catch_approx.hpp>
 #include <catch2/catch_test_macros.hpp>
+#include <catch2/matchers/catch_matchers_string.hpp>
 
 #include <diffnea/excite/fourier.hpp>
 #include <diffnea/identify/identify.hpp>
@@ -14,6 +15,7 @@
 
 using namespace diffnea;
 using Catch::Approx;
+using Catch::Matchers::ContainsSubstring;
 
 namespace {
 
@@ -88,6 +90,26 @@ TEST_CASE("trajectory fit: the result does not depend on the number of threads",
   const IdentifyResult a = identify(start, {data}, {}, one), b = identify(start, {data}, {}, two);
   for (std::size_t k = 0; k < a.parameters.size(); ++k)
     CHECK(a.parameters[k].value == b.parameters[k].value);
+}
+
+TEST_CASE("trajectory fit: torques of drives whose constants are known to be off", "[identify]") {
+  const auto with_gain = [](Model model) {
+    model.effects.push_back({"torque_gain", "shoulder", {{"gain_error", 0.2, ""}}});
+    model.effects.push_back({"torque_gain", "elbow", {{"gain_error", -0.1, ""}}});
+    return model;
+  };
+  const Recording data = swing(with_gain(pendulum_with_friction(0.12, 0.05)), 0.0);
+  const Model start = pendulum_with_friction(0.05, 0.02);
+  IdentifyOptions options = trajectory_options();
+  CHECK_THROWS_WITH(identify(with_gain(start), {data}, {}, options),
+                    ContainsSubstring("does not fit torque gains") && ContainsSubstring("--fix"));
+  options.choice.fix = {"*torque_gain*"};
+  const IdentifyResult result = identify(with_gain(start), {data}, {}, options);
+  CHECK(result.summary.converged);
+  // As without gains: friction is of the recorded torque, and so is the simulator's.
+  CHECK(find(result, "elbow.coulomb_friction.coulomb").value == Approx(0.12).epsilon(0.02));
+  CHECK(find(result, "shoulder.viscous_friction.viscous").value == Approx(0.05).epsilon(0.05));
+  for (const JointError& e : result.errors) CHECK(e.train < 1e-4);  // [rad]
 }
 
 TEST_CASE("identify: a passive joint is fitted, not wished away", "[identify]") {

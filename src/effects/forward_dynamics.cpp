@@ -10,9 +10,26 @@ bool reads_acceleration(const BoundEffect& e) {
   return name == "torque_gain" || name == "load_friction" || name == "transmission_coupling";
 }
 
+VecX<double> torque_gains(const std::vector<BoundEffect>& effects, int num_dofs) {
+  VecX<double> out = VecX<double>::Ones(num_dofs);
+  for (const BoundEffect& e : effects)
+    if (std::holds_alternative<TorqueGain>(e.type))
+      for (const int j : e.joints) out[j] += e.parameters[0];
+  for (const BoundEffect& e : effects)
+    if (std::holds_alternative<TorqueGain>(e.type))
+      for (const int j : e.joints)
+        if (!(out[j] > 0.0))
+          throw ModelError(
+              "torque_gain at '" + e.where + "': gain_error = " + std::to_string(out[j] - 1.0) +
+              ", expected above -1: recorded over true torque is 1 + gain_error; check "
+              "the torque's sign");
+  return out;
+}
+
 ForwardDynamics::ForwardDynamics(ExtendedTree model)
     : model_(std::move(model)),
       n_(model_.tree.num_dofs()),
+      gains_(torque_gains(model_.effects, n_)),
       tau_(n_),
       q_(n_),
       qd_(n_),
@@ -24,6 +41,9 @@ ForwardDynamics::ForwardDynamics(ExtendedTree model)
     throw ModelError("forward dynamics: " + e.info().name + " at '" + e.where +
                      "' depends on the past or on how the motion is measured, not on one instant; "
                      "`diffnea simulate` integrates it");
+  std::erase_if(model_.effects,
+                [](const BoundEffect& e) { return std::holds_alternative<TorqueGain>(e.type); });
+  for (int j = 0; j < n_; ++j) model_.tree.links[j].armature /= gains_[j];
   for (const BoundEffect& e : model_.effects)
     if (reads_acceleration(e)) implicit_.push_back(e);
 }
@@ -54,6 +74,7 @@ void ForwardDynamics::solve_implicit(const double* q, const double* qd, int run,
     VecX<double> out = VecX<double>::Zero(n_);
     const JointSample<double> x{time_, run, q, qd, a.data(), links.data()};
     for (const BoundEffect& e : implicit_) add_torque(e, x, e.parameters.data(), out.data());
+    out.array() /= gains_.array();
     return out;
   };
   Eigen::Map<VecX<double>> at(qdd, n_);
@@ -79,7 +100,7 @@ void ForwardDynamics::acceleration(const double* q, const double* qd, const doub
                                    double* qdd) {
   tau_.setZero();
   effect_torques(q, qd, run, tau_.data());
-  for (int j = 0; j < n_; ++j) tau_[j] = u[j] - tau_[j];
+  for (int j = 0; j < n_; ++j) tau_[j] = (u[j] - tau_[j]) / gains_[j];
   detail::aba(model_.tree, q, qd, tau_.data(), aba_ws_, qdd);
   if (!implicit_.empty()) solve_implicit(q, qd, run, qdd);
 }
@@ -93,7 +114,7 @@ void ForwardDynamics::linearise(const double* q, const double* qd, const double*
           "or `diffnea diagnose` can");
   tau_.setZero();
   effect_torques(q, qd, run, tau_.data());
-  for (int j = 0; j < n_; ++j) tau_[j] = u[j] - tau_[j];
+  for (int j = 0; j < n_; ++j) tau_[j] = (u[j] - tau_[j]) / gains_[j];
   const Eigen::Map<const VecX<double>> q_map(q, n_), qd_map(qd, n_);
   aba_derivatives(model_.tree, q_map, qd_map, tau_, aba_);
 
@@ -132,6 +153,8 @@ void ForwardDynamics::linearise(const double* q, const double* qd, const double*
       qd_[j].v.setZero();
     }
   }
+  dtau_dq_ = gains_.cwiseInverse().asDiagonal() * dtau_dq_;
+  dtau_dqd_ = gains_.cwiseInverse().asDiagonal() * dtau_dqd_;
   aba_.dqdd_dq.noalias() -= aba_.dqdd_dtau * dtau_dq_;
   aba_.dqdd_dqd.noalias() -= aba_.dqdd_dtau * dtau_dqd_;
 }

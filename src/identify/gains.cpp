@@ -27,11 +27,12 @@ double Gains::gain(int joint, const VecX<double>& x) const {
   return sum;
 }
 
-/// Columns of what the links carry. (A step of a fixed transform moves links too.)
+/// Columns of what the links carry. (Steps of a fixed transform and of the base's tilt are too.)
 bool Gains::transmitted(int column) const {
   if (column >= static_cast<int>(layout_->linear.size())) return false;
   const FitParameter& p = layout_->linear[column];
-  return p.dof >= 0 || p.theta >= 0;
+  return p.dof >= 0 ||
+         (p.effect >= 0 && layout_->effects[p.effect].info().port == Port::kModelParameter);
 }
 
 VecX<double> Gains::effective(int joint, const VecX<double>& x) const {

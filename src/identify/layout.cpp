@@ -114,9 +114,6 @@ void add_inertias(const Model& model, bool fixed, FitLayout& layout) {
   }
 }
 
-/// A torque constant that is known worse than to a factor of 1.5 is not known.
-constexpr double kGainScale = 0.5;
-
 /// @param payload_mass  what a payload may well weigh [kg]; its mass is spread over some 0.1 m
 void add_effect(const BoundEffect& effect, bool fixed, bool fix_shapes, double payload_mass,
                 FitLayout& layout) {
@@ -132,19 +129,21 @@ void add_effect(const BoundEffect& effect, bool fixed, bool fix_shapes, double p
     p.fixed = info.linear ? fixed : fixed || fix_shapes;
     p.effect = e;
     p.index = static_cast<int>(k);
-    if (effect.info().port == Port::kModelParameter) {  // ten inertial parameters: as a small link
+    p.logarithmic = scale(info) == Scale::kLog;
+    if (effect.info().name == "payload") {  // ten inertial parameters: as a small link
       p.theta = static_cast<int>(k);
       p.scale = k == 0 ? payload_mass : k < 4 ? 0.1 * payload_mass : 0.01 * payload_mass;
     }
     if (effect.info().name == "torque_gain") p.scale = kGainScale;
-    (info.linear ? layout.linear : layout.shape).push_back(p);
+    const bool column = info.linear && effect.info().name != "base_tilt";
+    (column ? layout.linear : layout.shape).push_back(p);
   }
 }
 
 /// @throws ModelError for effects that no loss has a column for
 void require_fittable(const BoundEffect& effect) {
   const EffectInfo& info = effect.info();
-  if (info.port == Port::kJointTorque || info.name == "payload") return;
+  if (info.port == Port::kJointTorque || info.port == Port::kModelParameter) return;
   throw ModelError(
       "effects: identify cannot fit " + info.name + " at '" + effect.where +
       "', nor a model that has it: its torque is no function of one instant of the joints; "

@@ -69,7 +69,8 @@ std::vector<ParameterEstimate> parameter_estimates(const FitLayout& layout, cons
                                                    const VecX<double>& shape,
                                                    const VecX<double>& std,
                                                    const std::vector<bool>& identifiable,
-                                                   const std::vector<int>& at_bound) {
+                                                   const std::vector<int>& at_bound,
+                                                   const VecX<double>& shape_std) {
   std::vector<ParameterEstimate> out;
   for (std::size_t k = 0; k < layout.linear.size(); ++k) {
     const FitParameter& def = layout.linear[k];
@@ -79,10 +80,9 @@ std::vector<ParameterEstimate> parameter_estimates(const FitLayout& layout, cons
   }
   for (std::size_t k = 0; k < layout.shape.size(); ++k) {
     const FitParameter& def = layout.shape[k];
-    const double value = shape[static_cast<long>(k)];
-    const bool moved = value != def.prior;
-    out.push_back({def.name, def.unit, value, std::numeric_limits<double>::quiet_NaN(), def.prior,
-                   moved, !moved, false});
+    const long i = static_cast<long>(k);
+    const double s = shape_std.size() > 0 ? shape_std[i] : 0.0;
+    out.push_back({def.name, def.unit, shape[i], s, def.prior, s > 0.0, s == 0.0, false});
   }
   return out;
 }

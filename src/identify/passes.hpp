@@ -37,11 +37,14 @@ FitLayout layout_for(const Model& model, const RecordingSource& source, const Re
                      const FitChoice& choice, std::vector<std::string>& notes);
 
 /// Estimates in the order of the layout: linear parameters, then shapes.
+/// @param shape_std  of the shapes: 0 where held, NaN where not identifiable; empty: none was
+/// fitted
 std::vector<ParameterEstimate> parameter_estimates(const FitLayout& layout, const VecX<double>& x,
                                                    const VecX<double>& shape,
                                                    const VecX<double>& std,
                                                    const std::vector<bool>& identifiable,
-                                                   const std::vector<int>& at_bound);
+                                                   const std::vector<int>& at_bound,
+                                                   const VecX<double>& shape_std = {});
 
 /// The Gaussian that data of this information leave of the free linear parameters.
 Posterior posterior_of(const FitLayout& layout, const VecX<double>& x,

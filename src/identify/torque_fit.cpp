@@ -79,7 +79,7 @@ void hold_motionless(const std::vector<int>& joints, FitLayout& layout) {
     }
 }
 
-/// The layout with one more linear parameter for each free shape: the step of ln η.
+/// The layout with one more linear parameter for each free shape: the step of ln η, or of η.
 FitLayout with_shape_steps(const FitLayout& layout) {
   FitLayout out = layout;
   for (const FitParameter& s : layout.shape)
@@ -88,11 +88,38 @@ FitLayout with_shape_steps(const FitLayout& layout) {
       step.name += " (step)";
       step.sign = Sign::kFree;
       step.prior = 0.0;
-      step.scale =
-          s.kinematic >= 0 ? 0.01 : 0.1;  // ten times that by prior_width: e-fold; 0.1 rad, 0.1 m
+      // Ten times that by prior_width: an e-fold; 1 rad or m of a rest, 1 m/s² of a tilt; of a
+      // transform 0.1 rad, 0.1 m.
+      step.scale = s.kinematic >= 0 ? 0.01 : 0.1;
       out.linear.push_back(step);
     }
   return out;
+}
+
+/// A plain shape's column is its effect's amplitude a times what does not depend on a: k (q − q₀)
+/// gives −k. Where the same step moves a too, from a₀ to a₁, the shape has to go a₀/a₁ of its own.
+/// @param at  linear parameters that the columns are of  @param x  those of the step
+void use_amplitudes(const FitLayout& layout, const VecX<double>& at, const VecX<double>& x,
+                    VecX<double>& step) {
+  long k = 0;
+  for (const FitParameter& shape : layout.shape) {
+    if (shape.fixed) continue;
+    const long here = k++;
+    if (shape.logarithmic || shape.kinematic >= 0) continue;
+    std::vector<long> amplitudes;
+    for (std::size_t c = 0; c < layout.linear.size(); ++c)
+      if (layout.linear[c].effect == shape.effect) amplitudes.push_back(static_cast<long>(c));
+    if (amplitudes.size() == 1 && x[amplitudes[0]] != 0.0)
+      step[here] *= at[amplitudes[0]] / x[amplitudes[0]];
+  }
+}
+
+/// A shape after a step of the regression, no longer than the linearisation may be trusted.
+double stepped(const FitParameter& shape, double value, double step) {
+  if (shape.logarithmic) return value * std::exp(std::clamp(step, -0.7, 0.7));  // a factor of two
+  const double longest = shape.kinematic >= 0 ? 0.1 : 1.0;  // [rad], [m], [m/s²]
+  const double moved = value + std::clamp(step, -longest, longest);
+  return shape.sign == Sign::kFree ? moved : std::max(moved, 0.0);
 }
 
 std::vector<TorqueSeries> make_series(const Model& model, const FitLayout& layout,
@@ -157,6 +184,7 @@ class InverseFit {
     x_ = nominal_;
     shape_.resize(static_cast<long>(layout_.shape.size()));
     for (std::size_t s = 0; s < layout_.shape.size(); ++s) shape_[s] = layout_.shape[s].prior;
+    shape_std_ = VecX<double>::Zero(shape_.size());
   }
 
   /// One pass at the present point; leaves rows and factors in regression_.
@@ -214,20 +242,19 @@ class InverseFit {
           format_number(layout_.linear[c].prior));
     }
 
+    if (gains_.any()) {  // in units of the recorded torque, whatever a step linearises about
+      const VecX<double> scale = parameter_scales(layout_, regression_->factors());
+      for (std::size_t c = 0; c < layout_.linear.size(); ++c)
+        layout_.linear[c].scale = with_shapes.linear[c].scale = scale[static_cast<long>(c)];
+    }
     if (gains_.any_free()) hold_undetermined_gains(with_shapes);
     solve(layout_);
+    if (gains_.any_free() && hold_unknown_gains(with_shapes)) solve(layout_);
     if (std::ranges::any_of(with_shapes.shape, [](const auto& s) { return !s.fixed; }))
       fit_shapes(with_shapes);
     if (options_.robust != Robust::kNone || options_.loss == Loss::kForward) reweigh();
-    // Standard errors that know of the residuals' autocorrelation.
-    MatX<double> meat = MatX<double>::Zero(x_.size(), x_.size());
-    for (int j = 0; j < layout_.num_dofs; ++j) {
-      const JointFactor& f = regression_->factors()[j];
-      meat(f.columns, f.columns) +=
-          score_covariance(regression_->kept()[j], linearisation(j, f.columns), x_(f.columns),
-                           fit_.sigma[j], static_cast<double>(f.factor.rows()));
-    }
-    use_sandwich(layout_, meat, fit_);
+    use_sandwich(layout_, meat_of(gains_, fit_), fit_);
+    if (moved_.fit.x.size() > 0) count_shapes_in();
     if (options_.robust != Robust::kNone || options_.loss == Loss::kForward)
       pass(layout_, false, true);  // errors are torques, of all rows
     note_rest();
@@ -250,11 +277,48 @@ class InverseFit {
           list);
   }
 
+  /// Covariance of the score that knows of the residuals' autocorrelation, from the rows of the
+  /// last pass.
+  MatX<double> meat_of(const Gains& gains, const LinearFit& fit) const {
+    MatX<double> meat = MatX<double>::Zero(fit.x.size(), fit.x.size());
+    for (int j = 0; j < layout_.num_dofs; ++j) {
+      const JointFactor& f = regression_->factors()[j];
+      meat(f.columns, f.columns) +=
+          score_covariance(regression_->kept()[j], linearisation(gains, j, f.columns),
+                           fit.x(f.columns), fit.sigma[j], static_cast<double>(f.factor.rows()));
+    }
+    return meat;
+  }
+
+  /// Errors of the shapes, and of all else as far as it is known without knowing them.
+  void count_shapes_in() {
+    const long p = x_.size(), s = moved_.fit.x.size() - p;
+    moved_.fit.base_parameters = fit_.base_parameters;
+    // A shape counts as identified if it is known to half of what its weak prior allows.
+    moved_.fit.scale.tail(s) *= 0.5 * options_.linear.prior_width;
+    use_sandwich(moved_.layout, moved_.meat, moved_.fit);
+    if (options_.loss != Loss::kForward) {  // whose other parameters have errors of their own
+      fit_.std = moved_.fit.std.head(p);
+      std::copy_n(moved_.fit.identifiable.begin(), p, fit_.identifiable.begin());
+      fit_.base_parameters = moved_.fit.base_parameters;
+      MatX<double> steps = moved_.fit.information.bottomRightCorner(s, s);
+      steps.diagonal() += moved_.fit.weak.tail(s);
+      const MatX<double> cross = moved_.fit.information.topRightCorner(p, s);
+      fit_.information = moved_.fit.information.topLeftCorner(p, p) -
+                         cross * steps.ldlt().solve(MatX<double>(cross.transpose()));
+    }
+    long k = p;
+    for (std::size_t i = 0; i < moved_.layout.shape.size(); ++i)
+      if (const FitParameter& shape = moved_.layout.shape[i]; !shape.fixed)
+        shape_std_[static_cast<long>(i)] =
+            moved_.fit.std[k++] * (shape.logarithmic ? shape_[static_cast<long>(i)] : 1.0);
+  }
+
   /// What makes the rows of joint j linear about the present point; the forward loss holds its
   /// gains.
-  MatX<double> linearisation(int j, const std::vector<int>& columns) const {
+  MatX<double> linearisation(const Gains& gains, int j, const std::vector<int>& columns) const {
     const long p = static_cast<long>(columns.size());
-    return linearise() ? gains_.linearisation(j, columns, x_)
+    return linearise() ? gains.linearisation(j, columns, x_)
                        : MatX<double>(MatX<double>::Identity(p + 1, p + 1));
   }
   bool linearise() const { return gains_.any() && options_.loss != Loss::kForward; }
@@ -286,6 +350,28 @@ class InverseFit {
           "mass and one without it, or hold one gain (the others are then relative to it)");
   }
 
+  /// A gain that the data tell no better than a torque constant is known anyway says nothing, and
+  /// its noise would turn the torque around. @return whether there was one
+  bool hold_unknown_gains(FitLayout& with_shapes) {
+    std::string names;
+    for (std::size_t c = 0; c < layout_.linear.size(); ++c) {
+      if (!gains_.owns(static_cast<int>(c)) || layout_.linear[c].fixed || fit_.identifiable[c])
+        continue;
+      layout_.linear[c].fixed = with_shapes.linear[c].fixed = true;
+      names += (names.empty() ? "" : ", ") + layout_.linear[c].name;
+    }
+    if (names.empty()) return false;
+    const std::string text =
+        names + ": not identifiable, and held: these recordings tell it no better than to " +
+        format_number(100.0 * kGainScale) + " %";
+    if (std::ranges::all_of(layout_.linear, &FitParameter::fixed))
+      throw DataError("identify: " + text +
+                      ", and nothing else is fitted; give recordings in which "
+                      "these joints carry a known weight, or fit inertias or friction too");
+    result_.notes.push_back(text);
+    return true;
+  }
+
   /// Gauss–Newton over the gains, from the factors alone; one linear fit where nothing is bilinear.
   void solve(const FitLayout& layout) {
     constexpr int kMaxSteps = 30;  // converges quadratically, in 3 to 6
@@ -311,14 +397,17 @@ class InverseFit {
           {"fitting", result_.summary.passes, result_.summary.rows, fit_.solver.objective});
   }
 
-  /// Gauss–Newton in ln η with the linear parameters solved along, one pass over the data a step.
+  /// Gauss–Newton in the shapes with the linear parameters solved along, one pass over the data a
+  /// step.
   /// @param layout  with the shapes that are to be fitted
   void fit_shapes(const FitLayout& layout) {
     FitLayout moving = with_shape_steps(layout);
     FitLayout held = moving;  // the same columns, the steps at zero
     for (std::size_t k = layout.linear.size(); k < held.linear.size(); ++k)
       held.linear[k].fixed = true;
-    const VecX<double> sigma = fit_.sigma;
+    // Rows of the forward loss change with every M⁻¹; those of torques can be compared.
+    const bool in_torque = options_.loss == Loss::kForward;
+    VecX<double> sigma;
     const long p = x_.size(), s = static_cast<long>(moving.linear.size()) - p;
     const auto misfit = [&] {  // χ²/2 in units of the noise at the start
       VecX<double> x = VecX<double>::Zero(p + s);
@@ -331,23 +420,31 @@ class InverseFit {
                (sigma[j] * sigma[j]);
       return sum;
     };
+    const auto fit_steps = [&] {
+      return fit_linear(moving,
+                        linearise() ? Gains(moving).linearised(regression_->factors(), x_)
+                                    : regression_->factors(),
+                        options_.linear);
+    };
     VecX<double> best_x = x_, best_shape = shape_, step = VecX<double>::Zero(s);
+    bool at_best = false;  // the last pass was at the best point
     double best = std::numeric_limits<double>::infinity(), shrink = 1.0;
     while (result_.summary.passes < options_.max_passes && !result_.summary.interrupted) {
-      pass(layout, false);
+      const VecX<double> at = x_;
+      pass(layout, false, in_torque);
       solve(held);  // the linear optimum at these shapes
+      if (sigma.size() == 0) sigma = fit_.sigma;
       const double now = misfit();
-      if (now < best) {
+      at_best = now < best;
+      if (at_best) {
         const double gained = best - now;
         best = now;
         best_x = x_;
         best_shape = shape_;
         shrink = std::min(1.0, 2.0 * shrink);
-        step = fit_linear(moving,
-                          linearise() ? Gains(moving).linearised(regression_->factors(), x_)
-                                      : regression_->factors(),
-                          options_.linear)
-                   .x.tail(s);
+        const VecX<double> x = fit_steps().x;
+        step = x.tail(s);
+        use_amplitudes(layout, at, x, step);
         if (gained < 0.01) break;  // a hundredth of a unit in χ²/2: far inside one σ
       } else {
         shrink *= 0.25;
@@ -355,13 +452,17 @@ class InverseFit {
       if (!(shrink * step.cwiseAbs().maxCoeff() > options_.shape_tolerance)) break;
       long k = 0;
       for (std::size_t i = 0; i < layout.shape.size(); ++i)
-        if (layout.shape[i].kinematic >= 0 && !layout.shape[i].fixed)
-          shape_[i] = best_shape[i] + std::clamp(shrink * step[k++], -0.1, 0.1);
-        else if (!layout.shape[i].fixed)  // at most a factor of two a step
-          shape_[i] = best_shape[i] * std::exp(std::clamp(shrink * step[k++], -0.7, 0.7));
+        if (!layout.shape[i].fixed)
+          shape_[i] = stepped(layout.shape[i], best_shape[i], shrink * step[k++]);
     }
     x_ = best_x;
     shape_ = best_shape;
+    if (!at_best) {
+      pass(layout, false, in_torque);
+      solve(held);
+    }
+    moved_ = {moving, fit_steps(), {}};
+    moved_.meat = meat_of(Gains(moving), moved_.fit);
     pass(layout_, false);
     solve(layout_);
   }
@@ -385,7 +486,7 @@ class InverseFit {
     result_.model = apply_fit(model_, layout_, x_, shape_);
     result_.model.posterior = posterior_of(layout_, x_, fit_.information);
     result_.parameters = parameter_estimates(layout_, x_, shape_, fit_.std, fit_.identifiable,
-                                             fit_.solver.active_nonnegative);
+                                             fit_.solver.active_nonnegative, shape_std_);
     result_.base_parameters = fit_.base_parameters;
     set_torque_constants();
     note_payloads();
@@ -548,8 +649,15 @@ class InverseFit {
   Gains gains_{layout_};
   int training_runs_ = 0;
   VecX<double> nominal_, x_, shape_;
+  VecX<double> shape_std_;  ///< 0: held; NaN: fitted, and not identifiable
   std::unique_ptr<TorqueRegression> regression_;
   LinearFit fit_;
+  /// The last step of fitted shapes: what their errors follow from.
+  struct {
+    FitLayout layout;
+    LinearFit fit;
+    MatX<double> meat;
+  } moved_;
 };
 
 }  // namespace

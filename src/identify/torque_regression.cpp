@@ -132,8 +132,8 @@ void TorqueRegression::fill_row(const Preprocessed& block, long row) {
   }
 }
 
-/// ∂τ/∂(ln η) by Jets through the effect's own formula, ∂τ/∂x of fixed transforms by Jets through
-/// RNEA.
+/// ∂τ/∂(ln η), or ∂τ/∂η where η may be 0, by Jets through the effect's own formula; ∂τ/∂x of fixed
+/// transforms by Jets through RNEA; ∂τ/∂g of the base's tilt, in which torque is linear.
 void TorqueRegression::add_shape_columns(const JointSample<double>& x) {
   const int n = layout_.num_dofs;
   const int p = static_cast<int>(layout_.linear.size());
@@ -154,8 +154,12 @@ void TorqueRegression::add_shape_columns(const JointSample<double>& x) {
       full_.col(p + static_cast<long>(s)).setZero();
       continue;
     }
+    if (effect.info().port == Port::kModelParameter) {
+      full_.col(p + static_cast<long>(s)) = torque_of_gravity(shape.index, x.q);
+      continue;
+    }
     std::vector<JetD> p_jet(effect.parameters.begin(), effect.parameters.end());
-    p_jet[shape.index].v[0] = effect.parameters[shape.index];
+    p_jet[shape.index].v[0] = shape.logarithmic ? effect.parameters[shape.index] : 1.0;
     std::vector<JetD> state(4 * n), tau(n, JetD(0.0));
     for (int j = 0; j < n; ++j) {
       state[j] = JetD(x.q[j]);
@@ -167,6 +171,17 @@ void TorqueRegression::add_shape_columns(const JointSample<double>& x) {
     add_torque(effect, xj, p_jet.data(), tau.data());
     for (int j = 0; j < n; ++j) full_(j, p + static_cast<int>(s)) = tau[j].v[0];
   }
+}
+
+/// What 1 m/s² of gravity more along the base's x (0) or y (1) asks of the joints.
+VecX<double> TorqueRegression::torque_of_gravity(int axis, const double* q) {
+  const int n = layout_.num_dofs;
+  const Vec3<double> present = tree_.gravity;
+  tree_.gravity = axis == 0 ? Vec3<double>{1, 0, 0} : Vec3<double>{0, 1, 0};
+  VecX<double> out =
+      gravity_torques<double, double>(tree_, Eigen::Map<const VecX<double>>(q, n), rnea_ws_);
+  tree_.gravity = present;
+  return out;
 }
 
 /// Whether a joint's torque is known: measured, or passive and hence zero (a prescribed joint's is

@@ -103,7 +103,7 @@ class WindowSimulator {
     dA.col(0).tail(n_) = dynamics_.qdd();
   }
 
-  /// C = ∂τ/∂x at q̈: ∂q̈/∂x = −M⁻¹ C.
+  /// C = ∂τ/∂x at q̈, at the links (armature and friction over 1 + ε): ∂q̈/∂x = −M⁻¹ C.
   void columns(int run, const VecX<double>& z, const VecX<double>& qdd) {
     C_.setZero(n_, f_);
     const VecX<double> q = z.head(n_), qd = z.tail(n_);
@@ -130,7 +130,8 @@ class WindowSimulator {
       linear_columns(effects_[e], x, scratch_.data());
       for (std::size_t k = 0; k < at.size(); ++k)
         if (slot_[at[k]] >= 0)
-          C_.col(slot_[at[k]]) = Eigen::Map<const VecX<double>>(scratch_.data() + k * n_, n_);
+          C_.col(slot_[at[k]]) = Eigen::Map<const VecX<double>>(scratch_.data() + k * n_, n_)
+                                     .cwiseQuotient(dynamics_.gains());
     }
   }
 

@@ -70,8 +70,14 @@ class TrajectoryIdentification {
                          "trajectory loss does not know; use the inverse loss");
     for (const FitParameter& s : layout_.shape)
       if (!s.fixed)
-        throw ModelError("identify: the trajectory loss fits linear parameters; fit " + s.name +
-                         " with the inverse loss first");
+        throw ModelError("identify: the trajectory loss does not fit " + s.name +
+                         "; fit it with the inverse loss first, then hold it (--fix \"" + s.name +
+                         "\")");
+    for (const FitParameter& p : layout_.linear)
+      if (!p.fixed && p.effect >= 0 && layout_.effects[p.effect].info().name == "torque_gain")
+        throw ModelError(
+            "identify: the trajectory loss does not fit torque gains; fit torque_gain with the "
+            "inverse loss first, then hold it (--fix \"*torque_gain*\")");
     result_.plan = plan_preprocess(train_.sample(), options_.preprocess);
     windows_ = windows_of(train_, options_);
     result_.data_report = train_.report();

@@ -58,18 +58,18 @@ bool Gridder::push(const Recording& r, long i) {
 /// (finite-volume reconstruction, e.g. LeVeque 2002, sec. 10.3); (τ_{k−1} + τ_k)/2 where a
 /// neighbour is missing or the rows are not uniform.
 void Gridder::place_held_torque() {
-  const std::size_t n = static_cast<std::size_t>(n_), rows = times_.size(),
+  const std::size_t n = static_cast<std::size_t>(n_), stamps = times_.size(),
                     known = held_.size() / n;
   const auto tau = [&](std::size_t back, std::size_t j) {
     return held_[(known - 1 - back) * n + j];
   };
   const auto place = [&](std::size_t back, std::size_t j, double value) {
-    raw_[(rows - 1 - back) * static_cast<std::size_t>(num_columns_) + n + j] = value;
+    raw_[(stamps - 1 - back) * static_cast<std::size_t>(num_columns_) + n + j] = value;
   };
-  bool uniform = known >= 4 && rows >= 4;
+  bool uniform = known >= 4 && stamps >= 4;
   for (std::size_t k = 1; uniform && k < 4; ++k)
     uniform =
-        std::abs(times_[rows - k] - times_[rows - k - 1] - options_.dt) < kOnGrid * options_.dt;
+        std::abs(times_[stamps - k] - times_[stamps - k - 1] - options_.dt) < kOnGrid * options_.dt;
   for (std::size_t j = 0; j < n; ++j) {
     if (known >= 2) place(0, j, 0.5 * (tau(1, j) + tau(0, j)));
     if (uniform) place(1, j, (7.0 * (tau(2, j) + tau(1, j)) - tau(3, j) - tau(0, j)) / 12.0);

@@ -8,7 +8,7 @@
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/core/random.hpp>
-#include <diffnea/effects/catalogue.hpp>
+#include <diffnea/effects/forward_dynamics.hpp>
 #include <diffnea/sim/mujoco_world.hpp>
 
 #include "sim/control_loop.hpp"
@@ -76,6 +76,7 @@ class MujocoPlant : public sim::Plant {
     std::copy_n(gravity, 3, m.opt.gravity);
     for (const ModelLink& link : truth.links) apply(link);
     for (const EffectSpec& effect : truth.effects) apply(effect, truth);
+    apply_gains();
     data_.reset(mj_makeData(&m));
     if (!data_) throw ModelError(truth.source + ": MuJoCo has no memory for it");
     mj_setConst(&m, data_.get());
@@ -109,7 +110,7 @@ class MujocoPlant : public sim::Plant {
       drives_.begin_step(data_->time, model_->opt.timestep);
       const VecX<double> applied = drives_.applied(0.5);
       for (std::size_t j = 0; j < dof_.size(); ++j)
-        data_->qfrc_applied[dof_[j]] = applied[j] - extra_[j];
+        data_->qfrc_applied[dof_[j]] = (applied[j] - extra_[j]) / gains_[static_cast<long>(j)];
       drives_.end_step();
       mj_step(model_.get(), data_.get());
       read_state();
@@ -156,8 +157,9 @@ class MujocoPlant : public sim::Plant {
         m.jnt_stiffness[joint_[j]] = bound.parameters[0];
         m.qpos_spring[qpos_[j]] = bound.parameters[1];
       }
-    } else if (info.port == Port::kJointTorque && info.name != "torque_gain" &&
-               info.name != "load_friction" && info.name != "transmission_coupling") {
+    } else if (info.name == "torque_gain") {
+      gain_effects_.push_back(std::move(bound));
+    } else if (info.port == Port::kJointTorque && !reads_acceleration(bound)) {
       effects_.push_back(std::move(bound));
     } else if (info.name == "base_tilt") {
       for (int i = 0; i < 2; ++i) m.opt.gravity[i] += bound.parameters[static_cast<std::size_t>(i)];
@@ -166,6 +168,20 @@ class MujocoPlant : public sim::Plant {
       series_.push_back(std::move(bound));  // drives, encoders; the control loop has the rest
     } else {
       throw ModelError("MuJoCo world: effect '" + info.name + "' cannot act in MuJoCo");
+    }
+  }
+
+  /// Drives that report 1 + ε times their torque: all that the recorded torque has beside the
+  /// links' is in its unit (torque_gains).
+  void apply_gains() {
+    mjModel& m = *model_;
+    gains_ = torque_gains(gain_effects_, static_cast<int>(dof_.size()));
+    for (std::size_t j = 0; j < dof_.size(); ++j) {
+      const double gain = gains_[static_cast<long>(j)];
+      for (const Field field :
+           {&mjModel::dof_armature, &mjModel::dof_damping, &mjModel::dof_frictionloss})
+        (m.*field)[dof_[j]] /= gain;
+      m.jnt_stiffness[joint_[j]] /= gain;
     }
   }
 
@@ -180,7 +196,8 @@ class MujocoPlant : public sim::Plant {
   sim::MujocoData data_;
   int substeps_ = 1;
   std::vector<int> joint_, qpos_, dof_;
-  std::vector<BoundEffect> effects_, series_;
+  std::vector<BoundEffect> effects_, series_, gain_effects_;
+  VecX<double> gains_;  ///< recorded over true torque
   sim::Drives drives_{{}, 0};
   sim::Encoders encoders_{{}, 0};
   VecX<double> q_, qd_, extra_;

@@ -13,12 +13,19 @@ namespace diffnea {
 /// equation.
 bool reads_acceleration(const BoundEffect& e);
 
+/// 1 + ε of every joint, (n): recorded over true torque (torque_gain), 1 where nothing says
+/// otherwise. The recorded torque u is (1 + ε)(M_links q̈ + c) + armature q̈ + effects, hence what
+/// reaches the links is u less armature and effects, all of it over 1 + ε.
+/// @throws ModelError if it is not above 0: no drive pulls against its own command
+VecX<double> torque_gains(const std::vector<BoundEffect>& effects, int num_dofs);
+
 /// q̈ = M⁻¹(u − c(q, q̇) − τ_effects(q, q̇)) with derivatives. Evaluates one state at a time; not
 /// thread-safe.
 class ForwardDynamics {
  public:
-  /// @throws ModelError for effects with memory or of a measurement channel: sim/record.hpp
-  /// integrates those
+  /// Torque gains leave the list of effects, and the tree's armature is over 1 + ε.
+  /// @throws ModelError for effects with memory or of a measurement channel (sim/record.hpp
+  /// integrates those), and for gains that turn a torque around
   explicit ForwardDynamics(ExtendedTree model);
 
   int num_dofs() const { return n_; }
@@ -27,6 +34,9 @@ class ForwardDynamics {
 
   /// Time since the run began [s], which warm_up reads.
   void set_time(double time) { time_ = time; }
+
+  /// 1 + ε, (n): ∂q̈/∂u is M⁻¹ over it.
+  const VecX<double>& gains() const { return gains_; }
 
   /// q̈ alone. @param q, qd, u  (n)  @param qdd  (n), written; NaN where an effect that needs q̈ or
   /// the transmitted torque leaves no solution
@@ -50,6 +60,7 @@ class ForwardDynamics {
   std::vector<BoundEffect>
       implicit_;  ///< of the model's effects, those that read q̈ or the transmitted torque
   int n_ = 0;
+  VecX<double> gains_;
   double time_ = 0.0;
   MassMatrixWorkspace<double, double> mass_ws_;
   RneaWorkspace<double, double> rnea_ws_;

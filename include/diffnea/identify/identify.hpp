@@ -38,7 +38,7 @@ struct IdentifyOptions {
   LinearFitOptions linear;
   TrajectoryOptions trajectory;
   int max_passes = 25;            ///< over the data, of robust losses and shape parameters
-  double shape_tolerance = 1e-3;  ///< stop when no ln η moves by more
+  double shape_tolerance = 1e-3;  ///< stop when no ln η, nor η in its unit, moves by more
   std::function<bool(const FitProgress&)> progress;
 };
 

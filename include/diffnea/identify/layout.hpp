@@ -12,6 +12,9 @@
 
 namespace diffnea {
 
+/// A torque constant that is known worse than to a factor of 1.5 is not known.
+inline constexpr double kGainScale = 0.5;
+
 /// One scalar parameter of a fit.
 struct FitParameter {
   std::string name;  ///< "forearm.mass", "elbow.coulomb_friction.coulomb"
@@ -27,13 +30,17 @@ struct FitParameter {
   int theta = -1;         ///< of a link or payload: index in θ, else −1
   int effect = -1;        ///< of an effect: index into FitLayout::effects, else −1
   int index = -1;         ///< of an effect: index into its parameters
+  bool logarithmic =
+      false;  ///< of a shape: it moves by a factor, a step is one of ln η (Scale::kLog)
   /// Of a joint's fixed transform (dof is set too): 0–2 roll, pitch, yaw of a rotation after the
   /// model's own, R_PJ = R₀ R_rpy(φ); 3–5 a step of p_PJ in the parent link. The paper's θ_K about
   /// the model's values.
   int kinematic = -1;
 };
 
-/// Linear parameters are columns of the regression; shape parameters are not.
+/// Linear parameters are columns of the regression; shape parameters are not, and move in passes
+/// over the data: shapes of effects, fixed transforms, the tilt of the base (its torque is its
+/// product with the links' first moments).
 struct FitLayout {
   std::vector<FitParameter> linear;
   std::vector<FitParameter> shape;

@@ -53,8 +53,8 @@ struct RegressionOptions {
 
 class TorqueRegression {
  public:
-  /// Columns are those of the layout, then one for each free shape parameter: ∂τ/∂(ln η), and ∂τ/∂x
-  /// of fixed transforms, at `at`.
+  /// Columns are those of the layout, then one for each free shape parameter: ∂τ/∂(ln η) of
+  /// logarithmic ones, ∂τ/∂η of others, ∂τ/∂x of fixed transforms, at `at`.
   TorqueRegression(const Model& model, const FitLayout& layout, const PreprocessPlan& plan,
                    const RegressionPoint& at, const RegressionOptions& options = {});
 
@@ -81,12 +81,14 @@ class TorqueRegression {
   void enter_run(int run);
   void add_shape_columns(const JointSample<double>& x);
   void add_moved_tree(int first_shape);
+  VecX<double> torque_of_gravity(int axis, const double* q);
 
   Model model_;
   Tree<double> tree_;              // at the point and of this run: transforms, inertias, armature
   std::vector<Tree<JetD>> moved_;  // per joint with free transform: its six directions seeded
   std::vector<int> moved_shape_;   // index of the first of the six in the layout's shapes
   RneaWorkspace<JetD, double> jet_ws_;
+  RneaWorkspace<double, double> rnea_ws_;
   MassMatrixWorkspace<double, double> mass_ws_;
   const FitLayout& layout_;
   RegressionPoint at_;
