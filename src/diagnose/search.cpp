@@ -16,6 +16,9 @@ constexpr double kInvisible = 1e-4;
 /// A shape whose derivative the linear parameters reproduce but for this share cannot be told from
 /// them.
 constexpr double kRedundant = 0.02;
+/// Of an accepted effect's torque: so well do its columns have its shape (filters, the reference
+/// model, terms of order two). What explains less beside it is not taken for another effect.
+constexpr double kAccuracy = 0.02;
 /// Of a joint's measured torque.
 constexpr double kWhole = 0.95;
 
@@ -382,7 +385,7 @@ double Search::gain_at(const std::vector<Term>& terms) const {
   return residual_sum() - (projection_->residual() - S.offset - S.G * x).squaredNorm();
 }
 
-double Search::explained_at(const Term& term, const std::vector<Term>& terms) const {
+double Search::inexact_at(const Term& term, const std::vector<Term>& terms) const {
   const Stack S = stack(terms, projection_->residual().size());
   VecX<double> after = projection_->residual() - S.offset;
   long at = 0;
@@ -399,8 +402,9 @@ double Search::explained_at(const Term& term, const std::vector<Term>& terms) co
         std::ranges::find(term.effect.joints, evidence_.joints()[k]) == term.effect.joints.end())
       continue;
     const long begin = static_cast<long>(k) * m;
-    out += projection_->residual().segment(begin, m).squaredNorm() -
-           after.segment(begin, m).squaredNorm();
+    out += kAccuracy * kAccuracy *
+           std::max(0.0, projection_->residual().segment(begin, m).squaredNorm() -
+                             after.segment(begin, m).squaredNorm());
   }
   return out;
 }

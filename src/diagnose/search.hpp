@@ -80,8 +80,9 @@ class Search {
   /// there, 0 … 1.
   double replaced_share(const Term& term, const Term& by, const std::vector<Term>& beside) const;
 
-  /// What `terms` remove from χ² at the joints that `term` reaches.
-  double explained_at(const Term& term, const std::vector<Term>& terms) const;
+  /// χ² at the joints that `term` reaches which `terms` leave because their columns are not exact:
+  /// (2 %)² of what they remove.
+  double inexact_at(const Term& term, const std::vector<Term>& terms) const;
 
   const Projection& projection() const { return *projection_; }
   const Whitener& whitener() const { return *whitener_; }

@@ -10,9 +10,6 @@ namespace {
 constexpr int kRefined = 5;          ///< candidates whose shapes are refined at each step
 constexpr int kMostParts = 4;        ///< simple effects in the place of a compound one
 constexpr double kSameClass = 10.0;  ///< ΔBIC
-/// Of an accepted effect's torque: so well do its columns have its shape (filters, the reference
-/// model, terms of order two). What explains less beside it is not taken for another effect.
-constexpr double kAccuracy = 0.02;
 /// Of a parameter, beside what noise leaves: as well as filters and the reference model let an
 /// effect's column be known.
 constexpr double kColumnError = 0.01;
@@ -82,7 +79,7 @@ bool Selection::add_one(std::vector<Term>& terms) {
     std::vector<Term> with = terms;
     with.push_back(offer.term);
     const double gain = search_.fit(with) - search_.gain_of(terms);
-    if (gain < kAccuracy * kAccuracy * search_.explained_at(offer.term, terms)) continue;
+    if (gain < search_.inexact_at(offer.term, terms)) continue;
     if (change(terms, with).helps()) {
       terms = std::move(with);
       refused_candidates_.clear();  // beside another set it may help
@@ -99,12 +96,15 @@ bool Selection::add_one(std::vector<Term>& terms) {
 bool Selection::eliminate(std::vector<Term>& terms) const {
   bool any = false;
   while (!terms.empty()) {
-    const double with = search_.bic(search_.gain_of(terms), terms);
+    const double all = search_.gain_of(terms), with = search_.bic(all, terms);
     double least = options_.accept;
     std::size_t drop = terms.size();
     for (std::size_t i = 0; i < terms.size(); ++i) {
-      const std::vector<Term> rest = without(terms, i);
-      if (const double worse = search_.bic(search_.gain_of(rest), rest) - with; worse < least) {
+      std::vector<Term> rest = without(terms, i);
+      const double kept = search_.fit(rest);
+      double worse = search_.bic(kept, rest) - with;
+      if (all - kept < search_.inexact_at(terms[i], rest)) worse = std::min(worse, 0.0);
+      if (worse < least) {
         least = worse;
         drop = i;
       }
