@@ -9,6 +9,7 @@
 #include "report/format.hpp"
 #include "report/html.hpp"
 #include "report/page_parts.hpp"
+#include "report/simulated_charts.hpp"
 #include "report/time_charts.hpp"
 
 namespace diffnea {
@@ -20,7 +21,12 @@ constexpr double kSameClass = 10.0;          ///< ΔBIC that a candidate needs, 
 constexpr std::size_t kMostBars = 16;        ///< candidates that are drawn
 constexpr std::size_t kMostPoints = 90'000;  ///< of the charts over time
 constexpr std::size_t kMostJoints = 4;       ///< that are open where no cause names them
-const ChartNames kNames{"base model", "extended model", true};
+
+/// Where nothing was named there is one model.
+ChartNames names_of(const Finding& f) {
+  const bool one = f.causes.empty();
+  return {"base model", one ? "base model" : "extended model", true, one};
+}
 
 bool is_cause(const Finding& f, const std::string& effect, const std::string& where) {
   return std::ranges::any_of(
@@ -46,7 +52,8 @@ std::string badge(Verdict verdict) {
 std::string head(const Finding& f, const std::string& name) {
   std::string out = element("h1", "Diagnosis of " + name);
   out += "<p class='verdict'>" + badge(f.verdict) + escape(pretty(f.sentence)) + "</p>\n";
-  out += element("p", gained(f), "gained");
+  const std::string simulated = simulated_gain(f);
+  out += element("p", gained(f) + (simulated.empty() ? "" : " " + simulated), "gained");
   for (const std::string& text : reservations(f)) out += element("p", text, "warning");
   return out;
 }
@@ -92,15 +99,16 @@ std::string over_time(const Finding& f, const std::vector<TorqueSeries>& drawn) 
   if (drawn.empty())
     return element("p", "The folder holds no series.json, so that no chart can be drawn.", "faint");
   const auto [first, rest] = affected(f);
-  const int columns = chart_columns(drawn.size());
-  std::string out = "<div " + chart_set("test", kNames) + ">" +
+  const int columns = chart_columns(2 * drawn.size());
+  const ChartNames names = names_of(f);
+  std::string out = "<div " + chart_set("test", names) + ">" +
                     element("h2", "Torque on held-out data, measured and simulated") +
-                    chart_keys(kNames) + time_charts(drawn, first, "torque", columns, kNames) +
+                    chart_keys(names) + time_charts(drawn, first, "torque", columns, names) +
                     "</div>\n";
   if (!rest.empty())
-    out += "<details " + chart_set("test", kNames) + "><summary>The other " +
+    out += "<details " + chart_set("test", names) + "><summary>The other " +
            (rest.size() == 1 ? "joint" : std::to_string(rest.size()) + " joints") + "</summary>\n" +
-           time_charts(drawn, rest, "torque", columns, kNames) + "</details>\n";
+           time_charts(drawn, rest, "torque", columns, names) + "</details>\n";
   return out;
 }
 
@@ -331,8 +339,9 @@ std::string diagnose_page(const DiagnoseRun& run) {
   const std::string name = f.model.name.empty() ? "model" : f.model.name;
   IdentifyResult shown;  // what the charts need
   shown.test_series = drawn_series(f);
-  std::string body =
-      head(f, name) + over_time(f, shown.test_series) + evidence(f) + candidates(f) + left_open(f);
+  shown.train_series = simulated_series(f.simulated);
+  std::string body = head(f, name) + simulated_charts(f, shown.train_series, "train") +
+                     over_time(f, shown.test_series) + evidence(f) + candidates(f) + left_open(f);
   body += element("h2", "What was gained on held-out data") + waterfall(f) + joints(f);
   body += parameters(f) + data(f);
   body += element("h2", "How to get this again") + reproduce(run.reproduce);
