@@ -332,23 +332,26 @@ TEST_CASE("diagnose: an own candidate that cannot be used is refused by name", "
     }
     return std::string();
   };
-  const auto names = [](const char* part) {
-    return ContainsSubstring("crosswise") && ContainsSubstring(part);
+  const auto refused = [&](auto change, const char* part) {
+    const std::string message = refusal(change);
+    CHECK_THAT(message, ContainsSubstring("crosswise"));
+    CHECK_THAT(message, ContainsSubstring(part));
   };
-  CHECK_THAT(refusal([](OwnCandidate& c) {
-               c.columns = [](const JointSeries& x) { return RowMatX<double>(x.rows(), 2); };
-             }),
-             names("shape"));
-  CHECK_THAT(refusal([](OwnCandidate& c) {
-               c.columns = [](const JointSeries& x) {
-                 return RowMatX<double>::Constant(x.rows(), 1,
-                                                  std::numeric_limits<double>::quiet_NaN());
-               };
-             }),
-             names("NaN"));
-  CHECK_THAT(refusal([](OwnCandidate& c) { c.parameters[0].linear = false; }), names("linear"));
-  CHECK_THAT(refusal([](OwnCandidate& c) { c.parameters.clear(); }), names("parameter"));
-  CHECK_THAT(refusal([](OwnCandidate& c) { c.columns = nullptr; }), names("function"));
+  refused(
+      [](OwnCandidate& c) {
+        c.columns = [](const JointSeries& x) { return RowMatX<double>(x.rows(), 2); };
+      },
+      "shape");
+  refused(
+      [](OwnCandidate& c) {
+        c.columns = [](const JointSeries& x) {
+          return RowMatX<double>::Constant(x.rows(), 1, std::numeric_limits<double>::quiet_NaN());
+        };
+      },
+      "NaN");
+  refused([](OwnCandidate& c) { c.parameters[0].linear = false; }, "linear");
+  refused([](OwnCandidate& c) { c.parameters.clear(); }, "parameter");
+  refused([](OwnCandidate& c) { c.columns = nullptr; }, "function");
   CHECK_THAT(refusal([](OwnCandidate& c) { c.where = "knee"; }), ContainsSubstring("elbow"));
   CHECK_THAT(refusal([](OwnCandidate& c) { c.name = "cogging"; }), ContainsSubstring("catalogue"));
 }

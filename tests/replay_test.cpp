@@ -1,6 +1,7 @@
 /// replay() against recordings of the same plant (noise-free, so that what is left is the
 /// derivation of the start), and against plants that it does not know.
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -99,15 +100,17 @@ TEST_CASE("replay: every kind of effect, driven by the recorded torque, repeats 
                  "joint4",
                  {{"stiffness", 200.0, ""}, {"damping", 1.0, ""}, {"motor_inertia", 0.05, ""}}});
   CAPTURE(effect.effect);
-  Model robot = wam();
-  robot.effects = {effect};
+  Model robot = wam(), rigid = wam();
+  rigid.effects = {{"armature", "joint4", {{"armature", 0.05, ""}}}};  // that the spring turns
+  robot.effects = {rigid.effects.front(), effect};
   const Recording r = recorded(robot);
   const JointSeries x = series_of(r);
   const long half_second = std::lround(0.5 / x.dt), begin = 3 * half_second;
   const double own = error(robot, x, begin, begin + half_second);
-  const double without = error(wam(), x, begin, begin + half_second);
+  const double without = error(rigid, x, begin, begin + half_second);
   CAPTURE(own, without);
-  CHECK(own < kSame);
+  // The first state of bristles and hidden motors is itself an estimate, good to a few per cent.
+  CHECK(own < std::max(kSame, 0.03 * without));
   CHECK(without > 5.0 * own);
 }
 

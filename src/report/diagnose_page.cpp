@@ -20,7 +20,8 @@ using namespace report;
 constexpr double kSameClass = 10.0;          ///< ΔBIC that a candidate needs, and that tells apart
 constexpr std::size_t kMostBars = 16;        ///< candidates that are drawn
 constexpr std::size_t kMostPoints = 90'000;  ///< of the charts over time
-constexpr std::size_t kMostJoints = 4;       ///< that are open where no cause names them
+constexpr std::size_t kMostJoints = 2;       ///< that are open
+constexpr std::size_t kMostRivals = 3;       ///< of a cause that are listed
 
 /// Where nothing was named there is one model.
 ChartNames names_of(const Finding& f) {
@@ -49,18 +50,50 @@ std::string badge(Verdict verdict) {
   return std::string("<span class='badge ") + css + "'>" + escape(plain(text)) + "</span>";
 }
 
+/// @param most  that are listed, nearest first
+std::string rival_list(const std::vector<Rival>& rivals, std::size_t most = kMostRivals) {
+  std::string out;
+  for (std::size_t k = 0; k < std::min(most, rivals.size()); ++k)
+    out += (k > 0 ? ", " : "") + at(rivals[k].effect, rivals[k].where) + " (" +
+           number(rivals[k].delta_bic, 3) + ")";
+  if (rivals.size() > most) out += " and " + std::to_string(rivals.size() - most) + " more";
+  return out.empty() ? "none" : out;
+}
+
+/// What a reader of several causes wants at once: what, how large, how much of the error.
+std::string causes_at_once(const Finding& f) {
+  if (f.causes.size() < 2) return "";
+  std::vector<std::vector<std::string>> rows;
+  for (const Cause& c : f.causes) {
+    std::string size;
+    std::size_t shown = 0;
+    for (const CauseParameter& p : c.parameters) {
+      if (std::isnan(p.std) || p.name == "smoothing" || ++shown > 2) continue;
+      size += (size.empty() ? "" : ", ") + plain(p.name) + " " + value_and_interval(p) +
+              (p.unit == "1" ? "" : " " + unit(p.unit));
+    }
+    rows.push_back({"<b>" + escape(at(c.effect, c.where)) + "</b>", escape(size),
+                    percent(1.0 - std::pow(c.gain.after / c.gain.before, 2)),
+                    number(c.delta_bic, 3),
+                    c.members.empty() ? "yes" : escape("no: or " + rival_list(c.members))});
+  }
+  return html_table({"cause", "size and its 95 % interval", "of the held-out error² it removes",
+                     "evidence (ΔBIC)", "one name"},
+                    rows, {"", "", "n", "n", "wrap"});
+}
+
 std::string head(const Finding& f, const std::string& name) {
   std::string out = element("h1", "Diagnosis of " + name);
   out += "<p class='verdict'>" + badge(f.verdict) + escape(pretty(f.sentence)) + "</p>\n";
   const std::string simulated = simulated_gain(f);
   out += element("p", gained(f) + (simulated.empty() ? "" : " " + simulated), "gained");
   for (const std::string& text : reservations(f)) out += element("p", text, "warning");
-  return out;
+  return out + causes_at_once(f);
 }
 
 // --- over time
 
-/// Series of the joints whose error a cause names or changed, and of the others.
+/// Series of the few joints that show it best, and of the others.
 std::pair<std::vector<std::size_t>, std::vector<std::size_t>> affected(const Finding& f) {
   std::set<std::string> named;
   for (const Cause& c : f.causes)
@@ -73,17 +106,20 @@ std::pair<std::vector<std::size_t>, std::vector<std::size_t>> affected(const Fin
   std::vector<std::size_t> first, rest;
   for (std::size_t j = 0; j < f.series.size(); ++j)
     (named.contains(f.series[j].joint) ? first : rest).push_back(j);
-  if (!first.empty()) return {first, rest};
-  // No joint is named (the tip, the base, nothing): those that changed most, or the first.
+  // Those that changed most, of the named ones or of all where none is named (the tip, the base).
   const auto ratio = [&](std::size_t j) {
     for (const JointGain& g : f.joints)
       if (g.joint == f.series[j].joint) return g.base > 0.0 ? g.extended / g.base : 1.0;
     return 1.0;
   };
-  std::ranges::stable_sort(rest, {}, ratio);
-  const std::size_t count = std::min(f.causes.empty() ? 1 : kMostJoints, rest.size());
-  first.assign(rest.begin(), rest.begin() + static_cast<long>(count));
-  rest.erase(rest.begin(), rest.begin() + static_cast<long>(count));
+  if (first.empty()) std::swap(first, rest);
+  std::ranges::stable_sort(first, {}, ratio);
+  const std::size_t most = f.causes.empty() && f.witness.empty() ? 1 : kMostJoints;
+  while (first.size() > most) {
+    rest.push_back(first.back());
+    first.pop_back();
+  }
+  std::ranges::sort(first);
   std::ranges::sort(rest);
   return {first, rest};
 }
@@ -146,13 +182,6 @@ std::string evidence(const Finding& f) {
 
 // --- candidates
 
-std::string rival_list(const std::vector<Rival>& rivals) {
-  std::string out;
-  for (const Rival& r : rivals)
-    out += (out.empty() ? "" : ", ") + at(r.effect, r.where) + " (" + number(r.delta_bic, 3) + ")";
-  return out.empty() ? "none" : out;
-}
-
 std::string candidates(const Finding& f) {
   std::string out = element("h2", "Candidates and rivals");
   std::vector<Bar> bars;
@@ -177,7 +206,7 @@ std::string candidates(const Finding& f) {
   std::vector<std::vector<std::string>> rows;
   for (const Cause& c : f.causes)
     rows.push_back({"<b>" + escape(at(c.effect, c.where)) + "</b>", number(c.delta_bic, 3),
-                    percent(c.visible_share), escape(rival_list(c.members)),
+                    percent(c.visible_share), escape(rival_list(c.members, c.members.size())),
                     escape(rival_list(c.rivals))});
   out += html_table({"cause", "ΔBIC of leaving it out", "visible beside the base",
                      "cannot be told from (ΔBIC)", "rivals in its place, worse by (ΔBIC)"},
@@ -203,8 +232,8 @@ std::string left_open(const Finding& f) {
   std::vector<std::string> items;
   for (const Cause& c : f.causes)
     if (!c.members.empty())
-      items.push_back(at(c.effect, c.where) + " cannot be told from " + rival_list(c.members) +
-                      " with this recording.");
+      items.push_back(at(c.effect, c.where) + " cannot be told from " +
+                      rival_list(c.members, c.members.size()) + " with this recording.");
   for (const Witness& w : f.witness) {
     std::string variables;
     for (const std::string& v : w.variables) variables += (variables.empty() ? "" : ", ") + v;

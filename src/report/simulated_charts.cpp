@@ -72,7 +72,12 @@ std::vector<TorqueSeries> simulated_series(const SimulatedMotion& m) {
 std::string simulated_gain(const Finding& f) {
   const SimulatedMotion& m = f.simulated;
   if (m.joints.empty() || !m.reason.empty()) return "";
-  const SimulatedSeries& s = m.joints[by_gain(m).front()];
+  // The joint of the first cause that has one; else where most is gained.
+  std::size_t shown = by_gain(m).front();
+  for (auto c = f.causes.rbegin(); c != f.causes.rend(); ++c)
+    for (std::size_t j = 0; j < m.joints.size(); ++j)
+      if (m.joints[j].joint == c->where) shown = j;
+  const SimulatedSeries& s = m.joints[shown];
   if (!std::isfinite(s.base_rmse)) return "";
   const std::string how = m.driven_by == "controller" ? "Simulated in its control loop"
                                                       : "Simulated from the measured torque";
