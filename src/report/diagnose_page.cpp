@@ -74,12 +74,13 @@ std::string causes_at_once(const Finding& f) {
     }
     rows.push_back({"<b>" + escape(at(c.effect, c.where)) + "</b>", escape(size),
                     percent(1.0 - std::pow(c.gain.after / c.gain.before, 2)),
-                    number(c.delta_bic, 3),
-                    c.members.empty() ? "yes" : escape("no: or " + rival_list(c.members))});
+                    number(c.delta_bic, 3), escape(rival_list(c.members))});
   }
+  const bool named =
+      std::ranges::all_of(f.causes, [](const Cause& c) { return c.members.empty(); });
   return html_table({"cause", "size and its 95 % interval", "of the held-out error² it removes",
-                     "evidence (ΔBIC)", "one name"},
-                    rows, {"", "", "n", "n", "wrap"});
+                     "evidence (ΔBIC)", "cannot be told from"},
+                    rows, {"", "", "n", "n", named ? "" : "wrap"});
 }
 
 std::string head(const Finding& f, const std::string& name) {
@@ -161,8 +162,11 @@ std::string evidence(const Finding& f) {
       "<p class='faint'>What the model lacks (measured − model) on held-out data: <span class='key "
       "nominal'></span>base model" +
       (f.causes.empty() ? "" : "<span class='key fitted'></span>extended model") +
-      ". Bands: 95 % of the mean; where the blue line stays at zero, the cause explains what was "
-      "missing.</p>\n<div class='evidence'>\n";
+      ". Bands: 95 % of the mean; " +
+      (f.causes.empty()
+           ? "where they hold zero, nothing is missing."
+           : "where the blue line stays at zero, the cause explains what was missing.") +
+      "</p>\n<div class='evidence'>\n";
   for (const EvidencePlot& p : f.plots) {
     std::vector<Band> bands;
     for (const EvidenceCurve& c : p.curves)
@@ -297,15 +301,19 @@ std::string waterfall(const Finding& f) {
 }
 
 std::string joints(const Finding& f) {
+  const bool one = f.causes.empty();
   std::vector<std::vector<std::string>> rows;
-  for (const JointGain& j : f.joints)
+  for (const JointGain& j : f.joints) {
     rows.push_back({escape(j.joint), escape(unit(j.unit)), number(j.torque_rms, 3),
-                    number(j.base, 3), "<b>" + number(j.extended, 3) + "</b>",
-                    number(j.noise_floor, 3), percent(j.base / j.torque_rms),
-                    "<b>" + percent(j.extended / j.torque_rms) + "</b>"});
-  return html_table({"joint", "unit", "rms torque", "base model", "extended", "noise",
-                     "of torque, base", "extended"},
-                    rows, {"", "", "n", "n", "n", "n", "n", "n"});
+                    number(j.noise_floor, 3), number(j.base, 3), percent(j.base / j.torque_rms)});
+    if (one) continue;
+    rows.back().push_back("<b>" + number(j.extended, 3) + "</b>");
+    rows.back().push_back("<b>" + percent(j.extended / j.torque_rms) + "</b>");
+  }
+  std::vector<std::string> titles{"joint", "unit",       "rms torque",
+                                  "noise", "base model", "of torque"};
+  if (!one) titles.insert(titles.end(), {"extended", "of torque"});
+  return html_table(titles, rows, {"", "", "n", "n", "n", "n", "n", "n"});
 }
 
 std::string parameters(const Finding& f) {
@@ -371,7 +379,9 @@ std::string diagnose_page(const DiagnoseRun& run) {
   shown.train_series = simulated_series(f.simulated);
   std::string body = head(f, name) + simulated_charts(f, shown.train_series, "train") +
                      over_time(f, shown.test_series) + evidence(f) + candidates(f) + left_open(f);
-  body += element("h2", "What was gained on held-out data") + waterfall(f) + joints(f);
+  body += element("h2", f.causes.empty() ? "Torque error on held-out data"
+                                         : "What was gained on held-out data") +
+          waterfall(f) + joints(f);
   body += parameters(f) + data(f);
   body += element("h2", "How to get this again") + reproduce(run.reproduce);
   return document("Diagnosis of " + name, body, series_json(shown));

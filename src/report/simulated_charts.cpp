@@ -12,16 +12,23 @@
 namespace diffnea::report {
 namespace {
 
-constexpr std::size_t kOpen = 2;  ///< joints that are drawn open: those whose error falls most
+constexpr std::size_t kOpen =
+    2;  ///< joints that are drawn open: of causes, or whose error falls most
 
-/// Joints by how much their error falls, against that of the base model; the first are `kOpen`.
-std::vector<std::size_t> by_gain(const SimulatedMotion& m) {
+/// Joints that causes name, in their order, then the others by how much their error falls.
+std::vector<std::size_t> by_interest(const Finding& f) {
+  const SimulatedMotion& m = f.simulated;
   std::vector<std::size_t> out(m.joints.size());
   std::iota(out.begin(), out.end(), 0);
   std::ranges::stable_sort(out, {}, [&](std::size_t j) {
     const SimulatedSeries& s = m.joints[j];
     return s.base_rmse > 0.0 ? s.extended_rmse / s.base_rmse : 1.0;
   });
+  const auto cause_of = [&](std::size_t j) {
+    const std::string& joint = m.joints[j].joint;
+    return std::ranges::find(f.causes, joint, &Cause::where) - f.causes.begin();
+  };
+  std::ranges::stable_sort(out, {}, cause_of);
   return out;
 }
 
@@ -72,12 +79,7 @@ std::vector<TorqueSeries> simulated_series(const SimulatedMotion& m) {
 std::string simulated_gain(const Finding& f) {
   const SimulatedMotion& m = f.simulated;
   if (m.joints.empty() || !m.reason.empty()) return "";
-  // The joint of the first cause that has one; else where most is gained.
-  std::size_t shown = by_gain(m).front();
-  for (auto c = f.causes.rbegin(); c != f.causes.rend(); ++c)
-    for (std::size_t j = 0; j < m.joints.size(); ++j)
-      if (m.joints[j].joint == c->where) shown = j;
-  const SimulatedSeries& s = m.joints[shown];
+  const SimulatedSeries& s = m.joints[by_interest(f).front()];
   if (!std::isfinite(s.base_rmse)) return "";
   const std::string how = m.driven_by == "controller" ? "Simulated in its control loop"
                                                       : "Simulated from the measured torque";
@@ -108,7 +110,7 @@ std::string simulated_charts(const Finding& f, const std::vector<TorqueSeries>& 
                      ". The windows are spread over the recording and drawn side by side." +
                      failures(m),
                  "faint");
-  const std::vector<std::size_t> order = by_gain(m);
+  const std::vector<std::size_t> order = by_interest(f);
   std::vector<std::size_t> open(order.begin(),
                                 order.begin() + static_cast<long>(std::min(kOpen, order.size()))),
       rest(order.begin() + static_cast<long>(open.size()), order.end());
@@ -131,7 +133,20 @@ std::string simulated_charts(const Finding& f, const std::vector<TorqueSeries>& 
   }
   std::vector<std::string> titles{"rms position error", "base model"};
   if (!f.causes.empty()) titles.push_back("extended");
-  return out + html_table(titles, rows, {"", "n", "n"});
+  out += html_table(titles, rows, {"", "n", "n"});
+  std::string farther;
+  for (const Cause& c : f.causes)
+    for (const SimulatedSeries& s : m.joints)
+      if (s.joint == c.where && s.extended_rmse > s.base_rmse &&
+          farther.find(s.joint) == std::string::npos)
+        farther += (farther.empty() ? "" : ", ") + s.joint;
+  if (!farther.empty())
+    out += element("p",
+                   "The extended model's torque fits better, but its motion of " + farther +
+                       " does not: take its parameters there with care (of a hidden motor, torque "
+                       "alone shows a ratio).",
+                   "warning");
+  return out;
 }
 
 }  // namespace diffnea::report

@@ -4,8 +4,7 @@
 #include <string>
 #include <vector>
 
-#include <diffnea/diagnose/finding.hpp>
-#include <diffnea/io/result.hpp>
+#include <diffnea/io/diagnosis.hpp>
 
 namespace diffnea::report {
 
