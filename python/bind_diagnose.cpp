@@ -42,11 +42,52 @@ namespace {
 
 using namespace pybind11::literals;
 
+/// A candidate of the caller's own: (name, joint, [(name, unit, sign)], function).
+OwnCandidate own_candidate(const py::handle& item) {
+  const py::tuple t = item.cast<py::tuple>();
+  OwnCandidate out{t[0].cast<std::string>(), t[1].cast<std::string>(), {}, {}};
+  for (const py::handle p : t[2]) {
+    const auto [name, unit, sign] = p.cast<std::tuple<std::string, std::string, std::string>>();
+    out.parameters.push_back(
+        {.name = name,
+         .unit = unit,
+         .unit_prismatic = unit,
+         .sign = choice<Sign>("diagnose: candidate '" + out.name + "': sign", sign,
+                              {{"free", Sign::kFree},
+                               {"nonnegative", Sign::kNonNegative},
+                               {"positive", Sign::kPositive}})});
+  }
+  // Copies of the function are made and dropped by threads without the GIL: they share this one.
+  const std::shared_ptr<py::object> function(new py::object(t[3].cast<py::object>()),
+                                             [](py::object* o) {
+                                               const py::gil_scoped_acquire gil;
+                                               delete o;
+                                             });
+  out.columns = [function, name = out.name, width = static_cast<long>(out.parameters.size())](
+                    const JointSeries& x) -> RowMatX<double> {
+    const py::gil_scoped_acquire gil;
+    const std::string what = "diagnose: candidate '" + name + "': ";
+    try {
+      const VecX<double> time = VecX<double>::LinSpaced(
+          x.rows(), x.start, x.start + x.dt * static_cast<double>(x.rows() - 1));
+      const py::object columns =
+          (*function)(array_out(time), array_out(x.q), array_out(x.qd), array_out(x.qdd));
+      return matrix_in(what + "its columns", columns, x.rows(), width);
+    } catch (const py::error_already_set& e) {
+      if (e.matches(PyExc_KeyboardInterrupt)) throw;
+      throw DataError(what + "its function raised " + e.what());
+    } catch (const py::builtin_exception& e) {
+      throw DataError(what + "expected its function to return numbers: " + e.what());
+    }
+  };
+  return out;
+}
+
 DiagnoseRun diagnose_python(const Model& model, const py::list& train_items,
                             const py::list& test_items, const std::string& base,
-                            const std::vector<std::string>& effects, double filter_hz,
-                            double decimate_to_hz, int max_causes, std::uint64_t seed,
-                            const std::optional<std::string>& torque_side,
+                            const std::vector<std::string>& effects, const py::list& candidates,
+                            double filter_hz, double decimate_to_hz, int max_causes,
+                            std::uint64_t seed, const std::optional<std::string>& torque_side,
                             const std::vector<std::string>& passive, const py::object& progress) {
   DiagnoseOptions options;
   options.base = choice<Base>("diagnose: base", base,
@@ -55,6 +96,7 @@ DiagnoseRun diagnose_python(const Model& model, const py::list& train_items,
                                {"prior", Base::kPrior},
                                {"fixed", Base::kFixed}});
   options.effects = effects;
+  for (const py::handle c : candidates) options.candidates.push_back(own_candidate(c));
   options.preprocess.filter_hz = filter_hz;
   options.preprocess.decimate_to_hz = decimate_to_hz;
   options.max_causes = max_causes;
@@ -177,6 +219,30 @@ void bind_rest(py::module_& m) {
       field("qdd", &ResidualSeries::qdd, "(M,) acceleration."));
 }
 
+void bind_simulated(py::module_& m) {
+  using S = SimulatedSeries;
+  value_type<S>(m, "SimulatedSeries",
+                "One joint's motion over held-out windows, measured and simulated again.",
+                field("joint", &S::joint, "The joint's name."),
+                field("unit", &S::unit, "Of the position, rad or m."),
+                field("time", &S::time, "(M,) [s]; windows follow each other."),
+                field("measured", &S::measured, "(M,) filtered position."),
+                field("base", &S::base, "(M,) of the base model; NaN where a window ends."),
+                field("extended", &S::extended, "(M,) of the extended model; NaN likewise."),
+                field("base_rmse", &S::base_rmse, "Root mean square error of the base model."),
+                field("extended_rmse", &S::extended_rmse, "Of the extended model."));
+  using M = SimulatedMotion;
+  value_type<M>(m, "SimulatedMotion",
+                "Held-out motion simulated again, each window from its measured state on.",
+                field("driven_by", &M::driven_by, "``controller`` or ``measured torque``."),
+                field("window", &M::window, "Its length [s]."),
+                field("windows", &M::windows, "How many were tried."),
+                field("base_failed", &M::base_failed, "In how many the base model blew up."),
+                field("extended_failed", &M::extended_failed, "And the extended model."),
+                field("reason", &M::reason, "Why there is none; empty if there is."),
+                field("joints", &M::joints, "A list of :class:`SimulatedSeries`."));
+}
+
 template <class F>
 auto of_finding(F Finding::* member) {
   return [member](const DiagnoseRun& run) { return detail::to_python(run.finding.*member); };
@@ -207,6 +273,7 @@ void bind_plots(py::module_& m) {
 void bind_finding(py::module_& m) {
   using F = Finding;
   bind_plots(m);
+  bind_simulated(m);
   value_type<F>(
       m, "_Diagnosis", "The part of a Finding that the library fills.",
       field("verdict", &F::verdict, ""), field("sentence", &F::sentence, ""),
@@ -214,13 +281,14 @@ void bind_finding(py::module_& m) {
       field("witness", &F::witness, ""), field("absorbed", &F::absorbed, ""),
       field("refused", &F::refused, ""), field("candidates", &F::candidates, ""),
       field("gain", &F::gain, ""), field("joints", &F::joints, ""), field("series", &F::series, ""),
-      field("plots", &F::plots, ""), field("next_experiment", &F::next_experiment, ""),
-      field("lack_of_fit", &F::lack_of_fit, ""), field("lack_of_fit_p", &F::lack_of_fit_p, ""),
-      field("noise", &F::noise, ""), field("held_out", &F::held_out, ""),
-      field("base", &F::base, ""), field("model", &F::model, ""),
-      field("parameters", &F::parameters, ""), field("plan", &F::plan, ""),
-      field("data_report", &F::data_report, ""), field("notes", &F::notes, ""),
-      field("seconds", &F::seconds, ""), field("interrupted", &F::interrupted, ""))
+      field("plots", &F::plots, ""), field("simulated", &F::simulated, ""),
+      field("next_experiment", &F::next_experiment, ""), field("lack_of_fit", &F::lack_of_fit, ""),
+      field("lack_of_fit_p", &F::lack_of_fit_p, ""), field("noise", &F::noise, ""),
+      field("held_out", &F::held_out, ""), field("base", &F::base, ""),
+      field("model", &F::model, ""), field("parameters", &F::parameters, ""),
+      field("plan", &F::plan, ""), field("data_report", &F::data_report, ""),
+      field("notes", &F::notes, ""), field("seconds", &F::seconds, ""),
+      field("interrupted", &F::interrupted, ""))
       .attr("__module__") = "diffnea._core";
   py::class_<DiagnoseRun> c(m, "Finding",
                             "What a model lacks, with evidence, rivals and the gain.");
@@ -243,6 +311,8 @@ void bind_finding(py::module_& m) {
   property("joints", &F::joints, "Held-out error of every joint, a list of :class:`JointGain`.");
   property("series", &F::series, "Held-out torques, a list of :class:`ResidualSeries`.");
   property("plots", &F::plots, "Evidence to draw, a list of :class:`EvidencePlot`.");
+  property("simulated", &F::simulated,
+           "Held-out motion, simulated before and after: a :class:`SimulatedMotion`.");
   property("next_experiment", &F::next_experiment,
            "A :class:`NextExperiment`, or None where none is known.");
   property("lack_of_fit", &F::lack_of_fit, "F of the base model against the noise.");
@@ -307,8 +377,8 @@ void bind_diagnose(py::module_& m) {
   bind_rest(m);
   bind_finding(m);
   m.def("_diagnose", &diagnose_python, "model"_a, "train"_a, "test"_a, "base"_a, "effects"_a,
-        "filter_hz"_a, "decimate_to_hz"_a, "max_causes"_a, "seed"_a, "torque_side"_a, "passive"_a,
-        "progress"_a);
+        "candidates"_a, "filter_hz"_a, "decimate_to_hz"_a, "max_causes"_a, "seed"_a,
+        "torque_side"_a, "passive"_a, "progress"_a);
 }
 
 }  // namespace diffnea::python

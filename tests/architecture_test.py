@@ -25,7 +25,7 @@ MAY_INCLUDE: dict[str, tuple[str, ...]] = {
     "recording": ("core",),
     "identify": (*EFFECTS_AND_BELOW, "recording"),
     "excite": IDENTIFY_AND_BELOW,
-    "diagnose": (*IDENTIFY_AND_BELOW, "excite"),
+    "diagnose": (*IDENTIFY_AND_BELOW, "excite", "sim/replay.hpp"),
     "sim": (*EFFECTS_AND_BELOW, "recording"),
     "policy": ("core", "sim/simulator.hpp"),
     "experiment": PIPELINE,

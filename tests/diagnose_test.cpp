@@ -1,9 +1,12 @@
 /// diagnose() on recordings by MuJoCo, with MuJoCo's own friction and rotors.
 
 #include <algorithm>
+#include <cmath>
+#include <limits>
 #include <support/temporary_folder.hpp>
 
 #include <catch2/catch_test_macros.hpp>
+#include <catch2/generators/catch_generators.hpp>
 #include <catch2/matchers/catch_matchers_string.hpp>
 
 #include <diffnea/core/error.hpp>
@@ -179,4 +182,176 @@ TEST_CASE("diagnose: refuses what cannot be answered", "[diagnose]") {
   for (const Verdict v : {Verdict::kNamed, Verdict::kClass, Verdict::kUnknown, Verdict::kNone,
                           Verdict::kNotIdentifiable})
     CHECK(verdict_from(name_of(v)) == v);
+}
+
+TEST_CASE("diagnose: the motion is simulated before and after, with the controller or without",
+          "[diagnose]") {
+  const bool in_loop = GENERATE(true, false);
+  Recording train = arm().recorded({kCoulomb}, 1), test = arm().recorded({kCoulomb}, 2);
+  if (!in_loop) {
+    train.qcmd.resize(0, 0);
+    test.qcmd.resize(0, 0);
+  }
+  const SimulatedMotion motion = diagnose(arm().nominal, {train}, {test}).simulated;
+  CAPTURE(motion.reason);
+  CHECK(motion.driven_by == (in_loop ? "controller" : "measured torque"));
+  CHECK(motion.windows >= 5);
+  CHECK(motion.base_failed + motion.extended_failed == 0);
+  REQUIRE(motion.joints.size() == 3);
+  const SimulatedSeries& elbow = motion.joints[2];
+  CAPTURE(elbow.base_rmse, elbow.extended_rmse);
+  CHECK(elbow.joint == "elbow");
+  CHECK(elbow.unit == "rad");
+  // The cause is all there is at this joint: the rest is the noise of the first velocity.
+  CHECK(elbow.extended_rmse < 0.3 * elbow.base_rmse);
+  CHECK(elbow.time.size() == elbow.measured.size());
+  CHECK(elbow.time.size() == elbow.extended.size());
+  CHECK(elbow.time.size() > 500);
+  CHECK(elbow.time.size() <= 4000);
+}
+
+TEST_CASE("diagnose: a motion that cannot be simulated is declared with the reason", "[diagnose]") {
+  Recording train = arm().recorded({}, 1), test = arm().recorded({}, 2);
+  for (Recording* r : {&train, &test}) {  // the yaw is moved by something else
+    r->has_tau[0] = false;
+    r->tau.col(0).setConstant(std::numeric_limits<double>::quiet_NaN());
+  }
+  const Finding finding = diagnose(arm().nominal, {train}, {test});
+  CHECK(finding.simulated.joints.empty());
+  CHECK_THAT(finding.simulated.reason, ContainsSubstring("yaw"));
+}
+
+TEST_CASE("diagnose: what a held-out recording says of a held body counts there", "[diagnose]") {
+  // Runs 0 and 1 of the fit without and with the body, and one held out with it: run 2 of all.
+  const SpatialInertia<double> body =
+      inertia_from_com<double>(1.2, {0.2, 0.0, 0.05}, {0.01, 0.0, 0.0, 0.01, 0.0, 0.01});
+  Model carries = arm().nominal;
+  SpatialInertia<double>& last =
+      carries.links[static_cast<std::size_t>(moving_links(carries).back())].inertia;
+  last = last + body;
+  const auto recorded = [&](const Model& robot, unsigned seed) {
+    FourierOptions motion;
+    motion.seed = seed;
+    motion.duration = 30.0;
+    RecordOptions options;
+    options.seed = seed + 1000;
+    return record_model(robot, arm().nominal, random_fourier(arm().nominal, motion), options)
+        .recording;
+  };
+  std::vector<Recording> train{recorded(arm().nominal, 1), recorded(carries, 2)};
+  std::vector<Recording> test{recorded(carries, 3)};
+  for (Recording* r : {&train[1], &test[0]}) {
+    HeldBody held;
+    held.name = "weight";
+    held.mass = 1.2;
+    held.com = std::array{0.2, 0.0, 0.05};
+    held.about_com = std::array{0.01, 0.0, 0.0, 0.01, 0.0, 0.01};
+    r->info.payload = held;
+  }
+  DiagnoseOptions fixed;
+  fixed.base = Base::kFixed;  // nothing else may stand in for the body
+  const Finding finding = diagnose(arm().nominal, train, test, fixed);
+  CAPTURE(finding.sentence, finding.gain.before);
+  CHECK(finding.verdict == Verdict::kNone);
+  CHECK(finding.gain.before < 1.5);  // times the noise; without the body more than 10
+}
+
+namespace {
+
+/// sin(q_yaw) q_shoulder at the elbow, which no effect of the catalogue is.
+double hidden_torque(double yaw, double shoulder) { return std::sin(yaw) * shoulder; }
+
+/// The robot would have needed that much more for the same motion, about the middle of each row.
+Recording with_hidden_torque(Recording r, double size) {
+  for (long k = 0; k + 1 < r.rows(); ++k)
+    r.tau(k, 2) +=
+        size * hidden_torque(0.5 * (r.q(k, 0) + r.q(k + 1, 0)), 0.5 * (r.q(k, 1) + r.q(k + 1, 1)));
+  return r;
+}
+
+OwnCandidate own_candidate() {
+  OwnCandidate out{"crosswise", "elbow", {{.name = "size", .unit = "N*m/rad"}}, {}};
+  out.columns = [](const JointSeries& x) {
+    RowMatX<double> column(x.rows(), 1);
+    for (long k = 0; k < x.rows(); ++k) column(k, 0) = hidden_torque(x.q(k, 0), x.q(k, 1));
+    return column;
+  };
+  return out;
+}
+
+}  // namespace
+
+TEST_CASE("diagnose: an own candidate is named where it acts, and not where it does not",
+          "[diagnose]") {
+  constexpr double kSize = 0.5;  // [N·m/rad]
+  DiagnoseOptions options;
+  options.candidates = {own_candidate()};
+  SECTION("it acts") {
+    const Finding finding =
+        diagnose(arm().nominal, {with_hidden_torque(arm().recorded({kCoulomb}, 1), kSize)},
+                 {with_hidden_torque(arm().recorded({kCoulomb}, 2), kSize)}, options);
+    CAPTURE(finding.sentence);
+    REQUIRE(finding.causes.size() == 2);
+    const auto own = std::ranges::find(finding.causes, "crosswise", &Cause::effect);
+    REQUIRE(own != finding.causes.end());
+    CHECK(own->where == "elbow");
+    REQUIRE(own->parameters.size() == 1);
+    CHECK(own->parameters[0].name == "size");
+    CHECK(own->parameters[0].unit == "N*m/rad");
+    // The interval of one draw: 4 standard errors leave out 1 in 10 000.
+    CHECK(std::abs(own->parameters[0].value - kSize) < 4.0 * own->parameters[0].std);
+    CHECK(std::ranges::any_of(finding.causes,
+                              [](const Cause& c) { return c.effect == "coulomb_friction"; }));
+    REQUIRE(finding.model.effects.size() == 1);  // which holds the other one alone, and says so
+    CHECK(std::ranges::any_of(finding.notes, [](const std::string& note) {
+      return note.find("crosswise") != std::string::npos;
+    }));
+    CHECK_THAT(finding.simulated.reason, ContainsSubstring("crosswise"));
+  }
+  SECTION("it does not") {
+    const Finding finding =
+        diagnose(arm().nominal, {arm().recorded({}, 1)}, {arm().recorded({}, 2)}, options);
+    CAPTURE(finding.sentence);
+    CHECK(finding.verdict == Verdict::kNone);
+    CHECK(std::ranges::any_of(finding.candidates, [](const CandidateScore& c) {
+      return c.effect == "crosswise" && c.delta_bic < 10.0;
+    }));
+  }
+}
+
+TEST_CASE("diagnose: an own candidate that cannot be used is refused by name", "[diagnose]") {
+  const Recording train = arm().recorded({}, 1);
+  const auto refusal = [&](auto change) {
+    DiagnoseOptions options;
+    options.candidates = {own_candidate()};
+    change(options.candidates.front());
+    try {
+      diagnose(arm().nominal, {train}, {}, options);
+    } catch (const Error& e) {
+      return std::string(e.what());
+    }
+    return std::string();
+  };
+  const auto refused = [&](auto change, const char* part) {
+    const std::string message = refusal(change);
+    CHECK_THAT(message, ContainsSubstring("crosswise"));
+    CHECK_THAT(message, ContainsSubstring(part));
+  };
+  refused(
+      [](OwnCandidate& c) {
+        c.columns = [](const JointSeries& x) { return RowMatX<double>(x.rows(), 2); };
+      },
+      "shape");
+  refused(
+      [](OwnCandidate& c) {
+        c.columns = [](const JointSeries& x) {
+          return RowMatX<double>::Constant(x.rows(), 1, std::numeric_limits<double>::quiet_NaN());
+        };
+      },
+      "NaN");
+  refused([](OwnCandidate& c) { c.parameters[0].linear = false; }, "linear");
+  refused([](OwnCandidate& c) { c.parameters.clear(); }, "parameter");
+  refused([](OwnCandidate& c) { c.columns = nullptr; }, "function");
+  CHECK_THAT(refusal([](OwnCandidate& c) { c.where = "knee"; }), ContainsSubstring("elbow"));
+  CHECK_THAT(refusal([](OwnCandidate& c) { c.name = "cogging"; }), ContainsSubstring("catalogue"));
 }

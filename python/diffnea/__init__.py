@@ -55,6 +55,8 @@ from ._core import (
     Rival,
     RunInput,
     ShapeError,
+    SimulatedMotion,
+    SimulatedSeries,
     Simulation,
     TorqueConstant,
     TorqueSeries,
@@ -77,7 +79,7 @@ from ._core import (
     rnea,
     rnea_derivatives,
 )
-from ._diagnose import diagnose
+from ._diagnose import Candidate, diagnose
 from ._files import (
     Recordings,
     load_model,
@@ -94,6 +96,7 @@ __all__ = [
     "AuditCheck",
     "AuditReport",
     "BaseParameter",
+    "Candidate",
     "CandidateScore",
     "Cause",
     "CauseParameter",
@@ -134,6 +137,8 @@ __all__ = [
     "Rival",
     "RunInput",
     "ShapeError",
+    "SimulatedMotion",
+    "SimulatedSeries",
     "Simulation",
     "TorqueConstant",
     "TorqueSeries",

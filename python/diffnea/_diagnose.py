@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from ._core import Error, Finding, FitProgress, Model, _diagnose
@@ -10,7 +11,53 @@ from ._data import items
 from ._files import StrPath, load_model
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import ArrayLike, NDArray
+
     from ._data import Data
+
+    Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A candidate that the catalogue does not have: torque columns computed from the motion.
+
+        >>> twist = diffnea.Candidate(
+        ...     "twist", "elbow", lambda t, q, qd, qdd: q[:, 0] * q[:, 1], {"k": "N*m/rad^2"}
+        ... )
+        >>> diffnea.diagnose(model, train, test=test, candidates=[twist])
+
+    It is tried, refused, named and listed as a rival like any effect. Model files cannot hold it,
+    so ``finding.model`` lacks it where it is named, and ``finding.notes`` say so.
+
+    Args:
+        name: as results name it; none of those that :func:`effects` lists.
+        where: the joint whose torque it adds to.
+        function: ``f(t, q, qd, qdd)`` of the time (N,) [s] since the recording began and the
+            filtered motion (N, n) of all joints: the torque (N, k) at that joint [N·m] or [N] for
+            one unit of each of the k parameters; (N,) if there is one. It is called once for
+            every uninterrupted stretch of each recording.
+        parameters: the unit of each parameter by its name, in the order of the columns; the torque
+            is linear in all of them.
+        signs: ``nonnegative`` or ``positive`` for parameters that physics allows no other sign.
+
+    """
+
+    name: str
+    where: str
+    function: Callable[[Array, Array, Array, Array], ArrayLike]
+    parameters: Mapping[str, str] = field(default_factory=lambda: {"gain": "N*m"})
+    signs: Mapping[str, str] = field(default_factory=dict)
+
+    def _as_tuple(self) -> tuple[str, str, list[tuple[str, str, str]], Callable[..., object]]:
+        if unknown := set(self.signs) - set(self.parameters):
+            raise Error(
+                f"diagnose: candidate {self.name!r}: signs: got {', '.join(sorted(unknown))};"
+                f" parameters: {', '.join(self.parameters)}"
+            )
+        of = [(name, unit, self.signs.get(name, "free")) for name, unit in self.parameters.items()]
+        return self.name, self.where, of, self.function
 
 
 def diagnose(
@@ -20,6 +67,7 @@ def diagnose(
     test: Data | None = None,
     base: str = "auto",
     effects: Sequence[str] | None = None,
+    candidates: Sequence[Candidate] = (),
     filter_hz: float = 0.0,
     decimate_to_hz: float = 0.0,
     max_causes: int = 0,
@@ -40,6 +88,7 @@ def diagnose(
             (``prior`` if there is one, else ``refit``).
         effects: candidates: ``name`` wherever it suits, or ``name@where``. Default: all that
             :func:`effects` lists.
+        candidates: your own beside those.
         filter_hz: low-pass of the positions [Hz]; 0: chosen from the data.
         decimate_to_hz: rate of the tests [Hz]; 0: chosen from the data.
         max_causes: at most so many are named; 0: three for each joint, at least eight.
@@ -52,7 +101,7 @@ def diagnose(
 
     Raises:
         DataError, ModelError, FileError: where the input is at fault; the message says what to
-            do.
+            do; of own candidates also whatever is wrong with their columns.
 
     """
     if not isinstance(model, Model):
@@ -67,6 +116,7 @@ def diagnose(
         [] if test is None else items(test, torque_side, passive),
         base,
         [] if effects is None else list(effects),
+        [c._as_tuple() for c in candidates],
         filter_hz,
         decimate_to_hz,
         max_causes,

@@ -90,7 +90,7 @@ double rotor_inertia(const Model& model, int joint) {
 
 Candidate make_candidate(const EffectSpec& spec, const Model& model, const std::vector<int>& runs) {
   Candidate c;
-  c.effect = bind(spec, model, runs);
+  static_cast<BoundEffect&>(c.effect) = bind(spec, model, runs);
   const bool hides_motor = spec.effect == "joint_elasticity" || spec.effect == "backlash";
   const double rotor = spec.effect == "backlash" ? rotor_inertia(model, c.effect.joints[0]) : 0.0;
   const Port port = c.effect.info().port;
@@ -151,6 +151,46 @@ std::vector<Candidate> make_candidates(const Model& model, const std::vector<std
       for (const std::string& where : places(effect_info, model)) add(effect_info, where);
   }
   return out;
+}
+
+void add_own_candidates(const std::vector<OwnCandidate>& own, const Model& model,
+                        std::vector<Candidate>& candidates) {
+  const std::vector<std::string> joints = joint_names(model);
+  for (const OwnCandidate& of : own) {
+    const std::string what = "diagnose: candidate '" + of.name + "'";
+    if (of.name.empty()) throw ModelError("diagnose: candidate without a name: expected one");
+    if (std::ranges::any_of(catalogue(), [&](const EffectInfo& i) { return i.name == of.name; }))
+      throw ModelError(what + ": an effect of the catalogue has that name; choose another");
+    if (of.parameters.empty() || !of.columns)
+      throw ModelError(what + ": expected one parameter or more, and a function of their columns");
+    if (std::ranges::any_of(of.parameters, [](const ParameterInfo& p) { return !p.linear; }))
+      throw ModelError(what +
+                       ": the torque must be linear in its parameters; give one candidate for each "
+                       "value of a shape");
+    const int joint = find_joint(model, of.where);  // throws, with the choices
+    if (std::ranges::any_of(candidates, [&](const Candidate& c) {
+          return c.effect.info().name == of.name && c.effect.where == of.where;
+        }))
+      throw ModelError(what + " at '" + of.where + "' is there twice; give each its own name");
+    auto described = std::make_shared<TriedEffect::Own>();
+    static_cast<OwnCandidate&>(*described) = of;
+    described->description = {.name = of.name,
+                              .formula = "",
+                              .summary = "the caller's own",
+                              .place = Place::kJoint,
+                              .port = Port::kJointTorque,
+                              .parameters = of.parameters};
+    Candidate c;
+    c.effect.own = std::move(described);
+    c.effect.where = of.where;
+    c.effect.joints = {joint};
+    c.effect.num_joints = static_cast<int>(joints.size());
+    c.effect.parameter_info = of.parameters;
+    c.effect.parameters.assign(of.parameters.size(), 0.0);
+    for (std::size_t k = 0; k < of.parameters.size(); ++k) c.linear.push_back(static_cast<int>(k));
+    c.grid.emplace_back();
+    candidates.push_back(std::move(c));
+  }
 }
 
 }  // namespace diffnea

@@ -1,12 +1,25 @@
 #pragma once
 /// Which effects are tried, where, and from which shapes a search starts. Internal to diagnose/.
 
+#include <memory>
+
+#include <diffnea/diagnose/own_candidate.hpp>
 #include <diffnea/effects/catalogue.hpp>
 
 namespace diffnea {
 
+/// An effect of the catalogue, or the caller's own in the same clothes.
+struct TriedEffect : BoundEffect {
+  struct Own : OwnCandidate {
+    EffectInfo description;
+  };
+  std::shared_ptr<const Own> own;  ///< null: of the catalogue
+
+  const EffectInfo& info() const { return own ? own->description : BoundEffect::info(); }
+};
+
 struct Candidate {
-  BoundEffect effect;
+  TriedEffect effect;
   std::vector<int> linear;    ///< parameters that a fit solves for, by columns ∂τ/∂p
   std::vector<int> shapes;    ///< parameters that a search moves by factors
   bool nonlinear = false;     ///< the columns change with those parameters
@@ -25,5 +38,10 @@ struct Candidate {
 /// @throws ModelError listing the names if an effect or place does not exist
 std::vector<Candidate> make_candidates(const Model& model, const std::vector<std::string>& asked,
                                        const std::vector<int>& runs, bool link_side);
+
+/// @throws ModelError if a name is taken or empty, a place is no joint, or parameters or columns
+/// are missing
+void add_own_candidates(const std::vector<OwnCandidate>& own, const Model& model,
+                        std::vector<Candidate>& candidates);
 
 }  // namespace diffnea

@@ -14,6 +14,7 @@
 #include "diagnose/evidence_plots.hpp"
 #include "diagnose/selection.hpp"
 #include "diagnose/sentence.hpp"
+#include "diagnose/simulated.hpp"
 #include "diagnose/witness.hpp"
 
 namespace diffnea {
@@ -235,12 +236,19 @@ class Diagnosis {
       if (period <= 0.0) period = detect_period(held.front()).seconds;
       if (period <= 0.0) period = period_;  // checked where it is used
       test_ = std::make_unique<Evidence>(model_, layout_, *test_source_, plan,
-                                         plan.dt * std::round(period / plan.dt), reading);
+                                         plan.dt * std::round(period / plan.dt), reading,
+                                         static_cast<int>(train_source_.runs().size()));
+      test_plan_ = plan;
       finding_.held_out = "test recording";
     } else {
       split_in_time(*train_, fitted_rows_, held_rows_);
       finding_.held_out = "time blocks";
     }
+    add_own_candidates(options_.candidates, model_, candidates_);
+    for (const Candidate& c : candidates_)
+      if (c.effect.own)
+        for (Evidence* e : {train_.get(), test_.get()})
+          if (e) e->evaluate(*c.effect.own);
     bound_shapes();
     prior_ = base_prior(base_, model_, layout_, linear_factors());
     VecX<double> x = prior_.x0;
@@ -362,9 +370,8 @@ class Diagnosis {
       }
   }
 
-  /// The model whose torques effects refer to: base parameters x and the causes so far.
-  /// @return by which share a joint's torque moved, the largest of all
-  double set_reference(const VecX<double>& x, const std::vector<Term>& terms) {
+  /// The base model at parameters x.
+  Model base_at(const VecX<double>& x) const {
     const long linear = static_cast<long>(layout_.linear.size());
     VecX<double> shape(static_cast<long>(layout_.shape.size()));
     long at = linear;
@@ -377,9 +384,16 @@ class Diagnosis {
     for (std::size_t k = 0; k < layout_.linear.size(); ++k)  // the test's base knows no bounds
       if (layout_.linear[k].sign != Sign::kFree && !layout_.linear[k].fixed)
         physical[static_cast<long>(k)] = std::max(physical[static_cast<long>(k)], 0.0);
-    Model reference = apply_fit(model_, layout_, physical, shape);
+    return apply_fit(model_, layout_, physical, shape);
+  }
+
+  /// The model whose torques effects refer to: base parameters x and the causes so far.
+  /// @return by which share a joint's torque moved, the largest of all
+  double set_reference(const VecX<double>& x, const std::vector<Term>& terms) {
+    Model reference = base_at(x);
     finding_.model = reference;
     for (const Term& t : terms) {
+      if (t.effect.own) continue;  // no model can hold it
       finding_.model.effects.push_back(to_spec(t.effect));
       // Those that change the tree or the channels are columns of their own on top of it.
       if (t.effect.is_local()) reference.effects.push_back(to_spec(t.effect));
@@ -555,6 +569,27 @@ class Diagnosis {
                                                 fit.solver.active_nonnegative);
     }
     set_reference(x, terms_);
+    if (!finding_.interrupted) simulate(x);
+  }
+
+  /// @param x  the base parameters that go with the causes
+  void simulate(const VecX<double>& x) {
+    for (const Term& t : terms_)
+      if (t.effect.own) {
+        finding_.simulated.reason =
+            "the extended model cannot hold the candidate " + t.effect.own->name;
+        finding_.notes.push_back("the extended model lacks " + t.effect.own->name + " at " +
+                                 t.effect.where +
+                                 ": model files hold effects of the catalogue alone");
+      }
+    if (!finding_.simulated.reason.empty()) return;
+    LinearFit fit;
+    const VecX<double> alone =
+        terms_.empty() ? x : final_base(base_, layout_, *search_, *train_, {}, fit);
+    finding_.simulated =
+        simulate_held_out(base_at(alone), finding_.model, test_ ? *test_source_ : train_source_,
+                          held_out_->evidence(), held_rows_, test_ ? test_plan_ : finding_.plan,
+                          reading_options(options_));
   }
 
   void add_series(const VecX<double>& e0, const VecX<double>& e1, double) {
@@ -611,6 +646,7 @@ class Diagnosis {
   FitLayout layout_;
   std::vector<Candidate> candidates_;
   double period_ = 0.0;
+  PreprocessPlan test_plan_;
   std::vector<bool> fitted_rows_, held_rows_;
   BasePrior prior_;
   std::unique_ptr<Evidence> train_, test_;

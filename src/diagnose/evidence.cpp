@@ -1,6 +1,7 @@
 #include "diagnose/evidence.hpp"
 
 #include <algorithm>
+#include <numeric>
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/recording/butterworth.hpp>
@@ -137,8 +138,12 @@ bool average_other_periods(double period, JointSeries& s) {
 bool is_smoothing(const FitParameter& shape) { return shape.name.ends_with(".smoothing"); }
 
 Evidence::Evidence(const Model& model, const FitLayout& layout, const RecordingSource& source,
-                   const PreprocessPlan& plan, double period, const IdentifyOptions& options)
-    : num_dofs_(layout.num_dofs), runs_(source.runs()), decimator_(plan.decimator) {
+                   const PreprocessPlan& plan, double period, const IdentifyOptions& options,
+                   int first_run)
+    : num_dofs_(layout.num_dofs),
+      first_run_(first_run),
+      runs_(source.runs()),
+      decimator_(plan.decimator) {
   VecX<double> shape(static_cast<long>(layout.shape.size()));
   for (std::size_t s = 0; s < layout.shape.size(); ++s)
     shape[static_cast<long>(s)] = layout.shape[s].prior;
@@ -148,6 +153,7 @@ Evidence::Evidence(const Model& model, const FitLayout& layout, const RecordingS
   all.keep_bytes = std::numeric_limits<long>::max() / 2;
   all.rest_speed = 0.0;
   all.rest_share = 2.0;
+  all.first_run = first_run;
   TorqueRegression regression(model, held, plan, {layout.prior(), shape}, all);
   SeriesCollector collector;
   for_each_block(source, plan, "reading", 0, options,
@@ -261,11 +267,13 @@ MatX<double> Evidence::decimate(const std::vector<RowMatX<double>>& stretches) c
 }
 
 double Evidence::set_reference(const Model& fitted) {
-  reference_ = extend(fitted, runs_);
+  references_.clear();
   VecX<double> change = VecX<double>::Zero(num_dofs_), size = change;
   for (JointSeries& s : series_) {
     const RowMatX<double> before = std::move(s.total);
-    predict(reference_, s);
+    const auto [at, is_new] = references_.try_emplace(s.run);
+    if (is_new) at->second = extend(fitted, runs_, first_run_ + s.run);
+    predict(at->second, s);
     size += s.total.colwise().squaredNorm().transpose();
     change += (before.size() == 0 ? s.total : RowMatX<double>(s.total - before))
                   .colwise()
@@ -275,9 +283,36 @@ double Evidence::set_reference(const Model& fitted) {
   return std::sqrt((change.array() / size.array().max(1e-300)).maxCoeff());
 }
 
-MatX<double> Evidence::columns(const BoundEffect& effect, const std::vector<int>& which) const {
+void Evidence::evaluate(const TriedEffect::Own& own) {
+  const long width = static_cast<long>(own.parameters.size());
+  std::vector<RowMatX<double>> stretches;
+  for (const JointSeries& s : series_) {
+    stretches.push_back(own.columns(s));
+    const RowMatX<double>& c = stretches.back();
+    const std::string what = "diagnose: candidate '" + own.name + "': ";
+    if (c.rows() != s.rows() || c.cols() != width)
+      throw DataError(what + "its columns have shape (" + std::to_string(c.rows()) + ", " +
+                      std::to_string(c.cols()) + "), expected (" + std::to_string(s.rows()) + ", " +
+                      std::to_string(width) +
+                      "): a row for each instant, a column for each parameter");
+    for (long k = 0; k < width; ++k)
+      if (!c.col(k).allFinite())
+        throw DataError(what + "the column of '" +
+                        own.parameters[static_cast<std::size_t>(k)].name +
+                        "' holds NaN or infinity; expected finite torques at every instant");
+  }
+  own_[{own.name, own.where}] = decimate(stretches);
+}
+
+MatX<double> Evidence::columns(const TriedEffect& effect, const std::vector<int>& which) const {
   const long m = times(), width = static_cast<long>(which.size());
   MatX<double> out = MatX<double>::Zero(rows(), width);
+  if (effect.own) {
+    const MatX<double>& of = own_.at({effect.own->name, effect.where});
+    const auto at = std::ranges::find(joints_, effect.joints[0]);
+    if (at != joints_.end()) out.middleRows((at - joints_.begin()) * m, m) = of(Eigen::all, which);
+    return out;
+  }
   // Joint torques of one joint reach that joint alone: the others' columns need no filter.
   std::vector<long> reached;  // index into joints_
   const Port port = effect.info().port;
@@ -289,7 +324,7 @@ MatX<double> Evidence::columns(const BoundEffect& effect, const std::vector<int>
   std::vector<RowMatX<double>> stretches;
   for (const JointSeries& s : series_) {
     const std::vector<RowMatX<double>> c =
-        series_columns(effect, reference_, s, effect.parameters.data(), which);
+        series_columns(effect, reference(s), s, effect.parameters.data(), which);
     RowMatX<double> block(s.q.rows(), width * static_cast<long>(reached.size()));
     for (long w = 0; w < width; ++w)
       for (std::size_t r = 0; r < reached.size(); ++r)
@@ -305,10 +340,17 @@ MatX<double> Evidence::columns(const BoundEffect& effect, const std::vector<int>
   return out;
 }
 
-VecX<double> Evidence::torque_of(const BoundEffect& effect) const {
+VecX<double> Evidence::torque_of(const TriedEffect& effect) const {
+  if (effect.own) {
+    std::vector<int> all(effect.parameters.size());
+    std::iota(all.begin(), all.end(), 0);
+    return columns(effect, all) *
+           Eigen::Map<const VecX<double>>(effect.parameters.data(),
+                                          static_cast<long>(effect.parameters.size()));
+  }
   std::vector<RowMatX<double>> stretches;
   for (const JointSeries& s : series_)
-    stretches.push_back(series_torque(effect, reference_, s, effect.parameters.data()));
+    stretches.push_back(series_torque(effect, reference(s), s, effect.parameters.data()));
   const MatX<double> d = decimate(stretches);
   VecX<double> out(rows());
   for (std::size_t k = 0; k < joints_.size(); ++k)

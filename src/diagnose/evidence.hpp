@@ -5,9 +5,12 @@
 /// Rows of the joints whose torque is known are stacked: row m of the k-th such joint is row
 /// k·times() + m. All matrices here are (rows(), columns).
 
+#include <map>
+
 #include <diffnea/effects/series.hpp>
 #include <diffnea/identify/torque_regression.hpp>
 
+#include "diagnose/candidates.hpp"
 #include "identify/passes.hpp"
 
 namespace diffnea {
@@ -17,11 +20,13 @@ bool is_smoothing(const FitParameter& shape);
 
 class Evidence {
  public:
-  /// @param layout  of the base model
-  /// @param period  of the motion [s]; 0: not periodic
+  /// @param layout     of the base model
+  /// @param period     of the motion [s]; 0: not periodic
+  /// @param first_run  number of the source's first recording among all that the layout knows
   /// @throws DataError if no row is left
   Evidence(const Model& model, const FitLayout& layout, const RecordingSource& source,
-           const PreprocessPlan& plan, double period, const IdentifyOptions& options);
+           const PreprocessPlan& plan, double period, const IdentifyOptions& options,
+           int first_run = 0);
 
   long rows() const { return torque_.size(); }
   /// Rows of one joint; the same instants for all.
@@ -42,6 +47,7 @@ class Evidence {
   const std::vector<double>& time() const { return time_; }
   /// Instants with the same number follow one another at equal steps.
   const std::vector<int>& stretch() const { return stretch_; }
+  int first_run() const { return first_run_; }
   /// Share of the filter's weight on samples in which a joint of joints() rests, (times(),
   /// joints().size()).
   const MatX<double>& rest() const { return rest_; }
@@ -67,24 +73,29 @@ class Evidence {
   double set_reference(const Model& fitted);
 
   /// ∂τ/∂p of chosen parameters of an effect, (rows(), which.size()).
-  MatX<double> columns(const BoundEffect& effect, const std::vector<int>& which) const;
+  MatX<double> columns(const TriedEffect& effect, const std::vector<int>& which) const;
   /// The effect's own torque at its parameters, (rows()).
-  VecX<double> torque_of(const BoundEffect& effect) const;
+  VecX<double> torque_of(const TriedEffect& effect) const;
+  /// Computes an own candidate's columns, once and for all: they depend on the motion alone.
+  /// @throws DataError naming the candidate if they are not (N, parameters) finite numbers
+  void evaluate(const TriedEffect::Own& own);
 
  private:
   /// One column for each of the base's, (rows(), p).
   MatX<double> stacked_base(const TorqueRegression& regression, long p) const;
   /// Filters and decimates series of the recording's rate, one matrix for each stretch.
   MatX<double> decimate(const std::vector<RowMatX<double>>& stretches) const;
+  const ExtendedTree& reference(const JointSeries& s) const { return references_.at(s.run); }
 
-  int num_dofs_ = 0;
+  int num_dofs_ = 0, first_run_ = 0;
   bool averaged_ = false;
   std::vector<int> joints_;
   std::vector<JointSeries> series_;
   std::vector<int> runs_;
   DecimatorOptions decimator_;
   std::vector<JointFactor> factors_;
-  ExtendedTree reference_;
+  std::map<std::pair<std::string, std::string>, MatX<double>> own_;  ///< by name and place
+  std::map<int, ExtendedTree> references_;  ///< by run: a body may be held in some of them
   std::vector<double> time_;
   std::vector<int> stretch_;
   double step_ = 0.0;

@@ -18,7 +18,7 @@ double fit_cost(double chi2, double n);
 /// About the present values its torque is offset + columns · p.
 struct Term {
   int candidate = -1;
-  BoundEffect effect;
+  TriedEffect effect;
   std::vector<int> linear,
       shapes;  ///< as the candidate's; without shapes that the linear parameters stand in for
   MatX<double> columns;    ///< (rows(), linear) ∂τ/∂p

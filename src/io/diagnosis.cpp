@@ -114,6 +114,20 @@ Json list(const std::vector<T>& items, F item) {
   return out;
 }
 
+Json simulated(const SimulatedMotion& m) {
+  return {{"driven_by", m.driven_by},
+          {"window", number(m.window)},
+          {"windows", m.windows},
+          {"failed", {{"base", m.base_failed}, {"extended", m.extended_failed}}},
+          {"reason", m.reason.empty() ? Json() : Json(m.reason)},
+          {"joints", list(m.joints, [](const SimulatedSeries& s) {
+             return Json{{"joint", s.joint},
+                         {"unit", s.unit},
+                         {"rmse_base", number(s.base_rmse)},
+                         {"rmse_extended", number(s.extended_rmse)}};
+           })}};
+}
+
 }  // namespace
 
 std::string diagnose_result_json(const DiagnoseRun& run) {
@@ -159,6 +173,7 @@ std::string diagnose_result_json(const DiagnoseRun& run) {
                                      {"extended", number(j.extended)},
                                      {"noise_floor", number(j.noise_floor)}};
                        })},
+       {"simulated", simulated(f.simulated)},
        {"noise", f.noise},
        {"lack_of_fit", {{"f", number(f.lack_of_fit)}, {"p", number(f.lack_of_fit_p)}}},
        {"preprocessing",
@@ -192,6 +207,13 @@ std::string diagnose_series_json(const Finding& finding) {
                          put("qdd", s.qdd);
                          return out;
                        })},
+       {"simulated", list(finding.simulated.joints,
+                          [](const SimulatedSeries& s) {
+                            return Json{
+                                {"joint", s.joint},        {"unit", s.unit},
+                                {"time", rounded(s.time)}, {"measured", rounded(s.measured)},
+                                {"base", rounded(s.base)}, {"extended", rounded(s.extended)}};
+                          })},
        {"plots", list(finding.plots,
                       [](const EvidencePlot& p) {
                         return Json{{"kind", p.kind},

@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <limits>
 #include <tuple>
 
@@ -139,6 +140,27 @@ void read_preprocessing(JsonObject& root, Finding& f) {
   f.data_report.notes = strings(p, "notes");
 }
 
+void read_simulated(JsonObject& root, SimulatedMotion& m) {
+  const Json* value = root.optional("simulated");
+  if (!value) return;
+  JsonObject o(*value, root.at("simulated"));
+  m.driven_by = o.string_or("driven_by", "");
+  m.window = number_or_nan(o, "window");
+  m.windows = static_cast<int>(count(o, "windows"));
+  JsonObject failed(o.required("failed"), o.at("failed"));
+  m.base_failed = static_cast<int>(count(failed, "base"));
+  m.extended_failed = static_cast<int>(count(failed, "extended"));
+  m.reason = o.string_or("reason", "");
+  for_each_object(o, "joints", [&](JsonObject& j) {
+    SimulatedSeries s;
+    s.joint = j.string("joint");
+    s.unit = j.string("unit");
+    s.base_rmse = number_or_nan(j, "rmse_base");
+    s.extended_rmse = number_or_nan(j, "rmse_extended");
+    m.joints.push_back(std::move(s));
+  });
+}
+
 /// @throws ModelError if the columns differ in length
 void check_lengths(JsonObject& o, const char* first, std::size_t expected,
                    const std::vector<const std::vector<double>*>& columns) {
@@ -164,6 +186,19 @@ void read_series(JsonObject& root, Finding& f) {
                   {&s.measured, &s.base, &s.extended, &s.q, &s.qd, &s.qdd});
     f.series.push_back(std::move(s));
   });
+  if (root.optional("simulated"))
+    for_each_object(root, "simulated", [&](JsonObject& o) {
+      const std::string joint = o.string("joint");
+      const auto at = std::ranges::find(f.simulated.joints, joint, &SimulatedSeries::joint);
+      if (at == f.simulated.joints.end())
+        throw ModelError(o.at("joint") + ": got '" + joint +
+                         "', which result.json has no simulated motion of");
+      at->time = io::column(o, "time");
+      at->measured = io::column(o, "measured");
+      at->base = io::column(o, "base");
+      at->extended = io::column(o, "extended");
+      check_lengths(o, "time", at->time.size(), {&at->measured, &at->base, &at->extended});
+    });
   for_each_object(root, "plots", [&](JsonObject& o) {
     EvidencePlot p;
     p.kind = o.string("kind");
@@ -215,6 +250,7 @@ DiagnoseRun read_diagnose_run(const std::filesystem::path& folder) {
     f.lack_of_fit = number_or_nan(o, "f");
     f.lack_of_fit_p = number_or_nan(o, "p");
   }
+  read_simulated(root, f.simulated);
   read_preprocessing(root, f);
   JsonObject summary(root.required("summary"), root.at("summary"));
   f.seconds = number_or_nan(summary, "seconds");

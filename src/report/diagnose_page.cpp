@@ -9,6 +9,7 @@
 #include "report/format.hpp"
 #include "report/html.hpp"
 #include "report/page_parts.hpp"
+#include "report/simulated_charts.hpp"
 #include "report/time_charts.hpp"
 
 namespace diffnea {
@@ -19,8 +20,14 @@ using namespace report;
 constexpr double kSameClass = 10.0;          ///< ΔBIC that a candidate needs, and that tells apart
 constexpr std::size_t kMostBars = 16;        ///< candidates that are drawn
 constexpr std::size_t kMostPoints = 90'000;  ///< of the charts over time
-constexpr std::size_t kMostJoints = 4;       ///< that are open where no cause names them
-const ChartNames kNames{"base model", "extended model", true};
+constexpr std::size_t kMostJoints = 2;       ///< that are open
+constexpr std::size_t kMostRivals = 3;       ///< of a cause that are listed
+
+/// Where nothing was named there is one model.
+ChartNames names_of(const Finding& f) {
+  const bool one = f.causes.empty();
+  return {"base model", one ? "base model" : "extended model", true, one};
+}
 
 bool is_cause(const Finding& f, const std::string& effect, const std::string& where) {
   return std::ranges::any_of(
@@ -43,17 +50,51 @@ std::string badge(Verdict verdict) {
   return std::string("<span class='badge ") + css + "'>" + escape(plain(text)) + "</span>";
 }
 
+/// @param most  that are listed, nearest first
+std::string rival_list(const std::vector<Rival>& rivals, std::size_t most = kMostRivals) {
+  std::string out;
+  for (std::size_t k = 0; k < std::min(most, rivals.size()); ++k)
+    out += (k > 0 ? ", " : "") + at(rivals[k].effect, rivals[k].where) + " (" +
+           number(rivals[k].delta_bic, 3) + ")";
+  if (rivals.size() > most) out += " and " + std::to_string(rivals.size() - most) + " more";
+  return out.empty() ? "none" : out;
+}
+
+/// What a reader of several causes wants at once: what, how large, how much of the error.
+std::string causes_at_once(const Finding& f) {
+  if (f.causes.size() < 2) return "";
+  std::vector<std::vector<std::string>> rows;
+  for (const Cause& c : f.causes) {
+    std::string size;
+    std::size_t shown = 0;
+    for (const CauseParameter& p : c.parameters) {
+      if (std::isnan(p.std) || p.name == "smoothing" || ++shown > 2) continue;
+      size += (size.empty() ? "" : ", ") + plain(p.name) + " " + value_and_interval(p) +
+              (p.unit == "1" ? "" : " " + unit(p.unit));
+    }
+    rows.push_back({"<b>" + escape(at(c.effect, c.where)) + "</b>", escape(size),
+                    percent(1.0 - std::pow(c.gain.after / c.gain.before, 2)),
+                    number(c.delta_bic, 3), escape(rival_list(c.members))});
+  }
+  const bool named =
+      std::ranges::all_of(f.causes, [](const Cause& c) { return c.members.empty(); });
+  return html_table({"cause", "size and its 95 % interval", "of the held-out error² it removes",
+                     "evidence (ΔBIC)", "cannot be told from"},
+                    rows, {"", "", "n", "n", named ? "" : "wrap"});
+}
+
 std::string head(const Finding& f, const std::string& name) {
   std::string out = element("h1", "Diagnosis of " + name);
   out += "<p class='verdict'>" + badge(f.verdict) + escape(pretty(f.sentence)) + "</p>\n";
-  out += element("p", gained(f), "gained");
+  const std::string simulated = simulated_gain(f);
+  out += element("p", gained(f) + (simulated.empty() ? "" : " " + simulated), "gained");
   for (const std::string& text : reservations(f)) out += element("p", text, "warning");
-  return out;
+  return out + causes_at_once(f);
 }
 
 // --- over time
 
-/// Series of the joints whose error a cause names or changed, and of the others.
+/// Series of the few joints that show it best, and of the others.
 std::pair<std::vector<std::size_t>, std::vector<std::size_t>> affected(const Finding& f) {
   std::set<std::string> named;
   for (const Cause& c : f.causes)
@@ -66,17 +107,20 @@ std::pair<std::vector<std::size_t>, std::vector<std::size_t>> affected(const Fin
   std::vector<std::size_t> first, rest;
   for (std::size_t j = 0; j < f.series.size(); ++j)
     (named.contains(f.series[j].joint) ? first : rest).push_back(j);
-  if (!first.empty()) return {first, rest};
-  // No joint is named (the tip, the base, nothing): those that changed most, or the first.
+  // Those that changed most, of the named ones or of all where none is named (the tip, the base).
   const auto ratio = [&](std::size_t j) {
     for (const JointGain& g : f.joints)
       if (g.joint == f.series[j].joint) return g.base > 0.0 ? g.extended / g.base : 1.0;
     return 1.0;
   };
-  std::ranges::stable_sort(rest, {}, ratio);
-  const std::size_t count = std::min(f.causes.empty() ? 1 : kMostJoints, rest.size());
-  first.assign(rest.begin(), rest.begin() + static_cast<long>(count));
-  rest.erase(rest.begin(), rest.begin() + static_cast<long>(count));
+  if (first.empty()) std::swap(first, rest);
+  std::ranges::stable_sort(first, {}, ratio);
+  const std::size_t most = f.causes.empty() && f.witness.empty() ? 1 : kMostJoints;
+  while (first.size() > most) {
+    rest.push_back(first.back());
+    first.pop_back();
+  }
+  std::ranges::sort(first);
   std::ranges::sort(rest);
   return {first, rest};
 }
@@ -92,15 +136,16 @@ std::string over_time(const Finding& f, const std::vector<TorqueSeries>& drawn) 
   if (drawn.empty())
     return element("p", "The folder holds no series.json, so that no chart can be drawn.", "faint");
   const auto [first, rest] = affected(f);
-  const int columns = chart_columns(drawn.size());
-  std::string out = "<div " + chart_set("test", kNames) + ">" +
+  const int columns = chart_columns(2 * drawn.size());
+  const ChartNames names = names_of(f);
+  std::string out = "<div " + chart_set("test", names) + ">" +
                     element("h2", "Torque on held-out data, measured and simulated") +
-                    chart_keys(kNames) + time_charts(drawn, first, "torque", columns, kNames) +
+                    chart_keys(names) + time_charts(drawn, first, "torque", columns, names) +
                     "</div>\n";
   if (!rest.empty())
-    out += "<details " + chart_set("test", kNames) + "><summary>The other " +
+    out += "<details " + chart_set("test", names) + "><summary>The other " +
            (rest.size() == 1 ? "joint" : std::to_string(rest.size()) + " joints") + "</summary>\n" +
-           time_charts(drawn, rest, "torque", columns, kNames) + "</details>\n";
+           time_charts(drawn, rest, "torque", columns, names) + "</details>\n";
   return out;
 }
 
@@ -117,8 +162,11 @@ std::string evidence(const Finding& f) {
       "<p class='faint'>What the model lacks (measured − model) on held-out data: <span class='key "
       "nominal'></span>base model" +
       (f.causes.empty() ? "" : "<span class='key fitted'></span>extended model") +
-      ". Bands: 95 % of the mean; where the blue line stays at zero, the cause explains what was "
-      "missing.</p>\n<div class='evidence'>\n";
+      ". Bands: 95 % of the mean; " +
+      (f.causes.empty()
+           ? "where they hold zero, nothing is missing."
+           : "where the blue line stays at zero, the cause explains what was missing.") +
+      "</p>\n<div class='evidence'>\n";
   for (const EvidencePlot& p : f.plots) {
     std::vector<Band> bands;
     for (const EvidenceCurve& c : p.curves)
@@ -137,13 +185,6 @@ std::string evidence(const Finding& f) {
 }
 
 // --- candidates
-
-std::string rival_list(const std::vector<Rival>& rivals) {
-  std::string out;
-  for (const Rival& r : rivals)
-    out += (out.empty() ? "" : ", ") + at(r.effect, r.where) + " (" + number(r.delta_bic, 3) + ")";
-  return out.empty() ? "none" : out;
-}
 
 std::string candidates(const Finding& f) {
   std::string out = element("h2", "Candidates and rivals");
@@ -169,7 +210,7 @@ std::string candidates(const Finding& f) {
   std::vector<std::vector<std::string>> rows;
   for (const Cause& c : f.causes)
     rows.push_back({"<b>" + escape(at(c.effect, c.where)) + "</b>", number(c.delta_bic, 3),
-                    percent(c.visible_share), escape(rival_list(c.members)),
+                    percent(c.visible_share), escape(rival_list(c.members, c.members.size())),
                     escape(rival_list(c.rivals))});
   out += html_table({"cause", "ΔBIC of leaving it out", "visible beside the base",
                      "cannot be told from (ΔBIC)", "rivals in its place, worse by (ΔBIC)"},
@@ -195,8 +236,8 @@ std::string left_open(const Finding& f) {
   std::vector<std::string> items;
   for (const Cause& c : f.causes)
     if (!c.members.empty())
-      items.push_back(at(c.effect, c.where) + " cannot be told from " + rival_list(c.members) +
-                      " with this recording.");
+      items.push_back(at(c.effect, c.where) + " cannot be told from " +
+                      rival_list(c.members, c.members.size()) + " with this recording.");
   for (const Witness& w : f.witness) {
     std::string variables;
     for (const std::string& v : w.variables) variables += (variables.empty() ? "" : ", ") + v;
@@ -260,15 +301,19 @@ std::string waterfall(const Finding& f) {
 }
 
 std::string joints(const Finding& f) {
+  const bool one = f.causes.empty();
   std::vector<std::vector<std::string>> rows;
-  for (const JointGain& j : f.joints)
+  for (const JointGain& j : f.joints) {
     rows.push_back({escape(j.joint), escape(unit(j.unit)), number(j.torque_rms, 3),
-                    number(j.base, 3), "<b>" + number(j.extended, 3) + "</b>",
-                    number(j.noise_floor, 3), percent(j.base / j.torque_rms),
-                    "<b>" + percent(j.extended / j.torque_rms) + "</b>"});
-  return html_table({"joint", "unit", "rms torque", "base model", "extended", "noise",
-                     "of torque, base", "extended"},
-                    rows, {"", "", "n", "n", "n", "n", "n", "n"});
+                    number(j.noise_floor, 3), number(j.base, 3), percent(j.base / j.torque_rms)});
+    if (one) continue;
+    rows.back().push_back("<b>" + number(j.extended, 3) + "</b>");
+    rows.back().push_back("<b>" + percent(j.extended / j.torque_rms) + "</b>");
+  }
+  std::vector<std::string> titles{"joint", "unit",       "rms torque",
+                                  "noise", "base model", "of torque"};
+  if (!one) titles.insert(titles.end(), {"extended", "of torque"});
+  return html_table(titles, rows, {"", "", "n", "n", "n", "n", "n", "n"});
 }
 
 std::string parameters(const Finding& f) {
@@ -331,9 +376,12 @@ std::string diagnose_page(const DiagnoseRun& run) {
   const std::string name = f.model.name.empty() ? "model" : f.model.name;
   IdentifyResult shown;  // what the charts need
   shown.test_series = drawn_series(f);
-  std::string body =
-      head(f, name) + over_time(f, shown.test_series) + evidence(f) + candidates(f) + left_open(f);
-  body += element("h2", "What was gained on held-out data") + waterfall(f) + joints(f);
+  shown.train_series = simulated_series(f.simulated);
+  std::string body = head(f, name) + simulated_charts(f, shown.train_series, "train") +
+                     over_time(f, shown.test_series) + evidence(f) + candidates(f) + left_open(f);
+  body += element("h2", f.causes.empty() ? "Torque error on held-out data"
+                                         : "What was gained on held-out data") +
+          waterfall(f) + joints(f);
   body += parameters(f) + data(f);
   body += element("h2", "How to get this again") + reproduce(run.reproduce);
   return document("Diagnosis of " + name, body, series_json(shown));

@@ -5,6 +5,7 @@
 
 #include "report/diagnose_words.hpp"
 #include "report/format.hpp"
+#include "report/simulated_charts.hpp"
 
 namespace diffnea {
 namespace {
@@ -89,8 +90,9 @@ std::string rest_text(const Finding& f) {
 
 std::string diagnose_text(const DiagnoseRun& run) {
   const Finding& f = run.finding;
+  const std::string simulated = simulated_gain(f);
   return plain(name_of(f.verdict)) + ": " + pretty(f.sentence) + "\n\n" + causes_text(f) +
-         joints_text(f) + rest_text(f);
+         joints_text(f) + (simulated.empty() ? "" : "\n" + simulated + "\n") + rest_text(f);
 }
 
 }  // namespace diffnea

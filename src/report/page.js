@@ -5,26 +5,29 @@
   const data = JSON.parse(document.getElementById("data").textContent);
   const color = { measured: "#b4b8c4", after: "#0072b2", before: "#e69f00" };
 
-  function rows(series, residual, both) {
+  // Columns `drawn` of a series; as errors measured − model if both models' are drawn, else model − measured.
+  function rows(series, drawn, residual, both) {
+    const column = { measured: series.measured, before: series.nominal, after: series.fitted };
     return series.time.map((t, k) => {
-      const m = series.measured[k], f = series.fitted[k], n = series.nominal[k];
-      const gap = m === null;
-      if (residual && both) return [t, gap ? null : m - n, gap ? null : m - f];
-      if (residual) return [t, gap ? null : f - m];
-      return [t, m, n, f];
+      const m = series.measured[k];
+      return [t, ...drawn.map((name) => {
+        const y = column[name][k];
+        if (!residual || y === null || m === null) return residual ? null : y;
+        return both ? m - y : y - m;
+      })];
     });
   }
 
   function draw(holder, series, group) {
     const residual = holder.classList.contains("residual");
-    const both = !residual || group.both;
+    const both = (!residual || group.both) && !group.one;
     const drawn = [...(residual ? [] : ["measured"]), ...(both ? ["before"] : []), "after"];
     const labels = ["time", ...drawn.map((name) => group.names[name])];
     const plot = document.createElement("div");
     plot.className = "plot";
     holder.appendChild(plot);
     holder.classList.add("live");
-    const chart = new Dygraph(plot, rows(series, residual, group.both), {
+    const chart = new Dygraph(plot, rows(series, drawn, residual, group.both), {
       labels: labels,
       colors: drawn.map((name) => color[name]),
       strokeWidth: 1.2,
@@ -51,7 +54,7 @@
   document.body.classList.add("zooms");
   for (const section of document.querySelectorAll("[data-set]")) {
     const names = { measured: "measured", before: section.dataset.before, after: section.dataset.after };
-    const group = { charts: [], busy: true, names: names, both: "both" in section.dataset };
+    const group = { charts: [], busy: true, names: names, both: "both" in section.dataset, one: "one" in section.dataset };
     const start = () => {
       if (group.charts.length) return;
       const used = data[section.dataset.set].filter((series) => series.time.length);

@@ -75,13 +75,15 @@ int chart_columns(std::size_t num_series) {
 
 std::string chart_set(const std::string& set, const ChartNames& names) {
   return "data-set='" + set + "' data-before='" + escape(names.before) + "' data-after='" +
-         escape(names.after) + "'" + (names.both_errors ? " data-both='1'" : "");
+         escape(names.after) + "'" + (names.both_errors ? " data-both='1'" : "") +
+         (names.one_model ? " data-one='1'" : "");
 }
 
 std::string chart_keys(const ChartNames& names) {
   return "<p class='faint'><span class='key measured'></span>measured"
          "<span class='key fitted'></span>" +
-         escape(names.after) + "<span class='key nominal'></span>" + escape(names.before) +
+         escape(names.after) +
+         (names.one_model ? "" : "<span class='key nominal'></span>" + escape(names.before)) +
          "; samples that were left out are gaps"
          "<span class='screen'>; drag to zoom, double-click to see all</span></p>\n";
 }
@@ -108,14 +110,18 @@ std::string time_charts(const std::vector<TorqueSeries>& all, const std::vector<
                               after = both ? difference(s.measured, s.fitted)
                                            : difference(s.fitted, s.measured);
     std::vector<Line> errors;
-    if (both) errors.push_back({"nominal", &before});
+    std::vector<Line> lines{{"measured", &s.measured}, {"fitted", &s.fitted}};
+    if (!names.one_model) {
+      if (both) errors.push_back({"nominal", &before});
+      lines.insert(lines.begin() + 1, {"nominal", &s.nominal});
+    }
     errors.push_back({"fitted", &after});
     out += "<section class='joint'><h3>" + escape(s.joint) + " <small>" + what +
-           (both ? ", and what both models lack below [" : ", and the fit's error below [") +
+           (names.one_model ? ", and what the model lacks below ["
+            : both          ? ", and what both models lack below ["
+                            : ", and the fit's error below [") +
            escape(u) + "]</small></h3>\n<div class='chart torque' data-joint='" + index + "'>" +
-           line_chart(s.time,
-                      {{"measured", &s.measured}, {"nominal", &s.nominal}, {"fitted", &s.fitted}},
-                      {first, last}, u, 210, columns) +
+           line_chart(s.time, lines, {first, last}, u, 210, columns) +
            "</div>\n<div class='chart residual' data-joint='" + index + "'>" +
            line_chart(s.time, errors, {first, last}, (both ? "measured − model " : "error ") + u,
                       110, columns) +

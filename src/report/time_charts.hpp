@@ -13,6 +13,7 @@ namespace diffnea::report {
 struct ChartNames {
   std::string before = "model before", after = "fitted";
   bool both_errors = false;  ///< what both models lack (measured − model), not the second's error
+  bool one_model = false;    ///< there is no model before: the second one alone
 };
 
 /// Runs one after the other on one axis, thinned to `budget` points in all; gaps between them and

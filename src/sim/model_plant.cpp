@@ -84,12 +84,16 @@ ExtendedTree ModelPlant::take_apart(ExtendedTree model) {
 }
 
 ModelPlant::ModelPlant(const Model& model, const RecordOptions& options)
-    : n_(static_cast<int>(moving_links(model).size())),
-      dynamics_(take_apart(extend(model, {0}))),
+    : ModelPlant(extend(model, {0}), 1.0 / options.control_rate, options.physics_step, 0) {}
+
+ModelPlant::ModelPlant(ExtendedTree model, double period, double largest_step, int run)
+    : n_(model.tree.num_dofs()),
+      dynamics_(take_apart(std::move(model))),
       drives_(series_, n_),
       encoders_(series_, n_),
-      period_(1.0 / options.control_rate),
-      largest_step_(options.physics_step) {}
+      period_(period),
+      largest_step_(largest_step),
+      run_(run) {}
 
 /// Steps of a control period so that the fastest spring is followed, up to 200: beyond, the
 /// integration fails and says so.
@@ -120,6 +124,83 @@ int ModelPlant::steps_for_stiffness(const VecX<double>& q) const {
   return static_cast<int>(std::ceil((wanted > asked ? wanted : asked) - 1e-9));
 }
 
+/// Steps of a control period so that Runge–Kutta stays stable where dry friction is steepest, at
+/// rest.
+int ModelPlant::steps_for_friction(const VecX<double>& q) {
+  constexpr double kSpeed = 1e-5;   // [rad/s] or [m/s]: within any smoothing
+  constexpr double kMaxRate = 2.0;  // h·λ, stable to 2.7
+  constexpr double kMostSteps = 50.0;
+  const VecX<double> rest = VecX<double>::Zero(n_);
+  VecX<double> qd = rest, plus(n_), minus(n_), sum = rest, motor = rest;
+  for (int j = 0; j < n_; ++j) {
+    const auto at = [&](double speed, VecX<double>& qdd) {
+      qd[j] = speed;
+      dynamics_.acceleration(q.data(), qd.data(), rest.data(), run_, qdd.data());
+      motor.setZero();
+      const JointSample<double> x{time_, run_, q.data(), qd.data(), q.data(), q.data()};
+      for (const BoundEffect& e : motor_effects_)
+        add_torque(e, x, e.parameters.data(), motor.data());
+      for (const Motor& m : motors_)
+        if (m.joint == j) qdd[j] -= motor[j] / m.inertia;
+    };
+    at(kSpeed, plus);
+    at(-kSpeed, minus);
+    qd[j] = 0.0;
+    sum += (plus - minus).cwiseAbs() / (2.0 * kSpeed);
+  }
+  const double steps = std::ceil(period_ * sum.maxCoeff() / kMaxRate);
+  return steps >= 1.0 ? static_cast<int>(std::min(steps, kMostSteps)) : 1;
+}
+
+/// Angle of the motor beyond the link's [rad] that transmits `load`.
+double ModelPlant::deflection(const Motor& motor, double load) const {
+  const std::vector<double>& p = motor.effect->parameters;
+  return std::holds_alternative<JointElasticity>(motor.effect->type)
+             ? load / p[0]
+             : Backlash::deflection_at(load, p.data());
+}
+
+void ModelPlant::start(const JointSeries& x, const RowMatX<double>& torque, long row) {
+  constexpr double kMemory = 0.5;  // [s] that bristles and drives look back
+  const int m = static_cast<int>(motors_.size());
+  z_ = VecX<double>::Zero(2 * n_ + 2 * m);
+  const RowMatX<double> gain = encoders_.read_velocity(VecX<double>::Ones(n_)).transpose();
+  RowMatX<double> q(3, n_), qd(3, n_), qdd(3, n_);
+  for (long k = 0; k < 3; ++k) {
+    q.row(k) = encoders_.truth(x.q.row(row - 1 + k).transpose()).transpose();
+    qd.row(k) = x.qd.row(row - 1 + k).cwiseQuotient(gain);
+    qdd.row(k) = x.qdd.row(row - 1 + k).cwiseQuotient(gain);
+  }
+  z_.head(n_) = q.row(1).transpose();
+  z_.segment(n_, n_) = qd.row(1).transpose();
+  if (m > 0) {
+    const RowMatX<double> load = inverse_dynamics(dynamics_.model(), q, qd, qdd, run_);
+    for (int k = 0; k < m; ++k) {
+      const Motor& motor = motors_[static_cast<std::size_t>(k)];
+      const int j = motor.joint;
+      z_[2 * n_ + k] = q(1, j) + deflection(motor, load(1, j));
+      z_[2 * n_ + m + k] =
+          qd(1, j) + (deflection(motor, load(2, j)) - deflection(motor, load(0, j))) / (2.0 * x.dt);
+    }
+  }
+  const long first = std::max(0L, row - std::lround(kMemory / x.dt));
+  for (Bristles& b : bristles_) {
+    b.state = 0.0;
+    for (long k = first; k < row; ++k)
+      b.state = b.advanced((x.q(k + 1, b.joint) - x.q(k, b.joint)) / gain(0, b.joint), x.dt);
+  }
+  drives_.reset();
+  for (long k = first; k < row; ++k) {
+    time_ = x.start + static_cast<double>(k) * x.dt;
+    drives_.command(time_, torque.row(k).transpose());
+    drives_.begin_step(time_, x.dt);
+    drives_.end_step();
+  }
+  time_ = x.start + static_cast<double>(row) * x.dt;
+  substeps_ = std::max(steps_for_stiffness(z_.head(n_)), steps_for_friction(z_.head(n_)));
+  step_ = period_ / substeps_;
+}
+
 void ModelPlant::reset(const VecX<double>& reading) {
   const VecX<double> q = encoders_.truth(reading);
   const int m = static_cast<int>(motors_.size());
@@ -130,11 +211,7 @@ void ModelPlant::reset(const VecX<double>& reading) {
   const VecX<double> hold = gravity_torques<double, double>(dynamics_.model().tree, q, ws);
   for (int k = 0; k < m; ++k) {
     const Motor& motor = motors_[static_cast<std::size_t>(k)];
-    const double load = hold[motor.joint];
-    const std::vector<double>& p = motor.effect->parameters;
-    z_[2 * n_ + k] = q[motor.joint] + (std::holds_alternative<JointElasticity>(motor.effect->type)
-                                           ? load / p[0]
-                                           : Backlash::deflection_at(load, p.data()));
+    z_[2 * n_ + k] = q[motor.joint] + deflection(motor, hold[motor.joint]);
   }
   for (Bristles& b : bristles_) b.state = 0.0;
   drives_.reset();
@@ -158,7 +235,7 @@ void ModelPlant::slope(double share, const VecX<double>& z, VecX<double>& dz) {
   VecX<double> torque = drives_.applied(share), effects = VecX<double>::Zero(n_);
   for (const Bristles& b : bristles_)
     effects[b.joint] += b.torque(b.advanced(q[b.joint] - from[b.joint], h), qd[b.joint]);
-  const JointSample<double> x{time_ + h, 0, q.data(), qd.data(), q.data(), q.data()};
+  const JointSample<double> x{time_ + h, run_, q.data(), qd.data(), q.data(), q.data()};
   for (const BoundEffect& e : motor_effects_) add_torque(e, x, e.parameters.data(), effects.data());
   torque -= effects;
 
@@ -169,7 +246,7 @@ void ModelPlant::slope(double share, const VecX<double>& z, VecX<double>& dz) {
     at_links[j] = motor.transmitted(q[j] - z[j], qd[j] - z[n_ + j]);
   }
   dynamics_.set_time(time_ + h);
-  dynamics_.acceleration(z.data(), z.data() + n_, at_links.data(), 0, dz.data() + n_);
+  dynamics_.acceleration(z.data(), z.data() + n_, at_links.data(), run_, dz.data() + n_);
   for (int k = 0; k < m; ++k) {
     const Motor& motor = motors_[static_cast<std::size_t>(k)];
     const int j = motor.joint;

@@ -17,10 +17,20 @@ class ModelPlant : public Plant {
   /// a joint
   ///         with a hidden motor
   ModelPlant(const Model& model, const RecordOptions& options);
+  /// @param period        between two torques [s]
+  /// @param largest_step  of the integration [s]
+  /// @param run           the recording that effects of single recordings see
+  ModelPlant(ExtendedTree model, double period, double largest_step, int run);
   ModelPlant(const ModelPlant&) = delete;  // its parts point at its effects
   ModelPlant& operator=(const ModelPlant&) = delete;
 
   void reset(const VecX<double>& q) override;
+  /// In the midst of a motion: hidden motors where the transmitted torques hold them, bristles and
+  /// drives as the rows before have left them.
+  /// @param x       motion as logged, on the grid of `period`; time_shift is not undone
+  /// @param torque  (N, n) that acts from row k to k+1
+  /// @param row     where it starts, 1 … N−2
+  void start(const JointSeries& x, const RowMatX<double>& torque, long row);
   VecX<double> q() const override { return encoders_.read(z_.head(n_)); }
   VecX<double> qd() const override { return encoders_.read_velocity(z_.segment(n_, n_)); }
   std::string step(const VecX<double>& torque) override;
@@ -46,6 +56,8 @@ class ModelPlant : public Plant {
 
   ExtendedTree take_apart(ExtendedTree model);
   int steps_for_stiffness(const VecX<double>& q) const;
+  int steps_for_friction(const VecX<double>& q);
+  double deflection(const Motor& motor, double load) const;
   void slope(double share, const VecX<double>& z, VecX<double>& dz);
 
   int n_;
@@ -57,7 +69,7 @@ class ModelPlant : public Plant {
   Drives drives_;
   Encoders encoders_;
   double period_, largest_step_, time_ = 0.0, step_ = 0.0;
-  int substeps_ = 1;
+  int run_ = 0, substeps_ = 1;
   VecX<double> z_, start_;  ///< q, q̇, θ, θ̇; at the beginning of the step
   RungeKutta4<VecX<double>> integrator_;
 };

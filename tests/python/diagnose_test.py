@@ -260,3 +260,89 @@ def test_other_threads_run_meanwhile(arm, train) -> None:
         ticks += 1
     thread.join()
     assert ticks > 5  # with the lock held there would be none
+
+
+def test_the_motion_is_simulated_before_and_after(finding, tmp_path: Path) -> None:
+    motion = finding.simulated
+    assert motion.reason == ""
+    assert motion.driven_by == "controller"
+    assert (motion.base_failed, motion.extended_failed) == (0, 0)
+    shoulder, elbow = motion.joints
+    assert (shoulder.joint, elbow.joint, elbow.unit) == ("shoulder", "elbow", "rad")
+    assert elbow.extended_rmse < 0.3 * elbow.base_rmse
+    finite = np.isfinite(elbow.base)
+    error = np.sqrt(np.mean((elbow.measured - elbow.base)[finite] ** 2))
+    # Thinned, and without the last value of each window.
+    assert error == pytest.approx(elbow.base_rmse, rel=0.1)
+    stored = finding.to_dict()["simulated"]
+    assert stored["joints"][1]["rmse_base"] == pytest.approx(elbow.base_rmse)
+    finding.save(tmp_path / "run")
+    series = json.loads((tmp_path / "run/series.json").read_text())["simulated"]
+    assert [s["joint"] for s in series] == ["shoulder", "elbow"]
+    assert len(series[1]["time"]) == len(elbow.time)
+
+
+def sticky(t: np.ndarray, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
+    """Friction that grows with the position of the other joint: none of the catalogue."""
+    return np.tanh(qd[:, 1] / 0.05) * q[:, 0] ** 2
+
+
+STICKY = diffnea.Candidate(
+    "sticky", "elbow", sticky, {"friction": "N*m/rad^2"}, signs={"friction": "nonnegative"}
+)
+
+
+def with_sticky_friction(recording: diffnea.Recording, size: float) -> diffnea.Recording:
+    """Add what the robot would have needed more for the same motion.
+
+    Held torques act from row to row, so theirs is the motion half a row later.
+    """
+    between = 0.5 * (recording.q[:-1] + recording.q[1:])
+    velocity = np.diff(recording.q, axis=0) / np.diff(recording.time)[:, None]
+    tau = recording.tau.copy()
+    smooth = np.stack([np.convolve(v, np.ones(9) / 9, mode="same") for v in velocity.T], -1)
+    tau[:-1, 1] += size * sticky(recording.time[:-1], between, smooth, smooth)
+    return diffnea.Recording(
+        time=recording.time, q=recording.q, tau=tau, joint_names=recording.joint_names
+    )
+
+
+def test_an_own_candidate_is_named(arm) -> None:
+    train, test = (with_sticky_friction(recorded(arm, seed), 0.5) for seed in (21, 22))
+    finding = diffnea.diagnose(arm, train, test=test, candidates=[STICKY])
+    assert ("sticky", "elbow") in [(c.effect, c.where) for c in finding.causes]
+    own = next(c for c in finding.causes if c.effect == "sticky")
+    [size] = own.parameters
+    assert (size.name, size.unit) == ("friction", "N*m/rad^2")
+    # The velocity that hid it is that of the noisy positions: its sign turns later by some ms.
+    assert size.value == pytest.approx(0.5, rel=0.1)
+    assert any("sticky" in note for note in finding.notes)
+    assert "sticky" in finding.sentence
+    assert all(e.effect != "sticky" for e in finding.model.effects)
+
+
+def test_an_own_candidate_that_does_not_act_is_not_named(arm) -> None:
+    finding = diffnea.diagnose(arm, recorded(arm, 13), test=recorded(arm, 14), candidates=[STICKY])
+    assert finding.verdict == "NONE"
+
+
+def failing(*_: np.ndarray) -> np.ndarray:
+    raise ZeroDivisionError("by nothing")
+
+
+@pytest.mark.parametrize(
+    ("candidate", "message"),
+    [
+        (diffnea.Candidate("odd", "elbow", failing), r"'odd'.*ZeroDivisionError: by nothing"),
+        (diffnea.Candidate("odd", "elbow", lambda t, *_: t[:-1]), r"'odd'.*shape"),
+        (diffnea.Candidate("odd", "elbow", lambda t, *_: np.full(len(t), np.nan)), "'odd'.*NaN"),
+        (diffnea.Candidate("odd", "elbow", lambda *_: "much"), "'odd'.*numbers"),
+        (diffnea.Candidate("odd", "knee", sticky), "shoulder"),
+        (diffnea.Candidate("cogging", "elbow", sticky), "catalogue"),
+        (diffnea.Candidate("odd", "elbow", sticky, {"k": "1"}, {"k": "up"}), "nonnegative"),
+        (diffnea.Candidate("odd", "elbow", sticky, {"k": "1"}, {"c": "free"}), "parameters: k"),
+    ],
+)
+def test_an_own_candidate_that_cannot_be_used_is_refused(arm, train, candidate, message) -> None:
+    with pytest.raises(diffnea.Error, match=message):
+        diffnea.diagnose(arm, train, candidates=[candidate])

@@ -14,6 +14,7 @@
 #include <cstdint>
 
 #include <diffnea/diagnose/finding.hpp>
+#include <diffnea/diagnose/own_candidate.hpp>
 
 namespace diffnea {
 
@@ -29,6 +30,8 @@ struct DiagnoseOptions {
   Base base = Base::kAuto;
   /// Candidates: names, "name@where", or empty for the whole catalogue.
   std::vector<std::string> effects;
+  /// The caller's own, beside those.
+  std::vector<OwnCandidate> candidates;
   PreprocessOptions preprocess;
   double accept_delta_bic = 10.0;
   int max_causes = 0;      ///< 0: three for each joint, at least eight
@@ -37,7 +40,9 @@ struct DiagnoseOptions {
 };
 
 /// @param test  held-out recordings; null: blocks of time are held out, which is weaker
-/// @throws DataError, ModelError, FileError before any work starts where the input is at fault
+/// @throws DataError, ModelError, FileError before any work starts where the input is at fault,
+/// such as an
+///         own candidate whose name is taken or whose columns are no (N, parameters) finite numbers
 Finding diagnose(const Model& model, const RecordingSource& train, const RecordingSource* test,
                  const DiagnoseOptions& options = {});
 Finding diagnose(const Model& model, const std::vector<Recording>& train,

@@ -111,6 +111,24 @@ struct ResidualSeries {
   std::vector<double> q, qd, qdd;
 };
 
+/// One joint's motion over held-out windows, as measured (filtered) and as simulated again by both
+/// models. The models' last row of each window is NaN: there the next one starts.
+struct SimulatedSeries {
+  std::string joint, unit;                             ///< of the position
+  std::vector<double> time, measured, base, extended;  ///< [s], [unit]
+  double base_rmse = 0.0, extended_rmse = 0.0;         ///< over the windows that both models finish
+};
+
+/// Held-out motion simulated again: each window from its measured state on (sim/replay.hpp).
+struct SimulatedMotion {
+  std::string driven_by;  ///< "controller" (its gains and qcmd_ are known) or "measured torque"
+  double window = 0.0;    ///< [s]
+  int windows = 0;        ///< tried; spread over the held-out rows
+  int base_failed = 0, extended_failed = 0;  ///< in which the simulation blew up
+  std::string reason;                        ///< why there is none; empty
+  std::vector<SimulatedSeries> joints;       ///< empty if there is none
+};
+
 /// One line of a plot: means with their 95 % intervals; NaN where there is none.
 struct EvidenceCurve {
   std::string model;  ///< whose error: "base", "extended"
@@ -147,6 +165,7 @@ struct Finding {
   std::vector<JointGain> joints;
   std::vector<ResidualSeries> series;
   std::vector<EvidencePlot> plots;
+  SimulatedMotion simulated;
   std::vector<ChannelFault> audit;  ///< of the recordings, before any dynamics
   std::optional<NextExperiment> next_experiment;
   double lack_of_fit = 0.0;    ///< F of the base model against the saturated one
