@@ -263,11 +263,24 @@ void bind_plots(py::module_& m) {
       field("effect", &EvidencePlot::effect, "The cause; empty: an overview."),
       field("x", &EvidencePlot::x, ""), field("curves", &EvidencePlot::curves, ""),
       field("mark", &EvidencePlot::mark, "The cause's own x, e.g. a delay; NaN: none."));
+  value_type<ExperimentPair>(
+      m, "ExperimentPair", "A cause and a rival of its class, and how clearly they differ.",
+      field("effect", &ExperimentPair::effect, ""), field("where", &ExperimentPair::where, ""),
+      field("rival", &ExperimentPair::rival, ""),
+      field("rival_where", &ExperimentPair::rival_where, ""),
+      field("delta_bic", &ExperimentPair::delta_bic, "In this recording."),
+      field("expected_delta_bic", &ExperimentPair::expected_delta_bic,
+            "In the next one, if the cause is the cause."));
   value_type<NextExperiment>(
       m, "NextExperiment", "A motion that would tell rivals apart.",
-      field("separates", &NextExperiment::separates, "Pairs of effects."),
-      field("expected_delta_bic", &NextExperiment::expected_delta_bic, ""),
-      field("trajectory", &NextExperiment::trajectory, "File beside the result."));
+      field("sentence", &NextExperiment::sentence, "What to do, and what to expect of it."),
+      field("pairs", &NextExperiment::pairs,
+            "What it separates, a list of :class:`ExperimentPair`."),
+      field("expected_delta_bic", &NextExperiment::expected_delta_bic,
+            "The smallest of the pairs that it tells apart."),
+      field("trajectory", &NextExperiment::trajectory,
+            "File beside the result; empty: no motion that was tried tells any pair apart."),
+      field("motion", &NextExperiment::motion, "The :class:`Trajectory` to record."));
 }
 
 void bind_finding(py::module_& m) {

@@ -2,7 +2,7 @@
 
 #include <pybind11/stl.h>
 
-#include <diffnea/excite/fourier.hpp>
+#include <diffnea/excite/design.hpp>
 #include <diffnea/io/model_file.hpp>
 #include <diffnea/io/world.hpp>
 #include <diffnea/sim/mujoco_world.hpp>
@@ -85,6 +85,32 @@ Trajectory excite(const Model& model, double duration, double period, int harmon
                                 .slide_velocity = slide_velocity});
 }
 
+using Limits = std::map<std::string, double>;
+
+Excitation design(const Model& model, double duration, double period, int harmonics, double rate,
+                  std::uint64_t seed, int iterations,
+                  const std::map<std::string, std::pair<double, double>>& position,
+                  const Limits& velocity, const Limits& acceleration, const Limits& torque,
+                  const std::vector<double>& noise) {
+  DesignOptions options;
+  options.motion.duration = duration;
+  options.motion.period = period;
+  options.motion.harmonics = harmonics;
+  options.motion.rate = rate;
+  options.motion.seed = seed;
+  options.iterations = iterations;
+  options.limits = {position, velocity, acceleration, torque};
+  options.noise = noise;
+  options.progress = [](const FitProgress&) {
+    const py::gil_scoped_acquire gil;
+    if (PyErr_CheckSignals() == 0) return true;
+    PyErr_Clear();  // the best so far is returned
+    return false;
+  };
+  const py::gil_scoped_release release;
+  return design_excitation(model, options);
+}
+
 }  // namespace
 
 void bind_sim(py::module_& m) {
@@ -111,6 +137,41 @@ void bind_sim(py::module_& m) {
         "that is used. Where the model states none: ``half_range`` [rad], ``velocity`` [rad/s], "
         "``half_stroke`` [m],\n"
         "``slide_velocity`` [m/s].");
+  value_type<LimitUse>(
+      m, "LimitUse", "What a motion uses of a joint's limits, shares of 1 at any instant.",
+      field("joint", &LimitUse::joint, ""), field("position", &LimitUse::position, ""),
+      field("velocity", &LimitUse::velocity, ""),
+      field("acceleration", &LimitUse::acceleration, ""),
+      field("effort", &LimitUse::effort, "0 where no limit is known."));
+  using E = Excitation;
+  value_type<E>(
+      m, "Excitation", "An informative motion, and what it gains.",
+      field("trajectory", &E::trajectory, "The :class:`Trajectory` to record."),
+      field("period", &E::period, "[s]"), field("base_parameters", &E::base_parameters, ""),
+      field("log_det", &E::log_det, "Of the information about the base parameters."),
+      field("random_log_det", &E::random_log_det, "Of the median random motion."),
+      field("condition", &E::condition, ""), field("random_condition", &E::random_condition, ""),
+      field("std_ratio", &E::std_ratio,
+            "Expected standard errors over the median random motion's, geometric mean."),
+      field("best_std_ratio", &E::best_std_ratio, ""),
+      field("worst_std_ratio", &E::worst_std_ratio, ""),
+      field("limits", &E::limits, "A list of :class:`LimitUse`."),
+      field("notes", &E::notes, "What stands in for limits that are not known."),
+      field("iterations", &E::iterations, ""), field("interrupted", &E::interrupted, ""));
+  const DesignOptions d;
+  m.def("design_excitation", &design, "model"_a, py::kw_only(), "duration"_a = d.motion.duration,
+        "period"_a = d.motion.period, "harmonics"_a = d.motion.harmonics, "rate"_a = d.motion.rate,
+        "seed"_a = d.motion.seed, "iterations"_a = d.iterations,
+        "position_limits"_a = std::map<std::string, std::pair<double, double>>{},
+        "velocity_limits"_a = Limits{}, "acceleration_limits"_a = Limits{},
+        "torque_limits"_a = Limits{}, "noise"_a = std::vector<double>{},
+        "D-optimal periodic motion within limits that hold between the rows, too: what `diffnea "
+        "excite` writes.\n\n"
+        "``duration``, ``period`` [s]; ``harmonics``, 3 at least; ``rate`` of the rows [Hz]; "
+        "``iterations`` of the\n"
+        "search, 0: the best random motion. ``…_limits`` by joint, ``\"\"`` for all, in place of "
+        "the model's. ``noise`` of\n"
+        "each joint's torque; ratios alone count. Ctrl-C returns the best so far.");
   m.def("_worlds", [] { return parse_json(worlds_json()); });
 }
 

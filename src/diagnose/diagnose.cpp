@@ -12,6 +12,7 @@
 #include <diffnea/recording/audit.hpp>
 
 #include "diagnose/evidence_plots.hpp"
+#include "diagnose/next_experiment.hpp"
 #include "diagnose/selection.hpp"
 #include "diagnose/sentence.hpp"
 #include "diagnose/simulated.hpp"
@@ -179,6 +180,7 @@ class Diagnosis {
     select();
     describe();
     judge();
+    plan_next();
     finding_.plots = evidence_plots(finding_);
     finding_.sentence = sentence(finding_);
     finding_.seconds =
@@ -201,12 +203,12 @@ class Diagnosis {
     layout_ = layout_for(model_, train_source_, test_source_, choice, finding_.notes);
     const IdentifyOptions reading = reading_options(options_);
     const std::vector<Recording> sample = train_source_.sample();
-    const bool link_side = sample.front().info.torque_side == TorqueSide::kLink;
+    link_side_ = sample.front().info.torque_side == TorqueSide::kLink;
     const AuditReport report = audit(sample, {.joints = describe_joints(model_)});
     finding_.audit = report.faults;
     period_ = sample.front().info.period;
     if (period_ <= 0.0 && !report.periods.empty()) period_ = report.periods.front().seconds;
-    candidates_ = make_candidates(model_, options_.effects, train_source_.runs(), link_side);
+    candidates_ = make_candidates(model_, options_.effects, train_source_.runs(), link_side_);
     PreprocessOptions preprocess = options_.preprocess;
     preprocess.order = kSteepFilter;
     finding_.plan = plan_preprocess(sample, preprocess);
@@ -592,6 +594,23 @@ class Diagnosis {
                           reading_options(options_));
   }
 
+  /// Only where something is left to tell apart: it takes a few seconds.
+  void plan_next() {
+    if (finding_.interrupted ||
+        std::ranges::all_of(finding_.causes, [](const Cause& c) { return c.members.empty(); }))
+      return;
+    Model reference = finding_.model;
+    reference.effects.resize(reference.effects.size() - terms_.size());  // the causes come last
+    try {
+      finding_.next_experiment =
+          next_experiment({model_, reference, layout_, prior_, finding_.plan, train_->joints(),
+                           search_->whitener().noise(), link_side_, candidates_, terms_,
+                           finding_.causes, options_.seed});
+    } catch (const Error& error) {
+      finding_.notes.push_back(std::string("no next experiment is proposed: ") + error.what());
+    }
+  }
+
   void add_series(const VecX<double>& e0, const VecX<double>& e1, double) {
     const Evidence& e = held_out_->evidence();
     const std::vector<std::string> names = joint_names(model_), units = units_of(model_);
@@ -647,6 +666,7 @@ class Diagnosis {
   std::vector<Candidate> candidates_;
   double period_ = 0.0;
   PreprocessPlan test_plan_;
+  bool link_side_ = false;
   std::vector<bool> fitted_rows_, held_rows_;
   BasePrior prior_;
   std::unique_ptr<Evidence> train_, test_;

@@ -1,6 +1,5 @@
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 #include <numbers>
 
@@ -9,46 +8,10 @@
 #include <diffnea/dynamics/rnea.hpp>
 #include <diffnea/excite/fourier.hpp>
 
+#include "excite/limits.hpp"
+
 namespace diffnea {
 namespace {
-
-struct Range {
-  double middle, half, velocity, effort;
-};
-
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
-
-/// A velocity or effort limit; descriptions write 0 where they know none.
-bool is_given(double limit) { return limit > 0.0 && std::isfinite(limit); }
-
-std::string number(double x) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.4g", x);
-  return text;
-}
-
-Range range_of(const ModelLink& link, const FourierOptions& o) {
-  const bool turns = link.type == ModelJoint::kRevolute;
-  const JointLimits& l = link.limits;
-  if (l.lower > l.upper)
-    throw ModelError("excite: the limits of joint '" + link.joint + "' are inverted: lower " +
-                     number(l.lower) + ", upper " + number(l.upper) + "; correct the model");
-  Range r{0.0, turns ? o.half_range : o.half_stroke, turns ? o.velocity : o.slide_velocity,
-          is_given(l.effort) ? l.effort * o.effort_share : kInfinity};
-  const bool low = std::isfinite(l.lower), high = std::isfinite(l.upper);
-  if (low && high) {
-    r.middle = 0.5 * (l.lower + l.upper);
-    r.half = 0.5 * (l.upper - l.lower) * o.position_share;
-    // Joints that may turn right round need not.
-    if (turns) r.half = std::min(r.half, 2.0);
-  } else if (low) {
-    r.middle = std::max(0.0, l.lower + r.half);
-  } else if (high) {
-    r.middle = std::min(0.0, l.upper - r.half);
-  }
-  if (is_given(l.velocity)) r.velocity = std::min(l.velocity, 2.0 * r.velocity) * o.velocity_share;
-  return r;
-}
 
 /// q(t) = Σ a_k sin(kωt) + b_k (cos(kωt) − 1), with Σ k a_k = 0 (at rest) and Σ k² b_k = 0 (without
 /// a jerk at the start and between periods).
@@ -76,7 +39,7 @@ void require(bool ok, const char* what) {
 
 /// Largest share of an effort limit that the motion needs; `gain` scales it about the middle
 /// posture.
-double effort_share(const Tree<double>& tree, const std::vector<Range>& ranges,
+double effort_share(const Tree<double>& tree, const std::vector<JointRange>& ranges,
                     const RowMatX<double>& q, const RowMatX<double>& qd, const RowMatX<double>& qdd,
                     const VecX<double>& middle, double gain, long step) {
   RneaWorkspace<double, double> ws;
@@ -107,7 +70,7 @@ Trajectory random_fourier(const Model& model, const FourierOptions& o) {
   const long per_period = std::lround(o.period * o.rate);
   const long rows = periods * per_period + 1;
 
-  std::vector<Range> ranges;
+  std::vector<JointRange> ranges;
   VecX<double> middle = VecX<double>::Zero(n);
   std::vector<int> driven;
   bool may_move = false;
@@ -190,17 +153,18 @@ std::vector<std::string> fourier_notes(const Model& model, const FourierOptions&
     if (link.passive) continue;
     const bool turns = link.type == ModelJoint::kRevolute;
     const JointLimits& l = link.limits;
-    const Range r = range_of(link, o);
+    const JointRange r = range_of(link, o);
     const std::string unit = turns ? " rad" : " m";
     if (!(r.half > 0.0))
-      out.push_back(link.joint + ": its limits leave no range, it is held at " + number(r.middle) +
-                    unit);
+      out.push_back(link.joint + ": its limits leave no range, it is held at " +
+                    short_number(r.middle) + unit);
     else if (!std::isfinite(l.lower) && !std::isfinite(l.upper))
       out.push_back(link.joint + ": no position limits, it moves within " +
-                    number(r.middle - r.half) + " to " + number(r.middle + r.half) + unit);
+                    short_number(r.middle - r.half) + " to " + short_number(r.middle + r.half) +
+                    unit);
     if (!is_given(l.velocity))
       out.push_back(link.joint + ": no velocity limit" + (l.velocity == 0.0 ? " (0)" : "") +
-                    ", it moves at up to " + number(r.velocity) + unit + "/s");
+                    ", it moves at up to " + short_number(r.velocity) + unit + "/s");
     if (!is_given(l.effort))
       out.push_back(link.joint + ": no effort limit" + (l.effort == 0.0 ? " (0)" : "") +
                     ", its torque is not looked at");

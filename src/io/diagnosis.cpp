@@ -81,11 +81,22 @@ Json audit(const Finding& f) {
 
 Json next_experiment(const Finding& f) {
   if (!f.next_experiment) return {};
-  Json pairs = Json::array();
-  for (const auto& [one, other] : f.next_experiment->separates) pairs.push_back({one, other});
-  return {{"separates", pairs},
-          {"expected_delta_bic", number(f.next_experiment->expected_delta_bic)},
-          {"trajectory", f.next_experiment->trajectory}};
+  const NextExperiment& next = *f.next_experiment;
+  Json names = Json::array(), pairs = Json::array();
+  for (const ExperimentPair& p : next.pairs) {
+    names.push_back({p.effect, p.rival});
+    pairs.push_back({{"effect", p.effect},
+                     {"where", p.where},
+                     {"rival", p.rival},
+                     {"rival_where", p.rival_where},
+                     {"delta_bic", number(p.delta_bic)},
+                     {"expected_delta_bic", number(p.expected_delta_bic)}});
+  }
+  return {{"sentence", next.sentence},
+          {"separates", names},
+          {"pairs", pairs},
+          {"expected_delta_bic", number(next.expected_delta_bic)},
+          {"trajectory", next.trajectory.empty() ? Json() : Json(next.trajectory)}};
 }
 
 /// Every n-th value, so that at most kMostPoints are left.

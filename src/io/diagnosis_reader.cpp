@@ -117,15 +117,14 @@ void read_rest(JsonObject& root, Finding& f) {
   if (const Json* value = root.optional("next_experiment")) {
     JsonObject o(*value, root.at("next_experiment"));
     NextExperiment next;
+    next.sentence = o.string("sentence");
     next.expected_delta_bic = number_or_nan(o, "expected_delta_bic");
     next.trajectory = o.string_or("trajectory", "");
-    for (const Json& pair : io::json_array(o.required("separates"), o.at("separates"))) {
-      if (io::json_array(pair, o.at("separates")).size() != 2)
-        throw ModelError(o.at("separates") + ": has " + std::to_string(pair.size()) +
-                         " names, expected pairs");
-      next.separates.emplace_back(io::json_string(pair[0], o.at("separates")),
-                                  io::json_string(pair[1], o.at("separates")));
-    }
+    for_each_object(o, "pairs", [&](JsonObject& p) {
+      next.pairs.push_back({p.string("effect"), p.string("where"), p.string("rival"),
+                            p.string("rival_where"), number_or_nan(p, "delta_bic"),
+                            number_or_nan(p, "expected_delta_bic")});
+    });
     f.next_experiment = next;
   }
 }

@@ -23,21 +23,38 @@ std::string simulate_result_json(const SimulatedRecording& result, const std::st
                {"failure", result.failure.empty() ? io::Json() : io::Json(result.failure)}});
 }
 
-std::string excite_result_json(const Trajectory& t, double period, const std::string& file,
-                               const std::vector<std::string>& notes) {
+std::string excite_result_json(const Excitation& result, const std::string& file) {
+  const Trajectory& t = result.trajectory;
   io::Json joints = io::Json::array();
-  for (int j = 0; j < t.num_joints(); ++j)
-    joints.push_back({{"joint", t.joint_names[j]},
+  for (int j = 0; j < t.num_joints(); ++j) {
+    const LimitUse& use = result.limits[static_cast<std::size_t>(j)];
+    joints.push_back({{"joint", t.joint_names[static_cast<std::size_t>(j)]},
                       {"lowest", t.q.col(j).minCoeff()},
                       {"highest", t.q.col(j).maxCoeff()},
-                      {"fastest", t.qd.col(j).cwiseAbs().maxCoeff()}});
+                      {"fastest", t.qd.col(j).cwiseAbs().maxCoeff()},
+                      {"limits_used",
+                       {{"position", use.position},
+                        {"velocity", use.velocity},
+                        {"acceleration", use.acceleration},
+                        {"torque", use.effort > 0.0 ? io::Json(use.effort) : io::Json()}}}});
+  }
   return text({{"schema", "diffnea/excite/1"},
                {"trajectory", file},
                {"rows", t.rows()},
                {"seconds", t.time[t.rows() - 1]},
-               {"period", period},
+               {"period", result.period},
                {"joints", joints},
-               {"notes", notes}});
+               {"information",
+                {{"base_parameters", result.base_parameters},
+                 {"log_det", result.log_det},
+                 {"random_log_det", result.random_log_det},
+                 {"condition", result.condition},
+                 {"random_condition", result.random_condition},
+                 {"std_ratio", result.std_ratio},
+                 {"std_ratio_range", {result.best_std_ratio, result.worst_std_ratio}}}},
+               {"iterations", result.iterations},
+               {"interrupted", result.interrupted},
+               {"notes", result.notes}});
 }
 
 }  // namespace diffnea

@@ -222,14 +222,17 @@ std::string candidates(const Finding& f) {
 
 std::string next_experiment(const Finding& f) {
   if (!f.next_experiment) return "";
-  std::vector<std::string> pairs;
-  for (const auto& [one, other] : f.next_experiment->separates)
-    pairs.push_back(plain(one) + " from " + plain(other));
-  std::string text = "Next experiment: record " + f.next_experiment->trajectory + ", which tells ";
-  for (std::size_t k = 0; k < pairs.size(); ++k) text += (k ? ", " : "") + pairs[k];
-  return element(
-      "p", text + " (expected ΔBIC " + number(f.next_experiment->expected_delta_bic, 3) + ").",
-      "gained");
+  const NextExperiment& next = *f.next_experiment;
+  std::vector<std::vector<std::string>> rows;
+  for (const ExperimentPair& p : next.pairs)
+    rows.push_back({escape(at(p.effect, p.where)), escape(at(p.rival, p.rival_where)),
+                    number(p.delta_bic, 3), number(p.expected_delta_bic, 3)});
+  return element("h3", "Next experiment") + element("p", escape(next.sentence), "gained") +
+         html_table({"cause", "rival", "ΔBIC now", "ΔBIC expected"}, rows, {"", "", "n", "n"}) +
+         (next.trajectory.empty()
+              ? ""
+              : element("p", "The motion is " + escape(next.trajectory) +
+                                 ", beside this page; collisions were not looked at."));
 }
 
 std::string left_open(const Finding& f) {

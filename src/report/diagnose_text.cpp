@@ -77,8 +77,10 @@ std::string rest_text(const Finding& f) {
     absorbed += " and " + std::to_string(f.absorbed.size() - kMostAbsorbed) + " more";
   if (!absorbed.empty()) out += "not visible beside the base parameters: " + absorbed + "\n";
   if (f.next_experiment)
-    out += "next experiment: " + f.next_experiment->trajectory + " (expected ΔBIC " +
-           number(f.next_experiment->expected_delta_bic, 3) + ")\n";
+    out +=
+        "next experiment" +
+        (f.next_experiment->trajectory.empty() ? "" : " (" + f.next_experiment->trajectory + ")") +
+        ": " + f.next_experiment->sentence + "\n";
   for (const ChannelFault& a : f.audit) out += "channel: " + a.evidence + "\n";
   for (const std::string& text : reservations(f))
     if (!text.starts_with(kWarning)) out += "note: " + text + "\n";

@@ -1,6 +1,7 @@
 #include <diffnea/core/error.hpp>
 #include <diffnea/io/atomic_file.hpp>
 #include <diffnea/io/model_file.hpp>
+#include <diffnea/io/trajectory_file.hpp>
 #include <diffnea/report/diagnose_page.hpp>
 #include <diffnea/report/identify_page.hpp>
 #include <diffnea/report/run_folder.hpp>
@@ -52,6 +53,8 @@ void publish_fit_run(FitRun& run, ResultFolder& folder) {
 void publish_diagnose_run(DiagnoseRun& run, ResultFolder& folder) {
   const fs::path& staging = folder.staging();
   write_models(run.finding.model, staging, run.finding.notes);
+  if (run.finding.next_experiment && run.finding.next_experiment->motion.rows() > 0)
+    write_trajectory(run.finding.next_experiment->motion, staging / kNextExperimentFile);
   write_file_atomically(staging / "series.json", diagnose_series_json(run.finding));
   write_file_atomically(staging / "result.json", diagnose_result_json(run));
   write_file_atomically(staging / "report.html", diagnose_page(read_diagnose_run(staging)));

@@ -69,10 +69,18 @@ struct Recorded {
   Rng noise;  ///< for the torques, after the positions
 };
 
-Recorded record(const Case& c, bool is_test) {
+/// A motion for the first recording in place of a drawn one.
+struct Given {
+  std::string file;
+  double period = 10.0;  ///< [s]
+};
+
+Recorded record(const Case& c, bool is_test, const Given& given) {
   Rng noise(c.seed, c.stream + (is_test ? kTestNoise : kTrainNoise));
-  const Motion motion(c.world.robot, c.period,
-                      Rng(c.seed, c.stream + (is_test ? kTestMotion : kTrainMotion)));
+  const Motion motion = given.file.empty() || is_test
+                            ? Motion(c.world.robot, c.period,
+                                     Rng(c.seed, c.stream + (is_test ? kTestMotion : kTrainMotion)))
+                            : Motion(c.world.robot, given.period, given.file);
   SimulationOptions o;
   o.rate = c.rate;
   o.duration = c.duration;
@@ -82,14 +90,14 @@ Recorded record(const Case& c, bool is_test) {
 }
 
 void generate(std::uint64_t seed, const std::string& family, const CaseOptions& options,
-              const std::filesystem::path& folder) {
+              const Given& given, const std::filesystem::path& folder) {
   Case c = draw_case(seed, family, options);
   std::vector<Recorded> recorded;
   // An effect that was scaled on one motion can be too much for the controller on another.
   for (int attempt = 0; recorded.size() < 2; ++attempt) {
     recorded.clear();
     try {
-      for (const bool is_test : {false, true}) recorded.push_back(record(c, is_test));
+      for (const bool is_test : {false, true}) recorded.push_back(record(c, is_test, given));
     } catch (const std::runtime_error&) {
       if (attempt == 6 || c.world.hidden.empty()) throw;
       for (Mechanism& h : c.world.hidden) h.strength *= 0.6;
@@ -100,8 +108,10 @@ void generate(std::uint64_t seed, const std::string& family, const CaseOptions& 
   std::filesystem::create_directories(truth);
   write_text(seen / "model.xml", to_mjcf(c.world.nominal, {}, true));
   const Eigen::VectorXd torque_rms = rms(recorded[0].series.tau);
+  Case first = c;
+  if (!given.file.empty()) first.period = given.period;
   for (std::size_t i = 0; i < 2; ++i)
-    write_recording(seen / (i == 0 ? "train" : "test"), c, recorded[i].series,
+    write_recording(seen / (i == 0 ? "train" : "test"), i == 0 ? first : c, recorded[i].series,
                     recorded[i].position_noise, torque_rms, recorded[i].noise);
   write_text(truth / "truth.json", truth_of(c, recorded[0].series).dump(1) + "\n");
 }
@@ -114,6 +124,7 @@ int main(int argc, char** argv) {
   std::uint64_t seed = 0;
   std::string family, folder;
   hidden::CaseOptions options;
+  hidden::Given given;
   bool list = false;
   app.add_option("--seed", seed, "of everything that is drawn")->capture_default_str();
   app.add_option("--family", family, "what is hidden; drawn if not given");
@@ -136,6 +147,12 @@ int main(int argc, char** argv) {
   app.add_option("--rate", options.rate, "of control and recording [Hz]")
       ->check(CLI::Range(50.0, 5000.0))
       ->capture_default_str();
+  app.add_option("--motion", given.file,
+                 "trajectory file that train.csv follows in place of a drawn motion")
+      ->check(CLI::ExistingFile);
+  app.add_option("--motion-period", given.period, "of that file [s]")
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str();
   app.add_flag("--list", list, "print the families");
   app.add_option("-o", folder, "folder of the case");
   CLI11_PARSE(app, argc, argv);
@@ -145,7 +162,7 @@ int main(int argc, char** argv) {
       return 0;
     }
     if (folder.empty()) throw std::invalid_argument("-o is missing: the folder of the case");
-    hidden::generate(seed, family, options, folder);
+    hidden::generate(seed, family, options, given, folder);
   } catch (const std::exception& error) {
     std::cerr << "hidden_effects_generate: " << error.what() << "\n";
     return 1;

@@ -1,6 +1,10 @@
 #include "motion.hpp"
 
 #include <algorithm>
+#include <cmath>
+#include <fstream>
+#include <sstream>
+#include <stdexcept>
 
 namespace hidden {
 namespace {
@@ -32,7 +36,44 @@ Motion::Motion(const Robot& robot, double period, Rng rng) : period_(period) {
   }
 }
 
+Motion::Motion(const Robot& robot, double period, const std::filesystem::path& file)
+    : period_(period), rows_(3 * robot.links.size()) {
+  std::ifstream in(file);
+  std::string line, cell;
+  std::getline(in, line);
+  std::vector<std::vector<double>*> column;
+  std::vector<double> time;
+  std::stringstream head(line);
+  while (std::getline(head, cell, ',')) {
+    column.push_back(cell == "time" ? &time : nullptr);
+    for (std::size_t j = 0; j < robot.links.size(); ++j)
+      for (std::size_t d = 0; d < 3; ++d)
+        if (cell == std::string("q") + std::string(d, 'd') + "cmd_" + robot.links[j].joint)
+          column.back() = &rows_[3 * j + d];
+  }
+  while (std::getline(in, line)) {
+    std::stringstream cells(line);
+    for (std::vector<double>* to : column)
+      if (std::getline(cells, cell, ',') && to) to->push_back(std::stod(cell));
+  }
+  for (const std::vector<double>& values : rows_)
+    if (values.size() != time.size() || time.size() < 2)
+      throw std::invalid_argument(file.string() +
+                                  ": no trajectory of every joint (time, qcmd_, qdcmd_, qddcmd_)");
+  step_ = (time.back() - time.front()) / static_cast<double>(time.size() - 1);
+}
+
+double Motion::at_time(int joint, double time, int derivative) const {
+  const std::vector<double>& x = rows_[static_cast<std::size_t>(3 * joint + derivative)];
+  const double n = static_cast<double>(x.size() - 1);  // the last row is the first again
+  double at = std::fmod(time / step_, n);
+  if (at < 0.0) at += n;
+  const std::size_t i = std::min(static_cast<std::size_t>(at), x.size() - 2);
+  return x[i] + (at - static_cast<double>(i)) * (x[i + 1] - x[i]);
+}
+
 double Motion::sum(int joint, double time, int derivative) const {
+  if (!rows_.empty()) return at_time(joint, time, derivative);
   const Series& s = joints_[static_cast<std::size_t>(joint)];
   double out = derivative == 0 ? s.centre : 0.0;
   for (int h = 0; h < kHarmonics; ++h) {

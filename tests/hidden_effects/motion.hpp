@@ -1,6 +1,7 @@
 #pragma once
 /// Desired motions: Fourier series, periodic, another one for every stream of a seed.
 
+#include <filesystem>
 #include <vector>
 
 #include "random.hpp"
@@ -14,6 +15,10 @@ class Motion {
   /// Amplitudes fill the joints' ranges as far as speed and acceleration allow.
   /// @param period  T [s]
   Motion(const Robot& robot, double period, Rng rng);
+  /// A motion from a file: `time` at equal steps, qcmd_, qdcmd_, qddcmd_ of every joint, over one
+  /// period or several; the last row is the first again.
+  /// @throws std::invalid_argument if a column is missing
+  Motion(const Robot& robot, double period, const std::filesystem::path& file);
 
   double period() const { return period_; }
   double position(int joint, double time) const { return sum(joint, time, 0); }
@@ -29,8 +34,12 @@ class Motion {
   double sum(int joint, double time, int derivative) const;
   double peak(int joint, int derivative) const;
 
+  double at_time(int joint, double time, int derivative) const;
+
   double period_;
   std::vector<Series> joints_;
+  double step_ = 0.0;                        ///< of the rows [s]
+  std::vector<std::vector<double>> rows_{};  ///< [derivative + 3 joint]; empty: a series
 };
 
 }  // namespace hidden

@@ -10,6 +10,7 @@
 #include <diffnea/identify/identify.hpp>
 #include <diffnea/model/model.hpp>
 #include <diffnea/recording/audit.hpp>
+#include <diffnea/recording/trajectory.hpp>
 
 namespace diffnea {
 
@@ -146,11 +147,23 @@ struct EvidencePlot {
   double mark = std::numeric_limits<double>::quiet_NaN();  ///< the cause's own x (cycles, delay)
 };
 
+/// A cause and a rival of its class, and how clearly they differ.
+struct ExperimentPair {
+  std::string effect, where, rival, rival_where;
+  double delta_bic = 0.0;           ///< in this recording
+  double expected_delta_bic = 0.0;  ///< in the next one, if the cause is the cause
+};
+
+/// Where RUN/ holds the motion.
+inline const std::string kNextExperimentFile = "next_experiment.csv";
+
 /// A motion that would tell the rivals apart.
 struct NextExperiment {
-  std::vector<std::pair<std::string, std::string>> separates;
-  double expected_delta_bic = 0.0;
-  std::string trajectory;  ///< file in RUN/
+  std::string sentence;  ///< what to do, and what to expect of it
+  std::vector<ExperimentPair> pairs;
+  double expected_delta_bic = 0.0;  ///< smallest of the pairs that it tells apart
+  std::string trajectory;           ///< file in RUN/; empty: no motion that was tried tells any
+  Trajectory motion;                ///< what the file holds
 };
 
 struct Finding {

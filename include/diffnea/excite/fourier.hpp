@@ -27,6 +27,7 @@ struct FourierOptions {
   double velocity = 2.0;        ///< revolute [rad/s]
   double half_stroke = 0.1;     ///< prismatic [m]
   double slide_velocity = 0.3;  ///< prismatic [m/s]
+  double ramp = 0.25;           ///< from rest to the velocity limit at the acceleration limit [s]
 };
 
 /// A trajectory of the joints that have a motor. Every joint moves about the middle of its range

@@ -11,8 +11,9 @@
 namespace diffnea {
 
 /// Everything that a run may leave in RUN/ (docs/schema/identify.md, diagnose.md).
-inline const std::vector<std::string> kRunFiles{"result.json", "series.json", "model.json",
-                                                "model.urdf",  "model.xml",   "report.html"};
+inline const std::vector<std::string> kRunFiles{"result.json",      "series.json", "model.json",
+                                                "model.urdf",       "model.xml",   "report.html",
+                                                kNextExperimentFile};
 
 /// Writes all of them into the folder and publishes it. Where the model came from a URDF or an MJCF
 /// that is still there, the fitted one is written in that form too.

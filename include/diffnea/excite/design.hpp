@@ -1,0 +1,81 @@
+#pragma once
+/// An informative motion: a finite Fourier series per joint (Swevers et al. 1997), chosen so that
+/// log det of the information about the base parameters is largest (D-optimal) within the limits.
+///
+///     const Excitation e = design_excitation(read_model("arm.urdf"), {});
+///     write_trajectory(e.trajectory, "motion.csv");
+///
+/// q_j(t) = c_j + Σ_k a_jk sin(kωt) + b_jk cos(kωt) with Σ k a_jk = Σ k² b_jk = 0: at rest, without
+/// a step of the acceleration, at the start and after every period.
+///
+/// The rows of the torque regressor, with the columns that `identify` fits by default (inertias,
+/// rotors, friction, offsets, the model's own effects), divided by each joint's noise, are summed
+/// over a period. A random start is improved by CMA-ES (Hansen 2016) over shape, centre and
+/// amplitude of every joint; each trial is scaled into its limits first, so that all are feasible.
+///
+/// Limits hold at every instant, between the rows too: a trigonometric polynomial of degree H stays
+/// below 1/cos(πH/N) of the largest of N equal samples (Ehlich and Zeller 1964), which bounds
+/// positions, velocities and accelerations. Torques are no polynomials: they are evaluated every
+/// millisecond or finer, and twice the error of a straight line between the samples, h²/8 |τ̈| with
+/// τ̈ from differences, is added.
+
+#include <functional>
+#include <map>
+
+#include <diffnea/excite/fourier.hpp>
+#include <diffnea/identify/identify.hpp>
+
+namespace diffnea {
+
+/// Limits in place of the model's, by joint; the empty name stands for all joints. They are used in
+/// full, where of the model's own a share is kept back.
+struct LimitOverrides {
+  std::map<std::string, std::pair<double, double>> position;  ///< lowest, highest [rad] or [m]
+  std::map<std::string, double> velocity;                     ///< [rad/s] or [m/s]
+  std::map<std::string, double> acceleration;                 ///< [rad/s²] or [m/s²]
+  std::map<std::string, double> effort;                       ///< [N·m] or [N]
+};
+
+struct DesignOptions {
+  FourierOptions motion;
+  LimitOverrides limits;
+  /// Noise of each joint's torque, (n) [N·m] or [N]; empty: 1 % of its effort limit, or of the
+  /// largest torque of the random motions where there is none. Ratios alone count.
+  std::vector<double> noise;
+  int starts = 25;       ///< random motions: the best is improved, the median is compared with
+  int iterations = 300;  ///< generations of the search; 0: the best random motion
+  /// Returns false: stop with the best so far.
+  std::function<bool(const FitProgress&)> progress;
+};
+
+/// What a motion uses of a joint's limits, shares of 1, bounds over all instants.
+struct LimitUse {
+  std::string joint;
+  double position = 0.0, velocity = 0.0, acceleration = 0.0;
+  double effort = 0.0;  ///< by the model with its effects; 0 where no limit is known
+};
+
+struct Excitation {
+  Trajectory trajectory;  ///< of the joints with a motor
+  double period = 0.0;    ///< a whole number of rows [s]
+  int base_parameters = 0;
+  double log_det = 0.0;         ///< of the information, columns scaled to one over random states
+  double random_log_det = 0.0;  ///< of the median random motion
+  double condition = 0.0;       ///< of the same scaled regressor
+  double random_condition = 0.0;
+  /// Expected standard errors over those of the median random motion: geometric mean (=
+  /// exp(−Δ log det / 2p)), smallest and largest of one parameter.
+  double std_ratio = 1.0, best_std_ratio = 1.0, worst_std_ratio = 1.0;
+  std::vector<LimitUse> limits;
+  std::vector<std::string> notes;  ///< what stands in for limits that are not known, and the like
+  int iterations = 0;
+  bool interrupted = false;
+};
+
+/// Deterministic for a seed.
+/// @throws ModelError if nothing can move, limits are inverted, or no posture can be held or no
+/// motion be made within the torque limits (names joint, torque and limit);
+///         Error for options out of range
+Excitation design_excitation(const Model& model, const DesignOptions& options = {});
+
+}  // namespace diffnea

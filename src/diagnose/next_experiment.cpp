@@ -1,0 +1,413 @@
+#include "diagnose/next_experiment.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include <Eigen/Cholesky>
+#include <Eigen/QR>
+
+#include <diffnea/core/error.hpp>
+
+#include "excite/motion.hpp"
+
+namespace diffnea {
+namespace {
+
+constexpr double kPeriod = 10.0;         ///< of the motions [s]
+constexpr double kDuration = 40.0;       ///< of the experiment [s]
+constexpr double kRamp = 0.1;            ///< from rest to the velocity limit: fast motions need it
+constexpr double kTold = 10.0;           ///< ΔBIC from which two effects are told apart
+constexpr int kGaussNewton = 6;          ///< steps of a rival's parameters
+constexpr std::size_t kMostStarts = 8;   ///< of a rival's shapes
+constexpr int kSamplesPerHarmonic = 12;  ///< for limits
+constexpr double kPassBand = 2.5;  ///< the filter's cut-off over the motion's fastest harmonic
+
+/// A kind of motion: which harmonics of 1/kPeriod, and how much of the limits.
+struct Family {
+  const char* words;
+  int first, last;         ///< harmonics
+  double speed = 1.0;      ///< of the velocity limit
+  double range = 1.0;      ///< of the position limits
+  bool one_joint = false;  ///< at the cause's joints alone; the others move in the ordinary way
+};
+
+const std::vector<Family> kFamilies{
+    {"in five harmonics up to 0.5 Hz", 1, 5},
+    {"slowly, up to 0.3 Hz, over its whole range", 1, 3, 1.0, 1.2},
+    {"slowly, at a tenth of its speed", 1, 3, 0.1},
+    {"at up to 1 Hz", 1, 10},
+    {"between 0.8 and 1.2 Hz", 8, 12},
+    {"at up to 3 Hz", 1, 30},
+    {"between 1.8 and 2.2 Hz", 18, 22},
+    {"between 2.5 and 3 Hz", 25, 30},
+    {"at up to 5 Hz", 1, 50},
+    {"between 4 and 5 Hz", 40, 50},
+    {"between 0.8 and 1.2 Hz", 8, 12, 1.0, 1.0, true},
+    {"at up to 3 Hz", 1, 30, 1.0, 1.0, true},
+    {"between 2.5 and 3 Hz", 25, 30, 1.0, 1.0, true},
+    {"at up to 5 Hz", 1, 50, 1.0, 1.0, true},
+};
+constexpr int kOrdinaryLast = 5;
+constexpr int kDraws = 2;  ///< of each family
+
+/// A cause and a rival of its class.
+struct Pair {
+  std::size_t term;
+  const Candidate* rival;
+  double now;
+};
+
+/// Coefficients in a band that begin at rest: Σ k a_k = Σ k² b_k = 0.
+void draw_band(int first, int last, Rng& rng, Eigen::Ref<VecX<double>> a,
+               Eigen::Ref<VecX<double>> b) {
+  a.setZero();
+  b.setZero();
+  VecX<double> k = VecX<double>::Zero(a.size());
+  for (int i = first; i <= last; ++i) {
+    k[i - 1] = i;
+    a[i - 1] = rng.normal() / i;
+    b[i - 1] = rng.normal() / i;
+  }
+  const VecX<double> k2 = k.cwiseAbs2();
+  a -= k * (k.dot(a) / k.squaredNorm());
+  b -= k2 * (k2.dot(b) / k2.squaredNorm());
+}
+
+/// What one motion would show.
+class Trial {
+ public:
+  Trial(const ExperimentContext& c, const Trajectory& motion, double fastest_hz)
+      : context_(c),
+        evidence_(c.model, c.layout, *source(c, motion), plan(c, fastest_hz), 0.0, {}),
+        whitener_(evidence_, noise(c, evidence_), {}),
+        projection_(evidence_, whitener_, c.prior),
+        longer_(kDuration / (motion.time[motion.rows() - 1] - motion.time[0])) {
+    evidence_.set_reference(c.reference);
+  }
+
+  /// Expected ΔBIC of the rival in the cause's place, over the experiment's duration.
+  double separation(const Pair& pair) {
+    const Term& cause = context_.terms[pair.term];
+    others_ = basis_without(pair.term);
+    const VecX<double> g = beside(evidence_.torque_of(cause.effect));
+    const double left = longer_ * least(g, *pair.rival);
+    const double n = longer_ * static_cast<double>(whitener_.used_rows());
+    const auto size = [](const auto& x) {
+      return static_cast<double>(x.linear.size() + x.shapes.size());
+    };
+    return n * std::log1p(left / n) + (size(*pair.rival) - size(cause)) * std::log(n);
+  }
+
+ private:
+  static std::unique_ptr<RecordingSource> source(const ExperimentContext& c, const Trajectory& t) {
+    Recording r;
+    r.source = "next experiment";
+    r.joint_names = t.joint_names;
+    r.time = t.time;
+    r.q = t.q;
+    r.has_tau.assign(t.joint_names.size(), false);
+    r.tau = RowMatX<double>::Constant(t.rows(), t.num_joints(),
+                                      std::numeric_limits<double>::quiet_NaN());
+    for (const int j : c.joints) {  // what matters is that there is one
+      r.has_tau[static_cast<std::size_t>(j)] = true;
+      r.tau.col(j).setOnes();
+    }
+    r.info.torque_side = c.link_side ? TorqueSide::kLink : TorqueSide::kMotor;
+    r.info.torque_sampling = TorqueSampling::kInstant;
+    std::vector<Recording> one;
+    one.push_back(std::move(r));
+    return recordings_in_memory(c.model, std::move(one));
+  }
+
+  static PreprocessPlan plan(const ExperimentContext& c, double fastest_hz) {
+    PreprocessPlan out = c.plan;
+    out.filter_hz = std::max(out.filter_hz, std::min(kPassBand * fastest_hz, 0.4 / out.dt));
+    return out;
+  }
+
+  static std::vector<JointNoise> noise(const ExperimentContext& c, const Evidence& evidence) {
+    if (evidence.joints() != c.joints)
+      throw ModelError("not every joint of the recording moves in the planned motion");
+    return c.noise;
+  }
+
+  /// Orthonormal basis of what the other causes may take: their columns, shapes too.
+  MatX<double> basis_without(std::size_t term) {
+    MatX<double> all(projection_.residual().size(), 0);
+    for (std::size_t i = 0; i < context_.terms.size(); ++i) {
+      if (i == term) continue;
+      const Term& t = context_.terms[i];
+      std::vector<int> which = t.linear;
+      which.insert(which.end(), t.shapes.begin(), t.shapes.end());
+      const MatX<double> columns = projection_.project(evidence_.columns(t.effect, which));
+      const long before = all.cols();
+      all.conservativeResize(Eigen::NoChange, before + columns.cols());
+      all.rightCols(columns.cols()) = columns;
+    }
+    if (all.cols() == 0) return all;
+    for (long c = 0; c < all.cols(); ++c) all.col(c) /= std::max(all.col(c).norm(), 1e-300);
+    Eigen::ColPivHouseholderQR<MatX<double>> qr(all);
+    qr.setThreshold(1e-6);
+    return qr.householderQ() * MatX<double>::Identity(all.rows(), qr.rank());
+  }
+
+  /// Whitened, beside the base and the other causes.
+  MatX<double> beside(const MatX<double>& columns) const {
+    MatX<double> out = projection_.project(columns);
+    if (others_.cols() > 0) out -= others_ * (others_.transpose() * out).eval();
+    return out;
+  }
+
+  /// ‖g − rival‖² at the rival's best parameters.
+  double least(const VecX<double>& g, const Candidate& rival) const {
+    double best = g.squaredNorm();
+    BoundEffect effect = rival.effect, start = rival.effect;
+    double at_start = std::numeric_limits<double>::infinity();
+    // The best of its shapes, with the linear parameters that suit them.
+    for (std::size_t p = 0; p < std::min(rival.grid.size(), kMostStarts); ++p) {
+      const std::size_t spread =  // over the whole grid
+          rival.grid.size() <= kMostStarts ? p : p * rival.grid.size() / kMostStarts;
+      for (const int k : rival.linear) effect.parameters[static_cast<std::size_t>(k)] = 0.0;
+      for (std::size_t s = 0; s < rival.shapes.size(); ++s)
+        effect.parameters[static_cast<std::size_t>(rival.shapes[s])] = rival.grid[spread][s];
+      BoundEffect moved = effect;
+      const double now =
+          step(g, rival, rival.linear, moved,
+               (g - VecX<double>(beside(evidence_.torque_of(effect)))).squaredNorm());
+      if (now < at_start) at_start = now, start = moved;
+    }
+    if (!std::isfinite(at_start)) return best;
+    best = std::min(best, at_start);
+    std::vector<int> all = rival.linear;
+    all.insert(all.end(), rival.shapes.begin(), rival.shapes.end());
+    if (rival.shapes.empty() && !rival.nonlinear) return best;
+    for (int i = 0; i < kGaussNewton; ++i) {
+      const double now = step(g, rival, all, start, best);
+      if (!(now < best * (1.0 - 1e-3))) return std::min(best, now);
+      best = now;
+    }
+    return best;
+  }
+
+  /// One Gauss–Newton step, halved until it helps; parameters keep their signs.
+  /// @return the new sum of squares; `effect` holds the parameters
+  double step(const VecX<double>& g, const Candidate& rival, const std::vector<int>& which,
+              BoundEffect& effect, double now) const {
+    if (which.empty()) return now;
+    const VecX<double> r = g - VecX<double>(beside(evidence_.torque_of(effect)));
+    const MatX<double> J = beside(evidence_.columns(effect, which));
+    MatX<double> K = J.transpose() * J;
+    const VecX<double> scale = K.diagonal().cwiseSqrt().cwiseMax(1e-300).cwiseInverse();
+    K = scale.asDiagonal() * K * scale.asDiagonal();
+    K.diagonal().array() += 1e-9;
+    const VecX<double> move =
+        scale.cwiseProduct(K.ldlt().solve(scale.cwiseProduct(J.transpose() * r)));
+    for (double part = 1.0; part > 0.05; part *= 0.5) {
+      BoundEffect moved = effect;
+      for (std::size_t i = 0; i < which.size(); ++i) {
+        const std::size_t k = static_cast<std::size_t>(which[i]);
+        const ParameterInfo& info = effect.parameter_info[k];
+        const double m = part * move[static_cast<long>(i)];
+        double& p = moved.parameters[k];
+        if (scale_of(info) == Scale::kLog)
+          p *= std::exp(std::clamp(m, -1.0, 1.0));
+        else
+          p += m;
+        if (info.sign != Sign::kFree) p = std::max(p, 0.0);
+      }
+      for (std::size_t s = 0; s < rival.shapes.size(); ++s)
+        moved.parameters[static_cast<std::size_t>(rival.shapes[s])] = std::max(
+            moved.parameters[static_cast<std::size_t>(rival.shapes[s])], rival.shape_low[s]);
+      const double next = (g - VecX<double>(beside(evidence_.torque_of(moved)))).squaredNorm();
+      if (!(next < now)) continue;
+      effect = moved;
+      return next;
+    }
+    return now;
+  }
+  static Scale scale_of(const ParameterInfo& info) { return diffnea::scale(info); }
+
+  const ExperimentContext& context_;
+  Evidence evidence_;
+  Whitener whitener_;
+  Projection projection_;
+  double longer_;
+  MatX<double> others_;
+};
+
+std::string label(const std::string& effect, const std::string& where) {
+  std::string out = effect + " at " + where;
+  std::ranges::replace(out, '_', ' ');
+  return out;
+}
+
+class Proposal {
+ public:
+  explicit Proposal(const ExperimentContext& c) : c_(c), effort_(c.reference) {
+    for (std::size_t i = 0; i < c.causes.size(); ++i) {
+      const auto term = std::ranges::find_if(c.terms, [&](const Term& t) {
+        return t.effect.info().name == c.causes[i].effect && t.effect.where == c.causes[i].where;
+      });
+      for (const Rival& r : c.causes[i].members) {
+        const auto rival = std::ranges::find_if(c.candidates, [&](const Candidate& x) {
+          return x.effect.info().name == r.effect && x.effect.where == r.where;
+        });
+        if (term != c.terms.end() && rival != c.candidates.end())
+          pairs_.push_back(
+              {static_cast<std::size_t>(term - c.terms.begin()), &*rival, r.delta_bic});
+      }
+    }
+    std::ranges::stable_sort(pairs_, {}, &Pair::now);
+    if (pairs_.size() > kMostPairs) pairs_.resize(kMostPairs);
+    for (const Pair& p : pairs_)
+      for (const int j : c.terms[p.term].effect.joints)
+        if (std::ranges::find(focus_, j) == focus_.end()) focus_.push_back(j);
+  }
+
+  std::optional<NextExperiment> run() {
+    if (pairs_.empty()) return {};
+    const std::vector<int> moving = moving_links(c_.model);
+    if (std::ranges::any_of(
+            moving, [&](int i) { return c_.model.links[static_cast<std::size_t>(i)].passive; }))
+      throw ModelError("a joint without a motor cannot be led along a planned motion");
+    const bool all = focus_.size() == moving.size();
+    Rng rng(c_.seed + 1);
+    for (std::size_t f = 0; f < kFamilies.size(); ++f) {
+      if (kFamilies[f].one_joint && all) continue;
+      for (int draw = 0; draw < kDraws; ++draw) {
+        Plan plan{&kFamilies[f], {}, {}};
+        plan.motion = draw_motion(kFamilies[f], rng, plan.ranges);
+        if (!(fit_effort(plan.ranges, effort_, plan.motion,
+                         kSamplesPerHarmonic * kFamilies[f].last) > 0.0))
+          continue;
+        const double rate = 1.0 / c_.plan.dt;
+        Trial trial(c_, to_trajectory(c_.model, plan.ranges, plan.motion, kPeriod, rate),
+                    kFamilies[f].last / kPeriod);
+        for (const Pair& p : pairs_) plan.expected.push_back(trial.separation(p));
+        plans_.push_back(std::move(plan));
+      }
+    }
+    if (plans_.empty()) throw ModelError("no motion that was tried keeps the torque limits");
+    return describe(choose());
+  }
+
+ private:
+  struct Plan {
+    const Family* family;
+    std::vector<JointRange> ranges;
+    FourierMotion motion;
+    std::vector<double> expected = {};  ///< of the pairs
+  };
+
+  FourierMotion draw_motion(const Family& family, Rng& rng, std::vector<JointRange>& ranges) const {
+    FourierOptions options;
+    options.ramp = kRamp;
+    options.position_share = std::min(0.95, options.position_share * family.range);
+    options.velocity_share *= family.speed;
+    options.velocity *= family.speed;
+    options.slide_velocity *= family.speed;
+    ranges = joint_ranges(c_.model, options, {});
+    const long n = static_cast<long>(ranges.size());
+    const int h = std::max(family.last, kOrdinaryLast);
+    FourierMotion m{kPeriod, VecX<double>::Zero(n), MatX<double>::Zero(n, h),
+                    MatX<double>::Zero(n, h)};
+    VecX<double> a(h), b(h);
+    for (long j = 0; j < n; ++j) {
+      const bool other =
+          family.one_joint && std::ranges::find(focus_, static_cast<int>(j)) == focus_.end();
+      draw_band(other ? 1 : family.first, other ? kOrdinaryLast : family.last, rng, a, b);
+      m.a.row(j) = a.transpose();
+      m.b.row(j) = b.transpose();
+    }
+    fill_ranges(ranges, HarmonicTable(h, kSamplesPerHarmonic * h), VecX<double>::Ones(n),
+                VecX<double>::Zero(n), m);
+    return m;
+  }
+
+  /// The plan whose smallest separation is largest, over the pairs that some plan separates; where
+  /// none separates them all, the one that separates most.
+  const Plan& choose() {
+    for (std::size_t k = 0; k < pairs_.size(); ++k) {
+      double most = 0.0;
+      for (const Plan& p : plans_) most = std::max(most, p.expected[k]);
+      if (most >= kTold) told_.push_back(k);
+    }
+    const auto worth = [&](const Plan& p) {
+      double smallest = 1e300;
+      int told = 0;
+      for (const std::size_t k : told_) {
+        smallest = std::min(smallest, p.expected[k]);
+        told += p.expected[k] >= kTold;
+      }
+      return std::pair{told, smallest};
+    };
+    const Plan* best = &plans_.front();
+    for (const Plan& p : plans_)
+      if (worth(p) > worth(*best)) best = &p;
+    return *best;
+  }
+
+  std::string joints_in_words() const {
+    const std::vector<std::string> names = joint_names(c_.model);
+    std::string out;
+    for (std::size_t i = 0; i < focus_.size(); ++i)
+      out += (i ? ", " : "") + names[static_cast<std::size_t>(focus_[i])];
+    return out;
+  }
+
+  NextExperiment describe(Plan plan) const {
+    fit_effort(plan.ranges, effort_, plan.motion);
+    NextExperiment out;
+    out.motion = to_trajectory(c_.model, plan.ranges, plan.motion, kDuration, 1.0 / c_.plan.dt);
+    out.expected_delta_bic = std::numeric_limits<double>::infinity();
+    std::string told, open;
+    for (std::size_t k = 0; k < pairs_.size(); ++k) {
+      const BoundEffect& one = c_.terms[pairs_[k].term].effect;
+      const BoundEffect& other = pairs_[k].rival->effect;
+      const ExperimentPair pair{one.info().name, one.where,     other.info().name,
+                                other.where,     pairs_[k].now, plan.expected[k]};
+      out.pairs.push_back(pair);
+      const std::string both =
+          label(pair.effect, pair.where) + " and " + label(pair.rival, pair.rival_where);
+      if (plan.expected[k] < kTold) {
+        open += (open.empty() ? "" : "; ") + both;
+        continue;
+      }
+      out.expected_delta_bic = std::min(out.expected_delta_bic, plan.expected[k]);
+      told += (told.empty() ? "" : "; ") + std::string("between ") + both + " " +
+              short_number(std::round(plan.expected[k])) + " instead of " +
+              short_number(std::round(10.0 * pair.delta_bic) / 10.0);
+    }
+    const bool all = !plan.family->one_joint;
+    out.sentence = told.empty()
+                       ? ""
+                       : "Move " + (all ? "every joint " : joints_in_words() + " ") +
+                             plan.family->words + (all ? "" : ", the others up to 0.5 Hz") +
+                             ": expected ΔBIC " + told + ".";
+    if (!open.empty())
+      out.sentence += (told.empty() ? "" : " ") +
+                      std::string("No motion that was tried would tell apart ") + open + ".";
+    if (!told.empty()) {
+      out.trajectory = kNextExperimentFile;
+    } else {
+      out.expected_delta_bic = *std::ranges::max_element(plan.expected);
+      out.motion = {};
+    }
+    return out;
+  }
+
+  const ExperimentContext& c_;
+  EffortBound effort_;
+  std::vector<Pair> pairs_;
+  std::vector<int> focus_;  ///< joints of the causes in question
+  std::vector<Plan> plans_;
+  std::vector<std::size_t> told_;  ///< pairs that some plan tells apart
+};
+
+}  // namespace
+
+std::optional<NextExperiment> next_experiment(const ExperimentContext& context) {
+  return Proposal(context).run();
+}
+
+}  // namespace diffnea

@@ -1,0 +1,128 @@
+#include "excite/information.hpp"
+
+#include <cmath>
+#include <limits>
+
+#include <Eigen/Cholesky>
+#include <Eigen/QR>
+#include <Eigen/SVD>
+
+namespace diffnea {
+namespace {
+
+constexpr int kStates = 200;  ///< random states that show what depends on what
+/// A column that others reproduce but for this share of its size depends on them; rounding leaves
+/// 1e-14, real dependence of states that nearly coincide 1e-4.
+constexpr double kDependent = 1e-9;
+
+}  // namespace
+
+Information::Information(const Model& model, const std::vector<JointRange>& ranges, Rng& rng)
+    : tree_(extend(model).tree), layout_(make_layout(model, FitChoice{}, {0})) {
+  const long n = layout_.num_dofs, p = static_cast<long>(layout_.linear.size());
+  links_ = inertial_parameters(tree_);
+  prior_ = layout_.prior();
+  noise_ = VecX<double>::Ones(n);
+  effect_columns_.resize(layout_.effects.size());
+  for (long c = 0; c < p; ++c)
+    if (const int e = layout_.linear[static_cast<std::size_t>(c)].effect; e >= 0)
+      effect_columns_[static_cast<std::size_t>(e)].push_back(static_cast<int>(c));
+  for (std::size_t j = 0; j < ranges.size(); ++j)
+    if (ranges[j].driven) driven_.push_back(static_cast<int>(j));
+
+  const long m = static_cast<long>(driven_.size());
+  MatX<double> all(kStates * m, p);
+  RowMatX<double> F(n, p);
+  VecX<double> q(n), qd(n), qdd(n), torque(n);
+  for (long i = 0; i < kStates; ++i) {
+    for (long j = 0; j < n; ++j) {
+      const JointRange& r = ranges[static_cast<std::size_t>(j)];
+      const double moves = r.moves() ? 1.0 : 0.0;
+      q[j] = r.middle + moves * rng.uniform(-r.half, r.half);
+      qd[j] = moves * rng.uniform(-r.velocity, r.velocity);
+      qdd[j] = moves * rng.uniform(-r.acceleration, r.acceleration);
+    }
+    fill(q.data(), qd.data(), qdd.data(), F, torque);
+    all.middleRows(i * m, m) = F(driven_, Eigen::all);
+  }
+  scale_ = (all.colwise().norm() / std::sqrt(static_cast<double>(kStates))).transpose();
+  const double largest = scale_.maxCoeff();
+  for (double& s : scale_) s = s > kDependent * largest ? 1.0 / s : 0.0;
+  for (long c = 0; c < p; ++c)
+    if (layout_.linear[static_cast<std::size_t>(c)].fixed) scale_[c] = 0.0;
+  Eigen::ColPivHouseholderQR<MatX<double>> qr;
+  qr.setThreshold(kDependent);
+  qr.compute(all * scale_.asDiagonal());
+  for (long k = 0; k < qr.rank(); ++k) base_.push_back(qr.colsPermutation().indices()[k]);
+}
+
+void Information::fill(const double* q, const double* qd, const double* qdd, RowMatX<double>& F,
+                       VecX<double>& torque) {
+  const long n = layout_.num_dofs;
+  using Map = Eigen::Map<const VecX<double>>;
+  const RowMatX<double>& Y =
+      torque_regressor<double, double>(tree_, Map(q, n), Map(qd, n), Map(qdd, n), ws_);
+  F.setZero();
+  F.leftCols(Y.cols()) = Y;
+  torque.noalias() = Y * links_;
+  const VecX<double> transmitted = torque;
+  JointSample<double> x;
+  x.q = q;
+  x.qd = qd;
+  x.qdd = qdd;
+  x.tau = transmitted.data();
+  for (std::size_t e = 0; e < layout_.effects.size(); ++e) {
+    const BoundEffect& effect = layout_.effects[e];
+    const std::vector<int>& columns = effect_columns_[e];
+    if (effect.info().port != Port::kJointTorque || columns.empty()) continue;
+    scratch_.resize(columns.size() * static_cast<std::size_t>(n));
+    linear_columns(effect, x, scratch_.data());
+    for (std::size_t k = 0; k < columns.size(); ++k) {
+      F.col(columns[k]) = Map(scratch_.data() + static_cast<long>(k) * n, n);
+      torque += prior_[columns[k]] * F.col(columns[k]);
+    }
+  }
+}
+
+Information::Rows Information::rows(const MotionRows& motion) {
+  const long count = motion.q.rows(), n = motion.q.cols(), m = static_cast<long>(driven_.size());
+  Rows out{RowMatX<double>(count * m, num_parameters()), RowMatX<double>(count, n)};
+  RowMatX<double> F(n, static_cast<long>(layout_.linear.size()));
+  VecX<double> torque(n);
+  for (long i = 0; i < count; ++i) {
+    fill(motion.q.row(i).data(), motion.qd.row(i).data(), motion.qdd.row(i).data(), F, torque);
+    out.torque.row(i) = torque.transpose();
+    for (long r = 0; r < m; ++r) {
+      const int j = driven_[static_cast<std::size_t>(r)];
+      for (std::size_t c = 0; c < base_.size(); ++c)
+        out.columns(i * m + r, static_cast<long>(c)) =
+            F(j, base_[c]) * scale_[base_[c]] / noise_[j];
+    }
+  }
+  return out;
+}
+
+double log_det(const RowMatX<double>& columns) {
+  MatX<double> G = MatX<double>::Zero(columns.cols(), columns.cols());
+  G.selfadjointView<Eigen::Lower>().rankUpdate(columns.transpose());
+  const Eigen::LLT<MatX<double>> llt(G);
+  const VecX<double> diagonal = MatX<double>(llt.matrixL()).diagonal();
+  if (llt.info() != Eigen::Success || !(diagonal.minCoeff() > 1e-12 * diagonal.maxCoeff()))
+    return -std::numeric_limits<double>::infinity();
+  return 2.0 * diagonal.array().log().sum();
+}
+
+double condition_number(const RowMatX<double>& columns) {
+  const VecX<double> s = Eigen::BDCSVD<MatX<double>>(columns).singularValues();
+  return s[s.size() - 1] > 0.0 ? s[0] / s[s.size() - 1] : std::numeric_limits<double>::infinity();
+}
+
+VecX<double> standard_errors(const RowMatX<double>& columns) {
+  const Eigen::HouseholderQR<MatX<double>> qr(columns);
+  const long p = columns.cols();
+  const MatX<double> inverse =
+      qr.matrixQR().topRows(p).triangularView<Eigen::Upper>().solve(MatX<double>::Identity(p, p));
+  return inverse.rowwise().norm();
+}
+
+}  // namespace diffnea

@@ -1,0 +1,52 @@
+#pragma once
+/// What the torques along a motion tell about the base parameters. Internal to excite/.
+
+#include <diffnea/dynamics/regressor.hpp>
+#include <diffnea/identify/layout.hpp>
+
+#include "excite/motion.hpp"
+
+namespace diffnea {
+
+/// Torque is linear in the parameters of the default fit (inertias, rotors, friction, offsets, the
+/// model's own effects of one instant). Columns that random states within the limits show to be
+/// dependent on others are left out: the rest are the base parameters (pivoted QR, Gautier 1991).
+class Information {
+ public:
+  /// Columns are scaled to a root mean square of one over those states.
+  Information(const Model& model, const std::vector<JointRange>& ranges, Rng& rng);
+
+  int num_parameters() const { return static_cast<int>(base_.size()); }
+  /// Of the joints' torques, (n) [N·m] or [N]; what a row of each joint is divided by.
+  void set_noise(const VecX<double>& noise) { noise_ = noise; }
+
+  struct Rows {
+    RowMatX<double> columns;  ///< (N · driven joints, base parameters), divided by the noise
+    RowMatX<double> torque;   ///< (N, n) that the model needs [N·m] or [N]
+  };
+  Rows rows(const MotionRows& motion);
+
+ private:
+  /// Columns of all parameters and the torque at one sample. @param F (n, parameters)
+  void fill(const double* q, const double* qd, const double* qdd, RowMatX<double>& F,
+            VecX<double>& torque);
+
+  Tree<double> tree_;
+  FitLayout layout_;
+  VecX<double> links_, prior_, noise_;
+  std::vector<int> driven_, base_;
+  VecX<double> scale_;
+  std::vector<std::vector<int>> effect_columns_;
+  std::vector<double> scratch_;
+  RegressorWorkspace<double, double> ws_;
+};
+
+/// log det of the information of rows, base parameters in the scale of the rows.
+/// @return −∞ where they do not determine all of them
+double log_det(const RowMatX<double>& columns);
+/// Largest over smallest singular value.
+double condition_number(const RowMatX<double>& columns);
+/// Standard errors, (base parameters), of rows whose noise is one.
+VecX<double> standard_errors(const RowMatX<double>& columns);
+
+}  // namespace diffnea
