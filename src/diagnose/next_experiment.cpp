@@ -22,6 +22,9 @@ constexpr std::size_t kMostStarts = 8;   ///< of a rival's shapes
 constexpr int kSamplesPerHarmonic = 12;  ///< for limits
 constexpr double kPassBand = 2.5;  ///< the filter's cut-off over the motion's fastest harmonic
 
+constexpr double kRows = 50.0;  ///< a second, for fast motions
+constexpr double kSeen = 0.3;   ///< of the rows' rate: faster harmonics do not show
+
 /// A kind of motion: which harmonics of 1/kPeriod, and how much of the limits.
 struct Family {
   const char* words;
@@ -79,7 +82,7 @@ class Trial {
   Trial(const ExperimentContext& c, const Trajectory& motion, double fastest_hz)
       : context_(c),
         evidence_(c.model, c.layout, *source(c, motion), plan(c, fastest_hz), 0.0, {}),
-        whitener_(evidence_, noise(c, evidence_), {}),
+        whitener_(evidence_, noise(c, evidence_, fastest_hz), {}),
         projection_(evidence_, whitener_, c.prior),
         longer_(kDuration / (motion.time[motion.rows() - 1] - motion.time[0])) {
     evidence_.set_reference(c.reference);
@@ -121,14 +124,36 @@ class Trial {
 
   static PreprocessPlan plan(const ExperimentContext& c, double fastest_hz) {
     PreprocessPlan out = c.plan;
+    if (too_slow(c, fastest_hz)) {
+      out.decimator = {
+          .rate_hz = c.plan.decimator.rate_hz,
+          .factor = std::max(1, static_cast<int>(std::lround(c.plan.decimator.rate_hz / kRows)))};
+    }
     out.filter_hz = std::max(out.filter_hz, std::min(kPassBand * fastest_hz, 0.4 / out.dt));
     return out;
   }
 
-  static std::vector<JointNoise> noise(const ExperimentContext& c, const Evidence& evidence) {
+  /// A recording of slow motion is reduced to few rows a second, which would not show a fast one.
+  static bool too_slow(const ExperimentContext& c, double fastest_hz) {
+    const DecimatorOptions& d = c.plan.decimator;
+    const double rows = d.rate_hz / d.factor;
+    return d.factor > 1 && rows < kRows && kSeen * rows < fastest_hz;
+  }
+
+  /// The recording's own; for more rows a second than it had, white noise of the same density.
+  static std::vector<JointNoise> noise(const ExperimentContext& c, const Evidence& evidence,
+                                       double fastest_hz) {
     if (evidence.joints() != c.joints)
       throw ModelError("not every joint of the recording moves in the planned motion");
-    return c.noise;
+    std::vector<JointNoise> out = c.noise;
+    if (!too_slow(c, fastest_hz)) return out;
+    const double wider = std::sqrt(Decimator(plan(c, fastest_hz).decimator).noise_gain() /
+                                   Decimator(c.plan.decimator).noise_gain());
+    for (JointNoise& n : out) {
+      n.a.assign(n.a.size(), 0.0);
+      n.sigma = n.rms = n.rms * wider;
+    }
+    return out;
   }
 
   /// Orthonormal basis of what the other causes may take: their columns, shapes too.
