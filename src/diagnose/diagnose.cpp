@@ -253,10 +253,9 @@ class Diagnosis {
           if (e) e->evaluate(*c.effect.own);
     bound_shapes();
     prior_ = base_prior(base_, model_, layout_, linear_factors());
-    VecX<double> x = prior_.x0;
-    if (base_ == Base::kRefit)
-      x.head(static_cast<long>(layout_.linear.size())) = fit_linear(layout_, linear_factors()).x;
-    set_reference(x, {});
+    const Whitener white(*train_, white_noise(*train_), fitted_rows_);
+    set_reference(Projection(*train_, white, prior_).reference(VecX<double>::Zero(train_->rows())),
+                  {});
     held_out_ = std::make_unique<HeldOut>(test_ ? *test_ : *train_, held_rows_, options_.seed);
     search_ = std::make_unique<Search>(*train_, candidates_, prior_, fitted_rows_);
     std::vector<Term> none;
@@ -410,7 +409,7 @@ class Diagnosis {
   bool rebase(const std::vector<Term>& terms) {
     VecX<double> effects = VecX<double>::Zero(train_->rows());
     for (const Term& t : terms) effects += t.torque();
-    return set_reference(search_->projection().parameters(effects), terms) > kMoved;
+    return set_reference(search_->projection().reference(effects), terms) > kMoved;
   }
 
   /// Shapes that the recording bounds.

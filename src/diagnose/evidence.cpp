@@ -43,16 +43,10 @@ struct SeriesCollector {
 
   /// Drops rows at either end of every stretch that is long enough to spare them.
   void trim(long rows) {
-    for (std::size_t i = 0; i < series.size(); ++i) {
-      JointSeries& s = series[i];
-      const long left = s.rows() - 2 * rows;
-      if (left < 4 * rows) continue;
-      for (RowMatX<double>* x : {&s.q, &s.qd, &s.qdd, &s.logged})
-        *x = RowMatX<double>(x->middleRows(rows, left));
-      s.start += static_cast<double>(rows) * s.dt;
-      about[i].time[0] += static_cast<double>(rows) * s.dt;
-    }
+    for (std::size_t i = 0; i < series.size(); ++i)
+      if (series[i].rows() >= 6 * rows) keep(i, rows, series[i].rows() - 2 * rows);
   }
+  void drop_first(std::size_t i, long rows) { keep(i, rows, series[i].rows() - rows); }
 
   /// The rows of a stretch with the motion of `s` and their own torque.
   Preprocessed rows_of(std::size_t i, const JointSeries& s) const {
@@ -68,6 +62,13 @@ struct SeriesCollector {
   }
 
  private:
+  void keep(std::size_t i, long from, long count) {
+    JointSeries& s = series[i];
+    for (RowMatX<double>* x : {&s.q, &s.qd, &s.qdd, &s.logged})
+      *x = RowMatX<double>(x->middleRows(from, count));
+    s.start += static_cast<double>(from) * s.dt;
+    about[i].time[0] += static_cast<double>(from) * s.dt;
+  }
   void begin(const Preprocessed& block, long row) {
     JointSeries s;
     s.dt = block.dt;
@@ -93,6 +94,27 @@ struct SeriesCollector {
 
 /// The largest part of a joint's motion that may change from period to period.
 constexpr double kRepeats = 5e-3;
+
+/// A first period that is so many times as far from the second as that from the third has not
+/// settled; means over this time.
+constexpr double kUnsettled = 3.0, kSettlingWindow = 0.1;
+
+/// Rows until the motion repeats, within its first period: a loop that starts at rest catches up.
+/// 0 with less than three periods.
+long settling_rows(double period, const JointSeries& s) {
+  const long p = std::lround(period / s.dt);
+  if (p < 1 || s.rows() < 3 * p) return 0;
+  const RowMatX<double> first = s.q.topRows(p) - s.q.middleRows(p, p),
+                        second = s.q.middleRows(p, p) - s.q.middleRows(2 * p, p);
+  const VecX<double> usual = second.colwise().squaredNorm().transpose() / static_cast<double>(p);
+  const long window = std::max(1L, std::lround(kSettlingWindow / s.dt));
+  for (long end = p; end > window; end -= window)
+    for (long j = 0; j < s.q.cols(); ++j)
+      if (first.col(j).segment(end - window, window).squaredNorm() >
+          kUnsettled * kUnsettled * static_cast<double>(window) * usual[j])
+        return end;
+  return 0;
+}
 
 /// Rows that must have another one at their phase.
 constexpr double kCovered = 0.8;
@@ -161,6 +183,8 @@ Evidence::Evidence(const Model& model, const FitLayout& layout, const RecordingS
   // Where a recording begins and ends, its filter still remembers how it was continued beyond.
   // Averaged, that would reach the rows of other periods, too.
   collector.trim(Butterworth(plan.order, plan.filter_hz, 1.0 / plan.dt).memory(kRemembered));
+  for (std::size_t i = 0; period > 0.0 && i < collector.series.size(); ++i)
+    collector.drop_first(i, settling_rows(period, collector.series[i]));
   series_ = collector.series;
   averaged_ = period > 0.0 && !series_.empty();
   for (JointSeries& s : series_) averaged_ = averaged_ && average_other_periods(period, s);

@@ -186,7 +186,7 @@ class Trial {
   /// ‖g − rival‖² at the rival's best parameters.
   double least(const VecX<double>& g, const Candidate& rival) const {
     double best = g.squaredNorm();
-    BoundEffect effect = rival.effect, start = rival.effect;
+    TriedEffect effect = rival.effect, start = rival.effect;
     double at_start = std::numeric_limits<double>::infinity();
     // The best of its shapes, with the linear parameters that suit them.
     for (std::size_t p = 0; p < std::min(rival.grid.size(), kMostStarts); ++p) {
@@ -195,7 +195,7 @@ class Trial {
       for (const int k : rival.linear) effect.parameters[static_cast<std::size_t>(k)] = 0.0;
       for (std::size_t s = 0; s < rival.shapes.size(); ++s)
         effect.parameters[static_cast<std::size_t>(rival.shapes[s])] = rival.grid[spread][s];
-      BoundEffect moved = effect;
+      TriedEffect moved = effect;
       const double now =
           step(g, rival, rival.linear, moved,
                (g - VecX<double>(beside(evidence_.torque_of(effect)))).squaredNorm());
@@ -217,7 +217,7 @@ class Trial {
   /// One Gauss–Newton step, halved until it helps; parameters keep their signs.
   /// @return the new sum of squares; `effect` holds the parameters
   double step(const VecX<double>& g, const Candidate& rival, const std::vector<int>& which,
-              BoundEffect& effect, double now) const {
+              TriedEffect& effect, double now) const {
     if (which.empty()) return now;
     const VecX<double> r = g - VecX<double>(beside(evidence_.torque_of(effect)));
     const MatX<double> J = beside(evidence_.columns(effect, which));
@@ -228,7 +228,7 @@ class Trial {
     const VecX<double> move =
         scale.cwiseProduct(K.ldlt().solve(scale.cwiseProduct(J.transpose() * r)));
     for (double part = 1.0; part > 0.05; part *= 0.5) {
-      BoundEffect moved = effect;
+      TriedEffect moved = effect;
       for (std::size_t i = 0; i < which.size(); ++i) {
         const std::size_t k = static_cast<std::size_t>(which[i]);
         const ParameterInfo& info = effect.parameter_info[k];
@@ -241,8 +241,9 @@ class Trial {
         if (info.sign != Sign::kFree) p = std::max(p, 0.0);
       }
       for (std::size_t s = 0; s < rival.shapes.size(); ++s)
-        moved.parameters[static_cast<std::size_t>(rival.shapes[s])] = std::max(
-            moved.parameters[static_cast<std::size_t>(rival.shapes[s])], rival.shape_low[s]);
+        moved.parameters[static_cast<std::size_t>(rival.shapes[s])] =
+            std::clamp(moved.parameters[static_cast<std::size_t>(rival.shapes[s])],
+                       rival.shape_low[s], rival.shape_high[s]);
       const double next = (g - VecX<double>(beside(evidence_.torque_of(moved)))).squaredNorm();
       if (!(next < now)) continue;
       effect = moved;
@@ -387,8 +388,8 @@ class Proposal {
     out.expected_delta_bic = std::numeric_limits<double>::infinity();
     std::string told, open;
     for (std::size_t k = 0; k < pairs_.size(); ++k) {
-      const BoundEffect& one = c_.terms[pairs_[k].term].effect;
-      const BoundEffect& other = pairs_[k].rival->effect;
+      const TriedEffect& one = c_.terms[pairs_[k].term].effect;
+      const TriedEffect& other = pairs_[k].rival->effect;
       const ExperimentPair pair{one.info().name, one.where,     other.info().name,
                                 other.where,     pairs_[k].now, plan.expected[k]};
       out.pairs.push_back(pair);

@@ -32,6 +32,19 @@ JointNoise levinson(const std::vector<double>& r) {
 
 }  // namespace
 
+std::vector<JointNoise> white_noise(const Evidence& evidence) {
+  std::vector<JointNoise> out(evidence.joints().size());
+  const long m = evidence.times();
+  for (std::size_t k = 0; k < out.size(); ++k) {
+    out[k].a.assign(kOrder, 0.0);
+    out[k].sigma = out[k].rms =
+        std::max(evidence.torque().segment(static_cast<long>(k) * m, m).norm() /
+                     std::sqrt(static_cast<double>(m)),
+                 1e-12);
+  }
+  return out;
+}
+
 std::vector<JointNoise> estimate_noise(const Evidence& evidence, const VecX<double>& residual,
                                        const std::vector<bool>& used, double lost) {
   const long m = evidence.times();

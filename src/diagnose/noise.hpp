@@ -25,6 +25,9 @@ std::vector<JointNoise> estimate_noise(const Evidence& evidence, const VecX<doub
 VecX<double> repeatable_noise(const Evidence& evidence, const VecX<double>& residual,
                               double period);
 
+/// Before any noise is known: white, of the size of each joint's torque.
+std::vector<JointNoise> white_noise(const Evidence& evidence);
+
 /// Rows that tests use: not at rest, and with a whole filter's length of rows before them in their
 /// stretch.
 class Whitener {

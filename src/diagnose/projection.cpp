@@ -15,20 +15,13 @@ Projection::Projection(const Evidence& evidence, const Whitener& whitener, const
   y.head(n) = whitener(evidence.torque() - evidence.base() * prior.x0);
   Q_.resize(n + l, 0);
   if (p > 0) {
-    const auto factor = [&](const MatX<double>& base) {
-      MatX<double> A(n + l, p);
-      A.topRows(n) = whitener(base(Eigen::all, prior.free));
-      A.bottomRows(l) = prior.root;
-      scale_ = A.colwise().norm().transpose();
-      for (double& s : scale_) s = s > 0.0 ? 1.0 / s : 1.0;
-      A = A * scale_.asDiagonal();
-      qr_.setThreshold(kRankTolerance);
-      qr_.compute(A);
-      return MatX<double>(qr_.householderQ() * MatX<double>::Identity(n + l, qr_.rank()));
+    const auto basis = [&](const Factor& f) {
+      return MatX<double>(f.qr.householderQ() * MatX<double>::Identity(n + l, f.qr.rank()));
     };
-    if (evidence.averaged()) Q_ = factor(evidence.averaged_base());
-    const MatX<double> own = factor(evidence.base());  // last: parameters() solves with it
-    if (!evidence.averaged()) Q_ = own;
+    own_ = factor(evidence.base());
+    seen_ = evidence.averaged() ? factor(evidence.averaged_base()) : own_;
+    const MatX<double> own = basis(own_);
+    Q_ = evidence.averaged() ? basis(seen_) : own;
     y -= own * (own.transpose() * y).eval();
   }
   residual_ = y - Q_ * (Q_.transpose() * y).eval();
@@ -48,12 +41,26 @@ MatX<double> Projection::project_whitened(MatX<double> columns) const {
   return columns;
 }
 
-VecX<double> Projection::parameters(const VecX<double>& effects) const {
+Projection::Factor Projection::factor(const MatX<double>& base) const {
+  Factor out;
+  const long n = evidence_.rows();
+  MatX<double> A(n + prior_.root.rows(), static_cast<long>(prior_.free.size()));
+  A.topRows(n) = whitener_(base(Eigen::all, prior_.free));
+  A.bottomRows(prior_.root.rows()) = prior_.root;
+  out.scale = A.colwise().norm().transpose();
+  for (double& s : out.scale) s = s > 0.0 ? 1.0 / s : 1.0;
+  A = A * out.scale.asDiagonal();
+  out.qr.setThreshold(kRankTolerance);
+  out.qr.compute(A);
+  return out;
+}
+
+VecX<double> Projection::solve(const Factor& of, const VecX<double>& effects) const {
   VecX<double> x = prior_.x0;
   if (prior_.free.empty()) return x;
-  VecX<double> y = VecX<double>::Zero(Q_.rows());
+  VecX<double> y = VecX<double>::Zero(evidence_.rows() + prior_.root.rows());
   y.head(evidence_.rows()) = whitener_(evidence_.torque() - evidence_.base() * prior_.x0 - effects);
-  const VecX<double> step = scale_.cwiseProduct(qr_.solve(y));
+  const VecX<double> step = of.scale.cwiseProduct(of.qr.solve(y));
   for (std::size_t k = 0; k < prior_.free.size(); ++k)
     x[prior_.free[k]] += step[static_cast<long>(k)];
   return x;

@@ -29,7 +29,10 @@ class Projection {
   MatX<double> project_whitened(MatX<double> columns) const;
   const VecX<double>& residual() const { return residual_; }
   /// Base parameters that go with `effects`, the torque of all effects (rows()).
-  VecX<double> parameters(const VecX<double>& effects) const;
+  VecX<double> parameters(const VecX<double>& effects) const { return solve(own_, effects); }
+  /// The same of the motion that effects see. Its noise does not shrink them, as that of own
+  /// accelerations does: they are what effects refer to.
+  VecX<double> reference(const VecX<double>& effects) const { return solve(seen_, effects); }
   /// Orthonormal basis of the base as effects see it, (rows() + prior rows, rank).
   const MatX<double>& basis() const { return Q_; }
   /// Rank of the base.
@@ -42,8 +45,14 @@ class Projection {
   const Whitener& whitener_;
   const BasePrior& prior_;
   MatX<double> Q_;  ///< of the base as effects see it
-  Eigen::ColPivHouseholderQR<MatX<double>> qr_;
-  VecX<double> scale_;
+  struct Factor {
+    Eigen::ColPivHouseholderQR<MatX<double>> qr;
+    VecX<double> scale;
+  };
+  Factor factor(const MatX<double>& base) const;
+  VecX<double> solve(const Factor& of, const VecX<double>& effects) const;
+
+  Factor own_, seen_;
   VecX<double> residual_;
 };
 

@@ -141,18 +141,8 @@ void Search::refresh(double period, std::vector<Term>& terms) {
     VecX<double> left;
     if (projection_) {
       left = residual(terms);
-    } else {  // white to begin with
-      std::vector<JointNoise> unit(evidence_.joints().size());
-      for (std::size_t k = 0; k < unit.size(); ++k) {
-        unit[k].a.assign(8, 0.0);
-        unit[k].sigma = unit[k].rms =
-            std::max(evidence_.torque()
-                             .segment(static_cast<long>(k) * evidence_.times(), evidence_.times())
-                             .norm() /
-                         std::sqrt(static_cast<double>(evidence_.times())),
-                     1e-12);
-      }
-      whitener_ = std::make_unique<Whitener>(evidence_, unit, used_);
+    } else {
+      whitener_ = std::make_unique<Whitener>(evidence_, white_noise(evidence_), used_);
       projection_ = std::make_unique<Projection>(evidence_, *whitener_, prior_);
       left = residual(terms);
     }
