@@ -218,6 +218,10 @@ class Diagnosis {
       finding_.plan = plan_preprocess(sample, preprocess);
     }
     fit_rows_to_period(finding_.plan);
+    // Beyond what the rows hold, positions bring noise alone, folded back by friction's turns.
+    if (options_.preprocess.filter_hz == 0.0)
+      finding_.plan.filter_hz = std::min(finding_.plan.filter_hz,
+                                         0.5 / (finding_.plan.dt * finding_.plan.decimator.factor));
     finding_.data_report = train_source_.report();
     period_ = finding_.plan.dt * std::round(period_ / finding_.plan.dt);
     const auto read_train = [&] {
