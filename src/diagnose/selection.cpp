@@ -311,7 +311,7 @@ std::vector<Cause> Selection::causes(const std::vector<Term>& terms) const {
         out_p.std = std::abs(out_p.value) * log_std;
         const double reach = std::exp(std::min(1.96 * log_std, 20.0));
         out_p.low = std::min(out_p.value / reach, out_p.value * reach);
-        out_p.high = std::max(out_p.value / reach, out_p.value * reach);
+        out_p.high = std::min(std::max(out_p.value / reach, out_p.value * reach), p.most);
       }
       cause.parameters.push_back(out_p);
     }

@@ -81,7 +81,7 @@ std::string rest_text(const Finding& f) {
         "next experiment" +
         (f.next_experiment->trajectory.empty() ? "" : " (" + f.next_experiment->trajectory + ")") +
         ": " + f.next_experiment->sentence + "\n";
-  for (const ChannelFault& a : f.audit) out += "channel: " + a.evidence + "\n";
+  for (const ChannelFault& a : f.audit) out += a.channel + ": " + a.evidence + "\n";
   for (const std::string& text : reservations(f))
     if (!text.starts_with(kWarning)) out += "note: " + text + "\n";
   for (const std::string& note : f.notes) out += "note: " + note + "\n";
