@@ -8,6 +8,7 @@ from planar_arm import arm, formulas, held_out, rubbing_arm, states, train
 
 __all__ = ["arm", "formulas", "held_out", "rubbing_arm", "states", "train"]
 
+
 @pytest.fixture(autouse=True)
 def ctrl_c_interrupts() -> Iterator[None]:
     """A shell lets what it starts in the background ignore Ctrl-C; tests that press it need it."""
