@@ -33,6 +33,9 @@ constexpr double kLeastFilterHz = 5.0;
 /// Stribeck's velocity over v₀, at least.
 constexpr double kStribeckTurns = 3.0;
 
+/// Of the blocks that are held out [s].
+constexpr double kLeastBlock = 3.5;
+
 /// How often the base's friction is read anew, and the change of ln v₀ that is worth it.
 constexpr int kSmoothingPasses = 3;
 constexpr double kSmoothingMove = 0.1;
@@ -104,11 +107,12 @@ void split_in_time(const Evidence& evidence, std::vector<bool>& fitted, std::vec
   fitted.assign(static_cast<std::size_t>(evidence.rows()), false);
   held = fitted;
   const long m = evidence.times(),
-             block = std::max<long>(m / 10, std::lround(4.0 / evidence.step()));
+             block = std::max<long>(m / 10, std::lround(kLeastBlock / evidence.step()));
   if (m < 2 * block)
     throw DataError(
         "diagnose: " + format_number(static_cast<double>(m) * evidence.step()) +
-        " s are too short to hold blocks of time out; record 8 s or more, or give --test");
+        " s, without the ends that the filter needs, are too short to hold blocks of time out; " +
+        "record " + format_number(3.0 * kLeastBlock) + " s or more, or give --test");
   const long guard = std::lround(1.0 / evidence.step());
   for (long i = 0; i < m; ++i) {
     const long inside = std::min(i % block, block - 1 - i % block);

@@ -49,10 +49,6 @@ Stack stack(const std::vector<Term>& terms, long rows) {
 
 }  // namespace
 
-double fit_cost(double chi2, double n) {
-  return chi2 > n ? n * std::log(chi2 / n) : std::max(chi2, 0.0) - n;
-}
-
 VecX<double> Term::values() const {
   VecX<double> out(static_cast<long>(linear.size()));
   for (std::size_t k = 0; k < linear.size(); ++k)
@@ -251,7 +247,7 @@ std::vector<Score> Search::scores(const std::vector<Term>& terms) const {
   }
   for (Score& b : best)
     b.delta_bic = b.variant < 0 ? -1e9
-                                : fit_cost(chi2 - before, n) - fit_cost(chi2 - before - b.gain, n) -
+                                : cost(chi2 - before) - cost(chi2 - before - b.gain) -
                                       b.parameters * std::log(n);
   std::ranges::sort(best, std::greater<>{}, &Score::delta_bic);
   return best;
@@ -410,9 +406,15 @@ int Search::num_parameters(const std::vector<Term>& terms) const {
   return out;
 }
 
+double Search::cost(double chi2) const {
+  const double n = static_cast<double>(rows());
+  if (repeatable_ && chi2 < n) return std::max(chi2, 0.0) - n;
+  return n * std::log(std::max(chi2, 1e-300) / n);
+}
+
 double Search::bic(double gain, const std::vector<Term>& terms) const {
   const double n = static_cast<double>(rows());
-  return fit_cost(residual_sum() - gain, n) + num_parameters(terms) * std::log(n);
+  return cost(residual_sum() - gain) + num_parameters(terms) * std::log(n);
 }
 
 std::vector<MatX<double>> Search::covariances(const std::vector<Term>& terms) const {

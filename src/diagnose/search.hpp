@@ -10,10 +10,6 @@
 
 namespace diffnea {
 
-/// What a fit costs, −2 ln of its likelihood but for a constant, on n whitened rows: n ln χ² where
-/// more is left than noise, whose size is then what is left; χ² where it is within the noise.
-double fit_cost(double chi2, double n);
-
 /// An effect in the model under test: its shapes are set, its other parameters follow from a fit.
 /// About the present values its torque is offset + columns · p.
 struct Term {
@@ -83,6 +79,10 @@ class Search {
   /// χ² at the joints that `term` reaches which `terms` leave because their columns are not exact:
   /// (2 %)² of what they remove.
   double inexact_at(const Term& term, const std::vector<Term>& terms) const;
+
+  /// What a fit costs, −2 ln of its likelihood but for a constant: n ln χ², the noise as large as
+  /// what is left; where repeats have told the noise and no more is left, χ².
+  double cost(double chi2) const;
 
   const Projection& projection() const { return *projection_; }
   const Whitener& whitener() const { return *whitener_; }

@@ -137,7 +137,7 @@ std::vector<WitnessScore> find_witnesses(const Evidence& evidence, const Search&
       const VecX<double> b = B.transpose() * r;
       const VecX<double> psi = K.ldlt().solve(b);
       const double gain = 2.0 * b.dot(psi) - psi.dot(K * psi);
-      const double delta = fit_cost(chi2, n) - fit_cost(chi2 - gain, n) -
+      const double delta = search.cost(chi2) - search.cost(chi2 - gain) -
                            static_cast<double>(B.cols()) * std::log(n);
       if (best_basis && delta <= best.delta_bic) continue;
       best.delta_bic = delta;

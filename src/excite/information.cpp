@@ -15,10 +15,19 @@ constexpr int kStates = 200;  ///< random states that show what depends on what
 /// 1e-14, real dependence of states that nearly coincide 1e-4.
 constexpr double kDependent = 1e-9;
 
+/// The model but for effects that no fit of torques has columns of: they tell nothing of the base.
+Model fitted_part(Model model) {
+  std::erase_if(model.effects, [](const EffectSpec& e) {
+    const Port port = info(find_effect(e.effect)).port;
+    return port != Port::kJointTorque && port != Port::kModelParameter;
+  });
+  return model;
+}
+
 }  // namespace
 
 Information::Information(const Model& model, const std::vector<JointRange>& ranges, Rng& rng)
-    : tree_(extend(model).tree), layout_(make_layout(model, FitChoice{}, {0})) {
+    : tree_(extend(model).tree), layout_(make_layout(fitted_part(model), FitChoice{}, {0})) {
   const long n = layout_.num_dofs, p = static_cast<long>(layout_.linear.size());
   links_ = inertial_parameters(tree_);
   prior_ = layout_.prior();
