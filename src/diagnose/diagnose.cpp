@@ -34,7 +34,7 @@ constexpr double kLeastFilterHz = 5.0;
 constexpr double kStribeckTurns = 3.0;
 
 /// Of the blocks that are held out [s].
-constexpr double kLeastBlock = 3.5;
+constexpr double kLeastBlock = 4.0;
 
 /// How often the base's friction is read anew, and the change of ln v₀ that is worth it.
 constexpr int kSmoothingPasses = 3;
@@ -112,7 +112,7 @@ void split_in_time(const Evidence& evidence, std::vector<bool>& fitted, std::vec
     throw DataError(
         "diagnose: " + format_number(static_cast<double>(m) * evidence.step()) +
         " s, without the ends that the filter needs, are too short to hold blocks of time out; " +
-        "record " + format_number(3.0 * kLeastBlock) + " s or more, or give --test");
+        "record " + format_number(2.5 * kLeastBlock) + " s or more, or give --test");
   const long guard = std::lround(1.0 / evidence.step());
   for (long i = 0; i < m; ++i) {
     const long inside = std::min(i % block, block - 1 - i % block);

@@ -182,7 +182,8 @@ Evidence::Evidence(const Model& model, const FitLayout& layout, const RecordingS
                  [&](const Preprocessed& block) { collector.add(block); });
   // Where a recording begins and ends, its filter still remembers how it was continued beyond.
   // Averaged, that would reach the rows of other periods, too.
-  collector.trim(Butterworth(plan.order, plan.filter_hz, 1.0 / plan.dt).memory(kRemembered));
+  if (period > 0.0)
+    collector.trim(Butterworth(plan.order, plan.filter_hz, 1.0 / plan.dt).memory(kRemembered));
   for (std::size_t i = 0; period > 0.0 && i < collector.series.size(); ++i)
     collector.drop_first(i, settling_rows(period, collector.series[i]));
   series_ = collector.series;

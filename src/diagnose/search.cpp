@@ -248,7 +248,7 @@ std::vector<Score> Search::scores(const std::vector<Term>& terms) const {
   for (Score& b : best)
     b.delta_bic = b.variant < 0 ? -1e9
                                 : cost(chi2 - before) - cost(chi2 - before - b.gain) -
-                                      b.parameters * std::log(n);
+                                      b.parameters * std::log(n) - looked_elsewhere(b.candidate);
   std::ranges::sort(best, std::greater<>{}, &Score::delta_bic);
   return best;
 }
@@ -337,6 +337,11 @@ bool Search::drop_redundant(const MatX<double>& G, const MatX<double>& D, Term& 
 }
 
 bool Search::plausible(const Term& term) const {
+  // A hidden rotor without inertia only bends the friction that turns with it.
+  for (const int k : term.linear)
+    if (term.effect.parameter_info[static_cast<std::size_t>(k)].name == "motor_inertia" &&
+        !(term.effect.parameters[static_cast<std::size_t>(k)] > 0.0))
+      return false;
   const VecX<double> torque = term.torque();
   const long m = evidence_.times();
   for (std::size_t k = 0; k < evidence_.joints().size(); ++k) {
@@ -414,7 +419,14 @@ double Search::cost(double chi2) const {
 
 double Search::bic(double gain, const std::vector<Term>& terms) const {
   const double n = static_cast<double>(rows());
-  return cost(residual_sum() - gain) + num_parameters(terms) * std::log(n);
+  double out = cost(residual_sum() - gain) + num_parameters(terms) * std::log(n);
+  for (const Term& t : terms) out += looked_elsewhere(t.candidate);
+  return out;
+}
+
+double Search::looked_elsewhere(int candidate) const {
+  return 2.0 * std::log(static_cast<double>(
+                   candidates_[static_cast<std::size_t>(candidate)].grid.size()));
 }
 
 std::vector<MatX<double>> Search::covariances(const std::vector<Term>& terms) const {

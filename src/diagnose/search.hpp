@@ -111,6 +111,8 @@ class Search {
   Term make_term(int candidate, const std::vector<double>& shapes) const;
   void fill(Variant& variant) const;
   void set_columns(Term& term) const;
+  /// What the best of a candidate's starts is worth less for being the best of many (Bonferroni).
+  double looked_elsewhere(int candidate) const;
   bool drop_redundant(const MatX<double>& G, const MatX<double>& D, Term& term) const;
   std::vector<bool> signs_of(const std::vector<Term>& terms) const;
 
