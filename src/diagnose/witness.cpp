@@ -5,6 +5,8 @@
 
 #include <Eigen/Cholesky>
 
+#include "diagnose/hats.hpp"
+
 namespace diffnea {
 namespace {
 
@@ -21,39 +23,6 @@ VecX<double> values(const Evidence& e, const Variable& v) {
   if (v.kind == 0) return e.q().col(v.joint);
   if (v.kind == 1) return e.qd().col(v.joint);
   return Eigen::Map<const VecX<double>>(e.time().data(), e.times());
-}
-
-/// Knots at quantiles of the fitted data, so that each interval holds rows.
-std::vector<double> knots(const VecX<double>& x, int count) {
-  std::vector<double> sorted(x.data(), x.data() + x.size());
-  std::ranges::sort(sorted);
-  std::vector<double> out;
-  for (int k = 0; k < count; ++k) {
-    const double v = sorted[static_cast<std::size_t>(std::lround(
-        static_cast<double>(k) / (count - 1) * static_cast<double>(sorted.size() - 1)))];
-    if (out.empty() || v > out.back() + 1e-12 * (1.0 + std::abs(v))) out.push_back(v);
-  }
-  return out;
-}
-
-/// Piecewise-linear hats on the knots, constant beyond them. (N, knots)
-MatX<double> hats(const VecX<double>& x, const std::vector<double>& t) {
-  MatX<double> out = MatX<double>::Zero(x.size(), static_cast<long>(t.size()));
-  for (long i = 0; i < x.size(); ++i) {
-    const auto above = std::ranges::upper_bound(t, x[i]);
-    const long k = above - t.begin();
-    if (k == 0) {
-      out(i, 0) = 1.0;
-    } else if (k == static_cast<long>(t.size())) {
-      out(i, k - 1) = 1.0;
-    } else {
-      const double w = (x[i] - t[static_cast<std::size_t>(k - 1)]) /
-                       (t[static_cast<std::size_t>(k)] - t[static_cast<std::size_t>(k - 1)]);
-      out(i, k) = w;
-      out(i, k - 1) = 1.0 - w;
-    }
-  }
-  return out;
 }
 
 /// A function of one or two variables in the torque of one joint.
