@@ -33,6 +33,8 @@ std::vector<bool> signs(const BoundEffect& effect, const std::vector<int>& linea
 /// Knots of a function of one variable that what is missing may be.
 constexpr int kSmoothKnots = 16;
 
+constexpr long kRowsAColumn = 4;
+
 /// What no function of a joint's own position plus one of its velocity can explain, beside the
 /// base. Without repeats, what the model lacks is not to be taken for noise: whitened away, it
 /// would stay hidden.
@@ -46,6 +48,7 @@ VecX<double> beside_smooth_functions(const Evidence& e, const VecX<double>& resi
                        of_qd = hats(qd, knots(qd, kSmoothKnots));
     MatX<double> A(m, e.base().cols() + of_q.cols() + of_qd.cols());
     A << e.base().middleRows(begin, m), of_q, of_qd;
+    if (A.cols() * kRowsAColumn > m) continue;  // too short: it would explain the noise, too
     const Eigen::ColPivHouseholderQR<MatX<double>> qr(A);
     const VecX<double> r = residual.segment(begin, m);
     out.segment(begin, m) = r - A * qr.solve(r);
