@@ -74,13 +74,13 @@ std::string causes_at_once(const Finding& f) {
     }
     rows.push_back({"<b>" + escape(at(c.effect, c.where)) + "</b>", escape(size),
                     percent(1.0 - std::pow(c.gain.after / c.gain.before, 2)),
-                    number(c.delta_bic, 3), escape(rival_list(c.members))});
+                    number(c.delta_bic, 3), escape(rival_list(c.members, 2))});
   }
   const bool named =
       std::ranges::all_of(f.causes, [](const Cause& c) { return c.members.empty(); });
   return html_table({"cause", "size and its 95 % interval", "of the held-out error² it removes",
                      "evidence (ΔBIC)", "cannot be told from"},
-                    rows, {"", "", "n", "n", named ? "" : "wrap"});
+                    rows, {"wrap", "wrap", "n", "n", named ? "" : "wrap"});
 }
 
 std::string head(const Finding& f, const std::string& name) {
