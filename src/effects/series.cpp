@@ -2,6 +2,7 @@
 #include <cmath>
 
 #include <diffnea/core/error.hpp>
+#include <diffnea/dynamics/batch.hpp>
 #include <diffnea/effects/series.hpp>
 
 namespace diffnea {
@@ -9,17 +10,17 @@ namespace {
 
 using Rows = RowMatX<double>;
 
-/// Torque the links transmit at every row; `rotors`: with rotor inertia.
-Rows link_torque(const Tree<double>& tree, const JointSeries& x, bool rotors) {
+/// Torque that rotors need at every row.
+Rows rotor_torque(const Tree<double>& tree, const JointSeries& x) {
   Rows out(x.rows(), tree.num_dofs());
-  RneaWorkspace<double, double> ws;
-  for (long k = 0; k < x.rows(); ++k)
-    out.row(k) = rnea<double, double>(tree, x.q.row(k).transpose(), x.qd.row(k).transpose(),
-                                      x.qdd.row(k).transpose(), ws)
-                     .transpose();
-  for (int j = 0; !rotors && j < tree.num_dofs(); ++j)
-    out.col(j) -= tree.links[static_cast<std::size_t>(j)].armature * x.qdd.col(j);
+  for (int j = 0; j < tree.num_dofs(); ++j)
+    out.col(j) = tree.links[static_cast<std::size_t>(j)].armature * x.qdd.col(j);
   return out;
+}
+
+/// Torque that the links transmit at every row, without rotor inertia.
+Rows link_torque(const Tree<double>& tree, const JointSeries& x) {
+  return rnea_batch(tree, x.q, x.qd, x.qdd) - rotor_torque(tree, x);
 }
 
 JointSample<double> sample(const JointSeries& x, long k) {
@@ -33,13 +34,17 @@ JointSample<double> sample(const JointSeries& x, long k) {
 
 void add_local(const BoundEffect& effect, const Tree<double>& tree, const JointSeries& x,
                const double* p, Rows& out) {
-  for (long k = 0; k < x.rows(); ++k) add_torque(effect, tree, sample(x, k), p, out.row(k).data());
+  std::visit(
+      [&](const auto& formula) {
+        for (long k = 0; k < x.rows(); ++k)
+          detail::add_torque(formula, effect, &tree, sample(x, k), p, out.row(k).data());
+      },
+      effect.type);
 }
 
-/// The sign equation with all effects of one instant.
-Rows local_total(const ExtendedTree& base, JointSeries x) {
-  x.tau = link_torque(base.tree, x, false);
-  Rows out = link_torque(base.tree, x, true);
+/// The sign equation with all effects of one instant, at x.tau.
+Rows local_total(const ExtendedTree& base, const JointSeries& x) {
+  Rows out = x.tau + rotor_torque(base.tree, x);
   for (const BoundEffect& e : base.effects) add_local(e, base.tree, x, e.parameters.data(), out);
   return out;
 }
@@ -90,8 +95,8 @@ Rows memory_torque(const BoundEffect& effect, const ExtendedTree& base, const Jo
   return out;
 }
 
-/// x with everything in it that torques are computed from. @throws ShapeError
-JointSeries complete(const BoundEffect& effect, const ExtendedTree& base, const JointSeries& x) {
+/// @throws ShapeError
+void require_shapes(const BoundEffect& effect, const ExtendedTree& base, const JointSeries& x) {
   const int n = base.tree.num_dofs();
   require_size("series: joints of the effect's model", effect.num_joints, n, "joint");
   for (const Rows* m : {&x.q, &x.qd, &x.qdd}) {
@@ -105,10 +110,26 @@ JointSeries complete(const BoundEffect& effect, const ExtendedTree& base, const 
     require_size("series: columns of the torque", m->cols(), n, "joint");
     require_size("series: rows of the torque", m->rows(), x.rows(), "row of q");
   }
-  JointSeries out = x;
-  if (out.tau.size() == 0) out.tau = link_torque(base.tree, x, false);
-  return out;
 }
+
+/// A series with its predicted torques, which it borrows where they are there.
+class Complete {
+ public:
+  Complete(const BoundEffect& effect, const ExtendedTree& base, const JointSeries& x) : x_(&x) {
+    require_shapes(effect, base, x);
+    if (x.tau.size() > 0) return;
+    own_ = x;
+    own_.tau = link_torque(base.tree, x);
+    x_ = &own_;
+  }
+  Complete(const Complete&) = delete;
+  Complete& operator=(const Complete&) = delete;
+  const JointSeries& operator*() const { return *x_; }
+
+ private:
+  JointSeries own_;
+  const JointSeries* x_;
+};
 
 Rows torque_of(const BoundEffect& effect, const ExtendedTree& base, const JointSeries& x,
                const double* p) {
@@ -116,10 +137,13 @@ Rows torque_of(const BoundEffect& effect, const ExtendedTree& base, const JointS
     case Port::kModelParameter: {
       Tree<double> changed = base.tree;
       add_to_tree(effect, p, changed);
-      return link_torque(changed, x, true) - link_torque(base.tree, x, true);
+      return rnea_batch(changed, x.q, x.qd, x.qdd) - x.tau - rotor_torque(base.tree, x);
     }
-    case Port::kMeasurement:
-      return local_total(base, true_motion(effect, x, p)) - local_total(base, x);
+    case Port::kMeasurement: {
+      JointSeries truth = true_motion(effect, x, p);
+      truth.tau = link_torque(base.tree, truth);
+      return local_total(base, truth) - (x.total.size() > 0 ? x.total : local_total(base, x));
+    }
     case Port::kMemory:
       return memory_torque(effect, base, x, p);
     case Port::kJointTorque:
@@ -196,13 +220,13 @@ Rows difference_column(const BoundEffect& effect, const ExtendedTree& base, cons
 }  // namespace
 
 void predict(const ExtendedTree& base, JointSeries& x) {
-  x.tau = link_torque(base.tree, x, false);
+  x.tau = link_torque(base.tree, x);
   x.total = local_total(base, x);
 }
 
 Rows series_torque(const BoundEffect& effect, const ExtendedTree& base, const JointSeries& x,
                    const double* p) {
-  return torque_of(effect, base, complete(effect, base, x), p);
+  return torque_of(effect, base, *Complete(effect, base, x), p);
 }
 Rows series_torque(const BoundEffect& effect, const Tree<double>& tree, const JointSeries& x,
                    const double* p) {
@@ -212,7 +236,8 @@ Rows series_torque(const BoundEffect& effect, const Tree<double>& tree, const Jo
 std::vector<Rows> series_columns(const BoundEffect& effect, const ExtendedTree& base,
                                  const JointSeries& x, const double* p,
                                  const std::vector<int>& which) {
-  const JointSeries full = complete(effect, base, x);
+  const Complete complete(effect, base, x);
+  const JointSeries& full = *complete;
   const std::vector<double> at(p, p + effect.parameters.size());
   std::vector<Rows> out;
   for (const int k : which) {

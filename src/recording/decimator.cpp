@@ -68,7 +68,10 @@ RowMatX<double> Decimator::push(const Eigen::Ref<const RowMatX<double>>& rows) {
   RowMatX<double> out(num_out, rows.cols());
   const Eigen::Map<const Eigen::RowVectorXd> h(h_.data(), taps);
   for (long k = 0; k < num_out; ++k)
-    out.row(k).noalias() = h * buffer_.middleRows(k * factor_, taps);
+    if (buffer_.cols() == 1)  // contiguous
+      out(k, 0) = h.dot(Eigen::Map<const Eigen::RowVectorXd>(buffer_.data() + k * factor_, taps));
+    else
+      out.row(k).noalias() = h * buffer_.middleRows(k * factor_, taps);
 
   const long used = num_out * factor_, kept = std::max(0L, filled_ - used);
   skip_ += std::max(0L, used - filled_);

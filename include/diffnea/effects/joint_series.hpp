@@ -18,7 +18,8 @@ struct JointSeries {
   RowMatX<double> tau;
   /// (N, n) torque that the base model predicts for the log, with all its effects; empty: as tau.
   RowMatX<double> total;
-  RowMatX<double> logged;  ///< (N, n) logged torque; may be empty, saturation alone reads it
+  RowMatX<double>
+      logged;  ///< (N, n) logged torque; may be empty: saturation and backlash alone read it
 
   long rows() const { return q.rows(); }
   const RowMatX<double>& drive() const { return total.size() > 0 ? total : tau; }

@@ -30,9 +30,11 @@ void predict(const ExtendedTree& base, JointSeries& x);
 ///  - kMemory: torque of the series; a hidden motor angle θ also moves the friction of `base` from
 ///  q̇ to θ̇
 /// @param base  the model it is added to; a Tree is one without effects
-/// @param x     x.tau may be empty: it is then computed
+/// @param x     x.tau may be empty: it is then computed; x.total, where it is there, is that of
+/// `base`
 /// @param p     parameters in the order of effect.parameter_info; shapes must be positive
-/// @throws ShapeError if the matrices differ in shape, DataError for a saturation without x.logged
+/// @throws ShapeError if the matrices differ in shape, DataError for a saturation or a
+/// backlash without x.logged
 RowMatX<double> series_torque(const BoundEffect& effect, const ExtendedTree& base,
                               const JointSeries& x, const double* p);
 RowMatX<double> series_torque(const BoundEffect& effect, const Tree<double>& tree,

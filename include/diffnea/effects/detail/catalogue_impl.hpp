@@ -4,16 +4,31 @@
 
 namespace diffnea {
 
+namespace detail {
+
+/// A formula's torque at one instant, at each of its joints; forces on links only where a tree is
+/// given.
+template <class E, Scalar T>
+void add_torque(const E& formula, const BoundEffect& effect, const Tree<double>* tree,
+                const JointSample<T>& x, const T* p, T* tau) {
+  const int* joints = effect.joints.data();
+  if constexpr (requires { formula.add_torque(x, joints, p, tau); }) {
+    if (E::info().place == Place::kJoint)
+      for (const int& joint : effect.joints) formula.add_torque(x, &joint, p, tau);
+    else
+      formula.add_torque(x, joints, p, tau);
+  } else if constexpr (requires { formula.add_torque(*tree, x, joints, p, tau); }) {
+    if (tree) formula.add_torque(*tree, x, joints, p, tau);
+  }
+}
+
+}  // namespace detail
+
 template <Scalar T>
 void add_torque(const BoundEffect& effect, const JointSample<T>& x, const T* p, T* tau) {
   std::visit(
-      [&]<class E>(const E& formula) {
-        if constexpr (requires(const int* j) { formula.add_torque(x, j, p, tau); }) {
-          if (E::info().place == Place::kJoint)
-            for (const int& joint : effect.joints) formula.add_torque(x, &joint, p, tau);
-          else
-            formula.add_torque(x, effect.joints.data(), p, tau);
-        }
+      [&](const auto& formula) {
+        detail::add_torque(formula, effect, static_cast<const Tree<double>*>(nullptr), x, p, tau);
       },
       effect.type);
 }
@@ -21,13 +36,8 @@ void add_torque(const BoundEffect& effect, const JointSample<T>& x, const T* p, 
 template <Scalar T>
 void add_torque(const BoundEffect& effect, const Tree<double>& tree, const JointSample<T>& x,
                 const T* p, T* tau) {
-  add_torque(effect, x, p, tau);
-  std::visit(
-      [&](const auto& formula) {
-        if constexpr (requires(const int* j) { formula.add_torque(tree, x, j, p, tau); })
-          formula.add_torque(tree, x, effect.joints.data(), p, tau);
-      },
-      effect.type);
+  std::visit([&](const auto& formula) { detail::add_torque(formula, effect, &tree, x, p, tau); },
+             effect.type);
 }
 
 template <Scalar P>
