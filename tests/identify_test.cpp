@@ -193,15 +193,20 @@ TEST_CASE("identify: a callback that says stop is obeyed, what was read is fitte
 }
 
 TEST_CASE("identify: input that cannot be fitted is refused with the reason", "[identify]") {
-  Recording brief = draw().train;
-  const long rows = 1000;  // 2 s, which leave ten rows a joint at 5 Hz
-  brief.time = VecX<double>(brief.time.head(rows));
-  brief.q = RowMatX<double>(brief.q.topRows(rows));
-  brief.tau = RowMatX<double>(brief.tau.topRows(rows));
-  brief.qcmd.resize(0, 0);
+  const auto first = [](long rows) {
+    Recording brief = draw().train;
+    brief.time = VecX<double>(brief.time.head(rows));
+    brief.q = RowMatX<double>(brief.q.topRows(rows));
+    brief.tau = RowMatX<double>(brief.tau.topRows(rows));
+    brief.qcmd.resize(0, 0);
+    return brief;
+  };
   IdentifyOptions sparse;
   sparse.preprocess.decimate_to_hz = 5.0;
-  CHECK_THROWS_WITH(identify(draw().nominal, {brief}, {}, sparse), ContainsSubstring("parameters"));
+  CHECK_THROWS_WITH(identify(draw().nominal, {first(2000)}, {}, sparse),  // 4 s, 20 rows a joint
+                    ContainsSubstring("parameters"));
+  CHECK_THROWS_WITH(identify(draw().nominal, {first(1000)}, {}, sparse),  // shorter than the filter
+                    ContainsSubstring("no torque sample is left"));
 
   CHECK_THROWS_WITH(identify(draw().nominal, {draw().train}, {draw().train}),
                     ContainsSubstring("same rows"));

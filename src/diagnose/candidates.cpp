@@ -22,33 +22,6 @@ bool contains(const std::vector<std::string>& list, const std::string& name) {
   return std::ranges::find(list, name) != list.end();
 }
 
-/// Neighbours in the tree, either way round.
-std::vector<std::string> joint_pairs(const Model& model) {
-  const std::vector<std::string> names = joint_names(model);
-  const Tree<double> tree = make_tree(model);
-  std::vector<std::string> out;
-  for (std::size_t j = 0; j < names.size(); ++j)
-    if (const int parent = tree.links[j].parent; parent >= 0)
-      out.push_back(names[static_cast<std::size_t>(parent)] + "," + names[j]);
-  return out;
-}
-
-std::vector<std::string> places(const EffectInfo& info, const Model& model) {
-  switch (info.place) {
-    case Place::kJoint:
-      return joint_names(model);
-    case Place::kJointPair:
-      return joint_pairs(model);
-    case Place::kTip:
-      return {"tip"};
-    case Place::kBase:
-      return {"base"};
-    case Place::kAllJoints:
-      return {"all"};
-  }
-  return {};
-}
-
 /// Whether there are several joints, and all of one type: the same number is then the same thing
 /// everywhere.
 bool one_type(const Model& model) {

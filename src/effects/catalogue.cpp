@@ -148,6 +148,17 @@ void check_value(const std::string& here, const ParameterInfo& info, double valu
                                                       : "number above 0"));
 }
 
+/// Neighbours in the tree, either way round.
+std::vector<std::string> joint_pairs(const Model& model) {
+  const std::vector<std::string> names = joint_names(model);
+  const Tree<double> tree = make_tree(model);
+  std::vector<std::string> out;
+  for (std::size_t j = 0; j < names.size(); ++j)
+    if (const int parent = tree.links[j].parent; parent >= 0)
+      out.push_back(names[static_cast<std::size_t>(parent)] + "," + names[j]);
+  return out;
+}
+
 }  // namespace
 
 RunPlace split_where(const std::string& where) {
@@ -225,6 +236,22 @@ std::vector<int> BoundEffect::amplitude_parameters() const {
   if (std::holds_alternative<PreslidingLugre>(type))
     out.clear();  // its damping switches nothing on
   return out;
+}
+
+std::vector<std::string> places(const EffectInfo& info, const Model& model) {
+  switch (info.place) {
+    case Place::kJoint:
+      return joint_names(model);
+    case Place::kJointPair:
+      return joint_pairs(model);
+    case Place::kTip:
+      return {"tip"};
+    case Place::kBase:
+      return {"base"};
+    case Place::kAllJoints:
+      return {"all"};
+  }
+  return {};
 }
 
 BoundEffect bind(const EffectSpec& spec, const Model& model, const std::vector<int>& runs) {

@@ -144,10 +144,11 @@ void add_effect(const BoundEffect& effect, bool fixed, bool fix_shapes, double p
 void require_fittable(const BoundEffect& effect) {
   const EffectInfo& info = effect.info();
   if (info.port == Port::kJointTorque || info.port == Port::kModelParameter) return;
-  throw ModelError(
-      "effects: identify cannot fit " + info.name + " at '" + effect.where +
-      "', nor a model that has it: its torque is no function of one instant of the joints; "
-      "`diffnea diagnose` fits it");
+  throw ModelError("effects: identify cannot fit " + info.name + " at '" + effect.where +
+                   "', nor a model that has it: its torque is " +
+                   (effect.is_local() ? "that of a force on a link, no joint's own"
+                                      : "no function of one instant of the joints") +
+                   "; `diffnea diagnose` fits it");
 }
 
 /// The fixed transform of one joint.
@@ -164,19 +165,8 @@ void add_kinematics(const Model& model, int dof, FitLayout& layout) {
 }
 
 /// The places an effect asked for without one acts at.
-std::vector<std::string> places(const EffectInfo& info, const Model& model) {
-  switch (info.place) {
-    case Place::kJoint:
-      return joint_names(model);
-    case Place::kTip:
-      return {"tip"};
-    case Place::kBase:
-      return {"base"};
-    case Place::kAllJoints:
-      return {"all"};
-    case Place::kJointPair:
-      break;
-  }
+std::vector<std::string> places_asked(const EffectInfo& info, const Model& model) {
+  if (info.place != Place::kJointPair) return places(info, model);
   throw ModelError("effects: " + info.name + " acts on a pair of joints; name them, e.g. " +
                    info.name + "@" + joint_names(model).front() + "," + joint_names(model).back());
 }
@@ -257,7 +247,7 @@ FitLayout make_layout(const Model& model, const FitChoice& choice, const std::ve
     const EffectInfo effect_info = info(find_effect(name));
     if (name == "armature" ? !fit_armature : !fit_effects) continue;
     const std::vector<std::string> where = at == std::string::npos
-                                               ? places(effect_info, model)
+                                               ? places_asked(effect_info, model)
                                                : std::vector<std::string>{entry.substr(at + 1)};
     for (const std::string& w : where)
       if (!contains(present, name + "@" + w)) add({name, w, {}});

@@ -260,6 +260,10 @@ LinearFit fit_linear(const FitLayout& layout, const std::vector<JointFactor>& fa
   const std::vector<int> free = free_columns(layout);
   long rows = 0;
   for (const JointFactor& f : factors) rows += f.factor.rows();
+  if (rows == 0)
+    throw DataError(
+        "identify: no torque sample is left after filtering: no joint with a torque moves, or no "
+        "stretch is long enough for the filter; record a motion, e.g. one of `diffnea excite`");
   if (free.empty())
     throw ModelError(
         "identify: every parameter is held, nothing is left to fit; groups of fit: inertia, "

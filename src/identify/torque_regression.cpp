@@ -94,19 +94,18 @@ void TorqueRegression::fill_row(const Preprocessed& block, long row) {
   links_.noalias() = Y * at_.linear.head(kThetaSize * n);
   JointSample<double> x;
   x.time = block.time[row] - run_start_;
-  x.run = block.run;
+  x.run = block.run + options_.first_run;
   x.q = block.q.row(row).data();
   x.qd = block.qd.row(row).data();
   x.qdd = block.qdd.row(row).data();
   x.tau = links_.data();
-  const int run = block.run + options_.first_run;
   for (std::size_t e = 0; e < effects_.size(); ++e) {  // payloads first: the links transmit them
     const BoundEffect& effect = effects_[e];
     if (effect.info().port != Port::kModelParameter) continue;
     for (std::size_t k = 0; k < effect_column_[e].size(); ++k) {
       const int c = effect_column_[e][k];
       full_.col(c).setZero();
-      if (!effect.acts_in(run)) continue;
+      if (!effect.acts_in(x.run)) continue;
       full_.col(c) = Y.col(kThetaSize * effect.joints.at(0) + static_cast<long>(k));
       links_ += at_.linear[c] * full_.col(c);
     }
@@ -114,7 +113,7 @@ void TorqueRegression::fill_row(const Preprocessed& block, long row) {
   for (std::size_t e = 0; e < effects_.size(); ++e) {
     const BoundEffect& effect = effects_[e];
     const std::vector<int>& columns = effect_column_[e];
-    if (!effect.acts_in(run)) {
+    if (!effect.acts_in(x.run)) {
       for (const int c : columns) full_.col(c).setZero();
     } else if (effect.info().port == Port::kJointTorque) {
       scratch_.resize(columns.size() * n);
@@ -150,7 +149,7 @@ void TorqueRegression::add_shape_columns(const JointSample<double>& x) {
     const FitParameter& shape = layout_.shape[free_shapes_[s]];
     if (shape.kinematic >= 0) continue;
     const BoundEffect& effect = effects_[shape.effect];
-    if (!effect.acts_in(x.run + options_.first_run)) {
+    if (!effect.acts_in(x.run)) {
       full_.col(p + static_cast<long>(s)).setZero();
       continue;
     }

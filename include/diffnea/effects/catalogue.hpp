@@ -110,6 +110,10 @@ struct BoundEffect {
   }
 };
 
+/// Every place of a model at which the effect can act, as `where` of an EffectSpec; pairs of joints
+/// are neighbours in the tree.
+std::vector<std::string> places(const EffectInfo& info, const Model& model);
+
 /// "tip:run=1+4" is the place "tip" in recordings 1 and 4 alone; without the ending: in all.
 struct RunPlace {
   std::string place;
