@@ -20,6 +20,7 @@ struct SeriesCollector {
   std::vector<JointSeries> series;
   std::vector<Preprocessed> about;  ///< of each stretch: all but its rows
   double run_start = 0.0;
+  int first_run = 0;
 
   void add(const Preprocessed& block) {
     for (long row = 0; row < block.rows();) {
@@ -73,7 +74,7 @@ struct SeriesCollector {
     JointSeries s;
     s.dt = block.dt;
     s.start = block.time[row] - run_start;
-    s.run = block.run;
+    s.run = block.run + first_run;
     series.push_back(std::move(s));
     Preprocessed of;
     of.source = block.source;
@@ -165,7 +166,7 @@ Evidence::Evidence(const Model& model, const FitLayout& layout, const RecordingS
     : num_dofs_(layout.num_dofs),
       first_run_(first_run),
       runs_(source.runs()),
-      decimator_(plan.decimator) {
+      filter_(plan.decimator) {
   VecX<double> shape(static_cast<long>(layout.shape.size()));
   for (std::size_t s = 0; s < layout.shape.size(); ++s)
     shape[static_cast<long>(s)] = layout.shape[s].prior;
@@ -178,6 +179,7 @@ Evidence::Evidence(const Model& model, const FitLayout& layout, const RecordingS
   all.first_run = first_run;
   TorqueRegression regression(model, held, plan, {layout.prior(), shape}, all);
   SeriesCollector collector;
+  collector.first_run = first_run;
   for_each_block(source, plan, "reading", 0, options,
                  [&](const Preprocessed& block) { collector.add(block); });
   // Where a recording begins and ends, its filter still remembers how it was continued beyond.
@@ -220,7 +222,7 @@ Evidence::Evidence(const Model& model, const FitLayout& layout, const RecordingS
     averaged_base_ = stacked_base(averaged, p);
   }
   stretch_.resize(time_.size());
-  const Decimator filter(decimator_);
+  const Decimator& filter = filter_;
   std::vector<RowMatX<double>> states;
   VecX<double> rest_speed = VecX<double>::Zero(num_dofs_);
   long samples = 0;
@@ -276,7 +278,7 @@ MatX<double> Evidence::stacked_base(const TorqueRegression& regression, long p) 
 MatX<double> Evidence::decimate(const std::vector<RowMatX<double>>& stretches) const {
   std::vector<RowMatX<double>> parts;
   long rows = 0;
-  Decimator filter(decimator_);
+  Decimator filter = filter_;
   for (const RowMatX<double>& s : stretches) {
     filter.reset();
     parts.push_back(filter.push(s));
@@ -297,7 +299,7 @@ double Evidence::set_reference(const Model& fitted) {
   for (JointSeries& s : series_) {
     const RowMatX<double> before = std::move(s.total);
     const auto [at, is_new] = references_.try_emplace(s.run);
-    if (is_new) at->second = extend(fitted, runs_, first_run_ + s.run);
+    if (is_new) at->second = extend(fitted, runs_, s.run);
     predict(at->second, s);
     size += s.total.colwise().squaredNorm().transpose();
     change += (before.size() == 0 ? s.total : RowMatX<double>(s.total - before))

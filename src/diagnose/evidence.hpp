@@ -92,7 +92,7 @@ class Evidence {
   std::vector<int> joints_;
   std::vector<JointSeries> series_;
   std::vector<int> runs_;
-  DecimatorOptions decimator_;
+  Decimator filter_;
   std::vector<JointFactor> factors_;
   std::map<std::pair<std::string, std::string>, MatX<double>> own_;  ///< by name and place
   std::map<int, ExtendedTree> references_;  ///< by run: a body may be held in some of them

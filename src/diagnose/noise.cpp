@@ -3,6 +3,10 @@
 #include <algorithm>
 #include <cmath>
 
+#include <Eigen/QR>
+
+#include "diagnose/hats.hpp"
+
 namespace diffnea {
 namespace {
 
@@ -29,6 +33,11 @@ JointNoise levinson(const std::vector<double>& r) {
   out.sigma = std::sqrt(std::max(error, 1e-12 * r[0]));
   return out;
 }
+
+/// Of a function of one variable that what is missing may be.
+constexpr int kKnots = 16;
+/// Rows for each column: with fewer, smooth functions would explain the noise, too.
+constexpr long kRowsAColumn = 4;
 
 }  // namespace
 
@@ -78,6 +87,24 @@ std::vector<JointNoise> estimate_noise(const Evidence& evidence, const VecX<doub
       r[static_cast<std::size_t>(lag)] *= freedom / n * (lag ? 1.0 - 1e-6 : 1.0);
     if (!(r[0] > 0.0)) r[0] = 1e-300;
     out.push_back(levinson(r));
+  }
+  return out;
+}
+
+VecX<double> beside_smooth_functions(const Evidence& e, const VecX<double>& residual) {
+  VecX<double> out = residual;
+  const long m = e.times();
+  for (std::size_t k = 0; k < e.joints().size(); ++k) {
+    const long begin = static_cast<long>(k) * m;
+    const VecX<double> q = e.q().col(e.joints()[k]), qd = e.qd().col(e.joints()[k]);
+    const MatX<double> of_q = hats(q, knots(q, kKnots)), of_qd = hats(qd, knots(qd, kKnots));
+    MatX<double> A(m, e.base().cols() + of_q.cols() + of_qd.cols());
+    A << e.base().middleRows(begin, m), of_q, of_qd;
+    if (A.cols() * kRowsAColumn > m) continue;
+    const Eigen::ColPivHouseholderQR<MatX<double>> qr(A);
+    const VecX<double> r = residual.segment(begin, m);
+    const double left = static_cast<double>(m) / static_cast<double>(m - 2 * kKnots);
+    out.segment(begin, m) = std::sqrt(left) * (r - A * qr.solve(r));
   }
   return out;
 }

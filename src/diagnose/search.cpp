@@ -5,7 +5,6 @@
 
 #include <Eigen/Cholesky>
 
-#include "diagnose/hats.hpp"
 #include "diagnose/signed_fit.hpp"
 
 namespace diffnea {
@@ -27,32 +26,6 @@ std::vector<bool> signs(const BoundEffect& effect, const std::vector<int>& linea
   std::vector<bool> out;
   for (const int k : linear)
     out.push_back(effect.parameter_info[static_cast<std::size_t>(k)].sign != Sign::kFree);
-  return out;
-}
-
-/// Knots of a function of one variable that what is missing may be.
-constexpr int kSmoothKnots = 16;
-
-constexpr long kRowsAColumn = 4;
-
-/// What no function of a joint's own position plus one of its velocity can explain, beside the
-/// base. Without repeats, what the model lacks is not to be taken for noise: whitened away, it
-/// would stay hidden.
-VecX<double> beside_smooth_functions(const Evidence& e, const VecX<double>& residual) {
-  VecX<double> out = residual;
-  const long m = e.times();
-  for (std::size_t k = 0; k < e.joints().size(); ++k) {
-    const long begin = static_cast<long>(k) * m;
-    const VecX<double> q = e.q().col(e.joints()[k]), qd = e.qd().col(e.joints()[k]);
-    const MatX<double> of_q = hats(q, knots(q, kSmoothKnots)),
-                       of_qd = hats(qd, knots(qd, kSmoothKnots));
-    MatX<double> A(m, e.base().cols() + of_q.cols() + of_qd.cols());
-    A << e.base().middleRows(begin, m), of_q, of_qd;
-    if (A.cols() * kRowsAColumn > m) continue;  // too short: it would explain the noise, too
-    const Eigen::ColPivHouseholderQR<MatX<double>> qr(A);
-    const VecX<double> r = residual.segment(begin, m);
-    out.segment(begin, m) = r - A * qr.solve(r);
-  }
   return out;
 }
 
@@ -179,8 +152,8 @@ void Search::refresh(double period, std::vector<Term>& terms) {
             rows[static_cast<std::size_t>(i)] && std::isfinite(noise[i]);
     } else {
       noise = beside_smooth_functions(evidence_, left);
-      lost = 2.0 * kSmoothKnots + static_cast<double>(projection_->rank() + num_parameters(terms)) /
-                                      static_cast<double>(evidence_.joints().size());
+      lost = static_cast<double>(projection_->rank() + num_parameters(terms)) /
+             static_cast<double>(evidence_.joints().size());
     }
     for (std::size_t k = 0; k < evidence_.joints().size();
          ++k)  // at rest the torque is not the model's

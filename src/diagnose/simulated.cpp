@@ -138,14 +138,15 @@ bool finish(Window& w) {
 
 /// @return the windows with their rows; those that lack some are left out
 std::vector<Window> read_windows(std::vector<Window> windows, const RecordingSource& source,
-                                 const PreprocessPlan& plan, const IdentifyOptions& reading) {
+                                 const PreprocessPlan& plan, const IdentifyOptions& reading,
+                                 int first_run) {
   int run = -1;
   double run_start = 0.0;
   for_each_block(source, plan, "simulating", 0, reading, [&](const Preprocessed& block) {
     if (block.run != run) run_start = block.time[0];
     run = block.run;
     for (Window& w : windows)
-      if (w.run == run) collect(block, run_start, w);
+      if (w.run == first_run + run) collect(block, run_start, w);
   });
   std::erase_if(windows, [](Window& w) { return !finish(w); });
   return windows;
@@ -154,18 +155,16 @@ std::vector<Window> read_windows(std::vector<Window> windows, const RecordingSou
 /// Simulates windows by one model, in each run with the effects that act there.
 class Replayed {
  public:
-  Replayed(const Model& model, const Evidence& evidence, const std::vector<int>& runs)
-      : model_(model), first_run_(evidence.first_run()), runs_(runs) {}
+  Replayed(const Model& model, const std::vector<int>& runs) : model_(model), runs_(runs) {}
 
   RowMatX<double> operator()(const Window& w, const Feedback* feedback) {
     const auto [at, is_new] = trees_.try_emplace(w.run);
-    if (is_new) at->second = extend(model_, runs_, first_run_ + w.run);
+    if (is_new) at->second = extend(model_, runs_, w.run);
     return replay(at->second, w.x, w.begin, w.end, feedback, w.run);
   }
 
  private:
   const Model& model_;
-  int first_run_;
   std::vector<int> runs_;
   std::map<int, ExtendedTree> trees_;
 };
@@ -239,7 +238,7 @@ SimulatedMotion simulate_held_out(const Model& base, const Model& extended,
   }
   const double most = (feedback ? kMostInLoop : kMostSeconds) / out.window;
   windows = read_windows(spread(std::move(windows), static_cast<std::size_t>(most)), source, plan,
-                         reading);
+                         reading, evidence.first_run());
   out.windows = static_cast<int>(windows.size());
   if (windows.empty()) {
     out.reason = "no held-out stretch lasts " + format_number(out.window) + " s";
@@ -247,7 +246,7 @@ SimulatedMotion simulate_held_out(const Model& base, const Model& extended,
   }
   std::vector<RowMatX<double>> q0, q1;
   try {
-    Replayed by_base(base, evidence, source.runs()), by_extended(extended, evidence, source.runs());
+    Replayed by_base(base, source.runs()), by_extended(extended, source.runs());
     for (const Window& w : windows) {
       q0.push_back(by_base(w, feedback ? &*feedback : nullptr));
       q1.push_back(by_extended(w, feedback ? &*feedback : nullptr));

@@ -91,6 +91,34 @@ std::string path(const std::vector<double>& x, const std::vector<double>& y, X t
   return out;
 }
 
+/// A chart of the page's width: where values lie, its frame and its titles.
+struct Axes {
+  Range rx, ry;
+  int height;
+
+  double bottom() const { return height - kBottom; }
+  double x(double v) const {
+    return kLeft + (v - rx.low) / (rx.high - rx.low) * (kWidth - kLeft - kRight);
+  }
+  double y(double v) const {
+    return bottom() - (v - ry.low) / (ry.high - ry.low) * (bottom() - kTop);
+  }
+  /// The element's opening, the grid and the numbers.
+  std::string begin() const {
+    std::string out =
+        "<svg viewBox='0 0 " + coordinate(kWidth) + " " + std::to_string(height) + "' role='img'>";
+    for (const double t : ticks(ry, height / 40))
+      out += segment("grid", kLeft, y(t), kWidth - kRight, y(t)) +
+             text_at(kLeft - 5, y(t) + 4, "end", number(t));
+    for (const double t : ticks(rx, 8)) out += text_at(x(t), height - 8, "middle", number(t));
+    return out;
+  }
+  std::string titles(const std::string& below, const std::string& above) const {
+    return text_at(kWidth - kRight, bottom() - 4, "end", below) +
+           text_at(kLeft + 4, kTop + 8, "start", above);
+  }
+};
+
 }  // namespace
 
 std::string line_chart(const std::vector<double>& x, const std::vector<Line>& lines,
@@ -101,24 +129,15 @@ std::string line_chart(const std::vector<double>& x, const std::vector<Line>& li
     for (const double v : *line.y) ry.take(v);
   const Range rx = Range{x_range.first, x_range.second}.widened(0.0);
   ry = ry.widened(0.05);
-  const double bottom = height - kBottom;
-  const auto to_x = [&](double v) {
-    return kLeft + (v - rx.low) / (rx.high - rx.low) * (kWidth - kLeft - kRight);
-  };
-  const auto to_y = [&](double v) {
-    return bottom - (v - ry.low) / (ry.high - ry.low) * (bottom - kTop);
-  };
-  std::string out =
-      "<svg viewBox='0 0 " + coordinate(kWidth) + " " + std::to_string(height) + "' role='img'>";
-  for (const double t : ticks(ry, height / 40))
-    out += segment("grid", kLeft, to_y(t), kWidth - kRight, to_y(t)) +
-           text_at(kLeft - 5, to_y(t) + 4, "end", number(t));
-  for (const double t : ticks(rx, 8)) out += text_at(to_x(t), height - 8, "middle", number(t));
-  out += text_at(kWidth - kRight, bottom - 4, "end", "s") +
-         text_at(kLeft + 4, kTop + 8, "start", unit);
+  const Axes at{rx, ry, height};
+  std::string out = at.begin();
+  out += at.titles("s", unit);
   for (const Line& line : lines)
     out += std::string("<path class='") + line.css_class + "' d='" +
-           path(x, *line.y, to_x, to_y, (kWidth - kLeft) / columns) + "'/>";
+           path(
+               x, *line.y, [&](double v) { return at.x(v); }, [&](double v) { return at.y(v); },
+               (kWidth - kLeft) / columns) +
+           "'/>";
   return out + "</svg>\n";
 }
 
@@ -184,28 +203,16 @@ std::string binned_chart(const std::vector<Bin>& bins, const std::string& x_unit
   }
   rx = rx.widened(0.02);
   ry = ry.widened(0.05);
-  const double bottom = height - kBottom;
-  const auto to_x = [&](double v) {
-    return kLeft + (v - rx.low) / (rx.high - rx.low) * (kWidth - kLeft - kRight);
-  };
-  const auto to_y = [&](double v) {
-    return bottom - (v - ry.low) / (ry.high - ry.low) * (bottom - kTop);
-  };
-  std::string out =
-      "<svg viewBox='0 0 " + coordinate(kWidth) + " " + std::to_string(height) + "' role='img'>";
-  for (const double t : ticks(ry, height / 40))
-    out += segment("grid", kLeft, to_y(t), kWidth - kRight, to_y(t)) +
-           text_at(kLeft - 5, to_y(t) + 4, "end", number(t));
-  for (const double t : ticks(rx, 8)) out += text_at(to_x(t), height - 8, "middle", number(t));
-  out += segment("prior", kLeft, to_y(0.0), kWidth - kRight, to_y(0.0));
+  const Axes at{rx, ry, height};
+  std::string out = at.begin();
+  out += segment("prior", kLeft, at.y(0.0), kWidth - kRight, at.y(0.0));
   for (const Bin& b : bins) {
     if (std::isfinite(b.half))
-      out += segment("spread", to_x(b.x), to_y(b.mean - b.half), to_x(b.x), to_y(b.mean + b.half));
+      out += segment("spread", at.x(b.x), at.y(b.mean - b.half), at.x(b.x), at.y(b.mean + b.half));
     out +=
-        "<circle cx='" + coordinate(to_x(b.x)) + "' cy='" + coordinate(to_y(b.mean)) + "' r='3'/>";
+        "<circle cx='" + coordinate(at.x(b.x)) + "' cy='" + coordinate(at.y(b.mean)) + "' r='3'/>";
   }
-  return out + text_at(kWidth - kRight, bottom - 4, "end", x_unit) +
-         text_at(kLeft + 4, kTop + 8, "start", y_unit) + "</svg>\n";
+  return out + at.titles(x_unit, y_unit) + "</svg>\n";
 }
 
 std::string band_chart(const std::vector<double>& x, const std::vector<Band>& bands,

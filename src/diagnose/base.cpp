@@ -1,0 +1,171 @@
+#include "diagnose/base.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+
+namespace diffnea {
+namespace {
+
+/// Of ln v₀.
+constexpr double kFar = 0.1;
+
+/// Factors of the linear parameters alone.
+std::vector<JointFactor> linear_factors(const Evidence& evidence, const FitLayout& layout) {
+  const int p = static_cast<int>(layout.linear.size());
+  std::vector<JointFactor> out;
+  for (const JointFactor& f : evidence.factors()) {
+    std::vector<int> columns = f.columns;
+    std::erase_if(columns, [&](int c) { return c >= p; });
+    JointFactor kept{columns, TriangularFactor(static_cast<int>(columns.size()))};
+    const long k = static_cast<long>(columns.size());  // they come first
+    if (f.factor.rows() > 0) {
+      RowMatX<double> rows = RowMatX<double>::Zero(f.factor.R().rows() + 1, k + 1);
+      rows.topLeftCorner(rows.rows() - 1, k) = f.factor.R().leftCols(k);
+      rows.col(k).head(rows.rows() - 1) = f.factor.d();
+      rows(rows.rows() - 1, k) = std::sqrt(f.factor.residual_sum_of_squares());
+      kept.factor.add(rows);
+    }
+    out.push_back(std::move(kept));
+  }
+  return out;
+}
+
+}  // namespace
+
+BasePrior base_prior(Base base, const Model& model, const FitLayout& layout,
+                     const Evidence& evidence) {
+  BasePrior out;
+  const long linear = static_cast<long>(layout.linear.size());
+  const long smoothing = std::ranges::count_if(layout.shape, is_smoothing);
+  out.x0 = VecX<double>::Zero(linear + smoothing);
+  out.x0.head(linear) = layout.prior();
+  if (base == Base::kFixed) {  // how sharply friction turns is no claim of the model
+    for (long s = 0; s < smoothing; ++s) out.free.push_back(static_cast<int>(linear + s));
+    out.root = MatX<double>::Identity(smoothing, smoothing);
+    return out;
+  }
+  for (std::size_t k = 0; k < layout.linear.size(); ++k)
+    if (!layout.linear[k].fixed) out.free.push_back(static_cast<int>(k));
+  const double width = LinearFitOptions{}.prior_width;
+  VecX<double> scale(linear + smoothing);
+  scale << parameter_scales(layout, linear_factors(evidence, layout)),
+      VecX<double>::Constant(smoothing, 1.0 / width);  // a factor of e
+  for (long s = 0; s < smoothing; ++s) out.free.push_back(static_cast<int>(linear + s));
+  const long p = static_cast<long>(out.free.size());
+  MatX<double> weak = MatX<double>::Zero(p, p);
+  for (long k = 0; k < p; ++k)
+    weak(k, k) = 1.0 / (width * scale[out.free[static_cast<std::size_t>(k)]]);
+  if (base != Base::kPrior) {
+    out.root = weak;
+    return out;
+  }
+  const Posterior& posterior = *model.posterior;
+  const long n = static_cast<long>(posterior.names.size());
+  const MatX<double> information =
+      Eigen::Map<const MatX<double>>(posterior.information.data(), n, n);
+  const Eigen::SelfAdjointEigenSolver<MatX<double>> eigen(information);
+  MatX<double> root(n, p);
+  root.setZero();
+  const MatX<double> L =
+      eigen.eigenvalues().cwiseMax(0.0).cwiseSqrt().asDiagonal() * eigen.eigenvectors().transpose();
+  for (long i = 0; i < n; ++i)
+    for (long k = 0; k < p; ++k)
+      if (out.free[static_cast<std::size_t>(k)] < linear &&
+          layout.linear[static_cast<std::size_t>(out.free[static_cast<std::size_t>(k)])].name ==
+              posterior.names[static_cast<std::size_t>(i)])
+        root.col(k) = L.col(i);
+  out.root.resize(n + p, p);
+  out.root << root, weak;
+  return out;
+}
+
+bool fit_turns(Base base, const Evidence& evidence, FitLayout& layout) {
+  const long p = static_cast<long>(layout.linear.size());
+  const long smoothing = std::ranges::count_if(layout.shape, is_smoothing);
+  if (smoothing == 0) return false;
+  // Joints weighted by what the fit leaves of each; a factor of e is the prior's width.
+  const VecX<double> x0 = base == Base::kRefit
+                              ? fit_linear(layout, linear_factors(evidence, layout)).x
+                              : layout.prior();
+  const std::vector<JointFactor>& factors = evidence.factors();
+  MatX<double> K = MatX<double>::Zero(p + smoothing, p + smoothing);
+  VecX<double> k = VecX<double>::Zero(p + smoothing);
+  for (const JointFactor& f : factors) {
+    if (f.factor.rows() == 0) continue;
+    const MatX<double> R = f.factor.R();
+    VecX<double> d = f.factor.d();
+    VecX<double> at(R.cols());
+    for (long c = 0; c < R.cols(); ++c) {
+      const int column = f.columns[static_cast<std::size_t>(c)];
+      at[c] = column < p ? x0[column] : 0.0;
+    }
+    d -= R * at;
+    const double left = d.squaredNorm() + f.factor.residual_sum_of_squares();
+    const double weight = static_cast<double>(f.factor.rows()) / std::max(left, 1e-300);
+    const MatX<double> RR = weight * (R.transpose() * R);
+    const VecX<double> Rd = weight * (R.transpose() * d);
+    for (long a = 0; a < R.cols(); ++a) {
+      k[f.columns[static_cast<std::size_t>(a)]] += Rd[a];
+      for (long b = 0; b < R.cols(); ++b)
+        K(f.columns[static_cast<std::size_t>(a)], f.columns[static_cast<std::size_t>(b)]) +=
+            RR(a, b);
+    }
+  }
+  std::vector<int> free;
+  for (long c = 0; c < p + smoothing; ++c)
+    if (c >= p || (base != Base::kFixed && !layout.linear[static_cast<std::size_t>(c)].fixed))
+      free.push_back(static_cast<int>(c));
+  MatX<double> A = K(free, free);
+  const VecX<double> b = k(free);
+  for (long c = 0; c < A.rows(); ++c)
+    A(c, c) += free[static_cast<std::size_t>(c)] >= p ? 1.0 : 1e-9 * A(c, c) + 1e-300;
+  const VecX<double> step = A.ldlt().solve(b).tail(smoothing);
+  bool far = false;
+  long at = 0;
+  for (FitParameter& shape : layout.shape) {
+    if (!is_smoothing(shape)) continue;
+    const double move = std::isfinite(step[at]) ? std::clamp(step[at], -1.0, 1.0) : 0.0;
+    ++at;
+    shape.prior *= std::exp(move);
+    far = far || std::abs(move) > kFar;
+  }
+  return far;
+}
+
+VecX<double> final_base(Base base, const FitLayout& layout, const Search& search,
+                        const Evidence& evidence, const std::vector<Term>& terms, LinearFit& fit) {
+  VecX<double> effects = VecX<double>::Zero(evidence.rows());
+  for (const Term& t : terms) effects += t.torque();
+  VecX<double> x = search.projection().parameters(effects);
+  if (base != Base::kRefit) return x;
+  const long p = static_cast<long>(layout.linear.size()), smoothing = x.size() - p;
+  MatX<double> all(evidence.rows(), p + 1);
+  all << evidence.base().leftCols(p),
+      evidence.torque() - effects - evidence.base().rightCols(smoothing) * x.tail(smoothing);
+  const MatX<double> rows = search.whitener()(all);
+  std::vector<JointFactor> factors;
+  std::size_t known = 0;
+  for (int j = 0; j < evidence.num_dofs(); ++j) {
+    std::vector<int> columns = evidence.factors()[static_cast<std::size_t>(j)].columns;
+    std::erase_if(columns, [&](int c) { return c >= p; });
+    factors.push_back({columns, TriangularFactor(static_cast<int>(columns.size()))});
+    if (known >= evidence.joints().size() || evidence.joints()[known] != j) continue;
+    const long begin = static_cast<long>(known++) * evidence.times();
+    std::vector<long> used;
+    for (long i = begin; i < begin + evidence.times(); ++i)
+      if (search.whitener().kept()[static_cast<std::size_t>(i)]) used.push_back(i);
+    RowMatX<double> block(static_cast<long>(used.size()), static_cast<long>(columns.size()) + 1);
+    for (std::size_t c = 0; c < columns.size(); ++c)
+      block.col(static_cast<long>(c)) = rows.col(columns[c])(used);
+    block.col(block.cols() - 1) = rows.col(p)(used);
+    factors.back().factor.add(block);
+  }
+  fit = fit_linear(layout, factors);
+  x.head(p) = fit.x;
+  return x;
+}
+
+}  // namespace diffnea

@@ -1,0 +1,24 @@
+#pragma once
+/// What the base model may do beside effects, and what it does in the end. Internal to diagnose/.
+
+#include <diffnea/diagnose/diagnose.hpp>
+
+#include "diagnose/search.hpp"
+
+namespace diffnea {
+
+/// Rows of the inverse square root of a posterior's covariance (--base prior), and a weak pull on
+/// what it says nothing of.
+BasePrior base_prior(Base base, const Model& model, const FitLayout& layout,
+                     const Evidence& evidence);
+
+/// Moves how sharply the base's friction turns (the v₀ of `layout`) to where the recording has it.
+/// @return whether that is far: the columns of `evidence` are straight lines about the v₀ before
+bool fit_turns(Base base, const Evidence& evidence, FitLayout& layout);
+
+/// The base parameters that go with the causes, physically consistent where all of them may move.
+/// @param fit  written with --base refit
+VecX<double> final_base(Base base, const FitLayout& layout, const Search& search,
+                        const Evidence& evidence, const std::vector<Term>& terms, LinearFit& fit);
+
+}  // namespace diffnea

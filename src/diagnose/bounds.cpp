@@ -1,0 +1,89 @@
+#include "diagnose/bounds.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace diffnea {
+namespace {
+
+/// Stribeck's velocity over v₀, at least.
+constexpr double kStribeckTurns = 3.0;
+
+/// Of the rows' Nyquist frequency: at half the RMS velocity, where most rows are.
+constexpr double kRippleShare = 2.0;
+
+/// A limit is met now and then: one below most of the torque would explain any torque by itself.
+void bound_saturation(const Evidence& evidence, Candidate& c) {
+  std::vector<double> size;
+  for (const JointSeries& s : evidence.series())
+    for (long i = 0; i < s.rows(); ++i) size.push_back(std::abs(s.logged(i, c.effect.joints[0])));
+  std::ranges::sort(size);
+  const auto quantile = [&](double q) {
+    return size[static_cast<std::size_t>(q * static_cast<double>(size.size() - 1))];
+  };
+  c.grid.clear();
+  for (const double q : {0.999, 0.99, 0.97, 0.94, 0.9, 0.85, 0.8}) c.grid.push_back({quantile(q)});
+  c.shape_low = {quantile(0.75)};
+}
+
+/// Below a few v₀, Stribeck's curve only mends how friction turns.
+void bound_stribeck(const FitLayout& layout, Candidate& c) {
+  const auto value = [&](const char* name) {
+    const auto at = std::ranges::find(c.effect.parameter_info, name, &ParameterInfo::name);
+    return c.effect.parameters[static_cast<std::size_t>(at - c.effect.parameter_info.begin())];
+  };
+  double v0 = value("smoothing");
+  for (const FitParameter& shape : layout.shape)
+    if (is_smoothing(shape) && shape.name.starts_with(c.effect.where + "."))
+      v0 = std::max(v0, shape.prior);
+  const double least = kStribeckTurns * v0;
+  std::erase_if(c.grid, [&](const std::vector<double>& g) { return g[0] < least; });
+  c.shape_low = {least};
+  if (c.grid.empty()) c.grid = {{least}};
+}
+
+/// A ripple is one if the motion runs through it twice; below, it is any smooth function of the
+/// position. And at the joint's RMS velocity the rows must follow it; beyond, it is left of it
+/// what happens at reversals alone.
+void bound_cogging(const Evidence& evidence, Candidate& c) {
+  const int j = c.effect.joints[0];
+  const VecX<double> q = evidence.q().col(j);
+  const double range = q.maxCoeff() - q.minCoeff(),
+               lowest = range > 0.0 ? 4.0 * std::numbers::pi / range : 1e300;
+  const double speed =
+      std::sqrt(evidence.qd().col(j).squaredNorm() / static_cast<double>(evidence.times()));
+  const double highest =
+      kRippleShare * std::numbers::pi / (evidence.step() * std::max(speed, 1e-300));
+  std::erase_if(c.grid,
+                [&](const std::vector<double>& g) { return g[0] < lowest || g[0] > highest; });
+  c.shape_low = {lowest};
+  c.shape_high = {std::max(highest, lowest)};
+}
+
+}  // namespace
+
+std::vector<Refusal> bound_shapes(const Evidence& evidence, const FitLayout& layout, bool repeats,
+                                  std::vector<Candidate>& candidates) {
+  std::vector<Refusal> refused;
+  std::vector<Candidate> kept;
+  for (Candidate& c : candidates) {
+    const std::string& name = c.effect.info().name;
+    // Columns of fourth derivatives and of the logged torque share the noise of what they are to
+    // explain, unless both come from other periods.
+    if (!repeats && (name == "saturation" || name == "joint_elasticity" || name == "backlash")) {
+      if (std::ranges::none_of(refused, [&](const Refusal& r) { return r.effect == name; }))
+        refused.push_back(
+            {name, "all", "not tried: needs a motion that repeats, two periods or more", 0.0});
+      continue;
+    }
+    if (name == "saturation") bound_saturation(evidence, c);
+    if (name == "cogging") bound_cogging(evidence, c);
+    if (name == "stribeck_friction") bound_stribeck(layout, c);
+    if (!c.grid.empty()) kept.push_back(std::move(c));
+  }
+  candidates = std::move(kept);
+  return refused;
+}
+
+}  // namespace diffnea

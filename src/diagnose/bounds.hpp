@@ -1,0 +1,17 @@
+#pragma once
+/// What a recording says of candidates' shapes before any is tested. Internal to diagnose/.
+
+#include <diffnea/diagnose/finding.hpp>
+
+#include "diagnose/candidates.hpp"
+#include "diagnose/evidence.hpp"
+
+namespace diffnea {
+
+/// Bounds the grids of candidates to what the recording can show, and drops those that it cannot.
+/// @param repeats  whether the motion repeats, in held-out data too
+/// @return those that were dropped for want of repeats
+std::vector<Refusal> bound_shapes(const Evidence& evidence, const FitLayout& layout, bool repeats,
+                                  std::vector<Candidate>& candidates);
+
+}  // namespace diffnea
