@@ -105,22 +105,14 @@ DiagnoseRun diagnose_python(const Model& model, const py::list& train_items,
   options.progress = [&supervisor](const FitProgress& p) { return supervisor(p); };
 
   const Data train(train_items), test(test_items);
-  const FileOptions file_options{torque_side, passive};
   DiagnoseRun run;
   run.reproduce.version = version();
   run.reproduce.command = {"diffnea.diagnose"};
-  try {
-    const py::gil_scoped_release release;
-    const std::unique_ptr<RecordingSource> train_source = open(model, train, file_options);
-    std::unique_ptr<RecordingSource> test_source;
-    if (!test.empty()) test_source = open(model, test, file_options);
-    run.finding = diagnose(model, *train_source, test_source.get(), options);
-    run.reproduce.inputs = describe_inputs(model, train, test);
-  } catch (const Error&) {
-    supervisor.rethrow();  // stopped before there was anything to return
-    throw;
-  }
-  supervisor.rethrow();
+  run.finding = on_recordings(model, train, test, {torque_side, passive}, supervisor,
+                              [&](const RecordingSource& data, const RecordingSource* held_out) {
+                                return diagnose(model, data, held_out, options);
+                              });
+  run.reproduce.inputs = describe_inputs(model, train, test);
   return run;
 }
 

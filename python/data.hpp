@@ -14,6 +14,7 @@
 #include <diffnea/io/result_folder.hpp>
 
 #include "recording_info.hpp"
+#include "supervisor.hpp"
 
 namespace diffnea::python {
 
@@ -57,6 +58,26 @@ inline std::vector<RunInput> describe_inputs(const Model& model, const Data& tra
   for (const std::filesystem::path& file : train.files) out.push_back(describe_input("data", file));
   for (const std::filesystem::path& file : test.files) out.push_back(describe_input("test", file));
   return out;
+}
+
+/// work(train, test) on the opened recordings (test is null without any), with the GIL free. What
+/// Python raised during progress comes through.
+template <typename Work>
+auto on_recordings(const Model& model, const Data& train, const Data& test,
+                   const FileOptions& options, Supervisor& supervisor, Work work) {
+  std::optional<decltype(work(std::declval<const RecordingSource&>(), nullptr))> out;
+  try {
+    const py::gil_scoped_release release;
+    const std::unique_ptr<RecordingSource> train_source = open(model, train, options);
+    std::unique_ptr<RecordingSource> test_source;
+    if (!test.empty()) test_source = open(model, test, options);
+    out = work(*train_source, test_source.get());
+  } catch (const Error&) {
+    supervisor.rethrow();  // stopped before there was anything to return
+    throw;
+  }
+  supervisor.rethrow();
+  return std::move(*out);
 }
 
 }  // namespace diffnea::python

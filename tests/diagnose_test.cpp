@@ -125,6 +125,41 @@ TEST_CASE("diagnose: a rotor that the links absorb is declared, not named", "[di
   CHECK(declared);
 }
 
+TEST_CASE("diagnose: without repeats, what the model lacks is not whitened away as its noise",
+          "[diagnose]") {
+  // Friction is most of the torque, and the motion is new at every instant.
+  const Model nominal = read_model(DIFFNEA_SOURCE_DIR "/models/wam4.xml");
+  Model truth = nominal;
+  for (const char* joint : {"joint1", "joint2", "joint3", "joint4"}) {
+    truth.effects.push_back({"coulomb_friction", joint, {{"coulomb", 1.0, ""}}});
+    truth.effects.push_back({"viscous_friction", joint, {{"viscous", 1.0, ""}}});
+  }
+  const auto recorded = [&](std::uint64_t seed) {
+    FourierOptions motion;
+    motion.duration = motion.period = 20.0;
+    motion.seed = seed;
+    RecordOptions options;
+    options.seed = seed;
+    return record_model(truth, nominal, random_fourier(nominal, motion), options).recording;
+  };
+  const Finding finding = diagnose(nominal, {recorded(1)}, {recorded(2)});
+  CAPTURE(finding.sentence);
+  REQUIRE(finding.joints.size() == 4);
+  for (const JointGain& j : finding.joints) {
+    CAPTURE(j.joint, j.base, j.extended);
+    CHECK(j.base > 0.8);  // [N·m]
+    CHECK(j.extended < 0.1 * j.base);
+  }
+}
+
+TEST_CASE("diagnose: a recording in which nothing moves is refused", "[diagnose]") {
+  Recording still = arm().recorded({}, 1);
+  still.q.rowwise() = Eigen::RowVectorXd(still.q.row(0));
+  if (still.qd.size() > 0) still.qd.setZero();
+  CHECK_THROWS_WITH(diagnose(arm().nominal, {still}, {arm().recorded({}, 2)}),
+                    ContainsSubstring("no joint whose torque is recorded moves"));
+}
+
 TEST_CASE("diagnose: without test data blocks of time are held out", "[diagnose]") {
   const Finding finding = diagnose(arm().nominal, {arm().recorded({kCoulomb}, 1)}, {});
   CAPTURE(finding.sentence);

@@ -165,19 +165,29 @@ def plot(result: IdentifyResult, of: str) -> Figure:
     figure = figure_type(figsize=(9, 1 + 1.8 * len(series)), layout="constrained")
     panels: Any = figure.subplots(len(series), 1, sharex=True, squeeze=False)[:, 0]
     for panel, s in zip(panels, series, strict=True):
-        gaps = _gaps(s.time)
-        time = np.insert(s.time, gaps, np.nan)
-        for values, label, color, width in (
-            (s.measured, "measured", "0.7", 2.5),
-            (s.nominal, "before", "C1", 0.8),
-            (s.fitted, "after", "C0", 1.0),
-        ):
-            line = np.insert(values, gaps, np.nan)
-            panel.plot(time, line, color=color, linewidth=width, label=label)
+        _draw_over_time(panel, s.time, s.measured, before=s.nominal, after=s.fitted)
         panel.set_ylabel(f"{s.joint} [{s.unit.replace('*', '·')}]")
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper right", ncols=3)
     panels[-1].set_xlabel("time [s]")
     return figure
+
+
+def _draw_over_time(
+    panel: Any,
+    time: np.ndarray[Any, Any],
+    measured: np.ndarray[Any, Any],
+    *,
+    before: np.ndarray[Any, Any],
+    after: np.ndarray[Any, Any],
+) -> None:
+    gaps = _gaps(time)
+    for values, label, color, width in (
+        (measured, "measured", "0.7", 2.5),
+        (before, "before", "C1", 0.8),
+        (after, "after", "C0", 1.0),
+    ):
+        line = np.insert(values, gaps, np.nan)
+        panel.plot(np.insert(time, gaps, np.nan), line, color=color, linewidth=width, label=label)
 
 
 def plot_finding(finding: Finding, joints: Sequence[str] | None) -> Figure:
@@ -195,15 +205,7 @@ def plot_finding(finding: Finding, joints: Sequence[str] | None) -> Figure:
     figure = figure_type(figsize=(10, 1 + 2.4 * len(series)), layout="constrained")
     panels: Any = figure.subplots(len(series), 2, squeeze=False, width_ratios=(3, 2))
     for (over_time, over_velocity), s in zip(panels, series, strict=True):
-        gaps = _gaps(s.time)
-        time = np.insert(s.time, gaps, np.nan)
-        for values, label, color, width in (
-            (s.measured, "measured", "0.7", 2.5),
-            (s.base, "before", "C1", 0.8),
-            (s.extended, "after", "C0", 1.0),
-        ):
-            line = np.insert(values, gaps, np.nan)
-            over_time.plot(time, line, color=color, linewidth=width, label=label)
+        _draw_over_time(over_time, s.time, s.measured, before=s.base, after=s.extended)
         unit = s.unit.replace("*", "·")
         over_time.set_ylabel(f"{s.joint} [{unit}]")
         for values, color in ((s.base, "C1"), (s.extended, "C0")):

@@ -1,4 +1,6 @@
+import os
 import signal
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -15,6 +17,15 @@ def ctrl_c_interrupts() -> Iterator[None]:
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     signal.signal(signal.SIGINT, before)
+
+
+@pytest.fixture
+def ctrl_c_soon() -> Iterator[None]:
+    """Ctrl-C, pressed 0.2 s from now."""
+    press = threading.Timer(0.2, os.kill, (os.getpid(), signal.SIGINT))
+    press.start()
+    yield
+    press.join()
 
 
 PENDULUM = MODELS / "double_pendulum.urdf"

@@ -1,7 +1,5 @@
 import json
-import os
 import pickle
-import signal
 import subprocess
 import sys
 import threading
@@ -237,18 +235,11 @@ def test_an_exception_of_progress_comes_through(arm, train) -> None:
         diffnea.diagnose(arm, train, progress=fail)
 
 
-def test_ctrl_c_ends_it(arm, train) -> None:
-    def press() -> None:
-        time.sleep(0.2)
-        os.kill(os.getpid(), signal.SIGINT)
-
-    thread = threading.Thread(target=press)
+def test_ctrl_c_ends_it(arm, train, ctrl_c_soon) -> None:
     start = time.monotonic()
-    thread.start()
     with pytest.raises(KeyboardInterrupt):  # noqa: PT012
         while time.monotonic() - start < 60:  # as many as it takes
             diffnea.diagnose(arm, train)
-    thread.join()
 
 
 def test_other_threads_run_meanwhile(arm, train) -> None:
