@@ -39,21 +39,21 @@ BasePrior base_prior(Base base, const Model& model, const FitLayout& layout,
                      const Evidence& evidence) {
   BasePrior out;
   const long linear = static_cast<long>(layout.linear.size());
-  const long smoothing = std::ranges::count_if(layout.shape, is_smoothing);
-  out.x0 = VecX<double>::Zero(linear + smoothing);
+  const long turns = evidence.base().cols() - linear;
+  out.x0 = VecX<double>::Zero(linear + turns);
   out.x0.head(linear) = layout.prior();
   if (base == Base::kFixed) {  // how sharply friction turns is no claim of the model
-    for (long s = 0; s < smoothing; ++s) out.free.push_back(static_cast<int>(linear + s));
-    out.root = MatX<double>::Identity(smoothing, smoothing);
+    for (long s = 0; s < turns; ++s) out.free.push_back(static_cast<int>(linear + s));
+    out.root = MatX<double>::Identity(turns, turns);
     return out;
   }
   for (std::size_t k = 0; k < layout.linear.size(); ++k)
     if (!layout.linear[k].fixed) out.free.push_back(static_cast<int>(k));
   const double width = LinearFitOptions{}.prior_width;
-  VecX<double> scale(linear + smoothing);
+  VecX<double> scale(linear + turns);
   scale << parameter_scales(layout, linear_factors(evidence, layout)),
-      VecX<double>::Constant(smoothing, 1.0 / width);  // a factor of e
-  for (long s = 0; s < smoothing; ++s) out.free.push_back(static_cast<int>(linear + s));
+      VecX<double>::Constant(turns, 1.0 / width);  // a factor of e, 1 ms
+  for (long s = 0; s < turns; ++s) out.free.push_back(static_cast<int>(linear + s));
   const long p = static_cast<long>(out.free.size());
   MatX<double> weak = MatX<double>::Zero(p, p);
   for (long k = 0; k < p; ++k)
@@ -141,10 +141,10 @@ VecX<double> final_base(Base base, const FitLayout& layout, const Search& search
   for (const Term& t : terms) effects += t.torque();
   VecX<double> x = search.projection().parameters(effects);
   if (base != Base::kRefit) return x;
-  const long p = static_cast<long>(layout.linear.size()), smoothing = x.size() - p;
+  const long p = static_cast<long>(layout.linear.size()), turns = x.size() - p;
   MatX<double> all(evidence.rows(), p + 1);
   all << evidence.base().leftCols(p),
-      evidence.torque() - effects - evidence.base().rightCols(smoothing) * x.tail(smoothing);
+      evidence.torque() - effects - evidence.base().rightCols(turns) * x.tail(turns);
   const MatX<double> rows = search.whitener()(all);
   std::vector<JointFactor> factors;
   std::size_t known = 0;

@@ -158,8 +158,6 @@ bool average_other_periods(double period, JointSeries& s) {
 
 }  // namespace
 
-bool is_smoothing(const FitParameter& shape) { return shape.name.ends_with(".smoothing"); }
-
 Evidence::Evidence(const Model& model, const FitLayout& layout, const RecordingSource& source,
                    const PreprocessPlan& plan, double period, const IdentifyOptions& options,
                    int first_run)
@@ -260,6 +258,35 @@ Evidence::Evidence(const Model& model, const FitLayout& layout, const RecordingS
   rest_ = decimated.rightCols(known);
   factors_ = regression.factors();
   set_reference(model);
+  const MatX<double> turns_of_base = turns(layout);
+  for (MatX<double>* base : {&base_, &averaged_base_}) {
+    if (base->size() == 0) continue;
+    base->conservativeResize(Eigen::NoChange, p + turns_of_base.cols());
+    base->rightCols(turns_of_base.cols()) = turns_of_base;
+  }
+}
+
+MatX<double> Evidence::turns(const FitLayout& layout) const {
+  MatX<double> out(rows(), 0);
+  for (const FitParameter& shape : layout.shape) {
+    if (!is_smoothing(shape)) continue;
+    const BoundEffect friction = friction_of(layout, shape);
+    std::vector<RowMatX<double>> stretches;
+    for (const JointSeries& s : series_) {
+      const auto columns = turn_columns(friction, shape.index, reference(s), s);
+      stretches.emplace_back(s.rows(), kTurnColumns * num_dofs_);
+      for (int c = 0; c < kTurnColumns; ++c)
+        stretches.back().middleCols(c * num_dofs_, num_dofs_) =
+            columns[static_cast<std::size_t>(c)];
+    }
+    const MatX<double> d = decimate(stretches);
+    out.conservativeResize(Eigen::NoChange, out.cols() + kTurnColumns);
+    for (int c = 0; c < kTurnColumns; ++c)
+      for (std::size_t k = 0; k < joints_.size(); ++k)
+        out.col(out.cols() - kTurnColumns + c).segment(static_cast<long>(k) * times(), times()) =
+            d.col(c * num_dofs_ + joints_[k]);
+  }
+  return out;
 }
 
 MatX<double> Evidence::stacked_base(const TorqueRegression& regression, long p) const {

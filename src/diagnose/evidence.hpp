@@ -11,12 +11,10 @@
 #include <diffnea/identify/torque_regression.hpp>
 
 #include "diagnose/candidates.hpp"
+#include "diagnose/turns.hpp"
 #include "identify/passes.hpp"
 
 namespace diffnea {
-
-/// Whether a shape parameter is the v₀ of a smoothed friction.
-bool is_smoothing(const FitParameter& shape);
 
 class Evidence {
  public:
@@ -36,8 +34,8 @@ class Evidence {
   int num_dofs() const { return num_dofs_; }
 
   const VecX<double>& torque() const { return torque_; }
-  /// Columns of the layout's linear parameters, then ∂τ/∂ln v₀ of the base's smoothed friction: how
-  /// sharply it turns is not known.
+  /// Columns of the layout's linear parameters, then ∂τ/∂ln v₀ of the base's smoothed friction,
+  /// then turn_columns() of each: how it turns is not known.
   const MatX<double>& base() const { return base_; }
   /// The same of the averaged motion (series()): what of a candidate's columns the base takes over.
   /// As base() where motion does not repeat.
@@ -83,6 +81,8 @@ class Evidence {
  private:
   /// One column for each of the base's, (rows(), p).
   MatX<double> stacked_base(const TorqueRegression& regression, long p) const;
+  /// turn_columns() of every friction of the layout, (rows(), kTurnColumns · frictions).
+  MatX<double> turns(const FitLayout& layout) const;
   /// Filters and decimates series of the recording's rate, one matrix for each stretch.
   MatX<double> decimate(const std::vector<RowMatX<double>>& stretches) const;
   const ExtendedTree& reference(const JointSeries& s) const { return references_.at(s.run); }

@@ -128,7 +128,7 @@ std::pair<std::vector<std::size_t>, std::vector<std::size_t>> affected(const Fin
 std::vector<TorqueSeries> drawn_series(const Finding& f) {
   std::vector<TorqueSeries> out;
   for (const ResidualSeries& s : f.series)
-    out.push_back({s.joint, s.unit, s.time, s.measured, s.extended, s.base});
+    out.push_back({s.joint, s.unit, s.time, s.measured, s.extended, s.base, {}});
   return on_one_axis(out, kMostPoints);
 }
 
