@@ -82,6 +82,23 @@ BasePrior base_prior(Base base, const Model& model, const FitLayout& layout,
   return out;
 }
 
+std::string hold_scale(const Evidence& evidence, FitLayout& layout) {
+  if (!evidence.torque().isZero(0.0)) return "";
+  FitParameter* largest = nullptr;
+  double most = 0.0;
+  for (std::size_t k = 0; k < layout.linear.size(); ++k) {
+    FitParameter& p = layout.linear[k];
+    const double torque = std::abs(p.prior) * evidence.base().col(static_cast<long>(k)).norm();
+    if (p.fixed && torque > 0.0) return "";
+    if (torque <= most) continue;
+    most = torque;
+    largest = &p;
+  }
+  if (!largest) return "";
+  largest->fixed = true;
+  return largest->name;
+}
+
 bool fit_turns(Base base, const Evidence& evidence, FitLayout& layout) {
   const long p = static_cast<long>(layout.linear.size());
   const long smoothing = std::ranges::count_if(layout.shape, is_smoothing);

@@ -12,6 +12,11 @@ namespace diffnea {
 BasePrior base_prior(Base base, const Model& model, const FitLayout& layout,
                      const Evidence& evidence);
 
+/// Where no torque is known but zeros, all masses times any number are as good a base: holds the
+/// parameter that the most torque hangs on at the model's value.
+/// @return its name; empty if a torque is known, or one is held
+std::string hold_scale(const Evidence& evidence, FitLayout& layout);
+
 /// Moves how sharply the base's friction turns (the v₀ of `layout`) to where the recording has it.
 /// @return whether that is far: the columns of `evidence` are straight lines about the v₀ before
 bool fit_turns(Base base, const Evidence& evidence, FitLayout& layout);

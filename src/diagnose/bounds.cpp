@@ -61,6 +61,22 @@ void bound_cogging(const Evidence& evidence, Candidate& c) {
   c.shape_high = {std::max(highest, lowest)};
 }
 
+/// What only a drive, or the log of its torque, can have.
+bool is_of_drive(const EffectInfo& info) {
+  static const std::vector<std::string> kOfDrives{
+      "actuator_delay", "actuator_lag",   "backlash",   "joint_elasticity", "load_friction",
+      "saturation",     "session_offset", "time_shift", "torque_gain",      "torque_offset"};
+  return std::ranges::find(kOfDrives, info.name) != kOfDrives.end();
+}
+
+/// Whether all joints of an effect are known to have no torque.
+bool is_passive(const Evidence& evidence, const BoundEffect& effect) {
+  return std::ranges::all_of(effect.joints, [&](int j) {
+    const auto at = std::ranges::find(evidence.joints(), j);
+    return at != evidence.joints().end() && evidence.passive(at - evidence.joints().begin());
+  });
+}
+
 }  // namespace
 
 std::vector<Refusal> bound_shapes(const Evidence& evidence, const FitLayout& layout, bool repeats,
@@ -69,6 +85,7 @@ std::vector<Refusal> bound_shapes(const Evidence& evidence, const FitLayout& lay
   std::vector<Candidate> kept;
   for (Candidate& c : candidates) {
     const std::string& name = c.effect.info().name;
+    if (is_of_drive(c.effect.info()) && is_passive(evidence, c.effect)) continue;
     // Columns of fourth derivatives and of the logged torque share the noise of what they are to
     // explain, unless both come from other periods.
     if (!repeats && (name == "saturation" || name == "joint_elasticity" || name == "backlash")) {

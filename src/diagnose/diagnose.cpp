@@ -100,6 +100,10 @@ class Diagnosis {
     };
     read_train();
     require_motion(*train_, finding_.plan, sample.front().source);
+    if (const std::string held = base_ == Base::kRefit ? hold_scale(*train_, layout_) : "";
+        !held.empty())
+      finding_.notes.push_back("All torques are zero, which leaves the scale of all masses open: " +
+                               held + " is held at the model's value.");
     for (int pass = 0; pass < kTurnPasses && fit_turns(base_, *train_, layout_); ++pass)
       read_train();
     if (!train_->averaged()) period_ = 0.0;  // does not repeat well enough

@@ -214,6 +214,11 @@ Evidence::Evidence(const Model& model, const FitLayout& layout, const RecordingS
   }
   time_ = regression.kept()[static_cast<std::size_t>(joints_[0])].time;
   base_ = stacked_base(regression, p);
+  const VecX<double> of_model =
+      base_.leftCols(static_cast<long>(layout.linear.size())) * layout.prior();
+  for (long k = 0; k < static_cast<long>(joints_.size()); ++k)
+    size_.push_back((passive(k) ? of_model : torque_).segment(k * m, m).norm() /
+                    std::sqrt(static_cast<double>(m)));
   if (averaged_) {
     TorqueRegression averaged(model, held, plan, {layout.prior(), shape}, all);
     for (std::size_t i = 0; i < series_.size(); ++i) averaged.add(collector.rows_of(i, series_[i]));

@@ -34,6 +34,9 @@ class Evidence {
   int num_dofs() const { return num_dofs_; }
 
   const VecX<double>& torque() const { return torque_; }
+  /// RMS torque of the k-th of joints(); of a passive one, what its links take by the model.
+  double size(long k) const { return size_[static_cast<std::size_t>(k)]; }
+  bool passive(long k) const { return torque_.segment(k * times(), times()).isZero(0.0); }
   /// Columns of the layout's linear parameters, then ∂τ/∂ln v₀ of the base's smoothed friction,
   /// then turn_columns() of each: how it turns is not known.
   const MatX<double>& base() const { return base_; }
@@ -100,6 +103,7 @@ class Evidence {
   std::vector<int> stretch_;
   double step_ = 0.0;
   VecX<double> torque_;
+  std::vector<double> size_;
   MatX<double> base_, averaged_base_, rest_, q_, qd_, qdd_;
 };
 

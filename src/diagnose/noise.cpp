@@ -43,13 +43,9 @@ constexpr long kRowsAColumn = 4;
 
 std::vector<JointNoise> white_noise(const Evidence& evidence) {
   std::vector<JointNoise> out(evidence.joints().size());
-  const long m = evidence.times();
   for (std::size_t k = 0; k < out.size(); ++k) {
     out[k].a.assign(kOrder, 0.0);
-    out[k].sigma = out[k].rms =
-        std::max(evidence.torque().segment(static_cast<long>(k) * m, m).norm() /
-                     std::sqrt(static_cast<double>(m)),
-                 1e-12);
+    out[k].sigma = out[k].rms = std::max(evidence.size(static_cast<long>(k)), 1e-12);
   }
   return out;
 }
@@ -91,20 +87,25 @@ std::vector<JointNoise> estimate_noise(const Evidence& evidence, const VecX<doub
   return out;
 }
 
-VecX<double> beside_smooth_functions(const Evidence& e, const VecX<double>& residual) {
+VecX<double> beside_smooth_functions(const Evidence& e, const std::vector<int>& free,
+                                     const VecX<double>& residual, const std::vector<bool>& used) {
   VecX<double> out = residual;
-  const long m = e.times();
   for (std::size_t k = 0; k < e.joints().size(); ++k) {
-    const long begin = static_cast<long>(k) * m;
-    const VecX<double> q = e.q().col(e.joints()[k]), qd = e.qd().col(e.joints()[k]);
+    const long begin = static_cast<long>(k) * e.times();
+    std::vector<long> rows;
+    for (long i = 0; i < e.times(); ++i)
+      if (used[static_cast<std::size_t>(begin + i)]) rows.push_back(i);
+    const long m = static_cast<long>(rows.size());
+    const VecX<double> q = e.q().col(e.joints()[k])(rows), qd = e.qd().col(e.joints()[k])(rows);
+    if (m == 0) continue;
     const MatX<double> of_q = hats(q, knots(q, kKnots)), of_qd = hats(qd, knots(qd, kKnots));
-    MatX<double> A(m, e.base().cols() + of_q.cols() + of_qd.cols());
-    A << e.base().middleRows(begin, m), of_q, of_qd;
+    MatX<double> A(m, static_cast<long>(free.size()) + of_q.cols() + of_qd.cols());
     if (A.cols() * kRowsAColumn > m) continue;
+    A << e.base().middleRows(begin, e.times())(rows, free), of_q, of_qd;
     const Eigen::ColPivHouseholderQR<MatX<double>> qr(A);
-    const VecX<double> r = residual.segment(begin, m);
+    const VecX<double> r = residual.segment(begin, e.times())(rows);
     const double left = static_cast<double>(m) / static_cast<double>(m - 2 * kKnots);
-    out.segment(begin, m) = std::sqrt(left) * (r - A * qr.solve(r));
+    out.segment(begin, e.times())(rows) = std::sqrt(left) * (r - A * qr.solve(r));
   }
   return out;
 }

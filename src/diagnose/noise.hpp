@@ -26,10 +26,12 @@ VecX<double> repeatable_noise(const Evidence& evidence, const VecX<double>& resi
                               double period);
 
 /// What no function of a joint's own position plus one of its velocity can explain, beside the
-/// base, of the variance that it would have beside none; joints with too few rows keep their
-/// residual. Without repeats, what the model lacks is not
-/// to be taken for noise: whitened away, it would stay hidden. (rows()) → (rows())
-VecX<double> beside_smooth_functions(const Evidence& evidence, const VecX<double>& residual);
+/// base's free columns, over the rows `used`, of the variance that it would have beside none;
+/// joints with too few of them, and all other rows, keep their residual. Without repeats, what the
+/// model lacks is not to be taken for noise: whitened away, it would stay hidden. (rows()) →
+/// (rows())
+VecX<double> beside_smooth_functions(const Evidence& evidence, const std::vector<int>& free,
+                                     const VecX<double>& residual, const std::vector<bool>& used);
 
 /// Before any noise is known: white, of the size of each joint's torque.
 std::vector<JointNoise> white_noise(const Evidence& evidence);

@@ -143,6 +143,12 @@ void Search::refresh(double period, std::vector<Term>& terms) {
       left = residual(terms);
     }
     std::vector<bool> rows = used_;
+    for (std::size_t k = 0; k < evidence_.joints().size();
+         ++k)  // at rest the torque is not the model's
+      for (long i = 0; i < evidence_.times(); ++i)
+        if (evidence_.rest()(i, static_cast<long>(k)) > 0.3)
+          rows[k * static_cast<std::size_t>(evidence_.times()) + static_cast<std::size_t>(i)] =
+              false;
     VecX<double> noise = period > 0.0 ? repeatable_noise(evidence_, left, period) : VecX<double>();
     repeatable_ = noise.size() > 0;
     double lost = 0.0;
@@ -151,16 +157,10 @@ void Search::refresh(double period, std::vector<Term>& terms) {
         rows[static_cast<std::size_t>(i)] =
             rows[static_cast<std::size_t>(i)] && std::isfinite(noise[i]);
     } else {
-      noise = beside_smooth_functions(evidence_, left);
+      noise = beside_smooth_functions(evidence_, prior_.free, left, rows);
       lost = static_cast<double>(projection_->rank() + num_parameters(terms)) /
              static_cast<double>(evidence_.joints().size());
     }
-    for (std::size_t k = 0; k < evidence_.joints().size();
-         ++k)  // at rest the torque is not the model's
-      for (long i = 0; i < evidence_.times(); ++i)
-        if (evidence_.rest()(i, static_cast<long>(k)) > 0.3)
-          rows[k * static_cast<std::size_t>(evidence_.times()) + static_cast<std::size_t>(i)] =
-              false;
     std::vector<JointNoise> estimate = estimate_noise(evidence_, noise, rows, lost);
     projection_.reset();
     whitener_ = std::make_unique<Whitener>(evidence_, std::move(estimate), used_);
@@ -344,11 +344,10 @@ bool Search::plausible(const Term& term) const {
       return false;
   const VecX<double> torque = term.torque();
   const long m = evidence_.times();
-  for (std::size_t k = 0; k < evidence_.joints().size(); ++k) {
-    const double size = torque.segment(static_cast<long>(k) * m, m).norm();
-    if (size > kWhole * evidence_.torque().segment(static_cast<long>(k) * m, m).norm())
+  for (long k = 0; k < static_cast<long>(evidence_.joints().size()); ++k)
+    if (torque.segment(k * m, m).norm() >
+        kWhole * evidence_.size(k) * std::sqrt(static_cast<double>(m)))
       return false;
-  }
   return true;
 }
 

@@ -183,7 +183,7 @@ bool Selection::sharpen(std::vector<Term>& terms) const {
 
 bool Selection::split(std::vector<Term>& terms) const {
   for (std::size_t i = 0; i < terms.size(); ++i) {
-    if (terms[i].num_parameters() < 2) continue;
+    const bool compound = terms[i].num_parameters() > 1;
     const double now = search_.bic(search_.gain_of(terms), terms);
     const std::vector<int>& joints = terms[i].effect.joints;
     std::vector<Term> with = without(terms, i);
@@ -197,7 +197,8 @@ bool Selection::split(std::vector<Term>& terms) const {
                             c.shapes.empty() && !c.nonlinear;
         const bool here = std::ranges::all_of(
             c.effect.joints, [&](int j) { return std::ranges::find(joints, j) != joints.end(); });
-        if (simple && here && !names(with).contains(s.candidate) && s.delta_bic > options_.accept) {
+        if (simple && here && s.candidate != terms[i].candidate &&
+            !names(with).contains(s.candidate) && s.delta_bic > options_.accept) {
           next = &s;
           break;
         }
@@ -206,7 +207,7 @@ bool Selection::split(std::vector<Term>& terms) const {
       with.push_back(search_.refined(*next, with));
       best = search_.bic(search_.fit(with), with);
     }
-    if (best > now || with.size() < terms.size()) continue;
+    if (best > now - (compound ? 0.0 : options_.accept) || with.size() < terms.size()) continue;
     if (!change(without(terms, i), with).helps()) continue;
     terms = std::move(with);
     return true;

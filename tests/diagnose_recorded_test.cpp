@@ -1,0 +1,53 @@
+/// Measured recordings that are not part of the project: what is known of the robots is found.
+
+#include <algorithm>
+#include <support/data_folder.hpp>
+
+#include <catch2/catch_test_macros.hpp>
+
+#include <diffnea/diagnose/diagnose.hpp>
+#include <diffnea/io/model_file.hpp>
+#include <diffnea/recording/csv.hpp>
+
+namespace diffnea {
+namespace {
+
+using test::data_folder;
+
+Recording between(const Recording& r, double from, double to) {
+  long first = 0, end = r.rows();
+  while (r.time[first] < from) ++first;
+  while (r.time[end - 1] > to) --end;
+  Recording out = r;
+  out.time = VecX<double>(r.time.segment(first, end - first));
+  for (RowMatX<double>* m : {&out.q, &out.qd, &out.tau, &out.qcmd})
+    if (m->size() > 0) *m = RowMatX<double>(m->middleRows(first, end - first));
+  return out;
+}
+
+bool names(const Finding& finding, std::initializer_list<const char*> effects) {
+  return std::ranges::any_of(finding.causes, [&](const Cause& c) {
+    return std::ranges::find(effects, c.effect) != effects.end();
+  });
+}
+
+}  // namespace
+
+TEST_CASE("recorded data: a pendulum that swings freely has dry friction and drag",
+          "[data][diagnose]") {
+  ReadOptions options;
+  options.info.passive = {"pendulum"};
+  const Recording all =
+      read_recordings(data_folder() / "pendulum_free_swing" / "free_swing.csv", options).at(0);
+  const Model model = read_model(DIFFNEA_SOURCE_DIR "/models/pendulum.json");
+  // A hand leads it until 8 s; from 115 s on it rests.
+  const Finding finding = diagnose(model, {between(all, 8.0, 115.0)}, {});
+  CAPTURE(finding.sentence);
+  CHECK(names(finding, {"coulomb_friction", "presliding_dahl"}));
+  CHECK(names(finding, {"quadratic_friction"}));
+  CHECK(finding.causes.size() == 2);
+  REQUIRE(finding.joints.size() == 1);
+  CHECK(finding.joints[0].extended < 0.5 * finding.joints[0].base);
+}
+
+}  // namespace diffnea
