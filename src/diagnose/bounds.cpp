@@ -13,6 +13,10 @@ constexpr double kStribeckTurns = 3.0;
 /// Of the rows' Nyquist frequency: at half the RMS velocity, where most rows are.
 constexpr double kRippleShare = 2.0;
 
+/// How far a ripple midway between two of the grid is out of phase at the ends of the motion.
+constexpr double kRippleMiss = std::numbers::pi / 3.0;
+constexpr int kMostRipples = 250;
+
 /// A limit is met now and then: one below most of the torque would explain any torque by itself.
 void bound_saturation(const Evidence& evidence, Candidate& c) {
   std::vector<double> size;
@@ -45,18 +49,19 @@ void bound_stribeck(const FitLayout& layout, Candidate& c) {
 
 /// A ripple is one if the motion runs through it twice; below, it is any smooth function of the
 /// position. And at the joint's RMS velocity the rows must follow it; beyond, it is left of it
-/// what happens at reversals alone.
+/// what happens at reversals alone. Between, the grid is even (Evidence::ripples()).
 void bound_cogging(const Evidence& evidence, Candidate& c) {
   const int j = c.effect.joints[0];
   const VecX<double> q = evidence.q().col(j);
-  const double range = q.maxCoeff() - q.minCoeff(),
-               lowest = range > 0.0 ? 4.0 * std::numbers::pi / range : 1e300;
+  const double range = q.maxCoeff() - q.minCoeff(), pi = std::numbers::pi;
   const double speed =
       std::sqrt(evidence.qd().col(j).squaredNorm() / static_cast<double>(evidence.times()));
-  const double highest =
-      kRippleShare * std::numbers::pi / (evidence.step() * std::max(speed, 1e-300));
-  std::erase_if(c.grid,
-                [&](const std::vector<double>& g) { return g[0] < lowest || g[0] > highest; });
+  c.grid.clear();
+  if (!(range > 0.0) || !(speed > 0.0)) return;
+  const double lowest = 4.0 * pi / range, step = 4.0 * kRippleMiss / range;
+  const double highest = std::min(kRippleShare * pi / (evidence.step() * speed),
+                                  lowest + step * static_cast<double>(kMostRipples));
+  for (int k = 0; lowest + step * k <= highest; ++k) c.grid.push_back({lowest + step * k});
   c.shape_low = {lowest};
   c.shape_high = {std::max(highest, lowest)};
 }

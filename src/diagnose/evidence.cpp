@@ -399,6 +399,33 @@ MatX<double> Evidence::columns(const TriedEffect& effect, const std::vector<int>
   return out;
 }
 
+std::vector<MatX<double>> Evidence::ripples(int joint, double first, double step, int count) const {
+  using Turns = Eigen::ArrayXcd;
+  const auto turns = [&](const JointSeries& s, double n) {
+    const Eigen::ArrayXd angle = n * s.q.col(joint).array();
+    Turns out(angle.size());
+    out.real() = angle.cos();
+    out.imag() = angle.sin();
+    return out;
+  };
+  std::vector<Turns> at, by;
+  for (const JointSeries& s : series_) {
+    at.push_back(turns(s, first));
+    by.push_back(turns(s, step));
+  }
+  std::vector<MatX<double>> out;
+  for (int k = 0; k < count; ++k) {
+    std::vector<RowMatX<double>> stretches;
+    for (std::size_t i = 0; i < at.size(); ++i) {
+      stretches.emplace_back(at[i].size(), 2);
+      stretches.back() << at[i].imag(), at[i].real();
+      at[i] *= by[i];
+    }
+    out.push_back(decimate(stretches));
+  }
+  return out;
+}
+
 VecX<double> Evidence::torque_of(const TriedEffect& effect) const {
   if (effect.own) {
     std::vector<int> all(effect.parameters.size());

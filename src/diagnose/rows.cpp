@@ -16,6 +16,9 @@ namespace {
 constexpr int kSteepFilter = 8;
 constexpr double kLeastFilterHz = 5.0;
 
+/// Of the frequency up to which positions tell something; of the recording's rate.
+constexpr double kWide = 8.0, kWideShare = 0.05;
+
 /// What a joint that moves goes through, in standard deviations of its position's noise.
 constexpr double kMoves = 20.0;
 
@@ -58,20 +61,23 @@ void fit_rows_to_period(double period, PreprocessPlan& plan) {
 
 }  // namespace
 
-PreprocessPlan plan_rows(const Model& model, const std::vector<Recording>& sample, double period,
-                         const PreprocessOptions& options) {
+RowsPlan plan_rows(const Model& model, const std::vector<Recording>& sample, double period,
+                   Band band, const PreprocessOptions& options) {
   PreprocessOptions steep = options;
   steep.order = kSteepFilter;
-  PreprocessPlan out = plan_preprocess(sample, steep);
-  if (const double hz = informative_hz(model, out);
-      options.filter_hz == 0.0 && hz < out.filter_hz) {
-    steep.filter_hz = hz;
-    out = plan_preprocess(sample, steep);
+  RowsPlan out{plan_preprocess(sample, steep)};
+  if (options.filter_hz == 0.0) {
+    const double moving = std::min(out.plan.filter_hz, informative_hz(model, out.plan));
+    const double wide = std::min(kWide * moving, kWideShare / out.plan.dt);
+    out.wider = wide > 1.5 * moving;
+    steep.filter_hz = band == Band::kWide ? std::max(wide, moving) : moving;
+    if (steep.filter_hz != out.plan.filter_hz) out.plan = plan_preprocess(sample, steep);
   }
-  fit_rows_to_period(period, out);
+  fit_rows_to_period(period, out.plan);
   // Beyond what the rows hold, positions bring noise alone, folded back by friction's turns.
   if (options.filter_hz == 0.0)
-    out.filter_hz = std::min(out.filter_hz, 0.5 / (out.dt * out.decimator.factor));
+    out.plan.filter_hz =
+        std::min(out.plan.filter_hz, 0.5 / (out.plan.dt * out.plan.decimator.factor));
   return out;
 }
 

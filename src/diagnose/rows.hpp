@@ -5,11 +5,22 @@
 
 namespace diffnea {
 
+/// Up to which frequency rows are compared.
+enum class Band {
+  kInformative,  ///< where positions move, and their noise is not yet four times the torque's
+  kWide          ///< beyond: torques may show what a loop keeps out of the positions
+};
+
+struct RowsPlan {
+  PreprocessPlan plan;
+  bool wider = false;  ///< whether kWide would hold clearly more
+};
+
 /// Filter and rate: a steep filter, no higher than tells something, and rows that divide a period.
 /// @param period   of the motion [s]; 0: none
 /// @param options  what the user fixed
-PreprocessPlan plan_rows(const Model& model, const std::vector<Recording>& sample, double period,
-                         const PreprocessOptions& options);
+RowsPlan plan_rows(const Model& model, const std::vector<Recording>& sample, double period,
+                   Band band, const PreprocessOptions& options);
 /// The same rows for held-out data.
 PreprocessPlan plan_held_out(const std::vector<Recording>& sample, const PreprocessPlan& fitted,
                              const PreprocessOptions& options);

@@ -66,7 +66,11 @@ Search::Search(const Evidence& evidence, const std::vector<Candidate>& candidate
                const BasePrior& prior, const std::vector<bool>& used)
     : evidence_(evidence), candidates_(candidates), prior_(prior), used_(used) {
   if (used_.empty()) used_.assign(static_cast<std::size_t>(evidence.rows()), true);
-  for (std::size_t c = 0; c < candidates.size(); ++c)
+  for (std::size_t c = 0; c < candidates.size(); ++c) {
+    if (candidates[c].effect.info().name == "cogging") {
+      add_ripples(static_cast<int>(c));
+      continue;
+    }
     for (std::size_t g = 0; g < candidates[c].grid.size(); ++g) {
       Variant v;
       v.candidate = static_cast<int>(c);
@@ -74,6 +78,25 @@ Search::Search(const Evidence& evidence, const std::vector<Candidate>& candidate
       fill(v);
       variants_.push_back(std::move(v));
     }
+  }
+}
+
+void Search::add_ripples(int candidate) {
+  const Candidate& c = candidates_[static_cast<std::size_t>(candidate)];
+  const auto joint = std::ranges::find(evidence_.joints(), c.effect.joints[0]);
+  if (joint == evidence_.joints().end()) return;
+  const double first = c.grid.front()[0], step = c.grid.size() > 1 ? c.grid[1][0] - first : 0.0;
+  std::vector<MatX<double>> columns =
+      evidence_.ripples(*joint, first, step, static_cast<int>(c.grid.size()));
+  for (std::size_t g = 0; g < columns.size(); ++g) {
+    Variant v;
+    v.candidate = candidate;
+    v.point = static_cast<int>(g);
+    v.offset = false;
+    v.joints = {joint - evidence_.joints().begin()};
+    v.raw = std::move(columns[g]);
+    variants_.push_back(std::move(v));
+  }
 }
 
 void Search::fill(Variant& v) const {

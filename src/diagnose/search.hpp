@@ -110,6 +110,7 @@ class Search {
   };
   Term make_term(int candidate, const std::vector<double>& shapes) const;
   void fill(Variant& variant) const;
+  void add_ripples(int candidate);
   void set_columns(Term& term) const;
   /// What the best of a candidate's starts is worth less for being the best of many (Bonferroni).
   double looked_elsewhere(int candidate) const;

@@ -42,8 +42,8 @@ class Selection {
   bool exchange(std::vector<Term>& terms) const;
   /// How sharply a dry friction turns, where that makes a clear difference.
   bool sharpen(std::vector<Term>& terms) const;
-  /// Effects of one parameter at the joints of a term in its place, if they do better: as well, where
-  /// it is compound; by ΔBIC > accept where it has one parameter itself.
+  /// Effects of one parameter at the joints of a term in its place, if they do better: as well,
+  /// where it is compound; by ΔBIC > accept where it has one parameter itself.
   bool split(std::vector<Term>& terms) const;
   /// A simpler effect in a term's place, if the term can be that effect and is not clearly better.
   bool simplify(std::vector<Term>& terms) const;

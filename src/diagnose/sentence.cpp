@@ -68,6 +68,10 @@ std::string causes_words(const Finding& f) {
 }
 
 std::string witness_words(const Finding& f) {
+  if (f.witness.empty())
+    return "an error of " + format_number(f.gain.after) +
+           " times the noise comes back in every period, and no smooth function of the motion "
+           "explains it on held-out data";
   const Witness& w = f.witness.front();
   return "the torque error of " + w.where + " depends on " + listed(w.variables, " and ") + " (" +
          percent(w.share) + " of its mean square)";
