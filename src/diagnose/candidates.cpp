@@ -34,9 +34,10 @@ bool one_type(const Model& model) {
 
 /// One more shape: its values times all that there are.
 void grow(Candidate& c, int parameter, const std::vector<double>& values) {
+  const ParameterInfo& p = c.effect.parameter_info[static_cast<std::size_t>(parameter)];
   c.shapes.push_back(parameter);
-  c.shape_low.push_back(0.0);
-  c.shape_high.push_back(c.effect.parameter_info[static_cast<std::size_t>(parameter)].most);
+  c.shape_low.push_back(scale(p) == Scale::kLog ? 0.0 : -p.most);
+  c.shape_high.push_back(p.most);
   std::vector<std::vector<double>> grown;
   for (const std::vector<double>& point : c.grid)
     for (const double v : values) {
@@ -80,7 +81,7 @@ Candidate make_candidate(const EffectSpec& spec, const Model& model, const std::
       c.held = kRotorKnown;
     } else if (scale(p) == Scale::kLinear) {
       c.linear.push_back(k);
-    } else if (grid_of_plain) {  // a ratio of either sign: each value its own start, not refined
+    } else if (grid_of_plain) {  // a ratio of either sign
       grow(c, k, p.search);
     } else if (scale(p) == Scale::kPlain &&
                (c.effect.parameter_info.size() == 1 || p.sign == Sign::kFree)) {

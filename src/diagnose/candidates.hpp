@@ -21,7 +21,7 @@ struct TriedEffect : BoundEffect {
 struct Candidate {
   TriedEffect effect;
   std::vector<int> linear;    ///< parameters that a fit solves for, by columns ∂τ/∂p
-  std::vector<int> shapes;    ///< parameters that a search moves by factors
+  std::vector<int> shapes;    ///< parameters that a search moves, by factors if Scale::kLog
   bool nonlinear = false;     ///< the columns change with those parameters
   bool of_reference = false;  ///< they change with the model that they refer to
   std::vector<std::vector<double>>

@@ -172,8 +172,10 @@ class Diagnosis {
     for (const Term& t : terms) {
       if (t.effect.own) continue;  // no model can hold it
       finding_.model.effects.push_back(to_spec(t.effect));
-      // Those that change the tree or the channels are columns of their own on top of it.
-      if (t.effect.is_local()) reference.effects.push_back(to_spec(t.effect));
+      // Those that change the tree or the channels are columns of their own on top of it; under a
+      // tilt are the base's columns, too.
+      if (t.effect.is_local() || t.effect.info().name == "base_tilt")
+        reference.effects.push_back(to_spec(t.effect));
     }
     const double moved = train_->set_reference(reference);
     if (test_) test_->set_reference(reference);
@@ -185,7 +187,22 @@ class Diagnosis {
   bool rebase(const std::vector<Term>& terms) {
     VecX<double> effects = VecX<double>::Zero(train_->rows());
     for (const Term& t : terms) effects += t.torque();
-    return set_reference(search_->projection().reference(effects), terms) > kMoved;
+    const VecX<double> x = search_->projection().reference(effects);
+    const bool moved = set_reference(x, terms) > kMoved;
+    return set_tilt(x, terms) || moved;
+  }
+
+  /// Under a tilt that is among the causes, the base's columns are those of the tilted base.
+  bool set_tilt(const VecX<double>& x, const std::vector<Term>& terms) {
+    Vec3<double> more{0, 0, 0};
+    for (const Term& t : terms)
+      if (t.effect.info().name == "base_tilt")
+        more = more + Vec3<double>{t.effect.parameters[0], t.effect.parameters[1], 0.0};
+    if (!tilted_ && dot(more, more) == 0.0) return false;
+    tilted_ = dot(more, more) > 0.0;
+    train_->set_tilt(more, x);
+    if (test_) test_->set_tilt(more, x);
+    return true;
   }
 
   void select() {
@@ -331,13 +348,14 @@ class Diagnosis {
         const long row = begin + i;
         if (!held_rows_.empty() && !held_rows_[static_cast<std::size_t>(row)]) continue;
         s.time.push_back(e.time()[static_cast<std::size_t>(i)]);
-        s.measured.push_back(e.torque()[row]);
-        s.base.push_back(e.torque()[row] - e0[row]);
-        s.extended.push_back(e.torque()[row] - e1[row]);
+        const double measured = e.torque()[row] - (e.shift().size() > 0 ? e.shift()[row] : 0.0);
+        s.measured.push_back(measured);
+        s.base.push_back(measured - e0[row]);
+        s.extended.push_back(measured - e1[row]);
         s.q.push_back(e.q()(i, j));
         s.qd.push_back(e.qd()(i, j));
         s.qdd.push_back(e.qdd()(i, j));
-        g.torque_rms += e.torque()[row] * e.torque()[row];
+        g.torque_rms += measured * measured;
         g.base += e0[row] * e0[row];
         g.extended += e1[row] * e1[row];
         ++rows;
@@ -374,6 +392,7 @@ class Diagnosis {
   double period_ = 0.0;
   PreprocessPlan test_plan_;
   bool link_side_ = false;
+  bool tilted_ = false;
   bool misfit_ = false;  ///< more than noise is left
   std::vector<bool> fitted_rows_, held_rows_;
   BasePrior prior_;

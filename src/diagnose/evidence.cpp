@@ -4,6 +4,7 @@
 #include <numeric>
 
 #include <diffnea/core/error.hpp>
+#include <diffnea/dynamics/batch.hpp>
 #include <diffnea/recording/butterworth.hpp>
 
 namespace diffnea {
@@ -340,6 +341,31 @@ double Evidence::set_reference(const Model& fitted) {
                   .transpose();
   }
   return std::sqrt((change.array() / size.array().max(1e-300)).maxCoeff());
+}
+
+void Evidence::set_tilt(const Vec3<double>& more, const VecX<double>& x) {
+  const long p = static_cast<long>(kThetaSize) * num_dofs_, m = times();
+  MatX<double> now = MatX<double>::Zero(rows(), p);
+  if (dot(more, more) > 0.0) {
+    std::vector<RowMatX<double>> stretches;
+    for (const JointSeries& s : series_) {
+      Tree<double> tree = reference(s).tree;
+      tree.gravity = more;
+      const RowMatX<double> still = RowMatX<double>::Zero(s.rows(), num_dofs_);
+      const RowMatX<double> Y = regressor_batch(tree, s.q, still, still);
+      stretches.push_back(Eigen::Map<const RowMatX<double>>(Y.data(), s.rows(), num_dofs_ * p));
+    }
+    const MatX<double> d = decimate(stretches);
+    for (std::size_t k = 0; k < joints_.size(); ++k)
+      now.middleRows(static_cast<long>(k) * m, m) = d.middleCols(joints_[k] * p, p);
+  }
+  const MatX<double> change = tilted_.size() > 0 ? MatX<double>(now - tilted_) : now;
+  base_.leftCols(p) += change;
+  if (averaged_) averaged_base_.leftCols(p) += change;
+  if (shift_.size() > 0) torque_ -= shift_;
+  shift_ = now * x.head(p);
+  torque_ += shift_;
+  tilted_ = now;
 }
 
 void Evidence::evaluate(const TriedEffect::Own& own) {

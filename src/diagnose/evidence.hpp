@@ -73,6 +73,13 @@ class Evidence {
   /// @return the change of its torque, the largest of all joints' [share of the RMS]
   double set_reference(const Model& fitted);
 
+  /// The base's columns of its inertias become those under `more` gravity, for base parameters near
+  /// `x`: what only a tilted base shows of the links may then move. (Y(g+δ)π + C(π̂)δ̃ in the place
+  /// of Y(g)π + C(π̂)δ: torque() shifts by (Y(g+δ) − Y(g))π̂.)
+  void set_tilt(const Vec3<double>& more, const VecX<double>& x);
+  /// That shift, (rows()); empty without a tilt.
+  const VecX<double>& shift() const { return shift_; }
+
   /// ∂τ/∂p of chosen parameters of an effect, (rows(), which.size()).
   MatX<double> columns(const TriedEffect& effect, const std::vector<int>& which) const;
   /// sin nq and cos nq of a joint for `count` n from `first` on, `step` apart, filtered like the
@@ -106,7 +113,8 @@ class Evidence {
   std::vector<double> time_;
   std::vector<int> stretch_;
   double step_ = 0.0;
-  VecX<double> torque_;
+  VecX<double> torque_, shift_;
+  MatX<double> tilted_;  ///< what set_tilt() has added to the base's first columns
   std::vector<double> size_;
   MatX<double> base_, averaged_base_, rest_, q_, qd_, qdd_;
 };

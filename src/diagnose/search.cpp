@@ -19,8 +19,17 @@ constexpr double kRedundant = 0.02;
 /// Of an accepted effect's torque: so well do its columns have its shape (filters, the reference
 /// model, terms of order two). What explains less beside it is not taken for another effect.
 constexpr double kAccuracy = 0.02;
+/// The same of dry friction: filtered, nothing is known of how it turns but for a few milliseconds.
+constexpr double kDryAccuracy = 0.04;
 /// Of a joint's measured torque.
 constexpr double kWhole = 0.95;
+constexpr double kMostGainError = 0.5;
+/// Of a shape in one step: of its logarithm; of a ratio, which is about 1.
+constexpr double kMostLog = 0.7, kMostPlain = 0.3;
+
+Scale scale_of(const Term& term, int parameter) {
+  return scale(term.effect.parameter_info[static_cast<std::size_t>(parameter)]);
+}
 
 std::vector<bool> signs(const BoundEffect& effect, const std::vector<int>& linear) {
   std::vector<bool> out;
@@ -60,6 +69,12 @@ VecX<double> Term::torque() const {
   VecX<double> out = columns * values();
   if (has_offset()) out += offset;
   return out;
+}
+
+double Term::visible_share() const {
+  VecX<double> seen = projected.leftCols(width()) * values();
+  if (has_offset()) seen += projected.col(width());
+  return norm > 0.0 ? seen.norm() / norm : 0.0;
 }
 
 Search::Search(const Evidence& evidence, const std::vector<Candidate>& candidates,
@@ -326,7 +341,11 @@ Term Search::refined(Term term, const std::vector<Term>& terms) const {
         const std::size_t k = static_cast<std::size_t>(moved.shapes[static_cast<std::size_t>(s)]);
         const auto at = std::ranges::find(c.shapes, static_cast<int>(k));
         double& value = moved.effect.parameters[k];
-        value *= std::exp(std::clamp(shrink * x[S.G.cols() + s], -0.7, 0.7));
+        const double by = shrink * x[S.G.cols() + s];
+        if (scale_of(moved, static_cast<int>(k)) == Scale::kLog)
+          value *= std::exp(std::clamp(by, -kMostLog, kMostLog));
+        else
+          value += std::clamp(by, -kMostPlain, kMostPlain);
         if (at == c.shapes.end()) continue;
         const std::size_t bound = static_cast<std::size_t>(at - c.shapes.begin());
         value = std::clamp(value, c.shape_low[bound], c.shape_high[bound]);
@@ -364,6 +383,11 @@ bool Search::plausible(const Term& term) const {
   for (const int k : term.linear)
     if (term.effect.parameter_info[static_cast<std::size_t>(k)].name == "motor_inertia" &&
         !(term.effect.parameters[static_cast<std::size_t>(k)] > 0.0))
+      return false;
+  // Beyond, no torque constant is off.
+  for (const int k : term.linear)
+    if (term.effect.parameter_info[static_cast<std::size_t>(k)].name == "gain_error" &&
+        std::abs(term.effect.parameters[static_cast<std::size_t>(k)]) > kMostGainError)
       return false;
   const VecX<double> torque = term.torque();
   const long m = evidence_.times();
@@ -415,7 +439,13 @@ double Search::inexact_at(const Term& term, const std::vector<Term>& terms) cons
         std::ranges::find(term.effect.joints, evidence_.joints()[k]) == term.effect.joints.end())
       continue;
     const long begin = static_cast<long>(k) * m;
-    out += kAccuracy * kAccuracy *
+    const bool dry = std::ranges::any_of(terms, [&](const Term& t) {
+      return std::ranges::find(t.effect.joints, evidence_.joints()[k]) != t.effect.joints.end() &&
+             std::ranges::find(t.effect.parameter_info, "smoothing", &ParameterInfo::name) !=
+                 t.effect.parameter_info.end();
+    });
+    const double accuracy = dry ? kDryAccuracy : kAccuracy;
+    out += accuracy * accuracy *
            std::max(0.0, projection_->residual().segment(begin, m).squaredNorm() -
                              after.segment(begin, m).squaredNorm());
   }

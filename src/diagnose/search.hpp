@@ -29,6 +29,8 @@ struct Term {
   bool has_offset() const { return offset.size() > 0; }
   VecX<double> values() const;
   VecX<double> torque() const;
+  /// Of the torque's whitened norm, what the base leaves.
+  double visible_share() const;
 };
 
 /// The score of one candidate beside the terms that are there.
@@ -77,7 +79,7 @@ class Search {
   double replaced_share(const Term& term, const Term& by, const std::vector<Term>& beside) const;
 
   /// χ² at the joints that `term` reaches which `terms` leave because their columns are not exact:
-  /// (2 %)² of what they remove.
+  /// (2 %)² of what they remove, where one of them is dry friction (4 %)².
   double inexact_at(const Term& term, const std::vector<Term>& terms) const;
 
   /// What a fit costs, −2 ln of its likelihood but for a constant: n ln χ², the noise as large as

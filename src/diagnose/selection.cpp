@@ -10,9 +10,13 @@ namespace {
 constexpr int kRefined = 5;          ///< candidates whose shapes are refined at each step
 constexpr int kMostParts = 4;        ///< simple effects in the place of a compound one
 constexpr double kSameClass = 10.0;  ///< ΔBIC
+constexpr double kNoWorse = 2.0;     ///< ΔBIC, not worth mentioning (Kass and Raftery 1995)
 /// Of a parameter, beside what noise leaves: as well as filters and the reference model let an
 /// effect's column be known.
 constexpr double kColumnError = 0.01;
+/// Of an effect's torque: where the base takes over more than all but this, its columns' own error
+/// is what shows.
+constexpr double kAbsorbed = 0.01;
 constexpr double kChild = 0.98;  ///< of a cause's column that a more general effect reproduces
 
 std::vector<Term> without(const std::vector<Term>& terms, std::size_t i) {
@@ -80,6 +84,7 @@ bool Selection::add_one(std::vector<Term>& terms) {
     with.push_back(offer.term);
     const double gain = search_.fit(with) - search_.gain_of(terms);
     if (gain < search_.inexact_at(offer.term, terms)) continue;
+    if (with.back().visible_share() < kAbsorbed) continue;
     if (change(terms, with).helps()) {
       terms = std::move(with);
       refused_candidates_.clear();  // beside another set it may help
@@ -137,6 +142,24 @@ bool Selection::exchange(std::vector<Term>& terms) const {
       return true;
     }
   }
+  return false;
+}
+
+bool Selection::merge(std::vector<Term>& terms) const {
+  const double now = search_.bic(search_.gain_of(terms), terms);
+  for (std::size_t i = 0; i < terms.size(); ++i)
+    for (std::size_t j = 0; j < i; ++j) {
+      if (terms[i].effect.joints != terms[j].effect.joints) continue;
+      const std::vector<Term> rest = without(without(terms, i), j);
+      for (const Offer& offer : offers(rest, kRefined)) {
+        if (offer.term.effect.joints != terms[i].effect.joints) continue;
+        std::vector<Term> with = rest;
+        with.push_back(offer.term);
+        if (search_.bic(search_.fit(with), with) > now + kNoWorse) continue;
+        terms = std::move(with);
+        return true;
+      }
+    }
   return false;
 }
 
@@ -231,7 +254,7 @@ std::vector<Term> Selection::run(const std::function<bool(const FitProgress&)>& 
     eliminate(terms);
     if (!seen.insert(names(terms)).second) break;
   }
-  for (int i = 0; i < options_.max_terms && simplify(terms); ++i) renew(terms);
+  for (int i = 0; i < options_.max_terms && (merge(terms) || simplify(terms)); ++i) renew(terms);
   // What does not help on data that no fit has seen goes, the least first.
   for (bool dropped = true; dropped && !terms.empty();) {
     dropped = false;
@@ -289,11 +312,7 @@ std::vector<Cause> Selection::causes(const std::vector<Term>& terms) const {
     const double gain_without = search_.gain_of(rest);
     cause.lm = all - gain_without;
     cause.delta_bic = search_.bic(gain_without, rest) - search_.bic(all, terms);
-    cause.visible_share =
-        t.norm > 0.0 ? std::sqrt(std::max(
-                           0.0, (t.projected.leftCols(t.width()) * t.values()).squaredNorm())) /
-                           t.norm
-                     : 0.0;
+    cause.visible_share = t.visible_share();
     for (std::size_t k = 0; k < t.effect.parameter_info.size(); ++k) {
       const ParameterInfo& p = t.effect.parameter_info[k];
       CauseParameter out_p{p.name, p.unit, t.effect.parameters[k]};
@@ -308,6 +327,13 @@ std::vector<Cause> Selection::causes(const std::vector<Term>& terms) const {
         out_p.high = out_p.value + 1.96 * out_p.std;
       } else if (shape != t.shapes.end()) {
         const long at = t.width() + (shape - t.shapes.begin());
+        if (scale(p) == Scale::kPlain) {
+          out_p.std = std::hypot(std::sqrt(covariances[i](at, at)), kColumnError * out_p.value);
+          out_p.low = out_p.value - 1.96 * out_p.std;
+          out_p.high = out_p.value + 1.96 * out_p.std;
+          cause.parameters.push_back(out_p);
+          continue;
+        }
         const double log_std = std::hypot(std::sqrt(covariances[i](at, at)), kColumnError, c.held);
         out_p.std = std::abs(out_p.value) * log_std;
         const double reach = std::exp(std::min(1.96 * log_std, 20.0));

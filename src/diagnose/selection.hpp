@@ -45,6 +45,8 @@ class Selection {
   /// Effects of one parameter at the joints of a term in its place, if they do better: as well,
   /// where it is compound; by ΔBIC > accept where it has one parameter itself.
   bool split(std::vector<Term>& terms) const;
+  /// One effect in the place of two at its joints, if it is no worse: one cause is simpler.
+  bool merge(std::vector<Term>& terms) const;
   /// A simpler effect in a term's place, if the term can be that effect and is not clearly better.
   bool simplify(std::vector<Term>& terms) const;
   HeldOutChange change(const std::vector<Term>& without, const std::vector<Term>& with) const;

@@ -187,6 +187,7 @@ std::string to_mjcf(const Robot& robot, const Additions& additions, bool declare
   }
   for (const Additions::Payload& p : additions.payloads)
     out += "<body>" + inertial(p.mass, p.com, p.size, {1, 0, 0, 0}) + "</body>";
+  out += "<site name=\"tip\" pos=\"" + numbers(robot.tip) + "\"/>";
   for (int j = 0; j < robot.num_joints(); ++j) out += "</body>";
   for (const std::string& shaft : additions.shafts)
     out +=
