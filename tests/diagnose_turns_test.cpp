@@ -57,8 +57,8 @@ TEST_CASE("diagnose: the columns of friction's turn are its derivatives", "[diag
     const double bend = 0.5 * slope * v * (1.0 - 2.0 * v * std::tanh(v));
     worst_bend = std::max(worst_bend, std::abs(columns[1](k, 0) - bend));
   }
-  // Differences over 2 ms and a factor of 1.5 in v₀, of curves that turn within 17 ms: a tenth of the
-  // largest derivative, 0.41 and 0.3 N·m.
+  // Differences over 2 ms and a factor of 1.5 in v₀, of curves that turn within 17 ms: a tenth of
+  // the largest derivative, 0.41 and 0.3 N·m.
   CHECK(worst_timing < 0.04);
   CHECK(worst_bend < 0.03 * kCoulomb);
   CHECK(columns[0].cwiseAbs().maxCoeff() > 0.3);
