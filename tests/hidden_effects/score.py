@@ -55,6 +55,7 @@ class Score:
     in_class: bool | None = None  # the truth is named or in a class
     class_size: float | None = None  # mean over the causes
     witness: bool | None = None  # UNKNOWN, and with the right variables
+    next_experiment: str | None = None  # outcome of the recording that it proposes
     absorbed: bool | None = None  # the absorbed effect was declared as such
     covered: list[bool] = field(default_factory=list)  # 95 % intervals that hold the truth
     explained: float | None = None  # share of the removable held-out error

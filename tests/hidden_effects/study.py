@@ -31,6 +31,7 @@ import score as scoring
 # The first seed of each set; a set holds less than FIRST_SEED["report"] - FIRST_SEED["tune"] seeds.
 FIRST_SEED = {"tune": 1_000, "report": 1_000_000}
 TIMEOUT = 600  # [s] for one diagnosis
+NEXT_PERIOD = 10  # [s] of the motion that a diagnosis proposes
 
 
 @dataclass(frozen=True)
@@ -95,32 +96,73 @@ def run_case(case: Case, folder: Path, generator: Path, command: Path, keep: boo
     if (home / "score.json").exists():
         return None
     shutil.rmtree(home, ignore_errors=True)
-    make = [generator, "--seed", str(case.seed), "--family", case.family, "-o", home]
-    made = subprocess.run([*make, *case.group.options], capture_output=True, text=True)
+    make: list[Any] = [generator, "--seed", str(case.seed), "--family", case.family]
+    make += [*case.group.options, "-o", home]
+    made = subprocess.run(make, capture_output=True, text=True)
     if made.returncode != 0:
         return f"{case.name}: {made.stderr.strip()}"
     truth = json.loads((home / "truth" / "truth.json").read_text(encoding="utf-8"))
-    seen, run = home / "seen", home / "run"
-    look = [command, "diagnose", seen / "model.xml", seen / "train.csv"]
-    look += ["--test", seen / "test.csv", "--base", truth["base"], "-o", run]
     begun = time.monotonic()
+    message, result = diagnose(command, home, truth["base"], with_test=True)
+    seconds = time.monotonic() - begun
+    score = scoring.judge(truth, result)
+    if result is not None:
+        shutil.copy(home / "run" / "result.json", home / "result.json")
+        follow_up(home, make, command, truth, result, score)
+    write_score(home, score, seconds)
+    if not keep:
+        for made_there in ("seen", "run", "next"):
+            shutil.rmtree(home / made_there, ignore_errors=True)
+    return f"{case.name}: {message}" if message else None
+
+
+def diagnose(
+    command: Path, home: Path, base: str, *, with_test: bool
+) -> tuple[str, dict[str, Any] | None]:
+    """What went wrong, or nothing, and the result."""
+    seen, run = home / "seen", home / "run"
+    look: list[Any] = [
+        command,
+        "diagnose",
+        seen / "model.xml",
+        seen / "train.csv",
+        "--base",
+        base,
+        "-o",
+        run,
+    ]
+    look += ["--test", seen / "test.csv"] if with_test else []
     try:
         looked = subprocess.run(
             [*look, "--quiet", "--threads", "1"], capture_output=True, text=True, timeout=TIMEOUT
         )
-        message = looked.stderr.strip() if looked.returncode != 0 else ""
     except subprocess.TimeoutExpired:
-        message = f"no answer within {TIMEOUT} s"
-    seconds = time.monotonic() - begun
-    result = None
-    if not message and (run / "result.json").exists():
-        shutil.copy(run / "result.json", home / "result.json")
-        result = json.loads((home / "result.json").read_text(encoding="utf-8"))
-    write_score(home, scoring.judge(truth, result), seconds)
-    if not keep:
-        shutil.rmtree(seen)
-        shutil.rmtree(run, ignore_errors=True)
-    return f"{case.name}: {message}" if message else None
+        return f"no answer within {TIMEOUT} s", None
+    if looked.returncode != 0:
+        return looked.stderr.strip(), None
+    result: dict[str, Any] = json.loads((run / "result.json").read_text(encoding="utf-8"))
+    return "", result
+
+
+def follow_up(
+    home: Path,
+    make: list[Any],
+    command: Path,
+    truth: scoring.Json,
+    result: scoring.Json,
+    score: scoring.Score,
+) -> None:
+    """Record the next experiment that the diagnosis proposes, and diagnose it by itself."""
+    proposed = result.get("next_experiment") or {}
+    if not proposed.get("trajectory"):
+        return
+    home_next = home / "next"
+    motion = home / "run" / proposed["trajectory"]
+    again = [*make[:-1], home_next, "--motion", motion, "--motion-period", str(NEXT_PERIOD)]
+    if subprocess.run(again, capture_output=True).returncode != 0:
+        return  # the robot cannot follow it
+    _, second = diagnose(command, home_next, truth["base"], with_test=False)
+    score.next_experiment = scoring.judge(truth, second).outcome
 
 
 def write_score(home: Path, score: scoring.Score, seconds: float | None) -> None:
@@ -134,8 +176,10 @@ def rescore(home: Path) -> None:
     truth = json.loads((home / "truth" / "truth.json").read_text(encoding="utf-8"))
     stored = home / "result.json"
     result = json.loads(stored.read_text(encoding="utf-8")) if stored.exists() else None
-    seconds = json.loads((home / "score.json").read_text(encoding="utf-8"))["seconds"]
-    write_score(home, scoring.judge(truth, result), seconds)
+    before = json.loads((home / "score.json").read_text(encoding="utf-8"))
+    score = scoring.judge(truth, result)
+    score.next_experiment = before.get("next_experiment")
+    write_score(home, score, before["seconds"])
 
 
 # --- figures
@@ -235,6 +279,11 @@ def table(scores: list[dict[str, Any]], title: str) -> str:
     absorbed = [s for s in scores if s["kind"] == "absorbed"]
     audit = [s for s in scores if s["kind"] == "audit"]
     lag = [s for s in scores if s["group"] == "lag_or_delay"]
+    followed = [s for s in scores if s.get("next_experiment")]
+
+    def alone(s: dict[str, Any]) -> bool:
+        return str(s["next_experiment"]) == "right"
+
     in_class = rate(catalogue, lambda s: bool(s["in_class"]))
     covered = [{"hit": c} for s in scores if right(s) for c in s["covered"]]
     lines += [
@@ -260,6 +309,7 @@ def table(scores: list[dict[str, Any]], title: str) -> str:
         f"| absorbed: declared | {rate(absorbed, lambda s: bool(s['absorbed']))} |",
         f"| channel fault found by the audit | {rate(audit, right)} |",
         f"| long lag told from long delay | {rate(lag, right)} |",
+        f"| the next experiment, where one is proposed, is right | {rate(followed, alone)} |",
         f"| 95 % intervals that hold the truth | {rate(covered, lambda c: c['hit'])} |",
         f"| explained share, mean | {mean(s['explained'] for s in named)} |",
         f"| seconds a diagnosis, mean | {mean(s['seconds'] for s in scores)} |",
