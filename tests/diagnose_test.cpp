@@ -160,6 +160,19 @@ TEST_CASE("diagnose: a recording in which nothing moves is refused", "[diagnose]
                     ContainsSubstring("no joint whose torque is recorded moves"));
 }
 
+TEST_CASE("diagnose: an offset that changed between the recordings is told, not named",
+          "[diagnose]") {
+  Recording later = arm().recorded({}, 2);
+  later.tau.col(1).array() += 0.2;  // [N·m]
+  const std::string joint = later.joint_names[1];
+  const Finding finding = diagnose(arm().nominal, {arm().recorded({}, 1)}, {later});
+  CAPTURE(finding.sentence, finding.notes);
+  CHECK(finding.causes.empty());
+  CHECK(std::ranges::any_of(finding.notes, [&](const std::string& note) {
+    return note.starts_with(joint + ": on held-out data the torque is off by 0.2");
+  }));
+}
+
 TEST_CASE("diagnose: without test data blocks of time are held out", "[diagnose]") {
   const Finding finding = diagnose(arm().nominal, {arm().recorded({kCoulomb}, 1)}, {});
   CAPTURE(finding.sentence);
@@ -305,7 +318,8 @@ Recording with_hidden_torque(Recording r, double size) {
 }
 
 OwnCandidate own_candidate() {
-  OwnCandidate out{"crosswise", "elbow", {{.name = "size", .unit = "N*m/rad"}}, {}};
+  OwnCandidate out{
+      "crosswise", "elbow", {{.name = "size", .unit = "N*m/rad", .unit_prismatic = "N/m"}}, {}};
   out.columns = [](const JointSeries& x) {
     RowMatX<double> column(x.rows(), 1);
     for (long k = 0; k < x.rows(); ++k) column(k, 0) = hidden_torque(x.q(k, 0), x.q(k, 1));

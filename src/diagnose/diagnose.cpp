@@ -282,6 +282,7 @@ class Diagnosis {
                      change.high};
     for (Cause& c : finding_.causes) c.gain.noise_floor = finding_.gain.noise_floor;
     add_series(e0, e1, more);
+    note_offsets(e1);
 
     LinearFit fit;
     const VecX<double> x = final_base(base_, layout_, *search_, *train_, terms_, fit);
@@ -331,6 +332,20 @@ class Diagnosis {
     } catch (const Error& error) {
       finding_.notes.push_back(std::string("no next experiment is proposed: ") + error.what());
     }
+  }
+
+  /// What changed between the recordings is no cause of the fitted one.
+  void note_offsets(const VecX<double>& errors) {
+    if (!test_) return;
+    const std::vector<std::string> names = joint_names(model_), units = units_of(model_);
+    for (const HeldOutOffset& o : held_out_->offsets(errors))
+      finding_.notes.push_back(
+          names[static_cast<std::size_t>(o.joint)] + ": on held-out data the torque is off by " +
+          format_number(o.mean) + " ± " + format_number(1.96 * o.std) + " " +
+          units[static_cast<std::size_t>(o.joint)] + " while it moves, " +
+          format_number(std::round(100.0 * o.share)) +
+          " % of what is left: its offset changed between the recordings; give both as DATA to "
+          "have it fitted (session_offset)");
   }
 
   void add_series(const VecX<double>& e0, const VecX<double>& e1, double) {

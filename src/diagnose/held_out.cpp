@@ -11,6 +11,11 @@ namespace {
 constexpr int kResamples = 1000;
 constexpr double kBlockSeconds = 1.0;
 
+/// Standard errors of an offset that is beyond doubt; of the error's mean square, to be worth a
+/// word.
+constexpr double kDoubtless = 5.0, kWorthAWord = 0.25;
+constexpr double kResting = 0.3;  ///< share of the filter's weight
+
 }  // namespace
 
 VecX<double> HeldOut::errors(const Search& search, const std::vector<Term>& terms) const {
@@ -32,6 +37,40 @@ VecX<double> HeldOut::errors_with(const Search& search, const std::vector<Term>&
 VecX<double> HeldOut::whitened(const Search& search, const VecX<double>& errors) const {
   const Whitener whitener(evidence_, search.whitener().noise(), used_);
   return whitener(errors);
+}
+
+std::vector<HeldOutOffset> HeldOut::offsets(const VecX<double>& errors) const {
+  const long m = evidence_.times();
+  const long block = std::max<long>(std::lround(kBlockSeconds / evidence_.step()), 8);
+  std::vector<HeldOutOffset> out;
+  for (std::size_t k = 0; k < evidence_.joints().size(); ++k) {
+    std::vector<double> means;
+    double sum = 0.0, square = 0.0, count = 0.0;
+    for (long begin = 0; begin < m; begin += block) {
+      double in_block = 0.0, n = 0.0;
+      for (long i = begin; i < std::min(begin + block, m); ++i) {
+        const long row = static_cast<long>(k) * m + i;
+        if (!used_.empty() && !used_[static_cast<std::size_t>(row)]) continue;
+        if (evidence_.rest()(i, static_cast<long>(k)) > kResting) continue;
+        in_block += errors[row];
+        square += errors[row] * errors[row];
+        n += 1.0;
+      }
+      if (n > 0.0) means.push_back(in_block / n);
+      sum += in_block;
+      count += n;
+    }
+    const double blocks = static_cast<double>(means.size());
+    if (blocks < 8.0) continue;
+    double scatter = 0.0;
+    const double mean = sum / count;
+    for (const double x : means) scatter += (x - mean) * (x - mean);
+    const double std = std::sqrt(scatter / (blocks * (blocks - 1.0)));
+    const double share = mean * mean * count / square;
+    if (std::abs(mean) > kDoubtless * std && share > kWorthAWord)
+      out.push_back({evidence_.joints()[k], mean, std, share});
+  }
+  return out;
 }
 
 HeldOutChange HeldOut::compare(const VecX<double>& before, const VecX<double>& after) const {

@@ -15,6 +15,13 @@ struct HeldOutChange {
   bool helps() const { return low > 0.0; }
 };
 
+/// A joint whose torque is off by a constant on held-out rows.
+struct HeldOutOffset {
+  int joint = -1;
+  double mean = 0.0, std = 0.0;  ///< [N·m] or [N]; of means over blocks
+  double share = 0.0;            ///< of the mean square error of rows in which it moves
+};
+
 class HeldOut {
  public:
   /// @param used  (rows()) rows that are held out; empty: all
@@ -32,6 +39,9 @@ class HeldOut {
 
   /// Blocks of consecutive instants are drawn with replacement (Künsch 1989), all joints together.
   HeldOutChange compare(const VecX<double>& before, const VecX<double>& after) const;
+
+  /// Joints whose error, while they move, has a mean that is beyond doubt and a good part of it.
+  std::vector<HeldOutOffset> offsets(const VecX<double>& errors) const;
 
   const Evidence& evidence() const { return evidence_; }
   const std::vector<bool>& used() const { return used_; }
