@@ -212,6 +212,7 @@ class Diagnosis {
                         {options_.accept_delta_bic, most, period_,
                          [this](const std::vector<Term>& terms) { return rebase(terms); }});
     first_scores_ = search_->scores({});
+    level_sum_ = search_->residual_sum();
     terms_ = selection.run([this](const FitProgress& progress) {
       finding_.interrupted = options_.progress && !options_.progress(progress);
       return !finding_.interrupted;
@@ -268,7 +269,8 @@ class Diagnosis {
     for (const WitnessScore& w : left) more += std::max(0.0, w.held_out.before - w.held_out.after);
     const double freedom =
         static_cast<double>(std::max<long>(search_->rows() - search_->projection().rank(), 1));
-    finding_.lack_of_fit = search_->residual_sum() / freedom;
+    // Under a tilt the base's columns are no longer those of the base alone.
+    finding_.lack_of_fit = (tilted_ ? level_sum_ : search_->residual_sum()) / freedom;
     misfit_ = search_->noise_is_repeatable() &&
               (search_->residual_sum() - search_->gain_of(terms_)) / freedom > kLeft;
     double floor = std::max(change.after - more, 0.0);
@@ -408,7 +410,8 @@ class Diagnosis {
   PreprocessPlan test_plan_;
   bool link_side_ = false;
   bool tilted_ = false;
-  bool misfit_ = false;  ///< more than noise is left
+  double level_sum_ = 0.0;  ///< χ² of the base alone, before any cause
+  bool misfit_ = false;     ///< more than noise is left
   std::vector<bool> fitted_rows_, held_rows_;
   BasePrior prior_;
   std::unique_ptr<Evidence> train_, test_;

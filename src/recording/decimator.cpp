@@ -13,6 +13,7 @@ namespace diffnea {
 namespace {
 
 constexpr double kPi = std::numbers::pi;
+constexpr long kFew = 8;  ///< columns: each by itself runs on SIMD registers
 
 }  // namespace
 
@@ -67,10 +68,13 @@ RowMatX<double> Decimator::push(const Eigen::Ref<const RowMatX<double>>& rows) {
   const long num_out = filled_ < taps ? 0 : (filled_ - taps) / factor_ + 1;
   RowMatX<double> out(num_out, rows.cols());
   const Eigen::Map<const Eigen::RowVectorXd> h(h_.data(), taps);
-  for (long k = 0; k < num_out; ++k)
-    if (buffer_.cols() == 1)  // contiguous
-      out(k, 0) = h.dot(Eigen::Map<const Eigen::RowVectorXd>(buffer_.data() + k * factor_, taps));
-    else
+  if (buffer_.cols() <= kFew)
+    for (long c = 0; c < buffer_.cols(); ++c) {
+      const VecX<double> column = buffer_.col(c).head(filled_);
+      for (long k = 0; k < num_out; ++k) out(k, c) = h.dot(column.segment(k * factor_, taps));
+    }
+  else
+    for (long k = 0; k < num_out; ++k)
       out.row(k).noalias() = h * buffer_.middleRows(k * factor_, taps);
 
   const long used = num_out * factor_, kept = std::max(0L, filled_ - used);

@@ -123,14 +123,18 @@ PositionSpectrum look_at_position(const std::vector<Eigen::VectorXd>& segments, 
   const long end = num_bins - num_bins / 10;  // the last tenth is folded
 
   // Mean over an eighth of the frequency either way, at least over the window's main lobe.
-  std::vector<double> acceleration(num_bins, 0.0), position(num_bins, 0.0);
+  std::vector<double> acceleration(num_bins, 0.0), position(num_bins, 0.0), integrated(num_bins);
+  for (long i = 1; i < num_bins; ++i) {
+    const double w = 2.0 * std::sin(std::numbers::pi * spectrum.frequency(i) / rate_hz);
+    integrated[i] = spectrum.power[i] / (w * w * w * w);
+  }
   for (long k = 1; k < num_bins; ++k) {
     const long reach = std::max(3L, k / 8);
     const long first = std::max(1L, k - reach), last = std::min(num_bins - 1, k + reach);
+    const double bins = static_cast<double>(last - first + 1);
     for (long i = first; i <= last; ++i) {
-      const double w = 2.0 * std::sin(std::numbers::pi * spectrum.frequency(i) / rate_hz);
-      acceleration[k] += spectrum.power[i] / static_cast<double>(last - first + 1);
-      position[k] += spectrum.power[i] / (std::pow(w, 4) * static_cast<double>(last - first + 1));
+      acceleration[k] += spectrum.power[i] / bins;
+      position[k] += integrated[i] / bins;
     }
   }
 
