@@ -25,6 +25,9 @@ std::vector<Term> without(const std::vector<Term>& terms, std::size_t i) {
   return out;
 }
 
+/// Accepted, a tilt is in the base's columns, too: without it, they would be those of no model.
+bool stays(const Term& term) { return term.effect.info().name == "base_tilt"; }
+
 std::set<int> names(const std::vector<Term>& terms) {
   std::set<int> out;
   for (const Term& t : terms) out.insert(t.candidate);
@@ -105,6 +108,7 @@ bool Selection::eliminate(std::vector<Term>& terms) const {
     double least = options_.accept;
     std::size_t drop = terms.size();
     for (std::size_t i = 0; i < terms.size(); ++i) {
+      if (stays(terms[i])) continue;
       std::vector<Term> rest = without(terms, i);
       const double kept = search_.fit(rest);
       double worse = search_.bic(kept, rest) - with;
@@ -125,6 +129,7 @@ bool Selection::eliminate(std::vector<Term>& terms) const {
 bool Selection::exchange(std::vector<Term>& terms) const {
   const double now = search_.bic(search_.gain_of(terms), terms);
   for (std::size_t i = 0; i < terms.size(); ++i) {
+    if (stays(terms[i])) continue;
     std::vector<Term> rest = without(terms, i);
     const double base = search_.bic(search_.gain_of(rest), rest);
     for (const Offer& offer : offers(rest, 3)) {
@@ -149,7 +154,7 @@ bool Selection::merge(std::vector<Term>& terms) const {
   const double now = search_.bic(search_.gain_of(terms), terms);
   for (std::size_t i = 0; i < terms.size(); ++i)
     for (std::size_t j = 0; j < i; ++j) {
-      if (terms[i].effect.joints != terms[j].effect.joints) continue;
+      if (stays(terms[i]) || terms[i].effect.joints != terms[j].effect.joints) continue;
       const std::vector<Term> rest = without(without(terms, i), j);
       for (const Offer& offer : offers(rest, kRefined)) {
         if (offer.term.effect.joints != terms[i].effect.joints) continue;
@@ -166,6 +171,7 @@ bool Selection::merge(std::vector<Term>& terms) const {
 bool Selection::simplify(std::vector<Term>& terms) const {
   const double now = search_.bic(search_.gain_of(terms), terms);
   for (std::size_t i = 0; i < terms.size(); ++i) {
+    if (stays(terms[i])) continue;
     const std::vector<Term> rest = without(terms, i);
     const double base = search_.bic(search_.gain_of(rest), rest);
     for (const Offer& offer : offers(rest, kRefined + 2)) {
@@ -206,6 +212,7 @@ bool Selection::sharpen(std::vector<Term>& terms) const {
 
 bool Selection::split(std::vector<Term>& terms) const {
   for (std::size_t i = 0; i < terms.size(); ++i) {
+    if (stays(terms[i])) continue;
     const bool compound = terms[i].num_parameters() > 1;
     const double now = search_.bic(search_.gain_of(terms), terms);
     const std::vector<int>& joints = terms[i].effect.joints;
@@ -260,7 +267,7 @@ std::vector<Term> Selection::run(const std::function<bool(const FitProgress&)>& 
     dropped = false;
     for (std::size_t i = terms.size(); i-- > 0;) {
       const std::vector<Term> rest = without(terms, i);
-      if (change(rest, terms).helps()) continue;
+      if (stays(terms[i]) || change(rest, terms).helps()) continue;
       const Candidate& c = candidates_[static_cast<std::size_t>(terms[i].candidate)];
       refused_.push_back({c.effect.info().name, c.effect.where,
                           "does not help on held-out data beside the others", 0.0});
