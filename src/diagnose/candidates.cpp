@@ -83,9 +83,8 @@ Candidate make_candidate(const EffectSpec& spec, const Model& model, const std::
       c.linear.push_back(k);
     } else if (grid_of_plain) {  // a ratio of either sign
       grow(c, k, p.search);
-    } else if (scale(p) == Scale::kPlain &&
-               (c.effect.parameter_info.size() == 1 || p.sign == Sign::kFree ||
-                p.name == "damping")) {
+    } else if (scale(p) == Scale::kPlain && (c.effect.parameter_info.size() == 1 ||
+                                             p.sign == Sign::kFree || p.name == "damping")) {
       c.linear.push_back(k);  // by its tangent, which moves with the others; damping from 0 on
       c.nonlinear = true;
     } else if (scale(p) == Scale::kLog && !p.search.empty()) {

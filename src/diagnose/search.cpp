@@ -379,6 +379,12 @@ bool Search::drop_redundant(const MatX<double>& G, const MatX<double>& D, Term& 
 }
 
 bool Search::plausible(const Term& term) const {
+  // A rotor that its spring's damper does not let swing is a lag by another name.
+  if (const auto* spring = std::get_if<JointElasticity>(&term.effect.type);
+      spring && !term.effect.own) {
+    const double* p = term.effect.parameters.data();  // stiffness, damping, inertia
+    if (p[1] * p[1] > 4.0 * p[0] * p[2]) return false;
+  }
   // A hidden rotor without inertia only bends the friction that turns with it.
   for (const int k : term.linear)
     if (term.effect.parameter_info[static_cast<std::size_t>(k)].name == "motor_inertia" &&
