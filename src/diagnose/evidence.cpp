@@ -7,6 +7,8 @@
 #include <diffnea/dynamics/batch.hpp>
 #include <diffnea/recording/butterworth.hpp>
 
+#include "diagnose/stretches.hpp"
+
 namespace diffnea {
 namespace {
 
@@ -15,147 +17,6 @@ constexpr double kRestShare = 0.01;
 
 /// Of a disturbance at the end of a recording.
 constexpr double kRemembered = 0.01;
-
-/// Collects blocks into whole stretches.
-struct SeriesCollector {
-  std::vector<JointSeries> series;
-  std::vector<Preprocessed> about;  ///< of each stretch: all but its rows
-  double run_start = 0.0;
-  int first_run = 0;
-
-  void add(const Preprocessed& block) {
-    for (long row = 0; row < block.rows();) {
-      long end = row;
-      while (end < block.rows() && block.segment[static_cast<std::size_t>(end)] ==
-                                       block.segment[static_cast<std::size_t>(row)])
-        ++end;
-      const bool new_run = about.empty() || about.back().run != block.run;
-      if (new_run) run_start = block.time[row];
-      if (new_run || about.back().segment[0] != block.segment[static_cast<std::size_t>(row)])
-        begin(block, row);
-      JointSeries& s = series.back();
-      const long count = end - row;
-      append(block.q.middleRows(row, count), s.q);
-      append(block.qd.middleRows(row, count), s.qd);
-      append(block.qdd.middleRows(row, count), s.qdd);
-      append(block.tau.middleRows(row, count), s.logged);
-      row = end;
-    }
-  }
-
-  /// Drops rows at either end of every stretch that is long enough to spare them.
-  void trim(long rows) {
-    for (std::size_t i = 0; i < series.size(); ++i)
-      if (series[i].rows() >= 6 * rows) keep(i, rows, series[i].rows() - 2 * rows);
-  }
-  void drop_first(std::size_t i, long rows) { keep(i, rows, series[i].rows() - rows); }
-
-  /// The rows of a stretch with the motion of `s` and their own torque.
-  Preprocessed rows_of(std::size_t i, const JointSeries& s) const {
-    Preprocessed out = about[i];
-    out.q = s.q;
-    out.qd = s.qd;
-    out.qdd = s.qdd;
-    out.tau = series[i].logged;
-    out.time = VecX<double>::LinSpaced(s.rows(), about[i].time[0],
-                                       about[i].time[0] + s.dt * static_cast<double>(s.rows() - 1));
-    out.segment.assign(static_cast<std::size_t>(s.rows()), about[i].segment[0]);
-    return out;
-  }
-
- private:
-  void keep(std::size_t i, long from, long count) {
-    JointSeries& s = series[i];
-    for (RowMatX<double>* x : {&s.q, &s.qd, &s.qdd, &s.logged})
-      *x = RowMatX<double>(x->middleRows(from, count));
-    s.start += static_cast<double>(from) * s.dt;
-    about[i].time[0] += static_cast<double>(from) * s.dt;
-  }
-  void begin(const Preprocessed& block, long row) {
-    JointSeries s;
-    s.dt = block.dt;
-    s.start = block.time[row] - run_start;
-    s.run = block.run + first_run;
-    series.push_back(std::move(s));
-    Preprocessed of;
-    of.source = block.source;
-    of.run = block.run;
-    of.joint_names = block.joint_names;
-    of.dt = block.dt;
-    of.has_tau = block.has_tau;
-    of.time = VecX<double>::Constant(1, block.time[row]);
-    of.segment = {block.segment[static_cast<std::size_t>(row)]};
-    about.push_back(std::move(of));
-  }
-  static void append(const Eigen::Ref<const RowMatX<double>>& rows, RowMatX<double>& to) {
-    const long before = to.rows();
-    to.conservativeResize(before + rows.rows(), rows.cols());
-    to.bottomRows(rows.rows()) = rows;
-  }
-};
-
-/// The largest part of a joint's motion that may change from period to period.
-constexpr double kRepeats = 5e-3;
-
-/// A first period that is so many times as far from the second as that from the third has not
-/// settled; means over this time.
-constexpr double kUnsettled = 3.0, kSettlingWindow = 0.1;
-
-/// Rows until the motion repeats, within its first period: a loop that starts at rest catches up.
-/// 0 with less than three periods.
-long settling_rows(double period, const JointSeries& s) {
-  const long p = std::lround(period / s.dt);
-  if (p < 1 || s.rows() < 3 * p) return 0;
-  const RowMatX<double> first = s.q.topRows(p) - s.q.middleRows(p, p),
-                        second = s.q.middleRows(p, p) - s.q.middleRows(2 * p, p);
-  const VecX<double> usual = second.colwise().squaredNorm().transpose() / static_cast<double>(p);
-  const long window = std::max(1L, std::lround(kSettlingWindow / s.dt));
-  for (long end = p; end > window; end -= window)
-    for (long j = 0; j < s.q.cols(); ++j)
-      if (first.col(j).segment(end - window, window).squaredNorm() >
-          kUnsettled * kUnsettled * static_cast<double>(window) * usual[j])
-        return end;
-  return 0;
-}
-
-/// Rows that must have another one at their phase.
-constexpr double kCovered = 0.8;
-
-/// Replaces every row by the mean of the rows whole periods away from it; the few that have none
-/// stay. @return false, and nothing is changed, if too many have none, a period is no whole number
-/// of samples, or the motion does not repeat
-bool average_other_periods(double period, JointSeries& s) {
-  const double steps = period / s.dt;
-  const long p = std::lround(steps), n = s.rows();
-  if (p < 1 || std::abs(steps - static_cast<double>(p)) * static_cast<double>(n / p) > 0.5)
-    return false;
-  const long covered = n >= 2 * p ? n : 2 * std::max(0L, n - p);
-  if (static_cast<double>(covered) < kCovered * static_cast<double>(n)) return false;
-  const auto sum_of = [&](const RowMatX<double>& x) {
-    RowMatX<double> sum = RowMatX<double>::Zero(p, x.cols());
-    for (long i = 0; i < n; ++i) sum.row(i % p) += x.row(i);
-    return sum;
-  };
-  const auto repeats = [&](long i) { return (n - 1 - i % p) / p + 1; };
-  const RowMatX<double> sum = sum_of(s.q);
-  for (long j = 0; j < s.q.cols(); ++j) {
-    const VecX<double> q = s.q.col(j);
-    const double motion = (q.array() - q.mean()).matrix().norm();
-    double change = 0.0;
-    for (long i = 0; i < n; ++i) {
-      const double d = q[i] - sum(i % p, j) / static_cast<double>(repeats(i));
-      change += d * d;
-    }
-    if (std::sqrt(change) > kRepeats * motion) return false;
-  }
-  for (RowMatX<double>* x : {&s.q, &s.qd, &s.qdd, &s.logged}) {
-    const RowMatX<double> all = sum_of(*x), own = *x;
-    for (long i = 0; i < n; ++i)
-      if (const long c = repeats(i); c > 1)
-        x->row(i) = (all.row(i % p) - own.row(i)) / static_cast<double>(c - 1);
-  }
-  return true;
-}
 
 }  // namespace
 
@@ -177,25 +38,24 @@ Evidence::Evidence(const Model& model, const FitLayout& layout, const RecordingS
   all.rest_share = 2.0;
   all.first_run = first_run;
   TorqueRegression regression(model, held, plan, {layout.prior(), shape}, all);
-  SeriesCollector collector;
-  collector.first_run = first_run;
+  Stretches collector(first_run);
   for_each_block(source, plan, "reading", 0, options,
                  [&](const Preprocessed& block) { collector.add(block); });
   // Where a recording begins and ends, its filter still remembers how it was continued beyond.
   // Averaged, that would reach the rows of other periods, too.
   if (period > 0.0)
     collector.trim(Butterworth(plan.order, plan.filter_hz, 1.0 / plan.dt).memory(kRemembered));
-  for (std::size_t i = 0; period > 0.0 && i < collector.series.size(); ++i)
-    collector.drop_first(i, settling_rows(period, collector.series[i]));
-  series_ = collector.series;
+  for (std::size_t i = 0; period > 0.0 && i < collector.series().size(); ++i)
+    collector.drop_first(i, settling_rows(period, collector.series()[i]));
+  series_ = collector.series();
   averaged_ = period > 0.0 && !series_.empty();
   for (JointSeries& s : series_) averaged_ = averaged_ && average_other_periods(period, s);
   if (!averaged_) {
-    series_ = collector.series;
+    series_ = collector.series();
     for (JointSeries& s : series_) s.logged.resize(0, 0);
   }
   for (std::size_t i = 0; i < series_.size(); ++i)
-    regression.add(collector.rows_of(i, collector.series[i]));
+    regression.add(collector.rows_of(i, collector.series()[i]));
 
   const long p =
       static_cast<long>(layout.linear.size()) + std::ranges::count_if(layout.shape, is_smoothing);

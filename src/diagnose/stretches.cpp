@@ -1,0 +1,139 @@
+#include "diagnose/stretches.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace diffnea {
+namespace {
+
+/// The largest part of a joint's motion that may change from period to period.
+constexpr double kRepeats = 5e-3;
+
+/// A first period that is so many times as far from the second as that from the third has not
+/// settled; means over this time.
+constexpr double kUnsettled = 3.0, kSettlingWindow = 0.1;
+
+/// Rows that must have another one at their phase.
+constexpr double kCovered = 0.8;
+
+void append(const Eigen::Ref<const RowMatX<double>>& rows, RowMatX<double>& to) {
+  const long before = to.rows();
+  to.conservativeResize(before + rows.rows(), rows.cols());
+  to.bottomRows(rows.rows()) = rows;
+}
+
+}  // namespace
+
+void Stretches::add(const Preprocessed& block) {
+  for (long row = 0; row < block.rows();) {
+    long end = row;
+    while (end < block.rows() && block.segment[static_cast<std::size_t>(end)] ==
+                                     block.segment[static_cast<std::size_t>(row)])
+      ++end;
+    const bool new_run = about_.empty() || about_.back().run != block.run;
+    if (new_run) run_start_ = block.time[row];
+    if (new_run || about_.back().segment[0] != block.segment[static_cast<std::size_t>(row)])
+      begin(block, row);
+    JointSeries& s = series_.back();
+    const long count = end - row;
+    append(block.q.middleRows(row, count), s.q);
+    append(block.qd.middleRows(row, count), s.qd);
+    append(block.qdd.middleRows(row, count), s.qdd);
+    append(block.tau.middleRows(row, count), s.logged);
+    row = end;
+  }
+}
+
+void Stretches::begin(const Preprocessed& block, long row) {
+  JointSeries s;
+  s.dt = block.dt;
+  s.start = block.time[row] - run_start_;
+  s.run = block.run + first_run_;
+  series_.push_back(std::move(s));
+  Preprocessed of;
+  of.source = block.source;
+  of.run = block.run;
+  of.joint_names = block.joint_names;
+  of.dt = block.dt;
+  of.has_tau = block.has_tau;
+  of.time = VecX<double>::Constant(1, block.time[row]);
+  of.segment = {block.segment[static_cast<std::size_t>(row)]};
+  about_.push_back(std::move(of));
+}
+
+void Stretches::trim(long rows) {
+  for (std::size_t i = 0; i < series_.size(); ++i)
+    if (series_[i].rows() >= 6 * rows) keep(i, rows, series_[i].rows() - 2 * rows);
+}
+
+void Stretches::drop_first(std::size_t i, long rows) { keep(i, rows, series_[i].rows() - rows); }
+
+void Stretches::keep(std::size_t i, long from, long count) {
+  JointSeries& s = series_[i];
+  for (RowMatX<double>* x : {&s.q, &s.qd, &s.qdd, &s.logged})
+    *x = RowMatX<double>(x->middleRows(from, count));
+  s.start += static_cast<double>(from) * s.dt;
+  about_[i].time[0] += static_cast<double>(from) * s.dt;
+}
+
+Preprocessed Stretches::rows_of(std::size_t i, const JointSeries& s) const {
+  Preprocessed out = about_[i];
+  out.q = s.q;
+  out.qd = s.qd;
+  out.qdd = s.qdd;
+  out.tau = series_[i].logged;
+  out.time = VecX<double>::LinSpaced(s.rows(), about_[i].time[0],
+                                     about_[i].time[0] + s.dt * static_cast<double>(s.rows() - 1));
+  out.segment.assign(static_cast<std::size_t>(s.rows()), about_[i].segment[0]);
+  return out;
+}
+
+long settling_rows(double period, const JointSeries& s) {
+  const long p = std::lround(period / s.dt);
+  if (p < 1 || s.rows() < 3 * p) return 0;
+  const RowMatX<double> first = s.q.topRows(p) - s.q.middleRows(p, p),
+                        second = s.q.middleRows(p, p) - s.q.middleRows(2 * p, p);
+  const VecX<double> usual = second.colwise().squaredNorm().transpose() / static_cast<double>(p);
+  const long window = std::max(1L, std::lround(kSettlingWindow / s.dt));
+  for (long end = p; end > window; end -= window)
+    for (long j = 0; j < s.q.cols(); ++j)
+      if (first.col(j).segment(end - window, window).squaredNorm() >
+          kUnsettled * kUnsettled * static_cast<double>(window) * usual[j])
+        return end;
+  return 0;
+}
+
+bool average_other_periods(double period, JointSeries& s) {
+  const double steps = period / s.dt;
+  const long p = std::lround(steps), n = s.rows();
+  if (p < 1 || std::abs(steps - static_cast<double>(p)) * static_cast<double>(n / p) > 0.5)
+    return false;
+  const long covered = n >= 2 * p ? n : 2 * std::max(0L, n - p);
+  if (static_cast<double>(covered) < kCovered * static_cast<double>(n)) return false;
+  const auto sum_of = [&](const RowMatX<double>& x) {
+    RowMatX<double> sum = RowMatX<double>::Zero(p, x.cols());
+    for (long i = 0; i < n; ++i) sum.row(i % p) += x.row(i);
+    return sum;
+  };
+  const auto repeats = [&](long i) { return (n - 1 - i % p) / p + 1; };
+  const RowMatX<double> sum = sum_of(s.q);
+  for (long j = 0; j < s.q.cols(); ++j) {
+    const VecX<double> q = s.q.col(j);
+    const double motion = (q.array() - q.mean()).matrix().norm();
+    double change = 0.0;
+    for (long i = 0; i < n; ++i) {
+      const double d = q[i] - sum(i % p, j) / static_cast<double>(repeats(i));
+      change += d * d;
+    }
+    if (std::sqrt(change) > kRepeats * motion) return false;
+  }
+  for (RowMatX<double>* x : {&s.q, &s.qd, &s.qdd, &s.logged}) {
+    const RowMatX<double> all = sum_of(*x), own = *x;
+    for (long i = 0; i < n; ++i)
+      if (const long c = repeats(i); c > 1)
+        x->row(i) = (all.row(i % p) - own.row(i)) / static_cast<double>(c - 1);
+  }
+  return true;
+}
+
+}  // namespace diffnea

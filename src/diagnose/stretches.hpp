@@ -1,0 +1,45 @@
+#pragma once
+/// A recording as whole stretches, and the mean of the periods of a motion that repeats. Internal
+/// to diagnose/.
+
+#include <diffnea/effects/joint_series.hpp>
+#include <diffnea/recording/preprocess.hpp>
+
+namespace diffnea {
+
+/// Blocks of filtered rows, put together stretch by stretch.
+class Stretches {
+ public:
+  /// @param first_run  number of the first recording
+  explicit Stretches(int first_run) : first_run_(first_run) {}
+  void add(const Preprocessed& block);
+
+  /// Drops rows at either end of every stretch that is long enough to spare them.
+  void trim(long rows);
+  void drop_first(std::size_t i, long rows);
+
+  /// Own motion and logged torque of every stretch.
+  const std::vector<JointSeries>& series() const { return series_; }
+  /// The rows of a stretch with the motion of `s` and their own torque.
+  Preprocessed rows_of(std::size_t i, const JointSeries& s) const;
+
+ private:
+  void begin(const Preprocessed& block, long row);
+  void keep(std::size_t i, long from, long count);
+
+  int first_run_;
+  double run_start_ = 0.0;
+  std::vector<JointSeries> series_;
+  std::vector<Preprocessed> about_;  ///< of each stretch: all but its rows
+};
+
+/// Rows until the motion repeats, within its first period: a loop that starts at rest catches up.
+/// 0 with less than three periods.
+long settling_rows(double period, const JointSeries& s);
+
+/// Replaces every row by the mean of the rows whole periods away from it; the few that have none
+/// stay. @return false, and nothing is changed, if too many have none, a period is no whole number
+/// of samples, or the motion does not repeat
+bool average_other_periods(double period, JointSeries& s);
+
+}  // namespace diffnea
