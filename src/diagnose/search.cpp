@@ -144,7 +144,15 @@ Term Search::make_term(int candidate, const std::vector<double>& shapes) const {
   term.effect = c.effect;
   term.linear = c.linear;
   term.shapes = c.shapes;
-  for (const int k : term.linear) term.effect.parameters[static_cast<std::size_t>(k)] = 0.0;
+  // A spring that is not there has a rest anywhere: its column shows at a stiffness of 1 alone.
+  const bool has_rest =
+      term.linear.size() > 1 && std::ranges::any_of(term.linear, [&](int k) {
+        return scale_of(term, k) == Scale::kPlain &&
+               term.effect.parameter_info[static_cast<std::size_t>(k)].sign == Sign::kFree;
+      });
+  for (const int k : term.linear)
+    term.effect.parameters[static_cast<std::size_t>(k)] =
+        has_rest && scale_of(term, k) == Scale::kLinear ? 1.0 : 0.0;
   for (std::size_t s = 0; s < shapes.size(); ++s)
     term.effect.parameters[static_cast<std::size_t>(c.shapes[s])] = shapes[s];
   set_columns(term);
