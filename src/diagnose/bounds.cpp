@@ -13,6 +13,9 @@ constexpr double kStribeckTurns = 3.0;
 /// Of the rows' Nyquist frequency: at half the RMS velocity, where most rows are.
 constexpr double kRippleShare = 2.0;
 
+/// Standard deviations of the positions' noise, of which hardly any sample is beyond.
+constexpr double kPreslidingNoises = 3.0;
+
 /// How far a ripple midway between two of the grid is out of phase at the ends of the motion.
 constexpr double kRippleMiss = std::numbers::pi / 3.0;
 constexpr int kMostRipples = 250;
@@ -66,6 +69,14 @@ void bound_cogging(const Evidence& evidence, Candidate& c) {
   c.shape_high = {std::max(highest, lowest)};
 }
 
+/// Bristles that bend by less than the positions' noise do not show: what is left is Coulomb's.
+void bound_presliding(const std::vector<double>& q_noise, Candidate& c) {
+  const std::size_t joint = static_cast<std::size_t>(c.effect.joints[0]);
+  const double least = joint < q_noise.size() ? kPreslidingNoises * q_noise[joint] : 0.0;
+  std::erase_if(c.grid, [&](const std::vector<double>& g) { return g[0] < least; });
+  c.shape_low = {least};
+}
+
 /// What only a drive, or the log of its torque, can have.
 bool is_of_drive(const EffectInfo& info) {
   static const std::vector<std::string> kOfDrives{
@@ -84,7 +95,8 @@ bool is_passive(const Evidence& evidence, const BoundEffect& effect) {
 
 }  // namespace
 
-std::vector<Refusal> bound_shapes(const Evidence& evidence, const FitLayout& layout, bool repeats,
+std::vector<Refusal> bound_shapes(const Evidence& evidence, const FitLayout& layout,
+                                  const std::vector<double>& q_noise, bool repeats,
                                   std::vector<Candidate>& candidates) {
   std::vector<Refusal> refused;
   std::vector<Candidate> kept;
@@ -101,6 +113,7 @@ std::vector<Refusal> bound_shapes(const Evidence& evidence, const FitLayout& lay
     }
     if (name == "saturation") bound_saturation(evidence, c);
     if (name == "cogging") bound_cogging(evidence, c);
+    if (name == "presliding_dahl") bound_presliding(q_noise, c);
     if (name == "stribeck_friction") bound_stribeck(layout, c);
     if (!c.grid.empty()) kept.push_back(std::move(c));
   }

@@ -135,8 +135,9 @@ class Diagnosis {
       if (c.effect.own)
         for (Evidence* e : {train_.get(), test_.get()})
           if (e) e->evaluate(*c.effect.own);
-    finding_.refused = bound_shapes(
-        *train_, layout_, train_->averaged() && (!test_ || test_->averaged()), candidates_);
+    finding_.refused =
+        bound_shapes(*train_, layout_, finding_.plan.q_noise,
+                     train_->averaged() && (!test_ || test_->averaged()), candidates_);
     prior_ = base_prior(base_, model_, layout_, *train_);
     const Whitener white(*train_, white_noise(*train_), fitted_rows_);
     set_reference(Projection(*train_, white, prior_).reference(VecX<double>::Zero(train_->rows())),

@@ -398,6 +398,14 @@ bool Search::plausible(const Term& term) const {
     if (term.effect.parameter_info[static_cast<std::size_t>(k)].name == "motor_inertia" &&
         !(term.effect.parameters[static_cast<std::size_t>(k)] > 0.0))
       return false;
+  // At the least distance that shows, bristles are Coulomb friction.
+  const Candidate& c = candidates_[static_cast<std::size_t>(term.candidate)];
+  for (std::size_t s = 0; s < c.shapes.size(); ++s) {
+    const std::size_t k = static_cast<std::size_t>(c.shapes[s]);
+    if (term.effect.parameter_info[k].name == "presliding" &&
+        !(term.effect.parameters[k] > c.shape_low[s]))
+      return false;
+  }
   // Beyond, no torque constant is off.
   for (const int k : term.linear)
     if (term.effect.parameter_info[static_cast<std::size_t>(k)].name == "gain_error" &&

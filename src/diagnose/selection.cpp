@@ -154,7 +154,8 @@ bool Selection::merge(std::vector<Term>& terms) const {
   const double now = search_.bic(search_.gain_of(terms), terms);
   for (std::size_t i = 0; i < terms.size(); ++i)
     for (std::size_t j = 0; j < i; ++j) {
-      if (stays(terms[i]) || terms[i].effect.joints != terms[j].effect.joints) continue;
+      if (stays(terms[i]) || stays(terms[j])) continue;
+      if (terms[i].effect.joints != terms[j].effect.joints) continue;
       const std::vector<Term> rest = without(without(terms, i), j);
       for (const Offer& offer : offers(rest, kRefined)) {
         if (offer.term.effect.joints != terms[i].effect.joints) continue;
