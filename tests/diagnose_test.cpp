@@ -160,6 +160,57 @@ TEST_CASE("diagnose: a recording in which nothing moves is refused", "[diagnose]
                     ContainsSubstring("no joint whose torque is recorded moves"));
 }
 
+TEST_CASE("diagnose: what comes back in every period and has no cause is unknown, not nothing",
+          "[diagnose]") {
+  // A torque of the clock, whatever the arm does: no effect, and no function of the motion.
+  const auto with_clockwork = [](Recording r) {
+    for (long i = 0; i < r.rows(); ++i) {
+      const double turns = r.time[i] / FourierOptions{}.period;
+      r.tau(i, 1) += 0.3 * std::sin(2.0 * M_PI * 11.0 * turns) * std::sin(2.0 * M_PI * 3.0 * turns);
+    }
+    return r;
+  };
+  const Finding finding = diagnose(arm().nominal, {with_clockwork(arm().recorded({}, 1))},
+                                   {with_clockwork(arm().recorded({}, 2))});
+  CAPTURE(finding.sentence, finding.lack_of_fit, finding.causes.size());
+  CHECK(finding.lack_of_fit > 1.3);
+  CHECK(finding.verdict == Verdict::kUnknown);
+  CHECK(finding.gain.explained_share < 0.8);
+}
+
+TEST_CASE("diagnose: a tilted base is named alone, with the first link's masses unknown",
+          "[diagnose]") {
+  // About a vertical axis a level base hides where the first link's mass is.
+  Model other = arm().nominal;
+  SpatialInertia<double>& column = other.links[0].inertia;
+  column = SpatialInertia<double>::from_theta([&] {
+    Theta<double> t = column.theta();
+    t[1] += 0.15;  // [kg m]
+    return t;
+  }());
+  const EffectSpec tilt{"base_tilt", "base", {{"gravity_x", 0.15, ""}, {"gravity_y", -0.1, ""}}};
+  const Finding finding = diagnose(other, {arm().recorded({tilt}, 1)}, {arm().recorded({tilt}, 2)});
+  CAPTURE(finding.sentence);
+  REQUIRE(finding.causes.size() == 1);
+  CHECK(finding.causes[0].effect == "base_tilt");
+  for (const CauseParameter& p : finding.causes[0].parameters) {
+    const double truth = p.name == "gravity_x" ? 0.15 : -0.1;
+    CAPTURE(p.name, p.value, p.std);
+    CHECK(std::abs(p.value - truth) < 3.0 * p.std);
+  }
+}
+
+TEST_CASE("diagnose: two causes that one effect explains are that one", "[diagnose]") {
+  // At the vertical axis nothing hides an offset: Coulomb friction and an offset are the same.
+  const EffectSpec hidden{
+      "asymmetric_coulomb", "yaw", {{"coulomb_positive", 0.5, ""}, {"coulomb_negative", 0.35, ""}}};
+  const Finding finding =
+      diagnose(arm().nominal, {arm().recorded({hidden}, 1)}, {arm().recorded({hidden}, 2)});
+  CAPTURE(finding.sentence);
+  REQUIRE(finding.causes.size() == 1);
+  CHECK(finding.causes[0].effect == "asymmetric_coulomb");
+}
+
 TEST_CASE("diagnose: an offset that changed between the recordings is told, not named",
           "[diagnose]") {
   Recording later = arm().recorded({}, 2);

@@ -184,6 +184,17 @@ TEST_CASE("identify: fixed parameters keep the model's value", "[identify]") {
   CHECK(mass.value == mass.prior);
 }
 
+TEST_CASE("identify: a session's offset is not that of a held-out recording", "[identify]") {
+  Recording apart = draw().train;
+  apart.tau.col(1).array() += 3.0;  // [N·m]
+  IdentifyOptions options;
+  options.choice.effects = std::vector<std::string>{"armature", "viscous_friction",
+                                                    "coulomb_friction", "session_offset"};
+  const IdentifyResult result = identify(draw().nominal, {apart}, {draw().test}, options);
+  CHECK(find(result, "joint2.session_offset.offset_0").value > 2.0);
+  CHECK(result.errors.at(1).test < 1.0);  // [N·m]
+}
+
 TEST_CASE("identify: a callback that says stop is obeyed, what was read is fitted", "[identify]") {
   IdentifyOptions options;
   options.progress = [](const FitProgress&) { return false; };

@@ -1,0 +1,88 @@
+/// Columns of evidence that take a way of their own, against those of the general one; and what
+/// bounds candidates' shapes.
+
+#include <algorithm>
+#include <support/swinging.hpp>
+
+#include <catch2/catch_test_macros.hpp>
+
+#include "diagnose/bounds.hpp"
+#include "diagnose/evidence.hpp"
+
+using namespace diffnea;
+
+namespace {
+
+/// Of columns of size 1 and torques of some N·m, summed over some hundred taps and angles; 1e-12
+/// observed.
+constexpr double kRounding = 1e-9;
+
+Candidate candidate(const Model& model, const std::string& effect, const std::string& where) {
+  return make_candidates(model, {effect + "@" + where}, {0}, false).at(0);
+}
+
+}  // namespace
+
+TEST_CASE("diagnose: ripples by sums of angles are the effect's columns", "[diagnose]") {
+  const test::SwingingEvidence evidence(20.0);
+  TriedEffect cogging = candidate(evidence.model, "cogging", "elbow").effect;
+  const int joint = cogging.joints.at(0);
+  const long m = evidence->times();
+  const std::vector<MatX<double>> fast = evidence->ripples(joint, 3.0, 0.7, 40);
+  REQUIRE(fast.size() == 40);
+  for (const int k : {0, 1, 17, 39}) {
+    cogging.parameters[2] = 3.0 + 0.7 * k;
+    const MatX<double> slow = evidence->columns(cogging, {0, 1}).middleRows(joint * m, m);
+    CAPTURE(k);
+    REQUIRE(slow.norm() > 1.0);
+    CHECK((fast[static_cast<std::size_t>(k)] - slow).cwiseAbs().maxCoeff() < kRounding);
+  }
+}
+
+TEST_CASE("diagnose: under a tilt the base's columns are those of a tilted robot", "[diagnose]") {
+  test::SwingingEvidence level(20.0);
+  const Vec3<double> more{0.4, 0.0, 0.0};
+  Model tilted_model = level.model;
+  tilted_model.gravity = tilted_model.gravity + more;
+  const PreprocessPlan plan = [&] {
+    PreprocessOptions preprocess;
+    preprocess.filter_hz = 8.0;
+    preprocess.decimate_to_hz = 25.0;
+    return plan_preprocess(level.source->sample(), preprocess);
+  }();
+  const Evidence tilted(tilted_model, level.layout, *level.source, plan, 0.0, IdentifyOptions{});
+  const MatX<double> before = level->base();
+  const VecX<double> torque = level->torque(), x = level.layout.prior();
+  level.evidence->set_tilt(more, x);
+  CHECK((tilted.base() - before).norm() > 1.0);
+  CHECK((level->base() - tilted.base()).cwiseAbs().maxCoeff() < kRounding);
+  CHECK((level->torque() - torque - (tilted.base() - before).leftCols(x.size()) * x)
+            .cwiseAbs()
+            .maxCoeff() < kRounding);
+  level.evidence->set_tilt({0, 0, 0}, x);  // and back
+  CHECK((level->base() - before).cwiseAbs().maxCoeff() < kRounding);
+  CHECK((level->torque() - torque).cwiseAbs().maxCoeff() < kRounding);
+}
+
+TEST_CASE("diagnose: shapes are bounded by what a recording shows", "[diagnose]") {
+  const test::SwingingEvidence evidence(20.0);
+  std::vector<Candidate> candidates{candidate(evidence.model, "presliding_dahl", "elbow"),
+                                    candidate(evidence.model, "cogging", "elbow"),
+                                    candidate(evidence.model, "joint_elasticity", "elbow")};
+  const std::vector<Refusal> refused =
+      bound_shapes(*evidence, evidence.layout, {1e-3, 2e-3}, false, candidates);
+  REQUIRE(candidates.size() == 2);  // a spring needs a motion that repeats
+  REQUIRE(refused.size() == 1);
+  CHECK(refused[0].effect == "joint_elasticity");
+  CHECK(candidates[0].shape_low == std::vector<double>{6e-3});  // 3 standard deviations
+  for (const std::vector<double>& g : candidates[0].grid) CHECK(g[0] >= 6e-3);
+  const VecX<double> q = evidence->q().col(1);
+  const double range = q.maxCoeff() - q.minCoeff();
+  const std::vector<std::vector<double>>& ripples = candidates[1].grid;
+  REQUIRE(ripples.size() > 10);
+  CHECK(ripples.front()[0] * range >= 4.0 * M_PI * (1.0 - kRounding));  // two periods
+  for (std::size_t k = 1; k < ripples.size(); ++k) {
+    const double step = ripples[k][0] - ripples[k - 1][0];
+    CHECK(0.25 * step * range <= M_PI / 3.0 * (1.0 + 1e-6));  // out of phase, midway, at the ends
+  }
+}
