@@ -59,6 +59,8 @@ class Score:
     absorbed: bool | None = None  # the absorbed effect was declared as such
     covered: list[bool] = field(default_factory=list)  # 95 % intervals that hold the truth
     explained: float | None = None  # share of the removable held-out error
+    oracle: str | None = None  # outcome with the true effects as the only candidates
+    oracle_gain: float | None = None  # held-out gain over that of the true effects
     seconds: float | None = None
 
 
@@ -201,6 +203,33 @@ def judge(truth: Json, result: Json | None) -> Score:
     shares = [c["gain"]["explained_share"] for c in result["causes"] if c.get("gain")]
     score.explained = shares[-1] if shares else None
     return score
+
+
+def held_out_error(result: Json, which: str, noise: dict[str, float]) -> float:
+    """Mean square torque error over the joint's noise variance, summed over the joints."""
+    squares = ((j[which] / noise[j["joint"]]) ** 2 for j in result["joints"])
+    return float(sum(squares))
+
+
+def oracle_gain(result: Json, oracle: Json) -> float | None:
+    """Held-out error that the result removes, over what the oracle's causes remove from the same.
+
+    None where the oracle removes nothing. Both are measured in the oracle's noise: that of the
+    diagnosis holds what it missed, if no periods tell the noise.
+    """
+    noise = {j["joint"]: j["noise_floor"] for j in oracle["joints"]}
+    before = held_out_error(result, "base", noise)
+    removable = before - held_out_error(oracle, "extended", noise)
+    if removable <= 0.0:
+        return None
+    return (before - held_out_error(result, "extended", noise)) / removable
+
+
+def judge_oracle(truth: Json, result: Json, oracle: Json | None, score: Score) -> None:
+    """Compare with a diagnosis whose candidates were the true effects; it must accept them."""
+    score.oracle = judge(truth, oracle).outcome
+    if oracle is not None and oracle["causes"] and score.oracle == "right":
+        score.oracle_gain = oracle_gain(result, oracle)
 
 
 def main() -> None:

@@ -165,3 +165,35 @@ def test_the_power_is_that_of_the_weakest_effect_that_counts() -> None:
     score = judge(truth(COULOMB, hidden("cogging", "wrist", lm=60.0), WEAK), NOTHING)
     assert score.expected_lm == 60.0
     assert scoring.VISIBLE < 60.0
+
+
+def left(**rms: float) -> list[Json]:
+    """Joints without an extension at 5 and 4 times their noise of 0.1 and 2."""
+    noise = {"elbow": 0.1, "wrist": 2.0}
+    base = {"elbow": 0.5, "wrist": 8.0}
+    return [
+        {"joint": j, "base": base[j], "extended": rms[j], "noise_floor": noise[j]} for j in noise
+    ]
+
+
+def test_the_gain_is_compared_with_that_of_the_true_effects() -> None:
+    oracle = result(said("coulomb_friction"), joints=left(elbow=0.1, wrist=2.0))  # 41 to 2
+    same = result(said("coulomb_friction"), joints=left(elbow=0.1, wrist=2.0))
+    worse = result(said("cogging"), joints=left(elbow=0.5, wrist=2.0))  # 41 to 26
+    missed = result(verdict="NONE", joints=left(elbow=0.5, wrist=8.0))
+    for answer, gain in ((same, 1.0), (worse, 15 / 39), (missed, 0.0)):
+        assert scoring.oracle_gain(answer, oracle) == pytest.approx(gain)
+    assert scoring.oracle_gain(same, missed) is None
+
+
+def test_an_oracle_that_refuses_the_truth_is_none() -> None:
+    answer = result(said("coulomb_friction"), joints=left(elbow=0.1, wrist=2.0))
+    refused = result(verdict="NONE", joints=left(elbow=0.5, wrist=8.0))
+    for oracle, outcome, gain in (
+        (answer, "right", 1.0),
+        (refused, "missed", None),
+        (None, "failed", None),
+    ):
+        score = judge(truth(COULOMB), answer)
+        scoring.judge_oracle(truth(COULOMB), answer, oracle, score)
+        assert (score.oracle, score.oracle_gain) == (outcome, gain)

@@ -7,7 +7,8 @@ BUILD holds the generator and the command. One folder a case; what is finished i
 so the study can be stopped and resumed. A case is made again from its name:
 hidden_effects_generate with its group's options, seed and family. Thresholds are tuned on the
 seeds of `tune` and reported on those of `report`. `--table` only writes the table anew,
-`--rescore` judges the stored results anew.
+`--rescore` judges the stored results anew. `--oracle` diagnoses each case of named effects again
+with those as the only candidates, finished cases as well.
 """
 
 import argparse
@@ -16,6 +17,7 @@ import json
 import math
 import os
 import shutil
+import statistics
 import subprocess
 import sys
 import time
@@ -90,58 +92,105 @@ def plan(args: argparse.Namespace, all_families: list[str]) -> list[Case]:
     return sorted(cases, key=lambda c: (c.seed, c.name))
 
 
-def run_case(case: Case, folder: Path, generator: Path, command: Path, keep: bool) -> str | None:
+@dataclass(frozen=True)
+class Tools:
+    """What makes and diagnoses the cases."""
+
+    generator: Path
+    command: Path
+    keep: bool = False  # recordings and RUN folders
+    oracle: bool = False
+
+    def make(self, case: Case, home: Path) -> list[Any]:
+        """Return the command that makes a case; its last word is the folder."""
+        words: list[Any] = [self.generator, "--seed", str(case.seed), "--family", case.family]
+        return [*words, *case.group.options, "-o", home]
+
+
+def run_case(case: Case, folder: Path, tools: Tools) -> str | None:
     """Make, diagnose and judge one case; return what went wrong."""
     home = folder / case.name
-    if (home / "score.json").exists():
-        return None
-    shutil.rmtree(home, ignore_errors=True)
-    make: list[Any] = [generator, "--seed", str(case.seed), "--family", case.family]
-    make += [*case.group.options, "-o", home]
-    made = subprocess.run(make, capture_output=True, text=True)
-    if made.returncode != 0:
-        return f"{case.name}: {made.stderr.strip()}"
-    truth = json.loads((home / "truth" / "truth.json").read_text(encoding="utf-8"))
-    begun = time.monotonic()
-    message, result = diagnose(command, home, truth["base"], with_test=True)
-    seconds = time.monotonic() - begun
-    score = scoring.judge(truth, result)
-    if result is not None:
-        shutil.copy(home / "run" / "result.json", home / "result.json")
-        follow_up(home, make, command, truth, result, score)
-    write_score(home, score, seconds)
+    finished = (home / "score.json").exists()
+    keep = tools.keep or (finished and (home / "seen").exists())
+    message = "" if finished else first_look(case, home, tools)
+    if tools.oracle and not message:
+        message = ask_oracle(case, home, tools)
     if not keep:
-        for made_there in ("seen", "run", "next"):
+        for made_there in ("seen", "run", "next", "oracle"):
             shutil.rmtree(home / made_there, ignore_errors=True)
     return f"{case.name}: {message}" if message else None
 
 
+def first_look(case: Case, home: Path, tools: Tools) -> str:
+    shutil.rmtree(home, ignore_errors=True)
+    make = tools.make(case, home)
+    made = subprocess.run(make, capture_output=True, text=True)
+    if made.returncode != 0:
+        return made.stderr.strip()
+    truth = read(home / "truth" / "truth.json")
+    begun = time.monotonic()
+    message, result = diagnose(
+        tools.command, home, truth["base"], "--test", home / "seen" / "test.csv"
+    )
+    seconds = time.monotonic() - begun
+    score = scoring.judge(truth, result)
+    if result is not None:
+        shutil.copy(home / "run" / "result.json", home / "result.json")
+        follow_up(home, make, tools.command, truth, result, score)
+    write_score(home, score, seconds)
+    return message
+
+
+def ask_oracle(case: Case, home: Path, tools: Tools) -> str:
+    """Diagnose again with the true effects as the only candidates, on the rows of the first look.
+
+    The command line cannot name a pair of joints: of an effect of two all pairs are candidates.
+    """
+    truth = read(home / "truth" / "truth.json")
+    if (home / "oracle.json").exists() or not (home / "result.json").exists():
+        return ""
+    if truth["kind"] != "named":
+        return ""
+    if not (home / "seen").exists():
+        made = subprocess.run(tools.make(case, home), capture_output=True, text=True)
+        if made.returncode != 0:
+            return made.stderr.strip()
+    effects = {
+        e["effect"] if "," in e["where"] else f"{e['effect']}@{e['where']}"
+        for e in truth["effects"]
+    }
+    options: list[Any] = ["--test", home / "seen" / "test.csv", "--effects", ",".join(effects)]
+    message, oracle = diagnose(tools.command, home, truth["base"], *options, run="oracle")
+    rows = read(home / "result.json")["preprocessing"]
+    if oracle is not None and oracle["preprocessing"]["filter_hz"] != rows["filter_hz"]:
+        # One of the two looked a second time, at higher frequencies.
+        options += ["--filter", rows["filter_hz"], "--decimate", rows["decimated_to_hz"]]
+        message, oracle = diagnose(tools.command, home, truth["base"], *options, run="oracle")
+    if oracle is not None:
+        shutil.copy(home / "oracle" / "result.json", home / "oracle.json")
+        rescore(home)
+    return message
+
+
+def read(path: Path) -> scoring.Json:
+    out: scoring.Json = json.loads(path.read_text(encoding="utf-8"))
+    return out
+
+
 def diagnose(
-    command: Path, home: Path, base: str, *, with_test: bool
-) -> tuple[str, dict[str, Any] | None]:
+    command: Path, home: Path, base: str, *options: Any, run: str = "run"
+) -> tuple[str, scoring.Json | None]:
     """What went wrong, or nothing, and the result."""
-    seen, run = home / "seen", home / "run"
-    look: list[Any] = [
-        command,
-        "diagnose",
-        seen / "model.xml",
-        seen / "train.csv",
-        "--base",
-        base,
-        "-o",
-        run,
-    ]
-    look += ["--test", seen / "test.csv"] if with_test else []
+    seen = home / "seen"
+    look: list[Any] = [command, "diagnose", seen / "model.xml", seen / "train.csv"]
+    look += ["--base", base, "-o", home / run, *map(str, options), "--quiet", "--threads", "1"]
     try:
-        looked = subprocess.run(
-            [*look, "--quiet", "--threads", "1"], capture_output=True, text=True, timeout=TIMEOUT
-        )
+        looked = subprocess.run(look, capture_output=True, text=True, timeout=TIMEOUT)
     except subprocess.TimeoutExpired:
         return f"no answer within {TIMEOUT} s", None
     if looked.returncode != 0:
         return looked.stderr.strip(), None
-    result: dict[str, Any] = json.loads((run / "result.json").read_text(encoding="utf-8"))
-    return "", result
+    return "", read(home / run / "result.json")
 
 
 def follow_up(
@@ -161,7 +210,7 @@ def follow_up(
     again = [*make[:-1], home_next, "--motion", motion, "--motion-period", str(NEXT_PERIOD)]
     if subprocess.run(again, capture_output=True).returncode != 0:
         return  # the robot cannot follow it
-    _, second = diagnose(command, home_next, truth["base"], with_test=False)
+    _, second = diagnose(command, home_next, truth["base"])
     score.next_experiment = scoring.judge(truth, second).outcome
 
 
@@ -173,12 +222,13 @@ def write_score(home: Path, score: scoring.Score, seconds: float | None) -> None
 
 
 def rescore(home: Path) -> None:
-    truth = json.loads((home / "truth" / "truth.json").read_text(encoding="utf-8"))
-    stored = home / "result.json"
-    result = json.loads(stored.read_text(encoding="utf-8")) if stored.exists() else None
-    before = json.loads((home / "score.json").read_text(encoding="utf-8"))
+    truth, before = read(home / "truth" / "truth.json"), read(home / "score.json")
+    stored, oracle = home / "result.json", home / "oracle.json"
+    result = read(stored) if stored.exists() else None
     score = scoring.judge(truth, result)
     score.next_experiment = before.get("next_experiment")
+    if result is not None and oracle.exists():
+        scoring.judge_oracle(truth, result, read(oracle), score)
     write_score(home, score, before["seconds"])
 
 
@@ -261,6 +311,28 @@ def mean(values: Iterable[float | None]) -> str:
     return f"{sum(known) / len(known):.2f}" if known else "–"
 
 
+def oracle_lines(scores: list[dict[str, Any]]) -> list[str]:
+    """Held-out gain over the true effects', of cases in which those were diagnosed alone."""
+    asked = [s for s in scores if s.get("oracle")]
+    if not asked:
+        return []
+    gains: dict[str, list[float]] = defaultdict(list)
+    for s in asked:
+        if s["oracle_gain"] is not None:
+            gains[s["family"]].append(s["oracle_gain"])
+    medians = {family: statistics.median(mine) for family, mine in gains.items()}
+    accepted = sum(map(len, gains.values()))
+    lines = [f"| the true effects given alone are accepted | {accepted}/{len(asked)} |"]
+    if accepted:
+        worst = min(medians, key=lambda family: medians[family])
+        median = statistics.median(g for mine in gains.values() for g in mine)
+        lines += [
+            f"| held-out gain over theirs where they are, median | {median:.3f} |",
+            f"| …, median of the worst family | {medians[worst]:.3f} ({worst}) |",
+        ]
+    return lines
+
+
 def table(scores: list[dict[str, Any]], title: str) -> str:
     named = [s for s in scores if s["kind"] == "named"]
     single = [s for s in named if len(s["truth"]) == 1]
@@ -312,6 +384,7 @@ def table(scores: list[dict[str, Any]], title: str) -> str:
         f"| the next experiment, where one is proposed, is right | {rate(followed, alone)} |",
         f"| 95 % intervals that hold the truth | {rate(covered, lambda c: c['hit'])} |",
         f"| explained share, mean | {mean(s['explained'] for s in named)} |",
+        *oracle_lines(catalogue),
         f"| seconds a diagnosis, mean | {mean(s['seconds'] for s in scores)} |",
         f"| no result | {sum(s['outcome'] == 'failed' for s in scores)} |",
     ]
@@ -354,8 +427,7 @@ def stored(cases: list[Case], folder: Path) -> list[dict[str, Any]]:
         home = folder / case.name
         if not (home / "score.json").exists():
             continue
-        s = json.loads((home / "score.json").read_text(encoding="utf-8"))
-        truth = json.loads((home / "truth" / "truth.json").read_text(encoding="utf-8"))
+        s, truth = read(home / "score.json"), read(home / "truth" / "truth.json")
         out.append(s | {"group": case.group.name, "family": case.family, "kind": truth["kind"]})
     return out
 
@@ -372,6 +444,7 @@ def main() -> None:
     parser.add_argument("--group", action="append", choices=[g.name for g in GROUPS])
     parser.add_argument("--jobs", type=int, default=os.cpu_count())
     parser.add_argument("--keep", action="store_true", help="keep recordings and RUN folders")
+    parser.add_argument("--oracle", action="store_true", help="diagnose with the truth given, too")
     parser.add_argument("--rescore", action="store_true", help="judge stored results anew")
     parser.add_argument("--table", action="store_true", help="only write the table")
     parser.add_argument("-o", dest="folder", type=Path, required=True, help="folder of the study")
@@ -379,14 +452,12 @@ def main() -> None:
 
     generator = (args.build / "tests/hidden_effects/hidden_effects_generate").resolve()
     command = (args.build / "apps/diffnea").resolve()
+    tools = Tools(generator, command, args.keep, args.oracle)
     cases = plan(args, families(generator))
     args.folder.mkdir(parents=True, exist_ok=True)
     if not (args.table or args.rescore):
         with concurrent.futures.ThreadPoolExecutor(args.jobs) as pool:
-            jobs = [
-                pool.submit(run_case, case, args.folder, generator, command, args.keep)
-                for case in cases
-            ]
+            jobs = [pool.submit(run_case, case, args.folder, tools) for case in cases]
             for done, job in enumerate(concurrent.futures.as_completed(jobs), start=1):
                 if message := job.result():
                     print(message, file=sys.stderr)

@@ -5,6 +5,7 @@ import random
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 import study
@@ -45,22 +46,34 @@ def test_the_sets_share_no_seed() -> None:
 
 @pytest.fixture
 def build(generator: Path, tmp_path: Path) -> Path:
-    """A build folder whose command names Coulomb friction at the elbow, whatever it sees."""
+    """A build folder whose command names Coulomb friction at the elbow, or what it is told to."""
     build = tmp_path / "build"
     (build / "tests/hidden_effects").mkdir(parents=True)
     (build / "tests/hidden_effects/hidden_effects_generate").symlink_to(generator)
-    cause = {"effect": "coulomb_friction", "where": "elbow", "parameters": [], "class": []}
-    answer = json.dumps({"verdict": "NAMED", "causes": [cause]})
     command = build / "apps/diffnea"
     command.parent.mkdir()
     command.write_text(
         f"""#!{sys.executable}
-import pathlib, sys
-run = pathlib.Path(sys.argv[sys.argv.index("-o") + 1])
-run.mkdir()
-(run / "result.json").write_text('{answer}')
+import json, pathlib, sys
+words = sys.argv[1:]
+run = pathlib.Path(words[words.index("-o") + 1])
+run.mkdir(exist_ok=True)
+named, hz, left = "coulomb_friction@elbow", 40.0, 2.0
+if "--effects" in words:  # obeys
+    named, hz, left = words[words.index("--effects") + 1], 20.0, 1.0
+if "--filter" in words:
+    hz = float(words[words.index("--filter") + 1])
+effect, _, where = named.partition("@")
+joint = {{"joint": "elbow", "base": 3.0, "extended": left, "noise_floor": 1.0}}
+answer = {{
+    "verdict": "NAMED",
+    "causes": [{{"effect": effect, "where": where or "shoulder,elbow", "parameters": []}}],
+    "preprocessing": {{"filter_hz": hz, "decimated_to_hz": 50.0}},
+    "joints": [joint],
+}}
+(run / "result.json").write_text(json.dumps(answer))
 with pathlib.Path({str(tmp_path / "calls")!r}).open("a") as calls:
-    calls.write(" ".join(sys.argv[1:]) + "\\n")
+    calls.write(" ".join(words) + "\\n")
 """
     )
     command.chmod(0o755)
@@ -91,6 +104,46 @@ def test_a_study_goes_through_its_cases_once(build: Path, tmp_path: Path) -> Non
         }
     assert run_study(build, folder, *options) == text
     assert len((tmp_path / "calls").read_text().splitlines()) == 3
+
+
+def test_the_oracle_is_asked_of_finished_cases_once_on_their_rows(
+    build: Path, tmp_path: Path
+) -> None:
+    folder = tmp_path / "study"
+    options = ["--count", "1", "--group", "main"]
+    options += ["--family", "coulomb_friction", "--family", "cable_differential_friction"]
+    assert "given alone" not in run_study(build, folder, *options)
+    calls = tmp_path / "calls"
+    calls.unlink()
+    text = run_study(build, folder, *options, "--oracle")
+    asked = calls.read_text().splitlines()
+    assert len(asked) == 4
+    truth = json.loads((folder / "main-coulomb_friction-1000/truth/truth.json").read_text())
+    joint = truth["effects"][0]["where"]
+    assert sum(f"--effects coulomb_friction@{joint} " in call for call in asked) == 2
+    assert sum("--effects cable_differential_friction " in call for call in asked) == 2
+    assert sum("--filter 40.0 --decimate 50.0" in call for call in asked) == 2
+    score = json.loads((folder / "main-coulomb_friction-1000/score.json").read_text())
+    assert score["oracle"] == "right"
+    assert score["oracle_gain"] == pytest.approx(5 / 8)
+    assert not (folder / "main-coulomb_friction-1000/seen").exists()
+    calls.unlink()
+    assert run_study(build, folder, *options, "--oracle") == text
+    assert not calls.exists()
+
+
+def test_the_table_has_the_worst_family_of_the_oracles() -> None:
+    def case(family: str, gain: float | None) -> dict[str, Any]:
+        return {"family": family, "oracle": "missed" if gain is None else "right"} | {
+            "oracle_gain": gain
+        }
+
+    scores = [case("cogging", 1.0), case("cogging", 0.98), case("armature", 0.5)]
+    text = "\n".join(study.oracle_lines([*scores, case("backlash", None)]))
+    assert "accepted | 3/4 |" in text
+    assert "median | 0.980 |" in text
+    assert "worst family | 0.500 (armature) |" in text
+    assert study.oracle_lines([{"oracle": None}]) == []
 
 
 def test_an_empty_study_has_a_table() -> None:
