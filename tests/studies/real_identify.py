@@ -1,94 +1,48 @@
 # ruff: noqa: E501
-"""Identify the measured robots, by the command, and print the figures of docs/results.md.
+"""Identify the measured robots: the commands of docs/results.md and their figures."""
 
-    python3 tests/studies/real_data.py build/release/apps/diffnea [NAME …]
-
-NAME: emps, panda, ur10e, payload, double_pendulum; all if none is given. The recordings are not part of the project:
-DIFFNEA_DATA names their folder, else ../shared/data beside the project. Needs Python alone. Every command is printed.
-"""
-
-import csv
 import json
-import os
 import shutil
-import subprocess
-import sys
-import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 from xml.etree import ElementTree
 
-SOURCE = Path(__file__).resolve().parents[2]
-DATA = Path(os.environ.get("DIFFNEA_DATA", SOURCE.parent / "shared" / "data"))
-MODELS = SOURCE / "models"
-PROGRAM = ""
+from real_robots import DATA, MODELS, Bench, Json, Row, print_values, read_rows, split, write_rows
 
 
-def identify(title, folder, model, train, *options):
-    """Run `diffnea identify`, print the command, return result.json."""
-    run = folder / f"run_{len(list(folder.glob('run_*')))}"
-    files = [str(f) for f in (train if isinstance(train, list) else [train])]
-    arguments = ["identify", str(model), *files, *map(str, options), "-o", str(run)]
-    shown = " ".join(
-        a.replace(str(folder), "TMP").replace(str(DATA), "DATA").replace(str(SOURCE) + "/", "")
-        for a in arguments
-    )
-    print(f"\n{title}\n  $ diffnea {shown}", flush=True)
-    done = subprocess.run(
-        [PROGRAM, *arguments, "--quiet", "--json"], capture_output=True, text=True
-    )
-    if done.returncode != 0:
-        print(f"  exit code {done.returncode}: {done.stderr.strip()}")
-    result = json.loads((run / "result.json").read_text())
-    return run, result
+def identify(
+    bench: Bench, title: str, model: Path, train: Path | list[Path], *options: object
+) -> Json:
+    files = train if isinstance(train, list) else [train]
+    return bench.run(title, "identify", model, *files, *options)[1]
 
 
-def joints_line(what, values, scale=1.0, digits=3):
-    print(
-        f"  {what:<44}"
-        + "  ".join("–" if v is None else f"{scale * v:.{digits}f}" for v in values.values())
-    )
-
-
-def percent(result, which):
+def percent(result: Json, which: str) -> dict[str, float]:
     """Torque error over the torque itself, per joint [%]."""
     rms = result["rmse"]
     return {j: 100 * rms[which][j] / rms["torque_rms"][j] for j in rms[which]}
 
 
-def error_lines(result):
+def error_lines(result: Json) -> None:
     """Of moving rows (train, test), of all rows, of all rows with the torque unfiltered."""
     for which in ("train", "test", "test_all", "test_raw"):
-        joints_line(f"{which}, of the torque [%]", percent(result, which), 1, 2)
+        print_values(f"{which}, of the torque [%]", percent(result, which), 1, ".2f")
     p = result["preprocessing"]
     print(f"  filter {p['filter_hz']:.2f} Hz, decimated to {p['decimated_to_hz']:.1f} Hz")
 
 
-def values(result, *endings):
+def values(result: Json, *endings: str) -> None:
     for p in result["parameters"]:
         if p["name"].endswith(endings) and not p["name"].endswith("smoothing"):
             std = f" ± {1.96 * p['std']:.4g}" if p["std"] else ""
             print(f"  {p['name']:<48}{p['value']:.5g}{std} {p['unit']}")
 
 
-def parameter(result, name):
-    return next(p for p in result["parameters"] if p["name"] == name)
-
-
-def split(path, share, folder):
-    """The first rows and the rest, as two files."""
-    lines = path.read_text().splitlines()
-    cut = 1 + int(share * (len(lines) - 1))
-    first, rest = folder / f"{path.stem}_first.csv", folder / f"{path.stem}_rest.csv"
-    first.write_text("\n".join(lines[:cut]) + "\n")
-    rest.write_text("\n".join([lines[0], *lines[cut:]]) + "\n")
-    return first, rest
-
-
-def emps(folder):
+def emps(bench: Bench) -> None:
     # The drive's voltage is sampled with the position in the literature's recipe: no half a period of hold.
     files = []
     for name in ("train", "test"):
-        files.append(folder / f"{name}.csv")
+        files.append(bench.folder / f"{name}.csv")
         shutil.copy(DATA / "emps" / f"{name}.csv", files[-1])
         files[-1].with_suffix(".json").write_text(
             json.dumps({"schema": "diffnea/recording/1", "torque_sampling": "instant"})
@@ -117,11 +71,11 @@ def emps(folder):
             }
         ],
     }
-    recipe = folder / "emps_sign.json"
+    recipe = bench.folder / "emps_sign.json"
     recipe.write_text(json.dumps(model))
-    _, r = identify(
+    r = identify(
+        bench,
         "EMPS, the literature's recipe: sign(qd), 100 Hz, decimated by 10",
-        folder,
         recipe,
         files[0],
         "--test",
@@ -143,9 +97,9 @@ def emps(folder):
         (own + ",sublinear_friction", []),
         (own + ",sublinear_friction", same_band),
     ):
-        _, r = identify(
+        r = identify(
+            bench,
             "EMPS, project's own",
-            folder,
             MODELS / "emps.urdf",
             original[0],
             "--test",
@@ -166,12 +120,12 @@ def emps(folder):
         error_lines(r)
 
 
-def panda(folder):
-    first, rest = split(DATA / "panda" / "exciting.csv", 0.6, folder)
+def panda(bench: Bench) -> None:
+    first, rest = split(DATA / "panda" / "exciting.csv", 0.6, bench.folder)
     for title, more in (("10 Hz", ["--filter", 10]), ("automatic filter", [])):
-        _, r = identify(
+        r = identify(
+            bench,
             f"Panda, first 60 % fitted, last 40 % held out, {title}",
-            folder,
             MODELS / "panda.urdf",
             first,
             "--test",
@@ -184,18 +138,18 @@ def panda(folder):
         )
         for which in ("train", "test", "test_all", "test_raw"):
             rms = r["rmse"][which]
-            joints_line(f"{which} [N·m], mean {sum(rms.values()) / len(rms):.4f}", rms)
+            print_values(f"{which} [N·m], mean {sum(rms.values()) / len(rms):.4f}", rms, 1, ".3f")
         p = r["preprocessing"]
         print(f"  filter {p['filter_hz']:.2f} Hz, decimated to {p['decimated_to_hz']:.1f} Hz")
 
 
-def ur10e(folder):
+def ur10e(bench: Bench) -> None:
     d = DATA / "ur10e"
     for extra in ("", ",sublinear_friction"):
         effects = "armature,viscous_friction,coulomb_friction,torque_offset" + extra
-        _, r = identify(
+        r = identify(
+            bench,
             "UR10e, 12harm fitted, ptp held out",
-            folder,
             d / "ur10e.urdf",
             d / "id_50s_12harm.csv",
             "--test",
@@ -207,13 +161,13 @@ def ur10e(folder):
         values(r, "wrist_3_joint.torque_offset.offset")
 
 
-def double_pendulum(folder):
+def double_pendulum(bench: Bench) -> None:
     d = DATA / "double_pendulum"
     train = [d / f"record_0{k}.csv" for k in range(5)]
     test = [d / f"record_{k}.csv" for k in ("05", "11", "12", "13")]
-    _, r = identify(
+    r = identify(
+        bench,
         "Double pendulum, trajectory loss",
-        folder,
         MODELS / "double_pendulum.urdf",
         train,
         "--test",
@@ -227,8 +181,12 @@ def double_pendulum(folder):
     )
     for which in ("train", "test", "test_raw"):
         if which in r["rmse"]:
-            joints_line(f"{which} [mrad]", r["rmse"][which], 1e3, 2)
+            print_values(f"{which} [mrad]", r["rmse"][which], 1e3, ".2f")
     print(f"  {r['summary']['seconds']:.1f} s, {r['summary']['termination']}")
+
+
+def parameter(result: Json, name: str) -> Json:
+    return next(p for p in result["parameters"] if p["name"] == name)
 
 
 # [N·m/A]: of the logged torques, and of another publication.
@@ -242,20 +200,7 @@ LOAD = 2.805  # kg
 FRICTION = "armature,viscous_friction,coulomb_friction,torque_offset,sublinear_friction"
 
 
-def read_rows(path):
-    with path.open() as f:
-        return list(csv.DictReader(f))
-
-
-def write_rows(path, rows):
-    with path.open("w", newline="") as f:
-        out = csv.DictWriter(f, rows[0].keys())
-        out.writeheader()
-        out.writerows(rows)
-    return path
-
-
-def with_torque_constants(path, constants, folder, name, **sidecar):
+def with_torque_constants(path: Path, constants: Sequence[float], folder: Path, name: str) -> Path:
     """The run with tau = K times current, and a sidecar that names K."""
     rows = read_rows(path)
     for row in rows:
@@ -265,16 +210,23 @@ def with_torque_constants(path, constants, folder, name, **sidecar):
     out = write_rows(folder / f"{path.stem}_{name}.csv", rows)
     constant = dict(zip(UR10E, constants, strict=True))
     out.with_suffix(".json").write_text(
-        json.dumps({"schema": "diffnea/recording/1", "torque_constant": constant, **sidecar})
+        json.dumps({"schema": "diffnea/recording/1", "torque_constant": constant})
     )
     return out
 
 
-def mass_of_load(folder, title, files, *options, effects=FRICTION, stated=True):
+def mass_of_load(
+    bench: Bench,
+    title: str,
+    files: list[Path],
+    *options: str,
+    effects: str = FRICTION,
+    stated: bool = True,
+) -> Json:
     """Joint fit of the runs without and with the load; prints its mass against 2.805 kg."""
-    _, r = identify(
+    r = identify(
+        bench,
         f"UR10e payload, {title}",
-        folder,
         DATA / "ur10e" / "ur10e.urdf",
         files,
         "--effects",
@@ -290,7 +242,7 @@ def mass_of_load(folder, title, files, *options, effects=FRICTION, stated=True):
     return r
 
 
-def stands(folder):
+def stands(folder: Path) -> Path:
     """Where the robot stands for a second and more, clear of the person who pushes; each its own run."""
     where = {
         "contact_push_pose1": [(0.0, 2.2), (6.2, 8.7), (9.8, 12.4), (13.5, 18.3)],
@@ -301,7 +253,7 @@ def stands(folder):
         "id_50s_14harm_unloaded": [(52.5, 56.3)],
         "id_50s_15harm_unloaded": [(53.5, 56.0)],
     }
-    rows = []
+    rows: list[Row] = []
     for name, windows in where.items():
         for first, last in windows:
             run = rows[-1]["run"] + 1 if rows else 0
@@ -312,7 +264,7 @@ def stands(folder):
     return write_rows(folder / "stands.csv", rows)
 
 
-def manufacturers_model(folder):
+def manufacturers_model(folder: Path) -> Path:
     """The URDF with masses and centers of mass of the upper arm and forearm as the manufacturer's description has them.
 
     Universal_Robots_ROS2_Description, config/ur10e/physical_parameters.yaml. The URDF of the data has midpoints.
@@ -337,25 +289,28 @@ def manufacturers_model(folder):
     return out
 
 
-def payload(folder):
+def payload(bench: Bench) -> None:
     d = DATA / "ur10e"
     names = ["id_50s_14harm_unloaded", "id_50s_14harm_load2p805kg"]
     runs = [d / f"{n}.csv" for n in names]
 
-    def pair(constants, name):
-        return [with_torque_constants(f, constants, folder, name) for f in runs]
+    def pair(constants: Sequence[float], name: str) -> list[Path]:
+        return [with_torque_constants(f, constants, bench.folder, name) for f in runs]
 
     logged = pair(LOGGED_K, "logged_K")
-    mass_of_load(folder, "K of the logged torques", logged)
-    mass_of_load(folder, "the other published K", pair(OTHER_K, "other_K"))
+    mass_of_load(bench, "K of the logged torques", logged)
+    mass_of_load(bench, "the other published K", pair(OTHER_K, "other_K"))
 
     # K from standstill: what the links weigh over the current that holds them. Joints whose gain the stands do not
     # tell to 15 % keep their K.
-    standing = stands(folder)
-    for name, model in (("URDF", d / "ur10e.urdf"), ("manufacturer", manufacturers_model(folder))):
-        _, r = identify(
+    standing = stands(bench.folder)
+    for name, model in (
+        ("URDF", d / "ur10e.urdf"),
+        ("manufacturer", manufacturers_model(bench.folder)),
+    ):
+        r = identify(
+            bench,
             f"UR10e, K from standstill and the masses of the {name}",
-            folder,
             model,
             standing,
             *("--fit", "effects", "--effects", "torque_gain", "--filter", 5, "--decimate", 10),
@@ -368,25 +323,27 @@ def payload(folder):
         ]
         print("  K " + " ".join(f"{x:.2f}" for x in k))
         mass_of_load(
-            folder,
+            bench,
             f"K from standstill, masses of the {name}",
             pair(k, f"standing_K_{name}"),
         )
 
     # The URDF's masses against the whole motion.
-    _, r = identify(
+    r = identify(
+        bench,
         "UR10e, K from the motion without load and the URDF's masses",
-        folder,
         d / "ur10e.urdf",
         logged[0],
         *("--fit", "effects,armature", "--effects", FRICTION + ",torque_gain"),
     )
     values(r, ".gain_error")
-    moving = [k["value"] for k in r["torque_constants"]]
-    mass_of_load(folder, "K from the motion and the URDF's masses", pair(moving, "moving_K"))
+    # A gain that the run does not tell is held and not listed.
+    told_by_motion = {k["joint"]: k["value"] for k in r["torque_constants"]}
+    moving = [told_by_motion.get(j, k) for j, k in zip(UR10E, LOGGED_K, strict=True)]
+    mass_of_load(bench, "K from the motion and the URDF's masses", pair(moving, "moving_K"))
 
     r = mass_of_load(
-        folder,
+        bench,
         "the load known, torque constants fitted",
         logged,
         *("--fix", f"*payload.mass={LOAD}"),
@@ -404,29 +361,4 @@ def payload(folder):
     ]
     for name, constants in (("logged", LOGGED_K), ("calibrated", calibrated)):
         files = pair(constants, f"{name}_15")
-        mass_of_load(folder, f"15harm, mass not stated, {name} K", files, stated=False)
-
-
-STUDIES = {
-    "emps": emps,
-    "panda": panda,
-    "ur10e": ur10e,
-    "payload": payload,
-    "double_pendulum": double_pendulum,
-}
-
-
-def main():
-    global PROGRAM
-    if len(sys.argv) < 2:
-        sys.exit(__doc__)
-    PROGRAM = sys.argv[1]
-    if not DATA.is_dir():
-        print(f"no measured recordings at {DATA}; DIFFNEA_DATA may name their folder")
-        return
-    for name in sys.argv[2:] or STUDIES:
-        with tempfile.TemporaryDirectory() as folder:
-            STUDIES[name](Path(folder))
-
-
-main()
+        mass_of_load(bench, f"15harm, mass not stated, {name} K", files, stated=False)

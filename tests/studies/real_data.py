@@ -1,0 +1,44 @@
+# ruff: noqa: E501
+"""Identify and diagnose the measured robots, by the command, and print the figures of docs/results.md.
+
+    python3 tests/studies/real_data.py build/release/apps/diffnea [--only identify|diagnose] [ROBOT …]
+
+The recordings are not part of the project: DIFFNEA_DATA names their folder, else ../shared/data beside the project.
+Needs Python alone. Every command is printed.
+"""
+
+import argparse
+import tempfile
+from pathlib import Path
+
+import real_diagnose
+import real_identify
+from real_robots import DATA, Bench
+
+STUDIES = {"identify": real_identify, "diagnose": real_diagnose}
+ROBOTS = ("emps", "panda", "ur10e", "payload", "double_pendulum", "pendulum")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("program", type=Path, help="the command diffnea")
+    parser.add_argument("robots", nargs="*", metavar="ROBOT", help=f"of {', '.join(ROBOTS)}; all")
+    parser.add_argument("--only", choices=STUDIES, help="do not do the other")
+    args = parser.parse_intermixed_args()
+    if unknown := set(args.robots) - set(ROBOTS):
+        parser.error(f"no robot {', '.join(sorted(unknown))}; there are {', '.join(ROBOTS)}")
+    if not DATA.is_dir():
+        print(f"no measured recordings at {DATA}; DIFFNEA_DATA may name their folder")
+        return
+    for robot in args.robots or ROBOTS:
+        for name, studies in STUDIES.items():
+            study = getattr(studies, robot, None)  # no torque of the pendulum to identify from
+            if study and args.only in (None, name):
+                with tempfile.TemporaryDirectory() as folder:
+                    study(Bench(args.program.resolve(), Path(folder)))
+
+
+if __name__ == "__main__":
+    main()
