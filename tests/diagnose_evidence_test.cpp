@@ -28,7 +28,11 @@ TEST_CASE("diagnose: ripples by sums of angles are the effect's columns", "[diag
   TriedEffect cogging = candidate(evidence.model, "cogging", "elbow").effect;
   const int joint = cogging.joints.at(0);
   const long m = evidence->times();
-  const std::vector<MatX<double>> fast = evidence->ripples(joint, 3.0, 0.7, 40);
+  std::vector<MatX<double>> fast;
+  evidence->ripples(joint, 3.0, 0.7, 40, [&](int k, MatX<double> columns) {
+    CHECK(k == static_cast<int>(fast.size()));
+    fast.push_back(std::move(columns));
+  });
   REQUIRE(fast.size() == 40);
   for (const int k : {0, 1, 17, 39}) {
     cogging.parameters[2] = 3.0 + 0.7 * k;

@@ -285,7 +285,8 @@ MatX<double> Evidence::columns(const TriedEffect& effect, const std::vector<int>
   return out;
 }
 
-std::vector<MatX<double>> Evidence::ripples(int joint, double first, double step, int count) const {
+void Evidence::ripples(int joint, double first, double step, int count,
+                       const std::function<void(int, MatX<double>)>& visit) const {
   using Turns = Eigen::ArrayXcd;
   const auto turns = [&](const JointSeries& s, double n) {
     const Eigen::ArrayXd angle = n * s.q.col(joint).array();
@@ -299,7 +300,6 @@ std::vector<MatX<double>> Evidence::ripples(int joint, double first, double step
     at.push_back(turns(s, first));
     by.push_back(turns(s, step));
   }
-  std::vector<MatX<double>> out;
   for (int k = 0; k < count; ++k) {
     std::vector<RowMatX<double>> stretches;
     for (std::size_t i = 0; i < at.size(); ++i) {
@@ -307,9 +307,8 @@ std::vector<MatX<double>> Evidence::ripples(int joint, double first, double step
       stretches.back() << at[i].imag(), at[i].real();
       at[i] *= by[i];
     }
-    out.push_back(decimate(stretches));
+    visit(k, decimate(stretches));
   }
-  return out;
 }
 
 VecX<double> Evidence::torque_of(const TriedEffect& effect) const {

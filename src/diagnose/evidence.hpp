@@ -5,6 +5,7 @@
 /// Rows of the joints whose torque is known are stacked: row m of the k-th such joint is row
 /// k·times() + m. All matrices here are (rows(), columns).
 
+#include <functional>
 #include <map>
 
 #include <diffnea/effects/series.hpp>
@@ -83,9 +84,10 @@ class Evidence {
   /// ∂τ/∂p of chosen parameters of an effect, (rows(), which.size()).
   MatX<double> columns(const TriedEffect& effect, const std::vector<int>& which) const;
   /// sin nq and cos nq of a joint for `count` n from `first` on, `step` apart, filtered like the
-  /// rest; one (times(), 2) matrix each. By the sum of angles: a tenth of the time of as many
-  /// columns().
-  std::vector<MatX<double>> ripples(int joint, double first, double step, int count) const;
+  /// rest: hands each k < count and its (times(), 2) matrix to `visit`, in order. By the sum of
+  /// angles: a tenth of the time of as many columns().
+  void ripples(int joint, double first, double step, int count,
+               const std::function<void(int, MatX<double>)>& visit) const;
   /// The effect's own torque at its parameters, (rows()).
   VecX<double> torque_of(const TriedEffect& effect) const;
   /// Computes an own candidate's columns, once and for all: they depend on the motion alone.

@@ -38,6 +38,15 @@ std::vector<bool> signs(const BoundEffect& effect, const std::vector<int>& linea
   return out;
 }
 
+bool is_ripple(const Candidate& c) { return c.effect.info().name == "cogging"; }
+
+/// Ripples of a candidate's grid, which is even (bounds.cpp).
+void ripples_of(const Candidate& c, const Evidence& evidence,
+                const std::function<void(int, MatX<double>)>& visit) {
+  const double first = c.grid.front()[0], step = c.grid.size() > 1 ? c.grid[1][0] - first : 0.0;
+  evidence.ripples(c.effect.joints[0], first, step, static_cast<int>(c.grid.size()), visit);
+}
+
 /// Columns of all terms, and the sum of their offsets.
 struct Stack {
   MatX<double> G;
@@ -78,12 +87,16 @@ double Term::visible_share() const {
 }
 
 Search::Search(const Evidence& evidence, const std::vector<Candidate>& candidates,
-               const BasePrior& prior, const std::vector<bool>& used)
+               const BasePrior& prior, const std::vector<bool>& used, double table_bytes)
     : evidence_(evidence), candidates_(candidates), prior_(prior), used_(used) {
   if (used_.empty()) used_.assign(static_cast<std::size_t>(evidence.rows()), true);
+  double ripples = 0.0;
+  for (const Candidate& c : candidates)
+    if (is_ripple(c)) ripples += static_cast<double>(c.grid.size());
+  const double bytes_each = 2.0 * 2.0 * sizeof(double) * static_cast<double>(evidence.times());
   for (std::size_t c = 0; c < candidates.size(); ++c) {
-    if (candidates[c].effect.info().name == "cogging") {
-      add_ripples(static_cast<int>(c));
+    if (is_ripple(candidates[c])) {
+      add_ripples(static_cast<int>(c), ripples * bytes_each <= table_bytes);
       continue;
     }
     for (std::size_t g = 0; g < candidates[c].grid.size(); ++g) {
@@ -96,22 +109,32 @@ Search::Search(const Evidence& evidence, const std::vector<Candidate>& candidate
   }
 }
 
-void Search::add_ripples(int candidate) {
+void Search::add_ripples(int candidate, bool keep) {
   const Candidate& c = candidates_[static_cast<std::size_t>(candidate)];
   const auto joint = std::ranges::find(evidence_.joints(), c.effect.joints[0]);
   if (joint == evidence_.joints().end()) return;
-  const double first = c.grid.front()[0], step = c.grid.size() > 1 ? c.grid[1][0] - first : 0.0;
-  std::vector<MatX<double>> columns =
-      evidence_.ripples(*joint, first, step, static_cast<int>(c.grid.size()));
-  for (std::size_t g = 0; g < columns.size(); ++g) {
+  const std::size_t first = variants_.size();
+  for (std::size_t g = 0; g < c.grid.size(); ++g) {
     Variant v;
     v.candidate = candidate;
     v.point = static_cast<int>(g);
     v.offset = false;
     v.joints = {joint - evidence_.joints().begin()};
-    v.raw = std::move(columns[g]);
+    v.kept = keep;
     variants_.push_back(std::move(v));
   }
+  if (keep)
+    ripples_of(c, evidence_, [&](int g, MatX<double> raw) {
+      variants_[first + static_cast<std::size_t>(g)].raw = std::move(raw);
+    });
+}
+
+void Search::sweep(const std::function<void(std::size_t, const MatX<double>&)>& visit) const {
+  for (std::size_t i = 0; i < variants_.size(); ++i)
+    if (!variants_[i].kept && variants_[i].point == 0)
+      ripples_of(
+          candidates_[static_cast<std::size_t>(variants_[i].candidate)], evidence_,
+          [&](int g, const MatX<double>& raw) { visit(i + static_cast<std::size_t>(g), raw); });
 }
 
 void Search::fill(Variant& v) const {
@@ -214,22 +237,29 @@ void Search::refresh(double period, std::vector<Term>& terms) {
     for (Term& t : terms) set_columns(t);
     fit(terms);
   }
+  for (Variant& v : variants_)
+    if (v.kept) measure(v, v.raw);
+  sweep([&](std::size_t i, const MatX<double>& raw) {
+    measure(variants_[i], raw);
+    variants_[i].whitened.resize(0, 0);
+  });
+}
+
+void Search::measure(Variant& v, const MatX<double>& raw) const {
   const long m = evidence_.times();
   const MatX<double>& Q = projection_->basis();
-  for (Variant& v : variants_) {
-    v.whitened.resize(v.raw.rows(), v.raw.cols());
-    MatX<double> onto_base = MatX<double>::Zero(Q.cols(), v.raw.cols());
-    v.onto = VecX<double>::Zero(v.raw.cols());
-    for (std::size_t i = 0; i < v.joints.size(); ++i) {
-      auto block = v.whitened.middleRows(static_cast<long>(i) * m, m);
-      block = whitener_->joint(v.joints[i], v.raw.middleRows(static_cast<long>(i) * m, m));
-      onto_base.noalias() += Q.middleRows(v.joints[i] * m, m).transpose() * block;
-      v.onto.noalias() += block.transpose() * projection_->residual().segment(v.joints[i] * m, m);
-    }
-    const MatX<double> whole = v.whitened.transpose() * v.whitened;
-    v.norms = whole.diagonal().cwiseSqrt();
-    v.gram = whole - onto_base.transpose() * onto_base;
+  v.whitened.resize(raw.rows(), raw.cols());
+  MatX<double> onto_base = MatX<double>::Zero(Q.cols(), raw.cols());
+  v.onto = VecX<double>::Zero(raw.cols());
+  for (std::size_t i = 0; i < v.joints.size(); ++i) {
+    auto block = v.whitened.middleRows(static_cast<long>(i) * m, m);
+    block = whitener_->joint(v.joints[i], raw.middleRows(static_cast<long>(i) * m, m));
+    onto_base.noalias() += Q.middleRows(v.joints[i] * m, m).transpose() * block;
+    v.onto.noalias() += block.transpose() * projection_->residual().segment(v.joints[i] * m, m);
   }
+  const MatX<double> whole = v.whitened.transpose() * v.whitened;
+  v.norms = whole.diagonal().cwiseSqrt();
+  v.gram = whole - onto_base.transpose() * onto_base;
 }
 
 std::vector<bool> Search::signs_of(const std::vector<Term>& terms) const {
@@ -250,7 +280,7 @@ std::vector<Score> Search::scores(const std::vector<Term>& terms) const {
   const long m = evidence_.times();
   std::vector<Score> best(candidates_.size());
   for (std::size_t c = 0; c < candidates_.size(); ++c) best[c].candidate = static_cast<int>(c);
-  for (std::size_t i = 0; i < variants_.size(); ++i) {
+  const auto consider = [&](std::size_t i, const MatX<double>& whitened) {
     const Variant& v = variants_[i];
     const Candidate& c = candidates_[static_cast<std::size_t>(v.candidate)];
     const long k = v.width(), s = S.G.cols();
@@ -265,11 +295,12 @@ std::vector<Score> Search::scores(const std::vector<Term>& terms) const {
     const double share = whole > 0.0 ? std::sqrt(visible / whole) : 0.0;
     Score& b = best[static_cast<std::size_t>(v.candidate)];
     b.visible_share = std::max(b.visible_share, share);
-    if (share < kInvisible) continue;
+    if (share < kInvisible) return;
     MatX<double> SG = MatX<double>::Zero(s, k + v.offset);  // terms are beside the base: SᵀG⊥ = SᵀG
     VecX<double> Gr = v.onto;
-    for (std::size_t j = 0; j < v.joints.size(); ++j) {
-      const auto block = v.whitened.middleRows(static_cast<long>(j) * m, m);
+    // Without terms that is all there is to know.
+    for (std::size_t j = 0; !terms.empty() && j < v.joints.size(); ++j) {
+      const auto block = whitened.middleRows(static_cast<long>(j) * m, m);
       SG.noalias() += S.G.middleRows(v.joints[j] * m, m).transpose() * block;
       Gr.noalias() -= block.transpose() * S.offset.segment(v.joints[j] * m, m);
     }
@@ -286,11 +317,17 @@ std::vector<Score> Search::scores(const std::vector<Term>& terms) const {
     std::vector<bool> sign = s_signs;
     for (const bool x : signs(c.effect, c.linear)) sign.push_back(x);
     gain += signed_fit(K, rhs, sign).gain;
-    if (b.variant >= 0 && gain <= b.gain) continue;
+    if (b.variant >= 0 && gain <= b.gain) return;
     b.gain = gain;
     b.variant = static_cast<int>(i);
     b.parameters = static_cast<int>(rank + static_cast<long>(c.shapes.size()));
-  }
+  };
+  for (std::size_t i = 0; i < variants_.size(); ++i)
+    if (variants_[i].kept || terms.empty()) consider(i, variants_[i].whitened);
+  if (!terms.empty())
+    sweep([&](std::size_t i, const MatX<double>& raw) {
+      consider(i, whitener_->joint(variants_[i].joints[0], raw));
+    });
   for (Score& b : best)
     b.delta_bic = b.variant < 0 ? -1e9
                                 : cost(chi2 - before) - cost(chi2 - before - b.gain) -

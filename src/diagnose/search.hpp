@@ -3,6 +3,7 @@
 /// Everything here works on columns that are whitened and projected (projection.hpp), where effects
 /// are independent of the base. Internal to diagnose/.
 
+#include <functional>
 #include <memory>
 
 #include "diagnose/candidates.hpp"
@@ -45,8 +46,11 @@ struct Score {
 
 class Search {
  public:
+  /// @param table_bytes  most that ripples' columns may take; beyond, they are made anew whenever
+  ///   they are scored, with the same results. By default 50 Hz and six joints fill it in two
+  ///   minutes.
   Search(const Evidence& evidence, const std::vector<Candidate>& candidates, const BasePrior& prior,
-         const std::vector<bool>& used);
+         const std::vector<bool>& used, double table_bytes = 256e6);
 
   /// Noise from `period` where the motion repeats, else from what base and terms leave; whitens and
   /// projects anew.
@@ -102,17 +106,22 @@ class Search {
     int point;
     bool offset;
     std::vector<long> joints;  ///< indices into evidence.joints()
+    bool kept = true;          ///< `raw` and `whitened`; else they are made anew by sweep()
     MatX<double> raw;          ///< (joints · times(), width + offset)
     MatX<double> whitened;
     VecX<double> norms;  ///< of whitened columns
     MatX<double> gram;   ///< of the projected ones
     VecX<double> onto;   ///< projected columns times the residual
 
-    long width() const { return raw.cols() - offset; }
+    long width() const { return gram.cols() - offset; }
   };
   Term make_term(int candidate, const std::vector<double>& shapes) const;
   void fill(Variant& variant) const;
-  void add_ripples(int candidate);
+  void add_ripples(int candidate, bool keep);
+  /// Makes the columns of every variant that is not kept and hands its index and them to `visit`.
+  void sweep(const std::function<void(std::size_t, const MatX<double>&)>& visit) const;
+  /// Whitens a variant's columns; what the base leaves of them, and their share of the residual.
+  void measure(Variant& variant, const MatX<double>& raw) const;
   void set_columns(Term& term) const;
   /// What the best of a candidate's starts is worth less for being the best of many (Bonferroni).
   double looked_elsewhere(int candidate) const;
