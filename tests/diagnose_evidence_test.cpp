@@ -5,6 +5,7 @@
 #include <support/swinging.hpp>
 
 #include <catch2/catch_test_macros.hpp>
+#include <catch2/matchers/catch_matchers_floating_point.hpp>
 
 #include "diagnose/bounds.hpp"
 #include "diagnose/evidence.hpp"
@@ -88,5 +89,22 @@ TEST_CASE("diagnose: shapes are bounded by what a recording shows", "[diagnose]"
   for (std::size_t k = 1; k < ripples.size(); ++k) {
     const double step = ripples[k][0] - ripples[k - 1][0];
     CHECK(0.25 * step * range <= M_PI / 3.0 * (1.0 + 1e-6));  // out of phase, midway, at the ends
+  }
+}
+
+TEST_CASE("diagnose: gaps are tried down to what the positions' noise hides", "[diagnose]") {
+  const test::SwingingEvidence evidence(20.0);
+  const double most = 0.1;  // [rad], the catalogue's
+  for (const double noise : {2e-5, 4e-4}) {
+    std::vector<Candidate> gaps{candidate(evidence.model, "backlash", "elbow")};
+    bound_shapes(*evidence, evidence.layout, {1.0, noise}, true, gaps);
+    REQUIRE(gaps.size() == 1);
+    const std::vector<std::vector<double>>& grid = gaps[0].grid;
+    CAPTURE(noise, grid.size());
+    CHECK(grid.front() == std::vector<double>{2.0 * noise});  // 2 standard deviations
+    CHECK(gaps[0].shape_low == grid.front());
+    CHECK_THAT(grid.back()[0], Catch::Matchers::WithinRel(most, kRounding));
+    for (std::size_t k = 1; k < grid.size(); ++k)  // pulses grow with the gap
+      CHECK(grid[k][0] / grid[k - 1][0] < 1.6 * (1.0 + kRounding));
   }
 }

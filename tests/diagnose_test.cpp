@@ -15,6 +15,7 @@
 #include <diffnea/io/atomic_file.hpp>
 #include <diffnea/io/model_file.hpp>
 #include <diffnea/sim/mujoco_world.hpp>
+#include <diffnea/sim/record.hpp>
 
 using namespace diffnea;
 using Catch::Matchers::ContainsSubstring;
@@ -68,6 +69,33 @@ const Arm& arm() {
   static const Arm kOne;
   return kOne;
 }
+
+/// The arm with a rotor at its vertical axis, and a gap before it.
+struct GearedArm {
+  GearedArm(double rotor, double gap) : nominal(arm().nominal) {
+    nominal.effects = {{"armature", "yaw", {{"armature", rotor, ""}}}};
+    robot = nominal;
+    robot.effects.push_back({"backlash",
+                             "yaw",
+                             {{"gap", gap, ""},
+                              {"stiffness", 1e5, ""},
+                              {"motor_inertia", rotor, ""},
+                              {"restitution", 0.5, ""}}});
+  }
+  Recording recorded(unsigned seed) const {
+    FourierOptions motion;
+    motion.seed = seed;
+    motion.duration = 30.0;
+    RecordOptions options;
+    options.seed = seed;
+    options.position_noise = 5e-5;
+    const SimulatedRecording r =
+        record_model(robot, nominal, random_fourier(nominal, motion), options);
+    if (!r.failure.empty()) throw Error(r.failure);
+    return r.recording;
+  }
+  Model nominal, robot;
+};
 
 const EffectSpec kCoulomb{"coulomb_friction", "elbow", {{"coulomb", 0.4, ""}}};
 
@@ -198,6 +226,38 @@ TEST_CASE("diagnose: a tilted base is named alone, with the first link's masses 
     CAPTURE(p.name, p.value, p.std);
     CHECK(std::abs(p.value - truth) < 3.0 * p.std);
   }
+}
+
+TEST_CASE("diagnose: a gap of a few standard deviations of the positions is named at its joint",
+          "[diagnose]") {
+  const double gap = 5e-4;  // [rad]
+  const GearedArm geared(0.3, gap);
+  const Finding finding = diagnose(geared.nominal, {geared.recorded(1)}, {geared.recorded(2)});
+  CAPTURE(finding.sentence);
+  REQUIRE(finding.causes.size() == 1);
+  CHECK(finding.causes[0].effect == "backlash");
+  CHECK(finding.causes[0].where == "yaw");
+  const auto found = std::ranges::find(finding.causes[0].parameters, "gap", &CauseParameter::name);
+  REQUIRE(found != finding.causes[0].parameters.end());
+  CHECK(found->low <= gap);
+  CHECK(found->high >= gap);
+}
+
+TEST_CASE("diagnose: a gap before a light rotor shows in the wider band alone", "[diagnose]") {
+  const GearedArm geared(0.01, 3.5e-3);
+  const Finding finding = diagnose(geared.nominal, {geared.recorded(1)}, {geared.recorded(2)});
+  CAPTURE(finding.sentence, finding.notes);
+  REQUIRE(finding.causes.size() == 1);
+  CHECK(finding.causes[0].effect == "backlash");
+  CHECK(finding.causes[0].where == "yaw");
+  CHECK(std::ranges::any_of(finding.notes, [](const std::string& note) {
+    return note.find("nothing was left to explain: the gap shows up to") != std::string::npos;
+  }));
+  // Without gaps among the candidates there is no second look.
+  DiagnoseOptions others;
+  others.effects = {"coulomb_friction", "joint_elasticity"};
+  CHECK(diagnose(geared.nominal, {geared.recorded(1)}, {geared.recorded(2)}, others).verdict ==
+        Verdict::kNone);
 }
 
 TEST_CASE("diagnose: two causes that one effect explains are that one", "[diagnose]") {

@@ -16,6 +16,12 @@ constexpr double kRippleShare = 2.0;
 /// Standard deviations of the positions' noise, of which hardly any sample is beyond.
 constexpr double kPreslidingNoises = 3.0;
 
+/// The same, below which no gap of a gear is told from none: averaged over periods, a step of the
+/// link's position that is seen.
+constexpr double kGapNoises = 2.0;
+/// From one gap of the grid to the next: midway the pulses are 1.25 times too large, and so long.
+constexpr double kGapStep = 1.6;
+
 /// How far a ripple midway between two of the grid is out of phase at the ends of the motion.
 constexpr double kRippleMiss = std::numbers::pi / 3.0;
 constexpr int kMostRipples = 250;
@@ -77,6 +83,20 @@ void bound_presliding(const std::vector<double>& q_noise, Candidate& c) {
   c.shape_low = {least};
 }
 
+/// Gaps from those that the positions' noise hides to the largest of the catalogue.
+void bound_backlash(const std::vector<double>& q_noise, Candidate& c) {
+  const std::size_t joint = static_cast<std::size_t>(c.effect.joints[0]);
+  double least = c.grid.front()[0];
+  const double most = c.grid.back()[0];
+  if (joint < q_noise.size() && q_noise[joint] > 0.0)
+    least = std::min(least, kGapNoises * q_noise[joint]);
+  c.shape_low = {least};
+  c.grid.clear();
+  const int steps = static_cast<int>(std::ceil(std::log(most / least) / std::log(kGapStep)));
+  for (int k = 0; k <= steps; ++k)
+    c.grid.push_back({least * std::pow(most / least, static_cast<double>(k) / steps)});
+}
+
 /// What only a drive, or the log of its torque, can have.
 bool is_of_drive(const EffectInfo& info) {
   static const std::vector<std::string> kOfDrives{
@@ -114,6 +134,7 @@ std::vector<Refusal> bound_shapes(const Evidence& evidence, const FitLayout& lay
     if (name == "saturation") bound_saturation(evidence, c);
     if (name == "cogging") bound_cogging(evidence, c);
     if (name == "presliding_dahl") bound_presliding(q_noise, c);
+    if (name == "backlash") bound_backlash(q_noise, c);
     if (name == "stribeck_friction") bound_stribeck(layout, c);
     if (!c.grid.empty()) kept.push_back(std::move(c));
   }

@@ -25,6 +25,9 @@ constexpr double kExplained = 0.8;       ///< below it, the cause is unknown
 /// 139 recordings that hide nothing.
 constexpr double kLeft = 1.3;
 
+/// The effect that is looked for beyond the first band.
+const std::string kGap = "backlash";
+
 /// How often the base's friction is read anew.
 constexpr int kTurnPasses = 3;
 
@@ -448,13 +451,45 @@ Verdict verdict_from(const std::string& name) {
                    "'; choices: NAMED, CLASS, UNKNOWN, NONE, NOT_IDENTIFIABLE");
 }
 
+namespace {
+
+/// Where nothing was found, a gap is looked for in the wider band: there the positions' noise, as a
+/// torque, drowns any smooth effect, but a step of a position has as wide a spectrum. It has to be
+/// the only cause, beside all candidates.
+Finding with_gap_beyond(const Model& model, const RecordingSource& train,
+                        const RecordingSource* test, const DiagnoseOptions& options,
+                        Finding narrow) {
+  DiagnoseOptions gaps = options;
+  gaps.candidates.clear();
+  if (options.effects.empty()) gaps.effects = {kGap};
+  std::erase_if(gaps.effects, [](const std::string& e) { return !e.starts_with(kGap); });
+  if (gaps.effects.empty()) return narrow;
+  Finding screened = Diagnosis(model, train, test, Band::kWide, gaps).run();
+  narrow.seconds += screened.seconds;
+  narrow.interrupted |= screened.interrupted;
+  if (narrow.interrupted || screened.causes.empty()) return narrow;
+  Finding wide = Diagnosis(model, train, test, Band::kWide, options).run();
+  wide.seconds += narrow.seconds;
+  if (wide.interrupted || wide.causes.empty() ||
+      std::ranges::any_of(wide.causes, [](const Cause& c) { return c.effect != kGap; }))
+    return narrow;
+  wide.notes.push_back("up to " + format_number(narrow.plan.filter_hz) +
+                       " Hz nothing was left to explain: the gap shows up to " +
+                       format_number(wide.plan.filter_hz) + " Hz");
+  return wide;
+}
+
+}  // namespace
+
 Finding diagnose(const Model& model, const RecordingSource& train, const RecordingSource* test,
                  const DiagnoseOptions& options) {
   if (test) refuse_same_recording(train, *test);
   Diagnosis diagnosis(model, train, test, Band::kInformative, options);
   Finding finding = diagnosis.run();
-  if (finding.verdict != Verdict::kUnknown || !diagnosis.wider() || finding.interrupted)
-    return finding;
+  if (finding.interrupted || !diagnosis.wider()) return finding;
+  if (finding.verdict == Verdict::kNone)
+    return with_gap_beyond(model, train, test, options, std::move(finding));
+  if (finding.verdict != Verdict::kUnknown) return finding;
   // A stiff loop keeps what is fast out of the positions, not out of the torques.
   Finding second = Diagnosis(model, train, test, Band::kWide, options).run();
   second.seconds += finding.seconds;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <complex>
 #include <numbers>
 
 #include <Eigen/QR>
@@ -137,6 +138,47 @@ double noise_factor(const Case& c) {
   return std::min(1.0, (1.0 + a) / (1.0 - a) / every);
 }
 
+/// Beyond, the positions' noise leaves nothing of a torque [Hz].
+constexpr double kHighest = 100.0;
+
+/// Variance of a row's torque per joint that the positions' noise, times ω², becomes at 1 rad/s, by
+/// the inertia matrix midway.
+VectorXd acceleration_noise(const Case& c, const MatrixXd& q) {
+  const Index n = q.cols();
+  Inverse inverse(c.world.robot);
+  const VectorXd zero = VectorXd::Zero(n), middle = q.colwise().mean();
+  const VectorXd still = inverse.torque(middle, zero, zero);
+  const VectorXd variance =
+      c.sensors.position_noise.cwiseAbs2() + c.sensors.position_step.cwiseAbs2() / 12.0;
+  VectorXd out = VectorXd::Zero(n);
+  for (Index k = 0; k < n; ++k)
+    out += variance[k] * (inverse.torque(middle, zero, VectorXd::Unit(n, k)) - still).cwiseAbs2();
+  return out;
+}
+
+/// Σ over frequencies of a joint's torque over its noise: at 50 Hz means of e would fold the
+/// impulses of a gap down to where there is less noise.
+/// @param e        (rows) [N·m], at `rate` [Hz]
+/// @param own      variance of the torque's noise
+/// @param moving   that of the positions', at 1 rad/s
+double over_noise(const VectorXd& e, double rate, double own, double moving) {
+  const Index rows = e.size();
+  const double turn = 2.0 * std::numbers::pi / static_cast<double>(rows);
+  std::vector<std::complex<double>> turns;
+  for (Index t = 0; t < rows; ++t) turns.push_back(std::polar(1.0, turn * static_cast<double>(t)));
+  double out = 0.0;
+  for (Index k = 0; 2 * k <= rows; ++k) {
+    const double w = turn * static_cast<double>(k) * rate;  // [rad/s]
+    if (w > 2.0 * std::numbers::pi * kHighest) break;
+    std::complex<double> sum = 0.0;
+    for (Index t = 0, at = 0; t < rows; ++t, at = (at + k) % rows)
+      sum += e[t] * turns[static_cast<std::size_t>(at)];
+    const double both = k == 0 || 2 * k == rows ? 1.0 : 2.0;  // the negative frequency, too
+    out += both * std::norm(sum) / (own + moving * std::pow(w, 4));
+  }
+  return out / static_cast<double>(rows);
+}
+
 }  // namespace
 
 std::vector<Evidence> evidence(const Case& c, const Series& s) {
@@ -165,6 +207,9 @@ std::vector<Evidence> evidence(const Case& c, const Series& s) {
     out[i].raw_lm = each.col(static_cast<Index>(i)).squaredNorm();
   }
   const MatrixXd visible = projector.rest(each);
+  const VectorXd moving = acceleration_noise(c, x.q);
+  const MatrixXd rows = effect_torque(c.world, s).middleRows(kPad, s.tau.rows() - 2 * kPad);
+  const double every = static_cast<double>(std::max(1L, std::lround(c.rate / 50.0)));
   for (std::size_t i = 0; i < count; ++i) {
     const VectorXd own = visible.col(static_cast<Index>(i));
     MatrixXd others(own.size(), static_cast<Index>(count) - 1);
@@ -174,6 +219,9 @@ std::vector<Evidence> evidence(const Case& c, const Series& s) {
     e.expected_lm = left_over(others, own);
     e.visible_share = e.raw_lm > 1e-9 ? std::sqrt(e.expected_lm / e.raw_lm) : 0.0;
     const std::vector<int>& joints = c.world.hidden[i].joints;
+    for (const int j : joints)
+      e.reachable_lm += e.visible_share * e.visible_share *
+                        over_noise(rows.col(j), c.rate, every * sigma[j] * sigma[j], moving[j]);
     if (joints.size() > 2 || (n <= 2 && joints.size() > 1)) continue;  // not a joint's effect
     for (const std::vector<std::string>& names : kRivals) {
       MatrixXd with = others;

@@ -18,9 +18,12 @@ struct Rival {
 /// Per hidden effect, from the noise-free torques at 50 Hz, e = effect_torque, whitened by the
 /// noise:
 struct Evidence {
-  double size = 0.0;           ///< rms(e)/rms(torque), largest of its joints
-  double raw_lm = 0.0;         ///< Σ e²/σ²
-  double expected_lm = 0.0;    ///< the same after projecting out the base and the other effects
+  double size = 0.0;         ///< rms(e)/rms(torque), largest of its joints
+  double raw_lm = 0.0;       ///< Σ e²/σ²
+  double expected_lm = 0.0;  ///< the same after projecting out the base and the other effects
+  /// With the positions' noise in σ as well, of the rows as they are: Σ |e(ω)|²/S(ω),
+  /// S = σ² + Σ (M_jk ω²)² σ_q², times visible_share². No test of torque against motion has more.
+  double reachable_lm = 0.0;
   double visible_share = 0.0;  ///< of e's norm, what that projection leaves
   std::vector<Rival> rivals;   ///< at the same joint
 };

@@ -35,6 +35,7 @@ Json truth_of(const Case& c, const Series& train) {
                        {"size", e.size},
                        {"raw_lm", e.raw_lm},
                        {"expected_lm", e.expected_lm},
+                       {"reachable_lm", e.reachable_lm},
                        {"visible_share", e.visible_share},
                        {"variables", h.variables},
                        {"rivals", rivals}});

@@ -95,6 +95,20 @@ def test_the_effect_has_the_size_that_was_asked_for(generate: Generate, family: 
     assert effect["expected_lm"] <= effect["raw_lm"]
 
 
+def test_position_noise_hides_fast_effects_not_slow_ones(generate: Generate) -> None:
+    reached = {}
+    for family in ("backlash", "torque_gain"):
+        for noise in (0, 1):
+            _, truth = generate(family, 5, "--position-noise", noise)
+            (effect,) = truth["effects"]
+            reached[family, noise] = effect["reachable_lm"] / effect["expected_lm"]
+    # Parseval: without noise all frequencies count alike.
+    assert reached["torque_gain", 0] == pytest.approx(1.0, abs=0.02)
+    assert reached["backlash", 0] > 0.99  # means over 1/50 s smooth the impulses
+    assert reached["backlash", 1] < 0.8 * reached["backlash", 0]
+    assert reached["torque_gain", 1] > 0.9 * reached["torque_gain", 0]
+
+
 def test_other_joints_stay_as_they_are(generate: Generate) -> None:
     _, truth = generate("cogging", 2, *SHORT)
     shares = sorted(truth["effect_share"])
