@@ -57,7 +57,7 @@ class Search {
   /// Every candidate beside `terms`, best first.
   std::vector<Score> scores(const std::vector<Term>& terms) const;
   /// The candidate of a score as a term, its shapes refined beside `terms` (Gauss–Newton in their
-  /// logarithms).
+  /// logarithms), with the best of its choices.
   Term refined(const Score& score, const std::vector<Term>& terms) const;
   Term refined(Term term, const std::vector<Term>& terms) const;
   /// A torque as large as the joint's whole torque is no effect but a failed fit.
@@ -110,7 +110,11 @@ class Search {
 
     long width() const { return raw.cols() - offset; }
   };
-  Term make_term(int candidate, const std::vector<double>& shapes) const;
+  Term make_term(int candidate, const std::vector<double>& point) const;
+  /// Its shapes refined, its choices as they are.
+  Term descended(Term term, const std::vector<Term>& terms) const;
+  /// Where stiffness and rotor of a spring show as their ratio alone: the rotor as declared.
+  void hold_rotor(Term& term) const;
   void fill(Variant& variant) const;
   void add_ripples(int candidate);
   void set_columns(Term& term) const;

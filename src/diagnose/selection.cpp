@@ -76,6 +76,12 @@ HeldOutChange Selection::change(const std::vector<Term>& without,
 void Selection::renew(std::vector<Term>& terms) {
   if (options_.rebase && options_.rebase(terms)) search_.recompute();
   search_.refresh(options_.period, terms);
+  // Beside its spring, a joint's friction is another: which side of it, and how stiff, is asked
+  // anew.
+  for (std::size_t i = 0; i < terms.size(); ++i)
+    if (!candidates_[static_cast<std::size_t>(terms[i].candidate)].choices.empty())
+      terms[i] = search_.refined(terms[i], without(terms, i));
+  search_.fit(terms);
 }
 
 bool Selection::add_one(std::vector<Term>& terms) {
