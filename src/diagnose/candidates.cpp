@@ -74,7 +74,10 @@ Candidate make_candidate(const EffectSpec& spec, const Model& model, const std::
   static_cast<BoundEffect&>(c.effect) = bind(spec, model, runs);
   const bool hides_motor = spec.effect == "joint_elasticity" || spec.effect == "backlash";
   const double rotor = spec.effect == "backlash" ? rotor_inertia(model, c.effect.joints[0]) : 0.0;
-  if (spec.effect == "joint_elasticity") c.rotor = declared_rotor(model, c.effect.joints[0]);
+  if (spec.effect == "joint_elasticity") {
+    c.rotor = declared_rotor(model, c.effect.joints[0]);
+    if (c.rotor > 0.0) c.held = kRotorKnown;
+  }
   const Port port = c.effect.info().port;
   c.of_reference =
       (port != Port::kJointTorque && port != Port::kLinkForce) || reads_acceleration(c.effect);

@@ -342,7 +342,7 @@ Term Search::refined(Term term, const std::vector<Term>& terms) const {
 void Search::hold_rotor(Term& term) const {
   const Candidate& c = candidates_[static_cast<std::size_t>(term.candidate)];
   double* p = term.effect.parameters.data();  // stiffness, damping, inertia
-  if (!(c.rotor > 0.0) || term.shapes.size() == c.shapes.size() || !(p[2] > 0.0)) return;
+  if (!(c.rotor > 0.0) || term.shapes.size() >= c.shapes.size() || !(p[2] > 0.0)) return;
   const double by = c.rotor / p[2];
   for (int k = 0; k < 3; ++k) p[k] *= by;
   set_columns(term);
