@@ -108,3 +108,18 @@ TEST_CASE("diagnose: gaps are tried down to what the positions' noise hides", "[
       CHECK(grid[k][0] / grid[k - 1][0] < 1.6 * (1.0 + kRounding));
   }
 }
+
+TEST_CASE("diagnose: friction of an elastic joint is tried on either side at every stiffness",
+          "[diagnose]") {
+  const test::SwingingEvidence evidence(20.0);
+  const Candidate c = candidate(evidence.model, "joint_elasticity", "elbow");
+  REQUIRE(c.shapes == std::vector<int>{0});
+  REQUIRE(c.choices == std::vector<int>{3});
+  CHECK(c.grid.size() == 2 * c.effect.parameter_info[0].search.size());
+  BoundEffect effect = c.effect;
+  for (std::size_t k = 0; k < c.grid.size(); ++k) {
+    c.set(c.grid[k], effect);
+    CHECK(effect.parameters[0] == c.effect.parameter_info[0].search[k / 2]);
+    CHECK(effect.parameters[3] == (k % 2 == 0 ? 1.0 : 0.0));
+  }
+}

@@ -57,7 +57,7 @@ EffectSpec spec_of(const EffectInfo& info) {
   if (info.place == Place::kBase) spec.where = "base";
   double value = 0.7;
   for (const ParameterInfo& p : info.parameters) {
-    const double v = p.name == "smoothing" ? 0.05 : value;
+    const double v = p.name == "smoothing" ? 0.05 : value > p.most ? 0.5 * p.most : value;
     spec.parameters.push_back({p.per_run ? p.name + "_0" : p.name, v, ""});
     value += 0.4;
   }
@@ -83,8 +83,8 @@ std::pair<double, double> by_hand(const std::string& name, const State& x) {
   if (name == "cogging") return {a * std::sin(c * x.q[0]) + b * std::cos(c * x.q[0]), 0.0};
   if (name == "coulomb_friction") return {a * s, 0.0};
   if (name == "joint_spring") return {a * x.q[0] - a * b, 0.0};
-  if (name == "load_friction")  // motoring a, braking a·b
-    return {(sign_of(v) == sign_of(x.tau[0]) ? a : a * b) * std::abs(x.tau[0]) * s, 0.0};
+  if (name == "load_friction")  // motoring a, braking half of it
+    return {(sign_of(v) == sign_of(x.tau[0]) ? a : a * 0.5) * std::abs(x.tau[0]) * s, 0.0};
   if (name == "quadratic_friction") return {a * v * v * sign_of(v), 0.0};
   if (name == "session_offset" || name == "torque_offset") return {a, 0.0};
   if (name == "stribeck_friction") return {a * s / std::exp(v * v / (b * b)), 0.0};
@@ -338,6 +338,8 @@ TEST_CASE("effects: a wrong name is answered with the right ones", "[effects]") 
                     ContainsSubstring("given in kg, expected kg*m^2"));
   CHECK_THROWS_WITH(bind({"armature", "elbow", {{"armature", -1.0, ""}}}, model),
                     ContainsSubstring("expected a number that is 0 or above"));
+  CHECK_THROWS_WITH(bind({"joint_elasticity", "elbow", {{"friction_share", 1.5, ""}}}, model),
+                    ContainsSubstring("expected a number that is 0 or above, at most 1"));
   CHECK_THROWS_WITH(
       bind({"armature", "elbow", {{"armature", 1.0, ""}, {"armature", 1.0, ""}}}, model),
       ContainsSubstring("given twice"));

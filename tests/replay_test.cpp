@@ -98,11 +98,19 @@ TEST_CASE("replay: every kind of effect, driven by the recorded torque, repeats 
       EffectSpec{"presliding_dahl", "joint2", {{"coulomb", 2.0, ""}, {"presliding", 0.05, ""}}},
       EffectSpec{"joint_elasticity",
                  "joint4",
-                 {{"stiffness", 200.0, ""}, {"damping", 1.0, ""}, {"motor_inertia", 0.05, ""}}});
+                 {{"stiffness", 200.0, ""}, {"damping", 1.0, ""}, {"motor_inertia", 0.05, ""}}},
+      EffectSpec{"joint_elasticity",
+                 "joint4",
+                 {{"stiffness", 200.0, ""},
+                  {"damping", 1.0, ""},
+                  {"motor_inertia", 0.05, ""},
+                  {"friction_share", 0.0, ""}}});
   CAPTURE(effect.effect);
   Model robot = wam(), rigid = wam();
-  rigid.effects = {{"armature", "joint4", {{"armature", 0.05, ""}}}};  // that the spring turns
-  robot.effects = {rigid.effects.front(), effect};
+  rigid.effects = {{"armature", "joint4", {{"armature", 0.05, ""}}},  // that the spring turns
+                   {"viscous_friction", "joint4", {{"viscous", 0.5, ""}}}};
+  robot.effects = rigid.effects;
+  robot.effects.push_back(effect);
   const Recording r = recorded(robot);
   const JointSeries x = series_of(r);
   const long half_second = std::lround(0.5 / x.dt), begin = 3 * half_second;

@@ -129,6 +129,68 @@ TEST_CASE("record: the log holds what series_torque says the effect adds", "[sim
   CHECK(after < kUnexplained);
 }
 
+TEST_CASE("record: friction on either side of a spring is where series_torque takes it to be",
+          "[sim]") {
+  const double share = GENERATE(0.0, 0.3, 1.0);
+  CAPTURE(share);
+  Model nominal = wam();
+  nominal.effects.push_back(
+      {"coulomb_friction", "all", {{"coulomb", 4.0, ""}, {"smoothing", 0.4, ""}}});
+  nominal.effects.push_back({"quadratic_friction", "joint2", {{"quadratic", 3.0, ""}}});
+  const auto elastic = [](double at_motor) {
+    return EffectSpec{"joint_elasticity",
+                      "joint2",
+                      {{"stiffness", 250.0, ""},
+                       {"damping", 2.0, ""},
+                       {"motor_inertia", 0.2, ""},
+                       {"friction_share", at_motor, ""}}};
+  };
+  Model robot = nominal;
+  robot.effects.push_back(elastic(share));
+  const SimulatedRecording r = recorded(robot, nominal, 6.0, quiet());
+  REQUIRE(r.failure.empty());
+  JointSeries x = series_of(r.recording);
+  const ExtendedTree base = extend(nominal);
+  predict(base, x);
+  const auto left = [&](double at_motor) {
+    const BoundEffect e = bind(elastic(at_motor), nominal);
+    return rms(x.logged - x.total - series_torque(e, base, x, e.parameters.data()));
+  };
+  CHECK(left(share) < kUnexplained);
+  CHECK(left(share > 0.5 ? 0.0 : 1.0) > 10.0 * kUnexplained);
+}
+
+TEST_CASE("record: bristles on the link's side of a spring bend with the link and wind it up",
+          "[sim]") {
+  const Model nominal = wam();
+  const EffectSpec dahl{
+      "presliding_dahl", "joint2", {{"coulomb", 3.0, ""}, {"presliding", 0.05, ""}}};
+  const EffectSpec elastic{"joint_elasticity",
+                           "joint2",
+                           {{"stiffness", 250.0, ""},
+                            {"damping", 2.0, ""},
+                            {"motor_inertia", 0.2, ""},
+                            {"friction_share", 0.0, ""}}};
+  Model robot = nominal;
+  robot.effects.push_back(dahl);
+  robot.effects.push_back(elastic);
+  const SimulatedRecording r = recorded(robot, nominal, 6.0, quiet());
+  REQUIRE(r.failure.empty());
+  JointSeries x = series_of(r.recording);
+  const ExtendedTree base = extend(nominal);
+  predict(base, x);
+  const BoundEffect friction = bind(dahl, nominal), spring = bind(elastic, nominal);
+  const RowMatX<double> bent = series_torque(friction, base, x, friction.parameters.data());
+  const auto left = [&] {
+    return rms(x.logged - x.total - bent -
+               series_torque(spring, base, x, spring.parameters.data()));
+  };
+  const double without = left();
+  x.tau += bent;  // the spring takes it as it takes what the links transmit
+  CHECK(left() < kUnexplained);
+  CHECK(without > 10.0 * kUnexplained);
+}
+
 TEST_CASE("record: a rotor in a gap flies as series_torque says", "[sim]") {
   Model nominal = wam();
   nominal.effects.erase(nominal.effects.begin() +

@@ -32,12 +32,8 @@ bool one_type(const Model& model) {
          });
 }
 
-/// One more shape: its values times all that there are.
-void grow(Candidate& c, int parameter, const std::vector<double>& values) {
-  const ParameterInfo& p = c.effect.parameter_info[static_cast<std::size_t>(parameter)];
-  c.shapes.push_back(parameter);
-  c.shape_low.push_back(scale(p) == Scale::kLog ? 0.0 : -p.most);
-  c.shape_high.push_back(p.most);
+/// One more coordinate of the grid: its values times all that there are.
+void multiply_grid(Candidate& c, const std::vector<double>& values) {
   std::vector<std::vector<double>> grown;
   for (const std::vector<double>& point : c.grid)
     for (const double v : values) {
@@ -47,16 +43,27 @@ void grow(Candidate& c, int parameter, const std::vector<double>& values) {
   c.grid = std::move(grown);
 }
 
+void add_shape(Candidate& c, int parameter) {
+  const ParameterInfo& p = c.effect.parameter_info[static_cast<std::size_t>(parameter)];
+  c.shapes.push_back(parameter);
+  c.shape_low.push_back(scale(p) == Scale::kLog ? 0.0 : -p.most);
+  c.shape_high.push_back(p.most);
+  multiply_grid(c, p.search);
+}
+
 constexpr double kRotorKnown = 0.3;  ///< relative: as well as models state rotors
 constexpr double kRotorShare = 0.3;  ///< of a joint's inertia, where no model says
 
+double declared_rotor(const Model& model, int joint) {
+  return make_tree(model).links[static_cast<std::size_t>(joint)].armature;
+}
+
 /// The rotor before a gap: the armature that the model declares, else a share of the joint's
-/// inertia. (Behind a spring it is fitted: with friction on the link's side, torque tells its ratio
-/// to the stiffness alone.)
+/// inertia. (Behind a spring it is fitted.)
 double rotor_inertia(const Model& model, int joint) {
-  const Tree<double> tree = make_tree(model);
-  const double declared = tree.links[static_cast<std::size_t>(joint)].armature;
+  const double declared = declared_rotor(model, joint);
   if (declared > 0.0) return declared;
+  const Tree<double> tree = make_tree(model);
   MassMatrixWorkspace<double, double> ws;
   return kRotorShare *
          mass_matrix<double, double>(tree, VecX<double>::Zero(tree.num_dofs()), ws)(joint, joint);
@@ -67,6 +74,10 @@ Candidate make_candidate(const EffectSpec& spec, const Model& model, const std::
   static_cast<BoundEffect&>(c.effect) = bind(spec, model, runs);
   const bool hides_motor = spec.effect == "joint_elasticity" || spec.effect == "backlash";
   const double rotor = spec.effect == "backlash" ? rotor_inertia(model, c.effect.joints[0]) : 0.0;
+  if (spec.effect == "joint_elasticity") {
+    c.rotor = declared_rotor(model, c.effect.joints[0]);
+    if (c.rotor > 0.0) c.held = kRotorKnown;
+  }
   const Port port = c.effect.info().port;
   c.of_reference =
       (port != Port::kJointTorque && port != Port::kLinkForce) || reads_acceleration(c.effect);
@@ -82,21 +93,32 @@ Candidate make_candidate(const EffectSpec& spec, const Model& model, const std::
     } else if (scale(p) == Scale::kLinear) {
       c.linear.push_back(k);
     } else if (grid_of_plain) {  // a ratio of either sign
-      grow(c, k, p.search);
+      add_shape(c, k);
+    } else if (!p.choices.empty()) {
+      c.choices.push_back(k);
     } else if (scale(p) == Scale::kPlain && (c.effect.parameter_info.size() == 1 ||
                                              p.sign == Sign::kFree || p.name == "damping")) {
       c.linear.push_back(k);  // by its tangent, which moves with the others; damping from 0 on
       c.nonlinear = true;
     } else if (scale(p) == Scale::kLog && !p.search.empty()) {
-      grow(c, k, p.search);
+      add_shape(c, k);
     }
   }
+  for (const int k : c.choices)
+    multiply_grid(c, c.effect.parameter_info[static_cast<std::size_t>(k)].choices);
   // A hidden motor angle moves the base's friction with it, whatever the motor's inertia.
   if (c.linear.empty() || hides_motor) c.nonlinear = true;
   return c;
 }
 
 }  // namespace
+
+void Candidate::set(const std::vector<double>& point, BoundEffect& of) const {
+  for (std::size_t s = 0; s < point.size(); ++s) {
+    const int k = s < shapes.size() ? shapes[s] : choices[s - shapes.size()];
+    of.parameters[static_cast<std::size_t>(k)] = point[s];
+  }
+}
 
 std::vector<Candidate> make_candidates(const Model& model, const std::vector<std::string>& asked,
                                        const std::vector<int>& runs, bool link_side) {

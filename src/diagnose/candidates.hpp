@@ -24,11 +24,16 @@ struct Candidate {
   std::vector<int> shapes;    ///< parameters that a search moves, by factors if Scale::kLog
   bool nonlinear = false;     ///< the columns change with those parameters
   bool of_reference = false;  ///< they change with the model that they refer to
-  std::vector<std::vector<double>>
-      grid;  ///< values of `shapes` that the search starts from; one empty entry if none
+  std::vector<int> choices;   ///< parameters that are one of ParameterInfo::choices
+  std::vector<std::vector<double>> grid;  ///< values of `shapes`, then of `choices`, that the
+                                          ///< search starts from; one empty entry if none
 
   std::vector<double> shape_low, shape_high;  ///< of `shapes`; 0, infinity: no bound
+  double rotor =
+      0.0;            ///< behind a spring, as the model declares it [kg·m²] or [kg]; 0: it does not
   double held = 0.0;  ///< relative uncertainty of what is held at the model's word
+  /// Sets the shapes and choices of a point of the grid.
+  void set(const std::vector<double>& point, BoundEffect& of) const;
   std::string label() const { return effect.info().name + " at " + effect.where; }
 };
 

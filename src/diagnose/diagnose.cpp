@@ -28,6 +28,9 @@ constexpr double kLeft = 1.3;
 /// The effect that is looked for beyond the first band.
 const std::string kGap = "backlash";
 
+/// Of ln v₀ of the base's friction, beside causes: it has been read until it stays, and farther off
+/// a straight line tells nothing.
+constexpr double kMostTurn = 0.7;
 /// How often the base's friction is read anew.
 constexpr int kTurnPasses = 3;
 
@@ -159,7 +162,7 @@ class Diagnosis {
     for (std::size_t s = 0; s < layout_.shape.size(); ++s) {
       shape[static_cast<long>(s)] = layout_.shape[s].prior;
       if (is_smoothing(layout_.shape[s]))
-        shape[static_cast<long>(s)] *= std::exp(std::clamp(x[at++], -1.5, 1.5));
+        shape[static_cast<long>(s)] *= std::exp(std::clamp(x[at++], -kMostTurn, kMostTurn));
     }
     VecX<double> physical = x.head(linear);
     for (std::size_t k = 0; k < layout_.linear.size(); ++k)  // the test's base knows no bounds

@@ -193,8 +193,7 @@ class Trial {
       const std::size_t spread =  // over the whole grid
           rival.grid.size() <= kMostStarts ? p : p * rival.grid.size() / kMostStarts;
       for (const int k : rival.linear) effect.parameters[static_cast<std::size_t>(k)] = 0.0;
-      for (std::size_t s = 0; s < rival.shapes.size(); ++s)
-        effect.parameters[static_cast<std::size_t>(rival.shapes[s])] = rival.grid[spread][s];
+      rival.set(rival.grid[spread], effect);
       TriedEffect moved = effect;
       const double now =
           step(g, rival, rival.linear, moved,

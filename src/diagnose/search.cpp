@@ -21,6 +21,8 @@ constexpr double kRedundant = 0.02;
 constexpr double kAccuracy = 0.02;
 /// The same of dry friction: filtered, nothing is known of how it turns but for a few milliseconds.
 constexpr double kDryAccuracy = 0.04;
+/// χ²: what one or the other makes of a choice that the recording shows.
+constexpr double kSideShows = 1.0;
 /// Of a joint's measured torque.
 constexpr double kWhole = 0.95;
 constexpr double kMostGainError = 0.5;
@@ -45,6 +47,14 @@ void ripples_of(const Candidate& c, const Evidence& evidence,
                 const std::function<void(int, MatX<double>)>& visit) {
   const double first = c.grid.front()[0], step = c.grid.size() > 1 ? c.grid[1][0] - first : 0.0;
   evidence.ripples(c.effect.joints[0], first, step, static_cast<int>(c.grid.size()), visit);
+}
+
+/// Dry friction, or a spring that its jumps wind up.
+bool is_dry(const TriedEffect& effect) {
+  if (std::holds_alternative<JointElasticity>(effect.type) && !effect.own)
+    return JointElasticity::friction_share(effect.parameters.data()) < 1.0;
+  return std::ranges::find(effect.parameter_info, "smoothing", &ParameterInfo::name) !=
+         effect.parameter_info.end();
 }
 
 /// Columns of all terms, and the sum of their offsets.
@@ -160,7 +170,7 @@ void Search::recompute() {
     if (candidates_[static_cast<std::size_t>(v.candidate)].of_reference) fill(v);
 }
 
-Term Search::make_term(int candidate, const std::vector<double>& shapes) const {
+Term Search::make_term(int candidate, const std::vector<double>& point) const {
   const Candidate& c = candidates_[static_cast<std::size_t>(candidate)];
   Term term;
   term.candidate = candidate;
@@ -176,8 +186,7 @@ Term Search::make_term(int candidate, const std::vector<double>& shapes) const {
   for (const int k : term.linear)
     term.effect.parameters[static_cast<std::size_t>(k)] =
         has_rest && scale_of(term, k) == Scale::kLinear ? 1.0 : 0.0;
-  for (std::size_t s = 0; s < shapes.size(); ++s)
-    term.effect.parameters[static_cast<std::size_t>(c.shapes[s])] = shapes[s];
+  c.set(point, term.effect);
   set_columns(term);
   return term;
 }
@@ -343,6 +352,40 @@ Term Search::refined(const Score& score, const std::vector<Term>& terms) const {
 }
 
 Term Search::refined(Term term, const std::vector<Term>& terms) const {
+  Term best = descended(std::move(term), terms);
+  const auto gain_with = [&](const Term& t) {
+    std::vector<Term> with = terms;
+    with.push_back(t);
+    return fit(with);
+  };
+  // What is one or the other, each with the shapes that suit it.
+  for (const int k : candidates_[static_cast<std::size_t>(best.candidate)].choices) {
+    const Term from = best;
+    for (const double value : best.effect.parameter_info[static_cast<std::size_t>(k)].choices) {
+      if (value == from.effect.parameters[static_cast<std::size_t>(k)]) continue;
+      Term other = from;
+      other.effect.parameters[static_cast<std::size_t>(k)] = value;
+      set_columns(other);
+      other = descended(std::move(other), terms);
+      const double gain = gain_with(other) - gain_with(best);
+      if (plausible(other) == plausible(best) ? gain > kSideShows : plausible(other))
+        best = std::move(other);
+    }
+  }
+  hold_rotor(best);
+  return best;
+}
+
+void Search::hold_rotor(Term& term) const {
+  const Candidate& c = candidates_[static_cast<std::size_t>(term.candidate)];
+  double* p = term.effect.parameters.data();  // stiffness, damping, inertia
+  if (!(c.rotor > 0.0) || term.shapes.size() >= c.shapes.size() || !(p[2] > 0.0)) return;
+  const double by = c.rotor / p[2];
+  for (int k = 0; k < 3; ++k) p[k] *= by;
+  set_columns(term);
+}
+
+Term Search::descended(Term term, const std::vector<Term>& terms) const {
   const Candidate& c = candidates_[static_cast<std::size_t>(term.candidate)];
   std::vector<Term> all = terms;
   all.push_back(std::move(term));
@@ -500,8 +543,7 @@ double Search::inexact_at(const Term& term, const std::vector<Term>& terms) cons
     const long begin = static_cast<long>(k) * m;
     const bool dry = std::ranges::any_of(terms, [&](const Term& t) {
       return std::ranges::find(t.effect.joints, evidence_.joints()[k]) != t.effect.joints.end() &&
-             std::ranges::find(t.effect.parameter_info, "smoothing", &ParameterInfo::name) !=
-                 t.effect.parameter_info.end();
+             is_dry(t.effect);
     });
     const double accuracy = dry ? kDryAccuracy : kAccuracy;
     out += accuracy * accuracy *

@@ -61,7 +61,7 @@ class Search {
   /// Every candidate beside `terms`, best first.
   std::vector<Score> scores(const std::vector<Term>& terms) const;
   /// The candidate of a score as a term, its shapes refined beside `terms` (Gauss–Newton in their
-  /// logarithms).
+  /// logarithms), with the best of its choices.
   Term refined(const Score& score, const std::vector<Term>& terms) const;
   Term refined(Term term, const std::vector<Term>& terms) const;
   /// A torque as large as the joint's whole torque is no effect but a failed fit.
@@ -115,7 +115,11 @@ class Search {
 
     long width() const { return gram.cols() - offset; }
   };
-  Term make_term(int candidate, const std::vector<double>& shapes) const;
+  Term make_term(int candidate, const std::vector<double>& point) const;
+  /// Its shapes refined, its choices as they are.
+  Term descended(Term term, const std::vector<Term>& terms) const;
+  /// Where stiffness and rotor of a spring show as their ratio alone: the rotor as declared.
+  void hold_rotor(Term& term) const;
   void fill(Variant& variant) const;
   void add_ripples(int candidate, bool keep);
   /// Makes the columns of every variant that is not kept and hands its index and them to `visit`.

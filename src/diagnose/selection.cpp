@@ -76,6 +76,12 @@ HeldOutChange Selection::change(const std::vector<Term>& without,
 void Selection::renew(std::vector<Term>& terms) {
   if (options_.rebase && options_.rebase(terms)) search_.recompute();
   search_.refresh(options_.period, terms);
+  // Beside its spring, a joint's friction is another: which side of it, and how stiff, is asked
+  // anew.
+  for (std::size_t i = 0; i < terms.size(); ++i)
+    if (!candidates_[static_cast<std::size_t>(terms[i].candidate)].choices.empty())
+      terms[i] = search_.refined(terms[i], without(terms, i));
+  search_.fit(terms);
 }
 
 bool Selection::add_one(std::vector<Term>& terms) {
@@ -321,6 +327,10 @@ std::vector<Cause> Selection::causes(const std::vector<Term>& terms) const {
     cause.lm = all - gain_without;
     cause.delta_bic = search_.bic(gain_without, rest) - search_.bic(all, terms);
     cause.visible_share = t.visible_share();
+    const bool shapes_show = t.shapes.size() >= c.shapes.size();
+    // Where stiffness and rotor show as their ratio alone, they are as good as the declared rotor.
+    const bool by_rotor = c.rotor > 0.0 && !shapes_show;
+    const double of_word = c.rotor > 0.0 && shapes_show ? 0.0 : c.held;
     for (std::size_t k = 0; k < t.effect.parameter_info.size(); ++k) {
       const ParameterInfo& p = t.effect.parameter_info[k];
       CauseParameter out_p{p.name, p.unit, t.effect.parameters[k]};
@@ -329,7 +339,9 @@ std::vector<Cause> Selection::causes(const std::vector<Term>& terms) const {
       if (linear != t.linear.end()) {
         const long at = linear - t.linear.begin();
         out_p.std = std::hypot(std::sqrt(covariances[i](at, at)), kColumnError * out_p.value);
-        if (t.shapes.size() < c.shapes.size())  // it hangs on a shape that does not show
+        if (by_rotor)
+          out_p.std = std::hypot(out_p.std, of_word * out_p.value);
+        else if (!shapes_show)  // it hangs on a shape that does not show
           out_p.std = std::numeric_limits<double>::quiet_NaN();
         out_p.low = out_p.value - 1.96 * out_p.std;
         out_p.high = out_p.value + 1.96 * out_p.std;
@@ -342,11 +354,15 @@ std::vector<Cause> Selection::causes(const std::vector<Term>& terms) const {
           cause.parameters.push_back(out_p);
           continue;
         }
-        const double log_std = std::hypot(std::sqrt(covariances[i](at, at)), kColumnError, c.held);
+        const double log_std = std::hypot(std::sqrt(covariances[i](at, at)), kColumnError, of_word);
         out_p.std = std::abs(out_p.value) * log_std;
         const double reach = std::exp(std::min(1.96 * log_std, 20.0));
         out_p.low = std::min(out_p.value / reach, out_p.value * reach);
         out_p.high = std::min(std::max(out_p.value / reach, out_p.value * reach), p.most);
+      } else if (by_rotor && p.name == "stiffness") {
+        out_p.std = std::hypot(kColumnError, of_word) * out_p.value;
+        out_p.low = out_p.value * std::exp(-1.96 * std::hypot(kColumnError, of_word));
+        out_p.high = out_p.value * std::exp(1.96 * std::hypot(kColumnError, of_word));
       }
       cause.parameters.push_back(out_p);
     }

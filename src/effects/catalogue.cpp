@@ -139,13 +139,14 @@ Vec3<double> tip_point(const Model& model, int joint) {
 
 void check_value(const std::string& here, const ParameterInfo& info, double value) {
   const bool ok = std::isfinite(value) && (info.sign != Sign::kNonNegative || value >= 0.0) &&
-                  (info.sign != Sign::kPositive || value > 0.0);
+                  (info.sign != Sign::kPositive || value > 0.0) && value <= info.most;
   if (ok) return;
   throw ModelError(here + ": " + info.name + " = " + std::to_string(value) + " " + info.unit +
                    ", expected a " +
                    (info.sign == Sign::kFree          ? "finite number"
                     : info.sign == Sign::kNonNegative ? "number that is 0 or above"
-                                                      : "number above 0"));
+                                                      : "number above 0") +
+                   (std::isfinite(info.most) ? ", at most " + std::to_string(info.most) : ""));
 }
 
 /// Neighbours in the tree, either way round.

@@ -3,6 +3,7 @@
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/dynamics/batch.hpp>
+#include <diffnea/effects/hidden_motor.hpp>
 #include <diffnea/effects/series.hpp>
 
 namespace diffnea {
@@ -61,21 +62,43 @@ JointSeries true_motion(const BoundEffect& effect, const JointSeries& x, const d
   return truth;
 }
 
+bool acts_on(const BoundEffect& effect, int joint) {
+  return std::ranges::find(effect.joints, joint) != effect.joints.end();
+}
+
+/// Torque on the link's side of a spring at `joint`: what the links transmit, what pulls at them,
+/// and the friction that does not turn with the motor.
+VecX<double> load_on_spring(const ExtendedTree& base, const JointSeries& x, int joint,
+                            double friction_share) {
+  VecX<double> out = x.tau.col(joint);
+  for (const BoundEffect& e : base.effects) {
+    const double share = 1.0 - motor_share(e.info(), friction_share);
+    if (share == 0.0 || !acts_on(e, joint)) continue;
+    Rows torque = Rows::Zero(x.rows(), x.q.cols());
+    add_local(e, base.tree, x, e.parameters.data(), torque);
+    out += share * torque.col(joint);
+  }
+  return out;
+}
+
 /// What friction on the motor's side changes because it turns at θ̇, not q̇.
 Rows moved_friction(const ExtendedTree& base, const JointSeries& x, int joint,
-                    const VecX<double>& deflection) {
+                    const VecX<double>& deflection, double friction_share) {
   JointSeries motor = x;
   const VecX<double> speed = derivative(deflection, x.dt);
   motor.q.col(joint) += deflection;
   motor.qd.col(joint) += speed;
   motor.qdd.col(joint) += derivative(speed, x.dt);
-  Rows there = Rows::Zero(x.rows(), x.q.cols()), here = there;
+  Rows out = Rows::Zero(x.rows(), x.q.cols());
   for (const BoundEffect& e : base.effects) {
-    if (!e.info().motor_side || std::ranges::find(e.joints, joint) == e.joints.end()) continue;
+    const double share = motor_share(e.info(), friction_share);
+    if (share == 0.0 || !e.info().motor_side || !acts_on(e, joint)) continue;
+    Rows there = Rows::Zero(x.rows(), x.q.cols()), here = there;
     add_local(e, base.tree, motor, e.parameters.data(), there);
     add_local(e, base.tree, x, e.parameters.data(), here);
+    out += share * (there - here);
   }
-  return there - here;
+  return out;
 }
 
 Rows memory_torque(const BoundEffect& effect, const ExtendedTree& base, const JointSeries& x,
@@ -86,9 +109,13 @@ Rows memory_torque(const BoundEffect& effect, const ExtendedTree& base, const Jo
         for (const int j : effect.joints) {
           if constexpr (requires { formula.torque_series(x, j, p); })
             out.col(j) += formula.torque_series(x, j, p);
-          if constexpr (requires { formula.deflection(x, j, p); })
-            if (!base.effects.empty())
-              out += moved_friction(base, x, j, formula.deflection(x, j, p));
+          if constexpr (requires { formula.rotor_torque(VecX<double>(), x.dt, p); }) {
+            const double share = formula.friction_share(p);
+            const VecX<double> wound =
+                formula.deflection(load_on_spring(base, x, j, share), x.dt, p);
+            out.col(j) += formula.rotor_torque(wound, x.dt, p);
+            if (!base.effects.empty()) out += moved_friction(base, x, j, wound, share);
+          }
         }
       },
       effect.type);

@@ -7,6 +7,7 @@
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/dynamics/mass_matrix.hpp>
+#include <diffnea/effects/hidden_motor.hpp>
 
 namespace diffnea::sim {
 namespace {
@@ -15,9 +16,16 @@ bool acts_on(const BoundEffect& e, int joint) {
   return std::ranges::find(e.joints, joint) != e.joints.end();
 }
 
-/// Effects that pull at the link itself, before its spring or gap.
-bool pulls_at_link(const BoundEffect& e) {
-  return std::holds_alternative<JointSpring>(e.type) || std::holds_alternative<TipForce>(e.type);
+bool is_bristles(const BoundEffect& e) {
+  return std::holds_alternative<PreslidingDahl>(e.type) ||
+         std::holds_alternative<PreslidingLugre>(e.type);
+}
+
+/// That share of an effect's torque, which is homogeneous in the linear parameters.
+BoundEffect scaled(BoundEffect effect, double share) {
+  for (const int k : effect.linear_parameters())
+    effect.parameters[static_cast<std::size_t>(k)] *= share;
+  return effect;
 }
 
 }  // namespace
@@ -35,8 +43,8 @@ double ModelPlant::Bristles::advanced(double travel, double h) const {
 double ModelPlant::Bristles::torque(double at, double velocity) const {
   const double* p = effect->parameters.data();
   return std::holds_alternative<PreslidingDahl>(effect->type)
-             ? p[0] * at
-             : PreslidingLugre::torque(at, velocity, p);
+             ? share * p[0] * at
+             : share * PreslidingLugre::torque(at, velocity, p);
 }
 
 double ModelPlant::Motor::transmitted(double deflection, double velocity) const {
@@ -46,41 +54,90 @@ double ModelPlant::Motor::transmitted(double deflection, double velocity) const 
   return Backlash::transmitted(deflection, velocity, p);
 }
 
-/// Moves out of the model what a step treats by itself.
-ExtendedTree ModelPlant::take_apart(ExtendedTree model) {
-  series_ = std::move(model.series);
-  model.series.clear();
+double ModelPlant::Motor::friction_share() const {
+  return std::holds_alternative<JointElasticity>(effect->type)
+             ? JointElasticity::friction_share(effect->parameters.data())
+             : 1.0;
+}
+
+/// Rotors behind springs and gaps leave the tree.
+void ModelPlant::hide_motors(Tree<double>& tree) {
   for (const BoundEffect& e : series_) {
-    const bool elastic = std::holds_alternative<JointElasticity>(e.type);
-    if (std::holds_alternative<PreslidingDahl>(e.type) ||
-        std::holds_alternative<PreslidingLugre>(e.type))
-      for (const int j : e.joints) bristles_.push_back({&e, j, 0.0});
-    if (!elastic && !std::holds_alternative<Backlash>(e.type)) continue;
+    if (!std::holds_alternative<JointElasticity>(e.type) &&
+        !std::holds_alternative<Backlash>(e.type))
+      continue;
     for (const int j : e.joints) {
       if (!(e.parameters[2] > 0.0)) continue;  // without a rotor nothing moves behind the spring
       if (std::ranges::find(motors_, j, &Motor::joint) != motors_.end())
         throw ModelError(
             "simulate: " + e.info().name + " at '" + e.where +
             "': the joint has a hidden motor already; one elasticity or backlash a joint");
-      double& armature = model.tree.links[static_cast<std::size_t>(j)].armature;
+      double& armature = tree.links[static_cast<std::size_t>(j)].armature;
       motors_.push_back({&e, j, e.parameters[2], armature - e.parameters[2]});
       armature = 0.0;
     }
   }
-  const auto at_motor = [&](const BoundEffect& e) {
-    return !pulls_at_link(e) &&
-           std::ranges::any_of(motors_, [&](const Motor& m) { return acts_on(e, m.joint); });
-  };
-  for (const BoundEffect& e : model.effects) {
-    if (!at_motor(e)) continue;
-    if (reads_acceleration(e))
-      throw ModelError(
-          "simulate: " + e.info().name + " at '" + e.where +
-          "' cannot act at a joint with elasticity or backlash; leave one of them out");
-    motor_effects_.push_back(e);
+}
+
+void ModelPlant::place_bristles() {
+  for (const BoundEffect& e : series_) {
+    if (!is_bristles(e)) continue;
+    for (const int j : e.joints) {
+      const auto motor = std::ranges::find(motors_, j, &Motor::joint);
+      const double share = motor == motors_.end() ? 0.0 : motor->friction_share();
+      if (share > 0.0)
+        bristles_.push_back({&e, j, static_cast<int>(motor - motors_.begin()), share});
+      if (share < 1.0) bristles_.push_back({&e, j, -1, 1.0 - share});
+    }
   }
-  std::erase_if(model.effects, at_motor);
+}
+
+/// One for each joint where one of them hides its motor; friction that couples joints stays whole.
+std::vector<BoundEffect> ModelPlant::parts_at_motors(const BoundEffect& effect) const {
+  const bool at_motor =
+      std::ranges::any_of(motors_, [&](const Motor& m) { return acts_on(effect, m.joint); });
+  if (!at_motor || effect.info().place != Place::kJoint) return {effect};
+  std::vector<BoundEffect> out(effect.joints.size(), effect);
+  for (std::size_t k = 0; k < out.size(); ++k) out[k].joints = {effect.joints[k]};
+  return out;
+}
+
+/// Of an effect's torque, what turns with the hidden motors at its joints; the least of them.
+double ModelPlant::share_at_motors(const BoundEffect& effect) const {
+  double share = 2.0;
+  for (const Motor& m : motors_)
+    if (acts_on(effect, m.joint))
+      share = std::min(share, motor_share(effect.info(), m.friction_share()));
+  return share > 1.0 ? 0.0 : share;
+}
+
+/// Moves out of the model what a step treats by itself.
+ExtendedTree ModelPlant::take_apart(ExtendedTree model) {
+  series_ = std::move(model.series);
+  model.series.clear();
+  hide_motors(model.tree);
+  place_bristles();
+  std::vector<BoundEffect> at_links;
+  for (const BoundEffect& whole : model.effects)
+    for (const BoundEffect& e : parts_at_motors(whole)) {
+      const double share = share_at_motors(e);
+      if (share > 0.0 && reads_acceleration(e))
+        throw ModelError(
+            "simulate: " + e.info().name + " at '" + e.where +
+            "' cannot act at a joint with elasticity or backlash; leave one of them out");
+      if (share > 0.0) motor_effects_.push_back(scaled(e, share));
+      if (share < 1.0) at_links.push_back(scaled(e, 1.0 - share));
+    }
+  model.effects = std::move(at_links);
   return model;
+}
+
+int ModelPlant::position_of(const Bristles& b) const {
+  return b.motor < 0 ? b.joint : 2 * n_ + b.motor;
+}
+
+int ModelPlant::velocity_of(const Bristles& b) const {
+  return b.motor < 0 ? n_ + b.joint : 2 * n_ + static_cast<int>(motors_.size()) + b.motor;
 }
 
 ModelPlant::ModelPlant(const Model& model, const RecordOptions& options)
@@ -114,10 +171,9 @@ int ModelPlant::steps_for_stiffness(const VecX<double>& q) const {
   for (const Bristles& b : bristles_) {
     const std::vector<double>& p = b.effect->parameters;
     const bool dahl = std::holds_alternative<PreslidingDahl>(b.effect->type);
-    double inverse_inertia = mobility[b.joint];
-    for (const Motor& m : motors_)
-      if (m.joint == b.joint) inverse_inertia = 1.0 / m.inertia;
-    spring(dahl ? p[0] / p[1] : p[0], dahl ? 0.0 : p[1], inverse_inertia);
+    const double inverse_inertia =
+        b.motor < 0 ? mobility[b.joint] : 1.0 / motors_[static_cast<std::size_t>(b.motor)].inertia;
+    spring(b.share * (dahl ? p[0] / p[1] : p[0]), dahl ? 0.0 : b.share * p[1], inverse_inertia);
   }
   const double asked = std::max(1.0, period_ / largest_step_);
   const double wanted = std::min(std::max(asked, 2.0 * period_ * rate), std::max(asked, 200.0));
@@ -173,8 +229,21 @@ void ModelPlant::start(const JointSeries& x, const RowMatX<double>& torque, long
   }
   z_.head(n_) = q.row(1).transpose();
   z_.segment(n_, n_) = qd.row(1).transpose();
+  const long first = std::max(0L, row - std::lround(kMemory / x.dt));
+  RowMatX<double> on_links = RowMatX<double>::Zero(3, n_);  // torque of bristles
+  for (Bristles& b : bristles_) {
+    Bristles at = b;
+    at.state = 0.0;
+    for (long k = first; k <= row + 1; ++k) {
+      if (k > first)
+        at.state = at.advanced((x.q(k, b.joint) - x.q(k - 1, b.joint)) / gain(0, b.joint), x.dt);
+      if (k == row) b.state = at.state;
+      if (const long beside = k - row + 1; b.motor < 0 && beside >= 0)
+        on_links(beside, b.joint) += at.torque(at.state, qd(beside, b.joint));
+    }
+  }
   if (m > 0) {
-    const RowMatX<double> load = inverse_dynamics(dynamics_.model(), q, qd, qdd, run_);
+    const RowMatX<double> load = inverse_dynamics(dynamics_.model(), q, qd, qdd, run_) + on_links;
     for (int k = 0; k < m; ++k) {
       const Motor& motor = motors_[static_cast<std::size_t>(k)];
       const int j = motor.joint;
@@ -182,12 +251,6 @@ void ModelPlant::start(const JointSeries& x, const RowMatX<double>& torque, long
       z_[2 * n_ + m + k] =
           qd(1, j) + (deflection(motor, load(2, j)) - deflection(motor, load(0, j))) / (2.0 * x.dt);
     }
-  }
-  const long first = std::max(0L, row - std::lround(kMemory / x.dt));
-  for (Bristles& b : bristles_) {
-    b.state = 0.0;
-    for (long k = first; k < row; ++k)
-      b.state = b.advanced((x.q(k + 1, b.joint) - x.q(k, b.joint)) / gain(0, b.joint), x.dt);
   }
   drives_.reset();
   for (long k = first; k < row; ++k) {
@@ -225,26 +288,30 @@ void ModelPlant::slope(double share, const VecX<double>& z, VecX<double>& dz) {
   const double h = share * step_;
   dz.resize(z.size());
   dz.head(n_) = z.segment(n_, n_);
-  VecX<double> q = z.head(n_), qd = z.segment(n_, n_), from = start_.head(n_);
+  VecX<double> q = z.head(n_), qd = z.segment(n_, n_);
   for (int k = 0; k < m; ++k) {  // where the motors are
     const int j = motors_[static_cast<std::size_t>(k)].joint;
     q[j] = z[2 * n_ + k];
     qd[j] = z[2 * n_ + m + k];
-    from[j] = start_[2 * n_ + k];
   }
-  VecX<double> torque = drives_.applied(share), effects = VecX<double>::Zero(n_);
-  for (const Bristles& b : bristles_)
-    effects[b.joint] += b.torque(b.advanced(q[b.joint] - from[b.joint], h), qd[b.joint]);
+  VecX<double> at_motors = VecX<double>::Zero(n_), at_links = at_motors;  // torque of effects
+  for (const Bristles& b : bristles_) {
+    const int at = position_of(b);
+    (b.motor < 0 ? at_links : at_motors)[b.joint] +=
+        b.torque(b.advanced(z[at] - start_[at], h), z[velocity_of(b)]);
+  }
   const JointSample<double> x{time_ + h, run_, q.data(), qd.data(), q.data(), q.data()};
-  for (const BoundEffect& e : motor_effects_) add_torque(e, x, e.parameters.data(), effects.data());
-  torque -= effects;
+  for (const BoundEffect& e : motor_effects_)
+    add_torque(e, x, e.parameters.data(), at_motors.data());
+  const VecX<double> torque = drives_.applied(share) - at_motors;
 
-  VecX<double> at_links = torque;
+  VecX<double> transmitted = torque;
   for (int k = 0; k < m; ++k) {
     const Motor& motor = motors_[static_cast<std::size_t>(k)];
     const int j = motor.joint;
-    at_links[j] = motor.transmitted(q[j] - z[j], qd[j] - z[n_ + j]);
+    transmitted[j] = motor.transmitted(q[j] - z[j], qd[j] - z[n_ + j]);
   }
+  at_links = transmitted - at_links;
   dynamics_.set_time(time_ + h);
   dynamics_.acceleration(z.data(), z.data() + n_, at_links.data(), run_, dz.data() + n_);
   for (int k = 0; k < m; ++k) {
@@ -252,12 +319,11 @@ void ModelPlant::slope(double share, const VecX<double>& z, VecX<double>& dz) {
     const int j = motor.joint;
     dz[2 * n_ + k] = qd[j];
     dz[2 * n_ + m + k] =
-        (torque[j] - at_links[j] - motor.shared_armature * dz[n_ + j]) / motor.inertia;
+        (torque[j] - transmitted[j] - motor.shared_armature * dz[n_ + j]) / motor.inertia;
   }
 }
 
 std::string ModelPlant::step(const VecX<double>& torque) {
-  const int m = static_cast<int>(motors_.size());
   drives_.command(time_, torque);
   const double begin = time_;
   for (int i = 0; i < substeps_; ++i) {
@@ -267,12 +333,8 @@ std::string ModelPlant::step(const VecX<double>& torque) {
     integrator_.step(
         [&](double share, const VecX<double>& z, VecX<double>& dz) { slope(share, z, dz); }, step_,
         z_);
-    for (Bristles& b : bristles_) {
-      int at = b.joint;
-      for (int k = 0; k < m; ++k)
-        if (motors_[static_cast<std::size_t>(k)].joint == b.joint) at = 2 * n_ + k;
-      b.state = b.advanced(z_[at] - start_[at], step_);
-    }
+    for (Bristles& b : bristles_)
+      b.state = b.advanced(z_[position_of(b)] - start_[position_of(b)], step_);
     drives_.end_step();
     if (!z_.allFinite()) return "the integration is unstable";
   }

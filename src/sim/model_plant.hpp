@@ -40,6 +40,8 @@ class ModelPlant : public Plant {
   struct Bristles {
     const BoundEffect* effect;
     int joint;
+    int motor;     ///< of motors_, with which they turn; −1: with the link
+    double share;  ///< of the effect's torque
     double state = 0.0;
     double advanced(double travel, double h) const;
     double torque(double state, double velocity) const;
@@ -52,9 +54,16 @@ class ModelPlant : public Plant {
     double inertia;
     double shared_armature;  ///< of the joint, what turns with the link's acceleration in the model
     double transmitted(double deflection, double velocity) const;
+    double friction_share() const;  ///< of the joint's friction, what turns with the motor
   };
 
   ExtendedTree take_apart(ExtendedTree model);
+  void hide_motors(Tree<double>& tree);
+  void place_bristles();
+  std::vector<BoundEffect> parts_at_motors(const BoundEffect& effect) const;
+  double share_at_motors(const BoundEffect& effect) const;
+  int position_of(const Bristles& bristles) const;
+  int velocity_of(const Bristles& bristles) const;
   int steps_for_stiffness(const VecX<double>& q) const;
   int steps_for_friction(const VecX<double>& q);
   double deflection(const Motor& motor, double load) const;
@@ -62,7 +71,7 @@ class ModelPlant : public Plant {
 
   int n_;
   std::vector<BoundEffect> series_;         ///< with memory, or of a channel
-  std::vector<BoundEffect> motor_effects_;  ///< of one instant, at joints with a hidden motor
+  std::vector<BoundEffect> motor_effects_;  ///< of one instant, what turns with hidden motors
   std::vector<Bristles> bristles_;
   std::vector<Motor> motors_;
   ForwardDynamics dynamics_;

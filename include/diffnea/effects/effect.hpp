@@ -43,6 +43,8 @@ struct ParameterInfo {
   /// Values at which a search over a nonlinear parameter starts; empty: at `initial` alone.
   std::vector<double> search = {};
   std::vector<double> search_prismatic = {};  ///< at a prismatic joint; empty: as `search`
+  /// The values that a search tries, where it is one or the other; a fit does not move it.
+  std::vector<double> choices = {};
 };
 
 /// On which scale a parameter moves, and what a derivative with respect to it means.
@@ -73,7 +75,8 @@ enum class Port {
   kLinkForce,       ///< the same, but a force on a link, so that it needs the tree: add_torque
   kModelParameter,  ///< changes a parameter of the link tree: add_to_tree
   kMeasurement,     ///< changes what is logged of the motion: add_to_motion turns it into the truth
-  kMemory,          ///< torque that depends on the past of the motion: torque_series
+  kMemory,          ///< torque that depends on the past of the motion: torque_series, or a
+                    ///< spring's deflection and the rotor_torque that comes with it
 };
 
 /// What selection, results and files see of an effect.

@@ -1,10 +1,12 @@
 #pragma once
 /// joint_elasticity: a spring between motor and link. The encoder reads the link's angle q; the
-/// motor's, θ, is hidden: K(θ − q) + D(θ̇ − q̇) = τ, the torque the links transmit. The rotor turns
-/// with θ, so the log has J_m(θ̈ − q̈) more than the base model, whose armature turns with q; J_m is
-/// the part of that armature behind the spring (all of it, in a drive). θ − q is τ/K through a
-/// first-order lag D/K (Spong 1987 for D = 0). Without damping the torque tells J_m/K alone: hold
-/// one of the two.
+/// motor's, θ, is hidden: K(θ − q) + D(θ̇ − q̇) = τ_s, the torque that the link's side takes: what
+/// the links transmit and the friction there, 1 − friction_share of the joint's. Its jumps wind the
+/// spring up as well; the rest of the friction turns with the motor. The rotor turns with θ, so the
+/// log has J_m(θ̈ − q̈) more than the base model, whose armature turns with q; J_m is the part of
+/// that armature behind the spring (all of it, in a drive). θ − q is τ_s/K through a first-order
+/// lag D/K (Spong 1987 for D = 0 and a friction_share of 1). Without damping and friction the
+/// torque tells J_m/K alone: hold one of the two.
 
 #include <diffnea/effects/effect.hpp>
 #include <diffnea/effects/joint_series.hpp>
@@ -15,7 +17,7 @@ struct JointElasticity {
   static const EffectInfo& info() {
     static const EffectInfo kInfo{
         .name = "joint_elasticity",
-        .formula = "J_m (thdd - qdd), K (th - q) + D (thd - qd) = tau",
+        .formula = "J_m (thdd - qdd), K (th - q) + D (thd - qd) = tau_s",
         .summary = "spring between motor and link; the motor's angle is hidden",
         .port = Port::kMemory,
         .parameters = {{.name = "stiffness",
@@ -35,18 +37,30 @@ struct JointElasticity {
                        {.name = "motor_inertia",
                         .unit = "kg*m^2",
                         .unit_prismatic = "kg",
-                        .sign = Sign::kNonNegative}},
+                        .sign = Sign::kNonNegative},
+                       {.name = "friction_share",
+                        .unit = "1",
+                        .unit_prismatic = "1",
+                        .sign = Sign::kNonNegative,
+                        .linear = false,
+                        .initial = 1.0,
+                        .most = 1.0,
+                        .choices = {1.0, 0.0}}},
         .motor_side = true};
     return kInfo;
   }
 
-  /// θ − q (N) [rad].
-  VecX<double> deflection(const JointSeries& x, int joint, const double* p) const {
-    return low_passed(x.tau.col(joint), x.dt, p[1] / p[0]) / p[0];
+  /// Of the joint's friction, what turns with the motor: 1 all, 0 none.
+  static double friction_share(const double* p) { return p[3]; }
+
+  /// θ − q (N) [rad] under the torque τ_s (N) [N·m].
+  static VecX<double> deflection(const VecX<double>& load, double dt, const double* p) {
+    return low_passed(load, dt, p[1] / p[0]) / p[0];
   }
 
-  VecX<double> torque_series(const JointSeries& x, int joint, const double* p) const {
-    return p[2] * derivative(derivative(deflection(x, joint, p), x.dt), x.dt);
+  /// J_m(θ̈ − q̈) (N) [N·m].
+  static VecX<double> rotor_torque(const VecX<double>& deflection, double dt, const double* p) {
+    return p[2] * derivative(derivative(deflection, dt), dt);
   }
 };
 
