@@ -123,6 +123,11 @@ TEST_CASE("diagnose: Coulomb friction is named at its joint, the truth in its in
   CHECK(finding.verdict == Verdict::kNamed);
   CHECK(cause.effect == "coulomb_friction");
   CHECK(cause.where == "elbow");
+  // Of 0.4 N·m while the joint moves; the filter rounds its jumps.
+  const RowMatX<double> tau = arm().recorded({kCoulomb}, 1).tau;
+  const double share = 0.4 / std::sqrt(tau.col(2).squaredNorm() / static_cast<double>(tau.rows()));
+  CHECK(cause.torque_share > 0.85 * share);
+  CHECK(cause.torque_share < 1.02 * share);
   const auto coulomb = std::ranges::find(cause.parameters, "coulomb", &CauseParameter::name);
   REQUIRE(coulomb != cause.parameters.end());
   CHECK(coulomb->low <= 0.4);

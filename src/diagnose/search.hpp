@@ -98,6 +98,9 @@ class Search {
   /// The residual of torque at the base that goes with the terms, (rows()).
   VecX<double> residual(const std::vector<Term>& terms) const;
 
+  /// RMS of the term's torque over that of the measured torque, at the joints it acts on.
+  double torque_share(const Term& term) const;
+
  private:
   /// A candidate at one point of its grid: columns [∂τ/∂p | torque that comes with coefficient 1]
   /// in the rows of the joints that it reaches.

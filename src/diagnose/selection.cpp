@@ -327,6 +327,7 @@ std::vector<Cause> Selection::causes(const std::vector<Term>& terms) const {
     cause.lm = all - gain_without;
     cause.delta_bic = search_.bic(gain_without, rest) - search_.bic(all, terms);
     cause.visible_share = t.visible_share();
+    cause.torque_share = search_.torque_share(t);
     const bool shapes_show = t.shapes.size() >= c.shapes.size();
     // Where stiffness and rotor show as their ratio alone, they are as good as the declared rotor.
     const bool by_rotor = c.rotor > 0.0 && !shapes_show;
