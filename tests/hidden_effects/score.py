@@ -51,6 +51,7 @@ class Score:
     named: list[Cause]
     verdict: str = ""
     expected_lm: float | None = None  # of the weakest effect that must be found
+    reachable_lm: float | None = None  # the same, counting the noise of the positions
     size: float | None = None  # its share of the joint's torque
     in_class: bool | None = None  # the truth is named or in a class
     class_size: float | None = None  # mean over the causes
@@ -181,6 +182,7 @@ def judge(truth: Json, result: Json | None) -> Score:
     if required and truth["kind"] != "audit":
         weakest = min(required, key=lambda e: e["expected_lm"])
         score.expected_lm, score.size = weakest["expected_lm"], weakest["size"]
+        score.reachable_lm = min(e["reachable_lm"] for e in required)
     if result is None:
         return score
     score.verdict = result["verdict"]

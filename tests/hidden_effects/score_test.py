@@ -11,7 +11,7 @@ Json = dict[str, Any]
 
 def hidden(effect: str, where: str = "elbow", lm: float = 500.0, **more: Any) -> Json:
     base = {"effect": effect, "where": where, "parameters": {}, "size": 0.01}
-    return base | {"expected_lm": lm, "rivals": [], "variables": []} | more
+    return base | {"expected_lm": lm, "reachable_lm": lm, "rivals": [], "variables": []} | more
 
 
 def truth(*effects: Json, kind: str = "named") -> Json:
@@ -163,7 +163,7 @@ def test_intervals_are_compared_by_name() -> None:
 
 def test_the_power_is_that_of_the_weakest_effect_that_counts() -> None:
     score = judge(truth(COULOMB, hidden("cogging", "wrist", lm=60.0), WEAK), NOTHING)
-    assert score.expected_lm == 60.0
+    assert score.expected_lm == score.reachable_lm == 60.0
     assert scoring.VISIBLE < 60.0
 
 

@@ -302,8 +302,10 @@ def right(s: dict[str, Any]) -> bool:
     return s["outcome"] == "right"
 
 
-def by_power(scores: list[dict[str, Any]], low: float, high: float) -> list[dict[str, Any]]:
-    return [s for s in scores if s["expected_lm"] is not None and low <= s["expected_lm"] < high]
+def by_power(
+    scores: list[dict[str, Any]], low: float, high: float, lm: str = "expected_lm"
+) -> list[dict[str, Any]]:
+    return [s for s in scores if s.get(lm) is not None and low <= s[lm] < high]
 
 
 def mean(values: Iterable[float | None]) -> str:
@@ -346,6 +348,7 @@ def table(scores: list[dict[str, Any]], title: str) -> str:
         lines.append(f"| {group} | {len(mine)} | {alarms} | {bound} |")
 
     strong, weak = by_power(single, 100, math.inf), by_power(single, 30, 100)
+    reachable = by_power(single, 100, math.inf, "reachable_lm")
     catalogue = by_power(named, 30, math.inf)
     unknown = [s for s in scores if s["kind"] == "unknown" and (s["expected_lm"] or 0) >= 30]
     absorbed = [s for s in scores if s["kind"] == "absorbed"]
@@ -364,6 +367,8 @@ def table(scores: list[dict[str, Any]], title: str) -> str:
         "|---|---|",
         f"| right effect and joint, expected LM ≥ 100 | {rate(strong, right)} |",
         f"| …, or a class or confusion that holds it | {rate(strong, good)} |",
+        f"| right effect and joint, reachable LM ≥ 100 | {rate(reachable, right)} |",
+        f"| …, or a class or confusion that holds it | {rate(reachable, good)} |",
         f"| right effect and joint, expected LM 30–100 | {rate(weak, right)} |",
         f"| …, or a class or confusion that holds it | {rate(weak, good)} |",
         f"| truth in a reported class, LM ≥ 30 | {in_class} |",
