@@ -55,7 +55,7 @@ using VecIn = Eigen::Ref<const VecX<std::type_identity_t<T>>>;
 inline double value(double a) { return a; }
 template <class T, int N>
 double value(const ceres::Jet<T, N>& a) {
-  return a.a;
+  return value(a.a);
 }
 
 /// `condition ? a : b`, lane by lane for packs. The only way numerics branch on data.
