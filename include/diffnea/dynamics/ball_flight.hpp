@@ -1,0 +1,87 @@
+#pragma once
+/// A ball in time: free flight, a pendulum of fixed length while its string is taut, and the
+/// switches between them. The string becomes taut where h = ‖x − x_S‖² − r² reaches 0, an impact in
+/// which the velocity along the string is lost, or reversed and multiplied by the restitution; it
+/// becomes slack where its pull reaches 0. With a = the acceleration without the string,
+///
+///   taut:  ẍ = a − Δ (Δᵀ(a − ẍ_S) + Δ̇ᵀΔ̇)/‖Δ‖²
+///
+/// Runge–Kutta 4; switches are found by bisection, and a taut ball is put back on the sphere after
+/// every step. Of Jets, the time of a switch is one too (the implicit function theorem), so that
+/// derivatives hold across switches (Hiskens and Pai 2000), except where a string is only grazed.
+
+#include <algorithm>
+
+#include <diffnea/core/error.hpp>
+#include <diffnea/dynamics/string_particle.hpp>
+
+namespace diffnea {
+
+/// What forces on the ball, and what a camera makes of it, may depend on.
+template <Scalar T>
+struct BallSample {
+  T time{};  ///< [s]
+  ParticleState<T> ball;
+  bool taut = false;
+  AnchorMotion<T> anchor;           ///< where there is a string
+  Vec3<T> u;                        ///< from the anchor to the ball, of length 1, where it is taut
+  T length{};                       ///< r [m]
+  T pull{};                         ///< T/m [m/s²]; known to views alone
+  Vec3<T> acceleration;             ///< ẍ [m/s²]; known to views alone
+  Vec3<double> gravity, spin;       ///< in W [m/s², rad/s]
+  double mass = 0.0, radius = 0.0;  ///< [kg, m]
+};
+
+struct FlightOptions {
+  double step = 2e-3;        ///< [s], at most
+  double restitution = 0.0;  ///< of the impact when the string becomes taut
+  double rest_speed = 1e-3;  ///< below it an impact leaves the string taut [m/s]
+};
+
+/// World:
+///   bool has_string() const;  T length() const;              // r [m]
+///   AnchorMotion<T> anchor(const T& time) const;             // of S
+///   Vec3<T> acceleration(const BallSample<T>& x) const;      // without the string, in W [m/s²]
+template <Scalar T, class World>
+class BallFlight {
+ public:
+  /// @throws ModelError if there is a string whose length is not positive
+  explicit BallFlight(const World& world, const FlightOptions& options = {});
+
+  /// Starts at a time and state. A ball further than r is put at r, and loses what velocity it has
+  /// away from the anchor; `taut` says so of one that is nearer.
+  void start(double time, const ParticleState<T>& state, bool taut = false);
+  /// Goes on until `time` [s]. @throws Error if it lies in the past
+  void run_until(double time);
+
+  double time() const { return value(time_); }
+  const ParticleState<T>& state() const { return state_; }
+  bool taut() const { return taut_; }
+  T pull() const;  ///< T/m now [m/s²]; 0 if slack
+  BallSample<T> sample() const { return sample(time_, state_, taut_); }
+  long impacts() const { return impacts_; }
+  T lost_energy() const { return lost_energy_; }  ///< to impacts, per mass [m²/s²]
+
+ private:
+  BallSample<T> sample(const T& time, const ParticleState<T>& s, bool taut) const;
+  ParticleState<T> moved(const T& h) const;
+  T taut_pull(const T& time, const ParticleState<T>& s) const;
+  T excess(const T& time, const ParticleState<T>& s) const;  ///< h [m²]
+  void settle(ParticleState<T>& s, const T& time) const;
+  void become_taut();
+  /// What tells that the present phase ends: above 0, it has.
+  T over(const T& time, const ParticleState<T>& s) const;
+  T time_to_end(double h) const;
+
+  const World& world_;
+  FlightOptions options_;
+  T time_{};
+  ParticleState<T> state_{};
+  bool taut_ = false;
+  long impacts_ = 0;
+  T lost_energy_{};
+};
+
+}  // namespace diffnea
+
+#include <diffnea/dynamics/detail/ball_flight_impl.hpp>

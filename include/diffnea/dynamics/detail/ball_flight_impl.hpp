@@ -1,0 +1,172 @@
+#pragma once
+
+#include <diffnea/dynamics/ball_flight.hpp>
+
+namespace diffnea {
+
+namespace detail {
+
+/// What rounding leaves of h where the string is tight [m²].
+inline constexpr double kTight = 1e-12;
+
+template <class T>
+T norm(const Vec3<T>& v) {
+  using std::sqrt;
+  return sqrt(dot(v, v));
+}
+
+}  // namespace detail
+
+template <Scalar T, class World>
+BallFlight<T, World>::BallFlight(const World& world, const FlightOptions& options)
+    : world_(world), options_(options) {
+  if (world_.has_string() && !(value(world_.length()) > 0.0))
+    throw ModelError("string: got a length of " + std::to_string(value(world_.length())) +
+                     " m, expected a positive one");
+}
+
+template <Scalar T, class World>
+void BallFlight<T, World>::start(double time, const ParticleState<T>& state, bool taut) {
+  time_ = T(time);
+  state_ = state;
+  taut_ = false;
+  if (world_.has_string() && (taut || value(excess(time_, state)) > -detail::kTight)) become_taut();
+  impacts_ = 0;
+  lost_energy_ = T(0.0);
+}
+
+template <Scalar T, class World>
+T BallFlight<T, World>::excess(const T& time, const ParticleState<T>& s) const {
+  const Vec3<T> delta = s.x - world_.anchor(time).x;
+  const T r = world_.length();
+  return dot(delta, delta) - r * r;
+}
+
+template <Scalar T, class World>
+BallSample<T> BallFlight<T, World>::sample(const T& time, const ParticleState<T>& s,
+                                           bool taut) const {
+  BallSample<T> out;
+  out.time = time;
+  out.ball = s;
+  out.taut = taut;
+  if (world_.has_string()) out.anchor = world_.anchor(time);
+  if (taut) {
+    const Vec3<T> delta = s.x - out.anchor.x;
+    out.u = delta * (T(1.0) / detail::norm(delta));
+  }
+  return out;
+}
+
+template <Scalar T, class World>
+T BallFlight<T, World>::taut_pull(const T& time, const ParticleState<T>& s) const {
+  const BallSample<T> x = sample(time, s, true);
+  const Vec3<T> delta = s.x - x.anchor.x, delta_d = s.v - x.anchor.v;
+  return dot(x.u, world_.acceleration(x) - x.anchor.a) +
+         dot(delta_d, delta_d) / detail::norm(delta);
+}
+
+template <Scalar T, class World>
+T BallFlight<T, World>::pull() const {
+  return taut_ ? taut_pull(time_, state_) : T(0.0);
+}
+
+template <Scalar T, class World>
+T BallFlight<T, World>::over(const T& time, const ParticleState<T>& s) const {
+  if (taut_) return -taut_pull(time, s);
+  return world_.has_string() ? excess(time, s) - T(detail::kTight) : T(-1.0);
+}
+
+/// On the sphere, without velocity along the string.
+template <Scalar T, class World>
+void BallFlight<T, World>::settle(ParticleState<T>& s, const T& time) const {
+  const BallSample<T> x = sample(time, s, true);
+  s.x = x.anchor.x + x.u * world_.length();
+  s.v = s.v - x.u * dot(x.u, s.v - x.anchor.v);
+}
+
+template <Scalar T, class World>
+ParticleState<T> BallFlight<T, World>::moved(const T& h) const {
+  const auto slope = [&](const T& at, const ParticleState<T>& s) -> ParticleState<T> {
+    const BallSample<T> x = sample(at, s, taut_);
+    const Vec3<T> a = world_.acceleration(x);
+    if (!taut_) return {s.v, a};
+    const Vec3<T> delta = s.x - x.anchor.x, delta_d = s.v - x.anchor.v;
+    return {s.v,
+            a - delta * ((dot(delta, a - x.anchor.a) + dot(delta_d, delta_d)) / dot(delta, delta))};
+  };
+  const auto plus = [](const ParticleState<T>& s, const ParticleState<T>& d, const T& t) {
+    return ParticleState<T>{s.x + d.x * t, s.v + d.v * t};
+  };
+  const T half = h * T(0.5), sixth = h * T(1.0 / 6.0), third = h * T(1.0 / 3.0);
+  const ParticleState<T> k1 = slope(time_, state_),
+                         k2 = slope(time_ + half, plus(state_, k1, half)),
+                         k3 = slope(time_ + half, plus(state_, k2, half)),
+                         k4 = slope(time_ + h, plus(state_, k3, h));
+  ParticleState<T> out = plus(plus(plus(plus(state_, k1, sixth), k2, third), k3, third), k4, sixth);
+  if (taut_) settle(out, time_ + h);
+  return out;
+}
+
+/// Share of a step in which the phase ends: bisection on the values, then one step of the implicit
+/// function theorem for the derivatives.
+template <Scalar T, class World>
+T BallFlight<T, World>::time_to_end(double h) const {
+  constexpr int kHalvings = 40;  // of some ms, until rounding
+  double before = 0.0, after = h;
+  for (int i = 0; i < kHalvings; ++i) {
+    const double middle = 0.5 * (before + after);
+    (value(over(time_ + T(middle), moved(T(middle)))) > 0.0 ? after : before) = middle;
+  }
+  if constexpr (std::same_as<T, double>) {
+    return after;
+  } else {
+    const auto at = [&](double t) { return over(time_ + T(t), moved(T(t))); };
+    const double d = 1e-6;
+    const double rate = (value(at(after + d)) - value(at(after - d))) / (2 * d);
+    const T end = at(after);
+    return T(after) - (end - T(value(end))) / T(rate);
+  }
+}
+
+template <Scalar T, class World>
+void BallFlight<T, World>::become_taut() {
+  const AnchorMotion<T> anchor = world_.anchor(time_);
+  const Vec3<T> delta = state_.x - anchor.x, u = delta * (T(1.0) / detail::norm(delta));
+  const T outward = dot(u, state_.v - anchor.v);
+  state_.x = anchor.x + u * world_.length();
+  if (value(outward) < options_.rest_speed && value(taut_pull(time_, state_)) < 0.0)
+    return;  // on its way in
+  ++impacts_;
+  const bool bounces = options_.restitution > 0.0 && value(outward) > options_.rest_speed;
+  const T back = bounces ? outward * T(options_.restitution) : T(0.0);
+  state_.v = state_.v - u * (outward + back);
+  lost_energy_ = lost_energy_ + (outward * outward - back * back) * T(0.5);
+  taut_ = !bounces && value(taut_pull(time_, state_)) >= 0.0;
+}
+
+template <Scalar T, class World>
+void BallFlight<T, World>::run_until(double until) {
+  if (until < time())
+    throw Error("ball: asked for " + std::to_string(until) + " s, expected " +
+                std::to_string(time()) + " s or later (start() goes back)");
+  while (time() < until) {
+    // Of Jets, time_ may depend on parameters after a switch; the step brings it back to the grid.
+    const bool last = until - time() <= options_.step;
+    const T h = last ? T(until) - time_ : T(options_.step);
+    const ParticleState<T> next = moved(h);
+    if (!(value(over(time_ + h, next)) > 0.0)) {
+      state_ = next;
+      time_ = last ? T(until) : time_ + h;
+      continue;
+    }
+    const T end = time_to_end(value(h));
+    state_ = moved(end);
+    time_ = time_ + end;
+    if (taut_)
+      taut_ = false;
+    else
+      become_taut();
+  }
+}
+
+}  // namespace diffnea
