@@ -28,9 +28,9 @@ constexpr double kLeft = 1.3;
 /// The effect that is looked for beyond the first band.
 const std::string kGap = "backlash";
 
-/// Of ln v₀ of the base's friction, beside causes: it has been read until it stays, and farther off
-/// a straight line tells nothing.
-constexpr double kMostTurn = 0.7;
+/// How far ln v₀ of the base's friction is followed from where it was read; beside a spring, which
+/// the friction's jumps may wind up: their second derivative needs a v₀ that is no extrapolation.
+constexpr double kMostTurn = 1.5, kMostTurnAtSpring = 0.7;
 /// How often the base's friction is read anew.
 constexpr int kTurnPasses = 3;
 
@@ -154,15 +154,18 @@ class Diagnosis {
     search_->refresh(period_, none);
   }
 
-  /// The base model at parameters x.
-  Model base_at(const VecX<double>& x) const {
+  /// The base model at parameters x, that go with these causes.
+  Model base_at(const VecX<double>& x, const std::vector<Term>& terms) const {
+    const bool spring = std::ranges::any_of(
+        terms, [](const Term& t) { return t.effect.info().name == "joint_elasticity"; });
+    const double most = spring ? kMostTurnAtSpring : kMostTurn;
     const long linear = static_cast<long>(layout_.linear.size());
     VecX<double> shape(static_cast<long>(layout_.shape.size()));
     long at = linear;
     for (std::size_t s = 0; s < layout_.shape.size(); ++s) {
       shape[static_cast<long>(s)] = layout_.shape[s].prior;
       if (is_smoothing(layout_.shape[s]))
-        shape[static_cast<long>(s)] *= std::exp(std::clamp(x[at++], -kMostTurn, kMostTurn));
+        shape[static_cast<long>(s)] *= std::exp(std::clamp(x[at++], -most, most));
     }
     VecX<double> physical = x.head(linear);
     for (std::size_t k = 0; k < layout_.linear.size(); ++k)  // the test's base knows no bounds
@@ -174,7 +177,7 @@ class Diagnosis {
   /// The model whose torques effects refer to: base parameters x and the causes so far.
   /// @return by which share a joint's torque moved, the largest of all
   double set_reference(const VecX<double>& x, const std::vector<Term>& terms) {
-    Model reference = base_at(x);
+    Model reference = base_at(x, terms);
     finding_.model = reference;
     for (const Term& t : terms) {
       if (t.effect.own) continue;  // no model can hold it
@@ -321,7 +324,7 @@ class Diagnosis {
     const VecX<double> alone =
         terms_.empty() ? x : final_base(base_, layout_, *search_, *train_, {}, fit);
     finding_.simulated =
-        simulate_held_out(base_at(alone), finding_.model, test_ ? *test_source_ : train_source_,
+        simulate_held_out(base_at(alone, {}), finding_.model, test_ ? *test_source_ : train_source_,
                           held_out_->evidence(), held_rows_, test_ ? test_plan_ : finding_.plan,
                           reading_options(options_));
   }
