@@ -63,7 +63,7 @@ def scores(generator: Path, tmp_path_factory: pytest.TempPathFactory) -> Scores:
 
     def score(key: tuple[str, int]) -> dict[str, Any]:
         case = study.Case(GROUP, key[0], FIRST + key[1])
-        problem = study.run_case(case, folder, generator, command, keep=False)
+        problem = study.run_case(case, folder, study.Tools(generator, command))
         assert problem is None, problem
         found: dict[str, Any] = load(folder / case.name / "score.json")
         return found
