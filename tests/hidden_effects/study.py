@@ -272,7 +272,7 @@ def size_named_in(share: float, scores: list[dict[str, Any]]) -> float | None:
     """Size at which `share` of the cases is named: a logistic curve over its logarithm.
 
     Newton's steps with a weak prior (slope 2 ± 2 per e-fold), without which perfect separation has
-    no maximum. None where fewer than 8 cases, or none at all, were named.
+    no maximum. None where fewer than 8 cases, or none at all, were named, or the size would be above 1.
     """
     points = [(math.log(s["size"]), s["outcome"] in scoring.GOOD) for s in scores if s["size"]]
     if len(points) < 8 or not any(y for _, y in points):
@@ -291,7 +291,8 @@ def size_named_in(share: float, scores: list[dict[str, Any]]) -> float | None:
         da, db = (hbb * ga - hab * gb) / det, (haa * gb - hab * ga) / det
         step = min(1.0, 2.0 / (abs(da) + abs(db) + 1e-12))
         a, b = a + step * da, max(0.1, b + step * db)
-    return math.exp(mean + (math.log(share / (1 - share)) - a) / b)
+    size = math.exp(mean + (math.log(share / (1 - share)) - a) / b)
+    return size if size <= 1.0 else None  # all of the torque: the curve says nothing
 
 
 def good(s: dict[str, Any]) -> bool:
