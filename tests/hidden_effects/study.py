@@ -272,7 +272,7 @@ def size_named_in(share: float, scores: list[dict[str, Any]]) -> float | None:
     """Size at which `share` of the cases is named: a logistic curve over its logarithm.
 
     Newton's steps with a weak prior (slope 2 ± 2 per e-fold), without which perfect separation has
-    no maximum. None where fewer than 8 cases, or none at all, were named, or the size would be above 1.
+    no maximum. None where fewer than 8 cases, or none at all, were named, or it would be above 1.
     """
     points = [(math.log(s["size"]), s["outcome"] in scoring.GOOD) for s in scores if s["size"]]
     if len(points) < 8 or not any(y for _, y in points):
