@@ -213,6 +213,24 @@ TEST_CASE("string: the soft form differentiates through slack phases", "[string]
   }
 }
 
+TEST_CASE("string: a ball that leaves its sphere slowly does not stop time", "[string]") {
+  // Hardly led inward, and outward at less than rest_speed: it comes back to the sphere at once.
+  struct Counted : Swing {
+    mutable long calls = 0;
+    Vec3<double> acceleration(const BallSample<double>&) const {
+      if (++calls > 100000) throw Error("time stands still");
+      return {0, 0, -0.1};
+    }
+  };
+  const Counted swing;
+  BallFlight<double, Counted> ball(swing, {.step = 1e-3});
+  ball.start(0.0, {{0, 0, 0.4 - 1e-10}, {0, 0, 5e-4}});
+  ball.run_until(0.1);
+  CHECK_FALSE(ball.taut());
+  CHECK_THAT(ball.state().x.z, WithinAbs(0.4 - 0.5 * 0.1 * 0.01, 1e-6));
+  CHECK(swing.calls < 2000);  // 100 steps and one switch: 600
+}
+
 TEST_CASE("string: what cannot be is refused", "[string]") {
   const Swing none{0.0}, swing;
   CHECK_THROWS_AS(Ball(none), ModelError);

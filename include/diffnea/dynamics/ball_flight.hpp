@@ -17,19 +17,14 @@
 
 namespace diffnea {
 
-/// What forces on the ball, and what a camera makes of it, may depend on.
+/// What forces on the ball may depend on.
 template <Scalar T>
 struct BallSample {
   T time{};  ///< [s]
   ParticleState<T> ball;
   bool taut = false;
-  AnchorMotion<T> anchor;           ///< where there is a string
-  Vec3<T> u;                        ///< from the anchor to the ball, of length 1, where it is taut
-  T length{};                       ///< r [m]
-  T pull{};                         ///< T/m [m/s²]; known to views alone
-  Vec3<T> acceleration;             ///< ẍ [m/s²]; known to views alone
-  Vec3<double> gravity, spin;       ///< in W [m/s², rad/s]
-  double mass = 0.0, radius = 0.0;  ///< [kg, m]
+  AnchorMotion<T> anchor;  ///< where there is a string
+  Vec3<T> u;               ///< from the anchor to the ball, of length 1, where it is taut
 };
 
 struct FlightOptions {
@@ -58,7 +53,6 @@ class BallFlight {
   const ParticleState<T>& state() const { return state_; }
   bool taut() const { return taut_; }
   T pull() const;  ///< T/m now [m/s²]; 0 if slack
-  BallSample<T> sample() const { return sample(time_, state_, taut_); }
   long impacts() const { return impacts_; }
   T lost_energy() const { return lost_energy_; }  ///< to impacts, per mass [m²/s²]
 

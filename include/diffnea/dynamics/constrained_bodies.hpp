@@ -39,7 +39,7 @@ struct ConstrainedAcceleration {
 /// @param rows  of all constraints at this state (append_rows)
 /// @param gravity  in W [m/s²]
 /// @throws ShapeError if lengths differ; ModelError if constraints contradict each other, naming
-///         them, or no choice of active inequalities is consistent
+///         them, no choice of active inequalities is consistent, or a body has no mass
 template <Scalar T>
 ConstrainedAcceleration<T> constrained_acceleration(const std::vector<FreeBody<T>>& bodies,
                                                     const std::vector<BodyState<T>>& states,

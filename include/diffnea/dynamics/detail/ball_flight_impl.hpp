@@ -134,8 +134,11 @@ void BallFlight<T, World>::become_taut() {
   const Vec3<T> delta = state_.x - anchor.x, u = delta * (T(1.0) / detail::norm(delta));
   const T outward = dot(u, state_.v - anchor.v);
   state_.x = anchor.x + u * world_.length();
-  if (value(outward) < options_.rest_speed && value(taut_pull(time_, state_)) < 0.0)
-    return;  // on its way in
+  if (value(outward) < options_.rest_speed && value(taut_pull(time_, state_)) < 0.0) {
+    // On its way in. What still leads outward would bring it back here without end.
+    if (value(outward) > 0.0) state_.v = state_.v - u * outward;
+    return;
+  }
   ++impacts_;
   const bool bounces = options_.restitution > 0.0 && value(outward) > options_.rest_speed;
   const T back = bounces ? outward * T(options_.restitution) : T(0.0);

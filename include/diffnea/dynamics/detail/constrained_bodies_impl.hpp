@@ -9,8 +9,9 @@ namespace diffnea::detail {
 
 /// What a row's own diagonal may shrink to, by those before it, and still be its own.
 inline constexpr double kDependent = 1e-10;
-/// What a row that others imply may differ from what they imply, of the largest demand: more than
-/// the drift of a simulation leaves, less than any contradiction.
+/// What a row that others imply may differ from what they imply, of the largest demand, or of 1 in
+/// its unit over s² where all demands are small: more than the drift of a simulation leaves, less
+/// than any contradiction.
 inline constexpr double kContradiction = 1e-4;
 
 /// A λ = b on the rows `chosen`, redundant ones left out: pivoted Cholesky on the values chooses,
@@ -21,11 +22,7 @@ std::vector<T> solve_rows(const MatX<T>& A, const VecX<T>& b, std::vector<int> c
   const auto n = static_cast<int>(chosen.size());
   MatX<T> L(n, n);  // of the permuted, shrinking matrix
   std::vector<T> diagonal(static_cast<std::size_t>(n));
-  double largest = 0.0;
-  for (int i = 0; i < n; ++i) {
-    diagonal[i] = A(chosen[i], chosen[i]);
-    largest = std::max(largest, value(diagonal[i]));
-  }
+  for (int i = 0; i < n; ++i) diagonal[i] = A(chosen[i], chosen[i]);
   int rank = 0;
   for (; rank < n; ++rank) {
     int pivot = rank;
@@ -85,7 +82,7 @@ std::vector<T> solve_complementary(const MatX<T>& A, const VecX<T>& b,
     const std::vector<T> lambda = solve_rows(A, b, chosen, redundant);
     for (const int i : redundant) {
       if (rows[i].relation == Relation::kAtMost) continue;  // judged below
-      if (std::abs(demanded(lambda, i)) > kContradiction * scale)
+      if (std::abs(demanded(lambda, i)) > kContradiction * std::max(scale, 1.0))
         throw ModelError("constrained bodies: constraint '" + rows[i].name +
                          "' contradicts the others: they leave it no motion, and it demands one; "
                          "remove it, or start from a state that satisfies all of them");
@@ -148,6 +145,11 @@ void check_rows(const std::vector<ConstraintRow<T>>& rows, std::size_t bodies) {
 
 template <class T>
 std::vector<Mobility<T>> mobilities(const std::vector<FreeBody<T>>& bodies) {
+  for (std::size_t b = 0; b < bodies.size(); ++b)
+    if (bodies[b].kind != BodyKind::kPrescribed && !(value(bodies[b].inertia.m) > 0.0))
+      throw ModelError("constrained bodies: body " + std::to_string(b) + " has a mass of " +
+                       std::to_string(value(bodies[b].inertia.m)) +
+                       " kg, expected a positive one (or a prescribed body)");
   return {bodies.begin(), bodies.end()};
 }
 
