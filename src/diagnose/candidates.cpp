@@ -132,7 +132,7 @@ std::vector<Candidate> make_candidates(const Model& model, const std::vector<std
       if (link_side && info.motor_side && info.port == Port::kMemory) continue;
       // One offset for each of several runs; with one run it is the torque offset.
       if (info.name == "session_offset" && runs.size() < 2) continue;
-      if (contains(kOnlyIfAsked, info.name)) continue;
+      if (contains(kOnlyIfAsked, info.name) || acts_on_ball(info)) continue;
       for (const std::string& where : places(info, model)) add(info, where);
       if (contains(kCommon, info.name) && one_type(model)) add(info, "all");
     }

@@ -59,6 +59,12 @@ std::string names_of_places(Place place) {
       return "`base`";
     case Place::kAllJoints:
       return "`all`";
+    case Place::kBall:
+      return "`ball`";
+    case Place::kString:
+      return "`string`";
+    case Place::kCamera:
+      return "`camera`";
   }
   return "";
 }
@@ -82,6 +88,14 @@ std::vector<int> resolve_where(const std::string& here, const EffectInfo& info,
   std::vector<int> all(n);
   std::iota(all.begin(), all.end(), 0);
   const std::string expected = "; expected " + names_of_places(info.place);
+  if (acts_on_ball(info)) {
+    const std::vector<std::string> there = places(info, model);
+    if (there.empty())
+      throw ModelError(here + ": the model has no " +
+                       (info.place == Place::kString ? "string" : "ball") + " to act on");
+    if (where != there.front()) throw ModelError(here + ": got '" + where + "'" + expected);
+    return {};
+  }
   if (n == 0) throw ModelError(here + ": the model has no moving joint to act on");
   if (where.empty()) throw ModelError(here + ": it is not said where it acts" + expected);
 
@@ -197,6 +211,10 @@ const EffectInfo& info(const AnyEffect& effect) {
   return std::visit([]<class E>(const E&) -> const EffectInfo& { return E::info(); }, effect);
 }
 
+bool acts_on_ball(const EffectInfo& info) {
+  return info.place == Place::kBall || info.place == Place::kString || info.place == Place::kCamera;
+}
+
 const std::vector<EffectInfo>& catalogue() {
   static const std::vector<EffectInfo> kCatalogue = [] {
     std::vector<EffectInfo> out;
@@ -251,6 +269,13 @@ std::vector<std::string> places(const EffectInfo& info, const Model& model) {
       return {"base"};
     case Place::kAllJoints:
       return {"all"};
+    case Place::kBall:
+      return model.ball ? std::vector<std::string>{"ball"} : std::vector<std::string>{};
+    case Place::kString:
+      return model.ball && model.ball->string ? std::vector<std::string>{"string"}
+                                              : std::vector<std::string>{};
+    case Place::kCamera:
+      return model.ball ? std::vector<std::string>{"camera"} : std::vector<std::string>{};
   }
   return {};
 }

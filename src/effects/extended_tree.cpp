@@ -8,7 +8,7 @@ ExtendedTree extend(const Model& model, const std::vector<int>& runs, int run) {
   for (const EffectSpec& spec : model.effects) {
     if (spec.effect == "armature") continue;
     const BoundEffect effect = bind(spec, model, runs);
-    if (!effect.acts_in(run)) continue;
+    if (!effect.acts_in(run) || acts_on_ball(effect.info())) continue;
     if (effect.info().port == Port::kModelParameter)
       add_to_tree(effect, effect.parameters.data(), out.tree);
     else

@@ -175,6 +175,9 @@ Rows torque_of(const BoundEffect& effect, const ExtendedTree& base, const JointS
       return memory_torque(effect, base, x, p);
     case Port::kJointTorque:
     case Port::kLinkForce:
+    case Port::kBallForce:  // no torque
+    case Port::kBallView:
+    case Port::kStringAnchor:
       break;
   }
   Rows out = Rows::Zero(x.rows(), x.q.cols());

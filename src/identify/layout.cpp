@@ -239,7 +239,7 @@ FitLayout make_layout(const Model& model, const FitChoice& choice, const std::ve
     const bool left_out = choice.link_side && info(find_effect(spec.effect)).motor_side &&
                           !contains(asked, spec.effect) &&
                           !contains(asked, spec.effect + "@" + spec.where);
-    if (!left_out) add(spec);
+    if (!left_out && !acts_on_ball(info(find_effect(spec.effect)))) add(spec);
   }
   for (const std::string& entry : asked) {
     const std::size_t at = entry.find('@');

@@ -21,6 +21,12 @@ const char* place_name(Place place) {
       return "base";
     case Place::kAllJoints:
       return "all";
+    case Place::kBall:
+      return "ball";
+    case Place::kString:
+      return "string";
+    case Place::kCamera:
+      return "camera";
   }
   return "";
 }
@@ -37,6 +43,12 @@ const char* port_name(Port port) {
       return "measurement";
     case Port::kMemory:
       return "torque with memory";
+    case Port::kBallForce:
+      return "acceleration of the ball";
+    case Port::kBallView:
+      return "view of the ball";
+    case Port::kStringAnchor:
+      return "place of the string";
   }
   return "";
 }

@@ -12,23 +12,37 @@
 #include <diffnea/effects/armature.hpp>
 #include <diffnea/effects/asymmetric_coulomb.hpp>
 #include <diffnea/effects/asymmetric_viscous.hpp>
+#include <diffnea/effects/attachment_offset.hpp>
 #include <diffnea/effects/backlash.hpp>
 #include <diffnea/effects/base_tilt.hpp>
 #include <diffnea/effects/cable_differential_friction.hpp>
+#include <diffnea/effects/camera_delay.hpp>
+#include <diffnea/effects/camera_offset.hpp>
+#include <diffnea/effects/camera_rotation.hpp>
+#include <diffnea/effects/camera_scale.hpp>
 #include <diffnea/effects/cogging.hpp>
 #include <diffnea/effects/coulomb_friction.hpp>
+#include <diffnea/effects/dry_drag.hpp>
 #include <diffnea/effects/encoder_offset.hpp>
 #include <diffnea/effects/encoder_scale.hpp>
+#include <diffnea/effects/gravity_scale.hpp>
 #include <diffnea/effects/joint_elasticity.hpp>
 #include <diffnea/effects/joint_spring.hpp>
+#include <diffnea/effects/linear_drag.hpp>
 #include <diffnea/effects/load_friction.hpp>
+#include <diffnea/effects/magnus.hpp>
 #include <diffnea/effects/payload.hpp>
 #include <diffnea/effects/presliding_dahl.hpp>
 #include <diffnea/effects/presliding_lugre.hpp>
+#include <diffnea/effects/quadratic_drag.hpp>
 #include <diffnea/effects/quadratic_friction.hpp>
 #include <diffnea/effects/saturation.hpp>
 #include <diffnea/effects/session_offset.hpp>
 #include <diffnea/effects/stribeck_friction.hpp>
+#include <diffnea/effects/string_bending.hpp>
+#include <diffnea/effects/string_damping.hpp>
+#include <diffnea/effects/string_extension.hpp>
+#include <diffnea/effects/string_mass.hpp>
 #include <diffnea/effects/sublinear_friction.hpp>
 #include <diffnea/effects/time_shift.hpp>
 #include <diffnea/effects/tip_force.hpp>
@@ -38,6 +52,7 @@
 #include <diffnea/effects/velocity_filter_lag.hpp>
 #include <diffnea/effects/viscous_friction.hpp>
 #include <diffnea/effects/warm_up.hpp>
+#include <diffnea/effects/wind.hpp>
 #include <diffnea/model/model.hpp>
 
 namespace diffnea {
@@ -49,23 +64,37 @@ using AnyEffect = std::variant<  //
     Armature,                    //
     AsymmetricCoulomb,           //
     AsymmetricViscous,           //
+    AttachmentOffset,            //
     Backlash,                    //
     BaseTilt,                    //
     CableDifferentialFriction,   //
+    CameraDelay,                 //
+    CameraOffset,                //
+    CameraRotation,              //
+    CameraScale,                 //
     Cogging,                     //
     CoulombFriction,             //
+    DryDrag,                     //
     EncoderOffset,               //
     EncoderScale,                //
+    GravityScale,                //
     JointElasticity,             //
     JointSpring,                 //
+    LinearDrag,                  //
     LoadFriction,                //
+    Magnus,                      //
     Payload,                     //
     PreslidingDahl,              //
     PreslidingLugre,             //
+    QuadraticDrag,               //
     QuadraticFriction,           //
     Saturation,                  //
     SessionOffset,               //
     StribeckFriction,            //
+    StringBending,               //
+    StringDamping,               //
+    StringExtension,             //
+    StringMass,                  //
     SublinearFriction,           //
     TimeShift,                   //
     TipForce,                    //
@@ -74,7 +103,8 @@ using AnyEffect = std::variant<  //
     TransmissionCoupling,        //
     VelocityFilterLag,           //
     ViscousFriction,             //
-    WarmUp>;
+    WarmUp,                      //
+    Wind>;
 
 /// Metadata of every effect, in the order of AnyEffect.
 const std::vector<EffectInfo>& catalogue();
@@ -83,6 +113,9 @@ const std::vector<EffectInfo>& catalogue();
 AnyEffect find_effect(const std::string& name);
 
 const EffectInfo& info(const AnyEffect& effect);
+
+/// Whether it acts on a ball, its string or the camera that sees it, and never on joints.
+bool acts_on_ball(const EffectInfo& info);
 
 /// An effect at its joints, with values.
 struct BoundEffect {
@@ -124,11 +157,12 @@ RunPlace split_where(const std::string& where);
 std::string join_where(const RunPlace& where);
 
 /// Resolves `spec` on `model`. `where` is a joint's name, two of them for a pair ("elbow,wrist"),
-/// `tip` (the last moving link), `base` or `all`; an effect of one joint bound at `all` acts on
-/// every joint with the same parameters. A place that ends in `:run=K`, or `:run=K+L`, stands for
-/// those recordings alone (armature, which is of the link tree, acts in all). Parameters that are
-/// not given take their initial values; a unit that is given must be the effect's. `runs`:
-/// recordings that a per-run effect gets a parameter for (those named in the spec come on top).
+/// `tip` (the last moving link), `base`, `ball`, `string`, `camera` or `all`; an effect of one
+/// joint bound at `all` acts on every joint with the same parameters. A place that ends in
+/// `:run=K`, or `:run=K+L`, stands for those recordings alone (armature, which is of the link tree,
+/// acts in all). Parameters that are not given take their initial values; a unit that is given must
+/// be the effect's. `runs`: recordings that a per-run effect gets a parameter for (those named in
+/// the spec come on top).
 /// @throws ModelError naming the choices if the effect, place, parameter or unit is unknown, a sign
 /// is
 ///         wrong, or `all` would mix revolute and prismatic joints

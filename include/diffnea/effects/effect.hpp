@@ -67,7 +67,7 @@ inline std::vector<double> log_grid(double low, double high, int count) {
 }
 
 /// Where an effect can act; also how many joints it names.
-enum class Place { kJoint, kJointPair, kTip, kBase, kAllJoints };
+enum class Place { kJoint, kJointPair, kTip, kBase, kAllJoints, kBall, kString, kCamera };
 
 /// What it acts on.
 enum class Port {
@@ -77,6 +77,9 @@ enum class Port {
   kMeasurement,     ///< changes what is logged of the motion: add_to_motion turns it into the truth
   kMemory,          ///< torque that depends on the past of the motion: torque_series, or a
                     ///< spring's deflection and the rotor_torque that comes with it
+  kBallForce,       ///< accelerates the ball: add_acceleration (effects/ball_effect.hpp)
+  kBallView,        ///< changes where the camera sees the ball: change_view
+  kStringAnchor,    ///< changes where the string is tied: add_to_anchor
 };
 
 /// What selection, results and files see of an effect.

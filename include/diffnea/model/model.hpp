@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include <diffnea/model/ball.hpp>
 #include <diffnea/model/tree.hpp>
 
 namespace diffnea {
@@ -73,6 +74,7 @@ struct Model {
   std::vector<EffectSpec>
       effects;  ///< armature, friction, springs … of the base model and found later
   Vec3<double> gravity{0, 0, -9.81};
+  std::optional<BallSpec> ball;
   std::optional<Posterior> posterior;
   std::string source;  ///< file the model was read from, for messages
   std::vector<std::string>

@@ -1,0 +1,118 @@
+#pragma once
+/// A ball's flight fitted to what a camera saw: output error over windows, each with an initial
+/// state of its own, which is estimated and eliminated (multiple shooting; Bock 1983). Parameters
+/// are the string's length r and its attachment p_LS (the visible part of the paper's T_E) and
+/// those of effects on ball, string and camera; derivatives by Jets through the switches of the
+/// string.
+///
+/// One linearisation serves fit and diagnosis: what a parameter at its present value, 0 of a
+/// candidate, would change of every position, with the initial states projected out.
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include <diffnea/effects/catalogue.hpp>
+#include <diffnea/identify/hand_motion.hpp>
+
+namespace diffnea {
+
+/// One parameter of a ball fit.
+struct BallParameter {
+  std::string name, unit;
+  Sign sign = Sign::kFree;
+  double value = 0.0;  ///< where the fit starts, and stays if it is fixed
+  bool fixed = false;
+  int effect = -1;  ///< index into BallLayout::effects; −1: the string itself
+  int index = -1;   ///< of the effect's parameters; of the string: 0 length, 1–3 attachment
+};
+
+struct BallLayout {
+  std::vector<BallParameter> parameters;
+  std::vector<BoundEffect> effects;
+
+  VecX<double> values() const;
+};
+/// The string's parameters, if the ball has one, then those of `effects` (names as in result
+/// files).
+/// @param fit_string  false: length and attachment are held at the model's
+/// @throws ModelError if the model has no ball, or an effect is of a joint
+BallLayout make_ball_layout(const Model& model, const std::vector<EffectSpec>& effects,
+                            bool fit_string = true);
+
+/// A stretch of a recording that is simulated in one go.
+struct BallWindow {
+  int run = 0;
+  int hand = 0;                    ///< index into BallData::hands
+  std::vector<double> time;        ///< (m) [s], of the rows at which the ball was seen
+  std::vector<Vec3<double>> seen;  ///< (m) [m], W
+  Vec3<double> spin{0, 0, 0};      ///< [rad/s], W, mean over the window; 0 where not recorded
+  ParticleState<double> state;     ///< at time[0], estimate
+  bool taut = false;               ///< the string is, at time[0]
+};
+struct BallData {
+  std::vector<HandMotion> hands;
+  std::vector<BallWindow> windows;
+  std::vector<std::string> notes;
+};
+
+struct BallFitOptions {
+  double window = 2.0;       ///< [s], at most
+  double shortest = 0.2;     ///< a shorter stretch is left out [s]
+  double longest_gap = 0.1;  ///< rows further apart are of two windows [s]
+  FlightOptions flight;
+  int max_iterations = 60;
+  double tolerance = 1e-8;  ///< stop when a step would gain a smaller share of χ²
+  bool robust = true;       ///< Huber's loss at 3 σ (per position), for outliers of the camera
+};
+
+/// Windows of the recordings, with first states from the positions themselves.
+/// @throws DataError if a recording has no ball, or never shows it for long enough, or the string's
+///         link does not move in it as its joints are not recorded
+BallData make_ball_data(const Model& model, const std::vector<Recording>& recordings,
+                        const BallFitOptions& options);
+
+/// Residual and derivatives of all windows about (p, states), states projected out.
+struct BallLinearisation {
+  MatX<double> R;     ///< (P, P) upper factor of the whitened parameters' columns
+  VecX<double> d;     ///< (P): Qᵀ of the residual
+  double chi2 = 0.0;  ///< Σ w e²/σ² at (p, states)
+  double left = 0.0;  ///< χ² that neither parameters nor states reach, to first order
+  long samples = 0;   ///< numbers compared, 3 a row
+  std::vector<MatX<double>> state_steps;  ///< per window: (6, 1 + P), step of the state = col 0 −
+                                          ///< cols 1… · step of p
+};
+
+struct BallFit {
+  VecX<double> p;           ///< (P)
+  MatX<double> covariance;  ///< (P, P) σ² of what the states leave; 0 of fixed ones
+  double sigma = 0.0;       ///< of one position along one axis [m]
+  double chi2 = 0.0;        ///< at p, with sigma
+  long samples = 0;
+  int iterations = 0;
+  bool converged = false, interrupted = false;
+  std::string termination;
+};
+
+/// Positions that the camera would have seen, (m) per window. @param p  as the layout's parameters
+std::vector<Vec3<double>> predict_ball(const Model& model, const BallLayout& layout,
+                                       const VecX<double>& p, const BallData& data,
+                                       const BallWindow& window, const FlightOptions& flight);
+
+BallLinearisation linearise_ball(const Model& model, const BallLayout& layout,
+                                 const VecX<double>& p, const BallData& data, double sigma,
+                                 const BallFitOptions& options);
+
+/// Levenberg–Marquardt from the layout's values; states of `data` are updated. The noise is
+/// estimated with the fit.
+/// @param progress  called after every step with (iteration, rms [m]); false stops
+BallFit fit_ball(const Model& model, const BallLayout& layout, BallData& data,
+                 const BallFitOptions& options = {},
+                 const std::function<bool(int, double)>& progress = {});
+
+/// First guess of length and attachment from distances alone: Σ (‖y − x_S‖ − r)² over rows at which
+/// the string is taut, from any start (Gauss–Newton; rows nearer than r by 5 % count as slack).
+/// @throws DataError if the ball is never taut (naming the largest distance)
+void guess_string(const BallData& data, Vec3<double>& p_LS, double& length);
+
+}  // namespace diffnea

@@ -1,0 +1,23 @@
+#pragma once
+/// A ball beside the robot: in free flight, or on a string that is tied to a link. Plain data.
+
+#include <optional>
+
+#include <diffnea/lie/vec3.hpp>
+
+namespace diffnea {
+
+/// A string without mass from the anchor S, fixed to a link, to the ball's centre.
+struct StringSpec {
+  int link = -1;               ///< index into Model::links, −1: S is fixed to the world
+  Vec3<double> p_LS{0, 0, 0};  ///< the anchor, in that link's frame [m] (the paper's p_E)
+  double length = 0.0;         ///< r, from S to the ball's centre [m]
+};
+
+struct BallSpec {
+  double mass = 0.0;    ///< [kg]
+  double radius = 0.0;  ///< [m]; 0: not known
+  std::optional<StringSpec> string;
+};
+
+}  // namespace diffnea

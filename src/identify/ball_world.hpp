@@ -1,0 +1,90 @@
+#pragma once
+/// The world of one window in any scalar: hand, forces, view.
+
+#include <diffnea/identify/ball_fit.hpp>
+
+namespace diffnea {
+
+/// @tparam T  double, or a Jet with respect to parameters and first state
+template <Scalar T>
+struct BallWorld {
+  const Model* model = nullptr;
+  const BallLayout* layout = nullptr;
+  const HandMotion* hand = nullptr;
+  std::vector<T> p;  ///< as the layout's parameters
+  Vec3<double> spin{0, 0, 0};
+  Vec3<T> p_LS;
+  T r{};
+
+  BallWorld(const Model& m, const BallLayout& l, const HandMotion& h, std::vector<T> parameters)
+      : model(&m), layout(&l), hand(&h), p(std::move(parameters)) {
+    if (!m.ball->string) return;
+    r = T(m.ball->string->length);
+    p_LS = m.ball->string->p_LS.template cast<T>();
+    for (std::size_t k = 0; k < p.size(); ++k) {
+      const BallParameter& parameter = l.parameters[k];
+      if (parameter.effect >= 0) continue;
+      T& held = parameter.index == 0   ? r
+                : parameter.index == 1 ? p_LS.x
+                : parameter.index == 2 ? p_LS.y
+                                       : p_LS.z;
+      held = p[k];
+    }
+    each_effect([&](const auto& formula, const T* values) {
+      if constexpr (requires { formula.add_to_anchor(values, p_LS); })
+        formula.add_to_anchor(values, p_LS);
+    });
+  }
+
+  bool has_string() const { return model->ball->string.has_value(); }
+  T length() const { return r; }
+  AnchorMotion<T> anchor(const T& time) const { return hand->anchor(time, p_LS); }
+
+  Vec3<T> acceleration(const BallSample<T>& x) const {
+    const BallSample<T> full = completed(x);
+    Vec3<T> a = model->gravity.template cast<T>();
+    each_effect([&](const auto& formula, const T* values) {
+      if constexpr (requires { formula.add_acceleration(full, values, a); })
+        formula.add_acceleration(full, values, a);
+    });
+    return a;
+  }
+
+  /// Where the camera sees the ball.
+  Vec3<T> seen(const BallFlight<T, BallWorld>& flight) const {
+    BallSample<T> x = completed(flight.sample());
+    x.pull = flight.pull();
+    x.acceleration = acceleration(x);
+    if (x.taut) x.acceleration = x.acceleration - x.u * x.pull;
+    Vec3<T> out = x.ball.x;
+    // In the order in which they happen: the string gives, time passes, the camera measures.
+    for (const char* name :
+         {"string_extension", "camera_delay", "camera_scale", "camera_rotation", "camera_offset"})
+      each_effect([&](const auto& formula, const T* values) {
+        if constexpr (requires { formula.change_view(x, values, out); })
+          if (formula.info().name == name) formula.change_view(x, values, out);
+      });
+    return out;
+  }
+
+ private:
+  BallSample<T> completed(BallSample<T> x) const {
+    x.length = r;
+    x.gravity = model->gravity;
+    x.spin = spin;
+    x.mass = model->ball->mass;
+    x.radius = model->ball->radius;
+    return x;
+  }
+  template <class Visit>
+  void each_effect(const Visit& visit) const {
+    std::size_t k = 0;
+    while (k < p.size() && layout->parameters[k].effect < 0) ++k;
+    for (const BoundEffect& e : layout->effects) {
+      std::visit([&](const auto& formula) { visit(formula, p.data() + k); }, e.type);
+      k += e.parameters.size();
+    }
+  }
+};
+
+}  // namespace diffnea
