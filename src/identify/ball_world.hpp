@@ -41,7 +41,7 @@ struct BallWorld {
   AnchorMotion<T> anchor(const T& time) const { return hand->anchor(time, p_LS); }
 
   Vec3<T> acceleration(const BallSample<T>& x) const {
-    const BallSample<T> full = completed(x);
+    const BallInstant<T> full = completed(x);
     Vec3<T> a = model->gravity.template cast<T>();
     each_effect([&](const auto& formula, const T* values) {
       if constexpr (requires { formula.add_acceleration(full, values, a); })
@@ -52,7 +52,7 @@ struct BallWorld {
 
   /// Where the camera sees the ball.
   Vec3<T> seen(const BallFlight<T, BallWorld>& flight) const {
-    BallSample<T> x = completed(flight.sample());
+    BallInstant<T> x = completed(flight.sample());
     x.pull = flight.pull();
     x.acceleration = acceleration(x);
     if (x.taut) x.acceleration = x.acceleration - x.u * x.pull;
@@ -68,7 +68,8 @@ struct BallWorld {
   }
 
  private:
-  BallSample<T> completed(BallSample<T> x) const {
+  BallInstant<T> completed(const BallSample<T>& sample) const {
+    BallInstant<T> x{sample};
     x.length = r;
     x.gravity = model->gravity;
     x.spin = spin;

@@ -179,6 +179,7 @@ struct Finding {
   std::vector<ResidualSeries> series;
   std::vector<EvidencePlot> plots;
   SimulatedMotion simulated;
+  std::optional<BallSeries> ball;   ///< held-out where there is a test recording
   std::vector<ChannelFault> audit;  ///< of the recordings, before any dynamics
   std::optional<NextExperiment> next_experiment;
   double lack_of_fit = 0.0;    ///< F of the base model against the saturated one

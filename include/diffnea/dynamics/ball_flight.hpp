@@ -53,6 +53,7 @@ class BallFlight {
   const ParticleState<T>& state() const { return state_; }
   bool taut() const { return taut_; }
   T pull() const;  ///< T/m now [m/s²]; 0 if slack
+  BallSample<T> sample() const { return sample(time_, state_, taut_); }
   long impacts() const { return impacts_; }
   T lost_energy() const { return lost_energy_; }  ///< to impacts, per mass [m²/s²]
 

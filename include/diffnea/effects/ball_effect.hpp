@@ -11,6 +11,16 @@
 
 namespace diffnea {
 
+/// What such an effect may depend on.
+template <Scalar T>
+struct BallInstant : BallSample<T> {
+  T length{};                       ///< r of the string [m]
+  T pull{};                         ///< T/m [m/s²]; known to views alone
+  Vec3<T> acceleration;             ///< ẍ [m/s²]; known to views alone
+  Vec3<double> gravity, spin;       ///< in W [m/s², rad/s]
+  double mass = 0.0, radius = 0.0;  ///< [kg, m]
+};
+
 inline constexpr double kAirDensity = 1.2;  ///< of air at 20 °C, 1013 hPa [kg/m³]
 
 /// A parameter of such an effect: every column is linear in it about 0.
@@ -26,7 +36,7 @@ T speed(const Vec3<T>& v) {
 }
 /// The part of v across the string.
 template <class T>
-Vec3<T> across(const BallSample<T>& x, const Vec3<T>& v) {
+Vec3<T> across(const BallInstant<T>& x, const Vec3<T>& v) {
   return v - x.u * dot(x.u, v);
 }
 

@@ -18,7 +18,7 @@ struct CameraDelay {
   }
 
   template <Scalar T>
-  void change_view(const BallSample<T>& x, const T* p, Vec3<T>& seen) const {
+  void change_view(const BallInstant<T>& x, const T* p, Vec3<T>& seen) const {
     seen = seen - x.ball.v * p[0] + x.acceleration * (p[0] * p[0] * T(0.5));
   }
 };

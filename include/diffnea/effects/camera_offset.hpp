@@ -19,7 +19,7 @@ struct CameraOffset {
   }
 
   template <Scalar T>
-  void change_view(const BallSample<T>&, const T* p, Vec3<T>& seen) const {
+  void change_view(const BallInstant<T>&, const T* p, Vec3<T>& seen) const {
     seen = seen + Vec3<T>{p[0], p[1], p[2]};
   }
 };

@@ -17,7 +17,7 @@ struct CameraScale {
   }
 
   template <Scalar T>
-  void change_view(const BallSample<T>&, const T* p, Vec3<T>& seen) const {
+  void change_view(const BallInstant<T>&, const T* p, Vec3<T>& seen) const {
     seen = seen + seen * p[0];
   }
 };

@@ -17,7 +17,7 @@ struct GravityScale {
   }
 
   template <Scalar T>
-  void add_acceleration(const BallSample<T>& x, const T* p, Vec3<T>& a) const {
+  void add_acceleration(const BallInstant<T>& x, const T* p, Vec3<T>& a) const {
     a = a + x.gravity.template cast<T>() * p[0];
   }
 };

@@ -18,7 +18,7 @@ struct LinearDrag {
   }
 
   template <Scalar T>
-  void add_acceleration(const BallSample<T>& x, const T* p, Vec3<T>& a) const {
+  void add_acceleration(const BallInstant<T>& x, const T* p, Vec3<T>& a) const {
     a = a - x.ball.v * p[0];
   }
 };

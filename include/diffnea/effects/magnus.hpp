@@ -18,7 +18,7 @@ struct Magnus {
   }
 
   template <Scalar T>
-  void add_acceleration(const BallSample<T>& x, const T* p, Vec3<T>& a) const {
+  void add_acceleration(const BallInstant<T>& x, const T* p, Vec3<T>& a) const {
     if (!(x.mass > 0.0)) return;
     const double r = x.radius, per_unit = kAirDensity * M_PI * r * r * r / x.mass;
     a = a + cross(x.spin.template cast<T>(), x.ball.v) * (p[0] * T(per_unit));

@@ -19,7 +19,7 @@ struct StringBending {
   }
 
   template <Scalar T>
-  void add_acceleration(const BallSample<T>& x, const T* p, Vec3<T>& a) const {
+  void add_acceleration(const BallInstant<T>& x, const T* p, Vec3<T>& a) const {
     if (!x.taut) return;
     const Vec3<double> down = x.gravity * (1.0 / std::sqrt(dot(x.gravity, x.gravity)));
     a = a + across(x, down.template cast<T>()) * (p[0] * x.length);

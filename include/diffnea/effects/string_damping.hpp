@@ -19,7 +19,7 @@ struct StringDamping {
   }
 
   template <Scalar T>
-  void add_acceleration(const BallSample<T>& x, const T* p, Vec3<T>& a) const {
+  void add_acceleration(const BallInstant<T>& x, const T* p, Vec3<T>& a) const {
     if (x.taut) a = a - across(x, x.ball.v - x.anchor.v) * p[0];
   }
 };

@@ -19,7 +19,7 @@ struct StringExtension {
   }
 
   template <Scalar T>
-  void change_view(const BallSample<T>& x, const T* p, Vec3<T>& seen) const {
+  void change_view(const BallInstant<T>& x, const T* p, Vec3<T>& seen) const {
     if (x.taut) seen = seen + x.u * (p[0] * T(x.mass) * x.pull);
   }
 };

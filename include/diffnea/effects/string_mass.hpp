@@ -19,7 +19,7 @@ struct StringMass {
   }
 
   template <Scalar T>
-  void add_acceleration(const BallSample<T>& x, const T* p, Vec3<T>& a) const {
+  void add_acceleration(const BallInstant<T>& x, const T* p, Vec3<T>& a) const {
     if (!x.taut) return;
     const T excess = (T(1.0) + p[0] * T(0.5)) / (T(1.0) + p[0] * T(1.0 / 3.0)) - T(1.0);
     a = a + across(x, x.gravity.template cast<T>() - x.anchor.a) * excess;

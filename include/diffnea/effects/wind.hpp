@@ -19,7 +19,7 @@ struct Wind {
   }
 
   template <Scalar T>
-  void add_acceleration(const BallSample<T>&, const T* p, Vec3<T>& a) const {
+  void add_acceleration(const BallInstant<T>&, const T* p, Vec3<T>& a) const {
     a = a + Vec3<T>{p[0], p[1], p[2]};
   }
 };

@@ -54,7 +54,8 @@ struct ParameterEstimate {
       false;  ///< the consistent optimum lies on the boundary (zero friction, massless part)
 };
 
-/// Root mean square of one joint's torque error, four times over [N·m] or [N].
+/// Root mean square of one joint's torque error, four times over [N·m] or [N]; of joint `ball`: of
+/// its position along one axis [m], with torque_rms of the position about its mean.
 struct JointError {
   std::string joint, unit;
   double torque_rms = 0.0;     ///< of the measured torque, held-out set (training set without one)
@@ -111,6 +112,7 @@ struct IdentifyResult {
   std::vector<std::string>
       notes;  ///< what a reader should know: motionless joints, dropped segments …
   std::vector<TorqueSeries> train_series, test_series;
+  std::optional<BallSeries> ball;  ///< where a ball was fitted
   FitSummary summary;
 };
 

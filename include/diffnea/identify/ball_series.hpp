@@ -1,0 +1,40 @@
+#pragma once
+/// The ball's path as the camera saw it and as two models have it: what pictures are made of. Plain
+/// data, row by row of the rows at which the ball was seen.
+
+#include <array>
+#include <string>
+#include <vector>
+
+namespace diffnea {
+
+/// Rows or flights that were looked at and not fitted, and why.
+struct BallFlag {
+  int run = 0;
+  double time = 0.0;     ///< [s]
+  std::string channel;   ///< "ball", "spin"
+  std::string reason;    ///< a sentence with numbers
+};
+
+struct BallSeries {
+  using Point = std::array<double, 3>;  ///< [m], W; NaN: none
+
+  bool held_out = false;  ///< of the test recordings; otherwise of the fitted ones
+  bool has_string = false;
+  std::vector<int> run;
+  std::vector<int> window;    ///< each starts from an estimated state of its own
+  std::vector<double> time;   ///< [s]
+  std::vector<Point> measured;
+  std::vector<Point> base;      ///< of the model before the fit, or without the causes
+  std::vector<Point> extended;  ///< of the model as fitted, or with them
+  std::vector<Point> anchor;    ///< where the string is tied (of the extended model)
+  std::vector<bool> taut;       ///< of the extended model
+  double length = 0.0;          ///< of its string [m]
+  double sigma = 0.0;           ///< of one position along one axis [m]
+  double base_rms = 0.0, extended_rms = 0.0;  ///< of one position along one axis [m]
+  std::vector<BallFlag> flagged;
+
+  long rows() const { return static_cast<long>(time.size()); }
+};
+
+}  // namespace diffnea
