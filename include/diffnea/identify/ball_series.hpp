@@ -11,9 +11,9 @@ namespace diffnea {
 /// Rows or flights that were looked at and not fitted, and why.
 struct BallFlag {
   int run = 0;
-  double time = 0.0;     ///< [s]
-  std::string channel;   ///< "ball", "spin"
-  std::string reason;    ///< a sentence with numbers
+  double time = 0.0;    ///< [s]
+  std::string channel;  ///< "ball", "spin"
+  std::string reason;   ///< a sentence with numbers
 };
 
 struct BallSeries {
@@ -22,8 +22,8 @@ struct BallSeries {
   bool held_out = false;  ///< of the test recordings; otherwise of the fitted ones
   bool has_string = false;
   std::vector<int> run;
-  std::vector<int> window;    ///< each starts from an estimated state of its own
-  std::vector<double> time;   ///< [s]
+  std::vector<int> window;   ///< each starts from an estimated state of its own
+  std::vector<double> time;  ///< [s]
   std::vector<Point> measured;
   std::vector<Point> base;      ///< of the model before the fit, or without the causes
   std::vector<Point> extended;  ///< of the model as fitted, or with them

@@ -12,6 +12,7 @@
 /// global. Robust losses and shape parameters (v₀, Stribeck velocity …) take one more pass for each
 /// re-weighting or step.
 
+#include <diffnea/identify/ball_series.hpp>
 #include <diffnea/identify/linear_fit.hpp>
 #include <diffnea/identify/source.hpp>
 #include <diffnea/identify/trajectory_fit.hpp>
