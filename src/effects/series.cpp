@@ -176,6 +176,7 @@ Rows torque_of(const BoundEffect& effect, const ExtendedTree& base, const JointS
     case Port::kJointTorque:
     case Port::kLinkForce:
     case Port::kBallForce:  // no torque
+    case Port::kBallImpact:
     case Port::kBallView:
     case Port::kStringAnchor:
       break;

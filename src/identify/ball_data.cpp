@@ -1,66 +1,132 @@
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 
-#include <Eigen/Cholesky>
 #include <Eigen/QR>
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/identify/ball_fit.hpp>
 
+#include "identify/ball_rows.hpp"
+
 namespace diffnea {
 namespace {
 
-double norm(const Vec3<double>& v) { return std::sqrt(dot(v, v)); }
-
-Vec3<double> row(const RowMatX<double>& x, long k) { return {x(k, 0), x(k, 1), x(k, 2)}; }
-bool is_seen(const Recording& r, long k) { return r.ball.row(k).array().isFinite().all(); }
+/// Surface of a ball over its way: struck balls reach 1 (table tennis) to 2.
+constexpr double kMostSpin = 2.5;
 
 /// Position and velocity at the first row: the parabola of least squares through 0.1 s of rows.
 ParticleState<double> first_state(const BallWindow& w) {
   long n = 0;
   while (n < static_cast<long>(w.time.size()) && (n < 5 || w.time[n] - w.time[0] <= 0.1)) ++n;
-  MatX<double> A(n, 3), y(n, 3);
-  for (long k = 0; k < n; ++k) {
-    const double t = w.time[k] - w.time[0];
-    A.row(k) << 1.0, t, t * t;
-    y.row(k) << w.seen[k].x, w.seen[k].y, w.seen[k].z;
-  }
-  const MatX<double> c = A.colPivHouseholderQr().solve(y);
-  return {row(RowMatX<double>(c), 0), row(RowMatX<double>(c), 1)};
+  const Parabola c = parabola(w.time, w.seen, 0, n, w.time[0]);
+  return {c.x, c.v};
 }
 
-/// Stretches of rows at which the ball is seen, cut to the window's length.
-void add_windows(const Recording& r, int hand, const HandMotion& motion,
-                 const BallFitOptions& options, BallData& data) {
-  BallWindow w;
-  RowMatX<double> spin_sum = RowMatX<double>::Zero(1, 3);
-  const auto close = [&] {
-    if (w.time.size() >= 5 && w.time.back() - w.time.front() >= options.shortest) {
-      w.run = r.run;
-      w.hand = hand;
-      w.state = first_state(w);
-      if (r.spin.size() > 0) w.spin = row(spin_sum / static_cast<double>(w.time.size()), 0);
-      data.windows.push_back(w);
-    }
-    w = {};
-    spin_sum.setZero();
-  };
-  for (long k = 0; k < r.rows(); ++k) {
-    if (!is_seen(r, k) || !motion.covers(r.time[k], r.time[k])) continue;
-    if (!w.time.empty() && (r.time[k] - w.time.back() > options.longest_gap ||
-                            r.time[k] - w.time.front() >= options.window))
-      close();
-    w.time.push_back(r.time[k]);
-    w.seen.push_back(row(r.ball, k));
-    if (r.spin.size() > 0 && r.spin.row(k).array().isFinite().all()) spin_sum += r.spin.row(k);
-  }
-  close();
+std::string number(double x) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.3g", x);
+  return text;
 }
+
+/// Cuts one recording into windows.
+class Windows {
+ public:
+  Windows(const Recording& r, const Model& model, const BallFitOptions& options, BallData& data)
+      : recording_(r), options_(options), data_(data), radius_(model.ball->radius) {
+    std::vector<double> time;
+    std::vector<Vec3<double>> seen;
+    for (long k = 0; k < r.rows(); ++k) {
+      if (!r.ball.row(k).array().isFinite().all()) continue;
+      rows_.push_back(k);
+      time.push_back(r.time[k]);
+      seen.push_back({r.ball(k, 0), r.ball(k, 1), r.ball(k, 2)});
+    }
+    const bool bounces = std::ranges::any_of(
+        model.effects, [](const EffectSpec& e) { return e.effect == "bounce"; });
+    lost_ = find_outliers(time, seen, options.longest_gap);
+    for (std::size_t i = 0; i < lost_.size(); ++i)
+      if (lost_[i] > 0.0)
+        flag(time[i], "ball", "is " + number(1e3 * lost_[i]) + " mm off its neighbours");
+    if (!model.ball->string && !bounces) kinks_ = find_kinks(time, seen, options.longest_gap);
+    seen_ = std::move(seen);
+  }
+
+  void add(int hand, const HandMotion& motion) {
+    hand_ = hand;
+    for (std::size_t i = 0; i < rows_.size(); ++i) {
+      const double t = recording_.time[rows_[i]];
+      if (lost_[i] > 0.0 || !motion.covers(t, t)) continue;
+      if (!kinks_.empty() && kinks_[i]) {
+        close();
+        bounced_ = true;
+        continue;
+      }
+      if (!window_.time.empty() && (t - window_.time.back() > options_.longest_gap ||
+                                    t - window_.time.front() >= options_.window))
+        close();
+      window_.time.push_back(t);
+      window_.seen.push_back(seen_[i]);
+      if (recording_.spin.size() > 0 && recording_.spin.row(rows_[i]).array().isFinite().all()) {
+        spin_sum_ =
+            spin_sum_ + Vec3<double>{recording_.spin(rows_[i], 0), recording_.spin(rows_[i], 1),
+                                     recording_.spin(rows_[i], 2)};
+        ++spins_;
+      }
+    }
+    close();
+  }
+
+ private:
+  void close() {
+    BallWindow w = std::move(window_);
+    window_ = {};
+    const Vec3<double> spin_sum = spin_sum_;
+    const long spins = spins_;
+    spin_sum_ = {0, 0, 0};
+    spins_ = 0;
+    if (w.time.size() < 6 || w.time.back() - w.time.front() < options_.shortest) return;
+    w.run = recording_.run;
+    w.hand = hand_;
+    w.state = first_state(w);
+    if (recording_.spin.size() > 0) {
+      const double from = w.time.front();
+      if (bounced_) return flag(from, "spin", "a bounce has changed it, and the model has none");
+      if (spins == 0) return flag(from, "spin", "is not recorded");
+      w.spin = spin_sum * (1.0 / static_cast<double>(spins));
+      const double spin = std::sqrt(dot(w.spin, w.spin)),
+                   speed = std::sqrt(dot(w.state.v, w.state.v));
+      if (radius_ * spin > kMostSpin * speed)
+        return flag(from, "spin",
+                    number(spin) + " rad/s would move the surface at " +
+                        number(radius_ * spin / speed) + " times the ball's speed, expected " +
+                        number(kMostSpin) + " at most");
+    }
+    data_.windows.push_back(std::move(w));
+  }
+  void flag(double time, const std::string& channel, const std::string& reason) {
+    data_.flagged.push_back({recording_.run, time, channel, reason});
+  }
+
+  const Recording& recording_;
+  const BallFitOptions& options_;
+  BallData& data_;
+  double radius_;
+  std::vector<long> rows_;  ///< of the recording, at which the ball was seen
+  std::vector<Vec3<double>> seen_;
+  std::vector<double> lost_;  ///< how far a row that cannot be true is off [m]; 0: it may be
+  std::vector<bool> kinks_;
+  bool bounced_ = false;
+  int hand_ = 0;
+  BallWindow window_;
+  Vec3<double> spin_sum_{0, 0, 0};
+  long spins_ = 0;
+};
 
 }  // namespace
 
 BallData make_ball_data(const Model& model, const std::vector<Recording>& recordings,
-                        const BallFitOptions& options) {
+                        const BallFitOptions& options, const PreprocessOptions& smoothing) {
   BallData data;
   const TreeMap map = map_to_tree(model);
   const int link = model.ball && model.ball->string ? model.ball->string->link : -1;
@@ -70,92 +136,39 @@ BallData make_ball_data(const Model& model, const std::vector<Recording>& record
       throw DataError(r.source +
                       ": the ball was not recorded; expected columns ball_x, ball_y, "
                       "ball_z [m] in the world's frame");
-    const std::size_t before = data.windows.size();
+    Windows windows(r, model, options, data);
+    const std::size_t before = data.windows.size(), flags = data.flagged.size();
+    const auto add = [&] {
+      windows.add(static_cast<int>(data.hands.size()) - 1, data.hands.back());
+    };
     if (!driven) {
       const Pose<double> X_WL =
           link >= 0 ? map.X_LF[static_cast<std::size_t>(link)] : Pose<double>::identity();
       data.hands.emplace_back(X_WL);
-      add_windows(r, static_cast<int>(data.hands.size()) - 1, data.hands.back(), options, data);
+      add();
     } else {
-      const Preprocessed smooth = preprocess(r, plan_preprocess({r}));
+      const Preprocessed smooth = preprocess(r, plan_preprocess({r}, smoothing));
       for (long first = 0; first < smooth.rows();) {
         long end = first;
         while (end < smooth.rows() && smooth.segment[end] == smooth.segment[first]) ++end;
         data.hands.emplace_back(model, link, smooth, first, end - first);
-        add_windows(r, static_cast<int>(data.hands.size()) - 1, data.hands.back(), options, data);
+        add();
         first = end;
       }
     }
-    if (data.windows.size() == before)
-      throw DataError(r.source + ": the ball is nowhere seen for " +
-                      std::to_string(options.shortest) + " s on end (rows further apart than " +
-                      std::to_string(options.longest_gap) + " s count as a gap)");
+    if (data.windows.size() == before && data.flagged.size() == flags)
+      data.flagged.push_back({r.run, r.time[0], "ball",
+                              "is nowhere seen for " + number(options.shortest) +
+                                  " s on end (rows further apart than " +
+                                  number(options.longest_gap) + " s are a gap)"});
   }
+  if (data.windows.empty())
+    throw DataError(recordings.front().source + ": the ball " +
+                    (data.flagged.empty()
+                         ? "is nowhere seen"
+                         : data.flagged.back().channel + ": " + data.flagged.back().reason) +
+                    "; no stretch of the recordings is left to fit");
   return data;
-}
-
-void guess_string(const BallData& data, Vec3<double>& p_LS, double& length) {
-  struct Sighting {
-    AnchorMotion<double> at0;
-    const HandMotion* hand;
-    double time;
-    Vec3<double> seen;
-  };
-  std::vector<Sighting> all;
-  for (const BallWindow& w : data.windows)
-    for (std::size_t k = 0; k < w.time.size(); ++k)
-      all.push_back({{}, &data.hands[static_cast<std::size_t>(w.hand)], w.time[k], w.seen[k]});
-  const auto distance = [&](const Sighting& s) {
-    return norm(s.seen - s.hand->anchor(s.time, p_LS).x);
-  };
-  std::vector<double> distances;
-  const auto quantile = [&](double share) {
-    distances.clear();
-    for (const Sighting& s : all) distances.push_back(distance(s));
-    auto at = distances.begin() + static_cast<std::ptrdiff_t>(share * (distances.size() - 1.0));
-    std::nth_element(distances.begin(), at, distances.end());
-    return *at;
-  };
-  double r = quantile(0.8);
-  // What the hand's rotations do not show of the attachment stays: 1 mm of a row counts as 10 cm.
-  const Vec3<double> start = p_LS;
-  for (int round = 0; round < 30; ++round) {
-    Eigen::Matrix4d H = Eigen::Matrix4d::Zero();
-    Eigen::Vector4d g = Eigen::Vector4d::Zero();
-    for (const Sighting& s : all) {
-      const Vec3<double> delta = s.seen - s.hand->anchor(s.time, p_LS).x;
-      const double d = norm(delta), e = d - r;
-      if (d < 0.95 * r) continue;
-      const Vec3<double> zero{0, 0, 0}, unit[3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
-      Eigen::Vector4d J;  // of r − d
-      J[0] = 1.0;
-      const Vec3<double> origin = s.hand->anchor(s.time, zero).x;
-      for (int k = 0; k < 3; ++k)
-        J[k + 1] = dot(delta, s.hand->anchor(s.time, unit[k]).x - origin) / d;
-      const double w = std::min(1.0, 0.01 / std::max(1e-9, std::abs(e)));
-      H += w * J * J.transpose();
-      g += w * J * e;
-    }
-    const double ridge = 1e-4;
-    const Vec3<double> moved = p_LS - start;
-    H.diagonal().tail<3>().array() += ridge;
-    g.tail<3>() -= ridge * to_eigen(moved);
-    const Eigen::Vector4d step = H.ldlt().solve(g);
-    r += step[0];
-    p_LS = p_LS + Vec3<double>{step[1], step[2], step[3]};
-    if (step.norm() < 1e-9) break;
-  }
-  const auto taut = std::ranges::count_if(
-      all, [&](const Sighting& s) { return std::abs(distance(s) - r) < 0.02 * r; });
-  const double largest = quantile(1.0);
-  if (!(r > 0.0) ||
-      taut < std::max<std::ptrdiff_t>(20, static_cast<std::ptrdiff_t>(all.size() / 20)))
-    throw DataError(
-        "the string is nowhere taut: the ball's distance from where it is tied never "
-        "stays at one value (the largest is " +
-        std::to_string(largest) +
-        " m); length and attachment cannot be identified from this recording");
-  length = r;
 }
 
 }  // namespace diffnea

@@ -23,21 +23,15 @@ double& axis(Vec3<double>& v, int k) { return k == 0 ? v.x : k == 1 ? v.y : v.z;
 
 Vec3<double>& part(ParticleState<double>& s, int k) { return k < 3 ? s.x : s.v; }
 
-/// The camera's view of one window, `each(k, seen)` row by row, in any scalar.
-template <class T, class Each>
-void fly(const BallWorld<T>& world, const BallWindow& window, const ParticleState<T>& state,
-         const FlightOptions& options, const Each& each) {
-  BallFlight<T, BallWorld<T>> flight(world, options);
-  flight.start(window.time.front(), state, window.taut);
-  for (std::size_t k = 0; k < window.time.size(); ++k) {
-    flight.run_until(window.time[k]);
-    each(k, world.seen(flight));
-  }
-}
-
 double weight_of(const Vec3<double>& error, double sigma, bool robust) {
   const double u = norm(error) / (sigma * std::sqrt(3.0));
   return !robust || u <= kHuber ? 1.0 : kHuber / u;
+}
+
+/// What a step makes of a value: positive ones shrink tenfold at most, and none passes its limit.
+double allowed(const BallParameter& p, double value, double step) {
+  const double least = p.sign == Sign::kPositive ? 0.1 * value : -INFINITY;
+  return std::clamp(value + step, least, std::max(least, p.most));
 }
 
 /// Errors, (3m), and their derivatives with respect to state and free parameters.
@@ -62,12 +56,11 @@ WindowColumns window_columns(const Model& model, const BallLayout& layout, const
     for (Eigen::Index i = 0; i < p.size(); ++i) values.emplace_back(p[i]);
     for (std::size_t f = 0; f < free.size(); ++f)
       values[free[f]] = seeded(p[free[f]], kState + static_cast<int>(f));
-    BallWorld<JetD> world(model, layout, hand, std::move(values));
-    world.spin = window.spin;
+    const BallWorld<JetD> world(model, layout, hand, std::move(values));
     const Vec3<double>&x = window.state.x, &v = window.state.v;
     const ParticleState<JetD> state{{seeded(x.x, 0), seeded(x.y, 1), seeded(x.z, 2)},
                                     {seeded(v.x, 3), seeded(v.y, 4), seeded(v.z, 5)}};
-    fly(world, window, state, options, [&](std::size_t k, const Vec3<JetD>& seen) {
+    fly(world, window, state, options, [&](std::size_t k, const Vec3<JetD>& seen, const auto&) {
       const JetD* at[3] = {&seen.x, &seen.y, &seen.z};
       for (int c = 0; c < 3; ++c) {
         const auto row = 3 * static_cast<Eigen::Index>(k) + c;
@@ -178,7 +171,7 @@ BallLayout make_ball_layout(const Model& model, const std::vector<EffectSpec>& e
     for (std::size_t k = 0; k < bound.parameters.size(); ++k) {
       const ParameterInfo& p = bound.parameter_info[k];
       out.parameters.push_back({spec.where + "." + spec.effect + "." + p.name, p.unit, p.sign,
-                                bound.parameters[k], false, e, static_cast<int>(k)});
+                                bound.parameters[k], false, e, static_cast<int>(k), p.most});
     }
     out.effects.push_back(bound);
   }
@@ -188,12 +181,11 @@ BallLayout make_ball_layout(const Model& model, const std::vector<EffectSpec>& e
 std::vector<Vec3<double>> predict_ball(const Model& model, const BallLayout& layout,
                                        const VecX<double>& p, const BallData& data,
                                        const BallWindow& window, const FlightOptions& flight) {
-  BallWorld<double> world(model, layout, data.hands[static_cast<std::size_t>(window.hand)],
-                          {p.begin(), p.end()});
-  world.spin = window.spin;
+  const BallWorld<double> world(model, layout, data.hands[static_cast<std::size_t>(window.hand)],
+                                {p.begin(), p.end()});
   std::vector<Vec3<double>> out;
   fly(world, window, window.state, flight,
-      [&](std::size_t, const Vec3<double>& seen) { out.push_back(seen); });
+      [&](std::size_t, const Vec3<double>& seen, const auto&) { out.push_back(seen); });
   return out;
 }
 
@@ -269,13 +261,15 @@ BallFit fit_ball(const Model& model, const BallLayout& layout, BallData& data,
       bool more = false;
       for (Eigen::Index k = 0; k < F; ++k) {
         const BallParameter& parameter = layout.parameters[free[k]];
-        if (parameter.sign == Sign::kFree || held[k] || out.p[free[k]] + step[k] >= 0.0) continue;
+        if (parameter.sign != Sign::kNonNegative || held[k] || out.p[free[k]] + step[k] >= 0.0)
+          continue;
         held[k] = more = true;
       }
       if (!more) break;
     }
     VecX<double> p = out.p;
-    for (Eigen::Index k = 0; k < F; ++k) p[free[k]] = held[k] ? 0.0 : p[free[k]] + step[k];
+    for (Eigen::Index k = 0; k < F; ++k)
+      p[free[k]] = held[k] ? 0.0 : allowed(layout.parameters[free[k]], p[free[k]], step[k]);
     std::vector<ParticleState<double>> before;
     for (std::size_t w = 0; w < data.windows.size(); ++w) {
       ParticleState<double>& s = data.windows[w].state;

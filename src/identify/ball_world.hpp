@@ -12,7 +12,6 @@ struct BallWorld {
   const BallLayout* layout = nullptr;
   const HandMotion* hand = nullptr;
   std::vector<T> p;  ///< as the layout's parameters
-  Vec3<double> spin{0, 0, 0};
   Vec3<T> p_LS;
   T r{};
 
@@ -50,6 +49,22 @@ struct BallWorld {
     return a;
   }
 
+  /// Over the plane that the ball bounces off, if there is one.
+  T clearance(const ParticleState<T>& s) const {
+    T out(kFarAway);
+    each_effect([&](const auto& formula, const T* values) {
+      if constexpr (requires { formula.clearance(s, 0.0, values); })
+        out = formula.clearance(s, model->ball->radius, values);
+    });
+    return out;
+  }
+  void bounce(ParticleState<T>& s, Vec3<T>& spin) const {
+    each_effect([&](const auto& formula, const T* values) {
+      if constexpr (requires { formula.bounce(values, 0.0, s, spin); })
+        formula.bounce(values, model->ball->radius, s, spin);
+    });
+  }
+
   /// Where the camera sees the ball.
   Vec3<T> seen(const BallFlight<T, BallWorld>& flight) const {
     BallInstant<T> x = completed(flight.sample());
@@ -68,11 +83,13 @@ struct BallWorld {
   }
 
  private:
+  static constexpr double kFarAway = 1e3;  ///< where there is no plane [m]
+
   BallInstant<T> completed(const BallSample<T>& sample) const {
-    BallInstant<T> x{sample};
+    BallInstant<T> x;
+    static_cast<BallSample<T>&>(x) = sample;
     x.length = r;
     x.gravity = model->gravity;
-    x.spin = spin;
     x.mass = model->ball->mass;
     x.radius = model->ball->radius;
     return x;
@@ -87,5 +104,17 @@ struct BallWorld {
     }
   }
 };
+
+/// The camera's view of one window, `each(k, seen, flight)` row by row, in any scalar.
+template <class T, class Each>
+void fly(const BallWorld<T>& world, const BallWindow& window, const ParticleState<T>& state,
+         const FlightOptions& options, const Each& each) {
+  BallFlight<T, BallWorld<T>> flight(world, options);
+  flight.start(window.time.front(), state, window.taut, window.spin.template cast<T>());
+  for (std::size_t k = 0; k < window.time.size(); ++k) {
+    flight.run_until(window.time[k]);
+    each(k, world.seen(flight), flight);
+  }
+}
 
 }  // namespace diffnea

@@ -1,12 +1,17 @@
+#include <algorithm>
+#include <chrono>
 #include <cstring>
 
 #include <diffnea/core/error.hpp>
 
+#include "identify/ball_identify.hpp"
 #include "identify/passes.hpp"
 
 namespace diffnea {
 
 namespace {
+
+const std::string kBall = "ball";
 
 /// What a reader must not overlook: positions in degrees, a model that was wrong before, a fit that
 /// explains little or made things worse.
@@ -25,7 +30,7 @@ void add_warnings(const Model& model, const RecordingSource& train, const Record
                       format_number(e.train) + " against " + format_number(e.nominal_train) + " " +
                       e.unit +
                       "): look for bad stretches of data, or for an effect that the fit lacks");
-    if (e.torque_rms > 0.0 && e.train > 0.8 * e.torque_rms)
+    if (e.torque_rms > 0.0 && e.train > 0.8 * e.torque_rms && e.joint != kBall)
       first.push_back(
           e.joint +
           ": the fit explains little of the measured torque; check its sign, its unit, the "
@@ -33,6 +38,43 @@ void add_warnings(const Model& model, const RecordingSource& train, const Record
   }
   for (std::string& note : first) note.insert(0, kWarning);
   result.notes.insert(result.notes.begin(), first.begin(), first.end());
+}
+
+/// What there is of a ball to fit.
+struct BallPart {
+  std::vector<Recording> train, test;
+  bool alone = false;  ///< no torque was measured: the joints' motion is an input
+};
+
+BallPart ball_part(const Model& model, const RecordingSource& train, const RecordingSource* test,
+                   const DividedChoice& choice) {
+  BallPart out;
+  if (!model.ball) {
+    if (!choice.ball_effects.empty()) ball_layout_for(model, choice);  // says so
+    return out;
+  }
+  out.train = recordings_with_ball(train);
+  if (out.train.empty()) return out;
+  if (test) out.test = recordings_with_ball(*test);
+  if (test && out.test.empty())
+    throw DataError(test->sample().front().source +
+                    ": held-out recordings must hold the ball, too (ball_x, ball_y, ball_z)");
+  out.alone = std::ranges::none_of(train.sample(), [](const Recording& r) {
+    return std::ranges::find(r.has_tau, true) != r.has_tau.end();
+  });
+  return out;
+}
+
+/// Nothing of the arm is fitted.
+IdentifyResult without_arm(const Model& model, const RecordingSource& train) {
+  IdentifyResult out;
+  out.model = model;
+  out.physically_consistent = true;
+  for (const Recording& r : train.sample()) out.summary.rows += r.rows();
+  out.data_report = train.report();
+  if (!joint_names(model).empty())
+    out.notes.push_back("no torque was recorded: the arm's parameters stay as they are");
+  return out;
 }
 
 bool same_numbers(const RowMatX<double>& a, const RowMatX<double>& b) {
@@ -46,7 +88,8 @@ void refuse_same_recording(const RecordingSource& train, const RecordingSource& 
   const std::vector<Recording> fitted = train.sample();
   for (const Recording& b : test.sample())
     for (const Recording& a : fitted)
-      if (b.rows() > 0 && same_numbers(a.q, b.q) && same_numbers(a.tau, b.tau))
+      if (b.rows() > 0 && same_numbers(a.q, b.q) && same_numbers(a.tau, b.tau) &&
+          same_numbers(a.ball, b.ball))
         throw DataError(b.source + ": holds the same rows as " + a.source +
                         ", which is data of the fit; held-out data must be other recordings");
 }
@@ -54,9 +97,22 @@ void refuse_same_recording(const RecordingSource& train, const RecordingSource& 
 IdentifyResult identify(const Model& model, const RecordingSource& train,
                         const RecordingSource* test, const IdentifyOptions& options) {
   if (test) refuse_same_recording(train, *test);
-  IdentifyResult result = options.loss == Loss::kTrajectory
-                              ? identify_by_trajectory(model, train, test, options)
-                              : identify_by_torque(model, train, test, options);
+  const DividedChoice choice = divide_choice(model, options.choice);
+  const BallPart ball = ball_part(model, train, test, choice);
+  IdentifyOptions arm = options;
+  arm.choice = choice.arm;
+  IdentifyResult result = ball.alone ? without_arm(model, train)
+                          : options.loss == Loss::kTrajectory
+                              ? identify_by_trajectory(model, train, test, arm)
+                              : identify_by_torque(model, train, test, arm);
+  if (!ball.train.empty() && !result.summary.interrupted) {
+    const auto start = std::chrono::steady_clock::now();
+    identify_ball(ball.train, ball.test, choice, options, result);
+    const double seconds =
+        std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    result.summary.seconds += seconds;
+    result.summary.seconds_fitting += seconds;
+  }
   add_warnings(model, train, test, result);
   if (test && test->report().quarantined > 0)
     result.notes.push_back("held-out data: " + std::to_string(test->report().quarantined) + " of " +

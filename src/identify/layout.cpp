@@ -1,12 +1,13 @@
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <cmath>
 #include <utility>
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/identify/layout.hpp>
 #include <diffnea/model/physical.hpp>
+
+#include "identify/fix_pattern.hpp"
 
 namespace diffnea {
 namespace {
@@ -15,7 +16,8 @@ const std::array<const char*, kThetaSize> kThetaNames{"mass", "hx",  "hy",  "hz"
                                                       "Ixy",  "Ixz", "Iyy", "Iyz", "Izz"};
 const char* theta_unit(int k) { return k == 0 ? "kg" : k < 4 ? "kg*m" : "kg*m^2"; }
 
-const std::vector<std::string> kGroups{"inertia", "armature", "effects", "shapes", "kinematics"};
+const std::vector<std::string> kGroups{"inertia", "armature", "effects",
+                                       "string",  "shapes",   "kinematics"};
 const std::array<const char*, 6> kKinematicNames{"roll", "pitch", "yaw", "px", "py", "pz"};
 
 std::string join(const std::vector<std::string>& names) {
@@ -28,37 +30,6 @@ bool contains(const std::vector<std::string>& list, const std::string& item) {
   return std::ranges::find(list, item) != list.end();
 }
 
-/// `pattern` with any number of *.
-bool matches(const std::string& pattern, const std::string& name) {
-  std::size_t p = 0, n = 0, star = std::string::npos, mark = 0;
-  while (n < name.size()) {
-    if (p < pattern.size() && pattern[p] == '*') {
-      star = p++;
-      mark = n;
-    } else if (p < pattern.size() && pattern[p] == name[n]) {
-      ++p, ++n;
-    } else if (star != std::string::npos) {
-      p = star + 1;
-      n = ++mark;
-    } else {
-      return false;
-    }
-  }
-  while (p < pattern.size() && pattern[p] == '*') ++p;
-  return p == pattern.size();
-}
-
-/// "elbow.*" or "tip:run=1.payload.mass=2.8": what follows the last = is a value if it is a number.
-std::pair<std::string, std::optional<double>> split_value(const std::string& entry) {
-  const std::size_t equals = entry.rfind('=');
-  if (equals == std::string::npos) return {entry, std::nullopt};
-  double value = 0.0;
-  const char* end = entry.data() + entry.size();
-  const auto [last, error] = std::from_chars(entry.data() + equals + 1, end, value);
-  if (error != std::errc() || last != end) return {entry, std::nullopt};
-  return {entry.substr(0, equals), value};
-}
-
 void hold(const std::string& entry, FitLayout& layout) {
   const auto [pattern, value] = split_value(entry);
   bool found = false;
@@ -67,13 +38,10 @@ void hold(const std::string& entry, FitLayout& layout) {
       if (!matches(pattern, p.name)) continue;
       p.fixed = found = true;
       if (!value) continue;
-      if (!std::isfinite(*value) || (p.sign != Sign::kFree && *value < 0.0) ||
-          (p.sign == Sign::kPositive && *value == 0.0) || p.kinematic >= 0)
+      if (p.kinematic >= 0 && *value != 0.0)
         throw ModelError("fix: got '" + entry + "'; " + p.name +
-                         (p.kinematic >= 0
-                              ? " is a step from the model and can be held at 0 alone"
-                              : " cannot be that: expected a finite number" +
-                                    std::string(p.sign == Sign::kFree ? "" : ", not negative")));
+                         " is a step from the model and can be held at 0 alone");
+      require_possible(entry, p.name, *value, p.sign);
       p.prior = *value;
       if (p.effect >= 0) layout.effects[p.effect].parameters[p.index] = *value;
     }

@@ -45,6 +45,8 @@ const char* port_name(Port port) {
       return "torque with memory";
     case Port::kBallForce:
       return "acceleration of the ball";
+    case Port::kBallImpact:
+      return "bounce of the ball";
     case Port::kBallView:
       return "view of the ball";
     case Port::kStringAnchor:

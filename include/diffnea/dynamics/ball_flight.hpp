@@ -1,6 +1,6 @@
 #pragma once
 /// A ball in time: free flight, a pendulum of fixed length while its string is taut, and the
-/// switches between them. The string becomes taut where h = ‖x − x_S‖² − r² reaches 0, an impact in
+/// switches between them; it may also bounce off a plane. The string becomes taut where h = ‖x − x_S‖² − r² reaches 0, an impact in
 /// which the velocity along the string is lost, or reversed and multiplied by the restitution; it
 /// becomes slack where its pull reaches 0. With a = the acceleration without the string,
 ///
@@ -25,6 +25,7 @@ struct BallSample {
   bool taut = false;
   AnchorMotion<T> anchor;  ///< where there is a string
   Vec3<T> u;               ///< from the anchor to the ball, of length 1, where it is taut
+  Vec3<T> spin;            ///< ω of the ball, in W [rad/s]; impacts on a plane change it
 };
 
 struct FlightOptions {
@@ -37,6 +38,9 @@ struct FlightOptions {
 ///   bool has_string() const;  T length() const;              // r [m]
 ///   AnchorMotion<T> anchor(const T& time) const;             // of S
 ///   Vec3<T> acceleration(const BallSample<T>& x) const;      // without the string, in W [m/s²]
+/// and where there is a plane to bounce off, which a taut ball is not asked about:
+///   T clearance(const ParticleState<T>& s) const;            // of the ball over it [m]
+///   void bounce(ParticleState<T>& s, Vec3<T>& spin) const;   // it leaves upward after this
 template <Scalar T, class World>
 class BallFlight {
  public:
@@ -45,7 +49,8 @@ class BallFlight {
 
   /// Starts at a time and state. A ball further than r is put at r, and loses what velocity it has
   /// away from the anchor; `taut` says so of one that is nearer.
-  void start(double time, const ParticleState<T>& state, bool taut = false);
+  void start(double time, const ParticleState<T>& state, bool taut = false,
+             const Vec3<T>& spin = {});
   /// Goes on until `time` [s]. @throws Error if it lies in the past
   void run_until(double time);
 
@@ -66,12 +71,15 @@ class BallFlight {
   void become_taut();
   /// What tells that the present phase ends: above 0, it has.
   T over(const T& time, const ParticleState<T>& s) const;
+  /// Depth in the plane [m]; below 0 where there is none, or the string is taut.
+  T depth(const ParticleState<T>& s) const;
   T time_to_end(double h) const;
 
   const World& world_;
   FlightOptions options_;
   T time_{};
   ParticleState<T> state_{};
+  Vec3<T> spin_{};
   bool taut_ = false;
   long impacts_ = 0;
   T lost_energy_{};

@@ -5,6 +5,7 @@
 ///     change_view(x, p, seen)     where the camera sees it, in the order
 ///                                 extension, delay, scale, rotation, offset   (Port::kBallView)
 ///     add_to_anchor(p, p_LS)      where the string is tied (Port::kStringAnchor)
+///     clearance(x, radius, p), bounce(p, radius, s, spin)   at a plane (Port::kBallImpact)
 
 #include <diffnea/dynamics/ball_flight.hpp>
 #include <diffnea/effects/effect.hpp>
@@ -17,7 +18,7 @@ struct BallInstant : BallSample<T> {
   T length{};                       ///< r of the string [m]
   T pull{};                         ///< T/m [m/s²]; known to views alone
   Vec3<T> acceleration;             ///< ẍ [m/s²]; known to views alone
-  Vec3<double> gravity, spin;       ///< in W [m/s², rad/s]
+  Vec3<double> gravity;             ///< in W [m/s²]
   double mass = 0.0, radius = 0.0;  ///< [kg, m]
 };
 

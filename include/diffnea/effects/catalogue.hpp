@@ -15,6 +15,7 @@
 #include <diffnea/effects/attachment_offset.hpp>
 #include <diffnea/effects/backlash.hpp>
 #include <diffnea/effects/base_tilt.hpp>
+#include <diffnea/effects/bounce.hpp>
 #include <diffnea/effects/cable_differential_friction.hpp>
 #include <diffnea/effects/camera_delay.hpp>
 #include <diffnea/effects/camera_offset.hpp>
@@ -67,6 +68,7 @@ using AnyEffect = std::variant<  //
     AttachmentOffset,            //
     Backlash,                    //
     BaseTilt,                    //
+    Bounce,                      //
     CableDifferentialFriction,   //
     CameraDelay,                 //
     CameraOffset,                //

@@ -78,6 +78,7 @@ enum class Port {
   kMemory,          ///< torque that depends on the past of the motion: torque_series, or a
                     ///< spring's deflection and the rotor_torque that comes with it
   kBallForce,       ///< accelerates the ball: add_acceleration (effects/ball_effect.hpp)
+  kBallImpact,      ///< a plane that the ball bounces off: clearance, bounce
   kBallView,        ///< changes where the camera sees the ball: change_view
   kStringAnchor,    ///< changes where the string is tied: add_to_anchor
 };

@@ -21,7 +21,7 @@ struct Magnus {
   void add_acceleration(const BallInstant<T>& x, const T* p, Vec3<T>& a) const {
     if (!(x.mass > 0.0)) return;
     const double r = x.radius, per_unit = kAirDensity * M_PI * r * r * r / x.mass;
-    a = a + cross(x.spin.template cast<T>(), x.ball.v) * (p[0] * T(per_unit));
+    a = a + cross(x.spin, x.ball.v) * (p[0] * T(per_unit));
   }
 };
 

@@ -9,10 +9,13 @@
 /// candidate, would change of every position, with the initial states projected out.
 
 #include <functional>
+#include <limits>
 #include <string>
 #include <vector>
 
 #include <diffnea/effects/catalogue.hpp>
+#include <diffnea/identify/ball_options.hpp>
+#include <diffnea/identify/ball_series.hpp>
 #include <diffnea/identify/hand_motion.hpp>
 
 namespace diffnea {
@@ -25,6 +28,7 @@ struct BallParameter {
   bool fixed = false;
   int effect = -1;  ///< index into BallLayout::effects; −1: the string itself
   int index = -1;   ///< of the effect's parameters; of the string: 0 length, 1–3 attachment
+  double most = std::numeric_limits<double>::infinity();
 };
 
 struct BallLayout {
@@ -34,7 +38,7 @@ struct BallLayout {
   VecX<double> values() const;
 };
 /// The string's parameters, if the ball has one, then those of `effects` (names as in result
-/// files).
+/// files); a place may be left empty where there is one alone.
 /// @param fit_string  false: length and attachment are held at the model's
 /// @throws ModelError if the model has no ball, or an effect is of a joint
 BallLayout make_ball_layout(const Model& model, const std::vector<EffectSpec>& effects,
@@ -53,24 +57,17 @@ struct BallWindow {
 struct BallData {
   std::vector<HandMotion> hands;
   std::vector<BallWindow> windows;
-  std::vector<std::string> notes;
-};
-
-struct BallFitOptions {
-  double window = 2.0;       ///< [s], at most
-  double shortest = 0.2;     ///< a shorter stretch is left out [s]
-  double longest_gap = 0.1;  ///< rows further apart are of two windows [s]
-  FlightOptions flight;
-  int max_iterations = 60;
-  double tolerance = 1e-8;  ///< stop when a step would gain a smaller share of χ²
-  bool robust = true;       ///< Huber's loss at 3 σ (per position), for outliers of the camera
+  std::vector<BallFlag> flagged;  ///< rows and windows that were left out
 };
 
 /// Windows of the recordings, with first states from the positions themselves.
-/// @throws DataError if a recording has no ball, or never shows it for long enough, or the string's
-///         link does not move in it as its joints are not recorded
+/// Rows far from where their neighbours lead are left out and flagged, and so are windows whose
+/// recorded spin cannot be. Without a string, and without a bounce in the model, windows end where
+/// the ball bounces.
+/// @param smoothing  of the joints' motion  @throws DataError if a recording has no ball, or no
+///        window is left
 BallData make_ball_data(const Model& model, const std::vector<Recording>& recordings,
-                        const BallFitOptions& options);
+                        const BallFitOptions& options, const PreprocessOptions& smoothing = {});
 
 /// Residual and derivatives of all windows about (p, states), states projected out.
 struct BallLinearisation {

@@ -12,6 +12,7 @@
 /// global. Robust losses and shape parameters (v₀, Stribeck velocity …) take one more pass for each
 /// re-weighting or step.
 
+#include <diffnea/identify/ball_options.hpp>
 #include <diffnea/identify/ball_series.hpp>
 #include <diffnea/identify/linear_fit.hpp>
 #include <diffnea/identify/source.hpp>
@@ -38,6 +39,7 @@ struct IdentifyOptions {
   PreprocessOptions preprocess;
   LinearFitOptions linear;
   TrajectoryOptions trajectory;
+  BallFitOptions ball;            ///< where the model and the recordings have one
   int max_passes = 25;            ///< over the data, of robust losses and shape parameters
   double shape_tolerance = 1e-3;  ///< stop when no ln η, nor η in its unit, moves by more
   std::function<bool(const FitProgress&)> progress;

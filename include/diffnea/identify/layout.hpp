@@ -56,13 +56,15 @@ struct FitLayout {
 
 /// What a fit moves, by name.
 struct FitChoice {
-  /// Any of inertia, armature, effects, shapes, kinematics. Armature is the effect of that name;
-  /// `effects` are all others; `shapes` their shape parameters, `kinematics` the fixed transforms
-  /// of all joints or, as `kinematics@JOINT`, of one (both need several passes over the data).
-  std::vector<std::string> fit{"inertia", "armature", "effects"};
+  /// Any of inertia, armature, effects, string, shapes, kinematics. Armature is the effect of that
+  /// name; `effects` are all others; `shapes` their shape parameters, `kinematics` the fixed
+  /// transforms of all joints or, as `kinematics@JOINT`, of one (both need several passes over the
+  /// data). `string` is the length of a ball's string and where it is tied.
+  std::vector<std::string> fit{"inertia", "armature", "effects", "string"};
   /// Effects beyond those of the model: "name" for every joint it suits, or "name@where". Not
   /// given: on the motor side armature, viscous and Coulomb friction and an offset at every joint;
-  /// on the link side (torque measured behind the drive) the offset alone.
+  /// on the link side (torque measured behind the drive) the offset alone. Of a ball: linear drag
+  /// on a string, quadratic drag in free flight.
   std::optional<std::vector<std::string>> effects;
   /// Parameters to hold: a name, or a pattern with *, at the model's value ("forearm.*") or at one
   /// that is given ("tip.payload.mass=2.8").

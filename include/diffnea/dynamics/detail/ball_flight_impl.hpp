@@ -26,9 +26,11 @@ BallFlight<T, World>::BallFlight(const World& world, const FlightOptions& option
 }
 
 template <Scalar T, class World>
-void BallFlight<T, World>::start(double time, const ParticleState<T>& state, bool taut) {
+void BallFlight<T, World>::start(double time, const ParticleState<T>& state, bool taut,
+                                 const Vec3<T>& spin) {
   time_ = T(time);
   state_ = state;
+  spin_ = spin;
   taut_ = false;
   if (world_.has_string() && (taut || value(excess(time_, state)) > -detail::kTight)) become_taut();
   impacts_ = 0;
@@ -49,6 +51,7 @@ BallSample<T> BallFlight<T, World>::sample(const T& time, const ParticleState<T>
   out.time = time;
   out.ball = s;
   out.taut = taut;
+  out.spin = spin_;
   if (world_.has_string()) out.anchor = world_.anchor(time);
   if (taut) {
     const Vec3<T> delta = s.x - out.anchor.x;
@@ -73,7 +76,16 @@ T BallFlight<T, World>::pull() const {
 template <Scalar T, class World>
 T BallFlight<T, World>::over(const T& time, const ParticleState<T>& s) const {
   if (taut_) return -taut_pull(time, s);
-  return world_.has_string() ? excess(time, s) - T(detail::kTight) : T(-1.0);
+  const T stretch = world_.has_string() ? excess(time, s) - T(detail::kTight) : T(-1.0);
+  const T deep = depth(s);
+  return value(deep) > value(stretch) ? deep : stretch;
+}
+
+template <Scalar T, class World>
+T BallFlight<T, World>::depth(const ParticleState<T>& s) const {
+  if constexpr (requires { world_.clearance(s); })
+    if (!taut_) return -world_.clearance(s) - T(detail::kTight);
+  return T(-1.0);
 }
 
 /// On the sphere, without velocity along the string.
@@ -165,10 +177,14 @@ void BallFlight<T, World>::run_until(double until) {
     const T end = time_to_end(value(h));
     state_ = moved(end);
     time_ = time_ + end;
-    if (taut_)
+    if (taut_) {
       taut_ = false;
-    else
+    } else if (value(depth(state_)) > 0.0) {
+      ++impacts_;
+      if constexpr (requires { world_.bounce(state_, spin_); }) world_.bounce(state_, spin_);
+    } else {
       become_taut();
+    }
   }
 }
 

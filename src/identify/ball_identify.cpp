@@ -1,0 +1,268 @@
+#include "identify/ball_identify.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include <Eigen/QR>
+
+#include <diffnea/core/error.hpp>
+
+#include "identify/ball_path.hpp"
+#include "identify/ball_rows.hpp"
+#include "identify/fix_pattern.hpp"
+#include "identify/passes.hpp"
+
+namespace diffnea {
+namespace {
+
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+/// A length or place of the string that is known worse than this is not known [m].
+constexpr double kKnown = 0.02;
+/// Share of a parameter's own influence that the others must leave.
+constexpr double kVisible = 1e-3;
+/// Rows that the string does not let the ball reach, in standard deviations.
+constexpr double kTooFar = 6.0;
+
+bool is_ball_effect(const std::string& entry) {
+  return acts_on_ball(info(find_effect(entry.substr(0, entry.find('@')))));
+}
+
+bool names_ball(const std::string& pattern) {
+  const std::string first = pattern.substr(0, pattern.find('.'));
+  return first == "string" || first == "ball" || first == "camera";
+}
+
+const char* only_place(const EffectInfo& effect) {
+  return effect.place == Place::kString   ? "string"
+         : effect.place == Place::kCamera ? "camera"
+                                          : "ball";
+}
+
+/// How much of each free parameter's influence on the path the others leave, from R.
+VecX<double> visible_shares(const MatX<double>& R) {
+  VecX<double> out(R.cols());
+  for (Eigen::Index k = 0; k < R.cols(); ++k) {
+    MatX<double> others(R.rows(), R.cols() - 1);
+    others << R.leftCols(k), R.rightCols(R.cols() - 1 - k);
+    const double norm = R.col(k).norm();
+    const VecX<double> left =
+        others.cols() == 0
+            ? VecX<double>(R.col(k))
+            : VecX<double>(R.col(k) - others * others.colPivHouseholderQr().solve(R.col(k)));
+    out[k] = norm > 0.0 ? left.norm() / norm : 0.0;
+  }
+  return out;
+}
+
+/// Measured positions about their mean, root mean square along one axis [m].
+double spread(const BallData& data) {
+  Vec3<double> sum{0, 0, 0};
+  double squares = 0.0, n = 0.0;
+  for (const BallWindow& w : data.windows)
+    for (const Vec3<double>& x : w.seen) {
+      sum = sum + x;
+      squares += dot(x, x);
+      n += 1.0;
+    }
+  return std::sqrt(std::max(0.0, squares / n - dot(sum, sum) / (n * n)) / 3.0);
+}
+
+/// Rows further from the anchor than the string lets them be.
+void flag_too_far(const BallSeries& series, double sigma, std::vector<BallFlag>& flagged) {
+  for (std::size_t k = 0; k < series.time.size(); ++k) {
+    double square = 0.0;
+    for (int c = 0; c < 3; ++c) square += std::pow(series.measured[k][c] - series.anchor[k][c], 2);
+    const double beyond = std::sqrt(square) - series.length;
+    if (beyond > kTooFar * sigma)
+      flagged.push_back({series.run[k], series.time[k], "ball",
+                         "is " + format_number(1e3 * beyond) +
+                             " mm further from the anchor than "
+                             "the string is long (" +
+                             format_number(series.length) + " m)"});
+  }
+}
+
+}  // namespace
+
+DividedChoice divide_choice(const Model& model, const FitChoice& choice) {
+  DividedChoice out;
+  out.arm = choice;
+  out.arm.fix.clear();
+  out.fit_string = std::ranges::find(choice.fit, "string") != choice.fit.end();
+  out.fit_effects = std::ranges::find(choice.fit, "effects") != choice.fit.end();
+  for (const EffectSpec& e : model.effects)
+    if (is_ball_effect(e.effect)) out.ball_effects.push_back(e);
+  const auto add = [&](const std::string& entry) {
+    const std::size_t at = entry.find('@');
+    const std::string name = entry.substr(0, at);
+    const EffectSpec spec{
+        name,
+        at == std::string::npos ? only_place(info(find_effect(name))) : entry.substr(at + 1),
+        {}};
+    const bool present = std::ranges::any_of(out.ball_effects, [&](const EffectSpec& e) {
+      return e.effect == spec.effect && e.where == spec.where;
+    });
+    if (!present) out.ball_effects.push_back(spec);
+  };
+  if (!choice.effects) {
+    if (model.ball && out.fit_effects) add(model.ball->string ? "linear_drag" : "quadratic_drag");
+  } else {
+    std::vector<std::string> rest;
+    for (const std::string& entry : *choice.effects)
+      if (!is_ball_effect(entry))
+        rest.push_back(entry);
+      else
+        add(entry);
+    // Whoever names effects of the ball alone says nothing of the arm's.
+    if (rest.empty() && !choice.effects->empty())
+      out.arm.effects.reset();
+    else
+      out.arm.effects = rest;
+  }
+  for (const std::string& entry : choice.fix)
+    (model.ball && names_ball(entry) ? out.ball_fix : out.arm.fix).push_back(entry);
+  return out;
+}
+
+BallLayout ball_layout_for(const Model& model, const DividedChoice& choice) {
+  BallLayout layout = make_ball_layout(model, choice.ball_effects, choice.fit_string);
+  for (BallParameter& p : layout.parameters)
+    if (p.effect >= 0 && !choice.fit_effects) p.fixed = true;
+  for (const std::string& entry : choice.ball_fix) {
+    const auto [pattern, value] = split_value(entry);
+    bool found = false;
+    std::string names;
+    for (BallParameter& p : layout.parameters) {
+      names += (names.empty() ? "" : ", ") + p.name;
+      if (!matches(pattern, p.name)) continue;
+      p.fixed = found = true;
+      if (!value) continue;
+      require_possible(entry, p.name, *value, p.sign);
+      p.value = *value;
+    }
+    if (!found)
+      throw ModelError("fix: no parameter of the ball matches '" + pattern +
+                       "'; parameters: " + names);
+  }
+  return layout;
+}
+
+std::vector<Recording> recordings_with_ball(const RecordingSource& source) {
+  std::vector<Recording> out;
+  const auto append = [](auto& to, const auto& rows) {
+    if (rows.size() == 0) return;
+    const Eigen::Index before = to.rows();
+    to.conservativeResize(before + rows.rows(), rows.cols());
+    to.bottomRows(rows.rows()) = rows;
+  };
+  source.for_each([&](const Recording& r) {
+    if (r.ball.size() == 0) return true;
+    if (out.empty() || out.back().run != r.run || out.back().source != r.source) {
+      out.push_back(r);
+      return true;
+    }
+    Recording& to = out.back();
+    append(to.time, r.time);
+    append(to.q, r.q);
+    append(to.qd, r.qd);
+    append(to.qdd, r.qdd);
+    append(to.tau, r.tau);
+    append(to.ball, r.ball);
+    append(to.spin, r.spin);
+    return true;
+  });
+  return out;
+}
+
+void identify_ball(const std::vector<Recording>& train, const std::vector<Recording>& test,
+                   const DividedChoice& choice, const IdentifyOptions& options,
+                   IdentifyResult& result) {
+  Model model = result.model;
+  BallFitOptions fit_options = options.ball;
+  const BallLayout first = ball_layout_for(model, choice);
+  Model asked = apply_ball(model, first, first.values());
+  BallData data = make_ball_data(asked, train, fit_options, options.preprocess);
+  const bool length_free = model.ball->string && choice.fit_string && !first.parameters[0].fixed;
+  FittedBall before = fit_states({asked, first, first.values(), data}, data, fit_options);
+  BallLayout layout = first;
+  if (length_free) {
+    Vec3<double> p_LS = asked.ball->string->p_LS;
+    double length = asked.ball->string->length;
+    guess_string(data, p_LS, length);
+    const double guess[4] = {length, p_LS.x, p_LS.y, p_LS.z};
+    for (int k = 0; k < 4; ++k)
+      if (!layout.parameters[k].fixed) layout.parameters[k].value = guess[k];
+  }
+  const BallFit fit = fit_ball(asked, layout, data, fit_options, [&](int iteration, double sigma) {
+    return !options.progress || options.progress({"fitting the ball", iteration, 0, sigma});
+  });
+  FittedBall after{asked, layout, fit.p, data};
+  result.model = apply_ball(asked, layout, fit.p);
+
+  const BallLinearisation at = linearise_ball(asked, layout, fit.p, data, fit.sigma, fit_options);
+  const VecX<double> visible = visible_shares(at.R);
+  Eigen::Index free = 0;
+  for (std::size_t k = 0; k < layout.parameters.size(); ++k) {
+    const BallParameter& p = layout.parameters[k];
+    const auto i = static_cast<Eigen::Index>(k);
+    ParameterEstimate e{p.name, p.unit,  fit.p[i], 0.0, first.parameters[k].value,
+                        false,  p.fixed, false};
+    if (!p.fixed) {
+      e.std = std::sqrt(fit.covariance(i, i));
+      e.identifiable = visible[free++] > kVisible && (p.effect >= 0 || e.std < kKnown);
+      e.at_bound = (p.sign == Sign::kNonNegative && fit.p[i] == 0.0) || fit.p[i] >= p.most;
+      if (!e.identifiable) e.std = kNaN;
+      if (!e.identifiable && p.effect < 0)
+        result.notes.push_back(
+            std::string(kWarning) + p.name +
+            ": this recording does not tell it; the hand must turn against the string while the "
+            "ball hangs on it (a longer recording, or larger turns of the last joints)");
+    }
+    result.parameters.push_back(e);
+  }
+
+  JointError error;
+  error.joint = "ball";
+  error.unit = "m";
+  error.torque_rms = spread(data);
+  error.train = path_rms(after, fit_options.flight);
+  error.nominal_train = path_rms(before, fit_options.flight);
+  error.test = error.nominal_test = error.test_all = error.test_raw = kNaN;
+  if (!test.empty()) {
+    const BallData held_out = make_ball_data(asked, test, fit_options, options.preprocess);
+    before = fit_states(before, held_out, fit_options);
+    after = fit_states(after, held_out, fit_options);
+    error.torque_rms = spread(held_out);
+    error.test = error.test_all = error.test_raw = path_rms(after, fit_options.flight);
+    error.nominal_test = path_rms(before, fit_options.flight);
+  }
+  result.errors.push_back(error);
+  BallSeries series = make_ball_series(before, after, fit_options.flight);
+  series.held_out = !test.empty();
+  series.sigma = fit.sigma;
+  if (series.has_string) flag_too_far(series, fit.sigma, series.flagged);
+  result.notes.push_back(
+      "ball: " + std::to_string(data.windows.size()) + " windows of at most " +
+      format_number(fit_options.window) +
+      " s, each from an estimated state of its own; what is "
+      "left is " +
+      format_number(1e3 * fit.sigma) + " mm of a position along one axis" +
+      (model.ball->string ? "; the joints' measured motion drives the string" : ""));
+  if (!series.flagged.empty())
+    result.notes.push_back(std::string(kWarning) +
+                           "ball: " + std::to_string(series.flagged.size()) +
+                           " rows or flights cannot be true and are flagged, e.g. at " +
+                           format_number(series.flagged.front().time) + " s: the " +
+                           series.flagged.front().channel + " " + series.flagged.front().reason);
+  result.ball = std::move(series);
+  FitSummary& s = result.summary;
+  s.fitted_rows += fit.samples / 3;
+  s.iterations = std::max(s.iterations, fit.iterations);
+  s.interrupted = s.interrupted || fit.interrupted;
+  const bool alone = s.termination.empty();
+  s.converged = alone ? fit.converged : s.converged && fit.converged;
+  if (alone || !fit.converged) s.termination = "ball: " + fit.termination;
+}
+
+}  // namespace diffnea
