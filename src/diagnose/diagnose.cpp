@@ -6,6 +6,7 @@
 #include <diffnea/diagnose/diagnose.hpp>
 #include <diffnea/recording/audit.hpp>
 
+#include "diagnose/ball_diagnose.hpp"
 #include "diagnose/base.hpp"
 #include "diagnose/bounds.hpp"
 #include "diagnose/evidence_plots.hpp"
@@ -15,6 +16,7 @@
 #include "diagnose/sentence.hpp"
 #include "diagnose/simulated.hpp"
 #include "diagnose/witness.hpp"
+#include "identify/ball_identify.hpp"
 
 namespace diffnea {
 namespace {
@@ -487,9 +489,10 @@ Finding with_gap_beyond(const Model& model, const RecordingSource& train,
 
 }  // namespace
 
-Finding diagnose(const Model& model, const RecordingSource& train, const RecordingSource* test,
-                 const DiagnoseOptions& options) {
-  if (test) refuse_same_recording(train, *test);
+namespace {
+
+Finding diagnose_joints(const Model& model, const RecordingSource& train,
+                        const RecordingSource* test, const DiagnoseOptions& options) {
   Diagnosis diagnosis(model, train, test, Band::kInformative, options);
   Finding finding = diagnosis.run();
   if (finding.interrupted || !diagnosis.wider()) return finding;
@@ -507,6 +510,51 @@ Finding diagnose(const Model& model, const RecordingSource& train, const Recordi
                          " Hz no effect of the catalogue explained the error: looked at up to " +
                          format_number(second.plan.filter_hz) + " Hz");
   return second;
+}
+
+/// Whether a torque was measured.
+bool has_torque(const RecordingSource& source) {
+  return std::ranges::any_of(source.sample(), [](const Recording& r) {
+    return std::ranges::find(r.has_tau, true) != r.has_tau.end();
+  });
+}
+/// Effects that are asked for and act on joints, or on the ball.
+std::vector<std::string> asked_for(const DiagnoseOptions& options, bool of_ball) {
+  std::vector<std::string> out;
+  for (const std::string& e : options.effects)
+    if (acts_on_ball(info(find_effect(e.substr(0, e.find('@'))))) == of_ball) out.push_back(e);
+  return out;
+}
+
+}  // namespace
+
+Finding diagnose(const Model& model, const RecordingSource& train, const RecordingSource* test,
+                 const DiagnoseOptions& options) {
+  if (test) refuse_same_recording(train, *test);
+  const std::vector<Recording> balls =
+      model.ball ? recordings_with_ball(train) : std::vector<Recording>{};
+  if (balls.empty()) return diagnose_joints(model, train, test, options);
+  const auto start = std::chrono::steady_clock::now();
+  DiagnoseOptions own = options;
+  Finding finding;
+  finding.model = model;
+  finding.data_report = train.report();
+  own.effects = asked_for(options, false);
+  const bool joints = has_torque(train) && (options.effects.empty() || !own.effects.empty() ||
+                                            !options.candidates.empty());
+  if (joints) finding = diagnose_joints(model, train, test, own);
+  own.effects = asked_for(options, true);
+  if (finding.interrupted || (!options.effects.empty() && own.effects.empty())) return finding;
+  const Base base = options.base == Base::kAuto ? Base::kRefit : options.base;
+  if (!joints) {
+    finding.base = base == Base::kFixed ? "fixed" : "refit";
+    finding.simulated.reason = "the joints' measured motion is an input";
+  }
+  diagnose_ball(balls, test ? recordings_with_ball(*test) : std::vector<Recording>{}, own, base,
+                finding);
+  finding.sentence = sentence(finding);
+  finding.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  return finding;
 }
 
 Finding diagnose(const Model& model, const std::vector<Recording>& train,

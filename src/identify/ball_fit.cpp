@@ -91,20 +91,6 @@ VecX<double> errors_of(const Model& model, const BallLayout& layout, const VecX<
   return out;
 }
 
-/// Huber's ρ over all windows, in units of σ²; infinite where a flight went nowhere.
-double objective(const Model& model, const BallLayout& layout, const VecX<double>& p,
-                 const BallData& data, double sigma, const BallFitOptions& options) {
-  double sum = 0.0;
-  for (const BallWindow& w : data.windows) {
-    const VecX<double> e = errors_of(model, layout, p, data, w, options.flight);
-    for (Eigen::Index k = 0; k < e.size(); k += 3) {
-      const double u = e.segment<3>(k).norm() / (sigma * std::sqrt(3.0));
-      sum += 3.0 * (!options.robust || u <= kHuber ? u * u : 2.0 * kHuber * u - kHuber * kHuber);
-    }
-  }
-  return std::isfinite(sum) ? sum : std::numeric_limits<double>::infinity();
-}
-
 /// σ from the median of |e|, for the numbers that parameters and states have used up.
 double noise_of(const Model& model, const BallLayout& layout, const VecX<double>& p,
                 const BallData& data, const FlightOptions& flight) {
@@ -140,6 +126,19 @@ bool mark_taut(const Model& model, const BallLayout& layout, const VecX<double>&
 }
 
 }  // namespace
+
+double ball_cost(const Model& model, const BallLayout& layout, const VecX<double>& p,
+                 const BallData& data, double sigma, const BallFitOptions& options) {
+  double sum = 0.0;
+  for (const BallWindow& w : data.windows) {
+    const VecX<double> e = errors_of(model, layout, p, data, w, options.flight);
+    for (Eigen::Index k = 0; k < e.size(); k += 3) {
+      const double u = e.segment<3>(k).norm() / (sigma * std::sqrt(3.0));
+      sum += 3.0 * (!options.robust || u <= kHuber ? u * u : 2.0 * kHuber * u - kHuber * kHuber);
+    }
+  }
+  return std::isfinite(sum) ? sum : std::numeric_limits<double>::infinity();
+}
 
 VecX<double> BallLayout::values() const {
   VecX<double> out(static_cast<Eigen::Index>(parameters.size()));
@@ -195,6 +194,7 @@ BallLinearisation linearise_ball(const Model& model, const BallLayout& layout,
   const std::vector<int> free = free_parameters(layout);
   const auto F = static_cast<Eigen::Index>(free.size());
   BallLinearisation out;
+  VecX<double> squares = VecX<double>::Zero(F);
   MatX<double> stacked = MatX<double>::Zero(2 * (F + 1), F + 1);
   for (const BallWindow& w : data.windows) {
     const WindowColumns c = window_columns(model, layout, p, free, data, w, options.flight);
@@ -208,6 +208,7 @@ BallLinearisation linearise_ball(const Model& model, const BallLayout& layout,
     }
     out.chi2 += M.col(kState + F).head(rows).squaredNorm();
     out.samples += rows;
+    squares += M.middleCols(kState, F).colwise().squaredNorm().transpose();
     for (int k = 0; k < kState; ++k) M(rows + k, k) = 1.0 / kStatePrior;
     const MatX<double> R = M.householderQr()
                                .matrixQR()
@@ -225,6 +226,7 @@ BallLinearisation linearise_ball(const Model& model, const BallLayout& layout,
   }
   out.R = stacked.topLeftCorner(F, F);
   out.d = stacked.col(F).head(F);
+  out.norms = squares.cwiseSqrt();
   out.left = stacked(F, F) * stacked(F, F);
   return out;
 }
@@ -236,8 +238,12 @@ BallFit fit_ball(const Model& model, const BallLayout& layout, BallData& data,
   BallFit out;
   out.p = layout.values();
   mark_taut(model, layout, out.p, 0.0, data);
-  out.sigma = noise_of(model, layout, out.p, data, options.flight);
-  double now = objective(model, layout, out.p, data, out.sigma, options), damping = 1e-3;
+  const auto noise = [&] {
+    return options.sigma > 0.0 ? options.sigma
+                               : noise_of(model, layout, out.p, data, options.flight);
+  };
+  out.sigma = noise();
+  double now = ball_cost(model, layout, out.p, data, out.sigma, options), damping = 1e-3;
   BallLinearisation at;
   bool fresh = false;
   for (out.iterations = 0; out.iterations < options.max_iterations; ++out.iterations) {
@@ -279,7 +285,7 @@ BallFit fit_ball(const Model& model, const BallLayout& layout, BallData& data,
       const VecX<double> ds = at.state_steps[w].col(0) - at.state_steps[w].rightCols(F) * dp;
       for (int k = 0; k < kState; ++k) axis(part(s, k), k % 3) += ds[k];
     }
-    const double then = objective(model, layout, p, data, out.sigma, options);
+    const double then = ball_cost(model, layout, p, data, out.sigma, options);
     if (!(then < now)) {
       for (std::size_t w = 0; w < before.size(); ++w) data.windows[w].state = before[w];
       damping *= 10.0;
@@ -295,7 +301,7 @@ BallFit fit_ball(const Model& model, const BallLayout& layout, BallData& data,
     now = then;
     damping = std::max(1e-9, damping * 0.1);
     fresh = false;
-    const double sigma = noise_of(model, layout, out.p, data, options.flight);
+    const double sigma = noise();
     if (progress && !progress(out.iterations, sigma)) {
       out.interrupted = true;
       out.termination = "stopped by the caller";
@@ -308,7 +314,7 @@ BallFit fit_ball(const Model& model, const BallLayout& layout, BallData& data,
       break;
     }
     out.sigma = sigma;
-    now = objective(model, layout, out.p, data, out.sigma, options);
+    now = ball_cost(model, layout, out.p, data, out.sigma, options);
   }
   if (out.termination.empty()) out.termination = "the largest number of iterations is reached";
   at = linearise_ball(model, layout, out.p, data, out.sigma, options);

@@ -71,11 +71,12 @@ BallData make_ball_data(const Model& model, const std::vector<Recording>& record
 
 /// Residual and derivatives of all windows about (p, states), states projected out.
 struct BallLinearisation {
-  MatX<double> R;     ///< (P, P) upper factor of the whitened parameters' columns
-  VecX<double> d;     ///< (P): Qᵀ of the residual
-  double chi2 = 0.0;  ///< Σ w e²/σ² at (p, states)
-  double left = 0.0;  ///< χ² that neither parameters nor states reach, to first order
-  long samples = 0;   ///< numbers compared, 3 a row
+  MatX<double> R;      ///< (P, P) upper factor of the whitened parameters' columns
+  VecX<double> d;      ///< (P): Qᵀ of the residual
+  double chi2 = 0.0;   ///< Σ w e²/σ² at (p, states)
+  double left = 0.0;   ///< χ² that neither parameters nor states reach, to first order
+  long samples = 0;    ///< numbers compared, 3 a row
+  VecX<double> norms;  ///< (P) of the whitened columns, states not projected out
   std::vector<MatX<double>> state_steps;  ///< per window: (6, 1 + P), step of the state = col 0 −
                                           ///< cols 1… · step of p
 };
@@ -100,8 +101,12 @@ BallLinearisation linearise_ball(const Model& model, const BallLayout& layout,
                                  const VecX<double>& p, const BallData& data, double sigma,
                                  const BallFitOptions& options);
 
-/// Levenberg–Marquardt from the layout's values; states of `data` are updated. The noise is
-/// estimated with the fit.
+/// Σ ρ(e/σ) over all windows, Huber's ρ (of one number: its square); infinite where a flight went
+/// nowhere.
+double ball_cost(const Model& model, const BallLayout& layout, const VecX<double>& p,
+                 const BallData& data, double sigma, const BallFitOptions& options);
+
+/// Levenberg–Marquardt from the layout's values; states of `data` are updated.
 /// @param progress  called after every step with (iteration, rms [m]); false stops
 BallFit fit_ball(const Model& model, const BallLayout& layout, BallData& data,
                  const BallFitOptions& options = {},

@@ -1,0 +1,189 @@
+#include "diagnose/ball_search.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include <Eigen/QR>
+
+#include <diffnea/core/random.hpp>
+
+namespace diffnea {
+namespace {
+
+constexpr int kResamples = 1000;
+constexpr int kLags = 40;  ///< rows over which what is left may hang together
+/// A column that the others leave less of than this is theirs.
+constexpr double kSameColumn = 1e-6;
+
+bool same(const EffectSpec& a, const EffectSpec& b) {
+  return a.effect == b.effect && a.where == b.where;
+}
+
+long count(const BallData& data) {
+  long out = 0;
+  for (const BallWindow& w : data.windows) out += 3 * static_cast<long>(w.time.size());
+  return out;
+}
+
+}  // namespace
+
+std::vector<RowMatX<double>> ball_errors(const FittedBall& ball, const FlightOptions& flight) {
+  std::vector<RowMatX<double>> out;
+  for (const BallWindow& w : ball.data.windows) {
+    const std::vector<Vec3<double>> seen =
+        predict_ball(ball.model, ball.layout, ball.p, ball.data, w, flight);
+    RowMatX<double> e(static_cast<Eigen::Index>(seen.size()), 3);
+    for (std::size_t k = 0; k < seen.size(); ++k) {
+      const Vec3<double> d = w.seen[k] - seen[k];
+      e.row(static_cast<Eigen::Index>(k)) << d.x, d.y, d.z;
+    }
+    out.push_back(std::move(e));
+  }
+  return out;
+}
+
+BallSearch::BallSearch(const Model& model, std::vector<EffectSpec> base, bool fit_base,
+                       BallData train, BallData test, const BallFitOptions& options,
+                       std::function<bool(const std::string&)> progress)
+    : model_(model),
+      base_(std::move(base)),
+      fit_base_(fit_base),
+      train_(std::move(train)),
+      test_(std::move(test)),
+      options_(options),
+      progress_(std::move(progress)),
+      samples_(count(train_)) {}
+
+BallLayout BallSearch::layout_of(const std::vector<EffectSpec>& terms) const {
+  std::vector<EffectSpec> all = base_;
+  all.insert(all.end(), terms.begin(), terms.end());
+  BallLayout out = make_ball_layout(model_, all, fit_base_);
+  for (BallParameter& p : out.parameters)
+    if (!fit_base_ && p.effect >= 0 && p.effect < static_cast<int>(base_.size())) p.fixed = true;
+  return out;
+}
+
+BallSolution BallSearch::solve(const std::vector<EffectSpec>& terms,
+                               const BallSolution* start) const {
+  BallSolution out;
+  out.terms = terms;
+  out.ball = {model_, layout_of(terms), {}, start ? start->ball.data : train_};
+  if (start)
+    for (BallParameter& p : out.ball.layout.parameters)
+      for (std::size_t k = 0; k < start->ball.layout.parameters.size(); ++k)
+        if (start->ball.layout.parameters[k].name == p.name && !p.fixed)
+          p.value = start->ball.p[static_cast<Eigen::Index>(k)];
+  out.fit = fit_ball(model_, out.ball.layout, out.ball.data, options_,
+                     [&](int, double) { return !progress_ || progress_("fitting the ball"); });
+  out.ball.p = out.fit.p;
+  out.cost =
+      ball_cost(model_, out.ball.layout, out.ball.p, out.ball.data, options_.sigma, options_);
+  return out;
+}
+
+double BallSearch::correlation(const BallSolution& at) const {
+  std::vector<double> sums(kLags + 1, 0.0);
+  const double most = 4.0 * options_.sigma;
+  for (const RowMatX<double>& raw : ball_errors(at.ball, options_.flight)) {
+    const RowMatX<double> e = raw.cwiseMax(-most).cwiseMin(most);
+    for (int lag = 0; lag <= std::min<long>(kLags, e.rows() - 1); ++lag)
+      sums[static_cast<std::size_t>(lag)] +=
+          (e.topRows(e.rows() - lag).array() * e.bottomRows(e.rows() - lag).array()).sum();
+  }
+  double out = 1.0;
+  for (int lag = 1; lag <= kLags && sums[static_cast<std::size_t>(lag)] > 0.0; ++lag)
+    out += 2.0 * sums[static_cast<std::size_t>(lag)] / sums[0];
+  return out;
+}
+
+double BallSearch::delta_bic(const BallSolution& a, const BallSolution& b) const {
+  const auto n = static_cast<double>(samples_);
+  const auto size = [](const BallSolution& s) {
+    return static_cast<double>(std::ranges::count_if(
+        s.ball.layout.parameters, [](const BallParameter& p) { return !p.fixed; }));
+  };
+  return n / correlation(b) * std::log(a.cost / b.cost) - (size(b) - size(a)) * std::log(n);
+}
+
+std::vector<BallScore> BallSearch::scores(const BallSolution& at,
+                                          const std::vector<EffectSpec>& candidates) const {
+  std::vector<EffectSpec> terms = at.terms;
+  std::vector<BallScore> out;
+  for (const EffectSpec& c : candidates)
+    if (std::ranges::none_of(terms, [&](const EffectSpec& t) { return same(t, c); }))
+      out.push_back({c, 0.0, 0.0, 0.0, {}});
+  for (const BallScore& s : out) terms.push_back(s.effect);
+  const BallLayout layout = layout_of(terms);
+  VecX<double> p = layout.values();
+  p.head(at.ball.p.size()) = at.ball.p;
+  BallLayout moved = layout;
+  const BallLinearisation linear =
+      linearise_ball(model_, moved, p, at.ball.data, options_.sigma, options_);
+  const long known = std::ranges::count_if(at.ball.layout.parameters,
+                                           [](const BallParameter& q) { return !q.fixed; });
+  const long rows = linear.R.rows() - known;
+  const MatX<double> G = linear.R.bottomRightCorner(rows, rows);
+  const VecX<double> d = linear.d.tail(rows);
+  const auto n = static_cast<double>(samples_);
+  const double correlated = correlation(at);
+  long column = 0;
+  for (BallScore& s : out) {
+    const auto k = static_cast<long>(bind(s.effect, model_).parameters.size());
+    const MatX<double> g = G.middleCols(column, k);
+    const VecX<double> norms = linear.norms.segment(known + column, k);
+    const Sign sign = layout.parameters[static_cast<std::size_t>(at.ball.p.size() + column)].sign;
+    column += k;
+    s.visible_share = norms.norm() > 0.0 ? g.norm() / norms.norm() : 0.0;
+    if (!(s.visible_share > kSameColumn)) {
+      s.values = VecX<double>::Zero(k);
+      continue;
+    }
+    s.values = g.colPivHouseholderQr().solve(d);
+    if (k == 1 && sign != Sign::kFree && s.values[0] < 0.0) s.values.setZero();
+    s.lm = std::max(0.0, d.squaredNorm() - (d - g * s.values).squaredNorm());
+    s.delta_bic = -n / correlated * std::log(std::max(1e-9, 1.0 - s.lm / at.cost)) -
+                  static_cast<double>(k) * std::log(n);
+  }
+  std::ranges::stable_sort(out, std::ranges::greater{}, &BallScore::delta_bic);
+  return out;
+}
+
+BallChange BallSearch::held_out(const BallSolution& a, const BallSolution& b,
+                                std::uint64_t seed) const {
+  const auto errors = [&](const BallSolution& s) {
+    const FittedBall there = fit_states(s.ball, test_, options_);
+    std::vector<double> out;
+    for (const RowMatX<double>& e : ball_errors(there, options_.flight)) {
+      double sum = 0.0;  // outliers count as in the fit
+      for (Eigen::Index k = 0; k < e.rows(); ++k) {
+        const double u = e.row(k).norm() / (options_.sigma * std::sqrt(3.0));
+        sum += 3.0 * std::min(u * u, 100.0);
+      }
+      out.push_back(sum);
+    }
+    return out;
+  };
+  const std::vector<double> ea = errors(a), eb = errors(b);
+  const auto n = static_cast<double>(count(test_));
+  BallChange out;
+  for (const double e : ea) out.before += e / n;
+  for (const double e : eb) out.after += e / n;
+  Rng rng(seed);
+  std::vector<double> shares;
+  for (int i = 0; i < kResamples; ++i) {
+    double before = 0.0, after = 0.0;
+    for (std::size_t w = 0; w < ea.size(); ++w) {
+      const auto pick = std::min(
+          ea.size() - 1, static_cast<std::size_t>(rng.uniform() * static_cast<double>(ea.size())));
+      before += ea[pick];
+      after += eb[pick];
+    }
+    shares.push_back((before - after) / std::max(before, 1e-300));
+  }
+  std::ranges::sort(shares);
+  out.low = shares[static_cast<std::size_t>(0.025 * kResamples)];
+  out.high = shares[static_cast<std::size_t>(0.975 * kResamples)];
+  return out;
+}
+
+}  // namespace diffnea

@@ -1,0 +1,72 @@
+#pragma once
+/// Which effect a ball's path lacks: score tests about a fit by windows, refits, held-out windows.
+/// Internal to diagnose/.
+
+#include <cstdint>
+
+#include "identify/ball_path.hpp"
+
+namespace diffnea {
+
+/// The model of the ball with some effects beyond the base, fitted.
+struct BallSolution {
+  std::vector<EffectSpec> terms;
+  FittedBall ball;
+  BallFit fit;
+  double cost = 0.0;  ///< Σ ρ(e/σ₀)
+};
+
+/// What a candidate would gain, to first order.
+struct BallScore {
+  EffectSpec effect;
+  double lm = 0.0;
+  double delta_bic = 0.0;
+  double visible_share = 0.0;
+  VecX<double> values;  ///< that it would take
+};
+
+/// Held-out windows without and with something: mean squares in units of the noise.
+struct BallChange {
+  double before = 0.0, after = 0.0;
+  double low = 0.0, high = 0.0;  ///< 95 % interval of the removed share (bootstrap over windows)
+};
+
+class BallSearch {
+ public:
+  /// @param train, test  windows; @param options  with the noise, sigma > 0
+  /// @param base  effects of the model  @param fit_base  false: the model stands as it is
+  BallSearch(const Model& model, std::vector<EffectSpec> base, bool fit_base, BallData train,
+             BallData test, const BallFitOptions& options,
+             std::function<bool(const std::string&)> progress);
+
+  BallSolution solve(const std::vector<EffectSpec>& terms, const BallSolution* start) const;
+  /// Best first. Those of `candidates` that are terms already are left out.
+  std::vector<BallScore> scores(const BallSolution& at,
+                                const std::vector<EffectSpec>& candidates) const;
+  /// How much better b is than a, BIC; n counts numbers that are independent of each other.
+  double delta_bic(const BallSolution& a, const BallSolution& b) const;
+  /// Rows that count as one: 1 + 2 Σ ρ_l of what a solution leaves.
+  double correlation(const BallSolution& at) const;
+  BallChange held_out(const BallSolution& a, const BallSolution& b, std::uint64_t seed) const;
+
+  const BallFitOptions& options() const { return options_; }
+  const BallData& train() const { return train_; }
+  const BallData& test() const { return test_; }
+  long samples() const { return samples_; }
+
+ private:
+  BallLayout layout_of(const std::vector<EffectSpec>& terms) const;
+
+  Model model_;
+  std::vector<EffectSpec> base_;
+  bool fit_base_;
+  BallData train_, test_;
+  BallFitOptions options_;
+  std::function<bool(const std::string&)> progress_;
+  long samples_ = 0;
+};
+
+/// What is left of each position, per window (m, 3) [m].
+std::vector<RowMatX<double>> ball_errors(const FittedBall& ball, const FlightOptions& flight);
+
+}  // namespace diffnea

@@ -1,0 +1,14 @@
+#pragma once
+/// On what does the rest of a ball's path depend? Internal to diagnose/.
+
+#include <diffnea/diagnose/finding.hpp>
+
+#include "identify/ball_path.hpp"
+
+namespace diffnea {
+
+/// Quadratic functions of three variables against what is left of every axis; those that pass
+/// ΔBIC > 10, best first. Errors are of windows that were given initial states of their own.
+std::vector<Witness> ball_witnesses(const FittedBall& ball, const BallFitOptions& options);
+
+}  // namespace diffnea
