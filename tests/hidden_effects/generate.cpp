@@ -4,6 +4,7 @@
 ///   hidden_effects_generate --seed 1 --family coulomb_friction -o case/
 ///
 /// case/seen/: model.xml (nominal), train.csv, test.csv, their .json; case/truth/truth.json.
+/// Of the families ball_*: model.json, and no .json of the recordings.
 /// Independent of what it tests: MuJoCo's dynamics, formulas of its own.
 
 #include <exception>
@@ -14,6 +15,7 @@
 
 #include <CLI/CLI.hpp>
 
+#include "ball.hpp"
 #include "evidence.hpp"
 #include "sensors.hpp"
 
@@ -125,6 +127,7 @@ int main(int argc, char** argv) {
   std::uint64_t seed = 0;
   std::string family, folder;
   hidden::CaseOptions options;
+  hidden::BallOptions ball;
   hidden::Given given;
   bool list = false;
   app.add_option("--seed", seed, "of everything that is drawn")->capture_default_str();
@@ -148,6 +151,17 @@ int main(int argc, char** argv) {
   app.add_option("--rate", options.rate, "of control and recording [Hz]")
       ->check(CLI::Range(50.0, 5000.0))
       ->capture_default_str();
+  app.add_option("--smallest-ball", ball.smallest,
+                 "families ball_*: size of the effect over its unit, EFFECTS.md of the design")
+      ->check(CLI::Range(1e-3, 1e3))
+      ->capture_default_str();
+  app.add_option("--largest-ball", ball.largest, "the size is drawn between these two")
+      ->check(CLI::Range(1e-3, 1e3))
+      ->capture_default_str();
+  app.add_option_function<double>(
+         "--scale", [&](double size) { ball.smallest = ball.largest = size; },
+         "families ball_*: this size over its unit")
+      ->check(CLI::Range(1e-3, 1e3));
   app.add_option("--motion", given.file,
                  "trajectory file that train.csv follows in place of a drawn motion")
       ->check(CLI::ExistingFile);
@@ -160,10 +174,18 @@ int main(int argc, char** argv) {
   try {
     if (list) {
       for (const std::string& name : hidden::families()) std::cout << name << "\n";
+      for (const std::string& name : hidden::ball_families()) std::cout << name << "\n";
       return 0;
     }
     if (folder.empty()) throw std::invalid_argument("-o is missing: the folder of the case");
-    hidden::generate(seed, family, options, given, folder);
+    if (!family.starts_with("ball_")) {
+      hidden::generate(seed, family, options, given, folder);
+    } else {
+      if (!given.file.empty())
+        throw std::invalid_argument("--motion: the motions of the ball's families are drawn");
+      ball.duration = options.duration;
+      hidden::generate_ball(seed, family, ball, folder);
+    }
   } catch (const std::exception& error) {
     std::cerr << "hidden_effects_generate: " << error.what() << "\n";
     return 1;

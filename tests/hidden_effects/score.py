@@ -37,7 +37,12 @@ DOCUMENTED = (
     {"tip_force", "base_tilt"},
     {"presliding_dahl", "presliding_lugre"},
     {"time_shift", "actuator_delay"},
+    # Of the ball: more restoring force; and what is the same while the hand hardly turns.
+    {"string_bending", "string_mass", "gravity_scale"},
+    {"camera_offset", "wind", "attachment_offset", "camera_rotation"},
 )
+# Whose effects all show in one path.
+BALL = {"ball", "string", "camera"}
 
 GOOD = ("right", "class", "confusable")
 
@@ -75,8 +80,15 @@ def cause(item: Json) -> Cause:
 
 
 def documented(a: Cause, b: Cause) -> bool:
-    same_place = a[1] == b[1] or {a[1], b[1]} & {"all", "base", "tip"}
-    return bool(same_place) and any({a[0], b[0]} == pair for pair in DOCUMENTED)
+    shared = {a[1], b[1]} & {"all", "base", "tip"}
+    if not (a[1] == b[1] or shared or {a[1], b[1]} <= BALL):
+        return False
+    return a[0] != b[0] and any({a[0], b[0]} <= alike for alike in DOCUMENTED)
+
+
+def near(a: Cause, b: Cause) -> bool:
+    """Whether a stands at a place of b, a pair perhaps."""
+    return a[1] in b[1].split(",") or {a[1], b[1]} <= BALL
 
 
 def confusable(effect: Json, named: set[Cause]) -> bool:
@@ -84,7 +96,7 @@ def confusable(effect: Json, named: set[Cause]) -> bool:
     mine = cause(effect)
     if any(documented(mine, other) for other in named):
         return True
-    here = {name for name, where in named if where == mine[1]}
+    here = {name for name, where in named if where == mine[1] or {where, mine[1]} <= BALL}
     if {"actuator_delay", "actuator_lag"} & here:
         here.add("actuator_lag")  # the rival's column stands for both
     return any(
@@ -120,7 +132,8 @@ def judge_named(truth: Json, result: Json, score: Score) -> str:
         for c in named
         if c in allowed
         or any(
-            documented(cause(e), c) or (c[1] in cause(e)[1].split(",") and confusable(e, named))
+            documented(cause(e), c)
+            or (near(c, cause(e)) and confusable(e, {c} if c[1] in BALL else named))
             for e in [*served, *optional]
         )
     }

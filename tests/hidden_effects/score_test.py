@@ -42,6 +42,11 @@ CLEAR_STRIBECK = hidden(
 LAG = hidden("actuator_lag")
 PAIR = hidden("cable_differential_friction", "shoulder,elbow")
 
+GRAVITY = hidden("gravity_scale", "ball")
+TURNED = hidden(
+    "camera_rotation", "camera", rivals=[{"effects": ["camera_scale"], "lm_beyond": 9.0}]
+)
+
 CASES = {
     "the effect at its joint": (truth(COULOMB), result(said("coulomb_friction")), "right"),
     "a pair in the other order": (
@@ -75,6 +80,26 @@ CASES = {
     "a documented confusion elsewhere": (
         truth(LAG),
         result(said("actuator_delay", "wrist")),
+        "wrong",
+    ),
+    "the ball's restoring forces": (
+        truth(GRAVITY),
+        result(said("string_bending", "string")),
+        "confusable",
+    ),
+    "a view that explains as much": (
+        truth(TURNED),
+        result(said("camera_scale", "camera")),
+        "confusable",
+    ),
+    "a view that explains as much, and a drag": (
+        truth(TURNED),
+        result(said("camera_scale", "camera"), said("linear_drag", "ball")),
+        "wrong",
+    ),
+    "another effect of the ball": (
+        truth(GRAVITY),
+        result(said("linear_drag", "ball")),
         "wrong",
     ),
     "nothing named": (truth(COULOMB), NOTHING, "missed"),

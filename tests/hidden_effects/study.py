@@ -42,7 +42,17 @@ class Group:
 
     name: str
     options: tuple[str, ...] = ()
-    families: tuple[str, ...] = ()  # empty: all but `none`
+    families: tuple[str, ...] = ()  # empty: all of the joints but `none`
+    ball: bool = False  # all of the ball but `ball_none`
+
+    def chosen(self, every: list[str]) -> list[str]:
+        if self.families:
+            return list(self.families)
+        return [f for f in every if f.startswith("ball_") == self.ball and not is_none(f)]
+
+
+def is_none(family: str) -> bool:
+    return family in ("none", "ball_none")
 
 
 GROUPS = (
@@ -57,6 +67,10 @@ GROUPS = (
         ("--smallest", "0.05", "--largest", "0.4"),
         ("actuator_lag", "actuator_delay"),
     ),
+    # 0.3 to 3 times the unit of each effect; a tenth of that has expected LM of 10 to 1000.
+    Group("ball", ball=True),
+    Group("ball_weak", ("--smallest-ball", "0.03", "--largest-ball", "0.3"), ball=True),
+    Group("ball_none", families=("ball_none",)),
 )
 
 
@@ -82,8 +96,8 @@ def plan(args: argparse.Namespace, all_families: list[str]) -> list[Case]:
     for group in GROUPS:
         if args.group and group.name not in args.group:
             continue
-        count = args.none if "none" in group.families else args.count
-        for family in group.families or [f for f in all_families if f != "none"]:
+        for family in group.chosen(all_families):
+            count = args.none if is_none(family) else args.count
             if args.family and family not in args.family:
                 continue
             first = FIRST_SEED[args.set]
@@ -149,8 +163,8 @@ def ask_oracle(case: Case, home: Path, tools: Tools) -> str:
     truth = read(home / "truth" / "truth.json")
     if (home / "oracle.json").exists() or not (home / "result.json").exists():
         return ""
-    if truth["kind"] != "named":
-        return ""
+    if truth["kind"] != "named" or case.family.startswith("ball_"):
+        return ""  # the error of a ball has no joints
     if not (home / "seen").exists():
         made = subprocess.run(tools.make(case, home), capture_output=True, text=True)
         if made.returncode != 0:
@@ -182,7 +196,8 @@ def diagnose(
 ) -> tuple[str, scoring.Json | None]:
     """What went wrong, or nothing, and the result."""
     seen = home / "seen"
-    look: list[Any] = [command, "diagnose", seen / "model.xml", seen / "train.csv"]
+    model = next(seen.glob("model.*"))  # .xml, of the ball .json
+    look: list[Any] = [command, "diagnose", model, seen / "train.csv"]
     look += ["--base", base, "-o", home / run, *map(str, options), "--quiet", "--threads", "1"]
     try:
         looked = subprocess.run(look, capture_output=True, text=True, timeout=TIMEOUT)
@@ -203,8 +218,8 @@ def follow_up(
 ) -> None:
     """Record the next experiment that the diagnosis proposes, and diagnose it by itself."""
     proposed = result.get("next_experiment") or {}
-    if not proposed.get("trajectory"):
-        return
+    if not proposed.get("trajectory") or truth["family"].startswith("ball_"):
+        return  # the motions of the ball's families are drawn
     home_next = home / "next"
     motion = home / "run" / proposed["trajectory"]
     again = [*make[:-1], home_next, "--motion", motion, "--motion-period", str(NEXT_PERIOD)]
@@ -336,10 +351,42 @@ def oracle_lines(scores: list[dict[str, Any]]) -> list[str]:
     return lines
 
 
-def table(scores: list[dict[str, Any]], title: str) -> str:
+def ball_lines(scores: list[dict[str, Any]]) -> list[str]:
+    """The goals for the ball, and its families."""
+    named = [s for s in scores if s["kind"] == "named"]
+    strong, weak = by_power(named, 100, math.inf), by_power(named, 30, 100)
+    unit = [s for s in named if 0.7 <= (s["size"] or 0.0) <= 1.4]
+    absorbed = [s for s in scores if s["kind"] == "absorbed"]
+    none = [s for s in scores if s["kind"] == "none"]
+    alarms = sum(s["outcome"] != "right" for s in none)
+    bound = f", at most {100 * upper_bound(alarms, len(none)):.2f} %" if none else ""
+    in_class = rate(by_power(named, 30, math.inf), lambda s: bool(s["in_class"]))
+    covered = [{"hit": c} for s in scores if right(s) for c in s["covered"]]
+    lines = ["", "## Ball", "", "| figure | value |", "|---|---|"]
+    for title, mine in (("LM ≥ 100", strong), ("LM 30–100", weak), ("0.7–1.4 of the unit", unit)):
+        lines += [
+            f"| right effect, {title} | {rate(mine, right)} |",
+            f"| …, or a class or confusion that holds it | {rate(mine, good)} |",
+        ]
+    lines += [
+        f"| truth in a reported class, LM ≥ 30 | {in_class} |",
+        f"| nothing hidden: false alarms | {alarms}/{len(none)}{bound} |",
+        f"| absorbed: no cause | {rate(absorbed, right)} |",
+        f"| absorbed: declared | {rate(absorbed, lambda s: bool(s['absorbed']))} |",
+        f"| 95 % intervals that hold the truth | {rate(covered, lambda c: c['hit'])} |",
+        f"| explained share, mean | {mean(s['explained'] for s in named)} |",
+        f"| seconds a diagnosis, mean | {mean(s['seconds'] for s in scores)} |",
+        f"| no result | {sum(s['outcome'] == 'failed' for s in scores)} |",
+    ]
+    return lines
+
+
+def table(every: list[dict[str, Any]], title: str) -> str:
+    scores = [s for s in every if not s["family"].startswith("ball_")]
+    ball = [s for s in every if s["family"].startswith("ball_")]
     named = [s for s in scores if s["kind"] == "named"]
     single = [s for s in named if len(s["truth"]) == 1]
-    lines = [f"# {title}", "", f"{len(scores)} cases. Rates with 95 % intervals (Wilson).", ""]
+    lines = [f"# {title}", "", f"{len(every)} cases. Rates with 95 % intervals (Wilson).", ""]
 
     lines += ["| nothing hidden | cases | false alarms | 95 % upper bound |", "|---|---|---|---|"]
     for group in ("none", "none_noisy"):
@@ -395,6 +442,11 @@ def table(scores: list[dict[str, Any]], title: str) -> str:
         f"| no result | {sum(s['outcome'] == 'failed' for s in scores)} |",
     ]
 
+    if ball:
+        lines += ball_lines(ball)
+
+    scores = every
+    named = [s for s in every if s["kind"] == "named"]
     lines += ["", "## By family", ""]
     lines += [
         "| family | right, LM ≥ 100 | acceptable | right, LM 30–100 | acceptable "

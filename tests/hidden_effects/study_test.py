@@ -146,6 +146,33 @@ def test_the_table_has_the_worst_family_of_the_oracles() -> None:
     assert study.oracle_lines([{"oracle": None}]) == []
 
 
+def test_groups_of_the_ball_and_of_joints_share_no_family() -> None:
+    every = ["none", "armature", "ball_none", "ball_wind"]
+    chosen = {group.name: group.chosen(every) for group in study.GROUPS}
+    assert chosen["main"] == chosen["weak"] == ["armature"]
+    assert chosen["ball"] == chosen["ball_weak"] == ["ball_wind"]
+    assert (chosen["none"], chosen["ball_none"]) == (["none"], ["ball_none"])
+
+
+def test_the_ball_has_figures_of_its_own() -> None:
+    def case(family: str, outcome: str, lm: float | None, kind: str = "named") -> dict[str, Any]:
+        return {"group": "ball", "family": family, "kind": kind, "outcome": outcome} | {
+            **{"truth": [[family, "ball"]], "named": [], "verdict": "", "size": 1.0},
+            **{"expected_lm": lm, "in_class": True, "class_size": None, "covered": [True]},
+            **{"explained": None, "absorbed": None, "seconds": 1.0, "next_experiment": None},
+        }
+
+    scores = [case("ball_wind", "right", 500.0), case("ball_wind", "confusable", 50.0)]
+    scores += [case("ball_none", "false_alarm", None, "none")]
+    text = study.table(scores, "ball")
+    assert "| right effect, LM ≥ 100 | 1/1" in text
+    assert "| right effect, LM 30–100 | 0/1" in text
+    assert "false alarms | 1/1" in text
+    assert "| right effect and joint, expected LM ≥ 100 | – |" in text
+    assert "| ball_wind | 1/1" in text
+    assert "## Ball" not in study.table([], "nothing yet")
+
+
 def test_an_empty_study_has_a_table() -> None:
     text = study.table([], "nothing yet")
     assert "| none | 0 | 0 | – |" in text
