@@ -52,7 +52,10 @@ void run_identify(IdentifyCommand c) {
   refuse_repeated_files(c.data, c.test);
   c.recording.quiet = c.common.quiet;
   set_prior(c.prior, c.options);
-  c.options.loss = kLosses.at(c.loss);
+  if (c.loss == "constrained")
+    c.options.ball.loss = BallLoss::kConstrained;  // the arm has no constraint to adhere to
+  else
+    c.options.loss = kLosses.at(c.loss);
   c.options.robust = kRobust.at(c.robust);
   if (c.effects_given)
     c.options.choice.effects =
@@ -116,12 +119,17 @@ void add_identify(CLI::App& app, const std::vector<std::string>& command_line) {
       "identify",
       "Fit a model's parameters to recordings; physically consistent, with uncertainties.");
   command->add_option("model", c->model, "robot description: URDF, MJCF or JSON")->required();
-  command->add_option("data", c->data, "recordings (.csv): time, q_*, tau_*")->required();
+  command
+      ->add_option("data", c->data,
+                   "recordings (.csv): time, q_*, tau_*; or ball_x, ball_y, ball_z")
+      ->required();
   command->add_option("--test", c->test, "held-out recordings (.csv), never fitted");
   command->add_option("-o,--output", c->out, "folder for the results")->required();
   command
-      ->add_option("--loss", c->loss, "of torque (inverse), acceleration (forward), or trajectory")
-      ->check(CLI::IsMember({"inverse", "forward", "trajectory"}))
+      ->add_option("--loss", c->loss,
+                   "of torque (inverse), acceleration (forward), or trajectory; constrained: of a "
+                   "ball's acceleration and its string, where otherwise its trajectory is fitted")
+      ->check(CLI::IsMember({"inverse", "forward", "trajectory", "constrained"}))
       ->capture_default_str();
   command->add_option("--robust", c->robust, "weights that outliers lose by")
       ->check(CLI::IsMember({"none", "huber", "cauchy"}))
@@ -129,7 +137,8 @@ void add_identify(CLI::App& app, const std::vector<std::string>& command_line) {
   command
       ->add_option(
           "--fit", o.choice.fit,
-          "what may move, separated by commas: inertia, armature, effects, shapes (of effects), "
+          "what may move, separated by commas: inertia, armature, effects, string (of a ball: its "
+          "length and attachment), shapes (of effects), "
           "kinematics (fixed transforms; kinematics@JOINT for one)")
       ->delimiter(',')
       ->capture_default_str();
@@ -139,7 +148,8 @@ void add_identify(CLI::App& app, const std::vector<std::string>& command_line) {
           "beyond those of the model: name or name@joint, separated by commas; "
           "payload@tip:run=1 acts in recording 1 alone (from 0, those of --test last); none; "
           "default: armature, viscous and Coulomb friction and an offset at every joint; "
-          "with torque sensors behind the drive (--torque-side link) the offset alone")
+          "with torque sensors behind the drive (--torque-side link) the offset alone; of a ball "
+          "on a string linear_drag, in free flight quadratic_drag")
       ->delimiter(',')
       ->each([raw = c.get()](const std::string&) { raw->effects_given = true; });
   command->add_option(
@@ -162,6 +172,19 @@ void add_identify(CLI::App& app, const std::vector<std::string>& command_line) {
       ->add_option("--window", o.trajectory.window,
                    "trajectory loss: length of a simulated window [s]")
       ->check(at_least(0.0, true))
+      ->capture_default_str();
+  command
+      ->add_option("--ball-window", o.ball.window,
+                   "ball: length of a simulated window [s], at most; each starts from a state of "
+                   "its own, which is estimated")
+      ->check(at_least(0.0, true))
+      ->capture_default_str();
+  command
+      ->add_option("--lambda", o.ball.lambda,
+                   "constrained loss: weights of g, its first and its second derivative, each over "
+                   "its own noise")
+      ->delimiter(',')
+      ->check(at_least(0.0))
       ->capture_default_str();
   add_common(*command, c->common);
   command->callback([c] { run_identify(*c); });

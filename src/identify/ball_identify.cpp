@@ -194,13 +194,20 @@ void identify_ball(const std::vector<Recording>& train, const std::vector<Record
     for (int k = 0; k < 4; ++k)
       if (!layout.parameters[k].fixed) layout.parameters[k].value = guess[k];
   }
-  const BallFit fit = fit_ball(asked, layout, data, fit_options, [&](int iteration, double sigma) {
-    return !options.progress || options.progress({"fitting the ball", iteration, 0, sigma});
-  });
+  BallFit fit;
+  if (fit_options.loss == BallLoss::kConstrained) {
+    fit = fit_ball_constrained(asked, layout, data, fit_options);
+  } else {
+    fit = fit_ball(asked, layout, data, fit_options, [&](int iteration, double sigma) {
+      return !options.progress || options.progress({"fitting the ball", iteration, 0, sigma});
+    });
+  }
   FittedBall after{asked, layout, fit.p, data};
+  if (fit_options.loss == BallLoss::kConstrained) after = fit_states(after, data, fit_options);
   result.model = apply_ball(asked, layout, fit.p);
 
-  const BallLinearisation at = linearise_ball(asked, layout, fit.p, data, fit.sigma, fit_options);
+  const BallLinearisation at =
+      linearise_ball(asked, layout, fit.p, after.data, fit.sigma, fit_options);
   const VecX<double> visible = visible_shares(at.R);
   Eigen::Index free = 0;
   for (std::size_t k = 0; k < layout.parameters.size(); ++k) {

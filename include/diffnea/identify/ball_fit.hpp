@@ -112,6 +112,14 @@ BallFit fit_ball(const Model& model, const BallLayout& layout, BallData& data,
                  const BallFitOptions& options = {},
                  const std::function<bool(int, double)>& progress = {});
 
+/// The paper's constrained loss: accelerations of the smoothed path against the model's, with g =
+/// softplus(h), ġ and g̈ (h = ‖Δ‖² − r²) as penalties of weights options.lambda, each over what the
+/// camera's noise makes of it. The sharpness of softplus and of the string's switch grows from
+/// round to round. Noise biases r by some millimetres: fit_ball is what to use on a noisy camera.
+/// @throws ModelError for effects of the camera, DataError if too few rows have neighbours
+BallFit fit_ball_constrained(const Model& model, const BallLayout& layout, const BallData& data,
+                             const BallFitOptions& options = {});
+
 /// First guess of length and attachment from distances alone: Σ (‖y − x_S‖ − r)² over rows at which
 /// the string is taut, from any start (Gauss–Newton; rows nearer than r by 5 % count as slack).
 /// @throws DataError if the ball is never taut (naming the largest distance)

@@ -1,0 +1,230 @@
+#include <algorithm>
+#include <cmath>
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+#include <Eigen/QR>
+
+#include <diffnea/core/error.hpp>
+
+#include "identify/ball_rows.hpp"
+#include "identify/ball_world.hpp"
+
+namespace diffnea {
+namespace {
+
+constexpr long kHalfWidth = 6;  ///< rows on either side that a row's acceleration is read from
+/// Sharpness of g = softplus(h) [1/m²] from round to round: from soft, where every row pulls at the
+/// length, to hard.
+constexpr std::array<double, 4> kSharpness{20.0, 100.0, 500.0, 2500.0};
+/// Stabilisation answers the camera's noise, too: none to speak of.
+constexpr double kSettle = 10.0;  // [s]
+
+/// A row with its derivatives, smoothed.
+struct SmoothRow {
+  const BallWindow* window;
+  const HandMotion* hand;
+  double time;
+  Vec3<double> x, v, a;
+};
+
+/// How much of white noise the smoothed x, v and a of a window keep, from the weights of the
+/// cubics.
+std::array<double, 3> noise_gains(double step) {
+  const long n = 2 * kHalfWidth + 1;
+  MatX<double> A(n, 4);
+  for (long k = 0; k < n; ++k) {
+    const double t = step * static_cast<double>(k - kHalfWidth);
+    A.row(k) << 1.0, t, 0.5 * t * t, t * t * t / 6.0;
+  }
+  const MatX<double> C = (A.transpose() * A).inverse();
+  return {std::sqrt(C(0, 0)), std::sqrt(C(1, 1)), std::sqrt(C(2, 2))};
+}
+
+std::vector<SmoothRow> smooth_rows(const BallData& data) {
+  std::vector<SmoothRow> out;
+  for (const BallWindow& w : data.windows) {
+    const auto n = static_cast<long>(w.time.size());
+    for (long k = kHalfWidth; k + kHalfWidth < n; ++k) {
+      const long rows = 2 * kHalfWidth + 1;
+      MatX<double> A(rows, 4), y(rows, 3);
+      for (long i = 0; i < rows; ++i) {
+        const long at = k - kHalfWidth + i;
+        const double t = w.time[at] - w.time[k];
+        A.row(i) << 1.0, t, 0.5 * t * t, t * t * t / 6.0;
+        y.row(i) << w.seen[at].x, w.seen[at].y, w.seen[at].z;
+      }
+      const MatX<double> c = A.colPivHouseholderQr().solve(y);
+      const auto point = [&](int i) { return Vec3<double>{c(i, 0), c(i, 1), c(i, 2)}; };
+      out.push_back({&w, &data.hands[static_cast<std::size_t>(w.hand)], w.time[k], point(0),
+                     point(1), point(2)});
+    }
+  }
+  return out;
+}
+
+/// What the six residuals of a row are divided by.
+struct RowNoise {
+  double acceleration = 1.0, g = 1.0, g_d = 1.0, g_dd = 1.0;
+};
+
+template <class T>
+std::array<T, 6> residuals(const BallWorld<T>& world, const SmoothRow& row, const RowNoise& noise,
+                           double sharpness, const std::array<double, 3>& lambda) {
+  using std::exp;
+  using std::log1p;
+  const ParticleState<T> ball{row.x.template cast<T>(), row.v.template cast<T>()};
+  BallSample<T> sample;
+  sample.time = T(row.time);
+  sample.ball = ball;
+  sample.spin = row.window->spin.template cast<T>();
+  std::array<T, 6> out{};
+  const Vec3<T> measured = row.a.template cast<T>();
+  const auto put = [&](const Vec3<T>& e) {
+    const T per(1.0 / noise.acceleration);
+    out[0] = e.x * per, out[1] = e.y * per, out[2] = e.z * per;
+  };
+  if (!world.has_string()) {
+    put(measured - world.acceleration(sample));
+    return out;
+  }
+  sample.anchor = world.anchor(T(row.time));
+  const Vec3<T> delta = ball.x - sample.anchor.x, delta_d = ball.v - sample.anchor.v,
+                delta_dd = measured - sample.anchor.a;
+  const T r = world.length(), h = dot(delta, delta) - r * r;
+  const T h_d = T(2.0) * dot(delta, delta_d),
+          h_dd = T(2.0) * (dot(delta, delta_dd) + dot(delta_d, delta_d));
+  using std::sqrt;
+  sample.taut = value(h) > -2.0 * noise.g;
+  sample.u = delta * (T(1.0) / sqrt(dot(delta, delta)));
+  const StringSmoothing smoothing{.pull = 10.0 * sharpness / kSharpness.back(),
+                                  .switching = 0.5 * sharpness,
+                                  .settle = kSettle};
+  put(measured -
+      string_acceleration(ball, sample.anchor, world.acceleration(sample), r, smoothing));
+  // g = softplus(h), ġ = σ ḣ, g̈ = σ ḧ + σ′ ḣ², σ the sigmoid.
+  const T s(sharpness), z = h * s;
+  const T gate = value(z) > 0.0 ? T(1.0) / (T(1.0) + exp(-z)) : exp(z) / (T(1.0) + exp(z));
+  const T g = (value(z) > 0.0 ? z + log1p(exp(-z)) : log1p(exp(z))) / s;
+  out[3] = g * T(std::sqrt(lambda[0]) / noise.g);
+  out[4] = gate * h_d * T(std::sqrt(lambda[1]) / noise.g_d);
+  out[5] =
+      (gate * h_dd + s * gate * (T(1.0) - gate) * h_d * h_d) * T(std::sqrt(lambda[2]) / noise.g_dd);
+  return out;
+}
+
+}  // namespace
+
+BallFit fit_ball_constrained(const Model& model, const BallLayout& layout, const BallData& data,
+                             const BallFitOptions& options) {
+  for (const BoundEffect& e : layout.effects)
+    if (e.info().port == Port::kBallView || e.info().port == Port::kBallImpact)
+      throw ModelError(e.info().name + " at " + e.where +
+                       ": the constrained loss compares accelerations and cannot fit it; use the "
+                       "trajectory loss");
+  const std::vector<SmoothRow> rows = smooth_rows(data);
+  std::vector<int> free;
+  for (std::size_t k = 0; k < layout.parameters.size(); ++k)
+    if (!layout.parameters[k].fixed) free.push_back(static_cast<int>(k));
+  if (rows.size() < 10 * free.size())
+    throw DataError("constrained loss: " + std::to_string(rows.size()) +
+                    " rows with enough neighbours are left, too few for " +
+                    std::to_string(free.size()) + " parameters");
+  std::vector<double> time;
+  std::vector<Vec3<double>> seen;
+  for (const BallWindow& w : data.windows) {
+    time.insert(time.end(), w.time.begin(), w.time.end());
+    seen.insert(seen.end(), w.seen.begin(), w.seen.end());
+  }
+  BallFit out;
+  out.p = layout.values();
+  out.sigma = options.sigma > 0.0 ? options.sigma : camera_noise(time, seen);
+  if (!std::isfinite(out.sigma)) out.sigma = 1e-3;
+  const double length = model.ball->string ? model.ball->string->length : 1.0;
+  const BallWindow& first = data.windows.front();
+  const std::array<double, 3> gain = noise_gains((first.time.back() - first.time.front()) /
+                                                 static_cast<double>(first.time.size() - 1));
+  const RowNoise noise{out.sigma * gain[2], 2.0 * length * out.sigma * gain[0],
+                       2.0 * length * out.sigma * gain[1], 2.0 * length * out.sigma * gain[2]};
+  const auto F = static_cast<Eigen::Index>(free.size());
+  MatX<double> H(F, F);
+  VecX<double> g(F);
+  const auto cost = [&](const VecX<double>& p, double sharpness, bool slopes) {
+    double sum = 0.0;
+    H.setZero();
+    g.setZero();
+    for (const SmoothRow& row : rows) {
+      MatX<double> J = MatX<double>::Zero(6, F);
+      Eigen::Matrix<double, 6, 1> e;
+      if (!slopes) {
+        const BallWorld<double> world(model, layout, *row.hand, {p.begin(), p.end()});
+        const std::array<double, 6> r = residuals(world, row, noise, sharpness, options.lambda);
+        e = Eigen::Map<const Eigen::Matrix<double, 6, 1>>(r.data());
+      }
+      for (Eigen::Index begin = 0; slopes && begin < F; begin += kJetWidth) {
+        std::vector<JetD> values;
+        for (const double x : p) values.emplace_back(x);
+        for (Eigen::Index k = begin; k < std::min<Eigen::Index>(F, begin + kJetWidth); ++k)
+          values[free[k]] = JetD(p[free[k]], static_cast<int>(k - begin));
+        const BallWorld<JetD> world(model, layout, *row.hand, std::move(values));
+        const std::array<JetD, 6> r = residuals(world, row, noise, sharpness, options.lambda);
+        for (int i = 0; i < 6; ++i) {
+          e[i] = r[static_cast<std::size_t>(i)].a;
+          for (Eigen::Index k = begin; k < std::min<Eigen::Index>(F, begin + kJetWidth); ++k)
+            J(i, k) = r[static_cast<std::size_t>(i)].v[k - begin];
+        }
+      }
+      const double u = e.norm() / std::sqrt(6.0);
+      const double w = !options.robust || u <= 3.0 ? 1.0 : 3.0 / u;
+      sum += w * (2.0 - w) * e.squaredNorm();  // Huber's ρ
+      H += w * J.transpose() * J;
+      g += w * J.transpose() * e;
+    }
+    return sum;
+  };
+  for (const double sharpness : kSharpness) {
+    double now = cost(out.p, sharpness, true), damping = 1e-3;
+    for (int i = 0; i < options.max_iterations; ++i, ++out.iterations) {
+      const MatX<double> H0 = H;
+      const VecX<double> g0 = g;
+      MatX<double> damped = H0;
+      damped.diagonal() *= 1.0 + damping;
+      damped.diagonal().array() += 1e-12;
+      const VecX<double> step = damped.ldlt().solve(-g0);
+      VecX<double> p = out.p;
+      for (Eigen::Index k = 0; k < F; ++k) {
+        p[free[k]] += step[k];
+        if (layout.parameters[free[k]].sign != Sign::kFree)
+          p[free[k]] = std::max(p[free[k]], layout.parameters[free[k]].sign == Sign::kPositive
+                                                ? 0.1 * out.p[free[k]]
+                                                : 0.0);
+      }
+      const double then = cost(p, sharpness, false);
+      if (!(then < now)) {
+        H = H0;
+        g = g0;
+        damping *= 10.0;
+        if (damping > 1e8) break;
+        continue;
+      }
+      const bool done = now - then < options.tolerance * now;
+      out.p = p;
+      damping = std::max(1e-9, 0.1 * damping);
+      now = cost(out.p, sharpness, true);
+      if (done) break;
+    }
+    out.chi2 = now;
+  }
+  out.samples = 3 * static_cast<long>(rows.size());
+  out.converged = true;
+  out.termination = "the last step at the greatest sharpness gained less than the tolerance";
+  H.diagonal().array() += 1e-12;
+  const MatX<double> C = H.ldlt().solve(MatX<double>::Identity(F, F)) *
+                         static_cast<double>(2 * kHalfWidth + 1);  // neighbours share rows
+  out.covariance = MatX<double>::Zero(out.p.size(), out.p.size());
+  for (Eigen::Index i = 0; i < F; ++i)
+    for (Eigen::Index j = 0; j < F; ++j) out.covariance(free[i], free[j]) = C(i, j);
+  return out;
+}
+
+}  // namespace diffnea
