@@ -631,4 +631,25 @@ TEST_CASE("audit: measured recordings hold what is known of them", "[audit][data
   }
 }
 
+TEST_CASE("audit: a ball alone is looked at, and the joints' checks say that there are none",
+          "[recording]") {
+  Recording r;
+  constexpr long kRows = 2000;
+  r.time = VecX<double>::LinSpaced(kRows, 0.0, 0.008 * (kRows - 1));
+  r.q.resize(kRows, 0);
+  r.tau.resize(kRows, 0);
+  r.ball.resize(kRows, 3);
+  for (long i = 0; i < kRows; ++i)
+    r.ball.row(i) << std::sin(3.0 * r.time[i]), std::cos(2.0 * r.time[i]),
+        1.0 + std::sin(r.time[i]);
+  r.ball.middleRows(300, 50).setConstant(std::numeric_limits<double>::quiet_NaN());  // hidden
+  CHECK(audit({r}).faults.empty());
+  r.ball(1000, 2) += 5.0;
+  const AuditReport report = audit({r});
+  REQUIRE(report.faults.size() == 1);
+  CHECK(report.faults[0].fault == "spike");
+  CHECK(report.faults[0].where == "ball");
+  CHECK(report.faults[0].channel == "ball_z");
+}
+
 }  // namespace diffnea

@@ -134,6 +134,60 @@ TEST_CASE("csv: an empty cell is a gap, in any column", "[recording]") {
   CHECK(runs[0].ball(1, 2) == 4.0);
   CHECK(std::isnan(runs[0].ball(2, 0)));
   CHECK(std::isnan(runs[0].ball(2, 1)));
+  CHECK(runs[0].spin.size() == 0);
+}
+
+TEST_CASE("csv: a ball alone is a recording, gaps and all", "[recording]") {
+  ReadReport report;
+  const std::vector<Recording> runs = read(
+      "run,time,ball_x,ball_y,ball_z,spin_x,spin_y,spin_z\n"
+      "0,0,1,2,3,,,\n0,0.1,,,,,,\n0,0.2,4,5,6,7,8,9\n1,0,1,1,1,0,0,0\n",
+      {}, &report);
+  REQUIRE(runs.size() == 2);
+  CHECK(runs[0].num_joints() == 0);
+  CHECK(runs[0].q.rows() == 3);
+  CHECK(runs[0].q.cols() == 0);
+  CHECK(runs[0].has_tau.empty());
+  CHECK(runs[0].ball(0, 1) == 2.0);
+  CHECK(std::isnan(runs[0].ball(1, 0)));
+  CHECK(runs[0].ball(2, 2) == 6.0);
+  CHECK(std::isnan(runs[0].spin(0, 0)));
+  CHECK(runs[0].spin(2, 1) == 8.0);
+  CHECK(report.notes.empty());
+
+  const test::TemporaryFolder folder;
+  write_recordings(runs, folder.path() / "ball.csv");
+  std::ostringstream text;
+  text << std::ifstream(folder.path() / "ball.csv").rdbuf();
+  CHECK_THAT(text.str(),
+             ContainsSubstring("run,time,ball_x,ball_y,ball_z,spin_x,spin_y,spin_z\n") &&
+                 ContainsSubstring("\n0,0.1,,,,,,\n"));
+  const std::vector<Recording> back = read_recordings(folder.path() / "ball.csv");
+  REQUIRE(back.size() == 2);
+  CHECK(same(back[0].ball, runs[0].ball));
+  CHECK(same(back[0].spin, runs[0].spin));
+  CHECK(same(back[0].q, runs[0].q));
+}
+
+TEST_CASE("csv: blocks of a ball alone join", "[recording]") {
+  std::string text = "time,ball_x,ball_y,ball_z\n";
+  for (int i = 0; i < 70'000; ++i)  // more than a block
+    text += std::to_string(0.01 * i) + (i % 3 == 0 ? ",,,\n" : ",1,2," + std::to_string(i) + "\n");
+  const std::vector<Recording> runs = read(text);
+  REQUIRE(runs.size() == 1);
+  CHECK(runs[0].rows() == 70'000);
+  CHECK(runs[0].q.rows() == 70'000);
+  CHECK(runs[0].ball(69'998, 2) == 69'998.0);
+  CHECK(std::isnan(runs[0].ball(69'999, 0)));
+}
+
+TEST_CASE("csv: a ball that is never seen is refused where there is nothing else", "[recording]") {
+  CHECK_THROWS_WITH(read("time,ball_x,ball_y,ball_z\n0,,,\n0.1,,,\n"),
+                    ContainsSubstring("the ball is seen in no row"));
+  ReadReport report;
+  read("time,q_a,ball_x,ball_y,ball_z\n0,1,,,\n0.1,2,,,\n", {}, &report);
+  REQUIRE(report.notes.size() == 1);
+  CHECK_THAT(report.notes[0], ContainsSubstring("the ball is seen in no row"));
 }
 
 TEST_CASE("csv: runs are kept apart, and time may begin anew in each", "[recording]") {

@@ -74,6 +74,22 @@ TEST_CASE("joints: degrees show by limits that only they would fit", "[recording
   CHECK(warned({.name = "b", .lower = -0.1, .upper = 0.1}).empty());
 }
 
+TEST_CASE("joints: a model without joints takes a ball's recording and no robot's", "[recording]") {
+  Recording ball;
+  ball.time = VecX<double>::LinSpaced(3, 0.0, 0.2);
+  ball.q.resize(3, 0);
+  ball.tau.resize(3, 0);
+  ball.ball = RowMatX<double>::Ones(3, 3);
+  std::vector<Recording> all = {ball};
+  match_joints({}, all);
+  CHECK(all[0].ball.rows() == 3);
+  CHECK(find_degrees({}, all).empty());
+  CHECK(blank_absurd_torque({}, all).empty());
+  std::vector<Recording> robot = {recording()};
+  CHECK_THROWS_WITH(match_joints({}, robot), ContainsSubstring("the model has no joint"));
+  CHECK_THROWS_WITH(match_joints({{.name = "a"}}, all), ContainsSubstring("recording: none"));
+}
+
 TEST_CASE("joints: torque beyond twice the effort limit is a question of units", "[recording]") {
   const std::vector<Recording> all = {recording()};  // tau_a up to 3, tau_b not measured
   const auto warned = [&](double effort) {

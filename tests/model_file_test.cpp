@@ -66,9 +66,9 @@ constexpr const char* kMjcf = R"(<mujoco model="three">
         </body>
       </body>
     </body>
-    <body name="ball" pos="0 0 3"><freejoint/><geom type="sphere" size=".02"/></body>
+    <body name="ball" pos="0 0 3"><freejoint/><geom type="sphere" size=".02"/><site name="knot"/></body>
   </worldbody>
-  <tendon><spatial name="string" limited="true" range="0 .4"><site site="cup"/><site site="origin"/></spatial></tendon>
+  <tendon><spatial name="string" limited="true" range="0 .4"><site site="cup"/><site site="knot"/></spatial></tendon>
   <actuator>
     <motor joint="yaw" gear="10" ctrllimited="true" ctrlrange="-2 3"/>
     <motor joint="pitch"/>
@@ -131,6 +131,15 @@ void check_equal(const Model& a, const Model& b, double tolerance) {
     }
   }
   REQUIRE(a.frames.size() == b.frames.size());
+  REQUIRE(a.ball.has_value() == b.ball.has_value());
+  if (!a.ball) return;
+  CHECK(std::abs(a.ball->mass - b.ball->mass) <= tolerance);
+  CHECK(a.ball->radius == b.ball->radius);
+  REQUIRE(a.ball->string.has_value() == b.ball->string.has_value());
+  if (!a.ball->string) return;
+  CHECK(a.ball->string->link == b.ball->string->link);
+  CHECK(std::abs(a.ball->string->length - b.ball->string->length) <= tolerance);
+  CHECK_THAT(to_eigen(a.ball->string->p_LS), MatrixNear(to_eigen(b.ball->string->p_LS), tolerance));
 }
 
 }  // namespace
@@ -181,7 +190,8 @@ TEST_CASE("mjcf: joints of one body become a chain; anchor, ref, defaults and ac
   REQUIRE(m.frames.size() == 2);
   CHECK(m.frames[0].link == -1);
   CHECK(m.frames[1].link == 2);
-  CHECK(m.notes == std::vector<std::string>{"free body 'ball' is left out"});
+  CHECK(m.notes.empty());
+  CHECK(m.ball.has_value());      // and no joint of the robot
   CHECK(check_model(m).empty());  // wrist/yaw has no inertia, but carries the wrist
 }
 

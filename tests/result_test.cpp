@@ -4,10 +4,12 @@
 #include <unistd.h>
 
 #include <catch2/catch_test_macros.hpp>
+#include <catch2/generators/catch_generators.hpp>
 #include <catch2/matchers/catch_matchers_string.hpp>
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/io/atomic_file.hpp>
+#include <diffnea/io/diagnosis.hpp>
 #include <diffnea/io/result.hpp>
 #include <diffnea/io/result_folder.hpp>
 #include <diffnea/report/identify_page.hpp>
@@ -55,6 +57,59 @@ FitRun some_run() {
   return run;
 }
 
+/// A ball that is seen at three instants of two windows.
+BallSeries some_ball(bool has_string) {
+  BallSeries b;
+  b.held_out = true;
+  b.has_string = has_string;
+  b.run = {0, 0, 1};
+  b.window = {0, 0, 1};
+  b.time = {0.5, 0.625, 0.0};
+  b.measured = {{1, 2, 3}, {4, 5, 6}, {7, 8, 9}};
+  b.base = {{1.5, 2, 3}, {kNaN, kNaN, kNaN}, {7, 8, 9.25}};
+  b.extended = {{1, 2, 3.125}, {4, 5, 6}, {7, 8, 9}};
+  b.anchor.assign(3,
+                  has_string ? BallSeries::Point{0.25, 0, 1} : BallSeries::Point{kNaN, kNaN, kNaN});
+  b.taut = {has_string, false, has_string};
+  b.length = has_string ? 1.0 / 3.0 : 0.0;
+  b.sigma = 1.0 / 7.0;
+  b.base_rms = 0.5;
+  b.extended_rms = kNaN;
+  b.flagged = {{1, 0.75, "ball", "no \"window\" is <long> enough"}};
+  return b;
+}
+
+bool same(const std::vector<BallSeries::Point>& a, const std::vector<BallSeries::Point>& b) {
+  if (a.size() != b.size()) return false;
+  for (std::size_t k = 0; k < a.size(); ++k)
+    for (std::size_t i = 0; i < 3; ++i)
+      if (!(a[k][i] == b[k][i] || (std::isnan(a[k][i]) && std::isnan(b[k][i])))) return false;
+  return true;
+}
+
+void check_same(const std::optional<BallSeries>& got, const BallSeries& expected) {
+  REQUIRE(got);
+  CHECK(got->held_out == expected.held_out);
+  CHECK(got->has_string == expected.has_string);
+  CHECK(got->run == expected.run);
+  CHECK(got->window == expected.window);
+  CHECK(got->time == expected.time);
+  CHECK(same(got->measured, expected.measured));
+  CHECK(same(got->base, expected.base));
+  CHECK(same(got->extended, expected.extended));
+  CHECK(same(got->anchor, expected.anchor));
+  CHECK(got->taut == expected.taut);
+  CHECK(got->length == expected.length);
+  CHECK(got->sigma == expected.sigma);
+  CHECK(got->base_rms == expected.base_rms);
+  CHECK(std::isnan(got->extended_rms));
+  REQUIRE(got->flagged.size() == 1);
+  CHECK(got->flagged[0].run == 1);
+  CHECK(got->flagged[0].time == 0.75);
+  CHECK(got->flagged[0].channel == "ball");
+  CHECK(got->flagged[0].reason == expected.flagged[0].reason);
+}
+
 fs::path write_run(const FitRun& run, const fs::path& folder) {
   write_file_atomically(folder / "result.json", identify_result_json(run));
   write_file_atomically(folder / "series.json", series_json(run.fit));
@@ -71,6 +126,66 @@ TEST_CASE("result: what is written comes back", "[io]") {
   CHECK(identify_result_json(back) == identify_result_json(run));
   CHECK(series_json(back.fit) == series_json(run.fit));
   CHECK(identify_page(back) == identify_page(run));
+}
+
+TEST_CASE("result: a ball's summary and path come back, of a fit and of a diagnosis", "[io]") {
+  const test::TemporaryFolder folder;
+  const BallSeries ball = some_ball(GENERATE(true, false));
+  FitRun run = some_run();
+  run.fit.ball = ball;
+  const FitRun back = read_fit_run(write_run(run, folder.path()));
+  check_same(back.fit.ball, ball);
+  CHECK(identify_result_json(back) == identify_result_json(run));
+  CHECK(series_json(back.fit) == series_json(run.fit));
+
+  DiagnoseRun diagnosis;
+  diagnosis.finding.ball = ball;
+  write_file_atomically(folder.path() / "result.json", diagnose_result_json(diagnosis));
+  write_file_atomically(folder.path() / "series.json", diagnose_series_json(diagnosis.finding));
+  check_same(read_diagnose_run(folder.path()).finding.ball, ball);
+  // Without the series, what result.json says is there.
+  fs::remove(folder.path() / "series.json");
+  const std::optional<BallSeries> summary = read_diagnose_run(folder.path()).finding.ball;
+  REQUIRE(summary);
+  CHECK(summary->rows() == 0);
+  CHECK(summary->sigma == ball.sigma);
+}
+
+TEST_CASE("result: a long path is thinned, all of its columns alike", "[io]") {
+  const test::TemporaryFolder folder;
+  FitRun run = some_run();
+  BallSeries ball = some_ball(true);
+  constexpr int kRows = 9001;
+  ball.run.assign(kRows, 0);
+  ball.window.assign(kRows, 2);
+  ball.taut.assign(kRows, true);
+  ball.time.clear();
+  for (int k = 0; k < kRows; ++k) ball.time.push_back(0.25 * k);
+  for (auto* path : {&ball.measured, &ball.base, &ball.extended, &ball.anchor}) {
+    path->clear();
+    for (int k = 0; k < kRows; ++k) path->push_back({0.25 * k, 1, 2});
+  }
+  run.fit.ball = ball;
+  const FitRun back = read_fit_run(write_run(run, folder.path()));
+  REQUIRE(back.fit.ball);
+  CHECK(back.fit.ball->rows() == 3001);
+  CHECK(back.fit.ball->time.back() == ball.time.back());
+  CHECK(back.fit.ball->anchor[100][0] == back.fit.ball->time[100]);
+  CHECK(back.fit.ball->taut.size() == 3001);
+}
+
+TEST_CASE("result: a ball's path of unequal columns is refused", "[io]") {
+  const test::TemporaryFolder folder;
+  FitRun run = some_run();
+  run.fit.ball = some_ball(true);
+  write_run(run, folder.path());
+  std::string text = series_json(run.fit);
+  text.replace(text.find("\"time\":[0.5,0.625,0.0]"), 22, "\"time\":[0.5,0.625]");
+  write_file_atomically(folder.path() / "series.json", text);
+  CHECK_THROWS_WITH(read_fit_run(folder.path()),
+                    ContainsSubstring("series.json.ball.run: has 3 values, time 2"));
+  run.fit.ball->anchor.pop_back();
+  CHECK_THROWS_WITH(series_json(run.fit), ContainsSubstring("ball.anchor: has 2 values, time 3"));
 }
 
 TEST_CASE("result: a number that does not exist is null", "[io]") {

@@ -1,5 +1,6 @@
 #include <diffnea/io/diagnosis.hpp>
 
+#include "io/ball_json.hpp"
 #include "io/json_numbers.hpp"
 
 namespace diffnea {
@@ -185,6 +186,7 @@ std::string diagnose_result_json(const DiagnoseRun& run) {
                                      {"noise_floor", number(j.noise_floor)}};
                        })},
        {"simulated", simulated(f.simulated)},
+       {"ball", io::ball_summary(f.ball)},
        {"noise", f.noise},
        {"lack_of_fit", {{"f", number(f.lack_of_fit)}, {"p", number(f.lack_of_fit_p)}}},
        {"preprocessing",
@@ -225,6 +227,7 @@ std::string diagnose_series_json(const Finding& finding) {
                                 {"time", rounded(s.time)}, {"measured", rounded(s.measured)},
                                 {"base", rounded(s.base)}, {"extended", rounded(s.extended)}};
                           })},
+       {"ball", io::ball_columns(finding.ball)},
        {"plots", list(finding.plots,
                       [](const EvidencePlot& p) {
                         return Json{{"kind", p.kind},

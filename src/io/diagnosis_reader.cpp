@@ -4,6 +4,7 @@
 
 #include <diffnea/io/diagnosis.hpp>
 
+#include "io/ball_json.hpp"
 #include "io/run_reader.hpp"
 
 namespace diffnea {
@@ -250,6 +251,7 @@ DiagnoseRun read_diagnose_run(const std::filesystem::path& folder) {
     f.lack_of_fit_p = number_or_nan(o, "p");
   }
   read_simulated(root, f.simulated);
+  f.ball = io::read_ball_summary(root);
   read_preprocessing(root, f);
   JsonObject summary(root.required("summary"), root.at("summary"));
   f.seconds = number_or_nan(summary, "seconds");
@@ -260,6 +262,7 @@ DiagnoseRun read_diagnose_run(const std::filesystem::path& folder) {
     JsonObject object(json, path.string());
     io::require_schema(object, path.string(), "diffnea/diagnose-series/1");
     read_series(object, f);
+    io::read_ball_columns(object, f.ball);
   }
   return run;
 }

@@ -13,6 +13,7 @@
 #include <diffnea/core/error.hpp>
 #include <diffnea/io/atomic_file.hpp>
 
+#include "io/mjcf_ball.hpp"
 #include "io/model_parts.hpp"
 
 namespace diffnea::io {
@@ -192,7 +193,7 @@ ModelLink joint_link(const mjModel& m, int j, const Pose<double>& X_PB, const st
         where + ": joint '" + link.joint + "' of body '" + body_name(m, m.jnt_bodyid[j]) +
         "' is a " + (m.jnt_type[j] == mjJNT_FREE ? "free" : "ball") +
         " joint: only robots whose base is fixed and whose joints have one degree of freedom are "
-        "supported; types: hinge, slide (a free body named 'ball' is left out)");
+        "supported; types: hinge, slide (a free body named 'ball' is a ball)");
   link.type = m.jnt_type[j] == mjJNT_HINGE ? ModelJoint::kRevolute : ModelJoint::kPrismatic;
   link.axis = vec(m.jnt_axis + 3 * j);
   const double ref = m.qpos0[m.jnt_qposadr[j]];
@@ -284,23 +285,6 @@ std::string joint_name(const mjModel& m, int joint) {
   return object_name(m, mjOBJ_JOINT, joint, ("joint" + std::to_string(joint)).c_str());
 }
 
-std::vector<bool> left_out_bodies(const mjModel& m, const std::string& where) {
-  std::vector<bool> out(static_cast<std::size_t>(m.nbody));
-  for (int b = 1; b < m.nbody; ++b) {
-    if (out[m.body_parentid[b]]) {
-      out[b] = true;
-    } else if (m.body_jntnum[b] == 1 && m.jnt_type[m.body_jntadr[b]] == mjJNT_FREE) {
-      if (body_name(m, b) != "ball")
-        throw ModelError(
-            where + ": body '" + body_name(m, b) +
-            "' is free: only robots whose base is fixed are supported; remove its free joint "
-            "(a free body named 'ball' is left out of the robot)");
-      out[b] = true;
-    }
-  }
-  return out;
-}
-
 Model model_from_mujoco(const mjModel& m, const std::string& where) {
   Model model;
   model.name = m.names;
@@ -308,6 +292,7 @@ Model model_from_mujoco(const mjModel& m, const std::string& where) {
   model.gravity = m.opt.disableflags & mjDSBL_GRAVITY ? Vec3<double>{} : vec(m.opt.gravity);
   const std::vector<bool> left_out = left_out_bodies(m, where);
   refuse_closed_loops(m, left_out, where);
+  const std::optional<MjcfBall> ball = find_ball(m, where, model.notes);
   note_what_is_left_out(m, model.notes);
   const std::vector<Actuation> actuators = actuation(m, model.notes);
 
@@ -317,10 +302,7 @@ Model model_from_mujoco(const mjModel& m, const std::string& where) {
   };
   std::vector<BodyAt> bodies(static_cast<std::size_t>(m.nbody));
   for (int b = 1; b < m.nbody; ++b) {
-    if (left_out[b]) {
-      model.notes.push_back("free body '" + body_name(m, b) + "' is left out");
-      continue;
-    }
+    if (left_out[b]) continue;
     const BodyAt parent = bodies[m.body_parentid[b]];
     BodyAt at = parent;
     // The pose of the body in the link at hand, before the joint under consideration moves it.
@@ -359,6 +341,10 @@ Model model_from_mujoco(const mjModel& m, const std::string& where) {
     if (!name || left_out[b]) continue;
     model.frames.push_back(
         {name, bodies[b].link, bodies[b].X_LB * pose(m.site_pos + 3 * s, m.site_quat + 4 * s)});
+  }
+  if (ball) {
+    const BodyAt at = ball->tendon < 0 ? BodyAt{} : bodies[m.site_bodyid[ball->anchor]];
+    model.ball = ball_spec(m, *ball, at.link, at.X_LB);
   }
   validate(model, where);
   return model;
@@ -419,6 +405,29 @@ Elements find_elements(XmlElement& root, const mjModel& m, const std::string& wh
   return out;
 }
 
+/// The ball of `now` where it differs from `then`, which was read from the document.
+/// @return whether its mass did
+bool write_ball(XmlElement& root, const Elements& elements, const mjModel& m,
+                const std::string& where, const Model& now, const Model& then,
+                std::vector<std::string>& notes) {
+  if (now.ball.has_value() != then.ball.has_value()) {
+    notes.emplace_back(now.ball ? "the ball" : "that there is no ball");
+    return false;
+  }
+  if (!now.ball) return false;
+  std::vector<std::string> said_when_read;
+  const MjcfBall parts = *find_ball(m, where, said_when_read);
+  write_string(root, m, parts, *now.ball, *then.ball, notes);
+  if (now.ball->radius != then.ball->radius) notes.emplace_back("the changed radius of the ball");
+  if (now.ball->mass == then.ball->mass) return false;
+  Theta<double> theta = body_inertia(m, parts.body).theta();
+  const double ratio = now.ball->mass / theta[0];  // of equal shape
+  for (double& x : theta) x *= ratio;
+  theta[0] = now.ball->mass;
+  write_inertial(*elements.bodies[parts.body], SpatialInertia<double>::from_theta(theta));
+  return true;
+}
+
 /// What would overrule the inertias written here.
 void trust_stated_inertias(XmlElement& root) {
   for_each_child(root, "compiler", [](XmlElement& c) {
@@ -475,7 +484,7 @@ std::string mjcf_with_values(const std::string& original, const std::filesystem:
                      "'; write the model as .json");
 
   int link = 0;
-  bool inertia_changed = false;
+  bool inertia_changed = write_ball(root, elements, *m, where, model, before, notes);
   const std::vector<bool> left_out = left_out_bodies(*m, where);
   for (int b = 1; b < m->nbody; ++b) {
     if (left_out[b]) continue;

@@ -40,9 +40,6 @@ std::string self_contained_mjcf(const Mjcf& mjcf);
 std::string body_name(const mjModel& m, int body);
 std::string joint_name(const mjModel& m, int joint);
 
-/// Bodies of the free ball and what hangs on it: not part of the robot.
-std::vector<bool> left_out_bodies(const mjModel& m, const std::string& where);
-
 /// @throws ModelError
 Model model_from_mujoco(const mjModel& m, const std::string& where);
 Model model_from_mjcf(const std::string& text, const std::filesystem::path& folder,

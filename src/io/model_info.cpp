@@ -40,12 +40,14 @@ std::string joint_text(const ModelLink& link) {
          bound("≤ ", l.effort, turns ? "N·m" : "N") + (link.passive ? ", passive" : "") + ")";
 }
 
+std::string position_text(const Vec3<double>& p) {
+  return "(" + number(p.x) + " " + number(p.y) + " " + number(p.z) + ")";
+}
+
 std::string inertia_text(const SpatialInertia<double>& b) {
   if (io::is_zero(b)) return "";
   if (!(b.m > 0.0)) return "  " + number(b.m) + " kg";
-  const Vec3<double> c = io::com_inertia(b).com;
-  return "  " + number(b.m) + " kg at (" + number(c.x) + " " + number(c.y) + " " + number(c.z) +
-         ")";
+  return "  " + number(b.m) + " kg at " + position_text(io::com_inertia(b).com);
 }
 
 void append_tree(const Model& model, int parent, const std::string& indent, std::string& out) {
@@ -70,9 +72,45 @@ std::string link_name(const Model& model, int link) {
   return link < 0 ? "the ground" : model.links[link].name;
 }
 
+std::string headline(const Model& model) {
+  const std::string name = model.name.empty() ? "(no name)" : model.name;
+  if (model.links.empty()) return name + (model.ball ? ": a ball, no links" : ": no links");
+  const std::size_t n = moving_links(model).size();
+  return name + ": " + std::to_string(n) + (n == 1 ? " degree" : " degrees") + " of freedom, " +
+         std::to_string(model.links.size()) + " links, " + number(total_mass(model)) + " kg" +
+         (model.ball ? ", and a ball" : "");
+}
+
+std::string ball_text(const Model& model) {
+  const BallSpec& ball = *model.ball;
+  std::string out =
+      "\nball\n  mass " + number(ball.mass) + " kg" +
+      (ball.radius > 0.0 ? ", radius " + number(ball.radius) + " m" : ", radius not known") + "\n";
+  if (!ball.string) return out + "  in free flight, without a string\n";
+  return out + "  string of " + number(ball.string->length) + " m from " +
+         link_name(model, ball.string->link) + " at " + position_text(ball.string->p_LS) + "\n";
+}
+
 Json finite_or_null(double x) { return std::isfinite(x) ? Json(x) : Json(); }
 
 Json triple(const Vec3<double>& v) { return Json::array({v.x, v.y, v.z}); }
+
+Json link_or_null(const Model& model, int link) {
+  return link < 0 ? Json() : Json(model.links[link].name);
+}
+
+Json ball_json(const Model& model) {
+  if (!model.ball) return {};
+  const BallSpec& ball = *model.ball;
+  Json out{{"mass", ball.mass},
+           {"radius", ball.radius > 0.0 ? Json(ball.radius) : Json()},
+           {"string", Json()}};
+  if (ball.string)
+    out["string"] = {{"link", link_or_null(model, ball.string->link)},
+                     {"attachment", triple(ball.string->p_LS)},
+                     {"length", ball.string->length}};
+  return out;
+}
 
 }  // namespace
 
@@ -94,13 +132,10 @@ std::vector<ModelIssue> model_issues(const Model& model) {
 }
 
 std::string model_info_text(const Model& model) {
-  const std::size_t n = moving_links(model).size();
-  std::string out = (model.name.empty() ? "(no name)" : model.name) + ": " + std::to_string(n) +
-                    (n == 1 ? " degree" : " degrees") + " of freedom, " +
-                    std::to_string(model.links.size()) + " links, " + number(total_mass(model)) +
-                    " kg\ngravity (" + number(model.gravity.x) + " " + number(model.gravity.y) +
-                    " " + number(model.gravity.z) + ") m/s²\n\n  ground\n";
+  std::string out = headline(model) + "\ngravity " + position_text(model.gravity) + " m/s²\n";
+  if (!model.links.empty()) out += "\n  ground\n";
   append_tree(model, -1, "", out);
+  if (model.ball) out += ball_text(model);
   if (!model.effects.empty()) out += "\neffects\n";
   for (const EffectSpec& e : model.effects) {
     out += "  " + e.effect + " at " + e.where;
@@ -111,8 +146,8 @@ std::string model_info_text(const Model& model) {
   }
   if (!model.frames.empty()) out += "\nframes\n";
   for (const ModelFrame& f : model.frames)
-    out += "  " + f.name + " on " + link_name(model, f.link) + " at (" + number(f.X_LF.p.x) + " " +
-           number(f.X_LF.p.y) + " " + number(f.X_LF.p.z) + ")\n";
+    out +=
+        "  " + f.name + " on " + link_name(model, f.link) + " at " + position_text(f.X_LF.p) + "\n";
   if (!model.notes.empty()) out += "\nnotes\n";
   for (const std::string& note : model.notes) out += "  " + note + "\n";
   const std::vector<ModelIssue> issues = model_issues(model);
@@ -137,7 +172,7 @@ std::string model_info_json(const Model& model) {
     const ModelLink& link = model.links[i];
     Json l;
     l["name"] = link.name;
-    l["parent"] = link.parent < 0 ? Json() : Json(model.links[link.parent].name);
+    l["parent"] = link_or_null(model, link.parent);
     l["joint"] = link.joint.empty() ? Json() : Json(link.joint);
     l["type"] = kTypes[static_cast<std::size_t>(link.type)];
     l["dof"] = link.type == ModelJoint::kFixed ? Json() : Json(map.dof[i]);
@@ -157,9 +192,9 @@ std::string model_info_json(const Model& model) {
   }
   out["frames"] = Json::array();
   for (const ModelFrame& f : model.frames)
-    out["frames"].push_back({{"name", f.name},
-                             {"link", f.link < 0 ? Json() : Json(model.links[f.link].name)},
-                             {"position", triple(f.X_LF.p)}});
+    out["frames"].push_back(
+        {{"name", f.name}, {"link", link_or_null(model, f.link)}, {"position", triple(f.X_LF.p)}});
+  out["ball"] = ball_json(model);
   out["effects"] = Json::array();
   for (const EffectSpec& e : model.effects) {
     Json parameters = Json::array();

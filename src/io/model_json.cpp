@@ -167,6 +167,35 @@ Posterior posterior_from(const Json& value, const std::string& where) {
   return p;
 }
 
+/// @param links  all of the model's, to name them where the string's is none of them
+BallSpec ball_from(const Json& value, const std::string& where,
+                   const std::map<std::string, int>& links) {
+  JsonObject o(value, where);
+  BallSpec ball;
+  ball.mass = o.number("mass");
+  ball.radius = o.number_or("radius", 0.0);
+  if (const Json* string = o.optional("string")) {
+    JsonObject s(*string, o.at("string"));
+    StringSpec out;
+    if (const Json* name = s.optional("link")) {
+      const auto it = links.find(io::json_string(*name, s.at("link")));
+      if (it == links.end()) {
+        std::string names;
+        for (const auto& link : links) names += (names.empty() ? "" : ", ") + link.first;
+        throw ModelError(s.at("link") + ": there is no link '" + name->get<std::string>() +
+                         "' (null for the world); links: " + (names.empty() ? "none" : names));
+      }
+      out.link = it->second;
+    }
+    if (const Json* p = s.optional("attachment")) out.p_LS = vector_from(*p, s.at("attachment"));
+    out.length = s.number("length");
+    s.finish();
+    ball.string = out;
+  }
+  o.finish();
+  return ball;
+}
+
 /// Index of the link that `name` names, −1 (the ground) if it is missing or null.
 int link_index(const std::map<std::string, int>& index, const Json* name,
                const std::string& where) {
@@ -208,6 +237,13 @@ std::string model_to_json(const Model& model) {
       parameters.push_back({{"name", p.name}, {"value", p.value}, {"unit", p.unit}});
     out["effects"].push_back(
         {{"effect", e.effect}, {"where", e.where}, {"parameters", parameters}});
+  }
+  if (model.ball) {
+    out["ball"]["mass"] = model.ball->mass;
+    if (model.ball->radius > 0.0) out["ball"]["radius"] = model.ball->radius;
+    if (const std::optional<StringSpec>& s = model.ball->string)
+      out["ball"]["string"] = {
+          {"link", name_of(s->link)}, {"attachment", to_json(s->p_LS)}, {"length", s->length}};
   }
   if (model.posterior) {
     const Posterior& p = *model.posterior;
@@ -269,6 +305,7 @@ Model model_from_json(std::string_view text, const std::string& where) {
       model.effects.push_back(
           effect_from((*effects)[i], o.at("effects") + "[" + std::to_string(i) + "]"));
   }
+  if (const Json* ball = o.optional("ball")) model.ball = ball_from(*ball, o.at("ball"), index);
   if (const Json* posterior = o.optional("posterior"))
     model.posterior = posterior_from(*posterior, o.at("posterior"));
   if (const Json* notes = o.optional("notes")) {

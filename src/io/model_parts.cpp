@@ -28,6 +28,23 @@ void check_pose(const Pose<double>& X, const std::string& what) {
   if (!ok) throw ModelError(what + ": its pose is not a rotation and a finite position");
 }
 
+void check_ball(const BallSpec& ball, std::size_t num_links, const std::string& where) {
+  const auto expect = [&](bool ok, const char* what, double value, const char* unit_and_range) {
+    if (!ok) throw ModelError(where + ": " + what + " is " + exact(value) + unit_and_range);
+  };
+  expect(std::isfinite(ball.mass) && ball.mass > 0.0, "the ball's mass", ball.mass,
+         " kg, expected > 0");
+  expect(std::isfinite(ball.radius) && ball.radius >= 0.0, "the ball's radius", ball.radius,
+         " m, expected > 0, or 0 where it is not known");
+  if (!ball.string) return;
+  expect(std::isfinite(ball.string->length) && ball.string->length > 0.0, "the string's length",
+         ball.string->length, " m, expected > 0 (a ball without a string has none)");
+  if (!finite(ball.string->p_LS))
+    throw ModelError(where + ": the string's attachment is not a finite position");
+  if (ball.string->link < -1 || ball.string->link >= static_cast<int>(num_links))
+    throw ModelError(where + ": the string is tied to no link of the model");
+}
+
 double largest(const Theta<double>& t) {
   double m = 0.0;
   for (const double x : t) m = std::max(m, std::abs(x));
@@ -115,6 +132,7 @@ void validate(const Model& model, const std::string& where) {
       if (!std::isfinite(p.value))
         throw ModelError(where + ": " + e.effect + " at " + e.where + ": parameter '" + p.name +
                          "' is not finite");
+  if (model.ball) check_ball(*model.ball, model.links.size(), where);
   if (!finite(model.gravity)) throw ModelError(where + ": gravity is not finite");
 }
 

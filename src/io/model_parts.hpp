@@ -24,7 +24,8 @@ JointTerms joint_terms(const Model& model, const std::string& joint);
 /// Whether JointTerms holds all that the effect says.
 bool is_joint_term(const Model& model, const EffectSpec& effect);
 
-/// Finite numbers, unit axes, rotations that are rotations, names that are there and used once.
+/// Finite numbers, unit axes, rotations that are rotations, names that are there and used once, a
+/// ball with mass on a string with length.
 /// @throws ModelError `where: …`
 void validate(const Model& model, const std::string& where);
 

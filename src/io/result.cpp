@@ -4,6 +4,7 @@
 #include <diffnea/io/atomic_file.hpp>
 #include <diffnea/io/result.hpp>
 
+#include "io/ball_json.hpp"
 #include "io/json_numbers.hpp"
 #include "io/sha256.hpp"
 
@@ -159,6 +160,7 @@ std::string identify_result_json(const FitRun& run) {
                {"base_parameters", base_parameters(fit)},
                {"torque_constants", torque_constants(fit)},
                {"rmse", errors(fit)},
+               {"ball", io::ball_summary(fit.ball)},
                {"boundary", fit.boundary},
                {"consistency_cost", number(fit.consistency_cost)},
                {"preprocessing", preprocessing(fit)},
@@ -179,7 +181,8 @@ std::string series_json(const IdentifyResult& fit) {
   return text({{"schema", "diffnea/series/1"},
                {"model", fit.model.name},
                {"train", series(fit.train_series)},
-               {"test", series(fit.test_series)}},
+               {"test", series(fit.test_series)},
+               {"ball", io::ball_columns(fit.ball)}},
               -1);
 }
 

@@ -4,6 +4,7 @@
 #include <diffnea/io/model_file.hpp>
 #include <diffnea/io/result.hpp>
 
+#include "io/ball_json.hpp"
 #include "io/run_reader.hpp"
 
 namespace diffnea {
@@ -154,6 +155,7 @@ FitRun read_fit_run(const std::filesystem::path& folder) {
   read_parameters(root, fit);
   read_torque_constants(root, fit);
   read_errors(root, fit);
+  fit.ball = io::read_ball_summary(root);
   read_preprocessing(root, fit);
   read_summary(root, fit.summary);
   read_reproduce(root, run.reproduce);
@@ -163,6 +165,7 @@ FitRun read_fit_run(const std::filesystem::path& folder) {
     require_schema(object, path.string(), "diffnea/series/1");
     fit.train_series = read_series(object, "train");
     fit.test_series = read_series(object, "test");
+    io::read_ball_columns(object, fit.ball);
   }
   if (const auto path = folder / "model.json"; std::filesystem::exists(path))
     fit.model.posterior = read_model(path).posterior;

@@ -280,6 +280,7 @@ std::string urdf_with_values(const std::string& original, const std::string& whe
   for (const ModelFrame& f : model.frames) notes.push_back("frame '" + f.name + "'");
   const Vec3<double> g = model.gravity - before.gravity;
   if (dot(g, g) != 0.0) notes.push_back("gravity " + exact(model.gravity));
+  if (model.ball) notes.push_back("the ball");
   if (model.posterior) notes.push_back("the posterior of the parameters");
   return xml_text(*document);
 }

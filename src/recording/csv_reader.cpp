@@ -366,6 +366,7 @@ struct RecordingReader::Impl {
   }
 
   void note_values() {
+    ++num_noted;
     for (std::size_t k = 0; k < row.size(); ++k) {
       gaps[k] += std::isnan(row[k]) ? 1 : 0;
       if (header.columns[k].channel == Channel::kTau) {
@@ -373,6 +374,13 @@ struct RecordingReader::Impl {
         largest = std::max(largest, std::isnan(row[k]) ? -1.0 : std::abs(row[k]));
       }
     }
+  }
+
+  /// Whether the file has columns for the ball, and one of them never holds a number.
+  bool never_seen() const {
+    for (std::size_t k = 0; k < gaps.size(); ++k)
+      if (header.columns[k].channel == Channel::kBall && gaps[k] == num_noted) return true;
+    return false;
   }
 
   /// Columns of joints that lack values in some rows, each with their number.
@@ -487,6 +495,13 @@ struct RecordingReader::Impl {
             "leave the column out if it was not measured");
       }
     }
+    if (never_seen()) {
+      if (header.joint_names.empty() && options.refuse_silent_torque)
+        throw DataError(name +
+                        ": the ball is seen in no row (ball_x, ball_y, ball_z), and there is no "
+                        "joint (q_<joint>): nothing was measured");
+      report.notes.emplace_back("the ball is seen in no row");
+    }
     if (report.quarantined > 0)
       report.notes.push_back(
           std::to_string(report.quarantined) + " of " + std::to_string(report.rows) +
@@ -517,6 +532,7 @@ struct RecordingReader::Impl {
   std::vector<double> limits;                          ///< largest credible size per column
   std::vector<detail::SuspectTorque> suspect_torques;  ///< per column
   std::vector<long> gaps;                              ///< per column: rows without a value
+  long num_noted = 0;                                  ///< rows that were counted for it
   std::vector<bool> passive;                           ///< per joint
   std::vector<double> largest_tau;                     ///< per joint, −1: no value yet
   std::vector<long> text_extras;  ///< per extra channel: cells that are no numbers
@@ -566,7 +582,7 @@ Recording concatenate(std::vector<Recording>& blocks) {
   Recording out = blocks.front();
   const auto stack = [&](RowMatX<double> Recording::* member) {
     RowMatX<double>& m = out.*member;
-    if (m.size() == 0) return;
+    if (m.rows() == 0) return;  // not measured; without joints, q has rows and no columns
     m.resize(rows, m.cols());
     long at = 0;
     for (const Recording& b : blocks) {

@@ -19,6 +19,10 @@ void match_joints(const std::vector<JointDescription>& joints, std::vector<Recor
     for (const std::string& name : wanted)
       if (const auto it = std::ranges::find(r.joint_names, name); it != r.joint_names.end())
         from.push_back(static_cast<int>(it - r.joint_names.begin()));
+    if (wanted.empty() && !r.joint_names.empty())
+      throw DataError(r.source + ": the model has no joint, the recording has " +
+                      detail::join(r.joint_names) +
+                      "; leave the columns of joints out, or give the model of the robot");
     if (from.size() != wanted.size() || from.size() != r.joint_names.size())
       throw DataError(r.source + ": the joints are not the model's; recording: " +
                       detail::join(r.joint_names) + "; model: " + detail::join(wanted));

@@ -16,8 +16,9 @@ struct DiagnoseRun {
 std::string diagnose_result_json(const DiagnoseRun& run);
 
 /// Schema "diffnea/diagnose-series/1": held-out torque of every joint, measured and as both models
-/// predict it, the joint's motion, and the curves of the evidence; rounded to 6 digits, at most
-/// 4000 points of each joint.
+/// predict it, the joint's motion, the ball's path, and the curves of the evidence; rounded to 6
+/// digits, at most 4000 points of each joint.
+/// @throws ModelError if a column of the path has another length than its time
 std::string diagnose_series_json(const Finding& finding);
 
 /// Reads what the two functions above left in a folder. Without series.json there are no series and

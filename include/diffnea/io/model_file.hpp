@@ -30,7 +30,8 @@ namespace diffnea {
 /// @throws ModelError naming file and reason if it cannot be understood, or if it holds what a tree
 /// of
 ///         revolute, prismatic and fixed joints cannot: mimic, floating and planar joints, ball
-///         joints, free bodies (but the one named `ball`, which is left out), equality constraints
+///         joints, free bodies (but the one named `ball`, which is Model::ball), equality
+///         constraints
 Model read_model(const std::filesystem::path& path);
 
 /// An MJCF as one document that needs no other file, for a simulator: includes resolved, textures
@@ -40,8 +41,8 @@ std::string read_mjcf(const std::filesystem::path& path);
 
 /// Writes a model. `.json` holds all of it. `.urdf` and `.xml` need a model that was read from that
 /// format: its original document (model.source) is written with the changed values put in place:
-/// inertias, friction, rotor inertia, spring, limits, and in a URDF the joints' poses. The moving
-/// link takes the inertia of its lump, links fixed to it none.
+/// inertias, friction, rotor inertia, spring, limits, in a URDF the joints' poses, in an MJCF the
+/// ball's mass and string. The moving link takes the inertia of its lump, links fixed to it none.
 /// @return what the format cannot express, one sentence each, for the user
 /// @throws FileError if the original cannot be read or the file not be written
 /// @throws ModelError if the original has other links, or the extension names no format

@@ -39,8 +39,9 @@ RunInput describe_input(const std::string& role, const std::filesystem::path& pa
 /// null.
 std::string identify_result_json(const FitRun& run);
 
-/// Schema "diffnea/series/1": measured, fitted and nominal torque of every joint over time, rounded
-/// to 6 digits.
+/// Schema "diffnea/series/1": measured, fitted and nominal torque of every joint over time, and the
+/// ball's path, rounded to 6 digits.
+/// @throws ModelError if a column of the path has another length than its time
 std::string series_json(const IdentifyResult& fit);
 
 /// Reads what the two functions above and write_model left in a folder. Without series.json the

@@ -1,0 +1,185 @@
+#include "io/mjcf_ball.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+
+#include <diffnea/core/error.hpp>
+
+#include "io/mjcf.hpp"
+#include "io/model_parts.hpp"
+
+namespace diffnea::io {
+namespace {
+
+constexpr const char* kExpected =
+    "; expected <spatial name='string' limited='true' range='0 LENGTH'> with two sites: one on the "
+    "arm (or the world), one on the free body 'ball'";
+
+Vec3<double> vec(const mjtNum* v) { return {v[0], v[1], v[2]}; }
+
+bool is_free(const mjModel& m, int body) {
+  return m.body_jntnum[body] == 1 && m.jnt_type[m.body_jntadr[body]] == mjJNT_FREE;
+}
+
+std::string site_name(const mjModel& m, int site) {
+  const char* name = mj_id2name(&m, mjOBJ_SITE, site);
+  return name ? name : "site" + std::to_string(site);
+}
+
+/// Radius of the largest sphere that the body is drawn with; 0 if there is none.
+double radius_of(const mjModel& m, int body) {
+  double radius = 0.0;
+  for (int g = m.body_geomadr[body]; g < m.body_geomadr[body] + m.body_geomnum[body]; ++g)
+    if (m.geom_type[g] == mjGEOM_SPHERE)
+      radius = std::max(radius, static_cast<double>(m.geom_size[3 * g]));
+  return radius;
+}
+
+/// Fills in the string. @throws ModelError
+void find_string(const mjModel& m, int tendon, const std::string& where, MjcfBall& ball,
+                 std::vector<std::string>& notes) {
+  const std::string here = where + ": tendon 'string' ";
+  const int first = m.tendon_adr[tendon], num = m.tendon_num[tendon];
+  for (int w = first; w < first + num; ++w)
+    if (num != 2 || m.wrap_type[w] != mjWRAP_SITE)
+      throw ModelError(here + "runs over " + std::to_string(num) +
+                       (m.wrap_type[w] == mjWRAP_JOINT ? " joints" : " sites and objects") +
+                       kExpected);
+  const int sites[] = {m.wrap_objid[first], m.wrap_objid[first + 1]};
+  const bool on_ball[] = {m.site_bodyid[sites[0]] == ball.body,
+                          m.site_bodyid[sites[1]] == ball.body};
+  if (on_ball[0] == on_ball[1])
+    throw ModelError(here + "runs from site '" + site_name(m, sites[0]) + "' to site '" +
+                     site_name(m, sites[1]) + "', of which " +
+                     (on_ball[0] ? "both are" : "none is") + " on the ball" + kExpected);
+  if (!m.tendon_limited[tendon]) throw ModelError(here + "has no limit" + kExpected);
+  if (m.tendon_range[2 * tendon] > 0.0)
+    notes.emplace_back("the lower limit of tendon 'string' is left out: a string may go slack");
+  ball.tendon = tendon;
+  ball.anchor = on_ball[0] ? sites[1] : sites[0];
+  const Vec3<double> end =
+      vec(m.site_pos + 3 * (on_ball[0] ? sites[0] : sites[1])) - vec(m.body_ipos + 3 * ball.body);
+  ball.offset = std::sqrt(dot(end, end));
+  if (ball.offset > 0.0)
+    notes.push_back("the string ends " + exact(ball.offset) +
+                    " m beside the ball's centre, to which its length is counted");
+}
+
+/// The site's element, if its `pos` is its position in its body.
+XmlElement* find_site(XmlElement& element, const std::string& name) {
+  for (XmlElement* e = element.FirstChildElement(); e; e = e->NextSiblingElement()) {
+    if (std::strcmp(e->Name(), "site") == 0 && attribute(*e, "name") == name) {
+      const bool in_body =
+          std::strcmp(element.Name(), "body") == 0 || std::strcmp(element.Name(), "worldbody") == 0;
+      return in_body && !e->Attribute("fromto") ? e : nullptr;
+    }
+    if (XmlElement* found = find_site(*e, name)) return found;
+  }
+  return nullptr;
+}
+
+XmlElement* find_spatial_string(XmlElement& root) {
+  XmlElement* out = nullptr;
+  for_each_child(root, "tendon", [&](XmlElement& tendon) {
+    for_each_child(tendon, "spatial", [&](XmlElement& e) {
+      if (attribute(e, "name") == "string") out = &e;
+    });
+  });
+  return out;
+}
+
+}  // namespace
+
+std::vector<bool> left_out_bodies(const mjModel& m, const std::string& where) {
+  std::vector<bool> out(static_cast<std::size_t>(m.nbody));
+  for (int b = 1; b < m.nbody; ++b) {
+    if (out[m.body_parentid[b]]) {
+      out[b] = true;
+    } else if (is_free(m, b)) {
+      if (body_name(m, b) != "ball")
+        throw ModelError(
+            where + ": body '" + body_name(m, b) +
+            "' is free: only robots whose base is fixed are supported; remove its free joint (a "
+            "free body named 'ball' is a ball beside the robot)");
+      out[b] = true;
+    }
+  }
+  return out;
+}
+
+std::optional<MjcfBall> find_ball(const mjModel& m, const std::string& where,
+                                  std::vector<std::string>& notes) {
+  const int body = mj_name2id(&m, mjOBJ_BODY, "ball");
+  const int tendon = mj_name2id(&m, mjOBJ_TENDON, "string");
+  if (body < 0 || !is_free(m, body)) {
+    if (body > 0)
+      notes.emplace_back(
+          "body 'ball' has no <freejoint/>, so it is taken for a link of the robot and not for a "
+          "ball");
+    if (tendon >= 0)
+      notes.emplace_back("tendon 'string' is left out: no free body 'ball' hangs on it");
+    return std::nullopt;
+  }
+  MjcfBall ball{.body = body};
+  const int dof = m.jnt_dofadr[m.body_jntadr[body]];
+  if (std::any_of(m.dof_damping + dof, m.dof_damping + dof + 6, [](double d) { return d != 0.0; }))
+    notes.emplace_back("damping of the ball's free joint is left out");
+  for (int b = body + 1; b < m.nbody; ++b)
+    if (m.body_parentid[b] == body)
+      notes.push_back("body '" + body_name(m, b) + "', which hangs on the ball, is left out");
+  if (tendon >= 0) {
+    find_string(m, tendon, where, ball, notes);
+    return ball;
+  }
+  for (int t = 0; t < m.ntendon; ++t)
+    for (int w = m.tendon_adr[t]; w < m.tendon_adr[t] + m.tendon_num[t]; ++w)
+      if (m.wrap_type[w] == mjWRAP_SITE && m.site_bodyid[m.wrap_objid[w]] == body) {
+        const char* name = mj_id2name(&m, mjOBJ_TENDON, t);
+        notes.push_back("tendon '" + std::string(name ? name : "") +
+                        "' at the ball is left out: a string is a tendon named 'string'");
+        break;
+      }
+  return ball;
+}
+
+BallSpec ball_spec(const mjModel& m, const MjcfBall& parts, int link, const Pose<double>& X_LB) {
+  BallSpec out;
+  out.mass = m.body_mass[parts.body];
+  out.radius = radius_of(m, parts.body);
+  if (parts.tendon >= 0)
+    out.string = StringSpec{link, X_LB.R * vec(m.site_pos + 3 * parts.anchor) + X_LB.p,
+                            m.tendon_range[2 * parts.tendon + 1] + parts.offset};
+  return out;
+}
+
+void write_string(XmlElement& root, const mjModel& m, const MjcfBall& parts, const BallSpec& now,
+                  const BallSpec& then, std::vector<std::string>& notes) {
+  if (now.string.has_value() != then.string.has_value()) {
+    notes.emplace_back(now.string ? "the string of the ball" : "that the ball has no string");
+    return;
+  }
+  if (!now.string) return;
+  if (now.string->length != then.string->length) {
+    XmlElement* tendon = find_spatial_string(root);
+    const double upper = now.string->length - parts.offset;
+    if (tendon && upper > 0.0) {
+      tendon->SetAttribute("limited", "true");
+      tendon->SetAttribute("range",
+                           (exact(m.tendon_range[2 * parts.tendon]) + " " + exact(upper)).c_str());
+    } else {
+      notes.emplace_back("the changed length of the string");
+    }
+  }
+  const Vec3<double> moved = now.string->p_LS - then.string->p_LS;
+  if (now.string->link == then.string->link && dot(moved, moved) == 0.0) return;
+  // The cup is where it was, whatever is tied to its site.
+  const std::string name = site_name(m, parts.anchor);
+  XmlElement* site = name == "cup" ? nullptr : find_site(root, name);
+  if (site && now.string->link == then.string->link)  // axes of link and body are parallel
+    site->SetAttribute("pos", exact(vec(m.site_pos + 3 * parts.anchor) + moved).c_str());
+  else
+    notes.emplace_back("the changed attachment of the string");
+}
+
+}  // namespace diffnea::io
