@@ -33,14 +33,14 @@ bool same(const EffectSpec& a, const EffectSpec& b) {
 }
 
 /// Noise of the camera over all windows; what a fit leaves where there are too few rows.
-double noise_of(const BallData& data) {
+double noise_of(const BallData& data, double longest_gap) {
   std::vector<double> time;
   std::vector<Vec3<double>> seen;
   for (const BallWindow& w : data.windows) {
     time.insert(time.end(), w.time.begin(), w.time.end());
     seen.insert(seen.end(), w.seen.begin(), w.seen.end());
   }
-  return camera_noise(time, seen);
+  return camera_noise(time, seen, longest_gap);
 }
 
 class BallDiagnosis {
@@ -73,7 +73,7 @@ class BallDiagnosis {
     }
     if (base_ != Base::kFixed && model_.ball->string)
       guess_string(fitted, model_.ball->string->p_LS, model_.ball->string->length);
-    fit_.sigma = noise_of(fitted);
+    fit_.sigma = noise_of(fitted, fit_.longest_gap);
     known_noise_ = std::isfinite(fit_.sigma);
     if (!known_noise_) {
       BallData data = fitted;
