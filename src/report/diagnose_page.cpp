@@ -4,6 +4,7 @@
 
 #include <diffnea/report/diagnose_page.hpp>
 
+#include "report/ball_charts.hpp"
 #include "report/chart.hpp"
 #include "report/diagnose_words.hpp"
 #include "report/format.hpp"
@@ -67,7 +68,8 @@ std::string causes_at_once(const Finding& f) {
   for (const Cause& c : f.causes) {
     std::string size;
     std::size_t shown = 0;
-    for (const CauseParameter& p : c.parameters) {
+    for (const CauseParameter& parameter : c.parameters) {
+      const CauseParameter p = as_read(c.effect, parameter);
       if (std::isnan(p.std) || p.name == "smoothing" || ++shown > 2) continue;
       size += (size.empty() ? "" : ", ") + plain(p.name) + " " + value_and_interval(p) +
               (p.unit == "1" ? "" : " " + unit(p.unit));
@@ -87,7 +89,11 @@ std::string head(const Finding& f, const std::string& name) {
   std::string out = element("h1", "Diagnosis of " + name);
   out += "<p class='verdict'>" + badge(f.verdict) + escape(pretty(f.sentence)) + "</p>\n";
   const std::string simulated = simulated_gain(f);
-  out += element("p", gained(f) + (simulated.empty() ? "" : " " + simulated), "gained");
+  const std::string ball = f.ball ? ball_sentence(*f.ball, f.causes.empty()) : "";
+  out += element("p",
+                 gained(f) + (simulated.empty() ? "" : " " + simulated) +
+                     (ball.empty() ? "" : " " + capital(ball) + "."),
+                 "gained");
   for (const std::string& text : reservations(f)) out += element("p", text, "warning");
   return out + causes_at_once(f);
 }
@@ -133,6 +139,7 @@ std::vector<TorqueSeries> drawn_series(const Finding& f) {
 }
 
 std::string over_time(const Finding& f, const std::vector<TorqueSeries>& drawn) {
+  if (drawn.empty() && f.ball) return "";
   if (drawn.empty())
     return element("p", "The folder holds no series.json, so that no chart can be drawn.", "faint");
   const auto [first, rest] = affected(f);
@@ -298,7 +305,8 @@ std::string waterfall(const Finding& f) {
     bars.push_back({"extended model", number(g.after, 3) + " × noise", 0.0, last, "after"});
   bars.push_back({"noise floor", number(g.noise_floor, 3) + " × noise", 0.0,
                   g.noise_floor * g.noise_floor, "floor"});
-  return "<p class='faint'>Mean square of the held-out torque errors, each joint's in units of its "
+  return "<p class='faint'>Mean square of the held-out " + error_of(f) +
+         ", each channel in units of its "
          "noise; what every cause removes with the others in place.</p>\n" +
          bar_chart(bars);
 }
@@ -307,11 +315,15 @@ std::string joints(const Finding& f) {
   const bool one = f.causes.empty();
   std::vector<std::vector<std::string>> rows;
   for (const JointGain& j : f.joints) {
-    rows.push_back({escape(j.joint), escape(unit(j.unit)), number(j.torque_rms, 3),
-                    number(j.noise_floor, 3), number(j.base, 3), percent(j.base / j.torque_rms)});
+    const bool ball = is_ball(j);
+    const double scale = ball ? 1e3 : 1.0;
+    const auto share = [&](double x) { return ball ? "" : percent(x / j.torque_rms); };
+    rows.push_back({escape(j.joint), ball ? "mm" : escape(unit(j.unit)),
+                    ball ? "" : number(j.torque_rms, 3), number(scale * j.noise_floor, 3),
+                    number(scale * j.base, 3), share(j.base)});
     if (one) continue;
-    rows.back().push_back("<b>" + number(j.extended, 3) + "</b>");
-    rows.back().push_back("<b>" + percent(j.extended / j.torque_rms) + "</b>");
+    rows.back().push_back("<b>" + number(scale * j.extended, 3) + "</b>");
+    rows.back().push_back("<b>" + share(j.extended) + "</b>");
   }
   std::vector<std::string> titles{"joint", "unit",       "rms torque",
                                   "noise", "base model", "of torque"};
@@ -324,7 +336,7 @@ std::string parameters(const Finding& f) {
   std::vector<std::vector<std::string>> rows;
   for (const Cause& c : f.causes)
     for (std::size_t k = 0; k < c.parameters.size(); ++k) {
-      const CauseParameter& p = c.parameters[k];
+      const CauseParameter p = as_read(c.effect, c.parameters[k]);
       rows.push_back({k == 0 ? "<b>" + escape(at(c.effect, c.where)) + "</b>" : "",
                       escape(plain(p.name)), number(p.value),
                       std::isfinite(p.low) ? number(p.low) + " … " + number(p.high) : "held",
@@ -380,9 +392,14 @@ std::string diagnose_page(const DiagnoseRun& run) {
   IdentifyResult shown;  // what the charts need
   shown.test_series = drawn_series(f);
   shown.train_series = simulated_series(f.simulated);
-  std::string body = head(f, name) + simulated_charts(f, shown.train_series, "train") +
-                     over_time(f, shown.test_series) + evidence(f) + candidates(f) + left_open(f);
-  body += element("h2", f.causes.empty() ? "Torque error on held-out data"
+  const std::string ball = f.ball ? ball_section(*f.ball, names_of(f)) : "";
+  const bool of_ball =
+      std::ranges::any_of(f.causes, [](const Cause& c) { return at_ball(c.where); });
+  std::string body = head(f, name) + (of_ball ? ball : "") +
+                     simulated_charts(f, shown.train_series, "train") +
+                     over_time(f, shown.test_series) + (of_ball ? "" : ball) + evidence(f) +
+                     candidates(f) + left_open(f);
+  body += element("h2", f.causes.empty() ? capital(error_of(f)) + " on held-out data"
                                          : "What was gained on held-out data") +
           waterfall(f) + joints(f);
   body += parameters(f) + data(f);
