@@ -121,10 +121,10 @@ std::string projections(const BallSeries& b, const ShownPath& shown, bool with_b
     const auto to_x = [&](double x) { return left + scale * (x - rx.low); };
     const auto to_y = [&](double y) { return bottom - scale * (y - ry.low); };
     const double w = scale * rx.width(), h = scale * ry.width();
-    for (const double t : ticks(rx, std::max(2, static_cast<int>(w / 60.0))))
+    for (const double t : ticks(rx, std::max(3, static_cast<int>(w / 60.0))))
       out += segment("grid", to_x(t), kTop, to_x(t), bottom) +
              text_at(to_x(t), bottom + 14, "middle", number(t));
-    for (const double t : ticks(ry, std::max(2, static_cast<int>(h / 45.0))))
+    for (const double t : ticks(ry, std::max(3, static_cast<int>(h / 45.0))))
       out += segment("grid", left, to_y(t), left + w, to_y(t)) +
              text_at(left - 4, to_y(t) + 4, "end", number(t));
     out += text_at(left, kTop - 8, "start", v.title) + text_at(left + w, bottom + 28, "end", "m");

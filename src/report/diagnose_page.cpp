@@ -8,6 +8,7 @@
 #include "report/chart.hpp"
 #include "report/diagnose_words.hpp"
 #include "report/format.hpp"
+#include "report/gain_charts.hpp"
 #include "report/html.hpp"
 #include "report/page_parts.hpp"
 #include "report/simulated_charts.hpp"
@@ -283,53 +284,7 @@ std::string left_open(const Finding& f) {
   return out;
 }
 
-// --- gain
-
-/// From the base model's error through what each cause removes by itself to the noise floor.
-std::string waterfall(const Finding& f) {
-  const Gain& g = f.gain;
-  const double first = g.before * g.before, last = g.after * g.after;
-  if (!std::isfinite(first) || !std::isfinite(last)) return "";
-  std::vector<Bar> bars{{"base model", number(g.before, 3) + " × noise", 0.0, first, "base"}};
-  double level = first;
-  const auto step = [&](const std::string& label, double removed) {
-    bars.push_back({label, "− " + percent(removed / first), level - removed, level, "removed"});
-    level -= removed;
-  };
-  for (const Cause& c : f.causes)
-    step(at(c.effect, c.where), c.gain.before * c.gain.before - c.gain.after * c.gain.after);
-  // Effects overlap: what they remove together need not be the sum of what each removes alone.
-  if (!f.causes.empty() && std::abs(level - last) > 0.01 * first)
-    step("together, beyond each alone", level - last);
-  if (!f.causes.empty())
-    bars.push_back({"extended model", number(g.after, 3) + " × noise", 0.0, last, "after"});
-  bars.push_back({"noise floor", number(g.noise_floor, 3) + " × noise", 0.0,
-                  g.noise_floor * g.noise_floor, "floor"});
-  return "<p class='faint'>Mean square of the held-out " + error_of(f) +
-         ", each channel in units of its "
-         "noise; what every cause removes with the others in place.</p>\n" +
-         bar_chart(bars);
-}
-
-std::string joints(const Finding& f) {
-  const bool one = f.causes.empty();
-  std::vector<std::vector<std::string>> rows;
-  for (const JointGain& j : f.joints) {
-    const bool ball = is_ball(j);
-    const double scale = ball ? 1e3 : 1.0;
-    const auto share = [&](double x) { return ball ? "" : percent(x / j.torque_rms); };
-    rows.push_back({escape(j.joint), ball ? "mm" : escape(unit(j.unit)),
-                    ball ? "" : number(j.torque_rms, 3), number(scale * j.noise_floor, 3),
-                    number(scale * j.base, 3), share(j.base)});
-    if (one) continue;
-    rows.back().push_back("<b>" + number(scale * j.extended, 3) + "</b>");
-    rows.back().push_back("<b>" + share(j.extended) + "</b>");
-  }
-  std::vector<std::string> titles{"joint", "unit",       "rms torque",
-                                  "noise", "base model", "of torque"};
-  if (!one) titles.insert(titles.end(), {"extended", "of torque"});
-  return html_table(titles, rows, {"", "", "n", "n", "n", "n", "n", "n"});
-}
+// --- parameters
 
 std::string parameters(const Finding& f) {
   if (f.causes.empty()) return "";
@@ -365,9 +320,10 @@ std::string data(const Finding& f) {
            html_table({"", "what", "channel", "size", "evidence"}, rows, {"", "", "", "n", "wrap"});
   }
   std::vector<std::string> items;
-  items.push_back("positions low-passed at " + number(f.plan.filter_hz, 3) +
-                  " Hz; torques and every candidate's columns alike, decimated to " +
-                  number(f.plan.decimator.rate_hz / f.plan.decimator.factor, 3) + " Hz");
+  if (f.plan.filter_hz > 0.0)  // not of a ball alone
+    items.push_back("positions low-passed at " + number(f.plan.filter_hz, 3) +
+                    " Hz; torques and every candidate's columns alike, decimated to " +
+                    number(f.plan.decimator.rate_hz / f.plan.decimator.factor, 3) + " Hz");
   items.push_back("base: " + f.base + "; held out: " + f.held_out);
   items.push_back(
       "noise-weighted residual of the base model: " + number(f.lack_of_fit, 3) +
@@ -401,7 +357,7 @@ std::string diagnose_page(const DiagnoseRun& run) {
                      candidates(f) + left_open(f);
   body += element("h2", f.causes.empty() ? capital(error_of(f)) + " on held-out data"
                                          : "What was gained on held-out data") +
-          waterfall(f) + joints(f);
+          waterfall(f) + joint_table(f);
   body += parameters(f) + data(f);
   body += element("h2", "How to get this again") + reproduce(run.reproduce);
   return document("Diagnosis of " + name, body, series_json(shown));

@@ -47,7 +47,7 @@ std::string velocity_charts(const std::vector<TorqueSeries>& list) {
 }
 
 std::string error_table(const IdentifyResult& fit) {
-  const bool torque = quantity(fit) == "torque";
+  const bool torque = quantity(fit) == "torque", joints = !std::ranges::all_of(fit.errors, is_ball);
   std::vector<std::vector<std::string>> rows;
   for (const JointError& e : fit.errors) {
     const double first = before(fit, e), last = after(fit, e);
@@ -64,14 +64,14 @@ std::string error_table(const IdentifyResult& fit) {
         row.push_back(cell);
     row.push_back(value(e.train));
     if (torque) row.push_back(is_ball(e) ? "" : value(e.test_all));
-    row.push_back(is_ball(e) ? "" : value(e.test_raw));
+    if (joints) row.push_back(is_ball(e) ? "" : value(e.test_raw));
     rows.push_back(row);
   }
   std::vector<std::string> titles{"joint", "unit", "before", "after"};
   if (torque) titles.insert(titles.end(), {"of torque, before", "after", "rms torque"});
   titles.push_back("after, training data");
   if (torque) titles.push_back("after, with rests");
-  titles.push_back(torque ? "after, unfiltered" : "after, from the measured state");
+  if (joints) titles.push_back(torque ? "after, unfiltered" : "after, from the measured state");
   return html_table(titles, rows, {"", "", "n", "n", "n", "n", "n", "n", "n", "n"});
 }
 
@@ -125,9 +125,10 @@ std::string base_table(const IdentifyResult& fit) {
 std::string data_notes(const IdentifyResult& fit) {
   std::vector<std::string> items;
   items.push_back(rows_text(fit));
-  items.push_back("positions low-passed at " + number(fit.plan.filter_hz, 3) +
-                  " Hz; torques and model decimated to " +
-                  number(fit.plan.decimator.rate_hz / fit.plan.decimator.factor, 3) + " Hz");
+  if (fit.plan.filter_hz > 0.0)  // not of a ball alone
+    items.push_back("positions low-passed at " + number(fit.plan.filter_hz, 3) +
+                    " Hz; torques and model decimated to " +
+                    number(fit.plan.decimator.rate_hz / fit.plan.decimator.factor, 3) + " Hz");
   if (fit.plan.timing_jitter > 0.01)
     items.push_back(percent(fit.plan.timing_jitter) + " of the sampling intervals are irregular");
   for (const QuarantinedRow& row : fit.data_report.quarantined_rows) {

@@ -167,7 +167,8 @@ std::string identify_text(const FitRun& run) {
   const std::vector<std::string> remarks = notes(fit);
   if (!remarks.empty()) out += "\nnotes\n";
   for (const std::string& note : remarks) out += "  " + note + "\n";
-  out += "\n" + rows_text(fit) + ", " + number(fit.plan.filter_hz, 3) + " Hz low-pass, " +
+  out += "\n" + rows_text(fit) + ", " +
+         (fit.plan.filter_hz > 0.0 ? number(fit.plan.filter_hz, 3) + " Hz low-pass, " : "") +
          (fit.base_parameters.empty()
               ? ""
               : std::to_string(fit.base_parameters.size()) + " combinations determined; ") +
