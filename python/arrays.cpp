@@ -72,6 +72,11 @@ py::array_t<double> States::shaped(RowMatX<double>&& rows,
   return array_out(std::move(rows), shape);
 }
 
+py::array_t<double> array_out(const std::vector<std::array<double, 3>>& points) {
+  return py::array_t<double>({static_cast<py::ssize_t>(points.size()), py::ssize_t{3}},
+                             points.empty() ? nullptr : points.front().data());
+}
+
 States states_in(const std::string& where, long n, std::initializer_list<NamedArray> arrays) {
   States out;
   std::string first_shape;

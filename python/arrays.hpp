@@ -2,6 +2,7 @@
 /// NumPy at the boundary: what comes in is copied (another thread may change it while the GIL is
 /// released), what goes out owns its memory.
 
+#include <array>
 #include <initializer_list>
 #include <string>
 #include <vector>
@@ -31,6 +32,8 @@ py::array_t<double> array_out(RowMatX<double>&& values, const std::vector<py::ss
 py::array_t<double> array_out(const RowMatX<double>& values);
 py::array_t<double> array_out(const VecX<double>& values);
 py::array_t<double> array_out(const std::vector<double>& values);
+/// (M, 3)
+py::array_t<double> array_out(const std::vector<std::array<double, 3>>& points);
 
 /// An argument by name, e.g. {"qd", qd}.
 struct NamedArray {

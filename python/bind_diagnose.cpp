@@ -292,7 +292,7 @@ void bind_finding(py::module_& m) {
       field("held_out", &F::held_out, ""), field("base", &F::base, ""),
       field("model", &F::model, ""), field("parameters", &F::parameters, ""),
       field("plan", &F::plan, ""), field("data_report", &F::data_report, ""),
-      field("notes", &F::notes, ""), field("seconds", &F::seconds, ""),
+      field("ball", &F::ball, ""), field("notes", &F::notes, ""), field("seconds", &F::seconds, ""),
       field("interrupted", &F::interrupted, ""))
       .attr("__module__") = "diffnea._core";
   py::class_<DiagnoseRun> c(m, "Finding",
@@ -318,6 +318,8 @@ void bind_finding(py::module_& m) {
   property("plots", &F::plots, "Evidence to draw, a list of :class:`EvidencePlot`.");
   property("simulated", &F::simulated,
            "Held-out motion, simulated before and after: a :class:`SimulatedMotion`.");
+  property("ball", &F::ball,
+           "The ball's path, a :class:`BallSeries`; None where there is no ball.");
   property("next_experiment", &F::next_experiment,
            "A :class:`NextExperiment`, or None where none is known.");
   property("lack_of_fit", &F::lack_of_fit, "F of the base model against the noise.");
@@ -358,6 +360,15 @@ void bind_finding(py::module_& m) {
           "Draw torque over time and its error over velocity, before and after, for every joint "
           "that a\ncause or a witness names (all, if none does), or for those given; return the "
           "matplotlib\nfigure.")
+      .def(
+          "plot_ball",
+          [](const DiagnoseRun& run) {
+            return python_function("diffnea._ball", "plot_result")(
+                run.finding.ball, py::make_tuple("base model", "extended model"),
+                "Finding.plot_ball");
+          },
+          "Draw the ball's path in space, the string's length, the error over the string's "
+          "direction and\nover time with matplotlib; return the figure.")
       .def("__repr__",
            [](const DiagnoseRun& run) {
              return "Finding(" + std::string(py::repr(py::str(run.finding.model.name))) + ": " +

@@ -107,7 +107,9 @@ void bind_parts(py::module_& m) {
             "Indices of the parameters, the leading one first."),
       field("coefficients", &BaseParameter::coefficients, "Their coefficients."));
   value_type<JointError>(
-      m, "JointError", "Root mean square of one joint's torque error [N·m] or [N].",
+      m, "JointError",
+      "Root mean square of one joint's torque error [N·m] or [N]; of ``ball``: of its position "
+      "along one axis [m].",
       field("joint", &JointError::joint, "The joint's name."),
       field("unit", &JointError::unit, "Of the torque."),
       field("torque_rms", &JointError::torque_rms,
@@ -179,16 +181,16 @@ void bind_parts(py::module_& m) {
                         field("command", &Reproduce::command, "The arguments."),
                         field("inputs", &Reproduce::inputs, "The files."));
   using R = IdentifyResult;
-  value_type<R>(m, "_Fit", "The part of an IdentifyResult that the library fills.",
-                field("model", &R::model, ""), field("parameters", &R::parameters, ""),
-                field("base_parameters", &R::base_parameters, ""),
-                field("torque_constants", &R::torque_constants, ""),
-                field("errors", &R::errors, ""), field("boundary", &R::boundary, ""),
-                field("consistency_cost", &R::consistency_cost, ""),
-                field("physically_consistent", &R::physically_consistent, ""),
-                field("plan", &R::plan, ""), field("data_report", &R::data_report, ""),
-                field("notes", &R::notes, ""), field("train_series", &R::train_series, ""),
-                field("test_series", &R::test_series, ""), field("summary", &R::summary, ""))
+  value_type<R>(
+      m, "_Fit", "The part of an IdentifyResult that the library fills.",
+      field("model", &R::model, ""), field("parameters", &R::parameters, ""),
+      field("base_parameters", &R::base_parameters, ""),
+      field("torque_constants", &R::torque_constants, ""), field("errors", &R::errors, ""),
+      field("boundary", &R::boundary, ""), field("consistency_cost", &R::consistency_cost, ""),
+      field("physically_consistent", &R::physically_consistent, ""), field("plan", &R::plan, ""),
+      field("data_report", &R::data_report, ""), field("notes", &R::notes, ""),
+      field("train_series", &R::train_series, ""), field("test_series", &R::test_series, ""),
+      field("ball", &R::ball, ""), field("summary", &R::summary, ""))
       .attr("__module__") = "diffnea._core";
 }
 
@@ -228,6 +230,8 @@ void bind_result(py::module_& m) {
       .def_property_readonly("train_series", of_fit(&R::train_series),
                              "Measured and predicted torque, a list of :class:`TorqueSeries`.")
       .def_property_readonly("test_series", of_fit(&R::test_series), "The same, held out.")
+      .def_property_readonly("ball", of_fit(&R::ball),
+                             "The ball's path, a :class:`BallSeries`; None where none was fitted.")
       .def_property_readonly("summary", of_fit(&R::summary), "How the fit went.")
       .def_property_readonly(
           "reproduce", [](const FitRun& run) { return run.reproduce; }, "Version and input files.")
@@ -252,6 +256,14 @@ void bind_result(py::module_& m) {
           "Draw measured and predicted torque of every joint with matplotlib; return the "
           "figure.\n\n"
           "``of``: ``test``, ``train``, or ``auto`` (held-out data where there are any).")
+      .def(
+          "plot_ball",
+          [](const FitRun& run) {
+            return python_function("diffnea._ball", "plot_result")(
+                run.fit.ball, py::make_tuple("model before", "fitted"), "IdentifyResult.plot_ball");
+          },
+          "Draw the ball's path in space, the string's length, the error over the string's "
+          "direction and\nover time with matplotlib; return the figure.")
       .def("__repr__",
            [](const FitRun& run) {
              long identifiable = 0;

@@ -7,8 +7,10 @@ namespace diffnea::python {
 
 void bind_model(pybind11::module_& m);
 void bind_dynamics(pybind11::module_& m);
+void bind_constraints(pybind11::module_& m);
 void bind_recording(pybind11::module_& m);
 void bind_audit(pybind11::module_& m);
+void bind_ball(pybind11::module_& m);
 void bind_identify(pybind11::module_& m);
 void bind_diagnose(pybind11::module_& m);
 void bind_sim(pybind11::module_& m);

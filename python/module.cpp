@@ -40,8 +40,10 @@ PYBIND11_MODULE(_core, m) {
 
   diffnea::python::bind_model(m);
   diffnea::python::bind_dynamics(m);
+  diffnea::python::bind_constraints(m);
   diffnea::python::bind_recording(m);
   diffnea::python::bind_audit(m);
+  diffnea::python::bind_ball(m);
   diffnea::python::bind_identify(m);
   diffnea::python::bind_diagnose(m);
   diffnea::python::bind_sim(m);

@@ -6,6 +6,7 @@
 /// A struct that gains a field which its binding does not name fails to compile: it would be lost
 /// when pickled.
 
+#include <array>
 #include <string>
 #include <vector>
 
@@ -50,6 +51,8 @@ template <class F>
 py::object to_python(const F& x) {
   if constexpr (std::is_same_v<F, std::vector<double>> || std::is_same_v<F, VecX<double>> ||
                 std::is_same_v<F, RowMatX<double>>)
+    return array_out(x);
+  else if constexpr (std::is_same_v<F, std::vector<std::array<double, 3>>>)
     return array_out(x);
   else if constexpr (std::is_base_of_v<py::object, F>)
     return x;

@@ -10,6 +10,7 @@
 #include "diagnose/ball_next.hpp"
 #include "diagnose/ball_search.hpp"
 #include "diagnose/ball_witness.hpp"
+#include "identify/ball_flags.hpp"
 #include "identify/ball_rows.hpp"
 #include "identify/passes.hpp"
 
@@ -24,6 +25,7 @@ constexpr std::size_t kRefitted = 3;   ///< candidates a round
 constexpr double kRefitWithin = 30.0;  ///< ΔBIC behind the best that a rival is refitted from
 constexpr std::size_t kMostRivals = 6;
 constexpr std::size_t kMostBallCauses = 6;
+constexpr int kMostRounds = 2;  ///< of leaving rows out that are far off
 constexpr double kNormal95 = 1.96;
 /// Every which window is held out where there is no test recording.
 constexpr std::size_t kHeldOutWindow = 4;
@@ -33,14 +35,14 @@ bool same(const EffectSpec& a, const EffectSpec& b) {
 }
 
 /// Noise of the camera over all windows; what a fit leaves where there are too few rows.
-double noise_of(const BallData& data) {
+double noise_of(const BallData& data, double longest_gap) {
   std::vector<double> time;
   std::vector<Vec3<double>> seen;
   for (const BallWindow& w : data.windows) {
     time.insert(time.end(), w.time.begin(), w.time.end());
     seen.insert(seen.end(), w.seen.begin(), w.seen.end());
   }
-  return camera_noise(time, seen);
+  return camera_noise(time, seen, longest_gap);
 }
 
 class BallDiagnosis {
@@ -52,7 +54,8 @@ class BallDiagnosis {
   }
 
   void run() {
-    base_solution_ = search_->solve({}, nullptr);
+    base_solution_ = best_ = search_->solve({}, nullptr);
+    drop_far();
     first_scores_ = search_->scores(base_solution_, candidates_);
     if (go_on()) select();
     describe();
@@ -66,14 +69,13 @@ class BallDiagnosis {
     for (const EffectSpec& e : model_.effects)
       if (acts_on_ball(info(find_effect(e.effect)))) known_.push_back(e);
     BallData fitted = make_ball_data(model_, train, fit_, options_.preprocess), held_out;
-    flagged_ = fitted.flagged;
     if (!test.empty()) {
       held_out = make_ball_data(model_, test, fit_, options_.preprocess);
       finding_.held_out = "test recording";
     }
     if (base_ != Base::kFixed && model_.ball->string)
       guess_string(fitted, model_.ball->string->p_LS, model_.ball->string->length);
-    fit_.sigma = noise_of(fitted);
+    fit_.sigma = noise_of(fitted, fit_.longest_gap);
     known_noise_ = std::isfinite(fit_.sigma);
     if (!known_noise_) {
       BallData data = fitted;
@@ -96,22 +98,56 @@ class BallDiagnosis {
             .push_back(fitted.windows[w]);
       fitted.windows = std::move(kept);
     }
+    search_for(fitted, held_out);
+    add_candidates(fitted);
+  }
+
+  void search_for(BallData fitted, BallData held_out) {
     search_ = std::make_unique<BallSearch>(
-        model_, known_, base_ != Base::kFixed, fitted, held_out, fit_,
+        model_, known_, base_ != Base::kFixed, std::move(fitted), std::move(held_out), fit_,
         [this](const std::string& stage) {
           if (options_.progress && !options_.progress({stage, ++steps_, 0, 0.0}))
             finding_.interrupted = true;
           return go_on();
         });
-    add_candidates(fitted);
+  }
+
+  /// Leaves out what cannot be true, seen with the best solution so far, and solves anew.
+  template <class Drop>
+  bool clean(const Drop& drop) {
+    BallData fitted = best_.ball.data;
+    FittedBall there = fit_states(best_.ball, search_->test(), fit_);
+    BallData held_out = there.data;
+    const bool here = drop(best_.ball, fitted), beyond = drop(there, held_out);
+    if (!here && !beyond) return false;
+    search_for(fitted, held_out);
+    const std::vector<EffectSpec> terms = best_.terms;
+    base_solution_ = search_->solve({}, nullptr);
+    best_ = terms.empty() ? base_solution_ : search_->solve(terms, nullptr);
+    return true;
+  }
+  void drop_far() {
+    for (int round = 0; round < kMostRounds && go_on(); ++round)
+      if (!clean([&](const FittedBall& ball, BallData& data) {
+            return drop_far_rows(ball, data, fit_.flight);
+          }))
+        break;
+  }
+  bool drop_spins() {
+    double lift = 0.0;
+    const double sigma =
+        std::sqrt(best_.cost / static_cast<double>(search_->samples())) * fit_.sigma;
+    return clean([&](const FittedBall& ball, BallData& data) {
+      return drop_false_spins(ball, data, std::max(sigma, fit_.sigma), fit_, lift);
+    });
   }
 
   void add_candidates(const BallData& data) {
-    const bool spin = std::ranges::any_of(
-        data.windows, [](const BallWindow& w) { return dot(w.spin, w.spin) > 0.0; });
+    spin_ = std::ranges::any_of(data.windows,
+                                [](const BallWindow& w) { return dot(w.spin, w.spin) > 0.0; });
     for (const EffectInfo& i : catalogue()) {
       if (!acts_on_ball(i) || i.port == Port::kBallImpact) continue;
-      if (i.name == "magnus" && !spin) continue;
+      if (i.name == "magnus" && !spin_) continue;
       if (i.name == "attachment_offset" && base_ != Base::kFixed) continue;
       for (const std::string& where : places(i, model_)) {
         const auto asked = [&](const std::string& entry) {
@@ -147,8 +183,8 @@ class BallDiagnosis {
   }
 
   void select() {
-    best_ = base_solution_;
     std::vector<BallScore> scores = first_scores_;
+    bool spins_checked = !spin_;
     while (best_.terms.size() < kMostBallCauses && go_on()) {
       const BallSolution* found = nullptr;
       std::vector<std::pair<double, BallSolution>> tried;
@@ -169,10 +205,18 @@ class BallDiagnosis {
         }
         refuse(more.terms.back(), "does not help on held-out data", gain);
       }
-      if (!found) break;
-      best_ = BallSolution(*found);
-      drop_redundant();
-      exchange();
+      if (found) {
+        best_ = BallSolution(*found);
+        drop_redundant();
+        exchange();
+        drop_far();
+      } else if (!spins_checked && go_on()) {  // before lift is given up
+        spins_checked = true;
+        if (!drop_spins()) break;
+        drop_far();
+      } else {
+        break;
+      }
       scores = search_->scores(best_, candidates_);
     }
     for (const EffectSpec& t : best_.terms)
@@ -222,7 +266,6 @@ class BallDiagnosis {
         table.push_back({s.effect.effect, s.effect.where, s.delta_bic, s.lm, s.visible_share, {}});
     }
     f.candidates.insert(f.candidates.end(), table.begin(), table.end());
-    if (best_.ball.p.size() == 0) best_ = base_solution_;
     const BallChange change = search_->held_out(base_solution_, best_, options_.seed);
     floor_ = known_noise_ ? std::min(1.0, change.after) : change.after;
     const double removed = std::max(change.before - change.after, 0.0);
@@ -322,7 +365,8 @@ class BallDiagnosis {
     BallSeries series = make_ball_series(before, after, fit_.flight);
     series.held_out = true;
     series.sigma = fit_.sigma;
-    series.flagged.insert(series.flagged.begin(), flagged_.begin(), flagged_.end());
+    const std::vector<BallFlag>& fitted = search_->train().flagged;
+    series.flagged.insert(series.flagged.begin(), fitted.begin(), fitted.end());
     finding_.joints.push_back({"ball", "m", spread(), series.base_rms, series.extended_rms,
                                std::sqrt(floor_) * fit_.sigma});
     finding_.noise.push_back(fit_.sigma);
@@ -371,13 +415,13 @@ class BallDiagnosis {
   BallFitOptions fit_;
   bool known_noise_ = false;
   std::vector<EffectSpec> known_, candidates_;
-  std::vector<BallFlag> flagged_;
   std::unique_ptr<BallSearch> search_;
   BallSolution base_solution_, best_;
   std::vector<BallScore> first_scores_;
   Gain gain_;
   double floor_ = 0.0;
   bool left_ = false;
+  bool spin_ = false;  ///< is recorded
   int steps_ = 0;
 };
 

@@ -138,7 +138,7 @@ BallFit fit_ball_constrained(const Model& model, const BallLayout& layout, const
   }
   BallFit out;
   out.p = layout.values();
-  out.sigma = options.sigma > 0.0 ? options.sigma : camera_noise(time, seen);
+  out.sigma = options.sigma > 0.0 ? options.sigma : camera_noise(time, seen, options.longest_gap);
   if (!std::isfinite(out.sigma)) out.sigma = 1e-3;
   const double length = model.ball->string ? model.ball->string->length : 1.0;
   const BallWindow& first = data.windows.front();

@@ -15,6 +15,9 @@ namespace {
 /// Surface of a ball over its way: struck balls reach 1 (table tennis) to 2.
 constexpr double kMostSpin = 2.5;
 
+/// Periods of the joints' filter after which the end of a recording is forgotten.
+constexpr double kSettling = 0.75;
+
 /// Position and velocity at the first row: the parabola of least squares through 0.1 s of rows.
 ParticleState<double> first_state(const BallWindow& w) {
   long n = 0;
@@ -52,11 +55,14 @@ class Windows {
     seen_ = std::move(seen);
   }
 
+  /// The ends of a hand's motion, which filters have spoilt. [s]
+  void keep_off(double margin) { margin_ = margin; }
+
   void add(int hand, const HandMotion& motion) {
     hand_ = hand;
     for (std::size_t i = 0; i < rows_.size(); ++i) {
       const double t = recording_.time[rows_[i]];
-      if (lost_[i] > 0.0 || !motion.covers(t, t)) continue;
+      if (lost_[i] > 0.0 || !motion.covers(t - margin_, t + margin_)) continue;
       if (!kinks_.empty() && kinks_[i]) {
         close();
         bounced_ = true;
@@ -111,7 +117,7 @@ class Windows {
   const Recording& recording_;
   const BallFitOptions& options_;
   BallData& data_;
-  double radius_;
+  double radius_, margin_ = 0.0;
   std::vector<long> rows_;  ///< of the recording, at which the ball was seen
   std::vector<Vec3<double>> seen_;
   std::vector<double> lost_;  ///< how far a row that cannot be true is off [m]; 0: it may be
@@ -147,7 +153,9 @@ BallData make_ball_data(const Model& model, const std::vector<Recording>& record
       data.hands.emplace_back(X_WL);
       add();
     } else {
-      const Preprocessed smooth = preprocess(r, plan_preprocess({r}, smoothing));
+      const PreprocessPlan plan = plan_preprocess({r}, smoothing);
+      const Preprocessed smooth = preprocess(r, plan);
+      windows.keep_off(plan.filter_hz > 0.0 ? kSettling / plan.filter_hz : 0.0);
       for (long first = 0; first < smooth.rows();) {
         long end = first;
         while (end < smooth.rows() && smooth.segment[end] == smooth.segment[first]) ++end;

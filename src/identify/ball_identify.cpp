@@ -8,6 +8,7 @@
 
 #include <diffnea/core/error.hpp>
 
+#include "identify/ball_flags.hpp"
 #include "identify/ball_path.hpp"
 #include "identify/ball_rows.hpp"
 #include "identify/fix_pattern.hpp"
@@ -23,6 +24,8 @@ constexpr double kKnown = 0.02;
 constexpr double kVisible = 1e-3;
 /// Rows that the string does not let the ball reach, in standard deviations.
 constexpr double kTooFar = 6.0;
+/// Of fits and rows left out.
+constexpr int kMostRounds = 4;
 
 bool is_ball_effect(const std::string& entry) {
   return acts_on_ball(info(find_effect(entry.substr(0, entry.find('@')))));
@@ -37,6 +40,11 @@ const char* only_place(const EffectInfo& effect) {
   return effect.place == Place::kString   ? "string"
          : effect.place == Place::kCamera ? "camera"
                                           : "ball";
+}
+
+bool fits(const BallLayout& layout, const std::string& effect) {
+  return std::ranges::any_of(layout.effects,
+                             [&](const BoundEffect& e) { return e.info().name == effect; });
 }
 
 /// How much of each free parameter's influence on the path the others leave, from R.
@@ -194,15 +202,29 @@ void identify_ball(const std::vector<Recording>& train, const std::vector<Record
     for (int k = 0; k < 4; ++k)
       if (!layout.parameters[k].fixed) layout.parameters[k].value = guess[k];
   }
-  BallFit fit;
-  if (fit_options.loss == BallLoss::kConstrained) {
-    fit = fit_ball_constrained(asked, layout, data, fit_options);
-  } else {
-    fit = fit_ball(asked, layout, data, fit_options, [&](int iteration, double sigma) {
+  const auto fit_once = [&] {
+    if (fit_options.loss == BallLoss::kConstrained)
+      return fit_ball_constrained(asked, layout, data, fit_options);
+    return fit_ball(asked, layout, data, fit_options, [&](int iteration, double sigma) {
       return !options.progress || options.progress({"fitting the ball", iteration, 0, sigma});
     });
+  };
+  BallFit fit = fit_once();
+  double lift = 0.0;  // that the spins agree on
+  // Rows first: one that is far off makes its flight contradict any spin.
+  const auto clean = [&](const FittedBall& ball, BallData& rows, int round) {
+    return round % 2 == 1 && fits(layout, "magnus")
+               ? drop_false_spins(ball, rows, fit.sigma, fit_options, lift)
+               : drop_far_rows(ball, rows, fit_options.flight);
+  };
+  for (int round = 0; round < kMostRounds && !fit.interrupted; ++round) {
+    if (!clean({asked, layout, fit.p, data}, data, round)) continue;
+    for (std::size_t k = 0; k < layout.parameters.size(); ++k)
+      layout.parameters[k].value = fit.p[static_cast<Eigen::Index>(k)];
+    fit = fit_once();
   }
   FittedBall after{asked, layout, fit.p, data};
+  before = fit_states(before, data, fit_options);
   if (fit_options.loss == BallLoss::kConstrained) after = fit_states(after, data, fit_options);
   result.model = apply_ball(asked, layout, fit.p);
 
@@ -237,9 +259,14 @@ void identify_ball(const std::vector<Recording>& train, const std::vector<Record
   error.nominal_train = path_rms(before, fit_options.flight);
   error.test = error.nominal_test = error.test_all = error.test_raw = kNaN;
   if (!test.empty()) {
-    const BallData held_out = make_ball_data(asked, test, fit_options, options.preprocess);
-    before = fit_states(before, held_out, fit_options);
+    BallData held_out = make_ball_data(asked, test, fit_options, options.preprocess);
     after = fit_states(after, held_out, fit_options);
+    for (int round = 0; round < kMostRounds; ++round) {
+      held_out = after.data;
+      if (!clean(after, held_out, round)) continue;
+      after = fit_states(after, held_out, fit_options);
+    }
+    before = fit_states(before, held_out, fit_options);
     error.torque_rms = spread(held_out);
     error.test = error.test_all = error.test_raw = path_rms(after, fit_options.flight);
     error.nominal_test = path_rms(before, fit_options.flight);

@@ -25,6 +25,12 @@ double median(std::vector<double> x) {
   return *middle;
 }
 
+// Cubics that noise is told by: over this long a swing is one, to a hundredth of a millimetre.
+constexpr double kBlockSeconds = 0.16;
+constexpr long kLeastBlock = 6, kMostBlock = 17;
+constexpr std::size_t kEnoughBlocks = 8;
+constexpr double kHitBlock = 5.0;  ///< times the usual variance: a hit, or an outlier
+
 /// Rows of one uninterrupted stretch: [first, end) of row k.
 struct Stretch {
   long first, end;
@@ -123,19 +129,35 @@ std::vector<bool> find_kinks(const std::vector<double>& time, const std::vector<
   return out;
 }
 
-double camera_noise(const std::vector<double>& time, const std::vector<Vec3<double>>& seen) {
-  std::vector<double> all;
-  for (std::size_t k = 3; k < time.size(); ++k) {
-    const double h = time[k] - time[k - 1];
-    if (std::abs(time[k - 1] - time[k - 2] - h) > 0.02 * h ||
-        std::abs(time[k - 2] - time[k - 3] - h) > 0.02 * h)
-      continue;
-    const Vec3<double> d = seen[k] - seen[k - 1] * 3.0 + seen[k - 2] * 3.0 - seen[k - 3];
-    for (const double x : {d.x, d.y, d.z}) all.push_back(std::abs(x));
+double camera_noise(const std::vector<double>& time, const std::vector<Vec3<double>>& seen,
+                    double longest_gap) {
+  const auto n = static_cast<long>(time.size());
+  const std::vector<Stretch> stretch = stretches(time, longest_gap);
+  std::vector<double> variances;
+  for (long first = 0; first < n;) {
+    long end = first + 1;
+    while (end < stretch[first].end && time[end] - time[first] <= kBlockSeconds &&
+           end - first < kMostBlock)
+      ++end;
+    const long rows = end - first;
+    if (rows >= kLeastBlock && time[end - 1] - time[first] <= 2.0 * kBlockSeconds) {
+      MatX<double> A(rows, 4), y(rows, 3);
+      for (long k = 0; k < rows; ++k) {
+        const double t = (time[first + k] - time[first]) / kBlockSeconds;
+        A.row(k) << 1.0, t, t * t, t * t * t;
+        y.row(k) << seen[first + k].x, seen[first + k].y, seen[first + k].z;
+      }
+      const MatX<double> e = y - A * A.colPivHouseholderQr().solve(y);
+      variances.push_back(e.squaredNorm() / (3.0 * static_cast<double>(rows - 4)));
+    }
+    first = end;
   }
-  constexpr std::size_t kEnough = 60;
-  if (all.size() < kEnough) return std::numeric_limits<double>::quiet_NaN();
-  return 1.4826 * median(std::move(all)) / std::sqrt(20.0);  // 1 + 9 + 9 + 1
+  if (variances.size() < kEnoughBlocks) return std::numeric_limits<double>::quiet_NaN();
+  const double usual = median(variances);
+  double sum = 0.0, count = 0.0;
+  for (const double v : variances)
+    if (v < kHitBlock * usual) sum += v, count += 1.0;
+  return std::sqrt(sum / count);
 }
 
 }  // namespace diffnea

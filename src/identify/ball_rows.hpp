@@ -25,9 +25,10 @@ std::vector<double> find_outliers(const std::vector<double>& time,
 std::vector<bool> find_kinks(const std::vector<double>& time, const std::vector<Vec3<double>>& seen,
                              double longest_gap);
 
-/// Standard deviation of the noise of one position along one axis [m], from third differences of
-/// rows that are equally spaced (robust): what moves slowly against the camera cancels.
+/// Standard deviation of the noise of one position along one axis [m], from what cubics through
+/// 0.16 s leave; blocks in which the ball was hit do not count.
 /// @return NaN if there are too few rows
-double camera_noise(const std::vector<double>& time, const std::vector<Vec3<double>>& seen);
+double camera_noise(const std::vector<double>& time, const std::vector<Vec3<double>>& seen,
+                    double longest_gap);
 
 }  // namespace diffnea

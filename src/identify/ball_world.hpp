@@ -1,6 +1,8 @@
 #pragma once
 /// The world of one window in any scalar: hand, forces, view.
 
+#include <algorithm>
+
 #include <diffnea/identify/ball_fit.hpp>
 
 namespace diffnea {
@@ -14,10 +16,13 @@ struct BallWorld {
   std::vector<T> p;  ///< as the layout's parameters
   Vec3<T> p_LS;
   T r{};
+  bool gives_ = false;  ///< the string: its anchor's jerk matters
 
   BallWorld(const Model& m, const BallLayout& l, const HandMotion& h, std::vector<T> parameters)
       : model(&m), layout(&l), hand(&h), p(std::move(parameters)) {
     if (!m.ball->string) return;
+    gives_ = std::ranges::any_of(
+        l.effects, [](const BoundEffect& e) { return e.info().name == "string_extension"; });
     r = T(m.ball->string->length);
     p_LS = m.ball->string->p_LS.template cast<T>();
     for (std::size_t k = 0; k < p.size(); ++k) {
@@ -68,9 +73,8 @@ struct BallWorld {
   /// Where the camera sees the ball.
   Vec3<T> seen(const BallFlight<T, BallWorld>& flight) const {
     BallInstant<T> x = completed(flight.sample());
-    x.pull = flight.pull();
     x.acceleration = acceleration(x);
-    if (x.taut) x.acceleration = x.acceleration - x.u * x.pull;
+    if (x.taut) x.acceleration = x.acceleration - x.u * flight.pull();
     Vec3<T> out = x.ball.x;
     // In the order in which they happen: the string gives, time passes, the camera measures.
     for (const char* name :
@@ -83,7 +87,8 @@ struct BallWorld {
   }
 
  private:
-  static constexpr double kFarAway = 1e3;  ///< where there is no plane [m]
+  static constexpr double kFarAway = 1e3;    ///< where there is no plane [m]
+  static constexpr double kJerkStep = 5e-3;  ///< of the difference [s]
 
   BallInstant<T> completed(const BallSample<T>& sample) const {
     BallInstant<T> x;
@@ -92,6 +97,10 @@ struct BallWorld {
     x.gravity = model->gravity;
     x.mass = model->ball->mass;
     x.radius = model->ball->radius;
+    if (x.taut && gives_) {
+      const T late = x.time + T(kJerkStep), early = x.time - T(kJerkStep);
+      x.anchor_jerk = (anchor(late).a - anchor(early).a) * T(0.5 / kJerkStep);
+    }
     return x;
   }
   template <class Visit>

@@ -2,94 +2,15 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 
 #include "report/format.hpp"
-#include "report/html.hpp"
+#include "report/svg.hpp"
 
 namespace diffnea::report {
 namespace {
 
 constexpr double kWidth = 900.0, kLeft = 52.0, kRight = 8.0, kTop = 8.0, kBottom = 24.0;
-
-struct Range {
-  double low = std::numeric_limits<double>::infinity();
-  double high = -std::numeric_limits<double>::infinity();
-  void take(double x) {
-    if (!std::isfinite(x)) return;
-    low = std::min(low, x);
-    high = std::max(high, x);
-  }
-  /// With a margin, and never empty.
-  Range widened(double share) const {
-    if (!(low <= high)) return {0.0, 1.0};
-    const double margin = high > low ? share * (high - low) : std::max(0.5 * std::abs(low), 0.5);
-    return {low - margin, high + margin};
-  }
-};
-
-/// Positions of round numbers, about `count` of them: steps of 1, 2 or 5 times a power of ten.
-std::vector<double> ticks(const Range& range, int count) {
-  const double raw = (range.high - range.low) / count;
-  const double power = std::pow(10.0, std::floor(std::log10(raw)));
-  const double step = power * (raw / power < 1.5   ? 1.0
-                               : raw / power < 3.5 ? 2.0
-                               : raw / power < 7.5 ? 5.0
-                                                   : 10.0);
-  const double first = std::ceil(range.low / step);
-  std::vector<double> out;
-  for (int k = 0; k <= 2 * count; ++k)  // bounded: of a huge number, one step more may be none
-    if (const double t = (first + k) * step; t <= range.high) out.push_back(t + 0.0);  // never −0
-  return out;
-}
-
-std::string coordinate(double x) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.1f", x);
-  return text;
-}
-
-std::string text_at(double x, double y, const char* anchor, const std::string& text) {
-  return "<text x='" + coordinate(x) + "' y='" + coordinate(y) + "' text-anchor='" + anchor + "'>" +
-         escape(text) + "</text>";
-}
-
-std::string segment(const char* css_class, double x1, double y1, double x2, double y2) {
-  return std::string("<line class='") + css_class + "' x1='" + coordinate(x1) + "' y1='" +
-         coordinate(y1) + "' x2='" + coordinate(x2) + "' y2='" + coordinate(y2) + "'/>";
-}
-
-/// The path of one line; of the points in one column of pixels the lowest and the highest are kept.
-template <typename X, typename Y>
-std::string path(const std::vector<double>& x, const std::vector<double>& y, X to_x, Y to_y,
-                 double column_width) {
-  std::string out;
-  bool drawing = false;
-  const auto put = [&](std::size_t k) {
-    out += drawing ? "L" : "M";
-    out += coordinate(to_x(x[k])) + " " + coordinate(to_y(y[k]));
-    drawing = true;
-  };
-  std::size_t k = 0;
-  while (k < x.size()) {
-    if (!std::isfinite(y[k]) || !std::isfinite(x[k])) {
-      drawing = false;
-      ++k;
-      continue;
-    }
-    const double column = std::floor(to_x(x[k]) / column_width);
-    std::size_t lowest = k, highest = k;
-    for (; k < x.size() && std::isfinite(y[k]) && std::floor(to_x(x[k]) / column_width) == column;
-         ++k) {
-      if (y[k] < y[lowest]) lowest = k;
-      if (y[k] > y[highest]) highest = k;
-    }
-    put(std::min(lowest, highest));
-    if (lowest != highest) put(std::max(lowest, highest));
-  }
-  return out;
-}
 
 /// A chart of the page's width: where values lie, its frame and its titles.
 struct Axes {
@@ -123,14 +44,26 @@ struct Axes {
 
 std::string line_chart(const std::vector<double>& x, const std::vector<Line>& lines,
                        const std::pair<double, double>& x_range, const std::string& unit,
-                       int height, int columns) {
+                       int height, int columns, const Backdrop& behind) {
   Range ry;
   for (const Line& line : lines)
     for (const double v : *line.y) ry.take(v);
+  ry.take(behind.level);
+  ry.take(behind.band);
+  ry.take(-behind.band);
   const Range rx = Range{x_range.first, x_range.second}.widened(0.0);
   ry = ry.widened(0.05);
   const Axes at{rx, ry, height};
   std::string out = at.begin();
+  for (const auto& [from, to] : behind.spans)
+    out += box("span", at.x(from), kTop, std::max(at.x(to) - at.x(from), 0.5), at.bottom() - kTop);
+  if (std::isfinite(behind.band))
+    out += box("noise", kLeft, at.y(behind.band), kWidth - kLeft - kRight,
+               at.y(-behind.band) - at.y(behind.band));
+  if (std::isfinite(behind.level))
+    out += segment("level", kLeft, at.y(behind.level), kWidth - kRight, at.y(behind.level));
+  for (const double x_flag : behind.flags)
+    out += segment("flag", at.x(x_flag), kTop, at.x(x_flag), kTop + 7);
   out += at.titles("s", unit);
   for (const Line& line : lines)
     out += std::string("<path class='") + line.css_class + "' d='" +

@@ -1,6 +1,7 @@
 #pragma once
 /// Drawings as inline SVG: what the page prints, and shows where the chart library is missing.
 
+#include <limits>
 #include <string>
 #include <utility>
 #include <vector>
@@ -12,13 +13,21 @@ struct Line {
   const std::vector<double>* y;
 };
 
+/// What stands behind lines over time. NaN: none.
+struct Backdrop {
+  std::vector<std::pair<double, double>> spans;             ///< of time, shaded
+  double band = std::numeric_limits<double>::quiet_NaN();   ///< from −band to band, shaded
+  double level = std::numeric_limits<double>::quiet_NaN();  ///< a dashed line
+  std::vector<double> flags;                                ///< times with a tick at the top
+};
+
 /// Lines over time. A NaN breaks a line. Columns of pixels show lowest and highest value, so that a
 /// peak is never lost.
 /// @param x_range  first and last time that the axis shows
 /// @param columns  of pixels that are drawn
 std::string line_chart(const std::vector<double>& x, const std::vector<Line>& lines,
                        const std::pair<double, double>& x_range, const std::string& unit,
-                       int height, int columns);
+                       int height, int columns, const Backdrop& behind = {});
 
 /// Mean of y where x lies in a bin, with its 95 % interval.
 struct Bin {

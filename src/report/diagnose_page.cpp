@@ -4,9 +4,11 @@
 
 #include <diffnea/report/diagnose_page.hpp>
 
+#include "report/ball_charts.hpp"
 #include "report/chart.hpp"
 #include "report/diagnose_words.hpp"
 #include "report/format.hpp"
+#include "report/gain_charts.hpp"
 #include "report/html.hpp"
 #include "report/page_parts.hpp"
 #include "report/simulated_charts.hpp"
@@ -67,7 +69,8 @@ std::string causes_at_once(const Finding& f) {
   for (const Cause& c : f.causes) {
     std::string size;
     std::size_t shown = 0;
-    for (const CauseParameter& p : c.parameters) {
+    for (const CauseParameter& parameter : c.parameters) {
+      const CauseParameter p = as_read(c.effect, parameter);
       if (std::isnan(p.std) || p.name == "smoothing" || ++shown > 2) continue;
       size += (size.empty() ? "" : ", ") + plain(p.name) + " " + value_and_interval(p) +
               (p.unit == "1" ? "" : " " + unit(p.unit));
@@ -87,7 +90,11 @@ std::string head(const Finding& f, const std::string& name) {
   std::string out = element("h1", "Diagnosis of " + name);
   out += "<p class='verdict'>" + badge(f.verdict) + escape(pretty(f.sentence)) + "</p>\n";
   const std::string simulated = simulated_gain(f);
-  out += element("p", gained(f) + (simulated.empty() ? "" : " " + simulated), "gained");
+  const std::string ball = f.ball ? ball_sentence(*f.ball, f.causes.empty()) : "";
+  out += element("p",
+                 gained(f) + (simulated.empty() ? "" : " " + simulated) +
+                     (ball.empty() ? "" : " " + capital(ball) + "."),
+                 "gained");
   for (const std::string& text : reservations(f)) out += element("p", text, "warning");
   return out + causes_at_once(f);
 }
@@ -133,6 +140,7 @@ std::vector<TorqueSeries> drawn_series(const Finding& f) {
 }
 
 std::string over_time(const Finding& f, const std::vector<TorqueSeries>& drawn) {
+  if (drawn.empty() && f.ball) return "";
   if (drawn.empty())
     return element("p", "The folder holds no series.json, so that no chart can be drawn.", "faint");
   const auto [first, rest] = affected(f);
@@ -276,55 +284,14 @@ std::string left_open(const Finding& f) {
   return out;
 }
 
-// --- gain
-
-/// From the base model's error through what each cause removes by itself to the noise floor.
-std::string waterfall(const Finding& f) {
-  const Gain& g = f.gain;
-  const double first = g.before * g.before, last = g.after * g.after;
-  if (!std::isfinite(first) || !std::isfinite(last)) return "";
-  std::vector<Bar> bars{{"base model", number(g.before, 3) + " × noise", 0.0, first, "base"}};
-  double level = first;
-  const auto step = [&](const std::string& label, double removed) {
-    bars.push_back({label, "− " + percent(removed / first), level - removed, level, "removed"});
-    level -= removed;
-  };
-  for (const Cause& c : f.causes)
-    step(at(c.effect, c.where), c.gain.before * c.gain.before - c.gain.after * c.gain.after);
-  // Effects overlap: what they remove together need not be the sum of what each removes alone.
-  if (!f.causes.empty() && std::abs(level - last) > 0.01 * first)
-    step("together, beyond each alone", level - last);
-  if (!f.causes.empty())
-    bars.push_back({"extended model", number(g.after, 3) + " × noise", 0.0, last, "after"});
-  bars.push_back({"noise floor", number(g.noise_floor, 3) + " × noise", 0.0,
-                  g.noise_floor * g.noise_floor, "floor"});
-  return "<p class='faint'>Mean square of the held-out torque errors, each joint's in units of its "
-         "noise; what every cause removes with the others in place.</p>\n" +
-         bar_chart(bars);
-}
-
-std::string joints(const Finding& f) {
-  const bool one = f.causes.empty();
-  std::vector<std::vector<std::string>> rows;
-  for (const JointGain& j : f.joints) {
-    rows.push_back({escape(j.joint), escape(unit(j.unit)), number(j.torque_rms, 3),
-                    number(j.noise_floor, 3), number(j.base, 3), percent(j.base / j.torque_rms)});
-    if (one) continue;
-    rows.back().push_back("<b>" + number(j.extended, 3) + "</b>");
-    rows.back().push_back("<b>" + percent(j.extended / j.torque_rms) + "</b>");
-  }
-  std::vector<std::string> titles{"joint", "unit",       "rms torque",
-                                  "noise", "base model", "of torque"};
-  if (!one) titles.insert(titles.end(), {"extended", "of torque"});
-  return html_table(titles, rows, {"", "", "n", "n", "n", "n", "n", "n"});
-}
+// --- parameters
 
 std::string parameters(const Finding& f) {
   if (f.causes.empty()) return "";
   std::vector<std::vector<std::string>> rows;
   for (const Cause& c : f.causes)
     for (std::size_t k = 0; k < c.parameters.size(); ++k) {
-      const CauseParameter& p = c.parameters[k];
+      const CauseParameter p = as_read(c.effect, c.parameters[k]);
       rows.push_back({k == 0 ? "<b>" + escape(at(c.effect, c.where)) + "</b>" : "",
                       escape(plain(p.name)), number(p.value),
                       std::isfinite(p.low) ? number(p.low) + " … " + number(p.high) : "held",
@@ -353,9 +320,10 @@ std::string data(const Finding& f) {
            html_table({"", "what", "channel", "size", "evidence"}, rows, {"", "", "", "n", "wrap"});
   }
   std::vector<std::string> items;
-  items.push_back("positions low-passed at " + number(f.plan.filter_hz, 3) +
-                  " Hz; torques and every candidate's columns alike, decimated to " +
-                  number(f.plan.decimator.rate_hz / f.plan.decimator.factor, 3) + " Hz");
+  if (f.plan.filter_hz > 0.0)  // not of a ball alone
+    items.push_back("positions low-passed at " + number(f.plan.filter_hz, 3) +
+                    " Hz; torques and every candidate's columns alike, decimated to " +
+                    number(f.plan.decimator.rate_hz / f.plan.decimator.factor, 3) + " Hz");
   items.push_back("base: " + f.base + "; held out: " + f.held_out);
   items.push_back(
       "noise-weighted residual of the base model: " + number(f.lack_of_fit, 3) +
@@ -380,11 +348,16 @@ std::string diagnose_page(const DiagnoseRun& run) {
   IdentifyResult shown;  // what the charts need
   shown.test_series = drawn_series(f);
   shown.train_series = simulated_series(f.simulated);
-  std::string body = head(f, name) + simulated_charts(f, shown.train_series, "train") +
-                     over_time(f, shown.test_series) + evidence(f) + candidates(f) + left_open(f);
-  body += element("h2", f.causes.empty() ? "Torque error on held-out data"
+  const std::string ball = f.ball ? ball_section(*f.ball, names_of(f)) : "";
+  const bool of_ball =
+      std::ranges::any_of(f.causes, [](const Cause& c) { return at_ball(c.where); });
+  std::string body = head(f, name) + (of_ball ? ball : "") +
+                     simulated_charts(f, shown.train_series, "train") +
+                     over_time(f, shown.test_series) + (of_ball ? "" : ball) + evidence(f) +
+                     candidates(f) + left_open(f);
+  body += element("h2", f.causes.empty() ? capital(error_of(f)) + " on held-out data"
                                          : "What was gained on held-out data") +
-          waterfall(f) + joints(f);
+          waterfall(f) + joint_table(f);
   body += parameters(f) + data(f);
   body += element("h2", "How to get this again") + reproduce(run.reproduce);
   return document("Diagnosis of " + name, body, series_json(shown));

@@ -3,6 +3,7 @@
 
 #include <diffnea/report/diagnose_text.hpp>
 
+#include "report/ball_charts.hpp"
 #include "report/diagnose_words.hpp"
 #include "report/format.hpp"
 #include "report/simulated_charts.hpp"
@@ -32,7 +33,8 @@ std::string causes_text(const Finding& f) {
                     percent(1.0 - std::pow(c.gain.after / c.gain.before, 2)),
                     percent(c.visible_share), listed(c.members, c.where)});
     std::size_t shown = 0;
-    for (const CauseParameter& p : c.parameters) {
+    for (const CauseParameter& parameter : c.parameters) {
+      const CauseParameter p = as_read(c.effect, parameter);
       if (std::isnan(p.std)) continue;  // held
       if (++shown > kMostParameters) continue;
       values.push_back({shown == 1 ? at(c.effect, c.where) : "", plain(p.name),
@@ -48,11 +50,24 @@ std::string causes_text(const Finding& f) {
 
 std::string joints_text(const Finding& f) {
   std::vector<std::vector<std::string>> rows;
-  for (const JointGain& j : f.joints)
-    rows.push_back({j.joint, unit(j.unit), number(j.torque_rms, 3), number(j.base, 3),
-                    number(j.extended, 3), number(j.noise_floor, 3)});
-  return "torque error on held-out data (" + f.held_out + "), filtered and decimated\n" +
-         table({"", "<", "torque", "base model", "extended", "noise"}, rows);
+  bool torque = false;
+  for (const JointGain& j : f.joints) {
+    const bool ball = is_ball(j);
+    const double scale = ball ? 1e3 : 1.0;
+    torque = torque || !ball;
+    rows.push_back({j.joint, ball ? "mm" : unit(j.unit), ball ? "" : number(j.torque_rms, 3),
+                    number(scale * j.base, 3), number(scale * j.extended, 3),
+                    number(scale * j.noise_floor, 3)});
+  }
+  return error_of(f) + " on held-out data (" + f.held_out + ")" +
+         (torque ? ", filtered and decimated\n" : "\n") +
+         table({"", "<", torque ? "torque" : "", "base model", "extended", "noise"}, rows);
+}
+
+std::string ball_text(const Finding& f) {
+  if (!f.ball) return "";
+  const std::string words = ball_sentence(*f.ball, f.causes.empty());
+  return words.empty() ? "" : "\n" + capital(words) + ".\n";
 }
 
 std::string rest_text(const Finding& f) {
@@ -81,6 +96,8 @@ std::string rest_text(const Finding& f) {
         "next experiment" +
         (f.next_experiment->trajectory.empty() ? "" : " (" + f.next_experiment->trajectory + ")") +
         ": " + f.next_experiment->sentence + "\n";
+  if (f.ball)
+    for (const std::string& line : flagged_lines(*f.ball)) out += "not fitted: " + line + "\n";
   for (const ChannelFault& a : f.audit) out += a.channel + ": " + a.evidence + "\n";
   for (const std::string& text : reservations(f))
     if (!text.starts_with(kWarning)) out += "note: " + text + "\n";
@@ -94,7 +111,8 @@ std::string diagnose_text(const DiagnoseRun& run) {
   const Finding& f = run.finding;
   const std::string simulated = simulated_gain(f);
   return plain(name_of(f.verdict)) + ": " + pretty(f.sentence) + "\n\n" + causes_text(f) +
-         joints_text(f) + (simulated.empty() ? "" : "\n" + simulated + "\n") + rest_text(f);
+         joints_text(f) + (simulated.empty() ? "" : "\n" + simulated + "\n") + ball_text(f) +
+         rest_text(f);
 }
 
 }  // namespace diffnea

@@ -1,7 +1,9 @@
 #include "report/diagnose_words.hpp"
 
 #include <algorithm>
+#include <cctype>
 #include <cmath>
+#include <iterator>
 
 #include "report/format.hpp"
 
@@ -12,8 +14,53 @@ std::string plain(std::string name) {
   return name;
 }
 
+bool at_ball(const std::string& where) {
+  return where == "ball" || where == "string" || where == "camera";
+}
+
+std::string capital(std::string text) {
+  if (!text.empty()) text[0] = static_cast<char>(std::toupper(static_cast<unsigned char>(text[0])));
+  return text;
+}
+
 std::string at(const std::string& effect, const std::string& where) {
-  return plain(effect) + (where == "all" ? " at all joints" : " at " + where);
+  if (where == "all") return plain(effect) + " at all joints";
+  if (!at_ball(where)) return plain(effect) + " at " + where;
+  if (effect == "magnus") return "Magnus lift of the ball";
+  const std::string name = plain(effect);
+  if (name.find(where) != name.npos) return name;  // "string mass", "camera delay"
+  const bool acts = name == "wind" || name.ends_with("drag");
+  return name + (acts ? " on the " : " of the ") + where;
+}
+
+CauseParameter as_read(const std::string& effect, CauseParameter p) {
+  const auto scaled = [&p](double by, const char* unit) {
+    for (double* x : {&p.value, &p.std, &p.low, &p.high}) *x *= by;
+    p.unit = unit;
+  };
+  if (effect == "string_mass") {
+    p.name = "mass";
+    scaled(100.0, "% of the ball's");
+  } else if (effect == "gravity_scale" || effect == "camera_scale") {
+    scaled(100.0, "%");
+  } else if (effect == "camera_delay") {
+    scaled(1e3, "ms");
+  } else if (effect == "camera_rotation") {
+    scaled(1e3, "mrad");
+  } else if (effect == "camera_offset" || effect == "attachment_offset") {
+    scaled(1e3, "mm");
+  } else if (effect == "string_extension") {
+    scaled(1e3, "mm/N");
+  }
+  return p;
+}
+
+bool is_ball(const JointGain& joint) { return joint.joint == "ball" && joint.unit == "m"; }
+
+std::string error_of(const Finding& f) {
+  const auto balls = std::ranges::count_if(f.joints, [](const JointGain& j) { return is_ball(j); });
+  if (balls == 0) return "torque error";
+  return balls == std::ssize(f.joints) ? "error of the ball's position" : "error";
 }
 
 std::string pretty(std::string sentence) {
@@ -25,8 +72,9 @@ std::string pretty(std::string sentence) {
 std::string gained(const Finding& f) {
   const Gain& g = f.gain;
   if (f.causes.empty())
-    return "On held-out data the torque error is " + number(g.before, 3) + " times the noise.";
-  std::string out = "On held-out data (" + f.held_out + ") the torque error falls from " +
+    return "On held-out data the " + error_of(f) + " is " + number(g.before, 3) +
+           " times the noise.";
+  std::string out = "On held-out data (" + f.held_out + ") the " + error_of(f) + " falls from " +
                     number(g.before, 3) + " to " + number(g.after, 3) +
                     " times the noise: " + percent(g.explained_share) + " of what can be removed";
   if (std::isfinite(g.low) && std::isfinite(g.high))

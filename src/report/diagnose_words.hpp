@@ -10,10 +10,20 @@ namespace diffnea::report {
 
 /// "coulomb friction" for "coulomb_friction".
 std::string plain(std::string name);
-/// "coulomb friction at elbow"
+/// "coulomb friction at elbow", "linear drag on the ball", "string mass"
 std::string at(const std::string& effect, const std::string& where);
 /// The sentence with the signs that its ASCII stands for: "±", "N·m".
 std::string pretty(std::string sentence);
+/// Whether a place is the ball, its string or the camera, not of the robot.
+bool at_ball(const std::string& where);
+/// With a capital letter (ASCII).
+std::string capital(std::string text);
+/// A parameter as people say it: a camera's delay in ms, a string's mass in % of the ball's.
+CauseParameter as_read(const std::string& effect, CauseParameter parameter);
+/// Whether an error is the ball's [m], not a joint's.
+bool is_ball(const JointGain& joint);
+/// "torque error", "error of the ball's position", or "error" where both were measured.
+std::string error_of(const Finding& finding);
 /// What was gained on held-out data, in one line.
 std::string gained(const Finding& finding);
 /// What the verdict means, in a few words.

@@ -3,14 +3,26 @@
 #include <algorithm>
 #include <cmath>
 
+#include "report/format.hpp"
+
 namespace diffnea::report {
 
 bool has_test(const IdentifyResult& fit) {
   return std::ranges::any_of(fit.errors, [](const JointError& e) { return std::isfinite(e.test); });
 }
 
+bool is_ball(const JointError& error) { return error.joint == "ball" && error.unit == "m"; }
+
+std::pair<double, std::string> shown_unit(const JointError& error) {
+  return is_ball(error) ? std::pair<double, std::string>{1e3, "mm"}
+                        : std::pair<double, std::string>{1.0, unit(error.unit)};
+}
+
 std::string quantity(const IdentifyResult& fit) {
-  return !fit.errors.empty() && fit.errors.front().unit.starts_with('N') ? "torque" : "position";
+  return std::ranges::any_of(fit.errors,
+                             [](const JointError& e) { return e.unit.starts_with('N'); })
+             ? "torque"
+             : "position";
 }
 
 double before(const IdentifyResult& fit, const JointError& error) {

@@ -2,6 +2,7 @@
 /// What both the terminal's text and the page say of a fit's errors.
 
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <diffnea/io/result.hpp>
@@ -10,7 +11,11 @@ namespace diffnea::report {
 
 /// Whether errors on held-out recordings are known.
 bool has_test(const IdentifyResult& fit);
-/// "torque", or "position" for the trajectory loss.
+/// Of the ball's position [m], not of a joint.
+bool is_ball(const JointError& error);
+/// What a number of this error is multiplied by, and its unit then: a ball's errors are in mm.
+std::pair<double, std::string> shown_unit(const JointError& error);
+/// "torque", or "position" for the trajectory loss and for a ball alone.
 std::string quantity(const IdentifyResult& fit);
 /// Error of the model before the fit and after it: held out, or of the training data without a test
 /// set.

@@ -5,6 +5,7 @@
 #include <diffnea/report/identify_page.hpp>
 #include <diffnea/report/identify_text.hpp>
 
+#include "report/ball_charts.hpp"
 #include "report/chart.hpp"
 #include "report/fit_words.hpp"
 #include "report/format.hpp"
@@ -46,27 +47,31 @@ std::string velocity_charts(const std::vector<TorqueSeries>& list) {
 }
 
 std::string error_table(const IdentifyResult& fit) {
-  const bool torque = quantity(fit) == "torque";
+  const bool torque = quantity(fit) == "torque", joints = !std::ranges::all_of(fit.errors, is_ball);
   std::vector<std::vector<std::string>> rows;
   for (const JointError& e : fit.errors) {
     const double first = before(fit, e), last = after(fit, e);
-    std::vector<std::string> row{escape(e.joint), escape(unit(e.unit)), number(first, 3),
-                                 "<b>" + number(last, 3) + "</b>"};
-    if (torque)
+    const auto [scale, unit_shown] = shown_unit(e);
+    const auto value = [scale = scale](double x) { return number(scale * x, 3); };
+    std::vector<std::string> row{escape(e.joint), escape(unit_shown), value(first),
+                                 "<b>" + value(last) + "</b>"};
+    if (torque && is_ball(e))
+      row.insert(row.end(), 3, "");
+    else if (torque)
       for (const std::string& cell :
            {percent(first / e.torque_rms), "<b>" + percent(last / e.torque_rms) + "</b>",
-            number(e.torque_rms, 3)})
+            value(e.torque_rms)})
         row.push_back(cell);
-    row.push_back(number(e.train, 3));
-    if (torque) row.push_back(number(e.test_all, 3));
-    row.push_back(number(e.test_raw, 3));
+    row.push_back(value(e.train));
+    if (torque) row.push_back(is_ball(e) ? "" : value(e.test_all));
+    if (joints) row.push_back(is_ball(e) ? "" : value(e.test_raw));
     rows.push_back(row);
   }
   std::vector<std::string> titles{"joint", "unit", "before", "after"};
   if (torque) titles.insert(titles.end(), {"of torque, before", "after", "rms torque"});
   titles.push_back("after, training data");
   if (torque) titles.push_back("after, with rests");
-  titles.push_back(torque ? "after, unfiltered" : "after, from the measured state");
+  if (joints) titles.push_back(torque ? "after, unfiltered" : "after, from the measured state");
   return html_table(titles, rows, {"", "", "n", "n", "n", "n", "n", "n", "n", "n"});
 }
 
@@ -120,9 +125,10 @@ std::string base_table(const IdentifyResult& fit) {
 std::string data_notes(const IdentifyResult& fit) {
   std::vector<std::string> items;
   items.push_back(rows_text(fit));
-  items.push_back("positions low-passed at " + number(fit.plan.filter_hz, 3) +
-                  " Hz; torques and model decimated to " +
-                  number(fit.plan.decimator.rate_hz / fit.plan.decimator.factor, 3) + " Hz");
+  if (fit.plan.filter_hz > 0.0)  // not of a ball alone
+    items.push_back("positions low-passed at " + number(fit.plan.filter_hz, 3) +
+                    " Hz; torques and model decimated to " +
+                    number(fit.plan.decimator.rate_hz / fit.plan.decimator.factor, 3) + " Hz");
   if (fit.plan.timing_jitter > 0.01)
     items.push_back(percent(fit.plan.timing_jitter) + " of the sampling intervals are irregular");
   for (const QuarantinedRow& row : fit.data_report.quarantined_rows) {
@@ -174,7 +180,8 @@ std::string identify_page(const FitRun& run) {
   body += element("p", identify_headline(run), "headline") + warnings(fit);
   body += element("h2", "Error of the " + what + (held_out ? " on held-out data" : ""));
   body += error_table(fit);
-  if (fit.test_series.empty() && fit.train_series.empty())
+  if (fit.ball) body += ball_section(*fit.ball, names);
+  if (fit.test_series.empty() && fit.train_series.empty() && !fit.ball)
     body +=
         element("p", "The folder holds no series.json, so that no chart can be drawn.", "faint");
   if (!shown.test_series.empty())

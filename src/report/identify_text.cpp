@@ -5,6 +5,7 @@
 
 #include <diffnea/report/identify_text.hpp>
 
+#include "report/ball_charts.hpp"
 #include "report/fit_words.hpp"
 #include "report/format.hpp"
 
@@ -69,13 +70,16 @@ std::string errors_text(const IdentifyResult& fit) {
   const bool torque = quantity(fit) == "torque";
   std::vector<std::vector<std::string>> rows;
   for (const JointError& e : fit.errors) {
-    std::vector<std::string> row{e.joint, unit(e.unit)};
-    if (torque) row.push_back(number(e.torque_rms, 3));
-    row.push_back(number(before(fit, e), 3));
-    row.push_back(number(after(fit, e), 3));
-    if (torque) row.push_back(percent(after(fit, e) / e.torque_rms));
-    if (torque) row.push_back(number(e.test_all, 3));
-    row.push_back(number(e.train, 3));
+    const auto [scale, unit_shown] = shown_unit(e);
+    const auto value = [scale = scale](double x) { return number(scale * x, 3); };
+    const bool of_torque = torque && !is_ball(e);
+    std::vector<std::string> row{e.joint, unit_shown};
+    if (torque) row.push_back(of_torque ? value(e.torque_rms) : "");
+    row.push_back(value(before(fit, e)));
+    row.push_back(value(after(fit, e)));
+    if (torque) row.push_back(of_torque ? percent(after(fit, e) / e.torque_rms) : "");
+    if (torque) row.push_back(of_torque ? value(e.test_all) : "");
+    row.push_back(value(e.train));
     rows.push_back(row);
   }
   const std::vector<std::string> titles =
@@ -99,7 +103,7 @@ std::string torque_sentence(const IdentifyResult& fit) {
   double first = 0.0, last = 0.0, with_rests = 0.0;
   int joints = 0;
   for (const JointError& e : fit.errors) {
-    if (!std::isfinite(after(fit, e)) || !(e.torque_rms > 0.0)) continue;
+    if (is_ball(e) || !std::isfinite(after(fit, e)) || !(e.torque_rms > 0.0)) continue;
     first += before(fit, e) / e.torque_rms;
     last += after(fit, e) / e.torque_rms;
     with_rests += (std::isfinite(e.test_all) ? e.test_all : after(fit, e)) / e.torque_rms;
@@ -117,19 +121,40 @@ std::string torque_sentence(const IdentifyResult& fit) {
 std::string position_sentence(const IdentifyResult& fit) {
   std::string out;
   for (const JointError& e : fit.errors)
-    if (std::isfinite(after(fit, e)))
+    if (std::isfinite(after(fit, e)) && !is_ball(e))
       out += (out.empty() ? "error of simulated positions " : ", ") +
              from_to(number(before(fit, e), 3), number(after(fit, e), 3),
                      after(fit, e) > before(fit, e), " " + e.unit + " (" + e.joint + ")");
   return out.empty() ? out : out + ".";
 }
 
+/// The ball's error, of the table where there is no series.
+std::string ball_words(const IdentifyResult& fit) {
+  for (const JointError& e : fit.errors) {
+    if (!is_ball(e) || !std::isfinite(after(fit, e))) continue;
+    const auto [scale, unit_shown] = shown_unit(e);
+    const double first = scale * before(fit, e), last = scale * after(fit, e);
+    return "error of the ball's position " +
+           from_to(number(first, 3), number(last, 3), last > first, " " + unit_shown) + ".";
+  }
+  return "";
+}
+
+std::string flagged_text(const IdentifyResult& fit) {
+  if (!fit.ball || fit.ball->flagged.empty()) return "";
+  std::string out = "\nof the ball looked at and not fitted\n";
+  for (const std::string& line : flagged_lines(*fit.ball)) out += "  " + line + "\n";
+  return out;
+}
+
 }  // namespace
 
 std::string identify_headline(const FitRun& run) {
   const IdentifyResult& fit = run.fit;
-  const std::string sentence =
-      quantity(fit) == "torque" ? torque_sentence(fit) : position_sentence(fit);
+  std::string sentence = quantity(fit) == "torque" ? torque_sentence(fit) : position_sentence(fit);
+  if (const std::string of_ball = ball_words(fit); !of_ball.empty())
+    sentence =
+        sentence.empty() ? of_ball : sentence.substr(0, sentence.size() - 1) + "; the " + of_ball;
   if (sentence.empty()) return "Nothing was measured that would show the model's error.";
   return (has_test(fit) ? "On held-out data the " : "On the data it was fitted to, the ") +
          sentence;
@@ -137,11 +162,13 @@ std::string identify_headline(const FitRun& run) {
 
 std::string identify_text(const FitRun& run) {
   const IdentifyResult& fit = run.fit;
-  std::string out = parameters_text(run) + torque_constants_text(fit) + "\n" + errors_text(fit);
+  std::string out = parameters_text(run) + torque_constants_text(fit) + "\n" + errors_text(fit) +
+                    flagged_text(fit);
   const std::vector<std::string> remarks = notes(fit);
   if (!remarks.empty()) out += "\nnotes\n";
   for (const std::string& note : remarks) out += "  " + note + "\n";
-  out += "\n" + rows_text(fit) + ", " + number(fit.plan.filter_hz, 3) + " Hz low-pass, " +
+  out += "\n" + rows_text(fit) + ", " +
+         (fit.plan.filter_hz > 0.0 ? number(fit.plan.filter_hz, 3) + " Hz low-pass, " : "") +
          (fit.base_parameters.empty()
               ? ""
               : std::to_string(fit.base_parameters.size()) + " combinations determined; ") +

@@ -16,8 +16,8 @@ namespace diffnea {
 template <Scalar T>
 struct BallInstant : BallSample<T> {
   T length{};                       ///< r of the string [m]
-  T pull{};                         ///< T/m [m/s²]; known to views alone
   Vec3<T> acceleration;             ///< ẍ [m/s²]; known to views alone
+  Vec3<T> anchor_jerk;              ///< of S [m/s³], where an effect asks for it
   Vec3<double> gravity;             ///< in W [m/s²]
   double mass = 0.0, radius = 0.0;  ///< [kg, m]
 };
