@@ -17,6 +17,7 @@
 #include <diffnea/dynamics/constraints.hpp>
 #include <diffnea/dynamics/integrators.hpp>
 #include <diffnea/dynamics/string_particle.hpp>
+#include <diffnea/effects/bounce.hpp>
 
 using namespace diffnea;
 using Catch::Matchers::WithinAbs;
@@ -289,4 +290,124 @@ TEST_CASE("string: derivatives hold across becoming slack and taut", "[string]")
   // h = 1e-6; the steps of 1 ms are cut by the switches, whose errors of 1e-12 it divides.
   CHECK_THAT(jets, test::MatrixNear(test::central_jacobian(x, 1e-6, end),
                                     1e-5 * (1.0 + jets.cwiseAbs().maxCoeff())));
+}
+
+namespace {
+
+/// A ball over a table, without a string: restitution, friction, height.
+template <class T>
+struct Table {
+  std::array<T, 3> p;
+  double radius = 0.02;
+  mutable long calls = 0;
+
+  bool has_string() const { return false; }
+  T length() const { return T(0.0); }
+  AnchorMotion<T> anchor(const T&) const { return {}; }
+  Vec3<T> acceleration(const BallSample<T>&) const {
+    ++calls;
+    return kGravity.cast<T>();
+  }
+  T clearance(const ParticleState<T>& s) const { return Bounce().clearance(s, radius, p.data()); }
+  void bounce(ParticleState<T>& s, Vec3<T>& spin) const {
+    Bounce().bounce(p.data(), radius, s, spin);
+  }
+};
+
+}  // namespace
+
+TEST_CASE("bounce: each height is e² times the one before, at its time", "[bounce]") {
+  const double e = GENERATE(0.9, 0.6), table = 0.3, drop = 0.5, g = 9.81;
+  const Table<double> world{{e, 0.0, table}};
+  BallFlight<double, Table<double>> ball(world, {.step = 7e-3});
+  ball.start(0.0, {{0, 0, table + world.radius + drop}, {0.4, 0, 0}});
+  double hit = std::sqrt(2 * drop / g), speed = g * hit, height = drop;
+  for (int k = 1; k <= 4; ++k) {
+    CAPTURE(e, k);
+    ball.run_until(hit - 1e-6);
+    CHECK(ball.impacts() == k - 1);
+    ball.run_until(hit + 1e-6);
+    CHECK(ball.impacts() == k);
+    speed *= e;
+    height *= e * e;
+    ball.run_until(hit + speed / g);
+    // Parabolas are exact for Runge–Kutta; a switch is found within h/2⁴⁰ = 6e-15 s.
+    CHECK_THAT(ball.state().x.z - table - world.radius, WithinAbs(height, 1e-10));
+    CHECK_THAT(ball.state().v.z, WithinAbs(0.0, 1e-9));
+    CHECK_THAT(ball.state().x.x, WithinAbs(0.4 * (hit + speed / g), 1e-10));
+    hit += 2 * speed / g;
+  }
+}
+
+TEST_CASE("bounce: what friction does to velocity and spin", "[bounce]") {
+  const bool slides = GENERATE(true, false);
+  const double e = 0.8, mu = slides ? 0.1 : 2.0, r = 0.02;
+  const Table<double> world{{e, mu, 0.0}, r};
+  BallFlight<double, Table<double>> ball(world);
+  const Vec3<double> v{3.0, -1.0, -2.0}, spin{20, 60, -40};
+  ball.start(0.0, {{0, 0, r}, v}, false, spin);
+  ball.run_until(1e-9);
+  REQUIRE(ball.impacts() == 1);
+  const Vec3<double> after = ball.state().v, turned = ball.sample().spin, n{0, 0, 1};
+  const double tol = 1e-6;  // smoothing of |u| at 1 µm/s, gravity for 1 ns
+  CHECK_THAT(after.z, WithinAbs(-e * v.z, tol));
+  const auto contact = [&](const Vec3<double>& velocity, const Vec3<double>& omega) {
+    Vec3<double> u = velocity + cross(omega, n * -r);
+    u.z = 0.0;
+    return u;
+  };
+  // Friction acts at the point of contact: angular momentum about it stays, (2/3) r² ω + r n × v.
+  const auto momentum = [&](const Vec3<double>& velocity, const Vec3<double>& omega) {
+    return omega * (2.0 / 3.0 * r * r) + cross(n * r, velocity);
+  };
+  CHECK_THAT(norm(momentum(after, turned) - momentum(v, spin)), WithinAbs(0.0, 1e-9));
+  const Vec3<double> before = contact(v, spin), lost = after - v;
+  if (slides) {
+    const Vec3<double> tangential{lost.x, lost.y, 0};
+    CHECK_THAT(norm(tangential), WithinAbs(mu * (1 + e) * -v.z, tol));
+    CHECK_THAT(dot(tangential, before), WithinAbs(-norm(tangential) * norm(before), tol));
+    CHECK(dot(contact(after, turned), before) > 0.0);  // still the same way
+  } else {
+    CHECK_THAT(norm(contact(after, turned)), WithinAbs(0.0, tol));  // rolls
+  }
+}
+
+TEST_CASE("bounce: derivatives hold across bounces", "[bounce]") {
+  const double friction = GENERATE(0.05, 1.5);  // slides, grips
+  const auto end = [](const auto& x) {
+    using T = typename std::decay_t<decltype(x)>::Scalar;
+    const Table<T> world{{x[0], x[1], x[2]}};
+    BallFlight<T, Table<T>> ball(world, {.step = 5e-3});
+    ball.start(0.0, {{T(0.0), T(0.0), x[3]}, {x[4], T(0.3), T(0.0)}}, false,
+               Vec3<T>{T(10.0), x[5], T(0.0)});
+    ball.run_until(0.9);
+    VecX<T> out(9);
+    out << to_eigen(ball.state().x), to_eigen(ball.state().v), to_eigen(ball.sample().spin);
+    return out;
+  };
+  VecX<double> x(6);
+  x << 0.85, friction, 0.1, 0.55, 2.0, 30.0;
+  const Table<double> world{{x[0], x[1], x[2]}};
+  BallFlight<double, Table<double>> ball(world, {.step = 5e-3});
+  ball.start(0.0, {{0, 0, x[3]}, {x[4], 0.3, 0}}, false, {10, x[5], 0});
+  ball.run_until(0.9);
+  REQUIRE(ball.impacts() == 2);
+  const MatX<double> jets = test::jet_jacobian(x, end);
+  CHECK(std::abs(jets(2, 0)) > 0.1);  // restitution moves the ball
+  CHECK(std::abs(jets(2, 2)) > 0.1);  // so does the table's height
+  // h = 1e-6: switches are found to 1e-14 s, times 10 m/s; over h, 1e-7. Of spins, 1.5/r more.
+  CHECK_THAT(jets, test::MatrixNear(test::central_jacobian(x, 1e-6, end),
+                                    1e-6 * (1.0 + jets.cwiseAbs().maxCoeff())));
+}
+
+TEST_CASE("bounce: a ball that comes to rest does not stop time", "[bounce]") {
+  const double e = GENERATE(0.0, 0.5, 0.9);
+  const Table<double> world{{e, 0.2, 0.0}};
+  BallFlight<double, Table<double>> ball(world, {.step = 1e-2});
+  ball.start(0.0, {{0, 0, 0.3}, {1.0, 0, 0}});
+  ball.run_until(20.0);
+  CAPTURE(e, world.calls, ball.impacts());
+  CHECK_THAT(ball.state().x.z, WithinAbs(world.radius, 1e-4));
+  CHECK(std::abs(ball.state().v.z) < 0.03);
+  CHECK(world.calls < 2'000'000);  // 20 s of hops of 4 ms with 40 halvings each: 0.9e6
 }

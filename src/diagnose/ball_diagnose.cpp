@@ -74,7 +74,7 @@ class BallDiagnosis {
       finding_.held_out = "test recording";
     }
     if (base_ != Base::kFixed && model_.ball->string)
-      guess_string(fitted, model_.ball->string->p_LS, model_.ball->string->length);
+      guess_string(fitted, model_.ball->string->p_LS, model_.ball->string->length, model_.gravity);
     fit_.sigma = noise_of(fitted, fit_.longest_gap);
     known_noise_ = std::isfinite(fit_.sigma);
     if (!known_noise_) {

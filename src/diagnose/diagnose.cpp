@@ -533,7 +533,24 @@ Finding diagnose(const Model& model, const RecordingSource& train, const Recordi
   if (test) refuse_same_recording(train, *test);
   const std::vector<Recording> balls =
       model.ball ? recordings_with_ball(train) : std::vector<Recording>{};
-  if (balls.empty()) return diagnose_joints(model, train, test, options);
+  const std::vector<std::string> of_ball = asked_for(options, true);
+  if (balls.empty() && !of_ball.empty())
+    throw DataError(train.sample().front().source + ": got the effect '" + of_ball.front() +
+                    "', which is of a ball, and " +
+                    (model.ball ? "no recording shows it; expected columns ball_x, ball_y, ball_z "
+                                  "[m] in the world's frame"
+                                : "the model has none"));
+  if (balls.empty()) {
+    Finding finding = diagnose_joints(model, train, test, options);
+    if (const std::string note = ball_note(model, train); !note.empty())
+      finding.notes.push_back(note);
+    return finding;
+  }
+  std::vector<Recording> held_out;
+  if (test) held_out = recordings_with_ball(*test);
+  if (test && held_out.empty())
+    throw DataError(test->sample().front().source +
+                    ": held-out recordings must show the ball, too (ball_x, ball_y, ball_z)");
   const auto start = std::chrono::steady_clock::now();
   DiagnoseOptions own = options;
   Finding finding;
@@ -543,15 +560,14 @@ Finding diagnose(const Model& model, const RecordingSource& train, const Recordi
   const bool joints = has_torque(train) && (options.effects.empty() || !own.effects.empty() ||
                                             !options.candidates.empty());
   if (joints) finding = diagnose_joints(model, train, test, own);
-  own.effects = asked_for(options, true);
+  own.effects = of_ball;
   if (finding.interrupted || (!options.effects.empty() && own.effects.empty())) return finding;
   const Base base = options.base == Base::kAuto ? Base::kRefit : options.base;
   if (!joints) {
     finding.base = base == Base::kFixed ? "fixed" : "refit";
     finding.simulated.reason = "the joints' measured motion is an input";
   }
-  diagnose_ball(balls, test ? recordings_with_ball(*test) : std::vector<Recording>{}, own, base,
-                finding);
+  diagnose_ball(balls, held_out, own, base, finding);
   finding.sentence = sentence(finding);
   finding.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return finding;

@@ -13,10 +13,18 @@
 namespace diffnea {
 namespace {
 
-constexpr long kHalfWidth = 6;  ///< rows on either side that a row's acceleration is read from
+/// Rows on either side that a row's acceleration is read from: as few as noise allows, for many
+/// flatten it.
+constexpr long kLeastHalfWidth = 2, kMostHalfWidth = 6;
+constexpr double kNoisyAcceleration = 0.3;  ///< [m/s²]
+/// What else a position is off by: the hand, and what smoothing makes of the path. Less noise than
+/// this would have every row count as an outlier [m].
+constexpr double kLeastNoise = 1e-4;
 /// Sharpness of g = softplus(h) [1/m²] from round to round: from soft, where every row pulls at the
 /// length, to hard.
 constexpr std::array<double, 4> kSharpness{20.0, 100.0, 500.0, 2500.0};
+/// The sharpest leaves this much of g's noise at h = 0, so that less noise is less bias.
+constexpr double kSoftest = 0.5;
 /// Stabilisation answers the camera's noise, too: none to speak of.
 constexpr double kSettle = 10.0;  // [s]
 
@@ -30,26 +38,26 @@ struct SmoothRow {
 
 /// How much of white noise the smoothed x, v and a of a window keep, from the weights of the
 /// cubics.
-std::array<double, 3> noise_gains(double step) {
-  const long n = 2 * kHalfWidth + 1;
+std::array<double, 3> noise_gains(double step, long half) {
+  const long n = 2 * half + 1;
   MatX<double> A(n, 4);
   for (long k = 0; k < n; ++k) {
-    const double t = step * static_cast<double>(k - kHalfWidth);
+    const double t = step * static_cast<double>(k - half);
     A.row(k) << 1.0, t, 0.5 * t * t, t * t * t / 6.0;
   }
   const MatX<double> C = (A.transpose() * A).inverse();
   return {std::sqrt(C(0, 0)), std::sqrt(C(1, 1)), std::sqrt(C(2, 2))};
 }
 
-std::vector<SmoothRow> smooth_rows(const BallData& data) {
+std::vector<SmoothRow> smooth_rows(const BallData& data, long half) {
   std::vector<SmoothRow> out;
   for (const BallWindow& w : data.windows) {
     const auto n = static_cast<long>(w.time.size());
-    for (long k = kHalfWidth; k + kHalfWidth < n; ++k) {
-      const long rows = 2 * kHalfWidth + 1;
+    for (long k = half; k + half < n; ++k) {
+      const long rows = 2 * half + 1;
       MatX<double> A(rows, 4), y(rows, 3);
       for (long i = 0; i < rows; ++i) {
-        const long at = k - kHalfWidth + i;
+        const long at = k - half + i;
         const double t = w.time[at] - w.time[k];
         A.row(i) << 1.0, t, 0.5 * t * t, t * t * t / 6.0;
         y.row(i) << w.seen[at].x, w.seen[at].y, w.seen[at].z;
@@ -106,7 +114,8 @@ std::array<T, 6> residuals(const BallWorld<T>& world, const SmoothRow& row, cons
   const T s(sharpness), z = h * s;
   const T gate = value(z) > 0.0 ? T(1.0) / (T(1.0) + exp(-z)) : exp(z) / (T(1.0) + exp(z));
   const T g = (value(z) > 0.0 ? z + log1p(exp(-z)) : log1p(exp(z))) / s;
-  out[3] = g * T(std::sqrt(lambda[0]) / noise.g);
+  // At h = 0, g is ln 2/s: while s is soft, no error.
+  out[3] = g * T(std::sqrt(lambda[0]) / std::hypot(noise.g, std::log(2.0) / sharpness));
   out[4] = gate * h_d * T(std::sqrt(lambda[1]) / noise.g_d);
   out[5] =
       (gate * h_dd + s * gate * (T(1.0) - gate) * h_d * h_d) * T(std::sqrt(lambda[2]) / noise.g_dd);
@@ -122,14 +131,9 @@ BallFit fit_ball_constrained(const Model& model, const BallLayout& layout, const
       throw ModelError(e.info().name + " at " + e.where +
                        ": the constrained loss compares accelerations and cannot fit it; use the "
                        "trajectory loss");
-  const std::vector<SmoothRow> rows = smooth_rows(data);
   std::vector<int> free;
   for (std::size_t k = 0; k < layout.parameters.size(); ++k)
     if (!layout.parameters[k].fixed) free.push_back(static_cast<int>(k));
-  if (rows.size() < 10 * free.size())
-    throw DataError("constrained loss: " + std::to_string(rows.size()) +
-                    " rows with enough neighbours are left, too few for " +
-                    std::to_string(free.size()) + " parameters");
   std::vector<double> time;
   std::vector<Vec3<double>> seen;
   for (const BallWindow& w : data.windows) {
@@ -142,10 +146,20 @@ BallFit fit_ball_constrained(const Model& model, const BallLayout& layout, const
   if (!std::isfinite(out.sigma)) out.sigma = 1e-3;
   const double length = model.ball->string ? model.ball->string->length : 1.0;
   const BallWindow& first = data.windows.front();
-  const std::array<double, 3> gain = noise_gains((first.time.back() - first.time.front()) /
-                                                 static_cast<double>(first.time.size() - 1));
-  const RowNoise noise{out.sigma * gain[2], 2.0 * length * out.sigma * gain[0],
-                       2.0 * length * out.sigma * gain[1], 2.0 * length * out.sigma * gain[2]};
+  const double period =
+      (first.time.back() - first.time.front()) / static_cast<double>(first.time.size() - 1);
+  long half = kLeastHalfWidth;
+  while (half < kMostHalfWidth && out.sigma * noise_gains(period, half)[2] > kNoisyAcceleration)
+    ++half;
+  const std::array<double, 3> gain = noise_gains(period, half);
+  const std::vector<SmoothRow> rows = smooth_rows(data, half);
+  if (rows.size() < 10 * free.size())
+    throw DataError("constrained loss: " + std::to_string(rows.size()) +
+                    " rows with enough neighbours are left, too few for " +
+                    std::to_string(free.size()) + " parameters");
+  const double known = std::max(out.sigma, kLeastNoise), at_length = 2.0 * length * known;
+  const RowNoise noise{known * gain[2], at_length * gain[0], at_length * gain[1],
+                       at_length * gain[2]};
   const auto F = static_cast<Eigen::Index>(free.size());
   MatX<double> H(F, F);
   VecX<double> g(F);
@@ -182,7 +196,9 @@ BallFit fit_ball_constrained(const Model& model, const BallLayout& layout, const
     }
     return sum;
   };
-  for (const double sharpness : kSharpness) {
+  std::vector<double> rounds(kSharpness.begin(), kSharpness.end());
+  while (std::log(2.0) / rounds.back() > kSoftest * noise.g) rounds.push_back(3.0 * rounds.back());
+  for (const double sharpness : rounds) {
     double now = cost(out.p, sharpness, true), damping = 1e-3;
     for (int i = 0; i < options.max_iterations; ++i, ++out.iterations) {
       const MatX<double> H0 = H;
@@ -220,7 +236,7 @@ BallFit fit_ball_constrained(const Model& model, const BallLayout& layout, const
   out.termination = "the last step at the greatest sharpness gained less than the tolerance";
   H.diagonal().array() += 1e-12;
   const MatX<double> C = H.ldlt().solve(MatX<double>::Identity(F, F)) *
-                         static_cast<double>(2 * kHalfWidth + 1);  // neighbours share rows
+                         static_cast<double>(2 * half + 1);  // neighbours share rows
   out.covariance = MatX<double>::Zero(out.p.size(), out.p.size());
   for (Eigen::Index i = 0; i < F; ++i)
     for (Eigen::Index j = 0; j < F; ++j) out.covariance(free[i], free[j]) = C(i, j);

@@ -22,8 +22,13 @@ constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr double kKnown = 0.02;
 /// Share of a parameter's own influence that the others must leave.
 constexpr double kVisible = 1e-3;
-/// Rows that the string does not let the ball reach, in standard deviations.
-constexpr double kTooFar = 6.0;
+/// Rows that the string does not let the ball reach: in standard deviations of the camera, and in
+/// lengths of the string.
+constexpr double kTooFar = 6.0, kLeastTooFar = 0.01;
+/// Share of the rows beyond the string's reach from where the length is at fault.
+constexpr double kMostTooFar = 0.1;
+/// What a fit may leave over the camera's noise.
+constexpr double kMostLeft = 3.0;
 /// Of fits and rows left out.
 constexpr int kMostRounds = 4;
 
@@ -76,19 +81,38 @@ double spread(const BallData& data) {
   return std::sqrt(std::max(0.0, squares / n - dot(sum, sum) / (n * n)) / 3.0);
 }
 
-/// Rows further from the anchor than the string lets them be.
-void flag_too_far(const BallSeries& series, double sigma, std::vector<BallFlag>& flagged) {
+double distance(const BallSeries::Point& a, const BallSeries::Point& b) {
+  return std::hypot(a[0] - b[0], a[1] - b[1], a[2] - b[2]);
+}
+
+/// Rows further from the anchor than the string lets them be (one that gives: than it is then).
+/// @param noise  of the camera, not of the fit, which a wrong length blows up [m]
+/// @return how many
+long flag_too_far(const BallSeries& series, double noise, std::vector<BallFlag>& flagged) {
+  const double limit = std::max(kTooFar * noise, kLeastTooFar * series.length);
+  long out = 0;
   for (std::size_t k = 0; k < series.time.size(); ++k) {
-    double square = 0.0;
-    for (int c = 0; c < 3; ++c) square += std::pow(series.measured[k][c] - series.anchor[k][c], 2);
-    const double beyond = std::sqrt(square) - series.length;
-    if (beyond > kTooFar * sigma)
-      flagged.push_back({series.run[k], series.time[k], "ball",
-                         "is " + format_number(1e3 * beyond) +
-                             " mm further from the anchor than "
-                             "the string is long (" +
-                             format_number(series.length) + " m)"});
+    const double reach = std::max(series.length, distance(series.extended[k], series.anchor[k])),
+                 beyond = distance(series.measured[k], series.anchor[k]) - reach;
+    if (!(beyond > limit)) continue;
+    ++out;
+    flagged.push_back({series.run[k], series.time[k], "ball",
+                       "is " + format_number(1e3 * beyond) +
+                           " mm further from the anchor than the string is long (" +
+                           format_number(series.length) + " m)"});
   }
+  return out;
+}
+
+/// Of the camera, over all windows [m]; NaN where there are too few rows.
+double noise_of(const BallData& data, double longest_gap) {
+  std::vector<double> time;
+  std::vector<Vec3<double>> seen;
+  for (const BallWindow& w : data.windows) {
+    time.insert(time.end(), w.time.begin(), w.time.end());
+    seen.insert(seen.end(), w.seen.begin(), w.seen.end());
+  }
+  return camera_noise(time, seen, longest_gap);
 }
 
 }  // namespace
@@ -118,19 +142,59 @@ DividedChoice divide_choice(const Model& model, const FitChoice& choice) {
   } else {
     std::vector<std::string> rest;
     for (const std::string& entry : *choice.effects)
-      if (!is_ball_effect(entry))
+      if (!is_ball_effect(entry)) {
         rest.push_back(entry);
-      else
+      } else {
         add(entry);
+        out.asked.push_back(entry);
+      }
     // Whoever names effects of the ball alone says nothing of the arm's.
     if (rest.empty() && !choice.effects->empty())
       out.arm.effects.reset();
     else
       out.arm.effects = rest;
   }
-  for (const std::string& entry : choice.fix)
-    (model.ball && names_ball(entry) ? out.ball_fix : out.arm.fix).push_back(entry);
+  for (const std::string& entry : choice.fix) {
+    const bool ball = model.ball && names_ball(entry);
+    (ball ? out.ball_fix : out.arm.fix).push_back(entry);
+    if (ball) out.asked.push_back(entry);
+  }
   return out;
+}
+
+void share_fix(const Model& model, DividedChoice& choice) {
+  // Effects of the model may be ones that identify cannot fit, which do not matter here.
+  Model bare = model;
+  bare.effects.clear();
+  FitChoice free = choice.arm;
+  free.fix.clear();
+  const FitLayout layout = make_layout(bare, free, {0});
+  std::vector<std::string> arm, ball;
+  for (const auto* list : {&layout.linear, &layout.shape})
+    for (const FitParameter& p : *list) arm.push_back(p.name);
+  for (const EffectSpec& e : model.effects)
+    if (!is_ball_effect(e.effect))
+      for (const ParameterInfo& p : bind(e, model).parameter_info)
+        arm.push_back(e.where + "." + e.effect + "." + p.name);
+  for (const BallParameter& p :
+       make_ball_layout(model, choice.ball_effects, choice.fit_string).parameters)
+    ball.push_back(p.name);
+  std::vector<std::string> rest;
+  for (const std::string& entry : choice.arm.fix) {
+    const std::string pattern = split_value(entry).first;
+    const auto any = [&](const std::vector<std::string>& names) {
+      return std::ranges::any_of(names, [&](const auto& name) { return matches(pattern, name); });
+    };
+    const bool of_arm = any(arm), of_ball = any(ball);
+    if (of_arm) rest.push_back(entry);
+    if (of_ball) choice.ball_fix.push_back(entry);
+    if (of_arm || of_ball) continue;
+    std::string names;
+    for (const auto* list : {&ball, &arm})
+      for (const std::string& name : *list) names += (names.empty() ? "" : ", ") + name;
+    throw ModelError("fix: no parameter matches '" + pattern + "'; parameters: " + names);
+  }
+  choice.arm.fix = rest;
 }
 
 BallLayout ball_layout_for(const Model& model, const DividedChoice& choice) {
@@ -197,7 +261,7 @@ void identify_ball(const std::vector<Recording>& train, const std::vector<Record
   if (length_free) {
     Vec3<double> p_LS = asked.ball->string->p_LS;
     double length = asked.ball->string->length;
-    guess_string(data, p_LS, length);
+    guess_string(data, p_LS, length, asked.gravity);
     const double guess[4] = {length, p_LS.x, p_LS.y, p_LS.z};
     for (int k = 0; k < 4; ++k)
       if (!layout.parameters[k].fixed) layout.parameters[k].value = guess[k];
@@ -275,7 +339,11 @@ void identify_ball(const std::vector<Recording>& train, const std::vector<Record
   BallSeries series = make_ball_series(before, after, fit_options.flight);
   series.held_out = !test.empty();
   series.sigma = fit.sigma;
-  if (series.has_string) flag_too_far(series, fit.sigma, series.flagged);
+  const double camera = noise_of(data, fit_options.longest_gap);
+  const long too_far =
+      series.has_string
+          ? flag_too_far(series, std::isfinite(camera) ? camera : fit.sigma, series.flagged)
+          : 0;
   result.notes.push_back(
       "ball: " + std::to_string(data.windows.size()) + " windows of at most " +
       format_number(fit_options.window) +
@@ -283,6 +351,18 @@ void identify_ball(const std::vector<Recording>& train, const std::vector<Record
       "left is " +
       format_number(1e3 * fit.sigma) + " mm of a position along one axis" +
       (model.ball->string ? "; the joints' measured motion drives the string" : ""));
+  if (static_cast<double>(too_far) > kMostTooFar * static_cast<double>(series.rows()))
+    result.notes.push_back(
+        std::string(kWarning) + "ball: in " + std::to_string(too_far) + " of " +
+        std::to_string(series.rows()) + " rows it is further from the anchor than the string of " +
+        format_number(series.length) + " m is long" +
+        (layout.parameters[0].fixed ? "; string.length is held: let the fit move it, or correct it"
+                                    : "; look at where the string is tied"));
+  if (fit.sigma > kMostLeft * camera)
+    result.notes.push_back(
+        std::string(kWarning) + "ball: the fit leaves " + format_number(1e3 * fit.sigma) +
+        " mm along one axis where the camera's noise is " + format_number(1e3 * camera) +
+        " mm: its path is not the model's; diagnose may tell what is missing");
   if (!series.flagged.empty())
     result.notes.push_back(std::string(kWarning) +
                            "ball: " + std::to_string(series.flagged.size()) +

@@ -12,14 +12,23 @@ struct DividedChoice {
   std::vector<EffectSpec> ball_effects;  ///< those of the model first
   std::vector<std::string> ball_fix;
   bool fit_string = false, fit_effects = false;
+  std::vector<std::string> asked;  ///< entries of the choice that are about a ball alone
 };
 DividedChoice divide_choice(const Model& model, const FitChoice& choice);
+
+/// Gives entries of `fix` such as "*drag*" to whom they match: arm, ball, or both.
+/// @throws ModelError naming all parameters if one matches neither, or if another part of the
+///         choice has no such name
+void share_fix(const Model& model, DividedChoice& choice);
 
 /// @throws ModelError as make_ball_layout, or if an entry of `fix` matches no parameter
 BallLayout ball_layout_for(const Model& model, const DividedChoice& choice);
 
 /// All rows of a source, the blocks of each run joined; of those with a ball alone.
 std::vector<Recording> recordings_with_ball(const RecordingSource& source);
+
+/// What there is of a ball in model or recordings, but not in both; empty if nothing.
+std::string ball_note(const Model& model, const RecordingSource& train);
 
 /// Adds parameters, errors, series and notes to `result`, whose model the ball is fitted with (and
 /// in which it is put).

@@ -41,7 +41,9 @@ void require_possible(const std::string& entry, const std::string& name, double 
       (sign == Sign::kPositive && value == 0.0))
     throw ModelError("fix: got '" + entry + "'; " + name +
                      " cannot be that: expected a finite number" +
-                     std::string(sign == Sign::kFree ? "" : ", not negative"));
+                     (sign == Sign::kFree       ? ""
+                      : sign == Sign::kPositive ? ", above 0"
+                                                : ", not negative"));
 }
 
 }  // namespace diffnea

@@ -54,11 +54,15 @@ BallPart ball_part(const Model& model, const RecordingSource& train, const Recor
     return out;
   }
   out.train = recordings_with_ball(train);
+  if (out.train.empty() && !choice.asked.empty())
+    throw DataError(train.sample().front().source + ": got '" + choice.asked.front() +
+                    "', which is of the ball, and no recording shows it; expected columns ball_x, "
+                    "ball_y, ball_z [m] in the world's frame");
   if (out.train.empty()) return out;
   if (test) out.test = recordings_with_ball(*test);
   if (test && out.test.empty())
     throw DataError(test->sample().front().source +
-                    ": held-out recordings must hold the ball, too (ball_x, ball_y, ball_z)");
+                    ": held-out recordings must show the ball, too (ball_x, ball_y, ball_z)");
   out.alone = std::ranges::none_of(train.sample(), [](const Recording& r) {
     return std::ranges::find(r.has_tau, true) != r.has_tau.end();
   });
@@ -66,14 +70,19 @@ BallPart ball_part(const Model& model, const RecordingSource& train, const Recor
 }
 
 /// Nothing of the arm is fitted.
-IdentifyResult without_arm(const Model& model, const RecordingSource& train) {
+IdentifyResult without_arm(const Model& model, const RecordingSource& train, const FitChoice& arm) {
   IdentifyResult out;
   out.model = model;
   out.physically_consistent = true;
   for (const Recording& r : train.sample()) out.summary.rows += r.rows();
   out.data_report = train.report();
-  if (!joint_names(model).empty())
-    out.notes.push_back("no torque was recorded: the arm's parameters stay as they are");
+  if (joint_names(model).empty()) return out;
+  std::string asked;
+  if (arm.effects)
+    for (const std::string& e : *arm.effects) asked += (asked.empty() ? "" : ", ") + e;
+  out.notes.push_back((asked.empty() ? "" : kWarning) +
+                      std::string("no torque was recorded: the arm's parameters stay as they are") +
+                      (asked.empty() ? "" : ", and these effects are not fitted: " + asked));
   return out;
 }
 
@@ -83,6 +92,19 @@ bool same_numbers(const RowMatX<double>& a, const RowMatX<double>& b) {
 }
 
 }  // namespace
+
+std::string ball_note(const Model& model, const RecordingSource& train) {
+  const bool seen =
+      std::ranges::any_of(train.sample(), [](const Recording& r) { return r.ball.size() > 0; });
+  if (seen && !model.ball)
+    return std::string(kWarning) +
+           "the recordings show a ball (ball_x, ball_y, ball_z) and the model has none: it was not "
+           "looked at; give the model a ball, and a string if it hangs on one (docs/models.md)";
+  if (model.ball && !seen)
+    return "the model has a ball that the recordings do not show (ball_x, ball_y, ball_z): it "
+           "stays as it is";
+  return {};
+}
 
 void refuse_same_recording(const RecordingSource& train, const RecordingSource& test) {
   const std::vector<Recording> fitted = train.sample();
@@ -97,11 +119,12 @@ void refuse_same_recording(const RecordingSource& train, const RecordingSource& 
 IdentifyResult identify(const Model& model, const RecordingSource& train,
                         const RecordingSource* test, const IdentifyOptions& options) {
   if (test) refuse_same_recording(train, *test);
-  const DividedChoice choice = divide_choice(model, options.choice);
+  DividedChoice choice = divide_choice(model, options.choice);
   const BallPart ball = ball_part(model, train, test, choice);
+  if (!ball.train.empty()) share_fix(model, choice);
   IdentifyOptions arm = options;
   arm.choice = choice.arm;
-  IdentifyResult result = ball.alone ? without_arm(model, train)
+  IdentifyResult result = ball.alone ? without_arm(model, train, choice.arm)
                           : options.loss == Loss::kTrajectory
                               ? identify_by_trajectory(model, train, test, arm)
                               : identify_by_torque(model, train, test, arm);
@@ -113,6 +136,7 @@ IdentifyResult identify(const Model& model, const RecordingSource& train,
     result.summary.seconds += seconds;
     result.summary.seconds_fitting += seconds;
   }
+  if (const std::string note = ball_note(model, train); !note.empty()) result.notes.push_back(note);
   add_warnings(model, train, test, result);
   if (test && test->report().quarantined > 0)
     result.notes.push_back("held-out data: " + std::to_string(test->report().quarantined) + " of " +

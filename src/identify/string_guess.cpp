@@ -6,24 +6,71 @@
 #include <diffnea/core/error.hpp>
 #include <diffnea/identify/ball_fit.hpp>
 
+#include "identify/ball_rows.hpp"
+
 namespace diffnea {
 namespace {
 
 double norm(const Vec3<double>& v) { return std::sqrt(dot(v, v)); }
 
+/// A distance is the string's length within this share of it.
+constexpr double kNear = 0.02;
+/// Acceleration across the string beside gravity's that a hanging ball may have, in g: drag, and
+/// the parabolas' own error.
+constexpr double kAcross = 0.3;
+constexpr double kSigmas = 3.0;
+constexpr long kMostSide = 5;          ///< rows on either side that an acceleration is read from
+constexpr double kSideSeconds = 0.12;  ///< and how far they may be
+
+struct Sighting {
+  const HandMotion* hand;
+  double time;
+  Vec3<double> seen;
+  bool moves = false;         ///< its acceleration is known
+  Vec3<double> acceleration;  ///< [m/s²]
+  double gain = 0.0;          ///< noise of the acceleration over the camera's [1/s²]
+};
+
+std::vector<Sighting> sightings(const BallData& data) {
+  std::vector<Sighting> out;
+  for (const BallWindow& w : data.windows) {
+    const auto n = static_cast<long>(w.time.size());
+    for (long k = 0; k < n; ++k) {
+      Sighting s{&data.hands[static_cast<std::size_t>(w.hand)], w.time[k], w.seen[k], false, {}};
+      long side = 0;
+      while (side < kMostSide && k - side > 0 && k + side + 1 < n &&
+             w.time[k + side + 1] - w.time[k - side - 1] <= 2.0 * kSideSeconds)
+        ++side;
+      if (side >= 2) {
+        const double rows = 2.0 * static_cast<double>(side) + 1.0, squares = rows * rows,
+                     step = (w.time[k + side] - w.time[k - side]) / (rows - 1.0);
+        s.moves = true;
+        s.acceleration = parabola(w.time, w.seen, k - side, k + side + 1, w.time[k]).a;
+        s.gain = std::sqrt(720.0 / (rows * (squares - 1.0) * (squares - 4.0))) / (step * step);
+      }
+      out.push_back(s);
+    }
+  }
+  return out;
+}
+
+/// Of the camera [m]; 0 where there are too few rows to tell.
+double noise_of(const std::vector<Sighting>& all) {
+  std::vector<double> time;
+  std::vector<Vec3<double>> seen;
+  for (const Sighting& s : all) {
+    time.push_back(s.time);
+    seen.push_back(s.seen);
+  }
+  const double out = camera_noise(time, seen, kSideSeconds);
+  return std::isfinite(out) ? out : 0.0;
+}
+
 }  // namespace
 
-void guess_string(const BallData& data, Vec3<double>& p_LS, double& length) {
-  struct Sighting {
-    AnchorMotion<double> at0;
-    const HandMotion* hand;
-    double time;
-    Vec3<double> seen;
-  };
-  std::vector<Sighting> all;
-  for (const BallWindow& w : data.windows)
-    for (std::size_t k = 0; k < w.time.size(); ++k)
-      all.push_back({{}, &data.hands[static_cast<std::size_t>(w.hand)], w.time[k], w.seen[k]});
+void guess_string(const BallData& data, Vec3<double>& p_LS, double& length,
+                  const Vec3<double>& gravity) {
+  const std::vector<Sighting> all = sightings(data);
   const auto distance = [&](const Sighting& s) {
     return norm(s.seen - s.hand->anchor(s.time, p_LS).x);
   };
@@ -65,16 +112,30 @@ void guess_string(const BallData& data, Vec3<double>& p_LS, double& length) {
     p_LS = p_LS + Vec3<double>{step[1], step[2], step[3]};
     if (step.norm() < 1e-9) break;
   }
-  const auto taut = std::ranges::count_if(
-      all, [&](const Sighting& s) { return std::abs(distance(s) - r) < 0.02 * r; });
+  const double noise = noise_of(all);
+  std::ptrdiff_t near = 0, told = 0, hangs = 0;
+  for (const Sighting& s : all) {
+    const Vec3<double> delta = s.seen - s.hand->anchor(s.time, p_LS).x;
+    const double d = norm(delta);
+    if (std::abs(d - r) >= kNear * r) continue;
+    ++near;
+    if (!s.moves) continue;
+    ++told;
+    const Vec3<double> force = s.acceleration - gravity, u = delta * (1.0 / d);
+    const double limit = std::max(kAcross * norm(gravity), kSigmas * s.gain * noise);
+    hangs += dot(u, force) < limit && norm(force - u * dot(u, force)) < limit ? 1 : 0;
+  }
   const double largest = quantile(1.0);
-  if (!(r > 0.0) ||
-      taut < std::max<std::ptrdiff_t>(20, static_cast<std::ptrdiff_t>(all.size() / 20)))
+  const auto enough = std::max<std::ptrdiff_t>(20, static_cast<std::ptrdiff_t>(all.size() / 20));
+  const bool stays = r > 0.0 && near >= enough;
+  if (!stays || 2 * hangs < told)
     throw DataError(
-        "the string is nowhere taut: the ball's distance from where it is tied never "
-        "stays at one value (the largest is " +
-        std::to_string(largest) +
-        " m); length and attachment cannot be identified from this recording");
+        std::string("the string is nowhere taut: the ball's distance from where it is tied ") +
+        (stays ? "stays at one value, but the ball does not move as one that hangs there"
+               : "never stays at one value") +
+        " (the largest is " + std::to_string(largest) +
+        " m); length and attachment cannot be identified from this recording; expected the joints' "
+        "motion and the ball's in one world frame [m], the ball swinging on its string");
   length = r;
 }
 

@@ -122,7 +122,9 @@ BallFit fit_ball_constrained(const Model& model, const BallLayout& layout, const
 
 /// First guess of length and attachment from distances alone: Σ (‖y − x_S‖ − r)² over rows at which
 /// the string is taut, from any start (Gauss–Newton; rows nearer than r by 5 % count as slack).
+/// At those rows the ball must also move as one that hangs: ẍ − g along the string.
 /// @throws DataError if the ball is never taut (naming the largest distance)
-void guess_string(const BallData& data, Vec3<double>& p_LS, double& length);
+void guess_string(const BallData& data, Vec3<double>& p_LS, double& length,
+                  const Vec3<double>& gravity = {0, 0, -9.81});
 
 }  // namespace diffnea
