@@ -68,13 +68,18 @@ std::string causes_words(const Finding& f) {
 }
 
 std::string witness_words(const Finding& f) {
+  if (f.witness.empty() && f.ball && f.series.empty())
+    return "an error of " + format_number(f.gain.after) +
+           " times the camera's noise is left of the ball's held-out path, and no smooth function "
+           "of its motion explains it";
   if (f.witness.empty())
     return "an error of " + format_number(f.gain.after) +
            " times the noise comes back in every period, and no smooth function of the motion "
            "explains it on held-out data";
   const Witness& w = f.witness.front();
-  return "the torque error of " + w.where + " depends on " + listed(w.variables, " and ") + " (" +
-         percent(w.share) + " of its mean square)";
+  return (w.where == "ball" ? "the error of the ball's path depends on "
+                            : "the torque error of " + w.where + " depends on ") +
+         listed(w.variables, " and ") + " (" + percent(w.share) + " of its mean square)";
 }
 
 }  // namespace
