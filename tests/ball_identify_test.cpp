@@ -12,7 +12,6 @@
 #include <catch2/matchers/catch_matchers_string.hpp>
 
 #include <diffnea/core/error.hpp>
-#include <diffnea/dynamics/rnea.hpp>
 #include <diffnea/identify/identify.hpp>
 
 using namespace diffnea;
@@ -65,28 +64,6 @@ Model nominal_arm(double length = 0.2) {
   return model;
 }
 
-/// With the torques of the arm's links and viscous friction of 0.3 N·m·s/rad.
-void add_torque(const Model& arm, const SwingOptions& o, Recording& r) {
-  const Tree<double> tree = make_tree(arm);
-  RneaWorkspace<double, double> workspace;
-  Rng rng(o.seed + 100);
-  r.has_tau.assign(3, true);
-  for (long k = 0; k < r.rows(); ++k) {
-    const double t = r.time[k], h = 1e-4;
-    VecX<double> q(3), qd(3), qdd(3);
-    for (int j = 0; j < 3; ++j) {
-      const double now = test::joint_angle(j, t, o), late = test::joint_angle(j, t + h, o),
-                   early = test::joint_angle(j, t - h, o);
-      q[j] = now;
-      qd[j] = (late - early) / (2 * h);
-      qdd[j] = (late - 2 * now + early) / (h * h);
-    }
-    const VecX<double> tau = rnea<double, double>(tree, q, qd, qdd, workspace);
-    for (int j = 0; j < 3; ++j) r.tau(k, j) = tau[j] + 0.3 * qd[j] + 0.01 * rng.normal();
-  }
-  r.info.torque_sampling = TorqueSampling::kInstant;
-}
-
 bool flagged_near(const IdentifyResult& result, double time, double within = 0.006) {
   return std::ranges::any_of(result.ball->flagged, [&](const BallFlag& f) {
     return f.channel == "ball" && std::abs(f.time - time) < within;
@@ -123,8 +100,8 @@ TEST_CASE("identify a ball: arm and ball in one result where torques are recorde
   const Model truth = test::swinging_arm();
   const SwingOptions one{.seed = 3}, two{.seed = 4, .pace = 1.07};
   Recording train = record_swing(truth, one), held_out = record_swing(truth, two);
-  add_torque(truth, one, train);
-  add_torque(truth, two, held_out);
+  test::add_torque(truth, one, train);
+  test::add_torque(truth, two, held_out);
   IdentifyOptions options;
   options.choice.effects = {"viscous_friction", "linear_drag"};
   const IdentifyResult result = identify(nominal_arm(), {train}, {held_out}, options);
@@ -212,7 +189,7 @@ TEST_CASE("identify a ball: patterns hold the ball's parameters where an arm is 
   const Model truth = test::swinging_arm();
   const SwingOptions o{.seconds = 8, .seed = 7};
   Recording r = record_swing(truth, o);
-  add_torque(truth, o, r);
+  test::add_torque(truth, o, r);
   IdentifyOptions options;
   options.choice.effects = {"viscous_friction", "linear_drag"};
   options.choice.fix = {"*drag*", "link0.*"};

@@ -7,7 +7,8 @@
 
 namespace diffnea {
 
-/// Quadratic functions of three variables against what is left of every axis; those that pass
+/// Quadratic functions of three variables, and periods in time, against what is left of every
+/// axis; those that pass
 /// ΔBIC > 10, best first. Errors are of windows that were given initial states of their own.
 std::vector<Witness> ball_witnesses(const FittedBall& ball, const BallFitOptions& options);
 

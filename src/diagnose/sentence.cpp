@@ -20,6 +20,10 @@ std::string name(const std::string& effect) {
   return out;
 }
 
+bool at_ball(const std::string& where) {
+  return where == "ball" || where == "string" || where == "camera";
+}
+
 /// "linear drag on the ball", "string mass", "coulomb friction at elbow".
 std::string placed(const std::string& effect, const std::string& where) {
   if (where != "ball" && where != "string" && where != "camera")
@@ -78,15 +82,18 @@ std::string causes_words(const Finding& f) {
 }
 
 std::string witness_words(const Finding& f) {
+  if (f.witness.empty() && f.ball && f.series.empty())
+    return "an error of " + format_number(f.gain.after) +
+           " times the camera's noise is left of the ball's held-out path, and no smooth function "
+           "of its motion explains it";
   if (f.witness.empty())
-    return "an error of " + format_number(f.gain.after) + " times the noise " +
-           (f.series.empty() ? "is left" : "comes back in every period") +
-           ", and no smooth function of the motion explains it on held-out data";
+    return "an error of " + format_number(f.gain.after) +
+           " times the noise comes back in every period, and no smooth function of the motion "
+           "explains it on held-out data";
   const Witness& w = f.witness.front();
-  return (w.where == "ball" ? "the error of the ball's position"
-                            : "the torque error of " + w.where) +
-         " depends on " + listed(w.variables, " and ") + " (" + percent(w.share) +
-         " of its mean square)";
+  return (w.where == "ball" ? "the error of the ball's path depends on "
+                            : "the torque error of " + w.where + " depends on ") +
+         listed(w.variables, " and ") + " (" + percent(w.share) + " of its mean square)";
 }
 
 }  // namespace
@@ -116,6 +123,10 @@ std::string sentence(const Finding& f) {
       "The model lacks " + causes_words(f) + ". The extension removes " +
       percent(f.gain.explained_share) + " of the held-out error that can be removed (error " +
       format_number(f.gain.before) + " to " + format_number(f.gain.after) + " times the noise)";
+  const auto of_ball = [](const Cause& c) { return at_ball(c.where); };
+  if (f.ball && !std::ranges::all_of(f.causes, of_ball) && std::ranges::any_of(f.causes, of_ball))
+    out += ", and brings the ball's path from " + format_number(1e3 * f.ball->base_rms) + " to " +
+           format_number(1e3 * f.ball->extended_rms) + " mm of the camera's";
   const Cause& first = f.causes.front();
   if (!first.rivals.empty())
     out += "; the next rival, " + placed(first.rivals.front().effect, first.rivals.front().where) +

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include <diffnea/core/random.hpp>
+#include <diffnea/dynamics/rnea.hpp>
 #include <diffnea/model/model.hpp>
 #include <diffnea/recording/recording.hpp>
 
@@ -139,6 +140,32 @@ inline Recording record_swing(const Model& truth, const SwingOptions& o) {
         x.z + o.noise * rng.normal();
   }
   return r;
+}
+
+/// The torques of the arm's links and viscous friction of 0.3 N·m·s/rad (the ball's pull is none).
+/// @param coulomb  dry friction of joint1 beside it [N·m]
+inline void add_torque(const Model& arm, const SwingOptions& o, Recording& r, double viscous = 0.3,
+                       double coulomb = 0.0) {
+  const Tree<double> tree = make_tree(arm);
+  RneaWorkspace<double, double> workspace;
+  Rng rng(o.seed + 100);
+  r.has_tau.assign(3, true);
+  for (long k = 0; k < r.rows(); ++k) {
+    const double t = r.time[k], h = 1e-4;
+    VecX<double> q(3), qd(3), qdd(3);
+    for (int j = 0; j < 3; ++j) {
+      const double now = joint_angle(j, t, o), late = joint_angle(j, t + h, o),
+                   early = joint_angle(j, t - h, o);
+      q[j] = now;
+      qd[j] = (late - early) / (2 * h);
+      qdd[j] = (late - 2 * now + early) / (h * h);
+    }
+    const VecX<double> tau = rnea<double, double>(tree, q, qd, qdd, workspace);
+    for (int j = 0; j < 3; ++j)
+      r.tau(k, j) = tau[j] + viscous * qd[j] + (j == 1 ? coulomb * std::tanh(qd[j] / 0.01) : 0.0) +
+                    0.01 * rng.normal();
+  }
+  r.info.torque_sampling = TorqueSampling::kInstant;
 }
 
 /// A ball alone, of table tennis.
