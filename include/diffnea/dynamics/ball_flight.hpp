@@ -1,8 +1,9 @@
 #pragma once
 /// A ball in time: free flight, a pendulum of fixed length while its string is taut, and the
-/// switches between them; it may also bounce off a plane. The string becomes taut where h = ‖x − x_S‖² − r² reaches 0, an impact in
-/// which the velocity along the string is lost, or reversed and multiplied by the restitution; it
-/// becomes slack where its pull reaches 0. With a = the acceleration without the string,
+/// switches between them; it may also bounce off a plane. The string becomes taut where h = ‖x −
+/// x_S‖² − r² reaches 0, an impact in which the velocity along the string is lost, or reversed and
+/// multiplied by the restitution; it becomes slack where its pull reaches 0. With a = the
+/// acceleration without the string,
 ///
 ///   taut:  ẍ = a − Δ (Δᵀ(a − ẍ_S) + Δ̇ᵀΔ̇)/‖Δ‖²
 ///

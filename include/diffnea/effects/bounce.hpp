@@ -1,6 +1,6 @@
 #pragma once
-/// bounce: off a level plane at a height, the table. Along its normal n the velocity is reversed and
-/// multiplied by e; across it, Coulomb friction μ acts on the point of contact until that no
+/// bounce: off a level plane at a height, the table. Along its normal n the velocity is reversed
+/// and multiplied by e; across it, Coulomb friction μ acts on the point of contact until that no
 /// longer slips (Garwin 1969); the ball is a thin shell, I = ⅔ m r²:
 ///
 ///   u = v_t + ω × (−r n),   Δv_t = −min(μ (1 + e)|v_n|, ⅖ |u|) u/|u|,   Δω = (3/(2r)) Δv_t × n
@@ -11,30 +11,29 @@ namespace diffnea {
 
 struct Bounce {
   static const EffectInfo& info() {
-    static const EffectInfo kInfo{
-        .name = "bounce",
-        .formula = "v_n <- -e v_n; friction mu (1 + e) |v_n| at most",
-        .summary = "restitution and friction at a level plane",
-        .place = Place::kBall,
-        .port = Port::kBallImpact,
-        .parameters = {{.name = "restitution",
-                        .unit = "1",
-                        .unit_prismatic = "1",
-                        .sign = Sign::kNonNegative,
-                        .linear = false,
-                        .initial = 0.9,
-                        .most = 1.0},
-                       {.name = "friction",
-                        .unit = "1",
-                        .unit_prismatic = "1",
-                        .sign = Sign::kNonNegative,
-                        .linear = false,
-                        .initial = 0.2},
-                       {.name = "height",
-                        .unit = "m",
-                        .unit_prismatic = "m",
-                        .linear = false,
-                        .initial = 0.0}}};
+    static const EffectInfo kInfo{.name = "bounce",
+                                  .formula = "v_n <- -e v_n; friction mu (1 + e) |v_n| at most",
+                                  .summary = "restitution and friction at a level plane",
+                                  .place = Place::kBall,
+                                  .port = Port::kBallImpact,
+                                  .parameters = {{.name = "restitution",
+                                                  .unit = "1",
+                                                  .unit_prismatic = "1",
+                                                  .sign = Sign::kNonNegative,
+                                                  .linear = false,
+                                                  .initial = 0.9,
+                                                  .most = 1.0},
+                                                 {.name = "friction",
+                                                  .unit = "1",
+                                                  .unit_prismatic = "1",
+                                                  .sign = Sign::kNonNegative,
+                                                  .linear = false,
+                                                  .initial = 0.2},
+                                                 {.name = "height",
+                                                  .unit = "m",
+                                                  .unit_prismatic = "m",
+                                                  .linear = false,
+                                                  .initial = 0.0}}};
     return kInfo;
   }
 
