@@ -11,7 +11,6 @@
 #include "diagnose/ball_search.hpp"
 #include "diagnose/ball_witness.hpp"
 #include "identify/ball_flags.hpp"
-#include "identify/ball_rows.hpp"
 #include "identify/passes.hpp"
 
 namespace diffnea {
@@ -32,17 +31,6 @@ constexpr std::size_t kHeldOutWindow = 4;
 
 bool same(const EffectSpec& a, const EffectSpec& b) {
   return a.effect == b.effect && a.where == b.where;
-}
-
-/// Noise of the camera over all windows; what a fit leaves where there are too few rows.
-double noise_of(const BallData& data, double longest_gap) {
-  std::vector<double> time;
-  std::vector<Vec3<double>> seen;
-  for (const BallWindow& w : data.windows) {
-    time.insert(time.end(), w.time.begin(), w.time.end());
-    seen.insert(seen.end(), w.seen.begin(), w.seen.end());
-  }
-  return camera_noise(time, seen, longest_gap);
 }
 
 class BallDiagnosis {
@@ -75,7 +63,7 @@ class BallDiagnosis {
     }
     if (base_ != Base::kFixed && model_.ball->string)
       guess_string(fitted, model_.ball->string->p_LS, model_.ball->string->length, model_.gravity);
-    fit_.sigma = noise_of(fitted, fit_.longest_gap);
+    fit_.sigma = camera_noise(fitted, fit_.longest_gap);
     known_noise_ = std::isfinite(fit_.sigma);
     if (!known_noise_) {
       BallData data = fitted;
@@ -306,7 +294,7 @@ class BallDiagnosis {
     for (const BallScore& s : rivals)
       if (same(s.effect, t)) out.visible_share = s.visible_share;
     out.torque_share = std::sqrt(std::max(0.0, out.lm) / static_cast<double>(search_->samples())) *
-                       fit_.sigma / spread();
+                       fit_.sigma / path_spread(search_->train());
     for (std::size_t k = 0; k < best_.ball.layout.parameters.size(); ++k) {
       const BallParameter& p = best_.ball.layout.parameters[k];
       if (p.effect < 0) continue;
@@ -347,18 +335,6 @@ class BallDiagnosis {
     return out;
   }
 
-  double spread() const {
-    Vec3<double> sum{0, 0, 0};
-    double squares = 0.0, n = 0.0;
-    for (const BallWindow& w : search_->train().windows)
-      for (const Vec3<double>& x : w.seen) {
-        sum = sum + x;
-        squares += dot(x, x);
-        n += 1.0;
-      }
-    return std::sqrt(std::max(1e-12, squares / n - dot(sum, sum) / (n * n)) / 3.0);
-  }
-
   void add_series() {
     const FittedBall before = fit_states(base_solution_.ball, search_->test(), fit_),
                      after = fit_states(best_.ball, search_->test(), fit_);
@@ -367,8 +343,8 @@ class BallDiagnosis {
     series.sigma = fit_.sigma;
     const std::vector<BallFlag>& fitted = search_->train().flagged;
     series.flagged.insert(series.flagged.begin(), fitted.begin(), fitted.end());
-    finding_.joints.push_back({"ball", "m", spread(), series.base_rms, series.extended_rms,
-                               std::sqrt(floor_) * fit_.sigma});
+    finding_.joints.push_back({"ball", "m", path_spread(search_->train()), series.base_rms,
+                               series.extended_rms, std::sqrt(floor_) * fit_.sigma});
     finding_.noise.push_back(fit_.sigma);
     finding_.ball = std::move(series);
   }

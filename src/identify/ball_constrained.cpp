@@ -7,7 +7,7 @@
 
 #include <diffnea/core/error.hpp>
 
-#include "identify/ball_rows.hpp"
+#include "identify/ball_path.hpp"
 #include "identify/ball_world.hpp"
 
 namespace diffnea {
@@ -134,15 +134,9 @@ BallFit fit_ball_constrained(const Model& model, const BallLayout& layout, const
   std::vector<int> free;
   for (std::size_t k = 0; k < layout.parameters.size(); ++k)
     if (!layout.parameters[k].fixed) free.push_back(static_cast<int>(k));
-  std::vector<double> time;
-  std::vector<Vec3<double>> seen;
-  for (const BallWindow& w : data.windows) {
-    time.insert(time.end(), w.time.begin(), w.time.end());
-    seen.insert(seen.end(), w.seen.begin(), w.seen.end());
-  }
   BallFit out;
   out.p = layout.values();
-  out.sigma = options.sigma > 0.0 ? options.sigma : camera_noise(time, seen, options.longest_gap);
+  out.sigma = options.sigma > 0.0 ? options.sigma : camera_noise(data, options.longest_gap);
   if (!std::isfinite(out.sigma)) out.sigma = 1e-3;
   const double length = model.ball->string ? model.ball->string->length : 1.0;
   const BallWindow& first = data.windows.front();

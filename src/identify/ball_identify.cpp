@@ -10,7 +10,6 @@
 
 #include "identify/ball_flags.hpp"
 #include "identify/ball_path.hpp"
-#include "identify/ball_rows.hpp"
 #include "identify/fix_pattern.hpp"
 #include "identify/passes.hpp"
 
@@ -68,19 +67,6 @@ VecX<double> visible_shares(const MatX<double>& R) {
   return out;
 }
 
-/// Measured positions about their mean, root mean square along one axis [m].
-double spread(const BallData& data) {
-  Vec3<double> sum{0, 0, 0};
-  double squares = 0.0, n = 0.0;
-  for (const BallWindow& w : data.windows)
-    for (const Vec3<double>& x : w.seen) {
-      sum = sum + x;
-      squares += dot(x, x);
-      n += 1.0;
-    }
-  return std::sqrt(std::max(0.0, squares / n - dot(sum, sum) / (n * n)) / 3.0);
-}
-
 double distance(const BallSeries::Point& a, const BallSeries::Point& b) {
   return std::hypot(a[0] - b[0], a[1] - b[1], a[2] - b[2]);
 }
@@ -102,17 +88,6 @@ long flag_too_far(const BallSeries& series, double noise, std::vector<BallFlag>&
                            format_number(series.length) + " m)"});
   }
   return out;
-}
-
-/// Of the camera, over all windows [m]; NaN where there are too few rows.
-double noise_of(const BallData& data, double longest_gap) {
-  std::vector<double> time;
-  std::vector<Vec3<double>> seen;
-  for (const BallWindow& w : data.windows) {
-    time.insert(time.end(), w.time.begin(), w.time.end());
-    seen.insert(seen.end(), w.seen.begin(), w.seen.end());
-  }
-  return camera_noise(time, seen, longest_gap);
 }
 
 }  // namespace
@@ -318,7 +293,7 @@ void identify_ball(const std::vector<Recording>& train, const std::vector<Record
   JointError error;
   error.joint = "ball";
   error.unit = "m";
-  error.torque_rms = spread(data);
+  error.torque_rms = path_spread(data);
   error.train = path_rms(after, fit_options.flight);
   error.nominal_train = path_rms(before, fit_options.flight);
   error.test = error.nominal_test = error.test_all = error.test_raw = kNaN;
@@ -331,7 +306,7 @@ void identify_ball(const std::vector<Recording>& train, const std::vector<Record
       after = fit_states(after, held_out, fit_options);
     }
     before = fit_states(before, held_out, fit_options);
-    error.torque_rms = spread(held_out);
+    error.torque_rms = path_spread(held_out);
     error.test = error.test_all = error.test_raw = path_rms(after, fit_options.flight);
     error.nominal_test = path_rms(before, fit_options.flight);
   }
@@ -339,7 +314,7 @@ void identify_ball(const std::vector<Recording>& train, const std::vector<Record
   BallSeries series = make_ball_series(before, after, fit_options.flight);
   series.held_out = !test.empty();
   series.sigma = fit.sigma;
-  const double camera = noise_of(data, fit_options.longest_gap);
+  const double camera = camera_noise(data, fit_options.longest_gap);
   const long too_far =
       series.has_string
           ? flag_too_far(series, std::isfinite(camera) ? camera : fit.sigma, series.flagged)

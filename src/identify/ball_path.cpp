@@ -3,6 +3,7 @@
 #include <cmath>
 #include <limits>
 
+#include "identify/ball_rows.hpp"
 #include "identify/ball_world.hpp"
 
 namespace diffnea {
@@ -47,6 +48,28 @@ Model apply_ball(const Model& model, const BallLayout& layout, const VecX<double
     out.effects.push_back(spec);
   }
   return out;
+}
+
+double camera_noise(const BallData& data, double longest_gap) {
+  std::vector<double> time;
+  std::vector<Vec3<double>> seen;
+  for (const BallWindow& w : data.windows) {
+    time.insert(time.end(), w.time.begin(), w.time.end());
+    seen.insert(seen.end(), w.seen.begin(), w.seen.end());
+  }
+  return camera_noise(time, seen, longest_gap);
+}
+
+double path_spread(const BallData& data) {
+  Vec3<double> sum{0, 0, 0};
+  double squares = 0.0, n = 0.0;
+  for (const BallWindow& w : data.windows)
+    for (const Vec3<double>& x : w.seen) {
+      sum = sum + x;
+      squares += dot(x, x);
+      n += 1.0;
+    }
+  return std::sqrt(std::max(0.0, squares / n - dot(sum, sum) / (n * n)) / 3.0);
 }
 
 double path_rms(const FittedBall& ball, const FlightOptions& flight) {

@@ -20,6 +20,12 @@ FittedBall fit_states(const FittedBall& ball, const BallData& data, const BallFi
 /// The model with the layout's values in place.
 Model apply_ball(const Model& model, const BallLayout& layout, const VecX<double>& p);
 
+/// Noise of the camera over all windows (identify/ball_rows.hpp); NaN where there are too few rows.
+double camera_noise(const BallData& data, double longest_gap);
+
+/// Measured positions about their mean, root mean square along one axis [m].
+double path_spread(const BallData& data);
+
 /// Root mean square of one position along one axis [m].
 double path_rms(const FittedBall& ball, const FlightOptions& flight);
 
