@@ -29,6 +29,7 @@ void scale_noise(RecordOptions& record, double factor) {
   record.position_noise *= factor;
   record.slide_noise *= factor;
   record.torque_noise *= factor;
+  record.camera_noise *= factor;
 }
 
 void run_simulate(SimulateOptions options) {
@@ -48,12 +49,11 @@ void run_simulate(SimulateOptions options) {
     if (!options.truth.empty()) write_model(model, options.truth);
   } else {
     const WorldSpec world = parse_world(options.world);
-    const std::uint64_t seed = world.seed.value_or(options.common.seed);
-    options.record.seed = seed;
     scale_noise(options.record, options.noise.value_or(world.noise));
-    const Model truth = perturbed(read_model(world.mjcf), world.perturbation, seed);
-    result = record_in_mujoco(read_mjcf(world.mjcf), truth, model, trajectory, options.record);
-    if (!options.truth.empty()) write_model(truth, options.truth);
+    WorldRecording recorded =
+        record_in_world(world, model, trajectory, options.record, options.common.seed);
+    result = std::move(recorded.result);
+    if (!options.truth.empty()) write_model(recorded.truth, options.truth);
   }
   write_recording(result.recording, options.out);
   write_sidecar(result.recording.info, options.out);
@@ -84,7 +84,9 @@ void add_simulate(CLI::App& app) {
   command->add_option(
       "--world", options->world,
       "mujoco:NAME[,key=value...]; NAME: wam4, ..., or a path to an MJCF; keys: perturb = none, A "
-      "(default), B; seed (default: --seed); noise (factor)");
+      "(default), B; seed (default: --seed); noise (factor); repetitions; of a ball: ball = "
+      "tendon, "
+      "chain; rope; string (see `diffnea worlds`)");
   command
       ->add_option("-o,--output", options->out,
                    "recording (.csv); what columns cannot hold goes beside it (.json)")

@@ -32,14 +32,21 @@ FitRun identify_python(const Model& model, const py::list& train_items, const py
                        const std::vector<std::string>& fit,
                        const std::optional<std::vector<std::string>>& effects,
                        const std::vector<std::string>& fix, double entropic_prior, bool physical,
-                       double filter_hz, double decimate_to_hz, double window, int max_passes,
-                       int threads, const std::optional<std::string>& torque_side,
+                       double filter_hz, double decimate_to_hz, double window, double ball_window,
+                       const std::array<double, 3>& ball_lambda, int max_passes, int threads,
+                       const std::optional<std::string>& torque_side,
                        const std::vector<std::string>& passive, const py::object& progress) {
   IdentifyOptions options;
-  options.loss = choice<Loss>("identify: loss", loss,
-                              {{"inverse", Loss::kInverse},
-                               {"forward", Loss::kForward},
-                               {"trajectory", Loss::kTrajectory}});
+  if (loss == "constrained")
+    options.ball.loss = BallLoss::kConstrained;
+  else
+    options.loss = choice<Loss>("identify: loss", loss,
+                                {{"inverse", Loss::kInverse},
+                                 {"forward", Loss::kForward},
+                                 {"trajectory", Loss::kTrajectory},
+                                 {"constrained", Loss::kInverse}});
+  options.ball.window = ball_window;
+  options.ball.lambda = ball_lambda;
   options.robust = choice<Robust>(
       "identify: robust", robust,
       {{"none", Robust::kNone}, {"huber", Robust::kHuber}, {"cauchy", Robust::kCauchy}});
@@ -330,7 +337,8 @@ void bind_identify(py::module_& m) {
   bind_compare(m);
   m.def("_identify", &identify_python, "model"_a, "data"_a, "test"_a, "loss"_a, "robust"_a, "fit"_a,
         "effects"_a, "fix"_a, "entropic_prior"_a, "physical"_a, "filter_hz"_a, "decimate_to_hz"_a,
-        "window"_a, "max_passes"_a, "threads"_a, "torque_side"_a, "passive"_a, "progress"_a);
+        "window"_a, "ball_window"_a, "ball_lambda"_a, "max_passes"_a, "threads"_a, "torque_side"_a,
+        "passive"_a, "progress"_a);
   m.def("read_result", &read_fit_run, "folder"_a, py::call_guard<py::gil_scoped_release>(),
         "Read the result that a run left in a folder: that of ``diffnea identify -o``, or of "
         "``save``.");

@@ -45,6 +45,7 @@ Simulation simulate(const Model& model, const Trajectory& trajectory,
     options.position_noise *= factor;
     options.slide_noise *= factor;
     options.torque_noise *= factor;
+    options.camera_noise *= factor;
   };
 
   const py::gil_scoped_release release;
@@ -56,10 +57,10 @@ Simulation simulate(const Model& model, const Trajectory& trajectory,
     result = record_model(model, model, trajectory, options);
   } else {
     const WorldSpec spec = parse_world(*world);
-    options.seed = spec.seed.value_or(options.seed);
     scale_noise(noise.value_or(spec.noise));
-    out.truth = perturbed(read_model(spec.mjcf), spec.perturbation, options.seed);
-    result = record_in_mujoco(read_mjcf(spec.mjcf), out.truth, model, trajectory, options);
+    WorldRecording recorded = record_in_world(spec, model, trajectory, options, options.seed);
+    out.truth = std::move(recorded.truth);
+    result = std::move(recorded.result);
   }
   out.recording = std::move(result.recording);
   out.saturated = result.saturated;

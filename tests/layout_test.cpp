@@ -59,7 +59,7 @@ TEST_CASE("layout: what does not exist is refused with what does", "[identify]")
   FitChoice choice;
   choice.fit = {"inertias"};
   CHECK_THROWS_WITH(make_layout(wam(), choice, {0}),
-                    ContainsSubstring("armature, effects, shapes"));
+                    ContainsSubstring("armature, effects, string, shapes"));
   choice = {};
   choice.fix = {"elbow.mass"};
   CHECK_THROWS_WITH(make_layout(wam(), choice, {0}), ContainsSubstring("joint1.viscous_friction"));

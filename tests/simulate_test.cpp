@@ -294,9 +294,10 @@ TEST_CASE("world: names, keys, and what there is instead", "[io]") {
   CHECK(w.noise == 0.5);
   CHECK(parse_world("mujoco:" + kWam).perturbation.com == surrogate_a().com);
   CHECK_THROWS_WITH(parse_world("gazebo:wam4"), ContainsSubstring("expected mujoco:NAME"));
-  CHECK_THROWS_WITH(parse_world("mujoco:wam"), ContainsSubstring("cart_pole, furuta, wam4"));
+  CHECK_THROWS_WITH(parse_world("mujoco:wam"),
+                    ContainsSubstring("cart_pole, furuta, wam4, wam4_ball"));
   CHECK_THROWS_WITH(parse_world("mujoco:wam4,colour=1"),
-                    ContainsSubstring("keys: perturb, seed, noise"));
+                    ContainsSubstring("keys: perturb, seed, noise, repetitions"));
   CHECK_THROWS_WITH(parse_world("mujoco:wam4,seed=x"), ContainsSubstring("seed = 'x'"));
   CHECK_THROWS_WITH(parse_world("mujoco:wam4,noise=-1"), ContainsSubstring("negative"));
   CHECK_THROWS_WITH(parse_world("mujoco:wam4,perturb=C"), ContainsSubstring("choices: none, A, B"));

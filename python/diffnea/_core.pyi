@@ -861,6 +861,8 @@ def _identify(
     filter_hz: float,
     decimate_to_hz: float,
     window: float,
+    ball_window: float,
+    ball_lambda: Sequence[float],
     max_passes: int,
     threads: int,
     torque_side: str | None,

@@ -20,7 +20,7 @@ def identify(
     test: Data | None = None,
     loss: str = "inverse",
     robust: str = "none",
-    fit: Sequence[str] = ("inertia", "armature", "effects"),
+    fit: Sequence[str] = ("inertia", "armature", "effects", "string"),
     effects: Sequence[str] | None = None,
     fix: Sequence[str] = (),
     entropic_prior: float = 0.0,
@@ -28,6 +28,8 @@ def identify(
     filter_hz: float = 0.0,
     decimate_to_hz: float = 0.0,
     window: float = 0.5,
+    ball_window: float = 2.0,
+    ball_lambda: tuple[float, float, float] = (1.0, 1.0, 1.0),
     max_passes: int = 25,
     threads: int = 1,
     torque_side: str | None = None,
@@ -42,14 +44,16 @@ def identify(
             files are streamed, so that any length fits into memory.
         test: held-out recordings, never fitted; their errors are reported.
         loss: ``inverse`` (torque), ``forward`` (acceleration) or ``trajectory`` (simulated
-            positions).
+            positions); ``constrained``: of a ball's acceleration and its string, where otherwise
+            its trajectory is fitted.
         robust: weights that outliers lose by: ``none``, ``huber`` or ``cauchy``.
-        fit: what may move: any of ``inertia``, ``armature``, ``effects``, ``shapes``,
-            ``kinematics``.
+        fit: what may move: any of ``inertia``, ``armature``, ``effects``, ``string`` (of a ball:
+            length and attachment), ``shapes``, ``kinematics``.
         effects: beyond those of the model: ``name`` for every joint it suits, or ``name@joint``;
             ``payload@tip:run=1`` acts in recording 1 alone (from 0, ``data`` first, then ``test``);
             ``[]`` for none. Default: on the motor side armature, viscous and Coulomb friction and
-            an offset at every joint, on the link side the offset alone.
+            an offset at every joint, on the link side the offset alone; of a ball on a string
+            linear drag, in free flight quadratic drag.
         fix: parameters to hold at the model's value, or at one that is given: names, or patterns
             with ``*``; ``"*payload.mass=2.8"``.
         entropic_prior: pull of every inertia to the model's [units of χ²/2]; 0: none.
@@ -57,6 +61,8 @@ def identify(
         filter_hz: low-pass of the positions [Hz]; 0: chosen from the data.
         decimate_to_hz: rate of the fit [Hz]; 0: chosen from the data.
         window: length of the simulated windows of the trajectory loss [s].
+        ball_window: length of a simulated window of a ball's path [s], at most.
+        ball_lambda: weights of g and its two derivatives in the constrained loss.
         max_passes: over the data, of robust losses and shape parameters.
         threads: of the trajectory loss.
         torque_side: where torque was measured, ``motor`` or ``link``; for files, over what the
@@ -86,6 +92,8 @@ def identify(
         filter_hz,
         decimate_to_hz,
         window,
+        ball_window,
+        ball_lambda,
         max_passes,
         threads,
         torque_side,

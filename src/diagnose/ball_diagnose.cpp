@@ -395,8 +395,8 @@ class BallDiagnosis {
     };
     if (!f.series.empty() && rank(f.verdict) > rank(verdict)) verdict = f.verdict;
     f.verdict = verdict;
+    if (f.causes.size() == own.size()) f.gain = gain_;  // the arm lacks nothing
     if (f.series.empty()) {
-      f.gain = gain_;
       const auto n = static_cast<double>(search_->samples());
       f.lack_of_fit = base_solution_.cost /
                       std::max(1.0, n - 6.0 * static_cast<double>(search_->train().windows.size()));

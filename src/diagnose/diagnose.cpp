@@ -17,6 +17,7 @@
 #include "diagnose/simulated.hpp"
 #include "diagnose/witness.hpp"
 #include "identify/ball_identify.hpp"
+#include "identify/ball_pull.hpp"
 
 namespace diffnea {
 namespace {
@@ -560,7 +561,14 @@ Finding diagnose(const Model& model, const RecordingSource& train, const Recordi
   own.effects = asked_for(options, false);
   const bool joints = has_torque(train) && (options.effects.empty() || !own.effects.empty() ||
                                             !options.candidates.empty());
-  if (joints) finding = diagnose_joints(model, train, test, own);
+  if (joints) {
+    const BallFitOptions fit;
+    const auto arm = without_ball_pull(model, train, fit, options.preprocess);
+    const auto arm_test = test ? without_ball_pull(model, *test, fit, options.preprocess) : nullptr;
+    finding = diagnose_joints(model, arm ? *arm : train, arm_test ? arm_test.get() : test, own);
+    if (arm) finding.notes.push_back("the ball's pull is taken out of the torques");
+    finding.data_report = train.report();
+  }
   own.effects = of_ball;
   if (finding.interrupted || (!options.effects.empty() && own.effects.empty())) return finding;
   const Base base = options.base == Base::kAuto ? Base::kRefit : options.base;

@@ -20,6 +20,20 @@ std::string name(const std::string& effect) {
   return out;
 }
 
+bool at_ball(const std::string& where) {
+  return where == "ball" || where == "string" || where == "camera";
+}
+
+/// "linear drag on the ball", "string mass", "coulomb friction at elbow".
+std::string placed(const std::string& effect, const std::string& where) {
+  if (where != "ball" && where != "string" && where != "camera")
+    return name(effect) + " at " + where;
+  if (effect == "magnus") return "Magnus lift of the ball";
+  const std::string words = name(effect);
+  if (words.find(where) != words.npos) return words;
+  return words + (words == "wind" || words.ends_with("drag") ? " on the " : " of the ") + where;
+}
+
 /// A value and half its 95 % interval, to two digits of that: "0.530 ± 0.021".
 std::string with_interval(double value, double half) {
   if (!(half > 0.0) || !std::isfinite(half)) return format_number(value);
@@ -49,11 +63,11 @@ std::string listed(const std::vector<std::string>& items, const std::string& las
 }
 
 std::string cause_words(const Cause& cause) {
-  std::string out = name(cause.effect) + " at " + cause.where + " (" + values(cause) + ")";
+  std::string out = placed(cause.effect, cause.where) + " (" + values(cause) + ")";
   if (cause.members.empty()) return out;
   std::vector<std::string> others;
   for (const Rival& r : cause.members)
-    others.push_back(name(r.effect) + (r.where == cause.where ? "" : " at " + r.where));
+    others.push_back(r.where == cause.where ? name(r.effect) : placed(r.effect, r.where));
   return out + ", which this recording cannot tell from " + listed(others, " or ");
 }
 
@@ -109,11 +123,14 @@ std::string sentence(const Finding& f) {
       "The model lacks " + causes_words(f) + ". The extension removes " +
       percent(f.gain.explained_share) + " of the held-out error that can be removed (error " +
       format_number(f.gain.before) + " to " + format_number(f.gain.after) + " times the noise)";
+  const auto of_ball = [](const Cause& c) { return at_ball(c.where); };
+  if (f.ball && !std::ranges::all_of(f.causes, of_ball) && std::ranges::any_of(f.causes, of_ball))
+    out += ", and brings the ball's path from " + format_number(1e3 * f.ball->base_rms) + " to " +
+           format_number(1e3 * f.ball->extended_rms) + " mm of the camera's";
   const Cause& first = f.causes.front();
   if (!first.rivals.empty())
-    out += "; the next rival, " + name(first.rivals.front().effect) + " at " +
-           first.rivals.front().where + ", is worse by " +
-           format_number(first.rivals.front().delta_bic) + " in BIC";
+    out += "; the next rival, " + placed(first.rivals.front().effect, first.rivals.front().where) +
+           ", is worse by " + format_number(first.rivals.front().delta_bic) + " in BIC";
   return out + ".";
 }
 

@@ -1,10 +1,12 @@
 #include <algorithm>
 #include <chrono>
 #include <cstring>
+#include <memory>
 
 #include <diffnea/core/error.hpp>
 
 #include "identify/ball_identify.hpp"
+#include "identify/ball_pull.hpp"
 #include "identify/passes.hpp"
 
 namespace diffnea {
@@ -140,10 +142,21 @@ IdentifyResult identify(const Model& model, const RecordingSource& train,
   if (!ball.train.empty()) share_fix(model, choice);
   IdentifyOptions arm = options;
   arm.choice = choice.arm;
+  std::unique_ptr<RecordingSource> arm_train, arm_test;  // without the ball's pull
+  if (!ball.train.empty() && !ball.alone) {
+    arm_train = without_ball_pull(model, train, options.ball, options.preprocess);
+    if (test) arm_test = without_ball_pull(model, *test, options.ball, options.preprocess);
+  }
+  const RecordingSource& fitted = arm_train ? *arm_train : train;
+  const RecordingSource* held_out = arm_test ? arm_test.get() : test;
   IdentifyResult result = ball.alone ? without_arm(model, train, choice.arm)
                           : options.loss == Loss::kTrajectory
-                              ? identify_by_trajectory(model, train, test, arm)
-                              : identify_by_torque(model, train, test, arm);
+                              ? identify_by_trajectory(model, fitted, held_out, arm)
+                              : identify_by_torque(model, fitted, held_out, arm);
+  if (arm_train) {
+    result.data_report = train.report();
+    result.notes.push_back("the ball's pull is taken out of the torques");
+  }
   if (!ball.train.empty() && !result.summary.interrupted) {
     const auto start = std::chrono::steady_clock::now();
     identify_ball(ball.train, ball.test, choice, options, result);

@@ -92,8 +92,8 @@ SimulatedRecording run_control_loop(Plant& plant, const Model& robot, const Mode
   if (joint_names(robot) != joint_names(controller))
     throw ModelError(controller.source + ": its joints are not those of the robot, " +
                      robot.source);
-  if (!(o.control_rate > 0.0) || !(o.physics_step > 0.0))
-    throw Error("record: control_rate and physics_step must be positive");
+  if (!(o.control_rate > 0.0) || !(o.physics_step > 0.0) || !(o.camera_rate > 0.0))
+    throw Error("record: control_rate, camera_rate and physics_step must be positive");
   if (trajectory.rows() < 2)
     throw DataError(trajectory.source + ": a trajectory needs two rows or more");
 
@@ -147,6 +147,10 @@ SimulatedRecording run_control_loop(Plant& plant, const Model& robot, const Mode
   }
 
   plant.reset(q0);
+  // The camera's noise is a stream of its own: arms without a ball keep theirs.
+  Rng camera(o.seed ^ 0x63616d657261ULL);
+  const long shown_every = std::max(1L, std::lround(o.control_rate / o.camera_rate));
+  if (plant.ball()) r.ball.setConstant(rows, 3, kNaN);
   long row = 0;
   for (; row < rows && out.failure.empty(); ++row) {
     const double time = static_cast<double>(row) / o.control_rate;
@@ -172,6 +176,11 @@ SimulatedRecording run_control_loop(Plant& plant, const Model& robot, const Mode
     r.time[row] = time;
     r.q.row(row) = measured;
     if (log_velocity) r.qd.row(row) = velocity;
+    if (const auto ball = plant.ball(); ball && row % shown_every == 0) {
+      const double noise = o.camera_noise;
+      r.ball.row(row) << ball->x + noise * camera.normal(), ball->y + noise * camera.normal(),
+          ball->z + noise * camera.normal();
+    }
     r.qcmd.row(row) = qcmd;
     out.failure = plant.step(u);
     if (!out.failure.empty()) out.failure += " at t = " + std::to_string(time) + " s";
@@ -181,6 +190,7 @@ SimulatedRecording run_control_loop(Plant& plant, const Model& robot, const Mode
   if (log_velocity) r.qd.conservativeResize(row, n);
   r.qcmd.conservativeResize(row, n);
   r.tau.conservativeResize(row, n);
+  if (r.ball.size() > 0) r.ball.conservativeResize(row, 3);
   apply_channels(channels, r);
   return out;
 }

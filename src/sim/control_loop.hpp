@@ -2,6 +2,7 @@
 /// The loop that every recording runs: measure, compute the torque, hold it while the plant moves.
 
 #include <cmath>
+#include <optional>
 
 #include <diffnea/core/random.hpp>
 #include <diffnea/dynamics/rnea.hpp>
@@ -16,6 +17,8 @@ class Plant {
   virtual void reset(const VecX<double>& q) = 0;  ///< at rest
   virtual VecX<double> q() const = 0;
   virtual VecX<double> qd() const = 0;
+  /// Position of the ball, W [m], if there is one.
+  virtual std::optional<Vec3<double>> ball() const { return {}; }
   /// Moves by one control period under constant torque.
   /// @return empty, or what went wrong
   virtual std::string step(const VecX<double>& torque) = 0;

@@ -13,6 +13,7 @@
 
 #include "sim/control_loop.hpp"
 #include "sim/drives.hpp"
+#include "sim/mujoco_ball.hpp"
 #include "sim/mujoco_model.hpp"
 
 namespace diffnea {
@@ -77,6 +78,7 @@ class MujocoPlant : public sim::Plant {
     for (const ModelLink& link : truth.links) apply(link);
     for (const EffectSpec& effect : truth.effects) apply(effect, truth);
     apply_gains();
+    ball_ = sim::MujocoBall(m, truth);
     data_.reset(mj_makeData(&m));
     if (!data_) throw ModelError(truth.source + ": MuJoCo has no memory for it");
     mj_setConst(&m, data_.get());
@@ -91,11 +93,16 @@ class MujocoPlant : public sim::Plant {
     drives_.reset();
     mj_resetData(model_.get(), data_.get());
     for (std::size_t j = 0; j < dof_.size(); ++j) data_->qpos[qpos_[j]] = q[j];
+    ball_.hang(*model_, *data_);
     mj_forward(model_.get(), data_.get());
     read_state();
   }
   VecX<double> q() const override { return encoders_.read(q_); }
   VecX<double> qd() const override { return encoders_.read_velocity(qd_); }
+  std::optional<Vec3<double>> ball() const override {
+    if (!ball_.exists()) return {};
+    return ball_.position(*data_);
+  }
 
   std::string step(const VecX<double>& torque) override {
     drives_.command(data_->time, torque);
@@ -194,6 +201,7 @@ class MujocoPlant : public sim::Plant {
 
   sim::MujocoModel model_;
   sim::MujocoData data_;
+  sim::MujocoBall ball_;
   int substeps_ = 1;
   std::vector<int> joint_, qpos_, dof_;
   std::vector<BoundEffect> effects_, series_, gain_effects_;
@@ -221,10 +229,10 @@ void add_effect(Model& model, const char* name, const char* parameter, const Mod
 }  // namespace
 
 Perturbation surrogate_a() {
-  return {-0.08, 0.20, 0.10, 0.20, 0.015, 0.6, 1.5, 0.5, 1.2, 0.03, 0.1};
+  return {-0.08, 0.20, 0.10, 0.20, 0.015, 0.6, 1.5, 0.5, 1.2, 0.03, 0.1, 0.012, 0.008};
 }
 Perturbation surrogate_b() {
-  return {-0.16, 0.40, 0.20, 0.40, 0.030, 1.2, 3.0, 1.0, 2.4, 0.06, 0.2};
+  return {-0.16, 0.40, 0.20, 0.40, 0.030, 1.2, 3.0, 1.0, 2.4, 0.06, 0.2, 0.024, 0.016};
 }
 
 Model perturbed(const Model& model, const Perturbation& p, std::uint64_t seed) {
@@ -252,6 +260,41 @@ Model perturbed(const Model& model, const Perturbation& p, std::uint64_t seed) {
     add_effect(out, "coulomb_friction", "coulomb", link, coulomb, "N*m", "N");
     add_effect(out, "viscous_friction", "viscous", link, viscous, "N*m*s/rad", "N*s/m");
     add_effect(out, "armature", "armature", link, armature, "kg*m^2", "kg");
+  }
+  if (out.ball && out.ball->string) {
+    StringSpec& string = *out.ball->string;
+    Vec3<double> shift{rng.normal(), rng.normal(), rng.normal()};
+    shift = shift * (rng.uniform(0.0, p.attachment) / std::sqrt(dot(shift, shift)));
+    string.p_LS = string.p_LS + shift;
+    string.length += rng.uniform(-p.string, p.string);
+  }
+  return out;
+}
+
+SimulatedRecording averaged(const std::vector<SimulatedRecording>& repetitions) {
+  if (repetitions.empty()) throw DataError("averaged: there is no recording");
+  SimulatedRecording out = repetitions.front();
+  Recording& mean = out.recording;
+  long rows = mean.rows();
+  for (const SimulatedRecording& r : repetitions) rows = std::min(rows, r.recording.rows());
+  const auto average = [&](RowMatX<double> Recording::* channel) {
+    RowMatX<double>& x = mean.*channel;
+    if (x.size() == 0) return;
+    x.conservativeResize(rows, x.cols());
+    for (std::size_t k = 1; k < repetitions.size(); ++k) {
+      const RowMatX<double>& other = repetitions[k].recording.*channel;
+      require_size("averaged", other.cols(), x.cols(), "channel");
+      x += other.topRows(rows);
+    }
+    x /= static_cast<double>(repetitions.size());
+  };
+  for (const auto channel :
+       {&Recording::q, &Recording::qd, &Recording::qcmd, &Recording::tau, &Recording::ball})
+    average(channel);
+  mean.time.conservativeResize(rows);
+  for (std::size_t k = 1; k < repetitions.size(); ++k) {
+    out.saturated += repetitions[k].saturated;
+    if (out.failure.empty()) out.failure = repetitions[k].failure;
   }
   return out;
 }

@@ -69,6 +69,7 @@ GROUPS = (
     ),
     # 0.3 to 3 times the unit of each effect; a tenth of that has expected LM of 10 to 1000.
     Group("ball", ball=True),
+    Group("ball_unit", ("--scale", "1"), ball=True),
     Group("ball_weak", ("--smallest-ball", "0.03", "--largest-ball", "0.3"), ball=True),
     Group("ball_none", families=("ball_none",)),
 )

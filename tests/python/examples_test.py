@@ -39,6 +39,14 @@ def test_shell(tmp_path: Path) -> None:
     assert (tmp_path / "here" / "run" / "report.html").is_file()
 
 
+def test_ball(tmp_path: Path) -> None:
+    path = f"{Path(COMMAND).parent}{os.pathsep}{os.environ['PATH']}"
+    text = run("sh", EXAMPLES / "ball.sh", "here", cwd=tmp_path, PATH=path)
+    assert "string.length" in text
+    assert "lacks string mass" in text  # 2.25 g of rope at a ball of 24 g
+    assert (tmp_path / "here" / "why" / "report.html").is_file()
+
+
 def build_folder() -> Path | None:
     """A build of the library that can be installed."""
     chosen = os.environ.get("DIFFNEA_BUILD")

@@ -67,7 +67,8 @@ def test_what_mujoco_records_is_what_the_truth_computes() -> None:
 def test_worlds_are_listed_and_wrong_ones_named() -> None:
     listed = diffnea.worlds()
     assert "mujoco:wam4" in [world["world"] for world in listed["worlds"]]
-    assert {key["key"] for key in listed["keys"]} == {"perturb", "seed", "noise"}
+    keys = {key["key"] for key in listed["keys"]}
+    assert keys == {"perturb", "seed", "noise", "repetitions", "ball", "rope", "string"}
     wam = diffnea.load_model("wam4")
     motion = diffnea.excite(wam, duration=10)
     with pytest.raises(diffnea.Error, match=r"no model 'wam9'.*wam4"):

@@ -1,7 +1,7 @@
 # ruff: noqa: E501
-"""Identify and diagnose the measured robots, by the command, and print the figures of docs/results.md.
+"""Identify and diagnose the measured robots and balls, by the command, and print the figures of docs/results.md.
 
-    python3 tests/studies/real_data.py build/release/apps/diffnea [--only identify|diagnose] [ROBOT …]
+    python3 tests/studies/real_data.py build/release/apps/diffnea [--only identify|diagnose|ball] [ROBOT …]
 
 The recordings are not part of the project: DIFFNEA_DATA names their folder, else ../shared/data beside the project.
 Needs Python alone. Every command is printed.
@@ -11,12 +11,13 @@ import argparse
 import tempfile
 from pathlib import Path
 
+import real_ball
 import real_diagnose
 import real_identify
 from real_robots import DATA, Bench
 
-STUDIES = {"identify": real_identify, "diagnose": real_diagnose}
-ROBOTS = ("emps", "panda", "ur10e", "payload", "double_pendulum", "pendulum")
+STUDIES = {"identify": real_identify, "diagnose": real_diagnose, "ball": real_ball}
+ROBOTS = ("emps", "panda", "ur10e", "payload", "double_pendulum", "pendulum", "table_tennis")
 
 
 def main() -> None:

@@ -1,5 +1,6 @@
 #pragma once
-/// Worlds by name, as the command line writes them: `mujoco:wam4,perturb=A,seed=3,noise=0`.
+/// Worlds by name, as the command line writes them: `mujoco:wam4,perturb=A,seed=3,noise=0`, and the
+/// recordings that they give.
 
 #include <cstdint>
 #include <filesystem>
@@ -12,20 +13,44 @@
 
 namespace diffnea {
 
+/// A string with mass: a chain of capsules, two hinges with damping between every two.
+struct Rope {
+  double mass = 1.2e-3;   ///< of the whole string [kg]
+  double damping = 5e-5;  ///< of a hinge [N·m·s/rad]
+  int links = 24;
+};
+
 /// A robot in MuJoCo that may differ from its description.
 struct WorldSpec {
   std::filesystem::path mjcf;
   Perturbation perturbation;
   std::optional<std::uint64_t>
-      seed;            ///< of the perturbation and the noise; not given: the command's
-  double noise = 1.0;  ///< factor on the sensors' noise
+      seed;                      ///< of the perturbation and the noise; not given: the command's
+  double noise = 1.0;            ///< factor on the sensors' noise
+  std::optional<Rope> rope;      ///< chain that the ball hangs on; none: the document's tendon
+  std::optional<double> string;  ///< length of the world's string [m]; none: as it was drawn
+  int repetitions = 1;           ///< of the motion, each from rest, that a recording averages
 };
 
 /// Parses `mujoco:NAME[,key=value…]`. NAME is a path to an MJCF, or the name of a model that
 /// find_model_file knows. Keys: `perturb` = none, A (default) or B; `seed`; `noise` (factor,
-/// default 1).
+/// default 1); `repetitions`; of a ball `ball` = tendon (default), chain, `rope` = heavy, mid
+/// (default), light, none, `string` [m].
 /// @throws Error listing what there is
 WorldSpec parse_world(const std::string& text);
+
+/// What a world gave, and the robot that it was.
+struct WorldRecording {
+  SimulatedRecording result;
+  Model truth;
+};
+/// Draws the world's robot and records it: record_in_mujoco with the ball that the world asks for,
+/// repetitions averaged (each with noise of its own). The noise of `options` is taken as it is.
+/// @param seed  where the world has none of its own
+/// @throws as record_in_mujoco; ModelError if the world asks for a ball that the document has not
+WorldRecording record_in_world(const WorldSpec& world, const Model& controller,
+                               const Trajectory& trajectory, RecordOptions options,
+                               std::uint64_t seed);
 
 /// Folders with the models that come with the program, in the order they are searched:
 /// $DIFFNEA_MODELS, the folder share/diffnea/models beside the command or of the installation, the

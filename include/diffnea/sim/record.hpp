@@ -26,6 +26,8 @@ struct RecordOptions {
   double position_noise = 1e-4;  ///< revolute [rad]
   double slide_noise = 1e-5;     ///< prismatic [m]
   double torque_noise = 0.05;    ///< [N·m] or [N], times torque_scale of the joint
+  double camera_noise = 1.5e-3;  ///< of a ball's position along one axis [m]
+  double camera_rate = 100.0;    ///< rows at which the ball is seen [Hz]; every row if higher
   double period =
       0.0;  ///< of the desired motion [s], for the recording's information; 0: not periodic
   std::uint64_t seed = 0;  ///< of the noise
@@ -36,7 +38,7 @@ struct RecordOptions {
 double torque_scale(const ModelLink& link);
 
 struct SimulatedRecording {
-  Recording recording;  ///< q, qcmd, tau; a passive joint has no tau
+  Recording recording;  ///< q, qcmd, tau; a passive joint has no tau; the ball of a world with one
   long saturated = 0;   ///< rows where a torque met its limit
   /// Empty if the simulation reached the end; otherwise what went wrong, the recording ends before
   /// it.
