@@ -28,9 +28,10 @@ test:
 
 bench:
 	.ci/setup --tests
-	cmake --build $(BUILD) --target diffnea_benchmarks diffnea_bench_identify
+	cmake --build $(BUILD) --target diffnea_benchmarks diffnea_bench_identify diffnea_bench_ball
 	$(BUILD)/tests/benchmarks/diffnea_benchmarks
 	$(BUILD)/tests/benchmarks/diffnea_bench_identify
+	$(BUILD)/tests/benchmarks/diffnea_bench_ball
 
 study:
 	.ci/setup --tests

@@ -58,6 +58,7 @@ std::vector<std::string> asked_for(const DiagnoseOptions& options, bool of_ball)
 Finding diagnose(const Model& model, const RecordingSource& train, const RecordingSource* test,
                  const DiagnoseOptions& options) {
   if (test) refuse_same_recording(train, *test);
+  refuse_ball_alone(model, train);
   const std::vector<Recording> balls =
       model.ball ? recordings_with_ball(train) : std::vector<Recording>{};
   const std::vector<std::string> of_ball = asked_for(options, true);

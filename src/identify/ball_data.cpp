@@ -15,6 +15,30 @@ namespace {
 /// Surface of a ball over its way: struck balls reach 1 (table tennis) to 2.
 constexpr double kMostSpin = 2.5;
 
+std::string number(double x) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.3g", x);
+  return text;
+}
+
+/// A ball further from the origin is one in other units [m].
+constexpr double kFarOnString = 20.0, kFarInFlight = 200.0;
+
+/// @throws DataError if the positions cannot be metres
+void require_metres(const Recording& r, bool string) {
+  std::vector<double> distances;
+  for (long k = 0; k < r.rows(); ++k)
+    if (const double d = r.ball.row(k).norm(); std::isfinite(d)) distances.push_back(d);
+  if (distances.empty()) return;
+  const auto middle = distances.begin() + static_cast<std::ptrdiff_t>(distances.size() / 2);
+  std::nth_element(distances.begin(), middle, distances.end());
+  if (*middle > (string ? kFarOnString : kFarInFlight))
+    throw DataError(r.source + ": the ball is " + number(*middle) +
+                    " m from the world's origin (median of ball_x, ball_y, ball_z), expected " +
+                    number(string ? kFarOnString : kFarInFlight) +
+                    " m at most; give its positions in metres, not in millimetres");
+}
+
 /// Periods of the joints' filter after which the end of a recording is forgotten.
 constexpr double kSettling = 0.75;
 
@@ -24,12 +48,6 @@ ParticleState<double> first_state(const BallWindow& w) {
   while (n < static_cast<long>(w.time.size()) && (n < 5 || w.time[n] - w.time[0] <= 0.1)) ++n;
   const Parabola c = parabola(w.time, w.seen, 0, n, w.time[0]);
   return {c.x, c.v};
-}
-
-std::string number(double x) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.3g", x);
-  return text;
 }
 
 /// Cuts one recording into windows.
@@ -134,6 +152,7 @@ class Windows {
 BallData make_ball_data(const Model& model, const std::vector<Recording>& recordings,
                         const BallFitOptions& options, const PreprocessOptions& smoothing) {
   BallData data;
+  if (!recordings.empty()) data.source = recordings.front().source;
   const TreeMap map = map_to_tree(model);
   const int link = model.ball && model.ball->string ? model.ball->string->link : -1;
   const bool driven = link >= 0 && map.dof[static_cast<std::size_t>(link)] >= 0;
@@ -142,6 +161,7 @@ BallData make_ball_data(const Model& model, const std::vector<Recording>& record
       throw DataError(r.source +
                       ": the ball was not recorded; expected columns ball_x, ball_y, "
                       "ball_z [m] in the world's frame");
+    require_metres(r, link >= 0 || (model.ball && model.ball->string));
     Windows windows(r, model, options, data);
     const std::size_t before = data.windows.size(), flags = data.flagged.size();
     const auto add = [&] {

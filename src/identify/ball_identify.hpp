@@ -29,6 +29,8 @@ std::vector<Recording> recordings_with_ball(const RecordingSource& source);
 
 /// What there is of a ball in model or recordings, but not in both; empty if nothing.
 std::string ball_note(const Model& model, const RecordingSource& train);
+/// @throws ModelError if the recordings hold nothing but a ball, and the model has none
+void refuse_ball_alone(const Model& model, const RecordingSource& train);
 
 /// Adds parameters, errors, series and notes to `result`, whose model the ball is fitted with (and
 /// in which it is put).

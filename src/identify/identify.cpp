@@ -108,6 +108,21 @@ std::string ball_note(const Model& model, const RecordingSource& train) {
   return {};
 }
 
+void refuse_ball_alone(const Model& model, const RecordingSource& train) {
+  if (model.ball) return;
+  const std::vector<Recording> sample = train.sample();
+  const bool ball =
+                 std::ranges::any_of(sample, [](const Recording& r) { return r.ball.size() > 0; }),
+             torque = std::ranges::any_of(sample, [](const Recording& r) {
+               return std::ranges::find(r.has_tau, true) != r.has_tau.end() ||
+                      !r.info.passive.empty();
+             });
+  if (ball && !torque)
+    throw ModelError(model.name + ": it has no ball, and " + sample.front().source +
+                     " shows one (ball_x, ball_y, ball_z) but no torque; give the model a ball, "
+                     "and a string if it hangs on one (docs/models.md)");
+}
+
 void refuse_same_recording(const RecordingSource& train, const RecordingSource& test) {
   const std::vector<Recording> fitted = train.sample();
   for (const Recording& b : test.sample())
@@ -121,6 +136,7 @@ void refuse_same_recording(const RecordingSource& train, const RecordingSource& 
 IdentifyResult identify(const Model& model, const RecordingSource& train,
                         const RecordingSource* test, const IdentifyOptions& options) {
   if (test) refuse_same_recording(train, *test);
+  refuse_ball_alone(model, train);
   DividedChoice choice = divide_choice(model, options.choice);
   const BallPart ball = ball_part(model, train, test, choice);
   if (!ball.train.empty()) share_fix(model, choice);

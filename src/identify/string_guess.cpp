@@ -130,6 +130,7 @@ void guess_string(const BallData& data, Vec3<double>& p_LS, double& length,
   const bool stays = r > 0.0 && near >= enough;
   if (!stays || 2 * hangs < told)
     throw DataError(
+        data.source + (data.source.empty() ? "" : ": ") +
         std::string("the string is nowhere taut: the ball's distance from where it is tied ") +
         (stays ? "stays at one value, but the ball does not move as one that hangs there"
                : "never stays at one value") +

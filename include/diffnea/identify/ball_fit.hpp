@@ -58,6 +58,7 @@ struct BallData {
   std::vector<HandMotion> hands;
   std::vector<BallWindow> windows;
   std::vector<BallFlag> flagged;  ///< rows and windows that were left out
+  std::string source;             ///< of the first recording, for messages
 };
 
 /// Windows of the recordings, with first states from the positions themselves.
