@@ -92,7 +92,10 @@ void add_diagnose(CLI::App& app, const std::vector<std::string>& command_line) {
       "diagnose",
       "Name the effects that a model lacks, with evidence, rivals and the gain on held-out data.");
   command->add_option("model", c->model, "robot description: URDF, MJCF or JSON")->required();
-  command->add_option("data", c->data, "recordings (.csv): time, q_*, tau_*")->required();
+  command
+      ->add_option("data", c->data,
+                   "recordings (.csv): time, q_*, tau_*; or ball_x, ball_y, ball_z")
+      ->required();
   command->add_option("--test", c->test,
                       "held-out recordings (.csv); without them blocks of time are held out");
   command->add_option("-o,--output", c->out, "folder for the results")->required();
