@@ -91,14 +91,14 @@ Recording recorded(const Model& truth, double drag, double seconds, unsigned see
   const Vec3<double> g{0, 0, -9.81};
   const int fine = 40;
   for (long k = 0; k < rows; ++k) {
-    r.time[k] = k * dt;
-    for (int j = 0; j < 3; ++j) r.q(k, j) = shake * angle(j, k * dt, 0);
+    r.time[k] = static_cast<double>(k) * dt;
+    for (int j = 0; j < 3; ++j) r.q(k, j) = shake * angle(j, r.time[k], 0);
     if (k % 5 == 0)
       r.ball.row(k) << x.x + kNoise * rng.normal(), x.y + kNoise * rng.normal(),
           x.z + kNoise * rng.normal();
     for (int i = 0; i < fine; ++i) {
       const double h = dt / fine;
-      const auto at = anchor((k + (i + 0.5) / fine) * dt);
+      const auto at = anchor(r.time[k] + (i + 0.5) / fine * dt);
       const Vec3<double> mid = x + v * (0.5 * h), delta = mid - at[0], delta_d = v - at[1];
       const double excess = dot(delta, delta) - s.length * s.length;
       Vec3<double> a = g - v * drag;

@@ -5,6 +5,8 @@
 /// taut, and asks for positions of the anchor alone; or a stiff spring with a damper. The arm's
 /// kinematics are written out.
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <functional>
 #include <limits>
@@ -56,14 +58,17 @@ inline double joint_angle(int joint, double t, const SwingOptions& o) {
 }
 
 /// Where the string is tied, by the arm's geometry.
-inline Vec3<double> anchor_at(const Vec3<double>& p_LS, double t, const SwingOptions& o) {
+inline Vec3<double> anchor_of(const Vec3<double>& p_LS, const std::array<double, 3>& q) {
   Vec3<double> p = p_LS;
-  const double a2 = joint_angle(2, t, o), a1 = joint_angle(1, t, o), a0 = joint_angle(0, t, o);
-  p = {p.x + 0.3, p.y * std::cos(a2) - p.z * std::sin(a2), p.y * std::sin(a2) + p.z * std::cos(a2)};
-  p = {p.x * std::cos(a1) + p.z * std::sin(a1) + 0.3, p.y,
-       -p.x * std::sin(a1) + p.z * std::cos(a1)};
-  return {p.x * std::cos(a0) - p.y * std::sin(a0), p.x * std::sin(a0) + p.y * std::cos(a0),
+  p = {p.x + 0.3, p.y * std::cos(q[2]) - p.z * std::sin(q[2]),
+       p.y * std::sin(q[2]) + p.z * std::cos(q[2])};
+  p = {p.x * std::cos(q[1]) + p.z * std::sin(q[1]) + 0.3, p.y,
+       -p.x * std::sin(q[1]) + p.z * std::cos(q[1])};
+  return {p.x * std::cos(q[0]) - p.y * std::sin(q[0]), p.x * std::sin(q[0]) + p.y * std::cos(q[0]),
           p.z + 1.0};
+}
+inline Vec3<double> anchor_at(const Vec3<double>& p_LS, double t, const SwingOptions& o) {
+  return anchor_of(p_LS, {joint_angle(0, t, o), joint_angle(1, t, o), joint_angle(2, t, o)});
 }
 
 /// The ball's path, every `dt` from 0 on.
@@ -142,16 +147,18 @@ inline Recording record_swing(const Model& truth, const SwingOptions& o) {
   return r;
 }
 
-/// The torques of the arm's links and viscous friction of 0.3 N·m·s/rad (the ball's pull is none).
-/// @param coulomb  dry friction of joint1 beside it [N·m]
+/// The torques of the arm's links, of the ball's pull, of viscous friction [N·m·s/rad] and of dry
+/// friction of joint1 [N·m].
 inline void add_torque(const Model& arm, const SwingOptions& o, Recording& r, double viscous = 0.3,
                        double coulomb = 0.0) {
   const Tree<double> tree = make_tree(arm);
   RneaWorkspace<double, double> workspace;
   Rng rng(o.seed + 100);
   r.has_tau.assign(3, true);
+  const double dt = r.time[1] - r.time[0], h = 1e-4;
+  const std::vector<Vec3<double>> path = swung_path(arm, dt, r.rows() + 1, o);
   for (long k = 0; k < r.rows(); ++k) {
-    const double t = r.time[k], h = 1e-4;
+    const double t = r.time[k];
     VecX<double> q(3), qd(3), qdd(3);
     for (int j = 0; j < 3; ++j) {
       const double now = joint_angle(j, t, o), late = joint_angle(j, t + h, o),
@@ -161,9 +168,20 @@ inline void add_torque(const Model& arm, const SwingOptions& o, Recording& r, do
       qdd[j] = (late - 2 * now + early) / (h * h);
     }
     const VecX<double> tau = rnea<double, double>(tree, q, qd, qdd, workspace);
-    for (int j = 0; j < 3; ++j)
-      r.tau(k, j) = tau[j] + viscous * qd[j] + (j == 1 ? coulomb * std::tanh(qd[j] / 0.01) : 0.0) +
-                    0.01 * rng.normal();
+    // The string pulls the hand by what the ball lacks of falling freely: m (g − c v − ẍ).
+    const auto i = static_cast<std::size_t>(std::max(1L, k));
+    const Vec3<double> v = (path[i + 1] - path[i - 1]) * (0.5 / dt),
+                       a = (path[i + 1] - path[i] * 2.0 + path[i - 1]) * (1.0 / (dt * dt));
+    const Vec3<double> pull = (arm.gravity - v * o.drag - a) * arm.ball->mass;
+    for (int j = 0; j < 3; ++j) {
+      std::array<double, 3> late{q[0], q[1], q[2]}, early = late;
+      late[static_cast<std::size_t>(j)] += h;
+      early[static_cast<std::size_t>(j)] -= h;
+      const Vec3<double>& p_LS = arm.ball->string->p_LS;
+      const Vec3<double> lever = (anchor_of(p_LS, late) - anchor_of(p_LS, early)) * (0.5 / h);
+      r.tau(k, j) = tau[j] - dot(lever, pull) + viscous * qd[j] +
+                    (j == 1 ? coulomb * std::tanh(qd[j] / 0.01) : 0.0) + 0.01 * rng.normal();
+    }
   }
   r.info.torque_sampling = TorqueSampling::kInstant;
 }
