@@ -18,17 +18,24 @@ struct Pull {
 
 /// At the rows of a recording, from the windows that were fitted to it.
 std::vector<Pull> pulls(const Model& model, const BallLayout& layout, const VecX<double>& p,
-                        const BallData& data, const Recording& r, const FlightOptions& options) {
+                        const BallData& data, const Recording& r, const BallFitOptions& options) {
   std::vector<Pull> out;
   long row = 0;
-  for (const BallWindow& w : data.windows) {
+  for (std::size_t i = 0; i < data.windows.size(); ++i) {
+    const BallWindow& w = data.windows[i];
     if (w.run != r.run) continue;
     const BallWorld<double> world(model, layout, data.hands[static_cast<std::size_t>(w.hand)],
                                   {p.begin(), p.end()});
-    BallFlight<double, BallWorld<double>> flight(world, options);
+    BallFlight<double, BallWorld<double>> flight(world, options.flight);
     flight.start(w.time.front(), w.state, w.taut, w.spin);
     while (row < r.rows() && r.time[row] < w.time.front()) ++row;
-    for (; row < r.rows() && r.time[row] <= w.time.back(); ++row) {
+    // Up to where the next window begins.
+    const double most = w.time.back() + options.longest_gap;
+    const double end = i + 1 < data.windows.size() && data.windows[i + 1].hand == w.hand &&
+                               data.windows[i + 1].time.front() <= most
+                           ? data.windows[i + 1].time.front()
+                           : w.time.back();
+    for (; row < r.rows() && r.time[row] <= end; ++row) {
       flight.run_until(r.time[row]);
       out.push_back({r.time[row], flight.sample().u * (flight.pull() * model.ball->mass)});
     }
@@ -64,7 +71,7 @@ std::unique_ptr<RecordingSource> without_ball_pull(const Model& model,
                      hanging = model.gravity * model.ball->mass;
   LinkKinematics<double> kinematics;
   for (Recording& r : recordings) {
-    const std::vector<Pull> known = pulls(fitted, layout, p, data, r, options.flight);
+    const std::vector<Pull> known = pulls(fitted, layout, p, data, r, options);
     std::size_t next = 0;
     for (long row = 0; row < r.rows(); ++row) {
       while (next < known.size() && known[next].time < r.time[row]) ++next;
