@@ -22,11 +22,11 @@ void run_report(const ReportOptions& options) {
   bool has_charts = false;
   if (run_schema(options.run).starts_with("diffnea/diagnose/")) {
     const DiagnoseRun run = read_diagnose_run(options.run);
-    has_charts = !run.finding.series.empty();
+    has_charts = !run.finding.series.empty() || run.finding.ball;
     write_file_atomically(page, diagnose_page(run));
   } else {
     const FitRun run = read_fit_run(options.run);
-    has_charts = !run.fit.train_series.empty();
+    has_charts = !run.fit.train_series.empty() || run.fit.ball;
     write_file_atomically(page, identify_page(run));
   }
   if (!has_charts && !options.common.quiet)

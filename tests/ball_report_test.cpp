@@ -91,7 +91,7 @@ TEST_CASE("ball report: the pages hold every picture, and stay small", "[report]
     CHECK_THAT(page, ContainsSubstring("rect class='noise'"));  // ± 2 σ
     CHECK_THAT(page, ContainsSubstring("line class='level'"));  // the string's length
     CHECK_THAT(page, ContainsSubstring("line class='flag'"));
-    CHECK_THAT(page, ContainsSubstring("7 rows or flights were looked at and not fitted"));
+    CHECK_THAT(page, ContainsSubstring("7 rows or flights were flagged"));
     CHECK_THAT(page, ContainsSubstring("where &lt;the model&gt; has it"));
   }
   // An hour at 60 Hz.

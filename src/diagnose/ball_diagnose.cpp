@@ -131,8 +131,13 @@ class BallDiagnosis {
   }
 
   void add_candidates(const BallData& data) {
-    spin_ = std::ranges::any_of(data.windows,
-                                [](const BallWindow& w) { return dot(w.spin, w.spin) > 0.0; });
+    const auto spins = [](const BallWindow& w) { return dot(w.spin, w.spin) > 0.0; };
+    spin_ = std::ranges::any_of(data.windows, spins);
+    if (spin_ && std::ranges::none_of(search_->test().windows, spins)) {
+      spin_ = false;
+      finding_.notes.push_back(
+          "the held-out recordings hold no spin (spin_x, spin_y, spin_z): lift cannot be tried");
+    }
     for (const EffectInfo& i : catalogue()) {
       if (!acts_on_ball(i) || i.port == Port::kBallImpact) continue;
       if (i.name == "magnus" && !spin_) continue;

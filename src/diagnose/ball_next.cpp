@@ -54,12 +54,12 @@ BallData imagine(const BallSolution& best, const Trajectory& t) {
   const BallWorld<double> world(best.ball.model, best.ball.layout, data.hands.front(),
                                 {best.ball.p.begin(), best.ball.p.end()});
   BallFlight<double, BallWorld<double>> flight(world, options.flight);
-  const double begin = data.windows.front().time.front();
+  const double late = world.delay(), begin = data.windows.front().time.front() - late;
   const AnchorMotion<double> anchor = world.anchor(begin);
   flight.start(begin, {anchor.x - Vec3<double>{0, 0, world.r}, anchor.v}, true);
   for (BallWindow& w : data.windows)
     for (std::size_t k = 0; k < w.time.size(); ++k) {
-      flight.run_until(w.time[k]);
+      flight.run_until(w.time[k] - late);
       if (k == 0) w.state = flight.state(), w.taut = flight.taut();
       w.seen[k] = world.seen(flight);
     }

@@ -99,6 +99,11 @@ std::string witness_words(const Finding& f) {
 }  // namespace
 
 std::string sentence(const Finding& f) {
+  if (f.interrupted) {
+    Finding rest = f;
+    rest.interrupted = false;
+    return "Interrupted before all was tried, rivals among it: " + sentence(rest);
+  }
   switch (f.verdict) {
     case Verdict::kNone:
       return "Nothing is left to explain: no effect of the catalogue improves the model beyond its "

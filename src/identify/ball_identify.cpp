@@ -27,7 +27,7 @@ constexpr double kTooFar = 6.0, kLeastTooFar = 0.01;
 /// Share of the rows beyond the string's reach from where the length is at fault.
 constexpr double kMostTooFar = 0.1;
 /// What a fit may leave over the camera's noise.
-constexpr double kMostLeft = 3.0;
+constexpr double kMostLeft = 1.1;
 /// Of fits and rows left out.
 constexpr int kMostRounds = 4;
 
@@ -230,6 +230,17 @@ void identify_ball(const std::vector<Recording>& train, const std::vector<Record
   const BallLayout first = ball_layout_for(model, choice);
   Model asked = apply_ball(model, first, first.values());
   BallData data = make_ball_data(asked, train, fit_options, options.preprocess);
+  const auto recorded = [](const BallData& d) {
+    return std::ranges::any_of(d.windows,
+                               [](const BallWindow& w) { return dot(w.spin, w.spin) > 0; });
+  };
+  const auto require_spin = [&](const BallData& d, const std::vector<Recording>& of) {
+    if (fits(first, "magnus") && !recorded(d))
+      throw DataError(of.front().source +
+                      ": magnus needs the ball's spin; expected columns spin_x, spin_y, spin_z "
+                      "[rad/s] in the world's frame");
+  };
+  require_spin(data, train);
   const bool length_free = model.ball->string && choice.fit_string && !first.parameters[0].fixed;
   FittedBall before = fit_states({asked, first, first.values(), data}, data, fit_options);
   BallLayout layout = first;
@@ -299,6 +310,7 @@ void identify_ball(const std::vector<Recording>& train, const std::vector<Record
   error.test = error.nominal_test = error.test_all = error.test_raw = kNaN;
   if (!test.empty()) {
     BallData held_out = make_ball_data(asked, test, fit_options, options.preprocess);
+    require_spin(held_out, test);
     after = fit_states(after, held_out, fit_options);
     for (int round = 0; round < kMostRounds; ++round) {
       held_out = after.data;
@@ -337,13 +349,19 @@ void identify_ball(const std::vector<Recording>& train, const std::vector<Record
     result.notes.push_back(
         std::string(kWarning) + "ball: the fit leaves " + format_number(1e3 * fit.sigma) +
         " mm along one axis where the camera's noise is " + format_number(1e3 * camera) +
-        " mm: its path is not the model's; diagnose may tell what is missing");
+        " mm: its path is not the model's, which standard errors do not count; diagnose may tell "
+        "what "
+        "is missing");
+  if (fit_options.loss == BallLoss::kConstrained)
+    result.notes.push_back(
+        "ball: the constrained loss makes a string too short by about the camera's noise; the "
+        "trajectory loss does not");
   if (!series.flagged.empty())
     result.notes.push_back(std::string(kWarning) +
                            "ball: " + std::to_string(series.flagged.size()) +
                            " rows or flights cannot be true and are flagged, e.g. at " +
                            format_number(series.flagged.front().time) + " s: the " +
-                           series.flagged.front().channel + " " + series.flagged.front().reason);
+                           series.flagged.front().channel + ": " + series.flagged.front().reason);
   result.ball = std::move(series);
   FitSummary& s = result.summary;
   s.fitted_rows += fit.samples / 3;

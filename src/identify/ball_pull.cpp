@@ -27,7 +27,7 @@ std::vector<Pull> pulls(const Model& model, const BallLayout& layout, const VecX
     const BallWorld<double> world(model, layout, data.hands[static_cast<std::size_t>(w.hand)],
                                   {p.begin(), p.end()});
     BallFlight<double, BallWorld<double>> flight(world, options.flight);
-    flight.start(w.time.front(), w.state, w.taut, w.spin);
+    flight.start(w.time.front() - world.delay(), w.state, w.taut, w.spin);
     while (row < r.rows() && r.time[row] < w.time.front()) ++row;
     // Up to where the next window begins.
     const double most = w.time.back() + options.longest_gap;

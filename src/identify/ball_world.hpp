@@ -70,15 +70,22 @@ struct BallWorld {
     });
   }
 
+  /// How late the camera's picture is [s].
+  T delay() const {
+    T out(0.0);
+    each_effect([&](const auto& formula, const T* values) {
+      if constexpr (requires { formula.delay(values); }) out = out + formula.delay(values);
+    });
+    return out;
+  }
+
   /// Where the camera sees the ball.
   Vec3<T> seen(const BallFlight<T, BallWorld>& flight) const {
     BallInstant<T> x = completed(flight.sample());
-    x.acceleration = acceleration(x);
-    if (x.taut) x.acceleration = x.acceleration - x.u * flight.pull();
     Vec3<T> out = x.ball.x;
-    // In the order in which they happen: the string gives, time passes, the camera measures.
+    // In the order in which they happen: the string gives, the camera measures.
     for (const char* name :
-         {"string_extension", "camera_delay", "camera_scale", "camera_rotation", "camera_offset"})
+         {"string_extension", "camera_scale", "camera_rotation", "camera_offset"})
       each_effect([&](const auto& formula, const T* values) {
         if constexpr (requires { formula.change_view(x, values, out); })
           if (formula.info().name == name) formula.change_view(x, values, out);
@@ -119,9 +126,10 @@ template <class T, class Each>
 void fly(const BallWorld<T>& world, const BallWindow& window, const ParticleState<T>& state,
          const FlightOptions& options, const Each& each) {
   BallFlight<T, BallWorld<T>> flight(world, options);
-  flight.start(window.time.front(), state, window.taut, window.spin.template cast<T>());
+  const T late = world.delay();  // the first state is of the first picture
+  flight.start(T(window.time.front()) - late, state, window.taut, window.spin.template cast<T>());
   for (std::size_t k = 0; k < window.time.size(); ++k) {
-    flight.run_until(window.time[k]);
+    flight.run_until(T(window.time[k]) - late);
     each(k, world.seen(flight), flight);
   }
 }

@@ -34,8 +34,8 @@ HandMotion::HandMotion(const Model& model, int link, const Preprocessed& smooth,
 
 HandMotion::Row HandMotion::row_at(double time) const {
   if (still_) return rows_.front();
-  const double at = (time - begin_) / dt_;
   const auto last = static_cast<double>(rows_.size() - 1);
+  const double at = std::clamp((time - begin_) / dt_, 0.0, last);  // beyond its ends it stands
   const double low = std::clamp(std::floor(at + 1e-9), 0.0, std::max(0.0, last - 1.0));
   const Row& a = rows_[static_cast<std::size_t>(low)];
   const double s = at - low;

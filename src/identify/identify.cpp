@@ -109,7 +109,6 @@ std::string ball_note(const Model& model, const RecordingSource& train) {
 }
 
 void refuse_ball_alone(const Model& model, const RecordingSource& train) {
-  if (model.ball) return;
   const std::vector<Recording> sample = train.sample();
   const bool ball =
                  std::ranges::any_of(sample, [](const Recording& r) { return r.ball.size() > 0; }),
@@ -117,7 +116,11 @@ void refuse_ball_alone(const Model& model, const RecordingSource& train) {
                return std::ranges::find(r.has_tau, true) != r.has_tau.end() ||
                       !r.info.passive.empty();
              });
-  if (ball && !torque)
+  if (model.ball && !ball && !torque)
+    throw DataError(sample.front().source +
+                    ": it holds neither torques (tau_*) nor the ball (ball_x, ball_y, ball_z): "
+                    "there is nothing to compare a model with");
+  if (!model.ball && ball && !torque)
     throw ModelError(model.name + ": it has no ball, and " + sample.front().source +
                      " shows one (ball_x, ball_y, ball_z) but no torque; give the model a ball, "
                      "and a string if it hangs on one (docs/models.md)");

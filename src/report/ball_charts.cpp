@@ -273,7 +273,7 @@ std::string flagged_table(const BallSeries& b) {
   return "<details" + std::string(b.flagged.size() <= 5 ? " open" : "") + "><summary>" +
          (b.flagged.size() == 1 ? std::string("One row or flight was")
                                 : std::to_string(b.flagged.size()) + " rows or flights were") +
-         " looked at and not fitted</summary>\n" +
+         " flagged: what cannot be true if the model is</summary>\n" +
          html_table({"run", "time [s]", "channel", "why"}, rows, {"n", "n", "", "wrap"}) +
          (more > 0 ? element("p", "and " + std::to_string(more) + " more", "faint") : "") +
          "</details>\n";

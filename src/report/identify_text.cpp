@@ -142,7 +142,7 @@ std::string ball_words(const IdentifyResult& fit) {
 
 std::string flagged_text(const IdentifyResult& fit) {
   if (!fit.ball || fit.ball->flagged.empty()) return "";
-  std::string out = "\nof the ball looked at and not fitted\n";
+  std::string out = "\nof the ball, flagged: what cannot be true if the model is\n";
   for (const std::string& line : flagged_lines(*fit.ball)) out += "  " + line + "\n";
   return out;
 }

@@ -12,6 +12,7 @@
 /// derivatives hold across switches (Hiskens and Pai 2000), except where a string is only grazed.
 
 #include <algorithm>
+#include <concepts>
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/dynamics/string_particle.hpp>
@@ -50,10 +51,21 @@ class BallFlight {
 
   /// Starts at a time and state. A ball further than r is put at r, and loses what velocity it has
   /// away from the anchor; `taut` says so of one that is nearer.
-  void start(double time, const ParticleState<T>& state, bool taut = false,
+  void start(const T& time, const ParticleState<T>& state, bool taut = false,
              const Vec3<T>& spin = {});
+  void start(double time, const ParticleState<T>& state, bool taut = false,
+             const Vec3<T>& spin = {})
+    requires(!std::same_as<T, double>)
+  {
+    start(T(time), state, taut, spin);
+  }
   /// Goes on until `time` [s]. @throws Error if it lies in the past
-  void run_until(double time);
+  void run_until(const T& time);
+  void run_until(double time)
+    requires(!std::same_as<T, double>)
+  {
+    run_until(T(time));
+  }
 
   double time() const { return value(time_); }
   const ParticleState<T>& state() const { return state_; }

@@ -3,7 +3,8 @@
 /// of
 ///     add_acceleration(x, p, a)   of the ball, in W [m/s²]                    (Port::kBallForce)
 ///     change_view(x, p, seen)     where the camera sees it, in the order
-///                                 extension, delay, scale, rotation, offset   (Port::kBallView)
+///                                 extension, scale, rotation, offset          (Port::kBallView)
+///     delay(p)                    how late its picture is                     (Port::kBallView)
 ///     add_to_anchor(p, p_LS)      where the string is tied (Port::kStringAnchor)
 ///     clearance(x, radius, p), bounce(p, radius, s, spin)   at a plane (Port::kBallImpact)
 
@@ -16,7 +17,6 @@ namespace diffnea {
 template <Scalar T>
 struct BallInstant : BallSample<T> {
   T length{};                       ///< r of the string [m]
-  Vec3<T> acceleration;             ///< ẍ [m/s²]; known to views alone
   Vec3<T> anchor_jerk;              ///< of S [m/s³], where an effect asks for it
   Vec3<double> gravity;             ///< in W [m/s²]
   double mass = 0.0, radius = 0.0;  ///< [kg, m]

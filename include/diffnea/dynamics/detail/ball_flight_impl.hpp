@@ -26,9 +26,9 @@ BallFlight<T, World>::BallFlight(const World& world, const FlightOptions& option
 }
 
 template <Scalar T, class World>
-void BallFlight<T, World>::start(double time, const ParticleState<T>& state, bool taut,
+void BallFlight<T, World>::start(const T& time, const ParticleState<T>& state, bool taut,
                                  const Vec3<T>& spin) {
-  time_ = T(time);
+  time_ = time;
   state_ = state;
   spin_ = spin;
   taut_ = false;
@@ -160,18 +160,18 @@ void BallFlight<T, World>::become_taut() {
 }
 
 template <Scalar T, class World>
-void BallFlight<T, World>::run_until(double until) {
-  if (until < time())
-    throw Error("ball: asked for " + std::to_string(until) + " s, expected " +
+void BallFlight<T, World>::run_until(const T& until) {
+  if (value(until) < time())
+    throw Error("ball: asked for " + std::to_string(value(until)) + " s, expected " +
                 std::to_string(time()) + " s or later (start() goes back)");
-  while (time() < until) {
+  while (time() < value(until)) {
     // Of Jets, time_ may depend on parameters after a switch; the step brings it back to the grid.
-    const bool last = until - time() <= options_.step;
-    const T h = last ? T(until) - time_ : T(options_.step);
+    const bool last = value(until) - time() <= options_.step;
+    const T h = last ? until - time_ : T(options_.step);
     const ParticleState<T> next = moved(h);
     if (!(value(over(time_ + h, next)) > 0.0)) {
       state_ = next;
-      time_ = last ? T(until) : time_ + h;
+      time_ = last ? until : time_ + h;
       continue;
     }
     const T end = time_to_end(value(h));
