@@ -77,7 +77,11 @@ def test_options_reach_the_fit(arm, train) -> None:
 @pytest.mark.parametrize(
     ("options", "error", "message"),
     [
-        ({"loss": "backward"}, diffnea.Error, "loss: got .backward.; choices: constrained, forward"),
+        (
+            {"loss": "backward"},
+            diffnea.Error,
+            "loss: got .backward.; choices: constrained, forward",
+        ),
         ({"robust": "very"}, diffnea.Error, "robust: got 'very'; choices: cauchy, huber, none"),
         ({"fit": ["mood"]}, diffnea.ModelError, "mood"),
         ({"effects": ["magic"]}, diffnea.ModelError, "magic"),
