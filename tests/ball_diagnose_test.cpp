@@ -208,7 +208,7 @@ TEST_CASE("diagnose a ball: a recording that cannot be used is refused", "[ball]
   DiagnoseOptions options;
   options.effects = {"linear_drag"};
   CHECK_THROWS_WITH(diagnose(model, {blind}, {}, options),
-                    ContainsSubstring("linear_drag") && ContainsSubstring("ball_x"));
+                    ContainsSubstring("neither torques") && ContainsSubstring("ball_x"));
   options.effects = {"linear_drga"};
   CHECK_THROWS_WITH(diagnose(model, data.train, data.test, options),
                     ContainsSubstring("linear_drga"));
