@@ -20,4 +20,20 @@ struct BallSpec {
   std::optional<StringSpec> string;
 };
 
+/// A cup: a round wall, open at the end of its axis, that catches the ball. The frame `cup` of the
+/// model is its frame: z is the axis, all heights are along it.
+struct CupSpec {
+  double inner_radius = 0.0;  ///< [m]
+  double wall = 0.0;          ///< thickness [m]
+  double floor = 0.0;         ///< height of the floor's upper side [m]
+  double rim = 0.0;           ///< height [m]
+};
+
+/// A solid that the ball must not touch: all points within `radius` of a segment.
+struct CapsuleSpec {
+  int link = -1;                              ///< index into Model::links, −1: fixed to the world
+  Vec3<double> p_LA{0, 0, 0}, p_LB{0, 0, 0};  ///< ends of the segment, in that link's frame [m]
+  double radius = 0.0;                        ///< [m]
+};
+
 }  // namespace diffnea

@@ -75,6 +75,8 @@ struct Model {
       effects;  ///< armature, friction, springs … of the base model and found later
   Vec3<double> gravity{0, 0, -9.81};
   std::optional<BallSpec> ball;
+  std::optional<CupSpec> cup;
+  std::vector<CapsuleSpec> obstacles;  ///< of the ball
   std::optional<Posterior> posterior;
   std::string source;  ///< file the model was read from, for messages
   std::vector<std::string>

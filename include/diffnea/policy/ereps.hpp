@@ -1,0 +1,98 @@
+#pragma once
+/// Episodic relative entropy policy search (Peters et al. 2010; Deisenroth et al. 2013,
+/// sec. 2.4.3.1) with a bound on the maximum-likelihood update, too (paper; corrected, see
+/// docs/policy.md): ask for samples, tell their rewards.
+///
+///     Ereps search(start, options, seed);
+///     while (!search.done()) search.tell(rewards_of(search.ask()));
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include <diffnea/policy/gaussian.hpp>
+
+namespace diffnea {
+
+struct ErepsOptions {
+  int samples = 80;         ///< N, of an iteration
+  double epsilon = 0.5;     ///< KL bound of the reweighted samples [nat]
+  double kappa = 0.5;       ///< KL(old ‖ new) bound of the Gaussian's update [nat]
+  int iterations = 100;     ///< at most
+  double stop_std = 0.02;   ///< done when every parameter's standard deviation is below
+  double least_std = 1e-3;  ///< the update keeps every direction's above
+};
+
+/// Weights of samples by the dual g(η) = ηε + R_max + η log(1/N Σ exp((R_i − R_max)/η)).
+struct Reweighting {
+  double eta = 0.0;
+  VecX<double> weights;            ///< (N), sum 1
+  double kl = 0.0;                 ///< of the weights against uniform ones [nat]
+  double effective_samples = 0.0;  ///< 1/Σw²
+};
+/// @param rewards (N), finite or −∞ (weight 0)
+/// @throws DataError if one is NaN or +∞ (says which), or none is finite
+Reweighting reweight(const VecX<double>& rewards, double epsilon);
+/// g(η) and g'(η).
+double ereps_dual(const VecX<double>& rewards, double epsilon, double eta, double* slope = nullptr);
+
+/// The weighted maximum-likelihood Gaussian with KL(old ‖ new) ≤ kappa: as near to it as λ allows,
+/// bisected on log λ.
+/// @param theta (N × d)  @param weights (N), sum 1
+/// @param kl  of the update, written if given
+Gaussian bounded_update(const Gaussian& old, const RowMatX<double>& theta,
+                        const VecX<double>& weights, double kappa, double least_std,
+                        double* kl = nullptr);
+
+/// What one iteration did.
+struct ErepsIteration {
+  int iteration = 0;         ///< from 1
+  double reward_mean = 0.0;  ///< of the finite ones
+  double reward_best = 0.0;  ///< so far
+  double eta = 0.0;
+  double kl_samples = 0.0, kl_update = 0.0;  ///< [nat]
+  double entropy = 0.0;                      ///< of the new Gaussian [nat]
+  double effective_samples = 0.0;
+  double largest_std = 0.0;   ///< of the new Gaussian's parameters
+  double solved_share = 0.0;  ///< of the samples, where a task says so; the caller's
+};
+
+class Ereps {
+ public:
+  /// @throws Error if an option makes no sense
+  Ereps(Gaussian start, const ErepsOptions& options, std::uint64_t seed);
+
+  /// Samples of this iteration, (N × d): the same however often one asks, drawn from seed and
+  /// iteration alone, so that a search goes on from what it saved to the same result.
+  const RowMatX<double>& ask();
+  /// @throws DataError naming iteration, sample and parameters of a reward that is NaN; the search
+  /// is then as it was
+  void tell(const VecX<double>& rewards);
+
+  bool done() const;
+  const std::string& stop_reason() const;  ///< empty while it goes on
+  const Gaussian& policy() const { return policy_; }
+  const VecX<double>& best() const {
+    return best_;
+  }  ///< best sample so far; empty before the first
+  const std::vector<ErepsIteration>& history() const { return history_; }
+  std::vector<ErepsIteration>& history() { return history_; }
+  const ErepsOptions& options() const { return options_; }
+  std::uint64_t seed() const { return seed_; }
+  int iteration() const { return static_cast<int>(history_.size()); }
+
+  /// Goes on from what was saved. @throws Error if it does not fit the options
+  void restore(Gaussian policy, VecX<double> best, std::vector<ErepsIteration> history);
+
+ private:
+  Gaussian policy_;
+  ErepsOptions options_;
+  std::uint64_t seed_;
+  RowMatX<double> samples_;
+  int sampled_for_ = -1;
+  VecX<double> best_;
+  std::vector<ErepsIteration> history_;
+  std::string stopped_;
+};
+
+}  // namespace diffnea

@@ -1,0 +1,29 @@
+#pragma once
+/// Gaussian over the parameters of a policy.
+
+#include <diffnea/core/random.hpp>
+#include <diffnea/core/scalar.hpp>
+
+namespace diffnea {
+
+struct Gaussian {
+  VecX<double> mean;        ///< (d)
+  MatX<double> covariance;  ///< (d × d), positive definite
+
+  int size() const { return static_cast<int>(mean.size()); }
+  double entropy() const;    ///< [nat]
+  VecX<double> std() const;  ///< of every parameter
+  /// (count × d), one sample a row. @throws Error if the covariance is not positive definite
+  RowMatX<double> sample(int count, Rng& rng) const;
+};
+
+/// KL(a ‖ b) [nat]. @throws ShapeError; Error if b's covariance is not positive definite
+double kl_divergence(const Gaussian& a, const Gaussian& b);
+
+/// Conditioned on A θ = y up to noise of covariance R: a via-point (Paraschos et al. 2013, eq.
+/// 5–6).
+/// @param A (m × d)  @param y (m)  @param R (m × m)
+Gaussian conditioned(const Gaussian& prior, const MatX<double>& A, const VecX<double>& y,
+                     const MatX<double>& R);
+
+}  // namespace diffnea
