@@ -16,6 +16,9 @@ namespace diffnea {
 using Pack = std::experimental::native_simd<double>;
 inline constexpr int kPackWidth = static_cast<int>(Pack::size());
 
+/// A pack is its own value; what is compared with it is one bool a lane, for select().
+inline const Pack& value(const Pack& a) { return a; }
+
 /// Value in one lane: a pack as a whole cannot be looked at by a branch.
 inline double value(const Pack& a, int lane) { return a[static_cast<std::size_t>(lane)]; }
 

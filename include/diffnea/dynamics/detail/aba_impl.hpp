@@ -5,10 +5,10 @@
 namespace diffnea {
 namespace detail {
 
-/// Paper, Algorithm 1 (corrected), on plain arrays of length n.
+/// Paper, Algorithm 1 (corrected), on plain arrays of length n. First poses, twists and bias
+/// forces, outward; what else acts on a link may then be taken from its f_b.
 template <Scalar P, Scalar S>
-void aba(const Tree<P>& tree, const S* q, const S* qd, const S* u, AbaStates<P, S>& ws,
-         Prod<P, S>* qdd) {
+void aba_outward(const Tree<P>& tree, const S* q, const S* qd, AbaStates<P, S>& ws) {
   using R = Prod<P, S>;
   const int n = tree.num_dofs();
   ws.links.resize(n);
@@ -27,6 +27,14 @@ void aba(const Tree<P>& tree, const S* q, const S* qd, const S* u, AbaStates<P, 
       a.f_b = minus_ad_star(l.V, link.inertia * l.V);  // f_b = −ad*_v M̄ v̄: own inertia
     });
   }
+}
+
+/// Then articulated inertias, inward, and accelerations, outward.
+template <Scalar P, Scalar S>
+void aba_accelerations(const Tree<P>& tree, const S* qd, const S* u, AbaStates<P, S>& ws,
+                       Prod<P, S>* qdd) {
+  using R = Prod<P, S>;
+  const int n = tree.num_dofs();
   for (int i = n - 1; i >= 0; --i) {
     const Link<P>& link = tree.links[i];
     const auto& l = ws.links[i];
@@ -56,6 +64,13 @@ void aba(const Tree<P>& tree, const S* q, const S* qd, const S* u, AbaStates<P, 
       l.F = F + a.U * qdd[i];  // f̄ = M̂ ā + f_b
     });
   }
+}
+
+template <Scalar P, Scalar S>
+void aba(const Tree<P>& tree, const S* q, const S* qd, const S* u, AbaStates<P, S>& ws,
+         Prod<P, S>* qdd) {
+  aba_outward(tree, q, qd, ws);
+  aba_accelerations(tree, qd, u, ws, qdd);
 }
 
 }  // namespace detail

@@ -53,6 +53,38 @@ void rnea(const Tree<P>& tree, const S* q, const S* qd, const S* qdd, LinkStates
   }
 }
 
+/// X_PL alone.
+template <Scalar P, Scalar S>
+void joint_poses(const Tree<P>& tree, const S* q, LinkStates<P, S>& ws) {
+  ws.links.resize(tree.num_dofs());
+  for (int i = 0; i < tree.num_dofs(); ++i)
+    with_axis(tree.links[i],
+              [&](const auto& s) { ws.links[i].X_PL = joint_pose(tree.links[i], s, q[i]); });
+}
+
+/// Algorithm 2 at rest, with the poses X_PL of `ws`: ā = Ad ā_λ has no angular part, f̄ = M̄ ā.
+template <Scalar P, Scalar S>
+void gravity_torques(const Tree<P>& tree, LinkStates<P, S>& ws, Prod<P, S>* tau) {
+  using R = Prod<P, S>;
+  const int n = tree.num_dofs();
+  const Vec3<R> a0 = (-tree.gravity).template cast<R>();
+  for (int i = 0; i < n; ++i) {
+    const Link<P>& link = tree.links[i];
+    auto& l = ws.links[i];
+    l.A.linear = transpose_times(l.X_PL.R, link.parent < 0 ? a0 : ws.links[link.parent].A.linear);
+    l.F = {cross(link.inertia.h, l.A.linear), l.A.linear * link.inertia.m};
+  }
+  for (int i = n - 1; i >= 0; --i) {
+    const Link<P>& link = tree.links[i];
+    auto& l = ws.links[i];
+    with_axis(link, [&](const auto& s) { tau[i] = dot(s, l.F); });
+    if (link.parent >= 0) {
+      auto& F_P = ws.links[link.parent].F;
+      F_P = F_P + to_parent(l.X_PL, l.F);
+    }
+  }
+}
+
 }  // namespace detail
 
 template <Scalar P, Scalar S>
@@ -70,8 +102,12 @@ const VecX<Prod<P, S>>& rnea(const Tree<P>& tree, VecIn<S> q, VecIn<S> qd, VecIn
 
 template <Scalar P, Scalar S>
 const VecX<Prod<P, S>>& gravity_torques(const Tree<P>& tree, VecIn<S> q, RneaWorkspace<P, S>& ws) {
-  const VecX<S> zero = VecX<S>::Constant(tree.num_dofs(), S(0.0));
-  return rnea<P, S>(tree, q, zero, zero, ws);
+  const int n = tree.num_dofs();
+  require_size("gravity_torques: q", q.size(), n, "joint");
+  ws.tau.resize(n);
+  detail::joint_poses(tree, q.data(), ws);
+  detail::gravity_torques(tree, ws, ws.tau.data());
+  return ws.tau;
 }
 
 #define DIFFNEA_EXTERN(P, S)                                                                       \

@@ -1,0 +1,303 @@
+#include <algorithm>
+#include <cmath>
+
+#include <diffnea/core/error.hpp>
+#include <diffnea/dynamics/batch.hpp>
+#include <diffnea/effects/extended_tree.hpp>
+#include <diffnea/effects/forward_dynamics.hpp>
+#include <diffnea/sim/model_simulator.hpp>
+
+#include "sim/pack_world.hpp"
+
+namespace diffnea {
+namespace {
+
+using sim::MakePackWorld;
+using sim::PackDraw;
+using sim::PackSpec;
+
+MakePackWorld* kernel(const std::string& instruction_set) {
+  const std::vector<std::string> there = batch_instruction_sets();
+  const std::string name = instruction_set.empty() ? there.front() : instruction_set;
+  if (std::ranges::find(there, name) == there.end()) {
+    std::string names;
+    for (const std::string& n : there) names += (names.empty() ? "" : ", ") + n;
+    throw Error("simulator: this build and processor have no instruction set '" + name +
+                "'; choices: " + names);
+  }
+#ifdef DIFFNEA_HAS_X86_KERNELS
+  if (name == "avx512") return sim::avx512::make_pack_world;
+  if (name == "avx2") return sim::avx2::make_pack_world;
+  return sim::sse2::make_pack_world;
+#else
+  return sim::base::make_pack_world;
+#endif
+}
+
+/// What is in the log alone, and of the camera: the motion does not know of it.
+bool is_of_log(const BoundEffect& e) {
+  const EffectInfo& info = e.info();
+  return info.port == Port::kBallView || info.name == "time_shift" ||
+         info.name == "velocity_filter_lag";
+}
+
+void refuse(const Model& model, const BoundEffect& e) {
+  throw ModelError(model.source + ": " + e.info().name + " at '" + e.where +
+                   "' is not simulated here (effects with memory, of encoders or of impacts); "
+                   "leave it out of the model that the policy is learned in");
+}
+
+struct BallEffects {
+  std::vector<BoundEffect> forces;
+  Vec3<double> p_LS;
+};
+
+/// The ball's own effects: forces as they are, what moves the string's knot in the knot.
+BallEffects ball_effects(const Model& model) {
+  BallEffects out;
+  if (model.ball && model.ball->string) out.p_LS = model.ball->string->p_LS;
+  for (const EffectSpec& spec : model.effects) {
+    const EffectInfo& known = info(find_effect(spec.effect));
+    if (!acts_on_ball(known)) continue;
+    const BoundEffect e = bind(spec, model);
+    if (is_of_log(e)) continue;
+    if (known.port == Port::kStringAnchor) {
+      std::visit(
+          [&](const auto& formula) {
+            if constexpr (requires { formula.add_to_anchor(e.parameters.data(), out.p_LS); })
+              formula.add_to_anchor(e.parameters.data(), out.p_LS);
+          },
+          e.type);
+    } else if (known.port == Port::kBallForce && known.name != "string_extension") {
+      out.forces.push_back(e);
+    } else {
+      refuse(model, e);
+    }
+  }
+  return out;
+}
+
+PackDraw draw_of(const Model& model, const ExtendedTree& tree, const BallEffects& ball,
+                 const TreeMap& map) {
+  PackDraw out;
+  out.tree = tree.tree;
+  for (const BoundEffect& e : tree.effects) out.effects.push_back(e.parameters);
+  for (const BoundEffect& e : ball.forces) out.ball_effects.push_back(e.parameters);
+  if (model.ball && model.ball->string) {
+    out.length = model.ball->string->length;
+    const int link = model.ball->string->link;
+    out.p_LS = ball.p_LS;
+    if (link >= 0) {
+      const Pose<double>& X = map.X_LF[static_cast<std::size_t>(link)];
+      out.p_LS = X.R * ball.p_LS + X.p;
+    }
+  }
+  return out;
+}
+
+std::vector<std::pair<std::string, std::string>> names(const std::vector<BoundEffect>& effects) {
+  std::vector<std::pair<std::string, std::string>> out;
+  for (const BoundEffect& e : effects) out.emplace_back(e.info().name, e.where);
+  return out;
+}
+
+bool same_poses(const Tree<double>& a, const Tree<double>& b) {
+  for (std::size_t i = 0; i < a.links.size(); ++i) {
+    const Pose<double>&x = a.links[i].X_PJ, &y = b.links[i].X_PJ;
+    if ((to_eigen(x.R) - to_eigen(y.R)).cwiseAbs().maxCoeff() > 0.0 ||
+        (to_eigen(x.p) - to_eigen(y.p)).cwiseAbs().maxCoeff() > 0.0)
+      return false;
+  }
+  return true;
+}
+
+/// The tree's link that a link of the model is part of, and its pose in it.
+std::pair<int, Pose<double>> in_tree(const TreeMap& map, int link) {
+  if (link < 0) return {-1, Pose<double>::identity()};
+  return {map.dof[static_cast<std::size_t>(link)], map.X_LF[static_cast<std::size_t>(link)]};
+}
+
+void take_ball(const Model& model, PackSpec& spec) {
+  const TreeMap map = map_to_tree(model);
+  if (model.ball && model.ball->string) {
+    spec.has_ball = true;
+    spec.string_link = in_tree(map, model.ball->string->link).first;
+    spec.ball_mass = model.ball->mass;
+    spec.ball_radius = model.ball->radius;
+  } else if (model.ball) {
+    throw ModelError(model.source + ": its ball hangs on no string; expected one on a string");
+  }
+  const auto frame = std::ranges::find(model.frames, "cup", &ModelFrame::name);
+  if (frame != model.frames.end()) {
+    const auto [link, X_LF] = in_tree(map, frame->link);
+    spec.shows_cup = true;
+    spec.cup_link = link;
+    spec.X_LC = X_LF * frame->X_LF;
+  }
+  if (!spec.has_ball) return;
+  if (spec.shows_cup) spec.cup = model.cup;
+  for (CapsuleSpec o : model.obstacles) {
+    const auto [link, X_LF] = in_tree(map, o.link);
+    o.link = link;
+    o.p_LA = X_LF.R * o.p_LA + X_LF.p;
+    o.p_LB = X_LF.R * o.p_LB + X_LF.p;
+    spec.obstacles.push_back(o);
+  }
+}
+
+PackSpec spec_of(const std::vector<Model>& draws, const Model& controller,
+                 const ModelSimulatorOptions& o) {
+  if (draws.empty()) throw ModelError("simulator: got no model, expected one or more");
+  const Model& first = draws.front();
+  if (!(o.arm_step > 0.0) || !(o.ball_step > 0.0) || !(o.controller.control_rate > 0.0))
+    throw Error("simulator: control_rate, arm_step and ball_step must be positive");
+  if (joint_names(first) != joint_names(controller))
+    throw ModelError(controller.source + ": its joints are not those of the robot, " +
+                     first.source);
+  PackSpec out;
+  out.joints = static_cast<int>(joint_names(first).size());
+  out.period = 1.0 / o.controller.control_rate;
+  out.arm_steps = std::max(1, static_cast<int>(std::ceil(out.period / o.arm_step - 1e-9)));
+  const double arm_step = out.period / out.arm_steps;
+  out.ball_steps = std::max(1, static_cast<int>(std::ceil(arm_step / o.ball_step - 1e-9)));
+  out.settle_time = o.settle_time;
+  out.least_upright = o.least_upright;
+  out.law = o.controller.law;
+  out.gravity_compensation = o.controller.gravity_compensation;
+  out.nominal = extend(controller).tree;
+  for (Link<double>& link : out.nominal.links)
+    if (out.law == ControlLaw::kPd) link.armature = 0.0;  // gravity alone
+  for (const int i : moving_links(first)) {
+    out.limit.push_back(first.links[i].limits.effort);
+    out.passive.push_back(first.links[i].passive);
+  }
+  take_ball(first, out);
+  for (const Model& model : draws) {
+    const ExtendedTree tree = extend(model, {0});
+    for (const BoundEffect& e : tree.series)
+      if (!is_of_log(e) && !acts_on_ball(e.info())) refuse(model, e);
+    for (const BoundEffect& e : tree.effects)
+      if (reads_acceleration(e) || e.info().name == "torque_gain") refuse(model, e);
+    const BallEffects ball = ball_effects(model);
+    if (&model == &first) {
+      out.effects = tree.effects;
+      out.ball_effects = ball.forces;
+    } else if (names(tree.effects) != names(out.effects) ||
+               names(ball.forces) != names(out.ball_effects) ||
+               joint_names(model) != joint_names(first)) {
+      throw ModelError(model.source + ": draws must have the joints and effects of the first");
+    }
+    out.draws.push_back(draw_of(model, tree, ball, map_to_tree(model)));
+    out.same_kinematics = out.same_kinematics && same_poses(out.nominal, tree.tree);
+  }
+  return out;
+}
+
+std::vector<std::string> channels_of(const PackSpec& spec, const std::vector<std::string>& joints) {
+  std::vector<std::string> out;
+  for (const char* what : {"q_", "qd_"})
+    for (const std::string& joint : joints) out.push_back(what + joint);
+  const auto add = [&](std::initializer_list<const char*> names) {
+    out.insert(out.end(), names.begin(), names.end());
+  };
+  if (spec.has_ball) add({"ball_x", "ball_y", "ball_z", "ball_vx", "ball_vy", "ball_vz"});
+  if (spec.shows_cup) add({"cup_x", "cup_y", "cup_z", "axis_x", "axis_y", "axis_z"});
+  if (spec.cup) add({"phase"});
+  return out;
+}
+
+}  // namespace
+
+struct ModelSimulator::Parts {
+  PackSpec spec;
+  std::vector<std::string> joints, channels;
+  MakePackWorld* make = nullptr;
+  Model controller;
+  ControllerOptions control;
+  bool gains_at_start = false;  ///< derived ones depend on it
+  std::unique_ptr<sim::PackWorld> world;
+  Lanes seen;
+  std::vector<std::string> failures;
+
+  void make_world() {
+    world = make(spec);
+    seen.setZero(static_cast<long>(channels.size()), world->lanes());
+    failures.assign(static_cast<std::size_t>(world->lanes()), "");
+  }
+  void take_gains(const VecX<double>& q0) {
+    const JointGains gains = joint_gains(controller, control, q0);
+    spec.kp.assign(gains.kp.begin(), gains.kp.end());
+    spec.kd.assign(gains.kd.begin(), gains.kd.end());
+  }
+};
+
+ModelSimulator::ModelSimulator(const std::vector<Model>& draws, const Model& controller,
+                               const ModelSimulatorOptions& options)
+    : parts_(std::make_unique<Parts>()) {
+  Parts& p = *parts_;
+  p.make = kernel(options.instruction_set);
+  p.spec = spec_of(draws, controller, options);
+  p.joints = joint_names(draws.front());
+  p.channels = channels_of(p.spec, p.joints);
+  p.controller = controller;
+  p.control = options.controller;
+  p.gains_at_start = p.control.kp.size() == 0 || p.control.kd.size() == 0;
+  p.take_gains(VecX<double>::Zero(p.spec.joints));
+  p.make_world();
+}
+
+ModelSimulator::ModelSimulator(std::unique_ptr<Parts> parts) : parts_(std::move(parts)) {}
+ModelSimulator::~ModelSimulator() = default;
+
+const std::vector<std::string>& ModelSimulator::joints() const { return parts_->joints; }
+const std::vector<std::string>& ModelSimulator::channels() const { return parts_->channels; }
+double ModelSimulator::period() const { return parts_->spec.period; }
+int ModelSimulator::lanes() const { return parts_->world->lanes(); }
+const Lanes& ModelSimulator::observe() const { return parts_->seen; }
+const std::vector<std::string>& ModelSimulator::failures() const { return parts_->failures; }
+
+void ModelSimulator::reset(const Starts& starts) {
+  Parts& p = *parts_;
+  const long count = starts.q.cols();
+  require_size("simulator: starts", starts.q.rows(), p.spec.joints, "joint");
+  require_size("simulator: seeds", static_cast<long>(starts.seeds.size()), count, "world");
+  if (count < 1 || count > lanes())
+    throw ShapeError("simulator: got " + std::to_string(count) + " starts, expected 1 to " +
+                     std::to_string(lanes()) + " (the lanes)");
+  if (p.gains_at_start) {
+    const std::vector<double> before = p.spec.kp;
+    p.take_gains(starts.q.col(0));
+    if (p.spec.kp != before) p.make_world();
+  }
+  p.world->reset(starts.q.data(), starts.q.cols(), static_cast<int>(count), starts.seeds.data());
+  std::ranges::fill(p.failures, "");
+  p.world->observe(p.seen.data());
+}
+
+void ModelSimulator::step(const Lanes& q, const Lanes& qd) {
+  Parts& p = *parts_;
+  for (const Lanes* x : {&q, &qd}) {
+    require_size("simulator: command", x->rows(), p.spec.joints, "joint");
+    require_size("simulator: command", x->cols(), lanes(), "lane");
+  }
+  p.world->step(q.data(), qd.data());
+  p.world->observe(p.seen.data());
+  for (int lane = 0; lane < lanes(); ++lane)
+    if (p.failures[lane].empty() && !std::isfinite(p.seen(0, lane)))
+      p.failures[lane] = "the integration is unstable";
+}
+
+std::unique_ptr<Simulator> ModelSimulator::clone() const {
+  auto parts = std::make_unique<Parts>();
+  parts->spec = parts_->spec;
+  parts->joints = parts_->joints;
+  parts->channels = parts_->channels;
+  parts->make = parts_->make;
+  parts->controller = parts_->controller;
+  parts->control = parts_->control;
+  parts->gains_at_start = parts_->gains_at_start;
+  parts->make_world();
+  return std::unique_ptr<Simulator>(new ModelSimulator(std::move(parts)));
+}
+
+}  // namespace diffnea
