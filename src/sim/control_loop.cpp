@@ -3,11 +3,10 @@
 #include <algorithm>
 #include <limits>
 
-#include <Eigen/LU>
-
 #include <diffnea/core/error.hpp>
-#include <diffnea/dynamics/mass_matrix.hpp>
 #include <diffnea/effects/extended_tree.hpp>
+
+#include "sim/joint_controller.hpp"
 
 namespace diffnea::sim {
 namespace {
@@ -65,13 +64,6 @@ std::vector<Joint> joints_of(const Model& robot, const RecordOptions& o) {
   return out;
 }
 
-/// @param given  empty, or one value per degree of freedom
-VecX<double> gains(const VecX<double>& given, const VecX<double>& derived, const char* name) {
-  if (given.size() == 0) return derived;
-  require_size(name, given.size(), derived.size(), "degree of freedom");
-  return given;
-}
-
 /// What the log, not the encoder, does to the motion: filtered velocities, a clock that is late.
 void apply_channels(const std::vector<BoundEffect>& channels, Recording& r) {
   for (const BoundEffect& e : channels)
@@ -89,9 +81,6 @@ void apply_channels(const std::vector<BoundEffect>& channels, Recording& r) {
 
 SimulatedRecording run_control_loop(Plant& plant, const Model& robot, const Model& controller,
                                     const Trajectory& trajectory, const RecordOptions& o) {
-  if (joint_names(robot) != joint_names(controller))
-    throw ModelError(controller.source + ": its joints are not those of the robot, " +
-                     robot.source);
   if (!(o.control_rate > 0.0) || !(o.physics_step > 0.0) || !(o.camera_rate > 0.0))
     throw Error("record: control_rate, camera_rate and physics_step must be positive");
   if (trajectory.rows() < 2)
@@ -99,27 +88,18 @@ SimulatedRecording run_control_loop(Plant& plant, const Model& robot, const Mode
 
   const std::vector<Joint> joints = joints_of(robot, o);
   const int n = static_cast<int>(joints.size());
-  const Tree<double> nominal = make_tree(controller);
   const std::vector<BoundEffect> channels = extend(robot, {0}).series;
   const bool log_velocity = std::ranges::any_of(channels, [](const BoundEffect& e) {
     return std::holds_alternative<VelocityFilterLag>(e.type);
   });
   Reference reference(trajectory, robot);
-  RneaWorkspace<double, double> ws;
   Rng rng(o.seed);
 
-  VecX<double> qcmd(n), qdcmd(n), measured(n), u(n);
+  VecX<double> qcmd(n), qdcmd(n), measured(n);
   const double start = trajectory.time[0];
   reference.sample(start, qcmd, qdcmd);
   const VecX<double> q0 = qcmd.array().isNaN().select(0.0, qcmd);
-  MassMatrixWorkspace<double, double> mass_ws;
-  // What a joint feels while the others move freely, 1/(M⁻¹)_jj: with it the sampled loop is stable
-  // however the joints are coupled; M_jj can be a hundred times that.
-  const MatX<double> inverse =
-      MatX<double>(mass_matrix(nominal, VecIn<double>(q0), mass_ws)).inverse();
-  const VecX<double> inertia = inverse.diagonal().cwiseInverse();
-  const VecX<double> kp = gains(o.kp, inertia * (o.bandwidth * o.bandwidth), "record: kp");
-  const VecX<double> kd = gains(o.kd, inertia * (2.0 * o.damping * o.bandwidth), "record: kd");
+  JointController control(controller, robot, o, q0);
 
   const double duration = trajectory.time[trajectory.rows() - 1] - start;
   const long rows = static_cast<long>(std::floor(duration * o.control_rate + 1e-6)) + 1;
@@ -140,8 +120,10 @@ SimulatedRecording run_control_loop(Plant& plant, const Model& robot, const Mode
       r.info.passive.push_back(r.joint_names[j]);
       continue;
     }
-    r.info.controller.push_back({r.joint_names[j], "kp", kp[j]});
-    r.info.controller.push_back({r.joint_names[j], "kd", kd[j]});
+    if (o.law == ControlLaw::kPd) {  // the gains of other laws are no stiffness and damping
+      r.info.controller.push_back({r.joint_names[j], "kp", control.gains().kp[j]});
+      r.info.controller.push_back({r.joint_names[j], "kd", control.gains().kd[j]});
+    }
     if (std::isfinite(joints[j].limit))
       r.info.controller.push_back({r.joint_names[j], "limit", joints[j].limit});
   }
@@ -158,21 +140,10 @@ SimulatedRecording run_control_loop(Plant& plant, const Model& robot, const Mode
     measured = plant.q();
     for (int j = 0; j < n; ++j) measured[j] += joints[j].position_noise * rng.normal();
     const VecX<double> velocity = plant.qd();
-    u.setZero();
-    if (o.gravity_compensation) u = gravity_torques(nominal, VecIn<double>(measured), ws);
-    bool saturated = false;
-    for (int j = 0; j < n; ++j) {
-      if (joints[j].passive) {
-        u[j] = 0.0;
-        r.tau(row, j) = kNaN;
-        continue;
-      }
-      u[j] += kp[j] * (qcmd[j] - measured[j]) + kd[j] * (qdcmd[j] - velocity[j]);
-      saturated |= std::abs(u[j]) > joints[j].limit;
-      u[j] = std::clamp(u[j], -joints[j].limit, joints[j].limit);
-      r.tau(row, j) = u[j] + joints[j].torque_noise * rng.normal();
-    }
-    out.saturated += saturated;
+    const VecX<double>& u = control.torque(measured, velocity, qcmd, qdcmd);
+    for (int j = 0; j < n; ++j)
+      r.tau(row, j) = joints[j].passive ? kNaN : u[j] + joints[j].torque_noise * rng.normal();
+    out.saturated += control.saturated();
     r.time[row] = time;
     r.q.row(row) = measured;
     if (log_velocity) r.qd.row(row) = velocity;

@@ -6,22 +6,15 @@
 #include <cstdint>
 #include <string>
 
-#include <diffnea/model/model.hpp>
 #include <diffnea/recording/recording.hpp>
 #include <diffnea/recording/trajectory.hpp>
+#include <diffnea/sim/controller.hpp>
 
 namespace diffnea {
 
-struct RecordOptions {
-  double control_rate = 500.0;  ///< [Hz]; torques are held between two samples, one row each
-  double physics_step = 5e-4;   ///< largest step of the integration [s]
-  /// Gains per degree of freedom [N·m/rad, N·m·s/rad] or [N/m, N·s/m]. Empty: kp = m_j ω², kd = 2 ζ
-  /// m_j ω with m_j = 1/(M⁻¹)_jj, the inertia that the joint feels at the start in the nominal
-  /// model.
-  VecX<double> kp, kd;
-  double bandwidth = 16.0;           ///< ω of the gains that are derived [rad/s]
-  double damping = 0.7;              ///< ζ
-  bool gravity_compensation = true;  ///< of the nominal model, at the measured position
+/// One row a sample of the controller.
+struct RecordOptions : ControllerOptions {
+  double physics_step = 5e-4;  ///< largest step of the integration [s]
   // Standard deviations of the noise on what is recorded (and on the position the controller sees).
   double position_noise = 1e-4;  ///< revolute [rad]
   double slide_noise = 1e-5;     ///< prismatic [m]

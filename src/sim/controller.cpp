@@ -1,0 +1,33 @@
+#include <Eigen/LU>
+
+#include <diffnea/core/error.hpp>
+#include <diffnea/dynamics/mass_matrix.hpp>
+#include <diffnea/sim/controller.hpp>
+
+namespace diffnea {
+namespace {
+
+/// @param given  empty, or one value per degree of freedom
+VecX<double> given_or(const VecX<double>& given, const VecX<double>& derived, const char* name) {
+  if (given.size() == 0) return derived;
+  require_size(name, given.size(), derived.size(), "degree of freedom");
+  return given;
+}
+
+}  // namespace
+
+JointGains joint_gains(const Model& nominal, const ControllerOptions& o, const VecX<double>& q0) {
+  const Tree<double> tree = make_tree(nominal);
+  VecX<double> inertia = VecX<double>::Ones(tree.num_dofs());
+  if (o.law == ControlLaw::kPd) {
+    // What a joint feels while the others move freely, 1/(M⁻¹)_jj: with it the sampled loop is
+    // stable however the joints are coupled; M_jj can be a hundred times that.
+    MassMatrixWorkspace<double, double> ws;
+    const MatX<double> inverse = MatX<double>(mass_matrix(tree, VecIn<double>(q0), ws)).inverse();
+    inertia = inverse.diagonal().cwiseInverse();
+  }
+  return {given_or(o.kp, inertia * (o.bandwidth * o.bandwidth), "controller: kp"),
+          given_or(o.kd, inertia * (2.0 * o.damping * o.bandwidth), "controller: kd")};
+}
+
+}  // namespace diffnea

@@ -1,0 +1,56 @@
+#include "sim/joint_controller.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include <diffnea/core/error.hpp>
+
+namespace diffnea::sim {
+
+JointController::JointController(const Model& nominal, const Model& robot,
+                                 const ControllerOptions& options, const VecX<double>& q0)
+    : nominal_(nominal), options_(options), tree_(make_tree(nominal)) {
+  if (joint_names(robot) != joint_names(nominal))
+    throw ModelError(nominal.source + ": its joints are not those of the robot, " + robot.source);
+  if (!(options.control_rate > 0.0)) throw Error("controller: control_rate must be positive");
+  if (!options.gravity_compensation) tree_.gravity = {0, 0, 0};
+  const std::vector<int> moving = moving_links(robot);
+  limit_.resize(static_cast<long>(moving.size()));
+  for (std::size_t j = 0; j < moving.size(); ++j) {
+    passive_.push_back(robot.links[moving[j]].passive);
+    limit_[j] = robot.links[moving[j]].limits.effort;
+  }
+  start(q0);
+}
+
+void JointController::start(const VecX<double>& q0) {
+  gains_ = joint_gains(nominal_, options_, q0);
+  last_qd_.resize(0);
+}
+
+const VecX<double>& JointController::torque(const VecX<double>& q, const VecX<double>& qd,
+                                            const VecX<double>& desired_q,
+                                            const VecX<double>& desired_qd) {
+  const auto feedback = [&](long j) {
+    return gains_.kp[j] * (desired_q[j] - q[j]) + gains_.kd[j] * (desired_qd[j] - qd[j]);
+  };
+  if (options_.law == ControlLaw::kComputedTorque) {
+    if (last_qd_.size() == 0) last_qd_ = desired_qd;
+    qdd_ = (desired_qd - last_qd_) * options_.control_rate;
+    for (long j = 0; j < qdd_.size(); ++j) qdd_[j] = passive_[j] ? 0.0 : qdd_[j] + feedback(j);
+    u_ = rnea(tree_, VecIn<double>(q), VecIn<double>(qd), VecIn<double>(qdd_), ws_);
+    last_qd_ = desired_qd;
+  } else {
+    u_ = gravity_torques(tree_, VecIn<double>(q), ws_);
+    for (long j = 0; j < u_.size(); ++j) u_[j] += passive_[j] ? 0.0 : feedback(j);
+  }
+  saturated_ = false;
+  for (long j = 0; j < u_.size(); ++j) {
+    if (passive_[j]) u_[j] = 0.0;
+    saturated_ |= std::abs(u_[j]) > limit_[j];
+    u_[j] = std::clamp(u_[j], -limit_[j], limit_[j]);
+  }
+  return u_;
+}
+
+}  // namespace diffnea::sim
