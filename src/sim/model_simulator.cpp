@@ -47,6 +47,20 @@ void refuse(const Model& model, const BoundEffect& e) {
                    "leave it out of the model that the policy is learned in");
 }
 
+/// Whether it has no torque at rest, wherever the joints are and whenever: asked with numbers that
+/// no formula survives.
+bool is_dissipative(const BoundEffect& e, const Tree<double>& tree) {
+  const int n = e.num_joints;
+  const std::vector<double> anywhere(n, std::nan("")), rest(n, 0.0);
+  std::vector<double> tau(n, 0.0);
+  JointSample<double> x;
+  x.time = std::nan("");
+  x.q = x.qdd = x.tau = anywhere.data();
+  x.qd = rest.data();
+  add_torque(e, tree, x, e.parameters.data(), tau.data());
+  return std::ranges::all_of(tau, [](double t) { return t == 0.0; });
+}
+
 struct BallEffects {
   std::vector<BoundEffect> forces;
   Vec3<double> p_LS;
@@ -181,6 +195,8 @@ PackSpec spec_of(const std::vector<Model>& draws, const Model& controller,
     const BallEffects ball = ball_effects(model);
     if (&model == &first) {
       out.effects = tree.effects;
+      for (const BoundEffect& e : tree.effects)
+        out.dissipative.push_back(is_dissipative(e, tree.tree));
       out.ball_effects = ball.forces;
     } else if (names(tree.effects) != names(out.effects) ||
                names(ball.forces) != names(out.ball_effects) ||

@@ -195,14 +195,14 @@ class World : public PackWorld {
 
   /// Poses and twists of the arm as it is: wherever it was moved, this follows.
   void aba_outward() {
-    call_inlined<Pack>(
-        [&] { diffnea::detail::aba_outward(tree_, state_.q.data(), state_.qd.data(), ws_); });
-    Pose<Pack> X = Pose<Pack>::identity();
-    for (int i = 0; i < n_; ++i) {
-      const int parent = tree_.links[i].parent;
-      X_WL_.resize(n_);
-      X_WL_[i] = parent < 0 ? ws_.links[i].X_PL : X_WL_[parent] * ws_.links[i].X_PL;
-    }
+    X_WL_.resize(n_);
+    call_inlined<Pack>([&] {
+      diffnea::detail::aba_outward(tree_, state_.q.data(), state_.qd.data(), ws_);
+      for (int i = 0; i < n_; ++i) {
+        const int parent = tree_.links[i].parent;
+        X_WL_[i] = parent < 0 ? ws_.links[i].X_PL : X_WL_[parent] * ws_.links[i].X_PL;
+      }
+    });
   }
 
   /// Anchor and cup at the arm's state.
@@ -280,6 +280,7 @@ class World : public PackWorld {
       x.qd = speed_.data();
       add_torque<Pack>(spec_.effects[e], spec_.draws.front().tree, x, parameters_[e].data(),
                        total_.data());
+      if (spec_.dissipative[e]) continue;
       x.qd = zero_.data();
       add_torque<Pack>(spec_.effects[e], spec_.draws.front().tree, x, parameters_[e].data(),
                        at_rest_.data());

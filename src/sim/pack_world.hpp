@@ -39,6 +39,7 @@ struct PackSpec {
   std::vector<bool> passive;
   // Forces beside the tree's.
   std::vector<BoundEffect> effects;       ///< on joints, of one instant
+  std::vector<bool> dissipative;          ///< of those: no torque at rest, wherever it is
   std::vector<BoundEffect> ball_effects;  ///< on ball and string
   std::vector<PackDraw> draws;            ///< world k takes number seed mod size
   // Ball and cup. Links are those of the tree, −1 the world; poses are in them.

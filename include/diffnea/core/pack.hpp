@@ -7,6 +7,8 @@
 /// of AVX-512, 349 at 16). Its type, and so the name of every template over it, differs between
 /// instruction sets.
 
+#include <bit>
+#include <cstdint>
 #include <experimental/simd>
 
 #include <diffnea/core/scalar.hpp>
@@ -27,6 +29,41 @@ inline Pack select(const Pack::mask_type& condition, const Pack& a, const Pack& 
   Pack out = b;
   std::experimental::where(condition, out) = a;
   return out;
+}
+
+/// eˣ for |x| ≤ 700, to 2 units in the last place: Cephes' rational approximation (Moshier 1989) on
+/// |x| ≤ ½ ln 2. (libstdc++'s takes the lanes one by one: 12 times as long.)
+inline Pack exp_of(const Pack& x) {
+  const Pack magic(0x1.8p52);  // adding it leaves an integer in the low bits
+  const Pack shifted = x * Pack(1.4426950408889634) + magic, n = shifted - magic;
+  const Pack r = x - n * Pack(6.93145751953125e-1) - n * Pack(1.42860682030941723212e-6);
+  const Pack rr = r * r;
+  const Pack p =
+      r *
+      ((Pack(1.26177193074810590878e-4) * rr + Pack(3.02994407707441961300e-2)) * rr + Pack(1.0));
+  const Pack q = ((Pack(3.00198505138664455042e-6) * rr + Pack(2.52448340349684104192e-3)) * rr +
+                  Pack(2.27265548208155028766e-1)) *
+                     rr +
+                 Pack(2.0);
+  alignas(Pack) double power[kPackWidth];  // 2ⁿ
+  shifted.copy_to(power, std::experimental::vector_aligned);
+  for (double& a : power) a = std::bit_cast<double>((std::bit_cast<std::uint64_t>(a) + 1023) << 52);
+  return (Pack(1.0) + Pack(2.0) * p / (q - p)) * Pack(power, std::experimental::vector_aligned);
+}
+
+/// tanh, to 4 units in the last place: x + x³ P/Q of Cephes where |x| < 0.625, else by eˣ.
+inline Pack smooth_sign(const Pack& x) {
+  using std::experimental::abs;
+  const Pack xx = x * x, size = abs(x);
+  const Pack p = (Pack(-9.64399179425052238628e-1) * xx + Pack(-9.92877231001918586564e1)) * xx +
+                 Pack(-1.61468768441708447952e3);
+  const Pack q =
+      ((xx + Pack(1.12811678491632931402e2)) * xx + Pack(2.23548839060100448583e3)) * xx +
+      Pack(4.84406305325125486048e3);
+  const Pack small = x + x * xx * (p / q);
+  const Pack most = select(size > Pack(20.0), Pack(20.0), size);  // there it is 1
+  const Pack large = Pack(1.0) - Pack(2.0) / (exp_of(most + most) + Pack(1.0));
+  return select(size < Pack(0.625), small, select(x < Pack(0.0), Pack(-large), large));
 }
 
 }  // namespace diffnea

@@ -58,6 +58,13 @@ double value(const ceres::Jet<T, N>& a) {
   return value(a.a);
 }
 
+/// tanh(x), which stands for sign(x) in dry friction: packs have one of their own (core/pack.hpp).
+template <class T>
+T smooth_sign(const T& x) {
+  using std::tanh;
+  return tanh(x);
+}
+
 /// `condition ? a : b`, lane by lane for packs. The only way numerics branch on data.
 template <class T>
 T select(bool condition, const T& a, const T& b) {

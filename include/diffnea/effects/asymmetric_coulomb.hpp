@@ -27,8 +27,7 @@ struct AsymmetricCoulomb {
   template <Scalar T>
   void add_torque(const JointSample<T>& x, const int* joint, const T* p, T* tau) const {
     const T& qd = x.qd[*joint];
-    using std::tanh;
-    tau[*joint] += select(qd < T(0.0), p[1], p[0]) * tanh(qd / p[2]);
+    tau[*joint] += select(qd < T(0.0), p[1], p[0]) * smooth_sign(qd / p[2]);
   }
 };
 

@@ -34,12 +34,11 @@ struct CableDifferentialFriction {
 
   template <Scalar T>
   void add_torque(const JointSample<T>& x, const int* joint, const T* p, T* tau) const {
-    using std::tanh;
     const T &coulomb = p[0], &viscous = p[1], &ratio = p[2], &smoothing = p[3];
     const T plus = x.qd[joint[0]] + ratio * x.qd[joint[1]];
     const T minus = x.qd[joint[0]] - ratio * x.qd[joint[1]];
-    const T f_plus = coulomb * tanh(plus / smoothing) + viscous * plus;
-    const T f_minus = coulomb * tanh(minus / smoothing) + viscous * minus;
+    const T f_plus = coulomb * smooth_sign(plus / smoothing) + viscous * plus;
+    const T f_minus = coulomb * smooth_sign(minus / smoothing) + viscous * minus;
     tau[joint[0]] += f_plus + f_minus;
     tau[joint[1]] += ratio * (f_plus - f_minus);
   }

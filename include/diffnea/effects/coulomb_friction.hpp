@@ -22,8 +22,7 @@ struct CoulombFriction {
 
   template <Scalar T>
   void add_torque(const JointSample<T>& x, const int* joint, const T* p, T* tau) const {
-    using std::tanh;
-    tau[*joint] += p[0] * tanh(x.qd[*joint] / p[1]);
+    tau[*joint] += p[0] * smooth_sign(x.qd[*joint] / p[1]);
   }
 };
 

@@ -33,12 +33,11 @@ struct LoadFriction {
 
   template <Scalar T>
   void add_torque(const JointSample<T>& x, const int* joint, const T* p, T* tau) const {
-    using std::tanh;
     const T& load = x.tau[*joint];
     const T& qd = x.qd[*joint];
     const T size = select(value(load) < 0.0, T(-load), load);
     const T share = select(value(load) * value(qd) < 0.0, T(p[0] * p[1]), p[0]);
-    tau[*joint] += share * size * tanh(qd / p[2]);
+    tau[*joint] += share * size * smooth_sign(qd / p[2]);
   }
 };
 

@@ -35,9 +35,8 @@ struct StribeckFriction {
   void add_torque(const JointSample<T>& x, const int* joint, const T* p, T* tau) const {
     const T& qd = x.qd[*joint];
     using std::exp;
-    using std::tanh;
     const T ratio = qd / p[1];
-    tau[*joint] += p[0] * tanh(qd / p[2]) * exp(-ratio * ratio);
+    tau[*joint] += p[0] * smooth_sign(qd / p[2]) * exp(-ratio * ratio);
   }
 };
 

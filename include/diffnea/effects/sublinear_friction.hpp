@@ -25,12 +25,11 @@ struct SublinearFriction {
   void add_torque(const JointSample<T>& x, const int* joint, const T* p, T* tau) const {
     const T& qd = x.qd[*joint];
     using std::sqrt;
-    using std::tanh;
     // √ has no derivative at 0, s √|q̇| has: 0. A floor under the root, too small to show, gives
     // that.
     const T floor(1e-100);
     const T speed = select(qd < T(0.0), -qd, qd);
-    tau[*joint] += p[0] * tanh(qd / p[1]) * sqrt(select(speed < floor, floor, speed));
+    tau[*joint] += p[0] * smooth_sign(qd / p[1]) * sqrt(select(speed < floor, floor, speed));
   }
 };
 

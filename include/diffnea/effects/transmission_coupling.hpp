@@ -37,11 +37,10 @@ struct TransmissionCoupling {
 
   template <Scalar T>
   void add_torque(const JointSample<T>& x, const int* joint, const T* p, T* tau) const {
-    using std::tanh;
     const T& ratio = p[3];
     const T speed = x.qd[joint[0]] + ratio * x.qd[joint[1]];
     const T acceleration = x.qdd[joint[0]] + ratio * x.qdd[joint[1]];
-    const T f = p[0] * acceleration + p[1] * speed + p[2] * tanh(speed / p[4]);
+    const T f = p[0] * acceleration + p[1] * speed + p[2] * smooth_sign(speed / p[4]);
     tau[joint[0]] += f;
     tau[joint[1]] += ratio * f;
   }

@@ -1,0 +1,96 @@
+#pragma once
+/// Ball in a cup, learned offline: a primitive's weights are searched in the identified model, and
+/// what was learned is executed in a world that is not the model.
+///
+///     const BallInCup task = ball_in_cup(model, controller, options);
+///     const LearnedPolicy policy = learn(task, /*seed=*/1);
+///     const Transfer t = transfer(policy, *world, *model.cup, {});
+
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <diffnea/policy/ball_in_cup.hpp>
+#include <diffnea/policy/ereps.hpp>
+#include <diffnea/policy/rollouts.hpp>
+#include <diffnea/sim/ball_in_cup.hpp>
+#include <diffnea/sim/model_simulator.hpp>
+
+namespace diffnea {
+
+struct LearnOptions {
+  std::vector<std::string> joints;  ///< that move; empty: those that turn the cup in the plane it
+                                    ///< hangs in at the start
+  VecX<double> start;               ///< posture q_0 (n) [rad]; empty: of the model's file, `home`
+  PrompSpec promp;                  ///< its joints are those above
+  ErepsOptions ereps;
+  double weight_std = 0.4;  ///< of the first Gaussian's weights [rad]
+  BallInCupOptions reward;  ///< its string is the model's
+  ModelSimulatorOptions simulator{.controller = {.bandwidth = 25.0}};  ///< of the controller, too
+};
+
+/// All that a search needs.
+struct BallInCup {
+  Model model, controller;
+  LearnOptions options;  ///< completed
+  VecX<double> start;    ///< q_0 of all joints [rad]
+};
+/// @param controller  the model that the robot's controller compensates gravity with
+/// @throws ModelError if there is no ball on a string, no cup, or no joint can move the cup;
+///         DataError if the task cannot be: the cup is upside down at the start, the ball does not
+///         fit into it, the string is shorter than the way from its knot over the rim
+BallInCup ball_in_cup(const Model& model, const Model& controller, LearnOptions options);
+
+/// Rollouts of the task's primitive in its model.
+Rollouts rollouts(const BallInCup& task, int threads);
+
+struct LearnedPolicy {
+  std::uint64_t seed = 0;
+  PrompSpec promp;
+  Gaussian policy;  ///< over the weights; the mean is executed
+  std::vector<std::string> joints;
+  VecX<double> start;            ///< q_0 of all joints [rad]
+  ControllerOptions controller;  ///< gains as they were simulated
+  BallInCupOptions reward;
+  std::vector<ErepsIteration> curve;
+  std::string stopped;    ///< why the search ended; empty: it was interrupted
+  double expected = 0.0;  ///< reward of the mean in the model
+  bool solved = false;    ///< the mean catches the ball in the model
+  long rollouts = 0;
+  double seconds = 0.0;  ///< of CPU, without what was resumed
+};
+
+/// After every iteration. @return false: stop, what was learned is returned
+using LearnProgress = std::function<bool(const Ereps&, const Rollouts&)>;
+
+/// @param from  goes on from it: a search of the same task, options and seed
+/// @throws DataError naming iteration, sample and parameters if a reward is NaN
+LearnedPolicy learn(const BallInCup& task, std::uint64_t seed, int threads = 1,
+                    const LearnProgress& progress = {}, const Ereps* from = nullptr);
+
+/// Parameters of a search before its first iteration.
+Ereps first_search(const BallInCup& task, std::uint64_t seed);
+
+/// One execution of a policy.
+struct Execution {
+  std::uint64_t seed = 0;  ///< of the world's noise
+  Verdict verdict;
+  double reward = 0.0;       ///< the paper's, of what happened, at the ε that was learned with
+  double reward_wide = 0.0;  ///< at ε = 0.055, the scale of the paper's figures
+  std::string failure;       ///< of the world's solver; empty if none
+  RolloutTrace trace;
+  bool success() const { return failure.empty() && verdict.outcome == Outcome::kInCup; }
+};
+
+/// Executes the mean of a policy in a world.
+/// @param world  with the policy's joints, ball and cup
+/// @throws DataError naming joint, time and bound if the motion breaks a limit
+Execution execute(const LearnedPolicy& policy, const Simulator& world, const MotionLimits& limits,
+                  const CupSpec& cup, std::uint64_t seed, const SuccessOptions& options = {});
+
+/// Ranges of the model's joints in their order.
+MotionLimits motion_limits(const Model& model);
+
+}  // namespace diffnea

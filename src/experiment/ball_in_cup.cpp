@@ -1,0 +1,260 @@
+#include <algorithm>
+#include <cmath>
+#include <ctime>
+
+#include <diffnea/core/error.hpp>
+#include <diffnea/dynamics/kinematics.hpp>
+#include <diffnea/experiment/ball_in_cup.hpp>
+
+namespace diffnea {
+namespace {
+
+constexpr double kWideEpsilon = 0.055;  ///< gives rewards of the paper's size [m²]
+
+std::string number(double x) {
+  char text[40];
+  std::snprintf(text, sizeof text, "%.4g", x);
+  return text;
+}
+
+const ModelFrame& cup_frame(const Model& model) {
+  const auto frame = std::ranges::find(model.frames, "cup", &ModelFrame::name);
+  if (!model.cup || frame == model.frames.end())
+    throw ModelError(
+        model.source +
+        ": has no cup; expected a frame `cup` (z its axis) and the cup's size (in an "
+        "MJCF a site and <numeric name=\"cup\" data=\"inner_radius wall floor rim\"/>)");
+  if (!model.ball || !model.ball->string)
+    throw ModelError(model.source + ": has no ball on a string (see docs/models.md)");
+  return *frame;
+}
+
+struct Start {
+  Tree<double> tree;
+  LinkKinematics<double> links;
+  int cup_link;  ///< of the tree
+  Pose<double> X_WC;
+};
+
+Start at_start(const Model& model, const VecX<double>& q0) {
+  const ModelFrame& frame = cup_frame(model);
+  Start out{.tree = make_tree(model), .links = {}, .cup_link = -1, .X_WC = frame.X_LF};
+  forward_kinematics<double, double>(out.tree, q0, out.links);
+  if (frame.link < 0) return out;
+  const TreeMap map = map_to_tree(model);
+  out.cup_link = map.dof[frame.link];
+  out.X_WC = frame_pose(out.links, out.cup_link, map.X_LF[frame.link] * frame.X_LF);
+  return out;
+}
+
+/// Joints that carry the cup and turn it in one upright plane: the largest set of horizontal axes
+/// that are parallel.
+std::vector<std::string> plane_joints(const Model& model, const Start& start) {
+  constexpr double kAligned = 0.1;  // [rad]
+  const std::vector<std::string> names = joint_names(model);
+  std::vector<std::pair<int, Vec3<double>>> level;
+  for (int i = start.cup_link; i >= 0; i = start.tree.links[i].parent) {
+    const Link<double>& link = start.tree.links[i];
+    const Vec3<double> axis = start.links.links[i].X_WL.R * link.axis;
+    if (link.type == JointType::kRevolute && std::abs(axis.z) < kAligned)
+      level.emplace_back(i, axis);
+  }
+  std::vector<std::string> best;
+  for (const auto& [i, axis] : level) {
+    std::vector<std::string> parallel;
+    for (const auto& [j, other] : level)
+      if (std::abs(dot(axis, other)) > std::cos(kAligned)) parallel.push_back(names[j]);
+    if (parallel.size() > best.size()) best = parallel;
+  }
+  std::ranges::reverse(best);
+  return best;
+}
+
+void check(const Model& model, const Start& start, double least_upright) {
+  const CupSpec& cup = *model.cup;
+  const double upright = start.X_WC.R.col[2].z, string = model.ball->string->length;
+  if (upright < least_upright)
+    throw DataError("ball in a cup: at the start the cup's axis has z = " + number(upright) +
+                    ", expected " + number(least_upright) +
+                    " or more (the cup opens upward); choose another start posture");
+  if (!(model.ball->radius > 0.0 && model.ball->radius < cup.inner_radius))
+    throw DataError("ball in a cup: the ball has a radius of " + number(model.ball->radius) +
+                    " m, the cup " + number(cup.inner_radius) +
+                    " m inside; expected a ball that fits in");
+  if (string < cup.rim + model.ball->radius)
+    throw DataError("ball in a cup: the string of " + number(string) +
+                    " m does not reach over the rim, " + number(cup.rim) +
+                    " m above the knot; the task cannot be done");
+}
+
+double cpu_seconds() {
+  timespec now{};
+  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
+  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+}
+
+/// Columns of a trace by name.
+RowMatX<double> columns(const RolloutTrace& trace, const char* name) {
+  RowMatX<double> out(trace.values.rows(), 3);
+  const char* axes[] = {"_x", "_y", "_z"};
+  for (int k = 0; k < 3; ++k) {
+    const auto it = std::ranges::find(trace.channels, std::string(name) + axes[k]);
+    if (it == trace.channels.end())
+      throw Error(std::string("ball in a cup: the world shows no channel ") + name + axes[k]);
+    out.col(k) = trace.values.col(it - trace.channels.begin());
+  }
+  return out;
+}
+
+/// exp(½ max ψ + ½ ψ_N) of a series, as the task has it but for a ball whose end is known.
+double shape(const RolloutTrace& trace, double epsilon, double string, bool in_cup) {
+  const RowMatX<double> delta = columns(trace, "ball") - columns(trace, "cup");
+  const VecX<double> along = delta.cwiseProduct(columns(trace, "axis")).rowwise().sum();
+  const VecX<double> psi =
+      along.cwiseQuotient((delta.rowwise().squaredNorm().array() + epsilon).matrix());
+  const double hang = -string / (string * string + epsilon), last = psi[psi.size() - 1];
+  return std::exp(0.5 * psi.maxCoeff() + 0.5 * (in_cup ? last : std::min(last, hang)));
+}
+
+double penalty(const RolloutTrace& trace, const std::vector<std::string>& joints,
+               const BallInCupOptions& o) {
+  double sum = 0.0;
+  for (const std::string& joint : joints) {
+    const auto column = [&](const std::string& name) {
+      return trace.values.col(std::ranges::find(trace.channels, name) - trace.channels.begin());
+    };
+    const VecX<double> q = column("q_" + joint), qd = column("qd_" + joint);
+    sum += o.lambda_q * (q.array() - q[0]).square().mean() +
+           o.lambda_qd * qd.squaredNorm() / static_cast<double>(qd.size());
+  }
+  return sum;
+}
+
+/// A world in which no episode ends: MuJoCo goes on after every touch.
+class Watch : public Task {
+ public:
+  void begin(const Simulator&, int count) override { count_ = count; }
+  void look(double, const Lanes&, std::vector<char>&) override {}
+  VecX<double> rewards() const override { return VecX<double>::Zero(count_); }
+  std::unique_ptr<Task> clone() const override { return std::make_unique<Watch>(*this); }
+
+ private:
+  int count_ = 0;
+};
+
+}  // namespace
+
+MotionLimits motion_limits(const Model& model) {
+  const std::vector<int> moving = moving_links(model);
+  MotionLimits out;
+  out.lower.resize(static_cast<long>(moving.size()));
+  out.upper = out.velocity = out.lower;
+  for (std::size_t j = 0; j < moving.size(); ++j) {
+    const JointLimits& limits = model.links[moving[j]].limits;
+    out.lower[j] = limits.lower;
+    out.upper[j] = limits.upper;
+    out.velocity[j] = limits.velocity;
+  }
+  return out;
+}
+
+BallInCup ball_in_cup(const Model& model, const Model& controller, LearnOptions o) {
+  cup_frame(model);
+  const int n = static_cast<int>(joint_names(model).size());
+  if (o.start.size() == 0) {
+    o.start = VecX<double>::Zero(n);
+    if (static_cast<int>(model.home.size()) == n)
+      o.start = Eigen::Map<const VecX<double>>(model.home.data(), n);
+  }
+  require_size("ball in a cup: start", o.start.size(), n, "joint");
+  const Start start = at_start(model, o.start);
+  check(model, start, o.simulator.least_upright);
+  for (const std::string& joint : o.joints) find_joint(model, joint);  // throws
+  if (o.joints.empty()) o.joints = plane_joints(model, start);
+  if (o.joints.empty())
+    throw ModelError(model.source + ": no joint moves the cup in an upright plane; name joints");
+  o.promp.joints = o.joints;
+  o.reward.string = model.ball->string->length;
+  const JointGains gains = joint_gains(controller, o.simulator.controller, o.start);
+  o.simulator.controller.kp = gains.kp;
+  o.simulator.controller.kd = gains.kd;
+  const VecX<double> q0 = o.start;
+  return {.model = model, .controller = controller, .options = std::move(o), .start = q0};
+}
+
+Rollouts rollouts(const BallInCup& task, int threads) {
+  const ModelSimulator simulator({task.model}, task.controller, task.options.simulator);
+  return Rollouts(simulator, BallInCupTask(task.options.reward), Promp(task.options.promp),
+                  task.start, motion_limits(task.model), threads);
+}
+
+Ereps first_search(const BallInCup& task, std::uint64_t seed) {
+  const int d = Promp(task.options.promp).size();
+  const double variance = task.options.weight_std * task.options.weight_std;
+  return Ereps(
+      {.mean = VecX<double>::Zero(d), .covariance = variance * MatX<double>::Identity(d, d)},
+      task.options.ereps, seed);
+}
+
+LearnedPolicy learn(const BallInCup& task, std::uint64_t seed, int threads,
+                    const LearnProgress& progress, const Ereps* from) {
+  const double begin = cpu_seconds();
+  Rollouts world = rollouts(task, threads);
+  Ereps search = from ? *from : first_search(task, seed);
+  bool stopped = false;
+  while (!search.done() && !stopped) {
+    const RolloutResult seen = world.run(search.ask());
+    search.tell(seen.rewards);
+    const double solved =
+        static_cast<double>(std::ranges::count(seen.solved, 1)) / search.options().samples;
+    search.history().back().solved_share = solved;
+    stopped = progress && !progress(search, world);
+  }
+  LearnedPolicy out;
+  out.seed = seed;
+  out.promp = task.options.promp;
+  out.policy = search.policy();
+  out.joints = joint_names(task.model);
+  out.start = task.start;
+  out.controller = task.options.simulator.controller;
+  out.reward = task.options.reward;
+  out.curve = search.history();
+  out.stopped = search.done() ? search.stop_reason() : "";
+  RowMatX<double> mean(1, search.policy().size());
+  mean.row(0) = search.policy().mean.transpose();
+  const RolloutResult last = world.run(mean);
+  out.expected = last.rewards[0];
+  out.solved = !last.solved.empty() && last.solved[0] != 0;
+  out.rollouts = world.count();
+  out.seconds = cpu_seconds() - begin;
+  return out;
+}
+
+Execution execute(const LearnedPolicy& policy, const Simulator& world, const MotionLimits& limits,
+                  const CupSpec& cup, std::uint64_t seed, const SuccessOptions& options) {
+  if (world.joints() != policy.joints)
+    throw ModelError("execute: the world's joints are not those of the policy");
+  Rollouts runner(world, Watch(), Promp(policy.promp), policy.start, limits, 1);
+  if (const auto broken = runner.violation(policy.policy.mean))
+    throw DataError("execute: the policy's motion breaks a limit of joint '" + broken->joint +
+                    "': at " + number(broken->time) + " s its " +
+                    (broken->velocity ? "velocity" : "position") + " is " + number(broken->value) +
+                    ", the limit " + number(broken->bound) + " (rad, rad/s)");
+  Execution out;
+  out.seed = seed;
+  out.trace = runner.trace(policy.policy.mean, seed);
+  out.failure = out.trace.failure;
+  const RowMatX<double> ball = columns(out.trace, "ball");
+  if (out.failure.empty())
+    out.verdict = judge_ball(out.trace.time, ball, columns(out.trace, "cup"),
+                             columns(out.trace, "axis"), cup, options);
+  const bool in_cup = out.success();
+  const double effort = penalty(out.trace, policy.joints, policy.reward);
+  out.reward = shape(out.trace, policy.reward.epsilon, policy.reward.string, in_cup) - effort;
+  out.reward_wide = shape(out.trace, kWideEpsilon, policy.reward.string, in_cup) - effort;
+  out.trace.reward = out.reward;
+  out.trace.solved = in_cup;
+  return out;
+}
+
+}  // namespace diffnea
