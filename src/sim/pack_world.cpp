@@ -77,7 +77,8 @@ Tree<Pack> gather_tree(const std::vector<const PackDraw*>& d) {
 
 /// Everything that moves.
 struct State {
-  std::vector<Pack> q, qd, q_last, qd_last;  ///< (joints); the desired ones of the last step
+  std::vector<Pack> q, qd, qdd;  ///< (joints); q̈ of the last step
+  std::vector<Pack> qd_desired;  ///< of the last step
   StringBall<Pack, Mask> string;
   AnchorMotion<Pack> anchor;  ///< at the ball's time
   Vec3<Pack> p_C, axis;       ///< the cup, at the ball's time
@@ -172,15 +173,16 @@ class World : public PackWorld {
     state_ = {};
     state_.q.resize(n_);
     state_.qd.assign(n_, Pack(0.0));
-    state_.q_last.resize(n_);
-    state_.qd_last.assign(n_, Pack(0.0));
-    for (int j = 0; j < n_; ++j) state_.q[j] = state_.q_last[j] = load(&start_[j * kPackWidth]);
+    state_.qdd.assign(n_, Pack(0.0));
+    state_.qd_desired.assign(n_, Pack(0.0));
+    for (int j = 0; j < n_; ++j) state_.q[j] = load(&start_[j * kPackWidth]);
     const std::vector<double> rest(start_.size(), 0.0);
     state_.pull = Vec3<Pack>{gravity_.x, gravity_.y, gravity_.z} * Pack(spec_.ball_mass);
     aba_outward();
     const long steps = std::lround(spec_.settle_time / spec_.period) * spec_.arm_steps;
     for (long i = 0; i < steps; ++i) move_arm(start_.data(), rest.data(), i % spec_.arm_steps == 0);
-    for (Pack& v : state_.qd) v = Pack(0.0);
+    state_.qd.assign(n_, Pack(0.0));
+    state_.qdd.assign(n_, Pack(0.0));
     state_.time = 0.0;
     aba_outward();
     take_frames();
@@ -242,10 +244,10 @@ class World : public PackWorld {
       const Pack feedback =
           spec_.kp[j] * (desired - state_.q[j]) + spec_.kd[j] * (rate - state_.qd[j]);
       if (computed)
-        qdd_[j] = feedback + (rate - state_.qd_last[j]) * Pack(1.0 / spec_.period);
+        qdd_[j] = feedback + (rate - state_.qd_desired[j]) * Pack(1.0 / spec_.period);
       else
         u_[j] += feedback;
-      state_.qd_last[j] = rate;
+      state_.qd_desired[j] = rate;
     }
     if (computed)
       call_inlined<Pack>([&] {
@@ -260,8 +262,9 @@ class World : public PackWorld {
   }
 
   /// Friction and all else at joints. With τ_e(q, q̇) = τ_e(q, 0) + c(q̇) q̇, the second part is
-  /// taken at the middle of the step, c ≥ 0 held: h c/2 joins the armature. So no friction, however
-  /// steep at rest, makes a step unstable.
+  /// taken at the middle of the step, c ≥ 0 held at what
+  /// the last acceleration makes of the velocity there: h c/2 joins the armature. So no friction,
+  /// however steep at rest, makes a step unstable.
   void take_effects(double h) {
     for (int j = 0; j < n_; ++j) armature_[j] = tree_.links[j].armature;
     if (spec_.effects.empty()) return;
@@ -269,7 +272,7 @@ class World : public PackWorld {
     std::fill(total_.begin(), total_.end(), Pack(0.0));
     std::fill(at_rest_.begin(), at_rest_.end(), Pack(0.0));
     for (int j = 0; j < n_; ++j) {
-      const Pack& v = state_.qd[j];
+      const Pack v = state_.qd[j] + state_.qdd[j] * Pack(0.5 * h);
       speed_[j] = select(abs(v) < Pack(kLeast), Pack(kLeast), v);
     }
     JointSample<Pack> x;
@@ -286,10 +289,10 @@ class World : public PackWorld {
                        at_rest_.data());
     }
     for (int j = 0; j < n_; ++j) {
-      const Pack secant = (total_[j] - at_rest_[j]) / speed_[j];
-      const Pack c = select(secant > Pack(0.0), secant, Pack(0.0));
-      u_step_[j] -= total_[j];
-      tree_.links[j].armature = armature_[j] + c * Pack(0.5 * h);
+      const Pack slope = (total_[j] - at_rest_[j]) / speed_[j];
+      const Pack secant = select(slope > Pack(0.0), slope, Pack(0.0));
+      u_step_[j] -= total_[j] + secant * (state_.qd[j] - speed_[j]);
+      tree_.links[j].armature = armature_[j] + secant * Pack(0.5 * h);
     }
   }
 
@@ -305,13 +308,14 @@ class World : public PackWorld {
       f_b = f_b - Wrench<Pack>{cross(p_LS_, f), f};
     }
     call_inlined<Pack>([&] {
-      diffnea::detail::aba_accelerations(tree_, state_.qd.data(), u_step_.data(), ws_, qdd_.data());
+      diffnea::detail::aba_accelerations(tree_, state_.qd.data(), u_step_.data(), ws_,
+                                         state_.qdd.data());
     });
     for (int j = 0; j < n_; ++j) {
       tree_.links[j].armature = armature_[j];
       // The acceleration is that of the whole step: positions to second order.
-      state_.q[j] += (state_.qd[j] + qdd_[j] * Pack(0.5 * h)) * Pack(h);
-      state_.qd[j] += qdd_[j] * Pack(h);
+      state_.q[j] += (state_.qd[j] + state_.qdd[j] * Pack(0.5 * h)) * Pack(h);
+      state_.qd[j] += state_.qdd[j] * Pack(h);
     }
     aba_outward();
   }
