@@ -293,3 +293,143 @@ TEST_CASE("ball: info shows it with its string", "[io]") {
                        ContainsSubstring(R"("link": "hand")") &&
                        ContainsSubstring(R"("length": 0.25)"));
 }
+
+namespace {
+
+/// An arm whose shapes the ball hits or passes, and a cup.
+std::string with_cup(const std::string& numeric, const std::string& shapes = "") {
+  std::string text = kOpen + kBall + kClose + kString + numeric + "</mujoco>";
+  text.replace(text.find("<joint name=\"yaw\""), 0, shapes);
+  text.replace(text.find("<geom type=\"sphere\""), 5, "<geom contype='2' conaffinity='1'");
+  return text;
+}
+const std::string kCup = "<custom><numeric name='cup' data='.04 .003 .0145 .095'/></custom>";
+
+}  // namespace
+
+TEST_CASE("cup: an MJCF's numeric gives the dimensions of the cup at the site", "[io]") {
+  const TemporaryFolder folder;
+  const Model m = read(folder, with_cup(kCup));
+  REQUIRE(m.cup);
+  CHECK(m.cup->inner_radius == 0.04);
+  CHECK(m.cup->wall == 0.003);
+  CHECK(m.cup->floor == 0.0145);
+  CHECK(m.cup->rim == 0.095);
+  CHECK(m.obstacles.empty());
+  CHECK_FALSE(read_mjcf_with(folder, kBall, kString).cup);
+  const Model wam = read_model(DIFFNEA_SOURCE_DIR "/models/wam4_ball_in_cup.xml");
+  CHECK(wam.name == "wam4_ball_in_cup");
+  REQUIRE(wam.cup);
+  CHECK(wam.cup->rim == 0.095);
+  CHECK(wam.notes.empty());
+  REQUIRE(wam.obstacles.size() == 1);
+  CHECK(wam.links[wam.obstacles[0].link].name == "forearm");
+  CHECK(wam.obstacles[0].radius == 0.035);
+  CHECK(std::abs(wam.obstacles[0].p_LA.y + 0.05) < kRoundTripTol);
+  CHECK(std::abs(wam.obstacles[0].p_LB.y + 0.35) < kRoundTripTol);
+}
+
+TEST_CASE("cup: capsules and spheres that the ball hits are obstacles in the frame of their link",
+          "[io]") {
+  const TemporaryFolder folder;
+  const Model m =
+      read(folder, with_cup(kCup,
+                            "<geom type='capsule' size='.03' fromto='.11 .12 .13 .41 .12 .53' "
+                            "conaffinity='2' contype='0'/>"
+                            "<geom type='sphere' size='.05' pos='.01 .02 .04' contype='1' "
+                            "conaffinity='0'/>"
+                            "<geom type='sphere' size='.05' contype='4' conaffinity='4'/>"
+                            "<geom type='box' size='.1 .1 .1' contype='1'/>"));
+  REQUIRE(m.obstacles.size() == 2);
+  const CapsuleSpec &capsule = m.obstacles[0], &sphere = m.obstacles[1];
+  // The link's origin is the joint's anchor, (.01, .02, .03) in the body.
+  const Vec3<double> a = capsule.p_LA - Vec3<double>{0.1, 0.1, 0.1},
+                     b = capsule.p_LB - Vec3<double>{0.4, 0.1, 0.5};
+  CHECK(m.links[capsule.link].name == "arm");
+  CHECK(capsule.radius == 0.03);
+  CHECK(dot(a, a) < kRoundTripTol * kRoundTripTol);
+  CHECK(dot(b, b) < kRoundTripTol * kRoundTripTol);
+  const Vec3<double> middle = sphere.p_LA - Vec3<double>{0, 0, 0.01},
+                     length = sphere.p_LB - sphere.p_LA;
+  CHECK(sphere.radius == 0.05);
+  CHECK(dot(middle, middle) < kRoundTripTol * kRoundTripTol);
+  CHECK(dot(length, length) == 0.0);
+  REQUIRE(m.notes.size() == 1);
+  CHECK_THAT(m.notes[0], ContainsSubstring("shapes of 'arm' that the ball hits are left out"));
+}
+
+TEST_CASE("cup: JSON holds cup and obstacles bit by bit, info shows them", "[io]") {
+  const TemporaryFolder folder;
+  Model m = read(folder, with_cup(kCup, "<geom type='sphere' size='.05' contype='1'/>"));
+  m.cup->wall = 0.001 + 0.002;
+  m.obstacles.push_back({-1, {1.0 / 3.0, 0, 0}, {0, 1.0 / 7.0, 0}, 0.1 + 0.2});
+  const std::string text = model_to_json(m);
+  const Model back = model_from_json(text, "text");
+  CHECK(model_to_json(back) == text);
+  REQUIRE(back.cup);
+  CHECK(back.cup->wall == m.cup->wall);
+  REQUIRE(back.obstacles.size() == 2);
+  CHECK(back.obstacles[0].link == 0);
+  CHECK(back.obstacles[1].link == -1);
+  CHECK(back.obstacles[1].p_LB.y == 1.0 / 7.0);
+  CHECK(back.obstacles[1].radius == 0.1 + 0.2);
+  CHECK_THAT(
+      model_info_text(m),
+      ContainsSubstring("at hand, frame cup") &&
+          ContainsSubstring("inner radius 0.04 m, wall 0.003 m, floor 0.0145 m, rim 0.095 m") &&
+          ContainsSubstring("obstacles of the ball\n  arm: ") &&
+          ContainsSubstring("  the ground: (0.3333 0 0) to (0 0.1429 0), radius 0.3 m"));
+  CHECK_THAT(model_info_json(m), ContainsSubstring("\"inner_radius\": 0.04"));
+  // An MJCF keeps what it has and says what it does not take.
+  CHECK(write_model(m, folder.path() / "new.xml") ==
+        std::vector<std::string>{"the changed cup or obstacles of the ball"});
+  CHECK(read_model(folder.path() / "new.xml").cup->rim == 0.095);
+}
+
+TEST_CASE("cup: one that cannot be is refused with what is needed", "[io]") {
+  const TemporaryFolder folder;
+  struct Case {
+    const char *data, *message;
+  };
+  const Case c = GENERATE(Case{".04 .003 .095", "has 3 numbers; expected 4: inner radius"},
+                          Case{"0 .003 .0145 .095", "inner radius 0, wall 0.003"},
+                          Case{".04 -1 .0145 .095", "wall -1"},
+                          Case{".04 .003 .2 .095", "a floor below the rim"});
+  CAPTURE(c.data);
+  const std::string custom =
+      "<custom><numeric name='cup' data='" + std::string(c.data) + "'/></custom>";
+  CHECK_THROWS_WITH(read(folder, with_cup(custom)), ContainsSubstring(c.message));
+  std::string bare = with_cup(kCup);
+  bare.replace(bare.find("name=\"cup\" pos"), 10, "name=\"mug\"");
+  CHECK_THROWS_WITH(read(folder, bare), ContainsSubstring("there is no frame 'cup'") &&
+                                            ContainsSubstring("<site name=\"cup\"/>"));
+}
+
+TEST_CASE("cup: a wrong JSON is named with key and choices", "[io]") {
+  const auto refused = [](const std::string& cup, const std::string& obstacles) {
+    const std::string text = R"({"schema": "diffnea/model/1", "links": [)" + std::string(kLink) +
+                             R"(], "frames": [{"name": "cup", "link": "hand"}], "cup": )" + cup +
+                             R"(, "obstacles": )" + obstacles + "}";
+    std::string message = "(read)";
+    try {
+      model_from_json(text, "m.json");
+    } catch (const ModelError& error) {
+      message = error.what();
+    }
+    return message;
+  };
+  const std::string good = R"({"inner_radius": 0.04, "wall": 0.003, "floor": 0, "rim": 0.1})";
+  CHECK(refused(good, "[]") == "(read)");
+  CHECK(refused("null", R"([{"link": "hand", "from": [0, 0, 0], "radius": 1}])") == "(read)");
+  CHECK_THAT(refused(R"({"inner_radius": 0.04})", "[]"),
+             ContainsSubstring("m.json.cup: key 'wall' is missing"));
+  CHECK_THAT(refused(R"({"inner_radius": 0, "wall": 1, "floor": 0, "rim": 1})", "[]"),
+             ContainsSubstring("expected a radius and a wall above 0"));
+  CHECK_THAT(refused(good, R"([{"from": [0, 0, 0], "radius": 0}])"),
+             ContainsSubstring("obstacle 0: expected a finite segment and a radius above 0"));
+  CHECK_THAT(refused(good, R"([{"link": "hnad", "from": [0, 0, 0], "radius": 1}])"),
+             ContainsSubstring("obstacles[0].link: there is no link 'hnad'") &&
+                 ContainsSubstring("links: hand"));
+  CHECK_THAT(refused(good, R"([{"from": [0, 0, 0], "radius": 1, "colour": 1}])"),
+             ContainsSubstring("unknown key 'colour'; keys: link, from, to, radius"));
+}

@@ -29,18 +29,19 @@ VecX<double> vector(std::initializer_list<double> values) {
 TEST_CASE("models: each loads, nothing looks wrong, names are those of the recordings",
           "[models]") {
   using Names = std::vector<std::string>;
-  const auto [file, joints] = GENERATE(
-      table<std::string, Names>({{"cart_pole.xml", {"cart", "pole"}},
-                                 {"double_pendulum.urdf", {"shoulder", "elbow"}},
-                                 {"emps.urdf", {"carriage"}},
-                                 {"furuta.xml", {"arm", "pendulum"}},
-                                 {"panda.urdf",
-                                  {"panda_joint1", "panda_joint2", "panda_joint3", "panda_joint4",
-                                   "panda_joint5", "panda_joint6", "panda_joint7"}},
-                                 {"pendulum.json", {"pendulum"}},
-                                 {"table_tennis.json", {}},
-                                 {"wam4.xml", {"joint1", "joint2", "joint3", "joint4"}},
-                                 {"wam4_ball.xml", {"joint1", "joint2", "joint3", "joint4"}}}));
+  const auto [file, joints] = GENERATE(table<std::string, Names>(
+      {{"cart_pole.xml", {"cart", "pole"}},
+       {"double_pendulum.urdf", {"shoulder", "elbow"}},
+       {"emps.urdf", {"carriage"}},
+       {"furuta.xml", {"arm", "pendulum"}},
+       {"panda.urdf",
+        {"panda_joint1", "panda_joint2", "panda_joint3", "panda_joint4", "panda_joint5",
+         "panda_joint6", "panda_joint7"}},
+       {"pendulum.json", {"pendulum"}},
+       {"table_tennis.json", {}},
+       {"wam4.xml", {"joint1", "joint2", "joint3", "joint4"}},
+       {"wam4_ball.xml", {"joint1", "joint2", "joint3", "joint4"}},
+       {"wam4_ball_in_cup.xml", {"joint1", "joint2", "joint3", "joint4"}}}));
   CAPTURE(file);
   const Model model = read_model(kModels / file);
   CHECK(joint_names(model) == joints);
@@ -52,7 +53,7 @@ TEST_CASE("models: every file of the folder is in the list above", "[models]") {
   int count = 0;
   for (const auto& entry : std::filesystem::directory_iterator(kModels))
     if (entry.path().extension() != ".md") ++count;
-  CHECK(count == 9);
+  CHECK(count == 10);
 }
 
 TEST_CASE("models: those that nobody drives say so", "[models]") {

@@ -14,6 +14,7 @@
 #include <diffnea/io/atomic_file.hpp>
 
 #include "io/mjcf_ball.hpp"
+#include "io/mjcf_cup.hpp"
 #include "io/model_parts.hpp"
 
 namespace diffnea::io {
@@ -296,10 +297,6 @@ Model model_from_mujoco(const mjModel& m, const std::string& where) {
   note_what_is_left_out(m, model.notes);
   const std::vector<Actuation> actuators = actuation(m, model.notes);
 
-  struct BodyAt {
-    int link = -1;
-    Pose<double> X_LB = Pose<double>::identity();
-  };
   std::vector<BodyAt> bodies(static_cast<std::size_t>(m.nbody));
   for (int b = 1; b < m.nbody; ++b) {
     if (left_out[b]) continue;
@@ -346,6 +343,9 @@ Model model_from_mujoco(const mjModel& m, const std::string& where) {
     const BodyAt at = ball->tendon < 0 ? BodyAt{} : bodies[m.site_bodyid[ball->anchor]];
     model.ball = ball_spec(m, *ball, at.link, at.X_LB);
   }
+  model.cup = find_cup(m, where);
+  if (ball && model.cup)
+    model.obstacles = find_obstacles(m, ball->body, bodies, left_out, model.notes);
   validate(model, where);
   return model;
 }
@@ -426,6 +426,19 @@ bool write_ball(XmlElement& root, const Elements& elements, const mjModel& m,
   theta[0] = now.ball->mass;
   write_inertial(*elements.bodies[parts.body], SpatialInertia<double>::from_theta(theta));
   return true;
+}
+
+bool same_surroundings(const Model& a, const Model& b) {
+  const auto same_cup = [](const CupSpec& x, const CupSpec& y) {
+    return x.inner_radius == y.inner_radius && x.wall == y.wall && x.floor == y.floor &&
+           x.rim == y.rim;
+  };
+  const auto same_obstacle = [](const CapsuleSpec& x, const CapsuleSpec& y) {
+    const Vec3<double> A = x.p_LA - y.p_LA, B = x.p_LB - y.p_LB;
+    return x.link == y.link && x.radius == y.radius && dot(A, A) == 0.0 && dot(B, B) == 0.0;
+  };
+  return a.cup.has_value() == b.cup.has_value() && (!a.cup || same_cup(*a.cup, *b.cup)) &&
+         std::ranges::equal(a.obstacles, b.obstacles, same_obstacle);
 }
 
 /// What would overrule the inertias written here.
@@ -516,6 +529,8 @@ std::string mjcf_with_values(const std::string& original, const std::filesystem:
   if (inertia_changed) trust_stated_inertias(root);
   const Vec3<double> g = model.gravity - before.gravity;
   if (dot(g, g) != 0.0) child(root, "option").SetAttribute("gravity", exact(model.gravity).c_str());
+  if (!same_surroundings(model, before))
+    notes.emplace_back("the changed cup or obstacles of the ball");
   for (const EffectSpec& e : model.effects)
     if (!is_joint_term(model, e)) notes.push_back(e.effect + " at " + e.where);
   if (model.posterior) notes.emplace_back("the posterior of the parameters");

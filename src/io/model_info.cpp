@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 
@@ -91,6 +92,24 @@ std::string ball_text(const Model& model) {
          link_name(model, ball.string->link) + " at " + position_text(ball.string->p_LS) + "\n";
 }
 
+std::string cup_text(const Model& model) {
+  const CupSpec& cup = *model.cup;
+  const auto frame = std::ranges::find(model.frames, "cup", &ModelFrame::name);
+  std::string out = "\ncup\n";
+  if (frame != model.frames.end())
+    out += "  at " + link_name(model, frame->link) + ", frame cup; heights along its z axis\n";
+  return out + "  inner radius " + number(cup.inner_radius) + " m, wall " + number(cup.wall) +
+         " m, floor " + number(cup.floor) + " m, rim " + number(cup.rim) + " m\n";
+}
+
+std::string obstacles_text(const Model& model) {
+  std::string out = "\nobstacles of the ball\n";
+  for (const CapsuleSpec& o : model.obstacles)
+    out += "  " + link_name(model, o.link) + ": " + position_text(o.p_LA) + " to " +
+           position_text(o.p_LB) + ", radius " + number(o.radius) + " m\n";
+  return out;
+}
+
 Json finite_or_null(double x) { return std::isfinite(x) ? Json(x) : Json(); }
 
 Json triple(const Vec3<double>& v) { return Json::array({v.x, v.y, v.z}); }
@@ -110,6 +129,15 @@ Json ball_json(const Model& model) {
                      {"attachment", triple(ball.string->p_LS)},
                      {"length", ball.string->length}};
   return out;
+}
+
+Json cup_json(const Model& model) {
+  if (!model.cup) return {};
+  const CupSpec& cup = *model.cup;
+  return {{"inner_radius", cup.inner_radius},
+          {"wall", cup.wall},
+          {"floor", cup.floor},
+          {"rim", cup.rim}};
 }
 
 }  // namespace
@@ -136,6 +164,8 @@ std::string model_info_text(const Model& model) {
   if (!model.links.empty()) out += "\n  ground\n";
   append_tree(model, -1, "", out);
   if (model.ball) out += ball_text(model);
+  if (model.cup) out += cup_text(model);
+  if (!model.obstacles.empty()) out += obstacles_text(model);
   if (!model.effects.empty()) out += "\neffects\n";
   for (const EffectSpec& e : model.effects) {
     out += "  " + e.effect + " at " + e.where;
@@ -195,6 +225,13 @@ std::string model_info_json(const Model& model) {
     out["frames"].push_back(
         {{"name", f.name}, {"link", link_or_null(model, f.link)}, {"position", triple(f.X_LF.p)}});
   out["ball"] = ball_json(model);
+  out["cup"] = cup_json(model);
+  out["obstacles"] = Json::array();
+  for (const CapsuleSpec& o : model.obstacles)
+    out["obstacles"].push_back({{"link", link_or_null(model, o.link)},
+                                {"from", triple(o.p_LA)},
+                                {"to", triple(o.p_LB)},
+                                {"radius", o.radius}});
   out["effects"] = Json::array();
   for (const EffectSpec& e : model.effects) {
     Json parameters = Json::array();

@@ -167,7 +167,18 @@ Posterior posterior_from(const Json& value, const std::string& where) {
   return p;
 }
 
-/// @param links  all of the model's, to name them where the string's is none of them
+/// Index of any link of the model, −1 (the world) if the name is missing or null.
+/// @param links  all of the model's, to name them where it is none of them
+int any_link(const std::map<std::string, int>& links, const Json* name, const std::string& where) {
+  if (!name) return -1;
+  const auto it = links.find(io::json_string(*name, where));
+  if (it != links.end()) return it->second;
+  std::string names;
+  for (const auto& link : links) names += (names.empty() ? "" : ", ") + link.first;
+  throw ModelError(where + ": there is no link '" + name->get<std::string>() +
+                   "' (null for the world); links: " + (names.empty() ? "none" : names));
+}
+
 BallSpec ball_from(const Json& value, const std::string& where,
                    const std::map<std::string, int>& links) {
   JsonObject o(value, where);
@@ -177,16 +188,7 @@ BallSpec ball_from(const Json& value, const std::string& where,
   if (const Json* string = o.optional("string")) {
     JsonObject s(*string, o.at("string"));
     StringSpec out;
-    if (const Json* name = s.optional("link")) {
-      const auto it = links.find(io::json_string(*name, s.at("link")));
-      if (it == links.end()) {
-        std::string names;
-        for (const auto& link : links) names += (names.empty() ? "" : ", ") + link.first;
-        throw ModelError(s.at("link") + ": there is no link '" + name->get<std::string>() +
-                         "' (null for the world); links: " + (names.empty() ? "none" : names));
-      }
-      out.link = it->second;
-    }
+    out.link = any_link(links, s.optional("link"), s.at("link"));
     if (const Json* p = s.optional("attachment")) out.p_LS = vector_from(*p, s.at("attachment"));
     out.length = s.number("length");
     s.finish();
@@ -194,6 +196,26 @@ BallSpec ball_from(const Json& value, const std::string& where,
   }
   o.finish();
   return ball;
+}
+
+CupSpec cup_from(const Json& value, const std::string& where) {
+  JsonObject o(value, where);
+  const CupSpec cup{o.number("inner_radius"), o.number("wall"), o.number("floor"), o.number("rim")};
+  o.finish();
+  return cup;
+}
+
+/// Without `to` it is a sphere.
+CapsuleSpec obstacle_from(const Json& value, const std::string& where,
+                          const std::map<std::string, int>& links) {
+  JsonObject o(value, where);
+  CapsuleSpec out;
+  out.link = any_link(links, o.optional("link"), o.at("link"));
+  out.p_LA = out.p_LB = vector_from(o.required("from"), o.at("from"));
+  if (const Json* to = o.optional("to")) out.p_LB = vector_from(*to, o.at("to"));
+  out.radius = o.number("radius");
+  o.finish();
+  return out;
 }
 
 /// Index of the link that `name` names, −1 (the ground) if it is missing or null.
@@ -245,6 +267,16 @@ std::string model_to_json(const Model& model) {
       out["ball"]["string"] = {
           {"link", name_of(s->link)}, {"attachment", to_json(s->p_LS)}, {"length", s->length}};
   }
+  if (const std::optional<CupSpec>& cup = model.cup)
+    out["cup"] = {{"inner_radius", cup->inner_radius},
+                  {"wall", cup->wall},
+                  {"floor", cup->floor},
+                  {"rim", cup->rim}};
+  for (const CapsuleSpec& o : model.obstacles)
+    out["obstacles"].push_back({{"link", name_of(o.link)},
+                                {"from", to_json(o.p_LA)},
+                                {"to", to_json(o.p_LB)},
+                                {"radius", o.radius}});
   if (model.posterior) {
     const Posterior& p = *model.posterior;
     require_size("model_to_json: posterior.mean", static_cast<long>(p.mean.size()),
@@ -306,6 +338,13 @@ Model model_from_json(std::string_view text, const std::string& where) {
           effect_from((*effects)[i], o.at("effects") + "[" + std::to_string(i) + "]"));
   }
   if (const Json* ball = o.optional("ball")) model.ball = ball_from(*ball, o.at("ball"), index);
+  if (const Json* cup = o.optional("cup")) model.cup = cup_from(*cup, o.at("cup"));
+  if (const Json* obstacles = o.optional("obstacles")) {
+    io::json_array(*obstacles, o.at("obstacles"));
+    for (std::size_t i = 0; i < obstacles->size(); ++i)
+      model.obstacles.push_back(
+          obstacle_from((*obstacles)[i], o.at("obstacles") + "[" + std::to_string(i) + "]", index));
+  }
   if (const Json* posterior = o.optional("posterior"))
     model.posterior = posterior_from(*posterior, o.at("posterior"));
   if (const Json* notes = o.optional("notes")) {

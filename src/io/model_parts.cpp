@@ -45,6 +45,30 @@ void check_ball(const BallSpec& ball, std::size_t num_links, const std::string& 
     throw ModelError(where + ": the string is tied to no link of the model");
 }
 
+void check_cup(const Model& model, const std::string& where) {
+  const CupSpec& cup = *model.cup;
+  const std::string numbers = "inner radius " + exact(cup.inner_radius) + ", wall " +
+                              exact(cup.wall) + ", floor " + exact(cup.floor) + ", rim " +
+                              exact(cup.rim) + " m";
+  if (!std::isfinite(cup.inner_radius + cup.wall + cup.floor + cup.rim) ||
+      !(cup.inner_radius > 0.0) || !(cup.wall > 0.0) || !(cup.floor < cup.rim))
+    throw ModelError(where + ": the cup has " + numbers +
+                     ", expected a radius and a wall above 0 and a floor below the rim");
+  if (std::ranges::find(model.frames, "cup", &ModelFrame::name) == model.frames.end())
+    throw ModelError(where +
+                     ": there is no frame 'cup' that the cup's numbers belong to; add one at the "
+                     "cup with its z axis out of the opening (MJCF: <site name=\"cup\"/> in its "
+                     "body), or leave the cup out");
+}
+
+void check_obstacle(const CapsuleSpec& o, std::size_t num_links, const std::string& what) {
+  if (o.link < -1 || o.link >= static_cast<int>(num_links))
+    throw ModelError(what + ": is fixed to no link of the model");
+  if (!finite(o.p_LA) || !finite(o.p_LB) || !std::isfinite(o.radius) || !(o.radius > 0.0))
+    throw ModelError(what + ": expected a finite segment and a radius above 0, which is " +
+                     exact(o.radius) + " m");
+}
+
 double largest(const Theta<double>& t) {
   double m = 0.0;
   for (const double x : t) m = std::max(m, std::abs(x));
@@ -133,6 +157,10 @@ void validate(const Model& model, const std::string& where) {
         throw ModelError(where + ": " + e.effect + " at " + e.where + ": parameter '" + p.name +
                          "' is not finite");
   if (model.ball) check_ball(*model.ball, model.links.size(), where);
+  if (model.cup) check_cup(model, where);
+  for (std::size_t i = 0; i < model.obstacles.size(); ++i)
+    check_obstacle(model.obstacles[i], model.links.size(),
+                   where + ": obstacle " + std::to_string(i));
   if (!finite(model.gravity)) throw ModelError(where + ": gravity is not finite");
 }
 

@@ -25,7 +25,7 @@ JointTerms joint_terms(const Model& model, const std::string& joint);
 bool is_joint_term(const Model& model, const EffectSpec& effect);
 
 /// Finite numbers, unit axes, rotations that are rotations, names that are there and used once, a
-/// ball with mass on a string with length.
+/// ball with mass on a string with length, a cup that can hold one, obstacles that are solid.
 /// @throws ModelError `where: …`
 void validate(const Model& model, const std::string& where);
 

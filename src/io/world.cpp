@@ -30,7 +30,10 @@ constexpr WorldKey kWorldKeys[] = {
      "1e-5), none (a tendon)"},
     {"string",
      "length of the ball's string in the world [m], from where it is tied to the ball's centre; "
-     "default: the description's, changed by perturb"}};
+     "default: the description's, changed by perturb"},
+    {"tilt",
+     "of the cup about where the string is tied: the largest that is drawn [rad]; default: that of "
+     "perturb, A 0.035, B 0.07"}};
 
 std::string key_names() {
   std::string out;
@@ -78,6 +81,7 @@ WorldSpec parse_world(const std::string& text) {
   std::string rest = text.substr(colon + 1), name;
   std::optional<bool> chain;
   std::optional<std::optional<Rope>> rope;
+  std::optional<double> tilt;
   for (bool first = true; first || !rest.empty(); first = false) {
     const std::size_t comma = rest.find(',');
     const std::string part = rest.substr(0, comma);
@@ -99,6 +103,8 @@ WorldSpec parse_world(const std::string& text) {
       out.repetitions = number<int>(text, key, value);
     else if (key == "string")
       out.string = number<double>(text, key, value);
+    else if (key == "tilt")
+      tilt = number<double>(text, key, value);
     else if (key == "ball")
       chain = choice<bool>(text, key, value, {{"tendon", false}, {"chain", true}});
     else if (key == "rope")
@@ -116,6 +122,9 @@ WorldSpec parse_world(const std::string& text) {
     out.rope = *rope;
   else if (chain.value_or(false))
     out.rope = Rope{};
+  if (tilt) out.perturbation.cup_tilt = *tilt;
+  if (!(out.perturbation.cup_tilt >= 0.0))
+    throw Error("world '" + text + "': tilt must not be negative [rad]");
   if (out.string && !(*out.string > 0.0))
     throw Error("world '" + text + "': string must be positive [m]");
   if (out.repetitions < 1) throw Error("world '" + text + "': repetitions must be 1 or more");
@@ -124,27 +133,51 @@ WorldSpec parse_world(const std::string& text) {
   return out;
 }
 
-WorldRecording record_in_world(const WorldSpec& world, const Model& controller,
-                               const Trajectory& trajectory, RecordOptions options,
-                               std::uint64_t seed) {
-  options.seed = world.seed.value_or(seed);
+namespace {
+
+/// The robot that a world's seed gives, and its document.
+struct DrawnWorld {
+  Model truth;
+  std::string document;
+};
+DrawnWorld draw(const WorldSpec& world, std::uint64_t seed) {
   const Model nominal = read_model(world.mjcf);
-  WorldRecording out{.result = {}, .truth = perturbed(nominal, world.perturbation, options.seed)};
+  DrawnWorld out{.truth = perturbed(nominal, world.perturbation, seed), .document = {}};
   if ((world.rope || world.string) && !(nominal.ball && nominal.ball->string))
     throw ModelError(nominal.source +
                      ": the world has no ball on a string (keys ball, rope, string); a free body "
                      "'ball' on a spatial tendon 'string' is one, as in wam4_ball");
   if (world.string) out.truth.ball->string->length = *world.string;
-  std::string document = read_mjcf(world.mjcf);
-  if (world.rope) document = io::with_chain(document, nominal, out.truth, *world.rope);
+  out.document = read_mjcf(world.mjcf);
+  if (world.rope) out.document = io::with_chain(out.document, nominal, out.truth, *world.rope);
+  return out;
+}
+
+}  // namespace
+
+WorldRecording record_in_world(const WorldSpec& world, const Model& controller,
+                               const Trajectory& trajectory, RecordOptions options,
+                               std::uint64_t seed) {
+  options.seed = world.seed.value_or(seed);
+  DrawnWorld drawn = draw(world, options.seed);
+  WorldRecording out{.result = {}, .truth = std::move(drawn.truth)};
   std::vector<SimulatedRecording> repetitions;
   for (int k = 0; k < world.repetitions; ++k) {
-    repetitions.push_back(record_in_mujoco(document, out.truth, controller, trajectory, options));
+    repetitions.push_back(
+        record_in_mujoco(drawn.document, out.truth, controller, trajectory, options));
     // Other noise; Rng tells neighbouring seeds well apart.
     options.seed += 0x9e3779b97f4a7c15ULL;
   }
   out.result = averaged(repetitions);
   return out;
+}
+
+std::unique_ptr<Simulator> make_simulator(const WorldSpec& world, const Model& controller,
+                                          MujocoSimulatorOptions options, std::uint64_t seed,
+                                          Model* truth) {
+  const DrawnWorld drawn = draw(world, world.seed.value_or(seed));
+  if (truth) *truth = drawn.truth;
+  return std::make_unique<MujocoSimulator>(drawn.document, drawn.truth, controller, options);
 }
 
 std::vector<std::filesystem::path> model_folders() {

@@ -1,7 +1,6 @@
 #pragma once
 /// The loop that every recording runs: measure, compute the torque, hold it while the plant moves.
 
-#include <cmath>
 #include <optional>
 
 #include <diffnea/core/random.hpp>
@@ -23,12 +22,6 @@ class Plant {
   /// @return empty, or what went wrong
   virtual std::string step(const VecX<double>& torque) = 0;
 };
-
-/// Number of integration steps a control period.
-inline int substeps(const RecordOptions& options) {
-  return std::max(
-      1, static_cast<int>(std::ceil(1.0 / (options.control_rate * options.physics_step) - 1e-9)));
-}
 
 /// @throws as record_model
 SimulatedRecording run_control_loop(Plant& plant, const Model& robot, const Model& controller,

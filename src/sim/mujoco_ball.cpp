@@ -15,13 +15,16 @@ Eigen::Vector3d vector(const mjtNum* x) { return {x[0], x[1], x[2]}; }
 
 MujocoBall::MujocoBall(mjModel& m, const Model& truth) {
   body_ = mj_name2id(&m, mjOBJ_BODY, "ball");
-  const int first = mj_name2id(&m, mjOBJ_JOINT, (std::string(kChain) + "0_x").c_str());
+  const bool chain = mj_name2id(&m, mjOBJ_JOINT, (std::string(kChain) + "0_x").c_str()) >= 0;
+  for (int j = 0; chain && j < m.njnt; ++j)
+    if (const char* name = mj_id2name(&m, mjOBJ_JOINT, j);
+        name && std::string(name).starts_with(kChain))
+      chain_.push_back(j);
   if (body_ >= 0 && m.body_jntnum[body_] == 1 && m.jnt_type[m.body_jntadr[body_]] == mjJNT_FREE)
     free_ = m.body_jntadr[body_];
-  else if (first < 0)
+  else if (!chain)
     body_ = -1;  // a link of the robot that is called so
   if (body_ < 0) return;
-  if (first >= 0) first_dof_ = m.jnt_dofadr[first];
   if (truth.ball && truth.ball->mass > 0.0) {
     const double grow = truth.ball->mass / m.body_mass[body_];
     m.body_mass[body_] *= grow;
@@ -63,8 +66,13 @@ void MujocoBall::hang(const mjModel& m, mjData& d) const {
     std::copy_n(origin.data(), 3, q);
     q[3] = 1.0;
     q[4] = q[5] = q[6] = 0.0;
-  } else if (first_dof_ >= 0) {
-    const int joint = m.dof_jntid[first_dof_], body = m.jnt_bodyid[joint];
+    std::fill_n(d.qvel + m.jnt_dofadr[free_], 6, 0.0);
+  } else if (!chain_.empty()) {
+    for (const int joint : chain_) {
+      d.qpos[m.jnt_qposadr[joint]] = 0.0;
+      d.qvel[m.jnt_dofadr[joint]] = 0.0;
+    }
+    const int joint = chain_.front(), body = m.jnt_bodyid[joint];
     // Rx(a) Ry(b) (−z) = (−sin b, sin a cos b, −cos a cos b) in the frame before the two hinges.
     const mjtNum* quat = d.xquat + 4 * m.body_parentid[body];
     const Eigen::Quaterniond parent(quat[0], quat[1], quat[2], quat[3]);
@@ -80,6 +88,12 @@ void MujocoBall::hang(const mjModel& m, mjData& d) const {
 Vec3<double> MujocoBall::position(const mjData& d) const {
   const mjtNum* x = d.xipos + 3 * body_;
   return {x[0], x[1], x[2]};
+}
+
+Vec3<double> MujocoBall::velocity(const mjModel& m, const mjData& d) const {
+  mjtNum V[6];  // about the centre of mass, axes of the world
+  mj_objectVelocity(&m, &d, mjOBJ_BODY, body_, V, /*flg_local=*/0);
+  return {V[3], V[4], V[5]};
 }
 
 }  // namespace diffnea::sim

@@ -1,6 +1,8 @@
 #pragma once
 /// The ball of a MuJoCo world, on the tendon or the chain of its document.
 
+#include <vector>
+
 #include <diffnea/model/model.hpp>
 
 #include "sim/mujoco_model.hpp"
@@ -20,10 +22,11 @@ class MujocoBall {
   MujocoBall(mjModel& m, const Model& truth);
 
   bool exists() const { return body_ >= 0; }
-  /// Straight below where the string is tied (a ball without string stays where it is). Positions
-  /// of the robot's joints are set before; velocities are 0.
+  /// At rest, straight below where the string is tied (a ball without string stays where it is).
+  /// Positions of the robot's joints are set before.
   void hang(const mjModel& m, mjData& d) const;
-  Vec3<double> position(const mjData& d) const;  ///< of its centre, W [m]
+  Vec3<double> position(const mjData& d) const;                    ///< of its centre, W [m]
+  Vec3<double> velocity(const mjModel& m, const mjData& d) const;  ///< W [m/s]
 
  private:
   void tie(mjModel& m, const Model& truth, int tendon);
@@ -32,7 +35,7 @@ class MujocoBall {
   int free_ = -1;               ///< joint of a free ball
   int anchor_ = -1, end_ = -1;  ///< sites of a tendon
   int tendon_ = -1;
-  int first_dof_ = -1;  ///< of a chain
+  std::vector<int> chain_;  ///< joints, first to last
 };
 
 }  // namespace diffnea::sim

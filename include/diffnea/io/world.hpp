@@ -5,10 +5,12 @@
 #include <cstdint>
 #include <filesystem>
 #include <map>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include <diffnea/sim/mujoco_simulator.hpp>
 #include <diffnea/sim/mujoco_world.hpp>
 
 namespace diffnea {
@@ -35,7 +37,7 @@ struct WorldSpec {
 /// Parses `mujoco:NAME[,key=value…]`. NAME is a path to an MJCF, or the name of a model that
 /// find_model_file knows. Keys: `perturb` = none, A (default) or B; `seed`; `noise` (factor,
 /// default 1); `repetitions`; of a ball `ball` = tendon (default), chain, `rope` = heavy, mid
-/// (default), light, none, `string` [m].
+/// (default), light, none, `string` [m], `tilt` (largest, of a cup [rad]).
 /// @throws Error listing what there is
 WorldSpec parse_world(const std::string& text);
 
@@ -51,6 +53,15 @@ struct WorldRecording {
 WorldRecording record_in_world(const WorldSpec& world, const Model& controller,
                                const Trajectory& trajectory, RecordOptions options,
                                std::uint64_t seed);
+
+/// Draws the world's robot as record_in_world does, for policies to act in. `repetitions` and
+/// `noise` are the caller's: the noise of `options` is taken as it is.
+/// @param seed   of the robot, where the world has none of its own; noises are seeded by Starts
+/// @param truth  gets the robot that was drawn
+/// @throws as MujocoSimulator; ModelError if the world asks for a ball that the document has not
+std::unique_ptr<Simulator> make_simulator(const WorldSpec& world, const Model& controller,
+                                          MujocoSimulatorOptions options, std::uint64_t seed,
+                                          Model* truth = nullptr);
 
 /// Folders with the models that come with the program, in the order they are searched:
 /// $DIFFNEA_MODELS, the folder share/diffnea/models beside the command or of the installation, the

@@ -17,7 +17,7 @@ struct ControllerOptions {
   /// Gains per degree of freedom [N·m/rad, N·m·s/rad] or [N/m, N·s/m]. Empty: kp = m_j ω², kd = 2 ζ
   /// m_j ω with m_j = 1/(M⁻¹)_jj, the inertia that the joint feels at the start in the nominal
   /// model; with computed torque ω² and 2 ζ ω.
-  VecX<double> kp, kd;
+  VecX<double> kp{}, kd{};
   double bandwidth = 16.0;           ///< ω of the gains that are derived [rad/s]
   double damping = 0.7;              ///< ζ
   bool gravity_compensation = true;  ///< of the nominal model, at the measured position

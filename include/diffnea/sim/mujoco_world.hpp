@@ -23,10 +23,11 @@ struct Perturbation {
   double armature_low = 0.0, armature_high = 0.0;  ///< added rotor inertia [kg·m²]
   double attachment = 0.0;  ///< largest shift of where a ball's string is tied [m]
   double string = 0.0;      ///< largest change of its length [m]
+  double cup_tilt = 0.0;  ///< largest tilt of the cup's axis [rad], about where the string is tied
 };
 /// Masses −8…+20 %, inertias +10…+20 %, centres of mass up to 15 mm, Coulomb friction 0.6…1.5 N·m,
 /// viscous 0.5…1.2 N·m·s/rad, rotors +0.03…0.1 kg·m²; a ball's string up to 8 mm longer or shorter
-/// and tied up to 12 mm away.
+/// and tied up to 12 mm away, the cup tilted by up to 2°.
 Perturbation surrogate_a();
 /// About twice that.
 Perturbation surrogate_b();
@@ -42,10 +43,11 @@ Model perturbed(const Model& model, const Perturbation& perturbation, std::uint6
 /// @throws DataError if there is none, or their channels differ
 SimulatedRecording averaged(const std::vector<SimulatedRecording>& repetitions);
 
-/// Runs MuJoCo with the inertias, friction, rotors and springs of `truth` written over those of the
-/// document; other effects of joint torque that `truth` has act as additional torques.
-/// A ball of the document (on a tendon, or on a chain) is recorded, too: mass, attachment and
-/// length are those of the truth, and it hangs at rest in the beginning. Deterministic.
+/// Runs MuJoCo with the inertias, friction, rotors and springs of `truth`, and the pose of a cup
+/// (frame `cup`) that is fixed to its link, written over those of the document; other effects of
+/// joint torque that `truth` has act as additional torques. A ball of the document (on a tendon, or
+/// on a chain) is recorded, too: mass, attachment and length are those of the truth, and it hangs
+/// at rest in the beginning. Deterministic.
 /// @param mjcf        one self-contained document (read_mjcf)
 /// @param truth       a model with the document's links and joints, e.g. perturbed(read_model(…))
 /// @param controller  as record_model

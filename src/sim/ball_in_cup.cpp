@@ -1,0 +1,106 @@
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <limits>
+
+#include <diffnea/core/error.hpp>
+#include <diffnea/sim/ball_in_cup.hpp>
+
+namespace diffnea {
+namespace {
+
+std::string seconds(double t) {
+  char buffer[32];
+  std::snprintf(buffer, sizeof buffer, "%.2f s", t);
+  return buffer;
+}
+
+std::string millimetres(double x) {
+  char buffer[32];
+  std::snprintf(buffer, sizeof buffer, "%.0f mm", 1e3 * x);
+  return buffer;
+}
+
+/// The ball in the cup's frame: along its axis, and off it.
+struct Place {
+  double height, radius;
+};
+std::vector<Place> places(const RowMatX<double>& ball, const RowMatX<double>& cup,
+                          const RowMatX<double>& axis) {
+  std::vector<Place> out;
+  for (long k = 0; k < ball.rows(); ++k) {
+    const Eigen::Vector3d off = ball.row(k) - cup.row(k), m = axis.row(k);
+    const double h = off.dot(m);
+    out.push_back({h, (off - h * m).norm()});
+  }
+  return out;
+}
+
+void check(const VecX<double>& time, const RowMatX<double>& ball, const RowMatX<double>& cup,
+           const RowMatX<double>& axis, const SuccessOptions& o) {
+  for (const RowMatX<double>* x : {&ball, &cup, &axis}) {
+    require_size("ball_in_cup: rows", x->rows(), time.size(), "time");
+    require_size("ball_in_cup: columns", x->cols(), 3, "axis of W");
+  }
+  const double length = time.size() > 0 ? time[time.size() - 1] - time[0] : 0.0;
+  if (!(length >= o.window) || !(o.window > 0.0))
+    throw DataError("ball_in_cup: the series lasts " + seconds(length) +
+                    ", expected at least the window of " + seconds(o.window));
+}
+
+/// How near to a catch a ball came that never was in the cup.
+std::string missed(const std::vector<Place>& all, const CupSpec& cup) {
+  double highest = -std::numeric_limits<double>::infinity(), closest = -highest;
+  for (const Place& p : all) {
+    if (p.height > highest) highest = p.height;
+    if (p.height >= cup.rim && p.radius < closest) closest = p.radius;
+  }
+  if (highest < cup.rim) return "never above the rim: " + millimetres(cup.rim - highest) + " short";
+  return "never in the cup: above the rim it was " + millimetres(closest) + " or more off the axis";
+}
+
+}  // namespace
+
+Verdict judge_ball(const VecX<double>& time, const RowMatX<double>& ball,
+                   const RowMatX<double>& cup, const RowMatX<double>& axis, const CupSpec& spec,
+                   const SuccessOptions& o) {
+  check(time, ball, cup, axis, o);
+  const std::vector<Place> all = places(ball, cup, axis);
+  const auto inside = [&](const Place& p) {
+    return p.height > spec.floor && p.height < spec.rim && p.radius < spec.inner_radius + o.slack;
+  };
+  const long last = time.size() - 1;
+  long since = last + 1;  // the ball is in the cup from this row to the end
+  while (since > 0 && inside(all[since - 1])) --since;
+  constexpr double kRounding = 1e-9;  // of sampled times [s]
+  if (since <= last && time[since] <= time[last] - o.window + kRounding)
+    return {Outcome::kInCup, "in the cup since " + seconds(time[since])};
+  if (since <= last)
+    return {Outcome::kLate, "in the cup for the last " + seconds(time[last] - time[since]) +
+                                " only, expected " + seconds(o.window)};
+
+  long window = last;
+  while (window > 0 && time[window - 1] >= time[last] - o.window - kRounding) --window;
+  // How far a ball that touches the cup can be; balls are smaller than cups.
+  const double reach = spec.inner_radius, outer = spec.inner_radius + spec.wall + reach;
+  const auto stays = [&](double low, double high) {
+    return std::all_of(all.begin() + window, all.end(), [&](const Place& p) {
+      return p.height >= low && p.height < high && p.radius < outer;
+    });
+  };
+  const std::string where = millimetres(all[last].height) + " high and " +
+                            millimetres(all[last].radius) + " off the axis";
+  if (stays(spec.rim, spec.rim + reach)) return {Outcome::kRim, "on the rim: " + where};
+  const auto was_inside = std::find_if(all.rbegin(), all.rend(), inside);
+  if (was_inside != all.rend())
+    return {Outcome::kFellOut, "fell out at " + seconds(time[all.rend() - was_inside - 1])};
+  if (stays(spec.floor - reach, spec.rim)) return {Outcome::kBeside, "beside the cup: " + where};
+  return {Outcome::kMissed, missed(all, spec)};
+}
+
+bool ball_in_cup(const VecX<double>& time, const RowMatX<double>& ball, const RowMatX<double>& cup,
+                 const RowMatX<double>& axis, const CupSpec& spec, const SuccessOptions& options) {
+  return judge_ball(time, ball, cup, axis, spec, options).outcome == Outcome::kInCup;
+}
+
+}  // namespace diffnea

@@ -1,0 +1,245 @@
+#include "sim/mujoco_plant.hpp"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <map>
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/Geometry>
+
+#include <diffnea/core/error.hpp>
+
+namespace diffnea::sim {
+namespace {
+
+/// By name; `body3`, `joint2`: by MuJoCo's number, as io/ names what has no name.
+int find(const mjModel& m, mjtObj type, const std::string& name, const std::string& unnamed) {
+  if (const int id = mj_name2id(&m, type, name.c_str()); id >= 0) return id;
+  int id = -1;
+  const int count = type == mjOBJ_BODY ? m.nbody : m.njnt;
+  if (name.starts_with(unnamed))
+    std::from_chars(name.data() + unnamed.size(), name.data() + name.size(), id);
+  if (id < 0 || id >= count || mj_id2name(&m, type, id))
+    throw ModelError("MuJoCo world: there is no " + unnamed + " '" + name + "' in the document");
+  return id;
+}
+
+/// @param b  about the origin of the body
+void set_inertia(mjModel& m, int body, const SpatialInertia<double>& b) {
+  m.body_mass[body] = b.m;
+  if (!(b.m > 0.0)) {
+    std::fill_n(m.body_inertia + 3 * body, 3, 0.0);
+    return;
+  }
+  const Vec3<double> com = b.h * (1.0 / b.m);
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(to_eigen(full(inertia_about_com(b))));
+  Eigen::Matrix3d R = eigen.eigenvectors();
+  if (R.determinant() < 0) R.col(0) = -R.col(0);
+  const Eigen::Quaterniond q(R);
+  const double p[3] = {com.x, com.y, com.z}, quat[4] = {q.w(), q.x(), q.y(), q.z()};
+  std::copy_n(p, 3, m.body_ipos + 3 * body);
+  std::copy_n(quat, 4, m.body_iquat + 4 * body);
+  std::copy_n(eigen.eigenvalues().data(), 3, m.body_inertia + 3 * body);
+  m.body_sameframe[body] = 0;  // compiled for the inertia it had
+}
+
+/// The four effects that MuJoCo has fields for: which one a spec fills.
+using Field = mjtNum* mjModel::*;
+Field dof_field(const std::string& effect) {
+  static const std::map<std::string, Field> kFields{
+      {"armature", &mjModel::dof_armature},
+      {"coulomb_friction", &mjModel::dof_frictionloss},
+      {"viscous_friction", &mjModel::dof_damping}};
+  const auto it = kFields.find(effect);
+  return it == kFields.end() ? nullptr : it->second;
+}
+
+}  // namespace
+
+MujocoRobot::MujocoRobot(const std::string& mjcf, const Model& truth, double rate,
+                         double largest_step) {
+  MujocoFiles files;
+  model_ = compile_mujoco(mjcf, files, truth.source);
+  mjModel& m = *model_;
+  substeps_ = std::max(1, static_cast<int>(std::ceil(1.0 / (rate * largest_step) - 1e-9)));
+  m.opt.timestep = 1.0 / (rate * substeps_);
+  // Semi-implicit Euler moves the robot half a step early: a quarter of a millisecond, which a
+  // diagnosis finds.
+  m.opt.integrator = mjINT_RK4;
+  const Vec3<double>& g = truth.gravity;
+  const double gravity[3] = {g.x, g.y, g.z};
+  std::copy_n(gravity, 3, m.opt.gravity);
+  for (const ModelLink& link : truth.links) apply(link);
+  for (const EffectSpec& effect : truth.effects) apply(effect, truth);
+  apply_gains();
+  cup_ = mj_name2id(&m, mjOBJ_SITE, "cup");
+  place_cup(truth);
+  ball_ = MujocoBall(m, truth);
+  const MujocoData data(mj_makeData(&m));
+  if (!data) throw ModelError(truth.source + ": MuJoCo has no memory for it");
+  mj_setConst(&m, data.get());
+}
+
+void MujocoRobot::apply(const ModelLink& link) {
+  mjModel& m = *model_;
+  // "wrist/yaw" is a link of its own in the tree, and one of several joints of the body in
+  // MuJoCo.
+  const std::size_t slash = link.name.rfind('/');
+  const bool of_body = slash == link.name.npos || link.name.substr(slash + 1) != link.joint;
+  Vec3<double> anchor;
+  if (link.type != ModelJoint::kFixed) {
+    const int joint = find(m, mjOBJ_JOINT, link.joint, "joint");
+    qpos_.push_back(m.jnt_qposadr[joint]);
+    dof_.push_back(m.jnt_dofadr[joint]);
+    joint_.push_back(joint);
+    anchor = {m.jnt_pos[3 * joint], m.jnt_pos[3 * joint + 1], m.jnt_pos[3 * joint + 2]};
+    for (const Field field :
+         {&mjModel::dof_armature, &mjModel::dof_damping, &mjModel::dof_frictionloss})
+      (m.*field)[dof_.back()] = 0.0;
+    m.jnt_stiffness[joint] = 0.0;
+  }
+  if (of_body)
+    set_inertia(m, find(m, mjOBJ_BODY, link.name, "body"),
+                to_parent(Pose<double>{Mat3<double>::identity(), anchor}, link.inertia));
+}
+
+void MujocoRobot::apply(const EffectSpec& effect, const Model& truth) {
+  mjModel& m = *model_;
+  BoundEffect bound = bind(effect, truth);
+  const EffectInfo& info = bound.info();
+  if (const Field field = dof_field(info.name)) {
+    for (const int j : bound.joints) (m.*field)[dof_[j]] += bound.parameters[0];
+  } else if (info.name == "joint_spring") {
+    for (const int j : bound.joints) {
+      m.jnt_stiffness[joint_[j]] = bound.parameters[0];
+      m.qpos_spring[qpos_[j]] = bound.parameters[1];
+    }
+  } else if (info.name == "torque_gain") {
+    gain_effects_.push_back(std::move(bound));
+  } else if (info.port == Port::kJointTorque && !reads_acceleration(bound)) {
+    effects_.push_back(std::move(bound));
+  } else if (info.name == "base_tilt") {
+    for (int i = 0; i < 2; ++i) m.opt.gravity[i] += bound.parameters[static_cast<std::size_t>(i)];
+  } else if (info.port == Port::kMeasurement || info.name.starts_with("actuator_") ||
+             info.name == "saturation") {
+    series_.push_back(std::move(bound));  // drives, encoders; the control loop has the rest
+  } else {
+    throw ModelError("MuJoCo world: effect '" + info.name + "' cannot act in MuJoCo");
+  }
+}
+
+/// Drives that report 1 + ε times their torque: all that the recorded torque has beside the
+/// links' is in its unit (torque_gains).
+void MujocoRobot::apply_gains() {
+  mjModel& m = *model_;
+  gains_ = torque_gains(gain_effects_, static_cast<int>(dof_.size()));
+  for (std::size_t j = 0; j < dof_.size(); ++j) {
+    const double gain = gains_[static_cast<long>(j)];
+    for (const Field field :
+         {&mjModel::dof_armature, &mjModel::dof_damping, &mjModel::dof_frictionloss})
+      (m.*field)[dof_[j]] /= gain;
+    m.jnt_stiffness[joint_[j]] /= gain;
+  }
+}
+
+/// A cup that is fixed to its link may be tilted in the truth (perturbed).
+void MujocoRobot::place_cup(const Model& truth) {
+  const auto frame = std::ranges::find(truth.frames, "cup", &ModelFrame::name);
+  if (cup_ < 0 || frame == truth.frames.end() || frame->link < 0) return;
+  const ModelLink& link = truth.links[frame->link];
+  if (link.type != ModelJoint::kFixed) return;
+  mjModel& m = *model_;
+  const int body = find(m, mjOBJ_BODY, link.name, "body"), parent = m.body_parentid[body];
+  // The model's links have their origin at the joint, MuJoCo's bodies need not.
+  Eigen::Vector3d p = to_eigen(link.X_PJ.p);
+  if (const int joints = m.body_jntnum[parent]; joints > 0)
+    p += Eigen::Map<const Eigen::Vector3d>(m.jnt_pos + 3 * (m.body_jntadr[parent] + joints - 1));
+  const Eigen::Quaterniond q(to_eigen(link.X_PJ.R));
+  const double quat[4] = {q.w(), q.x(), q.y(), q.z()};
+  std::copy_n(p.data(), 3, m.body_pos + 3 * body);
+  std::copy_n(quat, 4, m.body_quat + 4 * body);
+}
+
+MujocoPlant::MujocoPlant(std::shared_ptr<const MujocoRobot> robot)
+    : robot_(std::move(robot)),
+      data_(mj_makeData(robot_->model_.get())),
+      drives_(robot_->series_, static_cast<int>(robot_->dof_.size())),
+      encoders_(robot_->series_, static_cast<int>(robot_->dof_.size())) {
+  if (!data_) throw ModelError("MuJoCo world: there is no memory for its state");
+  q_.setZero(static_cast<long>(robot_->dof_.size()));
+  qd_ = extra_ = q_;
+}
+
+void MujocoPlant::reset(const VecX<double>& reading) {
+  const VecX<double> q = encoders_.truth(reading);
+  drives_.reset();
+  mj_resetData(robot_->model_.get(), data_.get());
+  for (std::size_t j = 0; j < robot_->qpos_.size(); ++j) data_->qpos[robot_->qpos_[j]] = q[j];
+  hang_ball();
+}
+
+void MujocoPlant::hang_ball() {
+  robot_->ball_.hang(*robot_->model_, *data_);
+  mj_forward(robot_->model_.get(), data_.get());
+  read_state();
+}
+
+std::optional<Vec3<double>> MujocoPlant::ball() const {
+  if (!robot_->ball_.exists()) return {};
+  return robot_->ball_.position(*data_);
+}
+
+Vec3<double> MujocoPlant::ball_velocity() const {
+  return robot_->ball_.velocity(*robot_->model_, *data_);
+}
+
+Pose<double> MujocoPlant::cup() const {
+  const mjtNum *p = data_->site_xpos + 3 * robot_->cup_, *R = data_->site_xmat + 9 * robot_->cup_;
+  Eigen::Matrix3d rows;
+  rows << R[0], R[1], R[2], R[3], R[4], R[5], R[6], R[7], R[8];
+  return {mat3<double>(rows), {p[0], p[1], p[2]}};
+}
+
+std::string MujocoPlant::step(const VecX<double>& torque) {
+  const mjModel* m = robot_->model_.get();
+  drives_.command(data_->time, torque);
+  for (int i = 0; i < robot_->substeps_; ++i) {
+    extra_.setZero();
+    JointSample<double> x;
+    x.time = data_->time;
+    x.q = q_.data();
+    x.qd = qd_.data();
+    x.qdd = x.tau = q_.data();  // unread: such effects were refused
+    for (const BoundEffect& e : robot_->effects_)
+      add_torque(e, x, e.parameters.data(), extra_.data());
+    drives_.begin_step(data_->time, m->opt.timestep);
+    const VecX<double> applied = drives_.applied(0.5);
+    for (std::size_t j = 0; j < robot_->dof_.size(); ++j)
+      data_->qfrc_applied[robot_->dof_[j]] =
+          (applied[j] - extra_[j]) / robot_->gains_[static_cast<long>(j)];
+    drives_.end_step();
+    mj_step(m, data_.get());
+    read_state();
+  }
+  // A step leaves poses and velocities of bodies where its last evaluation had them.
+  if (robot_->ball_.exists() || has_cup()) {
+    mj_kinematics(m, data_.get());
+    mj_comPos(m, data_.get());
+    mj_comVel(m, data_.get());
+  }
+  for (int w = 0; w < mjNWARNING; ++w)
+    if (data_->warning[w].number > 0)
+      return "MuJoCo warns: " +
+             std::string(mju_warningText(w, static_cast<size_t>(data_->warning[w].lastinfo)));
+  return "";
+}
+
+void MujocoPlant::read_state() {
+  for (std::size_t j = 0; j < robot_->dof_.size(); ++j) {
+    q_[j] = data_->qpos[robot_->qpos_[j]];
+    qd_[j] = data_->qvel[robot_->dof_[j]];
+  }
+}
+
+}  // namespace diffnea::sim
