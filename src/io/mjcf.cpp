@@ -296,6 +296,7 @@ Model model_from_mujoco(const mjModel& m, const std::string& where) {
   const std::optional<MjcfBall> ball = find_ball(m, where, model.notes);
   note_what_is_left_out(m, model.notes);
   const std::vector<Actuation> actuators = actuation(m, model.notes);
+  const int home = mj_name2id(&m, mjOBJ_KEY, "home");
 
   std::vector<BodyAt> bodies(static_cast<std::size_t>(m.nbody));
   for (int b = 1; b < m.nbody; ++b) {
@@ -327,6 +328,7 @@ Model model_from_mujoco(const mjModel& m, const std::string& where) {
       }
       add_joint_terms(model, link, mujoco_terms(m, j));
       append(link);
+      if (home >= 0) model.home.push_back(m.key_qpos[home * m.nq + m.jnt_qposadr[j]]);
       at.X_LB = X_PB = shift(-vec(m.jnt_pos + 3 * j));
     }
     bodies[b] = at;

@@ -277,6 +277,7 @@ std::string model_to_json(const Model& model) {
                                 {"from", to_json(o.p_LA)},
                                 {"to", to_json(o.p_LB)},
                                 {"radius", o.radius}});
+  if (!model.home.empty()) out["home"] = model.home;
   if (model.posterior) {
     const Posterior& p = *model.posterior;
     require_size("model_to_json: posterior.mean", static_cast<long>(p.mean.size()),
@@ -345,6 +346,8 @@ Model model_from_json(std::string_view text, const std::string& where) {
       model.obstacles.push_back(
           obstacle_from((*obstacles)[i], o.at("obstacles") + "[" + std::to_string(i) + "]", index));
   }
+  if (const Json* home = o.optional("home"))
+    model.home = io::json_numbers(*home, o.at("home"), static_cast<int>(moving_links(model).size()));
   if (const Json* posterior = o.optional("posterior"))
     model.posterior = posterior_from(*posterior, o.at("posterior"));
   if (const Json* notes = o.optional("notes")) {

@@ -77,6 +77,7 @@ struct Model {
   std::optional<BallSpec> ball;
   std::optional<CupSpec> cup;
   std::vector<CapsuleSpec> obstacles;  ///< of the ball
+  std::vector<double> home;  ///< posture to start from, per degree of freedom [rad, m]; empty: none
   std::optional<Posterior> posterior;
   std::string source;  ///< file the model was read from, for messages
   std::vector<std::string>

@@ -23,23 +23,30 @@ struct ErepsOptions {
   double least_std = 1e-3;  ///< the update keeps every direction's above
 };
 
-/// Weights of samples by the dual g(η) = ηε + R_max + η log(1/N Σ exp((R_i − R_max)/η)).
+/// Weights of samples by the dual g(η) = ηε + R_max + η log(1/N Σ exp((R_i − R_max)/η)), N and Σ
+/// those of finite rewards.
 struct Reweighting {
+  /// [reward]. Where ε is more than taking the best alone costs, one that does so; where
+  /// all rewards are equal any does, and it is the larger of 1 and |R|.
   double eta = 0.0;
   VecX<double> weights;            ///< (N), sum 1
-  double kl = 0.0;                 ///< of the weights against uniform ones [nat]
+  double kl = 0.0;                 ///< of the weights against uniform ones of the finite, ≤ ε [nat]
   double effective_samples = 0.0;  ///< 1/Σw²
 };
 /// @param rewards (N), finite or −∞ (weight 0)
-/// @throws DataError if one is NaN or +∞ (says which), or none is finite
+/// @throws DataError if one is NaN or +∞ (says which), or none is finite; Error if not epsilon > 0
 Reweighting reweight(const VecX<double>& rewards, double epsilon);
-/// g(η) and g'(η).
+/// g(η) and g'(η) = ε − KL(η). @throws as reweight(); Error if not eta > 0
 double ereps_dual(const VecX<double>& rewards, double epsilon, double eta, double* slope = nullptr);
 
 /// The weighted maximum-likelihood Gaussian with KL(old ‖ new) ≤ kappa: as near to it as λ allows,
-/// bisected on log λ.
+/// bisected on log λ:
+///   μ' = (Σwθ + λμ)/(1 + λ),  Σ' = (Σw(θ−μ')(θ−μ')ᵀ + λΣ + λ(μ'−μ)(μ'−μ)ᵀ)/(1 + λ)
+/// then every direction's standard deviation raised to least_std, which the bound includes. An old
+/// one that has a direction below is floored by that direction's instead.
 /// @param theta (N × d)  @param weights (N), sum 1
 /// @param kl  of the update, written if given
+/// @throws ShapeError; Error if a weight or kappa makes no sense
 Gaussian bounded_update(const Gaussian& old, const RowMatX<double>& theta,
                         const VecX<double>& weights, double kappa, double least_std,
                         double* kl = nullptr);
@@ -65,8 +72,8 @@ class Ereps {
   /// Samples of this iteration, (N × d): the same however often one asks, drawn from seed and
   /// iteration alone, so that a search goes on from what it saved to the same result.
   const RowMatX<double>& ask();
-  /// @throws DataError naming iteration, sample and parameters of a reward that is NaN; the search
-  /// is then as it was
+  /// @throws DataError naming iteration, sample and parameters of a reward that is NaN or +∞, or if
+  /// all are −∞; ShapeError; the search is then as it was
   void tell(const VecX<double>& rewards);
 
   bool done() const;
@@ -85,6 +92,8 @@ class Ereps {
   void restore(Gaussian policy, VecX<double> best, std::vector<ErepsIteration> history);
 
  private:
+  void judge();  ///< whether to stop
+
   Gaussian policy_;
   ErepsOptions options_;
   std::uint64_t seed_;

@@ -2,10 +2,12 @@
 /// Probabilistic movement primitive (Paraschos et al. 2013): joint motions that are linear in
 /// weights, and a Gaussian over the weights (policy/gaussian.hpp).
 ///
-///   q(t) = q_0 + Σ_b w_b φ_b(t/T),   φ normalised radial bases, corrected so that φ(0) = φ'(0) = 0
+///   q(t) = q_0 + Σ_b w_b φ_b(t/T),   φ_b = n_b less the cubic with n_b's value and slope at the
+///   ends
 ///
-/// Motions start exactly at q_0 and at rest; velocities are divided by the duration. After T the
-/// posture of T is held.
+/// n_b are normalised radial bases of centres b/(B − 1), b = 0 … B − 1. Motions start exactly at
+/// q_0 and at rest, and end at rest; velocities are divided by the duration. After T the posture of
+/// T is held.
 
 #include <string>
 #include <vector>
@@ -16,27 +18,28 @@ namespace diffnea {
 
 struct PrompSpec {
   std::vector<std::string> joints;  ///< that move; all others keep their start
-  int bases = 9;                    ///< a joint
+  int bases = 9;                    ///< B, a joint; at least 2
   /// Weights at the beginning and the end that are 0 and not of the parameters: the motion leaves
   /// slowly and comes home.
   int held_first = 2, held_last = 2;
   double width = 1.0;     ///< of a basis, in spacings of the centres
   double duration = 1.5;  ///< T [s]
   double hold = 1.0;      ///< after T [s]
-  /// Comes back exactly to q_0 and to rest at T: φ(1) = φ'(1) = 0, too.
+  /// Comes back exactly to q_0 at T: φ(1) = 0. If not, φ(1) = n(1), still at rest.
   bool returns = true;
 };
 
 class Promp {
  public:
-  /// @throws Error if there are no joints, bases or duration, or all weights are held
+  /// @throws Error if there are no joints, fewer than two bases, no duration or width, or all
+  /// weights are held
   explicit Promp(PrompSpec spec);
 
   const PrompSpec& spec() const { return spec_; }
   int parameters_per_joint() const;
   int size() const;  ///< parameters θ: joint by joint
   /// φ, (parameters_per_joint), and dφ/dt [1/s] at `time` [s], 0 ≤ time; T and later: of T, at
-  /// rest.
+  /// rest. @throws Error if time < 0
   void features(double time, VecX<double>& phi, VecX<double>& phi_d) const;
   /// Desired motion of the spec's joints at `times`, relative to the start.
   /// @param theta (size())  @param q, qd  (times × joints) [rad, rad/s], overwritten

@@ -1,9 +1,11 @@
 #pragma once
-/// Motions of a primitive executed in a simulator, many at once, and what a task says of them.
+/// Motions of a primitive executed in a simulator, many at once, and what a task says of them. What
+/// one rollout is worth never depends on the others, nor on how many threads there are.
 
-#include <functional>
+#include <cstdint>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -13,7 +15,8 @@
 
 namespace diffnea {
 
-/// Range of a joint's desired position, and its largest velocity. [rad, rad/s], [m, m/s]
+/// Range of a joint's desired position, and its largest velocity; ±∞ is none. [rad, rad/s], [m,
+/// m/s]
 struct MotionLimits {
   VecX<double> lower, upper, velocity;  ///< (joints of the simulator)
 };
@@ -26,12 +29,13 @@ struct LimitViolation {
 };
 
 struct RolloutResult {
-  VecX<double> rewards;               ///< (N)
-  std::vector<char> solved;           ///< (N); empty if the task has no such notion
+  VecX<double> rewards;  ///< (N)
+  /// (N); empty if the task has no such notion, or nothing was executed.
+  std::vector<char> solved;
   std::vector<std::string> failures;  ///< (N), empty where none
 };
 
-/// A rollout kept row by row.
+/// A rollout kept row by row, until its episode ended. No rows if the motion breaks a limit.
 struct RolloutTrace {
   VecX<double> time;                  ///< (T) [s]
   std::vector<std::string> channels;  ///< as the simulator's
@@ -39,19 +43,23 @@ struct RolloutTrace {
   RowMatX<double> q_desired;          ///< (T × joints)
   double reward = 0.0;
   bool solved = false;
-  std::string failure;
+  std::string failure;  ///< of the simulator, or the limit that the motion breaks
 };
 
 class Rollouts {
  public:
   /// @param start  q_0 of the simulator's joints [rad, m]
-  /// @throws Error if the primitive names a joint that the simulator has not
+  /// @throws Error if the primitive names a joint that the simulator has not, or there are no
+  /// threads; ShapeError
   Rollouts(const Simulator& simulator, const Task& task, Promp promp, VecX<double> start,
            MotionLimits limits, int threads = 1);
 
-  /// One rollout a row of theta. The reward of a motion that breaks a limit is −1 less by how far,
-  /// and it is not executed. A simulator's failure is −∞.
-  /// @param seeds  of each world's noise; empty: 0 for all
+  /// One rollout a row of theta. A motion that breaks a limit is not executed; its reward is −1 −
+  /// Σ, summed over joints, of the largest excess of position [rad, m] and velocity [rad/s, m/s]. A
+  /// simulator's failure is −∞, and its text.
+  /// @param theta (N × parameters)
+  /// @param seeds  (N) of each world's noise; empty: 0 for all
+  /// @throws ShapeError; DataError if a parameter is not finite; what simulator and task throw
   RolloutResult run(const RowMatX<double>& theta, const std::vector<std::uint64_t>& seeds = {});
   /// One rollout with all that was seen.
   RolloutTrace trace(const VecX<double>& theta, std::uint64_t seed = 0);
@@ -63,17 +71,27 @@ class Rollouts {
   long count() const { return count_; }  ///< rollouts executed so far
 
  private:
-  Promp promp_;
-  VecX<double> start_;
-  MotionLimits limits_;
-  long count_ = 0;
   struct Worker {
     std::unique_ptr<Simulator> simulator;
     std::unique_ptr<Task> task;
   };
+
+  /// Desired motion at instant k of every lane's weights, (parameters × lanes).
+  void command(long k, const Lanes& weights, Lanes& q, Lanes& qd) const;
+  VecX<double> excess(const Lanes& weights) const;  ///< (lanes), 0 within the limits
+  /// Rows of theta side by side. @param trace  of the first, if given
+  void execute(Worker& worker, const RowMatX<double>& theta, std::span<const long> rows,
+               const std::vector<std::uint64_t>& seeds, RolloutResult& out,
+               RolloutTrace* trace = nullptr) const;
+
+  Promp promp_;
+  VecX<double> start_;
+  MotionLimits limits_;
+  long count_ = 0;
   std::vector<Worker> workers_;
   std::vector<int> rows_;        ///< of the primitive's joints among the simulator's
-  RowMatX<double> phi_, phi_d_;  ///< (steps × parameters per joint)
+  double period_;                ///< between two instants [s]
+  RowMatX<double> phi_, phi_d_;  ///< (steps + 1 × parameters per joint), of every instant
 };
 
 }  // namespace diffnea

@@ -1,0 +1,54 @@
+#pragma once
+/// Reward of ball in a cup (paper; corrected, see docs/policy.md):
+///
+///   R = exp(½ max_t ψ_t + ½ ψ_N) − 1/(N+1) Σ_{i=0}^{N} (λ_q ‖q_i − q_0‖² + λ_q̇ ‖q̇_i‖²)
+///   ψ = Δᵀm̂/(ΔᵀΔ + ε),   Δ = p_WB − p_WC,   m̂ = the cup's axis
+///
+/// the field of a dipole at the cup's origin, which draws the ball into it from above. ψ_N is that
+/// of a ball that is in the cup at the end. Any other ball gets at most what it gets hanging still
+/// below the cup, ψ_hang = −r/(r² + ε): hovering over the cup when time is up is no success. A ball
+/// that touches the cup from outside, and a cup upside down, end the episode.
+
+#include <diffnea/policy/task.hpp>
+
+namespace diffnea {
+
+struct BallInCupOptions {
+  /// ε, the square of the distance from the cup's origin at which ψ is largest [m²].
+  double epsilon = 0.01;
+  double lambda_q = 0.02;    ///< λ_q, of joint positions [1/rad²]
+  double lambda_qd = 0.002;  ///< λ_q̇, of joint velocities [s²/rad²]
+  double string = 0.4;       ///< r, the string's length [m]
+};
+
+class BallInCupTask : public Task {
+ public:
+  /// @throws Error if epsilon or string is not positive, or a λ is negative
+  explicit BallInCupTask(const BallInCupOptions& options = {});
+
+  /// @throws Error if the simulator shows no ball, cup, axis, phase, or a joint's position or
+  /// velocity
+  void begin(const Simulator& simulator, int count) override;
+  void look(double time, const Lanes& observation, std::vector<char>& ended) override;
+  VecX<double> rewards() const override;
+  /// 1 where the ball is in the cup at the end.
+  std::vector<char> solved() const override;
+  std::unique_ptr<Task> clone() const override;
+
+  const BallInCupOptions& options() const { return options_; }
+
+ private:
+  BallInCupOptions options_;
+  std::vector<int> q_, qd_;  ///< rows of the observation
+  int ball_[3] = {}, cup_[3] = {}, axis_[3] = {}, phase_row_ = 0;
+
+  // One entry a world, up to the end of its episode.
+  Lanes q0_;                     ///< (joints × count), of the first look
+  VecX<double> looks_;           ///< seen so far
+  VecX<double> penalty_;         ///< summed over them
+  VecX<double> psi_, psi_most_;  ///< ψ of the last look, and the largest
+  VecX<double> phase_;           ///< of the last look
+  VecX<double> live_, now_;      ///< scratch: 1 where the episode goes on; penalty of this look
+};
+
+}  // namespace diffnea
