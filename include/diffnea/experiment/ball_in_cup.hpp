@@ -28,7 +28,8 @@ struct LearnOptions {
   ErepsOptions ereps;
   double weight_std = 0.4;  ///< of the first Gaussian's weights [rad]
   BallInCupOptions reward;  ///< its string is the model's
-  ModelSimulatorOptions simulator{.controller = {.bandwidth = 25.0}};  ///< of the controller, too
+  ModelSimulatorOptions simulator;
+  LearnOptions() { simulator.controller.bandwidth = 25.0; }  // fast motions
 };
 
 /// All that a search needs.

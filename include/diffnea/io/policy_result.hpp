@@ -1,0 +1,56 @@
+#pragma once
+/// RUN/result.json and RUN/series.json of `learn` and `transfer`, both ways (docs/schema/learn.md,
+/// transfer.md).
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include <diffnea/experiment/ball_in_cup.hpp>
+#include <diffnea/io/result.hpp>
+
+namespace diffnea {
+
+/// What `diffnea learn` found: one policy a seed.
+struct LearnRun {
+  BallInCup task;
+  std::vector<LearnedPolicy> policies;
+  std::vector<RolloutTrace> imagined;  ///< of every policy's mean, in the model
+  int threads = 1;
+  double seconds = 0.0;  ///< that passed
+  bool interrupted = false;
+  Reproduce reproduce;
+};
+
+/// What `diffnea transfer` saw: every policy once, the best one again and again.
+struct TransferRun {
+  BallInCup task;  ///< as it was learned
+  std::vector<LearnedPolicy> policies;
+  std::vector<RolloutTrace> imagined;
+  std::string world;                   ///< as it was named
+  std::vector<Execution> executions;   ///< of the policies, without noise
+  int best = -1;                       ///< of the executions, by reward; −1: none
+  std::vector<Execution> repetitions;  ///< of the best, with noise
+  double seconds = 0.0;
+  bool interrupted = false;
+  Reproduce reproduce;
+};
+
+/// k of n, and its 95 % interval (Wilson 1927).
+struct Share {
+  int k = 0, n = 0;
+  double low = 0.0, high = 1.0;
+};
+Share share_of(int k, int n);
+
+std::string learn_result_json(const LearnRun& run);        ///< schema "diffnea/learn/1"
+std::string learn_series_json(const LearnRun& run);        ///< schema "diffnea/learn-series/1"
+std::string transfer_result_json(const TransferRun& run);  ///< schema "diffnea/transfer/1"
+std::string transfer_series_json(const TransferRun& run);  ///< schema "diffnea/transfer-series/1"
+
+/// Reads a folder that `learn` left: result.json, series.json, model.json, controller.json,
+/// policies/. @throws FileError, ModelError naming file and key
+LearnRun read_learn_run(const std::filesystem::path& folder);
+TransferRun read_transfer_run(const std::filesystem::path& folder);
+
+}  // namespace diffnea
