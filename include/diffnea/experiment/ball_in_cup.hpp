@@ -27,6 +27,7 @@ struct LearnOptions {
   PrompSpec promp;                  ///< its joints are those above
   ErepsOptions ereps;
   double weight_std = 0.4;  ///< of the first Gaussian's weights [rad]
+  double nominal_string = 0.0;  ///< which string is on the robot [m]; 0: not said
   BallInCupOptions reward;  ///< its string is the model's
   ModelSimulatorOptions simulator;
   LearnOptions() { simulator.controller.bandwidth = 25.0; }  // fast motions
@@ -60,7 +61,7 @@ struct LearnedPolicy {
   double expected = 0.0;  ///< reward of the mean in the model
   bool solved = false;    ///< the mean catches the ball in the model
   long rollouts = 0;
-  double seconds = 0.0;  ///< of CPU, without what was resumed
+  double seconds = 0.0;  ///< that passed, without what was resumed
 };
 
 /// After every iteration. @return false: stop, what was learned is returned
