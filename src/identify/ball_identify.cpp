@@ -72,10 +72,9 @@ double distance(const BallSeries::Point& a, const BallSeries::Point& b) {
 }
 
 /// Rows further from the anchor than the string lets them be (one that gives: than it is then).
-/// @param noise  of the camera, not of the fit, which a wrong length blows up [m]
 /// @return how many
-long flag_too_far(const BallSeries& series, double noise, std::vector<BallFlag>& flagged) {
-  const double limit = std::max(kTooFar * noise, kLeastTooFar * series.length);
+long flag_too_far(const BallSeries& series, std::vector<BallFlag>& flagged) {
+  const double limit = std::max(kTooFar * series.sigma, kLeastTooFar * series.length);
   long out = 0;
   for (std::size_t k = 0; k < series.time.size(); ++k) {
     const double reach = std::max(series.length, distance(series.extended[k], series.anchor[k])),
@@ -312,6 +311,7 @@ void identify_ball(const std::vector<Recording>& train, const std::vector<Record
     BallData held_out = make_ball_data(asked, test, fit_options, options.preprocess);
     require_spin(held_out, test);
     after = fit_states(after, held_out, fit_options);
+    error.test_raw = path_rms(after, fit_options.flight);
     for (int round = 0; round < kMostRounds; ++round) {
       held_out = after.data;
       if (!clean(after, held_out, round)) continue;
@@ -319,18 +319,15 @@ void identify_ball(const std::vector<Recording>& train, const std::vector<Record
     }
     before = fit_states(before, held_out, fit_options);
     error.torque_rms = path_spread(held_out);
-    error.test = error.test_all = error.test_raw = path_rms(after, fit_options.flight);
+    error.test = error.test_all = path_rms(after, fit_options.flight);
     error.nominal_test = path_rms(before, fit_options.flight);
   }
   result.errors.push_back(error);
   BallSeries series = make_ball_series(before, after, fit_options.flight);
   series.held_out = !test.empty();
-  series.sigma = fit.sigma;
   const double camera = camera_noise(data, fit_options.longest_gap);
-  const long too_far =
-      series.has_string
-          ? flag_too_far(series, std::isfinite(camera) ? camera : fit.sigma, series.flagged)
-          : 0;
+  series.sigma = std::isfinite(camera) ? camera : fit.sigma;
+  const long too_far = series.has_string ? flag_too_far(series, series.flagged) : 0;
   result.notes.push_back(
       "ball: " + std::to_string(data.windows.size()) + " windows of at most " +
       format_number(fit_options.window) +
