@@ -39,12 +39,6 @@ Verdict verdict_from(const std::string& name) {
 
 namespace {
 
-/// Whether a torque was measured.
-bool has_torque(const RecordingSource& source) {
-  return std::ranges::any_of(source.sample(), [](const Recording& r) {
-    return std::ranges::find(r.has_tau, true) != r.has_tau.end();
-  });
-}
 /// Effects that are asked for and act on joints, or on the ball.
 std::vector<std::string> asked_for(const DiagnoseOptions& options, bool of_ball) {
   std::vector<std::string> out;
