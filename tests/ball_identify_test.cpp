@@ -390,3 +390,32 @@ TEST_CASE("identify a ball: compliance of a string that is a spring", "[ball]") 
   CHECK_THAT(c.value, WithinRel(0.02, 0.1));
   CHECK_THAT(parameter(result, "string.length").value, WithinAbs(0.40, 1e-3));
 }
+
+TEST_CASE("identify a ball: a camera that is very late", "[ball]") {
+  const Model truth = test::swinging_arm();
+  Recording r = record_swing(truth, {.seed = 14});
+  constexpr long kLate = 30;  // rows of 5 ms: 0.15 s, a third of the swing's time constant
+  for (long k = r.rows() - 1; k >= 0; --k)
+    k < kLate ? r.ball.row(k).setConstant(kNaN) : r.ball.row(k) = r.ball.row(k - kLate).eval();
+  IdentifyOptions options;
+  options.choice.effects = {"camera_delay"};
+  const IdentifyResult result = identify(nominal_arm(), {r}, {}, options);
+  const ParameterEstimate& delay = parameter(result, "camera.camera_delay.delay");
+  CAPTURE(delay.value, delay.std);
+  CHECK(delay.std < 1e-3);
+  CHECK_THAT(delay.value, WithinAbs(0.15, kSigmas * delay.std));
+  check_string(result, *truth.ball->string);
+  CHECK_THAT(result.errors.front().train, WithinRel(kNoise, 0.05));
+}
+
+TEST_CASE("identify a ball: lift asks for a recorded spin", "[ball]") {
+  IdentifyOptions options;
+  options.choice.effects = {"quadratic_drag", "magnus"};
+  const Recording spinning = record_flights({.flights = 10, .seed = 4});
+  Recording blind = record_flights({.flights = 10, .seed = 5});
+  blind.spin.resize(0, 0);
+  const auto refused = ContainsSubstring("flights-5: magnus needs the ball's spin");
+  CHECK_THROWS_AS(identify(test::flying_ball(), {blind}, {}, options), DataError);
+  CHECK_THROWS_WITH(identify(test::flying_ball(), {blind}, {}, options), refused);
+  CHECK_THROWS_WITH(identify(test::flying_ball(), {spinning}, {blind}, options), refused);
+}

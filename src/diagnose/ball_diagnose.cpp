@@ -11,6 +11,7 @@
 #include "diagnose/ball_search.hpp"
 #include "diagnose/ball_witness.hpp"
 #include "identify/ball_flags.hpp"
+#include "identify/ball_identify.hpp"
 #include "identify/passes.hpp"
 
 namespace diffnea {
@@ -131,9 +132,11 @@ class BallDiagnosis {
   }
 
   void add_candidates(const BallData& data) {
-    const auto spins = [](const BallWindow& w) { return dot(w.spin, w.spin) > 0.0; };
-    spin_ = std::ranges::any_of(data.windows, spins);
-    if (spin_ && std::ranges::none_of(search_->test().windows, spins)) {
+    if (std::ranges::any_of(options_.effects,
+                            [](const std::string& e) { return e.starts_with("magnus"); }))
+      require_spin(data);
+    spin_ = has_spin(data);
+    if (spin_ && !has_spin(search_->test())) {
       spin_ = false;
       finding_.notes.push_back(
           "the held-out recordings hold no spin (spin_x, spin_y, spin_z): lift cannot be tried");

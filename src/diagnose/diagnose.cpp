@@ -81,7 +81,7 @@ Finding diagnose(const Model& model, const RecordingSource& train, const Recordi
   own.effects = asked_for(options, false);
   const bool joints = has_torque(train) && (options.effects.empty() || !own.effects.empty() ||
                                             !options.candidates.empty());
-  if (!joints && !own.effects.empty() && of_ball.empty())
+  if (!joints && !own.effects.empty())
     throw DataError(train.sample().front().source + ": got the effect '" + own.effects.front() +
                     "', which is of joints, and no torque was recorded; expected columns tau_*, or "
                     "effects of the ball (`diffnea effects`)");

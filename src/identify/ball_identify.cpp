@@ -221,6 +221,17 @@ std::vector<Recording> recordings_with_ball(const RecordingSource& source) {
   return out;
 }
 
+bool has_spin(const BallData& data) {
+  return std::ranges::any_of(data.windows,
+                             [](const BallWindow& w) { return dot(w.spin, w.spin) > 0.0; });
+}
+void require_spin(const BallData& data) {
+  if (!has_spin(data))
+    throw DataError(data.source +
+                    ": magnus needs the ball's spin; expected columns spin_x, spin_y, spin_z "
+                    "[rad/s] in the world's frame");
+}
+
 void identify_ball(const std::vector<Recording>& train, const std::vector<Recording>& test,
                    const DividedChoice& choice, const IdentifyOptions& options,
                    IdentifyResult& result) {
@@ -229,17 +240,7 @@ void identify_ball(const std::vector<Recording>& train, const std::vector<Record
   const BallLayout first = ball_layout_for(model, choice);
   Model asked = apply_ball(model, first, first.values());
   BallData data = make_ball_data(asked, train, fit_options, options.preprocess);
-  const auto recorded = [](const BallData& d) {
-    return std::ranges::any_of(d.windows,
-                               [](const BallWindow& w) { return dot(w.spin, w.spin) > 0; });
-  };
-  const auto require_spin = [&](const BallData& d, const std::vector<Recording>& of) {
-    if (fits(first, "magnus") && !recorded(d))
-      throw DataError(of.front().source +
-                      ": magnus needs the ball's spin; expected columns spin_x, spin_y, spin_z "
-                      "[rad/s] in the world's frame");
-  };
-  require_spin(data, train);
+  if (fits(first, "magnus")) require_spin(data);
   const bool length_free = model.ball->string && choice.fit_string && !first.parameters[0].fixed;
   FittedBall before = fit_states({asked, first, first.values(), data}, data, fit_options);
   BallLayout layout = first;
@@ -309,7 +310,7 @@ void identify_ball(const std::vector<Recording>& train, const std::vector<Record
   error.test = error.nominal_test = error.test_all = error.test_raw = kNaN;
   if (!test.empty()) {
     BallData held_out = make_ball_data(asked, test, fit_options, options.preprocess);
-    require_spin(held_out, test);
+    if (fits(first, "magnus")) require_spin(held_out);
     after = fit_states(after, held_out, fit_options);
     error.test_raw = path_rms(after, fit_options.flight);
     for (int round = 0; round < kMostRounds; ++round) {

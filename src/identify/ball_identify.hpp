@@ -35,6 +35,11 @@ std::string ball_note(const Model& model, const RecordingSource& train);
 /// @throws ModelError if the recordings hold nothing but a ball, and the model has none
 void refuse_ball_alone(const Model& model, const RecordingSource& train);
 
+/// Whether a spin was recorded in any of the windows.
+bool has_spin(const BallData& data);
+/// @throws DataError if none was, which magnus needs
+void require_spin(const BallData& data);
+
 /// Adds parameters, errors, series and notes to `result`, whose model the ball is fitted with (and
 /// in which it is put).
 void identify_ball(const std::vector<Recording>& train, const std::vector<Recording>& test,
