@@ -26,12 +26,13 @@ class SeedProgress {
     rollouts_[seed] = rollouts;
     const ErepsIteration& last = search.history().back();
     char text[200];
-    std::snprintf(text, sizeof text,
-                  " %d of %d done; seed %llu, iteration %d: reward %.2f (best %.2f), caught %.0f %%, "
-                  "KL %.2f, entropy %.1f, %.0f rollouts/s",
-                  done_, seeds_, static_cast<unsigned long long>(seed), last.iteration,
-                  last.reward_mean, last.reward_best, 100.0 * last.solved_share, last.kl_update,
-                  last.entropy, static_cast<double>(total()) / seconds());
+    std::snprintf(
+        text, sizeof text,
+        " %d of %d done; seed %llu, iteration %d: reward %.2f (best %.2f), caught %.0f %%, "
+        "KL %.2f, entropy %.1f, %.0f rollouts/s",
+        done_, seeds_, static_cast<unsigned long long>(seed), last.iteration, last.reward_mean,
+        last.reward_best, 100.0 * last.solved_share, last.kl_update, last.entropy,
+        static_cast<double>(total()) / seconds());
     line_.show("learning,", text);
   }
   void learned() { ++done_; }
@@ -53,19 +54,22 @@ class SeedProgress {
 
 void add_policy_options(CLI::App& command, PolicyOptions& o) {
   LearnOptions& l = o.learn;
-  command.add_option("--string", o.string,
-                     "which string is on the robot: its nominal length [m]; a length that was "
-                     "identified stays; default: the model's")
+  command
+      .add_option("--string", o.string,
+                  "which string is on the robot: its nominal length [m]; a length that was "
+                  "identified stays; default: the model's")
       ->check(at_least(0.0, true));
   command.add_option("--seeds", o.seeds, "policies, learned from so many seeds from --seed on")
       ->check(CLI::Range(1, 100000))
       ->capture_default_str();
-  command.add_option("--joints", l.joints,
-                     "that move, separated by commas; default: those that turn the cup in the "
-                     "upright plane of its arm")
+  command
+      .add_option("--joints", l.joints,
+                  "that move, separated by commas; default: those that turn the cup in the "
+                  "upright plane of its arm")
       ->delimiter(',');
-  command.add_option("--start", o.start,
-                     "posture [rad, m], separated by commas; default: the description's `home`")
+  command
+      .add_option("--start", o.start,
+                  "posture [rad, m], separated by commas; default: the description's `home`")
       ->delimiter(',');
   command.add_option("--duration", l.promp.duration, "of the movement [s]")
       ->check(at_least(0.0, true))
@@ -103,13 +107,18 @@ void add_policy_options(CLI::App& command, PolicyOptions& o) {
   command.add_option("--lambda-qd", l.reward.lambda_qd, "weight of joint velocities")
       ->check(at_least(0.0))
       ->capture_default_str();
-  command.add_option("--kp", o.kp, "gain per joint [N*m/rad], separated by commas; default: from "
-                                   "the controller's model")
+  command
+      .add_option("--kp", o.kp,
+                  "gain per joint [N*m/rad], separated by commas; default: from "
+                  "the controller's model")
       ->delimiter(',')
       ->check(at_least(0.0));
-  command.add_option("--kd", o.kd, "gain per joint [N*m*s/rad]")->delimiter(',')->check(at_least(0.0));
-  command.add_option("--bandwidth", l.simulator.controller.bandwidth,
-                     "of the controller, where gains are not given [rad/s]")
+  command.add_option("--kd", o.kd, "gain per joint [N*m*s/rad]")
+      ->delimiter(',')
+      ->check(at_least(0.0));
+  command
+      .add_option("--bandwidth", l.simulator.controller.bandwidth,
+                  "of the controller, where gains are not given [rad/s]")
       ->check(at_least(0.0, true))
       ->capture_default_str();
   command.add_flag("--fresh", o.fresh, "start over instead of going on from checkpoints");
@@ -142,8 +151,9 @@ LearnRun learn_with_checkpoints(const BallInCup& task, const PolicyOptions& o,
                                 const CommonOptions& common, const std::filesystem::path& folder,
                                 ProgressLine& line) {
   LearnRun run{.task = task};
-  run.threads = common.threads > 0 ? common.threads
-                                   : static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+  run.threads = common.threads > 0
+                    ? common.threads
+                    : static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
   std::vector<std::uint64_t> seeds;
   for (int k = 0; k < o.seeds; ++k) seeds.push_back(common.seed + static_cast<std::uint64_t>(k));
   const std::filesystem::path checkpoints = folder / "checkpoints";

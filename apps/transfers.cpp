@@ -51,20 +51,23 @@ std::vector<Execution> all(const Simulator& world, int count, int threads,
 }  // namespace
 
 void add_transfer_options(CLI::App& command, TransferOptions& o) {
-  command.add_option("--world", o.world,
-                     "mujoco:NAME[,key=value...] with a ball and a cup (see `diffnea worlds`)")
+  command
+      .add_option("--world", o.world,
+                  "mujoco:NAME[,key=value...] with a ball and a cup (see `diffnea worlds`)")
       ->capture_default_str();
   command.add_option("--rope", o.rope, "heavy, mid, light, none: the world's string")
       ->check(CLI::IsMember({"heavy", "mid", "light", "none"}));
   command.add_option("--repetitions", o.repetitions, "of the best policy, with noise")
       ->check(CLI::Range(0, 100000))
       ->capture_default_str();
-  command.add_option("--torque-noise", o.simulator.torque_noise,
-                     "of the drives in repetitions [N*m], times a joint's size")
+  command
+      .add_option("--torque-noise", o.simulator.torque_noise,
+                  "of the drives in repetitions [N*m], times a joint's size")
       ->check(at_least(0.0))
       ->capture_default_str();
-  command.add_option("--posture-noise", o.simulator.encoder_noise,
-                     "of the posture in repetitions, constant through one [rad]")
+  command
+      .add_option("--posture-noise", o.simulator.encoder_noise,
+                  "of the posture in repetitions, constant through one [rad]")
       ->check(at_least(0.0))
       ->capture_default_str();
 }

@@ -1,8 +1,8 @@
-#include <diffnea/experiment/robot_data.hpp>
-
 #include <algorithm>
 #include <cmath>
 #include <limits>
+
+#include <diffnea/experiment/robot_data.hpp>
 
 namespace diffnea {
 

@@ -1,10 +1,10 @@
-#include <diffnea/experiment/seeds.hpp>
-
 #include <algorithm>
 #include <atomic>
 #include <exception>
 #include <mutex>
 #include <thread>
+
+#include <diffnea/experiment/seeds.hpp>
 
 namespace diffnea {
 

@@ -292,6 +292,8 @@ void identify_ball(const std::vector<Recording>& train, const std::vector<Record
       e.identifiable = visible[free++] > kVisible && (p.effect >= 0 || e.std < kKnown);
       e.at_bound = (p.sign == Sign::kNonNegative && fit.p[i] == 0.0) || fit.p[i] >= p.most;
       if (!e.identifiable) e.std = kNaN;
+      if (p.effect < 0 && p.index == 0 && e.identifiable)
+        result.model.ball->string->length_std = e.std;
       if (!e.identifiable && p.effect < 0)
         result.notes.push_back(
             std::string(kWarning) + p.name +

@@ -31,8 +31,9 @@ constexpr WorldKey kWorldKeys[] = {
     {"string",
      "length of the ball's string in the world [m], from where it is tied to the ball's centre; "
      "default: the description's, changed by perturb"},
-    {"nominal_string", "length of the ball's string that perturb changes [m]; default: the "
-                       "description's"},
+    {"nominal_string",
+     "length of the ball's string that perturb changes [m]; default: the "
+     "description's"},
     {"tilt",
      "of the cup about where the string is tied: the largest that is drawn [rad]; default: that of "
      "perturb, A 0.035, B 0.07"}};
@@ -108,8 +109,8 @@ WorldSpec parse_world(const std::string& text) {
     else if (key == "tilt")
       tilt = number<double>(text, key, value);
     else if (key == "ball")
-      ball = choice<std::string>(
-          text, key, value, {{"tendon", "tendon"}, {"chain", "chain"}, {"none", "none"}});
+      ball = choice<std::string>(text, key, value,
+                                 {{"tendon", "tendon"}, {"chain", "chain"}, {"none", "none"}});
     else if (key == "nominal_string")
       out.nominal_string = number<double>(text, key, value);
     else if (key == "rope")

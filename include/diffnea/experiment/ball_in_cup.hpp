@@ -26,9 +26,9 @@ struct LearnOptions {
   VecX<double> start;               ///< posture q_0 (n) [rad]; empty: of the model's file, `home`
   PrompSpec promp;                  ///< its joints are those above
   ErepsOptions ereps;
-  double weight_std = 0.4;  ///< of the first Gaussian's weights [rad]
+  double weight_std = 0.4;      ///< of the first Gaussian's weights [rad]
   double nominal_string = 0.0;  ///< which string is on the robot [m]; 0: not said
-  BallInCupOptions reward;  ///< its string is the model's
+  BallInCupOptions reward;      ///< its string is the model's
   ModelSimulatorOptions simulator;
   LearnOptions() { simulator.controller.bandwidth = 25.0; }  // fast motions
 };

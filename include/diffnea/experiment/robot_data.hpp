@@ -16,8 +16,8 @@ struct RobotData {
 
 /// Options of `design_excitation` for the arm: all of its limits.
 DesignOptions arm_excitation(const RobotData& data, std::uint64_t seed);
-/// For the ball: slow, about the posture `home` (n), and with the turns of the last joints that tell
-/// the string's length from where it is tied.
+/// For the ball: slow, about the posture `home` (n), and with the turns of the last joints that
+/// tell the string's length from where it is tied.
 DesignOptions ball_excitation(const Model& model, const VecX<double>& home, const RobotData& data,
                               std::uint64_t seed);
 

@@ -33,7 +33,7 @@ struct WorldSpec {
   std::optional<double> string;  ///< length of the world's string [m]; none: as it was drawn
   std::optional<double> nominal_string;  ///< that the drawn one differs from; none: the document's
   bool has_ball = true;                  ///< false: the ball is left out
-  int repetitions = 1;           ///< of the motion, each from rest, that a recording averages
+  int repetitions = 1;  ///< of the motion, each from rest, that a recording averages
 };
 
 /// Parses `mujoco:NAME[,key=value…]`. NAME is a path to an MJCF, or the name of a model that
