@@ -25,7 +25,10 @@ void run_transfer(const TransferCommand& c) {
   ResultFolder folder(c.out);
   const Interruptible interruptible(folder.leftovers(kRunFiles));
   ProgressLine line(c.common.quiet);
-  TransferRun run = transfer_policies(learned, c.options, c.common, line);
+  TransferOptions options = c.options;
+  if (const double nominal = learned.task.options.nominal_string; nominal > 0.0 && !options.string)
+    options.string = nominal;
+  TransferRun run = transfer_policies(learned, options, c.common, line);
   run.reproduce.version = version();
   run.reproduce.command = c.command_line;
   run.reproduce.inputs.push_back(

@@ -142,6 +142,7 @@ BallInCup task_of(const Model& model, const Model& controller, const PolicyOptio
   }
   LearnOptions learn = o.learn;
   learn.start = vector(o.start);
+  learn.nominal_string = o.string.value_or(0.0);
   learn.simulator.controller.kp = vector(o.kp);
   learn.simulator.controller.kd = vector(o.kd);
   return ball_in_cup(used, controller, learn);
@@ -150,7 +151,8 @@ BallInCup task_of(const Model& model, const Model& controller, const PolicyOptio
 LearnRun learn_with_checkpoints(const BallInCup& task, const PolicyOptions& o,
                                 const CommonOptions& common, const std::filesystem::path& folder,
                                 ProgressLine& line) {
-  LearnRun run{.task = task};
+  LearnRun run;
+  run.task = task;
   run.threads = common.threads > 0
                     ? common.threads
                     : static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));

@@ -5,6 +5,7 @@
 #include <chrono>
 #include <cstdio>
 #include <exception>
+#include <functional>
 #include <mutex>
 #include <thread>
 
@@ -81,10 +82,11 @@ WorldSpec world_of(const TransferOptions& o) {
 TransferRun transfer_policies(const LearnRun& learned, const TransferOptions& o,
                               const CommonOptions& common, ProgressLine& line) {
   const auto begin = std::chrono::steady_clock::now();
-  TransferRun run{.task = learned.task,
-                  .policies = learned.policies,
-                  .imagined = learned.imagined,
-                  .world = o.rope.empty() ? o.world : o.world + ",rope=" + o.rope};
+  TransferRun run;
+  run.task = learned.task;
+  run.policies = learned.policies;
+  run.imagined = learned.imagined;
+  run.world = o.rope.empty() ? o.world : o.world + ",rope=" + o.rope;
   const BallInCup& task = learned.task;
   const WorldSpec spec = world_of(o);
   MujocoSimulatorOptions quiet;

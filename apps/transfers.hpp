@@ -19,7 +19,11 @@ struct TransferOptions {
   std::string rope;              ///< overrides the world's
   std::optional<double> string;  ///< of the world [m]; none: the policies' nominal
   int repetitions = 10;
-  MujocoSimulatorOptions simulator{.torque_noise = 0.1, .encoder_noise = 1e-3};
+  MujocoSimulatorOptions simulator;  ///< of repetitions
+  TransferOptions() {
+    simulator.torque_noise = 0.1;
+    simulator.encoder_noise = 1e-3;
+  }
 };
 void add_transfer_options(CLI::App& command, TransferOptions& options);
 

@@ -78,7 +78,7 @@ Ereps first_search(const BallInCup& task, std::uint64_t seed);
 /// One execution of a policy.
 struct Execution {
   std::uint64_t seed = 0;  ///< of the world's noise
-  Verdict verdict;
+  BallVerdict verdict;
   double reward = 0.0;       ///< the paper's, of what happened, at the ε that was learned with
   double reward_wide = 0.0;  ///< at ε = 0.055, the scale of the paper's figures
   std::string failure;       ///< of the world's solver; empty if none
