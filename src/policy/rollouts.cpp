@@ -187,6 +187,7 @@ void Rollouts::execute(Worker& worker, const RowMatX<double>& theta, std::span<c
     out.rewards[rows[i]] = failed ? -kInfinity : rewards[static_cast<long>(i)];
     if (!solved.empty()) out.solved[row] = !failed && solved[i];
   }
+  worker.says_solved = !solved.empty();
 }
 
 RolloutResult Rollouts::run(const RowMatX<double>& theta, const std::vector<std::uint64_t>& seeds) {
@@ -232,7 +233,9 @@ RolloutResult Rollouts::run(const RowMatX<double>& theta, const std::vector<std:
   for (const std::exception_ptr& e : errors)
     if (e) std::rethrow_exception(e);
   count_ += static_cast<long>(rows.size());
-  if (rows.empty() || workers_[0].task->solved().empty()) out.solved.clear();
+  // Of any that had a batch: another thread may have been faster than the first.
+  const bool says = std::ranges::any_of(workers_, &Worker::says_solved);
+  if (rows.empty() || !says) out.solved.clear();
   return out;
 }
 

@@ -74,6 +74,7 @@ class Rollouts {
   struct Worker {
     std::unique_ptr<Simulator> simulator;
     std::unique_ptr<Task> task;
+    bool says_solved = false;  ///< the task told which worlds of its last batch are solved
   };
 
   /// Desired motion at instant k of every lane's weights, (parameters × lanes).
