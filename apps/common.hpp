@@ -108,10 +108,16 @@ void add_diagnose(CLI::App& app, const std::vector<std::string>& command_line);
 void add_effects(CLI::App& app);
 void add_excite(CLI::App& app);
 /// @param command_line  as it was typed, for the result
+void add_experiment(CLI::App& app, const std::vector<std::string>& command_line);
+/// @param command_line  as it was typed, for the result
 void add_identify(CLI::App& app, const std::vector<std::string>& command_line);
 void add_info(CLI::App& app);
+/// @param command_line  as it was typed, for the result
+void add_learn(CLI::App& app, const std::vector<std::string>& command_line);
 void add_report(CLI::App& app);
 void add_simulate(CLI::App& app);
+/// @param command_line  as it was typed, for the result
+void add_transfer(CLI::App& app, const std::vector<std::string>& command_line);
 void add_worlds(CLI::App& app);
 
 }  // namespace diffnea::apps

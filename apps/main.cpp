@@ -12,20 +12,25 @@
 
 int main(int argc, char** argv) {
   CLI::App app(
-      "Identify the dynamics of a robot from recordings, and name the effect that its model lacks.",
+      "Identify the dynamics of a robot from recordings, name the effect that its model lacks, and "
+      "learn a policy in the model.",
       "diffnea");
   app.set_version_flag("--version", std::string(diffnea::version()));
   app.require_subcommand(1);
   // One line per command, sorted.
   diffnea::apps::add_audit(app);
   diffnea::apps::add_compare(app);
-  diffnea::apps::add_diagnose(app, std::vector<std::string>(argv, argv + argc));
+  const std::vector<std::string> command_line(argv, argv + argc);
+  diffnea::apps::add_diagnose(app, command_line);
   diffnea::apps::add_effects(app);
   diffnea::apps::add_excite(app);
-  diffnea::apps::add_identify(app, std::vector<std::string>(argv, argv + argc));
+  diffnea::apps::add_experiment(app, command_line);
+  diffnea::apps::add_identify(app, command_line);
   diffnea::apps::add_info(app);
+  diffnea::apps::add_learn(app, command_line);
   diffnea::apps::add_report(app);
   diffnea::apps::add_simulate(app);
+  diffnea::apps::add_transfer(app, command_line);
   diffnea::apps::add_worlds(app);
   try {
     app.parse(argc, argv);                    // runs the command

@@ -55,18 +55,23 @@ bool Interruptible::requested() { return interrupt_requested != 0; }
 ProgressLine::ProgressLine(bool quiet) : quiet_(quiet), terminal_(isatty(STDERR_FILENO) != 0) {}
 
 void ProgressLine::show(const FitProgress& progress) {
+  std::string detail;
+  if (progress.iteration > 0) detail += ", pass " + std::to_string(progress.iteration + 1);
+  if (progress.rows > 0) detail += ": " + std::to_string(progress.rows) + " rows";
+  show(progress.stage, detail);
+}
+
+void ProgressLine::show(const std::string& stage, const std::string& detail) {
   if (quiet_) return;
   const Clock::time_point now = Clock::now();
-  const bool new_stage = progress.stage != stage_;
+  const bool new_stage = stage != stage_;
   const auto pause = std::chrono::milliseconds(terminal_ ? 100 : 10'000);
   if (now - last_ < pause && (terminal_ || !new_stage)) return;
-  stage_ = progress.stage;
+  stage_ = stage;
   last_ = now;
-  std::string text = progress.stage;
-  if (progress.iteration > 0) text += ", pass " + std::to_string(progress.iteration + 1);
-  if (progress.rows > 0) text += ": " + std::to_string(progress.rows) + " rows";
   const double seconds = std::chrono::duration<double>(now - start_).count();
-  std::fprintf(stderr, terminal_ ? "\r\033[K%s, %.1f s" : "%s, %.1f s\n", text.c_str(), seconds);
+  std::fprintf(stderr, terminal_ ? "\r\033[K%s%s, %.1f s" : "%s%s, %.1f s\n", stage.c_str(),
+               detail.c_str(), seconds);
   drawn_ = terminal_;
 }
 

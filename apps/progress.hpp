@@ -31,6 +31,8 @@ class ProgressLine {
   ProgressLine& operator=(const ProgressLine&) = delete;
 
   void show(const FitProgress& progress);
+  /// @param stage  what is done; @param detail  how far it is
+  void show(const std::string& stage, const std::string& detail);
   /// Leaves the terminal's line empty.
   void clear();
 

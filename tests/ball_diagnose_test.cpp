@@ -213,3 +213,38 @@ TEST_CASE("diagnose a ball: a recording that cannot be used is refused", "[ball]
   CHECK_THROWS_WITH(diagnose(model, data.train, data.test, options),
                     ContainsSubstring("linear_drga"));
 }
+
+TEST_CASE("diagnose a ball: effects of joints that are asked for need a torque",
+          "[ball][diagnose]") {
+  const Pair data = recorded({.seconds = 8, .seed = 10});
+  DiagnoseOptions options;
+  options.effects = {"coulomb_friction"};
+  if (GENERATE(false, true)) options.effects.push_back("linear_drag");
+  const Model model = test::swinging_arm();
+  CHECK_THROWS_AS(diagnose(model, data.train, data.test, options), DataError);
+  CHECK_THROWS_WITH(diagnose(model, data.train, data.test, options),
+                    ContainsSubstring("'coulomb_friction'") &&
+                        ContainsSubstring("no torque was recorded") && ContainsSubstring("tau_*"));
+}
+
+TEST_CASE("diagnose a ball: lift is tried where spins are recorded", "[ball][diagnose]") {
+  const Recording train = test::record_flights({.flights = 16, .seed = 11});
+  Recording held_out = test::record_flights({.flights = 16, .seed = 12});
+  const auto tries_lift = [](const Finding& finding) {
+    return std::ranges::any_of(finding.candidates,
+                               [](const CandidateScore& c) { return c.effect == "magnus"; });
+  };
+  CHECK(tries_lift(diagnose(test::flying_ball(), {train}, {held_out})));
+  held_out.spin.resize(0, 0);
+  const Finding blind = diagnose(test::flying_ball(), {train}, {held_out});
+  CHECK_FALSE(tries_lift(blind));
+  CHECK(std::ranges::any_of(blind.notes, [](const std::string& n) {
+    return n.find("held-out recordings hold no spin") != std::string::npos &&
+           n.find("lift") != std::string::npos;
+  }));
+  DiagnoseOptions options;
+  options.effects = {"magnus"};
+  CHECK_THROWS_WITH(
+      diagnose(test::flying_ball(), {held_out}, {}, options),
+      ContainsSubstring("magnus needs the ball's spin") && ContainsSubstring("spin_x"));
+}

@@ -1,7 +1,7 @@
 /// Fitting a ball on a string: what was put in comes out, within its standard errors.
 
 #include <cmath>
-#include <support/random_arm.hpp>
+#include <support/camera_ball.hpp>
 
 #include <catch2/catch_test_macros.hpp>
 #include <catch2/generators/catch_generators_range.hpp>
@@ -20,27 +20,6 @@ using Catch::Matchers::WithinAbs;
 namespace {
 
 constexpr double kNoise = 1.5e-3;  // of the camera [m]
-
-/// Two joints that swing a hand, the ball tied 0.3 m out.
-Model arm() {
-  Model model;
-  model.name = "swinger";
-  for (int k = 0; k < 3; ++k) {
-    ModelLink link;
-    link.name = "link" + std::to_string(k);
-    link.joint = "joint" + std::to_string(k);
-    link.parent = k - 1;
-    link.type = ModelJoint::kRevolute;
-    link.axis = k == 0   ? Vec3<double>{0, 0, 1}
-                : k == 1 ? Vec3<double>{0, 1, 0}
-                         : Vec3<double>{1, 0, 0};
-    link.X_PJ.p = {k == 0 ? 0.0 : 0.3, 0, k == 0 ? 1.0 : 0.0};
-    link.inertia = inertia_from_com<double>(1.0, {0.1, 0, 0}, {0.01, 0, 0, 0.01, 0, 0.01});
-    model.links.push_back(link);
-  }
-  model.ball = BallSpec{0.024, 0.02, StringSpec{2, {0.28, 0.02, 0.05}, 0.40}};
-  return model;
-}
 
 double angle(int joint, double t, int derivative) {
   const double w = joint == 0 ? 1.9 : joint == 1 ? 2.6 : 3.3, A = joint == 2 ? 0.8 : 0.35;
@@ -118,7 +97,7 @@ Recording recorded(const Model& truth, double drag, double seconds, unsigned see
 TEST_CASE("ball fit: length, attachment and drag come out of a noisy recording", "[ball]") {
   const unsigned seed = GENERATE(range(0u, 3u));
   CAPTURE(seed);
-  const Model truth = arm();
+  const Model truth = test::swinging_arm();
   Model nominal = truth;
   nominal.ball->string->length = 0.2;  // off by a factor of two
   nominal.ball->string->p_LS = {0.25, 0.0, 0.08};
@@ -141,7 +120,7 @@ TEST_CASE("ball fit: length, attachment and drag come out of a noisy recording",
 }
 
 TEST_CASE("ball fit: slack phases do not break it", "[ball]") {
-  const Model truth = arm();
+  const Model truth = test::swinging_arm();
   const Recording r = recorded(truth, 0.05, 12.0, 7, 1.9);
   Model nominal = truth;
   nominal.ball->string->length = 0.41;
@@ -157,7 +136,7 @@ TEST_CASE("ball fit: slack phases do not break it", "[ball]") {
 }
 
 TEST_CASE("ball fit: a ball that is never taut is refused", "[ball]") {
-  Model model = arm();
+  Model model = test::swinging_arm();
   Recording r = recorded(model, 0.0, 3.0, 1);
   Rng rng(3);
   for (long k = 0; k < r.rows(); ++k)

@@ -242,6 +242,26 @@ TEST_CASE("identify a ball: rows off any path are flagged with their times, and 
   }));
 }
 
+TEST_CASE("identify a ball: the raw held-out error counts rows that the path contradicts",
+          "[ball]") {
+  const Model truth = test::swinging_arm();
+  Recording held_out = record_swing(truth, {.seed = 22, .pace = 1.07});
+  // Twelve rows on end 30 mm aside: their neighbours agree with them, the path does not.
+  constexpr double kAside = 0.03;
+  long aside = 0, seen = 0;
+  for (long k = 0; k < held_out.rows(); k += 2, ++seen)
+    if (k % 800 >= 400 && k % 800 < 424) held_out.ball(k, 0) += kAside, ++aside;
+  const IdentifyResult result =
+      identify(nominal_arm(), {record_swing(truth, {.seed = 21})}, {held_out});
+  const JointError& e = result.errors.front();
+  CAPTURE(e.test, e.test_raw, aside, seen);
+  CHECK_THAT(e.test, WithinRel(kNoise, 0.05));
+  // Share of the rows, one of three axes; the windows' states give way to them by some percent.
+  const double expected = std::hypot(
+      kNoise, kAside * std::sqrt(static_cast<double>(aside) / (3.0 * static_cast<double>(seen))));
+  CHECK_THAT(e.test_raw, WithinRel(expected, 0.1));
+}
+
 TEST_CASE("identify a ball: rows beyond the reach of a string that is held are flagged", "[ball]") {
   const Model truth = test::swinging_arm();
   const Recording r = record_swing(truth, {.seconds = 8, .seed = 10});
@@ -261,6 +281,9 @@ TEST_CASE("identify a ball: rows beyond the reach of a string that is held are f
   options.choice.fix[0] = "string.length=0.5";
   const IdentifyResult longer = identify(truth, {r}, {}, options);
   CHECK(longer.errors.front().train > 3.0 * kNoise);
+  // The noise is the camera's, however bad the fit.
+  CHECK_THAT(result.ball->sigma, WithinRel(kNoise, 0.05));
+  CHECK_THAT(longer.ball->sigma, WithinRel(kNoise, 0.05));
 }
 
 TEST_CASE("identify a ball: one that is never taut is refused, with its largest distance",
@@ -366,4 +389,33 @@ TEST_CASE("identify a ball: compliance of a string that is a spring", "[ball]") 
   CHECK(c.std < 0.001);
   CHECK_THAT(c.value, WithinRel(0.02, 0.1));
   CHECK_THAT(parameter(result, "string.length").value, WithinAbs(0.40, 1e-3));
+}
+
+TEST_CASE("identify a ball: a camera that is very late", "[ball]") {
+  const Model truth = test::swinging_arm();
+  Recording r = record_swing(truth, {.seed = 14});
+  constexpr long kLate = 30;  // rows of 5 ms: 0.15 s, a third of the swing's time constant
+  for (long k = r.rows() - 1; k >= 0; --k)
+    k < kLate ? r.ball.row(k).setConstant(kNaN) : r.ball.row(k) = r.ball.row(k - kLate).eval();
+  IdentifyOptions options;
+  options.choice.effects = {"camera_delay"};
+  const IdentifyResult result = identify(nominal_arm(), {r}, {}, options);
+  const ParameterEstimate& delay = parameter(result, "camera.camera_delay.delay");
+  CAPTURE(delay.value, delay.std);
+  CHECK(delay.std < 1e-3);
+  CHECK_THAT(delay.value, WithinAbs(0.15, kSigmas * delay.std));
+  check_string(result, *truth.ball->string);
+  CHECK_THAT(result.errors.front().train, WithinRel(kNoise, 0.05));
+}
+
+TEST_CASE("identify a ball: lift asks for a recorded spin", "[ball]") {
+  IdentifyOptions options;
+  options.choice.effects = {"quadratic_drag", "magnus"};
+  const Recording spinning = record_flights({.flights = 10, .seed = 4});
+  Recording blind = record_flights({.flights = 10, .seed = 5});
+  blind.spin.resize(0, 0);
+  const auto refused = ContainsSubstring("flights-5: magnus needs the ball's spin");
+  CHECK_THROWS_AS(identify(test::flying_ball(), {blind}, {}, options), DataError);
+  CHECK_THROWS_WITH(identify(test::flying_ball(), {blind}, {}, options), refused);
+  CHECK_THROWS_WITH(identify(test::flying_ball(), {spinning}, {blind}, options), refused);
 }

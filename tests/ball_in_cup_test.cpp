@@ -44,8 +44,8 @@ Series series(double seconds, const std::function<std::pair<double, double>(doub
   return out;
 }
 
-Verdict judge(const Series& s, const SuccessOptions& o = {}) {
-  const Verdict verdict = judge_ball(s.time, s.ball, s.cup, s.axis, kCup, o);
+BallVerdict judge(const Series& s, const SuccessOptions& o = {}) {
+  const BallVerdict verdict = judge_ball(s.time, s.ball, s.cup, s.axis, kCup, o);
   CHECK(ball_in_cup(s.time, s.ball, s.cup, s.axis, kCup, o) ==
         (verdict.outcome == Outcome::kInCup));
   return verdict;
@@ -61,7 +61,7 @@ std::pair<double, double> flight(double t, double rho, double h) {
 
 TEST_CASE("ball in cup: at rest on the floor, against the wall or bouncing it is in", "[cup]") {
   const double rho = GENERATE(0.0, 0.020, 0.0415);
-  const Verdict v = judge(series(2.0, [&](double t) {
+  const BallVerdict v = judge(series(2.0, [&](double t) {
     const auto [r, h] = flight(t, rho, 0.0345);
     return std::pair{r, t > 1.0 ? h + 0.04 * std::abs(std::sin(20.0 * t)) * std::exp(1.0 - t) : h};
   }));
@@ -75,7 +75,7 @@ TEST_CASE("ball in cup: it has to stay there throughout the window, not longer",
     return series(2.0, [=](double t) { return std::pair{0.0, t < t0 ? 0.2 : 0.0345}; });
   };
   CHECK(judge(in_from(1.5)).outcome == Outcome::kInCup);
-  const Verdict late = judge(in_from(1.6));
+  const BallVerdict late = judge(in_from(1.6));
   CHECK(late.outcome == Outcome::kLate);
   CHECK_THAT(late.text, ContainsSubstring("last 0.40 s only, expected 0.50 s"));
   CHECK(judge(in_from(1.6), {.window = 0.3}).outcome == Outcome::kInCup);
@@ -87,7 +87,7 @@ TEST_CASE("ball in cup: it has to stay there throughout the window, not longer",
 
 TEST_CASE("ball in cup: a ball that is parked on the rim is not in", "[cup]") {
   const double rho = GENERATE(0.030, 0.0415, 0.055);
-  const Verdict v = judge(series(2.0, [&](double t) { return flight(t, rho, 0.108); }));
+  const BallVerdict v = judge(series(2.0, [&](double t) { return flight(t, rho, 0.108); }));
   CAPTURE(rho, v.text);
   CHECK(v.outcome == Outcome::kRim);
   CHECK_THAT(v.text, ContainsSubstring("on the rim: 108 mm high"));
@@ -99,7 +99,7 @@ TEST_CASE("ball in cup: between forearm and cup, or below the floor, it is besid
   };
   const Case c =
       GENERATE(Case{0.063, 0.03}, Case{0.064, 0.08}, Case{0.0, 0.005}, Case{0.02, -0.02});
-  const Verdict v = judge(series(2.0, [&](double) { return std::pair{c.rho, c.h}; }));
+  const BallVerdict v = judge(series(2.0, [&](double) { return std::pair{c.rho, c.h}; }));
   CAPTURE(c.rho, c.h, v.text);
   CHECK(v.outcome == Outcome::kBeside);
   CHECK_THAT(v.text, ContainsSubstring("beside the cup"));
@@ -113,16 +113,16 @@ TEST_CASE("ball in cup: one that rolls off a second later was in, when the serie
                      0.0345 + 0.5 * (t - 2.0) - 4.0 * (t - 2.0) * (t - 2.0)};
   };
   CHECK(judge(series(1.9, rolls)).outcome == Outcome::kInCup);
-  const Verdict v = judge(series(3.0, rolls));
+  const BallVerdict v = judge(series(3.0, rolls));
   CHECK(v.outcome == Outcome::kFellOut);
   CHECK_THAT(v.text, ContainsSubstring("fell out at 2.1"));  // ρ = 42 mm at 2.11 s
 }
 
 TEST_CASE("ball in cup: a miss says by how much", "[cup]") {
-  const Verdict hanging = judge(series(2.0, [](double) { return std::pair{0.35, -0.2}; }));
+  const BallVerdict hanging = judge(series(2.0, [](double) { return std::pair{0.35, -0.2}; }));
   CHECK(hanging.outcome == Outcome::kMissed);
   CHECK_THAT(hanging.text, ContainsSubstring("never above the rim: 295 mm short"));
-  const Verdict over = judge(series(2.0, [](double t) {
+  const BallVerdict over = judge(series(2.0, [](double t) {
     return std::pair{0.071 + 0.3 * std::abs(t - 1.0), 0.12 - std::abs(t - 1.0)};
   }));
   CHECK(over.outcome == Outcome::kMissed);

@@ -10,6 +10,7 @@
 #include <support/swung_ball.hpp>
 
 #include <catch2/catch_test_macros.hpp>
+#include <catch2/matchers/catch_matchers_floating_point.hpp>
 #include <catch2/matchers/catch_matchers_string.hpp>
 
 #include <diffnea/report/diagnose_page.hpp>
@@ -21,6 +22,7 @@ namespace diffnea {
 namespace {
 
 using Catch::Matchers::ContainsSubstring;
+using Catch::Matchers::WithinAbs;
 using namespace report;
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
@@ -99,6 +101,23 @@ TEST_CASE("ball report: the pages hold every picture, and stay small", "[report]
   hour.windows = 1800;
   hour.rows = 120;
   CHECK(ball_section(test::swung_ball(hour), {}).size() < 1'000'000);
+}
+
+TEST_CASE("ball report: many short runs stand side by side on the axis of time", "[report]") {
+  test::SwungBallOptions flights;
+  flights.windows = 100;
+  flights.rows = 60;
+  BallSeries b = test::swung_ball(flights);
+  for (std::size_t k = 0; k < b.time.size(); ++k) {  // each a recording of its own, from 0 on
+    b.run[k] = b.window[k];
+    b.time[k] = static_cast<double>(k % 60) * flights.dt;
+  }
+  const std::string page = ball_section(b, {}), times = "\"time\":[";
+  const std::size_t begin = page.find(times, page.find("\"charts\"")) + times.size(),
+                    end = page.find(']', begin);
+  const double last = std::stod(page.substr(page.rfind(',', end) + 1));
+  // 0.295 s of each, and 0.2 s between any two.
+  CHECK_THAT(last, WithinAbs(100 * 0.295 + 99 * 0.2, 0.05));
 }
 
 TEST_CASE("ball report: the sphere shows a string that is too short as an error along it",

@@ -274,6 +274,13 @@ TEST_CASE("constraints: redundant ones leave the motion as it is, contradictions
   CHECK_THAT(b.Vd[0].angular.z, WithinRel(a.Vd[0].angular.z, 1e-9));
   CHECK_THAT(b.Vd[0].angular.x, WithinAbs(0.0, 1e-9));
   CHECK_THAT(b.force[0].force.x, WithinRel(a.force[0].force.x, 1e-9));
+  // Five rows of the two hinges' ten are enough.
+  const auto count = [](const std::vector<bool>& x) {
+    return std::count(x.begin(), x.end(), true);
+  };
+  CHECK(count(redundant_rows({door}, one, a.multiplier)) == 0);
+  CHECK(count(redundant_rows({door}, two, b.multiplier)) == 5);
+  CHECK(count(active_rows(two, b.multiplier)) == 10);
 
   // Turning about two axes at once demands what no force can give.
   Pose<double> beside = lower;
@@ -282,7 +289,26 @@ TEST_CASE("constraints: redundant ones leave the motion as it is, contradictions
   append_rows(Hinge<double>{beside, beside}, "beside", {kWorld, 0}, states, three);
   CHECK_THROWS_WITH(
       constrained_acceleration<double>({door}, states, applied, {}, three, kGravity, kNone),
-      ContainsSubstring("contradicts the others"));
+      ContainsSubstring("contradicts the others") &&
+          ContainsSubstring("the others agree without 'lower' or 'beside'"));
+}
+
+TEST_CASE("constraints: strings that nothing can satisfy are named, those that can are not",
+          "[constraints]") {
+  // A mass that is held, on a taut string to a pivot that drives away; another string is slack.
+  const std::vector<FreeBody<double>> bodies{particle(1.0), {BodyKind::kPrescribed, {}}};
+  States states{{Pose<double>::identity(), {kZero, kZero}},
+                {Pose<double>::identity(), {kZero, kZero}}};
+  states[1].X_WB.p = {1, 0, 0};
+  Rows rows;
+  append_rows(String<double>{{kZero, kZero, 1.0}}, "taut", {0, 1}, states, rows);
+  append_rows(String<double>{{kZero, kZero, 9.0}}, "slack", {0, 1}, states, rows);
+  append_rows(BallJoint<double>{kZero, kZero}, "held", {kWorld, 0}, states, rows);
+  const std::vector<Twist<double>> away{{kZero, kZero}, {kZero, {2, 0, 0}}};
+  const std::vector<Wrench<double>> applied(2, {kZero, kZero});
+  CHECK_THROWS_WITH(
+      constrained_acceleration<double>(bodies, states, applied, away, rows, kGravity, kNone),
+      ContainsSubstring("agree without 'taut' or 'held'"));
 }
 
 TEST_CASE("constraints: what rounding and drift leave is no contradiction", "[constraints]") {

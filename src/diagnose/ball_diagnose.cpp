@@ -11,6 +11,7 @@
 #include "diagnose/ball_search.hpp"
 #include "diagnose/ball_witness.hpp"
 #include "identify/ball_flags.hpp"
+#include "identify/ball_identify.hpp"
 #include "identify/passes.hpp"
 
 namespace diffnea {
@@ -131,9 +132,11 @@ class BallDiagnosis {
   }
 
   void add_candidates(const BallData& data) {
-    const auto spins = [](const BallWindow& w) { return dot(w.spin, w.spin) > 0.0; };
-    spin_ = std::ranges::any_of(data.windows, spins);
-    if (spin_ && std::ranges::none_of(search_->test().windows, spins)) {
+    if (std::ranges::any_of(options_.effects,
+                            [](const std::string& e) { return e.starts_with("magnus"); }))
+      require_spin(data);
+    spin_ = has_spin(data);
+    if (spin_ && !has_spin(search_->test())) {
       spin_ = false;
       finding_.notes.push_back(
           "the held-out recordings hold no spin (spin_x, spin_y, spin_z): lift cannot be tried");
@@ -191,8 +194,8 @@ class BallDiagnosis {
                                &std::pair<double, BallSolution>::first);
       for (const auto& [gain, more] : tried) {
         if (gain < options_.accept_delta_bic) break;
-        const BallChange change = search_->held_out(best_, more, options_.seed);
-        if (change.low > 0.0) {
+        const HeldOutChange change = search_->held_out(best_, more, options_.seed);
+        if (change.helps()) {
           found = &more;
           break;
         }
@@ -259,15 +262,9 @@ class BallDiagnosis {
         table.push_back({s.effect.effect, s.effect.where, s.delta_bic, s.lm, s.visible_share, {}});
     }
     f.candidates.insert(f.candidates.end(), table.begin(), table.end());
-    const BallChange change = search_->held_out(base_solution_, best_, options_.seed);
+    const HeldOutChange change = search_->held_out(base_solution_, best_, options_.seed);
     floor_ = known_noise_ ? std::min(1.0, change.after) : change.after;
-    const double removed = std::max(change.before - change.after, 0.0);
-    gain_ = {std::sqrt(change.before),
-             std::sqrt(change.after),
-             std::sqrt(floor_),
-             removed > 0.0 ? removed / std::max(change.before - floor_, removed) : 0.0,
-             change.low,
-             change.high};
+    gain_ = gain_of(change, floor_);
     for (const EffectSpec& t : best_.terms) f.causes.push_back(cause_of(t));
     std::ranges::stable_sort(
         f.causes.begin() + static_cast<std::ptrdiff_t>(f.causes.size() - best_.terms.size()),
@@ -329,14 +326,7 @@ class BallDiagnosis {
     std::ranges::stable_sort(out.members, {}, &Rival::delta_bic);
     std::ranges::stable_sort(out.rivals, {}, &Rival::delta_bic);
     if (!out.members.empty()) out.verdict = Verdict::kClass;
-    const BallChange change = search_->held_out(less, best_, options_.seed);
-    const double removed = std::max(change.before - change.after, 0.0);
-    out.gain = {std::sqrt(change.before),
-                std::sqrt(change.after),
-                std::sqrt(floor_),
-                removed > 0.0 ? removed / std::max(change.before - floor_, removed) : 0.0,
-                change.low,
-                change.high};
+    out.gain = gain_of(search_->held_out(less, best_, options_.seed), floor_);
     return out;
   }
 

@@ -9,6 +9,7 @@
 #include <diffnea/core/error.hpp>
 #include <diffnea/excite/fourier.hpp>
 
+#include "diagnose/next_experiment.hpp"
 #include "identify/ball_world.hpp"
 #include "identify/passes.hpp"
 
@@ -37,14 +38,7 @@ constexpr std::array<Family, 5> kFamilies{{
 
 /// The ball's path along a motion, from hanging at rest on.
 BallData imagine(const BallSolution& best, const Trajectory& t) {
-  Recording r;
-  r.source = "next experiment";
-  r.joint_names = t.joint_names;
-  r.time = t.time;
-  r.q = t.q;
-  r.has_tau.assign(t.joint_names.size(), false);
-  r.tau =
-      RowMatX<double>::Constant(t.rows(), t.num_joints(), std::numeric_limits<double>::quiet_NaN());
+  Recording r = imaginary_recording(t);
   r.ball = RowMatX<double>::Constant(t.rows(), 3, std::numeric_limits<double>::quiet_NaN());
   const long every = std::max(
       1L, std::lround(static_cast<double>(t.rows() - 1) / (t.time[t.rows() - 1] * kCamera)));

@@ -42,6 +42,18 @@ std::vector<RowMatX<double>> ball_errors(const FittedBall& ball, const FlightOpt
   return out;
 }
 
+double correlation(const std::vector<RowMatX<double>>& stretches) {
+  std::vector<double> sums(kLags + 1, 0.0);
+  for (const RowMatX<double>& e : stretches)
+    for (int lag = 0; lag <= std::min<long>(kLags, e.rows() - 1); ++lag)
+      sums[static_cast<std::size_t>(lag)] +=
+          (e.topRows(e.rows() - lag).array() * e.bottomRows(e.rows() - lag).array()).sum();
+  double out = 1.0;
+  for (int lag = 1; lag <= kLags && sums[static_cast<std::size_t>(lag)] > 0.0; ++lag)
+    out += 2.0 * sums[static_cast<std::size_t>(lag)] / sums[0];
+  return out;
+}
+
 BallSearch::BallSearch(const Model& model, std::vector<EffectSpec> base, bool fit_base,
                        BallData train, BallData test, const BallFitOptions& options,
                        std::function<bool(const std::string&)> progress)
@@ -82,18 +94,10 @@ BallSolution BallSearch::solve(const std::vector<EffectSpec>& terms,
 }
 
 double BallSearch::correlation(const BallSolution& at) const {
-  std::vector<double> sums(kLags + 1, 0.0);
   const double most = 4.0 * options_.sigma;
-  for (const RowMatX<double>& raw : ball_errors(at.ball, options_.flight)) {
-    const RowMatX<double> e = raw.cwiseMax(-most).cwiseMin(most);
-    for (int lag = 0; lag <= std::min<long>(kLags, e.rows() - 1); ++lag)
-      sums[static_cast<std::size_t>(lag)] +=
-          (e.topRows(e.rows() - lag).array() * e.bottomRows(e.rows() - lag).array()).sum();
-  }
-  double out = 1.0;
-  for (int lag = 1; lag <= kLags && sums[static_cast<std::size_t>(lag)] > 0.0; ++lag)
-    out += 2.0 * sums[static_cast<std::size_t>(lag)] / sums[0];
-  return out;
+  std::vector<RowMatX<double>> left = ball_errors(at.ball, options_.flight);
+  for (RowMatX<double>& e : left) e = e.cwiseMax(-most).cwiseMin(most).eval();
+  return diffnea::correlation(left);
 }
 
 double BallSearch::delta_bic(const BallSolution& a, const BallSolution& b) const {
@@ -148,8 +152,8 @@ std::vector<BallScore> BallSearch::scores(const BallSolution& at,
   return out;
 }
 
-BallChange BallSearch::held_out(const BallSolution& a, const BallSolution& b,
-                                std::uint64_t seed) const {
+HeldOutChange BallSearch::held_out(const BallSolution& a, const BallSolution& b,
+                                   std::uint64_t seed) const {
   const auto errors = [&](const BallSolution& s) {
     const FittedBall there = fit_states(s.ball, test_, options_);
     std::vector<double> out;
@@ -165,7 +169,7 @@ BallChange BallSearch::held_out(const BallSolution& a, const BallSolution& b,
   };
   const std::vector<double> ea = errors(a), eb = errors(b);
   const auto n = static_cast<double>(count(test_));
-  BallChange out;
+  HeldOutChange out;
   for (const double e : ea) out.before += e / n;
   for (const double e : eb) out.after += e / n;
   Rng rng(seed);

@@ -4,6 +4,7 @@
 
 #include <cstdint>
 
+#include "diagnose/gain.hpp"
 #include "identify/ball_path.hpp"
 
 namespace diffnea {
@@ -25,12 +26,6 @@ struct BallScore {
   VecX<double> values;  ///< that it would take
 };
 
-/// Held-out windows without and with something: mean squares in units of the noise.
-struct BallChange {
-  double before = 0.0, after = 0.0;
-  double low = 0.0, high = 0.0;  ///< 95 % interval of the removed share (bootstrap over windows)
-};
-
 class BallSearch {
  public:
   /// @param train, test  windows; @param options  with the noise, sigma > 0
@@ -45,9 +40,10 @@ class BallSearch {
                                 const std::vector<EffectSpec>& candidates) const;
   /// How much better b is than a, BIC; n counts numbers that are independent of each other.
   double delta_bic(const BallSolution& a, const BallSolution& b) const;
-  /// Rows that count as one: 1 + 2 Σ ρ_l of what a solution leaves.
+  /// Rows that count as one, of what a solution leaves; outliers are held at 4 σ.
   double correlation(const BallSolution& at) const;
-  BallChange held_out(const BallSolution& a, const BallSolution& b, std::uint64_t seed) const;
+  /// In units of the noise; bootstrap over windows.
+  HeldOutChange held_out(const BallSolution& a, const BallSolution& b, std::uint64_t seed) const;
 
   const BallFitOptions& options() const { return options_; }
   const BallData& train() const { return train_; }
@@ -65,6 +61,10 @@ class BallSearch {
   std::function<bool(const std::string&)> progress_;
   long samples_ = 0;
 };
+
+/// Rows that count as one: 1 + 2 Σ ρ_l over the first lags whose ρ_l > 0, 40 at most (after Geyer
+/// 1992). @param stretches  (m, 3) each, of uninterrupted rows
+double correlation(const std::vector<RowMatX<double>>& stretches);
 
 /// What is left of each position, per window (m, 3) [m].
 std::vector<RowMatX<double>> ball_errors(const FittedBall& ball, const FlightOptions& flight);

@@ -6,6 +6,7 @@
 
 #include <Eigen/QR>
 
+#include "diagnose/ball_search.hpp"
 #include "identify/ball_world.hpp"
 #include "identify/passes.hpp"
 
@@ -13,7 +14,6 @@ namespace diffnea {
 namespace {
 
 constexpr double kAccept = 10.0;
-constexpr int kLags = 40;
 constexpr double kFastest = 5.0;  ///< of a period in time [Hz]
 constexpr int kMostPeriods = 400;
 
@@ -39,19 +39,6 @@ MatX<double> period(const std::vector<Vec3<double>>& time, double hz) {
   for (std::size_t k = 0; k < time.size(); ++k) {
     const double phase = 2.0 * M_PI * hz * time[k].x, c = std::cos(phase), s = std::sin(phase);
     out.row(static_cast<Eigen::Index>(k)) << 1, c, s, time[k].y * c, time[k].y * s;
-  }
-  return out;
-}
-
-/// Rows that count as one (Geyer's initial positive sequence).
-double correlation(const MatX<double>& e) {
-  const double all = e.squaredNorm();
-  double out = 1.0;
-  for (int lag = 1; lag <= kLags && lag < e.rows(); ++lag) {
-    const double sum =
-        (e.topRows(e.rows() - lag).array() * e.bottomRows(e.rows() - lag).array()).sum();
-    if (!(sum > 0.0)) break;
-    out += 2.0 * sum / all;
   }
   return out;
 }
@@ -93,9 +80,9 @@ std::vector<Witness> ball_witnesses(const FittedBall& ball, const BallFitOptions
   const auto test = [&](const std::vector<std::string>& names, const MatX<double>& A,
                         double tried) {
     const Eigen::ColPivHouseholderQR<MatX<double>> qr(A);
-    const MatX<double> rest = e - A * qr.solve(e);
+    const RowMatX<double> rest = e - A * qr.solve(e);
     const double left = rest.squaredNorm();
-    const double gain = n / correlation(rest) * std::log(total / std::max(left, 1e-300)) -
+    const double gain = n / correlation({rest}) * std::log(total / std::max(left, 1e-300)) -
                         3.0 * static_cast<double>(qr.rank()) * std::log(n) - 2.0 * std::log(tried);
     return Witness{"ball", names, 1.0 - left / total, gain};
   };

@@ -39,12 +39,6 @@ Verdict verdict_from(const std::string& name) {
 
 namespace {
 
-/// Whether a torque was measured.
-bool has_torque(const RecordingSource& source) {
-  return std::ranges::any_of(source.sample(), [](const Recording& r) {
-    return std::ranges::find(r.has_tau, true) != r.has_tau.end();
-  });
-}
 /// Effects that are asked for and act on joints, or on the ball.
 std::vector<std::string> asked_for(const DiagnoseOptions& options, bool of_ball) {
   std::vector<std::string> out;
@@ -87,7 +81,7 @@ Finding diagnose(const Model& model, const RecordingSource& train, const Recordi
   own.effects = asked_for(options, false);
   const bool joints = has_torque(train) && (options.effects.empty() || !own.effects.empty() ||
                                             !options.candidates.empty());
-  if (!joints && !own.effects.empty() && of_ball.empty())
+  if (!joints && !own.effects.empty())
     throw DataError(train.sample().front().source + ": got the effect '" + own.effects.front() +
                     "', which is of joints, and no torque was recorded; expected columns tau_*, or "
                     "effects of the ball (`diffnea effects`)");

@@ -3,17 +3,10 @@
 
 #include <cstdint>
 
+#include "diagnose/gain.hpp"
 #include "diagnose/search.hpp"
 
 namespace diffnea {
-
-/// The mean square of held-out errors with and without something, and what is certain of the
-/// difference.
-struct HeldOutChange {
-  double before = 0.0, after = 0.0;  ///< mean squares, noise is 1
-  double low = 0.0, high = 0.0;      ///< 95 % interval of (before − after)/before, block bootstrap
-  bool helps() const { return low > 0.0; }
-};
 
 /// A joint whose torque is off by a constant on held-out rows.
 struct HeldOutOffset {

@@ -286,13 +286,7 @@ class Diagnosis {
               (search_->residual_sum() - search_->gain_of(terms_)) / freedom > kLeft;
     double floor = std::max(change.after - more, 0.0);
     if (misfit_) floor = std::min(floor, 1.0);
-    const double removed = std::max(change.before - change.after, 0.0);
-    finding_.gain = {std::sqrt(change.before),
-                     std::sqrt(change.after),
-                     std::sqrt(floor),
-                     removed > 0.0 ? removed / std::max(change.before - floor, removed) : 0.0,
-                     change.low,
-                     change.high};
+    finding_.gain = gain_of(change, floor);
     for (Cause& c : finding_.causes) c.gain.noise_floor = finding_.gain.noise_floor;
     add_series(e0, e1, more);
     note_offsets(e1);

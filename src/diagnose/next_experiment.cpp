@@ -103,14 +103,7 @@ class Trial {
 
  private:
   static std::unique_ptr<RecordingSource> source(const ExperimentContext& c, const Trajectory& t) {
-    Recording r;
-    r.source = "next experiment";
-    r.joint_names = t.joint_names;
-    r.time = t.time;
-    r.q = t.q;
-    r.has_tau.assign(t.joint_names.size(), false);
-    r.tau = RowMatX<double>::Constant(t.rows(), t.num_joints(),
-                                      std::numeric_limits<double>::quiet_NaN());
+    Recording r = imaginary_recording(t);
     for (const int j : c.joints) {  // what matters is that there is one
       r.has_tau[static_cast<std::size_t>(j)] = true;
       r.tau.col(j).setOnes();
@@ -430,6 +423,18 @@ class Proposal {
 };
 
 }  // namespace
+
+Recording imaginary_recording(const Trajectory& motion) {
+  Recording out;
+  out.source = "next experiment";
+  out.joint_names = motion.joint_names;
+  out.time = motion.time;
+  out.q = motion.q;
+  out.has_tau.assign(motion.joint_names.size(), false);
+  out.tau = RowMatX<double>::Constant(motion.rows(), motion.num_joints(),
+                                      std::numeric_limits<double>::quiet_NaN());
+  return out;
+}
 
 std::optional<NextExperiment> next_experiment(const ExperimentContext& context) {
   return Proposal(context).run();

@@ -32,6 +32,9 @@ struct ExperimentContext {
 /// Largest number of pairs that one experiment is to separate: those that are hardest to tell.
 inline constexpr std::size_t kMostPairs = 6;
 
+/// The motion as a recording that nothing was measured in but the joints' positions.
+Recording imaginary_recording(const Trajectory& motion);
+
 /// @return empty where no cause has a rival in its class
 /// @throws ModelError where the model's limits leave no motion (see excite/design.hpp), or a joint
 ///         has no motor: its motion cannot be planned

@@ -1,6 +1,6 @@
 #include <algorithm>
+#include <chrono>
 #include <cmath>
-#include <ctime>
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/dynamics/kinematics.hpp>
@@ -85,12 +85,6 @@ void check(const Model& model, const Start& start, double least_upright) {
     throw DataError("ball in a cup: the string of " + number(string) +
                     " m does not reach over the rim, " + number(cup.rim) +
                     " m above the knot; the task cannot be done");
-}
-
-double cpu_seconds() {
-  timespec now{};
-  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
-  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
 }
 
 /// Columns of a trace by name.
@@ -198,7 +192,8 @@ Ereps first_search(const BallInCup& task, std::uint64_t seed) {
 
 LearnedPolicy learn(const BallInCup& task, std::uint64_t seed, int threads,
                     const LearnProgress& progress, const Ereps* from) {
-  const double begin = cpu_seconds();
+  using Clock = std::chrono::steady_clock;
+  const Clock::time_point begin = Clock::now();
   Rollouts world = rollouts(task, threads);
   Ereps search = from ? *from : first_search(task, seed);
   bool stopped = false;
@@ -226,7 +221,7 @@ LearnedPolicy learn(const BallInCup& task, std::uint64_t seed, int threads,
   out.expected = last.rewards[0];
   out.solved = !last.solved.empty() && last.solved[0] != 0;
   out.rollouts = world.count();
-  out.seconds = cpu_seconds() - begin;
+  out.seconds = std::chrono::duration<double>(Clock::now() - begin).count();
   return out;
 }
 

@@ -7,6 +7,7 @@
 #include <diffnea/core/error.hpp>
 #include <diffnea/identify/ball_fit.hpp>
 
+#include "core/median.hpp"
 #include "identify/ball_rows.hpp"
 
 namespace diffnea {
@@ -30,10 +31,9 @@ void require_metres(const Recording& r, bool string) {
   for (long k = 0; k < r.rows(); ++k)
     if (const double d = r.ball.row(k).norm(); std::isfinite(d)) distances.push_back(d);
   if (distances.empty()) return;
-  const auto middle = distances.begin() + static_cast<std::ptrdiff_t>(distances.size() / 2);
-  std::nth_element(distances.begin(), middle, distances.end());
-  if (*middle > (string ? kFarOnString : kFarInFlight))
-    throw DataError(r.source + ": the ball is " + number(*middle) +
+  const double middle = median(distances);
+  if (middle > (string ? kFarOnString : kFarInFlight))
+    throw DataError(r.source + ": the ball is " + number(middle) +
                     " m from the world's origin (median of ball_x, ball_y, ball_z), expected " +
                     number(string ? kFarOnString : kFarInFlight) +
                     " m at most; give its positions in metres, not in millimetres");

@@ -6,6 +6,7 @@
 #include <Eigen/Cholesky>
 #include <Eigen/QR>
 
+#include "core/median.hpp"
 #include "identify/ball_world.hpp"
 
 namespace diffnea {
@@ -99,12 +100,10 @@ double noise_of(const Model& model, const BallLayout& layout, const VecX<double>
     const VecX<double> e = errors_of(model, layout, p, data, w, flight);
     for (const double x : e) all.push_back(std::abs(x));
   }
-  auto middle = all.begin() + static_cast<std::ptrdiff_t>(all.size() / 2);
-  std::nth_element(all.begin(), middle, all.end());
   const double used = static_cast<double>(free_parameters(layout).size()) +
                       kState * static_cast<double>(data.windows.size());
   const auto n = static_cast<double>(all.size());
-  return std::max(1e-9, 1.4826 * *middle * std::sqrt(n / std::max(1.0, n - used)));
+  return std::max(1e-9, 1.4826 * median(all) * std::sqrt(n / std::max(1.0, n - used)));
 }
 
 /// Whether the string is taut where windows begin: by the distance of their first rows.

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/median.hpp"
 #include "identify/passes.hpp"
 
 namespace diffnea {
@@ -15,12 +16,6 @@ constexpr double kRange = 4.0;       ///< that a window's own C_M may be off the
 constexpr double kCertain = 3.0;     ///< standard errors
 constexpr std::size_t kEnough = 10;  ///< windows that tell C_M
 constexpr double kChance = 3.7;      ///< standard normal of a probability of 1e-4
-
-double median(std::vector<double> x) {
-  auto middle = x.begin() + static_cast<std::ptrdiff_t>(x.size() / 2);
-  std::nth_element(x.begin(), middle, x.end());
-  return *middle;
-}
 
 }  // namespace
 

@@ -72,10 +72,9 @@ double distance(const BallSeries::Point& a, const BallSeries::Point& b) {
 }
 
 /// Rows further from the anchor than the string lets them be (one that gives: than it is then).
-/// @param noise  of the camera, not of the fit, which a wrong length blows up [m]
 /// @return how many
-long flag_too_far(const BallSeries& series, double noise, std::vector<BallFlag>& flagged) {
-  const double limit = std::max(kTooFar * noise, kLeastTooFar * series.length);
+long flag_too_far(const BallSeries& series, std::vector<BallFlag>& flagged) {
+  const double limit = std::max(kTooFar * series.sigma, kLeastTooFar * series.length);
   long out = 0;
   for (std::size_t k = 0; k < series.time.size(); ++k) {
     const double reach = std::max(series.length, distance(series.extended[k], series.anchor[k])),
@@ -222,6 +221,17 @@ std::vector<Recording> recordings_with_ball(const RecordingSource& source) {
   return out;
 }
 
+bool has_spin(const BallData& data) {
+  return std::ranges::any_of(data.windows,
+                             [](const BallWindow& w) { return dot(w.spin, w.spin) > 0.0; });
+}
+void require_spin(const BallData& data) {
+  if (!has_spin(data))
+    throw DataError(data.source +
+                    ": magnus needs the ball's spin; expected columns spin_x, spin_y, spin_z "
+                    "[rad/s] in the world's frame");
+}
+
 void identify_ball(const std::vector<Recording>& train, const std::vector<Recording>& test,
                    const DividedChoice& choice, const IdentifyOptions& options,
                    IdentifyResult& result) {
@@ -230,17 +240,7 @@ void identify_ball(const std::vector<Recording>& train, const std::vector<Record
   const BallLayout first = ball_layout_for(model, choice);
   Model asked = apply_ball(model, first, first.values());
   BallData data = make_ball_data(asked, train, fit_options, options.preprocess);
-  const auto recorded = [](const BallData& d) {
-    return std::ranges::any_of(d.windows,
-                               [](const BallWindow& w) { return dot(w.spin, w.spin) > 0; });
-  };
-  const auto require_spin = [&](const BallData& d, const std::vector<Recording>& of) {
-    if (fits(first, "magnus") && !recorded(d))
-      throw DataError(of.front().source +
-                      ": magnus needs the ball's spin; expected columns spin_x, spin_y, spin_z "
-                      "[rad/s] in the world's frame");
-  };
-  require_spin(data, train);
+  if (fits(first, "magnus")) require_spin(data);
   const bool length_free = model.ball->string && choice.fit_string && !first.parameters[0].fixed;
   FittedBall before = fit_states({asked, first, first.values(), data}, data, fit_options);
   BallLayout layout = first;
@@ -292,6 +292,8 @@ void identify_ball(const std::vector<Recording>& train, const std::vector<Record
       e.identifiable = visible[free++] > kVisible && (p.effect >= 0 || e.std < kKnown);
       e.at_bound = (p.sign == Sign::kNonNegative && fit.p[i] == 0.0) || fit.p[i] >= p.most;
       if (!e.identifiable) e.std = kNaN;
+      if (p.effect < 0 && p.index == 0 && e.identifiable)
+        result.model.ball->string->length_std = e.std;
       if (!e.identifiable && p.effect < 0)
         result.notes.push_back(
             std::string(kWarning) + p.name +
@@ -310,8 +312,9 @@ void identify_ball(const std::vector<Recording>& train, const std::vector<Record
   error.test = error.nominal_test = error.test_all = error.test_raw = kNaN;
   if (!test.empty()) {
     BallData held_out = make_ball_data(asked, test, fit_options, options.preprocess);
-    require_spin(held_out, test);
+    if (fits(first, "magnus")) require_spin(held_out);
     after = fit_states(after, held_out, fit_options);
+    error.test_raw = path_rms(after, fit_options.flight);
     for (int round = 0; round < kMostRounds; ++round) {
       held_out = after.data;
       if (!clean(after, held_out, round)) continue;
@@ -319,18 +322,15 @@ void identify_ball(const std::vector<Recording>& train, const std::vector<Record
     }
     before = fit_states(before, held_out, fit_options);
     error.torque_rms = path_spread(held_out);
-    error.test = error.test_all = error.test_raw = path_rms(after, fit_options.flight);
+    error.test = error.test_all = path_rms(after, fit_options.flight);
     error.nominal_test = path_rms(before, fit_options.flight);
   }
   result.errors.push_back(error);
   BallSeries series = make_ball_series(before, after, fit_options.flight);
   series.held_out = !test.empty();
-  series.sigma = fit.sigma;
   const double camera = camera_noise(data, fit_options.longest_gap);
-  const long too_far =
-      series.has_string
-          ? flag_too_far(series, std::isfinite(camera) ? camera : fit.sigma, series.flagged)
-          : 0;
+  series.sigma = std::isfinite(camera) ? camera : fit.sigma;
+  const long too_far = series.has_string ? flag_too_far(series, series.flagged) : 0;
   result.notes.push_back(
       "ball: " + std::to_string(data.windows.size()) + " windows of at most " +
       format_number(fit_options.window) +

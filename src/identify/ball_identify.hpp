@@ -27,10 +27,18 @@ BallLayout ball_layout_for(const Model& model, const DividedChoice& choice);
 /// All rows of a source, the blocks of each run joined; of those with a ball alone.
 std::vector<Recording> recordings_with_ball(const RecordingSource& source);
 
+/// Whether a torque was measured in any of the recordings.
+bool has_torque(const RecordingSource& source);
+
 /// What there is of a ball in model or recordings, but not in both; empty if nothing.
 std::string ball_note(const Model& model, const RecordingSource& train);
 /// @throws ModelError if the recordings hold nothing but a ball, and the model has none
 void refuse_ball_alone(const Model& model, const RecordingSource& train);
+
+/// Whether a spin was recorded in any of the windows.
+bool has_spin(const BallData& data);
+/// @throws DataError if none was, which magnus needs
+void require_spin(const BallData& data);
 
 /// Adds parameters, errors, series and notes to `result`, whose model the ball is fitted with (and
 /// in which it is put).

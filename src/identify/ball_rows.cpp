@@ -8,6 +8,8 @@
 
 #include <diffnea/core/scalar.hpp>
 
+#include "core/median.hpp"
+
 namespace diffnea {
 namespace {
 
@@ -17,13 +19,6 @@ constexpr double kLeastOutlier = 5e-3;  ///< [m]
 constexpr double kLeastJump = 0.8;      ///< of the velocity at a bounce [m/s]
 
 double norm(const Vec3<double>& v) { return std::sqrt(dot(v, v)); }
-
-double median(std::vector<double> x) {
-  if (x.empty()) return 0.0;
-  auto middle = x.begin() + static_cast<std::ptrdiff_t>(x.size() / 2);
-  std::nth_element(x.begin(), middle, x.end());
-  return *middle;
-}
 
 // Cubics that noise is told by: over this long a swing is one, to a hundredth of a millimetre.
 constexpr double kBlockSeconds = 0.16;
@@ -86,7 +81,7 @@ std::vector<double> find_outliers(const std::vector<double>& time,
     }
   }
   std::array<double, 3> limit{};
-  for (int s = 0; s < 3; ++s) limit[s] = std::max(kUnusual * median(usual[s]), kLeastOutlier);
+  for (int s = 0; s < 3; ++s) limit[s] = std::max(kLeastOutlier, kUnusual * median(usual[s]));
   std::vector<double> out(time.size(), 0.0);
   for (long k = 0; k < n; ++k) {
     bool off_all = false;

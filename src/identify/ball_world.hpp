@@ -1,8 +1,6 @@
 #pragma once
 /// The world of one window in any scalar: hand, forces, view.
 
-#include <algorithm>
-
 #include <diffnea/identify/ball_fit.hpp>
 
 namespace diffnea {
@@ -16,13 +14,11 @@ struct BallWorld {
   std::vector<T> p;  ///< as the layout's parameters
   Vec3<T> p_LS;
   T r{};
-  bool gives_ = false;  ///< the string: its anchor's jerk matters
+  bool needs_jerk = false;  ///< an effect asks for the anchor's
 
   BallWorld(const Model& m, const BallLayout& l, const HandMotion& h, std::vector<T> parameters)
       : model(&m), layout(&l), hand(&h), p(std::move(parameters)) {
     if (!m.ball->string) return;
-    gives_ = std::ranges::any_of(
-        l.effects, [](const BoundEffect& e) { return e.info().name == "string_extension"; });
     r = T(m.ball->string->length);
     p_LS = m.ball->string->p_LS.template cast<T>();
     for (std::size_t k = 0; k < p.size(); ++k) {
@@ -35,6 +31,8 @@ struct BallWorld {
       held = p[k];
     }
     each_effect([&](const auto& formula, const T* values) {
+      if constexpr (requires { formula.kNeedsAnchorJerk; })
+        needs_jerk = needs_jerk || formula.kNeedsAnchorJerk;
       if constexpr (requires { formula.add_to_anchor(values, p_LS); })
         formula.add_to_anchor(values, p_LS);
     });
@@ -104,7 +102,7 @@ struct BallWorld {
     x.gravity = model->gravity;
     x.mass = model->ball->mass;
     x.radius = model->ball->radius;
-    if (x.taut && gives_) {
+    if (x.taut && needs_jerk) {
       const T late = x.time + T(kJerkStep), early = x.time - T(kJerkStep);
       x.anchor_jerk = (anchor(late).a - anchor(early).a) * T(0.5 / kJerkStep);
     }

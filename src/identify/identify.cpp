@@ -65,9 +65,7 @@ BallPart ball_part(const Model& model, const RecordingSource& train, const Recor
   if (test && out.test.empty())
     throw DataError(test->sample().front().source +
                     ": held-out recordings must show the ball, too (ball_x, ball_y, ball_z)");
-  out.alone = std::ranges::none_of(train.sample(), [](const Recording& r) {
-    return std::ranges::find(r.has_tau, true) != r.has_tau.end();
-  });
+  out.alone = !has_torque(train);
   return out;
 }
 
@@ -95,6 +93,12 @@ bool same_numbers(const RowMatX<double>& a, const RowMatX<double>& b) {
 
 }  // namespace
 
+bool has_torque(const RecordingSource& source) {
+  return std::ranges::any_of(source.sample(), [](const Recording& r) {
+    return std::ranges::find(r.has_tau, true) != r.has_tau.end();
+  });
+}
+
 std::string ball_note(const Model& model, const RecordingSource& train) {
   const bool seen =
       std::ranges::any_of(train.sample(), [](const Recording& r) { return r.ball.size() > 0; });
@@ -112,10 +116,9 @@ void refuse_ball_alone(const Model& model, const RecordingSource& train) {
   const std::vector<Recording> sample = train.sample();
   const bool ball =
                  std::ranges::any_of(sample, [](const Recording& r) { return r.ball.size() > 0; }),
-             torque = std::ranges::any_of(sample, [](const Recording& r) {
-               return std::ranges::find(r.has_tau, true) != r.has_tau.end() ||
-                      !r.info.passive.empty();
-             });
+             torque = has_torque(train) || std::ranges::any_of(sample, [](const Recording& r) {
+                        return !r.info.passive.empty();
+                      });
   if (model.ball && !ball && !torque)
     throw DataError(sample.front().source +
                     ": it holds neither torques (tau_*) nor the ball (ball_x, ball_y, ball_z): "

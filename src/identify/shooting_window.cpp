@@ -5,6 +5,7 @@
 #include <diffnea/core/error.hpp>
 #include <diffnea/recording/preprocess.hpp>
 
+#include "core/median.hpp"
 #include "identify/passes.hpp"
 #include "identify/window_integrator.hpp"
 
@@ -125,14 +126,13 @@ std::string unlike_the_others(const WindowErrors& errors,
   for (long j = 0; j < errors.sum.cols(); ++j) {
     const VecX<double> mean =
         errors.sum.col(j).cwiseQuotient(errors.count.col(j).cwiseMax(1.0)).cwiseSqrt();
-    std::vector<double> sorted;
+    std::vector<double> known;
     for (const double x : mean)
-      sorted.push_back(std::isnan(x) ? std::numeric_limits<double>::infinity() : x);
-    std::ranges::nth_element(sorted, sorted.begin() + static_cast<long>(sorted.size() / 2));
-    const double median = sorted[sorted.size() / 2];
+      known.push_back(std::isnan(x) ? std::numeric_limits<double>::infinity() : x);
+    const double usual = median(std::move(known));
     std::vector<std::string> times;
     for (long i = 0; i < mean.size(); ++i)
-      if (median > 0.0 && !(mean[i] <= kUnlike * median)) {
+      if (usual > 0.0 && !(mean[i] <= kUnlike * usual)) {
         const ShootingWindow& w = windows[static_cast<std::size_t>(i)];
         times.push_back(format_number(w.time.front()) + " s" +
                         (w.run > 0 ? " of run " + std::to_string(w.run) : ""));

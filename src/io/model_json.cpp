@@ -191,6 +191,7 @@ BallSpec ball_from(const Json& value, const std::string& where,
     out.link = any_link(links, s.optional("link"), s.at("link"));
     if (const Json* p = s.optional("attachment")) out.p_LS = vector_from(*p, s.at("attachment"));
     out.length = s.number("length");
+    out.length_std = s.number_or("length_std", 0.0);
     s.finish();
     ball.string = out;
   }
@@ -266,6 +267,8 @@ std::string model_to_json(const Model& model) {
     if (const std::optional<StringSpec>& s = model.ball->string)
       out["ball"]["string"] = {
           {"link", name_of(s->link)}, {"attachment", to_json(s->p_LS)}, {"length", s->length}};
+    if (model.ball->string && model.ball->string->length_std > 0.0)
+      out["ball"]["string"]["length_std"] = model.ball->string->length_std;
   }
   if (const std::optional<CupSpec>& cup = model.cup)
     out["cup"] = {{"inner_radius", cup->inner_radius},
@@ -347,7 +350,8 @@ Model model_from_json(std::string_view text, const std::string& where) {
           obstacle_from((*obstacles)[i], o.at("obstacles") + "[" + std::to_string(i) + "]", index));
   }
   if (const Json* home = o.optional("home"))
-    model.home = io::json_numbers(*home, o.at("home"), static_cast<int>(moving_links(model).size()));
+    model.home =
+        io::json_numbers(*home, o.at("home"), static_cast<int>(moving_links(model).size()));
   if (const Json* posterior = o.optional("posterior"))
     model.posterior = posterior_from(*posterior, o.at("posterior"));
   if (const Json* notes = o.optional("notes")) {

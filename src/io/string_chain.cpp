@@ -27,6 +27,18 @@ XmlElement* find(XmlElement& element, const char* tag, const std::string& name) 
 
 XmlElement& add(XmlElement& parent, const char* tag) { return *parent.InsertNewChildElement(tag); }
 
+/// Takes an element out, and what held nothing but it.
+void remove(XmlElement& element) {
+  XmlElement* parent = element.Parent()->ToElement();
+  parent->DeleteChild(&element);
+  if (!parent->FirstChildElement()) parent->Parent()->DeleteChild(parent);
+}
+
+/// Postures of a keyframe no longer fit.
+void remove_keyframes(XmlElement& root) {
+  for_each_child(root, "keyframe", [&](XmlElement& e) { root.DeleteChild(&e); });
+}
+
 void add_hinges(XmlElement& body, const std::string& name, const Rope& rope,
                 const Vec3<double>& at) {
   for (const bool second : {false, true}) {
@@ -109,11 +121,18 @@ std::string with_chain(const std::string& mjcf, const Model& nominal, const Mode
     hung->DeleteAttribute(placed);
   hung->SetAttribute("pos", exact(Vec3<double>{0, 0, -length - radius}).c_str());
   add_hinges(*hung, "string_knot", rope, {0, 0, radius});
-  ball->Parent()->DeleteChild(ball);
-  XmlElement* tendons = tendon->Parent()->ToElement();
-  tendons->DeleteChild(tendon);
-  if (!tendons->FirstChildElement()) root.DeleteChild(tendons);
-  for_each_child(root, "keyframe", [&](XmlElement& e) { root.DeleteChild(&e); });
+  remove(*ball);
+  remove(*tendon);
+  remove_keyframes(root);
+  return xml_text(*document);
+}
+
+std::string without_ball(const std::string& mjcf, const Model& truth) {
+  const std::unique_ptr<XmlDocument> document = parse_xml(mjcf, truth.source);
+  XmlElement& root = *document->RootElement();
+  if (XmlElement* tendon = find(root, "spatial", "string")) remove(*tendon);
+  if (XmlElement* ball = find(root, "body", "ball")) remove(*ball);
+  remove_keyframes(root);
   return xml_text(*document);
 }
 

@@ -15,4 +15,7 @@ namespace diffnea::io {
 std::string with_chain(const std::string& mjcf, const Model& nominal, const Model& truth,
                        const Rope& rope);
 
+/// The document without its ball and string. @throws ModelError if it is no XML
+std::string without_ball(const std::string& mjcf, const Model& truth);
+
 }  // namespace diffnea::io

@@ -24,13 +24,16 @@ constexpr WorldKey kWorldKeys[] = {
      "of the motion, each from rest: positions, torques and ball are their means, row by row"},
     {"ball",
      "what the ball hangs on: tendon (default), without mass, or chain, capsules that touch cup "
-     "and forearm; the ball is seen at 100 Hz with 1.5 mm of noise"},
+     "and forearm; the ball is seen at 100 Hz with 1.5 mm of noise; none: the robot without it"},
     {"rope",
      "of a chain: heavy (2.25 g, hinges 1e-4 N*m*s/rad), mid (1.2 g, 5e-5; default), light (0.5 g, "
      "1e-5), none (a tendon)"},
     {"string",
      "length of the ball's string in the world [m], from where it is tied to the ball's centre; "
      "default: the description's, changed by perturb"},
+    {"nominal_string",
+     "length of the ball's string that perturb changes [m]; default: the "
+     "description's"},
     {"tilt",
      "of the cup about where the string is tied: the largest that is drawn [rad]; default: that of "
      "perturb, A 0.035, B 0.07"}};
@@ -79,7 +82,7 @@ WorldSpec parse_world(const std::string& text) {
   WorldSpec out;
   out.perturbation = surrogate_a();
   std::string rest = text.substr(colon + 1), name;
-  std::optional<bool> chain;
+  std::optional<std::string> ball;
   std::optional<std::optional<Rope>> rope;
   std::optional<double> tilt;
   for (bool first = true; first || !rest.empty(); first = false) {
@@ -106,7 +109,10 @@ WorldSpec parse_world(const std::string& text) {
     else if (key == "tilt")
       tilt = number<double>(text, key, value);
     else if (key == "ball")
-      chain = choice<bool>(text, key, value, {{"tendon", false}, {"chain", true}});
+      ball = choice<std::string>(text, key, value,
+                                 {{"tendon", "tendon"}, {"chain", "chain"}, {"none", "none"}});
+    else if (key == "nominal_string")
+      out.nominal_string = number<double>(text, key, value);
     else if (key == "rope")
       rope = choice<std::optional<Rope>>(text, key, value,
                                          {{"heavy", Rope{2.25e-3, 1e-4}},
@@ -116,17 +122,20 @@ WorldSpec parse_world(const std::string& text) {
     else
       throw Error("world '" + text + "': unknown key '" + key + "'; keys: " + key_names());
   }
-  if (chain && rope && *chain != rope->has_value())
+  out.has_ball = ball != "none";
+  if (!out.has_ball && rope) throw Error("world '" + text + "': ball=none has no rope");
+  if (ball && rope && (ball == "chain") != rope->has_value())
     throw Error("world '" + text + "': a chain has a rope with mass, a tendon rope=none");
   if (rope)
     out.rope = *rope;
-  else if (chain.value_or(false))
+  else if (ball == "chain")
     out.rope = Rope{};
   if (tilt) out.perturbation.cup_tilt = *tilt;
   if (!(out.perturbation.cup_tilt >= 0.0))
     throw Error("world '" + text + "': tilt must not be negative [rad]");
-  if (out.string && !(*out.string > 0.0))
-    throw Error("world '" + text + "': string must be positive [m]");
+  for (const std::optional<double>& length : {out.string, out.nominal_string})
+    if (length && !(*length > 0.0))
+      throw Error("world '" + text + "': string and nominal_string must be positive [m]");
   if (out.repetitions < 1) throw Error("world '" + text + "': repetitions must be 1 or more");
   if (!(out.noise >= 0.0)) throw Error("world '" + text + "': noise must not be negative");
   out.mjcf = find_model_file(name, {".xml"});
@@ -141,15 +150,22 @@ struct DrawnWorld {
   std::string document;
 };
 DrawnWorld draw(const WorldSpec& world, std::uint64_t seed) {
-  const Model nominal = read_model(world.mjcf);
-  DrawnWorld out{.truth = perturbed(nominal, world.perturbation, seed), .document = {}};
-  if ((world.rope || world.string) && !(nominal.ball && nominal.ball->string))
+  Model nominal = read_model(world.mjcf);
+  const bool has_string = nominal.ball && nominal.ball->string;
+  if ((world.rope || world.string || world.nominal_string || !world.has_ball) && !has_string)
     throw ModelError(nominal.source +
-                     ": the world has no ball on a string (keys ball, rope, string); a free body "
-                     "'ball' on a spatial tendon 'string' is one, as in wam4_ball");
+                     ": the world has no ball on a string (keys ball, rope, string, "
+                     "nominal_string); a free body 'ball' on a spatial tendon 'string' is one, as "
+                     "in wam4_ball");
+  if (world.nominal_string) nominal.ball->string->length = *world.nominal_string;
+  DrawnWorld out{.truth = perturbed(nominal, world.perturbation, seed), .document = {}};
   if (world.string) out.truth.ball->string->length = *world.string;
   out.document = read_mjcf(world.mjcf);
   if (world.rope) out.document = io::with_chain(out.document, nominal, out.truth, *world.rope);
+  if (!world.has_ball) {
+    out.document = io::without_ball(out.document, out.truth);
+    out.truth.ball.reset();
+  }
   return out;
 }
 

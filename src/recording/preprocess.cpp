@@ -7,6 +7,7 @@
 #include <diffnea/recording/butterworth.hpp>
 #include <diffnea/recording/preprocess.hpp>
 
+#include "core/median.hpp"
 #include "recording/columns.hpp"
 #include "recording/gridder.hpp"
 #include "recording/spectrum.hpp"
@@ -24,12 +25,6 @@ constexpr long kStencil = 2;
 constexpr double kForgotten = 1e-15;
 /// Rows that planning looks at, at most; enough for any spectrum.
 constexpr long kPlanRows = 400'000;
-
-double median(std::vector<double> x) {
-  const auto middle = x.begin() + static_cast<long>(x.size() / 2);
-  std::nth_element(x.begin(), middle, x.end());
-  return *middle;
-}
 
 /// The grid's period: mean of the intervals within half of their median, which is the median to the
 /// accuracy that time was written with, and its true value where it was rounded.

@@ -5,6 +5,7 @@
 #include <complex>
 #include <numbers>
 
+#include "core/median.hpp"
 #include "recording/kaiser.hpp"
 
 namespace diffnea::detail {
@@ -64,10 +65,7 @@ Spectrum welch(const std::vector<Eigen::VectorXd>& segments, double rate_hz, lon
 
 double noise_floor(const Spectrum& s) {
   // The last bins are left out: half of the power of the bin at half of the rate is folded.
-  std::vector<double> upper(s.power.begin() + static_cast<long>(s.power.size() / 2),
-                            s.power.end() - 2);
-  std::ranges::nth_element(upper, upper.begin() + static_cast<long>(upper.size() / 2));
-  return upper[upper.size() / 2];
+  return median({s.power.begin() + static_cast<long>(s.power.size() / 2), s.power.end() - 2});
 }
 
 }  // namespace diffnea::detail

@@ -20,6 +20,9 @@ constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr std::size_t kMostRows = 2000;  ///< of each chart that zooms
 constexpr int kColumns = 420;            ///< of pixels in a drawing
 constexpr std::size_t kMostFlags = 20;   ///< that the page lists
+/// Between runs [s]: twice what parts windows (BallFitOptions::longest_gap), so that it shows as a
+/// pause, and a third of a short flight. A share of the axis would grow with every run.
+constexpr double kBetweenRuns = 0.2;
 
 std::string mm(double metres) { return number(1e3 * metres, 3) + " mm"; }
 
@@ -39,7 +42,7 @@ class OneAxis {
     for (const auto& [from, to] : windows_of(b)) {
       const int run = b.run[from];
       if (!offset_.contains(run))
-        offset_[run] = time.empty() ? 0.0 : last + 0.04 * (last - time.front()) - b.time[from];
+        offset_[run] = time.empty() ? 0.0 : last + kBetweenRuns - b.time[from];
       if (!time.empty()) {
         time.push_back(0.5 * (last + b.time[from] + offset_[run]));
         row.push_back(kGap);

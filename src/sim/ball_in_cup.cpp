@@ -61,7 +61,7 @@ std::string missed(const std::vector<Place>& all, const CupSpec& cup) {
 
 }  // namespace
 
-Verdict judge_ball(const VecX<double>& time, const RowMatX<double>& ball,
+BallVerdict judge_ball(const VecX<double>& time, const RowMatX<double>& ball,
                    const RowMatX<double>& cup, const RowMatX<double>& axis, const CupSpec& spec,
                    const SuccessOptions& o) {
   check(time, ball, cup, axis, o);

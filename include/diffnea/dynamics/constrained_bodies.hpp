@@ -38,8 +38,9 @@ struct ConstrainedAcceleration {
 /// @param prescribed  V̇ of prescribed bodies, one per body (others are not read); empty: zero
 /// @param rows  of all constraints at this state (append_rows)
 /// @param gravity  in W [m/s²]
-/// @throws ShapeError if lengths differ; ModelError if constraints contradict each other, naming
-///         them, no choice of active inequalities is consistent, or a body has no mass
+/// @throws ShapeError if lengths differ; ModelError if constraints contradict each other, or no
+///         choice of active inequalities is consistent, naming those without which the others
+///         agree; or if a body has no mass
 template <Scalar T>
 ConstrainedAcceleration<T> constrained_acceleration(const std::vector<FreeBody<T>>& bodies,
                                                     const std::vector<BodyState<T>>& states,
@@ -48,6 +49,17 @@ ConstrainedAcceleration<T> constrained_acceleration(const std::vector<FreeBody<T
                                                     const std::vector<ConstraintRow<T>>& rows,
                                                     const Vec3<T>& gravity,
                                                     const Stabilisation& stabilisation);
+
+/// Rows that act: equalities, and inequalities that hold something back.
+std::vector<bool> active_rows(const std::vector<ConstraintRow<double>>& rows,
+                              const std::vector<double>& multiplier);
+
+/// Active rows that others imply: their Jacobian is in the span of those before them, rows with a
+/// force first. The motion is unique where these forces are not.
+/// @param rows, multiplier  of constrained_acceleration  @throws ShapeError if lengths differ
+std::vector<bool> redundant_rows(const std::vector<FreeBody<double>>& bodies,
+                                 const std::vector<ConstraintRow<double>>& rows,
+                                 const std::vector<double>& multiplier);
 
 /// Twists after an impact: rows of poses that are violated or touch (g ≥ −kTouching) end with ġ ≤
 /// 0, or with −restitution times ġ before; equalities end with ġ = 0 and g(X, V) = 0. Momentum

@@ -7,6 +7,7 @@
 ///     delay(p)                    how late its picture is                     (Port::kBallView)
 ///     add_to_anchor(p, p_LS)      where the string is tied (Port::kStringAnchor)
 ///     clearance(x, radius, p), bounce(p, radius, s, spin)   at a plane (Port::kBallImpact)
+/// and `static constexpr bool kNeedsAnchorJerk = true;` if it asks for x.anchor_jerk.
 
 #include <diffnea/dynamics/ball_flight.hpp>
 #include <diffnea/effects/effect.hpp>
@@ -17,7 +18,7 @@ namespace diffnea {
 template <Scalar T>
 struct BallInstant : BallSample<T> {
   T length{};                       ///< r of the string [m]
-  Vec3<T> anchor_jerk;              ///< of S [m/s³], where an effect asks for it
+  Vec3<T> anchor_jerk;              ///< of S [m/s³], where an effect has kNeedsAnchorJerk
   Vec3<double> gravity;             ///< in W [m/s²]
   double mass = 0.0, radius = 0.0;  ///< [kg, m]
 };

@@ -11,6 +11,8 @@
 namespace diffnea {
 
 struct StringExtension {
+  static constexpr bool kNeedsAnchorJerk = true;
+
   static const EffectInfo& info() {
     static const EffectInfo kInfo{
         .name = "string_extension",

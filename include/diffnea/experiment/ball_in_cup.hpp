@@ -26,8 +26,9 @@ struct LearnOptions {
   VecX<double> start;               ///< posture q_0 (n) [rad]; empty: of the model's file, `home`
   PrompSpec promp;                  ///< its joints are those above
   ErepsOptions ereps;
-  double weight_std = 0.4;  ///< of the first Gaussian's weights [rad]
-  BallInCupOptions reward;  ///< its string is the model's
+  double weight_std = 0.4;      ///< of the first Gaussian's weights [rad]
+  double nominal_string = 0.0;  ///< which string is on the robot [m]; 0: not said
+  BallInCupOptions reward;      ///< its string is the model's
   ModelSimulatorOptions simulator;
   LearnOptions() { simulator.controller.bandwidth = 25.0; }  // fast motions
 };
@@ -60,7 +61,7 @@ struct LearnedPolicy {
   double expected = 0.0;  ///< reward of the mean in the model
   bool solved = false;    ///< the mean catches the ball in the model
   long rollouts = 0;
-  double seconds = 0.0;  ///< of CPU, without what was resumed
+  double seconds = 0.0;  ///< that passed, without what was resumed
 };
 
 /// After every iteration. @return false: stop, what was learned is returned
@@ -77,7 +78,7 @@ Ereps first_search(const BallInCup& task, std::uint64_t seed);
 /// One execution of a policy.
 struct Execution {
   std::uint64_t seed = 0;  ///< of the world's noise
-  Verdict verdict;
+  BallVerdict verdict;
   double reward = 0.0;       ///< the paper's, of what happened, at the ε that was learned with
   double reward_wide = 0.0;  ///< at ε = 0.055, the scale of the paper's figures
   std::string failure;       ///< of the world's solver; empty if none

@@ -30,7 +30,9 @@ struct BallSeries {
   std::vector<Point> anchor;    ///< where the string is tied (of the extended model)
   std::vector<bool> taut;       ///< of the extended model
   double length = 0.0;          ///< of its string [m]
-  double sigma = 0.0;           ///< of one position along one axis [m]
+  /// Noise of one position along one axis [m]: the camera's, as its rows tell it whatever the
+  /// model; where they are too few, what the fit leaves.
+  double sigma = 0.0;
   double base_rms = 0.0, extended_rms = 0.0;  ///< of one position along one axis [m]
   std::vector<BallFlag> flagged;
 

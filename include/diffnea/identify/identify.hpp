@@ -67,7 +67,7 @@ struct JointError {
   double test = 0.0;           ///< held out; NaN without a test set
   double nominal_test = 0.0;
   double test_all = 0.0;  ///< samples at which the joint rests included
-  double test_raw = 0.0;  ///< unfiltered torque
+  double test_raw = 0.0;  ///< unfiltered torque; ball: with rows that the fit's path contradicts
 };
 
 /// Torque of one joint over time, for plots; rows of the filtered, decimated series.

@@ -12,6 +12,7 @@ struct StringSpec {
   int link = -1;               ///< index into Model::links, −1: S is fixed to the world
   Vec3<double> p_LS{0, 0, 0};  ///< the anchor, in that link's frame [m] (the paper's p_E)
   double length = 0.0;         ///< r, from S to the ball's centre [m]
+  double length_std = 0.0;     ///< its standard error [m]; 0: it was not identified
 };
 
 struct BallSpec {

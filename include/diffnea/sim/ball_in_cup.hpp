@@ -27,7 +27,7 @@ enum class Outcome {
   kMissed,   ///< it never was in the cup, nor is near
 };
 
-struct Verdict {
+struct BallVerdict {
   Outcome outcome = Outcome::kMissed;
   std::string text;  ///< one clause: when, and by how much
 };
@@ -36,7 +36,7 @@ struct Verdict {
 /// @param ball, cup, axis  (T, 3) the ball's centre, the cup's origin [m] and axis (unit vector),
 /// in one frame; a row that is not finite counts as outside
 /// @throws ShapeError if rows or columns differ; DataError if the series is shorter than the window
-Verdict judge_ball(const VecX<double>& time, const RowMatX<double>& ball,
+BallVerdict judge_ball(const VecX<double>& time, const RowMatX<double>& ball,
                    const RowMatX<double>& cup, const RowMatX<double>& axis, const CupSpec& spec,
                    const SuccessOptions& options = {});
 

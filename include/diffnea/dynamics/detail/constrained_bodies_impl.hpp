@@ -59,9 +59,16 @@ std::vector<T> solve_rows(const MatX<T>& A, const VecX<T>& b, std::vector<int> c
   return lambda;
 }
 
+/// λ, or what keeps the rows from agreeing.
+template <class T>
+struct Complementary {
+  std::vector<T> multiplier;
+  std::string contradiction;  ///< empty where there is none
+};
+
 /// Equalities hold, inequalities among the candidates are complementary.
 template <class T>
-std::vector<T> solve_complementary(const MatX<T>& A, const VecX<T>& b,
+Complementary<T> try_complementary(const MatX<T>& A, const VecX<T>& b,
                                    const std::vector<ConstraintRow<T>>& rows,
                                    const std::vector<int>& candidates) {
   double scale = 0.0;
@@ -83,9 +90,10 @@ std::vector<T> solve_complementary(const MatX<T>& A, const VecX<T>& b,
     for (const int i : redundant) {
       if (rows[i].relation == Relation::kAtMost) continue;  // judged below
       if (std::abs(demanded(lambda, i)) > kContradiction * std::max(scale, 1.0))
-        throw ModelError("constrained bodies: constraint '" + rows[i].name +
-                         "' contradicts the others: they leave it no motion, and it demands one; "
-                         "remove it, or start from a state that satisfies all of them");
+        return {{},
+                "constrained bodies: constraint '" + rows[i].name +
+                    "' contradicts the others: they leave it no motion, and it demands one; "
+                    "remove it, or start from a state that satisfies all of them"};
     }
     int wrong = -1;
     for (const int i : candidates) {
@@ -99,11 +107,36 @@ std::vector<T> solve_complementary(const MatX<T>& A, const VecX<T>& b,
         break;
       }
     }
-    if (wrong < 0) return lambda;
+    if (wrong < 0) return {lambda, {}};
     active[wrong] = !active[wrong];
   }
-  throw ModelError("constrained bodies: no choice of tight inequalities is consistent; first: '" +
-                   rows[candidates.front()].name + "'");
+  return {{},
+          "constrained bodies: no choice of tight inequalities is consistent; first: '" +
+              rows[candidates.front()].name + "'"};
+}
+
+/// @throws ModelError if rows contradict each other, naming the constraints without which the
+///         others agree
+template <class T>
+std::vector<T> solve_complementary(const MatX<T>& A, const VecX<T>& b,
+                                   const std::vector<ConstraintRow<T>>& rows,
+                                   const std::vector<int>& candidates) {
+  Complementary<T> found = try_complementary(A, b, rows, candidates);
+  if (found.contradiction.empty()) return std::move(found.multiplier);
+  std::vector<std::string> tried;
+  std::string names;
+  for (const int i : candidates) {
+    const std::string& name = rows[i].name;
+    if (std::find(tried.begin(), tried.end(), name) != tried.end()) continue;
+    tried.push_back(name);
+    std::vector<int> others;
+    for (const int k : candidates)
+      if (rows[k].name != name) others.push_back(k);
+    if (try_complementary(A, b, rows, others).contradiction.empty())
+      names += (names.empty() ? "'" : " or '") + name + "'";
+  }
+  throw ModelError(found.contradiction +
+                   (names.empty() ? "" : "; the others agree without " + names));
 }
 
 template <class T>

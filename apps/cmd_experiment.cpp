@@ -1,0 +1,219 @@
+#include <cstdio>
+
+#include <diffnea/experiment/robot_data.hpp>
+#include <diffnea/io/model_file.hpp>
+#include <diffnea/io/result_folder.hpp>
+#include <diffnea/io/sidecar.hpp>
+#include <diffnea/io/trajectory_file.hpp>
+#include <diffnea/recording/csv.hpp>
+#include <diffnea/report/learn_text.hpp>
+#include <diffnea/report/run_folder.hpp>
+#include <diffnea/report/transfer_text.hpp>
+#include <diffnea/version.hpp>
+
+#include "common.hpp"
+#include "policies.hpp"
+#include "transfers.hpp"
+
+namespace diffnea::apps {
+namespace {
+
+struct ExperimentCommand {
+  CommonOptions common;
+  std::vector<std::string> command_line;
+  std::string task, model = "wam4_ball_in_cup", out;
+  bool nominal = false;
+  RobotData data;
+  PolicyOptions policies;
+  TransferOptions transfer;
+};
+
+/// The stages one after the other, each with its files in a folder of its own.
+class Experiment {
+ public:
+  explicit Experiment(const ExperimentCommand& c)
+      : c_(c),
+        out_(c.out),
+        line_(c.common.quiet),
+        file_(find_model_file(c.model, {".xml", ".json", ".urdf"})),
+        nominal_(read_model(file_)) {
+    if (c.policies.string && nominal_.ball && nominal_.ball->string)
+      nominal_.ball->string->length = *c.policies.string;
+    std::filesystem::create_directories(out_);
+  }
+
+  /// @return false: interrupted
+  bool run() {
+    Model model = nominal_;
+    if (!c_.nominal) {
+      const BallInCup task = task_of(nominal_, nominal_, c_.policies);  // refused now, not later
+      const std::optional<Model> identified = identified_robot(task.start);
+      if (!identified) return false;
+      model = *identified;
+    }
+    const LearnRun learned = learn(model);
+    if (learned.policies.empty() || learned.interrupted) return false;
+    return transfer(learned);
+  }
+
+ private:
+  void say(const std::string& text) {
+    line_.clear();
+    if (!c_.common.quiet && !c_.common.json) std::printf("%s\n", text.c_str());
+    std::fflush(stdout);
+  }
+
+  Trajectory designed(DesignOptions design, const char* name) {
+    design.progress = [&](const FitProgress& progress) {
+      line_.show(std::string("designing ") + name + ",", " " + progress.stage);
+      return !Interruptible::requested();
+    };
+    const Excitation e = design_excitation(nominal_, design);
+    write_trajectory(e.trajectory, (out_ / (std::string(name) + "-motion.csv")).string());
+    return e.trajectory;
+  }
+
+  Recording recorded(const WorldSpec& world, const Trajectory& motion, const char* name) {
+    line_.show(std::string("recording ") + name, "");
+    RecordOptions options;
+    options.position_noise *= world.noise;
+    options.torque_noise *= world.noise;
+    options.camera_noise *= world.noise;
+    const SimulatedRecording r =
+        record_in_world(world, nominal_, motion, options, c_.common.seed).result;
+    if (!r.failure.empty())
+      throw DataError(std::string("the recording of ") + name + " ended early: " + r.failure);
+    const std::string file = (out_ / (std::string(name) + ".csv")).string();
+    write_recording(r.recording, file);
+    write_sidecar(r.recording.info, file);
+    return r.recording;
+  }
+
+  std::optional<Model> identified_robot(const VecX<double>& home) {
+    WorldSpec arm = world_of(c_.transfer), ball = arm;
+    arm.has_ball = false;
+    arm.rope.reset();
+    arm.string.reset();
+    ball.repetitions = c_.data.ball_repetitions;
+    const Trajectory arm_motion = designed(arm_excitation(c_.data, c_.common.seed + 1), "arm");
+    const Trajectory ball_motion =
+        designed(ball_excitation(nominal_, home, c_.data, c_.common.seed + 2), "ball");
+    if (Interruptible::requested()) return {};
+    const Recording arm_data = recorded(arm, arm_motion, "arm"),
+                    ball_data = recorded(ball, ball_motion, "ball");
+    IdentifiedRobot robot =
+        identify_robot(nominal_, arm_data, ball_data, [&](const FitProgress& progress) {
+          line_.show(progress);
+          return !Interruptible::requested();
+        });
+    if (Interruptible::requested()) return {};
+    publish(robot.arm, "identify-arm", "arm.csv");
+    publish(robot.ball, "identify-ball", "ball.csv");
+    char text[200];
+    std::snprintf(text, sizeof text,
+                  "identified from %.0f s of the arm and %d times %.0f s of the "
+                  "ball: string %.4f m",
+                  c_.data.arm_seconds, c_.data.ball_repetitions, c_.data.ball_seconds,
+                  robot.model.ball->string->length);
+    say(text);
+    return robot.model;
+  }
+
+  void publish(IdentifyResult& fit, const char* name, const char* data) {
+    ResultFolder folder(out_ / name);
+    FitRun run{.fit = std::move(fit), .reproduce = reproduce()};
+    run.reproduce.inputs.push_back(describe_input("data", out_ / data));
+    publish_fit_run(run, folder);
+    fit = std::move(run.fit);
+  }
+
+  Reproduce reproduce() const {
+    Reproduce out;
+    out.version = version();
+    out.command = c_.command_line;
+    out.inputs.push_back(describe_input("model", file_));
+    return out;
+  }
+
+  LearnRun learn(const Model& model) {
+    const BallInCup task = task_of(model, nominal_, c_.policies);
+    ResultFolder folder(out_ / "policy");
+    LearnRun run = learn_with_checkpoints(task, c_.policies, c_.common, folder.path(), line_);
+    if (run.policies.empty()) return run;
+    run.reproduce = reproduce();
+    publish_learn_run(run, folder);
+    say(learn_text(run));
+    return run;
+  }
+
+  bool transfer(const LearnRun& learned) {
+    ResultFolder folder(out_ / "transfer");
+    TransferRun run = transfer_policies(learned, c_.transfer, c_.common, line_);
+    if (run.executions.empty()) return false;
+    run.reproduce = reproduce();
+    publish_transfer_run(run, folder);
+    say(transfer_text(run));
+    if (c_.common.json) {
+      const std::string text = transfer_result_json(run);
+      std::fwrite(text.data(), 1, text.size(), stdout);
+    } else if (!c_.common.quiet) {
+      std::printf("open %s\n", (folder.path() / "report.html").string().c_str());
+    }
+    return !run.interrupted;
+  }
+
+  const ExperimentCommand& c_;
+  std::filesystem::path out_;
+  ProgressLine line_;
+  std::filesystem::path file_;
+  Model nominal_;
+};
+
+void run_experiment(ExperimentCommand c) {
+  c.transfer.string = c.policies.string;
+  const Interruptible interruptible;
+  Experiment experiment(c);
+  if (experiment.run()) return;
+  std::fprintf(stderr,
+               "interrupted: finished stages are in %s; the same command goes on from the search's "
+               "last iteration\n",
+               c.out.c_str());
+  throw CLI::RuntimeError(kInterrupted);
+}
+
+}  // namespace
+
+void add_experiment(CLI::App& app, const std::vector<std::string>& command_line) {
+  auto c = std::make_shared<ExperimentCommand>();
+  c->command_line = command_line;
+  CLI::App* command = app.add_subcommand(
+      "experiment",
+      "The whole loop: excite, record in a world, identify, learn in the identified model, "
+      "transfer "
+      "back to the world.\n"
+      "Leaves motions, recordings and, with a page each, identify-arm, identify-ball, policy, "
+      "transfer. Deterministic for a seed; interrupted, the same command goes on.");
+  command->add_option("task", c->task, "ball-in-cup")
+      ->required()
+      ->check(CLI::IsMember({"ball-in-cup"}));
+  command->add_option("--model", c->model, "nominal description of the robot, ball and cup")
+      ->capture_default_str();
+  command->add_option("-o,--output", c->out, "folder")->required();
+  command->add_flag("--nominal", c->nominal,
+                    "learn in the nominal description instead: nothing is recorded");
+  command->add_option("--arm-seconds", c->data.arm_seconds, "recording of the arm [s]")
+      ->check(at_least(1.0))
+      ->capture_default_str();
+  command->add_option("--ball-seconds", c->data.ball_seconds, "recording of the ball [s]")
+      ->check(at_least(1.0))
+      ->capture_default_str();
+  command->add_option("--ball-repetitions", c->data.ball_repetitions, "that are averaged")
+      ->check(CLI::Range(1, 1000))
+      ->capture_default_str();
+  add_policy_options(*command, c->policies);
+  add_transfer_options(*command, c->transfer);
+  add_common(*command, c->common);
+  command->callback([c] { run_experiment(*c); });
+}
+
+}  // namespace diffnea::apps

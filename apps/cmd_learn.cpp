@@ -1,0 +1,78 @@
+#include <cstdio>
+
+#include <diffnea/io/model_file.hpp>
+#include <diffnea/io/result_folder.hpp>
+#include <diffnea/report/learn_text.hpp>
+#include <diffnea/report/run_folder.hpp>
+#include <diffnea/version.hpp>
+
+#include "common.hpp"
+#include "policies.hpp"
+
+namespace diffnea::apps {
+namespace {
+
+struct LearnCommand {
+  CommonOptions common;
+  std::vector<std::string> command_line;
+  std::string task, model, controller, out;
+  PolicyOptions policies;
+};
+
+void run_learn(const LearnCommand& c) {
+  const Model model = read_model(c.model);
+  const Model controller = c.controller.empty() ? model : read_model(c.controller);
+  const BallInCup task = task_of(model, controller, c.policies);
+  ResultFolder folder(c.out);
+  const Interruptible interruptible(folder.leftovers(kRunFiles));
+  ProgressLine line(c.common.quiet);
+  LearnRun run = learn_with_checkpoints(task, c.policies, c.common, folder.path(), line);
+  run.reproduce.version = version();
+  run.reproduce.command = c.command_line;
+  run.reproduce.inputs.push_back(describe_input("model", c.model));
+  if (!c.controller.empty())
+    run.reproduce.inputs.push_back(describe_input("controller", c.controller));
+  if (run.policies.empty()) {
+    std::fprintf(stderr, "interrupted before anything was learned; nothing was written\n");
+    throw CLI::RuntimeError(kInterrupted);
+  }
+  publish_learn_run(run, folder);
+  line.clear();
+  const std::string text = c.common.json ? learn_result_json(run) : learn_text(run);
+  std::fwrite(text.data(), 1, text.size(), stdout);
+  if (!c.common.json && !c.common.quiet)
+    std::printf("%s: result.json, policy_*.json, report.html\n", folder.path().string().c_str());
+  if (run.interrupted) {
+    std::fprintf(stderr,
+                 "interrupted: the policies are what had been learned until then; the same command "
+                 "goes on from there\n");
+    throw CLI::RuntimeError(kInterrupted);
+  }
+}
+
+}  // namespace
+
+void add_learn(CLI::App& app, const std::vector<std::string>& command_line) {
+  auto c = std::make_shared<LearnCommand>();
+  c->command_line = command_line;
+  CLI::App* command = app.add_subcommand(
+      "learn",
+      "Learn a task in a model, offline: eREPS over the weights of a movement primitive.\n"
+      "Killed or interrupted, the same command goes on from the last iteration.");
+  command->add_option("task", c->task, "ball-in-cup")
+      ->required()
+      ->check(CLI::IsMember({"ball-in-cup"}));
+  command
+      ->add_option("model", c->model,
+                   "robot with a ball on a string and a cup: the model.json of `identify`, an MJCF")
+      ->required();
+  command->add_option("-o,--output", c->out, "folder for policies and page")->required();
+  command->add_option("--controller", c->controller,
+                      "description that the robot's controller compensates gravity with; default: "
+                      "the model");
+  add_policy_options(*command, c->policies);
+  add_common(*command, c->common);
+  command->callback([c] { run_learn(*c); });
+}
+
+}  // namespace diffnea::apps

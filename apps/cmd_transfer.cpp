@@ -1,0 +1,69 @@
+#include <chrono>
+#include <cstdio>
+
+#include <diffnea/io/policy_result.hpp>
+#include <diffnea/io/result_folder.hpp>
+#include <diffnea/report/run_folder.hpp>
+#include <diffnea/report/transfer_text.hpp>
+#include <diffnea/version.hpp>
+
+#include "common.hpp"
+#include "transfers.hpp"
+
+namespace diffnea::apps {
+namespace {
+
+struct TransferCommand {
+  CommonOptions common;
+  std::vector<std::string> command_line;
+  std::string policies, out;
+  TransferOptions options;
+};
+
+void run_transfer(const TransferCommand& c) {
+  const LearnRun learned = read_learn_run(c.policies);
+  ResultFolder folder(c.out);
+  const Interruptible interruptible(folder.leftovers(kRunFiles));
+  ProgressLine line(c.common.quiet);
+  TransferOptions options = c.options;
+  if (const double nominal = learned.task.options.nominal_string; nominal > 0.0 && !options.string)
+    options.string = nominal;
+  TransferRun run = transfer_policies(learned, options, c.common, line);
+  run.reproduce.version = version();
+  run.reproduce.command = c.command_line;
+  run.reproduce.inputs.push_back(
+      describe_input("policies", std::filesystem::path(c.policies) / "result.json"));
+  if (run.executions.empty()) {
+    std::fprintf(stderr, "interrupted before anything was executed; nothing was written\n");
+    throw CLI::RuntimeError(kInterrupted);
+  }
+  publish_transfer_run(run, folder);
+  line.clear();
+  const std::string text = c.common.json ? transfer_result_json(run) : transfer_text(run);
+  std::fwrite(text.data(), 1, text.size(), stdout);
+  if (!c.common.json && !c.common.quiet)
+    std::printf("%s: result.json, report.html\n", folder.path().string().c_str());
+  if (run.interrupted) {
+    std::fprintf(stderr, "interrupted: the result is of what had been executed until then\n");
+    throw CLI::RuntimeError(kInterrupted);
+  }
+}
+
+}  // namespace
+
+void add_transfer(CLI::App& app, const std::vector<std::string>& command_line) {
+  auto c = std::make_shared<TransferCommand>();
+  c->command_line = command_line;
+  CLI::App* command = app.add_subcommand(
+      "transfer",
+      "Execute learned policies in a world that is not the model they were learned in.\n"
+      "Every policy once, without noise; the best of them again with the noise of drives, encoders "
+      "and posture. Success is a ball that is in the cup throughout the last half second.");
+  command->add_option("policies", c->policies, "folder that `learn` left")->required();
+  command->add_option("-o,--output", c->out, "folder for the result and the page")->required();
+  add_transfer_options(*command, c->options);
+  add_common(*command, c->common);
+  command->callback([c] { run_transfer(*c); });
+}
+
+}  // namespace diffnea::apps

@@ -1,0 +1,40 @@
+#pragma once
+/// What `learn`, `transfer` and `experiment` share: options of the task, and the search with its
+/// checkpoints.
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <CLI/CLI.hpp>
+
+#include <diffnea/experiment/seeds.hpp>
+#include <diffnea/io/policy_result.hpp>
+
+#include "common.hpp"
+#include "progress.hpp"
+
+namespace diffnea::apps {
+
+/// Options of a ball in a cup that is learned.
+struct PolicyOptions {
+  LearnOptions learn;
+  std::optional<double> string;  ///< nominal length [m]
+  int seeds = 1;
+  bool fresh = false;
+  std::vector<double> start, kp, kd;
+};
+void add_policy_options(CLI::App& command, PolicyOptions& options);
+
+/// The task in a model. Where the model's string was identified, its length stays as long as it is
+/// near the nominal one; else it becomes that.
+/// @throws DataError if it is not near; as ball_in_cup
+BallInCup task_of(const Model& model, const Model& controller, const PolicyOptions& options);
+
+/// Learns all seeds, with a line of progress and a checkpoint a seed in `folder`/checkpoints.
+/// @return `interrupted` set if Ctrl-C came
+LearnRun learn_with_checkpoints(const BallInCup& task, const PolicyOptions& options,
+                                const CommonOptions& common, const std::filesystem::path& folder,
+                                ProgressLine& line);
+
+}  // namespace diffnea::apps

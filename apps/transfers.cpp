@@ -1,0 +1,138 @@
+#include "transfers.hpp"
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <cstdio>
+#include <exception>
+#include <functional>
+#include <mutex>
+#include <thread>
+
+namespace diffnea::apps {
+namespace {
+
+/// Executions of jobs 0 … count − 1 on several threads, each with a simulator of its own.
+/// @param run  (simulator, job) → execution
+std::vector<Execution> all(const Simulator& world, int count, int threads,
+                           const std::function<Execution(const Simulator&, int)>& run,
+                           const std::function<void(int)>& done) {
+  std::vector<std::optional<Execution>> found(static_cast<std::size_t>(count));
+  std::atomic<int> next = 0, finished = 0;
+  std::mutex one_at_a_time;
+  std::exception_ptr failure;
+  const auto work = [&] {
+    const std::unique_ptr<Simulator> own = world.clone();
+    for (int k = next++; k < count && !Interruptible::requested(); k = next++) {
+      try {
+        found[static_cast<std::size_t>(k)] = run(*own, k);
+        const std::scoped_lock lock(one_at_a_time);
+        done(++finished);
+      } catch (...) {
+        const std::scoped_lock lock(one_at_a_time);
+        if (!failure) failure = std::current_exception();
+        next = count;
+      }
+    }
+  };
+  {
+    std::vector<std::jthread> others;
+    for (int t = 1; t < std::min(threads, count); ++t) others.emplace_back(work);
+    work();
+  }
+  if (failure) std::rethrow_exception(failure);
+  std::vector<Execution> out;
+  for (std::optional<Execution>& e : found) {
+    if (!e) break;  // interrupted
+    out.push_back(std::move(*e));
+  }
+  return out;
+}
+
+}  // namespace
+
+void add_transfer_options(CLI::App& command, TransferOptions& o) {
+  command
+      .add_option("--world", o.world,
+                  "mujoco:NAME[,key=value...] with a ball and a cup (see `diffnea worlds`)")
+      ->capture_default_str();
+  command.add_option("--rope", o.rope, "heavy, mid, light, none: the world's string")
+      ->check(CLI::IsMember({"heavy", "mid", "light", "none"}));
+  command.add_option("--repetitions", o.repetitions, "of the best policy, with noise")
+      ->check(CLI::Range(0, 100000))
+      ->capture_default_str();
+  command
+      .add_option("--torque-noise", o.simulator.torque_noise,
+                  "of the drives in repetitions [N*m], times a joint's size")
+      ->check(at_least(0.0))
+      ->capture_default_str();
+  command
+      .add_option("--posture-noise", o.simulator.encoder_noise,
+                  "of the posture in repetitions, constant through one [rad]")
+      ->check(at_least(0.0))
+      ->capture_default_str();
+}
+
+WorldSpec world_of(const TransferOptions& o) {
+  WorldSpec spec = parse_world(o.rope.empty() ? o.world : o.world + ",rope=" + o.rope);
+  if (o.string && !spec.string && !spec.nominal_string) spec.nominal_string = o.string;
+  return spec;
+}
+
+TransferRun transfer_policies(const LearnRun& learned, const TransferOptions& o,
+                              const CommonOptions& common, ProgressLine& line) {
+  const auto begin = std::chrono::steady_clock::now();
+  TransferRun run;
+  run.task = learned.task;
+  run.policies = learned.policies;
+  run.imagined = learned.imagined;
+  run.world = o.rope.empty() ? o.world : o.world + ",rope=" + o.rope;
+  const BallInCup& task = learned.task;
+  const WorldSpec spec = world_of(o);
+  MujocoSimulatorOptions quiet;
+  quiet.controller = task.options.simulator.controller;
+  MujocoSimulatorOptions noisy = o.simulator;
+  noisy.controller = quiet.controller;
+  const int threads = common.threads > 0
+                          ? common.threads
+                          : static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+  const MotionLimits limits = motion_limits(task.controller);
+  const CupSpec cup = *task.model.cup;
+  const auto world = make_simulator(spec, task.controller, quiet, common.seed);
+  const auto counted = [&](const char* what, int count) {
+    return [&line, what, count](int done) {
+      line.show(what, " " + std::to_string(done) + " of " + std::to_string(count));
+    };
+  };
+  const int policies = static_cast<int>(run.policies.size());
+  run.executions = all(
+      *world, policies, threads,
+      [&](const Simulator& own, int k) {
+        return execute(run.policies[static_cast<std::size_t>(k)], own, limits, cup, common.seed);
+      },
+      counted("executing policy", policies));
+  for (std::size_t k = 0; k < run.executions.size(); ++k) {
+    const Execution& e = run.executions[k];
+    if (!e.failure.empty()) continue;
+    const auto better = [&](const Execution& than) {
+      return std::pair(e.success(), e.reward) > std::pair(than.success(), than.reward);
+    };
+    if (run.best < 0 || better(run.executions[static_cast<std::size_t>(run.best)]))
+      run.best = static_cast<int>(k);
+  }
+  if (run.best >= 0 && !Interruptible::requested()) {
+    const auto disturbed = make_simulator(spec, task.controller, noisy, common.seed);
+    run.repetitions = all(
+        *disturbed, o.repetitions, threads,
+        [&](const Simulator& own, int k) {
+          return execute(run.policies[static_cast<std::size_t>(run.best)], own, limits, cup,
+                         common.seed + 1 + static_cast<std::uint64_t>(k));
+        },
+        counted("repeating the best policy,", o.repetitions));
+  }
+  run.interrupted = Interruptible::requested();
+  run.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  return run;
+}
+
+}  // namespace diffnea::apps

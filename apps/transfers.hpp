@@ -1,0 +1,37 @@
+#pragma once
+/// What `transfer` and `experiment` share: policies executed in a MuJoCo world.
+
+#include <optional>
+#include <string>
+
+#include <CLI/CLI.hpp>
+
+#include <diffnea/io/policy_result.hpp>
+#include <diffnea/io/world.hpp>
+
+#include "common.hpp"
+#include "progress.hpp"
+
+namespace diffnea::apps {
+
+struct TransferOptions {
+  std::string world = "mujoco:wam4_ball_in_cup,perturb=none,rope=mid";
+  std::string rope;              ///< overrides the world's
+  std::optional<double> string;  ///< of the world [m]; none: the policies' nominal
+  int repetitions = 10;
+  MujocoSimulatorOptions simulator;  ///< of repetitions
+  TransferOptions() {
+    simulator.torque_noise = 0.1;
+    simulator.encoder_noise = 1e-3;
+  }
+};
+void add_transfer_options(CLI::App& command, TransferOptions& options);
+
+/// @return `interrupted` set if Ctrl-C came
+TransferRun transfer_policies(const LearnRun& learned, const TransferOptions& options,
+                              const CommonOptions& common, ProgressLine& line);
+
+/// The world that the options name.
+WorldSpec world_of(const TransferOptions& options);
+
+}  // namespace diffnea::apps
