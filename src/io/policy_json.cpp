@@ -100,6 +100,7 @@ Json task(const BallInCup& task) {
           {"primitive", primitive(o.promp)},
           {"search", search(o.ereps)},
           {"weight_std", o.weight_std},
+          {"nominal_string", o.nominal_string},
           {"reward", reward(o.reward)},
           {"simulator",
            {{"controller", controller(o.simulator.controller)},
@@ -236,6 +237,7 @@ LearnOptions read_task(JsonObject& root, long joints) {
   out.joints = out.promp.joints;
   out.ereps = read_search(o);
   out.weight_std = o.number("weight_std");
+  out.nominal_string = o.number("nominal_string");
   out.reward = read_reward(o);
   JsonObject s(o.required("simulator"), o.at("simulator"));
   out.simulator.controller = read_controller(s, joints);
