@@ -3,9 +3,12 @@
 
 #include <diffnea/io/atomic_file.hpp>
 #include <diffnea/io/diagnosis.hpp>
+#include <diffnea/io/policy_result.hpp>
 #include <diffnea/io/result.hpp>
 #include <diffnea/report/diagnose_page.hpp>
 #include <diffnea/report/identify_page.hpp>
+#include <diffnea/report/learn_page.hpp>
+#include <diffnea/report/transfer_page.hpp>
 
 #include "common.hpp"
 
@@ -20,7 +23,16 @@ struct ReportOptions {
 void run_report(const ReportOptions& options) {
   const std::filesystem::path page = std::filesystem::path(options.run) / "report.html";
   bool has_charts = false;
-  if (run_schema(options.run).starts_with("diffnea/diagnose/")) {
+  const std::string schema = run_schema(options.run);
+  if (schema.starts_with("diffnea/learn/")) {
+    const LearnRun run = read_learn_run(options.run);
+    has_charts = !run.figures.empty();
+    write_file_atomically(page, learn_page(run));
+  } else if (schema.starts_with("diffnea/transfer/")) {
+    const TransferRun run = read_transfer_run(options.run);
+    has_charts = !run.figures.empty();
+    write_file_atomically(page, transfer_page(run));
+  } else if (schema.starts_with("diffnea/diagnose/")) {
     const DiagnoseRun run = read_diagnose_run(options.run);
     has_charts = !run.finding.series.empty() || run.finding.ball;
     write_file_atomically(page, diagnose_page(run));
@@ -43,7 +55,7 @@ void run_report(const ReportOptions& options) {
 void add_report(CLI::App& app) {
   auto options = std::make_shared<ReportOptions>();
   CLI::App* command = app.add_subcommand("report", "Rebuild the page of a run from its results.");
-  command->add_option("run", options->run, "folder that identify or diagnose wrote")->required();
+  command->add_option("run", options->run, "folder that a command wrote with -o")->required();
   add_common(*command, options->common);
   command->callback([options] { run_report(*options); });
 }

@@ -44,6 +44,7 @@ HEAVY: dict[str, tuple[str, ...]] = {
     "urdf_model/": ("src/io",),
     "urdf_world/": ("src/io",),
     "tinyxml": ("src/io",),
+    "gif_lib.h": ("src/report",),
     "CLI/": ("apps",),
     "pybind11/": ("python",),
 }

@@ -181,3 +181,55 @@
   document.body.classList.add("turns-space");
   paint();
 })();
+
+// Movements that play: arm, cup, string and ball at one instant, on the paths that the page has drawn.
+(function () {
+  for (const holder of document.querySelectorAll(".player")) {
+    const m = JSON.parse(holder.querySelector("script").textContent), group = holder.querySelector("g");
+    const x = (v) => (m.left + m.scale * (v - m.low[0])).toFixed(1), y = (v) => (m.bottom - m.scale * (v - m.low[1])).toFixed(1);
+    const rows = m.time.length, n = m.points.length;
+    const at = (i, k) => [m.points[i][0][k], m.points[i][1][k]];
+    const xy = (p) => x(p[0]) + " " + y(p[1]);
+    const stroke = (name, points) => `<path class="${name}" d="M${points.map(xy).join("L")}"/>`;
+    const disc = (name, p, r) => `<circle class="${name}" cx="${x(p[0])}" cy="${y(p[1])}" r="${r}"/>`;
+    const range = (from, to) => Array.from({ length: to - from }, (_, i) => from + i);
+
+    function draw(k) {
+      const knot = at(n - 6, k), ball = at(n - 1, k), d = Math.hypot(knot[0] - ball[0], knot[1] - ball[1]);
+      const sag = d < m.taut * m.string ? Math.sqrt(0.375 * Math.max(d, 0.3 * m.string) * (m.string - d)) : 0;
+      const middle = [(knot[0] + ball[0]) / 2, (knot[1] + ball[1]) / 2 - 2 * sag];
+      const g = m.ghost && Math.min(k, m.ghost[0].length - 1);
+      group.innerHTML = stroke("arm", range(0, m.arm).map((i) => at(i, k))) + stroke("cup", range(n - 5, n - 1).map((i) => at(i, k))) +
+        `<path class="string" d="M${xy(knot)}Q${xy(middle)} ${xy(ball)}"/>` + (m.ghost ? disc("ghost", [m.ghost[0][g], m.ghost[1][g]], 5) : "") + disc("ball", ball, 6);
+      slider.value = k;
+      shown.textContent = m.time[k].toFixed(2) + " s";
+    }
+
+    const controls = document.createElement("div");
+    controls.className = "controls";
+    controls.innerHTML = `<button type="button">Play</button><input type="range" min="0" max="${rows - 1}" step="1" aria-label="time"><output></output>`;
+    const [button, slider, shown] = controls.children;
+    holder.append(controls);
+    holder.classList.add("plays");
+    let started = null, from = 0;
+    const stop = () => { started = null; button.textContent = "Play"; };
+    function step(now) {
+      if (started === null) return;
+      if (started === 0) started = now;
+      const t = m.time[from] + (now - started) / 1000;
+      let k = from;
+      while (k < rows - 1 && m.time[k + 1] <= t) k++;
+      draw(k);
+      k === rows - 1 ? stop() : requestAnimationFrame(step);
+    }
+    button.addEventListener("click", () => {
+      if (started !== null) return stop();
+      from = Number(slider.value) === rows - 1 ? 0 : Number(slider.value);
+      started = 0;
+      button.textContent = "Pause";
+      requestAnimationFrame(step);
+    });
+    slider.addEventListener("input", () => { stop(); draw(Number(slider.value)); });
+    draw(rows - 1);
+  }
+})();

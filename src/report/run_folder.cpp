@@ -1,10 +1,16 @@
+#include <algorithm>
+
 #include <diffnea/core/error.hpp>
 #include <diffnea/io/atomic_file.hpp>
 #include <diffnea/io/model_file.hpp>
+#include <diffnea/io/policy_file.hpp>
 #include <diffnea/io/trajectory_file.hpp>
 #include <diffnea/report/diagnose_page.hpp>
 #include <diffnea/report/identify_page.hpp>
+#include <diffnea/report/learn_page.hpp>
+#include <diffnea/report/movement_gif.hpp>
 #include <diffnea/report/run_folder.hpp>
+#include <diffnea/report/transfer_page.hpp>
 
 namespace diffnea {
 namespace {
@@ -38,6 +44,28 @@ void write_models(const Model& model, const fs::path& folder, std::vector<std::s
   }
 }
 
+/// kRunFiles and the policies that are in the folder, or will be.
+std::vector<std::string> run_files(const ResultFolder& folder) {
+  std::vector<std::string> out = kRunFiles;
+  for (const fs::path& place : {folder.path(), folder.staging()}) {
+    std::error_code error;
+    for (fs::directory_iterator it(place, error), end; !error && it != end; it.increment(error)) {
+      const std::string name = it->path().filename().string();
+      if (name.starts_with("policy_") && name.ends_with(".json") &&
+          std::ranges::find(out, name) == out.end())
+        out.push_back(name);
+    }
+  }
+  return out;
+}
+
+void write_task(const BallInCup& task, const std::vector<LearnedPolicy>& policies,
+                const fs::path& folder) {
+  write_model(task.model, folder / "model.json");
+  write_model(task.controller, folder / "controller.json");
+  for (const LearnedPolicy& p : policies) write_policy(p, folder / policy_file_name(p.seed));
+}
+
 }  // namespace
 
 void publish_fit_run(FitRun& run, ResultFolder& folder) {
@@ -47,7 +75,7 @@ void publish_fit_run(FitRun& run, ResultFolder& folder) {
   write_file_atomically(staging / "result.json", identify_result_json(run));
   // From what was written, so that `diffnea report` gives the same page.
   write_file_atomically(staging / "report.html", identify_page(read_fit_run(staging)));
-  folder.publish(kRunFiles);
+  folder.publish(run_files(folder));
 }
 
 void publish_diagnose_run(DiagnoseRun& run, ResultFolder& folder) {
@@ -58,7 +86,27 @@ void publish_diagnose_run(DiagnoseRun& run, ResultFolder& folder) {
   write_file_atomically(staging / "series.json", diagnose_series_json(run.finding));
   write_file_atomically(staging / "result.json", diagnose_result_json(run));
   write_file_atomically(staging / "report.html", diagnose_page(read_diagnose_run(staging)));
-  folder.publish(kRunFiles);
+  folder.publish(run_files(folder));
+}
+
+void publish_learn_run(const LearnRun& run, ResultFolder& folder) {
+  const fs::path& staging = folder.staging();
+  write_task(run.task, run.policies, staging);
+  write_file_atomically(staging / "series.json", learn_series_json(run));
+  write_file_atomically(staging / "result.json", learn_result_json(run));
+  write_file_atomically(staging / "report.html", learn_page(read_learn_run(staging)));
+  folder.publish(run_files(folder));
+}
+
+void publish_transfer_run(const TransferRun& run, ResultFolder& folder) {
+  const fs::path& staging = folder.staging();
+  write_task(run.task, run.policies, staging);
+  write_file_atomically(staging / "series.json", transfer_series_json(run));
+  write_file_atomically(staging / "result.json", transfer_result_json(run));
+  const TransferRun written = read_transfer_run(staging);
+  write_file_atomically(staging / "report.html", transfer_page(written));
+  write_movement_gif(written, staging / "movement.gif");
+  folder.publish(run_files(folder));
 }
 
 }  // namespace diffnea

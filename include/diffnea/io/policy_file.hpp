@@ -16,6 +16,9 @@ void write_policy(const LearnedPolicy& policy, const std::filesystem::path& path
 /// @throws FileError; ModelError naming file and key
 LearnedPolicy read_policy(const std::filesystem::path& path);
 
+/// "policy_<seed>.json": how a run's folder names it.
+std::string policy_file_name(std::uint64_t seed);
+
 /// What a search depends on, as a checksum: model, controller, options. Two runs with the same one
 /// and the same seed are the same.
 std::string fingerprint(const BallInCup& task);

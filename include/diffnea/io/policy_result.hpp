@@ -7,6 +7,7 @@
 #include <vector>
 
 #include <diffnea/experiment/ball_in_cup.hpp>
+#include <diffnea/experiment/stick_figure.hpp>
 #include <diffnea/io/result.hpp>
 
 namespace diffnea {
@@ -16,6 +17,7 @@ struct LearnRun {
   BallInCup task;
   std::vector<LearnedPolicy> policies;
   std::vector<RolloutTrace> imagined;  ///< of every policy's mean, in the model
+  std::vector<StickFigure> figures;    ///< of those, as they were read; the writer computes them
   int threads = 1;
   double seconds = 0.0;  ///< that passed
   bool interrupted = false;
@@ -31,6 +33,8 @@ struct TransferRun {
   std::vector<Execution> executions;   ///< of the policies, without noise
   int best = -1;                       ///< of the executions, by reward; −1: none
   std::vector<Execution> repetitions;  ///< of the best, with noise
+  /// Of imagined and executions, as they were read; the writer computes them.
+  std::vector<StickFigure> imagined_figures, figures;
   double seconds = 0.0;
   bool interrupted = false;
   Reproduce reproduce;
@@ -43,13 +47,31 @@ struct Share {
 };
 Share share_of(int k, int n);
 
+/// The policy that succeeds in the model with the largest reward there, or else the largest; −1:
+/// none.
+int best_policy(const std::vector<LearnedPolicy>& policies);
+/// First iteration one of whose samples caught the ball, from 1; 0: none.
+int first_capture(const LearnedPolicy& policy);
+
+/// Between the ball's imagined and obtained path [m]; NaN if one has no rows.
+struct PathError {
+  double at_capture = 0.0;  ///< when the model had it in the cup; NaN: never
+  double rms = 0.0;         ///< until then, or to the end of the shorter
+};
+/// Of both at the rate of series.json.
+PathError path_error(const RolloutTrace& imagined, const RolloutTrace& obtained);
+
+/// "in_cup", "late", "fell_out", "rim", "beside", "missed"; "failed" where the world's solver did.
+std::string outcome_word(const Execution& execution);
+
 std::string learn_result_json(const LearnRun& run);        ///< schema "diffnea/learn/1"
 std::string learn_series_json(const LearnRun& run);        ///< schema "diffnea/learn-series/1"
 std::string transfer_result_json(const TransferRun& run);  ///< schema "diffnea/transfer/1"
 std::string transfer_series_json(const TransferRun& run);  ///< schema "diffnea/transfer-series/1"
 
 /// Reads a folder that `learn` left: result.json, series.json, model.json, controller.json,
-/// policies/. @throws FileError, ModelError naming file and key
+/// policy_<seed>.json. Traces have the rate and the channels of series.json. @throws FileError,
+/// ModelError naming file and key
 LearnRun read_learn_run(const std::filesystem::path& folder);
 TransferRun read_transfer_run(const std::filesystem::path& folder);
 

@@ -1,19 +1,21 @@
 #pragma once
-/// RUN/ of a fit or a diagnosis: its files, written together.
+/// RUN/ of a fit, a diagnosis, a search or a transfer: its files, written together.
 
 #include <string>
 #include <vector>
 
 #include <diffnea/io/diagnosis.hpp>
+#include <diffnea/io/policy_result.hpp>
 #include <diffnea/io/result.hpp>
 #include <diffnea/io/result_folder.hpp>
 
 namespace diffnea {
 
-/// Everything that a run may leave in RUN/ (docs/schema/identify.md, diagnose.md).
-inline const std::vector<std::string> kRunFiles{"result.json",      "series.json", "model.json",
-                                                "model.urdf",       "model.xml",   "report.html",
-                                                kNextExperimentFile};
+/// Everything that a run may leave in RUN/ (docs/schema/identify.md, diagnose.md, learn.md,
+/// transfer.md), but for policy_<seed>.json.
+inline const std::vector<std::string> kRunFiles{"result.json",  "series.json", "model.json",
+                                                "model.urdf",   "model.xml",   "controller.json",
+                                                "movement.gif", "report.html", kNextExperimentFile};
 
 /// Writes all of them into the folder and publishes it. Where the model came from a URDF or an MJCF
 /// that is still there, the fitted one is written in that form too.
@@ -23,5 +25,10 @@ void publish_fit_run(FitRun& run, ResultFolder& folder);
 
 /// The same for a diagnosis and its extended model.
 void publish_diagnose_run(DiagnoseRun& run, ResultFolder& folder);
+
+/// Policies, models, series, page. Policies of seeds that an earlier run had go.
+void publish_learn_run(const LearnRun& run, ResultFolder& folder);
+/// The same for executions; movement.gif shows the best success, or the worst failure.
+void publish_transfer_run(const TransferRun& run, ResultFolder& folder);
 
 }  // namespace diffnea

@@ -1,0 +1,13 @@
+#pragma once
+/// What was learned as one self-contained HTML page: no network, printable.
+
+#include <string>
+
+#include <diffnea/io/policy_result.hpp>
+
+namespace diffnea {
+
+/// The page, from what read_learn_run gives.
+std::string learn_page(const LearnRun& run);
+
+}  // namespace diffnea

@@ -1,0 +1,54 @@
+#include "report/policy_words.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include "report/format.hpp"
+
+namespace diffnea::report {
+
+std::string share_words(const Share& s) {
+  const std::string counts = std::to_string(s.k) + " of " + std::to_string(s.n);
+  if (s.n == 0) return counts;
+  char text[80];
+  std::snprintf(text, sizeof text, " (%.0f %%, 95 %% interval %.0f–%.0f %%)",
+                100.0 * s.k / static_cast<double>(s.n), 100.0 * s.low, 100.0 * s.high);
+  return counts + text;
+}
+
+std::string outcome_words(const Execution& e) {
+  return e.failure.empty() ? e.verdict.text : "the world's solver failed: " + e.failure;
+}
+
+std::string duration_words(double seconds) {
+  if (!(seconds >= 120.0)) return number(seconds, 2) + " s";
+  return seconds < 7200.0 ? number(seconds / 60.0, 2) + " min" : number(seconds / 3600.0, 2) + " h";
+}
+
+Share solved_share(const std::vector<LearnedPolicy>& policies) {
+  return share_of(static_cast<int>(std::ranges::count(policies, true, &LearnedPolicy::solved)),
+                  static_cast<int>(policies.size()));
+}
+
+Share success_share(const std::vector<Execution>& executions) {
+  return share_of(static_cast<int>(std::ranges::count_if(executions, &Execution::success)),
+                  static_cast<int>(executions.size()));
+}
+
+Telling telling(const TransferRun& run) {
+  Telling out;
+  for (std::size_t i = 0; i < run.executions.size(); ++i) {
+    const Execution& e = run.executions[i];
+    int& place = e.success() ? out.success : out.failure;
+    if (e.trace.time.size() == 0) continue;
+    if (place >= 0) {
+      const double other = run.executions[static_cast<std::size_t>(place)].reward;
+      if (e.success() ? e.reward <= other : e.reward >= other) continue;
+    }
+    place = static_cast<int>(i);
+  }
+  return out;
+}
+
+}  // namespace diffnea::report

@@ -1,0 +1,26 @@
+#pragma once
+/// How runs of policies are put into words: for the page and the terminal.
+
+#include <string>
+
+#include <diffnea/io/policy_result.hpp>
+
+namespace diffnea::report {
+
+/// "7 of 10 (70 %, 95 % interval 40–89 %)"
+std::string share_words(const Share& share);
+/// "in the cup since 1.32 s"; "the solver failed: …"
+std::string outcome_words(const Execution& execution);
+/// "3.2 s", "4.1 min"
+std::string duration_words(double seconds);
+Share solved_share(const std::vector<LearnedPolicy>& policies);
+Share success_share(const std::vector<Execution>& executions);
+
+/// Indices into executions: the success with the largest reward, the failure with the smallest; −1:
+/// none.
+struct Telling {
+  int success = -1, failure = -1;
+};
+Telling telling(const TransferRun& run);
+
+}  // namespace diffnea::report
