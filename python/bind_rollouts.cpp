@@ -57,6 +57,8 @@ void bind_simulator(py::module_& m) {
           "Why a lane cannot go on, or empty texts, (lanes); or an empty list.")
       .def(
           "clone", [](const Simulator& s) { return s.clone(); }, "Another one like it.")
+      .def(
+          "__deepcopy__", [](const Simulator& s, const py::dict&) { return s.clone(); }, "memo"_a)
       .def("__repr__", [](const Simulator& s) {
         return "NativeSimulator(" + std::to_string(s.joints().size()) + " joints, " +
                std::to_string(s.channels().size()) + " channels, " + std::to_string(s.lanes()) +

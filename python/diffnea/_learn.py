@@ -109,6 +109,7 @@ class LearnResult:
             panel.plot(at, middle, color="C0")
             panel.set_ylabel(label)
         panels[1].set_xlabel("iteration")
+        panels[1].locator_params(axis="x", integer=True)
         count = len(self.policies)
         figure.suptitle(
             f"{int(self.solved.sum())} of {count} solved in the model; median, quartiles and range"

@@ -121,8 +121,7 @@ class TransferResult:
         if {"rim", "inner_radius"} <= cup.keys():
             panels["height"].axhline(100 * cup["rim"], color="0.4", linestyle=":")
             panels["across"].axhline(100 * cup["inner_radius"], color="0.4", linestyle=":")
-        panels["space"].set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]")
-        panels["space"].set_aspect("equal")
+        _cube(panels["space"], np.concatenate([line[0].points("ball") for line in lines]))
         panels["height"].set_ylabel("height in the cup [cm]")
         panels["across"].set(xlabel="time [s]", ylabel="from its axis [cm]")
         figure.legend(*panels["height"].get_legend_handles_labels(), loc="outside lower center")
@@ -194,6 +193,16 @@ def _in_cup(trace: RolloutTrace) -> tuple[Array, Array]:
     height: Array = np.sum(delta * axis, axis=1)
     across: Array = np.linalg.norm(delta - height[:, None] * axis, axis=1)
     return height, across
+
+
+def _cube(panel: Any, points: Array) -> None:
+    """Show a cube about the points, so that lengths are equal along all axes."""
+    low, high = np.nanmin(points, axis=0), np.nanmax(points, axis=0)
+    middle, half = (low + high) / 2, 0.55 * (high - low).max()
+    for axis, centre in zip("xyz", middle, strict=True):
+        limits = (centre - half, centre + half)
+        panel.set(**{f"{axis}lim": limits, f"{axis}label": f"{axis} [m]"})
+    panel.locator_params(nbins=5)
 
 
 def transfer(
@@ -302,11 +311,7 @@ def animate(
     figure = figure_type(figsize=(5, 5), layout="constrained")
     panel: Any = figure.add_subplot(projection="3d")
     everything = np.concatenate([arm.reshape(-1, 3), ball])
-    low, high = everything.min(axis=0), everything.max(axis=0)
-    middle, half = (low + high) / 2, 0.55 * (high - low).max()
-    panel.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]")
-    for axis, centre in zip("xyz", middle, strict=True):
-        panel.set(**{f"{axis}lim": (centre - half, centre + half)})
+    _cube(panel, everything)
     (links,) = panel.plot([], [], [], "o-", color="0.3", linewidth=3, markersize=4)
     (string,) = panel.plot([], [], [], color="0.6", linewidth=1)
     (path_line,) = panel.plot([], [], [], color=OBTAINED, linewidth=0.8)

@@ -171,6 +171,8 @@ def test_wrong_arguments_are_named(model) -> None:
         diffnea.learn("wam4")
     with pytest.raises(diffnea.Error, match="choices: computed_torque, pd"):
         diffnea.learn(model, law="magic")
+    with pytest.raises(diffnea.Error, match="seeds"):
+        diffnea.learn(model, seeds=[])
     with pytest.raises(diffnea.Error, match="threads"):
         diffnea.learn(model, threads=0)
 
@@ -305,9 +307,6 @@ def test_a_simulator_may_use_the_library_s(model) -> None:
 
         def observe(self):
             return self.inner.observe()
-
-        def clone(self):
-            return Delayed(self.inner.clone())
 
     inner = diffnea.model_simulator(model)
     promp = diffnea.Promp(["joint2"], duration=0.3, hold=0.1)
