@@ -8,8 +8,8 @@
 
 namespace diffnea::report {
 
-std::string share_words(const Share& s) {
-  const std::string counts = std::to_string(s.k) + " of " + std::to_string(s.n);
+std::string share_words(const Share& s, const char* of) {
+  const std::string counts = std::to_string(s.k) + " of " + std::to_string(s.n) + " " + of;
   if (s.n == 0) return counts;
   char text[80];
   std::snprintf(text, sizeof text, " (%.0f %%, 95 %% interval %.0f–%.0f %%)",
@@ -20,6 +20,8 @@ std::string share_words(const Share& s) {
 std::string outcome_words(const Execution& e) {
   return e.failure.empty() ? e.verdict.text : "the world's solver failed: " + e.failure;
 }
+
+std::string reward_words(double reward) { return std::isfinite(reward) ? number(reward, 3) : "–"; }
 
 std::string duration_words(double seconds) {
   if (!(seconds >= 120.0)) return number(seconds, 2) + " s";
