@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <utility>
 
 #include "report/format.hpp"
 
@@ -39,16 +40,20 @@ Share success_share(const std::vector<Execution>& executions) {
 }
 
 Telling telling(const TransferRun& run) {
+  // What the model had promised tells more than what it had not.
+  const auto badness = [&](int i) {
+    const std::size_t k = static_cast<std::size_t>(i);
+    return std::pair(run.policies.at(k).solved, -run.executions[k].reward);
+  };
   Telling out;
-  for (std::size_t i = 0; i < run.executions.size(); ++i) {
-    const Execution& e = run.executions[i];
-    int& place = e.success() ? out.success : out.failure;
+  for (int i = 0; i < static_cast<int>(run.executions.size()); ++i) {
+    const Execution& e = run.executions[static_cast<std::size_t>(i)];
     if (e.trace.time.size() == 0) continue;
-    if (place >= 0) {
-      const double other = run.executions[static_cast<std::size_t>(place)].reward;
-      if (e.success() ? e.reward <= other : e.reward >= other) continue;
-    }
-    place = static_cast<int>(i);
+    int& place = e.success() ? out.success : out.failure;
+    if (place < 0 ||
+        (e.success() ? e.reward > run.executions[static_cast<std::size_t>(place)].reward
+                     : badness(i) > badness(place)))
+      place = i;
   }
   return out;
 }

@@ -18,8 +18,8 @@ std::string duration_words(double seconds);
 Share solved_share(const std::vector<LearnedPolicy>& policies);
 Share success_share(const std::vector<Execution>& executions);
 
-/// Indices into executions: the success with the largest reward, the failure with the smallest; −1:
-/// none.
+/// Indices into executions: the success with the largest reward; the failure with the smallest,
+/// of those that succeed in the model if there are such; −1: none.
 struct Telling {
   int success = -1, failure = -1;
 };
