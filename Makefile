@@ -28,10 +28,11 @@ test:
 
 bench:
 	.ci/setup --tests
-	cmake --build $(BUILD) --target diffnea_benchmarks diffnea_bench_identify diffnea_bench_ball
+	cmake --build $(BUILD) --target diffnea_benchmarks diffnea_bench_identify diffnea_bench_ball diffnea_bench_policy
 	$(BUILD)/tests/benchmarks/diffnea_benchmarks
 	$(BUILD)/tests/benchmarks/diffnea_bench_identify
 	$(BUILD)/tests/benchmarks/diffnea_bench_ball
+	$(BUILD)/tests/benchmarks/diffnea_bench_policy
 
 study:
 	.ci/setup --tests

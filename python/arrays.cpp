@@ -36,6 +36,10 @@ VecX<double> vector_in(const std::string& what, const py::handle& x, long size) 
   return Eigen::Map<const VecX<double>>(a.data(), a.size());
 }
 
+VecX<double> optional_vector(const std::string& what, const py::object& x) {
+  return x.is_none() ? VecX<double>() : vector_in(what, x);
+}
+
 RowMatX<double> matrix_in(const std::string& what, const py::handle& x, long rows, long columns) {
   const py::array_t<double> a = number_array(what, x);
   const bool column = a.ndim() == 1 && columns <= 1;  // one joint's series needs no second index

@@ -25,6 +25,9 @@ py::array_t<double> number_array(const std::string& what, const py::handle& x);
 /// A vector of any length, or of `size`. @throws ShapeError
 VecX<double> vector_in(const std::string& what, const py::handle& x, long size = -1);
 
+/// None is an empty vector. @throws ShapeError
+VecX<double> optional_vector(const std::string& what, const py::object& x);
+
 /// (rows, columns); columns < 0: any. @throws ShapeError
 RowMatX<double> matrix_in(const std::string& what, const py::handle& x, long rows, long columns);
 

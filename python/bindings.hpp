@@ -14,6 +14,8 @@ void bind_ball(pybind11::module_& m);
 void bind_identify(pybind11::module_& m);
 void bind_diagnose(pybind11::module_& m);
 void bind_sim(pybind11::module_& m);
+void bind_policy(pybind11::module_& m);
+void bind_experiment(pybind11::module_& m);
 
 /// diffnea.<module>.<function>, for what is written in Python: data frames, plots, HTML.
 inline pybind11::object python_function(const char* module, const char* function) {

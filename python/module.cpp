@@ -47,4 +47,6 @@ PYBIND11_MODULE(_core, m) {
   diffnea::python::bind_identify(m);
   diffnea::python::bind_diagnose(m);
   diffnea::python::bind_sim(m);
+  diffnea::python::bind_policy(m);
+  diffnea::python::bind_experiment(m);
 }

@@ -408,6 +408,65 @@ TEST_CASE("identify a ball: a camera that is very late", "[ball]") {
   CHECK_THAT(result.errors.front().train, WithinRel(kNoise, 0.05));
 }
 
+namespace {
+
+struct Table {
+  double restitution = 0.9, height = 0.0;
+  unsigned seed = 1;
+};
+/// Balls of radius 20 mm dropped over a smooth table, parabola by parabola: at each bounce the
+/// velocity down becomes e times as much up. 100 Hz; 1.2 s each, before bounces at e = 0.75 end.
+Recording record_bounces(const Table& table) {
+  constexpr double kStep = 1e-2, kGravity = 9.81, kRadius = 0.02;
+  constexpr long kDrops = 12, kRows = 120, kPause = 40;
+  Rng rng(table.seed);
+  Recording r;
+  r.source = "bounces";
+  r.time.resize(kDrops * (kRows + kPause));
+  r.q.resize(r.rows(), 0);
+  r.tau.resize(r.rows(), 0);
+  r.ball = RowMatX<double>::Constant(r.rows(), 3, kNaN);
+  for (long k = 0; k < r.rows(); ++k) r.time[k] = static_cast<double>(k) * kStep;
+  for (long drop = 0; drop < kDrops; ++drop) {
+    const double vx = rng.uniform(-1.0, 1.0), vy = rng.uniform(-1.0, 1.0);
+    double begin = 0.0, z = rng.uniform(0.2, 0.5), v = rng.uniform(-0.5, 0.5);  // of a parabola
+    for (long k = 0; k < kRows; ++k) {
+      const double t = static_cast<double>(k) * kStep;
+      for (;;) {  // to the plane in (v + √(v² + 2 g z))/g
+        const double fast = std::sqrt(v * v + 2.0 * kGravity * z), takes = (v + fast) / kGravity;
+        if (begin + takes > t) break;
+        begin += takes;
+        z = 0.0;
+        v = table.restitution * fast;
+      }
+      const double s = t - begin;
+      const double height = table.height + kRadius + z + v * s - 0.5 * kGravity * s * s;
+      r.ball.row(drop * (kRows + kPause) + k) << vx * t + kNoise * rng.normal(),
+          vy * t + kNoise * rng.normal(), height + kNoise * rng.normal();
+    }
+  }
+  return r;
+}
+
+}  // namespace
+
+TEST_CASE("identify a ball: restitution and height of a table that it bounces off", "[ball]") {
+  const Table table = GENERATE(Table{0.9, 0.0, 1}, Table{0.75, 0.0, 2}, Table{0.9, 0.76, 3});
+  IdentifyOptions options;
+  options.choice.effects = {"bounce"};
+  const IdentifyResult result = identify(test::flying_ball(), {record_bounces(table)}, {}, options);
+  const ParameterEstimate &e = parameter(result, "ball.bounce.restitution"),
+                          &height = parameter(result, "ball.bounce.height"),
+                          &friction = parameter(result, "ball.bounce.friction");
+  CAPTURE(table.restitution, table.height, e.value, e.std, height.value, height.std, friction.value,
+          result.summary.termination, result.ball->sigma, result.ball->rows());
+  CHECK(e.std < 2e-3);
+  CHECK_THAT(e.value, WithinAbs(table.restitution, kSigmas * e.std));
+  CHECK_THAT(height.value, WithinAbs(table.height, kSigmas * height.std));
+  CHECK(friction.value < 2e-3);
+  CHECK_THAT(result.errors.front().train, WithinRel(kNoise, 0.05));
+}
+
 TEST_CASE("identify a ball: lift asks for a recorded spin", "[ball]") {
   IdentifyOptions options;
   options.choice.effects = {"quadratic_drag", "magnus"};

@@ -10,6 +10,7 @@
 
 #include "identify/ball_flags.hpp"
 #include "identify/ball_path.hpp"
+#include "identify/bounce_guess.hpp"
 #include "identify/fix_pattern.hpp"
 #include "identify/passes.hpp"
 
@@ -252,6 +253,14 @@ void identify_ball(const std::vector<Recording>& train, const std::vector<Record
     for (int k = 0; k < 4; ++k)
       if (!layout.parameters[k].fixed) layout.parameters[k].value = guess[k];
   }
+  if (fits(first, "bounce"))
+    if (const auto guess = guess_bounce(data, *model.ball, asked.gravity, fit_options.longest_gap))
+      for (BallParameter& p : layout.parameters)
+        if (!p.fixed && p.effect >= 0 &&
+            layout.effects[static_cast<std::size_t>(p.effect)].info().name == "bounce")
+          p.value = p.index == 0   ? guess->restitution
+                    : p.index == 1 ? guess->friction
+                                   : guess->height;
   const auto fit_once = [&] {
     if (fit_options.loss == BallLoss::kConstrained)
       return fit_ball_constrained(asked, layout, data, fit_options);

@@ -139,7 +139,7 @@ std::optional<LimitViolation> Rollouts::violation(const VecX<double>& theta) con
   return std::nullopt;
 }
 
-void Rollouts::execute(Worker& worker, const RowMatX<double>& theta, std::span<const long> rows,
+bool Rollouts::execute(Worker& worker, const RowMatX<double>& theta, std::span<const long> rows,
                        const std::vector<std::uint64_t>& seeds, RolloutResult& out,
                        RolloutTrace* trace) const {
   Simulator& simulator = *worker.simulator;
@@ -187,6 +187,7 @@ void Rollouts::execute(Worker& worker, const RowMatX<double>& theta, std::span<c
     out.rewards[rows[i]] = failed ? -kInfinity : rewards[static_cast<long>(i)];
     if (!solved.empty()) out.solved[row] = !failed && solved[i];
   }
+  return !solved.empty();
 }
 
 RolloutResult Rollouts::run(const RowMatX<double>& theta, const std::vector<std::uint64_t>& seeds) {
@@ -212,12 +213,14 @@ RolloutResult Rollouts::run(const RowMatX<double>& theta, const std::vector<std:
   const std::size_t batch =
       std::clamp<std::size_t>((rows.size() + threads - 1) / threads, 1, lanes);
   std::atomic<std::size_t> next{0};
+  std::atomic<bool> tells_solved{false};
   std::vector<std::exception_ptr> errors(threads);
   const auto work = [&](std::size_t w) {
     try {
       for (std::size_t at = next.fetch_add(batch); at < rows.size(); at = next.fetch_add(batch))
-        execute(workers_[w], theta, std::span(rows).subspan(at, std::min(batch, rows.size() - at)),
-                seeds, out);
+        if (execute(workers_[w], theta,
+                    std::span(rows).subspan(at, std::min(batch, rows.size() - at)), seeds, out))
+          tells_solved = true;
     } catch (...) {
       errors[w] = std::current_exception();
       next = rows.size();
@@ -232,7 +235,7 @@ RolloutResult Rollouts::run(const RowMatX<double>& theta, const std::vector<std:
   for (const std::exception_ptr& e : errors)
     if (e) std::rethrow_exception(e);
   count_ += static_cast<long>(rows.size());
-  if (rows.empty() || workers_[0].task->solved().empty()) out.solved.clear();
+  if (!tells_solved) out.solved.clear();
   return out;
 }
 

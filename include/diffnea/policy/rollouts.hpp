@@ -79,8 +79,9 @@ class Rollouts {
   /// Desired motion at instant k of every lane's weights, (parameters × lanes).
   void command(long k, const Lanes& weights, Lanes& q, Lanes& qd) const;
   VecX<double> excess(const Lanes& weights) const;  ///< (lanes), 0 within the limits
-  /// Rows of theta side by side. @param trace  of the first, if given
-  void execute(Worker& worker, const RowMatX<double>& theta, std::span<const long> rows,
+  /// Rows of theta side by side; whether the task tells what it solved.
+  /// @param trace  of the first, if given
+  bool execute(Worker& worker, const RowMatX<double>& theta, std::span<const long> rows,
                const std::vector<std::uint64_t>& seeds, RolloutResult& out,
                RolloutTrace* trace = nullptr) const;
 

@@ -1,0 +1,370 @@
+/// Ball in a cup: learned in the model, executed in a world that is not the model.
+
+#include <atomic>
+#include <chrono>
+#include <future>
+
+#include <pybind11/numpy.h>
+#include <pybind11/stl.h>
+#include <pybind11/stl/filesystem.h>
+
+#include <diffnea/core/error.hpp>
+#include <diffnea/experiment/ball_in_cup.hpp>
+#include <diffnea/experiment/seeds.hpp>
+#include <diffnea/io/world.hpp>
+
+#include "bindings.hpp"
+#include "control_law.hpp"
+#include "ereps_history.hpp"
+#include "rollout_set.hpp"
+#include "value_type.hpp"
+
+namespace diffnea::python {
+namespace {
+
+using namespace pybind11::literals;
+
+const char* outcome_name(Outcome outcome) {
+  switch (outcome) {
+    case Outcome::kInCup:
+      return "in_cup";
+    case Outcome::kLate:
+      return "late";
+    case Outcome::kFellOut:
+      return "fell_out";
+    case Outcome::kRim:
+      return "rim";
+    case Outcome::kBeside:
+      return "beside";
+    case Outcome::kMissed:
+      break;
+  }
+  return "missed";
+}
+
+/// The model with the string that is on the robot; a length that was identified stays.
+Model with_string(Model model, std::optional<double> nominal) {
+  constexpr double kNear = 0.1;  // of the nominal length: more is another string
+  if (!nominal || !model.ball || !model.ball->string) return model;
+  if (!(*nominal > 0.0)) throw Error("learn: string: got a length that is not positive");
+  StringSpec& string = *model.ball->string;
+  if (!(string.length_std > 0.0)) {
+    string.length = *nominal;
+  } else if (std::abs(string.length - *nominal) > kNear * *nominal) {
+    char text[200];
+    std::snprintf(text, sizeof text,
+                  "learn: string: got %.4f m, but the model's string was identified as %.4f m; "
+                  "expected a length within 10 %% of it. Identify with the string that is on the "
+                  "robot, or leave `string` out",
+                  *nominal, string.length);
+    throw DataError(text);
+  }
+  return model;
+}
+
+BallInCup make_task(const Model& model, const Model& controller, std::optional<double> string,
+                    const std::vector<std::string>& joints, const py::object& start,
+                    const py::dict& promp, const ErepsOptions& search, double weight_std,
+                    const py::dict& reward, const std::string& law, double rate, double bandwidth,
+                    double damping, const py::object& kp, const py::object& kd) {
+  LearnOptions o;
+  o.joints = joints;
+  o.start = optional_vector("learn: start", start);
+  o.promp.bases = py::cast<int>(promp["bases"]);
+  o.promp.duration = py::cast<double>(promp["duration"]);
+  o.promp.hold = py::cast<double>(promp["hold"]);
+  o.ereps = search;
+  o.weight_std = weight_std;
+  o.nominal_string = string.value_or(0.0);
+  o.reward.epsilon = py::cast<double>(reward["epsilon"]);
+  o.reward.lambda_q = py::cast<double>(reward["lambda_q"]);
+  o.reward.lambda_qd = py::cast<double>(reward["lambda_qd"]);
+  ControllerOptions& c = o.simulator.controller;
+  c.law = choice("learn: law", law, kLaws);
+  c.control_rate = rate;
+  c.bandwidth = bandwidth;
+  c.damping = damping;
+  c.kp = optional_vector("learn: kp", kp);
+  c.kd = optional_vector("learn: kd", kd);
+  return ball_in_cup(with_string(model, string), controller, std::move(o));
+}
+
+/// Searches from all seeds, on threads of the library's own; this one looks out for Ctrl-C.
+/// @param progress  called (seed, last entries of the history) after every iteration; False: stop
+std::vector<LearnedPolicy> learn_python(const BallInCup& task,
+                                        const std::vector<std::uint64_t>& seeds, int threads,
+                                        const py::object& progress) {
+  if (threads < 1)
+    throw Error("learn: threads: got " + std::to_string(threads) + ", expected 1 or more");
+  std::atomic<bool> stop = false;
+  std::exception_ptr raised;
+  SeedHooks hooks;
+  hooks.iterated = [&](std::uint64_t seed, const Ereps& search, long) {
+    if (progress.is_none() || stop) return !stop;
+    const py::gil_scoped_acquire gil;
+    try {
+      const ErepsIteration& last = search.history().back();
+      if (progress(seed, last.iteration, last.reward_mean, last.solved_share).is(py::bool_(false)))
+        stop = true;
+    } catch (const py::error_already_set&) {
+      if (!raised) raised = std::current_exception();
+      stop = true;
+    }
+    return !stop;
+  };
+  std::vector<LearnedPolicy> out;
+  {
+    const py::gil_scoped_release release;
+    std::future<std::vector<LearnedPolicy>> found =
+        std::async(std::launch::async, [&] { return learn_seeds(task, seeds, threads, hooks); });
+    while (found.wait_for(std::chrono::milliseconds(50)) != std::future_status::ready) {
+      const py::gil_scoped_acquire gil;
+      if (PyErr_CheckSignals() == 0) continue;
+      PyErr_Clear();  // what was learned is returned
+      stop = true;
+    }
+    out = found.get();
+  }
+  if (raised) std::rethrow_exception(raised);
+  return out;
+}
+
+/// What a search that Python ran has found.
+LearnedPolicy finished(const BallInCup& task, const Ereps& search, double expected, bool solved,
+                       long rollouts, double seconds) {
+  LearnedPolicy out;
+  out.seed = search.seed();
+  out.promp = task.options.promp;
+  out.policy = search.policy();
+  out.joints = joint_names(task.model);
+  out.start = task.start;
+  out.controller = task.options.simulator.controller;
+  out.reward = task.options.reward;
+  out.curve = search.history();
+  out.stopped = search.stop_reason();
+  out.expected = expected;
+  out.solved = solved;
+  out.rollouts = rollouts;
+  out.seconds = seconds;
+  return out;
+}
+
+void bind_task(py::module_& m) {
+  py::class_<BallInCup> c(m, "_BallInCup");
+  c.def(py::init(&make_task), "model"_a, "controller"_a, "string"_a, "joints"_a, "start"_a,
+        "promp"_a, "search"_a, "weight_std"_a, "reward"_a, "law"_a, "rate"_a, "bandwidth"_a,
+        "damping"_a, "kp"_a, "kd"_a)
+      .def_property_readonly("model", [](const BallInCup& t) { return t.model; })
+      .def_property_readonly("joints", [](const BallInCup& t) { return t.options.promp.joints; })
+      .def_property_readonly("start", [](const BallInCup& t) { return array_out(t.start); })
+      .def("search", &first_search, "seed"_a)
+      .def(
+          "rollouts",
+          [](const BallInCup& t, const py::object& task, const py::object& ended, bool whole,
+             int threads) {
+            const ModelSimulator simulator({t.model}, t.controller, t.options.simulator);
+            const py::object judge =
+                task.is_none() ? py::cast(BallInCupTask(t.options.reward)) : task;
+            return make_rollouts(simulator, Promp(t.options.promp), judge, ended, whole, t.start,
+                                 motion_limits(t.model), threads);
+          },
+          "task"_a, "ended"_a, "whole"_a, "threads"_a)
+      .def("finished", &finished, "search"_a, "expected"_a, "solved"_a, "rollouts"_a, "seconds"_a);
+  m.def("_learn", &learn_python, "task"_a, "seeds"_a, "threads"_a, "progress"_a);
+}
+
+py::dict controller_out(const ControllerOptions& c) {
+  static_assert(detail::field_count<ControllerOptions>() == 7, "name the new field here");
+  py::dict out;
+  out["law"] = law_name(c.law);
+  out["rate"] = c.control_rate;
+  out["kp"] = array_out(c.kp);
+  out["kd"] = array_out(c.kd);
+  out["bandwidth"] = c.bandwidth;
+  out["damping"] = c.damping;
+  out["gravity_compensation"] = c.gravity_compensation;
+  return out;
+}
+
+ControllerOptions controller_in(const py::dict& d) {
+  return {choice("Policy: law", py::cast<std::string>(d["law"]), kLaws),
+          py::cast<double>(d["rate"]),
+          vector_in("Policy: kp", d["kp"]),
+          vector_in("Policy: kd", d["kd"]),
+          py::cast<double>(d["bandwidth"]),
+          py::cast<double>(d["damping"]),
+          py::cast<bool>(d["gravity_compensation"])};
+}
+
+py::dict reward_out(const BallInCupOptions& o) {
+  static_assert(detail::field_count<BallInCupOptions>() == 4, "name the new field here");
+  py::dict out;
+  out["epsilon"] = o.epsilon;
+  out["lambda_q"] = o.lambda_q;
+  out["lambda_qd"] = o.lambda_qd;
+  out["string"] = o.string;
+  return out;
+}
+
+py::tuple policy_state(const LearnedPolicy& p) {
+  static_assert(detail::field_count<LearnedPolicy>() == 13, "name the new field here");
+  return py::make_tuple(p.seed, Promp(p.promp), p.policy, p.joints, array_out(p.start),
+                        controller_out(p.controller), reward_out(p.reward), history_out(p.curve),
+                        p.stopped, p.expected, p.solved, p.rollouts, p.seconds);
+}
+
+LearnedPolicy policy_from(const py::tuple& s) {
+  const py::dict r = s[6];
+  return {.seed = py::cast<std::uint64_t>(s[0]),
+          .promp = py::cast<const Promp&>(s[1]).spec(),
+          .policy = py::cast<Gaussian>(s[2]),
+          .joints = py::cast<std::vector<std::string>>(s[3]),
+          .start = vector_in("Policy", s[4]),
+          .controller = controller_in(s[5]),
+          .reward = {py::cast<double>(r["epsilon"]), py::cast<double>(r["lambda_q"]),
+                     py::cast<double>(r["lambda_qd"]), py::cast<double>(r["string"])},
+          .curve = history_in(s[7]),
+          .stopped = py::cast<std::string>(s[8]),
+          .expected = py::cast<double>(s[9]),
+          .solved = py::cast<bool>(s[10]),
+          .rollouts = py::cast<long>(s[11]),
+          .seconds = py::cast<double>(s[12])};
+}
+
+/// Desired positions and velocities of all joints, (T × n).
+py::tuple motion(const LearnedPolicy& p, const py::object& times, const py::object& theta) {
+  const VecX<double> t = vector_in("Policy.motion: times", times);
+  RowMatX<double> moved, moved_d;
+  Promp(p.promp).motion(theta.is_none() ? p.policy.mean : vector_in("Policy.motion: theta", theta),
+                        t, moved, moved_d);
+  RowMatX<double> q = p.start.transpose().replicate(t.size(), 1);
+  RowMatX<double> qd = RowMatX<double>::Zero(t.size(), p.start.size());
+  for (std::size_t j = 0; j < p.promp.joints.size(); ++j) {
+    const long column = std::ranges::find(p.joints, p.promp.joints[j]) - p.joints.begin();
+    q.col(column) += moved.col(static_cast<long>(j));
+    qd.col(column) = moved_d.col(static_cast<long>(j));
+  }
+  return py::make_tuple(array_out(q), array_out(qd));
+}
+
+std::string policy_repr(const LearnedPolicy& p) {
+  char text[160];
+  std::snprintf(text, sizeof text,
+                "%d weights, %zu iterations, %ld rollouts; reward of the mean %.3f",
+                p.policy.size(), p.curve.size(), p.rollouts, p.expected);
+  return "Policy(seed " + std::to_string(p.seed) + ": " + (p.solved ? "solved" : "not solved") +
+         " in the model; " + text + (p.stopped.empty() ? "; interrupted)" : ")");
+}
+
+void bind_learned_policy(py::module_& m) {
+  using P = LearnedPolicy;
+  py::class_<P> c(m, "Policy", "A learned movement: a Gaussian over the weights of a primitive.");
+  c.def_readonly("seed", &P::seed, "Of the search.")
+      .def_property_readonly(
+          "promp", [](const P& p) { return Promp(p.promp); }, "The :class:`Promp`.")
+      .def_property_readonly(
+          "gaussian", [](const P& p) { return p.policy; }, "The :class:`Gaussian`.")
+      .def_property_readonly(
+          "mean", [](const P& p) { return array_out(p.policy.mean); },
+          "(d,) weights that are executed.")
+      .def_property_readonly(
+          "covariance", [](const P& p) { return array_out(RowMatX<double>(p.policy.covariance)); },
+          "(d, d)")
+      .def_readonly("joints", &P::joints, "All joints of the robot.")
+      .def_property_readonly(
+          "start", [](const P& p) { return array_out(p.start); }, "(n,) q_0 of all joints [rad].")
+      .def_property_readonly(
+          "controller", [](const P& p) { return controller_out(p.controller); },
+          "Law, rate and gains as they were simulated.")
+      .def_property_readonly(
+          "reward", [](const P& p) { return reward_out(p.reward); }, "Options of the reward.")
+      .def_property_readonly(
+          "curve", [](const P& p) { return history_out(p.curve); },
+          "Arrays by name, one entry an iteration of the search.")
+      .def_readonly("stopped", &P::stopped, "Why the search ended; empty: it was interrupted.")
+      .def_readonly("expected", &P::expected, "Reward of the mean in the model.")
+      .def_readonly("solved", &P::solved, "The mean catches the ball in the model.")
+      .def_readonly("rollouts", &P::rollouts, "That it took.")
+      .def_readonly("seconds", &P::seconds, "That it took.")
+      .def("motion", &motion, "times"_a, "theta"_a = py::none(),
+           "Desired positions [rad] and velocities [rad/s] of all joints at ``times`` (T,) [s]: "
+           "(T, n) each.\n\n``theta`` (d,): other weights than the mean.")
+      .def(
+          "sample",
+          [](const P& p, int count, std::uint64_t seed) {
+            if (count < 0) throw Error("Policy.sample: count: got a negative number");
+            Rng rng(seed);
+            return array_out(p.policy.sample(count, rng));
+          },
+          "count"_a, py::kw_only(), "seed"_a = 0, "(count, d) weights.")
+      .def("__repr__", &policy_repr)
+      .def(py::pickle(&policy_state, &policy_from));
+  c.attr("__module__") = "diffnea";
+}
+
+/// A world that policies are executed in.
+struct World {
+  std::unique_ptr<Simulator> quiet, noisy;
+  MotionLimits limits;
+  CupSpec cup;
+};
+
+World make_world(const std::string& name, const Model& controller, const LearnedPolicy& policy,
+                 std::optional<double> nominal_string, std::uint64_t seed, double position_noise,
+                 double torque_noise, double posture_noise) {
+  if (!controller.cup) throw ModelError("transfer: the controller's model has no cup");
+  WorldSpec spec = parse_world(name);
+  if (nominal_string && !spec.string && !spec.nominal_string) spec.nominal_string = nominal_string;
+  MujocoSimulatorOptions quiet;
+  quiet.controller = policy.controller;
+  MujocoSimulatorOptions noisy = quiet;
+  noisy.position_noise = position_noise;
+  noisy.torque_noise = torque_noise;
+  noisy.encoder_noise = posture_noise;
+  return {make_simulator(spec, controller, quiet, seed),
+          make_simulator(spec, controller, noisy, seed), motion_limits(controller),
+          *controller.cup};
+}
+
+/// seed, outcome, text, reward, reward_wide, failure, trace
+py::tuple execute_python(const World& world, const LearnedPolicy& policy, bool noisy,
+                         std::uint64_t seed) {
+  Execution out;
+  {
+    const py::gil_scoped_release release;
+    out = execute(policy, noisy ? *world.noisy : *world.quiet, world.limits, world.cup, seed);
+  }
+  return py::make_tuple(
+      out.seed, out.failure.empty() ? outcome_name(out.verdict.outcome) : "failed",
+      out.verdict.text, out.reward, out.reward_wide, out.failure, trace_out(out.trace));
+}
+
+void bind_transfer(py::module_& m) {
+  py::class_<World> c(m, "_World");
+  c.def(py::init(&make_world), "name"_a, "controller"_a, "policy"_a, "nominal_string"_a, "seed"_a,
+        "position_noise"_a, "torque_noise"_a, "posture_noise"_a)
+      .def("execute", &execute_python, "policy"_a, "noisy"_a, "seed"_a);
+  m.def(
+      "_world_simulator",
+      [](const std::string& name, const Model& controller, std::uint64_t seed, int lanes,
+         double bandwidth, const py::object& kp, const py::object& kd) {
+        MujocoSimulatorOptions options;
+        options.lanes = lanes;
+        options.controller.bandwidth = bandwidth;
+        options.controller.kp = optional_vector("world_simulator: kp", kp);
+        options.controller.kd = optional_vector("world_simulator: kd", kd);
+        return make_simulator(parse_world(name), controller, options, seed);
+      },
+      "name"_a, "controller"_a, "seed"_a, "lanes"_a, "bandwidth"_a, "kp"_a, "kd"_a);
+  m.def("_world_file", [](const std::string& name) { return parse_world(name).mjcf; }, "name"_a);
+}
+
+}  // namespace
+
+void bind_experiment(py::module_& m) {
+  bind_task(m);
+  bind_learned_policy(m);
+  bind_transfer(m);
+}
+
+}  // namespace diffnea::python
