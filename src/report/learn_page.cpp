@@ -20,7 +20,7 @@ std::string seeds_table(const LearnRun& run, int best) {
     const int captured = first_capture(p);
     const bool is_best = static_cast<int>(i) == best;
     rows.push_back({std::to_string(p.seed) + (is_best ? " <b>best</b>" : ""),
-                    p.solved ? "caught" : "–", number(p.expected, 3),
+                    p.solved ? "caught" : "–", reward_words(p.expected),
                     captured > 0 ? std::to_string(captured) : "–", std::to_string(p.curve.size()),
                     std::to_string(p.rollouts), duration_words(p.seconds),
                     p.stopped.empty() ? "interrupted" : escape(p.stopped)});
