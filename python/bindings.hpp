@@ -15,6 +15,7 @@ void bind_identify(pybind11::module_& m);
 void bind_diagnose(pybind11::module_& m);
 void bind_sim(pybind11::module_& m);
 void bind_policy(pybind11::module_& m);
+void bind_rollouts(pybind11::module_& m);
 void bind_experiment(pybind11::module_& m);
 
 /// diffnea.<module>.<function>, for what is written in Python: data frames, plots, HTML.

@@ -48,5 +48,6 @@ PYBIND11_MODULE(_core, m) {
   diffnea::python::bind_diagnose(m);
   diffnea::python::bind_sim(m);
   diffnea::python::bind_policy(m);
+  diffnea::python::bind_rollouts(m);
   diffnea::python::bind_experiment(m);
 }

@@ -18,9 +18,10 @@ struct RolloutSet {
   double period = 0.0;
 };
 
-/// @param task   None: nothing ends, all rewards are 0
+/// @param task   None: nothing ends; rollouts must then be kept
 /// @param ended  None, or a function of an observation that ends episodes
-/// @param whole  rollouts are kept
+/// @param whole  rollouts are kept, and their rewards are their places in the store
+/// @throws Error if there is neither a task nor a store; as Rollouts
 RolloutSet make_rollouts(const Simulator& simulator, const Promp& promp, const py::object& task,
                          const py::object& ended, bool whole, VecX<double> start,
                          MotionLimits limits, int threads);

@@ -114,18 +114,9 @@ from ._files import (
 )
 from ._identify import identify
 from ._learn import LearnResult, learn
-from ._policy import (
-    Observation,
-    RolloutResult,
-    Rollouts,
-    RolloutSeries,
-    RolloutTrace,
-    Simulator,
-    SimulatorInfo,
-    Task,
-    world_simulator,
-)
+from ._policy import Observation, Simulator, SimulatorInfo, Task
 from ._results import Parameters
+from ._rollouts import RolloutResult, Rollouts, RolloutSeries, RolloutTrace, world_simulator
 from ._simulate import simulate, worlds
 from ._transfer import Execution, TransferResult, animate, transfer
 

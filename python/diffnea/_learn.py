@@ -22,8 +22,9 @@ from ._core import (
     _learn,
 )
 from ._files import StrPath, load_model
-from ._policy import Ended, Reward, Rollouts, RolloutTrace, Task
+from ._policy import Task
 from ._results import _import_figure, _table
+from ._rollouts import Ended, Reward, Rollouts, RolloutTrace
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from ._core import Error, Model, Policy, _World, frame_pose
+from ._core import Error, Model, Policy, _World, _world_file, frame_pose
 from ._files import StrPath, load_model
 from ._learn import LearnResult
-from ._policy import RolloutTrace, _file_of
 from ._results import _import_figure, _table
+from ._rollouts import RolloutTrace
 from ._simulate import _with_path
 
 if TYPE_CHECKING:
@@ -241,7 +241,7 @@ def transfer(
     if not policies:
         raise Error("transfer: policies: there are none")
     if controller is None:
-        controller = _file_of(name)
+        controller = _world_file(name)
     if not isinstance(controller, Model):
         controller = load_model(controller)
     noises = (position_noise, torque_noise, posture_noise)
