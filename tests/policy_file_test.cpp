@@ -123,6 +123,9 @@ TEST_CASE("checkpoint: of another task, seed or search it is refused, and says w
   other.options.reward.lambda_q = 0.03;
   CHECK(fingerprint(other) != id);
   other = task;
+  other.options.reward.lambda_slack = 0.1;
+  CHECK(fingerprint(other) != id);
+  other = task;
   other.controller.gravity.z = -9.8;
   CHECK(fingerprint(other) != id);
   refused(id, first_search(task, 2), "of seed 1, expected 2");

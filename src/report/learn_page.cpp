@@ -46,7 +46,8 @@ std::string task_table(const BallInCup& task) {
                          std::to_string(o.ereps.iterations) + " iterations; bounds " +
                          number(o.ereps.epsilon) + " and " + number(o.ereps.kappa) + " nat"),
        row("reward", "ε = " + number(o.reward.epsilon) + " m², λ_q = " + number(o.reward.lambda_q) +
-                         ", λ_q̇ = " + number(o.reward.lambda_qd)),
+                         ", λ_q̇ = " + number(o.reward.lambda_qd) +
+                         ", λ_s = " + number(o.reward.lambda_slack)),
        row("string", number(o.reward.string) + " m")},
       {"", ""});
 }
