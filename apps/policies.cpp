@@ -108,6 +108,11 @@ void add_policy_options(CLI::App& command, PolicyOptions& o) {
       ->check(at_least(0.0))
       ->capture_default_str();
   command
+      .add_option("--slack", l.reward.lambda_slack,
+                  "weight of the string's slack while the ball is free; 0: the paper's reward")
+      ->check(at_least(0.0))
+      ->capture_default_str();
+  command
       .add_option("--kp", o.kp,
                   "gain per joint [N*m/rad], separated by commas; default: from "
                   "the controller's model")

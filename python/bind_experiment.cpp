@@ -66,6 +66,7 @@ BallInCup make_task(const Model& model, const Model& controller, std::optional<d
   o.reward.epsilon = py::cast<double>(reward["epsilon"]);
   o.reward.lambda_q = py::cast<double>(reward["lambda_q"]);
   o.reward.lambda_qd = py::cast<double>(reward["lambda_qd"]);
+  o.reward.lambda_slack = py::cast<double>(reward["lambda_slack"]);
   ControllerOptions& c = o.simulator.controller;
   c.law = choice("learn: law", law, kLaws);
   c.control_rate = rate;
@@ -221,11 +222,12 @@ ControllerOptions controller_in(const py::dict& d) {
 }
 
 py::dict reward_out(const BallInCupOptions& o) {
-  static_assert(detail::field_count<BallInCupOptions>() == 4, "name the new field here");
+  static_assert(detail::field_count<BallInCupOptions>() == 5, "name the new field here");
   py::dict out;
   out["epsilon"] = o.epsilon;
   out["lambda_q"] = o.lambda_q;
   out["lambda_qd"] = o.lambda_qd;
+  out["lambda_slack"] = o.lambda_slack;
   out["string"] = o.string;
   return out;
 }
@@ -246,7 +248,8 @@ LearnedPolicy policy_from(const py::tuple& s) {
           .start = vector_in("Policy", s[4]),
           .controller = controller_in(s[5]),
           .reward = {py::cast<double>(r["epsilon"]), py::cast<double>(r["lambda_q"]),
-                     py::cast<double>(r["lambda_qd"]), py::cast<double>(r["string"])},
+                     py::cast<double>(r["lambda_qd"]), py::cast<double>(r["lambda_slack"]),
+                     py::cast<double>(r["string"])},
           .curve = history_in(s[7]),
           .stopped = py::cast<std::string>(s[8]),
           .expected = py::cast<double>(s[9]),

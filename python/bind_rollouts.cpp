@@ -165,13 +165,15 @@ void bind_ball_in_cup(py::module_& m) {
   py::class_<BallInCupTask> ball(
       m, "BallInCupTask",
       "The reward of ball in a cup, and when an episode is over (docs/policy.md).");
-  ball.def(py::init([](double epsilon, double lambda_q, double lambda_qd, double string) {
-             return BallInCupTask({epsilon, lambda_q, lambda_qd, string});
+  ball.def(py::init([](double epsilon, double lambda_q, double lambda_qd, double lambda_slack,
+                       double string) {
+             return BallInCupTask({epsilon, lambda_q, lambda_qd, lambda_slack, string});
            }),
            py::kw_only(), "epsilon"_a = o.epsilon, "lambda_q"_a = o.lambda_q,
-           "lambda_qd"_a = o.lambda_qd, "string"_a = o.string,
+           "lambda_qd"_a = o.lambda_qd, "lambda_slack"_a = o.lambda_slack, "string"_a = o.string,
            "``epsilon`` of the dipole [m²]; ``lambda_q`` [1/rad²] and ``lambda_qd`` [s²/rad²] of "
-           "the joints;\n``string``, its length [m].");
+           "the joints;\n``lambda_slack`` of the string's slack, 0 in the paper; ``string``, its "
+           "length [m].");
   ball.attr("__module__") = "diffnea";
 }
 

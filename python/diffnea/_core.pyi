@@ -1570,6 +1570,7 @@ class BallInCupTask:
         epsilon: float = 0.01,
         lambda_q: float = 0.02,
         lambda_qd: float = 0.002,
+        lambda_slack: float = 0.0,
         string: float = 0.4,
     ) -> None: ...
 

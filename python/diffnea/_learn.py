@@ -171,7 +171,7 @@ def learn(
     joints: Sequence[str] = (),
     start: ArrayLike | None = None,
     bases: int = 9,
-    duration: float = 1.5,
+    duration: float = 1.0,
     hold: float = 1.0,
     samples: int = 80,
     iterations: int = 100,
@@ -181,7 +181,8 @@ def learn(
     weight_std: float = 0.4,
     dipole: float = 0.01,
     lambda_q: float = 0.02,
-    lambda_qd: float = 0.002,
+    lambda_qd: float = 0.02,
+    lambda_slack: float = 20.0,
     law: str = "pd",
     rate: float = 500.0,
     bandwidth: float = 25.0,
@@ -219,7 +220,9 @@ def learn(
         weight_std: of the first weights [rad].
         dipole: ε of the reward [m²].
         lambda_q: weight of joint positions in the reward [1/rad²].
-        lambda_qd: weight of joint velocities [s²/rad²].
+        lambda_qd: weight of joint velocities [s²/rad²]; in the paper's reward of the order of
+            0.002.
+        lambda_slack: weight of the string's slack while the ball is free; 0: the paper's reward.
         law: of the controller: ``pd`` or ``computed_torque``.
         rate: of the controller [Hz].
         bandwidth: of gains that are not given [rad/s].
@@ -253,7 +256,12 @@ def learn(
         iterations=iterations,
         stop_std=stop_std,
     )
-    weights = {"epsilon": dipole, "lambda_q": lambda_q, "lambda_qd": lambda_qd}
+    weights = {
+        "epsilon": dipole,
+        "lambda_q": lambda_q,
+        "lambda_qd": lambda_qd,
+        "lambda_slack": lambda_slack,
+    }
     options: tuple[Any, ...] = (
         list(joints),
         None if start is None else np.asarray(start, dtype=np.float64),

@@ -91,6 +91,7 @@ Json reward(const BallInCupOptions& o) {
   return {{"epsilon", o.epsilon},
           {"lambda_q", o.lambda_q},
           {"lambda_qd", o.lambda_qd},
+          {"lambda_slack", o.lambda_slack},
           {"string", o.string}};
 }
 
@@ -223,6 +224,7 @@ BallInCupOptions read_reward(JsonObject& parent) {
   const BallInCupOptions out{.epsilon = o.number("epsilon"),
                              .lambda_q = o.number("lambda_q"),
                              .lambda_qd = o.number("lambda_qd"),
+                             .lambda_slack = o.number("lambda_slack"),
                              .string = o.number("string")};
   o.finish();
   return out;

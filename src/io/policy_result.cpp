@@ -132,16 +132,18 @@ PathError path_error(const RolloutTrace& imagined, const RolloutTrace& obtained)
   const RolloutTrace a = io::thinned(imagined), b = io::thinned(obtained);
   const RowMatX<double> in_model = points_of(a, "ball"), in_world = points_of(b, "ball");
   const VecX<double> phase = channel_of(a, "phase");
-  double sum = 0.0;
+  double sum = 0.0, last = kNaN;
   long rows = 0;
   for (long k = 0; k < a.time.size(); ++k) {
+    if (phase[k] == static_cast<double>(BallPhase::kCaptured)) {  // the model's lies at rest now
+      out.at_capture = last;
+      break;
+    }
     const double squared = (in_model.row(k) - ball_at(b.time, in_world, a.time[k])).squaredNorm();
     if (!std::isfinite(squared)) break;
     sum += squared;
+    last = std::sqrt(squared);
     ++rows;
-    if (phase[k] != static_cast<double>(BallPhase::kCaptured)) continue;
-    out.at_capture = std::sqrt(squared);
-    break;
   }
   if (rows > 0) out.rms = std::sqrt(sum / static_cast<double>(rows));
   return out;

@@ -65,14 +65,17 @@ void BallInCupTask::look(double /*time*/, const Lanes& observation, std::vector<
   const double* phase = row(phase_row_);
   double *looks = looks_.data(), *penalty = penalty_.data(), *psi = psi_.data(),
          *most = psi_most_.data(), *last_phase = phase_.data();
+  const double per_length = 1.0 / options_.string, lambda_slack = options_.lambda_slack;
   for (long i = 0; i < n; ++i) {
     const double x = bx[i] - cx[i], y = by[i] - cy[i], z = bz[i] - cz[i];
-    const double p =
-        (x * mx[i] + y * my[i] + z * mz[i]) / (x * x + y * y + z * z + options_.epsilon);
+    const double squared = x * x + y * y + z * z;
+    const double p = (x * mx[i] + y * my[i] + z * mz[i]) / (squared + options_.epsilon);
     const bool lives = live[i] != 0.0;
+    const double slack = std::max(0.0, 1.0 - std::sqrt(squared) * per_length);
     looks[i] += live[i];
     // 0 ψ: a ball that is NaN for once shows in the reward; the maximum would forget it.
-    penalty[i] += lives ? now[i] + 0.0 * p : 0.0;
+    const double loose = phase[i] == 0.0 ? lambda_slack * slack * slack : 0.0;
+    penalty[i] += lives ? now[i] + loose + 0.0 * p : 0.0;
     psi[i] = lives ? p : psi[i];
     most[i] = lives && p > most[i] ? p : most[i];
     last_phase[i] = lives ? phase[i] : last_phase[i];

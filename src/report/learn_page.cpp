@@ -20,7 +20,7 @@ std::string seeds_table(const LearnRun& run, int best) {
     const int captured = first_capture(p);
     const bool is_best = static_cast<int>(i) == best;
     rows.push_back({std::to_string(p.seed) + (is_best ? " <b>best</b>" : ""),
-                    p.solved ? "caught" : "–", number(p.expected, 3),
+                    p.solved ? "caught" : "–", reward_words(p.expected),
                     captured > 0 ? std::to_string(captured) : "–", std::to_string(p.curve.size()),
                     std::to_string(p.rollouts), duration_words(p.seconds),
                     p.stopped.empty() ? "interrupted" : escape(p.stopped)});
@@ -46,7 +46,8 @@ std::string task_table(const BallInCup& task) {
                          std::to_string(o.ereps.iterations) + " iterations; bounds " +
                          number(o.ereps.epsilon) + " and " + number(o.ereps.kappa) + " nat"),
        row("reward", "ε = " + number(o.reward.epsilon) + " m², λ_q = " + number(o.reward.lambda_q) +
-                         ", λ_q̇ = " + number(o.reward.lambda_qd)),
+                         ", λ_q̇ = " + number(o.reward.lambda_qd) +
+                         ", λ_s = " + number(o.reward.lambda_slack)),
        row("string", number(o.reward.string) + " m")},
       {"", ""});
 }

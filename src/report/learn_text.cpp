@@ -31,7 +31,7 @@ std::string learn_text(const LearnRun& run) {
   std::vector<std::vector<std::string>> rows;
   for (const LearnedPolicy& p : run.policies) {
     const int captured = first_capture(p);
-    rows.push_back({std::to_string(p.seed), p.solved ? "yes" : "no", number(p.expected, 3),
+    rows.push_back({std::to_string(p.seed), p.solved ? "yes" : "no", reward_words(p.expected),
                     captured > 0 ? std::to_string(captured) : "–", std::to_string(p.curve.size()),
                     std::to_string(p.rollouts), number(p.seconds, 3),
                     p.stopped.empty() ? "interrupted" : p.stopped});

@@ -56,12 +56,12 @@ std::string learning_curves(const std::vector<LearnedPolicy>& policies, const Er
     std::vector<Band> bands;
     for (std::size_t p = 0; p < policies.size(); ++p)
       if (static_cast<int>(p) != bold) bands.push_back({"seed", &columns[p], &none, &none});
+    if (bold >= 0)
+      bands.push_back({"fitted", &columns[static_cast<std::size_t>(bold)], &none, &none});
     if (std::isfinite(panel.bound)) {
       columns.back().assign(longest, panel.bound);
       bands.push_back({"bound", &columns.back(), &none, &none});
     }
-    if (bold >= 0)
-      bands.push_back({"fitted", &columns[static_cast<std::size_t>(bold)], &none, &none});
     out += "<figure>" + element("figcaption", panel.title) +
            band_chart(iterations, bands, "iteration", panel.y_title, kNaN) + "</figure>\n";
   }

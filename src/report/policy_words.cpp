@@ -3,13 +3,14 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <utility>
 
 #include "report/format.hpp"
 
 namespace diffnea::report {
 
-std::string share_words(const Share& s) {
-  const std::string counts = std::to_string(s.k) + " of " + std::to_string(s.n);
+std::string share_words(const Share& s, const char* of) {
+  const std::string counts = std::to_string(s.k) + " of " + std::to_string(s.n) + " " + of;
   if (s.n == 0) return counts;
   char text[80];
   std::snprintf(text, sizeof text, " (%.0f %%, 95 %% interval %.0f–%.0f %%)",
@@ -20,6 +21,8 @@ std::string share_words(const Share& s) {
 std::string outcome_words(const Execution& e) {
   return e.failure.empty() ? e.verdict.text : "the world's solver failed: " + e.failure;
 }
+
+std::string reward_words(double reward) { return std::isfinite(reward) ? number(reward, 3) : "–"; }
 
 std::string duration_words(double seconds) {
   if (!(seconds >= 120.0)) return number(seconds, 2) + " s";
@@ -37,16 +40,20 @@ Share success_share(const std::vector<Execution>& executions) {
 }
 
 Telling telling(const TransferRun& run) {
+  // What the model had promised tells more than what it had not.
+  const auto badness = [&](int i) {
+    const std::size_t k = static_cast<std::size_t>(i);
+    return std::pair(run.policies.at(k).solved, -run.executions[k].reward);
+  };
   Telling out;
-  for (std::size_t i = 0; i < run.executions.size(); ++i) {
-    const Execution& e = run.executions[i];
-    int& place = e.success() ? out.success : out.failure;
+  for (int i = 0; i < static_cast<int>(run.executions.size()); ++i) {
+    const Execution& e = run.executions[static_cast<std::size_t>(i)];
     if (e.trace.time.size() == 0) continue;
-    if (place >= 0) {
-      const double other = run.executions[static_cast<std::size_t>(place)].reward;
-      if (e.success() ? e.reward <= other : e.reward >= other) continue;
-    }
-    place = static_cast<int>(i);
+    int& place = e.success() ? out.success : out.failure;
+    if (place < 0 ||
+        (e.success() ? e.reward > run.executions[static_cast<std::size_t>(place)].reward
+                     : badness(i) > badness(place)))
+      place = i;
   }
   return out;
 }

@@ -7,17 +7,19 @@
 
 namespace diffnea::report {
 
-/// "7 of 10 (70 %, 95 % interval 40–89 %)"
-std::string share_words(const Share& share);
+/// "7 of 10 policies (70 %, 95 % interval 40–89 %)"
+std::string share_words(const Share& share, const char* of);
 /// "in the cup since 1.32 s"; "the solver failed: …"
 std::string outcome_words(const Execution& execution);
+/// Three digits; "–" for that of a motion that could not be executed, −∞.
+std::string reward_words(double reward);
 /// "3.2 s", "4.1 min"
 std::string duration_words(double seconds);
 Share solved_share(const std::vector<LearnedPolicy>& policies);
 Share success_share(const std::vector<Execution>& executions);
 
-/// Indices into executions: the success with the largest reward, the failure with the smallest; −1:
-/// none.
+/// Indices into executions: the success with the largest reward; the failure with the smallest,
+/// of those that succeed in the model if there are such; −1: none.
 struct Telling {
   int success = -1, failure = -1;
 };

@@ -24,8 +24,9 @@ std::string policies_table(const TransferRun& run) {
         {std::to_string(p.seed) + (static_cast<int>(i) == run.best ? " <b>best</b>" : ""),
          p.solved ? "caught" : "–",
          e.success() ? "<b class='good'>caught</b>" : "<b class='bad'>not</b>",
-         escape(outcome_words(e)), number(p.expected, 3), number(e.reward, 3),
-         number(e.reward_wide, 3), number(1e3 * error.at_capture, 3), number(1e3 * error.rms, 3)});
+         escape(outcome_words(e)), reward_words(p.expected), reward_words(e.reward),
+         reward_words(e.reward_wide), number(1e3 * error.at_capture, 3),
+         number(1e3 * error.rms, 3)});
   }
   return html_table(
       {"seed", "in the model", "in the world", "what happened", "reward expected", "obtained",
@@ -56,7 +57,7 @@ std::string repetitions(const TransferRun& run) {
   std::vector<std::vector<std::string>> rows;
   for (const Execution& e : run.repetitions)
     rows.push_back({std::to_string(e.seed), e.success() ? "caught" : "not",
-                    escape(outcome_words(e)), number(e.reward, 3)});
+                    escape(outcome_words(e)), reward_words(e.reward)});
   return "<details><summary>" + std::to_string(rows.size()) +
          " repetitions of the best, with noise</summary>\n" +
          html_table({"noise", "", "what happened", "reward"}, rows, {"", "", "wrap", "n"}) +

@@ -9,14 +9,13 @@ using namespace report;
 
 std::string transfer_headline(const TransferRun& run) {
   if (run.executions.empty()) return "No policy was executed.";
-  std::string out = share_words(success_share(run.executions)) +
-                    (run.executions.size() == 1 ? " policy catches" : " policies catch") +
-                    " the ball in " + run.world;
+  const bool one = run.executions.size() == 1;
+  std::string out = share_words(success_share(run.executions), one ? "policy" : "policies") +
+                    (one ? " catches" : " catch") + " the ball in " + run.world;
   if (!run.repetitions.empty() && run.best >= 0)
     out += "; the best, of seed " +
            std::to_string(run.policies.at(static_cast<std::size_t>(run.best)).seed) +
-           ", does so in " + share_words(success_share(run.repetitions)) +
-           " repetitions with noise";
+           ", does so in " + share_words(success_share(run.repetitions), "repetitions with noise");
   return out + ".";
 }
 
@@ -28,7 +27,7 @@ std::string transfer_text(const TransferRun& run) {
     const PathError error =
         i < run.imagined.size() ? path_error(run.imagined[i], e.trace) : path_error({}, e.trace);
     rows.push_back({std::to_string(p.seed), p.solved ? "yes" : "no", e.success() ? "yes" : "no",
-                    number(p.expected, 3), number(e.reward, 3), number(e.reward_wide, 3),
+                    reward_words(p.expected), reward_words(e.reward), reward_words(e.reward_wide),
                     number(1e3 * error.at_capture, 3), outcome_words(e)});
   }
   return table({"seed", "<in the model", "<caught", "expected", "reward", "(wide)", "error mm",

@@ -30,7 +30,14 @@ struct LearnOptions {
   double nominal_string = 0.0;  ///< which string is on the robot [m]; 0: not said
   BallInCupOptions reward;      ///< its string is the model's
   ModelSimulatorOptions simulator;
-  LearnOptions() { simulator.controller.bandwidth = 25.0; }  // fast motions
+  /// Settings that transfer (docs/policy.md): a fast controller, gentle movements that keep the
+  /// string taut.
+  LearnOptions() {
+    promp.duration = 1.0;
+    reward.lambda_qd = 0.02;
+    reward.lambda_slack = 20.0;
+    simulator.controller.bandwidth = 25.0;
+  }
 };
 
 /// All that a search needs.

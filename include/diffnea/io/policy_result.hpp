@@ -55,7 +55,7 @@ int first_capture(const LearnedPolicy& policy);
 
 /// Between the ball's imagined and obtained path [m]; NaN if one has no rows.
 struct PathError {
-  double at_capture = 0.0;  ///< when the model had it in the cup; NaN: never
+  double at_capture = 0.0;  ///< in the last row before the model catches it; NaN: never
   double rms = 0.0;         ///< until then, or to the end of the shorter
 };
 /// Of both at the rate of series.json.

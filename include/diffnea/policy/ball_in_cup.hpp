@@ -18,6 +18,9 @@ struct BallInCupOptions {
   double epsilon = 0.01;
   double lambda_q = 0.02;    ///< λ_q, of joint positions [1/rad²]
   double lambda_qd = 0.002;  ///< λ_q̇, of joint velocities [s²/rad²]
+  /// λ_s, of the string's slack (1 − ‖Δ‖/r)² until the ball is caught: where a massless string is
+  /// furthest from a rope. 0: the paper's reward.
+  double lambda_slack = 0.0;
   double string = 0.4;       ///< r, the string's length [m]
 };
 

@@ -1,0 +1,41 @@
+"""Files of `diffnea learn` and `diffnea transfer` against docs/schema."""
+
+from pathlib import Path
+
+import jsonschema
+import pytest
+from cli import MODELS, ROOT, done, load
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("policies")
+    search = ("--seeds", 2, "--samples", 24, "--iterations", 3)
+    done("learn", "ball-in-cup", MODELS / "wam4_ball.xml", *search, "-o", folder / "learn")
+    done("transfer", folder / "learn", "-o", folder / "transfer")
+    return folder
+
+
+def check(path: Path, schema_name: str) -> None:
+    schema = load(ROOT / "docs/schema" / f"{schema_name}.schema.json")
+    jsonschema.Draft202012Validator.check_schema(schema)
+    jsonschema.validate(load(path), schema)
+
+
+@pytest.mark.parametrize("command", ["learn", "transfer"])
+def test_results_and_policies_are_what_the_schemas_say(runs: Path, command: str) -> None:
+    check(runs / command / "result.json", command)
+    policies = sorted((runs / command).glob("policy_*.json"))
+    assert len(policies) == 2
+    for path in policies:
+        check(path, "policy")
+    assert load(runs / command / "series.json")["schema"] == f"diffnea/{command}-series/1"
+
+
+@pytest.mark.parametrize("command", ["learn", "transfer"])
+def test_the_page_can_be_built_again(runs: Path, command: str) -> None:
+    page = runs / command / "report.html"
+    before = page.read_text(encoding="utf-8")
+    page.unlink()
+    done("report", runs / command)
+    assert page.read_text(encoding="utf-8") == before
