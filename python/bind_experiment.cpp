@@ -11,7 +11,12 @@
 #include <diffnea/core/error.hpp>
 #include <diffnea/experiment/ball_in_cup.hpp>
 #include <diffnea/experiment/seeds.hpp>
+#include <diffnea/io/policy_file.hpp>
+#include <diffnea/io/policy_result.hpp>
+#include <diffnea/io/result_folder.hpp>
 #include <diffnea/io/world.hpp>
+#include <diffnea/report/run_folder.hpp>
+#include <diffnea/version.hpp>
 
 #include "bindings.hpp"
 #include "control_law.hpp"
@@ -23,24 +28,6 @@ namespace diffnea::python {
 namespace {
 
 using namespace pybind11::literals;
-
-const char* outcome_name(Outcome outcome) {
-  switch (outcome) {
-    case Outcome::kInCup:
-      return "in_cup";
-    case Outcome::kLate:
-      return "late";
-    case Outcome::kFellOut:
-      return "fell_out";
-    case Outcome::kRim:
-      return "rim";
-    case Outcome::kBeside:
-      return "beside";
-    case Outcome::kMissed:
-      break;
-  }
-  return "missed";
-}
 
 /// The model with the string that is on the robot; a length that was identified stays.
 Model with_string(Model model, std::optional<double> nominal) {
@@ -150,6 +137,25 @@ LearnedPolicy finished(const BallInCup& task, const Ereps& search, double expect
   return out;
 }
 
+/// What `diffnea learn` leaves.
+LearnRun run_of(const BallInCup& task, std::vector<LearnedPolicy> policies, int threads,
+                double seconds, bool interrupted) {
+  LearnRun run;
+  run.task = task;
+  run.threads = threads;
+  run.seconds = seconds;
+  run.interrupted = interrupted;
+  run.reproduce.version = version();
+  run.reproduce.command = {"diffnea.learn"};
+  if (std::filesystem::exists(task.model.source))
+    run.reproduce.inputs.push_back(describe_input("model", task.model.source));
+  Rollouts imagine = rollouts(task, 1);
+  for (const LearnedPolicy& policy : policies)
+    run.imagined.push_back(imagine.trace(policy.policy.mean));
+  run.policies = std::move(policies);
+  return run;
+}
+
 void bind_task(py::module_& m) {
   py::class_<BallInCup> c(m, "_BallInCup");
   c.def(py::init(&make_task), "model"_a, "controller"_a, "string"_a, "joints"_a, "start"_a,
@@ -170,7 +176,25 @@ void bind_task(py::module_& m) {
                                  motion_limits(t.model), threads);
           },
           "task"_a, "ended"_a, "whole"_a, "threads"_a)
-      .def("finished", &finished, "search"_a, "expected"_a, "solved"_a, "rollouts"_a, "seconds"_a);
+      .def("finished", &finished, "search"_a, "expected"_a, "solved"_a, "rollouts"_a, "seconds"_a)
+      .def(
+          "to_dict",
+          [](const BallInCup& t, const std::vector<LearnedPolicy>& policies, int threads,
+             double seconds, bool interrupted) {
+            return parse_json(
+                learn_result_json(run_of(t, policies, threads, seconds, interrupted)));
+          },
+          "policies"_a, "threads"_a, "seconds"_a, "interrupted"_a)
+      .def(
+          "save",
+          [](const BallInCup& t, const std::filesystem::path& path,
+             const std::vector<LearnedPolicy>& policies, int threads, double seconds,
+             bool interrupted) {
+            ResultFolder folder(path);
+            publish_learn_run(run_of(t, policies, threads, seconds, interrupted), folder);
+          },
+          "folder"_a, "policies"_a, "threads"_a, "seconds"_a, "interrupted"_a,
+          py::call_guard<py::gil_scoped_release>());
   m.def("_learn", &learn_python, "task"_a, "seeds"_a, "threads"_a, "progress"_a);
 }
 
@@ -300,9 +324,18 @@ void bind_learned_policy(py::module_& m) {
             return array_out(p.policy.sample(count, rng));
           },
           "count"_a, py::kw_only(), "seed"_a = 0, "(count, d) weights.")
+      .def(
+          "to_dict", [](const P& p) { return parse_json(policy_json(p)); },
+          "The policy as dict, schema ``diffnea/policy/1``.")
+      .def(
+          "save", [](const P& p, const std::filesystem::path& path) { write_policy(p, path); },
+          "path"_a, py::call_guard<py::gil_scoped_release>(),
+          "Write the JSON file that :func:`read_policy` reads.")
       .def("__repr__", &policy_repr)
       .def(py::pickle(&policy_state, &policy_from));
   c.attr("__module__") = "diffnea";
+  m.def("read_policy", &read_policy, "path"_a, py::call_guard<py::gil_scoped_release>(),
+        "Read a policy that :meth:`Policy.save`, or ``diffnea learn``, wrote.");
 }
 
 /// A world that policies are executed in.
@@ -337,9 +370,8 @@ py::tuple execute_python(const World& world, const LearnedPolicy& policy, bool n
     const py::gil_scoped_release release;
     out = execute(policy, noisy ? *world.noisy : *world.quiet, world.limits, world.cup, seed);
   }
-  return py::make_tuple(
-      out.seed, out.failure.empty() ? outcome_name(out.verdict.outcome) : "failed",
-      out.verdict.text, out.reward, out.reward_wide, out.failure, trace_out(out.trace));
+  return py::make_tuple(out.seed, outcome_word(out), out.verdict.text, out.reward, out.reward_wide,
+                        out.failure, trace_out(out.trace));
 }
 
 void bind_transfer(py::module_& m) {

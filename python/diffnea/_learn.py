@@ -6,7 +6,7 @@ import html
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
@@ -51,7 +51,13 @@ class LearnResult:
     """Ctrl-C, or ``progress``, stopped it; the policies are of what was learned until then."""
     string: float | None
     """Nominal length of the string that is on the robot [m]; None: not said."""
-    _task: tuple[Any, ...] = field(default=(), repr=False)
+    threads: int
+    seconds: float
+    """That passed."""
+    _options: tuple[Any, ...]
+
+    def _task(self) -> _BallInCup:
+        return _BallInCup(self.model, self.controller, self.string, *self._options)
 
     @property
     def seeds(self) -> list[int]:
@@ -82,8 +88,7 @@ class LearnResult:
 
     def imagine(self, policy: Policy | None = None) -> RolloutTrace:
         """Execute a policy's mean (default: of the best) in the model, and keep all of it."""
-        task = _BallInCup(self.model, self.controller, None, *self._task)
-        rollouts = Rollouts._of(task.rollouts(None, None, False, 1), None)
+        rollouts = Rollouts._of(self._task().rollouts(None, None, False, 1), None)
         return rollouts.trace((policy or self.best).mean)
 
     def plot(self) -> Figure:
@@ -112,23 +117,14 @@ class LearnResult:
         return figure
 
     def to_dict(self) -> dict[str, Any]:
-        """Policies and curves as plain data and arrays."""
-        names: tuple[str, ...] = (
-            "seed",
-            "expected",
-            "solved",
-            "stopped",
-            "rollouts",
-            "seconds",
-            "mean",
-        )
-        names += ("covariance", "curve", "joints", "start", "controller", "reward")
-        return {
-            "model": self.model.to_dict(),
-            "string": self.string,
-            "interrupted": self.interrupted,
-            "policies": [{name: getattr(p, name) for name in names} for p in self.policies],
-        }
+        """Return the content of result.json, schema ``diffnea/learn/1``."""
+        run = (self.policies, self.threads, self.seconds, self.interrupted)
+        return self._task().to_dict(*run)
+
+    def save(self, folder: StrPath) -> None:
+        """Write what ``diffnea learn -o folder`` leaves there: policies, models, series, page."""
+        run = (self.policies, self.threads, self.seconds, self.interrupted)
+        self._task().save(folder, *run)
 
     def __repr__(self) -> str:
         end = ", interrupted" if self.interrupted else ""
@@ -203,7 +199,7 @@ def learn(
         controller: model that the robot's controller compensates gravity with; default: ``model``.
         string: which string is on the robot, its nominal length [m]. A length that was identified
             stays, and more than 10 % off is an error; otherwise the model's string gets it.
-        seeds: of the searches: a list, or how many, from 1 on. One policy each.
+        seeds: of the searches: a list, or how many, from 0 on. One policy each.
         threads: of the simulation; the result does not depend on it.
         progress: ``True`` for a bar if tqdm is installed, or a function (seed, iteration, mean
             reward, share of samples that solve it); if it returns ``False``, all stop.
@@ -248,7 +244,9 @@ def learn(
         controller = model
     elif not isinstance(controller, Model):
         controller = load_model(controller)
-    seeds = range(1, seeds + 1) if isinstance(seeds, int) else seeds
+    seeds = list(range(seeds) if isinstance(seeds, int) else seeds)
+    if not seeds:
+        raise Error("learn: seeds: there are none; give at least one")
     promp = {"bases": bases, "duration": duration, "hold": hold}
     search = ErepsOptions(
         samples=samples,
@@ -279,12 +277,13 @@ def learn(
     )
     world = _BallInCup(model, controller, string, *options)
 
+    begin = time.monotonic()
     own = task if not isinstance(task, str) else None
     with _bar(progress, len(seeds) * iterations) as report:
         if own is None and reward is None:
             if ended is not None:
                 raise Error("learn: ended: the task says itself when an episode is over")
-            policies = _learn(world, list(seeds), threads, report)
+            policies = _learn(world, seeds, threads, report)
         else:
             whole = reward is not None
             rollouts = Rollouts._of(world.rollouts(own, ended, whole, threads), reward)
@@ -294,7 +293,10 @@ def learn(
                 if not policies[-1].stopped:
                     break
     interrupted = len(policies) < len(seeds) or any(not p.stopped for p in policies)
-    return LearnResult(world.model, controller, policies, interrupted, string, options)
+    seconds = time.monotonic() - begin
+    return LearnResult(
+        world.model, controller, policies, interrupted, string, threads, seconds, options
+    )
 
 
 def _search(world: _BallInCup, rollouts: Rollouts, seed: int, report: Progress) -> Policy:

@@ -32,6 +32,8 @@ class SimulatorInfo(NamedTuple):
 class Channels(Mapping[str, "Array"]):
     """Arrays by channel."""
 
+    __slots__ = ()
+
     def missing(self, channel: str) -> KeyError:
         """Return what to raise."""
         return KeyError(f"there is no channel {channel!r}; channels: {', '.join(self)}")

@@ -159,7 +159,7 @@ class TransferResult:
             "success": self.success,
             "repeatability": self.repeatability,
             "policies": [policy.seed for policy in self.policies],
-            "best": self.best,
+            "best": self.best if any(not e.failure for e in self.executions) else None,
             "executions": [row(execution) for execution in self.executions],
             "repetitions": [row(execution) for execution in self.repetitions],
         }
@@ -205,7 +205,7 @@ def transfer(
     torque_noise: float = 0.1,
     posture_noise: float = 1e-3,
     position_noise: float = 0.0,
-    seed: int = 1,
+    seed: int = 0,
     threads: int = 1,
 ) -> TransferResult:
     """Execute learned policies in a world that is not the model they were learned in.

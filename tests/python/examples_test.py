@@ -32,6 +32,12 @@ def test_python(tmp_path: Path) -> None:
     assert (tmp_path / "run" / "report.html").is_file()
 
 
+def test_policy(tmp_path: Path) -> None:
+    text = run(sys.executable, EXAMPLES / "policy.py", cwd=tmp_path)
+    assert "mm from the goal" in text
+    assert "2 of 2 policies solved in the model" in text
+
+
 def test_shell(tmp_path: Path) -> None:
     path = f"{Path(COMMAND).parent}{os.pathsep}{os.environ['PATH']}"
     text = run("sh", EXAMPLES / "identify.sh", "here", cwd=tmp_path, PATH=path)

@@ -119,7 +119,7 @@ def test_it_stops_when_asked_and_gives_what_was_learned(model) -> None:
         seen.clear()
         result = diffnea.learn(model, seeds=2, **how, **options)
         assert result.interrupted
-        assert seen == [(1, 1), (1, 2)]
+        assert seen == [(0, 1), (0, 2)]
         (policy,) = result.policies
         assert policy.stopped == ""
         assert len(policy.curve["eta"]) == 2
@@ -219,10 +219,23 @@ def test_results_survive_pickling_and_are_drawn(learned, tmp_path) -> None:
     np.testing.assert_equal(two.curve, one.curve)
     assert again.imagine().reward == one.expected
     assert np.array_equal(one.sample(3, seed=1), one.sample(3, seed=1))
-    assert learned.to_dict()["policies"][0]["seed"] == 1
+    assert again.to_dict() == learned.to_dict()
+    assert learned.to_dict()["schema"] == "diffnea/learn/1"
     pytest.importorskip("matplotlib")
     learned.plot().savefig(tmp_path / "curves.png")
     assert (tmp_path / "curves.png").stat().st_size > 10_000
+
+
+def test_files_hold_a_policy(learned, tmp_path) -> None:
+    one = learned.policies[0]
+    one.save(tmp_path / "policy.json")
+    again = diffnea.read_policy(tmp_path / "policy.json")
+    assert np.array_equal(one.mean, again.mean)
+    assert one.to_dict() == again.to_dict()
+    assert again.to_dict()["schema"] == "diffnea/policy/1"
+    learned.save(tmp_path / "run")
+    for name in ("result.json", "report.html", "policy_1.json"):
+        assert (tmp_path / "run" / name).is_file()
 
 
 def test_a_policy_is_executed_in_a_world(learned, tmp_path) -> None:
