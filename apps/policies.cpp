@@ -4,7 +4,6 @@
 #include <chrono>
 #include <cstdio>
 #include <map>
-#include <thread>
 
 #include <diffnea/io/policy_file.hpp>
 
@@ -158,9 +157,7 @@ LearnRun learn_with_checkpoints(const BallInCup& task, const PolicyOptions& o,
                                 ProgressLine& line) {
   LearnRun run;
   run.task = task;
-  run.threads = common.threads > 0
-                    ? common.threads
-                    : static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+  run.threads = threads_of(common);
   std::vector<std::uint64_t> seeds;
   for (int k = 0; k < o.seeds; ++k) seeds.push_back(common.seed + static_cast<std::uint64_t>(k));
   const std::filesystem::path checkpoints = folder / "checkpoints";
