@@ -80,7 +80,8 @@ class Experiment {
     options.torque_noise *= world.noise;
     options.camera_noise *= world.noise;
     const SimulatedRecording r =
-        record_in_world(world, nominal_, motion, options, c_.common.seed).result;
+        record_in_world(world, nominal_, motion, options, c_.common.seed, threads_of(c_.common))
+            .result;
     if (!r.failure.empty())
       throw DataError(std::string("the recording of ") + name + " ended early: " + r.failure);
     const std::string file = (out_ / (std::string(name) + ".csv")).string();

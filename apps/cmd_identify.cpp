@@ -1,7 +1,6 @@
 #include <algorithm>
 #include <cstdio>
 #include <map>
-#include <thread>
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/identify/identify.hpp>
@@ -60,9 +59,7 @@ void run_identify(IdentifyCommand c) {
   if (c.effects_given)
     c.options.choice.effects =
         c.effects == std::vector<std::string>{"none"} ? std::vector<std::string>{} : c.effects;
-  c.options.trajectory.threads =
-      c.common.threads > 0 ? c.common.threads
-                           : static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+  c.options.trajectory.threads = threads_of(c.common);
   const Model model = read_model(c.model);
   ResultFolder folder(c.out);  // cannot be written: better known now
 

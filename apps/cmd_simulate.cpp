@@ -50,8 +50,8 @@ void run_simulate(SimulateOptions options) {
   } else {
     const WorldSpec world = parse_world(options.world);
     scale_noise(options.record, options.noise.value_or(world.noise));
-    WorldRecording recorded =
-        record_in_world(world, model, trajectory, options.record, options.common.seed);
+    WorldRecording recorded = record_in_world(world, model, trajectory, options.record,
+                                              options.common.seed, threads_of(options.common));
     result = std::move(recorded.result);
     if (!options.truth.empty()) write_model(recorded.truth, options.truth);
   }

@@ -2,6 +2,7 @@
 /// What every command shares. A command is one file: its options, add_<name> that declares them,
 /// and run_<name> that calls the library.
 
+#include <algorithm>
 #include <charconv>
 #include <cmath>
 #include <cstdint>
@@ -10,6 +11,7 @@
 #include <limits>
 #include <memory>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include <CLI/CLI.hpp>
@@ -28,6 +30,12 @@ struct CommonOptions {
   std::uint64_t seed = 0;  ///< of everything that is drawn by chance
   int threads = 0;         ///< 0: as many as there are cores
 };
+
+/// Threads that the options ask for.
+inline int threads_of(const CommonOptions& options) {
+  return options.threads > 0 ? options.threads
+                             : static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+}
 
 /// A finite number, `low` or more; above it, if `strictly`.
 inline CLI::Validator at_least(double low, bool strictly = false) {

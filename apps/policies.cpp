@@ -4,7 +4,6 @@
 #include <chrono>
 #include <cstdio>
 #include <map>
-#include <thread>
 
 #include <diffnea/io/policy_file.hpp>
 
@@ -130,27 +129,12 @@ void add_policy_options(CLI::App& command, PolicyOptions& o) {
 }
 
 BallInCup task_of(const Model& model, const Model& controller, const PolicyOptions& o) {
-  constexpr double kNear = 0.1;  ///< of the nominal length: more is another string
-  Model used = model;
-  if (o.string && used.ball && used.ball->string) {
-    double& length = used.ball->string->length;
-    if (!(used.ball->string->length_std > 0.0)) {  // nobody identified it
-      length = *o.string;
-    } else if (std::abs(length - *o.string) > kNear * *o.string) {
-      char text[200];
-      std::snprintf(text, sizeof text,
-                    ": its string was identified as %.4f m, --string says %.4f m; identify with "
-                    "the string that is on the robot, or leave --string out",
-                    length, *o.string);
-      throw DataError(model.source + text);
-    }
-  }
   LearnOptions learn = o.learn;
   learn.start = vector(o.start);
   learn.nominal_string = o.string.value_or(0.0);
   learn.simulator.controller.kp = vector(o.kp);
   learn.simulator.controller.kd = vector(o.kd);
-  return ball_in_cup(used, controller, learn);
+  return ball_in_cup(model, controller, learn);
 }
 
 LearnRun learn_with_checkpoints(const BallInCup& task, const PolicyOptions& o,
@@ -158,9 +142,7 @@ LearnRun learn_with_checkpoints(const BallInCup& task, const PolicyOptions& o,
                                 ProgressLine& line) {
   LearnRun run;
   run.task = task;
-  run.threads = common.threads > 0
-                    ? common.threads
-                    : static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+  run.threads = threads_of(common);
   std::vector<std::uint64_t> seeds;
   for (int k = 0; k < o.seeds; ++k) seeds.push_back(common.seed + static_cast<std::uint64_t>(k));
   const std::filesystem::path checkpoints = folder / "checkpoints";

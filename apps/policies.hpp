@@ -26,9 +26,7 @@ struct PolicyOptions {
 };
 void add_policy_options(CLI::App& command, PolicyOptions& options);
 
-/// The task in a model. Where the model's string was identified, its length stays as long as it is
-/// near the nominal one; else it becomes that.
-/// @throws DataError if it is not near; as ball_in_cup
+/// The task in a model, as the options want it. @throws as ball_in_cup
 BallInCup task_of(const Model& model, const Model& controller, const PolicyOptions& options);
 
 /// Learns all seeds, with a line of progress and a checkpoint a seed in `folder`/checkpoints.

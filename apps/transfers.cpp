@@ -93,9 +93,7 @@ TransferRun transfer_policies(const LearnRun& learned, const TransferOptions& o,
   quiet.controller = task.options.simulator.controller;
   MujocoSimulatorOptions noisy = o.simulator;
   noisy.controller = quiet.controller;
-  const int threads = common.threads > 0
-                          ? common.threads
-                          : static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+  const int threads = threads_of(common);
   const MotionLimits limits = motion_limits(task.controller);
   const CupSpec cup = *task.model.cup;
   const auto world = make_simulator(spec, task.controller, quiet, common.seed);

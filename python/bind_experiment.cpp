@@ -29,26 +29,6 @@ namespace {
 
 using namespace pybind11::literals;
 
-/// The model with the string that is on the robot; a length that was identified stays.
-Model with_string(Model model, std::optional<double> nominal) {
-  constexpr double kNear = 0.1;  // of the nominal length: more is another string
-  if (!nominal || !model.ball || !model.ball->string) return model;
-  if (!(*nominal > 0.0)) throw Error("learn: string: got a length that is not positive");
-  StringSpec& string = *model.ball->string;
-  if (!(string.length_std > 0.0)) {
-    string.length = *nominal;
-  } else if (std::abs(string.length - *nominal) > kNear * *nominal) {
-    char text[200];
-    std::snprintf(text, sizeof text,
-                  "learn: string: got %.4f m, but the model's string was identified as %.4f m; "
-                  "expected a length within 10 %% of it. Identify with the string that is on the "
-                  "robot, or leave `string` out",
-                  *nominal, string.length);
-    throw DataError(text);
-  }
-  return model;
-}
-
 BallInCup make_task(const Model& model, const Model& controller, std::optional<double> string,
                     const std::vector<std::string>& joints, const py::object& start,
                     const py::dict& promp, const ErepsOptions& search, double weight_std,
@@ -74,7 +54,7 @@ BallInCup make_task(const Model& model, const Model& controller, std::optional<d
   c.damping = damping;
   c.kp = optional_vector("learn: kp", kp);
   c.kd = optional_vector("learn: kd", kd);
-  return ball_in_cup(with_string(model, string), controller, std::move(o));
+  return ball_in_cup(model, controller, std::move(o));
 }
 
 /// Searches from all seeds, on threads of the library's own; this one looks out for Ctrl-C.
@@ -120,16 +100,7 @@ std::vector<LearnedPolicy> learn_python(const BallInCup& task,
 /// What a search that Python ran has found.
 LearnedPolicy finished(const BallInCup& task, const Ereps& search, double expected, bool solved,
                        long rollouts, double seconds) {
-  LearnedPolicy out;
-  out.seed = search.seed();
-  out.promp = task.options.promp;
-  out.policy = search.policy();
-  out.joints = joint_names(task.model);
-  out.start = task.start;
-  out.controller = task.options.simulator.controller;
-  out.reward = task.options.reward;
-  out.curve = search.history();
-  out.stopped = search.stop_reason();
+  LearnedPolicy out = found_policy(task, search);
   out.expected = expected;
   out.solved = solved;
   out.rollouts = rollouts;

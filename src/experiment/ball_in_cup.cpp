@@ -29,6 +29,24 @@ const ModelFrame& cup_frame(const Model& model) {
   return *frame;
 }
 
+/// The model with the string that is on the robot.
+Model with_string(Model model, double nominal) {
+  constexpr double kNear = 0.1;  ///< of the nominal length: more is another string
+  if (nominal == 0.0) return model;
+  if (!(nominal > 0.0))
+    throw Error("ball in a cup: nominal_string: got " + number(nominal) +
+                " m, expected a positive length");
+  StringSpec& string = *model.ball->string;
+  if (!(string.length_std > 0.0))  // nobody measured it
+    string.length = nominal;
+  else if (std::abs(string.length - nominal) > kNear * nominal)
+    throw DataError(model.source + ": its string was identified as " + number(string.length) +
+                    " m, got a nominal length of " + number(nominal) +
+                    " m, expected one within 10 %; identify with the string that is on the robot, "
+                    "or do not name it");
+  return model;
+}
+
 struct Start {
   Tree<double> tree;
   LinkKinematics<double> links;
@@ -152,8 +170,9 @@ MotionLimits motion_limits(const Model& model) {
   return out;
 }
 
-BallInCup ball_in_cup(const Model& model, const Model& controller, LearnOptions o) {
-  cup_frame(model);
+BallInCup ball_in_cup(const Model& described, const Model& controller, LearnOptions o) {
+  cup_frame(described);
+  const Model model = with_string(described, o.nominal_string);
   const int n = static_cast<int>(joint_names(model).size());
   if (o.start.size() == 0) {
     o.start = VecX<double>::Zero(n);
@@ -190,6 +209,20 @@ Ereps first_search(const BallInCup& task, std::uint64_t seed) {
       task.options.ereps, seed);
 }
 
+LearnedPolicy found_policy(const BallInCup& task, const Ereps& search) {
+  LearnedPolicy out;
+  out.seed = search.seed();
+  out.promp = task.options.promp;
+  out.policy = search.policy();
+  out.joints = joint_names(task.model);
+  out.start = task.start;
+  out.controller = task.options.simulator.controller;
+  out.reward = task.options.reward;
+  out.curve = search.history();
+  out.stopped = search.stop_reason();
+  return out;
+}
+
 LearnedPolicy learn(const BallInCup& task, std::uint64_t seed, int threads,
                     const LearnProgress& progress, const Ereps* from) {
   using Clock = std::chrono::steady_clock;
@@ -205,16 +238,7 @@ LearnedPolicy learn(const BallInCup& task, std::uint64_t seed, int threads,
     search.history().back().solved_share = solved;
     stopped = progress && !progress(search, world);
   }
-  LearnedPolicy out;
-  out.seed = seed;
-  out.promp = task.options.promp;
-  out.policy = search.policy();
-  out.joints = joint_names(task.model);
-  out.start = task.start;
-  out.controller = task.options.simulator.controller;
-  out.reward = task.options.reward;
-  out.curve = search.history();
-  out.stopped = search.done() ? search.stop_reason() : "";
+  LearnedPolicy out = found_policy(task, search);
   RowMatX<double> mean(1, search.policy().size());
   mean.row(0) = search.policy().mean.transpose();
   const RolloutResult last = world.run(mean);

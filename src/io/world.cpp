@@ -1,7 +1,10 @@
 #include <algorithm>
+#include <atomic>
 #include <charconv>
 #include <cstdlib>
+#include <exception>
 #include <map>
+#include <thread>
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/io/model_file.hpp>
@@ -173,17 +176,31 @@ DrawnWorld draw(const WorldSpec& world, std::uint64_t seed) {
 
 WorldRecording record_in_world(const WorldSpec& world, const Model& controller,
                                const Trajectory& trajectory, RecordOptions options,
-                               std::uint64_t seed) {
+                               std::uint64_t seed, int threads) {
   options.seed = world.seed.value_or(seed);
   DrawnWorld drawn = draw(world, options.seed);
   WorldRecording out{.result = {}, .truth = std::move(drawn.truth)};
-  std::vector<SimulatedRecording> repetitions;
-  for (int k = 0; k < world.repetitions; ++k) {
-    repetitions.push_back(
-        record_in_mujoco(drawn.document, out.truth, controller, trajectory, options));
-    // Other noise; Rng tells neighbouring seeds well apart.
-    options.seed += 0x9e3779b97f4a7c15ULL;
+  std::vector<SimulatedRecording> repetitions(static_cast<std::size_t>(world.repetitions));
+  std::vector<std::exception_ptr> failures(repetitions.size());
+  std::atomic<std::size_t> next = 0;
+  const auto work = [&] {
+    for (std::size_t k = next++; k < repetitions.size(); k = next++) {
+      RecordOptions own = options;  // other noise; Rng tells neighbouring seeds well apart
+      own.seed += k * 0x9e3779b97f4a7c15ULL;
+      try {
+        repetitions[k] = record_in_mujoco(drawn.document, out.truth, controller, trajectory, own);
+      } catch (...) {
+        failures[k] = std::current_exception();
+      }
+    }
+  };
+  {
+    std::vector<std::jthread> others;
+    for (int t = 1; t < std::min(threads, world.repetitions); ++t) others.emplace_back(work);
+    work();
   }
+  for (const std::exception_ptr& failure : failures)
+    if (failure) std::rethrow_exception(failure);
   out.result = averaged(repetitions);
   return out;
 }

@@ -47,18 +47,31 @@ void refuse(const Model& model, const BoundEffect& e) {
                    "leave it out of the model that the policy is learned in");
 }
 
-/// Whether it has no torque at rest, wherever the joints are and whenever: asked with numbers that
-/// no formula survives.
-bool is_dissipative(const BoundEffect& e, const Tree<double>& tree) {
-  const int n = e.num_joints;
-  const std::vector<double> anywhere(n, std::nan("")), rest(n, 0.0);
-  std::vector<double> tau(n, 0.0);
-  JointSample<double> x;
-  x.time = std::nan("");
-  x.q = x.qdd = x.tau = anywhere.data();
-  x.qd = rest.data();
-  add_torque(e, tree, x, e.parameters.data(), tau.data());
-  return std::ranges::all_of(tau, [](double t) { return t == 0.0; });
+/// What its torque depends on, asked with numbers that no formula survives: one that is finite did
+/// not look at them.
+sim::EffectKind kind_of(const BoundEffect& e, const Tree<double>& tree) {
+  const std::size_t n = static_cast<std::size_t>(e.num_joints);
+  const std::vector<double> anything(n, std::nan(""));
+  std::vector<double> parameters = e.parameters;  // 0 in one draw need not be in another
+  for (double& p : parameters) p = p == 0.0 ? 1.0 : p;
+  const auto torque = [&](double speed) {
+    const std::vector<double> qd(n, speed);
+    std::vector<double> tau(n, 0.0);
+    JointSample<double> x;
+    x.time = std::nan("");
+    x.q = x.qdd = x.tau = anything.data();
+    x.qd = qd.data();
+    add_torque(e, tree, x, parameters.data(), tau.data());
+    return Eigen::Map<const VecX<double>>(tau.data(), e.num_joints).eval();
+  };
+  if (torque(std::nan("")).allFinite()) return sim::EffectKind::kConstant;
+  if (!torque(0.0).isZero(0.0)) return sim::EffectKind::kGeneral;
+  constexpr double kRounding = 1e-12;
+  const VecX<double> one = torque(1.0);
+  for (const double speed : {-3.0, -1e-4, 1e-3, 2.0})
+    if (!(torque(speed) - speed * one).isZero(kRounding * one.cwiseAbs().maxCoeff()))
+      return sim::EffectKind::kDissipative;
+  return sim::EffectKind::kLinear;
 }
 
 struct BallEffects {
@@ -195,8 +208,7 @@ PackSpec spec_of(const std::vector<Model>& draws, const Model& controller,
     const BallEffects ball = ball_effects(model);
     if (&model == &first) {
       out.effects = tree.effects;
-      for (const BoundEffect& e : tree.effects)
-        out.dissipative.push_back(is_dissipative(e, tree.tree));
+      for (const BoundEffect& e : tree.effects) out.kinds.push_back(kind_of(e, tree.tree));
       out.ball_effects = ball.forces;
     } else if (names(tree.effects) != names(out.effects) ||
                names(ball.forces) != names(out.ball_effects) ||

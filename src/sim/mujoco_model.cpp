@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <mutex>
 
 #include <diffnea/core/error.hpp>
 
@@ -35,6 +36,8 @@ void MujocoFiles::add(const std::string& name, std::string_view content, const s
 
 MujocoModel compile_mujoco(std::string_view mjcf, MujocoFiles& files, const std::string& where) {
   static_cast<void>(kQuiet);
+  static std::mutex one_at_a_time;  // the compiler keeps the last document in a global
+  const std::scoped_lock lock(one_at_a_time);
   files.add("model.xml", mjcf, where);
   char error[1000] = "";
   MujocoModel model(mj_loadXML("model.xml", files.get(), error, sizeof error));

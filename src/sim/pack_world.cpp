@@ -164,6 +164,13 @@ class World : public PackWorld {
       }
     };
     values(spec_.effects, &PackDraw::effects, parameters_);
+    constant_.assign(n_, Pack(0.0));
+    viscous_.assign(n_, Pack(0.0));
+    const std::vector<Pack> one(n_, Pack(1.0));
+    for (std::size_t e = 0; e < spec_.effects.size(); ++e) {
+      if (spec_.kinds[e] == EffectKind::kConstant) add_effect(e, zero_, constant_);
+      if (spec_.kinds[e] == EffectKind::kLinear) add_effect(e, one, viscous_);
+    }
     values(spec_.ball_effects, &PackDraw::ball_effects, ball_parameters_);
     gravity_ = spec_.draws.front().tree.gravity;
   }
@@ -261,6 +268,16 @@ class World : public PackWorld {
     }
   }
 
+  void add_effect(std::size_t e, const std::vector<Pack>& qd, std::vector<Pack>& tau) const {
+    JointSample<Pack> x;
+    x.time = state_.time;
+    x.q = state_.q.data();
+    x.qd = qd.data();
+    x.qdd = x.tau = zero_.data();  // unread: such effects were refused
+    add_torque<Pack>(spec_.effects[e], spec_.draws.front().tree, x, parameters_[e].data(),
+                     tau.data());
+  }
+
   /// Friction and all else at joints. With τ_e(q, q̇) = τ_e(q, 0) + c(q̇) q̇, the second part is
   /// taken at the middle of the step, c ≥ 0 held at what
   /// the last acceleration makes of the velocity there: h c/2 joins the armature. So no friction,
@@ -269,24 +286,16 @@ class World : public PackWorld {
     for (int j = 0; j < n_; ++j) armature_[j] = tree_.links[j].armature;
     if (spec_.effects.empty()) return;
     constexpr double kLeast = 1e-9;  // [rad/s]: below, the secant is that of this speed
-    std::fill(total_.begin(), total_.end(), Pack(0.0));
-    std::fill(at_rest_.begin(), at_rest_.end(), Pack(0.0));
     for (int j = 0; j < n_; ++j) {
       const Pack v = state_.qd[j] + state_.qdd[j] * Pack(0.5 * h);
       speed_[j] = select(abs(v) < Pack(kLeast), Pack(kLeast), v);
+      total_[j] = constant_[j] + viscous_[j] * speed_[j];
+      at_rest_[j] = constant_[j];
     }
-    JointSample<Pack> x;
-    x.time = state_.time;
-    x.q = state_.q.data();
-    x.qdd = x.tau = zero_.data();  // unread: such effects were refused
     for (std::size_t e = 0; e < spec_.effects.size(); ++e) {
-      x.qd = speed_.data();
-      add_torque<Pack>(spec_.effects[e], spec_.draws.front().tree, x, parameters_[e].data(),
-                       total_.data());
-      if (spec_.dissipative[e]) continue;
-      x.qd = zero_.data();
-      add_torque<Pack>(spec_.effects[e], spec_.draws.front().tree, x, parameters_[e].data(),
-                       at_rest_.data());
+      if (spec_.kinds[e] < EffectKind::kDissipative) continue;
+      add_effect(e, speed_, total_);
+      if (spec_.kinds[e] == EffectKind::kGeneral) add_effect(e, zero_, at_rest_);
     }
     for (int j = 0; j < n_; ++j) {
       const Pack slope = (total_[j] - at_rest_[j]) / speed_[j];
@@ -445,6 +454,7 @@ class World : public PackWorld {
   LinkStates<Pack, Pack> nominal_ws_;
   std::vector<Pose<Pack>> X_WL_;
   std::vector<Pack> u_, u_step_, qdd_, total_, at_rest_, zero_, armature_, speed_ = zero_;
+  std::vector<Pack> constant_, viscous_;  ///< of effects that need not be asked again
   State state_, settled_;
 };
 

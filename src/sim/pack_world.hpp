@@ -17,6 +17,14 @@ struct BoundEffect;
 
 namespace diffnea::sim {
 
+/// What a joint's effect depends on.
+enum class EffectKind {
+  kConstant,     ///< nothing: an offset
+  kLinear,       ///< c q̇
+  kDissipative,  ///< q̇ alone, no torque at rest
+  kGeneral
+};
+
 /// Parameters that may differ from lane to lane.
 struct PackDraw {
   Tree<double> tree;
@@ -39,7 +47,7 @@ struct PackSpec {
   std::vector<bool> passive;
   // Forces beside the tree's.
   std::vector<BoundEffect> effects;       ///< on joints, of one instant
-  std::vector<bool> dissipative;          ///< of those: no torque at rest, wherever it is
+  std::vector<EffectKind> kinds;          ///< of those, what need not be asked at every step
   std::vector<BoundEffect> ball_effects;  ///< on ball and string
   std::vector<PackDraw> draws;            ///< world k takes number seed mod size
   // Ball and cup. Links are those of the tree, −1 the world; poses are in them.

@@ -1,5 +1,6 @@
 """The examples of docs/examples, run as their users would run them."""
 
+import json
 import os
 import shutil
 import subprocess
@@ -53,6 +54,19 @@ def test_ball(tmp_path: Path) -> None:
     assert (tmp_path / "here" / "why" / "report.html").is_file()
 
 
+def test_ball_in_cup(tmp_path: Path) -> None:
+    path = f"{Path(COMMAND).parent}{os.pathsep}{os.environ['PATH']}"
+    text = run("sh", EXAMPLES / "ball_in_cup.sh", "here", cwd=tmp_path, PATH=path)
+    assert "2 of 2 policies catch the ball in the model" in text
+    transfer = tmp_path / "here" / "loop" / "transfer"
+    assert (transfer / "report.html").is_file()
+    seen = json.loads((transfer / "result.json").read_text(encoding="utf-8"))
+    assert len(seen["policies"]) == 2
+    # Without a rope's mass the model is right: what it learned works there.
+    tendon = json.loads((tmp_path / "here" / "tendon" / "result.json").read_text(encoding="utf-8"))
+    assert any(policy["success"] for policy in tendon["policies"])
+
+
 def build_folder() -> Path | None:
     """A build of the library that can be installed."""
     chosen = os.environ.get("DIFFNEA_BUILD")
@@ -83,3 +97,4 @@ def test_cpp_against_an_installation(tmp_path: Path) -> None:
     text = run("build/identify", model, "train.csv", "test.csv", cwd=tmp_path)
     assert "at rest:" in text
     assert "(held out)" in text
+    assert "lost 0.0" in run("build/own_task", MODELS / "wam4_ball.xml", cwd=tmp_path)

@@ -162,7 +162,7 @@ def test_the_string_on_the_robot(model) -> None:
     identified = diffnea.Model.from_dict(data)
     kept = diffnea.learn(identified, string=0.4, **quick)
     assert length(kept.model) == 0.41
-    with pytest.raises(diffnea.DataError, match=r"identified as 0.4100 m"):
+    with pytest.raises(diffnea.DataError, match=r"identified as 0.41 m"):
         diffnea.learn(identified, string=0.35, **quick)
 
 

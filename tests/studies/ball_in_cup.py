@@ -8,7 +8,7 @@ STUDY: model       solved in the model: 35, 40, 45 cm with two joints, 40 cm wit
        surrogate   surrogate A, rope mid, 35, 40, 45 cm: learned in the identified and in the nominal model, each in the same worlds
        loop        one loop from nothing, timed
 
-No policy is chosen by its result. Shares with 95 % intervals (Wilson); those of differences are bootstrapped over worlds, whose
+No policy is chosen by its result, and no setting on these seeds. Shares with 95 % intervals (Wilson); those of differences are bootstrapped over worlds, whose
 policies are not independent. What is finished is kept in the folder, and not repeated. Needs Python alone.
 """
 
@@ -24,6 +24,7 @@ from typing import Any
 
 Json = dict[str, Any]
 NAME = "wam4_ball_in_cup"
+FIRST_SEED = 1000  # settings were chosen on 1 to 30
 
 
 def wilson(k: int, n: int) -> str:
@@ -79,7 +80,7 @@ def successes(transfer: Json) -> list[bool]:
 
 def solved_in_the_model(study: Study, seeds: int) -> None:
     for length, joints in ((0.35, 2), (0.40, 2), (0.45, 2), (0.40, 4)):
-        words: list[object] = ["--string", length]
+        words: list[object] = ["--string", length, "--seed", FIRST_SEED]
         if joints == 4:
             words += [
                 "--joints",
@@ -100,7 +101,7 @@ def solved_in_the_model(study: Study, seeds: int) -> None:
 
 
 def nominal(study: Study, seeds: int) -> None:
-    study.learn("nominal_40", study.model, seeds, "--string", 0.4)
+    study.learn("nominal_40", study.model, seeds, "--string", 0.4, "--seed", FIRST_SEED)
     for rope in ("heavy", "mid", "light", "none"):
         t = study.transfer(
             f"nominal_40_{rope}", "nominal_40", f"mujoco:{NAME},perturb=none,rope={rope}"
@@ -110,7 +111,7 @@ def nominal(study: Study, seeds: int) -> None:
 
 
 def surrogate(study: Study, seeds: int, lengths: Sequence[float]) -> None:
-    each = 5
+    each = 10
     for length in lengths:
         won: dict[str, list[list[bool]]] = {"identified": [], "nominal": []}
         for world in range(1, seeds // each + 1):

@@ -26,9 +26,11 @@ struct LearnOptions {
   VecX<double> start;               ///< posture q_0 (n) [rad]; empty: of the model's file, `home`
   PrompSpec promp;                  ///< its joints are those above
   ErepsOptions ereps;
-  double weight_std = 0.4;      ///< of the first Gaussian's weights [rad]
-  double nominal_string = 0.0;  ///< which string is on the robot [m]; 0: not said
-  BallInCupOptions reward;      ///< its string is the model's
+  double weight_std = 0.4;  ///< of the first Gaussian's weights [rad]
+  /// Which string is on the robot [m]; 0: not said. A length that was identified stays; a
+  /// description's, which nobody measured, becomes this.
+  double nominal_string = 0.0;
+  BallInCupOptions reward;  ///< its string is the model's
   ModelSimulatorOptions simulator;
   /// Settings that transfer (docs/policy.md): a fast controller, gentle movements that keep the
   /// string taut.
@@ -49,7 +51,8 @@ struct BallInCup {
 /// @param controller  the model that the robot's controller compensates gravity with
 /// @throws ModelError if there is no ball on a string, no cup, or no joint can move the cup;
 ///         DataError if the task cannot be: the cup is upside down at the start, the ball does not
-///         fit into it, the string is shorter than the way from its knot over the rim
+///         fit into it, the string is shorter than the way from its knot over the rim, or was
+///         identified as another than the nominal one
 BallInCup ball_in_cup(const Model& model, const Model& controller, LearnOptions options);
 
 /// Rollouts of the task's primitive in its model.
@@ -78,6 +81,9 @@ using LearnProgress = std::function<bool(const Ereps&, const Rollouts&)>;
 /// @throws DataError naming iteration, sample and parameters if a reward is NaN
 LearnedPolicy learn(const BallInCup& task, std::uint64_t seed, int threads = 1,
                     const LearnProgress& progress = {}, const Ereps* from = nullptr);
+
+/// What a search has found so far, without what execution says of it (expected, solved).
+LearnedPolicy found_policy(const BallInCup& task, const Ereps& search);
 
 /// Parameters of a search before its first iteration.
 Ereps first_search(const BallInCup& task, std::uint64_t seed);

@@ -50,11 +50,12 @@ struct WorldRecording {
 };
 /// Draws the world's robot and records it: record_in_mujoco with the ball that the world asks for,
 /// repetitions averaged (each with noise of its own). The noise of `options` is taken as it is.
-/// @param seed  where the world has none of its own
+/// @param seed     where the world has none of its own
+/// @param threads  that repetitions are divided among; the result does not depend on it
 /// @throws as record_in_mujoco; ModelError if the world asks for a ball that the document has not
 WorldRecording record_in_world(const WorldSpec& world, const Model& controller,
                                const Trajectory& trajectory, RecordOptions options,
-                               std::uint64_t seed);
+                               std::uint64_t seed, int threads = 1);
 
 /// Draws the world's robot as record_in_world does, for policies to act in. `repetitions` and
 /// `noise` are the caller's: the noise of `options` is taken as it is.

@@ -1,0 +1,204 @@
+"""`diffnea learn` and `transfer`: killed and gone on, refused, the same on any threads."""
+
+import json
+import resource
+import shutil
+import signal
+import subprocess
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from cli import BAD_INPUT, COMMAND, INTERRUPTED, MODELS, WRONG_USAGE, diffnea, done, load
+
+WAM = MODELS / "wam4_ball.xml"
+SMALL = ("--samples", 24, "--iterations", 12, "--quiet")
+
+
+def learn(out: Path, *words: object, model: object = WAM) -> subprocess.CompletedProcess[str]:
+    return diffnea("learn", "ball-in-cup", model, *SMALL, *words, "-o", out)
+
+
+@pytest.fixture(scope="module")
+def learned(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("learned")
+    assert learn(folder, "--seeds", 2, "--threads", 2).returncode == 0
+    return folder
+
+
+def strip_time(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {k: strip_time(v) for k, v in value.items() if k not in {"seconds", "rollouts"}}
+    return [strip_time(v) for v in value] if isinstance(value, list) else value
+
+
+def same_policies(a: Path, b: Path, seeds: int) -> None:
+    for seed in range(seeds):
+        name = f"policy_{seed}.json"
+        assert strip_time(load(a / name)) == strip_time(load(b / name)), name
+
+
+def test_the_number_of_threads_does_not_matter(learned: Path, tmp_path: Path) -> None:
+    assert learn(tmp_path / "one", "--seeds", 2, "--threads", 1).returncode == 0
+    assert learn(tmp_path / "single", "--threads", 2).returncode == 0  # rollouts are divided
+    same_policies(learned, tmp_path / "one", 2)
+    same_policies(learned, tmp_path / "single", 1)
+
+
+def started(out: Path, *words: object) -> subprocess.Popen[str]:
+    """A search that is in its midst."""
+    process = subprocess.Popen(
+        [COMMAND, "learn", "ball-in-cup", str(WAM), *map(str, words), "-o", str(out)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    checkpoint = out / "checkpoints" / "seed_0.json"
+    for _ in range(1000):
+        if checkpoint.exists() or process.poll() is not None:
+            break
+        time.sleep(0.005)
+    assert checkpoint.exists()
+    return process
+
+
+def test_killed_it_goes_on_to_the_same_result(learned: Path, tmp_path: Path) -> None:
+    out = tmp_path / "killed"
+    process = started(out, *SMALL, "--threads", 1)
+    process.kill()
+    process.communicate()
+    assert not (out / "result.json").exists()
+    assert learn(out, "--threads", 1).returncode == 0
+    same_policies(learned, out, 1)
+    assert not list(out.glob(".partial*"))
+
+
+def test_interrupted_it_leaves_what_was_learned(tmp_path: Path) -> None:
+    out = tmp_path / "interrupted"
+    process = started(out, "--iterations", 2000, "--stop-std", 1e-9, "--threads", 1)
+    process.send_signal(signal.SIGINT)
+    _, text = process.communicate(timeout=60)
+    assert process.returncode == INTERRUPTED
+    assert "goes on from there" in text
+    assert (out / "policy_0.json").is_file()
+    assert (out / "report.html").is_file()
+
+
+def test_checkpoints_of_another_task_are_refused(learned: Path, tmp_path: Path) -> None:
+    out = tmp_path / "copy"
+    shutil.copytree(learned, out)
+    answer = learn(out, "--lambda-q", 0.5)
+    assert answer.returncode == BAD_INPUT
+    assert "--fresh" in answer.stderr
+    assert learn(out, "--lambda-q", 0.5, "--fresh").returncode == 0
+
+
+@pytest.mark.parametrize(
+    ("words", "needle"),
+    [
+        (("--start", "0,0.6,0,-0.9"), "cup's axis"),
+        (("--string", 0.05), "does not reach over the rim"),
+        (("--start", "0,0.6"), "start"),
+        (("--joints", "joint9"), "joint9"),
+        (("--kp", "1,2"), "kp"),
+    ],
+)
+def test_a_task_that_cannot_be_is_refused(
+    tmp_path: Path, words: tuple[object, ...], needle: str
+) -> None:
+    answer = learn(tmp_path / "out", *words)
+    assert answer.returncode == BAD_INPUT, answer.stderr
+    assert needle in answer.stderr
+    assert len(answer.stderr.strip().splitlines()) == 1
+    assert not (tmp_path / "out" / "result.json").exists()
+
+
+def test_a_model_without_cup_or_ball_is_refused(tmp_path: Path) -> None:
+    text = WAM.read_text(encoding="utf-8").replace('numeric name="cup"', 'numeric name="mug"')
+    without_cup = tmp_path / "no_cup.xml"
+    without_cup.write_text(text, encoding="utf-8")
+    answer = learn(tmp_path / "a", model=without_cup)
+    assert answer.returncode == BAD_INPUT
+    assert "has no cup" in answer.stderr
+    answer = learn(tmp_path / "b", model=MODELS / "panda.urdf")
+    assert answer.returncode == BAD_INPUT
+
+
+def test_options_out_of_range_are_wrong_usage(tmp_path: Path) -> None:
+    wrong = {"--seeds": 0, "--epsilon": 0, "--duration": "nan", "--kappa": -1, "--bases": 1}
+    for words in wrong.items():
+        answer = learn(tmp_path / "out", *words)
+        assert answer.returncode == WRONG_USAGE, (words, answer.stderr)
+
+
+def test_a_full_disk_at_a_checkpoint_is_said(tmp_path: Path) -> None:
+    def little_disk() -> None:  # files may grow to 3 kB; the signal of that is not ours to die of
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (3000, 3000))
+
+    answer = subprocess.run(
+        [COMMAND, "learn", "ball-in-cup", str(WAM), *map(str, SMALL), "-o", str(tmp_path / "out")],
+        capture_output=True,
+        text=True,
+        preexec_fn=little_disk,
+        timeout=60,
+        check=False,
+    )
+    assert answer.returncode == BAD_INPUT
+    assert "checkpoints" in answer.stderr
+    for path in (tmp_path / "out" / "checkpoints").glob("*.json"):
+        load(path)  # whole, or not there
+
+
+def test_transfer_refuses_a_motion_beyond_the_limits(learned: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "policies"
+    shutil.copytree(learned, folder)
+    path = folder / "policy_0.json"
+    text = load(path)
+    text["mean"][0] = 40.0
+    path.write_text(json.dumps(text), encoding="utf-8")
+    answer = diffnea("transfer", folder, "--repetitions", 0, "-o", tmp_path / "out", "--quiet")
+    assert answer.returncode == BAD_INPUT
+    assert "joint2" in answer.stderr
+    assert "limit" in answer.stderr
+
+
+def test_transfer_refuses_other_worlds_and_folders(learned: Path, tmp_path: Path) -> None:
+    for world in ("mujoco:wam4", "mujoco:furuta", "mujoco:nothing"):
+        answer = diffnea("transfer", learned, "--world", world, "-o", tmp_path / "out")
+        assert answer.returncode == BAD_INPUT, (world, answer.stderr)
+    answer = diffnea("transfer", tmp_path, "-o", tmp_path / "out")
+    assert answer.returncode == BAD_INPUT
+    assert "result.json" in answer.stderr
+
+
+def test_transfer_is_json_alone_and_the_same_again(learned: Path, tmp_path: Path) -> None:
+    words = (
+        "--world",
+        "mujoco:wam4_ball_in_cup,perturb=none",
+        "--rope",
+        "none",
+        "--repetitions",
+        2,
+    )
+    first = json.loads(done("transfer", learned, *words, "-o", tmp_path / "a", "--json"))
+    again = ("-o", tmp_path / "b", "--json", "--threads", 1)
+    second = json.loads(done("transfer", learned, *words, *again))
+    assert strip_time(first["policies"]) == strip_time(second["policies"])
+    assert strip_time(first["repetitions"]) == strip_time(second["repetitions"])
+
+
+@pytest.fixture
+def unwritable(tmp_path: Path) -> Iterator[Path]:
+    path = tmp_path / "file"
+    path.write_text("", encoding="utf-8")
+    yield path
+    assert path.stat().st_size == 0
+
+
+def test_an_output_that_is_a_file_is_refused(unwritable: Path) -> None:
+    answer = learn(unwritable)
+    assert answer.returncode == BAD_INPUT
+    assert str(unwritable) in answer.stderr
