@@ -1,6 +1,8 @@
 #include <cstdio>
+#include <sstream>
 
 #include <diffnea/experiment/robot_data.hpp>
+#include <diffnea/io/atomic_file.hpp>
 #include <diffnea/io/model_file.hpp>
 #include <diffnea/io/result_folder.hpp>
 #include <diffnea/io/sidecar.hpp>
@@ -40,23 +42,48 @@ class Experiment {
     if (c.policies.string && nominal_.ball && nominal_.ball->string)
       nominal_.ball->string->length = *c.policies.string;
     std::filesystem::create_directories(out_);
+    refuse_other_runs(out_, "diffnea/experiment/");
+    keep_manifest();
   }
 
   /// @return false: interrupted
   bool run() {
-    Model model = nominal_;
-    if (!c_.nominal) {
-      const BallInCup task = task_of(nominal_, nominal_, c_.policies);  // refused now, not later
-      const std::optional<Model> identified = identified_robot(task.start);
-      if (!identified) return false;
-      model = *identified;
-    }
-    const LearnRun learned = learn(model);
+    const BallInCup task = task_of(nominal_, nominal_, c_.policies);  // refused now, not later
+    const std::filesystem::path identified = out_ / "identify-ball" / "model.json";
+    if (!c_.nominal && !std::filesystem::exists(identified) && !identify(task.start)) return false;
+    // From the file, whether it was written now or before: the same numbers.
+    const LearnRun learned = learn(c_.nominal ? nominal_ : read_model(identified));
     if (learned.policies.empty() || learned.interrupted) return false;
     return transfer(learned);
   }
 
  private:
+  /// What the recordings and the identification depend on, a line each: experiment.txt. Another
+  /// experiment's folder is refused before anything in it changes.
+  void keep_manifest() {
+    char numbers[300];
+    std::snprintf(numbers, sizeof numbers,
+                  "string %.17g\nnominal %d\narm-seconds %.17g\nball-seconds "
+                  "%.17g\nball-repetitions %d\nseed %llu\n",
+                  c_.policies.string.value_or(0.0), int(c_.nominal), c_.data.arm_seconds,
+                  c_.data.ball_seconds, c_.data.ball_repetitions,
+                  static_cast<unsigned long long>(c_.common.seed));
+    const std::string manifest =
+        "model " + file_.string() + "\nworld " + world_name(c_.transfer) + "\n" + numbers;
+    const std::filesystem::path path = out_ / "experiment.txt";
+    if (c_.policies.fresh) {
+      for (const char* stage : {"identify-arm", "identify-ball"})
+        std::filesystem::remove_all(out_ / stage);
+    } else if (std::filesystem::exists(path)) {
+      std::istringstream before(read_text_file(path)), now(manifest);
+      for (std::string a, b; std::getline(before, a) && std::getline(now, b);)
+        if (a != b)
+          throw FileError(out_.string() + ": holds another experiment (" + a + ", now " + b +
+                          "); choose another -o, or --fresh to begin again");
+    }
+    write_file_atomically(path, manifest);
+  }
+
   void say(const std::string& text) {
     line_.clear();
     if (!c_.common.quiet && !c_.common.json) std::printf("%s\n", text.c_str());
@@ -90,7 +117,8 @@ class Experiment {
     return r.recording;
   }
 
-  std::optional<Model> identified_robot(const VecX<double>& home) {
+  /// @return false: interrupted
+  bool identify(const VecX<double>& home) {
     WorldSpec arm = world_of(c_.transfer), ball = arm;
     arm.has_ball = false;
     arm.rope.reset();
@@ -99,7 +127,7 @@ class Experiment {
     const Trajectory arm_motion = designed(arm_excitation(c_.data, c_.common.seed + 1), "arm");
     const Trajectory ball_motion =
         designed(ball_excitation(nominal_, home, c_.data, c_.common.seed + 2), "ball");
-    if (Interruptible::requested()) return {};
+    if (Interruptible::requested()) return false;
     const Recording arm_data = recorded(arm, arm_motion, "arm"),
                     ball_data = recorded(ball, ball_motion, "ball");
     IdentifiedRobot robot =
@@ -107,7 +135,7 @@ class Experiment {
           line_.show(progress);
           return !Interruptible::requested();
         });
-    if (Interruptible::requested()) return {};
+    if (Interruptible::requested()) return false;
     publish(robot.arm, "identify-arm", "arm.csv");
     publish(robot.ball, "identify-ball", "ball.csv");
     char text[200];
@@ -117,7 +145,7 @@ class Experiment {
                   c_.data.arm_seconds, c_.data.ball_repetitions, c_.data.ball_seconds,
                   robot.model.ball->string->length);
     say(text);
-    return robot.model;
+    return true;
   }
 
   void publish(IdentifyResult& fit, const char* name, const char* data) {
@@ -144,6 +172,10 @@ class Experiment {
     run.reproduce = reproduce();
     publish_learn_run(run, folder);
     say(learn_text(run));
+    if (const std::string why = why_not_usable(run); !why.empty() && !run.interrupted) {
+      std::fprintf(stderr, "%s\n", why.c_str());
+      throw CLI::RuntimeError(kNoUsableResult);
+    }
     return run;
   }
 
@@ -153,13 +185,10 @@ class Experiment {
     if (run.executions.empty()) return false;
     run.reproduce = reproduce();
     publish_transfer_run(run, folder);
-    say(transfer_text(run));
-    if (c_.common.json) {
-      const std::string text = transfer_result_json(run);
-      std::fwrite(text.data(), 1, text.size(), stdout);
-    } else if (!c_.common.quiet) {
-      std::printf("open %s\n", (folder.path() / "report.html").string().c_str());
-    }
+    line_.clear();
+    const std::string text = c_.common.json ? transfer_result_json(run) : transfer_text(run);
+    std::fwrite(text.data(), 1, text.size(), stdout);
+    say("open " + (folder.path() / "report.html").string());
     return !run.interrupted;
   }
 
@@ -176,8 +205,8 @@ void run_experiment(ExperimentCommand c) {
   Experiment experiment(c);
   if (experiment.run()) return;
   std::fprintf(stderr,
-               "interrupted: finished stages are in %s; the same command goes on from the search's "
-               "last iteration\n",
+               "interrupted: the same command goes on from what is finished in %s (the "
+               "identification, the search's last iteration)\n",
                c.out.c_str());
   throw CLI::RuntimeError(kInterrupted);
 }

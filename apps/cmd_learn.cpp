@@ -2,6 +2,7 @@
 
 #include <diffnea/io/model_file.hpp>
 #include <diffnea/io/result_folder.hpp>
+#include <diffnea/io/world.hpp>
 #include <diffnea/report/learn_text.hpp>
 #include <diffnea/report/run_folder.hpp>
 #include <diffnea/version.hpp>
@@ -20,18 +21,20 @@ struct LearnCommand {
 };
 
 void run_learn(const LearnCommand& c) {
-  const Model model = read_model(c.model);
-  const Model controller = c.controller.empty() ? model : read_model(c.controller);
-  const BallInCup task = task_of(model, controller, c.policies);
+  const std::vector<std::string> kinds{".xml", ".json", ".urdf"};
+  const auto file = find_model_file(c.model, kinds);
+  const auto controller_file = c.controller.empty() ? file : find_model_file(c.controller, kinds);
+  const BallInCup task = task_of(read_model(file), read_model(controller_file), c.policies);
+  refuse_other_runs(c.out, "diffnea/learn/");
   ResultFolder folder(c.out);
   const Interruptible interruptible(folder.leftovers(kRunFiles));
   ProgressLine line(c.common.quiet);
   LearnRun run = learn_with_checkpoints(task, c.policies, c.common, folder.path(), line);
   run.reproduce.version = version();
   run.reproduce.command = c.command_line;
-  run.reproduce.inputs.push_back(describe_input("model", c.model));
+  run.reproduce.inputs.push_back(describe_input("model", file));
   if (!c.controller.empty())
-    run.reproduce.inputs.push_back(describe_input("controller", c.controller));
+    run.reproduce.inputs.push_back(describe_input("controller", controller_file));
   if (run.policies.empty()) {
     std::fprintf(stderr, "interrupted before anything was learned; nothing was written\n");
     throw CLI::RuntimeError(kInterrupted);
@@ -48,6 +51,10 @@ void run_learn(const LearnCommand& c) {
                  "goes on from there\n");
     throw CLI::RuntimeError(kInterrupted);
   }
+  if (const std::string why = why_not_usable(run); !why.empty()) {
+    std::fprintf(stderr, "%s\n", why.c_str());
+    throw CLI::RuntimeError(kNoUsableResult);
+  }
 }
 
 }  // namespace
@@ -63,8 +70,10 @@ void add_learn(CLI::App& app, const std::vector<std::string>& command_line) {
       ->required()
       ->check(CLI::IsMember({"ball-in-cup"}));
   command
-      ->add_option("model", c->model,
-                   "robot with a ball on a string and a cup: the model.json of `identify`, an MJCF")
+      ->add_option(
+          "model", c->model,
+          "robot with a ball on a string and a cup: the model.json of `identify`, an MJCF, "
+          "or the name of a model that comes with diffnea (wam4_ball_in_cup)")
       ->required();
   command->add_option("-o,--output", c->out, "folder for policies and page")->required();
   command->add_option("--controller", c->controller,

@@ -8,6 +8,7 @@
 #include <diffnea/version.hpp>
 
 #include "common.hpp"
+#include "policies.hpp"
 #include "transfers.hpp"
 
 namespace diffnea::apps {
@@ -22,6 +23,7 @@ struct TransferCommand {
 
 void run_transfer(const TransferCommand& c) {
   const LearnRun learned = read_learn_run(c.policies);
+  refuse_other_runs(c.out, "diffnea/transfer/");
   ResultFolder folder(c.out);
   const Interruptible interruptible(folder.leftovers(kRunFiles));
   ProgressLine line(c.common.quiet);

@@ -3,7 +3,11 @@
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
+#include <fcntl.h>
 #include <map>
+#include <set>
+#include <sys/file.h>
+#include <unistd.h>
 
 #include <diffnea/io/policy_file.hpp>
 
@@ -21,9 +25,11 @@ class SeedProgress {
  public:
   SeedProgress(ProgressLine& line, int seeds) : line_(line), seeds_(seeds) {}
 
-  void iterated(std::uint64_t seed, const Ereps& search, long rollouts) {
-    rollouts_[seed] = rollouts;
-    const ErepsIteration& last = search.history().back();
+  void iterated(std::uint64_t seed, const SearchState& state) {
+    const auto [first, is_new] =
+        before_.emplace(seed, state.rollouts - state.search.options().samples);
+    rollouts_[seed] = state.rollouts - first->second;
+    const ErepsIteration& last = state.search.history().back();
     char text[200];
     std::snprintf(
         text, sizeof text,
@@ -45,11 +51,82 @@ class SeedProgress {
   }
   ProgressLine& line_;
   int seeds_, done_ = 0;
-  std::map<std::uint64_t, long> rollouts_;
+  std::map<std::uint64_t, long> before_, rollouts_;  ///< of earlier processes, of this one
   Clock::time_point start_ = Clock::now();
 };
 
+/// A folder that one process at a time learns in.
+class Lock {
+ public:
+  explicit Lock(const std::filesystem::path& folder)
+      : file_(::open((folder / "lock").c_str(), O_CREAT | O_RDWR | O_CLOEXEC, 0644)) {
+    if (file_ >= 0 && ::flock(file_, LOCK_EX | LOCK_NB) == 0) return;
+    if (file_ >= 0) ::close(file_);
+    throw FileError(folder.string() +
+                    ": another process learns there; wait for it, or choose another -o");
+  }
+  ~Lock() { ::close(file_); }
+  Lock(const Lock&) = delete;
+  Lock& operator=(const Lock&) = delete;
+
+ private:
+  int file_;
+};
+
+std::vector<std::filesystem::path> files_in(const std::filesystem::path& folder) {
+  std::vector<std::filesystem::path> out;
+  for (const auto& entry : std::filesystem::directory_iterator(folder))
+    if (entry.is_regular_file() && entry.path().filename() != "lock") out.push_back(entry.path());
+  return out;
+}
+
+/// What a process that was killed had begun to write.
+void remove_abandoned(const std::filesystem::path& checkpoints) {
+  for (const std::filesystem::path& path : files_in(checkpoints))
+    if (path.extension() == ".tmp") std::filesystem::remove(path);
+}
+
+/// Policies that this run would take away with it.
+void refuse_other_seeds(const std::filesystem::path& folder,
+                        const std::vector<std::uint64_t>& seeds) {
+  std::set<std::string> own;
+  for (const std::uint64_t seed : seeds) own.insert(policy_file_name(seed));
+  for (const auto& entry : std::filesystem::directory_iterator(folder)) {
+    const std::string name = entry.path().filename().string();
+    if (name.starts_with("policy_") && name.ends_with(".json") && !own.contains(name))
+      throw FileError(entry.path().string() +
+                      ": is of a seed that is not asked for and would be lost; ask for it too "
+                      "(--seed, --seeds), choose another -o, or --fresh");
+  }
+}
+
 }  // namespace
+
+void refuse_other_runs(const std::filesystem::path& folder, const std::string& schema) {
+  std::error_code ignored;
+  if (!std::filesystem::exists(folder / "result.json", ignored)) return;
+  std::string there;
+  try {
+    there = run_schema(folder);
+  } catch (const Error&) {
+    return;  // nothing that could be lost
+  }
+  if (!there.starts_with(schema))
+    throw FileError(folder.string() + ": holds another command's result (" + there +
+                    "), which would be lost; choose another folder with -o");
+}
+
+std::string why_not_usable(const LearnRun& run) {
+  long rollouts = 0;
+  for (const LearnedPolicy& policy : run.policies) {
+    if (policy.solved) return "";
+    rollouts += policy.rollouts;
+  }
+  return std::string("no usable result: no policy catches the ball in the model") +
+         (rollouts == 0 ? "; every movement broke a joint's limit: take a smaller --weight-std"
+                        : "; is the task in reach of these joints and this string? More "
+                          "--iterations, --samples or another --duration may do");
+}
 
 void add_policy_options(CLI::App& command, PolicyOptions& o) {
   LearnOptions& l = o.learn;
@@ -71,10 +148,10 @@ void add_policy_options(CLI::App& command, PolicyOptions& o) {
                   "posture [rad, m], separated by commas; default: the description's `home`")
       ->delimiter(',');
   command.add_option("--duration", l.promp.duration, "of the movement [s]")
-      ->check(at_least(0.0, true))
+      ->check(in_range(0.05, 60.0))
       ->capture_default_str();
   command.add_option("--hold", l.promp.hold, "after the movement [s]; success is judged there")
-      ->check(at_least(0.0))
+      ->check(in_range(SuccessOptions{}.window, 60.0))
       ->capture_default_str();
   command.add_option("--bases", l.promp.bases, "radial bases a joint")
       ->check(CLI::Range(5, 200))
@@ -146,8 +223,13 @@ LearnRun learn_with_checkpoints(const BallInCup& task, const PolicyOptions& o,
   std::vector<std::uint64_t> seeds;
   for (int k = 0; k < o.seeds; ++k) seeds.push_back(common.seed + static_cast<std::uint64_t>(k));
   const std::filesystem::path checkpoints = folder / "checkpoints";
-  if (o.fresh) std::filesystem::remove_all(checkpoints);
   std::filesystem::create_directories(checkpoints);
+  const Lock lock(checkpoints);
+  if (o.fresh)
+    for (const std::filesystem::path& path : files_in(checkpoints)) std::filesystem::remove(path);
+  else
+    refuse_other_seeds(folder, seeds);
+  remove_abandoned(checkpoints);
   const std::string print = fingerprint(task);
   const auto file = [&](std::uint64_t seed) {
     return checkpoints / ("seed_" + std::to_string(seed) + ".json");
@@ -157,9 +239,13 @@ LearnRun learn_with_checkpoints(const BallInCup& task, const PolicyOptions& o,
   hooks.resume = [&](std::uint64_t seed) {
     return read_checkpoint(file(seed), print, first_search(task, seed));
   };
-  hooks.iterated = [&](std::uint64_t seed, const Ereps& search, long rollouts) {
-    write_checkpoint(search, print, file(seed));
-    progress.iterated(seed, search, rollouts);
+  hooks.iterated = [&](std::uint64_t seed, const SearchState& state) {
+    try {
+      write_checkpoint(state, print, file(seed));
+    } catch (const FileError& error) {
+      throw FileError(std::string(error.what()) + "; once it can, the same command goes on");
+    }
+    progress.iterated(seed, state);
     return !Interruptible::requested();
   };
   hooks.learned = [&](const LearnedPolicy&) { progress.learned(); };

@@ -29,8 +29,16 @@ void add_policy_options(CLI::App& command, PolicyOptions& options);
 /// The task in a model, as the options want it. @throws as ball_in_cup
 BallInCup task_of(const Model& model, const Model& controller, const PolicyOptions& options);
 
+/// Refuses a folder whose result is another command's. @param schema  how that of ours begins
+/// @throws FileError
+void refuse_other_runs(const std::filesystem::path& folder, const std::string& schema);
+
+/// "no policy catches …" where none does, else empty.
+std::string why_not_usable(const LearnRun& run);
+
 /// Learns all seeds, with a line of progress and a checkpoint a seed in `folder`/checkpoints.
 /// @return `interrupted` set if Ctrl-C came
+/// @throws FileError if another process learns there, or the folder holds policies of other seeds
 LearnRun learn_with_checkpoints(const BallInCup& task, const PolicyOptions& options,
                                 const CommonOptions& common, const std::filesystem::path& folder,
                                 ProgressLine& line);

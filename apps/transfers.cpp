@@ -73,8 +73,16 @@ void add_transfer_options(CLI::App& command, TransferOptions& o) {
       ->capture_default_str();
 }
 
+std::string world_name(const TransferOptions& o) {
+  if (o.rope.empty()) return o.world;
+  std::string out = o.world;  // of two ropes the option's stays
+  if (const std::size_t at = out.find(",rope="); at != out.npos)
+    out.erase(at, std::min(out.find(',', at + 1), out.size()) - at);
+  return out + ",rope=" + o.rope;
+}
+
 WorldSpec world_of(const TransferOptions& o) {
-  WorldSpec spec = parse_world(o.rope.empty() ? o.world : o.world + ",rope=" + o.rope);
+  WorldSpec spec = parse_world(world_name(o));
   if (o.string && !spec.string && !spec.nominal_string) spec.nominal_string = o.string;
   return spec;
 }
@@ -86,7 +94,7 @@ TransferRun transfer_policies(const LearnRun& learned, const TransferOptions& o,
   run.task = learned.task;
   run.policies = learned.policies;
   run.imagined = learned.imagined;
-  run.world = o.rope.empty() ? o.world : o.world + ",rope=" + o.rope;
+  run.world = world_name(o);
   const BallInCup& task = learned.task;
   const WorldSpec spec = world_of(o);
   MujocoSimulatorOptions quiet;

@@ -31,7 +31,8 @@ void add_transfer_options(CLI::App& command, TransferOptions& options);
 TransferRun transfer_policies(const LearnRun& learned, const TransferOptions& options,
                               const CommonOptions& common, ProgressLine& line);
 
-/// The world that the options name.
+/// The world that the options name, and its name.
+std::string world_name(const TransferOptions& options);
 WorldSpec world_of(const TransferOptions& options);
 
 }  // namespace diffnea::apps

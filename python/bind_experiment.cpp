@@ -67,11 +67,11 @@ std::vector<LearnedPolicy> learn_python(const BallInCup& task,
   std::atomic<bool> stop = false;
   std::exception_ptr raised;
   SeedHooks hooks;
-  hooks.iterated = [&](std::uint64_t seed, const Ereps& search, long) {
+  hooks.iterated = [&](std::uint64_t seed, const SearchState& state) {
     if (progress.is_none() || stop) return !stop;
     const py::gil_scoped_acquire gil;
     try {
-      const ErepsIteration& last = search.history().back();
+      const ErepsIteration& last = state.search.history().back();
       if (progress(seed, last.iteration, last.reward_mean, last.solved_share).is(py::bool_(false)))
         stop = true;
     } catch (const py::error_already_set&) {

@@ -126,7 +126,7 @@ TEST_CASE("ball in cup: a miss says by how much", "[cup]") {
     return std::pair{0.071 + 0.3 * std::abs(t - 1.0), 0.12 - std::abs(t - 1.0)};
   }));
   CHECK(over.outcome == Outcome::kMissed);
-  CHECK_THAT(over.text, ContainsSubstring("71 mm or more off the axis"));
+  CHECK_THAT(over.text, ContainsSubstring("came down 79 mm off the axis"));
 }
 
 TEST_CASE("ball in cup: what is not finite is outside, what does not fit is refused", "[cup]") {

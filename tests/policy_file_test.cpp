@@ -86,17 +86,16 @@ TEST_CASE("checkpoint: a search that goes on from it ends as one without a break
   const std::string id = fingerprint(task);
   const int stop_after = GENERATE(1, 3);
   const LearnedPolicy whole = learn(task, 5);
-  learn(task, 5, 1, [&](const Ereps& search, const Rollouts&) {
-    write_checkpoint(search, id, folder.path() / "5.json");
-    return search.iteration() < stop_after;
+  learn(task, 5, 1, [&](const SearchState& state) {
+    write_checkpoint(state, id, folder.path() / "5.json");
+    return state.search.iteration() < stop_after;
   });
-  const std::optional<Ereps> resumed =
+  const std::optional<SearchState> resumed =
       read_checkpoint(folder.path() / "5.json", id, first_search(task, 5));
   REQUIRE(resumed);
-  CHECK(resumed->iteration() == stop_after);
+  CHECK(resumed->search.iteration() == stop_after);
   LearnedPolicy rest = learn(task, 5, 1, {}, &*resumed);
-  rest.rollouts = whole.rollouts;  // of this process alone
-  rest.seconds = whole.seconds;
+  rest.seconds = whole.seconds;  // of a clock
   CHECK(policy_json(rest) == policy_json(whole));
 }
 
@@ -107,7 +106,7 @@ TEST_CASE("checkpoint: of another task, seed or search it is refused, and says w
   const BallInCup task = small_task();
   const std::string id = fingerprint(task);
   CHECK_FALSE(read_checkpoint(path, id, first_search(task, 1)));
-  write_checkpoint(first_search(task, 1), id, path);
+  write_checkpoint({first_search(task, 1)}, id, path);
   REQUIRE(read_checkpoint(path, id, first_search(task, 1)));
 
   const auto refused = [&](const std::string& with, const Ereps& first, const char* why) {
@@ -119,6 +118,11 @@ TEST_CASE("checkpoint: of another task, seed or search it is refused, and says w
   other.model.ball->mass *= 1.0 + 1e-12;
   CHECK(fingerprint(other) != id);
   refused(fingerprint(other), first_search(task, 1), "of another task");
+  other = task;
+  other.options.ereps.iterations = 1000;
+  other.options.ereps.stop_std = 0.01;
+  CHECK(fingerprint(other) == id);  // it goes on
+  CHECK(read_checkpoint(path, id, first_search(other, 1)));
   other = task;
   other.options.reward.lambda_q = 0.03;
   CHECK(fingerprint(other) != id);

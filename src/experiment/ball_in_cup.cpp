@@ -88,6 +88,16 @@ std::vector<std::string> plane_joints(const Model& model, const Start& start) {
   return best;
 }
 
+/// @throws DataError naming the joint that starts beyond its range
+void check_start(const std::vector<std::string>& joints, const VecX<double>& q0,
+                 const MotionLimits& limits) {
+  for (long j = 0; j < q0.size(); ++j)
+    if (!(q0[j] >= limits.lower[j] && q0[j] <= limits.upper[j]))
+      throw DataError("start: joint '" + joints[static_cast<std::size_t>(j)] + "' is at " +
+                      number(q0[j]) + ", expected " + number(limits.lower[j]) + " to " +
+                      number(limits.upper[j]) + " (rad, m), its range");
+}
+
 void check(const Model& model, const Start& start, double least_upright) {
   const CupSpec& cup = *model.cup;
   const double upright = start.X_WC.R.col[2].z, string = model.ball->string->length;
@@ -180,6 +190,7 @@ BallInCup ball_in_cup(const Model& described, const Model& controller, LearnOpti
       o.start = Eigen::Map<const VecX<double>>(model.home.data(), n);
   }
   require_size("ball in a cup: start", o.start.size(), n, "joint");
+  check_start(joint_names(model), o.start, motion_limits(model));
   const Start start = at_start(model, o.start);
   check(model, start, o.simulator.least_upright);
   for (const std::string& joint : o.joints) find_joint(model, joint);  // throws
@@ -224,11 +235,18 @@ LearnedPolicy found_policy(const BallInCup& task, const Ereps& search) {
 }
 
 LearnedPolicy learn(const BallInCup& task, std::uint64_t seed, int threads,
-                    const LearnProgress& progress, const Ereps* from) {
+                    const LearnProgress& progress, const SearchState* from) {
   using Clock = std::chrono::steady_clock;
   const Clock::time_point begin = Clock::now();
   Rollouts world = rollouts(task, threads);
-  Ereps search = from ? *from : first_search(task, seed);
+  SearchState state = from ? *from : SearchState{first_search(task, seed)};
+  Ereps& search = state.search;
+  const long rollouts_before = state.rollouts;
+  const double seconds_before = state.seconds;
+  const auto count = [&] {
+    state.rollouts = rollouts_before + world.count();
+    state.seconds = seconds_before + std::chrono::duration<double>(Clock::now() - begin).count();
+  };
   bool stopped = false;
   while (!search.done() && !stopped) {
     const RolloutResult seen = world.run(search.ask());
@@ -236,7 +254,8 @@ LearnedPolicy learn(const BallInCup& task, std::uint64_t seed, int threads,
     const double solved =
         static_cast<double>(std::ranges::count(seen.solved, 1)) / search.options().samples;
     search.history().back().solved_share = solved;
-    stopped = progress && !progress(search, world);
+    count();
+    stopped = progress && !progress(state);
   }
   LearnedPolicy out = found_policy(task, search);
   RowMatX<double> mean(1, search.policy().size());
@@ -244,8 +263,8 @@ LearnedPolicy learn(const BallInCup& task, std::uint64_t seed, int threads,
   const RolloutResult last = world.run(mean);
   out.expected = last.rewards[0];
   out.solved = !last.solved.empty() && last.solved[0] != 0;
-  out.rollouts = world.count();
-  out.seconds = std::chrono::duration<double>(Clock::now() - begin).count();
+  out.rollouts = state.rollouts;
+  out.seconds = state.seconds;
   return out;
 }
 
@@ -253,6 +272,7 @@ Execution execute(const LearnedPolicy& policy, const Simulator& world, const Mot
                   const CupSpec& cup, std::uint64_t seed, const SuccessOptions& options) {
   if (world.joints() != policy.joints)
     throw ModelError("execute: the world's joints are not those of the policy");
+  check_start(policy.joints, policy.start, limits);
   Rollouts runner(world, Watch(), Promp(policy.promp), policy.start, limits, 1);
   if (const auto broken = runner.violation(policy.policy.mean))
     throw DataError("execute: the policy's motion breaks a limit of joint '" + broken->joint +

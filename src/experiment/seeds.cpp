@@ -22,14 +22,14 @@ std::vector<LearnedPolicy> learn_seeds(const BallInCup& task,
   const auto work = [&] {
     for (int k = next++; k < count && !stop; k = next++) {
       try {
-        std::optional<Ereps> from;
+        std::optional<SearchState> from;
         if (hooks.resume) {
           const std::scoped_lock lock(one_at_a_time);
           from = hooks.resume(seeds[k]);
         }
-        const LearnProgress progress = [&](const Ereps& search, const Rollouts& rollouts) {
+        const LearnProgress progress = [&](const SearchState& state) {
           const std::scoped_lock lock(one_at_a_time);
-          if (hooks.iterated && !hooks.iterated(seeds[k], search, rollouts.count())) stop = true;
+          if (hooks.iterated && !hooks.iterated(seeds[k], state)) stop = true;
           return !stop;
         };
         found[k] = learn(task, seeds[k], threads_each, progress, from ? &*from : nullptr);

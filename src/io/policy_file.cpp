@@ -36,17 +36,24 @@ void check_joints(const LearnedPolicy& policy, JsonObject& root) {
   }
 }
 
+/// Without what says when it stops: a search may go on further than it was asked to.
+ErepsOptions endless(ErepsOptions options) {
+  options.iterations = ErepsOptions{}.iterations;
+  options.stop_std = ErepsOptions{}.stop_std;
+  return options;
+}
+
 /// Which option of two searches differs; empty: none.
 std::string difference(const ErepsOptions& a, const ErepsOptions& b) {
-  const Json one = io::search(a), other = io::search(b);
+  const Json one = io::search(endless(a)), other = io::search(endless(b));
   for (const auto& item : one.items())
     if (const Json& value = other.at(item.key()); item.value() != value)
       return item.key() + " " + item.value().dump() + ", expected " + value.dump();
   return "";
 }
 
-Ereps checkpoint_from(const std::string& text, const std::string& where,
-                      const std::string& fingerprint, const Ereps& first) {
+SearchState checkpoint_from(const std::string& text, const std::string& where,
+                            const std::string& fingerprint, const Ereps& first) {
   const Json document = io::parse_json(text, where);
   JsonObject root(document, where);
   io::require_schema(root, where, kCheckpointSchema);
@@ -61,10 +68,12 @@ Ereps checkpoint_from(const std::string& text, const std::string& where,
   const Gaussian policy = io::read_gaussian(root, size);
   const VecX<double> best = io::read_values(root, "best");
   const std::vector<ErepsIteration> history = io::read_curve(root, "curve");
+  SearchState out{first};
+  out.rollouts = io::read_integer(root, "rollouts");
+  out.seconds = root.number("seconds");
   root.finish();
-  Ereps out = first;
   try {
-    out.restore(policy, best, history);
+    out.search.restore(policy, best, history);
   } catch (const Error& error) {
     throw ModelError(where + ": " + error.what());
   }
@@ -125,12 +134,15 @@ std::string policy_file_name(std::uint64_t seed) {
 }
 
 std::string fingerprint(const BallInCup& task) {
+  BallInCup until = task;
+  until.options.ereps = endless(task.options.ereps);
   return io::sha256(model_to_json(task.model) + model_to_json(task.controller) +
-                    io::text(io::task(task), -1));
+                    io::text(io::task(until), -1));
 }
 
-void write_checkpoint(const Ereps& search, const std::string& fingerprint,
+void write_checkpoint(const SearchState& state, const std::string& fingerprint,
                       const std::filesystem::path& path) {
+  const Ereps& search = state.search;
   Json out{{"schema", kCheckpointSchema},
            {"fingerprint", fingerprint},
            {"seed", search.seed()},
@@ -138,11 +150,13 @@ void write_checkpoint(const Ereps& search, const std::string& fingerprint,
   out.update(io::gaussian(search.policy()));
   out["best"] = io::values(search.best());
   out["curve"] = io::curve(search.history());
+  out["rollouts"] = state.rollouts;
+  out["seconds"] = state.seconds;
   write_file_atomically(path, io::text(out, -1));
 }
 
-std::optional<Ereps> read_checkpoint(const std::filesystem::path& path,
-                                     const std::string& fingerprint, const Ereps& first) {
+std::optional<SearchState> read_checkpoint(const std::filesystem::path& path,
+                                           const std::string& fingerprint, const Ereps& first) {
   std::error_code error;
   if (!std::filesystem::exists(path, error)) return std::nullopt;
   try {

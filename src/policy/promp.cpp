@@ -7,6 +7,8 @@
 namespace diffnea {
 namespace {
 
+constexpr double kLongest = 3600.0;  ///< [s]: beyond, a slip of the pen
+
 void require(bool ok, const std::string& what) {
   if (!ok) throw Error("ProMP: " + what);
 }
@@ -54,6 +56,8 @@ Promp::Promp(PrompSpec spec) : spec_(std::move(spec)) {
   require(std::isfinite(spec_.width) && spec_.width > 0.0, "the width must be positive");
   require(std::isfinite(spec_.duration) && spec_.duration > 0.0, "the duration must be positive");
   require(std::isfinite(spec_.hold) && spec_.hold >= 0.0, "the hold must not be negative");
+  require(spec_.duration + spec_.hold <= kLongest,
+          "duration and hold are longer than an hour together");
 }
 
 int Promp::parameters_per_joint() const { return spec_.bases - spec_.held_first - spec_.held_last; }

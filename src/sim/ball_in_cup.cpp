@@ -50,20 +50,23 @@ void check(const VecX<double>& time, const RowMatX<double>& ball, const RowMatX<
 
 /// How near to a catch a ball came that never was in the cup.
 std::string missed(const std::vector<Place>& all, const CupSpec& cup) {
-  double highest = -std::numeric_limits<double>::infinity(), closest = -highest;
-  for (const Place& p : all) {
-    if (p.height > highest) highest = p.height;
-    if (p.height >= cup.rim && p.radius < closest) closest = p.radius;
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  double highest = -kInfinity, closest = kInfinity;  // where it comes down past the rim
+  for (std::size_t k = 0; k < all.size(); ++k) {
+    highest = std::max(highest, all[k].height);
+    if (k > 0 && all[k - 1].height >= cup.rim && all[k].height < cup.rim)
+      closest = std::min(closest, all[k].radius);
   }
   if (highest < cup.rim) return "never above the rim: " + millimetres(cup.rim - highest) + " short";
-  return "never in the cup: above the rim it was " + millimetres(closest) + " or more off the axis";
+  if (closest == kInfinity) return "never in the cup: it did not come down past the rim";
+  return "never in the cup: it came down " + millimetres(closest) + " off the axis";
 }
 
 }  // namespace
 
 BallVerdict judge_ball(const VecX<double>& time, const RowMatX<double>& ball,
-                   const RowMatX<double>& cup, const RowMatX<double>& axis, const CupSpec& spec,
-                   const SuccessOptions& o) {
+                       const RowMatX<double>& cup, const RowMatX<double>& axis, const CupSpec& spec,
+                       const SuccessOptions& o) {
   check(time, ball, cup, axis, o);
   const std::vector<Place> all = places(ball, cup, axis);
   const auto inside = [&](const Place& p) {

@@ -11,7 +11,17 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from cli import BAD_INPUT, COMMAND, INTERRUPTED, MODELS, WRONG_USAGE, diffnea, done, load
+from cli import (
+    BAD_INPUT,
+    COMMAND,
+    INTERRUPTED,
+    MODELS,
+    NO_USABLE_RESULT,
+    WRONG_USAGE,
+    diffnea,
+    done,
+    load,
+)
 
 WAM = MODELS / "wam4_ball.xml"
 SMALL = ("--samples", 24, "--iterations", 12, "--quiet")
@@ -30,7 +40,7 @@ def learned(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def strip_time(value: Any) -> Any:
     if isinstance(value, dict):
-        return {k: strip_time(v) for k, v in value.items() if k not in {"seconds", "rollouts"}}
+        return {k: strip_time(v) for k, v in value.items() if k != "seconds"}
     return [strip_time(v) for v in value] if isinstance(value, list) else value
 
 
@@ -86,6 +96,52 @@ def test_interrupted_it_leaves_what_was_learned(tmp_path: Path) -> None:
     assert (out / "report.html").is_file()
 
 
+def test_a_folder_of_another_run_is_not_touched(learned: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "policies"
+    shutil.copytree(learned, folder)
+    before = {path.name: path.read_bytes() for path in folder.glob("*.json")}
+    answers = [
+        diffnea("transfer", folder, "--repetitions", 0, "--quiet", "-o", folder),
+        learn(folder, "--seeds", 1),  # the policy of the other seed would be lost
+        learn(folder, "--seed", 5),
+    ]
+    for answer in answers:
+        assert answer.returncode == BAD_INPUT
+        assert "would be lost" in answer.stderr
+    assert before == {path.name: path.read_bytes() for path in folder.glob("*.json")}
+
+
+def test_more_iterations_go_on_and_the_same_again_changes_nothing(tmp_path: Path) -> None:
+    out, whole = tmp_path / "out", tmp_path / "whole"
+    few = ("--samples", 24, "--iterations", 5, "--quiet", "--seed", 3)
+    diffnea("learn", "ball-in-cup", WAM, *few, "-o", out)
+    first = (out / "policy_3.json").read_bytes()
+    diffnea("learn", "ball-in-cup", WAM, *few, "-o", out)
+    assert first == (out / "policy_3.json").read_bytes()
+    learn(out, "--seed", 3)
+    learn(whole, "--seed", 3)
+    assert strip_time(load(out / "policy_3.json")) == strip_time(load(whole / "policy_3.json"))
+
+
+def test_nothing_caught_is_no_usable_result(tmp_path: Path) -> None:
+    answer = learn(tmp_path / "far", "--weight-std", 1e6)
+    assert answer.returncode == NO_USABLE_RESULT
+    assert "broke a joint's limit" in answer.stderr
+    assert (tmp_path / "far" / "report.html").is_file()
+
+
+def test_two_processes_do_not_learn_in_one_folder(tmp_path: Path) -> None:
+    out = tmp_path / "shared"
+    process = started(out, "--iterations", 2000, "--stop-std", 1e-9, "--threads", 1)
+    try:
+        answer = diffnea("learn", "ball-in-cup", WAM, "--quiet", "-o", out)
+        assert answer.returncode == BAD_INPUT
+        assert "another process" in answer.stderr
+    finally:
+        process.kill()
+        process.communicate()
+
+
 def test_checkpoints_of_another_task_are_refused(learned: Path, tmp_path: Path) -> None:
     out = tmp_path / "copy"
     shutil.copytree(learned, out)
@@ -103,6 +159,7 @@ def test_checkpoints_of_another_task_are_refused(learned: Path, tmp_path: Path) 
         (("--start", "0,0.6"), "start"),
         (("--joints", "joint9"), "joint9"),
         (("--kp", "1,2"), "kp"),
+        (("--start", "2.7,0.6,0,1.25"), "joint1"),
     ],
 )
 def test_a_task_that_cannot_be_is_refused(
@@ -127,7 +184,14 @@ def test_a_model_without_cup_or_ball_is_refused(tmp_path: Path) -> None:
 
 
 def test_options_out_of_range_are_wrong_usage(tmp_path: Path) -> None:
-    wrong = {"--seeds": 0, "--epsilon": 0, "--duration": "nan", "--kappa": -1, "--bases": 1}
+    wrong = {
+        "--seeds": 0,
+        "--epsilon": 0,
+        "--duration": "nan",
+        "--kappa": -1,
+        "--bases": 1,
+        "--hold": 0.1,
+    }
     for words in wrong.items():
         answer = learn(tmp_path / "out", *words)
         assert answer.returncode == WRONG_USAGE, (words, answer.stderr)

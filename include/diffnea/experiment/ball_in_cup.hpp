@@ -71,16 +71,23 @@ struct LearnedPolicy {
   double expected = 0.0;  ///< reward of the mean in the model
   bool solved = false;    ///< the mean catches the ball in the model
   long rollouts = 0;
-  double seconds = 0.0;  ///< that passed, without what was resumed
+  double seconds = 0.0;  ///< that passed while it was learned
+};
+
+/// A search, and what it took so far.
+struct SearchState {
+  Ereps search;
+  long rollouts = 0;
+  double seconds = 0.0;  ///< that passed
 };
 
 /// After every iteration. @return false: stop, what was learned is returned
-using LearnProgress = std::function<bool(const Ereps&, const Rollouts&)>;
+using LearnProgress = std::function<bool(const SearchState&)>;
 
 /// @param from  goes on from it: a search of the same task, options and seed
 /// @throws DataError naming iteration, sample and parameters if a reward is NaN
 LearnedPolicy learn(const BallInCup& task, std::uint64_t seed, int threads = 1,
-                    const LearnProgress& progress = {}, const Ereps* from = nullptr);
+                    const LearnProgress& progress = {}, const SearchState* from = nullptr);
 
 /// What a search has found so far, without what execution says of it (expected, solved).
 LearnedPolicy found_policy(const BallInCup& task, const Ereps& search);

@@ -12,9 +12,9 @@ namespace diffnea {
 /// What the caller does while seeds are learned. Calls come from several threads, one at a time.
 struct SeedHooks {
   /// A search to go on from; nothing: from the beginning.
-  std::function<std::optional<Ereps>(std::uint64_t seed)> resume;
+  std::function<std::optional<SearchState>(std::uint64_t seed)> resume;
   /// After every iteration. @return false: all stop
-  std::function<bool(std::uint64_t seed, const Ereps&, long rollouts)> iterated;
+  std::function<bool(std::uint64_t seed, const SearchState&)> iterated;
   /// When a seed is done.
   std::function<void(const LearnedPolicy&)> learned;
 };
