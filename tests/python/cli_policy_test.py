@@ -14,6 +14,7 @@ import pytest
 from cli import (
     BAD_INPUT,
     COMMAND,
+    DONE,
     INTERRUPTED,
     MODELS,
     NO_USABLE_RESULT,
@@ -24,6 +25,7 @@ from cli import (
 )
 
 WAM = MODELS / "wam4_ball.xml"
+LEARNED = (DONE, NO_USABLE_RESULT)  # so few iterations need not catch the ball
 SMALL = ("--samples", 24, "--iterations", 12, "--quiet")
 
 
@@ -34,7 +36,7 @@ def learn(out: Path, *words: object, model: object = WAM) -> subprocess.Complete
 @pytest.fixture(scope="module")
 def learned(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("learned")
-    assert learn(folder, "--seeds", 2, "--threads", 2).returncode == 0
+    assert learn(folder, "--seeds", 2, "--threads", 2).returncode in LEARNED
     return folder
 
 
@@ -51,8 +53,8 @@ def same_policies(a: Path, b: Path, seeds: int) -> None:
 
 
 def test_the_number_of_threads_does_not_matter(learned: Path, tmp_path: Path) -> None:
-    assert learn(tmp_path / "one", "--seeds", 2, "--threads", 1).returncode == 0
-    assert learn(tmp_path / "single", "--threads", 2).returncode == 0  # rollouts are divided
+    assert learn(tmp_path / "one", "--seeds", 2, "--threads", 1).returncode in LEARNED
+    assert learn(tmp_path / "single", "--threads", 2).returncode in LEARNED  # rollouts are divided
     same_policies(learned, tmp_path / "one", 2)
     same_policies(learned, tmp_path / "single", 1)
 
@@ -80,7 +82,7 @@ def test_killed_it_goes_on_to_the_same_result(learned: Path, tmp_path: Path) -> 
     process.kill()
     process.communicate()
     assert not (out / "result.json").exists()
-    assert learn(out, "--threads", 1).returncode == 0
+    assert learn(out, "--threads", 1).returncode in LEARNED
     same_policies(learned, out, 1)
     assert not list(out.glob(".partial*"))
 
@@ -148,7 +150,7 @@ def test_checkpoints_of_another_task_are_refused(learned: Path, tmp_path: Path) 
     answer = learn(out, "--lambda-q", 0.5)
     assert answer.returncode == BAD_INPUT
     assert "--fresh" in answer.stderr
-    assert learn(out, "--lambda-q", 0.5, "--fresh").returncode == 0
+    assert learn(out, "--lambda-q", 0.5, "--fresh").returncode in LEARNED
 
 
 @pytest.mark.parametrize(

@@ -4,14 +4,15 @@ from pathlib import Path
 
 import jsonschema
 import pytest
-from cli import MODELS, ROOT, done, load
+from cli import MODELS, ROOT, diffnea, done, load
 
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("policies")
     search = ("--seeds", 2, "--samples", 24, "--iterations", 3)
-    done("learn", "ball-in-cup", MODELS / "wam4_ball.xml", *search, "-o", folder / "learn")
+    # Three iterations need not catch the ball: the files are there all the same.
+    diffnea("learn", "ball-in-cup", MODELS / "wam4_ball.xml", *search, "-o", folder / "learn")
     done("transfer", folder / "learn", "-o", folder / "transfer")
     return folder
 
