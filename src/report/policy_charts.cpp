@@ -112,7 +112,7 @@ std::string distance_chart(const RolloutTrace& imagined, const RolloutTrace& obt
     while (k < imagined.time.size() && imagined.time[k] < time[i] - 1e-6) ++k;
     if (k < imagined.time.size()) in_model[i] = model[k];
   }
-  return line_chart(time, {{"measured", &in_model}, {"fitted", &in_world}},
+  return line_chart(time, {{"imagined", &in_model}, {"fitted", &in_world}},
                     {time.front(), time.back()}, "m", 230, 900);
 }
 

@@ -34,6 +34,10 @@ std::string policies_table(const TransferRun& run) {
       rows, {"", "", "", "wrap", "n", "n", "n", "n", "n"});
 }
 
+const std::string kLegend =
+    "<p class='faint'><span class='key fitted'></span>ball in the world<span class='key "
+    "imagined'></span>as the model imagined it</p>\n";
+
 std::string movement(const TransferRun& run, int index, const std::string& title, bool plays) {
   const std::size_t i = static_cast<std::size_t>(index);
   if (index < 0 || i >= run.figures.size() || i >= run.imagined_figures.size()) return "";
@@ -44,11 +48,9 @@ std::string movement(const TransferRun& run, int index, const std::string& title
   std::string out =
       "<section>" + element("h2", title + ": seed " + std::to_string(run.policies.at(i).seed) +
                                       ", " + outcome_words(e));
-  out += film_strip(run.figures[i], ghost, string) +
-         "<p class='faint'><span class='key fitted'></span>ball in the world<span class='key "
-         "imagined'></span>as the model imagined it</p>\n";
+  out += film_strip(run.figures[i], ghost, string) + kLegend;
   if (plays) out += player(run.figures[i], ghost, string);
-  return out + "<h3>Distance of the ball from the cup <small>[m]</small></h3>\n" +
+  return out + "<h3>Distance of the ball from the cup <small>[m]</small></h3>\n" + kLegend +
          distance_chart(run.imagined[i], e.trace) + "</section>\n";
 }
 
