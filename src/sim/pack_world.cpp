@@ -14,6 +14,26 @@
 
 #include "sim/cup_contact.hpp"
 
+namespace diffnea {
+
+/// What the recursions take for detail::joint_pose where links are of packs: libstdc++'s sine and
+/// cosine are two range reductions where one does.
+template <int K>
+Pose<Pack> joint_pose(const Link<Pack>& link, RevoluteAxis<K>, const Pack& q) {
+  constexpr int i = (K + 1) % 3, j = (K + 2) % 3;
+  Pack s, c;
+  sin_cos(q, s, c);
+  const Mat3<Pack>& R0 = link.X_PJ.R;
+  Pose<Pack> X;
+  X.R.col[K] = R0.col[K];
+  X.R.col[i] = R0.col[i] * c + R0.col[j] * s;
+  X.R.col[j] = R0.col[j] * c - R0.col[i] * s;
+  X.p = link.X_PJ.p;
+  return X;
+}
+
+}  // namespace diffnea
+
 namespace diffnea::sim {
 namespace DIFFNEA_ISA {
 namespace {

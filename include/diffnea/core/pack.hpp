@@ -51,6 +51,42 @@ inline Pack exp_of(const Pack& x) {
   return (Pack(1.0) + Pack(2.0) * p / (q - p)) * Pack(power, std::experimental::vector_aligned);
 }
 
+/// sin x and cos x together for |x| < 1e5, to 1e-16: Cephes' polynomials on |x| ≤ π/4.
+inline void sin_cos(const Pack& x, Pack& s, Pack& c) {
+  using std::experimental::floor;
+  const Pack n = floor(x * Pack(0.63661977236758134308) + Pack(0.5));  // quarter turns
+  const Pack r = x - n * Pack(1.57079625129699707031) - n * Pack(7.54978941586159635336e-8) -
+                 n * Pack(5.39030285815811905290e-15);
+  const Pack z = r * r;
+  const Pack sine =
+      r + r * z *
+              (((((Pack(1.58962301576546568060e-10) * z - Pack(2.50507477628578072866e-8)) * z +
+                  Pack(2.75573136213857245213e-6)) *
+                     z -
+                 Pack(1.98412698295895385996e-4)) *
+                    z +
+                Pack(8.33333333332211858878e-3)) *
+                   z -
+               Pack(1.66666666666666307295e-1));
+  const Pack cosine =
+      Pack(1.0) - Pack(0.5) * z +
+      z * z *
+          (((((Pack(-1.13585365213876817300e-11) * z + Pack(2.08757008419747316778e-9)) * z -
+              Pack(2.75573141792967388112e-7)) *
+                 z +
+             Pack(2.48015872888517045348e-5)) *
+                z -
+            Pack(1.38888888888730564116e-3)) *
+               z +
+           Pack(4.16666666666665929218e-2));
+  const Pack quadrant = n - Pack(4.0) * floor(n * Pack(0.25));
+  const Pack::mask_type turned = quadrant == Pack(1.0) || quadrant == Pack(3.0);
+  s = select(turned, cosine, sine);
+  c = select(turned, sine, cosine);
+  s = select(quadrant >= Pack(2.0), Pack(-s), s);
+  c = select(quadrant == Pack(1.0) || quadrant == Pack(2.0), Pack(-c), c);
+}
+
 /// tanh, to 4 units in the last place: x + x³ P/Q of Cephes where |x| < 0.625, else by eˣ.
 inline Pack smooth_sign(const Pack& x) {
   using std::experimental::abs;
