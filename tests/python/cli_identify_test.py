@@ -620,7 +620,7 @@ def test_report_refuses_a_folder_that_is_no_run(tmp_path: Path) -> None:
 
 
 def test_report_refuses_a_result_that_is_broken(run: Path, tmp_path: Path) -> None:
-    for text in ("{", '{"schema": "diffnea/learn/1"}', '{"schema": "diffnea/identify/1"}', "[]"):
+    for text in ("{", '{"schema": "diffnea/other/1"}', '{"schema": "diffnea/identify/1"}', "[]"):
         (tmp_path / "result.json").write_text(text)
         answer = diffnea("report", tmp_path)
         assert answer.returncode == BAD_INPUT, text
