@@ -102,7 +102,8 @@ struct State {
   StringBall<Pack, Mask> string;
   AnchorMotion<Pack> anchor;  ///< at the ball's time
   Vec3<Pack> p_C, axis;       ///< the cup, at the ball's time
-  CupPosition<Pack> in_cup;
+  CupPosition<Pack> in_cup;   ///< of the ball's last step, where it was near
+  Mask near_cup = Mask(false);
   Vec3<Pack> pull;  ///< of the string on the arm, W [N]
   Pack phase = Pack(0.0);
   double time = 0.0;
@@ -119,7 +120,13 @@ class World : public PackWorld {
         total_(spec.joints),
         at_rest_(spec.joints),
         zero_(spec.joints, Pack(0.0)),
-        armature_(spec.joints) {}
+        armature_(spec.joints) {
+    // From beyond this, no ball gets into the cup in a step.
+    constexpr double kStep = 0.02;  // [m]: 1 ms at 20 m/s
+    if (spec.cup)
+      reach_ = std::hypot(spec.cup->rim, spec.cup->inner_radius + spec.cup->wall) +
+               spec.ball_radius + kStep;
+  }
 
   int lanes() const override { return kPackWidth; }
 
@@ -219,7 +226,6 @@ class World : public PackWorld {
     s.ball = {state_.anchor.x + s.u * length_, {Pack(0.0), Pack(0.0), Pack(0.0)}};
     s.taut = Mask(true);
     s.a = acceleration(s.ball, s.u, s.taut, state_.anchor.a);
-    state_.in_cup = cup_position(s.ball.x, state_.p_C, state_.axis);
   }
 
   /// Poses and twists of the arm as it is: wherever it was moved, this follows.
@@ -419,7 +425,7 @@ class World : public PackWorld {
       if (spec_.cup) {
         const Vec3<Pack> p_C = p_C0 + (state_.p_C - p_C0) * Pack(t),
                          axis = axis0 + (state_.axis - axis0) * Pack(t);
-        meet(cup_position(s.ball.x, p_C, axis), axis);
+        meet(s.ball.x, p_C, axis);
       }
     }
     state_.pull = pulled * Pack(spec_.ball_mass / h);
@@ -433,18 +439,26 @@ class World : public PackWorld {
     state_.pull = choose(caught, weight, choose(free, state_.pull, weight));
   }
 
-  /// The ball at one of its steps against the cup.
-  void meet(const CupPosition<Pack>& now, const Vec3<Pack>& axis) {
+  /// The ball at one of its steps against the cup. Where all balls are far, which is most of the
+  /// time, nothing is asked; what is asked of a lane does not depend on the others.
+  void meet(const Vec3<Pack>& x, const Vec3<Pack>& p_C, const Vec3<Pack>& axis) {
     const CupSpec& cup = *spec_.cup;
     const Mask free = state_.phase == phase(BallPhase::kFree);
-    const Mask down = axis.z < Pack(spec_.least_upright);
-    const Mask caught = is_caught(state_.in_cup, now, cup, spec_.ball_radius);
-    const Mask touched = distance_to_cup(now, cup) < Pack(spec_.ball_radius);
+    state_.phase = select(free && axis.z < Pack(spec_.least_upright), phase(BallPhase::kUpsideDown),
+                          state_.phase);
+    const Vec3<Pack> d = x - p_C;
+    const Mask was_near = state_.near_cup;
+    state_.near_cup = dot(d, d) < Pack(reach_ * reach_);
+    if (none_of(state_.near_cup)) return;
+    const CupPosition<Pack> now = cup_position(x, p_C, axis);
+    const CupPosition<Pack> before{select(was_near, state_.in_cup.height, now.height),
+                                   select(was_near, state_.in_cup.radius, now.radius)};
     state_.in_cup = now;
-    Pack next = select(touched, phase(BallPhase::kTouched), state_.phase);
-    next = select(caught, phase(BallPhase::kCaptured), next);
-    next = select(down, phase(BallPhase::kUpsideDown), next);
-    state_.phase = select(free, next, state_.phase);
+    const Mask asked = state_.near_cup && state_.phase == phase(BallPhase::kFree);
+    const Mask touched = distance_to_cup(now, cup) < Pack(spec_.ball_radius);
+    const Mask caught = is_caught(before, now, cup, spec_.ball_radius);
+    state_.phase = select(asked && touched, phase(BallPhase::kTouched), state_.phase);
+    state_.phase = select(asked && caught, phase(BallPhase::kCaptured), state_.phase);
   }
 
   void touch_obstacles() {
@@ -454,6 +468,10 @@ class World : public PackWorld {
         a = X_WL_[o.link].R * a + X_WL_[o.link].p;
         b = X_WL_[o.link].R * b + X_WL_[o.link].p;
       }
+      const Vec3<Pack> from_middle = state_.string.ball.x - (a + b) * Pack(0.5);
+      const Vec3<double> along = o.p_LB - o.p_LA;
+      const double most = 0.5 * std::sqrt(dot(along, along)) + o.radius + spec_.ball_radius;
+      if (none_of(dot(from_middle, from_middle) < Pack(most * most))) continue;
       const Mask touched =
           distance_to_segment(state_.string.ball.x, a, b) < Pack(o.radius + spec_.ball_radius);
       const Mask free = state_.phase == phase(BallPhase::kFree);
@@ -468,6 +486,7 @@ class World : public PackWorld {
   Tree<Pack> tree_, nominal_;
   Vec3<double> gravity_;
   Pack length_{};
+  double reach_ = 0.0;  ///< of the cup [m]
   Vec3<Pack> p_LS_;
   std::vector<std::vector<Pack>> parameters_, ball_parameters_;
   AbaStates<Pack, Pack> ws_;
