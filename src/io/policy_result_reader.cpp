@@ -85,6 +85,18 @@ LearnedPolicy read_named_policy(const fs::path& folder, std::uint64_t seed) {
   return out;
 }
 
+/// All policies of a run are executed under the controller that they were learned with.
+void require_same_controller(const LearnedPolicy& policy, const BallInCup& task,
+                             const fs::path& folder) {
+  const ControllerOptions &one = policy.controller, &all = task.options.simulator.controller;
+  if (one.kp == all.kp && one.kd == all.kd && one.law == all.law &&
+      one.control_rate == all.control_rate)
+    return;
+  throw ModelError((folder / policy_file_name(policy.seed)).string() +
+                   ": its controller is not that of " + (folder / "result.json").string() +
+                   "; expected the one that the run was learned with");
+}
+
 void give_traces(std::vector<Execution>& executions, std::vector<RolloutTrace>& traces) {
   for (std::size_t i = 0; i < executions.size(); ++i) executions[i].trace = std::move(traces[i]);
 }
@@ -101,6 +113,7 @@ LearnRun read_learn_run(const fs::path& folder) {
   root.required("policies");
   for_each_object(root, "policies", [&](JsonObject& o) {
     run.policies.push_back(read_named_policy(folder, io::read_seed(o)));
+    require_same_controller(run.policies.back(), run.task, folder);
   });
   JsonObject summary(root.required("summary"), root.at("summary"));
   run.threads = static_cast<int>(io::read_integer(summary, "threads"));

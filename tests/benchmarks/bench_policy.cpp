@@ -64,6 +64,7 @@ Model identified() {
 
 LearnOptions options(const std::string& isa) {
   LearnOptions out;
+  out.promp.duration = kEpisode - out.promp.hold;
   out.simulator.instruction_set = isa;
   return out;
 }

@@ -231,6 +231,18 @@ def test_transfer_refuses_a_motion_beyond_the_limits(learned: Path, tmp_path: Pa
     assert "limit" in answer.stderr
 
 
+def test_transfer_refuses_another_controller(learned: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "policies"
+    shutil.copytree(learned, folder)
+    path = folder / "policy_0.json"
+    text = load(path)
+    text["controller"]["kp"][1] = 1e9
+    path.write_text(json.dumps(text), encoding="utf-8")
+    answer = diffnea("transfer", folder, "--repetitions", 0, "-o", tmp_path / "out", "--quiet")
+    assert answer.returncode == BAD_INPUT
+    assert "controller" in answer.stderr
+
+
 def test_transfer_refuses_other_worlds_and_folders(learned: Path, tmp_path: Path) -> None:
     for world in ("mujoco:wam4", "mujoco:furuta", "mujoco:nothing"):
         answer = diffnea("transfer", learned, "--world", world, "-o", tmp_path / "out")
