@@ -314,13 +314,14 @@ def _search(world: _BallInCup, rollouts: Rollouts, seed: int, report: Progress) 
                 break
     except KeyboardInterrupt:
         pass
+    count, seconds = rollouts.count - before, time.monotonic() - begin  # of the search
     last = rollouts.run(search.policy.mean[None])
     return world.finished(
         search,
         float(last.rewards[0]),
         last.solved is not None and bool(last.solved[0]),
-        rollouts.count - before,
-        time.monotonic() - begin,
+        count,
+        seconds,
     )
 
 
