@@ -89,6 +89,8 @@ def solved_in_the_model(study: Study, seeds: int) -> None:
                 120,
                 "--iterations",
                 140,
+                "--weight-std",
+                0.2,
             ]
         r = study.learn(f"model_{int(100 * length)}_{joints}", study.model, seeds, *words)
         policies = r["policies"]
