@@ -165,6 +165,26 @@ TEST_CASE("model simulator: the string is never longer than r, and its ball no f
   CHECK(most > 0.4 - 1e-9);
 }
 
+TEST_CASE("model simulator: the string pulls on the arm", "[sim]") {
+  const Model model = read_model(kWam);
+  Model light = model;
+  light.ball->mass = 1e-9;
+  ModelSimulator heavy_world({model}, model), light_world({light}, model);
+  const int cup = find_channel(heavy_world, "cup_x");
+  const auto at_cup = [&](Simulator& world) {
+    std::vector<Lanes> out = run(world, {{0.4, 7.0}}, 1.5);
+    for (Lanes& seen : out) seen = seen.middleRows(cup, 3).eval();
+    return out;
+  };
+  const std::vector<Lanes> with = at_cup(heavy_world), without = at_cup(light_world);
+  double most = 0.0;
+  for (std::size_t k = 0; k < with.size(); ++k)
+    most = std::max(most, (with[k] - without[k]).norm());
+  CAPTURE(most);
+  CHECK(most > 2e-3);  // 24 g at some g, a metre from the shoulder, against 500 N·m/rad
+  CHECK(most < 3e-2);
+}
+
 TEST_CASE("model simulator: a world takes the parameters that its seed says", "[sim]") {
   Model a = read_model(kWam), b = a;
   b.ball->string->length = 0.35;

@@ -5,6 +5,7 @@
 #include <diffnea/core/error.hpp>
 #include <diffnea/dynamics/kinematics.hpp>
 #include <diffnea/experiment/ball_in_cup.hpp>
+#include <diffnea/experiment/stick_figure.hpp>
 
 namespace diffnea {
 namespace {
@@ -115,23 +116,10 @@ void check(const Model& model, const Start& start, double least_upright) {
                     " m above the knot; the task cannot be done");
 }
 
-/// Columns of a trace by name.
-RowMatX<double> columns(const RolloutTrace& trace, const char* name) {
-  RowMatX<double> out(trace.values.rows(), 3);
-  const char* axes[] = {"_x", "_y", "_z"};
-  for (int k = 0; k < 3; ++k) {
-    const auto it = std::ranges::find(trace.channels, std::string(name) + axes[k]);
-    if (it == trace.channels.end())
-      throw Error(std::string("ball in a cup: the world shows no channel ") + name + axes[k]);
-    out.col(k) = trace.values.col(it - trace.channels.begin());
-  }
-  return out;
-}
-
 /// exp(½ max ψ + ½ ψ_N) of a series, as the task has it but for a ball whose end is known.
 double shape(const RolloutTrace& trace, double epsilon, double string, bool in_cup) {
-  const RowMatX<double> delta = columns(trace, "ball") - columns(trace, "cup");
-  const VecX<double> along = delta.cwiseProduct(columns(trace, "axis")).rowwise().sum();
+  const RowMatX<double> delta = points_of(trace, "ball") - points_of(trace, "cup");
+  const VecX<double> along = delta.cwiseProduct(points_of(trace, "axis")).rowwise().sum();
   const VecX<double> psi =
       along.cwiseQuotient((delta.rowwise().squaredNorm().array() + epsilon).matrix());
   const double hang = -string / (string * string + epsilon), last = psi[psi.size() - 1];
@@ -142,10 +130,7 @@ double penalty(const RolloutTrace& trace, const std::vector<std::string>& joints
                const BallInCupOptions& o) {
   double sum = 0.0;
   for (const std::string& joint : joints) {
-    const auto column = [&](const std::string& name) {
-      return trace.values.col(std::ranges::find(trace.channels, name) - trace.channels.begin());
-    };
-    const VecX<double> q = column("q_" + joint), qd = column("qd_" + joint);
+    const VecX<double> q = channel_of(trace, "q_" + joint), qd = channel_of(trace, "qd_" + joint);
     sum += o.lambda_q * (q.array() - q[0]).square().mean() +
            o.lambda_qd * qd.squaredNorm() / static_cast<double>(qd.size());
   }
@@ -283,10 +268,10 @@ Execution execute(const LearnedPolicy& policy, const Simulator& world, const Mot
   out.seed = seed;
   out.trace = runner.trace(policy.policy.mean, seed);
   out.failure = out.trace.failure;
-  const RowMatX<double> ball = columns(out.trace, "ball");
+  const RowMatX<double> ball = points_of(out.trace, "ball");
   if (out.failure.empty())
-    out.verdict = judge_ball(out.trace.time, ball, columns(out.trace, "cup"),
-                             columns(out.trace, "axis"), cup, options);
+    out.verdict = judge_ball(out.trace.time, ball, points_of(out.trace, "cup"),
+                             points_of(out.trace, "axis"), cup, options);
   const bool in_cup = out.success();
   const double effort = penalty(out.trace, policy.joints, policy.reward);
   out.reward = shape(out.trace, policy.reward.epsilon, policy.reward.string, in_cup) - effort;

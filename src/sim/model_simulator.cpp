@@ -221,19 +221,6 @@ PackSpec spec_of(const std::vector<Model>& draws, const Model& controller,
   return out;
 }
 
-std::vector<std::string> channels_of(const PackSpec& spec, const std::vector<std::string>& joints) {
-  std::vector<std::string> out;
-  for (const char* what : {"q_", "qd_"})
-    for (const std::string& joint : joints) out.push_back(what + joint);
-  const auto add = [&](std::initializer_list<const char*> names) {
-    out.insert(out.end(), names.begin(), names.end());
-  };
-  if (spec.has_ball) add({"ball_x", "ball_y", "ball_z", "ball_vx", "ball_vy", "ball_vz"});
-  if (spec.shows_cup) add({"cup_x", "cup_y", "cup_z", "axis_x", "axis_y", "axis_z"});
-  if (spec.cup) add({"phase"});
-  return out;
-}
-
 }  // namespace
 
 struct ModelSimulator::Parts {
@@ -266,7 +253,7 @@ ModelSimulator::ModelSimulator(const std::vector<Model>& draws, const Model& con
   p.make = kernel(options.instruction_set);
   p.spec = spec_of(draws, controller, options);
   p.joints = joint_names(draws.front());
-  p.channels = channels_of(p.spec, p.joints);
+  p.channels = channel_names(p.joints, p.spec.has_ball, p.spec.shows_cup, p.spec.cup.has_value());
   p.controller = controller;
   p.control = options.controller;
   p.gains_at_start = p.control.kp.size() == 0 || p.control.kd.size() == 0;

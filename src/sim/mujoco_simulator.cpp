@@ -92,21 +92,6 @@ void check(const MujocoSimulatorOptions& o) {
     throw Error("MuJoCo simulator: settle_time and noises must not be negative");
 }
 
-std::vector<std::string> channels_of(const std::vector<std::string>& joints, bool ball, bool cup) {
-  std::vector<std::string> out;
-  for (const char* kind : {"q_", "qd_"})
-    for (const std::string& joint : joints) out.push_back(kind + joint);
-  const auto add = [&](const std::string& what) {
-    for (const char* axis : {"x", "y", "z"}) out.push_back(what + axis);
-  };
-  if (ball) add("ball_");
-  if (ball) add("ball_v");
-  if (cup) add("cup_");
-  if (cup) add("axis_");
-  if (ball && cup) out.emplace_back("phase");
-  return out;
-}
-
 }  // namespace
 
 MujocoSimulator::MujocoSimulator(const std::string& mjcf, const Model& truth,
@@ -133,7 +118,8 @@ MujocoSimulator::MujocoSimulator(const std::string& mjcf, const Model& truth,
           w.torque_noise[j] = options.torque_noise * torque_scale(link);
         }
         const sim::MujocoPlant plant(w.robot);
-        w.channels = channels_of(names, plant.has_ball(), plant.has_cup());
+        w.channels = channel_names(names, plant.has_ball(), plant.has_cup(),
+                                   plant.has_ball() && plant.has_cup());
         return std::make_shared<const World>(std::move(w));
       }()) {}
 

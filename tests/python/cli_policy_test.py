@@ -280,3 +280,18 @@ def test_an_output_that_is_a_file_is_refused(unwritable: Path) -> None:
     answer = learn(unwritable)
     assert answer.returncode == BAD_INPUT
     assert str(unwritable) in answer.stderr
+
+
+def test_an_experiment_goes_on_and_is_not_mixed_with_another(tmp_path: Path) -> None:
+    out = tmp_path / "loop"
+    short = ("--arm-seconds", 10, "--ball-seconds", 10, "--ball-repetitions", 1)
+    words = ("experiment", "ball-in-cup", *short, *SMALL, "--repetitions", 0, "-o", out)
+    world = "mujoco:wam4_ball_in_cup,perturb=none,rope=none"
+    assert diffnea(*words, "--world", world).returncode in LEARNED
+    files = [out / "arm.csv", out / "ball.csv", out / "identify-ball" / "model.json"]
+    before = [(path.read_bytes(), path.stat().st_mtime_ns) for path in files]
+    assert diffnea(*words, "--world", world).returncode in LEARNED  # nothing is recorded again
+    answer = diffnea(*words, "--world", world.replace("none,rope", "A,rope"))
+    assert answer.returncode == BAD_INPUT
+    assert "holds another experiment" in answer.stderr
+    assert before == [(path.read_bytes(), path.stat().st_mtime_ns) for path in files]

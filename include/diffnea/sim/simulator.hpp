@@ -58,6 +58,10 @@ enum class BallPhase {
   kUpsideDown = 3,  ///< the cup was: a ball that hangs there would look caught
 };
 
+/// The channels of a world with such joints, a ball, a cup and its phase, in the library's order.
+std::vector<std::string> channel_names(const std::vector<std::string>& joints, bool ball, bool cup,
+                                       bool phase);
+
 /// Row of a channel. @throws Error that lists the channels there are
 int find_channel(const Simulator& simulator, const std::string& name);
 
