@@ -103,9 +103,7 @@ class Experiment {
   Recording recorded(const WorldSpec& world, const Trajectory& motion, const char* name) {
     line_.show(std::string("recording ") + name, "");
     RecordOptions options;
-    options.position_noise *= world.noise;
-    options.torque_noise *= world.noise;
-    options.camera_noise *= world.noise;
+    options.scale_noise(world.noise);
     const SimulatedRecording r =
         record_in_world(world, nominal_, motion, options, c_.common.seed, threads_of(c_.common))
             .result;
@@ -184,6 +182,8 @@ class Experiment {
     TransferRun run = transfer_policies(learned, c_.transfer, c_.common, line_);
     if (run.executions.empty()) return false;
     run.reproduce = reproduce();
+    if (c_.transfer.record && !run.interrupted)
+      run.interrupted = !record_policies(run, c_.transfer, c_.common, folder.staging(), line_);
     publish_transfer_run(run, folder);
     line_.clear();
     const std::string text = c_.common.json ? transfer_result_json(run) : transfer_text(run);

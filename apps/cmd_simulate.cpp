@@ -25,13 +25,6 @@ VecX<double> vector(const std::vector<double>& values) {
   return Eigen::Map<const VecX<double>>(values.data(), static_cast<long>(values.size()));
 }
 
-void scale_noise(RecordOptions& record, double factor) {
-  record.position_noise *= factor;
-  record.slide_noise *= factor;
-  record.torque_noise *= factor;
-  record.camera_noise *= factor;
-}
-
 void run_simulate(SimulateOptions options) {
   const std::vector<std::string> inputs{options.model, options.trajectory};
   const auto sidecar = std::filesystem::path(options.out).replace_extension(".json").string();
@@ -44,12 +37,12 @@ void run_simulate(SimulateOptions options) {
   options.record.seed = options.common.seed;
   SimulatedRecording result;
   if (options.world.empty()) {
-    scale_noise(options.record, options.noise.value_or(0.0));
+    options.record.scale_noise(options.noise.value_or(0.0));
     result = record_model(model, model, trajectory, options.record);
     if (!options.truth.empty()) write_model(model, options.truth);
   } else {
     const WorldSpec world = parse_world(options.world);
-    scale_noise(options.record, options.noise.value_or(world.noise));
+    options.record.scale_noise(options.noise.value_or(world.noise));
     WorldRecording recorded = record_in_world(world, model, trajectory, options.record,
                                               options.common.seed, threads_of(options.common));
     result = std::move(recorded.result);

@@ -39,6 +39,8 @@ void run_transfer(const TransferCommand& c) {
     std::fprintf(stderr, "interrupted before anything was executed; nothing was written\n");
     throw CLI::RuntimeError(kInterrupted);
   }
+  if (options.record && !run.interrupted)
+    run.interrupted = !record_policies(run, options, c.common, folder.staging(), line);
   publish_transfer_run(run, folder);
   line.clear();
   const std::string text = c.common.json ? transfer_result_json(run) : transfer_text(run);

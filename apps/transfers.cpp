@@ -9,23 +9,26 @@
 #include <mutex>
 #include <thread>
 
+#include <diffnea/io/policy_file.hpp>
+#include <diffnea/io/sidecar.hpp>
+#include <diffnea/recording/csv.hpp>
+
 namespace diffnea::apps {
 namespace {
 
-/// Executions of jobs 0 … count − 1 on several threads, each with a simulator of its own.
-/// @param run  (simulator, job) → execution
-std::vector<Execution> all(const Simulator& world, int count, int threads,
-                           const std::function<Execution(const Simulator&, int)>& run,
-                           const std::function<void(int)>& done) {
-  std::vector<std::optional<Execution>> found(static_cast<std::size_t>(count));
-  std::atomic<int> next = 0, finished = 0;
+/// Jobs 0 … count − 1 on several threads, until Ctrl-C. `make()` gives each thread its own job.
+/// @param done  how many are finished, one call at a time
+void run_jobs(int count, int threads, const std::function<std::function<void(int)>()>& make,
+              const std::function<void(int)>& done) {
+  std::atomic<int> next = 0;
+  int finished = 0;
   std::mutex one_at_a_time;
   std::exception_ptr failure;
   const auto work = [&] {
-    const std::unique_ptr<Simulator> own = world.clone();
+    const std::function<void(int)> job = make();
     for (int k = next++; k < count && !Interruptible::requested(); k = next++) {
       try {
-        found[static_cast<std::size_t>(k)] = run(*own, k);
+        job(k);
         const std::scoped_lock lock(one_at_a_time);
         done(++finished);
       } catch (...) {
@@ -41,12 +44,34 @@ std::vector<Execution> all(const Simulator& world, int count, int threads,
     work();
   }
   if (failure) std::rethrow_exception(failure);
+}
+
+/// Executions, each thread in a simulator of its own.
+/// @param run  (simulator, job) → execution
+std::vector<Execution> all(const Simulator& world, int count, int threads,
+                           const std::function<Execution(const Simulator&, int)>& run,
+                           const std::function<void(int)>& done) {
+  std::vector<std::optional<Execution>> found(static_cast<std::size_t>(count));
+  run_jobs(
+      count, threads,
+      [&] {
+        return [&, own = std::shared_ptr<Simulator>(world.clone())](int k) {
+          found[static_cast<std::size_t>(k)] = run(*own, k);
+        };
+      },
+      done);
   std::vector<Execution> out;
   for (std::optional<Execution>& e : found) {
     if (!e) break;  // interrupted
     out.push_back(std::move(*e));
   }
   return out;
+}
+
+auto counted(ProgressLine& line, const char* what, int count) {
+  return [&line, what, count](int done) {
+    line.show(what, " " + std::to_string(done) + " of " + std::to_string(count));
+  };
 }
 
 }  // namespace
@@ -58,6 +83,9 @@ void add_transfer_options(CLI::App& command, TransferOptions& o) {
       ->capture_default_str();
   command.add_option("--rope", o.rope, "heavy, mid, light, none: the world's string")
       ->check(CLI::IsMember({"heavy", "mid", "light", "none"}));
+  command.add_flag("--record", o.record,
+                   "keep what the robot's sensors see of every policy, with their noise: "
+                   "recording_SEED.csv, for identify and diagnose");
   command.add_option("--repetitions", o.repetitions, "of the best policy, with noise")
       ->check(CLI::Range(0, 100000))
       ->capture_default_str();
@@ -71,6 +99,31 @@ void add_transfer_options(CLI::App& command, TransferOptions& o) {
                   "of the posture in repetitions, constant through one [rad]")
       ->check(at_least(0.0))
       ->capture_default_str();
+}
+
+bool record_policies(const TransferRun& run, const TransferOptions& o, const CommonOptions& common,
+                     const std::filesystem::path& folder, ProgressLine& line) {
+  const WorldSpec world = world_of(o);
+  RecordOptions options;
+  static_cast<ControllerOptions&>(options) = run.task.options.simulator.controller;
+  options.scale_noise(world.noise);
+  const int count = static_cast<int>(run.policies.size());
+  run_jobs(
+      count, threads_of(common),
+      [&] {
+        return [&](int k) {
+          const LearnedPolicy& policy = run.policies[static_cast<std::size_t>(k)];
+          const SimulatedRecording seen =
+              record_in_world(world, run.task.controller,
+                              desired_motion(policy, options.control_rate), options, common.seed)
+                  .result;
+          const std::string file = (folder / recording_file_name(policy.seed)).string();
+          write_recording(seen.recording, file);
+          write_sidecar(seen.recording.info, file);
+        };
+      },
+      counted(line, "recording policy", count));
+  return !Interruptible::requested();
 }
 
 std::string world_name(const TransferOptions& o) {
@@ -105,18 +158,13 @@ TransferRun transfer_policies(const LearnRun& learned, const TransferOptions& o,
   const MotionLimits limits = motion_limits(task.controller);
   const CupSpec cup = *task.model.cup;
   const auto world = make_simulator(spec, task.controller, quiet, common.seed);
-  const auto counted = [&](const char* what, int count) {
-    return [&line, what, count](int done) {
-      line.show(what, " " + std::to_string(done) + " of " + std::to_string(count));
-    };
-  };
   const int policies = static_cast<int>(run.policies.size());
   run.executions = all(
       *world, policies, threads,
       [&](const Simulator& own, int k) {
         return execute(run.policies[static_cast<std::size_t>(k)], own, limits, cup, common.seed);
       },
-      counted("executing policy", policies));
+      counted(line, "executing policy", policies));
   for (std::size_t k = 0; k < run.executions.size(); ++k) {
     const Execution& e = run.executions[k];
     if (!e.failure.empty()) continue;
@@ -134,7 +182,7 @@ TransferRun transfer_policies(const LearnRun& learned, const TransferOptions& o,
           return execute(run.policies[static_cast<std::size_t>(run.best)], own, limits, cup,
                          common.seed + 1 + static_cast<std::uint64_t>(k));
         },
-        counted("repeating the best policy,", o.repetitions));
+        counted(line, "repeating the best policy,", o.repetitions));
   }
   run.interrupted = Interruptible::requested();
   run.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();

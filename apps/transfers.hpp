@@ -19,6 +19,7 @@ struct TransferOptions {
   std::string rope;              ///< overrides the world's
   std::optional<double> string;  ///< of the world [m]; none: the policies' nominal
   int repetitions = 10;
+  bool record = false;               ///< of every policy, what sensors see of it
   MujocoSimulatorOptions simulator;  ///< of repetitions
   TransferOptions() {
     simulator.torque_noise = 0.1;
@@ -30,6 +31,12 @@ void add_transfer_options(CLI::App& command, TransferOptions& options);
 /// @return `interrupted` set if Ctrl-C came
 TransferRun transfer_policies(const LearnRun& learned, const TransferOptions& options,
                               const CommonOptions& common, ProgressLine& line);
+
+/// Executes every policy once more, before sensors: `recording_<seed>.csv` and what columns cannot
+/// hold, in `folder`. @return false: Ctrl-C came
+bool record_policies(const TransferRun& run, const TransferOptions& options,
+                     const CommonOptions& common, const std::filesystem::path& folder,
+                     ProgressLine& line);
 
 /// The world that the options name, and its name.
 std::string world_name(const TransferOptions& options);

@@ -314,6 +314,9 @@ struct World {
   std::unique_ptr<Simulator> quiet, noisy;
   MotionLimits limits;
   CupSpec cup;
+  WorldSpec spec;
+  Model controller;
+  std::uint64_t seed = 0;
 };
 
 World make_world(const std::string& name, const Model& controller, const LearnedPolicy& policy,
@@ -329,8 +332,22 @@ World make_world(const std::string& name, const Model& controller, const Learned
   noisy.torque_noise = torque_noise;
   noisy.encoder_noise = posture_noise;
   return {make_simulator(spec, controller, quiet, seed),
-          make_simulator(spec, controller, noisy, seed), motion_limits(controller),
-          *controller.cup};
+          make_simulator(spec, controller, noisy, seed),
+          motion_limits(controller),
+          *controller.cup,
+          spec,
+          controller,
+          seed};
+}
+
+Recording record_python(const World& world, const LearnedPolicy& policy) {
+  const py::gil_scoped_release release;
+  RecordOptions options;
+  static_cast<ControllerOptions&>(options) = policy.controller;
+  options.scale_noise(world.spec.noise);
+  return record_in_world(world.spec, world.controller, desired_motion(policy, options.control_rate),
+                         options, world.seed)
+      .result.recording;
 }
 
 /// seed, outcome, text, reward, reward_wide, failure, trace
@@ -349,7 +366,8 @@ void bind_transfer(py::module_& m) {
   py::class_<World> c(m, "_World");
   c.def(py::init(&make_world), "name"_a, "controller"_a, "policy"_a, "nominal_string"_a, "seed"_a,
         "position_noise"_a, "torque_noise"_a, "posture_noise"_a)
-      .def("execute", &execute_python, "policy"_a, "noisy"_a, "seed"_a);
+      .def("execute", &execute_python, "policy"_a, "noisy"_a, "seed"_a)
+      .def("record", &record_python, "policy"_a);
   m.def(
       "_world_simulator",
       [](const std::string& name, const Model& controller, std::uint64_t seed, int lanes,

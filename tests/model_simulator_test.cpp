@@ -12,14 +12,15 @@
 #include <diffnea/core/random.hpp>
 #include <diffnea/dynamics/ball_flight.hpp>
 #include <diffnea/dynamics/batch.hpp>
+#include <diffnea/dynamics/cup_contact.hpp>
 #include <diffnea/dynamics/kinematics.hpp>
+#include <diffnea/dynamics/string_route.hpp>
 #include <diffnea/dynamics/string_step.hpp>
 #include <diffnea/io/model_file.hpp>
 #include <diffnea/sim/model_simulator.hpp>
 #include <diffnea/sim/mujoco_world.hpp>
 #include <diffnea/sim/record.hpp>
 
-#include "sim/cup_contact.hpp"
 #include "support/matrix_near.hpp"
 
 using namespace diffnea;
@@ -275,24 +276,72 @@ TEST_CASE("string step: taut, it follows the driven pendulum", "[dynamics]") {
   CHECK(error < 1e-5);  // observed 1.4e-6 m
 }
 
+TEST_CASE("string step: becoming taut throws the ball back", "[dynamics]") {
+  const double e = GENERATE(0.0, 0.2);
+  StringBall<double, bool> ball{.ball = {{0, 0, -0.3999}, {0, 0, -1.0}}, .a = {}, .taut = false};
+  const auto none = [](const auto&, const auto&, bool) { return Vec3<double>{}; };
+  step_string_ball(ball, AnchorMotion<double>{}, 0.4, 1e-3, none, &e);
+  constexpr double kRounding = 1e-12;
+  CHECK(std::abs(ball.ball.v.z - e) < kRounding);
+  CHECK(std::abs(ball.pull - (1.0 + e)) < kRounding);
+}
+
+TEST_CASE("model simulator: a string that lies around the cup is never longer", "[sim]") {
+  Model model = read_model(kWam);
+  const bool wraps = GENERATE(false, true);
+  if (wraps) {
+    model.effects.push_back({"string_wrap", "string", {{"size", 1.0, "1"}}});
+    model.effects.push_back({"string_rebound", "string", {{"restitution", 0.1, "1"}}});
+    model.effects.push_back({"string_folding", "string", {{"resistance", 0.01, "m/s"}}});
+  }
+  ModelSimulator world({model}, model);
+  Rng rng(3);
+  const int phase = find_channel(world, "phase"), ball = find_channel(world, "ball_x"),
+            cup = find_channel(world, "cup_x"), axis = find_channel(world, "axis_x");
+  double longest = 0.0;
+  int bent_and_taut = 0;
+  for (int round = 0; round < 6; ++round) {
+    std::vector<Swing> swings;
+    for (int l = 0; l < world.lanes(); ++l)
+      swings.push_back({rng.uniform(0.3, 0.9), rng.uniform(5, 11)});
+    for (const Lanes& seen : run(world, swings, 2.0))
+      for (long l = 0; l < world.lanes(); ++l) {
+        if (seen(phase, l) != double(BallPhase::kFree)) continue;
+        const VecX<double> d = seen.col(l).segment(ball, 3) - seen.col(l).segment(cup, 3);
+        const double height = d.dot(seen.col(l).segment(axis, 3)),
+                     radius = std::sqrt(std::max(0.0, d.squaredNorm() - height * height));
+        const StringRoute<double> route =
+            route_around_cup<double>({height, radius}, {0.0, 0.0}, *model.cup, 1.0);
+        const double length =
+            route.used + std::hypot(height - route.edge.height, radius - route.edge.radius);
+        longest = std::max(longest, length);
+        bent_and_taut += route.used > 0.0 && length > model.ball->string->length - 1e-4;
+      }
+  }
+  CAPTURE(wraps, longest, bent_and_taut);
+  // The edge that a step begins with is the one that it ends with: 1 ms at 5 m/s, squared, over r.
+  constexpr double kStep = 1e-4;
+  CHECK((longest < model.ball->string->length + kStep) == wraps);
+  if (wraps) CHECK(bent_and_taut > 20);
+}
+
 TEST_CASE("cup: caught from above alone, where the ball passes the rim", "[sim]") {
   const CupSpec cup{.inner_radius = 0.04, .wall = 0.003, .floor = 0.0145, .rim = 0.095};
   const double r = 0.02;
   constexpr double kRounding = 1e-15;
-  using P = sim::CupPosition<double>;
-  CHECK(sim::is_caught(P{0.097, 0.0}, P{0.094, 0.0}, cup, r));
-  CHECK(sim::is_caught(P{0.097, 0.0199}, P{0.094, 0.0199}, cup, r));
-  CHECK_FALSE(sim::is_caught(P{0.097, 0.0201}, P{0.094, 0.0201}, cup, r));  // rim
-  CHECK_FALSE(sim::is_caught(P{0.094, 0.0}, P{0.097, 0.0}, cup, r));        // from below
-  CHECK_FALSE(sim::is_caught(P{0.099, 0.0}, P{0.096, 0.0}, cup, r));        // hovers over it
-  CHECK_FALSE(sim::is_caught(P{0.097, 0.06}, P{0.094, 0.0}, cup, r));  // past the rim, sideways
+  using P = CupPosition<double>;
+  CHECK(is_caught(P{0.097, 0.0}, P{0.094, 0.0}, cup, r));
+  CHECK(is_caught(P{0.097, 0.0199}, P{0.094, 0.0199}, cup, r));
+  CHECK_FALSE(is_caught(P{0.097, 0.0201}, P{0.094, 0.0201}, cup, r));  // rim
+  CHECK_FALSE(is_caught(P{0.094, 0.0}, P{0.097, 0.0}, cup, r));        // from below
+  CHECK_FALSE(is_caught(P{0.099, 0.0}, P{0.096, 0.0}, cup, r));        // hovers over it
+  CHECK_FALSE(is_caught(P{0.097, 0.06}, P{0.094, 0.0}, cup, r));       // past the rim, sideways
 
-  CHECK(std::abs(sim::distance_to_cup(P{0.095 + 0.02, 0.04}, cup) - 0.02) <
-        kRounding);  // over the rim
-  CHECK(std::abs(sim::distance_to_cup(P{0.05, 0.063}, cup) - 0.02) < kRounding);
-  CHECK(std::abs(sim::distance_to_cup(P{-0.4, 0.0}, cup) - 0.4) < kRounding);  // hangs
-  CHECK(std::abs(sim::distance_to_cup(P{0.095 + 0.003, 0.036}, cup) - 0.005) < kRounding);
-  CHECK(sim::distance_to_cup(P{0.2, 0.0}, cup) > r);
+  CHECK(std::abs(distance_to_cup(P{0.095 + 0.02, 0.04}, cup) - 0.02) < kRounding);  // over the rim
+  CHECK(std::abs(distance_to_cup(P{0.05, 0.063}, cup) - 0.02) < kRounding);
+  CHECK(std::abs(distance_to_cup(P{-0.4, 0.0}, cup) - 0.4) < kRounding);  // hangs
+  CHECK(std::abs(distance_to_cup(P{0.095 + 0.003, 0.036}, cup) - 0.005) < kRounding);
+  CHECK(distance_to_cup(P{0.2, 0.0}, cup) > r);
 }
 
 TEST_CASE("model simulator: what is not a catch is not taken for one", "[sim]") {
@@ -322,7 +371,7 @@ TEST_CASE("model simulator: what is not a catch is not taken for one", "[sim]") 
       if (now == double(BallPhase::kFree)) {
         // Free: neither in the cup, nor in anything else, nor under an upside-down one.
         const double radius = std::sqrt(std::max(0.0, d.squaredNorm() - height * height));
-        CHECK(sim::distance_to_cup(sim::CupPosition<double>{height, radius}, *model.cup) >
+        CHECK(distance_to_cup(CupPosition<double>{height, radius}, *model.cup) >
               model.ball->radius - 5e-3);  // 1 ms at 5 m/s
         CHECK(seen(axis + 2, l) > 0.15);
       }

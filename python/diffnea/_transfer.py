@@ -6,13 +6,13 @@ import html
 import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from ._core import Error, Model, Policy, _World, _world_file, frame_pose
+from ._core import Error, Model, Policy, Recording, _World, _world_file, frame_pose
 from ._files import StrPath, load_model
 from ._learn import LearnResult
 from ._results import _import_figure, _table
@@ -72,6 +72,8 @@ class TransferResult:
     """Of the best policy, with noise."""
     imagined: list[RolloutTrace]
     """Of every policy in the model; empty where the model was not given."""
+    recordings: list[Recording] = field(default_factory=list)
+    """What sensors saw of every policy, where :func:`transfer` was asked to record."""
 
     @property
     def best(self) -> int:
@@ -216,6 +218,7 @@ def transfer(
     position_noise: float = 0.0,
     seed: int = 0,
     threads: int = 1,
+    record: bool = False,
 ) -> TransferResult:
     """Execute learned policies in a world that is not the model they were learned in.
 
@@ -232,6 +235,8 @@ def transfer(
         position_noise: of every position that the controller reads in repetitions [rad].
         seed: of the world, where it has none of its own; repetitions are seeded from it.
         threads: executions side by side; the result does not depend on it.
+        record: every policy once more, before the robot's sensors and their noise, for
+            :func:`identify` and :func:`diagnose`.
 
     Raises:
         DataError: a policy's motion breaks a limit of the robot.
@@ -277,7 +282,12 @@ def transfer(
             best = policies[first.best]
             jobs = range(seed + 1, seed + 1 + repetitions)
             repeated = list(pool.map(lambda job: execute(best, True, job), jobs))
-    return TransferResult(world, controller, list(policies), executions, repeated, imagined)
+        recordings: list[Recording] = []
+        if record:
+            recordings = list(pool.map(lambda policy: world_of(policy).record(policy), policies))
+    return TransferResult(
+        world, controller, list(policies), executions, repeated, imagined, recordings
+    )
 
 
 def animate(

@@ -21,7 +21,7 @@ constexpr double kAbsorbedShare = 0.01;  ///< of a candidate's path that the bas
 constexpr double kExplained = 0.8;       ///< below it, the cause is unknown
 /// Mean square of what is left over the camera's noise, beyond which something is left.
 constexpr double kLeft = 1.15;
-constexpr std::size_t kRefitted = 3;   ///< candidates a round
+constexpr int kRefitted = 3;           ///< candidates a round
 constexpr double kRefitWithin = 30.0;  ///< ΔBIC behind the best that a rival is refitted from
 constexpr std::size_t kMostRivals = 6;
 constexpr std::size_t kMostBallCauses = 6;
@@ -32,6 +32,12 @@ constexpr std::size_t kHeldOutWindow = 4;
 
 bool same(const EffectSpec& a, const EffectSpec& b) {
   return a.effect == b.effect && a.where == b.where;
+}
+
+/// Whether first order about 0 says little of it: it has starts of its own.
+bool is_far_from_linear(const EffectSpec& e) {
+  return std::ranges::any_of(info(find_effect(e.effect)).parameters,
+                             [](const ParameterInfo& p) { return !p.search.empty(); });
 }
 
 class BallDiagnosis {
@@ -63,7 +69,7 @@ class BallDiagnosis {
       finding_.held_out = "test recording";
     }
     if (base_ != Base::kFixed && model_.ball->string)
-      guess_string(fitted, model_.ball->string->p_LS, model_.ball->string->length, model_.gravity);
+      guess_unknown_string(*model_.ball->string, fitted, model_.gravity);
     fit_.sigma = camera_noise(fitted, fit_.longest_gap);
     known_noise_ = std::isfinite(fit_.sigma);
     if (!known_noise_) {
@@ -87,6 +93,10 @@ class BallDiagnosis {
             .push_back(fitted.windows[w]);
       fitted.windows = std::move(kept);
     }
+    if (fitted.touching > 0)
+      finding_.notes.push_back("ball: " + std::to_string(fitted.touching) +
+                               " rows are left out, at which it touches the cup or did so within "
+                               "half a second");
     search_for(fitted, held_out);
     add_candidates(fitted);
   }
@@ -185,7 +195,11 @@ class BallDiagnosis {
       const BallSolution* found = nullptr;
       std::vector<std::pair<double, BallSolution>> tried;
       for (const BallScore& s : scores) {
-        if (tried.size() == kRefitted || s.delta_bic < options_.accept_delta_bic || !go_on()) break;
+        if (!go_on()) break;
+        const bool linear =
+            s.delta_bic >= options_.accept_delta_bic && static_cast<int>(tried.size()) < kRefitted;
+        if (!linear && !(s.visible_share > kAbsorbedShare && is_far_from_linear(s.effect)))
+          continue;
         BallSolution more = search_->solve(with(best_.terms, s.effect), &best_);
         const double gain = search_->delta_bic(best_, more);
         tried.emplace_back(gain, std::move(more));

@@ -77,14 +77,38 @@ BallLayout BallSearch::layout_of(const std::vector<EffectSpec>& terms) const {
 
 BallSolution BallSearch::solve(const std::vector<EffectSpec>& terms,
                                const BallSolution* start) const {
+  BallLayout layout = layout_of(terms);
+  std::vector<bool> fresh(layout.parameters.size(), true);
+  if (start)
+    for (std::size_t i = 0; i < layout.parameters.size(); ++i)
+      for (std::size_t k = 0; k < start->ball.layout.parameters.size(); ++k) {
+        BallParameter& p = layout.parameters[i];
+        if (start->ball.layout.parameters[k].name != p.name || p.fixed) continue;
+        p.value = start->ball.p[static_cast<Eigen::Index>(k)];
+        fresh[i] = false;
+      }
+  const BallData& data = start ? start->ball.data : train_;
+  BallSolution best = solved(terms, layout, data);
+  // Where a slope at 0 leads nowhere, others of the effect's own starts may.
+  for (std::size_t i = 0; start && i < layout.parameters.size(); ++i) {
+    const BallParameter& p = layout.parameters[i];
+    if (p.effect < 0 || p.fixed || !fresh[i]) continue;
+    const BoundEffect& e = layout.effects[static_cast<std::size_t>(p.effect)];
+    for (const double value : e.parameter_info[static_cast<std::size_t>(p.index)].search) {
+      BallLayout elsewhere = layout;
+      elsewhere.parameters[i].value = value;
+      BallSolution other = solved(terms, elsewhere, data);
+      if (other.cost < best.cost) best = std::move(other);
+    }
+  }
+  return best;
+}
+
+BallSolution BallSearch::solved(const std::vector<EffectSpec>& terms, const BallLayout& layout,
+                                const BallData& data) const {
   BallSolution out;
   out.terms = terms;
-  out.ball = {model_, layout_of(terms), {}, start ? start->ball.data : train_};
-  if (start)
-    for (BallParameter& p : out.ball.layout.parameters)
-      for (std::size_t k = 0; k < start->ball.layout.parameters.size(); ++k)
-        if (start->ball.layout.parameters[k].name == p.name && !p.fixed)
-          p.value = start->ball.p[static_cast<Eigen::Index>(k)];
+  out.ball = {model_, layout, {}, data};
   out.fit = fit_ball(model_, out.ball.layout, out.ball.data, options_,
                      [&](int, double) { return !progress_ || progress_("fitting the ball"); });
   out.ball.p = out.fit.p;

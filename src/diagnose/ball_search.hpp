@@ -34,6 +34,8 @@ class BallSearch {
              BallData test, const BallFitOptions& options,
              std::function<bool(const std::string&)> progress);
 
+  /// From the parameters and states of `start`, and from where the effects that are new to it say
+  /// that a search begins.
   BallSolution solve(const std::vector<EffectSpec>& terms, const BallSolution* start) const;
   /// Best first. Those of `candidates` that are terms already are left out.
   std::vector<BallScore> scores(const BallSolution& at,
@@ -51,6 +53,8 @@ class BallSearch {
   long samples() const { return samples_; }
 
  private:
+  BallSolution solved(const std::vector<EffectSpec>& terms, const BallLayout& layout,
+                      const BallData& data) const;
   BallLayout layout_of(const std::vector<EffectSpec>& terms) const;
 
   Model model_;

@@ -92,7 +92,10 @@ std::vector<int> resolve_where(const std::string& here, const EffectInfo& info,
     const std::vector<std::string> there = places(info, model);
     if (there.empty())
       throw ModelError(here + ": the model has no " +
-                       (info.place == Place::kString ? "string" : "ball") + " to act on");
+                       (info.name == "string_wrap"     ? "cup on the link of a string"
+                        : info.place == Place::kString ? "string"
+                                                       : "ball") +
+                       " to act on");
     if (where != there.front()) throw ModelError(here + ": got '" + where + "'" + expected);
     return {};
   }
@@ -272,8 +275,9 @@ std::vector<std::string> places(const EffectInfo& info, const Model& model) {
     case Place::kBall:
       return model.ball ? std::vector<std::string>{"ball"} : std::vector<std::string>{};
     case Place::kString:
-      return model.ball && model.ball->string ? std::vector<std::string>{"string"}
-                                              : std::vector<std::string>{};
+      if (!model.ball || !model.ball->string) return {};
+      if (info.name == "string_wrap" && !cup_at_string(model)) return {};
+      return {"string"};
     case Place::kCamera:
       return model.ball ? std::vector<std::string>{"camera"} : std::vector<std::string>{};
   }

@@ -179,6 +179,7 @@ Rows torque_of(const BoundEffect& effect, const ExtendedTree& base, const JointS
     case Port::kBallImpact:
     case Port::kBallView:
     case Port::kStringAnchor:
+    case Port::kStringContact:
       break;
   }
   Rows out = Rows::Zero(x.rows(), x.q.cols());

@@ -281,4 +281,30 @@ Execution execute(const LearnedPolicy& policy, const Simulator& world, const Mot
   return out;
 }
 
+Trajectory desired_motion(const LearnedPolicy& policy, double rate, double still) {
+  if (!(rate > 0.0) || !(still >= 0.0))
+    throw Error("desired motion: got a rate of " + number(rate) + " Hz and " + number(still) +
+                " s of stillness; expected a positive rate and no negative time");
+  const Promp promp(policy.promp);
+  const long before = std::lround(still * rate),
+             rows = before + std::lround((policy.promp.duration + policy.promp.hold) * rate) + 1;
+  Trajectory out;
+  out.source = "policy " + std::to_string(policy.seed);
+  out.joint_names = policy.joints;
+  out.time = VecX<double>::LinSpaced(rows, 0.0, static_cast<double>(rows - 1) / rate);
+  out.q = policy.start.transpose().replicate(rows, 1);
+  out.qd = out.qdd = RowMatX<double>::Zero(rows, policy.start.size());
+  RowMatX<double> q, qd;
+  promp.motion(policy.policy.mean, out.time.head(rows - before), q, qd);
+  for (std::size_t j = 0; j < policy.promp.joints.size(); ++j) {
+    const auto at = std::ranges::find(policy.joints, policy.promp.joints[j]);
+    const long c = at - policy.joints.begin();
+    out.q.col(c).tail(rows - before) += q.col(static_cast<long>(j));
+    out.qd.col(c).tail(rows - before) = qd.col(static_cast<long>(j));
+  }
+  for (long k = 1; k + 1 < rows; ++k)
+    out.qdd.row(k) = (out.qd.row(k + 1) - out.qd.row(k - 1)) * (0.5 * rate);
+  return out;
+}
+
 }  // namespace diffnea

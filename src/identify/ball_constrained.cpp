@@ -96,10 +96,12 @@ std::array<T, 6> residuals(const BallWorld<T>& world, const SmoothRow& row, cons
     put(measured - world.acceleration(sample));
     return out;
   }
-  sample.anchor = world.anchor(T(row.time));
+  const FreeString<T> string = world.string(T(row.time), ball.x);
+  sample.anchor = string.anchor;
+  sample.length = string.length;
   const Vec3<T> delta = ball.x - sample.anchor.x, delta_d = ball.v - sample.anchor.v,
                 delta_dd = measured - sample.anchor.a;
-  const T r = world.length(), h = dot(delta, delta) - r * r;
+  const T r = string.length, h = dot(delta, delta) - r * r;
   const T h_d = T(2.0) * dot(delta, delta_d),
           h_dd = T(2.0) * (dot(delta, delta_dd) + dot(delta_d, delta_d));
   using std::sqrt;
@@ -127,7 +129,8 @@ std::array<T, 6> residuals(const BallWorld<T>& world, const SmoothRow& row, cons
 BallFit fit_ball_constrained(const Model& model, const BallLayout& layout, const BallData& data,
                              const BallFitOptions& options) {
   for (const BoundEffect& e : layout.effects)
-    if (e.info().port == Port::kBallView || e.info().port == Port::kBallImpact)
+    if (e.info().port == Port::kBallView || e.info().port == Port::kBallImpact ||
+        e.info().name == "string_rebound")
       throw ModelError(e.info().name + " at " + e.where +
                        ": the constrained loss compares accelerations and cannot fit it; use the "
                        "trajectory loss");

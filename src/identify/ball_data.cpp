@@ -5,6 +5,7 @@
 #include <Eigen/QR>
 
 #include <diffnea/core/error.hpp>
+#include <diffnea/dynamics/cup_contact.hpp>
 #include <diffnea/identify/ball_fit.hpp>
 
 #include "core/median.hpp"
@@ -39,6 +40,12 @@ void require_metres(const Recording& r, bool string) {
                     " m at most; give its positions in metres, not in millimetres");
 }
 
+/// What touches the cup is no ball on a string [m]: a ball at 3 m/s moves this far while a picture
+/// is 5 ms late.
+constexpr double kTouching = 0.015;
+/// After it the string may lie anywhere [s].
+constexpr double kAfterTouch = 0.5;
+
 /// Periods of the joints' filter after which the end of a recording is forgotten.
 constexpr double kSettling = 0.75;
 
@@ -54,7 +61,12 @@ ParticleState<double> first_state(const BallWindow& w) {
 class Windows {
  public:
   Windows(const Recording& r, const Model& model, const BallFitOptions& options, BallData& data)
-      : recording_(r), options_(options), data_(data), radius_(model.ball->radius) {
+      : recording_(r),
+        options_(options),
+        data_(data),
+        radius_(model.ball->radius),
+        X_LC_(cup_at_string(model)),
+        cup_(model.cup.value_or(CupSpec{})) {
     std::vector<double> time;
     std::vector<Vec3<double>> seen;
     for (long k = 0; k < r.rows(); ++k) {
@@ -81,6 +93,11 @@ class Windows {
     for (std::size_t i = 0; i < rows_.size(); ++i) {
       const double t = recording_.time[rows_[i]];
       if (lost_[i] > 0.0 || !motion.covers(t - margin_, t + margin_)) continue;
+      if (touches_cup(motion, t, seen_[i])) touched_ = t;
+      if (t - touched_ < kAfterTouch) {
+        ++data_.touching;
+        continue;
+      }
       if (!kinks_.empty() && kinks_[i]) {
         close();
         bounced_ = true;
@@ -102,6 +119,11 @@ class Windows {
   }
 
  private:
+  bool touches_cup(const HandMotion& motion, double t, const Vec3<double>& x) const {
+    if (!X_LC_) return false;
+    const Pose<double> X_WC = motion.pose(t) * *X_LC_;
+    return distance_to_cup(cup_position(x, X_WC.p, X_WC.R.col[2]), cup_) < radius_ + kTouching;
+  }
   void close() {
     BallWindow w = std::move(window_);
     window_ = {};
@@ -136,7 +158,10 @@ class Windows {
   const BallFitOptions& options_;
   BallData& data_;
   double radius_, margin_ = 0.0;
-  std::vector<long> rows_;  ///< of the recording, at which the ball was seen
+  std::optional<Pose<double>> X_LC_;  ///< of the cup, where it moves with the string's end
+  CupSpec cup_;
+  double touched_ = -INFINITY;  ///< when the ball last did [s]
+  std::vector<long> rows_;      ///< of the recording, at which the ball was seen
   std::vector<Vec3<double>> seen_;
   std::vector<double> lost_;  ///< how far a row that cannot be true is off [m]; 0: it may be
   std::vector<bool> kinks_;

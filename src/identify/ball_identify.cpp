@@ -347,6 +347,10 @@ void identify_ball(const std::vector<Recording>& train, const std::vector<Record
       "left is " +
       format_number(1e3 * fit.sigma) + " mm of a position along one axis" +
       (model.ball->string ? "; the joints' measured motion drives the string" : ""));
+  if (data.touching > 0)
+    result.notes.push_back("ball: " + std::to_string(data.touching) +
+                           " rows are left out, at which it touches the cup or did so within half "
+                           "a second");
   if (static_cast<double>(too_far) > kMostTooFar * static_cast<double>(series.rows()))
     result.notes.push_back(
         std::string(kWarning) + "ball: in " + std::to_string(too_far) + " of " +

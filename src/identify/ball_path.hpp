@@ -20,6 +20,10 @@ FittedBall fit_states(const FittedBall& ball, const BallData& data, const BallFi
 /// The model with the layout's values in place.
 Model apply_ball(const Model& model, const BallLayout& layout, const VecX<double>& p);
 
+/// guess_string of a string that was not identified; one that was, or that the data do not tell
+/// (fast motions, slack half of the time), stays.
+void guess_unknown_string(StringSpec& string, const BallData& data, const Vec3<double>& gravity);
+
 /// Noise of the camera over all windows (identify/ball_rows.hpp); NaN where there are too few rows.
 double camera_noise(const BallData& data, double longest_gap);
 

@@ -5,6 +5,7 @@
 #include <diffnea/dynamics/kinematics.hpp>
 
 #include "identify/ball_identify.hpp"
+#include "identify/ball_path.hpp"
 #include "identify/ball_world.hpp"
 
 namespace diffnea {
@@ -58,8 +59,7 @@ std::unique_ptr<RecordingSource> without_ball_pull(const Model& model,
 
   Model fitted = model;
   BallData data = make_ball_data(fitted, recordings, options, smoothing);
-  StringSpec& string = *fitted.ball->string;
-  guess_string(data, string.p_LS, string.length, fitted.gravity);
+  guess_unknown_string(*fitted.ball->string, data, fitted.gravity);
   std::vector<EffectSpec> effects;
   for (const EffectSpec& e : fitted.effects)
     if (acts_on_ball(info(find_effect(e.effect)))) effects.push_back(e);

@@ -14,7 +14,8 @@ struct BallWorld {
   std::vector<T> p;  ///< as the layout's parameters
   Vec3<T> p_LS;
   T r{};
-  bool needs_jerk = false;  ///< an effect asks for the anchor's
+  bool needs_jerk = false;           ///< an effect asks for the anchor's
+  std::optional<Pose<double>> X_LC;  ///< of the cup, where it may bar the string
 
   BallWorld(const Model& m, const BallLayout& l, const HandMotion& h, std::vector<T> parameters)
       : model(&m), layout(&l), hand(&h), p(std::move(parameters)) {
@@ -35,12 +36,42 @@ struct BallWorld {
         needs_jerk = needs_jerk || formula.kNeedsAnchorJerk;
       if constexpr (requires { formula.add_to_anchor(values, p_LS); })
         formula.add_to_anchor(values, p_LS);
+      if constexpr (requires(CupPosition<T> h) { formula.route(h, h, *m.cup, values); })
+        X_LC = cup_at_string(m);
     });
   }
 
   bool has_string() const { return model->ball->string.has_value(); }
   T length() const { return r; }
   AnchorMotion<T> anchor(const T& time) const { return hand->anchor(time, p_LS); }
+  /// From where on the string of a ball at x is free.
+  FreeString<T> string(const T& time, const Vec3<T>& x) const {
+    if (!X_LC) return {anchor(time), r};
+    using std::sqrt;
+    constexpr double kOnAxis = 1e-12;  // [m²]: there, any half plane is one
+    const Pose<T> X_WL = hand->pose(time);
+    const Vec3<T> b = transpose_times(X_LC->R, transpose_times(X_WL.R, x - X_WL.p) - X_LC->p);
+    const Vec3<T> k = transpose_times(X_LC->R, p_LS - X_LC->p);
+    const T radius = sqrt(b.x * b.x + b.y * b.y + T(kOnAxis)), cos = b.x / radius,
+            sin = b.y / radius;
+    StringRoute<T> route{};
+    each_effect([&](const auto& formula, const T* values) {
+      const CupPosition<T> ball{b.z, radius}, knot{k.z, k.x * cos + k.y * sin};
+      if constexpr (requires { formula.route(ball, knot, *model->cup, values); })
+        route = formula.route(ball, knot, *model->cup, values);
+    });
+    if (!(value(route.used) > 0.0)) return {anchor(time), r};
+    const Vec3<T> edge{route.edge.radius * cos, route.edge.radius * sin, route.edge.height};
+    return {hand->anchor(time, X_LC->R * edge + X_LC->p), r - route.used};
+  }
+  /// Restitution as it becomes taut.
+  T rebound() const {
+    T out(0.0);
+    each_effect([&](const auto& formula, const T* values) {
+      if constexpr (requires { formula.rebound(values); }) out = formula.rebound(values);
+    });
+    return out;
+  }
 
   Vec3<T> acceleration(const BallSample<T>& x) const {
     const BallInstant<T> full = completed(x);
@@ -98,7 +129,6 @@ struct BallWorld {
   BallInstant<T> completed(const BallSample<T>& sample) const {
     BallInstant<T> x;
     static_cast<BallSample<T>&>(x) = sample;
-    x.length = r;
     x.gravity = model->gravity;
     x.mass = model->ball->mass;
     x.radius = model->ball->radius;

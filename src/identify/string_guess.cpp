@@ -6,6 +6,7 @@
 #include <diffnea/core/error.hpp>
 #include <diffnea/identify/ball_fit.hpp>
 
+#include "identify/ball_path.hpp"
 #include "identify/ball_rows.hpp"
 
 namespace diffnea {
@@ -138,6 +139,19 @@ void guess_string(const BallData& data, Vec3<double>& p_LS, double& length,
         " m); length and attachment cannot be identified from this recording; expected the joints' "
         "motion and the ball's in one world frame [m], the ball swinging on its string");
   length = r;
+}
+
+void guess_unknown_string(StringSpec& string, const BallData& data, const Vec3<double>& gravity) {
+  if (string.length_std > 0.0) return;
+  Vec3<double> p_LS = string.p_LS;
+  double length = string.length;
+  try {
+    guess_string(data, p_LS, length, gravity);
+  } catch (const DataError&) {
+    return;
+  }
+  string.p_LS = p_LS;
+  string.length = length;
 }
 
 }  // namespace diffnea

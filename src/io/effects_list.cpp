@@ -51,6 +51,8 @@ const char* port_name(Port port) {
       return "view of the ball";
     case Port::kStringAnchor:
       return "place of the string";
+    case Port::kStringContact:
+      return "contact of the string";
   }
   return "";
 }

@@ -133,6 +133,10 @@ std::string policy_file_name(std::uint64_t seed) {
   return "policy_" + std::to_string(seed) + ".json";
 }
 
+std::string recording_file_name(std::uint64_t seed) {
+  return "recording_" + std::to_string(seed) + ".csv";
+}
+
 std::string fingerprint(const BallInCup& task) {
   BallInCup until = task;
   until.options.ereps = endless(task.options.ereps);

@@ -70,6 +70,21 @@ TreeMap map_to_tree(const Model& model) {
   return map;
 }
 
+std::optional<Pose<double>> cup_at_string(const Model& model) {
+  const auto frame = std::ranges::find(model.frames, "cup", &ModelFrame::name);
+  if (!model.cup || frame == model.frames.end() || !model.ball || !model.ball->string)
+    return std::nullopt;
+  const TreeMap map = map_to_tree(model);
+  const auto in_tree = [&](int link) -> std::pair<int, Pose<double>> {
+    if (link < 0) return {-1, Pose<double>::identity()};
+    return {map.dof[static_cast<std::size_t>(link)], map.X_LF[static_cast<std::size_t>(link)]};
+  };
+  const auto [string_link, X_LS] = in_tree(model.ball->string->link);
+  const auto [cup_link, X_LF] = in_tree(frame->link);
+  if (string_link != cup_link) return std::nullopt;
+  return inverse(X_LS) * (X_LF * frame->X_LF);
+}
+
 Tree<double> make_tree(const Model& model) {
   const TreeMap map = map_to_tree(model);
   Tree<double> tree;

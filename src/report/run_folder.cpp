@@ -44,15 +44,17 @@ void write_models(const Model& model, const fs::path& folder, std::vector<std::s
   }
 }
 
-/// kRunFiles and the policies that are in the folder, or will be.
+/// kRunFiles, and the policies and recordings that are in the folder, or will be.
 std::vector<std::string> run_files(const ResultFolder& folder) {
   std::vector<std::string> out = kRunFiles;
   for (const fs::path& place : {folder.path(), folder.staging()}) {
     std::error_code error;
     for (fs::directory_iterator it(place, error), end; !error && it != end; it.increment(error)) {
       const std::string name = it->path().filename().string();
-      if (name.starts_with("policy_") && name.ends_with(".json") &&
-          std::ranges::find(out, name) == out.end())
+      const bool is_policy = name.starts_with("policy_") && name.ends_with(".json"),
+                 is_recording = name.starts_with("recording_") &&
+                                (name.ends_with(".csv") || name.ends_with(".json"));
+      if ((is_policy || is_recording) && std::ranges::find(out, name) == out.end())
         out.push_back(name);
     }
   }

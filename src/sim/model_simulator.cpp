@@ -95,7 +95,8 @@ BallEffects ball_effects(const Model& model) {
               formula.add_to_anchor(e.parameters.data(), out.p_LS);
           },
           e.type);
-    } else if (known.port == Port::kBallForce && known.name != "string_extension") {
+    } else if ((known.port == Port::kBallForce && known.name != "string_extension") ||
+               known.port == Port::kStringContact) {
       out.forces.push_back(e);
     } else {
       refuse(model, e);

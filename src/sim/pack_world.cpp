@@ -7,12 +7,11 @@
 
 #include <diffnea/core/pack.hpp>
 #include <diffnea/dynamics/aba.hpp>
+#include <diffnea/dynamics/cup_contact.hpp>
 #include <diffnea/dynamics/string_step.hpp>
 #include <diffnea/effects/ball_effect.hpp>
 #include <diffnea/effects/catalogue.hpp>
 #include <diffnea/sim/simulator.hpp>
-
-#include "sim/cup_contact.hpp"
 
 namespace diffnea {
 
@@ -101,6 +100,7 @@ struct State {
   std::vector<Pack> qd_desired;  ///< of the last step
   StringBall<Pack, Mask> string;
   AnchorMotion<Pack> anchor;  ///< at the ball's time
+  FreeString<Pack> free;      ///< from where on the string is, where a cup may bar it
   Vec3<Pack> p_C, axis;       ///< the cup, at the ball's time
   CupPosition<Pack> in_cup;   ///< of the ball's last step, where it was near
   Mask near_cup = Mask(false);
@@ -199,6 +199,11 @@ class World : public PackWorld {
       if (spec_.kinds[e] == EffectKind::kLinear) add_effect(e, one, viscous_);
     }
     values(spec_.ball_effects, &PackDraw::ball_effects, ball_parameters_);
+    for (std::size_t e = 0; e < spec_.ball_effects.size(); ++e) {
+      const AnyEffect& type = spec_.ball_effects[e].type;
+      if (std::holds_alternative<StringWrap>(type)) wrap_ = ball_parameters_[e].data();
+      if (std::holds_alternative<StringRebound>(type)) rebound_ = ball_parameters_[e].data();
+    }
     gravity_ = spec_.draws.front().tree.gravity;
   }
 
@@ -225,6 +230,7 @@ class World : public PackWorld {
     s.u = down.cast<Pack>();
     s.ball = {state_.anchor.x + s.u * length_, {Pack(0.0), Pack(0.0), Pack(0.0)}};
     s.taut = Mask(true);
+    state_.free = {state_.anchor, length_};
     s.a = acceleration(s.ball, s.u, s.taut, state_.anchor.a);
   }
 
@@ -338,9 +344,10 @@ class World : public PackWorld {
     take_effects(h);
     if (spec_.has_ball && spec_.string_link >= 0) {
       const Pose<Pack>& X = X_WL_[spec_.string_link];
-      const Vec3<Pack> f = transpose_times(X.R, state_.pull);
+      const Vec3<Pack> f = transpose_times(X.R, state_.pull),
+                       p = wrap_ ? transpose_times(X.R, state_.free.anchor.x - X.p) : p_LS_;
       auto& f_b = ws_.articulated[spec_.string_link].f_b;
-      f_b = f_b - Wrench<Pack>{cross(p_LS_, f), f};
+      f_b = f_b - Wrench<Pack>{cross(p, f), f};
     }
     call_inlined<Pack>([&] {
       diffnea::detail::aba_accelerations(tree_, state_.qd.data(), u_step_.data(), ws_,
@@ -362,11 +369,11 @@ class World : public PackWorld {
     BallInstant<Pack> x;
     x.time = Pack(state_.time);
     x.ball = ball;
-    x.anchor = state_.anchor;
+    x.anchor = state_.free.anchor;
     x.anchor.a = anchor_a;
+    x.length = state_.free.length;
     x.u = u;
     x.spin = x.anchor_jerk = {Pack(0.0), Pack(0.0), Pack(0.0)};
-    x.length = length_;
     x.gravity = gravity_;
     x.mass = spec_.ball_mass;
     x.radius = spec_.ball_radius;
@@ -385,11 +392,13 @@ class World : public PackWorld {
       };
       if (effect.info().place != Place::kString) {
         add(true, a);
-      } else {  // acts while the string is taut
-        Vec3<Pack> with = a;
-        add(true, with);
-        a = choose(taut, with, a);
+        continue;
       }
+      const bool when_slack =
+          std::visit([]<class E>(const E&) { return requires { E::kWhenSlack; }; }, effect.type);
+      Vec3<Pack> with = a;
+      add(!when_slack, with);
+      a = choose(when_slack ? !taut : taut, with, a);
     }
     return a;
   }
@@ -417,16 +426,18 @@ class World : public PackWorld {
                end.v * Pack(3 * t2 - 2 * t);
       }
       state_.anchor = at;
-      step_string_ball(s, at, length_, dt,
-                       [&](const ParticleState<Pack>& ball, const Vec3<Pack>& u, const Mask& taut) {
-                         return acceleration(ball, u, taut, anchor_a);
-                       });
+      const Vec3<Pack> p_C = p_C0 + (state_.p_C - p_C0) * Pack(t),
+                       axis = axis0 + (state_.axis - axis0) * Pack(t);
+      state_.free = wrap_ ? around_cup(s.ball.x + s.ball.v * Pack(dt), p_C, axis)
+                          : FreeString<Pack>{at, length_};
+      step_string_ball(
+          s, state_.free.anchor, state_.free.length, dt,
+          [&](const ParticleState<Pack>& ball, const Vec3<Pack>& u, const Mask& taut) {
+            return acceleration(ball, u, taut, anchor_a);
+          },
+          rebound_);
       pulled = pulled + s.u * s.pull;
-      if (spec_.cup) {
-        const Vec3<Pack> p_C = p_C0 + (state_.p_C - p_C0) * Pack(t),
-                         axis = axis0 + (state_.axis - axis0) * Pack(t);
-        meet(s.ball.x, p_C, axis);
-      }
+      if (spec_.cup) meet(s.ball.x, p_C, axis);
     }
     state_.pull = pulled * Pack(spec_.ball_mass / h);
     if (!spec_.cup) return;
@@ -437,6 +448,31 @@ class World : public PackWorld {
     s.ball.v = choose(caught, end.v, s.ball.v);
     const Vec3<Pack> weight = tree_.gravity * Pack(spec_.ball_mass);
     state_.pull = choose(caught, weight, choose(free, state_.pull, weight));
+  }
+
+  /// From where on the string of a ball at x is free.
+  FreeString<Pack> around_cup(const Vec3<Pack>& x, const Vec3<Pack>& p_C,
+                              const Vec3<Pack>& axis) const {
+    constexpr double kOnAxis = 1e-12;  // [m²]: there, any half plane is one
+    const AnchorMotion<Pack>& knot = state_.anchor;
+    const Vec3<Pack> d = x - p_C, k = knot.x - p_C;
+    const Pack height = dot(d, axis);
+    const Vec3<Pack> beside = d - axis * height;
+    const Pack radius = sqrt(dot(beside, beside) + Pack(kOnAxis));
+    const Vec3<Pack> outward = beside * (Pack(1.0) / radius);
+    const StringRoute<Pack> route = route_around_cup<Pack>(
+        {height, radius}, {dot(k, axis), dot(k, outward)}, *spec_.cup, *wrap_);
+    const Mask bent = route.used > Pack(0.0);
+    FreeString<Pack> out{knot, length_ - route.used};
+    const Vec3<Pack> edge = p_C + outward * route.edge.radius + axis * route.edge.height;
+    Vec3<Pack> v = knot.v;
+    if (spec_.string_link >= 0) {
+      const Vec3<Pack> w = X_WL_[spec_.string_link].R * ws_.links[spec_.string_link].V.angular;
+      v = v + cross(w, edge - knot.x);
+    }
+    out.anchor.x = choose(bent, edge, knot.x);
+    out.anchor.v = choose(bent, v, knot.v);
+    return out;
   }
 
   /// The ball at one of its steps against the cup. Where all balls are far, which is most of the
@@ -489,6 +525,8 @@ class World : public PackWorld {
   double reach_ = 0.0;  ///< of the cup [m]
   Vec3<Pack> p_LS_;
   std::vector<std::vector<Pack>> parameters_, ball_parameters_;
+  const Pack* wrap_ = nullptr;     ///< size of what bars the string; null: nothing does
+  const Pack* rebound_ = nullptr;  ///< restitution of a string that becomes taut; null: none
   AbaStates<Pack, Pack> ws_;
   LinkStates<Pack, Pack> nominal_ws_;
   std::vector<Pose<Pack>> X_WL_;

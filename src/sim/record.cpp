@@ -12,6 +12,11 @@ constexpr double kArmEffort = 40.0;  // [N·m]
 
 }  // namespace
 
+void RecordOptions::scale_noise(double factor) {
+  for (double* noise : {&position_noise, &slide_noise, &torque_noise, &camera_noise})
+    *noise *= factor;
+}
+
 double torque_scale(const ModelLink& link) {
   return std::min(1.0, link.limits.effort / kArmEffort);
 }

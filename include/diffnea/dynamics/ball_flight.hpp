@@ -15,7 +15,7 @@
 #include <concepts>
 
 #include <diffnea/core/error.hpp>
-#include <diffnea/dynamics/string_particle.hpp>
+#include <diffnea/dynamics/string_route.hpp>
 
 namespace diffnea {
 
@@ -25,8 +25,9 @@ struct BallSample {
   T time{};  ///< [s]
   ParticleState<T> ball;
   bool taut = false;
-  AnchorMotion<T> anchor;  ///< where there is a string
-  Vec3<T> u;               ///< from the anchor to the ball, of length 1, where it is taut
+  AnchorMotion<T> anchor;  ///< where there is a string: from where on it is free
+  T length{};              ///< from there [m]
+  Vec3<T> u;               ///< from there to the ball, of length 1
   Vec3<T> spin;            ///< ω of the ball, in W [rad/s]; impacts on a plane change it
 };
 
@@ -39,6 +40,10 @@ struct FlightOptions {
 /// World:
 ///   bool has_string() const;  T length() const;              // r [m]
 ///   AnchorMotion<T> anchor(const T& time) const;             // of S
+/// and where something may bar the string, in place of these two
+///   FreeString<T> string(const T& time, const Vec3<T>& x) const;  // of a ball at x
+/// or where it throws the ball back
+///   T rebound() const;                                       // in place of options' restitution
 ///   Vec3<T> acceleration(const BallSample<T>& x) const;      // without the string, in W [m/s²]
 /// and where there is a plane to bounce off, which a taut ball is not asked about:
 ///   T clearance(const ParticleState<T>& s) const;            // of the ball over it [m]
@@ -76,6 +81,7 @@ class BallFlight {
   T lost_energy() const { return lost_energy_; }  ///< to impacts, per mass [m²/s²]
 
  private:
+  FreeString<T> string_at(const T& time, const Vec3<T>& x) const;
   BallSample<T> sample(const T& time, const ParticleState<T>& s, bool taut) const;
   ParticleState<T> moved(const T& h) const;
   T taut_pull(const T& time, const ParticleState<T>& s) const;

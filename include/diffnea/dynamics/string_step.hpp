@@ -25,10 +25,13 @@ struct StringBall {
 /// One step of h [s].
 /// @param end  the anchor at the end of the step; its acceleration is not read
 /// @param acceleration  (ball, u, taut) → of the ball without the string, W [m/s²]
+/// @param restitution  of the impact of becoming taut, above kRestSpeed; null: none
 template <Scalar T, class Mask, class Acceleration>
 void step_string_ball(StringBall<T, Mask>& s, const AnchorMotion<T>& end, const T& length, double h,
-                      const Acceleration& acceleration) {
+                      const Acceleration& acceleration, const T* restitution = nullptr) {
   using std::sqrt;
+  constexpr double kRestSpeed = 0.01;  // [m/s]
+  const Mask was_taut = s.taut;
   const T zero(0.0), half(0.5 * h);
   Vec3<T> v = s.ball.v + s.a * half, x = s.ball.x + v * T(h);
   const Vec3<T> delta = x - end.x;
@@ -41,7 +44,12 @@ void step_string_ball(StringBall<T, Mask>& s, const AnchorMotion<T>& end, const 
   s.a = acceleration(ParticleState<T>{x, v}, s.u, s.taut);
   v = v + s.a * half;
   const T away = dot(s.u, v - end.v);
-  const T lost = select(s.taut && away > zero, away, zero);
+  T lost = select(s.taut && away > zero, away, zero);
+  if (restitution) {
+    const T outward = beyond * T(1.0 / h) + lost;
+    const Mask impact = s.taut && !was_taut && outward > T(kRestSpeed);
+    lost = lost + select(impact, T(*restitution * outward), zero);
+  }
   s.ball = {x, v - s.u * lost};
   s.pull = beyond * T(1.0 / h) + lost;
 }

@@ -6,8 +6,11 @@
 ///                                 extension, scale, rotation, offset          (Port::kBallView)
 ///     delay(p)                    how late its picture is                     (Port::kBallView)
 ///     add_to_anchor(p, p_LS)      where the string is tied (Port::kStringAnchor)
+///     route(ball, knot, cup, p)   the way the string takes around the cup (Port::kStringContact)
+///     rebound(p)                  restitution as it becomes taut (Port::kStringContact)
 ///     clearance(x, radius, p), bounce(p, radius, s, spin)   at a plane (Port::kBallImpact)
-/// and `static constexpr bool kNeedsAnchorJerk = true;` if it asks for x.anchor_jerk.
+/// and `static constexpr bool kNeedsAnchorJerk = true;` if it asks for x.anchor_jerk. One of the
+/// string acts while it is taut, with `static constexpr bool kWhenSlack = true;` while it is slack.
 
 #include <diffnea/dynamics/ball_flight.hpp>
 #include <diffnea/effects/effect.hpp>
@@ -17,7 +20,6 @@ namespace diffnea {
 /// What such an effect may depend on.
 template <Scalar T>
 struct BallInstant : BallSample<T> {
-  T length{};                       ///< r of the string [m]
   Vec3<T> anchor_jerk;              ///< of S [m/s³], where an effect has kNeedsAnchorJerk
   Vec3<double> gravity;             ///< in W [m/s²]
   double mass = 0.0, radius = 0.0;  ///< [kg, m]

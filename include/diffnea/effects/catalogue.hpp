@@ -43,7 +43,10 @@
 #include <diffnea/effects/string_bending.hpp>
 #include <diffnea/effects/string_damping.hpp>
 #include <diffnea/effects/string_extension.hpp>
+#include <diffnea/effects/string_folding.hpp>
 #include <diffnea/effects/string_mass.hpp>
+#include <diffnea/effects/string_rebound.hpp>
+#include <diffnea/effects/string_wrap.hpp>
 #include <diffnea/effects/sublinear_friction.hpp>
 #include <diffnea/effects/time_shift.hpp>
 #include <diffnea/effects/tip_force.hpp>
@@ -96,7 +99,10 @@ using AnyEffect = std::variant<  //
     StringBending,               //
     StringDamping,               //
     StringExtension,             //
+    StringFolding,               //
     StringMass,                  //
+    StringRebound,               //
+    StringWrap,                  //
     SublinearFriction,           //
     TimeShift,                   //
     TipForce,                    //

@@ -81,6 +81,7 @@ enum class Port {
   kBallImpact,      ///< a plane that the ball bounces off: clearance, bounce
   kBallView,        ///< changes where the camera sees the ball: change_view
   kStringAnchor,    ///< changes where the string is tied: add_to_anchor
+  kStringContact,   ///< what bars the string, and what it does as it becomes taut: route, rebound
 };
 
 /// What selection, results and files see of an effect.

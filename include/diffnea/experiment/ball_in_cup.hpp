@@ -15,6 +15,7 @@
 #include <diffnea/policy/ball_in_cup.hpp>
 #include <diffnea/policy/ereps.hpp>
 #include <diffnea/policy/rollouts.hpp>
+#include <diffnea/recording/trajectory.hpp>
 #include <diffnea/sim/ball_in_cup.hpp>
 #include <diffnea/sim/model_simulator.hpp>
 
@@ -111,6 +112,11 @@ struct Execution {
 /// @throws DataError naming joint, time and bound if the motion breaks a limit
 Execution execute(const LearnedPolicy& policy, const Simulator& world, const MotionLimits& limits,
                   const CupSpec& cup, std::uint64_t seed, const SuccessOptions& options = {});
+
+/// What the mean of a policy asks of all joints, to record it: the start is held for `still` [s]
+/// before, which the joints' smoothing needs. Accelerations are differences of the velocities.
+/// @param rate  of the rows [Hz]  @throws Error if the rate is not positive, or still is negative
+Trajectory desired_motion(const LearnedPolicy& policy, double rate, double still = 1.0);
 
 /// Ranges of the model's joints in their order.
 MotionLimits motion_limits(const Model& model);

@@ -58,6 +58,7 @@ struct BallData {
   std::vector<HandMotion> hands;
   std::vector<BallWindow> windows;
   std::vector<BallFlag> flagged;  ///< rows and windows that were left out
+  long touching = 0;              ///< rows left out because the ball touched the cup
   std::string source;             ///< of the first recording, for messages
 };
 

@@ -23,6 +23,16 @@ class HandMotion {
   double end() const { return begin_ + dt_ * static_cast<double>(rows_.size() - 1); }
   bool covers(double from, double to) const { return still_ || (from >= begin_ && to <= end()); }
 
+  template <Scalar T>
+  Pose<T> pose(const T& time) const {  ///< X_WL
+    const Row at = row_at(value(time));
+    const T late = time - T(value(time));  // 0, with derivatives where a switch moved it
+    Pose<T> out{at.x.R.template cast<T>(),
+                at.x.p.template cast<T>() + at.v.p.template cast<T>() * late};
+    for (int c = 0; c < 3; ++c)
+      out.R.col[c] = out.R.col[c] + at.v.R.col[c].template cast<T>() * late;
+    return out;
+  }
   /// A point S of the link. @param p_LS in L [m]
   template <Scalar T>
   AnchorMotion<T> anchor(const T& time, const Vec3<T>& p_LS) const {

@@ -18,6 +18,8 @@ LearnedPolicy read_policy(const std::filesystem::path& path);
 
 /// "policy_<seed>.json": how a run's folder names it.
 std::string policy_file_name(std::uint64_t seed);
+/// `recording_<seed>.csv`: what sensors saw of it.
+std::string recording_file_name(std::uint64_t seed);
 
 /// What a search depends on, as a checksum: model, controller, options but for when it stops. Two
 /// runs with the same one and the same seed are the same, as long as both go on.

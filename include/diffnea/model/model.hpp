@@ -100,6 +100,10 @@ struct TreeMap {
 };
 TreeMap map_to_tree(const Model& model);
 
+/// The cup in the frame of the link that the string is tied to, where both move as one: none if the
+/// model has no cup, no string, or the cup is elsewhere.
+std::optional<Pose<double>> cup_at_string(const Model& model);
+
 /// The numbers: fixed links lumped into the moving link (or the world) that carries them, effects
 /// named `armature` as rotor inertia.
 /// @throws ModelError if a parent does not precede its child, an axis is not a unit vector, or an

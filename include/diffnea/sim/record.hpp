@@ -24,6 +24,9 @@ struct RecordOptions : ControllerOptions {
   double period =
       0.0;  ///< of the desired motion [s], for the recording's information; 0: not periodic
   std::uint64_t seed = 0;  ///< of the noise
+
+  /// All standard deviations times `factor`.
+  void scale_noise(double factor);
 };
 
 /// Size of a joint's torques against an arm's: effort limit / 40 N·m, at most 1. Noise and

@@ -39,9 +39,17 @@ void BallFlight<T, World>::start(const T& time, const ParticleState<T>& state, b
 
 template <Scalar T, class World>
 T BallFlight<T, World>::excess(const T& time, const ParticleState<T>& s) const {
-  const Vec3<T> delta = s.x - world_.anchor(time).x;
-  const T r = world_.length();
-  return dot(delta, delta) - r * r;
+  const FreeString<T> string = string_at(time, s.x);
+  const Vec3<T> delta = s.x - string.anchor.x;
+  return dot(delta, delta) - string.length * string.length;
+}
+
+template <Scalar T, class World>
+FreeString<T> BallFlight<T, World>::string_at(const T& time, const Vec3<T>& x) const {
+  if constexpr (requires { world_.string(time, x); })
+    return world_.string(time, x);
+  else
+    return {world_.anchor(time), world_.length()};
 }
 
 template <Scalar T, class World>
@@ -52,10 +60,14 @@ BallSample<T> BallFlight<T, World>::sample(const T& time, const ParticleState<T>
   out.ball = s;
   out.taut = taut;
   out.spin = spin_;
-  if (world_.has_string()) out.anchor = world_.anchor(time);
-  if (taut) {
+  if (world_.has_string()) {
+    const FreeString<T> string = string_at(time, s.x);
+    out.anchor = string.anchor;
+    out.length = string.length;
     const Vec3<T> delta = s.x - out.anchor.x;
-    out.u = delta * (T(1.0) / detail::norm(delta));
+    const T distance = detail::norm(delta);
+    // A ball that has slipped through its anchor has no direction.
+    out.u = value(distance) > 0.0 ? delta * (T(1.0) / distance) : Vec3<T>{};
   }
   return out;
 }
@@ -92,7 +104,7 @@ T BallFlight<T, World>::depth(const ParticleState<T>& s) const {
 template <Scalar T, class World>
 void BallFlight<T, World>::settle(ParticleState<T>& s, const T& time) const {
   const BallSample<T> x = sample(time, s, true);
-  s.x = x.anchor.x + x.u * world_.length();
+  s.x = x.anchor.x + x.u * x.length;
   s.v = s.v - x.u * dot(x.u, s.v - x.anchor.v);
 }
 
@@ -142,18 +154,21 @@ T BallFlight<T, World>::time_to_end(double h) const {
 
 template <Scalar T, class World>
 void BallFlight<T, World>::become_taut() {
-  const AnchorMotion<T> anchor = world_.anchor(time_);
+  const auto [anchor, length] = string_at(time_, state_.x);
   const Vec3<T> delta = state_.x - anchor.x, u = delta * (T(1.0) / detail::norm(delta));
   const T outward = dot(u, state_.v - anchor.v);
-  state_.x = anchor.x + u * world_.length();
+  state_.x = anchor.x + u * length;
   if (value(outward) < options_.rest_speed && value(taut_pull(time_, state_)) < 0.0) {
     // On its way in. What still leads outward would bring it back here without end.
     if (value(outward) > 0.0) state_.v = state_.v - u * outward;
     return;
   }
   ++impacts_;
-  const bool bounces = options_.restitution > 0.0 && value(outward) > options_.rest_speed;
-  const T back = bounces ? outward * T(options_.restitution) : T(0.0);
+  T restitution(options_.restitution);
+  if constexpr (requires { world_.rebound(); }) restitution = world_.rebound();
+  const bool is_impact = value(outward) > options_.rest_speed,
+             bounces = is_impact && value(restitution) > 0.0;
+  const T back = is_impact ? outward * restitution : T(0.0);
   state_.v = state_.v - u * (outward + back);
   lost_energy_ = lost_energy_ + (outward * outward - back * back) * T(0.5);
   taut_ = !bounces && value(taut_pull(time_, state_)) >= 0.0;
@@ -164,6 +179,10 @@ void BallFlight<T, World>::run_until(const T& until) {
   if (value(until) < time())
     throw Error("ball: asked for " + std::to_string(value(until)) + " s, expected " +
                 std::to_string(time()) + " s or later (start() goes back)");
+  // Where the string changes its edge, its pull jumps: two phases may end each other without end.
+  constexpr double kAtOnce = 1e-9, kForced = 1e-4;  // [s]
+  constexpr int kMostAtOnce = 4;
+  int at_once = 0;
   while (time() < value(until)) {
     // Of Jets, time_ may depend on parameters after a switch; the step brings it back to the grid.
     const bool last = value(until) - time() <= options_.step;
@@ -175,6 +194,14 @@ void BallFlight<T, World>::run_until(const T& until) {
       continue;
     }
     const T end = time_to_end(value(h));
+    at_once = value(end) < kAtOnce ? at_once + 1 : 0;
+    if (at_once > kMostAtOnce) {
+      const T forced = value(h) < kForced ? h : T(kForced);
+      state_ = moved(forced);
+      time_ = last && value(h) < kForced ? until : time_ + forced;
+      at_once = 0;
+      continue;
+    }
     state_ = moved(end);
     time_ = time_ + end;
     if (taut_) {

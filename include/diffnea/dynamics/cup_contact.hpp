@@ -2,12 +2,13 @@
 /// What a ball meets on its way into a cup, where the model knows no contact: it is caught, or it
 /// touched something and the model knows no further. Geometry alone.
 
+#include <diffnea/core/scalar.hpp>
 #include <diffnea/lie/vec3.hpp>
 #include <diffnea/model/ball.hpp>
 
-namespace diffnea::sim {
+namespace diffnea {
 
-/// The ball's centre against the cup: height along the axis and distance from it [m].
+/// A point against the cup: height along the axis and distance from it [m].
 template <class T>
 struct CupPosition {
   T height, radius;
@@ -61,4 +62,4 @@ T distance_to_segment(const Vec3<T>& x, const Vec3<T>& a, const Vec3<T>& b) {
   return sqrt(dot(d, d));
 }
 
-}  // namespace diffnea::sim
+}  // namespace diffnea
