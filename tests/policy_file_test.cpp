@@ -29,11 +29,11 @@ BallInCup small_task(bool robust = false) {
   options.ereps.samples = 24;
   options.ereps.iterations = 4;
   if (robust)
-    options.robust = {.draws = 6,
-                      .each = 3,
-                      .quantile = 0.5,
-                      .vary = {{"string.string_damping.damping", 0.0, 0.5},
-                               {"string.length", 0.39, 0.41}}};
+    options.robust = {
+        .draws = 6,
+        .each = 3,
+        .quantile = 0.5,
+        .vary = {{"string.string_damping.damping", 0.0, 0.5}, {"string.length", 0.39, 0.41}}};
   return ball_in_cup(model, model, options);
 }
 

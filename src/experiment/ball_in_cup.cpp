@@ -1,7 +1,6 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <cstdlib>
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/dynamics/kinematics.hpp>
@@ -147,7 +146,9 @@ RobustOptions completed(RobustOptions o) {
     throw Error("robust: draws and each: got " + std::to_string(o.draws) + " and " +
                 std::to_string(o.each) + ", expected 0 or more");
   if (o.draws == 0 && (o.each > 0 || o.quantile || !o.vary.empty()))
-    throw Error("robust: each, quantile and vary are of draws, of which there are none; ask for some (--robust)");
+    throw Error(
+        "robust: each, quantile and vary are of draws, of which there are none; ask for some "
+        "(--robust)");
   if (o.quantile && !(*o.quantile > 0.0 && *o.quantile <= 1.0))
     throw Error("robust: quantile: got " + number(*o.quantile) + ", expected above 0, at most 1");
   if (o.each == 0) o.each = o.quantile ? std::min(8, o.draws) : std::min(1, o.draws);
@@ -168,7 +169,8 @@ double worth(VecX<double> rewards, const std::optional<double>& quantile) {
   return rewards[std::max(0L, static_cast<long>(rank) - 1)];
 }
 
-/// All samples of one iteration, each in its draws.
+/// All samples of one iteration, in the same draws: what is easy in one is easy for all of them,
+/// and makes none look better than another.
 struct InAllDraws {
   VecX<double> rewards;  ///< (N)
   double solved_share = 0.0;
@@ -179,14 +181,12 @@ InAllDraws execute_all(Rollouts& world, const RobustOptions& o, const RowMatX<do
   InAllDraws out{VecX<double>(n)};
   RowMatX<double> rows(n * each, theta.cols());
   std::vector<std::uint64_t> worlds(static_cast<std::size_t>(n * each), 0);
-  static const bool shared = std::getenv("SHARED") != nullptr;
   for (long i = 0; i < n; ++i)
     for (long k = 0; k < each; ++k) {
       rows.row(i * each + k) = theta.row(i);
-      const long at = shared ? iteration * each + k : (iteration * n + i) * each + k;
       if (o.draws > 0)
         worlds[static_cast<std::size_t>(i * each + k)] =
-            1 + static_cast<std::uint64_t>(at % o.draws);
+            1 + static_cast<std::uint64_t>((iteration * each + k) % o.draws);
     }
   const RolloutResult seen = world.run(rows, worlds);
   for (long i = 0; i < n; ++i)

@@ -22,15 +22,16 @@
 namespace diffnea {
 
 /// A policy for all models that the recordings leave possible, instead of the fitted one: samples
-/// are executed in draws of its posterior (identify/posterior.hpp).
+/// are executed in draws of its posterior (identify/posterior.hpp), those of an iteration in the
+/// same ones, those of the next in the next.
 struct RobustOptions {
   int draws = 0;  ///< of the posterior, that the search has; 0: it has the model alone
   int each = 0;   ///< draws that a sample is executed in; 0: 1, with a quantile 8
   /// In (0, 1]: the reward of a sample is that quantile of those it got, the smallest one that a
   /// share p of them does not pass. Not given: their mean.
-  std::optional<double> quantile;
-  std::vector<Variation> vary;  ///< what the posterior says nothing of
-  std::uint64_t seed = 0;       ///< of the draws
+  std::optional<double> quantile = {};
+  std::vector<Variation> vary = {};  ///< what the posterior says nothing of
+  std::uint64_t seed = 0;            ///< of the draws
 };
 
 struct LearnOptions {
