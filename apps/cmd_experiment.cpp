@@ -48,7 +48,9 @@ class Experiment {
 
   /// @return false: interrupted
   bool run() {
-    const BallInCup task = task_of(nominal_, nominal_, c_.policies);  // refused now, not later
+    PolicyOptions first = c_.policies;
+    if (!c_.nominal) first.plain();                             // the posterior is yet to come
+    const BallInCup task = task_of(nominal_, nominal_, first);  // refused now, not later
     const std::filesystem::path identified = out_ / "identify-ball" / "model.json";
     if (!c_.nominal && !std::filesystem::exists(identified) && !identify(task.start)) return false;
     // From the file, whether it was written now or before: the same numbers.

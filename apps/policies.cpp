@@ -23,20 +23,22 @@ VecX<double> vector(const std::vector<double>& values) {
 /// How far all seeds are, as one line.
 class SeedProgress {
  public:
-  SeedProgress(ProgressLine& line, int seeds) : line_(line), seeds_(seeds) {}
+  SeedProgress(ProgressLine& line, int seeds, const RobustOptions& robust)
+      : line_(line), seeds_(seeds), each_(std::max(robust.each, 1)), draws_(robust.draws) {}
 
   void iterated(std::uint64_t seed, const SearchState& state) {
     const auto [first, is_new] =
-        before_.emplace(seed, state.rollouts - state.search.options().samples);
+        before_.emplace(seed, state.rollouts - long{each_} * state.search.options().samples);
     rollouts_[seed] = state.rollouts - first->second;
     const ErepsIteration& last = state.search.history().back();
-    char text[200];
+    char text[240], where[40] = "";
+    if (draws_ > 0) std::snprintf(where, sizeof where, " in %d of %d draws", each_, draws_);
     std::snprintf(
         text, sizeof text,
-        " %d of %d done; seed %llu, iteration %d: reward %.2f (best %.2f), caught %.0f %%, "
+        " %d of %d done; seed %llu, iteration %d: reward %.2f (best %.2f), caught %.0f %%%s, "
         "KL %.2f, entropy %.1f, %.0f rollouts/s",
         done_, seeds_, static_cast<unsigned long long>(seed), last.iteration, last.reward_mean,
-        last.reward_best, 100.0 * last.solved_share, last.kl_update, last.entropy,
+        last.reward_best, 100.0 * last.solved_share, where, last.kl_update, last.entropy,
         static_cast<double>(total()) / seconds());
     line_.show("learning,", text);
   }
@@ -50,7 +52,7 @@ class SeedProgress {
     return sum;
   }
   ProgressLine& line_;
-  int seeds_, done_ = 0;
+  int seeds_, each_, draws_, done_ = 0;
   std::map<std::uint64_t, long> before_, rollouts_;  ///< of earlier processes, of this one
   Clock::time_point start_ = Clock::now();
 };
@@ -202,6 +204,29 @@ void add_policy_options(CLI::App& command, PolicyOptions& o) {
                   "of the controller, where gains are not given [rad/s]")
       ->check(at_least(0.0, true))
       ->capture_default_str();
+  command.add_flag("--robust", o.robust,
+                   "for all models that the recordings leave possible: samples are executed in "
+                   "draws of the posterior that identify left in the model");
+  command.add_option("--draws", o.draws, "with --robust: of the posterior")
+      ->check(CLI::Range(1, 100000))
+      ->capture_default_str();
+  command
+      .add_option("--each", l.robust.each,
+                  "with --robust: draws that a sample is executed in, so many rollouts; default: "
+                  "1, with --quantile 8")
+      ->check(CLI::Range(1, 100000));
+  command
+      .add_option("--quantile", l.robust.quantile,
+                  "with --robust: a sample's reward is this quantile of those it got, instead of "
+                  "the mean")
+      ->check(in_range(1e-6, 1.0));
+  command
+      .add_option("--vary", o.vary,
+                  "with --robust: a parameter that draws have anywhere within a range, e.g. "
+                  "string.string_mass.mass_ratio=0:0.1; repeatable, see `diffnea effects`")
+      ->type_name("PARAMETER=LOW:HIGH")
+      ->expected(1)
+      ->take_all();
   command.add_flag("--fresh", o.fresh, "start over instead of going on from checkpoints");
 }
 
@@ -211,6 +236,8 @@ BallInCup task_of(const Model& model, const Model& controller, const PolicyOptio
   learn.nominal_string = o.string.value_or(0.0);
   learn.simulator.controller.kp = vector(o.kp);
   learn.simulator.controller.kd = vector(o.kd);
+  if (o.robust) learn.robust.draws = o.draws;
+  for (const std::string& text : o.vary) learn.robust.vary.push_back(parse_variation(text));
   return ball_in_cup(model, controller, learn);
 }
 
@@ -234,7 +261,7 @@ LearnRun learn_with_checkpoints(const BallInCup& task, const PolicyOptions& o,
   const auto file = [&](std::uint64_t seed) {
     return checkpoints / ("seed_" + std::to_string(seed) + ".json");
   };
-  SeedProgress progress(line, o.seeds);
+  SeedProgress progress(line, o.seeds, task.options.robust);
   SeedHooks hooks;
   hooks.resume = [&](std::uint64_t seed) {
     return read_checkpoint(file(seed), print, first_search(task, seed));

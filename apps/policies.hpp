@@ -22,7 +22,17 @@ struct PolicyOptions {
   std::optional<double> string;  ///< nominal length [m]
   int seeds = 1;
   bool fresh = false;
+  bool robust = false;
+  int draws = 64;                 ///< with robust
+  std::vector<std::string> vary;  ///< PARAMETER=LOW:HIGH
   std::vector<double> start, kp, kd;
+
+  /// For the model alone, whatever was asked for.
+  void plain() {
+    robust = false;
+    vary.clear();
+    learn.robust = {};
+  }
 };
 void add_policy_options(CLI::App& command, PolicyOptions& options);
 

@@ -29,11 +29,30 @@ namespace {
 
 using namespace pybind11::literals;
 
+/// {}: for the model alone.
+RobustOptions robust_in(const py::dict& d) {
+  RobustOptions out;
+  if (d.empty()) return out;
+  out.draws = py::cast<int>(d["draws"]);
+  out.each = py::cast<int>(d["each"]);
+  if (!d["quantile"].is_none()) out.quantile = py::cast<double>(d["quantile"]);
+  for (const auto& [parameter, range] : py::dict(d["vary"])) {
+    const auto [low, high] = py::cast<std::pair<double, double>>(range);
+    out.vary.push_back({py::cast<std::string>(parameter), low, high});
+    if (!(low <= high))
+      throw Error("learn: vary: " + out.vary.back().parameter + ": got " + std::to_string(low) +
+                  " to " + std::to_string(high) +
+                  ", expected a low end that is not above the high one");
+  }
+  return out;
+}
+
 BallInCup make_task(const Model& model, const Model& controller, std::optional<double> string,
                     const std::vector<std::string>& joints, const py::object& start,
                     const py::dict& promp, const ErepsOptions& search, double weight_std,
                     const py::dict& reward, const std::string& law, double rate, double bandwidth,
-                    double damping, const py::object& kp, const py::object& kd) {
+                    double damping, const py::object& kp, const py::object& kd,
+                    const py::dict& robust) {
   LearnOptions o;
   o.joints = joints;
   o.start = optional_vector("learn: start", start);
@@ -54,6 +73,7 @@ BallInCup make_task(const Model& model, const Model& controller, std::optional<d
   c.damping = damping;
   c.kp = optional_vector("learn: kp", kp);
   c.kd = optional_vector("learn: kd", kd);
+  o.robust = robust_in(robust);
   return ball_in_cup(model, controller, std::move(o));
 }
 
@@ -131,7 +151,7 @@ void bind_task(py::module_& m) {
   py::class_<BallInCup> c(m, "_BallInCup");
   c.def(py::init(&make_task), "model"_a, "controller"_a, "string"_a, "joints"_a, "start"_a,
         "promp"_a, "search"_a, "weight_std"_a, "reward"_a, "law"_a, "rate"_a, "bandwidth"_a,
-        "damping"_a, "kp"_a, "kd"_a)
+        "damping"_a, "kp"_a, "kd"_a, "robust"_a)
       .def_property_readonly("model", [](const BallInCup& t) { return t.model; })
       .def_property_readonly("joints", [](const BallInCup& t) { return t.options.promp.joints; })
       .def_property_readonly("start", [](const BallInCup& t) { return array_out(t.start); })
@@ -204,14 +224,16 @@ py::dict reward_out(const BallInCupOptions& o) {
 }
 
 py::tuple policy_state(const LearnedPolicy& p) {
-  static_assert(detail::field_count<LearnedPolicy>() == 13, "name the new field here");
+  static_assert(detail::field_count<LearnedPolicy>() == 14, "name the new field here");
   return py::make_tuple(p.seed, Promp(p.promp), p.policy, p.joints, array_out(p.start),
                         controller_out(p.controller), reward_out(p.reward), history_out(p.curve),
-                        p.stopped, p.expected, p.solved, p.rollouts, p.seconds);
+                        p.stopped, p.expected, p.solved, p.rollouts, p.seconds,
+                        py::make_tuple(p.in_draws.count, p.in_draws.caught, p.in_draws.reward));
 }
 
 LearnedPolicy policy_from(const py::tuple& s) {
   const py::dict r = s[6];
+  const auto [count, caught, reward] = py::cast<std::tuple<int, int, double>>(s[13]);
   return {.seed = py::cast<std::uint64_t>(s[0]),
           .promp = py::cast<const Promp&>(s[1]).spec(),
           .policy = py::cast<Gaussian>(s[2]),
@@ -226,7 +248,8 @@ LearnedPolicy policy_from(const py::tuple& s) {
           .expected = py::cast<double>(s[9]),
           .solved = py::cast<bool>(s[10]),
           .rollouts = py::cast<long>(s[11]),
-          .seconds = py::cast<double>(s[12])};
+          .seconds = py::cast<double>(s[12]),
+          .in_draws = {count, caught, reward}};
 }
 
 /// Desired positions and velocities of all joints, (T × n).
@@ -250,8 +273,12 @@ std::string policy_repr(const LearnedPolicy& p) {
   std::snprintf(text, sizeof text,
                 "%d weights, %zu iterations, %ld rollouts; reward of the mean %.3f",
                 p.policy.size(), p.curve.size(), p.rollouts, p.expected);
+  const std::string draws = p.in_draws.count == 0
+                                ? ""
+                                : ", in " + std::to_string(p.in_draws.caught) + " of " +
+                                      std::to_string(p.in_draws.count) + " draws";
   return "Policy(seed " + std::to_string(p.seed) + ": " + (p.solved ? "solved" : "not solved") +
-         " in the model; " + text + (p.stopped.empty() ? "; interrupted)" : ")");
+         " in the model" + draws + "; " + text + (p.stopped.empty() ? "; interrupted)" : ")");
 }
 
 void bind_learned_policy(py::module_& m) {
@@ -282,6 +309,15 @@ void bind_learned_policy(py::module_& m) {
       .def_readonly("stopped", &P::stopped, "Why the search ended; empty: it was interrupted.")
       .def_readonly("expected", &P::expected, "Reward of the mean in the model.")
       .def_readonly("solved", &P::solved, "The mean catches the ball in the model.")
+      .def_property_readonly(
+          "caught_share",
+          [](const P& p) {
+            return p.in_draws.count > 0
+                       ? py::cast(static_cast<double>(p.in_draws.caught) / p.in_draws.count)
+                       : py::object(py::none());
+          },
+          "Share of draws of the posterior, which the search had not seen, in which the mean "
+          "catches the ball; None: it was learned in the model alone.")
       .def_readonly("rollouts", &P::rollouts, "That it took.")
       .def_readonly("seconds", &P::seconds, "That it took.")
       .def("motion", &motion, "times"_a, "theta"_a = py::none(),

@@ -22,11 +22,18 @@ namespace {
 using Catch::Matchers::ContainsSubstring;
 using Catch::Matchers::MessageMatches;
 
-BallInCup small_task() {
+/// @param robust  in draws, of what the description may lack
+BallInCup small_task(bool robust = false) {
   static const Model model = read_model(std::string(DIFFNEA_SOURCE_DIR) + "/models/wam4_ball.xml");
   LearnOptions options;
   options.ereps.samples = 24;
   options.ereps.iterations = 4;
+  if (robust)
+    options.robust = {
+        .draws = 6,
+        .each = 3,
+        .quantile = 0.5,
+        .vary = {{"string.string_damping.damping", 0.0, 0.5}, {"string.length", 0.39, 0.41}}};
   return ball_in_cup(model, model, options);
 }
 
@@ -41,7 +48,8 @@ std::string replaced(std::string text, const std::string& from, const std::strin
 
 TEST_CASE("policy file: every number comes back exactly", "[policy]") {
   const test::TemporaryFolder folder;
-  LearnedPolicy policy = learn(small_task(), 18446744073709551615u);
+  const bool robust = GENERATE(false, true);
+  LearnedPolicy policy = learn(small_task(robust), 18446744073709551615u);
   if (GENERATE(false, true)) policy.expected = -std::numeric_limits<double>::infinity();
   write_policy(policy, folder.path() / "policy.json");
   const LearnedPolicy same = read_policy(folder.path() / "policy.json");
@@ -56,6 +64,9 @@ TEST_CASE("policy file: every number comes back exactly", "[policy]") {
   CHECK(same.curve.back().entropy == policy.curve.back().entropy);
   CHECK(same.curve.back().iteration == policy.curve.back().iteration);
   CHECK(same.stopped == policy.stopped);
+  CHECK(same.in_draws.count == (robust ? 64 : 0));
+  CHECK(same.in_draws.caught == policy.in_draws.caught);
+  CHECK(same.in_draws.reward == policy.in_draws.reward);
 }
 
 TEST_CASE("policy file: what is broken is named", "[policy]") {
@@ -82,7 +93,7 @@ TEST_CASE("policy file: what is broken is named", "[policy]") {
 
 TEST_CASE("checkpoint: a search that goes on from it ends as one without a break", "[policy]") {
   const test::TemporaryFolder folder;
-  const BallInCup task = small_task();
+  const BallInCup task = small_task(GENERATE(false, true));
   const std::string id = fingerprint(task);
   const int stop_after = GENERATE(1, 3);
   const LearnedPolicy whole = learn(task, 5);
@@ -123,6 +134,11 @@ TEST_CASE("checkpoint: of another task, seed or search it is refused, and says w
   other.options.ereps.stop_std = 0.01;
   CHECK(fingerprint(other) == id);  // it goes on
   CHECK(read_checkpoint(path, id, first_search(other, 1)));
+  other = small_task(true);
+  CHECK(fingerprint(other) != id);
+  const std::string in_draws = fingerprint(other);
+  other.options.robust.vary[0].high = 0.6;
+  CHECK(fingerprint(other) != in_draws);
   other = task;
   other.options.reward.lambda_q = 0.03;
   CHECK(fingerprint(other) != id);

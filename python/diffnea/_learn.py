@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import html
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -68,6 +68,15 @@ class LearnResult:
     def solved(self) -> NDArray[np.bool_]:
         """(policies,) whose mean does the task in the model."""
         return np.array([policy.solved for policy in self.policies], dtype=bool)
+
+    @property
+    def caught_share(self) -> Array:
+        """(policies,) share of draws of the posterior in which the mean does the task.
+
+        Draws that the search had not seen; NaN where it had the model alone.
+        """
+        shares = [policy.caught_share for policy in self.policies]
+        return np.array([np.nan if share is None else share for share in shares])
 
     @property
     def best(self) -> Policy:
@@ -189,6 +198,11 @@ def learn(
     damping: float = 0.7,
     kp: ArrayLike | None = None,
     kd: ArrayLike | None = None,
+    robust: bool = False,
+    draws: int = 64,
+    each: int | None = None,
+    quantile: float | None = None,
+    vary: Mapping[str, tuple[float, float]] | None = None,
 ) -> LearnResult:
     """Learn a task in a model, offline: eREPS over the weights of a movement primitive.
 
@@ -229,6 +243,15 @@ def learn(
         damping: of gains that are not given.
         kp: gains (n,) [N·m/rad].
         kd: gains (n,) [N·m·s/rad].
+        robust: for all models that the recordings leave possible: samples are executed in draws
+            of the posterior that `identify` left in the model (``model.json``, or a fit).
+        draws: with ``robust``: of the posterior.
+        each: with ``robust``: draws that a sample is executed in, so many rollouts; default: 1,
+            with ``quantile`` 8.
+        quantile: with ``robust``: a sample's reward is this quantile of those it got, instead of
+            their mean.
+        vary: with ``robust``: parameters that draws have anywhere within a range, low and high:
+            what the model may lack, ``{"string.string_mass.mass_ratio": (0, 0.1)}``.
 
     Raises:
         DataError: a reward is NaN (names iteration, sample and parameters), or the task cannot be.
@@ -275,11 +298,14 @@ def learn(
         damping,
         kp,
         kd,
+        _robust(robust, draws, each, quantile, vary),
     )
     world = _BallInCup(model, controller, string, *options)
 
     begin = time.monotonic()
     own = task if not isinstance(task, str) else None
+    if robust and not (own is None and reward is None):
+        raise Error("learn: robust: is of the task's own reward; leave out reward and task")
     with _bar(progress, len(seeds) * iterations) as report:
         if own is None and reward is None:
             if ended is not None:
@@ -298,6 +324,23 @@ def learn(
     return LearnResult(
         world.model, controller, policies, interrupted, string, threads, seconds, options
     )
+
+
+def _robust(
+    robust: bool,
+    draws: int,
+    each: int | None,
+    quantile: float | None,
+    vary: Mapping[str, tuple[float, float]] | None,
+) -> dict[str, Any]:
+    """Check what `_BallInCup` takes; {}: for the model alone."""
+    if not robust:
+        if each is not None or quantile is not None or vary:
+            raise Error("learn: each, quantile and vary are of draws; give robust=True as well")
+        return {}
+    if draws < 1:
+        raise Error(f"learn: draws: got {draws}, expected 1 or more")
+    return {"draws": draws, "each": each or 0, "quantile": quantile, "vary": dict(vary or {})}
 
 
 def _search(world: _BallInCup, rollouts: Rollouts, seed: int, report: Progress) -> Policy:

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include <diffnea/core/error.hpp>
+#include <diffnea/identify/posterior.hpp>
 #include <diffnea/recording/audit.hpp>
 
 #include "diagnose/base.hpp"
@@ -85,10 +86,9 @@ class Diagnosis {
 
  private:
   void prepare() {
-    base_ = options_.base != Base::kAuto ? options_.base
-            : model_.posterior           ? Base::kPrior
-                                         : Base::kRefit;
-    if (base_ == Base::kPrior && !model_.posterior)
+    const bool posterior = model_.posterior && knows_arm(*model_.posterior);
+    base_ = options_.base != Base::kAuto ? options_.base : posterior ? Base::kPrior : Base::kRefit;
+    if (base_ == Base::kPrior && !posterior)
       throw ModelError(
           "--base prior: " + (model_.source.empty() ? "the model" : model_.source) +
           " has no posterior; give the model.json that `identify` wrote, or take --base refit");

@@ -137,6 +137,65 @@ double penalty(const RolloutTrace& trace, const std::vector<std::string>& joints
   return sum;
 }
 
+/// Draws that a policy is judged in.
+constexpr int kJudges = 64;
+
+/// @throws Error if an option makes no sense
+RobustOptions completed(RobustOptions o) {
+  if (o.draws < 0 || o.each < 0)
+    throw Error("robust: draws and each: got " + std::to_string(o.draws) + " and " +
+                std::to_string(o.each) + ", expected 0 or more");
+  if (o.draws == 0 && (o.each > 0 || o.quantile || !o.vary.empty()))
+    throw Error(
+        "robust: each, quantile and vary are of draws, of which there are none; ask for some "
+        "(--robust)");
+  if (o.quantile && !(*o.quantile > 0.0 && *o.quantile <= 1.0))
+    throw Error("robust: quantile: got " + number(*o.quantile) + ", expected above 0, at most 1");
+  if (o.each == 0) o.each = o.quantile ? std::min(8, o.draws) : std::min(1, o.draws);
+  if (o.each > o.draws)
+    throw Error("robust: each: got " + std::to_string(o.each) + ", expected at most the " +
+                std::to_string(o.draws) + " draws");
+  if (o.quantile && o.each < 2)
+    throw Error(
+        "robust: quantile: a sample is executed in one draw; expected each to be 2 or more");
+  return o;
+}
+
+/// Mean or quantile of what one sample got.
+double worth(VecX<double> rewards, const std::optional<double>& quantile) {
+  if (!quantile) return rewards.mean();
+  std::ranges::sort(rewards);
+  const double rank = std::ceil(*quantile * static_cast<double>(rewards.size()) - 1e-9);
+  return rewards[std::max(0L, static_cast<long>(rank) - 1)];
+}
+
+/// All samples of one iteration, in the same draws: what is easy in one is easy for all of them,
+/// and makes none look better than another.
+struct InAllDraws {
+  VecX<double> rewards;  ///< (N)
+  double solved_share = 0.0;
+};
+InAllDraws execute_all(Rollouts& world, const RobustOptions& o, const RowMatX<double>& theta,
+                       int iteration) {
+  const long n = theta.rows(), each = std::max(o.each, 1);
+  InAllDraws out{VecX<double>(n)};
+  RowMatX<double> rows(n * each, theta.cols());
+  std::vector<std::uint64_t> worlds(static_cast<std::size_t>(n * each), 0);
+  for (long i = 0; i < n; ++i)
+    for (long k = 0; k < each; ++k) {
+      rows.row(i * each + k) = theta.row(i);
+      if (o.draws > 0)
+        worlds[static_cast<std::size_t>(i * each + k)] =
+            1 + static_cast<std::uint64_t>((iteration * each + k) % o.draws);
+    }
+  const RolloutResult seen = world.run(rows, worlds);
+  for (long i = 0; i < n; ++i)
+    out.rewards[i] = worth(seen.rewards.segment(i * each, each), o.quantile);
+  out.solved_share =
+      static_cast<double>(std::ranges::count(seen.solved, 1)) / static_cast<double>(n * each);
+  return out;
+}
+
 /// A world in which no episode ends: MuJoCo goes on after every touch.
 class Watch : public Task {
  public:
@@ -188,11 +247,18 @@ BallInCup ball_in_cup(const Model& described, const Model& controller, LearnOpti
   o.simulator.controller.kp = gains.kp;
   o.simulator.controller.kd = gains.kd;
   const VecX<double> q0 = o.start;
-  return {.model = model, .controller = controller, .options = std::move(o), .start = q0};
+  o.robust = completed(o.robust);
+  BallInCup out{.model = model, .controller = controller, .options = std::move(o), .start = q0};
+  const RobustOptions& robust = out.options.robust;
+  if (robust.draws > 0)
+    out.draws = draw_models(model, robust.draws + kJudges, robust.seed, robust.vary);
+  return out;
 }
 
 Rollouts rollouts(const BallInCup& task, int threads) {
-  const ModelSimulator simulator({task.model}, task.controller, task.options.simulator);
+  std::vector<Model> models{with_varied_effects(task.model, task.options.robust.vary)};
+  models.insert(models.end(), task.draws.begin(), task.draws.end());
+  const ModelSimulator simulator(models, task.controller, task.options.simulator);
   return Rollouts(simulator, BallInCupTask(task.options.reward), Promp(task.options.promp),
                   task.start, motion_limits(task.model), threads);
 }
@@ -234,11 +300,10 @@ LearnedPolicy learn(const BallInCup& task, std::uint64_t seed, int threads,
   };
   bool stopped = false;
   while (!search.done() && !stopped) {
-    const RolloutResult seen = world.run(search.ask());
+    const InAllDraws seen =
+        execute_all(world, task.options.robust, search.ask(), search.iteration());
     search.tell(seen.rewards);
-    const double solved =
-        static_cast<double>(std::ranges::count(seen.solved, 1)) / search.options().samples;
-    search.history().back().solved_share = solved;
+    search.history().back().solved_share = seen.solved_share;
     count();
     stopped = progress && !progress(state);
   }
@@ -250,6 +315,14 @@ LearnedPolicy learn(const BallInCup& task, std::uint64_t seed, int threads,
   out.solved = !last.solved.empty() && last.solved[0] != 0;
   out.rollouts = state.rollouts;
   out.seconds = state.seconds;
+  if (const RobustOptions& robust = task.options.robust; robust.draws > 0) {
+    std::vector<std::uint64_t> worlds;
+    for (int k = 0; k < kJudges; ++k)
+      worlds.push_back(1 + static_cast<std::uint64_t>(robust.draws + k));
+    const RolloutResult judged = world.run(mean.replicate(kJudges, 1), worlds);
+    out.in_draws = {kJudges, static_cast<int>(std::ranges::count(judged.solved, 1)),
+                    worth(judged.rewards, robust.quantile)};
+  }
   return out;
 }
 

@@ -7,6 +7,7 @@
 #include <Eigen/QR>
 
 #include <diffnea/core/error.hpp>
+#include <diffnea/identify/posterior.hpp>
 
 #include "identify/ball_flags.hpp"
 #include "identify/ball_path.hpp"
@@ -291,6 +292,8 @@ void identify_ball(const std::vector<Recording>& train, const std::vector<Record
       linearise_ball(asked, layout, fit.p, after.data, fit.sigma, fit_options);
   const VecX<double> visible = visible_shares(at.R);
   Eigen::Index free = 0;
+  std::vector<Eigen::Index> known;  // columns of the linearisation
+  Posterior posterior;
   for (std::size_t k = 0; k < layout.parameters.size(); ++k) {
     const BallParameter& p = layout.parameters[k];
     const auto i = static_cast<Eigen::Index>(k);
@@ -301,6 +304,11 @@ void identify_ball(const std::vector<Recording>& train, const std::vector<Record
       e.identifiable = visible[free++] > kVisible && (p.effect >= 0 || e.std < kKnown);
       e.at_bound = (p.sign == Sign::kNonNegative && fit.p[i] == 0.0) || fit.p[i] >= p.most;
       if (!e.identifiable) e.std = kNaN;
+      if (e.identifiable) {
+        known.push_back(free - 1);
+        posterior.names.push_back(p.name);
+        posterior.mean.push_back(fit.p[i]);
+      }
       if (p.effect < 0 && p.index == 0 && e.identifiable)
         result.model.ball->string->length_std = e.std;
       if (!e.identifiable && p.effect < 0)
@@ -311,6 +319,11 @@ void identify_ball(const std::vector<Recording>& train, const std::vector<Record
     }
     result.parameters.push_back(e);
   }
+  const MatX<double> H = (at.R.transpose() * at.R)(known, known);  // what is not known is held
+  posterior.information.assign(H.data(), H.data() + H.size());
+  const std::optional<Posterior> before_ball = result.model.posterior;
+  if (before_ball || !known.empty())
+    result.model.posterior = joined(before_ball ? &*before_ball : nullptr, &posterior);
 
   JointError error;
   error.joint = "ball";

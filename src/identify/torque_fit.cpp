@@ -8,6 +8,7 @@
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/effects/extended_tree.hpp>
+#include <diffnea/identify/posterior.hpp>
 #include <diffnea/identify/torque_regression.hpp>
 
 #include "identify/gains.hpp"
@@ -484,7 +485,8 @@ class InverseFit {
 
   void evaluate() {
     result_.model = apply_fit(model_, layout_, x_, shape_);
-    result_.model.posterior = posterior_of(layout_, x_, fit_.information);
+    const Posterior arm = posterior_of(layout_, x_, fit_.information);
+    result_.model.posterior = joined(&arm, model_.posterior ? &*model_.posterior : nullptr);
     result_.parameters = parameter_estimates(layout_, x_, shape_, fit_.std, fit_.identifiable,
                                              fit_.solver.active_nonnegative, shape_std_);
     result_.base_parameters = fit_.base_parameters;

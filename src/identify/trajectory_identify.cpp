@@ -6,6 +6,7 @@
 #include <Eigen/Cholesky>
 
 #include <diffnea/core/error.hpp>
+#include <diffnea/identify/posterior.hpp>
 #include <diffnea/identify/torque_regression.hpp>
 #include <diffnea/identify/trajectory_fit.hpp>
 
@@ -134,7 +135,8 @@ class TrajectoryIdentification {
         at_bound.push_back(static_cast<int>(k));
     }
     result_.parameters = parameter_estimates(layout_, fit_.x, shape_, std, identifiable, at_bound);
-    result_.model.posterior = posterior_of(layout_, fit_.x, information());
+    const Posterior arm = posterior_of(layout_, fit_.x, information());
+    result_.model.posterior = joined(&arm, model_.posterior ? &*model_.posterior : nullptr);
     result_.physically_consistent = true;
 
     // Errors: every window from its own estimated initial state, before and after alike.

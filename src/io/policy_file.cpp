@@ -96,6 +96,7 @@ std::string policy_json(const LearnedPolicy& p) {
   out["stopped"] = p.stopped;
   out["rollouts"] = p.rollouts;
   out["seconds"] = io::number(p.seconds);
+  if (p.in_draws.count > 0) out["in_draws"] = io::in_draws(p.in_draws);
   out["curve"] = io::curve(p.curve);
   return io::text(out, 1);
 }
@@ -124,6 +125,7 @@ LearnedPolicy read_policy(const std::filesystem::path& path) {
   out.stopped = root.string_or("stopped", "");
   out.rollouts = io::read_integer(root, "rollouts");
   out.seconds = io::number_or_nan(root, "seconds");
+  out.in_draws = io::read_in_draws(root);
   out.curve = io::read_curve(root, "curve");
   root.finish();
   return out;

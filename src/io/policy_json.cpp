@@ -2,8 +2,10 @@
 
 #include <array>
 #include <cmath>
+#include <limits>
 #include <utility>
 
+#include "io/json_numbers.hpp"
 #include "io/run_reader.hpp"
 
 namespace diffnea::io {
@@ -95,21 +97,39 @@ Json reward(const BallInCupOptions& o) {
           {"string", o.string}};
 }
 
+Json robust(const RobustOptions& o) {
+  Json vary = Json::array();
+  for (const Variation& v : o.vary)
+    vary.push_back({{"parameter", v.parameter}, {"low", v.low}, {"high", v.high}});
+  return {{"draws", o.draws},
+          {"each", o.each},
+          {"quantile", o.quantile ? Json(*o.quantile) : Json()},
+          {"vary", vary},
+          {"seed", o.seed}};
+}
+
+Json in_draws(const InDraws& d) {
+  return {{"draws", d.count}, {"caught", d.caught}, {"reward", number(d.reward)}};
+}
+
 Json task(const BallInCup& task) {
   const LearnOptions& o = task.options;
-  return {{"start", values(task.start)},
-          {"primitive", primitive(o.promp)},
-          {"search", search(o.ereps)},
-          {"weight_std", o.weight_std},
-          {"nominal_string", o.nominal_string},
-          {"reward", reward(o.reward)},
-          {"simulator",
-           {{"controller", controller(o.simulator.controller)},
-            {"arm_step", o.simulator.arm_step},
-            {"ball_step", o.simulator.ball_step},
-            {"settle_time", o.simulator.settle_time},
-            {"least_upright", o.simulator.least_upright},
-            {"instruction_set", o.simulator.instruction_set}}}};
+  Json out{{"start", values(task.start)},
+           {"primitive", primitive(o.promp)},
+           {"search", search(o.ereps)},
+           {"weight_std", o.weight_std},
+           {"nominal_string", o.nominal_string},
+           {"reward", reward(o.reward)},
+           {"simulator",
+            {{"controller", controller(o.simulator.controller)},
+             {"arm_step", o.simulator.arm_step},
+             {"ball_step", o.simulator.ball_step},
+             {"settle_time", o.simulator.settle_time},
+             {"least_upright", o.simulator.least_upright},
+             {"instruction_set", o.simulator.instruction_set}}}};
+  // Where it is not asked for, files and fingerprints are those of a search that knows no draws.
+  if (o.robust.draws > 0) out["robust"] = robust(o.robust);
+  return out;
 }
 
 VecX<double> read_values(JsonObject& o, const char* key) {
@@ -230,6 +250,34 @@ BallInCupOptions read_reward(JsonObject& parent) {
   return out;
 }
 
+RobustOptions read_robust(JsonObject& parent) {
+  RobustOptions out;
+  const Json* value = parent.optional("robust");
+  if (!value) return out;
+  JsonObject o(*value, parent.at("robust"));
+  out.draws = read_int(o, "draws");
+  out.each = read_int(o, "each");
+  if (!o.required("quantile").is_null()) out.quantile = o.number("quantile");
+  for_each_object(o, "vary", [&](JsonObject& v) {
+    out.vary.push_back({v.string("parameter"), v.number("low"), v.number("high")});
+    v.finish();
+  });
+  out.seed = read_seed(o);
+  o.finish();
+  return out;
+}
+
+InDraws read_in_draws(JsonObject& parent) {
+  const Json* value = parent.optional("in_draws");
+  if (!value) return {};
+  JsonObject o(*value, parent.at("in_draws"));
+  const InDraws out{.count = read_int(o, "draws"),
+                    .caught = read_int(o, "caught"),
+                    .reward = o.number_or("reward", -std::numeric_limits<double>::infinity())};
+  o.finish();
+  return out;
+}
+
 LearnOptions read_task(JsonObject& root, long joints) {
   JsonObject o(root.required("task"), root.at("task"));
   LearnOptions out;
@@ -249,6 +297,7 @@ LearnOptions read_task(JsonObject& root, long joints) {
   out.simulator.least_upright = s.number("least_upright");
   out.simulator.instruction_set = s.string("instruction_set");
   s.finish();
+  out.robust = read_robust(o);
   o.finish();
   return out;
 }

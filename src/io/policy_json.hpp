@@ -16,7 +16,9 @@ Json primitive(const PrompSpec& spec);
 Json search(const ErepsOptions& o);
 Json controller(const ControllerOptions& o);
 Json reward(const BallInCupOptions& o);
-/// Start, primitive, search, reward, simulator: all that is not a model.
+/// {draws, caught, reward}.
+Json in_draws(const InDraws& d);
+/// Start, primitive, search, reward, simulator, robust: all that is not a model.
 Json task(const BallInCup& task);
 
 VecX<double> read_values(JsonObject& o, const char* key);
@@ -30,6 +32,8 @@ PrompSpec read_primitive(JsonObject& o);
 ErepsOptions read_search(JsonObject& o);
 ControllerOptions read_controller(JsonObject& o, long joints);
 BallInCupOptions read_reward(JsonObject& o);
+/// Reads `in_draws`, which need not be there.
+InDraws read_in_draws(JsonObject& o);
 /// Reads `task`. @param joints  of the model
 LearnOptions read_task(JsonObject& root, long joints);
 

@@ -40,16 +40,18 @@ int successes(const std::vector<Execution>& executions) {
 
 Json learned(const LearnedPolicy& p) {
   const int captured = first_capture(p);
-  return {{"seed", p.seed},
-          {"file", policy_file_name(p.seed)},
-          {"expected", number(p.expected)},
-          {"solved", p.solved},
-          {"stopped", p.stopped},
-          {"first_capture", captured > 0 ? Json(captured) : Json()},
-          {"iterations", p.curve.size()},
-          {"rollouts", p.rollouts},
-          {"seconds", number(p.seconds)},
-          {"curve", io::curve(p.curve)}};
+  Json out{{"seed", p.seed},
+           {"file", policy_file_name(p.seed)},
+           {"expected", number(p.expected)},
+           {"solved", p.solved},
+           {"stopped", p.stopped},
+           {"first_capture", captured > 0 ? Json(captured) : Json()},
+           {"iterations", p.curve.size()},
+           {"rollouts", p.rollouts},
+           {"seconds", number(p.seconds)},
+           {"curve", io::curve(p.curve)}};
+  if (p.in_draws.count > 0) out["in_draws"] = io::in_draws(p.in_draws);
+  return out;
 }
 
 Json executed(const Execution& e) {

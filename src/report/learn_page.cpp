@@ -13,21 +13,39 @@ namespace {
 
 using namespace report;
 
+std::string caught_words(const LearnedPolicy& p) {
+  std::string out = p.solved ? "caught" : "–";
+  if (p.in_draws.count > 0)
+    out += ", in " + std::to_string(p.in_draws.caught) + " of " + std::to_string(p.in_draws.count) +
+           " draws";
+  return out;
+}
+
 std::string seeds_table(const LearnRun& run, int best) {
   std::vector<std::vector<std::string>> rows;
   for (std::size_t i = 0; i < run.policies.size(); ++i) {
     const LearnedPolicy& p = run.policies[i];
     const int captured = first_capture(p);
     const bool is_best = static_cast<int>(i) == best;
-    rows.push_back({std::to_string(p.seed) + (is_best ? " <b>best</b>" : ""),
-                    p.solved ? "caught" : "–", reward_words(p.expected),
-                    captured > 0 ? std::to_string(captured) : "–", std::to_string(p.curve.size()),
-                    std::to_string(p.rollouts), duration_words(p.seconds),
+    rows.push_back({std::to_string(p.seed) + (is_best ? " <b>best</b>" : ""), caught_words(p),
+                    reward_words(p.expected), captured > 0 ? std::to_string(captured) : "–",
+                    std::to_string(p.curve.size()), std::to_string(p.rollouts),
+                    duration_words(p.seconds),
                     p.stopped.empty() ? "interrupted" : escape(p.stopped)});
   }
   return html_table({"seed", "in the model", "reward", "first catch at iteration", "iterations",
                      "rollouts", "time", "stopped because"},
                     rows, {"", "", "n", "n", "n", "n", "n", "wrap"});
+}
+
+std::string models_words(const RobustOptions& o) {
+  if (o.draws == 0) return "the identified one alone";
+  std::string out = std::to_string(o.draws) + " draws of the posterior, every sample in " +
+                    std::to_string(o.each) + "; its reward is " +
+                    (o.quantile ? "the " + number(*o.quantile) + " quantile" : "the mean");
+  for (const Variation& v : o.vary)
+    out += "; " + v.parameter + " from " + number(v.low) + " to " + number(v.high);
+  return out;
 }
 
 std::string task_table(const BallInCup& task) {
@@ -48,7 +66,7 @@ std::string task_table(const BallInCup& task) {
        row("reward", "ε = " + number(o.reward.epsilon) + " m², λ_q = " + number(o.reward.lambda_q) +
                          ", λ_q̇ = " + number(o.reward.lambda_qd) +
                          ", λ_s = " + number(o.reward.lambda_slack)),
-       row("string", number(o.reward.string) + " m")},
+       row("string", number(o.reward.string) + " m"), row("models", models_words(o.robust))},
       {"", ""});
 }
 

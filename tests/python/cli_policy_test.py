@@ -87,6 +87,51 @@ def test_killed_it_goes_on_to_the_same_result(learned: Path, tmp_path: Path) -> 
     assert not list(out.glob(".partial*"))
 
 
+ROBUST = ("--robust", "--draws", 8, "--each", 2, "--vary", "string.string_mass.mass_ratio=0:0.1")
+
+
+def test_in_draws_of_what_may_vary(tmp_path: Path) -> None:
+    one, two, killed = (tmp_path / name for name in ("one", "two", "killed"))
+    assert learn(one, *ROBUST, "--threads", 1).returncode in LEARNED
+    assert learn(two, *ROBUST, "--threads", 2).returncode in LEARNED
+    same_policies(one, two, 1)
+    process = started(killed, *SMALL, *ROBUST, "--threads", 1)
+    process.kill()
+    process.communicate()
+    assert learn(killed, *ROBUST, "--threads", 1).returncode in LEARNED
+    same_policies(one, killed, 1)
+    policy, result = load(one / "policy_0.json"), load(one / "result.json")
+    assert policy["in_draws"]["draws"] == 64
+    assert result["policies"][0]["in_draws"] == policy["in_draws"]
+    assert result["task"]["robust"]["each"] == 2
+    # Each that keeps within the limits, twice.
+    assert policy["rollouts"] % 2 == 0
+    assert "8 draws of the posterior" in (one / "report.html").read_text(encoding="utf-8")
+    other = learn(one, "--threads", 1)
+    assert other.returncode == BAD_INPUT
+    assert "of another task" in other.stderr
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("--robust",), "has no posterior"),
+        (("--vary", "string.length=0.39:0.41"), "--robust"),
+        (("--quantile", 0.1), "--robust"),
+        (("--robust", "--vary", "string.length=0.4"), "PARAMETER=LOW:HIGH"),
+        (("--robust", "--vary", "string.strin_mass.mass_ratio=0:1"), "string_mass"),
+        ((*ROBUST[:3], "--each", 9, *ROBUST[5:]), "at most the 8 draws"),
+        (("--robust", "--vary", "elbow.joint_elasticity.stiffness=1:2"), "elbow"),
+    ],
+)
+def test_draws_that_cannot_be_are_said(
+    words: tuple[object, ...], message: str, tmp_path: Path
+) -> None:
+    answer = learn(tmp_path / "out", *words)
+    assert answer.returncode == BAD_INPUT
+    assert message in answer.stderr
+
+
 def test_interrupted_it_leaves_what_was_learned(tmp_path: Path) -> None:
     out = tmp_path / "interrupted"
     process = started(out, "--iterations", 2000, "--stop-std", 1e-9, "--threads", 1)

@@ -179,6 +179,43 @@ def test_wrong_arguments_are_named(model) -> None:
         diffnea.learn(model, threads=0)
 
 
+VARIED = {"string.string_mass.mass_ratio": (0.0, 0.1), "string.length": (0.39, 0.41)}
+
+
+def test_in_draws_the_result_is_the_same_on_any_threads(model) -> None:
+    options = {"robust": True, "draws": 8, "vary": VARIED, "seeds": [3], **QUICK}
+    one, two = (diffnea.learn(model, threads=k, **options) for k in (1, 2))
+    plain = diffnea.learn(model, seeds=[3], **QUICK)
+    assert np.array_equal(one.policies[0].mean, two.policies[0].mean)
+    assert not np.array_equal(one.policies[0].mean, plain.policies[0].mean)
+    assert one.policies[0].rollouts == two.policies[0].rollouts
+    assert 0.0 <= one.caught_share[0] <= 1.0
+    assert np.isnan(plain.caught_share[0])
+    assert plain.policies[0].caught_share is None
+    assert " of 64 draws" in repr(one.policies[0])
+    copy = pickle.loads(pickle.dumps(one.policies[0]))
+    assert copy.caught_share == one.policies[0].caught_share
+    assert copy.to_dict() == one.policies[0].to_dict()
+    assert one.to_dict()["task"]["robust"]["vary"][1] == {
+        "parameter": "string.length",
+        "low": 0.39,
+        "high": 0.41,
+    }
+
+
+def test_draws_of_nothing_are_refused(model) -> None:
+    with pytest.raises(diffnea.ModelError, match="has no posterior"):
+        diffnea.learn(model, robust=True)
+    with pytest.raises(diffnea.Error, match="robust=True"):
+        diffnea.learn(model, quantile=0.1)
+    with pytest.raises(diffnea.Error, match="draws"):
+        diffnea.learn(model, robust=True, draws=0)
+    with pytest.raises(diffnea.Error, match="low end"):
+        diffnea.learn(model, robust=True, vary={"string.length": (0.5, 0.4)})
+    with pytest.raises(diffnea.Error, match="own reward"):
+        diffnea.learn(model, robust=True, vary=VARIED, reward=numpy_reward)
+
+
 class LookByLook(diffnea.Task):
     """What :func:`numpy_reward` says of ψ alone, look by look."""
 

@@ -7,10 +7,12 @@ import pytest
 from cli import MODELS, ROOT, diffnea, done, load
 
 
-@pytest.fixture(scope="module")
-def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+@pytest.fixture(scope="module", params=["plain", "robust"])
+def runs(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("policies")
-    search = ("--seeds", 2, "--samples", 24, "--iterations", 3)
+    search: tuple[object, ...] = ("--seeds", 2, "--samples", 24, "--iterations", 3)
+    if request.param == "robust":
+        search += ("--robust", "--quantile", 0.25, "--vary", "string.length=0.39:0.41")
     # Three iterations need not catch the ball: the files are there all the same.
     diffnea("learn", "ball-in-cup", MODELS / "wam4_ball.xml", *search, "-o", folder / "learn")
     done("transfer", folder / "learn", "-o", folder / "transfer")

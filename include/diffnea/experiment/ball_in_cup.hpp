@@ -12,6 +12,7 @@
 #include <string>
 #include <vector>
 
+#include <diffnea/identify/posterior.hpp>
 #include <diffnea/policy/ball_in_cup.hpp>
 #include <diffnea/policy/ereps.hpp>
 #include <diffnea/policy/rollouts.hpp>
@@ -20,6 +21,19 @@
 #include <diffnea/sim/model_simulator.hpp>
 
 namespace diffnea {
+
+/// A policy for all models that the recordings leave possible, instead of the fitted one: samples
+/// are executed in draws of its posterior (identify/posterior.hpp), those of an iteration in the
+/// same ones, those of the next in the next.
+struct RobustOptions {
+  int draws = 0;  ///< of the posterior, that the search has; 0: it has the model alone
+  int each = 0;   ///< draws that a sample is executed in; 0: 1, with a quantile 8
+  /// In (0, 1]: the reward of a sample is that quantile of those it got, the smallest one that a
+  /// share p of them does not pass. Not given: their mean.
+  std::optional<double> quantile = {};
+  std::vector<Variation> vary = {};  ///< what the posterior says nothing of
+  std::uint64_t seed = 0;            ///< of the draws
+};
 
 struct LearnOptions {
   std::vector<std::string> joints;  ///< that move; empty: those that turn the cup in the plane it
@@ -33,6 +47,7 @@ struct LearnOptions {
   double nominal_string = 0.0;
   BallInCupOptions reward;  ///< its string is the model's
   ModelSimulatorOptions simulator;
+  RobustOptions robust;
   /// Settings that transfer (docs/policy.md): a fast controller, gentle movements that keep the
   /// string taut.
   LearnOptions() {
@@ -48,6 +63,9 @@ struct BallInCup {
   Model model, controller;
   LearnOptions options;  ///< completed
   VecX<double> start;    ///< q_0 of all joints [rad]
+  /// Of the posterior, where options.robust wants them: those that a search has, then those that it
+  /// is judged in. All, and `model` with them, have the effects that are varied.
+  std::vector<Model> draws = {};
 };
 /// @param controller  the model that the robot's controller compensates gravity with
 /// @throws ModelError if there is no ball on a string, no cup, or no joint can move the cup;
@@ -56,8 +74,15 @@ struct BallInCup {
 ///         identified as another than the nominal one
 BallInCup ball_in_cup(const Model& model, const Model& controller, LearnOptions options);
 
-/// Rollouts of the task's primitive in its model.
+/// Rollouts of the task's primitive in its model (worlds of seed 0), and in its draws (1, 2, …).
 Rollouts rollouts(const BallInCup& task, int threads);
+
+/// What became of a policy's mean in draws of the posterior that its search had not seen.
+struct InDraws {
+  int count = 0;  ///< 0: the search had the model alone
+  int caught = 0;
+  double reward = 0.0;  ///< mean, or the quantile that was asked for
+};
 
 struct LearnedPolicy {
   std::uint64_t seed = 0;
@@ -73,6 +98,7 @@ struct LearnedPolicy {
   bool solved = false;    ///< the mean catches the ball in the model
   long rollouts = 0;
   double seconds = 0.0;  ///< that passed while it was learned
+  InDraws in_draws;
 };
 
 /// A search, and what it took so far.
