@@ -19,12 +19,14 @@ from ._core import (
     Model,
     Policy,
     _BallInCup,
+    _BallNetwork,
     _learn,
 )
 from ._files import StrPath, load_model
 from ._policy import Task
 from ._results import _import_figure, _table
 from ._rollouts import Ended, Reward, Rollouts, RolloutTrace
+from .blackbox.network import BallNetwork
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -189,6 +191,7 @@ def learn(
     damping: float = 0.7,
     kp: ArrayLike | None = None,
     kd: ArrayLike | None = None,
+    ball_network: BallNetwork | StrPath | None = None,
 ) -> LearnResult:
     """Learn a task in a model, offline: eREPS over the weights of a movement primitive.
 
@@ -229,6 +232,8 @@ def learn(
         damping: of gains that are not given.
         kp: gains (n,) [N·m/rad].
         kd: gains (n,) [N·m·s/rad].
+        ball_network: moves the ball in place of string and gravity: a black-box baseline
+            (:func:`diffnea.blackbox.train`), or its file. The policies say which.
 
     Raises:
         DataError: a reward is NaN (names iteration, sample and parameters), or the task cannot be.
@@ -275,6 +280,7 @@ def learn(
         damping,
         kp,
         kd,
+        _network(ball_network),
     )
     world = _BallInCup(model, controller, string, *options)
 
@@ -298,6 +304,13 @@ def learn(
     return LearnResult(
         world.model, controller, policies, interrupted, string, threads, seconds, options
     )
+
+
+def _network(network: BallNetwork | StrPath | None) -> _BallNetwork | None:
+    """Return it as the compiled part takes it."""
+    if network is None:
+        return None
+    return (network if isinstance(network, BallNetwork) else BallNetwork.load(network))._compiled
 
 
 def _search(world: _BallInCup, rollouts: Rollouts, seed: int, report: Progress) -> Policy:

@@ -96,6 +96,7 @@ std::string policy_json(const LearnedPolicy& p) {
   out["stopped"] = p.stopped;
   out["rollouts"] = p.rollouts;
   out["seconds"] = io::number(p.seconds);
+  if (!p.ball_network.sha256.empty()) out["ball_network"] = io::network_source(p.ball_network);
   out["curve"] = io::curve(p.curve);
   return io::text(out, 1);
 }
@@ -124,6 +125,7 @@ LearnedPolicy read_policy(const std::filesystem::path& path) {
   out.stopped = root.string_or("stopped", "");
   out.rollouts = io::read_integer(root, "rollouts");
   out.seconds = io::number_or_nan(root, "seconds");
+  out.ball_network = io::read_network_source(root);
   out.curve = io::read_curve(root, "curve");
   root.finish();
   return out;
@@ -136,8 +138,10 @@ std::string policy_file_name(std::uint64_t seed) {
 std::string fingerprint(const BallInCup& task) {
   BallInCup until = task;
   until.options.ereps = endless(task.options.ereps);
+  Json options = io::task(until);
+  if (options.contains("ball_network")) options["ball_network"].erase("file");  // wherever it lies
   return io::sha256(model_to_json(task.model) + model_to_json(task.controller) +
-                    io::text(io::task(until), -1));
+                    io::text(options, -1));
 }
 
 void write_checkpoint(const SearchState& state, const std::string& fingerprint,

@@ -95,9 +95,22 @@ Json reward(const BallInCupOptions& o) {
           {"string", o.string}};
 }
 
+Json network_source(const NetworkSource& n) {
+  return {{"file", n.file}, {"sha256", n.sha256}};
+}
+
+NetworkSource read_network_source(JsonObject& parent) {
+  const Json* value = parent.optional("ball_network");
+  if (!value) return {};
+  JsonObject o(*value, parent.at("ball_network"));
+  const NetworkSource out{.file = o.string("file"), .sha256 = o.string("sha256")};
+  o.finish();
+  return out;
+}
+
 Json task(const BallInCup& task) {
   const LearnOptions& o = task.options;
-  return {{"start", values(task.start)},
+  Json out{{"start", values(task.start)},
           {"primitive", primitive(o.promp)},
           {"search", search(o.ereps)},
           {"weight_std", o.weight_std},
@@ -110,6 +123,8 @@ Json task(const BallInCup& task) {
             {"settle_time", o.simulator.settle_time},
             {"least_upright", o.simulator.least_upright},
             {"instruction_set", o.simulator.instruction_set}}}};
+  if (o.simulator.ball_network) out["ball_network"] = network_source(diffnea::network_source(task));
+  return out;
 }
 
 VecX<double> read_values(JsonObject& o, const char* key) {
@@ -249,6 +264,7 @@ LearnOptions read_task(JsonObject& root, long joints) {
   out.simulator.least_upright = s.number("least_upright");
   out.simulator.instruction_set = s.string("instruction_set");
   s.finish();
+  o.optional("ball_network");  // of a file of its own
   o.finish();
   return out;
 }

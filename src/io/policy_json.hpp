@@ -16,7 +16,8 @@ Json primitive(const PrompSpec& spec);
 Json search(const ErepsOptions& o);
 Json controller(const ControllerOptions& o);
 Json reward(const BallInCupOptions& o);
-/// Start, primitive, search, reward, simulator: all that is not a model.
+Json network_source(const NetworkSource& source);
+/// Start, primitive, search, reward, simulator, and of a network which one: all that is not a model.
 Json task(const BallInCup& task);
 
 VecX<double> read_values(JsonObject& o, const char* key);
@@ -30,7 +31,9 @@ PrompSpec read_primitive(JsonObject& o);
 ErepsOptions read_search(JsonObject& o);
 ControllerOptions read_controller(JsonObject& o, long joints);
 BallInCupOptions read_reward(JsonObject& o);
-/// Reads `task`. @param joints  of the model
+/// The key `ball_network`; empty where there is none.
+NetworkSource read_network_source(JsonObject& o);
+/// Reads `task`, without its network. @param joints  of the model
 LearnOptions read_task(JsonObject& root, long joints);
 
 }  // namespace diffnea::io

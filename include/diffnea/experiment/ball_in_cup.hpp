@@ -58,6 +58,11 @@ BallInCup ball_in_cup(const Model& model, const Model& controller, LearnOptions 
 /// Rollouts of the task's primitive in its model.
 Rollouts rollouts(const BallInCup& task, int threads);
 
+/// Which network moved the ball where a policy was learned; empty: none did.
+struct NetworkSource {
+  std::string file, sha256;
+};
+
 struct LearnedPolicy {
   std::uint64_t seed = 0;
   PrompSpec promp;
@@ -72,7 +77,11 @@ struct LearnedPolicy {
   bool solved = false;    ///< the mean catches the ball in the model
   long rollouts = 0;
   double seconds = 0.0;  ///< that passed while it was learned
+  NetworkSource ball_network;
 };
+
+/// Of the task's network.
+NetworkSource network_source(const BallInCup& task);
 
 /// A search, and what it took so far.
 struct SearchState {
