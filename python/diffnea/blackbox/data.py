@@ -8,12 +8,15 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from .._core import Error, Model, Recording, frame_motion
+from .._core import Error, IdentifyResult, Model, Recording, frame_motion
+from .._files import StrPath, load_model, read_recordings
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     Array: TypeAlias = NDArray[np.float64]
+
+Recordings: TypeAlias = Recording | StrPath | Sequence[Recording | StrPath]
 
 # Half-widths of the local polynomials [s]. A joint's encoder gives 30 samples in 60 ms at 500 Hz:
 # noise of 0.1 mrad leaves 5 mrad/s. A camera of 100 Hz gives 20 in 0.2 s: noise of 1.5 mm leaves
@@ -55,7 +58,7 @@ class Series:
         whole = np.concatenate(
             [self.position, self.angular_velocity, self.ball, self.ball_acceleration], axis=1
         )
-        known = np.isfinite(whole).all(axis=1)
+        known: NDArray[np.bool_] = np.isfinite(whole).all(axis=1)
         known[:-1] &= known[1:]
         known[-1] = False
         return known
@@ -74,13 +77,28 @@ class Series:
 
 def to_link(rotation: Array, x: Array) -> Array:
     """R_WLᵀ x, row by row."""
-    return np.einsum("tij,ti->tj", rotation, x)
+    return np.asarray(np.einsum("tij,ti->tj", rotation, x), dtype=np.float64)
 
 
 def _change(x: Array, step: float) -> Array:
     """(x_k+1 − x_k) / h: over the step that begins at k."""
     out = np.full_like(x, np.nan)
     out[:-1] = np.diff(x, axis=0) / step
+    return out
+
+
+def model_of(model: Model | IdentifyResult | StrPath) -> Model:
+    """Return it, a fit's, or one from a file."""
+    if isinstance(model, IdentifyResult):
+        return model.model
+    return model if isinstance(model, Model) else load_model(model)
+
+
+def recordings_of(data: Recordings) -> list[Recording]:
+    """Return them all, from memory or from files."""
+    out: list[Recording] = []
+    for x in data if isinstance(data, list | tuple) else [data]:
+        out.extend([x] if isinstance(x, Recording) else read_recordings(x))
     return out
 
 
@@ -202,7 +220,8 @@ class Window:
 
 def blocks(all_series: Sequence[Series], seconds: float) -> tuple[list[Window], list[Window]]:
     """Blocks of time for training, and every fifth, which training never sees."""
-    train, held_out = [], []
+    train: list[Window] = []
+    held_out: list[Window] = []
     for number, series in enumerate(all_series):
         rows = max(1, round(seconds / series.step))
         known = np.concatenate([[False], series.known(), [False]]).astype(int)

@@ -10,9 +10,19 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from .._core import Error, Model, Recording, _BallNetwork
+from .._core import Error, IdentifyResult, Model, Recording, _BallNetwork
 from .._files import StrPath
-from .data import Series, Window, blocks, series_of, to_link, windows
+from .data import (
+    Recordings,
+    Series,
+    Window,
+    blocks,
+    model_of,
+    recordings_of,
+    series_of,
+    to_link,
+    windows,
+)
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -81,9 +91,7 @@ class BallNetwork:
         """For which an LSTM sees the motion before the ball is its own [s]."""
         return self._compiled.warm_up
 
-    def accelerations(
-        self, inputs: Array, hidden: Array | None = None
-    ) -> tuple[Array, Array]:
+    def accelerations(self, inputs: Array, hidden: Array | None = None) -> tuple[Array, Array]:
         """Of the ball in L, (N, 3) [m/s²], and what an LSTM's cells then remember, (N, h).
 
         Args:
@@ -129,7 +137,7 @@ class FreeRun:
     def at(self, time: float) -> dict[str, float]:
         """Medians over the windows at a time, of absolute values [m]."""
         k = int(np.argmin(np.abs(self.time - time)))
-        seen = [j for j in range(k, -1, -1) if np.isfinite(self.position_error[:, j]).any()][0]
+        seen = next(j for j in range(k, -1, -1) if np.isfinite(self.position_error[:, j]).any())
         return {
             "time": float(self.time[k]),
             "position_error": float(np.nanmedian(self.position_error[:, seen])),
@@ -147,8 +155,8 @@ class FreeRun:
 
 def free_run(
     network: BallNetwork,
-    recordings: Recording | Sequence[Recording],
-    model: Model,
+    recordings: Recordings,
+    model: Model | IdentifyResult | StrPath,
     *,
     seconds: float = 2.0,
     every: float = 0.5,
@@ -157,14 +165,13 @@ def free_run(
 
     Args:
         network: that moves the ball.
-        recordings: with a ball.
+        recordings: with a ball, or their files.
         model: whose kinematics tell where the link is.
         seconds: of each window.
         every: a window begins, on what was recorded [s].
 
     """
-    recordings = [recordings] if isinstance(recordings, Recording) else recordings
-    series = series_of(recordings, model, network.step)
+    series = series_of(recordings_of(recordings), model_of(model), network.step)
     train, held_out = blocks(series, 1e9)
     return run_windows(network, series, train + held_out, seconds, every)
 
@@ -189,21 +196,31 @@ def run_windows(
 
     x, v = at("ball", 0), at("ball_velocity", 0)
     hidden: Array | None = None
-    position, length = [], []
+    position: list[Array] = []
+    length: list[Array] = []
     lengths = np.array([series[w.series].length for w in chosen])
     for k in range(warm + rows):
         if k <= warm:
             x, v = at("ball", k), at("ball_velocity", k)
         if k >= warm:
-            position.append(np.linalg.norm(x - at("seen", k), axis=1))
-            length.append(np.linalg.norm(x - at("knot", k), axis=1) - lengths)
+            position.append(_norm(x - at("seen", k)))
+            length.append(_norm(x - at("knot", k)) - lengths)
         rotation = at("rotation", k)
-        relative = [to_link(rotation, x - at("position", k)), to_link(rotation, v - at("velocity", k))]
+        relative = [
+            to_link(rotation, x - at("position", k)),
+            to_link(rotation, v - at("velocity", k)),
+        ]
         link = np.stack([inputs[w.series][w.begin + k] for w in chosen])
         a, hidden = network.accelerations(np.concatenate([*relative, link], axis=1), hidden)
         v = v + h * np.einsum("tij,tj->ti", rotation, a)
         x = x + h * v
-    return FreeRun(h * np.arange(rows), np.stack(position, axis=1), np.stack(length, axis=1))
+    return FreeRun(
+        h * np.arange(rows, dtype=np.float64), np.stack(position, axis=1), np.stack(length, axis=1)
+    )
+
+
+def _norm(x: Array) -> Array:
+    return np.asarray(np.linalg.norm(x, axis=1), dtype=np.float64)
 
 
 def names_of(recordings: Sequence[Recording]) -> list[str]:

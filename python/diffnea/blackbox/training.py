@@ -4,18 +4,29 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from .._core import Error, Model, Recording
-from .data import INPUTS, Series, Window, blocks, series_of, to_link, windows
+from .._core import Error, IdentifyResult, Model
+from .._files import StrPath
+from .data import (
+    INPUTS,
+    Recordings,
+    Series,
+    Window,
+    blocks,
+    model_of,
+    recordings_of,
+    series_of,
+    to_link,
+    windows,
+)
 from .network import BallNetwork, FreeRun, names_of, run_windows
 
 if TYPE_CHECKING:
-    import torch
     from torch import Tensor, nn
 
     from .data import Array
@@ -57,7 +68,7 @@ class TrainOptions:
     """Of time; every fifth is held out [s]."""
     check_every: int = 25
     """Iterations between two looks at what was held out."""
-    patience: int = 6
+    patience: int = 10
     """Looks without a smaller error, after which a stage ends."""
     check_horizon: float = 0.5
     """Of the free runs that are looked at [s]."""
@@ -65,8 +76,8 @@ class TrainOptions:
 
 def train(
     kind: str,
-    recordings: Recording | Sequence[Recording],
-    model: Model,
+    recordings: Recordings,
+    model: Model | IdentifyResult | StrPath,
     *,
     ensemble: int = 1,
     seed: int = 0,
@@ -85,7 +96,7 @@ def train(
 
     Args:
         kind: ``ff``, layers with tanh, or ``lstm``.
-        recordings: with arm and ball; those without a ball are passed over.
+        recordings: with arm and ball, or their files; those without a ball are passed over.
         model: whose kinematics tell where the link of the string is; nothing else of it is used,
             but for the figures of the string's length.
         ensemble: networks that differ in their first weights and batches; their mean is the answer.
@@ -105,9 +116,9 @@ def train(
         raise Error(f"train: kind: got {kind!r}; choices: ff, lstm")
     if ensemble < 1:
         raise Error(f"train: ensemble: got {ensemble}, expected 1 or more")
-    recordings = [recordings] if isinstance(recordings, Recording) else list(recordings)
     begin = time.monotonic()
-    data = _Data(torch, series_of(recordings, model, options.step), kind, options)
+    given = recordings_of(recordings)
+    data = _Data(torch, series_of(given, model_of(model), options.step), kind, options)
     before = torch.get_num_threads()
     torch.set_num_threads(threads)
     try:
@@ -133,7 +144,7 @@ def train(
     document["training"] = {
         "options": asdict(options) | {"hidden": list(_hidden(kind, options))},
         "seed": seed,
-        "recordings": names_of(recordings),
+        "recordings": names_of(given),
         "rows": sum(w.end - w.begin for w in data.train),
         "held_out_rows": sum(w.end - w.begin for w in data.held_out),
         "stages": [fit.stages for fit in fits],
@@ -170,9 +181,7 @@ def _iterations(options: TrainOptions) -> int:
 class _Data:
     """Series as tensors, one after the other, and which rows are for what."""
 
-    def __init__(
-        self, torch: Any, series: list[Series], kind: str, options: TrainOptions
-    ) -> None:
+    def __init__(self, torch: Any, series: list[Series], kind: str, options: TrainOptions) -> None:
         self.series = series
         self.warm = round(options.warm_up / options.step) if kind == "lstm" else 0
         self.train, self.held_out = blocks(series, options.block)
@@ -188,17 +197,17 @@ class _Data:
         self.told_seconds = min(1.6, most - self.warm * options.step)
         self.offset = np.cumsum([0] + [len(x) for x in series])
 
-        def rows(name: str) -> Array:
+        def column(name: str) -> Array:
             return np.concatenate([getattr(x, name) for x in series])
 
         link = np.concatenate([x.link_inputs() for x in series])
-        rotation = rows("rotation")
+        rotation = column("rotation")
         relative = [
-            to_link(rotation, rows("ball") - rows("position")),
-            to_link(rotation, rows("ball_velocity") - rows("velocity")),
+            to_link(rotation, column("ball") - column("position")),
+            to_link(rotation, column("ball_velocity") - column("velocity")),
         ]
         inputs = np.concatenate([*relative, link], axis=1)
-        outputs = to_link(rotation, rows("ball_acceleration"))
+        outputs = to_link(rotation, column("ball_acceleration"))
         own = np.concatenate([self._rows(w) for w in self.train])
         self.input_mean = inputs[own].mean(axis=0)
         # What hardly varies in the recordings would be blown up elsewhere.
@@ -212,7 +221,7 @@ class _Data:
             "outputs": (outputs - self.output_mean) / self.output_scale,
         }
         for name in ("position", "velocity", "ball", "ball_velocity", "seen"):
-            arrays[name] = rows(name)
+            arrays[name] = column(name)
         self.tensors = {k: torch.tensor(x, dtype=torch.float32) for k, x in arrays.items()}
 
     def _rows(self, window: Window) -> Any:
@@ -231,7 +240,7 @@ def _module(torch: Any, data: _Data, kind: str, hidden: tuple[int, ...]) -> Any:
         def __init__(self) -> None:
             super().__init__()
             widths = [INPUTS, *hidden]
-            self.cell: nn.LSTM | None = None
+            self.cell: Any = None
             if kind == "lstm":
                 if len(set(hidden)) != 1:
                     raise Error(f"train: hidden: got {hidden}, expected cells of one size")
@@ -262,7 +271,7 @@ def _module(torch: Any, data: _Data, kind: str, hidden: tuple[int, ...]) -> Any:
         def head(self, x: Tensor) -> Tensor:
             for layer in self.layers[:-1]:
                 x = torch.tanh(layer(x))
-            return self.layers[-1](x)  # type: ignore[no-any-return]
+            return self.layers[-1](x)
 
         def document(self) -> dict[str, Any]:
             cells = []
@@ -307,7 +316,8 @@ class _Fit:
         every = windows(data.held_out, data.warm + rows, rows // 4)
         picked = self.rng.permutation(len(every))[:64]
         self.check = data.batch(torch, [every[k] for k in picked])
-        self.best, self.best_error = None, math.inf
+        self.best: dict[str, Tensor] | None = None
+        self.best_error = math.inf
         self.stages: list[dict[str, Any]] = []
         self.stopped = False
 
@@ -362,7 +372,7 @@ class _Fit:
         of = self.data.tensors
         out, _ = self.net.sequence(of["inputs"][rows])
         off = out - of["outputs"][rows]
-        return (off[:, self.data.warm :] ** 2).mean()  # type: ignore[no-any-return]
+        return (off[:, self.data.warm :] ** 2).mean()
 
     def _roll(self, rows: Tensor) -> Tensor:
         """Positions that the camera saw and smoothed velocities, the ball running free."""
@@ -373,15 +383,15 @@ class _Fit:
         seen = torch.isfinite(off)
         position = torch.where(seen, off, torch.zeros_like(off)).pow(2).sum() / seen.sum()
         velocity = ((v - of["ball_velocity"][then]) / _VELOCITY).pow(2).mean()
-        return position + velocity  # type: ignore[no-any-return]
+        return position + velocity
 
     def _error(self) -> float:
         """Root mean square of the ball's position on what was held out [m]."""
         torch, of = self.torch, self.data.tensors
         with torch.no_grad():
             x, _ = self._free(self.check)
-            off = x - of["seen"][self.check[:, self.data.warm :]]
-            error = float(off[torch.isfinite(of["seen"][self.check[:, self.data.warm :]])].pow(2).mean().sqrt())
+            seen = of["seen"][self.check[:, self.data.warm :]]
+            error = float((x - seen)[torch.isfinite(seen)].pow(2).mean().sqrt())
         return error * math.sqrt(3.0) if math.isfinite(error) else math.inf
 
     def _free(self, rows: Tensor) -> tuple[Tensor, Tensor]:
