@@ -27,7 +27,7 @@ from .data import (
 from .network import BallNetwork, FreeRun, names_of, run_windows
 
 if TYPE_CHECKING:
-    from torch import Tensor, nn
+    from torch import Tensor
 
     from .data import Array
 
