@@ -186,8 +186,8 @@ def test_the_command_names_the_network(tmp_path) -> None:
 
 
 def test_a_network_of_another_step_is_refused(model) -> None:
-    with pytest.raises(diffnea.ModelError, match=r"steps of 2 ms.* 4 ms"):
-        diffnea.learn(model, ball_network=network("ff"), rate=250.0, **QUICK)
+    with pytest.raises(diffnea.ModelError, match=r"steps of 2 ms.* 1\.25 ms"):
+        diffnea.learn(model, ball_network=network("ff"), rate=400.0, **QUICK)
 
 
 def test_local_polynomials_follow_a_cubic_through_gaps() -> None:

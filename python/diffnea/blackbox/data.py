@@ -15,8 +15,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     Array: TypeAlias = NDArray[np.float64]
-
-Recordings: TypeAlias = Recording | StrPath | Sequence[Recording | StrPath]
+    Recordings: TypeAlias = Recording | StrPath | Sequence[Recording | StrPath]
 
 # Half-widths of the local polynomials [s]. A joint's encoder gives 30 samples in 60 ms at 500 Hz:
 # noise of 0.1 mrad leaves 5 mrad/s. A camera of 100 Hz gives 20 in 0.2 s: noise of 1.5 mm leaves
@@ -196,7 +195,9 @@ def local_polynomial(
         enough = count[rows] > degree + 2
         spread = np.where(used, t, 0.0)
         inside = inner[rows]
-        enough &= ~inside | ((spread.max(axis=1) > 0.5) & (spread.min(axis=1) < -0.5))
+        enough &= ~inside | (
+            (spread.max(axis=1, initial=0.0) > 0.5) & (spread.min(axis=1, initial=0.0) < -0.5)
+        )
         powers = np.where(used[:, :, None], t[:, :, None] ** np.arange(degree + 1), 0.0)
         rows, powers, index = rows[enough], powers[enough], index[enough]
         if not len(rows):

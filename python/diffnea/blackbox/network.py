@@ -13,7 +13,6 @@ import numpy as np
 from .._core import Error, IdentifyResult, Model, Recording, _BallNetwork
 from .._files import StrPath
 from .data import (
-    Recordings,
     Series,
     Window,
     blocks,
@@ -26,6 +25,8 @@ from .data import (
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+
+    from .data import Recordings
 
     Array: TypeAlias = NDArray[np.float64]
 

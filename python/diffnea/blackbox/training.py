@@ -14,7 +14,6 @@ from .._core import Error, IdentifyResult, Model
 from .._files import StrPath
 from .data import (
     INPUTS,
-    Recordings,
     Series,
     Window,
     blocks,
@@ -29,7 +28,7 @@ from .network import BallNetwork, FreeRun, names_of, run_windows
 if TYPE_CHECKING:
     from torch import Tensor
 
-    from .data import Array
+    from .data import Array, Recordings
 
 Progress: TypeAlias = Callable[[str, int, float], object]
 
