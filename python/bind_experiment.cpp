@@ -210,8 +210,8 @@ py::tuple policy_state(const LearnedPolicy& p) {
   static_assert(detail::field_count<LearnedPolicy>() == 14, "name the new field here");
   return py::make_tuple(p.seed, Promp(p.promp), p.policy, p.joints, array_out(p.start),
                         controller_out(p.controller), reward_out(p.reward), history_out(p.curve),
-                        p.stopped, p.expected, p.solved, p.rollouts, p.seconds,
-                        p.ball_network.file, p.ball_network.sha256);
+                        p.stopped, p.expected, p.solved, p.rollouts, p.seconds, p.ball_network.file,
+                        p.ball_network.sha256);
 }
 
 LearnedPolicy policy_from(const py::tuple& s) {

@@ -189,11 +189,11 @@ TEST_CASE("ball network: the simulator integrates it, and leaves the arm alone",
   const Lanes start = simulated(spring(k, g), "", {0.0}, 0);
   const Lanes seen = simulated(spring(k, g), "", {0.0}, steps);
   const Lanes other = simulated(spring(0.0, 0.0), "", {0.0}, steps);
-  CHECK((seen - other).topRows(8).cwiseAbs().maxCoeff() == 0.0);  // q, q̇: nothing pulls
+  CHECK((seen - other).topRows(8).cwiseAbs().maxCoeff() == 0.0);            // q, q̇: nothing pulls
   CHECK((other - start).middleRows(ball, 6).cwiseAbs().maxCoeff() == 0.0);  // no gravity left
   CHECK(seen(row_of("phase"), 0) == double(BallPhase::kImagined));
-  // About m = p_L − g/k e_z. Steps of h, x after v, turn the phase by 2 asin(½ √k h) each, and begin
-  // half a step ahead.
+  // About m = p_L − g/k e_z. Steps of h, x after v, turn the phase by 2 asin(½ √k h) each, and
+  // begin half a step ahead.
   const double h = 0.002, angle = 2.0 * std::asin(0.5 * std::sqrt(k) * h);
   const double shape = std::cos(angle * (steps + 0.5)) / std::cos(0.5 * angle);
   LinkKinematics<double> links;
@@ -238,8 +238,7 @@ TEST_CASE("ball network: what does not fit is refused by name", "[io][ball_netwo
   std::string row = "[1";
   for (int i = 1; i < 18; ++i) row += ",0";
   row += "]";
-  const std::string good =
-      R"({"weights":[)" + row + "," + row + "," + row + R"(],"bias":[1,2,3]})";
+  const std::string good = R"({"weights":[)" + row + "," + row + "," + row + R"(],"bias":[1,2,3]})";
   const auto error = [](const std::string& text) {
     try {
       ball_network_from_json(text, "net.json");
@@ -261,7 +260,7 @@ TEST_CASE("ball network: what does not fit is refused by name", "[io][ball_netwo
 
   BallNetwork slow = spring(1.0, 1.0);
   slow.step = 0.01;
-  CHECK_THROWS_WITH(simulated(slow, "", {0.0}, 1),
-                    ContainsSubstring("test.json.step") && ContainsSubstring("10 ms") &&
-                        ContainsSubstring("2 ms"));
+  CHECK_THROWS_WITH(simulated(slow, "", {0.0}, 1), ContainsSubstring("test.json.step") &&
+                                                       ContainsSubstring("10 ms") &&
+                                                       ContainsSubstring("2 ms"));
 }

@@ -17,8 +17,8 @@ DenseLayer read_layer(JsonObject& o) {
   out.outputs = static_cast<int>(out.bias.size());
   const Json& rows = io::json_array(o.required("weights"), o.at("weights"));
   if (rows.size() != out.bias.size())
-    throw ModelError(o.at("weights") + ": got " + std::to_string(rows.size()) +
-                     " rows, expected " + std::to_string(out.bias.size()) + " (one per output)");
+    throw ModelError(o.at("weights") + ": got " + std::to_string(rows.size()) + " rows, expected " +
+                     std::to_string(out.bias.size()) + " (one per output)");
   for (std::size_t r = 0; r < rows.size(); ++r) {
     const std::vector<double> row = io::json_numbers(
         rows[r], o.at("weights") + "[" + std::to_string(r) + "]", r == 0 ? -1 : out.inputs);
@@ -79,8 +79,7 @@ BallNetwork ball_network_from_json(const std::string& text, const std::string& w
 }
 
 std::shared_ptr<const BallNetwork> read_ball_network(const std::filesystem::path& path) {
-  return std::make_shared<BallNetwork>(
-      ball_network_from_json(read_text_file(path), path.string()));
+  return std::make_shared<BallNetwork>(ball_network_from_json(read_text_file(path), path.string()));
 }
 
 }  // namespace diffnea

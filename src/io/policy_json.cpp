@@ -95,9 +95,7 @@ Json reward(const BallInCupOptions& o) {
           {"string", o.string}};
 }
 
-Json network_source(const NetworkSource& n) {
-  return {{"file", n.file}, {"sha256", n.sha256}};
-}
+Json network_source(const NetworkSource& n) { return {{"file", n.file}, {"sha256", n.sha256}}; }
 
 NetworkSource read_network_source(JsonObject& parent) {
   const Json* value = parent.optional("ball_network");
@@ -111,18 +109,18 @@ NetworkSource read_network_source(JsonObject& parent) {
 Json task(const BallInCup& task) {
   const LearnOptions& o = task.options;
   Json out{{"start", values(task.start)},
-          {"primitive", primitive(o.promp)},
-          {"search", search(o.ereps)},
-          {"weight_std", o.weight_std},
-          {"nominal_string", o.nominal_string},
-          {"reward", reward(o.reward)},
-          {"simulator",
-           {{"controller", controller(o.simulator.controller)},
-            {"arm_step", o.simulator.arm_step},
-            {"ball_step", o.simulator.ball_step},
-            {"settle_time", o.simulator.settle_time},
-            {"least_upright", o.simulator.least_upright},
-            {"instruction_set", o.simulator.instruction_set}}}};
+           {"primitive", primitive(o.promp)},
+           {"search", search(o.ereps)},
+           {"weight_std", o.weight_std},
+           {"nominal_string", o.nominal_string},
+           {"reward", reward(o.reward)},
+           {"simulator",
+            {{"controller", controller(o.simulator.controller)},
+             {"arm_step", o.simulator.arm_step},
+             {"ball_step", o.simulator.ball_step},
+             {"settle_time", o.simulator.settle_time},
+             {"least_upright", o.simulator.least_upright},
+             {"instruction_set", o.simulator.instruction_set}}}};
   if (o.simulator.ball_network) out["ball_network"] = network_source(diffnea::network_source(task));
   return out;
 }

@@ -17,7 +17,8 @@ Json search(const ErepsOptions& o);
 Json controller(const ControllerOptions& o);
 Json reward(const BallInCupOptions& o);
 Json network_source(const NetworkSource& source);
-/// Start, primitive, search, reward, simulator, and of a network which one: all that is not a model.
+/// Start, primitive, search, reward, simulator, and of a network which one: all that is not a
+/// model.
 Json task(const BallInCup& task);
 
 VecX<double> read_values(JsonObject& o, const char* key);

@@ -39,14 +39,14 @@ std::string task_table(const BallInCup& task) {
   };
   std::vector<std::vector<std::string>> rows{
       row("joints that move", joints),
-       row("movement", number(o.promp.duration) + " s, then " + number(o.promp.hold) +
-                           " s at rest; " + std::to_string(Promp(o.promp).size()) + " weights"),
-       row("search", std::to_string(o.ereps.samples) + " samples an iteration, at most " +
-                         std::to_string(o.ereps.iterations) + " iterations; bounds " +
-                         number(o.ereps.epsilon) + " and " + number(o.ereps.kappa) + " nat"),
-       row("reward", "ε = " + number(o.reward.epsilon) + " m², λ_q = " + number(o.reward.lambda_q) +
-                         ", λ_q̇ = " + number(o.reward.lambda_qd) +
-                         ", λ_s = " + number(o.reward.lambda_slack)),
+      row("movement", number(o.promp.duration) + " s, then " + number(o.promp.hold) +
+                          " s at rest; " + std::to_string(Promp(o.promp).size()) + " weights"),
+      row("search", std::to_string(o.ereps.samples) + " samples an iteration, at most " +
+                        std::to_string(o.ereps.iterations) + " iterations; bounds " +
+                        number(o.ereps.epsilon) + " and " + number(o.ereps.kappa) + " nat"),
+      row("reward", "ε = " + number(o.reward.epsilon) + " m², λ_q = " + number(o.reward.lambda_q) +
+                        ", λ_q̇ = " + number(o.reward.lambda_qd) +
+                        ", λ_s = " + number(o.reward.lambda_slack)),
       row("string", number(o.reward.string) + " m")};
   if (const NetworkSource network = network_source(task); !network.sha256.empty())
     rows.push_back(row("ball moved by the network",

@@ -105,7 +105,7 @@ struct State {
   Vec3<Pack> p_C, axis;       ///< the cup, at the ball's time
   CupPosition<Pack> in_cup;   ///< of the ball's last step, where it was near
   Mask near_cup = Mask(false);
-  Vec3<Pack> pull;  ///< of the string on the arm, W [N]
+  Vec3<Pack> pull;                 ///< of the string on the arm, W [N]
   NetworkBallState<Pack> network;  ///< where the ball is one's
   Pack phase = Pack(0.0);
   double time = 0.0;
@@ -412,8 +412,8 @@ class World : public PackWorld {
     take_frames();
     network_->step(state_.network, string_link(), kFarthestBall, state_.string.ball);
     if (!spec_.cup) return;
-    const Mask upside_down = state_.phase == phase(BallPhase::kUpsideDown) ||
-                             state_.axis.z < Pack(spec_.least_upright);
+    const Mask upside_down =
+        state_.phase == phase(BallPhase::kUpsideDown) || state_.axis.z < Pack(spec_.least_upright);
     const CupPosition<Pack> at = cup_position(state_.string.ball.x, state_.p_C, state_.axis);
     state_.phase = select(
         upside_down, phase(BallPhase::kUpsideDown),

@@ -60,7 +60,7 @@ struct PackSpec {
   int cup_link = -1;
   Pose<double> X_LC = Pose<double>::identity();
   std::vector<CapsuleSpec> obstacles;
-  double least_upright = 0.2;  ///< z of the cup's axis in W
+  double least_upright = 0.2;                  ///< z of the cup's axis in W
   std::shared_ptr<const BallNetwork> network;  ///< that moves the ball; none: string and gravity
 };
 

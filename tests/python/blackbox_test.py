@@ -157,6 +157,37 @@ def test_the_reward_is_the_papers_wherever_the_ball_ends(model) -> None:
     assert trace.reward == pytest.approx(np.exp(0.5 * psi.max() + 0.5 * psi[-1]), rel=1e-12)
 
 
+@pytest.mark.parametrize(("height", "solved"), [(0.035, True), (0.2, False)])
+def test_a_ball_that_stays_inside_is_solved(model, height: float, solved: bool) -> None:
+    """A spring with a damper takes the ball to a point over the cup's floor, or over the cup."""
+    cup = np.linalg.solve(
+        diffnea.frame_pose(model, last_link(model), q=HOME),
+        diffnea.frame_pose(model, "cup", q=HOME) @ [0, 0, height, 1],
+    )[:3]
+    weights = np.zeros((3, 18))
+    weights[:, :3], weights[:, 3:6] = -400 * np.eye(3), -40 * np.eye(3)
+    document = network("ff").to_dict()
+    document["input"] = {"mean": [0.0] * 18, "scale": [1.0] * 18}
+    document["output"] = {"mean": [0.0] * 3, "scale": [1.0] * 3}
+    pull = {"weights": weights.tolist(), "bias": (400 * cup).tolist()}
+    document["members"] = [{"cells": [], "layers": [pull]}]
+    learned = diffnea.learn(model, string=0.4, ball_network=BallNetwork(document), **QUICK)
+    rollouts = diffnea.Rollouts._of(learned._task().rollouts(None, None, False, 1), None)
+    trace = rollouts.trace(np.zeros(learned.policies[0].mean.shape))  # the arm rests
+    assert trace.solved == solved
+    assert trace["phase"][-1] == (5 if solved else 4)
+    ball, cup, axis = (
+        np.stack([trace[f"{name}_{x}"] for x in "xyz"], axis=1) for name in ("ball", "cup", "axis")
+    )
+    delta = ball - cup
+    psi = np.sum(delta * axis, axis=1) / (np.sum(delta**2, axis=1) + 0.01)
+    slack = np.maximum(0.0, 1.0 - np.linalg.norm(delta, axis=1) / 0.4)
+    outside = trace["phase"] != 5
+    assert trace.reward == pytest.approx(
+        np.exp(0.5 * psi.max() + 0.5 * psi[-1]) - 20.0 * np.mean(slack**2 * outside), rel=1e-6
+    )
+
+
 def test_the_command_names_the_network(tmp_path) -> None:
     net = network("ff")
     net.save(tmp_path / "net.json")

@@ -9,9 +9,9 @@
 /// below the cup, ψ_hang = −r/(r² + ε): hovering over the cup when time is up is no success. A ball
 /// that touches the cup from outside, and a cup upside down, end the episode.
 ///
-/// A network's ball (BallPhase::kImagined) knows no catch: it gets the paper's ψ_N wherever it ends,
-/// and the slack is that of the looks at which it is outside the cup. It is solved where the ball is
-/// inside throughout the last half second.
+/// A network's ball (BallPhase::kImagined) knows no catch: it gets the paper's ψ_N wherever it
+/// ends, and the slack is that of the looks at which it is outside the cup. It is solved where the
+/// ball is inside throughout the last half second.
 
 #include <diffnea/policy/task.hpp>
 
@@ -25,7 +25,7 @@ struct BallInCupOptions {
   /// λ_s, of the string's slack (1 − ‖Δ‖/r)² until the ball is caught: where a massless string is
   /// furthest from a rope. 0: the paper's reward.
   double lambda_slack = 0.0;
-  double string = 0.4;       ///< r, the string's length [m]
+  double string = 0.4;  ///< r, the string's length [m]
 };
 
 class BallInCupTask : public Task {
