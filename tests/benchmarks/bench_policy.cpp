@@ -199,7 +199,8 @@ void bench_rates() {
                        .controller = {},
                        .reward = task.options.reward,
                        .curve = {},
-                       .stopped = {}};
+                       .stopped = {},
+                       .ball_network = {}};
   const double rate = best_rate(3, [&] {
     execute(policy, *world, motion_limits(nominal), *nominal.cup, 0);
     return 1L;
