@@ -1,5 +1,6 @@
 #include <cstdio>
 
+#include <diffnea/io/ball_network_file.hpp>
 #include <diffnea/io/model_file.hpp>
 #include <diffnea/io/result_folder.hpp>
 #include <diffnea/io/world.hpp>
@@ -16,7 +17,7 @@ namespace {
 struct LearnCommand {
   CommonOptions common;
   std::vector<std::string> command_line;
-  std::string task, model, controller, out;
+  std::string task, model, controller, ball_network, out;
   PolicyOptions policies;
 };
 
@@ -24,17 +25,22 @@ void run_learn(const LearnCommand& c) {
   const std::vector<std::string> kinds{".xml", ".json", ".urdf"};
   const auto file = find_model_file(c.model, kinds);
   const auto controller_file = c.controller.empty() ? file : find_model_file(c.controller, kinds);
-  const BallInCup task = task_of(read_model(file), read_model(controller_file), c.policies);
+  PolicyOptions policies = c.policies;
+  if (!c.ball_network.empty())
+    policies.learn.simulator.ball_network = read_ball_network(c.ball_network);
+  const BallInCup task = task_of(read_model(file), read_model(controller_file), policies);
   refuse_other_runs(c.out, "diffnea/learn/");
   ResultFolder folder(c.out);
   const Interruptible interruptible(folder.leftovers(kRunFiles));
   ProgressLine line(c.common.quiet);
-  LearnRun run = learn_with_checkpoints(task, c.policies, c.common, folder.path(), line);
+  LearnRun run = learn_with_checkpoints(task, policies, c.common, folder.path(), line);
   run.reproduce.version = version();
   run.reproduce.command = c.command_line;
   run.reproduce.inputs.push_back(describe_input("model", file));
   if (!c.controller.empty())
     run.reproduce.inputs.push_back(describe_input("controller", controller_file));
+  if (!c.ball_network.empty())
+    run.reproduce.inputs.push_back(describe_input("ball_network", c.ball_network));
   if (run.policies.empty()) {
     std::fprintf(stderr, "interrupted before anything was learned; nothing was written\n");
     throw CLI::RuntimeError(kInterrupted);
@@ -79,6 +85,11 @@ void add_learn(CLI::App& app, const std::vector<std::string>& command_line) {
   command->add_option("--controller", c->controller,
                       "description that the robot's controller compensates gravity with; default: "
                       "the model");
+  command
+      ->add_option("--ball-network", c->ball_network,
+                   "network that moves the ball in place of string and gravity "
+                   "(diffnea.blackbox.train, .json): a black-box baseline")
+      ->check(CLI::ExistingFile);
   add_policy_options(*command, c->policies);
   add_common(*command, c->common);
   command->callback([c] { run_learn(*c); });

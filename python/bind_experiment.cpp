@@ -11,6 +11,7 @@
 #include <diffnea/core/error.hpp>
 #include <diffnea/experiment/ball_in_cup.hpp>
 #include <diffnea/experiment/seeds.hpp>
+#include <diffnea/io/ball_network_file.hpp>
 #include <diffnea/io/policy_file.hpp>
 #include <diffnea/io/policy_result.hpp>
 #include <diffnea/io/result_folder.hpp>
@@ -52,8 +53,9 @@ BallInCup make_task(const Model& model, const Model& controller, std::optional<d
                     const py::dict& promp, const ErepsOptions& search, double weight_std,
                     const py::dict& reward, const std::string& law, double rate, double bandwidth,
                     double damping, const py::object& kp, const py::object& kd,
-                    const py::dict& robust) {
+                    const py::dict& robust, const std::shared_ptr<BallNetwork>& ball_network) {
   LearnOptions o;
+  o.simulator.ball_network = ball_network;
   o.joints = joints;
   o.start = optional_vector("learn: start", start);
   o.promp.bases = py::cast<int>(promp["bases"]);
@@ -151,7 +153,7 @@ void bind_task(py::module_& m) {
   py::class_<BallInCup> c(m, "_BallInCup");
   c.def(py::init(&make_task), "model"_a, "controller"_a, "string"_a, "joints"_a, "start"_a,
         "promp"_a, "search"_a, "weight_std"_a, "reward"_a, "law"_a, "rate"_a, "bandwidth"_a,
-        "damping"_a, "kp"_a, "kd"_a, "robust"_a)
+        "damping"_a, "kp"_a, "kd"_a, "robust"_a, "ball_network"_a)
       .def_property_readonly("model", [](const BallInCup& t) { return t.model; })
       .def_property_readonly("joints", [](const BallInCup& t) { return t.options.promp.joints; })
       .def_property_readonly("start", [](const BallInCup& t) { return array_out(t.start); })
@@ -224,11 +226,12 @@ py::dict reward_out(const BallInCupOptions& o) {
 }
 
 py::tuple policy_state(const LearnedPolicy& p) {
-  static_assert(detail::field_count<LearnedPolicy>() == 14, "name the new field here");
+  static_assert(detail::field_count<LearnedPolicy>() == 15, "name the new field here");
   return py::make_tuple(p.seed, Promp(p.promp), p.policy, p.joints, array_out(p.start),
                         controller_out(p.controller), reward_out(p.reward), history_out(p.curve),
                         p.stopped, p.expected, p.solved, p.rollouts, p.seconds,
-                        py::make_tuple(p.in_draws.count, p.in_draws.caught, p.in_draws.reward));
+                        py::make_tuple(p.in_draws.count, p.in_draws.caught, p.in_draws.reward),
+                        p.ball_network.file, p.ball_network.sha256);
 }
 
 LearnedPolicy policy_from(const py::tuple& s) {
@@ -249,7 +252,8 @@ LearnedPolicy policy_from(const py::tuple& s) {
           .solved = py::cast<bool>(s[10]),
           .rollouts = py::cast<long>(s[11]),
           .seconds = py::cast<double>(s[12]),
-          .in_draws = {count, caught, reward}};
+          .in_draws = {count, caught, reward},
+          .ball_network = {py::cast<std::string>(s[14]), py::cast<std::string>(s[15])}};
 }
 
 /// Desired positions and velocities of all joints, (T × n).
@@ -320,6 +324,13 @@ void bind_learned_policy(py::module_& m) {
           "catches the ball; None: it was learned in the model alone.")
       .def_readonly("rollouts", &P::rollouts, "That it took.")
       .def_readonly("seconds", &P::seconds, "That it took.")
+      .def_property_readonly(
+          "ball_network",
+          [](const P& p) -> py::object {
+            if (p.ball_network.sha256.empty()) return py::none();
+            return py::dict("file"_a = p.ball_network.file, "sha256"_a = p.ball_network.sha256);
+          },
+          "``file`` and ``sha256`` of the network that moved the ball there; None: there was none.")
       .def("motion", &motion, "times"_a, "theta"_a = py::none(),
            "Desired positions [rad] and velocities [rad/s] of all joints at ``times`` (T,) [s]: "
            "(T, n) each.\n\n``theta`` (d,): other weights than the mean.")

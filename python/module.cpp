@@ -44,6 +44,7 @@ PYBIND11_MODULE(_core, m) {
   diffnea::python::bind_recording(m);
   diffnea::python::bind_audit(m);
   diffnea::python::bind_ball(m);
+  diffnea::python::bind_ball_network(m);
   diffnea::python::bind_identify(m);
   diffnea::python::bind_diagnose(m);
   diffnea::python::bind_sim(m);

@@ -19,12 +19,14 @@ from ._core import (
     Model,
     Policy,
     _BallInCup,
+    _BallNetwork,
     _learn,
 )
 from ._files import StrPath, load_model
 from ._policy import Task
 from ._results import _import_figure, _table
 from ._rollouts import Ended, Reward, Rollouts, RolloutTrace
+from .blackbox.network import BallNetwork
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -203,6 +205,7 @@ def learn(
     each: int | None = None,
     quantile: float | None = None,
     vary: Mapping[str, tuple[float, float]] | None = None,
+    ball_network: BallNetwork | StrPath | None = None,
 ) -> LearnResult:
     """Learn a task in a model, offline: eREPS over the weights of a movement primitive.
 
@@ -252,6 +255,8 @@ def learn(
             their mean.
         vary: with ``robust``: parameters that draws have anywhere within a range, low and high:
             what the model may lack, ``{"string.string_mass.mass_ratio": (0, 0.1)}``.
+        ball_network: moves the ball in place of string and gravity: a black-box baseline
+            (:func:`diffnea.blackbox.train`), or its file. The policies say which.
 
     Raises:
         DataError: a reward is NaN (names iteration, sample and parameters), or the task cannot be.
@@ -299,6 +304,7 @@ def learn(
         kp,
         kd,
         _robust(robust, draws, each, quantile, vary),
+        _network(ball_network),
     )
     world = _BallInCup(model, controller, string, *options)
 
@@ -341,6 +347,13 @@ def _robust(
     if draws < 1:
         raise Error(f"learn: draws: got {draws}, expected 1 or more")
     return {"draws": draws, "each": each or 0, "quantile": quantile, "vary": dict(vary or {})}
+
+
+def _network(network: BallNetwork | StrPath | None) -> _BallNetwork | None:
+    """Return it as the compiled part takes it."""
+    if network is None:
+        return None
+    return (network if isinstance(network, BallNetwork) else BallNetwork.load(network))._compiled
 
 
 def _search(world: _BallInCup, rollouts: Rollouts, seed: int, report: Progress) -> Policy:

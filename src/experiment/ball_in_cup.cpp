@@ -4,6 +4,7 @@
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/dynamics/kinematics.hpp>
+#include <diffnea/effects/ball_network.hpp>
 #include <diffnea/experiment/ball_in_cup.hpp>
 #include <diffnea/experiment/stick_figure.hpp>
 
@@ -271,6 +272,11 @@ Ereps first_search(const BallInCup& task, std::uint64_t seed) {
       task.options.ereps, seed);
 }
 
+NetworkSource network_source(const BallInCup& task) {
+  const auto& network = task.options.simulator.ball_network;
+  return network ? NetworkSource{network->source, network->sha256} : NetworkSource{};
+}
+
 LearnedPolicy found_policy(const BallInCup& task, const Ereps& search) {
   LearnedPolicy out;
   out.seed = search.seed();
@@ -282,6 +288,7 @@ LearnedPolicy found_policy(const BallInCup& task, const Ereps& search) {
   out.reward = task.options.reward;
   out.curve = search.history();
   out.stopped = search.stop_reason();
+  out.ball_network = network_source(task);
   return out;
 }
 

@@ -97,6 +97,7 @@ std::string policy_json(const LearnedPolicy& p) {
   out["rollouts"] = p.rollouts;
   out["seconds"] = io::number(p.seconds);
   if (p.in_draws.count > 0) out["in_draws"] = io::in_draws(p.in_draws);
+  if (!p.ball_network.sha256.empty()) out["ball_network"] = io::network_source(p.ball_network);
   out["curve"] = io::curve(p.curve);
   return io::text(out, 1);
 }
@@ -126,6 +127,7 @@ LearnedPolicy read_policy(const std::filesystem::path& path) {
   out.rollouts = io::read_integer(root, "rollouts");
   out.seconds = io::number_or_nan(root, "seconds");
   out.in_draws = io::read_in_draws(root);
+  out.ball_network = io::read_network_source(root);
   out.curve = io::read_curve(root, "curve");
   root.finish();
   return out;
@@ -142,8 +144,10 @@ std::string recording_file_name(std::uint64_t seed) {
 std::string fingerprint(const BallInCup& task) {
   BallInCup until = task;
   until.options.ereps = endless(task.options.ereps);
+  Json options = io::task(until);
+  if (options.contains("ball_network")) options["ball_network"].erase("file");  // wherever it lies
   return io::sha256(model_to_json(task.model) + model_to_json(task.controller) +
-                    io::text(io::task(until), -1));
+                    io::text(options, -1));
 }
 
 void write_checkpoint(const SearchState& state, const std::string& fingerprint,

@@ -112,6 +112,17 @@ Json in_draws(const InDraws& d) {
   return {{"draws", d.count}, {"caught", d.caught}, {"reward", number(d.reward)}};
 }
 
+Json network_source(const NetworkSource& n) { return {{"file", n.file}, {"sha256", n.sha256}}; }
+
+NetworkSource read_network_source(JsonObject& parent) {
+  const Json* value = parent.optional("ball_network");
+  if (!value) return {};
+  JsonObject o(*value, parent.at("ball_network"));
+  const NetworkSource out{.file = o.string("file"), .sha256 = o.string("sha256")};
+  o.finish();
+  return out;
+}
+
 Json task(const BallInCup& task) {
   const LearnOptions& o = task.options;
   Json out{{"start", values(task.start)},
@@ -129,6 +140,7 @@ Json task(const BallInCup& task) {
              {"instruction_set", o.simulator.instruction_set}}}};
   // Where it is not asked for, files and fingerprints are those of a search that knows no draws.
   if (o.robust.draws > 0) out["robust"] = robust(o.robust);
+  if (o.simulator.ball_network) out["ball_network"] = network_source(diffnea::network_source(task));
   return out;
 }
 
@@ -298,6 +310,7 @@ LearnOptions read_task(JsonObject& root, long joints) {
   out.simulator.instruction_set = s.string("instruction_set");
   s.finish();
   out.robust = read_robust(o);
+  o.optional("ball_network");  // of a file of its own
   o.finish();
   return out;
 }

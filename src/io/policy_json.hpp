@@ -18,7 +18,9 @@ Json controller(const ControllerOptions& o);
 Json reward(const BallInCupOptions& o);
 /// {draws, caught, reward}.
 Json in_draws(const InDraws& d);
-/// Start, primitive, search, reward, simulator, robust: all that is not a model.
+Json network_source(const NetworkSource& source);
+/// Start, primitive, search, reward, simulator, robust, and of a network which one: all that is not a
+/// model.
 Json task(const BallInCup& task);
 
 VecX<double> read_values(JsonObject& o, const char* key);
@@ -34,7 +36,9 @@ ControllerOptions read_controller(JsonObject& o, long joints);
 BallInCupOptions read_reward(JsonObject& o);
 /// Reads `in_draws`, which need not be there.
 InDraws read_in_draws(JsonObject& o);
-/// Reads `task`. @param joints  of the model
+/// The key `ball_network`; empty where there is none.
+NetworkSource read_network_source(JsonObject& o);
+/// Reads `task`, without its network. @param joints  of the model
 LearnOptions read_task(JsonObject& root, long joints);
 
 }  // namespace diffnea::io

@@ -2,6 +2,7 @@
 #include <array>
 #include <limits>
 
+#include <diffnea/io/ball_network_file.hpp>
 #include <diffnea/io/model_file.hpp>
 #include <diffnea/io/policy_file.hpp>
 #include <diffnea/io/policy_result.hpp>
@@ -21,6 +22,18 @@ namespace fs = std::filesystem;
 
 constexpr double kNever = -std::numeric_limits<double>::infinity();
 
+/// The run's copy of the network, under the name that it was learned with.
+std::shared_ptr<const BallNetwork> read_run_network(const fs::path& folder,
+                                                    const NetworkSource& source) {
+  const fs::path path = folder / kBallNetworkFile;
+  BallNetwork out = *read_ball_network(path);
+  if (out.sha256 != source.sha256)
+    throw ModelError(path.string() + ": is not the network that the run was learned in; expected " +
+                     "the one with SHA-256 " + source.sha256);
+  out.source = source.file;
+  return std::make_shared<BallNetwork>(std::move(out));
+}
+
 BallInCup read_ball_in_cup(JsonObject& root, const fs::path& folder) {
   BallInCup out{.model = read_model(folder / "model.json"),
                 .controller = read_model(folder / "controller.json"),
@@ -28,6 +41,9 @@ BallInCup read_ball_in_cup(JsonObject& root, const fs::path& folder) {
                 .start = {}};
   out.options = io::read_task(root, static_cast<long>(joint_names(out.model).size()));
   out.start = out.options.start;
+  JsonObject task(root.required("task"), root.at("task"));
+  if (const NetworkSource source = io::read_network_source(task); !source.sha256.empty())
+    out.options.simulator.ball_network = read_run_network(folder, source);
   return out;
 }
 

@@ -12,6 +12,10 @@ void require(bool ok, const char* what) {
   if (!ok) throw Error(std::string("BallInCupTask: ") + what);
 }
 
+/// For so long a ball that nothing holds has to be in the cup at the end, as in a world where that
+/// is judged (sim/ball_in_cup.hpp) [s].
+constexpr double kStays = 0.5;
+
 constexpr double code(BallPhase phase) { return static_cast<double>(phase); }
 
 }  // namespace
@@ -40,9 +44,11 @@ void BallInCupTask::begin(const Simulator& simulator, int count) {
   q0_.resize(0, count);  // until the first look
   for (VecX<double>* x : {&looks_, &penalty_, &psi_, &phase_, &live_, &now_}) x->setZero(count);
   psi_most_.setConstant(count, -std::numeric_limits<double>::infinity());
+  outside_.setZero(count);
+  time_ = 0.0;
 }
 
-void BallInCupTask::look(double /*time*/, const Lanes& observation, std::vector<char>& ended) {
+void BallInCupTask::look(double time, const Lanes& observation, std::vector<char>& ended) {
   const long n = looks_.size();
   if (q0_.rows() == 0) q0_ = observation(q_, Eigen::seqN(0, n));
   const auto row = [&](int channel) { return observation.data() + channel * observation.cols(); };
@@ -74,12 +80,17 @@ void BallInCupTask::look(double /*time*/, const Lanes& observation, std::vector<
     const double slack = std::max(0.0, 1.0 - std::sqrt(squared) * per_length);
     looks[i] += live[i];
     // 0 ψ: a ball that is NaN for once shows in the reward; the maximum would forget it.
-    const double loose = phase[i] == 0.0 ? lambda_slack * slack * slack : 0.0;
+    const bool outside =
+        phase[i] == code(BallPhase::kFree) || phase[i] == code(BallPhase::kImagined);
+    const double loose = outside ? lambda_slack * slack * slack : 0.0;
     penalty[i] += lives ? now[i] + loose + 0.0 * p : 0.0;
     psi[i] = lives ? p : psi[i];
     most[i] = lives && p > most[i] ? p : most[i];
     last_phase[i] = lives ? phase[i] : last_phase[i];
   }
+  time_ = time;
+  for (long i = 0; i < n; ++i)
+    if (phase_[i] != code(BallPhase::kInside)) outside_[i] = time;
   for (long i = 0; i < n; ++i)
     if (phase_[i] == code(BallPhase::kTouched) || phase_[i] == code(BallPhase::kUpsideDown))
       ended[static_cast<std::size_t>(i)] = 1;
@@ -89,8 +100,10 @@ VecX<double> BallInCupTask::rewards() const {
   const double r = options_.string, hanging = -r / (r * r + options_.epsilon);
   VecX<double> out(looks_.size());
   for (long i = 0; i < out.size(); ++i) {
-    const double at_end =
-        phase_[i] == code(BallPhase::kCaptured) ? psi_[i] : std::min(psi_[i], hanging);
+    const bool as_it_is = phase_[i] == code(BallPhase::kCaptured) ||
+                          phase_[i] == code(BallPhase::kImagined) ||
+                          phase_[i] == code(BallPhase::kInside);
+    const double at_end = as_it_is ? psi_[i] : std::min(psi_[i], hanging);
     out[i] = std::exp(0.5 * psi_most_[i] + 0.5 * at_end) - penalty_[i] / looks_[i];
   }
   return out;
@@ -99,7 +112,9 @@ VecX<double> BallInCupTask::rewards() const {
 std::vector<char> BallInCupTask::solved() const {
   std::vector<char> out(static_cast<std::size_t>(phase_.size()));
   for (long i = 0; i < phase_.size(); ++i)
-    out[static_cast<std::size_t>(i)] = phase_[i] == code(BallPhase::kCaptured);
+    out[static_cast<std::size_t>(i)] =
+        phase_[i] == code(BallPhase::kCaptured) ||
+        (phase_[i] == code(BallPhase::kInside) && time_ - outside_[i] >= kStays);
   return out;
 }
 

@@ -55,19 +55,22 @@ std::string task_table(const BallInCup& task) {
   const auto row = [](const std::string& what, const std::string& value) {
     return std::vector<std::string>{escape(what), escape(value)};
   };
-  return html_table(
-      {"", ""},
-      {row("joints that move", joints),
-       row("movement", number(o.promp.duration) + " s, then " + number(o.promp.hold) +
-                           " s at rest; " + std::to_string(Promp(o.promp).size()) + " weights"),
-       row("search", std::to_string(o.ereps.samples) + " samples an iteration, at most " +
-                         std::to_string(o.ereps.iterations) + " iterations; bounds " +
-                         number(o.ereps.epsilon) + " and " + number(o.ereps.kappa) + " nat"),
-       row("reward", "ε = " + number(o.reward.epsilon) + " m², λ_q = " + number(o.reward.lambda_q) +
-                         ", λ_q̇ = " + number(o.reward.lambda_qd) +
-                         ", λ_s = " + number(o.reward.lambda_slack)),
-       row("string", number(o.reward.string) + " m"), row("models", models_words(o.robust))},
-      {"", ""});
+  std::vector<std::vector<std::string>> rows{
+      row("joints that move", joints),
+      row("movement", number(o.promp.duration) + " s, then " + number(o.promp.hold) +
+                          " s at rest; " + std::to_string(Promp(o.promp).size()) + " weights"),
+      row("search", std::to_string(o.ereps.samples) + " samples an iteration, at most " +
+                        std::to_string(o.ereps.iterations) + " iterations; bounds " +
+                        number(o.ereps.epsilon) + " and " + number(o.ereps.kappa) + " nat"),
+      row("reward", "ε = " + number(o.reward.epsilon) + " m², λ_q = " + number(o.reward.lambda_q) +
+                        ", λ_q̇ = " + number(o.reward.lambda_qd) +
+                        ", λ_s = " + number(o.reward.lambda_slack)),
+      row("string", number(o.reward.string) + " m"),
+      row("models", models_words(o.robust))};
+  if (const NetworkSource network = network_source(task); !network.sha256.empty())
+    rows.push_back(row("ball moved by the network",
+                       network.file + ", SHA-256 " + network.sha256.substr(0, 12)));
+  return html_table({"", ""}, rows, {"", ""});
 }
 
 }  // namespace
@@ -76,7 +79,7 @@ std::string learn_page(const LearnRun& run) {
   const int best = best_policy(run.policies);
   const std::string name = run.task.model.name.empty() ? "model" : run.task.model.name;
   const std::string title = "Ball in a cup, learned in " + name;
-  std::string body = element("h1", title) + element("p", learn_headline(run), "headline");
+  std::string body = element("h1", title) + element("p", escape(learn_headline(run)), "headline");
   if (run.interrupted)
     body +=
         element("p", "The search was interrupted: policies are what had been learned until then.",

@@ -38,10 +38,14 @@ std::string learn_headline(const LearnRun& run) {
   const std::size_t n = seconds.size();
   const double median = 0.5 * (seconds[(n - 1) / 2] + seconds[n / 2]);
   const Share solved = solved_share(run.policies);
+  const NetworkSource network = network_source(run.task);
+  const std::string moved = network.sha256.empty()
+                                ? ""
+                                : " There the ball was moved by the network " + network.file + ".";
   return std::to_string(solved.k) + " of " + std::to_string(solved.n) +
          (n == 1 ? " policy catches" : " policies catch") + " the ball in the model" +
          draws_words(run.policies) + "; " + duration_words(median) +
-         (n == 1 ? " and " : " (median) a seed, ") + std::to_string(rollouts) + " rollouts in all.";
+         (n == 1 ? " and " : " (median) a seed, ") + std::to_string(rollouts) + " rollouts in all." + moved;
 }
 
 std::string learn_text(const LearnRun& run) {

@@ -65,6 +65,8 @@ void write_task(const BallInCup& task, const std::vector<LearnedPolicy>& policie
                 const fs::path& folder) {
   write_model(task.model, folder / "model.json");
   write_model(task.controller, folder / "controller.json");
+  if (const auto& network = task.options.simulator.ball_network)
+    write_file_atomically(folder / kBallNetworkFile, network->text);
   for (const LearnedPolicy& p : policies) write_policy(p, folder / policy_file_name(p.seed));
 }
 

@@ -1,8 +1,10 @@
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/dynamics/batch.hpp>
+#include <diffnea/effects/ball_network.hpp>
 #include <diffnea/effects/extended_tree.hpp>
 #include <diffnea/effects/forward_dynamics.hpp>
 #include <diffnea/sim/model_simulator.hpp>
@@ -139,6 +141,12 @@ bool same_poses(const Tree<double>& a, const Tree<double>& b) {
   return true;
 }
 
+std::string milliseconds(double seconds) {
+  char text[40];
+  std::snprintf(text, sizeof text, "%.4g ms", 1e3 * seconds);
+  return text;
+}
+
 /// The tree's link that a link of the model is part of, and its pose in it.
 std::pair<int, Pose<double>> in_tree(const TreeMap& map, int link) {
   if (link < 0) return {-1, Pose<double>::identity()};
@@ -173,6 +181,19 @@ void take_ball(const Model& model, PackSpec& spec) {
   }
 }
 
+/// @throws ModelError if the network cannot move this ball
+void check_network(const BallNetwork& network, const PackSpec& spec, const std::string& model) {
+  if (spec.string_link < 0)
+    throw ModelError(network.source + ": " + model +
+                     ": its ball hangs on no link that moves, which the network is asked about");
+  const double step = spec.period / spec.arm_steps;
+  constexpr double kRounding = 1e-9;  // of a rate's inverse [s]
+  if (std::abs(network.step - step) > kRounding)
+    throw ModelError(network.source + ".step: the network was trained at steps of " +
+                     milliseconds(network.step) + ", the simulated arm has steps of " +
+                     milliseconds(step) + "; train it at these, or choose the controller's rate");
+}
+
 PackSpec spec_of(const std::vector<Model>& draws, const Model& controller,
                  const ModelSimulatorOptions& o) {
   if (draws.empty()) throw ModelError("simulator: got no model, expected one or more");
@@ -200,6 +221,8 @@ PackSpec spec_of(const std::vector<Model>& draws, const Model& controller,
     out.passive.push_back(first.links[i].passive);
   }
   take_ball(first, out);
+  if (o.ball_network) check_network(*o.ball_network, out, first.source);
+  out.network = o.ball_network;
   for (const Model& model : draws) {
     const ExtendedTree tree = extend(model, {0});
     for (const BoundEffect& e : tree.series)
@@ -231,6 +254,7 @@ struct ModelSimulator::Parts {
   Model controller;
   ControllerOptions control;
   bool gains_at_start = false;  ///< derived ones depend on it
+  long ball_row = 0;            ///< of x_B in what is seen
   std::unique_ptr<sim::PackWorld> world;
   Lanes seen;
   std::vector<std::string> failures;
@@ -255,6 +279,7 @@ ModelSimulator::ModelSimulator(const std::vector<Model>& draws, const Model& con
   p.spec = spec_of(draws, controller, options);
   p.joints = joint_names(draws.front());
   p.channels = channel_names(p.joints, p.spec.has_ball, p.spec.shows_cup, p.spec.cup.has_value());
+  p.ball_row = 2 * p.spec.joints;
   p.controller = controller;
   p.control = options.controller;
   p.gains_at_start = p.control.kp.size() == 0 || p.control.kd.size() == 0;
@@ -298,9 +323,12 @@ void ModelSimulator::step(const Lanes& q, const Lanes& qd) {
   }
   p.world->step(q.data(), qd.data());
   p.world->observe(p.seen.data());
-  for (int lane = 0; lane < lanes(); ++lane)
-    if (p.failures[lane].empty() && !std::isfinite(p.seen(0, lane)))
-      p.failures[lane] = "the integration is unstable";
+  for (int lane = 0; lane < lanes(); ++lane) {
+    if (!p.failures[lane].empty()) continue;
+    if (!std::isfinite(p.seen(0, lane))) p.failures[lane] = "the integration is unstable";
+    if (p.spec.network && !(p.seen.block<3, 1>(p.ball_row, lane).norm() < sim::kFarthestBall))
+      p.failures[lane] = "the network's ball flew away";
+  }
 }
 
 std::unique_ptr<Simulator> ModelSimulator::clone() const {
@@ -312,6 +340,7 @@ std::unique_ptr<Simulator> ModelSimulator::clone() const {
   parts->controller = parts_->controller;
   parts->control = parts_->control;
   parts->gains_at_start = parts_->gains_at_start;
+  parts->ball_row = parts_->ball_row;
   parts->make_world();
   return std::unique_ptr<Simulator>(new ModelSimulator(std::move(parts)));
 }

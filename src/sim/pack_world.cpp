@@ -13,6 +13,8 @@
 #include <diffnea/effects/catalogue.hpp>
 #include <diffnea/sim/simulator.hpp>
 
+#include "sim/network_ball.hpp"
+
 namespace diffnea {
 
 /// What the recursions take for detail::joint_pose where links are of packs: libstdc++'s sine and
@@ -104,7 +106,8 @@ struct State {
   Vec3<Pack> p_C, axis;       ///< the cup, at the ball's time
   CupPosition<Pack> in_cup;   ///< of the ball's last step, where it was near
   Mask near_cup = Mask(false);
-  Vec3<Pack> pull;  ///< of the string on the arm, W [N]
+  Vec3<Pack> pull;                 ///< of the string on the arm, W [N]
+  NetworkBallState<Pack> network;  ///< where the ball is one's
   Pack phase = Pack(0.0);
   double time = 0.0;
 };
@@ -126,6 +129,7 @@ class World : public PackWorld {
     if (spec.cup)
       reach_ = std::hypot(spec.cup->rim, spec.cup->inner_radius + spec.cup->wall) +
                spec.ball_radius + kStep;
+    if (spec.network) network_.emplace(spec.network);
   }
 
   int lanes() const override { return kPackWidth; }
@@ -153,7 +157,10 @@ class World : public PackWorld {
   void step(const double* q, const double* qd) override {
     for (int i = 0; i < spec_.arm_steps; ++i) {
       move_arm(q, qd, i == 0);
-      if (spec_.has_ball) move_ball(spec_.period / spec_.arm_steps);
+      if (network_)
+        imagine_ball();
+      else if (spec_.has_ball)
+        move_ball(spec_.period / spec_.arm_steps);
     }
     state_.time += spec_.period;
   }
@@ -232,6 +239,7 @@ class World : public PackWorld {
     s.taut = Mask(true);
     state_.free = {state_.anchor, length_};
     s.a = acceleration(s.ball, s.u, s.taut, state_.anchor.a);
+    if (network_) network_->rest(state_.network, string_link(), s.ball);
   }
 
   /// Poses and twists of the arm as it is: wherever it was moved, this follows.
@@ -342,7 +350,7 @@ class World : public PackWorld {
     if (commands) control(q, qd);
     u_step_ = u_;
     take_effects(h);
-    if (spec_.has_ball && spec_.string_link >= 0) {
+    if (spec_.has_ball && spec_.string_link >= 0 && !network_) {
       const Pose<Pack>& X = X_WL_[spec_.string_link];
       const Vec3<Pack> f = transpose_times(X.R, state_.pull),
                        p = wrap_ ? transpose_times(X.R, state_.free.anchor.x - X.p) : p_LS_;
@@ -401,6 +409,25 @@ class World : public PackWorld {
       a = choose(when_slack ? !taut : taut, with, a);
     }
     return a;
+  }
+
+  LinkMotion<Pack> string_link() const {
+    const Pose<Pack>& X = X_WL_[spec_.string_link];
+    const Twist<Pack>& V = ws_.links[spec_.string_link].V;
+    return {X, X.R * V.linear, X.R * V.angular};
+  }
+
+  /// The network's ball follows the arm's step.
+  void imagine_ball() {
+    take_frames();
+    network_->step(state_.network, string_link(), kFarthestBall, state_.string.ball);
+    if (!spec_.cup) return;
+    const Mask upside_down =
+        state_.phase == phase(BallPhase::kUpsideDown) || state_.axis.z < Pack(spec_.least_upright);
+    const CupPosition<Pack> at = cup_position(state_.string.ball.x, state_.p_C, state_.axis);
+    state_.phase = select(
+        upside_down, phase(BallPhase::kUpsideDown),
+        select(is_inside(at, *spec_.cup), phase(BallPhase::kInside), phase(BallPhase::kImagined)));
   }
 
   /// The ball follows the arm's step of h [s].
@@ -533,6 +560,7 @@ class World : public PackWorld {
   std::vector<Pack> u_, u_step_, qdd_, total_, at_rest_, zero_, armature_, speed_ = zero_;
   std::vector<Pack> constant_, viscous_;  ///< of effects that need not be asked again
   State state_, settled_;
+  std::optional<NetworkBall<Pack>> network_;
 };
 
 }  // namespace

@@ -13,6 +13,7 @@
 namespace diffnea {
 // Not from its header: templates over packs must meet core/pack.hpp before they meet a formula.
 struct BoundEffect;
+struct BallNetwork;
 }  // namespace diffnea
 
 namespace diffnea::sim {
@@ -59,8 +60,12 @@ struct PackSpec {
   int cup_link = -1;
   Pose<double> X_LC = Pose<double>::identity();
   std::vector<CapsuleSpec> obstacles;
-  double least_upright = 0.2;  ///< z of the cup's axis in W
+  double least_upright = 0.2;                  ///< z of the cup's axis in W
+  std::shared_ptr<const BallNetwork> network;  ///< that moves the ball; none: string and gravity
 };
+
+/// A network's ball that is farther from W's origin has failed [m].
+inline constexpr double kFarthestBall = 10.0;
 
 class PackWorld {
  public:

@@ -12,7 +12,9 @@
 
 #include <mujoco/mujoco.h>
 
+#include <diffnea/core/random.hpp>
 #include <diffnea/dynamics/batch.hpp>
+#include <diffnea/effects/ball_network.hpp>
 #include <diffnea/experiment/seeds.hpp>
 #include <diffnea/io/model_file.hpp>
 #include <diffnea/io/world.hpp>
@@ -70,14 +72,52 @@ LearnOptions options(const std::string& isa) {
 }
 
 /// Random movements of the first iteration, reward included.
-double model_rate(const Model& model, const std::string& isa) {
-  const BallInCup task = ball_in_cup(model, model, options(isa));
+double model_rate(const Model& model, const std::string& isa,
+                  std::shared_ptr<const BallNetwork> network = nullptr) {
+  LearnOptions learn = options(isa);
+  learn.simulator.ball_network = std::move(network);
+  const BallInCup task = ball_in_cup(model, model, learn);
   Ereps search = first_search(task, 1);
   Rollouts world = rollouts(task, 1);
   return best_rate(15, [&] {
     world.run(search.ask());
     return static_cast<long>(search.options().samples);
   });
+}
+
+/// Any network of these sizes.
+std::shared_ptr<const BallNetwork> network(int cell, const std::vector<int>& hidden) {
+  Rng rng(1);
+  const auto layer = [&](int inputs, int outputs) {
+    DenseLayer out{inputs, outputs, std::vector<double>(static_cast<std::size_t>(inputs * outputs)),
+                   std::vector<double>(static_cast<std::size_t>(outputs))};
+    for (double& w : out.weights) w = 0.2 * rng.normal();
+    return out;
+  };
+  auto out = std::make_shared<BallNetwork>();
+  out->input_mean.assign(kNetworkInputs, 0.0);
+  out->input_scale.assign(kNetworkInputs, 1.0);
+  out->output_mean.assign(kNetworkOutputs, 0.0);
+  out->output_scale.assign(kNetworkOutputs, 1.0);
+  NetworkMember& member = out->members.emplace_back();
+  if (cell > 0) member.cells.push_back(layer(kNetworkInputs + cell, 4 * cell));
+  int width = cell > 0 ? cell : kNetworkInputs;
+  for (const int units : hidden) {
+    member.layers.push_back(layer(width, units));
+    width = units;
+  }
+  member.layers.push_back(layer(width, kNetworkOutputs));
+  return out;
+}
+
+void bench_networks() {
+  const Model model = read_model(kModel);
+  std::printf("\nball moved by a network, %s [rollouts/s of one core]\n",
+              batch_instruction_sets().front().c_str());
+  std::printf("  none: string and gravity  %6.0f\n", model_rate(model, ""));
+  std::printf("  feed-forward, 2 x 64      %6.0f\n", model_rate(model, "", network(0, {64, 64})));
+  std::printf("  LSTM, 32                  %6.0f\n", model_rate(model, "", network(32, {})));
+  std::printf("  LSTM, 64                  %6.0f\n", model_rate(model, "", network(64, {})));
 }
 
 /// MuJoCo's own loop, as lean as it can be written: the same arm and controller, tendon or chain.
@@ -159,7 +199,8 @@ void bench_rates() {
                        .controller = {},
                        .reward = task.options.reward,
                        .curve = {},
-                       .stopped = {}};
+                       .stopped = {},
+                       .ball_network = {}};
   const double rate = best_rate(3, [&] {
     execute(policy, *world, motion_limits(nominal), *nominal.cup, 0);
     return 1L;
@@ -206,5 +247,6 @@ void bench_search() {
 
 int main() {
   bench_rates();
+  bench_networks();
   bench_search();
 }

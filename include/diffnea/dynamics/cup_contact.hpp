@@ -35,6 +35,12 @@ auto is_caught(const CupPosition<T>& before, const CupPosition<T>& now, const Cu
   return before.height > rim && now.height <= rim && radius <= T(cup.inner_radius - ball_radius);
 }
 
+/// Whether the ball's centre is where that of a ball in the cup is.
+template <class T>
+auto is_inside(const CupPosition<T>& p, const CupSpec& cup) {
+  return p.height > T(cup.floor) && p.height < T(cup.rim) && p.radius < T(cup.inner_radius);
+}
+
 /// Distance of the ball's centre from the cup as a solid body, open above [m].
 template <class T>
 T distance_to_cup(const CupPosition<T>& p, const CupSpec& cup) {

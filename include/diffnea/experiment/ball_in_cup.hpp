@@ -84,6 +84,11 @@ struct InDraws {
   double reward = 0.0;  ///< mean, or the quantile that was asked for
 };
 
+/// Which network moved the ball where a policy was learned; empty: none did.
+struct NetworkSource {
+  std::string file, sha256;
+};
+
 struct LearnedPolicy {
   std::uint64_t seed = 0;
   PrompSpec promp;
@@ -99,7 +104,11 @@ struct LearnedPolicy {
   long rollouts = 0;
   double seconds = 0.0;  ///< that passed while it was learned
   InDraws in_draws;
+  NetworkSource ball_network;
 };
+
+/// Of the task's network.
+NetworkSource network_source(const BallInCup& task);
 
 /// A search, and what it took so far.
 struct SearchState {

@@ -8,6 +8,10 @@
 /// of a ball that is in the cup at the end. Any other ball gets at most what it gets hanging still
 /// below the cup, ψ_hang = −r/(r² + ε): hovering over the cup when time is up is no success. A ball
 /// that touches the cup from outside, and a cup upside down, end the episode.
+///
+/// A network's ball (BallPhase::kImagined) knows no catch: it gets the paper's ψ_N wherever it
+/// ends, and the slack is that of the looks at which it is outside the cup. It is solved where the
+/// ball is inside throughout the last half second.
 
 #include <diffnea/policy/task.hpp>
 
@@ -21,7 +25,7 @@ struct BallInCupOptions {
   /// λ_s, of the string's slack (1 − ‖Δ‖/r)² until the ball is caught: where a massless string is
   /// furthest from a rope. 0: the paper's reward.
   double lambda_slack = 0.0;
-  double string = 0.4;       ///< r, the string's length [m]
+  double string = 0.4;  ///< r, the string's length [m]
 };
 
 class BallInCupTask : public Task {
@@ -51,6 +55,8 @@ class BallInCupTask : public Task {
   VecX<double> penalty_;         ///< summed over them
   VecX<double> psi_, psi_most_;  ///< ψ of the last look, and the largest
   VecX<double> phase_;           ///< of the last look
+  VecX<double> outside_;         ///< when a ball that nothing holds was last outside [s]
+  double time_ = 0.0;            ///< of the last look [s]
   VecX<double> live_, now_;      ///< scratch: 1 where the episode goes on; penalty of this look
 };
 

@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include <diffnea/io/ball_network_file.hpp>
 #include <diffnea/io/diagnosis.hpp>
 #include <diffnea/io/policy_result.hpp>
 #include <diffnea/io/result.hpp>
@@ -13,9 +14,9 @@ namespace diffnea {
 
 /// Everything that a run may leave in RUN/ (docs/schema/identify.md, diagnose.md, learn.md,
 /// transfer.md), but for policy_<seed>.json.
-inline const std::vector<std::string> kRunFiles{"result.json",  "series.json", "model.json",
-                                                "model.urdf",   "model.xml",   "controller.json",
-                                                "movement.gif", "report.html", kNextExperimentFile};
+inline const std::vector<std::string> kRunFiles{
+    "result.json",     "series.json",  "model.json",  "model.urdf",        "model.xml",
+    "controller.json", "movement.gif", "report.html", kNextExperimentFile, kBallNetworkFile};
 
 /// Writes all of them into the folder and publishes it. Where the model came from a URDF or an MJCF
 /// that is still there, the fitted one is written in that form too.

@@ -8,7 +8,7 @@
 /// them (dynamics/string_step.hpp). The string's pull acts on the arm one step later. A ball is
 /// caught where it passes the rim's plane from above without touching the rim; any other touch of
 /// cup or obstacles ends what the model can tell, and so does a cup that is upside down
-/// (BallPhase).
+/// (BallPhase). A ball that a network moves (ModelSimulatorOptions) knows of none of this.
 
 #include <memory>
 #include <string>
@@ -20,6 +20,8 @@
 
 namespace diffnea {
 
+struct BallNetwork;  // effects/ball_network.hpp
+
 struct ModelSimulatorOptions {
   ControllerOptions controller;
   double arm_step = 2e-3;       ///< at most [s]
@@ -27,6 +29,9 @@ struct ModelSimulatorOptions {
   double settle_time = 0.5;     ///< that the arm holds its start before time 0 [s]
   double least_upright = 0.2;   ///< the cup is upside down where its axis' z is less
   std::string instruction_set;  ///< of batch_instruction_sets(); empty: the best
+  /// Moves the ball in place of string, gravity and effects: then nothing pulls at the arm, no cup
+  /// catches and nothing is touched. Its step is that of the arm.
+  std::shared_ptr<const BallNetwork> ball_network;
 };
 
 class ModelSimulator : public Simulator {
@@ -34,7 +39,8 @@ class ModelSimulator : public Simulator {
   /// @param draws  models of the same structure whose numbers differ, e.g. draws of a posterior;
   ///               the world with seed s is number s mod draws.size()
   /// @param controller  the model that compensates gravity
-  /// @throws ModelError if a model has effects that act on what this does not simulate (memory,
+  /// @throws ModelError if the ball's network has another step than the arm, or nothing to hang on;
+  ///         if a model has effects that act on what this does not simulate (memory,
   ///         encoders; the message names them), if draws differ in structure, or joints differ
   ModelSimulator(const std::vector<Model>& draws, const Model& controller,
                  const ModelSimulatorOptions& options = {});

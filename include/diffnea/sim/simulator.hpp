@@ -56,6 +56,9 @@ enum class BallPhase {
   kCaptured = 1,    ///< in the cup, for good
   kTouched = 2,     ///< hit the cup from outside, its rim, or the arm: the model knows no further
   kUpsideDown = 3,  ///< the cup was: a ball that hangs there would look caught
+  // Of a ball that a network moves, which nothing holds or stops:
+  kImagined = 4,  ///< outside the cup
+  kInside = 5,    ///< inside, for now
 };
 
 /// The channels of a world with such joints, a ball, a cup and its phase, in the library's order.
