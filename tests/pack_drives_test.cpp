@@ -189,7 +189,8 @@ TEST_CASE("pack drives: stable at 2 ms, whatever is stiff", "[sim]") {
   const Model nominal = read_model(kWam);
   const double stiffness = GENERATE(1e3, 1e4, 1e5, 1e7, 1e10), rotor = GENERATE(1e-4, 0.1, 2.0);
   const double damping = GENERATE(0.02, 3.0);  // of the motor against its spring
-  CAPTURE(stiffness, rotor, damping);
+  const double presliding = GENERATE(1e-7, 1e-3);
+  CAPTURE(stiffness, rotor, damping, presliding);
   Model model = nominal;
   for (int j = 1; j <= 4; ++j) {
     add(model, "armature", joint(j), {{"armature", rotor}});
@@ -200,10 +201,10 @@ TEST_CASE("pack drives: stable at 2 ms, whatever is stiff", "[sim]") {
          {"motor_inertia", rotor},
          {"friction_share", 0.5}});
   }
-  add(model, "presliding_dahl", "all", {{"coulomb", 2.0}, {"presliding", 1e-7}});
+  add(model, "presliding_dahl", "all", {{"coulomb", 2.0}, {"presliding", presliding}});
   add(model, "presliding_lugre", "all",
-      {{"stiffness", 1e7},
-       {"damping", 1e4},
+      {{"stiffness", 1.0 / presliding},
+       {"damping", 1e-3 / presliding},
        {"coulomb", 1.0},
        {"stiction", 3.0},
        {"stribeck_velocity", 1e-3}});
@@ -218,9 +219,15 @@ TEST_CASE("pack drives: stable at 2 ms, whatever is stiff", "[sim]") {
     most = std::max(most, (q.row(k).transpose() - desired).cwiseAbs().maxCoeff());
   }
   CHECK(most < 0.5);  // it follows; what is unstable is gone within a second
-  // At rest at the end: nothing rings from step to step.
-  const RowMatX<double> moves = (q.bottomRows(100) - q.middleRows(kSteps - 101, 100)).cwiseAbs();
-  CHECK(moves.maxCoeff() < 1e-4);
+  // The motion is over: nothing rings from step to step.
+  const RowMatX<double> late = q.bottomRows(102);
+  const double ringing = (late.topRows(100) - 2.0 * late.middleRows(1, 100) + late.bottomRows(100))
+                             .cwiseAbs()
+                             .maxCoeff();
+  UNSCOPED_INFO("ringing " << ringing);
+  // Bristles that yield within a fraction of a step are a relay: what predicts the velocity is
+  // a step old, and it chatters, by less than 0.1 rad/s.
+  CHECK(ringing < (presliding < 1e-6 ? 2e-4 : 1e-5));
 }
 
 TEST_CASE("pack drives: a spring that is stiff is none", "[sim]") {

@@ -34,8 +34,9 @@ class ModelSimulator : public Simulator {
   /// @param draws  models of the same structure whose numbers differ, e.g. draws of a posterior;
   ///               the world with seed s is number s mod draws.size()
   /// @param controller  the model that compensates gravity
-  /// @throws ModelError if a model has effects that act on what this does not simulate (memory,
-  ///         encoders; the message names them), if draws differ in structure, or joints differ
+  /// @throws ModelError if a model has effects that act on what this does not simulate (gaps,
+  ///         encoders, impacts; the message names them), if draws differ in structure, or joints
+  ///         differ
   ModelSimulator(const std::vector<Model>& draws, const Model& controller,
                  const ModelSimulatorOptions& options = {});
   ~ModelSimulator() override;
