@@ -161,7 +161,7 @@ TEST_CASE("pack drives: joints move as those of the reference plant with fine st
   ModelSimulator world({model}, nominal, without_settling());
   const RowMatX<double> truth = reference(model, nominal);
   const double error = (run(world) - truth).cwiseAbs().maxCoeff();
-  UNSCOPED_INFO("error " << error);
+  UNSCOPED_INFO("error " << error);  // 0.15 … 0.36 mrad observed
   CHECK(error < c.bound);
   if (std::string(c.name) == "none") return;
   // What the effect does is far more than the bound.
@@ -169,7 +169,6 @@ TEST_CASE("pack drives: joints move as those of the reference plant with fine st
       (reference(with_rotors_and_friction(nominal), nominal) - truth).cwiseAbs().maxCoeff();
   UNSCOPED_INFO("effect " << effect);
   CHECK(effect > 2.0 * error);
-  WARN(c.name << ": error " << error << ", effect " << effect);
 }
 
 TEST_CASE("pack drives: with shorter steps they approach the reference", "[sim]") {
