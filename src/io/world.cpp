@@ -151,6 +151,9 @@ WorldSpec parse_world(const std::string& text) {
 
 namespace {
 
+/// Deviation of two noises; a negative one stays for those who refuse it.
+double together(double asked, double own) { return asked < 0.0 ? asked : std::hypot(asked, own); }
+
 /// The robot that a world's seed gives, and its document.
 struct DrawnWorld {
   Model truth;
@@ -184,7 +187,7 @@ WorldRecording record_in_world(const WorldSpec& world, const Model& controller,
                                const Trajectory& trajectory, RecordOptions options,
                                std::uint64_t seed, int threads) {
   options.seed = world.seed.value_or(seed);
-  options.actuation_noise = std::hypot(options.actuation_noise, world.perturbation.actuation_noise);
+  options.actuation_noise = together(options.actuation_noise, world.perturbation.actuation_noise);
   DrawnWorld drawn = draw(world, options.seed);
   WorldRecording out{.result = {}, .truth = std::move(drawn.truth)};
   std::vector<SimulatedRecording> repetitions(static_cast<std::size_t>(world.repetitions));
@@ -217,7 +220,7 @@ std::unique_ptr<Simulator> make_simulator(const WorldSpec& world, const Model& c
                                           Model* truth) {
   const DrawnWorld drawn = draw(world, world.seed.value_or(seed));
   if (truth) *truth = drawn.truth;
-  options.torque_noise = std::hypot(options.torque_noise, world.perturbation.actuation_noise);
+  options.torque_noise = together(options.torque_noise, world.perturbation.actuation_noise);
   return std::make_unique<MujocoSimulator>(drawn.document, drawn.truth, controller, options);
 }
 
