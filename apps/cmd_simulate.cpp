@@ -77,7 +77,8 @@ void add_simulate(CLI::App& app) {
   command->add_option(
       "--world", options->world,
       "mujoco:NAME[,key=value...]; NAME: wam4, ..., or a path to an MJCF; keys: perturb = none, A "
-      "(default), B; seed (default: --seed); noise (factor); repetitions; of a ball: ball = "
+      "(default), B, C or PATH.json; seed (default: --seed); noise (factor); repetitions; of a "
+      "ball: ball = "
       "tendon, "
       "chain; rope; string (see `diffnea worlds`)");
   command

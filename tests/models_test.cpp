@@ -52,7 +52,9 @@ TEST_CASE("models: each loads, nothing looks wrong, names are those of the recor
 TEST_CASE("models: every file of the folder is in the list above", "[models]") {
   int count = 0;
   for (const auto& entry : std::filesystem::directory_iterator(kModels))
-    if (entry.path().extension() != ".md") ++count;
+    if (entry.path().extension() != ".md" &&
+        !entry.path().filename().string().starts_with("surrogate_"))  // ranges, no robots
+      ++count;
   CHECK(count == 10);
 }
 

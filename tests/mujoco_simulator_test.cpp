@@ -104,7 +104,7 @@ TEST_CASE("MuJoCo simulator: a lane depends on its start, seed and commands alon
       .settle_time = 0.05, .position_noise = 1e-4, .torque_noise = 0.05, .encoder_noise = 1e-3};
   MujocoSimulatorOptions three = one;
   three.lanes = 3;
-  for (const std::string keys : {",perturb=A", ",perturb=A,ball=chain"}) {
+  for (const std::string keys : {",perturb=A", ",perturb=A,ball=chain", ",perturb=C,ball=chain"}) {
     CAPTURE(keys);
     const std::unique_ptr<Simulator> alone = world(keys, one), among = world(keys, three);
     const std::unique_ptr<Simulator> other = among->clone();

@@ -17,6 +17,7 @@
 #include <diffnea/io/atomic_file.hpp>
 #include <diffnea/io/model_file.hpp>
 #include <diffnea/io/sidecar.hpp>
+#include <diffnea/io/surrogate.hpp>
 
 using namespace diffnea;
 using Catch::Approx;

@@ -35,7 +35,8 @@ def _known() -> dict[str, Path]:
     for folder in _folders():
         for extension in _EXTENSIONS:
             for file in sorted(folder.glob(f"*{extension}")):
-                known.setdefault(file.stem, file)
+                if not file.stem.startswith("surrogate_"):  # ranges of a world, no robot
+                    known.setdefault(file.stem, file)
     return known
 
 

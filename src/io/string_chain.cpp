@@ -1,7 +1,6 @@
 #include "io/string_chain.hpp"
 
 #include <cstdio>
-#include <cstring>
 
 #include <diffnea/core/error.hpp>
 
@@ -15,15 +14,6 @@ namespace {
 /// NaNs).
 constexpr double kArmature = 3e-7;  // [kg·m²]
 constexpr double kRadius = 8e-4;    // [m]
-
-/// Element of that name below `element` whose attribute `name` is `name`.
-XmlElement* find(XmlElement& element, const char* tag, const std::string& name) {
-  for (XmlElement* e = element.FirstChildElement(); e; e = e->NextSiblingElement()) {
-    if (std::strcmp(e->Name(), tag) == 0 && attribute(*e, "name") == name) return e;
-    if (XmlElement* found = find(*e, tag, name)) return found;
-  }
-  return nullptr;
-}
 
 XmlElement& add(XmlElement& parent, const char* tag) { return *parent.InsertNewChildElement(tag); }
 
@@ -86,12 +76,13 @@ std::string with_chain(const std::string& mjcf, const Model& nominal, const Mode
   const std::string& where = truth.source;
   const std::unique_ptr<XmlDocument> document = parse_xml(mjcf, where);
   XmlElement& root = *document->RootElement();
-  XmlElement *tendon = find(root, "spatial", "string"), *ball = find(root, "body", "ball");
+  XmlElement *tendon = find_named(root, "spatial", "string"),
+             *ball = find_named(root, "body", "ball");
   XmlElement* site = nullptr;
   if (tendon && ball)
     for_each_child(*tendon, "site", [&](XmlElement& s) {
       const std::string name = attribute(s, "site");
-      if (!find(*ball, "site", name)) site = find(root, "site", name);
+      if (!find_named(*ball, "site", name)) site = find_named(root, "site", name);
     });
   if (!site || !nominal.ball || !nominal.ball->string || !truth.ball || !truth.ball->string)
     throw ModelError(where +
@@ -130,8 +121,8 @@ std::string with_chain(const std::string& mjcf, const Model& nominal, const Mode
 std::string without_ball(const std::string& mjcf, const Model& truth) {
   const std::unique_ptr<XmlDocument> document = parse_xml(mjcf, truth.source);
   XmlElement& root = *document->RootElement();
-  if (XmlElement* tendon = find(root, "spatial", "string")) remove(*tendon);
-  if (XmlElement* ball = find(root, "body", "ball")) remove(*ball);
+  if (XmlElement* tendon = find_named(root, "spatial", "string")) remove(*tendon);
+  if (XmlElement* ball = find_named(root, "body", "ball")) remove(*ball);
   remove_keyframes(root);
   return xml_text(*document);
 }

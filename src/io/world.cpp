@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <atomic>
 #include <charconv>
+#include <cmath>
 #include <cstdlib>
 #include <exception>
 #include <map>
@@ -20,7 +21,10 @@ struct WorldKey {
   const char *name, *meaning;
 };
 constexpr WorldKey kWorldKeys[] = {
-    {"perturb", "how far the robot is from its description: none, A (default) or B, about twice A"},
+    {"perturb",
+     "how far the robot is from its description: none, A (default), B (about twice A), C (B with "
+     "cables that give, drives that stick and act late and with noise, a late camera), or "
+     "PATH.json, a file of ranges"},
     {"seed", "of the perturbation and the noise; default: that of the command"},
     {"noise", "factor on the noise of the sensors, default 1"},
     {"repetitions",
@@ -39,7 +43,7 @@ constexpr WorldKey kWorldKeys[] = {
      "description's"},
     {"tilt",
      "of the cup about where the string is tied: the largest that is drawn [rad]; default: that of "
-     "perturb, A 0.035, B 0.07"}};
+     "perturb, A 0.035, B and C 0.07"}};
 
 std::string key_names() {
   std::string out;
@@ -56,13 +60,12 @@ Number number(const std::string& world, const std::string& key, const std::strin
   return x;
 }
 
-Perturbation perturbation(const std::string& world, const std::string& level) {
-  static const std::map<std::string, Perturbation> kLevels{
-      {"none", {}}, {"A", surrogate_a()}, {"B", surrogate_b()}};
-  const auto it = kLevels.find(level);
-  if (it == kLevels.end())
-    throw Error("world '" + world + "': perturb = '" + level + "'; choices: none, A, B");
-  return it->second;
+Perturbation perturbation(const std::string& world, const std::string& name) {
+  try {
+    return find_surrogate(name);
+  } catch (const Error& e) {
+    throw Error("world '" + world + "': " + e.what());
+  }
 }
 
 template <class T>
@@ -83,7 +86,7 @@ WorldSpec parse_world(const std::string& text) {
   if (text.substr(0, colon) != "mujoco" || colon == text.npos)
     throw Error("world '" + text + "': expected mujoco:NAME[,key=value…]");
   WorldSpec out;
-  out.perturbation = surrogate_a();
+  std::string perturb = "A";
   std::string rest = text.substr(colon + 1), name;
   std::optional<std::string> ball;
   std::optional<std::optional<Rope>> rope;
@@ -100,7 +103,7 @@ WorldSpec parse_world(const std::string& text) {
     const std::string key = part.substr(0, equals),
                       value = equals == part.npos ? "" : part.substr(equals + 1);
     if (key == "perturb")
-      out.perturbation = perturbation(text, value);
+      perturb = value;
     else if (key == "seed")
       out.seed = number<std::uint64_t>(text, key, value);
     else if (key == "noise")
@@ -125,6 +128,7 @@ WorldSpec parse_world(const std::string& text) {
     else
       throw Error("world '" + text + "': unknown key '" + key + "'; keys: " + key_names());
   }
+  out.perturbation = perturbation(text, perturb);
   out.has_ball = ball != "none";
   if (!out.has_ball && rope) throw Error("world '" + text + "': ball=none has no rope");
   if (ball && rope && (ball == "chain") != rope->has_value())
@@ -147,6 +151,9 @@ WorldSpec parse_world(const std::string& text) {
 
 namespace {
 
+/// Deviation of two noises; a negative one stays for those who refuse it.
+double together(double asked, double own) { return asked < 0.0 ? asked : std::hypot(asked, own); }
+
 /// The robot that a world's seed gives, and its document.
 struct DrawnWorld {
   Model truth;
@@ -168,7 +175,9 @@ DrawnWorld draw(const WorldSpec& world, std::uint64_t seed) {
   if (!world.has_ball) {
     out.document = io::without_ball(out.document, out.truth);
     out.truth.ball.reset();
+    std::erase_if(out.truth.effects, [](const EffectSpec& e) { return e.where == "camera"; });
   }
+  out.document = with_rotors(out.document, out.truth);
   return out;
 }
 
@@ -178,6 +187,7 @@ WorldRecording record_in_world(const WorldSpec& world, const Model& controller,
                                const Trajectory& trajectory, RecordOptions options,
                                std::uint64_t seed, int threads) {
   options.seed = world.seed.value_or(seed);
+  options.actuation_noise = together(options.actuation_noise, world.perturbation.actuation_noise);
   DrawnWorld drawn = draw(world, options.seed);
   WorldRecording out{.result = {}, .truth = std::move(drawn.truth)};
   std::vector<SimulatedRecording> repetitions(static_cast<std::size_t>(world.repetitions));
@@ -210,6 +220,7 @@ std::unique_ptr<Simulator> make_simulator(const WorldSpec& world, const Model& c
                                           Model* truth) {
   const DrawnWorld drawn = draw(world, world.seed.value_or(seed));
   if (truth) *truth = drawn.truth;
+  options.torque_noise = together(options.torque_noise, world.perturbation.actuation_noise);
   return std::make_unique<MujocoSimulator>(drawn.document, drawn.truth, controller, options);
 }
 
@@ -232,7 +243,8 @@ std::map<std::string, std::filesystem::path> list_models(
   for (const std::filesystem::path& folder : model_folders())
     for (std::filesystem::directory_iterator it(folder, ignored), end; it != end;
          it.increment(ignored))
-      if (std::ranges::find(extensions, it->path().extension().string()) != extensions.end())
+      if (std::ranges::find(extensions, it->path().extension().string()) != extensions.end() &&
+          !it->path().stem().string().starts_with("surrogate_"))  // ranges, no robots
         out.emplace(it->path().stem().string(), it->path());
   return out;
 }
@@ -244,6 +256,9 @@ std::string worlds_text() {
   out += "  mujoco:PATH  an MJCF of your own\n\nkeys, as in mujoco:wam4,perturb=A,seed=3\n";
   for (const WorldKey& key : kWorldKeys)
     out += std::string("  ") + key.name + "  " + key.meaning + "\n";
+  out += "\nrobots that perturb= draws\n";
+  for (const auto& [name, path] : list_surrogates())
+    out += "  " + read_surrogate(path).summary + "  " + path.string() + "\n";
   return out;
 }
 
@@ -253,7 +268,14 @@ std::string worlds_json() {
     worlds.push_back({{"world", "mujoco:" + name}, {"file", path.string()}});
   for (const WorldKey& key : kWorldKeys)
     keys.push_back({{"key", key.name}, {"meaning", key.meaning}});
-  const io::Json out{{"schema", "diffnea/worlds/1"}, {"worlds", worlds}, {"keys", keys}};
+  io::Json surrogates = io::Json::array();
+  for (const auto& [name, path] : list_surrogates())
+    surrogates.push_back(
+        {{"perturb", name}, {"summary", read_surrogate(path).summary}, {"file", path.string()}});
+  const io::Json out{{"schema", "diffnea/worlds/1"},
+                     {"worlds", worlds},
+                     {"keys", keys},
+                     {"surrogates", surrogates}};
   return out.dump(1, ' ', false, io::Json::error_handler_t::replace) + "\n";
 }
 

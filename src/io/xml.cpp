@@ -1,6 +1,7 @@
 #include "io/xml.hpp"
 
 #include <algorithm>
+#include <cstring>
 
 #include <diffnea/core/error.hpp>
 
@@ -30,6 +31,14 @@ std::string attribute(const XmlElement& element, const char* name) {
 XmlElement& child(XmlElement& element, const char* name) {
   XmlElement* found = element.FirstChildElement(name);
   return found ? *found : *element.InsertNewChildElement(name);
+}
+
+XmlElement* find_named(XmlElement& element, const char* tag, const std::string& name) {
+  for (XmlElement* e = element.FirstChildElement(); e; e = e->NextSiblingElement()) {
+    if (std::strcmp(e->Name(), tag) == 0 && attribute(*e, "name") == name) return e;
+    if (XmlElement* found = find_named(*e, tag, name)) return found;
+  }
+  return nullptr;
 }
 
 void remove_children(XmlElement& element, const char* name) {

@@ -20,6 +20,8 @@ std::string xml_text(const XmlDocument& document);
 std::string attribute(const XmlElement& element, const char* name);
 /// First child of that name, created (as last child) if there is none.
 XmlElement& child(XmlElement& element, const char* name);
+/// Element of that tag below `element`, however deep, whose attribute `name` is `name`; or nullptr.
+XmlElement* find_named(XmlElement& element, const char* tag, const std::string& name);
 void remove_children(XmlElement& element, const char* name);
 
 /// Calls f(child) for every child element of that name (all names: nullptr); f may delete its

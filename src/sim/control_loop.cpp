@@ -50,7 +50,7 @@ class Reference {
 
 struct Joint {
   bool passive;
-  double limit, position_noise, torque_noise;
+  double limit, position_noise, torque_noise, actuation_noise;
 };
 
 std::vector<Joint> joints_of(const Model& robot, const RecordOptions& o) {
@@ -59,7 +59,7 @@ std::vector<Joint> joints_of(const Model& robot, const RecordOptions& o) {
     const ModelLink& link = robot.links[i];
     out.push_back({link.passive, link.limits.effort,
                    link.type == ModelJoint::kRevolute ? o.position_noise : o.slide_noise,
-                   o.torque_noise * torque_scale(link)});
+                   o.torque_noise * torque_scale(link), o.actuation_noise * torque_scale(link)});
   }
   return out;
 }
@@ -129,8 +129,8 @@ SimulatedRecording run_control_loop(Plant& plant, const Model& robot, const Mode
   }
 
   plant.reset(q0);
-  // The camera's noise is a stream of its own: arms without a ball keep theirs.
-  Rng camera(o.seed ^ 0x63616d657261ULL);
+  // Noises of camera and drives are streams of their own: arms without them keep theirs.
+  Rng camera(o.seed ^ 0x63616d657261ULL), drives(o.seed ^ 0x647269766573ULL);
   const long shown_every = std::max(1L, std::lround(o.control_rate / o.camera_rate));
   if (plant.ball()) r.ball.setConstant(rows, 3, kNaN);
   long row = 0;
@@ -153,7 +153,10 @@ SimulatedRecording run_control_loop(Plant& plant, const Model& robot, const Mode
           ball->z + noise * camera.normal();
     }
     r.qcmd.row(row) = qcmd;
-    out.failure = plant.step(u);
+    VecX<double> acting = u;
+    for (int j = 0; j < n && o.actuation_noise > 0.0; ++j)
+      if (!joints[j].passive) acting[j] += joints[j].actuation_noise * drives.normal();
+    out.failure = plant.step(acting);
     if (!out.failure.empty()) out.failure += " at t = " + std::to_string(time) + " s";
   }
   r.time.conservativeResize(row);

@@ -12,20 +12,9 @@
 namespace diffnea::sim {
 namespace {
 
-bool acts_on(const BoundEffect& e, int joint) {
-  return std::ranges::find(e.joints, joint) != e.joints.end();
-}
-
 bool is_bristles(const BoundEffect& e) {
   return std::holds_alternative<PreslidingDahl>(e.type) ||
          std::holds_alternative<PreslidingLugre>(e.type);
-}
-
-/// That share of an effect's torque, which is homogeneous in the linear parameters.
-BoundEffect scaled(BoundEffect effect, double share) {
-  for (const int k : effect.linear_parameters())
-    effect.parameters[static_cast<std::size_t>(k)] *= share;
-  return effect;
 }
 
 }  // namespace
@@ -92,25 +81,6 @@ void ModelPlant::place_bristles() {
   }
 }
 
-/// One for each joint where one of them hides its motor; friction that couples joints stays whole.
-std::vector<BoundEffect> ModelPlant::parts_at_motors(const BoundEffect& effect) const {
-  const bool at_motor =
-      std::ranges::any_of(motors_, [&](const Motor& m) { return acts_on(effect, m.joint); });
-  if (!at_motor || effect.info().place != Place::kJoint) return {effect};
-  std::vector<BoundEffect> out(effect.joints.size(), effect);
-  for (std::size_t k = 0; k < out.size(); ++k) out[k].joints = {effect.joints[k]};
-  return out;
-}
-
-/// Of an effect's torque, what turns with the hidden motors at its joints; the least of them.
-double ModelPlant::share_at_motors(const BoundEffect& effect) const {
-  double share = 2.0;
-  for (const Motor& m : motors_)
-    if (acts_on(effect, m.joint))
-      share = std::min(share, motor_share(effect.info(), m.friction_share()));
-  return share > 1.0 ? 0.0 : share;
-}
-
 /// Moves out of the model what a step treats by itself.
 ExtendedTree ModelPlant::take_apart(ExtendedTree model) {
   series_ = std::move(model.series);
@@ -118,9 +88,11 @@ ExtendedTree ModelPlant::take_apart(ExtendedTree model) {
   hide_motors(model.tree);
   place_bristles();
   std::vector<BoundEffect> at_links;
+  MotorShares shares(static_cast<std::size_t>(n_), -1.0);
+  for (const Motor& m : motors_) shares[static_cast<std::size_t>(m.joint)] = m.friction_share();
   for (const BoundEffect& whole : model.effects)
-    for (const BoundEffect& e : parts_at_motors(whole)) {
-      const double share = share_at_motors(e);
+    for (const BoundEffect& e : parts_at_motors(whole, shares)) {
+      const double share = share_at_motors(e, shares);
       if (share > 0.0 && reads_acceleration(e))
         throw ModelError(
             "simulate: " + e.info().name + " at '" + e.where +

@@ -60,8 +60,6 @@ class ModelPlant : public Plant {
   ExtendedTree take_apart(ExtendedTree model);
   void hide_motors(Tree<double>& tree);
   void place_bristles();
-  std::vector<BoundEffect> parts_at_motors(const BoundEffect& effect) const;
-  double share_at_motors(const BoundEffect& effect) const;
   int position_of(const Bristles& bristles) const;
   int velocity_of(const Bristles& bristles) const;
   int steps_for_stiffness(const VecX<double>& q) const;

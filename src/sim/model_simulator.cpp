@@ -7,6 +7,7 @@
 #include <diffnea/effects/ball_network.hpp>
 #include <diffnea/effects/extended_tree.hpp>
 #include <diffnea/effects/forward_dynamics.hpp>
+#include <diffnea/effects/hidden_motor.hpp>
 #include <diffnea/sim/model_simulator.hpp>
 
 #include "sim/pack_world.hpp"
@@ -44,9 +45,59 @@ bool is_of_log(const BoundEffect& e) {
 }
 
 void refuse(const Model& model, const BoundEffect& e) {
-  throw ModelError(model.source + ": " + e.info().name + " at '" + e.where +
-                   "' is not simulated here (effects with memory, of encoders or of impacts); "
-                   "leave it out of the model that the policy is learned in");
+  throw ModelError(
+      model.source + ": " + e.info().name + " at '" + e.where +
+      "' is not simulated here (gaps, encoders, impacts, what reads the acceleration); "
+      "leave it out of the model that the policy is learned in");
+}
+
+/// Effects with memory that sim/pack_drives.hpp simulates.
+bool is_of_drives(const BoundEffect& e) {
+  return std::holds_alternative<JointElasticity>(e.type) ||
+         std::holds_alternative<PreslidingDahl>(e.type) ||
+         std::holds_alternative<PreslidingLugre>(e.type) ||
+         std::holds_alternative<ActuatorDelay>(e.type) ||
+         std::holds_alternative<ActuatorLag>(e.type) || std::holds_alternative<Saturation>(e.type);
+}
+
+/// @throws ModelError if a joint has two springs
+MotorShares motor_shares(const Model& model, const std::vector<BoundEffect>& drives) {
+  MotorShares out(joint_names(model).size(), -1.0);
+  for (const BoundEffect& e : drives)
+    if (std::holds_alternative<JointElasticity>(e.type))
+      for (const int j : e.joints) {
+        double& share = out[static_cast<std::size_t>(j)];
+        if (share >= 0.0)
+          throw ModelError(model.source + ": joint_elasticity at '" + e.where +
+                           "': the joint has a hidden motor already; one elasticity a joint");
+        share = JointElasticity::friction_share(e.parameters.data());
+      }
+  return out;
+}
+
+/// A draw's effects by the side of the springs that they act on.
+struct DrawnEffects {
+  Model model;
+  ExtendedTree tree;
+  std::vector<BoundEffect> drives, links, motors;
+  MotorShares shares;
+};
+
+/// Which side an effect of one instant acts on: both, in all draws, where they do not agree.
+void take_sides(std::vector<DrawnEffects>& draws) {
+  for (DrawnEffects& d : draws)
+    for (const BoundEffect& whole : d.tree.effects)
+      for (const BoundEffect& e : parts_at_motors(whole, d.shares)) {
+        double least = 1.0, most = 0.0;
+        for (const DrawnEffects& other : draws) {
+          const double share = share_at_motors(e, other.shares);
+          least = std::min(least, share);
+          most = std::max(most, share);
+        }
+        const double share = share_at_motors(e, d.shares);
+        if (most > 0.0) d.motors.push_back(scaled(e, share));
+        if (least < 1.0) d.links.push_back(most > 0.0 ? scaled(e, 1.0 - share) : e);
+      }
 }
 
 /// What its torque depends on, asked with numbers that no formula survives: one that is finite did
@@ -107,11 +158,13 @@ BallEffects ball_effects(const Model& model) {
   return out;
 }
 
-PackDraw draw_of(const Model& model, const ExtendedTree& tree, const BallEffects& ball,
-                 const TreeMap& map) {
+PackDraw draw_of(const DrawnEffects& drawn, const BallEffects& ball, const TreeMap& map) {
+  const Model& model = drawn.model;
   PackDraw out;
-  out.tree = tree.tree;
-  for (const BoundEffect& e : tree.effects) out.effects.push_back(e.parameters);
+  out.tree = drawn.tree.tree;
+  for (const BoundEffect& e : drawn.links) out.effects.push_back(e.parameters);
+  for (const BoundEffect& e : drawn.drives) out.drives.push_back(e.parameters);
+  for (const BoundEffect& e : drawn.motors) out.motor_effects.push_back(e.parameters);
   for (const BoundEffect& e : ball.forces) out.ball_effects.push_back(e.parameters);
   if (model.ball && model.ball->string) {
     out.length = model.ball->string->length;
@@ -223,24 +276,38 @@ PackSpec spec_of(const std::vector<Model>& draws, const Model& controller,
   take_ball(first, out);
   if (o.ball_network) check_network(*o.ball_network, out, first.source);
   out.network = o.ball_network;
+  std::vector<DrawnEffects> drawn;
   for (const Model& model : draws) {
-    const ExtendedTree tree = extend(model, {0});
-    for (const BoundEffect& e : tree.series)
-      if (!is_of_log(e) && !acts_on_ball(e.info())) refuse(model, e);
-    for (const BoundEffect& e : tree.effects)
-      if (reads_acceleration(e) || e.info().name == "torque_gain") refuse(model, e);
-    const BallEffects ball = ball_effects(model);
-    if (&model == &first) {
-      out.effects = tree.effects;
-      for (const BoundEffect& e : tree.effects) out.kinds.push_back(kind_of(e, tree.tree));
-      out.ball_effects = ball.forces;
-    } else if (names(tree.effects) != names(out.effects) ||
-               names(ball.forces) != names(out.ball_effects) ||
-               joint_names(model) != joint_names(first)) {
-      throw ModelError(model.source + ": draws must have the joints and effects of the first");
+    DrawnEffects& d = drawn.emplace_back();
+    d.model = model;
+    d.tree = extend(model, {0});
+    for (const BoundEffect& e : d.tree.series) {
+      if (is_of_drives(e))
+        d.drives.push_back(e);
+      else if (!is_of_log(e) && !acts_on_ball(e.info()))
+        refuse(model, e);
     }
-    out.draws.push_back(draw_of(model, tree, ball, map_to_tree(model)));
-    out.same_kinematics = out.same_kinematics && same_poses(out.nominal, tree.tree);
+    for (const BoundEffect& e : d.tree.effects)
+      if (reads_acceleration(e) || e.info().name == "torque_gain") refuse(model, e);
+    if (joint_names(model) != joint_names(first) ||
+        names(d.tree.effects) != names(drawn.front().tree.effects) ||
+        names(d.drives) != names(drawn.front().drives))
+      throw ModelError(model.source + ": draws must have the joints and effects of the first");
+    d.shares = motor_shares(model, d.drives);
+  }
+  take_sides(drawn);
+  const BallEffects first_ball = ball_effects(first);
+  out.effects = drawn.front().links;
+  out.drives = drawn.front().drives;
+  out.motor_effects = drawn.front().motors;
+  out.ball_effects = first_ball.forces;
+  for (const BoundEffect& e : out.effects) out.kinds.push_back(kind_of(e, drawn.front().tree.tree));
+  for (const DrawnEffects& d : drawn) {
+    const BallEffects ball = ball_effects(d.model);
+    if (names(ball.forces) != names(out.ball_effects))
+      throw ModelError(d.model.source + ": draws must have the joints and effects of the first");
+    out.draws.push_back(draw_of(d, ball, map_to_tree(d.model)));
+    out.same_kinematics = out.same_kinematics && same_poses(out.nominal, d.tree.tree);
   }
   return out;
 }

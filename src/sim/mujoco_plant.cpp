@@ -10,6 +10,8 @@
 
 #include <diffnea/core/error.hpp>
 
+#include "sim/rotor_names.hpp"
+
 namespace diffnea::sim {
 namespace {
 
@@ -71,7 +73,13 @@ MujocoRobot::MujocoRobot(const std::string& mjcf, const Model& truth, double rat
   const double gravity[3] = {g.x, g.y, g.z};
   std::copy_n(gravity, 3, m.opt.gravity);
   for (const ModelLink& link : truth.links) apply(link);
+  shares_.assign(dof_.size(), -1.0);
+  for (const EffectSpec& effect : truth.effects)
+    if (effect.effect == JointElasticity::info().name) tie_rotor(bind(effect, truth), truth);
   for (const EffectSpec& effect : truth.effects) apply(effect, truth);
+  for (const Rotor& r : rotors_)
+    m.dof_armature[dof_[r.joint]] =
+        std::max(0.0, m.dof_armature[dof_[r.joint]] - m.dof_armature[r.dof]);
   apply_gains();
   cup_ = mj_name2id(&m, mjOBJ_SITE, "cup");
   place_cup(truth);
@@ -104,21 +112,77 @@ void MujocoRobot::apply(const ModelLink& link) {
                 to_parent(Pose<double>{Mat3<double>::identity(), anchor}, link.inertia));
 }
 
+MujocoRobot::Rotor* MujocoRobot::rotor_at(int joint) {
+  const auto it = std::ranges::find(rotors_, joint, &Rotor::joint);
+  return it == rotors_.end() ? nullptr : &*it;
+}
+
+void MujocoRobot::tie_rotor(const BoundEffect& elasticity, const Model& truth) {
+  // Soft as MuJoCo's friction is by default, a rotor at rest would creep by 5 mrad/s.
+  constexpr double kFrictionTime = 4e-3, kImpedance = 0.995;  // [s], of 0 … 1
+  mjModel& m = *model_;
+  const std::vector<double>& p = elasticity.parameters;
+  const std::vector<std::string> joints = joint_names(truth);
+  for (const int j : elasticity.joints) {
+    const std::string& name = joints[static_cast<std::size_t>(j)];
+    const int rotor = mj_name2id(&m, mjOBJ_JOINT, rotor_name(name).c_str()),
+              spring = mj_name2id(&m, mjOBJ_TENDON, spring_name(name).c_str());
+    if (rotor < 0 || spring < 0)
+      throw ModelError("MuJoCo world: joint_elasticity at '" + name +
+                       "': the document has no rotor there; with_rotors adds it");
+    if (rotor_at(j) || !(p[2] > 0.0))
+      throw ModelError("MuJoCo world: joint_elasticity at '" + name +
+                       "': one spring a joint, with a motor_inertia above 0");
+    const int dof = m.jnt_dofadr[rotor];
+    rotors_.push_back({j, m.jnt_qposadr[rotor], dof, p[0]});
+    shares_[static_cast<std::size_t>(j)] = JointElasticity::friction_share(p.data());
+    m.tendon_stiffness[spring] = p[0];
+    m.tendon_damping[spring] = p[1];
+    m.tendon_lengthspring[spring] = 0.0;
+    m.dof_armature[dof] = p[2];
+    m.dof_solref[mjNREF * dof] = kFrictionTime;
+    m.dof_solimp[mjNIMP * dof] = m.dof_solimp[mjNIMP * dof + 1] = kImpedance;
+  }
+}
+
+/// A torque of position, velocity and time, by the side of the springs that it acts on.
+void MujocoRobot::turn(const BoundEffect& effect) {
+  for (const BoundEffect& e : parts_at_motors(effect, shares_)) {
+    const double share = share_at_motors(e, shares_);
+    Rotor* rotor = e.joints.empty() ? nullptr : rotor_at(e.joints.front());
+    if (share > 0.0 && rotor && std::holds_alternative<StribeckFriction>(e.type)) {
+      rotor->stiction = share * e.parameters[0];
+      rotor->stribeck = e.parameters[1];
+    } else if (share > 0.0) {
+      rotor_effects_.push_back(scaled(e, share));
+    }
+    if (share < 1.0) effects_.push_back(scaled(e, 1.0 - share));
+  }
+}
+
 void MujocoRobot::apply(const EffectSpec& effect, const Model& truth) {
   mjModel& m = *model_;
   BoundEffect bound = bind(effect, truth);
   const EffectInfo& info = bound.info();
+  if (std::holds_alternative<JointElasticity>(bound.type)) return;  // tied before
   if (const Field field = dof_field(info.name)) {
-    for (const int j : bound.joints) (m.*field)[dof_[j]] += bound.parameters[0];
+    for (const int j : bound.joints) {
+      const Rotor* rotor = info.name == "armature" ? nullptr : rotor_at(j);
+      const double share = rotor ? shares_[static_cast<std::size_t>(j)] : 0.0;
+      (m.*field)[dof_[j]] += (1.0 - share) * bound.parameters[0];
+      if (rotor) (m.*field)[rotor->dof] += share * bound.parameters[0];
+    }
   } else if (info.name == "joint_spring") {
     for (const int j : bound.joints) {
       m.jnt_stiffness[joint_[j]] = bound.parameters[0];
       m.qpos_spring[qpos_[j]] = bound.parameters[1];
     }
-  } else if (info.name == "torque_gain") {
+  } else if (info.name == "torque_gain" && rotors_.empty()) {
     gain_effects_.push_back(std::move(bound));
   } else if (info.port == Port::kJointTorque && !reads_acceleration(bound)) {
-    effects_.push_back(std::move(bound));
+    turn(bound);
+  } else if (std::holds_alternative<CameraDelay>(bound.type)) {
+    camera_delay_ += bound.parameters[0];
   } else if (info.name == "base_tilt") {
     for (int i = 0; i < 2; ++i) m.opt.gravity[i] += bound.parameters[static_cast<std::size_t>(i)];
   } else if (info.port == Port::kMeasurement || info.name.starts_with("actuator_") ||
@@ -168,30 +232,69 @@ MujocoPlant::MujocoPlant(std::shared_ptr<const MujocoRobot> robot)
       encoders_(robot_->series_, static_cast<int>(robot_->dof_.size())) {
   if (!data_) throw ModelError("MuJoCo world: there is no memory for its state");
   q_.setZero(static_cast<long>(robot_->dof_.size()));
-  qd_ = extra_ = q_;
+  qd_ = extra_ = rotor_q_ = rotor_qd_ = q_;
+  const auto sticks = [](const MujocoRobot::Rotor& r) { return r.stiction > 0.0; };
+  if (std::ranges::any_of(robot_->rotors_, sticks)) {
+    own_.reset(mj_copyModel(nullptr, robot_->model_.get()));
+    if (!own_) throw ModelError("MuJoCo world: there is no memory for a model of its own");
+  }
 }
 
 void MujocoPlant::reset(const VecX<double>& reading) {
   const VecX<double> q = encoders_.truth(reading);
   drives_.reset();
-  mj_resetData(robot_->model_.get(), data_.get());
+  mj_resetData(model(), data_.get());
   for (std::size_t j = 0; j < robot_->qpos_.size(); ++j) data_->qpos[robot_->qpos_[j]] = q[j];
+  for (const MujocoRobot::Rotor& r : robot_->rotors_) data_->qpos[r.qpos] = q[r.joint];
   hang_ball();
+  if (robot_->rotors_.empty()) return;
+  for (const MujocoRobot::Rotor& r : robot_->rotors_)  // wound up by what the links weigh
+    data_->qpos[r.qpos] += data_->qfrc_bias[robot_->dof_[r.joint]] / r.stiffness;
+  mj_forward(model(), data_.get());
+  read_state();
 }
 
 void MujocoPlant::hang_ball() {
-  robot_->ball_.hang(*robot_->model_, *data_);
-  mj_forward(robot_->model_.get(), data_.get());
+  robot_->ball_.hang(*model(), *data_);
+  mj_forward(model(), data_.get());
   read_state();
+  shown_.clear();
+  if (has_ball() && robot_->camera_delay_ > 0.0)
+    shown_.push_back({robot_->ball_.position(*data_), {0.0, 0.0, 0.0}});
+}
+
+/// Hermite's cubic between two periods.
+MujocoPlant::Seen MujocoPlant::seen() const {
+  const double h = robot_->substeps_ * model()->opt.timestep;
+  const double ago = std::min(robot_->camera_delay_ / h, static_cast<double>(shown_.size() - 1));
+  const std::size_t k = static_cast<std::size_t>(std::ceil(ago));
+  const Seen& a = shown_[shown_.size() - 1 - k];
+  if (k == 0) return a;
+  const Seen& b = shown_[shown_.size() - k];
+  const double t = static_cast<double>(k) - ago, t2 = t * t, t3 = t2 * t;
+  return {
+      a.x * (2 * t3 - 3 * t2 + 1) + b.x * (3 * t2 - 2 * t3) + a.v * ((t3 - 2 * t2 + t) * h) +
+          b.v * ((t3 - t2) * h),
+      (a.x - b.x) * ((6 * t2 - 6 * t) / h) + a.v * (3 * t2 - 4 * t + 1) + b.v * (3 * t2 - 2 * t)};
 }
 
 std::optional<Vec3<double>> MujocoPlant::ball() const {
   if (!robot_->ball_.exists()) return {};
-  return robot_->ball_.position(*data_);
+  return shown_.empty() ? robot_->ball_.position(*data_) : seen().x;
 }
 
 Vec3<double> MujocoPlant::ball_velocity() const {
-  return robot_->ball_.velocity(*robot_->model_, *data_);
+  return shown_.empty() ? robot_->ball_.velocity(*model(), *data_) : seen().v;
+}
+
+/// Dry friction of the rotors, at their speeds.
+void MujocoPlant::take_stiction() {
+  for (const MujocoRobot::Rotor& r : robot_->rotors_) {
+    if (!(r.stiction > 0.0)) continue;
+    const double ratio = data_->qvel[r.dof] / r.stribeck;
+    own_->dof_frictionloss[r.dof] =
+        robot_->model_->dof_frictionloss[r.dof] + r.stiction * std::exp(-ratio * ratio);
+  }
 }
 
 Pose<double> MujocoPlant::cup() const {
@@ -202,7 +305,7 @@ Pose<double> MujocoPlant::cup() const {
 }
 
 std::string MujocoPlant::step(const VecX<double>& torque) {
-  const mjModel* m = robot_->model_.get();
+  const mjModel* m = model();
   drives_.command(data_->time, torque);
   for (int i = 0; i < robot_->substeps_; ++i) {
     extra_.setZero();
@@ -219,6 +322,7 @@ std::string MujocoPlant::step(const VecX<double>& torque) {
       data_->qfrc_applied[robot_->dof_[j]] =
           (applied[j] - extra_[j]) / robot_->gains_[static_cast<long>(j)];
     drives_.end_step();
+    if (!robot_->rotors_.empty()) push_rotors(applied);
     mj_step(m, data_.get());
     read_state();
   }
@@ -228,11 +332,45 @@ std::string MujocoPlant::step(const VecX<double>& torque) {
     mj_comPos(m, data_.get());
     mj_comVel(m, data_.get());
   }
+  if (!shown_.empty()) {
+    shown_.push_back({robot_->ball_.position(*data_), robot_->ball_.velocity(*m, *data_)});
+    const double kept = robot_->camera_delay_ / (robot_->substeps_ * m->opt.timestep) + 2.0;
+    if (static_cast<double>(shown_.size()) > kept) shown_.pop_front();
+  }
   for (int w = 0; w < mjNWARNING; ++w)
     if (data_->warning[w].number > 0)
       return "MuJoCo warns: " +
              std::string(mju_warningText(w, static_cast<size_t>(data_->warning[w].lastinfo)));
   return "";
+}
+
+/// The drives' torque goes to the rotors where there are such.
+void MujocoPlant::push_rotors(const VecX<double>& applied) {
+  rotor_q_ = q_;
+  rotor_qd_ = qd_;
+  for (const MujocoRobot::Rotor& r : robot_->rotors_) {
+    rotor_q_[r.joint] = data_->qpos[r.qpos];
+    rotor_qd_[r.joint] = data_->qvel[r.dof];
+  }
+  VecX<double> torque = VecX<double>::Zero(q_.size());
+  for (const MujocoRobot::Rotor& r : robot_->rotors_) {
+    torque[r.joint] = -applied[r.joint];
+    data_->qfrc_applied[robot_->dof_[r.joint]] -= applied[r.joint];
+  }
+  const JointSample<double> x{data_->time,      0,         rotor_q_.data(),
+                              rotor_qd_.data(), q_.data(), q_.data()};
+  for (const BoundEffect& e : robot_->rotor_effects_)
+    add_torque(e, x, e.parameters.data(), torque.data());
+  for (std::size_t j = 0; j < robot_->dof_.size(); ++j) {
+    const auto rotor =
+        std::ranges::find(robot_->rotors_, static_cast<int>(j), &MujocoRobot::Rotor::joint);
+    const bool has = rotor != robot_->rotors_.end();
+    if (has)
+      data_->qfrc_applied[rotor->dof] = -torque[static_cast<long>(j)];
+    else
+      data_->qfrc_applied[robot_->dof_[j]] -= torque[static_cast<long>(j)];
+  }
+  take_stiction();
 }
 
 void MujocoPlant::read_state() {

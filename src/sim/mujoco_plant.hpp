@@ -1,9 +1,11 @@
 #pragma once
 /// A MuJoCo document with a truth's numbers as a robot that can be stepped.
 
+#include <deque>
 #include <vector>
 
 #include <diffnea/effects/forward_dynamics.hpp>
+#include <diffnea/effects/hidden_motor.hpp>
 
 #include "sim/control_loop.hpp"
 #include "sim/drives.hpp"
@@ -14,6 +16,10 @@ namespace diffnea::sim {
 
 /// The document compiled, with inertias, friction, rotors, springs, ball and the pose of the cup of
 /// a truth. Const once it is made: any number of plants run in it.
+///
+/// An elastic joint has its rotor as a joint of its own, whose inertia and friction are MuJoCo's,
+/// in a fixed tendon with the link's: its spring. Stiction there raises the bound of the rotor's
+/// dry friction, F_c + F_s e^{−(θ̇/v_s)²}: at rest a torque below it does not move the rotor.
 class MujocoRobot {
  public:
   /// @param rate          of the controller [Hz]
@@ -23,6 +29,16 @@ class MujocoRobot {
 
  private:
   friend class MujocoPlant;
+  /// Of an elastic joint.
+  struct Rotor {
+    int joint;  ///< degree of freedom of the model
+    int qpos, dof;
+    double stiffness;
+    double stiction = 0.0, stribeck = 1.0;  ///< more at rest [N·m], fades with [rad/s]
+  };
+  void tie_rotor(const BoundEffect& elasticity, const Model& truth);
+  void turn(const BoundEffect& effect);
+  Rotor* rotor_at(int joint);
   void apply(const ModelLink& link);
   void apply(const EffectSpec& effect, const Model& truth);
   void apply_gains();
@@ -33,8 +49,12 @@ class MujocoRobot {
   int cup_ = -1;  ///< site; −1: none
   int substeps_ = 1;
   std::vector<int> joint_, qpos_, dof_;
+  std::vector<Rotor> rotors_;
+  MotorShares shares_;
+  double camera_delay_ = 0.0;
   std::vector<BoundEffect> effects_, series_, gain_effects_;
-  VecX<double> gains_;  ///< recorded over true torque
+  std::vector<BoundEffect> rotor_effects_;  ///< torques that turn with rotors
+  VecX<double> gains_;                      ///< recorded over true torque
 };
 
 class MujocoPlant : public Plant {
@@ -47,6 +67,7 @@ class MujocoPlant : public Plant {
   void hang_ball();
   VecX<double> q() const override { return encoders_.read(q_); }
   VecX<double> qd() const override { return encoders_.read_velocity(qd_); }
+  /// Position and velocity W [m, m/s] are those that the camera shows, as late as it is.
   std::optional<Vec3<double>> ball() const override;
   std::string step(const VecX<double>& torque) override;
 
@@ -56,13 +77,25 @@ class MujocoPlant : public Plant {
   Pose<double> cup() const;  ///< X_WC of the site `cup`
 
  private:
+  /// The ball at the end of a control period.
+  struct Seen {
+    Vec3<double> x, v;
+  };
+
+  const mjModel* model() const { return own_ ? own_.get() : robot_->model_.get(); }
   void read_state();
+  void push_rotors(const VecX<double>& applied);
+  void take_stiction();
+  Seen seen() const;
 
   std::shared_ptr<const MujocoRobot> robot_;
+  MujocoModel own_;  ///< of a robot with stiction, whose bounds change
   MujocoData data_;
   Drives drives_;
   Encoders encoders_;
   VecX<double> q_, qd_, extra_;
+  VecX<double> rotor_q_, rotor_qd_;  ///< of the links where there is no rotor
+  std::deque<Seen> shown_;           ///< where the camera is late, the newest last
 };
 
 }  // namespace diffnea::sim

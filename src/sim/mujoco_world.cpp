@@ -27,13 +27,6 @@ void add_effect(Model& model, const char* name, const char* parameter, const Mod
 
 }  // namespace
 
-Perturbation surrogate_a() {
-  return {-0.08, 0.20, 0.10, 0.20, 0.015, 0.6, 1.5, 0.5, 1.2, 0.03, 0.1, 0.012, 0.008, 0.035};
-}
-Perturbation surrogate_b() {
-  return {-0.16, 0.40, 0.20, 0.40, 0.030, 1.2, 3.0, 1.0, 2.4, 0.06, 0.2, 0.024, 0.016, 0.070};
-}
-
 /// Turns the cup about where a string is tied to it, else about its own origin; the axis moves to
 /// any side.
 void tilt_cup(Model& model, double largest, Rng& rng) {
@@ -47,6 +40,51 @@ void tilt_cup(Model& model, double largest, Rng& rng) {
   const Mat3<double> R = rotation_about<double>(
       frame->X_LF.R * Vec3<double>{std::cos(side), std::sin(side), 0}, angle);
   link.X_PJ = link.X_PJ * Pose<double>{R, p - R * p};
+}
+
+/// Value of a parameter of an effect at a joint; 0 where there is none.
+double value_of(const Model& model, const char* effect, const char* parameter,
+                const std::string& joint) {
+  double out = 0.0;
+  for (const EffectSpec& e : model.effects)
+    if (e.effect == effect && e.where == joint)
+      for (const EffectParameter& p : e.parameters)
+        if (p.name == parameter) out += p.value;
+  return out;
+}
+
+/// Springs, stiction and delay. Every number is drawn, used or not.
+void add_drives(Model& model, const Perturbation& p, Rng& rng) {
+  for (const ModelLink& link : model.links) {
+    if (link.type == ModelJoint::kFixed || link.passive) continue;
+    const double wind_up = rng.uniform(p.wind_up_low, p.wind_up_high),
+                 relaxation = rng.uniform(p.relaxation_low, p.relaxation_high),
+                 stiction = rng.uniform(p.stiction_low, p.stiction_high),
+                 stribeck = rng.uniform(p.stribeck_low, p.stribeck_high);
+    const double rotor = value_of(model, "armature", "armature", link.joint),
+                 coulomb = value_of(model, "coulomb_friction", "coulomb", link.joint);
+    const bool turns = link.type == ModelJoint::kRevolute;
+    if (wind_up > 0.0 && turns && rotor > 0.0 && std::isfinite(link.limits.effort) &&
+        link.limits.effort > 0.0) {
+      const double stiffness = link.limits.effort / wind_up;
+      model.effects.push_back({"joint_elasticity",
+                               link.joint,
+                               {{"stiffness", stiffness, "N*m/rad"},
+                                {"damping", relaxation * stiffness, "N*m*s/rad"},
+                                {"motor_inertia", rotor, "kg*m^2"},
+                                {"friction_share", 1.0, "1"}}});
+    }
+    if (stiction * coulomb > 0.0)
+      model.effects.push_back({"stribeck_friction",
+                               link.joint,
+                               {{"stiction_excess", stiction * coulomb, turns ? "N*m" : "N"},
+                                {"stribeck_velocity", stribeck, turns ? "rad/s" : "m/s"}}});
+  }
+  const double delay = rng.uniform(p.delay_low, p.delay_high),
+               camera = rng.uniform(p.camera_delay_low, p.camera_delay_high);
+  if (delay > 0.0) model.effects.push_back({"actuator_delay", "all", {{"delay", delay, "s"}}});
+  if (camera > 0.0 && model.ball)
+    model.effects.push_back({"camera_delay", "camera", {{"delay", camera, "s"}}});
 }
 
 Model perturbed(const Model& model, const Perturbation& p, std::uint64_t seed) {
@@ -83,6 +121,7 @@ Model perturbed(const Model& model, const Perturbation& p, std::uint64_t seed) {
     string.length += rng.uniform(-p.string, p.string);
   }
   if (out.ball && p.cup_tilt > 0.0) tilt_cup(out, p.cup_tilt, rng);
+  add_drives(out, p, rng);
   return out;
 }
 

@@ -14,6 +14,7 @@
 #include <diffnea/sim/simulator.hpp>
 
 #include "sim/network_ball.hpp"
+#include "sim/pack_drives.hpp"
 
 namespace diffnea {
 
@@ -100,6 +101,7 @@ Tree<Pack> gather_tree(const std::vector<const PackDraw*>& d) {
 struct State {
   std::vector<Pack> q, qd, qdd;  ///< (joints); q̈ of the last step
   std::vector<Pack> qd_desired;  ///< of the last step
+  PackDrives::State drives;
   StringBall<Pack, Mask> string;
   AnchorMotion<Pack> anchor;  ///< at the ball's time
   FreeString<Pack> free;      ///< from where on the string is, where a cup may bar it
@@ -123,7 +125,8 @@ class World : public PackWorld {
         total_(spec.joints),
         at_rest_(spec.joints),
         zero_(spec.joints, Pack(0.0)),
-        armature_(spec.joints) {
+        armature_(spec.joints),
+        drives_(spec_) {
     // From beyond this, no ball gets into the cup in a step.
     constexpr double kStep = 0.02;  // [m]: 1 ms at 20 m/s
     if (spec.cup)
@@ -156,7 +159,7 @@ class World : public PackWorld {
 
   void step(const double* q, const double* qd) override {
     for (int i = 0; i < spec_.arm_steps; ++i) {
-      move_arm(q, qd, i == 0);
+      move_arm(q, qd, i);
       if (network_)
         imagine_ball();
       else if (spec_.has_ball)
@@ -185,6 +188,7 @@ class World : public PackWorld {
  private:
   void take_parameters() {
     tree_ = gather_tree(draws_);
+    if (drives_.any()) drives_.take_parameters(draws_, tree_);
     length_ = gather(draws_, [](const PackDraw& d) { return d.length; });
     p_LS_ = gather_vector(draws_, [](const PackDraw& d) { return d.p_LS; });
     const auto values = [&](const std::vector<BoundEffect>& effects,
@@ -225,8 +229,14 @@ class World : public PackWorld {
     const std::vector<double> rest(start_.size(), 0.0);
     state_.pull = Vec3<Pack>{gravity_.x, gravity_.y, gravity_.z} * Pack(spec_.ball_mass);
     aba_outward();
+    if (drives_.any()) {
+      call_inlined<Pack>([&] { diffnea::detail::gravity_torques(tree_, ws_, u_.data()); });
+      drives_.start(u_, state_.drives);
+    }
     const long steps = std::lround(spec_.settle_time / spec_.period) * spec_.arm_steps;
-    for (long i = 0; i < steps; ++i) move_arm(start_.data(), rest.data(), i % spec_.arm_steps == 0);
+    for (long i = 0; i < steps; ++i)
+      move_arm(start_.data(), rest.data(), static_cast<int>(i % spec_.arm_steps));
+    if (drives_.any()) drives_.rest(state_.drives);
     state_.qd.assign(n_, Pack(0.0));
     state_.qdd.assign(n_, Pack(0.0));
     state_.time = 0.0;
@@ -345,11 +355,16 @@ class World : public PackWorld {
     }
   }
 
-  void move_arm(const double* q, const double* qd, bool commands) {
+  /// Step `i` of a period.
+  void move_arm(const double* q, const double* qd, int i) {
     const double h = spec_.period / spec_.arm_steps;
-    if (commands) control(q, qd);
+    if (i == 0) control(q, qd);
     u_step_ = u_;
+    if (drives_.any()) drives_.act(i, u_step_, state_.drives);
     take_effects(h);
+    if (drives_.any())
+      drives_.couple(state_.time, h, state_.q, state_.qd, state_.qdd, state_.drives, u_step_,
+                     tree_);
     if (spec_.has_ball && spec_.string_link >= 0 && !network_) {
       const Pose<Pack>& X = X_WL_[spec_.string_link];
       const Vec3<Pack> f = transpose_times(X.R, state_.pull),
@@ -361,6 +376,7 @@ class World : public PackWorld {
       diffnea::detail::aba_accelerations(tree_, state_.qd.data(), u_step_.data(), ws_,
                                          state_.qdd.data());
     });
+    if (drives_.any()) drives_.advance(h, state_.qd, state_.qdd, tree_, ws_, state_.drives);
     for (int j = 0; j < n_; ++j) {
       tree_.links[j].armature = armature_[j];
       // The acceleration is that of the whole step: positions to second order.
@@ -559,6 +575,7 @@ class World : public PackWorld {
   std::vector<Pose<Pack>> X_WL_;
   std::vector<Pack> u_, u_step_, qdd_, total_, at_rest_, zero_, armature_, speed_ = zero_;
   std::vector<Pack> constant_, viscous_;  ///< of effects that need not be asked again
+  PackDrives drives_;
   State state_, settled_;
   std::optional<NetworkBall<Pack>> network_;
 };

@@ -30,6 +30,7 @@ enum class EffectKind {
 struct PackDraw {
   Tree<double> tree;
   std::vector<std::vector<double>> effects, ball_effects;  ///< as those of PackSpec
+  std::vector<std::vector<double>> drives, motor_effects;
   Vec3<double> p_LS{0, 0, 0};
   double length = 0.0;
 };
@@ -47,10 +48,12 @@ struct PackSpec {
   std::vector<double> kp, kd, limit;
   std::vector<bool> passive;
   // Forces beside the tree's.
-  std::vector<BoundEffect> effects;       ///< on joints, of one instant
-  std::vector<EffectKind> kinds;          ///< of those, what need not be asked at every step
-  std::vector<BoundEffect> ball_effects;  ///< on ball and string
-  std::vector<PackDraw> draws;            ///< world k takes number seed mod size
+  std::vector<BoundEffect> effects;        ///< on joints, of one instant
+  std::vector<EffectKind> kinds;           ///< of those, what need not be asked at every step
+  std::vector<BoundEffect> drives;         ///< on joints, with memory (sim/pack_drives.hpp)
+  std::vector<BoundEffect> motor_effects;  ///< of one instant, on motors behind springs
+  std::vector<BoundEffect> ball_effects;   ///< on ball and string
+  std::vector<PackDraw> draws;             ///< world k takes number seed mod size
   // Ball and cup. Links are those of the tree, −1 the world; poses are in them.
   bool has_ball = false;
   int string_link = -1;

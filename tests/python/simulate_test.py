@@ -67,6 +67,8 @@ def test_what_mujoco_records_is_what_the_truth_computes() -> None:
 def test_worlds_are_listed_and_wrong_ones_named() -> None:
     listed = diffnea.worlds()
     assert "mujoco:wam4" in [world["world"] for world in listed["worlds"]]
+    assert {"A", "B", "C"} <= {robot["perturb"] for robot in listed["surrogates"]}
+    assert "surrogate_a" not in diffnea.models.names()
     keys = {key["key"] for key in listed["keys"]}
     robot, ball = {"perturb", "seed", "noise", "repetitions"}, {"ball", "rope", "tilt"}
     assert keys == robot | ball | {"string", "nominal_string"}

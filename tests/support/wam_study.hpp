@@ -10,6 +10,7 @@
 #include <diffnea/identify/identify.hpp>
 #include <diffnea/io/atomic_file.hpp>
 #include <diffnea/io/model_file.hpp>
+#include <diffnea/io/surrogate.hpp>
 #include <diffnea/sim/mujoco_world.hpp>
 
 namespace diffnea::test {

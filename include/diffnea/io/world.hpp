@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include <diffnea/io/surrogate.hpp>
 #include <diffnea/sim/mujoco_simulator.hpp>
 #include <diffnea/sim/mujoco_world.hpp>
 
@@ -37,11 +38,17 @@ struct WorldSpec {
 };
 
 /// Parses `mujoco:NAME[,key=value…]`. NAME is a path to an MJCF, or the name of a model that
-/// find_model_file knows. Keys: `perturb` = none, A (default) or B; `seed`; `noise` (factor,
+/// find_model_file knows. Keys: `perturb` = none, A (default), B, C or
+/// PATH.json (io/surrogate.hpp); `seed`; `noise` (factor,
 /// default 1); `repetitions`; of a ball `ball` = tendon (default), chain, none, `rope` = heavy, mid
 /// (default), light, none, `string`, `nominal_string` [m], `tilt` (largest, of a cup [rad]).
 /// @throws Error listing what there is
 WorldSpec parse_world(const std::string& text);
+
+/// The document with a rotor for every elastic joint of `truth` and a tendon between the two, as
+/// record_in_mujoco and MujocoSimulator ask for; the document itself where there is none.
+/// @throws ModelError if such a joint has no name in the document
+std::string with_rotors(const std::string& mjcf, const Model& truth);
 
 /// What a world gave, and the robot that it was.
 struct WorldRecording {

@@ -40,8 +40,8 @@ class ModelSimulator : public Simulator {
   ///               the world with seed s is number s mod draws.size()
   /// @param controller  the model that compensates gravity
   /// @throws ModelError if the ball's network has another step than the arm, or nothing to hang on;
-  ///         if a model has effects that act on what this does not simulate (memory,
-  ///         encoders; the message names them), if draws differ in structure, or joints differ
+  ///         if a model has effects that act on what this does not simulate (gaps, encoders,
+  ///         impacts; the message names them), if draws differ in structure, or joints differ
   ModelSimulator(const std::vector<Model>& draws, const Model& controller,
                  const ModelSimulatorOptions& options = {});
   ~ModelSimulator() override;

@@ -28,9 +28,9 @@ struct MujocoSimulatorOptions {
 };
 
 /// Channels: `q_*`, `qd_*` of all joints as the truth's encoders show them, without the noises of
-/// the options; the ball's centre and velocity; the site `cup`. A world without ball or cup has no
-/// such channels, `phase` needs both. The phase is always kFree: contacts are simulated, and what
-/// they come to is judged from the series (ball_in_cup).
+/// the options; the ball's centre and velocity, as late as the truth's camera; the site `cup`. A
+/// world without ball or cup has no such channels, `phase` needs both. The phase is always kFree:
+/// contacts are simulated, and what they come to is judged from the series (ball_in_cup).
 ///
 /// A passive joint starts at 0. Deterministic: the same starts give the same numbers, bit by bit,
 /// in any lane. The lanes of one object run one after the other; its clones share the compiled

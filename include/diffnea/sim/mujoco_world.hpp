@@ -24,17 +24,18 @@ struct Perturbation {
   double attachment = 0.0;  ///< largest shift of where a ball's string is tied [m]
   double string = 0.0;      ///< largest change of its length [m]
   double cup_tilt = 0.0;  ///< largest tilt of the cup's axis [rad], about where the string is tied
+  // Drives and camera. Springs are at joints that turn, with a rotor and an effort limit.
+  double wind_up_low = 0.0, wind_up_high = 0.0;        ///< of the spring at the effort limit [rad]
+  double relaxation_low = 0.0, relaxation_high = 0.0;  ///< damping over stiffness [s]
+  double stiction_low = 0.0, stiction_high = 0.0;      ///< relative to the drawn Coulomb friction
+  double stribeck_low = 0.0, stribeck_high = 0.0;      ///< where it has faded to 1/e [rad/s]
+  double delay_low = 0.0, delay_high = 0.0;            ///< of all drives [s]
+  double actuation_noise = 0.0;  ///< of the torque that acts [N·m], times torque_scale; not drawn
+  double camera_delay_low = 0.0, camera_delay_high = 0.0;  ///< of the ball [s]
 };
-/// Masses −8…+20 %, inertias +10…+20 %, centres of mass up to 15 mm, Coulomb friction 0.6…1.5 N·m,
-/// viscous 0.5…1.2 N·m·s/rad, rotors +0.03…0.1 kg·m²; a ball's string up to 8 mm longer or shorter
-/// and tied up to 12 mm away, the cup tilted by up to 2°.
-Perturbation surrogate_a();
-/// About twice that.
-Perturbation surrogate_b();
-
 /// A robot like `model` whose parameters were drawn anew: every link with mass that moves, every
 /// joint with a motor (friction and rotors times torque_scale). Physically consistent if the model
-/// is.
+/// is. Of one seed, ranges that are alike draw alike, whatever drives and camera have.
 Model perturbed(const Model& model, const Perturbation& perturbation, std::uint64_t seed);
 
 /// Means over several recordings of one motion, each from rest, row by row: positions, torques,
@@ -45,10 +46,13 @@ SimulatedRecording averaged(const std::vector<SimulatedRecording>& repetitions);
 
 /// Runs MuJoCo with the inertias, friction, rotors and springs of `truth`, and the pose of a cup
 /// (frame `cup`) that is fixed to its link, written over those of the document; other effects of
-/// joint torque that `truth` has act as additional torques. A ball of the document (on a tendon, or
-/// on a chain) is recorded, too: mass, attachment and length are those of the truth, and it hangs
-/// at rest in the beginning. Deterministic.
-/// @param mjcf        one self-contained document (read_mjcf)
+/// joint torque that `truth` has act as additional torques. A joint with elasticity has its rotor,
+/// and the friction of that, as a joint of its own that a tendon holds; stribeck_friction raises
+/// the bound of its dry friction. Drives act late, the camera sees the ball late. A ball of the
+/// document (on a tendon, or on a chain) is recorded, too: mass, attachment and length are those of
+/// the truth, and it hangs at rest in the beginning. Deterministic.
+/// @param mjcf        one self-contained document (read_mjcf), with_rotors where the truth has
+///                    elastic joints
 /// @param truth       a model with the document's links and joints, e.g. perturbed(read_model(…))
 /// @param controller  as record_model
 /// @throws ModelError if MuJoCo cannot compile the document, or its names are not those of the

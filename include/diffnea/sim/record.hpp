@@ -19,6 +19,7 @@ struct RecordOptions : ControllerOptions {
   double position_noise = 1e-4;  ///< revolute [rad]
   double slide_noise = 1e-5;     ///< prismatic [m]
   double torque_noise = 0.05;    ///< [N·m] or [N], times torque_scale of the joint
+  double actuation_noise = 0.0;  ///< of the torque that acts [N·m] or [N], times torque_scale
   double camera_noise = 1.5e-3;  ///< of a ball's position along one axis [m]
   double camera_rate = 100.0;    ///< rows at which the ball is seen [Hz]; every row if higher
   double period =
