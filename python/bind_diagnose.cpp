@@ -151,7 +151,8 @@ void bind_cause(py::module_& m) {
   value_type<Cause>(
       m, "Cause", "An effect that the model lacks.", field("effect", &Cause::effect, "Its name."),
       field("where", &Cause::where, "Joint, pair of joints, ``tip``, ``base`` or ``all``."),
-      field("verdict", &Cause::verdict, "``NAMED``; ``CLASS`` if ``members`` do as well; ``UNKNOWN``: a learned remainder."),
+      field("verdict", &Cause::verdict,
+            "``NAMED``; ``CLASS`` if ``members`` do as well; ``UNKNOWN``: a learned remainder."),
       field("parameters", &Cause::parameters, "A list of :class:`CauseParameter`."),
       field("delta_bic", &Cause::delta_bic, "Of leaving it out."),
       field("lm", &Cause::lm, "χ² that it takes away, the base refitted."),
@@ -297,22 +298,22 @@ void bind_finding(py::module_& m) {
   using F = Finding;
   bind_plots(m);
   bind_simulated(m);
-  value_type<F>(
-      m, "_Diagnosis", "The part of a Finding that the library fills.",
-      field("verdict", &F::verdict, ""), field("sentence", &F::sentence, ""),
-      field("audit", &F::audit, ""), field("causes", &F::causes, ""),
-      field("witness", &F::witness, ""), field("grey_box", &F::grey_box, ""),
-      field("absorbed", &F::absorbed, ""),
-      field("refused", &F::refused, ""), field("candidates", &F::candidates, ""),
-      field("gain", &F::gain, ""), field("joints", &F::joints, ""), field("series", &F::series, ""),
-      field("plots", &F::plots, ""), field("simulated", &F::simulated, ""),
-      field("next_experiment", &F::next_experiment, ""), field("lack_of_fit", &F::lack_of_fit, ""),
-      field("lack_of_fit_p", &F::lack_of_fit_p, ""), field("noise", &F::noise, ""),
-      field("held_out", &F::held_out, ""), field("base", &F::base, ""),
-      field("model", &F::model, ""), field("parameters", &F::parameters, ""),
-      field("plan", &F::plan, ""), field("data_report", &F::data_report, ""),
-      field("ball", &F::ball, ""), field("notes", &F::notes, ""), field("seconds", &F::seconds, ""),
-      field("interrupted", &F::interrupted, ""))
+  value_type<F>(m, "_Diagnosis", "The part of a Finding that the library fills.",
+                field("verdict", &F::verdict, ""), field("sentence", &F::sentence, ""),
+                field("audit", &F::audit, ""), field("causes", &F::causes, ""),
+                field("witness", &F::witness, ""), field("grey_box", &F::grey_box, ""),
+                field("absorbed", &F::absorbed, ""), field("refused", &F::refused, ""),
+                field("candidates", &F::candidates, ""), field("gain", &F::gain, ""),
+                field("joints", &F::joints, ""), field("series", &F::series, ""),
+                field("plots", &F::plots, ""), field("simulated", &F::simulated, ""),
+                field("next_experiment", &F::next_experiment, ""),
+                field("lack_of_fit", &F::lack_of_fit, ""),
+                field("lack_of_fit_p", &F::lack_of_fit_p, ""), field("noise", &F::noise, ""),
+                field("held_out", &F::held_out, ""), field("base", &F::base, ""),
+                field("model", &F::model, ""), field("parameters", &F::parameters, ""),
+                field("plan", &F::plan, ""), field("data_report", &F::data_report, ""),
+                field("ball", &F::ball, ""), field("notes", &F::notes, ""),
+                field("seconds", &F::seconds, ""), field("interrupted", &F::interrupted, ""))
       .attr("__module__") = "diffnea._core";
   py::class_<DiagnoseRun> c(m, "Finding",
                             "What a model lacks, with evidence, rivals and the gain.");

@@ -135,9 +135,7 @@ py::object effect_table(const EffectSpec& e) {
 
 std::optional<BumpTable> table_from(const py::object& table) {
   if (table.is_none()) return std::nullopt;
-  const auto numbers = [&](const char* key) {
-    return py::cast<std::vector<double>>(table[key]);
-  };
+  const auto numbers = [&](const char* key) { return py::cast<std::vector<double>>(table[key]); };
   return BumpTable{py::cast<std::vector<std::string>>(table["variables"]), numbers("centres"),
                    numbers("widths"), numbers("weights"), py::cast<double>(table["bound"])};
 }
@@ -185,7 +183,8 @@ void bind_model(py::module_& m) {
           "Units by parameter name; empty where the effect has not been bound to a model.")
       .def_property_readonly(
           "table", &effect_table,
-          "What ``diagnose`` has learned, of the effect ``residual``: variables, centres and widths "
+          "What ``diagnose`` has learned, of the effect ``residual``: variables, centres and "
+          "widths "
           "of its\nbumps (a row of variables each), weights and bound; None of any other.")
       .def("__repr__", &effect_repr)
       .def("__eq__",

@@ -54,7 +54,8 @@ struct Arm {
     SimulatedRecording r =
         record_in_mujoco(kArm, truth, nominal, random_fourier(nominal, motion), options);
     if (!r.failure.empty()) throw Error(r.failure);
-    for (long i = 0; i < r.recording.rows(); ++i) r.recording.tau(i, 1) += hold(r.recording.q(i, 1), detent);
+    for (long i = 0; i < r.recording.rows(); ++i)
+      r.recording.tau(i, 1) += hold(r.recording.q(i, 1), detent);
     return r.recording;
   }
   static double hold(double q, double detent) {
@@ -179,8 +180,7 @@ TEST_CASE("grey box: fitted with it at once, base and effects as before, effects
   search.fit(terms);
 
   const HeldOut held_out(*evidence, {}, 0);
-  const GreyBoxResult grey =
-      grey_box(evidence.model, *evidence, search, terms, held_out, {}, -1e9);
+  const GreyBoxResult grey = grey_box(evidence.model, *evidence, search, terms, held_out, {}, -1e9);
   REQUIRE_FALSE(grey.joints.empty());
   REQUIRE(grey.torque.there.norm() > 0.0);
 

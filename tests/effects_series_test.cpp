@@ -1,10 +1,10 @@
 /// Effects over a stretch of a recording, each against a computation of its own: closed forms,
 /// finely stepped equations, MuJoCo's Jacobian, rotated robots.
 
-#include <support/bump_table.hpp>
 #include <cmath>
 #include <functional>
 #include <numbers>
+#include <support/bump_table.hpp>
 
 #include <catch2/catch_test_macros.hpp>
 #include <catch2/generators/catch_generators.hpp>

@@ -49,10 +49,7 @@ double torque(const BoundEffect& e, const VecX<double>& q, const VecX<double>& q
 }
 
 EffectSpec residual(double scale = 1.0) {
-  return {"residual",
-          "joint2",
-          {{"scale", scale, ""}},
-          test::bump_table("joint2", "joint4")};
+  return {"residual", "joint2", {{"scale", scale, ""}}, test::bump_table("joint2", "joint4")};
 }
 
 }  // namespace
@@ -165,6 +162,9 @@ TEST_CASE("residual: a table that cannot be one is refused by name", "[effects]"
              ContainsSubstring("widths must be above 0"));
   CHECK_THAT(refusal([](EffectSpec& s) { s.table->bound = -1.0; }),
              ContainsSubstring("expected a finite number, 0 or above"));
-  CHECK_THAT(refusal([](EffectSpec& s) { s.effect = "coulomb_friction"; s.parameters.clear(); }),
+  CHECK_THAT(refusal([](EffectSpec& s) {
+               s.effect = "coulomb_friction";
+               s.parameters.clear();
+             }),
              ContainsSubstring("of the effect residual alone"));
 }

@@ -2,8 +2,8 @@
 /// dynamics and series_torque say it must be for the recorded motion, which knows nothing of the
 /// integrator.
 
-#include <support/bump_table.hpp>
 #include <cmath>
+#include <support/bump_table.hpp>
 
 #include <catch2/catch_test_macros.hpp>
 #include <catch2/generators/catch_generators.hpp>

@@ -115,8 +115,7 @@ MatX<double> bumps(const BumpTable& table, const MatX<double>& x) {
     for (long k = 0; k < n; ++k) {
       const double c = table.centres[static_cast<std::size_t>(b * n + k)],
                    h = table.widths[static_cast<std::size_t>(b * n + k)];
-      for (long i = 0; i < x.rows(); ++i)
-        out(i, b) *= Residual::bump((x(i, k) - c) / h);
+      for (long i = 0; i < x.rows(); ++i) out(i, b) *= Residual::bump((x(i, k) - c) / h);
     }
   return out;
 }
@@ -163,7 +162,8 @@ class Rows {
     Fit best;
     if (N.cols() == 0) return best;
     const Eigen::SelfAdjointEigenSolver<MatX<double>> eigen(K);
-    const VecX<double> l = eigen.eigenvalues().cwiseMax(0.0), c = eigen.eigenvectors().transpose() * b;
+    const VecX<double> l = eigen.eigenvalues().cwiseMax(0.0),
+                       c = eigen.eigenvectors().transpose() * b;
     const double chi2 = left_.squaredNorm(), unit = 1.0 / std::max(l.mean(), 1e-300);
     for (const double d : kDeviations) {
       const double s2 = d * unit;
@@ -280,18 +280,19 @@ void draw(const Residual& residual, const MatX<double>& root, GreyBox& box) {
       high = std::max(high, table.centres[b * n + k] + table.widths[b * n + k]);
     }
     box.at.emplace_back();
-    for (int i = 0; i < count; ++i)
-      box.at.back().push_back(low + (high - low) * i / (count - 1));
+    for (int i = 0; i < count; ++i) box.at.back().push_back(low + (high - low) * i / (count - 1));
   }
   const long points = n == 1 ? count : count * count;
   MatX<double> x(points, static_cast<long>(n));
   for (long i = 0; i < points; ++i)
     for (std::size_t k = 0; k < n; ++k)
-      x(i, static_cast<long>(k)) =
-          box.at[k][static_cast<std::size_t>(n == 1 ? i : k == 0 ? i / count : i % count)];
+      x(i, static_cast<long>(k)) = box.at[k][static_cast<std::size_t>(n == 1   ? i
+                                                                      : k == 0 ? i / count
+                                                                               : i % count)];
   const MatX<double> B = bumps(table, x);
   const VecX<double> torque =
-      B * Eigen::Map<const VecX<double>>(table.weights.data(), static_cast<long>(table.weights.size()));
+      B *
+      Eigen::Map<const VecX<double>>(table.weights.data(), static_cast<long>(table.weights.size()));
   const VecX<double> std = (B * root).rowwise().norm();
   for (long i = 0; i < points; ++i) {
     box.torque.push_back(std::clamp(torque[i], -table.bound, table.bound));
@@ -326,13 +327,12 @@ class Trial {
     table = best_grid(rows, x, axes, used, tried);
     table.variables = variables;
     // Widths are chosen on decimated rows; the fit itself sees the recording's rate.
-    const Rows::Fit fit =
-        rows.fit(evidence_.filtered([&](const JointSeries& s) -> RowMatX<double> {
-          MatX<double> of(s.rows(), static_cast<long>(axes.size()));
-          for (std::size_t k = 0; k < axes.size(); ++k)
-            of.col(static_cast<long>(k)) = (axes[k].velocity ? s.qd : s.q).col(axes[k].joint);
-          return bumps(table, of);
-        }));
+    const Rows::Fit fit = rows.fit(evidence_.filtered([&](const JointSeries& s) -> RowMatX<double> {
+      MatX<double> of(s.rows(), static_cast<long>(axes.size()));
+      for (std::size_t k = 0; k < axes.size(); ++k)
+        of.col(static_cast<long>(k)) = (axes[k].velocity ? s.qd : s.q).col(axes[k].joint);
+      return bumps(table, of);
+    }));
     if (fit.weights.size() == 0) return std::nullopt;
     table.weights.assign(fit.weights.data(), fit.weights.data() + fit.weights.size());
     table.bound = std::numeric_limits<double>::max();
@@ -395,10 +395,10 @@ class Trial {
       return held_out_.errors_with(search_, terms_, with.there, with.here);
     };
     const VecX<double> without = errors(beside), with = errors(out.torque);
-    const HeldOutChange change = held_out_.compare(held_out_.whitened(search_, without),
-                                                   held_out_.whitened(search_, with));
-    out.cause.gain = {std::sqrt(change.before), std::sqrt(change.after), 0.0, 0.0, change.low,
-                      change.high};
+    const HeldOutChange change =
+        held_out_.compare(held_out_.whitened(search_, without), held_out_.whitened(search_, with));
+    out.cause.gain = {
+        std::sqrt(change.before), std::sqrt(change.after), 0.0, 0.0, change.low, change.high};
     if (change.before > 0.0) out.cause.gain.explained_share = 1.0 - change.after / change.before;
     GreyBox& box = out.description;
     const long begin = index_of(test, dof) * test.times();
@@ -456,7 +456,8 @@ GreyBoxResult grey_box(const Model& model, const Evidence& evidence, const Searc
                        const std::vector<WitnessScore>& witness, double accept) {
   const Trial trial(model, evidence, search, terms, held_out);
   GreyBoxResult out;
-  out.torque = {VecX<double>::Zero(evidence.rows()), VecX<double>::Zero(held_out.evidence().rows())};
+  out.torque = {VecX<double>::Zero(evidence.rows()),
+                VecX<double>::Zero(held_out.evidence().rows())};
   for (const Try& t : tries(model, evidence, witness)) {
     std::optional<Remainder> learned = trial.learn(t.joint, t.variables, out.torque);
     if (!learned || learned->cause.delta_bic <= accept) continue;

@@ -304,7 +304,8 @@ class Diagnosis {
     const HeldOutChange change =
         held_out_->compare(held_out_->whitened(*search_, e0), held_out_->whitened(*search_, e1));
     double more = 0.0;  // that smooth functions of the motion would still remove
-    for (const WitnessScore& w : witness_) more += std::max(0.0, w.held_out.before - w.held_out.after);
+    for (const WitnessScore& w : witness_)
+      more += std::max(0.0, w.held_out.before - w.held_out.after);
     const double freedom =
         static_cast<double>(std::max<long>(search_->rows() - search_->projection().rank(), 1));
     // Under a tilt the base's columns are no longer those of the base alone.
@@ -321,12 +322,12 @@ class Diagnosis {
   void complete() {
     const bool grey = !grey_.joints.empty();
     const VecX<double> e0 = held_out_->errors(*search_, {});
-    const VecX<double> e1 = grey ? held_out_->errors_with(*search_, terms_, grey_.torque.there,
-                                                          grey_.torque.here)
-                                 : held_out_->errors(*search_, terms_);
+    const VecX<double> e1 =
+        grey ? held_out_->errors_with(*search_, terms_, grey_.torque.there, grey_.torque.here)
+             : held_out_->errors(*search_, terms_);
     if (grey) {
-      const HeldOutChange change = held_out_->compare(held_out_->whitened(*search_, e0),
-                                                      held_out_->whitened(*search_, e1));
+      const HeldOutChange change =
+          held_out_->compare(held_out_->whitened(*search_, e0), held_out_->whitened(*search_, e1));
       const double floor = finding_.gain.noise_floor * finding_.gain.noise_floor;
       finding_.gain = gain_of(change, std::min(floor, change.after));
     }

@@ -97,7 +97,8 @@ std::pair<double, double> left_by(const Finding& f) {
 
 /// Of the held-out mean square that can be removed, what the named effects remove.
 double named_share(const Finding& f) {
-  const double before = f.gain.before * f.gain.before, floor = f.gain.noise_floor * f.gain.noise_floor;
+  const double before = f.gain.before * f.gain.before,
+               floor = f.gain.noise_floor * f.gain.noise_floor;
   const double removed = std::max(before - left_by(f).first, 0.0);
   return removed > 0.0 ? removed / std::max(before - floor, removed) : 0.0;
 }
@@ -108,8 +109,9 @@ std::string grey_words(const Finding& f) {
   for (const GreyBox& g : f.grey_box)
     where.push_back(g.where + " over " + listed(g.variables, " and "));
   const auto [before, after] = left_by(f);
-  return "A learned remainder at " + listed(where, " and at ") + ", which names no cause, removes " +
-         percent(1.0 - after / before) + " of the mean square that is left on held-out data (error " +
+  return "A learned remainder at " + listed(where, " and at ") +
+         ", which names no cause, removes " + percent(1.0 - after / before) +
+         " of the mean square that is left on held-out data (error " +
          format_number(std::sqrt(before)) + " to " + format_number(std::sqrt(after)) +
          " times the noise)";
 }

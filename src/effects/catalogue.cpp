@@ -314,8 +314,9 @@ BoundEffect bind(const EffectSpec& spec, const Model& model, const std::vector<i
     force->p_LF = tip_point(model, out.joints.at(0));
   if (Residual* residual = std::get_if<Residual>(&out.type)) {
     if (!spec.table)
-      throw ModelError(here + ": it has no table; `diffnea diagnose` learns one where a torque has "
-                              "no name, it cannot be asked for");
+      throw ModelError(here +
+                       ": it has no table; `diffnea diagnose` learns one where a torque has "
+                       "no name, it cannot be asked for");
     if (out.joints.size() != 1)
       throw ModelError(here + ": its table is of one joint; expected that joint's name");
     *residual = Residual::from(*spec.table, joint_names(model), here);

@@ -1,7 +1,7 @@
-#include <diffnea/effects/residual.hpp>
-
 #include <algorithm>
 #include <cmath>
+
+#include <diffnea/effects/residual.hpp>
 
 namespace diffnea {
 namespace {
@@ -31,9 +31,9 @@ Residual Residual::from(const BumpTable& table, const std::vector<std::string>& 
     throw ModelError(here + ": table: got " + std::to_string(out.axes.size()) +
                      " variables, expected one or two");
   const std::size_t numbers = table.weights.size() * out.axes.size();
-  for (const auto& [name, of] : {std::pair<const char*, const std::vector<double>&>{
-                                     "centres", table.centres},
-                                 {"widths", table.widths}})
+  for (const auto& [name, of] :
+       {std::pair<const char*, const std::vector<double>&>{"centres", table.centres},
+        {"widths", table.widths}})
     if (of.size() != numbers)
       throw ModelError(here + ": table: got " + std::to_string(of.size()) + " " + name +
                        ", expected " + std::to_string(numbers) +

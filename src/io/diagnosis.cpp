@@ -239,15 +239,15 @@ std::string diagnose_series_json(const Finding& finding) {
                                 {"time", rounded(s.time)}, {"measured", rounded(s.measured)},
                                 {"base", rounded(s.base)}, {"extended", rounded(s.extended)}};
                           })},
-       {"grey_box", list(finding.grey_box,
-                         [](const GreyBox& g) {
-                           Json at = Json::array();
-                           for (const std::vector<double>& values : g.at)
-                             at.push_back(rounded(values));
-                           return Json{{"where", g.where},           {"variables", g.variables},
-                                       {"units", g.units},           {"at", at},
-                                       {"torque", rounded(g.torque)}, {"std", rounded(g.std)}};
-                         })},
+       {"grey_box",
+        list(finding.grey_box,
+             [](const GreyBox& g) {
+               Json at = Json::array();
+               for (const std::vector<double>& values : g.at) at.push_back(rounded(values));
+               return Json{
+                   {"where", g.where}, {"variables", g.variables},    {"units", g.units},
+                   {"at", at},         {"torque", rounded(g.torque)}, {"std", rounded(g.std)}};
+             })},
        {"ball", io::ball_columns(finding.ball)},
        {"plots", list(finding.plots,
                       [](const EvidencePlot& p) {

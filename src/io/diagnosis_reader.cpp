@@ -224,8 +224,7 @@ void read_series(JsonObject& root, Finding& f) {
     const Json& at = o.required("at");
     for (const Json& values : io::json_array(at, o.at("at"))) {
       const int size = static_cast<int>(values.size());
-      g->at.push_back(
-          io::json_numbers(values, o.at("at") + "[" + std::to_string(k++) + "]", size));
+      g->at.push_back(io::json_numbers(values, o.at("at") + "[" + std::to_string(k++) + "]", size));
       points *= g->at.back().size();
     }
     g->torque = io::column(o, "torque");

@@ -83,8 +83,9 @@ std::string map_of(const GreyBox& g) {
   for (int k = 0; k < kSteps; ++k)
     cell(kLegend, kBottom - step * (k + 1), 14.0, step, most * (2.0 * k / (kSteps - 1) - 1.0));
   for (const double v : {-most, 0.0, most})
-    out += text_at(kLegend + 19, 0.5 * (kTop + kBottom) - v / most * 0.5 * (kBottom - kTop - step) + 4,
-                   "start", number(v, 2));
+    out +=
+        text_at(kLegend + 19, 0.5 * (kTop + kBottom) - v / most * 0.5 * (kBottom - kTop - step) + 4,
+                "start", number(v, 2));
   out += text_at(0.5 * (kLeft + kRight), 278, "middle", axis_title(g, 0)) +
          text_at(4, kTop - 8, "start", axis_title(g, 1)) +
          text_at(kLegend, kTop - 8, "start", unit(g.unit));

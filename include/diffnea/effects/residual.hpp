@@ -1,9 +1,11 @@
 #pragma once
-/// residual: a torque that has no name, as a table that `diagnose` has learned of it: a sum of bumps
-/// over one or two channels of the motion, any joint's. No physics: it says how much, not why.
+/// residual: a torque that has no name, as a table that `diagnose` has learned of it: a sum of
+/// bumps over one or two channels of the motion, any joint's. No physics: it says how much, not
+/// why.
 ///
 /// Bumps are cubic B-splines, β(u) = ¼ [(2 − |u|)₊³ − 4 (1 − |u|)₊³] (de Boor 1978), 0 from |u| = 2
-/// on: two widths from where the last one is centred, the torque is 0, and nowhere more than `bound`.
+/// on: two widths from where the last one is centred, the torque is 0, and nowhere more than
+/// `bound`.
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/effects/effect.hpp>
