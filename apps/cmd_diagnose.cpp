@@ -111,6 +111,9 @@ void add_diagnose(CLI::App& app, const std::vector<std::string>& command_line) {
                    "candidates: name or name@where, separated by commas; default: all that "
                    "`diffnea effects` lists")
       ->delimiter(',');
+  command->add_flag("--grey-box,!--no-grey-box", c->options.grey_box,
+                    "where no effect explains what is left (verdict UNKNOWN), learn it as a torque "
+                    "without a name; default: yes");
   command
       ->add_option("--filter", c->options.preprocess.filter_hz,
                    "low-pass of the positions [Hz], 0: chosen")

@@ -86,7 +86,7 @@ OwnCandidate own_candidate(const py::handle& item) {
 DiagnoseRun diagnose_python(const Model& model, const py::list& train_items,
                             const py::list& test_items, const std::string& base,
                             const std::vector<std::string>& effects, const py::list& candidates,
-                            double filter_hz, double decimate_to_hz, int max_causes,
+                            bool grey_box, double filter_hz, double decimate_to_hz, int max_causes,
                             std::uint64_t seed, const std::optional<std::string>& torque_side,
                             const std::vector<std::string>& passive, const py::object& progress) {
   DiagnoseOptions options;
@@ -97,6 +97,7 @@ DiagnoseRun diagnose_python(const Model& model, const py::list& train_items,
                                {"fixed", Base::kFixed}});
   options.effects = effects;
   for (const py::handle c : candidates) options.candidates.push_back(own_candidate(c));
+  options.grey_box = grey_box;
   options.preprocess.filter_hz = filter_hz;
   options.preprocess.decimate_to_hz = decimate_to_hz;
   options.max_causes = max_causes;
@@ -150,7 +151,8 @@ void bind_cause(py::module_& m) {
   value_type<Cause>(
       m, "Cause", "An effect that the model lacks.", field("effect", &Cause::effect, "Its name."),
       field("where", &Cause::where, "Joint, pair of joints, ``tip``, ``base`` or ``all``."),
-      field("verdict", &Cause::verdict, "``NAMED``, or ``CLASS`` if ``members`` do as well."),
+      field("verdict", &Cause::verdict,
+            "``NAMED``; ``CLASS`` if ``members`` do as well; ``UNKNOWN``: a learned remainder."),
       field("parameters", &Cause::parameters, "A list of :class:`CauseParameter`."),
       field("delta_bic", &Cause::delta_bic, "Of leaving it out."),
       field("lm", &Cause::lm, "χ² that it takes away, the base refitted."),
@@ -185,6 +187,23 @@ void bind_rest(py::module_& m) {
                       field("variables", &Witness::variables, "Channels, e.g. ``q_elbow``."),
                       field("share", &Witness::share, "Of the mean square of the joint's error."),
                       field("delta_bic", &Witness::delta_bic, "Of a smooth function of them."));
+  value_type<GreyBox>(
+      m, "GreyBox",
+      "What was learned without a name at one joint, where no effect explains what is left: the "
+      "torque of the\neffect ``residual`` over the variables of the witness. No physics.",
+      field("where", &GreyBox::where, "The joint."),
+      field("unit", &GreyBox::unit, "Of the torque."),
+      field("variables", &GreyBox::variables, "One or two channels, e.g. ``q_elbow``."),
+      field("units", &GreyBox::units, "Of these."),
+      field("bumps", &GreyBox::bumps, "Of its table."),
+      field("effective_parameters", &GreyBox::effective_parameters, "That the fit spent on them."),
+      field("bound", &GreyBox::bound, "Most that it ever gives: the most that was seen."),
+      field("torque_rms", &GreyBox::torque_rms, "Its root mean square on held-out data."),
+      field("before", &GreyBox::before, "Root mean square of the held-out error without it."),
+      field("after", &GreyBox::after, "And with it."),
+      field("at", &GreyBox::at, "Grid to draw it on: values of each variable."),
+      field("torque", &GreyBox::torque, "On that grid, the last variable fastest."),
+      field("std", &GreyBox::std, "Its standard deviation there."));
   value_type<Absorbed>(m, "Absorbed",
                        "An effect that this recording cannot show beside the base parameters.",
                        field("effect", &Absorbed::effect, "Its name."),
@@ -279,21 +298,22 @@ void bind_finding(py::module_& m) {
   using F = Finding;
   bind_plots(m);
   bind_simulated(m);
-  value_type<F>(
-      m, "_Diagnosis", "The part of a Finding that the library fills.",
-      field("verdict", &F::verdict, ""), field("sentence", &F::sentence, ""),
-      field("audit", &F::audit, ""), field("causes", &F::causes, ""),
-      field("witness", &F::witness, ""), field("absorbed", &F::absorbed, ""),
-      field("refused", &F::refused, ""), field("candidates", &F::candidates, ""),
-      field("gain", &F::gain, ""), field("joints", &F::joints, ""), field("series", &F::series, ""),
-      field("plots", &F::plots, ""), field("simulated", &F::simulated, ""),
-      field("next_experiment", &F::next_experiment, ""), field("lack_of_fit", &F::lack_of_fit, ""),
-      field("lack_of_fit_p", &F::lack_of_fit_p, ""), field("noise", &F::noise, ""),
-      field("held_out", &F::held_out, ""), field("base", &F::base, ""),
-      field("model", &F::model, ""), field("parameters", &F::parameters, ""),
-      field("plan", &F::plan, ""), field("data_report", &F::data_report, ""),
-      field("ball", &F::ball, ""), field("notes", &F::notes, ""), field("seconds", &F::seconds, ""),
-      field("interrupted", &F::interrupted, ""))
+  value_type<F>(m, "_Diagnosis", "The part of a Finding that the library fills.",
+                field("verdict", &F::verdict, ""), field("sentence", &F::sentence, ""),
+                field("audit", &F::audit, ""), field("causes", &F::causes, ""),
+                field("witness", &F::witness, ""), field("grey_box", &F::grey_box, ""),
+                field("absorbed", &F::absorbed, ""), field("refused", &F::refused, ""),
+                field("candidates", &F::candidates, ""), field("gain", &F::gain, ""),
+                field("joints", &F::joints, ""), field("series", &F::series, ""),
+                field("plots", &F::plots, ""), field("simulated", &F::simulated, ""),
+                field("next_experiment", &F::next_experiment, ""),
+                field("lack_of_fit", &F::lack_of_fit, ""),
+                field("lack_of_fit_p", &F::lack_of_fit_p, ""), field("noise", &F::noise, ""),
+                field("held_out", &F::held_out, ""), field("base", &F::base, ""),
+                field("model", &F::model, ""), field("parameters", &F::parameters, ""),
+                field("plan", &F::plan, ""), field("data_report", &F::data_report, ""),
+                field("ball", &F::ball, ""), field("notes", &F::notes, ""),
+                field("seconds", &F::seconds, ""), field("interrupted", &F::interrupted, ""))
       .attr("__module__") = "diffnea._core";
   py::class_<DiagnoseRun> c(m, "Finding",
                             "What a model lacks, with evidence, rivals and the gain.");
@@ -308,6 +328,9 @@ void bind_finding(py::module_& m) {
   property("causes", &F::causes, "What the model lacks, a list of :class:`Cause`.");
   property("witness", &F::witness,
            "What the error that is left depends on, a list of :class:`Witness`.");
+  property("grey_box", &F::grey_box,
+           "What was learned without a name where the verdict is UNKNOWN, a list of "
+           ":class:`GreyBox`.");
   property("absorbed", &F::absorbed, "Effects that cannot be seen, a list of :class:`Absorbed`.");
   property("refused", &F::refused, "Effects that were refused, a list of :class:`Refusal`.");
   property("candidates", &F::candidates,
@@ -393,7 +416,7 @@ void bind_diagnose(py::module_& m) {
   bind_rest(m);
   bind_finding(m);
   m.def("_diagnose", &diagnose_python, "model"_a, "train"_a, "test"_a, "base"_a, "effects"_a,
-        "candidates"_a, "filter_hz"_a, "decimate_to_hz"_a, "max_causes"_a, "seed"_a,
+        "candidates"_a, "grey_box"_a, "filter_hz"_a, "decimate_to_hz"_a, "max_causes"_a, "seed"_a,
         "torque_side"_a, "passive"_a, "progress"_a);
 }
 

@@ -126,6 +126,20 @@ py::dict effect_parameters(const EffectSpec& e) {
   return out;
 }
 
+py::object effect_table(const EffectSpec& e) {
+  if (!e.table) return py::none();
+  return py::dict("variables"_a = e.table->variables, "centres"_a = e.table->centres,
+                  "widths"_a = e.table->widths, "weights"_a = e.table->weights,
+                  "bound"_a = e.table->bound);
+}
+
+std::optional<BumpTable> table_from(const py::object& table) {
+  if (table.is_none()) return std::nullopt;
+  const auto numbers = [&](const char* key) { return py::cast<std::vector<double>>(table[key]); };
+  return BumpTable{py::cast<std::vector<std::string>>(table["variables"]), numbers("centres"),
+                   numbers("widths"), numbers("weights"), py::cast<double>(table["bound"])};
+}
+
 py::list effect_catalogue() {
   static constexpr const char* kPlaces[] = {"joint", "joint pair", "tip", "base", "all"};
   static constexpr const char* kSigns[] = {"any", "not negative", "positive"};
@@ -167,26 +181,33 @@ void bind_model(py::module_& m) {
             return out;
           },
           "Units by parameter name; empty where the effect has not been bound to a model.")
+      .def_property_readonly(
+          "table", &effect_table,
+          "What ``diagnose`` has learned, of the effect ``residual``: variables, centres and "
+          "widths "
+          "of its\nbumps (a row of variables each), weights and bound; None of any other.")
       .def("__repr__", &effect_repr)
       .def("__eq__",
            [](const EffectSpec& a, const py::object& other) {
              if (!py::isinstance<EffectSpec>(other)) return false;
              const EffectSpec b = py::cast<EffectSpec>(other);
              return a.effect == b.effect && a.where == b.where &&
-                    effect_parameters(a).equal(effect_parameters(b));
+                    effect_parameters(a).equal(effect_parameters(b)) &&
+                    effect_table(a).equal(effect_table(b));
            })
       .def(py::pickle(
           [](const EffectSpec& e) {
             py::list parameters;
             for (const EffectParameter& p : e.parameters)
               parameters.append(py::make_tuple(p.name, p.value, p.unit));
-            return py::make_tuple(e.effect, e.where, parameters);
+            return py::make_tuple(e.effect, e.where, parameters, effect_table(e));
           },
           [](const py::tuple& state) {
             EffectSpec e{py::cast<std::string>(state[0]), py::cast<std::string>(state[1]), {}};
             for (const auto& [name, value, unit] :
                  py::cast<std::vector<std::tuple<std::string, double, std::string>>>(state[2]))
               e.parameters.push_back({name, value, unit});
+            e.table = table_from(state[3]);
             return e;
           }));
   effect.attr("__module__") = "diffnea";

@@ -1,4 +1,5 @@
 #include <array>
+#include <support/bump_table.hpp>
 
 #include <catch2/catch_test_macros.hpp>
 #include <catch2/generators/catch_generators.hpp>
@@ -61,6 +62,7 @@ EffectSpec spec_of(const EffectInfo& info) {
     spec.parameters.push_back({p.per_run ? p.name + "_0" : p.name, v, ""});
     value += 0.4;
   }
+  if (info.name == "residual") spec.table = test::bump_table("base_yaw", "base_yaw");
   return spec;
 }
 
@@ -107,6 +109,19 @@ std::pair<double, double> by_hand(const std::string& name, const State& x) {
       tau1 += f * side * c;
     }
     return {tau0, tau1};
+  }
+  if (name == "residual") {
+    const BumpTable t = test::bump_table("", "");
+    const auto spline = [](double u) {  // the two cubics on either side, as high as 1
+      const double r = std::abs(u);
+      return r < 1.0 ? 1.0 - 1.5 * r * r + 0.75 * r * r * r
+                     : (r < 2.0 ? 0.25 * (2.0 - r) * (2.0 - r) * (2.0 - r) : 0.0);
+    };
+    double tau = 0.0;
+    for (std::size_t k = 0; k < 3; ++k)
+      tau += t.weights[k] * spline((x.q[0] - t.centres[2 * k]) / t.widths[2 * k]) *
+             spline((x.qd[0] - t.centres[2 * k + 1]) / t.widths[2 * k + 1]);
+    return {a * tau, 0.0};
   }
   FAIL("no hand-written formula for " << name);
   return {};

@@ -3,6 +3,7 @@
 /// integrator.
 
 #include <cmath>
+#include <support/bump_table.hpp>
 
 #include <catch2/catch_test_macros.hpp>
 #include <catch2/generators/catch_generators.hpp>
@@ -238,6 +239,7 @@ TEST_CASE("record: every effect of joints in the catalogue can be simulated", "[
     for (const ParameterInfo& p : info.parameters)
       if (p.linear) spec.parameters.push_back({p.per_run ? p.name + "_0" : p.name, 0.1, ""});
     if (info.name == "payload") spec.parameters.resize(1);
+    if (info.name == "residual") spec.table = test::bump_table("joint3", "joint2");
     robot.effects.push_back(spec);
     const SimulatedRecording r = recorded(robot, nominal, 1.0);
     CHECK(r.failure == "");

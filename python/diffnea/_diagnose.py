@@ -68,6 +68,7 @@ def diagnose(
     base: str = "auto",
     effects: Sequence[str] | None = None,
     candidates: Sequence[Candidate] = (),
+    grey_box: bool = True,
     filter_hz: float = 0.0,
     decimate_to_hz: float = 0.0,
     max_causes: int = 0,
@@ -89,6 +90,8 @@ def diagnose(
         effects: candidates: ``name`` wherever it suits, or ``name@where``. Default: all that
             :func:`effects` lists.
         candidates: your own beside those.
+        grey_box: where no effect explains what is left (``UNKNOWN``), learn it as a torque without
+            a name: ``finding.grey_box``.
         filter_hz: low-pass of the positions [Hz]; 0: chosen from the data.
         decimate_to_hz: rate of the tests [Hz]; 0: chosen from the data.
         max_causes: at most so many are named; 0: three for each joint, at least eight.
@@ -117,6 +120,7 @@ def diagnose(
         base,
         [] if effects is None else list(effects),
         [c._as_tuple() for c in candidates],
+        grey_box,
         filter_hz,
         decimate_to_hz,
         max_causes,

@@ -153,8 +153,9 @@ bool fit_turns(Base base, const Evidence& evidence, FitLayout& layout) {
 }
 
 VecX<double> final_base(Base base, const FitLayout& layout, const Search& search,
-                        const Evidence& evidence, const std::vector<Term>& terms, LinearFit& fit) {
-  VecX<double> effects = VecX<double>::Zero(evidence.rows());
+                        const Evidence& evidence, const std::vector<Term>& terms,
+                        const VecX<double>& beside, LinearFit& fit) {
+  VecX<double> effects = beside.size() > 0 ? beside : VecX<double>::Zero(evidence.rows());
   for (const Term& t : terms) effects += t.torque();
   VecX<double> x = search.projection().parameters(effects);
   if (base != Base::kRefit) return x;

@@ -22,8 +22,10 @@ std::string hold_scale(const Evidence& evidence, FitLayout& layout);
 bool fit_turns(Base base, const Evidence& evidence, FitLayout& layout);
 
 /// The base parameters that go with the causes, physically consistent where all of them may move.
-/// @param fit  written with --base refit
+/// @param beside  a torque beside the terms, (rows()); empty: none
+/// @param fit     written with --base refit
 VecX<double> final_base(Base base, const FitLayout& layout, const Search& search,
-                        const Evidence& evidence, const std::vector<Term>& terms, LinearFit& fit);
+                        const Evidence& evidence, const std::vector<Term>& terms,
+                        const VecX<double>& beside, LinearFit& fit);
 
 }  // namespace diffnea

@@ -12,8 +12,8 @@ namespace {
 
 /// LuGre's friction is Dahl's with Stribeck's curve and no linear parameter: those two are tried in
 /// its place. A filter of the velocity channel is a matter of the audit: positions are
-/// differentiated here.
-const std::vector<std::string> kOnlyIfAsked{"presliding_lugre", "velocity_filter_lag"};
+/// differentiated here. A residual is no cause (grey_box.hpp); asked for, it says so.
+const std::vector<std::string> kOnlyIfAsked{"presliding_lugre", "residual", "velocity_filter_lag"};
 
 /// Effects that all joints may share: one clock of the torques, one delay of the bus, one scale.
 const std::vector<std::string> kCommon{"actuator_delay", "time_shift", "torque_gain"};

@@ -228,6 +228,13 @@ void Evidence::set_tilt(const Vec3<double>& more, const VecX<double>& x) {
   tilted_ = now;
 }
 
+MatX<double> Evidence::filtered(
+    const std::function<RowMatX<double>(const JointSeries&)>& columns) const {
+  std::vector<RowMatX<double>> stretches;
+  for (const JointSeries& s : series_) stretches.push_back(columns(s));
+  return decimate(stretches);
+}
+
 void Evidence::evaluate(const TriedEffect::Own& own) {
   const long width = static_cast<long>(own.parameters.size());
   std::vector<RowMatX<double>> stretches;

@@ -88,6 +88,9 @@ class Evidence {
   /// angles: a tenth of the time of as many columns().
   void ripples(int joint, double first, double step, int count,
                const std::function<void(int, MatX<double>)>& visit) const;
+  /// Any series of the motion at the recording's rate, a column each, filtered like the rest,
+  /// (times(), columns).
+  MatX<double> filtered(const std::function<RowMatX<double>(const JointSeries&)>& columns) const;
   /// The effect's own torque at its parameters, (rows()).
   VecX<double> torque_of(const TriedEffect& effect) const;
   /// Computes an own candidate's columns, once and for all: they depend on the motion alone.

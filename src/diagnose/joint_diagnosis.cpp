@@ -11,6 +11,7 @@
 #include "diagnose/base.hpp"
 #include "diagnose/bounds.hpp"
 #include "diagnose/evidence_plots.hpp"
+#include "diagnose/grey_box.hpp"
 #include "diagnose/next_experiment.hpp"
 #include "diagnose/rows.hpp"
 #include "diagnose/selection.hpp"
@@ -54,6 +55,21 @@ std::vector<std::string> units_of(const Model& model) {
   return out;
 }
 
+/// Adds the time that it lived.
+class Timer {
+ public:
+  explicit Timer(double& seconds) : seconds_(seconds) {}
+  Timer(const Timer&) = delete;
+  Timer& operator=(const Timer&) = delete;
+  ~Timer() {
+    seconds_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
+  }
+
+ private:
+  double& seconds_;
+  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+};
+
 class Diagnosis {
  public:
   Diagnosis(const Model& model, const RecordingSource& train, const RecordingSource* test,
@@ -67,17 +83,28 @@ class Diagnosis {
       };
   }
 
-  Finding run() {
-    const auto start = std::chrono::steady_clock::now();
+  /// Verdict and causes; finish() adds what goes with them.
+  const Finding& examine() {
+    const Timer timer(finding_.seconds);
     prepare();
     select();
     describe();
     judge();
-    plan_next();
-    finding_.plots = evidence_plots(finding_);
-    finding_.sentence = sentence(finding_);
-    finding_.seconds =
-        std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    return finding_;
+  }
+
+  Finding finish() {
+    {
+      const Timer timer(finding_.seconds);
+      if (finding_.verdict == Verdict::kUnknown && options_.grey_box && !finding_.interrupted)
+        grey_ = grey_box(model_, *train_, *search_, terms_, *held_out_, witness_,
+                         options_.accept_delta_bic);
+      complete();
+      plan_next();
+      add_grey_box();
+      finding_.plots = evidence_plots(finding_);
+      finding_.sentence = sentence(finding_);
+    }
     return std::move(finding_);
   }
 
@@ -266,9 +293,9 @@ class Diagnosis {
     finding_.lack_of_fit_p = std::min(1.0, static_cast<double>(first_scores_.size()) *
                                                std::erfc(std::sqrt(std::max(best, 0.0) / 2.0)));
     const std::vector<std::string> names = joint_names(model_);
-    const std::vector<WitnessScore> left =
+    witness_ =
         find_witnesses(*train_, *search_, terms_, *held_out_, names, options_.accept_delta_bic);
-    for (const WitnessScore& w : left)
+    for (const WitnessScore& w : witness_)
       finding_.witness.push_back(
           {names[static_cast<std::size_t>(w.joint)], w.variables, w.share, w.delta_bic});
 
@@ -277,7 +304,8 @@ class Diagnosis {
     const HeldOutChange change =
         held_out_->compare(held_out_->whitened(*search_, e0), held_out_->whitened(*search_, e1));
     double more = 0.0;  // that smooth functions of the motion would still remove
-    for (const WitnessScore& w : left) more += std::max(0.0, w.held_out.before - w.held_out.after);
+    for (const WitnessScore& w : witness_)
+      more += std::max(0.0, w.held_out.before - w.held_out.after);
     const double freedom =
         static_cast<double>(std::max<long>(search_->rows() - search_->projection().rank(), 1));
     // Under a tilt the base's columns are no longer those of the base alone.
@@ -288,11 +316,26 @@ class Diagnosis {
     if (misfit_) floor = std::min(floor, 1.0);
     finding_.gain = gain_of(change, floor);
     for (Cause& c : finding_.causes) c.gain.noise_floor = finding_.gain.noise_floor;
-    add_series(e0, e1, more);
-    note_offsets(e1);
+  }
 
+  /// Errors, parameters and motion of the extended model.
+  void complete() {
+    const bool grey = !grey_.joints.empty();
+    const VecX<double> e0 = held_out_->errors(*search_, {});
+    const VecX<double> e1 =
+        grey ? held_out_->errors_with(*search_, terms_, grey_.torque.there, grey_.torque.here)
+             : held_out_->errors(*search_, terms_);
+    if (grey) {
+      const HeldOutChange change =
+          held_out_->compare(held_out_->whitened(*search_, e0), held_out_->whitened(*search_, e1));
+      const double floor = finding_.gain.noise_floor * finding_.gain.noise_floor;
+      finding_.gain = gain_of(change, std::min(floor, change.after));
+    }
+    add_series(e0, e1);
+    note_offsets(e1);
     LinearFit fit;
-    const VecX<double> x = final_base(base_, layout_, *search_, *train_, terms_, fit);
+    const VecX<double> x =
+        final_base(base_, layout_, *search_, *train_, terms_, grey_.torque.there, fit);
     if (base_ == Base::kRefit) {
       VecX<double> shape(static_cast<long>(layout_.shape.size()));
       for (std::size_t k = 0; k < layout_.shape.size(); ++k)
@@ -301,6 +344,7 @@ class Diagnosis {
                                                 fit.solver.active_nonnegative);
     }
     set_reference(x, terms_);
+    for (const Remainder& r : grey_.joints) finding_.model.effects.push_back(to_spec(r.effect));
     if (!finding_.interrupted) simulate(x);
   }
 
@@ -317,7 +361,7 @@ class Diagnosis {
     if (!finding_.simulated.reason.empty()) return;
     LinearFit fit;
     const VecX<double> alone =
-        terms_.empty() ? x : final_base(base_, layout_, *search_, *train_, {}, fit);
+        terms_.empty() ? x : final_base(base_, layout_, *search_, *train_, {}, {}, fit);
     finding_.simulated =
         simulate_held_out(base_at(alone, {}), finding_.model, test_ ? *test_source_ : train_source_,
                           held_out_->evidence(), held_rows_, test_ ? test_plan_ : finding_.plan,
@@ -330,7 +374,8 @@ class Diagnosis {
         std::ranges::all_of(finding_.causes, [](const Cause& c) { return c.members.empty(); }))
       return;
     Model reference = finding_.model;
-    reference.effects.resize(reference.effects.size() - terms_.size());  // the causes come last
+    reference.effects.resize(reference.effects.size() - terms_.size() -
+                             grey_.joints.size());  // the causes come last
     try {
       finding_.next_experiment =
           next_experiment({model_, reference, layout_, prior_, finding_.plan, train_->joints(),
@@ -339,6 +384,15 @@ class Diagnosis {
     } catch (const Error& error) {
       finding_.notes.push_back(std::string("no next experiment is proposed: ") + error.what());
     }
+  }
+
+  void add_grey_box() {
+    for (const Remainder& r : grey_.joints) {
+      finding_.grey_box.push_back(r.description);
+      finding_.causes.push_back(r.cause);
+      finding_.causes.back().gain.noise_floor = finding_.gain.noise_floor;
+    }
+    for (const Refusal& r : grey_.refused) finding_.refused.push_back(r);
   }
 
   /// What changed between the recordings is no cause of the fitted one.
@@ -355,7 +409,7 @@ class Diagnosis {
           "have it fitted (session_offset)");
   }
 
-  void add_series(const VecX<double>& e0, const VecX<double>& e1, double) {
+  void add_series(const VecX<double>& e0, const VecX<double>& e1) {
     const Evidence& e = held_out_->evidence();
     const std::vector<std::string> names = joint_names(model_), units = units_of(model_);
     for (std::size_t k = 0; k < e.joints().size(); ++k) {
@@ -424,6 +478,8 @@ class Diagnosis {
   std::unique_ptr<Search> search_;
   std::vector<Score> first_scores_;
   std::vector<Term> terms_;
+  std::vector<WitnessScore> witness_;
+  GreyBoxResult grey_;
 };
 
 /// Where nothing was found, a gap is looked for in the wider band: there the positions' noise, as a
@@ -437,15 +493,18 @@ Finding with_gap_beyond(const Model& model, const RecordingSource& train,
   if (options.effects.empty()) gaps.effects = {kGap};
   std::erase_if(gaps.effects, [](const std::string& e) { return !e.starts_with(kGap); });
   if (gaps.effects.empty()) return narrow;
-  Finding screened = Diagnosis(model, train, test, Band::kWide, gaps).run();
+  gaps.grey_box = false;
+  const Finding screened = Diagnosis(model, train, test, Band::kWide, gaps).examine();
   narrow.seconds += screened.seconds;
   narrow.interrupted |= screened.interrupted;
   if (narrow.interrupted || screened.causes.empty()) return narrow;
-  Finding wide = Diagnosis(model, train, test, Band::kWide, options).run();
-  wide.seconds += narrow.seconds;
-  if (wide.interrupted || wide.causes.empty() ||
-      std::ranges::any_of(wide.causes, [](const Cause& c) { return c.effect != kGap; }))
+  Diagnosis again(model, train, test, Band::kWide, options);
+  const Finding& seen = again.examine();
+  if (seen.interrupted || seen.causes.empty() ||
+      std::ranges::any_of(seen.causes, [](const Cause& c) { return c.effect != kGap; }))
     return narrow;
+  Finding wide = again.finish();
+  wide.seconds += narrow.seconds;
   wide.notes.push_back("up to " + format_number(narrow.plan.filter_hz) +
                        " Hz nothing was left to explain: the gap shows up to " +
                        format_number(wide.plan.filter_hz) + " Hz");
@@ -456,23 +515,25 @@ Finding with_gap_beyond(const Model& model, const RecordingSource& train,
 
 Finding diagnose_joints(const Model& model, const RecordingSource& train,
                         const RecordingSource* test, const DiagnoseOptions& options) {
-  Diagnosis diagnosis(model, train, test, Band::kInformative, options);
-  Finding finding = diagnosis.run();
-  if (finding.interrupted || !diagnosis.wider()) return finding;
-  if (finding.verdict == Verdict::kNone)
-    return with_gap_beyond(model, train, test, options, std::move(finding));
-  if (finding.verdict != Verdict::kUnknown) return finding;
+  Diagnosis narrow(model, train, test, Band::kInformative, options);
+  const Finding& first = narrow.examine();
+  if (first.interrupted || !narrow.wider()) return narrow.finish();
+  if (first.verdict == Verdict::kNone)
+    return with_gap_beyond(model, train, test, options, narrow.finish());
+  if (first.verdict != Verdict::kUnknown) return narrow.finish();
   // A stiff loop keeps what is fast out of the positions, not out of the torques.
-  Finding second = Diagnosis(model, train, test, Band::kWide, options).run();
-  second.seconds += finding.seconds;
+  Diagnosis wide(model, train, test, Band::kWide, options);
+  const Finding& second = wide.examine();
   const bool says_more = second.verdict != Verdict::kUnknown ||
-                         (finding.witness.empty() && !second.witness.empty()) ||
-                         second.gain.explained_share > finding.gain.explained_share;
-  if (second.interrupted || !says_more) return finding;
-  second.notes.push_back("up to " + format_number(finding.plan.filter_hz) +
-                         " Hz no effect of the catalogue explained the error: looked at up to " +
-                         format_number(second.plan.filter_hz) + " Hz");
-  return second;
+                         (first.witness.empty() && !second.witness.empty()) ||
+                         second.gain.explained_share > first.gain.explained_share;
+  if (second.interrupted || !says_more) return narrow.finish();
+  Finding finding = wide.finish();
+  finding.seconds += first.seconds;
+  finding.notes.push_back("up to " + format_number(first.plan.filter_hz) +
+                          " Hz no effect of the catalogue explained the error: looked at up to " +
+                          format_number(finding.plan.filter_hz) + " Hz");
+  return finding;
 }
 
 }  // namespace diffnea

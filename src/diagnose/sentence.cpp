@@ -71,14 +71,49 @@ std::string cause_words(const Cause& cause) {
   return out + ", which this recording cannot tell from " + listed(others, " or ");
 }
 
-/// The strongest causes; all of them stand in the table.
+bool is_named(const Cause& cause) { return cause.verdict != Verdict::kUnknown; }
+
+/// The strongest causes; all of them stand in the table. What has no name is not among them.
 std::string causes_words(const Finding& f) {
   constexpr std::size_t kMost = 3;
   std::vector<std::string> words;
-  for (std::size_t i = 0; i < std::min(f.causes.size(), kMost); ++i)
-    words.push_back(cause_words(f.causes[i]));
-  if (f.causes.size() > kMost) words.push_back(std::to_string(f.causes.size() - kMost) + " more");
+  const auto named = static_cast<std::size_t>(std::ranges::count_if(f.causes, is_named));
+  for (const Cause& c : f.causes)
+    if (is_named(c) && words.size() < kMost) words.push_back(cause_words(c));
+  if (named > kMost) words.push_back(std::to_string(named - kMost) + " more");
   return listed(words, " and ");
+}
+
+/// Mean square of the held-out error that the named effects leave, and that all of them leave.
+std::pair<double, double> left_by(const Finding& f) {
+  double named = f.gain.after * f.gain.after;
+  for (const Cause& c : f.causes)
+    if (!is_named(c)) {
+      named = c.gain.before * c.gain.before;
+      break;
+    }
+  return {named, f.gain.after * f.gain.after};
+}
+
+/// Of the held-out mean square that can be removed, what the named effects remove.
+double named_share(const Finding& f) {
+  const double before = f.gain.before * f.gain.before,
+               floor = f.gain.noise_floor * f.gain.noise_floor;
+  const double removed = std::max(before - left_by(f).first, 0.0);
+  return removed > 0.0 ? removed / std::max(before - floor, removed) : 0.0;
+}
+
+/// "A learned remainder at elbow over q_elbow and qd_elbow, which names no cause, removes …"
+std::string grey_words(const Finding& f) {
+  std::vector<std::string> where;
+  for (const GreyBox& g : f.grey_box)
+    where.push_back(g.where + " over " + listed(g.variables, " and "));
+  const auto [before, after] = left_by(f);
+  return "A learned remainder at " + listed(where, " and at ") +
+         ", which names no cause, removes " + percent(1.0 - after / before) +
+         " of the mean square that is left on held-out data (error " +
+         format_number(std::sqrt(before)) + " to " + format_number(std::sqrt(after)) +
+         " times the noise)";
 }
 
 std::string witness_words(const Finding& f) {
@@ -114,10 +149,11 @@ std::string sentence(const Finding& f) {
              "never excited.";
     case Verdict::kUnknown: {
       std::string out = "The cause is not in the catalogue: " + witness_words(f);
-      if (!f.causes.empty()) {
+      if (std::ranges::any_of(f.causes, is_named)) {
         out += "; the nearest effects are " + causes_words(f) + ", and they explain " +
-               percent(f.gain.explained_share) + " of the held-out error that can be removed";
+               percent(named_share(f)) + " of the held-out error that can be removed";
       }
+      if (!f.grey_box.empty()) out += ". " + grey_words(f);
       return out + ".";
     }
     case Verdict::kNamed:

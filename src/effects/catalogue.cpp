@@ -316,6 +316,17 @@ BoundEffect bind(const EffectSpec& spec, const Model& model, const std::vector<i
   if (SessionOffset* session = std::get_if<SessionOffset>(&out.type)) session->runs = all_runs;
   if (TipForce* force = std::get_if<TipForce>(&out.type))
     force->p_LF = tip_point(model, out.joints.at(0));
+  if (Residual* residual = std::get_if<Residual>(&out.type)) {
+    if (!spec.table)
+      throw ModelError(here +
+                       ": it has no table; `diffnea diagnose` learns one where a torque has "
+                       "no name, it cannot be asked for");
+    if (out.joints.size() != 1)
+      throw ModelError(here + ": its table is of one joint; expected that joint's name");
+    *residual = Residual::from(*spec.table, joint_names(model), here);
+  } else if (spec.table) {
+    throw ModelError(here + ": it has a table of bumps, which is of the effect residual alone");
+  }
 
   for (ParameterInfo p : info.parameters) {
     if (mixed && p.unit != p.unit_prismatic)
@@ -365,6 +376,7 @@ EffectSpec to_spec(const BoundEffect& effect) {
   for (std::size_t i = 0; i < effect.parameters.size(); ++i)
     spec.parameters.push_back(
         {effect.parameter_info[i].name, effect.parameters[i], effect.parameter_info[i].unit});
+  if (const Residual* residual = std::get_if<Residual>(&effect.type)) spec.table = residual->table;
   return spec;
 }
 

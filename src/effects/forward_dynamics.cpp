@@ -1,3 +1,5 @@
+#include <algorithm>
+
 #include <Eigen/LU>
 
 #include <diffnea/core/error.hpp>
@@ -25,6 +27,20 @@ VecX<double> torque_gains(const std::vector<BoundEffect>& effects, int num_dofs)
               "the torque's sign");
   return out;
 }
+
+namespace {
+
+/// Joints whose state the torque depends on: those that it acts on, of a residual its table's.
+std::vector<int> joints_read(const BoundEffect& e) {
+  const Residual* residual = std::get_if<Residual>(&e.type);
+  if (!residual) return e.joints;
+  std::vector<int> out;
+  for (const Residual::Axis& a : residual->axes)
+    if (std::ranges::find(out, a.joint) == out.end()) out.push_back(a.joint);
+  return out;
+}
+
+}  // namespace
 
 ForwardDynamics::ForwardDynamics(ExtendedTree model)
     : model_(std::move(model)),
@@ -128,11 +144,12 @@ void ForwardDynamics::linearise(const double* q, const double* qd, const double*
     qd_[j] = JetD(qd[j]);
   }
   for (const BoundEffect& e : model_.effects) {
-    const bool coupled = e.info().place == Place::kJointPair;
-    for (std::size_t i = 0; i < e.joints.size(); ++i) {
+    const std::vector<int> reads = joints_read(e);
+    const bool coupled = e.info().place == Place::kJointPair || reads != e.joints;
+    for (std::size_t i = 0; i < reads.size(); ++i) {
       const std::size_t slot = coupled ? 2 * i : 0;
-      q_[e.joints[i]].v[static_cast<long>(slot)] = 1.0;
-      qd_[e.joints[i]].v[static_cast<long>(slot) + 1] = 1.0;
+      q_[reads[i]].v[static_cast<long>(slot)] = 1.0;
+      qd_[reads[i]].v[static_cast<long>(slot) + 1] = 1.0;
     }
     std::fill(effect_tau_.begin(), effect_tau_.end(), JetD(0.0));
     parameters_.clear();
@@ -141,14 +158,14 @@ void ForwardDynamics::linearise(const double* q, const double* qd, const double*
     add_torque(e, x, parameters_.data(), effect_tau_.data());
     for (std::size_t i = 0; i < e.joints.size(); ++i) {
       const int row = e.joints[i];
-      for (std::size_t k = 0; k < e.joints.size(); ++k) {
+      for (std::size_t k = 0; k < reads.size(); ++k) {
         if (!coupled && k != i) continue;
         const long slot = coupled ? 2 * static_cast<long>(k) : 0;
-        dtau_dq_(row, e.joints[k]) += effect_tau_[row].v[slot];
-        dtau_dqd_(row, e.joints[k]) += effect_tau_[row].v[slot + 1];
+        dtau_dq_(row, reads[k]) += effect_tau_[row].v[slot];
+        dtau_dqd_(row, reads[k]) += effect_tau_[row].v[slot + 1];
       }
     }
-    for (const int j : e.joints) {
+    for (const int j : reads) {
       q_[j].v.setZero();
       qd_[j].v.setZero();
     }

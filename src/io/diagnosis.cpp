@@ -160,6 +160,18 @@ std::string diagnose_result_json(const DiagnoseRun& run) {
                                       {"share", number(w.share)},
                                       {"delta_bic", number(w.delta_bic)}};
                         })},
+       {"grey_box", list(f.grey_box,
+                         [](const GreyBox& g) {
+                           return Json{{"where", g.where},
+                                       {"unit", g.unit},
+                                       {"variables", g.variables},
+                                       {"bumps", g.bumps},
+                                       {"effective_parameters", number(g.effective_parameters)},
+                                       {"bound", number(g.bound)},
+                                       {"torque_rms", number(g.torque_rms)},
+                                       {"before", number(g.before)},
+                                       {"after", number(g.after)}};
+                         })},
        {"absorbed", list(f.absorbed,
                          [](const Absorbed& a) {
                            return Json{{"effect", a.effect},
@@ -227,6 +239,15 @@ std::string diagnose_series_json(const Finding& finding) {
                                 {"time", rounded(s.time)}, {"measured", rounded(s.measured)},
                                 {"base", rounded(s.base)}, {"extended", rounded(s.extended)}};
                           })},
+       {"grey_box",
+        list(finding.grey_box,
+             [](const GreyBox& g) {
+               Json at = Json::array();
+               for (const std::vector<double>& values : g.at) at.push_back(rounded(values));
+               return Json{
+                   {"where", g.where}, {"variables", g.variables},    {"units", g.units},
+                   {"at", at},         {"torque", rounded(g.torque)}, {"std", rounded(g.std)}};
+             })},
        {"ball", io::ball_columns(finding.ball)},
        {"plots", list(finding.plots,
                       [](const EvidencePlot& p) {

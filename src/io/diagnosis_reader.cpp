@@ -97,6 +97,19 @@ void read_rest(JsonObject& root, Finding& f) {
     f.witness.push_back({o.string("where"), strings(o, "variables"), number_or_nan(o, "share"),
                          number_or_nan(o, "delta_bic")});
   });
+  for_each_object(root, "grey_box", [&](JsonObject& o) {
+    GreyBox g;
+    g.where = o.string("where");
+    g.unit = o.string("unit");
+    g.variables = strings(o, "variables");
+    g.bumps = static_cast<int>(count(o, "bumps"));
+    g.effective_parameters = number_or_nan(o, "effective_parameters");
+    g.bound = number_or_nan(o, "bound");
+    g.torque_rms = number_or_nan(o, "torque_rms");
+    g.before = number_or_nan(o, "before");
+    g.after = number_or_nan(o, "after");
+    f.grey_box.push_back(std::move(g));
+  });
   for_each_object(root, "absorbed", [&](JsonObject& o) {
     f.absorbed.push_back(
         {o.string("effect"), o.string("where"), number_or_nan(o, "visible_share")});
@@ -199,6 +212,25 @@ void read_series(JsonObject& root, Finding& f) {
       at->extended = io::column(o, "extended");
       check_lengths(o, "time", at->time.size(), {&at->measured, &at->base, &at->extended});
     });
+  for_each_object(root, "grey_box", [&](JsonObject& o) {
+    const std::string where = o.string("where");
+    const auto g = std::ranges::find(f.grey_box, where, &GreyBox::where);
+    if (g == f.grey_box.end())
+      throw ModelError(o.at("where") + ": got '" + where +
+                       "', which result.json has no grey box of");
+    g->units = strings(o, "units");
+    std::size_t points = 1;
+    int k = 0;
+    const Json& at = o.required("at");
+    for (const Json& values : io::json_array(at, o.at("at"))) {
+      const int size = static_cast<int>(values.size());
+      g->at.push_back(io::json_numbers(values, o.at("at") + "[" + std::to_string(k++) + "]", size));
+      points *= g->at.back().size();
+    }
+    g->torque = io::column(o, "torque");
+    g->std = io::column(o, "std");
+    check_lengths(o, "at", points, {&g->torque, &g->std});
+  });
   for_each_object(root, "plots", [&](JsonObject& o) {
     EvidencePlot p;
     p.kind = o.string("kind");

@@ -139,12 +139,30 @@ Json joint_to_json(const ModelLink& link) {
   return joint;
 }
 
+BumpTable table_from(const Json& value, const std::string& where) {
+  JsonObject o(value, where);
+  BumpTable t;
+  const Json& variables = io::json_array(o.required("variables"), o.at("variables"));
+  for (std::size_t i = 0; i < variables.size(); ++i)
+    t.variables.push_back(io::json_string(variables[i], o.at("variables")));
+  const Json& weights = io::json_array(o.required("weights"), o.at("weights"));
+  const int bumps = static_cast<int>(weights.size());
+  const int numbers = bumps * static_cast<int>(t.variables.size());
+  t.weights = io::json_numbers(weights, o.at("weights"), bumps);
+  t.centres = io::json_numbers(o.required("centres"), o.at("centres"), numbers);
+  t.widths = io::json_numbers(o.required("widths"), o.at("widths"), numbers);
+  t.bound = o.number("bound");
+  o.finish();
+  return t;
+}
+
 EffectSpec effect_from(const Json& value, const std::string& where) {
   JsonObject o(value, where);
   EffectSpec e;
   e.effect = o.string("effect");
   e.where = o.string("where");
   const Json& parameters = io::json_array(o.required("parameters"), o.at("parameters"));
+  if (const Json* table = o.optional("table")) e.table = table_from(*table, o.at("table"));
   o.finish();
   for (std::size_t i = 0; i < parameters.size(); ++i) {
     JsonObject p(parameters[i], o.at("parameters") + "[" + std::to_string(i) + "]");
@@ -260,6 +278,12 @@ std::string model_to_json(const Model& model) {
       parameters.push_back({{"name", p.name}, {"value", p.value}, {"unit", p.unit}});
     out["effects"].push_back(
         {{"effect", e.effect}, {"where", e.where}, {"parameters", parameters}});
+    if (e.table)
+      out["effects"].back()["table"] = {{"variables", e.table->variables},
+                                        {"centres", e.table->centres},
+                                        {"widths", e.table->widths},
+                                        {"weights", e.table->weights},
+                                        {"bound", e.table->bound}};
   }
   if (model.ball) {
     out["ball"]["mass"] = model.ball->mass;

@@ -9,6 +9,7 @@
 #include "report/diagnose_words.hpp"
 #include "report/format.hpp"
 #include "report/gain_charts.hpp"
+#include "report/grey_box_charts.hpp"
 #include "report/html.hpp"
 #include "report/page_parts.hpp"
 #include "report/simulated_charts.hpp"
@@ -354,7 +355,7 @@ std::string diagnose_page(const DiagnoseRun& run) {
   std::string body = head(f, name) + (of_ball ? ball : "") +
                      simulated_charts(f, shown.train_series, "train") +
                      over_time(f, shown.test_series) + (of_ball ? "" : ball) + evidence(f) +
-                     candidates(f) + left_open(f);
+                     grey_box_section(f) + candidates(f) + left_open(f);
   body += element("h2", f.causes.empty() ? capital(error_of(f)) + " on held-out data"
                                          : "What was gained on held-out data") +
           waterfall(f) + joint_table(f);

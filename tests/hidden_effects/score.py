@@ -105,8 +105,15 @@ def confusable(effect: Json, named: set[Cause]) -> bool:
     )
 
 
+def named_causes(result: Json) -> list[Json]:
+    """Return what has a name: a grey box's residual has none."""
+    return [c for c in result["causes"] if c["effect"] != "residual"]
+
+
 def all_classes(result: Json) -> list[set[Cause]]:
-    return [{cause(c)} | {cause(other) for other in c.get("class", [])} for c in result["causes"]]
+    return [
+        {cause(c)} | {cause(other) for other in c.get("class", [])} for c in named_causes(result)
+    ]
 
 
 def judge_named(truth: Json, result: Json, score: Score) -> str:
@@ -199,8 +206,8 @@ def judge(truth: Json, result: Json | None) -> Score:
     if result is None:
         return score
     score.verdict = result["verdict"]
-    score.named = sorted({cause(c) for c in result["causes"]})
-    if result["causes"]:
+    score.named = sorted({cause(c) for c in named_causes(result)})
+    if score.named:
         sizes = [len(c) for c in all_classes(result)]
         score.class_size = sum(sizes) / len(sizes)
     if truth["kind"] == "none":
@@ -215,7 +222,7 @@ def judge(truth: Json, result: Json | None) -> Score:
         }
         score.outcome = judges[truth["kind"]](truth, result, score)
     score.covered = list(intervals(truth, result))
-    shares = [c["gain"]["explained_share"] for c in result["causes"] if c.get("gain")]
+    shares = [c["gain"]["explained_share"] for c in named_causes(result) if c.get("gain")]
     score.explained = shares[-1] if shares else None
     return score
 

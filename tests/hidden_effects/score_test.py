@@ -151,6 +151,12 @@ def test_outside_the_catalogue_unknown_is_right_and_the_variables_count() -> Non
     assert judge(OUTSIDE, NOTHING).outcome == "missed"
 
 
+def test_what_a_grey_box_learned_is_no_name() -> None:
+    learned = UNKNOWN | {"causes": [said("residual")]}
+    assert judge(OUTSIDE, learned).outcome == "right"
+    assert judge(OUTSIDE, learned).named == []
+
+
 ABSORBED = truth(hidden("armature", "joint1", lm=0.0), kind="absorbed")
 
 

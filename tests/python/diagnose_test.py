@@ -317,6 +317,43 @@ def test_an_own_candidate_is_named(arm) -> None:
     assert all(e.effect != "sticky" for e in finding.model.effects)
 
 
+def held_by_a_magnet(recording: diffnea.Recording, size: float) -> diffnea.Recording:
+    """Add a magnet's torque at the elbow, which no friction explains."""
+    tau = recording.tau.copy()
+    off = (recording.q[:, 1] - 0.3) / 0.2
+    tau[:, 1] += size * off * np.exp(-(off**2))
+    return diffnea.Recording(
+        time=recording.time, q=recording.q, tau=tau, joint_names=recording.joint_names
+    )
+
+
+def test_what_has_no_name_is_learned_and_goes_with_the_model(arm, tmp_path: Path) -> None:
+    train, test = (held_by_a_magnet(recorded(arm, seed), 0.5) for seed in (31, 32))
+    frictions = ["coulomb_friction", "viscous_friction"]
+    finding = diffnea.diagnose(arm, train, test=test, effects=frictions)
+    assert finding.verdict == "UNKNOWN"
+    box = next(g for g in finding.grey_box if g.where == "elbow")
+    assert box.after < 0.5 * box.before
+    assert len(box.torque) == np.prod([len(values) for values in box.at])
+    assert any((c.effect, c.verdict) == ("residual", "UNKNOWN") for c in finding.causes)
+
+    [learned] = [e for e in finding.model.effects if e.where == "elbow" and e.effect == "residual"]
+    assert learned.table is not None
+    assert learned.table["variables"] == box.variables
+    assert pickle.loads(pickle.dumps(learned)) == learned
+    finding.save(tmp_path / "RUN")
+    again = diffnea.load_model(tmp_path / "RUN" / "model.json")
+    assert [e.table for e in again.effects] == [e.table for e in finding.model.effects]
+    result = json.loads((tmp_path / "RUN" / "result.json").read_text())
+    assert [g["bound"] for g in result["grey_box"]] == [g.bound for g in finding.grey_box]
+
+    without = diffnea.diagnose(arm, train, test=test, effects=frictions, grey_box=False)
+    assert without.verdict == "UNKNOWN"
+    assert without.grey_box == []
+    assert without.gain.after > finding.gain.after
+    assert not any(e.effect == "residual" for e in without.model.effects)
+
+
 def test_an_own_candidate_that_does_not_act_is_not_named(arm) -> None:
     finding = diffnea.diagnose(arm, recorded(arm, 13), test=recorded(arm, 14), candidates=[STICKY])
     assert finding.verdict == "NONE"

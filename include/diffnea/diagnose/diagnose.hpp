@@ -33,6 +33,8 @@ struct DiagnoseOptions {
   /// The caller's own, beside those.
   std::vector<OwnCandidate> candidates;
   PreprocessOptions preprocess;
+  /// Where the verdict is kUnknown, learn what is left as a function of what it depends on.
+  bool grey_box = true;
   double accept_delta_bic = 10.0;
   int max_causes = 0;      ///< 0: three for each joint, at least eight
   std::uint64_t seed = 0;  ///< of the bootstrap

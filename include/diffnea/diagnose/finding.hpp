@@ -55,7 +55,7 @@ struct Gain {
 /// An effect that the model lacks.
 struct Cause {
   std::string effect, where;
-  Verdict verdict = Verdict::kNamed;  ///< kNamed or kClass
+  Verdict verdict = Verdict::kNamed;  ///< kNamed, kClass; kUnknown: effect `residual`
   std::vector<CauseParameter> parameters;
   double delta_bic = 0.0;  ///< of leaving it out
   double lm = 0.0;  ///< its share of χ², base refitted: twice the log-likelihood that it gains
@@ -64,6 +64,23 @@ struct Cause {
   std::vector<Rival> members;  ///< its equivalence class without itself: less than 10 worse
   std::vector<Rival> rivals;   ///< the next ones
   Gain gain;                   ///< of this cause alone, the others in place
+};
+
+/// What the grey box has learned at one joint where the verdict is kUnknown: the torque of the
+/// effect `residual` (effects/residual.hpp) over the variables that the witness names. It is among
+/// the causes as well, kUnknown: a remainder without a name, no physics.
+struct GreyBox {
+  std::string where, unit;              ///< joint, unit of its torque
+  std::vector<std::string> variables;   ///< channels: "q_joint2", "qd_joint2"
+  std::vector<std::string> units;       ///< of these
+  int bumps = 0;                        ///< of the table
+  double effective_parameters = 0.0;    ///< that the fit spent on them, what ΔBIC counts
+  double bound = 0.0;                   ///< most that it gives [unit]: the most that was seen
+  double torque_rms = 0.0;              ///< of it on held-out data [unit]
+  double before = 0.0, after = 0.0;     ///< RMS of the joint's held-out error without, with [unit]
+  std::vector<std::vector<double>> at;  ///< of each variable, values of the drawing's grid
+  std::vector<double> torque;           ///< on the grid, the last variable fastest [unit]
+  std::vector<double> std;              ///< the same, of the posterior given its widths
 };
 
 /// A candidate that could not be tested or was refused, and why.
@@ -171,6 +188,7 @@ struct Finding {
   std::string sentence;
   std::vector<Cause> causes;
   std::vector<Witness> witness;
+  std::vector<GreyBox> grey_box;  ///< best first; where the verdict is kUnknown
   std::vector<Absorbed> absorbed;
   std::vector<Refusal> refused;
   std::vector<CandidateScore> candidates;  ///< best first

@@ -37,6 +37,7 @@
 #include <diffnea/effects/presliding_lugre.hpp>
 #include <diffnea/effects/quadratic_drag.hpp>
 #include <diffnea/effects/quadratic_friction.hpp>
+#include <diffnea/effects/residual.hpp>
 #include <diffnea/effects/saturation.hpp>
 #include <diffnea/effects/session_offset.hpp>
 #include <diffnea/effects/stribeck_friction.hpp>
@@ -93,6 +94,7 @@ using AnyEffect = std::variant<  //
     PreslidingLugre,             //
     QuadraticDrag,               //
     QuadraticFriction,           //
+    Residual,                    //
     Saturation,                  //
     SessionOffset,               //
     StribeckFriction,            //

@@ -20,11 +20,21 @@ struct EffectParameter {
   std::string unit;
 };
 
+/// A torque that was learned, not derived: Σ_b w_b Π_k β((x_k − c_bk)/h_bk) over one or two
+/// channels x_k of the motion, what the effect `residual` adds (effects/residual.hpp).
+struct BumpTable {
+  std::vector<std::string> variables;   ///< channels as in a recording: "q_elbow", "qd_elbow"
+  std::vector<double> centres, widths;  ///< (bumps × variables), row-major, units of the channels
+  std::vector<double> weights;          ///< (bumps) [N·m] or [N]
+  double bound = 0.0;                   ///< most that it ever gives [N·m] or [N]
+};
+
 /// An effect on the model, as plain data; effects/catalogue.hpp gives it its formula.
 struct EffectSpec {
   std::string effect;  ///< name in the catalogue, e.g. "coulomb_friction"
   std::string where;   ///< joint name, or base, tip, all, ball, string, camera
   std::vector<EffectParameter> parameters;
+  std::optional<BumpTable> table = {};  ///< of `residual` alone
 };
 
 /// Limits of a joint; infinite where the file gives none. [rad, rad/s, N·m] or [m, m/s, N].
