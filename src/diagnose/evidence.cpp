@@ -132,6 +132,19 @@ Evidence::Evidence(const Model& model, const FitLayout& layout, const RecordingS
   }
 }
 
+VecX<double> Evidence::inertia(long k) const {
+  VecX<double> out = VecX<double>::Zero(base_.cols());
+  const JointFactor& f =
+      factors_[static_cast<std::size_t>(joints_[static_cast<std::size_t>(k)])];
+  if (f.inertia.size() > 0) out(f.columns) = f.inertia;
+  return out;
+}
+
+bool Evidence::has_passive_beside_torques() const {
+  if (torque_.isZero(0.0)) return false;
+  return std::ranges::any_of(factors_, [](const JointFactor& f) { return f.inertia.size() > 0; });
+}
+
 MatX<double> Evidence::turns(const FitLayout& layout) const {
   MatX<double> out(rows(), 0);
   for (const FitParameter& shape : layout.shape) {

@@ -37,6 +37,10 @@ class Evidence {
   const VecX<double>& torque() const { return torque_; }
   /// RMS torque of the k-th of joints(); of a passive one, what its links take by the model.
   double size(long k) const { return size_[static_cast<std::size_t>(k)]; }
+  /// Inertia M_jj of the k-th of joints() for each base parameter, (columns of base()); zeros unless
+  /// it is passive.
+  VecX<double> inertia(long k) const;
+  bool has_passive_beside_torques() const;
   bool passive(long k) const { return torque_.segment(k * times(), times()).isZero(0.0); }
   /// Columns of the layout's linear parameters, then ∂τ/∂ln v₀ of the base's smoothed friction,
   /// then turn_columns() of each: how it turns is not known.
