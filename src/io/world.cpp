@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <atomic>
+#include <cctype>
 #include <charconv>
 #include <cstdlib>
 #include <exception>
@@ -70,7 +71,9 @@ EffectSpec effect(const std::string& world, const std::string& text) {
                 "'; expected NAME@WHERE:PARAMETER=VALUE+PARAMETER=VALUE");
   EffectSpec out{text.substr(0, at), text.substr(at + 1, colon - at - 1), {}};
   for (std::string rest = text.substr(colon + 1); !rest.empty();) {
-    const std::size_t plus = rest.find('+', rest.find('=') + 2);  // not the sign of the value
+    std::size_t plus = rest.find('+');  // before a name: 1e+3 has one, too
+    while (plus != rest.npos && plus + 1 < rest.size() && !std::isalpha(static_cast<unsigned char>(rest[plus + 1])))
+      plus = rest.find('+', plus + 1);
     const std::string part = rest.substr(0, plus);
     rest = plus == rest.npos ? "" : rest.substr(plus + 1);
     const std::size_t equals = part.find('=');
