@@ -44,14 +44,10 @@ MatX<double> Projection::project_whitened(MatX<double> columns) const {
 Projection::Factor Projection::factor(const MatX<double>& base) const {
   Factor out;
   const long n = evidence_.rows(), m = evidence_.times();
-  MatX<double> rows = base(Eigen::all, prior_.free);
-  for (long k = 0; evidence_.has_passive_beside_torques() && k < n / m; ++k) {
-    const VecX<double> inertia = evidence_.inertia(k);
-    const double of_x0 = inertia.dot(prior_.x0);
-    if (!(of_x0 > 0.0)) continue;
-    const VecX<double> at_x0 = base.middleRows(k * m, m) * prior_.x0;
-    rows.middleRows(k * m, m) -= at_x0 * (inertia(prior_.free).transpose() / of_x0);
-  }
+  MatX<double> rows(n, static_cast<long>(prior_.free.size()));
+  for (long k = 0; k < n / m; ++k)
+    rows.middleRows(k * m, m) =
+        evidence_.without_scale(k, base.middleRows(k * m, m), prior_.x0)(Eigen::all, prior_.free);
   MatX<double> A(n + prior_.root.rows(), static_cast<long>(prior_.free.size()));
   A.topRows(n) = whitener_(rows);
   A.bottomRows(prior_.root.rows()) = prior_.root;
