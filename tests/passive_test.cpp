@@ -70,8 +70,7 @@ TEST_CASE("passive: rows without scale are those of M(at) Y x / M(x), linear abo
   CHECK(f.without_scale(at) == MatX<double>(MatX<double>::Identity(4, 4)));
 }
 
-TEST_CASE("passive: a shaft turns two hinges or moves two slides, never one of each",
-          "[passive]") {
+TEST_CASE("passive: a shaft turns two hinges or moves two slides, never one of each", "[passive]") {
   const EffectInfo& shaft = info(find_effect("cable_differential_friction"));
   CHECK(places(shaft, read_model(kCartPole)).empty());
   CHECK(places(shaft, read_model(DIFFNEA_SOURCE_DIR "/models/furuta.xml")) ==

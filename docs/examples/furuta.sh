@@ -19,5 +19,5 @@ for name in train test; do
 done
 
 diffnea identify "$model" train.csv --test test.csv -o run
-diffnea diagnose run/model.json train.csv --test test.csv -o why
+diffnea diagnose "$model" train.csv --test test.csv -o why
 echo "open $PWD/run/report.html and $PWD/why/report.html"

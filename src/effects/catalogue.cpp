@@ -171,8 +171,7 @@ std::vector<std::string> joint_pairs(const Model& model) {
   std::vector<std::string> out;
   for (std::size_t j = 0; j < names.size(); ++j)
     if (const int parent = tree.links[j].parent;
-        parent >= 0 &&
-        tree.links[j].type == tree.links[static_cast<std::size_t>(parent)].type)
+        parent >= 0 && tree.links[j].type == tree.links[static_cast<std::size_t>(parent)].type)
       out.push_back(names[static_cast<std::size_t>(parent)] + "," + names[j]);
   return out;
 }

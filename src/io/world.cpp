@@ -72,7 +72,8 @@ EffectSpec effect(const std::string& world, const std::string& text) {
   EffectSpec out{text.substr(0, at), text.substr(at + 1, colon - at - 1), {}};
   for (std::string rest = text.substr(colon + 1); !rest.empty();) {
     std::size_t plus = rest.find('+');  // before a name: 1e+3 has one, too
-    while (plus != rest.npos && plus + 1 < rest.size() && !std::isalpha(static_cast<unsigned char>(rest[plus + 1])))
+    while (plus != rest.npos && plus + 1 < rest.size() &&
+           !std::isalpha(static_cast<unsigned char>(rest[plus + 1])))
       plus = rest.find('+', plus + 1);
     const std::string part = rest.substr(0, plus);
     rest = plus == rest.npos ? "" : rest.substr(plus + 1);
