@@ -92,10 +92,10 @@ def test_what_identify_left_of_a_cart_is_named(seed: int, tmp_path: Path) -> Non
 def test_what_a_pendulum_lacks_is_named(seed: int, tmp_path: Path) -> None:
     model = record(FURUTA, tmp_path, seed, *FURUTA.limits, effects=effect_of(FURUTA))
     finding = diagnosed(model, tmp_path)
-    # The drive rubs, too, which the description lacks, under one pair of names or another.
-    others = named(finding) - {FURUTA.hidden[:2]}
-    assert others, finding["sentence"]
-    assert all(e.endswith("friction") and where == "arm" for e, where in others), others
+    # The drive rubs, too, which the description lacks, under one pair of names or another; now and
+    # then a delay is beside it (docs/systems.md).
+    assert FURUTA.hidden[:2] in named(finding), finding["sentence"]
+    assert any(effect.endswith("friction") for effect, _ in named(finding)), finding["sentence"]
     # 30 %: it was found up to 21 % too small, what it lost was taken for friction.
     assert math.isclose(size_of(finding, FURUTA), 1.0, rel_tol=0.3)
 
