@@ -77,10 +77,9 @@ void add_simulate(CLI::App& app) {
   command->add_option(
       "--world", options->world,
       "mujoco:NAME[,key=value...]; NAME: wam4, ..., or a path to an MJCF; keys: perturb = none, A "
-      "(default), B, C or PATH.json; seed (default: --seed); noise (factor); repetitions; of a "
-      "ball: ball = "
-      "tendon, "
-      "chain; rope; string (see `diffnea worlds`)");
+      "(default), B, C or PATH.json; seed (default: --seed); noise (factor); repetitions; effect = "
+      "NAME@WHERE:PARAMETER=VALUE+...; of a ball: ball = tendon, chain; rope; string (see "
+      "`diffnea worlds`)");
   command
       ->add_option("-o,--output", options->out,
                    "recording (.csv); what columns cannot hold goes beside it (.json)")

@@ -21,6 +21,7 @@ std::vector<JointFactor> linear_factors(const Evidence& evidence, const FitLayou
     std::erase_if(columns, [&](int c) { return c >= p; });
     JointFactor kept{columns, TriangularFactor(static_cast<int>(columns.size()))};
     const long k = static_cast<long>(columns.size());  // they come first
+    if (f.inertia.size() > 0) kept.inertia = f.inertia.head(k);
     if (f.factor.rows() > 0) {
       RowMatX<double> rows = RowMatX<double>::Zero(f.factor.R().rows() + 1, k + 1);
       rows.topLeftCorner(rows.rows() - 1, k) = f.factor.R().leftCols(k);
@@ -42,6 +43,9 @@ BasePrior base_prior(Base base, const Model& model, const FitLayout& layout,
   const long turns = evidence.base().cols() - linear;
   out.x0 = VecX<double>::Zero(linear + turns);
   out.x0.head(linear) = layout.prior();
+  // The rows of passive joints are linear about x₀ (Projection).
+  if (base == Base::kRefit && evidence.has_passive_beside_torques())
+    out.x0.head(linear) = fit_linear(layout, linear_factors(evidence, layout)).x;
   if (base == Base::kFixed) {  // how sharply friction turns is no claim of the model
     for (long s = 0; s < turns; ++s) out.free.push_back(static_cast<int>(linear + s));
     out.root = MatX<double>::Identity(turns, turns);
@@ -171,6 +175,10 @@ VecX<double> final_base(Base base, const FitLayout& layout, const Search& search
     std::erase_if(columns, [&](int c) { return c >= p; });
     factors.push_back({columns, TriangularFactor(static_cast<int>(columns.size()))});
     if (known >= evidence.joints().size() || evidence.joints()[known] != j) continue;
+    // An effect at a passive joint is a torque that is not zero: it has a scale.
+    if (const VecX<double>& of = evidence.factors()[static_cast<std::size_t>(j)].inertia;
+        of.size() > 0)
+      factors.back().inertia = of.head(static_cast<long>(columns.size()));
     const long begin = static_cast<long>(known++) * evidence.times();
     std::vector<long> used;
     for (long i = begin; i < begin + evidence.times(); ++i)

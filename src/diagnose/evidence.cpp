@@ -132,6 +132,24 @@ Evidence::Evidence(const Model& model, const FitLayout& layout, const RecordingS
   }
 }
 
+MatX<double> Evidence::without_scale(long k, const Eigen::Ref<const MatX<double>>& rows,
+                                     const VecX<double>& x0) const {
+  MatX<double> out = rows;
+  const JointFactor& f = factors_[static_cast<std::size_t>(joints_[static_cast<std::size_t>(k)])];
+  if (f.inertia.size() == 0 || !has_passive_beside_torques()) return out;
+  const double m = f.inertia.dot(x0(f.columns));
+  if (!(m > 0.0)) return out;
+  VecX<double> inertia = VecX<double>::Zero(rows.cols());
+  inertia(f.columns) = f.inertia;
+  out.noalias() -= (rows * x0) * (inertia.transpose() / m);
+  return out;
+}
+
+bool Evidence::has_passive_beside_torques() const {
+  if (torque_.isZero(0.0)) return false;
+  return std::ranges::any_of(factors_, [](const JointFactor& f) { return f.inertia.size() > 0; });
+}
+
 MatX<double> Evidence::turns(const FitLayout& layout) const {
   MatX<double> out(rows(), 0);
   for (const FitParameter& shape : layout.shape) {

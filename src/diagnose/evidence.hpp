@@ -37,6 +37,11 @@ class Evidence {
   const VecX<double>& torque() const { return torque_; }
   /// RMS torque of the k-th of joints(); of a passive one, what its links take by the model.
   double size(long k) const { return size_[static_cast<std::size_t>(k)]; }
+  /// Rows of base() of the k-th of joints(); of a passive one as those of M_jj(x₀)/M_jj(x) times
+  /// its torque, linear about x₀ (JointFactor::inertia).
+  MatX<double> without_scale(long k, const Eigen::Ref<const MatX<double>>& rows,
+                             const VecX<double>& x0) const;
+  bool has_passive_beside_torques() const;
   bool passive(long k) const { return torque_.segment(k * times(), times()).isZero(0.0); }
   /// Columns of the layout's linear parameters, then ∂τ/∂ln v₀ of the base's smoothed friction,
   /// then turn_columns() of each: how it turns is not known.

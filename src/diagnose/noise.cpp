@@ -88,7 +88,8 @@ std::vector<JointNoise> estimate_noise(const Evidence& evidence, const VecX<doub
 }
 
 VecX<double> beside_smooth_functions(const Evidence& e, const std::vector<int>& free,
-                                     const VecX<double>& residual, const std::vector<bool>& used) {
+                                     const VecX<double>& x0, const VecX<double>& residual,
+                                     const std::vector<bool>& used) {
   VecX<double> out = residual;
   for (std::size_t k = 0; k < e.joints().size(); ++k) {
     const long begin = static_cast<long>(k) * e.times();
@@ -101,7 +102,9 @@ VecX<double> beside_smooth_functions(const Evidence& e, const std::vector<int>& 
     const MatX<double> of_q = hats(q, knots(q, kKnots)), of_qd = hats(qd, knots(qd, kKnots));
     MatX<double> A(m, static_cast<long>(free.size()) + of_q.cols() + of_qd.cols());
     if (A.cols() * kRowsAColumn > m) continue;
-    A << e.base().middleRows(begin, e.times())(rows, free), of_q, of_qd;
+    A << e.without_scale(static_cast<long>(k), e.base().middleRows(begin, e.times()), x0)(rows,
+                                                                                          free),
+        of_q, of_qd;
     const Eigen::ColPivHouseholderQR<MatX<double>> qr(A);
     const VecX<double> r = residual.segment(begin, e.times())(rows);
     const double left = static_cast<double>(m) / static_cast<double>(m - 2 * kKnots);

@@ -30,8 +30,12 @@ VecX<double> repeatable_noise(const Evidence& evidence, const VecX<double>& resi
 /// joints with too few of them, and all other rows, keep their residual. Without repeats, what the
 /// model lacks is not to be taken for noise: whitened away, it would stay hidden. (rows()) →
 /// (rows())
+/// @param x0  about which rows of passive joints are linear: their residual, X x, is a combination
+/// of
+///            the columns of X as they are
 VecX<double> beside_smooth_functions(const Evidence& evidence, const std::vector<int>& free,
-                                     const VecX<double>& residual, const std::vector<bool>& used);
+                                     const VecX<double>& x0, const VecX<double>& residual,
+                                     const std::vector<bool>& used);
 
 /// Before any noise is known: white, of the size of each joint's torque.
 std::vector<JointNoise> white_noise(const Evidence& evidence);

@@ -43,9 +43,13 @@ MatX<double> Projection::project_whitened(MatX<double> columns) const {
 
 Projection::Factor Projection::factor(const MatX<double>& base) const {
   Factor out;
-  const long n = evidence_.rows();
+  const long n = evidence_.rows(), m = evidence_.times();
+  MatX<double> rows(n, static_cast<long>(prior_.free.size()));
+  for (long k = 0; k < n / m; ++k)
+    rows.middleRows(k * m, m) =
+        evidence_.without_scale(k, base.middleRows(k * m, m), prior_.x0)(Eigen::all, prior_.free);
   MatX<double> A(n + prior_.root.rows(), static_cast<long>(prior_.free.size()));
-  A.topRows(n) = whitener_(base(Eigen::all, prior_.free));
+  A.topRows(n) = whitener_(rows);
   A.bottomRows(prior_.root.rows()) = prior_.root;
   out.scale = A.colwise().norm().transpose();
   for (double& s : out.scale) s = s > 0.0 ? 1.0 / s : 1.0;

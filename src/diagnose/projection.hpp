@@ -4,7 +4,9 @@
 ///
 /// Minimise ‖W(τ − X x − G ψ)‖² + ‖L(x − x₀)‖² over x for every ψ (variable projection, Golub and
 /// Pereyra 1973): with A = [W X; L] and its orthonormal basis Q, G⊥ = (I − QQᵀ)[W G; 0] and r = (I
-/// − QQᵀ)[W(τ − X x₀); 0]. Where effects see the averaged motion, their Q is that motion's.
+/// − QQᵀ)[W(τ − X x₀); 0]. Rows of a passive joint are those of M_jj(x₀)/M_jj(x) times its torque,
+/// linear about x₀: torque that is zero fits any multiple of x, and the smallest would leave the
+/// least. Where effects see the averaged motion, their Q is that motion's.
 
 #include <Eigen/QR>
 

@@ -235,7 +235,7 @@ void Search::refresh(double period, std::vector<Term>& terms) {
         rows[static_cast<std::size_t>(i)] =
             rows[static_cast<std::size_t>(i)] && std::isfinite(noise[i]);
     } else {
-      noise = beside_smooth_functions(evidence_, prior_.free, left, rows);
+      noise = beside_smooth_functions(evidence_, prior_.free, prior_.x0, left, rows);
       lost = static_cast<double>(projection_->rank() + num_parameters(terms)) /
              static_cast<double>(evidence_.joints().size());
     }

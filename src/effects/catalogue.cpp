@@ -167,12 +167,14 @@ void check_value(const std::string& here, const ParameterInfo& info, double valu
 }
 
 /// Neighbours in the tree, either way round.
+/// Joints and their parents, of one type: a shaft's torque is [N·m] at both or [N] at both.
 std::vector<std::string> joint_pairs(const Model& model) {
   const std::vector<std::string> names = joint_names(model);
   const Tree<double> tree = make_tree(model);
   std::vector<std::string> out;
   for (std::size_t j = 0; j < names.size(); ++j)
-    if (const int parent = tree.links[j].parent; parent >= 0)
+    if (const int parent = tree.links[j].parent;
+        parent >= 0 && tree.links[j].type == tree.links[static_cast<std::size_t>(parent)].type)
       out.push_back(names[static_cast<std::size_t>(parent)] + "," + names[j]);
   return out;
 }

@@ -69,17 +69,22 @@ VecX<double> parameter_scales(const FitLayout& layout, const std::vector<JointFa
 namespace {
 
 /// The factors of all joints as one least-squares problem in units of their noise.
+/// @param at  about which rows of passive joints are linear; null: as they are
 void stack(const std::vector<JointFactor>& factors, const VecX<double>& sigma, long columns,
-           MatX<double>& R, VecX<double>& d) {
+           MatX<double>& R, VecX<double>& d, const VecX<double>* at = nullptr) {
   TriangularFactor whole(static_cast<int>(columns));
   for (std::size_t j = 0; j < factors.size(); ++j) {
     const JointFactor& f = factors[j];
     if (f.factor.rows() == 0) continue;
-    const MatX<double> Rj = f.factor.R();
+    const bool passive = at && f.inertia.size() > 0;
+    const TriangularFactor mapped =
+        passive ? f.factor.mapped(f.without_scale(*at)) : TriangularFactor();
+    const TriangularFactor& factor = passive ? mapped : f.factor;
+    const MatX<double> Rj = factor.R();
     RowMatX<double> rows = RowMatX<double>::Zero(Rj.rows(), columns + 1);
     for (std::size_t k = 0; k < f.columns.size(); ++k)
       rows.col(f.columns[k]) = Rj.col(static_cast<long>(k)) / sigma[j];
-    rows.col(columns) = f.factor.d() / sigma[j];
+    rows.col(columns) = factor.d() / sigma[j];
     whole.add(rows);
   }
   R = whole.R();
@@ -204,6 +209,17 @@ double mean_ratio(const MatX<double>& B, const MatX<double>& H) {
 double JointFactor::sum_of_squares(const VecX<double>& x) const {
   return factor.sum_of_squares(x(columns));
 }
+MatX<double> JointFactor::without_scale(const VecX<double>& at) const {
+  const long p = static_cast<long>(columns.size());
+  MatX<double> T = MatX<double>::Identity(p + 1, p + 1);
+  if (inertia.size() == 0) return T;
+  const VecX<double> x = at(columns);
+  const double m = inertia.dot(x);
+  if (!(m > 0.0)) return T;
+  T.topLeftCorner(p, p) -= x * (inertia.transpose() / m);
+  T.col(p).head(p) = -x;
+  return T;
+}
 double JointFactor::rmse(const VecX<double>& x) const {
   return std::sqrt(sum_of_squares(x) / static_cast<double>(std::max<long>(factor.rows(), 1)));
 }
@@ -299,8 +315,11 @@ LinearFit fit_linear(const FitLayout& layout, const std::vector<JointFactor>& fa
       fit.sigma[j] =
           std::max(torque > 0.0 ? torque : link_torque(layout, factors[j], problem.start), 1e-12);
     }
+  const bool has_torque = std::ranges::any_of(
+      factors, [&](const JointFactor& f) { return f.rmse(VecX<double>::Zero(p)) > 0.0; });
+  VecX<double> at = problem.start;
   for (int round = 0; round < options.max_reweightings; ++round) {
-    stack(factors, fit.sigma, p, problem.R, problem.d);
+    stack(factors, fit.sigma, p, problem.R, problem.d, has_torque ? &at : nullptr);
     fit.solver = solve_convex_fit(problem);
     fit.x = fit.solver.x;
     double change = 0.0;
@@ -312,17 +331,15 @@ LinearFit fit_linear(const FitLayout& layout, const std::vector<JointFactor>& fa
           static_cast<double>(f.factor.rows()) *
           std::max(1.0 - static_cast<double>(free.size()) / static_cast<double>(rows), 0.1);
       const double torque = f.rmse(VecX<double>::Zero(p));
-      double next = std::max(std::sqrt(f.sum_of_squares(fit.x) / dof), 1e-9 * torque + 1e-15);
-      // Where the torque is zero throughout (a passive joint) any multiple of its links fits as
-      // well, and small ones leave small residuals: the noise is measured in units of what the
-      // links take.
-      if (torque == 0.0)
-        next = std::max(next * link_torque(layout, f, problem.start) /
-                            std::max(link_torque(layout, f, fit.x), 1e-300),
-                        1e-9 * link_torque(layout, f, problem.start) + 1e-15);
+      const double size = torque > 0.0 ? torque : link_torque(layout, f, problem.start);
+      const double next = std::max(std::sqrt(f.sum_of_squares(fit.x) / dof), 1e-9 * size + 1e-15);
       change = std::max(change, std::abs(next / fit.sigma[j] - 1.0));
       fit.sigma[j] = next;
+      if (f.inertia.size() == 0) continue;
+      const double now = f.inertia.dot(fit.x(f.columns)), before = f.inertia.dot(at(f.columns));
+      change = std::max(change, std::abs(now / before - 1.0));
     }
+    at = fit.x;
     if (change < 1e-3) break;
   }
 
@@ -330,7 +347,7 @@ LinearFit fit_linear(const FitLayout& layout, const std::vector<JointFactor>& fa
   fit.weak = weak;
   VecX<double> unused;
   MatX<double> R;
-  stack(factors, fit.sigma, p, R, unused);
+  stack(factors, fit.sigma, p, R, unused, has_torque ? &at : nullptr);
   fit.information = R.transpose() * R;
   fit.base_parameters = base_parameters(layout, R, fit.x, scale);
   fit.rank = static_cast<int>(fit.base_parameters.size());

@@ -284,9 +284,11 @@ class InverseFit {
     MatX<double> meat = MatX<double>::Zero(fit.x.size(), fit.x.size());
     for (int j = 0; j < layout_.num_dofs; ++j) {
       const JointFactor& f = regression_->factors()[j];
+      const MatX<double> T =
+          f.inertia.size() > 0 ? f.without_scale(fit.x) : linearisation(gains, j, f.columns);
       meat(f.columns, f.columns) +=
-          score_covariance(regression_->kept()[j], linearisation(gains, j, f.columns),
-                           fit.x(f.columns), fit.sigma[j], static_cast<double>(f.factor.rows()));
+          score_covariance(regression_->kept()[j], T, fit.x(f.columns), fit.sigma[j],
+                           static_cast<double>(f.factor.rows()));
     }
     return meat;
   }

@@ -183,6 +183,31 @@ VecX<double> TorqueRegression::torque_of_gravity(int axis, const double* q) {
   return out;
 }
 
+/// What M_jj is of each of the joint's columns: the torque at rest, without gravity, per unit of
+/// acceleration.
+VecX<double> TorqueRegression::inertia_columns(int j, const VecX<double>& q) {
+  const int n = layout_.num_dofs;
+  const Vec3<double> gravity = tree_.gravity;
+  tree_.gravity = {0, 0, 0};
+  const VecX<double> still = VecX<double>::Zero(n), unit = VecX<double>::Unit(n, j);
+  const RowMatX<double>& Y = torque_regressor<double, double>(tree_, q, still, unit, ws_);
+  tree_.gravity = gravity;
+  const std::vector<int>& columns = factors_[static_cast<std::size_t>(j)].columns;
+  VecX<double> out = VecX<double>::Zero(static_cast<long>(columns.size()));
+  for (std::size_t k = 0; k < columns.size(); ++k) {
+    const int c = columns[k];
+    if (c < Y.cols()) {
+      out[static_cast<long>(k)] = Y(j, c);
+    } else if (c < static_cast<int>(layout_.linear.size()) && layout_.linear[c].effect >= 0) {
+      const BoundEffect& effect = effects_[layout_.linear[c].effect];
+      const bool rotor = std::holds_alternative<Armature>(effect.type) &&
+                         std::ranges::find(effect.joints, j) != effect.joints.end();
+      out[static_cast<long>(k)] = rotor ? 1.0 : 0.0;
+    }
+  }
+  return out;
+}
+
 /// Whether a joint's torque is known: measured, or passive and hence zero (a prescribed joint's is
 /// NaN).
 bool torque_known(const Preprocessed& block, int joint) {
@@ -198,6 +223,9 @@ void TorqueRegression::add(const Preprocessed& block) {
       throw DataError(block.source + ": the forward loss needs the torque of every joint, and " +
                       block.joint_names[static_cast<std::size_t>(j)] +
                       " has none; use the inverse loss, or declare the joint passive");
+  for (int j = 0; !options_.acceleration && block.rows() > 0 && j < n; ++j)
+    if (!block.has_tau[j] && torque_known(block, j) && factors_[j].inertia.size() == 0)
+      factors_[j].inertia = inertia_columns(j, block.q.row(0).transpose());
   while (row < block.rows()) {
     const int segment = block.segment[row];
     if (segment != segment_ || block.run != run_) {

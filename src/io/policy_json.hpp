@@ -19,8 +19,8 @@ Json reward(const BallInCupOptions& o);
 /// {draws, caught, reward}.
 Json in_draws(const InDraws& d);
 Json network_source(const NetworkSource& source);
-/// Start, primitive, search, reward, simulator, robust, and of a network which one: all that is not a
-/// model.
+/// Start, primitive, search, reward, simulator, robust, and of a network which one: all that is not
+/// a model.
 Json task(const BallInCup& task);
 
 VecX<double> read_values(JsonObject& o, const char* key);

@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <atomic>
+#include <cctype>
 #include <charconv>
 #include <cmath>
 #include <cstdlib>
@@ -8,6 +9,7 @@
 #include <thread>
 
 #include <diffnea/core/error.hpp>
+#include <diffnea/effects/catalogue.hpp>
 #include <diffnea/io/model_file.hpp>
 #include <diffnea/io/world.hpp>
 
@@ -27,6 +29,11 @@ constexpr WorldKey kWorldKeys[] = {
      "PATH.json, a file of ranges"},
     {"seed", "of the perturbation and the noise; default: that of the command"},
     {"noise", "factor on the noise of the sensors, default 1"},
+    {"effect",
+     "that the robot has and its description lacks, once for each: "
+     "effect=NAME@WHERE:PARAMETER=VALUE+PARAMETER=VALUE, as in "
+     "effect=cogging@arm:sine=0.002+cycles=8 (see `diffnea effects`); in place of what perturb "
+     "drew of it"},
     {"repetitions",
      "of the motion, each from rest: positions, torques and ball are their means, row by row"},
     {"ball",
@@ -58,6 +65,28 @@ Number number(const std::string& world, const std::string& key, const std::strin
   if (text.empty() || error != std::errc() || end != text.data() + text.size())
     throw Error("world '" + world + "': " + key + " = '" + text + "' is not a number it can take");
   return x;
+}
+
+/// NAME@WHERE:PARAMETER=VALUE+PARAMETER=VALUE; names and places are checked when the robot is made.
+EffectSpec effect(const std::string& world, const std::string& text) {
+  const std::size_t at = text.find('@'), colon = text.find(':');
+  if (at == text.npos || colon == text.npos || colon < at)
+    throw Error("world '" + world + "': effect = '" + text +
+                "'; expected NAME@WHERE:PARAMETER=VALUE+PARAMETER=VALUE");
+  EffectSpec out{text.substr(0, at), text.substr(at + 1, colon - at - 1), {}};
+  for (std::string rest = text.substr(colon + 1); !rest.empty();) {
+    std::size_t plus = rest.find('+');  // before a name: 1e+3 has one, too
+    while (plus != rest.npos && plus + 1 < rest.size() &&
+           !std::isalpha(static_cast<unsigned char>(rest[plus + 1])))
+      plus = rest.find('+', plus + 1);
+    const std::string part = rest.substr(0, plus);
+    rest = plus == rest.npos ? "" : rest.substr(plus + 1);
+    const std::size_t equals = part.find('=');
+    const std::string name = part.substr(0, equals),
+                      value = equals == part.npos ? "" : part.substr(equals + 1);
+    out.parameters.push_back({name, number<double>(world, "effect: " + name, value), ""});
+  }
+  return out;
 }
 
 Perturbation perturbation(const std::string& world, const std::string& name) {
@@ -108,6 +137,8 @@ WorldSpec parse_world(const std::string& text) {
       out.seed = number<std::uint64_t>(text, key, value);
     else if (key == "noise")
       out.noise = number<double>(text, key, value);
+    else if (key == "effect")
+      out.effects.push_back(effect(text, value));
     else if (key == "repetitions")
       out.repetitions = number<int>(text, key, value);
     else if (key == "string")
@@ -169,6 +200,13 @@ DrawnWorld draw(const WorldSpec& world, std::uint64_t seed) {
                      "in wam4_ball");
   if (world.nominal_string) nominal.ball->string->length = *world.nominal_string;
   DrawnWorld out{.truth = perturbed(nominal, world.perturbation, seed), .document = {}};
+  for (const EffectSpec& spec : world.effects) {
+    const EffectSpec whole = to_spec(bind(spec, out.truth, {0}));  // units, and what was not given
+    std::erase_if(out.truth.effects, [&](const EffectSpec& e) {
+      return e.effect == whole.effect && e.where == whole.where;
+    });
+    out.truth.effects.push_back(whole);
+  }
   if (world.string) out.truth.ball->string->length = *world.string;
   out.document = read_mjcf(world.mjcf);
   if (world.rope) out.document = io::with_chain(out.document, nominal, out.truth, *world.rope);

@@ -45,7 +45,8 @@ std::string learn_headline(const LearnRun& run) {
   return std::to_string(solved.k) + " of " + std::to_string(solved.n) +
          (n == 1 ? " policy catches" : " policies catch") + " the ball in the model" +
          draws_words(run.policies) + "; " + duration_words(median) +
-         (n == 1 ? " and " : " (median) a seed, ") + std::to_string(rollouts) + " rollouts in all." + moved;
+         (n == 1 ? " and " : " (median) a seed, ") + std::to_string(rollouts) +
+         " rollouts in all." + moved;
 }
 
 std::string learn_text(const LearnRun& run) {

@@ -317,6 +317,7 @@ PackSpec spec_of(const std::vector<Model>& draws, const Model& controller,
 struct ModelSimulator::Parts {
   PackSpec spec;
   std::vector<std::string> joints, channels;
+  std::vector<int> driven;  ///< degree of freedom of every driven joint
   MakePackWorld* make = nullptr;
   Model controller;
   ControllerOptions control;
@@ -331,6 +332,13 @@ struct ModelSimulator::Parts {
     seen.setZero(static_cast<long>(channels.size()), world->lanes());
     failures.assign(static_cast<std::size_t>(world->lanes()), "");
   }
+  /// Rows of all joints; those of passive ones are 0, and not read but at the start.
+  Lanes of_all(const Lanes& of_driven) const {
+    Lanes out = Lanes::Zero(spec.joints, of_driven.cols());
+    for (std::size_t k = 0; k < driven.size(); ++k)
+      out.row(driven[k]) = of_driven.row(static_cast<long>(k));
+    return out;
+  }
   void take_gains(const VecX<double>& q0) {
     const JointGains gains = joint_gains(controller, control, q0);
     spec.kp.assign(gains.kp.begin(), gains.kp.end());
@@ -344,8 +352,13 @@ ModelSimulator::ModelSimulator(const std::vector<Model>& draws, const Model& con
   Parts& p = *parts_;
   p.make = kernel(options.instruction_set);
   p.spec = spec_of(draws, controller, options);
-  p.joints = joint_names(draws.front());
-  p.channels = channel_names(p.joints, p.spec.has_ball, p.spec.shows_cup, p.spec.cup.has_value());
+  const std::vector<std::string> names = joint_names(draws.front());
+  for (std::size_t j = 0; j < names.size(); ++j)
+    if (!p.spec.passive[j]) {
+      p.joints.push_back(names[j]);
+      p.driven.push_back(static_cast<int>(j));
+    }
+  p.channels = channel_names(names, p.spec.has_ball, p.spec.shows_cup, p.spec.cup.has_value());
   p.ball_row = 2 * p.spec.joints;
   p.controller = controller;
   p.control = options.controller;
@@ -367,17 +380,18 @@ const std::vector<std::string>& ModelSimulator::failures() const { return parts_
 void ModelSimulator::reset(const Starts& starts) {
   Parts& p = *parts_;
   const long count = starts.q.cols();
-  require_size("simulator: starts", starts.q.rows(), p.spec.joints, "joint");
+  require_size("simulator: starts", starts.q.rows(), static_cast<long>(p.joints.size()), "joint");
   require_size("simulator: seeds", static_cast<long>(starts.seeds.size()), count, "world");
   if (count < 1 || count > lanes())
     throw ShapeError("simulator: got " + std::to_string(count) + " starts, expected 1 to " +
                      std::to_string(lanes()) + " (the lanes)");
+  const Lanes q = p.of_all(starts.q);
   if (p.gains_at_start) {
     const std::vector<double> before = p.spec.kp;
-    p.take_gains(starts.q.col(0));
+    p.take_gains(q.col(0));
     if (p.spec.kp != before) p.make_world();
   }
-  p.world->reset(starts.q.data(), starts.q.cols(), static_cast<int>(count), starts.seeds.data());
+  p.world->reset(q.data(), q.cols(), static_cast<int>(count), starts.seeds.data());
   std::ranges::fill(p.failures, "");
   p.world->observe(p.seen.data());
 }
@@ -385,10 +399,13 @@ void ModelSimulator::reset(const Starts& starts) {
 void ModelSimulator::step(const Lanes& q, const Lanes& qd) {
   Parts& p = *parts_;
   for (const Lanes* x : {&q, &qd}) {
-    require_size("simulator: command", x->rows(), p.spec.joints, "joint");
+    require_size("simulator: command", x->rows(), static_cast<long>(p.joints.size()), "joint");
     require_size("simulator: command", x->cols(), lanes(), "lane");
   }
-  p.world->step(q.data(), qd.data());
+  if (p.joints.size() == p.spec.passive.size())
+    p.world->step(q.data(), qd.data());
+  else
+    p.world->step(p.of_all(q).data(), p.of_all(qd).data());
   p.world->observe(p.seen.data());
   for (int lane = 0; lane < lanes(); ++lane) {
     if (!p.failures[lane].empty()) continue;
@@ -402,6 +419,7 @@ std::unique_ptr<Simulator> ModelSimulator::clone() const {
   auto parts = std::make_unique<Parts>();
   parts->spec = parts_->spec;
   parts->joints = parts_->joints;
+  parts->driven = parts_->driven;
   parts->channels = parts_->channels;
   parts->make = parts_->make;
   parts->controller = parts_->controller;

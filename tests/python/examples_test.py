@@ -67,6 +67,25 @@ def test_ball_in_cup(tmp_path: Path) -> None:
     assert any(policy["success"] for policy in tendon["policies"])
 
 
+def test_cart_pole(tmp_path: Path) -> None:
+    path = f"{Path(COMMAND).parent}{os.pathsep}{os.environ['PATH']}"
+    text = run("sh", EXAMPLES / "cart_pole.sh", "here", cwd=tmp_path, PATH=path)
+    assert "lacks cogging at cart" in text
+    assert (tmp_path / "here" / "run" / "report.html").is_file()
+
+
+def test_furuta(tmp_path: Path) -> None:
+    path = f"{Path(COMMAND).parent}{os.pathsep}{os.environ['PATH']}"
+    text = run("sh", EXAMPLES / "furuta.sh", "here", cwd=tmp_path, PATH=path)
+    assert "joint spring at arm" in text
+    assert (tmp_path / "here" / "why" / "report.html").is_file()
+
+
+def test_swing_up(tmp_path: Path) -> None:
+    text = run(sys.executable, EXAMPLES / "cart_pole_swing_up.py", cwd=tmp_path)
+    assert "the pole stands" in text
+
+
 def build_folder() -> Path | None:
     """A build of the library that can be installed."""
     chosen = os.environ.get("DIFFNEA_BUILD")

@@ -82,6 +82,7 @@ class TorqueRegression {
   void add_shape_columns(const JointSample<double>& x);
   void add_moved_tree(int first_shape);
   VecX<double> torque_of_gravity(int axis, const double* q);
+  VecX<double> inertia_columns(int joint, const VecX<double>& q);
 
   Model model_;
   Tree<double> tree_;              // at the point and of this run: transforms, inertias, armature

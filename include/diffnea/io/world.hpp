@@ -28,10 +28,11 @@ struct WorldSpec {
   std::filesystem::path mjcf;
   Perturbation perturbation;
   std::optional<std::uint64_t>
-      seed;                      ///< of the perturbation and the noise; not given: the command's
-  double noise = 1.0;            ///< factor on the sensors' noise
-  std::optional<Rope> rope;      ///< chain that the ball hangs on; none: the document's tendon
-  std::optional<double> string;  ///< length of the world's string [m]; none: as it was drawn
+      seed;                         ///< of the perturbation and the noise; not given: the command's
+  std::vector<EffectSpec> effects;  ///< that the robot has; in place of a drawn one at that place
+  double noise = 1.0;               ///< factor on the sensors' noise
+  std::optional<Rope> rope;         ///< chain that the ball hangs on; none: the document's tendon
+  std::optional<double> string;     ///< length of the world's string [m]; none: as it was drawn
   std::optional<double> nominal_string;  ///< that the drawn one differs from; none: the document's
   bool has_ball = true;                  ///< false: the ball is left out
   int repetitions = 1;  ///< of the motion, each from rest, that a recording averages
@@ -40,8 +41,9 @@ struct WorldSpec {
 /// Parses `mujoco:NAME[,key=value…]`. NAME is a path to an MJCF, or the name of a model that
 /// find_model_file knows. Keys: `perturb` = none, A (default), B, C or
 /// PATH.json (io/surrogate.hpp); `seed`; `noise` (factor,
-/// default 1); `repetitions`; of a ball `ball` = tendon (default), chain, none, `rope` = heavy, mid
-/// (default), light, none, `string`, `nominal_string` [m], `tilt` (largest, of a cup [rad]).
+/// default 1); `repetitions`; `effect` = NAME@WHERE:PARAMETER=VALUE+…, once each; of a ball `ball`
+/// = tendon (default), chain, none, `rope` = heavy, mid (default), light, none, `string`,
+/// `nominal_string` [m], `tilt` (largest, of a cup [rad]).
 /// @throws Error listing what there is
 WorldSpec parse_world(const std::string& text);
 

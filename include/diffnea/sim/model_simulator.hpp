@@ -9,6 +9,7 @@
 /// caught where it passes the rim's plane from above without touching the rim; any other touch of
 /// cup or obstacles ends what the model can tell, and so does a cup that is upside down
 /// (BallPhase). A ball that a network moves (ModelSimulatorOptions) knows of none of this.
+/// A passive joint starts at 0 and takes no command.
 
 #include <memory>
 #include <string>
