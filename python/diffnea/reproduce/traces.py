@@ -1,0 +1,95 @@
+"""What policies did, from the result files: imagined in the model, obtained in the world."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .._core import Model, frame_pose
+from .jobs import Arrays, Json, Results
+from .table1 import Row, Unit
+
+PERIOD = 0.01  # of the stored traces [s]
+
+
+@dataclass(frozen=True)
+class Movement:
+    """One policy: arrays (rows, …); an episode that was over has fewer rows."""
+
+    policy: Json
+    imagined: Arrays
+    obtained: Arrays
+
+    @property
+    def rows(self) -> int:
+        """Of what was obtained."""
+        return len(self.obtained["ball"])
+
+
+def movements(unit: Unit, results: Results) -> list[Movement]:
+    """All policies of a unit that were executed."""
+    out = []
+    for learned, transfer in zip(unit.learned, unit.transfers, strict=True):
+        if not (results.has(learned) and results.has(transfer)):
+            continue
+        imagined, found = results.read(learned).arrays, results.read(transfer)
+        for k, policy in enumerate(found.data["policies"]):
+            out.append(
+                Movement(policy, _one(imagined, "imagined_", k), _one(found.arrays, "obtained_", k))
+            )
+    return out
+
+
+def shown(row: Row, results: Results) -> Movement | None:
+    """Return the policy to draw: of the first unit with any, the best that was obtained."""
+    for unit in row.units:
+        found = [m for m in movements(unit, results) if m.rows]
+        if found:
+            return max(found, key=lambda m: (m.policy["success"], m.policy["reward_wide"] or -9.0))
+    return None
+
+
+def length_errors(row: Row, length: float, results: Results, which: str) -> np.ndarray:
+    """(policies, rows): by how much the ball is further from the knot than the string is long [m].
+
+    NaN after an episode's end.
+    """
+    found = []
+    for unit in row.units:
+        for movement in movements(unit, results):
+            trace: Arrays = getattr(movement, which)
+            distance = np.linalg.norm(trace["ball"] - trace["cup"], axis=1)
+            found.append(np.maximum(0.0, distance - length))
+    rows = max(map(len, found), default=0)
+    out = np.full((len(found), rows), np.nan)
+    for k, error in enumerate(found):
+        out[k, : len(error)] = error
+    return out
+
+
+def arm_points(model: Model, q: np.ndarray) -> np.ndarray:
+    """(rows, points, 3): the foot, the joints, the cup's frame."""
+    frames = [link.name for link in model.links if link.joint or not link.parent]
+    frames.append("cup")
+    points = [frame_pose(model, frame, q=np.ascontiguousarray(q))[:, :3, 3] for frame in frames]
+    out: np.ndarray = np.stack(points, axis=1)
+    foot = out[:, 0].copy()
+    foot[:, 2] = 0.0
+    return np.concatenate([foot[:, None], out], axis=1)
+
+
+def across(ball: np.ndarray) -> np.ndarray:
+    """Horizontal unit vector (3) along which the ball moves most: x of the side view."""
+    flat = ball[np.isfinite(ball).all(axis=1), :2]
+    _, _, axes = np.linalg.svd(flat - flat.mean(axis=0), full_matrices=False)
+    x, y = axes[0]
+    main = x if abs(x) > abs(y) else y
+    return np.array([x, y, 0.0]) * np.sign(main or 1.0)
+
+
+def _one(arrays: Arrays, prefix: str, k: int) -> dict[str, Any]:
+    own = {name.removeprefix(prefix): values[k] for name, values in arrays.items()}
+    rows = int(np.isfinite(own["ball"]).all(axis=1).sum()) if own else 0
+    return {name: values[:rows] for name, values in own.items()}
