@@ -117,6 +117,7 @@ from ._identify import identify
 from ._learn import LearnResult, learn
 from ._policy import Observation, Simulator, SimulatorInfo, Task
 from ._results import Parameters
+from ._robot_data import IdentifiedRobot, RobotMotions, identify_robot, robot_motions
 from ._rollouts import RolloutResult, Rollouts, RolloutSeries, RolloutTrace, world_simulator
 from ._simulate import simulate, worlds
 from ._transfer import Execution, TransferResult, animate, transfer
@@ -158,6 +159,7 @@ __all__ = [
     "FreeBody",
     "Gain",
     "Gaussian",
+    "IdentifiedRobot",
     "IdentifyResult",
     "Issue",
     "JointError",
@@ -184,6 +186,7 @@ __all__ = [
     "Reproduce",
     "ResidualSeries",
     "Rival",
+    "RobotMotions",
     "RolloutResult",
     "RolloutSeries",
     "RolloutTrace",
@@ -218,6 +221,7 @@ __all__ = [
     "frame_pose",
     "gravity_torques",
     "identify",
+    "identify_robot",
     "learn",
     "load_model",
     "mass_matrix",
@@ -231,6 +235,7 @@ __all__ = [
     "regressor",
     "rnea",
     "rnea_derivatives",
+    "robot_motions",
     "simulate",
     "transfer",
     "world_simulator",

@@ -37,3 +37,7 @@ def die(settings: Json, needs: list[Result]) -> Output:
 
 def fail(settings: Json, needs: list[Result]) -> Output:
     raise ValueError("a mistake in the job")
+
+
+def not_json(settings: Json, needs: list[Result]) -> Output:
+    return Output({"y": object()}, {"series": np.arange(3.0)})

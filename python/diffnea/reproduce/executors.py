@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from multiprocessing.connection import Connection
 from typing import Any
 
@@ -68,9 +69,7 @@ class SeparateProcesses(Executor):
                 worker = self._idle.pop()
                 fn, args, kwargs = call()
                 inner = worker.submit(fn, *args, **kwargs)
-                inner.add_done_callback(
-                    lambda done, future=future, worker=worker: self._done(done, future, worker)
-                )
+                inner.add_done_callback(partial(self._done, future=future, worker=worker))
 
     def _done(self, inner: Future[Any], future: Future[Any], worker: _Worker) -> None:
         error = CancelledInside() if inner.cancelled() else inner.exception()
@@ -184,6 +183,10 @@ def _dask(address: str) -> Iterator[Workers]:
         raise Error(
             "--executor: dask is not installed; install it with: pip install 'diffnea[dask]'"
         ) from error
+    import dask
+
+    # A worker that dies is told of the first time; `run` decides who gets a second chance.
+    dask.config.set({"distributed.scheduler.allowed-failures": 0})
     local = None if address else LocalCluster(threads_per_worker=1, dashboard_address=None)
     try:
         with Client(address or local) as client:

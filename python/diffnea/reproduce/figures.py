@@ -75,10 +75,10 @@ def scatter(rows: Sequence[Row], results: Results) -> Figure:
     return figure
 
 
-def film_strip(model: Model, movement: Movement, string: float) -> Figure:
+def film_strip(model: Model, movement: Movement) -> Figure:
     """Draw instants of a movement from the side, with both balls' paths until then."""
     figure_type = _import_figure("reproduce: the page")
-    figure = figure_type(figsize=(11, 2.5), layout="constrained")
+    figure = figure_type(figsize=(11, 1.9), layout="constrained")
     axes: Any = figure.subplots(1, FRAMES, sharex=True, sharey=True)
     ball, imagined = movement.obtained["ball"], movement.imagined["ball"]
     x = across(ball)
@@ -122,9 +122,7 @@ def length_error(rows: Sequence[Row], results: Results) -> Figure | None:
     drawn = False
     for panel, which in ((left, "imagined"), (right, "obtained")):
         for kind in KINDS:
-            found = [
-                length_errors(row, row.length, results, which) for row in rows if row.kind == kind
-            ]
+            found = [length_errors(row, results, which) for row in rows if row.kind == kind]
             found = [errors for errors in found if errors.size]
             if not found:
                 continue

@@ -191,9 +191,8 @@ def execute(call: Call) -> float:
     output = call.function(call.settings, needs)
     seconds, cpu_seconds = time.monotonic() - begin, time.process_time() - processor
     if output.arrays:
-        _write_whole(
-            path.with_suffix(".npz"), lambda file: np.savez_compressed(file, **output.arrays)
-        )
+        series: Any = output.arrays
+        _write_whole(path.with_suffix(".npz"), lambda file: np.savez_compressed(file, **series))
     content = {
         "schema": SCHEMA,
         "job": call.name,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,12 +34,8 @@ def wilson(k: int, n: int) -> Interval:
     return Interval(p, max(0.0, middle - half), min(1.0, middle + half))
 
 
-def bootstrap(
-    groups: Sequence[Sequence[float]],
-    statistic: Callable[[np.ndarray], float] = np.mean,
-    seed: int = 0,
-) -> Interval:
-    """Statistic of all values; whole groups are drawn anew, and then values in each of them.
+def bootstrap(groups: Sequence[Sequence[float]], seed: int = 0) -> Interval:
+    """Mean of all values; whole groups are drawn anew, and then values in each of them.
 
     With one group the interval knows nothing of what another would have given.
     """
@@ -47,13 +43,15 @@ def bootstrap(
     if not arrays:
         return Interval(float("nan"), float("nan"), float("nan"))
     rng = np.random.default_rng(seed)
-    found = np.empty(DRAWS)
-    for draw in range(DRAWS):
-        chosen = rng.integers(len(arrays), size=len(arrays))
-        drawn = [rng.choice(arrays[g], size=len(arrays[g])) for g in chosen]
-        found[draw] = statistic(np.concatenate(drawn))
-    low, high = np.quantile(found, (0.025, 0.975))
-    return Interval(float(statistic(np.concatenate(arrays))), float(low), float(high))
+    chosen = rng.integers(len(arrays), size=(DRAWS, len(arrays)))
+    sums, counts = np.zeros(chosen.shape), np.zeros(chosen.shape)
+    for g, values in enumerate(arrays):
+        here = chosen == g
+        drawn = rng.integers(len(values), size=(int(here.sum()), len(values)))
+        sums[here] = values[drawn].sum(axis=1)
+        counts[here] = len(values)
+    low, high = np.quantile(sums.sum(axis=1) / counts.sum(axis=1), (0.025, 0.975))
+    return Interval(float(np.concatenate(arrays).mean()), float(low), float(high))
 
 
 def share(groups: Sequence[Sequence[bool]]) -> Interval:

@@ -9,6 +9,7 @@ import platform
 import shlex
 import sys
 from collections.abc import Callable
+from functools import partial
 from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -168,12 +169,8 @@ def _pictures(study: Study, results: Results) -> list[str]:
         movement = shown(row, results)
         if movement is not None:
             said = f"{row.title}: {movement.policy['text'] or movement.policy['outcome']}"
-            out.append(
-                _picture(
-                    lambda m=movement, r=row: figures.film_strip(model, m, r.length),
-                    html.escape(said),
-                )
-            )
+            strip = partial(figures.film_strip, model, movement)
+            out.append(_picture(strip, html.escape(said)))
     identified = next(
         (
             (unit.identified, unit.recorded)
@@ -201,7 +198,8 @@ def _pictures(study: Study, results: Results) -> list[str]:
             "<h2>Balls that leave their string</h2>",
             _picture(
                 lambda: errors,
-                "Distance from the knot beyond the string's length; median and 90 % of all policies.",
+                "By how much the ball is further from the knot than it hung at first; median and"
+                " 90 % of all policies.",
             ),
         ]
     return out
@@ -209,7 +207,8 @@ def _pictures(study: Study, results: Results) -> list[str]:
 
 def _picture(draw: Callable[[], Figure], caption: str) -> str:
     data = base64.b64encode(figures.svg(draw()).encode()).decode()
-    return f'<figure><img alt="" src="data:image/svg+xml;base64,{data}"><figcaption>{caption}</figcaption></figure>'
+    image = f'<img alt="" src="data:image/svg+xml;base64,{data}">'
+    return f"<figure>{image}<figcaption>{caption}</figcaption></figure>"
 
 
 def _keys() -> str:
@@ -223,7 +222,8 @@ def _cost(table: Json) -> list[str]:
     cost = table["cost"]
     lines = [
         f"<tr><td>{html.escape(kind)}</td><td>{found['jobs']}</td>"
-        f"<td>{found['cpu_seconds']:.0f}</td><td>{found['cpu_seconds'] / found['jobs']:.1f}</td></tr>"
+        f"<td>{found['cpu_seconds']:.0f}</td>"
+        f"<td>{found['cpu_seconds'] / found['jobs']:.1f}</td></tr>"
         for kind, found in cost["kinds"].items()
     ]
     full = cost["full"]
@@ -232,6 +232,12 @@ def _cost(table: Json) -> list[str]:
         if full["not_measured"]
         else ""
     )
+    runs = [
+        f"<tr><td>{html.escape(run['executor'])}</td><td>{run['workers']}</td>"
+        f"<td>{run['jobs']}</td><td>{run['seconds']:.0f}</td><td>{run['cpu_seconds']:.0f}</td>"
+        f"<td>{percent(run['busy_share'])}</td></tr>"
+        for run in cost["runs"]
+    ]
     return [
         "<h2>What it took</h2>",
         "<table><thead><tr><th>jobs</th><th>number</th><th>processor seconds</th><th>each</th></tr>"
@@ -239,6 +245,11 @@ def _cost(table: Json) -> list[str]:
         f"<p>{cost['cpu_hours']:.2f} processor hours. The paper's size (15 models, 150 policies"
         f" each, all lengths; {full['jobs']} jobs) takes {full['cpu_hours']:.1f} by these figures,"
         f" {full['hours_on_2_cores']:.1f} hours on 2 cores{html.escape(without)}.</p>",
+        "<table><thead><tr><th>run on</th><th>workers</th><th>jobs</th><th>seconds</th>"
+        f"<th>processor seconds</th><th>workers busy</th></tr></thead>"
+        f"<tbody>{''.join(runs)}</tbody></table>"
+        if runs
+        else "",
     ]
 
 
@@ -247,7 +258,8 @@ def _made_by(table: Json) -> str:
     lines = [
         command,
         f"diffnea {_core.__version__}, build {', '.join(table['cost']['builds']) or '–'}",
-        f"{processor()}, {os.cpu_count()} cores, {platform.system()} {platform.release()}, Python {platform.python_version()}",
+        f"{processor()}, {os.cpu_count()} cores, {platform.system()} {platform.release()},"
+        f" Python {platform.python_version()}",
     ]
     return f"<h2>Made by</h2><pre>{html.escape(chr(10).join(lines))}</pre>"
 

@@ -61,6 +61,8 @@ class Options:
                 raise Error(f"--kinds: got {kind!r}; choices: {', '.join(KINDS)}")
         if self.models < 1 or self.seeds < 1:
             raise Error("--models, --seeds: expected 1 or more")
+        if self.trained_models is not None and not 0 <= self.trained_models <= self.models:
+            raise Error(f"--trained-models: expected 0 to {self.models}, the number of models")
 
 
 QUICK = Options(models=2, seeds=10, lengths=(0.40,), trained_models=1)
@@ -139,15 +141,12 @@ class _Builder:
         }
 
     def rows(self, system: str, length: float) -> list[Row]:
-        """One a kind; networks are given what the white-box models did, so these come first."""
-        made: dict[str, Row] = {}
-        for kind in sorted(self.options.kinds, key=lambda kind: kind in TRAINED):
-            made[kind] = (
-                self._trained(system, length, kind, made)
-                if kind in TRAINED
-                else self._white(system, length, kind)
-            )
-        return [made[kind] for kind in self.options.kinds]
+        """One a kind; networks are given what the white-box models did."""
+        white = {kind: self._white(system, length, kind) for kind in ("nominal", "diffnea")}
+        return [
+            self._trained(system, length, kind, white) if kind in TRAINED else white[kind]
+            for kind in self.options.kinds
+        ]
 
     def _white(self, system: str, length: float, kind: str) -> Row:
         units = []
@@ -175,8 +174,39 @@ class _Builder:
             )
         return Row(system, length, kind, tuple(units))
 
-    def _trained(self, system: str, length: float, kind: str, made: dict[str, Row]) -> Row:
-        return Row(system, length, kind, (), "not run: the networks are not there yet")
+    def _trained(self, system: str, length: float, kind: str, white: dict[str, Row]) -> Row:
+        if missing := work.missing_for_networks():
+            return Row(system, length, kind, (), missing)
+        o, settings, units = self.options, self._settings(length), []
+        for number in range(o.models if o.trained_models is None else o.trained_models):
+            name = f"{system}-{_cm(length)}-{kind}-m{number:02d}"
+            unit = white["diffnea"].units[number]
+            assert unit.identified
+            assert unit.recorded
+            executed = (*unit.transfers, *white["nominal"].units[number].transfers)
+            trained = Job(
+                f"train-{name}",
+                work.train_network,
+                settings | {"kind": kind, "seed": number, "training": o.training},
+                needs=(unit.identified, unit.recorded, *executed),
+                cost=150.0,
+            )
+            learned = [
+                Job(
+                    f"learn-{name}-s{first:03d}",
+                    work.learn_in_network,
+                    settings | {"seeds": seeds, "search": o.search},
+                    needs=(trained, unit.identified),
+                    cost=3.0 * len(seeds),
+                )
+                for first, seeds in self._chunks(number)
+            ]
+            units.append(
+                self._transferred(
+                    system, length, kind, number, learned, unit.identified, unit.recorded, trained
+                )
+            )
+        return Row(system, length, kind, tuple(units))
 
     def _identified(self, system: str, length: float, number: int) -> tuple[Job, Job]:
         o, settings = self.options, self._settings(length)

@@ -100,6 +100,9 @@ def publish(args: argparse.Namespace, results: Results, report: Report) -> None:
     described = study(options_of(args))
     table = table_of(described, results)
     table["cost"] = cost_of(described, _full(described), results)
+    log = args.output / "runs.jsonl"
+    lines = log.read_text(encoding="utf-8").splitlines() if log.exists() else []
+    table["cost"]["runs"] = [json.loads(line) for line in lines]
     table["failed"] = {job.name: why for job, why in report.failed.items()}
     folder = args.output
     texts = {

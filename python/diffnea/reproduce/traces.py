@@ -51,8 +51,8 @@ def shown(row: Row, results: Results) -> Movement | None:
     return None
 
 
-def length_errors(row: Row, length: float, results: Results, which: str) -> np.ndarray:
-    """(policies, rows): by how much the ball is further from the knot than the string is long [m].
+def length_errors(row: Row, results: Results, which: str) -> np.ndarray:
+    """(policies, rows): by how much balls are further from the knot than they hung at first [m].
 
     NaN after an episode's end.
     """
@@ -61,7 +61,7 @@ def length_errors(row: Row, length: float, results: Results, which: str) -> np.n
         for movement in movements(unit, results):
             trace: Arrays = getattr(movement, which)
             distance = np.linalg.norm(trace["ball"] - trace["cup"], axis=1)
-            found.append(np.maximum(0.0, distance - length))
+            found.append(np.maximum(0.0, distance - distance[:1]))
     rows = max(map(len, found), default=0)
     out = np.full((len(found), rows), np.nan)
     for k, error in enumerate(found):
@@ -77,7 +77,7 @@ def arm_points(model: Model, q: np.ndarray) -> np.ndarray:
     out: np.ndarray = np.stack(points, axis=1)
     foot = out[:, 0].copy()
     foot[:, 2] = 0.0
-    return np.concatenate([foot[:, None], out], axis=1)
+    return np.concatenate((foot[:, None], out), axis=1)
 
 
 def across(ball: np.ndarray) -> np.ndarray:
@@ -86,10 +86,11 @@ def across(ball: np.ndarray) -> np.ndarray:
     _, _, axes = np.linalg.svd(flat - flat.mean(axis=0), full_matrices=False)
     x, y = axes[0]
     main = x if abs(x) > abs(y) else y
-    return np.array([x, y, 0.0]) * np.sign(main or 1.0)
+    out: np.ndarray = np.array([x, y, 0.0]) * np.sign(main or 1.0)
+    return out
 
 
 def _one(arrays: Arrays, prefix: str, k: int) -> dict[str, Any]:
-    own = {name.removeprefix(prefix): values[k] for name, values in arrays.items()}
+    own = {n.removeprefix(prefix): v[k] for n, v in arrays.items() if n.startswith(prefix)}
     rows = int(np.isfinite(own["ball"]).all(axis=1).sum()) if own else 0
     return {name: values[:rows] for name, values in own.items()}

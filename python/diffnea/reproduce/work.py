@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import json
 import tempfile
 from pathlib import Path
@@ -22,9 +23,21 @@ from .jobs import Arrays, Json, Output, Result
 
 WIDE = 0.055
 """ε of the dipole that gives rewards of the paper's size [m²]."""
+STEP = 0.002
+"""Of a trace [s]."""
 EVERY = 5
-"""Of a trace's 2 ms, what is kept: 100 Hz, the camera's rate."""
+"""Rows of a trace of which one is kept: 100 Hz, the camera's rate."""
 TRACE = ("q", "ball", "cup", "axis", "phase")
+NETWORKS = {"ff-nn": "ff", "lstm": "lstm"}
+"""Kinds of the study by those of ``diffnea.blackbox``."""
+
+
+def missing_for_networks() -> str:
+    """Say why there can be no network here; empty: nothing is missing."""
+    for module, install in (("diffnea.blackbox", "diffnea"), ("torch", "'diffnea[blackbox]'")):
+        if importlib.util.find_spec(module) is None:
+            return f"not run: {module} is not installed (pip install {install})"
+    return ""
 
 
 def record(settings: Json, needs: list[Result]) -> Output:
@@ -36,7 +49,8 @@ def record(settings: Json, needs: list[Result]) -> Output:
         ball_seconds=settings["ball_seconds"],
         seed=settings["seed"],
     )
-    world, arrays, data = settings["world"], {}, {}
+    world, data = settings["world"], {}
+    arrays: Arrays = {}
     # The same robot: its perturbation is drawn by the world's own seed, sensors' noise too.
     for name, motion, where in (
         ("arm", motions.arm, f"{_without_rope(world)},ball=none"),
@@ -86,6 +100,43 @@ def learn_policies(settings: Json, needs: list[Result]) -> Output:
     return learned_output(learned)
 
 
+def train_network(settings: Json, needs: list[Result]) -> Output:
+    """Train a network on the recording of the ball and all that policies did in the world.
+
+    ``needs``: identified robot, recording, executed policies. Of these the motion is without
+    noise, which is more than a camera would give.
+    """
+    blackbox = importlib.import_module("diffnea.blackbox")  # its PyTorch is an extra
+    model = Model.from_dict(needs[0].data["model"])
+    recordings = [recording_of(needs[1], "ball")]
+    recordings += [r for result in needs[2:] for r in executed_recordings(result, model)]
+    network = blackbox.train(
+        NETWORKS[settings["kind"]],
+        recordings,
+        model,
+        seed=settings["seed"],
+        options=blackbox.TrainOptions(**settings["training"]),
+        progress=False,
+    )
+    return Output({"network": network.to_dict(), "recordings": len(recordings)})
+
+
+def learn_in_network(settings: Json, needs: list[Result]) -> Output:
+    """Search in a network that moves the ball; ``needs``: network, identified robot."""
+    blackbox = importlib.import_module("diffnea.blackbox")
+    network = blackbox.BallNetwork(needs[0].data["network"], needs[0].file.name)
+    options: Json = settings["search"] | {"ball_network": network}
+    learned = learn(
+        Model.from_dict(needs[1].data["model"]),
+        controller=_nominal(settings),
+        string=settings["string"],
+        seeds=settings["seeds"],
+        progress=False,
+        **options,
+    )
+    return learned_output(learned)
+
+
 def learned_output(learned: LearnResult) -> Output:
     """Policies, and what the model had them do."""
     traces = [learned.imagine(policy) for policy in learned.policies]
@@ -119,7 +170,8 @@ def transfer_policies(settings: Json, needs: list[Result]) -> Output:
         repetitions=0,
         seed=settings["seed"],
     )
-    obtained = _traces([e.trace for e in found.executions], "obtained")
+    traces = [e.trace for e in found.executions]
+    obtained = _traces(traces, "obtained")
     imagined = learned.arrays
     rows = []
     for k, (row, execution) in enumerate(
@@ -130,7 +182,8 @@ def transfer_policies(settings: Json, needs: list[Result]) -> Output:
             | _execution(execution)
             | {"path_error": _path_error(imagined, obtained, k)}
         )
-    return Output({"policies": rows}, obtained)
+    data: Json = {"policies": rows, "joints": policies_of(learned)[0].joints}
+    return Output(data, obtained | {"fast_q": _joint_series(traces, data["joints"])})
 
 
 def repeat_best(settings: Json, needs: list[Result]) -> Output:
@@ -178,6 +231,23 @@ def recording_of(result: Result, name: str) -> Recording:
         period=described["period"],
         source=f"{result.file}:{name}",
     )
+
+
+def executed_recordings(result: Result, model: Model) -> list[Recording]:
+    """Return what executed policies were seen to do: joints at 500 Hz, the ball at 100 Hz."""
+    out = []
+    for k, row in enumerate(result.data["policies"]):
+        q, ball = result.arrays["fast_q"][k], result.arrays["obtained_ball"][k]
+        q = q[np.isfinite(q).all(axis=1)]
+        if row["failure"] or len(q) < 2:
+            continue
+        seen = np.full((len(q), 3), np.nan)
+        seen[::EVERY] = ball[: len(seen[::EVERY])]
+        time = STEP * np.arange(len(q))
+        source = f"{result.file.name}: policy {row['seed']}"
+        joints = model.joint_names
+        out.append(Recording(time=time, q=q, ball=seen, joint_names=joints, source=source))
+    return out
 
 
 def policies_of(result: Result) -> list[Policy]:
@@ -250,6 +320,15 @@ def _traces(traces: list[RolloutTrace], name: str) -> Arrays:
             kept = [trace[channel][::EVERY] for channel in channels]
             values[k, : len(kept[0])] = np.stack(kept, axis=1)
         out[f"{name}_{key}"] = values
+    return out
+
+
+def _joint_series(traces: list[RolloutTrace], joints: list[str]) -> np.ndarray:
+    """(policies, rows, joints) at every step, float32; NaN where an episode was over."""
+    rows = max(len(trace.time) for trace in traces)
+    out = np.full((len(traces), rows, len(joints)), np.nan, dtype=np.float32)
+    for k, trace in enumerate(traces):
+        out[k, : len(trace.time)] = np.stack([trace[f"q_{joint}"] for joint in joints], axis=1)
     return out
 
 
