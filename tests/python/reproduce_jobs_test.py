@@ -191,12 +191,13 @@ def test_mpi_runs_jobs(tmp_path) -> None:
         "from diffnea.reproduce.jobs import Job, Results\n"
         "from diffnea.reproduce.progress import Progress\n"
         "from diffnea.reproduce.run import run\n"
-        "folder = Path(sys.argv[1])\n"
-        "parts = [Job(f's{x}', small_jobs.square, {'x': x, 'log': str(folder / 'log')})"
+        "if __name__ == '__main__':  # workers import this, too\n"
+        "    folder = Path(sys.argv[1])\n"
+        "    parts = [Job(f's{x}', small_jobs.square, {'x': x, 'log': str(folder / 'log')})"
         " for x in range(4)]\n"
-        "total = Job('total', small_jobs.total, {}, needs=tuple(parts))\n"
-        "with workers('mpi') as found:\n"
-        "    run([total], Results(folder / 'results'), found, Progress(quiet=True))\n",
+        "    total = Job('total', small_jobs.total, {}, needs=tuple(parts))\n"
+        "    with workers('mpi') as found:\n"
+        "        run([total], Results(folder / 'results'), found, Progress(quiet=True))\n",
         encoding="utf-8",
     )
     path = os.pathsep.join([str(Path(__file__).parent), os.environ.get("PYTHONPATH", "")])
