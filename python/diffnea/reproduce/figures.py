@@ -13,6 +13,7 @@ from .._results import _import_figure
 from .jobs import Json, Result, Results
 from .table1 import KINDS, SIMULATION, Row
 from .traces import PERIOD, Movement, across, arm_points, length_errors
+from .work import IN_CUP
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -84,7 +85,7 @@ def film_strip(model: Model, movement: Movement) -> Figure:
     x = across(ball)
     arm = arm_points(model, movement.obtained["q"])
     cup, axis = movement.obtained["cup"], movement.obtained["axis"]
-    caught = np.flatnonzero(movement.imagined["phase"][:, 0] == 1)
+    caught = np.flatnonzero(np.isin(movement.imagined["phase"][:, 0], IN_CUP))
     last = min(len(ball) - 1, (int(caught[0]) if len(caught) else len(ball)) + 20)
     low, high = _view(arm, ball[: last + 1], x)
     for panel, row in zip(axes, np.linspace(0, last, FRAMES).astype(int), strict=True):

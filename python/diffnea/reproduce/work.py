@@ -28,6 +28,9 @@ STEP = 0.002
 EVERY = 5
 """Rows of a trace of which one is kept: 100 Hz, the camera's rate."""
 TRACE = ("q", "ball", "cup", "axis", "phase")
+IN_CUP = (1, 5)
+"""Phases of an imagined ball: caught by the white-box model, inside as a network moves it."""
+ENDS_AS_IT_IS = (*IN_CUP, 4)
 NETWORKS = {"ff-nn": "ff", "lstm": "lstm"}
 """Kinds of the study by those of ``diffnea.blackbox``."""
 
@@ -147,7 +150,7 @@ def learned_output(learned: LearnResult) -> Output:
             {
                 "seed": policy.seed,
                 "expected": policy.expected,
-                "expected_wide": paper_reward(trace, policy, policy.solved),
+                "expected_wide": paper_reward(trace, policy),
                 "solved": policy.solved,
                 "iterations": len(solved_share),
                 "first_capture": int(np.argmax(solved_share > 0)) + 1
@@ -261,15 +264,22 @@ def policies_of(result: Result) -> list[Policy]:
         return out
 
 
-def paper_reward(trace: RolloutTrace, policy: Policy, solved: bool, epsilon: float = WIDE) -> float:
-    """Return the paper's reward of a trace; a ball that is not in the cup ends as if it hung."""
+def paper_reward(trace: RolloutTrace, policy: Policy, epsilon: float = WIDE) -> float:
+    """Return the paper's reward of what a model imagined.
+
+    A ball that the white-box model does not catch ends as if it hung; of a network's nobody knows.
+    """
     if not len(trace.time):
         return float("nan")
     options = policy.reward
     delta = trace.points("ball") - trace.points("cup")
     psi = np.sum(delta * trace.points("axis"), axis=1) / (np.sum(delta**2, axis=1) + epsilon)
     string = options["string"]
-    end = psi[-1] if solved else min(psi[-1], -string / (string**2 + epsilon))
+    end = (
+        psi[-1]
+        if trace["phase"][-1] in ENDS_AS_IT_IS
+        else min(psi[-1], -string / (string**2 + epsilon))
+    )
     effort = 0.0
     for joint in policy.joints:
         q, qd = trace[f"q_{joint}"], trace[f"qd_{joint}"]
@@ -339,7 +349,7 @@ def _execution(execution: Execution) -> Json:
 
 def _path_error(imagined: Arrays, obtained: Arrays, k: int) -> float | None:
     """Distance of the two balls in the last row before the model catches it [m]; None: never."""
-    caught = np.flatnonzero(imagined["imagined_phase"][k, :, 0] == 1)
+    caught = np.flatnonzero(np.isin(imagined["imagined_phase"][k, :, 0], IN_CUP))
     if not len(caught) or caught[0] == 0 or caught[0] > obtained["obtained_ball"].shape[1]:
         return None
     at: Any = caught[0] - 1
