@@ -117,7 +117,7 @@ def test_the_page_needs_nothing_else(folder) -> None:
     assert "Of all policies these are in the cup at the end" in page
     assert "http" not in page.replace("http-equiv", "")
     assert page.count("<figure>") == 1 + 4 + 1 + 1  # rewards, movements, the robot, lengths
-    assert "models x policies" in page
+    assert "models × policies" in page
 
 
 def test_the_best_policy_is_what_is_repeated(folder) -> None:

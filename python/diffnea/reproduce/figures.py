@@ -11,7 +11,7 @@ import numpy as np
 from .._core import Model
 from .._results import _import_figure
 from .jobs import Json, Result, Results
-from .table1 import KINDS, SIMULATION, Row
+from .table1 import KINDS, SIMULATION, TITLES, Row
 from .traces import PERIOD, Movement, across, arm_points, length_errors
 from .work import IN_CUP
 
@@ -138,7 +138,7 @@ def length_error(rows: Sequence[Row], results: Results) -> Figure | None:
             errors = np.maximum(errors[:, enough], 1e-5)
             time = np.flatnonzero(enough) * PERIOD
             middle, high = np.nanquantile(errors, (0.5, 0.9), axis=0)
-            panel.plot(time, 100 * middle, color=COLORS[kind], label=kind)
+            panel.plot(time, 100 * middle, color=COLORS[kind], label=TITLES[kind])
             panel.fill_between(time, 100 * middle, 100 * high, color=COLORS[kind], alpha=0.15)
             drawn = True
         panel.set(yscale="log", xlabel="time [s]", title=f"ball's path {which}")

@@ -192,7 +192,7 @@ def execute(call: Call) -> float:
     seconds, cpu_seconds = time.monotonic() - begin, time.process_time() - processor
     if output.arrays:
         series: Any = output.arrays
-        _write_whole(path.with_suffix(".npz"), lambda file: np.savez_compressed(file, **series))
+        write_whole(path.with_suffix(".npz"), lambda file: np.savez_compressed(file, **series))
     content = {
         "schema": SCHEMA,
         "job": call.name,
@@ -208,7 +208,7 @@ def execute(call: Call) -> float:
         "build": build(),
     }
     text = json.dumps(content, indent=1, allow_nan=False) + "\n"
-    _write_whole(path, lambda file: file.write(text.encode()))
+    write_text(path, text)
     return seconds
 
 
@@ -232,8 +232,8 @@ def plain(value: Any) -> Any:
     return int(value) if isinstance(value, np.integer) else value
 
 
-def _write_whole(path: Path, write: Callable[[Any], object]) -> None:
-    """Beside the file, onto the disk, then in its place."""
+def write_whole(path: Path, write: Callable[[Any], object]) -> None:
+    """Write beside the file, onto the disk, then put it in its place."""
     beside = path.with_name(f".{path.name}.{platform.node()}.{os.getpid()}")
     try:
         with beside.open("wb") as file:
@@ -243,3 +243,8 @@ def _write_whole(path: Path, write: Callable[[Any], object]) -> None:
         beside.replace(path)
     finally:
         beside.unlink(missing_ok=True)
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text whole or not at all."""
+    write_whole(path, lambda file: file.write(text.encode()))

@@ -17,9 +17,9 @@ from typing import TYPE_CHECKING
 from .. import _core
 from .._files import load_model
 from . import figures
-from .jobs import Json, Results
+from .jobs import Json, Results, write_text
 from .table import HEAD, cells, percent
-from .table1 import KINDS, ROBOT, SIMULATION, TRAINED, Study
+from .table1 import KINDS, ROBOT, SIMULATION, TITLES, TRAINED, Study
 from .traces import shown
 
 if TYPE_CHECKING:
@@ -44,9 +44,7 @@ def write_page(path: Path, study: Study, table: Json, results: Results) -> None:
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
         f"<title>table1</title><style>{css}</style></head>\n<body><main>\n{body}\n</main></body></html>\n"
     )
-    beside = path.with_name(f".{path.name}.{os.getpid()}")
-    beside.write_text(text, encoding="utf-8")
-    beside.replace(path)
+    write_text(path, text)
 
 
 def verdict(table: Json) -> str:
@@ -61,7 +59,7 @@ def verdict(table: Json) -> str:
         }
         if not rows:
             continue
-        said = [f"{kind} {_share(rows[kind])}" for kind in reversed(KINDS) if kind in rows]
+        said = [f"{TITLES[kind]} {_share(rows[kind])}" for kind in reversed(KINDS) if kind in rows]
         where = "in simulation" if system == SIMULATION else f"on surrogate {system}"
         parts.append(f"{where}, {100 * length:.0f} cm: {', '.join(said)}")
     if not parts:
@@ -90,9 +88,7 @@ def _warnings(table: Json) -> list[str]:
         out.append(f"{missing} of {asked} policies are not there yet; the same command goes on.")
     for row in table["rows"]:
         if row["not_run"] and row["not_run"] != "not run yet":
-            out.append(
-                f"{row['model']}, {row['system']}, {100 * row['length']:.0f} cm: {row['not_run']}."
-            )
+            out.append(f"{TITLES[row['model']]}: {row['not_run']}.")
     out += [f"{name} failed: {why}." for name, why in table["failed"].items()]
     if len(table["cost"]["builds"]) > 1:
         builds = ", ".join(table["cost"]["builds"])
@@ -120,7 +116,7 @@ def _table(table: Json) -> str:
         lines.append(f"<tr{first}>{body}</tr>")
     head = "".join(tag("th", k, name) for k, name in enumerate(HEAD))
     after = "; ".join(
-        f"{r['model']} {r['system']} {100 * r['length']:.0f} cm"
+        f"{TITLES[r['model']]} {r['system']} {100 * r['length']:.0f} cm"
         f" {r['best']['chosen_after']['reward']:.2f} ± {r['best']['chosen_after']['spread']:.2f}"
         for r in table["rows"]
         if not r["not_run"]
@@ -213,7 +209,7 @@ def _picture(draw: Callable[[], Figure], caption: str) -> str:
 
 def _keys() -> str:
     return "".join(
-        f'<span class="key" style="background:{figures.COLORS[kind]}"></span>{kind}'
+        f'<span class="key" style="background:{figures.COLORS[kind]}"></span>{TITLES[kind]}'
         for kind in KINDS
     )
 

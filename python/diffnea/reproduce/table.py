@@ -11,7 +11,7 @@ import numpy as np
 from .jobs import Job, Json, Result, Results, in_order, plain
 from .numbers import Interval, best, bootstrap, share, wilson
 from .paper import paper_row
-from .table1 import SIMULATION, Row, Study
+from .table1 import SIMULATION, TITLES, Row, Study
 
 SCHEMA = "diffnea/table1/1"
 BEST = 10
@@ -170,7 +170,7 @@ HEAD = (
     "transferred, all",
     "repeatability",
     "paper: repeat.",
-    "models x policies",
+    "models × policies",
 )
 
 
@@ -180,7 +180,7 @@ def cells(row: Json) -> list[str]:
     where = [
         row["system"] if row["system"] == SIMULATION else f"surrogate {row['system']}",
         f"{100 * row['length']:.0f} cm",
-        row["model"],
+        TITLES[row["model"]],
     ]
     printed = f"{paper['reward']:.2f} ± {paper['spread']:.2f}" if paper else "–"
     if row["not_run"]:
@@ -195,7 +195,7 @@ def cells(row: Json) -> list[str]:
             _shared(row["all"]["transfer"]),
             _shared(repeated) if repeated["repetitions"] else "–",
             percent(paper.get("repeatability")),
-            f"{row['models']} x {row['policies'] // max(1, row['models'])}",
+            f"{row['models']} × {row['policies'] // max(1, row['models'])}",
         ]
     return [*where, *ours, printed, percent(paper.get("transfer")), *rest]
 
@@ -252,7 +252,7 @@ def table_tex(table: Json) -> str:
     lines += [" & ".join(cells(row)) + r" \\" for row in table["rows"]]
     lines += [r"\bottomrule", r"\end{tabular}"]
     text = "\n".join(lines) + "\n"
-    for symbol, written in (("%", r"\%"), ("±", r"$\pm$"), ("–", "--"), ("x 1", r"$\times$ 1")):
+    for symbol, written in (("%", r"\%"), ("±", r"$\pm$"), ("–", "--"), ("×", r"$\times$")):
         text = text.replace(symbol, written)
     return text
 

@@ -22,6 +22,7 @@ ABOUT = "the paper's experiment: four kinds of models, in simulation and on surr
 ROBOT = "wam4_ball_in_cup"
 KINDS = ("lstm", "ff-nn", "nominal", "diffnea")
 TRAINED = ("lstm", "ff-nn")
+TITLES = {"lstm": "LSTM", "ff-nn": "FF-NN", "nominal": "nominal", "diffnea": "DiffNEA"}
 SIMULATION = "simulation"
 FIRST_SEED = 1000
 """Of the searches; what the defaults of ``learn`` were chosen on is below 100."""
@@ -103,7 +104,7 @@ class Row:
     def title(self) -> str:
         """Where it is in the table."""
         system = self.system if self.system == SIMULATION else f"surrogate {self.system}"
-        return f"{system}, {100 * self.length:.0f} cm, {self.kind}"
+        return f"{system}, {100 * self.length:.0f} cm, {TITLES[self.kind]}"
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ import sys
 from typing import Any
 
 from .._core import Error
-from .jobs import Job, Json, Results
+from .jobs import Job, Json, Results, write_text
 from .page import write_page
 from .run import Report
 from .table import cost_of, table_csv, table_of, table_tex, table_text
@@ -111,7 +111,7 @@ def publish(args: argparse.Namespace, results: Results, report: Report) -> None:
         "table.tex": table_tex(table),
     }
     for name, text in texts.items():
-        (folder / name).write_text(text, encoding="utf-8")
+        write_text(folder / name, text)
     write_page(folder / "report.html", described, table, results)
     print(table_text(table))
     print(f"open {folder / 'report.html'}", file=sys.stderr)
