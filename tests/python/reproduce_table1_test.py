@@ -15,7 +15,7 @@ from cli import DONE, INTERRUPTED, ROOT, load
 import diffnea
 from diffnea.reproduce import command, numbers, table1, work
 from diffnea.reproduce.guess import wrong_guess
-from diffnea.reproduce.jobs import Results, in_order
+from diffnea.reproduce.jobs import Results, in_order, read_result_file
 from diffnea.reproduce.table1_command import options_of
 
 ROBOT = table1.ROBOT
@@ -148,7 +148,7 @@ def test_a_recording_comes_back_from_its_file(folder) -> None:
     results = Results(folder / "results")
     (record,) = results.folder.glob("record-A-*.json")
     (fit,) = results.folder.glob("identify-A-*.json")
-    read = work.read_result_file(record)
+    read = read_result_file(record)
     arm, ball = work.recording_of(read, "arm"), work.recording_of(read, "ball")
     assert arm.ball is None
     assert np.isnan(ball.ball).any()  # a camera slower than the joints
@@ -176,7 +176,7 @@ def test_identification_is_the_command_s(tmp_path) -> None:
         json.dumps({"schema": "diffnea/job/1", "result": output.data}), encoding="utf-8"
     )
     np.savez(tmp_path / "record.npz", **output.arrays)
-    read = work.read_result_file(tmp_path / "record.json")
+    read = read_result_file(tmp_path / "record.json")
     ours = work.identify(settings, [read]).data["model"]["ball"]["string"]
     # The command's model comes from a description without a string's length of its own.
     assert ours["length"] == pytest.approx(theirs["length"], abs=1e-9)
