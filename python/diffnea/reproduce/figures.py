@@ -11,7 +11,7 @@ import numpy as np
 from .._core import Model
 from .._results import _import_figure
 from .jobs import Json, Result, Results
-from .table1 import KINDS, SIMULATION, TITLES, Row
+from .table1 import SIMULATION, TITLES, Row
 from .traces import PERIOD, Movement, across, arm_points, length_errors
 from .work import IN_CUP
 
@@ -120,18 +120,21 @@ def length_error(rows: Sequence[Row], results: Results) -> Figure | None:
     figure_type = _import_figure("reproduce: the page")
     figure = figure_type(figsize=(10, 3.4), layout="constrained")
     left, right = figure.subplots(1, 2, sharex=True, sharey=True)
+    by_kind: dict[str, list[dict[str, np.ndarray]]] = {}
+    for row in rows:
+        by_kind.setdefault(row.kind, []).append(length_errors(row, results))
     drawn = False
     for panel, which in ((left, "imagined"), (right, "obtained")):
-        for kind in KINDS:
-            found = [length_errors(row, results, which) for row in rows if row.kind == kind]
-            found = [errors for errors in found if errors.size]
+        for kind, parts in by_kind.items():
+            found = [part[which] for part in parts if part[which].size]
             if not found:
                 continue
             longest = max(errors.shape[1] for errors in found)
+            missing = [((0, 0), (0, longest - errors.shape[1])) for errors in found]
             errors = np.concatenate(
                 [
-                    np.pad(e, ((0, 0), (0, longest - e.shape[1])), constant_values=np.nan)
-                    for e in found
+                    np.pad(errors, width, constant_values=np.nan)
+                    for errors, width in zip(found, missing, strict=True)
                 ]
             )
             enough = np.isfinite(errors).sum(axis=0) >= max(1, len(errors) // 4)

@@ -51,21 +51,26 @@ def shown(row: Row, results: Results) -> Movement | None:
     return None
 
 
-def length_errors(row: Row, results: Results, which: str) -> np.ndarray:
-    """(policies, rows): by how much balls are further from the knot than they hung at first [m].
+def length_errors(row: Row, results: Results) -> dict[str, np.ndarray]:
+    """By how much balls are further from the knot than they hung at first [m].
 
-    NaN after an episode's end.
+    ``imagined`` and ``obtained``, (policies, rows) each, NaN after an episode's end.
     """
-    found = []
+    found: dict[str, list[np.ndarray]] = {"imagined": [], "obtained": []}
     for unit in row.units:
         for movement in movements(unit, results):
-            trace: Arrays = getattr(movement, which)
-            distance = np.linalg.norm(trace["ball"] - trace["cup"], axis=1)
-            found.append(np.maximum(0.0, distance - distance[:1]))
-    rows = max(map(len, found), default=0)
-    out = np.full((len(found), rows), np.nan)
-    for k, error in enumerate(found):
-        out[k, : len(error)] = error
+            for which, errors in found.items():
+                trace: Arrays = getattr(movement, which)
+                distance = np.linalg.norm(trace["ball"] - trace["cup"], axis=1)
+                errors.append(np.maximum(0.0, distance - distance[:1]))
+    return {which: _in_rows(errors) for which, errors in found.items()}
+
+
+def _in_rows(series: list[np.ndarray]) -> np.ndarray:
+    """(series, the longest), filled up with NaN."""
+    out = np.full((len(series), max(map(len, series), default=0)), np.nan)
+    for k, values in enumerate(series):
+        out[k, : len(values)] = values
     return out
 
 
