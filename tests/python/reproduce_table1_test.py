@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+import types
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ import pytest
 from cli import DONE, INTERRUPTED, ROOT, load
 
 import diffnea
-from diffnea.reproduce import command, numbers, table1, work
+from diffnea.reproduce import command, jobs, numbers, table1, work
 from diffnea.reproduce.guess import wrong_guess
 from diffnea.reproduce.jobs import Results, in_order, read_result_file
 from diffnea.reproduce.table1_command import options_of
@@ -59,13 +60,13 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_every_job_left_one_result(folder) -> None:
     args = command._parser().parse_args(["table1", "-o", str(folder), *TINY])
-    jobs = in_order(table1.study(options_of(args)).jobs)
+    study = in_order(table1.study(options_of(args)).jobs)
     results = Results(folder / "results")
     files = {file.name for file in results.folder.glob("*.json")}
-    assert files == {f"{job.stem}.json" for job in jobs}
+    assert files == {f"{job.stem}.json" for job in study}
     # One robot a system, identified; two policies of each kind, one a job; nominal ones serve both.
-    assert len(jobs) == 2 * 2 + (2 + 4) + 2 * 4 + 4
-    transfer = next(job for job in jobs if job.name.startswith("transfer-A-40cm-diffnea"))
+    assert len(study) == 2 * 2 + (2 + 4) + 2 * 4 + 4
+    transfer = next(job for job in study if job.name.startswith("transfer-A-40cm-diffnea"))
     assert [need.kind for need in transfer.needs] == ["learn_policies"]
     assert [need.kind for need in transfer.needs[0].needs] == ["identify"]
 
@@ -260,3 +261,57 @@ def test_networks_are_given_what_white_box_models_did(monkeypatch) -> None:
         "transfer-A-40cm-diffnea-m00-s000",
         "transfer-A-40cm-nominal-m00-s000",
     ]
+
+
+def test_networks_see_the_recording_and_what_policies_did(tmp_path, monkeypatch) -> None:
+    def result(name: str, output: jobs.Output) -> jobs.Result:
+        path = tmp_path / f"{name}.json"
+        content = {"schema": jobs.SCHEMA, "result": jobs.plain(output.data)}
+        path.write_text(json.dumps(content), encoding="utf-8")
+        np.savez(path.with_suffix(".npz"), **output.arrays)
+        return jobs.read_result_file(path)
+
+    settings = {"model": ROBOT, "string": 0.4, "seed": 1, "training": {"batch": 8}}
+    search = {"samples": 4, "iterations": 1}
+    world = f"mujoco:{ROBOT},perturb=A,rope=none,seed=1"
+    model = diffnea.load_model(ROBOT)
+    learned = result(
+        "learn", work.learn_policies(settings | {"seeds": [1, 2], "search": search}, [])
+    )
+    executed = result("transfer", work.transfer_policies(settings | {"world": world}, [learned]))
+    hanging = diffnea.Recording(
+        time=[0.0, 0.01], q=[[0.0, 0.6, 0.0, 1.25]] * 2, ball=np.zeros((2, 3)),
+        joint_names=model.joint_names,
+    )  # fmt: skip
+    arrays = work._arrays_of("ball", hanging)
+    described = {"ball": {"joints": hanging.joint_names, "period": None}}
+    recorded = result("record", jobs.Output(described, arrays))
+    identified = result("identify", jobs.Output({"model": model.to_dict()}))
+    given = {}
+
+    class Network:
+        def to_dict(self):
+            return {"kind": "lstm"}
+
+    def train(kind, recordings, model, **options):
+        given.update(options, kind=kind, recordings=recordings, model=model)
+        return Network()
+
+    stand_in = types.SimpleNamespace(train=train, TrainOptions=dict)  # PyTorch may not be there
+    monkeypatch.setitem(sys.modules, "diffnea.blackbox", stand_in)
+    output = work.train_network(settings | {"kind": "lstm"}, [identified, recorded, executed])
+    assert output.data["network"] == {"kind": "lstm"}
+    assert given["kind"] == "lstm"
+    assert given["options"] == {"batch": 8}
+    first, *others = given["recordings"]
+    assert len(first.time) == 2
+    assert len(others) == 2
+    (policy, _) = work.policies_of(learned)
+    again = diffnea.transfer(policy, f"{world},nominal_string=0.4", repetitions=0)
+    trace = again.executions[0].trace
+    np.testing.assert_allclose(others[0].time, trace.time, atol=1e-12)
+    q = np.stack([trace[f"q_{joint}"] for joint in model.joint_names], axis=1)
+    np.testing.assert_allclose(others[0].q, q, atol=3e-7)  # float32 of radians
+    seen = np.isfinite(others[0].ball).all(axis=1)
+    assert seen.tolist() == [k % 5 == 0 for k in range(len(seen))]  # the camera's 100 Hz
+    np.testing.assert_allclose(others[0].ball[seen], trace.points("ball")[::5], atol=3e-7)
