@@ -24,8 +24,8 @@ py::tuple robot_motions(const Model& model, const py::object& home, double arm_s
   std::vector<Excitation> found;
   {
     const py::gil_scoped_release release;
-    for (DesignOptions design : {arm_excitation(data, seed + 1),
-                                 ball_excitation(model, posture, data, seed + 2)}) {
+    for (DesignOptions design :
+         {arm_excitation(data, seed + 1), ball_excitation(model, posture, data, seed + 2)}) {
       design.progress = [&](const FitProgress& p) { return supervisor(p); };
       found.push_back(design_excitation(model, design));
     }
@@ -41,8 +41,7 @@ py::tuple identify_robot_python(const Model& nominal, const Recording& arm, cons
   IdentifiedRobot robot;
   {
     const py::gil_scoped_release release;
-    robot = identify_robot(nominal, arm, ball,
-                           [&](const FitProgress& p) { return supervisor(p); });
+    robot = identify_robot(nominal, arm, ball, [&](const FitProgress& p) { return supervisor(p); });
   }
   supervisor.rethrow();
   Reproduce made;
