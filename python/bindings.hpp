@@ -18,6 +18,7 @@ void bind_sim(pybind11::module_& m);
 void bind_policy(pybind11::module_& m);
 void bind_rollouts(pybind11::module_& m);
 void bind_experiment(pybind11::module_& m);
+void bind_robot_data(pybind11::module_& m);
 
 /// diffnea.<module>.<function>, for what is written in Python: data frames, plots, HTML.
 inline pybind11::object python_function(const char* module, const char* function) {

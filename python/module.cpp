@@ -51,4 +51,5 @@ PYBIND11_MODULE(_core, m) {
   diffnea::python::bind_policy(m);
   diffnea::python::bind_rollouts(m);
   diffnea::python::bind_experiment(m);
+  diffnea::python::bind_robot_data(m);
 }

@@ -118,6 +118,7 @@ from ._identify import identify
 from ._learn import LearnResult, learn
 from ._policy import Observation, Simulator, SimulatorInfo, Task
 from ._results import Parameters
+from ._robot_data import IdentifiedRobot, RobotMotions, identify_robot, robot_motions
 from ._rollouts import RolloutResult, Rollouts, RolloutSeries, RolloutTrace, world_simulator
 from ._simulate import simulate, worlds
 from ._transfer import Execution, TransferResult, animate, transfer
@@ -160,6 +161,7 @@ __all__ = [
     "Gain",
     "Gaussian",
     "GreyBox",
+    "IdentifiedRobot",
     "IdentifyResult",
     "Issue",
     "JointError",
@@ -186,6 +188,7 @@ __all__ = [
     "Reproduce",
     "ResidualSeries",
     "Rival",
+    "RobotMotions",
     "RolloutResult",
     "RolloutSeries",
     "RolloutTrace",
@@ -220,6 +223,7 @@ __all__ = [
     "frame_pose",
     "gravity_torques",
     "identify",
+    "identify_robot",
     "learn",
     "load_model",
     "mass_matrix",
@@ -233,6 +237,7 @@ __all__ = [
     "regressor",
     "rnea",
     "rnea_derivatives",
+    "robot_motions",
     "simulate",
     "transfer",
     "world_simulator",

@@ -1459,6 +1459,15 @@ def _simulate(
     period: float | None,
 ) -> Simulation: ...
 def _worlds() -> dict[str, Any]: ...
+def _robot_motions(
+    model: Model, home: ArrayLike, arm_seconds: float, ball_seconds: float, seed: int
+) -> tuple[Excitation, Excitation]: ...
+def _identify_robot(
+    nominal: Model,
+    arm: Recording,
+    ball: Recording,
+    progress: Callable[[FitProgress], bool | None] | None,
+) -> tuple[IdentifyResult, IdentifyResult, Model]: ...
 
 # --- policies ---
 

@@ -1,0 +1,1 @@
+"""Studies that are run again by a command: ``python -m diffnea.reproduce --list``."""

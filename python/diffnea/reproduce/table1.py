@@ -1,0 +1,294 @@
+"""The paper's experiment: which models of the ball lead to movements that transfer.
+
+Four kinds of models, one string in simulation, three on surrogates of the physical system. A unit
+is one model of one kind and one world: recorded, identified or trained, learned in, transferred.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from .. import models
+from .._core import Error
+from . import work
+from .jobs import Job, Json
+
+NAME = "table1"
+ABOUT = "the paper's experiment: four kinds of models, in simulation and on surrogates"
+
+ROBOT = "wam4_ball_in_cup"
+KINDS = ("lstm", "ff-nn", "nominal", "diffnea")
+TRAINED = ("lstm", "ff-nn")
+TITLES = {"lstm": "LSTM", "ff-nn": "FF-NN", "nominal": "nominal", "diffnea": "DiffNEA"}
+SIMULATION = "simulation"
+FIRST_SEED = 1000
+"""Of the searches; what the defaults of ``learn`` were chosen on is below 100."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """Size of the study; the defaults are the paper's."""
+
+    models: int = 15
+    """Recordings, robots and initial guesses."""
+    seeds: int = 150
+    """Policies of each model."""
+    lengths: tuple[float, ...] = (0.35, 0.40, 0.45)
+    """Of the string [m], on the surrogates."""
+    simulated_lengths: tuple[float, ...] = (0.40,)
+    surrogates: tuple[str, ...] = ("A",)
+    """Sizes of the perturbation, each a surrogate of the physical system."""
+    kinds: tuple[str, ...] = KINDS
+    trained_models: int | None = None
+    """Of networks; None: as many as of the others."""
+    rope: str = "mid"
+    arm_seconds: float = 40.0
+    ball_seconds: float = 40.0
+    ball_repetitions: int = 5
+    repetitions: int = 10
+    chunk: int = 10
+    """Policies a job."""
+    search: Json = field(default_factory=dict)
+    """Options of ``learn`` in place of its defaults."""
+    training: Json = field(default_factory=dict)
+    """Options of ``blackbox.train`` in place of its defaults."""
+
+    def __post_init__(self) -> None:
+        for kind in self.kinds:
+            if kind not in KINDS:
+                raise Error(f"--kinds: got {kind!r}; choices: {', '.join(KINDS)}")
+        if self.models < 1 or self.seeds < 1:
+            raise Error("--models, --seeds: expected 1 or more")
+        if self.trained_models is not None and not 0 <= self.trained_models <= self.models:
+            raise Error(f"--trained-models: expected 0 to {self.models}, the number of models")
+
+
+QUICK = Options(models=2, seeds=10, lengths=(0.40,), trained_models=1)
+
+
+@dataclass(frozen=True)
+class Unit:
+    """One model of one kind, and its jobs."""
+
+    number: int
+    transfers: tuple[Job, ...]
+    learned: tuple[Job, ...]
+    repeat: Job
+    identified: Job | None = None
+    recorded: Job | None = None
+    trained: Job | None = None
+
+    @property
+    def jobs(self) -> tuple[Job, ...]:
+        """All of them."""
+        own = (self.identified, self.recorded, self.trained)
+        return (self.repeat, *self.transfers, *self.learned, *(job for job in own if job))
+
+
+@dataclass(frozen=True)
+class Row:
+    """A line of the table: one kind of model, one length, one system."""
+
+    system: str
+    """``simulation``, or a surrogate's name."""
+    length: float
+    kind: str
+    units: tuple[Unit, ...]
+    not_run: str = ""
+    """Why there are no units."""
+
+    @property
+    def title(self) -> str:
+        """Where it is in the table."""
+        system = self.system if self.system == SIMULATION else f"surrogate {self.system}"
+        return f"{system}, {100 * self.length:.0f} cm, {TITLES[self.kind]}"
+
+
+@dataclass(frozen=True)
+class Study:
+    """Rows, and the jobs behind them."""
+
+    options: Options
+    rows: tuple[Row, ...]
+
+    @property
+    def jobs(self) -> list[Job]:
+        """Of all rows."""
+        return [job for row in self.rows for unit in row.units for job in unit.jobs]
+
+
+def study(options: Options) -> Study:
+    """Describe the whole of it; nothing is run."""
+    build = _Builder(options)
+    rows = [row for length in options.simulated_lengths for row in build.rows(SIMULATION, length)]
+    for surrogate in options.surrogates:
+        for length in options.lengths:
+            rows += build.rows(surrogate, length)
+    return Study(options, tuple(rows))
+
+
+class _Builder:
+    """Makes jobs; those of nominal policies serve every system."""
+
+    def __init__(self, options: Options) -> None:
+        self.options = options
+        file = Path(models.path(f"{ROBOT}.xml"))
+        self.robot = {
+            "model": ROBOT,
+            "description": hashlib.sha256(file.read_bytes()).hexdigest()[:12],
+        }
+
+    def rows(self, system: str, length: float) -> list[Row]:
+        """One a kind; networks are given what the white-box models did."""
+        white = {kind: self._white(system, length, kind) for kind in ("nominal", "diffnea")}
+        return [
+            self._trained(system, length, kind, white) if kind in TRAINED else white[kind]
+            for kind in self.options.kinds
+        ]
+
+    def _white(self, system: str, length: float, kind: str) -> Row:
+        units = []
+        for number in range(self.options.models):
+            settings = self._settings(length)
+            recorded = identified = None
+            if kind == "diffnea":
+                recorded, identified = self._identified(system, length, number)
+            learned = []
+            for first, seeds in self._chunks(number):
+                name = f"{_cm(length)}-{kind}-m{number:02d}-s{first:03d}"
+                if identified:
+                    name = f"{system}-{name}"
+                learned.append(
+                    Job(
+                        f"learn-{name}",
+                        work.learn_policies,
+                        settings | {"seeds": seeds, "search": self.options.search},
+                        needs=(identified,) if identified else (),
+                        cost=1.0 * len(seeds),
+                    )
+                )
+            units.append(
+                self._transferred(system, length, kind, number, learned, identified, recorded)
+            )
+        return Row(system, length, kind, tuple(units))
+
+    def _trained(self, system: str, length: float, kind: str, white: dict[str, Row]) -> Row:
+        if missing := work.missing_for_networks():
+            return Row(system, length, kind, (), missing)
+        o, settings, units = self.options, self._settings(length), []
+        for number in range(o.models if o.trained_models is None else o.trained_models):
+            name = f"{system}-{_cm(length)}-{kind}-m{number:02d}"
+            unit = white["diffnea"].units[number]
+            assert unit.identified
+            assert unit.recorded
+            executed = (*unit.transfers, *white["nominal"].units[number].transfers)
+            trained = Job(
+                f"train-{name}",
+                work.train_network,
+                settings | {"kind": kind, "seed": number, "training": o.training},
+                needs=(unit.identified, unit.recorded, *executed),
+                cost=150.0,
+            )
+            learned = [
+                Job(
+                    f"learn-{name}-s{first:03d}",
+                    work.learn_in_network,
+                    settings | {"seeds": seeds, "search": o.search},
+                    needs=(trained, unit.identified),
+                    cost=3.0 * len(seeds),
+                )
+                for first, seeds in self._chunks(number)
+            ]
+            units.append(
+                self._transferred(
+                    system, length, kind, number, learned, unit.identified, unit.recorded, trained
+                )
+            )
+        return Row(system, length, kind, tuple(units))
+
+    def _identified(self, system: str, length: float, number: int) -> tuple[Job, Job]:
+        o, settings = self.options, self._settings(length)
+        simulated = system == SIMULATION
+        name = f"{system}-{_cm(length)}-m{number:02d}"
+        # Without noise all repetitions are the same.
+        repetitions = 1 if simulated else o.ball_repetitions
+        recorded = Job(
+            f"record-{name}",
+            work.record,
+            settings
+            | {
+                "world": self._world(system, number) + (",noise=0" if simulated else ""),
+                "seed": 100 * (number + 1),
+                "arm_seconds": float(o.arm_seconds),
+                "ball_seconds": float(o.ball_seconds),
+                "repetitions": repetitions,
+            },
+            cost=10.0 + 0.35 * o.ball_seconds * repetitions,
+        )
+        identified = Job(
+            f"identify-{name}",
+            work.identify,
+            settings | ({"guess": number + 1} if simulated else {}),
+            needs=(recorded,),
+            cost=5.0,
+        )
+        return recorded, identified
+
+    def _transferred(
+        self,
+        system: str,
+        length: float,
+        kind: str,
+        number: int,
+        learned: Sequence[Job],
+        identified: Job | None = None,
+        recorded: Job | None = None,
+        trained: Job | None = None,
+    ) -> Unit:
+        settings = self._settings(length) | {
+            "world": self._world(system, number),
+            "seed": number + 1,
+        }
+        name = f"{system}-{_cm(length)}-{kind}-m{number:02d}"
+        transfers = tuple(
+            Job(
+                f"transfer-{name}-{job.name.rsplit('-', 1)[1]}",
+                work.transfer_policies,
+                settings,
+                needs=(job,),
+                cost=0.7 * len(job.settings["seeds"]),
+            )
+            for job in learned
+        )
+        repeat = Job(
+            f"repeat-{name}",
+            work.repeat_best,
+            settings | {"repetitions": self.options.repetitions},
+            needs=(*learned, *transfers),
+            cost=0.7 * self.options.repetitions,
+        )
+        return Unit(number, transfers, tuple(learned), repeat, identified, recorded, trained)
+
+    def _settings(self, length: float) -> Json:
+        return self.robot | {"string": float(length)}
+
+    def _world(self, system: str, number: int) -> str:
+        if system == SIMULATION:
+            return f"mujoco:{ROBOT},perturb=none,rope={self.options.rope}"
+        return f"mujoco:{ROBOT},perturb={system},rope={self.options.rope},seed={number + 1}"
+
+    def _chunks(self, number: int) -> list[tuple[int, list[int]]]:
+        """Of one model's seeds, which no other model has."""
+        o = self.options
+        first = FIRST_SEED * (number + 1)
+        return [
+            (k, list(range(first + k, first + min(k + o.chunk, o.seeds))))
+            for k in range(0, o.seeds, o.chunk)
+        ]
+
+
+def _cm(length: float) -> str:
+    return f"{100 * length:g}cm"
