@@ -12,13 +12,13 @@ from pathlib import Path
 from types import FrameType, ModuleType
 
 from .._core import Error
-from . import table1_command
+from . import beyond_command, table1_command
 from .executors import CHOICES, Workers, workers
 from .jobs import Job, Json, Results
 from .progress import Progress
 from .run import Report, run
 
-STUDIES: dict[str, ModuleType] = {"table1": table1_command}
+STUDIES: dict[str, ModuleType] = {"table1": table1_command, "beyond": beyond_command}
 """By name. A study has ABOUT, add_options(parser), jobs(args) and publish(args, run)."""
 
 DONE, BAD_INPUT, INCOMPLETE, INTERRUPTED = 0, 1, 3, 130

@@ -1,0 +1,100 @@
+"""What the jobs of the step beyond do, beside those of :mod:`work`."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .._core import Model, Recording
+from .._diagnose import diagnose
+from .._transfer import transfer
+from .jobs import Arrays, Json, Output, Result
+from .work import _named, _nominal, policies_of
+
+STRING = (
+    "string_wrap",
+    "string_rebound",
+    "string_folding",
+    "string_mass",
+    "string_damping",
+    "string_bending",
+)
+"""What a string may lack."""
+CANDIDATES = (
+    *STRING,
+    "linear_drag",
+    "quadratic_drag",
+    "joint_elasticity",
+    "presliding_dahl",
+    "stribeck_friction",
+    "actuator_delay",
+    "actuator_lag",
+    "camera_delay",
+)
+"""All that is tried: what the model's simulator can then learn in."""
+HELD_OUT = 4
+"""Every which recording is held out."""
+
+
+def observe(settings: Json, needs: list[Result]) -> Output:
+    """Execute the first policies before the robot's sensors, with their noise."""
+    policies = policies_of(needs[0])[: settings["policies"]]
+    found = transfer(
+        policies,
+        _named(settings["world"], settings),
+        controller=_nominal(settings),
+        repetitions=0,
+        seed=settings["seed"],
+        record=True,
+    )
+    arrays: Arrays = {}
+    for k, recording in enumerate(found.recordings):
+        for name in ("time", "q", "tau", "ball"):
+            arrays[f"{name}_{k}"] = np.asarray(getattr(recording, name))
+    joints = found.recordings[0].joint_names
+    return Output({"joints": joints, "seeds": [policy.seed for policy in policies]}, arrays)
+
+
+def diagnose_policies(settings: Json, needs: list[Result]) -> Output:
+    """Ask what the identified model lacks of what its policies did, and extend it."""
+    identified, observed = needs
+    recordings = [
+        Recording(
+            time=observed.arrays[f"time_{k}"],
+            q=observed.arrays[f"q_{k}"],
+            tau=observed.arrays[f"tau_{k}"],
+            ball=observed.arrays[f"ball_{k}"],
+            joint_names=observed.data["joints"],
+            source=f"{observed.file.name}: policy {seed}",
+        )
+        for k, seed in enumerate(observed.data["seeds"])
+    ]
+    held_out = recordings[HELD_OUT - 1 :: HELD_OUT]
+    train = [r for k, r in enumerate(recordings) if k % HELD_OUT != HELD_OUT - 1]
+    effects = CANDIDATES if settings["effects"] == "all" else (settings["effects"],)
+    finding = diagnose(
+        Model.from_dict(identified.data["model"]),
+        train,
+        test=held_out,
+        effects=effects,
+        grey_box=False,
+    )
+    causes = [
+        {
+            "effect": cause.effect,
+            "where": cause.where,
+            "delta_bic": cause.delta_bic,
+            "parameters": {p.name: [p.value, p.low, p.high] for p in cause.parameters},
+        }
+        for cause in finding.causes
+    ]
+    ball = next((j for j in finding.joints if j.joint == "ball"), None)
+    return Output(
+        {
+            "verdict": finding.verdict,
+            "sentence": finding.sentence,
+            "causes": causes,
+            "ball_before": ball.base if ball else None,
+            "ball_after": ball.extended if ball else None,
+            "model": finding.model.to_dict(),
+        }
+    )
