@@ -219,6 +219,8 @@ TEST_CASE("ball: an MJCF's look-alikes are noted", "[io]") {
 TEST_CASE("ball: JSON holds every double, effects at ball, string and camera too", "[io]") {
   Model m = model_from_json(json_with(kLink, R"({"mass": 0.02})"), "text");
   m.ball = BallSpec{1.0 / 3.0, 0.1 + 0.2, StringSpec{GENERATE(-1, 0), {1e-300, 1.0 / 7, -3}, 0.7}};
+  m.cup = CupSpec{.inner_radius = 0.04, .wall = 0.003, .floor = 0.0145, .rim = 0.095};
+  m.frames.push_back({"cup", m.ball->string->link, Pose<double>::identity()});
   for (const EffectInfo& info : catalogue()) {
     if (!acts_on_ball(info)) continue;
     EffectSpec e{info.name, places(info, m).front(), {}};
