@@ -180,9 +180,10 @@ void BallFlight<T, World>::run_until(const T& until) {
     throw Error("ball: asked for " + std::to_string(value(until)) + " s, expected " +
                 std::to_string(time()) + " s or later (start() goes back)");
   // Where the string changes its edge, its pull jumps: two phases may end each other without end.
-  constexpr double kAtOnce = 1e-9, kForced = 1e-4;  // [s]
-  constexpr int kMostAtOnce = 4;
-  int at_once = 0;
+  // After so many ends on end, none is looked for during kForced.
+  constexpr double kForced = 1e-4;  // [s]
+  constexpr int kMostEnds = 30;
+  int ends = 0;
   while (time() < value(until)) {
     // Of Jets, time_ may depend on parameters after a switch; the step brings it back to the grid.
     const bool last = value(until) - time() <= options_.step;
@@ -191,17 +192,16 @@ void BallFlight<T, World>::run_until(const T& until) {
     if (!(value(over(time_ + h, next)) > 0.0)) {
       state_ = next;
       time_ = last ? until : time_ + h;
+      ends = 0;
       continue;
     }
-    const T end = time_to_end(value(h));
-    at_once = value(end) < kAtOnce ? at_once + 1 : 0;
-    if (at_once > kMostAtOnce) {
+    if (++ends > kMostEnds) {
       const T forced = value(h) < kForced ? h : T(kForced);
       state_ = moved(forced);
       time_ = last && value(h) < kForced ? until : time_ + forced;
-      at_once = 0;
       continue;
     }
+    const T end = time_to_end(value(h));
     state_ = moved(end);
     time_ = time_ + end;
     if (taut_) {
