@@ -325,6 +325,7 @@ class Trial {
     const Rows rows(evidence_, search_, terms_, beside.there, joint);
     int tried = 1;
     table = best_grid(rows, x, axes, used, tried);
+    if (table.weights.empty()) return std::nullopt;
     table.variables = variables;
     // Widths are chosen on decimated rows; the fit itself sees the recording's rate.
     const Rows::Fit fit = rows.fit(evidence_.filtered([&](const JointSeries& s) -> RowMatX<double> {
