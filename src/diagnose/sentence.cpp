@@ -122,7 +122,7 @@ std::string witness_words(const Finding& f) {
            " times the camera's noise is left of the ball's held-out path, and no smooth function "
            "of its motion explains it";
   if (f.witness.empty())
-    return "an error of " + format_number(f.gain.after) +
+    return "an error of " + format_number(std::sqrt(left_by(f).first)) +
            " times the noise comes back in every period, and no smooth function of the motion "
            "explains it on held-out data";
   const Witness& w = f.witness.front();
