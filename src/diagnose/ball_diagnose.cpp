@@ -34,6 +34,12 @@ bool same(const EffectSpec& a, const EffectSpec& b) {
   return a.effect == b.effect && a.where == b.where;
 }
 
+/// A string that was identified on calm motions is known to fractions of a millimetre. Recordings
+/// in which it lacks something would rather bend it than tell what.
+bool is_identified(const Model& model) {
+  return model.ball->string && model.ball->string->length_std > 0.0;
+}
+
 /// Whether first order about 0 says little of it: it has starts of its own.
 bool is_far_from_linear(const EffectSpec& e) {
   return std::ranges::any_of(info(find_effect(e.effect)).parameters,
@@ -44,7 +50,11 @@ class BallDiagnosis {
  public:
   BallDiagnosis(const std::vector<Recording>& train, const std::vector<Recording>& test,
                 const DiagnoseOptions& options, Base base, Finding& finding)
-      : options_(options), base_(base), finding_(finding), model_(finding.model) {
+      : options_(options),
+        fit_string_(base == Base::kRefit ||
+                    (base == Base::kPrior && !is_identified(finding.model))),
+        finding_(finding),
+        model_(finding.model) {
     prepare(train, test);
   }
 
@@ -68,7 +78,7 @@ class BallDiagnosis {
       held_out = make_ball_data(model_, test, fit_, options_.preprocess);
       finding_.held_out = "test recording";
     }
-    if (base_ != Base::kFixed && model_.ball->string)
+    if (fit_string_ && model_.ball->string)
       guess_unknown_string(*model_.ball->string, fitted, model_.gravity);
     fit_.sigma = camera_noise(fitted, fit_.longest_gap);
     known_noise_ = std::isfinite(fit_.sigma);
@@ -76,8 +86,7 @@ class BallDiagnosis {
       BallData data = fitted;
       fit_.sigma = 0.0;
       fit_.sigma =
-          fit_ball(model_, make_ball_layout(model_, known_, base_ != Base::kFixed), data, fit_)
-              .sigma;
+          fit_ball(model_, make_ball_layout(model_, known_, fit_string_), data, fit_).sigma;
     }
     if (test.empty()) {
       if (fitted.windows.size() < 2 * kHeldOutWindow)
@@ -103,7 +112,7 @@ class BallDiagnosis {
 
   void search_for(BallData fitted, BallData held_out) {
     search_ = std::make_unique<BallSearch>(
-        model_, known_, base_ != Base::kFixed, std::move(fitted), std::move(held_out), fit_,
+        model_, known_, fit_string_, std::move(fitted), std::move(held_out), fit_,
         [this](const std::string& stage) {
           if (options_.progress && !options_.progress({stage, ++steps_, 0, 0.0}))
             finding_.interrupted = true;
@@ -154,7 +163,7 @@ class BallDiagnosis {
     for (const EffectInfo& i : catalogue()) {
       if (!acts_on_ball(i) || i.port == Port::kBallImpact) continue;
       if (i.name == "magnus" && !spin_) continue;
-      if (i.name == "attachment_offset" && base_ != Base::kFixed) continue;
+      if (i.name == "attachment_offset" && fit_string_) continue;
       for (const std::string& where : places(i, model_)) {
         const auto asked = [&](const std::string& entry) {
           return entry == i.name || entry == i.name + "@" + where;
@@ -394,7 +403,7 @@ class BallDiagnosis {
   }
 
   const DiagnoseOptions& options_;
-  Base base_;
+  bool fit_string_;  ///< and the effects that the model has
   Finding& finding_;
   Model model_;
   BallFitOptions fit_;

@@ -95,7 +95,7 @@ Finding diagnose(const Model& model, const RecordingSource& train, const Recordi
   }
   own.effects = of_ball;
   if (finding.interrupted || (!options.effects.empty() && own.effects.empty())) return finding;
-  const Base base = options.base == Base::kAuto ? Base::kRefit : options.base;
+  const Base base = options.base == Base::kAuto ? Base::kPrior : options.base;
   if (!joints) {
     finding.base = base == Base::kFixed ? "fixed" : "refit";
     finding.simulated.reason = "the joints' measured motion is an input";

@@ -32,7 +32,7 @@ class Options:
 
     robots: int = 10
     """Drawn from the surrogate, numbers from ``first_robot``."""
-    first_robot: int = 101
+    first_robot: int = 102
     """What was developed on is below."""
     seeds: int = 10
     """Policies of each robot, before and after."""
