@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
+#include <optional>
 #include <span>
 
 #include <diffnea/core/error.hpp>
@@ -224,6 +225,8 @@ class BallDiagnosis {
         }
         refuse(more.terms.back(), "does not help on held-out data", gain);
       }
+      std::optional<BallSolution> pair;
+      if (!found && (pair = best_pair(tried))) found = &*pair;
       if (found) {
         best_ = BallSolution(*found);
         drop_redundant();
@@ -241,6 +244,26 @@ class BallDiagnosis {
     for (const EffectSpec& t : best_.terms)
       std::erase_if(finding_.refused,
                     [&](const Refusal& r) { return r.effect == t.effect && r.where == t.where; });
+  }
+
+  /// Two causes that help together where neither does alone: a path that is wrong before an impact
+  /// is no better for the right impact. Of those that were tried, one far from linear.
+  std::optional<BallSolution> best_pair(const std::vector<std::pair<double, BallSolution>>& tried) {
+    std::optional<BallSolution> best;
+    double most = 2.0 * options_.accept_delta_bic;
+    for (std::size_t i = 0; i < tried.size(); ++i)
+      for (std::size_t j = i + 1; j < tried.size(); ++j) {
+        const EffectSpec &a = tried[i].second.terms.back(), &b = tried[j].second.terms.back();
+        const bool worth = tried[j].first >= options_.accept_delta_bic &&
+                           (is_far_from_linear(a) || is_far_from_linear(b));
+        if (!worth || !go_on()) continue;
+        BallSolution both = search_->solve(with(tried[i].second.terms, b), &tried[i].second);
+        const double gain = search_->delta_bic(best_, both);
+        if (gain < most || !search_->held_out(best_, both, options_.seed).helps()) continue;
+        most = gain;
+        best = std::move(both);
+      }
+    return best;
   }
 
   void drop_redundant() {
