@@ -77,7 +77,7 @@ def test_table_and_page(results, tmp_path, monkeypatch, capsys) -> None:
     ("words", "message"),
     [
         (["--observed", "3"], "--observed: expected 4 or more"),
-        (["--quick", "--observed", "9"], "expected 8 at most"),
+        (["--quick", "--observed", "13"], "expected 12 at most"),
         (["--each", "viscous_friction"], "choices: string_wrap"),
     ],
 )

@@ -32,14 +32,14 @@ class Options:
 
     robots: int = 10
     """Drawn from the surrogate, numbers from ``first_robot``."""
-    first_robot: int = 102
+    first_robot: int = 111
     """What was developed on is below."""
-    seeds: int = 10
+    seeds: int = 16
     """Policies of each robot, before and after."""
     lengths: tuple[float, ...] = (0.35, 0.40, 0.45)
     ropes: tuple[str, ...] = ("mid", "heavy")
     surrogate: str = "A"
-    observed: int = 8
+    observed: int = 16
     """Policies whose recordings are diagnosed; every fourth is held out."""
     each: tuple[str, ...] = ()
     """Effects that also extend the model alone, for the gain of each."""
@@ -61,7 +61,7 @@ class Options:
                 raise Error(f"--each: got {effect!r}; choices: {', '.join(beyond_work.STRING)}")
 
 
-QUICK = Options(robots=2, seeds=8, lengths=(0.40,), ropes=("mid",))
+QUICK = Options(robots=2, seeds=12, observed=12, lengths=(0.40,), ropes=("mid",))
 
 
 @dataclass(frozen=True)

@@ -38,7 +38,7 @@ HEAD = (
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add what changes the study's size."""
     full = Options()
-    parser.add_argument("--quick", action="store_true", help="2 robots, 8 policies, 40 cm, mid")
+    parser.add_argument("--quick", action="store_true", help="2 robots, 12 policies, 40 cm, mid")
     for name, about in (
         ("robots", "drawn from the surrogate"),
         ("first_robot", "its number; what was developed on is below"),
