@@ -1,5 +1,6 @@
 /// A ball and its string in model files: read, written back, shown, and refused with a reason.
 
+#include <algorithm>
 #include <filesystem>
 
 #include <catch2/catch_test_macros.hpp>
@@ -225,7 +226,7 @@ TEST_CASE("ball: JSON holds every double, effects at ball, string and camera too
     if (!acts_on_ball(info)) continue;
     EffectSpec e{info.name, places(info, m).front(), {}};
     for (const ParameterInfo& p : info.parameters)
-      e.parameters.push_back({p.name, 1.0 / 3.0, p.unit});
+      e.parameters.push_back({p.name, std::min(1.0, p.most) / 3.0, p.unit});
     m.effects.push_back(e);
   }
   REQUIRE(m.effects.size() > 10);

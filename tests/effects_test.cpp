@@ -302,7 +302,9 @@ TEST_CASE("effects: a search starts at values that the parameter can take", "[ef
     for (const ParameterInfo& p : info.parameters) {
       CAPTURE(info.name, p.name);
       CHECK(p.unit.empty() == false);
-      if (p.linear) CHECK(p.search.empty());
+      // Parameters of the ball's effects are linear about 0, and that may be far from where they
+      // are.
+      if (p.linear && !acts_on_ball(info)) CHECK(p.search.empty());
       for (const auto* values : {&p.search, &p.search_prismatic})
         for (const double v : *values) CHECK((v > 0.0 || p.sign == Sign::kFree));
       if (scale(p) == Scale::kLog) CHECK(p.initial > 0.0);

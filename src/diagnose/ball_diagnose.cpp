@@ -26,6 +26,8 @@ constexpr int kRefitted = 3;           ///< candidates a round
 constexpr double kRefitWithin = 30.0;  ///< ΔBIC behind the best that a rival is refitted from
 constexpr std::size_t kMostRivals = 6;
 constexpr std::size_t kMostBallCauses = 6;
+/// Rows on end that a camera may get wrong. More of them, on a string, are what is to be explained.
+constexpr std::size_t kMostOnEnd = 3;
 constexpr int kMostRounds = 2;  ///< of leaving rows out that are far off
 constexpr double kNormal95 = 1.96;
 /// Every which window is held out where there is no test recording.
@@ -138,7 +140,8 @@ class BallDiagnosis {
   void drop_far() {
     for (int round = 0; round < kMostRounds && go_on(); ++round)
       if (!clean([&](const FittedBall& ball, BallData& data) {
-            return drop_far_rows(ball, data, fit_.flight);
+            return model_.ball->string ? drop_far_rows(ball, data, fit_.flight, kMostOnEnd)
+                                       : drop_far_rows(ball, data, fit_.flight);
           }))
         break;
   }

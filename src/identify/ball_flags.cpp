@@ -12,21 +12,19 @@ namespace {
 constexpr double kFar = 10.0;     ///< times the usual error
 constexpr double kMostFar = 0.1;  ///< share of rows
 constexpr double kMostOfWindow = 0.3;
-/// Rows on end that a camera may get wrong. More of them, on a string, are the model's fault: that
-/// is what a diagnosis has to see.
-constexpr std::size_t kMostOnEnd = 3;
 constexpr double kRange = 4.0;       ///< that a window's own C_M may be off the common one by
 constexpr double kCertain = 3.0;     ///< standard errors
 constexpr std::size_t kEnough = 10;  ///< windows that tell C_M
 constexpr double kChance = 3.7;      ///< standard normal of a probability of 1e-4
 
-/// Which errors are of stretches of at most kMostOnEnd far ones.
-std::vector<bool> short_stretches(const std::vector<double>& errors, double limit) {
+/// Which errors are of stretches of at most `most` far ones.
+std::vector<bool> short_stretches(const std::vector<double>& errors, double limit,
+                                  std::size_t most) {
   std::vector<bool> out(errors.size(), false);
   for (std::size_t k = 0; k < errors.size();) {
     std::size_t end = k;
     while (end < errors.size() && !(errors[end] <= limit)) ++end;
-    if (end - k <= kMostOnEnd)
+    if (end - k <= most)
       std::fill(out.begin() + static_cast<long>(k), out.begin() + static_cast<long>(end), true);
     k = end + 1;
   }
@@ -35,7 +33,8 @@ std::vector<bool> short_stretches(const std::vector<double>& errors, double limi
 
 }  // namespace
 
-bool drop_far_rows(const FittedBall& ball, BallData& data, const FlightOptions& flight) {
+bool drop_far_rows(const FittedBall& ball, BallData& data, const FlightOptions& flight,
+                   std::size_t most_on_end) {
   std::vector<std::vector<double>> errors;
   std::vector<double> all;
   for (const BallWindow& w : ball.data.windows) {
@@ -50,12 +49,11 @@ bool drop_far_rows(const FittedBall& ball, BallData& data, const FlightOptions& 
   }
   const double limit =
       kFar / 1.5 * median(all);  // of a normal error in space, the median is 1.54 σ
-  if (ball.model.ball->string)
-    for (std::vector<double>& of_window : errors) {
-      const std::vector<bool> by_itself = short_stretches(of_window, limit);
-      for (std::size_t k = 0; k < of_window.size(); ++k)
-        if (!(of_window[k] <= limit) && !by_itself[k]) of_window[k] = 0.0;  // stays
-    }
+  for (std::vector<double>& of_window : errors) {
+    const std::vector<bool> short_enough = short_stretches(of_window, limit, most_on_end);
+    for (std::size_t k = 0; k < of_window.size(); ++k)
+      if (!(of_window[k] <= limit) && !short_enough[k]) of_window[k] = 0.0;  // stays
+  }
   long far = 0;
   for (const std::vector<double>& of_window : errors)
     far += std::ranges::count_if(of_window, [&](double e) { return !(e <= limit); });

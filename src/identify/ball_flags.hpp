@@ -2,14 +2,19 @@
 /// What a fit shows of the data: rows far off any path, spins that the path contradicts. Internal
 /// to identify/ and diagnose/.
 
+#include <limits>
+
 #include "identify/ball_path.hpp"
 
 namespace diffnea {
 
 /// Leaves out, and flags, rows whose error is beyond 10 of what is usual with this fit, and windows
 /// most of which is; unless more than a tenth of all rows is, which is no matter of outliers.
-/// @param ball  fitted to `data`  @return whether something was left out
-bool drop_far_rows(const FittedBall& ball, BallData& data, const FlightOptions& flight);
+/// @param ball  fitted to `data`
+/// @param most_on_end  longer stretches of far rows stay, where they may be the model's fault
+/// @return whether something was left out
+bool drop_far_rows(const FittedBall& ball, BallData& data, const FlightOptions& flight,
+                   std::size_t most_on_end = std::numeric_limits<std::size_t>::max());
 
 /// A lift C_M ω × v has one C_M for all windows. Where most windows agree on one (binomial test),
 /// the windows whose own C_M is beyond four times it, under a quarter, or of the other sign, are

@@ -180,10 +180,11 @@ void BallFlight<T, World>::run_until(const T& until) {
     throw Error("ball: asked for " + std::to_string(value(until)) + " s, expected " +
                 std::to_string(time()) + " s or later (start() goes back)");
   // Where the string changes its edge, its pull jumps: two phases may end each other without end.
-  // After so many ends on end, none is looked for during kForced.
+  // After so many ends within a step, none is looked for during kForced.
   constexpr double kForced = 1e-4;  // [s]
   constexpr int kMostEnds = 30;
   int ends = 0;
+  double counted_from = time();
   while (time() < value(until)) {
     // Of Jets, time_ may depend on parameters after a switch; the step brings it back to the grid.
     const bool last = value(until) - time() <= options_.step;
@@ -194,6 +195,10 @@ void BallFlight<T, World>::run_until(const T& until) {
       time_ = last ? until : time_ + h;
       ends = 0;
       continue;
+    }
+    if (ends == 0 || time() - counted_from > options_.step) {
+      ends = 0;
+      counted_from = time();
     }
     if (++ends > kMostEnds) {
       const T forced = value(h) < kForced ? h : T(kForced);
