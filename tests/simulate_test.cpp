@@ -297,7 +297,7 @@ TEST_CASE("world: names, keys, and what there is instead", "[io]") {
   CHECK_THROWS_WITH(parse_world("mujoco:wam"),
                     ContainsSubstring("cart_pole, furuta, wam4, wam4_ball"));
   CHECK_THROWS_WITH(parse_world("mujoco:wam4,colour=1"),
-                    ContainsSubstring("keys: perturb, seed, noise, repetitions"));
+                    ContainsSubstring("keys: perturb, seed, noise, effect, repetitions"));
   CHECK_THROWS_WITH(parse_world("mujoco:wam4,seed=x"), ContainsSubstring("seed = 'x'"));
   CHECK_THROWS_WITH(parse_world("mujoco:wam4,noise=-1"), ContainsSubstring("negative"));
   CHECK_THROWS_WITH(parse_world("mujoco:wam4,perturb=Q"),
