@@ -141,6 +141,24 @@ void guess_string(const BallData& data, Vec3<double>& p_LS, double& length,
   length = r;
 }
 
+namespace {
+
+/// Whether the ball is as far from where the string is tied as it is long, now and then.
+bool is_often_taut(const StringSpec& string, const BallData& data) {
+  constexpr double kAsLong = 0.05, kOften = 0.1;
+  long near = 0, all = 0;
+  for (const BallWindow& w : data.windows) {
+    const HandMotion& hand = data.hands[static_cast<std::size_t>(w.hand)];
+    for (std::size_t k = 0; k < w.time.size(); ++k, ++all) {
+      const double d = norm(w.seen[k] - hand.anchor(w.time[k], string.p_LS).x);
+      near += std::abs(d - string.length) < kAsLong * string.length;
+    }
+  }
+  return static_cast<double>(near) > kOften * static_cast<double>(all);
+}
+
+}  // namespace
+
 void guess_unknown_string(StringSpec& string, const BallData& data, const Vec3<double>& gravity) {
   if (string.length_std > 0.0) return;
   Vec3<double> p_LS = string.p_LS;
@@ -148,7 +166,8 @@ void guess_unknown_string(StringSpec& string, const BallData& data, const Vec3<d
   try {
     guess_string(data, p_LS, length, gravity);
   } catch (const DataError&) {
-    return;
+    if (is_often_taut(string, data)) return;
+    throw;
   }
   string.p_LS = p_LS;
   string.length = length;

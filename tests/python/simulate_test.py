@@ -70,7 +70,7 @@ def test_worlds_are_listed_and_wrong_ones_named() -> None:
     assert {"A", "B", "C"} <= {robot["perturb"] for robot in listed["surrogates"]}
     assert "surrogate_a" not in diffnea.models.names()
     keys = {key["key"] for key in listed["keys"]}
-    robot, ball = {"perturb", "seed", "noise", "repetitions"}, {"ball", "rope", "tilt"}
+    robot, ball = {"perturb", "seed", "noise", "effect", "repetitions"}, {"ball", "rope", "tilt"}
     assert keys == robot | ball | {"string", "nominal_string"}
     wam = diffnea.load_model("wam4")
     motion = diffnea.excite(wam, duration=10)
