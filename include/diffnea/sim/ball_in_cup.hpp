@@ -37,8 +37,8 @@ struct BallVerdict {
 /// in one frame; a row that is not finite counts as outside
 /// @throws ShapeError if rows or columns differ; DataError if the series is shorter than the window
 BallVerdict judge_ball(const VecX<double>& time, const RowMatX<double>& ball,
-                   const RowMatX<double>& cup, const RowMatX<double>& axis, const CupSpec& spec,
-                   const SuccessOptions& options = {});
+                       const RowMatX<double>& cup, const RowMatX<double>& axis, const CupSpec& spec,
+                       const SuccessOptions& options = {});
 
 /// Whether the verdict is kInCup.
 bool ball_in_cup(const VecX<double>& time, const RowMatX<double>& ball, const RowMatX<double>& cup,
