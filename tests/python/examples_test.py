@@ -27,6 +27,12 @@ def run(*command: object, cwd: Path, **environment: str) -> str:
     return answer.stdout
 
 
+def run_script(name: str, folder: Path) -> str:
+    """Run it in the folder, into `here`, with the command on the PATH."""
+    path = f"{Path(COMMAND).parent}{os.pathsep}{os.environ['PATH']}"
+    return run("sh", EXAMPLES / name, "here", cwd=folder, PATH=path)
+
+
 def test_python(tmp_path: Path) -> None:
     text = run(sys.executable, EXAMPLES / "identify.py", cwd=tmp_path)
     assert "worst joint, held out" in text
@@ -40,23 +46,20 @@ def test_policy(tmp_path: Path) -> None:
 
 
 def test_shell(tmp_path: Path) -> None:
-    path = f"{Path(COMMAND).parent}{os.pathsep}{os.environ['PATH']}"
-    text = run("sh", EXAMPLES / "identify.sh", "here", cwd=tmp_path, PATH=path)
+    text = run_script("identify.sh", tmp_path)
     assert "run/report.html" in text
     assert (tmp_path / "here" / "run" / "report.html").is_file()
 
 
 def test_ball(tmp_path: Path) -> None:
-    path = f"{Path(COMMAND).parent}{os.pathsep}{os.environ['PATH']}"
-    text = run("sh", EXAMPLES / "ball.sh", "here", cwd=tmp_path, PATH=path)
+    text = run_script("ball.sh", tmp_path)
     assert "string.length" in text
     assert "lacks string mass" in text  # 2.25 g of rope at a ball of 24 g
     assert (tmp_path / "here" / "why" / "report.html").is_file()
 
 
 def test_ball_in_cup(tmp_path: Path) -> None:
-    path = f"{Path(COMMAND).parent}{os.pathsep}{os.environ['PATH']}"
-    text = run("sh", EXAMPLES / "ball_in_cup.sh", "here", cwd=tmp_path, PATH=path)
+    text = run_script("ball_in_cup.sh", tmp_path)
     assert "2 of 2 policies catch the ball in the model" in text
     transfer = tmp_path / "here" / "loop" / "transfer"
     assert (transfer / "report.html").is_file()
@@ -68,15 +71,13 @@ def test_ball_in_cup(tmp_path: Path) -> None:
 
 
 def test_cart_pole(tmp_path: Path) -> None:
-    path = f"{Path(COMMAND).parent}{os.pathsep}{os.environ['PATH']}"
-    text = run("sh", EXAMPLES / "cart_pole.sh", "here", cwd=tmp_path, PATH=path)
+    text = run_script("cart_pole.sh", tmp_path)
     assert "lacks cogging at cart" in text
     assert (tmp_path / "here" / "run" / "report.html").is_file()
 
 
 def test_furuta(tmp_path: Path) -> None:
-    path = f"{Path(COMMAND).parent}{os.pathsep}{os.environ['PATH']}"
-    text = run("sh", EXAMPLES / "furuta.sh", "here", cwd=tmp_path, PATH=path)
+    text = run_script("furuta.sh", tmp_path)
     assert "joint spring at arm" in text
     assert (tmp_path / "here" / "why" / "report.html").is_file()
 

@@ -7,15 +7,12 @@ seeds that have not been used, and transferred to the same robot.
 
 from __future__ import annotations
 
-import hashlib
 from dataclasses import dataclass, field
-from pathlib import Path
 
-from .. import models
 from .._core import Error
 from . import beyond_work, work
 from .jobs import Job, Json
-from .table1 import ROBOT
+from .table1 import ROBOT, robot_settings
 
 NAME = "beyond"
 ABOUT = "diagnose what learned policies did, extend the model, learn again: transfer before, after"
@@ -136,12 +133,7 @@ def study(options: Options) -> Study:
 
 
 def _unit(o: Options, length: float, rope: str, robot: int) -> Unit:
-    file = Path(models.path(f"{ROBOT}.xml"))
-    settings: Json = {
-        "model": ROBOT,
-        "description": hashlib.sha256(file.read_bytes()).hexdigest()[:12],
-        "string": float(length),
-    }
+    settings: Json = robot_settings() | {"string": float(length)}
     world = {
         "world": f"mujoco:{ROBOT},perturb={o.surrogate},rope={rope},seed={robot}",
         "seed": robot,

@@ -116,12 +116,15 @@ class Job:
         return f"{self.name}-{self.key}"
 
 
-def in_order(jobs: Iterable[Job]) -> list[Job]:
-    """All jobs and what they need, each once (by key), needs first."""
+def in_order(jobs: Iterable[Job], without: Callable[[Job], bool] = lambda job: False) -> list[Job]:
+    """All jobs and what they need, each once (by key), needs first.
+
+    Those that ``without`` is true of are left out, and what only they need.
+    """
     out: dict[str, Job] = {}
 
     def add(job: Job) -> None:
-        if job.key not in out:
+        if job.key not in out and not without(job):
             for need in job.needs:
                 add(need)
             out[job.key] = job

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Future, wait
 from dataclasses import dataclass, field
 from typing import Any
@@ -39,7 +39,7 @@ def run(jobs: Sequence[Job], results: Results, workers: Workers, progress: Progr
     everything = in_order(jobs)
     report = Report()
     report.kept = [job for job in everything if results.has(job)]
-    missing = _wanted(jobs, results)
+    missing = in_order(jobs, without=results.has)
     progress.begin(missing, len(report.kept), workers.count)
 
     users: dict[str, list[Job]] = {job.key: [] for job in everything}
@@ -96,22 +96,6 @@ def run(jobs: Sequence[Job], results: Results, workers: Workers, progress: Progr
             drop(job, job)
     progress.end()
     return report
-
-
-def _wanted(jobs: Iterable[Job], results: Results) -> list[Job]:
-    """Those that are missing, and of what they need what is missing: needs first."""
-    out: dict[str, Job] = {}
-
-    def add(job: Job) -> None:
-        if job.key in out or results.has(job):
-            return
-        for need in job.needs:
-            add(need)
-        out[job.key] = job
-
-    for job in jobs:
-        add(job)
-    return list(out.values())
 
 
 def _urgency(jobs: Sequence[Job], users: dict[str, list[Job]]) -> dict[str, float]:

@@ -130,16 +130,21 @@ def study(options: Options) -> Study:
     return Study(options, tuple(rows))
 
 
+def robot_settings() -> Json:
+    """Return what every job of the robot depends on: its description, by name and content."""
+    file = Path(models.path(f"{ROBOT}.xml"))
+    return {
+        "model": ROBOT,
+        "description": hashlib.sha256(file.read_bytes()).hexdigest()[:12],
+    }
+
+
 class _Builder:
     """Makes jobs; those of nominal policies serve every system."""
 
     def __init__(self, options: Options) -> None:
         self.options = options
-        file = Path(models.path(f"{ROBOT}.xml"))
-        self.robot = {
-            "model": ROBOT,
-            "description": hashlib.sha256(file.read_bytes()).hexdigest()[:12],
-        }
+        self.robot = robot_settings()
 
     def rows(self, system: str, length: float) -> list[Row]:
         """One a kind; networks are given what the white-box models did."""
