@@ -25,17 +25,17 @@ void run_jobs(int count, int threads, const std::function<std::function<void(int
   std::mutex one_at_a_time;
   std::exception_ptr failure;
   const auto work = [&] {
-    const std::function<void(int)> job = make();
-    for (int k = next++; k < count && !Interruptible::requested(); k = next++) {
-      try {
+    try {
+      const std::function<void(int)> job = make();
+      for (int k = next++; k < count && !Interruptible::requested(); k = next++) {
         job(k);
         const std::scoped_lock lock(one_at_a_time);
         done(++finished);
-      } catch (...) {
-        const std::scoped_lock lock(one_at_a_time);
-        if (!failure) failure = std::current_exception();
-        next = count;
       }
+    } catch (...) {
+      const std::scoped_lock lock(one_at_a_time);
+      if (!failure) failure = std::current_exception();
+      next = count;
     }
   };
   {

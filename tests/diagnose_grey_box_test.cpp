@@ -2,18 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <support/mujoco_arm.hpp>
 #include <support/swinging.hpp>
-#include <support/temporary_folder.hpp>
 
 #include <Eigen/QR>
 #include <catch2/catch_test_macros.hpp>
 
-#include <diffnea/core/error.hpp>
 #include <diffnea/diagnose/diagnose.hpp>
-#include <diffnea/excite/fourier.hpp>
-#include <diffnea/io/atomic_file.hpp>
-#include <diffnea/io/model_file.hpp>
-#include <diffnea/sim/mujoco_world.hpp>
 
 #include "diagnose/grey_box.hpp"
 
@@ -36,44 +31,27 @@ constexpr const char* kArm = R"(<mujoco model="arm">
 </mujoco>
 )";
 
-struct Arm {
-  Arm() {
-    const test::TemporaryFolder folder;
-    write_file_atomically(folder.path() / "arm.xml", kArm);
-    nominal = read_model(folder.path() / "arm.xml");
-  }
-  /// @param detent  [N·m] of a magnet that holds the elbow at 0.3 rad
-  Recording recorded(const std::vector<EffectSpec>& hidden, double detent, unsigned seed) const {
-    Model truth = nominal;
-    truth.effects = hidden;
-    FourierOptions motion;
-    motion.seed = seed;
-    motion.duration = 30.0;
-    RecordOptions options;
-    options.seed = seed + 1000;
-    SimulatedRecording r =
-        record_in_mujoco(kArm, truth, nominal, random_fourier(nominal, motion), options);
-    if (!r.failure.empty()) throw Error(r.failure);
-    for (long i = 0; i < r.recording.rows(); ++i)
-      r.recording.tau(i, 1) += hold(r.recording.q(i, 1), detent);
-    return r.recording;
-  }
-  static double hold(double q, double detent) {
-    const double x = (q - 0.3) / 0.15;
-    return detent * x * std::exp(-x * x);
-  }
-  Model nominal;
-};
+/// Torque of a magnet that holds the elbow at 0.3 rad [N·m].
+double hold(double q, double detent) {
+  const double x = (q - 0.3) / 0.15;
+  return detent * x * std::exp(-x * x);
+}
 
-const Arm& arm() {
-  static const Arm kOne;
+const test::MujocoArm& arm() {
+  static const test::MujocoArm kOne(kArm);
   return kOne;
+}
+
+Recording recorded(const std::vector<EffectSpec>& hidden, double detent, unsigned seed) {
+  Recording out = arm().recorded(hidden, seed);
+  for (long i = 0; i < out.rows(); ++i) out.tau(i, 1) += hold(out.q(i, 1), detent);
+  return out;
 }
 
 Finding diagnosed(const std::vector<EffectSpec>& hidden, double detent,
                   const DiagnoseOptions& options = {}) {
-  return diagnose(arm().nominal, {arm().recorded(hidden, detent, 1)},
-                  {arm().recorded(hidden, detent, 2)}, options);
+  return diagnose(arm().nominal, {recorded(hidden, detent, 1)}, {recorded(hidden, detent, 2)},
+                  options);
 }
 
 /// Without them in the catalogue, ripples and springs do not stand in for a magnet.
@@ -117,7 +95,7 @@ TEST_CASE("grey box: what no candidate explains is learned, and stays without a 
   REQUIRE(spec != with.model.effects.end());
   const BoundEffect effect = bind(*spec, with.model);
   double most = 0.0;
-  for (double q = -2.0; q < 2.0; q += 0.01) most = std::max(most, std::abs(Arm::hold(q, 1.0)));
+  for (double q = -2.0; q < 2.0; q += 0.01) most = std::max(most, std::abs(hold(q, 1.0)));
   for (const double q : {-50.0, -10.0, -0.5, 0.0, 0.2, 0.45, 10.0, 50.0})
     for (const double qd : {-200.0, -1.0, 0.0, 1.0, 200.0}) {
       const VecX<double> x = VecX<double>::Constant(2, q), xd = VecX<double>::Constant(2, qd);

@@ -3,18 +3,13 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <support/temporary_folder.hpp>
+#include <support/mujoco_arm.hpp>
 
 #include <catch2/catch_test_macros.hpp>
 #include <catch2/generators/catch_generators.hpp>
 #include <catch2/matchers/catch_matchers_string.hpp>
 
-#include <diffnea/core/error.hpp>
 #include <diffnea/diagnose/diagnose.hpp>
-#include <diffnea/excite/fourier.hpp>
-#include <diffnea/io/atomic_file.hpp>
-#include <diffnea/io/model_file.hpp>
-#include <diffnea/sim/mujoco_world.hpp>
 #include <diffnea/sim/record.hpp>
 
 using namespace diffnea;
@@ -42,31 +37,8 @@ constexpr const char* kArm = R"(<mujoco model="arm">
 </mujoco>
 )";
 
-struct Arm {
-  Arm() {
-    const test::TemporaryFolder folder;
-    write_file_atomically(folder.path() / "arm.xml", kArm);
-    nominal = read_model(folder.path() / "arm.xml");
-  }
-  /// MuJoCo's arm with these effects, which become its joints' frictionloss and armature.
-  Recording recorded(const std::vector<EffectSpec>& hidden, unsigned seed) const {
-    Model truth = nominal;
-    truth.effects = hidden;
-    FourierOptions motion;
-    motion.seed = seed;
-    motion.duration = 30.0;
-    RecordOptions options;
-    options.seed = seed + 1000;
-    const SimulatedRecording r =
-        record_in_mujoco(kArm, truth, nominal, random_fourier(nominal, motion), options);
-    if (!r.failure.empty()) throw Error(r.failure);
-    return r.recording;
-  }
-  Model nominal;
-};
-
-const Arm& arm() {
-  static const Arm kOne;
+const test::MujocoArm& arm() {
+  static const test::MujocoArm kOne(kArm);
   return kOne;
 }
 
