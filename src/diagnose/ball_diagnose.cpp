@@ -228,8 +228,9 @@ class BallDiagnosis {
         }
         refuse(more.terms.back(), "does not help on held-out data", gain);
       }
-      std::optional<BallSolution> pair;
-      if (!found && (pair = best_pair(tried))) found = &*pair;
+      std::optional<BallSolution> several = together(tried);
+      if (!several && !found) several = best_pair(tried);
+      if (several) found = &*several;
       if (found) {
         best_ = BallSolution(*found);
         drop_redundant();
@@ -247,6 +248,25 @@ class BallDiagnosis {
     for (const EffectSpec& t : best_.terms)
       std::erase_if(finding_.refused,
                     [&](const Refusal& r) { return r.effect == t.effect && r.where == t.where; });
+  }
+
+  /// All that were tried at once, of which some are far from linear. What acts at the same impacts
+  /// can stand for one another: the first to be taken alone would get a value that is not its own,
+  /// and nothing would be left for the others. What is not needed is dropped again.
+  std::optional<BallSolution> together(
+      const std::vector<std::pair<double, BallSolution>>& tried) const {
+    const auto far = std::ranges::count_if(
+        tried, [](const auto& t) { return is_far_from_linear(t.second.terms.back()); });
+    if (far == 0 || tried.size() < 2 || !go_on()) return {};
+    std::vector<EffectSpec> terms = best_.terms;
+    for (const auto& [gain, more] : tried) terms.push_back(more.terms.back());
+    BallSolution all = search_->solve(terms, &best_);
+    const double gain = search_->delta_bic(best_, all),
+                 others = options_.accept_delta_bic * static_cast<double>(tried.size() - 1);
+    if (gain < std::max(0.0, tried.front().first) + others ||
+        !search_->held_out(best_, all, options_.seed).helps())
+      return {};
+    return all;
   }
 
   /// Two causes that help together where neither does alone: a path that is wrong before an impact

@@ -89,18 +89,28 @@ BallSolution BallSearch::solve(const std::vector<EffectSpec>& terms,
       }
   const BallData& data = start ? start->ball.data : train_;
   BallSolution best = solved(terms, layout, data);
-  // Where a slope at 0 leads nowhere, others of the effect's own starts may.
+  // Where a slope at 0 leads nowhere, others of the effect's own starts may: of one, of all at once.
+  BallLayout all = layout;
+  int moved = 0;
+  const auto try_from = [&](const BallLayout& elsewhere) {
+    BallSolution other = solved(terms, elsewhere, data);
+    if (other.cost < best.cost) best = std::move(other);
+  };
   for (std::size_t i = 0; start && i < layout.parameters.size(); ++i) {
     const BallParameter& p = layout.parameters[i];
     if (p.effect < 0 || p.fixed || !fresh[i]) continue;
     const BoundEffect& e = layout.effects[static_cast<std::size_t>(p.effect)];
-    for (const double value : e.parameter_info[static_cast<std::size_t>(p.index)].search) {
+    const auto& starts = e.parameter_info[static_cast<std::size_t>(p.index)].search;
+    for (const double value : starts) {
       BallLayout elsewhere = layout;
       elsewhere.parameters[i].value = value;
-      BallSolution other = solved(terms, elsewhere, data);
-      if (other.cost < best.cost) best = std::move(other);
+      try_from(elsewhere);
     }
+    if (starts.empty()) continue;
+    all.parameters[i].value = starts.front();
+    ++moved;
   }
+  if (moved > 1) try_from(all);
   return best;
 }
 

@@ -6,7 +6,7 @@ import json
 import pytest
 
 import diffnea
-from diffnea.reproduce import beyond, beyond_command, command
+from diffnea.reproduce import beyond, beyond_command, beyond_work, command
 from diffnea.reproduce.jobs import Results, execute, in_order
 from diffnea.reproduce.run import Report
 
@@ -56,11 +56,30 @@ def test_what_is_diagnosed_is_what_sensors_saw(results) -> None:
     assert named <= {effect["effect"] for effect in model.to_dict()["effects"]}
 
 
+def test_robust_policies_vary_what_was_named_of_the_string(results) -> None:
+    unit = beyond.study(TINY).rows[0].units[0]
+    plain, robust = unit.after[:2]
+    assert plain.diagnosed == robust.diagnosed
+    named = {
+        f"string.{cause['effect']}.{name}": [0.0, beyond_work.VARIED * value]
+        for cause in results.read(robust.diagnosed).data["causes"]
+        if cause["effect"] in beyond_work.STRING
+        for name, (value, _, _) in cause["parameters"].items()
+    }
+    assert results.read(robust.learned).data["vary"] == named
+    for policy in results.read(robust.learned).data["policies"]:
+        assert policy["policy"]["in_draws"]["draws"] > 1
+
+
 def test_table_and_page(results, tmp_path, monkeypatch, capsys) -> None:
     monkeypatch.setattr(beyond_command, "options_of", lambda args: TINY)
     beyond_command.publish(argparse.Namespace(output=tmp_path), results, Report())
     table = json.loads((tmp_path / "table.json").read_text())
-    assert [row["effects"] for row in table["rows"]] == ["all", "string_rebound"]
+    assert [(row["effects"], row["robust"]) for row in table["rows"]] == [
+        ("all", False),
+        ("all", True),
+        ("string_rebound", False),
+    ]
     for row in table["rows"]:
         assert row["robots"] == 1
         assert 0 <= row["before"]["low"] <= row["before"]["value"] <= row["before"]["high"] <= 1

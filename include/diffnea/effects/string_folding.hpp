@@ -21,6 +21,7 @@ struct StringFolding {
                      .port = Port::kBallForce,
                      .parameters = {ball_parameter("resistance", "m/s", Sign::kNonNegative)}};
       out.parameters[0].most = 0.1;  // steps of 10 ms are stable up to there
+      out.parameters[0].search = {0.02};
       return out;
     }();
     return kInfo;

@@ -2,7 +2,8 @@
 
 A unit is one robot, string and rope: recorded, identified, learned in and transferred; what its
 policies did is seen by the robot's sensors and diagnosed; the extended model is learned in from
-seeds that have not been used, and transferred to the same robot.
+seeds that have not been used, once as it stands and once robustly, and transferred to the same
+robot.
 """
 
 from __future__ import annotations
@@ -40,6 +41,8 @@ class Options:
     """Policies whose recordings are diagnosed; every fourth is held out."""
     each: tuple[str, ...] = ()
     """Effects that also extend the model alone, for the gain of each."""
+    robust: bool = True
+    """Learn robustly as well: in draws that vary what was named."""
     arm_seconds: float = 40.0
     ball_seconds: float = 40.0
     ball_repetitions: int = 5
@@ -67,6 +70,8 @@ class After:
 
     effects: str
     """That could extend it: ``all``, or one."""
+    robust: bool
+    """Learned in draws of it."""
     diagnosed: Job
     learned: Job
     transfer: Job
@@ -155,10 +160,10 @@ def _unit(o: Options, length: float, rope: str, robot: int) -> Unit:
     identified = Job(f"identify-{name}", work.identify, settings, needs=(recorded,), cost=5.0)
     first = FIRST_SEED + 1000 * robot
 
-    def searched(what: str, model: Job, begin: int) -> tuple[Job, Job]:
+    def searched(what: str, model: Job, begin: int, robust: bool = False) -> tuple[Job, Job]:
         learned = Job(
             f"learn-{what}-{name}",
-            work.learn_policies,
+            beyond_work.learn_robustly if robust else work.learn_policies,
             settings | {"seeds": list(range(begin, begin + o.seeds)), "search": o.search},
             needs=(model,),
             cost=1.2 * o.seeds,
@@ -189,6 +194,11 @@ def _unit(o: Options, length: float, rope: str, robot: int) -> Unit:
             cost=20.0,
         )
         after.append(
-            After(effects, diagnosed, *searched(f"after-{effects}", diagnosed, first + LATER))
+            After(
+                effects, False, diagnosed, *searched(f"after-{effects}", diagnosed, first + LATER)
+            )
         )
+        if effects == "all" and o.robust:
+            robust = searched("after-robust", diagnosed, first + LATER, robust=True)
+            after.append(After(effects, True, diagnosed, *robust))
     return Unit(robot, identified, learned, before, observed, tuple(after))

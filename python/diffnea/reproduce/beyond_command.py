@@ -14,7 +14,7 @@ from importlib import resources
 import numpy as np
 
 from .beyond import ABOUT, QUICK, After, Options, Row, study
-from .beyond_work import STRING
+from .beyond_work import STRING, VARIED
 from .jobs import Job, Json, Results, write_text
 from .numbers import bootstrap, share
 from .run import Report
@@ -100,7 +100,8 @@ def publish(args: argparse.Namespace, results: Results, report: Report) -> None:
     for line in lines:
         print("  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)))
     for row in rows:
-        print(f"{row['title']}, {row['effects']}: {_named(row)}")
+        if not row["robust"]:
+            print(f"{row['title']}, {row['effects']}: {_named(row)}")
     print(f"open {args.output / 'report.html'}", file=sys.stderr)
 
 
@@ -132,6 +133,7 @@ def _row(row: Row, k: int, results: Results) -> Json | None:
         "length": row.length,
         "rope": row.rope,
         "effects": done[0].after[k].effects,
+        "robust": done[0].after[k].robust,
         "robots": len(done),
         "before": share([[p["success"] for p in of] for of in before]).to_dict(),
         "after": share([[p["success"] for p in of] for of in after]).to_dict(),
@@ -170,7 +172,7 @@ def _cells(row: Json) -> tuple[str, ...]:
     return (
         f"{100 * row['length']:.0f} cm",
         row["rope"],
-        row["effects"],
+        f"{row['effects']} (robust)" if row["robust"] else row["effects"],
         str(row["robots"]),
         percent(row["before"]),
         percent(row["after"]),
@@ -204,7 +206,7 @@ def _page(table: Json) -> str:
             parts.append(
                 f'<p class="verdict">{escape(row["title"])}: {row["robots"]} robots;'
                 f" {escape(_cells(row)[4])} of the policies transferred before,"
-                f" {escape(_cells(row)[5])} after.</p>"
+                f" {escape(_cells(row)[5])} after{', learned robustly' * row['robust']}.</p>"
             )
     parts += [
         f'<p class="warning">{escape(n)} failed: {escape(w)}</p>'
@@ -222,10 +224,13 @@ def _page(table: Json) -> str:
     parts.append(
         '<p class="faint">Shares of all policies, none chosen, with 95 % intervals (bootstrap over'
         " robots, Wilson at least); path: median distance of imagined and obtained ball before the"
-        " catch. Policies after have seeds of their own; robots are the same.</p><h2>What was"
-        " named</h2>"
+        " catch. Policies after have seeds of their own; robots are the same. Robust: learned in"
+        " draws of the extended model, in which what was named of the string lies anywhere between"
+        f" none and {VARIED:g} of what was found; as many rollouts.</p><h2>What was named</h2>"
     )
     for row in table["rows"]:
+        if row["robust"]:
+            continue
         parts.append(
             f"<h3>{escape(row['title'])}, {escape(row['effects'])}</h3><p>{escape(_named(row))}</p>"
         )

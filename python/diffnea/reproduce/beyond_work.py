@@ -6,9 +6,10 @@ import numpy as np
 
 from .._core import Model, Recording
 from .._diagnose import diagnose
+from .._learn import learn
 from .._transfer import transfer
 from .jobs import Arrays, Json, Output, Result
-from .work import _named, _nominal, policies_of
+from .work import _named, _nominal, learned_output, policies_of
 
 STRING = (
     "string_wrap",
@@ -33,6 +34,9 @@ CANDIDATES = (
 """All that is tried: what the model's simulator can then learn in."""
 HELD_OUT = 4
 """Every which recording is held out."""
+VARIED = 1.5
+"""Draws have what was named of the string from none to so much of what was found: that it is there
+is certain, its formula is not exact."""
 
 
 def observe(settings: Json, needs: list[Result]) -> Output:
@@ -98,3 +102,26 @@ def diagnose_policies(settings: Json, needs: list[Result]) -> Output:
             "model": finding.model.to_dict(),
         }
     )
+
+
+def learn_robustly(settings: Json, needs: list[Result]) -> Output:
+    """Search in draws of the extended model: its posterior, and what was named of the string."""
+    model = Model.from_dict(needs[0].data["model"])
+    vary = {
+        f"{cause['where']}.{cause['effect']}.{name}": (0.0, VARIED * value)
+        for cause in needs[0].data["causes"]
+        if cause["effect"] in STRING
+        for name, (value, _, _) in cause["parameters"].items()
+    }
+    learned = learn(
+        model,
+        controller=_nominal(settings),
+        string=settings["string"],
+        seeds=settings["seeds"],
+        progress=False,
+        robust=True,
+        vary=vary,
+        **settings["search"],
+    )
+    found = learned_output(learned)
+    return Output({**found.data, "vary": vary}, found.arrays)
