@@ -255,6 +255,14 @@ TEST_CASE("MuJoCo world: surrogate C is the same for a seed, in recordings and i
   CHECK(once.recording.q == again.recording.q);
   CHECK(once.recording.ball == again.recording.ball);
   CHECK(once.recording.q != other.recording.q);
+  // One robot's recordings by number: the drives' noise is that of each.
+  const auto numbered = [&](std::uint64_t number) {
+    return record_in_world(world, nominal, t, quiet(), 0, /*threads=*/1, number);
+  };
+  const WorldRecording first_of_it = numbered(0), second_of_it = numbered(1);
+  CHECK(first_of_it.result.recording.q == once.recording.q);
+  CHECK(second_of_it.result.recording.q != once.recording.q);
+  CHECK(second_of_it.truth.ball->string->length == first_of_it.truth.ball->string->length);
   Model truth;
   MujocoSimulatorOptions options;
   options.lanes = 2;
