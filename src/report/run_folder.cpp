@@ -103,7 +103,7 @@ void publish_fit_run(FitRun& run, ResultFolder& folder) {
   write_file_atomically(staging / "result.json", identify_result_json(run));
   // From what was written, so that `diffnea report` gives the same page.
   write_file_atomically(staging / "report.html", identify_page(read_fit_run(staging)));
-  folder.publish(run_files(folder));
+  folder.publish(kRunFiles);
 }
 
 void publish_diagnose_run(DiagnoseRun& run, ResultFolder& folder) {
@@ -114,7 +114,7 @@ void publish_diagnose_run(DiagnoseRun& run, ResultFolder& folder) {
   write_file_atomically(staging / "series.json", diagnose_series_json(run.finding));
   write_file_atomically(staging / "result.json", diagnose_result_json(run));
   write_file_atomically(staging / "report.html", diagnose_page(read_diagnose_run(staging)));
-  folder.publish(run_files(folder));
+  folder.publish(kRunFiles);  // a transfer's recordings there may be what was diagnosed
 }
 
 void publish_learn_run(const LearnRun& run, ResultFolder& folder) {

@@ -3,7 +3,7 @@
 #include "sim/pack_world.hpp"
 
 #include <algorithm>
-#include <limits>
+#include <cmath>
 
 #include <diffnea/core/pack.hpp>
 #include <diffnea/dynamics/aba.hpp>
