@@ -35,6 +35,7 @@ void run_diagnose(DiagnoseCommand c) {
   c.recording.quiet = c.common.quiet;
   c.options.base = kBases.at(c.base);
   c.options.seed = c.common.seed;
+  refuse_own_inputs(c.out, {c.model});
   const Model model = read_model(c.model);
   ResultFolder folder(c.out);  // cannot be written: better known now
 

@@ -49,7 +49,8 @@ class Experiment {
   /// @return false: interrupted
   bool run() {
     PolicyOptions first = c_.policies;
-    if (!c_.nominal) first.plain();                             // the posterior is yet to come
+    // The posterior is yet to come; what varies beside it can be tried now.
+    if (!c_.nominal && first.robust && first.vary.empty()) first.plain();
     const BallInCup task = task_of(nominal_, nominal_, first);  // refused now, not later
     const std::filesystem::path identified = out_ / "identify-ball" / "model.json";
     if (!c_.nominal && !std::filesystem::exists(identified) && !identify(task.start)) return false;
@@ -184,13 +185,16 @@ class Experiment {
     TransferRun run = transfer_policies(learned, c_.transfer, c_.common, line_);
     if (run.executions.empty()) return false;
     run.reproduce = reproduce();
+    std::string lost;
     if (c_.transfer.record && !run.interrupted)
-      run.interrupted = !record_policies(run, c_.transfer, c_.common, folder.staging(), line_);
+      lost = record_policies(run, c_.transfer, c_.common, folder.staging(), line_);
     publish_transfer_run(run, folder);
     line_.clear();
     const std::string text = c_.common.json ? transfer_result_json(run) : transfer_text(run);
     std::fwrite(text.data(), 1, text.size(), stdout);
     say("open " + (folder.path() / "report.html").string());
+    std::fputs(lost.c_str(), stderr);
+    if (!lost.empty() && !run.interrupted) throw CLI::RuntimeError(kNoUsableResult);
     return !run.interrupted;
   }
 

@@ -60,6 +60,7 @@ void run_identify(IdentifyCommand c) {
     c.options.choice.effects =
         c.effects == std::vector<std::string>{"none"} ? std::vector<std::string>{} : c.effects;
   c.options.trajectory.threads = threads_of(c.common);
+  refuse_own_inputs(c.out, {c.model});
   const Model model = read_model(c.model);
   ResultFolder folder(c.out);  // cannot be written: better known now
 

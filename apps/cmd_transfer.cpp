@@ -39,18 +39,21 @@ void run_transfer(const TransferCommand& c) {
     std::fprintf(stderr, "interrupted before anything was executed; nothing was written\n");
     throw CLI::RuntimeError(kInterrupted);
   }
+  std::string lost;
   if (options.record && !run.interrupted)
-    run.interrupted = !record_policies(run, options, c.common, folder.staging(), line);
+    lost = record_policies(run, options, c.common, folder.staging(), line);
   publish_transfer_run(run, folder);
   line.clear();
   const std::string text = c.common.json ? transfer_result_json(run) : transfer_text(run);
   std::fwrite(text.data(), 1, text.size(), stdout);
   if (!c.common.json && !c.common.quiet)
     std::printf("%s: result.json, report.html\n", folder.path().string().c_str());
+  std::fputs(lost.c_str(), stderr);
   if (run.interrupted) {
     std::fprintf(stderr, "interrupted: the result is of what had been executed until then\n");
     throw CLI::RuntimeError(kInterrupted);
   }
+  if (!lost.empty()) throw CLI::RuntimeError(kNoUsableResult);
 }
 
 }  // namespace

@@ -101,29 +101,44 @@ void add_transfer_options(CLI::App& command, TransferOptions& o) {
       ->capture_default_str();
 }
 
-bool record_policies(const TransferRun& run, const TransferOptions& o, const CommonOptions& common,
-                     const std::filesystem::path& folder, ProgressLine& line) {
+std::string record_policies(TransferRun& run, const TransferOptions& o, const CommonOptions& common,
+                            const std::filesystem::path& folder, ProgressLine& line) {
   const WorldSpec world = world_of(o);
   RecordOptions options;
   static_cast<ControllerOptions&>(options) = run.task.options.simulator.controller;
   options.scale_noise(world.noise);
   const int count = static_cast<int>(run.policies.size());
+  std::vector<std::string> problems(run.policies.size());
+  const auto record = [&](const LearnedPolicy& policy) -> std::string {
+    const std::string name = recording_file_name(policy.seed), file = (folder / name).string();
+    try {
+      const SimulatedRecording seen =
+          record_in_world(world, run.task.controller, desired_motion(policy, options.control_rate),
+                          options, common.seed, /*threads=*/1, policy.seed)
+              .result;
+      write_recording(seen.recording, file);
+      write_sidecar(seen.recording.info, file);
+      return seen.failure.empty() ? "" : name + ": the recording ended early: " + seen.failure;
+    } catch (const Error& error) {
+      std::error_code ignored;
+      std::filesystem::remove(file, ignored);  // without its sidecar it would be read wrongly
+      return name + ": was not written: " + error.what();
+    }
+  };
   run_jobs(
       count, threads_of(common),
       [&] {
         return [&](int k) {
-          const LearnedPolicy& policy = run.policies[static_cast<std::size_t>(k)];
-          const SimulatedRecording seen =
-              record_in_world(world, run.task.controller,
-                              desired_motion(policy, options.control_rate), options, common.seed)
-                  .result;
-          const std::string file = (folder / recording_file_name(policy.seed)).string();
-          write_recording(seen.recording, file);
-          write_sidecar(seen.recording.info, file);
+          const auto i = static_cast<std::size_t>(k);
+          problems[i] = record(run.policies[i]);
         };
       },
       counted(line, "recording policy", count));
-  return !Interruptible::requested();
+  run.interrupted = Interruptible::requested();
+  std::string out;
+  for (const std::string& problem : problems)
+    if (!problem.empty()) out += problem + "\n";
+  return out;
 }
 
 std::string world_name(const TransferOptions& o) {

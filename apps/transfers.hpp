@@ -32,11 +32,13 @@ void add_transfer_options(CLI::App& command, TransferOptions& options);
 TransferRun transfer_policies(const LearnRun& learned, const TransferOptions& options,
                               const CommonOptions& common, ProgressLine& line);
 
-/// Executes every policy once more, before sensors: `recording_<seed>.csv` and what columns cannot
-/// hold, in `folder`. @return false: Ctrl-C came
-bool record_policies(const TransferRun& run, const TransferOptions& options,
-                     const CommonOptions& common, const std::filesystem::path& folder,
-                     ProgressLine& line);
+/// Executes every policy once more, before sensors, each with noise of its own:
+/// `recording_<seed>.csv` and what columns cannot hold, in `folder`.
+/// @param run  its `interrupted` is set if Ctrl-C came
+/// @return what went wrong, a line each; the executions of `run` are none the worse for it
+std::string record_policies(TransferRun& run, const TransferOptions& options,
+                            const CommonOptions& common, const std::filesystem::path& folder,
+                            ProgressLine& line);
 
 /// The world that the options name, and its name.
 std::string world_name(const TransferOptions& options);

@@ -388,13 +388,23 @@ World make_world(const std::string& name, const Model& controller, const Learned
 }
 
 Recording record_python(const World& world, const LearnedPolicy& policy) {
-  const py::gil_scoped_release release;
-  RecordOptions options;
-  static_cast<ControllerOptions&>(options) = policy.controller;
-  options.scale_noise(world.spec.noise);
-  return record_in_world(world.spec, world.controller, desired_motion(policy, options.control_rate),
-                         options, world.seed)
-      .result.recording;
+  SimulatedRecording seen;
+  {
+    const py::gil_scoped_release release;
+    RecordOptions options;
+    static_cast<ControllerOptions&>(options) = policy.controller;
+    options.scale_noise(world.spec.noise);
+    seen = record_in_world(world.spec, world.controller,
+                           desired_motion(policy, options.control_rate), options, world.seed,
+                           /*threads=*/1, policy.seed)
+               .result;
+  }
+  if (!seen.failure.empty()) {
+    const std::string text = "transfer: the recording of policy " + std::to_string(policy.seed) +
+                             " ended early: " + seen.failure;
+    if (PyErr_WarnEx(PyExc_UserWarning, text.c_str(), 1) != 0) throw py::error_already_set();
+  }
+  return std::move(seen.recording);
 }
 
 /// seed, outcome, text, reward, reward_wide, failure, trace

@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <filesystem>
+#include <iterator>
 
 #include <pybind11/stl/filesystem.h>
 
@@ -141,7 +142,9 @@ std::optional<BumpTable> table_from(const py::object& table) {
 }
 
 py::list effect_catalogue() {
-  static constexpr const char* kPlaces[] = {"joint", "joint pair", "tip", "base", "all"};
+  static constexpr const char* kPlaces[] = {"joint", "joint pair", "tip",    "base",
+                                            "all",   "ball",       "string", "camera"};
+  static_assert(std::size(kPlaces) == static_cast<std::size_t>(Place::kCamera) + 1);
   static constexpr const char* kSigns[] = {"any", "not negative", "positive"};
   py::list out;
   for (const EffectInfo& e : catalogue()) {

@@ -115,6 +115,10 @@ TEST_CASE("diagnose a ball: a string tied elsewhere is one where the base is fix
   const Finding refitted = diagnose(accused, data.train, data.test);
   CAPTURE(listed(refitted));
   CHECK(refitted.verdict == Verdict::kNone);
+  CHECK(refitted.base == "refit");
+  // One that was identified is held, and the result says so.
+  accused.ball->string->length_std = 1e-4;
+  CHECK(diagnose(accused, data.train, data.test).base == "prior");
 }
 
 TEST_CASE("diagnose a ball: without a second recording, stretches of time are held out",

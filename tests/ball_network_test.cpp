@@ -249,6 +249,9 @@ TEST_CASE("ball network: what does not fit is refused by name", "[io][ball_netwo
   };
   REQUIRE(error(document("0.002", good)).empty());
   CHECK_THAT(error(document("0", good)), ContainsSubstring("net.json.step"));
+  std::string endless = document("0.002", good);
+  endless.replace(endless.find("\"warm_up\":0"), 11, "\"warm_up\":1e300");
+  CHECK_THAT(error(endless), ContainsSubstring("net.json.warm_up"));
   CHECK_THAT(error(document("0.002", R"({"weights":[[1,2]],"bias":[0]})")),
              ContainsSubstring("takes 2 inputs, expected 18"));
   CHECK_THAT(error(document("0.002", R"({"weights":[)" + row + R"(],"bias":[0]})")),

@@ -199,6 +199,54 @@ TEST_CASE("model simulator: a world takes the parameters that its seed says", "[
   CHECK(std::abs(seen(cup, 1) - seen(ball, 1) - 0.40) < 1e-12);
 }
 
+TEST_CASE("model simulator: a torque over another joint's speed is no friction", "[sim]") {
+  // Axes at right angles through the centres of mass: nothing else couples the two.
+  const Model bare = model_from_json(R"({"schema": "diffnea/model/1", "name": "two", "links": [
+      {"name": "A", "joint": {"name": "a", "type": "revolute", "axis": [0, 0, 1]},
+       "inertia": {"mass": 1, "com": [0, 0, 0], "about_com": [0.5, 0, 0, 0.5, 0, 0.5]}},
+      {"name": "B", "parent": "A", "joint": {"name": "b", "type": "revolute", "axis": [1, 0, 0]},
+       "inertia": {"mass": 1, "com": [0, 0, 0], "about_com": [0.01, 0, 0, 0.01, 0, 0.01]}}]})",
+                                     "two.json");
+  ModelSimulatorOptions options;
+  options.controller.kp = Eigen::Vector2d{200.0, 25.0};
+  options.controller.kd = Eigen::Vector2d{20.0, 1.0};
+  const auto pushed = [&](double torque) {
+    Model model = bare;
+    model.effects.push_back({"residual",
+                             "a",
+                             {{"scale", 1.0, "1"}},
+                             BumpTable{{"qd_b"}, {1.0}, {0.4}, {torque}, std::abs(torque)}});
+    ModelSimulator world({model}, bare, options);
+    world.reset({Lanes::Zero(2, 1), {0}});
+    VecX<double> out(300);
+    for (long k = 0; k < out.size(); ++k) {
+      const double t = static_cast<double>(k) * world.period();
+      Lanes q = Lanes::Zero(2, world.lanes()), qd = q;
+      q.row(1).setConstant(0.2 * (1.0 - std::cos(5.0 * t)));
+      qd.row(1).setConstant(std::sin(5.0 * t));
+      world.step(q, qd);
+      out[k] = world.observe()(0, 0);
+    }
+    return out;
+  };
+  const VecX<double> one = pushed(2.0), other = pushed(-2.0);
+  CHECK(one.cwiseAbs().maxCoeff() > 5e-3);  // 2 N·m against 200 N·m/rad
+  CHECK_THAT(MatX<double>(one), MatrixNear(MatX<double>(-other), 1e-12));
+}
+
+TEST_CASE("model simulator: gains that are not given are those of the start", "[sim]") {
+  const Model model = read_model(kWam);
+  ModelSimulatorOptions options;
+  options.controller.kp = joint_gains(model, options.controller, kHome).kp;
+  const auto after = [&](const ModelSimulatorOptions& o) {
+    ModelSimulator world({model}, model, o);
+    return run(world, {{0.4, 7.0}}, 0.5).back();
+  };
+  const Lanes derived = after(options);
+  options.controller.kd = joint_gains(model, options.controller, kHome).kd;
+  CHECK(after(options) == derived);
+}
+
 TEST_CASE("model simulator: what it does not simulate is refused by name", "[sim]") {
   const Model model = read_model(kWam);
   Model loose = model;

@@ -289,4 +289,7 @@ TEST_CASE("pack drives: what is left is refused by name", "[sim]") {
   for (int k = 0; k < 2; ++k)
     add(twice, "joint_elasticity", "joint2", {{"stiffness", 1e3}, {"motor_inertia", 0.1}});
   CHECK_THROWS_WITH(ModelSimulator({twice}, nominal), ContainsSubstring("one elasticity a joint"));
+  Model late = nominal;
+  add(late, "actuator_delay", "all", {{"delay", 1e7}});
+  CHECK_THROWS_WITH(ModelSimulator({late}, nominal), ContainsSubstring("expected at most 10 s"));
 }

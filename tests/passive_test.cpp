@@ -105,6 +105,29 @@ TEST_CASE("passive: the model as a world takes commands for the cart and swings 
                   ShapeError);
 }
 
+TEST_CASE("passive: a computed torque asks nothing of a joint that nothing drives", "[passive]") {
+  const Model model = read_model(kCartPole);
+  ModelSimulatorOptions mine;
+  MujocoSimulatorOptions its;
+  mine.controller.law = its.controller.law = ControlLaw::kComputedTorque;
+  ModelSimulator ours({model}, model, mine);
+  MujocoSimulator theirs(read_mjcf(kCartPole), model, model, its);
+  ours.reset({Lanes::Zero(1, 1), {0}});
+  theirs.reset({Lanes::Zero(1, 1), {0}});
+  double swing = 0.0, apart = 0.0;
+  for (long k = 0; k < 1000; ++k) {
+    const double t = static_cast<double>(k) * ours.period(), w = 5.0;
+    const Lanes q = Lanes::Constant(1, ours.lanes(), 0.05 * (1.0 - std::cos(w * t))),
+                qd = Lanes::Constant(1, ours.lanes(), 0.05 * w * std::sin(w * t));
+    ours.step(q, qd);
+    theirs.step(q.leftCols(1), qd.leftCols(1));
+    swing = std::max(swing, std::abs(theirs.observe()(1, 0)));
+    apart = std::max(apart, std::abs(ours.observe()(1, 0) - theirs.observe()(1, 0)));
+  }
+  CHECK(swing > 0.4);
+  CHECK(apart < kSwingTol);
+}
+
 TEST_CASE("passive: a world hides the effects that it is asked to", "[passive]") {
   const std::string name = "mujoco:" + kCartPole + ",perturb=A,seed=3";
   const WorldSpec world = parse_world(

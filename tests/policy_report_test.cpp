@@ -192,6 +192,36 @@ TEST_CASE("learn run: the folder gives back what was written", "[policy]") {
   }
 }
 
+TEST_CASE("run folder: what no run left there stays", "[policy]") {
+  const test::TemporaryFolder folder;
+  const std::string mine[] = {"policy_1.json", "recording_1.csv", "recording_1.json"};
+  for (const std::string& name : mine) write_file_atomically(folder.path() / name, "mine");
+  const auto all_there = [&] {
+    return std::ranges::all_of(
+        mine, [&](const auto& name) { return std::filesystem::exists(folder.path() / name); });
+  };
+  SECTION("beside what is learned") {
+    ResultFolder out(folder.path());
+    publish_learn_run(learned(), out);
+    CHECK(all_there());
+  }
+  SECTION("but recordings of an earlier transfer go") {
+    const auto transfer = [&](bool records) {
+      ResultFolder out(folder.path());
+      if (records) write_file_atomically(out.staging() / "recording_7.csv", "its own");
+      publish_transfer_run(transferred(), out);
+    };
+    transfer(true);
+    CHECK(all_there());
+    CHECK(std::filesystem::exists(folder.path() / "recording_7.csv"));
+    transfer(false);
+    CHECK_FALSE(std::filesystem::exists(folder.path() / "recording_7.csv"));
+    write_file_atomically(folder.path() / "recording_of_mine.csv", "mine");
+    transfer(false);
+    CHECK(std::filesystem::exists(folder.path() / "recording_of_mine.csv"));
+  }
+}
+
 TEST_CASE("learn page: numbers, curves of all seeds, a strip", "[policy]") {
   const test::TemporaryFolder folder;
   ResultFolder run(folder.path());

@@ -300,6 +300,9 @@ TEST_CASE("world: names, keys, and what there is instead", "[io]") {
                     ContainsSubstring("keys: perturb, seed, noise, effect, repetitions"));
   CHECK_THROWS_WITH(parse_world("mujoco:wam4,seed=x"), ContainsSubstring("seed = 'x'"));
   CHECK_THROWS_WITH(parse_world("mujoco:wam4,noise=-1"), ContainsSubstring("negative"));
+  CHECK_THROWS_WITH(parse_world("mujoco:wam4,noise=inf"), ContainsSubstring("infinite"));
+  CHECK_THROWS_WITH(parse_world("mujoco:wam4,repetitions=100000000"),
+                    ContainsSubstring("repetitions must be 1 or more, at most"));
   CHECK_THROWS_WITH(parse_world("mujoco:wam4,perturb=Q"),
                     ContainsSubstring("choices: none, A, B, C"));
 }

@@ -153,6 +153,9 @@ TEST_CASE("surrogate: what is wrong in a file is named", "[io]") {
   CHECK(parse_world("mujoco:" + kWam + ",perturb=C").perturbation.stiction_high == 0.3);
   CHECK_THROWS_WITH(parse_world("mujoco:" + kWam + ",perturb=D"),
                     ContainsSubstring("choices: none, A, B, C, or the path"));
+  read(R"(, "string": 5)");
+  CHECK_THROWS_WITH(perturbed(read_model(kCup), find_surrogate(path.string()), 1),
+                    ContainsSubstring("cannot become up to 5"));
   CHECK_THAT(worlds_text(), ContainsSubstring("C: B with cables"));
 }
 
@@ -228,6 +231,10 @@ TEST_CASE("MuJoCo world: the camera is late, and shows the path that there was",
     if (delay > 0.0) add(truth, "camera_delay", "camera", {{"delay", delay}});
     return record_in_mujoco(read_mjcf(kCup), truth, nominal, t, quiet()).recording.ball;
   };
+  Model early = nominal;
+  add(early, "camera_delay", "camera", {{"delay", -10e-3}});
+  CHECK_THROWS_WITH(record_in_mujoco(read_mjcf(kCup), early, nominal, t, quiet()),
+                    ContainsSubstring("camera_delay"));
   const RowMatX<double> now = balls(0.0), late = balls(10e-3), between = balls(9e-3);
   const long rows = now.rows();
   CHECK((late.bottomRows(rows - 5) - now.topRows(rows - 5)).cwiseAbs().maxCoeff() < 1e-12);
@@ -255,6 +262,14 @@ TEST_CASE("MuJoCo world: surrogate C is the same for a seed, in recordings and i
   CHECK(once.recording.q == again.recording.q);
   CHECK(once.recording.ball == again.recording.ball);
   CHECK(once.recording.q != other.recording.q);
+  // One robot's recordings by number: the drives' noise is that of each.
+  const auto numbered = [&](std::uint64_t number) {
+    return record_in_world(world, nominal, t, quiet(), 0, /*threads=*/1, number);
+  };
+  const WorldRecording first_of_it = numbered(0), second_of_it = numbered(1);
+  CHECK(first_of_it.result.recording.q == once.recording.q);
+  CHECK(second_of_it.result.recording.q != once.recording.q);
+  CHECK(second_of_it.truth.ball->string->length == first_of_it.truth.ball->string->length);
   Model truth;
   MujocoSimulatorOptions options;
   options.lanes = 2;

@@ -37,12 +37,6 @@ bool same(const EffectSpec& a, const EffectSpec& b) {
   return a.effect == b.effect && a.where == b.where;
 }
 
-/// A string that was identified on calm motions is known to fractions of a millimetre. Recordings
-/// in which it lacks something would rather bend it than tell what.
-bool is_identified(const Model& model) {
-  return model.ball->string && model.ball->string->length_std > 0.0;
-}
-
 /// Whether first order about 0 says little of it: it has starts of its own.
 bool is_far_from_linear(const EffectSpec& e) {
   return std::ranges::any_of(info(find_effect(e.effect)).parameters,
@@ -54,8 +48,7 @@ class BallDiagnosis {
   BallDiagnosis(const std::vector<Recording>& train, const std::vector<Recording>& test,
                 const DiagnoseOptions& options, Base base, Finding& finding)
       : options_(options),
-        fit_string_(base == Base::kRefit ||
-                    (base == Base::kPrior && !is_identified(finding.model))),
+        fit_string_(fits_string(finding.model, base)),
         finding_(finding),
         model_(finding.model) {
     prepare(train, test);
@@ -466,6 +459,12 @@ class BallDiagnosis {
 };
 
 }  // namespace
+
+bool fits_string(const Model& model, Base base) {
+  const bool is_identified =
+      model.ball && model.ball->string && model.ball->string->length_std > 0.0;
+  return base == Base::kRefit || (base == Base::kPrior && !is_identified);
+}
 
 void diagnose_ball(const std::vector<Recording>& train, const std::vector<Recording>& test,
                    const DiagnoseOptions& options, Base base, Finding& finding) {

@@ -97,7 +97,7 @@ Finding diagnose(const Model& model, const RecordingSource& train, const Recordi
   if (finding.interrupted || (!options.effects.empty() && own.effects.empty())) return finding;
   const Base base = options.base == Base::kAuto ? Base::kPrior : options.base;
   if (!joints) {
-    finding.base = base == Base::kFixed ? "fixed" : "refit";
+    finding.base = base == Base::kFixed ? "fixed" : fits_string(model, base) ? "refit" : "prior";
     finding.simulated.reason = "the joints' measured motion is an input";
   }
   diagnose_ball(balls, held_out, own, base, finding);

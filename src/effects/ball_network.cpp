@@ -42,7 +42,9 @@ int num_hidden(const BallNetwork& network) {
 void check(const BallNetwork& n, const std::string& where) {
   require(!n.members.empty(), where + ".members", "there are none");
   require(n.step > 0.0, where + ".step", "expected a positive time");
-  require(n.warm_up >= 0.0, where + ".warm_up", "expected a time, got a negative number");
+  constexpr double kLongest = 60.0;  // [s]: a start takes as many steps
+  require(n.warm_up >= 0.0 && n.warm_up <= kLongest, where + ".warm_up",
+          "got " + std::to_string(n.warm_up) + " s, expected 0 to " + std::to_string(kLongest));
   check_size(n.input_mean.size(), kNetworkInputs, where + ".input_mean");
   check_size(n.input_scale.size(), kNetworkInputs, where + ".input_scale");
   check_size(n.output_mean.size(), kNetworkOutputs, where + ".output_mean");

@@ -166,7 +166,6 @@ void check_value(const std::string& here, const ParameterInfo& info, double valu
                    (std::isfinite(info.most) ? ", at most " + std::to_string(info.most) : ""));
 }
 
-/// Neighbours in the tree, either way round.
 /// Joints and their parents, of one type: a shaft's torque is [N·m] at both or [N] at both.
 std::vector<std::string> joint_pairs(const Model& model) {
   const std::vector<std::string> names = joint_names(model);

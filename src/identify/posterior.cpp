@@ -177,7 +177,7 @@ class Sampler {
         return m.effect == e.effect && m.where == e.where;
       });
     };
-    std::ranges::sort(out.effects, {}, place);
+    std::ranges::stable_sort(out.effects, {}, place);
     out.posterior.reset();
     return out;
   }

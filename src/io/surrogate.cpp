@@ -14,7 +14,7 @@ namespace {
 const char kSchema[] = "diffnea/surrogate/1";
 const std::string kPrefix = "surrogate_";
 
-/// Two numbers, ascending, the first above `least`.
+/// Two numbers, ascending, none below `least`.
 void take_range(io::JsonObject& object, const char* key, double least, double& low, double& high) {
   const io::Json* value = object.optional(key);
   if (!value) return;

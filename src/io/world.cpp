@@ -52,6 +52,9 @@ constexpr WorldKey kWorldKeys[] = {
      "of the cup about where the string is tied: the largest that is drawn [rad]; default: that of "
      "perturb, A 0.035, B and C 0.07"}};
 
+/// All of them are kept until they are averaged.
+constexpr int kMostRepetitions = 10000;
+
 std::string key_names() {
   std::string out;
   for (const WorldKey& key : kWorldKeys) out += (out.empty() ? "" : ", ") + std::string(key.name);
@@ -169,13 +172,16 @@ WorldSpec parse_world(const std::string& text) {
   else if (ball == "chain")
     out.rope = Rope{};
   if (tilt) out.perturbation.cup_tilt = *tilt;
-  if (!(out.perturbation.cup_tilt >= 0.0))
-    throw Error("world '" + text + "': tilt must not be negative [rad]");
+  if (!(out.perturbation.cup_tilt >= 0.0 && std::isfinite(out.perturbation.cup_tilt)))
+    throw Error("world '" + text + "': tilt must not be negative, nor infinite [rad]");
   for (const std::optional<double>& length : {out.string, out.nominal_string})
-    if (length && !(*length > 0.0))
+    if (length && !(*length > 0.0 && std::isfinite(*length)))
       throw Error("world '" + text + "': string and nominal_string must be positive [m]");
-  if (out.repetitions < 1) throw Error("world '" + text + "': repetitions must be 1 or more");
-  if (!(out.noise >= 0.0)) throw Error("world '" + text + "': noise must not be negative");
+  if (out.repetitions < 1 || out.repetitions > kMostRepetitions)
+    throw Error("world '" + text + "': repetitions must be 1 or more, at most " +
+                std::to_string(kMostRepetitions));
+  if (!(out.noise >= 0.0 && std::isfinite(out.noise)))
+    throw Error("world '" + text + "': noise must not be negative, nor infinite");
   out.mjcf = find_model_file(name, {".xml"});
   return out;
 }
@@ -223,7 +229,7 @@ DrawnWorld draw(const WorldSpec& world, std::uint64_t seed) {
 
 WorldRecording record_in_world(const WorldSpec& world, const Model& controller,
                                const Trajectory& trajectory, RecordOptions options,
-                               std::uint64_t seed, int threads) {
+                               std::uint64_t seed, int threads, std::uint64_t number) {
   options.seed = world.seed.value_or(seed);
   options.actuation_noise = together(options.actuation_noise, world.perturbation.actuation_noise);
   DrawnWorld drawn = draw(world, options.seed);
@@ -234,7 +240,7 @@ WorldRecording record_in_world(const WorldSpec& world, const Model& controller,
   const auto work = [&] {
     for (std::size_t k = next++; k < repetitions.size(); k = next++) {
       RecordOptions own = options;  // other noise; Rng tells neighbouring seeds well apart
-      own.seed += k * 0x9e3779b97f4a7c15ULL;
+      own.seed += k * 0x9e3779b97f4a7c15ULL + number * 0xd1b54a32d192ed03ULL;
       try {
         repetitions[k] = record_in_mujoco(drawn.document, out.truth, controller, trajectory, own);
       } catch (...) {

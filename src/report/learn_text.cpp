@@ -11,7 +11,7 @@ using namespace report;
 
 namespace {
 
-/// "in 58.5 of 64 draws", the mean of all policies; empty where none was learned in draws.
+/// ", and in 91 % of 64 draws …", of all policies; empty where none was learned in draws.
 std::string draws_words(const std::vector<LearnedPolicy>& policies) {
   int draws = 0, caught = 0;
   for (const LearnedPolicy& p : policies) {

@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <string_view>
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/io/atomic_file.hpp>
@@ -44,18 +45,41 @@ void write_models(const Model& model, const fs::path& folder, std::vector<std::s
   }
 }
 
-/// kRunFiles, and the policies and recordings that are in the folder, or will be.
+/// Whether a file is called `stem`, a seed, `ending`.
+bool is_of_seed(const std::string& name, std::string_view stem, std::string_view ending) {
+  return name.size() > stem.size() + ending.size() && name.starts_with(stem) &&
+         name.ends_with(ending) &&
+         std::all_of(name.begin() + static_cast<long>(stem.size()),
+                     name.end() - static_cast<long>(ending.size()),
+                     [](char c) { return c >= '0' && c <= '9'; });
+}
+
+/// Whether a run left its result in the folder: what it has beside it is of that run.
+bool holds(const fs::path& folder, std::string_view schema) {
+  try {
+    return run_schema(folder).starts_with(schema);
+  } catch (const Error&) {
+    return false;
+  }
+}
+
+/// kRunFiles, and the policies and recordings that are in the folder, or will be. In a folder that
+/// no run left they are not ours: recording_1.csv may well be what was fitted to.
 std::vector<std::string> run_files(const ResultFolder& folder) {
   std::vector<std::string> out = kRunFiles;
-  for (const fs::path& place : {folder.path(), folder.staging()}) {
+  const bool transferred = holds(folder.path(), "diffnea/transfer/"),
+             learned = transferred || holds(folder.path(), "diffnea/learn/");
+  for (const bool staged : {false, true}) {
+    const fs::path& place = staged ? folder.staging() : folder.path();
     std::error_code error;
     for (fs::directory_iterator it(place, error), end; !error && it != end; it.increment(error)) {
       const std::string name = it->path().filename().string();
-      const bool is_policy = name.starts_with("policy_") && name.ends_with(".json"),
-                 is_recording = name.starts_with("recording_") &&
-                                (name.ends_with(".csv") || name.ends_with(".json"));
-      if ((is_policy || is_recording) && std::ranges::find(out, name) == out.end())
-        out.push_back(name);
+      const bool is_policy = is_of_seed(name, "policy_", ".json"),
+                 is_recording = is_of_seed(name, "recording_", ".csv") ||
+                                is_of_seed(name, "recording_", ".json"),
+                 is_ours = (is_policy && (staged || learned)) ||
+                           (is_recording && (staged || transferred));
+      if (is_ours && std::ranges::find(out, name) == out.end()) out.push_back(name);
     }
   }
   return out;
@@ -79,7 +103,7 @@ void publish_fit_run(FitRun& run, ResultFolder& folder) {
   write_file_atomically(staging / "result.json", identify_result_json(run));
   // From what was written, so that `diffnea report` gives the same page.
   write_file_atomically(staging / "report.html", identify_page(read_fit_run(staging)));
-  folder.publish(run_files(folder));
+  folder.publish(kRunFiles);
 }
 
 void publish_diagnose_run(DiagnoseRun& run, ResultFolder& folder) {
@@ -90,7 +114,7 @@ void publish_diagnose_run(DiagnoseRun& run, ResultFolder& folder) {
   write_file_atomically(staging / "series.json", diagnose_series_json(run.finding));
   write_file_atomically(staging / "result.json", diagnose_result_json(run));
   write_file_atomically(staging / "report.html", diagnose_page(read_diagnose_run(staging)));
-  folder.publish(run_files(folder));
+  folder.publish(kRunFiles);  // a transfer's recordings there may be what was diagnosed
 }
 
 void publish_learn_run(const LearnRun& run, ResultFolder& folder) {

@@ -100,9 +100,18 @@ void take_sides(std::vector<DrawnEffects>& draws) {
       }
 }
 
+/// Whether its torque depends on another joint's speed.
+bool reads_other_speed(const BoundEffect& e) {
+  const Residual* residual = std::get_if<Residual>(&e.type);
+  return residual && std::ranges::any_of(residual->axes, [&](const Residual::Axis& a) {
+           return a.velocity && a.joint != e.joints.front();
+         });
+}
+
 /// What its torque depends on, asked with numbers that no formula survives: one that is finite did
 /// not look at them.
 sim::EffectKind kind_of(const BoundEffect& e, const Tree<double>& tree) {
+  if (reads_other_speed(e)) return sim::EffectKind::kGeneral;
   const std::size_t n = static_cast<std::size_t>(e.num_joints);
   const std::vector<double> anything(n, std::nan(""));
   std::vector<double> parameters = e.parameters;  // 0 in one draw need not be in another
@@ -125,6 +134,24 @@ sim::EffectKind kind_of(const BoundEffect& e, const Tree<double>& tree) {
     if (!(torque(speed) - speed * one).isZero(kRounding * one.cwiseAbs().maxCoeff()))
       return sim::EffectKind::kDissipative;
   return sim::EffectKind::kLinear;
+}
+
+/// Of all draws: where they do not agree (a shape may be what makes a friction linear in one of
+/// them), nothing is taken for granted.
+sim::EffectKind kind_in_all(const std::vector<DrawnEffects>& draws, std::size_t e) {
+  const sim::EffectKind first = kind_of(draws.front().links[e], draws.front().tree.tree);
+  for (const DrawnEffects& d : draws)
+    if (kind_of(d.links[e], d.tree.tree) != first) return sim::EffectKind::kGeneral;
+  return first;
+}
+
+/// A delay's commands are all kept: a longer one is no delay.
+void check_delay(const Model& model, const BoundEffect& e) {
+  constexpr int kLongest = 10;  // [s]
+  if (!std::holds_alternative<ActuatorDelay>(e.type) || e.parameters[0] <= kLongest) return;
+  throw ModelError(model.source + ": actuator_delay at '" + e.where +
+                   "': delay = " + std::to_string(e.parameters[0]) + " s, expected at most " +
+                   std::to_string(kLongest) + " s here");
 }
 
 struct BallEffects {
@@ -267,6 +294,7 @@ PackSpec spec_of(const std::vector<Model>& draws, const Model& controller,
   out.law = o.controller.law;
   out.gravity_compensation = o.controller.gravity_compensation;
   out.nominal = extend(controller).tree;
+  if (!out.gravity_compensation) out.nominal.gravity = {0, 0, 0};
   for (Link<double>& link : out.nominal.links)
     if (out.law == ControlLaw::kPd) link.armature = 0.0;  // gravity alone
   for (const int i : moving_links(first)) {
@@ -282,6 +310,7 @@ PackSpec spec_of(const std::vector<Model>& draws, const Model& controller,
     d.model = model;
     d.tree = extend(model, {0});
     for (const BoundEffect& e : d.tree.series) {
+      check_delay(model, e);
       if (is_of_drives(e))
         d.drives.push_back(e);
       else if (!is_of_log(e) && !acts_on_ball(e.info()))
@@ -301,7 +330,7 @@ PackSpec spec_of(const std::vector<Model>& draws, const Model& controller,
   out.drives = drawn.front().drives;
   out.motor_effects = drawn.front().motors;
   out.ball_effects = first_ball.forces;
-  for (const BoundEffect& e : out.effects) out.kinds.push_back(kind_of(e, drawn.front().tree.tree));
+  for (std::size_t e = 0; e < out.effects.size(); ++e) out.kinds.push_back(kind_in_all(drawn, e));
   for (const DrawnEffects& d : drawn) {
     const BallEffects ball = ball_effects(d.model);
     if (names(ball.forces) != names(out.ball_effects))
@@ -387,9 +416,9 @@ void ModelSimulator::reset(const Starts& starts) {
                      std::to_string(lanes()) + " (the lanes)");
   const Lanes q = p.of_all(starts.q);
   if (p.gains_at_start) {
-    const std::vector<double> before = p.spec.kp;
+    const std::vector<double> kp = p.spec.kp, kd = p.spec.kd;
     p.take_gains(q.col(0));
-    if (p.spec.kp != before) p.make_world();
+    if (p.spec.kp != kp || p.spec.kd != kd) p.make_world();
   }
   p.world->reset(q.data(), q.cols(), static_cast<int>(count), starts.seeds.data());
   std::ranges::fill(p.failures, "");

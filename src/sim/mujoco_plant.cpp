@@ -183,6 +183,10 @@ void MujocoRobot::apply(const EffectSpec& effect, const Model& truth) {
     turn(bound);
   } else if (std::holds_alternative<CameraDelay>(bound.type)) {
     camera_delay_ += bound.parameters[0];
+    if (!(camera_delay_ >= 0.0))
+      throw ModelError("MuJoCo world: camera_delay: the camera would see the ball " +
+                       std::to_string(-camera_delay_) +
+                       " s before it is there; expected 0 or more");
   } else if (info.name == "base_tilt") {
     for (int i = 0; i < 2; ++i) m.opt.gravity[i] += bound.parameters[static_cast<std::size_t>(i)];
   } else if (info.port == Port::kMeasurement || info.name.starts_with("actuator_") ||

@@ -115,6 +115,11 @@ Model perturbed(const Model& model, const Perturbation& p, std::uint64_t seed) {
   }
   if (out.ball && out.ball->string) {
     StringSpec& string = *out.ball->string;
+    if (!(p.string < string.length))
+      throw ModelError(model.source + ": its string of " + std::to_string(string.length) +
+                       " m cannot become up to " + std::to_string(p.string) +
+                       " m shorter; expected less than its length (`string` of the ranges that "
+                       "perturb= names)");
     Vec3<double> shift{rng.normal(), rng.normal(), rng.normal()};
     shift = shift * (rng.uniform(0.0, p.attachment) / std::sqrt(dot(shift, shift)));
     string.p_LS = string.p_LS + shift;

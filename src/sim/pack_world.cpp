@@ -3,7 +3,7 @@
 #include "sim/pack_world.hpp"
 
 #include <algorithm>
-#include <limits>
+#include <cmath>
 
 #include <diffnea/core/pack.hpp>
 #include <diffnea/dynamics/aba.hpp>
@@ -301,7 +301,9 @@ class World : public PackWorld {
       const Pack feedback =
           spec_.kp[j] * (desired - state_.q[j]) + spec_.kd[j] * (rate - state_.qd[j]);
       if (computed)
-        qdd_[j] = feedback + (rate - state_.qd_desired[j]) * Pack(1.0 / spec_.period);
+        qdd_[j] = spec_.passive[j]
+                      ? Pack(0.0)
+                      : feedback + (rate - state_.qd_desired[j]) * Pack(1.0 / spec_.period);
       else
         u_[j] += feedback;
       state_.qd_desired[j] = rate;
@@ -328,6 +330,15 @@ class World : public PackWorld {
                      tau.data());
   }
 
+  /// Speeds at which what it acts on is at rest. A residual's joint alone: a torque over another
+  /// joint's speed is no friction of its own, however large it is while this one hardly moves.
+  const std::vector<Pack>& resting(std::size_t e) {
+    if (!std::holds_alternative<Residual>(spec_.effects[e].type)) return zero_;
+    still_ = speed_;
+    still_[spec_.effects[e].joints.front()] = Pack(0.0);
+    return still_;
+  }
+
   /// Friction and all else at joints. With τ_e(q, q̇) = τ_e(q, 0) + c(q̇) q̇, the second part is
   /// taken at the middle of the step, c ≥ 0 held at what
   /// the last acceleration makes of the velocity there: h c/2 joins the armature. So no friction,
@@ -345,7 +356,7 @@ class World : public PackWorld {
     for (std::size_t e = 0; e < spec_.effects.size(); ++e) {
       if (spec_.kinds[e] < EffectKind::kDissipative) continue;
       add_effect(e, speed_, total_);
-      if (spec_.kinds[e] == EffectKind::kGeneral) add_effect(e, zero_, at_rest_);
+      if (spec_.kinds[e] == EffectKind::kGeneral) add_effect(e, resting(e), at_rest_);
     }
     for (int j = 0; j < n_; ++j) {
       const Pack slope = (total_[j] - at_rest_[j]) / speed_[j];
@@ -574,6 +585,7 @@ class World : public PackWorld {
   LinkStates<Pack, Pack> nominal_ws_;
   std::vector<Pose<Pack>> X_WL_;
   std::vector<Pack> u_, u_step_, qdd_, total_, at_rest_, zero_, armature_, speed_ = zero_;
+  std::vector<Pack> still_ = zero_;       ///< scratch of resting()
   std::vector<Pack> constant_, viscous_;  ///< of effects that need not be asked again
   PackDrives drives_;
   State state_, settled_;

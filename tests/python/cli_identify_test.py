@@ -254,6 +254,23 @@ def test_an_input_is_never_overwritten(tmp_path: Path) -> None:
     assert {path: path.read_bytes() for path in before} == before
 
 
+def test_what_no_run_left_in_the_folder_stays(recordings: Path, tmp_path: Path) -> None:
+    data = shutil.copy(recordings / "train.csv", tmp_path / "recording_1.csv")
+    done("identify", PENDULUM, data, "-o", tmp_path)
+    assert {path.name for path in tmp_path.iterdir()} == RUN_FILES | {"recording_1.csv"}
+
+
+@pytest.mark.parametrize("command", ["identify", "diagnose"])
+def test_a_model_is_not_overwritten_by_its_fit(
+    recordings: Path, tmp_path: Path, command: str
+) -> None:
+    model = shutil.copy(PENDULUM, tmp_path / "model.urdf")
+    answer = diffnea(command, model, recordings / "train.csv", "-o", tmp_path)
+    assert answer.returncode == BAD_INPUT
+    assert "model.urdf: is an input" in answer.stderr
+    assert {path.name for path in tmp_path.iterdir()} == {"model.urdf"}
+
+
 def test_excite_says_what_it_does_without_limits(tmp_path: Path) -> None:
     answer = diffnea("excite", PENDULUM, "--duration", 10, "-o", tmp_path / "motion.csv")
     assert "no position limits" in answer.stderr

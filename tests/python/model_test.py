@@ -62,7 +62,14 @@ def test_effects_are_checked_and_get_their_units(arm) -> None:
         arm.with_effects([diffnea.Effect("viscous_friction", "wrist")])
     with pytest.raises(diffnea.ModelError, match="viscous"):
         arm.with_effects([diffnea.Effect("viscous_friction", "elbow", {"viscous": -1.0})])
-    assert {"viscous_friction", "armature"} <= {e["effect"] for e in diffnea.effects()}
+    places = {e["effect"]: e["place"] for e in diffnea.effects()}
+    assert {"viscous_friction", "armature"} <= places.keys()
+    assert [places[e] for e in ("payload", "linear_drag", "string_mass", "camera_delay")] == [
+        "tip",
+        "ball",
+        "string",
+        "camera",
+    ]
 
 
 def test_parameters_go_in_as_they_come_out(arm) -> None:

@@ -61,10 +61,11 @@ struct WorldRecording {
 /// repetitions averaged (each with noise of its own). The noise of `options` is taken as it is.
 /// @param seed     where the world has none of its own
 /// @param threads  that repetitions are divided among; the result does not depend on it
+/// @param number   of several recordings of one robot: every number has noise of its own
 /// @throws as record_in_mujoco; ModelError if the world asks for a ball that the document has not
 WorldRecording record_in_world(const WorldSpec& world, const Model& controller,
                                const Trajectory& trajectory, RecordOptions options,
-                               std::uint64_t seed, int threads = 1);
+                               std::uint64_t seed, int threads = 1, std::uint64_t number = 0);
 
 /// Draws the world's robot as record_in_world does, for policies to act in. `repetitions` and
 /// `noise` are the caller's: the noise of `options` is taken as it is.

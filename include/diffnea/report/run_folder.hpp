@@ -13,7 +13,7 @@
 namespace diffnea {
 
 /// Everything that a run may leave in RUN/ (docs/schema/identify.md, diagnose.md, learn.md,
-/// transfer.md), but for policy_<seed>.json.
+/// transfer.md), but for policy_<seed>.json and recording_<seed>.csv with its .json.
 inline const std::vector<std::string> kRunFiles{
     "result.json",     "series.json",  "model.json",  "model.urdf",        "model.xml",
     "controller.json", "movement.gif", "report.html", kNextExperimentFile, kBallNetworkFile};
