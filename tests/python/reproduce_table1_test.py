@@ -233,8 +233,8 @@ def test_studies_are_listed(capsys) -> None:
     [
         (("--kinds", "magic"), "choices: lstm, ff-nn, nominal, diffnea"),
         (("--seeds", "0"), "expected 1 or more"),
-        (("--seeds", "1001"), "expected 1000 at most"),
-        (("--chunk", "0"), "--chunk: got 0, expected 1 or more"),
+        (("--page-only", "--seeds", "1001"), "expected 1000 at most"),
+        (("--page-only", "--chunk", "0"), "--chunk: got 0, expected 1 or more"),
         (("--search", "samples"), "expected KEY=VALUE"),
         (("--executor", "abacus"), "choices: processes"),
     ],
@@ -251,8 +251,10 @@ def test_an_output_that_is_a_file_is_refused(tmp_path, capsys) -> None:
 
 
 def test_a_table_of_worlds_that_all_failed_can_be_read(tmp_path) -> None:
-    """Their solver gave up: no reward, no path, and a page all the same."""
-    described = table1.study(replace(table1.QUICK, models=1, seeds=1, kinds=("nominal",)))
+    """Their solver gave up: no reward, no path, nothing to repeat, and a page all the same."""
+    described = table1.study(
+        replace(table1.QUICK, models=1, seeds=1, kinds=("nominal",), repetitions=0)
+    )
     results = Results(tmp_path)
     failed = {
         "seed": 1000, "expected": 1.0, "expected_wide": 1.0, "solved": False, "rollouts": 1,
@@ -260,15 +262,16 @@ def test_a_table_of_worlds_that_all_failed_can_be_read(tmp_path) -> None:
         "failure": "MuJoCo: bad acceleration", "success": False, "path_error": None,
     }  # fmt: skip
     for job in described.jobs:
-        if job.kind == "transfer_policies":
+        if job.kind in ("transfer_policies", "repeat_best"):
             content = {
-                "schema": jobs.SCHEMA, "result": {"policies": [failed]}, "seconds": 1.0,
-                "cpu_seconds": 1.0, "build": "", "host": "",
+                "schema": jobs.SCHEMA, "result": {"policies": [failed], "repetitions": []},
+                "seconds": 1.0, "cpu_seconds": 1.0, "build": "", "host": "",
             }  # fmt: skip
             results.file(job).write_text(json.dumps(content), encoding="utf-8")
     written = table.table_of(described, results)
     written["cost"] = table.cost_of(described, described, results) | {"runs": []}
     written["failed"] = {}
+    assert written["cost"]["full"]["not_measured"] == ["learn_policies", "repeat_best"]
     assert [table.cells(row)[3] for row in written["rows"]] == ["–", "–"]
     assert [row["outcomes"] for row in written["rows"]] == [{"failed": 1}] * 2
     assert "–" in table.table_text(written)

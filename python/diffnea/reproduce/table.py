@@ -128,8 +128,9 @@ def cost_of(study: Study, full: Study, results: Results) -> Json:
         if results.has(job):
             spent.setdefault(job.kind, []).append((job, results.read(job)))
     ratios = {
-        kind: sum(r.cpu_seconds for _, r in found) / sum(job.cost for job, _ in found)
+        kind: sum(r.cpu_seconds for _, r in found) / expected
         for kind, found in spent.items()
+        if (expected := sum(job.cost for job, _ in found)) > 0  # no repetitions: nothing to do
     }
     kinds: Json = {
         kind: {
@@ -139,10 +140,10 @@ def cost_of(study: Study, full: Study, results: Results) -> Json:
         }
         for kind, found in spent.items()
     }
-    expected, unknown = 0.0, set()
+    hours, unknown = 0.0, set()
     for job in in_order(full.jobs):
         if job.kind in ratios:
-            expected += job.cost * ratios[job.kind]
+            hours += job.cost * ratios[job.kind] / 3600
         else:
             unknown.add(job.kind)
     return {
@@ -150,8 +151,8 @@ def cost_of(study: Study, full: Study, results: Results) -> Json:
         "cpu_hours": sum(kind["cpu_seconds"] for kind in kinds.values()) / 3600,
         "full": {
             "jobs": len(in_order(full.jobs)),
-            "cpu_hours": expected / 3600,
-            "hours_on_2_cores": expected / 7200,
+            "cpu_hours": hours,
+            "hours_on_2_cores": hours / 2,
             "not_measured": sorted(unknown),
         },
         "builds": sorted({r.content["build"] for found in spent.values() for _, r in found}),
