@@ -346,6 +346,8 @@ def _robust(
         return {}
     if draws < 1:
         raise Error(f"learn: draws: got {draws}, expected 1 or more")
+    if each is not None and each < 1:
+        raise Error(f"learn: each: got {each}, expected 1 or more")
     return {"draws": draws, "each": each or 0, "quantile": quantile, "vary": dict(vary or {})}
 
 

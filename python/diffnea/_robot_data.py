@@ -35,7 +35,18 @@ def robot_motions(
     ball_seconds: float = 40.0,
     seed: int = 0,
 ) -> RobotMotions:
-    """Design the two motions that ``diffnea experiment`` records, about the model's ``home``."""
+    """Design the two motions that ``diffnea experiment`` records, about the model's ``home``.
+
+    Args:
+        model: description, or its file or name; only its joints and limits are used.
+        arm_seconds: of the fast motion [s], whole periods that cover it.
+        ball_seconds: of the slow one [s].
+        seed: of the search for both; the same one gives the same motions.
+
+    Raises:
+        ModelError: the model has no ``home`` posture.
+
+    """
     if not isinstance(model, Model):
         model = load_model(model)
     home = model.to_dict().get("home")
@@ -70,6 +81,9 @@ def identify_robot(
         arm: recording without a ball.
         ball: recording with it; its torques are not used: the joints' motion is an input.
         progress: as of :func:`identify`.
+
+    Raises:
+        DataError: a recording is not of the model's joints, or is too short to be fitted.
 
     """
     if not isinstance(model, Model):

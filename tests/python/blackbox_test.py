@@ -11,7 +11,7 @@ from cli import MODELS
 from cli import diffnea as command
 
 import diffnea
-from diffnea.blackbox import BallNetwork, TrainOptions, free_run, train
+from diffnea.blackbox import BallNetwork, FreeRun, TrainOptions, free_run, train
 from diffnea.blackbox.data import local_polynomial, to_link
 
 MODEL = MODELS / "wam4_ball_in_cup.xml"
@@ -299,6 +299,60 @@ def test_training_makes_free_runs_better(model, kind: str) -> None:
     assert told["recordings"] == ["swung"]
     assert len(net.to_dict()["members"]) == len(told["stages"]) == 2
     assert [row["time"] for row in told["held_out"]][:3] == pytest.approx([0.1, 0.25, 0.5])
+
+
+# Far too short to learn anything: what is tested is the same for any size.
+HASTY = TrainOptions(
+    hidden=(8,), first_iterations=4, iterations=4, horizons=(0.1,), batch=4, check_every=2,
+    check_horizon=0.3,
+)  # fmt: skip
+
+
+def test_training_may_leave_out_a_stage(model) -> None:
+    pytest.importorskip("torch")
+    recording = swung(model, 24.0)
+    (stages,) = train(
+        "ff", recording, model, options=replace(HASTY, horizons=()), progress=False
+    ).training["stages"]
+    assert [stage["stage"] for stage in stages] == ["accelerations"]
+    net = train("ff", recording, model, options=replace(HASTY, first_iterations=0), progress=False)
+    (stages,) = net.training["stages"]  # a file without infinity, or it would not be read
+    assert [stage["held_out_error"] is None for stage in stages] == [True, False]
+
+
+def test_training_that_diverges_says_so(model) -> None:
+    pytest.importorskip("torch")
+    with pytest.raises(diffnea.Error, match=r"never finite.* learning_rate than 1e\+25"):
+        train(
+            "ff", swung(model, 24.0), model, options=replace(HASTY, learning_rate=1e25),
+            progress=False,
+        )  # fmt: skip
+
+
+@pytest.mark.parametrize(("looks", "members"), [(1, 1), (5, 1), (9, 2)])
+def test_training_that_is_stopped_returns_whole_networks(model, looks: int, members: int) -> None:
+    """Four looks a network: two in each of two stages."""
+    pytest.importorskip("torch")
+    seen = []
+
+    def until(stage: str, iteration: int, error: float) -> bool:
+        seen.append(iteration)
+        return len(seen) < looks
+
+    net = train("ff", swung(model, 24.0), model, options=HASTY, ensemble=3, progress=until)
+    assert len(net.to_dict()["members"]) == members
+    assert len(seen) == looks
+
+
+def test_an_error_is_that_of_the_last_row_that_was_seen() -> None:
+    nan = np.nan
+    run = FreeRun(
+        time=np.array([0.0, 0.1, 0.2]),
+        position_error=np.array([[nan, 1.0, nan], [nan, 3.0, nan]]),
+        length_error=np.array([[0.0, -1.0, -2.0], [0.0, 1.0, 4.0]]),
+    )
+    assert run.at(0.21) == {"time": 0.2, "position_error": 2.0, "length_error": 3.0}
+    assert np.isnan(run.at(0.0)["position_error"])
 
 
 def test_inputs_do_not_depend_on_where_the_arm_stands() -> None:

@@ -210,6 +210,8 @@ def test_draws_of_nothing_are_refused(model) -> None:
         diffnea.learn(model, quantile=0.1)
     with pytest.raises(diffnea.Error, match="draws"):
         diffnea.learn(model, robust=True, draws=0)
+    with pytest.raises(diffnea.Error, match="each: got 0"):
+        diffnea.learn(model, robust=True, vary=VARIED, each=0)
     with pytest.raises(diffnea.Error, match="low end"):
         diffnea.learn(model, robust=True, vary={"string.length": (0.5, 0.4)})
     with pytest.raises(diffnea.Error, match="own reward"):

@@ -6,12 +6,14 @@ import shutil
 import signal
 import subprocess
 import sys
+from concurrent.futures import Future
 from pathlib import Path
 
 import pytest
 import small_jobs
 
 import diffnea
+from diffnea.reproduce import executors
 from diffnea.reproduce.executors import Workers, workers
 from diffnea.reproduce.jobs import Job, Results, in_order
 from diffnea.reproduce.progress import Progress
@@ -34,8 +36,6 @@ class Here(Workers):
         super().__init__(self, 1, 0)
 
     def submit(self, fn, /, *args):
-        from concurrent.futures import Future
-
         future = Future()
         try:
             future.set_result(fn(*args))
@@ -129,6 +129,26 @@ def test_a_worker_that_is_killed_costs_only_its_own_run(tmp_path) -> None:
     assert len(report.kept) == 7
 
 
+def test_a_process_that_cannot_be_started_costs_its_job(tmp_path, monkeypatch) -> None:
+    """Also where it is a job's end that starts it, and nobody is there to see the error."""
+    begin = executors._Worker.submit
+
+    def submit(self, fn, /, call):
+        if call.name == "never":
+            raise BlockingIOError("Resource temporarily unavailable")
+        return begin(self, fn, call)
+
+    monkeypatch.setattr(executors._Worker, "submit", submit)
+    never = Job("never", small_jobs.total, {}, cost=1.0)
+    first, *others = squares(tmp_path / "log", 3)
+    with workers("processes:1") as found:
+        crowded = Workers(found.executor, 1, ahead=3)
+        jobs = [first, never, *others]
+        report = run(jobs, Results(tmp_path / "results"), crowded, Progress(quiet=True))
+    assert report.failed == {never: "BlockingIOError: Resource temporarily unavailable"}
+    assert len(report.done) == 3
+
+
 def test_processes_end_with_the_one_that_started_them(tmp_path) -> None:
     """Killed outright, it can tell nobody; a worker that lives on would keep its output open."""
     script = tmp_path / "study.py"
@@ -160,6 +180,12 @@ def test_processes_end_with_the_one_that_started_them(tmp_path) -> None:
 @pytest.mark.parametrize("name", ["threads", "processes:0", "processes:x"])
 def test_an_executor_that_there_is_not_is_named(name) -> None:
     with pytest.raises(diffnea.Error, match="--executor"), workers(name):
+        pass
+
+
+def test_a_scheduler_that_there_is_not_is_named() -> None:
+    pytest.importorskip("distributed", reason="dask is an extra: diffnea[dask]")
+    with pytest.raises(diffnea.Error, match="--executor: nowhere:x"), workers("dask:nowhere:x"):
         pass
 
 

@@ -7,16 +7,19 @@ import subprocess
 import sys
 import time
 import types
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from cli import DONE, INTERRUPTED, ROOT, load
+from cli import diffnea as run_command
 
 import diffnea
-from diffnea.reproduce import command, jobs, numbers, table1, work
+from diffnea.reproduce import command, jobs, numbers, table, table1, work
 from diffnea.reproduce.guess import wrong_guess
 from diffnea.reproduce.jobs import Results, in_order, read_result_file
+from diffnea.reproduce.page import write_page
 from diffnea.reproduce.table1_command import options_of
 
 ROBOT = table1.ROBOT
@@ -83,14 +86,14 @@ def test_nothing_is_computed_again(folder, capsys) -> None:
 
 
 def test_the_table_counts_what_the_results_say(folder) -> None:
-    table = load(folder / "table.json")
-    assert [(r["system"], r["model"]) for r in table["rows"]] == [
+    written = load(folder / "table.json")
+    assert [(r["system"], r["model"]) for r in written["rows"]] == [
         ("simulation", "nominal"),
         ("simulation", "diffnea"),
         ("A", "nominal"),
         ("A", "diffnea"),
     ]
-    row = table["rows"][3]
+    row = written["rows"][3]
     rewards = [
         policy["reward_wide"]
         for file in (folder / "results").glob("transfer-A-40cm-diffnea-*.json")
@@ -100,7 +103,7 @@ def test_the_table_counts_what_the_results_say(folder) -> None:
     assert row["all"]["reward"]["value"] == pytest.approx(np.mean(rewards), abs=1e-12)
     assert row["repeatability"]["repetitions"] == 2
     assert row["paper"] == {"reward": 1.77, "spread": 0.74, "transfer": 0.6, "repeatability": 0.9}
-    assert table["cost"]["full"]["cpu_hours"] > 0
+    assert written["cost"]["full"]["cpu_hours"] > 0
 
     lines = list(csv.DictReader((folder / "table.csv").read_text(encoding="utf-8").splitlines()))
     assert float(lines[3]["all.reward.value"]) == row["all"]["reward"]["value"]
@@ -161,8 +164,6 @@ def test_a_recording_comes_back_from_its_file(folder) -> None:
 
 def test_identification_is_the_command_s(tmp_path) -> None:
     """Motions, recordings and fit of `diffnea experiment`, number by number."""
-    from cli import diffnea as run_command
-
     world = f"mujoco:{ROBOT},perturb=A,seed=3,rope=none"
     run_command(
         *("experiment", "ball-in-cup", "--string", 0.4, "--world", world, "--seed", 5),
@@ -232,6 +233,8 @@ def test_studies_are_listed(capsys) -> None:
     [
         (("--kinds", "magic"), "choices: lstm, ff-nn, nominal, diffnea"),
         (("--seeds", "0"), "expected 1 or more"),
+        (("--page-only", "--seeds", "1001"), "expected 1000 at most"),
+        (("--page-only", "--chunk", "0"), "--chunk: got 0, expected 1 or more"),
         (("--search", "samples"), "expected KEY=VALUE"),
         (("--executor", "abacus"), "choices: processes"),
     ],
@@ -239,6 +242,47 @@ def test_studies_are_listed(capsys) -> None:
 def test_mistakes_are_named(tmp_path, capsys, words, message) -> None:
     assert reproduce("table1", "-o", tmp_path, *words) == 1
     assert message in capsys.readouterr().err
+
+
+def test_an_output_that_is_a_file_is_refused(tmp_path, capsys) -> None:
+    (tmp_path / "file").touch()
+    assert reproduce("table1", "-o", tmp_path / "file", "--page-only") == command.BAD_INPUT
+    assert str(tmp_path / "file") in capsys.readouterr().err
+
+
+def test_a_table_of_worlds_that_all_failed_can_be_read(tmp_path) -> None:
+    """Their solver gave up: no reward, no path, nothing to repeat, and a page all the same."""
+    described = table1.study(
+        replace(table1.QUICK, models=1, seeds=1, kinds=("nominal",), repetitions=0)
+    )
+    results = Results(tmp_path)
+    failed = {
+        "seed": 1000, "expected": 1.0, "expected_wide": 1.0, "solved": False, "rollouts": 1,
+        "outcome": "failed", "text": "", "reward": None, "reward_wide": None,
+        "failure": "MuJoCo: bad acceleration", "success": False, "path_error": None,
+    }  # fmt: skip
+    for job in described.jobs:
+        if job.kind in ("transfer_policies", "repeat_best"):
+            content = {
+                "schema": jobs.SCHEMA, "result": {"policies": [failed], "repetitions": []},
+                "seconds": 1.0, "cpu_seconds": 1.0, "build": "", "host": "",
+            }  # fmt: skip
+            results.file(job).write_text(json.dumps(content), encoding="utf-8")
+    written = table.table_of(described, results)
+    written["cost"] = table.cost_of(described, described, results) | {"runs": []}
+    written["failed"] = {}
+    assert written["cost"]["full"]["not_measured"] == ["learn_policies", "repeat_best"]
+    assert [table.cells(row)[3] for row in written["rows"]] == ["–", "–"]
+    assert [row["outcomes"] for row in written["rows"]] == [{"failed": 1}] * 2
+    assert "–" in table.table_text(written)
+    assert "reward" in table.table_tex(written)
+    write_page(tmp_path / "report.html", described, written, results)
+
+
+def test_a_page_of_nothing_is_a_page(tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(work, "missing_for_networks", lambda: "not run: torch is not installed")
+    assert reproduce("table1", "-o", tmp_path, "--kinds", "lstm", "--page-only") == DONE
+    assert "Nothing was transferred yet" in (tmp_path / "report.html").read_text(encoding="utf-8")
 
 
 def test_networks_without_pytorch_are_said_to_be_missing(monkeypatch) -> None:
@@ -298,7 +342,7 @@ def test_networks_see_the_recording_and_what_policies_did(tmp_path, monkeypatch)
         return Network()
 
     stand_in = types.SimpleNamespace(train=train, TrainOptions=dict)  # PyTorch may not be there
-    monkeypatch.setitem(sys.modules, "diffnea.blackbox", stand_in)
+    monkeypatch.setattr(work, "blackbox", stand_in)
     output = work.train_network(settings | {"kind": "lstm"}, [identified, recorded, executed])
     assert output.data["network"] == {"kind": "lstm"}
     assert given["kind"] == "lstm"

@@ -48,7 +48,13 @@ class BallNetwork:
 
     @classmethod
     def load(cls, path: StrPath) -> BallNetwork:
-        """Read a file."""
+        """Read a file.
+
+        Raises:
+            FileError: it cannot be read.
+            ModelError: a key is missing, or sizes do not fit one another.
+
+        """
         out = cls.__new__(cls)
         out._compiled = _BallNetwork.read(path)
         return out
@@ -99,6 +105,9 @@ class BallNetwork:
             inputs: (N, 18), in L: x_B − p_L, ẋ_B − ṗ_L, ω_L, ω̇_L, p̈_L, e_z.
             hidden: (N, h), as it was returned for the step before; None: nothing.
 
+        Raises:
+            ShapeError: inputs or hidden have other sizes.
+
         """
         return self._compiled.evaluate(inputs, hidden)
 
@@ -136,12 +145,18 @@ class FreeRun:
     is taut would hold at 0."""
 
     def at(self, time: float) -> dict[str, float]:
-        """Medians over the windows at a time, of absolute values [m]."""
+        """Medians over the windows at a time [s], of absolute values [m].
+
+        The camera is slower than the steps: a position counts where it was seen last; NaN where it
+        was not seen until then.
+        """
         k = int(np.argmin(np.abs(self.time - time)))
-        seen = next(j for j in range(k, -1, -1) if np.isfinite(self.position_error[:, j]).any())
+        seen = np.flatnonzero(np.isfinite(self.position_error[:, : k + 1]).any(axis=0))
         return {
             "time": float(self.time[k]),
-            "position_error": float(np.nanmedian(self.position_error[:, seen])),
+            "position_error": float(np.nanmedian(self.position_error[:, seen[-1]]))
+            if len(seen)
+            else float("nan"),
             "length_error": float(np.median(np.abs(self.length_error[:, k]))),
         }
 
@@ -168,8 +183,12 @@ def free_run(
         network: that moves the ball.
         recordings: with a ball, or their files.
         model: whose kinematics tell where the link is.
-        seconds: of each window.
+        seconds: of each window [s].
         every: a window begins, on what was recorded [s].
+
+    Raises:
+        Error: no recording has a ball, joints are not the model's, its ball hangs on no string, or
+            there is no stretch as long as a window.
 
     """
     series = series_of(recordings_of(recordings), model_of(model), network.step)

@@ -34,6 +34,8 @@ Progress: TypeAlias = Callable[[str, int, float], object]
 
 # Scales that make a centimetre and a decimetre a second weigh the same in the loss.
 _POSITION, _VELOCITY = 0.01, 0.1
+# Of the windows of the first stage, which end where rollouts begin to be asked for [s].
+_FIRST_HORIZON = 0.1
 # Of the errors on what was held out that the file tells [s].
 _TOLD = (0.1, 0.25, 0.5, 1.0, 1.5)
 
@@ -103,10 +105,12 @@ def train(
         options: hyper-parameters.
         threads: of PyTorch.
         progress: ``True`` for a bar if tqdm is installed, or a function (stage, iteration, error
-            on what is held out [m]); if it returns ``False``, what is best so far is returned.
+            on what is held out [m]); if it returns ``False``, the networks that are finished are
+            returned, or of the first one what is best so far.
 
     Raises:
-        Error: PyTorch is not installed, or the recordings hold too little of a ball.
+        Error: PyTorch is not installed, the recordings hold too little of a ball, an option is not
+            possible, or no free run was ever finite.
 
     """
     torch = _import_torch()
@@ -126,6 +130,9 @@ def train(
             for k in range(ensemble):
                 fits.append(_Fit(torch, data, kind, options, seed + k, report))
                 fits[-1].run()
+                if fits[-1].stopped:
+                    fits = fits[:-1] or fits  # half a network would spoil the mean of whole ones
+                    break
     finally:
         torch.set_num_threads(before)
     document = {
@@ -184,7 +191,8 @@ class _Data:
         self.series = series
         self.warm = round(options.warm_up / options.step) if kind == "lstm" else 0
         self.train, self.held_out = blocks(series, options.block)
-        longest = max(*options.horizons, options.check_horizon) + self.warm * options.step
+        longest = max(_FIRST_HORIZON, *options.horizons, options.check_horizon)
+        longest += self.warm * options.step
         for what, within in (("train on", self.train), ("hold out", self.held_out)):
             rows = round(longest / options.step)
             if not windows(within, rows, rows):
@@ -213,6 +221,13 @@ class _Data:
         self.input_scale = np.maximum(inputs[own].std(axis=0), 1e-3)
         self.output_mean = outputs[own].mean(axis=0)
         self.output_scale = np.maximum(outputs[own].std(axis=0), 1e-3)
+        for what, within in (("train on", self.train), ("hold out", self.held_out)):
+            if not any(np.isfinite(series[w.series].seen[w.begin : w.end]).any() for w in within):
+                raise Error(
+                    f"train: to {what}, no row of the camera is on the grid of"
+                    f" {1e3 * options.step:g} ms from the recording's first row, where positions"
+                    " are compared: choose another step, or resample"
+                )
         arrays = {
             "link": link,
             "rotation": rotation,
@@ -322,12 +337,18 @@ class _Fit:
 
     def run(self) -> None:
         o = self.options
-        rows = self.data.warm + round(0.1 / o.step)
+        rows = self.data.warm + round(_FIRST_HORIZON / o.step)
         self._stage("accelerations", o.first_iterations, o.learning_rate, rows, self._imitate)
         for horizon in o.horizons:
             rows = self.data.warm + round(horizon / o.step)
             name = f"rollouts of {horizon:g} s"
             self._stage(name, o.iterations, o.learning_rate / 3, rows, self._roll)
+        if self.best is None:
+            raise Error(
+                "train: the network's ball was never finite on what was held out; try a smaller"
+                f" learning_rate than {o.learning_rate:g}, or more first_iterations than"
+                f" {o.first_iterations}"
+            )
         self.net.load_state_dict(self.best)
 
     def _stage(
@@ -362,9 +383,9 @@ class _Fit:
                 self.stopped = True
             if self.stopped or patience >= o.patience:
                 break
-        self.stages.append({"stage": name, "iterations": k, "held_out_error": smallest})
-        if self.best is None:  # nothing was ever finite: say so with what there is
-            self.best = self.net.state_dict()
+        # The file is JSON, which has no infinity: of a stage that was never finite there is none.
+        told = smallest if math.isfinite(smallest) else None
+        self.stages.append({"stage": name, "iterations": k, "held_out_error": told})
 
     def _imitate(self, rows: Tensor) -> Tensor:
         """Accelerations, with the true ball before the network at every step."""
@@ -380,7 +401,8 @@ class _Fit:
         then = rows[:, self.data.warm :]
         off = (x - of["seen"][then]) / _POSITION
         seen = torch.isfinite(off)
-        position = torch.where(seen, off, torch.zeros_like(off)).pow(2).sum() / seen.sum()
+        position = torch.where(seen, off, torch.zeros_like(off)).pow(2).sum()
+        position = position / seen.sum().clamp(min=1)
         velocity = ((v - of["ball_velocity"][then]) / _VELOCITY).pow(2).mean()
         return position + velocity
 
@@ -433,8 +455,12 @@ class _bar:  # noqa: N801
             return lambda stage, iteration, error: None
         bar = self.bar = tqdm(total=self.iterations, desc="training", unit="iteration")
 
+        stages: dict[str, int] = {}  # of one network after the other
+
         def show(stage: str, iteration: int, error: float) -> None:
-            bar.update(1)
+            before = stages.get(stage, 0)
+            bar.update(iteration - before if iteration > before else iteration)
+            stages[stage] = iteration
             bar.set_postfix_str(f"{stage} {iteration}: {1e3 * error:.1f} mm")
 
         return show

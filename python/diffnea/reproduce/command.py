@@ -76,7 +76,10 @@ def _parser() -> argparse.ArgumentParser:
 def _run(args: argparse.Namespace, study: ModuleType) -> int:
     jobs: list[Job] = study.jobs(args)
     results = Results(args.output / "results")
-    results.folder.mkdir(parents=True, exist_ok=True)
+    try:
+        results.folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise Error(f"--output: {args.output}: {error.strerror}") from error
     report = Report()
     if not args.page_only:
         progress = Progress(args.quiet)

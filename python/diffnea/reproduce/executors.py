@@ -13,7 +13,7 @@ import threading
 from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import partial
 from multiprocessing.connection import Connection
@@ -68,7 +68,13 @@ class SeparateProcesses(Executor):
                     continue
                 worker = self._idle.pop()
                 fn, args, kwargs = call()
-                inner = worker.submit(fn, *args, **kwargs)
+                try:
+                    inner = worker.submit(fn, *args, **kwargs)
+                except Exception as error:  # no process: who waits must hear of it
+                    worker.broken = True
+                    self._idle.append(worker)
+                    future.set_exception(error)
+                    continue
                 inner.add_done_callback(partial(self._done, future=future, worker=worker))
 
     def _done(self, inner: Future[Any], future: Future[Any], worker: _Worker) -> None:
@@ -185,17 +191,19 @@ def _dask(address: str) -> Iterator[Workers]:
         ) from error
     import dask
 
-    # A worker that dies is told of the first time; `run` decides who gets a second chance.
-    dask.config.set({"distributed.scheduler.allowed-failures": 0})
-    local = None if address else LocalCluster(threads_per_worker=1, dashboard_address=None)
-    try:
-        with Client(address or local) as client:
-            threads = sum(client.nthreads().values())
-            # A cluster grows while it works: enough to keep all of it busy.
-            yield Workers(client.get_executor(pure=False), max(1, threads), max(64, threads))
-    finally:
-        if local is not None:
-            local.close()
+    with ExitStack() as opened:
+        # A worker that dies is told of the first time; `run` decides who gets a second chance.
+        opened.enter_context(dask.config.set({"distributed.scheduler.allowed-failures": 0}))
+        try:
+            cluster = address or opened.enter_context(
+                LocalCluster(threads_per_worker=1, dashboard_address=None)
+            )
+            client = opened.enter_context(Client(cluster))
+        except (OSError, ValueError) as error:
+            raise Error(f"--executor: {address or 'a LocalCluster'}: {error}") from error
+        threads = sum(client.nthreads().values())
+        # A cluster grows while it works: enough to keep all of it busy.
+        yield Workers(client.get_executor(pure=False), max(1, threads), max(64, threads))
 
 
 @contextmanager

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .._core import Model
+from .._core import Model, frame_pose
 from .._results import _import_figure
 from .jobs import Json, Result, Results
 from .table1 import SIMULATION, TITLES, Row
@@ -199,8 +199,6 @@ def first_figure(identified: Result, recorded: Result, home: Sequence[float]) ->
 def _draw_arm(panel: Any, content: Json, home: np.ndarray, color: str, label: str) -> None:
     """Links as sticks; at centres of mass the ellipse of the solid with mass and inertia."""
     from matplotlib.patches import Ellipse
-
-    from .._core import frame_pose
 
     model = Model.from_dict(content)
     sticks = arm_points(model, home[None])[0]

@@ -18,7 +18,7 @@ from .. import _core
 from .._files import load_model
 from . import figures
 from .jobs import Json, Results, write_text
-from .table import HEAD, cells, percent
+from .table import HEAD, cells, percent, spread_of
 from .table1 import KINDS, ROBOT, SIMULATION, TITLES, TRAINED, Study
 from .traces import shown
 
@@ -117,7 +117,7 @@ def _table(table: Json) -> str:
     head = "".join(tag("th", k, name) for k, name in enumerate(HEAD))
     after = "; ".join(
         f"{TITLES[r['model']]} {r['system']} {100 * r['length']:.0f} cm"
-        f" {r['best']['chosen_after']['reward']:.2f} ± {r['best']['chosen_after']['spread']:.2f}"
+        f" {spread_of(r['best']['chosen_after'])}"
         for r in table["rows"]
         if not r["not_run"]
     )
@@ -150,6 +150,8 @@ def _pictures(study: Study, results: Results) -> list[str]:
             " (pip install 'diffnea[reproduce]'; then the same command again).</p>"
         ]
     rows = [row for row in study.rows if row.units]
+    if not rows:
+        return []
     model = load_model(ROBOT)
     out = [
         "<h2>Expected and obtained</h2>",
@@ -185,7 +187,7 @@ def _pictures(study: Study, results: Results) -> list[str]:
                 lambda: figures.first_figure(fit, data, home),
                 f"{html.escape(identified[0].name)}: ellipses have mass and inertia of their link,"
                 " crosses are centres of mass; what torques cannot tell stays as it was. Right: the"
-                " four minutes of data.",
+                " data.",
             ),
         ]
     errors = figures.length_error(rows, results)

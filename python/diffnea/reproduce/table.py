@@ -59,6 +59,7 @@ def row_of(row: Row, results: Results) -> Json:
     after = [policy for group in groups for policy in best(group, "reward_wide", BEST)]
     repeated = [[bool(r["success"]) for r in group] for group in repetitions if group]
     printed = paper_row(row.system == SIMULATION, row.kind, row.length)
+    rewards = _rewards(policies)
     errors = [p["path_error"] for p in policies if p["path_error"] is not None]
     return {
         "system": row.system,
@@ -76,7 +77,7 @@ def row_of(row: Row, results: Results) -> Json:
         },
         "all": {
             "reward": bootstrap([_rewards(g) for g in groups]).to_dict(),
-            "spread": float(np.std(_rewards(policies))) if policies else None,
+            "spread": float(np.std(rewards)) if rewards else None,
             "transfer": share([[p["success"] for p in g] for g in groups]).to_dict(),
         },
         "repeatability": {
@@ -127,8 +128,9 @@ def cost_of(study: Study, full: Study, results: Results) -> Json:
         if results.has(job):
             spent.setdefault(job.kind, []).append((job, results.read(job)))
     ratios = {
-        kind: sum(r.cpu_seconds for _, r in found) / sum(job.cost for job, _ in found)
+        kind: sum(r.cpu_seconds for _, r in found) / expected
         for kind, found in spent.items()
+        if (expected := sum(job.cost for job, _ in found)) > 0  # no repetitions: nothing to do
     }
     kinds: Json = {
         kind: {
@@ -138,10 +140,10 @@ def cost_of(study: Study, full: Study, results: Results) -> Json:
         }
         for kind, found in spent.items()
     }
-    expected, unknown = 0.0, set()
+    hours, unknown = 0.0, set()
     for job in in_order(full.jobs):
         if job.kind in ratios:
-            expected += job.cost * ratios[job.kind]
+            hours += job.cost * ratios[job.kind] / 3600
         else:
             unknown.add(job.kind)
     return {
@@ -149,8 +151,8 @@ def cost_of(study: Study, full: Study, results: Results) -> Json:
         "cpu_hours": sum(kind["cpu_seconds"] for kind in kinds.values()) / 3600,
         "full": {
             "jobs": len(in_order(full.jobs)),
-            "cpu_hours": expected / 3600,
-            "hours_on_2_cores": expected / 7200,
+            "cpu_hours": hours,
+            "hours_on_2_cores": hours / 2,
             "not_measured": sorted(unknown),
         },
         "builds": sorted({r.content["build"] for found in spent.values() for _, r in found}),
@@ -188,7 +190,7 @@ def cells(row: Json) -> list[str]:
         rest = ["", "", "", percent(paper.get("repeatability")), ""]
     else:
         chosen = row["best"]["chosen_before"]
-        ours = [f"{chosen['reward']:.2f} ± {chosen['spread']:.2f}", percent(chosen["transfer"])]
+        ours = [spread_of(chosen), percent(chosen["transfer"])]
         repeated = row["repeatability"]
         rest = [
             _ranged(row["all"]["reward"]),
@@ -200,12 +202,21 @@ def cells(row: Json) -> list[str]:
     return [*where, *ours, printed, percent(paper.get("transfer")), *rest]
 
 
+def spread_of(chosen: Json) -> str:
+    """Return mean and standard deviation of a choice's rewards; no world may have given one."""
+    if chosen["reward"] is None:
+        return "–"
+    return f"{chosen['reward']:.2f} ± {chosen['spread']:.2f}"
+
+
 def percent(value: float | None) -> str:
     """Return a share in percent."""
     return "–" if value is None else f"{100 * value:.0f} %"
 
 
 def _ranged(found: Json) -> str:
+    if found["value"] is None:
+        return "–"
     return f"{found['value']:.2f} ({found['low']:.2f} to {found['high']:.2f})"
 
 

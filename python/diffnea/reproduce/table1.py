@@ -25,7 +25,10 @@ TRAINED = ("lstm", "ff-nn")
 TITLES = {"lstm": "LSTM", "ff-nn": "FF-NN", "nominal": "nominal", "diffnea": "DiffNEA"}
 SIMULATION = "simulation"
 FIRST_SEED = 1000
-"""Of the searches; what the defaults of ``learn`` were chosen on is below 100."""
+"""Of the searches; what the defaults of ``learn`` were chosen on is below 100.
+
+As many are a model's own, those of the next one follow.
+"""
 
 
 @dataclass(frozen=True)
@@ -62,6 +65,10 @@ class Options:
                 raise Error(f"--kinds: got {kind!r}; choices: {', '.join(KINDS)}")
         if self.models < 1 or self.seeds < 1:
             raise Error("--models, --seeds: expected 1 or more")
+        if self.seeds > FIRST_SEED:
+            raise Error(f"--seeds: got {self.seeds}, expected {FIRST_SEED} at most")
+        if self.chunk < 1:
+            raise Error(f"--chunk: got {self.chunk}, expected 1 or more")
         if self.trained_models is not None and not 0 <= self.trained_models <= self.models:
             raise Error(f"--trained-models: expected 0 to {self.models}, the number of models")
 

@@ -45,10 +45,15 @@ def movements(unit: Unit, results: Results) -> list[Movement]:
 def shown(row: Row, results: Results) -> Movement | None:
     """Return the policy to draw: of the first unit with any, the best that was obtained."""
     for unit in row.units:
-        found = [m for m in movements(unit, results) if m.rows]
+        found = [m for m in movements(unit, results) if m.rows and len(m.imagined["ball"])]
         if found:
-            return max(found, key=lambda m: (m.policy["success"], m.policy["reward_wide"] or -9.0))
+            return max(found, key=_success_then_reward)
     return None
+
+
+def _success_then_reward(movement: Movement) -> tuple[bool, float]:
+    reward = movement.policy["reward_wide"]
+    return bool(movement.policy["success"]), -np.inf if reward is None else reward
 
 
 def length_errors(row: Row, results: Results) -> dict[str, np.ndarray]:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from .. import _core
+from .. import _core, blackbox
 from .._core import IdentifyResult, Model, Policy, Recording, read_policy
 from .._files import load_model
 from .._learn import LearnResult, learn
@@ -37,9 +37,8 @@ NETWORKS = {"ff-nn": "ff", "lstm": "lstm"}
 
 def missing_for_networks() -> str:
     """Say why there can be no network here; empty: nothing is missing."""
-    for module, install in (("diffnea.blackbox", "diffnea"), ("torch", "'diffnea[blackbox]'")):
-        if importlib.util.find_spec(module) is None:
-            return f"not run: {module} is not installed (pip install {install})"
+    if importlib.util.find_spec("torch") is None:
+        return "not run: torch is not installed (pip install 'diffnea[blackbox]')"
     return ""
 
 
@@ -109,7 +108,6 @@ def train_network(settings: Json, needs: list[Result]) -> Output:
     ``needs``: identified robot, recording, executed policies. Of these the motion is without
     noise, which is more than a camera would give.
     """
-    blackbox = importlib.import_module("diffnea.blackbox")  # its PyTorch is an extra
     model = Model.from_dict(needs[0].data["model"])
     recordings = [recording_of(needs[1], "ball")]
     recordings += [r for result in needs[2:] for r in executed_recordings(result, model)]
@@ -126,7 +124,6 @@ def train_network(settings: Json, needs: list[Result]) -> Output:
 
 def learn_in_network(settings: Json, needs: list[Result]) -> Output:
     """Search in a network that moves the ball; ``needs``: network, identified robot."""
-    blackbox = importlib.import_module("diffnea.blackbox")
     network = blackbox.BallNetwork(needs[0].data["network"], needs[0].file.name)
     options: Json = settings["search"] | {"ball_network": network}
     learned = learn(
