@@ -30,7 +30,7 @@ class Options:
 
     robots: int = 10
     """Drawn from the surrogate, numbers from ``first_robot``."""
-    first_robot: int = 111
+    first_robot: int = 112
     """What was developed on is below."""
     seeds: int = 16
     """Policies of each robot, before and after."""
@@ -50,8 +50,8 @@ class Options:
     """Options of ``learn`` in place of its defaults."""
 
     def __post_init__(self) -> None:
-        if self.robots < 1 or self.seeds < 1:
-            raise Error("--robots, --seeds: expected 1 or more")
+        if self.robots < 1 or not 1 <= self.seeds <= LATER:
+            raise Error(f"--robots, --seeds: expected 1 or more; of seeds {LATER} at most")
         if not self.observed >= 4:
             raise Error("--observed: expected 4 or more, of which every fourth is held out")
         if self.observed > self.seeds:

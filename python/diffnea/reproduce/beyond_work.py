@@ -9,7 +9,7 @@ from .._diagnose import diagnose
 from .._learn import learn
 from .._transfer import transfer
 from .jobs import Arrays, Json, Output, Result
-from .work import _named, _nominal, learned_output, policies_of
+from .work import learned_output, named_world, nominal_model, policies_of
 
 STRING = (
     "string_wrap",
@@ -34,9 +34,15 @@ CANDIDATES = (
 """All that is tried: what the model's simulator can then learn in."""
 HELD_OUT = 4
 """Every which recording is held out."""
+CONTACT = {
+    "string_wrap.size": 1.0,
+    "string_rebound.restitution": 0.2,
+    "string_folding.resistance": 0.02,
+}
+"""What acts at the same impacts, and what of it ropes have. One can stand for another: the causes
+that were named are these, not how much each of them is."""
 VARIED = 1.5
-"""Draws have what was named of the string from none to so much of what was found: that it is there
-is certain, its formula is not exact."""
+"""Draws have what was named from none to so much of what was found."""
 
 
 def observe(settings: Json, needs: list[Result]) -> Output:
@@ -44,8 +50,8 @@ def observe(settings: Json, needs: list[Result]) -> Output:
     policies = policies_of(needs[0])[: settings["policies"]]
     found = transfer(
         policies,
-        _named(settings["world"], settings),
-        controller=_nominal(settings),
+        named_world(settings["world"], settings),
+        controller=nominal_model(settings),
         repetitions=0,
         seed=settings["seed"],
         record=True,
@@ -107,15 +113,10 @@ def diagnose_policies(settings: Json, needs: list[Result]) -> Output:
 def learn_robustly(settings: Json, needs: list[Result]) -> Output:
     """Search in draws of the extended model: its posterior, and what was named of the string."""
     model = Model.from_dict(needs[0].data["model"])
-    vary = {
-        f"{cause['where']}.{cause['effect']}.{name}": (0.0, VARIED * value)
-        for cause in needs[0].data["causes"]
-        if cause["effect"] in STRING
-        for name, (value, _, _) in cause["parameters"].items()
-    }
+    vary = varied(needs[0].data["causes"])
     learned = learn(
         model,
-        controller=_nominal(settings),
+        controller=nominal_model(settings),
         string=settings["string"],
         seeds=settings["seeds"],
         progress=False,
@@ -125,3 +126,16 @@ def learn_robustly(settings: Json, needs: list[Result]) -> Output:
     )
     found = learned_output(learned)
     return Output({**found.data, "vary": vary}, found.arrays)
+
+
+def varied(causes: list[Json]) -> dict[str, tuple[float, float]]:
+    """Return what draws vary: parameters of the string that were named, and those like them."""
+    found = {
+        f"{cause['effect']}.{name}": value
+        for cause in causes
+        if cause["effect"] in STRING
+        for name, (value, _, _) in cause["parameters"].items()
+    }
+    if any(name in found for name in CONTACT):
+        found = CONTACT | found
+    return {f"string.{name}": (0.0, VARIED * value) for name, value in found.items()}

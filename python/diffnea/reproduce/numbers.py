@@ -44,14 +44,40 @@ def bootstrap(groups: Sequence[Sequence[float]], seed: int = 0) -> Interval:
         return Interval(float("nan"), float("nan"), float("nan"))
     rng = np.random.default_rng(seed)
     chosen = rng.integers(len(arrays), size=(DRAWS, len(arrays)))
+    low, high = np.quantile(_means(arrays, chosen, rng), (0.025, 0.975))
+    return Interval(float(np.concatenate(arrays).mean()), float(low), float(high))
+
+
+def difference(
+    before: Sequence[Sequence[float]], after: Sequence[Sequence[float]], seed: int = 0
+) -> Interval:
+    """Mean of all values after less that of all before; the groups are the same, values are not.
+
+    Groups are drawn anew together, and then values in each of them.
+    """
+    if not before:
+        return Interval(float("nan"), float("nan"), float("nan"))
+    rng = np.random.default_rng(seed)
+    chosen = rng.integers(len(before), size=(DRAWS, len(before)))
+    arrays = [[np.asarray(g, dtype=np.float64) for g in groups] for groups in (before, after)]
+    value = np.concatenate(arrays[1]).mean() - np.concatenate(arrays[0]).mean()
+    gains = _means(arrays[1], chosen, rng) - _means(arrays[0], chosen, rng)
+    low, high = np.quantile(gains, (0.025, 0.975))
+    return Interval(float(value), float(low), float(high))
+
+
+def _means(
+    arrays: Sequence[np.ndarray], chosen: np.ndarray, rng: np.random.Generator
+) -> np.ndarray:
+    """(draws,) of the chosen groups (draws, groups), values of each drawn anew."""
     sums, counts = np.zeros(chosen.shape), np.zeros(chosen.shape)
     for g, values in enumerate(arrays):
         here = chosen == g
         drawn = rng.integers(len(values), size=(int(here.sum()), len(values)))
         sums[here] = values[drawn].sum(axis=1)
         counts[here] = len(values)
-    low, high = np.quantile(sums.sum(axis=1) / counts.sum(axis=1), (0.025, 0.975))
-    return Interval(float(np.concatenate(arrays).mean()), float(low), float(high))
+    means: np.ndarray = sums.sum(axis=1) / counts.sum(axis=1)
+    return means
 
 
 def share(groups: Sequence[Sequence[bool]]) -> Interval:

@@ -8,7 +8,7 @@ import os
 import platform
 import shlex
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from importlib import resources
 from pathlib import Path
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 
 def write_page(path: Path, study: Study, table: Json, results: Results) -> None:
     """Write table, pictures and what they were made by."""
-    css = resources.files(__package__).joinpath("page.css").read_text(encoding="utf-8")
     parts = [
         "<h1>Ball in a cup, offline: which models transfer</h1>",
         f'<p class="verdict">{html.escape(verdict(table))}</p>',
@@ -36,15 +35,20 @@ def write_page(path: Path, study: Study, table: Json, results: Results) -> None:
         _table(table),
         *_pictures(study, results),
         *_cost(table),
-        _made_by(table),
+        made_by(table["cost"]["builds"]),
     ]
+    write_text(path, frame("table1", parts))
+
+
+def frame(title: str, parts: Sequence[str]) -> str:
+    """Return a page of these parts, styles included."""
+    css = resources.files(__package__).joinpath("page.css").read_text(encoding="utf-8")
     body = "\n".join(parts)
-    text = (
+    return (
         '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<title>table1</title><style>{css}</style></head>\n<body><main>\n{body}\n</main></body></html>\n"
+        f"<title>{title}</title><style>{css}</style></head>\n<body><main>\n{body}\n</main></body></html>\n"
     )
-    write_text(path, text)
 
 
 def verdict(table: Json) -> str:
@@ -90,9 +94,7 @@ def _warnings(table: Json) -> list[str]:
         if row["not_run"] and row["not_run"] != "not run yet":
             out.append(f"{TITLES[row['model']]}: {row['not_run']}.")
     out += [f"{name} failed: {why}." for name, why in table["failed"].items()]
-    if len(table["cost"]["builds"]) > 1:
-        builds = ", ".join(table["cost"]["builds"])
-        out.append(f"The results are of several builds of the library ({builds}).")
+    out += several_builds(table["cost"]["builds"])
     few = min((r["models"] for r in table["rows"] if not r["not_run"]), default=0)
     if 0 < few < 5:
         out.append(
@@ -100,6 +102,13 @@ def _warnings(table: Json) -> list[str]:
             " how models differ."
         )
     return [f'<p class="warning">{html.escape(text)}</p>' for text in dict.fromkeys(out)]
+
+
+def several_builds(builds: Sequence[str]) -> list[str]:
+    """Return the warning, if there is a reason for one."""
+    if len(builds) < 2:
+        return []
+    return [f"The results are of several builds of the library ({', '.join(builds)})."]
 
 
 def _table(table: Json) -> str:
@@ -251,11 +260,12 @@ def _cost(table: Json) -> list[str]:
     ]
 
 
-def _made_by(table: Json) -> str:
+def made_by(builds: Sequence[str]) -> str:
+    """Return command, build and machine, as the end of a page."""
     command = shlex.join(["python", "-m", "diffnea.reproduce", *sys.argv[1:]])
     lines = [
         command,
-        f"diffnea {_core.__version__}, build {', '.join(table['cost']['builds']) or '–'}",
+        f"diffnea {_core.__version__}, build {', '.join(builds) or '–'}",
         f"{processor()}, {os.cpu_count()} cores, {platform.system()} {platform.release()},"
         f" Python {platform.python_version()}",
     ]

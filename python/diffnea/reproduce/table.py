@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -229,9 +230,9 @@ def interval(found: Json) -> Interval:
     return Interval(found["value"], found["low"], found["high"])
 
 
-def table_csv(table: Json) -> str:
+def table_csv(rows: Sequence[Json]) -> str:
     """One line a row: every figure as a number."""
-    lines = [_flat(row) for row in table["rows"]]
+    lines = [_flat(row) for row in rows]
     names = list(dict.fromkeys(name for line in lines for name in line))
     stream = io.StringIO()
     writer = csv.DictWriter(stream, names, lineterminator="\n")
@@ -270,11 +271,16 @@ def table_tex(table: Json) -> str:
 
 def table_text(table: Json) -> str:
     """Return the table for a terminal."""
-    head = [list(name.split(", ")) for name in HEAD]
+    return aligned(HEAD, [cells(row) for row in table["rows"]])
+
+
+def aligned(names: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Return columns under their names, which are broken at commas."""
+    head = [list(name.split(", ")) for name in names]
     depth = max(map(len, head))
     lines = [[name[k] if k < len(name) else "" for name in head] for k in range(depth)]
-    lines += [cells(row) for row in table["rows"]]
-    widths = [max(len(line[k]) for line in lines) for k in range(len(HEAD))]
+    lines += [list(row) for row in rows]
+    widths = [max(len(line[k]) for line in lines) for k in range(len(names))]
     return "\n".join(
         "  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip()
         for line in lines

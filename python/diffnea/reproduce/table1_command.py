@@ -107,7 +107,7 @@ def publish(args: argparse.Namespace, results: Results, report: Report) -> None:
     folder = args.output
     texts = {
         "table.json": json.dumps(table, indent=1, allow_nan=False) + "\n",
-        "table.csv": table_csv(table),
+        "table.csv": table_csv(table["rows"]),
         "table.tex": table_tex(table),
     }
     for name, text in texts.items():

@@ -44,7 +44,7 @@ def missing_for_networks() -> str:
 
 def record(settings: Json, needs: list[Result]) -> Output:
     """Record arm and ball in a world, with motions designed for the description."""
-    nominal = _nominal(settings)
+    nominal = nominal_model(settings)
     motions = robot_motions(
         nominal,
         arm_seconds=settings["arm_seconds"],
@@ -59,7 +59,7 @@ def record(settings: Json, needs: list[Result]) -> Output:
         ("ball", motions.ball, f"{world},repetitions={settings['repetitions']}"),
     ):
         found = simulate(
-            nominal, motion.trajectory, world=_named(where, settings), seed=settings["seed"]
+            nominal, motion.trajectory, world=named_world(where, settings), seed=settings["seed"]
         )
         if found.failure:
             raise _core.DataError(f"the recording of the {name} ended early: {found.failure}")
@@ -70,7 +70,7 @@ def record(settings: Json, needs: list[Result]) -> Output:
 
 def identify(settings: Json, needs: list[Result]) -> Output:
     """Fit arm and ball to a recording, from the description or from a guess that is wrong."""
-    nominal = _nominal(settings)
+    nominal = nominal_model(settings)
     guess = settings.get("guess")
     begin = nominal if guess is None else wrong_guess(nominal, guess)
     robot = identify_robot(begin, recording_of(needs[0], "arm"), recording_of(needs[0], "ball"))
@@ -89,7 +89,7 @@ def identify(settings: Json, needs: list[Result]) -> Output:
 
 def learn_policies(settings: Json, needs: list[Result]) -> Output:
     """Search from some seeds, in the model that was identified or else in the description."""
-    nominal = _nominal(settings)
+    nominal = nominal_model(settings)
     model = Model.from_dict(needs[0].data["model"]) if needs else nominal
     learned = learn(
         model,
@@ -128,7 +128,7 @@ def learn_in_network(settings: Json, needs: list[Result]) -> Output:
     options: Json = settings["search"] | {"ball_network": network}
     learned = learn(
         Model.from_dict(needs[1].data["model"]),
-        controller=_nominal(settings),
+        controller=nominal_model(settings),
         string=settings["string"],
         seeds=settings["seeds"],
         progress=False,
@@ -165,8 +165,8 @@ def transfer_policies(settings: Json, needs: list[Result]) -> Output:
     learned = needs[0]
     found = transfer(
         policies_of(learned),
-        _named(settings["world"], settings),
-        controller=_nominal(settings),
+        named_world(settings["world"], settings),
+        controller=nominal_model(settings),
         repetitions=0,
         seed=settings["seed"],
     )
@@ -204,8 +204,8 @@ def repeat_best(settings: Json, needs: list[Result]) -> Output:
     policy = policies_of(needs[chunk])[k]
     found = transfer(
         policy,
-        _named(settings["world"], settings),
-        controller=_nominal(settings),
+        named_world(settings["world"], settings),
+        controller=nominal_model(settings),
         repetitions=settings["repetitions"],
         seed=settings["seed"],
     )
@@ -285,12 +285,13 @@ def paper_reward(trace: RolloutTrace, policy: Policy, epsilon: float = WIDE) -> 
     return float(np.exp(0.5 * psi.max() + 0.5 * end) - effort)
 
 
-def _nominal(settings: Json) -> Model:
+def nominal_model(settings: Json) -> Model:
+    """Return the description, with the string that is on the robot."""
     return with_string(load_model(settings["model"]), settings["string"])
 
 
-def _named(world: str, settings: Json) -> str:
-    """With the string that is on the robot; perturb changes its length."""
+def named_world(world: str, settings: Json) -> str:
+    """Return the world with the string that is on the robot; perturb changes its length."""
     return f"{world},nominal_string={settings['string']}"
 
 
