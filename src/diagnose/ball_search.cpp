@@ -89,7 +89,8 @@ BallSolution BallSearch::solve(const std::vector<EffectSpec>& terms,
       }
   const BallData& data = start ? start->ball.data : train_;
   BallSolution best = solved(terms, layout, data);
-  // Where a slope at 0 leads nowhere, others of the effect's own starts may: of one, of all at once.
+  // Where a slope at 0 leads nowhere, others of the effect's own starts may: of one, of all at
+  // once.
   BallLayout all = layout;
   int moved = 0;
   const auto try_from = [&](const BallLayout& elsewhere) {

@@ -93,9 +93,11 @@ class Diagnosis {
     return finding_;
   }
 
-  Finding finish() {
+  /// @param stopped  a look beyond it was interrupted
+  Finding finish(bool stopped = false) {
     {
       const Timer timer(finding_.seconds);
+      finding_.interrupted |= stopped;
       if (finding_.verdict == Verdict::kUnknown && options_.grey_box && !finding_.interrupted)
         grey_ = grey_box(model_, *train_, *search_, terms_, *held_out_, witness_,
                          options_.accept_delta_bic);
@@ -500,6 +502,7 @@ Finding with_gap_beyond(const Model& model, const RecordingSource& train,
   if (narrow.interrupted || screened.causes.empty()) return narrow;
   Diagnosis again(model, train, test, Band::kWide, options);
   const Finding& seen = again.examine();
+  narrow.interrupted |= seen.interrupted;
   if (seen.interrupted || seen.causes.empty() ||
       std::ranges::any_of(seen.causes, [](const Cause& c) { return c.effect != kGap; }))
     return narrow;
@@ -527,7 +530,7 @@ Finding diagnose_joints(const Model& model, const RecordingSource& train,
   const bool says_more = second.verdict != Verdict::kUnknown ||
                          (first.witness.empty() && !second.witness.empty()) ||
                          second.gain.explained_share > first.gain.explained_share;
-  if (second.interrupted || !says_more) return narrow.finish();
+  if (second.interrupted || !says_more) return narrow.finish(second.interrupted);
   Finding finding = wide.finish();
   finding.seconds += first.seconds;
   finding.notes.push_back("up to " + format_number(first.plan.filter_hz) +
