@@ -185,6 +185,7 @@ def _processes(count: str) -> Iterator[Workers]:
 def _dask(address: str) -> Iterator[Workers]:
     try:
         from distributed import Client, LocalCluster
+        from distributed.comm import get_address_host_port
     except ImportError as error:
         raise Error(
             "--executor: dask is not installed; install it with: pip install 'diffnea[dask]'"
@@ -195,6 +196,9 @@ def _dask(address: str) -> Iterator[Workers]:
         # A worker that dies is told of the first time; `run` decides who gets a second chance.
         opened.enter_context(dask.config.set({"distributed.scheduler.allowed-failures": 0}))
         try:
+            # A Client that cannot read its address is left half made, and locks the next one.
+            if address:
+                get_address_host_port(address)
             cluster = address or opened.enter_context(
                 LocalCluster(threads_per_worker=1, dashboard_address=None)
             )
