@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from .._core import Error
 from . import beyond_work, work
 from .jobs import Job, Json
-from .table1 import ROBOT, robot_settings
+from .table1 import ROBOT, identified_robot, robot_settings
 
 NAME = "beyond"
 ABOUT = "diagnose what learned policies did, extend the model, learn again: transfer before, after"
@@ -144,20 +144,14 @@ def _unit(o: Options, length: float, rope: str, robot: int) -> Unit:
         "seed": robot,
     }
     name = f"{o.surrogate}-{100 * length:g}cm-{rope}-r{robot}"
-    recorded = Job(
-        f"record-{name}",
-        work.record,
-        settings
-        | world
-        | {
-            "seed": 100 * robot,
-            "arm_seconds": float(o.arm_seconds),
-            "ball_seconds": float(o.ball_seconds),
-            "repetitions": o.ball_repetitions,
-        },
-        cost=10.0 + 0.35 * o.ball_seconds * o.ball_repetitions,
+    _, identified = identified_robot(
+        name,
+        settings | {"world": world["world"]},
+        seed=100 * robot,
+        arm_seconds=o.arm_seconds,
+        ball_seconds=o.ball_seconds,
+        repetitions=o.ball_repetitions,
     )
-    identified = Job(f"identify-{name}", work.identify, settings, needs=(recorded,), cost=5.0)
     first = FIRST_SEED + 1000 * robot
 
     def searched(what: str, model: Job, begin: int, robust: bool = False) -> tuple[Job, Job]:

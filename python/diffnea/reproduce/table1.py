@@ -146,6 +146,40 @@ def robot_settings() -> Json:
     }
 
 
+def identified_robot(
+    name: str,
+    settings: Json,
+    *,
+    seed: int,
+    arm_seconds: float,
+    ball_seconds: float,
+    repetitions: int,
+    guess: int | None = None,
+) -> tuple[Job, Job]:
+    """Record a robot in the world of the settings, and identify it; guess: from a wrong one."""
+    recorded = Job(
+        f"record-{name}",
+        work.record,
+        settings
+        | {
+            "seed": seed,
+            "arm_seconds": float(arm_seconds),
+            "ball_seconds": float(ball_seconds),
+            "repetitions": repetitions,
+        },
+        cost=10.0 + 0.35 * ball_seconds * repetitions,
+    )
+    begin = {key: value for key, value in settings.items() if key != "world"}
+    identified = Job(
+        f"identify-{name}",
+        work.identify,
+        begin if guess is None else begin | {"guess": guess},
+        needs=(recorded,),
+        cost=5.0,
+    )
+    return recorded, identified
+
+
 class _Builder:
     """Makes jobs; those of nominal policies serve every system."""
 
@@ -225,29 +259,16 @@ class _Builder:
         o, settings = self.options, self._settings(length)
         simulated = system == SIMULATION
         name = f"{system}-{_cm(length)}-m{number:02d}"
-        # Without noise all repetitions are the same.
-        repetitions = 1 if simulated else o.ball_repetitions
-        recorded = Job(
-            f"record-{name}",
-            work.record,
-            settings
-            | {
-                "world": self._world(system, number) + (",noise=0" if simulated else ""),
-                "seed": 100 * (number + 1),
-                "arm_seconds": float(o.arm_seconds),
-                "ball_seconds": float(o.ball_seconds),
-                "repetitions": repetitions,
-            },
-            cost=10.0 + 0.35 * o.ball_seconds * repetitions,
+        return identified_robot(
+            name,
+            settings | {"world": self._world(system, number) + (",noise=0" if simulated else "")},
+            seed=100 * (number + 1),
+            arm_seconds=o.arm_seconds,
+            ball_seconds=o.ball_seconds,
+            # Without noise all repetitions are the same.
+            repetitions=1 if simulated else o.ball_repetitions,
+            guess=number + 1 if simulated else None,
         )
-        identified = Job(
-            f"identify-{name}",
-            work.identify,
-            settings | ({"guess": number + 1} if simulated else {}),
-            needs=(recorded,),
-            cost=5.0,
-        )
-        return recorded, identified
 
     def _transferred(
         self,
