@@ -3,11 +3,18 @@
 /// lag, in this order; and what the encoders make of the positions.
 
 #include <deque>
+#include <variant>
 #include <vector>
 
 #include <diffnea/effects/catalogue.hpp>
 
 namespace diffnea::sim {
+
+/// Friction with a state: bristles that give before they slip.
+inline bool is_bristles(const BoundEffect& e) {
+  return std::holds_alternative<PreslidingDahl>(e.type) ||
+         std::holds_alternative<PreslidingLugre>(e.type);
+}
 
 class Drives {
  public:

@@ -10,14 +10,6 @@
 #include <diffnea/effects/hidden_motor.hpp>
 
 namespace diffnea::sim {
-namespace {
-
-bool is_bristles(const BoundEffect& e) {
-  return std::holds_alternative<PreslidingDahl>(e.type) ||
-         std::holds_alternative<PreslidingLugre>(e.type);
-}
-
-}  // namespace
 
 /// Bristles over a step of `h` seconds at constant velocity: exact, so that no stiffness makes them
 /// unstable.

@@ -24,6 +24,7 @@
 #include <diffnea/dynamics/aba.hpp>
 #include <diffnea/effects/catalogue.hpp>
 
+#include "sim/drives.hpp"
 #include "sim/pack_world.hpp"
 
 namespace diffnea::sim {
@@ -232,10 +233,6 @@ class PackDrives {
     Pack mean, end;
   };
 
-  static bool is_bristles(const BoundEffect& e) {
-    return std::holds_alternative<PreslidingDahl>(e.type) ||
-           std::holds_alternative<PreslidingLugre>(e.type);
-  }
   bool is_dahl(const Bristles& b) const {
     return std::holds_alternative<PreslidingDahl>(spec_.drives[b.effect].type);
   }
