@@ -11,6 +11,7 @@
 #include <diffnea/version.hpp>
 
 #include "common.hpp"
+#include "outputs.hpp"
 #include "recordings.hpp"
 
 namespace diffnea::apps {
@@ -36,6 +37,7 @@ void run_diagnose(DiagnoseCommand c) {
   c.options.base = kBases.at(c.base);
   c.options.seed = c.common.seed;
   refuse_own_inputs(c.out, {c.model});
+  refuse_other_runs(c.out, "diffnea/diagnose/");
   const Model model = read_model(c.model);
   ResultFolder folder(c.out);  // cannot be written: better known now
 

@@ -7,6 +7,7 @@
 #include <diffnea/io/trajectory_file.hpp>
 
 #include "common.hpp"
+#include "outputs.hpp"
 #include "progress.hpp"
 
 namespace diffnea::apps {

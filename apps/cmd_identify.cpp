@@ -12,6 +12,7 @@
 #include <diffnea/version.hpp>
 
 #include "common.hpp"
+#include "outputs.hpp"
 #include "recordings.hpp"
 
 namespace diffnea::apps {
@@ -61,6 +62,7 @@ void run_identify(IdentifyCommand c) {
         c.effects == std::vector<std::string>{"none"} ? std::vector<std::string>{} : c.effects;
   c.options.trajectory.threads = threads_of(c.common);
   refuse_own_inputs(c.out, {c.model});
+  refuse_other_runs(c.out, "diffnea/identify/");
   const Model model = read_model(c.model);
   ResultFolder folder(c.out);  // cannot be written: better known now
 

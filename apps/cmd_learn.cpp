@@ -9,6 +9,7 @@
 #include <diffnea/version.hpp>
 
 #include "common.hpp"
+#include "outputs.hpp"
 #include "policies.hpp"
 
 namespace diffnea::apps {

@@ -9,6 +9,7 @@
 #include <diffnea/recording/csv.hpp>
 
 #include "common.hpp"
+#include "outputs.hpp"
 
 namespace diffnea::apps {
 namespace {

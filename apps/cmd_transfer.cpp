@@ -8,6 +8,7 @@
 #include <diffnea/version.hpp>
 
 #include "common.hpp"
+#include "outputs.hpp"
 #include "policies.hpp"
 #include "transfers.hpp"
 

@@ -85,18 +85,6 @@ inline CLI::Validator count(std::uint64_t most) {
       "");
 }
 
-/// Refuses an output that is one of the inputs.
-/// @throws FileError
-inline void refuse_overwriting(const std::string& output, const std::vector<std::string>& inputs) {
-  for (const std::string& input : inputs) {
-    std::error_code ignored;
-    if (std::filesystem::equivalent(output, input, ignored))
-      throw FileError(output +
-                      ": is an input, which the output would overwrite; choose another "
-                      "name with -o");
-  }
-}
-
 /// Adds --json, --quiet, --seed and --threads to a command.
 inline void add_common(CLI::App& command, CommonOptions& options) {
   command.add_flag("--json", options.json, "print the result as JSON on standard output");

@@ -104,20 +104,6 @@ void refuse_other_seeds(const std::filesystem::path& folder,
 
 }  // namespace
 
-void refuse_other_runs(const std::filesystem::path& folder, const std::string& schema) {
-  std::error_code ignored;
-  if (!std::filesystem::exists(folder / "result.json", ignored)) return;
-  std::string there;
-  try {
-    there = run_schema(folder);
-  } catch (const Error&) {
-    return;  // nothing that could be lost
-  }
-  if (!there.starts_with(schema))
-    throw FileError(folder.string() + ": holds another command's result (" + there +
-                    "), which would be lost; choose another folder with -o");
-}
-
 std::string why_not_usable(const LearnRun& run) {
   long rollouts = 0;
   for (const LearnedPolicy& policy : run.policies) {

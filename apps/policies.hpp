@@ -39,10 +39,6 @@ void add_policy_options(CLI::App& command, PolicyOptions& options);
 /// The task in a model, as the options want it. @throws as ball_in_cup
 BallInCup task_of(const Model& model, const Model& controller, const PolicyOptions& options);
 
-/// Refuses a folder whose result is another command's. @param schema  how that of ours begins
-/// @throws FileError
-void refuse_other_runs(const std::filesystem::path& folder, const std::string& schema);
-
 /// "no policy catches …" where none does, else empty.
 std::string why_not_usable(const LearnRun& run);
 

@@ -8,7 +8,6 @@
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/io/sidecar.hpp>
-#include <diffnea/report/run_folder.hpp>
 
 #include "common.hpp"
 
@@ -60,13 +59,6 @@ void refuse_repeated_files(const std::vector<std::string>& data,
                                       "must be other recordings"
                                     : ": is given twice"));
     }
-}
-
-void refuse_own_inputs(const std::string& folder, const std::vector<std::string>& inputs) {
-  std::error_code ignored;
-  if (fs::exists(fs::path(folder) / "result.json", ignored)) return;  // an earlier run's own
-  for (const std::string& name : kRunFiles)
-    refuse_overwriting((fs::path(folder) / name).string(), inputs);
 }
 
 std::unique_ptr<RecordingSource> open_recordings(const Model& model,

@@ -28,10 +28,6 @@ void add_recording_options(CLI::App& command, RecordingOptions& options);
 void refuse_repeated_files(const std::vector<std::string>& data,
                            const std::vector<std::string>& test);
 
-/// Refuses a folder whose model.urdf, say, is an input that no run left there: its results would
-/// overwrite it. @throws FileError naming the file
-void refuse_own_inputs(const std::string& folder, const std::vector<std::string>& inputs);
-
 /// @throws FileError, DataError as recordings_in_files and read_sidecar
 std::unique_ptr<RecordingSource> open_recordings(const Model& model,
                                                  const std::vector<std::string>& files,

@@ -271,6 +271,16 @@ def test_a_model_is_not_overwritten_by_its_fit(
     assert {path.name for path in tmp_path.iterdir()} == {"model.urdf"}
 
 
+def test_the_result_of_another_command_stays(recordings: Path, tmp_path: Path) -> None:
+    done("identify", PENDULUM, recordings / "train.csv", "-o", tmp_path)
+    before = {path: path.read_bytes() for path in tmp_path.iterdir()}
+    model = tmp_path / "model.json"
+    answer = diffnea("diagnose", model, recordings / "train.csv", "-o", tmp_path)
+    assert answer.returncode == BAD_INPUT
+    assert "holds another command's result (diffnea/identify/" in answer.stderr
+    assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
 def test_excite_says_what_it_does_without_limits(tmp_path: Path) -> None:
     answer = diffnea("excite", PENDULUM, "--duration", 10, "-o", tmp_path / "motion.csv")
     assert "no position limits" in answer.stderr
