@@ -94,6 +94,16 @@ def test_one_effect_of_an_impact_is_varied_with_those_it_may_stand_for() -> None
     assert beyond_work.varied(found[1:]) == {}
 
 
+def test_what_is_varied_is_what_effects_take() -> None:
+    found = [cause("string_rebound", "string", restitution=0.55)]
+    found.append(cause("string_folding", "string", resistance=0.09))
+    vary = beyond_work.varied(found)
+    nominal = diffnea.models.path("wam4_ball_in_cup.xml")
+    search = {"samples": 16, "iterations": 2, "progress": False}
+    learned = diffnea.learn(nominal, string=0.4, robust=True, draws=8, vary=vary, **search)
+    assert len(learned.policies) == 1
+
+
 def made(folder, study: beyond.Study) -> Results:
     """Return results of two robots of three, made by hand: 1 and 2 of 4 before, 3 and 4 after."""
     out = Results(folder)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from .._core import Model, Recording
@@ -43,6 +45,8 @@ CONTACT = {
 that were named are these, not how much each of them is."""
 VARIED = 1.5
 """Draws have what was named from none to so much of what was found."""
+MOST = {"string_rebound.restitution": 0.6, "string_folding.resistance": 0.1}
+"""That the effects take."""
 
 
 def observe(settings: Json, needs: list[Result]) -> Output:
@@ -138,4 +142,7 @@ def varied(causes: list[Json]) -> dict[str, tuple[float, float]]:
     }
     if any(name in found for name in CONTACT):
         found = CONTACT | found
-    return {f"string.{name}": (0.0, VARIED * value) for name, value in found.items()}
+    return {
+        f"string.{name}": (0.0, min(VARIED * value, MOST.get(name, math.inf)))
+        for name, value in found.items()
+    }
