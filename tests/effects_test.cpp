@@ -355,8 +355,9 @@ TEST_CASE("effects: a wrong name is answered with the right ones", "[effects]") 
                     ContainsSubstring("given in kg, expected kg*m^2"));
   CHECK_THROWS_WITH(bind({"armature", "elbow", {{"armature", -1.0, ""}}}, model),
                     ContainsSubstring("expected a number that is 0 or above"));
-  CHECK_THROWS_WITH(bind({"joint_elasticity", "elbow", {{"friction_share", 1.5, ""}}}, model),
-                    ContainsSubstring("expected a number that is 0 or above, at most 1"));
+  CHECK_THROWS_WITH(
+      bind({"joint_elasticity", "elbow", {{"friction_share", 1.5, ""}}}, model),
+      ContainsSubstring("friction_share = 1.5, expected a number that is 0 or above, at most 1"));
   CHECK_THROWS_WITH(
       bind({"armature", "elbow", {{"armature", 1.0, ""}, {"armature", 1.0, ""}}}, model),
       ContainsSubstring("given twice"));

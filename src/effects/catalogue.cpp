@@ -154,16 +154,22 @@ Vec3<double> tip_point(const Model& model, int joint) {
       "from 0 as they are given, e.g. payload@tip:run=1");
 }
 
+/// As few digits as say which number it is.
+std::string text(double x) {
+  char out[32];
+  return {out, std::to_chars(out, out + sizeof out, x).ptr};
+}
+
 void check_value(const std::string& here, const ParameterInfo& info, double value) {
   const bool ok = std::isfinite(value) && (info.sign != Sign::kNonNegative || value >= 0.0) &&
                   (info.sign != Sign::kPositive || value > 0.0) && value <= info.most;
   if (ok) return;
-  throw ModelError(here + ": " + info.name + " = " + std::to_string(value) + " " + info.unit +
-                   ", expected a " +
+  const std::string unit = info.unit == "1" ? "" : " " + info.unit;
+  throw ModelError(here + ": " + info.name + " = " + text(value) + unit + ", expected a " +
                    (info.sign == Sign::kFree          ? "finite number"
                     : info.sign == Sign::kNonNegative ? "number that is 0 or above"
                                                       : "number above 0") +
-                   (std::isfinite(info.most) ? ", at most " + std::to_string(info.most) : ""));
+                   (std::isfinite(info.most) ? ", at most " + text(info.most) + unit : ""));
 }
 
 /// Joints and their parents, of one type: a shaft's torque is [N·m] at both or [N] at both.
