@@ -229,7 +229,8 @@ class BallDiagnosis {
         drop_redundant();
         exchange();
         drop_far();
-        drop_redundant();                      // of fewer rows, one may not be needed any more
+        // Of fewer rows, one may not be needed any more.
+        drop_redundant();
       } else if (!spins_checked && go_on()) {  // before lift is given up
         spins_checked = true;
         if (!drop_spins()) break;
