@@ -180,6 +180,9 @@ def test_table_and_page(results, tmp_path, monkeypatch, capsys) -> None:
         (["--quick", "--observed", "13"], "expected 12 at most"),
         (["--each", "viscous_friction"], "choices: string_wrap"),
         (["--seeds", "501"], "of seeds 500 at most"),
+        (["--ropes", "mid,thick"], "rope = 'thick'"),
+        (["--surrogate", "Z"], "perturb = 'Z'; choices: none, A, B, C"),
+        (["--lengths", "0.40,0"], "--lengths: got 0 m, expected above 0"),
     ],
 )
 def test_mistakes_are_named(tmp_path, capsys, words, message) -> None:

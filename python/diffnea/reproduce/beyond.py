@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from .._core import Error
 from . import beyond_work, work
 from .jobs import Job, Json
-from .table1 import ROBOT, identified_robot, robot_settings
+from .table1 import ROBOT, check_worlds, identified_robot, robot_settings
 
 NAME = "beyond"
 ABOUT = "diagnose what learned policies did, extend the model, learn again: transfer before, after"
@@ -59,6 +59,7 @@ class Options:
         for effect in self.each:
             if effect not in beyond_work.STRING:
                 raise Error(f"--each: got {effect!r}; choices: {', '.join(beyond_work.STRING)}")
+        check_worlds(self.lengths, (self.surrogate,), self.ropes)
 
 
 QUICK = Options(robots=2, seeds=12, observed=12, lengths=(0.40,), ropes=("mid",))

@@ -7,12 +7,13 @@ is one model of one kind and one world: recorded, identified or trained, learned
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from .. import models
-from .._core import Error
+from .._core import Error, _world_file
 from . import work
 from .jobs import Job, Json
 
@@ -71,6 +72,17 @@ class Options:
             raise Error(f"--chunk: got {self.chunk}, expected 1 or more")
         if self.trained_models is not None and not 0 <= self.trained_models <= self.models:
             raise Error(f"--trained-models: expected 0 to {self.models}, the number of models")
+        check_worlds((*self.lengths, *self.simulated_lengths), self.surrogates, (self.rope,))
+
+
+def check_worlds(lengths: Sequence[float], surrogates: Sequence[str], ropes: Sequence[str]) -> None:
+    """Refuse now what a job would only refuse when it runs."""
+    for length in lengths:
+        if not 0 < length < math.inf:
+            raise Error(f"--lengths: got {length:g} m, expected above 0")
+    for surrogate in ("none", *surrogates):
+        for rope in ropes:
+            _world_file(f"mujoco:{ROBOT},perturb={surrogate},rope={rope}")
 
 
 QUICK = Options(models=2, seeds=10, lengths=(0.40,), trained_models=1)
