@@ -2,22 +2,23 @@
 #include <chrono>
 #include <cmath>
 #include <limits>
-#include <map>
 
 #include <Eigen/Cholesky>
 
 #include <diffnea/core/error.hpp>
-#include <diffnea/effects/extended_tree.hpp>
 #include <diffnea/identify/posterior.hpp>
 #include <diffnea/identify/torque_regression.hpp>
 
 #include "identify/gains.hpp"
+#include "identify/motionless.hpp"
 #include "identify/passes.hpp"
+#include "identify/score_covariance.hpp"
+#include "identify/shape_steps.hpp"
+#include "identify/torque_errors.hpp"
+#include "identify/torque_notes.hpp"
 
 namespace diffnea {
 namespace {
-
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
 double seconds_since(std::chrono::steady_clock::time_point start) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
@@ -30,128 +31,6 @@ double robust_weight(Robust kind, double r) {
   if (kind == Robust::kHuber) return a <= kHuber ? 1.0 : kHuber / a;
   if (kind == Robust::kCauchy) return 1.0 / (1.0 + (r / kCauchy) * (r / kCauchy));
   return 1.0;
-}
-
-/// Σ of score products of one joint's rows over lags (Newey, West 1987), for rows [Y | τ] over
-/// sigma: what takes the place of YᵀY in the middle of the sandwich when residuals are
-/// autocorrelated. Scaled up to all rows where only some were kept.
-/// @param T  what the rows are multiplied with first (Gains::linearisation)
-MatX<double> score_covariance(const JointRows& kept, const MatX<double>& T, const VecX<double>& x,
-                              double sigma, double all_rows) {
-  const long rows = std::min<long>(static_cast<long>(kept.time.size()), 4000), p = kept.width - 1;
-  if (rows < 2) return MatX<double>::Zero(p, p);
-  const MatX<double> linear = kept.rows().topRows(rows) * T;
-  const MatX<double> Y = linear.leftCols(p);
-  const VecX<double> r = Y * x - linear.col(p);
-  const MatX<double> scores = r.asDiagonal() * Y / (sigma * sigma);
-  MatX<double> meat = scores.transpose() * scores;
-  const long lags =
-      std::min<long>(static_cast<long>(std::sqrt(static_cast<double>(rows))), rows - 1);
-  for (long l = 1; l <= lags; ++l) {
-    const double w = 1.0 - static_cast<double>(l) / static_cast<double>(lags + 1);
-    const MatX<double> c = scores.topRows(rows - l).transpose() * scores.bottomRows(rows - l);
-    meat += w * (c + c.transpose());
-  }
-  return meat * (all_rows / static_cast<double>(rows));
-}
-
-/// A joint whose filtered position stays within what its noise explains tells nothing of its own
-/// motion.
-std::vector<int> motionless_joints(const Pass& pass, const PreprocessPlan& plan) {
-  std::vector<int> out;
-  for (long j = 0; j < pass.lowest.size(); ++j) {
-    const double noise = j < static_cast<long>(plan.q_noise.size()) ? plan.q_noise[j] : 0.0;
-    const double range = pass.highest[j] - pass.lowest[j];
-    if (range <= std::max(10.0 * noise, 1e-6)) out.push_back(static_cast<int>(j));
-  }
-  return out;
-}
-
-/// What a motionless joint's recording cannot tell: all its effects but a constant torque.
-void hold_motionless(const std::vector<int>& joints, FitLayout& layout) {
-  for (auto* list : {&layout.linear, &layout.shape})
-    for (FitParameter& p : *list) {
-      if (p.effect < 0) continue;
-      const BoundEffect& e = layout.effects[p.effect];
-      const bool constant = e.info().name == "torque_offset" || e.info().name == "session_offset";
-      const bool still = std::ranges::any_of(
-          joints, [&](int j) { return std::ranges::find(e.joints, j) != e.joints.end(); });
-      if (still && !constant && e.info().port == Port::kJointTorque) p.fixed = true;
-    }
-}
-
-/// The layout with one more linear parameter for each free shape: the step of ln η, or of η.
-FitLayout with_shape_steps(const FitLayout& layout) {
-  FitLayout out = layout;
-  for (const FitParameter& s : layout.shape)
-    if (!s.fixed) {
-      FitParameter step = s;
-      step.name += " (step)";
-      step.sign = Sign::kFree;
-      step.prior = 0.0;
-      // Ten times that by prior_width: an e-fold; 1 rad or m of a rest, 1 m/s² of a tilt; of a
-      // transform 0.1 rad, 0.1 m.
-      step.scale = s.kinematic >= 0 ? 0.01 : 0.1;
-      out.linear.push_back(step);
-    }
-  return out;
-}
-
-/// A plain shape's column is its effect's amplitude a times what does not depend on a: k (q − q₀)
-/// gives −k. Where the same step moves a too, from a₀ to a₁, the shape has to go a₀/a₁ of its own.
-/// @param at  linear parameters that the columns are of  @param x  those of the step
-void use_amplitudes(const FitLayout& layout, const VecX<double>& at, const VecX<double>& x,
-                    VecX<double>& step) {
-  long k = 0;
-  for (const FitParameter& shape : layout.shape) {
-    if (shape.fixed) continue;
-    const long here = k++;
-    if (shape.logarithmic || shape.kinematic >= 0) continue;
-    std::vector<long> amplitudes;
-    for (std::size_t c = 0; c < layout.linear.size(); ++c)
-      if (layout.linear[c].effect == shape.effect) amplitudes.push_back(static_cast<long>(c));
-    if (amplitudes.size() == 1 && x[amplitudes[0]] != 0.0)
-      step[here] *= at[amplitudes[0]] / x[amplitudes[0]];
-  }
-}
-
-/// A shape after a step of the regression, no longer than the linearisation may be trusted.
-double stepped(const FitParameter& shape, double value, double step) {
-  if (shape.logarithmic) return value * std::exp(std::clamp(step, -0.7, 0.7));  // a factor of two
-  const double longest = shape.kinematic >= 0 ? 0.1 : 1.0;  // [rad], [m], [m/s²]
-  const double moved = value + std::clamp(step, -longest, longest);
-  return shape.sign == Sign::kFree ? moved : std::max(moved, 0.0);
-}
-
-std::vector<TorqueSeries> make_series(const Model& model, const FitLayout& layout,
-                                      const TorqueRegression& regression, const VecX<double>& x,
-                                      const TorqueRegression& before, const VecX<double>& nominal) {
-  constexpr std::size_t kMaxPoints = 4000;
-  std::vector<TorqueSeries> out;
-  const std::vector<int> moving = moving_links(model);
-  for (int j = 0; j < layout.num_dofs; ++j) {
-    const JointRows& kept = regression.kept()[j];
-    TorqueSeries s;
-    s.joint = model.links[moving[j]].joint;
-    s.unit = model.links[moving[j]].type == ModelJoint::kPrismatic ? "N" : "N*m";
-    const std::vector<int>& columns = regression.factors()[j].columns;
-    const Gains gains(layout);
-    const VecX<double> xj = gains.effective(j, x)(columns),
-                       nj = gains.effective(j, nominal)(columns);
-    const auto rows = kept.rows(), rows_before = before.kept()[j].rows();
-    const std::size_t points =
-        std::min({kept.time.size(), before.kept()[j].time.size(), kMaxPoints});
-    for (std::size_t k = 0; k < points; ++k) {
-      const auto row = rows.row(static_cast<long>(k));
-      s.time.push_back(kept.time[k]);
-      s.velocity.push_back(kept.velocity[k]);
-      s.measured.push_back(row[kept.width - 1]);
-      s.fitted.push_back(row.head(kept.width - 1).dot(xj));
-      s.nominal.push_back(rows_before.row(static_cast<long>(k)).head(kept.width - 1).dot(nj));
-    }
-    out.push_back(std::move(s));
-  }
-  return out;
 }
 
 /// The inverse loss, from data to numbers.
@@ -258,24 +137,7 @@ class InverseFit {
     if (moved_.fit.x.size() > 0) count_shapes_in();
     if (options_.robust != Robust::kNone || options_.loss == Loss::kForward)
       pass(layout_, false, true);  // errors are torques, of all rows
-    note_rest();
-  }
-
-  void note_rest() {
-    const std::vector<std::string> names = joint_names(model_);
-    std::string list;
-    for (int j = 0; j < layout_.num_dofs; ++j) {
-      const double rest = static_cast<double>(regression_->rows_at_rest(j));
-      const double all = rest + static_cast<double>(regression_->factors()[j].factor.rows());
-      if (rest > 0.05 * all)
-        list +=
-            (list.empty() ? "" : ", ") + names[j] + " " + format_number(100.0 * rest / all) + " %";
-    }
-    if (!list.empty())
-      result_.notes.push_back(
-          "torque samples at which a joint rests are left out, since dry friction at "
-          "rest can have any size: " +
-          list);
+    note_rest(model_, *regression_, result_.notes);
   }
 
   /// Covariance of the score that knows of the residuals' autocorrelation, from the rows of the
@@ -492,156 +354,17 @@ class InverseFit {
     result_.parameters = parameter_estimates(layout_, x_, shape_, fit_.std, fit_.identifiable,
                                              fit_.solver.active_nonnegative, shape_std_);
     result_.base_parameters = fit_.base_parameters;
-    set_torque_constants();
-    note_payloads();
+    result_.torque_constants = calibrated_constants(model_, layout_, gains_, fit_, train_);
+    note_payloads(layout_, gains_, fit_, result_.notes);
     result_.physically_consistent = options_.linear.physical;
-    const std::vector<int> bodies = layout_.bodies();
-    for (const int b : fit_.solver.active_bodies) {
-      const std::string& name = layout_.linear[bodies[b]].name;
-      result_.boundary.push_back(name.substr(0, name.rfind('.')));
-    }
-    result_.consistency_cost = fit_.solver.consistency_cost;
-    for (const std::string& link : result_.boundary)
-      result_.notes.push_back("the data press " + link +
-                              " to the boundary of what a body can be (a flat or massless part)");
-    if (result_.consistency_cost > 10.0)
-      result_.notes.push_back(
-          "physical consistency costs " + format_number(result_.consistency_cost) +
-          " in chi^2/2: the data ask for an impossible body, a sign of an effect the model lacks");
-    finish_errors();
+    note_consistency(layout_, fit_, result_);
+    set_torque_errors(
+        {model_, layout_, result_.plan, nominal_, x_, shape_, *regression_, training_runs_}, train_,
+        test_, options_, result_);
     FitSummary& s = result_.summary;
     s.termination = s.interrupted ? "interrupted; fitted to what had been read"
                     : s.converged ? "converged"
                                   : "the barrier method stopped before its tolerance";
-  }
-
-  void set_torque_constants() {
-    std::vector<std::pair<std::string, double>> assumed;
-    for (const Recording& r : train_.sample())
-      if (assumed.empty()) assumed = r.info.torque_constant;
-    const std::vector<int> moving = moving_links(model_);
-    const std::vector<std::string> joints = joint_names(model_);
-    for (std::size_t c = 0; c < layout_.linear.size(); ++c) {
-      const FitParameter& p = layout_.linear[c];
-      if (!gains_.owns(static_cast<int>(c)) || p.fixed) continue;
-      for (const int j : layout_.effects[p.effect].joints) {
-        const auto known =
-            std::ranges::find(assumed, joints[j], &std::pair<std::string, double>::first);
-        if (known == assumed.end()) continue;
-        const double scale = 1.0 + x_[c];
-        const bool slides = model_.links[moving[j]].type == ModelJoint::kPrismatic;
-        result_.torque_constants.push_back({joints[j], slides ? "N/A" : "N*m/A", known->second,
-                                            known->second / scale,
-                                            known->second * fit_.std[c] / (scale * scale)});
-      }
-    }
-  }
-
-  /// A payload's mass says as much of the torque constants as of the payload.
-  void note_payloads() {
-    for (std::size_t c = 0; c < layout_.linear.size(); ++c) {
-      const FitParameter& p = layout_.linear[c];
-      if (p.effect < 0 || p.theta != 0) continue;
-      if (!p.fixed && fit_.identifiable[c])
-        result_.notes.push_back(
-            p.name + " = " + format_number(x_[c]) + " ± " + format_number(fit_.std[c]) +
-            " kg hangs on the torque constants: torque is K times current, so that dm/m = dK/K, "
-            "and K that is 5 % "
-            "too large makes " +
-            format_number(0.05 * x_[c]) + " kg of it. The standard error knows of noise, not of K");
-      if (p.fixed && p.prior > 0.0 && !layout_.effects[p.effect].runs.empty()) note_calibration(p);
-    }
-  }
-
-  void note_calibration(const FitParameter& mass) {
-    std::string list;
-    for (std::size_t c = 0; c < layout_.linear.size(); ++c)
-      if (gains_.owns(static_cast<int>(c)) && fit_.identifiable[c])
-        list += (list.empty() ? "" : ", ") + layout_.effects[layout_.linear[c].effect].where + " " +
-                format_number(x_[c]) + " ± " + format_number(fit_.std[c]);
-    if (!list.empty())
-      result_.notes.push_back(
-          "the known payload (" + mass.name + " = " + format_number(mass.prior) +
-          " kg) calibrates the torque: recorded over true torque is 1 + gain_error, " + list +
-          ". The links' parameters are true ones; friction and offsets are of the recorded torque");
-  }
-
-  /// The rows as the model before the fit has them: another pass where shapes or fixed transforms
-  /// moved, since columns depend on those. Null: the rows of the fit serve both.
-  std::unique_ptr<TorqueRegression> rows_before(const RecordingSource& source,
-                                                const PreprocessPlan& plan, int first_run) const {
-    VecX<double> prior(shape_.size());
-    for (long s = 0; s < prior.size(); ++s) prior[s] = layout_.shape[s].prior;
-    if (prior == shape_) return nullptr;
-    RegressionOptions o;
-    o.first_run = first_run;
-    auto out = std::make_unique<TorqueRegression>(model_, layout_, plan,
-                                                  RegressionPoint{nominal_, prior}, o);
-    for_each_block(source, plan, "testing", 2, options_,
-                   [&](const Preprocessed& b) { out->add(b); });
-    return out;
-  }
-
-  void finish_errors() {
-    std::unique_ptr<TorqueRegression> test, test_all, test_before;
-    const std::unique_ptr<TorqueRegression> moved = rows_before(train_, result_.plan, 0);
-    const TorqueRegression& train_before = moved ? *moved : *regression_;
-    VecX<double> raw = VecX<double>::Constant(layout_.num_dofs, kNaN);
-    const RecordingSource& held_out = test_ ? *test_ : train_;
-    PreprocessOptions same = options_.preprocess;
-    same.filter_hz = result_.plan.filter_hz;
-    if (test_) {
-      const PreprocessPlan plan = plan_preprocess(test_->sample(), same);
-      RegressionOptions held;
-      held.first_run = training_runs_;
-      test = std::make_unique<TorqueRegression>(model_, layout_, plan, RegressionPoint{x_, shape_},
-                                                held);
-      RegressionOptions with_rest = held;
-      with_rest.rest_speed = 0.0;
-      with_rest.keep_bytes = 0;
-      test_all = std::make_unique<TorqueRegression>(model_, layout_, plan,
-                                                    RegressionPoint{x_, shape_}, with_rest);
-      const Pass p =
-          for_each_block(held_out, plan, "testing", 0, options_, [&](const Preprocessed& b) {
-            test->add(b);
-            test_all->add(b);
-          });
-      result_.notes.insert(result_.notes.end(), p.notes.begin(), p.notes.end());
-      const std::vector<int> runs = test_->runs();
-      std::map<int, ExtendedTree> fitted;  // per run: bodies that the robot held in it
-      VecX<double> sum = VecX<double>::Zero(layout_.num_dofs);
-      long rows = 0;
-      for_each_block(held_out, plan, "testing", 1, options_, [&](const Preprocessed& b) {
-        if (!fitted.contains(b.run))
-          fitted[b.run] = extend(result_.model, runs, training_runs_ + b.run);
-        const RowMatX<double> tau = inverse_dynamics(fitted[b.run], b.q, b.qd, b.qdd, b.run);
-        sum += (tau - b.tau).colwise().squaredNorm().transpose();
-        rows += b.rows();
-      });
-      if (rows > 0) raw = (sum / static_cast<double>(rows)).cwiseSqrt();
-      test_before = rows_before(held_out, plan, training_runs_);
-      result_.test_series =
-          make_series(model_, layout_, *test, x_, test_before ? *test_before : *test, nominal_);
-    }
-    result_.train_series = make_series(model_, layout_, *regression_, x_, train_before, nominal_);
-    for (int j = 0; j < layout_.num_dofs; ++j) {
-      const JointFactor& f = regression_->factors()[j];
-      const VecX<double> x = gains_.effective(j, x_), first = gains_.effective(j, nominal_);
-      JointError e = blank_error(model_, j, true);
-      if (f.factor.rows() > 0) {
-        const VecX<double> zero = VecX<double>::Zero(x_.size());
-        e.train = f.rmse(x);
-        e.nominal_train = train_before.factors()[j].rmse(first);
-        e.torque_rms = test ? test->factors()[j].rmse(zero) : f.rmse(zero);
-      }
-      if (f.factor.rows() > 0 && test) {
-        e.test = test->factors()[j].rmse(x);
-        e.nominal_test = (test_before ? *test_before : *test).factors()[j].rmse(first);
-        e.test_all = test_all->factors()[j].rmse(x);
-        e.test_raw = raw[j];
-      }
-      result_.errors.push_back(e);
-    }
   }
 
   const Model& model_;

@@ -1,0 +1,126 @@
+#include "identify/torque_errors.hpp"
+
+#include <algorithm>
+#include <limits>
+#include <map>
+
+#include <diffnea/effects/extended_tree.hpp>
+
+#include "identify/gains.hpp"
+
+namespace diffnea {
+namespace {
+
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+
+std::vector<TorqueSeries> make_series(const TorqueFit& fit, const TorqueRegression& regression,
+                                      const TorqueRegression& before) {
+  constexpr std::size_t kMaxPoints = 4000;
+  std::vector<TorqueSeries> out;
+  const std::vector<int> moving = moving_links(fit.model);
+  for (int j = 0; j < fit.layout.num_dofs; ++j) {
+    const JointRows& kept = regression.kept()[j];
+    TorqueSeries s;
+    s.joint = fit.model.links[moving[j]].joint;
+    s.unit = fit.model.links[moving[j]].type == ModelJoint::kPrismatic ? "N" : "N*m";
+    const std::vector<int>& columns = regression.factors()[j].columns;
+    const Gains gains(fit.layout);
+    const VecX<double> xj = gains.effective(j, fit.x)(columns),
+                       nj = gains.effective(j, fit.nominal)(columns);
+    const auto rows = kept.rows(), rows_before = before.kept()[j].rows();
+    const std::size_t points =
+        std::min({kept.time.size(), before.kept()[j].time.size(), kMaxPoints});
+    for (std::size_t k = 0; k < points; ++k) {
+      const auto row = rows.row(static_cast<long>(k));
+      s.time.push_back(kept.time[k]);
+      s.velocity.push_back(kept.velocity[k]);
+      s.measured.push_back(row[kept.width - 1]);
+      s.fitted.push_back(row.head(kept.width - 1).dot(xj));
+      s.nominal.push_back(rows_before.row(static_cast<long>(k)).head(kept.width - 1).dot(nj));
+    }
+    out.push_back(std::move(s));
+  }
+  return out;
+}
+
+/// The rows as the model before the fit has them: another pass where shapes or fixed transforms
+/// moved, since columns depend on those. Null: the rows of the fit serve both.
+std::unique_ptr<TorqueRegression> rows_before(const TorqueFit& fit, const RecordingSource& source,
+                                              const PreprocessPlan& plan, int first_run,
+                                              const IdentifyOptions& options) {
+  VecX<double> prior(fit.shape.size());
+  for (long s = 0; s < prior.size(); ++s) prior[s] = fit.layout.shape[s].prior;
+  if (prior == fit.shape) return nullptr;
+  RegressionOptions o;
+  o.first_run = first_run;
+  auto out = std::make_unique<TorqueRegression>(fit.model, fit.layout, plan,
+                                                RegressionPoint{fit.nominal, prior}, o);
+  for_each_block(source, plan, "testing", 2, options, [&](const Preprocessed& b) { out->add(b); });
+  return out;
+}
+
+}  // namespace
+
+void set_torque_errors(const TorqueFit& fit, const RecordingSource& train,
+                       const RecordingSource* test, const IdentifyOptions& options,
+                       IdentifyResult& result) {
+  const Gains gains(fit.layout);
+  std::unique_ptr<TorqueRegression> held, held_all, held_before;
+  const std::unique_ptr<TorqueRegression> moved = rows_before(fit, train, fit.plan, 0, options);
+  const TorqueRegression& train_before = moved ? *moved : fit.rows;
+  VecX<double> raw = VecX<double>::Constant(fit.layout.num_dofs, kNaN);
+  PreprocessOptions same = options.preprocess;
+  same.filter_hz = fit.plan.filter_hz;
+  if (test) {
+    const PreprocessPlan plan = plan_preprocess(test->sample(), same);
+    RegressionOptions after;
+    after.first_run = fit.training_runs;
+    held = std::make_unique<TorqueRegression>(fit.model, fit.layout, plan,
+                                              RegressionPoint{fit.x, fit.shape}, after);
+    RegressionOptions with_rest = after;
+    with_rest.rest_speed = 0.0;
+    with_rest.keep_bytes = 0;
+    held_all = std::make_unique<TorqueRegression>(fit.model, fit.layout, plan,
+                                                  RegressionPoint{fit.x, fit.shape}, with_rest);
+    const Pass p = for_each_block(*test, plan, "testing", 0, options, [&](const Preprocessed& b) {
+      held->add(b);
+      held_all->add(b);
+    });
+    result.notes.insert(result.notes.end(), p.notes.begin(), p.notes.end());
+    const std::vector<int> runs = test->runs();
+    std::map<int, ExtendedTree> fitted;  // per run: bodies that the robot held in it
+    VecX<double> sum = VecX<double>::Zero(fit.layout.num_dofs);
+    long rows = 0;
+    for_each_block(*test, plan, "testing", 1, options, [&](const Preprocessed& b) {
+      if (!fitted.contains(b.run))
+        fitted[b.run] = extend(result.model, runs, fit.training_runs + b.run);
+      const RowMatX<double> tau = inverse_dynamics(fitted[b.run], b.q, b.qd, b.qdd, b.run);
+      sum += (tau - b.tau).colwise().squaredNorm().transpose();
+      rows += b.rows();
+    });
+    if (rows > 0) raw = (sum / static_cast<double>(rows)).cwiseSqrt();
+    held_before = rows_before(fit, *test, plan, fit.training_runs, options);
+    result.test_series = make_series(fit, *held, held_before ? *held_before : *held);
+  }
+  result.train_series = make_series(fit, fit.rows, train_before);
+  for (int j = 0; j < fit.layout.num_dofs; ++j) {
+    const JointFactor& f = fit.rows.factors()[j];
+    const VecX<double> x = gains.effective(j, fit.x), first = gains.effective(j, fit.nominal);
+    JointError e = blank_error(fit.model, j, true);
+    if (f.factor.rows() > 0) {
+      const VecX<double> zero = VecX<double>::Zero(fit.x.size());
+      e.train = f.rmse(x);
+      e.nominal_train = train_before.factors()[j].rmse(first);
+      e.torque_rms = held ? held->factors()[j].rmse(zero) : f.rmse(zero);
+    }
+    if (f.factor.rows() > 0 && held) {
+      e.test = held->factors()[j].rmse(x);
+      e.nominal_test = (held_before ? *held_before : *held).factors()[j].rmse(first);
+      e.test_all = held_all->factors()[j].rmse(x);
+      e.test_raw = raw[j];
+    }
+    result.errors.push_back(e);
+  }
+}
+
+}  // namespace diffnea

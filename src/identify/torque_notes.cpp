@@ -1,0 +1,100 @@
+#include "identify/torque_notes.hpp"
+
+#include <algorithm>
+
+namespace diffnea {
+namespace {
+
+void note_calibration(const FitParameter& mass, const FitLayout& layout, const Gains& gains,
+                      const LinearFit& fit, std::vector<std::string>& notes) {
+  std::string list;
+  for (std::size_t c = 0; c < layout.linear.size(); ++c)
+    if (gains.owns(static_cast<int>(c)) && fit.identifiable[c])
+      list += (list.empty() ? "" : ", ") + layout.effects[layout.linear[c].effect].where + " " +
+              format_number(fit.x[c]) + " ± " + format_number(fit.std[c]);
+  if (!list.empty())
+    notes.push_back(
+        "the known payload (" + mass.name + " = " + format_number(mass.prior) +
+        " kg) calibrates the torque: recorded over true torque is 1 + gain_error, " + list +
+        ". The links' parameters are true ones; friction and offsets are of the recorded torque");
+}
+
+}  // namespace
+
+void note_rest(const Model& model, const TorqueRegression& rows, std::vector<std::string>& notes) {
+  const std::vector<std::string> names = joint_names(model);
+  std::string list;
+  for (int j = 0; j < static_cast<int>(names.size()); ++j) {
+    const double rest = static_cast<double>(rows.rows_at_rest(j));
+    const double all = rest + static_cast<double>(rows.factors()[j].factor.rows());
+    if (rest > 0.05 * all)
+      list +=
+          (list.empty() ? "" : ", ") + names[j] + " " + format_number(100.0 * rest / all) + " %";
+  }
+  if (!list.empty())
+    notes.push_back(
+        "torque samples at which a joint rests are left out, since dry friction at "
+        "rest can have any size: " +
+        list);
+}
+
+void note_payloads(const FitLayout& layout, const Gains& gains, const LinearFit& fit,
+                   std::vector<std::string>& notes) {
+  for (std::size_t c = 0; c < layout.linear.size(); ++c) {
+    const FitParameter& p = layout.linear[c];
+    if (p.effect < 0 || p.theta != 0) continue;
+    if (!p.fixed && fit.identifiable[c])
+      notes.push_back(
+          p.name + " = " + format_number(fit.x[c]) + " ± " + format_number(fit.std[c]) +
+          " kg hangs on the torque constants: torque is K times current, so that dm/m = dK/K, "
+          "and K that is 5 % "
+          "too large makes " +
+          format_number(0.05 * fit.x[c]) +
+          " kg of it. The standard error knows of noise, not of K");
+    if (p.fixed && p.prior > 0.0 && !layout.effects[p.effect].runs.empty())
+      note_calibration(p, layout, gains, fit, notes);
+  }
+}
+
+void note_consistency(const FitLayout& layout, const LinearFit& fit, IdentifyResult& result) {
+  const std::vector<int> bodies = layout.bodies();
+  for (const int b : fit.solver.active_bodies) {
+    const std::string& name = layout.linear[bodies[b]].name;
+    result.boundary.push_back(name.substr(0, name.rfind('.')));
+  }
+  result.consistency_cost = fit.solver.consistency_cost;
+  for (const std::string& link : result.boundary)
+    result.notes.push_back("the data press " + link +
+                           " to the boundary of what a body can be (a flat or massless part)");
+  if (result.consistency_cost > 10.0)
+    result.notes.push_back(
+        "physical consistency costs " + format_number(result.consistency_cost) +
+        " in chi^2/2: the data ask for an impossible body, a sign of an effect the model lacks");
+}
+
+std::vector<TorqueConstant> calibrated_constants(const Model& model, const FitLayout& layout,
+                                                 const Gains& gains, const LinearFit& fit,
+                                                 const RecordingSource& train) {
+  std::vector<TorqueConstant> out;
+  std::vector<std::pair<std::string, double>> assumed;
+  for (const Recording& r : train.sample())
+    if (assumed.empty()) assumed = r.info.torque_constant;
+  const std::vector<int> moving = moving_links(model);
+  const std::vector<std::string> joints = joint_names(model);
+  for (std::size_t c = 0; c < layout.linear.size(); ++c) {
+    const FitParameter& p = layout.linear[c];
+    if (!gains.owns(static_cast<int>(c)) || p.fixed) continue;
+    for (const int j : layout.effects[p.effect].joints) {
+      const auto known =
+          std::ranges::find(assumed, joints[j], &std::pair<std::string, double>::first);
+      if (known == assumed.end()) continue;
+      const double scale = 1.0 + fit.x[c];
+      const bool slides = model.links[moving[j]].type == ModelJoint::kPrismatic;
+      out.push_back({joints[j], slides ? "N/A" : "N*m/A", known->second, known->second / scale,
+                     known->second * fit.std[c] / (scale * scale)});
+    }
+  }
+  return out;
+}
+
+}  // namespace diffnea

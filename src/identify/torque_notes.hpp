@@ -1,0 +1,28 @@
+#pragma once
+/// What a reader of a fit by torque should know besides its numbers. Internal to identify/.
+
+#include <diffnea/identify/torque_regression.hpp>
+
+#include "identify/gains.hpp"
+#include "identify/passes.hpp"
+
+namespace diffnea {
+
+/// Joints that rest in over 5 % of the rows, whose torque is then left out.
+void note_rest(const Model& model, const TorqueRegression& rows, std::vector<std::string>& notes);
+
+/// A payload's mass says as much of the torque constants as of the payload; one that is held
+/// calibrates them.
+void note_payloads(const FitLayout& layout, const Gains& gains, const LinearFit& fit,
+                   std::vector<std::string>& notes);
+
+/// Bodies on the boundary of what a body can be, and what consistency costs. Sets `boundary` and
+/// `consistency_cost`.
+void note_consistency(const FitLayout& layout, const LinearFit& fit, IdentifyResult& result);
+
+/// K/(1 + ε) of the joints whose torque constant a sidecar of `train` gives.
+std::vector<TorqueConstant> calibrated_constants(const Model& model, const FitLayout& layout,
+                                                 const Gains& gains, const LinearFit& fit,
+                                                 const RecordingSource& train);
+
+}  // namespace diffnea
