@@ -11,6 +11,7 @@
 #include <diffnea/diagnose/diagnose.hpp>
 
 #include "diagnose/grey_box.hpp"
+#include "diagnose/refine.hpp"
 
 using namespace diffnea;
 
@@ -154,7 +155,7 @@ TEST_CASE("grey box: fitted with it at once, base and effects as before, effects
   std::vector<Term> terms;
   search.refresh(0.0, terms);
   const std::vector<Score> scores = search.scores(terms);
-  terms.push_back(search.refined(scores.front(), terms));
+  terms.push_back(refined(search, scores.front(), terms));
   search.fit(terms);
 
   const HeldOut held_out(*evidence, {}, 0);

@@ -4,7 +4,7 @@
 
 #include <catch2/catch_test_macros.hpp>
 
-#include "diagnose/search.hpp"
+#include "diagnose/refine.hpp"
 
 using namespace diffnea;
 
@@ -34,7 +34,7 @@ TEST_CASE("Search: ripples that are made anew score as those that are kept", "[d
       CHECK(a[i].variant == b[i].variant);
       CHECK(a[i].delta_bic == b[i].delta_bic);
     }
-    terms_kept.push_back(kept.refined(a.front(), terms_kept));
-    terms_anew.push_back(anew.refined(b.front(), terms_anew));
+    terms_kept.push_back(refined(kept, a.front(), terms_kept));
+    terms_anew.push_back(refined(anew, b.front(), terms_anew));
   }
 }

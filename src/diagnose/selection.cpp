@@ -4,6 +4,8 @@
 #include <cmath>
 #include <set>
 
+#include "diagnose/refine.hpp"
+
 namespace diffnea {
 namespace {
 
@@ -47,9 +49,9 @@ std::vector<Selection::Offer> Selection::offers(const std::vector<Term>& terms,
       break;
     if (present.contains(s.candidate)) continue;
     std::vector<Term> with = terms;
-    with.push_back(search_.refined(s, terms));
+    with.push_back(refined(search_, s, terms));
     const double gain = search_.fit(with);
-    if (!search_.plausible(with.back())) continue;
+    if (!plausible(search_, with.back())) continue;
     out.push_back({with.back(), before - search_.bic(gain, with)});
   }
   std::ranges::stable_sort(out, std::greater<>{}, &Offer::delta_bic);
@@ -80,7 +82,7 @@ void Selection::renew(std::vector<Term>& terms) {
   // anew.
   for (std::size_t i = 0; i < terms.size(); ++i)
     if (!candidates_[static_cast<std::size_t>(terms[i].candidate)].choices.empty())
-      terms[i] = search_.refined(terms[i], without(terms, i));
+      terms[i] = refined(search_, terms[i], without(terms, i));
   search_.fit(terms);
 }
 
@@ -207,7 +209,7 @@ bool Selection::sharpen(std::vector<Term>& terms) const {
     Term moved = terms[i];
     moved.shapes.push_back(k);
     std::vector<Term> with = rest;
-    with.push_back(search_.refined(std::move(moved), rest));
+    with.push_back(refined(search_, std::move(moved), rest));
     if (search_.bic(search_.fit(with), with) >
         search_.bic(search_.gain_of(terms), terms) - options_.accept)
       continue;
@@ -241,7 +243,7 @@ bool Selection::split(std::vector<Term>& terms) const {
         }
       }
       if (!next) break;
-      with.push_back(search_.refined(*next, with));
+      with.push_back(refined(search_, *next, with));
       best = search_.bic(search_.fit(with), with);
     }
     if (best > now - (compound ? 0.0 : options_.accept) || with.size() < terms.size()) continue;

@@ -1,0 +1,190 @@
+#include "diagnose/score_table.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "diagnose/signed_fit.hpp"
+
+namespace diffnea {
+namespace {
+
+bool is_ripple(const Candidate& c) { return c.effect.info().name == "cogging"; }
+
+/// Ripples of a candidate's grid, which is even (bounds.cpp).
+void ripples_of(const Candidate& c, const Evidence& evidence,
+                const std::function<void(int, MatX<double>)>& visit) {
+  const double first = c.grid.front()[0], step = c.grid.size() > 1 ? c.grid[1][0] - first : 0.0;
+  evidence.ripples(c.effect.joints[0], first, step, static_cast<int>(c.grid.size()), visit);
+}
+
+}  // namespace
+
+ScoreTable::ScoreTable(const Evidence& evidence, const std::vector<Candidate>& candidates,
+                       double table_bytes)
+    : evidence_(evidence), candidates_(candidates) {
+  double ripples = 0.0;
+  for (const Candidate& c : candidates)
+    if (is_ripple(c)) ripples += static_cast<double>(c.grid.size());
+  const double bytes_each = 2.0 * 2.0 * sizeof(double) * static_cast<double>(evidence.times());
+  for (std::size_t c = 0; c < candidates.size(); ++c) {
+    if (is_ripple(candidates[c])) {
+      add_ripples(static_cast<int>(c), ripples * bytes_each <= table_bytes);
+      continue;
+    }
+    for (std::size_t g = 0; g < candidates[c].grid.size(); ++g) {
+      Variant v;
+      v.candidate = static_cast<int>(c);
+      v.point = static_cast<int>(g);
+      fill(v);
+      variants_.push_back(std::move(v));
+    }
+  }
+}
+
+void ScoreTable::add_ripples(int candidate, bool keep) {
+  const Candidate& c = candidates_[static_cast<std::size_t>(candidate)];
+  const auto joint = std::ranges::find(evidence_.joints(), c.effect.joints[0]);
+  if (joint == evidence_.joints().end()) return;
+  const std::size_t first = variants_.size();
+  for (std::size_t g = 0; g < c.grid.size(); ++g) {
+    Variant v;
+    v.candidate = candidate;
+    v.point = static_cast<int>(g);
+    v.offset = false;
+    v.joints = {joint - evidence_.joints().begin()};
+    v.kept = keep;
+    variants_.push_back(std::move(v));
+  }
+  if (keep)
+    ripples_of(c, evidence_, [&](int g, MatX<double> raw) {
+      variants_[first + static_cast<std::size_t>(g)].raw = std::move(raw);
+    });
+}
+
+void ScoreTable::sweep(const std::function<void(std::size_t, const MatX<double>&)>& visit) const {
+  for (std::size_t i = 0; i < variants_.size(); ++i)
+    if (!variants_[i].kept && variants_[i].point == 0)
+      ripples_of(
+          candidates_[static_cast<std::size_t>(variants_[i].candidate)], evidence_,
+          [&](int g, const MatX<double>& raw) { visit(i + static_cast<std::size_t>(g), raw); });
+}
+
+void ScoreTable::fill(Variant& v) const {
+  const long m = evidence_.times();
+  const Candidate& c = candidates_[static_cast<std::size_t>(v.candidate)];
+  Term term = term_at(c, v.candidate, c.grid[static_cast<std::size_t>(v.point)]);
+  set_torque(evidence_, c, term);
+  // Most begin at no torque; a limit does not.
+  v.offset = term.has_offset() && !term.offset.isZero(0.0);
+  MatX<double> both(evidence_.rows(), term.width() + v.offset);
+  both.leftCols(term.width()) = term.columns;
+  if (v.offset) both.col(term.width()) = term.offset;
+  v.joints.clear();
+  for (long k = 0; k < static_cast<long>(evidence_.joints().size()); ++k)
+    if (!both.middleRows(k * m, m).isZero(0.0)) v.joints.push_back(k);
+  v.raw.resize(m * static_cast<long>(v.joints.size()), both.cols());
+  for (std::size_t i = 0; i < v.joints.size(); ++i)
+    v.raw.middleRows(static_cast<long>(i) * m, m) = both.middleRows(v.joints[i] * m, m);
+}
+
+void ScoreTable::recompute() {
+  for (Variant& v : variants_)
+    if (candidates_[static_cast<std::size_t>(v.candidate)].of_reference) fill(v);
+}
+
+void ScoreTable::measure(const Whitener& whitener, const Projection& projection) {
+  for (Variant& v : variants_)
+    if (v.kept) measure(v, v.raw, whitener, projection);
+  sweep([&](std::size_t i, const MatX<double>& raw) {
+    measure(variants_[i], raw, whitener, projection);
+    variants_[i].whitened.resize(0, 0);
+  });
+}
+
+void ScoreTable::measure(Variant& v, const MatX<double>& raw, const Whitener& whitener,
+                         const Projection& projection) const {
+  const long m = evidence_.times();
+  const MatX<double>& Q = projection.basis();
+  v.whitened.resize(raw.rows(), raw.cols());
+  MatX<double> onto_base = MatX<double>::Zero(Q.cols(), raw.cols());
+  v.onto = VecX<double>::Zero(raw.cols());
+  for (std::size_t i = 0; i < v.joints.size(); ++i) {
+    auto block = v.whitened.middleRows(static_cast<long>(i) * m, m);
+    block = whitener.joint(v.joints[i], raw.middleRows(static_cast<long>(i) * m, m));
+    onto_base.noalias() += Q.middleRows(v.joints[i] * m, m).transpose() * block;
+    v.onto.noalias() += block.transpose() * projection.residual().segment(v.joints[i] * m, m);
+  }
+  const MatX<double> whole = v.whitened.transpose() * v.whitened;
+  v.norms = whole.diagonal().cwiseSqrt();
+  v.gram = whole - onto_base.transpose() * onto_base;
+}
+
+Term ScoreTable::term_of(const Score& score) const {
+  const Variant& v = variants_[static_cast<std::size_t>(score.variant)];
+  const Candidate& c = candidates_[static_cast<std::size_t>(v.candidate)];
+  return term_at(c, v.candidate, c.grid[static_cast<std::size_t>(v.point)]);
+}
+
+std::vector<Score> ScoreTable::scores(const std::vector<Term>& terms, const Whitener& whitener,
+                                      const Projection& projection) const {
+  const Stack S = stack(terms, projection.residual().size());
+  const VecX<double> r = projection.residual() - S.offset;
+  const MatX<double> SS = S.G.transpose() * S.G;
+  const VecX<double> Sr = S.G.transpose() * r;
+  const std::vector<bool> s_signs = signs(terms);
+  const double before = signed_fit(SS, Sr, s_signs).gain;
+  const long m = evidence_.times();
+  std::vector<Score> best(candidates_.size());
+  for (std::size_t c = 0; c < candidates_.size(); ++c) best[c].candidate = static_cast<int>(c);
+  const auto consider = [&](std::size_t i, const MatX<double>& whitened) {
+    const Variant& v = variants_[i];
+    const Candidate& c = candidates_[static_cast<std::size_t>(v.candidate)];
+    const long k = v.width(), s = S.G.cols();
+    double visible = 0.0, whole = 0.0;
+    long rank = 0;
+    for (long w = 0; w < k + v.offset; ++w) {
+      const double left = std::max(v.gram(w, w), 0.0), all = v.norms[w] * v.norms[w];
+      visible += left;
+      whole += all;
+      rank += w < k && left > kInvisible * kInvisible * all;
+    }
+    const double share = whole > 0.0 ? std::sqrt(visible / whole) : 0.0;
+    Score& b = best[static_cast<std::size_t>(v.candidate)];
+    b.visible_share = std::max(b.visible_share, share);
+    if (share < kInvisible) return;
+    MatX<double> SG = MatX<double>::Zero(s, k + v.offset);  // terms are beside the base: SᵀG⊥ = SᵀG
+    VecX<double> Gr = v.onto;
+    // Without terms that is all there is to know.
+    for (std::size_t j = 0; !terms.empty() && j < v.joints.size(); ++j) {
+      const auto block = whitened.middleRows(static_cast<long>(j) * m, m);
+      SG.noalias() += S.G.middleRows(v.joints[j] * m, m).transpose() * block;
+      Gr.noalias() -= block.transpose() * S.offset.segment(v.joints[j] * m, m);
+    }
+    MatX<double> K(s + k, s + k);
+    K << SS, SG.leftCols(k), SG.leftCols(k).transpose(), v.gram.topLeftCorner(k, k);
+    VecX<double> rhs(s + k);
+    rhs << Sr, Gr.head(k);
+    double gain = -before;
+    if (v.offset) {
+      rhs.head(s) -= SG.col(k);
+      rhs.tail(k) -= v.gram.block(0, k, k, 1);
+      gain += 2.0 * Gr[k] - v.gram(k, k);
+    }
+    std::vector<bool> sign = s_signs;
+    for (const bool x : signs(c.effect, c.linear)) sign.push_back(x);
+    gain += signed_fit(K, rhs, sign).gain;
+    if (b.variant >= 0 && gain <= b.gain) return;
+    b.gain = gain;
+    b.variant = static_cast<int>(i);
+    b.parameters = static_cast<int>(rank + static_cast<long>(c.shapes.size()));
+  };
+  for (std::size_t i = 0; i < variants_.size(); ++i)
+    if (variants_[i].kept || terms.empty()) consider(i, variants_[i].whitened);
+  if (!terms.empty())
+    sweep([&](std::size_t i, const MatX<double>& raw) {
+      consider(i, whitener.joint(variants_[i].joints[0], raw));
+    });
+  return best;
+}
+
+}  // namespace diffnea

@@ -1,0 +1,89 @@
+#include "diagnose/term.hpp"
+
+#include <algorithm>
+
+namespace diffnea {
+
+VecX<double> Term::values() const {
+  VecX<double> out(static_cast<long>(linear.size()));
+  for (std::size_t k = 0; k < linear.size(); ++k)
+    out[static_cast<long>(k)] = effect.parameters[static_cast<std::size_t>(linear[k])];
+  return out;
+}
+
+VecX<double> Term::torque() const {
+  VecX<double> out = columns * values();
+  if (has_offset()) out += offset;
+  return out;
+}
+
+double Term::visible_share() const {
+  VecX<double> seen = projected.leftCols(width()) * values();
+  if (has_offset()) seen += projected.col(width());
+  return norm > 0.0 ? seen.norm() / norm : 0.0;
+}
+
+Term term_at(const Candidate& c, int index, const std::vector<double>& point) {
+  Term term;
+  term.candidate = index;
+  term.effect = c.effect;
+  term.linear = c.linear;
+  term.shapes = c.shapes;
+  // A spring that is not there has a rest anywhere: its column shows at a stiffness of 1 alone.
+  const bool has_rest =
+      term.linear.size() > 1 && std::ranges::any_of(term.linear, [&](int k) {
+        return scale_of(term, k) == Scale::kPlain &&
+               term.effect.parameter_info[static_cast<std::size_t>(k)].sign == Sign::kFree;
+      });
+  for (const int k : term.linear)
+    term.effect.parameters[static_cast<std::size_t>(k)] =
+        has_rest && scale_of(term, k) == Scale::kLinear ? 1.0 : 0.0;
+  c.set(point, term.effect);
+  return term;
+}
+
+void set_torque(const Evidence& evidence, const Candidate& candidate, Term& term) {
+  term.columns = evidence.columns(term.effect, term.linear);
+  if (candidate.nonlinear)
+    term.offset = evidence.torque_of(term.effect) - term.columns * term.values();
+}
+
+Stack stack(const std::vector<Term>& terms, long rows) {
+  long columns = 0;
+  for (const Term& t : terms) columns += t.width();
+  Stack out{MatX<double>(rows, columns), VecX<double>::Zero(rows)};
+  columns = 0;
+  for (const Term& t : terms) {
+    out.G.middleCols(columns, t.width()) = t.projected.leftCols(t.width());
+    if (t.has_offset()) out.offset += t.projected.col(t.width());
+    columns += t.width();
+  }
+  return out;
+}
+
+std::vector<bool> signs(const BoundEffect& effect, const std::vector<int>& linear) {
+  std::vector<bool> out;
+  for (const int k : linear)
+    out.push_back(effect.parameter_info[static_cast<std::size_t>(k)].sign != Sign::kFree);
+  return out;
+}
+
+std::vector<bool> signs(const std::vector<Term>& terms) {
+  std::vector<bool> out;
+  for (const Term& t : terms)
+    for (const bool s : signs(t.effect, t.linear)) out.push_back(s);
+  return out;
+}
+
+Scale scale_of(const Term& term, int parameter) {
+  return scale(term.effect.parameter_info[static_cast<std::size_t>(parameter)]);
+}
+
+bool is_dry(const TriedEffect& effect) {
+  if (std::holds_alternative<JointElasticity>(effect.type) && !effect.own)
+    return JointElasticity::friction_share(effect.parameters.data()) < 1.0;
+  return std::ranges::find(effect.parameter_info, "smoothing", &ParameterInfo::name) !=
+         effect.parameter_info.end();
+}
+
+}  // namespace diffnea

@@ -1,0 +1,58 @@
+#pragma once
+/// An effect in the model under test, and several of them side by side. Internal to diagnose/.
+
+#include "diagnose/candidates.hpp"
+#include "diagnose/evidence.hpp"
+
+namespace diffnea {
+
+/// A column of which the base leaves less than this share tells nothing: it is filter error and
+/// rounding.
+constexpr double kInvisible = 1e-4;
+
+/// An effect in the model under test: its shapes are set, its other parameters follow from a fit.
+/// About the present values its torque is offset + columns · p.
+struct Term {
+  int candidate = -1;
+  TriedEffect effect;
+  std::vector<int> linear,
+      shapes;  ///< as the candidate's; without shapes that the linear parameters stand in for
+  MatX<double> columns;    ///< (rows(), linear) ∂τ/∂p
+  VecX<double> offset;     ///< (rows()); empty where the torque is linear in p
+  MatX<double> projected;  ///< whitened, beside the base: [columns | offset]
+  double norm = 0.0;       ///< of the torque, whitened
+
+  int rank = 0;  ///< of `linear` that this recording shows beside the base
+
+  int num_parameters() const { return rank + static_cast<int>(shapes.size()); }
+  long width() const { return columns.cols(); }
+  bool has_offset() const { return offset.size() > 0; }
+  VecX<double> values() const;
+  VecX<double> torque() const;
+  /// Of the torque's whitened norm, what the base leaves.
+  double visible_share() const;
+};
+
+/// The candidate at a point of its grid, without columns yet.
+/// @param index  of the candidate
+Term term_at(const Candidate& candidate, int index, const std::vector<double>& point);
+/// Sets the columns, and the offset where the torque is not linear in the parameters.
+void set_torque(const Evidence& evidence, const Candidate& candidate, Term& term);
+
+/// Columns of all terms, whitened and beside the base, and the sum of their offsets.
+struct Stack {
+  MatX<double> G;
+  VecX<double> offset;
+};
+Stack stack(const std::vector<Term>& terms, long rows);
+
+/// Whether each linear parameter may not be negative.
+std::vector<bool> signs(const BoundEffect& effect, const std::vector<int>& linear);
+std::vector<bool> signs(const std::vector<Term>& terms);
+
+/// How a parameter is searched.
+Scale scale_of(const Term& term, int parameter);
+/// Dry friction, or a spring that its jumps wind up.
+bool is_dry(const TriedEffect& effect);
+
+}  // namespace diffnea
