@@ -1,5 +1,7 @@
 #include <cstdio>
 #include <exception>
+#include <filesystem>
+#include <new>
 #include <string>
 #include <vector>
 
@@ -40,6 +42,12 @@ int main(int argc, char** argv) {
     return app.exit(error) == 0 ? 0 : diffnea::apps::kWrongUsage;
   } catch (const diffnea::Error& error) {
     std::fprintf(stderr, "%s\n", error.what());
+    return diffnea::apps::kBadInput;
+  } catch (const std::filesystem::filesystem_error& error) {  // a folder that cannot be made, say
+    std::fprintf(stderr, "%s: %s\n", error.path1().c_str(), error.code().message().c_str());
+    return diffnea::apps::kBadInput;
+  } catch (const std::bad_alloc&) {
+    std::fprintf(stderr, "diffnea: there is not enough memory for this\n");
     return diffnea::apps::kBadInput;
   } catch (const std::exception& error) {  // a mistake of ours: say so, but do not crash
     std::fprintf(stderr, "diffnea: internal error: %s\n", error.what());

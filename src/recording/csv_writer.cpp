@@ -1,8 +1,7 @@
 #include <charconv>
 #include <cmath>
-#include <cstdio>
-#include <memory>
 
+#include <diffnea/core/atomic_file.hpp>
 #include <diffnea/core/error.hpp>
 #include <diffnea/recording/csv.hpp>
 
@@ -54,10 +53,6 @@ void append(std::string& text, N x) {
               std::to_chars(digits, digits + sizeof digits, x).ptr);  // shortest that reads back
 }
 
-struct FileCloser {
-  void operator()(std::FILE* f) const { std::fclose(f); }
-};
-
 }  // namespace
 
 void write_recording(const Recording& recording, const std::filesystem::path& path) {
@@ -75,22 +70,9 @@ void write_recordings(const std::vector<Recording>& recordings, const std::files
                       header.substr(0, header.size() - 1) + "' and '" +
                       other.substr(0, other.size() - 1) + "'");
 
-  // Written beside the file and renamed, so that a reader never sees half of it.
-  const std::filesystem::path partial = path.string() + ".partial";
-  const auto fail = [&](const std::string& what) {
-    std::error_code ignored;
-    std::filesystem::remove(partial, ignored);
-    throw FileError(path.string() + ": " + what);
-  };
-  std::unique_ptr<std::FILE, FileCloser> file(std::fopen(partial.c_str(), "wb"));
-  if (!file) fail("the recording cannot be written; expected a writable folder");
+  AtomicFile file(path);
   constexpr std::size_t kChunk = 1 << 20;
   std::string text = header;
-  bool good = true;
-  const auto flush = [&] {
-    good = good && std::fwrite(text.data(), 1, text.size(), file.get()) == text.size();
-    text.clear();
-  };
   for (const Recording& r : recordings) {
     const std::vector<OutColumn> columns = columns_of(r);
     for (long i = 0; i < r.rows(); ++i) {
@@ -101,16 +83,13 @@ void write_recordings(const std::vector<Recording>& recordings, const std::files
         if (!std::isnan(x)) append(text, x);
       }
       text += '\n';
-      if (text.size() > kChunk) flush();
+      if (text.size() < kChunk) continue;
+      file.write(text);
+      text.clear();
     }
   }
-  flush();
-  good = good && std::fflush(file.get()) == 0;
-  file.reset();
-  if (!good) fail("the recording was not written completely; is the disk full?");
-  std::error_code error;
-  std::filesystem::rename(partial, path, error);
-  if (error) fail("the recording cannot be put in place: " + error.message());
+  file.write(text);
+  file.commit();
 }
 
 }  // namespace diffnea

@@ -1,6 +1,5 @@
 #pragma once
-/// Files that are never seen half-written: the content goes to a temporary file in the same folder,
-/// reaches the disk, and then takes the name.
+/// Whole files in, whole files out.
 
 #include <filesystem>
 #include <string>
