@@ -1,3 +1,4 @@
+#include <csignal>
 #include <cstdio>
 #include <exception>
 #include <filesystem>
@@ -13,6 +14,7 @@
 #include "common.hpp"
 
 int main(int argc, char** argv) {
+  std::signal(SIGXFSZ, SIG_IGN);  // a limit on files is an error of the write, not the end
   CLI::App app(
       "Identify the dynamics of a robot from recordings, name the effect that its model lacks, and "
       "learn a policy in the model.",

@@ -2,10 +2,12 @@
 
 import json
 import os
+import platform
 import shutil
 import signal
 import subprocess
 import sys
+import time
 from concurrent.futures import Future
 from pathlib import Path
 
@@ -13,7 +15,7 @@ import pytest
 import small_jobs
 
 import diffnea
-from diffnea.reproduce import executors
+from diffnea.reproduce import executors, jobs, log
 from diffnea.reproduce.executors import Workers, workers
 from diffnea.reproduce.jobs import Job, Results, in_order
 from diffnea.reproduce.progress import Progress
@@ -107,6 +109,61 @@ def test_half_a_file_is_never_there(tmp_path) -> None:
         "TypeError: Object of type object is not JSON serializable"
     ]
     assert [file.suffix for file in results.folder.iterdir()] == [".npz"]
+
+
+def test_what_a_killed_worker_had_begun_to_write_goes_and_what_others_write_stays(
+    tmp_path,
+) -> None:
+    ended = subprocess.Popen([sys.executable, "-c", ""])
+    ended.wait()
+    here = platform.node()
+    names = {
+        f".a.json.{here}.{ended.pid}.tmp": False,
+        f".a.npz.{here}.{ended.pid}.tmp": False,
+        f".a.json.{here}.{os.getpid()}.tmp": True,
+        f".a.json.elsewhere.{ended.pid}.tmp": True,
+        ".old.json.elsewhere.17.tmp": False,
+        ".of.somebody.else.tmp": True,
+        "a.json": True,
+    }
+    for name in names:
+        (tmp_path / name).touch()
+    yesterday = time.time() - 90000
+    os.utime(tmp_path / ".old.json.elsewhere.17.tmp", (yesterday, yesterday))
+    jobs.remove_abandoned(tmp_path)
+    assert {path.name for path in tmp_path.iterdir()} == {n for n, kept in names.items() if kept}
+
+
+def test_half_a_line_in_the_log_costs_that_line(tmp_path) -> None:
+    log.append(tmp_path, {"jobs": 1})
+    log.append(tmp_path, {"jobs": 2})
+    file = tmp_path / log.NAME
+    file.write_bytes(file.read_bytes()[:-5])
+    assert log.entries(tmp_path) == [{"jobs": 1}]
+    log.append(tmp_path, {"jobs": 3})
+    assert log.entries(tmp_path) == [{"jobs": 1}, {"jobs": 3}]
+    assert log.entries(tmp_path / "nowhere") == []
+
+
+def test_a_result_that_is_no_json_is_named(tmp_path) -> None:
+    path = tmp_path / "a.json"
+    path.write_text('{"schema"', encoding="utf-8")
+    with pytest.raises(diffnea.FileError, match=r"a\.json: is no result .* runs again"):
+        jobs.read_result_file(path)
+
+
+def test_a_file_that_cannot_be_written_is_named_and_nothing_is_left(tmp_path) -> None:
+    path = tmp_path / "a.json"
+    path.write_text("old", encoding="utf-8")
+
+    def full(file: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    with pytest.raises(OSError, match="No space left on device") as caught:
+        jobs.write_whole(path, full)
+    assert caught.value.filename == str(path)
+    assert [p.name for p in tmp_path.iterdir()] == ["a.json"]
+    assert path.read_text(encoding="utf-8") == "old"
 
 
 def test_a_worker_that_is_killed_costs_only_its_own_run(tmp_path) -> None:

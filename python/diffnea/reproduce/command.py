@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import signal
 import sys
 import time
@@ -12,9 +11,9 @@ from pathlib import Path
 from types import FrameType, ModuleType
 
 from .._core import Error
-from . import beyond_command, table1_command
+from . import beyond_command, log, table1_command
 from .executors import CHOICES, Workers, workers
-from .jobs import Job, Json, Results
+from .jobs import Job, Json, Results, remove_abandoned
 from .progress import Progress
 from .run import Report, run
 
@@ -38,6 +37,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _run(args, STUDIES[args.study])
     except Error as error:
         print(error, file=sys.stderr)
+        return BAD_INPUT
+    except OSError as error:  # a disk that is full, say
+        print(f"{error.filename or args.output}: {error.strerror or error}", file=sys.stderr)
         return BAD_INPUT
     except KeyboardInterrupt:
         print(
@@ -80,6 +82,8 @@ def _run(args: argparse.Namespace, study: ModuleType) -> int:
         results.folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise Error(f"--output: {args.output}: {error.strerror}") from error
+    for folder in (args.output, results.folder):
+        remove_abandoned(folder)
     report = Report()
     if not args.page_only:
         progress = Progress(args.quiet)
@@ -116,8 +120,7 @@ def _log(
         "cpu_seconds": sum(float(content["cpu_seconds"]) for content in done),
         "busy_share": busy / (seconds * found.count),
     }
-    with (args.output / "runs.jsonl").open("a", encoding="utf-8") as file:
-        file.write(json.dumps(entry) + "\n")
+    log.append(args.output, entry)
 
 
 def _like_ctrl_c(number: int, frame: FrameType | None) -> None:

@@ -31,6 +31,9 @@ from .. import _core
 SCHEMA = "diffnea/job/1"
 # Of what jobs compute: a change that makes earlier results wrong is a new number.
 REVISION = 2
+# How the name of a file ends that is being written.
+UNFINISHED = ".tmp"
+DAY = 86400.0
 
 Json: TypeAlias = "dict[str, Any]"
 Arrays: TypeAlias = "dict[str, np.ndarray[Any, Any]]"
@@ -173,7 +176,12 @@ class Results:
 
 def read_result_file(path: Path) -> Result:
     """Read a job's result."""
-    content = json.loads(path.read_text(encoding="utf-8"))
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except ValueError as error:
+        raise _core.FileError(
+            f"{path}: is no result ({error}); remove it, and the job runs again"
+        ) from error
     if content.get("schema") != SCHEMA:
         raise _core.FileError(f"{path}: schema: got {content.get('schema')!r}, expected {SCHEMA!r}")
     return Result(path, content)
@@ -237,13 +245,16 @@ def plain(value: Any) -> Any:
 
 def write_whole(path: Path, write: Callable[[Any], object]) -> None:
     """Write beside the file, onto the disk, then put it in its place."""
-    beside = path.with_name(f".{path.name}.{platform.node()}.{os.getpid()}")
+    beside = path.with_name(f".{path.name}.{platform.node()}.{os.getpid()}{UNFINISHED}")
     try:
         with beside.open("wb") as file:
             write(file)
             file.flush()
             os.fsync(file.fileno())
         beside.replace(path)
+    except OSError as error:
+        # Of the file that was asked for; the one beside it is gone.
+        raise OSError(error.errno, error.strerror or str(error), os.fspath(path)) from error
     finally:
         beside.unlink(missing_ok=True)
 
@@ -251,3 +262,31 @@ def write_whole(path: Path, write: Callable[[Any], object]) -> None:
 def write_text(path: Path, text: str) -> None:
     """Write a text whole or not at all."""
     write_whole(path, lambda file: file.write(text.encode()))
+
+
+def remove_abandoned(folder: Path) -> None:
+    """Remove what processes that were killed had begun to write.
+
+    Of this machine's processes one can tell whether they live; of others' files, whether they
+    are older than any write takes.
+    """
+    for path in folder.glob(f".*{UNFINISHED}"):
+        _, _, pid = path.name.removesuffix(UNFINISHED).rpartition(".")
+        here = path.name.removesuffix(f".{pid}{UNFINISHED}").endswith(f".{platform.node()}")
+        try:
+            if not pid.isdecimal():
+                continue
+            if (here and not _lives(int(pid))) or time.time() - path.stat().st_mtime > DAY:
+                path.unlink()
+        except OSError:  # its process is done with it
+            pass
+
+
+def _lives(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:
+        pass
+    return True

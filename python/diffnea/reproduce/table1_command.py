@@ -9,6 +9,7 @@ import sys
 from typing import Any
 
 from .._core import Error
+from . import log
 from .jobs import Job, Json, Results, write_text
 from .page import write_page
 from .run import Report
@@ -100,9 +101,7 @@ def publish(args: argparse.Namespace, results: Results, report: Report) -> None:
     described = study(options_of(args))
     table = table_of(described, results)
     table["cost"] = cost_of(described, _full(described), results)
-    log = args.output / "runs.jsonl"
-    lines = log.read_text(encoding="utf-8").splitlines() if log.exists() else []
-    table["cost"]["runs"] = [json.loads(line) for line in lines]
+    table["cost"]["runs"] = log.entries(args.output)
     table["failed"] = {job.name: why for job, why in report.failed.items()}
     folder = args.output
     texts = {
