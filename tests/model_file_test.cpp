@@ -329,7 +329,7 @@ TEST_CASE("reading: a wrong file is named, with the reason", "[io]") {
            "</worldbody></mujoco>",
            "Object name = bad"},
       Case{"a.json", "{", "is not JSON"}, Case{"a.json", "{}", "key 'schema' is missing"},
-      Case{"a.json", R"({"schema":"diffnea/model/2"})", "expected 'diffnea/model/1'"},
+      Case{"a.json", R"({"schema":"diffnea/model/2"})", "expected diffnea/model/1"},
       Case{"a.json", R"({"schema":"diffnea/model/1","links":[],"colour":1})",
            "unknown key 'colour'; keys: schema"},
       Case{"a.json", R"({"schema":"diffnea/model/1","links":[{"name":"a","parent":"b"}]})",

@@ -8,6 +8,7 @@
 
 #include "io/json.hpp"
 #include "io/model_parts.hpp"
+#include "io/schema.hpp"
 
 namespace diffnea {
 namespace {
@@ -325,8 +326,7 @@ Model model_from_json(std::string_view text, const std::string& where) {
   JsonObject o(json, where);
   Model model;
   model.source = where;
-  if (const std::string schema = o.string("schema"); schema != kSchema)
-    throw ModelError(o.at("schema") + ": got '" + schema + "', expected '" + kSchema + "'");
+  io::require_schema(o, where, kSchema);
   model.name = o.string_or("name", "");
   if (const Json* u = o.optional("units"); u && *u != units())
     throw ModelError(o.at("units") + ": expected " + units().dump());

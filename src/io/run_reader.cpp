@@ -16,12 +16,6 @@ Json run_file(const std::filesystem::path& folder, const char* name) {
   return parse_json(read_text_file(path), path.string());
 }
 
-void require_schema(JsonObject& root, const std::string& where, const std::string& expected) {
-  const std::string got = root.string("schema");
-  if (got != expected)
-    throw ModelError(where + ": its schema is " + got + ", expected " + expected);
-}
-
 double number_or_nan(JsonObject& object, const char* key) { return object.number_or(key, kNaN); }
 
 long count(JsonObject& object, const char* key) {

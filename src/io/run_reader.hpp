@@ -5,14 +5,12 @@
 #include <diffnea/io/result.hpp>
 
 #include "io/json.hpp"
+#include "io/schema.hpp"
 
 namespace diffnea::io {
 
 /// A parsed file of a folder. @throws FileError, ModelError
 Json run_file(const std::filesystem::path& folder, const char* name);
-
-/// @throws ModelError naming both
-void require_schema(JsonObject& root, const std::string& where, const std::string& expected);
 
 /// NaN where it is null or missing.
 double number_or_nan(JsonObject& object, const char* key);

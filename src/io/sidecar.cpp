@@ -5,6 +5,7 @@
 #include <diffnea/io/sidecar.hpp>
 
 #include "io/json.hpp"
+#include "io/schema.hpp"
 
 namespace diffnea {
 namespace {
@@ -106,7 +107,12 @@ std::optional<Sidecar> read_sidecar(const std::filesystem::path& data) {
     if (path == data || !std::filesystem::is_regular_file(path)) continue;
     try {
       const Json json = io::parse_json(read_text_file(path), path.string());
-      if (json.is_object() && json.contains("schema") && json["schema"] != kSchema) continue;
+      if (json.is_object() && json.contains("schema") && json["schema"] != kSchema) {
+        io::JsonObject root(json, path.string());
+        if (json["schema"].is_string() && io::is_newer(root.string("schema"), kSchema))
+          io::require_schema(root, path.string(), kSchema);
+        continue;  // of something else
+      }
       return parse(json, path);
     } catch (const ModelError& error) {
       throw DataError(error.what());

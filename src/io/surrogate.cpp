@@ -7,6 +7,7 @@
 #include <diffnea/io/world.hpp>
 
 #include "io/json.hpp"
+#include "io/schema.hpp"
 
 namespace diffnea {
 namespace {
@@ -39,9 +40,7 @@ void take_most(io::JsonObject& object, const char* key, double& most) {
 Surrogate read_surrogate(const std::filesystem::path& path) {
   const io::Json json = io::parse_json(read_text_file(path), path.string());
   io::JsonObject object(json, path.string());
-  if (const std::string schema = object.string("schema"); schema != kSchema)
-    throw ModelError(object.at("schema") + ": got '" + schema + "', expected '" + kSchema +
-                     "', ranges that a world's robot is drawn from");
+  io::require_schema(object, path.string(), kSchema);
   constexpr double kLost = -0.99;  // of a mass: a link keeps some
   Surrogate out;
   Perturbation& p = out.ranges;
