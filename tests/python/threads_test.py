@@ -15,7 +15,7 @@ PENDULUM = MODELS / "double_pendulum.urdf"
 BALL = MODELS / "wam4_ball.xml"
 WORLD = "mujoco:wam4_ball_in_cup,perturb=A,noise=1"
 COUNTS = (1, 2, 4)
-OF_THE_RUN = {"seconds", "threads", "command", "fit_seconds"}
+OF_THE_RUN = {"seconds", "seconds_fitting", "cpu_seconds", "threads", "command"}
 """What a result says of how it was made, and a page shows."""
 
 
@@ -114,7 +114,7 @@ def test_rows_of_a_batch_do_not_know_of_each_other(size: float) -> None:
 
 def test_results_of_calls_side_by_side_are_those_of_calls_in_turn(arm, train) -> None:
     def answers(seed: int) -> str:
-        fit = python.identify(arm, train, progress=False).to_dict()
+        fit = python.identify(arm, train).to_dict()
         finding = python.diagnose(arm, train, seed=seed, grey_box=False).to_dict()
         return json.dumps(without([fit, finding]), default=str)
 

@@ -18,6 +18,7 @@ HIDDEN = re.compile(r"^\.partial-\d+$|^\..+\.tmp$")
 TIMES = {
     "seconds",
     "cpu_seconds",
+    "seconds_fitting",
     "finished",
     "busy_seconds",
     "busy_share",
