@@ -5,12 +5,15 @@
 #   make setup    set up and build: .venv/bin/diffnea and the Python module
 #   make bench    run the benchmarks
 #   make study    hide effects in hundreds of recordings and diagnose them; can be stopped and resumed
+#   make asan     all C++ tests and the command's, under AddressSanitizer and UndefinedBehaviorSanitizer
+#   make tsan     what uses threads, under ThreadSanitizer
+#   make coverage which lines of include/ and src/ the tests run: build/coverage/lines.html
 #   make clean    delete what was built; .venv stays
 
 BUILD := build/release
 JOBS ?= $(shell nproc)
 
-.PHONY: help setup demo test bench study clean
+.PHONY: help setup demo test bench study asan tsan coverage clean
 
 help:
 	@sed -n 's/^#   //p' Makefile
@@ -37,6 +40,33 @@ bench:
 study:
 	.ci/setup --tests
 	.venv/bin/python tests/hidden_effects/study.py $(BUILD) --set report --jobs $(JOBS) -o build/study
+
+# The command's tests run the instrumented command, and the module of `make test`.
+PYTEST = .venv/bin/python -m pytest -m "not study"
+COMMAND_TESTS := $(wildcard tests/python/cli_*_test.py) tests/python/threads_test.py tests/python/killed_test.py
+
+asan tsan coverage: export UBSAN_OPTIONS = print_stacktrace=1
+asan tsan coverage: export TSAN_OPTIONS = halt_on_error=1 suppressions=$(CURDIR)/tests/tsan.supp
+
+asan:
+	.ci/setup --tests
+	cmake --preset asan && cmake --build --preset asan --target diffnea_tests diffnea_app
+	ctest --preset asan --parallel $(JOBS) --label-exclude study
+	DIFFNEA_COMMAND=$(CURDIR)/build/asan/apps/diffnea $(PYTEST) $(COMMAND_TESTS)
+
+tsan:
+	.ci/setup --tests
+	cmake --preset tsan && cmake --build --preset tsan --target diffnea_tests diffnea_app
+	build/tsan/tests/diffnea_tests "[threads]"
+	DIFFNEA_COMMAND=$(CURDIR)/build/tsan/apps/diffnea $(PYTEST) tests/python/threads_test.py
+
+coverage:
+	.ci/setup --dev
+	cmake --preset coverage && cmake --build --preset coverage --target diffnea_tests diffnea_app
+	ctest --preset coverage --parallel $(JOBS) --label-exclude study
+	DIFFNEA_COMMAND=$(CURDIR)/build/coverage/apps/diffnea $(PYTEST) $(COMMAND_TESTS)
+	.venv/bin/gcovr --root . --filter include/ --filter src/ --gcov-ignore-parse-errors \
+	  --txt --txt-metric line --html-details build/coverage/lines.html build/coverage
 
 clean:
 	rm -rf build dist

@@ -32,7 +32,7 @@ double scaled_tolerance(const RowMatX<double>& truth) {
 }  // namespace
 
 TEST_CASE("batch: every instruction set and number of rows gives the scalar results",
-          "[dynamics]") {
+          "[dynamics][threads]") {
   const unsigned seed = GENERATE(range(0u, 10u));
   const int rows = GENERATE(0, 1, 3, 8, 21, 300);
   CAPTURE(seed, rows);

@@ -139,7 +139,8 @@ Samples samples(int n, double scale = 0.4) {
 
 }  // namespace
 
-TEST_CASE("rollouts: the same bit for bit on any lanes and threads, and in a trace", "[policy]") {
+TEST_CASE("rollouts: the same bit for bit on any lanes and threads, and in a trace",
+          "[policy][threads]") {
   const auto [theta, seeds] = samples(23);
   Rollouts one = rollouts(1, 1);
   const RolloutResult expected = one.run(theta, seeds);
@@ -251,7 +252,8 @@ TEST_CASE("rollouts: a world that fails is minus infinity with its reason, other
   CHECK((failed > 0 && failed < 20));
 }
 
-TEST_CASE("rollouts: NaN of a task is passed on, what it throws reaches the caller", "[policy]") {
+TEST_CASE("rollouts: NaN of a task is passed on, what it throws reaches the caller",
+          "[policy][threads]") {
   const auto [theta, seeds] = samples(9);
   const int threads = GENERATE(1, 3);
   Rollouts nan(PointMasses(2), Broken(false), promp(), kStart, no_limits(), threads);

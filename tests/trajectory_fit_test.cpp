@@ -82,7 +82,8 @@ TEST_CASE("trajectory fit: with encoder noise the residual is the noise", "[iden
   CHECK(std::abs(coulomb.value - 0.12) < 4.0 * coulomb.std + 0.002);
 }
 
-TEST_CASE("trajectory fit: the result does not depend on the number of threads", "[identify]") {
+TEST_CASE("trajectory fit: the result does not depend on the number of threads",
+          "[identify][threads]") {
   const Recording data = swing(pendulum_with_friction(0.12, 0.05), 1e-3);
   IdentifyOptions one = trajectory_options(), two = trajectory_options();
   two.trajectory.threads = 2;
