@@ -107,7 +107,7 @@ def inputs(recordings: Path, run: Path, tmp_path_factory: pytest.TempPathFactory
         for suffix in (".csv", ".json"):
             shutil.copy(recordings / f"{name}{suffix}", folder)
     shutil.copytree(run, folder / "RUN")
-    motion = ("--duration", 4, "--generations", 0, "--quiet", "-o", folder / "wam.csv")
+    motion = ("--duration", 4, "--iterations", 0, "--quiet", "-o", folder / "wam.csv")
     done("excite", MODELS / "wam4.xml", *motion)
     learned = ("--seeds", 2, *SEARCH, "--quiet", "-o", folder / "learned")
     assert diffnea("learn", "ball-in-cup", BALL, *learned).returncode in FINISHED

@@ -50,7 +50,7 @@ def learned(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def motion(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("motion") / "wam.csv"
-    words = ("--duration", 4, "--generations", 0, "--quiet", "-o", path)
+    words = ("--duration", 4, "--iterations", 0, "--quiet", "-o", path)
     done("excite", MODELS / "wam4.xml", *words)
     return path
 
