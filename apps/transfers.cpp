@@ -162,6 +162,7 @@ TransferRun transfer_policies(const LearnRun& learned, const TransferOptions& o,
   run.task = learned.task;
   run.policies = learned.policies;
   run.imagined = learned.imagined;
+  run.imagined.resize(run.policies.size());  // empty where the series were not kept
   run.world = world_name(o);
   const BallInCup& task = learned.task;
   const WorldSpec spec = world_of(o);

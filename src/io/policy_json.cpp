@@ -253,11 +253,12 @@ ControllerOptions read_controller(JsonObject& parent, long joints) {
 
 BallInCupOptions read_reward(JsonObject& parent) {
   JsonObject o(parent.required("reward"), parent.at("reward"));
-  const BallInCupOptions out{.epsilon = o.number("epsilon"),
-                             .lambda_q = o.number("lambda_q"),
-                             .lambda_qd = o.number("lambda_qd"),
-                             .lambda_slack = o.number("lambda_slack"),
-                             .string = o.number("string")};
+  const BallInCupOptions out{
+      .epsilon = o.number("epsilon"),
+      .lambda_q = o.number("lambda_q"),
+      .lambda_qd = o.number("lambda_qd"),
+      .lambda_slack = o.number_or("lambda_slack", 0.0),  // once there was none
+      .string = o.number("string")};
   o.finish();
   return out;
 }
