@@ -219,6 +219,8 @@ def record(rng: np.random.Generator, truth: Json, n: int) -> dict[str, np.ndarra
             if rng.random() < 0.7:
                 w = 2 * math.pi * rng.uniform(0.1, min(2.0, rate / 4))
             a, p = rng.normal(scale=0.5), rng.uniform(0, 2 * math.pi)
+            if rng.random() < 0.9:  # of a robot that keeps to its drives
+                a *= min(1.0, 30.0 / w**2)
             q[:, j] += a * np.sin(w * t + p)
             qd[:, j] += a * w * np.cos(w * t + p)
             qdd[:, j] -= a * w * w * np.sin(w * t + p)
