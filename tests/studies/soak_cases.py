@@ -82,10 +82,10 @@ def diagnosis(rng: np.random.Generator) -> Json:
         count = int(rng.integers(1, 4))
         out["effects"] = [str(e) for e in rng.choice(CANDIDATES, count, replace=False)]
     out["grey_box"] = bool(rng.random() < 0.3)
-    if rng.random() < 0.2:
-        out["filter_hz"] = float(rng.choice([1e-3, 1.0, 20.0, 1e5]))
-    if rng.random() < 0.2:
-        out["decimate_to_hz"] = float(rng.choice([1e-3, 1.0, 20.0, 1e5]))
+    if rng.random() < 0.1:
+        out["filter_hz"] = float(rng.choice([1e-3, 1.0, 5.0, 10.0, 20.0, 1e5]))
+    if rng.random() < 0.1:
+        out["decimate_to_hz"] = float(rng.choice([1e-3, 1.0, 10.0, 20.0, 1e5]))
     return out
 
 
@@ -199,17 +199,12 @@ def random_ball(rng: np.random.Generator, model: Json, free: bool) -> Json:
 
 def record(rng: np.random.Generator, truth: Json, n: int) -> dict[str, np.ndarray]:
     """What the robot's sensors see of a motion of sines."""
-    rows = int(
-        rng.choice(
-            [1, 2, 3, 7, 20, 60, 200, 600, 1500],
-            p=[0.03, 0.03, 0.03, 0.05, 0.06, 0.1, 0.2, 0.3, 0.2],
-        )
-    )
-    rate = float(
-        rng.choice(
-            [0.1, 5.0, 50.0, 100.0, 250.0, 1000.0, 1e5], p=[0.05, 0.05, 0.2, 0.3, 0.2, 0.15, 0.05]
-        )
-    )
+    if rng.random() < 0.7:  # as people record
+        rate = float(rng.choice([50.0, 100.0, 200.0]))
+        rows = int(rate * rng.uniform(3.0, 12.0))
+    else:
+        rows = int(rng.choice([1, 2, 3, 7, 20, 60, 200, 600, 1500, 4000]))
+        rate = float(rng.choice([0.1, 5.0, 50.0, 250.0, 1000.0, 1e5]))
     t = np.arange(rows) / rate
     seconds = max(rows / rate, 1e-3)
     q, qd, qdd = (np.zeros((rows, n)) for _ in range(3))
@@ -217,7 +212,7 @@ def record(rng: np.random.Generator, truth: Json, n: int) -> dict[str, np.ndarra
         for _ in range(int(rng.integers(0, 5))):
             w = 2 * math.pi * rng.uniform(0.2, 12.0) / seconds
             if rng.random() < 0.7:
-                w = 2 * math.pi * rng.uniform(0.1, min(2.0, rate / 4))
+                w = 2 * math.pi * rng.uniform(0.1, 2.0) * min(1.0, rate / 8)
             a, p = rng.normal(scale=0.5), rng.uniform(0, 2 * math.pi)
             if rng.random() < 0.9:  # of a robot that keeps to its drives
                 a *= min(1.0, 30.0 / w**2)
@@ -265,7 +260,9 @@ def add_ball(rng: np.random.Generator, columns: dict[str, np.ndarray], model: Js
 
 def soil(rng: np.random.Generator, columns: dict[str, np.ndarray]) -> list[str]:
     """Spoil some of it, as logs are spoilt; the names of what was done."""
-    done = []
+    done: list[str] = []
+    if rng.random() < 0.4:
+        return done
     for name, share, action in DIRT:
         if rng.random() < share and len(columns["time"]):
             action(rng, columns)
