@@ -99,6 +99,8 @@ inline void add_common(CLI::App& command, CommonOptions& options) {
 
 void add_audit(CLI::App& app);
 void add_compare(CLI::App& app);
+/// @param app  also what the scripts are made of, once all commands are there
+void add_completion(CLI::App& app);
 /// @param command_line  as it was typed, for the result
 void add_diagnose(CLI::App& app, const std::vector<std::string>& command_line);
 void add_effects(CLI::App& app);
@@ -107,6 +109,7 @@ void add_excite(CLI::App& app);
 void add_experiment(CLI::App& app, const std::vector<std::string>& command_line);
 /// @param command_line  as it was typed, for the result
 void add_identify(CLI::App& app, const std::vector<std::string>& command_line);
+void add_export(CLI::App& app);
 void add_info(CLI::App& app);
 /// @param command_line  as it was typed, for the result
 void add_learn(CLI::App& app, const std::vector<std::string>& command_line);

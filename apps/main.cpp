@@ -24,11 +24,13 @@ int main(int argc, char** argv) {
   // One line per command, sorted.
   diffnea::apps::add_audit(app);
   diffnea::apps::add_compare(app);
+  diffnea::apps::add_completion(app);
   const std::vector<std::string> command_line(argv, argv + argc);
   diffnea::apps::add_diagnose(app, command_line);
   diffnea::apps::add_effects(app);
   diffnea::apps::add_excite(app);
   diffnea::apps::add_experiment(app, command_line);
+  diffnea::apps::add_export(app);
   diffnea::apps::add_identify(app, command_line);
   diffnea::apps::add_info(app);
   diffnea::apps::add_learn(app, command_line);

@@ -107,7 +107,7 @@ void bind_audit(py::module_& m) {
                      field("repeats", &Period::repeats, "How often the recording holds it."),
                      field("mismatch", &Period::mismatch,
                            "Rms difference of positions one period apart, over the motion's rms."));
-  value_type<Audit>(
+  auto c = value_type<Audit>(
       m, "AuditReport", "Faults of the channels, and what was checked.",
       field("faults", &Audit::faults, "Faults first, then notes; each by its significance."),
       field("checks", &Audit::checks, "What was looked at."),
@@ -115,16 +115,17 @@ void bind_audit(py::module_& m) {
       field("rows", &Audit::rows, "Of all recordings."),
       field("rate_hz", &Audit::rate_hz, "Of the rows [Hz]; 0: unknown."),
       field("data", &Audit::data, "The recordings, as they were named."),
-      field("model", &Audit::model, "The model's name; empty: none was given."))
-      .def(
-          "to_dict",
-          [](const Audit& x) { return parse_json(audit_result_json(x.report(), x.data, x.model)); },
-          "What ``diffnea audit --json`` prints, schema ``diffnea/audit/1``.")
+      field("model", &Audit::model, "The model's name; empty: none was given."));
+  c.def(
+       "to_dict",
+       [](const Audit& x) { return parse_json(audit_result_json(x.report(), x.data, x.model)); },
+       "What ``diffnea audit --json`` prints, schema ``diffnea/audit/1``.")
       .def("__str__", [](const Audit& x) { return audit_text(x.report()); })
       .def(
           "_repr_html_",
           [](const Audit& x) { return python_function("diffnea._results", "audit_html")(x); },
           "A small table for notebooks.");
+  def_to_frame(c, "The faults as a pandas data frame, a row a fault.");
   m.def("_audit_files", &audit_paths, "files"_a, "model"_a.none(true), "significance"_a,
         "passive"_a, py::call_guard<py::gil_scoped_release>());
   m.def("_audit_recordings", &audit_arrays, "recordings"_a, "model"_a.none(true), "significance"_a,

@@ -66,6 +66,7 @@ void bind_ball(py::module_& m) {
       [](const B& b) { return python_function("diffnea._ball", "plot")(b, "before", "after"); },
       "Draw the path in space, the string's length, the error over the string's direction and "
       "over\ntime with matplotlib; return the figure.");
+  def_to_frame(c, "The series as a pandas data frame, a row an instant.");
 }
 
 }  // namespace diffnea::python

@@ -217,7 +217,7 @@ void bind_rest(py::module_& m) {
       field("base", &JointGain::base, "Of the base model, refitted as ``base`` allows."),
       field("extended", &JointGain::extended, "With all causes."),
       field("noise_floor", &JointGain::noise_floor, "Of the noise."));
-  value_type<ResidualSeries>(
+  auto residual = value_type<ResidualSeries>(
       m, "ResidualSeries", "Torque of one joint over the held-out rows, filtered and decimated.",
       field("joint", &ResidualSeries::joint, "The joint's name."),
       field("unit", &ResidualSeries::unit, "Of the torque."),
@@ -228,30 +228,35 @@ void bind_rest(py::module_& m) {
       field("q", &ResidualSeries::q, "(M,) position [rad] or [m]."),
       field("qd", &ResidualSeries::qd, "(M,) velocity."),
       field("qdd", &ResidualSeries::qdd, "(M,) acceleration."));
+  def_to_frame(residual, "The series as a pandas data frame, a row an instant.");
 }
 
 void bind_simulated(py::module_& m) {
   using S = SimulatedSeries;
-  value_type<S>(m, "SimulatedSeries",
-                "One joint's motion over held-out windows, measured and simulated again.",
-                field("joint", &S::joint, "The joint's name."),
-                field("unit", &S::unit, "Of the position, rad or m."),
-                field("time", &S::time, "(M,) [s]; windows follow each other."),
-                field("measured", &S::measured, "(M,) filtered position."),
-                field("base", &S::base, "(M,) of the base model; NaN where a window ends."),
-                field("extended", &S::extended, "(M,) of the extended model; NaN likewise."),
-                field("base_rmse", &S::base_rmse, "Root mean square error of the base model."),
-                field("extended_rmse", &S::extended_rmse, "Of the extended model."));
+  auto series =
+      value_type<S>(m, "SimulatedSeries",
+                    "One joint's motion over held-out windows, measured and simulated again.",
+                    field("joint", &S::joint, "The joint's name."),
+                    field("unit", &S::unit, "Of the position, rad or m."),
+                    field("time", &S::time, "(M,) [s]; windows follow each other."),
+                    field("measured", &S::measured, "(M,) filtered position."),
+                    field("base", &S::base, "(M,) of the base model; NaN where a window ends."),
+                    field("extended", &S::extended, "(M,) of the extended model; NaN likewise."),
+                    field("base_rmse", &S::base_rmse, "Root mean square error of the base model."),
+                    field("extended_rmse", &S::extended_rmse, "Of the extended model."));
+  def_to_frame(series, "The series as a pandas data frame, a row an instant.");
   using M = SimulatedMotion;
-  value_type<M>(m, "SimulatedMotion",
-                "Held-out motion simulated again, each window from its measured state on.",
-                field("driven_by", &M::driven_by, "``controller`` or ``measured torque``."),
-                field("window", &M::window, "Its length [s]."),
-                field("windows", &M::windows, "How many were tried."),
-                field("base_failed", &M::base_failed, "In how many the base model blew up."),
-                field("extended_failed", &M::extended_failed, "And the extended model."),
-                field("reason", &M::reason, "Why there is none; empty if there is."),
-                field("joints", &M::joints, "A list of :class:`SimulatedSeries`."));
+  auto motion =
+      value_type<M>(m, "SimulatedMotion",
+                    "Held-out motion simulated again, each window from its measured state on.",
+                    field("driven_by", &M::driven_by, "``controller`` or ``measured torque``."),
+                    field("window", &M::window, "Its length [s]."),
+                    field("windows", &M::windows, "How many were tried."),
+                    field("base_failed", &M::base_failed, "In how many the base model blew up."),
+                    field("extended_failed", &M::extended_failed, "And the extended model."),
+                    field("reason", &M::reason, "Why there is none; empty if there is."),
+                    field("joints", &M::joints, "A list of :class:`SimulatedSeries`."));
+  def_to_frame(motion, "The series of all joints, told apart by a column ``joint``.");
 }
 
 template <class F>
@@ -404,6 +409,7 @@ void bind_finding(py::module_& m) {
             return python_function("diffnea._results", "finding_html")(run);
           },
           "The verdict and small tables for notebooks.");
+  def_to_frame(c, "The causes as a pandas data frame, a row for each of their parameters.");
   def_pickle(c, field("finding", &DiagnoseRun::finding, ""),
              field("reproduce", &DiagnoseRun::reproduce, ""));
   c.attr("__module__") = "diffnea";

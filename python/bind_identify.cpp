@@ -128,7 +128,7 @@ void bind_parts(py::module_& m) {
       field("test_raw", &JointError::test_raw, "Held out, of the unfiltered torque."),
       field("test_all", &JointError::test_all,
             "Held out, samples at which the joint rests included."));
-  value_type<TorqueSeries>(
+  auto torque = value_type<TorqueSeries>(
       m, "TorqueSeries", "Torque of one joint over time, filtered and decimated.",
       field("joint", &TorqueSeries::joint, "The joint's name."),
       field("unit", &TorqueSeries::unit, "Of the torque."),
@@ -138,6 +138,7 @@ void bind_parts(py::module_& m) {
       field("nominal", &TorqueSeries::nominal, "(M,) of the model before the fit."),
       field("velocity", &TorqueSeries::velocity,
             "(M,) of the joint [rad/s] or [m/s]; empty with the trajectory loss."));
+  def_to_frame(torque, "The series as a pandas data frame, a row an instant.");
   value_type<TorqueConstant>(
       m, "TorqueConstant", "A torque constant that the fit corrected.",
       field("joint", &TorqueConstant::joint, "The joint's name."),
@@ -304,7 +305,7 @@ void bind_compare(py::module_& m) {
       field("p", &Change::p,
             "Chance of such a z without a change, adjusted for the number of tests."),
       field("significant", &Change::significant, "The change is more than chance explains."));
-  value_type<Comparison>(
+  auto comparison = value_type<Comparison>(
       m, "Comparison", "What changed between two fits of one robot.",
       field("joints", &Comparison::joints, "Of both fits."),
       field("base_parameters", &Comparison::base_parameters,
@@ -314,10 +315,12 @@ void bind_compare(py::module_& m) {
       field("only_after", &Comparison::only_after, "Parameters that the second fit alone has."),
       field("not_comparable", &Comparison::not_comparable,
             "Combinations of the first fit that the second does not see."),
-      field("changed", &Comparison::changed, "A combination changed significantly."))
-      .def(
-          "to_dict", [](const Comparison& x) { return parse_json(comparison_json(x)); },
-          "The comparison as dict, schema ``diffnea/compare/1``.");
+      field("changed", &Comparison::changed, "A combination changed significantly."));
+  comparison.def(
+      "to_dict", [](const Comparison& x) { return parse_json(comparison_json(x)); },
+      "The comparison as dict, schema ``diffnea/compare/1``.");
+  def_to_frame(comparison,
+               "The parameters that both fits see as a pandas data frame, a row a parameter.");
   m.def(
       "compare",
       [](const FitRun& before, const FitRun& after, double alpha) {

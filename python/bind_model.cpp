@@ -284,9 +284,11 @@ void bind_model(py::module_& m) {
           "The model as dict, schema ``diffnea/model/1``.")
       .def_static("from_dict", &from_dict, "data"_a, "The inverse of :meth:`to_dict`.")
       .def("save", &write_model, "path"_a, py::call_guard<py::gil_scoped_release>(),
-           "Write ``.json`` (all of it), or ``.urdf`` or ``.xml``: the file that the model was "
-           "read from, with\n"
-           "its values put in place. Return what that format cannot express, one sentence each.")
+           "Write ``.json`` (all of it), ``.urdf`` or ``.xml``: the document that the model was "
+           "read "
+           "from with its values put\n"
+           "in place, or, where it came in another form, a new one without looks. Return what the "
+           "format cannot hold, one phrase each.")
       .def("__repr__", &model_repr)
       .def("__eq__",
            [](const Model& a, const py::object& other) {
@@ -304,7 +306,7 @@ void bind_model(py::module_& m) {
                       }));
   model.attr("__module__") = "diffnea";
 
-  m.def("_read_model", &read_model, "path"_a, py::call_guard<py::gil_scoped_release>());
+  m.def("_read_model", &read_model_or_run, "path"_a, py::call_guard<py::gil_scoped_release>());
   m.def("_find_model_file", &find_model_file, "name"_a, "extensions"_a);
   m.def("effects", &effect_catalogue,
         "The effects there are: a list of dicts with effect, formula, summary, place, motor_side "

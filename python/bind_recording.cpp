@@ -207,10 +207,12 @@ Recording rows_of(const Recording& r, const py::slice& slice) {
 
 /// Reads one file; what is not given comes from the sidecar of `described_by`.
 /// @param name  what to call the data, where the file is not the user's own
+/// @param notes  of whoever made the file; they come first in the report
 py::tuple read_file(const fs::path& path, const std::string& name, const fs::path& described_by,
                     const std::optional<std::string>& torque_side,
                     const std::optional<std::string>& torque_sampling,
-                    const std::vector<std::string>& passive, std::optional<double> period) {
+                    const std::vector<std::string>& passive, std::optional<double> period,
+                    const std::vector<std::string>& notes) {
   ReadReport report;
   std::vector<Recording> runs;
   {
@@ -225,6 +227,7 @@ py::tuple read_file(const fs::path& path, const std::string& name, const fs::pat
     for (Recording& r : runs) rename(r.source);
     rename(report.source);
     for (std::string& note : report.notes) rename(note);
+    report.notes.insert(report.notes.begin(), notes.begin(), notes.end());
   }
   return py::make_tuple(runs, report);
 }
@@ -466,7 +469,7 @@ void bind_recording(py::module_& m) {
             "Columns that the format does not know, kept."),
       field("notes", &ReadReport::notes, "One sentence each."));
   m.def("_read_recordings", &read_file, "path"_a, "name"_a, "described_by"_a, "torque_side"_a,
-        "torque_sampling"_a, "passive"_a, "period"_a);
+        "torque_sampling"_a, "passive"_a, "period"_a, "notes"_a);
   m.def("_write_recordings", &write_files, "recordings"_a, "path"_a);
   m.def("_write_sidecar", &write_sidecar_of, "recording"_a, "path"_a);
 

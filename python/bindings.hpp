@@ -25,6 +25,17 @@ inline pybind11::object python_function(const char* module, const char* function
   return pybind11::module_::import(module).attr(function);
 }
 
+/// `to_frame` of a result; diffnea._tables knows its columns.
+template <class Class>
+void def_to_frame(Class& c, const char* doc) {
+  c.def(
+      "to_frame",
+      [](const pybind11::object& self) {
+        return python_function("diffnea._tables", "frame_of")(self);
+      },
+      doc);
+}
+
 /// A JSON text as dict.
 inline pybind11::object parse_json(const std::string& text) {
   return python_function("json", "loads")(text);

@@ -8,6 +8,7 @@
 
 #include <catch2/catch_test_macros.hpp>
 #include <catch2/generators/catch_generators.hpp>
+#include <catch2/matchers/catch_matchers.hpp>
 #include <catch2/matchers/catch_matchers_floating_point.hpp>
 #include <catch2/matchers/catch_matchers_string.hpp>
 
@@ -408,6 +409,19 @@ TEST_CASE("csv: a file that is not there is a FileError", "[recording]") {
   const test::TemporaryFolder folder;
   CHECK_THROWS_AS(read_recordings(folder.path() / "none.csv"), FileError);
   CHECK_THROWS_AS(read_recordings(folder.path()), FileError);
+}
+
+TEST_CASE("csv: another format is refused with the command that converts it", "[recording]") {
+  const test::TemporaryFolder folder;
+  for (const char* name : {"a.mcap", "a.db3", "a.bag", "a.mat", "a.parquet", "a.npz"}) {
+    const std::filesystem::path path = folder.path() / name;
+    std::ofstream(path) << "not read";
+    CHECK_THROWS_WITH(read_recordings(path), EndsWith("python -m diffnea.convert " + path.string() +
+                                                      " -o " + folder.path().string() + "/a.csv"));
+  }
+  std::filesystem::create_directory(folder.path() / "bag");
+  std::ofstream(folder.path() / "bag" / "metadata.yaml") << "";
+  CHECK_THROWS_WITH(read_recordings(folder.path() / "bag"), EndsWith("bag.csv"));
 }
 
 TEST_CASE("csv: a declared passive joint has torque zero, a joint without torque is prescribed",

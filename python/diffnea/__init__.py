@@ -15,7 +15,7 @@ What was identified is used: learn ball in a cup in the model, and execute it el
 Arrays are float64: ``(n,)`` for one state of n joints, ``(T, n)`` for many; SI units throughout.
 """
 
-from . import models
+from . import models, style
 from ._audit import audit
 from ._core import (
     Absorbed,
@@ -121,6 +121,7 @@ from ._results import Parameters
 from ._robot_data import IdentifiedRobot, RobotMotions, identify_robot, robot_motions
 from ._rollouts import RolloutResult, Rollouts, RolloutSeries, RolloutTrace, world_simulator
 from ._simulate import simulate, worlds
+from ._tables import to_frame
 from ._transfer import Execution, TransferResult, animate, transfer
 
 __all__ = [
@@ -239,6 +240,8 @@ __all__ = [
     "rnea_derivatives",
     "robot_motions",
     "simulate",
+    "style",
+    "to_frame",
     "transfer",
     "world_simulator",
     "worlds",

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ._core import BallSeries, Error
-from ._results import _import_figure
+from .style import new_figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -54,10 +54,9 @@ def plot_result(ball: BallSeries | None, names: tuple[str, str], purpose: str) -
 
 def plot(ball: BallSeries, before: str, after: str) -> Figure:
     """Implement :meth:`BallSeries.plot`."""
-    figure_type = _import_figure("BallSeries.plot")
     if len(ball) == 0:
         raise Error("plot: the series has no rows: the ball was never seen for long enough")
-    figure = figure_type(figsize=(13, 11 if ball.has_string else 8), layout="constrained")
+    figure = new_figure("BallSeries.plot", 13, 11 if ball.has_string else 8)
     rows: Any = [["space", "space", "x"], ["space", "space", "y"], ["space", "space", "z"]]
     if ball.has_string:
         rows += [["length", "length", "length"], ["before", "after", "along"]]

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 from ._core import Recording
 from ._files import StrPath, read_recordings
+from ._readers import is_foreign
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -21,7 +22,7 @@ def items(data: Data, torque_side: str | None, passive: Sequence[str]) -> list[R
     """All CSV files, or all recordings in memory."""
     one: list[One] = list(data) if isinstance(data, list | tuple) else [data]
     paths = [Path(x) for x in one if isinstance(x, str | os.PathLike)]
-    if len(paths) == len(one) and all(path.suffix not in (".parquet", ".npz") for path in paths):
+    if len(paths) == len(one) and not any(map(is_foreign, paths)):
         return list(paths)
     recordings: list[Recording | Path] = []
     for x in one:

@@ -24,11 +24,14 @@ from ._core import (
 )
 from ._files import StrPath, load_model
 from ._policy import Task
-from ._results import _import_figure, _table
+from ._results import _table
 from ._rollouts import Ended, Reward, Rollouts, RolloutTrace
+from ._tables import table
 from .blackbox.network import BallNetwork
+from .style import new_figure
 
 if TYPE_CHECKING:
+    import pandas as pd
     from matplotlib.figure import Figure
     from numpy.typing import ArrayLike, NDArray
 
@@ -104,8 +107,7 @@ class LearnResult:
 
     def plot(self) -> Figure:
         """Draw reward and share of rollouts that do the task over iterations, with the spread."""
-        figure_type = _import_figure("LearnResult.plot")
-        figure = figure_type(figsize=(9, 6), layout="constrained")
+        figure = new_figure("LearnResult.plot", 9, 6)
         panels: Any = figure.subplots(2, 1, sharex=True)
         curves = self.curves
         for panel, name, label in (
@@ -127,6 +129,24 @@ class LearnResult:
             f" of {count} seeds"
         )
         return figure
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return a data frame, a row a policy, the seed as index."""
+        return table(
+            [
+                {
+                    "seed": p.seed,
+                    "solved": bool(p.solved),
+                    "expected": p.expected,
+                    "caught_share": np.nan if p.caught_share is None else p.caught_share,
+                    "iterations": len(p.curve["eta"]),
+                    "rollouts": p.rollouts,
+                    "stopped": p.stopped,
+                    "seconds": p.seconds,
+                }
+                for p in self.policies
+            ]
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of result.json, schema ``diffnea/learn/1``."""

@@ -20,6 +20,7 @@ from ._core import (
     TorqueSeries,
 )
 from ._files import import_pandas
+from .style import new_figure
 
 if TYPE_CHECKING:
     from typing import SupportsIndex
@@ -154,7 +155,6 @@ def finding_html(finding: Finding) -> str:
 
 def plot(result: IdentifyResult, of: str) -> Figure:
     """Implement :meth:`IdentifyResult.plot`."""
-    figure_type = _import_figure("IdentifyResult.plot")
     choices = {"train": result.train_series, "test": result.test_series}
     choices["auto"] = choices["test"] or choices["train"]
     if of not in choices:
@@ -162,7 +162,7 @@ def plot(result: IdentifyResult, of: str) -> Figure:
     series: list[TorqueSeries] = choices[of]
     if not series:
         raise Error(f"plot: the result holds no {of} series")
-    figure = figure_type(figsize=(9, 1 + 1.8 * len(series)), layout="constrained")
+    figure = new_figure("IdentifyResult.plot", 9, 1 + 1.8 * len(series))
     panels: Any = figure.subplots(len(series), 1, sharex=True, squeeze=False)[:, 0]
     for panel, s in zip(panels, series, strict=True):
         _draw_over_time(panel, s.time, s.measured, before=s.nominal, after=s.fitted)
@@ -192,7 +192,6 @@ def _draw_over_time(
 
 def plot_finding(finding: Finding, joints: Sequence[str] | None) -> Figure:
     """Implement :meth:`Finding.plot`."""
-    figure_type = _import_figure("Finding.plot")
     names = [s.joint for s in finding.series]
     if joints is None:
         places = [c.where for c in finding.causes] + [w.where for w in finding.witness]
@@ -202,7 +201,7 @@ def plot_finding(finding: Finding, joints: Sequence[str] | None) -> Figure:
     if unknown or not joints:
         raise Error(f"plot: joints: got {unknown or joints!r}; choices: {', '.join(names)}")
     series: list[ResidualSeries] = [finding.series[names.index(name)] for name in joints]
-    figure = figure_type(figsize=(10, 1 + 2.4 * len(series)), layout="constrained")
+    figure = new_figure("Finding.plot", 10, 1 + 2.4 * len(series))
     panels: Any = figure.subplots(len(series), 2, squeeze=False, width_ratios=(3, 2))
     for (over_time, over_velocity), s in zip(panels, series, strict=True):
         _draw_over_time(over_time, s.time, s.measured, before=s.base, after=s.extended)
@@ -215,17 +214,6 @@ def plot_finding(finding: Finding, joints: Sequence[str] | None) -> Figure:
     figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside upper right", ncols=3)
     panels[-1, 0].set_xlabel("time [s]")
     return figure
-
-
-def _import_figure(purpose: str) -> type[Figure]:
-    """Matplotlib's figure, or an error that says what needs it."""
-    try:
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        raise ImportError(
-            f"{purpose} needs matplotlib; install it with: pip install 'diffnea[plots]'"
-        ) from error
-    return Figure
 
 
 def _gaps(time: np.ndarray) -> np.ndarray:

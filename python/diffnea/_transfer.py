@@ -15,11 +15,15 @@ import numpy as np
 from ._core import Error, Model, Policy, Recording, _World, _world_file, frame_pose
 from ._files import StrPath, load_model
 from ._learn import LearnResult
-from ._results import _import_figure, _table
+from ._readers.packages import import_package
+from ._results import _table
 from ._rollouts import RolloutTrace
 from ._simulate import _with_path
+from ._tables import table
+from .style import new_figure
 
 if TYPE_CHECKING:
+    import pandas as pd
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
@@ -100,9 +104,8 @@ class TransferResult:
 
     def plot(self, policy: int | None = None) -> Figure:
         """Draw the ball's path as the model had it and as it was, of a policy (default: best)."""
-        figure_type = _import_figure("TransferResult.plot")
+        figure = new_figure("TransferResult.plot", 11, 5)
         k = self.best if policy is None else policy
-        figure = figure_type(figsize=(11, 5), layout="constrained")
         panels: Any = figure.subplot_mosaic(
             [["space", "height"], ["space", "across"]],
             per_subplot_kw={"space": {"projection": "3d"}},
@@ -147,6 +150,27 @@ class TransferResult:
         shown = self.executions[k] if repetition is None else self.repetitions[repetition]
         imagined = self.imagined[k] if self.imagined and repetition is None else None
         animate(shown.trace, self.controller, path, fps=fps, imagined=imagined)
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return a data frame, a row an execution.
+
+        ``policy`` counts the policies, ``repetition`` the executions of the best with noise; it is
+        missing for those that each policy had without.
+        """
+        rows = [(k, None, e) for k, e in enumerate(self.executions)]
+        rows += [(self.best, k, e) for k, e in enumerate(self.repetitions)]
+        frame = table(
+            [
+                {"policy": policy, "repetition": repetition, "success": e.success}
+                | {
+                    name: getattr(e, name)
+                    for name in ("seed", "outcome", "text", "reward", "reward_wide", "failure")
+                }
+                for policy, repetition, e in rows
+            ],
+            index=False,
+        )
+        return frame.astype({"repetition": "Int64"}) if rows else frame
 
     def to_dict(self) -> dict[str, Any]:
         """Outcomes and rewards as plain data."""
@@ -299,7 +323,7 @@ def animate(
     imagined: RolloutTrace | None = None,
 ) -> None:
     """Write a film of a rollout with the robot as a stick figure; ``imagined``: a second ball."""
-    figure_type = _import_figure("animate")
+    import_package("matplotlib", "animate", "plots")
     from matplotlib.animation import AbstractMovieWriter, FFMpegWriter, PillowWriter
 
     kind = Path(path).suffix.lower()
@@ -318,7 +342,7 @@ def animate(
     cup, ball = trace.points("cup")[rows], trace.points("ball")[rows]
     arm = np.concatenate([arm, cup[:, None]], axis=1)
 
-    figure = figure_type(figsize=(5, 5), layout="constrained")
+    figure = new_figure("animate", 5, 5)
     panel: Any = figure.add_subplot(projection="3d")
     everything = np.concatenate([arm.reshape(-1, 3), ball])
     _cube(panel, everything)

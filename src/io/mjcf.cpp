@@ -7,14 +7,12 @@
 #include <set>
 #include <sstream>
 
-#include <Eigen/Eigenvalues>
-#include <Eigen/Geometry>
-
 #include <diffnea/core/error.hpp>
 #include <diffnea/io/atomic_file.hpp>
 
 #include "io/mjcf_ball.hpp"
 #include "io/mjcf_cup.hpp"
+#include "io/mjcf_inertial.hpp"
 #include "io/model_parts.hpp"
 
 namespace diffnea::io {
@@ -359,28 +357,6 @@ Model model_from_mjcf(const std::string& text, const std::filesystem::path& fold
 
 namespace {
 
-/// Principal axes: MuJoCo would diagonalise a full tensor itself, to 1e-6 only.
-void write_inertial(XmlElement& body, const SpatialInertia<double>& b) {
-  remove_children(body, "inertial");
-  XmlElement* inertial = body.GetDocument()->NewElement("inertial");
-  body.InsertFirstChild(inertial);
-  if (is_zero(b)) {  // stated, or MuJoCo would weigh the geoms
-    inertial->SetAttribute("pos", "0 0 0");
-    inertial->SetAttribute("mass", "0");
-    inertial->SetAttribute("diaginertia", "0 0 0");
-    return;
-  }
-  const ComInertia c = com_inertia(b);
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(to_eigen(full(c.I)));
-  Eigen::Matrix3d R = eigen.eigenvectors();
-  if (R.determinant() < 0) R.col(0) = -R.col(0);
-  const Eigen::Quaterniond q(R);
-  inertial->SetAttribute("pos", exact(c.com).c_str());
-  inertial->SetAttribute("quat", (exact(q.w()) + " " + exact(vec3<double>(q.vec()))).c_str());
-  inertial->SetAttribute("mass", exact(b.m).c_str());
-  inertial->SetAttribute("diaginertia", exact(vec3<double>(eigen.eigenvalues())).c_str());
-}
-
 /// Elements of bodies and joints in the order of MuJoCo's numbers.
 struct Elements {
   std::vector<XmlElement*> bodies{nullptr};  ///< 0 is the world
@@ -426,7 +402,7 @@ bool write_ball(XmlElement& root, const Elements& elements, const mjModel& m,
   const double ratio = now.ball->mass / theta[0];  // of equal shape
   for (double& x : theta) x *= ratio;
   theta[0] = now.ball->mass;
-  write_inertial(*elements.bodies[parts.body], SpatialInertia<double>::from_theta(theta));
+  write_mjcf_inertial(*elements.bodies[parts.body], SpatialInertia<double>::from_theta(theta));
   return true;
 }
 
@@ -511,7 +487,7 @@ std::string mjcf_with_values(const std::string& original, const std::filesystem:
         if (last) {  // the link's origin is the joint's anchor, the body's is where the file has it
           const Vec3<double> p =
               m->body_jntnum[b] ? vec(m->jnt_pos + 3 * (m->body_jntadr[b] + k)) : Vec3<double>{};
-          write_inertial(*elements.bodies[b], to_parent(shift(p), now.inertia));
+          write_mjcf_inertial(*elements.bodies[b], to_parent(shift(p), now.inertia));
         } else {
           notes.push_back("inertia of '" + now.name + "', a link without a body of its own");
         }
@@ -549,7 +525,7 @@ std::string self_contained_mjcf(const Mjcf& mjcf) {
   if (!meshes) return xml_text(document);
   const MujocoModel m = compile_mjcf(mjcf);
   const Elements elements = find_elements(root, *m, mjcf.where);
-  for (int b = 1; b < m->nbody; ++b) write_inertial(*elements.bodies[b], body_inertia(*m, b));
+  for (int b = 1; b < m->nbody; ++b) write_mjcf_inertial(*elements.bodies[b], body_inertia(*m, b));
   trust_stated_inertias(root);
   strip_looks(root, false);
   return xml_text(document);

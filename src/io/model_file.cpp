@@ -1,11 +1,14 @@
-#include <algorithm>
+#include <optional>
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/io/atomic_file.hpp>
 #include <diffnea/io/model_file.hpp>
 
 #include "io/mjcf.hpp"
+#include "io/mjcf_drawing.hpp"
+#include "io/model_parts.hpp"
 #include "io/urdf.hpp"
+#include "io/urdf_drawing.hpp"
 #include "io/xml.hpp"
 
 namespace diffnea {
@@ -29,6 +32,47 @@ Format format_of(const std::string& text, const std::string& where) {
       ">; expected <robot> (URDF) or <mujoco> (MJCF). A xacro or SDF file must be converted first");
 }
 
+/// The document that the model was read from; none if it is not there, or no model.
+struct Original {
+  std::string text;
+  Format format;
+};
+std::optional<Original> original_of(const Model& model) {
+  std::error_code ignored;
+  if (!std::filesystem::is_regular_file(model.source, ignored)) return std::nullopt;
+  std::string text = read_text_file(model.source);
+  const Format format = format_of(text, model.source);
+  return Original{std::move(text), format};
+}
+
+/// Refuses a body that neither format can say: an inertia tensor about a centre of no mass.
+void require_masses(const Model& model, const std::string& where) {
+  for (const ModelLink& link : model.links)
+    if (link.inertia.m == 0.0 && !io::is_zero(link.inertia))
+      throw ModelError(where + ": link '" + link.name +
+                       "' has an inertia, but no mass to state a centre of; write it as .json");
+}
+
+/// In the document that the model was read from, if that has the form; else drawn anew.
+std::string text_in_form(const Model& model, Format form, const std::string& where,
+                         std::vector<std::string>& notes) {
+  const std::optional<Original> original = original_of(model);
+  if (original && original->format == form) {
+    const std::filesystem::path folder = std::filesystem::path(model.source).parent_path();
+    return form == Format::kUrdf
+               ? io::urdf_with_values(original->text, model.source, model, notes)
+               : io::mjcf_with_values(original->text, folder, model.source, model, notes);
+  }
+  io::validate(model, where);
+  require_masses(model, where);
+  if (original && original->format != Format::kJson)
+    notes.emplace_back("looks and shapes of the original document");
+  if (form == Format::kUrdf) return io::draw_urdf(model, notes);
+  const std::string text = io::draw_mjcf(model, notes);
+  io::compile_mjcf(io::expand_mjcf(text, "", where));  // MuJoCo refuses inertias that cannot be
+  return text;
+}
+
 }  // namespace
 
 Model read_model(const std::filesystem::path& path) {
@@ -42,6 +86,24 @@ Model read_model(const std::filesystem::path& path) {
       break;
   }
   return model_from_json(text, where);
+}
+
+Model read_model_or_run(const std::filesystem::path& path) {
+  if (!std::filesystem::is_directory(path)) return read_model(path);
+  const std::filesystem::path fitted = path / "model.json";
+  if (!std::filesystem::is_regular_file(fitted))
+    throw FileError(path.string() + ": is a folder without model.json, so no run of a robot");
+  Model model = read_model(fitted);
+  for (const char* name : {"model.urdf", "model.xml"}) {
+    const std::filesystem::path document = path / name;
+    if (!std::filesystem::is_regular_file(document)) continue;
+    try {
+      read_model(document);
+      model.source = document.string();
+    } catch (const Error&) {  // an MJCF whose meshes are elsewhere: it is drawn anew
+    }
+  }
+  return model;
 }
 
 std::string read_mjcf(const std::filesystem::path& path) {
@@ -62,15 +124,7 @@ std::vector<std::string> write_model(const Model& model, const std::filesystem::
     throw ModelError(path.string() +
                      ": its extension names no format; choices: .json, .urdf, .xml");
   const Format wanted = extension == ".urdf" ? Format::kUrdf : Format::kMjcf;
-  const std::string original = read_text_file(model.source);
-  if (format_of(original, model.source) != wanted)
-    throw ModelError(path.string() + ": the model was read from " + model.source +
-                     ", which has another format; write it as .json");
-  const std::filesystem::path folder = std::filesystem::path(model.source).parent_path();
-  write_file_atomically(path,
-                        wanted == Format::kUrdf
-                            ? io::urdf_with_values(original, model.source, model, notes)
-                            : io::mjcf_with_values(original, folder, model.source, model, notes));
+  write_file_atomically(path, text_in_form(model, wanted, path.string(), notes));
   return notes;
 }
 

@@ -12,6 +12,7 @@
 #include <diffnea/core/error.hpp>
 
 #include "io/model_parts.hpp"
+#include "io/urdf_elements.hpp"
 #include "io/xml.hpp"
 
 namespace diffnea::io {
@@ -160,30 +161,6 @@ void read_joint(const urdf::Joint& joint, const std::string& where, Model& model
   }
 }
 
-void set_xyz_rpy(XmlElement& origin, const Pose<double>& X) {
-  origin.SetAttribute("xyz", exact(X.p).c_str());
-  origin.SetAttribute("rpy", exact(rpy_from_rotation(X.R)).c_str());
-}
-
-void set(XmlElement& element, const char* name, double value) {
-  element.SetAttribute(name, exact(value).c_str());
-}
-
-void write_inertial(XmlElement& link, const SpatialInertia<double>& b) {
-  if (is_zero(b)) return remove_children(link, "inertial");
-  XmlElement& inertial = child(link, "inertial");
-  const ComInertia c = com_inertia(b);
-  set_xyz_rpy(child(inertial, "origin"), {Mat3<double>::identity(), c.com});
-  set(child(inertial, "mass"), "value", b.m);
-  XmlElement& I = child(inertial, "inertia");
-  set(I, "ixx", c.I.xx);
-  set(I, "ixy", c.I.xy);
-  set(I, "ixz", c.I.xz);
-  set(I, "iyy", c.I.yy);
-  set(I, "iyz", c.I.yz);
-  set(I, "izz", c.I.zz);
-}
-
 }  // namespace
 
 Model model_from_urdf(const std::string& text, const std::string& where) {
@@ -246,7 +223,7 @@ std::string urdf_with_values(const std::string& original, const std::string& whe
                        "'; write the model as .json");
   for (std::size_t i = 0; i < model.links.size(); ++i) {
     const ModelLink &now = model.links[i], &then = before.links[i];
-    if (!same(now.inertia, then.inertia)) write_inertial(*links.at(now.name), now.inertia);
+    if (!same(now.inertia, then.inertia)) write_urdf_inertial(*links.at(now.name), now.inertia);
     if (now.joint.empty()) {
       if (!same(now.X_PJ, then.X_PJ))
         notes.push_back("the pose of the root link '" + now.name + "'");
@@ -258,14 +235,14 @@ std::string urdf_with_values(const std::string& original, const std::string& whe
     if (now.axis.x != then.axis.x || now.axis.y != then.axis.y || now.axis.z != then.axis.z)
       child(joint, "axis").SetAttribute("xyz", exact(now.axis).c_str());
     const JointTerms a = joint_terms(model, now.joint), b = joint_terms(before, now.joint);
-    if (a.viscous != b.viscous) set(child(joint, "dynamics"), "damping", a.viscous);
-    if (a.coulomb != b.coulomb) set(child(joint, "dynamics"), "friction", a.coulomb);
+    if (a.viscous != b.viscous) set_number(child(joint, "dynamics"), "damping", a.viscous);
+    if (a.coulomb != b.coulomb) set_number(child(joint, "dynamics"), "friction", a.coulomb);
     if (a.armature != 0.0) notes.push_back("armature at " + now.joint + " = " + exact(a.armature));
     if (a.stiffness != 0.0) notes.push_back("joint_spring at " + now.joint);
     const auto limit = [&](const char* name, double x, double y) {
       if (x == y) return;
       if (std::isfinite(x))
-        set(child(joint, "limit"), name, x);
+        set_number(child(joint, "limit"), name, x);
       else if (XmlElement* e = joint.FirstChildElement("limit"))
         e->SetAttribute(name, "0");
     };

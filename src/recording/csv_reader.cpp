@@ -11,6 +11,7 @@
 #include <diffnea/recording/csv.hpp>
 
 #include "recording/columns.hpp"
+#include "recording/foreign_file.hpp"
 #include "recording/torque_spikes.hpp"
 
 namespace diffnea {
@@ -29,6 +30,7 @@ struct FileCloser {
 class LineSource {
  public:
   LineSource(const std::filesystem::path& path, const std::string& name) {
+    detail::refuse_foreign_file(path, name);
     file_.reset(std::filesystem::is_directory(path) ? nullptr : std::fopen(path.c_str(), "rb"));
     if (!file_)
       throw FileError(name + ": the recording cannot be opened; expected a readable CSV file");

@@ -34,18 +34,27 @@ namespace diffnea {
 ///         constraints
 Model read_model(const std::filesystem::path& path);
 
+/// Reads a robot description, or of a folder that a run left its model.json: the model as fitted or
+/// extended. `source` is then the model.urdf or model.xml beside it, so that write_model keeps that
+/// document.
+/// @throws FileError if a folder holds no model.json; else as read_model
+Model read_model_or_run(const std::filesystem::path& path);
+
 /// An MJCF as one document that needs no other file, for a simulator: includes resolved, textures
 /// gone, and meshes too (the bodies whose inertia they gave state it).
 /// @throws FileError, ModelError as read_model
 std::string read_mjcf(const std::filesystem::path& path);
 
-/// Writes a model. `.json` holds all of it. `.urdf` and `.xml` need a model that was read from that
+/// Writes a model. `.json` holds all of it. `.urdf` and `.xml` of a model that was read from that
 /// format: its original document (model.source) is written with the changed values put in place:
 /// inertias, friction, rotor inertia, spring, limits, in a URDF the joints' poses, in an MJCF the
 /// ball's mass and string. The moving link takes the inertia of its lump, links fixed to it none.
-/// @return what the format cannot express, one sentence each, for the user
+/// Of any other model a new document is drawn, without looks: in a URDF frames become links, in an
+/// MJCF they become sites, and joints that are not passive get a motor.
+/// @return what the format cannot express, one phrase each, for the user
 /// @throws FileError if the original cannot be read or the file not be written
-/// @throws ModelError if the original has other links, or the extension names no format
+/// @throws ModelError if the original has other links, the extension names no format, a link has an
+///         inertia without mass, or MuJoCo refuses the document (an inertia that no body can have)
 std::vector<std::string> write_model(const Model& model, const std::filesystem::path& path);
 
 /// The project's JSON, schema "diffnea/model/1". Doubles come back bit by bit.

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .._core import Model, frame_pose
-from .._results import _import_figure
+from ..style import BLUE, GREEN, ORANGE, PURPLE, SVG, new_figure
 from .jobs import Json, Result, Results
 from .table1 import SIMULATION, TITLES, Row
 from .traces import PERIOD, Movement, across, arm_points, length_errors
@@ -18,8 +18,8 @@ from .work import IN_CUP
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-COLORS = {"lstm": "#cc79a7", "ff-nn": "#009e73", "nominal": "#e69f00", "diffnea": "#0072b2"}
-IMAGINED, OBTAINED, ARM = "#efb04a", "#0072b2", "#556677"
+COLORS = {"lstm": PURPLE, "ff-nn": GREEN, "nominal": ORANGE, "diffnea": BLUE}
+IMAGINED, OBTAINED, ARM = "#efb04a", BLUE, "#556677"
 FRAMES = 6
 
 
@@ -28,7 +28,7 @@ def svg(figure: Figure) -> str:
     from matplotlib import rc_context
 
     stream = io.StringIO()
-    with rc_context({"svg.fonttype": "none", "svg.hashsalt": "diffnea"}):
+    with rc_context(dict(SVG)):
         figure.savefig(stream, format="svg", metadata={"Date": None})
     return stream.getvalue()
 
@@ -36,10 +36,9 @@ def svg(figure: Figure) -> str:
 def scatter(rows: Sequence[Row], results: Results) -> Figure:
     """Draw expected against obtained reward: a panel a system and string, a point a policy."""
     panels = list(dict.fromkeys((row.system, row.length) for row in rows))
-    figure_type = _import_figure("reproduce: the page")
     columns = min(4, len(panels))
     lines = -(-len(panels) // columns)
-    figure = figure_type(figsize=(3.2 * columns + 0.4, 3.2 * lines + 0.5), layout="constrained")
+    figure = new_figure("reproduce: the page", 3.2 * columns + 0.4, 3.2 * lines + 0.5)
     axes: Any = figure.subplots(lines, columns, squeeze=False, sharex=True, sharey=True)
     for k, panel in enumerate(axes.flat):
         if k >= len(panels):
@@ -78,8 +77,7 @@ def scatter(rows: Sequence[Row], results: Results) -> Figure:
 
 def film_strip(model: Model, movement: Movement) -> Figure:
     """Draw instants of a movement from the side, with both balls' paths until then."""
-    figure_type = _import_figure("reproduce: the page")
-    figure = figure_type(figsize=(11, 1.9), layout="constrained")
+    figure = new_figure("reproduce: the page", 11, 1.9)
     axes: Any = figure.subplots(1, FRAMES, sharex=True, sharey=True)
     ball, imagined = movement.obtained["ball"], movement.imagined["ball"]
     x = across(ball)
@@ -117,8 +115,7 @@ def film_strip(model: Model, movement: Movement) -> Figure:
 
 def length_error(rows: Sequence[Row], results: Results) -> Figure | None:
     """Draw how far balls leave the sphere of their string, in the models and in the worlds."""
-    figure_type = _import_figure("reproduce: the page")
-    figure = figure_type(figsize=(10, 3.4), layout="constrained")
+    figure = new_figure("reproduce: the page", 10, 3.4)
     left, right = figure.subplots(1, 2, sharex=True, sharey=True)
     by_kind: dict[str, list[dict[str, np.ndarray]]] = {}
     for row in rows:
@@ -154,8 +151,7 @@ def length_error(rows: Sequence[Row], results: Results) -> Figure | None:
 
 def first_figure(identified: Result, recorded: Result, home: Sequence[float]) -> Figure:
     """Draw the paper's Figure 1: the arm before and after, and the data that it is known from."""
-    figure_type = _import_figure("reproduce: the page")
-    figure = figure_type(figsize=(11, 5.2), layout="constrained")
+    figure = new_figure("reproduce: the page", 11, 5.2)
     panels: Any = figure.subplot_mosaic(
         [["arm", "q"], ["arm", "slow"], ["arm", "ball"]], width_ratios=(1, 1.6)
     )

@@ -1,0 +1,54 @@
+#include <cstdio>
+
+#include <diffnea/io/export_result.hpp>
+#include <diffnea/io/model_file.hpp>
+
+#include "common.hpp"
+#include "outputs.hpp"
+
+namespace diffnea::apps {
+namespace {
+
+struct ExportCommand {
+  CommonOptions common;
+  std::string model, out;
+};
+
+void run_export(const ExportCommand& c) {
+  refuse_overwriting(c.out, {c.model});
+  const Model model = read_model_or_run(c.model);
+  refuse_overwriting(c.out, {model.source});
+  const std::vector<std::string> left_out = write_model(model, c.out);
+  if (c.common.json) {
+    std::fputs(export_result_json(c.model, c.out, left_out).c_str(), stdout);
+    return;
+  }
+  if (c.common.quiet) return;
+  if (!left_out.empty()) std::fprintf(stderr, "%s cannot hold:\n", c.out.c_str());
+  for (const std::string& what : left_out) std::fprintf(stderr, "  %s\n", what.c_str());
+  std::printf("%s\n", c.out.c_str());
+}
+
+}  // namespace
+
+void add_export(CLI::App& app) {
+  auto c = std::make_shared<ExportCommand>();
+  CLI::App* command = app.add_subcommand(
+      "export",
+      "Write a model, or what a run fitted, as URDF, MJCF or JSON.\n"
+      "A model that came in the form it is exported to keeps its document, with the values put in\n"
+      "place; another is drawn anew, without looks. URDF holds inertias, limits, damping and\n"
+      "friction; MJCF also rotor inertias, springs, passive joints, frames, gravity and a ball.\n"
+      "What the format cannot hold is listed on standard error, and in --json.");
+  command
+      ->add_option("model", c->model,
+                   "robot description: URDF, MJCF or JSON; or the folder of a run: the model that "
+                   "it fitted or extended")
+      ->required();
+  command->add_option("-o,--output", c->out, "file to write: .urdf, .xml (MJCF) or .json")
+      ->required();
+  add_common(*command, c->common);
+  command->callback([c] { run_export(*c); });
+}
+
+}  // namespace diffnea::apps

@@ -1,0 +1,36 @@
+#pragma once
+/// Completion in shells: what there is to complete, read off the declared commands, and the
+/// scripts that tell it to bash, zsh and fish. Nothing is listed by hand, so nothing goes stale.
+
+#include <string>
+#include <vector>
+
+#include <CLI/CLI.hpp>
+
+namespace diffnea::apps {
+
+/// What may stand behind an option, or at a place without one.
+enum class Value { kNone, kFile, kNumber, kChoice };
+
+struct OptionWords {
+  std::vector<std::string> names;  ///< "-o", "--output"; empty: a place, not an option
+  Value value = Value::kNone;
+  bool many = false;                 ///< takes several values
+  std::vector<std::string> choices;  ///< of Value::kChoice
+  std::string help;                  ///< first sentence
+};
+
+struct CommandWords {
+  std::string name;  ///< empty: the program itself
+  std::string help;
+  std::vector<OptionWords> options, places;
+};
+
+/// The program's own options, then every command.
+std::vector<CommandWords> words_of(const CLI::App& app);
+
+std::string bash_completion(const std::vector<CommandWords>& commands);
+std::string zsh_completion(const std::vector<CommandWords>& commands);
+std::string fish_completion(const std::vector<CommandWords>& commands);
+
+}  // namespace diffnea::apps

@@ -1,0 +1,32 @@
+#include "io/mjcf_inertial.hpp"
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/Geometry>
+
+#include "io/model_parts.hpp"
+
+namespace diffnea::io {
+
+void write_mjcf_inertial(XmlElement& body, const SpatialInertia<double>& b, double least) {
+  remove_children(body, "inertial");
+  XmlElement* inertial = body.GetDocument()->NewElement("inertial");
+  body.InsertFirstChild(inertial);
+  if (is_zero(b)) {  // stated, or MuJoCo would weigh the geoms
+    inertial->SetAttribute("pos", "0 0 0");
+    inertial->SetAttribute("mass", "0");
+    inertial->SetAttribute("diaginertia", "0 0 0");
+    return;
+  }
+  const ComInertia c = com_inertia(b);
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(to_eigen(full(c.I)));
+  Eigen::Matrix3d R = eigen.eigenvectors();
+  if (R.determinant() < 0) R.col(0) = -R.col(0);
+  const Eigen::Quaterniond q(R);
+  const Eigen::Vector3d moments = eigen.eigenvalues().cwiseMax(least);
+  inertial->SetAttribute("pos", exact(c.com).c_str());
+  inertial->SetAttribute("quat", (exact(q.w()) + " " + exact(vec3<double>(q.vec()))).c_str());
+  inertial->SetAttribute("mass", exact(b.m).c_str());
+  inertial->SetAttribute("diaginertia", exact(vec3<double>(moments)).c_str());
+}
+
+}  // namespace diffnea::io
