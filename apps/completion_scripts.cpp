@@ -10,7 +10,7 @@ std::string join(const std::vector<std::string>& words, const char* between) {
 }
 
 /// In single quotes, for zsh and bash.
-std::string quoted(const std::string& text) {
+std::string shell_quoted(const std::string& text) {
   std::string out = "'";
   for (const char c : text) out += c == '\'' ? std::string("'\\''") : std::string(1, c);
   return out + "'";
@@ -102,16 +102,16 @@ std::string bash_completion(const std::vector<CommandWords>& commands) {
       if (o.value == Value::kNone) continue;
       std::string cases;
       for (const std::string& name : o.names)
-        cases += (cases.empty() ? "" : " | ") + quoted(c.name + " " + name);
-      values += "    " + cases + ") echo " + quoted(bash_value(o)) + " ;;\n";
+        cases += (cases.empty() ? "" : " | ") + shell_quoted(c.name + " " + name);
+      values += "    " + cases + ") echo " + shell_quoted(bash_value(o)) + " ;;\n";
       if (o.many) many += "    " + cases + ") echo yes ;;\n";
     }
     if (!c.places.empty())
       values +=
-          "    " + quoted(c.name + " ") + ") echo " + quoted(bash_value(c.places.back())) + " ;;\n";
-    options += "    " + quoted(c.name + " ") + ") echo " + quoted(all) + " ;;\n";
+          "    " + shell_quoted(c.name + " ") + ") echo " + shell_quoted(bash_value(c.places.back())) + " ;;\n";
+    options += "    " + shell_quoted(c.name + " ") + ") echo " + shell_quoted(all) + " ;;\n";
   }
-  options += "    ' commands') echo " + quoted(names) + " ;;\n";
+  options += "    ' commands') echo " + shell_quoted(names) + " ;;\n";
   const auto function = [](const char* name, const char* what, const std::string& cases) {
     return std::string("# ") + what + "\n" + name + "() {\n  case \"$1 $2\" in\n" + cases +
            "  esac\n}\n";
@@ -130,15 +130,15 @@ std::string zsh_completion(const std::vector<CommandWords>& commands) {
     for (const OptionWords& o : c.options) {
       const std::string help = "[" + zsh_text(o.help) + "]", value = zsh_value(o);
       for (const std::string& name : o.names)
-        out += " \\\n        " + quoted((o.many ? "*" : "") + name + help + value);
+        out += " \\\n        " + shell_quoted((o.many ? "*" : "") + name + help + value);
     }
     for (const OptionWords& o : c.places)
-      out += " \\\n        " + quoted((o.many ? "*" : "") + zsh_value(o));
+      out += " \\\n        " + shell_quoted((o.many ? "*" : "") + zsh_value(o));
     return out;
   };
   for (const CommandWords& c : commands) {
     if (c.name.empty()) continue;
-    described += "    " + quoted(c.name + ":" + zsh_text(c.help)) + "\n";
+    described += "    " + shell_quoted(c.name + ":" + zsh_text(c.help)) + "\n";
     cases += "    " + c.name + ")\n      _arguments" + specifications(c) + "\n      ;;\n";
   }
   return "#compdef diffnea\n"

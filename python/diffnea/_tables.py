@@ -11,6 +11,8 @@ from ._core import (
     AuditReport,
     BallSeries,
     Cause,
+    Change,
+    ChannelFault,
     Comparison,
     Error,
     Finding,
@@ -78,9 +80,10 @@ def frame_of(result: Any) -> pd.DataFrame:
     if isinstance(result, IdentifyResult):
         return result.parameters.to_frame()
     if isinstance(result, Comparison):
-        return to_frame(result.parameters)
+        return table([scalars(x) for x in result.parameters], columns=fields_of(Change))
     if isinstance(result, AuditReport):
-        return table([scalars(fault) for fault in result.faults], index=False)
+        faults = [scalars(fault) for fault in result.faults]
+        return table(faults, columns=fields_of(ChannelFault), index=False)
     if isinstance(result, SimulatedMotion):
         return to_frame(result.joints)
     if isinstance(result, BallSeries):
@@ -90,22 +93,32 @@ def frame_of(result: Any) -> pd.DataFrame:
 
 def scalars(value: Any) -> dict[str, Any]:
     """Numbers, texts and truth values among the fields of a value, in their order."""
-    fields = [
-        name
-        for kind in type(value).__mro__
-        for name, member in vars(kind).items()
-        if isinstance(member, property) and not name.startswith("_")
-    ]
+    fields = fields_of(type(value))
     if not fields:
         raise Error(f"to_frame: got a list of {type(value).__name__}, expected values of a result")
     row = {name: getattr(value, name) for name in fields}
     return {name: x for name, x in row.items() if x is None or isinstance(x, str | int | float)}
 
 
-def table(rows: Sequence[dict[str, Any]], *, index: bool = True) -> pd.DataFrame:
-    """Make a frame of rows that have the same keys, indexed by what names them."""
+def fields_of(kind: type) -> list[str]:
+    """Names of the fields of a result's class, in their order."""
+    return [
+        name
+        for base in kind.__mro__
+        for name, member in vars(base).items()
+        if isinstance(member, property) and not name.startswith("_")
+    ]
+
+
+def table(
+    rows: Sequence[dict[str, Any]], *, columns: Sequence[str] | None = None, index: bool = True
+) -> pd.DataFrame:
+    """Make a frame of rows that have the same keys, indexed by what names them.
+
+    ``columns`` are there also where no row is.
+    """
     pandas = import_pandas("to_frame")
-    frame: pd.DataFrame = pandas.DataFrame(list(rows))
+    frame: pd.DataFrame = pandas.DataFrame(list(rows), columns=columns)
     if not index:
         return frame
     for names in _INDEX:
@@ -143,11 +156,10 @@ def _series_frame(series: Sequence[Any]) -> pd.DataFrame:
 
 
 def _names_of_arrays(series: Any) -> list[str]:
-    names = [name for name, member in vars(type(series)).items() if isinstance(member, property)]
     length = len(series.time)
     return [
         name
-        for name in names
+        for name in fields_of(type(series))
         if isinstance(values := getattr(series, name), np.ndarray) and values.shape == (length,)
     ]
 

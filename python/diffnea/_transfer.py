@@ -157,6 +157,7 @@ class TransferResult:
         ``policy`` counts the policies, ``repetition`` the executions of the best with noise; it is
         missing for those that each policy had without.
         """
+        rows: list[tuple[int, int | None, Execution]]
         rows = [(k, None, e) for k, e in enumerate(self.executions)]
         rows += [(self.best, k, e) for k, e in enumerate(self.repetitions)]
         frame = table(

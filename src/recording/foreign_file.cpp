@@ -12,7 +12,7 @@ constexpr std::pair<const char*, const char*> kForeign[] = {
     {".mat", "a MATLAB file"}, {".parquet", "a Parquet file"}, {".npz", "an NPZ file"}};
 
 /// As a shell takes it.
-std::string quoted(const std::string& text) {
+std::string shell_quoted(const std::string& text) {
   constexpr const char* kPlain =
       "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-./,:+@%=";
   if (!text.empty() && text.find_first_not_of(kPlain) == std::string::npos) return text;
@@ -41,7 +41,7 @@ void refuse_foreign_file(const std::filesystem::path& path, const std::string& n
   if (kind.empty()) return;
   throw FileError(name + ": is " + kind +
                   "; CSV is read here. Convert it first: python -m diffnea.convert " +
-                  quoted(path.string()) + " -o " + quoted(csv.string()));
+                  shell_quoted(path.string()) + " -o " + shell_quoted(csv.string()));
 }
 
 }  // namespace diffnea::detail

@@ -73,15 +73,24 @@ def write_bag(path: Path, topics: dict[str, Joints | list[Joints]]) -> Path:
 
     plugin = StoragePlugin.MCAP if path.name.startswith("mcap") else StoragePlugin.SQLITE3
     writer: Any = Writer1(path) if ros1 else Writer2(path, version=9, storage_plugin=plugin)
+    encode = types.serialize_ros1 if ros1 else types.serialize_cdr
     with writer:
-        for number, (topic, senders) in enumerate(topics.items()):
-            for k, sender in enumerate(senders if isinstance(senders, list) else [senders]):
-                extra = {"callerid": f"/driver{number}_{k}"} if ros1 else {}
-                connection = writer.add_connection(topic, kind, typestore=types, **extra)
-                for row in sender.rows:
-                    encode = types.serialize_ros1 if ros1 else types.serialize_cdr
-                    received = START + row * 10_000_000 + 3_000_000
-                    writer.write(connection, received, encode(message(sender, row), kind))
+        for number, (topic, given) in enumerate(topics.items()):
+            senders = given if isinstance(given, list) else [given]
+            # A ROS 2 bag does not tell publishers apart.
+            connections = [
+                writer.add_connection(
+                    topic,
+                    kind,
+                    typestore=types,
+                    **({"callerid": f"/driver{number}_{k}"} if ros1 else {}),
+                )
+                for k in range(len(senders) if ros1 else 1)
+            ]
+            for row, k in sorted((row, k) for k, x in enumerate(senders) for row in x.rows):
+                received = START + row * 10_000_000 + 3_000_000
+                raw = encode(message(senders[k], row), kind)
+                writer.write(connections[k if ros1 else 0], received, raw)
     return path
 
 

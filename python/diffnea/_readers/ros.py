@@ -130,9 +130,9 @@ def _table(where: str, messages: Messages, selection: Selection) -> Table:
     columns = {"time": (stamps[rows] - first) * 1e-9}
     silent = []
     for joint, j in column.items():
-        for key, values in series.items():
-            if key == "q" or np.isfinite(values[rows, j]).any():
-                columns[f"{key}_{joint}"] = values[rows, j]
+        for key, measured in series.items():
+            if key == "q" or np.isfinite(measured[rows, j]).any():
+                columns[f"{key}_{joint}"] = measured[rows, j]
             elif key == "tau":
                 silent.append(joint)
     notes = [

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .._core import Model, frame_pose
+from .._readers.packages import import_package
 from ..style import BLUE, GREEN, ORANGE, PURPLE, SVG, new_figure
 from .jobs import Json, Result, Results
 from .table1 import SIMULATION, TITLES, Row
@@ -25,10 +26,9 @@ FRAMES = 6
 
 def svg(figure: Figure) -> str:
     """Return the drawing as a document."""
-    from matplotlib import rc_context
-
+    matplotlib = import_package("matplotlib", "reproduce: the page", "plots")
     stream = io.StringIO()
-    with rc_context(dict(SVG)):
+    with matplotlib.rc_context(SVG):
         figure.savefig(stream, format="svg", metadata={"Date": None})
     return stream.getvalue()
 

@@ -1,0 +1,131 @@
+"""What shells are told to complete, asked of the shells themselves."""
+
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+from cli import WRONG_USAGE, done
+from cli import diffnea as command
+
+
+def commands() -> list[str]:
+    """Return the commands as the help lists them."""
+    listed = (
+        done("--help").partition("SUBCOMMANDS:")[2] or done("--help").partition("ubcommands:")[2]
+    )
+    return re.findall(r"^  ([a-z]+) ", listed, re.MULTILINE)
+
+
+def in_bash(tmp_path: Path, *words: str) -> list[str]:
+    """Return what bash offers for the last of the words."""
+    (tmp_path / "diffnea.bash").write_text(done("completion", "bash"))
+    script = """
+source diffnea.bash
+COMP_WORDS=("$@") COMP_CWORD=$(($# - 1))
+_diffnea
+printf '%s\\n' "${COMPREPLY[@]}"
+"""
+    answer = subprocess.run(
+        ["bash", "--norc", "-c", script, "-", "diffnea", *words],
+        capture_output=True,
+        text=True,
+        cwd=tmp_path,
+        check=True,
+    )
+    return answer.stdout.split()
+
+
+def test_bash_completes_commands_options_choices_and_files(tmp_path: Path) -> None:
+    (tmp_path / "arm.urdf").write_text("")
+    (tmp_path / "arm.csv").write_text("")
+    assert in_bash(tmp_path, "iden") == ["identify"]
+    assert set(in_bash(tmp_path, "")) == set(commands())
+    assert in_bash(tmp_path, "identify", "--lo") == ["--loss"]
+    assert in_bash(tmp_path, "identify", "--loss", "tra") == ["trajectory"]
+    assert in_bash(tmp_path, "identify", "--loss", "=", "in") == ["inverse"]
+    assert in_bash(tmp_path, "identify", "--loss", "=") == [
+        "inverse",
+        "forward",
+        "trajectory",
+        "constrained",
+    ]
+    assert in_bash(tmp_path, "identify", "a") == ["arm.csv", "arm.urdf"]
+    assert in_bash(tmp_path, "identify", "--json", "arm.u") == ["arm.urdf"]
+    assert in_bash(tmp_path, "identify", "arm.urdf", "arm.csv", "--test", "x", "arm.c") == [
+        "arm.csv"
+    ]
+    assert in_bash(tmp_path, "identify", "-o", "arm.c") == ["arm.csv"]
+    assert in_bash(tmp_path, "identify", "--seed", "") == []
+    assert in_bash(tmp_path, "completion", "") == ["bash", "zsh", "fish"]
+    assert in_bash(tmp_path, "--ver") == ["--version"]
+
+
+def test_every_option_of_every_command_is_completed(tmp_path: Path) -> None:
+    names = commands()
+    assert {"identify", "diagnose", "export", "completion"} <= set(names)
+    for name in names:
+        listed = re.findall(r"^\s+(?:-\w, ?)?(--[a-z-]+)", done(name, "--help"), re.MULTILINE)
+        assert set(listed) <= set(in_bash(tmp_path, name, "--")), name
+        assert listed
+
+
+@pytest.mark.parametrize("shell", ["zsh", "fish"])
+def test_the_scripts_parse(tmp_path: Path, shell: str) -> None:
+    script = done("completion", shell)
+    for name in commands():
+        assert name in script
+    assert "inverse forward trajectory constrained" in script
+    if not shutil.which(shell):
+        pytest.skip(f"no {shell} here")
+    path = tmp_path / "script"
+    path.write_text(script)
+    subprocess.run([shell, "-n", path], check=True)
+
+
+def test_fish_completes(tmp_path: Path) -> None:
+    if not shutil.which("fish"):
+        pytest.skip("no fish here")
+    (tmp_path / "script").write_text(done("completion", "fish"))
+
+    def offered(line: str) -> list[str]:
+        answer = subprocess.run(
+            ["fish", "-c", f"source script; complete -C '{line}'"],
+            capture_output=True,
+            text=True,
+            cwd=tmp_path,
+            check=True,
+        )
+        return [row.split("\t")[0] for row in answer.stdout.splitlines()]
+
+    assert offered("diffnea iden") == ["identify"]
+    assert offered("diffnea identify --loss tra") == ["trajectory"]
+
+
+def test_zsh_completes(tmp_path: Path) -> None:
+    """Through the function that zsh calls, with its helpers replaced by ones that print."""
+    if not shutil.which("zsh"):
+        pytest.skip("no zsh here")
+    (tmp_path / "_diffnea").write_text(done("completion", "zsh"))
+    script = """
+_describe() { print -l -- ${(P)2} }
+_arguments() { print -l -- "$@" }
+compdef() { }
+source ./_diffnea
+words=(diffnea identify --loss) CURRENT=3
+_diffnea
+words=(diffnea iden) CURRENT=2
+_diffnea
+"""
+    answer = subprocess.run(
+        ["zsh", "-f", "-c", script], capture_output=True, text=True, cwd=tmp_path, check=True
+    )
+    assert "(inverse forward trajectory constrained)" in answer.stdout
+    assert re.search(r"^identify:", answer.stdout, re.MULTILINE)
+
+
+def test_another_shell_is_refused() -> None:
+    answer = command("completion", "csh")
+    assert answer.returncode == WRONG_USAGE
+    assert "{bash,zsh,fish}" in answer.stderr
