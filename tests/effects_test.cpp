@@ -10,6 +10,7 @@
 #include "diffnea/effects/catalogue.hpp"
 #include <diffnea/core/error.hpp>
 #include <diffnea/core/random.hpp>
+#include <diffnea/effects/forward_dynamics.hpp>
 
 using Catch::Matchers::ContainsSubstring;
 using Catch::Matchers::WithinAbs;
@@ -200,6 +201,20 @@ TEST_CASE("effects: derivatives at standstill are finite", "[effects]") {
     add_torque(effect, JointSample<JetD>{0.0, 0, q, qd, q, q}, p.data(), out);
     CHECK(std::isfinite(out[0].a));
     CHECK(out[0].v.allFinite());
+  }
+}
+
+TEST_CASE("effects: what reads the acceleration or the transmitted torque says so", "[effects]") {
+  const State x = random_state(1);
+  const double nothing[3] = {std::nan(""), std::nan(""), std::nan("")};
+  for (const EffectInfo& info : catalogue()) {
+    if (info.port != Port::kJointTorque) continue;
+    CAPTURE(info.name);
+    const BoundEffect effect = bind(spec_of(info), arm());
+    // What a formula does not look at cannot make its torque NaN.
+    const std::vector<double> tau = torque(effect, {2.0, 0, x.q, x.qd, nothing, nothing});
+    const bool looked = !std::ranges::all_of(tau, [](double t) { return std::isfinite(t); });
+    CHECK(reads_acceleration(effect) == (looked && info.name != "armature"));  // of the link tree
   }
 }
 

@@ -8,8 +8,12 @@
 namespace diffnea {
 
 bool reads_acceleration(const BoundEffect& e) {
-  const std::string& name = e.info().name;
-  return name == "torque_gain" || name == "load_friction" || name == "transmission_coupling";
+  return std::visit(
+      [](const auto& formula) {
+        if constexpr (requires { formula.kReadsAcceleration; }) return formula.kReadsAcceleration;
+        return false;
+      },
+      e.type);
 }
 
 VecX<double> torque_gains(const std::vector<BoundEffect>& effects, int num_dofs) {

@@ -10,6 +10,7 @@
 namespace diffnea {
 
 struct LoadFriction {
+  static constexpr bool kReadsAcceleration = true;
   static const EffectInfo& info() {
     static const EffectInfo kInfo{
         .name = "load_friction",

@@ -8,6 +8,7 @@
 namespace diffnea {
 
 struct TorqueGain {
+  static constexpr bool kReadsAcceleration = true;
   static const EffectInfo& info() {
     static const EffectInfo kInfo{
         .name = "torque_gain",

@@ -8,6 +8,7 @@
 namespace diffnea {
 
 struct TransmissionCoupling {
+  static constexpr bool kReadsAcceleration = true;
   static const EffectInfo& info() {
     static const EffectInfo kInfo{
         .name = "transmission_coupling",
