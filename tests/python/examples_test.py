@@ -118,3 +118,9 @@ def test_cpp_against_an_installation(tmp_path: Path) -> None:
     assert "at rest:" in text
     assert "(held out)" in text
     assert "lost 0.0" in run("build/own_task", MODELS / "wam4_ball.xml", cwd=tmp_path)
+    # These judge themselves: what is not as expected is a status other than 0.
+    assert "after 5 s" in run("build/own_constraint", cwd=tmp_path)
+    assert "derivatives are wrong" in run("build/own_effect", cwd=tmp_path)
+    assert "the cart arrives" in run("build/own_simulator", cwd=tmp_path)
+    planted = run("build/own_candidate", model, "train.csv", "test.csv", cwd=tmp_path)
+    assert "rubber stop at" in planted
