@@ -16,6 +16,19 @@ inline bool is_bristles(const BoundEffect& e) {
          std::holds_alternative<PreslidingLugre>(e.type);
 }
 
+/// Effects of a stretch that a simulated robot has states or channels for.
+inline bool is_simulated(const BoundEffect& e) {
+  return is_bristles(e) || std::holds_alternative<JointElasticity>(e.type) ||
+         std::holds_alternative<Backlash>(e.type) ||
+         std::holds_alternative<ActuatorDelay>(e.type) ||
+         std::holds_alternative<ActuatorLag>(e.type) ||
+         std::holds_alternative<Saturation>(e.type) ||
+         std::holds_alternative<EncoderOffset>(e.type) ||
+         std::holds_alternative<EncoderScale>(e.type) ||
+         std::holds_alternative<TimeShift>(e.type) ||
+         std::holds_alternative<VelocityFilterLag>(e.type);
+}
+
 class Drives {
  public:
   /// Takes saturation, actuator_delay and actuator_lag from `effects`, leaves the others.

@@ -77,6 +77,11 @@ void ModelPlant::place_bristles() {
 ExtendedTree ModelPlant::take_apart(ExtendedTree model) {
   series_ = std::move(model.series);
   model.series.clear();
+  for (const BoundEffect& e : series_)
+    if (!is_simulated(e))
+      throw ModelError(
+          "simulate: " + e.info().name + " at '" + e.where +
+          "' is not integrated here, and would be left out; leave it out of the model");
   hide_motors(model.tree);
   place_bristles();
   std::vector<BoundEffect> at_links;
