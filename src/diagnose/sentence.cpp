@@ -63,7 +63,10 @@ std::string listed(const std::vector<std::string>& items, const std::string& las
 }
 
 std::string cause_words(const Cause& cause) {
-  std::string out = placed(cause.effect, cause.where) + " (" + values(cause) + ")";
+  const std::string sizes = values(cause);
+  std::string out =
+      placed(cause.effect, cause.where) +
+      (sizes.empty() ? " (of no size that this recording tells)" : " (" + sizes + ")");
   if (cause.members.empty()) return out;
   std::vector<std::string> others;
   for (const Rival& r : cause.members)

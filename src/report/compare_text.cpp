@@ -53,21 +53,25 @@ std::string compare_text(const Comparison& c) {
   const std::string compared =
       count(main.size(), c.base_parameters.empty() ? "parameter" : "combination of parameters");
   const std::size_t changed = significant(main);
+  std::vector<Change> others;  // single parameters that are not in the table of combinations
+  for (const Change& p : c.parameters)
+    if (std::ranges::none_of(main, [&](const Change& b) { return b.name == p.name; }))
+      others.push_back(p);
   std::string out;
   if (main.empty())
     out += "nothing to compare: the fits share nothing that both see\n";
   else if (changed == 0)
-    out += "nothing changed: " + compared + " compared, no difference beyond its uncertainty\n" +
-           "largest: " + main.front().name + ", z = " + number(main.front().z, 2) + "\n";
+    out += (significant(others) > 0 ? "" : "nothing changed: ") + compared +
+           " compared, no difference beyond its uncertainty\n" + "largest: " + main.front().name +
+           ", z = " + number(main.front().z, 2) + "\n";
   else
     out += std::to_string(changed) + " of " + compared +
            " changed by more than the uncertainty explains\n" + changes_table(main);
-  std::vector<Change> others;  // single parameters that are not in the table above
-  for (const Change& p : c.parameters)
-    if (std::ranges::none_of(main, [&](const Change& b) { return b.name == p.name; }))
-      others.push_back(p);
   if (significant(others) > 0)
-    out += "\nparameters that both fits see by themselves\n" + changes_table(others);
+    out +=
+        "\nchanged by more than the uncertainty explains, of parameters that both fits see by "
+        "themselves\n" +
+        changes_table(others);
   if (c.not_comparable > 0)
     out += count(static_cast<std::size_t>(c.not_comparable), "combination") +
            " of the first fit cannot be seen in the second\n";
