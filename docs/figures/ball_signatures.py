@@ -61,14 +61,12 @@ def drawn(time: np.ndarray, error: np.ndarray, ball: np.ndarray, anchor: np.ndar
     """Draw the error along the axes of the world, and along and across the string."""
     along = ball - anchor
     u = along / np.linalg.norm(along, axis=1, keepdims=True)
-    v = np.gradient(along, 1.0 / RATE, axis=0)
-    across = v - u * np.sum(u * v, axis=1, keepdims=True)
-    across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-9)
     mm = 1e3 * error
     axes = {a: mm[:, k] for k, a in enumerate("xyz")}
+    pulled = np.sum(mm * u, axis=1)
     own = {
-        "along the string": np.sum(mm * u, axis=1),
-        "along the swing": np.sum(mm * across, axis=1),
+        "along the string": pulled,
+        "across it, size": np.linalg.norm(mm - pulled[:, None] * u, axis=1),
     }
     return [
         Panel(time, axes, "time [s]", "error [mm]"),
@@ -165,7 +163,7 @@ SIGNATURES: dict[str, Callable[[], list[Panel]]] = {
     "string_bending": lambda: with_effect("string_bending", {"stiffness": 0.245}, "string"),
     "string_extension": extension,
     "string_folding": lambda: with_effect(
-        "string_folding", {"resistance": 0.02}, "string", joints=VIOLENT, seconds=3.0
+        "string_folding", {"resistance": 0.02}, "string", joints=VIOLENT, seconds=2.0
     ),
     "string_wrap": lambda: with_effect(
         "string_wrap", {"size": 1.0}, "string", joints=VIOLENT, seconds=3.0, model=CUP

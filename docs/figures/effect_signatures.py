@@ -1,5 +1,7 @@
 """Pictures of what each effect leaves in the error of a model that lacks it: NAME.svg each.
 
+And overlap.svg, of how much of one another explains (overlap.py).
+
     python3 docs/figures/effect_signatures.py docs/_generated/effects [NAME …]
 
 Joints: a robot with the effect follows a motion, simulated without noise; the picture shows its
@@ -35,6 +37,7 @@ class Motion:
     velocity: float = 2.0  # [rad/s]
 
     def __call__(self) -> diffnea.Trajectory:
+        """Draw it: the same for the same numbers."""
         return diffnea.excite(
             WAM,
             duration=self.period,
@@ -108,12 +111,14 @@ class Signature:
     base: tuple[diffnea.Effect, ...] = field(default=())  # what the model has already
 
     def panels(self, name: str) -> list[Panel]:
+        """Simulate, and draw the error over time and over its own variable."""
         lacking = WAM.with_effects([*WAM.effects, *self.base])
         effect = diffnea.Effect(name, self.where, self.parameters)
         log = recorded(effect, self.motion, lacking)
         return self.drawn(log.time, log, smooth(log.error[:, JOINTS.index(self.shown)]))
 
     def drawn(self, time: np.ndarray, log: Log, error: np.ndarray) -> list[Panel]:
+        """Draw an error over time, the velocity behind it, and over its own variable."""
         j = JOINTS.index(self.over_joint or self.shown)
         x, label = AGAINST[self.against](log, j)
         label = f"{label} of {JOINTS[j]}" if j != JOINTS.index(self.shown) else label
@@ -130,6 +135,7 @@ AGAINST: dict[str, Callable[[Log, int], tuple[np.ndarray, str]]] = {
     "position": lambda log, j: (log.q[:, j], "position [rad]"),
     "acceleration": lambda log, j: (smooth(log.qdd[:, j]), "acceleration [rad/s²]"),
     "torque": lambda log, j: (log.predicted[:, j], "torque of the model [N·m]"),
+    "logged": lambda log, j: (log.predicted[:, j] + log.error[:, j], "logged torque [N·m]"),
     "torque rate": lambda log, j: (
         np.gradient(smooth(log.predicted[:, j]), 1.0 / RATE),
         "rate of the torque [N·m/s]",
@@ -178,9 +184,9 @@ SIGNATURES: dict[str, Signature] = {
     "torque_gain": Signature({"gain_error": 0.1}, "torque"),
     "actuator_lag": Signature({"time_constant": 0.01}, "torque rate", motion=FAST),
     "actuator_delay": Signature({"delay": 0.01}, "torque rate", motion=FAST),
-    "saturation": Signature({"limit": 2.5}, "torque", motion=FAST),
+    "saturation": Signature({"limit": 2.7}, "logged"),
     "joint_elasticity": Signature(
-        {"stiffness": 100.0, "damping": 0.1, "motor_inertia": 0.03},
+        {"stiffness": 400.0, "damping": 0.8, "motor_inertia": 0.03},
         "second derivative",
         motion=FAST,
         base=ROTOR,
@@ -194,7 +200,7 @@ SIGNATURES: dict[str, Signature] = {
     "encoder_offset": Signature({"offset": 0.05}, "position", where="joint2", shown="joint2"),
     "encoder_scale": Signature({"scale_error": 0.05}, "position", where="joint2", shown="joint2"),
     "time_shift": Signature({"shift": 0.01}, "torque rate", where="all", motion=FAST),
-    "payload": Signature({"mass": 0.3, "hz": 0.02}, "position", where="tip"),
+    "payload": Signature({"mass": 0.3, "hx": 0.06, "hy": 0.06}, "position", where="tip"),
     "base_tilt": Signature(
         {"gravity_x": 0.3, "gravity_y": 0.2}, "position", where="base", shown="joint1"
     ),
@@ -205,7 +211,7 @@ SIGNATURES: dict[str, Signature] = {
 
 
 def session_offset(name: str) -> list[Panel]:
-    """Two recordings, one after the other."""
+    """Draw two recordings, one after the other."""
     logs = [recorded(diffnea.Effect(name, "joint4", {"offset_0": c}), USUAL) for c in (0.5, -0.3)]
     time = np.concatenate([logs[0].time, logs[1].time + logs[0].time[-1]])
     error = np.concatenate([smooth(log.error[:, 3]) for log in logs])
@@ -217,7 +223,7 @@ def session_offset(name: str) -> list[Panel]:
 
 
 def velocity_filter_lag(name: str) -> list[Panel]:
-    """It shows in no torque: the logged velocity less that of the positions."""
+    """Draw the logged velocity less that of the positions: it shows in no torque."""
     log = recorded(diffnea.Effect(name, "joint4", {"lag": 0.01}), FAST)
     assert log.logged_qd is not None
     error = log.logged_qd[:, 3] - log.qd[:, 3]
@@ -230,7 +236,7 @@ def velocity_filter_lag(name: str) -> list[Panel]:
 
 
 def residual(name: str) -> list[Panel]:
-    """A table of two bumps over the position."""
+    """Draw a table of two bumps over the position."""
     told = WAM.to_dict()
     told["effects"] = [
         {
@@ -268,6 +274,7 @@ def panels(name: str) -> list[Panel]:
 
 
 def main() -> None:
+    """Write the pictures."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("folder", type=Path)
     every = [e["effect"] for e in diffnea.effects()]
@@ -276,6 +283,10 @@ def main() -> None:
     arguments.folder.mkdir(parents=True, exist_ok=True)
     for name in arguments.names or every:
         save(arguments.folder / f"{name}.svg", panels(name))
+    if not arguments.names:
+        import overlap  # of this module's signatures
+
+        overlap.save(arguments.folder / "overlap.svg")
 
 
 if __name__ == "__main__":

@@ -61,14 +61,14 @@ class Chain:
                 {
                     "name": f"link{i}",
                     "parent": f"link{i - 1}" if i else None,
-                    "pose": {
-                        "position": self.place[i].tolist(),
-                        "rotation": from_rpy(self.rpy[i]).tolist(),
-                    },
                     "joint": {
                         "name": f"joint{i}",
                         "type": "revolute",
                         "axis": self.axis[i].tolist(),
+                        "pose": {
+                            "position": self.place[i].tolist(),
+                            "rotation": from_rpy(self.rpy[i]).tolist(),
+                        },
                     },
                     "inertia": {
                         "mass": self.mass[i],

@@ -72,7 +72,7 @@ def test_parameters_are_those_of_the_catalogue(name: str) -> None:
 
 
 def plain(number: float) -> str:
-    return f"{number:,.10g}".replace(",", " ")
+    return f"{number:,.10g}".replace(",", " ") if number >= 1e4 else f"{number:.10g}"
 
 
 @pytest.mark.parametrize("name", sorted(EFFECTS))
