@@ -24,6 +24,7 @@ class AtomicFile {
   AtomicFile(const AtomicFile&) = delete;
   AtomicFile& operator=(const AtomicFile&) = delete;
 
+  /// Adds to what will be the file. @throws FileError
   void write(std::string_view content);
   /// Has the content reach the disk, and the file its name.
   void commit();

@@ -16,6 +16,7 @@ struct Dual {
   std::array<T, N> v{};
 
   Dual() = default;
+  /// A constant: its derivatives are 0.
   Dual(double constant)  // NOLINT(google-explicit-constructor): constants are scalars
       : a(constant) {
     v.fill(T(0.0));
@@ -72,36 +73,42 @@ struct Dual {
   Dual& operator*=(const Dual& y) { return *this = *this * y; }
 };
 
+/// √x; x > 0.
 template <class T, int N>
 Dual<T, N> sqrt(const Dual<T, N>& x) {
   using std::sqrt;
   const T root = sqrt(x.a);
   return x.chained(root, T(0.5) / root);
 }
+/// sin x.
 template <class T, int N>
 Dual<T, N> sin(const Dual<T, N>& x) {
   using std::cos;
   using std::sin;
   return x.chained(sin(x.a), cos(x.a));
 }
+/// cos x.
 template <class T, int N>
 Dual<T, N> cos(const Dual<T, N>& x) {
   using std::cos;
   using std::sin;
   return x.chained(cos(x.a), -sin(x.a));
 }
+/// eˣ.
 template <class T, int N>
 Dual<T, N> exp(const Dual<T, N>& x) {
   using std::exp;
   const T e = exp(x.a);
   return x.chained(e, e);
 }
+/// ln x; x > 0.
 template <class T, int N>
 Dual<T, N> log(const Dual<T, N>& x) {
   using std::log;
   return x.chained(log(x.a), T(1.0) / x.a);
 }
 
+/// The plain number, without derivatives.
 template <class T, int N>
 double value(const Dual<T, N>& x) {
   return value(x.a);

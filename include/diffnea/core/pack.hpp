@@ -15,6 +15,7 @@
 
 namespace diffnea {
 
+/// As many doubles as a register holds, one a SIMD lane.
 using Pack = std::experimental::native_simd<double>;
 inline constexpr int kPackWidth = static_cast<int>(Pack::size());
 

@@ -11,6 +11,7 @@ namespace diffnea {
 /// std::normal_distribution is not used: its stream differs between standard libraries.
 class Rng {
  public:
+  /// The same seed gives the same numbers on every machine.
   explicit Rng(std::uint64_t seed) {
     for (std::uint64_t& s : state_) {
       seed += 0x9e3779b97f4a7c15ULL;
@@ -21,6 +22,7 @@ class Rng {
     }
   }
 
+  /// 64 random bits.
   std::uint64_t next() {
     const std::uint64_t result = rotate(state_[1] * 5, 7) * 9;
     const std::uint64_t t = state_[1] << 17;
@@ -35,6 +37,7 @@ class Rng {
 
   /// Uniform in [0, 1), 53 bits.
   double uniform() { return static_cast<double>(next() >> 11) * 0x1.0p-53; }
+  /// Between two numbers, evenly.
   double uniform(double low, double high) { return low + (high - low) * uniform(); }
 
   /// Standard normal (Box–Muller, one value per call).

@@ -30,6 +30,7 @@ using Prod = std::remove_cvref_t<decltype(std::declval<A>() * std::declval<B>())
 /// Width of the Jets the library is compiled for. Wider derivatives take several sweeps, which is
 /// faster than one wide Jet (RNEA of 7 links: two sweeps of Jet⟨7⟩ 5.8 µs, one Jet⟨14⟩ 8.6 µs).
 inline constexpr int kJetWidth = 8;
+/// A Jet of the width that the library is compiled for.
 using JetD = ceres::Jet<double, kJetWidth>;
 
 /// Pairs (parameter scalar, state scalar) that are compiled into the library; any other pair
@@ -40,8 +41,10 @@ using JetD = ceres::Jet<double, kJetWidth>;
   X(::diffnea::JetD, double)       \
   X(::diffnea::JetD, ::diffnea::JetD)
 
+/// A column of any length.
 template <class T>
 using VecX = Eigen::Matrix<T, Eigen::Dynamic, 1>;
+/// A matrix of any size, column-major.
 template <class T>
 using MatX = Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic>;
 /// Row-major matrix: one row per sample of a recording.
@@ -53,6 +56,7 @@ using VecIn = Eigen::Ref<const VecX<std::type_identity_t<T>>>;
 
 /// Value part of a scalar: what a decision may look at.
 inline double value(double a) { return a; }
+/// The plain number, without derivatives.
 template <class T, int N>
 double value(const ceres::Jet<T, N>& a) {
   return value(a.a);

@@ -26,6 +26,7 @@ enum class Base {
   kFixed,  ///< nothing: the model stands accused as it is
 };
 
+/// What a diagnosis may re-fit, what it tries, and when it accepts.
 struct DiagnoseOptions {
   Base base = Base::kAuto;
   /// Candidates: names, "name@where", or empty for the whole catalogue.
@@ -47,6 +48,7 @@ struct DiagnoseOptions {
 ///         own candidate whose name is taken or whose columns are no (N, parameters) finite numbers
 Finding diagnose(const Model& model, const RecordingSource& train, const RecordingSource* test,
                  const DiagnoseOptions& options = {});
+/// The same from recordings in memory.
 Finding diagnose(const Model& model, const std::vector<Recording>& train,
                  const std::vector<Recording>& test, const DiagnoseOptions& options = {});
 

@@ -14,6 +14,7 @@
 
 namespace diffnea {
 
+/// What a diagnosis comes to (docs/diagnosis.md).
 enum class Verdict {
   kNamed,            ///< every cause has one name
   kClass,            ///< some cause cannot be told from its rivals with this recording
@@ -183,6 +184,7 @@ struct NextExperiment {
   Trajectory motion;                ///< what the file holds
 };
 
+/// What a diagnosis found: verdict, causes, what is left, and the model that has them.
 struct Finding {
   Verdict verdict = Verdict::kNone;
   std::string sentence;

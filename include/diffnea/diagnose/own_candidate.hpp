@@ -18,6 +18,7 @@
 
 namespace diffnea {
 
+/// An effect of the caller's own, tried beside the catalogue's: torque columns over a motion.
 struct OwnCandidate {
   std::string name;   ///< as results name it; none of the catalogue's
   std::string where;  ///< the joint whose torque it adds to

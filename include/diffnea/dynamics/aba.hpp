@@ -6,9 +6,12 @@
 
 namespace diffnea {
 
+/// States of all links in an articulated-body recursion: one per tree, overwritten by every call.
 template <Scalar P, Scalar S>
 struct AbaStates : LinkStates<P, S> {
+  /// Scalar of a product of parameter and state.
   using R = Prod<P, S>;
+  /// What the backward pass leaves at a link (Featherstone 2008, Table 7.1).
   struct Articulated {
     ArticulatedInertia<R> M;  ///< M̂, the inertia of the link and all that hangs on it
     Wrench<R> f_b;            ///< bias force
@@ -18,6 +21,7 @@ struct AbaStates : LinkStates<P, S> {
   std::vector<Articulated> articulated;
 };
 
+/// Scratch and result of `aba`.
 template <Scalar P, Scalar S>
 struct AbaWorkspace : AbaStates<P, S> {
   VecX<Prod<P, S>> qdd;

@@ -31,6 +31,7 @@ struct BallSample {
   Vec3<T> spin;            ///< ω of the ball, in W [rad/s]; impacts on a plane change it
 };
 
+/// Steps and tolerances of a simulated flight.
 struct FlightOptions {
   double step = 2e-3;        ///< [s], at most
   double restitution = 0.0;  ///< of the impact when the string becomes taut
@@ -58,6 +59,7 @@ class BallFlight {
   /// away from the anchor; `taut` says so of one that is nearer.
   void start(const T& time, const ParticleState<T>& state, bool taut = false,
              const Vec3<T>& spin = {});
+  /// Begins at a state. @param spin  [rad/s], in the world
   void start(double time, const ParticleState<T>& state, bool taut = false,
              const Vec3<T>& spin = {})
     requires(!std::same_as<T, double>)
@@ -66,17 +68,23 @@ class BallFlight {
   }
   /// Goes on until `time` [s]. @throws Error if it lies in the past
   void run_until(const T& time);
+  /// Moves on to `time` [s], not before the present one.
   void run_until(double time)
     requires(!std::same_as<T, double>)
   {
     run_until(T(time));
   }
 
+  /// [s]
   double time() const { return value(time_); }
+  /// Position [m] and velocity [m/s] in the world.
   const ParticleState<T>& state() const { return state_; }
+  /// Whether the string pulls.
   bool taut() const { return taut_; }
   T pull() const;  ///< T/m now [m/s²]; 0 if slack
+  /// The present state as a camera would see it.
   BallSample<T> sample() const { return sample(time_, state_, taut_); }
+  /// How often the string has become taut since the start.
   long impacts() const { return impacts_; }
   T lost_energy() const { return lost_energy_; }  ///< to impacts, per mass [m²/s²]
 

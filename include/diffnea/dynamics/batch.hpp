@@ -9,6 +9,7 @@
 
 namespace diffnea {
 
+/// How a batch is shared among threads.
 struct BatchOptions {
   int num_threads = 1;          ///< rows are divided among as many threads; ≤ 0: one per processor
   std::string instruction_set;  ///< of batch_instruction_sets(); empty: the first

@@ -25,6 +25,7 @@ struct Stabilisation {
   static Stabilisation within(double seconds) { return {1.0 / (seconds * seconds), 2.0 / seconds}; }
 };
 
+/// Accelerations of the bodies, and the constraints' forces.
 template <Scalar T>
 struct ConstrainedAcceleration {
   std::vector<Twist<T>> Vd;      ///< V̇ per body, in B [rad/s², m/s²]

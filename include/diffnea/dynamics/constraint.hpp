@@ -20,6 +20,7 @@
 
 namespace diffnea {
 
+/// Whether a constraint holds both ways or one.
 enum class Relation {
   kEqual,   ///< g = 0
   kAtMost,  ///< g ≤ 0; its force can only hold back: f = −Jᵀλ, λ ≥ 0

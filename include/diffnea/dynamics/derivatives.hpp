@@ -19,6 +19,7 @@ namespace diffnea {
 
 /// Scratch of the world-frame recursions.
 struct WorldStates {
+  /// What the passes leave at a link, in the world frame.
   struct State {
     Pose<double> X_WL;
     Twist<double> s, V, A;          ///< joint axis, twist, acceleration minus gravity; in W
@@ -32,6 +33,7 @@ struct WorldStates {
   std::vector<State> links;
 };
 
+/// Derivatives of inverse dynamics, and the scratch they are made in.
 struct RneaDerivatives {
   VecX<double> tau;          ///< (n) [N·m]
   RowMatX<double> dtau_dq;   ///< (n × n) [N·m/rad], row: torque, column: joint
@@ -48,6 +50,7 @@ struct RneaDerivatives {
 void rnea_derivatives(const Tree<double>& tree, VecIn<double> q, VecIn<double> qd,
                       VecIn<double> qdd, RneaDerivatives& out);
 
+/// Derivatives of forward dynamics, and the scratch they are made in.
 struct AbaDerivatives {
   VecX<double> qdd;                   ///< (n) [rad/s²]
   RowMatX<double> dqdd_dq;            ///< (n × n) −M⁻¹ ∂τ/∂q
@@ -66,6 +69,7 @@ struct AbaDerivatives {
 void aba_derivatives(const Tree<double>& tree, VecIn<double> q, VecIn<double> qd, VecIn<double> tau,
                      AbaDerivatives& out);
 
+/// Scratch and result of the derivatives by parameters.
 struct ParameterJacobianWorkspace {
   VecX<double> qdd;          ///< (n) [rad/s²]
   RowMatX<double> dqdd_dpi;  ///< (n × 10n)

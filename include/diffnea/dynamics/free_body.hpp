@@ -10,17 +10,20 @@
 
 namespace diffnea {
 
+/// What a body in maximal coordinates can do.
 enum class BodyKind {
   kRigid,
   kParticle,    ///< mass alone: it never turns, B keeps the world's axes
   kPrescribed,  ///< its motion is given: a driven pivot, a measured hand
 };
 
+/// A body in maximal coordinates: what moves it and what it weighs.
 template <Scalar T>
 struct FreeBody {
   BodyKind kind = BodyKind::kRigid;
   SpatialInertia<T> inertia;  ///< about B's origin, in B; of a particle the mass alone
 };
+/// A body without extent. @param mass  [kg]
 template <Scalar T>
 FreeBody<T> particle(const T& mass) {
   FreeBody<T> out{BodyKind::kParticle, {}};
@@ -39,6 +42,7 @@ struct BodyState {
 template <Scalar T>
 class Mobility {
  public:
+  /// Inverts the inertia of `body`.
   explicit Mobility(const FreeBody<T>& body) : kind_(body.kind) {
     if (kind_ == BodyKind::kPrescribed) return;
     per_mass_ = T(1.0) / body.inertia.m;

@@ -52,6 +52,7 @@ Mat3<T> nearest_rotation(const Mat3<T>& R) {
 
 }  // namespace detail
 
+/// Scratch of `step_bodies`.
 template <Scalar T>
 struct MotionWorkspace {
   VecX<T> z;

@@ -9,6 +9,7 @@ namespace diffnea {
 /// Motion of every link, T the product of parameter and state scalar. Gravity is not in it.
 template <Scalar T>
 struct LinkKinematics {
+  /// Pose, twist and acceleration of a link.
   struct LinkMotion {
     Pose<T> X_WL;
     Twist<T> V;  ///< twist of L against W, in L

@@ -5,8 +5,10 @@
 
 namespace diffnea {
 
+/// Scratch and result of `mass_matrix`.
 template <Scalar P, Scalar S>
 struct MassMatrixWorkspace {
+  /// Scalar of a product of parameter and state.
   using R = Prod<P, S>;
   std::vector<Pose<R>> X_PL;                 ///< pose of every link in its parent
   std::vector<SpatialInertia<R>> composite;  ///< inertia of the link and all that hangs on it, in L

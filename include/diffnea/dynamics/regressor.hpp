@@ -14,6 +14,7 @@ struct RegressorLinkMotion {
   Twist<T> s_W;  ///< the joint's axis in W, moment about W's origin
 };
 
+/// Scratch of `torque_regressor`.
 template <Scalar P, Scalar S>
 struct RegressorWorkspace {
   std::vector<RegressorLinkMotion<Prod<P, S>>> links;

@@ -10,7 +10,9 @@ namespace diffnea {
 /// Scratch of the recursions, and what they know of every link once they have run.
 template <Scalar P, Scalar S>
 struct LinkStates {
+  /// Scalar of a product of parameter and state.
   using R = Prod<P, S>;
+  /// What the forward pass leaves at a link.
   struct State {
     Pose<R> X_PL;  ///< pose of the link in its parent
     Twist<R> V;    ///< twist of L against W, in L
@@ -20,6 +22,7 @@ struct LinkStates {
   std::vector<State> links;
 };
 
+/// Scratch and result of `rnea`.
 template <Scalar P, Scalar S>
 struct RneaWorkspace : LinkStates<P, S> {
   VecX<Prod<P, S>> tau;

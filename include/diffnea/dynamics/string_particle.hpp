@@ -34,6 +34,7 @@ enum class Softness {
   kSoftplus,  ///< ln(1 + exp(s·))/s and 1/(1 + exp(−s·)) of the same argument
 };
 
+/// How sharply a smoothed string becomes taut, and how it is pulled back to its length.
 struct StringSmoothing {
   Softness softness = Softness::kSoftplus;
   double pull = 1.0;       ///< sharpness of max(0, T/m) [s²/m]: off by ln 2/s at most

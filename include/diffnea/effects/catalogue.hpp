@@ -122,6 +122,7 @@ const std::vector<EffectInfo>& catalogue();
 /// @throws ModelError that lists the effects there are, the nearest name first
 AnyEffect find_effect(const std::string& name);
 
+/// Name, parameters and place of an effect.
 const EffectInfo& info(const AnyEffect& effect);
 
 /// Whether it acts on a ball, its string or the camera that sees it, and never on joints.
@@ -138,9 +139,11 @@ struct BoundEffect {
   std::vector<double> parameters;             ///< same order
 
   const EffectInfo& info() const { return diffnea::info(type); }
+  /// Whether the effect acts in the run of this number.
   bool acts_in(int run) const;
   /// Indices of the parameters the torque is linear in, and of the shape parameters.
   std::vector<int> linear_parameters() const;
+  /// Indices of the parameters that do not enter linearly.
   std::vector<int> shape_parameters() const;
   /// Parameters that switch the effect on, 0: it is absent. The linear ones; those of Scale::kPlain
   /// where none is linear (an encoder's offset); empty for saturation, which an infinite limit
@@ -164,6 +167,7 @@ struct RunPlace {
 };
 /// @throws ModelError if what follows the colon is not `run=` and numbers of recordings
 RunPlace split_where(const std::string& where);
+/// The inverse of `split_where`: "tip:run=1+4".
 std::string join_where(const RunPlace& where);
 
 /// Resolves `spec` on `model`. `where` is a joint's name, two of them for a pair ("elbow,wrist"),

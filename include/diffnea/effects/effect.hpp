@@ -28,6 +28,7 @@
 
 namespace diffnea {
 
+/// Which sign a parameter can have.
 enum class Sign { kFree, kNonNegative, kPositive };
 
 /// One parameter of an effect.
@@ -55,6 +56,7 @@ enum class Scale {
   kPlain,   ///< nonlinear, may be 0 or negative: ∂τ/∂p at the present value
   kLog      ///< nonlinear and positive, a shape: ∂τ/∂ln p
 };
+/// How a parameter is searched, from how it enters and its sign.
 inline Scale scale(const ParameterInfo& p) {
   if (p.linear) return Scale::kLinear;
   return p.sign == Sign::kPositive ? Scale::kLog : Scale::kPlain;

@@ -28,8 +28,11 @@ class ForwardDynamics {
   /// integrates those), and for gains that turn a torque around
   explicit ForwardDynamics(ExtendedTree model);
 
+  /// Number of joints.
   int num_dofs() const { return n_; }
+  /// Tree and effects.
   ExtendedTree& model() { return model_; }
+  /// Tree and effects.
   const ExtendedTree& model() const { return model_; }
 
   /// Time since the run began [s], which warm_up reads.
@@ -47,9 +50,13 @@ class ForwardDynamics {
   /// transmitted torque,
   ///         the time or the place of a link
   void linearise(const double* q, const double* qd, const double* u, int run);
+  /// (n) accelerations of the last call [rad/s²].
   const VecX<double>& qdd() const { return aba_.qdd; }
+  /// (n, n), of the last call.
   const RowMatX<double>& dqdd_dq() const { return aba_.dqdd_dq; }
+  /// (n, n), of the last call.
   const RowMatX<double>& dqdd_dqd() const { return aba_.dqdd_dqd; }
+  /// (n, n) ∂q̈/∂τ, of the last call.
   const RowMatX<double>& inverse_mass_matrix() const { return aba_.dqdd_dtau; }
 
  private:

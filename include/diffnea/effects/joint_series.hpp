@@ -21,7 +21,9 @@ struct JointSeries {
   RowMatX<double>
       logged;  ///< (N, n) logged torque; may be empty: saturation and backlash alone read it
 
+  /// Number of rows.
   long rows() const { return q.rows(); }
+  /// The drive's whole torque where it is known, else what the links transmit.
   const RowMatX<double>& drive() const { return total.size() > 0 ? total : tau; }
 };
 

@@ -37,6 +37,7 @@ void predict(const ExtendedTree& base, JointSeries& x);
 /// backlash without x.logged
 RowMatX<double> series_torque(const BoundEffect& effect, const ExtendedTree& base,
                               const JointSeries& x, const double* p);
+/// Torque of an effect along a series, (rows, joints) [N·m] or [N]. @param p  its parameters
 RowMatX<double> series_torque(const BoundEffect& effect, const Tree<double>& tree,
                               const JointSeries& x, const double* p);
 
@@ -47,6 +48,7 @@ RowMatX<double> series_torque(const BoundEffect& effect, const Tree<double>& tre
 std::vector<RowMatX<double>> series_columns(const BoundEffect& effect, const ExtendedTree& base,
                                             const JointSeries& x, const double* p,
                                             const std::vector<int>& which);
+/// Derivatives of that torque by the parameters asked for, (rows, joints) each.
 std::vector<RowMatX<double>> series_columns(const BoundEffect& effect, const Tree<double>& tree,
                                             const JointSeries& x, const double* p,
                                             const std::vector<int>& which);

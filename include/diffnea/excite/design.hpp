@@ -36,6 +36,7 @@ struct LimitOverrides {
   std::map<std::string, double> effort;                       ///< [N·m] or [N]
 };
 
+/// What an informative motion may look like, and how long it is searched for.
 struct DesignOptions {
   FourierOptions motion;
   LimitOverrides limits;
@@ -55,6 +56,7 @@ struct LimitUse {
   double effort = 0.0;  ///< by the model with its effects; 0 where no limit is known
 };
 
+/// A motion that was designed, and what it tells.
 struct Excitation {
   Trajectory trajectory;  ///< of the joints with a motor
   double period = 0.0;    ///< a whole number of rows [s]

@@ -12,6 +12,7 @@
 
 namespace diffnea {
 
+/// Harmonics of a periodic motion.
 struct FourierOptions {
   double duration = 20.0;  ///< [s], rounded up to whole periods
   double period = 10.0;    ///< [s]

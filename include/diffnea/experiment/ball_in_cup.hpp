@@ -35,6 +35,7 @@ struct RobustOptions {
   std::uint64_t seed = 0;            ///< of the draws
 };
 
+/// How a movement is learned: where, with how many seeds, from which start.
 struct LearnOptions {
   std::vector<std::string> joints;  ///< that move; empty: those that turn the cup in the plane it
                                     ///< hangs in at the start
@@ -89,6 +90,7 @@ struct NetworkSource {
   std::string file, sha256;
 };
 
+/// The movement that one seed has learned, and how it was learned.
 struct LearnedPolicy {
   std::uint64_t seed = 0;
   PrompSpec promp;
@@ -139,6 +141,7 @@ struct Execution {
   double reward_wide = 0.0;  ///< at ε = 0.055, the scale of the paper's figures
   std::string failure;       ///< of the world's solver; empty if none
   RolloutTrace trace;
+  /// Whether the ball ended in the cup, without a failure of the robot.
   bool success() const { return failure.empty() && verdict.outcome == Outcome::kInCup; }
 };
 

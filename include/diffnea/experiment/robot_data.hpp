@@ -9,6 +9,7 @@
 
 namespace diffnea {
 
+/// What a robot is identified from: recordings of the arm, and of the ball.
 struct RobotData {
   double arm_seconds = 40.0, ball_seconds = 40.0;
   int ball_repetitions = 5;
@@ -21,6 +22,7 @@ DesignOptions arm_excitation(const RobotData& data, std::uint64_t seed);
 DesignOptions ball_excitation(const Model& model, const VecX<double>& home, const RobotData& data,
                               std::uint64_t seed);
 
+/// Arm and ball as fitted to the data of one robot.
 struct IdentifiedRobot {
   IdentifyResult arm, ball;
   Model model;  ///< both

@@ -24,6 +24,7 @@ struct StickFigure {
   std::vector<std::string> names;  ///< arm_0 … along the arm from its foot to the cup's frame, then
                                    ///< knot, rim_left, floor_left, floor_right, rim_right, ball
   RowMatX<double> across, up;      ///< (T × names) [m]
+  /// Points of the arm; the others are of cup and ball.
   int arm_points() const { return static_cast<int>(names.size()) - 6; }
 };
 

@@ -31,10 +31,12 @@ struct BallParameter {
   double most = std::numeric_limits<double>::infinity();
 };
 
+/// Which parameters of ball, string and camera are fitted, and the effects that they belong to.
 struct BallLayout {
   std::vector<BallParameter> parameters;
   std::vector<BoundEffect> effects;
 
+  /// Present values of all parameters.
   VecX<double> values() const;
 };
 /// The string's parameters, if the ball has one, then those of `effects` (names as in result
@@ -54,6 +56,7 @@ struct BallWindow {
   ParticleState<double> state;     ///< at time[0], estimate
   bool taut = false;               ///< the string is, at time[0]
 };
+/// Recordings of a ball, cut into windows.
 struct BallData {
   std::vector<HandMotion> hands;
   std::vector<BallWindow> windows;
@@ -83,6 +86,7 @@ struct BallLinearisation {
                                           ///< cols 1… · step of p
 };
 
+/// A fit of ball and string: estimates, errors, and how it ended.
 struct BallFit {
   VecX<double> p;           ///< (P)
   MatX<double> covariance;  ///< (P, P) σ² of what the states leave; 0 of fixed ones
@@ -99,6 +103,7 @@ std::vector<Vec3<double>> predict_ball(const Model& model, const BallLayout& lay
                                        const VecX<double>& p, const BallData& data,
                                        const BallWindow& window, const FlightOptions& flight);
 
+/// Residuals of all windows at p and their derivatives, the windows' own states eliminated.
 BallLinearisation linearise_ball(const Model& model, const BallLayout& layout,
                                  const VecX<double>& p, const BallData& data, double sigma,
                                  const BallFitOptions& options);

@@ -7,11 +7,13 @@
 
 namespace diffnea {
 
+/// What is compared: paths, or accelerations with the constraint as a penalty.
 enum class BallLoss {
   kTrajectory,   ///< output error over simulated windows: what to use on noisy cameras
   kConstrained,  ///< error of the acceleration, with g, ġ and g̈ as penalties (paper, section IV)
 };
 
+/// How ball and string are fitted.
 struct BallFitOptions {
   BallLoss loss = BallLoss::kTrajectory;
   double window = 2.0;                 ///< [s], at most

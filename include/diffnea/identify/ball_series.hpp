@@ -16,6 +16,7 @@ struct BallFlag {
   std::string reason;   ///< a sentence with numbers
 };
 
+/// A ball as it was seen, and as models before and after the fit move it, row by row.
 struct BallSeries {
   using Point = std::array<double, 3>;  ///< [m], W; NaN: none
 
@@ -36,6 +37,7 @@ struct BallSeries {
   double base_rms = 0.0, extended_rms = 0.0;  ///< of one position along one axis [m]
   std::vector<BallFlag> flagged;
 
+  /// Number of rows.
   long rows() const { return static_cast<long>(time.size()); }
 };
 

@@ -24,10 +24,12 @@ struct Change {
   bool significant = false;
 };
 
+/// When a change counts.
 struct CompareOptions {
   double alpha = 0.05;  ///< chance of any false alarm, in each of the two lists
 };
 
+/// What changed between two fits of one robot.
 struct Comparison {
   std::vector<std::string> joints;
   std::vector<Change> base_parameters;  ///< combinations that both fits see, most significant first

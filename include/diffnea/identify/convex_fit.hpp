@@ -17,6 +17,7 @@
 
 namespace diffnea {
 
+/// Least squares over bodies that can exist and parameters of known sign.
 struct ConvexFitProblem {
   MatX<double> R;                  ///< (m, p), rows in units of their noise
   VecX<double> d;                  ///< (m)
@@ -28,6 +29,7 @@ struct ConvexFitProblem {
   double entropic_prior = 0.0;     ///< γ: pull of each body to its start's shape [units of χ²/2]
 };
 
+/// When the barrier method stops.
 struct ConvexFitOptions {
   /// The barrier's weight at the end, in units of χ²/2: the objective is within (4·bodies + bounds)
   /// times this of the optimum, far below the one unit in which a parameter moves by its own σ.
@@ -35,6 +37,7 @@ struct ConvexFitOptions {
   int max_iterations = 300;
 };
 
+/// The optimum, and what presses against the bounds there.
 struct ConvexFitResult {
   VecX<double> x;
   double objective = 0.0;  ///< ½‖Rx − d‖²

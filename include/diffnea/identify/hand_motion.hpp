@@ -12,6 +12,7 @@
 
 namespace diffnea {
 
+/// The pose of what a string is tied to, at any time between the rows of a recording.
 class HandMotion {
  public:
   /// A link that never moves (the world, or a link fixed to it), at any time.
@@ -20,7 +21,9 @@ class HandMotion {
   HandMotion(const Model& model, int link, const Preprocessed& smooth, long first, long rows);
 
   double begin() const { return begin_; }  ///< [s]
+  /// Time of the last row [s].
   double end() const { return begin_ + dt_ * static_cast<double>(rows_.size() - 1); }
+  /// Whether the pose is known all the way between two times [s].
   bool covers(double from, double to) const { return still_ || (from >= begin_ && to <= end()); }
 
   template <Scalar T>

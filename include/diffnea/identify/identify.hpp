@@ -21,7 +21,9 @@
 
 namespace diffnea {
 
+/// What is compared: torques, accelerations, or positions of simulated windows.
 enum class Loss { kInverse, kForward, kTrajectory };
+/// Weights of rows with large residuals (Holland, Welsch 1977).
 enum class Robust { kNone, kHuber, kCauchy };
 
 /// Where a fit stands. A callback that returns false stops it; what was found is kept.
@@ -32,6 +34,7 @@ struct FitProgress {
   double objective = 0;  ///< of the last iteration, in units of χ²/2
 };
 
+/// What is fitted, by which loss, and when the fit stops.
 struct IdentifyOptions {
   Loss loss = Loss::kInverse;
   Robust robust = Robust::kNone;
@@ -86,6 +89,7 @@ struct TorqueConstant {
   double std = 0.0;      ///< standard error; NaN if the gain could not be identified
 };
 
+/// How a fit went.
 struct FitSummary {
   bool converged = false;
   bool interrupted = false;
@@ -100,6 +104,7 @@ struct FitSummary {
 /// How a note begins that a reader must not overlook; these come first.
 inline constexpr const char* kWarning = "WARNING: ";
 
+/// What a fit found: the model, its parameters with errors, and what it is worth.
 struct IdentifyResult {
   Model model;  ///< the input with fitted values, effects and posterior
   std::vector<ParameterEstimate> parameters;
@@ -123,6 +128,7 @@ struct IdentifyResult {
 /// @throws DataError, ModelError, FileError before any work starts where the input is at fault
 IdentifyResult identify(const Model& model, const RecordingSource& train,
                         const RecordingSource* test, const IdentifyOptions& options = {});
+/// The same from recordings in memory.
 IdentifyResult identify(const Model& model, const std::vector<Recording>& train,
                         const std::vector<Recording>& test, const IdentifyOptions& options = {});
 

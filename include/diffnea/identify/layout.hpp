@@ -51,6 +51,7 @@ struct FitLayout {
   std::vector<int> bodies() const;
   /// Columns that can be nonzero in the torque of joint j, ascending.
   std::vector<int> columns_of_joint(const Tree<double>& tree, int joint) const;
+  /// Values of all linear parameters before the fit.
   VecX<double> prior() const;
 };
 
@@ -89,6 +90,7 @@ void move_joints(const FitLayout& layout, const std::vector<Mat3<double>>& carri
     X.p = X.p + carrier[static_cast<std::size_t>(layout.shape[s].dof)] * Vec3<T>{d[3], d[4], d[5]};
   }
 }
+/// R_LP of every joint: its parent link P in the moving link L (or the world) that carries P.
 std::vector<Mat3<double>> joint_carriers(const Model& model);
 
 /// The model with fitted values in place: inertias, fixed transforms, and every effect of the

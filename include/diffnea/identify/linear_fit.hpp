@@ -22,6 +22,7 @@ struct JointFactor {
   MatX<double> without_scale(const VecX<double>& at) const;
   /// Σ (τ̂ − τ)² over the rows, for parameters x of the whole layout.
   double sum_of_squares(const VecX<double>& x) const;
+  /// Root mean square of the rows' residuals at x.
   double rmse(const VecX<double>& x) const;
 };
 
@@ -34,6 +35,7 @@ struct BaseParameter {
   std::vector<double> coefficients;
 };
 
+/// Priors and consistency of a linear fit.
 struct LinearFitOptions {
   bool physical = true;         ///< false: inertias are free (least squares), for comparison
   double entropic_prior = 0.0;  ///< γ of solve_convex_fit
@@ -44,6 +46,7 @@ struct LinearFitOptions {
   int max_reweightings = 20;  ///< of the joints' noise; stops when no σ moves by more than 0.1 %
 };
 
+/// Estimates of linear parameters, with errors and what cannot be told.
 struct LinearFit {
   VecX<double> x;    ///< (p) values
   VecX<double> std;  ///< (p) standard errors; NaN where not identifiable; 0 where fixed

@@ -26,6 +26,7 @@ class RecordingSource {
   virtual void for_each(const std::function<bool(const Recording&)>& use) const = 0;
   /// Enough of the beginning to choose filters from.
   virtual std::vector<Recording> sample() const = 0;
+  /// 0, 1, 2 …, one a recording.
   virtual std::vector<int> runs() const = 0;
   /// In order. Files that are streamed are read through.
   virtual std::vector<RunDescription> describe_runs() const = 0;

@@ -26,11 +26,13 @@ struct JointRows {
   std::vector<double> values;    ///< (M, columns + 1) by rows, the last column is τ
   long width = 0;                ///< columns + 1
 
+  /// The rows as a matrix.
   Eigen::Map<const RowMatX<double>> rows() const {
     return {values.data(), static_cast<long>(time.size()), width};
   }
 };
 
+/// What becomes of the rows on their way into the factors.
 struct RegressionOptions {
   /// Rows kept for residual analysis and plots [bytes in all]; more are factored, not kept.
   long keep_bytes = 48L << 20;
@@ -51,6 +53,7 @@ struct RegressionOptions {
   std::function<double(int joint, double residual)> weight;
 };
 
+/// Rows of a recording on their way into one triangular factor a joint.
 class TorqueRegression {
  public:
   /// Columns are those of the layout, then one for each free shape parameter: ∂τ/∂(ln η) of
@@ -61,6 +64,7 @@ class TorqueRegression {
   /// Takes the next rows; segments are filtered separately.
   void add(const Preprocessed& block);
 
+  /// One a joint.
   const std::vector<JointFactor>& factors() const { return factors_; }
   /// Unweighted where `factors` are weighted.
   const std::vector<JointRows>& kept() const { return kept_; }

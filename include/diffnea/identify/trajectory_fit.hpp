@@ -16,6 +16,7 @@
 
 namespace diffnea {
 
+/// Windows, steps and tolerances of the trajectory loss.
 struct TrajectoryOptions {
   double window = 0.5;  ///< length of a window [s]
   /// Horizons before the full one, as shares: long windows are not convex until the fit is close.
@@ -26,6 +27,7 @@ struct TrajectoryOptions {
   int threads = 1;
 };
 
+/// Estimates of the trajectory loss, and how the fit ended.
 struct TrajectoryFit {
   VecX<double> x;      ///< (p) linear parameters of the layout
   VecX<double> sigma;  ///< (n) output error of each joint [rad] or [m]

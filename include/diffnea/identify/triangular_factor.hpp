@@ -22,11 +22,15 @@ class TriangularFactor {
   /// @throws ShapeError
   TriangularFactor mapped(const MatX<double>& T) const;
 
+  /// p + 1: those of Y, and τ.
   int columns() const { return columns_; }
+  /// Rows that went in.
   long rows() const { return rows_; }
   /// R (p, p) and d (p) of ‖Rπ − d‖², and the residual sum of squares ‖e‖² no π can remove.
   MatX<double> R() const;
+  /// (p), of ‖Rπ − d‖².
   VecX<double> d() const;
+  /// ‖e‖²: what no π can remove.
   double residual_sum_of_squares() const;
   /// Σ (Yπ − τ)² over all rows, for any π. Exact, without the rows.
   double sum_of_squares(const VecX<double>& pi) const;

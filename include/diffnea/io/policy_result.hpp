@@ -45,6 +45,7 @@ struct Share {
   int k = 0, n = 0;
   double low = 0.0, high = 1.0;
 };
+/// k of n, with its interval.
 Share share_of(int k, int n);
 
 /// The policy that succeeds in the model with the largest reward there, or else the largest; −1:
@@ -73,6 +74,7 @@ std::string transfer_series_json(const TransferRun& run);  ///< schema "diffnea/
 /// policy_<seed>.json. Traces have the rate and the channels of series.json. @throws FileError,
 /// ModelError naming file and key
 LearnRun read_learn_run(const std::filesystem::path& folder);
+/// A run of `diffnea transfer` from its folder. @throws FileError, ModelError
 TransferRun read_transfer_run(const std::filesystem::path& folder);
 
 }  // namespace diffnea

@@ -11,6 +11,7 @@
 
 namespace diffnea {
 
+/// A folder of results that appears whole, or not at all.
 class ResultFolder {
  public:
   /// Creates the folder, if it is not there, and a hidden one in it that collects the files. Those
@@ -22,7 +23,9 @@ class ResultFolder {
   ResultFolder(const ResultFolder&) = delete;
   ResultFolder& operator=(const ResultFolder&) = delete;
 
+  /// Where the result will be.
   const std::filesystem::path& path() const { return path_; }
+  /// Where it is made.
   const std::filesystem::path& staging() const { return staging_; }
 
   /// What would remain if the program were killed now, in the order in which it can be removed.

@@ -18,6 +18,7 @@
 
 namespace diffnea {
 
+/// What the JSON file beside a recording says.
 struct Sidecar {
   std::filesystem::path path;
   RecordingInfo info;

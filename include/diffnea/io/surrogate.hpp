@@ -11,6 +11,7 @@
 
 namespace diffnea {
 
+/// A family of robots that stands for a real one.
 struct Surrogate {
   std::string summary;  ///< one line
   Perturbation ranges;

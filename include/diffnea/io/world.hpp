@@ -88,6 +88,7 @@ std::map<std::string, std::filesystem::path> list_models(
 /// What `diffnea worlds` says: the worlds there are, and their keys. As JSON: schema
 /// "diffnea/worlds/1".
 std::string worlds_text();
+/// The worlds there are, as `diffnea worlds --json` prints them.
 std::string worlds_json();
 
 /// `wam4` → …/wam4.xml; a path that exists is returned as it is.

@@ -15,6 +15,7 @@ template <int K, class T>
 const T& component(const Vec3<T>& v) {
   return K == 0 ? v.x : K == 1 ? v.y : v.z;
 }
+/// The entry of v along axis K.
 template <int K, class T>
 T& component(Vec3<T>& v) {
   return K == 0 ? v.x : K == 1 ? v.y : v.z;
@@ -43,6 +44,7 @@ Twist<Prod<A, B>> operator+(const Twist<A>& V, const AlongAxis<K, B>& sx) {
   component<K>(out.angular) = component<K>(V.angular) + sx.x;
   return out;
 }
+/// Bracket of a twist with the axis: two entries of each half.
 template <int K, class T>
 AcrossAxis<K, T> ad(const Twist<T>& V, RevoluteAxis<K>) {
   constexpr int i = (K + 1) % 3, j = (K + 2) % 3;
@@ -63,6 +65,7 @@ Twist<T> operator+(const Twist<T>& V, const AcrossAxis<K, T>& U) {
   component<j>(out.linear) = component<j>(V.linear) + U.linear_j;
   return out;
 }
+/// Power of a wrench along the axis: one entry.
 template <int K, class T>
 const T& dot(RevoluteAxis<K>, const Wrench<T>& W) {
   return component<K>(W.torque);

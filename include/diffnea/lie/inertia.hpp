@@ -11,6 +11,7 @@ namespace diffnea {
 /// Order of the ten inertial parameters everywhere: θ = [m, hx, hy, hz, Ixx, Ixy, Ixz, Iyy, Iyz,
 /// Izz], h = m·p_com [kg·m], I about the link origin [kg·m²]; linear in every torque.
 inline constexpr int kThetaSize = 10;
+/// [m, hx, hy, hz, Ixx, Ixy, Ixz, Iyy, Iyz, Izz] of a link about its origin [kg, kg·m, kg·m²].
 template <class T>
 using Theta = std::array<T, kThetaSize>;
 
@@ -21,9 +22,11 @@ struct SpatialInertia {
   Vec3<T> h;  ///< first moment of mass m·p_com [kg·m]
   Sym3<T> I;  ///< rotational inertia about the frame's origin [kg·m²]
 
+  /// From the ten numbers, in the order of `Theta`.
   static SpatialInertia from_theta(const Theta<T>& t) {
     return {t[0], {t[1], t[2], t[3]}, {t[4], t[5], t[6], t[7], t[8], t[9]}};
   }
+  /// The ten numbers, in the order of `Theta`.
   Theta<T> theta() const { return {m, h.x, h.y, h.z, I.xx, I.xy, I.xz, I.yy, I.yz, I.zz}; }
 };
 
@@ -78,6 +81,7 @@ struct ArticulatedInertia {
   Mat3<T> H;
   Sym3<T> M;
 
+  /// That of a rigid body.
   template <class U>
   static ArticulatedInertia from_rigid(const SpatialInertia<U>& b) {
     const T m(b.m), o(0.0);

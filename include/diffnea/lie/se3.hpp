@@ -52,7 +52,9 @@ struct Pose {
   Mat3<T> R;
   Vec3<T> p;
 
+  /// The frame itself.
   static Pose identity() { return {Mat3<T>::identity(), {T(0), T(0), T(0)}}; }
+  /// The same in another scalar.
   template <class U>
   Pose<U> cast() const {
     return {R.template cast<U>(), p.template cast<U>()};
@@ -63,6 +65,7 @@ template <class A, class B>
 Pose<Prod<A, B>> operator*(const Pose<A>& X_AB, const Pose<B>& X_BC) {
   return {X_AB.R * X_BC.R, X_AB.R * X_BC.p + X_AB.p};
 }
+/// X_BA of X_AB.
 template <class T>
 Pose<T> inverse(const Pose<T>& X) {
   return {transpose(X.R), -transpose_times(X.R, X.p)};

@@ -6,10 +6,12 @@
 
 namespace diffnea {
 
+/// A vector of three entries of any scalar.
 template <class T>
 struct Vec3 {
   T x{}, y{}, z{};
 
+  /// The same in another scalar.
   template <class U>
   Vec3<U> cast() const {
     return {U(x), U(y), U(z)};
@@ -38,10 +40,12 @@ Vec3<A>& operator+=(Vec3<A>& a, const Vec3<A>& b) {
   a = a + b;
   return a;
 }
+/// aᵀb.
 template <class A, class B>
 Prod<A, B> dot(const Vec3<A>& a, const Vec3<B>& b) {
   return a.x * b.x + a.y * b.y + a.z * b.z;
 }
+/// a × b.
 template <class A, class B>
 Vec3<Prod<A, B>> cross(const Vec3<A>& a, const Vec3<B>& b) {
   return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
@@ -52,10 +56,12 @@ template <class T>
 struct Mat3 {
   Vec3<T> col[3];
 
+  /// The same in another scalar.
   template <class U>
   Mat3<U> cast() const {
     return {col[0].template cast<U>(), col[1].template cast<U>(), col[2].template cast<U>()};
   }
+  /// 1.
   static Mat3 identity() { return {{{T(1), T(0), T(0)}, {T(0), T(1), T(0)}, {T(0), T(0), T(1)}}}; }
 };
 
@@ -75,6 +81,7 @@ template <class A, class B>
 Mat3<Prod<A, B>> operator-(const Mat3<A>& a, const Mat3<B>& b) {
   return {a.col[0] - b.col[0], a.col[1] - b.col[1], a.col[2] - b.col[2]};
 }
+/// aᵀ.
 template <class A>
 Mat3<A> transpose(const Mat3<A>& a) {
   return {{{a.col[0].x, a.col[1].x, a.col[2].x},
@@ -97,6 +104,7 @@ template <class T>
 struct Sym3 {
   T xx{}, xy{}, xz{}, yy{}, yz{}, zz{};
 
+  /// The same in another scalar.
   template <class U>
   Sym3<U> cast() const {
     return {U(xx), U(xy), U(xz), U(yy), U(yz), U(zz)};
@@ -116,6 +124,7 @@ template <class A, class B>
 Sym3<Prod<A, B>> operator-(const Sym3<A>& a, const Sym3<B>& b) {
   return {a.xx - b.xx, a.xy - b.xy, a.xz - b.xz, a.yy - b.yy, a.yz - b.yz, a.zz - b.zz};
 }
+/// All nine entries.
 template <class T>
 Mat3<T> full(const Sym3<T>& s) {
   return {{{s.xx, s.xy, s.xz}, {s.xy, s.yy, s.yz}, {s.xz, s.yz, s.zz}}};
@@ -149,10 +158,12 @@ Sym3<Prod<A, B>> rotate(const Mat3<A>& R, const Sym3<B>& s) {
           s.zz + (zz + zz)};
 }
 
+/// The same numbers as an Eigen vector.
 template <class T>
 Eigen::Matrix<T, 3, 1> to_eigen(const Vec3<T>& v) {
   return {v.x, v.y, v.z};
 }
+/// The same numbers as an Eigen matrix.
 template <class T>
 Eigen::Matrix<T, 3, 3> to_eigen(const Mat3<T>& m) {
   Eigen::Matrix<T, 3, 3> r;
@@ -160,10 +171,12 @@ Eigen::Matrix<T, 3, 3> to_eigen(const Mat3<T>& m) {
       m.col[1].z, m.col[2].z;
   return r;
 }
+/// From an Eigen vector.
 template <class T>
 Vec3<T> vec3(const Eigen::Matrix<T, 3, 1>& v) {
   return {v[0], v[1], v[2]};
 }
+/// From an Eigen matrix.
 template <class T>
 Mat3<T> mat3(const Eigen::Matrix<T, 3, 3>& m) {
   return {{{m(0, 0), m(1, 0), m(2, 0)}, {m(0, 1), m(1, 1), m(2, 1)}, {m(0, 2), m(1, 2), m(2, 2)}}};

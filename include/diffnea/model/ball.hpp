@@ -15,6 +15,7 @@ struct StringSpec {
   double length_std = 0.0;     ///< its standard error [m]; 0: it was not identified
 };
 
+/// A ball of a model: alone, or on a string.
 struct BallSpec {
   double mass = 0.0;    ///< [kg]
   double radius = 0.0;  ///< [m]; 0: not known

@@ -45,6 +45,7 @@ struct JointLimits {
   double effort = std::numeric_limits<double>::infinity();
 };
 
+/// How a link hangs on its parent.
 enum class ModelJoint { kFixed, kRevolute, kPrismatic };
 
 /// A link and the joint that carries it.
@@ -77,6 +78,8 @@ struct Posterior {
       information;  ///< inverse covariance, row-major (n×n); rank = what the data identified
 };
 
+/// A robot: links, effects, where relevant a ball; a value, with names and units, from which trees
+/// are made.
 struct Model {
   std::string name;
   std::vector<ModelLink> links;
@@ -108,6 +111,7 @@ struct TreeMap {
   std::vector<Pose<double>>
       X_LF;  ///< per model link F: its pose in that tree link L (or in the world)
 };
+/// Which links and joints of the model became which of its tree: fixed links are merged.
 TreeMap map_to_tree(const Model& model);
 
 /// The cup in the frame of the link that the string is tied to, where both move as one: none if the

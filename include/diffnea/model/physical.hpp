@@ -17,11 +17,13 @@
 
 namespace diffnea {
 
+/// Coordinates in which every point is a body that can exist.
 enum class InertiaCoordinates { kVirtual, kLogCholesky };
 
 /// θ(φ) for any scalar.
 template <Scalar T>
 Theta<T> theta_from_virtual(const Theta<T>& phi);
+/// θ of log-Cholesky coordinates (Rucker, Wensing 2022).
 template <Scalar T>
 Theta<T> theta_from_log_cholesky(const Theta<T>& phi);
 
@@ -30,6 +32,7 @@ Theta<T> theta_from_log_cholesky(const Theta<T>& phi);
 /// boundary,
 ///         a point mass, is allowed)
 Theta<double> virtual_from_theta(const Theta<double>& theta);
+/// The inverse. @throws ModelError if no body has this θ
 Theta<double> log_cholesky_from_theta(const Theta<double>& theta);
 
 /// θ(φ) and its Jacobian ∂θ/∂φ (10×10).
@@ -37,6 +40,7 @@ struct ThetaJacobian {
   Theta<double> theta;
   Eigen::MatrixXd jacobian;
 };
+/// θ and ∂θ/∂φ, (10, 10).
 ThetaJacobian theta_with_jacobian(InertiaCoordinates form, const Theta<double>& phi);
 
 /// Pseudo-inertia Π (4×4): [[Σ, h], [hᵀ, m]], Σ = ½ tr(I) 1 − I. θ is physically consistent exactly

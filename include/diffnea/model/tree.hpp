@@ -8,6 +8,7 @@
 
 namespace diffnea {
 
+/// A joint of one degree of freedom.
 enum class JointType { kRevolute, kPrismatic };
 
 /// One moving link L and the joint J that moves it against its parent P: X_PL(q) = X_PJ · X_JL(q),
@@ -28,6 +29,7 @@ struct Tree {
   std::vector<Link<P>> links;
   Vec3<P> gravity{P(0.0), P(0.0), P(-9.81)};  ///< in W [m/s²]
 
+  /// Number of joints that move.
   int num_dofs() const { return static_cast<int>(links.size()); }
 
   /// The same tree in another parameter scalar.

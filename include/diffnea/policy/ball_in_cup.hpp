@@ -17,6 +17,7 @@
 
 namespace diffnea {
 
+/// Weights and lengths of the reward.
 struct BallInCupOptions {
   /// ε, the square of the distance from the cup's origin at which ψ is largest [m²].
   double epsilon = 0.01;
@@ -28,6 +29,7 @@ struct BallInCupOptions {
   double string = 0.4;  ///< r, the string's length [m]
 };
 
+/// The task: the ball ends in the cup.
 class BallInCupTask : public Task {
  public:
   /// @throws Error if epsilon or string is not positive, or a λ is negative
@@ -42,6 +44,7 @@ class BallInCupTask : public Task {
   std::vector<char> solved() const override;
   std::unique_ptr<Task> clone() const override;
 
+  /// As given.
   const BallInCupOptions& options() const { return options_; }
 
  private:

@@ -14,6 +14,7 @@
 
 namespace diffnea {
 
+/// Bounds on the step, samples an iteration, and when to stop.
 struct ErepsOptions {
   int samples = 80;         ///< N, of an iteration
   double epsilon = 0.5;     ///< KL bound of the reweighted samples [nat]
@@ -64,6 +65,8 @@ struct ErepsIteration {
   double solved_share = 0.0;  ///< of the samples, where a task says so; the caller's
 };
 
+/// The search itself: samples, rewards, the next Gaussian; can be stopped and resumed at any
+/// iteration.
 class Ereps {
  public:
   /// @throws Error if an option makes no sense
@@ -76,16 +79,23 @@ class Ereps {
   /// all are −∞; ShapeError; the search is then as it was
   void tell(const VecX<double>& rewards);
 
+  /// Whether a stop rule holds.
   bool done() const;
   const std::string& stop_reason() const;  ///< empty while it goes on
+  /// The present distribution.
   const Gaussian& policy() const { return policy_; }
   const VecX<double>& best() const {
     return best_;
   }  ///< best sample so far; empty before the first
+  /// What every iteration did.
   const std::vector<ErepsIteration>& history() const { return history_; }
+  /// The same, to be resumed.
   std::vector<ErepsIteration>& history() { return history_; }
+  /// As given.
   const ErepsOptions& options() const { return options_; }
+  /// Of the samples.
   std::uint64_t seed() const { return seed_; }
+  /// Iterations that are done.
   int iteration() const { return static_cast<int>(history_.size()); }
 
   /// Goes on from what was saved. @throws Error if it does not fit the options

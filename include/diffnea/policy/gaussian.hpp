@@ -6,10 +6,12 @@
 
 namespace diffnea {
 
+/// A normal distribution of a movement's parameters.
 struct Gaussian {
   VecX<double> mean;        ///< (d)
   MatX<double> covariance;  ///< (d × d), positive definite
 
+  /// Number of parameters.
   int size() const { return static_cast<int>(mean.size()); }
   /// [nat] @throws ShapeError; Error if the covariance is not positive definite
   double entropy() const;

@@ -16,6 +16,7 @@
 
 namespace diffnea {
 
+/// Basis functions and times of a movement primitive.
 struct PrompSpec {
   std::vector<std::string> joints;  ///< that move; all others keep their start
   int bases = 9;                    ///< B, a joint; at least 2
@@ -29,13 +30,16 @@ struct PrompSpec {
   bool returns = true;
 };
 
+/// A movement primitive: from weights to desired positions and velocities.
 class Promp {
  public:
   /// @throws Error if there are no joints, fewer than two bases, no duration or width, or all
   /// weights are held
   explicit Promp(PrompSpec spec);
 
+  /// As given.
   const PrompSpec& spec() const { return spec_; }
+  /// Weights of one joint.
   int parameters_per_joint() const;
   int size() const;  ///< parameters θ: joint by joint
   /// φ, (parameters_per_joint), and dφ/dt [1/s] at `time` [s], 0 ≤ time; T and later: of T, at

@@ -28,6 +28,7 @@ struct LimitViolation {
   bool velocity = false;
 };
 
+/// Rewards and outcomes of many trials.
 struct RolloutResult {
   VecX<double> rewards;  ///< (N)
   /// (N); empty if the task has no such notion, or nothing was executed.
@@ -46,6 +47,7 @@ struct RolloutTrace {
   std::string failure;  ///< of the simulator, or the limit that the motion breaks
 };
 
+/// Many trials of movements in one simulator.
 class Rollouts {
  public:
   /// @param start  q_0 of the simulator's joints [rad, m]
@@ -66,7 +68,9 @@ class Rollouts {
   /// The first limit that the motion breaks.
   std::optional<LimitViolation> violation(const VecX<double>& theta) const;
 
+  /// The movement primitive of the trials.
   const Promp& promp() const { return promp_; }
+  /// (n) where every movement begins [rad].
   const VecX<double>& start() const { return start_; }
   long count() const { return count_; }  ///< rollouts executed so far
 

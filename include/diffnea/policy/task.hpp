@@ -9,6 +9,7 @@
 
 namespace diffnea {
 
+/// What a trial is worth; implement it for a task of your own.
 class Task {
  public:
   virtual ~Task() = default;

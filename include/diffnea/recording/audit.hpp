@@ -31,6 +31,7 @@ struct AuditLimits {
   double significance = 5.0;  ///< least size of a fault over its standard error
 };
 
+/// Whether a finding biases what is fitted, or is worth knowing.
 enum class FaultSeverity {
   kNote,   ///< worth knowing; identification copes with it
   kFault,  ///< biases what is identified or diagnosed from this channel
@@ -68,6 +69,7 @@ struct AuditCheck {
   std::string text;
 };
 
+/// What an audit found, and what it looked at.
 struct AuditReport {
   std::vector<ChannelFault> faults;  ///< faults first, then notes; by significance
   std::vector<AuditCheck> checks;

@@ -9,6 +9,7 @@
 
 namespace diffnea {
 
+/// A low-pass of Butterworth's, in sections of order two.
 class Butterworth {
  public:
   /// @param order      of the filter that acts in each direction, 1 to 12

@@ -14,6 +14,7 @@
 
 namespace diffnea {
 
+/// What is known of a recording besides its file.
 struct ReadOptions {
   RecordingInfo info;  ///< what columns cannot hold (sidecar, command line)
   /// Of the model, where it is known: a unit that a joint cannot have is refused, and effort limits
@@ -52,6 +53,7 @@ class RecordingReader {
   ///         contract does not allow
   explicit RecordingReader(const std::filesystem::path& path, const ReadOptions& options = {});
   ~RecordingReader();
+  /// Can be moved, not copied.
   RecordingReader(RecordingReader&&) noexcept;
   RecordingReader& operator=(RecordingReader&&) noexcept;
 
@@ -88,6 +90,8 @@ std::vector<Recording> read_recordings(const std::vector<std::filesystem::path>&
 /// `run` column if there are several. The file appears complete or not at all.
 /// @throws FileError; DataError if recordings of other joints or channels would share the file
 void write_recording(const Recording& recording, const std::filesystem::path& path);
+/// Writes recordings of one robot into one file, as its runs; whole or not at all. @throws
+/// FileError, DataError
 void write_recordings(const std::vector<Recording>& recordings, const std::filesystem::path& path);
 
 }  // namespace diffnea

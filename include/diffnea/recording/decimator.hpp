@@ -12,6 +12,7 @@
 
 namespace diffnea {
 
+/// Rates and sharpness of a decimating filter.
 struct DecimatorOptions {
   double rate_hz = 0.0;  ///< of the input rows
   int factor = 1;        ///< input rows per output row; 1 without a pass band: copies
@@ -21,6 +22,7 @@ struct DecimatorOptions {
   double attenuation_db = 60.0;  ///< ripple and suppression: 1e-3
 };
 
+/// A linear-phase low-pass that keeps one row of several, alike for all columns.
 class Decimator {
  public:
   /// @throws DataError if the bands are not 0 < pass < stop ≤ half of the input rate
@@ -36,7 +38,9 @@ class Decimator {
 
   /// Symmetric coefficients, sum 1, odd in number.
   const std::vector<double>& coefficients() const { return h_; }
+  /// Rows on either side that a row of the result hangs on.
   int half_length() const { return static_cast<int>(h_.size() / 2); }
+  /// One row of this many is kept.
   int factor() const { return factor_; }
   /// Output row k of a segment is centred on its input row half_length() + k·factor().
   long center(long k) const { return half_length() + k * factor_; }

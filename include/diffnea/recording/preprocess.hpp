@@ -24,6 +24,7 @@
 
 namespace diffnea {
 
+/// Filters and rates; what is not given follows from the data.
 struct PreprocessOptions {
   /// Butterworth cut-off; 0: 1.5 times the frequency where the accelerations' spectrum is lowest,
   /// between the motion and the noise that rises with f⁴; the largest of the joints.
@@ -66,6 +67,7 @@ struct Preprocessed {
   std::vector<bool> has_tau;
   std::vector<std::string> notes;  ///< segments dropped and why
 
+  /// Number of rows.
   long rows() const { return time.size(); }
 };
 
@@ -85,6 +87,7 @@ class Preprocessor {
   /// @param block_rows  rows that are filtered at once [rows]; 0: chosen
   explicit Preprocessor(const PreprocessPlan& plan, long block_rows = 0);
   ~Preprocessor();
+  /// Can be moved, not copied.
   Preprocessor(Preprocessor&&) noexcept;
   Preprocessor& operator=(Preprocessor&&) noexcept;
 

@@ -11,7 +11,9 @@
 
 namespace diffnea {
 
+/// Which torque was recorded: the drive's, or the joint sensor's.
 enum class TorqueSide { kMotor, kLink };
+/// When a row's torque acts: until the next row, or at the row's time.
 enum class TorqueSampling { kHold, kInstant };
 
 /// A number that belongs to a joint: a gain or limit of its controller.
@@ -71,7 +73,9 @@ struct Recording {
   std::vector<ExtraChannel> extra;
   RecordingInfo info;
 
+  /// Number of rows.
   long rows() const { return time.size(); }
+  /// Number of joints.
   int num_joints() const { return static_cast<int>(joint_names.size()); }
 };
 

@@ -17,7 +17,9 @@ struct Trajectory {
   RowMatX<double> qd;   ///< (N, n) [rad/s] or [m/s]
   RowMatX<double> qdd;  ///< (N, n) [rad/s²] or [m/s²]
 
+  /// Number of rows.
   long rows() const { return time.size(); }
+  /// Number of joints.
   int num_joints() const { return static_cast<int>(joint_names.size()); }
 };
 

@@ -7,6 +7,7 @@
 
 namespace diffnea {
 
+/// The table that `diffnea compare` prints.
 std::string compare_text(const Comparison& comparison);
 
 }  // namespace diffnea

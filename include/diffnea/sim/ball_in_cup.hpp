@@ -13,11 +13,13 @@
 
 namespace diffnea {
 
+/// When a ball counts as caught.
 struct SuccessOptions {
   double window = 0.5;  ///< at the end, throughout which the ball is in the cup [s]
   double slack = 2e-3;  ///< by which its centre may be beyond the inner radius [m]
 };
 
+/// How a trial ended.
 enum class Outcome {
   kInCup,    ///< floor < h < rim and ρ < inner radius + slack throughout the window
   kLate,     ///< it is in the cup at the end, and was not throughout the window
@@ -27,6 +29,7 @@ enum class Outcome {
   kMissed,   ///< it never was in the cup, nor is near
 };
 
+/// How a trial ended, and when.
 struct BallVerdict {
   Outcome outcome = Outcome::kMissed;
   std::string text;  ///< one clause: when, and by how much

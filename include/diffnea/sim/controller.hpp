@@ -6,11 +6,13 @@
 
 namespace diffnea {
 
+/// How torques follow from the desired motion.
 enum class ControlLaw {
   kPd,              ///< u = g(q) + kp (q* − q) + kd (q̇* − q̇)
   kComputedTorque,  ///< u = RNEA(q, q̇, q̈* + kp' (q* − q) + kd' (q̇* − q̇)), kp' and kd' in 1/s², 1/s
 };
 
+/// The joint controller of a simulated robot.
 struct ControllerOptions {
   ControlLaw law = ControlLaw::kPd;
   double control_rate = 500.0;  ///< [Hz]; torques are held between two samples
@@ -23,6 +25,7 @@ struct ControllerOptions {
   bool gravity_compensation = true;  ///< of the nominal model, at the measured position
 };
 
+/// Gains of all joints.
 struct JointGains {
   VecX<double> kp, kd;  ///< (n)
 };

@@ -23,6 +23,7 @@ namespace diffnea {
 
 struct BallNetwork;  // effects/ball_network.hpp
 
+/// Steps and controller of a simulated model.
 struct ModelSimulatorOptions {
   ControllerOptions controller;
   double arm_step = 2e-3;       ///< at most [s]
@@ -35,6 +36,7 @@ struct ModelSimulatorOptions {
   std::shared_ptr<const BallNetwork> ball_network;
 };
 
+/// A model as a simulator of many trials at once, one in each SIMD lane.
 class ModelSimulator : public Simulator {
  public:
   /// @param draws  models of the same structure whose numbers differ, e.g. draws of a posterior;

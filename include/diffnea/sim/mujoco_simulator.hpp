@@ -13,6 +13,7 @@
 
 namespace diffnea {
 
+/// Step, noise and controller of a MuJoCo world.
 struct MujocoSimulatorOptions {
   ControllerOptions controller;
   double physics_step = 5e-4;  ///< largest step of the integration [s]

@@ -34,6 +34,7 @@ struct RecordOptions : ControllerOptions {
 /// perturbations of small rigs shrink with it.
 double torque_scale(const ModelLink& link);
 
+/// A recording of a simulated robot, and the robot as it was.
 struct SimulatedRecording {
   Recording recording;  ///< q, qcmd, tau; a passive joint has no tau; the ball of a world with one
   long saturated = 0;   ///< rows where a torque met its limit

@@ -24,6 +24,7 @@ struct Starts {
   std::vector<std::uint64_t> seeds;  ///< (n), of each world's noise
 };
 
+/// What executes movements: a model, MuJoCo, or the caller's own world.
 class Simulator {
  public:
   virtual ~Simulator() = default;
