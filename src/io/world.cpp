@@ -4,6 +4,7 @@
 #include <charconv>
 #include <cmath>
 #include <cstdlib>
+#include <dlfcn.h>
 #include <exception>
 #include <map>
 #include <thread>
@@ -268,13 +269,32 @@ std::unique_ptr<Simulator> make_simulator(const WorldSpec& world, const Model& c
   return std::make_unique<MujocoSimulator>(drawn.document, drawn.truth, controller, options);
 }
 
+namespace {
+
+/// share/diffnea/models in a folder above a file: of bin/diffnea, of a wheel's module and of the
+/// command that a repaired wheel keeps beside it.
+void add_models_above(const std::filesystem::path& file, std::vector<std::filesystem::path>& out) {
+  std::error_code ignored;
+  for (std::filesystem::path folder = file.parent_path(); folder.has_relative_path();
+       folder = folder.parent_path()) {
+    const std::filesystem::path models = folder / "share" / "diffnea" / "models";
+    if (!std::filesystem::is_directory(models, ignored)) continue;
+    out.push_back(models);
+    return;
+  }
+}
+
+}  // namespace
+
 std::vector<std::filesystem::path> model_folders() {
   std::vector<std::filesystem::path> out;
   if (const char* folder = std::getenv("DIFFNEA_MODELS"); folder && *folder)
     out.emplace_back(folder);
-  std::error_code error;  // an installation that was moved: beside the command
-  const std::filesystem::path command = std::filesystem::read_symlink("/proc/self/exe", error);
-  if (!error) out.push_back(command.parent_path().parent_path() / "share" / "diffnea" / "models");
+  std::error_code error;  // an installation that was moved: above the command, or the module
+  add_models_above(std::filesystem::read_symlink("/proc/self/exe", error), out);
+  Dl_info self;
+  if (dladdr(reinterpret_cast<const void*>(&model_folders), &self) != 0 && self.dli_fname)
+    add_models_above(std::filesystem::canonical(self.dli_fname, error), out);
   out.emplace_back(DIFFNEA_INSTALLED_MODELS);
   out.emplace_back(DIFFNEA_SOURCE_MODELS);
   return out;

@@ -12,8 +12,8 @@ import diffnea
 
 matplotlib = pytest.importorskip("matplotlib")
 
-#: Least distance of two colours in CIE Lab for any kind of colour vision: 17 here. That of the first
-#: seven of matplotlib's own cycle is 5.
+#: Least distance of two colours in CIE Lab for any kind of colour vision: 17 here. That of the
+#: first seven of matplotlib's own cycle is 5.
 LEAST_DISTANCE = 15.0
 
 
