@@ -110,7 +110,7 @@ def test_the_overview_lists_all_with_their_places() -> None:
         assert match is not None, row[0]
         name, page, anchor = match.groups()
         assert (page, anchor) == (SECTIONS[name][0], name)
-        listed[name] = row[2]
+        listed[name] = row[3]
     places = {e: PLACES.get(i["place"], i["place"]) for e, i in EFFECTS.items()}
     assert listed == places
     assert list(listed) == sorted(listed)
