@@ -241,14 +241,14 @@ def test_without_torch_the_message_says_what_to_install(model, monkeypatch) -> N
 @pytest.mark.parametrize("kind", ["ff", "lstm"])
 def test_c_plus_plus_computes_what_torch_does(kind: str) -> None:
     torch = pytest.importorskip("torch")
-    from diffnea.blackbox import training
+    from diffnea.blackbox.torch_network import torch_network
 
     class Data:
         input_mean, input_scale = np.linspace(-1, 1, 18), np.linspace(1, 2, 18)
         output_mean, output_scale = np.ones(3), np.arange(1.0, 4.0)
 
     torch.manual_seed(0)
-    net = training._module(torch, Data(), kind, (20, 20) if kind == "ff" else (9, 9))
+    net = torch_network(torch, Data(), kind, (20, 20) if kind == "ff" else (9, 9))
     document = {
         "schema": "diffnea/ball-network/1",
         "kind": kind,

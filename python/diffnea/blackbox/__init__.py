@@ -6,6 +6,7 @@ The ball's acceleration as a function of the last link's full motion and the bal
 """
 
 from .network import BallNetwork, FreeRun, free_run
-from .training import TrainOptions, train
+from .options import TrainOptions
+from .training import train
 
 __all__ = ["BallNetwork", "FreeRun", "TrainOptions", "free_run", "train"]

@@ -4,75 +4,31 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Callable
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
 from .._core import Error, IdentifyResult, Model
 from .._files import StrPath
-from .data import (
-    INPUTS,
-    Series,
-    Window,
-    blocks,
-    model_of,
-    recordings_of,
-    series_of,
-    to_link,
-    windows,
-)
+from .data import model_of, recordings_of, series_of, windows
 from .network import BallNetwork, FreeRun, names_of, run_windows
+from .options import FIRST_HORIZON, TrainOptions
+from .tensors import TrainingData
+from .torch_network import torch_network
 
 if TYPE_CHECKING:
     from torch import Tensor
 
-    from .data import Array, Recordings
+    from .data import Recordings
 
 Progress: TypeAlias = Callable[[str, int, float], object]
 
 # Scales that make a centimetre and a decimetre a second weigh the same in the loss.
 _POSITION, _VELOCITY = 0.01, 0.1
-# Of the windows of the first stage, which end where rollouts begin to be asked for [s].
-_FIRST_HORIZON = 0.1
 # Of the errors on what was held out that the file tells [s].
 _TOLD = (0.1, 0.25, 0.5, 1.0, 1.5)
-
-
-@dataclass(frozen=True)
-class TrainOptions:
-    """Hyper-parameters; the network's file states them."""
-
-    hidden: tuple[int, ...] = ()
-    """Units of each layer; empty: (64, 64) for ``ff``, (32,) for ``lstm``, whose last layer is
-    linear."""
-    step: float = 0.002
-    """Of time, that of the simulated arm [s]."""
-    warm_up: float = 0.1
-    """For which an LSTM sees the true ball first [s]."""
-    first_iterations: int = 800
-    """On accelerations of the smoothed ball."""
-    horizons: tuple[float, ...] = (0.1, 0.2, 0.4)
-    """Of the rollouts, one stage each [s]."""
-    iterations: int = 250
-    """A stage, at most."""
-    batch: int = 64
-    """Windows an iteration."""
-    learning_rate: float = 3e-3
-    """Of Adam at first; it falls to a hundredth over a stage as a cosine, and a rollout's stage
-    begins at a third."""
-    weight_decay: float = 1e-6
-    gradient_norm: float = 1.0
-    """At which gradients are cut."""
-    block: float = 4.0
-    """Of time; every fifth is held out [s]."""
-    check_every: int = 25
-    """Iterations between two looks at what was held out."""
-    patience: int = 10
-    """Looks without a smaller error, after which a stage ends."""
-    check_horizon: float = 0.5
-    """Of the free runs that are looked at [s]."""
 
 
 def train(
@@ -121,7 +77,7 @@ def train(
         raise Error(f"train: ensemble: got {ensemble}, expected 1 or more")
     begin = time.monotonic()
     given = recordings_of(recordings)
-    data = _Data(torch, series_of(given, model_of(model), options.step), kind, options)
+    data = TrainingData(torch, series_of(given, model_of(model), options.step), kind, options)
     before = torch.get_num_threads()
     torch.set_num_threads(threads)
     try:
@@ -148,7 +104,7 @@ def train(
         BallNetwork(document), data.series, data.held_out, data.told_seconds, every=0.5
     )
     document["training"] = {
-        "options": asdict(options) | {"hidden": list(_hidden(kind, options))},
+        "options": asdict(options) | {"hidden": list(options.layers(kind))},
         "seed": seed,
         "recordings": names_of(given),
         "rows": sum(w.end - w.begin for w in data.train),
@@ -176,137 +132,8 @@ def _import_torch() -> Any:
     return torch
 
 
-def _hidden(kind: str, options: TrainOptions) -> tuple[int, ...]:
-    return tuple(options.hidden) or ((64, 64) if kind == "ff" else (32,))
-
-
 def _iterations(options: TrainOptions) -> int:
     return options.first_iterations + len(options.horizons) * options.iterations
-
-
-class _Data:
-    """Series as tensors, one after the other, and which rows are for what."""
-
-    def __init__(self, torch: Any, series: list[Series], kind: str, options: TrainOptions) -> None:
-        self.series = series
-        self.warm = round(options.warm_up / options.step) if kind == "lstm" else 0
-        self.train, self.held_out = blocks(series, options.block)
-        longest = max(_FIRST_HORIZON, *options.horizons, options.check_horizon)
-        longest += self.warm * options.step
-        for what, within in (("train on", self.train), ("hold out", self.held_out)):
-            rows = round(longest / options.step)
-            if not windows(within, rows, rows):
-                raise Error(
-                    f"train: the recordings hold no block of {longest:.3g} s of arm and ball to"
-                    f" {what}; every fifth of {options.block:.3g} s is held out: record longer"
-                )
-        most = max(w.end - w.begin for w in self.held_out) * options.step
-        self.told_seconds = min(1.6, most - self.warm * options.step)
-        self.offset = np.cumsum([0] + [len(x) for x in series])
-
-        def column(name: str) -> Array:
-            return np.concatenate([getattr(x, name) for x in series])
-
-        link = np.concatenate([x.link_inputs() for x in series])
-        rotation = column("rotation")
-        relative = [
-            to_link(rotation, column("ball") - column("position")),
-            to_link(rotation, column("ball_velocity") - column("velocity")),
-        ]
-        inputs = np.concatenate([*relative, link], axis=1)
-        outputs = to_link(rotation, column("ball_acceleration"))
-        own = np.concatenate([self._rows(w) for w in self.train])
-        self.input_mean = inputs[own].mean(axis=0)
-        # What hardly varies in the recordings would be blown up elsewhere.
-        self.input_scale = np.maximum(inputs[own].std(axis=0), 1e-3)
-        self.output_mean = outputs[own].mean(axis=0)
-        self.output_scale = np.maximum(outputs[own].std(axis=0), 1e-3)
-        for what, within in (("train on", self.train), ("hold out", self.held_out)):
-            if not any(np.isfinite(series[w.series].seen[w.begin : w.end]).any() for w in within):
-                raise Error(
-                    f"train: to {what}, no row of the camera is on the grid of"
-                    f" {1e3 * options.step:g} ms from the recording's first row, where positions"
-                    " are compared: choose another step, or resample"
-                )
-        arrays = {
-            "link": link,
-            "rotation": rotation,
-            "inputs": inputs,
-            "outputs": (outputs - self.output_mean) / self.output_scale,
-        }
-        for name in ("position", "velocity", "ball", "ball_velocity", "seen"):
-            arrays[name] = column(name)
-        self.tensors = {k: torch.tensor(x, dtype=torch.float32) for k, x in arrays.items()}
-
-    def _rows(self, window: Window) -> Any:
-        return self.offset[window.series] + np.arange(window.begin, window.end)
-
-    def batch(self, torch: Any, chosen: Sequence[Window]) -> Any:
-        """Rows of windows, (windows, rows)."""
-        return torch.as_tensor(np.stack([self._rows(w) for w in chosen]))
-
-
-def _module(torch: Any, data: _Data, kind: str, hidden: tuple[int, ...]) -> Any:
-    """Return a network in PyTorch whose document C++ reads."""
-    nn = torch.nn
-
-    class Net(nn.Module):  # type: ignore[misc, name-defined]
-        def __init__(self) -> None:
-            super().__init__()
-            widths = [INPUTS, *hidden]
-            self.cell: Any = None
-            if kind == "lstm":
-                if len(set(hidden)) != 1:
-                    raise Error(f"train: hidden: got {hidden}, expected cells of one size")
-                self.cell = nn.LSTM(INPUTS, hidden[0], len(hidden), batch_first=True)
-                widths = [hidden[0]]
-            self.layers = nn.ModuleList(
-                nn.Linear(a, b) for a, b in zip(widths, [*widths[1:], 3], strict=True)
-            )
-            for name in ("input_mean", "input_scale", "output_mean", "output_scale"):
-                value = torch.tensor(getattr(data, name), dtype=torch.float32)
-                self.register_buffer(name, value)
-
-        def sequence(self, inputs: Tensor) -> tuple[Tensor, Any]:
-            """(B, T, 18) → standardised accelerations (B, T, 3), what the cells remember."""
-            x, state = (inputs - self.input_mean) / self.input_scale, None
-            if self.cell is not None:
-                x, state = self.cell(x)
-            return self.head(x), state
-
-        def step(self, inputs: Tensor, state: Any) -> tuple[Tensor, Any]:
-            """(B, 18) → accelerations in L (B, 3) [m/s²]."""
-            x = (inputs - self.input_mean) / self.input_scale
-            if self.cell is not None:
-                out, state = self.cell(x[:, None], state)
-                x = out[:, 0]
-            return self.head(x) * self.output_scale + self.output_mean, state
-
-        def head(self, x: Tensor) -> Tensor:
-            for layer in self.layers[:-1]:
-                x = torch.tanh(layer(x))
-            return self.layers[-1](x)
-
-        def document(self) -> dict[str, Any]:
-            cells = []
-            for k in range(self.cell.num_layers if self.cell is not None else 0):
-                of = {n: getattr(self.cell, f"{n}_l{k}") for n in _LSTM_NAMES}
-                cells.append(
-                    _layer(
-                        torch.cat([of["weight_ih"], of["weight_hh"]], dim=1),
-                        of["bias_ih"].double() + of["bias_hh"].double(),
-                    )
-                )
-            return {"cells": cells, "layers": [_layer(x.weight, x.bias) for x in self.layers]}
-
-    return Net()
-
-
-_LSTM_NAMES = ("weight_ih", "weight_hh", "bias_ih", "bias_hh")
-
-
-def _layer(weights: Tensor, bias: Tensor) -> dict[str, Any]:
-    return {"weights": weights.detach().tolist(), "bias": bias.detach().tolist()}
 
 
 class _Fit:
@@ -315,7 +142,7 @@ class _Fit:
     def __init__(
         self,
         torch: Any,
-        data: _Data,
+        data: TrainingData,
         kind: str,
         options: TrainOptions,
         seed: int,
@@ -325,7 +152,7 @@ class _Fit:
         self.rng = np.random.default_rng(seed)
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(seed)
-            self.net = _module(torch, data, kind, _hidden(kind, options))
+            self.net = torch_network(torch, data, kind, options.layers(kind))
         rows = round(options.check_horizon / options.step)
         every = windows(data.held_out, data.warm + rows, rows // 4)
         picked = self.rng.permutation(len(every))[:64]
@@ -337,7 +164,7 @@ class _Fit:
 
     def run(self) -> None:
         o = self.options
-        rows = self.data.warm + round(_FIRST_HORIZON / o.step)
+        rows = self.data.warm + round(FIRST_HORIZON / o.step)
         self._stage("accelerations", o.first_iterations, o.learning_rate, rows, self._imitate)
         for horizon in o.horizons:
             rows = self.data.warm + round(horizon / o.step)
