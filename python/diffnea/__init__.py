@@ -115,7 +115,8 @@ from ._files import (
     write_recording,
 )
 from ._identify import identify
-from ._learn import LearnResult, learn
+from ._learn import learn
+from ._learn_result import LearnResult
 from ._policy import Observation, Simulator, SimulatorInfo, Task
 from ._results import Parameters
 from ._robot_data import IdentifiedRobot, RobotMotions, identify_robot, robot_motions

@@ -14,7 +14,7 @@ import numpy as np
 
 from ._core import Error, Model, Policy, Recording, _World, _world_file, frame_pose
 from ._files import StrPath, load_model
-from ._learn import LearnResult
+from ._learn_result import LearnResult
 from ._readers.packages import import_package
 from ._results import _table
 from ._rollouts import RolloutTrace

@@ -13,7 +13,8 @@ import numpy as np
 from .. import _core, blackbox
 from .._core import IdentifyResult, Model, Policy, Recording, read_policy
 from .._files import load_model
-from .._learn import LearnResult, learn
+from .._learn import learn
+from .._learn_result import LearnResult
 from .._robot_data import identify_robot, robot_motions
 from .._rollouts import RolloutTrace
 from .._simulate import simulate
