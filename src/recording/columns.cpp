@@ -186,8 +186,9 @@ double largest_credible(Channel channel) {
   return std::numeric_limits<double>::infinity();
 }
 
-bool Columns::has(Channel channel) const {
-  return std::ranges::any_of(columns, [&](const Column& c) { return c.channel == channel; });
+long Columns::find(Channel channel) const {
+  const auto it = std::ranges::find(columns, channel, &Column::channel);
+  return it == columns.end() ? -1 : it - columns.begin();
 }
 
 Columns parse_header(std::string_view line, const std::string& where, const RecordingInfo& info,
@@ -309,6 +310,8 @@ Columns parse_header(std::string_view line, const std::string& where, const Reco
     if (std::ranges::find(out.joint_names, joint) == out.joint_names.end())
       throw DataError(where + ": the passive joint '" + joint +
                       "' has no column; joints: " + join(out.joint_names));
+  for (const std::string& joint : out.joint_names)
+    out.passive.push_back(std::ranges::find(info.passive, joint) != info.passive.end());
   return out;
 }
 

@@ -25,9 +25,11 @@ struct Columns {
   std::vector<std::string> joint_names;  ///< in the order of the q_ columns
   std::vector<std::string> extra_names;
   std::vector<bool> has_tau;  ///< per joint: there is a column
+  std::vector<bool> passive;  ///< per joint: its torque is known to be zero
   std::vector<std::string> notes;
 
-  bool has(Channel channel) const;
+  long find(Channel channel) const;  ///< number of its first column, −1: there is none
+  bool has(Channel channel) const { return find(channel) >= 0; }
 };
 
 /// @param where   file name, for messages

@@ -3,8 +3,9 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
-#include <cstdio>
 #include <fstream>
+
+#include "core/number_text.hpp"
 
 namespace diffnea::detail {
 namespace {
@@ -31,12 +32,6 @@ void collect(std::string_view line, const Columns& header,
   }
 }
 
-std::string number(double x) {
-  char buffer[32];
-  std::snprintf(buffer, sizeof buffer, "%.4g", x);
-  return buffer;
-}
-
 }  // namespace
 
 SuspectTorque suspect_torque(std::vector<double>& sizes, double effort) {
@@ -52,11 +47,11 @@ SuspectTorque suspect_torque(std::vector<double>& sizes, double effort) {
   SuspectTorque out;
   if (usual > 0.0)
     out = {kOfUsual * usual,
-           "more than 1000 times what 98 % of the rows stay below (" + number(usual) + ")"};
+           "more than 1000 times what 98 % of the rows stay below (" + number_text(usual) + ")"};
   // Ten times the usual as well: a limit that all rows exceed is wrong, or in another unit.
   if (effort > 0.0 && std::isfinite(effort))
     if (const double above = std::max(kOfEffort * effort, kOfUsualToo * usual); above < out.above)
-      out = {above, "more than 100 times the joint's effort limit (" + number(effort) + ")"};
+      out = {above, "more than 100 times the joint's effort limit (" + number_text(effort) + ")"};
   return out;
 }
 

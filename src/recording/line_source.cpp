@@ -1,0 +1,44 @@
+#include "recording/line_source.hpp"
+
+#include <cstring>
+
+#include <diffnea/core/error.hpp>
+
+#include "recording/foreign_file.hpp"
+
+namespace diffnea::detail {
+
+LineSource::LineSource(const std::filesystem::path& path) : name_(path.string()) {
+  refuse_foreign_file(path, name_);
+  file_.reset(std::filesystem::is_directory(path) ? nullptr : std::fopen(path.c_str(), "rb"));
+  if (!file_)
+    throw FileError(name_ + ": the recording cannot be opened; expected a readable CSV file");
+  buffer_.resize(1 << 20);
+}
+
+bool LineSource::next(std::string_view& line) {
+  while (true) {
+    const char* begin = buffer_.data() + begin_;
+    const void* newline = std::memchr(begin, '\n', end_ - begin_);
+    if (newline != nullptr || (at_end_ && begin_ < end_)) {
+      terminated_ = newline != nullptr;
+      const char* last = terminated_ ? static_cast<const char*>(newline) : buffer_.data() + end_;
+      begin_ = last - buffer_.data() + (terminated_ ? 1 : 0);
+      if (last > begin && last[-1] == '\r') --last;
+      line = {begin, static_cast<std::size_t>(last - begin)};
+      ++number_;
+      return true;
+    }
+    if (at_end_) return false;
+    std::memmove(buffer_.data(), begin, end_ - begin_);
+    end_ -= begin_;
+    begin_ = 0;
+    if (end_ == buffer_.size()) buffer_.resize(2 * buffer_.size());
+    const std::size_t got =
+        std::fread(buffer_.data() + end_, 1, buffer_.size() - end_, file_.get());
+    end_ += got;
+    at_end_ = got == 0;
+  }
+}
+
+}  // namespace diffnea::detail
