@@ -1,19 +1,15 @@
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/model/model.hpp>
 #include <diffnea/model/physical.hpp>
 
+#include "core/number_text.hpp"
+#include "model/tree_place.hpp"
+
 namespace diffnea {
 namespace {
-
-std::string format(double x) {
-  char buffer[32];
-  std::snprintf(buffer, sizeof buffer, "%.4g", x);
-  return buffer;
-}
 
 std::string join(const std::vector<std::string>& names) {
   std::string out;
@@ -75,12 +71,8 @@ std::optional<Pose<double>> cup_at_string(const Model& model) {
   if (!model.cup || frame == model.frames.end() || !model.ball || !model.ball->string)
     return std::nullopt;
   const TreeMap map = map_to_tree(model);
-  const auto in_tree = [&](int link) -> std::pair<int, Pose<double>> {
-    if (link < 0) return {-1, Pose<double>::identity()};
-    return {map.dof[static_cast<std::size_t>(link)], map.X_LF[static_cast<std::size_t>(link)]};
-  };
-  const auto [string_link, X_LS] = in_tree(model.ball->string->link);
-  const auto [cup_link, X_LF] = in_tree(frame->link);
+  const auto [string_link, X_LS] = detail::place_in_tree(map, model.ball->string->link);
+  const auto [cup_link, X_LF] = detail::place_in_tree(map, frame->link);
   if (string_link != cup_link) return std::nullopt;
   return inverse(X_LS) * (X_LF * frame->X_LF);
 }
@@ -101,7 +93,7 @@ Tree<double> make_tree(const Model& model) {
     const double norm = std::sqrt(dot(link.axis, link.axis));
     if (!(std::abs(norm - 1.0) < 1e-9))
       throw ModelError(model.name + ": axis of joint '" + link.joint + "' has length " +
-                       format(norm) + ", expected 1");
+                       detail::number_text(norm) + ", expected 1");
     Link<double> l;
     l.type = link.type == ModelJoint::kRevolute ? JointType::kRevolute : JointType::kPrismatic;
     l.axis = link.axis;
@@ -153,17 +145,18 @@ std::vector<ModelIssue> check_model(const Model& model) {
     const SpatialInertia<double>& b = link.inertia;
     if (has_inertia(b)) {
       if (!(b.m > 0.0))
-        issues.push_back({link.name, "mass is " + format(b.m) + " kg, expected > 0"});
+        issues.push_back({link.name, "mass is " + detail::number_text(b.m) + " kg, expected > 0"});
       else if (const double margin = triangle_margin(b);
                margin < -1e-9 * (b.I.xx + b.I.yy + b.I.zz))
         issues.push_back(
-            {link.name, "inertia misses the triangle inequality by " + format(-margin) +
+            {link.name, "inertia misses the triangle inequality by " +
+                            detail::number_text(-margin) +
                             " kg·m² (no distribution of mass has these principal moments)"});
     }
     if (link.limits.lower > link.limits.upper)
       issues.push_back({link.name, "limits of joint '" + link.joint + "' are empty: lower " +
-                                       format(link.limits.lower) + " > upper " +
-                                       format(link.limits.upper)});
+                                       detail::number_text(link.limits.lower) + " > upper " +
+                                       detail::number_text(link.limits.upper)});
   }
   const Tree<double> tree = make_tree(model);
   const std::vector<int> moving = moving_links(model);

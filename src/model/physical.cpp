@@ -1,16 +1,10 @@
-#include <cstdio>
-
 #include <diffnea/core/error.hpp>
 #include <diffnea/model/physical.hpp>
 
+#include "core/number_text.hpp"
+
 namespace diffnea {
 namespace {
-
-std::string format(double x) {
-  char buffer[32];
-  std::snprintf(buffer, sizeof buffer, "%.4g", x);
-  return buffer;
-}
 
 Eigen::Matrix3d matrix(const Sym3<double>& s) {
   Eigen::Matrix3d m;
@@ -47,7 +41,8 @@ double triangle_margin(const SpatialInertia<double>& inertia) {
 Theta<double> virtual_from_theta(const Theta<double>& theta) {
   const auto body = SpatialInertia<double>::from_theta(theta);
   if (!(body.m > 0.0))
-    throw ModelError("virtual_from_theta: mass " + format(body.m) + " kg, expected > 0");
+    throw ModelError("virtual_from_theta: mass " + detail::number_text(body.m) +
+                     " kg, expected > 0");
   // Second moments about the centre of mass: Σ_C = ½ tr(I_C) 1 − I_C, principal values L ≥ 0.
   const Eigen::Matrix3d I = matrix(inertia_about_com(body));
   const Eigen::Matrix3d Sigma = 0.5 * I.trace() * Eigen::Matrix3d::Identity() - I;
@@ -56,9 +51,9 @@ Theta<double> virtual_from_theta(const Theta<double>& theta) {
   const double tolerance =
       1e-12 * std::max(I.trace(), 1e-300);  // rounding of the parallel-axis shift
   if (L[2] < -tolerance)
-    throw ModelError("virtual_from_theta: principal second moment " + format(L[2]) +
+    throw ModelError("virtual_from_theta: principal second moment " + detail::number_text(L[2]) +
                      " kg·m², expected >= 0 (the inertia misses the triangle inequality by " +
-                     format(-2 * L[2]) + ")");
+                     detail::number_text(-2 * L[2]) + ")");
   Eigen::Matrix3d R = eigen.eigenvectors().rowwise().reverse();
   if (R.determinant() < 0) R.col(2) *= -1;
   const Vec3<double> rpy = rpy_from_rotation(mat3<double>(R));
@@ -73,7 +68,7 @@ Theta<double> log_cholesky_from_theta(const Theta<double>& theta) {
   const Eigen::LLT<Eigen::Matrix4d> llt(reversed);
   if (!(theta[0] > 0.0) || llt.info() != Eigen::Success)
     throw ModelError("log_cholesky_from_theta: smallest eigenvalue of the pseudo-inertia is " +
-                     format(smallest_pseudo_inertia_eigenvalue(theta)) +
+                     detail::number_text(smallest_pseudo_inertia_eigenvalue(theta)) +
                      ", expected > 0 (mass and all principal second moments positive)");
   const Eigen::Matrix4d U = Eigen::Matrix4d(llt.matrixL()).reverse();
   const double s = U(3, 3);

@@ -25,6 +25,7 @@
 #include <diffnea/effects/catalogue.hpp>
 
 #include "sim/drives.hpp"
+#include "sim/pack_lanes.hpp"
 #include "sim/pack_world.hpp"
 
 namespace diffnea::sim {
@@ -62,22 +63,9 @@ class PackDrives {
   bool any() const { return !spec_.drives.empty(); }
 
   /// @param tree  motors behind springs leave their joints' armature
-  void take_parameters(const std::vector<const PackDraw*>& draws, Tree<Pack>& tree) {
-    const auto values = [&](std::vector<std::vector<double>> PackDraw::* of, std::size_t e,
-                            std::size_t k) {
-      return Pack([&](auto lane) { return (draws[lane]->*of)[e][k]; });
-    };
-    p_.resize(spec_.drives.size());
-    for (std::size_t e = 0; e < p_.size(); ++e) {
-      p_[e].resize(spec_.drives[e].parameters.size());
-      for (std::size_t k = 0; k < p_[e].size(); ++k) p_[e][k] = values(&PackDraw::drives, e, k);
-    }
-    motor_p_.resize(spec_.motor_effects.size());
-    for (std::size_t e = 0; e < motor_p_.size(); ++e) {
-      motor_p_[e].resize(spec_.motor_effects[e].parameters.size());
-      for (std::size_t k = 0; k < motor_p_[e].size(); ++k)
-        motor_p_[e][k] = values(&PackDraw::motor_effects, e, k);
-    }
+  void take_parameters(const LaneDraws& draws, Tree<Pack>& tree) {
+    p_ = gather_parameters(draws, spec_.drives, &PackDraw::drives);
+    motor_p_ = gather_parameters(draws, spec_.motor_effects, &PackDraw::motor_effects);
     for (Motor& m : motors_) {
       const std::vector<Pack>& p = p_[m.effect];
       // Without a rotor nothing moves behind the spring.
