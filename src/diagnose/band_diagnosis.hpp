@@ -1,0 +1,49 @@
+#pragma once
+/// A diagnosis of the joints that looks at rows up to one frequency. Internal to diagnose/.
+
+#include <vector>
+
+#include "diagnose/grey_box.hpp"
+#include "diagnose/joint_case.hpp"
+
+namespace diffnea {
+
+class BandDiagnosis {
+ public:
+  /// @param test  null: rows of `train` are held out
+  BandDiagnosis(const Model& model, const RecordingSource& train, const RecordingSource* test,
+                Band band, const DiagnoseOptions& options);
+  BandDiagnosis(const BandDiagnosis&) = delete;
+  BandDiagnosis& operator=(const BandDiagnosis&) = delete;
+
+  /// Verdict and causes; finish() adds what goes with them.
+  const Finding& examine();
+
+  /// @param stopped  a look beyond it was interrupted
+  Finding finish(bool stopped = false);
+
+  /// Whether there are frequencies beyond those that were looked at.
+  bool wider() const { return case_.wider; }
+
+ private:
+  void select();
+  void describe();
+  void judge();
+  /// Errors, parameters and motion of the extended model.
+  void complete();
+  /// @param x  the base parameters that go with the causes
+  void simulate(const VecX<double>& x);
+  /// Only where something is left to tell apart: it takes a few seconds.
+  void plan_next();
+  void add_grey_box();
+
+  JointCase case_;
+  double level_sum_ = 0.0;  ///< χ² of the base alone, before any cause
+  bool misfit_ = false;     ///< more than noise is left
+  std::vector<Score> first_scores_;
+  std::vector<Term> terms_;
+  std::vector<WitnessScore> witness_;
+  GreyBoxResult grey_;
+};
+
+}  // namespace diffnea

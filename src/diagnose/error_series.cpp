@@ -1,0 +1,55 @@
+#include "diagnose/error_series.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace diffnea {
+
+void add_series(const VecX<double>& e0, const VecX<double>& e1, JointCase& c) {
+  const Evidence& e = c.held_out->evidence();
+  const std::vector<std::string> names = joint_names(c.model), units = units_of(c.model);
+  for (std::size_t k = 0; k < e.joints().size(); ++k) {
+    const int j = e.joints()[k];
+    const long begin = static_cast<long>(k) * e.times();
+    ResidualSeries s;
+    s.joint = names[static_cast<std::size_t>(j)];
+    s.unit = units[static_cast<std::size_t>(j)];
+    JointGain g{s.joint, s.unit, 0.0, 0.0, 0.0, c.search->whitener().noise()[k].rms};
+    double rows = 0.0;
+    for (long i = 0; i < e.times(); ++i) {
+      const long row = begin + i;
+      if (!c.held_rows.empty() && !c.held_rows[static_cast<std::size_t>(row)]) continue;
+      s.time.push_back(e.time()[static_cast<std::size_t>(i)]);
+      const double measured = e.torque()[row] - (e.shift().size() > 0 ? e.shift()[row] : 0.0);
+      s.measured.push_back(measured);
+      s.base.push_back(measured - e0[row]);
+      s.extended.push_back(measured - e1[row]);
+      s.q.push_back(e.q()(i, j));
+      s.qd.push_back(e.qd()(i, j));
+      s.qdd.push_back(e.qdd()(i, j));
+      g.torque_rms += measured * measured;
+      g.base += e0[row] * e0[row];
+      g.extended += e1[row] * e1[row];
+      ++rows;
+    }
+    for (double* v : {&g.torque_rms, &g.base, &g.extended})
+      *v = std::sqrt(*v / std::max(rows, 1.0));
+    c.finding.joints.push_back(g);
+    c.finding.series.push_back(std::move(s));
+  }
+}
+
+void note_offsets(const VecX<double>& errors, JointCase& c) {
+  if (!c.test) return;
+  const std::vector<std::string> names = joint_names(c.model), units = units_of(c.model);
+  for (const HeldOutOffset& o : c.held_out->offsets(errors))
+    c.finding.notes.push_back(
+        names[static_cast<std::size_t>(o.joint)] + ": on held-out data the torque is off by " +
+        format_number(o.mean) + " ± " + format_number(1.96 * o.std) + " " +
+        units[static_cast<std::size_t>(o.joint)] + " while it moves, " +
+        format_number(std::round(100.0 * o.share)) +
+        " % of what is left: its offset changed between the recordings; give both as DATA to "
+        "have it fitted (session_offset)");
+}
+
+}  // namespace diffnea

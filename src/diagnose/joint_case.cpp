@@ -1,0 +1,107 @@
+#include "diagnose/joint_case.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include <diffnea/core/error.hpp>
+#include <diffnea/identify/posterior.hpp>
+#include <diffnea/recording/audit.hpp>
+
+#include "diagnose/base.hpp"
+#include "diagnose/bounds.hpp"
+
+namespace diffnea {
+namespace {
+
+/// How often the base's friction is read anew.
+constexpr int kTurnPasses = 3;
+
+}  // namespace
+
+IdentifyOptions reading_options(const DiagnoseOptions& options) {
+  IdentifyOptions out;
+  out.preprocess = options.preprocess;
+  out.progress = options.progress;
+  return out;
+}
+
+std::vector<std::string> units_of(const Model& model) {
+  std::vector<std::string> out;
+  for (const int l : moving_links(model))
+    out.push_back(model.links[static_cast<std::size_t>(l)].type == ModelJoint::kPrismatic ? "N"
+                                                                                          : "N*m");
+  return out;
+}
+
+void prepare(JointCase& c) {
+  const bool posterior = c.model.posterior && knows_arm(*c.model.posterior);
+  c.base = c.options.base != Base::kAuto ? c.options.base : posterior ? Base::kPrior : Base::kRefit;
+  if (c.base == Base::kPrior && !posterior)
+    throw ModelError(
+        "--base prior: " + (c.model.source.empty() ? "the model" : c.model.source) +
+        " has no posterior; give the model.json that `identify` wrote, or take --base refit");
+  c.finding.base = c.base == Base::kRefit ? "refit" : c.base == Base::kPrior ? "prior" : "fixed";
+  FitChoice choice;
+  choice.effects = std::vector<std::string>{};
+  c.layout = layout_for(c.model, c.train_source, c.test_source, choice, c.finding.notes);
+  const IdentifyOptions reading = reading_options(c.options);
+  const std::vector<Recording> sample = c.train_source.sample();
+  c.link_side = sample.front().info.torque_side == TorqueSide::kLink;
+  const AuditReport report = audit(sample, {.joints = describe_joints(c.model)});
+  c.finding.audit = report.faults;
+  c.period = sample.front().info.period;
+  if (c.period <= 0.0 && !report.periods.empty()) c.period = report.periods.front().seconds;
+  c.candidates = make_candidates(c.model, c.options.effects, c.train_source.runs(), c.link_side);
+  const RowsPlan rows = plan_rows(c.model, sample, c.period, c.band, c.options.preprocess);
+  c.finding.plan = rows.plan;
+  c.wider = rows.wider;
+  c.finding.data_report = c.train_source.report();
+  c.period = c.finding.plan.dt * std::round(c.period / c.finding.plan.dt);
+  const auto read_train = [&] {
+    c.train = std::make_unique<Evidence>(c.model, c.layout, c.train_source, c.finding.plan,
+                                         c.period, reading);
+  };
+  read_train();
+  require_motion(*c.train, c.finding.plan, sample.front().source);
+  if (const std::string held = c.base == Base::kRefit ? hold_scale(*c.train, c.layout) : "";
+      !held.empty())
+    c.finding.notes.push_back("All torques are zero, which leaves the scale of all masses open: " +
+                              held + " is held at the model's value.");
+  for (int pass = 0; pass < kTurnPasses && fit_turns(c.base, *c.train, c.layout); ++pass)
+    read_train();
+  if (!c.train->averaged()) c.period = 0.0;  // does not repeat well enough
+  if (c.test_source) {
+    const std::vector<Recording> held = c.test_source->sample();
+    c.test_plan = plan_held_out(held, c.finding.plan, c.options.preprocess);
+    double period = held.front().info.period;
+    if (period <= 0.0) period = detect_period(held.front()).seconds;
+    if (period <= 0.0) period = c.period;  // checked where it is used
+    const double dt = c.test_plan.dt;
+    c.test = std::make_unique<Evidence>(c.model, c.layout, *c.test_source, c.test_plan,
+                                        dt * std::round(period / dt), reading,
+                                        static_cast<int>(c.train_source.runs().size()));
+    c.finding.held_out = "test recording";
+  } else {
+    split_in_time(*c.train, c.fitted_rows, c.held_rows);
+    c.finding.held_out = "time blocks";
+  }
+  add_own_candidates(c.options.candidates, c.model, c.candidates);
+  for (const Candidate& tried : c.candidates)
+    if (tried.effect.own)
+      for (Evidence* e : {c.train.get(), c.test.get()})
+        if (e) e->evaluate(*tried.effect.own);
+  c.finding.refused =
+      bound_shapes(*c.train, c.layout, c.finding.plan.q_noise,
+                   c.train->averaged() && (!c.test || c.test->averaged()), c.candidates);
+  c.prior = base_prior(c.base, c.model, c.layout, *c.train);
+  const Whitener white(*c.train, white_noise(*c.train), c.fitted_rows);
+  c.reference = std::make_unique<Reference>(c.model, c.layout, *c.train, c.test.get());
+  c.reference->set(
+      Projection(*c.train, white, c.prior).reference(VecX<double>::Zero(c.train->rows())), {});
+  c.held_out = std::make_unique<HeldOut>(c.test ? *c.test : *c.train, c.held_rows, c.options.seed);
+  c.search = std::make_unique<Search>(*c.train, c.candidates, c.prior, c.fitted_rows);
+  std::vector<Term> none;
+  c.search->refresh(c.period, none);
+}
+
+}  // namespace diffnea

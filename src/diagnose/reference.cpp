@@ -1,0 +1,74 @@
+#include "diagnose/reference.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace diffnea {
+namespace {
+
+/// How far ln v₀ of the base's friction is followed from where it was read; beside a spring, which
+/// the friction's jumps may wind up: their second derivative needs a v₀ that is no extrapolation.
+constexpr double kMostTurn = 1.5, kMostTurnAtSpring = 0.7;
+/// A reference whose torque moves by less leaves the candidates' columns as they are.
+constexpr double kMoved = 0.003;
+
+}  // namespace
+
+Model base_at(const Model& model, const FitLayout& layout, const VecX<double>& x,
+              const std::vector<Term>& terms) {
+  const bool spring = std::ranges::any_of(
+      terms, [](const Term& t) { return t.effect.info().name == "joint_elasticity"; });
+  const double most = spring ? kMostTurnAtSpring : kMostTurn;
+  const long linear = static_cast<long>(layout.linear.size());
+  VecX<double> shape(static_cast<long>(layout.shape.size()));
+  long at = linear;
+  for (std::size_t s = 0; s < layout.shape.size(); ++s) {
+    shape[static_cast<long>(s)] = layout.shape[s].prior;
+    if (is_smoothing(layout.shape[s]))
+      shape[static_cast<long>(s)] *= std::exp(std::clamp(x[at++], -most, most));
+  }
+  VecX<double> physical = x.head(linear);
+  for (std::size_t k = 0; k < layout.linear.size(); ++k)  // the test's base knows no bounds
+    if (layout.linear[k].sign != Sign::kFree && !layout.linear[k].fixed)
+      physical[static_cast<long>(k)] = std::max(physical[static_cast<long>(k)], 0.0);
+  return apply_fit(model, layout, physical, shape);
+}
+
+double Reference::set(const VecX<double>& x, const std::vector<Term>& terms) {
+  Model reference = base_at(model_, layout_, x, terms);
+  extended_ = reference;
+  for (const Term& t : terms) {
+    if (t.effect.own) continue;  // no model can hold it
+    extended_.effects.push_back(to_spec(t.effect));
+    // Those that change the tree or the channels are columns of their own on top of it; under a
+    // tilt are the base's columns, too.
+    if (t.effect.is_local() || t.effect.info().name == "base_tilt")
+      reference.effects.push_back(to_spec(t.effect));
+  }
+  const double moved = train_.set_reference(reference);
+  if (test_) test_->set_reference(reference);
+  return moved;
+}
+
+bool Reference::rebase(const Projection& projection, const std::vector<Term>& terms) {
+  VecX<double> effects = VecX<double>::Zero(train_.rows());
+  for (const Term& t : terms) effects += t.torque();
+  const VecX<double> x = projection.reference(effects);
+  const bool moved = set(x, terms) > kMoved;
+  return set_tilt(x, terms) || moved;
+}
+
+/// Under a tilt that is among the causes, the base's columns are those of the tilted base.
+bool Reference::set_tilt(const VecX<double>& x, const std::vector<Term>& terms) {
+  Vec3<double> more{0, 0, 0};
+  for (const Term& t : terms)
+    if (t.effect.info().name == "base_tilt")
+      more = more + Vec3<double>{t.effect.parameters[0], t.effect.parameters[1], 0.0};
+  if (!tilted_ && dot(more, more) == 0.0) return false;
+  tilted_ = dot(more, more) > 0.0;
+  train_.set_tilt(more, x);
+  if (test_) test_->set_tilt(more, x);
+  return true;
+}
+
+}  // namespace diffnea
