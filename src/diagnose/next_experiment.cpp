@@ -3,11 +3,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include <Eigen/Cholesky>
-#include <Eigen/QR>
-
 #include <diffnea/core/error.hpp>
 
+#include "diagnose/experiment_trial.hpp"
 #include "excite/motion.hpp"
 
 namespace diffnea {
@@ -17,13 +15,7 @@ constexpr double kPeriod = 10.0;         ///< of the motions [s]
 constexpr double kDuration = 40.0;       ///< of the experiment [s]
 constexpr double kRamp = 0.1;            ///< from rest to the velocity limit: fast motions need it
 constexpr double kTold = 10.0;           ///< ΔBIC from which two effects are told apart
-constexpr int kGaussNewton = 6;          ///< steps of a rival's parameters
-constexpr std::size_t kMostStarts = 8;   ///< of a rival's shapes
 constexpr int kSamplesPerHarmonic = 12;  ///< for limits
-constexpr double kPassBand = 2.5;  ///< the filter's cut-off over the motion's fastest harmonic
-
-constexpr double kRows = 50.0;  ///< a second, for fast motions
-constexpr double kSeen = 0.3;   ///< of the rows' rate: faster harmonics do not show
 
 /// A kind of motion: which harmonics of 1/kPeriod, and how much of the limits.
 struct Family {
@@ -53,13 +45,6 @@ const std::vector<Family> kFamilies{
 constexpr int kOrdinaryLast = 5;
 constexpr int kDraws = 2;  ///< of each family
 
-/// A cause and a rival of its class.
-struct Pair {
-  std::size_t term;
-  const Candidate* rival;
-  double now;
-};
-
 /// Coefficients in a band that begin at rest: Σ k a_k = Σ k² b_k = 0.
 void draw_band(int first, int last, Rng& rng, Eigen::Ref<VecX<double>> a,
                Eigen::Ref<VecX<double>> b) {
@@ -75,183 +60,6 @@ void draw_band(int first, int last, Rng& rng, Eigen::Ref<VecX<double>> a,
   a -= k * (k.dot(a) / k.squaredNorm());
   b -= k2 * (k2.dot(b) / k2.squaredNorm());
 }
-
-/// What one motion would show.
-class Trial {
- public:
-  Trial(const ExperimentContext& c, const Trajectory& motion, double fastest_hz)
-      : context_(c),
-        evidence_(c.model, c.layout, *source(c, motion), plan(c, fastest_hz), 0.0, {}),
-        whitener_(evidence_, noise(c, evidence_, fastest_hz), {}),
-        projection_(evidence_, whitener_, c.prior),
-        longer_(kDuration / (motion.time[motion.rows() - 1] - motion.time[0])) {
-    evidence_.set_reference(c.reference);
-  }
-
-  /// Expected ΔBIC of the rival in the cause's place, over the experiment's duration.
-  double separation(const Pair& pair) {
-    const Term& cause = context_.terms[pair.term];
-    others_ = basis_without(pair.term);
-    const VecX<double> g = beside(evidence_.torque_of(cause.effect));
-    const double left = longer_ * least(g, *pair.rival);
-    const double n = longer_ * static_cast<double>(whitener_.used_rows());
-    const auto size = [](const auto& x) {
-      return static_cast<double>(x.linear.size() + x.shapes.size());
-    };
-    return n * std::log1p(left / n) + (size(*pair.rival) - size(cause)) * std::log(n);
-  }
-
- private:
-  static std::unique_ptr<RecordingSource> source(const ExperimentContext& c, const Trajectory& t) {
-    Recording r = imaginary_recording(t);
-    for (const int j : c.joints) {  // what matters is that there is one
-      r.has_tau[static_cast<std::size_t>(j)] = true;
-      r.tau.col(j).setOnes();
-    }
-    r.info.torque_side = c.link_side ? TorqueSide::kLink : TorqueSide::kMotor;
-    r.info.torque_sampling = TorqueSampling::kInstant;
-    std::vector<Recording> one;
-    one.push_back(std::move(r));
-    return recordings_in_memory(c.model, std::move(one));
-  }
-
-  static PreprocessPlan plan(const ExperimentContext& c, double fastest_hz) {
-    PreprocessPlan out = c.plan;
-    if (too_slow(c, fastest_hz)) {
-      out.decimator = {
-          .rate_hz = c.plan.decimator.rate_hz,
-          .factor = std::max(1, static_cast<int>(std::lround(c.plan.decimator.rate_hz / kRows)))};
-    }
-    out.filter_hz = std::max(out.filter_hz, std::min(kPassBand * fastest_hz, 0.4 / out.dt));
-    return out;
-  }
-
-  /// A recording of slow motion is reduced to few rows a second, which would not show a fast one.
-  static bool too_slow(const ExperimentContext& c, double fastest_hz) {
-    const DecimatorOptions& d = c.plan.decimator;
-    const double rows = d.rate_hz / d.factor;
-    return d.factor > 1 && rows < kRows && kSeen * rows < fastest_hz;
-  }
-
-  /// The recording's own; for more rows a second than it had, white noise of the same density.
-  static std::vector<JointNoise> noise(const ExperimentContext& c, const Evidence& evidence,
-                                       double fastest_hz) {
-    if (evidence.joints() != c.joints)
-      throw ModelError("not every joint of the recording moves in the planned motion");
-    std::vector<JointNoise> out = c.noise;
-    if (!too_slow(c, fastest_hz)) return out;
-    const double wider = std::sqrt(Decimator(plan(c, fastest_hz).decimator).noise_gain() /
-                                   Decimator(c.plan.decimator).noise_gain());
-    for (JointNoise& n : out) {
-      n.a.assign(n.a.size(), 0.0);
-      n.sigma = n.rms = n.rms * wider;
-    }
-    return out;
-  }
-
-  /// Orthonormal basis of what the other causes may take: their columns, shapes too.
-  MatX<double> basis_without(std::size_t term) {
-    MatX<double> all(projection_.residual().size(), 0);
-    for (std::size_t i = 0; i < context_.terms.size(); ++i) {
-      if (i == term) continue;
-      const Term& t = context_.terms[i];
-      std::vector<int> which = t.linear;
-      which.insert(which.end(), t.shapes.begin(), t.shapes.end());
-      const MatX<double> columns = projection_.project(evidence_.columns(t.effect, which));
-      const long before = all.cols();
-      all.conservativeResize(Eigen::NoChange, before + columns.cols());
-      all.rightCols(columns.cols()) = columns;
-    }
-    if (all.cols() == 0) return all;
-    for (long c = 0; c < all.cols(); ++c) all.col(c) /= std::max(all.col(c).norm(), 1e-300);
-    Eigen::ColPivHouseholderQR<MatX<double>> qr(all);
-    qr.setThreshold(1e-6);
-    return qr.householderQ() * MatX<double>::Identity(all.rows(), qr.rank());
-  }
-
-  /// Whitened, beside the base and the other causes.
-  MatX<double> beside(const MatX<double>& columns) const {
-    MatX<double> out = projection_.project(columns);
-    if (others_.cols() > 0) out -= others_ * (others_.transpose() * out).eval();
-    return out;
-  }
-
-  /// ‖g − rival‖² at the rival's best parameters.
-  double least(const VecX<double>& g, const Candidate& rival) const {
-    double best = g.squaredNorm();
-    TriedEffect effect = rival.effect, start = rival.effect;
-    double at_start = std::numeric_limits<double>::infinity();
-    // The best of its shapes, with the linear parameters that suit them.
-    for (std::size_t p = 0; p < std::min(rival.grid.size(), kMostStarts); ++p) {
-      const std::size_t spread =  // over the whole grid
-          rival.grid.size() <= kMostStarts ? p : p * rival.grid.size() / kMostStarts;
-      for (const int k : rival.linear) effect.parameters[static_cast<std::size_t>(k)] = 0.0;
-      rival.set(rival.grid[spread], effect);
-      TriedEffect moved = effect;
-      const double now =
-          step(g, rival, rival.linear, moved,
-               (g - VecX<double>(beside(evidence_.torque_of(effect)))).squaredNorm());
-      if (now < at_start) at_start = now, start = moved;
-    }
-    if (!std::isfinite(at_start)) return best;
-    best = std::min(best, at_start);
-    std::vector<int> all = rival.linear;
-    all.insert(all.end(), rival.shapes.begin(), rival.shapes.end());
-    if (rival.shapes.empty() && !rival.nonlinear) return best;
-    for (int i = 0; i < kGaussNewton; ++i) {
-      const double now = step(g, rival, all, start, best);
-      if (!(now < best * (1.0 - 1e-3))) return std::min(best, now);
-      best = now;
-    }
-    return best;
-  }
-
-  /// One Gauss–Newton step, halved until it helps; parameters keep their signs.
-  /// @return the new sum of squares; `effect` holds the parameters
-  double step(const VecX<double>& g, const Candidate& rival, const std::vector<int>& which,
-              TriedEffect& effect, double now) const {
-    if (which.empty()) return now;
-    const VecX<double> r = g - VecX<double>(beside(evidence_.torque_of(effect)));
-    const MatX<double> J = beside(evidence_.columns(effect, which));
-    MatX<double> K = J.transpose() * J;
-    const VecX<double> scale = K.diagonal().cwiseSqrt().cwiseMax(1e-300).cwiseInverse();
-    K = scale.asDiagonal() * K * scale.asDiagonal();
-    K.diagonal().array() += 1e-9;
-    const VecX<double> move =
-        scale.cwiseProduct(K.ldlt().solve(scale.cwiseProduct(J.transpose() * r)));
-    for (double part = 1.0; part > 0.05; part *= 0.5) {
-      TriedEffect moved = effect;
-      for (std::size_t i = 0; i < which.size(); ++i) {
-        const std::size_t k = static_cast<std::size_t>(which[i]);
-        const ParameterInfo& info = effect.parameter_info[k];
-        const double m = part * move[static_cast<long>(i)];
-        double& p = moved.parameters[k];
-        if (scale_of(info) == Scale::kLog)
-          p *= std::exp(std::clamp(m, -1.0, 1.0));
-        else
-          p += m;
-        if (info.sign != Sign::kFree) p = std::max(p, 0.0);
-      }
-      for (std::size_t s = 0; s < rival.shapes.size(); ++s)
-        moved.parameters[static_cast<std::size_t>(rival.shapes[s])] =
-            std::clamp(moved.parameters[static_cast<std::size_t>(rival.shapes[s])],
-                       rival.shape_low[s], rival.shape_high[s]);
-      const double next = (g - VecX<double>(beside(evidence_.torque_of(moved)))).squaredNorm();
-      if (!(next < now)) continue;
-      effect = moved;
-      return next;
-    }
-    return now;
-  }
-  static Scale scale_of(const ParameterInfo& info) { return diffnea::scale(info); }
-
-  const ExperimentContext& context_;
-  Evidence evidence_;
-  Whitener whitener_;
-  Projection projection_;
-  double longer_;
-  MatX<double> others_;
-};
 
 std::string label(const std::string& effect, const std::string& where) {
   std::string out = effect + " at " + where;
@@ -275,9 +83,9 @@ class Proposal {
               {static_cast<std::size_t>(term - c.terms.begin()), &*rival, r.delta_bic});
       }
     }
-    std::ranges::stable_sort(pairs_, {}, &Pair::now);
+    std::ranges::stable_sort(pairs_, {}, &CausePair::now);
     if (pairs_.size() > kMostPairs) pairs_.resize(kMostPairs);
-    for (const Pair& p : pairs_)
+    for (const CausePair& p : pairs_)
       for (const int j : c.terms[p.term].effect.joints)
         if (std::ranges::find(focus_, j) == focus_.end()) focus_.push_back(j);
   }
@@ -299,9 +107,9 @@ class Proposal {
                          kSamplesPerHarmonic * kFamilies[f].last) > 0.0))
           continue;
         const double rate = 1.0 / c_.plan.dt;
-        Trial trial(c_, to_trajectory(c_.model, plan.ranges, plan.motion, kPeriod, rate),
-                    kFamilies[f].last / kPeriod);
-        for (const Pair& p : pairs_) plan.expected.push_back(trial.separation(p));
+        ExperimentTrial trial(c_, to_trajectory(c_.model, plan.ranges, plan.motion, kPeriod, rate),
+                              kFamilies[f].last / kPeriod);
+        for (const CausePair& p : pairs_) plan.expected.push_back(trial.separation(p, kDuration));
         plans_.push_back(std::move(plan));
       }
     }
@@ -416,7 +224,7 @@ class Proposal {
 
   const ExperimentContext& c_;
   EffortBound effort_;
-  std::vector<Pair> pairs_;
+  std::vector<CausePair> pairs_;
   std::vector<int> focus_;  ///< joints of the causes in question
   std::vector<Plan> plans_;
   std::vector<std::size_t> told_;  ///< pairs that some plan tells apart

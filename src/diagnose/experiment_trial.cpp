@@ -1,0 +1,182 @@
+#include "diagnose/experiment_trial.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include <Eigen/Cholesky>
+#include <Eigen/QR>
+
+#include <diffnea/core/error.hpp>
+
+namespace diffnea {
+namespace {
+
+constexpr int kGaussNewton = 6;         ///< steps of a rival's parameters
+constexpr std::size_t kMostStarts = 8;  ///< of a rival's shapes
+constexpr double kPassBand = 2.5;       ///< the filter's cut-off over the motion's fastest harmonic
+
+constexpr double kRows = 50.0;  ///< a second, for fast motions
+constexpr double kSeen = 0.3;   ///< of the rows' rate: faster harmonics do not show
+
+std::unique_ptr<RecordingSource> source(const ExperimentContext& c, const Trajectory& t) {
+  Recording r = imaginary_recording(t);
+  for (const int j : c.joints) {  // what matters is that there is one
+    r.has_tau[static_cast<std::size_t>(j)] = true;
+    r.tau.col(j).setOnes();
+  }
+  r.info.torque_side = c.link_side ? TorqueSide::kLink : TorqueSide::kMotor;
+  r.info.torque_sampling = TorqueSampling::kInstant;
+  std::vector<Recording> one;
+  one.push_back(std::move(r));
+  return recordings_in_memory(c.model, std::move(one));
+}
+
+/// A recording of slow motion is reduced to few rows a second, which would not show a fast one.
+bool too_slow(const ExperimentContext& c, double fastest_hz) {
+  const DecimatorOptions& d = c.plan.decimator;
+  const double rows = d.rate_hz / d.factor;
+  return d.factor > 1 && rows < kRows && kSeen * rows < fastest_hz;
+}
+
+PreprocessPlan plan(const ExperimentContext& c, double fastest_hz) {
+  PreprocessPlan out = c.plan;
+  if (too_slow(c, fastest_hz)) {
+    out.decimator = {
+        .rate_hz = c.plan.decimator.rate_hz,
+        .factor = std::max(1, static_cast<int>(std::lround(c.plan.decimator.rate_hz / kRows)))};
+  }
+  out.filter_hz = std::max(out.filter_hz, std::min(kPassBand * fastest_hz, 0.4 / out.dt));
+  return out;
+}
+
+/// The recording's own; for more rows a second than it had, white noise of the same density.
+std::vector<JointNoise> noise(const ExperimentContext& c, const Evidence& evidence,
+                              double fastest_hz) {
+  if (evidence.joints() != c.joints)
+    throw ModelError("not every joint of the recording moves in the planned motion");
+  std::vector<JointNoise> out = c.noise;
+  if (!too_slow(c, fastest_hz)) return out;
+  const double wider = std::sqrt(Decimator(plan(c, fastest_hz).decimator).noise_gain() /
+                                 Decimator(c.plan.decimator).noise_gain());
+  for (JointNoise& n : out) {
+    n.a.assign(n.a.size(), 0.0);
+    n.sigma = n.rms = n.rms * wider;
+  }
+  return out;
+}
+
+}  // namespace
+
+ExperimentTrial::ExperimentTrial(const ExperimentContext& c, const Trajectory& motion,
+                                 double fastest_hz)
+    : context_(c),
+      evidence_(c.model, c.layout, *source(c, motion), plan(c, fastest_hz), 0.0, {}),
+      whitener_(evidence_, noise(c, evidence_, fastest_hz), {}),
+      projection_(evidence_, whitener_, c.prior),
+      seconds_(motion.time[motion.rows() - 1] - motion.time[0]) {
+  evidence_.set_reference(c.reference);
+}
+
+double ExperimentTrial::separation(const CausePair& pair, double duration) {
+  const double longer = duration / seconds_;
+  const Term& cause = context_.terms[pair.term];
+  others_ = basis_without(pair.term);
+  const VecX<double> g = beside(evidence_.torque_of(cause.effect));
+  const double left = longer * least(g, *pair.rival);
+  const double n = longer * static_cast<double>(whitener_.used_rows());
+  const auto size = [](const auto& x) {
+    return static_cast<double>(x.linear.size() + x.shapes.size());
+  };
+  return n * std::log1p(left / n) + (size(*pair.rival) - size(cause)) * std::log(n);
+}
+
+MatX<double> ExperimentTrial::basis_without(std::size_t term) const {
+  MatX<double> all(projection_.residual().size(), 0);
+  for (std::size_t i = 0; i < context_.terms.size(); ++i) {
+    if (i == term) continue;
+    const Term& t = context_.terms[i];
+    std::vector<int> which = t.linear;
+    which.insert(which.end(), t.shapes.begin(), t.shapes.end());
+    const MatX<double> columns = projection_.project(evidence_.columns(t.effect, which));
+    const long before = all.cols();
+    all.conservativeResize(Eigen::NoChange, before + columns.cols());
+    all.rightCols(columns.cols()) = columns;
+  }
+  if (all.cols() == 0) return all;
+  for (long c = 0; c < all.cols(); ++c) all.col(c) /= std::max(all.col(c).norm(), 1e-300);
+  Eigen::ColPivHouseholderQR<MatX<double>> qr(all);
+  qr.setThreshold(1e-6);
+  return qr.householderQ() * MatX<double>::Identity(all.rows(), qr.rank());
+}
+
+MatX<double> ExperimentTrial::beside(const MatX<double>& columns) const {
+  MatX<double> out = projection_.project(columns);
+  if (others_.cols() > 0) out -= others_ * (others_.transpose() * out).eval();
+  return out;
+}
+
+double ExperimentTrial::least(const VecX<double>& g, const Candidate& rival) const {
+  double best = g.squaredNorm();
+  TriedEffect effect = rival.effect, start = rival.effect;
+  double at_start = std::numeric_limits<double>::infinity();
+  // The best of its shapes, with the linear parameters that suit them.
+  for (std::size_t p = 0; p < std::min(rival.grid.size(), kMostStarts); ++p) {
+    const std::size_t spread =  // over the whole grid
+        rival.grid.size() <= kMostStarts ? p : p * rival.grid.size() / kMostStarts;
+    for (const int k : rival.linear) effect.parameters[static_cast<std::size_t>(k)] = 0.0;
+    rival.set(rival.grid[spread], effect);
+    TriedEffect moved = effect;
+    const double now = step(g, rival, rival.linear, moved,
+                            (g - VecX<double>(beside(evidence_.torque_of(effect)))).squaredNorm());
+    if (now < at_start) at_start = now, start = moved;
+  }
+  if (!std::isfinite(at_start)) return best;
+  best = std::min(best, at_start);
+  std::vector<int> all = rival.linear;
+  all.insert(all.end(), rival.shapes.begin(), rival.shapes.end());
+  if (rival.shapes.empty() && !rival.nonlinear) return best;
+  for (int i = 0; i < kGaussNewton; ++i) {
+    const double now = step(g, rival, all, start, best);
+    if (!(now < best * (1.0 - 1e-3))) return std::min(best, now);
+    best = now;
+  }
+  return best;
+}
+
+double ExperimentTrial::step(const VecX<double>& g, const Candidate& rival,
+                             const std::vector<int>& which, TriedEffect& effect, double now) const {
+  if (which.empty()) return now;
+  const VecX<double> r = g - VecX<double>(beside(evidence_.torque_of(effect)));
+  const MatX<double> J = beside(evidence_.columns(effect, which));
+  MatX<double> K = J.transpose() * J;
+  const VecX<double> unit = K.diagonal().cwiseSqrt().cwiseMax(1e-300).cwiseInverse();
+  K = unit.asDiagonal() * K * unit.asDiagonal();
+  K.diagonal().array() += 1e-9;
+  const VecX<double> move = unit.cwiseProduct(K.ldlt().solve(unit.cwiseProduct(J.transpose() * r)));
+  for (double part = 1.0; part > 0.05; part *= 0.5) {
+    TriedEffect moved = effect;
+    for (std::size_t i = 0; i < which.size(); ++i) {
+      const std::size_t k = static_cast<std::size_t>(which[i]);
+      const ParameterInfo& info = effect.parameter_info[k];
+      const double m = part * move[static_cast<long>(i)];
+      double& p = moved.parameters[k];
+      if (scale(info) == Scale::kLog)
+        p *= std::exp(std::clamp(m, -1.0, 1.0));
+      else
+        p += m;
+      if (info.sign != Sign::kFree) p = std::max(p, 0.0);
+    }
+    for (std::size_t s = 0; s < rival.shapes.size(); ++s)
+      moved.parameters[static_cast<std::size_t>(rival.shapes[s])] =
+          std::clamp(moved.parameters[static_cast<std::size_t>(rival.shapes[s])],
+                     rival.shape_low[s], rival.shape_high[s]);
+    const double next = (g - VecX<double>(beside(evidence_.torque_of(moved)))).squaredNorm();
+    if (!(next < now)) continue;
+    effect = moved;
+    return next;
+  }
+  return now;
+}
+
+}  // namespace diffnea
