@@ -218,6 +218,24 @@ def test_interrupted_it_says_so_and_what_it_leaves_is_usable(
     assert whole_files.results(tmp_path) == whole_files.results(expected)
 
 
+@pytest.mark.study
+@pytest.mark.parametrize("case", [p for p in named() if p.values[0].interruptible])
+@pytest.mark.parametrize("seed", range(2))
+def test_interrupted_at_random_moments(
+    case: Case, seed: int, inputs: Path, uninterrupted: Uninterrupted, tmp_path: Path
+) -> None:
+    """Also while it starts: then it may end by the signal itself, and leaves nothing."""
+    expected, seconds = uninterrupted(case)
+    rng = random.Random(f"{case.name} {seed}")
+    for _ in range(3 if case.name in SLOW else 10):
+        status, errors = hit(case, tmp_path, inputs, rng.uniform(0, 1) * seconds, signal.SIGINT)
+        assert status in (INTERRUPTED, -signal.SIGINT, *FINISHED), errors
+        whole_files.check(tmp_path)
+        assert whole_files.hidden(tmp_path) == []
+    finish(case, tmp_path, inputs)
+    assert whole_files.results(tmp_path) == whole_files.results(expected)
+
+
 # --- a disk that is full
 
 
