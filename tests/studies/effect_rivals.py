@@ -101,6 +101,18 @@ def row(told: Json) -> str:
     )
 
 
+def left_by_rivals(home: Path) -> str:
+    """Return, of what the base leaves of a ball's effect, the share that the nearest rivals leave.
+
+    By the generator's own simulation: derivatives of the path, states, length and attachment
+    projected out.
+    """
+    effect = read(home / "truth" / "truth.json")["effects"][0]
+    rivals = sorted(effect["rivals"], key=lambda r: r["lm_beyond"])[:4]
+    shares = [f"`{r['effects'][0]}` {r['lm_beyond'] / effect['expected_lm']:.2g}" for r in rivals]
+    return f"| `{effect['effect']}` | {effect['visible_share']:.2f} | {', '.join(shares)} |"
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("build", type=Path)
@@ -121,6 +133,10 @@ def main() -> None:
                 print(f"{family}: {error}", file=sys.stderr)
                 continue
             print(row(told), flush=True)
+        print("\n| hidden | visible share | left by the nearest rivals |\n|---|---|---|")
+        for family in args.family or families:
+            if family.startswith("ball_") and (args.folder / f"{family}-{seed}").exists():
+                print(left_by_rivals(args.folder / f"{family}-{seed}"))
 
 
 if __name__ == "__main__":
