@@ -2,6 +2,8 @@
 
 import json
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -152,3 +154,25 @@ def test_references_to_equations_have_their_equation() -> None:
         used |= set(re.findall(r"\{eq\}`([^`]+)`", text))
     assert len(labels) == len(set(labels))
     assert used <= set(labels)
+
+
+FIGURES = DOCS.parent / "figures"
+
+
+def test_pictures_are_made(tmp_path: Path) -> None:
+    """Of a torque, of a channel, of a simulated and of a seen path."""
+    names = ["coulomb_friction", "velocity_filter_lag", "wind", "camera_scale"]
+    subprocess.run(
+        [sys.executable, FIGURES / "effect_signatures.py", tmp_path, *names],
+        check=True,
+        timeout=120,
+    )
+    assert sorted(p.stem for p in tmp_path.iterdir()) == sorted(names)
+    for picture in tmp_path.iterdir():
+        assert "</svg>" in picture.read_text(encoding="utf-8")
+
+
+def test_every_effect_has_its_picture() -> None:
+    told = "".join((FIGURES / f"{f}_signatures.py").read_text() for f in ("effect", "ball"))
+    drawn = set(re.findall(r'^    "(\w+)": ', told, flags=re.MULTILINE))
+    assert set(EFFECTS) <= drawn
