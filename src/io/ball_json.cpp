@@ -1,6 +1,7 @@
 #include "io/ball_json.hpp"
 
 #include <array>
+#include <cmath>
 #include <limits>
 #include <utility>
 
@@ -59,8 +60,11 @@ Points read_path(const Json& value, const std::string& where, std::size_t rows) 
 
 std::vector<int> read_integers(JsonObject& o, const char* key, std::size_t rows) {
   std::vector<int> out;
-  for (const double x : json_numbers(o.required(key), o.at(key)))
+  for (const double x : json_numbers(o.required(key), o.at(key))) {
+    if (!(std::abs(x) <= std::numeric_limits<int>::max()))
+      throw ModelError(o.at(key) + ": got " + Json(x).dump() + ", which is too large");
     out.push_back(static_cast<int>(x));
+  }
   require_length(out.size(), rows, o.at(key));
   return out;
 }

@@ -19,15 +19,15 @@ DenseLayer read_layer(JsonObject& o) {
   if (rows.size() != out.bias.size())
     throw ModelError(o.at("weights") + ": got " + std::to_string(rows.size()) + " rows, expected " +
                      std::to_string(out.bias.size()) + " (one per output)");
-  for (std::size_t r = 0; r < rows.size(); ++r) {
-    const std::vector<double> row = io::json_numbers(
-        rows[r], o.at("weights") + "[" + std::to_string(r) + "]", r == 0 ? -1 : out.inputs);
-    if (r == 0) {
-      out.inputs = static_cast<int>(row.size());
-      out.weights.resize(row.size() * rows.size());
-    }
-    for (std::size_t i = 0; i < row.size(); ++i) out.weights[i * rows.size() + r] = row[i];
-  }
+  // All of them before there is a matrix: one long row and many empty ones would ask for memory.
+  std::vector<std::vector<double>> read;
+  for (std::size_t r = 0; r < rows.size(); ++r)
+    read.push_back(io::json_numbers(rows[r], o.at("weights") + "[" + std::to_string(r) + "]",
+                                    r == 0 ? -1 : static_cast<long>(read[0].size())));
+  if (!read.empty()) out.inputs = static_cast<int>(read[0].size());
+  for (int i = 0; i < out.inputs; ++i)
+    for (const std::vector<double>& row : read)
+      out.weights.push_back(row[static_cast<std::size_t>(i)]);
   o.finish();
   return out;
 }

@@ -5,6 +5,37 @@
 namespace diffnea::io {
 namespace {
 
+/// Whoever walks deeper runs out of stack sooner or later; an object's keys are searched one by
+/// one; and a value takes 16 bytes and more however short its text is.
+constexpr std::size_t kMaxDepth = 64, kMaxKeys = 1000, kMaxValues = 5'000'000;
+
+/// Before the parser builds anything. Of a text that is not JSON any answer will do.
+void check_limits(std::string_view text, const std::string& where) {
+  const auto refuse = [&](const char* what, std::size_t limit) {
+    throw ModelError(where + ": " + what + "; the limit is " + std::to_string(limit));
+  };
+  std::vector<std::size_t> keys;  // of the objects and lists that are open
+  std::size_t values = 0;
+  bool in_string = false;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    const char c = text[i];
+    if (c == '"')
+      in_string = !in_string;
+    else if (in_string)
+      i += c == '\\' ? 1 : 0;
+    else if (c == '[' || c == '{')
+      ++values, keys.push_back(0);
+    else if ((c == ']' || c == '}') && !keys.empty())
+      keys.pop_back();
+    else if (c == ',')
+      ++values;
+    else if (c == ':' && !keys.empty() && ++keys.back() > kMaxKeys)
+      refuse("an object has too many keys", kMaxKeys);
+    if (keys.size() > kMaxDepth) refuse("lists and objects are nested too deeply", kMaxDepth);
+    if (values > kMaxValues) refuse("holds too many values", kMaxValues);
+  }
+}
+
 [[noreturn]] void wrong_type(const Json& value, const std::string& where, const char* expected) {
   std::string got = value.dump(-1, ' ', false, Json::error_handler_t::replace);
   if (got.size() > 40) got = got.substr(0, 40) + "…";
@@ -14,6 +45,7 @@ namespace {
 }  // namespace
 
 Json parse_json(std::string_view text, const std::string& where) {
+  check_limits(text, where);
   try {
     return Json::parse(text);
   } catch (const Json::exception& error) {
@@ -41,7 +73,7 @@ const Json& json_array(const Json& value, const std::string& where) {
   return value;
 }
 
-std::vector<double> json_numbers(const Json& value, const std::string& where, int size) {
+std::vector<double> json_numbers(const Json& value, const std::string& where, long size) {
   json_array(value, where);
   if (size >= 0 && value.size() != static_cast<std::size_t>(size))
     throw ModelError(where + ": got " + std::to_string(value.size()) + " numbers, expected " +

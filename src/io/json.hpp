@@ -16,14 +16,15 @@ namespace diffnea::io {
 
 using Json = nlohmann::ordered_json;
 
-/// Parses a whole text. @throws ModelError `where: is not JSON: …`
+/// Parses a whole text. @throws ModelError `where: is not JSON: …`; also for one that no program of
+/// ours writes: lists in lists beyond 64, objects of more than 1000 keys, 5 million values
 Json parse_json(std::string_view text, const std::string& where);
 
 /// A finite number. @throws ModelError
 double json_number(const Json& value, const std::string& where);
 std::string json_string(const Json& value, const std::string& where);
 /// A list of finite numbers; `size` < 0 takes any length. @throws ModelError
-std::vector<double> json_numbers(const Json& value, const std::string& where, int size = -1);
+std::vector<double> json_numbers(const Json& value, const std::string& where, long size = -1);
 const Json& json_array(const Json& value, const std::string& where);
 
 /// An object whose keys are taken one by one; `finish` refuses what nobody took.

@@ -147,8 +147,8 @@ BumpTable table_from(const Json& value, const std::string& where) {
   for (std::size_t i = 0; i < variables.size(); ++i)
     t.variables.push_back(io::json_string(variables[i], o.at("variables")));
   const Json& weights = io::json_array(o.required("weights"), o.at("weights"));
-  const int bumps = static_cast<int>(weights.size());
-  const int numbers = bumps * static_cast<int>(t.variables.size());
+  const long bumps = static_cast<long>(weights.size());
+  const long numbers = bumps * static_cast<long>(t.variables.size());
   t.weights = io::json_numbers(weights, o.at("weights"), bumps);
   t.centres = io::json_numbers(o.required("centres"), o.at("centres"), numbers);
   t.widths = io::json_numbers(o.required("widths"), o.at("widths"), numbers);
@@ -179,7 +179,7 @@ Posterior posterior_from(const Json& value, const std::string& where) {
   const Json& names = io::json_array(o.required("names"), o.at("names"));
   for (std::size_t i = 0; i < names.size(); ++i)
     p.names.push_back(io::json_string(names[i], o.at("names")));
-  const int n = static_cast<int>(p.names.size());
+  const long n = static_cast<long>(p.names.size());
   p.mean = io::json_numbers(o.required("mean"), o.at("mean"), n);
   p.information = io::json_numbers(o.required("information"), o.at("information"), n * n);
   o.finish();

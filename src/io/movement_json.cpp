@@ -29,6 +29,12 @@ VecX<double> read_column(JsonObject& o, const char* key, long rows) {
   return Eigen::Map<const VecX<double>>(x.data(), rows);
 }
 
+RowMatX<double> table(const std::vector<VecX<double>>& columns, long rows) {
+  RowMatX<double> out(rows, static_cast<long>(columns.size()));
+  for (std::size_t i = 0; i < columns.size(); ++i) out.col(static_cast<long>(i)) = columns[i];
+  return out;
+}
+
 StickFigure read_figure(const Json& value, const std::string& where, const VecX<double>& time) {
   JsonObject o(value, where);
   StickFigure out;
@@ -36,14 +42,15 @@ StickFigure read_figure(const Json& value, const std::string& where, const VecX<
   for (const auto& item : value.items()) out.names.push_back(item.key());
   const long points = static_cast<long>(out.names.size());
   if (points < 8) throw ModelError(where + ": too few points, expected arm_0, arm_1 … ball");
-  out.across.resize(time.size(), points);
-  out.up.resize(time.size(), points);
-  for (long i = 0; i < points; ++i) {
-    const char* name = out.names[static_cast<std::size_t>(i)].c_str();
-    JsonObject point(o.required(name), o.at(name));
-    out.across.col(i) = read_column(point, "across", time.size());
-    out.up.col(i) = read_column(point, "up", time.size());
+  // All of them before there is a table: names without numbers would ask for memory.
+  std::vector<VecX<double>> across, up;
+  for (const std::string& name : out.names) {
+    JsonObject point(o.required(name.c_str()), o.at(name.c_str()));
+    across.push_back(read_column(point, "across", time.size()));
+    up.push_back(read_column(point, "up", time.size()));
   }
+  out.across = table(across, time.size());
+  out.up = table(up, time.size());
   return out;
 }
 
@@ -93,12 +100,12 @@ RolloutTrace read_movement(JsonObject& o, StickFigure* figure) {
   out.time = Eigen::Map<const VecX<double>>(time.data(), rows);
   const Json& channels = o.required("channels");
   JsonObject columns(channels, o.at("channels"));
-  out.values.resize(rows, static_cast<long>(channels.size()));
+  std::vector<VecX<double>> values;
   for (const auto& item : channels.items()) {
-    out.values.col(static_cast<long>(out.channels.size())) =
-        read_column(columns, item.key().c_str(), rows);
+    values.push_back(read_column(columns, item.key().c_str(), rows));
     out.channels.push_back(item.key());
   }
+  out.values = table(values, rows);
   out.reward = o.number_or("reward", -std::numeric_limits<double>::infinity());
   out.solved = o.boolean_or("solved", false);
   out.failure = o.string_or("failure", "");

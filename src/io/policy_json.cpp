@@ -22,6 +22,10 @@ constexpr std::array<std::pair<const char*, double ErepsIteration::*>, 9> kColum
      {"largest_std", &ErepsIteration::largest_std},
      {"solved_share", &ErepsIteration::solved_share}}};
 
+/// A covariance of as many rows is factorised in seconds; a search with a tenth of them is a large
+/// one.
+constexpr long kMostParameters = 1500;
+
 constexpr const char* kPd = "pd";
 constexpr const char* kComputedTorque = "computed_torque";
 
@@ -35,6 +39,14 @@ int read_int(JsonObject& o, const char* key) {
   if (x != static_cast<int>(x))
     throw ModelError(o.at(key) + ": got " + std::to_string(x) + ", which is too large");
   return static_cast<int>(x);
+}
+
+double number_between(JsonObject& o, const char* key, double low, double high) {
+  const double x = o.number(key);
+  if (!(x >= low && x <= high))
+    throw ModelError(o.at(key) + ": got " + Json(x).dump() + ", expected " + Json(low).dump() +
+                     " to " + Json(high).dump());
+  return x;
 }
 
 void require_length(std::size_t got, long expected, const std::string& where, const char* what) {
@@ -166,6 +178,9 @@ std::uint64_t read_seed(JsonObject& o) {
 }
 
 Gaussian read_gaussian(JsonObject& o, long size) {
+  if (size > kMostParameters)
+    throw ModelError(o.at("mean") + ": the primitive has " + std::to_string(size) +
+                     " parameters; the limit is " + std::to_string(kMostParameters));
   Gaussian out;
   out.mean = read_values(o, "mean");
   require_length(static_cast<std::size_t>(out.mean.size()), size, o.at("mean"), "parameter");
@@ -175,7 +190,7 @@ Gaussian read_gaussian(JsonObject& o, long size) {
   for (long i = 0; i < size; ++i) {
     const std::vector<double> row =
         json_numbers(rows[static_cast<std::size_t>(i)],
-                     o.at("covariance") + "[" + std::to_string(i) + "]", static_cast<int>(size));
+                     o.at("covariance") + "[" + std::to_string(i) + "]", size);
     out.covariance.row(i) = Eigen::Map<const VecX<double>>(row.data(), size).transpose();
   }
   if (!std::isfinite(kl_divergence(out, out)))
@@ -237,7 +252,7 @@ ControllerOptions read_controller(JsonObject& parent, long joints) {
   if (law != kPd && law != kComputedTorque)
     throw ModelError(o.at("law") + ": got '" + law + "'; choices: " + kPd + ", " + kComputedTorque);
   out.law = law == kPd ? ControlLaw::kPd : ControlLaw::kComputedTorque;
-  out.control_rate = o.number("control_rate");
+  out.control_rate = number_between(o, "control_rate", 1.0, 1e5);
   out.kp = read_values(o, "kp");
   out.kd = read_values(o, "kd");
   for (const char* key : {"kp", "kd"}) {
@@ -304,9 +319,10 @@ LearnOptions read_task(JsonObject& root, long joints) {
   out.reward = read_reward(o);
   JsonObject s(o.required("simulator"), o.at("simulator"));
   out.simulator.controller = read_controller(s, joints);
-  out.simulator.arm_step = s.number("arm_step");
-  out.simulator.ball_step = s.number("ball_step");
-  out.simulator.settle_time = s.number("settle_time");
+  // Beyond these an hour would be simulated for years.
+  out.simulator.arm_step = number_between(s, "arm_step", 1e-6, 1.0);
+  out.simulator.ball_step = number_between(s, "ball_step", 1e-7, 1.0);
+  out.simulator.settle_time = number_between(s, "settle_time", 0.0, 60.0);
   out.simulator.least_upright = s.number("least_upright");
   out.simulator.instruction_set = s.string("instruction_set");
   s.finish();

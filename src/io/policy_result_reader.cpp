@@ -173,7 +173,9 @@ TransferRun read_transfer_run(const fs::path& folder) {
   JsonObject summary(root.required("summary"), root.at("summary"));
   if (const Json* best = summary.optional("best")) {
     const auto it =
-        std::ranges::find(run.policies, best->get<std::uint64_t>(), &LearnedPolicy::seed);
+        best->is_number_unsigned()
+            ? std::ranges::find(run.policies, best->get<std::uint64_t>(), &LearnedPolicy::seed)
+            : run.policies.end();
     if (it == run.policies.end()) throw ModelError(summary.at("best") + ": is none of the seeds");
     run.best = static_cast<int>(it - run.policies.begin());
   }

@@ -1,5 +1,6 @@
 #include "io/run_reader.hpp"
 
+#include <cmath>
 #include <limits>
 
 #include <diffnea/io/atomic_file.hpp>
@@ -19,7 +20,11 @@ Json run_file(const std::filesystem::path& folder, const char* name) {
 double number_or_nan(JsonObject& object, const char* key) { return object.number_or(key, kNaN); }
 
 long count(JsonObject& object, const char* key) {
-  return static_cast<long>(object.number_or(key, 0.0));
+  const double x = object.number_or(key, 0.0);
+  constexpr double kExact = 9007199254740992.0;  // 2^53
+  if (!(std::abs(x) <= kExact))
+    throw ModelError(object.at(key) + ": got " + Json(x).dump() + ", which is too large");
+  return static_cast<long>(x);
 }
 
 std::vector<std::string> strings(JsonObject& object, const char* key) {

@@ -8,6 +8,7 @@ namespace diffnea {
 namespace {
 
 constexpr double kLongest = 3600.0;  ///< [s]: beyond, a slip of the pen
+constexpr int kMost = 1000;          ///< joints, and bases of each: likewise
 
 void require(bool ok, const std::string& what) {
   if (!ok) throw Error("ProMP: " + what);
@@ -44,12 +45,15 @@ Hermite hermite_slope(double s) {
 
 Promp::Promp(PrompSpec spec) : spec_(std::move(spec)) {
   require(!spec_.joints.empty(), "no joint moves");
+  require(spec_.joints.size() <= kMost && spec_.bases <= kMost,
+          std::to_string(spec_.joints.size()) + " joints and " + std::to_string(spec_.bases) +
+              " bases, expected at most " + std::to_string(kMost) + " of either");
   for (std::size_t j = 0; j < spec_.joints.size(); ++j)
     require(std::count(spec_.joints.begin(), spec_.joints.end(), spec_.joints[j]) == 1,
             "joint '" + spec_.joints[j] + "' is named twice");
   require(spec_.bases >= 2, std::to_string(spec_.bases) + " bases, expected at least 2");
   require(spec_.held_first >= 0 && spec_.held_last >= 0, "fewer than 0 weights are held");
-  require(spec_.held_first + spec_.held_last < spec_.bases,
+  require(spec_.held_first < spec_.bases - std::min(spec_.held_last, spec_.bases),
           "all of " + std::to_string(spec_.bases) + " weights are held (" +
               std::to_string(spec_.held_first) + " first, " + std::to_string(spec_.held_last) +
               " last)");
