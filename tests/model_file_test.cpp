@@ -315,7 +315,7 @@ TEST_CASE("reading: a wrong file is named, with the reason", "[io]") {
            "<mujoco><worldbody><body><composite type='grid' count='300 300 1' spacing='1'><geom "
            "size='1'/>"
            "</composite></body></worldbody></mujoco>",
-           "the limit is 10000"},
+           "the limit is 1000"},
       Case{"a.xml",
            "<mujoco><worldbody><body><joint name='j'/><geom size='1'/><body><joint name='k'/><geom "
            "size='1'/></body>"

@@ -5,7 +5,6 @@
 #include <cstdlib>
 #include <cstring>
 #include <set>
-#include <sstream>
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/io/atomic_file.hpp>
@@ -13,6 +12,7 @@
 #include "io/mjcf_ball.hpp"
 #include "io/mjcf_cup.hpp"
 #include "io/mjcf_inertial.hpp"
+#include "io/mjcf_limits.hpp"
 #include "io/model_parts.hpp"
 
 namespace diffnea::io {
@@ -20,7 +20,6 @@ namespace {
 
 /// Includes in includes; a chain this long is a mistake or an attack.
 constexpr int kMaxIncludeDepth = 16;
-constexpr int kMaxGeneratedBodies = 10000;
 
 void expand(XmlElement& element, const std::filesystem::path& folder, const std::string& where,
             std::set<std::filesystem::path>& seen, int depth) {
@@ -41,14 +40,6 @@ void expand(XmlElement& element, const std::filesystem::path& folder, const std:
     element.DeleteChild(&e);
   });
 }
-
-template <class F>
-void walk(XmlElement& element, F&& f) {
-  f(element);
-  for_each_child(element, nullptr, [&](XmlElement& e) { walk(e, f); });
-}
-
-bool is(const XmlElement& e, const char* name) { return std::strcmp(e.Name(), name) == 0; }
 
 bool inertia_from_geoms(XmlElement& root) {
   bool forced = false;
@@ -82,6 +73,14 @@ void strip_looks(XmlElement& root, bool weigh_all) {
       if (!used_meshes.contains(name)) asset.DeleteChild(&mesh);
     });
   });
+}
+
+/// The compiler would simulate an actuator to learn its length, for as long as the document says,
+/// and make room for a simulation. No model holds either.
+void without_lengths_and_sizes(XmlElement& root) {
+  remove_children(root, "size");
+  for_each_child(root, "compiler", [](XmlElement& c) { remove_children(c, "lengthrange"); });
+  child(child(root, "compiler"), "lengthrange").SetAttribute("mode", "none");
 }
 
 /// Meshes that give a body its inertia: checked, loaded, and renamed to flat names in memory.
@@ -228,33 +227,6 @@ JointTerms mujoco_terms(const mjModel& m, int j) {
   return t;
 }
 
-/// Generated bodies: MuJoCo takes hours over what one attribute can ask for.
-void limit_generated_bodies(XmlElement& root, const std::string& where) {
-  walk(root, [&](XmlElement& e) {
-    if (!is(e, "composite") && !is(e, "replicate")) return;
-    std::istringstream counts(attribute(e, "count"));
-    double product = 1.0;
-    for (double n; counts >> n;) product *= std::max(n, 1.0);
-    if (!(product <= kMaxGeneratedBodies))
-      throw ModelError(where + ": <" + e.Name() + "> asks for " + attribute(e, "count") +
-                       " bodies; the limit is " + std::to_string(kMaxGeneratedBodies));
-  });
-}
-
-/// MuJoCo takes NaN for "not given" and goes on.
-void refuse_nan(XmlElement& root, const std::string& where) {
-  walk(root, [&](XmlElement& e) {
-    for (const tinyxml2::XMLAttribute* a = e.FirstAttribute(); a; a = a->Next()) {
-      if (std::strcmp(a->Name(), "name") == 0) continue;
-      std::istringstream words(a->Value());
-      for (std::string word; words >> word;)
-        if (word.size() == 3 && std::isnan(std::strtod(word.c_str(), nullptr)))
-          throw ModelError(where + ": <" + e.Name() + "> has " + a->Name() + " = '" + a->Value() +
-                           "', expected finite numbers (NaN)");
-    }
-  });
-}
-
 }  // namespace
 
 Mjcf expand_mjcf(const std::string& text, const std::filesystem::path& folder,
@@ -262,8 +234,7 @@ Mjcf expand_mjcf(const std::string& text, const std::filesystem::path& folder,
   Mjcf out{parse_xml(text, where), folder.empty() ? std::filesystem::path(".") : folder, where};
   std::set<std::filesystem::path> seen;
   expand(*out.document->RootElement(), out.folder, where, seen, 0);
-  limit_generated_bodies(*out.document->RootElement(), where);
-  refuse_nan(*out.document->RootElement(), where);
+  check_mjcf(*out.document->RootElement(), where);
   return out;
 }
 
@@ -272,6 +243,7 @@ MujocoModel compile_mjcf(const Mjcf& mjcf) {
   mjcf.document->DeepCopy(&document);
   XmlElement& root = *document.RootElement();
   strip_looks(root, inertia_from_geoms(root));
+  without_lengths_and_sizes(root);
   sim::MujocoFiles files;
   add_meshes(root, mjcf, files);
   return sim::compile_mujoco(xml_text(document), files, mjcf.where);

@@ -14,6 +14,8 @@ namespace {
 constexpr double kRotationTol = 1e-5;
 constexpr double kRoundingTol = 1e-13;
 
+constexpr std::size_t kMaxLinks = 2000, kMaxEffects = 10'000;
+
 bool finite(const Vec3<double>& v) {
   return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z);
 }
@@ -116,7 +118,17 @@ bool is_joint_term(const Model& model, const EffectSpec& effect) {
   return kNames.contains(effect.effect) && std::ranges::find(joints, effect.where) != joints.end();
 }
 
+void require_few_links(std::size_t links, const std::string& where) {
+  if (links > kMaxLinks)
+    throw ModelError(where + ": has " + std::to_string(links) + " links; the limit is " +
+                     std::to_string(kMaxLinks));
+}
+
 void validate(const Model& model, const std::string& where) {
+  require_few_links(model.links.size(), where);
+  if (model.effects.size() > kMaxEffects)
+    throw ModelError(where + ": has " + std::to_string(model.effects.size()) +
+                     " effects; the limit is " + std::to_string(kMaxEffects));
   std::set<std::string> links, joints, frames;
   for (std::size_t i = 0; i < model.links.size(); ++i) {
     const ModelLink& link = model.links[i];

@@ -24,6 +24,10 @@ JointTerms joint_terms(const Model& model, const std::string& joint);
 /// Whether JointTerms holds all that the effect says.
 bool is_joint_term(const Model& model, const EffectSpec& effect);
 
+/// @throws ModelError if a description has more links than any robot: what follows walks from link
+/// to link, and compares effects with joints
+void require_few_links(std::size_t links, const std::string& where);
+
 /// Finite numbers, unit axes, rotations that are rotations, names that are there and used once, a
 /// ball with mass on a string with length, a cup that can hold one, obstacles that are solid.
 /// @throws ModelError `where: …`

@@ -8,12 +8,13 @@
 #include <diffnea/io/trajectory_file.hpp>
 
 #include "io/model_parts.hpp"
+#include "recording/line_source.hpp"
 
 namespace diffnea {
 namespace {
 
-/// A day at 500 Hz of seven joints.
-constexpr std::size_t kMaxTrajectorySize = std::size_t{4} << 30;
+/// Names are compared one by one; a row takes eight bytes a column however short its cells are.
+constexpr std::size_t kMaxColumns = 5000;
 
 std::vector<std::string_view> split(std::string_view line) {
   std::vector<std::string_view> out;
@@ -66,15 +67,15 @@ void write_trajectory(const Trajectory& t, const std::filesystem::path& path) {
 }
 
 Trajectory read_trajectory(const std::filesystem::path& path) {
-  const std::string text = read_text_file(path, kMaxTrajectorySize), where = path.string();
-  std::string_view rest = text;
-  const auto next_line = [&] {
-    const std::size_t end = rest.find('\n');
-    const std::string_view line = rest.substr(0, end);
-    rest.remove_prefix(end == rest.npos ? rest.size() : end + 1);
-    return line;
-  };
-  const std::vector<std::string_view> header = split(next_line());
+  const std::string where = path.string();
+  detail::LineSource lines(path, "trajectory");
+  std::string_view line;
+  lines.next(line);
+  const std::string first(line);
+  const std::vector<std::string_view> header = split(first);
+  if (header.size() > kMaxColumns)
+    throw DataError(where + ":1: the header has " + std::to_string(header.size()) +
+                    " columns; the limit is " + std::to_string(kMaxColumns));
   Trajectory out;
   out.source = where;
   const auto column = [&](const std::string& name) {
@@ -98,10 +99,10 @@ Trajectory read_trajectory(const std::filesystem::path& path) {
   const long n = static_cast<long>(q.size());
   std::vector<double> values;  // per row: time, q, qd, qdd
   const long width = 1 + 3 * n;
-  for (long line = 2; !rest.empty(); ++line) {
-    const std::vector<std::string_view> cells = split(next_line());
+  while (lines.next(line)) {
+    const std::vector<std::string_view> cells = split(line);
     if (cells.size() == 1 && cells[0].empty()) continue;
-    const std::string here = where + ":" + std::to_string(line);
+    const std::string here = where + ":" + std::to_string(lines.number());
     if (cells.size() != header.size())
       throw DataError(here + ": has " + std::to_string(cells.size()) + " cells, the header " +
                       std::to_string(header.size()));

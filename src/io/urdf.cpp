@@ -42,6 +42,16 @@ class CollectErrors : public console_bridge::OutputHandler {
   std::string text_;
 };
 
+/// Elements alone: no comment, declaration or DOCTYPE that urdfdom's own parser, of 2011, may trip
+/// over.
+class ElementPrinter : public tinyxml2::XMLPrinter {
+ public:
+  using tinyxml2::XMLPrinter::Visit;
+  bool Visit(const tinyxml2::XMLComment&) override { return true; }
+  bool Visit(const tinyxml2::XMLDeclaration&) override { return true; }
+  bool Visit(const tinyxml2::XMLUnknown&) override { return true; }
+};
+
 /// Only links and joints, and of them what moves: looks may be missing or wrong.
 std::string without_looks(const XmlDocument& original) {
   XmlDocument document;
@@ -53,7 +63,9 @@ std::string without_looks(const XmlDocument& original) {
     remove_children(e, "visual");
     remove_children(e, "collision");
   });
-  return xml_text(document);
+  ElementPrinter printer;
+  robot.Accept(&printer);
+  return printer.CStr();
 }
 
 /// @throws ModelError also where urdfdom complains and goes on: it drops an inertia that it cannot
@@ -75,8 +87,11 @@ urdf::ModelInterfaceSharedPtr parse(const XmlDocument& document, const std::stri
 /// and walks a cycle for ever.
 void check_tree(XmlElement& robot, const std::string& where) {
   std::map<std::string, std::string> parent_of, joint_of;
-  std::set<std::string> links;
-  for_each_child(robot, "link", [&](XmlElement& link) { links.insert(attribute(link, "name")); });
+  for (const char* element : {"link", "joint"}) {
+    std::size_t count = 0;
+    for_each_child(robot, element, [&](XmlElement&) { ++count; });
+    require_few_links(count, where);
+  }
   for_each_child(robot, "joint", [&](XmlElement& joint) {
     const std::string name = attribute(joint, "name");
     const XmlElement* parent = joint.FirstChildElement("parent");
@@ -89,14 +104,17 @@ void check_tree(XmlElement& robot, const std::string& where) {
     joint_of[c] = name;
     parent_of[c] = attribute(*parent, "link");
   });
+  std::set<std::string> rooted;  // links below a root
   for (const auto& [child, unused] : parent_of) {
-    std::string at = child;
-    for (std::size_t steps = 0; parent_of.contains(at); ++steps) {
-      if (steps > parent_of.size())
+    std::vector<std::string> path;
+    for (std::string at = child; parent_of.contains(at) && !rooted.contains(at);
+         at = parent_of[at]) {
+      path.push_back(at);
+      if (path.size() > parent_of.size())
         throw ModelError(where + ": link '" + child +
                          "' is its own ancestor; a robot must be a tree");
-      at = parent_of[at];
     }
+    rooted.insert(path.begin(), path.end());
   }
 }
 

@@ -7,7 +7,70 @@
 
 namespace diffnea::io {
 
+namespace {
+
+/// An element takes a hundred times the memory of its shortest text, and the parser compares every
+/// attribute with those before it.
+constexpr std::size_t kMaxElements = 200'000, kMaxAttributes = 1000;  // an end tag counts, too
+
+/// Whether the text is UTF-8 without the character 0, at which parsers in C would end it.
+bool is_utf8(std::string_view text) {
+  for (std::size_t i = 0; i < text.size();) {
+    const auto c = static_cast<unsigned char>(text[i++]);
+    const int more = c < 0x80                ? 0
+                     : c >= 0xC2 && c < 0xE0 ? 1
+                     : c >= 0xE0 && c < 0xF0 ? 2
+                     : c >= 0xF0 && c < 0xF5 ? 3
+                                             : -1;
+    if (c == 0 || more < 0) return false;
+    for (int k = 0; k < more; ++k, ++i)
+      if (i == text.size() || (static_cast<unsigned char>(text[i]) & 0xC0) != 0x80) return false;
+  }
+  return true;
+}
+
+/// Before the parser builds anything. Of a text that is not XML any answer will do. Comments may be
+/// in any encoding.
+void check_limits(std::string_view text, const std::string& where) {
+  const auto refuse = [&](const char* what, std::size_t limit) {
+    throw ModelError(where + ": " + what + "; the limit is " + std::to_string(limit));
+  };
+  const auto behind = [&](std::string_view end, std::size_t from) {
+    const std::size_t at = text.find(end, from);
+    return at == text.npos ? text.size() : at + end.size();
+  };
+  std::size_t elements = 0, checked = 0;
+  const auto check_text = [&](std::size_t end) {
+    if (!is_utf8(text.substr(checked, end - checked)))
+      throw ModelError(where + ": is not XML: its text is not UTF-8");
+  };
+  for (std::size_t i = text.find('<'); i < text.size(); i = text.find('<', i)) {
+    const std::string_view rest = text.substr(i, 9);
+    if (rest.starts_with("<!--")) {
+      check_text(i);
+      i = checked = behind("-->", i);
+    } else if (rest.starts_with("<![CDATA[")) {
+      i = behind("]]>", i);
+    } else if (rest.starts_with("<!") || rest.starts_with("<?")) {
+      i = behind(">", i);
+    } else {
+      if (++elements > kMaxElements) refuse("has too many elements", kMaxElements);
+      std::size_t attributes = 0;
+      for (++i; i < text.size() && text[i] != '>'; ++i) {
+        if (text[i] == '"' || text[i] == '\'')
+          i = behind(text.substr(i, 1), i + 1) - 1;
+        else if (text[i] == '=' && ++attributes > kMaxAttributes)
+          refuse("has an element with too many attributes", kMaxAttributes);
+      }
+    }
+  }
+  check_text(text.size());
+}
+
+}  // namespace
+
 std::unique_ptr<XmlDocument> parse_xml(std::string_view text, const std::string& where) {
+  check_limits(text, where);
   auto document = std::make_unique<XmlDocument>();
   document->Parse(text.data(), text.size());
   if (document->Error())

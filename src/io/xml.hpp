@@ -1,6 +1,7 @@
 #pragma once
 /// XML documents as trees that can be edited in place. tinyxml2 stays inside src/io.
 
+#include <cstring>
 #include <filesystem>
 #include <memory>
 #include <string>
@@ -12,7 +13,10 @@ namespace diffnea::io {
 using XmlDocument = tinyxml2::XMLDocument;
 using XmlElement = tinyxml2::XMLElement;
 
-/// @throws ModelError `where: is not XML: line …`
+/// Nothing is fetched and no entity of the document's own is put in: those of XML itself and
+/// characters by number are all there is. @throws ModelError `where: is not XML: line …`; also for
+/// one that no robot needs: more than 200 000 tags or 1000 attributes of one, or text (but for
+/// comments) that is not UTF-8
 std::unique_ptr<XmlDocument> parse_xml(std::string_view text, const std::string& where);
 std::string xml_text(const XmlDocument& document);
 
@@ -34,6 +38,15 @@ void for_each_child(XmlElement& element, const char* name, F&& f) {
     e = next;
   }
 }
+
+/// Calls f(e) for the element and all below it; f may delete what is below its argument.
+template <class F>
+void walk(XmlElement& element, F&& f) {
+  f(element);
+  for_each_child(element, nullptr, [&](XmlElement& e) { walk(e, f); });
+}
+
+inline bool is(const XmlElement& e, const char* name) { return std::strcmp(e.Name(), name) == 0; }
 
 /// A file below `folder`, however `relative` is written and wherever links point.
 /// @throws ModelError if it lies elsewhere; FileError if it does not exist

@@ -92,6 +92,9 @@ bool is_of_joint(Channel channel) {
          channel == Channel::kQcmd || channel == Channel::kTau;
 }
 
+/// Names are compared one by one, and a row takes eight bytes a column however short its cells are.
+constexpr std::size_t kMaxColumns = 5000;
+
 /// Cells of a header line, unquoted.
 std::vector<std::string> split_header(std::string_view line) {
   std::vector<std::string> out;
@@ -198,6 +201,9 @@ Columns parse_header(std::string_view line, const std::string& where, const Reco
   const auto fail = [&](std::size_t column, const std::string& what) -> void {
     throw DataError(where + ":1:" + std::to_string(column + 1) + ": " + what);
   };
+  if (cells.size() > kMaxColumns)
+    fail(kMaxColumns, "the header has " + std::to_string(cells.size()) + " columns; the limit is " +
+                          std::to_string(kMaxColumns));
   if (cells.size() == 1 && (line.find(';') != line.npos || line.find('\t') != line.npos))
     fail(0, "got a header without commas, expected comma-separated columns (time, q_<joint>, …)");
   if (std::ranges::all_of(cells, [](const std::string& c) {

@@ -7,12 +7,22 @@
 
 #include "core/number_text.hpp"
 #include "recording/csv_row.hpp"
+#include "recording/foreign_file.hpp"
 
 namespace diffnea::detail {
+namespace {
+
+/// The path itself, unless Python would have to convert the file first.
+const std::filesystem::path& of_csv(const std::filesystem::path& path) {
+  refuse_foreign_file(path, path.string());
+  return path;
+}
+
+}  // namespace
 
 CredibleRows::CredibleRows(const std::filesystem::path& path, const ReadOptions& options,
                            ReadReport& report)
-    : report_(report), max_listed_(options.max_listed), lines_(path) {
+    : report_(report), max_listed_(options.max_listed), lines_(of_csv(path)) {
   std::string_view line;
   do {
     if (!lines_.next(line))

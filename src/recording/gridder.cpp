@@ -1,6 +1,9 @@
 #include "recording/gridder.hpp"
 
 #include <cmath>
+#include <string>
+
+#include <diffnea/core/error.hpp>
 
 namespace diffnea::detail {
 namespace {
@@ -10,6 +13,8 @@ constexpr double kOnGrid = 0.02;
 /// Neighbours of an interval that lie closer to it are not used: a cubic through points that nearly
 /// coincide blows their noise up [periods].
 constexpr double kTooClose = 0.3;
+/// Rows of the grid for a row of the recording, at most: memory in proportion to the file.
+constexpr long kMostPerRow = 20, kUnsuspicious = 100'000;
 
 }  // namespace
 
@@ -26,6 +31,12 @@ Gridder::Gridder(const Options& options, int num_joints)
 
 bool Gridder::push(const Recording& r, long i) {
   if (is_gap(r, i, options_.velocity)) return true;
+  ++pushed_;
+  if (emitted_ > kMostPerRow * pushed_ + kUnsuspicious)
+    throw DataError(r.source + ": its rows are too few for their usual period of " +
+                    std::to_string(options_.dt) + " s: " + std::to_string(emitted_) +
+                    " would have to be interpolated between " + std::to_string(pushed_) +
+                    "; leave out rows that follow each other too closely, or split the file");
   const double t = r.time[i];
   const bool first = times_.empty();
   if (!first && t - times_.back() > options_.max_gap * options_.dt) return false;
@@ -94,6 +105,7 @@ void Gridder::emit_interval(std::size_t k) {
   for (;; ++next_) {
     const double t = t0_ + static_cast<double>(next_) * dt;
     if (t >= times_[k + 1] - kOnGrid * dt) return;
+    ++emitted_;
     const double* a = raw_.data() + k * num_columns_;
     if (std::abs(t - times_[k]) <= kOnGrid * dt) {
       rows.insert(rows.end(), a, a + num_columns_);

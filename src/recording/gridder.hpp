@@ -43,7 +43,8 @@ class Gridder {
   std::vector<double> raw_;    ///< the same rows' columns
   std::vector<double> held_;   ///< measured τ of the last four rows, oldest first
   double t0_ = 0.0;
-  long next_ = 0;  ///< grid point to come
+  long next_ = 0;                  ///< grid point to come
+  long pushed_ = 0, emitted_ = 0;  ///< rows so far: of recordings, of the grid
 };
 
 /// Rows without a position, a measured torque or, if wanted, a velocity.

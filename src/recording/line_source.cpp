@@ -4,16 +4,16 @@
 
 #include <diffnea/core/error.hpp>
 
-#include "recording/foreign_file.hpp"
-
 namespace diffnea::detail {
 
-LineSource::LineSource(const std::filesystem::path& path) : name_(path.string()) {
-  refuse_foreign_file(path, name_);
-  file_.reset(std::filesystem::is_directory(path) ? nullptr : std::fopen(path.c_str(), "rb"));
+LineSource::LineSource(const std::filesystem::path& path, const std::string& what)
+    : name_(path.string()) {
+  std::error_code ignored;
+  file_.reset(std::filesystem::is_directory(path, ignored) ? nullptr
+                                                           : std::fopen(path.c_str(), "rb"));
   if (!file_)
-    throw FileError(name_ + ": the recording cannot be opened; expected a readable CSV file");
-  buffer_.resize(1 << 20);
+    throw FileError(name_ + ": the " + what + " cannot be opened; expected a readable CSV file");
+  buffer_.resize(2 * kMaxLine);
 }
 
 bool LineSource::next(std::string_view& line) {
@@ -30,10 +30,13 @@ bool LineSource::next(std::string_view& line) {
       return true;
     }
     if (at_end_) return false;
+    if (end_ - begin_ > kMaxLine)
+      throw DataError(name_ + ":" + std::to_string(number_ + 1) + ": the line is longer than " +
+                      std::to_string(kMaxLine >> 20) +
+                      " MiB, expected rows of numbers: is it a CSV file?");
     std::memmove(buffer_.data(), begin, end_ - begin_);
     end_ -= begin_;
     begin_ = 0;
-    if (end_ == buffer_.size()) buffer_.resize(2 * buffer_.size());
     const std::size_t got =
         std::fread(buffer_.data() + end_, 1, buffer_.size() - end_, file_.get());
     end_ += got;

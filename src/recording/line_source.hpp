@@ -10,13 +10,18 @@
 
 namespace diffnea::detail {
 
+/// A thousand columns of twenty characters are 20 kB.
+inline constexpr std::size_t kMaxLine = std::size_t{1} << 20;  // [bytes]
+
 /// Lines of a file, read in large pieces.
 class LineSource {
  public:
+  /// @param what  the file is, for messages
   /// @throws FileError if the file cannot be opened
-  explicit LineSource(const std::filesystem::path& path);
+  explicit LineSource(const std::filesystem::path& path, const std::string& what = "recording");
 
   /// @param line  without its end, valid until the next call  @return false at the end of the file
+  /// @throws DataError if the line is longer than kMaxLine: the file is of another kind
   bool next(std::string_view& line);
 
   const std::string& name() const { return name_; }  ///< of the file, for messages

@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <limits>
 #include <numbers>
 
@@ -25,6 +26,14 @@ constexpr long kStencil = 2;
 constexpr double kForgotten = 1e-15;
 /// Rows that planning looks at, at most; enough for any spectrum.
 constexpr long kPlanRows = 400'000;
+/// No drive is sampled faster; a pause of milliseconds would be a gap of millions of rows [s].
+constexpr double kShortestPeriod = 1e-6;
+
+std::string number_text(double x) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.6g", x);
+  return text;
+}
 
 /// The grid's period: mean of the intervals within half of their median, which is the median to the
 /// accuracy that time was written with, and its true value where it was rounded.
@@ -184,6 +193,10 @@ PreprocessPlan plan_preprocess(const std::vector<Recording>& recordings,
   plan.min_segment = options.min_segment;
   plan.measured_velocity = options.measured_velocity;
   plan.dt = choose_period(recordings, options, plan.timing_jitter);
+  if (!(plan.dt >= kShortestPeriod))
+    throw DataError(recordings.front().source + ": rows follow each other every " +
+                    number_text(plan.dt) + " s, expected " + number_text(kShortestPeriod) +
+                    " s or more: is the unit of `time` right?");
   const double rate = 1.0 / plan.dt;
   const std::size_t n = names.size();
 

@@ -40,7 +40,13 @@ MujocoModel compile_mujoco(std::string_view mjcf, MujocoFiles& files, const std:
   const std::scoped_lock lock(one_at_a_time);
   files.add("model.xml", mjcf, where);
   char error[1000] = "";
-  MujocoModel model(mj_loadXML("model.xml", files.get(), error, sizeof error));
+  MujocoModel model;
+  try {
+    model.reset(mj_loadXML("model.xml", files.get(), error, sizeof error));
+  } catch (...) {  // of a C++ library of its own, so that no type of ours would catch it
+    throw ModelError(where +
+                     ": MuJoCo's compiler broke off: it asks for more memory than there is");
+  }
   if (model) return model;
   std::string reason = error;
   std::ranges::replace(reason, '\n', ' ');
