@@ -1,6 +1,7 @@
 #include "sim/control_loop.hpp"
 
 #include <algorithm>
+#include <cstdio>
 #include <limits>
 
 #include <diffnea/core/error.hpp>
@@ -12,6 +13,13 @@ namespace diffnea::sim {
 namespace {
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+constexpr double kMostRows = 1e7, kMostRowsEach = 100.0;  ///< of a recording; for a desired row
+
+std::string number_text(double x) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.6g", x);
+  return text;
+}
 
 /// Desired motion in the order of the robot's joints, sampled by straight lines between the rows.
 class Reference {
@@ -102,6 +110,13 @@ SimulatedRecording run_control_loop(Plant& plant, const Model& robot, const Mode
   JointController control(controller, robot, o, q0);
 
   const double duration = trajectory.time[trajectory.rows() - 1] - start;
+  // Two rows can be years apart; what is long and has as many rows is meant.
+  if (!(duration * o.control_rate <=
+        std::max(kMostRows, kMostRowsEach * static_cast<double>(trajectory.rows()))))
+    throw DataError(trajectory.source + ": lasts " + number_text(duration) + " s, which is " +
+                    number_text(duration * o.control_rate) + " rows at " +
+                    number_text(o.control_rate) + " Hz; the limit is " + number_text(kMostRows) +
+                    " (is its time in s?)");
   const long rows = static_cast<long>(std::floor(duration * o.control_rate + 1e-6)) + 1;
   SimulatedRecording out;
   Recording& r = out.recording;
