@@ -35,7 +35,7 @@ def beside_the_point(family: str) -> str:
     """Return a candidate that explains nothing of the family, or hardly anything."""
     if family.startswith("ball_"):
         return "dry_drag" if family == "ball_camera_delay" else "camera_delay"
-    return "cogging" if family.endswith("_offset") else "torque_offset"
+    return "armature" if family.endswith("_offset") else "torque_offset"
 
 
 def diagnosed(command: Path, home: Path, base: str, run_folder: str, *options: object) -> Json:
