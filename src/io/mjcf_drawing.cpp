@@ -216,12 +216,12 @@ class Drawing {
     const auto visit = [&](const auto& self, int parent) -> void {
       for (std::size_t i = 0; i < model_.links.size(); ++i) {
         if (model_.links[i].parent != parent) continue;
-        if (dof[i] >= 0) qpos += exact(model_.home[dof[i]]) + " ";
+        if (dof[i] >= 0) qpos += (qpos.empty() ? "" : " ") + exact(model_.home[dof[i]]);
         self(self, static_cast<int>(i));
       }
     };
     visit(visit, -1);
-    if (model_.ball) qpos += "0 0 0 1 0 0 0";
+    if (model_.ball) qpos += " 0 0 0 1 0 0 0";  // MuJoCo takes a space at the end for a number
     XmlElement& key = child(child(root, "keyframe"), "key");
     key.SetAttribute("name", "home");
     key.SetAttribute("qpos", qpos.c_str());
