@@ -4,6 +4,7 @@
 #   make test     set up, build, and run all tests
 #   make setup    set up and build: .venv/bin/diffnea and the Python module
 #   make bench    run the benchmarks
+#   make peers    measure beside Pinocchio, MuJoCo, FIGAROH, MJX and Brax (an hour; tests/benchmarks/peers)
 #   make study    hide effects in hundreds of recordings and diagnose them; can be stopped and resumed
 #   make asan     all C++ tests and the command's, under AddressSanitizer and UndefinedBehaviorSanitizer
 #   make tsan     what uses threads, under ThreadSanitizer
@@ -13,7 +14,7 @@
 BUILD := build/release
 JOBS ?= $(shell nproc)
 
-.PHONY: help setup demo test bench study asan tsan coverage clean
+.PHONY: help setup demo test bench peers study asan tsan coverage clean
 
 help:
 	@sed -n 's/^#   //p' Makefile
@@ -36,6 +37,11 @@ bench:
 	$(BUILD)/tests/benchmarks/diffnea_bench_identify
 	$(BUILD)/tests/benchmarks/diffnea_bench_ball
 	$(BUILD)/tests/benchmarks/diffnea_bench_policy
+
+peers: setup
+	.venv/bin/python -m venv build/peers/venv
+	build/peers/venv/bin/pip install --quiet --requirement tests/benchmarks/peers/requirements.txt
+	build/peers/venv/bin/python tests/benchmarks/peers/run.py build/peers
 
 study:
 	.ci/setup --tests
