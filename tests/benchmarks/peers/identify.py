@@ -101,7 +101,8 @@ def merged(rounds: list[Json]) -> Json:
 
 def identify(case: Case, tools: list[Tool], rounds: int, folder: Path) -> None:
     """`rounds` of all tools, one after the other; a finished result stays."""
-    todo = {t: [] for t in tools if not (folder / f"{t.worker}_{t.variant}.result.json").is_file()}
+    kept = {t: folder / f"{t.worker}_{t.variant}.result.json" for t in tools}
+    todo: dict[Tool, list[Json]] = {t: [] for t in tools if not kept[t].is_file()}
     for k in range(rounds):
         for tool, done in todo.items():
             if tool.slow and k > 0:
@@ -115,10 +116,9 @@ def identify(case: Case, tools: list[Tool], rounds: int, folder: Path) -> None:
                 + (last.get("failed") or f"{last['wall']:8.2f} s, processor {last['cpu']:8.2f} s"),
                 flush=True,
             )
-    for tool, done in todo.items():
-        result = merged(done) | {"tool": tool.name, "variant": tool.variant, "slow": tool.slow}
-        path = folder / f"{tool.worker}_{tool.variant}.result.json"
-        path.write_text(json.dumps(result, indent=1), encoding="utf-8")
+            if tool.slow or len(done) == rounds:
+                result = merged(done) | {"tool": tool.name, "variant": tool.variant}
+                kept[tool].write_text(json.dumps(result, indent=1), encoding="utf-8")
 
 
 def collect(cases: list[Case], folder: Path) -> list[Json]:
