@@ -2,6 +2,7 @@
 #
 #   make demo     set up, build, and run the main job on a recording
 #   make test     set up, build, and run all tests
+#   make docs     set up, build, and build the site: build/docs/html/index.html; a warning is an error
 #   make setup    set up and build: .venv/bin/diffnea and the Python module
 #   make bench    run the benchmarks
 #   make peers    measure beside Pinocchio, MuJoCo, FIGAROH, MJX and Brax (an hour; tests/benchmarks/peers)
@@ -14,7 +15,7 @@
 BUILD := build/release
 JOBS ?= $(shell nproc)
 
-.PHONY: help setup demo test bench peers study asan tsan coverage clean
+.PHONY: help setup demo test docs bench peers study asan tsan coverage clean
 
 help:
 	@sed -n 's/^#   //p' Makefile
@@ -29,6 +30,10 @@ test:
 	.ci/setup --tests
 	ctest --test-dir $(BUILD) --parallel $(JOBS) --output-on-failure --label-exclude study
 	.venv/bin/python -m pytest -m "not study"
+
+docs:
+	.ci/setup --docs
+	.venv/bin/python -m sphinx -q -W --keep-going docs build/docs/html
 
 bench:
 	.ci/setup --tests

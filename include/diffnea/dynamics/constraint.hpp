@@ -6,8 +6,12 @@
 ///   ġ = J V̇ + γ,   γ = d/dt g(X exp(V t), V)                           (of poses and twists)
 ///
 /// Such a function is a struct with
-///   static constexpr int kBodies, kRows;  static constexpr Relation kRelation;
-///   template <class T> std::array<T, kRows> operator()(const std::array<Pose<T>, kBodies>&) const;
+///
+///     static constexpr int kBodies, kRows;
+///     static constexpr Relation kRelation;
+///     template <class T>
+///     std::array<T, kRows> operator()(const std::array<Pose<T>, kBodies>&) const;
+///
 /// or with a second argument, std::array<Twist<T>, kBodies>, the bodies' twists in their frames.
 /// dynamics/constraints.hpp has examples: rod, hinge, string, rolling wheel, skate.
 

@@ -5,9 +5,11 @@
 /// to results.
 ///
 /// A new effect is one header with
+///
 ///     static const EffectInfo& info();
-///     template <Scalar T> void add_torque(const JointSample<T>& x, const int* joint, const T* p,
-///     T* tau) const;
+///     template <Scalar T>
+///     void add_torque(const JointSample<T>& x, const int* joint, const T* p, T* tau) const;
+///
 /// and one line in effects/catalogue.hpp. `joint` are the one or two joints it acts on, `p` its
 /// parameters in the order of info(), and it *adds* to tau, which is indexed by joint. The torque
 /// must be homogeneous in the parameters that are marked linear (all of them 0: no torque): the

@@ -41,8 +41,8 @@ struct WorldSpec {
 /// Parses `mujoco:NAME[,key=value…]`. NAME is a path to an MJCF, or the name of a model that
 /// find_model_file knows. Keys: `perturb` = none, A (default), B, C or
 /// PATH.json (io/surrogate.hpp); `seed`; `noise` (factor,
-/// default 1); `repetitions`; `effect` = NAME@WHERE:PARAMETER=VALUE+…, once each; of a ball `ball`
-/// = tendon (default), chain, none, `rope` = heavy, mid (default), light, none, `string`,
+/// default 1); `repetitions`; `effect` = `NAME@WHERE:PARAMETER=VALUE+…`, once each; of a ball
+/// `ball` = tendon (default), chain, none, `rope` = heavy, mid (default), light, none, `string`,
 /// `nominal_string` [m], `tilt` (largest, of a cup [rad]).
 /// @throws Error listing what there is
 WorldSpec parse_world(const std::string& text);
