@@ -39,11 +39,11 @@ def test_causes_have_a_row_for_each_parameter(finding) -> None:
     frame = finding.to_frame()
     cause = finding.causes[0]
     assert frame.index.names == ["effect", "where", "parameter"]
-    row = frame.loc[("coulomb_friction", "elbow", "coulomb")]
-    (parameter,) = cause.parameters
+    parameter = cause.parameters[0]
+    row = frame.loc[(cause.effect, cause.where, parameter.name)]
     for name in ("value", "std", "low", "high", "unit"):
         assert row[name] == getattr(parameter, name)
-    assert row["verdict"] == "NAMED"
+    assert row["verdict"] == cause.verdict
     assert row["delta_bic"] == cause.delta_bic
     assert row["explained_share"] == cause.gain.explained_share
     assert frame.equals(diffnea.to_frame(finding.causes))
