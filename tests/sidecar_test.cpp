@@ -79,6 +79,7 @@ TEST_CASE("sidecar: a wrong value is a DataError with file and key", "[io]") {
       {"[]", "expected an object"},
       {R"({"torque_side": "joint"})", "torque_side: got 'joint'; choices: motor, link"},
       {R"({"period": -1})", "period: expected a time of 0 s or more"},
+      {R"({"period": 4e15})", "at most 1e9 s"},
       {R"({"passive": "wrist"})", "passive"},
       {R"({"torque_constant": 0.1})", "torque_constant: expected an object with a key per joint"},
       {R"({"controller": {"elbow": {"kp": "big"}}})", "controller.elbow.kp"},

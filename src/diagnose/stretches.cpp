@@ -90,7 +90,7 @@ Preprocessed Stretches::rows_of(std::size_t i, const JointSeries& s) const {
 
 long settling_rows(double period, const JointSeries& s) {
   const long p = std::lround(period / s.dt);
-  if (p < 1 || s.rows() < 3 * p) return 0;
+  if (p < 1 || p > s.rows() / 3) return 0;
   const RowMatX<double> first = s.q.topRows(p) - s.q.middleRows(p, p),
                         second = s.q.middleRows(p, p) - s.q.middleRows(2 * p, p);
   const VecX<double> usual = second.colwise().squaredNorm().transpose() / static_cast<double>(p);
@@ -106,7 +106,7 @@ long settling_rows(double period, const JointSeries& s) {
 bool average_other_periods(double period, JointSeries& s) {
   const double steps = period / s.dt;
   const long p = std::lround(steps), n = s.rows();
-  if (p < 1 || std::abs(steps - static_cast<double>(p)) * static_cast<double>(n / p) > 0.5)
+  if (p < 1 || p > n || std::abs(steps - static_cast<double>(p)) * static_cast<double>(n / p) > 0.5)
     return false;
   const long covered = n >= 2 * p ? n : 2 * std::max(0L, n - p);
   if (static_cast<double>(covered) < kCovered * static_cast<double>(n)) return false;

@@ -75,7 +75,9 @@ Sidecar parse(const Json& json, const std::filesystem::path& path) {
             : TorqueSampling::kInstant;
   if (json.contains("period")) {
     info.period = io::json_number(json["period"], at("period"));
-    if (info.period < 0.0) throw ModelError(at("period") + ": expected a time of 0 s or more");
+    constexpr double kLongest = 1e9;  // [s]
+    if (!(info.period >= 0.0 && info.period <= kLongest))
+      throw ModelError(at("period") + ": expected a time of 0 s or more, at most 1e9 s");
   }
   if (json.contains("passive"))
     for (const Json& joint : io::json_array(json["passive"], at("passive")))

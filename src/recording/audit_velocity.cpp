@@ -105,6 +105,7 @@ LagFit fit_lag(const Pair& pair, Shape shape, double start) {
     const double step = std::abs(out.scale) > 1e-12 ? fit.coefficients[2] / out.scale : 0.0;
     out.lag_std = std::abs(out.scale) > 1e-12 ? fit.std[2] / std::abs(out.scale) : 0.0;
     double next = std::clamp(out.lag + step, -1.0, 1.0);
+    if (!std::isfinite(next)) break;  // of numbers so far apart that their fit has none
     if (causal) next = std::max(0.0, next);
     out.converged = std::abs(next - out.lag) < 0.01 * pair.dt + 0.01 * out.lag_std;
     out.lag = next;

@@ -24,6 +24,11 @@ bool finite(const Point& p) {
 double dot(const Point& a, const Point& b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 Point minus(const Point& a, const Point& b) { return {a[0] - b[0], a[1] - b[1], a[2] - b[2]}; }
 
+/// How many ticks have room, `spacing` pixels apart. A range that no number holds has no length.
+int ticks_over(double length, double spacing) {
+  return length > 3.0 * spacing && length < 2.0 * kWidth ? static_cast<int>(length / spacing) : 3;
+}
+
 /// What is drawn in space, the wide grey line first.
 struct SpaceLine {
   const char* css_class;
@@ -121,10 +126,10 @@ std::string projections(const BallSeries& b, const ShownPath& shown, bool with_b
     const auto to_x = [&](double x) { return left + scale * (x - rx.low); };
     const auto to_y = [&](double y) { return bottom - scale * (y - ry.low); };
     const double w = scale * rx.width(), h = scale * ry.width();
-    for (const double t : ticks(rx, std::max(3, static_cast<int>(w / 60.0))))
+    for (const double t : ticks(rx, ticks_over(w, 60.0)))
       out += segment("grid", to_x(t), kTop, to_x(t), bottom) +
              text_at(to_x(t), bottom + 14, "middle", number(t));
-    for (const double t : ticks(ry, std::max(3, static_cast<int>(h / 45.0))))
+    for (const double t : ticks(ry, ticks_over(h, 45.0)))
       out += segment("grid", left, to_y(t), left + w, to_y(t)) +
              text_at(left - 4, to_y(t) + 4, "end", number(t));
     out += text_at(left, kTop - 8, "start", v.title) + text_at(left + w, bottom + 28, "end", "m");
@@ -242,6 +247,7 @@ SphereMap mean_errors(const BallSeries& b, const std::vector<Point>& model, doub
 
 /// A round number that most of the values do not exceed: 1, 2 or 5 times a power of ten.
 double round_scale(std::vector<double> values) {
+  std::erase_if(values, [](double x) { return !std::isfinite(x); });
   if (values.empty()) return 1e-3;
   std::ranges::sort(values);
   const double most = std::max(values[(values.size() - 1) * 95 / 100], 1e-6);

@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <cmath>
 
 #include <diffnea/report/learn_text.hpp>
 
@@ -34,9 +35,12 @@ std::string learn_headline(const LearnRun& run) {
     seconds.push_back(p.seconds);
     rollouts += p.rollouts;
   }
-  std::ranges::sort(seconds);
   const std::size_t n = seconds.size();
-  const double median = 0.5 * (seconds[(n - 1) / 2] + seconds[n / 2]);
+  std::erase_if(seconds, [](double x) { return std::isnan(x); });
+  std::ranges::sort(seconds);
+  const std::size_t known = seconds.size();
+  const double median =
+      known > 0 ? 0.5 * (seconds[(known - 1) / 2] + seconds[known / 2]) : std::nan("");
   const Share solved = solved_share(run.policies);
   const NetworkSource network = network_source(run.task);
   const std::string moved = network.sha256.empty()

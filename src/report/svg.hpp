@@ -53,6 +53,11 @@ std::string path(const std::vector<double>& x, const std::vector<double>& y, X t
       continue;
     }
     const double column = std::floor(to_x(x[k]) / column_width);
+    if (!std::isfinite(column)) {  // of a range that no number holds
+      drawing = false;
+      ++k;
+      continue;
+    }
     std::size_t lowest = k, highest = k;
     for (; k < x.size() && std::isfinite(y[k]) && std::floor(to_x(x[k]) / column_width) == column;
          ++k) {
