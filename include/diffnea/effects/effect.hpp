@@ -10,14 +10,12 @@
 ///     template <Scalar T>
 ///     void add_torque(const JointSample<T>& x, const int* joint, const T* p, T* tau) const;
 ///
-/// and one line in effects/catalogue.hpp. `joint` are the one or two joints it acts on, `p` its
-/// parameters in the order of info(), and it *adds* to tau, which is indexed by joint. The torque
-/// must be homogeneous in the parameters that are marked linear (all of them 0: no torque): the
-/// columns that identification and diagnosis project on come from there. A formula that reads x.qdd
-/// or x.tau says so, `static constexpr bool kReadsAcceleration = true;`: in simulation q̈ is then
-/// the solution of an equation. Other ports have another function in add_torque's place, see Port;
-/// what all of them have in common, the torque that the log has in addition, is in
-/// effects/series.hpp.
+/// and one line in effects/catalogue.hpp. `joint` are the joints it acts on, `p` its parameters in
+/// the order of info(), and it *adds* to tau, which is indexed by joint. The torque is homogeneous
+/// in the parameters that are marked linear: identification and diagnosis take their columns from
+/// it. A formula that reads x.qdd or x.tau says so, `static constexpr bool kReadsAcceleration =
+/// true;`: in simulation q̈ is then the solution of an equation. Other ports have another function
+/// in add_torque's place, see Port; what all have in common is in effects/series.hpp.
 ///
 /// Units are written in ASCII as in result files: "N*m", "N*m*s/rad", "kg*m^2"; "1" has none.
 
