@@ -107,8 +107,8 @@ std::string bash_completion(const std::vector<CommandWords>& commands) {
       if (o.many) many += "    " + cases + ") echo yes ;;\n";
     }
     if (!c.places.empty())
-      values +=
-          "    " + shell_quoted(c.name + " ") + ") echo " + shell_quoted(bash_value(c.places.back())) + " ;;\n";
+      values += "    " + shell_quoted(c.name + " ") + ") echo " +
+                shell_quoted(bash_value(c.places.back())) + " ;;\n";
     options += "    " + shell_quoted(c.name + " ") + ") echo " + shell_quoted(all) + " ;;\n";
   }
   options += "    ' commands') echo " + shell_quoted(names) + " ;;\n";
