@@ -116,7 +116,7 @@ TEST_CASE("hostile: descriptions of a size that no robot has are refused", "[io]
            "<mujoco><worldbody><body name='b'><joint/><geom size='1'/></body></worldbody><sensor>"
            "<user objtype='body' objname='b' dim='2000000000' needstage='vel' datatype='real'/>"
            "</sensor></mujoco>",
-           "MuJoCo"});
+           "<user> has dim = '2000000000'; the limit is 1000"});
   CAPTURE(c.name);
   const Folder folder;
   CHECK_THROWS_MATCHES(read_model(folder.write("model.xml", c.text)), ModelError,
@@ -193,15 +193,16 @@ TEST_CASE("hostile: a grid needs rows, and a rate that there is", "[recording]")
     Recording r;
     r.source = "r";
     r.joint_names = {"a"};
-    r.time = VecX<double>::NullaryExpr(rows, time);
+    r.time.resize(rows);
+    for (long i = 0; i < rows; ++i) r.time[i] = time(i);
     r.q = RowMatX<double>::Random(rows, 1);
     r.tau = RowMatX<double>::Random(rows, 1);
     r.has_tau = {true};
     return r;
   };
-  // Three rows 1 µs apart, then a pause of 19 ms: ten thousand grid points a pause.
+  // Three rows 2 µs apart, then a pause of 19 ms: ten thousand grid points a pause.
   const Recording dense = recording(3000, [](long i) {
-    return 19e-3 * static_cast<double>(i / 3) + 1e-6 * static_cast<double>(i % 3 + 1);
+    return 19e-3 * static_cast<double>(i / 3) + 2e-6 * static_cast<double>(i % 3);
   });
   CHECK_THROWS_MATCHES(plan_preprocess({dense}), DataError,
                        MessageMatches(ContainsSubstring("rows are too few")));

@@ -76,9 +76,9 @@ void strip_looks(XmlElement& root, bool weigh_all) {
 }
 
 /// The compiler would simulate an actuator to learn its length, for as long as the document says,
-/// and make room for a simulation. No model holds either.
-void without_lengths_and_sizes(XmlElement& root) {
-  remove_children(root, "size");
+/// and make room for a simulation and its sensors. No model holds any of it.
+void without_simulation(XmlElement& root) {
+  for (const char* name : {"size", "sensor"}) remove_children(root, name);
   for_each_child(root, "compiler", [](XmlElement& c) { remove_children(c, "lengthrange"); });
   child(child(root, "compiler"), "lengthrange").SetAttribute("mode", "none");
 }
@@ -243,7 +243,7 @@ MujocoModel compile_mjcf(const Mjcf& mjcf) {
   mjcf.document->DeepCopy(&document);
   XmlElement& root = *document.RootElement();
   strip_looks(root, inertia_from_geoms(root));
-  without_lengths_and_sizes(root);
+  without_simulation(root);
   sim::MujocoFiles files;
   add_meshes(root, mjcf, files);
   return sim::compile_mujoco(xml_text(document), files, mjcf.where);

@@ -14,6 +14,7 @@ namespace {
 /// MuJoCo 2.2.2 compiles so many in seconds; its time grows with their square.
 constexpr long kMaxElements = 5000;
 constexpr double kMaxBodies = 1000.0;
+constexpr double kMaxUserData = 1000.0;  ///< numbers of a sensor of the user's
 
 /// Attributes of <size>, and the largest they may be. MuJoCo allocates what they say: njmax² of
 /// eight bytes, nuser_… for every element; where it cannot, it ends the process.
@@ -50,11 +51,16 @@ void limit_elements(XmlElement& root, const std::string& where) {
 }
 
 void limit_sizes(XmlElement& root, const std::string& where) {
+  const auto limit = [&](XmlElement& e, const char* name, double most) {
+    if (!(std::strtod(attribute(e, name).c_str(), nullptr) <= most))
+      throw ModelError(where + ": <" + e.Name() + "> has " + name + " = '" + attribute(e, name) +
+                       "'; the limit is " + std::to_string(static_cast<long>(most)));
+  };
   for_each_child(root, "size", [&](XmlElement& size) {
-    for (const auto& [name, most] : kMaxSizes)
-      if (!(std::strtod(attribute(size, name).c_str(), nullptr) <= most))
-        throw ModelError(where + ": <size> has " + name + " = '" + attribute(size, name) +
-                         "'; the limit is " + std::to_string(static_cast<long>(most)));
+    for (const auto& [name, most] : kMaxSizes) limit(size, name, most);
+  });
+  for_each_child(root, "sensor", [&](XmlElement& sensor) {
+    for_each_child(sensor, "user", [&](XmlElement& user) { limit(user, "dim", kMaxUserData); });
   });
 }
 
