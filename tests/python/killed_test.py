@@ -124,7 +124,7 @@ class Uninterrupted:
     def __call__(self, case: Case) -> tuple[Path, float]:
         if case.name not in self._found:
             folder = self._folder / case.name
-            folder.mkdir()
+            folder.mkdir(exist_ok=True)
             begin = time.monotonic()
             finish(case, folder, self._inputs)
             self._found[case.name] = folder, time.monotonic() - begin
@@ -209,7 +209,8 @@ def test_interrupted_it_says_so_and_what_it_leaves_is_usable(
 ) -> None:
     expected, seconds = uninterrupted(case)
     status, errors = hit(case, tmp_path, inputs, 0.5 * seconds, signal.SIGINT)
-    assert status in (INTERRUPTED, *FINISHED), errors
+    # On a busy machine it may not have begun: then the signal itself ends it.
+    assert status in (INTERRUPTED, -signal.SIGINT, *FINISHED), errors
     if status == INTERRUPTED:
         assert "interrupted" in errors
     whole_files.check(tmp_path)
