@@ -76,7 +76,7 @@ def make(seed: int, folder: Path) -> Case:
 
 def diagnosis(rng: np.random.Generator) -> Json:
     out: Json = {
-        "base": str(rng.choice(["auto", "refit", "fixed", "prior"], p=[0.7, 0.1, 0.1, 0.1]))
+        "base": str(rng.choice(["auto", "refit", "fixed", "prior"], p=[0.7, 0.15, 0.12, 0.03]))
     }
     if rng.random() < 0.5:
         count = int(rng.integers(1, 4))
@@ -201,7 +201,7 @@ def record(rng: np.random.Generator, truth: Json, n: int) -> dict[str, np.ndarra
     """What the robot's sensors see of a motion of sines."""
     if rng.random() < 0.7:  # as people record
         rate = float(rng.choice([50.0, 100.0, 200.0]))
-        rows = int(rate * rng.uniform(3.0, 12.0))
+        rows = int(rate * rng.uniform(8.0, 30.0))
     else:
         rows = int(rng.choice([1, 2, 3, 7, 20, 60, 200, 600, 1500, 4000]))
         rate = float(rng.choice([0.1, 5.0, 50.0, 250.0, 1000.0, 1e5]))
