@@ -518,16 +518,23 @@ TEST_CASE("csv: blocks of any size hold the rows of the whole", "[recording]") {
   CHECK_FALSE(reader.next(block, max_rows));
 }
 
-TEST_CASE("csv: lines longer than the read buffer are whole", "[recording]") {
-  std::string header = "time,q_a", row0 = "0,1", row1 = "1,2";
-  for (int i = 0; i < 40'000; ++i) {
-    header += ",channel_number_" + std::to_string(i);
-    row0 += ",0.123456789012345678901234567890";
-    row1 += "," + std::to_string(i);
+TEST_CASE("csv: long lines are whole wherever the read buffer ends", "[recording]") {
+  // Rows of 0.8 MB, under the limit of 1 MiB: the buffer of 2 MiB ends within one of them.
+  constexpr std::size_t kChannels = 4000;
+  const std::string digits = "0." + std::string(200, '5');
+  std::string text = "time,q_a";
+  for (std::size_t i = 0; i < kChannels; ++i) text += ",channel_" + std::to_string(i);
+  text += "\n";
+  for (int row = 0; row < 5; ++row) {
+    text += std::to_string(row) + "," + std::to_string(row + 1);
+    for (std::size_t i = 1; i < kChannels; ++i) text += "," + digits;
+    text += "," + std::to_string(10 * row) + "\n";
   }
-  const Recording r = read(header + "\n" + row0 + "\n" + row1 + "\n")[0];
-  CHECK(r.extra.size() == 40'000);
-  CHECK(r.extra[39'999].values[1] == 39'999.0);
+  const Recording r = read(text)[0];
+  REQUIRE(r.extra.size() == kChannels);
+  REQUIRE(r.rows() == 5);
+  CHECK(r.extra[0].values[3] == 5.0 / 9.0);
+  CHECK(r.extra[kChannels - 1].values[4] == 40.0);
 }
 
 }  // namespace diffnea
