@@ -4,8 +4,8 @@
     rollouts.py OUT [--rounds 5] [--mjx 1 64 1024] [--mjx-contacts 64] [--brax 64]
 
 diffnea (primitive, limits and reward included), MuJoCo's own `rollout` (open loop commands, nothing else), MJX on the
-processor, and Brax's `generalized` pipeline, which has no tendons: there the arm alone. Compiling is timed apart. All
-take turns in every round. A long scan is cut short for MJX and Brax, whose time is a multiple of its steps.
+processor, and Brax's `generalized` pipeline, which has no tendons: there the arm alone. diffnea and MuJoCo take turns in
+every round; MJX and Brax follow, each compiled (timed apart) and run. A long scan is cut short for MJX and Brax, whose time is a multiple of its steps.
 """
 
 from __future__ import annotations
@@ -195,13 +195,34 @@ def brax_call(batch: int) -> Timed:
     )
 
 
-def attempt(make: Callable[[], Timed], what: str, failures: list[str]) -> list[Timed]:
-    try:
-        return [make()]
-    except Exception as e:  # a peer that cannot do it: its own words go to the table
-        failures.append(f"{what}: {type(e).__name__}: {e}")
-        print(failures[-1])
-        return []
+def measure(table: list[Timed], rounds: int, out: Path, result: Json) -> None:
+    """In turns; what is measured is written at once."""
+    for _ in range(rounds):
+        for t in table:
+            wall, cpu = time.perf_counter(), time.process_time()
+            t.run()
+            t.cpu.append(time.process_time() - cpu)
+            t.wall.append(time.perf_counter() - wall)
+    for t in table:
+        row = {
+            "by": t.by,
+            "how": t.how,
+            "threads": t.threads,
+            "batch": t.batch,
+            "per_cpu_second": t.rollouts / statistics.median(t.cpu),
+            "per_second": t.rollouts / statistics.median(t.wall),
+            "best_per_second": t.rollouts / min(t.wall),
+            "compile_wall": t.compile_wall,
+            "compile_cpu": t.compile_cpu,
+            "note": t.note,
+        }
+        result["rows"].append(row)
+        print(
+            f"{t.by[:40]:42s}{t.how[:45]:47s}{t.batch:5d}"
+            f"{row['per_cpu_second']:10.1f} /s of processor{row['per_second']:10.1f} /s",
+            flush=True,
+        )
+    (out / "rollouts.json").write_text(json.dumps(result, indent=1), encoding="utf-8")
 
 
 def accuracy() -> list[Json]:
@@ -255,43 +276,21 @@ def main() -> None:
     parser.add_argument("--mjx-contacts", type=int, nargs="*", default=[64])
     parser.add_argument("--brax", type=int, nargs="*", default=[64])
     args = parser.parse_args()
-    failures: list[str] = []
-    result: Json = {"accuracy": accuracy(), "rows": [], "failures": failures}
+    result: Json = {"accuracy": accuracy(), "rows": [], "failures": []}
     for r in result["accuracy"]:
         print(r)
-    table = diffnea_calls() + mujoco_calls()
-    for batch in args.mjx:
-        table += attempt(lambda b=batch: mjx_call(b, False), f"MJX, {batch}", failures)
-    for batch in args.mjx_contacts:
-        table += attempt(lambda b=batch: mjx_call(b, True), f"MJX, {batch}, contacts", failures)
-    for batch in args.brax:
-        table += attempt(lambda b=batch: brax_call(b), f"Brax, {batch}", failures)
-    for _ in range(args.rounds):
-        for timed in table:
-            wall, cpu = time.perf_counter(), time.process_time()
-            timed.run()
-            timed.cpu.append(time.process_time() - cpu)
-            timed.wall.append(time.perf_counter() - wall)
-    for t in table:
-        result["rows"].append(
-            {
-                "by": t.by,
-                "how": t.how,
-                "threads": t.threads,
-                "batch": t.batch,
-                "per_cpu_second": t.rollouts / statistics.median(t.cpu),
-                "per_second": t.rollouts / statistics.median(t.wall),
-                "best_per_second": t.rollouts / min(t.wall),
-                "compile_wall": t.compile_wall,
-                "compile_cpu": t.compile_cpu,
-                "note": t.note,
-            }
-        )
-        r = result["rows"][-1]
-        print(
-            f"{r['by'][:40]:42s}{r['how'][:45]:47s}{r['batch']:5d}{r['per_cpu_second']:10.1f} /s of processor"
-            f"{r['per_second']:10.1f} /s"
-        )
+    measure(diffnea_calls() + mujoco_calls(), args.rounds, args.out, result)
+    jobs: list[tuple[str, Callable[[], Timed]]] = [
+        *((f"MJX, {b}", lambda b=b: mjx_call(b, False)) for b in args.mjx),
+        *((f"MJX, {b}, contacts", lambda b=b: mjx_call(b, True)) for b in args.mjx_contacts),
+        *((f"Brax, {b}", lambda b=b: brax_call(b)) for b in args.brax),
+    ]
+    for what, make in jobs:
+        try:
+            measure([make()], args.rounds, args.out, result)
+        except Exception as e:  # a peer that cannot do it: its own words go to the table
+            result["failures"].append(f"{what}: {type(e).__name__}: {e}")
+            print(result["failures"][-1], flush=True)
     (args.out / "rollouts.json").write_text(json.dumps(result, indent=1), encoding="utf-8")
 
 
