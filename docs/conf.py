@@ -3,7 +3,6 @@
 Needs the module and the command (.venv), doxygen, and the packages of the extra `docs`; no network.
 """
 
-import logging
 import sys
 from pathlib import Path
 
@@ -31,17 +30,6 @@ extensions = [
     "stub_signatures",
 ]
 exclude_patterns = ["_ext", "_generated", "figures"]
-
-
-def no_empty_glob(record: logging.LogRecord) -> bool:
-    """Pages that the index names by a pattern need not be there yet.
-
-    The warning has no type that `suppress_warnings` could name.
-    """
-    return "toctree glob pattern" not in str(record.msg)
-
-
-logging.getLogger("sphinx.sphinx.directives.other").addFilter(no_empty_glob)
 
 # --- text ---
 
