@@ -186,6 +186,24 @@ TEST_CASE("model simulator: the string pulls on the arm", "[sim]") {
   CHECK(most < 3e-2);
 }
 
+TEST_CASE("model simulator: the cup moves with the arm where there is no ball", "[sim]") {
+  const Model model = read_model(kWam);
+  Model light = model, alone = model;
+  light.ball->mass = 1e-9;
+  alone.ball.reset();
+  ModelSimulator with_ball({light}, model), without({alone}, model);
+  const std::vector<Lanes> with = run(with_ball, {{0.4, 7.0}}, 1.5),
+                           lone = run(without, {{0.4, 7.0}}, 1.5);
+  const int cup = find_channel(with_ball, "cup_x"), lone_cup = find_channel(without, "cup_x");
+  double apart = 0.0, way = 0.0;
+  for (std::size_t k = 0; k < with.size(); ++k) {
+    apart = std::max(apart, (with[k].middleRows(cup, 3) - lone[k].middleRows(lone_cup, 3)).norm());
+    way = std::max(way, (lone[k].middleRows(lone_cup, 3) - lone[0].middleRows(lone_cup, 3)).norm());
+  }
+  CHECK(apart < 1e-6);  // a ball of 1 µg pulls with 1e-8 N
+  CHECK(way > 0.1);     // 0.3 rad, a metre from the shoulder
+}
+
 TEST_CASE("model simulator: a world takes the parameters that its seed says", "[sim]") {
   Model a = read_model(kWam), b = a;
   b.ball->string->length = 0.35;

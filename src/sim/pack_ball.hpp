@@ -93,6 +93,8 @@ class PackBall {
       imagine(arm, s);
     else if (spec_.has_ball)
       move(arm, time, h, s);
+    else if (spec_.shows_cup)
+      take_frames(arm, s);
   }
 
   /// @param out  moved behind what was stored
