@@ -268,22 +268,28 @@ void bind_plots(py::module_& m) {
   value_type<EvidenceCurve>(
       m, "EvidenceCurve", "One line of a plot: means with their 95 % intervals.",
       field("model", &EvidenceCurve::model, "Whose error: ``base`` or ``extended``."),
-      field("mean", &EvidenceCurve::mean, ""), field("low", &EvidenceCurve::low, ""),
-      field("high", &EvidenceCurve::high, ""));
+      field("mean", &EvidenceCurve::mean,
+            "Means, one for each ``x`` of the plot [``y_unit``]; NaN: none."),
+      field("low", &EvidenceCurve::low, "Lower ends of their 95 % intervals."),
+      field("high", &EvidenceCurve::high, "Upper ends of their 95 % intervals."));
   value_type<EvidencePlot>(
       m, "EvidencePlot", "What an effect looks like in the torque error of held-out rows.",
       field("kind", &EvidencePlot::kind, "``velocity``, ``position``, ``spectrum`` …"),
       field("joint", &EvidencePlot::joint, "Whose error."),
-      field("x_name", &EvidencePlot::x_name, ""), field("x_unit", &EvidencePlot::x_unit, ""),
-      field("y_name", &EvidencePlot::y_name, ""), field("y_unit", &EvidencePlot::y_unit, ""),
+      field("x_name", &EvidencePlot::x_name, "Label of the horizontal axis."),
+      field("x_unit", &EvidencePlot::x_unit, "Its unit."),
+      field("y_name", &EvidencePlot::y_name, "Label of the vertical axis."),
+      field("y_unit", &EvidencePlot::y_unit, "Its unit."),
       field("effect", &EvidencePlot::effect, "The cause; empty: an overview."),
-      field("x", &EvidencePlot::x, ""), field("curves", &EvidencePlot::curves, ""),
+      field("x", &EvidencePlot::x, "Where the curves have points, (n,) [``x_unit``]."),
+      field("curves", &EvidencePlot::curves, "A list of :class:`EvidenceCurve`."),
       field("mark", &EvidencePlot::mark, "The cause's own x, e.g. a delay; NaN: none."));
   value_type<ExperimentPair>(
       m, "ExperimentPair", "A cause and a rival of its class, and how clearly they differ.",
-      field("effect", &ExperimentPair::effect, ""), field("where", &ExperimentPair::where, ""),
-      field("rival", &ExperimentPair::rival, ""),
-      field("rival_where", &ExperimentPair::rival_where, ""),
+      field("effect", &ExperimentPair::effect, "The cause's effect."),
+      field("where", &ExperimentPair::where, "Where it acts."),
+      field("rival", &ExperimentPair::rival, "The rival's effect."),
+      field("rival_where", &ExperimentPair::rival_where, "Where that would act."),
       field("delta_bic", &ExperimentPair::delta_bic, "In this recording."),
       field("expected_delta_bic", &ExperimentPair::expected_delta_bic,
             "In the next one, if the cause is the cause."));

@@ -138,27 +138,33 @@ void bind_sim(py::module_& m) {
         "that is used. Where the model states none: ``half_range`` [rad], ``velocity`` [rad/s], "
         "``half_stroke`` [m],\n"
         "``slide_velocity`` [m/s].");
-  value_type<LimitUse>(
-      m, "LimitUse", "What a motion uses of a joint's limits, shares of 1 at any instant.",
-      field("joint", &LimitUse::joint, ""), field("position", &LimitUse::position, ""),
-      field("velocity", &LimitUse::velocity, ""),
-      field("acceleration", &LimitUse::acceleration, ""),
-      field("effort", &LimitUse::effort, "0 where no limit is known."));
+  value_type<LimitUse>(m, "LimitUse",
+                       "What a motion uses of a joint's limits, shares of 1 at any instant.",
+                       field("joint", &LimitUse::joint, "Its name."),
+                       field("position", &LimitUse::position, "Of the range that is allowed."),
+                       field("velocity", &LimitUse::velocity, "Of the velocity limit."),
+                       field("acceleration", &LimitUse::acceleration, "Of the acceleration limit."),
+                       field("effort", &LimitUse::effort, "0 where no limit is known."));
   using E = Excitation;
   value_type<E>(
       m, "Excitation", "An informative motion, and what it gains.",
       field("trajectory", &E::trajectory, "The :class:`Trajectory` to record."),
-      field("period", &E::period, "[s]"), field("base_parameters", &E::base_parameters, ""),
+      field("period", &E::period, "[s]"),
+      field("base_parameters", &E::base_parameters,
+            "Combinations of parameters that torques depend on."),
       field("log_det", &E::log_det, "Of the information about the base parameters."),
       field("random_log_det", &E::random_log_det, "Of the median random motion."),
-      field("condition", &E::condition, ""), field("random_condition", &E::random_condition, ""),
+      field("condition", &E::condition,
+            "Condition number of the scaled regressor along the motion."),
+      field("random_condition", &E::random_condition, "The same of the median random motion."),
       field("std_ratio", &E::std_ratio,
             "Expected standard errors over the median random motion's, geometric mean."),
-      field("best_std_ratio", &E::best_std_ratio, ""),
-      field("worst_std_ratio", &E::worst_std_ratio, ""),
+      field("best_std_ratio", &E::best_std_ratio, "Smallest ratio of one parameter."),
+      field("worst_std_ratio", &E::worst_std_ratio, "Largest ratio of one parameter."),
       field("limits", &E::limits, "A list of :class:`LimitUse`."),
       field("notes", &E::notes, "What stands in for limits that are not known."),
-      field("iterations", &E::iterations, ""), field("interrupted", &E::interrupted, ""));
+      field("iterations", &E::iterations, "Generations of the search."),
+      field("interrupted", &E::interrupted, "It was stopped; this is the best so far."));
   const DesignOptions d;
   m.def("design_excitation", &design, "model"_a, py::kw_only(), "duration"_a = d.motion.duration,
         "period"_a = d.motion.period, "harmonics"_a = d.motion.harmonics, "rate"_a = d.motion.rate,

@@ -1,7 +1,7 @@
 """What the pages show runs: fenced ```python, ```sh, ```bash and ```json blocks of docs/**/*.md.
 
-- The blocks of one page run in order, in one folder, which `prepare` fills: Python in one namespace,
-  shell in one session, with the command on the PATH. JSON must be JSON.
+- The blocks of one page run in order, in one folder, which `prepared` fills: Python in one
+  namespace, shell in one session, with the command on the PATH. JSON must be JSON.
 - A block that cannot run says so and why, on the line before its fence: `<!-- not run: reason -->`.
   The reason is a person's, not "slow"; `test_what_is_not_run` lists all of them.
 - Pages may take for granted what `scene` and `names_of_a_page` make: models/, arm.urdf, train.csv,
@@ -227,7 +227,8 @@ def test_a_marker_stands_before_a_fence() -> None:
 
 def test_snippets_are_found() -> None:
     """The reader of fences itself: languages, lines, reasons."""
-    text = "# A\n\n```python\nx = 1\n```\n<!-- not run: because -->\n```sh\nls\n```\n```xml\n<a/>\n```\n"
+    text = "# A\n\n```python\nx = 1\n```\n<!-- not run: because -->\n```sh\nls\n```\n"
+    text += "```xml\n<a/>\n```\n"
     one, two = snippets("p.md", text)
     assert (one.language, one.line, one.code, one.reason) == ("python", 3, "x = 1\n", "")
     assert (two.language, two.line, two.code, two.reason) == ("sh", 7, "ls\n", "because")

@@ -1,4 +1,4 @@
-"""The site's Python reference against the module: no public name is left out, none is without words."""
+"""The site's Python reference against the module: no public name is missing or without words."""
 
 import re
 
