@@ -49,7 +49,7 @@ nb_ipywidgets_js = {}  # would be loaded from the network
 
 # --- Python ---
 
-autodoc_default_options = {"members": True, "show-inheritance": True}
+autodoc_default_options = {"members": True}
 autodoc_member_order = "bysource"
 autodoc_typehints = "signature"
 autodoc_preserve_defaults = True
