@@ -31,6 +31,8 @@ EXCEPTIONS = {
 
 FORBIDDEN_CALLS = {"eval", "exec", "compile", "__import__", "read_pickle", "to_pickle",
                    "os.system", "os.popen", "import_module"}  # fmt: skip
+# Optional packages, by names that stand in the code that asks for them.
+CALL_EXCEPTIONS = {("python/diffnea/_readers/packages.py", "importlib.import_module")}
 # A call that is safe with this argument alone.
 REQUIRED_ARGUMENT = {"np.load": ("allow_pickle", False), "numpy.load": ("allow_pickle", False),
                      "torch.load": ("weights_only", True)}  # fmt: skip
@@ -56,7 +58,9 @@ def violations(source: str, name: str) -> Iterator[str]:
         if not isinstance(node, ast.Call):
             continue
         called = ast.unparse(node.func)
-        if {called, called.split(".")[-1]} & FORBIDDEN_CALLS and called != "re.compile":
+        if {called, called.split(".")[-1]} & FORBIDDEN_CALLS and (
+            called != "re.compile" and (name, called) not in CALL_EXCEPTIONS
+        ):
             yield f"{name}:{node.lineno}: calls {called}"
         if called in REQUIRED_ARGUMENT:
             keyword, value = REQUIRED_ARGUMENT[called]
@@ -78,7 +82,7 @@ def test_python_sources_fetch_nothing_and_run_no_foreign_code(path: Path) -> Non
 
 def test_cpp_sources_open_no_connection_and_start_no_program() -> None:
     forbidden = re.compile(
-        r"#include <(sys/socket|netdb|netinet/\w+|arpa/\w+|curl/\w+|dlfcn)\.h>"
+        r"#include <(sys/socket|netdb|netinet/\w+|arpa/\w+|curl/\w+)\.h>"
         r"|\b(popen|dlopen|execl|execv|execvp|posix_spawn|std::system)\s*\("
     )
     found = []
