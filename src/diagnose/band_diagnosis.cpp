@@ -147,7 +147,10 @@ void BandDiagnosis::describe() {
   case_.finding.lack_of_fit =
       (case_.reference->is_tilted() ? level_sum_ : case_.search->residual_sum()) / freedom;
   misfit_ = case_.search->noise_is_repeatable() &&
-            (case_.search->residual_sum() - case_.search->gain_of(terms_)) / freedom > kLeft;
+            (case_.search->residual_sum() - case_.search->gain_of(terms_) -
+             case_.search->inexact_friction(terms_)) /
+                    freedom >
+                kLeft;
   double floor = std::max(change.after - more, 0.0);
   if (misfit_) floor = std::min(floor, 1.0);
   case_.finding.gain = gain_of(change, floor);

@@ -16,6 +16,8 @@ void add_series(const VecX<double>& e0, const VecX<double>& e1, JointCase& c) {
     s.unit = units[static_cast<std::size_t>(j)];
     JointGain g{s.joint, s.unit, 0.0, 0.0, 0.0, c.search->whitener().noise()[k].rms};
     double rows = 0.0;
+    bool moves = false;
+    for (long i = 0; i < e.times(); ++i) moves = moves || !e.rests(i, static_cast<long>(k));
     for (long i = 0; i < e.times(); ++i) {
       const long row = begin + i;
       if (!c.held_rows.empty() && !c.held_rows[static_cast<std::size_t>(row)]) continue;
@@ -27,6 +29,8 @@ void add_series(const VecX<double>& e0, const VecX<double>& e1, JointCase& c) {
       s.q.push_back(e.q()(i, j));
       s.qd.push_back(e.qd()(i, j));
       s.qdd.push_back(e.qdd()(i, j));
+      // At rest a torque is not the model's, and what is fitted does not count it.
+      if (moves && e.rests(i, static_cast<long>(k))) continue;
       g.torque_rms += measured * measured;
       g.base += e0[row] * e0[row];
       g.extended += e1[row] * e1[row];

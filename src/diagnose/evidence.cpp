@@ -7,6 +7,7 @@
 #include <diffnea/dynamics/batch.hpp>
 #include <diffnea/recording/butterworth.hpp>
 
+#include "diagnose/sticking.hpp"
 #include "diagnose/stretches.hpp"
 
 namespace diffnea {
@@ -14,6 +15,9 @@ namespace {
 
 /// Slower than this share of a joint's RMS velocity it rests: what holds it then is not known.
 constexpr double kRestShare = 0.01;
+
+/// Of the filter's weight on samples in which a joint rests, or sticks.
+constexpr double kMostRest = 0.3, kMostStuck = 0.02;
 
 /// Of a disturbance at the end of a recording.
 constexpr double kRemembered = 0.01;
@@ -66,6 +70,11 @@ Evidence::Evidence(const Model& model, const FitLayout& layout, const RecordingS
                     ": diagnose: no joint moves, no stretch of the recording is long enough for "
                     "the filter, or no joint has a torque; record longer than " +
                     format_number(2.0 * plan.min_segment) + " s");
+  for (std::size_t c = 0; c < layout.linear.size(); ++c)
+    if (std::ranges::any_of(layout.shape, [&](const FitParameter& shape) {
+          return is_smoothing(shape) && shape.effect == layout.linear[c].effect;
+        }))
+      dry_columns_.push_back(static_cast<int>(c));
   const long m =
       static_cast<long>(regression.kept()[static_cast<std::size_t>(joints_[0])].time.size());
   torque_.resize(m * static_cast<long>(joints_.size()));
@@ -88,13 +97,20 @@ Evidence::Evidence(const Model& model, const FitLayout& layout, const RecordingS
   stretch_.resize(time_.size());
   const Decimator& filter = filter_;
   std::vector<RowMatX<double>> states;
-  VecX<double> rest_speed = VecX<double>::Zero(num_dofs_);
+  VecX<double> speed = VecX<double>::Zero(num_dofs_), acceleration = speed;
   long samples = 0;
   for (const JointSeries& s : series_) {
-    rest_speed += s.qd.colwise().squaredNorm().transpose();
+    speed += s.qd.colwise().squaredNorm().transpose();
+    acceleration += s.qdd.colwise().squaredNorm().transpose();
     samples += s.qd.rows();
   }
-  rest_speed = kRestShare * (rest_speed / static_cast<double>(samples)).cwiseSqrt();
+  speed = (speed / static_cast<double>(samples)).cwiseSqrt();
+  acceleration = (acceleration / static_cast<double>(samples)).cwiseSqrt();
+  std::vector<bool> sticks(static_cast<std::size_t>(num_dofs_), false);
+  for (const FitParameter& shape : layout.shape)
+    if (is_smoothing(shape))
+      for (const int j : layout.effects[static_cast<std::size_t>(shape.effect)].joints)
+        sticks[static_cast<std::size_t>(j)] = plan.q_noise.size() > static_cast<std::size_t>(j);
   const long n = num_dofs_, known = static_cast<long>(joints_.size());
   long row = 0;
   for (std::size_t i = 0; i < series_.size(); ++i) {
@@ -105,12 +121,18 @@ Evidence::Evidence(const Model& model, const FitLayout& layout, const RecordingS
     for (long k = 0; k < outputs && row < m; ++k)
       stretch_[static_cast<std::size_t>(row++)] = static_cast<int>(i);
     step_ = s.dt * filter.factor();
-    RowMatX<double> all_states(s.q.rows(), 3 * n + known);
-    all_states << s.q, s.qd, s.qdd, RowMatX<double>::Zero(s.q.rows(), known);
+    RowMatX<double> all_states(s.q.rows(), 3 * n + 2 * known);
+    all_states << s.q, s.qd, s.qdd, RowMatX<double>::Zero(s.q.rows(), 2 * known);
     for (long k = 0; k < known; ++k) {
       const int j = joints_[static_cast<std::size_t>(k)];
       all_states.col(3 * n + k) =
-          (s.qd.col(j).array().abs() < rest_speed[j]).cast<double>().matrix();
+          (s.qd.col(j).array().abs() < kRestShare * speed[j]).cast<double>().matrix();
+      if (!sticks[static_cast<std::size_t>(j)]) continue;
+      const Standstill still = standstill(plan.q_noise[static_cast<std::size_t>(j)], speed[j],
+                                          acceleration[j], plan.filter_hz, s.dt);
+      const std::vector<bool> stuck = stands_still(collector.positions()[i].col(j), still);
+      for (long row = 0; row < s.q.rows(); ++row)
+        all_states(row, 3 * n + known + k) = stuck[static_cast<std::size_t>(row)];
     }
     states.push_back(std::move(all_states));
   }
@@ -121,7 +143,8 @@ Evidence::Evidence(const Model& model, const FitLayout& layout, const RecordingS
   q_ = decimated.leftCols(n);
   qd_ = decimated.middleCols(n, n);
   qdd_ = decimated.middleCols(2 * n, n);
-  rest_ = decimated.rightCols(known);
+  sticks_ = decimated.rightCols(known).array() > kMostStuck;
+  rests_ = decimated.middleCols(3 * n, known).array() > kMostRest || sticks_;
   factors_ = regression.factors();
   set_reference(model);
   const MatX<double> turns_of_base = turns(layout);

@@ -46,6 +46,8 @@ class Evidence {
   /// Columns of the layout's linear parameters, then ∂τ/∂ln v₀ of the base's smoothed friction,
   /// then turn_columns() of each: how it turns is not known.
   const MatX<double>& base() const { return base_; }
+  /// Those of base()'s columns that are dry friction's.
+  const std::vector<int>& dry_columns() const { return dry_columns_; }
   /// The same of the averaged motion (series()): what of a candidate's columns the base takes over.
   /// As base() where motion does not repeat.
   const MatX<double>& averaged_base() const { return averaged_ ? averaged_base_ : base_; }
@@ -55,9 +57,10 @@ class Evidence {
   /// Instants with the same number follow one another at equal steps.
   const std::vector<int>& stretch() const { return stretch_; }
   int first_run() const { return first_run_; }
-  /// Share of the filter's weight on samples in which a joint of joints() rests, (times(),
-  /// joints().size()).
-  const MatX<double>& rest() const { return rest_; }
+  /// Whether the k-th of joints() hardly moves, or sticks: rows that say nothing of a model.
+  bool rests(long instant, long k) const { return rests_(instant, k); }
+  /// Whether it sticks where the base has dry friction (sticking.hpp).
+  bool sticks(long instant, long k) const { return sticks_(instant, k); }
   /// Filtered positions, velocities, accelerations, (times(), num_dofs()).
   const MatX<double>& q() const { return q_; }
   const MatX<double>& qd() const { return qd_; }
@@ -113,7 +116,7 @@ class Evidence {
 
   int num_dofs_ = 0, first_run_ = 0;
   bool averaged_ = false;
-  std::vector<int> joints_;
+  std::vector<int> joints_, dry_columns_;
   std::vector<JointSeries> series_;
   std::vector<int> runs_;
   Decimator filter_;
@@ -126,7 +129,9 @@ class Evidence {
   VecX<double> torque_, shift_;
   MatX<double> tilted_;  ///< what set_tilt() has added to the base's first columns
   std::vector<double> size_;
-  MatX<double> base_, averaged_base_, rest_, q_, qd_, qdd_;
+  MatX<double> base_, averaged_base_, q_, qd_, qdd_;
+  Eigen::Array<bool, Eigen::Dynamic, Eigen::Dynamic> rests_,
+      sticks_;  ///< (times(), joints().size())
 };
 
 }  // namespace diffnea

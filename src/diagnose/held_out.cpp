@@ -14,7 +14,6 @@ constexpr double kBlockSeconds = 1.0;
 /// Standard errors of an offset that is beyond doubt; of the error's mean square, to be worth a
 /// word.
 constexpr double kDoubtless = 5.0, kWorthAWord = 0.25;
-constexpr double kResting = 0.3;  ///< share of the filter's weight
 
 }  // namespace
 
@@ -51,7 +50,7 @@ std::vector<HeldOutOffset> HeldOut::offsets(const VecX<double>& errors) const {
       for (long i = begin; i < std::min(begin + block, m); ++i) {
         const long row = static_cast<long>(k) * m + i;
         if (!used_.empty() && !used_[static_cast<std::size_t>(row)]) continue;
-        if (evidence_.rest()(i, static_cast<long>(k)) > kResting) continue;
+        if (evidence_.rests(i, static_cast<long>(k))) continue;
         in_block += errors[row];
         square += errors[row] * errors[row];
         n += 1.0;

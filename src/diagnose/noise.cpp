@@ -11,8 +11,6 @@ namespace diffnea {
 namespace {
 
 constexpr int kOrder = 8;
-/// A row in which the joint rests for more than this share of the filter's weight is not tested.
-constexpr double kMostRest = 0.3;
 
 /// Levinson–Durbin recursion. @param r  autocovariances r_0 … r_order
 JointNoise levinson(const std::vector<double>& r) {
@@ -160,8 +158,8 @@ Whitener::Whitener(const Evidence& evidence, std::vector<JointNoise> noise,
       const bool follows = i > 0 && evidence.stretch()[static_cast<std::size_t>(i)] ==
                                         evidence.stretch()[static_cast<std::size_t>(i - 1)];
       const bool may = used.empty() || used[row];
-      since = !may ? 0 : follows ? since + 1 : 1;
-      kept_[row] = since > kOrder && evidence.rest()(i, static_cast<long>(k)) <= kMostRest;
+      since = !may || evidence.sticks(i, static_cast<long>(k)) ? 0 : follows ? since + 1 : 1;
+      kept_[row] = since > kOrder && !evidence.rests(i, static_cast<long>(k));
       used_rows_ += kept_[row];
     }
   }

@@ -15,6 +15,10 @@ namespace {
 constexpr double kAccuracy = 0.02;
 /// The same of dry friction: filtered, nothing is known of how it turns but for a few milliseconds.
 constexpr double kDryAccuracy = 0.04;
+/// The same of dry friction that is the base's, whose turns are fitted beside its size
+/// (turn_columns()). Where a joint sticks, what holds it is nothing that its motion tells.
+constexpr double kBaseDryAccuracy = 0.01;
+
 }  // namespace
 
 Search::Search(const Evidence& evidence, const std::vector<Candidate>& candidates,
@@ -75,7 +79,7 @@ void Search::refresh(double period, std::vector<Term>& terms) {
     for (std::size_t k = 0; k < evidence_.joints().size();
          ++k)  // at rest the torque is not the model's
       for (long i = 0; i < evidence_.times(); ++i)
-        if (evidence_.rest()(i, static_cast<long>(k)) > 0.3)
+        if (evidence_.rests(i, static_cast<long>(k)))
           rows[k * static_cast<std::size_t>(evidence_.times()) + static_cast<std::size_t>(i)] =
               false;
     VecX<double> noise = period > 0.0 ? repeatable_noise(evidence_, left, period) : VecX<double>();
@@ -132,6 +136,7 @@ double Search::inexact_at(const Term& term, const std::vector<Term>& terms) cons
     after -= S.G.middleCols(at, t.width()) * t.values();
     at += t.width();
   }
+  const VecX<double> friction = dry_friction(terms);
   const long m = evidence_.times();
   const Port port = term.effect.info().port;
   const bool local = port == Port::kJointTorque || port == Port::kMemory;
@@ -149,8 +154,22 @@ double Search::inexact_at(const Term& term, const std::vector<Term>& terms) cons
     out += accuracy * accuracy *
            std::max(0.0, projection_->residual().segment(begin, m).squaredNorm() -
                              after.segment(begin, m).squaredNorm());
+    out += kBaseDryAccuracy * kBaseDryAccuracy * friction.segment(begin, m).squaredNorm();
   }
   return out;
+}
+
+double Search::inexact_friction(const std::vector<Term>& terms) const {
+  return kBaseDryAccuracy * kBaseDryAccuracy * dry_friction(terms).squaredNorm();
+}
+
+VecX<double> Search::dry_friction(const std::vector<Term>& terms) const {
+  const std::vector<int>& dry = evidence_.dry_columns();
+  if (dry.empty()) return VecX<double>::Zero(evidence_.rows());
+  VecX<double> effects = VecX<double>::Zero(evidence_.rows());
+  for (const Term& t : terms) effects += t.torque();
+  const VecX<double> x = projection_->parameters(effects);
+  return (*whitener_)(evidence_.base()(Eigen::all, dry) * x(dry));
 }
 
 double Search::gain_of(const std::vector<Term>& terms) const {

@@ -45,9 +45,12 @@ class Search {
   /// there, 0 … 1.
   double replaced_share(const Term& term, const Term& by, const std::vector<Term>& beside) const;
 
-  /// χ² at the joints that `term` reaches which `terms` leave because their columns are not exact:
-  /// (2 %)² of what they remove, where one of them is dry friction (4 %)².
+  /// χ² at the joints that `term` reaches which base and `terms` leave because their columns are
+  /// not exact: (2 %)² of what `terms` remove, where one of them is dry friction (4 %)²; (1 %)² of
+  /// the base's dry friction.
   double inexact_at(const Term& term, const std::vector<Term>& terms) const;
+  /// χ² that the base leaves because the torque of its dry friction is not exact, at all joints.
+  double inexact_friction(const std::vector<Term>& terms) const;
 
   /// What a fit costs, −2 ln of its likelihood but for a constant: n ln χ², the noise as large as
   /// what is left; where repeats have told the noise and no more is left, χ².
@@ -69,6 +72,8 @@ class Search {
  private:
   /// What the best of a candidate's starts is worth less for being the best of many (Bonferroni).
   double looked_elsewhere(int candidate) const;
+  /// The base's dry friction beside `terms`, in units of noise, (rows of the evidence).
+  VecX<double> dry_friction(const std::vector<Term>& terms) const;
 
   const Evidence& evidence_;
   const std::vector<Candidate>& candidates_;

@@ -134,6 +134,24 @@ std::string witness_words(const Finding& f) {
          listed(w.variables, " and ") + " (" + percent(w.share) + " of its mean square)";
 }
 
+/// Where parts of one recording are held out: effects that explain the others and do not help
+/// there.
+std::string none_words(const Finding& f) {
+  constexpr std::size_t kListed = 3;
+  std::vector<std::string> fit;
+  for (const Refusal& r : f.refused)
+    if (r.delta_bic > 0.0 && r.reason.starts_with("does not help on held-out data"))
+      fit.push_back(placed(r.effect, r.where));
+  if (f.held_out != "time blocks" || fit.empty())
+    return "Nothing is left to explain: no effect of the catalogue improves the model beyond its "
+           "noise.";
+  if (fit.size() > kListed) fit.resize(kListed);
+  return "No effect of the catalogue helps on the parts of the recording that were held out, "
+         "though " +
+         listed(fit, " and ") +
+         " would explain some of the others: give a second recording (--test), which can tell.";
+}
+
 }  // namespace
 
 std::string sentence(const Finding& f) {
@@ -144,8 +162,7 @@ std::string sentence(const Finding& f) {
   }
   switch (f.verdict) {
     case Verdict::kNone:
-      return "Nothing is left to explain: no effect of the catalogue improves the model beyond its "
-             "noise.";
+      return none_words(f);
     case Verdict::kNotIdentifiable:
       return "This recording cannot show what the model lacks: every candidate is absorbed by the "
              "base parameters or "

@@ -40,6 +40,7 @@ void Stretches::add(const Preprocessed& block) {
     append(block.qd.middleRows(row, count), s.qd);
     append(block.qdd.middleRows(row, count), s.qdd);
     append(block.tau.middleRows(row, count), s.logged);
+    append(block.q_logged.middleRows(row, count), positions_.back());
     row = end;
   }
 }
@@ -50,6 +51,7 @@ void Stretches::begin(const Preprocessed& block, long row) {
   s.start = block.time[row] - run_start_;
   s.run = block.run + first_run_;
   series_.push_back(std::move(s));
+  positions_.emplace_back();
   Preprocessed of;
   of.source = block.source;
   of.run = block.run;
@@ -70,7 +72,7 @@ void Stretches::drop_first(std::size_t i, long rows) { keep(i, rows, series_[i].
 
 void Stretches::keep(std::size_t i, long from, long count) {
   JointSeries& s = series_[i];
-  for (RowMatX<double>* x : {&s.q, &s.qd, &s.qdd, &s.logged})
+  for (RowMatX<double>* x : {&s.q, &s.qd, &s.qdd, &s.logged, &positions_[i]})
     *x = RowMatX<double>(x->middleRows(from, count));
   s.start += static_cast<double>(from) * s.dt;
   about_[i].time[0] += static_cast<double>(from) * s.dt;

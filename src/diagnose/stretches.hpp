@@ -20,6 +20,8 @@ class Stretches {
 
   /// Own motion and logged torque of every stretch.
   const std::vector<JointSeries>& series() const { return series_; }
+  /// Logged positions of every stretch, not filtered.
+  const std::vector<RowMatX<double>>& positions() const { return positions_; }
   /// The rows of a stretch with the motion of `s` and their own torque.
   Preprocessed rows_of(std::size_t i, const JointSeries& s) const;
 
@@ -30,6 +32,7 @@ class Stretches {
   int first_run_;
   double run_start_ = 0.0;
   std::vector<JointSeries> series_;
+  std::vector<RowMatX<double>> positions_;
   std::vector<Preprocessed> about_;  ///< of each stretch: all but its rows
 };
 

@@ -375,7 +375,9 @@ struct Preprocessor::Impl {
                               shifted(q, 2) - shifted(q, -2)) /
                              (12.0 * plan.dt * plan.dt));
       }
-      out_tau.emplace_back(all.middleRows(next_row - first_row, rows).middleCols(n, n));
+      const auto logged = all.middleRows(next_row - first_row, rows);
+      out_q_logged.emplace_back(logged.leftCols(n));
+      out_tau.emplace_back(logged.middleCols(n, n));
       for (long k = next_row; k < last; ++k) {
         out_time.push_back(gridder[0].start_time() + static_cast<double>(k) * plan.dt);
         out_segment.push_back(segment);
@@ -409,6 +411,7 @@ struct Preprocessor::Impl {
     out.q = stack(out_q);
     out.qd = stack(out_qd);
     out.qdd = stack(out_qdd);
+    out.q_logged = stack(out_q_logged);
     out.tau = stack(out_tau);
     out.notes.swap(notes);
     out_time.clear();
@@ -427,7 +430,7 @@ struct Preprocessor::Impl {
   Preprocessed header;
   std::vector<double> out_time;
   std::vector<int> out_segment;
-  std::vector<RowMatX<double>> out_q, out_qd, out_qdd, out_tau;
+  std::vector<RowMatX<double>> out_q, out_qd, out_qdd, out_q_logged, out_tau;
   std::vector<std::string> notes;
 };
 

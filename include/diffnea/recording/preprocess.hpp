@@ -63,6 +63,7 @@ struct Preprocessed {
   VecX<double> time;           ///< (N) [s]
   std::vector<int> segment;    ///< (N) rows of one segment are contiguous
   RowMatX<double> q, qd, qdd;  ///< (N, n) filtered
+  RowMatX<double> q_logged;    ///< (N, n) not filtered
   RowMatX<double> tau;         ///< (N, n) not filtered; as in Recording where has_tau is false
   std::vector<bool> has_tau;
   std::vector<std::string> notes;  ///< segments dropped and why

@@ -1,0 +1,62 @@
+"""A robot whose joints stick where they turn back, with friction that its model knows of by then.
+
+The mast of the guide in MuJoCo, whose dry friction holds a joint at every reversal for some 50 ms:
+no function of the motion says by how much. That is no effect's, and must not hide one.
+"""
+
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+from cli import ROOT, done, load
+
+NOTHING = ""
+LAG = ",effect=actuator_lag@tilt:time_constant=0.02"
+
+
+@pytest.fixture(scope="module")
+def mast(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the guide's description, its world, and two motions."""
+    folder = tmp_path_factory.mktemp("mast")
+    page = (ROOT / "docs/guide/own_robot.md").read_text(encoding="utf-8")
+    for file in ("mast.urdf", "mast.xml"):
+        block = re.search(rf"cat > {file} <<'(\w+)'\n(.*?)\n\1\n", page, re.DOTALL)
+        assert block, f"the guide no longer writes {file}"
+        (folder / file).write_text(block[2] + "\n", encoding="utf-8")
+    for seed, name in ((1, "train"), (2, "test")):
+        done("excite", "mast.urdf", "--seed", seed, "-o", f"{name}_motion.csv", cwd=folder)
+    return folder
+
+
+def diagnosed(mast: Path, folder: Path, seed: int, hidden: str) -> Any:
+    """Record, identify, then diagnose what was identified."""
+    world = f"mujoco:{mast}/mast.xml,perturb=A,seed={seed}{hidden}"
+    for noise, name in ((1, "train"), (2, "test")):
+        done(
+            *("simulate", mast / "mast.urdf", "--trajectory", mast / f"{name}_motion.csv"),
+            *("--world", world, "--period", 10, "--seed", 10 * seed + noise),
+            *("-o", folder / f"{name}.csv"),
+        )
+    data = (folder / "train.csv", "--test", folder / "test.csv")
+    done("identify", mast / "mast.urdf", *data, "-o", folder / "run")
+    done("diagnose", folder / "run/model.json", *data, "-o", folder / "why")
+    return load(folder / "why/result.json")
+
+
+@pytest.mark.parametrize("seed", [4, 5])
+def test_what_holds_a_joint_that_sticks_is_no_effect(mast: Path, tmp_path: Path, seed: int) -> None:
+    finding = diagnosed(mast, tmp_path, seed, NOTHING)
+    assert finding["verdict"] == "NONE", finding["sentence"]
+    assert finding["causes"] == []
+    for joint in finding["joints"]:  # rows that count are explained: tilt is the worst
+        assert joint["base"] < 3 * joint["noise_floor"], joint
+
+
+def test_a_lag_is_found_beside_it(mast: Path, tmp_path: Path) -> None:
+    finding = diagnosed(mast, tmp_path, 31, LAG)
+    (cause,) = finding["causes"]
+    assert (cause["effect"], cause["where"]) == ("actuator_lag", "tilt"), finding["sentence"]
+    (time_constant,) = cause["parameters"]
+    low, high = time_constant["ci95"]
+    assert low < 0.02 < high
