@@ -157,12 +157,16 @@ void audit_period(AuditContext& c) {
   for (const Recording& r : c.recordings) {
     const Period found = detect_period(r);
     c.report.periods.push_back(found);
-    if (found.seconds > 0.0) ++periodic;
+    bool repeats = found.seconds > 0.0;
     const double stated = r.info.period;
-    if (stated <= 0.0) continue;
+    if (stated <= 0.0) {
+      periodic += repeats;
+      continue;
+    }
     const Motion motion = motion_of(r, true);
     const double seconds = static_cast<double>(motion.x.rows()) * motion.dt;
     if (motion.x.size() == 0 || seconds < 2.0 * stated) {
+      periodic += repeats;
       c.check("stated period", false,
               format("%s: %.4g s of motion hold less than two of the stated periods of %.4g s",
                      r.source.c_str(), seconds, stated));
@@ -173,6 +177,8 @@ void audit_period(AuditContext& c) {
     c.check("stated period", true,
             format("%s: after %.6g s the motion differs by %.2g %% of the motion", r.source.c_str(),
                    stated, 100.0 * left));
+    repeats = repeats || left < kRepeats;  // too few periods to be found, enough to be confirmed
+    periodic += repeats;
     // Where the motion does repeat, the stated period must do as well as the one found.
     if (left < kRepeats && (found.seconds == 0.0 || left < 2.0 * found.mismatch + 1e-3 ||
                             std::abs(multiple - std::nearbyint(multiple)) * found.seconds <
