@@ -109,7 +109,9 @@ Model read_model_or_run(const std::filesystem::path& path) {
 std::string read_mjcf(const std::filesystem::path& path) {
   const std::string text = read_text_file(path), where = path.string();
   if (format_of(text, where) != Format::kMjcf)
-    throw ModelError(where + ": is no MJCF (<mujoco>), which a simulated world needs");
+    throw ModelError(where +
+                     ": is no MJCF (<mujoco>), which a simulated world needs; `diffnea export " +
+                     where + " -o robot.xml` writes one");
   return io::self_contained_mjcf(io::expand_mjcf(text, path.parent_path(), where));
 }
 
