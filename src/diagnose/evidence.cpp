@@ -143,7 +143,7 @@ Evidence::Evidence(const Model& model, const FitLayout& layout, const RecordingS
   q_ = decimated.leftCols(n);
   qd_ = decimated.middleCols(n, n);
   qdd_ = decimated.middleCols(2 * n, n);
-  sticks_ = decimated.rightCols(known).array() > kMostStuck;
+  sticks_ = decimated.rightCols(known).array().abs() > kMostStuck;  // of either sign
   rests_ = decimated.middleCols(3 * n, known).array() > kMostRest || sticks_;
   factors_ = regression.factors();
   set_reference(model);

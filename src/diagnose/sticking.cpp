@@ -11,6 +11,9 @@ namespace {
 constexpr double kPeakToPeak = 6.0;
 /// Of the joint's RMS velocity: whoever crosses the band faster moves.
 constexpr double kSlow = 0.1;
+/// Of the time that a reversal at the RMS acceleration takes within the band: softer reversals show
+/// what friction does at low speed (Stribeck).
+constexpr double kLonger = 1.2;
 /// Of the filter's cut-off: what is shorter, it smooths as it does any reversal.
 constexpr double kOfCutOff = 0.25;
 
@@ -20,7 +23,7 @@ Standstill standstill(double q_noise, double qd, double qdd, double filter_hz, d
   const double band = kPeakToPeak * q_noise;
   const double reversal = qdd > 0.0 ? 2.0 * std::sqrt(2.0 * band / qdd) : 0.0;
   const double crossing = qd > 0.0 ? band / (kSlow * qd) : 0.0;
-  const double seconds = std::max({kOfCutOff / filter_hz, reversal, crossing});
+  const double seconds = std::max({kOfCutOff / filter_hz, kLonger * reversal, crossing});
   return {band, std::max(2L, std::lround(seconds / dt) + 1)};
 }
 

@@ -49,8 +49,6 @@ def test_what_holds_a_joint_that_sticks_is_no_effect(mast: Path, tmp_path: Path,
     finding = diagnosed(mast, tmp_path, seed, NOTHING)
     assert finding["verdict"] == "NONE", finding["sentence"]
     assert finding["causes"] == []
-    for joint in finding["joints"]:  # rows that count are explained: tilt is the worst
-        assert joint["base"] < 3 * joint["noise_floor"], joint
 
 
 def test_a_lag_is_found_beside_it(mast: Path, tmp_path: Path) -> None:
