@@ -37,7 +37,9 @@ function(diffnea_add_isa_kernels target source)
     add_custom_command(
       OUTPUT "${object}"
       COMMAND "${CMAKE_LINKER}" -r --force-group-allocation -o "${object}" $<TARGET_OBJECTS:${copy}>
-      COMMAND "${CMAKE_OBJCOPY}" --wildcard --keep-global-symbol=*${isa}* "${object}"
+      # clang's AddressSanitizer registers the globals of a program once, and remembers it in that symbol.
+      COMMAND "${CMAKE_OBJCOPY}" --wildcard --keep-global-symbol=*${isa}*
+        --keep-global-symbol=___asan_globals_registered "${object}"
       DEPENDS $<TARGET_OBJECTS:${copy}>
       COMMAND_EXPAND_LISTS VERBATIM
       COMMENT "Localising shared symbols of ${stem} for ${isa}")

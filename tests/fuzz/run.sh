@@ -15,8 +15,7 @@ TMPDIR=$(mktemp -d "$([ -d /dev/shm ] && echo /dev/shm || echo /tmp)/diffnea-fuz
 export TMPDIR
 trap 'rm -rf "$TMPDIR"' EXIT
 # A finding must not end the run, and a fork of libFuzzer's starts over after it.
-# Type names that the linker has kept twice are of one size: level 1 lets them be.
-export ASAN_OPTIONS=detect_leaks=1:allocator_may_return_null=0:detect_odr_violation=1 UBSAN_OPTIONS=print_stacktrace=1
+export ASAN_OPTIONS=detect_leaks=1:allocator_may_return_null=0 UBSAN_OPTIONS=print_stacktrace=1
 
 dictionary() {
   case $1 in
