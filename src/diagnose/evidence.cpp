@@ -71,8 +71,8 @@ Evidence::Evidence(const Model& model, const FitLayout& layout, const RecordingS
                     "the filter, or no joint has a torque; record longer than " +
                     format_number(2.0 * plan.min_segment) + " s");
   for (std::size_t c = 0; c < layout.linear.size(); ++c)
-    if (std::ranges::any_of(layout.shape, [&](const FitParameter& shape) {
-          return is_smoothing(shape) && shape.effect == layout.linear[c].effect;
+    if (std::ranges::any_of(layout.shape, [&](const FitParameter& s) {
+          return is_smoothing(s) && s.effect == layout.linear[c].effect;
         }))
       dry_columns_.push_back(static_cast<int>(c));
   const long m =
@@ -107,9 +107,9 @@ Evidence::Evidence(const Model& model, const FitLayout& layout, const RecordingS
   speed = (speed / static_cast<double>(samples)).cwiseSqrt();
   acceleration = (acceleration / static_cast<double>(samples)).cwiseSqrt();
   std::vector<bool> sticks(static_cast<std::size_t>(num_dofs_), false);
-  for (const FitParameter& shape : layout.shape)
-    if (is_smoothing(shape))
-      for (const int j : layout.effects[static_cast<std::size_t>(shape.effect)].joints)
+  for (const FitParameter& s : layout.shape)
+    if (is_smoothing(s))
+      for (const int j : layout.effects[static_cast<std::size_t>(s.effect)].joints)
         sticks[static_cast<std::size_t>(j)] = plan.q_noise.size() > static_cast<std::size_t>(j);
   const long n = num_dofs_, known = static_cast<long>(joints_.size());
   long row = 0;
@@ -131,8 +131,8 @@ Evidence::Evidence(const Model& model, const FitLayout& layout, const RecordingS
       const Standstill still = standstill(plan.q_noise[static_cast<std::size_t>(j)], speed[j],
                                           acceleration[j], plan.filter_hz, s.dt);
       const std::vector<bool> stuck = stands_still(collector.positions()[i].col(j), still);
-      for (long row = 0; row < s.q.rows(); ++row)
-        all_states(row, 3 * n + known + k) = stuck[static_cast<std::size_t>(row)];
+      for (long at = 0; at < s.q.rows(); ++at)
+        all_states(at, 3 * n + known + k) = stuck[static_cast<std::size_t>(at)];
     }
     states.push_back(std::move(all_states));
   }

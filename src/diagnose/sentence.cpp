@@ -71,7 +71,7 @@ std::string cause_words(const Cause& cause) {
   std::vector<std::string> others;
   for (const Rival& r : cause.members)
     others.push_back(r.where == cause.where ? name(r.effect) : placed(r.effect, r.where));
-  return out + ", which this recording cannot tell from " + listed(others, " or ");
+  return out + " [which this recording cannot tell from " + listed(others, " or ") + "]";
 }
 
 bool is_named(const Cause& cause) { return cause.verdict != Verdict::kUnknown; }
