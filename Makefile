@@ -72,12 +72,13 @@ tsan:
 	DIFFNEA_COMMAND=$(CURDIR)/build/tsan/apps/diffnea $(PYTEST) tests/python/threads_test.py
 
 # By breakpoints (kcov, of apt) in place of counters: these would grow with every inlined function of Eigen, and take the
-# compilers four times as long.
+# compilers four times as long. Tag by tag: of what comes after a test that forks, kcov sees nothing.
 coverage:
 	@command -v kcov >/dev/null || { echo "make coverage needs kcov: sudo apt-get install kcov" >&2; exit 1; }
 	.ci/setup --tests
 	cmake --preset coverage && cmake --build --preset coverage --target diffnea_tests
-	kcov --include-path=$(CURDIR)/include,$(CURDIR)/src build/coverage/lines build/coverage/tests/diffnea_tests
+	build/coverage/tests/diffnea_tests --list-tags | grep -o '\[.*\]' | while read -r tag; do \
+	  kcov --include-path=$(CURDIR)/include,$(CURDIR)/src build/coverage/lines build/coverage/tests/diffnea_tests "$$tag"; done
 
 clean:
 	rm -rf build dist
