@@ -78,7 +78,7 @@ coverage:
 	.ci/setup --tests
 	cmake --preset coverage && cmake --build --preset coverage --target diffnea_tests
 	build/coverage/tests/diffnea_tests --list-tags | grep -o '\[.*\]' | while read -r tag; do \
-	  kcov --include-path=$(CURDIR)/include,$(CURDIR)/src build/coverage/lines build/coverage/tests/diffnea_tests "$$tag"; done
+	  kcov --include-path=$(CURDIR)/include,$(CURDIR)/src build/coverage/lines build/coverage/tests/diffnea_tests "$$tag" </dev/null; done
 
 clean:
 	rm -rf build dist
