@@ -28,7 +28,9 @@ constexpr WorldKey kWorldKeys[] = {
      "how far the robot is from its description: none, A (default), B (about twice A), C (B with "
      "cables that give, drives that stick and act late and with noise, a late camera), or "
      "PATH.json, a file of ranges"},
-    {"seed", "of the perturbation and the noise; default: that of the command"},
+    {"seed",
+     "of the perturbation, and of the noise with the command's seed; default: that of the command "
+     "alone"},
     {"noise", "factor on the noise of the sensors, default 1"},
     {"effect",
      "that the robot has and its description lacks, once for each: "

@@ -83,3 +83,16 @@ def test_worlds_are_listed_and_wrong_ones_named() -> None:
 def test_gains_of_the_wrong_number_are_refused(arm) -> None:
     with pytest.raises(diffnea.ShapeError):
         diffnea.simulate(arm, diffnea.excite(arm, duration=10), kp=[1.0], kd=[1.0])
+
+
+def test_one_robot_is_recorded_with_noise_of_its_own_each_time() -> None:
+    wam = diffnea.load_model("wam4")
+    motion = diffnea.excite(wam, duration=10, seed=1)
+    world = "mujoco:wam4,perturb=A,seed=3"
+    one, two = (diffnea.simulate(wam, motion, world=world, seed=k) for k in (1, 2))
+    assert one.truth == two.truth
+    noise = (one.recording.q - two.recording.q).std(axis=0)
+    assert (noise > 1e-6).all()
+    assert not np.array_equal(one.recording.tau, two.recording.tau)
+    again = diffnea.simulate(wam, motion, world=world, seed=1)
+    assert np.array_equal(one.recording.q, again.recording.q)
