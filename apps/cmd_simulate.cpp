@@ -1,3 +1,4 @@
+#include <cmath>
 #include <cstdio>
 #include <optional>
 
@@ -24,6 +25,24 @@ struct SimulateOptions {
 
 VecX<double> vector(const std::vector<double>& values) {
   return Eigen::Map<const VecX<double>>(values.data(), static_cast<long>(values.size()));
+}
+
+/// Says which joints do not make the motion that was asked for: a recording tells less then than it
+/// was designed to.
+void tell_who_lags(const Recording& r, const std::string& file) {
+  constexpr double kWorthAWord = 0.2;  // of the motion, root mean square
+  if (r.qcmd.rows() != r.q.rows()) return;
+  for (long j = 0; j < r.q.cols(); ++j) {
+    const VecX<double> wanted = r.qcmd.col(j);
+    const double motion = (wanted.array() - wanted.mean()).matrix().norm();
+    const double miss = (r.q.col(j) - wanted).norm() / motion;
+    if (std::isfinite(miss) && miss > kWorthAWord)
+      std::fprintf(stderr,
+                   "%s: %s is off its command by %.0f %% of the motion (rms): stiffer gains (--kp, "
+                   "--kd) or a slower "
+                   "motion follow better\n",
+                   file.c_str(), r.joint_names[static_cast<std::size_t>(j)].c_str(), 100.0 * miss);
+  }
 }
 
 void run_simulate(SimulateOptions options) {
@@ -57,6 +76,7 @@ void run_simulate(SimulateOptions options) {
   else if (!options.common.quiet)
     std::fprintf(stderr, "%s: %ld rows, %ld with a torque at its limit\n", options.out.c_str(),
                  result.recording.rows(), result.saturated);
+  if (!options.common.quiet) tell_who_lags(result.recording, options.out);
   if (!result.failure.empty()) {
     std::fprintf(stderr, "%s: the simulation ended early: %s\n", options.out.c_str(),
                  result.failure.c_str());

@@ -112,3 +112,14 @@ def test_an_interrupted_search_leaves_the_best_so_far(tmp_path: Path) -> None:
     assert process.returncode == INTERRUPTED
     assert "best motion until then" in errors
     assert len(columns(motion)["time"]) == 10001
+
+
+def test_simulate_says_which_joint_does_not_follow(tmp_path: Path) -> None:
+    motion, log = tmp_path / "motion.csv", tmp_path / "log.csv"
+    done("excite", WAM, "--duration", 10, "--seed", 1, "-o", motion, "--quiet")
+    follows = diffnea("simulate", WAM, "--trajectory", motion, "-o", log)
+    assert "off its command" not in follows.stderr
+    world = ("--world", "mujoco:wam4,perturb=A,seed=1")
+    soft = diffnea("simulate", WAM, "--trajectory", motion, "-o", log, *world, "--kp", 1, 1, 1, 1)
+    assert "log.csv: joint2 is off its command by" in soft.stderr
+    assert "--kp" in soft.stderr
