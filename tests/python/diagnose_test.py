@@ -71,8 +71,8 @@ def test_the_error_falls_at_the_joint(finding) -> None:
         assert shapes == {series.measured.shape}
         for values, rms in ((series.base, joint.base), (series.extended, joint.extended)):
             error = np.sqrt(np.mean((series.measured - values) ** 2))
-            # The figure leaves out the few rows at which the joint rests.
-            assert error == pytest.approx(rms, rel=0.05)
+            # The figure leaves out a tenth of the rows: those at rest, and after the ends of stretches.
+            assert error == pytest.approx(rms, rel=0.1)
 
 
 def test_the_extended_model_holds_the_cause(finding, arm) -> None:
