@@ -54,7 +54,7 @@ def record(settings: Json, needs: list[Result]) -> Output:
     )
     world, data = settings["world"], {}
     arrays: Arrays = {}
-    # The same robot: its perturbation is drawn by the world's own seed, sensors' noise too.
+    # The same robot: its perturbation is drawn by the world's own seed.
     for name, motion, where in (
         ("arm", motions.arm, f"{_without_rope(world)},ball=none"),
         ("ball", motions.ball, f"{world},repetitions={settings['repetitions']}"),
