@@ -46,11 +46,11 @@ class Evidence {
   /// Columns of the layout's linear parameters, then ∂τ/∂ln v₀ of the base's smoothed friction,
   /// then turn_columns() of each: how it turns is not known.
   const MatX<double>& base() const { return base_; }
-  /// Those of base()'s columns that are dry friction's.
-  const std::vector<int>& dry_columns() const { return dry_columns_; }
   /// The same of the averaged motion (series()): what of a candidate's columns the base takes over.
   /// As base() where motion does not repeat.
   const MatX<double>& averaged_base() const { return averaged_ ? averaged_base_ : base_; }
+  /// Those of base()'s columns that are dry friction's.
+  const std::vector<int>& dry_columns() const { return dry_columns_; }
 
   // Of each instant, (times()).
   const std::vector<double>& time() const { return time_; }
