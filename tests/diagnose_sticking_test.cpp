@@ -1,7 +1,8 @@
-/// Where a joint sticks, against a plain search over all windows.
+/// Where a joint sticks: reversals, standstills, and what noise makes of both.
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include <catch2/catch_test_macros.hpp>
 
@@ -14,59 +15,110 @@ using namespace diffnea;
 namespace {
 
 constexpr double kDt = 2e-3, kNoise = 1e-4;
+constexpr long kStop = 150;  ///< row at which a joint turns back
 
-/// A reversal at 10 rad/s², and one at which the joint stands still for `still` seconds.
-VecX<double> positions(double still) {
-  const long rows = 500, stop = 250, held = std::lround(still / kDt);
-  Rng rng(1);
-  VecX<double> q(rows);
-  for (long i = 0; i < rows; ++i) {
-    const long from = i < stop ? stop - i : std::max(0L, i - stop - held);
-    const double t = kDt * static_cast<double>(from);
-    q[i] = 5.0 * t * t + kNoise * rng.normal();
+/// A joint that turns back at `before` and, `still` seconds later, sets off at `after` [rad/s²].
+VecX<double> reversal(double before, double after, double still, Rng& rng) {
+  const long held = std::lround(still / kDt);
+  VecX<double> q(2 * kStop + held);
+  for (long i = 0; i < q.size(); ++i) {
+    const long away = i < kStop ? i - kStop : std::max(0L, i - kStop - held);
+    const double t = kDt * static_cast<double>(away);
+    q[i] = 0.5 * (away < 0 ? before : after) * t * t + kNoise * rng.normal();
   }
   return q;
 }
 
-Standstill of_joint() { return standstill(kNoise, 1.5, 10.0, 13.0, kDt); }
+/// Of a joint that reaches 1.5 rad/s at 10 rad/s².
+Standstill of_joint() {
+  PreprocessPlan plan;
+  plan.dt = kDt;
+  plan.filter_hz = 13.0;
+  return standstill(kNoise, 1.5, 10.0, plan);
+}
+
+/// Turns of `count` such reversals.
+std::vector<Turn> many(double before, double after, double still, int count = 40) {
+  Rng rng(1);
+  std::vector<Turn> out;
+  for (int k = 0; k < count; ++k)
+    for (const Turn& t : find_turns(reversal(before, after, still, rng), of_joint()))
+      out.push_back(t);
+  return out;
+}
 
 }  // namespace
 
-TEST_CASE("diagnose: a standstill is told from a reversal", "[diagnose]") {
-  const std::vector<bool> turns = stands_still(positions(0.0), of_joint());
-  CHECK(std::ranges::count(turns, true) == 0);
+TEST_CASE("diagnose: a standstill of the filter's length is told from a reversal", "[diagnose]") {
+  const Standstill still = of_joint();
+  Rng rng(2);
+  const VecX<double> turns = reversal(10.0, 10.0, 0.0, rng);
+  const auto none = stands_still(find_turns(turns, still), still, turns.size(), false);
+  CHECK(std::ranges::count(none, true) == 0);
 
-  const VecX<double> q = positions(0.08);
-  const std::vector<bool> sticks = stands_still(q, of_joint());
-  // All of it, and what comes before and after within the band: 11 ms to either side.
-  for (long i = 250; i <= 290; ++i) CHECK(sticks[static_cast<std::size_t>(i)]);
-  CHECK(std::ranges::count(sticks, true) <= 41 + 2 * 6);
+  const VecX<double> q = reversal(10.0, 10.0, 0.08, rng);
+  const auto sticks = stands_still(find_turns(q, still), still, q.size(), false);
+  // A low-pass of 13 Hz, twice, mixes within a period of its cut-off.
+  CHECK(static_cast<double>(still.margin) * kDt > 0.25 / 13.0);
+  CHECK(static_cast<double>(still.margin) * kDt < 1.0 / 13.0);
+  // All of it but for what noise takes at its ends, and what comes before and after within the
+  // band, 13 ms to either side.
+  for (long i = kStop - still.margin + 3; i <= kStop + 40 + still.margin - 3; ++i)
+    CHECK(sticks[static_cast<std::size_t>(i)]);
+  CHECK(std::ranges::count(sticks, true) <= 41 + 2 * (8 + still.margin));
 }
 
-TEST_CASE("diagnose: standstills are those of all windows", "[diagnose]") {
-  Rng rng(2);
-  VecX<double> walk(400);
-  double at = 0.0;
-  for (long i = 0; i < walk.size(); ++i) walk[i] = at += rng.uniform() < 0.3 ? rng.normal() : 0.0;
-  for (const Standstill still : {Standstill{0.0, 5}, Standstill{1.0, 8}, Standstill{2.5, 30}}) {
-    std::vector<bool> expected(400, false);
-    for (long i = 0; i + still.rows <= walk.size(); ++i) {
-      const auto window = walk.segment(i, still.rows);
-      if (window.maxCoeff() - window.minCoeff() > still.band) continue;
-      for (long k = i; k < i + still.rows; ++k) expected[static_cast<std::size_t>(k)] = true;
-    }
-    CAPTURE(still.band, still.rows);
-    CHECK(std::ranges::count(expected, true) > 0);
-    CHECK(std::ranges::count(expected, false) > 0);
-    CHECK(stands_still(walk, still) == expected);
+TEST_CASE("diagnose: reversals of any acceleration rest as long as reversals do", "[diagnose]") {
+  for (const auto& [before, after] : {std::pair{10.0, 10.0}, {3.0, 3.0}, {15.0, 4.0}}) {
+    CAPTURE(before, after);
+    const std::vector<Turn> turns = many(before, after, 0.0);
+    CHECK(turns.size() >= 40);
+    CHECK_FALSE(sticks_at_turns(turns));
   }
 }
 
-TEST_CASE("diagnose: a joint that hardly ever moves faster than noise does not stick",
-          "[diagnose]") {
-  // 3 mrad/s through noise of 1 mrad: a band of 6 mrad takes 2 s, the window is longer.
-  const Standstill still = standstill(1e-3, 3e-3, 0.01, 5.0, 0.01);
-  CHECK(static_cast<double>(still.rows) * 0.01 > 2.0);
-  const VecX<double> q = VecX<double>::LinSpaced(2000, 0.0, 2000 * 0.01 * 3e-3);
-  CHECK(std::ranges::count(stands_still(q, still), true) == 0);
+TEST_CASE("diagnose: standstills too short for one are told from many", "[diagnose]") {
+  // A reversal at 10 rad/s² is within the band for 25 ms.
+  const std::vector<Turn> turns = many(10.0, 10.0, 0.008);
+  CHECK(sticks_at_turns(turns));
+  CHECK_FALSE(sticks_at_turns({turns.begin(), turns.begin() + 3}));  // three tell nothing
+  const Standstill still = of_joint();
+  const auto some = stands_still({turns.front()}, still, 2 * kStop, false);
+  const auto all = stands_still({turns.front()}, still, 2 * kStop, true);
+  CHECK(std::ranges::count(some, true) == 0);
+  CHECK(std::ranges::count(all, true) ==
+        turns.front().last - turns.front().first + 1 + 2 * still.margin);
+}
+
+TEST_CASE("diagnose: turns are the longest windows within the band", "[diagnose]") {
+  // Without noise, and without averaging: three rows of a standstill take no mean.
+  VecX<double> q(41);
+  for (long i = 0; i < q.size(); ++i) q[i] = static_cast<double>((i - 20) * (i - 20));
+  const Standstill still{16.0, 3, 1000, 0};
+  const std::vector<Turn> turns = find_turns(q, still);
+  REQUIRE(turns.size() == 1);
+  CHECK(turns[0].first == 16);  // (±4)² within 16
+  CHECK(turns[0].last == 24);
+  CHECK(turns[0].rest == 9.0 / 8.0);  // (±8)² within 64: four rows more to either side
+}
+
+TEST_CASE("diagnose: what passes slowly does not stand still", "[diagnose]") {
+  // 3 mrad/s through noise of 1 mrad.
+  PreprocessPlan plan;
+  plan.dt = 0.01;
+  plan.filter_hz = 5.0;
+  const Standstill still = standstill(1e-3, 3e-3, 0.01, plan);
+  const VecX<double> q = VecX<double>::LinSpaced(20000, 0.0, 20000 * 0.01 * 3e-3);
+  CHECK(find_turns(q, still).size() <= 2);  // where it begins and ends, nothing is beyond
+  CHECK(std::ranges::count(stands_still(find_turns(q, still), still, q.size(), false), true) == 0);
+}
+
+TEST_CASE("diagnose: a joint that stands still throughout does so in all rows", "[diagnose]") {
+  Rng rng(3);
+  VecX<double> q(3000);
+  for (long i = 0; i < q.size(); ++i) q[i] = 0.7 + kNoise * rng.normal();
+  const Standstill still = of_joint();
+  const auto rows = stands_still(find_turns(q, still), still, q.size(), false);
+  CHECK(std::ranges::count(rows, false) == 0);
+  CHECK(find_turns(VecX<double>(), still).empty());
 }

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <numeric>
+#include <set>
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/dynamics/batch.hpp>
@@ -19,8 +20,50 @@ constexpr double kRestShare = 0.01;
 /// Of the filter's weight on samples in which a joint rests, or sticks.
 constexpr double kMostRest = 0.3, kMostStuck = 0.02;
 
+/// Of the rows of a joint that sticks wherever it turns back: beyond, it turns back too often for
+/// its turns to be left out.
+constexpr double kMostLeftOut = 0.5;
+
 /// Of a disturbance at the end of a recording.
 constexpr double kRemembered = 0.01;
+
+/// For each stretch and each joint, rows in which it sticks (sticking.hpp); empty where the base
+/// has no dry friction.
+/// @param speed, acceleration  RMS
+std::vector<std::vector<std::vector<bool>>> stuck_rows(
+    const FitLayout& layout, const PreprocessPlan& plan,
+    const std::vector<RowMatX<double>>& positions, const VecX<double>& speed,
+    const VecX<double>& acceleration) {
+  std::vector<std::vector<std::vector<bool>>> out(
+      positions.size(), std::vector<std::vector<bool>>(static_cast<std::size_t>(layout.num_dofs)));
+  std::set<int> dry;
+  for (const FitParameter& s : layout.shape)
+    if (is_smoothing(s))
+      for (const int j : layout.effects[static_cast<std::size_t>(s.effect)].joints) dry.insert(j);
+  for (const int j : dry) {
+    if (static_cast<std::size_t>(j) >= plan.q_noise.size()) continue;
+    const Standstill still =
+        standstill(plan.q_noise[static_cast<std::size_t>(j)], speed[j], acceleration[j], plan);
+    std::vector<std::vector<Turn>> turns;
+    std::vector<Turn> all;
+    for (const RowMatX<double>& q : positions) {
+      turns.push_back(find_turns(q.col(j), still));
+      all.insert(all.end(), turns.back().begin(), turns.back().end());
+    }
+    const auto leave_out = [&](bool everywhere) {
+      long left_out = 0, rows = 0;
+      for (std::size_t i = 0; i < positions.size(); ++i) {
+        std::vector<bool>& stuck = out[i][static_cast<std::size_t>(j)];
+        stuck = stands_still(turns[i], still, positions[i].rows(), everywhere);
+        left_out += std::ranges::count(stuck, true);
+        rows += positions[i].rows();
+      }
+      return static_cast<double>(left_out) <= kMostLeftOut * static_cast<double>(rows);
+    };
+    if (!sticks_at_turns(all) || !leave_out(true)) leave_out(false);
+  }
+  return out;
+}
 
 }  // namespace
 
@@ -106,11 +149,7 @@ Evidence::Evidence(const Model& model, const FitLayout& layout, const RecordingS
   }
   speed = (speed / static_cast<double>(samples)).cwiseSqrt();
   acceleration = (acceleration / static_cast<double>(samples)).cwiseSqrt();
-  std::vector<bool> sticks(static_cast<std::size_t>(num_dofs_), false);
-  for (const FitParameter& s : layout.shape)
-    if (is_smoothing(s))
-      for (const int j : layout.effects[static_cast<std::size_t>(s.effect)].joints)
-        sticks[static_cast<std::size_t>(j)] = plan.q_noise.size() > static_cast<std::size_t>(j);
+  const auto stuck = stuck_rows(layout, plan, collector.positions(), speed, acceleration);
   const long n = num_dofs_, known = static_cast<long>(joints_.size());
   long row = 0;
   for (std::size_t i = 0; i < series_.size(); ++i) {
@@ -127,12 +166,9 @@ Evidence::Evidence(const Model& model, const FitLayout& layout, const RecordingS
       const int j = joints_[static_cast<std::size_t>(k)];
       all_states.col(3 * n + k) =
           (s.qd.col(j).array().abs() < kRestShare * speed[j]).cast<double>().matrix();
-      if (!sticks[static_cast<std::size_t>(j)]) continue;
-      const Standstill still = standstill(plan.q_noise[static_cast<std::size_t>(j)], speed[j],
-                                          acceleration[j], plan.filter_hz, s.dt);
-      const std::vector<bool> stuck = stands_still(collector.positions()[i].col(j), still);
-      for (long at = 0; at < s.q.rows(); ++at)
-        all_states(at, 3 * n + known + k) = stuck[static_cast<std::size_t>(at)];
+      const std::vector<bool>& rows = stuck[i][static_cast<std::size_t>(j)];
+      for (std::size_t at = 0; at < rows.size(); ++at)
+        all_states(static_cast<long>(at), 3 * n + known + k) = rows[at];
     }
     states.push_back(std::move(all_states));
   }
@@ -146,6 +182,16 @@ Evidence::Evidence(const Model& model, const FitLayout& layout, const RecordingS
   sticks_ = decimated.rightCols(known).array().abs() > kMostStuck;  // of either sign
   rests_ = decimated.middleCols(3 * n, known).array() > kMostRest || sticks_;
   factors_ = regression.factors();
+  cut_off_ = plan.filter_hz;
+  for (const int j : joints_) {
+    long turns = 0;
+    double seconds = 0.0;
+    for (const JointSeries& s : series_) {
+      seconds += s.dt * static_cast<double>(s.qd.rows());
+      for (long i = 1; i < s.qd.rows(); ++i) turns += s.qd(i - 1, j) * s.qd(i, j) < 0.0;
+    }
+    turns_per_second_.push_back(static_cast<double>(turns) / seconds);
+  }
   set_reference(model);
   const MatX<double> turns_of_base = turns(layout);
   for (MatX<double>* base : {&base_, &averaged_base_}) {

@@ -61,6 +61,10 @@ class Evidence {
   bool rests(long instant, long k) const { return rests_(instant, k); }
   /// Whether it sticks where the base has dry friction (sticking.hpp).
   bool sticks(long instant, long k) const { return sticks_(instant, k); }
+  /// Cut-off of the filter that positions have passed [Hz].
+  double cut_off() const { return cut_off_; }
+  /// How often the k-th of joints() turns back [1/s].
+  double turns_per_second(long k) const { return turns_per_second_[static_cast<std::size_t>(k)]; }
   /// Filtered positions, velocities, accelerations, (times(), num_dofs()).
   const MatX<double>& q() const { return q_; }
   const MatX<double>& qd() const { return qd_; }
@@ -115,6 +119,8 @@ class Evidence {
   const ExtendedTree& reference(const JointSeries& s) const { return references_.at(s.run); }
 
   int num_dofs_ = 0, first_run_ = 0;
+  double cut_off_ = 0.0;
+  std::vector<double> turns_per_second_;
   bool averaged_ = false;
   std::vector<int> joints_, dry_columns_;
   std::vector<JointSeries> series_;

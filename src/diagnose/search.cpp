@@ -15,9 +15,12 @@ namespace {
 constexpr double kAccuracy = 0.02;
 /// The same of dry friction: filtered, nothing is known of how it turns but for a few milliseconds.
 constexpr double kDryAccuracy = 0.04;
-/// The same of dry friction that is the base's, whose turns are fitted beside its size
-/// (turn_columns()). Where a joint sticks, what holds it is nothing that its motion tells.
+/// The same of dry friction F that is the base's, whose turns are fitted beside its size
+/// (turn_columns()), at the least.
 constexpr double kBaseDryAccuracy = 0.01;
+/// How late one of its turns may be against the others [s]: what holds a joint meanwhile is nothing
+/// that its motion tells. Each leaves 2 F for so long, which the filter spreads over 1/cut-off.
+constexpr double kLateTurn = 1.75e-3;
 
 }  // namespace
 
@@ -154,13 +157,23 @@ double Search::inexact_at(const Term& term, const std::vector<Term>& terms) cons
     out += accuracy * accuracy *
            std::max(0.0, projection_->residual().segment(begin, m).squaredNorm() -
                              after.segment(begin, m).squaredNorm());
-    out += kBaseDryAccuracy * kBaseDryAccuracy * friction.segment(begin, m).squaredNorm();
+    out += unknown_share(static_cast<long>(k)) * friction.segment(begin, m).squaredNorm();
   }
   return out;
 }
 
 double Search::inexact_friction(const std::vector<Term>& terms) const {
-  return kBaseDryAccuracy * kBaseDryAccuracy * dry_friction(terms).squaredNorm();
+  const VecX<double> friction = dry_friction(terms);
+  const long m = evidence_.times();
+  double out = 0.0;
+  for (long k = 0; k < static_cast<long>(evidence_.joints().size()); ++k)
+    out += unknown_share(k) * friction.segment(k * m, m).squaredNorm();
+  return out;
+}
+
+double Search::unknown_share(long k) const {
+  const double turns = evidence_.cut_off() * evidence_.turns_per_second(k);
+  return std::max(kBaseDryAccuracy * kBaseDryAccuracy, 4.0 * kLateTurn * kLateTurn * turns);
 }
 
 VecX<double> Search::dry_friction(const std::vector<Term>& terms) const {

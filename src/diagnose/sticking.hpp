@@ -8,23 +8,40 @@
 #include <vector>
 
 #include <diffnea/core/scalar.hpp>
+#include <diffnea/recording/preprocess.hpp>
 
 namespace diffnea {
 
-/// What a position has to do, and for how long, to count as standing still.
-struct Standstill {
-  double band = 0.0;  ///< it stays within [rad] or [m]
-  long rows = 1;      ///< so many, at least
+/// Rows [first, last] that a position spends within a band, the longest there, where it turns back
+/// or stands still. What turns back at a constant acceleration, whichever, is twice as long within
+/// four times the band: rest = 1. A standstill in between does not get longer.
+struct Turn {
+  long first = 0, last = 0;
+  double rest = 1.0;  ///< time within the band, of what four times the band adds to it
 };
 
-/// A standstill that noise does not hide, longer than a reversal at the joint's usual acceleration
-/// and than the filter can tell from one.
+/// What tells standstills from what noise and a filter leave of them.
+struct Standstill {
+  double band = 0.0;  ///< noise stays within it [rad] or [m]
+  long rows = 1;      ///< a shorter standstill, the filter smooths as it does any reversal
+  long lasting = 1;   ///< rows that no reversal takes
+  long margin = 0;    ///< rows before and after it that the filter mixes with it
+};
+
 /// @param q_noise  standard deviation of the logged position [rad] or [m]
 /// @param qd, qdd  RMS of velocity and acceleration
-/// @param dt       of the rows [s]
-Standstill standstill(double q_noise, double qd, double qdd, double filter_hz, double dt);
+/// @param plan     whose filter the velocities have passed; rows are dt apart
+Standstill standstill(double q_noise, double qd, double qdd, const PreprocessPlan& plan);
 
-/// Rows of a logged position that belong to a standstill.
-std::vector<bool> stands_still(const Eigen::Ref<const VecX<double>>& q, const Standstill& still);
+/// Turns of a logged position, of means over still.rows / 2 rows of it, in order.
+std::vector<Turn> find_turns(const Eigen::Ref<const VecX<double>>& q, const Standstill& still);
+
+/// Whether a joint sticks wherever it turns back, for too short a time to be told one by one.
+bool sticks_at_turns(const std::vector<Turn>& turns);
+
+/// Of `rows` rows, those that belong to a standstill, or to its margin: every turn if `everywhere`,
+/// else those that rest, and those that last.
+std::vector<bool> stands_still(const std::vector<Turn>& turns, const Standstill& still, long rows,
+                               bool everywhere);
 
 }  // namespace diffnea
