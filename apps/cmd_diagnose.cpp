@@ -105,8 +105,8 @@ void add_diagnose(CLI::App& app, const std::vector<std::string>& command_line) {
   command
       ->add_option("--base", c->base,
                    "what may be re-fitted of the model: refit (all), prior (within the posterior "
-                   "that identify left), "
-                   "fixed (nothing), auto (prior if there is one, else refit)")
+                   "that identify left), fixed (nothing), auto (prior if there is one, of other "
+                   "recordings than this; else refit)")
       ->check(CLI::IsMember({"auto", "refit", "prior", "fixed"}))
       ->capture_default_str();
   command

@@ -25,7 +25,7 @@ IdentifyResult fit(double a, double b, double c, double s = 0.1) {
   out.errors[0].joint = "elbow";
   const double w = 1.0 / (s * s);
   out.model.posterior =
-      Posterior{{"a", "b", "c"}, {a, b, c}, {w, 2 * w, 0, 2 * w, 4 * w, 0, 0, 0, 25}};
+      Posterior{{"a", "b", "c"}, {a, b, c}, {w, 2 * w, 0, 2 * w, 4 * w, 0, 0, 0, 25}, {}};
   return out;
 }
 
@@ -60,7 +60,7 @@ TEST_CASE("compare: a held parameter moves the value of a combination, not its u
   // b is held, at another value than in the first fit; a has taken over what it leaves.
   IdentifyResult second = fit(2, 0.5, 0);
   second.parameters[1].fixed = true;
-  second.model.posterior = Posterior{{"a", "c"}, {2, 0}, {100, 0, 0, 25}};
+  second.model.posterior = Posterior{{"a", "c"}, {2, 0}, {100, 0, 0, 25}, {}};
   const Comparison c = compare(fit(1, 1, 0), second);
   CHECK(c.not_comparable == 0);
   CHECK_FALSE(c.changed);

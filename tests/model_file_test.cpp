@@ -203,12 +203,13 @@ TEST_CASE("json: every double comes back bit by bit", "[io]") {
   m.links.back().passive = true;
   m.effects.push_back(
       {"stribeck_friction", joint_names(m)[0], {{"stiction_excess", 1.0 / 3.0, "N*m"}}});
-  m.posterior = Posterior{{"a", "b"}, {1.0 / 3, 2e-300}, {1, 1e-17, 1e-17, 1e300}};
+  m.posterior = Posterior{{"a", "b"}, {1.0 / 3, 2e-300}, {1, 1e-17, 1e-17, 1e300}, {"9a3f"}};
   const std::string text = model_to_json(m);
   const Model back = model_from_json(text, "text");
   check_equal(m, back, 0.0);
   CHECK(back.posterior->information == m.posterior->information);
   CHECK(back.posterior->mean == m.posterior->mean);
+  CHECK(back.posterior->recordings == m.posterior->recordings);
   CHECK(back.notes == m.notes);
   CHECK(model_to_json(back) == text);
   CHECK(write_model(m, folder.path() / "m.json").empty());

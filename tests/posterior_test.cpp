@@ -30,7 +30,7 @@ constexpr double kSpread = 0.08;
 /// A posterior of parameters named so, from their covariance.
 Posterior posterior(const std::vector<std::string>& names, const MatX<double>& covariance) {
   const MatX<double> H = covariance.inverse();
-  return {names, std::vector<double>(names.size(), 0.0), {H.data(), H.data() + H.size()}};
+  return {names, std::vector<double>(names.size(), 0.0), {H.data(), H.data() + H.size()}, {}};
 }
 
 struct Moments {
@@ -129,7 +129,8 @@ TEST_CASE("draws: what the data see keeps its spread, what they do not see stays
   model.posterior = Posterior{
       {"joint0.viscous_friction.viscous", "joint1.viscous_friction.viscous", link + ".mass"},
       {1.0, 2.0, 0.0},
-      {H.data(), H.data() + H.size()}};
+      {H.data(), H.data() + H.size()},
+      {}};
   const std::vector<Model> draws = draw_models(model, kMany, 5);
   const auto friction = [](const char* joint) {
     return [joint](const Model& d) { return effect_value(d, "viscous_friction", joint); };

@@ -86,7 +86,7 @@ def diagnose(
             time are held out, which is weaker.
         base: what may be re-fitted of the model: ``refit`` (all its parameters), ``prior`` (within
             the posterior that :func:`identify` left in it), ``fixed`` (nothing), ``auto``
-            (``prior`` if there is one, else ``refit``).
+            (``prior`` if there is one, of other recordings than ``train``, else ``refit``).
         effects: candidates: ``name`` wherever it suits, or ``name@where``. Default: all that
             :func:`effects` lists.
         candidates: your own beside those.

@@ -9,12 +9,20 @@
 
 #include "diagnose/base.hpp"
 #include "diagnose/bounds.hpp"
+#include "identify/passes.hpp"
 
 namespace diffnea {
 namespace {
 
 /// How often the base's friction is read anew.
 constexpr int kTurnPasses = 3;
+
+/// Whether some of the recordings are among those that the posterior was made of.
+bool is_made_of(const Posterior& posterior, const RecordingSource& source) {
+  return std::ranges::any_of(fingerprints(source), [&](const std::string& of) {
+    return std::ranges::find(posterior.recordings, of) != posterior.recordings.end();
+  });
+}
 
 }  // namespace
 
@@ -36,6 +44,14 @@ std::vector<std::string> units_of(const Model& model) {
 void prepare(JointCase& c) {
   const bool posterior = c.model.posterior && knows_arm(*c.model.posterior);
   c.base = c.options.base != Base::kAuto ? c.options.base : posterior ? Base::kPrior : Base::kRefit;
+  if (posterior && c.options.base == Base::kAuto &&
+      is_made_of(*c.model.posterior, c.train_source)) {
+    c.base = Base::kRefit;
+    c.finding.notes.push_back(
+        "the model was identified from this recording: its parameters are fitted again (--base "
+        "refit), since what the recording tells does not count twice, and what the model lacks has "
+        "bent them");
+  }
   if (c.base == Base::kPrior && !posterior)
     throw ModelError(
         "--base prior: " + (c.model.source.empty() ? "the model" : c.model.source) +

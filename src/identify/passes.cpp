@@ -1,9 +1,14 @@
 #include "identify/passes.hpp"
 
 #include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstdint>
 #include <cstdio>
+#include <iomanip>
 #include <limits>
 #include <numeric>
+#include <sstream>
 
 #include "identify/run_effects.hpp"
 
@@ -105,8 +110,9 @@ JointError blank_error(const Model& model, int j, bool of_torque) {
 }
 
 Posterior posterior_of(const FitLayout& layout, const VecX<double>& x,
-                       const MatX<double>& information) {
+                       const MatX<double>& information, const RecordingSource& data) {
   Posterior out;
+  out.recordings = fingerprints(data);
   std::vector<int> free;
   for (std::size_t k = 0; k < layout.linear.size(); ++k)
     if (!layout.linear[k].fixed) free.push_back(static_cast<int>(k));
@@ -116,6 +122,26 @@ Posterior posterior_of(const FitLayout& layout, const VecX<double>& x,
   }
   const MatX<double> block = information(free, free);
   out.information.assign(block.data(), block.data() + block.size());
+  return out;
+}
+
+std::vector<std::string> fingerprints(const RecordingSource& source) {
+  constexpr long kRows = 1000;
+  std::vector<std::string> out;
+  for (const Recording& r : source.sample()) {
+    std::uint64_t hash = 0xcbf29ce484222325;  // Fowler, Noll, Vo
+    for (const RowMatX<double>* channel : {&r.q, &r.tau})
+      for (long i = 0; i < std::min(channel->rows(), kRows); ++i)
+        for (long j = 0; j < channel->cols(); ++j) {
+          const double x = (*channel)(i, j);
+          auto bits = std::bit_cast<std::uint64_t>(std::isnan(x) ? 0.0 : x);
+          for (int byte = 0; byte < 8; ++byte, bits >>= 8)
+            hash = (hash ^ (bits & 0xff)) * 0x100000001b3;
+        }
+    std::ostringstream text;
+    text << std::hex << std::setw(16) << std::setfill('0') << hash;
+    out.push_back(text.str());
+  }
   return out;
 }
 

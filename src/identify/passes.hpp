@@ -46,9 +46,12 @@ std::vector<ParameterEstimate> parameter_estimates(const FitLayout& layout, cons
                                                    const std::vector<int>& at_bound,
                                                    const VecX<double>& shape_std = {});
 
-/// The Gaussian that data of this information leave of the free linear parameters.
+/// The Gaussian that `data` of this information leave of the free linear parameters.
 Posterior posterior_of(const FitLayout& layout, const VecX<double>& x,
-                       const MatX<double>& information);
+                       const MatX<double>& information, const RecordingSource& data);
+/// What tells each recording of a source from others, whichever file holds it: 16 hexadecimal
+/// digits of the positions and torques of its first 1000 rows (FNV-1a).
+std::vector<std::string> fingerprints(const RecordingSource& source);
 
 /// "N*m" or "N" for torques of joint j, "rad" or "m" for positions.
 std::string unit_of_joint(const Model& model, int j, bool of_torque);

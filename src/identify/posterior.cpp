@@ -340,6 +340,7 @@ bool knows_arm(const Posterior& posterior) {
 
 Posterior joined(const Posterior* arm, const Posterior* ball) {
   Posterior out = arm ? part(*arm, false) : Posterior{};
+  if (arm) out.recordings = arm->recordings;
   if (!ball) return out;
   const Posterior right = part(*ball, true);
   const std::size_t a = out.names.size(), b = right.names.size(), n = a + b;

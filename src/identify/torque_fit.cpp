@@ -349,7 +349,7 @@ class InverseFit {
 
   void evaluate() {
     result_.model = apply_fit(model_, layout_, x_, shape_);
-    const Posterior arm = posterior_of(layout_, x_, fit_.information);
+    const Posterior arm = posterior_of(layout_, x_, fit_.information, train_);
     result_.model.posterior = joined(&arm, model_.posterior ? &*model_.posterior : nullptr);
     result_.parameters = parameter_estimates(layout_, x_, shape_, fit_.std, fit_.identifiable,
                                              fit_.solver.active_nonnegative, shape_std_);

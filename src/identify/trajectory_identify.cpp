@@ -135,7 +135,7 @@ class TrajectoryIdentification {
         at_bound.push_back(static_cast<int>(k));
     }
     result_.parameters = parameter_estimates(layout_, fit_.x, shape_, std, identifiable, at_bound);
-    const Posterior arm = posterior_of(layout_, fit_.x, information());
+    const Posterior arm = posterior_of(layout_, fit_.x, information(), train_);
     result_.model.posterior = joined(&arm, model_.posterior ? &*model_.posterior : nullptr);
     result_.physically_consistent = true;
 

@@ -182,6 +182,9 @@ Posterior posterior_from(const Json& value, const std::string& where) {
   const long n = static_cast<long>(p.names.size());
   p.mean = io::json_numbers(o.required("mean"), o.at("mean"), n);
   p.information = io::json_numbers(o.required("information"), o.at("information"), n * n);
+  if (const Json* recordings = o.optional("recordings"))
+    for (const Json& r : io::json_array(*recordings, o.at("recordings")))
+      p.recordings.push_back(io::json_string(r, o.at("recordings")));
   o.finish();
   return p;
 }
@@ -316,6 +319,7 @@ std::string model_to_json(const Model& model) {
       for (const double x : *v)
         if (!std::isfinite(x)) throw ModelError("model_to_json: the posterior is not finite");
     out["posterior"] = {{"names", p.names}, {"mean", p.mean}, {"information", p.information}};
+    if (!p.recordings.empty()) out["posterior"]["recordings"] = p.recordings;
   }
   if (!model.notes.empty()) out["notes"] = model.notes;
   return out.dump(1, ' ', false, Json::error_handler_t::replace) + "\n";

@@ -8,6 +8,8 @@ from pathlib import Path
 import pytest
 from cli import BAD_INPUT, DONE, MODELS, WRONG_USAGE, diffnea, done, load
 
+import diffnea as python
+
 PENDULUM = MODELS / "double_pendulum.urdf"
 TRUTH = {"effect": "coulomb_friction", "where": "elbow"}
 
@@ -166,6 +168,22 @@ def test_a_prior_that_the_model_does_not_have(recordings: Path, run: Path, tmp_p
     assert "identify" in message
     done("diagnose", run / "model.json", train, "--base", "prior", "-o", tmp_path / "prior")
     assert load(tmp_path / "prior/result.json")["base"] == "prior"
+
+
+def test_a_recording_that_the_model_was_identified_from_does_not_count_twice(
+    recordings: Path, run: Path, tmp_path: Path
+) -> None:
+    again = ("diagnose", run / "model.json", recordings / "train.csv", "-o", tmp_path / "again")
+    note = "identified from this recording"
+    assert note in done(*again)
+    assert load(tmp_path / "again/result.json")["base"] == "refit"
+    # As arrays it is the same recording.
+    loaded = python.read_recording(recordings / "train.csv")
+    assert python.diagnose(python.load_model(run / "model.json"), loaded).base == "refit"
+    done("diagnose", run / "model.json", recordings / "test.csv", "-o", tmp_path / "other")
+    other = load(tmp_path / "other/result.json")
+    assert other["base"] == "prior"
+    assert not any(note in n for n in other["notes"])
 
 
 def test_a_folder_that_cannot_be_written(recordings: Path, tmp_path: Path) -> None:

@@ -1,7 +1,8 @@
 """A robot whose joints stick where they turn back, with friction that its model knows of by then.
 
-The mast of the guide in MuJoCo, whose dry friction holds a joint at every reversal for some 50 ms:
-no function of the motion says by how much. That is no effect's, and must not hide one.
+The mast of the guide in MuJoCo, whose dry friction holds a joint at every reversal for 5 to 50 ms:
+no function of the motion says by how much. That is no effect's, and must not hide one. The model is
+identified from the recording that is diagnosed, with parameters that the effect has bent.
 """
 
 import re
@@ -13,6 +14,7 @@ from cli import ROOT, done, load
 
 NOTHING = ""
 LAG = ",effect=actuator_lag@tilt:time_constant=0.02"
+QUADRATIC = ",effect=quadratic_friction@tilt:quadratic=0.05"
 
 
 @pytest.fixture(scope="module")
@@ -53,10 +55,20 @@ def test_what_holds_a_joint_that_sticks_is_no_effect(mast: Path, tmp_path: Path,
 
 def test_a_lag_is_found_beside_it(mast: Path, tmp_path: Path) -> None:
     finding = diagnosed(mast, tmp_path, 31, LAG)
-    (cause,) = finding["causes"]  # before, it was UNKNOWN
+    (cause,) = finding["causes"]  # once it was UNKNOWN, then a delay
     kinds = {cause["effect"], *(member["effect"] for member in cause["class"])}
     assert cause["where"] == "tilt"
     assert "actuator_lag" in kinds, finding["sentence"]
     (time_constant,) = cause["parameters"]  # of a lag or a delay: what the torque is late by
     low, high = time_constant["ci95"]
     assert low < 0.02 < high
+
+
+def test_a_friction_that_the_fit_has_taken_for_others_is_found(mast: Path, tmp_path: Path) -> None:
+    finding = diagnosed(mast, tmp_path, 133, QUADRATIC)
+    assert finding["base"] == "refit"
+    (cause,) = finding["causes"]  # within the posterior: a Stribeck friction
+    assert (cause["effect"], cause["where"]) == ("quadratic_friction", "tilt")
+    (quadratic,) = cause["parameters"]
+    low, high = quadratic["ci95"]
+    assert low < 0.05 < high

@@ -20,7 +20,7 @@ namespace diffnea {
 
 /// What diagnosis may re-fit of the base model.
 enum class Base {
-  kAuto,   ///< kPrior if the model has a posterior, else kRefit
+  kAuto,   ///< kPrior if the model has a posterior that was made of other recordings, else kRefit
   kRefit,  ///< all its parameters
   kPrior,  ///< within the posterior that identification left
   kFixed,  ///< nothing: the model stands accused as it is

@@ -76,6 +76,7 @@ struct Posterior {
   std::vector<double> mean;  ///< SI units of the parameter
   std::vector<double>
       information;  ///< inverse covariance, row-major (n×n); rank = what the data identified
+  std::vector<std::string> recordings;  ///< fingerprints of those it was made of; may be empty
 };
 
 /// A robot: links, effects, where relevant a ball; a value, with names and units, from which trees
