@@ -139,7 +139,7 @@ double Search::inexact_at(const Term& term, const std::vector<Term>& terms) cons
     after -= S.G.middleCols(at, t.width()) * t.values();
     at += t.width();
   }
-  const VecX<double> friction = dry_friction(terms);
+  const VecX<double> unknown = inexact_friction(terms);
   const long m = evidence_.times();
   const Port port = term.effect.info().port;
   const bool local = port == Port::kJointTorque || port == Port::kMemory;
@@ -157,23 +157,22 @@ double Search::inexact_at(const Term& term, const std::vector<Term>& terms) cons
     out += accuracy * accuracy *
            std::max(0.0, projection_->residual().segment(begin, m).squaredNorm() -
                              after.segment(begin, m).squaredNorm());
-    out += unknown_share(static_cast<long>(k)) * friction.segment(begin, m).squaredNorm();
+    out += unknown[static_cast<long>(k)];
   }
   return out;
 }
 
-double Search::inexact_friction(const std::vector<Term>& terms) const {
+VecX<double> Search::inexact_friction(const std::vector<Term>& terms) const {
   const VecX<double> friction = dry_friction(terms);
   const long m = evidence_.times();
-  double out = 0.0;
-  for (long k = 0; k < static_cast<long>(evidence_.joints().size()); ++k)
-    out += unknown_share(k) * friction.segment(k * m, m).squaredNorm();
+  VecX<double> out(static_cast<long>(evidence_.joints().size()));
+  for (long k = 0; k < out.size(); ++k) {
+    const double turns = evidence_.cut_off() * evidence_.turns_per_second(k);
+    const double share =
+        std::max(kBaseDryAccuracy * kBaseDryAccuracy, 4.0 * kLateTurn * kLateTurn * turns);
+    out[k] = share * friction.segment(k * m, m).squaredNorm();
+  }
   return out;
-}
-
-double Search::unknown_share(long k) const {
-  const double turns = evidence_.cut_off() * evidence_.turns_per_second(k);
-  return std::max(kBaseDryAccuracy * kBaseDryAccuracy, 4.0 * kLateTurn * kLateTurn * turns);
 }
 
 VecX<double> Search::dry_friction(const std::vector<Term>& terms) const {

@@ -49,8 +49,9 @@ class Search {
   /// not exact: (2 %)² of what `terms` remove, where one of them is dry friction (4 %)²; (1 %)² of
   /// the base's dry friction, more where it turns often.
   double inexact_at(const Term& term, const std::vector<Term>& terms) const;
-  /// χ² that the base leaves because the torque of its dry friction is not exact, at all joints.
-  double inexact_friction(const std::vector<Term>& terms) const;
+  /// χ² that the base leaves at each of joints() because the torque of its dry friction is not
+  /// exact: no function of the motion tells it.
+  VecX<double> inexact_friction(const std::vector<Term>& terms) const;
 
   /// What a fit costs, −2 ln of its likelihood but for a constant: n ln χ², the noise as large as
   /// what is left; where repeats have told the noise and no more is left, χ².
@@ -74,8 +75,6 @@ class Search {
   double looked_elsewhere(int candidate) const;
   /// The base's dry friction beside `terms`, in units of noise, (rows of the evidence).
   VecX<double> dry_friction(const std::vector<Term>& terms) const;
-  /// Of that friction's χ² at the k-th joint, what no function of the motion tells.
-  double unknown_share(long k) const;
 
   const Evidence& evidence_;
   const std::vector<Candidate>& candidates_;

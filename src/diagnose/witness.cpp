@@ -87,6 +87,7 @@ std::vector<WitnessScore> find_witnesses(const Evidence& evidence, const Search&
   const MatX<double> Q = qr.householderQ() * MatX<double>::Identity(S.rows(), S.cols());
   const VecX<double> r = left - Q * (Q.transpose() * left);
   const double chi2 = r.squaredNorm();
+  const VecX<double> inexact = search.inexact_friction(terms);
   const VecX<double> base_errors = held_out.errors(search, terms);
   const VecX<double> before = held_out.whitened(search, base_errors);
   std::vector<WitnessScore> out;
@@ -95,6 +96,7 @@ std::vector<WitnessScore> find_witnesses(const Evidence& evidence, const Search&
     WitnessScore best;
     best.joint = joint;
     const Basis* best_basis = nullptr;
+    double best_gain = 0.0;
     VecX<double> best_psi;
     const std::vector<Basis> all = bases(evidence, joint, names);
     for (const Basis& basis : all) {
@@ -111,12 +113,14 @@ std::vector<WitnessScore> find_witnesses(const Evidence& evidence, const Search&
       if (best_basis && delta <= best.delta_bic) continue;
       best.delta_bic = delta;
       best_basis = &basis;
+      best_gain = gain;
       best_psi = psi;
       const double joint_chi2 =
           r.segment(static_cast<long>(k) * evidence.times(), evidence.times()).squaredNorm();
       best.share = joint_chi2 > 0.0 ? std::min(gain / joint_chi2, 1.0) : 0.0;
     }
-    if (!best_basis || best.delta_bic <= accept) continue;
+    if (!best_basis || best.delta_bic <= accept || best_gain < inexact[static_cast<long>(k)])
+      continue;
     for (const Variable& v : best_basis->variables) best.variables.push_back(v.name);
     // Held out: the base gives way to the function on the fitted rows as it did above.
     VecX<double> there = (*best_basis)(evidence, static_cast<long>(k)) * best_psi;
