@@ -148,7 +148,7 @@ void BandDiagnosis::describe() {
       (case_.reference->is_tilted() ? level_sum_ : case_.search->residual_sum()) / freedom;
   misfit_ = case_.search->noise_is_repeatable() &&
             (case_.search->residual_sum() - case_.search->gain_of(terms_) -
-             case_.search->inexact_friction(terms_).sum()) /
+             case_.search->inexact_friction(terms_, true).sum()) /
                     freedom >
                 kLeft;
   double floor = std::max(change.after - more, 0.0);

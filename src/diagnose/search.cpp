@@ -139,7 +139,7 @@ double Search::inexact_at(const Term& term, const std::vector<Term>& terms) cons
     after -= S.G.middleCols(at, t.width()) * t.values();
     at += t.width();
   }
-  const VecX<double> unknown = inexact_friction(terms);
+  const VecX<double> unknown = inexact_friction(terms, is_like_friction(term.effect));
   const long m = evidence_.times();
   const Port port = term.effect.info().port;
   const bool local = port == Port::kJointTorque || port == Port::kMemory;
@@ -162,14 +162,15 @@ double Search::inexact_at(const Term& term, const std::vector<Term>& terms) cons
   return out;
 }
 
-VecX<double> Search::inexact_friction(const std::vector<Term>& terms) const {
+VecX<double> Search::inexact_friction(const std::vector<Term>& terms, bool of_late_turns) const {
   const VecX<double> friction = dry_friction(terms);
   const long m = evidence_.times();
   VecX<double> out(static_cast<long>(evidence_.joints().size()));
   for (long k = 0; k < out.size(); ++k) {
-    const double turns = evidence_.cut_off() * evidence_.turns_per_second(k);
-    const double share =
-        std::max(kBaseDryAccuracy * kBaseDryAccuracy, 4.0 * kLateTurn * kLateTurn * turns);
+    double share = kBaseDryAccuracy * kBaseDryAccuracy;
+    if (of_late_turns)
+      share = std::max(
+          share, 4.0 * kLateTurn * kLateTurn * evidence_.cut_off() * evidence_.turns_per_second(k));
     out[k] = share * friction.segment(k * m, m).squaredNorm();
   }
   return out;

@@ -47,11 +47,12 @@ class Search {
 
   /// χ² at the joints that `term` reaches which base and `terms` leave because their columns are
   /// not exact: (2 %)² of what `terms` remove, where one of them is dry friction (4 %)²; (1 %)² of
-  /// the base's dry friction, more where it turns often.
+  /// the base's dry friction, more where `term` is like friction and the joint turns often.
   double inexact_at(const Term& term, const std::vector<Term>& terms) const;
   /// χ² that the base leaves at each of joints() because the torque of its dry friction is not
   /// exact: no function of the motion tells it.
-  VecX<double> inexact_friction(const std::vector<Term>& terms) const;
+  /// @param of_late_turns  what passes for other functions of the velocity is more
+  VecX<double> inexact_friction(const std::vector<Term>& terms, bool of_late_turns) const;
 
   /// What a fit costs, −2 ln of its likelihood but for a constant: n ln χ², the noise as large as
   /// what is left; where repeats have told the noise and no more is left, χ².

@@ -79,6 +79,11 @@ Scale scale_of(const Term& term, int parameter) {
   return scale(term.effect.parameter_info[static_cast<std::size_t>(parameter)]);
 }
 
+bool is_like_friction(const TriedEffect& effect) {
+  const EffectInfo& info = effect.info();
+  return info.port == Port::kJointTorque || info.name.starts_with("presliding_");
+}
+
 bool is_dry(const TriedEffect& effect) {
   if (std::holds_alternative<JointElasticity>(effect.type) && !effect.own)
     return JointElasticity::friction_share(effect.parameters.data()) < 1.0;

@@ -52,6 +52,8 @@ std::vector<bool> signs(const std::vector<Term>& terms);
 
 /// How a parameter is searched.
 Scale scale_of(const Term& term, int parameter);
+/// A torque that follows from position and velocity alone, or friction before it slides.
+bool is_like_friction(const TriedEffect& effect);
 /// Dry friction, or a spring that its jumps wind up.
 bool is_dry(const TriedEffect& effect);
 
