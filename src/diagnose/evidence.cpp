@@ -1,6 +1,7 @@
 #include "diagnose/evidence.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <numeric>
 #include <set>
 
@@ -26,6 +27,22 @@ constexpr double kMostLeftOut = 0.5;
 
 /// Of a disturbance at the end of a recording.
 constexpr double kRemembered = 0.01;
+
+/// How often a joint turns back [1/s]; slower than `rest` it does not move.
+double turns_a_second(const std::vector<JointSeries>& series, int joint, double rest) {
+  long turns = 0;
+  double seconds = 0.0;
+  for (const JointSeries& s : series) {
+    seconds += s.dt * static_cast<double>(s.qd.rows());
+    double before = 0.0;
+    for (const double qd : s.qd.col(joint)) {
+      if (std::abs(qd) < rest) continue;
+      turns += qd * before < 0.0;
+      before = qd;
+    }
+  }
+  return static_cast<double>(turns) / seconds;
+}
 
 /// For each stretch and each joint, rows in which it sticks (sticking.hpp); empty where the base
 /// has no dry friction.
@@ -183,15 +200,8 @@ Evidence::Evidence(const Model& model, const FitLayout& layout, const RecordingS
   rests_ = decimated.middleCols(3 * n, known).array() > kMostRest || sticks_;
   factors_ = regression.factors();
   cut_off_ = plan.filter_hz;
-  for (const int j : joints_) {
-    long turns = 0;
-    double seconds = 0.0;
-    for (const JointSeries& s : series_) {
-      seconds += s.dt * static_cast<double>(s.qd.rows());
-      for (long i = 1; i < s.qd.rows(); ++i) turns += s.qd(i - 1, j) * s.qd(i, j) < 0.0;
-    }
-    turns_per_second_.push_back(static_cast<double>(turns) / seconds);
-  }
+  for (const int j : joints_)
+    turns_per_second_.push_back(turns_a_second(series_, j, kRestShare * speed[j]));
   set_reference(model);
   const MatX<double> turns_of_base = turns(layout);
   for (MatX<double>* base : {&base_, &averaged_base_}) {
