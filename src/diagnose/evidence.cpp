@@ -47,10 +47,11 @@ double turns_a_second(const std::vector<JointSeries>& series, int joint, double 
 /// For each stretch and each joint, rows in which it sticks (sticking.hpp); empty where the base
 /// has no dry friction.
 /// @param speed, acceleration  RMS
+/// @param everywhere  gets the joints of which all turns are left out
 std::vector<std::vector<std::vector<bool>>> stuck_rows(
     const FitLayout& layout, const PreprocessPlan& plan,
     const std::vector<RowMatX<double>>& positions, const VecX<double>& speed,
-    const VecX<double>& acceleration) {
+    const VecX<double>& acceleration, std::vector<int>& everywhere) {
   std::vector<std::vector<std::vector<bool>>> out(
       positions.size(), std::vector<std::vector<bool>>(static_cast<std::size_t>(layout.num_dofs)));
   std::set<int> dry;
@@ -67,17 +68,20 @@ std::vector<std::vector<std::vector<bool>>> stuck_rows(
       turns.push_back(find_turns(q.col(j), still));
       all.insert(all.end(), turns.back().begin(), turns.back().end());
     }
-    const auto leave_out = [&](bool everywhere) {
+    const auto leave_out = [&](bool all_turns) {
       long left_out = 0, rows = 0;
       for (std::size_t i = 0; i < positions.size(); ++i) {
         std::vector<bool>& stuck = out[i][static_cast<std::size_t>(j)];
-        stuck = stands_still(turns[i], still, positions[i].rows(), everywhere);
+        stuck = stands_still(turns[i], still, positions[i].rows(), all_turns);
         left_out += std::ranges::count(stuck, true);
         rows += positions[i].rows();
       }
       return static_cast<double>(left_out) <= kMostLeftOut * static_cast<double>(rows);
     };
-    if (!sticks_at_turns(all) || !leave_out(true)) leave_out(false);
+    if (sticks_at_turns(all) && leave_out(true))
+      everywhere.push_back(j);
+    else
+      leave_out(false);
   }
   return out;
 }
@@ -166,7 +170,8 @@ Evidence::Evidence(const Model& model, const FitLayout& layout, const RecordingS
   }
   speed = (speed / static_cast<double>(samples)).cwiseSqrt();
   acceleration = (acceleration / static_cast<double>(samples)).cwiseSqrt();
-  const auto stuck = stuck_rows(layout, plan, collector.positions(), speed, acceleration);
+  const auto stuck =
+      stuck_rows(layout, plan, collector.positions(), speed, acceleration, sticking_);
   const long n = num_dofs_, known = static_cast<long>(joints_.size());
   long row = 0;
   for (std::size_t i = 0; i < series_.size(); ++i) {

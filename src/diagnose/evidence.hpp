@@ -61,6 +61,8 @@ class Evidence {
   bool rests(long instant, long k) const { return rests_(instant, k); }
   /// Whether it sticks where the base has dry friction (sticking.hpp).
   bool sticks(long instant, long k) const { return sticks_(instant, k); }
+  /// Degrees of freedom that stick wherever they turn back: their turns are left out.
+  const std::vector<int>& sticking() const { return sticking_; }
   /// Cut-off of the filter that positions have passed [Hz].
   double cut_off() const { return cut_off_; }
   /// How often the k-th of joints() turns back [1/s].
@@ -122,7 +124,7 @@ class Evidence {
   double cut_off_ = 0.0;
   std::vector<double> turns_per_second_;
   bool averaged_ = false;
-  std::vector<int> joints_, dry_columns_;
+  std::vector<int> joints_, dry_columns_, sticking_;
   std::vector<JointSeries> series_;
   std::vector<int> runs_;
   Decimator filter_;

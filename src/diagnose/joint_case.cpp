@@ -85,6 +85,10 @@ void prepare(JointCase& c) {
                               held + " is held at the model's value.");
   for (int pass = 0; pass < kTurnPasses && fit_turns(c.base, *c.train, c.layout); ++pass)
     read_train();
+  for (const int j : c.train->sticking())
+    c.finding.notes.push_back(joint_names(c.model)[static_cast<std::size_t>(j)] +
+                              " sticks wherever it turns back: its turns are left out, and what "
+                              "friction does at low speed (Stribeck) may be missed there");
   if (!c.train->averaged()) c.period = 0.0;  // does not repeat well enough
   if (c.test_source) {
     const std::vector<Recording> held = c.test_source->sample();
