@@ -1,6 +1,8 @@
 #pragma once
 /// A number as messages show it. Internal.
 
+#include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <string>
 
@@ -10,6 +12,21 @@ namespace diffnea::detail {
 inline std::string number_text(double x, int digits = 4) {
   char text[32];
   std::snprintf(text, sizeof text, "%.*g", digits, x);
+  return text;
+}
+
+/// A value and its spread (a standard error, half an interval) to two digits of that: "0.530 ±
+/// 0.021"; the value alone without one.
+inline std::string value_and_spread(double value, double spread) {
+  if (!(spread > 0.0) || !std::isfinite(spread)) return number_text(value);
+  const int decimals = std::max(0, 1 - static_cast<int>(std::floor(std::log10(spread))));
+  char text[400];
+  if (decimals > 6 || spread >= 1e6) {
+    std::snprintf(text, sizeof text, "%.3g ± %.1g", value, spread);
+  } else {
+    const double shown = std::abs(value) < 0.5 * std::pow(10.0, -decimals) ? 0.0 : value;  // not −0
+    std::snprintf(text, sizeof text, "%.*f ± %.*f", decimals, shown, decimals, spread);
+  }
   return text;
 }
 

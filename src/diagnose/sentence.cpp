@@ -2,8 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
+#include "core/number_text.hpp"
 #include "identify/passes.hpp"
 
 namespace diffnea {
@@ -34,15 +34,6 @@ std::string placed(const std::string& effect, const std::string& where) {
   return words + (words == "wind" || words.ends_with("drag") ? " on the " : " of the ") + where;
 }
 
-/// A value and half its 95 % interval, to two digits of that: "0.530 ± 0.021".
-std::string with_interval(double value, double half) {
-  if (!(half > 0.0) || !std::isfinite(half)) return format_number(value);
-  const int decimals = std::clamp(1 - static_cast<int>(std::floor(std::log10(half))), 0, 9);
-  char text[64];
-  std::snprintf(text, sizeof text, "%.*f ± %.*f", decimals, value, decimals, half);
-  return text;
-}
-
 /// "coulomb 0.530 ± 0.021 N·m"
 std::string values(const Cause& cause) {
   std::string out;
@@ -50,7 +41,8 @@ std::string values(const Cause& cause) {
     if (std::isnan(p.std) || p.name == "smoothing") continue;
     std::string unit = p.unit == "1" ? "" : " " + p.unit;
     for (std::size_t at; (at = unit.find('*')) != std::string::npos;) unit.replace(at, 1, "·");
-    out += (out.empty() ? "" : ", ") + p.name + " " + with_interval(p.value, 1.96 * p.std) + unit;
+    out += (out.empty() ? "" : ", ") + p.name + " " +
+           detail::value_and_spread(p.value, 1.96 * p.std) + unit;
   }
   return out;
 }

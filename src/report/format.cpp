@@ -4,6 +4,8 @@
 #include <cmath>
 #include <cstdio>
 
+#include "core/number_text.hpp"
+
 namespace diffnea::report {
 
 std::string number(double x, int digits) {
@@ -14,16 +16,7 @@ std::string number(double x, int digits) {
 }
 
 std::string value_and_std(double value, double std) {
-  if (!(std > 0.0) || !std::isfinite(std)) return number(value);
-  // Decimals that show two digits of the standard error.
-  const int decimals = 1 - static_cast<int>(std::floor(std::log10(std)));
-  char text[80];
-  if (decimals < 0 || decimals > 6) {
-    std::snprintf(text, sizeof text, "%.3g ± %.1g", value, std);
-  } else {
-    std::snprintf(text, sizeof text, "%.*f ± %.*f", decimals, value, decimals, std);
-  }
-  return text;
+  return std::isnan(value) ? number(value) : detail::value_and_spread(value, std);
 }
 
 std::string percent(double share) {
