@@ -122,3 +122,32 @@ TEST_CASE("diagnose: a joint that stands still throughout does so in all rows", 
   CHECK(std::ranges::count(rows, false) == 0);
   CHECK(find_turns(VecX<double>(), still).empty());
 }
+
+TEST_CASE("diagnose: who turns back all the time keeps the turns", "[diagnose]") {
+  const Standstill still = of_joint();
+  Rng rng(4);
+  std::vector<VecX<double>> seldom, often;
+  for (int k = 0; k < 10; ++k) {
+    seldom.push_back(reversal(10.0, 10.0, 0.006, rng));
+    // As many, but nothing of the way to and from them.
+    often.push_back(seldom.back().segment(kStop - 20, 43));
+  }
+  const StuckRows few = stuck_rows(seldom, still), many_of_them = stuck_rows(often, still);
+  CHECK(few.everywhere);
+  for (const auto& rows : few.rows) CHECK(std::ranges::count(rows, true) > still.margin);
+  CHECK_FALSE(many_of_them.everywhere);
+  long left_out = 0;
+  for (const auto& rows : many_of_them.rows) left_out += std::ranges::count(rows, true);
+  CHECK(left_out < 10 * 43 / 2);
+}
+
+TEST_CASE("diagnose: noise at a standstill does not turn back", "[diagnose]") {
+  JointSeries s;
+  s.dt = kDt;
+  s.qd.resize(5000, 1);  // 10 s: 3 s at 1 Hz, then none
+  Rng rng(5);
+  for (long i = 0; i < s.qd.rows(); ++i)
+    s.qd(i, 0) = (i < 1500 ? std::cos(2.0 * M_PI * kDt * static_cast<double>(i)) : 0.0) +
+                 1e-3 * rng.normal();
+  CHECK(turn_rate({s}, 0, 0.01) == 0.6);  // six within 10 s
+}

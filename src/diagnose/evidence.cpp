@@ -21,68 +21,15 @@ constexpr double kRestShare = 0.01;
 /// Of the filter's weight on samples in which a joint rests, or sticks.
 constexpr double kMostRest = 0.3, kMostStuck = 0.02;
 
-/// Of the rows of a joint that sticks wherever it turns back: beyond, it turns back too often for
-/// its turns to be left out.
-constexpr double kMostLeftOut = 0.5;
-
 /// Of a disturbance at the end of a recording.
 constexpr double kRemembered = 0.01;
 
-/// How often a joint turns back [1/s]; slower than `rest` it does not move.
-double turns_a_second(const std::vector<JointSeries>& series, int joint, double rest) {
-  long turns = 0;
-  double seconds = 0.0;
-  for (const JointSeries& s : series) {
-    seconds += s.dt * static_cast<double>(s.qd.rows());
-    double before = 0.0;
-    for (const double qd : s.qd.col(joint)) {
-      if (std::abs(qd) < rest) continue;
-      turns += qd * before < 0.0;
-      before = qd;
-    }
-  }
-  return static_cast<double>(turns) / seconds;
-}
-
-/// For each stretch and each joint, rows in which it sticks (sticking.hpp); empty where the base
-/// has no dry friction.
-/// @param speed, acceleration  RMS
-/// @param everywhere  gets the joints of which all turns are left out
-std::vector<std::vector<std::vector<bool>>> stuck_rows(
-    const FitLayout& layout, const PreprocessPlan& plan,
-    const std::vector<RowMatX<double>>& positions, const VecX<double>& speed,
-    const VecX<double>& acceleration, std::vector<int>& everywhere) {
-  std::vector<std::vector<std::vector<bool>>> out(
-      positions.size(), std::vector<std::vector<bool>>(static_cast<std::size_t>(layout.num_dofs)));
-  std::set<int> dry;
+/// Joints of the layout's dry friction.
+std::set<int> dry_joints(const FitLayout& layout) {
+  std::set<int> out;
   for (const FitParameter& s : layout.shape)
     if (is_smoothing(s))
-      for (const int j : layout.effects[static_cast<std::size_t>(s.effect)].joints) dry.insert(j);
-  for (const int j : dry) {
-    if (static_cast<std::size_t>(j) >= plan.q_noise.size()) continue;
-    const Standstill still =
-        standstill(plan.q_noise[static_cast<std::size_t>(j)], speed[j], acceleration[j], plan);
-    std::vector<std::vector<Turn>> turns;
-    std::vector<Turn> all;
-    for (const RowMatX<double>& q : positions) {
-      turns.push_back(find_turns(q.col(j), still));
-      all.insert(all.end(), turns.back().begin(), turns.back().end());
-    }
-    const auto leave_out = [&](bool all_turns) {
-      long left_out = 0, rows = 0;
-      for (std::size_t i = 0; i < positions.size(); ++i) {
-        std::vector<bool>& stuck = out[i][static_cast<std::size_t>(j)];
-        stuck = stands_still(turns[i], still, positions[i].rows(), all_turns);
-        left_out += std::ranges::count(stuck, true);
-        rows += positions[i].rows();
-      }
-      return static_cast<double>(left_out) <= kMostLeftOut * static_cast<double>(rows);
-    };
-    if (sticks_at_turns(all) && leave_out(true))
-      everywhere.push_back(j);
-    else
-      leave_out(false);
-  }
+      for (const int j : layout.effects[static_cast<std::size_t>(s.effect)].joints) out.insert(j);
   return out;
 }
 
@@ -170,8 +117,15 @@ Evidence::Evidence(const Model& model, const FitLayout& layout, const RecordingS
   }
   speed = (speed / static_cast<double>(samples)).cwiseSqrt();
   acceleration = (acceleration / static_cast<double>(samples)).cwiseSqrt();
-  const auto stuck =
-      stuck_rows(layout, plan, collector.positions(), speed, acceleration, sticking_);
+  std::map<int, StuckRows> stuck;
+  for (const int j : dry_joints(layout)) {
+    if (static_cast<std::size_t>(j) >= plan.q_noise.size()) continue;
+    std::vector<VecX<double>> q;
+    for (const RowMatX<double>& stretch : collector.positions()) q.emplace_back(stretch.col(j));
+    stuck[j] = stuck_rows(
+        q, standstill(plan.q_noise[static_cast<std::size_t>(j)], speed[j], acceleration[j], plan));
+    if (stuck[j].everywhere) sticking_.push_back(j);
+  }
   const long n = num_dofs_, known = static_cast<long>(joints_.size());
   long row = 0;
   for (std::size_t i = 0; i < series_.size(); ++i) {
@@ -188,7 +142,8 @@ Evidence::Evidence(const Model& model, const FitLayout& layout, const RecordingS
       const int j = joints_[static_cast<std::size_t>(k)];
       all_states.col(3 * n + k) =
           (s.qd.col(j).array().abs() < kRestShare * speed[j]).cast<double>().matrix();
-      const std::vector<bool>& rows = stuck[i][static_cast<std::size_t>(j)];
+      if (!stuck.contains(j)) continue;
+      const std::vector<bool>& rows = stuck[j].rows[i];
       for (std::size_t at = 0; at < rows.size(); ++at)
         all_states(static_cast<long>(at), 3 * n + known + k) = rows[at];
     }
@@ -206,7 +161,7 @@ Evidence::Evidence(const Model& model, const FitLayout& layout, const RecordingS
   factors_ = regression.factors();
   cut_off_ = plan.filter_hz;
   for (const int j : joints_)
-    turns_per_second_.push_back(turns_a_second(series_, j, kRestShare * speed[j]));
+    turns_per_second_.push_back(turn_rate(series_, j, kRestShare * speed[j]));
   set_reference(model);
   const MatX<double> turns_of_base = turns(layout);
   for (MatX<double>* base : {&base_, &averaged_base_}) {

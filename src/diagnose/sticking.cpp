@@ -16,14 +16,16 @@ constexpr double kPeakToPeak = 8.0;
 constexpr double kWider = 4.0;  ///< bands
 /// What passes at a constant velocity has a rest of 1/6, noise at a standstill less than 1.
 constexpr double kTurns = 0.5;
-/// Rests: of one turn, and in the median of many. Joints that do not stick have medians of 0.94 to
-/// 1.02, those of the mast (docs/diagnosis.md) 1.17 to 1.7.
+/// Rests: of one turn, and in the median of many. Joints that do not stick have medians of 0.9
+/// to 1.06, those of the mast (docs/diagnosis.md) 1.17 and more.
 constexpr double kRests = 1.3, kSticks = 1.1;
 /// Of the time that a reversal at the RMS acceleration takes; of the RMS velocity. Softer reversals
 /// show what friction does at low speed (Stribeck), whoever crosses the band faster moves.
 constexpr double kLonger = 1.2, kSlow = 0.1;
 /// Rows of a turn, and turns, below which rests tell nothing.
 constexpr long kShortest = 5, kFewest = 4;
+/// Of a joint's rows: one that turns back more often keeps its turns.
+constexpr double kMostLeftOut = 0.5;
 /// Of the filter's cut-off.
 constexpr double kOfCutOff = 0.25;
 /// Of what the filter makes of a disturbance at its middle: nearer than that, friction that sets in
@@ -118,6 +120,45 @@ std::vector<bool> stands_still(const std::vector<Turn>& turns, const Standstill&
       out[static_cast<std::size_t>(i)] = true;
   }
   return out;
+}
+
+StuckRows stuck_rows(const std::vector<VecX<double>>& positions, const Standstill& still) {
+  std::vector<std::vector<Turn>> turns;
+  std::vector<Turn> all;
+  for (const VecX<double>& q : positions) {
+    turns.push_back(find_turns(q, still));
+    all.insert(all.end(), turns.back().begin(), turns.back().end());
+  }
+  const auto leave_out = [&](bool everywhere) {
+    StuckRows out{{}, everywhere};
+    for (std::size_t i = 0; i < positions.size(); ++i)
+      out.rows.push_back(stands_still(turns[i], still, positions[i].size(), everywhere));
+    return out;
+  };
+  if (!sticks_at_turns(all)) return leave_out(false);
+  StuckRows out = leave_out(true);
+  long left_out = 0, rows = 0;
+  for (const std::vector<bool>& stretch : out.rows) {
+    left_out += std::ranges::count(stretch, true);
+    rows += static_cast<long>(stretch.size());
+  }
+  return static_cast<double>(left_out) > kMostLeftOut * static_cast<double>(rows) ? leave_out(false)
+                                                                                  : out;
+}
+
+double turn_rate(const std::vector<JointSeries>& series, int joint, double rest) {
+  long turns = 0;
+  double seconds = 0.0;
+  for (const JointSeries& s : series) {
+    seconds += s.dt * static_cast<double>(s.qd.rows());
+    double before = 0.0;
+    for (const double qd : s.qd.col(joint)) {
+      if (std::abs(qd) < rest) continue;
+      turns += qd * before < 0.0;
+      before = qd;
+    }
+  }
+  return static_cast<double>(turns) / seconds;
 }
 
 }  // namespace diffnea

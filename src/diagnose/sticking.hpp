@@ -8,6 +8,7 @@
 #include <vector>
 
 #include <diffnea/core/scalar.hpp>
+#include <diffnea/effects/joint_series.hpp>
 #include <diffnea/recording/preprocess.hpp>
 
 namespace diffnea {
@@ -43,5 +44,17 @@ bool sticks_at_turns(const std::vector<Turn>& turns);
 /// else those that rest, and those that last.
 std::vector<bool> stands_still(const std::vector<Turn>& turns, const Standstill& still, long rows,
                                bool everywhere);
+
+/// Rows in which a joint sticks, of each stretch.
+struct StuckRows {
+  std::vector<std::vector<bool>> rows;
+  bool everywhere = false;  ///< all turns are left out; where that were more than half, standstills
+};
+
+/// @param positions  logged, of one joint, a stretch each
+StuckRows stuck_rows(const std::vector<VecX<double>>& positions, const Standstill& still);
+
+/// How often a joint turns back [1/s]; slower than `rest` it does not move.
+double turn_rate(const std::vector<JointSeries>& series, int joint, double rest);
 
 }  // namespace diffnea

@@ -51,6 +51,8 @@ def test_what_holds_a_joint_that_sticks_is_no_effect(mast: Path, tmp_path: Path,
     finding = diagnosed(mast, tmp_path, seed, NOTHING)
     assert finding["verdict"] == "NONE", finding["sentence"]
     assert finding["causes"] == []
+    # Whoever reads NONE is told what was not looked at.
+    assert any("sticks wherever it turns back" in note for note in finding["notes"])
 
 
 def test_a_lag_is_found_beside_it(mast: Path, tmp_path: Path) -> None:
