@@ -44,7 +44,12 @@ std::vector<std::string> units_of(const Model& model) {
 void prepare(JointCase& c) {
   const bool posterior = c.model.posterior && knows_arm(*c.model.posterior);
   c.base = c.options.base != Base::kAuto ? c.options.base : posterior ? Base::kPrior : Base::kRefit;
-  if (posterior && c.options.base == Base::kAuto &&
+  if (c.base == Base::kPrior && c.options.base == Base::kAuto &&
+      c.model.posterior->recordings.empty())
+    c.finding.notes.push_back(
+        "the model does not say which recordings it was identified from (an earlier version wrote "
+        "it): if from this one, take --base refit");
+  if (c.base == Base::kPrior && c.options.base == Base::kAuto &&
       is_made_of(*c.model.posterior, c.train_source)) {
     c.base = Base::kRefit;
     c.finding.notes.push_back(
