@@ -132,13 +132,37 @@ TEST_CASE("diagnose: who turns back all the time keeps the turns", "[diagnose]")
     // As many, but nothing of the way to and from them.
     often.push_back(seldom.back().segment(kStop - 20, 43));
   }
-  const StuckRows few = stuck_rows(seldom, still), many_of_them = stuck_rows(often, still);
+  const StuckRows few = stuck_rows(seldom, still, Turns::kLeftOut),
+                  many_of_them = stuck_rows(often, still, Turns::kLeftOut);
   CHECK(few.everywhere);
   for (const auto& rows : few.rows) CHECK(std::ranges::count(rows, true) > still.margin);
   CHECK_FALSE(many_of_them.everywhere);
   long left_out = 0;
   for (const auto& rows : many_of_them.rows) left_out += std::ranges::count(rows, true);
   CHECK(left_out < 10 * 43 / 2);
+}
+
+TEST_CASE("diagnose: of turns that are kept, how long the joint sticks is known", "[diagnose]") {
+  const Standstill still = of_joint();
+  Rng rng(6);
+  std::vector<VecX<double>> sticks, turns;
+  for (int k = 0; k < 40; ++k) {
+    sticks.push_back(reversal(10.0, 10.0, 0.006, rng));
+    turns.push_back(reversal(10.0, 10.0, 0.0, rng));
+  }
+  const auto left_out = [](const StuckRows& of) {
+    long out = 0;
+    for (const auto& rows : of.rows) out += std::ranges::count(rows, true);
+    return out;
+  };
+  const StuckRows kept = stuck_rows(sticks, still, Turns::kKept);
+  CHECK_FALSE(kept.everywhere);
+  CHECK(left_out(kept) < left_out(stuck_rows(sticks, still, Turns::kLeftOut)));
+  // A little less than 6 ms: turns that seem longest are standstills, and do not count.
+  CHECK(kept.late * kDt > 0.002);
+  CHECK(kept.late * kDt < 0.006);
+  CHECK(stuck_rows(sticks, still, Turns::kLeftOut).late == 0.0);
+  CHECK(stuck_rows(turns, still, Turns::kKept).late == 0.0);  // it does not stick
 }
 
 TEST_CASE("diagnose: noise at a standstill does not turn back", "[diagnose]") {

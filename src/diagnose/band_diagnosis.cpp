@@ -41,8 +41,9 @@ class Timer {
 }  // namespace
 
 BandDiagnosis::BandDiagnosis(const Model& model, const RecordingSource& train,
-                             const RecordingSource* test, Band band, const DiagnoseOptions& options)
-    : case_{model, train, test, band, options} {
+                             const RecordingSource* test, Band band, Turns turns,
+                             const DiagnoseOptions& options)
+    : case_{model, train, test, band, turns, options} {
   if (options.progress)
     case_.options.progress = [this, told = options.progress](const FitProgress& progress) {
       const bool go_on = told(progress);
@@ -75,6 +76,17 @@ Finding BandDiagnosis::finish(bool stopped) {
     case_.finding.sentence = sentence(case_.finding);
   }
   return std::move(case_.finding);
+}
+
+std::vector<std::string> BandDiagnosis::without_turns(const std::string& effect) const {
+  std::vector<std::string> out;
+  const std::vector<std::string> names = joint_names(case_.model);
+  for (const int j : case_.train->sticking())
+    if (std::ranges::any_of(case_.candidates, [&](const Candidate& c) {
+          return c.effect.info().name == effect && c.effect.joints == std::vector<int>{j};
+        }))
+      out.push_back(names[static_cast<std::size_t>(j)]);
+  return out;
 }
 
 void BandDiagnosis::select() {

@@ -12,7 +12,7 @@ class BandDiagnosis {
  public:
   /// @param test  null: rows of `train` are held out
   BandDiagnosis(const Model& model, const RecordingSource& train, const RecordingSource* test,
-                Band band, const DiagnoseOptions& options);
+                Band band, Turns turns, const DiagnoseOptions& options);
   BandDiagnosis(const BandDiagnosis&) = delete;
   BandDiagnosis& operator=(const BandDiagnosis&) = delete;
 
@@ -24,6 +24,9 @@ class BandDiagnosis {
 
   /// Whether there are frequencies beyond those that were looked at.
   bool wider() const { return case_.wider; }
+
+  /// Joints whose turns were left out, of those where `effect` is a candidate.
+  std::vector<std::string> without_turns(const std::string& effect) const;
 
  private:
   void select();

@@ -9,7 +9,6 @@
 #include <diffnea/dynamics/batch.hpp>
 #include <diffnea/recording/butterworth.hpp>
 
-#include "diagnose/sticking.hpp"
 #include "diagnose/stretches.hpp"
 
 namespace diffnea {
@@ -37,7 +36,7 @@ std::set<int> dry_joints(const FitLayout& layout) {
 
 Evidence::Evidence(const Model& model, const FitLayout& layout, const RecordingSource& source,
                    const PreprocessPlan& plan, double period, const IdentifyOptions& options,
-                   int first_run)
+                   Turns at_turns, int first_run)
     : num_dofs_(layout.num_dofs),
       first_run_(first_run),
       runs_(source.runs()),
@@ -123,7 +122,8 @@ Evidence::Evidence(const Model& model, const FitLayout& layout, const RecordingS
     std::vector<VecX<double>> q;
     for (const RowMatX<double>& stretch : collector.positions()) q.emplace_back(stretch.col(j));
     stuck[j] = stuck_rows(
-        q, standstill(plan.q_noise[static_cast<std::size_t>(j)], speed[j], acceleration[j], plan));
+        q, standstill(plan.q_noise[static_cast<std::size_t>(j)], speed[j], acceleration[j], plan),
+        at_turns);
     if (stuck[j].everywhere) sticking_.push_back(j);
   }
   const long n = num_dofs_, known = static_cast<long>(joints_.size());
@@ -160,8 +160,10 @@ Evidence::Evidence(const Model& model, const FitLayout& layout, const RecordingS
   rests_ = decimated.middleCols(3 * n, known).array() > kMostRest || sticks_;
   factors_ = regression.factors();
   cut_off_ = plan.filter_hz;
-  for (const int j : joints_)
+  for (const int j : joints_) {
     turns_per_second_.push_back(turn_rate(series_, j, kRestShare * speed[j]));
+    late_.push_back(stuck.contains(j) ? plan.dt * stuck[j].late : 0.0);
+  }
   set_reference(model);
   const MatX<double> turns_of_base = turns(layout);
   for (MatX<double>* base : {&base_, &averaged_base_}) {

@@ -12,6 +12,7 @@
 #include <diffnea/identify/torque_regression.hpp>
 
 #include "diagnose/candidates.hpp"
+#include "diagnose/sticking.hpp"
 #include "diagnose/turns.hpp"
 #include "identify/passes.hpp"
 
@@ -21,11 +22,12 @@ class Evidence {
  public:
   /// @param layout     of the base model
   /// @param period     of the motion [s]; 0: not periodic
+  /// @param at_turns   of joints that stick at each of them
   /// @param first_run  number of the source's first recording among all that the layout knows
   /// @throws DataError if no row is left
   Evidence(const Model& model, const FitLayout& layout, const RecordingSource& source,
            const PreprocessPlan& plan, double period, const IdentifyOptions& options,
-           int first_run = 0);
+           Turns at_turns = Turns::kLeftOut, int first_run = 0);
 
   long rows() const { return torque_.size(); }
   /// Rows of one joint; the same instants for all.
@@ -67,6 +69,8 @@ class Evidence {
   double cut_off() const { return cut_off_; }
   /// How often the k-th of joints() turns back [1/s].
   double turns_per_second(long k) const { return turns_per_second_[static_cast<std::size_t>(k)]; }
+  /// How long it sticks meanwhile [s], RMS, where it does at each of its turns and they are kept.
+  double late(long k) const { return late_[static_cast<std::size_t>(k)]; }
   /// Filtered positions, velocities, accelerations, (times(), num_dofs()).
   const MatX<double>& q() const { return q_; }
   const MatX<double>& qd() const { return qd_; }
@@ -122,7 +126,7 @@ class Evidence {
 
   int num_dofs_ = 0, first_run_ = 0;
   double cut_off_ = 0.0;
-  std::vector<double> turns_per_second_;
+  std::vector<double> turns_per_second_, late_;
   bool averaged_ = false;
   std::vector<int> joints_, dry_columns_, sticking_;
   std::vector<JointSeries> series_;

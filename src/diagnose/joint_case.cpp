@@ -80,7 +80,7 @@ void prepare(JointCase& c) {
   c.period = c.finding.plan.dt * std::round(c.period / c.finding.plan.dt);
   const auto read_train = [&] {
     c.train = std::make_unique<Evidence>(c.model, c.layout, c.train_source, c.finding.plan,
-                                         c.period, reading);
+                                         c.period, reading, c.turns);
   };
   read_train();
   require_motion(*c.train, c.finding.plan, sample.front().source);
@@ -103,7 +103,7 @@ void prepare(JointCase& c) {
     if (period <= 0.0) period = c.period;  // checked where it is used
     const double dt = c.test_plan.dt;
     c.test = std::make_unique<Evidence>(c.model, c.layout, *c.test_source, c.test_plan,
-                                        dt * std::round(period / dt), reading,
+                                        dt * std::round(period / dt), reading, c.turns,
                                         static_cast<int>(c.train_source.runs().size()));
     c.finding.held_out = "test recording";
   } else {

@@ -19,6 +19,7 @@ struct JointCase {
   const RecordingSource& train_source;
   const RecordingSource* test_source;  ///< null: rows of `train` are held out
   Band band;
+  Turns turns;
   DiagnoseOptions options;
   Finding finding = {};
 

@@ -168,11 +168,25 @@ VecX<double> Search::inexact_friction(const std::vector<Term>& terms, bool of_la
   VecX<double> out(static_cast<long>(evidence_.joints().size()));
   for (long k = 0; k < out.size(); ++k) {
     double share = kBaseDryAccuracy * kBaseDryAccuracy;
-    if (of_late_turns)
-      share = std::max(
-          share, 4.0 * kLateTurn * kLateTurn * evidence_.cut_off() * evidence_.turns_per_second(k));
+    if (of_late_turns) {
+      const double late = std::max(kLateTurn, evidence_.late(k));
+      share =
+          std::max(share, 4.0 * late * late * evidence_.cut_off() * evidence_.turns_per_second(k));
+    }
     out[k] = share * friction.segment(k * m, m).squaredNorm();
   }
+  return out;
+}
+
+double Search::late_turns(const Term& term, const std::vector<Term>& terms) const {
+  if (!is_like_friction(term.effect)) return 0.0;
+  const VecX<double> unknown = inexact_friction(terms, true);
+  double out = 0.0;
+  for (long k = 0; k < unknown.size(); ++k)
+    if (const int j = evidence_.joints()[static_cast<std::size_t>(k)];
+        evidence_.late(k) > 0.0 &&
+        std::ranges::find(term.effect.joints, j) != term.effect.joints.end())
+      out += unknown[k];
   return out;
 }
 

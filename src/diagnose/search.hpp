@@ -53,6 +53,9 @@ class Search {
   /// exact: no function of the motion tells it.
   /// @param of_late_turns  what passes for other functions of the velocity is more
   VecX<double> inexact_friction(const std::vector<Term>& terms, bool of_late_turns) const;
+  /// That of late turns at the joints of a term like friction, where they stick and their turns are
+  /// kept: so much of what the term removes may be none of its.
+  double late_turns(const Term& term, const std::vector<Term>& terms) const;
 
   /// What a fit costs, −2 ln of its likelihood but for a constant: n ln χ², the noise as large as
   /// what is left; where repeats have told the noise and no more is left, χ².

@@ -334,6 +334,9 @@ std::vector<Cause> Selection::causes(const std::vector<Term>& terms) const {
     // Where stiffness and rotor show as their ratio alone, they are as good as the declared rotor.
     const bool by_rotor = c.rotor > 0.0 && !shapes_show;
     const double of_word = c.rotor > 0.0 && shapes_show ? 0.0 : c.held;
+    const double late = search_.late_turns(t, terms);
+    const double inexact = std::hypot(
+        kColumnError, late > 0.0 ? std::sqrt(late / std::max(late, cause.lm)) / 1.96 : 0.0);
     for (std::size_t k = 0; k < t.effect.parameter_info.size(); ++k) {
       const ParameterInfo& p = t.effect.parameter_info[k];
       CauseParameter out_p{p.name, p.unit, t.effect.parameters[k]};
@@ -341,7 +344,7 @@ std::vector<Cause> Selection::causes(const std::vector<Term>& terms) const {
       const auto shape = std::ranges::find(t.shapes, static_cast<int>(k));
       if (linear != t.linear.end()) {
         const long at = linear - t.linear.begin();
-        out_p.std = std::hypot(std::sqrt(covariances[i](at, at)), kColumnError * out_p.value);
+        out_p.std = std::hypot(std::sqrt(covariances[i](at, at)), inexact * out_p.value);
         if (by_rotor)
           out_p.std = std::hypot(out_p.std, of_word * out_p.value);
         else if (!shapes_show)  // it hangs on a shape that does not show
@@ -351,13 +354,13 @@ std::vector<Cause> Selection::causes(const std::vector<Term>& terms) const {
       } else if (shape != t.shapes.end()) {
         const long at = t.width() + (shape - t.shapes.begin());
         if (scale(p) == Scale::kPlain) {
-          out_p.std = std::hypot(std::sqrt(covariances[i](at, at)), kColumnError * out_p.value);
+          out_p.std = std::hypot(std::sqrt(covariances[i](at, at)), inexact * out_p.value);
           out_p.low = out_p.value - 1.96 * out_p.std;
           out_p.high = out_p.value + 1.96 * out_p.std;
           cause.parameters.push_back(out_p);
           continue;
         }
-        const double log_std = std::hypot(std::sqrt(covariances[i](at, at)), kColumnError, of_word);
+        const double log_std = std::hypot(std::sqrt(covariances[i](at, at)), inexact, of_word);
         out_p.std = std::abs(out_p.value) * log_std;
         const double reach = std::exp(std::min(1.96 * log_std, 20.0));
         out_p.low = std::min(out_p.value / reach, out_p.value * reach);

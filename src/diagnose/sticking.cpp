@@ -42,6 +42,24 @@ VecX<double> averaged(const Eigen::Ref<const VecX<double>>& q, long width) {
   return out;
 }
 
+bool stands(const Turn& turn, const Standstill& still) {
+  return turn.rows() >= still.lasting || (turn.rows() >= still.rows && turn.rest > kRests);
+}
+
+/// Of a joint that sticks at its turns, those that are no standstills: how much longer they take,
+/// RMS.
+double late_rows(const std::vector<Turn>& turns, const Standstill& still) {
+  double sum = 0.0;
+  long kept = 0;
+  for (const Turn& t : turns) {
+    if (t.rest < kTurns || stands(t, still)) continue;
+    const double late = static_cast<double>(t.rows()) * std::max(0.0, 1.0 - 1.0 / t.rest);
+    sum += late * late;
+    ++kept;
+  }
+  return kept ? std::sqrt(sum / static_cast<double>(kept)) : 0.0;
+}
+
 /// Rows [first, last], between `low` and `high`.
 Turn turn_of(const VecX<double>& q, long first, long last, double low, double high, double band) {
   const double top = low + kWider * band, bottom = high - kWider * band;
@@ -112,9 +130,7 @@ std::vector<bool> stands_still(const std::vector<Turn>& turns, const Standstill&
                                bool everywhere) {
   std::vector<bool> out(static_cast<std::size_t>(rows), false);
   for (const Turn& t : turns) {
-    const long length = t.last - t.first + 1;
-    const bool stands = length >= still.lasting || (length >= still.rows && t.rest > kRests);
-    if (!everywhere && !stands) continue;
+    if (!everywhere && !stands(t, still)) continue;
     const long last = std::min(t.last + still.margin, rows - 1);
     for (long i = std::max(t.first - still.margin, 0L); i <= last; ++i)
       out[static_cast<std::size_t>(i)] = true;
@@ -122,7 +138,8 @@ std::vector<bool> stands_still(const std::vector<Turn>& turns, const Standstill&
   return out;
 }
 
-StuckRows stuck_rows(const std::vector<VecX<double>>& positions, const Standstill& still) {
+StuckRows stuck_rows(const std::vector<VecX<double>>& positions, const Standstill& still,
+                     Turns what) {
   std::vector<std::vector<Turn>> turns;
   std::vector<Turn> all;
   for (const VecX<double>& q : positions) {
@@ -136,6 +153,11 @@ StuckRows stuck_rows(const std::vector<VecX<double>>& positions, const Standstil
     return out;
   };
   if (!sticks_at_turns(all)) return leave_out(false);
+  if (what == Turns::kKept) {
+    StuckRows out = leave_out(false);
+    out.late = late_rows(all, still);
+    return out;
+  }
   StuckRows out = leave_out(true);
   long left_out = 0, rows = 0;
   for (const std::vector<bool>& stretch : out.rows) {

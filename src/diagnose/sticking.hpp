@@ -19,6 +19,7 @@ namespace diffnea {
 struct Turn {
   long first = 0, last = 0;
   double rest = 1.0;  ///< time within the band, of what four times the band adds to it
+  long rows() const { return last - first + 1; }
 };
 
 /// What tells standstills from what noise and a filter leave of them.
@@ -45,14 +46,22 @@ bool sticks_at_turns(const std::vector<Turn>& turns);
 std::vector<bool> stands_still(const std::vector<Turn>& turns, const Standstill& still, long rows,
                                bool everywhere);
 
+/// What becomes of the turns of a joint that sticks at each of them.
+enum class Turns {
+  kLeftOut,  ///< unless that takes more than half of the rows
+  kKept      ///< but for standstills
+};
+
 /// Rows in which a joint sticks, of each stretch.
 struct StuckRows {
   std::vector<std::vector<bool>> rows;
-  bool everywhere = false;  ///< all turns are left out; where that were more than half, standstills
+  bool everywhere = false;  ///< all turns are left out
+  double late = 0.0;        ///< kept, how much longer they take than without sticking [rows], RMS
 };
 
 /// @param positions  logged, of one joint, a stretch each
-StuckRows stuck_rows(const std::vector<VecX<double>>& positions, const Standstill& still);
+StuckRows stuck_rows(const std::vector<VecX<double>>& positions, const Standstill& still,
+                     Turns what);
 
 /// How often a joint turns back [1/s]; slower than `rest` it does not move.
 double turn_rate(const std::vector<JointSeries>& series, int joint, double rest);

@@ -15,6 +15,7 @@ from cli import ROOT, done, load
 NOTHING = ""
 LAG = ",effect=actuator_lag@tilt:time_constant=0.02"
 QUADRATIC = ",effect=quadratic_friction@tilt:quadratic=0.05"
+STRIBECK = ",effect=stribeck_friction@pan:stiction_excess=0.05+stribeck_velocity=0.3"
 
 
 @pytest.fixture(scope="module")
@@ -74,3 +75,13 @@ def test_a_friction_that_the_fit_has_taken_for_others_is_found(mast: Path, tmp_p
     (quadratic,) = cause["parameters"]
     low, high = quadratic["ci95"]
     assert low < 0.05 < high
+
+
+def test_friction_that_shows_at_turns_alone_is_found_with_them(mast: Path, tmp_path: Path) -> None:
+    finding = diagnosed(mast, tmp_path, 32, STRIBECK)
+    (cause,) = finding["causes"]  # without the turns: NONE
+    assert (cause["effect"], cause["where"]) == ("stribeck_friction", "pan")
+    excess = cause["parameters"][0]
+    low, high = excess["ci95"]  # as wide as what the joint may be held by meanwhile
+    assert low < 0.05 < high
+    assert any("was looked for with them" in note for note in finding["notes"])
