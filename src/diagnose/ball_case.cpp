@@ -79,6 +79,7 @@ void prepare(const std::vector<Recording>& train, const std::vector<Recording>& 
     c.finding.held_out = "time blocks";
     held_out = fitted;
     held_out.windows.clear();
+    held_out.flagged.clear();  // they are listed with what is fitted
     std::vector<BallWindow> kept;
     for (std::size_t w = 0; w < fitted.windows.size(); ++w)
       (w % kHeldOutWindow == kHeldOutWindow - 1 ? held_out.windows : kept)
