@@ -180,10 +180,13 @@ std::string sentence(const Finding& f) {
   if (f.ball && !std::ranges::all_of(f.causes, of_ball) && std::ranges::any_of(f.causes, of_ball))
     out += ", and brings the ball's path from " + format_number(1e3 * f.ball->base_rms) + " to " +
            format_number(1e3 * f.ball->extended_rms) + " mm of the camera's";
-  const Cause& first = f.causes.front();
-  if (!first.rivals.empty())
-    out += "; the next rival, " + placed(first.rivals.front().effect, first.rivals.front().where) +
-           ", is worse by " + format_number(first.rivals.front().delta_bic) + " in BIC";
+  const std::vector<Rival>& rivals = f.causes.front().rivals;
+  const auto next = std::ranges::find_if(rivals, [](const Rival& r) {
+    return r.delta_bic >= 0.0;
+  });  // below, it is a more general one
+  if (next != rivals.end())
+    out += "; the next rival, " + placed(next->effect, next->where) + ", is worse by " +
+           format_number(next->delta_bic) + " in BIC";
   return out + ".";
 }
 

@@ -328,7 +328,7 @@ std::string data(const Finding& f) {
   items.push_back("base: " + f.base + "; held out: " + f.held_out);
   items.push_back(
       "noise-weighted residual of the base model: " + number(f.lack_of_fit, 3) +
-      " (1: noise alone); chance that nothing is hidden, by the best candidate: " +
+      " (1: noise alone); chance that noise alone makes the best candidate as good: " +
       (f.lack_of_fit_p < 1e-12 ? std::string("below 1e-12") : "p = " + number(f.lack_of_fit_p, 2)));
   if (f.data_report.quarantined > 0)
     items.push_back(std::to_string(f.data_report.quarantined) + " rows were quarantined");
