@@ -120,7 +120,25 @@ void BandDiagnosis::select() {
     });
   if (!terms_.empty()) {
     case_.finding.causes = selection.causes(terms_);
+    note_friction();
   }
+}
+
+void BandDiagnosis::note_friction() {
+  const std::vector<std::string> names = joint_names(case_.model);
+  const std::set<int> known = dry_joints(case_.layout);
+  std::string lack;
+  for (const int j : case_.train->joints())
+    if (!known.contains(j) && std::ranges::any_of(terms_, [&](const Term& t) {
+          return is_dry(t.effect) && t.effect.joints == std::vector<int>{j};
+        }))
+      lack += (lack.empty() ? "" : ", ") + names[static_cast<std::size_t>(j)];
+  if (!lack.empty())
+    case_.finding.notes.push_back(
+        "the base has no dry friction at " + lack +
+        ", which every drive has: `diffnea identify` fits it with the rest. Diagnose what it "
+        "writes; friction that a fit knows of hides other effects less, and less of it is taken "
+        "for another friction");
 }
 
 void BandDiagnosis::describe() {

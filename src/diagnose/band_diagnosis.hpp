@@ -30,6 +30,8 @@ class BandDiagnosis {
 
  private:
   void select();
+  /// That a base without dry friction is better identified first.
+  void note_friction();
   void describe();
   void judge();
   /// Errors, parameters and motion of the extended model.

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
-#include <set>
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/dynamics/batch.hpp>
@@ -22,15 +21,6 @@ constexpr double kMostRest = 0.3, kMostStuck = 0.02;
 
 /// Of a disturbance at the end of a recording.
 constexpr double kRemembered = 0.01;
-
-/// Joints of the layout's dry friction.
-std::set<int> dry_joints(const FitLayout& layout) {
-  std::set<int> out;
-  for (const FitParameter& s : layout.shape)
-    if (is_smoothing(s))
-      for (const int j : layout.effects[static_cast<std::size_t>(s.effect)].joints) out.insert(j);
-  return out;
-}
 
 }  // namespace
 
@@ -353,15 +343,15 @@ MatX<double> Evidence::columns(const TriedEffect& effect, const std::vector<int>
 
 void Evidence::ripples(int joint, double first, double step, int count,
                        const std::function<void(int, MatX<double>)>& visit) const {
-  using Turns = Eigen::ArrayXcd;
+  using Phasors = Eigen::ArrayXcd;
   const auto turns = [&](const JointSeries& s, double n) {
     const Eigen::ArrayXd angle = n * s.q.col(joint).array();
-    Turns out(angle.size());
+    Phasors out(angle.size());
     out.real() = angle.cos();
     out.imag() = angle.sin();
     return out;
   };
-  std::vector<Turns> at, by;
+  std::vector<Phasors> at, by;
   for (const JointSeries& s : series_) {
     at.push_back(turns(s, first));
     by.push_back(turns(s, step));

@@ -12,6 +12,14 @@ constexpr double kBend = 0.2;      ///< of ln v₀, to either side
 
 bool is_smoothing(const FitParameter& shape) { return shape.name.ends_with(".smoothing"); }
 
+std::set<int> dry_joints(const FitLayout& layout) {
+  std::set<int> out;
+  for (const FitParameter& s : layout.shape)
+    if (is_smoothing(s))
+      for (const int j : layout.effects[static_cast<std::size_t>(s.effect)].joints) out.insert(j);
+  return out;
+}
+
 BoundEffect friction_of(const FitLayout& layout, const FitParameter& smoothing) {
   BoundEffect out = layout.effects[static_cast<std::size_t>(smoothing.effect)];
   for (const auto* list : {&layout.linear, &layout.shape})

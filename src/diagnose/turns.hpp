@@ -6,6 +6,7 @@
 /// takes it over before anything is named.
 
 #include <array>
+#include <set>
 
 #include <diffnea/effects/series.hpp>
 #include <diffnea/identify/layout.hpp>
@@ -14,6 +15,9 @@ namespace diffnea {
 
 /// Whether a shape parameter is the v₀ of a smoothed friction.
 bool is_smoothing(const FitParameter& shape);
+
+/// Degrees of freedom that the layout's dry friction acts on.
+std::set<int> dry_joints(const FitLayout& layout);
 
 /// Columns for each v₀ beside that of ln v₀.
 constexpr int kTurnColumns = 2;

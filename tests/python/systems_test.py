@@ -96,6 +96,9 @@ def test_what_a_pendulum_lacks_is_named(seed: int, tmp_path: Path) -> None:
     # then a delay is beside it (docs/systems.md).
     assert FURUTA.hidden[:2] in named(finding), finding["sentence"]
     assert any(effect.endswith("friction") for effect, _ in named(finding)), finding["sentence"]
+    dry = [c for c in finding["causes"] if "smoothing" in {p["name"] for p in c["parameters"]}]
+    told = any("no dry friction at arm" in note for note in finding["notes"])
+    assert told == any(cause["where"] == "arm" for cause in dry)
     # 30 %: it was found up to 21 % too small, what it lost was taken for friction.
     assert math.isclose(size_of(finding, FURUTA), 1.0, rel_tol=0.3)
 
