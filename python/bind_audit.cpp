@@ -101,12 +101,14 @@ void bind_audit(py::module_& m) {
                          field("name", &AuditCheck::name, "Of the family of checks."),
                          field("done", &AuditCheck::done, "Whether it could look."),
                          field("text", &AuditCheck::text, "What it looked at, or why not."));
-  value_type<Period>(m, "Period", "How a motion repeats.",
-                     field("seconds", &Period::seconds, "The smallest period [s]; 0: none."),
-                     field("std", &Period::std, "Standard error of ``seconds`` [s]."),
-                     field("repeats", &Period::repeats, "How often the recording holds it."),
-                     field("mismatch", &Period::mismatch,
-                           "Rms difference of positions one period apart, over the motion's rms."));
+  value_type<Period>(
+      m, "Period", "How a motion repeats.",
+      field("seconds", &Period::seconds, "The smallest period [s]; 0: none."),
+      field("std", &Period::std, "Standard error of ``seconds`` [s]."),
+      field("repeats", &Period::repeats, "How often the recording holds it."),
+      field("mismatch", &Period::mismatch,
+            "Rms difference of positions one period apart, over √2 times the motion's rms: "
+            "1 if unrelated."));
   auto c = value_type<Audit>(
       m, "AuditReport", "Faults of the channels, and what was checked.",
       field("faults", &Audit::faults, "Faults first, then notes; each by its significance."),
@@ -132,7 +134,7 @@ void bind_audit(py::module_& m) {
         py::call_guard<py::gil_scoped_release>());
   m.def("detect_period", &detect_period, "recording"_a, py::call_guard<py::gil_scoped_release>(),
         "The smallest period of the positions' motion; two periods at least must lie in the\n"
-        "recording.");
+        "recording's longest stretch without a gap.");
 }
 
 }  // namespace diffnea::python

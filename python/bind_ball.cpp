@@ -21,7 +21,9 @@ py::array_t<bool> booleans(const std::vector<bool>& x) {
 }  // namespace
 
 void bind_ball(py::module_& m) {
-  value_type<BallFlag>(m, "BallFlag", "A row or flight that was looked at and not fitted.",
+  value_type<BallFlag>(m, "BallFlag",
+                       "A row or flight that cannot be true; left out, but for rows beyond the "
+                       "string's reach.",
                        field("run", &BallFlag::run, "Of the recording."),
                        field("time", &BallFlag::time, "[s]"),
                        field("channel", &BallFlag::channel, "``ball`` or ``spin``."),
@@ -46,7 +48,8 @@ void bind_ball(py::module_& m) {
       field("sigma", &B::sigma, "Noise of one position along one axis [m]."),
       field("base_rms", &B::base_rms, "Error of one position along one axis, base model [m]."),
       field("extended_rms", &B::extended_rms, "The same of the extended model [m]."),
-      field("flagged", &B::flagged, "Rows that were not fitted, a list of :class:`BallFlag`."));
+      field("flagged", &B::flagged,
+            "Rows and flights that cannot be true, a list of :class:`BallFlag`."));
   // Arrays where a list would be slow to compute with.
   c.def_property_readonly(
       "run", [](const B& b) { return integers(b.run); }, "(M,) recording of each row, integers.");

@@ -283,7 +283,7 @@ void bind_plots(py::module_& m) {
       field("effect", &EvidencePlot::effect, "The cause; empty: an overview."),
       field("x", &EvidencePlot::x, "Where the curves have points, (n,) [``x_unit``]."),
       field("curves", &EvidencePlot::curves, "A list of :class:`EvidenceCurve`."),
-      field("mark", &EvidencePlot::mark, "The cause's own x, e.g. a delay; NaN: none."));
+      field("mark", &EvidencePlot::mark, "A ripple's own cycles [``x_unit``]; NaN: none."));
   value_type<ExperimentPair>(
       m, "ExperimentPair", "A cause and a rival of its class, and how clearly they differ.",
       field("effect", &ExperimentPair::effect, "The cause's effect."),
@@ -296,8 +296,10 @@ void bind_plots(py::module_& m) {
   value_type<NextExperiment>(
       m, "NextExperiment", "A motion that would tell rivals apart.",
       field("sentence", &NextExperiment::sentence, "What to do, and what to expect of it."),
-      field("pairs", &NextExperiment::pairs,
-            "What it separates, a list of :class:`ExperimentPair`."),
+      field(
+          "pairs", &NextExperiment::pairs,
+          "In question, a list of :class:`ExperimentPair`; told apart are those that expect 10 or "
+          "more."),
       field("expected_delta_bic", &NextExperiment::expected_delta_bic,
             "The smallest of the pairs that it tells apart."),
       field("trajectory", &NextExperiment::trajectory,
@@ -356,9 +358,10 @@ void bind_finding(py::module_& m) {
            "The ball's path, a :class:`BallSeries`; None where there is no ball.");
   property("next_experiment", &F::next_experiment,
            "A :class:`NextExperiment`, or None where none is known.");
-  property("lack_of_fit", &F::lack_of_fit, "F of the base model against the noise.");
+  property("lack_of_fit", &F::lack_of_fit,
+           "χ² of the base model over its degrees of freedom; 1: noise alone.");
   property("lack_of_fit_p", &F::lack_of_fit_p,
-           "Chance of the best candidate's score if nothing is left to explain.");
+           "Chance of the best candidate's χ² by noise, times the number of candidates.");
   property("noise", &F::noise,
            "Root mean square of the noise of each joint's filtered, decimated torque.");
   property("held_out", &F::held_out, "``test recording`` or ``time blocks``.");

@@ -115,23 +115,29 @@ void bind_parts(py::module_& m) {
       field("coefficients", &BaseParameter::coefficients, "Their coefficients."));
   value_type<JointError>(
       m, "JointError",
-      "Root mean square of one joint's torque error [N·m] or [N]; of ``ball``: of its position "
-      "along one axis [m].",
-      field("joint", &JointError::joint, "The joint's name."),
-      field("unit", &JointError::unit, "Of the torque."),
+      "Root mean square of one joint's torque error [N·m] or [N]; with the trajectory loss of its "
+      "position's [rad] or [m]; of ``ball``: of its position's along one axis [m].",
+      field("joint", &JointError::joint, "The joint's name, or ``ball``."),
+      field("unit", &JointError::unit,
+            "``N*m`` or ``N``; trajectory loss: ``rad`` or ``m``; of ``ball``: ``m``."),
       field("torque_rms", &JointError::torque_rms,
-            "Of the measured torque: held out, else of the training data."),
+            "Of the measured torque: held out, else of the training data. Trajectory loss: NaN; of "
+            "``ball``: of its position about its mean."),
       field("train", &JointError::train, "Of the filtered, decimated series that was fitted."),
       field("nominal_train", &JointError::nominal_train, "The same before the fit."),
       field("test", &JointError::test, "Held out; NaN without a test set."),
       field("nominal_test", &JointError::nominal_test, "The same before the fit."),
-      field("test_raw", &JointError::test_raw, "Held out, of the unfiltered torque."),
+      field("test_raw", &JointError::test_raw,
+            "Held out, of the unfiltered torque. Trajectory loss: each window from its measured "
+            "state; of ``ball``: with rows that the fit's path contradicts."),
       field("test_all", &JointError::test_all,
             "Held out, samples at which the joint rests included."));
   auto torque = value_type<TorqueSeries>(
-      m, "TorqueSeries", "Torque of one joint over time, filtered and decimated.",
+      m, "TorqueSeries",
+      "Torque of one joint over time, filtered and decimated; with the trajectory loss its "
+      "position, simulated window by window.",
       field("joint", &TorqueSeries::joint, "The joint's name."),
-      field("unit", &TorqueSeries::unit, "Of the torque."),
+      field("unit", &TorqueSeries::unit, "``N*m`` or ``N``; trajectory loss: ``rad`` or ``m``."),
       field("time", &TorqueSeries::time, "(M,) [s]"),
       field("measured", &TorqueSeries::measured, "(M,) measured."),
       field("fitted", &TorqueSeries::fitted, "(M,) of the model as fitted."),
@@ -157,7 +163,8 @@ void bind_parts(py::module_& m) {
       field("rows", &FitSummary::rows, "Of the recordings."),
       field("fitted_rows", &FitSummary::fitted_rows, "Torque samples that were fitted."),
       field("seconds", &FitSummary::seconds, "In all."),
-      field("seconds_fitting", &FitSummary::seconds_fitting, "Of them without reading."));
+      field("seconds_fitting", &FitSummary::seconds_fitting,
+            "Of them before the errors are computed; reading counts."));
   value_type<DecimatorOptions>(
       m, "DecimatorOptions", "The low-pass and decimation of torques and regressor.",
       field("rate_hz", &DecimatorOptions::rate_hz, "Of the rows that enter [Hz]."),

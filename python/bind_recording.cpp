@@ -342,7 +342,8 @@ void bind_recording(py::module_& m) {
           "(N, n) desired position, or None.")
       .def_property_readonly(
           "tau", [](const Recording& r) { return array_out(r.tau); },
-          "(N, n) [N·m] or [N]; zero at a passive joint, NaN at a prescribed one.")
+          "(N, n) [N·m] or [N]; zero at a passive joint (NaN as ``simulate`` returns it), NaN at a "
+          "prescribed one.")
       .def_readonly("has_tau", &Recording::has_tau, "Per joint: its torque was measured.")
       .def_property_readonly(
           "ball", [](const Recording& r) { return or_none(r.ball); }, "(N, 3) [m], world, or None.")

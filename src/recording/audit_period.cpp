@@ -15,7 +15,8 @@ using namespace detail;
 
 /// Rows of the coarse search.
 constexpr long kSearchRows = 1500;
-/// Rms difference of two periods that still counts as a repetition, over the motion's rms.
+/// Rms difference of two periods that still counts as a repetition, over √2 times the motion's
+/// rms.
 constexpr double kRepeats = 0.03;
 
 /// Positions on a uniform grid, each joint without its mean and divided by its standard deviation.

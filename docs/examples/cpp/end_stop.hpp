@@ -1,10 +1,10 @@
 #pragma once
-/// end_stop: rubber at both ends of a joint's range, k (|q| − b) beyond ±b.
 
 #include <diffnea/effects/effect.hpp>
 
 namespace diffnea {
 
+/// end_stop: rubber at both ends of a joint's range, k (|q| − b) beyond ±b.
 struct EndStop {
   static const EffectInfo& info() {
     static const EffectInfo kInfo{.name = "end_stop",

@@ -12,8 +12,8 @@ namespace diffnea {
 /// a + Σ v_k ε_k, ε_j ε_k = 0 (Clifford 1873; Griewank and Walther 2008, ch. 3).
 template <class T, int N>
 struct Dual {
-  T a{};
-  std::array<T, N> v{};
+  T a{};                 ///< value
+  std::array<T, N> v{};  ///< derivatives, one along each ε_k
 
   Dual() = default;
   /// A constant: its derivatives are 0.
@@ -42,6 +42,8 @@ struct Dual {
     return out;
   }
 
+  /// Derivatives by the rules of sum, product and quotient.
+  ///@{
   friend Dual operator+(const Dual& x, const Dual& y) {
     Dual out;
     out.a = x.a + y.a;
@@ -71,6 +73,7 @@ struct Dual {
   Dual& operator+=(const Dual& y) { return *this = *this + y; }
   Dual& operator-=(const Dual& y) { return *this = *this - y; }
   Dual& operator*=(const Dual& y) { return *this = *this * y; }
+  ///@}
 };
 
 /// √x; x > 0.

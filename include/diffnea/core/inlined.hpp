@@ -5,6 +5,7 @@
 
 namespace diffnea {
 
+/// Whether T is a ceres::Jet, of whatever inner scalar and width.
 template <class T>
 inline constexpr bool kIsJet = false;
 template <class T, int N>

@@ -17,6 +17,7 @@ namespace diffnea {
 
 /// As many doubles as a register holds, one a SIMD lane.
 using Pack = std::experimental::native_simd<double>;
+/// Lanes of a pack: 2 with SSE2, 4 with AVX2, 8 with AVX-512.
 inline constexpr int kPackWidth = static_cast<int>(Pack::size());
 
 /// A pack is its own value; what is compared with it is one bool a lane, for select().

@@ -28,17 +28,18 @@ enum class Base {
 
 /// What a diagnosis may re-fit, what it tries, and when it accepts.
 struct DiagnoseOptions {
-  Base base = Base::kAuto;
+  Base base = Base::kAuto;  ///< what of the model may move beside the causes
   /// Candidates: names, "name@where", or empty for the whole catalogue.
   std::vector<std::string> effects;
   /// The caller's own, beside those.
   std::vector<OwnCandidate> candidates;
-  PreprocessOptions preprocess;
+  PreprocessOptions preprocess;  ///< filters and rates; the low-pass is steeper than identify's
   /// Where the verdict is kUnknown, learn what is left as a function of what it depends on.
   bool grey_box = true;
-  double accept_delta_bic = 10.0;
-  int max_causes = 0;      ///< 0: three for each joint, at least eight
-  std::uint64_t seed = 0;  ///< of the bootstrap
+  double accept_delta_bic = 10.0;  ///< ΔBIC that a cause must exceed
+  int max_causes = 0;              ///< 0: three for each joint, at least eight
+  std::uint64_t seed = 0;          ///< of the bootstrap
+  /// Called as the search goes on; returns false: stop with the causes found so far. May be empty.
   std::function<bool(const FitProgress&)> progress;
 };
 

@@ -18,13 +18,13 @@ struct AbaStates : LinkStates<P, S> {
     Wrench<R> U;              ///< M̂ s
     R psi;                    ///< Ψ = (sᵀ M̂ s + I_r)⁻¹
   };
-  std::vector<Articulated> articulated;
+  std::vector<Articulated> articulated;  ///< (n), one per link
 };
 
 /// Scratch and result of `aba`.
 template <Scalar P, Scalar S>
 struct AbaWorkspace : AbaStates<P, S> {
-  VecX<Prod<P, S>> qdd;
+  VecX<Prod<P, S>> qdd;  ///< q̈, (n) [rad/s²], [m/s²] if prismatic
 };
 
 /// Joint accelerations q̈ [rad/s²], (n), under torques u at (q, q̇): O(n). Passive torques of effects

@@ -22,9 +22,9 @@ namespace diffnea {
 /// What forces on the ball may depend on.
 template <Scalar T>
 struct BallSample {
-  T time{};  ///< [s]
-  ParticleState<T> ball;
-  bool taut = false;
+  T time{};                ///< [s]
+  ParticleState<T> ball;   ///< its centre, in W
+  bool taut = false;       ///< whether the string holds it on the sphere
   AnchorMotion<T> anchor;  ///< where there is a string: from where on it is free
   T length{};              ///< from there [m]
   Vec3<T> u;               ///< from there to the ball, of length 1
@@ -41,7 +41,7 @@ struct FlightOptions {
 /// World:
 ///   bool has_string() const;  T length() const;              // r [m]
 ///   AnchorMotion<T> anchor(const T& time) const;             // of S
-/// and where something may bar the string, in place of these two
+/// and where something may bar the string, in place of anchor(); length() is that of all of it
 ///   FreeString<T> string(const T& time, const Vec3<T>& x) const;  // of a ball at x
 /// or where it throws the ball back
 ///   T rebound() const;                                       // in place of options' restitution
@@ -82,11 +82,11 @@ class BallFlight {
   /// Whether the string pulls.
   bool taut() const { return taut_; }
   T pull() const;  ///< T/m now [m/s²]; 0 if slack
-  /// The present state as a camera would see it.
+  /// The present state, as forces on the ball see it.
   BallSample<T> sample() const { return sample(time_, state_, taut_); }
-  /// How often the string has become taut since the start.
+  /// Impacts since the start: of the string becoming taut, and on the plane.
   long impacts() const { return impacts_; }
-  T lost_energy() const { return lost_energy_; }  ///< to impacts, per mass [m²/s²]
+  T lost_energy() const { return lost_energy_; }  ///< to the string's impacts, per mass [m²/s²]
 
  private:
   FreeString<T> string_at(const T& time, const Vec3<T>& x) const;

@@ -34,12 +34,15 @@ enum class Relation {
 inline constexpr int kWorld = -1;
 inline constexpr int kMostBodies = 2;  ///< a constraint ties one body or two
 
+/// A function of poses: holonomic.
 template <class C>
 concept PoseConstraint =
     requires(const C& c, const std::array<Pose<double>, C::kBodies>& X) { c(X); };
+/// A function of poses and twists: nonholonomic.
 template <class C>
 concept VelocityConstraint = requires(const C& c, const std::array<Pose<double>, C::kBodies>& X,
                                       const std::array<Twist<double>, C::kBodies>& V) { c(X, V); };
+/// Either, of one body or two.
 template <class C>
 concept Constraint =
     (PoseConstraint<C> || VelocityConstraint<C>) && C::kBodies <= kMostBodies && requires {
@@ -49,12 +52,13 @@ concept Constraint =
 /// One scalar equation or inequality at a state, linear in the accelerations.
 template <Scalar T>
 struct ConstraintRow {
-  std::string name;
-  Relation relation = Relation::kEqual;
-  bool of_velocity = false;
-  std::array<int, kMostBodies> bodies{kWorld, kWorld};
+  std::string name;                      ///< of the constraint it is a row of, for errors
+  Relation relation = Relation::kEqual;  ///< of g to 0
+  bool of_velocity = false;              ///< g is of poses and twists, not of poses alone
+  std::array<int, kMostBodies> bodies{kWorld, kWorld};  ///< indices; kWorld: the world, or none
   std::array<Wrench<T>, kMostBodies> J{};  ///< ∂ġ/∂V (of poses) or ∂g/∂V, a covector per body
-  T g{}, gd{};                             ///< gd is not known, and zero, if of_velocity
+  T g{},                                   ///< g, in the constraint's unit
+      gd{};                                ///< ġ [that unit/s]; not known, and zero, if of_velocity
   T bias{};                                ///< γ
 };
 

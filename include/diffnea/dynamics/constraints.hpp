@@ -9,11 +9,14 @@ namespace diffnea {
 /// Point Q of B stays at distance `length` of point P of A: g = ‖Δ‖² − r² [m²].
 template <class P>
 struct Rod {
-  static constexpr int kBodies = 2, kRows = 1;
-  static constexpr Relation kRelation = Relation::kEqual;
-  Vec3<P> p_AP, p_BQ;  ///< [m]
-  P length{};          ///< [m]
+  static constexpr int kBodies = 2,                        ///< A, B
+      kRows = 1;                                           ///< ‖Δ‖² − r²
+  static constexpr Relation kRelation = Relation::kEqual;  ///< g = 0
+  Vec3<P> p_AP,                                            ///< P in A [m]
+      p_BQ;                                                ///< Q in B [m]
+  P length{};                                              ///< r [m]
 
+  /// g [m²] at X = {X_WA, X_WB}.
   template <class T>
   std::array<T, 1> operator()(const std::array<Pose<T>, 2>& X) const {
     const Vec3<T> delta =
@@ -26,16 +29,19 @@ struct Rod {
 /// The same as an upper bound: a string that only pulls, h = ‖Δ‖² − r² ≤ 0 [m²].
 template <class P>
 struct String : Rod<P> {
-  static constexpr Relation kRelation = Relation::kAtMost;
+  static constexpr Relation kRelation = Relation::kAtMost;  ///< g ≤ 0
 };
 
 /// Points P of A and Q of B coincide: a ball joint, or a pendulum's pivot.
 template <class P>
 struct BallJoint {
-  static constexpr int kBodies = 2, kRows = 3;
-  static constexpr Relation kRelation = Relation::kEqual;
-  Vec3<P> p_AP, p_BQ;  ///< [m]
+  static constexpr int kBodies = 2,                        ///< A, B
+      kRows = 3;                                           ///< Δ of Q against P, in W
+  static constexpr Relation kRelation = Relation::kEqual;  ///< g = 0
+  Vec3<P> p_AP,                                            ///< P in A [m]
+      p_BQ;                                                ///< Q in B [m]
 
+  /// g [m] at X = {X_WA, X_WB}.
   template <class T>
   std::array<T, 3> operator()(const std::array<Pose<T>, 2>& X) const {
     const Vec3<T> delta =
@@ -47,10 +53,13 @@ struct BallJoint {
 /// A revolute joint: frames J of A and K of B share their origin and their z axis.
 template <class P>
 struct Hinge {
-  static constexpr int kBodies = 2, kRows = 5;
-  static constexpr Relation kRelation = Relation::kEqual;
-  Pose<P> X_AJ, X_BK;
+  static constexpr int kBodies = 2,  ///< A, B
+      kRows = 5;  ///< Δ of K's origin against J's, in W, and J's x and y against K's z
+  static constexpr Relation kRelation = Relation::kEqual;  ///< g = 0
+  Pose<P> X_AJ,                                            ///< J in A
+      X_BK;                                                ///< K in B
 
+  /// g [m, m, m, 1, 1] at X = {X_WA, X_WB}.
   template <class T>
   std::array<T, 5> operator()(const std::array<Pose<T>, 2>& X) const {
     const Pose<T> X_WJ = X[0] * X_AJ.template cast<T>(), X_WK = X[1] * X_BK.template cast<T>();
@@ -73,11 +82,14 @@ Vec3<T> lowest_of_wheel(const Vec3<T>& axle, const T& radius) {
 /// A thin wheel touches the plane z = 0: the height of its lowest point [m].
 template <class P>
 struct WheelContact {
-  static constexpr int kBodies = 1, kRows = 1;
-  static constexpr Relation kRelation = Relation::kEqual;
-  Vec3<P> p_BC, axle_B;  ///< its centre [m] and the unit vector along its axle
-  P radius{};            ///< [m]
+  static constexpr int kBodies = 1,  ///< the wheel, or what its axle is fixed to
+      kRows = 1;                     ///< height of the lowest point
+  static constexpr Relation kRelation = Relation::kEqual;  ///< g = 0
+  Vec3<P> p_BC,                                            ///< its centre, in B [m]
+      axle_B;                                              ///< unit vector along its axle, in B
+  P radius{};                                              ///< [m]
 
+  /// g [m] at X = {X_WB}.
   template <class T>
   std::array<T, 1> operator()(const std::array<Pose<T>, 1>& X) const {
     const Vec3<T> centre = X[0].R * p_BC.template cast<T>() + X[0].p;
@@ -89,11 +101,14 @@ struct WheelContact {
 /// without slip. Its height is WheelContact's.
 template <class P>
 struct RollingWheel {
-  static constexpr int kBodies = 1, kRows = 2;
-  static constexpr Relation kRelation = Relation::kEqual;
-  Vec3<P> p_BC, axle_B;
-  P radius{};  ///< [m]
+  static constexpr int kBodies = 1,  ///< the wheel
+      kRows = 2;                     ///< velocity of the touching point along x and y of W
+  static constexpr Relation kRelation = Relation::kEqual;  ///< g = 0
+  Vec3<P> p_BC,                                            ///< its centre, in B [m]
+      axle_B;                                              ///< unit vector along its axle, in B
+  P radius{};                                              ///< [m]
 
+  /// g [m/s] at X = {X_WB} and V = {twist of B against W, in B}.
   template <class T>
   std::array<T, 2> operator()(const std::array<Pose<T>, 1>& X,
                               const std::array<Twist<T>, 1>& V) const {
@@ -109,10 +124,13 @@ struct RollingWheel {
 /// z = 0 of W, is zero [m/s] (Chaplygin's sleigh, a skate, a knife edge).
 template <class P>
 struct Skate {
-  static constexpr int kBodies = 1, kRows = 1;
-  static constexpr Relation kRelation = Relation::kEqual;
-  Vec3<P> p_BP, across_B;  ///< [m]; unit vector across the blade, horizontal
+  static constexpr int kBodies = 1,                        ///< what the blade is fixed to
+      kRows = 1;                                           ///< velocity across the blade
+  static constexpr Relation kRelation = Relation::kEqual;  ///< g = 0
+  Vec3<P> p_BP,                                            ///< where the blade touches, in B [m]
+      across_B;  ///< unit vector across the blade, in B, horizontal
 
+  /// g [m/s] at V = {twist of B against W, in B}.
   template <class T>
   std::array<T, 1> operator()(const std::array<Pose<T>, 1>&,
                               const std::array<Twist<T>, 1>& V) const {

@@ -11,7 +11,8 @@ namespace diffnea {
 /// A point against the cup: height along the axis and distance from it [m].
 template <class T>
 struct CupPosition {
-  T height, radius;
+  T height,    ///< along the axis, from the cup's origin [m]
+      radius;  ///< distance from the axis [m]
 };
 
 /// @param p_C  the cup's origin, W  @param axis  of length 1, W

@@ -7,8 +7,10 @@
 /// With
 ///   ψ̇_j = v̄_λ × s_j,   ψ̈_j = ā_λ × s_j + v̄_λ × ψ̇_j   (λ the parent, ā₀ = [0; −g])
 /// and M̄ᶜ, B̄ᶜ, f̄ᶜ summed over the subtree of i, for j ≤ i:
-///   ∂τ_i/∂q_j = s_iᵀ(2B̄ᶜ_i ψ̇_j + M̄ᶜ_i ψ̈_j)      ∂τ_j/∂q_i = s_jᵀ(2B̄ᶜ_i ψ̇_i + M̄ᶜ_i ψ̈_i + s_i ×*
-///   f̄ᶜ_i) ∂τ_i/∂q̇_j = 2s_iᵀ(B̄ᶜ_i s_j + M̄ᶜ_i ψ̇_j)      ∂τ_j/∂q̇_i = 2s_jᵀ(B̄ᶜ_i s_i + M̄ᶜ_i ψ̇_i)
+///   ∂τ_i/∂q_j = s_iᵀ(2B̄ᶜ_i ψ̇_j + M̄ᶜ_i ψ̈_j)
+///   ∂τ_j/∂q_i = s_jᵀ(2B̄ᶜ_i ψ̇_i + M̄ᶜ_i ψ̈_i + s_i ×* f̄ᶜ_i)
+///   ∂τ_i/∂q̇_j = 2s_iᵀ(B̄ᶜ_i s_j + M̄ᶜ_i ψ̇_j)
+///   ∂τ_j/∂q̇_i = 2s_jᵀ(B̄ᶜ_i s_i + M̄ᶜ_i ψ̇_i)
 /// Theirs is a 6×6 B̄. Summed over the points r of a body, which move at ẋ, it is the map
 ///   B̄ [w; u] = Σ m [r×(w×ẋ); w×ẋ],
 /// which does not see u and holds 12 numbers: the momentum Σ m ẋ and G = Σ m r ẋᵀ.
@@ -21,16 +23,20 @@ namespace diffnea {
 struct WorldStates {
   /// What the passes leave at a link, in the world frame.
   struct State {
-    Pose<double> X_WL;
-    Twist<double> s, V, A;          ///< joint axis, twist, acceleration minus gravity; in W
-    Twist<double> psid, psidd;      ///< ψ̇, ψ̈
-    SpatialInertia<double> M, M_c;  ///< of the link; of its subtree, M̄ᶜ
-    Vec3<double> momentum;          ///< Σ m ẋ, of the link, then of its subtree
-    Mat3<double> Gt;                ///< Gᵀ = Σ m ẋ rᵀ, of the link, then of its subtree
-    Wrench<double> F;               ///< of the link, then of its subtree, f̄ᶜ
-    Wrench<double> U;               ///< M̄ᶜ s
+    Pose<double> X_WL;         ///< pose of the link in W
+    Twist<double> s,           ///< joint axis
+        V,                     ///< twist of L against W
+        A;                     ///< acceleration minus gravity
+    Twist<double> psid,        ///< ψ̇
+        psidd;                 ///< ψ̈
+    SpatialInertia<double> M,  ///< M̄ of the link
+        M_c;                   ///< of its subtree, M̄ᶜ
+    Vec3<double> momentum;     ///< Σ m ẋ, of the link, then of its subtree
+    Mat3<double> Gt;           ///< Gᵀ = Σ m ẋ rᵀ, of the link, then of its subtree
+    Wrench<double> F;          ///< of the link, then of its subtree, f̄ᶜ
+    Wrench<double> U;          ///< M̄ᶜ s
   };
-  std::vector<State> links;
+  std::vector<State> links;  ///< (n), one per link
 };
 
 /// Derivatives of inverse dynamics, and the scratch they are made in.
@@ -39,7 +45,7 @@ struct RneaDerivatives {
   RowMatX<double> dtau_dq;   ///< (n × n) [N·m/rad], row: torque, column: joint
   RowMatX<double> dtau_dqd;  ///< (n × n) [N·m·s/rad]
   RowMatX<double> M;         ///< (n × n) ∂τ/∂q̈, rotor inertia included
-  WorldStates scratch;
+  WorldStates scratch;       ///< of all links, at q̈
 };
 
 /// τ and its derivatives with respect to q, q̇, q̈.
@@ -52,14 +58,15 @@ void rnea_derivatives(const Tree<double>& tree, VecIn<double> q, VecIn<double> q
 
 /// Derivatives of forward dynamics, and the scratch they are made in.
 struct AbaDerivatives {
-  VecX<double> qdd;                   ///< (n) [rad/s²]
-  RowMatX<double> dqdd_dq;            ///< (n × n) −M⁻¹ ∂τ/∂q
-  RowMatX<double> dqdd_dqd;           ///< (n × n) −M⁻¹ ∂τ/∂q̇
-  RowMatX<double> dqdd_dtau;          ///< (n × n) M⁻¹
-  RowMatX<double> dtau_dq, dtau_dqd;  ///< (n × n) of inverse dynamics at q̈
-  RowMatX<double> L;                  ///< (n × n) lower factor of the mass matrix, M = LᵀL
-  VecX<double> tau;                   ///< inverse dynamics of q̈: the given torque, to rounding
-  WorldStates scratch;
+  VecX<double> qdd;           ///< (n) [rad/s²]
+  RowMatX<double> dqdd_dq;    ///< (n × n) −M⁻¹ ∂τ/∂q
+  RowMatX<double> dqdd_dqd;   ///< (n × n) −M⁻¹ ∂τ/∂q̇
+  RowMatX<double> dqdd_dtau;  ///< (n × n) M⁻¹
+  RowMatX<double> dtau_dq,    ///< (n × n) ∂τ/∂q of inverse dynamics at q̈ [N·m/rad]
+      dtau_dqd;               ///< (n × n) ∂τ/∂q̇ [N·m·s/rad]
+  RowMatX<double> L;    ///< (n × n) factor of M = LᵀL in its lower triangle, 1/L_ii on the diagonal
+  VecX<double> tau;     ///< inverse dynamics of q̈: the given torque, to rounding
+  WorldStates scratch;  ///< of all links, at q̈
 };
 
 /// q̈ under torques tau and its derivatives with respect to q, q̇, tau. q̈ = M⁻¹(τ − c): equals aba.
@@ -71,12 +78,12 @@ void aba_derivatives(const Tree<double>& tree, VecIn<double> q, VecIn<double> qd
 
 /// Scratch and result of the derivatives by parameters.
 struct ParameterJacobianWorkspace {
-  VecX<double> qdd;          ///< (n) [rad/s²]
-  RowMatX<double> dqdd_dpi;  ///< (n × 10n)
-  RowMatX<double> L;         ///< (n × n) lower factor of the mass matrix, M = LᵀL
-  VecX<double> bias;         ///< c(q, q̇), torque at q̈ = 0
-  WorldStates scratch;
-  std::vector<RegressorLinkMotion<double>> motion;
+  VecX<double> qdd;                                 ///< (n) [rad/s²]
+  RowMatX<double> dqdd_dpi;                         ///< (n × 10n)
+  RowMatX<double> L;                                ///< (n × n) as in AbaDerivatives
+  VecX<double> bias;                                ///< c(q, q̇), torque at q̈ = 0
+  WorldStates scratch;                              ///< of all links, at q̈ = 0; ψ̈ is not set
+  std::vector<RegressorLinkMotion<double>> motion;  ///< (n), one per link, at q̈
 };
 
 /// ∂q̈/∂π = −M⁻¹ Y(q, q̇, q̈), (n × 10n), at q̈ = aba(q, q̇, tau): exact, because τ = Y π + I_r q̈ is

@@ -20,8 +20,8 @@ enum class BodyKind {
 /// A body in maximal coordinates: what moves it and what it weighs.
 template <Scalar T>
 struct FreeBody {
-  BodyKind kind = BodyKind::kRigid;
-  SpatialInertia<T> inertia;  ///< about B's origin, in B; of a particle the mass alone
+  BodyKind kind = BodyKind::kRigid;  ///< which parts of its inertia and twist are read
+  SpatialInertia<T> inertia;         ///< about B's origin, in B; of a particle the mass alone
 };
 /// A body without extent. @param mass  [kg]
 template <Scalar T>
@@ -34,8 +34,8 @@ FreeBody<T> particle(const T& mass) {
 /// Where a body is and how it moves.
 template <Scalar T>
 struct BodyState {
-  Pose<T> X_WB = Pose<T>::identity();
-  Twist<T> V{};  ///< twist of B against W, in B [rad/s, m/s]
+  Pose<T> X_WB = Pose<T>::identity();  ///< pose of B in W
+  Twist<T> V{};                        ///< twist of B against W, in B [rad/s, m/s]
 };
 
 /// M̄⁻¹ W: with p the centre of mass, ω̇ = I_c⁻¹(τ − p×f), v̇ = f/m + p×ω̇. Zero if prescribed.
@@ -58,6 +58,7 @@ class Mobility {
                     (I.xy * I.xz - I.xx * I.yz) * s,
                     (I.xx * I.yy - I.xy * I.xy) * s};
   }
+  /// V̇ under the net wrench W, in B [rad/s², m/s²]; of an impulse [N·m·s, N·s] the change of V.
   Twist<T> operator*(const Wrench<T>& W) const {
     const Vec3<T> zero{T(0.0), T(0.0), T(0.0)};
     if (kind_ == BodyKind::kPrescribed) return {zero, zero};

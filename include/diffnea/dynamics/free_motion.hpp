@@ -55,9 +55,9 @@ Mat3<T> nearest_rotation(const Mat3<T>& R) {
 /// Scratch of `step_bodies`.
 template <Scalar T>
 struct MotionWorkspace {
-  VecX<T> z;
-  RungeKutta4<VecX<T>> solver;
-  std::vector<BodyState<T>> states;
+  VecX<T> z;                    ///< all states as one column, 18 numbers a body: p, R by columns, V
+  RungeKutta4<VecX<T>> solver;  ///< of that column
+  std::vector<BodyState<T>> states;  ///< at the stage whose slope is taken
 };
 
 /// Moves the bodies by `h` [s].

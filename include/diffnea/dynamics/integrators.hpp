@@ -7,7 +7,9 @@ namespace diffnea {
 /// Scratch of one step; keeps its memory between steps.
 template <class State>
 struct RungeKutta4 {
-  State stage, slope, sum;
+  State stage,  ///< state at which the last slope was taken
+      slope,    ///< ż there
+      sum;      ///< z(t + h) as far as it is summed up
 
   /// Moves z from t to t+h. @param f  f(share, z, dz): slope at t + share·h into dz
   template <class Slope>

@@ -11,18 +11,18 @@ template <Scalar T>
 struct LinkKinematics {
   /// Pose, twist and acceleration of a link.
   struct LinkMotion {
-    Pose<T> X_WL;
-    Twist<T> V;  ///< twist of L against W, in L
-    Twist<T> A;  ///< its spatial acceleration, in L; the linear part is not ẍ of the origin (see
-                 ///< FrameMotion)
+    Pose<T> X_WL;  ///< pose of the link in W
+    Twist<T> V;    ///< twist of L against W, in L
+    Twist<T> A;    ///< its spatial acceleration, in L; the linear part is not ẍ of the origin (see
+                   ///< FrameMotion)
   };
-  std::vector<LinkMotion> links;
+  std::vector<LinkMotion> links;  ///< (n), one per link of the tree
 };
 
 /// Motion of a frame F against W in the terms of a measurement: everything expressed in W.
 template <Scalar T>
 struct FrameMotion {
-  Pose<T> X_WF;
+  Pose<T> X_WF;                  ///< pose of F in W
   Vec3<T> angular_velocity;      ///< ω [rad/s]
   Vec3<T> velocity;              ///< ẋ of F's origin [m/s]
   Vec3<T> angular_acceleration;  ///< α [rad/s²]

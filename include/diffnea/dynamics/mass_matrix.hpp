@@ -12,7 +12,7 @@ struct MassMatrixWorkspace {
   using R = Prod<P, S>;
   std::vector<Pose<R>> X_PL;                 ///< pose of every link in its parent
   std::vector<SpatialInertia<R>> composite;  ///< inertia of the link and all that hangs on it, in L
-  MatX<R> M;
+  MatX<R> M;                                 ///< M(q), (n × n), both triangles
 };
 
 /// M(q), (n × n), symmetric, rotor inertia I_r on the diagonal: τ = M q̈ + c(q, q̇). [kg·m², kg·m,

@@ -17,8 +17,8 @@ struct RegressorLinkMotion {
 /// Scratch of `torque_regressor`.
 template <Scalar P, Scalar S>
 struct RegressorWorkspace {
-  std::vector<RegressorLinkMotion<Prod<P, S>>> links;
-  RowMatX<Prod<P, S>> Y;
+  std::vector<RegressorLinkMotion<Prod<P, S>>> links;  ///< (n), one per link
+  RowMatX<Prod<P, S>> Y;                               ///< (n × 10n)
 };
 
 /// Y(q, q̇, q̈), (n × 10n), with τ = Y π + I_r q̈: π stacks θ = [m, h, I] of the links in the order of

@@ -19,13 +19,13 @@ struct LinkStates {
     Twist<R> A;   ///< its spatial acceleration minus gravity (base acceleration a₀ = [0; −g]), in L
     Wrench<R> F;  ///< wrench that the parent transmits through the joint, about L's origin, in L
   };
-  std::vector<State> links;
+  std::vector<State> links;  ///< (n), one per link
 };
 
 /// Scratch and result of `rnea`.
 template <Scalar P, Scalar S>
 struct RneaWorkspace : LinkStates<P, S> {
-  VecX<Prod<P, S>> tau;
+  VecX<Prod<P, S>> tau;  ///< τ, (n) [N·m], [N] if prismatic
 };
 
 /// Joint torques τ [N·m], (n), that produce q̈ at (q, q̇), rotor inertia included: O(n).

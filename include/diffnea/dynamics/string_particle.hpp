@@ -18,14 +18,17 @@ namespace diffnea {
 /// Position and velocity in W [m, m/s].
 template <Scalar T>
 struct ParticleState {
-  Vec3<T> x, v;
+  Vec3<T> x,  ///< position of its centre [m]
+      v;      ///< ẋ [m/s]
 };
 
 /// The anchor S at an instant, in W [m, m/s, m/s²]. Of a point on a link: frame_motion(), whose
 /// acceleration has the α× and ω×(ω×) terms.
 template <Scalar T>
 struct AnchorMotion {
-  Vec3<T> x, v, a;
+  Vec3<T> x,  ///< x_S [m]
+      v,      ///< ẋ_S [m/s]
+      a;      ///< ẍ_S [m/s²]
 };
 
 /// What stands in for max(0, ·) and for the switch at h = 0.
@@ -36,7 +39,7 @@ enum class Softness {
 
 /// How sharply a smoothed string becomes taut, and how it is pulled back to its length.
 struct StringSmoothing {
-  Softness softness = Softness::kSoftplus;
+  Softness softness = Softness::kSoftplus;  ///< kHard: `pull` and `switching` are not read
   double pull = 1.0;       ///< sharpness of max(0, T/m) [s²/m]: off by ln 2/s at most
   double switching = 1e3;  ///< sharpness of the switch [1/m], on ‖Δ‖ − r
   double settle = 0.008;   ///< K_p = 1/τ², K_d = 2/τ [s]

@@ -24,8 +24,8 @@ struct FreeString {
 /// Where the string is last bent, and its length up to there [m].
 template <class T>
 struct StringRoute {
-  CupPosition<T> edge;
-  T used;  ///< 0: it is straight
+  CupPosition<T> edge;  ///< that bend; the knot if it is straight
+  T used;               ///< length from the knot to `edge` [m]; 0: it is straight
 };
 
 /// @param size  of what is in the way, over the cup's: the cup shrunk towards the knot

@@ -15,7 +15,7 @@ namespace diffnea {
 /// @tparam Mask  what comparisons of T give: bool, or one bool a lane
 template <Scalar T, class Mask>
 struct StringBall {
-  ParticleState<T> ball;
+  ParticleState<T> ball;               ///< in W, at the end of the last step
   Vec3<T> a;                           ///< acceleration without the string, at the state
   Mask taut;                           ///< the last step ended on the sphere
   T pull = T(0.0);                     ///< velocity that the string took in the last step [m/s]

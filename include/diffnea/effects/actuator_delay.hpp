@@ -1,12 +1,12 @@
 #pragma once
-/// actuator_delay: the command acts d later, u(t) = τ_c(t − d), and τ_c is logged: adds u(t + d) −
-/// u(t). In the model u is the whole torque that it predicts (JointSeries::drive).
 
 #include <diffnea/effects/effect.hpp>
 #include <diffnea/effects/joint_series.hpp>
 
 namespace diffnea {
 
+/// actuator_delay: the command acts d later, u(t) = τ_c(t − d), and τ_c is logged: adds u(t + d) −
+/// u(t). In the model u is the whole torque that it predicts (JointSeries::drive).
 struct ActuatorDelay {
   static const EffectInfo& info() {
     static const EffectInfo kInfo{.name = "actuator_delay",

@@ -1,13 +1,13 @@
 #pragma once
-/// actuator_lag: the drive's torque u follows the command τ_c late, T u̇ = τ_c − u, and τ_c is
-/// logged, which is u + T u̇: adds T u̇. In the model u is the whole torque that it predicts
-/// (JointSeries::drive).
 
 #include <diffnea/effects/effect.hpp>
 #include <diffnea/effects/joint_series.hpp>
 
 namespace diffnea {
 
+/// actuator_lag: the drive's torque u follows the command τ_c late, T u̇ = τ_c − u, and τ_c is
+/// logged, which is u + T u̇: adds T u̇. In the model u is the whole torque that it predicts
+/// (JointSeries::drive).
 struct ActuatorLag {
   static const EffectInfo& info() {
     static const EffectInfo kInfo{.name = "actuator_lag",
@@ -22,7 +22,6 @@ struct ActuatorLag {
     return kInfo;
   }
 
-  /// (N) torque in addition at `joint`.
   VecX<double> torque_series(const JointSeries& x, int joint, const double* p) const {
     return p[0] * derivative(x.drive().col(joint), x.dt);
   }

@@ -1,12 +1,12 @@
 #pragma once
-/// armature: inertia of what turns with the motor, seen from the joint, J q̈.
-/// make_tree reads an `armature` of the model as rotor inertia of the tree: use one of the two, not
-/// both.
 
 #include <diffnea/effects/effect.hpp>
 
 namespace diffnea {
 
+/// armature: inertia of what turns with the motor, seen from the joint, J q̈.
+/// make_tree reads an `armature` of the model as rotor inertia of the tree: use one of the two, not
+/// both.
 struct Armature {
   static const EffectInfo& info() {
     static const EffectInfo kInfo{.name = "armature",

@@ -1,10 +1,10 @@
 #pragma once
-/// asymmetric_coulomb: dry friction of another size in each direction, F₊ max(s, 0) + F₋ min(s, 0).
 
 #include <diffnea/effects/effect.hpp>
 
 namespace diffnea {
 
+/// asymmetric_coulomb: dry friction of another size in each direction, F₊ max(s, 0) + F₋ min(s, 0).
 struct AsymmetricCoulomb {
   static const EffectInfo& info() {
     static const EffectInfo kInfo{.name = "asymmetric_coulomb",

@@ -1,11 +1,11 @@
 #pragma once
-/// asymmetric_viscous: viscous friction of another size in each direction, b₊ max(q̇, 0) + b₋ min(q̇,
-/// 0).
 
 #include <diffnea/effects/effect.hpp>
 
 namespace diffnea {
 
+/// asymmetric_viscous: viscous friction of another size in each direction, b₊ max(q̇, 0) + b₋ min(q̇,
+/// 0).
 struct AsymmetricViscous {
   static const EffectInfo& info() {
     static const EffectInfo kInfo{

@@ -1,11 +1,11 @@
 #pragma once
-/// attachment_offset: the string is tied R(t) o away from where the model says, o in the link's
-/// frame. The base fits the attachment; this is for a base that is held (`--base fixed`).
 
 #include <diffnea/effects/ball_effect.hpp>
 
 namespace diffnea {
 
+/// attachment_offset: the string is tied R(t) o away from where the model says, o in the link's
+/// frame. The base fits the attachment; this is for a base that is held (`--base fixed`).
 struct AttachmentOffset {
   static const EffectInfo& info() {
     static const EffectInfo kInfo{

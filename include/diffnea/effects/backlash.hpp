@@ -1,10 +1,4 @@
 #pragma once
-/// backlash: a gap β in the gear. Inside it nothing is transmitted and the rotor runs free,
-/// J_m θ̈ = u − friction; at its ends the teeth push, and throw each other back with the restitution
-/// e. The encoder reads the link's angle q, the motor's, θ, is hidden; the log has J_m(θ̈ − q̈) more
-/// than the base model, whose armature J_m turns with q: inside the gap that is the whole torque
-/// that it takes for transmitted, and an impulse where the teeth meet (Nordin and Gutman 2002). The
-/// rotor leaves a flank where the torque on it, seen from the motor, changes its sign.
 
 #include <algorithm>
 
@@ -14,6 +8,12 @@
 
 namespace diffnea {
 
+/// backlash: a gap β in the gear. Inside it nothing is transmitted and the rotor runs free,
+/// J_m θ̈ = u − friction; at its ends the teeth push, and throw each other back with the restitution
+/// e. The encoder reads the link's angle q, the motor's, θ, is hidden; the log has J_m(θ̈ − q̈) more
+/// than the base model, whose armature J_m turns with q: inside the gap that is the whole torque
+/// that it takes for transmitted, and an impulse where the teeth meet (Nordin and Gutman 2002). The
+/// rotor leaves a flank where the torque on it, seen from the motor, changes its sign.
 struct Backlash {
   static const EffectInfo& info() {
     static const EffectInfo kInfo{

@@ -20,9 +20,10 @@ namespace diffnea {
 /// What such an effect may depend on.
 template <Scalar T>
 struct BallInstant : BallSample<T> {
-  Vec3<T> anchor_jerk;              ///< of S [m/s³], where an effect has kNeedsAnchorJerk
-  Vec3<double> gravity;             ///< in W [m/s²]
-  double mass = 0.0, radius = 0.0;  ///< [kg, m]
+  Vec3<T> anchor_jerk;   ///< of S [m/s³], where an effect has kNeedsAnchorJerk
+  Vec3<double> gravity;  ///< in W [m/s²]
+  double mass = 0.0;     ///< of the ball [kg]
+  double radius = 0.0;   ///< of the ball [m]; 0: not known
 };
 
 inline constexpr double kAirDensity = 1.2;  ///< of air at 20 °C, 1013 hPa [kg/m³]

@@ -20,7 +20,8 @@ namespace diffnea {
 
 /// y = W x + b
 struct DenseLayer {
-  int inputs = 0, outputs = 0;
+  int inputs = 0;               ///< length of x
+  int outputs = 0;              ///< length of y; of a cell: 4n, its gates
   std::vector<double> weights;  ///< Wᵀ, (inputs × outputs) by rows
   std::vector<double> bias;     ///< (outputs)
 };
@@ -29,16 +30,23 @@ struct DenseLayer {
 struct NetworkMember {
   /// LSTM cells of n units: of [input, hidden] to the gates i, f, g, o, (4n). No peepholes.
   std::vector<DenseLayer> cells;
-  std::vector<DenseLayer> layers;
+  std::vector<DenseLayer> layers;  ///< at least one; the last has three outputs
 };
 
-inline constexpr int kNetworkInputs = 18, kNetworkOutputs = 3;
+inline constexpr int kNetworkInputs = 18;  ///< six vectors of 3, as f has them
+inline constexpr int kNetworkOutputs = 3;  ///< R_WLᵀ ẍ_B
 
 /// An ensemble: the mean of its members' answers.
 struct BallNetwork {
-  std::vector<NetworkMember> members;
-  std::vector<double> input_mean, input_scale;  ///< of an input: (x − mean) / scale
+  std::vector<NetworkMember> members;  ///< at least one
+  /// (18) of the input: members are asked (x − mean) / scale.
+  ///@{
+  std::vector<double> input_mean, input_scale;
+  ///@}
+  /// (3) of the answer [m/s²]: mean + scale · what members answer in the mean.
+  ///@{
   std::vector<double> output_mean, output_scale;
+  ///@}
   double step = 0.002;   ///< h [s]
   double warm_up = 0.0;  ///< for which cells see the motion before the ball is theirs [s]
   std::string source;    ///< file that it was read from
@@ -49,8 +57,9 @@ struct BallNetwork {
 /// A link's motion, as a network sees it: expressed in W.
 template <class T>
 struct LinkMotion {
-  Pose<T> X_WL;
-  Vec3<T> velocity, angular_velocity;  ///< of L's origin [m/s]; of L [rad/s]
+  Pose<T> X_WL;              ///< pose of L
+  Vec3<T> velocity;          ///< of L's origin [m/s]
+  Vec3<T> angular_velocity;  ///< of L [rad/s]
 };
 
 /// Numbers that an ensemble's cells remember.

@@ -1,12 +1,12 @@
 #pragma once
-/// base_tilt: the robot's base is not level. In the base's frame gravity has g_x and g_y more than
-/// the model's; a tilt of φ radians about x gives g_y = −9.81 sin φ.
 
 #include <diffnea/effects/effect.hpp>
 #include <diffnea/model/tree.hpp>
 
 namespace diffnea {
 
+/// base_tilt: the robot's base is not level. In the base's frame gravity has g_x and g_y more than
+/// the model's; a tilt of φ radians about x gives g_y = −9.81 sin φ.
 struct BaseTilt {
   static const EffectInfo& info() {
     static const EffectInfo kInfo{

@@ -1,12 +1,12 @@
 #pragma once
-/// cable_differential_friction: friction of the two shafts of a cable differential, which turn at
-/// w± = q̇ᵢ ± ρ q̇ⱼ, each with f(w) = F_c tanh(w/v₀) + b w. Power is conserved, f₊w₊ + f₋w₋ = τᵢq̇ᵢ +
-/// τⱼq̇ⱼ, so τᵢ = f₊ + f₋ and τⱼ = ρ(f₊ − f₋). Barrett WAM: joints 2 and 3, ρ = 1/1.68.
 
 #include <diffnea/effects/effect.hpp>
 
 namespace diffnea {
 
+/// cable_differential_friction: friction of the two shafts of a cable differential, which turn at
+/// w± = q̇ᵢ ± ρ q̇ⱼ, each with f(w) = F_c tanh(w/v₀) + b w. Power is conserved, f₊w₊ + f₋w₋ = τᵢq̇ᵢ +
+/// τⱼq̇ⱼ, so τᵢ = f₊ + f₋ and τⱼ = ρ(f₊ − f₋). Barrett WAM: joints 2 and 3, ρ = 1/1.68.
 struct CableDifferentialFriction {
   static const EffectInfo& info() {
     static const EffectInfo kInfo{

@@ -1,10 +1,10 @@
 #pragma once
-/// camera_delay: the camera's row k shows the ball as it was d earlier, x(t − d).
 
 #include <diffnea/effects/ball_effect.hpp>
 
 namespace diffnea {
 
+/// camera_delay: the camera's row k shows the ball as it was d earlier, x(t − d).
 struct CameraDelay {
   static const EffectInfo& info() {
     static const EffectInfo kInfo{.name = "camera_delay",

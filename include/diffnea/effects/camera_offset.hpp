@@ -1,10 +1,10 @@
 #pragma once
-/// camera_offset: the camera's origin is not the world's, x + t.
 
 #include <diffnea/effects/ball_effect.hpp>
 
 namespace diffnea {
 
+/// camera_offset: the camera's origin is not the world's, x + t.
 struct CameraOffset {
   static const EffectInfo& info() {
     static const EffectInfo kInfo{

@@ -1,10 +1,10 @@
 #pragma once
-/// camera_rotation: the camera's frame is turned by a small ρ against the world's, (1 + [ρ]×) x.
 
 #include <diffnea/effects/ball_effect.hpp>
 
 namespace diffnea {
 
+/// camera_rotation: the camera's frame is turned by a small ρ against the world's, (1 + [ρ]×) x.
 struct CameraRotation {
   static const EffectInfo& info() {
     static const EffectInfo kInfo{

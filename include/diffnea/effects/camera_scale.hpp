@@ -1,10 +1,10 @@
 #pragma once
-/// camera_scale: the camera's unit of length is off, (1 + σ) x about the world's origin.
 
 #include <diffnea/effects/ball_effect.hpp>
 
 namespace diffnea {
 
+/// camera_scale: the camera's unit of length is off, (1 + σ) x about the world's origin.
 struct CameraScale {
   static const EffectInfo& info() {
     static const EffectInfo kInfo{.name = "camera_scale",

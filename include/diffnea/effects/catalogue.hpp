@@ -130,18 +130,20 @@ bool acts_on_ball(const EffectInfo& info);
 
 /// An effect at its joints, with values.
 struct BoundEffect {
-  AnyEffect type;
-  std::string where;        ///< as in the EffectSpec
-  std::vector<int> joints;  ///< degrees of freedom it acts on; at `all` and `base`: every one
-  std::vector<int> runs;    ///< recordings it acts in; empty: all of them
-  int num_joints = 0;       ///< of the model
+  AnyEffect type;     ///< with what it has of the model or the spec: runs, a point, a table
+  std::string where;  ///< as in the EffectSpec
+  /// Degrees of freedom it acts on; at `all` and `base`: every one; of ball, string, camera: none.
+  std::vector<int> joints;
+  std::vector<int> runs;                      ///< recordings it acts in; empty: all of them
+  int num_joints = 0;                         ///< of the model
   std::vector<ParameterInfo> parameter_info;  ///< unit and initial are those of this joint's type
   std::vector<double> parameters;             ///< same order
 
+  /// Of its type: as the catalogue has it, before units and values of this joint.
   const EffectInfo& info() const { return diffnea::info(type); }
   /// Whether the effect acts in the run of this number.
   bool acts_in(int run) const;
-  /// Indices of the parameters the torque is linear in, and of the shape parameters.
+  /// Indices of the parameters that the torque is linear in.
   std::vector<int> linear_parameters() const;
   /// Indices of the parameters that do not enter linearly.
   std::vector<int> shape_parameters() const;
@@ -162,7 +164,7 @@ std::vector<std::string> places(const EffectInfo& info, const Model& model);
 
 /// "tip:run=1+4" is the place "tip" in recordings 1 and 4 alone; without the ending: in all.
 struct RunPlace {
-  std::string place;
+  std::string place;      ///< what stands before the colon
   std::vector<int> runs;  ///< ascending; empty: all
 };
 /// @throws ModelError if what follows the colon is not `run=` and numbers of recordings
@@ -173,13 +175,12 @@ std::string join_where(const RunPlace& where);
 /// Resolves `spec` on `model`. `where` is a joint's name, two of them for a pair ("elbow,wrist"),
 /// `tip` (the last moving link), `base`, `ball`, `string`, `camera` or `all`; an effect of one
 /// joint bound at `all` acts on every joint with the same parameters. A place that ends in
-/// `:run=K`, or `:run=K+L`, stands for those recordings alone (armature, which is of the link tree,
-/// acts in all). Parameters that are not given take their initial values; a unit that is given must
-/// be the effect's. `runs`: recordings that a per-run effect gets a parameter for (those named in
-/// the spec come on top).
+/// `:run=K`, or `:run=K+L`, stands for those recordings alone (not of armature and torque_gain,
+/// which belong to the robot). Parameters that are not given take their initial values; a unit that
+/// is given must be the effect's. `runs`: recordings that a per-run effect gets a parameter for
+/// (those named in the spec come on top).
 /// @throws ModelError naming the choices if the effect, place, parameter or unit is unknown, a sign
-/// is
-///         wrong, or `all` would mix revolute and prismatic joints
+/// is wrong, or `all` would mix revolute and prismatic joints
 BoundEffect bind(const EffectSpec& spec, const Model& model, const std::vector<int>& runs = {});
 
 /// Back to plain data, with all parameters.
@@ -207,8 +208,7 @@ void add_to_tree(const BoundEffect& effect, const P* p, Tree<P>& tree);
 ///                 columns[k·num_joints + j] is the torque of joint j for one unit of parameter
 ///                 linear_parameters()[k]
 /// @throws ModelError if the port is not kJointTorque: series_columns (effects/series.hpp) has them
-/// for any
-///         port; a payload's are those that the torque regressor has for the link effect.joints[0]
+/// for any port; a payload's are those that the torque regressor has for the link effect.joints[0]
 void linear_columns(const BoundEffect& effect, const JointSample<double>& x, double* columns);
 
 }  // namespace diffnea

@@ -1,12 +1,12 @@
 #pragma once
-/// cogging: torque ripple over the angle, a sin(nq) + b cos(nq), of magnets and slots or of a
-/// gear's teeth. n counts the periods in one turn of the joint (2π rad; 2π m at a prismatic joint),
-/// hence its unit 1/rad.
 
 #include <diffnea/effects/effect.hpp>
 
 namespace diffnea {
 
+/// cogging: torque ripple over the angle, a sin(nq) + b cos(nq), of magnets and slots or of a
+/// gear's teeth. n counts the periods in one turn of the joint (2π rad; 2π m at a prismatic joint),
+/// hence its unit 1/rad.
 struct Cogging {
   static const EffectInfo& info() {
     static const EffectInfo kInfo{
@@ -40,9 +40,10 @@ struct Cogging {
 
 /// The same as one wave, A sin(nq + φ).
 struct CoggingWave {
-  double amplitude;  ///< A [N·m] ≥ 0
+  double amplitude;  ///< A [N·m] or [N], ≥ 0
   double phase;      ///< φ [rad], in (−π, π]
 };
+/// The wave of a sine and a cosine part, a and b [N·m] or [N].
 inline CoggingWave cogging_wave(double sine, double cosine) {
   return {std::hypot(sine, cosine), std::atan2(cosine, sine)};
 }

@@ -1,10 +1,10 @@
 #pragma once
-/// coulomb_friction: dry friction of constant size, F_c s with s = tanh(q̇/v₀).
 
 #include <diffnea/effects/effect.hpp>
 
 namespace diffnea {
 
+/// coulomb_friction: dry friction of constant size, F_c s with s = tanh(q̇/v₀).
 struct CoulombFriction {
   static const EffectInfo& info() {
     static const EffectInfo kInfo{.name = "coulomb_friction",

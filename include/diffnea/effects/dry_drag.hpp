@@ -1,10 +1,10 @@
 #pragma once
-/// dry_drag: a drag of constant size against the motion, −μ v̂, smooth below 10 mm/s.
 
 #include <diffnea/effects/ball_effect.hpp>
 
 namespace diffnea {
 
+/// dry_drag: a drag of constant size against the motion, −μ v̂, smooth below 10 mm/s.
 struct DryDrag {
   static const EffectInfo& info() {
     static const EffectInfo kInfo{

@@ -15,7 +15,8 @@
 /// in the parameters that are marked linear: identification and diagnosis take their columns from
 /// it. A formula that reads x.qdd or x.tau says so, `static constexpr bool kReadsAcceleration =
 /// true;`: in simulation q̈ is then the solution of an equation. Other ports have another function
-/// in add_torque's place, see Port; what all have in common is in effects/series.hpp.
+/// in add_torque's place, see Port; what all have in common is in effects/series.hpp. The comment
+/// above its struct says what the effect is; members that others have too need none.
 ///
 /// Units are written in ASCII as in result files: "N*m", "N*m*s/rad", "kg*m^2"; "1" has none.
 
@@ -33,11 +34,11 @@ enum class Sign { kFree, kNonNegative, kPositive };
 
 /// One parameter of an effect.
 struct ParameterInfo {
-  std::string name;
+  std::string name;            ///< as in model and result files
   std::string unit;            ///< at a revolute joint
   std::string unit_prismatic;  ///< at a prismatic joint
-  Sign sign = Sign::kFree;
-  bool linear = true;    ///< the torque is linear in it; otherwise a shape parameter
+  Sign sign = Sign::kFree;     ///< fits keep it; bind() refuses values of another
+  bool linear = true;          ///< the torque is linear in it; otherwise a shape parameter
   double initial = 0.0;  ///< where a fit starts, and the value a shape keeps if it is not fitted
   /// The same at a prismatic joint; NaN: as `initial`.
   double initial_prismatic = std::numeric_limits<double>::quiet_NaN();
@@ -70,8 +71,17 @@ inline std::vector<double> log_grid(double low, double high, int count) {
   return out;
 }
 
-/// Where an effect can act; also how many joints it names.
-enum class Place { kJoint, kJointPair, kTip, kBase, kAllJoints, kBall, kString, kCamera };
+/// Where an effect can act, and how many joints it names; in backticks: `where` of an EffectSpec.
+enum class Place {
+  kJoint,      ///< a joint's name, or `all`: every one with the same parameters
+  kJointPair,  ///< two joints' names, `first,second`
+  kTip,        ///< `tip`, the last moving link, or the name of the joint that moves a link
+  kBase,       ///< `base`, the robot's
+  kAllJoints,  ///< `all` and nothing else
+  kBall,       ///< `ball`
+  kString,     ///< `string`, the ball's
+  kCamera      ///< `camera`, which sees the ball
+};
 
 /// What it acts on.
 enum class Port {
@@ -90,24 +100,25 @@ enum class Port {
 
 /// What selection, results and files see of an effect.
 struct EffectInfo {
-  std::string name;     ///< as in model and result files
-  std::string formula;  ///< for people, e.g. "F_c tanh(q̇/v₀)"
-  std::string summary;  ///< one line
-  Place place = Place::kJoint;
-  Port port = Port::kJointTorque;
-  std::vector<ParameterInfo> parameters;
-  bool motor_side =
-      false;  ///< left out of the sign equation on the link side (armature, motor friction)
+  std::string name;                       ///< as in model and result files
+  std::string formula;                    ///< for people, e.g. "F_c tanh(q̇/v₀)"
+  std::string summary;                    ///< one line
+  Place place = Place::kJoint;            ///< at which bind() accepts it
+  Port port = Port::kJointTorque;         ///< says which function its type has
+  std::vector<ParameterInfo> parameters;  ///< in the order of that function's `p`
+  /// Left out of the sign equation on the link side (armature, motor friction).
+  bool motor_side = false;
 };
 
 /// All joints at one instant; arrays of length n [rad, rad/s, rad/s², N·m] or [m, m/s, m/s², N].
+/// Null: not there, for formulas that do not read it.
 template <Scalar T>
 struct JointSample {
-  double time = 0.0;  ///< since the run began [s]
-  int run = 0;        ///< which recording of several
-  const T* q = nullptr;
-  const T* qd = nullptr;
-  const T* qdd = nullptr;
+  double time = 0.0;       ///< since the run began [s]
+  int run = 0;             ///< which recording of several
+  const T* q = nullptr;    ///< positions
+  const T* qd = nullptr;   ///< velocities
+  const T* qdd = nullptr;  ///< accelerations
   const T* tau = nullptr;  ///< torque that the links transmit, without effects and rotor inertia
 };
 

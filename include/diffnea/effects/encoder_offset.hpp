@@ -1,11 +1,11 @@
 #pragma once
-/// encoder_offset: the encoder's zero is not the model's. What is logged is q_true + δ.
 
 #include <diffnea/effects/effect.hpp>
 #include <diffnea/effects/joint_series.hpp>
 
 namespace diffnea {
 
+/// encoder_offset: the encoder's zero is not the model's. What is logged is q_true + δ.
 struct EncoderOffset {
   static const EffectInfo& info() {
     static const EffectInfo kInfo{
@@ -17,7 +17,6 @@ struct EncoderOffset {
     return kInfo;
   }
 
-  /// Replaces the logged motion of `joint` by the true one.
   void add_to_motion(const JointSeries&, int joint, const double* p, JointSeries& truth) const {
     truth.q.col(joint).array() -= p[0];
   }

@@ -1,12 +1,12 @@
 #pragma once
-/// encoder_scale: the encoder counts wrongly (gear ratio, lines, pulley). What is logged is (1 + ε)
-/// q_true, and so with its derivatives.
 
 #include <diffnea/effects/effect.hpp>
 #include <diffnea/effects/joint_series.hpp>
 
 namespace diffnea {
 
+/// encoder_scale: the encoder counts wrongly (gear ratio, lines, pulley). What is logged is (1 + ε)
+/// q_true, and so with its derivatives.
 struct EncoderScale {
   static const EffectInfo& info() {
     static const EffectInfo kInfo{

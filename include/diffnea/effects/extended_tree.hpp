@@ -8,10 +8,11 @@
 
 namespace diffnea {
 
+/// A model's tree and effects, as extend() makes them; effects of a ball are in neither.
 struct ExtendedTree {
   Tree<double> tree;  ///< armature, payload and tilt of the base included
-  std::vector<BoundEffect>
-      effects;  ///< torques of one instant (BoundEffect::is_local), without armature
+  /// Torques of one instant (BoundEffect::is_local), without armature.
+  std::vector<BoundEffect> effects;
   std::vector<BoundEffect> series;  ///< those of the ports kMeasurement and kMemory
 };
 
@@ -26,8 +27,7 @@ ExtendedTree extend(const Model& model, const std::vector<int>& runs = {}, int r
 /// @param run         recording the rows belong to
 /// @return (N, n) [N·m] or [N]
 /// @throws ShapeError; ModelError if the model has an effect with memory or of a measurement
-/// channel, which
-///         rows without their time do not tell (effects/series.hpp)
+/// channel, which rows without their time do not tell (effects/series.hpp)
 RowMatX<double> inverse_dynamics(const ExtendedTree& model,
                                  const Eigen::Ref<const RowMatX<double>>& q,
                                  const Eigen::Ref<const RowMatX<double>>& qd,

@@ -47,8 +47,7 @@ class ForwardDynamics {
 
   /// Also ∂q̈/∂q, ∂q̈/∂q̇ and M⁻¹, effects included; read them from the accessors.
   /// @throws ModelError for effects that it has no derivatives of: those that need q̈, the
-  /// transmitted torque,
-  ///         the time or the place of a link
+  /// transmitted torque, the time or the place of a link
   void linearise(const double* q, const double* qd, const double* u, int run);
   /// (n) accelerations of the last call [rad/s²].
   const VecX<double>& qdd() const { return aba_.qdd; }

@@ -1,10 +1,10 @@
 #pragma once
-/// gravity_scale: the ball falls by (1 + ε) g: a wrong unit of length, a wrong g, buoyancy.
 
 #include <diffnea/effects/ball_effect.hpp>
 
 namespace diffnea {
 
+/// gravity_scale: the ball falls by (1 + ε) g: a wrong unit of length, a wrong g, buoyancy.
 struct GravityScale {
   static const EffectInfo& info() {
     static const EffectInfo kInfo{.name = "gravity_scale",

@@ -1,4 +1,10 @@
 #pragma once
+
+#include <diffnea/effects/effect.hpp>
+#include <diffnea/effects/joint_series.hpp>
+
+namespace diffnea {
+
 /// joint_elasticity: a spring between motor and link. The encoder reads the link's angle q; the
 /// motor's, θ, is hidden: K(θ − q) + D(θ̇ − q̇) = τ_s, the torque that the link's side takes: what
 /// the links transmit and the friction there, 1 − friction_share of the joint's. Its jumps wind the
@@ -7,12 +13,6 @@
 /// that armature behind the spring (all of it, in a drive). θ − q is τ_s/K through a first-order
 /// lag D/K (Spong 1987 for D = 0 and a friction_share of 1). Without damping and friction the
 /// torque tells J_m/K alone: hold one of the two.
-
-#include <diffnea/effects/effect.hpp>
-#include <diffnea/effects/joint_series.hpp>
-
-namespace diffnea {
-
 struct JointElasticity {
   static const EffectInfo& info() {
     static const EffectInfo kInfo{

@@ -11,15 +11,18 @@ namespace diffnea {
 struct JointSeries {
   double dt = 0.0;     ///< [s]
   double start = 0.0;  ///< time of the first row since its recording began [s]
-  int run = 0;
-  RowMatX<double> q, qd, qdd;  ///< (N, n) smooth (filtered) motion as logged
+  int run = 0;         ///< which recording of several
+  /// (N, n) smooth (filtered) motion as logged.
+  ///@{
+  RowMatX<double> q, qd, qdd;
+  ///@}
   /// (N, n) torque that the links transmit, as the base model predicts it for that motion: without
   /// rotor inertia, friction or any other effect (smooth).
   RowMatX<double> tau;
   /// (N, n) torque that the base model predicts for the log, with all its effects; empty: as tau.
   RowMatX<double> total;
-  RowMatX<double>
-      logged;  ///< (N, n) logged torque; may be empty: saturation and backlash alone read it
+  /// (N, n) logged torque; may be empty: saturation and backlash alone read it.
+  RowMatX<double> logged;
 
   /// Number of rows.
   long rows() const { return q.rows(); }

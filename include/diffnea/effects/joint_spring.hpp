@@ -1,10 +1,10 @@
 #pragma once
-/// joint_spring: a spring at the joint, k (q − q₀).
 
 #include <diffnea/effects/effect.hpp>
 
 namespace diffnea {
 
+/// joint_spring: a spring at the joint, k (q − q₀).
 struct JointSpring {
   static const EffectInfo& info() {
     static const EffectInfo kInfo{

@@ -1,10 +1,10 @@
 #pragma once
-/// linear_drag: air drag of slow motion, −c₁ v, v the ball's velocity in W.
 
 #include <diffnea/effects/ball_effect.hpp>
 
 namespace diffnea {
 
+/// linear_drag: air drag of slow motion, −c₁ v, v the ball's velocity in W.
 struct LinearDrag {
   static const EffectInfo& info() {
     static const EffectInfo kInfo{

@@ -1,14 +1,14 @@
 #pragma once
-/// load_friction: friction of a transmission in proportion to the torque τ that it transmits, μ|τ|
-/// s. A drive that moves its load (τq̇ > 0, motoring) loses more than one that holds it back
-/// (braking): of a gear with efficiency η the shares are 1/η − 1 and 1 − η (Hamon, Gautier, Garrec
-/// and Janot 2010; as the directional models of servo friction, Duclusaud et al. 2025).
-/// `braking_ratio` is the second over the first, η; at 1 the sides are alike.
 
 #include <diffnea/effects/effect.hpp>
 
 namespace diffnea {
 
+/// load_friction: friction of a transmission in proportion to the torque τ that it transmits, μ|τ|
+/// s. A drive that moves its load (τq̇ > 0, motoring) loses more than one that holds it back
+/// (braking): of a gear with efficiency η the shares are 1/η − 1 and 1 − η (Hamon, Gautier, Garrec
+/// and Janot 2010; as the directional models of servo friction, Duclusaud et al. 2025).
+/// `braking_ratio` is the second over the first, η; at 1 the sides are alike.
 struct LoadFriction {
   static constexpr bool kReadsAcceleration = true;
   static const EffectInfo& info() {

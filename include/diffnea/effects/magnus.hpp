@@ -1,11 +1,11 @@
 #pragma once
-/// magnus: the lift of a spinning ball, C_M ρ A r/m · ω×v, with the spin ω of the recording
-/// (spin_x, spin_y, spin_z) and ρ = 1.2 kg/m³, A = πr² (Rubinow and Keller 1961 for the form).
 
 #include <diffnea/effects/ball_effect.hpp>
 
 namespace diffnea {
 
+/// magnus: the lift of a spinning ball, C_M ρ A r/m · ω×v, with the spin ω of the recording
+/// (spin_x, spin_y, spin_z) and ρ = 1.2 kg/m³, A = πr² (Rubinow and Keller 1961 for the form).
 struct Magnus {
   static const EffectInfo& info() {
     static const EffectInfo kInfo{.name = "magnus",

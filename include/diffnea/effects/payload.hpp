@@ -1,12 +1,12 @@
 #pragma once
-/// payload: a rigid body held by the last moving link, or by the link that the named joint moves.
-/// Its ten inertial parameters, in that link's frame about its origin, add to the link's own.
 
 #include <diffnea/effects/effect.hpp>
 #include <diffnea/model/tree.hpp>
 
 namespace diffnea {
 
+/// payload: a rigid body held by the last moving link, or by the link that the named joint moves.
+/// Its ten inertial parameters, in that link's frame about its origin, add to the link's own.
 struct Payload {
   static const EffectInfo& info() {
     static const EffectInfo kInfo{

@@ -1,14 +1,14 @@
 #pragma once
-/// presliding_dahl: dry friction that begins as a spring. ż = q̇ − |q̇| z/x_s, torque F z/x_s: after
-/// a reversal it climbs to F over a distance of some x_s (Dahl 1968, exponent 1). It depends on the
-/// path alone, dz/dq = sgn(q̇) − z/x_s, so each stretch between reversals is solved exactly. It
-/// begins unloaded, z = 0.
 
 #include <diffnea/effects/effect.hpp>
 #include <diffnea/effects/joint_series.hpp>
 
 namespace diffnea {
 
+/// presliding_dahl: dry friction that begins as a spring. ż = q̇ − |q̇| z/x_s, torque F z/x_s: after
+/// a reversal it climbs to F over a distance of some x_s (Dahl 1968, exponent 1). It depends on the
+/// path alone, dz/dq = sgn(q̇) − z/x_s, so each stretch between reversals is solved exactly. It
+/// begins unloaded, z = 0.
 struct PreslidingDahl {
   static const EffectInfo& info() {
     static const EffectInfo kInfo{.name = "presliding_dahl",

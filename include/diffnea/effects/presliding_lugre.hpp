@@ -1,13 +1,13 @@
 #pragma once
-/// presliding_lugre: bristles that bend, ż = q̇ − σ₀|q̇| z/g(q̇), torque σ₀z + σ₁ż, with Stribeck's
-/// curve g = F_c + (F_s − F_c) e^{−(q̇/v_s)²} (Canudas de Wit et al. 1995, eq. 1–4; their viscous
-/// term is viscous_friction). In steady motion it is g(q̇) sgn(q̇). It begins unloaded, z = 0.
 
 #include <diffnea/effects/effect.hpp>
 #include <diffnea/effects/joint_series.hpp>
 
 namespace diffnea {
 
+/// presliding_lugre: bristles that bend, ż = q̇ − σ₀|q̇| z/g(q̇), torque σ₀z + σ₁ż, with Stribeck's
+/// curve g = F_c + (F_s − F_c) e^{−(q̇/v_s)²} (Canudas de Wit et al. 1995, eq. 1–4; their viscous
+/// term is viscous_friction). In steady motion it is g(q̇) sgn(q̇). It begins unloaded, z = 0.
 struct PreslidingLugre {
   static const EffectInfo& info() {
     static const EffectInfo kInfo{
@@ -70,6 +70,7 @@ struct PreslidingLugre {
     return z * std::exp(-a * h) + qd * reach;
   }
 
+  /// σ₀z + σ₁ż [N·m] at the bend z [rad] and q̇ [rad/s].
   static double torque(double z, double qd, const double* p) {
     return p[0] * z + p[1] * (qd - rate(qd, p) * z);
   }

@@ -1,10 +1,10 @@
 #pragma once
-/// quadratic_drag: air drag −c₂ |v| v; c₂ = ½ ρ C_D A/m of a ball.
 
 #include <diffnea/effects/ball_effect.hpp>
 
 namespace diffnea {
 
+/// quadratic_drag: air drag −c₂ |v| v; c₂ = ½ ρ C_D A/m of a ball.
 struct QuadraticDrag {
   static const EffectInfo& info() {
     static const EffectInfo kInfo{

@@ -1,10 +1,10 @@
 #pragma once
-/// quadratic_friction: drag in proportion to speed squared, c q̇|q̇|.
 
 #include <diffnea/effects/effect.hpp>
 
 namespace diffnea {
 
+/// quadratic_friction: drag in proportion to speed squared, c q̇|q̇|.
 struct QuadraticFriction {
   static const EffectInfo& info() {
     static const EffectInfo kInfo{.name = "quadratic_friction",

@@ -1,11 +1,4 @@
 #pragma once
-/// residual: a torque that has no name, as a table that `diagnose` has learned of it: a sum of
-/// bumps over one or two channels of the motion, any joint's. No physics: it says how much, not
-/// why.
-///
-/// Bumps are cubic B-splines, β(u) = ¼ [(2 − |u|)₊³ − 4 (1 − |u|)₊³] (de Boor 1978), 0 from |u| = 2
-/// on: two widths from where the last one is centred, the torque is 0, and nowhere more than
-/// `bound`.
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/effects/effect.hpp>
@@ -13,14 +6,21 @@
 
 namespace diffnea {
 
+/// residual: a torque that has no name, as a table that `diagnose` has learned of it: a sum of
+/// bumps over one or two channels of the motion, any joint's. No physics: it says how much, not
+/// why.
+///
+/// Bumps are cubic B-splines, β(u) = ¼ [(2 − |u|)₊³ − 4 (1 − |u|)₊³] (de Boor 1978), 0 from |u| = 2
+/// on: two widths from where the last one is centred, the torque is 0, and nowhere more than
+/// `bound`.
 struct Residual {
   /// A channel that the torque depends on: position or velocity of a degree of freedom.
   struct Axis {
-    bool velocity = false;
-    int joint = -1;
+    bool velocity = false;  ///< q̇ of the joint; otherwise q
+    int joint = -1;         ///< degree of freedom
   };
-  std::vector<Axis> axes;
-  BumpTable table;
+  std::vector<Axis> axes;  ///< one or two, those of table.variables
+  BumpTable table;         ///< centres, widths and weights of the bumps
 
   static const EffectInfo& info() {
     static const EffectInfo kInfo{

@@ -1,7 +1,4 @@
 #pragma once
-/// saturation: the drive gives no more than ±τ_max, and the log holds what was asked of it: adds
-/// logged − clip(logged, ±τ_max). It needs the logged torque; filter the result as the torque is
-/// filtered, never its input. What is logged behind the limit shows no such difference.
 
 #include <algorithm>
 
@@ -11,6 +8,9 @@
 
 namespace diffnea {
 
+/// saturation: the drive gives no more than ±τ_max, and the log holds what was asked of it: adds
+/// logged − clip(logged, ±τ_max). It needs the logged torque; filter the result as the torque is
+/// filtered, never its input. What is logged behind the limit shows no such difference.
 struct Saturation {
   static const EffectInfo& info() {
     static const EffectInfo kInfo{
@@ -29,6 +29,7 @@ struct Saturation {
     return kInfo;
   }
 
+  /// (N) torque in addition at `joint`, not filtered.
   /// @throws DataError if the series has no logged torque
   VecX<double> torque_series(const JointSeries& x, int joint, const double* p) const {
     if (x.logged.rows() != x.rows() || x.logged.cols() <= joint)

@@ -1,12 +1,12 @@
 #pragma once
-/// session_offset: a constant in the measured torque, another one in every recording (strain gauges
-/// and current sensors drift between sessions). Its parameters are named after the runs: offset_0,
-/// offset_3.
 
 #include <diffnea/effects/effect.hpp>
 
 namespace diffnea {
 
+/// session_offset: a constant in the measured torque, another one in every recording (strain gauges
+/// and current sensors drift between sessions). Its parameters are named after the runs: offset_0,
+/// offset_3.
 struct SessionOffset {
   std::vector<int> runs;  ///< parameter k belongs to run runs[k]
 

@@ -1,11 +1,11 @@
 #pragma once
-/// stribeck_friction: what dry friction has more near standstill, F_s s e^{−(q̇/v_s)²}, over Coulomb
-/// friction.
 
 #include <diffnea/effects/effect.hpp>
 
 namespace diffnea {
 
+/// stribeck_friction: what dry friction has more near standstill, F_s s e^{−(q̇/v_s)²}, over Coulomb
+/// friction.
 struct StribeckFriction {
   static const EffectInfo& info() {
     static const EffectInfo kInfo{

@@ -1,11 +1,11 @@
 #pragma once
-/// string_bending: a knot that is stiff pulls the string toward hanging straight down,
-/// tangential k r (ĝ − u): like more gravity, at the angle alone.
 
 #include <diffnea/effects/ball_effect.hpp>
 
 namespace diffnea {
 
+/// string_bending: a knot that is stiff pulls the string toward hanging straight down,
+/// tangential k r (ĝ − u): like more gravity, at the angle alone.
 struct StringBending {
   static const EffectInfo& info() {
     static const EffectInfo kInfo{

@@ -1,11 +1,11 @@
 #pragma once
-/// string_damping: what the knot and the string's fibres take from the swing, −c θ̇ of the string's
-/// angle.
 
 #include <diffnea/effects/ball_effect.hpp>
 
 namespace diffnea {
 
+/// string_damping: what the knot and the string's fibres take from the swing, −c θ̇ of the string's
+/// angle.
 struct StringDamping {
   static const EffectInfo& info() {
     static const EffectInfo kInfo{

@@ -1,15 +1,15 @@
 #pragma once
+
+#include <diffnea/effects/ball_effect.hpp>
+
+namespace diffnea {
+
 /// string_extension: a string that gives, r + c (T − m g) with its tension T; r is its length under
 /// the ball's weight. Quasi-static: that the ball's bouncing on the string (10 Hz and more) is fast
 /// against the motion is assumed. With δ = c (T − m g), the ball is seen δ further out, and turns
 /// as a pendulum of length r + δ(t) does, to first order in c:
 ///
 ///   a_tangential (1 − δ/r) − 2 (δ̇/r) v_tangential,   T = m (uᵀ(g − ẍ_S) + ‖v‖²/r), v against S
-
-#include <diffnea/effects/ball_effect.hpp>
-
-namespace diffnea {
-
 struct StringExtension {
   static constexpr bool kNeedsAnchorJerk = true;
 

@@ -1,13 +1,13 @@
 #pragma once
-/// string_folding: fibres that resist being bent push back while a string folds, and hold back
-/// while it unfolds: κ ṡ/(s + s₀) along u, with the slack s = r − ‖Δ‖. A string of rigid pieces
-/// with friction b in every joint folds by the angle θ ∝ √s, so that the power b θ̇² ∝ b ṡ²/s is
-/// that of a force ∝ b ṡ/s. s₀ stands for how straight it was.
 
 #include <diffnea/effects/ball_effect.hpp>
 
 namespace diffnea {
 
+/// string_folding: fibres that resist being bent push back while a string folds, and hold back
+/// while it unfolds: κ ṡ/(s + s₀) along u, with the slack s = r − ‖Δ‖. A string of rigid pieces
+/// with friction b in every joint folds by the angle θ ∝ √s, so that the power b θ̇² ∝ b ṡ²/s is
+/// that of a force ∝ b ṡ/s. s₀ stands for how straight it was.
 struct StringFolding {
   static constexpr bool kWhenSlack = true;
   static constexpr double kStraight = 5e-4;  ///< s₀ [m]

@@ -1,11 +1,11 @@
 #pragma once
-/// string_mass: a straight string with a mass of its own, λr = μ m, turns about its anchor as a rod
-/// with the ball at its end: tangential (g − ẍ_S) times (1 + μ/2)/(1 + μ/3).
 
 #include <diffnea/effects/ball_effect.hpp>
 
 namespace diffnea {
 
+/// string_mass: a straight string with a mass of its own, λr = μ m, turns about its anchor as a rod
+/// with the ball at its end: tangential (g − ẍ_S) times (1 + μ/2)/(1 + μ/3).
 struct StringMass {
   static const EffectInfo& info() {
     static const EffectInfo kInfo{

@@ -1,11 +1,11 @@
 #pragma once
-/// string_rebound: a string that becomes taut throws the ball back, v_u ← −e v_u of the velocity
-/// along it against the anchor; without it nothing is left of that velocity.
 
 #include <diffnea/effects/ball_effect.hpp>
 
 namespace diffnea {
 
+/// string_rebound: a string that becomes taut throws the ball back, v_u ← −e v_u of the velocity
+/// along it against the anchor; without it nothing is left of that velocity.
 struct StringRebound {
   static const EffectInfo& info() {
     static const EffectInfo kInfo = [] {

@@ -1,13 +1,13 @@
 #pragma once
-/// string_wrap: above the cup, a string that is tied below it does not pass through it but lies
-/// around it (dynamics/string_route.hpp), ℓ(x) ≤ r with the length ℓ of that way. At size 1 the
-/// body that bars it is the cup of the model, at 0 there is none.
 
 #include <diffnea/dynamics/string_route.hpp>
 #include <diffnea/effects/ball_effect.hpp>
 
 namespace diffnea {
 
+/// string_wrap: above the cup, a string that is tied below it does not pass through it but lies
+/// around it (dynamics/string_route.hpp), ℓ(x) ≤ r with the length ℓ of that way. At size 1 the
+/// body that bars it is the cup of the model, at 0 there is none.
 struct StringWrap {
   static const EffectInfo& info() {
     static const EffectInfo kInfo = [] {

@@ -1,11 +1,11 @@
 #pragma once
-/// sublinear_friction: friction that grows slower than speed, F s √|q̇|, as lubricated gears show
-/// it.
 
 #include <diffnea/effects/effect.hpp>
 
 namespace diffnea {
 
+/// sublinear_friction: friction that grows slower than speed, F s √|q̇|, as lubricated gears show
+/// it.
 struct SublinearFriction {
   static const EffectInfo& info() {
     static const EffectInfo kInfo{.name = "sublinear_friction",

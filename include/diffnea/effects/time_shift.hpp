@@ -1,13 +1,13 @@
 #pragma once
-/// time_shift: clocks of motion and torque differ. What is logged of the motion at t is what
-/// happened at t − d; beside the torque of t belongs the motion logged at t + d. Bind it at `all`
-/// if one clock serves all joints.
 
 #include <diffnea/effects/effect.hpp>
 #include <diffnea/effects/joint_series.hpp>
 
 namespace diffnea {
 
+/// time_shift: clocks of motion and torque differ. What is logged of the motion at t is what
+/// happened at t − d; beside the torque of t belongs the motion logged at t + d. Bind it at `all`
+/// if one clock serves all joints.
 struct TimeShift {
   static const EffectInfo& info() {
     static const EffectInfo kInfo{

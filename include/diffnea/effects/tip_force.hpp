@@ -1,14 +1,14 @@
 #pragma once
-/// tip_force: a constant force F in the world's directions that pulls at a point of the last moving
-/// link (a cable, a hose, a balancer), or of the link that the named joint moves. The drives must
-/// give −JᵀF. The point is the frame `tip` of that link if the model has one, else the outermost
-/// frame or link that is fixed to it, else its centre of mass (bind() sees to it).
 
 #include <diffnea/dynamics/kinematics.hpp>
 #include <diffnea/effects/effect.hpp>
 
 namespace diffnea {
 
+/// tip_force: a constant force F in the world's directions that pulls at a point of the last moving
+/// link (a cable, a hose, a balancer), or of the link that the named joint moves. The drives must
+/// give −JᵀF. The point is the frame `tip` of that link if the model has one, else the outermost
+/// frame or link that is fixed to it, else its centre of mass (bind() sees to it).
 struct TipForce {
   Vec3<double> p_LF{0, 0, 0};  ///< where it pulls, in the link's frame [m]
 

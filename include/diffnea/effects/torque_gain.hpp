@@ -1,12 +1,12 @@
 #pragma once
-/// torque_gain: wrong torque constant, (1 + ε) τ: adds ε times the transmitted torque of the
-/// sample. Friction is not in that torque; a gain on it too only rescales the friction's own
-/// parameters.
 
 #include <diffnea/effects/effect.hpp>
 
 namespace diffnea {
 
+/// torque_gain: wrong torque constant, (1 + ε) τ: adds ε times the transmitted torque of the
+/// sample. Friction is not in that torque; a gain on it too only rescales the friction's own
+/// parameters.
 struct TorqueGain {
   static constexpr bool kReadsAcceleration = true;
   static const EffectInfo& info() {

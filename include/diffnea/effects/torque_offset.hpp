@@ -1,10 +1,10 @@
 #pragma once
-/// torque_offset: a constant in the measured torque, τ + c.
 
 #include <diffnea/effects/effect.hpp>
 
 namespace diffnea {
 
+/// torque_offset: a constant in the measured torque, τ + c.
 struct TorqueOffset {
   static const EffectInfo& info() {
     static const EffectInfo kInfo{

@@ -1,12 +1,12 @@
 #pragma once
-/// transmission_coupling: a shaft that two joints turn together, at w = q̇ᵢ + ρ q̇ⱼ, as in coupled
-/// wrists, with inertia, viscous and dry friction f = J ẇ + b w + F_c tanh(w/v₀). Its power is f w
-/// = τᵢq̇ᵢ + τⱼq̇ⱼ, so τᵢ = f and τⱼ = ρ f (the Stäubli TX40's joints 5 and 6: ρ = 1).
 
 #include <diffnea/effects/effect.hpp>
 
 namespace diffnea {
 
+/// transmission_coupling: a shaft that two joints turn together, at w = q̇ᵢ + ρ q̇ⱼ, as in coupled
+/// wrists, with inertia, viscous and dry friction f = J ẇ + b w + F_c tanh(w/v₀). Its power is f w
+/// = τᵢq̇ᵢ + τⱼq̇ⱼ, so τᵢ = f and τⱼ = ρ f (the Stäubli TX40's joints 5 and 6: ρ = 1).
 struct TransmissionCoupling {
   static constexpr bool kReadsAcceleration = true;
   static const EffectInfo& info() {

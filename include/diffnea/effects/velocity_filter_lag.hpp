@@ -1,13 +1,13 @@
 #pragma once
-/// velocity_filter_lag: a robot that logs velocities logs them filtered, T q̇̇_logged = q̇ − q̇_logged,
-/// beside positions that are not. q̇ and q̈ of the series are taken to come from that velocity: the
-/// truth is q̇ + T q̈ and its derivative, q as it is.
 
 #include <diffnea/effects/effect.hpp>
 #include <diffnea/effects/joint_series.hpp>
 
 namespace diffnea {
 
+/// velocity_filter_lag: a robot that logs velocities logs them filtered, T q̇̇_logged = q̇ − q̇_logged,
+/// beside positions that are not. q̇ and q̈ of the series are taken to come from that velocity: the
+/// truth is q̇ + T q̈ and its derivative, q as it is.
 struct VelocityFilterLag {
   static const EffectInfo& info() {
     static const EffectInfo kInfo{.name = "velocity_filter_lag",

@@ -1,10 +1,10 @@
 #pragma once
-/// viscous_friction: friction in proportion to speed, b q̇.
 
 #include <diffnea/effects/effect.hpp>
 
 namespace diffnea {
 
+/// viscous_friction: friction in proportion to speed, b q̇.
 struct ViscousFriction {
   static const EffectInfo& info() {
     static const EffectInfo kInfo{.name = "viscous_friction",

@@ -1,11 +1,11 @@
 #pragma once
-/// warm_up: cold grease, b e^{−t/T} q̇: viscous friction that a run begins with and loses as it
-/// warms, t since the run began.
 
 #include <diffnea/effects/effect.hpp>
 
 namespace diffnea {
 
+/// warm_up: cold grease, b e^{−t/T} q̇: viscous friction that a run begins with and loses as it
+/// warms, t since the run began.
 struct WarmUp {
   static const EffectInfo& info() {
     static const EffectInfo kInfo{.name = "warm_up",

@@ -1,10 +1,10 @@
 #pragma once
-/// wind: a constant acceleration w of the ball, in W.
 
 #include <diffnea/effects/ball_effect.hpp>
 
 namespace diffnea {
 
+/// wind: a constant acceleration w of the ball, in W.
 struct Wind {
   static const EffectInfo& info() {
     static const EffectInfo kInfo{

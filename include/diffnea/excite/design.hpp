@@ -38,8 +38,8 @@ struct LimitOverrides {
 
 /// What an informative motion may look like, and how long it is searched for.
 struct DesignOptions {
-  FourierOptions motion;
-  LimitOverrides limits;
+  FourierOptions motion;  ///< times, harmonics and seed; shares of the model's limits
+  LimitOverrides limits;  ///< in place of those
   /// Noise of each joint's torque, (n) [N·m] or [N]; empty: 1 % of its effort limit, or of the
   /// largest torque of the random motions where there is none. Ratios alone count.
   std::vector<double> noise;
@@ -49,29 +49,35 @@ struct DesignOptions {
   std::function<bool(const FitProgress&)> progress;
 };
 
-/// What a motion uses of a joint's limits, shares of 1, bounds over all instants.
+/// What a motion uses of the limits it was designed with (of the model's what FourierOptions
+/// leaves, LimitOverrides in full), shares of 1, bounds over all instants. 0 of a joint that is
+/// held, but for its effort.
 struct LimitUse {
-  std::string joint;
-  double position = 0.0, velocity = 0.0, acceleration = 0.0;
-  double effort = 0.0;  ///< by the model with its effects; 0 where no limit is known
+  std::string joint;          ///< of the model, with a motor
+  double position = 0.0;      ///< largest distance from the range's middle, over half of the range
+  double velocity = 0.0;      ///< largest |q̇| over its limit
+  double acceleration = 0.0;  ///< largest |q̈| over its limit
+  double effort = 0.0;        ///< by the model with its effects; 0 where no limit is known
 };
 
 /// A motion that was designed, and what it tells.
 struct Excitation {
-  Trajectory trajectory;  ///< of the joints with a motor
-  double period = 0.0;    ///< a whole number of rows [s]
-  int base_parameters = 0;
-  double log_det = 0.0;         ///< of the information, columns scaled to one over random states
-  double random_log_det = 0.0;  ///< of the median random motion
-  double condition = 0.0;       ///< of the same scaled regressor
-  double random_condition = 0.0;
+  Trajectory trajectory;          ///< of the joints with a motor
+  double period = 0.0;            ///< a whole number of rows [s]
+  int base_parameters = 0;        ///< p, combinations of parameters that torques depend on
+  double log_det = 0.0;           ///< of the information, columns scaled to one over random states
+  double random_log_det = 0.0;    ///< of the median random motion; of this one if none is feasible
+  double condition = 0.0;         ///< of the same scaled regressor
+  double random_condition = 0.0;  ///< as random_log_det
   /// Expected standard errors over those of the median random motion: geometric mean (=
-  /// exp(−Δ log det / 2p)), smallest and largest of one parameter.
-  double std_ratio = 1.0, best_std_ratio = 1.0, worst_std_ratio = 1.0;
-  std::vector<LimitUse> limits;
+  /// exp(−Δ log det / 2p)).
+  double std_ratio = 1.0;
+  double best_std_ratio = 1.0;     ///< smallest ratio of one parameter
+  double worst_std_ratio = 1.0;    ///< largest ratio of one parameter
+  std::vector<LimitUse> limits;    ///< of the joints with a motor
   std::vector<std::string> notes;  ///< what stands in for limits that are not known, and the like
-  int iterations = 0;
-  bool interrupted = false;
+  int iterations = 0;              ///< generations that the search ran
+  bool interrupted = false;        ///< the caller's `progress` stopped it: the best until then
 };
 
 /// Deterministic for a seed.

@@ -18,7 +18,7 @@ struct FourierOptions {
   double period = 10.0;    ///< [s]
   int harmonics = 5;       ///< at least 3: two go into starting at rest
   double rate = 500.0;     ///< of the rows [Hz]
-  std::uint64_t seed = 0;
+  std::uint64_t seed = 0;  ///< of the random series, and of a search that goes on from them
 
   double position_share = 0.8;  ///< of the range between the limits that is used
   double velocity_share = 0.8;  ///< of the velocity limit

@@ -41,14 +41,14 @@ struct LearnOptions {
                                     ///< hangs in at the start
   VecX<double> start;               ///< posture q_0 (n) [rad]; empty: of the model's file, `home`
   PrompSpec promp;                  ///< its joints are those above
-  ErepsOptions ereps;
-  double weight_std = 0.4;  ///< of the first Gaussian's weights [rad]
+  ErepsOptions ereps;               ///< of the search
+  double weight_std = 0.4;          ///< of the first Gaussian's weights [rad]
   /// Which string is on the robot [m]; 0: not said. A length that was identified stays; a
   /// description's, which nobody measured, becomes this.
   double nominal_string = 0.0;
-  BallInCupOptions reward;  ///< its string is the model's
-  ModelSimulatorOptions simulator;
-  RobustOptions robust;
+  BallInCupOptions reward;          ///< its string is the model's
+  ModelSimulatorOptions simulator;  ///< of the model; its controller is the robot's, too
+  RobustOptions robust;             ///< draws that samples are executed in, if any
   /// Settings that transfer (docs/policy.md): a fast controller, gentle movements that keep the
   /// string taut.
   LearnOptions() {
@@ -61,7 +61,8 @@ struct LearnOptions {
 
 /// All that a search needs.
 struct BallInCup {
-  Model model, controller;
+  Model model;           ///< that samples are executed in, with the string that is on the robot
+  Model controller;      ///< that the robot's controller compensates gravity with
   LearnOptions options;  ///< completed
   VecX<double> start;    ///< q_0 of all joints [rad]
   /// Of the posterior, where options.robust wants them: those that a search has, then those that it
@@ -80,33 +81,34 @@ Rollouts rollouts(const BallInCup& task, int threads);
 
 /// What became of a policy's mean in draws of the posterior that its search had not seen.
 struct InDraws {
-  int count = 0;  ///< 0: the search had the model alone
-  int caught = 0;
+  int count = 0;        ///< 0: the search had the model alone
+  int caught = 0;       ///< in how many of them the ball is caught
   double reward = 0.0;  ///< mean, or the quantile that was asked for
 };
 
 /// Which network moved the ball where a policy was learned; empty: none did.
 struct NetworkSource {
-  std::string file, sha256;
+  std::string file;    ///< that it was read from
+  std::string sha256;  ///< of that file, lower-case hexadecimal
 };
 
 /// The movement that one seed has learned, and how it was learned.
 struct LearnedPolicy {
-  std::uint64_t seed = 0;
-  PrompSpec promp;
-  Gaussian policy;  ///< over the weights; the mean is executed
-  std::vector<std::string> joints;
-  VecX<double> start;            ///< q_0 of all joints [rad]
-  ControllerOptions controller;  ///< gains as they were simulated
-  BallInCupOptions reward;
-  std::vector<ErepsIteration> curve;
-  std::string stopped;    ///< why the search ended; empty: it was interrupted
-  double expected = 0.0;  ///< reward of the mean in the model
-  bool solved = false;    ///< the mean catches the ball in the model
-  long rollouts = 0;
-  double seconds = 0.0;  ///< that passed while it was learned
-  InDraws in_draws;
-  NetworkSource ball_network;
+  std::uint64_t seed = 0;             ///< of the search
+  PrompSpec promp;                    ///< primitive that the weights are of
+  Gaussian policy;                    ///< over the weights; the mean is executed
+  std::vector<std::string> joints;    ///< all of the robot's, moved or not
+  VecX<double> start;                 ///< q_0 of all joints [rad]
+  ControllerOptions controller;       ///< gains as they were simulated
+  BallInCupOptions reward;            ///< that was searched for
+  std::vector<ErepsIteration> curve;  ///< one entry an iteration
+  std::string stopped;                ///< why the search ended; empty: it was interrupted
+  double expected = 0.0;              ///< reward of the mean in the model
+  bool solved = false;                ///< the mean catches the ball in the model
+  long rollouts = 0;                  ///< that the search executed, before it was resumed, too
+  double seconds = 0.0;               ///< that passed while it was learned
+  InDraws in_draws;                   ///< of the mean
+  NetworkSource ball_network;         ///< empty: string and gravity moved the ball
 };
 
 /// Of the task's network.
@@ -114,8 +116,8 @@ NetworkSource network_source(const BallInCup& task);
 
 /// A search, and what it took so far.
 struct SearchState {
-  Ereps search;
-  long rollouts = 0;
+  Ereps search;          ///< between two iterations
+  long rollouts = 0;     ///< executed
   double seconds = 0.0;  ///< that passed
 };
 
@@ -135,12 +137,12 @@ Ereps first_search(const BallInCup& task, std::uint64_t seed);
 
 /// One execution of a policy.
 struct Execution {
-  std::uint64_t seed = 0;  ///< of the world's noise
-  BallVerdict verdict;
+  std::uint64_t seed = 0;    ///< of the world's noise
+  BallVerdict verdict;       ///< from the series alone; not judged after a failure
   double reward = 0.0;       ///< the paper's, of what happened, at the ε that was learned with
   double reward_wide = 0.0;  ///< at ε = 0.055, the scale of the paper's figures
   std::string failure;       ///< of the world's solver; empty if none
-  RolloutTrace trace;
+  RolloutTrace trace;        ///< with this reward, and success() as solved
   /// Whether the ball ended in the cup, without a failure of the robot.
   bool success() const { return failure.empty() && verdict.outcome == Outcome::kInCup; }
 };

@@ -11,8 +11,9 @@ namespace diffnea {
 
 /// What a robot is identified from: recordings of the arm, and of the ball.
 struct RobotData {
-  double arm_seconds = 40.0, ball_seconds = 40.0;
-  int ball_repetitions = 5;
+  double arm_seconds = 40.0;   ///< of the arm's motion [s]
+  double ball_seconds = 40.0;  ///< of the ball's motion, one period [s]
+  int ball_repetitions = 5;    ///< of the ball's motion, of which the mean is taken
 };
 
 /// Options of `design_excitation` for the arm: all of its limits.
@@ -24,8 +25,9 @@ DesignOptions ball_excitation(const Model& model, const VecX<double>& home, cons
 
 /// Arm and ball as fitted to the data of one robot.
 struct IdentifiedRobot {
-  IdentifyResult arm, ball;
-  Model model;  ///< both
+  IdentifyResult arm;   ///< of the arm without a ball
+  IdentifyResult ball;  ///< of ball and string on that arm, its joints prescribed
+  Model model;          ///< both
 };
 /// @param arm   without a ball  @param ball  with it; its torques are not used: joints are
 /// prescribed

@@ -12,7 +12,8 @@ namespace diffnea {
 
 /// An upright plane: across is a horizontal unit vector of W, up is z.
 struct SideView {
-  double x = 1.0, y = 0.0;  ///< across
+  double x = 1.0;  ///< of across, in W
+  double y = 0.0;  ///< of across, in W
 };
 /// The upright plane in which the balls of traces move most. One that is within 10° of two axes of
 /// W is that of these axes.
@@ -23,7 +24,8 @@ struct StickFigure {
   VecX<double> time;               ///< (T) [s]
   std::vector<std::string> names;  ///< arm_0 … along the arm from its foot to the cup's frame, then
                                    ///< knot, rim_left, floor_left, floor_right, rim_right, ball
-  RowMatX<double> across, up;      ///< (T × names) [m]
+  RowMatX<double> across;          ///< (T × names) along the view's across, from W's origin [m]
+  RowMatX<double> up;              ///< (T × names) along W's z [m]
   /// Points of the arm; the others are of cup and ball.
   int arm_points() const { return static_cast<int>(names.size()) - 6; }
 };

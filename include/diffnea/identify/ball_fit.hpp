@@ -22,19 +22,20 @@ namespace diffnea {
 
 /// One parameter of a ball fit.
 struct BallParameter {
-  std::string name, unit;
-  Sign sign = Sign::kFree;
-  double value = 0.0;  ///< where the fit starts, and stays if it is fixed
-  bool fixed = false;
-  int effect = -1;  ///< index into BallLayout::effects; −1: the string itself
-  int index = -1;   ///< of the effect's parameters; of the string: 0 length, 1–3 attachment
-  double most = std::numeric_limits<double>::infinity();
+  std::string name;         ///< "string.length", "string.attachment_x", "ball.linear_drag.drag"
+  std::string unit;         ///< as effects write it (effects/effect.hpp): "m", "1/s"
+  Sign sign = Sign::kFree;  ///< that the fit keeps
+  double value = 0.0;       ///< where the fit starts, and stays if it is fixed
+  bool fixed = false;       ///< held at `value`
+  int effect = -1;          ///< index into BallLayout::effects; −1: the string itself
+  int index = -1;           ///< of the effect's parameters; of the string: 0 length, 1–3 attachment
+  double most = std::numeric_limits<double>::infinity();  ///< its largest value
 };
 
 /// Which parameters of ball, string and camera are fitted, and the effects that they belong to.
 struct BallLayout {
-  std::vector<BallParameter> parameters;
-  std::vector<BoundEffect> effects;
+  std::vector<BallParameter> parameters;  ///< the string's four if there is one, then the effects'
+  std::vector<BoundEffect> effects;       ///< that `parameters` are of; their values are there
 
   /// Present values of all parameters.
   VecX<double> values() const;
@@ -48,7 +49,7 @@ BallLayout make_ball_layout(const Model& model, const std::vector<EffectSpec>& e
 
 /// A stretch of a recording that is simulated in one go.
 struct BallWindow {
-  int run = 0;
+  int run = 0;                     ///< number of its recording
   int hand = 0;                    ///< index into BallData::hands
   std::vector<double> time;        ///< (m) [s], of the rows at which the ball was seen
   std::vector<Vec3<double>> seen;  ///< (m) [m], W
@@ -58,11 +59,11 @@ struct BallWindow {
 };
 /// Recordings of a ball, cut into windows.
 struct BallData {
-  std::vector<HandMotion> hands;
-  std::vector<BallWindow> windows;
-  std::vector<BallFlag> flagged;  ///< rows and windows that were left out
-  long touching = 0;              ///< rows left out because the ball touched the cup
-  std::string source;             ///< of the first recording, for messages
+  std::vector<HandMotion> hands;    ///< of what the string is tied to, one a stretch without a gap
+  std::vector<BallWindow> windows;  ///< what is fitted
+  std::vector<BallFlag> flagged;    ///< rows and windows that were left out
+  long touching = 0;                ///< rows left out because the ball touched the cup
+  std::string source;               ///< of the first recording, for messages
 };
 
 /// Windows of the recordings, with first states from the positions themselves.
@@ -74,7 +75,8 @@ struct BallData {
 BallData make_ball_data(const Model& model, const std::vector<Recording>& recordings,
                         const BallFitOptions& options, const PreprocessOptions& smoothing = {});
 
-/// Residual and derivatives of all windows about (p, states), states projected out.
+/// Residual and derivatives of all windows about (p, states), states projected out. P counts the
+/// free parameters alone.
 struct BallLinearisation {
   MatX<double> R;      ///< (P, P) upper factor of the whitened parameters' columns
   VecX<double> d;      ///< (P): Qᵀ of the residual
@@ -88,14 +90,15 @@ struct BallLinearisation {
 
 /// A fit of ball and string: estimates, errors, and how it ended.
 struct BallFit {
-  VecX<double> p;           ///< (P)
-  MatX<double> covariance;  ///< (P, P) σ² of what the states leave; 0 of fixed ones
-  double sigma = 0.0;       ///< of one position along one axis [m]
-  double chi2 = 0.0;        ///< at p, with sigma
-  long samples = 0;
-  int iterations = 0;
-  bool converged = false, interrupted = false;
-  std::string termination;
+  VecX<double> p;            ///< (P)
+  MatX<double> covariance;   ///< (P, P) σ² of what the states leave; 0 of fixed ones
+  double sigma = 0.0;        ///< of one position along one axis [m]
+  double chi2 = 0.0;         ///< at p, with sigma
+  long samples = 0;          ///< numbers compared, 3 a row
+  int iterations = 0;        ///< Levenberg–Marquardt steps, refused ones included
+  bool converged = false;    ///< no step is worth more than the tolerance; constrained loss: true
+  bool interrupted = false;  ///< the callback said so; p is the best until then
+  std::string termination;   ///< why it ended, in words
 };
 
 /// Positions that the camera would have seen, (m) per window. @param p  as the layout's parameters

@@ -15,13 +15,15 @@ namespace diffnea {
 
 /// One quantity in two fits.
 struct Change {
-  std::string name, unit;  ///< a parameter, or the expression of a base parameter
-  double before = 0.0, after = 0.0;
-  double std = 0.0;  ///< of the difference
-  double z = 0.0;    ///< difference / std
+  std::string name;  ///< a parameter, or the expression of a base parameter
+  std::string unit;  ///< of all numbers here but z and p; of an expression: its first parameter's
+  double before = 0.0;  ///< in the first fit
+  double after = 0.0;   ///< in the second
+  double std = 0.0;     ///< of the difference
+  double z = 0.0;       ///< difference / std
   double p =
       0.0;  ///< probability of such a z by chance, two-sided; adjusted for how many were tested
-  bool significant = false;
+  bool significant = false;  ///< p < CompareOptions::alpha
 };
 
 /// When a change counts.
@@ -31,10 +33,11 @@ struct CompareOptions {
 
 /// What changed between two fits of one robot.
 struct Comparison {
-  std::vector<std::string> joints;
+  std::vector<std::string> joints;      ///< of both fits; `ball` among them where one was fitted
   std::vector<Change> base_parameters;  ///< combinations that both fits see, most significant first
   std::vector<Change> parameters;       ///< parameters that both fits see by themselves
-  std::vector<std::string> only_before, only_after;  ///< parameters that one fit alone has
+  std::vector<std::string> only_before;  ///< parameters that the first fit alone has
+  std::vector<std::string> only_after;   ///< parameters that the second fit alone has
   int not_comparable = 0;  ///< base parameters of the first fit that the second does not see
   bool changed = false;  ///< any base parameter (without them: any parameter) changed significantly
 };

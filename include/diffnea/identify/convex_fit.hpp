@@ -34,15 +34,15 @@ struct ConvexFitOptions {
   /// The barrier's weight at the end, in units of χ²/2: the objective is within (4·bodies + bounds)
   /// times this of the optimum, far below the one unit in which a parameter moves by its own σ.
   double final_barrier = 1e-6;
-  int max_iterations = 300;
+  int max_iterations = 300;  ///< Newton steps, over all weights of the barrier
 };
 
 /// The optimum, and what presses against the bounds there.
 struct ConvexFitResult {
-  VecX<double> x;
-  double objective = 0.0;  ///< ½‖Rx − d‖²
-  int iterations = 0;      ///< Newton steps
-  bool converged = false;
+  VecX<double> x;                       ///< (p) the optimum, strictly inside the bounds
+  double objective = 0.0;               ///< ½‖Rx − d‖²
+  int iterations = 0;                   ///< Newton steps
+  bool converged = false;               ///< the last weight of the barrier was solved for
   std::vector<int> active_bodies;       ///< indices into problem.bodies: Π at its boundary
   std::vector<int> active_nonnegative;  ///< parameters at zero
   /// Price of consistency: ½‖Rx − d‖² minus that of unconstrained least squares [χ²/2].

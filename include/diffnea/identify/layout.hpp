@@ -17,14 +17,14 @@ inline constexpr double kGainScale = 0.5;
 
 /// One scalar parameter of a fit.
 struct FitParameter {
-  std::string name;  ///< "forearm.mass", "elbow.coulomb_friction.coulomb"
-  std::string unit;
-  Sign sign = Sign::kFree;
+  std::string name;         ///< "forearm.mass", "elbow.coulomb_friction.coulomb"
+  std::string unit;         ///< SI, as effects write it: "kg*m^2"
+  Sign sign = Sign::kFree;  ///< that the fit keeps
   double prior = 0.0;  ///< value in the model before the fit, where what cannot be seen is held
   /// How far from the prior it may well be; sets what counts as identified. NaN: what makes its
   /// torque as large as the joint's.
   double scale = std::numeric_limits<double>::quiet_NaN();
-  bool fixed = false;
+  bool fixed = false;     ///< held at `prior`
   bool absorbed = false;  ///< fixed because the links' inertia absorbs it (absorbed_by_links)
   int dof = -1;           ///< of a link: the degree of freedom that moves it, else −1
   int theta = -1;         ///< of a link or payload: index in θ, else −1
@@ -42,10 +42,10 @@ struct FitParameter {
 /// over the data: shapes of effects, fixed transforms, the tilt of the base (its torque is its
 /// product with the links' first moments).
 struct FitLayout {
-  std::vector<FitParameter> linear;
-  std::vector<FitParameter> shape;
+  std::vector<FitParameter> linear;  ///< ten of every moving link, then those of effects
+  std::vector<FitParameter> shape;   ///< those of effects, then six of every free transform
   std::vector<BoundEffect> effects;  ///< those of the model first, then those asked for
-  int num_dofs = 0;
+  int num_dofs = 0;                  ///< n, of the model
 
   /// First column of the ten parameters of every link, and of a payload.
   std::vector<int> bodies() const;

@@ -11,7 +11,7 @@ namespace diffnea {
 /// All rows of one joint's torque: a factor over the columns that can be nonzero there.
 struct JointFactor {
   std::vector<int> columns;  ///< columns of the layout (then of the shape directions)
-  TriangularFactor factor;
+  TriangularFactor factor;   ///< of [Y τ], Y those columns
   /// (columns) Of a passive joint: its inertia M_jj = inertia·x at the first row; else empty. Its
   /// torque is known to be 0, so that any multiple of x fits its rows as well, and the noise that
   /// they hold, that of the acceleration, is M_jj times as large: they say nothing of scale.
@@ -28,11 +28,11 @@ struct JointFactor {
 
 /// A combination of parameters that the data determine by themselves.
 struct BaseParameter {
-  std::string expression;  ///< "upper_arm.Izz + 0.055 forearm.mass"
-  double value = 0.0;
-  double std = 0.0;
-  std::vector<int> columns;  ///< of the layout, the leading one first
-  std::vector<double> coefficients;
+  std::string expression;            ///< "upper_arm.Izz + 0.055 forearm.mass"
+  double value = 0.0;                ///< Σ coefficient · parameter, in the first one's unit
+  double std = 0.0;                  ///< its standard error
+  std::vector<int> columns;          ///< of the layout, the leading one first
+  std::vector<double> coefficients;  ///< of these; the leading one's is 1
 };
 
 /// Priors and consistency of a linear fit.
@@ -56,8 +56,8 @@ struct LinearFit {
   VecX<double> scale;              ///< (p) how far a parameter may well be from its prior
   VecX<double> weak;               ///< (p) diagonal of the weak prior Λ
   int rank = 0;                    ///< number of combinations the data determine
-  std::vector<BaseParameter> base_parameters;
-  ConvexFitResult solver;
+  std::vector<BaseParameter> base_parameters;  ///< these combinations, by their leading columns
+  ConvexFitResult solver;                      ///< the fit with the last noise
 };
 
 /// How far each linear parameter may well be from its prior (FitParameter::scale; what makes an

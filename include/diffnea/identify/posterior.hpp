@@ -24,7 +24,8 @@ struct Variation {
   /// As result files name it: "string.string_mass.mass_ratio", "elbow.coulomb_friction.coulomb",
   /// "string.length", "string.attachment_x".
   std::string parameter;
-  double low = 0.0, high = 0.0;  ///< in the parameter's unit
+  double low = 0.0;   ///< least value, in the parameter's unit
+  double high = 0.0;  ///< largest value, likewise
 };
 /// "string.string_mass.mass_ratio=0:0.1". @throws Error that says what came and what was expected
 Variation parse_variation(const std::string& text);

@@ -12,7 +12,7 @@ namespace diffnea {
 
 /// A stretch of a recording that is simulated in one go.
 struct ShootingWindow {
-  int run = 0;
+  int run = 0;                  ///< number of its recording
   std::vector<double> time;     ///< (m) [s]
   RowMatX<double> q;            ///< (m, n) measured, NaN where not
   RowMatX<double> u;            ///< (m, n) torque that acts from row k to k+1

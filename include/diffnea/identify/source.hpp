@@ -14,7 +14,7 @@ namespace diffnea {
 /// One run of a source.
 struct RunDescription {
   std::string source;  ///< file and run, for messages
-  RecordingInfo info;
+  RecordingInfo info;  ///< what its columns cannot hold
 };
 
 /// A stream of recordings whose joints are in the model's order and whose runs are numbered 0, 1, 2

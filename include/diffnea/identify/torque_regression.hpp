@@ -41,7 +41,7 @@ struct RegressionOptions {
   /// than `rest_share` of the filter's weight lies on samples slower than `rest_speed` smoothing
   /// speeds v₀.
   double rest_speed = 10.0;
-  double rest_share = 0.02;
+  double rest_share = 0.02;  ///< of the filter's weight; see `rest_speed`
   /// Forward loss: rows times M⁻¹ at `at`, which makes their residual that of q̈ [rad/s²]. Needs the
   /// torque of every joint.
   bool acceleration = false;

@@ -21,10 +21,10 @@ struct TrajectoryOptions {
   double window = 0.5;  ///< length of a window [s]
   /// Horizons before the full one, as shares: long windows are not convex until the fit is close.
   std::vector<double> stages{0.25, 0.5};
-  int max_iterations = 50;  ///< Gauss–Newton steps of the last stage; half of it in the others
-  double tolerance = 1e-5;  ///< stop when a step gains a smaller share of the objective
-  SteppingOptions stepping;
-  int threads = 1;
+  int max_iterations = 50;   ///< Gauss–Newton steps of the last stage; half of it in the others
+  double tolerance = 1e-5;   ///< stop when a step gains a smaller share of the objective
+  SteppingOptions stepping;  ///< of the simulation
+  int threads = 1;           ///< that share the windows; results do not depend on it
 };
 
 /// Estimates of the trajectory loss, and how the fit ended.
@@ -36,10 +36,10 @@ struct TrajectoryFit {
       covariance;          ///< (p, p) of x: windows as clusters (Liang, Zeger 1986), prior included
   long samples = 0;        ///< positions compared
   double objective = 0.0;  ///< χ²/2 with sigma
-  int iterations = 0;
-  bool converged = false;
-  bool interrupted = false;
-  std::string termination;
+  int iterations = 0;      ///< Gauss–Newton steps of all stages
+  bool converged = false;  ///< the last stage did
+  bool interrupted = false;  ///< the callback said so; x is the best until then
+  std::string termination;   ///< why it ended, in words
 };
 
 /// @param start    (p) where to start; what the data cannot tell stays there

@@ -8,8 +8,8 @@ namespace diffnea {
 
 /// A diagnosis as RUN/ holds it.
 struct DiagnoseRun {
-  Finding finding;
-  Reproduce reproduce;
+  Finding finding;      ///< result of diagnose()
+  Reproduce reproduce;  ///< the command that found it
 };
 
 /// Schema "diffnea/diagnose/1". A number that does not exist is null.

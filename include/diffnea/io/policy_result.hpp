@@ -14,36 +14,40 @@ namespace diffnea {
 
 /// What `diffnea learn` found: one policy a seed.
 struct LearnRun {
-  BallInCup task;
-  std::vector<LearnedPolicy> policies;
-  std::vector<RolloutTrace> imagined;  ///< of every policy's mean, in the model
-  std::vector<StickFigure> figures;    ///< of those, as they were read; the writer computes them
-  int threads = 1;
-  double seconds = 0.0;  ///< that passed
-  bool interrupted = false;
-  Reproduce reproduce;
+  BallInCup task;                       ///< with options completed
+  std::vector<LearnedPolicy> policies;  ///< in the order of the seeds, without those not begun
+  std::vector<RolloutTrace> imagined;   ///< of every policy's mean, in the model
+  std::vector<StickFigure> figures;     ///< of those, as they were read; the writer computes them
+  int threads = 1;                      ///< that seeds or rollouts were divided among
+  double seconds = 0.0;                 ///< that passed
+  bool interrupted = false;  ///< stopped by the user: policies are what was found until then
+  Reproduce reproduce;       ///< the command that learned them
 };
 
 /// What `diffnea transfer` saw: every policy once, the best one again and again.
 struct TransferRun {
-  BallInCup task;  ///< as it was learned
-  std::vector<LearnedPolicy> policies;
-  std::vector<RolloutTrace> imagined;
-  std::string world;                   ///< as it was named
-  std::vector<Execution> executions;   ///< of the policies, without noise
-  int best = -1;                       ///< of the executions, by reward; −1: none
+  BallInCup task;                       ///< as it was learned
+  std::vector<LearnedPolicy> policies;  ///< all that were learned
+  std::vector<RolloutTrace> imagined;   ///< of every policy's mean, in the model; no rows: not kept
+  std::string world;                    ///< as it was named
+  std::vector<Execution> executions;    ///< of the policies, without noise
+  int best = -1;  ///< of the executions: a success first, then by reward; −1: none
   std::vector<Execution> repetitions;  ///< of the best, with noise
   /// Of imagined and executions, as they were read; the writer computes them.
+  ///@{
   std::vector<StickFigure> imagined_figures, figures;
-  double seconds = 0.0;
-  bool interrupted = false;
-  Reproduce reproduce;
+  ///@}
+  double seconds = 0.0;      ///< that passed
+  bool interrupted = false;  ///< stopped by the user: what had been executed until then
+  Reproduce reproduce;       ///< the command that executed them
 };
 
 /// k of n, and its 95 % interval (Wilson 1927).
 struct Share {
-  int k = 0, n = 0;
-  double low = 0.0, high = 1.0;
+  int k = 0;          ///< how many of the n
+  int n = 0;          ///< 0: nothing is known, the interval is 0 to 1
+  double low = 0.0;   ///< lower end of the interval of k/n
+  double high = 1.0;  ///< upper end of the interval of k/n
 };
 /// k of n, with its interval.
 Share share_of(int k, int n);

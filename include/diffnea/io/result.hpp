@@ -13,23 +13,23 @@ namespace diffnea {
 
 /// A file that went into a run.
 struct RunInput {
-  std::string role;  ///< "model", "data", "test"
-  std::string path;  ///< as it was given
-  std::uintmax_t bytes = 0;
-  std::string sha256;  ///< lower-case hexadecimal; empty for files above 64 MiB
+  std::string role;          ///< e.g. "model", "data", "test", "controller"
+  std::string path;          ///< as it was given
+  std::uintmax_t bytes = 0;  ///< size of the file
+  std::string sha256;        ///< lower-case hexadecimal; empty for files above 64 MiB
 };
 
 /// What it takes to get the same result again.
 struct Reproduce {
   std::string version;               ///< of diffnea
   std::vector<std::string> command;  ///< the arguments, the program's name first
-  std::vector<RunInput> inputs;
+  std::vector<RunInput> inputs;      ///< files that it read
 };
 
 /// A fit as RUN/ holds it.
 struct FitRun {
-  IdentifyResult fit;
-  Reproduce reproduce;
+  IdentifyResult fit;   ///< result of identify()
+  Reproduce reproduce;  ///< the command that fitted it
 };
 
 /// Size and checksum of a file. @throws FileError if it cannot be read

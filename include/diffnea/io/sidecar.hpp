@@ -20,8 +20,8 @@ namespace diffnea {
 
 /// What the JSON file beside a recording says.
 struct Sidecar {
-  std::filesystem::path path;
-  RecordingInfo info;
+  std::filesystem::path path;      ///< of the JSON file
+  RecordingInfo info;              ///< what it gives; defaults for the rest
   std::vector<std::string> notes;  ///< keys that are not of the format
 };
 

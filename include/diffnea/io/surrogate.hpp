@@ -14,7 +14,7 @@ namespace diffnea {
 /// A family of robots that stands for a real one.
 struct Surrogate {
   std::string summary;  ///< one line
-  Perturbation ranges;
+  Perturbation ranges;  ///< 0 where the file gives none: no change
 };
 
 /// @throws ModelError naming the key, what came and what was expected; FileError

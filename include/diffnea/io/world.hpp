@@ -20,15 +20,15 @@ namespace diffnea {
 struct Rope {
   double mass = 1.2e-3;   ///< of the whole string [kg]
   double damping = 5e-5;  ///< of a hinge [N·m·s/rad]
-  int links = 24;
+  int links = 24;         ///< capsules, all of one length
 };
 
 /// A robot in MuJoCo that may differ from its description.
 struct WorldSpec {
-  std::filesystem::path mjcf;
-  Perturbation perturbation;
-  std::optional<std::uint64_t>
-      seed;                         ///< of the perturbation and the noise; not given: the command's
+  std::filesystem::path mjcf;  ///< the description
+  Perturbation perturbation;   ///< that the robot is drawn from
+  /// Of the perturbation and the noise; not given: the command's.
+  std::optional<std::uint64_t> seed;
   std::vector<EffectSpec> effects;  ///< that the robot has; in place of a drawn one at that place
   double noise = 1.0;               ///< factor on the sensors' noise
   std::optional<Rope> rope;         ///< chain that the ball hangs on; none: the document's tendon
@@ -54,8 +54,8 @@ std::string with_rotors(const std::string& mjcf, const Model& truth);
 
 /// What a world gave, and the robot that it was.
 struct WorldRecording {
-  SimulatedRecording result;
-  Model truth;
+  SimulatedRecording result;  ///< mean of the repetitions
+  Model truth;                ///< the robot as it was drawn
 };
 /// Draws the world's robot and records it: record_in_mujoco with the ball that the world asks for,
 /// repetitions averaged (each with noise of its own). The noise of `options` is taken as it is.

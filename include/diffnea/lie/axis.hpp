@@ -7,6 +7,7 @@
 
 namespace diffnea {
 
+/// s = [e_K; 0] itself; K = 0, 1, 2 is x, y, z of the link.
 template <int K>
 struct RevoluteAxis {};
 
@@ -24,19 +25,24 @@ T& component(Vec3<T>& v) {
 /// s x, x a rate or an acceleration.
 template <int K, class T>
 struct AlongAxis {
-  T x;
+  T x;  ///< q̇ [rad/s] or q̈ [rad/s²]
 };
 /// ad_V s x = [ω×e_K; v×e_K] x: nothing along K. i, j follow K cyclically.
 template <int K, class T>
 struct AcrossAxis {
+  /// Entries along the axes i = K + 1 and j = K + 2 (mod 3) of its angular and its linear half.
+  ///@{
   T angular_i, angular_j, linear_i, linear_j;
+  ///@}
 };
 
+/// s x.
 template <int K, class T>
   requires Scalar<T>
 AlongAxis<K, T> operator*(RevoluteAxis<K>, const T& x) {
   return {x};
 }
+/// V + s x: one entry of V changes.
 template <int K, class A, class B>
 Twist<Prod<A, B>> operator+(const Twist<A>& V, const AlongAxis<K, B>& sx) {
   Twist<Prod<A, B>> out{V.angular.template cast<Prod<A, B>>(),
@@ -51,10 +57,12 @@ AcrossAxis<K, T> ad(const Twist<T>& V, RevoluteAxis<K>) {
   return {component<j>(V.angular), -component<i>(V.angular), component<j>(V.linear),
           -component<i>(V.linear)};
 }
+/// (ad_V s) x, x a rate.
 template <int K, class A, class B>
 AcrossAxis<K, Prod<A, B>> operator*(const AcrossAxis<K, A>& U, const B& x) {
   return {U.angular_i * x, U.angular_j * x, U.linear_i * x, U.linear_j * x};
 }
+/// V + U: two entries of each half of V change.
 template <int K, class T>
 Twist<T> operator+(const Twist<T>& V, const AcrossAxis<K, T>& U) {
   constexpr int i = (K + 1) % 3, j = (K + 2) % 3;
@@ -84,6 +92,7 @@ Vec3<T> column(const Sym3<T>& s) {
   if constexpr (K == 1) return {s.xy, s.yy, s.yz};
   return {s.xz, s.yz, s.zz};
 }
+/// M̄ s.
 template <int K, class T>
 Wrench<T> operator*(const SpatialInertia<T>& M, RevoluteAxis<K>) {
   constexpr int i = (K + 1) % 3, j = (K + 2) % 3;
@@ -93,11 +102,13 @@ Wrench<T> operator*(const SpatialInertia<T>& M, RevoluteAxis<K>) {
   component<K>(out.force) = T(0.0);
   return out;
 }
+/// M̂ s.
 template <int K, class T>
 Wrench<T> operator*(const ArticulatedInertia<T>& M, RevoluteAxis<K>) {
   return {column<K>(M.I),
           {component<K>(M.H.col[0]), component<K>(M.H.col[1]), component<K>(M.H.col[2])}};
 }
+/// M̂ U, U = ad_V s x.
 template <int K, class T>
 Wrench<T> operator*(const ArticulatedInertia<T>& M, const AcrossAxis<K, T>& U) {
   constexpr int i = (K + 1) % 3, j = (K + 2) % 3;

@@ -18,7 +18,7 @@ using Theta = std::array<T, kThetaSize>;
 /// Ten inertial parameters of a rigid body about its frame's origin, in its frame.
 template <class T>
 struct SpatialInertia {
-  T m{};
+  T m{};      ///< mass [kg]
   Vec3<T> h;  ///< first moment of mass m·p_com [kg·m]
   Sym3<T> I;  ///< rotational inertia about the frame's origin [kg·m²]
 
@@ -30,6 +30,7 @@ struct SpatialInertia {
   Theta<T> theta() const { return {m, h.x, h.y, h.z, I.xx, I.xy, I.xz, I.yy, I.yz, I.zz}; }
 };
 
+/// Two bodies as one; both in the same frame.
 template <class T>
 SpatialInertia<T> operator+(const SpatialInertia<T>& a, const SpatialInertia<T>& b) {
   return {a.m + b.m, a.h + b.h, a.I + b.I};
@@ -77,9 +78,9 @@ Sym3<T> inertia_about_com(const SpatialInertia<T>& M) {
 /// M̂ of a subtree: [[I, H], [Hᵀ, M]], symmetric 6×6 (21 numbers).
 template <class T>
 struct ArticulatedInertia {
-  Sym3<T> I;
-  Mat3<T> H;
-  Sym3<T> M;
+  Sym3<T> I;  ///< torque per angular acceleration [kg·m²]
+  Mat3<T> H;  ///< torque per linear acceleration [kg·m]; [h] of a rigid body
+  Sym3<T> M;  ///< force per linear acceleration [kg]; m 1 of a rigid body
 
   /// That of a rigid body.
   template <class U>
@@ -89,12 +90,14 @@ struct ArticulatedInertia {
   }
 };
 
+/// Two subtrees as one; both in the same frame.
 template <class A, class B>
 ArticulatedInertia<Prod<A, B>> operator+(const ArticulatedInertia<A>& a,
                                          const ArticulatedInertia<B>& b) {
   return {a.I + b.I, a.H + b.H, a.M + b.M};
 }
 
+/// M̂ V = [I ω + H v; Hᵀ ω + M v].
 template <class A, class B>
 Wrench<Prod<A, B>> operator*(const ArticulatedInertia<A>& M, const Twist<B>& V) {
   return {M.I * V.angular + M.H * V.linear, transpose_times(M.H, V.angular) + M.M * V.linear};

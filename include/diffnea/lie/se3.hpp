@@ -9,15 +9,20 @@ namespace diffnea {
 /// Twist or spatial acceleration, [rad/s, m/s] or [rad/s², m/s²].
 template <class T>
 struct Twist {
-  Vec3<T> angular, linear;
+  Vec3<T> angular;  ///< ω [rad/s], or ω̇ [rad/s²]
+  Vec3<T> linear;   ///< v of the body's point at the origin of the frame that the twist is in
+                    ///< [m/s], or v̇ [m/s²]: not ẍ of that point, which is v̇ + ω×v
 };
 
 /// Wrench, [N·m, N].
 template <class T>
 struct Wrench {
-  Vec3<T> torque, force;
+  Vec3<T> torque;  ///< τ about the origin of the frame that the wrench is in [N·m]
+  Vec3<T> force;   ///< f [N]
 };
 
+/// Entry by entry; what is added has to be in the same frame.
+///@{
 template <class A, class B>
 Twist<Prod<A, B>> operator+(const Twist<A>& a, const Twist<B>& b) {
   return {a.angular + b.angular, a.linear + b.linear};
@@ -40,6 +45,7 @@ template <class A, class B>
 Wrench<Prod<A, B>> operator*(const Wrench<A>& a, const B& s) {
   return {a.torque * s, a.force * s};
 }
+///@}
 /// Power Vᵀ W [W].
 template <class A, class B>
 Prod<A, B> dot(const Twist<A>& V, const Wrench<B>& W) {
@@ -49,8 +55,8 @@ Prod<A, B> dot(const Twist<A>& V, const Wrench<B>& W) {
 /// X_AB: rotation R_AB and position p_AB of B's origin in A [m].
 template <class T>
 struct Pose {
-  Mat3<T> R;
-  Vec3<T> p;
+  Mat3<T> R;  ///< R_AB: its columns are the axes of B, in A
+  Vec3<T> p;  ///< p_AB: the origin of B, in A [m]
 
   /// The frame itself.
   static Pose identity() { return {Mat3<T>::identity(), {T(0), T(0), T(0)}}; }
@@ -61,6 +67,7 @@ struct Pose {
   }
 };
 
+/// X_AC = X_AB X_BC.
 template <class A, class B>
 Pose<Prod<A, B>> operator*(const Pose<A>& X_AB, const Pose<B>& X_BC) {
   return {X_AB.R * X_BC.R, X_AB.R * X_BC.p + X_AB.p};

@@ -9,7 +9,10 @@ namespace diffnea {
 /// A vector of three entries of any scalar.
 template <class T>
 struct Vec3 {
+  /// Components, in the axes of the frame that the vector is expressed in.
+  ///@{
   T x{}, y{}, z{};
+  ///@}
 
   /// The same in another scalar.
   template <class U>
@@ -18,6 +21,8 @@ struct Vec3 {
   }
 };
 
+/// Entry by entry.
+///@{
 template <class A, class B>
 Vec3<Prod<A, B>> operator+(const Vec3<A>& a, const Vec3<B>& b) {
   return {a.x + b.x, a.y + b.y, a.z + b.z};
@@ -40,6 +45,7 @@ Vec3<A>& operator+=(Vec3<A>& a, const Vec3<A>& b) {
   a = a + b;
   return a;
 }
+///@}
 /// aᵀb.
 template <class A, class B>
 Prod<A, B> dot(const Vec3<A>& a, const Vec3<B>& b) {
@@ -54,7 +60,7 @@ Vec3<Prod<A, B>> cross(const Vec3<A>& a, const Vec3<B>& b) {
 /// 3×3 matrix by columns.
 template <class T>
 struct Mat3 {
-  Vec3<T> col[3];
+  Vec3<T> col[3];  ///< its columns: entry (i, j) is component i of col[j]
 
   /// The same in another scalar.
   template <class U>
@@ -65,6 +71,8 @@ struct Mat3 {
   static Mat3 identity() { return {{{T(1), T(0), T(0)}, {T(0), T(1), T(0)}, {T(0), T(0), T(1)}}}; }
 };
 
+/// Product of matrices, or of a matrix and a column.
+///@{
 template <class A, class B>
 Vec3<Prod<A, B>> operator*(const Mat3<A>& m, const Vec3<B>& v) {
   return m.col[0] * v.x + m.col[1] * v.y + m.col[2] * v.z;
@@ -73,6 +81,9 @@ template <class A, class B>
 Mat3<Prod<A, B>> operator*(const Mat3<A>& a, const Mat3<B>& b) {
   return {a * b.col[0], a * b.col[1], a * b.col[2]};
 }
+///@}
+/// Entry by entry.
+///@{
 template <class A, class B>
 Mat3<Prod<A, B>> operator+(const Mat3<A>& a, const Mat3<B>& b) {
   return {a.col[0] + b.col[0], a.col[1] + b.col[1], a.col[2] + b.col[2]};
@@ -81,6 +92,7 @@ template <class A, class B>
 Mat3<Prod<A, B>> operator-(const Mat3<A>& a, const Mat3<B>& b) {
   return {a.col[0] - b.col[0], a.col[1] - b.col[1], a.col[2] - b.col[2]};
 }
+///@}
 /// aᵀ.
 template <class A>
 Mat3<A> transpose(const Mat3<A>& a) {
@@ -102,7 +114,10 @@ Mat3<T> skew(const Vec3<T>& p) {
 /// Symmetric 3×3 matrix.
 template <class T>
 struct Sym3 {
+  /// Entries on and above the diagonal: xy is that of row x, column y, and of row y, column x.
+  ///@{
   T xx{}, xy{}, xz{}, yy{}, yz{}, zz{};
+  ///@}
 
   /// The same in another scalar.
   template <class U>
@@ -111,11 +126,14 @@ struct Sym3 {
   }
 };
 
+/// Product of the whole matrix and a column.
 template <class A, class B>
 Vec3<Prod<A, B>> operator*(const Sym3<A>& m, const Vec3<B>& v) {
   return {m.xx * v.x + m.xy * v.y + m.xz * v.z, m.xy * v.x + m.yy * v.y + m.yz * v.z,
           m.xz * v.x + m.yz * v.y + m.zz * v.z};
 }
+/// Entry by entry.
+///@{
 template <class A, class B>
 Sym3<Prod<A, B>> operator+(const Sym3<A>& a, const Sym3<B>& b) {
   return {a.xx + b.xx, a.xy + b.xy, a.xz + b.xz, a.yy + b.yy, a.yz + b.yz, a.zz + b.zz};
@@ -124,6 +142,7 @@ template <class A, class B>
 Sym3<Prod<A, B>> operator-(const Sym3<A>& a, const Sym3<B>& b) {
   return {a.xx - b.xx, a.xy - b.xy, a.xz - b.xz, a.yy - b.yy, a.yz - b.yz, a.zz - b.zz};
 }
+///@}
 /// All nine entries.
 template <class T>
 Mat3<T> full(const Sym3<T>& s) {

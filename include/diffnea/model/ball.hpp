@@ -17,9 +17,9 @@ struct StringSpec {
 
 /// A ball of a model: alone, or on a string.
 struct BallSpec {
-  double mass = 0.0;    ///< [kg]
-  double radius = 0.0;  ///< [m]; 0: not known
-  std::optional<StringSpec> string;
+  double mass = 0.0;                 ///< [kg]
+  double radius = 0.0;               ///< [m]; 0: not known
+  std::optional<StringSpec> string;  ///< what it hangs on; none: it flies freely
 };
 
 /// A cup: a round wall, open at the end of its axis, that catches the ball. The frame `cup` of the
@@ -33,9 +33,10 @@ struct CupSpec {
 
 /// A solid that the ball must not touch: all points within `radius` of a segment.
 struct CapsuleSpec {
-  int link = -1;                              ///< index into Model::links, −1: fixed to the world
-  Vec3<double> p_LA{0, 0, 0}, p_LB{0, 0, 0};  ///< ends of the segment, in that link's frame [m]
-  double radius = 0.0;                        ///< [m]
+  int link = -1;               ///< index into Model::links, −1: fixed to the world
+  Vec3<double> p_LA{0, 0, 0},  ///< one end of the segment, in that link's frame [m]
+      p_LB{0, 0, 0};           ///< its other end, in that frame [m]; the same point: a sphere
+  double radius = 0.0;         ///< [m]
 };
 
 }  // namespace diffnea

@@ -15,34 +15,37 @@ namespace diffnea {
 
 /// One parameter of an effect: `coulomb = 1.2 N*m`.
 struct EffectParameter {
-  std::string name;
-  double value = 0.0;
-  std::string unit;
+  std::string name;  ///< as `diffnea effects` lists it, with "_K" after it if of recording K alone
+  double value = 0.0;  ///< in `unit`
+  std::string unit;    ///< the effect's own, never converted, e.g. "N*m*s/rad"; empty: not checked
 };
 
 /// A torque that was learned, not derived: Σ_b w_b Π_k β((x_k − c_bk)/h_bk) over one or two
 /// channels x_k of the motion, what the effect `residual` adds (effects/residual.hpp).
 struct BumpTable {
-  std::vector<std::string> variables;   ///< channels as in a recording: "q_elbow", "qd_elbow"
-  std::vector<double> centres, widths;  ///< (bumps × variables), row-major, units of the channels
-  std::vector<double> weights;          ///< (bumps) [N·m] or [N]
-  double bound = 0.0;                   ///< most that it ever gives [N·m] or [N]
+  std::vector<std::string> variables;  ///< channels as in a recording: "q_elbow", "qd_elbow"
+  std::vector<double> centres,  ///< c_bk, (bumps × variables), row-major, units of the channels
+      widths;                   ///< h_bk, of the same shape and units
+  std::vector<double> weights;  ///< (bumps) [N·m] or [N]
+  double bound = 0.0;           ///< most that it ever gives [N·m] or [N]
 };
 
 /// An effect on the model, as plain data; effects/catalogue.hpp gives it its formula.
 struct EffectSpec {
   std::string effect;  ///< name in the catalogue, e.g. "coulomb_friction"
-  std::string where;   ///< joint name, or base, tip, all, ball, string, camera
-  std::vector<EffectParameter> parameters;
-  std::optional<BumpTable> table = {};  ///< of `residual` alone
+  /// A joint's name, two with a comma between, or base, tip, all, ball, string, camera; with
+  /// ":run=K+L" after it in these recordings alone.
+  std::string where;
+  std::vector<EffectParameter> parameters;  ///< in any order; those left out: as in the catalogue
+  std::optional<BumpTable> table = {};      ///< of `residual` alone
 };
 
 /// Limits of a joint; infinite where the file gives none. [rad, rad/s, N·m] or [m, m/s, N].
 struct JointLimits {
-  double lower = -std::numeric_limits<double>::infinity();
-  double upper = std::numeric_limits<double>::infinity();
-  double velocity = std::numeric_limits<double>::infinity();
-  double effort = std::numeric_limits<double>::infinity();
+  double lower = -std::numeric_limits<double>::infinity();    ///< smallest q [rad, m]
+  double upper = std::numeric_limits<double>::infinity();     ///< largest q [rad, m]
+  double velocity = std::numeric_limits<double>::infinity();  ///< largest |q̇| [rad/s, m/s]
+  double effort = std::numeric_limits<double>::infinity();    ///< largest |τ| of its drive [N·m, N]
 };
 
 /// How a link hangs on its parent.
@@ -50,23 +53,23 @@ enum class ModelJoint { kFixed, kRevolute, kPrismatic };
 
 /// A link and the joint that carries it.
 struct ModelLink {
-  std::string name;
-  std::string joint;  ///< name of the joint to the parent; empty for a root
+  std::string name;   ///< no other link has it
+  std::string joint;  ///< name of the joint to the parent; may be empty if that is fixed
   int parent = -1;    ///< index into Model::links, −1 for the world; always below the own index
-  ModelJoint type = ModelJoint::kFixed;
-  Vec3<double> axis{0, 0, 1};  ///< unit vector, in the link's frame
-  Pose<double> X_PJ = Pose<double>::identity();
+  ModelJoint type = ModelJoint::kFixed;          ///< of that joint
+  Vec3<double> axis{0, 0, 1};                    ///< unit vector, in the link's frame
+  Pose<double> X_PJ = Pose<double>::identity();  ///< of the link in its parent at q = 0
   SpatialInertia<double>
-      inertia;  ///< about the link's origin, in the link; zero if the file gives none
-  JointLimits limits;
+      inertia;           ///< about the link's origin, in the link; zero if the file gives none
+  JointLimits limits;    ///< of that joint
   bool passive = false;  ///< torque known to be zero
 };
 
 /// A named frame F that is fixed to a link: X_LF. Sites of an MJCF, e.g. `cup`, `string`.
 struct ModelFrame {
-  std::string name;
-  int link = -1;  ///< index into Model::links, −1 for the world
-  Pose<double> X_LF = Pose<double>::identity();
+  std::string name;                              ///< no other frame has it
+  int link = -1;                                 ///< index into Model::links, −1 for the world
+  Pose<double> X_LF = Pose<double>::identity();  ///< of F in that link, or in the world
 };
 
 /// Gaussian posterior of named parameters as `identify` leaves it: what `--base prior` may move.
@@ -82,18 +85,18 @@ struct Posterior {
 /// A robot: links, effects, where relevant a ball; a value, with names and units, from which trees
 /// are made.
 struct Model {
-  std::string name;
-  std::vector<ModelLink> links;
-  std::vector<ModelFrame> frames;
+  std::string name;                ///< of the robot, for messages and reports
+  std::vector<ModelLink> links;    ///< parents before their children
+  std::vector<ModelFrame> frames;  ///< found by name, e.g. `cup`, `tip`
   std::vector<EffectSpec>
       effects;  ///< armature, friction, springs … of the base model and found later
-  Vec3<double> gravity{0, 0, -9.81};
-  std::optional<BallSpec> ball;
-  std::optional<CupSpec> cup;
+  Vec3<double> gravity{0, 0, -9.81};   ///< acceleration of free fall, in W [m/s²]
+  std::optional<BallSpec> ball;        ///< none: the robot alone
+  std::optional<CupSpec> cup;          ///< in the frame `cup`, which it needs; none: no cup
   std::vector<CapsuleSpec> obstacles;  ///< of the ball
   std::vector<double> home;  ///< posture to start from, per degree of freedom [rad, m]; empty: none
-  std::optional<Posterior> posterior;
-  std::string source;  ///< file the model was read from, for messages
+  std::optional<Posterior> posterior;  ///< what `identify` left; none: no fit
+  std::string source;                  ///< file the model was read from, for messages
   std::vector<std::string>
       notes;  ///< what that file says and this model leaves out, one sentence each
 };
@@ -136,12 +139,12 @@ void set_inertial_parameters(Model& model, const VecX<double>& pi);
 
 /// Something about a model that looks wrong, in words for a person.
 struct ModelIssue {
-  std::string link;
-  std::string text;
+  std::string link;  ///< name of the link it is about
+  std::string text;  ///< what is wrong with it, with the number, e.g. "mass is 0 kg, expected > 0"
 };
 /// Masses that are not positive, inertias that no distribution of mass can have (smallest principal
 /// second moment below zero: the triangle inequality, by how much), limits that are empty, moving
-/// links that neither have inertia nor carry a link that has.
+/// links that neither have inertia (an armature counts) nor carry a link that has.
 std::vector<ModelIssue> check_model(const Model& model);
 
 }  // namespace diffnea

@@ -37,8 +37,8 @@ Theta<double> log_cholesky_from_theta(const Theta<double>& theta);
 
 /// θ(φ) and its Jacobian ∂θ/∂φ (10×10).
 struct ThetaJacobian {
-  Theta<double> theta;
-  Eigen::MatrixXd jacobian;
+  Theta<double> theta;       ///< θ(φ)
+  Eigen::MatrixXd jacobian;  ///< ∂θ/∂φ, (10, 10), row: entry of θ
 };
 /// θ and ∂θ/∂φ, (10, 10).
 ThetaJacobian theta_with_jacobian(InertiaCoordinates form, const Theta<double>& phi);

@@ -16,17 +16,17 @@ enum class JointType { kRevolute, kPrismatic };
 template <Scalar P>
 struct Link {
   int parent = -1;  ///< index of the parent link, −1 for the world; always below the own index
-  JointType type = JointType::kRevolute;
-  Vec3<double> axis{0, 0, 1};  ///< unit vector, in L
-  Pose<P> X_PJ = Pose<P>::identity();
-  SpatialInertia<P> inertia;  ///< about L's origin, in L
-  P armature{};               ///< reflected rotor inertia I_r [kg·m², kg]
+  JointType type = JointType::kRevolute;  ///< of J: it turns about `axis`, or slides along it
+  Vec3<double> axis{0, 0, 1};             ///< unit vector, in L
+  Pose<P> X_PJ = Pose<P>::identity();     ///< of J in P: the link's pose at q = 0
+  SpatialInertia<P> inertia;              ///< about L's origin, in L
+  P armature{};                           ///< reflected rotor inertia I_r [kg·m², kg]
 };
 
 /// Kinematic tree with one degree of freedom a joint; degree of freedom i moves link i.
 template <Scalar P>
 struct Tree {
-  std::vector<Link<P>> links;
+  std::vector<Link<P>> links;                 ///< parents before their children
   Vec3<P> gravity{P(0.0), P(0.0), P(-9.81)};  ///< in W [m/s²]
 
   /// Number of joints that move.

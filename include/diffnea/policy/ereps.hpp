@@ -54,15 +54,16 @@ Gaussian bounded_update(const Gaussian& old, const RowMatX<double>& theta,
 
 /// What one iteration did.
 struct ErepsIteration {
-  int iteration = 0;         ///< from 1
-  double reward_mean = 0.0;  ///< of the finite ones
-  double reward_best = 0.0;  ///< so far
-  double eta = 0.0;
-  double kl_samples = 0.0, kl_update = 0.0;  ///< [nat]
-  double entropy = 0.0;                      ///< of the new Gaussian [nat]
-  double effective_samples = 0.0;
-  double largest_std = 0.0;   ///< of the new Gaussian's parameters
-  double solved_share = 0.0;  ///< of the samples, where a task says so; the caller's
+  int iteration = 0;               ///< from 1
+  double reward_mean = 0.0;        ///< of the finite ones
+  double reward_best = 0.0;        ///< so far
+  double eta = 0.0;                ///< as Reweighting::eta [reward]
+  double kl_samples = 0.0;         ///< as Reweighting::kl, at most ErepsOptions::epsilon [nat]
+  double kl_update = 0.0;          ///< KL(old ‖ new), at most ErepsOptions::kappa [nat]
+  double entropy = 0.0;            ///< of the new Gaussian [nat]
+  double effective_samples = 0.0;  ///< 1/Σw²
+  double largest_std = 0.0;        ///< of the new Gaussian's parameters
+  double solved_share = 0.0;       ///< of the samples, where a task says so; the caller's
 };
 
 /// The search itself: samples, rewards, the next Gaussian; can be stopped and resumed at any

@@ -20,9 +20,10 @@ namespace diffnea {
 struct PrompSpec {
   std::vector<std::string> joints;  ///< that move; all others keep their start
   int bases = 9;                    ///< B, a joint; at least 2
-  /// Weights at the beginning and the end that are 0 and not of the parameters: the motion leaves
-  /// slowly and comes home.
-  int held_first = 2, held_last = 2;
+  /// Weights at the beginning that are 0 and not of the parameters: the motion leaves slowly.
+  int held_first = 2;
+  /// The same at the end: it comes home.
+  int held_last = 2;
   double width = 1.0;     ///< of a basis, in spacings of the centres
   double duration = 1.5;  ///< T [s]
   double hold = 1.0;      ///< after T [s]

@@ -18,14 +18,18 @@ namespace diffnea {
 /// Range of a joint's desired position, and its largest velocity; ±∞ is none. [rad, rad/s], [m,
 /// m/s]
 struct MotionLimits {
-  VecX<double> lower, upper, velocity;  ///< (joints of the simulator)
+  VecX<double> lower;     ///< (joints of the simulator) least position
+  VecX<double> upper;     ///< (joints of the simulator) largest position
+  VecX<double> velocity;  ///< (joints of the simulator) largest |q̇|
 };
 
 /// Where the first motion that breaks a limit does so.
 struct LimitViolation {
-  std::string joint;
-  double time = 0.0, value = 0.0, bound = 0.0;  ///< [s], [rad] or [rad/s]
-  bool velocity = false;
+  std::string joint;      ///< of the primitive
+  double time = 0.0;      ///< [s]
+  double value = 0.0;     ///< what is desired then: [rad] or [m], of a velocity [rad/s] or [m/s]
+  double bound = 0.0;     ///< the limit on that side, as `value`
+  bool velocity = false;  ///< both are velocities; false: positions
 };
 
 /// Rewards and outcomes of many trials.
@@ -42,9 +46,9 @@ struct RolloutTrace {
   std::vector<std::string> channels;  ///< as the simulator's
   RowMatX<double> values;             ///< (T × channels)
   RowMatX<double> q_desired;          ///< (T × joints)
-  double reward = 0.0;
-  bool solved = false;
-  std::string failure;  ///< of the simulator, or the limit that the motion breaks
+  double reward = 0.0;                ///< as Rollouts::run gives it
+  bool solved = false;                ///< the task's word; false if it has no such notion
+  std::string failure;                ///< of the simulator, or the limit that the motion breaks
 };
 
 /// Many trials of movements in one simulator.
@@ -70,7 +74,7 @@ class Rollouts {
 
   /// The movement primitive of the trials.
   const Promp& promp() const { return promp_; }
-  /// (n) where every movement begins [rad].
+  /// (n) where every movement begins [rad, m].
   const VecX<double>& start() const { return start_; }
   long count() const { return count_; }  ///< rollouts executed so far
 

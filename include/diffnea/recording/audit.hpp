@@ -47,8 +47,8 @@ struct ChannelFault {
   double std =
       std::numeric_limits<double>::quiet_NaN();  ///< standard error; NaN: a count or an exact value
   double significance =
-      std::numeric_limits<double>::quiet_NaN();  ///< size over its standard error; NaN likewise
-  FaultSeverity severity = FaultSeverity::kFault;
+      std::numeric_limits<double>::quiet_NaN();    ///< size over its standard error; NaN likewise
+  FaultSeverity severity = FaultSeverity::kFault;  ///< of this fault at this size
   std::string source;    ///< recording and run; empty: all of them together
   std::string evidence;  ///< one sentence with numbers
 };
@@ -58,24 +58,24 @@ struct Period {
   double seconds = 0.0;  ///< smallest; 0: does not repeat
   double std = 0.0;      ///< of `seconds`
   double repeats = 0.0;  ///< how often the recording holds it
-  double mismatch =
-      0.0;  ///< rms difference of positions one period apart, as a share of the motion's rms
+  /// Rms difference of positions one period apart, over √2 times the motion's rms: 1 if unrelated.
+  double mismatch = 0.0;
 };
 
 /// A family of checks: what it looked at, or why it could not.
 struct AuditCheck {
-  std::string name;
-  bool done = false;
-  std::string text;
+  std::string name;   ///< of the family, e.g. "time", "spikes", "measured velocity"
+  bool done = false;  ///< false: it could not look
+  std::string text;   ///< what it looked at, or why it could not
 };
 
 /// What an audit found, and what it looked at.
 struct AuditReport {
   std::vector<ChannelFault> faults;  ///< faults first, then notes; by significance
-  std::vector<AuditCheck> checks;
-  std::vector<Period> periods;  ///< per recording
-  long rows = 0;
-  double rate_hz = 0.0;  ///< of the rows; 0: unknown
+  std::vector<AuditCheck> checks;    ///< done or not
+  std::vector<Period> periods;       ///< per recording
+  long rows = 0;                     ///< of all recordings
+  double rate_hz = 0.0;              ///< of the rows; 0: unknown
 };
 
 /// Looks at all recordings of one robot. Recordings too short or without motion are no error: the

@@ -28,15 +28,16 @@ struct ReadOptions {
 
 /// A row that cannot be true and was left out.
 struct QuarantinedRow {
-  long line = 0;  ///< in the file, 1 is the header
-  std::string reason;
+  long line = 0;       ///< in the file, 1 is the header
+  std::string reason;  ///< why, e.g. "time repeats (0.25)"
 };
 
 /// What reading a file brought up, as data.
 struct ReadReport {
-  std::string source;
+  std::string source;    ///< path of the file; of several all, with commas
   long rows = 0;         ///< rows read, the quarantined included
   long quarantined = 0;  ///< how many of them were left out
+  /// Of each file the first ReadOptions::max_listed.
   std::vector<QuarantinedRow> quarantined_rows;
   std::vector<std::string> extra_channels;  ///< columns that the contract does not know, kept
   std::vector<std::string> notes;           ///< one sentence each, for people
@@ -54,8 +55,10 @@ class RecordingReader {
   explicit RecordingReader(const std::filesystem::path& path, const ReadOptions& options = {});
   ~RecordingReader();
   /// Can be moved, not copied.
+  ///@{
   RecordingReader(RecordingReader&&) noexcept;
   RecordingReader& operator=(RecordingReader&&) noexcept;
+  ///@}
 
   /// The next rows of one run; a block never spans two runs. Rows that cannot be true are left out.
   /// @param block     overwritten; between 1 and max_rows rows

@@ -11,13 +11,13 @@ namespace diffnea {
 
 /// A joint as its model describes it. [rad, rad/s, N·m] or [m, m/s, N]; infinite: not given.
 struct JointDescription {
-  std::string name;
-  bool prismatic = false;
-  bool passive = false;
-  double lower = -std::numeric_limits<double>::infinity();
-  double upper = std::numeric_limits<double>::infinity();
-  double velocity = std::numeric_limits<double>::infinity();
-  double effort = std::numeric_limits<double>::infinity();
+  std::string name;                                           ///< as in the columns: q_<name>
+  bool prismatic = false;                                     ///< slides; false: turns
+  bool passive = false;                                       ///< its torque is known to be zero
+  double lower = -std::numeric_limits<double>::infinity();    ///< least position
+  double upper = std::numeric_limits<double>::infinity();     ///< largest position
+  double velocity = std::numeric_limits<double>::infinity();  ///< largest |q̇|
+  double effort = std::numeric_limits<double>::infinity();    ///< largest |τ|
 };
 
 /// Reorders the recordings' columns to `joints` and takes over which are passive.
@@ -28,8 +28,8 @@ void match_joints(const std::vector<JointDescription>& joints, std::vector<Recor
 
 /// Something about a channel that looks wrong.
 struct ChannelWarning {
-  std::string joint;
-  std::string text;
+  std::string joint;  ///< whose channel it is
+  std::string text;   ///< column, numbers and what they suggest, one sentence
 };
 /// Revolute joints whose positions leave their limits (without limits: ±2π by far) and fit them as
 /// degrees. The columns must be in the order of `joints`.

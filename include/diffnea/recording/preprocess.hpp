@@ -41,31 +41,36 @@ struct PreprocessOptions {
 
 /// What is decided once for all blocks and recordings.
 struct PreprocessPlan {
-  double dt = 0.0;         ///< of the uniform grid [s]
-  double filter_hz = 0.0;  ///< Butterworth cut-off
-  int order = 4;
-  DecimatorOptions decimator;
-  double max_gap = 5.0;
-  double min_segment = 1.0;
-  bool measured_velocity = false;
-  std::vector<double> joint_hz;   ///< per joint: the cut-off for it alone; 0: too short to tell
-  std::vector<double> q_noise;    ///< per joint: standard deviation of q's noise [rad] or [m]
-  std::vector<double> tau_noise;  ///< per joint: of the white part of τ's; NaN: not measured
-  double timing_jitter = 0.0;     ///< share of the intervals that are off dt by more than 2 %
+  double dt = 0.0;                 ///< of the uniform grid [s]
+  double filter_hz = 0.0;          ///< Butterworth cut-off
+  int order = 4;                   ///< of the Butterworth filter, which acts twice
+  DecimatorOptions decimator;      ///< for torques and regressor alike
+  double max_gap = 5.0;            ///< a longer pause splits [periods]
+  double min_segment = 1.0;        ///< a shorter segment is dropped [s]
+  bool measured_velocity = false;  ///< filtered qd and its difference, not differences of q
+  std::vector<double> joint_hz;    ///< per joint: the cut-off for it alone; 0: too short to tell
+  std::vector<double> q_noise;     ///< per joint: standard deviation of q's noise [rad] or [m]
+  std::vector<double> tau_noise;   ///< per joint: of the white part of τ's; NaN: not measured
+  double timing_jitter = 0.0;      ///< share of the intervals that are off dt by more than 2 %
 };
 
 /// Rows of one recording on a uniform grid.
 struct Preprocessed {
+  /// As in the Recording.
+  ///@{
   std::string source;
   int run = 0;
   std::vector<std::string> joint_names;
-  double dt = 0.0;
-  VecX<double> time;           ///< (N) [s]
-  std::vector<int> segment;    ///< (N) rows of one segment are contiguous
-  RowMatX<double> q, qd, qdd;  ///< (N, n) filtered
-  RowMatX<double> q_logged;    ///< (N, n) not filtered
-  RowMatX<double> tau;         ///< (N, n) not filtered; as in Recording where has_tau is false
-  std::vector<bool> has_tau;
+  ///@}
+  double dt = 0.0;                 ///< of the grid [s]
+  VecX<double> time;               ///< (N) [s]
+  std::vector<int> segment;        ///< (N) rows of one segment are contiguous
+  RowMatX<double> q;               ///< (N, n) filtered [rad] or [m]
+  RowMatX<double> qd;              ///< (N, n) of q, or the measured one filtered [rad/s] or [m/s]
+  RowMatX<double> qdd;             ///< (N, n) [rad/s²] or [m/s²]
+  RowMatX<double> q_logged;        ///< (N, n) not filtered
+  RowMatX<double> tau;             ///< (N, n) not filtered; as in Recording where has_tau is false
+  std::vector<bool> has_tau;       ///< as in Recording
   std::vector<std::string> notes;  ///< segments dropped and why
 
   /// Number of rows.
@@ -89,8 +94,10 @@ class Preprocessor {
   explicit Preprocessor(const PreprocessPlan& plan, long block_rows = 0);
   ~Preprocessor();
   /// Can be moved, not copied.
+  ///@{
   Preprocessor(Preprocessor&&) noexcept;
   Preprocessor& operator=(Preprocessor&&) noexcept;
+  ///@}
 
   /// Takes the next rows of one recording. @return rows that are complete
   /// @throws DataError if they are of another recording: finish() ends one

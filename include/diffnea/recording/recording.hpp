@@ -18,9 +18,9 @@ enum class TorqueSampling { kHold, kInstant };
 
 /// A number that belongs to a joint: a gain or limit of its controller.
 struct JointValue {
-  std::string joint;
-  std::string name;  ///< e.g. "kp", "kd", "limit"
-  double value = 0.0;
+  std::string joint;   ///< of the recording
+  std::string name;    ///< e.g. "kp", "kd", "limit"
+  double value = 0.0;  ///< [N·m/rad, N·m·s/rad, N·m] or [N/m, N·s/m, N]
 };
 
 /// A rigid body that the robot held. What is not given is unknown; equal bodies are one body.
@@ -32,12 +32,13 @@ struct HeldBody {
   /// Ixx Ixy Ixz Iyy Iyz Izz about its center of mass, in the link's axes [kg·m²]; needs the com
   std::optional<std::array<double, 6>> about_com;
 
+  /// Whether all entries are equal, the name included: then both are one body.
   bool operator==(const HeldBody&) const = default;
 };
 
 /// What columns cannot hold: the optional `<data>.json` beside the file (contract).
 struct RecordingInfo {
-  TorqueSide torque_side = TorqueSide::kMotor;
+  TorqueSide torque_side = TorqueSide::kMotor;  ///< where all torques were measured
   /// hold: row k's torque acts from row k to k+1; instant: sampled with the positions.
   TorqueSampling torque_sampling = TorqueSampling::kHold;
   double period = 0.0;               ///< of a periodic motion [s]; 0: not periodic
@@ -50,28 +51,28 @@ struct RecordingInfo {
 
 /// A channel that the contract does not know, kept by name.
 struct ExtraChannel {
-  std::string name;
-  VecX<double> values;
+  std::string name;     ///< header of the column, a unit in brackets included
+  VecX<double> values;  ///< (N) as written, no unit converted; NaN: a gap, or no number
 };
 
 /// One uninterrupted recording of N rows and n joints. A gap is NaN. Empty matrices: not measured.
 struct Recording {
   std::string source;  ///< file and run, for messages
-  int run = 0;
-  std::vector<std::string> joint_names;
-  VecX<double> time;     ///< (N) [s], strictly increasing
-  RowMatX<double> q;     ///< (N, n) [rad] or [m]
-  RowMatX<double> qd;    ///< (N, n), measured; empty if not
-  RowMatX<double> qdd;   ///< (N, n), measured; empty if not
-  RowMatX<double> qcmd;  ///< (N, n), desired position; empty if not
-  /// (N, n) [N·m] or [N]. Where has_tau is false: 0 at a passive joint (known), NaN at a prescribed
-  /// one.
+  int run = 0;         ///< of the column `run`, 0 without one; of several files 0, 1, 2 … in order
+  std::vector<std::string> joint_names;  ///< (n) in the order of the columns below
+  VecX<double> time;                     ///< (N) [s], strictly increasing
+  RowMatX<double> q;                     ///< (N, n) [rad] or [m]
+  RowMatX<double> qd;                    ///< (N, n), measured; empty if not
+  RowMatX<double> qdd;                   ///< (N, n), measured; empty if not
+  RowMatX<double> qcmd;                  ///< (N, n), desired position; empty if not
+  /// (N, n) [N·m] or [N]. Where has_tau is false: NaN (unknown) at a prescribed joint, 0 (known) at
+  /// a passive one; simulations leave NaN there, too, until match_joints().
   RowMatX<double> tau;
   std::vector<bool> has_tau;  ///< per joint: measured torque; false: prescribed motion or passive
   RowMatX<double> ball;       ///< (N, 3) [m], W; empty if not measured
   RowMatX<double> spin;       ///< (N, 3) [rad/s], W; empty if not measured
-  std::vector<ExtraChannel> extra;
-  RecordingInfo info;
+  std::vector<ExtraChannel> extra;  ///< in the file's order
+  RecordingInfo info;               ///< what columns cannot hold
 
   /// Number of rows.
   long rows() const { return time.size(); }

@@ -10,12 +10,12 @@ namespace diffnea {
 
 /// N rows, n joints.
 struct Trajectory {
-  std::string source;  ///< file, for messages
-  std::vector<std::string> joint_names;
-  VecX<double> time;    ///< (N) [s], strictly increasing
-  RowMatX<double> q;    ///< (N, n) desired position [rad] or [m]
-  RowMatX<double> qd;   ///< (N, n) [rad/s] or [m/s]
-  RowMatX<double> qdd;  ///< (N, n) [rad/s²] or [m/s²]
+  std::string source;                    ///< file, for messages
+  std::vector<std::string> joint_names;  ///< (n) in the order of the columns
+  VecX<double> time;                     ///< (N) [s], strictly increasing
+  RowMatX<double> q;                     ///< (N, n) desired position [rad] or [m]
+  RowMatX<double> qd;                    ///< (N, n) [rad/s] or [m/s]
+  RowMatX<double> qdd;                   ///< (N, n) [rad/s²] or [m/s²]
 
   /// Number of rows.
   long rows() const { return time.size(); }

@@ -31,8 +31,8 @@ enum class Outcome {
 
 /// How a trial ended, and when.
 struct BallVerdict {
-  Outcome outcome = Outcome::kMissed;
-  std::string text;  ///< one clause: when, and by how much
+  Outcome outcome = Outcome::kMissed;  ///< at the end of the series
+  std::string text;                    ///< one clause: when, and by how much
 };
 
 /// @param time             (T) [s], increasing

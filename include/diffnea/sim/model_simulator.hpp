@@ -25,12 +25,12 @@ struct BallNetwork;  // effects/ball_network.hpp
 
 /// Steps and controller of a simulated model.
 struct ModelSimulatorOptions {
-  ControllerOptions controller;
-  double arm_step = 2e-3;       ///< at most [s]
-  double ball_step = 1e-3;      ///< at most [s]
-  double settle_time = 0.5;     ///< that the arm holds its start before time 0 [s]
-  double least_upright = 0.2;   ///< the cup is upside down where its axis' z is less
-  std::string instruction_set;  ///< of batch_instruction_sets(); empty: the best
+  ControllerOptions controller;  ///< its period is the simulator's
+  double arm_step = 2e-3;        ///< at most [s]
+  double ball_step = 1e-3;       ///< at most [s]
+  double settle_time = 0.5;      ///< that the arm holds its start before time 0 [s]
+  double least_upright = 0.2;    ///< the cup is upside down where its axis' z is less
+  std::string instruction_set;   ///< of batch_instruction_sets(); empty: the best
   /// Moves the ball in place of string, gravity and effects: then nothing pulls at the arm, no cup
   /// catches and nothing is touched. Its step is that of the arm.
   std::shared_ptr<const BallNetwork> ball_network;

@@ -12,26 +12,37 @@
 
 namespace diffnea {
 
-/// Ranges that every number is drawn from, uniformly.
+/// Ranges that every number is drawn from, uniformly. A joint's friction and rotor take its
+/// torque_scale times that, a slide's in [N], [N·s/m] and [kg].
 struct Perturbation {
-  double mass_low = 0.0, mass_high = 0.0;  ///< relative change of every mass
-  double inertia_low = 0.0,
-         inertia_high = 0.0;  ///< relative change of inertias about the centre of mass
-  double com = 0.0;           ///< largest shift of a centre of mass [m]
-  double coulomb_low = 0.0, coulomb_high = 0.0;    ///< added Coulomb friction [N·m]
-  double viscous_low = 0.0, viscous_high = 0.0;    ///< added viscous friction [N·m·s/rad]
-  double armature_low = 0.0, armature_high = 0.0;  ///< added rotor inertia [kg·m²]
-  double attachment = 0.0;  ///< largest shift of where a ball's string is tied [m]
-  double string = 0.0;      ///< largest change of its length [m]
+  double mass_low = 0.0;       ///< least relative change of every mass
+  double mass_high = 0.0;      ///< largest relative change of every mass
+  double inertia_low = 0.0;    ///< least relative change of inertias about the centre of mass
+  double inertia_high = 0.0;   ///< largest relative change of inertias about the centre of mass
+  double com = 0.0;            ///< largest shift of a centre of mass [m]
+  double coulomb_low = 0.0;    ///< least added Coulomb friction [N·m]
+  double coulomb_high = 0.0;   ///< largest added Coulomb friction [N·m]
+  double viscous_low = 0.0;    ///< least added viscous friction [N·m·s/rad]
+  double viscous_high = 0.0;   ///< largest added viscous friction [N·m·s/rad]
+  double armature_low = 0.0;   ///< least added rotor inertia [kg·m²]
+  double armature_high = 0.0;  ///< largest added rotor inertia [kg·m²]
+  double attachment = 0.0;     ///< largest shift of where a ball's string is tied [m]
+  double string = 0.0;         ///< largest change of its length [m]
   double cup_tilt = 0.0;  ///< largest tilt of the cup's axis [rad], about where the string is tied
   // Drives and camera. Springs are at joints that turn, with a rotor and an effort limit.
-  double wind_up_low = 0.0, wind_up_high = 0.0;        ///< of the spring at the effort limit [rad]
-  double relaxation_low = 0.0, relaxation_high = 0.0;  ///< damping over stiffness [s]
-  double stiction_low = 0.0, stiction_high = 0.0;      ///< relative to the drawn Coulomb friction
-  double stribeck_low = 0.0, stribeck_high = 0.0;      ///< where it has faded to 1/e [rad/s]
-  double delay_low = 0.0, delay_high = 0.0;            ///< of all drives [s]
-  double actuation_noise = 0.0;  ///< of the torque that acts [N·m], times torque_scale; not drawn
-  double camera_delay_low = 0.0, camera_delay_high = 0.0;  ///< of the ball [s]
+  double wind_up_low = 0.0;        ///< least wind-up of the spring at the effort limit [rad]
+  double wind_up_high = 0.0;       ///< largest wind-up of the spring at the effort limit [rad]
+  double relaxation_low = 0.0;     ///< least damping of the spring over its stiffness [s]
+  double relaxation_high = 0.0;    ///< largest damping of the spring over its stiffness [s]
+  double stiction_low = 0.0;       ///< least stiction beyond Coulomb friction, as a share of that
+  double stiction_high = 0.0;      ///< largest stiction beyond Coulomb friction, as a share of that
+  double stribeck_low = 0.0;       ///< least speed where it has faded to 1/e [rad/s] or [m/s]
+  double stribeck_high = 0.0;      ///< largest speed where it has faded to 1/e [rad/s] or [m/s]
+  double delay_low = 0.0;          ///< least delay of all drives [s]
+  double delay_high = 0.0;         ///< largest delay of all drives [s]
+  double actuation_noise = 0.0;    ///< of the torque that acts [N·m], times torque_scale; not drawn
+  double camera_delay_low = 0.0;   ///< least delay with which the ball is seen [s]
+  double camera_delay_high = 0.0;  ///< largest delay with which the ball is seen [s]
 };
 /// A robot like `model` whose parameters were drawn anew: every link with mass that moves, every
 /// joint with a motor (friction and rotors times torque_scale). Physically consistent if the model

@@ -12,8 +12,9 @@ namespace diffnea {
 /// measured motion is recorded; for a simulated one it commands kp (q_measured − q) + kd
 /// (q̇_measured − q̇) more, whatever its feed-forward is.
 struct Feedback {
-  VecX<double> kp, kd;  ///< (n) [N·m/rad, N·m·s/rad] or [N/m, N·s/m]
-  VecX<double> limit;   ///< (n) of the torque [N·m] or [N]; infinite if there is none
+  VecX<double> kp;     ///< (n) [N·m/rad] or [N/m]
+  VecX<double> kd;     ///< (n) [N·m·s/rad] or [N·s/m]
+  VecX<double> limit;  ///< (n) of the torque [N·m] or [N]; infinite if there is none
 };
 
 /// Positions, (end − begin, n) [rad] or [m], as the encoders of the model would log them; NaN from
