@@ -108,10 +108,9 @@ class Experiment {
     line_.show(std::string("recording ") + name, "");
     RecordOptions options;
     options.scale_noise(world.noise);
-    const std::uint64_t seed = c_.common.seed;
-    const SimulatedRecording r = record_in_world(world, nominal_, motion, options, seed,
-                                                 threads_of(c_.common), world.seed ? seed : 0)
-                                     .result;
+    const SimulatedRecording r =
+        record_in_world(world, nominal_, motion, options, c_.common.seed, threads_of(c_.common))
+            .result;
     if (!r.failure.empty())
       throw DataError(std::string("the recording of ") + name + " ended early: " + r.failure);
     const std::string file = (out_ / (std::string(name) + ".csv")).string();

@@ -63,9 +63,8 @@ void run_simulate(SimulateOptions options) {
   } else {
     const WorldSpec world = parse_world(options.world);
     options.record.scale_noise(options.noise.value_or(world.noise));
-    WorldRecording recorded =
-        record_in_world(world, model, trajectory, options.record, options.common.seed,
-                        threads_of(options.common), world.seed ? options.common.seed : 0);
+    WorldRecording recorded = record_in_world(world, model, trajectory, options.record,
+                                              options.common.seed, threads_of(options.common));
     result = std::move(recorded.result);
     if (!options.truth.empty()) write_model(recorded.truth, options.truth);
   }

@@ -58,8 +58,7 @@ Simulation simulate(const Model& model, const Trajectory& trajectory,
   } else {
     const WorldSpec spec = parse_world(*world);
     scale_noise(noise.value_or(spec.noise));
-    WorldRecording recorded = record_in_world(spec, model, trajectory, options, options.seed, 1,
-                                              spec.seed ? options.seed : 0);
+    WorldRecording recorded = record_in_world(spec, model, trajectory, options, options.seed);
     out.truth = std::move(recorded.truth);
     result = std::move(recorded.result);
   }

@@ -232,8 +232,10 @@ DrawnWorld draw(const WorldSpec& world, std::uint64_t seed) {
 
 WorldRecording record_in_world(const WorldSpec& world, const Model& controller,
                                const Trajectory& trajectory, RecordOptions options,
-                               std::uint64_t seed, int threads, std::uint64_t number) {
+                               std::uint64_t seed, int threads,
+                               std::optional<std::uint64_t> number) {
   options.seed = world.seed.value_or(seed);
+  const std::uint64_t noise = number.value_or(world.seed ? seed : 0);
   options.actuation_noise = together(options.actuation_noise, world.perturbation.actuation_noise);
   DrawnWorld drawn = draw(world, options.seed);
   WorldRecording out{.result = {}, .truth = std::move(drawn.truth)};
@@ -243,7 +245,7 @@ WorldRecording record_in_world(const WorldSpec& world, const Model& controller,
   const auto work = [&] {
     for (std::size_t k = next++; k < repetitions.size(); k = next++) {
       RecordOptions own = options;  // other noise; Rng tells neighbouring seeds well apart
-      own.seed += k * 0x9e3779b97f4a7c15ULL + number * 0xd1b54a32d192ed03ULL;
+      own.seed += k * 0x9e3779b97f4a7c15ULL + noise * 0xd1b54a32d192ed03ULL;
       try {
         repetitions[k] = record_in_mujoco(drawn.document, out.truth, controller, trajectory, own);
       } catch (...) {

@@ -59,13 +59,15 @@ struct WorldRecording {
 };
 /// Draws the world's robot and records it: record_in_mujoco with the ball that the world asks for,
 /// repetitions averaged (each with noise of its own). The noise of `options` is taken as it is.
-/// @param seed     where the world has none of its own
+/// @param seed     of robot and noise; where the world has one of its own, that is the robot's
 /// @param threads  that repetitions are divided among; the result does not depend on it
-/// @param number   of several recordings of one robot: every number has noise of its own
+/// @param number   of several recordings of one robot: every number has noise of its own. By
+///   default 0, or `seed` where that is not the robot's
 /// @throws as record_in_mujoco; ModelError if the world asks for a ball that the document has not
 WorldRecording record_in_world(const WorldSpec& world, const Model& controller,
                                const Trajectory& trajectory, RecordOptions options,
-                               std::uint64_t seed, int threads = 1, std::uint64_t number = 0);
+                               std::uint64_t seed, int threads = 1,
+                               std::optional<std::uint64_t> number = {});
 
 /// Draws the world's robot as record_in_world does, for policies to act in. `repetitions` and
 /// `noise` are the caller's: the noise of `options` is taken as it is.
