@@ -1,6 +1,6 @@
 # Compiles one kernel source once per instruction set and adds the objects to a target.
 #
-# Each copy sees DIFFNEA_ISA, a bare identifier: sse2, avx2 or avx512 on x86-64, base elsewhere. Every entry point
+# Each copy sees DIFFNEA_ISA, a bare identifier: sse2, avx2 or (not with clang) avx512 on x86-64, base elsewhere. Every entry point
 # must carry that name (a namespace or a suffix), the caller chooses one by __builtin_cpu_supports.
 #
 # Inline functions and templates that do not carry the name (std::, Eigen) are emitted in every copy under one
@@ -9,11 +9,17 @@
 function(diffnea_add_isa_kernels target source)
   get_filename_component(stem "${source}" NAME_WE)
   if(CMAKE_SYSTEM_PROCESSOR MATCHES "^(x86_64|AMD64)$")
-    set(isas sse2 avx2 avx512)
+    set(isas sse2 avx2)
     set(march_sse2 x86-64)
     set(march_avx2 x86-64-v3)
     set(march_avx512 x86-64-v4)
     target_compile_definitions(${target} PRIVATE DIFFNEA_HAS_X86_KERNELS)
+    # clang 19 over libstdc++ 12: masks of <experimental/simd> hold nothing with AVX-512, and select() returns one side.
+    if(CMAKE_CXX_COMPILER_ID MATCHES "Clang")
+      target_compile_definitions(${target} PRIVATE DIFFNEA_NO_AVX512_KERNELS)
+    else()
+      list(APPEND isas avx512)
+    endif()
   else()
     set(isas base)
   endif()

@@ -19,7 +19,8 @@ struct Kernels {
 /// Best first.
 const Kernels kKernels[] = {
 #ifdef DIFFNEA_HAS_X86_KERNELS
-    // What the build's -march=x86-64-v4 and -v3 let the compiler use.
+// What the build's -march=x86-64-v4 and -v3 let the compiler use.
+#ifndef DIFFNEA_NO_AVX512_KERNELS
     {"avx512",
      [] {
        return __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") &&
@@ -27,6 +28,7 @@ const Kernels kKernels[] = {
               __builtin_cpu_supports("avx512vl") && __builtin_cpu_supports("bmi2");
      },
      batch::avx512::rnea, batch::avx512::aba, batch::avx512::regressor},
+#endif
     {"avx2",
      [] {
        return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") &&

@@ -24,7 +24,9 @@ MakePackWorld* kernel(const std::string& instruction_set) {
                 "'; choices: " + names);
   }
 #ifdef DIFFNEA_HAS_X86_KERNELS
+#ifndef DIFFNEA_NO_AVX512_KERNELS
   if (name == "avx512") return sim::avx512::make_pack_world;
+#endif
   if (name == "avx2") return sim::avx2::make_pack_world;
   return sim::sse2::make_pack_world;
 #else
