@@ -42,8 +42,11 @@ BumpRows::BumpRows(const Evidence& evidence, const Search& search, const std::ve
     add(t.projected.leftCols(t.width()));
     if (!t.shapes.empty()) add(projection.project(evidence.columns(t.effect, t.shapes)));
   }
-  protected_ = C.middleRows(begin_, m_);
-  base_ = projection.basis().middleRows(begin_, m_);
+  const auto of_joint = [&](const MatX<double>& rows) {
+    return rows.cols() > 0 ? MatX<double>(rows.middleRows(begin_, m_)) : MatX<double>(m_, 0);
+  };
+  protected_ = of_joint(C);
+  base_ = of_joint(projection.basis());
 }
 
 BumpWeights BumpRows::fit(const MatX<double>& columns) const {

@@ -167,6 +167,7 @@ Whitener::Whitener(const Evidence& evidence, std::vector<JointNoise> noise,
 
 MatX<double> Whitener::operator()(const MatX<double>& rows) const {
   MatX<double> out(rows.rows(), rows.cols());
+  if (rows.cols() == 0) return out;
   for (long k = 0; k < static_cast<long>(noise_.size()); ++k)
     out.middleRows(k * times_, times_) = joint(k, rows.middleRows(k * times_, times_));
   return out;

@@ -34,6 +34,7 @@ MatX<double> Projection::project(const MatX<double>& columns) const {
 MatX<double> Projection::project_whitened(MatX<double> columns) const {
   const long n = columns.rows();
   columns.conservativeResize(n + prior_.root.rows(), Eigen::NoChange);
+  if (columns.cols() == 0) return columns;
   columns.bottomRows(prior_.root.rows()).setZero();
   if (Q_.cols() > 0)
     for (int twice = 0; twice < 2; ++twice)  // once more: orthogonal to rounding (Kahan, Parlett)

@@ -81,7 +81,7 @@ void ScoreTable::fill(Variant& v) const {
   if (v.offset) both.col(term.width()) = term.offset;
   v.joints.clear();
   for (long k = 0; k < static_cast<long>(evidence_.joints().size()); ++k)
-    if (!both.middleRows(k * m, m).isZero(0.0)) v.joints.push_back(k);
+    if (both.cols() > 0 && !both.middleRows(k * m, m).isZero(0.0)) v.joints.push_back(k);
   v.raw.resize(m * static_cast<long>(v.joints.size()), both.cols());
   for (std::size_t i = 0; i < v.joints.size(); ++i)
     v.raw.middleRows(static_cast<long>(i) * m, m) = both.middleRows(v.joints[i] * m, m);
@@ -111,7 +111,7 @@ void ScoreTable::measure(Variant& v, const MatX<double>& raw, const Whitener& wh
   for (std::size_t i = 0; i < v.joints.size(); ++i) {
     auto block = v.whitened.middleRows(static_cast<long>(i) * m, m);
     block = whitener.joint(v.joints[i], raw.middleRows(static_cast<long>(i) * m, m));
-    onto_base.noalias() += Q.middleRows(v.joints[i] * m, m).transpose() * block;
+    if (Q.cols() > 0) onto_base.noalias() += Q.middleRows(v.joints[i] * m, m).transpose() * block;
     v.onto.noalias() += block.transpose() * projection.residual().segment(v.joints[i] * m, m);
   }
   const MatX<double> whole = v.whitened.transpose() * v.whitened;
