@@ -100,7 +100,8 @@ void run_identify(IdentifyCommand c) {
   if (!c.common.json && !c.common.quiet)
     std::printf("%s: result.json, model.json, report.html\n", folder.path().string().c_str());
   if (run.fit.summary.interrupted) {
-    std::fprintf(stderr, "interrupted: the result is of what had been read until then\n");
+    std::fprintf(stderr, "interrupted: the result is of what had been done until then (%s)\n",
+                 run.fit.summary.termination.c_str());
     throw CLI::RuntimeError(kInterrupted);
   }
   if (!run.fit.summary.converged) {

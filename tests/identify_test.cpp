@@ -203,6 +203,18 @@ TEST_CASE("identify: a callback that says stop is obeyed, what was read is fitte
   CHECK_THAT(result.summary.termination, ContainsSubstring("interrupted"));
 }
 
+TEST_CASE("identify: stopped while testing, the fit is whole and says what errors are of",
+          "[identify]") {
+  IdentifyOptions options;
+  const IdentifyResult whole = identify(draw().nominal, {draw().train}, {draw().test}, options);
+  options.progress = [](const FitProgress& p) { return p.stage != "testing"; };
+  const IdentifyResult stopped = identify(draw().nominal, {draw().train}, {draw().test}, options);
+  CHECK(stopped.summary.interrupted);
+  CHECK(stopped.summary.converged);
+  CHECK_THAT(stopped.summary.termination, ContainsSubstring("while testing"));
+  CHECK(find(stopped, "forearm.mass").value == find(whole, "forearm.mass").value);
+}
+
 TEST_CASE("identify: input that cannot be fitted is refused with the reason", "[identify]") {
   const auto first = [](long rows) {
     Recording brief = draw().train;

@@ -87,7 +87,8 @@ IdentifyResult without_arm(const Model& model, const RecordingSource& train, con
 }
 
 bool same_numbers(const RowMatX<double>& a, const RowMatX<double>& b) {
-  return a.rows() == b.rows() && a.cols() == b.cols() &&
+  if (a.rows() != b.rows() || a.cols() != b.cols()) return false;
+  return a.size() == 0 ||
          std::memcmp(a.data(), b.data(), sizeof(double) * static_cast<std::size_t>(a.size())) == 0;
 }
 
@@ -170,6 +171,9 @@ IdentifyResult identify(const Model& model, const RecordingSource& train,
         std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     result.summary.seconds += seconds;
     result.summary.seconds_fitting += seconds;
+  } else if (!ball.train.empty()) {
+    result.summary.converged = false;
+    result.summary.termination += "; the ball was not fitted";
   }
   if (const std::string note = ball_note(model, train); !note.empty()) result.notes.push_back(note);
   add_warnings(model, train, test, result);

@@ -47,7 +47,7 @@ std::vector<TorqueSeries> make_series(const TorqueFit& fit, const TorqueRegressi
 /// moved, since columns depend on those. Null: the rows of the fit serve both.
 std::unique_ptr<TorqueRegression> rows_before(const TorqueFit& fit, const RecordingSource& source,
                                               const PreprocessPlan& plan, int first_run,
-                                              const IdentifyOptions& options) {
+                                              const IdentifyOptions& options, bool& stopped) {
   VecX<double> prior(fit.shape.size());
   for (long s = 0; s < prior.size(); ++s) prior[s] = fit.layout.shape[s].prior;
   if (prior == fit.shape) return nullptr;
@@ -55,7 +55,9 @@ std::unique_ptr<TorqueRegression> rows_before(const TorqueFit& fit, const Record
   o.first_run = first_run;
   auto out = std::make_unique<TorqueRegression>(fit.model, fit.layout, plan,
                                                 RegressionPoint{fit.nominal, prior}, o);
-  for_each_block(source, plan, "testing", 2, options, [&](const Preprocessed& b) { out->add(b); });
+  stopped |= for_each_block(source, plan, "testing", 2, options, [&](const Preprocessed& b) {
+               out->add(b);
+             }).interrupted;
   return out;
 }
 
@@ -66,7 +68,9 @@ void set_torque_errors(const TorqueFit& fit, const RecordingSource& train,
                        IdentifyResult& result) {
   const Gains gains(fit.layout);
   std::unique_ptr<TorqueRegression> held, held_all, held_before;
-  const std::unique_ptr<TorqueRegression> moved = rows_before(fit, train, fit.plan, 0, options);
+  bool stopped = false;
+  const std::unique_ptr<TorqueRegression> moved =
+      rows_before(fit, train, fit.plan, 0, options, stopped);
   const TorqueRegression& train_before = moved ? *moved : fit.rows;
   VecX<double> raw = VecX<double>::Constant(fit.layout.num_dofs, kNaN);
   PreprocessOptions same = options.preprocess;
@@ -87,19 +91,22 @@ void set_torque_errors(const TorqueFit& fit, const RecordingSource& train,
       held_all->add(b);
     });
     result.notes.insert(result.notes.end(), p.notes.begin(), p.notes.end());
+    stopped |= p.interrupted;
     const std::vector<int> runs = test->runs();
     std::map<int, ExtendedTree> fitted;  // per run: bodies that the robot held in it
     VecX<double> sum = VecX<double>::Zero(fit.layout.num_dofs);
     long rows = 0;
-    for_each_block(*test, plan, "testing", 1, options, [&](const Preprocessed& b) {
-      if (!fitted.contains(b.run))
-        fitted[b.run] = extend(result.model, runs, fit.training_runs + b.run);
-      const RowMatX<double> tau = inverse_dynamics(fitted[b.run], b.q, b.qd, b.qdd, b.run);
-      sum += (tau - b.tau).colwise().squaredNorm().transpose();
-      rows += b.rows();
-    });
+    const Pass raw_pass =
+        for_each_block(*test, plan, "testing", 1, options, [&](const Preprocessed& b) {
+          if (!fitted.contains(b.run))
+            fitted[b.run] = extend(result.model, runs, fit.training_runs + b.run);
+          const RowMatX<double> tau = inverse_dynamics(fitted[b.run], b.q, b.qd, b.qdd, b.run);
+          sum += (tau - b.tau).colwise().squaredNorm().transpose();
+          rows += b.rows();
+        });
+    stopped |= raw_pass.interrupted;
     if (rows > 0) raw = (sum / static_cast<double>(rows)).cwiseSqrt();
-    held_before = rows_before(fit, *test, plan, fit.training_runs, options);
+    held_before = rows_before(fit, *test, plan, fit.training_runs, options, stopped);
     result.test_series = make_series(fit, *held, held_before ? *held_before : *held);
   }
   result.train_series = make_series(fit, fit.rows, train_before);
@@ -120,6 +127,11 @@ void set_torque_errors(const TorqueFit& fit, const RecordingSource& train,
       e.test_raw = raw[j];
     }
     result.errors.push_back(e);
+  }
+  if (stopped && !result.summary.interrupted) {
+    result.summary.interrupted = true;
+    result.summary.termination +=
+        "; interrupted while testing, errors are of the rows read until then";
   }
 }
 

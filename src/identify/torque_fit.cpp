@@ -358,13 +358,13 @@ class InverseFit {
     note_payloads(layout_, gains_, fit_, result_.notes);
     result_.physically_consistent = options_.linear.physical;
     note_consistency(layout_, fit_, result_);
-    set_torque_errors(
-        {model_, layout_, result_.plan, nominal_, x_, shape_, *regression_, training_runs_}, train_,
-        test_, options_, result_);
     FitSummary& s = result_.summary;
     s.termination = s.interrupted ? "interrupted; fitted to what had been read"
                     : s.converged ? "converged"
                                   : "the barrier method stopped before its tolerance";
+    set_torque_errors(
+        {model_, layout_, result_.plan, nominal_, x_, shape_, *regression_, training_runs_}, train_,
+        test_, options_, result_);
   }
 
   const Model& model_;

@@ -145,7 +145,7 @@ std::string data_notes(const IdentifyResult& fit) {
 std::string warnings(const IdentifyResult& fit) {
   std::vector<std::string> items;
   if (fit.summary.interrupted)
-    items.push_back("The fit was interrupted: " + fit.summary.termination + ".");
+    items.push_back("Interrupted: " + fit.summary.termination + ".");
   else if (!fit.summary.converged)
     items.push_back("The fit did not converge: " + fit.summary.termination + ".");
   if (!fit.physically_consistent) items.push_back("Physical consistency was not asked for.");
