@@ -19,12 +19,18 @@ inline std::string number_text(double x, int digits = 4) {
 /// 0.021"; the value alone without one.
 inline std::string value_and_spread(double value, double spread) {
   if (!(spread > 0.0) || !std::isfinite(spread)) return number_text(value);
-  const int decimals = std::max(0, 1 - static_cast<int>(std::floor(std::log10(spread))));
+  const int magnitude = static_cast<int>(std::floor(std::log10(spread)));
+  const int decimals = std::max(0, 1 - magnitude);
   char text[400];
   if (decimals > 6 || spread >= 1e6) {
-    std::snprintf(text, sizeof text, "%.3g ± %.1g", value, spread);
+    const int digits =
+        std::abs(value) > spread
+            ? 2 + static_cast<int>(std::floor(std::log10(std::abs(value)))) - magnitude
+            : 2;
+    std::snprintf(text, sizeof text, "%.*g ± %.2g", digits, value, spread);
   } else {
-    const double shown = std::abs(value) < 0.5 * std::pow(10.0, -decimals) ? 0.0 : value;  // not −0
+    const double shown =
+        std::abs(value) <= 0.5 * std::pow(10.0, -decimals) ? 0.0 : value;  // not −0
     std::snprintf(text, sizeof text, "%.*f ± %.*f", decimals, shown, decimals, spread);
   }
   return text;
