@@ -221,9 +221,10 @@ std::string candidates(const Finding& f) {
     rows.push_back({"<b>" + escape(at(c.effect, c.where)) + "</b>", number(c.delta_bic, 3),
                     percent(c.visible_share), escape(rival_list(c.members, c.members.size())),
                     escape(rival_list(c.rivals))});
-  out += html_table({"cause", "ΔBIC of leaving it out", "visible beside the base",
-                     "cannot be told from (ΔBIC)", "rivals in its place, worse by (ΔBIC)"},
-                    rows, {"", "n", "n", "wrap", "wrap"});
+  out += html_table(
+      {"cause", "ΔBIC of leaving it out", "visible beside the base", "cannot be told from (ΔBIC)",
+       "rivals in its place (worse by ΔBIC; below 0: more general)"},
+      rows, {"", "n", "n", "wrap", "wrap"});
   return out;
 }
 

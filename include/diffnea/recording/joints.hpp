@@ -20,10 +20,9 @@ struct JointDescription {
   double effort = std::numeric_limits<double>::infinity();    ///< largest |τ|
 };
 
-/// Reorders the recordings' columns to `joints` and takes over which are passive.
-/// @throws DataError that lists both sets of names if they differ; if a joint that the model calls
-/// passive
-///         has torque
+/// Reorders the recordings' columns to `joints` and takes over which are passive: what torque they
+/// have counts as zero.
+/// @throws DataError that lists both sets of names if they differ
 void match_joints(const std::vector<JointDescription>& joints, std::vector<Recording>& recordings);
 
 /// Something about a channel that looks wrong.
