@@ -137,6 +137,7 @@ TEST_CASE("diagnose: who turns back all the time keeps the turns", "[diagnose]")
   CHECK(few.everywhere);
   for (const auto& rows : few.rows) CHECK(std::ranges::count(rows, true) > still.margin);
   CHECK_FALSE(many_of_them.everywhere);
+  CHECK(stuck_rows(often, still, Turns::kKept).late > 0.0);  // though it sticks
   long left_out = 0;
   for (const auto& rows : many_of_them.rows) left_out += std::ranges::count(rows, true);
   CHECK(left_out < 10 * 43 / 2);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <set>
 
 #include <diffnea/core/error.hpp>
 
@@ -13,6 +14,7 @@
 #include "diagnose/selection.hpp"
 #include "diagnose/sentence.hpp"
 #include "diagnose/simulated.hpp"
+#include "diagnose/turns.hpp"
 
 namespace diffnea {
 namespace {
@@ -52,7 +54,7 @@ BandDiagnosis::BandDiagnosis(const Model& model, const RecordingSource& train,
     };
 }
 
-const Finding& BandDiagnosis::examine() {
+Finding& BandDiagnosis::examine() {
   const Timer timer(case_.finding.seconds);
   prepare(case_);
   select();
@@ -61,10 +63,9 @@ const Finding& BandDiagnosis::examine() {
   return case_.finding;
 }
 
-Finding BandDiagnosis::finish(bool stopped) {
+Finding BandDiagnosis::finish() {
   {
     const Timer timer(case_.finding.seconds);
-    case_.finding.interrupted |= stopped;
     if (case_.finding.verdict == Verdict::kUnknown && case_.options.grey_box &&
         !case_.finding.interrupted)
       grey_ = grey_box(case_.model, *case_.train, *case_.search, terms_, *case_.held_out, witness_,
@@ -78,14 +79,14 @@ Finding BandDiagnosis::finish(bool stopped) {
   return std::move(case_.finding);
 }
 
-std::vector<std::string> BandDiagnosis::without_turns(const std::string& effect) const {
+std::vector<std::string> BandDiagnosis::without_turns(
+    const std::vector<std::string>& effects) const {
   std::vector<std::string> out;
-  const std::vector<std::string> names = joint_names(case_.model);
   for (const int j : case_.train->sticking())
-    if (std::ranges::any_of(case_.candidates, [&](const Candidate& c) {
-          return c.effect.info().name == effect && c.effect.joints == std::vector<int>{j};
-        }))
-      out.push_back(names[static_cast<std::size_t>(j)]);
+    for (const Candidate& c : case_.candidates)
+      if (c.effect.joints == std::vector<int>{j} && !c.effect.own &&
+          std::ranges::find(effects, c.effect.info().name) != effects.end())
+        out.push_back(c.effect.info().name + "@" + c.effect.where);
   return out;
 }
 
@@ -100,8 +101,7 @@ void BandDiagnosis::select() {
   first_scores_ = case_.search->scores({});
   level_sum_ = case_.search->residual_sum();
   terms_ = selection.run([this](const FitProgress& progress) {
-    case_.finding.interrupted = case_.options.progress && !case_.options.progress(progress);
-    return !case_.finding.interrupted;
+    return !case_.options.progress || case_.options.progress(progress);
   });
   if (static_cast<int>(terms_.size()) >= most)
     case_.finding.notes.push_back("stopped at " + std::to_string(most) +
@@ -125,14 +125,21 @@ void BandDiagnosis::select() {
 }
 
 void BandDiagnosis::note_friction() {
+  if (case_.link_side) return;  // identify has no friction of drives there
   const std::vector<std::string> names = joint_names(case_.model);
   const std::set<int> known = dry_joints(case_.layout);
   std::string lack;
-  for (const int j : case_.train->joints())
-    if (!known.contains(j) && std::ranges::any_of(terms_, [&](const Term& t) {
-          return is_dry(t.effect) && t.effect.joints == std::vector<int>{j};
-        }))
+  for (std::size_t k = 0; k < case_.train->joints().size(); ++k) {
+    const int j = case_.train->joints()[k];
+    const auto dry_friction = [&](const Term& t) {
+      return t.effect.joints == std::vector<int>{j} &&
+             std::ranges::find(t.effect.parameter_info, "smoothing", &ParameterInfo::name) !=
+                 t.effect.parameter_info.end();
+    };
+    if (!known.contains(j) && !case_.train->passive(static_cast<long>(k)) &&
+        std::ranges::any_of(terms_, dry_friction))
       lack += (lack.empty() ? "" : ", ") + names[static_cast<std::size_t>(j)];
+  }
   if (!lack.empty())
     case_.finding.notes.push_back(
         "the base has no dry friction at " + lack +

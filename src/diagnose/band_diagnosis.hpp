@@ -17,20 +17,21 @@ class BandDiagnosis {
   BandDiagnosis& operator=(const BandDiagnosis&) = delete;
 
   /// Verdict and causes; finish() adds what goes with them.
-  const Finding& examine();
+  Finding& examine();
+  /// What there is of it.
+  const Finding& finding() const { return case_.finding; }
 
-  /// @param stopped  a look beyond it was interrupted
-  Finding finish(bool stopped = false);
+  Finding finish();
 
   /// Whether there are frequencies beyond those that were looked at.
   bool wider() const { return case_.wider; }
 
-  /// Joints whose turns were left out, of those where `effect` is a candidate.
-  std::vector<std::string> without_turns(const std::string& effect) const;
+  /// Those of `effects` that are candidates at a joint whose turns were left out, "effect@joint".
+  std::vector<std::string> without_turns(const std::vector<std::string>& effects) const;
 
  private:
   void select();
-  /// That a base without dry friction is better identified first.
+  /// That a base whose drives have no dry friction is better identified first.
   void note_friction();
   void describe();
   void judge();

@@ -69,7 +69,7 @@ class Evidence {
   double cut_off() const { return cut_off_; }
   /// How often the k-th of joints() turns back [1/s].
   double turns_per_second(long k) const { return turns_per_second_[static_cast<std::size_t>(k)]; }
-  /// How long it sticks meanwhile [s], RMS, where it does at each of its turns and they are kept.
+  /// How long it sticks meanwhile [s], RMS, where it does at each of its turns; of Turns::kKept.
   double late(long k) const { return late_[static_cast<std::size_t>(k)]; }
   /// Filtered positions, velocities, accelerations, (times(), num_dofs()).
   const MatX<double>& q() const { return q_; }

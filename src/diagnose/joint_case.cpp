@@ -93,7 +93,8 @@ void prepare(JointCase& c) {
   for (const int j : c.train->sticking())
     c.finding.notes.push_back(joint_names(c.model)[static_cast<std::size_t>(j)] +
                               " sticks wherever it turns back: its turns are left out, and what "
-                              "friction does at low speed (Stribeck) may be missed there");
+                              "shows there alone (Stribeck friction, gaps, springs that friction "
+                              "winds up), which is looked for once more with them, may be missed");
   if (!c.train->averaged()) c.period = 0.0;  // does not repeat well enough
   if (c.test_source) {
     const std::vector<Recording> held = c.test_source->sample();

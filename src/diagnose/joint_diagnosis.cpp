@@ -1,6 +1,9 @@
 #include "diagnose/joint_diagnosis.hpp"
 
 #include <algorithm>
+#include <optional>
+
+#include <diffnea/core/error.hpp>
 
 #include "diagnose/band_diagnosis.hpp"
 
@@ -9,94 +12,153 @@ namespace {
 
 /// The effect that is looked for beyond the first band.
 const std::string kGap = "backlash";
-/// The one that shows where a joint turns back, and is looked for there at joints that stick.
-const std::string kAtTurns = "stribeck_friction";
+/// Those that show where a joint turns back, and are looked for there at joints that stick.
+const std::vector<std::string> kAtTurns{"stribeck_friction", "backlash", "joint_elasticity"};
+
+/// What is looked at, and the seconds of looks that are not shown.
+struct Question {
+  const Model& model;
+  const RecordingSource& train;
+  const RecordingSource* test;
+  const DiagnoseOptions& options;
+  double spent = 0.0;
+};
+
+/// Whether a second look came to its end; the first one's finding is then told of an interruption.
+bool came_to_its_end(BandDiagnosis& second, Question& of, Finding& first) {
+  try {
+    second.examine();
+  } catch (const Error&) {  // of too few rows: what an interruption left
+    if (!second.finding().interrupted) throw;
+  }
+  of.spent += second.finding().seconds;
+  first.interrupted |= second.finding().interrupted;
+  return !second.finding().interrupted;
+}
 
 /// Where nothing was found, a gap is looked for in the wider band: there the positions' noise, as a
 /// torque, drowns any smooth effect, but a step of a position has as wide a spectrum. It has to be
 /// the only cause, beside all candidates.
-Finding with_gap_beyond(const Model& model, const RecordingSource& train,
-                        const RecordingSource* test, const DiagnoseOptions& options,
-                        Finding narrow) {
-  DiagnoseOptions gaps = options;
+Finding with_gap_beyond(Question& of, Finding narrow) {
+  DiagnoseOptions gaps = of.options;
   gaps.candidates.clear();
-  if (options.effects.empty()) gaps.effects = {kGap};
+  if (of.options.effects.empty()) gaps.effects = {kGap};
   std::erase_if(gaps.effects, [](const std::string& e) { return !e.starts_with(kGap); });
   if (gaps.effects.empty()) return narrow;
   gaps.grey_box = false;
-  const Finding screened =
-      BandDiagnosis(model, train, test, Band::kWide, Turns::kLeftOut, gaps).examine();
-  narrow.seconds += screened.seconds;
-  narrow.interrupted |= screened.interrupted;
-  if (narrow.interrupted || screened.causes.empty()) return narrow;
-  BandDiagnosis again(model, train, test, Band::kWide, Turns::kLeftOut, options);
-  const Finding& seen = again.examine();
-  narrow.interrupted |= seen.interrupted;
-  if (seen.interrupted || seen.causes.empty() ||
-      std::ranges::any_of(seen.causes, [](const Cause& c) { return c.effect != kGap; }))
+  BandDiagnosis screen(of.model, of.train, of.test, Band::kWide, Turns::kLeftOut, gaps);
+  if (!came_to_its_end(screen, of, narrow) || screen.finding().causes.empty()) return narrow;
+  BandDiagnosis again(of.model, of.train, of.test, Band::kWide, Turns::kLeftOut, of.options);
+  if (!came_to_its_end(again, of, narrow) || again.finding().causes.empty() ||
+      std::ranges::any_of(again.finding().causes, [](const Cause& c) { return c.effect != kGap; }))
     return narrow;
+  of.spent += narrow.seconds - again.finding().seconds;
   Finding wide = again.finish();
-  wide.seconds += narrow.seconds;
   wide.notes.push_back("up to " + format_number(narrow.plan.filter_hz) +
                        " Hz nothing was left to explain: the gap shows up to " +
                        format_number(wide.plan.filter_hz) + " Hz");
   return wide;
 }
 
-/// Whether the causes are those of `first` and friction of the turns at some of `joints`. With
+bool same(const Cause& a, const Cause& b) { return a.effect == b.effect && a.where == b.where; }
+
+/// Whether a cause of `first` is one of `second` with parameters that do not contradict it.
+bool stands(const Cause& cause, const Finding& second) {
+  const auto it =
+      std::ranges::find_if(second.causes, [&](const Cause& c) { return same(c, cause); });
+  if (it == second.causes.end()) return false;
+  for (std::size_t k = 0; k < cause.parameters.size(); ++k) {
+    const double value = cause.parameters[k].value;
+    if (value < it->parameters[k].low || value > it->parameters[k].high) return false;
+  }
+  return true;
+}
+
+/// What of `stuck` ("effect@joint") is among the causes of `second`, if that is all it adds. With
 /// turns of joints that stick, other effects stand for what holds the joint meanwhile.
-bool adds_only_friction_of_turns(const Finding& first, const Finding& second,
-                                 const std::vector<std::string>& joints) {
-  const auto among = [](const Cause& cause, const std::vector<Cause>& causes) {
-    return std::ranges::any_of(
-        causes, [&](const Cause& c) { return c.effect == cause.effect && c.where == cause.where; });
-  };
-  return second.causes.size() > first.causes.size() &&
-         std::ranges::all_of(first.causes,
-                             [&](const Cause& c) { return among(c, second.causes); }) &&
-         std::ranges::all_of(second.causes, [&](const Cause& c) {
-           return among(c, first.causes) ||
-                  (c.effect == kAtTurns && std::ranges::find(joints, c.where) != joints.end());
-         });
+std::vector<std::string> adds_at_turns(const Finding& first, const Finding& second,
+                                       const std::vector<std::string>& stuck) {
+  std::vector<std::string> out;
+  if (!std::ranges::all_of(first.causes, [&](const Cause& c) { return stands(c, second); }))
+    return out;
+  for (const Cause& c : second.causes) {
+    if (std::ranges::any_of(first.causes, [&](const Cause& f) { return same(f, c); })) continue;
+    if (std::ranges::find(stuck, c.effect + "@" + c.where) == stuck.end()) return {};
+    std::string name = c.effect;
+    std::ranges::replace(name, '_', ' ');
+    out.push_back(name + " at " + c.where);
+  }
+  return out;
+}
+
+/// What shows at the turns alone, where those of joints that stick were left out: of the causes and
+/// that, then of all candidates, it must be what is added.
+std::optional<Finding> with_turns(Question& of, BandDiagnosis& narrow, Finding& first) {
+  std::vector<std::string> stuck = narrow.without_turns(kAtTurns);
+  std::erase_if(stuck, [&](const std::string& s) {
+    return std::ranges::any_of(first.causes,
+                               [&](const Cause& c) { return s == c.effect + "@" + c.where; });
+  });
+  // What is told of an unknown cause hangs on its turns, too.
+  if (stuck.empty() || first.verdict == Verdict::kUnknown) return std::nullopt;
+  DiagnoseOptions few = of.options;
+  few.effects = stuck;
+  for (const Cause& c : first.causes)
+    if (std::ranges::none_of(of.options.candidates,
+                             [&](const OwnCandidate& own) { return own.name == c.effect; }))
+      few.effects.push_back(c.effect + "@" + c.where);
+  few.grey_box = false;
+  BandDiagnosis screen(of.model, of.train, of.test, Band::kInformative, Turns::kKept, few);
+  if (!came_to_its_end(screen, of, first) || adds_at_turns(first, screen.finding(), stuck).empty())
+    return std::nullopt;
+  BandDiagnosis again(of.model, of.train, of.test, Band::kInformative, Turns::kKept, of.options);
+  if (!came_to_its_end(again, of, first) || again.finding().verdict == Verdict::kUnknown)
+    return std::nullopt;
+  const std::vector<std::string> at = adds_at_turns(first, again.finding(), stuck);
+  if (at.empty()) return std::nullopt;
+  of.spent += first.seconds - again.finding().seconds;
+  Finding finding = again.finish();
+  std::string what;
+  for (const std::string& effect : at) what += (what.empty() ? "" : ", ") + effect;
+  finding.notes.push_back(what +
+                          " does not show without the turns of a joint that sticks wherever it "
+                          "turns back: it was looked for with them");
+  return finding;
+}
+
+Finding look(Question& of) {
+  BandDiagnosis narrow(of.model, of.train, of.test, Band::kInformative, Turns::kLeftOut,
+                       of.options);
+  Finding& first = narrow.examine();
+  if (!first.interrupted)
+    if (std::optional<Finding> more = with_turns(of, narrow, first)) return *std::move(more);
+  if (first.interrupted || !narrow.wider()) return narrow.finish();
+  if (first.verdict == Verdict::kNone) return with_gap_beyond(of, narrow.finish());
+  if (first.verdict != Verdict::kUnknown) return narrow.finish();
+  // A stiff loop keeps what is fast out of the positions, not out of the torques.
+  BandDiagnosis wide(of.model, of.train, of.test, Band::kWide, Turns::kLeftOut, of.options);
+  const bool ended = came_to_its_end(wide, of, first);
+  const Finding& second = wide.finding();
+  const bool says_more = second.verdict != Verdict::kUnknown ||
+                         (first.witness.empty() && !second.witness.empty()) ||
+                         second.gain.explained_share > first.gain.explained_share;
+  if (!ended || !says_more) return narrow.finish();
+  of.spent += first.seconds - second.seconds;
+  Finding finding = wide.finish();
+  finding.notes.push_back("up to " + format_number(first.plan.filter_hz) +
+                          " Hz no effect of the catalogue explained the error: looked at up to " +
+                          format_number(finding.plan.filter_hz) + " Hz");
+  return finding;
 }
 
 }  // namespace
 
 Finding diagnose_joints(const Model& model, const RecordingSource& train,
                         const RecordingSource* test, const DiagnoseOptions& options) {
-  BandDiagnosis narrow(model, train, test, Band::kInformative, Turns::kLeftOut, options);
-  const Finding& first = narrow.examine();
-  const std::vector<std::string> stuck = narrow.without_turns(kAtTurns);
-  if (!first.interrupted && !stuck.empty()) {
-    BandDiagnosis turns(model, train, test, Band::kInformative, Turns::kKept, options);
-    const Finding& second = turns.examine();
-    if (second.interrupted) return narrow.finish(true);
-    if (adds_only_friction_of_turns(first, second, stuck)) {
-      Finding finding = turns.finish();
-      finding.seconds += first.seconds;
-      finding.notes.push_back(
-          "without the turns of joints that stick wherever they turn back, this friction does not "
-          "show: it was looked for with them");
-      return finding;
-    }
-  }
-  if (first.interrupted || !narrow.wider()) return narrow.finish();
-  if (first.verdict == Verdict::kNone)
-    return with_gap_beyond(model, train, test, options, narrow.finish());
-  if (first.verdict != Verdict::kUnknown) return narrow.finish();
-  // A stiff loop keeps what is fast out of the positions, not out of the torques.
-  BandDiagnosis wide(model, train, test, Band::kWide, Turns::kLeftOut, options);
-  const Finding& second = wide.examine();
-  const bool says_more = second.verdict != Verdict::kUnknown ||
-                         (first.witness.empty() && !second.witness.empty()) ||
-                         second.gain.explained_share > first.gain.explained_share;
-  if (second.interrupted || !says_more) return narrow.finish(second.interrupted);
-  Finding finding = wide.finish();
-  finding.seconds += first.seconds;
-  finding.notes.push_back("up to " + format_number(first.plan.filter_hz) +
-                          " Hz no effect of the catalogue explained the error: looked at up to " +
-                          format_number(finding.plan.filter_hz) + " Hz");
-  return finding;
+  Question of{model, train, test, options};
+  Finding out = look(of);
+  out.seconds += of.spent;
+  return out;
 }
 
 }  // namespace diffnea

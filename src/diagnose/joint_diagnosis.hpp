@@ -5,8 +5,8 @@
 
 namespace diffnea {
 
-/// As diagnose(), of the torques alone; where nothing or nothing known explains them, with a second
-/// look at higher frequencies.
+/// As diagnose(), of the torques alone; with a second look at the turns of joints that stick, and
+/// at higher frequencies where nothing or nothing known explains the torques.
 Finding diagnose_joints(const Model& model, const RecordingSource& train,
                         const RecordingSource* test, const DiagnoseOptions& options);
 

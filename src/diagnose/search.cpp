@@ -168,7 +168,7 @@ VecX<double> Search::inexact_friction(const std::vector<Term>& terms, bool of_la
   VecX<double> out(static_cast<long>(evidence_.joints().size()));
   for (long k = 0; k < out.size(); ++k) {
     double share = kBaseDryAccuracy * kBaseDryAccuracy;
-    if (of_late_turns) {
+    if (of_late_turns || evidence_.late(k) > 0.0) {
       const double late = std::max(kLateTurn, evidence_.late(k));
       share =
           std::max(share, 4.0 * late * late * evidence_.cut_off() * evidence_.turns_per_second(k));
@@ -179,7 +179,6 @@ VecX<double> Search::inexact_friction(const std::vector<Term>& terms, bool of_la
 }
 
 double Search::late_turns(const Term& term, const std::vector<Term>& terms) const {
-  if (!is_like_friction(term.effect)) return 0.0;
   const VecX<double> unknown = inexact_friction(terms, true);
   double out = 0.0;
   for (long k = 0; k < unknown.size(); ++k)

@@ -51,10 +51,11 @@ class Search {
   double inexact_at(const Term& term, const std::vector<Term>& terms) const;
   /// χ² that the base leaves at each of joints() because the torque of its dry friction is not
   /// exact: no function of the motion tells it.
-  /// @param of_late_turns  what passes for other functions of the velocity is more
+  /// @param of_late_turns  what passes for other functions of the velocity is more; where turns are
+  ///   kept at which the joint sticks, all of it
   VecX<double> inexact_friction(const std::vector<Term>& terms, bool of_late_turns) const;
-  /// That of late turns at the joints of a term like friction, where they stick and their turns are
-  /// kept: so much of what the term removes may be none of its.
+  /// That of late turns at the joints of a term, where they stick and their turns are kept: so much
+  /// of what the term removes may be none of its.
   double late_turns(const Term& term, const std::vector<Term>& terms) const;
 
   /// What a fit costs, −2 ln of its likelihood but for a constant: n ln χ², the noise as large as
