@@ -399,7 +399,7 @@ TEST_CASE("cup: caught from above alone, where the ball passes the rim", "[sim]"
   CHECK_FALSE(is_caught(P{0.097, 0.0201}, P{0.094, 0.0201}, cup, r));  // rim
   CHECK_FALSE(is_caught(P{0.094, 0.0}, P{0.097, 0.0}, cup, r));        // from below
   CHECK_FALSE(is_caught(P{0.099, 0.0}, P{0.096, 0.0}, cup, r));        // hovers over it
-  CHECK_FALSE(is_caught(P{0.097, 0.06}, P{0.094, 0.0}, cup, r));       // past the rim, sideways
+  CHECK_FALSE(is_caught(P{0.097, 0.063}, P{0.094, 0.0}, cup, r));      // past the rim, sideways
 
   CHECK(std::abs(distance_to_cup(P{0.095 + 0.02, 0.04}, cup) - 0.02) < kRounding);  // over the rim
   CHECK(std::abs(distance_to_cup(P{0.05, 0.063}, cup) - 0.02) < kRounding);
