@@ -31,6 +31,7 @@ VecX<double> read_column(JsonObject& o, const char* key, long rows) {
 
 RowMatX<double> table(const std::vector<VecX<double>>& columns, long rows) {
   RowMatX<double> out(rows, static_cast<long>(columns.size()));
+  if (rows == 0) return out;
   for (std::size_t i = 0; i < columns.size(); ++i) out.col(static_cast<long>(i)) = columns[i];
   return out;
 }
