@@ -157,7 +157,7 @@ std::vector<Score> ScoreTable::scores(const std::vector<Term>& terms, const Whit
     // Without terms that is all there is to know.
     for (std::size_t j = 0; !terms.empty() && j < v.joints.size(); ++j) {
       const auto block = whitened.middleRows(static_cast<long>(j) * m, m);
-      SG.noalias() += S.G.middleRows(v.joints[j] * m, m).transpose() * block;
+      if (s > 0) SG.noalias() += S.G.middleRows(v.joints[j] * m, m).transpose() * block;
       Gr.noalias() -= block.transpose() * S.offset.segment(v.joints[j] * m, m);
     }
     MatX<double> K(s + k, s + k);
