@@ -229,7 +229,7 @@ MatX<double> Evidence::decimate(const std::vector<RowMatX<double>>& stretches) c
   MatX<double> out(rows, stretches.empty() ? 0 : stretches[0].cols());
   rows = 0;
   for (const RowMatX<double>& part : parts) {
-    if (part.rows() > 0) out.middleRows(rows, part.rows()) = part;
+    if (part.size() > 0) out.middleRows(rows, part.rows()) = part;
     rows += part.rows();
   }
   return out;
