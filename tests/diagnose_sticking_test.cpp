@@ -47,6 +47,12 @@ std::vector<Turn> many(double before, double after, double still, int count = 40
   return out;
 }
 
+long left_out(const StuckRows& of) {
+  long out = 0;
+  for (const auto& rows : of.rows) out += std::ranges::count(rows, true);
+  return out;
+}
+
 }  // namespace
 
 TEST_CASE("diagnose: a standstill of the filter's length is told from a reversal", "[diagnose]") {
@@ -138,9 +144,7 @@ TEST_CASE("diagnose: who turns back all the time keeps the turns", "[diagnose]")
   for (const auto& rows : few.rows) CHECK(std::ranges::count(rows, true) > still.margin);
   CHECK_FALSE(many_of_them.everywhere);
   CHECK(stuck_rows(often, still, Turns::kKept).late > 0.0);  // though it sticks
-  long left_out = 0;
-  for (const auto& rows : many_of_them.rows) left_out += std::ranges::count(rows, true);
-  CHECK(left_out < 10 * 43 / 2);
+  CHECK(left_out(many_of_them) < 10 * 43 / 2);
 }
 
 TEST_CASE("diagnose: of turns that are kept, how long the joint sticks is known", "[diagnose]") {
@@ -151,11 +155,6 @@ TEST_CASE("diagnose: of turns that are kept, how long the joint sticks is known"
     sticks.push_back(reversal(10.0, 10.0, 0.006, rng));
     turns.push_back(reversal(10.0, 10.0, 0.0, rng));
   }
-  const auto left_out = [](const StuckRows& of) {
-    long out = 0;
-    for (const auto& rows : of.rows) out += std::ranges::count(rows, true);
-    return out;
-  };
   const StuckRows kept = stuck_rows(sticks, still, Turns::kKept);
   CHECK_FALSE(kept.everywhere);
   CHECK(left_out(kept) < left_out(stuck_rows(sticks, still, Turns::kLeftOut)));

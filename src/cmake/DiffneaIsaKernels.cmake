@@ -1,7 +1,7 @@
 # Compiles one kernel source once per instruction set and adds the objects to a target.
 #
-# Each copy sees DIFFNEA_ISA, a bare identifier: sse2, avx2 or (not with clang) avx512 on x86-64, base elsewhere. Every entry point
-# must carry that name (a namespace or a suffix), the caller chooses one by __builtin_cpu_supports.
+# Each copy sees DIFFNEA_ISA, a bare identifier: sse2, avx2 or (not with clang) avx512 on x86-64, base elsewhere. Every
+# entry point must carry that name (a namespace or a suffix), the caller chooses one by __builtin_cpu_supports.
 #
 # Inline functions and templates that do not carry the name (std::, Eigen) are emitted in every copy under one
 # symbol; the linker would keep one copy for the whole program, perhaps the AVX-512 one, and an older processor would

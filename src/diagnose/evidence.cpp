@@ -229,7 +229,7 @@ MatX<double> Evidence::decimate(const std::vector<RowMatX<double>>& stretches) c
   MatX<double> out(rows, stretches.empty() ? 0 : stretches[0].cols());
   rows = 0;
   for (const RowMatX<double>& part : parts) {
-    if (part.size() > 0) out.middleRows(rows, part.rows()) = part;
+    if (part.rows() > 0) out.middleRows(rows, part.rows()) = part;
     rows += part.rows();
   }
   return out;
@@ -308,6 +308,7 @@ void Evidence::evaluate(const TriedEffect::Own& own) {
 MatX<double> Evidence::columns(const TriedEffect& effect, const std::vector<int>& which) const {
   const long m = times(), width = static_cast<long>(which.size());
   MatX<double> out = MatX<double>::Zero(rows(), width);
+  if (which.empty()) return out;
   if (effect.own) {
     const MatX<double>& of = own_.at({effect.own->name, effect.where});
     const auto at = std::ranges::find(joints_, effect.joints[0]);

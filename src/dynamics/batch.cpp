@@ -19,8 +19,8 @@ struct Kernels {
 /// Best first.
 const Kernels kKernels[] = {
 #ifdef DIFFNEA_HAS_X86_KERNELS
-// What the build's -march=x86-64-v4 and -v3 let the compiler use.
 #ifndef DIFFNEA_NO_AVX512_KERNELS
+    // What the build's -march=x86-64-v4, and then -v3, lets the compiler use.
     {"avx512",
      [] {
        return __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") &&
