@@ -295,7 +295,7 @@ std::vector<std::pair<std::string, std::string>> audit_fault_names() {
       {"acceleration_unrelated", "as velocity_unrelated, for qdd and d²q/dt²"},
       {"time_shift", "a channel is a pure delay later (or earlier) than the positions"},
       {"torque_sign",
-       "torque drops where the joint's velocity turns positive: friction with the wrong sign"},
+       "torque drops where its joint's velocity turns positive, or falls as it accelerates"},
       {"torque_swapped", "torque jumps at the reversals of another joint"},
       {"period", "the period that the sidecar states is not that of the motion"},
   };

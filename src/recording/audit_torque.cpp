@@ -1,7 +1,7 @@
-/// Torque channels without dynamics. Friction is the one term that every geared joint has, that
-/// jumps with the sign of its own velocity, and whose sign is known: it tells whose torque a
-/// channel is, and which way round. All that is smooth in q, q̇ and q̈ goes into a black box beside
-/// it.
+/// Torque channels without dynamics. Two terms have a known sign: friction, which every geared
+/// joint has and which jumps with the sign of its own velocity, and a joint's own inertia. Friction
+/// tells whose torque a channel is, and which way round; inertia the latter, where there is too
+/// little friction. All else that is smooth goes into a black box beside them.
 
 #include <algorithm>
 #include <cmath>
@@ -18,6 +18,8 @@ namespace {
 constexpr double kEdge = 0.05;
 /// Of the rms torque: smaller jumps are left to chance.
 constexpr double kSmallJump = 0.03;
+/// Of the rms torque: what a joint's own acceleration must account for, to be told by.
+constexpr double kSmallInertia = 0.1;
 
 /// Rows about 50 Hz apart, of all stretches.
 struct Rows {
@@ -40,147 +42,219 @@ Rows choose_rows(const AuditContext& c) {
   return out;
 }
 
+/// Joints that move by more than their noise.
+std::vector<int> moving_joints(const AuditContext& c) {
+  std::vector<int> out;
+  if (c.stretches.empty()) return out;
+  for (int j = 0; j < c.num_joints(); ++j) {
+    double low = std::numeric_limits<double>::infinity(), high = -low, square = 0.0, rows = 0.0;
+    for (const FilteredStretch& s : c.stretches) {
+      low = std::min(low, s.q.col(j).minCoeff());
+      high = std::max(high, s.q.col(j).maxCoeff());
+      square += s.qd.col(j).squaredNorm();
+      rows += static_cast<double>(s.qd.rows());
+    }
+    if (high - low > 0.02 && std::sqrt(square / rows) > 20.0 * c.velocity_noise[j])
+      out.push_back(j);
+  }
+  return out;
+}
+
+/// Columns that a torque is made of: the sign of q̇, q̇ and q̈ of each moving joint first, then sines
+/// and cosines of the positions for gravity, an offset per recording; products of two joints where
+/// there are rows enough for them.
+struct BlackBox {
+  Rows rows;
+  std::vector<int> moving;
+  MatX<double> x;  ///< empty: too few rows
+
+  BlackBox(const AuditContext& c, std::vector<int> joints)
+      : rows(choose_rows(c)), moving(std::move(joints)) {
+    const long num_rows = static_cast<long>(rows.at.size()), m = static_cast<long>(moving.size());
+    const long trigonometric = 2 * m, positions = trigonometric * (trigonometric - 1) / 2;
+    const long plain = 3 * m + trigonometric + static_cast<long>(c.recordings.size());
+    const long all = plain + positions;
+    const bool with_products = all < num_rows / 10;
+    const long columns = with_products ? all : plain;
+    if (columns * 5 > num_rows) return;
+    const std::vector<RowMatX<double>> signs = velocity_signs(c);
+    x.setZero(num_rows, columns);
+    VecX<double> trig(trigonometric);
+    for (long i = 0; i < num_rows; ++i) {
+      const auto& [k, row] = rows.at[i];
+      const FilteredStretch& s = c.stretches[k];
+      for (long j = 0; j < m; ++j) {
+        const int joint = moving[j];
+        x(i, j) = signs[k](row, j);
+        x(i, m + j) = s.qd(row, joint);
+        x(i, 2 * m + j) = s.qdd(row, joint);
+        trig[2 * j] = std::sin(s.q(row, joint));
+        trig[2 * j + 1] = std::cos(s.q(row, joint));
+      }
+      x.row(i).segment(3 * m, trigonometric) = trig.transpose();
+      x(i, 3 * m + trigonometric + static_cast<long>(s.recording)) = 1.0;
+      if (!with_products) continue;
+      long at = plain;
+      for (long a = 0; a < trigonometric; ++a)
+        for (long b = a + 1; b < trigonometric; ++b) x(i, at++) = trig[a] * trig[b];
+    }
+  }
+
+  long column(int joint) const { return std::ranges::find(moving, joint) - moving.begin(); }
+
+ private:
+  /// What the low-pass does to torques, it must do to the jumps; all else is smooth.
+  std::vector<RowMatX<double>> velocity_signs(const AuditContext& c) const {
+    const Butterworth filter(c.plan->order, c.plan->filter_hz, 1.0 / c.plan->dt);
+    std::vector<double> edge(moving.size(), 0.0);
+    for (std::size_t i = 0; i < moving.size(); ++i) {
+      for (const auto& [k, row] : rows.at)
+        edge[i] += std::pow(c.stretches[k].qd(row, moving[i]), 2);
+      edge[i] = kEdge * std::sqrt(edge[i] / static_cast<double>(rows.at.size()));
+    }
+    std::vector<RowMatX<double>> out;
+    for (const FilteredStretch& s : c.stretches) {
+      RowMatX<double> sign(s.qd.rows(), static_cast<long>(moving.size()));
+      for (std::size_t j = 0; j < moving.size(); ++j)
+        sign.col(static_cast<long>(j)) = (s.qd.col(moving[j]).array() / edge[j]).tanh();
+      filter.filter_both_ways(sign);
+      out.push_back(std::move(sign));
+    }
+    return out;
+  }
+};
+
+/// What a joint's motion has to do with a channel.
+struct Coefficient {
+  double size = 0.0, z = 0.0;
+  double share = 0.0;  ///< of the channel's rms
+};
+
+/// A channel's dependence on every joint: where it reverses, and on its q̇ and q̈.
+struct Channel {
+  std::vector<Coefficient> jump, viscous, inertia;  ///< by joint, as in `measured`
+};
+
+Channel fit_channel(const AuditContext& c, const BlackBox& box, const std::vector<int>& measured,
+                    int joint) {
+  const std::size_t num = measured.size();
+  const long m = static_cast<long>(box.moving.size());
+  Channel out{std::vector<Coefficient>(num), std::vector<Coefficient>(num),
+              std::vector<Coefficient>(num)};
+  VecX<double> tau(box.x.rows());
+  for (long i = 0; i < tau.size(); ++i)
+    tau[i] = c.stretches[box.rows.at[i].first].tau(box.rows.at[i].second, joint);
+  const double rms = std::sqrt((tau.array() - tau.mean()).square().mean());
+  if (!(rms > 0.0)) return out;
+  const BlockFit fit = fit_in_blocks(box.x, tau, box.rows.block);
+  const auto at = [&](long column) {
+    const double size = fit.coefficients[column], std = fit.std[column];
+    return Coefficient{
+        size, std > 0.0 ? size / std : 0.0,
+        std::abs(size) * std::sqrt(box.x.col(column).squaredNorm() / double(tau.size())) / rms};
+  };
+  for (std::size_t j = 0; j < num; ++j) {
+    const long column = box.column(measured[j]);
+    out.jump[j] = at(column);
+    out.jump[j].share = std::abs(out.jump[j].size) / rms;
+    out.viscous[j] = at(m + column);
+    out.inertia[j] = at(2 * m + column);
+  }
+  return out;
+}
+
 }  // namespace
 
 void audit_torque(AuditContext& c) {
   const char* const kName = "sign and joint of torques";
-  std::vector<int> measured, moving;
-  if (!c.stretches.empty())
-    for (int j = 0; j < c.num_joints(); ++j) {
-      double low = std::numeric_limits<double>::infinity(), high = -low, square = 0.0, rows = 0.0;
-      for (const FilteredStretch& s : c.stretches) {
-        low = std::min(low, s.q.col(j).minCoeff());
-        high = std::max(high, s.q.col(j).maxCoeff());
-        square += s.qd.col(j).squaredNorm();
-        rows += static_cast<double>(s.qd.rows());
-      }
-      if (!(high - low > 0.02 && std::sqrt(square / rows) > 20.0 * c.velocity_noise[j])) continue;
-      moving.push_back(j);
-      if (c.has_tau[j]) measured.push_back(j);
-    }
+  std::vector<int> measured, moving = moving_joints(c);
+  for (const int j : moving)
+    if (c.has_tau[j]) measured.push_back(j);
   if (measured.empty()) {
     c.check(kName, false,
             !c.unfiltered_reason.empty() ? c.unfiltered_reason
                                          : "no joint with a torque moves by enough");
     return;
   }
-  const Rows rows = choose_rows(c);
-  const long num_rows = static_cast<long>(rows.at.size()), m = static_cast<long>(moving.size());
-  const long runs = static_cast<long>(c.recordings.size());
-  std::vector<double> edge(moving.size(), 0.0);
-  for (std::size_t i = 0; i < moving.size(); ++i) {
-    for (const auto& [k, row] : rows.at) edge[i] += std::pow(c.stretches[k].qd(row, moving[i]), 2);
-    edge[i] = kEdge * std::sqrt(edge[i] / static_cast<double>(num_rows));
-  }
-  // Sign of every joint first, then what is smooth: q̇, q̈, and trigonometric terms of gravity,
-  // products of two joints where there are rows enough for them.
-  const long trigonometric = 2 * m, products = trigonometric * (trigonometric - 1) / 2;
-  const long plain = 3 * m + trigonometric + runs;
-  const bool with_products = plain + products < num_rows / 10;
-  const long columns = plain + (with_products ? products : 0);
-  if (columns * 5 > num_rows) {
-    c.check(kName, false, format("%ld rows at 50 Hz are too few for %ld joints", num_rows, m));
+  const BlackBox box(c, std::move(moving));
+  if (box.x.size() == 0) {
+    c.check(kName, false,
+            format("%zu rows at 50 Hz are too few for %zu joints", box.rows.at.size(),
+                   box.moving.size()));
     return;
   }
-  // What the low-pass does to torques, it must do to the jumps; all else is smooth.
-  const Butterworth filter(c.plan->order, c.plan->filter_hz, 1.0 / c.plan->dt);
-  std::vector<RowMatX<double>> signs;
-  for (const FilteredStretch& s : c.stretches) {
-    RowMatX<double> sign(s.qd.rows(), m);
-    for (long j = 0; j < m; ++j) sign.col(j) = (s.qd.col(moving[j]).array() / edge[j]).tanh();
-    filter.filter_both_ways(sign);
-    signs.push_back(std::move(sign));
-  }
-  MatX<double> x = MatX<double>::Zero(num_rows, columns);
-  for (long i = 0; i < num_rows; ++i) {
-    const auto& [k, row] = rows.at[i];
-    const FilteredStretch& s = c.stretches[k];
-    VecX<double> trig(trigonometric);
-    for (long j = 0; j < m; ++j) {
-      const int joint = moving[j];
-      x(i, j) = signs[k](row, j);
-      x(i, m + j) = s.qd(row, joint);
-      x(i, 2 * m + j) = s.qdd(row, joint);
-      trig[2 * j] = std::sin(s.q(row, joint));
-      trig[2 * j + 1] = std::cos(s.q(row, joint));
-    }
-    x.row(i).segment(3 * m, trigonometric) = trig.transpose();
-    x(i, 3 * m + trigonometric + static_cast<long>(s.recording)) = 1.0;
-    if (!with_products) continue;
-    long at = plain;
-    for (long a = 0; a < trigonometric; ++a)
-      for (long b = a + 1; b < trigonometric; ++b) x(i, at++) = trig[a] * trig[b];
-  }
-  struct Jump {
-    double size = 0.0, z = 0.0;
-  };
   const std::size_t num = measured.size();
-  std::vector<std::vector<Jump>> jump(num, std::vector<Jump>(num));  // [channel][joint]
-  std::vector<double> rms(num, 0.0);
-  for (std::size_t k = 0; k < num; ++k) {
-    VecX<double> tau(num_rows);
-    for (long i = 0; i < num_rows; ++i)
-      tau[i] = c.stretches[rows.at[i].first].tau(rows.at[i].second, measured[k]);
-    rms[k] = std::sqrt((tau.array() - tau.mean()).square().mean());
-    if (!(rms[k] > 0.0)) continue;
-    const BlockFit fit = fit_in_blocks(x, tau, rows.block);
-    for (std::size_t j = 0; j < num; ++j) {
-      const long column = std::ranges::find(moving, measured[j]) - moving.begin();
-      jump[k][j].size = fit.coefficients[column];
-      jump[k][j].z = fit.std[column] > 0.0 ? fit.coefficients[column] / fit.std[column] : 0.0;
-    }
-  }
+  std::vector<Channel> channel;
+  for (const int j : measured) channel.push_back(fit_channel(c, box, measured, j));
   // The black box is not the robot, so a jump must be clearer than other faults.
   const double sure = 2.0 * c.limits.significance;
-  const auto clear = [&](std::size_t k, std::size_t j, double sign) {
-    return sign * jump[k][j].z > sure && sign * jump[k][j].size > kSmallJump * rms[k];
+  const auto jumps = [&](std::size_t k, std::size_t j, double sign) {
+    const Coefficient& jump = channel[k].jump[j];
+    return sign * jump.z > sure && jump.share > kSmallJump;
   };
-  int decided = 0;
+  int by_friction = 0, by_inertia = 0;
   std::vector<bool> swapped(num, false);
   for (std::size_t k = 0; k < num; ++k) {
     const std::string& joint = c.joints[measured[k]].name;
     const std::string unit = c.torque_unit(measured[k]);
-    if (clear(k, k, 1.0)) ++decided;
+    const Coefficient &jump = channel[k].jump[k], &inertia = channel[k].inertia[k];
+    if (jumps(k, k, 1.0)) ++by_friction;
     if (swapped[k]) continue;
     std::size_t other = k;
     for (std::size_t j = k + 1; j < num; ++j)
-      if (clear(k, j, 1.0) && clear(j, k, 1.0) &&
-          jump[k][j].size > 4.0 * std::abs(jump[k][k].size) &&
-          jump[j][k].size > 4.0 * std::abs(jump[j][j].size))
+      if (jumps(k, j, 1.0) && jumps(j, k, 1.0) &&
+          channel[k].jump[j].size > 4.0 * std::abs(jump.size) &&
+          channel[j].jump[k].size > 4.0 * std::abs(channel[j].jump[j].size))
         other = j;
     if (other != k) {
       swapped[other] = true;
       const std::string& second = c.joints[measured[other]].name;
-      ChannelFault f =
-          make_fault("torque_swapped", joint, "tau_" + joint, jump[k][other].size, unit);
-      f.significance = std::min(jump[k][other].z, jump[other][k].z);
-      f.std = std::abs(jump[k][other].size / jump[k][other].z);
+      const Coefficient &here = channel[k].jump[other], &there = channel[other].jump[k];
+      ChannelFault f = make_fault("torque_swapped", joint, "tau_" + joint, here.size, unit);
+      f.significance = std::min(here.z, there.z);
+      f.std = std::abs(here.size / here.z);
       f.evidence = format(
           "tau_%s jumps by %.3g %s where %s reverses and by %.2g where %s does; tau_%s "
           "the other way round (%.3g and %.2g): friction of each in the other's channel",
-          joint.c_str(), 2.0 * jump[k][other].size, unit.c_str(), second.c_str(),
-          2.0 * jump[k][k].size, joint.c_str(), second.c_str(), 2.0 * jump[other][k].size,
-          2.0 * jump[other][other].size);
+          joint.c_str(), 2.0 * here.size, unit.c_str(), second.c_str(), 2.0 * jump.size,
+          joint.c_str(), second.c_str(), 2.0 * there.size, 2.0 * channel[other].jump[other].size);
       c.add(std::move(f));
       continue;
     }
-    if (!clear(k, k, -1.0)) continue;
-    ++decided;
-    ChannelFault f = make_fault("torque_sign", joint, "tau_" + joint, jump[k][k].size, unit);
-    f.significance = -jump[k][k].z;
-    f.std = std::abs(jump[k][k].size / jump[k][k].z);
+    if (jumps(k, k, -1.0)) {
+      ++by_friction;
+      ChannelFault f = make_fault("torque_sign", joint, "tau_" + joint, jump.size, unit);
+      f.significance = -jump.z;
+      f.std = std::abs(jump.size / jump.z);
+      f.evidence = format(
+          "drops by %.3g ± %.2g %s where %s turns from negative to positive velocity; "
+          "friction makes it rise: the sign is flipped",
+          -2.0 * jump.size, 2.0 * f.std, unit.c_str(), joint.c_str());
+      c.add(std::move(f));
+      continue;
+    }
+    // A late torque takes friction's share off the inertia, but does not turn friction round.
+    if (jumps(k, k, 1.0) || std::abs(inertia.z) < sure || inertia.share < kSmallInertia ||
+        channel[k].viscous[k].z > c.limits.significance)
+      continue;
+    ++by_inertia;
+    if (inertia.size > 0.0) continue;
+    const std::string per = unit + "/(" + c.position_unit(measured[k]) + "/s^2)";
+    ChannelFault f = make_fault("torque_sign", joint, "tau_" + joint, inertia.size, per);
+    f.significance = -inertia.z;
+    f.std = std::abs(inertia.size / inertia.z);
     f.evidence = format(
-        "drops by %.3g ± %.2g %s where %s turns from negative to positive velocity; "
-        "friction makes it rise: the sign is flipped",
-        -2.0 * jump[k][k].size, 2.0 * f.std, unit.c_str(), joint.c_str());
+        "falls by %.3g ± %.2g %s as %s accelerates, where a mass makes it rise (its friction is "
+        "too small to be seen): the sign of the torque, or of the position, is flipped",
+        -inertia.size, f.std, per.c_str(), joint.c_str());
     c.add(std::move(f));
   }
   c.check(
       kName, true,
-      format(
-          "friction shows whose torque it is, and its sign, at %d of %zu joints; whether torques "
-          "are shifted in time against positions needs the dynamics (diagnose)",
-          decided, num));
+      format("friction shows whose torque it is, and its sign, at %d of %zu joints, and inertia "
+             "its sign at %d of the others; whether torques are shifted in time against "
+             "positions needs the dynamics (diagnose)",
+             by_friction, num, by_inertia));
 }
 
 }  // namespace diffnea::detail
