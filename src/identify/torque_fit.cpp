@@ -138,6 +138,7 @@ class InverseFit {
     if (options_.robust != Robust::kNone || options_.loss == Loss::kForward)
       pass(layout_, false, true);  // errors are torques, of all rows
     note_rest(model_, *regression_, result_.notes);
+    if (!gains_.any()) note_torque_scale(model_, layout_, *regression_, result_.notes);
   }
 
   /// Covariance of the score that knows of the residuals' autocorrelation, from the rows of the

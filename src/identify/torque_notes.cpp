@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "identify/torque_scale.hpp"
+
 namespace diffnea {
 namespace {
 
@@ -36,6 +38,23 @@ void note_rest(const Model& model, const TorqueRegression& rows, std::vector<std
         "torque samples at which a joint rests are left out, since dry friction at "
         "rest can have any size: " +
         list);
+}
+
+void note_torque_scale(const Model& model, const FitLayout& layout, const TorqueRegression& rows,
+                       std::vector<std::string>& notes) {
+  const std::optional<TorqueScale> scale = common_torque_scale(layout, rows.factors());
+  if (!scale) return;
+  const std::vector<std::string> names = joint_names(model);
+  std::string list;
+  for (const auto& [joint, factor] : scale->of_joint)
+    list += (list.empty() ? "" : ", ") + names[joint] + " " + format_number(factor);
+  notes.push_back(std::string(kWarning) + "the torques are " + format_number(scale->factor) +
+                  " times what the model's links need before the fit, alike at several joints (" +
+                  list +
+                  "): another unit, gear ratio or torque constant of the columns, or masses of the "
+                  "model that are wrong by one factor. Torques alone cannot tell these apart: what "
+                  "is fitted predicts the recorded torques, and its masses are so many times those "
+                  "of the model");
 }
 
 void note_payloads(const FitLayout& layout, const Gains& gains, const LinearFit& fit,

@@ -11,6 +11,11 @@ namespace diffnea {
 /// Joints that rest in over 5 % of the rows, whose torque is then left out.
 void note_rest(const Model& model, const TorqueRegression& rows, std::vector<std::string>& notes);
 
+/// All torques off by one factor: a unit, a gear ratio or a torque constant. Of a fit in which no
+/// gain is free.
+void note_torque_scale(const Model& model, const FitLayout& layout, const TorqueRegression& rows,
+                       std::vector<std::string>& notes);
+
 /// A payload's mass says as much of the torque constants as of the payload; one that is held
 /// calibrates them.
 void note_payloads(const FitLayout& layout, const Gains& gains, const LinearFit& fit,
