@@ -1,4 +1,3 @@
-#include <cstdio>
 #include <map>
 
 #include <diffnea/core/error.hpp>
@@ -52,8 +51,7 @@ void run_diagnose(DiagnoseCommand c) {
   run.reproduce.command = c.command_line;
   const auto nothing_found = [&] {
     line.clear();
-    std::fprintf(stderr, "interrupted before anything was found; nothing was written\n");
-    throw CLI::RuntimeError(kInterrupted);
+    stop(kInterrupted, "interrupted before anything was found; nothing was written");
   };
   try {
     line.show({"opening", 0, 0, 0.0});
@@ -76,14 +74,9 @@ void run_diagnose(DiagnoseCommand c) {
     run.reproduce.inputs.push_back(describe_input("test", file));
   publish_diagnose_run(run, folder);
   line.clear();
-  const std::string text = c.common.json ? diagnose_result_json(run) : diagnose_text(run);
-  std::fwrite(text.data(), 1, text.size(), stdout);
-  if (!c.common.json && !c.common.quiet)
-    std::printf("\n%s: result.json, model.json, report.html\n", folder.path().string().c_str());
-  if (run.finding.interrupted) {
-    std::fprintf(stderr, "interrupted: the result is what had been found until then\n");
-    throw CLI::RuntimeError(kInterrupted);
-  }
+  show_result(c.common.json ? diagnose_result_json(run) : diagnose_text(run), folder, c.common);
+  if (run.finding.interrupted)
+    stop(kInterrupted, "interrupted: the result is what had been found until then");
 }
 
 }  // namespace

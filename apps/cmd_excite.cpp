@@ -98,10 +98,8 @@ void run_excite(ExciteOptions options) {
     std::fputs(excite_result_json(result, options.out).c_str(), stdout);
   else if (!options.common.quiet)
     print(result, options.out);
-  if (result.interrupted) {
-    std::fprintf(stderr, "interrupted: %s is the best motion until then\n", options.out.c_str());
-    throw CLI::RuntimeError(kInterrupted);
-  }
+  if (result.interrupted)
+    stop(kInterrupted, "interrupted: " + options.out + " is the best motion until then");
 }
 
 }  // namespace

@@ -174,10 +174,8 @@ class Experiment {
     run.reproduce = reproduce();
     publish_learn_run(run, folder);
     say(learn_text(run));
-    if (const std::string why = why_not_usable(run); !why.empty() && !run.interrupted) {
-      std::fprintf(stderr, "%s\n", why.c_str());
-      throw CLI::RuntimeError(kNoUsableResult);
-    }
+    if (const std::string why = why_not_usable(run); !why.empty() && !run.interrupted)
+      stop(kNoUsableResult, why);
     return run;
   }
 
@@ -211,11 +209,8 @@ void run_experiment(ExperimentCommand c) {
   const Interruptible interruptible;
   Experiment experiment(c);
   if (experiment.run()) return;
-  std::fprintf(stderr,
-               "interrupted: the same command goes on from what is finished in %s (the "
-               "identification, the search's last iteration)\n",
-               c.out.c_str());
-  throw CLI::RuntimeError(kInterrupted);
+  stop(kInterrupted, "interrupted: the same command goes on from what is finished in " + c.out +
+                         " (the identification, the search's last iteration)");
 }
 
 }  // namespace

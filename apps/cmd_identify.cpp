@@ -1,5 +1,4 @@
 #include <algorithm>
-#include <cstdio>
 #include <map>
 
 #include <diffnea/core/error.hpp>
@@ -85,8 +84,7 @@ void run_identify(IdentifyCommand c) {
   } catch (const Error&) {
     if (!Interruptible::requested()) throw;
     line.clear();
-    std::fprintf(stderr, "interrupted before anything was fitted; nothing was written\n");
-    throw CLI::RuntimeError(kInterrupted);
+    stop(kInterrupted, "interrupted before anything was fitted; nothing was written");
   }
   run.reproduce.inputs.push_back(describe_input("model", c.model));
   for (const std::string& file : c.data)
@@ -95,19 +93,12 @@ void run_identify(IdentifyCommand c) {
     run.reproduce.inputs.push_back(describe_input("test", file));
   publish_fit_run(run, folder);
   line.clear();
-  const std::string text = c.common.json ? identify_result_json(run) : identify_text(run);
-  std::fwrite(text.data(), 1, text.size(), stdout);
-  if (!c.common.json && !c.common.quiet)
-    std::printf("%s: result.json, model.json, report.html\n", folder.path().string().c_str());
-  if (run.fit.summary.interrupted) {
-    std::fprintf(stderr, "interrupted: the result is of what had been done until then (%s)\n",
-                 run.fit.summary.termination.c_str());
-    throw CLI::RuntimeError(kInterrupted);
-  }
-  if (!run.fit.summary.converged) {
-    std::fprintf(stderr, "no usable result: %s\n", run.fit.summary.termination.c_str());
-    throw CLI::RuntimeError(kNoUsableResult);
-  }
+  show_result(c.common.json ? identify_result_json(run) : identify_text(run), folder, c.common);
+  if (run.fit.summary.interrupted)
+    stop(kInterrupted, "interrupted: the result is of what had been done until then (" +
+                           run.fit.summary.termination + ")");
+  if (!run.fit.summary.converged)
+    stop(kNoUsableResult, "no usable result: " + run.fit.summary.termination);
 }
 
 }  // namespace

@@ -1,4 +1,3 @@
-#include <cstdio>
 
 #include <diffnea/io/ball_network_file.hpp>
 #include <diffnea/io/model_file.hpp>
@@ -42,26 +41,16 @@ void run_learn(const LearnCommand& c) {
     run.reproduce.inputs.push_back(describe_input("controller", controller_file));
   if (!c.ball_network.empty())
     run.reproduce.inputs.push_back(describe_input("ball_network", c.ball_network));
-  if (run.policies.empty()) {
-    std::fprintf(stderr, "interrupted before anything was learned; nothing was written\n");
-    throw CLI::RuntimeError(kInterrupted);
-  }
+  if (run.policies.empty())
+    stop(kInterrupted, "interrupted before anything was learned; nothing was written");
   publish_learn_run(run, folder);
   line.clear();
-  const std::string text = c.common.json ? learn_result_json(run) : learn_text(run);
-  std::fwrite(text.data(), 1, text.size(), stdout);
-  if (!c.common.json && !c.common.quiet)
-    std::printf("%s: result.json, policy_*.json, report.html\n", folder.path().string().c_str());
-  if (run.interrupted) {
-    std::fprintf(stderr,
-                 "interrupted: the policies are what had been learned until then; the same command "
-                 "goes on from there\n");
-    throw CLI::RuntimeError(kInterrupted);
-  }
-  if (const std::string why = why_not_usable(run); !why.empty()) {
-    std::fprintf(stderr, "%s\n", why.c_str());
-    throw CLI::RuntimeError(kNoUsableResult);
-  }
+  show_result(c.common.json ? learn_result_json(run) : learn_text(run), folder, c.common);
+  if (run.interrupted)
+    stop(kInterrupted,
+         "interrupted: the policies are what had been learned until then; the same command goes on "
+         "from there");
+  if (const std::string why = why_not_usable(run); !why.empty()) stop(kNoUsableResult, why);
 }
 
 }  // namespace

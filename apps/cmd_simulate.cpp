@@ -76,11 +76,8 @@ void run_simulate(SimulateOptions options) {
     std::fprintf(stderr, "%s: %ld rows, %ld with a torque at its limit\n", options.out.c_str(),
                  result.recording.rows(), result.saturated);
   if (!options.common.quiet) tell_who_lags(result.recording, options.out);
-  if (!result.failure.empty()) {
-    std::fprintf(stderr, "%s: the simulation ended early: %s\n", options.out.c_str(),
-                 result.failure.c_str());
-    throw CLI::RuntimeError(kNoUsableResult);
-  }
+  if (!result.failure.empty())
+    stop(kNoUsableResult, options.out + ": the simulation ended early: " + result.failure);
 }
 
 }  // namespace

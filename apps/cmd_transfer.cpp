@@ -36,24 +36,17 @@ void run_transfer(const TransferCommand& c) {
   run.reproduce.command = c.command_line;
   run.reproduce.inputs.push_back(
       describe_input("policies", std::filesystem::path(c.policies) / "result.json"));
-  if (run.executions.empty()) {
-    std::fprintf(stderr, "interrupted before anything was executed; nothing was written\n");
-    throw CLI::RuntimeError(kInterrupted);
-  }
+  if (run.executions.empty())
+    stop(kInterrupted, "interrupted before anything was executed; nothing was written");
   std::string lost;
   if (options.record && !run.interrupted)
     lost = record_policies(run, options, c.common, folder.staging(), line);
   publish_transfer_run(run, folder);
   line.clear();
-  const std::string text = c.common.json ? transfer_result_json(run) : transfer_text(run);
-  std::fwrite(text.data(), 1, text.size(), stdout);
-  if (!c.common.json && !c.common.quiet)
-    std::printf("%s: result.json, report.html\n", folder.path().string().c_str());
+  show_result(c.common.json ? transfer_result_json(run) : transfer_text(run), folder, c.common);
   std::fputs(lost.c_str(), stderr);
-  if (run.interrupted) {
-    std::fprintf(stderr, "interrupted: the result is of what had been executed until then\n");
-    throw CLI::RuntimeError(kInterrupted);
-  }
+  if (run.interrupted)
+    stop(kInterrupted, "interrupted: the result is of what had been executed until then");
   if (!lost.empty()) throw CLI::RuntimeError(kNoUsableResult);
 }
 

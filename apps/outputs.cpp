@@ -1,5 +1,7 @@
 #include "outputs.hpp"
 
+#include <cstdio>
+
 #include <diffnea/core/error.hpp>
 #include <diffnea/io/result.hpp>
 #include <diffnea/report/run_folder.hpp>
@@ -36,6 +38,32 @@ void refuse_other_runs(const fs::path& folder, const std::string& schema) {
   if (!there.starts_with(schema))
     throw FileError(folder.string() + ": holds another command's result (" + there +
                     "), which would be lost; choose another folder with -o");
+}
+
+void show_result(const std::string& result, const ResultFolder& folder,
+                 const CommonOptions& options) {
+  std::fwrite(result.data(), 1, result.size(), stdout);
+  if (options.json || options.quiet) return;
+  std::error_code ignored;
+  std::vector<std::string> names = kRunFiles, there;
+  names.erase(std::ranges::find(names, "report.html"));
+  for (const std::string& name : names)
+    if (fs::exists(folder.path() / name, ignored)) there.push_back(name);
+  for (const char* kind : {"policy_", "recording_"}) {
+    const auto of_kind = [&](const fs::directory_entry& file) {
+      return file.path().filename().string().starts_with(kind);
+    };
+    if (std::ranges::any_of(fs::directory_iterator(folder.path(), ignored), of_kind))
+      there.push_back(std::string(kind) + "*");
+  }
+  std::printf("\n%s: ", folder.path().string().c_str());
+  for (const std::string& name : there) std::printf("%s, ", name.c_str());
+  std::printf("report.html\n");
+}
+
+void stop(ExitStatus status, const std::string& why) {
+  std::fprintf(stderr, "%s\n", why.c_str());
+  throw CLI::RuntimeError(status);
 }
 
 }  // namespace diffnea::apps

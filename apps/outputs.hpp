@@ -1,9 +1,13 @@
 #pragma once
-/// What a command refuses to write over, before it begins.
+/// What a command refuses to write over before it begins, and how it ends.
 
 #include <filesystem>
 #include <string>
 #include <vector>
+
+#include <diffnea/io/result_folder.hpp>
+
+#include "common.hpp"
 
 namespace diffnea::apps {
 
@@ -18,5 +22,13 @@ void refuse_own_inputs(const std::filesystem::path& folder, const std::vector<st
 /// Refuses a folder whose result is another command's. @param schema  how that of ours begins
 /// @throws FileError
 void refuse_other_runs(const std::filesystem::path& folder, const std::string& schema);
+
+/// The result on standard output; below text, unless --quiet, the folder and what is in it now.
+/// @param result  JSON with --json, else text
+void show_result(const std::string& result, const ResultFolder& folder,
+                 const CommonOptions& options);
+
+/// Ends the command: why on standard error, and its exit status.
+[[noreturn]] void stop(ExitStatus status, const std::string& why);
 
 }  // namespace diffnea::apps

@@ -36,4 +36,13 @@ inline std::string value_and_spread(double value, double spread) {
   return text;
 }
 
+/// A value and its 95 % interval: "0.530 ± 0.021", or "0.353 (0.15 to 0.83)" where it is not in the
+/// middle; "0.530 (held)" without one.
+inline std::string value_and_interval(double value, double low, double high) {
+  if (!std::isfinite(low) || !std::isfinite(high)) return number_text(value) + " (held)";
+  const double up = high - value, down = value - low;
+  if (std::abs(up - down) <= 0.1 * (up + down)) return value_and_spread(value, 0.5 * (up + down));
+  return number_text(value, 3) + " (" + number_text(low, 3) + " to " + number_text(high, 3) + ")";
+}
+
 }  // namespace diffnea::detail

@@ -154,9 +154,11 @@ void BandDiagnosis::describe() {
     const std::string& name = c.effect.info().name;
     if (s.visible_share < kAbsorbedShare && s.visible_share > 0.0)
       case_.finding.absorbed.push_back({name, c.effect.where, s.visible_share});
-    if (s.variant >= 0)
-      case_.finding.candidates.push_back(
-          {name, c.effect.where, s.delta_bic, s.gain, s.visible_share, {}});
+    if (s.variant < 0) continue;
+    std::vector<double> shape = case_.search->point_of(s);
+    shape.resize(c.shapes.size());
+    case_.finding.candidates.push_back(
+        {name, c.effect.where, s.delta_bic, s.gain, s.visible_share, std::move(shape)});
   }
   for (const JointNoise& n : case_.search->whitener().noise()) case_.finding.noise.push_back(n.rms);
   // Is there anything to explain? The best of all candidates, as many times as there were trials.

@@ -119,10 +119,15 @@ void ScoreTable::measure(Variant& v, const MatX<double>& raw, const Whitener& wh
   v.gram = whole - onto_base.transpose() * onto_base;
 }
 
-Term ScoreTable::term_of(const Score& score) const {
+const std::vector<double>& ScoreTable::point_of(const Score& score) const {
   const Variant& v = variants_[static_cast<std::size_t>(score.variant)];
   const Candidate& c = candidates_[static_cast<std::size_t>(v.candidate)];
-  return term_at(c, v.candidate, c.grid[static_cast<std::size_t>(v.point)]);
+  return c.grid[static_cast<std::size_t>(v.point)];
+}
+
+Term ScoreTable::term_of(const Score& score) const {
+  return term_at(candidates_[static_cast<std::size_t>(score.candidate)], score.candidate,
+                 point_of(score));
 }
 
 std::vector<Score> ScoreTable::scores(const std::vector<Term>& terms, const Whitener& whitener,

@@ -36,6 +36,8 @@ class ScoreTable {
   /// The best variant of each candidate, in their order, without ΔBIC; as of the last measure().
   std::vector<Score> scores(const std::vector<Term>& terms, const Whitener& whitener,
                             const Projection& projection) const;
+  /// Where on its candidate's grid a score is: values of its shapes, then of its choices.
+  const std::vector<double>& point_of(const Score& score) const;
   /// The variant of a score as a term without columns.
   Term term_of(const Score& score) const;
 

@@ -25,6 +25,8 @@ class Search {
 
   /// Every candidate beside `terms`, best first.
   std::vector<Score> scores(const std::vector<Term>& terms) const;
+  /// Where on its candidate's grid a score is: values of its shapes, then of its choices.
+  const std::vector<double>& point_of(const Score& score) const { return table_.point_of(score); }
   /// The candidate of a score as a term, where its grid has it.
   Term term_of(const Score& score) const;
   /// Columns of the term at its present parameters.

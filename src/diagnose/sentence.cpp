@@ -42,7 +42,7 @@ std::string values(const Cause& cause) {
     std::string unit = p.unit == "1" ? "" : " " + p.unit;
     for (std::size_t at; (at = unit.find('*')) != std::string::npos;) unit.replace(at, 1, "·");
     out += (out.empty() ? "" : ", ") + p.name + " " +
-           detail::value_and_spread(p.value, 1.96 * p.std) + unit;
+           detail::value_and_interval(p.value, p.low, p.high) + unit;
   }
   return out;
 }

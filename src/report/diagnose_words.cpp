@@ -5,6 +5,8 @@
 #include <cmath>
 #include <iterator>
 
+#include "core/number_text.hpp"
+#include "core/number_text.hpp"
 #include "report/format.hpp"
 
 namespace diffnea::report {
@@ -100,10 +102,7 @@ std::string meaning(Verdict verdict) {
 }
 
 std::string value_and_interval(const CauseParameter& p) {
-  if (!std::isfinite(p.low) || !std::isfinite(p.high)) return number(p.value) + " (held)";
-  const double up = p.high - p.value, down = p.value - p.low;
-  if (std::abs(up - down) <= 0.1 * (up + down)) return value_and_std(p.value, 0.5 * (up + down));
-  return number(p.value, 3) + " (" + number(p.low, 3) + " to " + number(p.high, 3) + ")";
+  return detail::value_and_interval(p.value, p.low, p.high);
 }
 
 std::vector<std::string> reservations(const Finding& f) {

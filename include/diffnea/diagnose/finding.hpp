@@ -107,7 +107,8 @@ struct CandidateScore {
   double delta_bic = 0.0;      ///< of adding it to the base alone; above 0 it is better
   double lm = 0.0;             ///< χ² that it removes, base refitted, to first order
   double visible_share = 0.0;  ///< of its columns, what the base leaves; near 0: it cannot show
-  std::vector<double> shape;   ///< values of the searched shape parameters; empty: not kept
+  std::vector<double> shape;   ///< its shape parameters where it scored best, as the search
+                               ///< first tries them; empty: it has none, or is a ball's
 };
 
 /// What the residual depends on.
