@@ -66,16 +66,15 @@ TransferRun transferred() {
                   .policies = from.policies,
                   .imagined = from.imagined,
                   .world = "mujoco:x<y"};
-  Execution missed{.seed = 0,
-                   .verdict = {Outcome::kMissed, "never above the rim: 12 mm short"},
-                   .reward = 0.5,
-                   .reward_wide = 0.25,
-                   .trace = from.imagined[0]};
-  Execution caught{.seed = 0,
-                   .verdict = {Outcome::kInCup, "in the cup since 1.29 s"},
-                   .reward = 3.5,
-                   .reward_wide = 2.25,
-                   .trace = from.imagined[1]};
+  Execution missed, caught;
+  missed.reward = 0.5;
+  missed.reward_wide = 0.25;
+  missed.trace = from.imagined[0];
+  caught.reward = 3.5;
+  caught.reward_wide = 2.25;
+  caught.trace = from.imagined[1];
+  missed.verdict = {Outcome::kMissed, "never above the rim: 12 mm short"};
+  caught.verdict = {Outcome::kInCup, "in the cup since 1.29 s"};
   out.executions = {missed, caught};
   out.best = 1;
   Execution failed = caught;

@@ -139,7 +139,9 @@ Reweighting reweight(const VecX<double>& rewards, double epsilon) {
   const Tempered t = temper(a, eta);
   out.kl = t.kl;
   out.weights = VecX<double>::Zero(rewards.size());
-  out.weights(finite.index) = t.ratio / t.ratio.sum();
+  const double sum = t.ratio.sum();
+  for (std::size_t i = 0; i < finite.index.size(); ++i)
+    out.weights[finite.index[i]] = t.ratio[static_cast<long>(i)] / sum;
   out.effective_samples = 1.0 / out.weights.squaredNorm();
   return out;
 }

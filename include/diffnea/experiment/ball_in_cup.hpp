@@ -141,7 +141,7 @@ struct Execution {
   BallVerdict verdict;       ///< from the series alone; not judged after a failure
   double reward = 0.0;       ///< the paper's, of what happened, at the ε that was learned with
   double reward_wide = 0.0;  ///< at ε = 0.055, the scale of the paper's figures
-  std::string failure;       ///< of the world's solver; empty if none
+  std::string failure = {};  ///< of the world's solver; empty if none
   RolloutTrace trace;        ///< with this reward, and success() as solved
   /// Whether the ball ended in the cup, without a failure of the robot.
   bool success() const { return failure.empty() && verdict.outcome == Outcome::kInCup; }

@@ -14,32 +14,32 @@ namespace diffnea {
 
 /// What `diffnea learn` found: one policy a seed.
 struct LearnRun {
-  BallInCup task;                       ///< with options completed
-  std::vector<LearnedPolicy> policies;  ///< in the order of the seeds, without those not begun
-  std::vector<RolloutTrace> imagined;   ///< of every policy's mean, in the model
-  std::vector<StickFigure> figures;     ///< of those, as they were read; the writer computes them
-  int threads = 1;                      ///< that seeds or rollouts were divided among
-  double seconds = 0.0;                 ///< that passed
+  BallInCup task;                            ///< with options completed
+  std::vector<LearnedPolicy> policies = {};  ///< in the order of the seeds, without those not begun
+  std::vector<RolloutTrace> imagined = {};   ///< of every policy's mean, in the model
+  std::vector<StickFigure> figures = {};  ///< of those, as they were read; the writer computes them
+  int threads = 1;                        ///< that seeds or rollouts were divided among
+  double seconds = 0.0;                   ///< that passed
   bool interrupted = false;  ///< stopped by the user: policies are what was found until then
-  Reproduce reproduce;       ///< the command that learned them
+  Reproduce reproduce = {};  ///< the command that learned them
 };
 
 /// What `diffnea transfer` saw: every policy once, the best one again and again.
 struct TransferRun {
-  BallInCup task;                       ///< as it was learned
-  std::vector<LearnedPolicy> policies;  ///< all that were learned
-  std::vector<RolloutTrace> imagined;   ///< of every policy's mean, in the model; no rows: not kept
-  std::string world;                    ///< as it was named
-  std::vector<Execution> executions;    ///< of the policies, without noise
+  BallInCup task;                            ///< as it was learned
+  std::vector<LearnedPolicy> policies = {};  ///< all that were learned
+  std::vector<RolloutTrace> imagined = {};   ///< of their means, in the model; no rows: not kept
+  std::string world;                         ///< as it was named
+  std::vector<Execution> executions = {};    ///< of the policies, without noise
   int best = -1;  ///< of the executions: a success first, then by reward; −1: none
-  std::vector<Execution> repetitions;  ///< of the best, with noise
+  std::vector<Execution> repetitions = {};  ///< of the best, with noise
   /// Of imagined and executions, as they were read; the writer computes them.
   ///@{
-  std::vector<StickFigure> imagined_figures, figures;
+  std::vector<StickFigure> imagined_figures = {}, figures = {};
   ///@}
   double seconds = 0.0;      ///< that passed
   bool interrupted = false;  ///< stopped by the user: what had been executed until then
-  Reproduce reproduce;       ///< the command that executed them
+  Reproduce reproduce = {};  ///< the command that executed them
 };
 
 /// k of n, and its 95 % interval (Wilson 1927).

@@ -15,9 +15,9 @@ namespace diffnea {
 
 /// Step, noise and controller of a MuJoCo world.
 struct MujocoSimulatorOptions {
-  ControllerOptions controller;  ///< its period is the simulator's
-  double physics_step = 5e-4;    ///< largest step of the integration [s]
-  int lanes = 1;                 ///< worlds of one object, which run one after the other
+  ControllerOptions controller = {};  ///< its period is the simulator's
+  double physics_step = 5e-4;         ///< largest step of the integration [s]
+  int lanes = 1;                      ///< worlds of one object, which run one after the other
   /// The controller holds the start before time 0 [s]: the arm sags, the ball is at rest again.
   double settle_time = 0.5;
   // Standard deviations. The noises of one lane are drawn from its own seed.
