@@ -7,6 +7,7 @@
 #include <diffnea/core/error.hpp>
 
 #include "io/mjcf.hpp"
+#include "io/mjcf_parts.hpp"
 #include "io/model_parts.hpp"
 
 namespace diffnea::io {
@@ -15,8 +16,6 @@ namespace {
 constexpr const char* kExpected =
     "; expected <spatial name='string' limited='true' range='0 LENGTH'> with two sites: one on the "
     "arm (or the world), one on the free body 'ball'";
-
-Vec3<double> vec(const mjtNum* v) { return {v[0], v[1], v[2]}; }
 
 bool is_free(const mjModel& m, int body) {
   return m.body_jntnum[body] == 1 && m.jnt_type[m.body_jntadr[body]] == mjJNT_FREE;

@@ -3,6 +3,7 @@
 #include <diffnea/core/error.hpp>
 
 #include "io/mjcf.hpp"
+#include "io/mjcf_parts.hpp"
 
 namespace diffnea::io {
 namespace {
@@ -17,8 +18,6 @@ bool hits(const mjModel& m, int geom, int ball) {
     if (collide(m, geom, g)) return true;
   return false;
 }
-
-Vec3<double> vec(const mjtNum* v) { return {v[0], v[1], v[2]}; }
 
 }  // namespace
 

@@ -1,0 +1,256 @@
+/// What a recording needs before it is differentiated: grid, cut-off, rate of the fit.
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+#include <diffnea/core/error.hpp>
+#include <diffnea/recording/preprocess.hpp>
+
+#include "core/median.hpp"
+#include "core/number_text.hpp"
+#include "recording/columns.hpp"
+#include "recording/gridder.hpp"
+#include "recording/spectrum.hpp"
+
+namespace diffnea {
+namespace {
+
+using detail::Gridder;
+
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+/// Rows that planning looks at, at most; enough for any spectrum.
+constexpr long kPlanRows = 400'000;
+/// No drive is sampled faster; a pause of milliseconds would be a gap of millions of rows [s].
+constexpr double kShortestPeriod = 1e-6;
+
+/// The grid's period: mean of the intervals within half of their median, which is the median to the
+/// accuracy that time was written with, and its true value where it was rounded.
+double choose_period(const std::vector<Recording>& recordings, const PreprocessOptions& options,
+                     double& jitter) {
+  std::vector<double> steps;
+  for (const Recording& r : recordings)
+    for (long i = 1; i < r.rows() && static_cast<long>(steps.size()) < kPlanRows; ++i)
+      if (!detail::is_gap(r, i, options.measured_velocity) &&
+          !detail::is_gap(r, i - 1, options.measured_velocity))
+        steps.push_back(r.time[i] - r.time[i - 1]);
+  if (steps.empty())
+    throw DataError((recordings.empty() ? std::string("preprocess") : recordings.front().source) +
+                    ": no two rows without a gap follow each other, so there is nothing to "
+                    "differentiate");
+  const double middle = median(steps);
+  double sum = 0.0, count = 0.0;
+  for (const double s : steps)
+    if (std::abs(s - middle) < 0.5 * middle) {
+      sum += s;
+      count += 1.0;
+    }
+  const double mean = sum / count;
+  // A mean far off the median is no rounding: two rates, or many rows left out.
+  const double dt = std::abs(mean - middle) < 0.1 * middle ? mean : middle;
+  jitter = static_cast<double>(std::ranges::count_if(
+               steps, [&](double s) { return std::abs(s - dt) > 0.02 * dt; })) /
+           static_cast<double>(steps.size());
+  return dt;
+}
+
+/// Uniform segments of all recordings, column by column: [column][segment].
+std::vector<std::vector<Eigen::VectorXd>> grid_segments(const std::vector<Recording>& recordings,
+                                                        const Gridder::Options& options) {
+  const int n = recordings.front().num_joints();
+  Gridder gridder(options, n);
+  std::vector<std::vector<Eigen::VectorXd>> out(gridder.num_columns());
+  const auto take = [&] {
+    gridder.finish_segment();
+    const long columns = gridder.num_columns();
+    const long rows = static_cast<long>(gridder.rows.size()) / columns;
+    const Eigen::Map<const RowMatX<double>> m(gridder.rows.data(), rows, columns);
+    for (long c = 0; c < columns && rows > 0; ++c) out[c].emplace_back(m.col(c));
+    gridder.rows.clear();
+  };
+  long taken = 0;
+  for (const Recording& r : recordings) {
+    for (long i = 0; i < r.rows() && taken < kPlanRows; ++i, ++taken)
+      if (!gridder.push(r, i)) {
+        take();
+        gridder.push(r, i);
+      }
+    take();
+  }
+  return out;
+}
+
+/// Window of 5 to 10 s, which tells the slow lines of a motion apart; the longest segment holds
+/// three of them. A power of two.
+long window_length(const std::vector<Eigen::VectorXd>& segments, double dt) {
+  long longest = 0;
+  for (const Eigen::VectorXd& s : segments) longest = std::max<long>(longest, s.size());
+  long length = 16;
+  while (2.0 * static_cast<double>(length) * dt <= 10.0 && 6 * length <= longest) length *= 2;
+  return length <= longest ? length : 0;
+}
+
+/// What the spectrum of a position says.
+struct PositionSpectrum {
+  double cutoff_hz = 0.0;  ///< signal below, noise above; 0: too short to tell
+  double busy_hz = 0.0;    ///< below it: 99 % of the accelerations' power
+  double noise = 0.0;      ///< standard deviation of the noise of q, if it is white
+};
+
+/// The accelerations' power falls with the motion and rises again with the noise, as f⁴: its
+/// minimum parts them. The noise of positions does not grow with frequency, so a position spectrum
+/// that rises tenfold above the minimum is motion again, and the search goes on from there.
+PositionSpectrum look_at_position(const std::vector<Eigen::VectorXd>& segments, double rate_hz) {
+  // Positions are a few slow lines 100 dB above their noise, which side lobes would hide: their
+  // second difference goes into the window.
+  std::vector<Eigen::VectorXd> second;
+  for (const Eigen::VectorXd& s : segments)
+    if (s.size() > 2)
+      second.emplace_back(s.tail(s.size() - 2) - 2.0 * s.segment(1, s.size() - 2) +
+                          s.head(s.size() - 2));
+  PositionSpectrum out;
+  const long length = window_length(second, 1.0 / rate_hz);
+  if (length == 0) return out;
+  const detail::Spectrum spectrum = detail::welch(second, rate_hz, length);
+  const long num_bins = static_cast<long>(spectrum.power.size());
+  const long end = num_bins - num_bins / 10;  // the last tenth is folded
+
+  // Mean over an eighth of the frequency either way, at least over the window's main lobe.
+  std::vector<double> acceleration(num_bins, 0.0), position(num_bins, 0.0), integrated(num_bins);
+  for (long i = 1; i < num_bins; ++i) {
+    const double w = 2.0 * std::sin(std::numbers::pi * spectrum.frequency(i) / rate_hz);
+    integrated[i] = spectrum.power[i] / (w * w * w * w);
+  }
+  for (long k = 1; k < num_bins; ++k) {
+    const long reach = std::max(3L, k / 8);
+    const long first = std::max(1L, k - reach), last = std::min(num_bins - 1, k + reach);
+    const double bins = static_cast<double>(last - first + 1);
+    for (long i = first; i <= last; ++i) {
+      acceleration[k] += spectrum.power[i] / bins;
+      position[k] += integrated[i] / bins;
+    }
+  }
+
+  // From the motion's peak: of the positions, because that of the accelerations may be noise.
+  constexpr double kMotionAgain = 10.0;
+  const auto peak = [&](long from) {
+    return std::max_element(position.begin() + from, position.begin() + end) - position.begin();
+  };
+  long from = peak(1), lowest = from;
+  while (true) {
+    lowest = std::min_element(acceleration.begin() + from, acceleration.begin() + end) -
+             acceleration.begin();
+    const long again = peak(lowest);
+    if (again <= from || position[again] < kMotionAgain * position[lowest]) break;
+    from = again;
+  }
+  // A Butterworth filter is flat to 4 % up to two thirds of its cut-off.
+  out.cutoff_hz = 1.5 * spectrum.frequency(lowest);
+  const long noise_from = std::min(lowest, end - end / 4);
+  out.noise =
+      std::sqrt(median({position.begin() + noise_from, position.begin() + end}) * 0.5 * rate_hz);
+
+  double total = 0.0, sum = 0.0;
+  for (long k = 1; k <= lowest; ++k) total += spectrum.power[k];
+  for (long k = 1; k <= lowest && sum < 0.99 * total; ++k) {
+    sum += spectrum.power[k];
+    out.busy_hz = spectrum.frequency(k);
+  }
+  return out;
+}
+
+}  // namespace
+
+PreprocessPlan plan_preprocess(const std::vector<Recording>& recordings,
+                               const PreprocessOptions& options) {
+  if (recordings.empty()) throw DataError("preprocess: got no recording, expected one or more");
+  const std::vector<std::string>& names = recordings.front().joint_names;
+  for (const Recording& r : recordings) {
+    if (r.joint_names != names)
+      throw DataError(r.source + ": the joints are not those of " + recordings.front().source +
+                      ": " + detail::join(r.joint_names) + "; " + detail::join(names));
+    if (options.measured_velocity && r.qd.size() == 0)
+      throw DataError(r.source +
+                      ": measured velocities were asked for, but there is no column qd_<joint>");
+  }
+  if (names.empty())
+    throw DataError(recordings.front().source +
+                    ": there is no joint, so there is nothing to differentiate");
+
+  PreprocessPlan plan;
+  plan.order = options.order;
+  plan.min_segment = options.min_segment;
+  plan.measured_velocity = options.measured_velocity;
+  plan.dt = choose_period(recordings, options, plan.timing_jitter);
+  if (!(plan.dt >= kShortestPeriod))
+    throw DataError(recordings.front().source + ": rows follow each other every " +
+                    detail::number_text(plan.dt, 6) + " s, expected " +
+                    detail::number_text(kShortestPeriod, 6) +
+                    " s or more: is the unit of `time` right?");
+  const double rate = 1.0 / plan.dt;
+  const std::size_t n = names.size();
+
+  // Until the cut-off is known: a pause of 20 ms is short against the motion of a robot.
+  plan.max_gap = std::max(5.0, 0.02 / plan.dt);
+  const auto columns = grid_segments(
+      recordings,
+      {.dt = plan.dt, .max_gap = plan.max_gap, .velocity = false, .average_hold = false});
+  double cutoff = 0.0, busy = 0.0;
+  for (std::size_t j = 0; j < n; ++j) {
+    const PositionSpectrum s = look_at_position(columns[j], rate);
+    plan.joint_hz.push_back(s.cutoff_hz);
+    plan.q_noise.push_back(s.noise);
+    cutoff = std::max(cutoff, s.cutoff_hz);
+    busy = std::max(busy, s.busy_hz);
+    const long length = window_length(columns[n + j], plan.dt);
+    const bool measured = recordings.front().has_tau[j] && length > 0;
+    plan.tau_noise.push_back(
+        measured ? std::sqrt(detail::noise_floor(detail::welch(columns[n + j], rate, length)) *
+                             0.5 * rate)
+                 : kNaN);
+  }
+  // The difference stencils are true up to a quarter of the rate.
+  plan.filter_hz = options.filter_hz > 0.0 ? options.filter_hz
+                   : cutoff > 0.0          ? std::clamp(cutoff, 1e-3 * rate, 0.25 * rate)
+                                           : 0.1 * rate;
+  if (!(options.filter_hz >= 0.0 && options.decimate_to_hz >= 0.0))
+    throw DataError("preprocess: filter_hz is " + std::to_string(options.filter_hz) +
+                    ", decimate_to_hz " + std::to_string(options.decimate_to_hz) +
+                    "; expected 0 (chosen from the data) or above");
+  double longest = 0.0;
+  for (const Recording& r : recordings)
+    if (r.rows() > 1) longest = std::max(longest, r.time[r.rows() - 1] - r.time[0]);
+  for (const double hz :
+       {plan.filter_hz, options.decimate_to_hz > 0.0 ? options.decimate_to_hz : rate})
+    if (!(hz * longest >= 5.0))
+      throw DataError(recordings.front().source + ": filter or decimation to " +
+                      std::to_string(hz) + " Hz leaves fewer than five rows of " +
+                      std::to_string(longest) + " s; expected at least " +
+                      std::to_string(5.0 / longest) + " Hz");
+  if (plan.filter_hz >= 0.5 * rate)
+    throw DataError(recordings.front().source + ": filter_hz is " + std::to_string(plan.filter_hz) +
+                    " Hz, expected below half of the sampling rate, " + std::to_string(0.5 * rate) +
+                    " Hz");
+
+  // A pause of a tenth of the cut-off's period holds nothing that the interpolation would miss.
+  plan.max_gap =
+      options.max_gap > 0.0 ? options.max_gap : std::max(5.0, 0.1 / (plan.filter_hz * plan.dt));
+
+  // Torques and regressor pass as far as the filter of the positions is flat (Butterworth twice: 4
+  // % at two thirds of the cut-off). Above, torque noise meets no motion, and noise of q̈ would bias
+  // inertias (errors in variables). Bands in shares of the output rate as in DecimatorOptions, or
+  // of the cut-off where lower.
+  constexpr double kUsualRate = 50.0, kPass = 0.35, kStop = 0.65;
+  const double wanted = options.decimate_to_hz > 0.0
+                            ? options.decimate_to_hz
+                            : std::min(std::max(kUsualRate, busy / kPass), 2.0 * plan.filter_hz);
+  plan.decimator.rate_hz = rate;
+  plan.decimator.factor = std::max(1, static_cast<int>(std::lround(rate / wanted)));
+  const double output = rate / plan.decimator.factor;
+  plan.decimator.pass_hz = std::min(kPass * output, 0.5 * plan.filter_hz);
+  plan.decimator.stop_hz = std::min({kStop * output, 0.95 * plan.filter_hz, 0.5 * rate});
+  return plan;
+}
+
+}  // namespace diffnea
