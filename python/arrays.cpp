@@ -1,5 +1,8 @@
 #include "arrays.hpp"
 
+#include <cmath>
+#include <set>
+
 #include <diffnea/core/error.hpp>
 
 namespace diffnea::python {
@@ -103,6 +106,24 @@ States states_in(const std::string& where, long n, std::initializer_list<NamedAr
     out.values.push_back(copy(a, single ? 1 : a.shape(0), n));
   }
   return out;
+}
+
+void require_increasing(const char* where, const VecX<double>& time) {
+  for (long k = 0; k < time.size(); ++k) {
+    if (std::isfinite(time[k]) && (k == 0 || time[k] > time[k - 1])) continue;
+    throw DataError(std::string(where) + ": time[" + std::to_string(k) + "] is " +
+                    std::to_string(time[k]) +
+                    (k == 0 ? "" : " after " + std::to_string(time[k - 1])) +
+                    " s, expected finite and strictly increasing; leave such rows out");
+  }
+}
+
+void require_names(const char* where, const std::vector<std::string>& names, long joints) {
+  if (static_cast<long>(names.size()) != joints)
+    throw ShapeError(std::string(where) + ": got " + std::to_string(names.size()) +
+                     " joint_names, expected " + std::to_string(joints) + ", one per column of q");
+  if (std::set<std::string>(names.begin(), names.end()).size() != names.size())
+    throw DataError(std::string(where) + ": a name occurs twice in joint_names");
 }
 
 }  // namespace diffnea::python

@@ -38,6 +38,11 @@ py::array_t<double> array_out(const std::vector<double>& values);
 /// (M, 3)
 py::array_t<double> array_out(const std::vector<std::array<double, 3>>& points);
 
+/// Of a series. @param where  whose, for messages  @throws DataError naming the row
+void require_increasing(const char* where, const VecX<double>& time);
+/// One a column, no two alike. @throws ShapeError, DataError
+void require_names(const char* where, const std::vector<std::string>& names, long joints);
+
 /// An argument by name, e.g. {"qd", qd}.
 struct NamedArray {
   const char* name;

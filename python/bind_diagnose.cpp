@@ -181,7 +181,8 @@ void bind_rest(py::module_& m) {
       field("lm", &CandidateScore::lm, "χ² that it takes away, the base refitted."),
       field("visible_share", &CandidateScore::visible_share,
             "Of its torque: what the base parameters cannot take over."),
-      field("shape", &CandidateScore::shape, "Its shape parameters where it scored best, as the search first tries them."));
+      field("shape", &CandidateScore::shape,
+            "Its shape parameters where it scored best, as the search first tries them."));
   value_type<Witness>(m, "Witness", "What the error that is left depends on.",
                       field("where", &Witness::where, "The joint."),
                       field("variables", &Witness::variables, "Channels, e.g. ``q_elbow``."),

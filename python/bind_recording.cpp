@@ -1,49 +1,21 @@
-/// Recordings and trajectories: from arrays, from files, and back.
+/// A recording: from arrays, as arrays, and its state for copies.
 
 #include <algorithm>
 #include <cmath>
-#include <filesystem>
 #include <map>
 #include <optional>
-#include <set>
-
-#include <pybind11/stl/filesystem.h>
 
 #include <diffnea/core/error.hpp>
-#include <diffnea/io/sidecar.hpp>
-#include <diffnea/io/trajectory_file.hpp>
-#include <diffnea/recording/csv.hpp>
 #include <diffnea/recording/recording.hpp>
-#include <diffnea/recording/trajectory.hpp>
 
 #include "arrays.hpp"
 #include "bindings.hpp"
 #include "recording_info.hpp"
-#include "value_type.hpp"
 
 namespace diffnea::python {
 namespace {
 
 using namespace pybind11::literals;
-namespace fs = std::filesystem;
-
-void require_increasing(const char* where, const VecX<double>& time) {
-  for (long k = 0; k < time.size(); ++k) {
-    if (std::isfinite(time[k]) && (k == 0 || time[k] > time[k - 1])) continue;
-    throw DataError(std::string(where) + ": time[" + std::to_string(k) + "] is " +
-                    std::to_string(time[k]) +
-                    (k == 0 ? "" : " after " + std::to_string(time[k - 1])) +
-                    " s, expected finite and strictly increasing; leave such rows out");
-  }
-}
-
-void require_names(const char* where, const std::vector<std::string>& names, long joints) {
-  if (static_cast<long>(names.size()) != joints)
-    throw ShapeError(std::string(where) + ": got " + std::to_string(names.size()) +
-                     " joint_names, expected " + std::to_string(joints) + ", one per column of q");
-  if (std::set<std::string>(names.begin(), names.end()).size() != names.size())
-    throw DataError(std::string(where) + ": a name occurs twice in joint_names");
-}
 
 void require_finite_or_gap(const std::string& what, const RowMatX<double>& x) {
   for (long k = 0; k < x.rows(); ++k)
@@ -205,94 +177,7 @@ Recording rows_of(const Recording& r, const py::slice& slice) {
   return out;
 }
 
-/// Reads one file; what is not given comes from the sidecar of `described_by`.
-/// @param name  what to call the data, where the file is not the user's own
-/// @param notes  of whoever made the file; they come first in the report
-py::tuple read_file(const fs::path& path, const std::string& name, const fs::path& described_by,
-                    const std::optional<std::string>& torque_side,
-                    const std::optional<std::string>& torque_sampling,
-                    const std::vector<std::string>& passive, std::optional<double> period,
-                    const std::vector<std::string>& notes) {
-  ReadReport report;
-  std::vector<Recording> runs;
-  {
-    const py::gil_scoped_release release;
-    ReadOptions options;
-    options.info = described_info(described_by, torque_side, torque_sampling, passive, period);
-    runs = read_recordings(path, options, &report);
-    const auto rename = [&, file = path.string()](std::string& text) {
-      if (const std::size_t at = text.find(file); at != text.npos)
-        text.replace(at, file.size(), name);
-    };
-    for (Recording& r : runs) rename(r.source);
-    rename(report.source);
-    for (std::string& note : report.notes) rename(note);
-    report.notes.insert(report.notes.begin(), notes.begin(), notes.end());
-  }
-  return py::make_tuple(runs, report);
-}
-
-void write_files(std::vector<Recording> recordings, const fs::path& path) {
-  const py::gil_scoped_release release;
-  if (recordings.size() > 1)  // their numbers may come from several files
-    for (std::size_t k = 0; k < recordings.size(); ++k) recordings[k].run = static_cast<int>(k);
-  write_recordings(recordings, path);
-  write_sidecar(recordings.front().info, path);
-}
-
-void write_sidecar_of(const Recording& recording, const fs::path& path) {
-  write_sidecar(recording.info, path);
-}
-
-Trajectory make_trajectory(const py::object& time, const py::object& q, const py::object& qd,
-                           const py::object& qdd, std::vector<std::string> joint_names) {
-  Trajectory t;
-  t.time = vector_in("Trajectory: time", time);
-  require_increasing("Trajectory", t.time);
-  t.q = matrix_in("Trajectory: q", q, t.time.size(), joint_names.size() == 1 ? 1 : -1);
-  require_names("Trajectory", joint_names, t.q.cols());
-  t.joint_names = std::move(joint_names);
-  t.qd = matrix_in("Trajectory: qd", qd, t.time.size(), t.q.cols());
-  t.qdd = matrix_in("Trajectory: qdd", qdd, t.time.size(), t.q.cols());
-  for (const RowMatX<double>* x : {&t.q, &t.qd, &t.qdd})
-    if (!x->allFinite()) throw DataError("Trajectory: a value is not finite");
-  return t;
-}
-
 }  // namespace
-
-RecordingInfo recording_info(const std::string& torque_side,
-                             const std::optional<std::string>& torque_sampling) {
-  RecordingInfo info;
-  if (torque_side != "motor" && torque_side != "link")
-    throw DataError("torque_side: got '" + torque_side + "'; choices: motor, link");
-  info.torque_side = torque_side == "link" ? TorqueSide::kLink : TorqueSide::kMotor;
-  const std::string sampling =
-      torque_sampling.value_or(info.torque_side == TorqueSide::kLink ? "instant" : "hold");
-  if (sampling != "hold" && sampling != "instant")
-    throw DataError("torque_sampling: got '" + sampling + "'; choices: hold, instant");
-  info.torque_sampling = sampling == "hold" ? TorqueSampling::kHold : TorqueSampling::kInstant;
-  return info;
-}
-
-RecordingInfo described_info(const fs::path& data, const std::optional<std::string>& torque_side,
-                             const std::optional<std::string>& torque_sampling,
-                             const std::vector<std::string>& passive,
-                             std::optional<double> period) {
-  ReadOptions options;
-  options.info.passive = passive;
-  RecordingInfo info = with_sidecar(data, options).info;
-  if (torque_side) {
-    const RecordingInfo asked = recording_info(*torque_side, torque_sampling);
-    if (asked.torque_side != info.torque_side || torque_sampling)
-      info.torque_sampling = asked.torque_sampling;
-    info.torque_side = asked.torque_side;
-  } else if (torque_sampling) {
-    info.torque_sampling = recording_info("motor", torque_sampling).torque_sampling;
-  }
-  if (period) info.period = *period;
-  return info;
-}
 
 void bind_recording(py::module_& m) {
   py::class_<Recording> c(m, "Recording",
@@ -456,60 +341,6 @@ void bind_recording(py::module_& m) {
             return r;
           }));
   c.attr("__module__") = "diffnea";
-
-  value_type<QuarantinedRow>(m, "QuarantinedRow", "A row that cannot be true and was left out.",
-                             field("line", &QuarantinedRow::line, "In the file; 1 is the header."),
-                             field("reason", &QuarantinedRow::reason, "Why."));
-  value_type<ReadReport>(
-      m, "ReadReport", "What reading a file brought up.",
-      field("source", &ReadReport::source, "The file."),
-      field("rows", &ReadReport::rows, "Rows read, the quarantined included."),
-      field("quarantined", &ReadReport::quarantined, "How many of them were left out."),
-      field("quarantined_rows", &ReadReport::quarantined_rows, "The first of them, with reasons."),
-      field("extra_channels", &ReadReport::extra_channels,
-            "Columns that the format does not know, kept."),
-      field("notes", &ReadReport::notes, "One sentence each."));
-  m.def("_read_recordings", &read_file, "path"_a, "name"_a, "described_by"_a, "torque_side"_a,
-        "torque_sampling"_a, "passive"_a, "period"_a, "notes"_a);
-  m.def("_write_recordings", &write_files, "recordings"_a, "path"_a);
-  m.def("_write_sidecar", &write_sidecar_of, "recording"_a, "path"_a);
-
-  py::class_<Trajectory> t(m, "Trajectory", "Desired motion, N rows and n joints. Never changes.");
-  t.def(py::init(&make_trajectory), py::kw_only(), "time"_a, "q"_a, "qd"_a, "qdd"_a,
-        "joint_names"_a,
-        "``time``: (N,) [s]; ``q``, ``qd``, ``qdd``: (N, n) [rad, rad/s, rad/s²] or [m, …].")
-      .def_readonly("joint_names", &Trajectory::joint_names,
-                    "Names of the joints, in the order of the columns.")
-      .def_property_readonly(
-          "time", [](const Trajectory& x) { return array_out(x.time); }, "(N,) [s]")
-      .def_property_readonly(
-          "q", [](const Trajectory& x) { return array_out(x.q); }, "(N, n) [rad] or [m]")
-      .def_property_readonly(
-          "qd", [](const Trajectory& x) { return array_out(x.qd); }, "(N, n) [rad/s] or [m/s]")
-      .def_property_readonly(
-          "qdd", [](const Trajectory& x) { return array_out(x.qdd); }, "(N, n) [rad/s²] or [m/s²]")
-      .def("save", &write_trajectory, "path"_a, py::call_guard<py::gil_scoped_release>(),
-           "Write a trajectory file (.csv): time, qcmd_*, qdcmd_*, qddcmd_*.")
-      .def(
-          "to_frame",
-          [](const Trajectory& x) {
-            return python_function("diffnea._frames", "trajectory_frame")(x);
-          },
-          "A pandas data frame with the columns of a trajectory file.")
-      .def("__len__", &Trajectory::rows)
-      .def("__repr__", [](const Trajectory& x) {
-        const double seconds = x.rows() > 0 ? x.time[x.rows() - 1] - x.time[0] : 0.0;
-        return "Trajectory(" + std::to_string(x.rows()) + " rows, " +
-               std::string(py::str("{:.4g}").format(seconds)) + " s, " +
-               std::to_string(x.num_joints()) + " joints)";
-      });
-  def_pickle(t, field("source", &Trajectory::source, ""),
-             field("joint_names", &Trajectory::joint_names, ""),
-             field("time", &Trajectory::time, ""), field("q", &Trajectory::q, ""),
-             field("qd", &Trajectory::qd, ""), field("qdd", &Trajectory::qdd, ""));
-  t.attr("__module__") = "diffnea";
-  m.def("read_trajectory", &read_trajectory, "path"_a, py::call_guard<py::gil_scoped_release>(),
-        "Read a trajectory file (.csv): time, qcmd_*, optionally qdcmd_*, qddcmd_*.");
 }
 
 }  // namespace diffnea::python

@@ -9,6 +9,8 @@ void bind_model(pybind11::module_& m);
 void bind_dynamics(pybind11::module_& m);
 void bind_constraints(pybind11::module_& m);
 void bind_recording(pybind11::module_& m);
+void bind_recording_files(pybind11::module_& m);
+void bind_trajectory(pybind11::module_& m);
 void bind_audit(pybind11::module_& m);
 void bind_ball(pybind11::module_& m);
 void bind_ball_network(pybind11::module_& m);
@@ -17,7 +19,9 @@ void bind_diagnose(pybind11::module_& m);
 void bind_sim(pybind11::module_& m);
 void bind_policy(pybind11::module_& m);
 void bind_rollouts(pybind11::module_& m);
-void bind_experiment(pybind11::module_& m);
+void bind_task(pybind11::module_& m);
+void bind_learned_policy(pybind11::module_& m);
+void bind_transfer(pybind11::module_& m);
 void bind_robot_data(pybind11::module_& m);
 
 /// diffnea.<module>.<function>, for what is written in Python: data frames, plots, HTML.

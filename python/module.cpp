@@ -42,6 +42,8 @@ PYBIND11_MODULE(_core, m) {
   diffnea::python::bind_dynamics(m);
   diffnea::python::bind_constraints(m);
   diffnea::python::bind_recording(m);
+  diffnea::python::bind_recording_files(m);
+  diffnea::python::bind_trajectory(m);
   diffnea::python::bind_audit(m);
   diffnea::python::bind_ball(m);
   diffnea::python::bind_ball_network(m);
@@ -50,6 +52,8 @@ PYBIND11_MODULE(_core, m) {
   diffnea::python::bind_sim(m);
   diffnea::python::bind_policy(m);
   diffnea::python::bind_rollouts(m);
-  diffnea::python::bind_experiment(m);
+  diffnea::python::bind_task(m);
+  diffnea::python::bind_learned_policy(m);
+  diffnea::python::bind_transfer(m);
   diffnea::python::bind_robot_data(m);
 }
