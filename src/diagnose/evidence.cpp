@@ -8,8 +8,6 @@
 #include <diffnea/dynamics/batch.hpp>
 #include <diffnea/recording/butterworth.hpp>
 
-#include "diagnose/stretches.hpp"
-
 namespace diffnea {
 namespace {
 
@@ -29,22 +27,37 @@ Evidence::Evidence(const Model& model, const FitLayout& layout, const RecordingS
                    Turns at_turns, int first_run)
     : num_dofs_(layout.num_dofs),
       first_run_(first_run),
+      cut_off_(plan.filter_hz),
       runs_(source.runs()),
       filter_(plan.decimator) {
-  VecX<double> shape(static_cast<long>(layout.shape.size()));
-  for (std::size_t s = 0; s < layout.shape.size(); ++s)
-    shape[static_cast<long>(s)] = layout.shape[s].prior;
-  FitLayout held = layout;
-  for (FitParameter& s : held.shape) s.fixed = !is_smoothing(s);
-  RegressionOptions all;
-  all.keep_bytes = std::numeric_limits<long>::max() / 2;
-  all.rest_speed = 0.0;
-  all.rest_share = 2.0;
-  all.first_run = first_run;
-  TorqueRegression regression(model, held, plan, {layout.prior(), shape}, all);
   Stretches collector(first_run);
   for_each_block(source, plan, "reading", 0, options,
                  [&](const Preprocessed& block) { collector.add(block); });
+  take_series(collector, plan, period);
+  FitLayout held = layout;
+  for (FitParameter& s : held.shape) s.fixed = !is_smoothing(s);
+  const TorqueRegression measured = regress(model, held, plan, collector, collector.series());
+  for (int j = 0; j < num_dofs_; ++j)
+    if (!measured.kept()[static_cast<std::size_t>(j)].time.empty()) joints_.push_back(j);
+  if (joints_.empty())
+    throw DataError(source.sample().front().source +
+                    ": diagnose: no joint moves, no stretch of the recording is long enough for "
+                    "the filter, or no joint has a torque; record longer than " +
+                    format_number(2.0 * plan.min_segment) + " s");
+  take_rows(measured, layout);
+  if (averaged_)
+    averaged_base_ = stacked_base(regress(model, held, plan, collector, series_), base_.cols());
+  take_motion(layout, plan, collector.positions(), at_turns);
+  set_reference(model);
+  const MatX<double> turns_of_base = turns(layout);
+  for (MatX<double>* base : {&base_, &averaged_base_}) {
+    if (base->size() == 0) continue;
+    base->conservativeResize(Eigen::NoChange, base->cols() + turns_of_base.cols());
+    base->rightCols(turns_of_base.cols()) = turns_of_base;
+  }
+}
+
+void Evidence::take_series(Stretches& collector, const PreprocessPlan& plan, double period) {
   // Where a recording begins and ends, its filter still remembers how it was continued beyond.
   // Averaged, that would reach the rows of other periods, too.
   if (period > 0.0)
@@ -54,50 +67,52 @@ Evidence::Evidence(const Model& model, const FitLayout& layout, const RecordingS
   series_ = collector.series();
   averaged_ = period > 0.0 && !series_.empty();
   for (JointSeries& s : series_) averaged_ = averaged_ && average_other_periods(period, s);
-  if (!averaged_) {
-    series_ = collector.series();
-    for (JointSeries& s : series_) s.logged.resize(0, 0);
-  }
-  for (std::size_t i = 0; i < series_.size(); ++i)
-    regression.add(collector.rows_of(i, collector.series()[i]));
+  if (averaged_) return;
+  series_ = collector.series();
+  for (JointSeries& s : series_) s.logged.resize(0, 0);
+}
 
-  const long p =
-      static_cast<long>(layout.linear.size()) + std::ranges::count_if(layout.shape, is_smoothing);
-  for (int j = 0; j < num_dofs_; ++j)
-    if (!regression.kept()[static_cast<std::size_t>(j)].time.empty()) joints_.push_back(j);
-  if (joints_.empty())
-    throw DataError(source.sample().front().source +
-                    ": diagnose: no joint moves, no stretch of the recording is long enough for "
-                    "the filter, or no joint has a torque; record longer than " +
-                    format_number(2.0 * plan.min_segment) + " s");
+TorqueRegression Evidence::regress(const Model& model, const FitLayout& layout,
+                                   const PreprocessPlan& plan, const Stretches& collector,
+                                   const std::vector<JointSeries>& series) const {
+  VecX<double> shape(static_cast<long>(layout.shape.size()));
+  for (std::size_t s = 0; s < layout.shape.size(); ++s)
+    shape[static_cast<long>(s)] = layout.shape[s].prior;
+  RegressionOptions all;
+  all.keep_bytes = std::numeric_limits<long>::max() / 2;
+  all.rest_speed = 0.0;
+  all.rest_share = 2.0;
+  all.first_run = first_run_;
+  TorqueRegression out(model, layout, plan, {layout.prior(), shape}, all);
+  for (std::size_t i = 0; i < series.size(); ++i) out.add(collector.rows_of(i, series[i]));
+  return out;
+}
+
+void Evidence::take_rows(const TorqueRegression& measured, const FitLayout& layout) {
   for (std::size_t c = 0; c < layout.linear.size(); ++c)
     if (std::ranges::any_of(layout.shape, [&](const FitParameter& s) {
           return is_smoothing(s) && s.effect == layout.linear[c].effect;
         }))
       dry_columns_.push_back(static_cast<int>(c));
-  const long m =
-      static_cast<long>(regression.kept()[static_cast<std::size_t>(joints_[0])].time.size());
+  factors_ = measured.factors();
+  time_ = measured.kept()[static_cast<std::size_t>(joints_[0])].time;
+  const long m = times(), linear = static_cast<long>(layout.linear.size());
   torque_.resize(m * static_cast<long>(joints_.size()));
   for (std::size_t k = 0; k < joints_.size(); ++k) {
-    const JointRows& kept = regression.kept()[static_cast<std::size_t>(joints_[k])];
+    const JointRows& kept = measured.kept()[static_cast<std::size_t>(joints_[k])];
     torque_.segment(static_cast<long>(k) * m, m) = kept.rows().col(kept.width - 1);
   }
-  time_ = regression.kept()[static_cast<std::size_t>(joints_[0])].time;
-  base_ = stacked_base(regression, p);
-  const VecX<double> of_model =
-      base_.leftCols(static_cast<long>(layout.linear.size())) * layout.prior();
+  base_ = stacked_base(measured, linear + std::ranges::count_if(layout.shape, is_smoothing));
+  const VecX<double> of_model = base_.leftCols(linear) * layout.prior();
   for (long k = 0; k < static_cast<long>(joints_.size()); ++k)
     size_.push_back((passive(k) ? of_model : torque_).segment(k * m, m).norm() /
                     std::sqrt(static_cast<double>(m)));
-  if (averaged_) {
-    TorqueRegression averaged(model, held, plan, {layout.prior(), shape}, all);
-    for (std::size_t i = 0; i < series_.size(); ++i) averaged.add(collector.rows_of(i, series_[i]));
-    averaged_base_ = stacked_base(averaged, p);
-  }
-  stretch_.resize(time_.size());
-  const Decimator& filter = filter_;
-  std::vector<RowMatX<double>> states;
-  VecX<double> speed = VecX<double>::Zero(num_dofs_), acceleration = speed;
+}
+
+void Evidence::take_motion(const FitLayout& layout, const PreprocessPlan& plan,
+                           const std::vector<RowMatX<double>>& positions, Turns at_turns) {
+  const long n = num_dofs_, known = static_cast<long>(joints_.size()), m = times();
+  VecX<double> speed = VecX<double>::Zero(n), acceleration = speed;
   long samples = 0;
   for (const JointSeries& s : series_) {
     speed += s.qd.colwise().squaredNorm().transpose();
@@ -110,34 +125,39 @@ Evidence::Evidence(const Model& model, const FitLayout& layout, const RecordingS
   for (const int j : dry_joints(layout)) {
     if (static_cast<std::size_t>(j) >= plan.q_noise.size()) continue;
     std::vector<VecX<double>> q;
-    for (const RowMatX<double>& stretch : collector.positions()) q.emplace_back(stretch.col(j));
+    for (const RowMatX<double>& stretch : positions) q.emplace_back(stretch.col(j));
     stuck[j] = stuck_rows(
         q, standstill(plan.q_noise[static_cast<std::size_t>(j)], speed[j], acceleration[j], plan),
         at_turns);
     if (stuck[j].everywhere) sticking_.push_back(j);
   }
-  const long n = num_dofs_, known = static_cast<long>(joints_.size());
+  for (const int j : joints_) {
+    turns_per_second_.push_back(turn_rate(series_, j, kRestShare * speed[j]));
+    late_.push_back(stuck.contains(j) ? plan.dt * stuck[j].late : 0.0);
+  }
+  stretch_.resize(time_.size());
+  std::vector<RowMatX<double>> states;  // [q | q̇ | q̈ | rests | sticks]
   long row = 0;
   for (std::size_t i = 0; i < series_.size(); ++i) {
     const JointSeries& s = series_[i];
-    const long outputs = s.q.rows() < 2 * filter.half_length() + 1
+    const long outputs = s.q.rows() < 2 * filter_.half_length() + 1
                              ? 0
-                             : (s.q.rows() - 2 * filter.half_length() - 1) / filter.factor() + 1;
+                             : (s.q.rows() - 2 * filter_.half_length() - 1) / filter_.factor() + 1;
     for (long k = 0; k < outputs && row < m; ++k)
       stretch_[static_cast<std::size_t>(row++)] = static_cast<int>(i);
-    step_ = s.dt * filter.factor();
-    RowMatX<double> all_states(s.q.rows(), 3 * n + 2 * known);
-    all_states << s.q, s.qd, s.qdd, RowMatX<double>::Zero(s.q.rows(), 2 * known);
+    step_ = s.dt * filter_.factor();
+    RowMatX<double> state(s.q.rows(), 3 * n + 2 * known);
+    state << s.q, s.qd, s.qdd, RowMatX<double>::Zero(s.q.rows(), 2 * known);
     for (long k = 0; k < known; ++k) {
       const int j = joints_[static_cast<std::size_t>(k)];
-      all_states.col(3 * n + k) =
+      state.col(3 * n + k) =
           (s.qd.col(j).array().abs() < kRestShare * speed[j]).cast<double>().matrix();
       if (!stuck.contains(j)) continue;
       const std::vector<bool>& rows = stuck[j].rows[i];
       for (std::size_t at = 0; at < rows.size(); ++at)
-        all_states(static_cast<long>(at), 3 * n + known + k) = rows[at];
+        state(static_cast<long>(at), 3 * n + known + k) = rows[at];
     }
-    states.push_back(std::move(all_states));
+    states.push_back(std::move(state));
   }
   const MatX<double> decimated = decimate(states);
   if (row != m || decimated.rows() != m)
@@ -148,19 +168,6 @@ Evidence::Evidence(const Model& model, const FitLayout& layout, const RecordingS
   qdd_ = decimated.middleCols(2 * n, n);
   sticks_ = decimated.rightCols(known).array().abs() > kMostStuck;  // of either sign
   rests_ = decimated.middleCols(3 * n, known).array() > kMostRest || sticks_;
-  factors_ = regression.factors();
-  cut_off_ = plan.filter_hz;
-  for (const int j : joints_) {
-    turns_per_second_.push_back(turn_rate(series_, j, kRestShare * speed[j]));
-    late_.push_back(stuck.contains(j) ? plan.dt * stuck[j].late : 0.0);
-  }
-  set_reference(model);
-  const MatX<double> turns_of_base = turns(layout);
-  for (MatX<double>* base : {&base_, &averaged_base_}) {
-    if (base->size() == 0) continue;
-    base->conservativeResize(Eigen::NoChange, p + turns_of_base.cols());
-    base->rightCols(turns_of_base.cols()) = turns_of_base;
-  }
 }
 
 MatX<double> Evidence::without_scale(long k, const Eigen::Ref<const MatX<double>>& rows,

@@ -13,6 +13,7 @@
 
 #include "diagnose/candidates.hpp"
 #include "diagnose/sticking.hpp"
+#include "diagnose/stretches.hpp"
 #include "diagnose/turns.hpp"
 #include "identify/passes.hpp"
 
@@ -116,6 +117,21 @@ class Evidence {
   void evaluate(const TriedEffect::Own& own);
 
  private:
+  // What the constructor does, in this order.
+  /// The stretches of the recordings, averaged where the motion repeats.
+  void take_series(Stretches& collector, const PreprocessPlan& plan, double period);
+  /// All rows of the base's columns and of the torque, at one motion.
+  /// @param layout  outlives what is returned
+  TorqueRegression regress(const Model& model, const FitLayout& layout, const PreprocessPlan& plan,
+                           const Stretches& collector,
+                           const std::vector<JointSeries>& series) const;
+  /// Torques, base columns and their instants.
+  void take_rows(const TorqueRegression& measured, const FitLayout& layout);
+  /// States of these instants; where joints rest, stick and turn.
+  /// @param positions  as logged, a matrix for each stretch
+  void take_motion(const FitLayout& layout, const PreprocessPlan& plan,
+                   const std::vector<RowMatX<double>>& positions, Turns at_turns);
+
   /// One column for each of the base's, (rows(), p).
   MatX<double> stacked_base(const TorqueRegression& regression, long p) const;
   /// turn_columns() of every friction of the layout, (rows(), kTurnColumns · frictions).
