@@ -15,6 +15,8 @@ constexpr double kRippleShare = 2.0;
 
 /// Standard deviations of the positions' noise, of which hardly any sample is beyond.
 constexpr double kPreslidingNoises = 3.0;
+/// Of the range of the motion: bristles that bend by more hardly slide, and are a spring.
+constexpr double kPreslidingRange = 0.25;
 
 /// The same, below which no gap of a gear is told from none: averaged over periods, a step of the
 /// link's position that is seen.
@@ -76,11 +78,14 @@ void bound_cogging(const Evidence& evidence, Candidate& c) {
 }
 
 /// Bristles that bend by less than the positions' noise do not show: what is left is Coulomb's.
-void bound_presliding(const std::vector<double>& q_noise, Candidate& c) {
+void bound_presliding(const Evidence& evidence, const std::vector<double>& q_noise, Candidate& c) {
   const std::size_t joint = static_cast<std::size_t>(c.effect.joints[0]);
+  const VecX<double> q = evidence.q().col(c.effect.joints[0]);
   const double least = joint < q_noise.size() ? kPreslidingNoises * q_noise[joint] : 0.0;
-  std::erase_if(c.grid, [&](const std::vector<double>& g) { return g[0] < least; });
+  const double most = kPreslidingRange * (q.maxCoeff() - q.minCoeff());
+  std::erase_if(c.grid, [&](const std::vector<double>& g) { return g[0] < least || g[0] > most; });
   c.shape_low = {least};
+  c.shape_high = {std::max(most, least)};
 }
 
 /// Gaps from those that the positions' noise hides to the largest of the catalogue.
@@ -133,7 +138,7 @@ std::vector<Refusal> bound_shapes(const Evidence& evidence, const FitLayout& lay
     }
     if (name == "saturation") bound_saturation(evidence, c);
     if (name == "cogging") bound_cogging(evidence, c);
-    if (name == "presliding_dahl") bound_presliding(q_noise, c);
+    if (name == "presliding_dahl") bound_presliding(evidence, q_noise, c);
     if (name == "backlash") bound_backlash(q_noise, c);
     if (name == "stribeck_friction") bound_stribeck(layout, c);
     if (!c.grid.empty()) kept.push_back(std::move(c));

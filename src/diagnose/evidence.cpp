@@ -17,6 +17,10 @@ constexpr double kRestShare = 0.01;
 /// Of the filter's weight on samples in which a joint rests, or sticks.
 constexpr double kMostRest = 0.3, kMostStuck = 0.02;
 
+/// Rows of a joint for each column that acts there, at least: fewer say what its base is between
+/// turns alone, and it is another at them. Then they are kept.
+constexpr long kRowsAColumn = 4;
+
 /// Of a disturbance at the end of a recording.
 constexpr double kRemembered = 0.01;
 
@@ -111,8 +115,7 @@ void Evidence::take_rows(const TorqueRegression& measured, const FitLayout& layo
 
 void Evidence::take_motion(const FitLayout& layout, const PreprocessPlan& plan,
                            const std::vector<RowMatX<double>>& positions, Turns at_turns) {
-  const long n = num_dofs_, known = static_cast<long>(joints_.size()), m = times();
-  VecX<double> speed = VecX<double>::Zero(n), acceleration = speed;
+  VecX<double> speed = VecX<double>::Zero(num_dofs_), acceleration = speed;
   long samples = 0;
   for (const JointSeries& s : series_) {
     speed += s.qd.colwise().squaredNorm().transpose();
@@ -121,21 +124,52 @@ void Evidence::take_motion(const FitLayout& layout, const PreprocessPlan& plan,
   }
   speed = (speed / static_cast<double>(samples)).cwiseSqrt();
   acceleration = (acceleration / static_cast<double>(samples)).cwiseSqrt();
-  std::map<int, StuckRows> stuck;
-  for (const int j : dry_joints(layout)) {
-    if (static_cast<std::size_t>(j) >= plan.q_noise.size()) continue;
+  const auto stuck_at = [&](int j, Turns what) {
     std::vector<VecX<double>> q;
     for (const RowMatX<double>& stretch : positions) q.emplace_back(stretch.col(j));
-    stuck[j] = stuck_rows(
-        q, standstill(plan.q_noise[static_cast<std::size_t>(j)], speed[j], acceleration[j], plan),
-        at_turns);
-    if (stuck[j].everywhere) sticking_.push_back(j);
+    const double noise = plan.q_noise[static_cast<std::size_t>(j)];
+    return stuck_rows(q, standstill(noise, speed[j], acceleration[j], plan), what);
+  };
+  std::map<int, StuckRows> stuck;
+  for (const int j : dry_joints(layout))
+    if (static_cast<std::size_t>(j) < plan.q_noise.size()) stuck[j] = stuck_at(j, at_turns);
+  take_states(stuck, speed);
+  bool again = false;
+  for (std::size_t k = 0; k < joints_.size(); ++k) {
+    const auto at = stuck.find(joints_[k]);
+    if (at == stuck.end() || !at->second.everywhere) continue;
+    const auto column = [&](long c) {
+      return !base_.col(c).segment(static_cast<long>(k) * times(), times()).isZero(0.0);
+    };
+    long columns = 0;
+    for (long c = 0; c < base_.cols(); ++c) columns += column(c);
+    if (rows_between(static_cast<long>(k)) >= kRowsAColumn * columns) continue;
+    at->second = stuck_at(at->first, Turns::kKept);
+    again = true;
   }
+  if (again) take_states(stuck, speed);
+  for (const auto& [j, rows] : stuck)
+    if (rows.everywhere) sticking_.push_back(j);
   for (const int j : joints_) {
     turns_per_second_.push_back(turn_rate(series_, j, kRestShare * speed[j]));
     late_.push_back(stuck.contains(j) ? plan.dt * stuck[j].late : 0.0);
   }
-  stretch_.resize(time_.size());
+}
+
+long Evidence::rows_between(long k) const {
+  long out = 0, since = 0;
+  for (long i = 0; i < times(); ++i) {
+    const bool follows =
+        i > 0 && stretch_[static_cast<std::size_t>(i)] == stretch_[static_cast<std::size_t>(i - 1)];
+    since = sticks(i, k) ? 0 : follows ? since + 1 : 1;
+    out += since > kNoiseOrder && !rests(i, k);
+  }
+  return out;
+}
+
+void Evidence::take_states(const std::map<int, StuckRows>& stuck, const VecX<double>& speed) {
+  const long n = num_dofs_, known = static_cast<long>(joints_.size()), m = times();
+  stretch_.assign(time_.size(), 0);
   std::vector<RowMatX<double>> states;  // [q | q̇ | q̈ | rests | sticks]
   long row = 0;
   for (std::size_t i = 0; i < series_.size(); ++i) {
@@ -153,7 +187,7 @@ void Evidence::take_motion(const FitLayout& layout, const PreprocessPlan& plan,
       state.col(3 * n + k) =
           (s.qd.col(j).array().abs() < kRestShare * speed[j]).cast<double>().matrix();
       if (!stuck.contains(j)) continue;
-      const std::vector<bool>& rows = stuck[j].rows[i];
+      const std::vector<bool>& rows = stuck.at(j).rows[i];
       for (std::size_t at = 0; at < rows.size(); ++at)
         state(static_cast<long>(at), 3 * n + known + k) = rows[at];
     }

@@ -19,6 +19,9 @@
 
 namespace diffnea {
 
+/// Of the autoregression that whitens rows: what a row needs before it.
+inline constexpr int kNoiseOrder = 8;
+
 class Evidence {
  public:
   /// @param layout     of the base model
@@ -131,6 +134,10 @@ class Evidence {
   /// @param positions  as logged, a matrix for each stretch
   void take_motion(const FitLayout& layout, const PreprocessPlan& plan,
                    const std::vector<RowMatX<double>>& positions, Turns at_turns);
+  /// @param stuck  by joint  @param speed  RMS, (num_dofs())
+  void take_states(const std::map<int, StuckRows>& stuck, const VecX<double>& speed);
+  /// Rows of the k-th of joints() that whitening has enough rows before.
+  long rows_between(long k) const;
 
   /// One column for each of the base's, (rows(), p).
   MatX<double> stacked_base(const TorqueRegression& regression, long p) const;

@@ -10,7 +10,7 @@
 namespace diffnea {
 namespace {
 
-constexpr int kOrder = 8;
+constexpr int kOrder = kNoiseOrder;
 
 /// Levinson–Durbin recursion. @param r  autocovariances r_0 … r_order
 JointNoise levinson(const std::vector<double>& r) {

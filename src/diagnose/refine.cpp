@@ -14,8 +14,10 @@ namespace {
 constexpr double kRedundant = 0.02;
 /// χ²: what one or the other makes of a choice that the recording shows.
 constexpr double kSideShows = 1.0;
-/// Of a joint's measured torque.
-constexpr double kWhole = 0.95;
+/// Of a joint's measured torque: more, that the base takes back, is of a candidate which the base
+/// hides. Of one in plain sight (share of its torque that the base leaves), like a spring that
+/// carries a weight, it may be any.
+constexpr double kWhole = 0.95, kPlainSight = 0.25;
 constexpr double kMostGainError = 0.5;
 /// Of a shape in one step: of its logarithm; of a ratio, which is about 1.
 constexpr double kMostLog = 0.7, kMostPlain = 0.3;
@@ -157,12 +159,13 @@ bool plausible(const Search& search, const Term& term) {
     if (term.effect.parameter_info[static_cast<std::size_t>(k)].name == "motor_inertia" &&
         !(term.effect.parameters[static_cast<std::size_t>(k)] > 0.0))
       return false;
-  // At the least distance that shows, bristles are Coulomb friction.
+  // At the least distance that shows, bristles are Coulomb friction; at the largest, a spring.
   const Candidate& c = search.candidates()[static_cast<std::size_t>(term.candidate)];
   for (std::size_t s = 0; s < c.shapes.size(); ++s) {
     const std::size_t k = static_cast<std::size_t>(c.shapes[s]);
     if (term.effect.parameter_info[k].name == "presliding" &&
-        !(term.effect.parameters[k] > c.shape_low[s]))
+        !(term.effect.parameters[k] > c.shape_low[s] &&
+          term.effect.parameters[k] < c.shape_high[s]))
       return false;
   }
   // Beyond, no torque constant is off.
@@ -170,6 +173,7 @@ bool plausible(const Search& search, const Term& term) {
     if (term.effect.parameter_info[static_cast<std::size_t>(k)].name == "gain_error" &&
         std::abs(term.effect.parameters[static_cast<std::size_t>(k)]) > kMostGainError)
       return false;
+  if (term.visible_share() > kPlainSight) return true;
   const VecX<double> torque = term.torque();
   const long m = search.evidence().times();
   for (long k = 0; k < static_cast<long>(search.evidence().joints().size()); ++k)

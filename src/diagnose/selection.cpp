@@ -19,6 +19,8 @@ constexpr double kColumnError = 0.01;
 /// Of an effect's torque: where the base takes over more than all but this, its columns' own error
 /// is what shows.
 constexpr double kAbsorbed = 0.01;
+/// ΔBIC of a cause whose size the recording does not tell, at least: any noise has some shape.
+constexpr double kSizeless = 50.0;
 constexpr double kChild = 0.98;  ///< of a cause's column that a more general effect reproduces
 
 std::vector<Term> without(const std::vector<Term>& terms, std::size_t i) {
@@ -29,6 +31,12 @@ std::vector<Term> without(const std::vector<Term>& terms, std::size_t i) {
 
 /// Accepted, a tilt is in the base's columns, too: without it, they would be those of no model.
 bool stays(const Term& term) { return term.effect.info().name == "base_tilt"; }
+
+/// Whether the recording tells how large a cause is: its shapes show, or the model knows a rotor
+/// beside which they do.
+bool has_size(const Candidate& c, const Term& term) {
+  return c.rotor > 0.0 || term.shapes.size() >= c.shapes.size();
+}
 
 std::set<int> names(const std::vector<Term>& terms) {
   std::set<int> out;
@@ -276,10 +284,15 @@ std::vector<Term> Selection::run(const std::function<bool(const FitProgress&)>& 
     dropped = false;
     for (std::size_t i = terms.size(); i-- > 0;) {
       const std::vector<Term> rest = without(terms, i);
-      if (stays(terms[i]) || change(rest, terms).helps()) continue;
       const Candidate& c = candidates_[static_cast<std::size_t>(terms[i].candidate)];
+      const double worse =
+          search_.bic(search_.gain_of(rest), rest) - search_.bic(search_.gain_of(terms), terms);
+      const bool vague = !has_size(c, terms[i]) && worse < kSizeless;
+      if (stays(terms[i]) || (!vague && change(rest, terms).helps())) continue;
       refused_.push_back({c.effect.info().name, c.effect.where,
-                          "does not help on held-out data beside the others", 0.0});
+                          vague ? "of no size that this recording tells, and of little evidence"
+                                : "does not help on held-out data beside the others",
+                          vague ? worse : 0.0});
       terms = rest;
       search_.fit(terms);
       dropped = true;
@@ -332,7 +345,7 @@ std::vector<Cause> Selection::causes(const std::vector<Term>& terms) const {
     cause.torque_share = search_.torque_share(t);
     const bool shapes_show = t.shapes.size() >= c.shapes.size();
     // Where stiffness and rotor show as their ratio alone, they are as good as the declared rotor.
-    const bool by_rotor = c.rotor > 0.0 && !shapes_show;
+    const bool by_rotor = has_size(c, t) && !shapes_show;
     const double of_word = c.rotor > 0.0 && shapes_show ? 0.0 : c.held;
     const double late = search_.late_turns(t, terms);
     const double inexact = std::hypot(
