@@ -191,6 +191,7 @@ void BandDiagnosis::describe() {
                     freedom >
                 kLeft;
   double floor = std::max(change.after - more, 0.0);
+  misfit_ = misfit_ || change.after > kFarOff * kFarOff;
   if (misfit_) floor = std::min(floor, 1.0);
   case_.finding.gain = gain_of(change, floor);
   for (Cause& c : case_.finding.causes) c.gain.noise_floor = case_.finding.gain.noise_floor;

@@ -15,10 +15,6 @@ const std::string kGap = "backlash";
 /// Those that show where a joint turns back, and are looked for there at joints that stick.
 const std::vector<std::string> kAtTurns{"stribeck_friction", "backlash", "joint_elasticity"};
 
-/// Held-out error over the noise, beyond which NONE is not the last word: 1.24 at most in 264
-/// recordings that hide nothing.
-constexpr double kUneasy = 1.35;
-
 /// What is looked at, and the seconds of looks that are not shown.
 struct Question {
   const Model& model;

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "core/number_text.hpp"
+#include "diagnose/held_out.hpp"
 #include "identify/passes.hpp"
 
 namespace diffnea {
@@ -116,8 +117,14 @@ std::string witness_words(const Finding& f) {
     return "an error of " + format_number(f.gain.after) +
            " times the camera's noise is left of the ball's held-out path, and no smooth function "
            "of its motion explains it";
+  const double left = std::sqrt(left_by(f).first);
+  if (f.witness.empty() && left > kFarOff)
+    return "an error of " + format_number(left) +
+           " times the noise is left on held-out data, and no smooth function of the motion "
+           "explains "
+           "it; were they recorded under other conditions, or with other units?";
   if (f.witness.empty())
-    return "an error of " + format_number(std::sqrt(left_by(f).first)) +
+    return "an error of " + format_number(left) +
            " times the noise comes back in every period, and no smooth function of the motion "
            "explains it on held-out data";
   const Witness& w = f.witness.front();
@@ -135,8 +142,12 @@ std::string none_words(const Finding& f) {
     if (r.delta_bic > 0.0 && r.reason.starts_with("does not help on held-out data"))
       fit.push_back(placed(r.effect, r.where));
   if (f.held_out != "time blocks" || fit.empty())
-    return "Nothing is left to explain: no effect of the catalogue improves the model beyond its "
-           "noise.";
+    return f.gain.before > kUneasy
+               ? "No effect of the catalogue improves the model beyond its noise, though on "
+                 "held-out data its error is " +
+                     format_number(f.gain.before) + " times that."
+               : "Nothing is left to explain: no effect of the catalogue improves the model beyond "
+                 "its noise.";
   if (fit.size() > kListed) fit.resize(kListed);
   return "No effect of the catalogue helps on the parts of the recording that were held out, "
          "though " +
@@ -175,7 +186,8 @@ std::string sentence(const Finding& f) {
   std::string out =
       "The model lacks " + causes_words(f) + ". The extension removes " +
       percent(f.gain.explained_share) + " of the held-out error that can be removed (error " +
-      format_number(f.gain.before) + " to " + format_number(f.gain.after) + " times the noise)";
+      format_number(f.gain.before) + " to " + format_number(f.gain.after) + " times the noise" +
+      (f.gain.after > kUneasy ? "; nothing that was tried explains the rest)" : ")");
   const auto of_ball = [](const Cause& c) { return at_ball(c.where); };
   if (f.ball && !std::ranges::all_of(f.causes, of_ball) && std::ranges::any_of(f.causes, of_ball))
     out += ", and brings the ball's path from " + format_number(1e3 * f.ball->base_rms) + " to " +
