@@ -13,6 +13,10 @@ if TYPE_CHECKING:
     from ._data import Data
 
 
+def _names(given: str | Sequence[str]) -> list[str]:
+    return [given] if isinstance(given, str) else list(given)
+
+
 def identify(
     model: Model | StrPath,
     data: Data,
@@ -20,9 +24,9 @@ def identify(
     test: Data | None = None,
     loss: str = "inverse",
     robust: str = "none",
-    fit: Sequence[str] = ("inertia", "armature", "effects", "string"),
-    effects: Sequence[str] | None = None,
-    fix: Sequence[str] = (),
+    fit: str | Sequence[str] = ("inertia", "armature", "effects", "string"),
+    effects: str | Sequence[str] | None = None,
+    fix: str | Sequence[str] = (),
     entropic_prior: float = 0.0,
     physical: bool = True,
     filter_hz: float = 0.0,
@@ -84,9 +88,9 @@ def identify(
         [] if test is None else items(test, torque_side, passive),
         loss,
         robust,
-        list(fit),
-        None if effects is None else list(effects),
-        list(fix),
+        _names(fit),
+        None if effects is None else _names(effects),
+        _names(fix),
         entropic_prior,
         physical,
         filter_hz,

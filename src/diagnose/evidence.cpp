@@ -28,7 +28,7 @@ constexpr double kRemembered = 0.01;
 
 Evidence::Evidence(const Model& model, const FitLayout& layout, const RecordingSource& source,
                    const PreprocessPlan& plan, double period, const IdentifyOptions& options,
-                   Turns at_turns, int first_run)
+                   Turns at_turns, int first_run, const Evidence* fitted)
     : num_dofs_(layout.num_dofs),
       first_run_(first_run),
       cut_off_(plan.filter_hz),
@@ -51,7 +51,7 @@ Evidence::Evidence(const Model& model, const FitLayout& layout, const RecordingS
   take_rows(measured, layout);
   if (averaged_)
     averaged_base_ = stacked_base(regress(model, held, plan, collector, series_), base_.cols());
-  take_motion(layout, plan, collector.positions(), at_turns);
+  take_motion(layout, plan, collector.positions(), at_turns, fitted);
   set_reference(model);
   const MatX<double> turns_of_base = turns(layout);
   for (MatX<double>* base : {&base_, &averaged_base_}) {
@@ -114,7 +114,8 @@ void Evidence::take_rows(const TorqueRegression& measured, const FitLayout& layo
 }
 
 void Evidence::take_motion(const FitLayout& layout, const PreprocessPlan& plan,
-                           const std::vector<RowMatX<double>>& positions, Turns at_turns) {
+                           const std::vector<RowMatX<double>>& positions, Turns at_turns,
+                           const Evidence* fitted) {
   VecX<double> speed = VecX<double>::Zero(num_dofs_), acceleration = speed;
   long samples = 0;
   for (const JointSeries& s : series_) {
@@ -132,10 +133,13 @@ void Evidence::take_motion(const FitLayout& layout, const PreprocessPlan& plan,
   };
   std::map<int, StuckRows> stuck;
   for (const int j : dry_joints(layout))
-    if (static_cast<std::size_t>(j) < plan.q_noise.size()) stuck[j] = stuck_at(j, at_turns);
+    if (static_cast<std::size_t>(j) < plan.q_noise.size())
+      stuck[j] = stuck_at(j, !fitted                                    ? at_turns
+                             : std::ranges::count(fitted->sticking_, j) ? Turns::kAllLeftOut
+                                                                        : Turns::kKept);
   take_states(stuck, speed);
   bool again = false;
-  for (std::size_t k = 0; k < joints_.size(); ++k) {
+  for (std::size_t k = 0; k < joints_.size() && !fitted; ++k) {
     const auto at = stuck.find(joints_[k]);
     if (at == stuck.end() || !at->second.everywhere) continue;
     const auto column = [&](long c) {

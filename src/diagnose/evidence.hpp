@@ -28,10 +28,13 @@ class Evidence {
   /// @param period     of the motion [s]; 0: not periodic
   /// @param at_turns   of joints that stick at each of them
   /// @param first_run  number of the source's first recording among all that the layout knows
+  /// @param fitted     of a held-out recording, that of the fitted one: turns of the same joints
+  /// are
+  ///   left out, for a base that has not seen them says nothing of them
   /// @throws DataError if no row is left
   Evidence(const Model& model, const FitLayout& layout, const RecordingSource& source,
            const PreprocessPlan& plan, double period, const IdentifyOptions& options,
-           Turns at_turns = Turns::kLeftOut, int first_run = 0);
+           Turns at_turns = Turns::kLeftOut, int first_run = 0, const Evidence* fitted = nullptr);
 
   long rows() const { return torque_.size(); }
   /// Rows of one joint; the same instants for all.
@@ -133,7 +136,8 @@ class Evidence {
   /// States of these instants; where joints rest, stick and turn.
   /// @param positions  as logged, a matrix for each stretch
   void take_motion(const FitLayout& layout, const PreprocessPlan& plan,
-                   const std::vector<RowMatX<double>>& positions, Turns at_turns);
+                   const std::vector<RowMatX<double>>& positions, Turns at_turns,
+                   const Evidence* fitted);
   /// @param stuck  by joint  @param speed  RMS, (num_dofs())
   void take_states(const std::map<int, StuckRows>& stuck, const VecX<double>& speed);
   /// Rows of the k-th of joints() that whitening has enough rows before.

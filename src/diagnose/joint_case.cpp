@@ -103,9 +103,9 @@ void prepare(JointCase& c) {
     if (period <= 0.0) period = detect_period(held.front()).seconds;
     if (period <= 0.0) period = c.period;  // checked where it is used
     const double dt = c.test_plan.dt;
-    c.test = std::make_unique<Evidence>(c.model, c.layout, *c.test_source, c.test_plan,
-                                        dt * std::round(period / dt), reading, c.turns,
-                                        static_cast<int>(c.train_source.runs().size()));
+    c.test = std::make_unique<Evidence>(
+        c.model, c.layout, *c.test_source, c.test_plan, dt * std::round(period / dt), reading,
+        c.turns, static_cast<int>(c.train_source.runs().size()), c.train.get());
     c.finding.held_out = "test recording";
   } else {
     split_in_time(*c.train, c.fitted_rows, c.held_rows);

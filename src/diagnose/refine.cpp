@@ -15,7 +15,7 @@ constexpr double kRedundant = 0.02;
 /// χ²: what one or the other makes of a choice that the recording shows.
 constexpr double kSideShows = 1.0;
 /// Of a joint's measured torque: more, that the base takes back, is of a candidate which the base
-/// hides. Of one in plain sight (share of its torque that the base leaves), like a spring that
+/// hides. Of a force in plain sight (share of its torque that the base leaves), like a spring that
 /// carries a weight, it may be any.
 constexpr double kWhole = 0.95, kPlainSight = 0.25;
 constexpr double kMostGainError = 0.5;
@@ -173,7 +173,8 @@ bool plausible(const Search& search, const Term& term) {
     if (term.effect.parameter_info[static_cast<std::size_t>(k)].name == "gain_error" &&
         std::abs(term.effect.parameters[static_cast<std::size_t>(k)]) > kMostGainError)
       return false;
-  if (term.visible_share() > kPlainSight) return true;
+  if (term.effect.info().port == Port::kJointTorque && term.visible_share() > kPlainSight)
+    return true;
   const VecX<double> torque = term.torque();
   const long m = search.evidence().times();
   for (long k = 0; k < static_cast<long>(search.evidence().joints().size()); ++k)

@@ -288,11 +288,13 @@ std::vector<Term> Selection::run(const std::function<bool(const FitProgress&)>& 
       const double worse =
           search_.bic(search_.gain_of(rest), rest) - search_.bic(search_.gain_of(terms), terms);
       const bool vague = !has_size(c, terms[i]) && worse < kSizeless;
-      if (stays(terms[i]) || (!vague && change(rest, terms).helps())) continue;
+      const bool hidden = terms[i].visible_share() < kAbsorbed;
+      if (stays(terms[i]) || (!vague && !hidden && change(rest, terms).helps())) continue;
       refused_.push_back({c.effect.info().name, c.effect.where,
-                          vague ? "of no size that this recording tells, and of little evidence"
-                                : "does not help on held-out data beside the others",
-                          vague ? worse : 0.0});
+                          vague    ? "of no size that this recording tells, and of little evidence"
+                          : hidden ? "hardly visible beside the base parameters"
+                                   : "does not help on held-out data beside the others",
+                          vague || hidden ? worse : 0.0});
       terms = rest;
       search_.fit(terms);
       dropped = true;

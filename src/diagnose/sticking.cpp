@@ -152,6 +152,7 @@ StuckRows stuck_rows(const std::vector<VecX<double>>& positions, const Standstil
       out.rows.push_back(stands_still(turns[i], still, positions[i].size(), everywhere));
     return out;
   };
+  if (what == Turns::kAllLeftOut) return leave_out(true);
   if (!sticks_at_turns(all)) return leave_out(false);
   if (what == Turns::kKept) {
     StuckRows out = leave_out(false);

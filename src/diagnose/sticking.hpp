@@ -48,8 +48,9 @@ std::vector<bool> stands_still(const std::vector<Turn>& turns, const Standstill&
 
 /// What becomes of the turns of a joint that sticks at each of them.
 enum class Turns {
-  kLeftOut,  ///< unless that takes more than half of the rows
-  kKept      ///< but for standstills
+  kLeftOut,     ///< unless that takes more than half of the rows
+  kAllLeftOut,  ///< whether or not it sticks there, and whatever that takes
+  kKept         ///< but for standstills
 };
 
 /// Rows in which a joint sticks, of each stretch.

@@ -5,22 +5,10 @@
 #include <diffnea/core/error.hpp>
 #include <diffnea/effects/catalogue.hpp>
 
+#include "core/edit_distance.hpp"
+
 namespace diffnea {
 namespace {
-
-/// Levenshtein distance: how many letters to change, insert or delete.
-std::size_t edit_distance(const std::string& a, const std::string& b) {
-  std::vector<std::size_t> row(b.size() + 1);
-  std::iota(row.begin(), row.end(), 0);
-  for (std::size_t i = 1; i <= a.size(); ++i) {
-    std::size_t diagonal = std::exchange(row[0], i);
-    for (std::size_t j = 1; j <= b.size(); ++j) {
-      const std::size_t replace = diagonal + (a[i - 1] == b[j - 1] ? 0 : 1);
-      diagonal = std::exchange(row[j], std::min({replace, row[j] + 1, row[j - 1] + 1}));
-    }
-  }
-  return row.back();
-}
 
 /// "did you mean x? choices: a, b, c"
 std::string choices(const std::string& name, const std::vector<std::string>& names) {
@@ -84,7 +72,8 @@ std::string trimmed(const std::string& s) {
 
 std::vector<int> resolve_where(const std::string& here, const EffectInfo& info,
                                const std::string& where, const Model& model) {
-  const int n = static_cast<int>(joint_names(model).size());
+  const std::vector<std::string> joints = joint_names(model);
+  const int n = static_cast<int>(joints.size());
   std::vector<int> all(n);
   std::iota(all.begin(), all.end(), 0);
   const std::string expected = "; expected " + names_of_places(info.place);
@@ -103,6 +92,11 @@ std::vector<int> resolve_where(const std::string& here, const EffectInfo& info,
   if (where.empty()) throw ModelError(here + ": it is not said where it acts" + expected);
 
   const bool acts_on_all = info.place == Place::kJoint || info.place == Place::kAllJoints;
+  const bool is_joint = std::ranges::find(joints, where) != joints.end();
+  if (where == "all" && acts_on_all && is_joint)
+    throw ModelError(here +
+                     ": a joint of the model is named 'all', which here means every joint; " +
+                     "give that joint another name");
   if (where == "all" && acts_on_all) return all;
   if (where == "tip" && info.place == Place::kTip) return {n - 1};
   if (where == "base" && info.place == Place::kBase) return all;
@@ -116,7 +110,7 @@ std::vector<int> resolve_where(const std::string& here, const EffectInfo& info,
       throw ModelError(here + ": both joints of the pair are the same" + expected);
     return {first, second};
   }
-  const bool names_place = where == "all" || where == "tip" || where == "base";
+  const bool names_place = !is_joint && (where == "all" || where == "tip" || where == "base");
   if (names_place || info.place == Place::kBase || info.place == Place::kAllJoints)
     throw ModelError(here + ": got '" + where + "'" + expected);
   return {find_joint_or_throw(here, where, model)};

@@ -294,6 +294,12 @@ class Design {
         notes.push_back(link.joint + ": no position limits, it moves within " +
                         short_number(r.middle - r.half) + " to " + short_number(r.middle + r.half) +
                         unit);
+      const double over = std::max(l.lower - (r.middle - r.half), r.middle + r.half - l.upper);
+      if (given(limits.position, link.joint) && over > 1e-9)
+        notes.push_back("WARNING: " + link.joint + " is to move within " +
+                        short_number(r.middle - r.half) + " to " + short_number(r.middle + r.half) +
+                        unit + " as was asked, beyond the model's limits " + short_number(l.lower) +
+                        " to " + short_number(l.upper));
       if (!is_given(l.velocity) && !given(limits.velocity, link.joint))
         notes.push_back(link.joint + ": no velocity limit" + (l.velocity == 0.0 ? " (0)" : "") +
                         ", it moves at up to " + short_number(r.velocity) + unit + "/s");

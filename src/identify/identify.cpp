@@ -32,6 +32,12 @@ void add_warnings(const Model& model, const RecordingSource& train, const Record
                       format_number(e.train) + " against " + format_number(e.nominal_train) + " " +
                       e.unit +
                       "): look for bad stretches of data, or for an effect that the fit lacks");
+    else if (e.test > 2.0 * e.nominal_test)
+      first.push_back(
+          e.joint + " is reproduced worse on held-out data than by the model before the fit (" +
+          format_number(e.test) + " against " + format_number(e.nominal_test) + " " + e.unit +
+          "): were both recorded with the same signs, units and load? Else the fit has "
+          "taken too much from too little motion");
     if (e.torque_rms > 0.0 && e.train > 0.8 * e.torque_rms && e.joint != kBall)
       first.push_back(
           e.joint +

@@ -48,13 +48,13 @@ void note_torque_scale(const Model& model, const FitLayout& layout, const Torque
   std::string list;
   for (const auto& [joint, factor] : scale->of_joint)
     list += (list.empty() ? "" : ", ") + names[joint] + " " + format_number(factor);
-  notes.push_back(std::string(kWarning) + "the torques are " + format_number(scale->factor) +
-                  " times what the model's links need before the fit, alike at several joints (" +
-                  list +
-                  "): another unit, gear ratio or torque constant of the columns, or masses of the "
-                  "model that are wrong by one factor. Torques alone cannot tell these apart: what "
-                  "is fitted predicts the recorded torques, and its masses are so many times those "
-                  "of the model");
+  notes.push_back(
+      std::string(kWarning) + "the torques are " + format_number(scale->factor) +
+      " times what the model's links need before the fit, alike at several joints (" + list +
+      "): another unit, gear ratio or torque constant of the columns, masses of the model "
+      "that are wrong by one factor, or a body in the hand that it does not have. Torques "
+      "alone cannot tell these apart: what is fitted predicts the recorded torques, and "
+      "its masses are so many times those of the model");
 }
 
 void note_payloads(const FitLayout& layout, const Gains& gains, const LinearFit& fit,

@@ -8,10 +8,10 @@
 namespace diffnea {
 namespace {
 
-constexpr double kLeast = 1.25;          ///< smaller factors are those of masses and gears
-constexpr double kAgreement = 1.15;      ///< of the joints, about their median
-constexpr double kMajority = 2.0 / 3.0;  ///< light links' masses are often off by more
-constexpr double kErrorLeft = 0.5;       ///< of the error without the factor
+constexpr double kLeast = 1.25;      ///< smaller factors are those of masses and gears
+constexpr double kAgreement = 1.15;  ///< of the joints, about their median
+constexpr double kMajority = 0.8;    ///< light links' masses are often off by more
+constexpr double kErrorLeft = 0.5;   ///< of the error without the factor
 
 /// The factor of one joint's torque.
 struct JointScale {
@@ -69,7 +69,8 @@ std::optional<TorqueScale> common_torque_scale(const FitLayout& layout,
   }
   if (sorted.size() < 2) return std::nullopt;
   std::ranges::sort(sorted);
-  TorqueScale out{.factor = sorted[sorted.size() / 2]};
+  TorqueScale out;
+  out.factor = sorted[sorted.size() / 2];
   if (!(out.factor > 0.0) || std::abs(std::log(out.factor)) < std::log(kLeast)) return std::nullopt;
   for (const auto& [joint, scale] : told)
     if (scale.needed && std::abs(std::log(scale.factor / out.factor)) < std::log(kAgreement))

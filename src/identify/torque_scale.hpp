@@ -18,7 +18,7 @@ struct TorqueScale {
   std::vector<std::pair<int, double>> of_joint;  ///< that agree: joint, factor
 };
 
-/// A factor that two joints or more, and two thirds of those that determine one, agree on (to 15
+/// A factor that two joints or more, and four fifths of those that determine one, agree on (to 15
 /// %), and that is none of chance: beyond 1.25 either way, with an error below half of that without
 /// it at each of these joints. Masses that are wrong link by link agree on none.
 /// @param factors  of the inverse loss, in torques, one a joint

@@ -4,6 +4,7 @@
 #include <diffnea/io/atomic_file.hpp>
 #include <diffnea/io/sidecar.hpp>
 
+#include "core/edit_distance.hpp"
 #include "io/json.hpp"
 #include "io/schema.hpp"
 
@@ -15,6 +16,9 @@ using io::Json;
 constexpr const char* kSchema = "diffnea/recording/1";
 constexpr const char* kKeys[] = {"schema",  "torque_side",     "torque_sampling", "period",
                                  "passive", "torque_constant", "controller",      "payload"};
+
+/// Letters that a key may be off a known one, and still be another.
+constexpr std::size_t kMisspelt = 2;
 
 /// One of the words, as its index. @throws ModelError that lists them
 int choice(const Json& value, const std::string& where, const std::vector<std::string>& words) {
@@ -93,9 +97,13 @@ Sidecar parse(const Json& json, const std::filesystem::path& path) {
         info.controller.push_back(
             {joint, name, io::json_number(value, at("controller") + "." + joint + "." + name)});
   if (json.contains("payload")) info.payload = held_body(json["payload"], at("payload"));
-  for (const auto& [key, value] : json.items())
-    if (std::ranges::find(kKeys, key) == std::end(kKeys))
-      out.notes.push_back(file + ": key '" + key + "' is not of the format and was not used");
+  for (const auto& [key, value] : json.items()) {
+    if (std::ranges::find(kKeys, key) != std::end(kKeys)) continue;
+    for (const char* known : kKeys)
+      if (edit_distance(key, known) <= kMisspelt)
+        throw ModelError(file + ": got the key '" + key + "'; did you mean '" + known + "'?");
+    out.notes.push_back(file + ": key '" + key + "' is not of the format and was not used");
+  }
   return out;
 }
 

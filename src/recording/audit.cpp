@@ -245,7 +245,8 @@ void add_reading(const ReadReport& reading, AuditReport& report) {
     std::string& first = repeats ? first_repeated : first_impossible;
     if (first.empty()) first = "line " + std::to_string(row.line) + ": " + row.reason;
   }
-  impossible += reading.quarantined - repeated - impossible;  // those that are not listed
+  // Those that are not listed are of the kind that is.
+  (impossible == 0 ? repeated : impossible) += reading.quarantined - repeated - impossible;
   const auto add = [&](const char* name, long count, const std::string& first) {
     if (count == 0) return;
     const double share = static_cast<double>(count) / static_cast<double>(reading.rows);
@@ -266,6 +267,7 @@ std::vector<std::pair<std::string, std::string>> audit_fault_names() {
   return {
       {"impossible_rows", "rows that cannot be true and were left out when reading"},
       {"repeated_time", "rows with the time of the row before"},
+      {"time_unit", "rows so far apart that the time must be in another unit"},
       {"time_gap", "rows are missing: the clock jumps ahead"},
       {"time_jitter", "intervals between rows vary"},
       {"time_rate_change", "the interval between rows changes during the recording"},

@@ -11,6 +11,8 @@ namespace {
 
 /// From here on rows are missing, not late: an interval that could hold two more rows [intervals].
 constexpr double kGap = 2.5;
+/// No recording of a robot has rows so far apart [s].
+constexpr double kSlowest = 0.2;
 /// Jitter below is no concern: at f = rate/10 it is noise of 0.6 % of the motion.
 constexpr double kSmallJitter = 0.02;
 /// Of the mean interval; below, masses and frictions move by less than their usual errors.
@@ -130,6 +132,18 @@ void find_rate_change(const AuditContext& c, const Recording& r,
 
 }  // namespace
 
+/// Rows of a robot are milliseconds apart.
+void find_unit(AuditContext& c, const Recording& r, double dt) {
+  if (dt < kSlowest) return;
+  ChannelFault f = make_fault("time_unit", "time", "time", dt, "s");
+  f.source = r.source;
+  f.evidence = format(
+      "rows are %.4g s apart, which makes %.4g h of this recording: is the time in milliseconds? "
+      "Name the column time [ms]",
+      dt, (r.time[r.rows() - 1] - r.time[0]) / 3600.0);
+  c.add(std::move(f));
+}
+
 void audit_time(AuditContext& c) {
   long looked_at = 0;
   for (const Recording& r : c.recordings) {
@@ -139,6 +153,7 @@ void audit_time(AuditContext& c) {
     const double dt = quantile(steps, 0.5);
     for (const double s : steps)
       if (s < kGap * dt) regular.push_back(s);
+    find_unit(c, r, dt);
     find_gaps(c, r, steps, dt);
     if (regular.size() < 20) continue;
     find_jitter(c, r, regular);

@@ -70,6 +70,16 @@ std::string ball_text(const Finding& f) {
   return words.empty() ? "" : "\n" + capital(words) + ".\n";
 }
 
+/// What biases all that follows.
+std::string faults_text(const Finding& f) {
+  std::string out;
+  for (const ChannelFault& a : f.audit)
+    if (a.severity == FaultSeverity::kFault)
+      out += std::string(kWarning) + a.channel + " is at fault (" + plain(a.fault) +
+             "), correct it first: " + a.evidence + "\n";
+  return out.empty() ? "" : out + "\n";
+}
+
 std::string rest_text(const Finding& f) {
   std::string out;
   for (const Witness& w : f.witness) {
@@ -99,7 +109,8 @@ std::string rest_text(const Finding& f) {
         ": " + f.next_experiment->sentence + "\n";
   if (f.ball)
     for (const std::string& line : flagged_lines(*f.ball)) out += "not fitted: " + line + "\n";
-  for (const ChannelFault& a : f.audit) out += a.channel + ": " + a.evidence + "\n";
+  for (const ChannelFault& a : f.audit)
+    if (a.severity == FaultSeverity::kNote) out += a.channel + ": " + a.evidence + "\n";
   for (const std::string& text : reservations(f))
     if (!text.starts_with(kWarning)) out += "note: " + text + "\n";
   for (const std::string& note : f.notes) out += "note: " + note + "\n";
@@ -111,9 +122,9 @@ std::string rest_text(const Finding& f) {
 std::string diagnose_text(const DiagnoseRun& run) {
   const Finding& f = run.finding;
   const std::string simulated = simulated_gain(f);
-  return plain(name_of(f.verdict)) + ": " + pretty(f.sentence) + "\n\n" + causes_text(f) +
-         joints_text(f) + (simulated.empty() ? "" : "\n" + simulated + "\n") + ball_text(f) +
-         rest_text(f);
+  return plain(name_of(f.verdict)) + ": " + pretty(f.sentence) + "\n\n" + faults_text(f) +
+         causes_text(f) + joints_text(f) + (simulated.empty() ? "" : "\n" + simulated + "\n") +
+         ball_text(f) + rest_text(f);
 }
 
 }  // namespace diffnea
