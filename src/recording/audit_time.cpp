@@ -130,8 +130,6 @@ void find_rate_change(const AuditContext& c, const Recording& r,
   c.add(std::move(f));
 }
 
-}  // namespace
-
 /// Rows of a robot are milliseconds apart.
 void find_unit(AuditContext& c, const Recording& r, double dt) {
   if (dt < kSlowest) return;
@@ -143,6 +141,8 @@ void find_unit(AuditContext& c, const Recording& r, double dt) {
       dt, (r.time[r.rows() - 1] - r.time[0]) / 3600.0);
   c.add(std::move(f));
 }
+
+}  // namespace
 
 void audit_time(AuditContext& c) {
   long looked_at = 0;

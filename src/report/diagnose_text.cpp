@@ -73,10 +73,7 @@ std::string ball_text(const Finding& f) {
 /// What biases all that follows.
 std::string faults_text(const Finding& f) {
   std::string out;
-  for (const ChannelFault& a : f.audit)
-    if (a.severity == FaultSeverity::kFault)
-      out += std::string(kWarning) + a.channel + " is at fault (" + plain(a.fault) +
-             "), correct it first: " + a.evidence + "\n";
+  for (const std::string& warning : fault_warnings(f)) out += warning + "\n";
   return out.empty() ? "" : out + "\n";
 }
 

@@ -6,10 +6,12 @@
 #include <iterator>
 
 #include "core/number_text.hpp"
-#include "core/number_text.hpp"
 #include "report/format.hpp"
 
 namespace diffnea::report {
+
+/// What windows and states leave to chance.
+constexpr double kMotionWorse = 1.5;
 
 std::string plain(std::string name) {
   std::ranges::replace(name, '_', ' ');
@@ -105,8 +107,23 @@ std::string value_and_interval(const CauseParameter& p) {
   return detail::value_and_interval(p.value, p.low, p.high);
 }
 
-std::vector<std::string> reservations(const Finding& f) {
+std::vector<std::string> fault_warnings(const Finding& f) {
   std::vector<std::string> out;
+  for (const ChannelFault& a : f.audit)
+    if (a.severity == FaultSeverity::kFault)
+      out.push_back(kWarning + a.channel + " is at fault (" + plain(a.fault) +
+                    "), correct it first: " + a.evidence);
+  return out;
+}
+
+std::vector<std::string> reservations(const Finding& f) {
+  std::vector<std::string> out = fault_warnings(f);
+  for (const SimulatedSeries& s : f.simulated.joints)
+    if (!f.causes.empty() && s.extended_rmse > kMotionWorse * s.base_rmse)
+      out.push_back("Simulated, the motion of " + s.joint +
+                    " is further from the measured one with the extension than without (" +
+                    number(s.extended_rmse, 3) + " against " + number(s.base_rmse, 3) + " " +
+                    s.unit + " rms): believe the motion, and not the causes.");
   if (f.interrupted)
     out.push_back(
         "The search was interrupted: what it had found until then is shown, more may be "

@@ -8,6 +8,9 @@
 
 namespace diffnea::report {
 
+/// Faults of channels, which bias all that follows; with kWarning.
+std::vector<std::string> fault_warnings(const Finding& f);
+
 /// "coulomb friction" for "coulomb_friction".
 std::string plain(std::string name);
 /// "coulomb friction at elbow", "linear drag on the ball", "string mass"
