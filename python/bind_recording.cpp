@@ -5,6 +5,8 @@
 #include <map>
 #include <optional>
 
+#include <pybind11/stl.h>
+
 #include <diffnea/core/error.hpp>
 #include <diffnea/recording/recording.hpp>
 
