@@ -56,6 +56,7 @@ study:
 PYTEST = .venv/bin/python -m pytest -m "not study"
 COMMAND_TESTS := $(wildcard tests/python/cli_*_test.py) tests/python/threads_test.py tests/python/killed_test.py
 
+asan tsan: export DIFFNEA_COMMAND_SECONDS = 1800
 asan tsan: export UBSAN_OPTIONS = print_stacktrace=1
 asan tsan: export TSAN_OPTIONS = halt_on_error=1 suppressions=$(CURDIR)/tests/tsan.supp
 

@@ -10,6 +10,7 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[2]
 MODELS = ROOT / "models"
 COMMAND = os.environ.get("DIFFNEA_COMMAND") or str(Path(sys.executable).parent / "diffnea")
+SECONDS = float(os.environ.get("DIFFNEA_COMMAND_SECONDS", "120"))  # sanitizers take longer
 
 DONE, BAD_INPUT, WRONG_USAGE, NO_USABLE_RESULT, INTERRUPTED = 0, 1, 2, 3, 130
 
@@ -17,7 +18,7 @@ DONE, BAD_INPUT, WRONG_USAGE, NO_USABLE_RESULT, INTERRUPTED = 0, 1, 2, 3, 130
 def diffnea(*arguments: object, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
     """Run the command to its end, whatever that is."""
     return subprocess.run(
-        [COMMAND, *map(str, arguments)], capture_output=True, text=True, cwd=cwd, timeout=120
+        [COMMAND, *map(str, arguments)], capture_output=True, text=True, cwd=cwd, timeout=SECONDS
     )
 
 
