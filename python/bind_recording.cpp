@@ -5,6 +5,7 @@
 #include <map>
 #include <optional>
 
+#include <pybind11/eigen.h>
 #include <pybind11/stl.h>
 
 #include <diffnea/core/error.hpp>
