@@ -44,21 +44,16 @@ void show_result(const std::string& result, const ResultFolder& folder,
                  const CommonOptions& options) {
   std::fwrite(result.data(), 1, result.size(), stdout);
   if (options.json || options.quiet) return;
-  std::error_code ignored;
-  std::vector<std::string> names = kRunFiles, there;
-  names.erase(std::ranges::find(names, "report.html"));
-  for (const std::string& name : names)
-    if (fs::exists(folder.path() / name, ignored)) there.push_back(name);
-  for (const char* kind : {"policy_", "recording_"}) {
-    const auto of_kind = [&](const fs::directory_entry& file) {
-      return file.path().filename().string().starts_with(kind);
-    };
-    if (std::ranges::any_of(fs::directory_iterator(folder.path(), ignored), of_kind))
-      there.push_back(std::string(kind) + "*");
+  std::vector<std::string> shown;
+  for (std::string name : folder.files()) {
+    if (name.starts_with("policy_") || name.starts_with("recording_"))  // one a seed
+      name = name.substr(0, name.find('_')) + "_*";
+    if (std::ranges::find(shown, name) == shown.end()) shown.push_back(name);
   }
-  std::printf("\n%s: ", folder.path().string().c_str());
-  for (const std::string& name : there) std::printf("%s, ", name.c_str());
-  std::printf("report.html\n");
+  std::printf("\n%s:", folder.path().string().c_str());
+  for (const std::string& name : shown)
+    std::printf("%s %s", &name == &shown.front() ? "" : ",", name.c_str());
+  std::printf("\n");
 }
 
 void stop(ExitStatus status, const std::string& why) {

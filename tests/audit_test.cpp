@@ -336,6 +336,27 @@ TEST_CASE("audit: the clock", "[audit]") {
   }
 }
 
+TEST_CASE("audit: a time in milliseconds", "[audit]") {
+  Recording r = clean_arm(1).recording;
+  r.time *= 1000.0;
+  const std::vector<ChannelFault> faults = found(r);
+  CHECK(std::ranges::count(faults, "time_unit", &ChannelFault::fault) == 1);
+  r.time /= 25.0;  // every 0.16 s
+  CHECK(std::ranges::count(found(r), "time_unit", &ChannelFault::fault) == 0);
+}
+
+TEST_CASE("audit: rows that are not listed are of the kind that is", "[audit]") {
+  ReadReport reading;
+  reading.rows = 100;
+  reading.quarantined = 40;
+  reading.quarantined_rows = {{3, "time repeats (0)"}, {5, "time repeats (0.1)"}};
+  AuditReport report;
+  add_reading(reading, report);
+  REQUIRE(report.faults.size() == 1);
+  CHECK(report.faults[0].fault == "repeated_time");
+  CHECK(report.faults[0].value == 40.0);
+}
+
 TEST_CASE("audit: dead, coarse, slow and stuck channels", "[audit]") {
   const unsigned seed = GENERATE(range(0u, 6u));
   CAPTURE(seed);

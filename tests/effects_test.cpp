@@ -278,6 +278,20 @@ TEST_CASE("effects: bound at `all`, an effect shares its parameters over all joi
                     ContainsSubstring("N*m*s/rad at one joint and in N*s/m at another"));
 }
 
+TEST_CASE("effects: joints may be named as places are, but for `all`", "[effects]") {
+  const auto named = [](const std::string& name) {
+    Model model = arm();
+    model.links[moving_links(model)[0]].joint = name;
+    return model;
+  };
+  for (const std::string name : {"base", "tip"})
+    CHECK(bind({"coulomb_friction", name, {}}, named(name)).joints == std::vector<int>{0});
+  CHECK(bind({"payload", "tip", {}}, named("tip")).joints ==
+        bind({"payload", "tip", {}}, arm()).joints);
+  CHECK_THROWS_WITH(bind({"coulomb_friction", "all", {}}, named("all")),
+                    ContainsSubstring("a joint of the model is named 'all'"));
+}
+
 TEST_CASE("effects: a session offset acts in its own run alone", "[effects]") {
   const State x = random_state(0);
   const BoundEffect effect =

@@ -257,4 +257,25 @@ TEST_CASE("excite: limits given replace the model's, and what is asked to stop s
   CHECK(e.trajectory.q.col(0).maxCoeff() <= 0.3);
 }
 
+TEST_CASE("excite: limits given beyond the model's are warned of", "[excite]") {
+  Model wam = model_of("wam4.xml");
+  const std::string joint = joint_names(wam)[0];
+  JointLimits& limits = wam.links[moving_links(wam)[0]].limits;
+  const auto warned = [&](double low, double high) {
+    DesignOptions o;
+    o.motion.duration = 10.0;
+    o.iterations = 0;
+    o.limits.position[joint] = {low, high};
+    const std::vector<std::string> notes = design_excitation(wam, o).notes;
+    return std::ranges::any_of(
+        notes, [&](const std::string& n) { return n.starts_with("WARNING: " + joint); });
+  };
+  CHECK_FALSE(warned(limits.lower, limits.upper));
+  CHECK(warned(limits.lower, limits.upper + 0.1));
+  CHECK(warned(limits.lower - 0.1, limits.upper));
+  limits.lower = -std::numeric_limits<double>::infinity();
+  limits.upper = std::numeric_limits<double>::infinity();
+  CHECK_FALSE(warned(-1.0, 1.0));
+}
+
 }  // namespace diffnea

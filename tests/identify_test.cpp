@@ -260,4 +260,7 @@ TEST_CASE("identify: torque of the wrong sign is not passed over in silence", "[
   Recording flipped = draw().train;
   flipped.tau = -flipped.tau;
   CHECK(has_note(identify(draw().nominal, {flipped}, {}), "check its sign"));
+  const std::string other = "is reproduced worse on held-out data than by the model before the fit";
+  CHECK(has_note(identify(draw().nominal, {flipped}, {draw().test}), other));
+  CHECK_FALSE(has_note(identify(draw().nominal, {draw().train}, {draw().test}), other));
 }

@@ -339,6 +339,7 @@ TEST_CASE("result folder: files appear together, and leftovers of an earlier run
     write_file_atomically(run.staging() / "result.json", "2");
     write_file_atomically(run.staging() / "model.json", "2");
     run.publish(names);
+    CHECK(run.files() == std::vector<std::string>{"result.json", "model.json"});
   }
   CHECK(read_text_file(path / "result.json") == "2");
   CHECK(fs::exists(path / "model.json"));

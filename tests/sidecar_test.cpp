@@ -83,6 +83,7 @@ TEST_CASE("sidecar: a wrong value is a DataError with file and key", "[io]") {
       {R"({"passive": "wrist"})", "passive"},
       {R"({"torque_constant": 0.1})", "torque_constant: expected an object with a key per joint"},
       {R"({"controller": {"elbow": {"kp": "big"}}})", "controller.elbow.kp"},
+      {R"({"torque_sid": "link"})", "got the key 'torque_sid'; did you mean 'torque_side'?"},
   }));
   CAPTURE(text);
   const test::TemporaryFolder folder;

@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cerrno>
 #include <charconv>
 #include <csignal>
@@ -77,7 +78,9 @@ void ResultFolder::publish(const std::vector<std::string>& names) {
   const auto move = [&](const fs::path& name) {
     fs::rename(staging_ / name, path_ / name, error);
     if (error) fail(path_ / name, error);
+    files_.push_back(name.string());
   };
+  files_.clear();
   fs::remove(path_ / "result.json", error);
   if (error) fail(path_ / "result.json", error);
   for (const std::string& name : names) {
@@ -90,7 +93,9 @@ void ResultFolder::publish(const std::vector<std::string>& names) {
     }
   }
   published_ = true;
-  if (fs::exists(staging_ / "result.json")) move("result.json");
+  if (!fs::exists(staging_ / "result.json")) return;
+  move("result.json");
+  std::ranges::rotate(files_, files_.end() - 1);
 }
 
 }  // namespace diffnea

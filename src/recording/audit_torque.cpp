@@ -128,6 +128,8 @@ struct BlackBox {
 struct Coefficient {
   double size = 0.0, z = 0.0;
   double share = 0.0;  ///< of the channel's rms
+
+  double std() const { return std::abs(size / z); }
 };
 
 /// A channel's dependence on every joint: where it reverses, and on its q̇ and q̈.
@@ -212,7 +214,7 @@ void audit_torque(AuditContext& c) {
       const Coefficient &here = channel[k].jump[other], &there = channel[other].jump[k];
       ChannelFault f = make_fault("torque_swapped", joint, "tau_" + joint, here.size, unit);
       f.significance = std::min(here.z, there.z);
-      f.std = std::abs(here.size / here.z);
+      f.std = here.std();
       f.evidence = format(
           "tau_%s jumps by %.3g %s where %s reverses and by %.2g where %s does; tau_%s "
           "the other way round (%.3g and %.2g): friction of each in the other's channel",
@@ -221,16 +223,19 @@ void audit_torque(AuditContext& c) {
       c.add(std::move(f));
       continue;
     }
+    const auto flipped = [&](const Coefficient& by, const std::string& per, std::string evidence) {
+      ChannelFault f = make_fault("torque_sign", joint, "tau_" + joint, by.size, per);
+      f.significance = -by.z;
+      f.std = by.std();
+      f.evidence = std::move(evidence);
+      c.add(std::move(f));
+    };
     if (jumps(k, k, -1.0)) {
       ++by_friction;
-      ChannelFault f = make_fault("torque_sign", joint, "tau_" + joint, jump.size, unit);
-      f.significance = -jump.z;
-      f.std = std::abs(jump.size / jump.z);
-      f.evidence = format(
-          "drops by %.3g ± %.2g %s where %s turns from negative to positive velocity; "
-          "friction makes it rise: the sign is flipped",
-          -2.0 * jump.size, 2.0 * f.std, unit.c_str(), joint.c_str());
-      c.add(std::move(f));
+      flipped(jump, unit,
+              format("drops by %.3g ± %.2g %s where %s turns from negative to positive velocity; "
+                     "friction makes it rise: the sign is flipped",
+                     -2.0 * jump.size, 2.0 * jump.std(), unit.c_str(), joint.c_str()));
       continue;
     }
     // A late torque takes friction's share off the inertia, but does not turn friction round.
@@ -240,14 +245,11 @@ void audit_torque(AuditContext& c) {
     ++by_inertia;
     if (inertia.size > 0.0) continue;
     const std::string per = unit + "/(" + c.position_unit(measured[k]) + "/s^2)";
-    ChannelFault f = make_fault("torque_sign", joint, "tau_" + joint, inertia.size, per);
-    f.significance = -inertia.z;
-    f.std = std::abs(inertia.size / inertia.z);
-    f.evidence = format(
-        "falls by %.3g ± %.2g %s as %s accelerates, where a mass makes it rise (its friction is "
-        "too small to be seen): the sign of the torque, or of the position, is flipped",
-        -inertia.size, f.std, per.c_str(), joint.c_str());
-    c.add(std::move(f));
+    flipped(inertia, per,
+            format("falls by %.3g ± %.2g %s as %s accelerates, where a mass makes it rise (its "
+                   "friction is too small to be seen): the sign of the torque, or of the position, "
+                   "is flipped",
+                   -inertia.size, inertia.std(), per.c_str(), joint.c_str()));
   }
   c.check(
       kName, true,

@@ -37,10 +37,13 @@ class ResultFolder {
   /// @param names  files that a run of this kind may have
   /// @throws FileError
   void publish(const std::vector<std::string>& names);
+  /// What publish() has moved there, result.json first.
+  const std::vector<std::string>& files() const { return files_; }
 
  private:
   std::filesystem::path path_, staging_;
   std::vector<std::filesystem::path> created_;  ///< folders that were not there, outermost first
+  std::vector<std::string> files_;              ///< those published
   bool published_ = false;
 };
 
