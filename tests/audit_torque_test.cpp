@@ -115,9 +115,9 @@ TEST_CASE("audit: false alarms where inertia is what tells the sign", "[.][audit
 }
 
 TEST_CASE("audit: a late torque is not one of the wrong sign", "[audit]") {
-  // 0.4 N·m·s/rad late by 0.3 s outweigh the second joint's inertia: −0.12 against 0.107 kg·m².
+  // 1.2 N·m·s/rad late by 0.2 s outweigh the second joint's inertia: −0.24 against 0.107 kg·m².
   const unsigned seed = GENERATE(range(0u, 4u));
-  CHECK(audit({planar_arm(seed, {.viscous = 0.4}, 0.3)}).faults.empty());
+  CHECK(audit({planar_arm(seed, {.viscous = 1.2}, 0.2)}).faults.empty());
 }
 
 }  // namespace diffnea
