@@ -10,6 +10,8 @@
 #include <diffnea/diagnose/diagnose.hpp>
 #include <diffnea/identify/identify.hpp>
 
+#include "diagnose/evidence.hpp"
+
 namespace diffnea {
 namespace {
 
@@ -80,6 +82,29 @@ TEST_CASE("diagnose: a spring that carries more than its joint is measured to", 
   CHECK(spring.where == "elbow");
   CHECK(std::abs(spring.parameters.at(0).value - 4.0) < 0.1);
   CHECK(c.finding.joints.at(2).extended < 0.02 * c.finding.joints.at(2).torque_rms);
+}
+
+TEST_CASE("diagnose: turns are kept where too few rows are left between them", "[diagnose]") {
+  Model base = arm().nominal;
+  base.effects = friction();
+  for (EffectSpec& e : base.effects) e.parameters.resize(1);
+  const std::vector<Recording> train{arm().recorded(friction(), 3)};
+  FitChoice choice;
+  choice.effects = std::vector<std::string>{};
+  const FitLayout layout = make_layout(base, choice, {0});
+  const auto joints_without_their_turns = [&](double hz) {
+    PreprocessOptions options;
+    options.order = 8;
+    options.filter_hz = hz;
+    const PreprocessPlan plan = plan_preprocess(train, options);
+    return Evidence(base, layout, *recordings_in_memory(base, train), plan, 0.0, {})
+        .sticking()
+        .size();
+  };
+  // All three joints stop and turn. At 6 Hz, 342 rows a joint are one every 50 ms, and those
+  // between turns are fewer than four a column.
+  CHECK(joints_without_their_turns(6.0) == 0);
+  CHECK(joints_without_their_turns(15.0) == 3);
 }
 
 }  // namespace diffnea
