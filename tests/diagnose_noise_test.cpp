@@ -1,8 +1,10 @@
 /// Noise of known autoregressions, and what its whitener makes of it.
 
+#include <numeric>
 #include <support/swinging.hpp>
 
 #include <catch2/catch_test_macros.hpp>
+#include <catch2/generators/catch_generators.hpp>
 #include <catch2/matchers/catch_matchers_floating_point.hpp>
 
 #include "diagnose/noise.hpp"
@@ -41,8 +43,7 @@ std::vector<bool> all(const Evidence& evidence) {
 
 TEST_CASE("estimate_noise: recovers an autoregression", "[diagnose]") {
   const test::SwingingEvidence evidence(160.0);
-  const auto noise =
-      estimate_noise(*evidence, autoregression(*evidence, 1), all(*evidence), /*lost=*/0.0);
+  const auto noise = estimate_noise(*evidence, autoregression(*evidence, 1), all(*evidence));
   REQUIRE(noise.size() == 2);
   const double n = static_cast<double>(evidence->times());
   REQUIRE(n > 3000.0);
@@ -69,9 +70,9 @@ TEST_CASE("estimate_noise: rows that are not used do not count", "[diagnose]") {
   std::vector<bool> used = all(*evidence);
   const long m = evidence->times();
   for (long i = m / 3; i < m / 2; ++i) used[static_cast<std::size_t>(i)] = false;
-  const auto clean = estimate_noise(*evidence, residual, used, 0.0);
+  const auto clean = estimate_noise(*evidence, residual, used);
   residual.segment(m / 3, m / 2 - m / 3).setConstant(1e6);
-  const auto spoilt = estimate_noise(*evidence, residual, used, 0.0);
+  const auto spoilt = estimate_noise(*evidence, residual, used);
   CHECK(spoilt[0].a == clean[0].a);
   CHECK(spoilt[0].rms == clean[0].rms);
 }
@@ -79,11 +80,10 @@ TEST_CASE("estimate_noise: rows that are not used do not count", "[diagnose]") {
 TEST_CASE("estimate_noise: a constant is no noise, lost freedom makes more of it", "[diagnose]") {
   const test::SwingingEvidence evidence(80.0);
   const VecX<double> residual = autoregression(*evidence, 3);
-  const auto plain = estimate_noise(*evidence, residual, all(*evidence), 0.0);
-  const auto shifted =
-      estimate_noise(*evidence, (residual.array() + 5.0).matrix(), all(*evidence), 0.0);
+  const auto plain = estimate_noise(*evidence, residual, all(*evidence));
+  const auto shifted = estimate_noise(*evidence, (residual.array() + 5.0).matrix(), all(*evidence));
   const double half = 0.5 * static_cast<double>(evidence->times());
-  const auto fitted = estimate_noise(*evidence, residual, all(*evidence), half);
+  const auto fitted = estimate_noise(*evidence, residual, all(*evidence), {half, half});
   // Rounding of 5² against 0.05, times rows.
   CHECK_THAT(shifted[0].rms, WithinRel(plain[0].rms, 1e-9));
   CHECK_THAT(fitted[0].rms, WithinRel(std::sqrt(2.0) * plain[0].rms, 1e-9));
@@ -92,7 +92,7 @@ TEST_CASE("estimate_noise: a constant is no noise, lost freedom makes more of it
 TEST_CASE("Whitener: makes independent rows of variance 1", "[diagnose]") {
   const test::SwingingEvidence evidence(160.0);
   const VecX<double> residual = autoregression(*evidence, 4);
-  const Whitener whitener(*evidence, estimate_noise(*evidence, residual, all(*evidence), 0.0), {});
+  const Whitener whitener(*evidence, estimate_noise(*evidence, residual, all(*evidence)), {});
   const MatX<double> white = whitener(residual);
   const long m = evidence->times();
   for (long joint = 0; joint < 2; ++joint) {
@@ -167,4 +167,51 @@ TEST_CASE("repeatable_noise: empty without a second period, or where it is no wh
   CHECK(repeatable_noise(*evidence, residual, 0.0).size() == 0);
   CHECK(repeatable_noise(*evidence, residual, 20.0).size() == 0);
   CHECK(repeatable_noise(*evidence, residual, 4.5 * evidence->step()).size() == 0);
+}
+
+namespace {
+
+/// The residual beside smooth functions where a spring is missing at both joints, of the first
+/// `rows` of each joint, beside all of the base's columns or beside none.
+Smoothed beside_spring(const Evidence& evidence, long rows, bool beside_base = true) {
+  std::vector<bool> used(static_cast<std::size_t>(evidence.rows()), false);
+  const long m = evidence.times();
+  VecX<double> residual(evidence.rows());
+  Rng rng(6);
+  for (long k = 0; k < 2; ++k)
+    for (long i = 0; i < m; ++i) {
+      used[static_cast<std::size_t>(k * m + i)] = i < rows;
+      residual[k * m + i] = 5.0 * evidence.q()(i, evidence.joints()[static_cast<std::size_t>(k)]) +
+                            kSigma * rng.normal();
+    }
+  std::vector<int> free(beside_base ? static_cast<std::size_t>(evidence.base().cols()) : 0);
+  std::iota(free.begin(), free.end(), 0);
+  return beside_smooth_functions(evidence, free, VecX<double>::Zero(evidence.base().cols()),
+                                 residual, used, /*lost=*/2.0);
+}
+
+}  // namespace
+
+TEST_CASE("beside_smooth_functions: a spring that is missing is no noise, of few rows neither",
+          "[diagnose]") {
+  const test::SwingingEvidence evidence(60.0);
+  const long rows = GENERATE(1200L, 150L, 80L);
+  const bool beside_base = GENERATE(true, false);
+  REQUIRE(rows < evidence->times());
+  const Smoothed s = beside_spring(*evidence, rows, beside_base);
+  CHECK(s.blind.empty());
+  for (long k = 0; k < 2; ++k) {
+    CAPTURE(rows, k, s.lost[static_cast<std::size_t>(k)]);
+    const double squares = s.left.segment(k * evidence->times(), rows).squaredNorm();
+    const double freedom = static_cast<double>(rows) - s.lost[static_cast<std::size_t>(k)];
+    CHECK_THAT(squares / freedom, WithinRel(kSigma * kSigma, kSigmas * std::sqrt(2.0 / freedom)));
+  }
+}
+
+TEST_CASE("beside_smooth_functions: too few rows to tell are told of", "[diagnose]") {
+  const test::SwingingEvidence evidence(60.0);
+  const Smoothed s = beside_spring(*evidence, 40);
+  CHECK(s.blind == std::vector<long>{0, 1});
+  CHECK(s.lost == std::vector<double>{2.0, 2.0});
+  CHECK(s.left.head(40).norm() > 10.0 * kSigma * std::sqrt(40.0));
 }

@@ -128,6 +128,13 @@ void prepare(JointCase& c) {
   c.search = std::make_unique<Search>(*c.train, c.candidates, c.prior, c.fitted_rows);
   std::vector<Term> none;
   c.search->refresh(c.period, none);
+  for (const long k : c.search->blind())
+    c.finding.notes.push_back(
+        joint_names(
+            c.model)[static_cast<std::size_t>(c.train->joints()[static_cast<std::size_t>(k)])] +
+        ": too few rows to tell noise from what the model lacks, which stays hidden; record "
+        "longer, "
+        "or a motion that repeats");
 }
 
 }  // namespace diffnea

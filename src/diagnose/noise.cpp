@@ -32,9 +32,9 @@ JointNoise levinson(const std::vector<double>& r) {
   return out;
 }
 
-/// Of a function of one variable that what is missing may be.
-constexpr int kKnots = 16;
-/// Rows for each column: with fewer, smooth functions would explain the noise, too.
+/// Of a function of one variable that what is missing may be; fewer where there are few rows.
+constexpr int kKnots = 16, kLeastKnots = 4;
+/// Rows for each column that acts there: with fewer, smooth functions would explain the noise, too.
 constexpr long kRowsAColumn = 4;
 
 }  // namespace
@@ -49,7 +49,8 @@ std::vector<JointNoise> white_noise(const Evidence& evidence) {
 }
 
 std::vector<JointNoise> estimate_noise(const Evidence& evidence, const VecX<double>& residual,
-                                       const std::vector<bool>& used, double lost) {
+                                       const std::vector<bool>& used,
+                                       const std::vector<double>& lost) {
   const long m = evidence.times();
   std::vector<JointNoise> out;
   for (std::size_t k = 0; k < evidence.joints().size(); ++k) {
@@ -75,7 +76,7 @@ std::vector<JointNoise> estimate_noise(const Evidence& evidence, const VecX<doub
       }
     }
     const double n = std::max<double>(static_cast<double>(pairs[0]), 1.0);
-    const double freedom = n / std::max(n - lost, 0.1 * n);
+    const double freedom = lost.empty() ? 1.0 : n / std::max(n - lost[k], 0.1 * n);
     // Bartlett's weights keep the sequence positive definite where rows are missing.
     for (int lag = 0; lag <= kOrder; ++lag)
       r[static_cast<std::size_t>(lag)] *= freedom / n * (lag ? 1.0 - 1e-6 : 1.0);
@@ -85,28 +86,34 @@ std::vector<JointNoise> estimate_noise(const Evidence& evidence, const VecX<doub
   return out;
 }
 
-VecX<double> beside_smooth_functions(const Evidence& e, const std::vector<int>& free,
-                                     const VecX<double>& x0, const VecX<double>& residual,
-                                     const std::vector<bool>& used) {
-  VecX<double> out = residual;
+Smoothed beside_smooth_functions(const Evidence& e, const std::vector<int>& free,
+                                 const VecX<double>& x0, const VecX<double>& residual,
+                                 const std::vector<bool>& used, double lost) {
+  Smoothed out{residual, std::vector<double>(e.joints().size(), lost), {}};
   for (std::size_t k = 0; k < e.joints().size(); ++k) {
     const long begin = static_cast<long>(k) * e.times();
     std::vector<long> rows;
     for (long i = 0; i < e.times(); ++i)
       if (used[static_cast<std::size_t>(begin + i)]) rows.push_back(i);
     const long m = static_cast<long>(rows.size());
-    const VecX<double> q = e.q().col(e.joints()[k])(rows), qd = e.qd().col(e.joints()[k])(rows);
     if (m == 0) continue;
-    const MatX<double> of_q = hats(q, knots(q, kKnots)), of_qd = hats(qd, knots(qd, kKnots));
-    MatX<double> A(m, static_cast<long>(free.size()) + of_q.cols() + of_qd.cols());
-    if (A.cols() * kRowsAColumn > m) continue;
-    A << e.without_scale(static_cast<long>(k), e.base().middleRows(begin, e.times()), x0)(rows,
-                                                                                          free),
-        of_q, of_qd;
+    const VecX<double> q = e.q().col(e.joints()[k])(rows), qd = e.qd().col(e.joints()[k])(rows);
+    const MatX<double> base = e.without_scale(
+        static_cast<long>(k), e.base().middleRows(begin, e.times()), x0)(rows, free);
+    const long rank = base.cols() ? Eigen::ColPivHouseholderQR<MatX<double>>(base).rank() : 0;
+    int count = kKnots;
+    while (count > kLeastKnots && (rank + 2 * count) * kRowsAColumn > m) count /= 2;
+    if ((rank + 2 * count) * kRowsAColumn > m) {
+      out.blind.push_back(static_cast<long>(k));
+      continue;
+    }
+    const MatX<double> of_q = hats(q, knots(q, count)), of_qd = hats(qd, knots(qd, count));
+    MatX<double> A(m, base.cols() + of_q.cols() + of_qd.cols());
+    A << base, of_q, of_qd;
     const Eigen::ColPivHouseholderQR<MatX<double>> qr(A);
     const VecX<double> r = residual.segment(begin, e.times())(rows);
-    const double left = static_cast<double>(m) / static_cast<double>(m - 2 * kKnots);
-    out.segment(begin, e.times())(rows) = std::sqrt(left) * (r - A * qr.solve(r));
+    out.left.segment(begin, e.times())(rows) = r - A * qr.solve(r);
+    out.lost[k] = std::max(lost, static_cast<double>(qr.rank()));
   }
   return out;
 }

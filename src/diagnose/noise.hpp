@@ -13,9 +13,10 @@ struct JointNoise {
 };
 
 /// From residuals, (rows()); rows that are not in `used` are gaps.
-/// @param lost  degrees of freedom that the fit took of each joint's rows
+/// @param lost  (joints) degrees of freedom that the fit took of each joint's rows; empty: none
 std::vector<JointNoise> estimate_noise(const Evidence& evidence, const VecX<double>& residual,
-                                       const std::vector<bool>& used, double lost);
+                                       const std::vector<bool>& used,
+                                       const std::vector<double>& lost = {});
 
 /// What changes from one period of the motion to the next is noise, whatever the model lacks:
 /// differences to the mean over periods, scaled by √(R/(R−1)).
@@ -25,17 +26,23 @@ std::vector<JointNoise> estimate_noise(const Evidence& evidence, const VecX<doub
 VecX<double> repeatable_noise(const Evidence& evidence, const VecX<double>& residual,
                               double period);
 
+/// A residual without what smooth functions explain of it.
+struct Smoothed {
+  VecX<double> left;         ///< (rows())
+  std::vector<double> lost;  ///< (joints) columns that were fitted
+  std::vector<long> blind;   ///< joints (of evidence.joints()) that have too few rows for any
+};
+
 /// What no function of a joint's own position plus one of its velocity can explain, beside the
-/// base's free columns, over the rows `used`, of the variance that it would have beside none;
-/// joints with too few of them, and all other rows, keep their residual. Without repeats, what the
-/// model lacks is not to be taken for noise: whitened away, it would stay hidden. (rows()) →
-/// (rows())
-/// @param x0  about which rows of passive joints are linear: their residual, X x, is a combination
-/// of
-///            the columns of X as they are
-VecX<double> beside_smooth_functions(const Evidence& evidence, const std::vector<int>& free,
-                                     const VecX<double>& x0, const VecX<double>& residual,
-                                     const std::vector<bool>& used);
+/// base's free columns, over the rows `used`; joints with too few of them, and all other rows, keep
+/// their residual. Without repeats, what the model lacks is not to be taken for noise: whitened
+/// away, it would stay hidden.
+/// @param x0    about which rows of passive joints are linear: their residual, X x, is a
+///              combination of the columns of X as they are
+/// @param lost  degrees of freedom that the fit took of each joint's rows already
+Smoothed beside_smooth_functions(const Evidence& evidence, const std::vector<int>& free,
+                                 const VecX<double>& x0, const VecX<double>& residual,
+                                 const std::vector<bool>& used, double lost);
 
 /// Before any noise is known: white, of the size of each joint's torque.
 std::vector<JointNoise> white_noise(const Evidence& evidence);

@@ -17,7 +17,7 @@ constexpr double kSideShows = 1.0;
 /// Of a joint's measured torque: more, that the base takes back, is of a candidate which the base
 /// hides. Of a force in plain sight (share of its torque that the base leaves), like a spring that
 /// carries a weight, it may be any.
-constexpr double kWhole = 0.95, kPlainSight = 0.25;
+constexpr double kWhole = 0.95, kPlainSight = 0.02;
 constexpr double kMostGainError = 0.5;
 /// Of a shape in one step: of its logarithm; of a ratio, which is about 1.
 constexpr double kMostLog = 0.7, kMostPlain = 0.3;

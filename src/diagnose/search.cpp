@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 
 #include <Eigen/Cholesky>
 
@@ -21,6 +22,10 @@ constexpr double kBaseDryAccuracy = 0.01;
 /// How late one of its turns may be against the others [s]: what holds a joint meanwhile is nothing
 /// that its motion tells. Each leaves 2 F for so long, which the filter spreads over 1/cut-off.
 constexpr double kLateTurn = 1.75e-3;
+
+/// χ² over its degrees of freedom beyond which what is left goes with the motion; rows of so long
+/// [s], in every period, are one then.
+constexpr double kMisfit = 1.3, kMisfitBlock = 1.0;
 
 }  // namespace
 
@@ -69,6 +74,7 @@ void Search::set_columns(Term& term) const {
 
 void Search::refresh(double period, std::vector<Term>& terms) {
   const bool first = !projection_;
+  period_ = period;
   for (int round = 0; round < (first ? 3 : 1); ++round) {
     VecX<double> left;
     if (projection_) {
@@ -87,15 +93,20 @@ void Search::refresh(double period, std::vector<Term>& terms) {
               false;
     VecX<double> noise = period > 0.0 ? repeatable_noise(evidence_, left, period) : VecX<double>();
     repeatable_ = noise.size() > 0;
-    double lost = 0.0;
+    std::vector<double> lost;
+    blind_.clear();
     if (repeatable_) {
       for (long i = 0; i < noise.size(); ++i)
         rows[static_cast<std::size_t>(i)] =
             rows[static_cast<std::size_t>(i)] && std::isfinite(noise[i]);
     } else {
-      noise = beside_smooth_functions(evidence_, prior_.free, prior_.x0, left, rows);
-      lost = static_cast<double>(projection_->rank() + num_parameters(terms)) /
-             static_cast<double>(evidence_.joints().size());
+      const double fitted = static_cast<double>(projection_->rank() + num_parameters(terms)) /
+                            static_cast<double>(evidence_.joints().size());
+      Smoothed smoothed =
+          beside_smooth_functions(evidence_, prior_.free, prior_.x0, left, rows, fitted);
+      noise = std::move(smoothed.left);
+      lost = std::move(smoothed.lost);
+      blind_ = std::move(smoothed.blind);
     }
     std::vector<JointNoise> estimate = estimate_noise(evidence_, noise, rows, lost);
     projection_.reset();
@@ -132,13 +143,7 @@ double Search::gain_at(const std::vector<Term>& terms) const {
 }
 
 double Search::inexact_at(const Term& term, const std::vector<Term>& terms) const {
-  const Stack S = stack(terms, projection_->residual().size());
-  VecX<double> after = projection_->residual() - S.offset;
-  long at = 0;
-  for (const Term& t : terms) {
-    after -= S.G.middleCols(at, t.width()) * t.values();
-    at += t.width();
-  }
+  const VecX<double> after = left_by(terms);
   const VecX<double> unknown = inexact_friction(terms, is_like_friction(term.effect));
   const long m = evidence_.times();
   const Port port = term.effect.info().port;
@@ -227,6 +232,35 @@ double Search::looked_elsewhere(int candidate) const {
                    candidates_[static_cast<std::size_t>(candidate)].grid.size()));
 }
 
+VecX<double> Search::left_by(const std::vector<Term>& terms) const {
+  const Stack S = stack(terms, projection_->residual().size());
+  VecX<double> out = projection_->residual() - S.offset;
+  long at = 0;
+  for (const Term& t : terms) {
+    out -= S.G.middleCols(at, t.width()) * t.values();
+    at += t.width();
+  }
+  return out;
+}
+
+VecX<double> Search::clustered(const MatX<double>& influence, const VecX<double>& left) const {
+  const long m = evidence_.times();
+  std::map<long, VecX<double>> clusters;
+  for (long i = 0; i < m; ++i) {
+    double t = evidence_.time()[static_cast<std::size_t>(i)];
+    if (period_ > 0.0) t = std::fmod(t, period_);
+    VecX<double>& sum = clusters
+                            .try_emplace(std::lround(std::floor(t / kMisfitBlock)),
+                                         VecX<double>::Zero(influence.rows()))
+                            .first->second;
+    for (long row = i; row < evidence_.rows(); row += m) sum += influence.col(row) * left[row];
+  }
+  VecX<double> out = VecX<double>::Zero(influence.rows());
+  for (const auto& [cluster, sum] : clusters) out += sum.cwiseAbs2();
+  const double count = static_cast<double>(clusters.size());
+  return out * (count / std::max(count - 1.0, 1.0));
+}
+
 std::vector<MatX<double>> Search::covariances(const std::vector<Term>& terms) const {
   std::vector<MatX<double>> columns;
   long width = 0;
@@ -251,7 +285,12 @@ std::vector<MatX<double>> Search::covariances(const std::vector<Term>& terms) co
   // Rows are in units of noise; a lack of fit that is left widens the intervals.
   const double chi2 =
       (residual_sum() - gain_of(terms)) / static_cast<double>(std::max<long>(rows() - width, 1));
-  C = std::max(1.0, chi2) * (scale.asDiagonal() * C * scale.asDiagonal());
+  C = scale.asDiagonal() * C * scale.asDiagonal();
+  VecX<double> more = VecX<double>::Constant(width, std::max(1.0, chi2));
+  if (chi2 > kMisfit)
+    more = more.cwiseMax(clustered(C * J.transpose(), left_by(terms)).cwiseQuotient(C.diagonal()));
+  more = more.cwiseSqrt();
+  C = more.asDiagonal() * C * more.asDiagonal();
   std::vector<MatX<double>> out;
   long at = 0;
   for (const MatX<double>& c : columns) {

@@ -71,6 +71,9 @@ class Search {
   double residual_sum() const { return projection_->residual().squaredNorm(); }
   long rows() const { return projection_->rows(); }
   bool noise_is_repeatable() const { return repeatable_; }
+  /// Joints (of evidence().joints()) whose noise is what the base leaves of too few rows: what the
+  /// model lacks there is taken for noise.
+  const std::vector<long>& blind() const { return blind_; }
   /// The residual of torque at the base that goes with the terms, (rows()).
   VecX<double> residual(const std::vector<Term>& terms) const;
 
@@ -80,6 +83,12 @@ class Search {
  private:
   /// What the best of a candidate's starts is worth less for being the best of many (Bonferroni).
   double looked_elsewhere(int candidate) const;
+  /// What is left beside base and terms at their values, whitened.
+  VecX<double> left_by(const std::vector<Term>& terms) const;
+  /// Variances where rows are no independent ones but go with the motion, by blocks of time, the
+  /// same of every period together (Liang and Zeger 1986, eq. 6).
+  /// @param influence  (parameters, rows) of each row of `left` on each parameter
+  VecX<double> clustered(const MatX<double>& influence, const VecX<double>& left) const;
   /// The base's dry friction beside `terms`, in units of noise, (rows of the evidence).
   VecX<double> dry_friction(const std::vector<Term>& terms) const;
 
@@ -90,7 +99,9 @@ class Search {
   ScoreTable table_;
   std::unique_ptr<Whitener> whitener_;
   std::unique_ptr<Projection> projection_;
+  double period_ = 0.0;  ///< [s]
   bool repeatable_ = false;
+  std::vector<long> blind_;
 };
 
 }  // namespace diffnea

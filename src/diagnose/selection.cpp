@@ -288,14 +288,15 @@ std::vector<Term> Selection::run(const std::function<bool(const FitProgress&)>& 
       const double worse =
           search_.bic(search_.gain_of(rest), rest) - search_.bic(search_.gain_of(terms), terms);
       const bool vague = !has_size(c, terms[i]) && worse < kSizeless;
-      const bool hidden = terms[i].visible_share() < kAbsorbed;
-      if (stays(terms[i]) || (!vague && !hidden && change(rest, terms).helps())) continue;
+      const bool hidden = terms[i].visible_share() < kAbsorbed, tilt = stays(terms[i]);
+      if (tilt ? worse > 0.0 : !vague && !hidden && change(rest, terms).helps()) continue;
       refused_.push_back({c.effect.info().name, c.effect.where,
                           vague    ? "of no size that this recording tells, and of little evidence"
                           : hidden ? "hardly visible beside the base parameters"
                                    : "does not help on held-out data beside the others",
                           vague || hidden ? worse : 0.0});
       terms = rest;
+      if (tilt) renew(terms);  // the base's columns as they were
       search_.fit(terms);
       dropped = true;
       break;

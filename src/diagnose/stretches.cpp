@@ -9,11 +9,11 @@ namespace {
 /// The largest part of a joint's motion that may change from period to period.
 constexpr double kRepeats = 5e-3;
 
-/// A first period that is so many times as far from the second as that from the third has not
-/// settled; means over this time.
-constexpr double kUnsettled = 3.0, kSettlingWindow = 0.1;
+/// Where the first period is so many times as far from the second as that from the third, it has
+/// not settled; means over this time. Of two periods, the end of the first tells what is usual.
+constexpr double kUnsettled = 5.0, kSettlingWindow = 0.1;
 
-/// Rows that must have another one at their phase.
+/// Rows that must have another one at their phase: two periods may lose a third of one.
 constexpr double kCovered = 0.8;
 
 void append(const Eigen::Ref<const RowMatX<double>>& rows, RowMatX<double>& to) {
@@ -91,13 +91,19 @@ Preprocessed Stretches::rows_of(std::size_t i, const JointSeries& s) const {
 }
 
 long settling_rows(double period, const JointSeries& s) {
-  const long p = std::lround(period / s.dt);
-  if (p < 1 || p > s.rows() / 3) return 0;
-  const RowMatX<double> first = s.q.topRows(p) - s.q.middleRows(p, p),
-                        second = s.q.middleRows(p, p) - s.q.middleRows(2 * p, p);
-  const VecX<double> usual = second.colwise().squaredNorm().transpose() / static_cast<double>(p);
+  const long p = std::lround(period / s.dt), n = s.rows();
+  if (p < 1 || n < 2 * p - p / 3) return 0;
+  const auto change = [&](long from, long count) -> RowMatX<double> {
+    return s.q.middleRows(from, count) - s.q.middleRows(from + p, count);
+  };
+  const bool thrice = n >= 3 * p;
+  const long unsettled = thrice ? p : p / 3;
+  const RowMatX<double> first = change(0, unsettled),
+                        later = thrice ? change(p, p) : change(unsettled, n - p - unsettled);
+  const VecX<double> usual =
+      later.colwise().squaredNorm().transpose() / static_cast<double>(later.rows());
   const long window = std::max(1L, std::lround(kSettlingWindow / s.dt));
-  for (long end = p; end > window; end -= window)
+  for (long end = unsettled; end > window; end -= window)
     for (long j = 0; j < s.q.cols(); ++j)
       if (first.col(j).segment(end - window, window).squaredNorm() >
           kUnsettled * kUnsettled * static_cast<double>(window) * usual[j])

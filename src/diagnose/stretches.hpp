@@ -37,7 +37,7 @@ class Stretches {
 };
 
 /// Rows until the motion repeats, within its first period: a loop that starts at rest catches up.
-/// 0 with less than three periods.
+/// Of two periods, at most a third of the first; 0 with less.
 long settling_rows(double period, const JointSeries& s);
 
 /// Replaces every row by the mean of the rows whole periods away from it; the few that have none

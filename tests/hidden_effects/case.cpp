@@ -242,6 +242,7 @@ Case draw_case(std::uint64_t seed, const std::string& given, const CaseOptions& 
   c.seed = seed;
   c.rate = o.rate;
   c.duration = o.duration;
+  c.repeats = o.repeats;
   c.family = given.empty() ? Rng(seed, kFamily).one_of(all) : given;
   const auto family = std::ranges::find(all, c.family);
   if (family == all.end()) {
@@ -302,7 +303,7 @@ Case draw_case(std::uint64_t seed, const std::string& given, const CaseOptions& 
     joints.push_back(rng.one_of(free));
   }
 
-  const Motion motion(c.world.robot, c.period, Rng(seed, c.stream + kTrainMotion));
+  const Motion motion(c.world.robot, c.period, Rng(seed, c.stream + kTrainMotion), c.repeats);
   c.world.nominal = c.world.robot;
   const Series quiet = quiet_run(c.world, motion, c);
   // A gap that the torque never crosses is none to be found.

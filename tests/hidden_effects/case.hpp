@@ -27,6 +27,7 @@ struct Case {
   std::string family;
   World world;
   double period = 10.0;  ///< of the motion [s]
+  bool repeats = true;   ///< the motion, after that; else it goes on as it likes
   double rate = 500.0, duration = 40.0;
   Sensors sensors;
   /// What the right answer is: "none", "named", "unknown", "absorbed", "audit".
@@ -37,6 +38,7 @@ struct Case {
 struct CaseOptions {
   double noise = 0.01, duration = 40.0, rate = 500.0;
   double position_noise = 1.0;  ///< times what is drawn
+  bool repeats = true;          ///< the motion
   /// Share of its joint's torque RMS that an effect is scaled to, drawn between these (logarithm).
   double smallest = 0.003, largest = 0.1;
 };

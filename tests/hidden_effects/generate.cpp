@@ -55,7 +55,7 @@ Json truth_of(const Case& c, const Series& train) {
           {"effects", effects},
           {"effect_share", list(effect_share(c.world, train, c.rate))},
           {"recording",
-           {{"period", c.period},
+           {{"period", c.repeats ? c.period : 0.0},
             {"duration", c.duration},
             {"rate", c.rate},
             {"torque_rms", list(torque)},
@@ -80,10 +80,11 @@ struct Given {
 
 Recorded record(const Case& c, bool is_test, const Given& given) {
   Rng noise(c.seed, c.stream + (is_test ? kTestNoise : kTrainNoise));
-  const Motion motion = given.file.empty() || is_test
-                            ? Motion(c.world.robot, c.period,
-                                     Rng(c.seed, c.stream + (is_test ? kTestMotion : kTrainMotion)))
-                            : Motion(c.world.robot, given.period, given.file);
+  const Motion motion =
+      given.file.empty() || is_test
+          ? Motion(c.world.robot, c.period,
+                   Rng(c.seed, c.stream + (is_test ? kTestMotion : kTrainMotion)), c.repeats)
+          : Motion(c.world.robot, given.period, given.file);
   SimulationOptions o;
   o.rate = c.rate;
   o.duration = c.duration;
@@ -112,7 +113,7 @@ void generate(std::uint64_t seed, const std::string& family, const CaseOptions& 
   write_text(seen / "model.xml", to_mjcf(c.world.nominal, {}, true));
   const Eigen::VectorXd torque_rms = rms(recorded[0].series.tau);
   Case first = c;
-  if (!given.file.empty()) first.period = given.period;
+  if (!given.file.empty()) first.period = given.period, first.repeats = true;
   for (std::size_t i = 0; i < 2; ++i)
     write_recording(seen / (i == 0 ? "train" : "test"), i == 0 ? first : c, recorded[i].series,
                     recorded[i].position_noise, torque_rms, recorded[i].noise);
@@ -162,6 +163,7 @@ int main(int argc, char** argv) {
          "--scale", [&](double size) { ball.smallest = ball.largest = size; },
          "families ball_*: this size over its unit")
       ->check(CLI::Range(1e-3, 1e3));
+  app.add_flag("!--aperiodic", options.repeats, "motions that never repeat");
   app.add_option("--motion", given.file,
                  "trajectory file that train.csv follows in place of a drawn motion")
       ->check(CLI::ExistingFile);

@@ -1,5 +1,6 @@
 """The generator: what it hides is there, in the size it says, and nowhere else."""
 
+import json
 import math
 import re
 import subprocess
@@ -183,3 +184,15 @@ def test_the_generator_is_independent_of_the_library() -> None:
             if included.startswith('"'):
                 assert (HERE / included.strip('"')).exists()
     assert "diffnea::" not in (HERE / "CMakeLists.txt").read_text()
+
+
+def test_aperiodic_motions_repeat_nowhere(generate: Generate) -> None:
+    """By the audit's own search; the same seed's other motion does, and says so."""
+    for options, repeats in (((), True), (("--aperiodic",), False)):
+        folder, truth = generate("none", 3, *options)
+        sidecar = load(folder / "seen" / "train.json")
+        assert ("period" in sidecar) == repeats
+        assert (truth["recording"]["period"] > 0) == repeats
+        found = done("audit", folder / "seen" / "train.csv", "--json")
+        (period,) = json.loads(found)["periods"]
+        assert (period["seconds"] is not None) == repeats

@@ -14,21 +14,28 @@ constexpr double kMaxVelocity = 2.5;       // [rad/s]
 constexpr double kMaxAcceleration = 30.0;  // [rad/s²]
 constexpr double kSlide = 0.2;             // [m/rad]
 
+// Of a harmonic's frequency, where the motion is not to repeat; periods over which its peaks count.
+constexpr double kDetuned = 0.4;
+constexpr int kManyPeriods = 20;
+
 }  // namespace
 
-Motion::Motion(const Robot& robot, double period, Rng rng) : period_(period) {
+Motion::Motion(const Robot& robot, double period, Rng rng, bool repeats) : period_(period) {
+  const int periods = repeats ? 1 : kManyPeriods;
   for (int j = 0; j < robot.num_joints(); ++j) {
     const Link& link = robot.links[static_cast<std::size_t>(j)];
     Series s;
     for (int h = 0; h < kHarmonics; ++h) {
       s.a[h] = rng.normal() / std::sqrt(h + 1.0);
       s.b[h] = rng.normal() / std::sqrt(h + 1.0);
+      s.f[h] = h + 1.0 + (repeats ? 0.0 : rng.uniform(-kDetuned, kDetuned));
     }
     joints_.push_back(s);
     const double unit = link.slide ? kSlide : 1.0;
-    const double scale = rng.uniform(0.75, 1.0) *
-                         std::min({link.range / peak(j, 0), unit * kMaxVelocity / peak(j, 1),
-                                   unit * kMaxAcceleration / peak(j, 2)});
+    const double scale =
+        rng.uniform(0.75, 1.0) *
+        std::min({link.range / peak(j, 0, periods), unit * kMaxVelocity / peak(j, 1, periods),
+                  unit * kMaxAcceleration / peak(j, 2, periods)});
     Series& drawn = joints_.back();
     for (double* coefficient : {drawn.a, drawn.b})
       for (int h = 0; h < kHarmonics; ++h) coefficient[h] *= scale;
@@ -77,7 +84,7 @@ double Motion::sum(int joint, double time, int derivative) const {
   const Series& s = joints_[static_cast<std::size_t>(joint)];
   double out = derivative == 0 ? s.centre : 0.0;
   for (int h = 0; h < kHarmonics; ++h) {
-    const double w = 2.0 * std::numbers::pi * (h + 1) / period_;
+    const double w = 2.0 * std::numbers::pi * s.f[h] / period_;
     const double sine = std::sin(w * time), cosine = std::cos(w * time);
     if (derivative == 0) out += s.a[h] * sine + s.b[h] * cosine;
     if (derivative == 1) out += w * (s.a[h] * cosine - s.b[h] * sine);
@@ -86,9 +93,9 @@ double Motion::sum(int joint, double time, int derivative) const {
   return out;
 }
 
-double Motion::peak(int joint, int derivative) const {
+double Motion::peak(int joint, int derivative, int periods) const {
   double largest = 0.0;
-  for (int i = 0; i < 400; ++i)
+  for (int i = 0; i < 400 * periods; ++i)
     largest = std::max(largest, std::abs(sum(joint, period_ * i / 400.0, derivative)));
   return largest;
 }

@@ -1,5 +1,5 @@
 #pragma once
-/// Desired motions: Fourier series, periodic, another one for every stream of a seed.
+/// Desired motions: sums of sines, another one for every stream of a seed.
 
 #include <filesystem>
 #include <vector>
@@ -9,12 +9,13 @@
 
 namespace hidden {
 
-/// q(t) = centre + Σ_h a_h sin(2πht/T) + b_h cos(2πht/T), one series per joint.
+/// q(t) = centre + Σ_h a_h sin(2πf_h t/T) + b_h cos(2πf_h t/T), one series per joint.
 class Motion {
  public:
   /// Amplitudes fill the joints' ranges as far as speed and acceleration allow.
-  /// @param period  T [s]
-  Motion(const Robot& robot, double period, Rng rng);
+  /// @param period   T [s]
+  /// @param repeats  f_h = h; else they are drawn about it, and the motion never repeats
+  Motion(const Robot& robot, double period, Rng rng, bool repeats = true);
   /// A motion from a file: `time` at equal steps, qcmd_, qdcmd_, qddcmd_ of every joint, over one
   /// period or several; the last row is the first again.
   /// @throws std::invalid_argument if a column is missing
@@ -29,10 +30,10 @@ class Motion {
   static constexpr int kHarmonics = 5;
   struct Series {
     double centre = 0.0;
-    double a[kHarmonics] = {}, b[kHarmonics] = {};
+    double a[kHarmonics] = {}, b[kHarmonics] = {}, f[kHarmonics] = {};
   };
   double sum(int joint, double time, int derivative) const;
-  double peak(int joint, int derivative) const;
+  double peak(int joint, int derivative, int periods) const;
 
   double at_time(int joint, double time, int derivative) const;
 

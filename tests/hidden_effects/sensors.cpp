@@ -101,10 +101,9 @@ void write_recording(const std::filesystem::path& stem, const Case& c, const Ser
     text += "\n";
   }
   write_text(stem.string() + ".csv", text);
-  const Json sidecar{{"schema", "diffnea/recording/1"},
-                     {"torque_side", "motor"},
-                     {"torque_sampling", "hold"},
-                     {"period", c.period}};
+  Json sidecar{
+      {"schema", "diffnea/recording/1"}, {"torque_side", "motor"}, {"torque_sampling", "hold"}};
+  if (c.repeats) sidecar["period"] = c.period;
   write_text(stem.string() + ".json", sidecar.dump(1) + "\n");
 }
 
