@@ -49,6 +49,8 @@ class Selection {
   bool merge(std::vector<Term>& terms) const;
   /// A simpler effect in a term's place, if the term can be that effect and is not clearly better.
   bool simplify(std::vector<Term>& terms) const;
+  /// Either, if all that is put there stays once the base has been fitted beside it.
+  bool put_simpler(std::vector<Term>& terms);
   HeldOutChange change(const std::vector<Term>& without, const std::vector<Term>& with) const;
   void add_rivals(const std::vector<Term>& terms, std::size_t which, Cause& cause) const;
 
