@@ -87,6 +87,18 @@ TEST_CASE("diagnose: nothing is named where nothing is hidden", "[diagnose]") {
   CHECK_FALSE(finding.interrupted);
 }
 
+TEST_CASE("diagnose: what the fitted recording alone holds at some instants is told of",
+          "[diagnose]") {
+  Recording touched = arm().recorded({}, 1);
+  touched.tau.col(2).segment(3000, 100).array() += 20.0;
+  touched.tau.col(2).segment(9300, 100).array() -= 20.0;
+  const Finding finding = diagnose(arm().nominal, {touched}, {arm().recorded({}, 2)});
+  CAPTURE(finding.sentence, finding.notes);
+  CHECK(std::ranges::any_of(finding.notes, [](const std::string& note) {
+    return note.starts_with("elbow: what is left of the fitted recording");
+  }));
+}
+
 TEST_CASE("diagnose: Coulomb friction is named at its joint, the truth in its interval",
           "[diagnose]") {
   const Finding finding =

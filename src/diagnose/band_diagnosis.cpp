@@ -211,6 +211,7 @@ void BandDiagnosis::complete() {
   }
   add_series(e0, e1, case_);
   note_offsets(e1, case_);
+  note_uneven(case_);
   LinearFit fit;
   const VecX<double> x = final_base(case_.base, case_.layout, *case_.search, *case_.train, terms_,
                                     grey_.torque.there, fit);

@@ -11,5 +11,7 @@ void add_series(const VecX<double>& e0, const VecX<double>& e1, JointCase& c);
 
 /// What changed between the recordings is no cause of the fitted one: a note.
 void note_offsets(const VecX<double>& errors, JointCase& c);
+/// What the fitted recording alone holds, so much that nothing else would show: a note.
+void note_uneven(JointCase& c);
 
 }  // namespace diffnea

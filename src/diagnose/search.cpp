@@ -5,6 +5,7 @@
 #include <map>
 
 #include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 
 #include "diagnose/signed_fit.hpp"
 
@@ -26,6 +27,25 @@ constexpr double kLateTurn = 1.75e-3;
 /// χ² over its degrees of freedom beyond which what is left goes with the motion; rows of so long
 /// [s], in every period, are one then.
 constexpr double kMisfit = 1.3, kMisfitBlock = 1.0;
+
+/// Eigenvalue of columns of length 1, below which no row tells of their combination.
+constexpr double kUntold = 1e-6;
+
+/// Parameters at their bounds that no row tells, or only with others: a half of an asymmetric
+/// friction beside the base's, which has what both have in common.
+/// @param K  (parameters, parameters) products of columns of length 1; of length 0 if untold alone
+std::vector<long> held_at_bounds(const MatX<double>& K, const std::vector<bool>& at_bound) {
+  const Eigen::SelfAdjointEigenSolver<MatX<double>> eigen(K);
+  std::vector<long> out;
+  for (long k = 0; k < K.cols(); ++k)
+    for (long e = 0; e < K.cols(); ++e)
+      if (at_bound[static_cast<std::size_t>(k)] && eigen.eigenvalues()[e] < kUntold &&
+          std::abs(eigen.eigenvectors()(k, e)) > 0.1) {
+        out.push_back(k);
+        break;
+      }
+  return out;
+}
 
 }  // namespace
 
@@ -67,9 +87,9 @@ void Search::set_columns(Term& term) const {
   const MatX<double> whitened = (*whitener_)(both);
   const VecX<double> whole = whitened.colwise().norm().transpose();
   term.projected = projection_->project_whitened(whitened);
-  term.rank = 0;
+  term.told.clear();
   for (long k = 0; k < term.width(); ++k)
-    term.rank += term.projected.col(k).norm() > kInvisible * whole[k];
+    term.told.push_back(term.projected.col(k).norm() > kInvisible * whole[k]);
 }
 
 void Search::refresh(double period, std::vector<Term>& terms) {
@@ -263,11 +283,18 @@ VecX<double> Search::clustered(const MatX<double>& influence, const VecX<double>
 
 std::vector<MatX<double>> Search::covariances(const std::vector<Term>& terms) const {
   std::vector<MatX<double>> columns;
+  std::vector<bool> at_bound;
   long width = 0;
   for (const Term& t : terms) {
     MatX<double> J(t.projected.rows(), t.width() + static_cast<long>(t.shapes.size()));
     J << t.projected.leftCols(t.width()),
         projection_->project(evidence_.columns(t.effect, t.shapes));
+    const std::vector<bool> nonnegative = signs(t.effect, t.linear);
+    for (long k = 0; k < t.width(); ++k) {
+      at_bound.push_back(nonnegative[static_cast<std::size_t>(k)] && t.values()[k] == 0.0);
+      if (at_bound.back() && !t.told[static_cast<std::size_t>(k)]) J.col(k).setZero();
+    }
+    at_bound.resize(at_bound.size() + t.shapes.size(), false);
     width += J.cols();
     columns.push_back(std::move(J));
   }
@@ -280,15 +307,23 @@ std::vector<MatX<double>> Search::covariances(const std::vector<Term>& terms) co
   MatX<double> K = J.transpose() * J;
   VecX<double> scale = K.diagonal().cwiseSqrt().cwiseMax(1e-300).cwiseInverse();
   K = scale.asDiagonal() * K * scale.asDiagonal();
+  const std::vector<long> held = held_at_bounds(K, at_bound);
+  for (const long k : held) {
+    K.row(k).setZero();
+    K.col(k).setZero();
+    K(k, k) = 1.0;
+  }
   K.diagonal().array() += 1e-9;
   MatX<double> C = K.llt().solve(MatX<double>::Identity(width, width));
+  for (const long k : held) C(k, k) = 0.0;
   // Rows are in units of noise; a lack of fit that is left widens the intervals.
   const double chi2 =
       (residual_sum() - gain_of(terms)) / static_cast<double>(std::max<long>(rows() - width, 1));
   C = scale.asDiagonal() * C * scale.asDiagonal();
   VecX<double> more = VecX<double>::Constant(width, std::max(1.0, chi2));
   if (chi2 > kMisfit)
-    more = more.cwiseMax(clustered(C * J.transpose(), left_by(terms)).cwiseQuotient(C.diagonal()));
+    more = more.cwiseMax(
+        clustered(C * J.transpose(), left_by(terms)).cwiseQuotient(C.diagonal().cwiseMax(1e-300)));
   more = more.cwiseSqrt();
   C = more.asDiagonal() * C * more.asDiagonal();
   std::vector<MatX<double>> out;

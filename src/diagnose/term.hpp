@@ -1,6 +1,8 @@
 #pragma once
 /// An effect in the model under test, and several of them side by side. Internal to diagnose/.
 
+#include <algorithm>
+
 #include "diagnose/candidates.hpp"
 #include "diagnose/evidence.hpp"
 
@@ -22,9 +24,12 @@ struct Term {
   MatX<double> projected;  ///< whitened, beside the base: [columns | offset]
   double norm = 0.0;       ///< of the torque, whitened
 
-  int rank = 0;  ///< of `linear` that this recording shows beside the base
+  std::vector<bool> told;  ///< of `linear`, whether this recording shows it beside the base
 
-  int num_parameters() const { return rank + static_cast<int>(shapes.size()); }
+  int num_parameters() const {
+    return static_cast<int>(std::ranges::count(told, true) +
+                            static_cast<std::ptrdiff_t>(shapes.size()));
+  }
   long width() const { return columns.cols(); }
   bool has_offset() const { return offset.size() > 0; }
   VecX<double> values() const;
