@@ -2,6 +2,7 @@
 /// bounds candidates' shapes.
 
 #include <algorithm>
+#include <limits>
 #include <support/swinging.hpp>
 
 #include <catch2/catch_test_macros.hpp>
@@ -20,6 +21,13 @@ constexpr double kRounding = 1e-9;
 
 Candidate candidate(const Model& model, const std::string& effect, const std::string& where) {
   return make_candidates(model, {effect + "@" + where}, {0}, false).at(0);
+}
+
+PreprocessPlan noise_of(std::vector<double> positions, std::vector<double> torques = {1.0, 1.0}) {
+  PreprocessPlan plan;
+  plan.q_noise = std::move(positions);
+  plan.tau_noise = std::move(torques);
+  return plan;
 }
 
 }  // namespace
@@ -75,7 +83,7 @@ TEST_CASE("diagnose: shapes are bounded by what a recording shows", "[diagnose]"
                                     candidate(evidence.model, "cogging", "elbow"),
                                     candidate(evidence.model, "joint_elasticity", "elbow")};
   const std::vector<Refusal> refused =
-      bound_shapes(*evidence, evidence.layout, {1e-3, 2e-3}, false, candidates);
+      bound_shapes(*evidence, evidence.layout, noise_of({1e-3, 2e-3}), false, candidates);
   REQUIRE(candidates.size() == 2);  // a spring needs a motion that repeats
   REQUIRE(refused.size() == 1);
   CHECK(refused[0].effect == "joint_elasticity");
@@ -92,12 +100,29 @@ TEST_CASE("diagnose: shapes are bounded by what a recording shows", "[diagnose]"
   }
 }
 
+TEST_CASE("diagnose: limits are tried in one motion alone if the torque is clear of its noise",
+          "[diagnose]") {
+  const test::SwingingEvidence evidence(20.0);  // torques of 1 N·m, white
+  for (const auto& [noise, repeats, tried] :
+       {std::tuple{0.01, false, true},
+        {1.0, false, false},
+        {1.0, true, true},
+        {std::numeric_limits<double>::quiet_NaN(), false, false}}) {
+    CAPTURE(noise, repeats);
+    std::vector<Candidate> limits{candidate(evidence.model, "saturation", "elbow")};
+    const std::vector<Refusal> refused = bound_shapes(
+        *evidence, evidence.layout, noise_of({1.0, 1.0}, {1.0, noise}), repeats, limits);
+    CHECK(limits.size() == (tried ? 1 : 0));
+    CHECK(refused.size() == (tried ? 0 : 1));
+  }
+}
+
 TEST_CASE("diagnose: gaps are tried down to what the positions' noise hides", "[diagnose]") {
   const test::SwingingEvidence evidence(20.0);
   const double most = 0.1;  // [rad], the catalogue's
   for (const double noise : {2e-5, 4e-4}) {
     std::vector<Candidate> gaps{candidate(evidence.model, "backlash", "elbow")};
-    bound_shapes(*evidence, evidence.layout, {1.0, noise}, true, gaps);
+    bound_shapes(*evidence, evidence.layout, noise_of({1.0, noise}), true, gaps);
     REQUIRE(gaps.size() == 1);
     const std::vector<std::vector<double>>& grid = gaps[0].grid;
     CAPTURE(noise, grid.size());

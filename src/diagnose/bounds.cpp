@@ -28,6 +28,9 @@ constexpr double kGapStep = 1.6;
 constexpr double kRippleMiss = std::numbers::pi / 3.0;
 constexpr int kMostRipples = 250;
 
+/// χ² that noise in a limit's column may explain by itself, of 10 that a cause needs.
+constexpr double kMostShared = 1.0;
+
 /// A limit is met now and then: one below most of the torque would explain any torque by itself.
 void bound_saturation(const Evidence& evidence, Candidate& c) {
   std::vector<double> size;
@@ -40,6 +43,23 @@ void bound_saturation(const Evidence& evidence, Candidate& c) {
   c.grid.clear();
   for (const double q : {0.999, 0.99, 0.97, 0.94, 0.9, 0.85, 0.8}) c.grid.push_back({quantile(q)});
   c.shape_low = {quantile(0.75)};
+}
+
+/// Drops limits of which the column's own noise, that of the torque beyond them, would be taken for
+/// as much as the effect is: it is that of the torque beside it, unless both are of other periods.
+void drop_noisy_limits(const Evidence& evidence, double tau_noise, Candidate& c) {
+  const auto shared = [&](double limit) {
+    double beyond = 0.0, squares = 0.0;
+    for (const JointSeries& s : evidence.series()) {
+      const VecX<double> u = s.logged.col(c.effect.joints[0]);
+      const VecX<double> more = (u.cwiseAbs().array() - limit).max(0.0);
+      beyond += static_cast<double>((more.array() > 0.0).count()) * s.dt / evidence.step();
+      squares += more.squaredNorm() * s.dt / evidence.step();
+    }
+    return beyond * beyond * tau_noise * tau_noise / squares;
+  };
+  std::erase_if(c.grid,
+                [&](const std::vector<double>& g) { return !(shared(g[0]) < kMostShared); });
 }
 
 /// Below a few v₀, Stribeck's curve only mends how friction turns.
@@ -121,22 +141,32 @@ bool is_passive(const Evidence& evidence, const BoundEffect& effect) {
 }  // namespace
 
 std::vector<Refusal> bound_shapes(const Evidence& evidence, const FitLayout& layout,
-                                  const std::vector<double>& q_noise, bool repeats,
+                                  const PreprocessPlan& plan, bool repeats,
                                   std::vector<Candidate>& candidates) {
+  const std::vector<double>& q_noise = plan.q_noise;
   std::vector<Refusal> refused;
   std::vector<Candidate> kept;
   for (Candidate& c : candidates) {
     const std::string& name = c.effect.info().name;
     if (is_of_drive(c.effect.info()) && is_passive(evidence, c.effect)) continue;
-    // Columns of fourth derivatives and of the logged torque share the noise of what they are to
-    // explain, unless both come from other periods.
-    if (!repeats && (name == "saturation" || name == "joint_elasticity" || name == "backlash")) {
+    // Columns of fourth derivatives share the noise of what they are to explain, unless both come
+    // from other periods.
+    if (!repeats && (name == "joint_elasticity" || name == "backlash")) {
       if (std::ranges::none_of(refused, [&](const Refusal& r) { return r.effect == name; }))
         refused.push_back(
             {name, "all", "not tried: needs a motion that repeats, two periods or more", 0.0});
       continue;
     }
-    if (name == "saturation") bound_saturation(evidence, c);
+    if (name == "saturation") {
+      bound_saturation(evidence, c);
+      const std::size_t joint = static_cast<std::size_t>(c.effect.joints[0]);
+      if (!repeats) drop_noisy_limits(evidence, plan.tau_noise.at(joint), c);
+      if (c.grid.empty())
+        refused.push_back({name, c.effect.where,
+                           "not tried: the torque's noise is too large for a motion that does not "
+                           "repeat",
+                           0.0});
+    }
     if (name == "cogging") bound_cogging(evidence, c);
     if (name == "presliding_dahl") bound_presliding(evidence, q_noise, c);
     if (name == "backlash") bound_backlash(q_noise, c);

@@ -9,11 +9,11 @@
 namespace diffnea {
 
 /// Bounds the grids of candidates to what the recording can show, and drops those that it cannot.
-/// @param q_noise  standard deviation of each joint's positions, as read; empty: not known
+/// @param plan     knows the noise of each joint's positions and torque, as read
 /// @param repeats  whether the motion repeats, in held-out data too
 /// @return those that were dropped for want of repeats
 std::vector<Refusal> bound_shapes(const Evidence& evidence, const FitLayout& layout,
-                                  const std::vector<double>& q_noise, bool repeats,
+                                  const PreprocessPlan& plan, bool repeats,
                                   std::vector<Candidate>& candidates);
 
 }  // namespace diffnea

@@ -64,8 +64,7 @@ Evidence::Evidence(const Model& model, const FitLayout& layout, const RecordingS
 void Evidence::take_series(Stretches& collector, const PreprocessPlan& plan, double period) {
   // Where a recording begins and ends, its filter still remembers how it was continued beyond.
   // Averaged, that would reach the rows of other periods, too.
-  if (period > 0.0)
-    collector.trim(Butterworth(plan.order, plan.filter_hz, 1.0 / plan.dt).memory(kRemembered));
+  collector.trim(Butterworth(plan.order, plan.filter_hz, 1.0 / plan.dt).memory(kRemembered));
   for (std::size_t i = 0; period > 0.0 && i < collector.series().size(); ++i)
     collector.drop_first(i, settling_rows(period, collector.series()[i]));
   series_ = collector.series();
@@ -73,7 +72,6 @@ void Evidence::take_series(Stretches& collector, const PreprocessPlan& plan, dou
   for (JointSeries& s : series_) averaged_ = averaged_ && average_other_periods(period, s);
   if (averaged_) return;
   series_ = collector.series();
-  for (JointSeries& s : series_) s.logged.resize(0, 0);
 }
 
 TorqueRegression Evidence::regress(const Model& model, const FitLayout& layout,

@@ -89,7 +89,7 @@ class Evidence {
   /// Samples at the recording's rate, as effects see them. Where the motion repeats, each period
   /// holds the mean of the other periods: its noise is neither that of the torque beside it, which
   /// a controller has made of its own position's noise, nor that of the base's columns. Columns of
-  /// high derivatives would find both. Then `logged` is that mean too, else it is empty.
+  /// high derivatives would find both. Then `logged` is that mean too.
   const std::vector<JointSeries>& series() const { return series_; }
 
   /// Factors of the base columns, unwhitened, all rows.

@@ -117,7 +117,7 @@ void prepare(JointCase& c) {
       for (Evidence* e : {c.train.get(), c.test.get()})
         if (e) e->evaluate(*tried.effect.own);
   c.finding.refused =
-      bound_shapes(*c.train, c.layout, c.finding.plan.q_noise,
+      bound_shapes(*c.train, c.layout, c.finding.plan,
                    c.train->averaged() && (!c.test || c.test->averaged()), c.candidates);
   c.prior = base_prior(c.base, c.model, c.layout, *c.train);
   const Whitener white(*c.train, white_noise(*c.train), c.fitted_rows);

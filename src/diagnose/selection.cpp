@@ -389,7 +389,9 @@ std::vector<Cause> Selection::causes(const std::vector<Term>& terms) const {
           cause.parameters.push_back(out_p);
           continue;
         }
-        const double log_std = std::hypot(std::sqrt(covariances[i](at, at)), inexact, of_word);
+        // Noise makes a ripple's column smaller, not its angles.
+        const double log_std = std::hypot(std::sqrt(covariances[i](at, at)),
+                                          p.name == "cycles" ? kColumnError : inexact, of_word);
         out_p.std = std::abs(out_p.value) * log_std;
         const double reach = std::exp(std::min(1.96 * log_std, 20.0));
         out_p.low = std::min(out_p.value / reach, out_p.value * reach);
