@@ -22,8 +22,8 @@ constexpr double kWide = 8.0, kWideShare = 0.05;
 /// What a joint that moves goes through, in standard deviations of its position's noise.
 constexpr double kMoves = 20.0;
 
-/// Of the blocks that are held out [s].
-constexpr double kLeastBlock = 4.0;
+/// Of the blocks that are held out [s]; where there are two of them only, they may be shorter.
+constexpr double kLeastBlock = 4.0, kShortestBlock = 3.5;
 
 /// Where the positions' noise, as an acceleration of the joint's own inertia, becomes four times
 /// the torque's: beyond, rows tell little, and columns of accelerations are mostly noise. Median
@@ -106,8 +106,9 @@ void split_in_time(const Evidence& evidence, std::vector<bool>& fitted, std::vec
   fitted.assign(static_cast<std::size_t>(evidence.rows()), false);
   held = fitted;
   const long m = evidence.times(),
-             block = std::max<long>(m / 10, std::lround(kLeastBlock / evidence.step()));
-  if (m < 2 * block)
+             block = std::max<long>(m / 10,
+                                    std::min(std::lround(kLeastBlock / evidence.step()), m / 2));
+  if (static_cast<double>(m) * evidence.step() < 2.0 * kShortestBlock)
     throw DataError(
         "diagnose: " + format_number(static_cast<double>(m) * evidence.step()) +
         " s, without the ends that the filter needs, are too short to hold blocks of time out; " +
