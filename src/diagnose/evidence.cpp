@@ -23,6 +23,9 @@ constexpr long kRowsAColumn = 4;
 
 /// Of a disturbance at the end of a recording.
 constexpr double kRemembered = 0.01;
+/// Of a recording, that its ends may be: longer, they stay. Of motions that do not repeat, every
+/// row counts.
+constexpr double kMostEnds = 1.0 / 3.0, kMostEndsOnce = 0.1;
 
 }  // namespace
 
@@ -64,7 +67,8 @@ Evidence::Evidence(const Model& model, const FitLayout& layout, const RecordingS
 void Evidence::take_series(Stretches& collector, const PreprocessPlan& plan, double period) {
   // Where a recording begins and ends, its filter still remembers how it was continued beyond.
   // Averaged, that would reach the rows of other periods, too.
-  collector.trim(Butterworth(plan.order, plan.filter_hz, 1.0 / plan.dt).memory(kRemembered));
+  collector.trim(Butterworth(plan.order, plan.filter_hz, 1.0 / plan.dt).memory(kRemembered),
+                 period > 0.0 ? kMostEnds : kMostEndsOnce);
   for (std::size_t i = 0; period > 0.0 && i < collector.series().size(); ++i)
     collector.drop_first(i, settling_rows(period, collector.series()[i]));
   series_ = collector.series();

@@ -63,9 +63,10 @@ void Stretches::begin(const Preprocessed& block, long row) {
   about_.push_back(std::move(of));
 }
 
-void Stretches::trim(long rows) {
+void Stretches::trim(long rows, double most) {
   for (std::size_t i = 0; i < series_.size(); ++i)
-    if (series_[i].rows() >= 6 * rows) keep(i, rows, series_[i].rows() - 2 * rows);
+    if (static_cast<double>(2 * rows) <= most * static_cast<double>(series_[i].rows()))
+      keep(i, rows, series_[i].rows() - 2 * rows);
 }
 
 void Stretches::drop_first(std::size_t i, long rows) { keep(i, rows, series_[i].rows() - rows); }

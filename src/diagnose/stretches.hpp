@@ -14,8 +14,8 @@ class Stretches {
   explicit Stretches(int first_run) : first_run_(first_run) {}
   void add(const Preprocessed& block);
 
-  /// Drops rows at either end of every stretch that is long enough to spare them.
-  void trim(long rows);
+  /// Drops rows at either end of every stretch of which both are no more than the share `most`.
+  void trim(long rows, double most);
   void drop_first(std::size_t i, long rows);
 
   /// Own motion and logged torque of every stretch.
