@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 
 namespace diffnea {
@@ -160,7 +161,11 @@ std::vector<Refusal> bound_shapes(const Evidence& evidence, const FitLayout& lay
     if (name == "saturation") {
       bound_saturation(evidence, c);
       const std::size_t joint = static_cast<std::size_t>(c.effect.joints[0]);
-      if (!repeats) drop_noisy_limits(evidence, plan.tau_noise.at(joint), c);
+      if (!repeats)
+        drop_noisy_limits(evidence,
+                          joint < plan.tau_noise.size() ? plan.tau_noise[joint]
+                                                        : std::numeric_limits<double>::quiet_NaN(),
+                          c);
       if (c.grid.empty())
         refused.push_back({name, c.effect.where,
                            "not tried: the torque's noise is too large for a motion that does not "

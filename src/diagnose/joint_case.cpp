@@ -133,8 +133,7 @@ void prepare(JointCase& c) {
         joint_names(
             c.model)[static_cast<std::size_t>(c.train->joints()[static_cast<std::size_t>(k)])] +
         ": too few rows to tell noise from what the model lacks, which stays hidden; record "
-        "longer, "
-        "or a motion that repeats");
+        "longer, or a motion that repeats");
 }
 
 }  // namespace diffnea

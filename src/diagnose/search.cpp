@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <map>
 
 #include <Eigen/Cholesky>
@@ -35,8 +36,9 @@ constexpr double kUntold = 1e-6;
 /// friction beside the base's, which has what both have in common.
 /// @param K  (parameters, parameters) products of columns of length 1; of length 0 if untold alone
 std::vector<long> held_at_bounds(const MatX<double>& K, const std::vector<bool>& at_bound) {
-  const Eigen::SelfAdjointEigenSolver<MatX<double>> eigen(K);
   std::vector<long> out;
+  if (std::ranges::none_of(at_bound, std::identity())) return out;
+  const Eigen::SelfAdjointEigenSolver<MatX<double>> eigen(K);
   for (long k = 0; k < K.cols(); ++k)
     for (long e = 0; e < K.cols(); ++e)
       if (at_bound[static_cast<std::size_t>(k)] && eigen.eigenvalues()[e] < kUntold &&
