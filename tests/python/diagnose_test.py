@@ -70,13 +70,14 @@ def test_the_error_falls_at_the_joint(finding) -> None:
         shapes = {getattr(series, name).shape for name in ("time", "q", "qd", "qdd", "extended")}
         assert shapes == {series.measured.shape}
         # The figures leave out a tenth of the rows: those at rest, where dry friction is the most
-        # that is left, and those after the ends of stretches.
+        # that is left, and those after the ends of stretches. At a joint without it, they are like
+        # the others.
         base, extended = (
             np.sqrt(np.mean((series.measured - values) ** 2))
             for values in (series.base, series.extended)
         )
         assert base == pytest.approx(joint.base, rel=0.1)
-        assert 0.5 * extended < joint.extended <= extended
+        assert 0.5 * extended < joint.extended <= 1.1 * extended
 
 
 def test_the_extended_model_holds_the_cause(finding, arm) -> None:
