@@ -25,6 +25,8 @@ class BandDiagnosis {
 
   /// Whether there are frequencies beyond those that were looked at.
   bool wider() const { return case_.wider; }
+  /// Whether some joint has too few rows to tell noise from what the model lacks.
+  bool blind() const { return !case_.search->blind().empty(); }
 
   /// Those of `effects` that are candidates at a joint whose turns were left out, "effect@joint".
   std::vector<std::string> without_turns(const std::vector<std::string>& effects) const;

@@ -133,15 +133,18 @@ Finding look(Question& of) {
   if (!first.interrupted)
     if (std::optional<Finding> more = with_turns(of, narrow, first)) return *std::move(more);
   if (first.interrupted || !narrow.wider()) return narrow.finish();
-  const bool nothing = first.verdict == Verdict::kNone;
-  if (nothing && !(first.gain.before > kUneasy)) return with_gap_beyond(of, narrow.finish());
-  if (!nothing && first.verdict != Verdict::kUnknown) return narrow.finish();
+  const bool nothing = first.verdict == Verdict::kNone,
+             named_first = !nothing && first.verdict != Verdict::kUnknown;
+  if (nothing && !(first.gain.before > kUneasy) && !narrow.blind())
+    return with_gap_beyond(of, narrow.finish());
+  if (named_first && !(first.gain.after > kUneasy)) return narrow.finish();
   // A stiff loop keeps what is fast out of the positions, not out of the torques.
   BandDiagnosis wide(of.model, of.train, of.test, Band::kWide, Turns::kLeftOut, of.options);
   const bool ended = came_to_its_end(wide, of, first);
   const Finding& second = wide.finding();
   const bool named = second.verdict == Verdict::kNamed || second.verdict == Verdict::kClass;
   if (nothing && !(ended && named)) return with_gap_beyond(of, narrow.finish());
+  if (named_first && !(ended && named && second.gain.after < kUneasy)) return narrow.finish();
   const bool says_more = second.verdict != Verdict::kUnknown ||
                          (first.witness.empty() && !second.witness.empty()) ||
                          second.gain.explained_share > first.gain.explained_share;
@@ -149,7 +152,8 @@ Finding look(Question& of) {
   of.spent += first.seconds - second.seconds;
   Finding finding = wide.finish();
   finding.notes.push_back("up to " + format_number(first.plan.filter_hz) +
-                          " Hz no effect of the catalogue explained the error: looked at up to " +
+                          " Hz no effect of the catalogue explained " +
+                          (named_first ? "the whole error" : "the error") + ": looked at up to " +
                           format_number(finding.plan.filter_hz) + " Hz");
   return finding;
 }
