@@ -290,7 +290,8 @@ std::vector<Term> Selection::run(const std::function<bool(const FitProgress&)>& 
     eliminate(terms);
     if (!seen.insert(names(terms)).second) break;
   }
-  for (int i = 0; i < options_.max_terms && put_simpler(terms);) ++i;
+  for (int i = 0; i < options_.max_terms; ++i)
+    if (!put_simpler(terms)) break;
   // What does not help on data that no fit has seen goes, the least first.
   for (bool dropped = true; dropped && !terms.empty();) {
     dropped = false;

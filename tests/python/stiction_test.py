@@ -5,6 +5,7 @@ no function of the motion says by how much. That is no effect's, and must not hi
 identified from the recording that is diagnosed, with parameters that the effect has bent.
 """
 
+import json
 import re
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ from cli import ROOT, done, load
 NOTHING = ""
 LAG = ",effect=actuator_lag@tilt:time_constant=0.02"
 QUADRATIC = ",effect=quadratic_friction@tilt:quadratic=0.05"
+SPRING = ",effect=joint_spring@tilt:stiffness=3+rest=0.3"
 STRIBECK = ",effect=stribeck_friction@pan:stiction_excess=0.05+stribeck_velocity=0.3"
 
 
@@ -32,8 +34,8 @@ def mast(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def diagnosed(mast: Path, folder: Path, seed: int, hidden: str) -> Any:
-    """Record, identify, then diagnose what was identified."""
+def diagnosed(mast: Path, folder: Path, seed: int, hidden: str, *, rows: int = 0) -> Any:
+    """Record, identify, then diagnose what was identified, or its first rows, without a period."""
     world = f"mujoco:{mast}/mast.xml,perturb=A,seed={seed}{hidden}"
     for noise, name in ((1, "train"), (2, "test")):
         done(
@@ -43,6 +45,12 @@ def diagnosed(mast: Path, folder: Path, seed: int, hidden: str) -> Any:
         )
     data = (folder / "train.csv", "--test", folder / "test.csv")
     done("identify", mast / "mast.urdf", *data, "-o", folder / "run")
+    for name in ("train", "test") if rows else ():
+        text = (folder / f"{name}.csv").read_text(encoding="utf-8").splitlines(keepends=True)
+        (folder / f"{name}.csv").write_text("".join(text[: rows + 1]), encoding="utf-8")
+        sidecar = load(folder / f"{name}.json")
+        del sidecar["period"]
+        (folder / f"{name}.json").write_text(json.dumps(sidecar), encoding="utf-8")
     done("diagnose", folder / "run/model.json", *data, "-o", folder / "why")
     return load(folder / "why/result.json")
 
@@ -75,6 +83,19 @@ def test_a_friction_that_the_fit_has_taken_for_others_is_found(mast: Path, tmp_p
     (quadratic,) = cause["parameters"]
     low, high = quadratic["ci95"]
     assert low < 0.05 < high
+
+
+@pytest.mark.parametrize("rows", [0, 8000], ids=["two periods", "16 s of them"])
+def test_a_spring_that_gravity_hides_is_found(mast: Path, tmp_path: Path, rows: int) -> None:
+    """Once NONE: it was too large to be believed, then its lead-in and it itself were noise."""
+    finding = diagnosed(mast, tmp_path, 4, SPRING, rows=rows)
+    (cause,) = finding["causes"]
+    assert (cause["effect"], cause["where"]) == ("joint_spring", "tilt"), finding["sentence"]
+    assert cause["visible_share"] < 0.2
+    low, high = cause["parameters"][0]["ci95"]
+    assert low < 3.0 < high
+    tried = all(refusal["where"] != "all" for refusal in finding["refused"])
+    assert tried == (rows == 0)  # two periods are enough for gaps and elasticities
 
 
 def test_friction_that_shows_at_turns_alone_is_found_with_them(mast: Path, tmp_path: Path) -> None:
