@@ -312,12 +312,22 @@ void bind_compare(py::module_& m) {
       field("p", &Change::p,
             "Chance of such a z without a change, adjusted for the number of tests."),
       field("significant", &Change::significant, "The change is more than chance explains."));
+  value_type<LeftOver>(
+      m, "LeftOver", "What each of two fits leaves of its own recording at one joint.",
+      field("joint", &LeftOver::joint, "Its name, or ``ball``."),
+      field("unit", &LeftOver::unit, "SI unit."),
+      field("before", &LeftOver::before, "RMS of the series that was fitted, by the first fit."),
+      field("after", &LeftOver::after, "By the second."));
   auto comparison = value_type<Comparison>(
       m, "Comparison", "What changed between two fits of one robot.",
       field("joints", &Comparison::joints, "Of both fits."),
       field("base_parameters", &Comparison::base_parameters,
             "Combinations that both fits see, most significant first; a list of :class:`Change`."),
       field("parameters", &Comparison::parameters, "Parameters that both fits see by themselves."),
+      field("left_over", &Comparison::left_over,
+            "A :class:`LeftOver` for each joint that both fit by the same loss."),
+      field("std_ratio", &Comparison::std_ratio,
+            "Median of the second fit's standard errors over the first's; NaN without any."),
       field("only_before", &Comparison::only_before, "Parameters that the first fit alone has."),
       field("only_after", &Comparison::only_after, "Parameters that the second fit alone has."),
       field("not_comparable", &Comparison::not_comparable,

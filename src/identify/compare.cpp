@@ -94,6 +94,24 @@ Change make_change(const std::string& name, const std::string& unit, double befo
   return c;
 }
 
+/// Standard errors of the second fit over the first's; zero and unknown ones have no part.
+class StdRatios {
+ public:
+  void add(double variance_before, double variance_after) {
+    if (variance_before > 0.0 && variance_after > 0.0)
+      ratios_.push_back(std::sqrt(variance_after / variance_before));
+  }
+  double median() {
+    if (ratios_.empty()) return std::numeric_limits<double>::quiet_NaN();
+    const auto middle = ratios_.begin() + static_cast<long>(ratios_.size() / 2);
+    std::ranges::nth_element(ratios_, middle);
+    return *middle;
+  }
+
+ private:
+  std::vector<double> ratios_;
+};
+
 /// Sorts by significance and adjusts p for the number of tests (Holm 1979).
 void holm(std::vector<Change>& changes, double alpha) {
   std::ranges::sort(changes,
@@ -107,8 +125,10 @@ void holm(std::vector<Change>& changes, double alpha) {
 }
 
 /// The base parameters of the first fit, evaluated in both.
-void compare_combinations(const IdentifyResult& before, const IdentifyResult& after,
-                          Comparison& out) {
+/// @return the median ratio of their standard errors
+double compare_combinations(const IdentifyResult& before, const IdentifyResult& after,
+                            Comparison& out) {
+  StdRatios ratios;
   const auto values = by_name(after);
   std::optional<Variance> seen;
   if (after.model.posterior && !after.model.posterior->names.empty())
@@ -141,11 +161,15 @@ void compare_combinations(const IdentifyResult& before, const IdentifyResult& af
     const std::string unit = b.columns.empty() ? "" : before.parameters[b.columns[0]].unit;
     out.base_parameters.push_back(
         make_change(b.expression, unit, value_before, value_after, *variance + b.std * b.std));
+    ratios.add(b.std * b.std, *variance);
   }
+  return ratios.median();
 }
 
-void compare_parameters(const IdentifyResult& before, const IdentifyResult& after,
-                        Comparison& out) {
+/// @return the median ratio of their standard errors
+double compare_parameters(const IdentifyResult& before, const IdentifyResult& after,
+                          Comparison& out) {
+  StdRatios ratios;
   const auto known_before = by_name(before), known_after = by_name(after);
   for (const ParameterEstimate& p : after.parameters)
     if (!known_before.contains(p.name)) out.only_after.push_back(p.name);
@@ -160,7 +184,18 @@ void compare_parameters(const IdentifyResult& before, const IdentifyResult& afte
     const double variance = p.std * p.std + q.std * q.std;
     if (variance > 0.0)
       out.parameters.push_back(make_change(p.name, p.unit, p.value, q.value, variance));
+    ratios.add(p.std * p.std, q.std * q.std);
   }
+  return ratios.median();
+}
+
+std::vector<LeftOver> left_over(const IdentifyResult& before, const IdentifyResult& after) {
+  std::vector<LeftOver> out;
+  for (std::size_t j = 0; j < before.errors.size(); ++j) {
+    const JointError &a = before.errors[j], &b = after.errors[j];
+    if (a.unit == b.unit) out.push_back({a.joint, a.unit, a.train, b.train});
+  }
+  return out;
 }
 
 }  // namespace
@@ -170,8 +205,10 @@ Comparison compare(const IdentifyResult& before, const IdentifyResult& after,
   require_same_joints(before, after);
   Comparison out;
   out.joints = joints_of(before);
-  compare_combinations(before, after, out);
-  compare_parameters(before, after, out);
+  const double of_combinations = compare_combinations(before, after, out);
+  const double of_parameters = compare_parameters(before, after, out);
+  out.std_ratio = out.base_parameters.empty() ? of_parameters : of_combinations;
+  out.left_over = left_over(before, after);
   holm(out.base_parameters, options.alpha);
   holm(out.parameters, options.alpha);
   out.changed = std::ranges::any_of(

@@ -200,11 +200,19 @@ std::string comparison_json(const Comparison& c) {
                      {"significant", change.significant}});
     return out;
   };
+  Json left_over = Json::array();
+  for (const LeftOver& left : c.left_over)
+    left_over.push_back({{"joint", left.joint},
+                         {"unit", left.unit},
+                         {"before", number(left.before)},
+                         {"after", number(left.after)}});
   return text({{"schema", "diffnea/compare/1"},
                {"joints", c.joints},
                {"changed", c.changed},
                {"base_parameters", list(c.base_parameters)},
                {"parameters", list(c.parameters)},
+               {"left_over", left_over},
+               {"std_ratio", number(c.std_ratio)},
                {"only_before", c.only_before},
                {"only_after", c.only_after},
                {"not_comparable", c.not_comparable}},

@@ -43,6 +43,32 @@ std::string list(const char* title, const std::vector<std::string>& names) {
   return out + "\n";
 }
 
+constexpr double kMuchMore = 2.0;   // times what the other fit leaves: no difference of noise alone
+constexpr double kMuchWider = 3.0;  // times the other's standard errors
+
+/// Where one fit holds much worse than the other, and what that does to the comparison.
+std::string unlike(const Comparison& c) {
+  std::string out;
+  for (const LeftOver& left : c.left_over) {
+    const bool second = left.after > left.before;
+    const double less = second ? left.before : left.after;
+    const double more = second ? left.after : left.before;
+    if (!(more > kMuchMore * less)) continue;
+    out += left.joint + ": the " + (second ? "second" : "first") + " fit leaves " + number(more, 3) +
+           " " + unit(left.unit) + " of its recording, the other " + number(less, 3) + "\n";
+  }
+  if (!out.empty())
+    out = "\none fit holds much worse than the other: its model lacks something, or its recording is "
+          "noisier\n" +
+          out;
+  const bool wider = c.std_ratio > kMuchWider;
+  if (wider || c.std_ratio < 1.0 / kMuchWider)
+    out += std::string("the standard errors of the ") + (wider ? "second" : "first") + " are " +
+           number(wider ? c.std_ratio : 1.0 / c.std_ratio, 2) +
+           " times the other's (median): smaller changes than those are hidden\n";
+  return out.empty() ? out : out + "\n";
+}
+
 }  // namespace
 
 std::string compare_text(const Comparison& c) {
@@ -77,7 +103,7 @@ std::string compare_text(const Comparison& c) {
            " of the first fit cannot be seen in the second\n";
   out += list("only in the first:", c.only_before);
   out += list("only in the second:", c.only_after);
-  return out +
+  return out + unlike(c) +
          "p is the chance of such a difference without a change, adjusted for the number of "
          "comparisons "
          "(Holm)\n";

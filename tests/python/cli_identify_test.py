@@ -683,6 +683,21 @@ def test_compare_finds_more_friction_and_nothing_else(
     assert "elbow.viscous_friction" in done("compare", run, tmp_path / "RUN")
 
 
+def test_compare_says_that_a_fit_that_holds_worse_hides_changes(run: Path, tmp_path: Path) -> None:
+    motion, data, noisy = tmp_path / "motion.csv", tmp_path / "data.csv", tmp_path / "noisy"
+    done("excite", PENDULUM, "--duration", 10, "--seed", 1, "-o", motion)
+    done("simulate", PENDULUM, "--trajectory", motion, "--noise", 20, "--seed", 9, "-o", data)
+    done("identify", PENDULUM, data, "-o", noisy)
+    comparison = json.loads(done("compare", run, noisy, "--json"))
+    elbow = {item["joint"]: item for item in comparison["left_over"]}["elbow"]
+    assert elbow["after"] > 2 * elbow["before"]
+    assert comparison["std_ratio"] > 3
+    text = done("compare", run, noisy)
+    assert "elbow: the second fit leaves" in text
+    assert "the standard errors of the second are" in text
+    assert "leaves" not in done("compare", run, run)
+
+
 def test_compare_refuses_different_robots(run: Path, tmp_path: Path) -> None:
     other = tmp_path / "other"
     shutil.copytree(run, other)
