@@ -1,5 +1,7 @@
 #include <cstdio>
+#include <filesystem>
 
+#include <diffnea/core/error.hpp>
 #include <diffnea/identify/source.hpp>
 #include <diffnea/io/audit_result.hpp>
 #include <diffnea/io/model_file.hpp>
@@ -17,7 +19,18 @@ struct AuditCommand {
   AuditLimits limits;
 };
 
+/// Every other command takes the robot first.
+void require_recordings(const std::vector<std::string>& data) {
+  for (const std::string& path : data) {
+    const std::string extension = std::filesystem::path(path).extension().string();
+    if (extension == ".urdf" || extension == ".xml" || extension == ".mjcf")
+      throw DataError(path + ": is a robot description, expected a recording; give it as --model " +
+                      path);
+  }
+}
+
 void run_audit(AuditCommand c) {
+  require_recordings(c.data);
   std::string name;
   if (!c.model.empty()) {
     const Model model = read_model(c.model);

@@ -83,6 +83,26 @@ TEST_CASE("signed_fit: the best of all sign patterns", "[diagnose]") {
   }
 }
 
+TEST_CASE("signed_fit: the same from any start that keeps the signs", "[diagnose]") {
+  const unsigned seed = GENERATE(range(200u, 240u));
+  CAPTURE(seed);
+  const Problem p = draw(seed, 6);
+  const MatX<double> K = p.G.transpose() * p.G;
+  const VecX<double> b = p.G.transpose() * p.r;
+  Rng rng(seed);
+  VecX<double> start(6);
+  for (long k = 0; k < 6; ++k) {
+    start[k] = rng.normal() / p.G.col(k).norm();
+    if (p.nonnegative[static_cast<std::size_t>(k)]) start[k] = std::max(start[k], 0.0);
+  }
+  const SignedFit far = signed_fit(K, b, p.nonnegative, start);
+  const SignedFit zero = signed_fit(K, b, p.nonnegative);
+  CHECK_THAT(far.gain, WithinRel(zero.gain, kDamping) || WithinAbs(0.0, kDamping));
+  for (long k = 0; k < 6; ++k)
+    CHECK_THAT(p.G.col(k).norm() * far.x[k],
+               WithinAbs(p.G.col(k).norm() * zero.x[k], 1e-6 * p.r.norm()));
+}
+
 TEST_CASE("signed_fit: columns twice count once", "[diagnose]") {
   const unsigned seed = GENERATE(range(100u, 120u));
   CAPTURE(seed);

@@ -315,6 +315,11 @@ TEST_CASE("preprocess: what cannot be done is said", "[recording]") {
                     ContainsSubstring("filter_hz is 50") && ContainsSubstring("below half"));
   CHECK_THROWS_WITH(plan_preprocess({good}, {.measured_velocity = true}),
                     ContainsSubstring("no column qd_<joint>"));
+  const Recording brief = sampled(uniform_times(20, 0.01), [](double t) { return std::sin(t); });
+  CHECK_THROWS_WITH(plan_preprocess({brief}), ContainsSubstring("lasts 0.19 s"));
+  CHECK_THROWS_WITH(plan_preprocess({brief}, {.filter_hz = 10.0}),
+                    ContainsSubstring("10 Hz leaves fewer than five rows of 0.19 s") &&
+                        ContainsSubstring("expected 26.32 Hz or more"));
   Preprocessor stream(plan_preprocess({good}));
   stream.push(good);
   other = good;

@@ -18,7 +18,7 @@ constexpr double kSideShows = 1.0;
 /// hides. Of a force in plain sight (share of its torque that the base leaves), like a spring that
 /// carries a weight, it may be any.
 constexpr double kWhole = 0.95, kPlainSight = 0.02;
-constexpr double kMostGainError = 0.5;
+constexpr double kMostGainError = 0.5;  ///< beyond, no torque constant is off
 /// Of a shape in one step: of its logarithm; of a ratio, which is about 1.
 constexpr double kMostLog = 0.7, kMostPlain = 0.3;
 
@@ -147,6 +147,13 @@ Term refined(const Search& search, Term term, const std::vector<Term>& terms) {
   return best;
 }
 
+bool impossible(const Term& term) {
+  return std::ranges::any_of(term.linear, [&](int k) {
+    return term.effect.parameter_info[static_cast<std::size_t>(k)].name == "gain_error" &&
+           std::abs(term.effect.parameters[static_cast<std::size_t>(k)]) > kMostGainError;
+  });
+}
+
 bool plausible(const Search& search, const Term& term) {
   // A rotor that its spring's damper does not let swing is a lag by another name.
   if (const auto* spring = std::get_if<JointElasticity>(&term.effect.type);
@@ -168,11 +175,7 @@ bool plausible(const Search& search, const Term& term) {
           term.effect.parameters[k] < c.shape_high[s]))
       return false;
   }
-  // Beyond, no torque constant is off.
-  for (const int k : term.linear)
-    if (term.effect.parameter_info[static_cast<std::size_t>(k)].name == "gain_error" &&
-        std::abs(term.effect.parameters[static_cast<std::size_t>(k)]) > kMostGainError)
-      return false;
+  if (impossible(term)) return false;
   if (term.effect.info().port == Port::kJointTorque && term.visible_share() > kPlainSight)
     return true;
   const VecX<double> torque = term.torque();

@@ -12,7 +12,10 @@ Term refined(const Search& search, const Score& score, const std::vector<Term>& 
 /// The same from a term's own shapes.
 Term refined(const Search& search, Term term, const std::vector<Term>& terms);
 
-/// A torque as large as the joint's whole torque is no effect but a failed fit.
+/// Of a size that no robot has, whatever stands beside it: a torque constant off by half.
+bool impossible(const Term& term);
+
+/// Neither impossible nor a failed fit, like a torque as large as the joint's whole torque.
 bool plausible(const Search& search, const Term& term);
 
 }  // namespace diffnea

@@ -61,9 +61,11 @@ void ScoreTable::add_ripples(int candidate, bool keep) {
     });
 }
 
-void ScoreTable::sweep(const std::function<void(std::size_t, const MatX<double>&)>& visit) const {
+void ScoreTable::sweep(const Wanted& wanted,
+                       const std::function<void(std::size_t, const MatX<double>&)>& visit) const {
   for (std::size_t i = 0; i < variants_.size(); ++i)
-    if (!variants_[i].kept && variants_[i].point == 0)
+    if (!variants_[i].kept && variants_[i].point == 0 &&
+        (!wanted || wanted(variants_[i].candidate)))
       ripples_of(
           candidates_[static_cast<std::size_t>(variants_[i].candidate)], evidence_,
           [&](int g, const MatX<double>& raw) { visit(i + static_cast<std::size_t>(g), raw); });
@@ -95,7 +97,7 @@ void ScoreTable::recompute() {
 void ScoreTable::measure(const Whitener& whitener, const Projection& projection) {
   for (Variant& v : variants_)
     if (v.kept) measure(v, v.raw, whitener, projection);
-  sweep([&](std::size_t i, const MatX<double>& raw) {
+  sweep({}, [&](std::size_t i, const MatX<double>& raw) {
     measure(variants_[i], raw, whitener, projection);
     variants_[i].whitened.resize(0, 0);
   });
@@ -131,13 +133,13 @@ Term ScoreTable::term_of(const Score& score) const {
 }
 
 std::vector<Score> ScoreTable::scores(const std::vector<Term>& terms, const Whitener& whitener,
-                                      const Projection& projection) const {
+                                      const Projection& projection, const Wanted& wanted) const {
   const Stack S = stack(terms, projection.residual().size());
   const VecX<double> r = projection.residual() - S.offset;
   const MatX<double> SS = S.G.transpose() * S.G;
   const VecX<double> Sr = S.G.transpose() * r;
   const std::vector<bool> s_signs = signs(terms);
-  const double before = signed_fit(SS, Sr, s_signs).gain;
+  const SignedFit before = signed_fit(SS, Sr, s_signs);
   const long m = evidence_.times();
   std::vector<Score> best(candidates_.size());
   for (std::size_t c = 0; c < candidates_.size(); ++c) best[c].candidate = static_cast<int>(c);
@@ -169,7 +171,7 @@ std::vector<Score> ScoreTable::scores(const std::vector<Term>& terms, const Whit
     K << SS, SG.leftCols(k), SG.leftCols(k).transpose(), v.gram.topLeftCorner(k, k);
     VecX<double> rhs(s + k);
     rhs << Sr, Gr.head(k);
-    double gain = -before;
+    double gain = -before.gain;
     if (v.offset) {
       rhs.head(s) -= SG.col(k);
       rhs.tail(k) -= v.gram.block(0, k, k, 1);
@@ -177,16 +179,19 @@ std::vector<Score> ScoreTable::scores(const std::vector<Term>& terms, const Whit
     }
     std::vector<bool> sign = s_signs;
     for (const bool x : signs(c.effect, c.linear)) sign.push_back(x);
-    gain += signed_fit(K, rhs, sign).gain;
+    VecX<double> start = VecX<double>::Zero(s + k);
+    start.head(s) = before.x;
+    gain += signed_fit(K, rhs, sign, start).gain;
     if (b.variant >= 0 && gain <= b.gain) return;
     b.gain = gain;
     b.variant = static_cast<int>(i);
     b.parameters = static_cast<int>(rank + static_cast<long>(c.shapes.size()));
   };
   for (std::size_t i = 0; i < variants_.size(); ++i)
-    if (variants_[i].kept || terms.empty()) consider(i, variants_[i].whitened);
+    if ((variants_[i].kept || terms.empty()) && (!wanted || wanted(variants_[i].candidate)))
+      consider(i, variants_[i].whitened);
   if (!terms.empty())
-    sweep([&](std::size_t i, const MatX<double>& raw) {
+    sweep(wanted, [&](std::size_t i, const MatX<double>& raw) {
       consider(i, whitener.joint(variants_[i].joints[0], raw));
     });
   return best;

@@ -21,6 +21,9 @@ struct Score {
   double visible_share = 0.0;  ///< ‖G⊥‖/‖G‖ beside the base alone
 };
 
+/// Which candidates are scored, by their index.
+using Wanted = std::function<bool(int)>;
+
 class ScoreTable {
  public:
   /// @param table_bytes  most that ripples' columns may take; beyond, they are made anew whenever
@@ -34,8 +37,9 @@ class ScoreTable {
   void measure(const Whitener& whitener, const Projection& projection);
 
   /// The best variant of each candidate, in their order, without ΔBIC; as of the last measure().
+  /// @param wanted  the others have no variant; nothing: all
   std::vector<Score> scores(const std::vector<Term>& terms, const Whitener& whitener,
-                            const Projection& projection) const;
+                            const Projection& projection, const Wanted& wanted) const;
   /// Where on its candidate's grid a score is: values of its shapes, then of its choices.
   const std::vector<double>& point_of(const Score& score) const;
   /// The variant of a score as a term without columns.
@@ -60,8 +64,10 @@ class ScoreTable {
   };
   void fill(Variant& variant) const;
   void add_ripples(int candidate, bool keep);
-  /// Makes the columns of every variant that is not kept and hands its index and them to `visit`.
-  void sweep(const std::function<void(std::size_t, const MatX<double>&)>& visit) const;
+  /// Makes the columns of every wanted variant that is not kept and hands its index and them to
+  /// `visit`.
+  void sweep(const Wanted& wanted,
+             const std::function<void(std::size_t, const MatX<double>&)>& visit) const;
   void measure(Variant& variant, const MatX<double>& raw, const Whitener& whitener,
                const Projection& projection) const;
 

@@ -67,8 +67,8 @@ Term Search::term_of(const Score& score) const {
   return term;
 }
 
-std::vector<Score> Search::scores(const std::vector<Term>& terms) const {
-  std::vector<Score> out = table_.scores(terms, *whitener_, *projection_);
+std::vector<Score> Search::scores(const std::vector<Term>& terms, const Wanted& wanted) const {
+  std::vector<Score> out = table_.scores(terms, *whitener_, *projection_, wanted);
   const double left = residual_sum() - gain_of(terms), n = static_cast<double>(rows());
   for (Score& s : out)
     s.delta_bic = s.variant < 0 ? -1e9

@@ -23,8 +23,9 @@ class Search {
   /// The candidates' columns, after the evidence's reference has moved; refresh() next.
   void recompute() { table_.recompute(); }
 
-  /// Every candidate beside `terms`, best first.
-  std::vector<Score> scores(const std::vector<Term>& terms) const;
+  /// Every candidate beside `terms`, best first; of those that are not wanted nothing but their
+  /// index.
+  std::vector<Score> scores(const std::vector<Term>& terms, const Wanted& wanted = {}) const;
   /// Where on its candidate's grid a score is: values of its shapes, then of its choices.
   const std::vector<double>& point_of(const Score& score) const { return table_.point_of(score); }
   /// The candidate of a score as a term, where its grid has it.

@@ -55,7 +55,9 @@ std::vector<Selection::Offer> Selection::offers(const std::vector<Term>& terms,
     if (static_cast<int>(out.size()) >= how_many || s.variant < 0 ||
         s.delta_bic < -3.0 * options_.accept)
       break;
-    if (present.contains(s.candidate)) continue;
+    if (present.contains(s.candidate) ||
+        std::ranges::find(impossible_, s.candidate) != impossible_.end())
+      continue;
     std::vector<Term> with = terms;
     with.push_back(refined(search_, s, terms));
     const double gain = search_.fit(with);
@@ -139,6 +141,21 @@ bool Selection::eliminate(std::vector<Term>& terms) const {
     any = true;
   }
   return any;
+}
+
+void Selection::drop_impossible(std::vector<Term>& terms) {
+  for (auto at = std::ranges::find_if(terms, impossible); at != terms.end();
+       at = std::ranges::find_if(terms, impossible)) {
+    const Candidate& c = candidates_[static_cast<std::size_t>(at->candidate)];
+    const std::vector<Term> rest = without(terms, static_cast<std::size_t>(at - terms.begin()));
+    const double worse =
+        search_.bic(search_.gain_of(rest), rest) - search_.bic(search_.gain_of(terms), terms);
+    impossible_.push_back(at->candidate);
+    refused_.push_back({c.effect.info().name, c.effect.where,
+                        "comes to a size that no robot has, beside the others", worse});
+    terms = rest;
+    renew(terms);
+  }
 }
 
 bool Selection::exchange(std::vector<Term>& terms) const {
@@ -247,22 +264,21 @@ bool Selection::split(std::vector<Term>& terms) const {
     const std::vector<int>& joints = terms[i].effect.joints;
     std::vector<Term> with = without(terms, i);
     double best = search_.bic(search_.gain_of(with), with);
+    const auto part = [&](int candidate) {
+      const Candidate& c = candidates_[static_cast<std::size_t>(candidate)];
+      return c.effect.info().place == Place::kJoint && c.linear.size() == 1 && c.shapes.empty() &&
+             !c.nonlinear && candidate != terms[i].candidate &&
+             std::ranges::all_of(c.effect.joints, [&](int j) {
+               return std::ranges::find(joints, j) != joints.end();
+             });
+    };
     for (int parts = 0; parts < kMostParts; ++parts) {
-      const Score* next = nullptr;
-      const std::vector<Score> scores = search_.scores(with);
-      for (const Score& s : scores) {
-        const Candidate& c = candidates_[static_cast<std::size_t>(s.candidate)];
-        const bool simple = c.effect.info().place == Place::kJoint && c.linear.size() == 1 &&
-                            c.shapes.empty() && !c.nonlinear;
-        const bool here = std::ranges::all_of(
-            c.effect.joints, [&](int j) { return std::ranges::find(joints, j) != joints.end(); });
-        if (simple && here && s.candidate != terms[i].candidate &&
-            !names(with).contains(s.candidate) && s.delta_bic > options_.accept) {
-          next = &s;
-          break;
-        }
-      }
-      if (!next) break;
+      const std::vector<Score> scores = search_.scores(with, part);
+      const auto next = std::ranges::find_if(scores, [&](const Score& s) {
+        return s.variant >= 0 && s.delta_bic > options_.accept &&
+               !names(with).contains(s.candidate);
+      });
+      if (next == scores.end()) break;
       with.push_back(refined(search_, *next, with));
       best = search_.bic(search_.fit(with), with);
     }
@@ -288,6 +304,7 @@ std::vector<Term> Selection::run(const std::function<bool(const FitProgress&)>& 
          ++i)
       renew(terms);
     eliminate(terms);
+    drop_impossible(terms);
     if (!seen.insert(names(terms)).second) break;
   }
   for (int i = 0; i < options_.max_terms; ++i)

@@ -39,6 +39,8 @@ class Selection {
   /// Model, columns and noise that go with the terms.
   void renew(std::vector<Term>& terms);
   bool eliminate(std::vector<Term>& terms) const;
+  /// Drops what has come to a size that no robot has beside the others, for good.
+  void drop_impossible(std::vector<Term>& terms);
   bool exchange(std::vector<Term>& terms) const;
   /// How sharply a dry friction turns, where that makes a clear difference.
   bool sharpen(std::vector<Term>& terms) const;
@@ -60,6 +62,7 @@ class Selection {
   SelectionOptions options_;
   std::vector<Refusal> refused_;
   std::vector<int> refused_candidates_;
+  std::vector<int> impossible_;  ///< candidates
 };
 
 }  // namespace diffnea

@@ -21,11 +21,13 @@ VecX<double> solve(const MatX<double>& K, const VecX<double>& b, const std::vect
 }  // namespace
 
 SignedFit signed_fit(const MatX<double>& K, const VecX<double>& b,
-                     const std::vector<bool>& nonnegative) {
+                     const std::vector<bool>& nonnegative, const VecX<double>& start) {
   const long n = b.size();
   SignedFit out;
-  out.x = VecX<double>::Zero(n);
+  out.x = start.size() > 0 ? start : VecX<double>::Zero(n);
   std::vector<bool> active(nonnegative.begin(), nonnegative.end());  // held at zero
+  for (long i = 0; i < n; ++i)
+    active[static_cast<std::size_t>(i)] = active[static_cast<std::size_t>(i)] && !(out.x[i] > 0.0);
   for (int iteration = 0; iteration < 10 * n + 10; ++iteration) {
     std::vector<int> on;
     for (long i = 0; i < n; ++i)

@@ -13,7 +13,9 @@ struct SignedFit {
 };
 
 /// From K = GᵀG and b = Gᵀr, by active sets (Lawson and Hanson 1974, ch. 23).
+/// @param start  keeps the signs; near the solution, a step or two are left of one a parameter.
+/// Nothing: 0
 SignedFit signed_fit(const MatX<double>& K, const VecX<double>& b,
-                     const std::vector<bool>& nonnegative);
+                     const std::vector<bool>& nonnegative, const VecX<double>& start = {});
 
 }  // namespace diffnea

@@ -160,6 +160,25 @@ PositionSpectrum look_at_position(const std::vector<Eigen::VectorXd>& segments, 
   return out;
 }
 
+/// Five rows that the filter leaves independent, at least.
+/// @param longest  of the recordings [s]
+void require_enough(const std::string& where, double longest, double filter_hz,
+                    const PreprocessOptions& options) {
+  const std::string lasts = detail::number_text(longest, 3) + " s";
+  const auto too_few = [&](double hz) { return hz > 0.0 && !(hz * longest >= 5.0); };
+  for (const double hz : {options.filter_hz, options.decimate_to_hz})
+    if (too_few(hz))
+      throw DataError(where + ": filter or decimation to " + detail::number_text(hz, 4) +
+                      " Hz leaves fewer than five rows of " + lasts + "; expected " +
+                      detail::number_text(5.0 / longest, 4) + " Hz or more");
+  if (too_few(filter_hz))
+    throw DataError(where + ": lasts " + lasts +
+                    ", which a filter of the motion's own bandwidth (" +
+                    detail::number_text(filter_hz, 3) +
+                    " Hz) leaves fewer than five rows of; record ten seconds or more, e.g. a "
+                    "motion of `diffnea excite`");
+}
+
 }  // namespace
 
 PreprocessPlan plan_preprocess(const std::vector<Recording>& recordings,
@@ -221,13 +240,7 @@ PreprocessPlan plan_preprocess(const std::vector<Recording>& recordings,
   double longest = 0.0;
   for (const Recording& r : recordings)
     if (r.rows() > 1) longest = std::max(longest, r.time[r.rows() - 1] - r.time[0]);
-  for (const double hz :
-       {plan.filter_hz, options.decimate_to_hz > 0.0 ? options.decimate_to_hz : rate})
-    if (!(hz * longest >= 5.0))
-      throw DataError(recordings.front().source + ": filter or decimation to " +
-                      std::to_string(hz) + " Hz leaves fewer than five rows of " +
-                      std::to_string(longest) + " s; expected at least " +
-                      std::to_string(5.0 / longest) + " Hz");
+  require_enough(recordings.front().source, longest, plan.filter_hz, options);
   if (plan.filter_hz >= 0.5 * rate)
     throw DataError(recordings.front().source + ": filter_hz is " + std::to_string(plan.filter_hz) +
                     " Hz, expected below half of the sampling rate, " + std::to_string(0.5 * rate) +
