@@ -89,9 +89,9 @@ void Search::set_columns(Term& term) const {
   const MatX<double> whitened = (*whitener_)(both);
   const VecX<double> whole = whitened.colwise().norm().transpose();
   term.projected = projection_->project_whitened(whitened);
-  term.told.clear();
+  term.shares.clear();
   for (long k = 0; k < term.width(); ++k)
-    term.told.push_back(term.projected.col(k).norm() > kInvisible * whole[k]);
+    term.shares.push_back(term.projected.col(k).norm() / std::max(whole[k], 1e-300));
 }
 
 void Search::refresh(double period, std::vector<Term>& terms) {
@@ -294,7 +294,7 @@ std::vector<MatX<double>> Search::covariances(const std::vector<Term>& terms) co
     const std::vector<bool> nonnegative = signs(t.effect, t.linear);
     for (long k = 0; k < t.width(); ++k) {
       at_bound.push_back(nonnegative[static_cast<std::size_t>(k)] && t.values()[k] == 0.0);
-      if (at_bound.back() && !t.told[static_cast<std::size_t>(k)]) J.col(k).setZero();
+      if (at_bound.back() && !t.told(k)) J.col(k).setZero();
     }
     at_bound.resize(at_bound.size() + t.shapes.size(), false);
     width += J.cols();

@@ -392,7 +392,9 @@ std::vector<Cause> Selection::causes(const std::vector<Term>& terms) const {
       if (linear != t.linear.end()) {
         const long at = linear - t.linear.begin();
         out_p.std = std::hypot(std::sqrt(covariances[i](at, at)), inexact * out_p.value);
-        if (by_rotor)
+        if (t.shares[static_cast<std::size_t>(at)] < kAbsorbed)  // a spring's rest beside an offset
+          out_p.std = std::numeric_limits<double>::quiet_NaN();
+        else if (by_rotor)
           out_p.std = std::hypot(out_p.std, of_word * out_p.value);
         else if (!shapes_show)  // it hangs on a shape that does not show
           out_p.std = std::numeric_limits<double>::quiet_NaN();

@@ -24,11 +24,15 @@ struct Term {
   MatX<double> projected;  ///< whitened, beside the base: [columns | offset]
   double norm = 0.0;       ///< of the torque, whitened
 
-  std::vector<bool> told;  ///< of `linear`, whether this recording shows it beside the base
+  std::vector<double> shares;  ///< of each of `columns`, whitened, what the base leaves
 
+  /// Whether this recording shows a linear parameter beside the base.
+  bool told(long k) const { return shares[static_cast<std::size_t>(k)] > kInvisible; }
+  /// What this recording tells: linear parameters that show, and shapes.
   int num_parameters() const {
-    return static_cast<int>(std::ranges::count(told, true) +
-                            static_cast<std::ptrdiff_t>(shapes.size()));
+    return static_cast<int>(
+        std::ranges::count_if(shares, [](double share) { return share > kInvisible; }) +
+        static_cast<std::ptrdiff_t>(shapes.size()));
   }
   long width() const { return columns.cols(); }
   bool has_offset() const { return offset.size() > 0; }
