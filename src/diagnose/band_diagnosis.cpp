@@ -10,6 +10,7 @@
 #include "diagnose/base.hpp"
 #include "diagnose/error_series.hpp"
 #include "diagnose/evidence_plots.hpp"
+#include "diagnose/inexact.hpp"
 #include "diagnose/next_experiment.hpp"
 #include "diagnose/selection.hpp"
 #include "diagnose/sentence.hpp"
@@ -19,8 +20,7 @@
 namespace diffnea {
 namespace {
 
-constexpr double kAbsorbedShare = 0.01;  ///< of a candidate's column that the base leaves
-constexpr double kExplained = 0.8;       ///< below it, the cause is unknown
+constexpr double kExplained = 0.8;  ///< below it, the cause is unknown
 /// χ² of what is left over its degrees of freedom, where repeats tell the noise: 0.47 to 1.07 in
 /// 139 recordings that hide nothing.
 constexpr double kLeft = 1.3;
@@ -152,7 +152,7 @@ void BandDiagnosis::describe() {
   for (const Score& s : first_scores_) {
     const Candidate& c = case_.candidates[static_cast<std::size_t>(s.candidate)];
     const std::string& name = c.effect.info().name;
-    if (s.visible_share < kAbsorbedShare && s.visible_share > 0.0)
+    if (s.visible_share < kAbsorbed && s.visible_share > 0.0)
       case_.finding.absorbed.push_back({name, c.effect.where, s.visible_share});
     if (s.variant < 0) continue;
     std::vector<double> shape = case_.search->point_of(s);
@@ -187,7 +187,7 @@ void BandDiagnosis::describe() {
       (case_.reference->is_tilted() ? level_sum_ : case_.search->residual_sum()) / freedom;
   misfit_ = case_.search->noise_is_repeatable() &&
             (case_.search->residual_sum() - case_.search->gain_of(terms_) -
-             case_.search->inexact_friction(terms_, true).sum()) /
+             inexact_friction(*case_.search, terms_, true).sum()) /
                     freedom >
                 kLeft;
   double floor = std::max(change.after - more, 0.0);

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
+#include <limits>
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/dynamics/batch.hpp>
@@ -322,115 +322,6 @@ void Evidence::set_tilt(const Vec3<double>& more, const VecX<double>& x) {
   shift_ = now * x.head(p);
   torque_ += shift_;
   tilted_ = now;
-}
-
-MatX<double> Evidence::filtered(
-    const std::function<RowMatX<double>(const JointSeries&)>& columns) const {
-  std::vector<RowMatX<double>> stretches;
-  for (const JointSeries& s : series_) stretches.push_back(columns(s));
-  return decimate(stretches);
-}
-
-void Evidence::evaluate(const TriedEffect::Own& own) {
-  const long width = static_cast<long>(own.parameters.size());
-  std::vector<RowMatX<double>> stretches;
-  for (const JointSeries& s : series_) {
-    stretches.push_back(own.columns(s));
-    const RowMatX<double>& c = stretches.back();
-    const std::string what = "diagnose: candidate '" + own.name + "': ";
-    if (c.rows() != s.rows() || c.cols() != width)
-      throw DataError(what + "its columns have shape (" + std::to_string(c.rows()) + ", " +
-                      std::to_string(c.cols()) + "), expected (" + std::to_string(s.rows()) + ", " +
-                      std::to_string(width) +
-                      "): a row for each instant, a column for each parameter");
-    for (long k = 0; k < width; ++k)
-      if (!c.col(k).allFinite())
-        throw DataError(what + "the column of '" +
-                        own.parameters[static_cast<std::size_t>(k)].name +
-                        "' holds NaN or infinity; expected finite torques at every instant");
-  }
-  own_[{own.name, own.where}] = decimate(stretches);
-}
-
-MatX<double> Evidence::columns(const TriedEffect& effect, const std::vector<int>& which) const {
-  const long m = times(), width = static_cast<long>(which.size());
-  MatX<double> out = MatX<double>::Zero(rows(), width);
-  if (which.empty()) return out;
-  if (effect.own) {
-    const MatX<double>& of = own_.at({effect.own->name, effect.where});
-    const auto at = std::ranges::find(joints_, effect.joints[0]);
-    if (at != joints_.end()) out.middleRows((at - joints_.begin()) * m, m) = of(Eigen::all, which);
-    return out;
-  }
-  // Joint torques of one joint reach that joint alone: the others' columns need no filter.
-  std::vector<long> reached;  // index into joints_
-  const Port port = effect.info().port;
-  const bool local = port == Port::kJointTorque || port == Port::kMemory;
-  for (std::size_t k = 0; k < joints_.size(); ++k)
-    if (!local || std::ranges::find(effect.joints, joints_[k]) != effect.joints.end())
-      reached.push_back(static_cast<long>(k));
-  if (reached.empty()) return out;
-  std::vector<RowMatX<double>> stretches;
-  for (const JointSeries& s : series_) {
-    const std::vector<RowMatX<double>> c =
-        series_columns(effect, reference(s), s, effect.parameters.data(), which);
-    RowMatX<double> block(s.q.rows(), width * static_cast<long>(reached.size()));
-    for (long w = 0; w < width; ++w)
-      for (std::size_t r = 0; r < reached.size(); ++r)
-        block.col(w * static_cast<long>(reached.size()) + static_cast<long>(r)) =
-            c[static_cast<std::size_t>(w)].col(joints_[static_cast<std::size_t>(reached[r])]);
-    stretches.push_back(std::move(block));
-  }
-  const MatX<double> d = decimate(stretches);
-  for (long w = 0; w < width; ++w)
-    for (std::size_t r = 0; r < reached.size(); ++r)
-      out.col(w).segment(reached[r] * m, m) =
-          d.col(w * static_cast<long>(reached.size()) + static_cast<long>(r));
-  return out;
-}
-
-void Evidence::ripples(int joint, double first, double step, int count,
-                       const std::function<void(int, MatX<double>)>& visit) const {
-  using Phasors = Eigen::ArrayXcd;
-  const auto turns = [&](const JointSeries& s, double n) {
-    const Eigen::ArrayXd angle = n * s.q.col(joint).array();
-    Phasors out(angle.size());
-    out.real() = angle.cos();
-    out.imag() = angle.sin();
-    return out;
-  };
-  std::vector<Phasors> at, by;
-  for (const JointSeries& s : series_) {
-    at.push_back(turns(s, first));
-    by.push_back(turns(s, step));
-  }
-  for (int k = 0; k < count; ++k) {
-    std::vector<RowMatX<double>> stretches;
-    for (std::size_t i = 0; i < at.size(); ++i) {
-      stretches.emplace_back(at[i].size(), 2);
-      stretches.back() << at[i].imag(), at[i].real();
-      at[i] *= by[i];
-    }
-    visit(k, decimate(stretches));
-  }
-}
-
-VecX<double> Evidence::torque_of(const TriedEffect& effect) const {
-  if (effect.own) {
-    std::vector<int> all(effect.parameters.size());
-    std::iota(all.begin(), all.end(), 0);
-    return columns(effect, all) *
-           Eigen::Map<const VecX<double>>(effect.parameters.data(),
-                                          static_cast<long>(effect.parameters.size()));
-  }
-  std::vector<RowMatX<double>> stretches;
-  for (const JointSeries& s : series_)
-    stretches.push_back(series_torque(effect, reference(s), s, effect.parameters.data()));
-  const MatX<double> d = decimate(stretches);
-  VecX<double> out(rows());
-  for (std::size_t k = 0; k < joints_.size(); ++k)
-    out.segment(static_cast<long>(k) * times(), times()) = d.col(joints_[k]);
-  return out;
 }
 
 }  // namespace diffnea

@@ -7,14 +7,13 @@
 
 #include "diagnose/bump_fit.hpp"
 #include "diagnose/bump_grid.hpp"
+#include "diagnose/inexact.hpp"
 
 namespace diffnea {
 namespace {
 
 /// Used rows of a joint; of fewer, nothing is learned.
 constexpr long kLeastRows = 8;
-/// Of its torque: of what the base takes over but for this, too little is known.
-constexpr double kAbsorbed = 0.01;
 constexpr int kDrawn = 41, kDrawnOfPair = 25;
 
 /// Values of a table's variables at the decimated instants, (times(), variables).
@@ -241,7 +240,7 @@ GreyBoxResult grey_box(const Model& model, const Evidence& evidence, const Searc
     const Cause& cause = learned->cause;
     Term term;
     term.effect = learned->effect;
-    if (cause.lm < search.inexact_at(term, terms) || cause.visible_share < kAbsorbed) continue;
+    if (cause.lm < inexact_at(search, term, terms) || cause.visible_share < kAbsorbed) continue;
     if (!(cause.gain.low > 0.0)) {
       out.refused.push_back(
           {cause.effect, cause.where, "does not help on held-out data", cause.delta_bic});

@@ -42,24 +42,9 @@ class Search {
   double bic(double gain, const std::vector<Term>& terms) const;
   int num_parameters(const std::vector<Term>& terms) const;
 
-  /// Covariance of each term's parameters, linear ones first, then shapes (of their logarithm).
-  std::vector<MatX<double>> covariances(const std::vector<Term>& terms) const;
   /// How much of a term's projected torque another one can take over together with those that are
   /// there, 0 … 1.
   double replaced_share(const Term& term, const Term& by, const std::vector<Term>& beside) const;
-
-  /// χ² at the joints that `term` reaches which base and `terms` leave because their columns are
-  /// not exact: (2 %)² of what `terms` remove, where one of them is dry friction (4 %)²; (1 %)² of
-  /// the base's dry friction, more where `term` is like friction and the joint turns often.
-  double inexact_at(const Term& term, const std::vector<Term>& terms) const;
-  /// χ² that the base leaves at each of joints() because the torque of its dry friction is not
-  /// exact: no function of the motion tells it.
-  /// @param of_late_turns  what passes for other functions of the velocity is more; where turns are
-  ///   kept at which the joint sticks, all of it
-  VecX<double> inexact_friction(const std::vector<Term>& terms, bool of_late_turns) const;
-  /// That of late turns at the joints of a term, where they stick and their turns are kept: so much
-  /// of what the term removes may be none of its.
-  double late_turns(const Term& term, const std::vector<Term>& terms) const;
 
   /// What a fit costs, −2 ln of its likelihood but for a constant: n ln χ², the noise as large as
   /// what is left; where repeats have told the noise and no more is left, χ².
@@ -71,6 +56,7 @@ class Search {
   const Whitener& whitener() const { return *whitener_; }
   double residual_sum() const { return projection_->residual().squaredNorm(); }
   long rows() const { return projection_->rows(); }
+  double period() const { return period_; }  ///< [s]; 0: the motion does not repeat
   bool noise_is_repeatable() const { return repeatable_; }
   /// Joints (of evidence().joints()) whose noise is what the base leaves of too few rows: what the
   /// model lacks there is taken for noise.
@@ -78,21 +64,15 @@ class Search {
   /// The residual of torque at the base that goes with the terms, (rows()).
   VecX<double> residual(const std::vector<Term>& terms) const;
 
+  /// What is left beside base and terms at their values, whitened.
+  VecX<double> left_by(const std::vector<Term>& terms) const;
+
   /// RMS of the term's torque over that of the measured torque, at the joints it acts on.
   double torque_share(const Term& term) const;
 
  private:
   /// What the best of a candidate's starts is worth less for being the best of many (Bonferroni).
   double looked_elsewhere(int candidate) const;
-  /// What is left beside base and terms at their values, whitened.
-  VecX<double> left_by(const std::vector<Term>& terms) const;
-  /// Variances where rows are no independent ones but go with the motion, by blocks of time, the
-  /// same of every period together (Liang and Zeger 1986, eq. 6).
-  /// @param influence  (parameters, rows) of each row of `left` on each parameter
-  VecX<double> clustered(const MatX<double>& influence, const VecX<double>& left) const;
-  /// The base's dry friction beside `terms`, in units of noise, (rows of the evidence).
-  VecX<double> dry_friction(const std::vector<Term>& terms) const;
-
   const Evidence& evidence_;
   const std::vector<Candidate>& candidates_;
   const BasePrior& prior_;

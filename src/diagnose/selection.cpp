@@ -4,6 +4,8 @@
 #include <cmath>
 #include <set>
 
+#include "diagnose/cause_sizes.hpp"
+#include "diagnose/inexact.hpp"
 #include "diagnose/refine.hpp"
 
 namespace diffnea {
@@ -13,12 +15,6 @@ constexpr int kRefined = 5;          ///< candidates whose shapes are refined at
 constexpr int kMostParts = 4;        ///< simple effects in the place of a compound one
 constexpr double kSameClass = 10.0;  ///< ΔBIC
 constexpr double kNoWorse = 2.0;     ///< ΔBIC, not worth mentioning (Kass and Raftery 1995)
-/// Of a parameter, beside what noise leaves: as well as filters and the reference model let an
-/// effect's column be known. Of one motion alone, the positions' noise shrinks it: 8 % observed.
-constexpr double kColumnError = 0.01, kColumnErrorOnce = 0.04;
-/// Of an effect's torque: where the base takes over more than all but this, its columns' own error
-/// is what shows.
-constexpr double kAbsorbed = 0.01;
 /// ΔBIC of a cause whose size the recording does not tell, at least: any noise has some shape.
 constexpr double kSizeless = 50.0;
 constexpr double kChild = 0.98;  ///< of a cause's column that a more general effect reproduces
@@ -31,12 +27,6 @@ std::vector<Term> without(const std::vector<Term>& terms, std::size_t i) {
 
 /// Accepted, a tilt is in the base's columns, too: without it, they would be those of no model.
 bool stays(const Term& term) { return term.effect.info().name == "base_tilt"; }
-
-/// Whether the recording tells how large a cause is: its shapes show, or the model knows a rotor
-/// beside which they do.
-bool has_size(const Candidate& c, const Term& term) {
-  return c.rotor > 0.0 || term.shapes.size() >= c.shapes.size();
-}
 
 std::set<int> names(const std::vector<Term>& terms) {
   std::set<int> out;
@@ -104,7 +94,7 @@ bool Selection::add_one(std::vector<Term>& terms) {
     std::vector<Term> with = terms;
     with.push_back(offer.term);
     const double gain = search_.fit(with) - search_.gain_of(terms);
-    if (gain < search_.inexact_at(offer.term, terms)) continue;
+    if (gain < inexact_at(search_, offer.term, terms)) continue;
     if (change(terms, with).helps()) {
       terms = std::move(with);
       refused_candidates_.clear();  // beside another set it may help
@@ -129,7 +119,7 @@ bool Selection::eliminate(std::vector<Term>& terms) const {
       std::vector<Term> rest = without(terms, i);
       const double kept = search_.fit(rest);
       double worse = search_.bic(kept, rest) - with;
-      if (all - kept < search_.inexact_at(terms[i], rest)) worse = std::min(worse, 0.0);
+      if (all - kept < inexact_at(search_, terms[i], rest)) worse = std::min(worse, 0.0);
       if (worse < least) {
         least = worse;
         drop = i;
@@ -362,67 +352,20 @@ void Selection::add_rivals(const std::vector<Term>& terms, std::size_t which, Ca
 
 std::vector<Cause> Selection::causes(const std::vector<Term>& terms) const {
   std::vector<Cause> out;
-  const std::vector<MatX<double>> covariances = search_.covariances(terms);
+  const std::vector<MatX<double>> covariances = diffnea::covariances(search_, terms);
   const double all = search_.gain_of(terms);
-  const double column = search_.evidence().averaged() ? kColumnError : kColumnErrorOnce;
   for (std::size_t i = 0; i < terms.size(); ++i) {
     const Term& t = terms[i];
-    const Candidate& c = candidates_[static_cast<std::size_t>(t.candidate)];
     const std::vector<Term> rest = without(terms, i);
     Cause cause;
-    cause.effect = c.effect.info().name;
-    cause.where = c.effect.where;
+    cause.effect = t.effect.info().name;
+    cause.where = t.effect.where;
     const double gain_without = search_.gain_of(rest);
     cause.lm = all - gain_without;
     cause.delta_bic = search_.bic(gain_without, rest) - search_.bic(all, terms);
     cause.visible_share = t.visible_share();
     cause.torque_share = search_.torque_share(t);
-    const bool shapes_show = t.shapes.size() >= c.shapes.size();
-    // Where stiffness and rotor show as their ratio alone, they are as good as the declared rotor.
-    const bool by_rotor = has_size(c, t) && !shapes_show;
-    const double of_word = c.rotor > 0.0 && shapes_show ? 0.0 : c.held;
-    const double late = search_.late_turns(t, terms);
-    const double inexact =
-        std::hypot(column, late > 0.0 ? std::sqrt(late / std::max(late, cause.lm)) / 1.96 : 0.0);
-    for (std::size_t k = 0; k < t.effect.parameter_info.size(); ++k) {
-      const ParameterInfo& p = t.effect.parameter_info[k];
-      CauseParameter out_p{p.name, p.unit, t.effect.parameters[k]};
-      const auto linear = std::ranges::find(t.linear, static_cast<int>(k));
-      const auto shape = std::ranges::find(t.shapes, static_cast<int>(k));
-      if (linear != t.linear.end()) {
-        const long at = linear - t.linear.begin();
-        out_p.std = std::hypot(std::sqrt(covariances[i](at, at)), inexact * out_p.value);
-        if (t.shares[static_cast<std::size_t>(at)] < kAbsorbed)  // a spring's rest beside an offset
-          out_p.std = std::numeric_limits<double>::quiet_NaN();
-        else if (by_rotor)
-          out_p.std = std::hypot(out_p.std, of_word * out_p.value);
-        else if (!shapes_show)  // it hangs on a shape that does not show
-          out_p.std = std::numeric_limits<double>::quiet_NaN();
-        out_p.low = out_p.value - 1.96 * out_p.std;
-        out_p.high = out_p.value + 1.96 * out_p.std;
-      } else if (shape != t.shapes.end()) {
-        const long at = t.width() + (shape - t.shapes.begin());
-        if (scale(p) == Scale::kPlain) {
-          out_p.std = std::hypot(std::sqrt(covariances[i](at, at)), inexact * out_p.value);
-          out_p.low = out_p.value - 1.96 * out_p.std;
-          out_p.high = out_p.value + 1.96 * out_p.std;
-          cause.parameters.push_back(out_p);
-          continue;
-        }
-        // Noise makes a ripple's column smaller, not its angles.
-        const double log_std = std::hypot(std::sqrt(covariances[i](at, at)),
-                                          p.name == "cycles" ? kColumnError : inexact, of_word);
-        out_p.std = std::abs(out_p.value) * log_std;
-        const double reach = std::exp(std::min(1.96 * log_std, 20.0));
-        out_p.low = std::min(out_p.value / reach, out_p.value * reach);
-        out_p.high = std::min(std::max(out_p.value / reach, out_p.value * reach), p.most);
-      } else if (by_rotor && p.name == "stiffness") {
-        out_p.std = std::hypot(column, of_word) * out_p.value;
-        out_p.low = out_p.value * std::exp(-1.96 * std::hypot(column, of_word));
-        out_p.high = out_p.value * std::exp(1.96 * std::hypot(column, of_word));
-      }
-      cause.parameters.push_back(out_p);
-    }
+    cause.parameters = sizes(search_, terms, i, covariances[i], cause.lm);
     const HeldOutChange held = change(rest, terms);
     cause.gain = {std::sqrt(held.before), std::sqrt(held.after), 0.0, 0.0, held.low, held.high};
     cause.gain.explained_share = held.before > 0.0 ? 1.0 - held.after / held.before : 0.0;

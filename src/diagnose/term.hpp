@@ -11,6 +11,9 @@ namespace diffnea {
 /// A column of which the base leaves less than this share tells nothing: it is filter error and
 /// rounding.
 constexpr double kInvisible = 1e-4;
+/// Of an effect's torque: where the base takes over more than all but this, its columns' own error
+/// is what shows.
+constexpr double kAbsorbed = 0.01;
 
 /// An effect in the model under test: its shapes are set, its other parameters follow from a fit.
 /// About the present values its torque is offset + columns · p.

@@ -6,6 +6,7 @@
 #include <Eigen/Cholesky>
 
 #include "diagnose/hats.hpp"
+#include "diagnose/inexact.hpp"
 
 namespace diffnea {
 namespace {
@@ -87,7 +88,7 @@ std::vector<WitnessScore> find_witnesses(const Evidence& evidence, const Search&
   const MatX<double> Q = qr.householderQ() * MatX<double>::Identity(S.rows(), S.cols());
   const VecX<double> r = left - Q * (Q.transpose() * left);
   const double chi2 = r.squaredNorm();
-  const VecX<double> inexact = search.inexact_friction(terms, true);
+  const VecX<double> inexact = inexact_friction(search, terms, true);
   const VecX<double> base_errors = held_out.errors(search, terms);
   const VecX<double> before = held_out.whitened(search, base_errors);
   std::vector<WitnessScore> out;

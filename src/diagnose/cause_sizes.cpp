@@ -1,0 +1,191 @@
+#include "diagnose/cause_sizes.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <limits>
+#include <map>
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+
+#include "diagnose/inexact.hpp"
+
+namespace diffnea {
+namespace {
+
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+constexpr double kSigmas = 1.96;  ///< of a 95 % interval
+
+/// Of a parameter, beside what noise leaves: as well as filters and the reference model let an
+/// effect's column be known. Of one motion alone, the positions' noise shrinks it: 8 % observed.
+constexpr double kColumnError = 0.01, kColumnErrorOnce = 0.04;
+
+/// χ² over its degrees of freedom beyond which what is left goes with the motion; rows of so long
+/// [s], in every period, are one then.
+constexpr double kMisfit = 1.3, kMisfitBlock = 1.0;
+
+/// Eigenvalue of columns of length 1, below which no row tells of their combination.
+constexpr double kUntold = 1e-6;
+
+/// Parameters at their bounds that no row tells, or only with others: a half of an asymmetric
+/// friction beside the base's, which has what both have in common.
+/// @param K  (parameters, parameters) products of columns of length 1; of length 0 if untold alone
+std::vector<long> held_at_bounds(const MatX<double>& K, const std::vector<bool>& at_bound) {
+  std::vector<long> out;
+  if (std::ranges::none_of(at_bound, std::identity())) return out;
+  const Eigen::SelfAdjointEigenSolver<MatX<double>> eigen(K);
+  for (long k = 0; k < K.cols(); ++k)
+    for (long e = 0; e < K.cols(); ++e)
+      if (at_bound[static_cast<std::size_t>(k)] && eigen.eigenvalues()[e] < kUntold &&
+          std::abs(eigen.eigenvectors()(k, e)) > 0.1) {
+        out.push_back(k);
+        break;
+      }
+  return out;
+}
+
+/// Variances where rows are no independent ones but go with the motion, by blocks of time, the
+/// same of every period together (Liang and Zeger 1986, eq. 6).
+/// @param influence  (parameters, rows) of each row of `left` on each parameter
+VecX<double> clustered(const Search& search, const MatX<double>& influence,
+                       const VecX<double>& left) {
+  const long m = search.evidence().times();
+  std::map<long, VecX<double>> clusters;
+  for (long i = 0; i < m; ++i) {
+    double t = search.evidence().time()[static_cast<std::size_t>(i)];
+    if (search.period() > 0.0) t = std::fmod(t, search.period());
+    VecX<double>& sum = clusters
+                            .try_emplace(std::lround(std::floor(t / kMisfitBlock)),
+                                         VecX<double>::Zero(influence.rows()))
+                            .first->second;
+    for (long row = i; row < search.evidence().rows(); row += m)
+      sum += influence.col(row) * left[row];
+  }
+  VecX<double> out = VecX<double>::Zero(influence.rows());
+  for (const auto& [cluster, sum] : clusters) out += sum.cwiseAbs2();
+  const double count = static_cast<double>(clusters.size());
+  return out * (count / std::max(count - 1.0, 1.0));
+}
+
+/// value ± std; no less than 0 where the sign is known.
+void set_interval(CauseParameter& p, double std, bool nonnegative = false) {
+  p.std = std;
+  p.low = p.value - kSigmas * std;
+  p.high = p.value + kSigmas * std;
+  if (nonnegative && p.value >= 0.0) p.low = std::max(p.low, 0.0);
+}
+
+/// value · exp(± std of the logarithm)
+void set_log_interval(CauseParameter& p, double log_std, double most) {
+  p.std = std::abs(p.value) * log_std;
+  const double reach = std::exp(std::min(kSigmas * log_std, 20.0));
+  p.low = std::min(p.value / reach, p.value * reach);
+  p.high = std::min(std::max(p.value / reach, p.value * reach), most);
+}
+
+}  // namespace
+
+std::vector<MatX<double>> covariances(const Search& search, const std::vector<Term>& terms) {
+  std::vector<MatX<double>> columns;
+  std::vector<bool> at_bound;
+  long width = 0;
+  for (const Term& t : terms) {
+    MatX<double> J(t.projected.rows(), t.width() + static_cast<long>(t.shapes.size()));
+    J << t.projected.leftCols(t.width()),
+        search.projection().project(search.evidence().columns(t.effect, t.shapes));
+    const std::vector<bool> nonnegative = signs(t.effect, t.linear);
+    for (long k = 0; k < t.width(); ++k) {
+      at_bound.push_back(nonnegative[static_cast<std::size_t>(k)] && t.values()[k] == 0.0);
+      if (at_bound.back() && !t.told(k)) J.col(k).setZero();
+    }
+    at_bound.resize(at_bound.size() + t.shapes.size(), false);
+    width += J.cols();
+    columns.push_back(std::move(J));
+  }
+  MatX<double> J(search.projection().residual().size(), width);
+  width = 0;
+  for (const MatX<double>& c : columns) {
+    J.middleCols(width, c.cols()) = c;
+    width += c.cols();
+  }
+  MatX<double> K = J.transpose() * J;
+  VecX<double> scale = K.diagonal().cwiseSqrt().cwiseMax(1e-300).cwiseInverse();
+  K = scale.asDiagonal() * K * scale.asDiagonal();
+  const std::vector<long> held = held_at_bounds(K, at_bound);
+  for (const long k : held) {
+    K.row(k).setZero();
+    K.col(k).setZero();
+    K(k, k) = 1.0;
+  }
+  K.diagonal().array() += 1e-9;
+  MatX<double> C = K.llt().solve(MatX<double>::Identity(width, width));
+  for (const long k : held) C(k, k) = 0.0;
+  // Rows are in units of noise; a lack of fit that is left widens the intervals.
+  const double chi2 = (search.residual_sum() - search.gain_of(terms)) /
+                      static_cast<double>(std::max<long>(search.rows() - width, 1));
+  C = scale.asDiagonal() * C * scale.asDiagonal();
+  VecX<double> more = VecX<double>::Constant(width, std::max(1.0, chi2));
+  if (chi2 > kMisfit)
+    more = more.cwiseMax(clustered(search, C * J.transpose(), search.left_by(terms))
+                             .cwiseQuotient(C.diagonal().cwiseMax(1e-300)));
+  more = more.cwiseSqrt();
+  C = more.asDiagonal() * C * more.asDiagonal();
+  std::vector<MatX<double>> out;
+  long at = 0;
+  for (const MatX<double>& c : columns) {
+    out.push_back(C.block(at, at, c.cols(), c.cols()));
+    at += c.cols();
+  }
+  return out;
+}
+
+bool has_size(const Candidate& c, const Term& term) {
+  return c.rotor > 0.0 || term.shapes.size() >= c.shapes.size();
+}
+
+std::vector<CauseParameter> sizes(const Search& search, const std::vector<Term>& terms,
+                                  std::size_t which, const MatX<double>& covariance, double lm) {
+  const Term& t = terms[which];
+  const Candidate& c = search.candidates()[static_cast<std::size_t>(t.candidate)];
+  const double column = search.evidence().averaged() ? kColumnError : kColumnErrorOnce;
+  const bool shapes_show = t.shapes.size() >= c.shapes.size();
+  // Where stiffness and rotor show as their ratio alone, they are as good as the declared rotor.
+  const bool by_rotor = has_size(c, t) && !shapes_show;
+  const double of_word = c.rotor > 0.0 && shapes_show ? 0.0 : c.held;
+  const double late = late_turns(search, t, terms);
+  const double inexact =
+      std::hypot(column, late > 0.0 ? std::sqrt(late / std::max(late, lm)) / kSigmas : 0.0);
+  const std::vector<bool> nonnegative = signs(t.effect, t.linear);
+  const auto by_noise = [&](long at) { return std::sqrt(covariance(at, at)); };
+  std::vector<CauseParameter> out;
+  for (std::size_t k = 0; k < t.effect.parameter_info.size(); ++k) {
+    const ParameterInfo& info = t.effect.parameter_info[k];
+    CauseParameter p{info.name, info.unit, t.effect.parameters[k]};
+    const auto linear = std::ranges::find(t.linear, static_cast<int>(k));
+    const auto shape = std::ranges::find(t.shapes, static_cast<int>(k));
+    if (linear != t.linear.end()) {
+      const long at = linear - t.linear.begin();
+      double std = std::hypot(by_noise(at), inexact * p.value);
+      if (by_rotor) std = std::hypot(std, of_word * p.value);
+      // It hangs on a shape that does not show; or the base hides it, as an offset a spring's rest.
+      if ((!by_rotor && !shapes_show) || t.shares[static_cast<std::size_t>(at)] < kAbsorbed)
+        std = kNaN;
+      set_interval(p, std, nonnegative[static_cast<std::size_t>(at)]);
+    } else if (shape != t.shapes.end()) {
+      const double noise = by_noise(t.width() + (shape - t.shapes.begin()));
+      if (scale(info) == Scale::kPlain)
+        set_interval(p, std::hypot(noise, inexact * p.value));
+      else  // noise makes a ripple's column smaller, not its angles
+        set_log_interval(p,
+                         std::hypot(noise, info.name == "cycles" ? kColumnError : inexact, of_word),
+                         info.most);
+    } else if (by_rotor && info.name == "stiffness") {
+      set_log_interval(p, std::hypot(column, of_word), info.most);
+    }
+    out.push_back(p);
+  }
+  return out;
+}
+
+}  // namespace diffnea

@@ -1,0 +1,23 @@
+#pragma once
+/// How well the sizes of causes are known: what noise leaves, what is left and goes with the
+/// motion, and how exact their columns are. Internal to diagnose/.
+
+#include <diffnea/diagnose/finding.hpp>
+
+#include "diagnose/search.hpp"
+
+namespace diffnea {
+
+/// Covariance of each term's parameters, linear ones first, then shapes (of their logarithm).
+std::vector<MatX<double>> covariances(const Search& search, const std::vector<Term>& terms);
+
+/// Whether the recording tells how large a cause is: its shapes show, or the model knows a rotor
+/// beside which they do.
+bool has_size(const Candidate& candidate, const Term& term);
+
+/// The parameters of a term with their 95 % intervals; NaN: held, or not told.
+/// @param covariance  of terms[which]; `lm` is what it removes from χ²
+std::vector<CauseParameter> sizes(const Search& search, const std::vector<Term>& terms,
+                                  std::size_t which, const MatX<double>& covariance, double lm);
+
+}  // namespace diffnea

@@ -1,0 +1,26 @@
+#pragma once
+/// What base and accepted effects leave because their columns are not exact: filters, the reference
+/// model, and dry friction, of which no function of the motion tells how it turns. Internal to
+/// diagnose/.
+
+#include "diagnose/search.hpp"
+
+namespace diffnea {
+
+/// χ² at the joints that `term` reaches which base and `terms` leave because their columns are
+/// not exact: (2 %)² of what `terms` remove, where one of them is dry friction (4 %)²; (1 %)² of
+/// the base's dry friction, more where `term` is like friction and the joint turns often.
+double inexact_at(const Search& search, const Term& term, const std::vector<Term>& terms);
+
+/// χ² that the base leaves at each of evidence().joints() because the torque of its dry friction is
+/// not exact: no function of the motion tells it.
+/// @param of_late_turns  what passes for other functions of the velocity is more; where turns are
+///   kept at which the joint sticks, all of it
+VecX<double> inexact_friction(const Search& search, const std::vector<Term>& terms,
+                              bool of_late_turns);
+
+/// That of late turns at the joints of a term, where they stick and their turns are kept: so much
+/// of what the term removes may be none of its.
+double late_turns(const Search& search, const Term& term, const std::vector<Term>& terms);
+
+}  // namespace diffnea
