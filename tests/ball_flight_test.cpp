@@ -232,6 +232,28 @@ TEST_CASE("string: a ball that leaves its sphere slowly does not stop time", "[s
   CHECK(swing.calls < 2000);  // 100 steps and one switch: 600
 }
 
+TEST_CASE("string: the end of a phase is found to rounding, in few steps where it is smooth",
+          "[string]") {
+  const double after = 2e-3, at = GENERATE(1e-9, 3e-4, 1e-3, 1.9e-3);
+  const auto found = [&](const auto& f) {
+    int calls = 0;
+    const auto counted = [&](double t) {
+      ++calls;
+      return f(t);
+    };
+    const double t = detail::first_above(counted, f(0.0), f(after), after);
+    CHECK(f(t) > 0.0);
+    CHECK_THAT(t, WithinAbs(at, 2e-15));  // 2^-40 of the step
+    return calls;
+  };
+  CAPTURE(at);
+  CHECK(found([&](double t) { return t - at; }) <= 10);
+  CHECK(found([&](double t) { return (t - at) * (1.0 + 100.0 * t); }) <= 10);
+  // A jump, and a value that is 0 to rounding before: as many as halvings, and one.
+  CHECK(found([&](double t) { return t > at ? 1.0 : -1e-12; }) <= 41);
+  CHECK(found([&](double t) { return t > at ? 1.0 : 0.0; }) <= 41);
+}
+
 TEST_CASE("string: what cannot be is refused", "[string]") {
   const Swing none{0.0}, swing;
   CHECK_THROWS_AS(Ball(none), ModelError);

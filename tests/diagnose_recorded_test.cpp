@@ -1,6 +1,7 @@
 /// Measured recordings that are not part of the project: what is known of the robots is found.
 
 #include <algorithm>
+#include <cmath>
 #include <support/data_folder.hpp>
 
 #include <catch2/catch_test_macros.hpp>
@@ -48,6 +49,24 @@ TEST_CASE("recorded data: a pendulum that swings freely has dry friction and dra
   CHECK(finding.causes.size() == 2);
   REQUIRE(finding.joints.size() == 1);
   CHECK(finding.joints[0].extended < 0.5 * finding.joints[0].base);
+}
+
+TEST_CASE("recorded data: a torque gain that comes to -67 % beside friction is no drive's",
+          "[data][diagnose]") {
+  const auto record = [](const char* name) {
+    return read_recordings(data_folder() / "double_pendulum" / name).at(0);
+  };
+  const Model model = read_model(DIFFNEA_SOURCE_DIR "/models/double_pendulum.urdf");
+  const Finding finding = diagnose(model, {record("record_00.csv"), record("record_01.csv")},
+                                   {record("record_05.csv")});
+  CAPTURE(finding.sentence);
+  for (const Cause& cause : finding.causes)
+    for (const CauseParameter& p : cause.parameters)
+      if (p.name == "gain_error") CHECK(std::abs(p.value) <= 0.5);
+  CHECK(names(finding, {"coulomb_friction"}));
+  CHECK(std::ranges::any_of(finding.refused, [](const Refusal& r) {
+    return r.effect == "torque_gain" && r.reason.starts_with("comes to a size that no robot has");
+  }));
 }
 
 }  // namespace diffnea

@@ -30,6 +30,8 @@ struct BallCase {
 
   bool go_on() const { return !finding.interrupted; }
   /// `search` on these windows.
+  /// Tells progress of a step. @return whether to go on
+  bool tell(const std::string& stage);
   void search_on(BallData fitted, BallData held_out);
 };
 

@@ -136,7 +136,7 @@ void judge(const Worth& worth, BallCase& c) {
   if (worth.left && worth.gain.explained_share < kExplained)
     verdict = Verdict::kUnknown;
   else if (own.empty())
-    verdict = c.first_scores.empty() ? Verdict::kNotIdentifiable : Verdict::kNone;
+    verdict = c.first_scores.empty() && c.go_on() ? Verdict::kNotIdentifiable : Verdict::kNone;
   else if (ambiguous)
     verdict = Verdict::kClass;
   // Of arm and ball, the worse.

@@ -156,8 +156,13 @@ std::vector<BallScore> BallSearch::scores(const BallSolution& at,
   VecX<double> p = layout.values();
   p.head(at.ball.p.size()) = at.ball.p;
   BallLayout moved = layout;
+  bool stopped = false;
   const BallLinearisation linear =
-      linearise_ball(model_, moved, p, at.ball.data, options_.sigma, options_);
+      linearise_ball(model_, moved, p, at.ball.data, options_.sigma, options_, [&] {
+        stopped = progress_ && !progress_("testing the ball");
+        return !stopped;
+      });
+  if (stopped) return {};
   const long known = std::ranges::count_if(at.ball.layout.parameters,
                                            [](const BallParameter& q) { return !q.fixed; });
   const long rows = linear.R.rows() - known;

@@ -37,7 +37,7 @@ class BallSearch {
   /// From the parameters and states of `start`, and from where the effects that are new to it say
   /// that a search begins.
   BallSolution solve(const std::vector<EffectSpec>& terms, const BallSolution* start) const;
-  /// Best first. Those of `candidates` that are terms already are left out.
+  /// Best first. Those of `candidates` that are terms already are left out. Nothing: stopped.
   std::vector<BallScore> scores(const BallSolution& at,
                                 const std::vector<EffectSpec>& candidates) const;
   /// How much better b is than a, BIC; n counts numbers that are independent of each other.

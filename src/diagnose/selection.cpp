@@ -133,7 +133,8 @@ bool Selection::eliminate(std::vector<Term>& terms) const {
   return any;
 }
 
-void Selection::drop_impossible(std::vector<Term>& terms) {
+bool Selection::drop_impossible(std::vector<Term>& terms) {
+  bool any = false;
   for (auto at = std::ranges::find_if(terms, impossible); at != terms.end();
        at = std::ranges::find_if(terms, impossible)) {
     const Candidate& c = candidates_[static_cast<std::size_t>(at->candidate)];
@@ -145,7 +146,9 @@ void Selection::drop_impossible(std::vector<Term>& terms) {
                         "comes to a size that no robot has, beside the others", worse});
     terms = rest;
     renew(terms);
+    any = true;
   }
+  return any;
 }
 
 bool Selection::exchange(std::vector<Term>& terms) const {
@@ -294,11 +297,12 @@ std::vector<Term> Selection::run(const std::function<bool(const FitProgress&)>& 
          ++i)
       renew(terms);
     eliminate(terms);
-    drop_impossible(terms);
+    if (drop_impossible(terms)) continue;  // beside what is left, another may help now
     if (!seen.insert(names(terms)).second) break;
   }
   for (int i = 0; i < options_.max_terms; ++i)
     if (!put_simpler(terms)) break;
+  drop_impossible(terms);
   // What does not help on data that no fit has seen goes, the least first.
   for (bool dropped = true; dropped && !terms.empty();) {
     dropped = false;

@@ -40,7 +40,7 @@ class Selection {
   void renew(std::vector<Term>& terms);
   bool eliminate(std::vector<Term>& terms) const;
   /// Drops what has come to a size that no robot has beside the others, for good.
-  void drop_impossible(std::vector<Term>& terms);
+  bool drop_impossible(std::vector<Term>& terms);
   bool exchange(std::vector<Term>& terms) const;
   /// How sharply a dry friction turns, where that makes a clear difference.
   bool sharpen(std::vector<Term>& terms) const;

@@ -189,13 +189,15 @@ std::vector<Vec3<double>> predict_ball(const Model& model, const BallLayout& lay
 
 BallLinearisation linearise_ball(const Model& model, const BallLayout& layout,
                                  const VecX<double>& p, const BallData& data, double sigma,
-                                 const BallFitOptions& options) {
+                                 const BallFitOptions& options,
+                                 const std::function<bool()>& go_on) {
   const std::vector<int> free = free_parameters(layout);
   const auto F = static_cast<Eigen::Index>(free.size());
   BallLinearisation out;
   VecX<double> squares = VecX<double>::Zero(F);
   MatX<double> stacked = MatX<double>::Zero(2 * (F + 1), F + 1);
   for (const BallWindow& w : data.windows) {
+    if (go_on && !go_on()) break;
     const WindowColumns c = window_columns(model, layout, p, free, data, w, options.flight);
     const Eigen::Index rows = c.error.size();
     MatX<double> M = MatX<double>::Zero(rows + kState, kState + F + 1);
@@ -245,6 +247,12 @@ BallFit fit_ball(const Model& model, const BallLayout& layout, BallData& data,
   double now = ball_cost(model, layout, out.p, data, out.sigma, options), damping = 1e-3;
   BallLinearisation at;
   bool fresh = false;
+  const auto stopped = [&](double sigma) {
+    if (!progress || progress(out.iterations, sigma)) return false;
+    out.interrupted = true;
+    out.termination = "stopped by the caller";
+    return true;
+  };
   for (out.iterations = 0; out.iterations < options.max_iterations; ++out.iterations) {
     if (!fresh) at = linearise_ball(model, layout, out.p, data, out.sigma, options);
     fresh = true;
@@ -293,6 +301,7 @@ BallFit fit_ball(const Model& model, const BallLayout& layout, BallData& data,
         out.termination = "no step makes it better";
         break;
       }
+      if (stopped(out.sigma)) break;
       continue;
     }
     const bool done = now - then < options.tolerance * now;
@@ -301,11 +310,7 @@ BallFit fit_ball(const Model& model, const BallLayout& layout, BallData& data,
     damping = std::max(1e-9, damping * 0.1);
     fresh = false;
     const double sigma = noise();
-    if (progress && !progress(out.iterations, sigma)) {
-      out.interrupted = true;
-      out.termination = "stopped by the caller";
-      break;
-    }
+    if (stopped(sigma)) break;
     const bool switched = mark_taut(model, layout, out.p, sigma, data);
     if (done && !switched && std::abs(sigma - out.sigma) < 1e-3 * out.sigma) {
       out.converged = true;

@@ -35,8 +35,9 @@ void note_rest(const Model& model, const TorqueRegression& rows, std::vector<std
   }
   if (!list.empty())
     notes.push_back(
-        "torque samples at which a joint rests are left out, since dry friction at "
-        "rest can have any size: " +
+        "torque samples at which a joint rests, and those that the filter mixes with its rests, "
+        "are "
+        "left out, since dry friction at rest can have any size: " +
         list);
 }
 

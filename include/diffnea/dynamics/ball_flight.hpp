@@ -7,7 +7,7 @@
 ///
 ///   taut:  ẍ = a − Δ (Δᵀ(a − ẍ_S) + Δ̇ᵀΔ̇)/‖Δ‖²
 ///
-/// Runge–Kutta 4; switches are found by bisection, and a taut ball is put back on the sphere after
+/// Runge–Kutta 4; switches are bracketed to rounding; a taut ball goes back to the sphere after
 /// every step. Of Jets, the time of a switch is one too (the implicit function theorem), so that
 /// derivatives hold across switches (Hiskens and Pai 2000), except where a string is only grazed.
 
@@ -100,7 +100,7 @@ class BallFlight {
   T over(const T& time, const ParticleState<T>& s) const;
   /// Depth in the plane [m]; below 0 where there is none, or the string is taut.
   T depth(const ParticleState<T>& s) const;
-  T time_to_end(double h) const;
+  T time_to_end(double h, double over_after) const;
 
   const World& world_;
   FlightOptions options_;

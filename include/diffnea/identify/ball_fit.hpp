@@ -107,9 +107,11 @@ std::vector<Vec3<double>> predict_ball(const Model& model, const BallLayout& lay
                                        const BallWindow& window, const FlightOptions& flight);
 
 /// Residuals of all windows at p and their derivatives, the windows' own states eliminated.
+/// @param go_on  asked before each window; false: what there is of the windows so far
 BallLinearisation linearise_ball(const Model& model, const BallLayout& layout,
                                  const VecX<double>& p, const BallData& data, double sigma,
-                                 const BallFitOptions& options);
+                                 const BallFitOptions& options,
+                                 const std::function<bool()>& go_on = {});
 
 /// Σ ρ(e/σ) over all windows, Huber's ρ (of one number: its square); infinite where a flight went
 /// nowhere.
@@ -117,7 +119,8 @@ double ball_cost(const Model& model, const BallLayout& layout, const VecX<double
                  const BallData& data, double sigma, const BallFitOptions& options);
 
 /// Levenberg–Marquardt from the layout's values; states of `data` are updated.
-/// @param progress  called after every step with (iteration, rms [m]); false stops
+/// @param progress  called after every step, also of one that is taken back, with (iteration, rms
+/// [m]); false stops
 BallFit fit_ball(const Model& model, const BallLayout& layout, BallData& data,
                  const BallFitOptions& options = {},
                  const std::function<bool(int, double)>& progress = {});
