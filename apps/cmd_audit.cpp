@@ -22,10 +22,13 @@ struct AuditCommand {
 /// Every other command takes the robot first.
 void require_recordings(const std::vector<std::string>& data) {
   for (const std::string& path : data) {
-    const std::string extension = std::filesystem::path(path).extension().string();
-    if (extension == ".urdf" || extension == ".xml" || extension == ".mjcf")
-      throw DataError(path + ": is a robot description, expected a recording; give it as --model " +
-                      path);
+    if (!std::filesystem::exists(path)) continue;  // reading it says so
+    const std::string extension =
+        CLI::detail::to_lower(std::filesystem::path(path).extension().string());
+    for (const char* model : {".urdf", ".xml", ".mjcf", ".json"})
+      if (extension == model)
+        throw DataError(
+            path + ": is no recording (.csv); a robot description is given as --model " + path);
   }
 }
 

@@ -68,8 +68,7 @@ TEST_CASE("compare: a held parameter moves the value of a combination, not its u
         Approx(std::sqrt(c.base_parameters[0].name == "c" ? 0.08 : 0.02)));
 }
 
-TEST_CASE("compare: what each fit leaves, and how much wider the errors of one are",
-          "[identify]") {
+TEST_CASE("compare: what each fit leaves, and how much wider the errors of one are", "[identify]") {
   IdentifyResult first = fit(1, 1, 0, 0.1), second = fit(1, 1, 0, 0.3);
   first.errors[0].train = 0.2;
   second.errors[0].train = 0.5;
@@ -78,8 +77,9 @@ TEST_CASE("compare: what each fit leaves, and how much wider the errors of one a
   CHECK(c.left_over[0].joint == "elbow");
   CHECK(c.left_over[0].before == 0.2);
   CHECK(c.left_over[0].after == 0.5);
-  CHECK(c.std_ratio == Approx(3.0));  // of two: 1 of c, 3 of a + 2 b
-  second.errors[0].unit = "rad";      // fitted by the trajectory: no torque to compare
+  CHECK(c.std_ratio == Approx(std::sqrt(3.0)));  // of two: 1 of c, 3 of a + 2 b
+  CHECK(compare(second, first).std_ratio == Approx(1.0 / std::sqrt(3.0)));
+  second.errors[0].unit = "rad";  // fitted by the trajectory: no torque to compare
   CHECK(compare(first, second).left_over.empty());
 }
 

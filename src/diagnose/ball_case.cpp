@@ -43,15 +43,16 @@ void add_candidates(const BallData& data, BallCase& c) {
 
 }  // namespace
 
-bool BallCase::tell(const std::string& stage) {
-  if (options.progress && !options.progress({stage, ++steps, 0, 0.0})) finding.interrupted = true;
+bool BallCase::tell(const std::string& stage, int more_steps) {
+  steps += more_steps;
+  if (options.progress && !options.progress({stage, steps, 0, 0.0})) finding.interrupted = true;
   return go_on();
 }
 
 void BallCase::search_on(BallData fitted, BallData held_out) {
-  search =
-      std::make_unique<BallSearch>(model, known, fit_string, std::move(fitted), std::move(held_out),
-                                   fit, [this](const std::string& stage) { return tell(stage); });
+  search = std::make_unique<BallSearch>(
+      model, known, fit_string, std::move(fitted), std::move(held_out), fit,
+      [this](const std::string& stage, int more_steps) { return tell(stage, more_steps); });
 }
 
 void prepare(const std::vector<Recording>& train, const std::vector<Recording>& test, BallCase& c) {
@@ -70,7 +71,7 @@ void prepare(const std::vector<Recording>& train, const std::vector<Recording>& 
     BallData data = fitted;
     c.fit.sigma = 0.0;
     c.fit.sigma = fit_ball(c.model, make_ball_layout(c.model, c.known, c.fit_string), data, c.fit,
-                           [&](int, double) { return c.tell("fitting the ball"); })
+                           [&](int, double) { return c.tell("fitting the ball", 1); })
                       .sigma;
   }
   if (test.empty()) {

@@ -29,9 +29,9 @@ struct BallCase {
   int steps = 0;                             ///< that progress was told of
 
   bool go_on() const { return !finding.interrupted; }
+  /// Tells progress of so many more steps. @return whether to go on
+  bool tell(const std::string& stage, int more_steps);
   /// `search` on these windows.
-  /// Tells progress of a step. @return whether to go on
-  bool tell(const std::string& stage);
   void search_on(BallData fitted, BallData held_out);
 };
 

@@ -37,11 +37,14 @@ Cause cause_of(const BallCase& c, double floor, const EffectSpec& t) {
   Cause out;
   out.effect = t.effect;
   out.where = t.where;
-  out.delta_bic = c.search->delta_bic(less, c.best);
-  out.lm = less.cost - c.best.cost;
   const std::vector<BallScore> rivals = c.search->scores(less, c.candidates);
-  for (const BallScore& s : rivals)
-    if (same_effect(s.effect, t)) out.visible_share = s.visible_share;
+  const bool whole = c.go_on();  // stopped, the fit without it says nothing: what it scored first
+  for (const BallScore& s : whole ? rivals : c.first_scores)
+    if (same_effect(s.effect, t)) {
+      out.visible_share = s.visible_share;
+      out.delta_bic = whole ? c.search->delta_bic(less, c.best) : s.delta_bic;
+      out.lm = whole ? less.cost - c.best.cost : s.lm;
+    }
   out.torque_share = std::sqrt(std::max(0.0, out.lm) / static_cast<double>(c.search->samples())) *
                      c.fit.sigma / path_spread(c.search->train());
   for (std::size_t k = 0; k < c.best.ball.layout.parameters.size(); ++k) {

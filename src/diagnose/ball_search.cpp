@@ -56,7 +56,7 @@ double correlation(const std::vector<RowMatX<double>>& stretches) {
 
 BallSearch::BallSearch(const Model& model, std::vector<EffectSpec> base, bool fit_base,
                        BallData train, BallData test, const BallFitOptions& options,
-                       std::function<bool(const std::string&)> progress)
+                       std::function<bool(const std::string&, int)> progress)
     : model_(model),
       base_(std::move(base)),
       fit_base_(fit_base),
@@ -121,7 +121,7 @@ BallSolution BallSearch::solved(const std::vector<EffectSpec>& terms, const Ball
   out.terms = terms;
   out.ball = {model_, layout, {}, data};
   out.fit = fit_ball(model_, out.ball.layout, out.ball.data, options_,
-                     [&](int, double) { return !progress_ || progress_("fitting the ball"); });
+                     [&](int, double) { return !progress_ || progress_("fitting the ball", 1); });
   out.ball.p = out.fit.p;
   out.cost =
       ball_cost(model_, out.ball.layout, out.ball.p, out.ball.data, options_.sigma, options_);
@@ -159,7 +159,7 @@ std::vector<BallScore> BallSearch::scores(const BallSolution& at,
   bool stopped = false;
   const BallLinearisation linear =
       linearise_ball(model_, moved, p, at.ball.data, options_.sigma, options_, [&] {
-        stopped = progress_ && !progress_("testing the ball");
+        stopped = progress_ && !progress_("testing the ball", 0);
         return !stopped;
       });
   if (stopped) return {};

@@ -32,7 +32,7 @@ class BallSearch {
   /// @param base  effects of the model  @param fit_base  false: the model stands as it is
   BallSearch(const Model& model, std::vector<EffectSpec> base, bool fit_base, BallData train,
              BallData test, const BallFitOptions& options,
-             std::function<bool(const std::string&)> progress);
+             std::function<bool(const std::string&, int)> progress);
 
   /// From the parameters and states of `start`, and from where the effects that are new to it say
   /// that a search begins.
@@ -62,7 +62,7 @@ class BallSearch {
   bool fit_base_;
   BallData train_, test_;
   BallFitOptions options_;
-  std::function<bool(const std::string&)> progress_;
+  std::function<bool(const std::string&, int)> progress_;
   long samples_ = 0;
 };
 

@@ -30,10 +30,17 @@ bool clean(BallCase& c, const Drop& drop) {
   BallData held_out = there.data;
   const bool here = drop(c.best.ball, fitted), beyond = drop(there, held_out);
   if (!here && !beyond) return false;
+  std::unique_ptr<BallSearch> before = std::move(c.search);
   c.search_on(fitted, held_out);
   const std::vector<EffectSpec> terms = c.best.terms;
-  c.base = c.search->solve({}, nullptr);
-  c.best = terms.empty() ? c.base : c.search->solve(terms, nullptr);
+  BallSolution base = c.search->solve({}, nullptr);
+  BallSolution best = terms.empty() ? base : c.search->solve(terms, nullptr);
+  if (!c.go_on()) {  // fits that were stopped are no solutions
+    c.search = std::move(before);
+    return false;
+  }
+  c.base = std::move(base);
+  c.best = std::move(best);
   return true;
 }
 void drop_far(BallCase& c) {

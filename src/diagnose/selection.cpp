@@ -17,6 +17,7 @@ constexpr double kSameClass = 10.0;  ///< ΔBIC
 constexpr double kNoWorse = 2.0;     ///< ΔBIC, not worth mentioning (Kass and Raftery 1995)
 /// ΔBIC of a cause whose size the recording does not tell, at least: any noise has some shape.
 constexpr double kSizeless = 50.0;
+constexpr const char* kImpossible = "comes to a size that no robot has, beside the others";
 constexpr double kChild = 0.98;  ///< of a cause's column that a more general effect reproduces
 
 std::vector<Term> without(const std::vector<Term>& terms, std::size_t i) {
@@ -45,9 +46,7 @@ std::vector<Selection::Offer> Selection::offers(const std::vector<Term>& terms,
     if (static_cast<int>(out.size()) >= how_many || s.variant < 0 ||
         s.delta_bic < -3.0 * options_.accept)
       break;
-    if (present.contains(s.candidate) ||
-        std::ranges::find(impossible_, s.candidate) != impossible_.end())
-      continue;
+    if (present.contains(s.candidate) || is_impossible(s.candidate)) continue;
     std::vector<Term> with = terms;
     with.push_back(refined(search_, s, terms));
     const double gain = search_.fit(with);
@@ -142,8 +141,7 @@ bool Selection::drop_impossible(std::vector<Term>& terms) {
     const double worse =
         search_.bic(search_.gain_of(rest), rest) - search_.bic(search_.gain_of(terms), terms);
     impossible_.push_back(at->candidate);
-    refused_.push_back({c.effect.info().name, c.effect.where,
-                        "comes to a size that no robot has, beside the others", worse});
+    refused_.push_back({c.effect.info().name, c.effect.where, kImpossible, worse});
     terms = rest;
     renew(terms);
     any = true;
@@ -259,9 +257,9 @@ bool Selection::split(std::vector<Term>& terms) const {
     double best = search_.bic(search_.gain_of(with), with);
     const auto part = [&](int candidate) {
       const Candidate& c = candidates_[static_cast<std::size_t>(candidate)];
-      return c.effect.info().place == Place::kJoint && c.linear.size() == 1 && c.shapes.empty() &&
-             !c.nonlinear && candidate != terms[i].candidate &&
-             std::ranges::all_of(c.effect.joints, [&](int j) {
+      return !is_impossible(candidate) && c.effect.info().place == Place::kJoint &&
+             c.linear.size() == 1 && c.shapes.empty() && !c.nonlinear &&
+             candidate != terms[i].candidate && std::ranges::all_of(c.effect.joints, [&](int j) {
                return std::ranges::find(joints, j) != joints.end();
              });
     };
@@ -273,6 +271,10 @@ bool Selection::split(std::vector<Term>& terms) const {
       });
       if (next == scores.end()) break;
       with.push_back(refined(search_, *next, with));
+      if (impossible(with.back())) {
+        with.pop_back();
+        break;
+      }
       best = search_.bic(search_.fit(with), with);
     }
     if (best > now - (compound ? 0.0 : options_.accept) || with.size() < terms.size()) continue;
@@ -313,12 +315,15 @@ std::vector<Term> Selection::run(const std::function<bool(const FitProgress&)>& 
           search_.bic(search_.gain_of(rest), rest) - search_.bic(search_.gain_of(terms), terms);
       const bool vague = !has_size(c, terms[i]) && worse < kSizeless;
       const bool hidden = terms[i].visible_share() < kAbsorbed, tilt = stays(terms[i]);
-      if (tilt ? worse > 0.0 : !vague && !hidden && change(rest, terms).helps()) continue;
+      const bool too_large = impossible(terms[i]);
+      if (tilt ? worse > 0.0 : !vague && !hidden && !too_large && change(rest, terms).helps())
+        continue;
       refused_.push_back({c.effect.info().name, c.effect.where,
-                          vague    ? "of no size that this recording tells, and of little evidence"
-                          : hidden ? "hardly visible beside the base parameters"
-                                   : "does not help on held-out data beside the others",
-                          vague || hidden ? worse : 0.0});
+                          too_large ? kImpossible
+                          : vague   ? "of no size that this recording tells, and of little evidence"
+                          : hidden  ? "hardly visible beside the base parameters"
+                                    : "does not help on held-out data beside the others",
+                          too_large || vague || hidden ? worse : 0.0});
       terms = rest;
       if (tilt) renew(terms);  // the base's columns as they were
       search_.fit(terms);

@@ -2,6 +2,8 @@
 /// Which effects together: forward by the best score that also helps on held-out data, backward by
 /// elimination, then what else could stand in each one's place. Internal to diagnose/.
 
+#include <algorithm>
+
 #include <diffnea/diagnose/finding.hpp>
 
 #include "diagnose/held_out.hpp"
@@ -39,6 +41,9 @@ class Selection {
   /// Model, columns and noise that go with the terms.
   void renew(std::vector<Term>& terms);
   bool eliminate(std::vector<Term>& terms) const;
+  bool is_impossible(int candidate) const {
+    return std::ranges::find(impossible_, candidate) != impossible_.end();
+  }
   /// Drops what has come to a size that no robot has beside the others, for good.
   bool drop_impossible(std::vector<Term>& terms);
   bool exchange(std::vector<Term>& terms) const;

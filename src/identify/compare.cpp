@@ -9,6 +9,8 @@
 #include <diffnea/core/error.hpp>
 #include <diffnea/identify/compare.hpp>
 
+#include "core/median.hpp"
+
 namespace diffnea {
 namespace {
 
@@ -99,17 +101,18 @@ class StdRatios {
  public:
   void add(double variance_before, double variance_after) {
     if (variance_before > 0.0 && variance_after > 0.0)
-      ratios_.push_back(std::sqrt(variance_after / variance_before));
+      logs_.push_back(0.5 * std::log(variance_after / variance_before));
   }
-  double median() {
-    if (ratios_.empty()) return std::numeric_limits<double>::quiet_NaN();
-    const auto middle = ratios_.begin() + static_cast<long>(ratios_.size() / 2);
-    std::ranges::nth_element(ratios_, middle);
-    return *middle;
+  /// Of the two in the middle, where there are two, the geometric mean: the fits in the other order
+  /// have the reciprocal.
+  double median() const {
+    std::vector<double> negative = logs_;
+    for (double& x : negative) x = -x;
+    return std::exp(0.5 * (diffnea::median(logs_) - diffnea::median(negative)));
   }
 
  private:
-  std::vector<double> ratios_;
+  std::vector<double> logs_;
 };
 
 /// Sorts by significance and adjusts p for the number of tests (Holm 1979).

@@ -172,10 +172,9 @@ void require_enough(const std::string& where, double longest, double filter_hz,
                       " Hz leaves fewer than five rows of " + lasts + "; expected " +
                       detail::number_text(5.0 / longest, 4) + " Hz or more");
   if (too_few(filter_hz))
-    throw DataError(where + ": lasts " + lasts +
-                    ", which a filter of the motion's own bandwidth (" +
+    throw DataError(where + ": lasts " + lasts + ", of which the filter that suits it (" +
                     detail::number_text(filter_hz, 3) +
-                    " Hz) leaves fewer than five rows of; record ten seconds or more, e.g. a "
+                    " Hz) leaves fewer than five rows; record ten seconds or more, e.g. a "
                     "motion of `diffnea excite`");
 }
 

@@ -43,7 +43,7 @@ std::string list(const char* title, const std::vector<std::string>& names) {
   return out + "\n";
 }
 
-constexpr double kMuchMore = 2.0;   // times what the other fit leaves: no difference of noise alone
+constexpr double kMuchMore = 2.0;   // times what the other fit leaves
 constexpr double kMuchWider = 3.0;  // times the other's standard errors
 
 /// Where one fit holds much worse than the other, and what that does to the comparison.
@@ -54,18 +54,20 @@ std::string unlike(const Comparison& c) {
     const double less = second ? left.before : left.after;
     const double more = second ? left.after : left.before;
     if (!(more > kMuchMore * less)) continue;
-    out += left.joint + ": the " + (second ? "second" : "first") + " fit leaves " + number(more, 3) +
-           " " + unit(left.unit) + " of its recording, the other " + number(less, 3) + "\n";
+    out += left.joint + ": the " + (second ? "second" : "first") + " fit leaves " +
+           number(more, 3) + " " + unit(left.unit) + " of its recording, the other " +
+           number(less, 3) + "\n";
   }
   if (!out.empty())
-    out = "\none fit holds much worse than the other: its model lacks something, or its recording is "
-          "noisier\n" +
-          out;
+    out =
+        "\none fit holds much worse than the other: its model lacks something, or its recording "
+        "is noisier, faster or of a wider band\n" +
+        out;
   const bool wider = c.std_ratio > kMuchWider;
   if (wider || c.std_ratio < 1.0 / kMuchWider)
     out += std::string("the standard errors of the ") + (wider ? "second" : "first") + " are " +
            number(wider ? c.std_ratio : 1.0 / c.std_ratio, 2) +
-           " times the other's (median): smaller changes than those are hidden\n";
+           " times the other's (median): changes that are smaller are hidden\n";
   return out.empty() ? out : out + "\n";
 }
 

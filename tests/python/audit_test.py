@@ -124,9 +124,9 @@ def test_what_cannot_be_audited_says_why(tmp_path: Path, arm) -> None:
     assert answer.returncode == BAD_INPUT
     assert "the joints are not the model's" in answer.stderr
     assert diffnea("audit", tmp_path / "nowhere.csv").returncode == BAD_INPUT
-    answer = diffnea("audit", tmp_path / "arm.urdf", path)  # as the other commands have it
+    answer = diffnea("audit", tmp_path / "arm.json", path)  # as the other commands have it
     assert answer.returncode == BAD_INPUT
-    assert f"--model {tmp_path / 'arm.urdf'}" in answer.stderr
+    assert f"--model {tmp_path / 'arm.json'}" in answer.stderr
     assert diffnea("audit", path, "--significance", "1").returncode == WRONG_USAGE
     assert diffnea("audit").returncode == WRONG_USAGE
     with pytest.raises(module.FileError, match=r"nowhere\.csv"):
