@@ -23,7 +23,8 @@ void refuse_own_inputs(const std::filesystem::path& folder, const std::vector<st
 /// @throws FileError
 void refuse_other_runs(const std::filesystem::path& folder, const std::string& schema);
 
-/// The result on standard output; below text, unless --quiet, the folder and what the run left in it.
+/// The result on standard output; below text, unless --quiet, the folder and what the run left in
+/// it.
 /// @param result  JSON with --json, else text
 void show_result(const std::string& result, const ResultFolder& folder,
                  const CommonOptions& options);

@@ -46,7 +46,7 @@ struct Comparison {
   std::vector<std::string> joints;      ///< of both fits; `ball` among them where one was fitted
   std::vector<Change> base_parameters;  ///< combinations that both fits see, most significant first
   std::vector<Change> parameters;       ///< parameters that both fits see by themselves
-  std::vector<LeftOver> left_over;     ///< joints of equal units (both fits by the same loss)
+  std::vector<LeftOver> left_over;      ///< joints of equal units (both fits by the same loss)
   /// Median of the second fit's standard errors over the first's, of `base_parameters` (without
   /// them: of `parameters`); NaN if nothing is compared.
   double std_ratio = std::numeric_limits<double>::quiet_NaN();
