@@ -131,7 +131,7 @@ Term refined(const Search& search, Term term, const std::vector<Term>& terms) {
   // What is one or the other, each with the shapes that suit it.
   for (const int k : search.candidates()[static_cast<std::size_t>(best.candidate)].choices) {
     const Term from = best;
-    for (const double value : best.effect.parameter_info[static_cast<std::size_t>(k)].choices) {
+    for (const double value : from.effect.parameter_info[static_cast<std::size_t>(k)].choices) {
       if (value == from.effect.parameters[static_cast<std::size_t>(k)]) continue;
       Term other = from;
       other.effect.parameters[static_cast<std::size_t>(k)] = value;
