@@ -271,10 +271,6 @@ bool Selection::split(std::vector<Term>& terms) const {
       });
       if (next == scores.end()) break;
       with.push_back(refined(search_, *next, with));
-      if (impossible(with.back())) {
-        with.pop_back();
-        break;
-      }
       best = search_.bic(search_.fit(with), with);
     }
     if (best > now - (compound ? 0.0 : options_.accept) || with.size() < terms.size()) continue;
