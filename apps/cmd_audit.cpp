@@ -1,7 +1,5 @@
 #include <cstdio>
-#include <filesystem>
 
-#include <diffnea/core/error.hpp>
 #include <diffnea/identify/source.hpp>
 #include <diffnea/io/audit_result.hpp>
 #include <diffnea/io/model_file.hpp>
@@ -19,21 +17,7 @@ struct AuditCommand {
   AuditLimits limits;
 };
 
-/// Every other command takes the robot first.
-void require_recordings(const std::vector<std::string>& data) {
-  for (const std::string& path : data) {
-    if (!std::filesystem::exists(path)) continue;  // reading it says so
-    const std::string extension =
-        CLI::detail::to_lower(std::filesystem::path(path).extension().string());
-    for (const char* model : {".urdf", ".xml", ".mjcf", ".json"})
-      if (extension == model)
-        throw DataError(
-            path + ": is no recording (.csv); a robot description is given as --model " + path);
-  }
-}
-
 void run_audit(AuditCommand c) {
-  require_recordings(c.data);
   std::string name;
   if (!c.model.empty()) {
     const Model model = read_model(c.model);

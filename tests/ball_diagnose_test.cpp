@@ -157,6 +157,37 @@ TEST_CASE("diagnose a ball: the caller may stop it", "[ball][diagnose]") {
   CHECK(calls < 6);
 }
 
+TEST_CASE("diagnose a ball: what was found until it was stopped is listed with its first scores",
+          "[ball][diagnose]") {
+  const Pair data = recorded({.seconds = 8, .seed = 6, .drag = kDrag});
+  DiagnoseOptions options;
+  options.effects = {"linear_drag", "string_mass"};
+  int calls = 0, last = 0;  // all of them: never stopped
+  options.progress = [&](const FitProgress&) { return ++calls != last; };
+  const Finding whole = diagnose(test::swinging_arm(), data.train, data.test, options);
+  REQUIRE(find_cause(whole, "linear_drag") != nullptr);
+  const int all = calls;
+  int with_drag = 0;
+  for (const int quarter : {1, 2, 3, 4}) {
+    calls = 0;
+    last = std::max(1, quarter * all / 4 - 1);
+    const Finding finding = diagnose(test::swinging_arm(), data.train, data.test, options);
+    CAPTURE(all, last, listed(finding));
+    CHECK(finding.interrupted);
+    for (const Cause& c : finding.causes) {
+      CHECK(c.delta_bic > options.accept_delta_bic);
+      CHECK(c.visible_share > 0.0);
+      CHECK(c.torque_share > 0.0);
+      for (const CauseParameter& p : c.parameters) CHECK(p.std > 0.0);
+    }
+    if (const Cause* drag = find_cause(finding, "linear_drag")) {
+      ++with_drag;
+      CHECK_THAT(drag->parameters.front().value, WithinAbs(kDrag, 0.5 * kDrag));
+    }
+  }
+  CHECK(with_drag >= 1);
+}
+
 TEST_CASE("diagnose a ball: a force that no effect is like is unknown, with a witness",
           "[ball][diagnose]") {
   const double omega = GENERATE(5.0, 8.0);  // the pendulum's own is 4.95/s

@@ -424,6 +424,18 @@ TEST_CASE("csv: another format is refused with the command that converts it", "[
   CHECK_THROWS_WITH(read_recordings(folder.path() / "bag"), EndsWith("bag.csv"));
 }
 
+TEST_CASE("csv: a robot description is refused with where it is given", "[recording]") {
+  const test::TemporaryFolder folder;
+  for (const char* name : {"arm.urdf", "arm.xml", "arm.mjcf", "arm.json"}) {
+    const std::filesystem::path path = folder.path() / name;
+    CHECK_THROWS_WITH(read_recordings(path), !ContainsSubstring("description"));  // none is there
+    std::ofstream(path) << "not read";
+    CHECK_THROWS_WITH(read_recordings(path), ContainsSubstring(name) &&
+                                                 ContainsSubstring("is no recording") &&
+                                                 ContainsSubstring("--model"));
+  }
+}
+
 TEST_CASE("csv: a declared passive joint has torque zero, a joint without torque is prescribed",
           "[recording]") {
   ReadOptions options;

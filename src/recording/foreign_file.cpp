@@ -1,5 +1,8 @@
 #include "recording/foreign_file.hpp"
 
+#include <algorithm>
+#include <array>
+#include <string_view>
 #include <utility>
 
 #include <diffnea/core/error.hpp>
@@ -10,6 +13,8 @@ namespace {
 constexpr std::pair<const char*, const char*> kForeign[] = {
     {".mcap", "a ROS 2 bag"},  {".db3", "a ROS 2 bag"},        {".bag", "a ROS 1 bag"},
     {".mat", "a MATLAB file"}, {".parquet", "a Parquet file"}, {".npz", "an NPZ file"}};
+
+constexpr std::array<std::string_view, 4> kDescriptions{".urdf", ".xml", ".mjcf", ".json"};
 
 /// As a shell takes it.
 std::string shell_quoted(const std::string& text) {
@@ -38,6 +43,10 @@ void refuse_foreign_file(const std::filesystem::path& path, const std::string& n
       kind = what;
       csv.replace_extension(".csv");
     }
+  const bool exists = std::filesystem::exists(path, ignored);
+  if (exists && std::ranges::find(kDescriptions, path.extension()) != kDescriptions.end())
+    throw FileError(name + ": is no recording (.csv); a robot description is given as the model (" +
+                    "first, or as --model)");
   if (kind.empty()) return;
   throw FileError(name + ": is " + kind +
                   "; CSV is read here. Convert it first: python -m diffnea.convert " +

@@ -126,7 +126,10 @@ def test_what_cannot_be_audited_says_why(tmp_path: Path, arm) -> None:
     assert diffnea("audit", tmp_path / "nowhere.csv").returncode == BAD_INPUT
     answer = diffnea("audit", tmp_path / "arm.json", path)  # as the other commands have it
     assert answer.returncode == BAD_INPUT
-    assert f"--model {tmp_path / 'arm.json'}" in answer.stderr
+    assert f"{tmp_path / 'arm.json'}: is no recording" in answer.stderr
+    assert "--model" in answer.stderr
+    with pytest.raises(module.FileError, match=r"\.json files are not read"):
+        module.audit([tmp_path / "arm.json", path])
     assert diffnea("audit", path, "--significance", "1").returncode == WRONG_USAGE
     assert diffnea("audit").returncode == WRONG_USAGE
     with pytest.raises(module.FileError, match=r"nowhere\.csv"):
