@@ -1,198 +1,18 @@
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <limits>
+#include <utility>
 
 #include <Eigen/Cholesky>
-#include <Eigen/QR>
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/identify/linear_fit.hpp>
 #include <diffnea/model/physical.hpp>
 
+#include "identify/base_parameters.hpp"
+#include "identify/stacked_factors.hpp"
+
 namespace diffnea {
-namespace {
-
-/// Combinations with a smaller share of the largest pivot are structurally invisible: columns that
-/// are exactly dependent leave 1e-13 (observed), directions that the data do see at all some 1e-5.
-constexpr double kStructuralTol = 1e-9;
-
-std::vector<int> free_columns(const FitLayout& layout) {
-  std::vector<int> out;
-  for (std::size_t i = 0; i < layout.linear.size(); ++i)
-    if (!layout.linear[i].fixed) out.push_back(static_cast<int>(i));
-  return out;
-}
-
-}  // namespace
-
-namespace {
-
-/// Root mean square of the torque that the links alone take at parameters x [N·m].
-double link_torque(const FitLayout& layout, const JointFactor& f, const VecX<double>& x) {
-  const MatX<double> R = f.factor.R();
-  VecX<double> links = VecX<double>::Zero(R.cols());
-  for (std::size_t k = 0; k < f.columns.size(); ++k)
-    if (f.columns[k] < static_cast<int>(layout.linear.size()) &&
-        layout.linear[f.columns[k]].dof >= 0)
-      links[static_cast<long>(k)] = x[f.columns[k]];
-  return (R * links).norm() / std::sqrt(static_cast<double>(std::max<long>(f.factor.rows(), 1)));
-}
-
-}  // namespace
-
-VecX<double> parameter_scales(const FitLayout& layout, const std::vector<JointFactor>& factors) {
-  VecX<double> scale(layout.linear.size());
-  for (std::size_t i = 0; i < layout.linear.size(); ++i) scale[i] = layout.linear[i].scale;
-  VecX<double> largest = VecX<double>::Zero(layout.linear.size());
-  for (const JointFactor& f : factors) {
-    if (f.factor.rows() == 0) continue;
-    const MatX<double> R = f.factor.R();
-    double torque = std::sqrt(f.factor.sum_of_squares(VecX<double>::Zero(R.cols())));
-    if (torque == 0.0)  // a passive joint: what its links take
-      torque =
-          link_torque(layout, f, layout.prior()) * std::sqrt(static_cast<double>(f.factor.rows()));
-    for (std::size_t k = 0; k < f.columns.size(); ++k) {
-      const int c = f.columns[k];
-      if (!std::isnan(layout.linear[c].scale)) continue;
-      const double share = R.col(static_cast<long>(k)).norm() / std::max(torque, 1e-300);
-      largest[c] = std::max(largest[c], share);
-    }
-  }
-  for (long c = 0; c < scale.size(); ++c)
-    if (std::isnan(scale[c]))
-      scale[c] =
-          std::max(std::abs(layout.linear[c].prior), largest[c] > 0 ? 1.0 / largest[c] : 1.0);
-  return scale;
-}
-
-namespace {
-
-/// The factors of all joints as one least-squares problem in units of their noise.
-/// @param at  about which rows of passive joints are linear; null: as they are
-void stack(const std::vector<JointFactor>& factors, const VecX<double>& sigma, long columns,
-           MatX<double>& R, VecX<double>& d, const VecX<double>* at = nullptr) {
-  TriangularFactor whole(static_cast<int>(columns));
-  for (std::size_t j = 0; j < factors.size(); ++j) {
-    const JointFactor& f = factors[j];
-    if (f.factor.rows() == 0) continue;
-    const bool passive = at && f.inertia.size() > 0;
-    const TriangularFactor mapped =
-        passive ? f.factor.mapped(f.without_scale(*at)) : TriangularFactor();
-    const TriangularFactor& factor = passive ? mapped : f.factor;
-    const MatX<double> Rj = factor.R();
-    RowMatX<double> rows = RowMatX<double>::Zero(Rj.rows(), columns + 1);
-    for (std::size_t k = 0; k < f.columns.size(); ++k)
-      rows.col(f.columns[k]) = Rj.col(static_cast<long>(k)) / sigma[j];
-    rows.col(columns) = factor.d() / sigma[j];
-    whole.add(rows);
-  }
-  R = whole.R();
-  d = whole.d();
-}
-
-}  // namespace
-
-namespace {
-
-/// A body of which some values are held and no body is known: those values, and a ball about its
-/// center.
-Theta<double> ball_with_held(const FitLayout& layout, int b, const Theta<double>& t, double m,
-                             double I) {
-  const auto held = [&](int k) { return layout.linear[b + k].fixed; };
-  if (held(0)) m = t[0];
-  Vec3<double> h{held(1) ? t[1] : 0.0, held(2) ? t[2] : 0.0, held(3) ? t[3] : 0.0};
-  Theta<double> out =
-      inertia_from_com<double>(m, h * (1.0 / std::max(m, 1e-300)), Sym3<double>{I, 0, 0, I, 0, I})
-          .theta();
-  for (int k = 0; k < kThetaSize; ++k)
-    if (held(k)) out[k] = t[k];
-  return out;
-}
-
-}  // namespace
-
-VecX<double> consistent_start(const FitLayout& layout, const VecX<double>& scale) {
-  VecX<double> x = layout.prior();
-  for (const int b : layout.bodies()) {
-    Theta<double> t;
-    std::copy_n(x.data() + b, kThetaSize, t.begin());
-    const double m = scale[b], I = scale[b + 4];
-    const Theta<double> ball{m, 0, 0, 0, I, 0, 0, I, 0, I};
-    // A thin or flat link lies on the boundary; a thousandth of the ball moves it inside.
-    Theta<double> inner;
-    const bool consistent = smallest_pseudo_inertia_eigenvalue(t) > -1e-12 * (t[0] + I) && t[0] > 0;
-    for (int k = 0; k < kThetaSize; ++k) inner[k] = t[k] + 1e-3 * ball[k];
-    if (!consistent) inner = ball_with_held(layout, b, t, m, I);
-    const bool inside =
-        consistent && smallest_pseudo_inertia_eigenvalue(t) > 1e-6 * (t[0] * I > 0 ? I : 1.0);
-    std::ranges::copy(inside ? t : inner, x.data() + b);
-  }
-  for (std::size_t i = 0; i < layout.linear.size(); ++i)
-    if (layout.linear[i].sign != Sign::kFree && !layout.linear[i].fixed)
-      x[i] = std::max(x[i], 0.01 * scale[i]);
-  return x;
-}
-
-namespace {
-
-std::string number(double x) {
-  char buffer[32];
-  std::snprintf(buffer, sizeof buffer, "%.4g", std::abs(x));
-  return buffer;
-}
-
-/// Base parameters by QR with column pivoting (Gautier 1991): x_i + Σ β x_d for each independent
-/// column i, the dependent columns d regrouped into them. Columns compete in units of their scales;
-/// what the links absorb is regrouped too, but never leads.
-std::vector<BaseParameter> base_parameters(const FitLayout& layout, const MatX<double>& R,
-                                           const VecX<double>& x, const VecX<double>& scale) {
-  std::vector<int> columns;
-  VecX<double> weight = scale;
-  for (std::size_t k = 0; k < layout.linear.size(); ++k) {
-    if (layout.linear[k].absorbed) weight[static_cast<long>(k)] *= 1e-4;
-    if (!layout.linear[k].fixed || layout.linear[k].absorbed)
-      columns.push_back(static_cast<int>(k));
-  }
-  MatX<double> Rs = R(Eigen::all, columns);
-  for (long k = 0; k < Rs.cols(); ++k) Rs.col(k) *= weight[columns[static_cast<std::size_t>(k)]];
-  Eigen::ColPivHouseholderQR<MatX<double>> qr(Rs);
-  qr.setThreshold(kStructuralTol);
-  const long rank = qr.rank(), p = Rs.cols();
-  const MatX<double> upper = qr.matrixR().topRows(rank);
-  const MatX<double> R1 = upper.leftCols(rank).template triangularView<Eigen::Upper>();
-  MatX<double> beta(rank, p - rank);
-  if (rank > 0 && p > rank) {
-    const MatX<double> dependent = upper.rightCols(p - rank);
-    beta = R1.template triangularView<Eigen::Upper>().solve(dependent);
-  }
-  std::vector<BaseParameter> out;
-  const Eigen::VectorXi order = qr.colsPermutation().indices();
-  for (long i = 0; i < rank; ++i) {
-    const int lead = columns[static_cast<std::size_t>(order[i])];
-    BaseParameter b;
-    b.columns = {lead};
-    b.coefficients = {1.0};
-    b.expression = layout.linear[lead].name;
-    b.value = x[lead];
-    for (long k = 0; k < p - rank; ++k) {
-      const int dependent = columns[static_cast<std::size_t>(order[rank + k])];
-      const double c = beta(i, k) * weight[lead] / weight[dependent];
-      // A share below a millionth of the scales is rounding.
-      if (std::abs(c) * scale[dependent] < 1e-6 * scale[lead]) continue;
-      b.columns.push_back(dependent);
-      b.coefficients.push_back(c);
-      b.expression += (c < 0 ? " - " : " + ") + number(c) + " " + layout.linear[dependent].name;
-      b.value += c * x[dependent];
-    }
-    out.push_back(b);
-  }
-  std::ranges::sort(out, {}, [](const BaseParameter& b) { return b.columns.front(); });
-  return out;
-}
-
-}  // namespace
-
 namespace {
 
 /// tr(H⁻¹ B) / f: how much larger the score's covariance is than independent residuals make it.
@@ -203,55 +23,6 @@ double mean_ratio(const MatX<double>& B, const MatX<double>& H) {
   const MatX<double> b = s.asDiagonal() * B * s.asDiagonal();
   return Eigen::LDLT<MatX<double>>(scaled).solve(b).trace() / static_cast<double>(B.rows());
 }
-
-}  // namespace
-
-double JointFactor::sum_of_squares(const VecX<double>& x) const {
-  return factor.sum_of_squares(x(columns));
-}
-MatX<double> JointFactor::without_scale(const VecX<double>& at) const {
-  const long p = static_cast<long>(columns.size());
-  MatX<double> T = MatX<double>::Identity(p + 1, p + 1);
-  if (inertia.size() == 0) return T;
-  const VecX<double> x = at(columns);
-  const double m = inertia.dot(x);
-  if (!(m > 0.0)) return T;
-  T.topLeftCorner(p, p) -= x * (inertia.transpose() / m);
-  T.col(p).head(p) = -x;
-  return T;
-}
-double JointFactor::rmse(const VecX<double>& x) const {
-  return std::sqrt(sum_of_squares(x) / static_cast<double>(std::max<long>(factor.rows(), 1)));
-}
-
-std::vector<int> absorbed_by_links(const FitLayout& layout,
-                                   const std::vector<JointFactor>& factors) {
-  const long p = static_cast<long>(layout.linear.size());
-  VecX<double> sigma = VecX<double>::Ones(static_cast<long>(factors.size()));
-  for (std::size_t j = 0; j < factors.size(); ++j)
-    sigma[static_cast<long>(j)] = std::max(factors[j].rmse(VecX<double>::Zero(p)), 1e-12);
-  MatX<double> R;
-  VecX<double> d;
-  stack(factors, sigma, p, R, d);
-  std::vector<int> links, out;
-  for (const int c : free_columns(layout))
-    if (layout.linear[c].dof >= 0) links.push_back(c);
-  if (links.empty()) return out;
-  MatX<double> L = R(Eigen::all, links);
-  for (long k = 0; k < L.cols(); ++k) L.col(k) /= std::max(L.col(k).norm(), 1e-300);
-  Eigen::ColPivHouseholderQR<MatX<double>> qr(L);
-  qr.setThreshold(kStructuralTol);
-  for (const int c : free_columns(layout)) {
-    if (layout.linear[c].dof >= 0 || layout.linear[c].theta >= 0) continue;
-    const VecX<double> g = R.col(c);
-    // Of a dependent column rounding leaves 1e-12 (observed); of any other, noise alone leaves
-    // 1e-5.
-    if (g.norm() > 0.0 && (L * qr.solve(g) - g).norm() < 1e-7 * g.norm()) out.push_back(c);
-  }
-  return out;
-}
-
-namespace {
 
 /// Held values that no body has would leave the barrier nothing to start from.
 void require_consistent(const FitLayout& layout, int b, const VecX<double>& x) {
@@ -319,7 +90,9 @@ LinearFit fit_linear(const FitLayout& layout, const std::vector<JointFactor>& fa
       factors, [&](const JointFactor& f) { return f.rmse(VecX<double>::Zero(p)) > 0.0; });
   VecX<double> at = problem.start;
   for (int round = 0; round < options.max_reweightings; ++round) {
-    stack(factors, fit.sigma, p, problem.R, problem.d, has_torque ? &at : nullptr);
+    StackedFactors rows_of_all = stacked(factors, fit.sigma, p, has_torque ? &at : nullptr);
+    problem.R = std::move(rows_of_all.R);
+    problem.d = std::move(rows_of_all.d);
     fit.solver = solve_convex_fit(problem);
     fit.x = fit.solver.x;
     double change = 0.0;
@@ -345,9 +118,7 @@ LinearFit fit_linear(const FitLayout& layout, const std::vector<JointFactor>& fa
 
   fit.scale = scale;
   fit.weak = weak;
-  VecX<double> unused;
-  MatX<double> R;
-  stack(factors, fit.sigma, p, R, unused, has_torque ? &at : nullptr);
+  const MatX<double> R = stacked(factors, fit.sigma, p, has_torque ? &at : nullptr).R;
   fit.information = R.transpose() * R;
   fit.base_parameters = base_parameters(layout, R, fit.x, scale);
   fit.rank = static_cast<int>(fit.base_parameters.size());
