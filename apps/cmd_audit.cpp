@@ -6,6 +6,7 @@
 #include <diffnea/report/audit_text.hpp>
 
 #include "common.hpp"
+#include "robots.hpp"
 
 namespace diffnea::apps {
 namespace {
@@ -44,8 +45,11 @@ void add_audit(CLI::App& app) {
       "evidence; a fault biases what is fitted, a note does not. docs/recordings.md lists them.\n"
       "The exit status is 0 whatever was found: read `audit` of --json to act on it.");
   command->add_option("data", c->data, "recordings of one robot (.csv)")->required();
-  command->add_option("--model", c->model,
-                      "robot description, for limits of position and torque: URDF, MJCF or JSON");
+  command
+      ->add_option("--model", c->model,
+                   "robot description, for limits of position and torque: URDF, MJCF or JSON; or "
+                   "the name of one that comes along")
+      ->transform(robot_file);
   command->add_option("--passive", c->passive, "joints whose torque is known to be zero");
   command
       ->add_option("--significance", c->limits.significance,

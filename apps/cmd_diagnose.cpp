@@ -10,8 +10,10 @@
 #include <diffnea/version.hpp>
 
 #include "common.hpp"
+#include "effect_names.hpp"
 #include "outputs.hpp"
 #include "recordings.hpp"
+#include "robots.hpp"
 
 namespace diffnea::apps {
 namespace {
@@ -35,6 +37,7 @@ void run_diagnose(DiagnoseCommand c) {
   c.recording.quiet = c.common.quiet;
   c.options.base = kBases.at(c.base);
   c.options.seed = c.common.seed;
+  c.options.effects = with_pairs(c.options.effects);
   refuse_own_inputs(c.out, {c.model});
   refuse_other_runs(c.out, "diffnea/diagnose/");
   const Model model = read_model(c.model);
@@ -87,7 +90,7 @@ void add_diagnose(CLI::App& app, const std::vector<std::string>& command_line) {
   CLI::App* command = app.add_subcommand(
       "diagnose",
       "Name the effects that a model lacks, with evidence, rivals and the gain on held-out data.");
-  command->add_option("model", c->model, "robot description: URDF, MJCF or JSON")->required();
+  add_robot(*command, c->model);
   command
       ->add_option("data", c->data,
                    "recordings (.csv): time, q_*, tau_*; or ball_x, ball_y, ball_z")
@@ -104,7 +107,8 @@ void add_diagnose(CLI::App& app, const std::vector<std::string>& command_line) {
       ->capture_default_str();
   command
       ->add_option("--effects", c->options.effects,
-                   "candidates: name or name@where, separated by commas; default: all that "
+                   "candidates: name, name@where or name@joint,joint, separated by commas; "
+                   "default: all that "
                    "`diffnea effects` lists")
       ->delimiter(',');
   command->add_flag("--grey-box,!--no-grey-box", c->options.grey_box,

@@ -9,6 +9,7 @@
 #include "common.hpp"
 #include "outputs.hpp"
 #include "progress.hpp"
+#include "robots.hpp"
 
 namespace diffnea::apps {
 namespace {
@@ -96,7 +97,7 @@ void run_excite(ExciteOptions options) {
   write_trajectory(result.trajectory, options.out);
   if (options.common.json)
     std::fputs(excite_result_json(result, options.out).c_str(), stdout);
-  else if (!options.common.quiet)
+  else
     print(result, options.out);
   if (result.interrupted)
     stop(kInterrupted, "interrupted: " + options.out + " is the best motion until then");
@@ -118,7 +119,7 @@ void add_excite(CLI::App& app) {
       "position limits a joint moves within 1 rad or 0.1 m of its zero; without a velocity limit "
       "(or 0) at up to 2 rad/s or 0.3 m/s; without an effort limit (or 0) torque is not looked at; "
       "a range of zero width holds it.");
-  command->add_option("model", options->model, "robot description: URDF, MJCF or JSON")->required();
+  add_robot(*command, options->model);
   command->add_option("-o,--output", options->out, "trajectory (.csv)")->required();
   command->add_option("--duration", f.duration, "whole periods that cover this [s]")
       ->check(at_least(0.0, true))

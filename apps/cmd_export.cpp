@@ -5,6 +5,7 @@
 
 #include "common.hpp"
 #include "outputs.hpp"
+#include "robots.hpp"
 
 namespace diffnea::apps {
 namespace {
@@ -23,10 +24,9 @@ void run_export(const ExportCommand& c) {
     std::fputs(export_result_json(c.model, c.out, left_out).c_str(), stdout);
     return;
   }
-  if (c.common.quiet) return;
   if (!left_out.empty()) std::fprintf(stderr, "%s cannot hold:\n", c.out.c_str());
   for (const std::string& what : left_out) std::fprintf(stderr, "  %s\n", what.c_str());
-  std::printf("%s\n", c.out.c_str());
+  if (!c.common.quiet) std::printf("%s\n", c.out.c_str());
 }
 
 }  // namespace
@@ -42,9 +42,10 @@ void add_export(CLI::App& app) {
       "What the format cannot hold is listed on standard error, and in --json.");
   command
       ->add_option("model", c->model,
-                   "robot description: URDF, MJCF or JSON; or the folder of a run: the model that "
-                   "it fitted or extended")
-      ->required();
+                   "robot description: URDF, MJCF or JSON; or the name of one that comes along; or "
+                   "the folder of a run: the model that it fitted or extended")
+      ->required()
+      ->transform(robot_file);
   command->add_option("-o,--output", c->out, "file to write: .urdf, .xml (MJCF) or .json")
       ->required();
   add_common(*command, c->common);

@@ -11,8 +11,10 @@
 #include <diffnea/version.hpp>
 
 #include "common.hpp"
+#include "effect_names.hpp"
 #include "outputs.hpp"
 #include "recordings.hpp"
+#include "robots.hpp"
 
 namespace diffnea::apps {
 namespace {
@@ -57,8 +59,9 @@ void run_identify(IdentifyCommand c) {
     c.options.loss = kLosses.at(c.loss);
   c.options.robust = kRobust.at(c.robust);
   if (c.effects_given)
-    c.options.choice.effects =
-        c.effects == std::vector<std::string>{"none"} ? std::vector<std::string>{} : c.effects;
+    c.options.choice.effects = c.effects == std::vector<std::string>{"none"}
+                                   ? std::vector<std::string>{}
+                                   : with_pairs(c.effects);
   c.options.trajectory.threads = threads_of(c.common);
   refuse_own_inputs(c.out, {c.model});
   refuse_other_runs(c.out, "diffnea/identify/");
@@ -110,7 +113,7 @@ void add_identify(CLI::App& app, const std::vector<std::string>& command_line) {
   CLI::App* command = app.add_subcommand(
       "identify",
       "Fit a model's parameters to recordings; physically consistent, with uncertainties.");
-  command->add_option("model", c->model, "robot description: URDF, MJCF or JSON")->required();
+  add_robot(*command, c->model);
   command
       ->add_option("data", c->data,
                    "recordings (.csv): time, q_*, tau_*; or ball_x, ball_y, ball_z")
@@ -137,7 +140,7 @@ void add_identify(CLI::App& app, const std::vector<std::string>& command_line) {
   command
       ->add_option(
           "--effects", c->effects,
-          "beyond those of the model: name or name@joint, separated by commas; "
+          "beyond those of the model: name, name@joint or name@joint,joint, separated by commas; "
           "payload@tip:run=1 acts in recording 1 alone (from 0, those of --test last); none; "
           "default: armature, viscous and Coulomb friction and an offset at every joint; "
           "with torque sensors behind the drive (--torque-side link) the offset alone; of a ball "

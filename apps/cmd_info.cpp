@@ -4,6 +4,7 @@
 #include <diffnea/io/model_info.hpp>
 
 #include "common.hpp"
+#include "robots.hpp"
 
 namespace diffnea::apps {
 namespace {
@@ -25,7 +26,7 @@ void add_info(CLI::App& app) {
   auto options = std::make_shared<InfoOptions>();
   CLI::App* command = app.add_subcommand(
       "info", "Show a robot description as it is understood, and what looks wrong with it.");
-  command->add_option("model", options->model, "robot description: URDF, MJCF or JSON")->required();
+  add_robot(*command, options->model);
   add_common(*command, options->common);
   command->callback([options] { run_info(*options); });
 }

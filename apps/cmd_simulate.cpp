@@ -11,6 +11,7 @@
 
 #include "common.hpp"
 #include "outputs.hpp"
+#include "robots.hpp"
 
 namespace diffnea::apps {
 namespace {
@@ -75,7 +76,7 @@ void run_simulate(SimulateOptions options) {
   else if (!options.common.quiet)
     std::fprintf(stderr, "%s: %ld rows, %ld with a torque at its limit\n", options.out.c_str(),
                  result.recording.rows(), result.saturated);
-  if (!options.common.quiet) tell_who_lags(result.recording, options.out);
+  tell_who_lags(result.recording, options.out);
   if (!result.failure.empty())
     stop(kNoUsableResult, options.out + ": the simulation ended early: " + result.failure);
 }
@@ -89,7 +90,7 @@ void add_simulate(CLI::App& app) {
       "Follow a desired motion with a controller that knows the model, and record.\n"
       "Without --world the robot is the model itself, without noise; with a MuJoCo world it "
       "differs from it, and its sensors are noisy.");
-  command->add_option("model", options->model, "robot description: URDF, MJCF or JSON")->required();
+  add_robot(*command, options->model);
   command->add_option("--trajectory", options->trajectory, "time, qcmd_*, qdcmd_*, qddcmd_* (.csv)")
       ->required();
   command->add_option(

@@ -26,7 +26,7 @@ enum ExitStatus { kBadInput = 1, kWrongUsage = 2, kNoUsableResult = 3, kInterrup
 /// The options that every command takes.
 struct CommonOptions {
   bool json = false;       ///< the machine-readable result on standard output, nothing else
-  bool quiet = false;      ///< no progress on standard error
+  bool quiet = false;      ///< no progress, nor which files were written
   std::uint64_t seed = 0;  ///< of everything that is drawn by chance
   int threads = 0;         ///< 0: as many as there are cores
 };
@@ -88,7 +88,7 @@ inline CLI::Validator count(std::uint64_t most) {
 /// Adds --json, --quiet, --seed and --threads to a command.
 inline void add_common(CLI::App& command, CommonOptions& options) {
   command.add_flag("--json", options.json, "print the result as JSON on standard output");
-  command.add_flag("--quiet", options.quiet, "print no progress");
+  command.add_flag("--quiet", options.quiet, "print no progress, and not which files were written");
   command.add_option("--seed", options.seed, "seed of random numbers")
       ->check(count(std::numeric_limits<std::uint64_t>::max()))
       ->capture_default_str();

@@ -28,12 +28,22 @@ void refuse_own_inputs(const fs::path& folder, const std::vector<std::string>& i
 
 void refuse_other_runs(const fs::path& folder, const std::string& schema) {
   std::error_code ignored;
-  if (!fs::exists(folder / "result.json", ignored)) return;
+  const auto refuse_foreign = [](const fs::path& file) {
+    throw FileError(file.string() +
+                    ": was not left by diffnea, whose result would replace it; choose another "
+                    "folder with -o");
+  };
+  if (!fs::exists(folder / "result.json", ignored)) {
+    if (fs::exists(folder / "series.json", ignored)) return;  // a killed run's, which comes first
+    for (const std::string& name : kRunFiles)
+      if (fs::exists(folder / name, ignored)) refuse_foreign(folder / name);
+    return;
+  }
   std::string there;
   try {
     there = run_schema(folder);
   } catch (const Error&) {
-    return;  // nothing that could be lost
+    refuse_foreign(folder / "result.json");
   }
   if (!there.starts_with(schema))
     throw FileError(folder.string() + ": holds another command's result (" + there +

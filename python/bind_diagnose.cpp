@@ -387,8 +387,8 @@ void bind_finding(py::module_& m) {
           "to_dict", [](const DiagnoseRun& run) { return parse_json(diagnose_result_json(run)); },
           "The content of result.json, schema ``diffnea/diagnose/1``.")
       .def("save", &save, "folder"_a, py::call_guard<py::gil_scoped_release>(),
-           "Write what ``diffnea diagnose -o folder`` leaves there: result.json, series.json and "
-           "the\nextended model.json.")
+           "Write what ``diffnea diagnose -o folder`` leaves there: result.json, series.json, the "
+           "extended\nmodel.json and report.html.")
       .def(
           "plot",
           [](const DiagnoseRun& run, const std::optional<std::vector<std::string>>& joints) {

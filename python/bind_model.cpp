@@ -8,6 +8,7 @@
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/effects/catalogue.hpp>
+#include <diffnea/io/effects_list.hpp>
 #include <diffnea/io/model_file.hpp>
 #include <diffnea/io/model_info.hpp>
 #include <diffnea/io/world.hpp>
@@ -141,25 +142,7 @@ std::optional<BumpTable> table_from(const py::object& table) {
                    numbers("widths"), numbers("weights"), py::cast<double>(table["bound"])};
 }
 
-py::list effect_catalogue() {
-  static constexpr const char* kPlaces[] = {"joint", "joint pair", "tip",    "base",
-                                            "all",   "ball",       "string", "camera"};
-  static_assert(std::size(kPlaces) == static_cast<std::size_t>(Place::kCamera) + 1);
-  static constexpr const char* kSigns[] = {"any", "not negative", "positive"};
-  py::list out;
-  for (const EffectInfo& e : catalogue()) {
-    py::list parameters;
-    for (const ParameterInfo& p : e.parameters)
-      parameters.append(
-          py::dict("name"_a = p.name, "unit"_a = p.unit, "unit_prismatic"_a = p.unit_prismatic,
-                   "sign"_a = kSigns[static_cast<std::size_t>(p.sign)], "linear"_a = p.linear,
-                   "initial"_a = p.initial, "per_run"_a = p.per_run, "search"_a = p.search));
-    out.append(py::dict("effect"_a = e.name, "formula"_a = e.formula, "summary"_a = e.summary,
-                        "place"_a = kPlaces[static_cast<std::size_t>(e.place)],
-                        "motor_side"_a = e.motor_side, "parameters"_a = parameters));
-  }
-  return out;
-}
+py::object effect_catalogue() { return parse_json(effects_json())["effects"]; }
 
 }  // namespace
 
@@ -309,8 +292,8 @@ void bind_model(py::module_& m) {
   m.def("_read_model", &read_model_or_run, "path"_a, py::call_guard<py::gil_scoped_release>());
   m.def("_find_model_file", &find_model_file, "name"_a, "extensions"_a);
   m.def("effects", &effect_catalogue,
-        "The effects there are: a list of dicts with effect, formula, summary, place, motor_side "
-        "and parameters.");
+        "The effects there are: a list of dicts, those of ``diffnea effects --json``: effect, "
+        "formula,\nsummary, place, acts_on, motor_side and parameters.");
 }
 
 }  // namespace diffnea::python

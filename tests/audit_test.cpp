@@ -489,6 +489,27 @@ TEST_CASE("audit: clipping, limits and units", "[audit]") {
     const ChannelFault f = only(found(r, limits), "degrees", "q_elbow");
     CHECK_THAT(f.evidence, ContainsSubstring("q_elbow [deg]"));
   }
+  SECTION("millimetres of a slide") {
+    AuditLimits slide = limits;
+    slide.joints[1] = {.name = "elbow", .prismatic = true, .lower = -3, .upper = 3, .effort = 40};
+    r.q.col(1) *= 1000.0;
+    r.qd.col(1) *= 1000.0;
+    r.qcmd.col(1) *= 1000.0;
+    const ChannelFault f = only(found(r, slide), "length_unit", "q_elbow");
+    CHECK_THAT(f.evidence, ContainsSubstring("q_elbow [mm]"));
+  }
+  SECTION("an encoder that wraps") {
+    const double middle = 0.5 * (r.q.col(1).minCoeff() + r.q.col(1).maxCoeff());
+    for (long i = 0; i < r.rows(); ++i)
+      r.q(i, 1) = std::remainder(r.q(i, 1) - middle + kPi, 2.0 * kPi);
+    const ChannelFault f = only(found(r, limits), "position_wrapped", "q_elbow");
+    CHECK_THAT(f.evidence, ContainsSubstring("whole turn"));
+  }
+  SECTION("a turn and back is no wrap") {
+    r.q(5000, 1) += 2.0 * kPi;
+    const std::string all = names(found(r, limits));
+    CHECK_THAT(all, ContainsSubstring("spike q_elbow") && !ContainsSubstring("position_wrapped"));
+  }
   SECTION("a position beyond its limit") {
     r.q.col(1).array() += 3.5;
     only(found(r, limits), "position_beyond_limit", "q_elbow");
@@ -540,6 +561,24 @@ TEST_CASE("audit: the stated period is held against the motion", "[audit]") {
   CHECK(report.faults.empty());
   CHECK(std::ranges::any_of(
       report.checks, [](const AuditCheck& c) { return c.name == "stated period" && !c.done; }));
+}
+
+TEST_CASE("audit: two periods are enough, less are not", "[audit]") {
+  const long period = static_cast<long>(kPeriod / 0.004);
+  const auto first = [](long rows) {
+    Recording r = clean_arm(3).recording;
+    for (auto member : {&Recording::q, &Recording::qd, &Recording::qcmd, &Recording::tau})
+      r.*member = RowMatX<double>((r.*member).topRows(rows));
+    r.time = VecX<double>(r.time.head(rows));
+    return r;
+  };
+  for (const long rows : {2 * period, 2 * period + 1}) {
+    const Period found = detect_period(first(rows));
+    CAPTURE(rows, found.seconds, found.std);
+    CHECK(std::abs(found.seconds - kPeriod) < 5.0 * found.std + 1e-4);
+    CHECK(std::abs(found.repeats - 2.0) < 2e-3);
+  }
+  CHECK(detect_period(first(2 * period - period / 50)).seconds == 0.0);
 }
 
 TEST_CASE("audit: a motion that does not repeat has no period", "[audit]") {

@@ -155,7 +155,9 @@ std::vector<Refusal> bound_shapes(const Evidence& evidence, const FitLayout& lay
     if (!repeats && (name == "joint_elasticity" || name == "backlash")) {
       if (std::ranges::none_of(refused, [&](const Refusal& r) { return r.effect == name; }))
         refused.push_back(
-            {name, "all", "not tried: needs a motion that repeats, two periods or more", 0.0});
+            {name, "all",
+             "not tried: needs a motion that repeats, two periods or more, and so of held-out data",
+             0.0});
       continue;
     }
     if (name == "saturation") {

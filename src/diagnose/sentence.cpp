@@ -192,12 +192,17 @@ std::string sentence(const Finding& f) {
   if (f.ball && !std::ranges::all_of(f.causes, of_ball) && std::ranges::any_of(f.causes, of_ball))
     out += ", and brings the ball's path from " + format_number(1e3 * f.ball->base_rms) + " to " +
            format_number(1e3 * f.ball->extended_rms) + " mm of the camera's";
-  const std::vector<Rival>& rivals = f.causes.front().rivals;
-  const auto next = std::ranges::find_if(rivals, [](const Rival& r) {
-    return r.delta_bic >= 0.0;
-  });  // below, it is a more general one
-  if (next != rivals.end())
-    out += "; the next rival, " + placed(next->effect, next->where) + ", is worse by " +
+  const Rival* next = nullptr;
+  const Cause* of = nullptr;
+  for (const Cause& c : f.causes)
+    for (const Rival& r : c.rivals)  // below 0, it is a more general one
+      if (is_named(c) && r.delta_bic >= 0.0 && (!next || r.delta_bic < next->delta_bic)) {
+        next = &r;
+        of = &c;
+      }
+  if (next)
+    out += "; the next rival, " + placed(next->effect, next->where) +
+           (f.causes.size() > 1 ? " for " + placed(of->effect, of->where) : "") + ", is worse by " +
            format_number(next->delta_bic) + " in BIC";
   return out + ".";
 }

@@ -181,10 +181,11 @@ std::vector<std::string> joint_pairs(const Model& model) {
 }  // namespace
 
 RunPlace split_where(const std::string& where) {
-  const std::size_t colon = where.find(':');
+  const std::size_t colon = where.rfind(':');  // joints may have one in their names
+  if (colon == std::string::npos) return {where, {}};
   RunPlace out{where.substr(0, colon), {}};
-  if (colon == std::string::npos) return out;
   std::string rest = where.substr(colon + 1);
+  if (!rest.starts_with("run")) return {where, {}};
   if (!rest.starts_with("run=")) refuse_runs(where);
   rest = rest.substr(4) + "+";
   for (std::size_t at = 0; at < rest.size();) {

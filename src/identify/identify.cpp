@@ -38,7 +38,7 @@ void add_warnings(const Model& model, const RecordingSource& train, const Record
           format_number(e.test) + " against " + format_number(e.nominal_test) + " " + e.unit +
           "): were both recorded with the same signs, units and load? Else the fit has "
           "taken too much from too little motion");
-    if (e.torque_rms > 0.0 && e.train > 0.8 * e.torque_rms && e.joint != kBall)
+    if (e.torque_rms > 0.0 && std::fmax(e.train, e.test) > 0.8 * e.torque_rms && e.joint != kBall)
       first.push_back(
           e.joint +
           ": the fit explains little of the measured torque; check its sign, its unit, the "

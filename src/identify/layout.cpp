@@ -112,11 +112,13 @@ void add_effect(const BoundEffect& effect, bool fixed, bool fix_shapes, double p
 void require_fittable(const BoundEffect& effect) {
   const EffectInfo& info = effect.info();
   if (info.port == Port::kJointTorque || info.port == Port::kModelParameter) return;
-  throw ModelError("effects: identify cannot fit " + info.name + " at '" + effect.where +
-                   "', nor a model that has it: its torque is " +
-                   (effect.is_local() ? "that of a force on a link, no joint's own"
-                                      : "no function of one instant of the joints") +
-                   "; `diffnea diagnose` fits it");
+  throw ModelError(
+      "effects: identify cannot fit " + info.name + " at '" + effect.where +
+      "', nor a model that has it: " +
+      (info.port == Port::kMeasurement ? "it is of what is measured, and moves every column"
+       : effect.is_local()             ? "its torque is that of a force on a link, no joint's own"
+                                       : "its torque is no function of one instant of the joints") +
+      "; `diffnea diagnose` fits it");
 }
 
 /// The fixed transform of one joint.

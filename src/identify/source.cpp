@@ -2,6 +2,7 @@
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/identify/source.hpp>
+#include <diffnea/recording/position_warnings.hpp>
 
 namespace diffnea {
 namespace {
@@ -13,7 +14,8 @@ constexpr long kSampleRows = 4 * kBlockRows;
 std::vector<ChannelWarning> find_warnings(const std::vector<JointDescription>& joints,
                                           const std::vector<Recording>& recordings) {
   std::vector<ChannelWarning> out = find_degrees(joints, recordings);
-  for (ChannelWarning& w : find_excess_torque(joints, recordings)) out.push_back(std::move(w));
+  for (auto find : {find_other_lengths, find_wrapped, find_excess_torque})
+    for (ChannelWarning& w : find(joints, recordings)) out.push_back(std::move(w));
   return out;
 }
 

@@ -127,6 +127,12 @@ class InverseFit {
       for (std::size_t c = 0; c < layout_.linear.size(); ++c)
         layout_.linear[c].scale = with_shapes.linear[c].scale = scale[static_cast<long>(c)];
     }
+    const auto free = [](const FitParameter& p) { return !p.fixed; };
+    if (std::ranges::none_of(layout_.linear, free) && std::ranges::any_of(with_shapes.shape, free))
+      throw ModelError(
+          "identify: a tilt, shapes and transforms are fitted beside parameters that torques are "
+          "linear in, and all of these are held; fit an effect besides, e.g. viscous_friction, or "
+          "inertia");
     if (gains_.any_free()) hold_undetermined_gains(with_shapes);
     solve(layout_);
     if (gains_.any_free() && hold_unknown_gains(with_shapes)) solve(layout_);

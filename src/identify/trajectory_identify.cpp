@@ -215,7 +215,8 @@ class TrajectoryIdentification {
       const RowMatX<double> a = simulate_window(after, w, w.state, options_.trajectory.stepping);
       const RowMatX<double> b =
           simulate_window(before, nominal[i], nominal[i].state, options_.trajectory.stepping);
-      for (long k = 0; k < a.rows(); ++k)
+      const long room = static_cast<long>(kMaxPoints - out[0].time.size());
+      for (long k = 0; k < std::min<long>(a.rows(), room); ++k)
         for (std::size_t j = 0; j < out.size(); ++j) {
           const long column = static_cast<long>(j);
           out[j].time.push_back(w.time[static_cast<std::size_t>(k)]);

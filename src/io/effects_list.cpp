@@ -102,7 +102,8 @@ std::string effects_json() {
                             {"linear", p.linear},
                             {"initial", p.initial},
                             {"initial_prismatic", prismatic},
-                            {"per_run", p.per_run}});
+                            {"per_run", p.per_run},
+                            {"search", p.search}});
     }
     effects.push_back({{"effect", e.name},
                        {"formula", e.formula},

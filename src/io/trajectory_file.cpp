@@ -8,6 +8,7 @@
 #include <diffnea/io/trajectory_file.hpp>
 
 #include "io/model_parts.hpp"
+#include "recording/columns.hpp"
 #include "recording/line_source.hpp"
 
 namespace diffnea {
@@ -53,6 +54,8 @@ RowMatX<double> differentiate(const VecX<double>& t, const RowMatX<double>& x) {
 }  // namespace
 
 void write_trajectory(const Trajectory& t, const std::filesystem::path& path) {
+  for (const std::string& joint : t.joint_names)
+    detail::require_plain_name("write_trajectory", joint, true);
   std::string text = "time";
   for (const char* prefix : {"qcmd_", "qdcmd_", "qddcmd_"})
     for (const std::string& joint : t.joint_names) text += std::string(",") + prefix + joint;

@@ -283,6 +283,8 @@ std::vector<std::pair<std::string, std::string>> audit_fault_names() {
       {"torque_unit", "torque so far above the limits that its unit must be another"},
       {"position_beyond_limit", "position outside the model's limits"},
       {"degrees", "positions that fit their range as degrees"},
+      {"length_unit", "positions of a slide that fit its range as mm or cm"},
+      {"position_wrapped", "a hinge's position jumps by a whole turn and stays there"},
       {"velocity_sign", "measured velocity has the sign of −dq/dt"},
       {"velocity_scale", "measured velocity is a multiple of dq/dt"},
       {"velocity_filter_lag", "measured velocity is dq/dt through a low-pass, or late"},

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <map>
 
+#include <diffnea/recording/position_warnings.hpp>
+
 #include "recording/audit_parts.hpp"
 #include "recording/audit_statistics.hpp"
 
@@ -99,22 +101,33 @@ void audit_limits(AuditContext& c) {
         it->second.second = std::max(it->second.second, x);
       }
   });
-  std::vector<std::string> in_degrees;
-  for (const ChannelWarning& warning : find_degrees(c.joints, c.recordings)) {
-    const auto& [low, high] = extremes["q_" + warning.joint];
-    ChannelFault f = make_fault("degrees", warning.joint, "q_" + warning.joint,
-                                std::max(std::abs(low), std::abs(high)), "rad");
-    f.evidence = warning.text;
-    in_degrees.push_back(warning.joint);
-    c.add(std::move(f));
-  }
+  std::vector<std::string> explained;  // joints whose positions beyond limits have a name
+  const auto add_warnings = [&](const std::vector<ChannelWarning>& warnings, const char* name,
+                                const char* unit) {
+    for (const ChannelWarning& warning : warnings) {
+      const auto& [low, high] = extremes["q_" + warning.joint];
+      ChannelFault f = make_fault(name, warning.joint, "q_" + warning.joint,
+                                  std::max(std::abs(low), std::abs(high)), unit);
+      f.evidence = warning.text;
+      explained.push_back(warning.joint);
+      c.add(std::move(f));
+    }
+  };
+  add_warnings(find_degrees(c.joints, c.recordings), "degrees", "rad");
+  add_warnings(find_other_lengths(c.joints, c.recordings), "length_unit", "m");
+  const std::vector<ChannelWarning> wrapped = find_wrapped(c.joints, c.recordings);
+  add_warnings(wrapped, "position_wrapped", "rad");
+  for (const ChannelWarning& w : wrapped)  // dq/dt has the jumps, too: it is no measure of q̇ there
+    for (int j = 0; j < c.num_joints(); ++j)
+      if (c.joints[static_cast<std::size_t>(j)].name == w.joint)
+        c.has_qd[static_cast<std::size_t>(j)] = c.has_qdd[static_cast<std::size_t>(j)] = false;
   int limited = 0;
   std::vector<double> share_of_effort;
   for (int j = 0; j < c.num_joints(); ++j) {
     const JointDescription& joint = c.joints[j];
     const auto q = extremes.find("q_" + joint.name), tau = extremes.find("tau_" + joint.name);
     if (q != extremes.end() && std::isfinite(joint.lower) && std::isfinite(joint.upper) &&
-        std::ranges::find(in_degrees, joint.name) == in_degrees.end()) {
+        std::ranges::find(explained, joint.name) == explained.end()) {
       ++limited;
       const auto [low, high] = q->second;
       const double beyond = std::max(high - joint.upper, joint.lower - low);

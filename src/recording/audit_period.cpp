@@ -18,6 +18,8 @@ constexpr long kSearchRows = 1500;
 /// Rms difference of two periods that still counts as a repetition, over √2 times the motion's
 /// rms.
 constexpr double kRepeats = 0.03;
+/// Of a period: what the second of two may lack, its last row or what noise makes of the period.
+constexpr double kShort = 1e-3;
 
 /// Positions on a uniform grid, each joint without its mean and divided by its standard deviation.
 struct Motion {
@@ -111,7 +113,9 @@ Period detect_period(const Recording& recording) {
   if (full.x.size() == 0) return none;
   const Motion coarse = thinned(full);
   const long rows = coarse.x.rows();
-  std::vector<double> d(rows / 2 + 1, 0.0);
+  // Two periods and no more are enough: their lag is half of the rows, and a minimum has
+  // neighbours.
+  std::vector<double> d(rows / 2 + 3, 0.0);
   for (long k = 1; k < static_cast<long>(d.size()); ++k)
     d[k] = mismatch(coarse, static_cast<double>(k) * coarse.dt);
   // Until positions have moved apart, they only look like themselves.
@@ -134,6 +138,7 @@ Period detect_period(const Recording& recording) {
     }
     const double left = mismatch(full, at);
     if (!(left < 2.0 * kRepeats * kRepeats)) continue;  // 2: the variance of a difference
+    if (2.0 * at > seconds + std::max(2.0 * full.dt, kShort * at)) continue;
     Period out;
     out.seconds = at;
     out.repeats = seconds / at;

@@ -132,6 +132,15 @@ std::optional<std::string> joint_of(const std::string& name, Channel& channel) {
 
 }  // namespace
 
+void require_plain_name(const std::string& what, const std::string& name, bool of_joint) {
+  const bool trimmed = !name.empty() && name.front() != ' ' && name.front() != '\t' &&
+                       name.back() != ' ' && name.back() != '\t';
+  if (!trimmed || name.find_first_of(of_joint ? ",\"\r\n[]" : ",\"\r\n") != name.npos)
+    throw DataError(what + ": a column cannot be named '" + name +
+                    "', expected a name without commas, quotes, line ends and spaces about it; of "
+                    "a joint without brackets");
+}
+
 std::string join(const std::vector<std::string>& names) {
   std::string out;
   for (const std::string& n : names) out += (out.empty() ? "" : ", ") + n;

@@ -44,6 +44,10 @@ double largest_credible(Channel channel);
 /// What to call the channel in a message.
 const char* channel_name(Channel channel);
 
+/// A header has no way to say commas, quotes, line ends and spaces about a name, nor brackets in a
+/// joint's, which hold units. @throws DataError that begins with `what`
+void require_plain_name(const std::string& what, const std::string& name, bool of_joint);
+
 /// "a, b, c" or "none"
 std::string join(const std::vector<std::string>& names);
 

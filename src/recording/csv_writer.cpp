@@ -5,6 +5,8 @@
 #include <diffnea/core/error.hpp>
 #include <diffnea/recording/csv.hpp>
 
+#include "recording/columns.hpp"
+
 namespace diffnea {
 namespace {
 
@@ -15,19 +17,11 @@ struct OutColumn {
   long stride;
 };
 
-/// A header has no way to say these. @throws DataError
-void require_plain(const std::string& name, const char* forbidden) {
-  const bool trimmed = !name.empty() && name.front() != ' ' && name.front() != '\t' &&
-                       name.back() != ' ' && name.back() != '\t';
-  if (!trimmed || name.find_first_of(forbidden) != name.npos)
-    throw DataError("write_recording: a column cannot be named '" + name +
-                    "', expected a name without commas, quotes, line ends and spaces about it; of "
-                    "a joint without brackets");
-}
-
 std::vector<OutColumn> columns_of(const Recording& r) {
-  for (const std::string& joint : r.joint_names) require_plain(joint, ",\"\r\n[]");
-  for (const ExtraChannel& e : r.extra) require_plain(e.name, ",\"\r\n");
+  for (const std::string& joint : r.joint_names)
+    detail::require_plain_name("write_recording", joint, true);
+  for (const ExtraChannel& e : r.extra)
+    detail::require_plain_name("write_recording", e.name, false);
   std::vector<OutColumn> out;
   out.push_back({"time", r.time.data(), 1});
   const auto add_joints = [&](const char* prefix, const RowMatX<double>& m, bool torque) {

@@ -261,6 +261,19 @@ def test_what_no_run_left_in_the_folder_stays(recordings: Path, tmp_path: Path) 
 
 
 @pytest.mark.parametrize("command", ["identify", "diagnose"])
+@pytest.mark.parametrize("name", ["result.json", "model.xml"])
+def test_a_file_that_diffnea_did_not_write_stays(
+    recordings: Path, tmp_path: Path, command: str, name: str
+) -> None:
+    (tmp_path / name).write_text('{"mine": 1}')
+    answer = diffnea(command, PENDULUM, recordings / "train.csv", "-o", tmp_path)
+    assert answer.returncode == BAD_INPUT
+    assert f"{name}: was not left by diffnea" in answer.stderr
+    assert (tmp_path / name).read_text() == '{"mine": 1}'
+    assert {path.name for path in tmp_path.iterdir()} == {name}
+
+
+@pytest.mark.parametrize("command", ["identify", "diagnose"])
 def test_a_model_is_not_overwritten_by_its_fit(
     recordings: Path, tmp_path: Path, command: str
 ) -> None:
@@ -289,6 +302,50 @@ def test_excite_says_what_it_does_without_limits(tmp_path: Path) -> None:
 
 
 # --- bad input: one message that says where, what, and what there is
+
+
+def test_a_robot_that_comes_along_needs_no_path(recordings: Path, tmp_path: Path) -> None:
+    train = recordings / "train.csv"
+    done("identify", "double_pendulum", train, "-o", tmp_path / "run", "--quiet")
+    inputs = load(tmp_path / "run" / "result.json")["reproduce"]["inputs"]
+    assert Path(inputs[0]["path"]) == PENDULUM
+    assert "or one of: cart_pole" in refused(tmp_path / "other", "triple_pendulum", train)
+
+
+def test_a_pair_of_joints_may_be_named(recordings: Path, tmp_path: Path) -> None:
+    asked = "viscous_friction@elbow,transmission_coupling@shoulder,elbow,torque_offset"
+    train = recordings / "train.csv"
+    done("identify", PENDULUM, train, "--effects", asked, "-o", tmp_path / "run")
+    fitted = {(e["effect"], e["where"]) for e in load(tmp_path / "run" / "result.json")["effects"]}
+    assert fitted == {
+        ("viscous_friction", "elbow"),
+        ("transmission_coupling", "shoulder,elbow"),
+        ("torque_offset", "shoulder"),
+        ("torque_offset", "elbow"),
+    }
+    words = ("--effects", "transmission_coupling@shoulder,elbow", "-o", tmp_path / "why")
+    done("diagnose", PENDULUM, train, *words)
+    tried = load(tmp_path / "why" / "result.json")
+    names = {c["effect"] for c in tried["candidates"] + tried["absorbed"]}
+    assert names == {"transmission_coupling"}
+
+
+def test_a_joint_may_have_a_colon_in_its_name_and_no_comma(tmp_path: Path) -> None:
+    for name, status in (("elbow:2", DONE), ("elbow,2", BAD_INPUT)):
+        model = tmp_path / "arm.urdf"
+        model.write_text(PENDULUM.read_text().replace('"elbow"', f'"{name}"'))
+        words = ("--duration", 10, "--iterations", 2, "-o", tmp_path / "motion.csv")
+        answer = diffnea("excite", model, *words)
+        assert answer.returncode == status, answer.stderr
+        if status == BAD_INPUT:
+            assert f"cannot be named '{name}'" in answer.stderr
+            continue
+        train = tmp_path / "train.csv"
+        done("simulate", model, "--trajectory", tmp_path / "motion.csv", "-o", train)
+        words = ("--effects", f"viscous_friction@{name},torque_offset", "-o", tmp_path / "run")
+        done("identify", model, train, *words)
+        effects = load(tmp_path / "run" / "result.json")["effects"]
+        assert ("viscous_friction", name) in {(e["effect"], e["where"]) for e in effects}
 
 
 def test_a_file_that_is_not_there(recordings: Path, tmp_path: Path) -> None:

@@ -107,7 +107,9 @@ def results(folder: Path) -> dict[str, Any]:
     out: dict[str, Any] = {}
     for path in files(folder):
         name = path.relative_to(folder).as_posix()
-        if "checkpoints/" in name or path.suffix in {".html", ".jsonl", ".tex"}:
+        if path.suffix == ".jsonl":  # a run killed behind its last result leaves no line there
+            continue
+        if "checkpoints/" in name or path.suffix in {".html", ".tex"}:
             out[name] = None
         elif path.name == "table.json":
             out[name] = load(path)["rows"]
