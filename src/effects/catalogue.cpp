@@ -1,6 +1,8 @@
 #include <algorithm>
+#include <array>
 #include <charconv>
 #include <numeric>
+#include <string_view>
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/effects/catalogue.hpp>
@@ -185,8 +187,12 @@ RunPlace split_where(const std::string& where) {
   if (colon == std::string::npos) return {where, {}};
   RunPlace out{where.substr(0, colon), {}};
   std::string rest = where.substr(colon + 1);
-  if (!rest.starts_with("run")) return {where, {}};
-  if (!rest.starts_with("run=")) refuse_runs(where);
+  if (!rest.starts_with("run=")) {
+    constexpr std::array<std::string_view, 6> kNoJoints{"tip",  "base",   "all",
+                                                        "ball", "string", "camera"};
+    if (std::ranges::find(kNoJoints, out.place) != kNoJoints.end()) refuse_runs(where);
+    return {where, {}};
+  }
   rest = rest.substr(4) + "+";
   for (std::size_t at = 0; at < rest.size();) {
     const std::size_t plus = rest.find('+', at);

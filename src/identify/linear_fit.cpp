@@ -24,6 +24,17 @@ double mean_ratio(const MatX<double>& B, const MatX<double>& H) {
   return Eigen::LDLT<MatX<double>>(scaled).solve(b).trace() / static_cast<double>(B.rows());
 }
 
+/// Which parameters the data determine by themselves, not in combinations with other free ones
+/// alone: of the others, what the error bar says is the weak prior's.
+std::vector<bool> seen_alone(const FitLayout& layout, const LinearFit& fit) {
+  std::vector<bool> out(static_cast<std::size_t>(fit.x.size()), true);
+  const auto is_free = [&](int c) { return !layout.linear[static_cast<std::size_t>(c)].fixed; };
+  for (const BaseParameter& b : fit.base_parameters)
+    if (std::any_of(b.columns.begin() + 1, b.columns.end(), is_free))
+      for (const int c : b.columns) out[static_cast<std::size_t>(c)] = false;
+  return out;
+}
+
 /// Held values that no body has would leave the barrier nothing to start from.
 void require_consistent(const FitLayout& layout, int b, const VecX<double>& x) {
   Theta<double> t;
@@ -146,10 +157,12 @@ void use_sandwich(const FitLayout& layout, const MatX<double>& meat, LinearFit& 
   independent(free, free) = inverse;
   fit.std = VecX<double>::Zero(p);
   fit.identifiable.assign(static_cast<std::size_t>(p), false);
+  const std::vector<bool> alone = seen_alone(layout, fit);
   for (const int c : free) {
     const double std = std::sqrt(std::max(covariance(c, c), independent(c, c)));
-    fit.identifiable[static_cast<std::size_t>(c)] = std < fit.scale[c];
-    fit.std[c] = std < fit.scale[c] ? std : std::numeric_limits<double>::quiet_NaN();
+    const bool known = alone[static_cast<std::size_t>(c)] && std < fit.scale[c];
+    fit.identifiable[static_cast<std::size_t>(c)] = known;
+    fit.std[c] = known ? std : std::numeric_limits<double>::quiet_NaN();
   }
   for (BaseParameter& b : fit.base_parameters) {
     VecX<double> c = VecX<double>::Zero(p);

@@ -330,6 +330,36 @@ def test_a_pair_of_joints_may_be_named(recordings: Path, tmp_path: Path) -> None
     assert names == {"transmission_coupling"}
 
 
+def test_what_only_combinations_show_has_no_error_of_its_own(tmp_path: Path) -> None:
+    """A lift: mass and rotor turn up in m + J, mass and offset in m g + c."""
+    model = tmp_path / "lift.urdf"
+    model.write_text(
+        """<robot name="lift"><link name="foot"/>
+          <link name="carriage"><inertial><mass value="3"/>
+            <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+          <joint name="lift" type="prismatic"><parent link="foot"/><child link="carriage"/>
+            <axis xyz="0 0 1"/><limit lower="0" upper="0.6" velocity="0.5" effort="200"/></joint>
+        </robot>"""
+    )
+    motion, train = tmp_path / "motion.csv", tmp_path / "train.csv"
+    done("excite", model, "--iterations", 2, "-o", motion)
+    done("simulate", model, "--trajectory", motion, "--noise", 1, "-o", train)
+    names = ("carriage.mass", "lift.armature.armature", "lift.torque_offset.offset")
+    asked = ("identify", model, train, "--effects")
+    done(*asked, "armature,torque_offset,viscous_friction", "-o", tmp_path / "all")
+    done(*asked, "torque_offset,viscous_friction", "-o", tmp_path / "two")
+    seen = {
+        run: {
+            p["name"]: p["identifiable"]
+            for p in load(tmp_path / run / "result.json")["parameters"]
+            if p["name"] in (*names, "lift.viscous_friction.viscous")
+        }
+        for run in ("all", "two")
+    }
+    assert seen["all"] == dict.fromkeys(names, False) | {"lift.viscous_friction.viscous": True}
+    assert all(seen["two"].values())
+
+
 def test_a_joint_may_have_a_colon_in_its_name_and_no_comma(tmp_path: Path) -> None:
     for name, status in (("elbow:2", DONE), ("elbow,2", BAD_INPUT)):
         model = tmp_path / "arm.urdf"
