@@ -38,8 +38,7 @@ void run_diagnose(DiagnoseCommand c) {
   c.options.base = kBases.at(c.base);
   c.options.seed = c.common.seed;
   c.options.effects = with_pairs(c.options.effects);
-  refuse_own_inputs(c.out, {c.model});
-  refuse_other_runs(c.out, "diffnea/diagnose/");
+  check_run_folder(c.out, "diagnose");
   const Model model = read_model(c.model);
   ResultFolder folder(c.out);  // cannot be written: better known now
 

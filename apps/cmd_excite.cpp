@@ -84,8 +84,9 @@ void run_excite(ExciteOptions options) {
   design.motion.seed = options.common.seed;
   design.limits = {ranges(options.position), limits(options.velocity), limits(options.acceleration),
                    limits(options.torque)};
-  refuse_overwriting(options.out, {options.model});
+  check_output(options.out, {options.model});
   const Model model = read_model(options.model);
+  check_trajectory_names(joint_names(model));
   const Interruptible interruptible;
   ProgressLine line(options.common.quiet);
   design.progress = [&](const FitProgress& progress) {

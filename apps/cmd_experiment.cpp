@@ -42,8 +42,12 @@ class Experiment {
         nominal_(read_model(file_)) {
     if (c.policies.string && nominal_.ball && nominal_.ball->string)
       nominal_.ball->string->length = *c.policies.string;
+    check_run_folder(out_, "experiment");  // no run leaves files in there, its stages do
+    for (const char* stage : {"identify-arm", "identify-ball"})
+      check_run_folder(out_ / stage, "identify");
+    check_run_folder(out_ / "policy", "learn");
+    check_run_folder(out_ / "transfer", "transfer");
     std::filesystem::create_directories(out_);
-    refuse_other_runs(out_, "diffnea/experiment/");
     keep_manifest();
   }
 
@@ -75,16 +79,21 @@ class Experiment {
     const std::string manifest =
         "model " + file_.string() + "\nworld " + world_name(c_.transfer) + "\n" + numbers;
     const std::filesystem::path path = out_ / "experiment.txt";
-    if (c_.policies.fresh) {
-      for (const char* stage : {"identify-arm", "identify-ball"})
-        std::filesystem::remove_all(out_ / stage);
-    } else if (std::filesystem::exists(path)) {
+    if (!std::filesystem::exists(path)) {
+      for (const char* name : {"arm-motion.csv", "ball-motion.csv", "arm.csv", "ball.csv"})
+        if (std::filesystem::exists(out_ / name))
+          throw FileError((out_ / name).string() +
+                          ": is of no experiment, which would replace it; choose another -o");
+    } else if (!c_.policies.fresh) {
       std::istringstream before(read_text_file(path)), now(manifest);
       for (std::string a, b; std::getline(before, a) && std::getline(now, b);)
         if (a != b)
           throw FileError(out_.string() + ": holds another experiment (" + a + ", now " + b +
                           "); choose another -o, or --fresh to begin again");
     }
+    if (c_.policies.fresh)
+      for (const char* stage : {"identify-arm", "identify-ball"})
+        std::filesystem::remove_all(out_ / stage);
     write_file_atomically(path, manifest);
   }
 

@@ -16,9 +16,9 @@ struct ExportCommand {
 };
 
 void run_export(const ExportCommand& c) {
-  refuse_overwriting(c.out, {c.model});
+  check_output(c.out, {c.model});
   const Model model = read_model_or_run(c.model);
-  refuse_overwriting(c.out, {model.source});
+  check_output(c.out, {model.source});
   const std::vector<std::string> left_out = write_model(model, c.out);
   if (c.common.json) {
     std::fputs(export_result_json(c.model, c.out, left_out).c_str(), stdout);

@@ -63,8 +63,7 @@ void run_identify(IdentifyCommand c) {
                                    ? std::vector<std::string>{}
                                    : with_pairs(c.effects);
   c.options.trajectory.threads = threads_of(c.common);
-  refuse_own_inputs(c.out, {c.model});
-  refuse_other_runs(c.out, "diffnea/identify/");
+  check_run_folder(c.out, "identify");
   const Model model = read_model(c.model);
   ResultFolder folder(c.out);  // cannot be written: better known now
 

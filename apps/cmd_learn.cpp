@@ -29,7 +29,7 @@ void run_learn(const LearnCommand& c) {
   if (!c.ball_network.empty())
     policies.learn.simulator.ball_network = read_ball_network(c.ball_network);
   const BallInCup task = task_of(read_model(file), read_model(controller_file), policies);
-  refuse_other_runs(c.out, "diffnea/learn/");
+  check_run_folder(c.out, "learn");
   ResultFolder folder(c.out);
   const Interruptible interruptible(folder.leftovers(kRunFiles));
   ProgressLine line(c.common.quiet);

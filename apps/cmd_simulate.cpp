@@ -50,7 +50,7 @@ void run_simulate(SimulateOptions options) {
   const std::vector<std::string> inputs{options.model, options.trajectory};
   const auto sidecar = std::filesystem::path(options.out).replace_extension(".json").string();
   for (const std::string& output : {options.out, sidecar, options.truth})
-    refuse_overwriting(output, inputs);
+    check_output(output, inputs);
   const Model model = read_model(options.model);
   const Trajectory trajectory = read_trajectory(options.trajectory);
   options.record.kp = vector(options.kp);

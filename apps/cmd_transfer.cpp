@@ -24,7 +24,7 @@ struct TransferCommand {
 
 void run_transfer(const TransferCommand& c) {
   const LearnRun learned = read_learn_run(c.policies);
-  refuse_other_runs(c.out, "diffnea/transfer/");
+  check_run_folder(c.out, "transfer");
   ResultFolder folder(c.out);
   const Interruptible interruptible(folder.leftovers(kRunFiles));
   ProgressLine line(c.common.quiet);

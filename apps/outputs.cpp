@@ -2,52 +2,24 @@
 
 #include <cstdio>
 
+#include <diffnea/core/atomic_file.hpp>
 #include <diffnea/core/error.hpp>
-#include <diffnea/io/result.hpp>
-#include <diffnea/report/run_folder.hpp>
 
 namespace diffnea::apps {
 
 namespace fs = std::filesystem;
 
-void refuse_overwriting(const std::string& output, const std::vector<std::string>& inputs) {
-  for (const std::string& input : inputs) {
-    std::error_code ignored;
+void check_output(const std::string& output, const std::vector<std::string>& inputs) {
+  if (output.empty()) return;
+  std::error_code ignored;
+  for (const std::string& input : inputs)
     if (fs::equivalent(output, input, ignored))
       throw FileError(output +
                       ": is an input, which the output would overwrite; choose another name with "
                       "-o");
-  }
-}
-
-void refuse_own_inputs(const fs::path& folder, const std::vector<std::string>& inputs) {
-  std::error_code ignored;
-  if (fs::exists(folder / "result.json", ignored)) return;  // an earlier run's own
-  for (const std::string& name : kRunFiles) refuse_overwriting((folder / name).string(), inputs);
-}
-
-void refuse_other_runs(const fs::path& folder, const std::string& schema) {
-  std::error_code ignored;
-  const auto refuse_foreign = [](const fs::path& file) {
-    throw FileError(file.string() +
-                    ": was not left by diffnea, whose result would replace it; choose another "
-                    "folder with -o");
-  };
-  if (!fs::exists(folder / "result.json", ignored)) {
-    if (fs::exists(folder / "series.json", ignored)) return;  // a killed run's, which comes first
-    for (const std::string& name : kRunFiles)
-      if (fs::exists(folder / name, ignored)) refuse_foreign(folder / name);
-    return;
-  }
-  std::string there;
-  try {
-    there = run_schema(folder);
-  } catch (const Error&) {
-    refuse_foreign(folder / "result.json");
-  }
-  if (!there.starts_with(schema))
-    throw FileError(folder.string() + ": holds another command's result (" + there +
-                    "), which would be lost; choose another folder with -o");
+  const fs::file_status there = fs::status(output, ignored);
+  if (fs::is_directory(there)) throw FileError(output + ": is a folder, expected a file's name");
+  if (!fs::exists(there) || fs::is_regular_file(there)) AtomicFile probe(output);
 }
 
 void show_result(const std::string& result, const ResultFolder& folder,

@@ -11,17 +11,9 @@
 
 namespace diffnea::apps {
 
-/// Refuses an output that is one of the inputs.
+/// Refuses a file, before the work, that is one of the inputs or cannot be written. Empty: none.
 /// @throws FileError
-void refuse_overwriting(const std::string& output, const std::vector<std::string>& inputs);
-
-/// Refuses a folder whose model.urdf, say, is an input that no run left there: its results would
-/// overwrite it. @throws FileError naming the file
-void refuse_own_inputs(const std::filesystem::path& folder, const std::vector<std::string>& inputs);
-
-/// Refuses a folder whose result is another command's. @param schema  how that of ours begins
-/// @throws FileError
-void refuse_other_runs(const std::filesystem::path& folder, const std::string& schema);
+void check_output(const std::string& output, const std::vector<std::string>& inputs);
 
 /// The result on standard output; below text, unless --quiet, the folder and what the run left in
 /// it.

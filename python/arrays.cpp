@@ -25,13 +25,12 @@ std::string shape_text(const py::array& array) {
 
 py::array_t<double> number_array(const std::string& what, const py::handle& x) {
   // NumPy would make NaN of None, and drop what is imaginary.
-  const bool is_complex = py::isinstance<py::array>(x) &&
-                          py::array(py::reinterpret_borrow<py::object>(x)).dtype().kind() == 'c';
-  const Numbers array = x.is_none() || is_complex ? Numbers() : Numbers::ensure(x);
-  if (x.is_none() || is_complex || !array)
-    throw py::type_error(what + ": got " + std::string(py::str(py::type::of(x).attr("__name__"))) +
-                         ", expected an array of real numbers");
-  return array;
+  const bool is_complex =
+      py::isinstance<py::array>(x) && py::reinterpret_borrow<py::array>(x).dtype().kind() == 'c';
+  if (!x.is_none() && !is_complex)
+    if (const Numbers array = Numbers::ensure(x)) return array;
+  throw py::type_error(what + ": got " + std::string(py::str(py::type::of(x).attr("__name__"))) +
+                       ", expected an array of real numbers");
 }
 
 VecX<double> vector_in(const std::string& what, const py::handle& x, long size) {

@@ -119,6 +119,7 @@ DiagnoseRun diagnose_python(const Model& model, const py::list& train_items,
 
 /// What `diffnea diagnose -o path` leaves there.
 void save(DiagnoseRun run, const std::filesystem::path& path) {
+  check_run_folder(path, "diagnose");
   ResultFolder folder(path);
   publish_diagnose_run(run, folder);
 }
@@ -388,7 +389,9 @@ void bind_finding(py::module_& m) {
           "The content of result.json, schema ``diffnea/diagnose/1``.")
       .def("save", &save, "folder"_a, py::call_guard<py::gil_scoped_release>(),
            "Write what ``diffnea diagnose -o folder`` leaves there: result.json, series.json, the "
-           "extended\nmodel.json and report.html.")
+           "extended\nmodel.json and report.html. Raises :class:`FileError` where that would "
+           "replace "
+           "another\ncommand's result, or files that diffnea did not leave.")
       .def(
           "plot",
           [](const DiagnoseRun& run, const std::optional<std::vector<std::string>>& joints) {

@@ -77,6 +77,7 @@ FitRun identify_python(const Model& model, const py::list& train_items, const py
 
 /// What `diffnea identify -o path` leaves there.
 void save(FitRun run, const fs::path& path) {
+  check_run_folder(path, "identify");
   ResultFolder folder(path);
   publish_fit_run(run, folder);
 }
@@ -261,7 +262,9 @@ void bind_result(py::module_& m) {
       .def("save", &save, "folder"_a, py::call_guard<py::gil_scoped_release>(),
            "Write result.json, model.json, series.json, report.html and, where the model was read "
            "from one,\n"
-           "model.urdf or model.xml: what ``diffnea identify -o folder`` leaves there.")
+           "model.urdf or model.xml: what ``diffnea identify -o folder`` leaves there. Raises\n"
+           ":class:`FileError` where that would replace another command's result, or files that "
+           "diffnea did not leave.")
       .def("report_html", &identify_page, "The report as one self-contained HTML page.")
       .def(
           "plot",

@@ -29,13 +29,15 @@ void require_finite_or_gap(const std::string& what, const RowMatX<double>& x) {
             "] is infinite; NaN marks a gap, rows that cannot be true must be left out");
 }
 
-/// An optional series of N rows.
 RowMatX<double> series(const char* name, const py::object& x, long rows, long columns) {
-  if (x.is_none()) return {};
   const std::string what = std::string("Recording: ") + name;
   RowMatX<double> out = matrix_in(what, x, rows, columns);
   require_finite_or_gap(what, out);
   return out;
+}
+
+RowMatX<double> optional_series(const char* name, const py::object& x, long rows, long columns) {
+  return x.is_none() ? RowMatX<double>() : series(name, x, rows, columns);
 }
 
 /// Which joints have a torque: a column of gaps is a prescribed joint's, a declared one's is zero.
@@ -120,11 +122,11 @@ Recording make_recording(const py::object& time, const py::object& q, const py::
   const long n = r.q.cols();
   require_names("Recording", joint_names, n);
   r.joint_names = std::move(joint_names);
-  r.qd = series("qd", qd, N, n);
-  r.qdd = series("qdd", qdd, N, n);
-  r.qcmd = series("qcmd", qcmd, N, n);
-  r.ball = series("ball", ball, N, 3);
-  r.spin = series("spin", spin, N, 3);
+  r.qd = optional_series("qd", qd, N, n);
+  r.qdd = optional_series("qdd", qdd, N, n);
+  r.qcmd = optional_series("qcmd", qcmd, N, n);
+  r.ball = optional_series("ball", ball, N, 3);
+  r.spin = optional_series("spin", spin, N, 3);
   r.tau = tau.is_none() ? RowMatX<double>::Constant(N, n, std::nan("")) : series("tau", tau, N, n);
   for (const auto& [name, values] : extra)
     r.extra.push_back({name, vector_in("Recording: extra['" + name + "']", values, N)});

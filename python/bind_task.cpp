@@ -182,6 +182,7 @@ void bind_task(py::module_& m) {
           [](const BallInCup& t, const std::filesystem::path& path,
              const std::vector<LearnedPolicy>& policies, int threads, double seconds,
              bool interrupted) {
+            check_run_folder(path, "learn");
             ResultFolder folder(path);
             publish_learn_run(run_of(t, policies, threads, seconds, interrupted), folder);
           },

@@ -12,8 +12,6 @@
 #include <diffnea/diagnose/diagnose.hpp>
 #include <diffnea/sim/record.hpp>
 
-#include "diagnose/sentence.hpp"
-
 using namespace diffnea;
 using Catch::Matchers::ContainsSubstring;
 
@@ -505,17 +503,4 @@ TEST_CASE("diagnose: an own candidate that cannot be used is refused by name", "
   refused([](OwnCandidate& c) { c.columns = nullptr; }, "function");
   CHECK_THAT(refusal([](OwnCandidate& c) { c.where = "knee"; }), ContainsSubstring("elbow"));
   CHECK_THAT(refusal([](OwnCandidate& c) { c.name = "cogging"; }), ContainsSubstring("catalogue"));
-}
-
-TEST_CASE("diagnose: what fits and is refuted by parts of the same recording is not called nothing",
-          "[diagnose]") {
-  Finding finding;
-  finding.verdict = Verdict::kNone;
-  finding.held_out = "time blocks";
-  CHECK_THAT(sentence(finding), ContainsSubstring("Nothing is left to explain"));
-  finding.refused = {{"cogging", "elbow", "does not help on held-out data", 40.0}};
-  CHECK_THAT(sentence(finding),
-             ContainsSubstring("cogging at elbow would explain") && ContainsSubstring("--test"));
-  finding.held_out = "test recording";  // which has told
-  CHECK_THAT(sentence(finding), ContainsSubstring("Nothing is left to explain"));
 }

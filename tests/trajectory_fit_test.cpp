@@ -61,7 +61,8 @@ TEST_CASE("trajectory fit: noise-free windows are reproduced, friction and inert
   const Model truth = pendulum_with_friction(0.12, 0.05);
   Model start = pendulum_with_friction(0.05, 0.02);
   for (ModelLink& link : start.links) link.inertia.h = link.inertia.h * 1.1;
-  const IdentifyResult result = identify(start, {swing(truth, 0.0)}, {}, trajectory_options());
+  const Recording data = swing(truth, 0.0);
+  const IdentifyResult result = identify(start, {data}, {}, trajectory_options());
   CHECK(result.summary.converged);
   // Friction is what torque and motion show together; 1 % is the integrators' difference at 2 ms.
   CHECK(find(result, "elbow.coulomb_friction.coulomb").value == Approx(0.12).epsilon(0.02));
@@ -70,6 +71,8 @@ TEST_CASE("trajectory fit: noise-free windows are reproduced, friction and inert
     CHECK(e.train < 1e-4);  // [rad]
     CHECK(e.train < 0.05 * e.nominal_train);
   }
+  REQUIRE(data.rows() > static_cast<long>(kMaxSeriesRows));
+  for (const TorqueSeries& s : result.train_series) CHECK(s.time.size() == kMaxSeriesRows);
 }
 
 TEST_CASE("trajectory fit: with encoder noise the residual is the noise", "[identify]") {

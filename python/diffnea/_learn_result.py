@@ -135,7 +135,11 @@ class LearnResult:
         return self._task().to_dict(*run)
 
     def save(self, folder: StrPath) -> None:
-        """Write what ``diffnea learn -o folder`` leaves there: policies, models, series, page."""
+        """Write what ``diffnea learn -o folder`` leaves there: policies, models, series, page.
+
+        Raises :class:`FileError` where that would replace another command's result, or files that
+        diffnea did not leave.
+        """
         run = (self.policies, self.threads, self.seconds, self.interrupted)
         self._task().save(folder, *run)
 

@@ -201,9 +201,10 @@ std::string sentence(const Finding& f) {
         of = &c;
       }
   if (next)
-    out += "; the next rival, " + placed(next->effect, next->where) +
-           (f.causes.size() > 1 ? " for " + placed(of->effect, of->where) : "") + ", is worse by " +
-           format_number(next->delta_bic) + " in BIC";
+    out += "; the next rival" +
+           (f.causes.size() > 1 ? " of " + placed(of->effect, of->where) : "") + ", " +
+           placed(next->effect, next->where) + ", is worse by " + format_number(next->delta_bic) +
+           " in BIC";
   return out + ".";
 }
 

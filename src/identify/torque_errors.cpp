@@ -15,7 +15,6 @@ constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
 std::vector<TorqueSeries> make_series(const TorqueFit& fit, const TorqueRegression& regression,
                                       const TorqueRegression& before) {
-  constexpr std::size_t kMaxPoints = 4000;
   std::vector<TorqueSeries> out;
   const std::vector<int> moving = moving_links(fit.model);
   for (int j = 0; j < fit.layout.num_dofs; ++j) {
@@ -29,7 +28,7 @@ std::vector<TorqueSeries> make_series(const TorqueFit& fit, const TorqueRegressi
                        nj = gains.effective(j, fit.nominal)(columns);
     const auto rows = kept.rows(), rows_before = before.kept()[j].rows();
     const std::size_t points =
-        std::min({kept.time.size(), before.kept()[j].time.size(), kMaxPoints});
+        std::min({kept.time.size(), before.kept()[j].time.size(), kMaxSeriesRows});
     for (std::size_t k = 0; k < points; ++k) {
       const auto row = rows.row(static_cast<long>(k));
       s.time.push_back(kept.time[k]);

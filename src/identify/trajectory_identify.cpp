@@ -201,7 +201,6 @@ class TrajectoryIdentification {
 
   std::vector<TorqueSeries> series(const std::vector<ShootingWindow>& fitted,
                                    const std::vector<ShootingWindow>& nominal) const {
-    constexpr std::size_t kMaxPoints = 4000;
     std::vector<TorqueSeries> out;
     for (const JointDescription& j : describe_joints(model_)) {
       TorqueSeries s;
@@ -210,12 +209,12 @@ class TrajectoryIdentification {
       out.push_back(s);
     }
     ForwardDynamics after(extend(result_.model)), before(extend(model_));
-    for (std::size_t i = 0; i < fitted.size() && out[0].time.size() < kMaxPoints; ++i) {
+    for (std::size_t i = 0; i < fitted.size() && out[0].time.size() < kMaxSeriesRows; ++i) {
       const ShootingWindow& w = fitted[i];
       const RowMatX<double> a = simulate_window(after, w, w.state, options_.trajectory.stepping);
       const RowMatX<double> b =
           simulate_window(before, nominal[i], nominal[i].state, options_.trajectory.stepping);
-      const long room = static_cast<long>(kMaxPoints - out[0].time.size());
+      const long room = static_cast<long>(kMaxSeriesRows - out[0].time.size());
       for (long k = 0; k < std::min<long>(a.rows(), room); ++k)
         for (std::size_t j = 0; j < out.size(); ++j) {
           const long column = static_cast<long>(j);

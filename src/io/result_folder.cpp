@@ -16,7 +16,7 @@ namespace fs = std::filesystem;
 
 [[noreturn]] void fail(const fs::path& path, const std::error_code& error) {
   throw FileError(path.string() + ": results cannot be written there (" + error.message() +
-                  "); choose another folder with -o");
+                  "); choose another folder");
 }
 
 constexpr std::string_view kStaging = ".partial-";

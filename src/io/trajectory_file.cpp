@@ -53,9 +53,13 @@ RowMatX<double> differentiate(const VecX<double>& t, const RowMatX<double>& x) {
 
 }  // namespace
 
+void check_trajectory_names(const std::vector<std::string>& joint_names) {
+  for (const std::string& joint : joint_names)
+    detail::require_plain_name("trajectory", joint, true);
+}
+
 void write_trajectory(const Trajectory& t, const std::filesystem::path& path) {
-  for (const std::string& joint : t.joint_names)
-    detail::require_plain_name("write_trajectory", joint, true);
+  check_trajectory_names(t.joint_names);
   std::string text = "time";
   for (const char* prefix : {"qcmd_", "qdcmd_", "qddcmd_"})
     for (const std::string& joint : t.joint_names) text += std::string(",") + prefix + joint;

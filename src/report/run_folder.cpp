@@ -94,7 +94,32 @@ void write_task(const BallInCup& task, const std::vector<LearnedPolicy>& policie
   for (const LearnedPolicy& p : policies) write_policy(p, folder / policy_file_name(p.seed));
 }
 
+[[noreturn]] void refuse_foreign(const fs::path& file) {
+  throw FileError(file.string() +
+                  ": was not left by diffnea, whose result would replace it; choose another "
+                  "folder");
+}
+
 }  // namespace
+
+void check_run_folder(const fs::path& folder, const std::string& command) {
+  std::error_code ignored;
+  if (!fs::exists(folder / "result.json", ignored)) {
+    if (fs::exists(folder / "series.json", ignored)) return;  // a killed run's, which comes first
+    for (const std::string& name : kRunFiles)
+      if (fs::exists(folder / name, ignored)) refuse_foreign(folder / name);
+    return;
+  }
+  std::string there;
+  try {
+    there = run_schema(folder);
+  } catch (const Error&) {
+    refuse_foreign(folder / "result.json");
+  }
+  if (!there.starts_with("diffnea/" + command + "/"))
+    throw FileError(folder.string() + ": holds another command's result (" + there +
+                    "), which would be lost; choose another folder");
+}
 
 void publish_fit_run(FitRun& run, ResultFolder& folder) {
   const fs::path& staging = folder.staging();

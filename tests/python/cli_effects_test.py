@@ -5,6 +5,8 @@ from pathlib import Path
 
 from cli import BAD_INPUT, MODELS, diffnea, done
 
+from diffnea import effects as effects_in_python
+
 
 def test_effects_are_listed_for_people_and_programs() -> None:
     listed = json.loads(done("effects", "--json"))
@@ -14,6 +16,7 @@ def test_effects_are_listed_for_people_and_programs() -> None:
     lag = effects["actuator_lag"]
     assert lag["acts_on"] == "torque with memory"
     assert [(p["name"], p["unit"]) for p in lag["parameters"]] == [("time_constant", "s")]
+    assert effects_in_python() == listed["effects"]
     text = done("effects")
     for name in effects:
         assert f"\n{name}   " in text

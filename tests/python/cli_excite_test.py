@@ -7,7 +7,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from cli import BAD_INPUT, COMMAND, INTERRUPTED, MODELS, WRONG_USAGE, diffnea, done
+from cli import BAD_INPUT, COMMAND, DONE, INTERRUPTED, MODELS, WRONG_USAGE, diffnea, done
 
 PENDULUM = MODELS / "double_pendulum.urdf"
 WAM = MODELS / "wam4.xml"
@@ -99,6 +99,33 @@ def test_what_cannot_be_met_is_refused(
     for word in words:
         assert word in answer.stderr
     assert not motion.exists()
+
+
+@pytest.mark.parametrize("output", ["nowhere/motion.csv", "folder"])
+def test_what_cannot_be_written_is_refused_before_the_work(tmp_path: Path, output: str) -> None:
+    (tmp_path / "folder").mkdir()
+    long = ("--iterations", 100_000, "-o", tmp_path / output)
+    assert diffnea("excite", WAM, *long).returncode == BAD_INPUT
+    motion = tmp_path / "motion.csv"
+    done("excite", PENDULUM, "--duration", 10, "--iterations", 0, "-o", motion)
+    follow = ("simulate", PENDULUM, "--trajectory", motion, "-o")
+    assert diffnea(*follow, tmp_path / output).returncode == BAD_INPUT
+    truth = diffnea(*follow, tmp_path / "log.csv", "--truth", tmp_path / output)
+    assert truth.returncode == BAD_INPUT
+    assert output in truth.stderr
+    assert {path.name for path in tmp_path.iterdir()} == {"folder", "motion.csv"}
+
+
+def test_quiet_leaves_the_result(tmp_path: Path) -> None:
+    motion = tmp_path / "motion.csv"
+    words = ("--duration", 10, "--iterations", 0, "-o", motion, "--quiet")
+    answer = diffnea("excite", PENDULUM, *words)
+    assert answer.returncode == DONE
+    assert f"{motion}: " in answer.stderr
+    assert "designing" not in answer.stderr
+    arm = diffnea("export", MODELS / "wam4.xml", "-o", tmp_path / "arm.urdf", "--quiet")
+    assert arm.stdout == ""
+    assert "arm.urdf cannot hold:\n  " in arm.stderr
 
 
 def test_an_interrupted_search_leaves_the_best_so_far(tmp_path: Path) -> None:

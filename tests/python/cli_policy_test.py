@@ -327,6 +327,16 @@ def test_an_output_that_is_a_file_is_refused(unwritable: Path) -> None:
     assert str(unwritable) in answer.stderr
 
 
+@pytest.mark.parametrize("name", ["arm.csv", "identify-ball/model.json", "policy/result.json"])
+def test_an_experiment_keeps_what_is_not_its_own(tmp_path: Path, name: str) -> None:
+    (tmp_path / name).parent.mkdir(exist_ok=True)
+    (tmp_path / name).write_text("mine")
+    answer = diffnea("experiment", "ball-in-cup", "--fresh", "-o", tmp_path)
+    assert answer.returncode == BAD_INPUT
+    assert name in answer.stderr
+    assert [path for path in tmp_path.rglob("*") if path.is_file()] == [tmp_path / name]
+
+
 def test_an_experiment_goes_on_and_is_not_mixed_with_another(tmp_path: Path) -> None:
     out = tmp_path / "loop"
     short = ("--arm-seconds", 10, "--ball-seconds", 10, "--ball-repetitions", 1)

@@ -130,6 +130,9 @@ def test_a_saved_finding_is_what_the_command_leaves(finding, tmp_path: Path) -> 
     assert diffnea.load_model(tmp_path / "run/model.json").effects == finding.model.effects
     with pytest.raises(diffnea.FileError):
         finding.save("/proc/nowhere")
+    (tmp_path / "run/result.json").write_text('{"schema": "diffnea/identify/1"}')
+    with pytest.raises(diffnea.FileError, match="holds another command's result"):
+        finding.save(tmp_path / "run")
 
 
 def test_findings_are_values(finding) -> None:

@@ -168,6 +168,8 @@ def test_wrong_shapes_are_named(arm, q, message) -> None:
 def test_what_is_no_array_of_numbers_is_named(arm) -> None:
     with pytest.raises(TypeError, match="rnea: qd: got str, expected an array of real numbers"):
         diffnea.rnea(arm, q=np.zeros(2), qd="fast", qdd=np.zeros(2))
+    with pytest.raises(TypeError, match="rnea: qdd: got NoneType"):
+        diffnea.rnea(arm, q=np.zeros(2), qd=np.zeros(2), qdd=None)
     with pytest.raises(TypeError):
         diffnea.rnea(arm, np.zeros(2), np.zeros(2), np.zeros(2))  # keyword-only
 

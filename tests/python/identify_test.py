@@ -138,8 +138,14 @@ def test_a_saved_run_holds_what_the_command_leaves(result, tmp_path: Path) -> No
     back = diffnea.read_result(tmp_path / "run")
     assert back.to_dict()["rmse"] == result.to_dict()["rmse"]
     assert result.report_html().startswith("<!")
+    result.save(tmp_path / "run")  # its own
     with pytest.raises(diffnea.FileError):
         result.save("/proc/nowhere")
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "model.json").write_text("{}")
+    with pytest.raises(diffnea.FileError, match=r"model\.json: was not left by diffnea"):
+        result.save(tmp_path / "mine")
+    assert (tmp_path / "mine" / "model.json").read_text() == "{}"
 
 
 def test_plot_draws_a_panel_for_every_joint(result, arm, train) -> None:

@@ -99,6 +99,8 @@ DEAD[:, 1] = 0
         ({"torque_side": "left"}, diffnea.DataError, "choices: motor, link"),
         ({"extra": {"x": [1, 2]}}, diffnea.ShapeError, r"extra\['x'\]: got shape \(2,\)"),
         ({"q": "fast"}, TypeError, "q: got str"),
+        ({"q": None}, TypeError, "q: got NoneType, expected an array of real numbers"),
+        ({"q": series(0) * 1j}, TypeError, "q: got ndarray, expected an array of real numbers"),
     ],
 )
 def test_what_cannot_be_true_is_refused(change, error, message) -> None:

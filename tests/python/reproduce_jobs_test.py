@@ -10,12 +10,13 @@ import sys
 import time
 from concurrent.futures import Future
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 import small_jobs
 
 import diffnea
-from diffnea.reproduce import executors, jobs, log
+from diffnea.reproduce import command, executors, jobs, log
 from diffnea.reproduce.executors import Workers, workers
 from diffnea.reproduce.jobs import Job, Results, in_order
 from diffnea.reproduce.progress import Progress
@@ -132,6 +133,18 @@ def test_what_a_killed_worker_had_begun_to_write_goes_and_what_others_write_stay
     os.utime(tmp_path / ".old.json.elsewhere.17.tmp", (yesterday, yesterday))
     jobs.remove_abandoned(tmp_path)
     assert {path.name for path in tmp_path.iterdir()} == {n for n, kept in names.items() if kept}
+
+
+def test_what_a_killed_runs_worker_leaves_during_the_next_run_goes(tmp_path, monkeypatch) -> None:
+    ended = subprocess.Popen([sys.executable, "-c", ""])
+    ended.wait()
+    late = tmp_path / "results" / f".a.json.{platform.node()}.{ended.pid}.tmp"
+    study = SimpleNamespace(
+        ABOUT="", add_options=lambda _: None, jobs=lambda _: [], publish=lambda *_: late.touch()
+    )
+    monkeypatch.setitem(command.STUDIES, "study", study)
+    assert command.main(["study", "-o", str(tmp_path), "--page-only"]) == 0
+    assert list(late.parent.iterdir()) == []
 
 
 def test_half_a_line_in_the_log_costs_that_line(tmp_path) -> None:

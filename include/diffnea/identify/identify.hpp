@@ -80,9 +80,11 @@ struct JointError {
   double test_raw = 0.0;
 };
 
+inline constexpr std::size_t kMaxSeriesRows = 4000;  ///< of each joint, see TorqueSeries
+
 /// Torque of one joint over time, for plots; rows of the filtered, decimated series, the first
-/// 4000, those of several recordings one after the other. Trajectory loss: positions, simulated
-/// window by window. All empty: its torque is not known.
+/// kMaxSeriesRows, those of several recordings one after the other. Trajectory loss: positions,
+/// simulated window by window. All empty: its torque is not known.
 struct TorqueSeries {
   std::string joint;             ///< its name in the model
   std::string unit;              ///< "N*m", "N"; trajectory loss: "rad", "m"

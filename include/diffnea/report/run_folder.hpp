@@ -1,6 +1,7 @@
 #pragma once
 /// RUN/ of a fit, a diagnosis, a search or a transfer: its files, written together.
 
+#include <filesystem>
 #include <string>
 #include <vector>
 
@@ -17,6 +18,11 @@ namespace diffnea {
 inline const std::vector<std::string> kRunFiles{
     "result.json",     "series.json",  "model.json",  "model.urdf",        "model.xml",
     "controller.json", "movement.gif", "report.html", kNextExperimentFile, kBallNetworkFile};
+
+/// What publishing would lose: another command's result, or files of these names that diffnea did
+/// not leave. Call it before the work. @param command  whose run it will be: "identify"
+/// @throws FileError naming what is there
+void check_run_folder(const std::filesystem::path& folder, const std::string& command);
 
 /// Writes all of them into the folder and publishes it. Where the model came from a URDF or an MJCF
 /// that is still there, the fitted one is written in that form too.

@@ -84,6 +84,16 @@ def _run(args: argparse.Namespace, study: ModuleType) -> int:
         raise Error(f"--output: {args.output}: {error.strerror}") from error
     for folder in (args.output, results.folder):
         remove_abandoned(folder)
+    try:
+        return _run_and_publish(args, study, jobs, results)
+    finally:  # a killed run's workers outlive it for an instant, and may have been writing
+        for folder in (args.output, results.folder):
+            remove_abandoned(folder)
+
+
+def _run_and_publish(
+    args: argparse.Namespace, study: ModuleType, jobs: list[Job], results: Results
+) -> int:
     report = Report()
     if not args.page_only:
         progress = Progress(args.quiet)

@@ -1,0 +1,56 @@
+#include <catch2/catch_test_macros.hpp>
+#include <catch2/matchers/catch_matchers_string.hpp>
+
+#include "diagnose/sentence.hpp"
+
+namespace diffnea {
+namespace {
+
+using Catch::Matchers::ContainsSubstring;
+
+Cause cause(const char* effect, const char* where, std::vector<Rival> rivals) {
+  Cause out;
+  out.effect = effect;
+  out.where = where;
+  out.rivals = std::move(rivals);
+  return out;
+}
+
+TEST_CASE("sentence: what fits and is refuted by parts of the same recording is not called nothing",
+          "[diagnose]") {
+  Finding finding;
+  finding.verdict = Verdict::kNone;
+  finding.held_out = "time blocks";
+  CHECK_THAT(sentence(finding), ContainsSubstring("Nothing is left to explain"));
+  finding.refused = {{"cogging", "elbow", "does not help on held-out data", 40.0}};
+  CHECK_THAT(sentence(finding),
+             ContainsSubstring("cogging at elbow would explain") && ContainsSubstring("--test"));
+  finding.held_out = "test recording";  // which has told
+  CHECK_THAT(sentence(finding), ContainsSubstring("Nothing is left to explain"));
+}
+
+TEST_CASE("sentence: the closest rival of all causes, and whose it is", "[diagnose]") {
+  Finding finding;
+  finding.verdict = Verdict::kNamed;
+  finding.causes = {cause("coulomb_friction", "elbow", {{"sublinear_friction", "elbow", 900.0}})};
+  CHECK_THAT(
+      sentence(finding),
+      ContainsSubstring("; the next rival, sublinear friction at elbow, is worse by 900 in"));
+
+  finding.causes.push_back(cause("actuator_lag", "wrist",
+                                 {{"time_shift", "wrist", -3.0},  // more general: no rival
+                                  {"actuator_delay", "wrist", 60.0}}));
+  CHECK_THAT(
+      sentence(finding),
+      ContainsSubstring("; the next rival of actuator lag at wrist, actuator delay at wrist, "
+                        "is worse by 60 in BIC"));
+
+  finding.causes.back().rivals.pop_back();
+  CHECK_THAT(sentence(finding), ContainsSubstring("of coulomb friction at elbow, sublinear"));
+
+  finding.causes.front().rivals.clear();
+  CHECK_THAT(sentence(finding), !ContainsSubstring("rival"));
+}
+
+}  // namespace
+}  // namespace diffnea
