@@ -64,6 +64,22 @@ TEST_CASE("estimate_noise: recovers an autoregression", "[diagnose]") {
   }
 }
 
+TEST_CASE("estimate_noise: nothing is quieter than the noise that is assumed", "[diagnose]") {
+  const test::SwingingEvidence evidence(80.0);
+  const auto silent =
+      estimate_noise(*evidence, VecX<double>::Zero(evidence->rows()), all(*evidence));
+  const auto loud = estimate_noise(*evidence, autoregression(*evidence, 3), all(*evidence));
+  for (std::size_t k = 0; k < silent.size(); ++k) {
+    const double least = kLeastNoise * evidence->size(static_cast<long>(k));
+    CHECK_THAT(silent[k].rms, WithinRel(least, 1e-12));
+    CHECK_THAT(silent[k].sigma, WithinRel(least, 1e-12));  // white
+    CHECK(silent[k].assumed == 1.0);
+    CHECK_THAT(loud[k].assumed, WithinRel(std::pow(least / loud[k].rms, 2), 1e-12));
+  }
+  const Whitener quiet(*evidence, silent, {});
+  CHECK_THAT(quiet.assumed_sum(), WithinRel(static_cast<double>(quiet.used_rows()), 1e-12));
+}
+
 TEST_CASE("estimate_noise: rows that are not used do not count", "[diagnose]") {
   const test::SwingingEvidence evidence(80.0);
   VecX<double> residual = autoregression(*evidence, 2);
@@ -86,7 +102,8 @@ TEST_CASE("estimate_noise: a constant is no noise, lost freedom makes more of it
   const auto fitted = estimate_noise(*evidence, residual, all(*evidence), {half, half});
   // Rounding of 5² against 0.05, times rows.
   CHECK_THAT(shifted[0].rms, WithinRel(plain[0].rms, 1e-9));
-  CHECK_THAT(fitted[0].rms, WithinRel(std::sqrt(2.0) * plain[0].rms, 1e-9));
+  const auto seen = [](const JointNoise& n) { return n.rms * std::sqrt(1.0 - n.assumed); };
+  CHECK_THAT(seen(fitted[0]), WithinRel(std::sqrt(2.0) * seen(plain[0]), 1e-9));
 }
 
 TEST_CASE("Whitener: makes independent rows of variance 1", "[diagnose]") {

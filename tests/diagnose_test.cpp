@@ -85,6 +85,34 @@ TEST_CASE("diagnose: nothing is named where nothing is hidden", "[diagnose]") {
   CHECK_FALSE(finding.interrupted);
 }
 
+TEST_CASE("diagnose: without noise the errors of filters and integrators are no cause",
+          "[diagnose]") {
+  const bool periodic = GENERATE(true, false);
+  const auto recorded = [&](const std::vector<EffectSpec>& hidden, unsigned seed) {
+    Model truth = arm().nominal;
+    truth.effects = hidden;
+    FourierOptions motion;
+    motion.seed = seed;
+    motion.duration = 30.0;
+    motion.period = periodic ? 10.0 : 30.0;
+    RecordOptions options;
+    options.scale_noise(0.0);
+    return record_in_mujoco(kArm, truth, arm().nominal, random_fourier(arm().nominal, motion),
+                            options)
+        .recording;
+  };
+  const Finding nothing = diagnose(arm().nominal, {recorded({}, 1)}, {recorded({}, 2)});
+  CAPTURE(periodic, nothing.sentence);
+  CHECK(nothing.verdict == Verdict::kNone);
+
+  const EffectSpec viscous{"viscous_friction", "elbow", {{"viscous", 0.05, ""}}};
+  const Finding found = diagnose(arm().nominal, {recorded({viscous}, 1)}, {recorded({viscous}, 2)});
+  CAPTURE(found.sentence);
+  REQUIRE(found.causes.size() == 1);
+  CHECK(found.causes.front().effect == "viscous_friction");
+  CHECK(found.causes.front().where == "elbow");
+}
+
 TEST_CASE("diagnose: what the fitted recording alone holds at some instants is told of",
           "[diagnose]") {
   Recording touched = arm().recorded({}, 1);

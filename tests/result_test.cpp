@@ -384,7 +384,7 @@ TEST_CASE("result folder: one that cannot be written is refused at once", "[io]"
   const test::TemporaryFolder folder;
   write_file_atomically(folder.path() / "file", "");
   CHECK_THROWS_WITH(ResultFolder(folder.path() / "file" / "run"),
-                    ContainsSubstring("file/run") && ContainsSubstring("-o"));
+                    ContainsSubstring("file/run") && ContainsSubstring("another folder"));
 }
 
 }  // namespace diffnea

@@ -68,7 +68,8 @@ void note_offsets(const VecX<double>& errors, JointCase& c) {
 void note_uneven(JointCase& c) {
   if (!c.test) return;
   for (const JointGain& g : c.finding.joints)
-    if (g.noise_floor > kUneven * g.extended && g.extended > 0.0)
+    if (g.noise_floor > kUneven * std::max(g.extended, kLeastNoise * g.torque_rms) &&
+        g.extended > 0.0)
       c.finding.notes.push_back(
           g.joint + ": what is left of the fitted recording (" + format_number(g.noise_floor) +
           " " + g.unit + ") is " + format_number(g.noise_floor / g.extended) +

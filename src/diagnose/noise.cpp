@@ -80,8 +80,11 @@ std::vector<JointNoise> estimate_noise(const Evidence& evidence, const VecX<doub
     // Bartlett's weights keep the sequence positive definite where rows are missing.
     for (int lag = 0; lag <= kOrder; ++lag)
       r[static_cast<std::size_t>(lag)] *= freedom / n * (lag ? 1.0 - 1e-6 : 1.0);
-    if (!(r[0] > 0.0)) r[0] = 1e-300;
+    const double least = kLeastNoise * evidence.size(static_cast<long>(k));
+    const double assumed = std::max(least * least, 1e-300);
+    r[0] = std::max(r[0], 0.0) + assumed;
     out.push_back(levinson(r));
+    out.back().assumed = assumed / r[0];
   }
   return out;
 }
@@ -168,6 +171,7 @@ Whitener::Whitener(const Evidence& evidence, std::vector<JointNoise> noise,
       since = !may || evidence.sticks(i, static_cast<long>(k)) ? 0 : follows ? since + 1 : 1;
       kept_[row] = since > kOrder && !evidence.rests(i, static_cast<long>(k));
       used_rows_ += kept_[row];
+      assumed_sum_ += kept_[row] ? noise_[k].assumed : 0.0;
     }
   }
 }

@@ -6,13 +6,18 @@
 
 namespace diffnea {
 
+/// Of a joint's torque, RMS: noise that is white and always there. Errors below it are of filters,
+/// integrators and digits, which are no cause: in a simulation without noise they would be named.
+inline constexpr double kLeastNoise = 1e-4;
+
 struct JointNoise {
   std::vector<double> a;  ///< e_m = Σ a_k e_{m−k} + innovation
   double sigma = 1.0;     ///< of the innovations [N·m] or [N]
   double rms = 1.0;       ///< of the noise itself [N·m] or [N]
+  double assumed = 0.0;   ///< share of its variance that is kLeastNoise's, and in no residual
 };
 
-/// From residuals, (rows()); rows that are not in `used` are gaps.
+/// From residuals, (rows()), and kLeastNoise; rows that are not in `used` are gaps.
 /// @param lost  (joints) degrees of freedom that the fit took of each joint's rows; empty: none
 std::vector<JointNoise> estimate_noise(const Evidence& evidence, const VecX<double>& residual,
                                        const std::vector<bool>& used,
@@ -60,12 +65,15 @@ class Whitener {
   MatX<double> joint(long k, const Eigen::Ref<const MatX<double>>& rows) const;
   const std::vector<JointNoise>& noise() const { return noise_; }
   long used_rows() const { return used_rows_; }
+  /// Sum of squares that the noise assumed of all joints has in the rows used, and no residual.
+  double assumed_sum() const { return assumed_sum_; }
   const std::vector<bool>& kept() const { return kept_; }
 
  private:
   std::vector<JointNoise> noise_;
   std::vector<bool> kept_;
   long times_ = 0, used_rows_ = 0;
+  double assumed_sum_ = 0.0;
 };
 
 }  // namespace diffnea

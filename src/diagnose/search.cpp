@@ -134,7 +134,8 @@ int Search::num_parameters(const std::vector<Term>& terms) const {
 double Search::cost(double chi2) const {
   const double n = static_cast<double>(rows());
   if (repeatable_ && chi2 < n) return std::max(chi2, 0.0) - n;
-  return n * std::log(std::max(chi2, 1e-300) / n);
+  const double all = chi2 + (repeatable_ ? 0.0 : whitener_->assumed_sum());
+  return n * std::log(std::max(all, 1e-300) / n);
 }
 
 double Search::bic(double gain, const std::vector<Term>& terms) const {

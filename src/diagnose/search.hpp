@@ -47,7 +47,7 @@ class Search {
   double replaced_share(const Term& term, const Term& by, const std::vector<Term>& beside) const;
 
   /// What a fit costs, −2 ln of its likelihood but for a constant: n ln χ², the noise as large as
-  /// what is left; where repeats have told the noise and no more is left, χ².
+  /// what is left and what is assumed; where repeats have told the noise and no more is left, χ².
   double cost(double chi2) const;
 
   const Evidence& evidence() const { return evidence_; }
