@@ -119,6 +119,9 @@ Worth describe(BallCase& c) {
     for (const Witness& w : ball_witnesses(there, c.fit)) f.witness.push_back(w);
   }
   add_series(c, worth.floor);
+  if (worth.left)
+    if (const std::string note = held_by_few_windows(*f.ball); !note.empty())
+      f.notes.push_back(note);
   f.model = apply_ball(c.model, c.best.ball.layout, c.best.ball.p);
   for (std::size_t k = 0; k < c.base.ball.layout.parameters.size(); ++k) {
     const BallParameter& p = c.best.ball.layout.parameters[k];

@@ -6,6 +6,8 @@
 
 #include <Eigen/QR>
 
+#include "core/median.hpp"
+#include "core/number_text.hpp"
 #include "diagnose/ball_search.hpp"
 #include "identify/ball_world.hpp"
 #include "identify/passes.hpp"
@@ -16,6 +18,13 @@ namespace {
 constexpr double kAccept = 10.0;
 constexpr double kFastest = 5.0;  ///< of a period in time [Hz]
 constexpr int kMostPeriods = 400;
+
+/// A window is unlike the others beyond this many times their error (RMS): where nothing is hidden,
+/// windows differ by a seventh with a camera's noise and threefold without.
+constexpr double kUnlikeOthers = 4.0;
+constexpr double kHeldByFew = 0.8;  ///< of the sum of squares
+constexpr std::size_t kLeastWindows = 4;
+constexpr int kMostListed = 5;
 
 /// A row's variables, grouped.
 struct Group {
@@ -102,6 +111,51 @@ std::vector<Witness> ball_witnesses(const FittedBall& ball, const BallFitOptions
   std::erase_if(out, [](const Witness& w) { return !(w.delta_bic > kAccept); });
   std::ranges::stable_sort(out, std::ranges::greater{}, &Witness::delta_bic);
   return out;
+}
+
+std::string held_by_few_windows(const BallSeries& series) {
+  struct Window {
+    int run;
+    double from, to, sum = 0.0, rows = 0.0;
+    double mean() const { return sum / rows; }
+  };
+  std::vector<Window> windows;
+  for (std::size_t k = 0; k < series.time.size(); ++k) {
+    const bool next =
+        k == 0 || series.run[k] != series.run[k - 1] || series.window[k] != series.window[k - 1];
+    if (next) windows.push_back({series.run[k], series.time[k], series.time[k]});
+    Window& w = windows.back();
+    w.to = series.time[k];
+    ++w.rows;
+    for (std::size_t c = 0; c < 3; ++c)
+      w.sum += std::pow(series.measured[k][c] - series.extended[k][c], 2);
+  }
+  if (windows.size() < kLeastWindows) return "";
+  std::vector<double> means;
+  double all = 0.0, few = 0.0, rest = 0.0, rest_rows = 0.0;
+  for (const Window& w : windows) means.push_back(w.mean()), all += w.sum;
+  const double usual = median(means);
+  std::string when;
+  int count = 0;
+  for (const Window& w : windows) {
+    if (w.mean() <= kUnlikeOthers * kUnlikeOthers * usual) {
+      rest += w.sum;
+      rest_rows += w.rows;
+      continue;
+    }
+    few += w.sum;
+    if (++count > kMostListed) continue;
+    when +=
+        (when.empty() ? "" : ", ") + format_number(w.from) + " to " + format_number(w.to) + " s";
+    if (windows.back().run > 0) when += " of run " + std::to_string(w.run);
+  }
+  if (few < kHeldByFew * all || count == 0) return "";
+  if (count > kMostListed) when += ", …";
+  return "ball: " + std::to_string(count) + " of " + std::to_string(windows.size()) + " windows (" +
+         when + ") hold " + format_number(std::floor(1000.0 * few / all) / 10.0) +
+         " % of what is left, the others fit to " +
+         format_number(1e3 * std::sqrt(rest / (3.0 * rest_rows))) +
+         " mm: did it, or its string, touch something there?";
 }
 
 }  // namespace diffnea

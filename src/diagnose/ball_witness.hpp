@@ -1,6 +1,8 @@
 #pragma once
 /// On what does the rest of a ball's path depend? Internal to diagnose/.
 
+#include <string>
+
 #include <diffnea/diagnose/finding.hpp>
 
 #include "identify/ball_path.hpp"
@@ -11,5 +13,9 @@ namespace diffnea {
 /// axis; those that pass
 /// ΔBIC > 10, best first. Errors are of windows that were given initial states of their own.
 std::vector<Witness> ball_witnesses(const FittedBall& ball, const BallFitOptions& options);
+
+/// Where a few windows hold what is left, and the others fit: when, and what may have happened, for
+/// no law of motion does that; empty otherwise.
+std::string held_by_few_windows(const BallSeries& series);
 
 }  // namespace diffnea
