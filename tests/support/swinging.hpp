@@ -43,11 +43,12 @@ inline Recording swinging(const Model& model, double seconds, bool repeats, unsi
 
 /// Everything that evidence refers to, kept alive.
 struct SwingingEvidence {
-  explicit SwingingEvidence(double seconds, bool repeats = false, unsigned seed = 1)
+  explicit SwingingEvidence(double seconds, bool repeats = false, unsigned seed = 1,
+                            const std::string& effect = "viscous_friction")
       : model(read_model(DIFFNEA_SOURCE_DIR "/models/double_pendulum.urdf")) {
     source = recordings_in_memory(model, {swinging(model, seconds, repeats, seed)});
     FitChoice choice;
-    choice.effects = std::vector<std::string>{"viscous_friction"};
+    choice.effects = std::vector<std::string>{effect};
     std::vector<std::string> notes;
     layout = layout_for(model, *source, nullptr, choice, notes);
     PreprocessOptions preprocess;
