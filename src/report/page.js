@@ -62,7 +62,7 @@
       underlayCallback: series.error ? backdrop(series, residual) : null,
       legend: "onmouseover",
       digitsAfterDecimal: 3,
-      axes: { y: { pixelsPerLabel: residual ? 20 : 30 }, x: { axisLabelFormatter: (t) => String(+t.toPrecision(6)), valueFormatter: (t) => t.toFixed(3) + " s" } },
+      axes: { y: { pixelsPerLabel: residual ? 20 : 30, axisLabelFormatter: (y) => String(+y.toPrecision(4)) }, x: { axisLabelFormatter: (t) => String(+t.toPrecision(6)), valueFormatter: (t) => t.toFixed(3) + " s" } },
       axisLabelWidth: 46,
       ylabel: "",
       drawCallback: (self, initial) => {
