@@ -70,7 +70,7 @@ TEST_CASE("estimate_noise: nothing is quieter than the noise that is assumed", "
       estimate_noise(*evidence, VecX<double>::Zero(evidence->rows()), all(*evidence));
   const auto loud = estimate_noise(*evidence, autoregression(*evidence, 3), all(*evidence));
   for (std::size_t k = 0; k < silent.size(); ++k) {
-    const double least = kLeastNoise * evidence->size(static_cast<long>(k));
+    const double least = kLeastNoise * evidence->scale(static_cast<long>(k));
     CHECK_THAT(silent[k].rms, WithinRel(least, 1e-12));
     CHECK_THAT(silent[k].sigma, WithinRel(least, 1e-12));  // white
     CHECK(silent[k].assumed == 1.0);

@@ -113,6 +113,21 @@ TEST_CASE("diagnose: without noise the errors of filters and integrators are no 
   CHECK(found.causes.front().where == "elbow");
 }
 
+TEST_CASE("diagnose: without noise nothing is hidden at a passive joint, whose torques cancel",
+          "[diagnose]") {
+  const Model model = read_model(DIFFNEA_SOURCE_DIR "/models/cart_pole.xml");
+  FourierOptions motion;
+  motion.duration = motion.period = 14.0;
+  motion.seed = 1;
+  RecordOptions options;
+  options.scale_noise(0.0);
+  const Recording r = record_model(model, model, random_fourier(model, motion), options).recording;
+  const Finding finding = diagnose(model, {r}, {});
+  CAPTURE(finding.sentence);
+  CHECK(finding.verdict == Verdict::kNone);
+  CHECK(finding.causes.empty());
+}
+
 TEST_CASE("diagnose: what the fitted recording alone holds at some instants is told of",
           "[diagnose]") {
   Recording touched = arm().recorded({}, 1);

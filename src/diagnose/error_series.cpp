@@ -67,14 +67,17 @@ void note_offsets(const VecX<double>& errors, JointCase& c) {
 
 void note_uneven(JointCase& c) {
   if (!c.test) return;
-  for (const JointGain& g : c.finding.joints)
-    if (g.noise_floor > kUneven * std::max(g.extended, kLeastNoise * g.torque_rms) &&
-        g.extended > 0.0)
+  for (std::size_t k = 0; k < c.search->whitener().noise().size(); ++k) {
+    const JointGain& g = c.finding.joints[k];
+    const double assumed = c.search->whitener().noise()[k].assumed,
+                 seen = g.noise_floor * std::sqrt(1.0 - assumed);
+    if (seen > kUneven * g.extended && g.extended > 0.0)
       c.finding.notes.push_back(
           g.joint + ": what is left of the fitted recording (" + format_number(g.noise_floor) +
           " " + g.unit + ") is " + format_number(g.noise_floor / g.extended) +
           " times what is left of the held-out one: a torque at its limit, a touch, or spikes, at "
           "some instants of it only; they pass for noise, in which smaller effects stay hidden");
+  }
 }
 
 }  // namespace diffnea

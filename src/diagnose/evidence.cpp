@@ -110,9 +110,13 @@ void Evidence::take_rows(const TorqueRegression& measured, const FitLayout& layo
   }
   base_ = stacked_base(measured, linear + std::ranges::count_if(layout.shape, is_smoothing));
   const VecX<double> of_model = base_.leftCols(linear) * layout.prior();
-  for (long k = 0; k < static_cast<long>(joints_.size()); ++k)
-    size_.push_back((passive(k) ? of_model : torque_).segment(k * m, m).norm() /
-                    std::sqrt(static_cast<double>(m)));
+  for (long k = 0; k < static_cast<long>(joints_.size()); ++k) {
+    const double rows = std::sqrt(static_cast<double>(m));
+    size_.push_back((passive(k) ? of_model : torque_).segment(k * m, m).norm() / rows);
+    scale_.push_back(
+        passive(k) ? (base_.block(k * m, 0, m, linear) * layout.prior().asDiagonal()).norm() / rows
+                   : size_.back());
+  }
 }
 
 void Evidence::take_motion(const FitLayout& layout, const PreprocessPlan& plan,

@@ -46,6 +46,9 @@ class Evidence {
   const VecX<double>& torque() const { return torque_; }
   /// RMS torque of the k-th of joints(); of a passive one, what its links take by the model.
   double size(long k) const { return size_[static_cast<std::size_t>(k)]; }
+  /// The same, but of a passive one, at which torques cancel, the root of their sum of squares: the
+  /// base's columns one by one.
+  double scale(long k) const { return scale_[static_cast<std::size_t>(k)]; }
   /// Rows of base() of the k-th of joints(); of a passive one as those of M_jj(x₀)/M_jj(x) times
   /// its torque, linear about x₀ (JointFactor::inertia).
   MatX<double> without_scale(long k, const Eigen::Ref<const MatX<double>>& rows,
@@ -167,7 +170,7 @@ class Evidence {
   double step_ = 0.0;
   VecX<double> torque_, shift_;
   MatX<double> tilted_;  ///< what set_tilt() has added to the base's first columns
-  std::vector<double> size_;
+  std::vector<double> size_, scale_;
   MatX<double> base_, averaged_base_, q_, qd_, qdd_;
   Eigen::Array<bool, Eigen::Dynamic, Eigen::Dynamic> rests_,
       sticks_;  ///< (times(), joints().size())

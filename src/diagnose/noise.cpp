@@ -80,7 +80,7 @@ std::vector<JointNoise> estimate_noise(const Evidence& evidence, const VecX<doub
     // Bartlett's weights keep the sequence positive definite where rows are missing.
     for (int lag = 0; lag <= kOrder; ++lag)
       r[static_cast<std::size_t>(lag)] *= freedom / n * (lag ? 1.0 - 1e-6 : 1.0);
-    const double least = kLeastNoise * evidence.size(static_cast<long>(k));
+    const double least = kLeastNoise * evidence.scale(static_cast<long>(k));
     const double assumed = std::max(least * least, 1e-300);
     r[0] = std::max(r[0], 0.0) + assumed;
     out.push_back(levinson(r));

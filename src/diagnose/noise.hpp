@@ -6,8 +6,9 @@
 
 namespace diffnea {
 
-/// Of a joint's torque, RMS: noise that is white and always there. Errors below it are of filters,
-/// integrators and digits, which are no cause: in a simulation without noise they would be named.
+/// Of a joint's torque, RMS (Evidence::scale()): noise that is white and always there. Errors below
+/// it are of filters, integrators and digits, which are no cause: in a simulation without noise
+/// they would be named.
 inline constexpr double kLeastNoise = 1e-4;
 
 struct JointNoise {
