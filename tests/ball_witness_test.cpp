@@ -45,6 +45,7 @@ TEST_CASE("ball: an error that every window has is no matter of windows", "[diag
   CHECK(held_by_few_windows(windows({0.002, 0.03, 0.04, 0.03, 0.002})).empty());  // most of them
   CHECK(held_by_few_windows(windows({0.0015, 0.05, 0.0015})).empty());            // too few to say
   CHECK(held_by_few_windows(windows({})).empty());
+  CHECK(held_by_few_windows(windows({0.0015, 0.0014, NAN, 0.0016, 0.05, 0.0015})).empty());
 }
 
 }  // namespace diffnea

@@ -134,6 +134,7 @@ std::string held_by_few_windows(const BallSeries& series) {
   std::vector<double> means;
   double all = 0.0, few = 0.0, rest = 0.0, rest_rows = 0.0;
   for (const Window& w : windows) means.push_back(w.mean()), all += w.sum;
+  if (!std::isfinite(all)) return "";  // the extended model's path was lost on the way
   const double usual = median(means);
   std::string when;
   int count = 0;
@@ -149,7 +150,7 @@ std::string held_by_few_windows(const BallSeries& series) {
         (when.empty() ? "" : ", ") + format_number(w.from) + " to " + format_number(w.to) + " s";
     if (windows.back().run > 0) when += " of run " + std::to_string(w.run);
   }
-  if (few < kHeldByFew * all || count == 0) return "";
+  if (count == 0 || !(few >= kHeldByFew * all)) return "";
   if (count > kMostListed) when += ", …";
   return "ball: " + std::to_string(count) + " of " + std::to_string(windows.size()) + " windows (" +
          when + ") hold " + format_number(std::floor(1000.0 * few / all) / 10.0) +

@@ -57,9 +57,9 @@ void read_reproduce(JsonObject& root, Reproduce& out) {
 
 }  // namespace io
 
-std::string run_schema(const std::filesystem::path& folder) {
-  const io::Json document = io::run_file(folder, "result.json");
-  io::JsonObject root(document, (folder / "result.json").string());
+std::string run_schema(const std::filesystem::path& folder, const char* name) {
+  const io::Json document = io::run_file(folder, name);
+  io::JsonObject root(document, (folder / name).string());
   return root.string("schema");
 }
 

@@ -54,10 +54,11 @@ bool is_of_seed(const std::string& name, std::string_view stem, std::string_view
                      [](char c) { return c >= '0' && c <= '9'; });
 }
 
-/// Whether a run left its result in the folder: what it has beside it is of that run.
-bool holds(const fs::path& folder, std::string_view schema) {
+/// Whether a run left its result, or another file, in the folder: what it has beside it is of that
+/// run.
+bool holds(const fs::path& folder, std::string_view schema, const char* name = "result.json") {
   try {
-    return run_schema(folder).starts_with(schema);
+    return run_schema(folder, name).starts_with(schema);
   } catch (const Error&) {
     return false;
   }
@@ -105,7 +106,7 @@ void write_task(const BallInCup& task, const std::vector<LearnedPolicy>& policie
 void check_run_folder(const fs::path& folder, const std::string& command) {
   std::error_code ignored;
   if (!fs::exists(folder / "result.json", ignored)) {
-    if (fs::exists(folder / "series.json", ignored)) return;  // a killed run's, which comes first
+    if (holds(folder, "diffnea/", "series.json")) return;  // a killed run's, which comes first
     for (const std::string& name : kRunFiles)
       if (fs::exists(folder / name, ignored)) refuse_foreign(folder / name);
     return;

@@ -263,7 +263,7 @@ def test_what_no_run_left_in_the_folder_stays(recordings: Path, tmp_path: Path) 
 
 
 @pytest.mark.parametrize("command", ["identify", "diagnose"])
-@pytest.mark.parametrize("name", ["result.json", "model.xml"])
+@pytest.mark.parametrize("name", ["result.json", "series.json", "model.xml"])
 def test_a_file_that_diffnea_did_not_write_stays(
     recordings: Path, tmp_path: Path, command: str, name: str
 ) -> None:
@@ -284,6 +284,15 @@ def test_a_model_is_not_overwritten_by_its_fit(
     assert answer.returncode == BAD_INPUT
     assert "model.urdf: was not left by diffnea" in answer.stderr
     assert {path.name for path in tmp_path.iterdir()} == {"model.urdf"}
+
+
+def test_what_a_killed_run_left_is_replaced(recordings: Path, tmp_path: Path) -> None:
+    done("identify", PENDULUM, recordings / "train.csv", "-o", tmp_path)
+    for path in tmp_path.iterdir():  # series.json is published first, result.json last
+        if path.name not in ("series.json", "model.json"):
+            path.unlink()
+    done("identify", PENDULUM, recordings / "train.csv", "-o", tmp_path)
+    assert {path.name for path in tmp_path.iterdir()} == RUN_FILES
 
 
 def test_the_result_of_another_command_stays(recordings: Path, tmp_path: Path) -> None:

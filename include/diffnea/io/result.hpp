@@ -50,9 +50,9 @@ std::string series_json(const IdentifyResult& fit);
 /// schema
 FitRun read_fit_run(const std::filesystem::path& folder);
 
-/// Of what kind a run is: the schema that its result.json names.
+/// Of what kind a run is: the schema that its result.json names, or another of its files.
 /// @throws FileError, ModelError
-std::string run_schema(const std::filesystem::path& folder);
+std::string run_schema(const std::filesystem::path& folder, const char* name = "result.json");
 
 /// Schema "diffnea/compare/1" (docs/schema/compare.md).
 std::string comparison_json(const Comparison& comparison);
