@@ -52,5 +52,20 @@ TEST_CASE("sentence: the closest rival of all causes, and whose it is", "[diagno
   CHECK_THAT(sentence(finding), !ContainsSubstring("rival"));
 }
 
+TEST_CASE("sentence: what is left of a ball's path is not called the arm's", "[diagnose]") {
+  Finding finding;
+  finding.verdict = Verdict::kUnknown;
+  finding.series.emplace_back().joint = "elbow";
+  finding.gain.before = finding.gain.after = 1.02;
+  finding.ball.emplace();
+  finding.ball->sigma = 0.001;
+  finding.ball->extended_rms = 0.005;
+  CHECK_THAT(sentence(finding), ContainsSubstring("an error of 5 times the camera's noise") &&
+                                    !ContainsSubstring("units") && !ContainsSubstring("period"));
+  finding.gain.before = finding.gain.after = 8.0;  // the arm's, which is worse
+  CHECK_THAT(sentence(finding),
+             ContainsSubstring("an error of 8 times the noise") && ContainsSubstring("units"));
+}
+
 }  // namespace
 }  // namespace diffnea

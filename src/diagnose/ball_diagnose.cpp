@@ -153,9 +153,10 @@ void judge(const Worth& worth, BallCase& c) {
            : v == Verdict::kNone  ? 1
                                   : 0;
   };
+  const bool of_arm = !f.series.empty() && f.verdict == Verdict::kUnknown;
   if (!f.series.empty() && rank(f.verdict) > rank(verdict)) verdict = f.verdict;
   f.verdict = verdict;
-  if (f.causes.size() == own.size()) f.gain = worth.gain;  // the arm lacks nothing
+  if (f.causes.size() == own.size() && !of_arm) f.gain = worth.gain;  // the arm lacks nothing
   if (f.series.empty()) {
     const auto n = static_cast<double>(c.search->samples());
     f.lack_of_fit = c.base.cost /

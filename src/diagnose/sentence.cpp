@@ -112,17 +112,22 @@ std::string grey_words(const Finding& f) {
          " times the noise)";
 }
 
+/// Of arm and ball, the ball's path is further from what its noise allows.
+bool is_of_ball(const Finding& f, double left_of_arm) {
+  return f.ball && (f.series.empty() || !(f.ball->extended_rms < left_of_arm * f.ball->sigma));
+}
+
 std::string witness_words(const Finding& f) {
-  if (f.witness.empty() && f.ball && f.series.empty())
-    return "an error of " + format_number(f.gain.after) +
+  const double left = std::sqrt(left_by(f).first);
+  if (f.witness.empty() && is_of_ball(f, left))
+    return "an error of " +
+           format_number(f.series.empty() ? f.gain.after : f.ball->extended_rms / f.ball->sigma) +
            " times the camera's noise is left of the ball's held-out path, and no smooth function "
            "of its motion explains it";
-  const double left = std::sqrt(left_by(f).first);
   if (f.witness.empty() && left > kFarOff)
     return "an error of " + format_number(left) +
            " times the noise is left on held-out data, and no smooth function of the motion "
-           "explains "
-           "it; were they recorded under other conditions, or with other units?";
+           "explains it; were they recorded under other conditions, or with other units?";
   if (f.witness.empty())
     return "an error of " + format_number(left) +
            " times the noise comes back in every period, and no smooth function of the motion "
