@@ -2,6 +2,9 @@
 /// program that does not refuse them is told by tests/python/hostile_input_test.py, which limits
 /// it.
 
+#include <array>
+#include <cstdint>
+#include <cstring>
 #include <fstream>
 #include <functional>
 #include <string>
@@ -169,6 +172,83 @@ TEST_CASE("hostile: links of an MJCF's folder may not lead out of it", "[io]") {
     CHECK_THROWS_MATCHES(including(file), ModelError,
                          MessageMatches(ContainsSubstring("outside the model's folder")));
   CHECK(including("also.xml").links.size() == 1);
+}
+
+/// A model of one body that is the mesh.
+Model of_mesh(const Folder& folder, const std::string& mesh) {
+  return read_model(folder.write(
+      "model.xml", "<mujoco><asset><mesh name='m' " + mesh +
+                       "/></asset><worldbody><body><joint/><geom type='mesh' mesh='m'/></body>"
+                       "</worldbody></mujoco>"));
+}
+
+void check_refused_mesh(const Folder& folder, const std::string& mesh, const std::string& message) {
+  CHECK_THROWS_MATCHES(of_mesh(folder, mesh), ModelError,
+                       MessageMatches(ContainsSubstring(message)));
+}
+
+TEST_CASE("hostile: meshes whose faces name what there is not are refused", "[io]") {
+  // MuJoCo's compiler would read where they point, and end the process at a file without content.
+  const std::string vertices = "v 1 0 0\nv 0 1 0\nv 0 0 1\nv 0 0 0\n";
+  const std::string faces = "f 1 3 2\nf 1 2 4\nf 1 4 3\n";
+  const auto msh = [](int vertex_count, int last) {
+    const std::array<std::int32_t, 4> head = {vertex_count, 0, 0, 4};
+    const std::array<float, 12> points = {1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0};
+    const std::array<std::int32_t, 12> corners = {0, 2, 1, 0, 1, 3, 0, 3, 2, 1, 2, last};
+    std::string bytes(sizeof head + sizeof points + sizeof corners, '\0');
+    std::memcpy(bytes.data(), head.data(), sizeof head);
+    std::memcpy(bytes.data() + sizeof head, points.data(), sizeof points);
+    std::memcpy(bytes.data() + sizeof head + sizeof points, corners.data(), sizeof corners);
+    return bytes;
+  };
+  const Case c = GENERATE_REF(
+      Case{"obj", vertices + faces + "f 2 3 4\n", ""},
+      Case{"obj", vertices + faces + "f -3 -2\t-1\r\n", ""},
+      Case{"obj", vertices + "vn 0 0 1\nvt 0 0\n" + faces + "f 2//1 3/1/-1 4/1\n", ""},
+      Case{"obj", vertices, ""},  // their hull
+      Case{"OBJ", vertices + faces + "f 2 3 5\n", "m.OBJ): line 8: a face names vertex '5' of 4"},
+      Case{"obj", vertices + faces + "f 2 3 2147483648\n", "vertex '2147483648' of 4"},
+      Case{"obj", vertices + faces + "f -4 -3 -5\n", "vertex '-5' of 4"},
+      Case{"obj", "f -1 -2 -3\n" + vertices + faces, "line 1: a face names vertex '-1' of 4"},
+      Case{"obj", vertices + faces + "f 2 3 0\n", "vertex '0' of 4"},
+      Case{"obj", vertices + faces + "f 2 3 4x\n", "vertex '4x' of 4"},
+      Case{"obj", vertices + faces + "f 2 3 4/1\n", "texture coordinate '1' of 0"},
+      Case{"obj", vertices + faces + "f 2 3 4/\n", "texture coordinate '' of 0"},
+      Case{"obj", vertices + faces + "f 2 3 4//7\n", "normal '7' of 0"},
+      Case{"obj", vertices + "vt 0 0\nvn 0 0 1\nf 2 3 4/1/1/1\n", "more than three indices"},
+      Case{"obj", vertices + faces + std::string("f 2 3 4\0", 8), "NUL"},
+      Case{"obj", "v 1 0 0\n", "has 1 vertices, expected at least 4"},
+      Case{"obj", "", "m.obj): is an empty file"}, Case{"stl", "", "m.stl): is an empty file"},
+      Case{"msh", msh(4, 3), ""}, Case{"msh", msh(4, 4), "m.msh): a face names vertex '4' of 4"},
+      Case{"msh", msh(4, -1), "vertex '-1' of 4"},
+      Case{"msh", msh(5, 3), "MuJoCo cannot compile it"},  // of another size than it says
+      Case{"msh", msh(-4, 3), "MuJoCo cannot compile it"},
+      Case{"msh", "short", "MuJoCo cannot compile it"}, Case{"obj", "f 1 2 9", "has 0 vertices"});
+  CAPTURE(c.name, c.text);
+  const Folder folder;
+  folder.write(std::string("m.") + c.name, c.text);
+  const std::string file = std::string("file='m.") + c.name + "'";
+  if (c.message.empty()) {
+    CHECK(of_mesh(folder, file).links.size() == 1);
+  } else {
+    check_refused_mesh(folder, file, c.message);
+  }
+}
+
+TEST_CASE("hostile: faces of a mesh that an MJCF states itself name what there is", "[io]") {
+  const Folder folder;
+  const std::string stated = "vertex='1 0 0 0 1 0 0 0 1 0 0 0' face='0 2 1 ";
+  const std::string whole = stated + "0 1 3 0 3 2 1 2 3'";
+  CHECK(of_mesh(folder, whole).links.size() == 1);
+  check_refused_mesh(folder, stated + "0 1 3 0 3 2 1 2 4'",
+                     "mesh 'm': a face names vertex '4' of 4");
+  check_refused_mesh(folder, stated + "0 1 3 0 3 2 1 2 -9'", "vertex '-9' of 4");
+  check_refused_mesh(folder, stated + "0 1 3 0 3 2 1 2 99999999999999999999'", "of 4");
+  check_refused_mesh(folder, "vertex='1 0 0 x 1 0 0 0 1 0 0 0'",
+                     "vertex holds 'x', expected numbers");
+  check_refused_mesh(folder, "vertex='1 0 0'", "has 1 vertices");
+  folder.write("m.obj", "v 1 0 0");
+  check_refused_mesh(folder, whole + " file='m.obj'", "names a file and states vertices or faces");
 }
 
 TEST_CASE("hostile: recordings and trajectories of hostile size are refused", "[recording]") {

@@ -2,18 +2,25 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
+#include <cstdlib>
 #include <limits>
+#include <sys/wait.h>
+#include <unistd.h>
 
 #include <catch2/catch_test_macros.hpp>
 #include <catch2/matchers/catch_matchers_string.hpp>
+#include <mujoco/mujoco.h>
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/dynamics/kinematics.hpp>
+#include <diffnea/io/atomic_file.hpp>
 #include <diffnea/io/model_file.hpp>
 #include <diffnea/io/world.hpp>
 #include <diffnea/sim/mujoco_simulator.hpp>
 
 #include "support/matrix_near.hpp"
+#include "support/temporary_folder.hpp"
 
 using namespace diffnea;
 using namespace diffnea::test;
@@ -78,6 +85,26 @@ Eigen::Vector3d triple(const Simulator& simulator, const Run& r, long row,
 }
 
 }  // namespace
+
+TEST_CASE("mujoco: an error of its own ends the process, without a log file or a key", "[sim]") {
+  const TemporaryFolder folder;
+  const pid_t child = ::fork();
+  if (child == 0) {
+    const bool ready = ::chdir(folder.path().c_str()) == 0 && std::freopen("said", "w", stderr);
+    if (ready) mju_error("the stack is full");
+    std::_Exit(99);
+  }
+  int status = 0;
+  REQUIRE(::waitpid(child, &status, 0) == child);
+  CHECK(WIFEXITED(status));
+  CHECK(WEXITSTATUS(status) == EXIT_FAILURE);
+  CHECK(read_text_file(folder.path() / "said") ==
+        "error: MuJoCo cannot go on: the stack is full\n");
+  std::vector<std::string> left;
+  for (const auto& entry : std::filesystem::directory_iterator(folder.path()))
+    left.push_back(entry.path().filename());
+  CHECK(left == std::vector<std::string>{"said"});
+}
 
 TEST_CASE("MuJoCo simulator: channels are joints, ball, cup and phase, as far as there are any",
           "[mujoco_simulator]") {

@@ -9,6 +9,7 @@
 
 #include "io/mjcf.hpp"
 #include "io/mjcf_limits.hpp"
+#include "io/mjcf_meshes.hpp"
 #include "io/mjcf_parts.hpp"
 #include "io/model_parts.hpp"
 
@@ -44,28 +45,6 @@ void without_simulation(XmlElement& root) {
   for (const char* name : {"size", "sensor"}) remove_children(root, name);
   for_each_child(root, "compiler", [](XmlElement& c) { remove_children(c, "lengthrange"); });
   child(child(root, "compiler"), "lengthrange").SetAttribute("mode", "none");
-}
-
-/// Meshes that give a body its inertia: checked, loaded, and renamed to flat names in memory.
-void add_meshes(XmlElement& root, const Mjcf& mjcf, sim::MujocoFiles& files) {
-  std::string mesh_folder;
-  for_each_child(root, "compiler", [&](XmlElement& c) {
-    for (const char* name : {"assetdir", "meshdir"})
-      if (c.Attribute(name)) mesh_folder = attribute(c, name);
-    for (const char* name : {"assetdir", "meshdir", "texturedir"}) c.DeleteAttribute(name);
-  });
-  int count = 0;
-  walk(root, [&](XmlElement& mesh) {
-    if (!is(mesh, "mesh") || !mesh.Attribute("file")) return;
-    const std::filesystem::path file = attribute(mesh, "file");
-    if (!mesh.Attribute("name")) mesh.SetAttribute("name", file.stem().string().c_str());
-    const std::filesystem::path path =
-        confined_path(mjcf.folder, (std::filesystem::path(mesh_folder) / file).string(),
-                      mjcf.where + ": mesh '" + attribute(mesh, "name") + "'");
-    const std::string flat = "mesh" + std::to_string(count++) + path.extension().string();
-    files.add(flat, read_text_file(path), mjcf.where);
-    mesh.SetAttribute("file", flat.c_str());
-  });
 }
 
 }  // namespace
@@ -119,7 +98,7 @@ MujocoModel compile_mjcf(const Mjcf& mjcf) {
   strip_looks(root, inertia_from_geoms(root));
   without_simulation(root);
   sim::MujocoFiles files;
-  add_meshes(root, mjcf, files);
+  add_meshes(root, mjcf.folder, mjcf.where, files);
   return sim::compile_mujoco(xml_text(document), files, mjcf.where);
 }
 

@@ -1,6 +1,8 @@
 #include "sim/mujoco_model.hpp"
 
 #include <algorithm>
+#include <cstdio>
+#include <cstdlib>
 #include <cstring>
 #include <mutex>
 
@@ -10,9 +12,17 @@ namespace diffnea::sim {
 namespace {
 
 /// MuJoCo's own answer to a warning is a log file in the working folder; the library never writes
-/// unasked. Counts of warnings stay readable in mjData.
+/// unasked. Counts of warnings stay readable in mjData. To an error it is such a file as well, and
+/// to wait for a key before it ends the process; an end there must be, for its C code cannot be
+/// left by an exception.
 const bool kQuiet = [] {
   if (!mju_user_warning) mju_user_warning = [](const char*) {};
+  if (!mju_user_error)
+    mju_user_error = [](const char* message) {
+      std::fprintf(stderr, "error: MuJoCo cannot go on: %s\n", message);
+      std::fflush(stderr);
+      std::_Exit(EXIT_FAILURE);
+    };
   return true;
 }();
 

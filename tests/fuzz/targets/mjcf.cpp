@@ -8,7 +8,7 @@
 namespace diffnea::fuzz {
 
 void mjcf(std::string_view input) {
-  const InputFiles files(input, "model.xml", {"part.xml", "mesh.stl", "mesh.obj"});
+  const InputFiles files(input, "model.xml", {"part.xml", "mesh.stl", "mesh.obj", "mesh.msh"});
   const InputFiles written("", "written.xml");
   read_and_keep(files["model.xml"]);
   result_or_error([&] { write_model(read_model(files["model.xml"]), written["written.xml"]); });
