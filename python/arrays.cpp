@@ -1,5 +1,6 @@
 #include "arrays.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <set>
 
@@ -14,6 +15,25 @@ RowMatX<double> copy(const py::array_t<double>& a, long rows, long columns) {
   return Eigen::Map<const RowMatX<double>>(a.data(), rows, columns);
 }
 
+/// None if `x` is no array of real numbers. NumPy would make NaN of None, and drop what is
+/// imaginary.
+Numbers numbers_in(const py::handle& x) {
+  if (Numbers::check_(x)) return py::reinterpret_borrow<Numbers>(x);
+  const bool is_complex =
+      py::isinstance<py::array>(x) && py::reinterpret_borrow<py::array>(x).dtype().kind() == 'c';
+  if (x.is_none() || is_complex) return py::reinterpret_steal<Numbers>(nullptr);
+  return Numbers::ensure(x);
+}
+
+[[noreturn]] void throw_not_numbers(const std::string& what, const py::handle& x) {
+  throw py::type_error(what + ": got " + std::string(py::str(py::type::of(x).attr("__name__"))) +
+                       ", expected an array of real numbers");
+}
+
+bool same_shape(const py::array& a, const py::array& b) {
+  return a.ndim() == b.ndim() && std::equal(a.shape(), a.shape() + a.ndim(), b.shape());
+}
+
 }  // namespace
 
 std::string shape_text(const py::array& array) {
@@ -24,13 +44,8 @@ std::string shape_text(const py::array& array) {
 }
 
 py::array_t<double> number_array(const std::string& what, const py::handle& x) {
-  // NumPy would make NaN of None, and drop what is imaginary.
-  const bool is_complex =
-      py::isinstance<py::array>(x) && py::reinterpret_borrow<py::array>(x).dtype().kind() == 'c';
-  if (!x.is_none() && !is_complex)
-    if (const Numbers array = Numbers::ensure(x)) return array;
-  throw py::type_error(what + ": got " + std::string(py::str(py::type::of(x).attr("__name__"))) +
-                       ", expected an array of real numbers");
+  if (const Numbers array = numbers_in(x)) return array;
+  throw_not_numbers(what, x);
 }
 
 VecX<double> vector_in(const std::string& what, const py::handle& x, long size) {
@@ -56,6 +71,12 @@ RowMatX<double> matrix_in(const std::string& what, const py::handle& x, long row
 }
 
 py::array_t<double> array_out(RowMatX<double>&& values, const std::vector<py::ssize_t>& shape) {
+  constexpr long kCopied = 512;  // values that are copied in less time than an owner is made
+  if (values.size() <= kCopied) {
+    py::array_t<double> out(shape);
+    std::copy_n(values.data(), values.size(), out.mutable_data());
+    return out;
+  }
   auto* kept = new RowMatX<double>(std::move(values));
   const py::capsule owner(kept, [](void* p) { delete static_cast<RowMatX<double>*>(p); });
   return py::array_t<double>(shape, kept->data(), owner);
@@ -86,27 +107,28 @@ py::array_t<double> array_out(const std::vector<std::array<double, 3>>& points) 
                              points.empty() ? nullptr : points.front().data());
 }
 
-States states_in(const std::string& where, long n, std::initializer_list<NamedArray> arrays) {
+States states_in(const char* where, long n, std::initializer_list<NamedArray> arrays) {
+  const auto what = [where](const NamedArray& argument) {
+    return std::string(where) + ": " + argument.name;
+  };
   States out;
-  std::string first_shape;
-  const char* first_name = nullptr;
+  out.values.reserve(arrays.size());
+  Numbers first;
   for (const NamedArray& argument : arrays) {
-    const std::string what = where + ": " + argument.name;
-    const py::array_t<double> a = number_array(what, argument.array);
-    const bool single = a.ndim() == 1;
+    const Numbers a = numbers_in(argument.array);
+    if (!a) throw_not_numbers(what(argument), argument.array);
     if ((a.ndim() != 1 && a.ndim() != 2) || a.shape(a.ndim() - 1) != n)
-      throw ShapeError(what + ": got shape " + shape_text(a) + ", expected (" + std::to_string(n) +
-                       ",) or (T, " + std::to_string(n) + "), one value per joint");
-    if (!first_name) {
-      first_name = argument.name;
-      first_shape = shape_text(a);
-      out.single = single;
-    } else if (shape_text(a) != first_shape) {
-      throw ShapeError(what + ": got shape " + shape_text(a) + ", expected " + first_shape +
-                       ", that of " + first_name);
-    }
-    out.values.push_back(copy(a, single ? 1 : a.shape(0), n));
+      throw ShapeError(what(argument) + ": got shape " + shape_text(a) + ", expected (" +
+                       std::to_string(n) + ",) or (T, " + std::to_string(n) +
+                       "), one value per joint");
+    if (out.values.empty())
+      first = a;
+    else if (!same_shape(a, first))
+      throw ShapeError(what(argument) + ": got shape " + shape_text(a) + ", expected " +
+                       shape_text(first) + ", that of " + arrays.begin()->name);
+    out.values.push_back(copy(a, a.ndim() == 1 ? 1 : a.shape(0), n));
   }
+  out.single = first.ndim() == 1;
   return out;
 }
 

@@ -61,6 +61,6 @@ struct States {
 
 /// @param where  the function, for messages  @param n  joints
 /// @throws ShapeError if an array is neither (n,) nor (T, n), or if their shapes differ
-States states_in(const std::string& where, long n, std::initializer_list<NamedArray> arrays);
+States states_in(const char* where, long n, std::initializer_list<NamedArray> arrays);
 
 }  // namespace diffnea::python

@@ -1,5 +1,7 @@
 /// Dynamics and kinematics of one state or of many, one a row.
 
+#include <algorithm>
+
 #include <diffnea/core/error.hpp>
 #include <diffnea/dynamics/batch.hpp>
 #include <diffnea/dynamics/derivatives.hpp>
@@ -18,7 +20,11 @@ namespace {
 
 using namespace pybind11::literals;
 
-long dofs(const Model& model) { return static_cast<long>(moving_links(model).size()); }
+long dofs(const Model& model) {
+  return std::ranges::count_if(model.links, [](const ModelLink& link) {
+    return link.type != ModelJoint::kFixed;
+  });
+}
 
 py::array inverse(const Model& model, const py::object& q, const py::object& qd,
                   const py::object& qdd, bool effects, int threads) {

@@ -2,7 +2,10 @@
 #include <thread>
 
 #include <diffnea/core/error.hpp>
+#include <diffnea/dynamics/aba.hpp>
 #include <diffnea/dynamics/batch.hpp>
+#include <diffnea/dynamics/regressor.hpp>
+#include <diffnea/dynamics/rnea.hpp>
 #include <diffnea/lie/inertia.hpp>
 
 #include "dynamics/batch_kernels.hpp"
@@ -80,17 +83,23 @@ void require_shape(const char* where, const char* name, const RowMatX<double>& M
                    std::to_string(columns) + " (one row per state, one column per joint)");
 }
 
-void run_rows(const char* where, batch::Kernel* Kernels::* kernel, const Tree<double>& tree,
-              const RowMatX<double>& Q, const RowMatX<double>& Qd, const char* name_x,
-              const RowMatX<double>& X, long out_rows_per_state, long out_columns,
-              RowMatX<double>& out, const BatchOptions& options) {
+/// @param of_one_row  computes a single state without packs: a register that holds one row costs
+///                    as much as a full one, and so does its scratch
+template <class OneRow>
+void run_rows(const char* where, batch::Kernel* Kernels::* kernel, const OneRow& of_one_row,
+              const Tree<double>& tree, const RowMatX<double>& Q, const RowMatX<double>& Qd,
+              const char* name_x, const RowMatX<double>& X, long out_rows_per_state,
+              long out_columns, RowMatX<double>& out, const BatchOptions& options) {
   const int n = tree.num_dofs();
   require_shape(where, "Q", Q, Q.rows(), n);
   require_shape(where, "Qd", Qd, Q.rows(), n);
   require_shape(where, name_x, X, Q.rows(), n);
   out.resize(Q.rows() * out_rows_per_state, out_columns);
-  run(choose(options.instruction_set).*kernel, tree,
-      {Q.data(), Qd.data(), X.data(), out.data(), 0, Q.rows()}, options.num_threads);
+  if (Q.rows() == 1 && options.instruction_set.empty())
+    of_one_row(Q.row(0).transpose(), Qd.row(0).transpose(), X.row(0).transpose());
+  else
+    run(choose(options.instruction_set).*kernel, tree,
+        {Q.data(), Qd.data(), X.data(), out.data(), 0, Q.rows()}, options.num_threads);
 }
 
 }  // namespace
@@ -106,7 +115,12 @@ RowMatX<double> rnea_batch(const Tree<double>& tree, const RowMatX<double>& Q,
                            const RowMatX<double>& Qd, const RowMatX<double>& Qdd,
                            const BatchOptions& options) {
   RowMatX<double> tau;
-  run_rows("rnea_batch", &Kernels::rnea, tree, Q, Qd, "Qdd", Qdd, 1, tree.num_dofs(), tau, options);
+  const auto of_one_row = [&](VecIn<double> q, VecIn<double> qd, VecIn<double> qdd) {
+    RneaWorkspace<double, double> ws;
+    tau.row(0) = rnea<double, double>(tree, q, qd, qdd, ws);
+  };
+  run_rows("rnea_batch", &Kernels::rnea, of_one_row, tree, Q, Qd, "Qdd", Qdd, 1, tree.num_dofs(),
+           tau, options);
   return tau;
 }
 
@@ -114,15 +128,24 @@ RowMatX<double> aba_batch(const Tree<double>& tree, const RowMatX<double>& Q,
                           const RowMatX<double>& Qd, const RowMatX<double>& Tau,
                           const BatchOptions& options) {
   RowMatX<double> qdd;
-  run_rows("aba_batch", &Kernels::aba, tree, Q, Qd, "Tau", Tau, 1, tree.num_dofs(), qdd, options);
+  const auto of_one_row = [&](VecIn<double> q, VecIn<double> qd, VecIn<double> tau) {
+    AbaWorkspace<double, double> ws;
+    qdd.row(0) = aba<double, double>(tree, q, qd, tau, ws);
+  };
+  run_rows("aba_batch", &Kernels::aba, of_one_row, tree, Q, Qd, "Tau", Tau, 1, tree.num_dofs(), qdd,
+           options);
   return qdd;
 }
 
 void regressor_batch(const Tree<double>& tree, const RowMatX<double>& Q, const RowMatX<double>& Qd,
                      const RowMatX<double>& Qdd, RowMatX<double>& Y, const BatchOptions& options) {
   const int n = tree.num_dofs();
-  run_rows("regressor_batch", &Kernels::regressor, tree, Q, Qd, "Qdd", Qdd, n, kThetaSize * n, Y,
-           options);
+  const auto of_one_row = [&](VecIn<double> q, VecIn<double> qd, VecIn<double> qdd) {
+    RegressorWorkspace<double, double> ws;
+    Y = torque_regressor<double, double>(tree, q, qd, qdd, ws);
+  };
+  run_rows("regressor_batch", &Kernels::regressor, of_one_row, tree, Q, Qd, "Qdd", Qdd, n,
+           kThetaSize * n, Y, options);
 }
 
 RowMatX<double> regressor_batch(const Tree<double>& tree, const RowMatX<double>& Q,

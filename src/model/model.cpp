@@ -25,6 +25,7 @@ bool has_inertia(const SpatialInertia<double>& b) {
 
 std::vector<int> moving_links(const Model& model) {
   std::vector<int> out;
+  out.reserve(model.links.size());
   for (std::size_t i = 0; i < model.links.size(); ++i)
     if (model.links[i].type != ModelJoint::kFixed) out.push_back(static_cast<int>(i));
   return out;
@@ -37,16 +38,20 @@ std::vector<std::string> joint_names(const Model& model) {
 }
 
 int find_joint(const Model& model, const std::string& joint) {
-  const std::vector<std::string> names = joint_names(model);
-  const auto it = std::ranges::find(names, joint);
-  if (it == names.end())
-    throw ModelError(model.name + ": there is no moving joint '" + joint +
-                     "'; joints: " + join(names));
-  return static_cast<int>(it - names.begin());
+  int dof = 0;
+  for (const ModelLink& link : model.links) {
+    if (link.type == ModelJoint::kFixed) continue;
+    if (link.joint == joint) return dof;
+    ++dof;
+  }
+  throw ModelError(model.name + ": there is no moving joint '" + joint +
+                   "'; joints: " + join(joint_names(model)));
 }
 
 TreeMap map_to_tree(const Model& model) {
   TreeMap map;
+  map.dof.reserve(model.links.size());
+  map.X_LF.reserve(model.links.size());
   int dof = 0;
   for (std::size_t i = 0; i < model.links.size(); ++i) {
     const ModelLink& link = model.links[i];
@@ -81,6 +86,7 @@ Tree<double> make_tree(const Model& model) {
   const TreeMap map = map_to_tree(model);
   Tree<double> tree;
   tree.gravity = model.gravity;
+  tree.links.reserve(model.links.size());
   for (std::size_t i = 0; i < model.links.size(); ++i) {
     const ModelLink& link = model.links[i];
     if (link.type == ModelJoint::kFixed) {
