@@ -55,14 +55,18 @@ void bind_ball_network(py::module_& m) {
       .def_readonly("sha256", &N::sha256)
       .def_readonly("step", &N::step)
       .def_readonly("warm_up", &N::warm_up)
-      .def_property_readonly("num_hidden", [](const N& n) { return num_hidden(n); })
       .def("evaluate", &evaluate, "inputs"_a, "hidden"_a)
       .def(
           "save",
           [](const N& n, const std::filesystem::path& path) {
             write_file_atomically(path, n.text);
           },
-          "path"_a);
+          "path"_a)
+      .def(py::pickle([](const N& n) { return py::make_tuple(n.text, n.source); },
+                      [](const py::tuple& state) {
+                        return std::make_shared<N>(ball_network_from_json(
+                            py::cast<std::string>(state[0]), py::cast<std::string>(state[1])));
+                      }));
 }
 
 }  // namespace diffnea::python

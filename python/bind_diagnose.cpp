@@ -109,11 +109,11 @@ DiagnoseRun diagnose_python(const Model& model, const py::list& train_items,
   DiagnoseRun run;
   run.reproduce.version = version();
   run.reproduce.command = {"diffnea.diagnose"};
-  run.finding = on_recordings(model, train, test, {torque_side, passive}, supervisor,
-                              [&](const RecordingSource& data, const RecordingSource* held_out) {
-                                return diagnose(model, data, held_out, options);
-                              });
-  run.reproduce.inputs = describe_inputs(model, train, test);
+  run.finding =
+      on_recordings(model, train, test, {torque_side, passive}, supervisor, run.reproduce.inputs,
+                    [&](const RecordingSource& data, const RecordingSource* held_out) {
+                      return diagnose(model, data, held_out, options);
+                    });
   return run;
 }
 

@@ -67,11 +67,11 @@ FitRun identify_python(const Model& model, const py::list& train_items, const py
   FitRun run;
   run.reproduce.version = version();
   run.reproduce.command = {"diffnea.identify"};
-  run.fit = on_recordings(model, train, test, {torque_side, passive}, supervisor,
-                          [&](const RecordingSource& data, const RecordingSource* held_out) {
-                            return identify(model, data, held_out, options);
-                          });
-  run.reproduce.inputs = describe_inputs(model, train, test);
+  run.fit =
+      on_recordings(model, train, test, {torque_side, passive}, supervisor, run.reproduce.inputs,
+                    [&](const RecordingSource& data, const RecordingSource* held_out) {
+                      return identify(model, data, held_out, options);
+                    });
   return run;
 }
 

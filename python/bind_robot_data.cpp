@@ -21,29 +21,22 @@ py::tuple robot_motions(const Model& model, const py::object& home, double arm_s
   const VecX<double> posture = vector_in("robot_motions: home", home);
   const RobotData data{.arm_seconds = arm_seconds, .ball_seconds = ball_seconds};
   Supervisor supervisor(py::none{});
-  std::vector<Excitation> found;
-  {
-    const py::gil_scoped_release release;
-    for (DesignOptions design :
-         {arm_excitation(data, seed + 1), ball_excitation(model, posture, data, seed + 2)}) {
-      design.progress = [&](const FitProgress& p) { return supervisor(p); };
-      found.push_back(design_excitation(model, design));
-    }
-  }
-  supervisor.rethrow();
-  return py::make_tuple(found[0], found[1]);
+  const auto design = [&](DesignOptions options) {
+    options.progress = [&](const FitProgress& p) { return supervisor(p); };
+    return supervisor.run([&] { return design_excitation(model, options); });
+  };
+  Excitation arm = design(arm_excitation(data, seed + 1));
+  Excitation ball = design(ball_excitation(model, posture, data, seed + 2));
+  return py::make_tuple(std::move(arm), std::move(ball));
 }
 
 /// Fit of the arm, fit of the ball on that arm, and both in one model.
 py::tuple identify_robot_python(const Model& nominal, const Recording& arm, const Recording& ball,
                                 const py::object& progress) {
   Supervisor supervisor(progress);
-  IdentifiedRobot robot;
-  {
-    const py::gil_scoped_release release;
-    robot = identify_robot(nominal, arm, ball, [&](const FitProgress& p) { return supervisor(p); });
-  }
-  supervisor.rethrow();
+  IdentifiedRobot robot = supervisor.run([&] {
+    return identify_robot(nominal, arm, ball, [&](const FitProgress& p) { return supervisor(p); });
+  });
   Reproduce made;
   made.version = version();
   made.command = {"diffnea.identify_robot"};

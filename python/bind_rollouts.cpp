@@ -207,10 +207,7 @@ void bind_rollout_set(py::module_& m) {
           },
           "theta"_a, "seed"_a)
       .def_property_readonly("promp", [](const RolloutSet& s) { return s.rollouts->promp(); })
-      .def_property_readonly("start",
-                             [](const RolloutSet& s) { return array_out(s.rollouts->start()); })
       .def_property_readonly("count", [](const RolloutSet& s) { return s.rollouts->count(); })
-      .def_readonly("joints", &RolloutSet::joints)
       .def_readonly("channels", &RolloutSet::channels)
       .def_readonly("period", &RolloutSet::period);
 }
@@ -221,7 +218,6 @@ RolloutSet make_rollouts(const Simulator& simulator, const Promp& promp, const p
                          const py::object& ended, bool whole, VecX<double> start,
                          MotionLimits limits, int threads) {
   RolloutSet out;
-  out.joints = simulator.joints();
   out.channels = simulator.channels();
   out.period = simulator.period();
   std::unique_ptr<Task> judge;

@@ -41,23 +41,17 @@ Simulation simulate(const Model& model, const Trajectory& trajectory,
   options.gravity_compensation = gravity_compensation;
   options.period = period.value_or(0.0);
   options.seed = seed.value_or(0);
-  const auto scale_noise = [&options](double factor) {
-    options.position_noise *= factor;
-    options.slide_noise *= factor;
-    options.torque_noise *= factor;
-    options.camera_noise *= factor;
-  };
 
   const py::gil_scoped_release release;
   Simulation out;
   SimulatedRecording result;
   if (!world) {
-    scale_noise(noise.value_or(0.0));
+    options.scale_noise(noise.value_or(0.0));
     out.truth = model;
     result = record_model(model, model, trajectory, options);
   } else {
     const WorldSpec spec = parse_world(*world);
-    scale_noise(noise.value_or(spec.noise));
+    options.scale_noise(noise.value_or(spec.noise));
     WorldRecording recorded = record_in_world(spec, model, trajectory, options, options.seed);
     out.truth = std::move(recorded.truth);
     result = std::move(recorded.result);

@@ -19,6 +19,7 @@
 
 #include "bindings.hpp"
 #include "control_law.hpp"
+#include "data.hpp"
 #include "ereps_history.hpp"
 #include "rollout_set.hpp"
 
@@ -128,8 +129,9 @@ LearnedPolicy finished(const BallInCup& task, const Ereps& search, double expect
 }
 
 /// What `diffnea learn` leaves.
-LearnRun run_of(const BallInCup& task, std::vector<LearnedPolicy> policies, int threads,
-                double seconds, bool interrupted) {
+LearnRun run_of(const BallInCup& task, std::vector<RunInput> inputs,
+                std::vector<LearnedPolicy> policies, int threads, double seconds,
+                bool interrupted) {
   LearnRun run;
   run.task = task;
   run.threads = threads;
@@ -137,8 +139,7 @@ LearnRun run_of(const BallInCup& task, std::vector<LearnedPolicy> policies, int 
   run.interrupted = interrupted;
   run.reproduce.version = version();
   run.reproduce.command = {"diffnea.learn"};
-  if (std::filesystem::exists(task.model.source))
-    run.reproduce.inputs.push_back(describe_input("model", task.model.source));
+  run.reproduce.inputs = std::move(inputs);
   Rollouts imagine = rollouts(task, 1);
   for (const LearnedPolicy& policy : policies)
     run.imagined.push_back(imagine.trace(policy.policy.mean));
@@ -154,8 +155,6 @@ void bind_task(py::module_& m) {
         "promp"_a, "search"_a, "weight_std"_a, "reward"_a, "law"_a, "rate"_a, "bandwidth"_a,
         "damping"_a, "kp"_a, "kd"_a, "robust"_a, "ball_network"_a)
       .def_property_readonly("model", [](const BallInCup& t) { return t.model; })
-      .def_property_readonly("joints", [](const BallInCup& t) { return t.options.promp.joints; })
-      .def_property_readonly("start", [](const BallInCup& t) { return array_out(t.start); })
       .def("search", &first_search, "seed"_a)
       .def(
           "rollouts",
@@ -171,23 +170,25 @@ void bind_task(py::module_& m) {
       .def("finished", &finished, "search"_a, "expected"_a, "solved"_a, "rollouts"_a, "seconds"_a)
       .def(
           "to_dict",
-          [](const BallInCup& t, const std::vector<LearnedPolicy>& policies, int threads,
-             double seconds, bool interrupted) {
+          [](const BallInCup& t, const std::vector<RunInput>& inputs,
+             const std::vector<LearnedPolicy>& policies, int threads, double seconds,
+             bool interrupted) {
             return parse_json(
-                learn_result_json(run_of(t, policies, threads, seconds, interrupted)));
+                learn_result_json(run_of(t, inputs, policies, threads, seconds, interrupted)));
           },
-          "policies"_a, "threads"_a, "seconds"_a, "interrupted"_a)
+          "inputs"_a, "policies"_a, "threads"_a, "seconds"_a, "interrupted"_a)
       .def(
           "save",
           [](const BallInCup& t, const std::filesystem::path& path,
-             const std::vector<LearnedPolicy>& policies, int threads, double seconds,
-             bool interrupted) {
+             const std::vector<RunInput>& inputs, const std::vector<LearnedPolicy>& policies,
+             int threads, double seconds, bool interrupted) {
             check_run_folder(path, "learn");
             ResultFolder folder(path);
-            publish_learn_run(run_of(t, policies, threads, seconds, interrupted), folder);
+            publish_learn_run(run_of(t, inputs, policies, threads, seconds, interrupted), folder);
           },
-          "folder"_a, "policies"_a, "threads"_a, "seconds"_a, "interrupted"_a,
+          "folder"_a, "inputs"_a, "policies"_a, "threads"_a, "seconds"_a, "interrupted"_a,
           py::call_guard<py::gil_scoped_release>());
+  m.def("_describe_model", &describe_model, "model"_a, py::call_guard<py::gil_scoped_release>());
   m.def("_learn", &learn_python, "task"_a, "seeds"_a, "threads"_a, "progress"_a);
 }
 

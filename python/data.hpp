@@ -9,7 +9,9 @@
 #include <pybind11/pybind11.h>
 #include <pybind11/stl/filesystem.h>
 
+#include <diffnea/core/error.hpp>
 #include <diffnea/identify/source.hpp>
+#include <diffnea/io/model_file.hpp>
 #include <diffnea/io/result.hpp>
 #include <diffnea/io/result_folder.hpp>
 
@@ -51,33 +53,43 @@ inline std::unique_ptr<RecordingSource> open(const Model& model, const Data& dat
   return recordings_in_files(model, data.files, info);
 }
 
+/// The file that holds the model, as an input of a run: its source, or model.json beside it where
+/// that is a run's. None where it holds another model: this one was changed in memory since.
+inline std::vector<RunInput> describe_model(const Model& model) {
+  const std::filesystem::path source = model.source;
+  for (const std::filesystem::path& file : {source, source.parent_path() / "model.json"}) {
+    std::error_code unreadable;
+    if (!std::filesystem::is_regular_file(file, unreadable)) continue;
+    try {
+      if (model_to_json(read_model(file)) == model_to_json(model))
+        return {describe_input("model", file)};
+    } catch (const Error&) {  // no longer a model
+    }
+  }
+  return {};
+}
+
 inline std::vector<RunInput> describe_inputs(const Model& model, const Data& train,
                                              const Data& test) {
-  std::vector<RunInput> out;
-  if (std::filesystem::exists(model.source)) out.push_back(describe_input("model", model.source));
+  std::vector<RunInput> out = describe_model(model);
   for (const std::filesystem::path& file : train.files) out.push_back(describe_input("data", file));
   for (const std::filesystem::path& file : test.files) out.push_back(describe_input("test", file));
   return out;
 }
 
-/// work(train, test) on the opened recordings (test is null without any), with the GIL free. What
-/// Python raised during progress comes through.
+/// work(train, test) on the opened recordings (test is null without any), under supervision.
+/// @param inputs  set to the files, as they were before the work
 template <typename Work>
 auto on_recordings(const Model& model, const Data& train, const Data& test,
-                   const FileOptions& options, Supervisor& supervisor, Work work) {
-  std::optional<decltype(work(std::declval<const RecordingSource&>(), nullptr))> out;
-  try {
-    const py::gil_scoped_release release;
+                   const FileOptions& options, Supervisor& supervisor,
+                   std::vector<RunInput>& inputs, Work work) {
+  return supervisor.run([&] {
     const std::unique_ptr<RecordingSource> train_source = open(model, train, options);
     std::unique_ptr<RecordingSource> test_source;
     if (!test.empty()) test_source = open(model, test, options);
-    out = work(*train_source, test_source.get());
-  } catch (const Error&) {
-    supervisor.rethrow();  // stopped before there was anything to return
-    throw;
-  }
-  supervisor.rethrow();
-  return std::move(*out);
+    inputs = describe_inputs(model, train, test);
+    return work(*train_source, test_source.get());
+  });
 }
 
 }  // namespace diffnea::python

@@ -14,7 +14,7 @@ namespace diffnea::python {
 struct RolloutSet {
   std::shared_ptr<RolloutStore> store;  ///< null: rollouts are not kept
   std::unique_ptr<Rollouts> rollouts;
-  std::vector<std::string> joints, channels;
+  std::vector<std::string> channels;
   double period = 0.0;
 };
 

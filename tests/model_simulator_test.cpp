@@ -1,6 +1,7 @@
 /// The identified model as a world of its own: against Runge–Kutta and against events, lane by
 /// lane, and the holes that a search for a policy finds.
 
+#include <algorithm>
 #include <cmath>
 
 #include <catch2/catch_test_macros.hpp>
@@ -263,6 +264,59 @@ TEST_CASE("model simulator: gains that are not given are those of the start", "[
   const Lanes derived = after(options);
   options.controller.kd = joint_gains(model, options.controller, kHome).kd;
   CHECK(after(options) == derived);
+}
+
+TEST_CASE("model simulator: lanes that start elsewhere have the gains of their own start",
+          "[sim]") {
+  const Model model = read_model(kWam);
+  Starts both{.q = kHome.replicate(1, 2), .seeds = {0, 0}};
+  both.q.col(1) << 0.0, -0.9, 0.3, 2.6;
+  const auto after = [&](const Starts& begin) {
+    ModelSimulator world({model}, model);
+    world.reset(begin);
+    Lanes q = Lanes::Zero(4, world.lanes());
+    for (long lane = 0; lane < q.cols(); ++lane)
+      q.col(lane) = begin.q.col(std::min(lane, begin.q.cols() - 1)).array() + 0.3;
+    const Lanes still = Lanes::Zero(4, world.lanes());
+    for (int k = 0; k < 50; ++k) world.step(q, still);
+    return Lanes(world.observe());
+  };
+  const Lanes together = after(both);
+  for (long lane = 0; lane < 2; ++lane) {
+    const Lanes alone = after({.q = both.q.col(lane), .seeds = {0}});
+    CHECK(together.col(lane) == alone.col(0));
+  }
+}
+
+TEST_CASE("model simulator: without a start it does not move", "[sim]") {
+  const Model model = read_model(kWam);
+  ModelSimulator world({model}, model);
+  const Lanes still = Lanes::Zero(4, world.lanes());
+  CHECK_THROWS_WITH(world.step(still, still), ContainsSubstring("reset"));
+  world.reset(starts(1));
+  CHECK_NOTHROW(world.step(still, still));
+  CHECK_THROWS_WITH(world.clone()->step(still, still), ContainsSubstring("reset"));
+}
+
+TEST_CASE("model simulator: a lane fails wherever it diverges, not at its first joint alone",
+          "[sim]") {
+  // Two wheels on the world: what one does the other never feels.
+  const Model model = model_from_json(R"({"schema": "diffnea/model/1", "name": "two", "links": [
+      {"name": "A", "joint": {"name": "a", "type": "revolute", "axis": [0, 0, 1]},
+       "inertia": {"mass": 1, "com": [0, 0, 0], "about_com": [0.1, 0, 0, 0.1, 0, 0.1]}},
+      {"name": "B", "joint": {"name": "b", "type": "revolute", "axis": [0, 0, 1]},
+       "inertia": {"mass": 1, "com": [0, 0, 0], "about_com": [0.1, 0, 0, 0.1, 0, 0.1]}}]})",
+                                      "two.json");
+  ModelSimulatorOptions options;
+  options.controller.kp = Eigen::Vector2d{10.0, 10.0};
+  // Each step of 2 ms multiplies the second one's speed by 1 - kd h/J = -199.
+  options.controller.kd = Eigen::Vector2d{1.0, 1e4};
+  ModelSimulator world({model}, model, options);
+  world.reset({Lanes::Zero(2, 1), {0}});
+  const Lanes q = Lanes::Constant(2, world.lanes(), 0.1), qd = Lanes::Zero(2, world.lanes());
+  for (int k = 0; k < 200; ++k) world.step(q, qd);  // 199^200 is beyond any double
+  CHECK(std::isfinite(world.observe()(0, 0)));
+  CHECK(world.failures()[0] == "the integration is unstable");
 }
 
 TEST_CASE("model simulator: what it does not simulate is refused by name", "[sim]") {

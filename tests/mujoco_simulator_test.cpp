@@ -86,6 +86,14 @@ Eigen::Vector3d triple(const Simulator& simulator, const Run& r, long row,
 
 }  // namespace
 
+TEST_CASE("MuJoCo simulator: without a start it does not move", "[sim]") {
+  const std::unique_ptr<Simulator> simulator = world("", {});
+  const Command still = command(0, {0.0});
+  CHECK_THROWS_WITH(simulator->step(still.q, still.qd), ContainsSubstring("reset"));
+  simulator->reset(starts({0}));
+  CHECK_THROWS_WITH(simulator->clone()->step(still.q, still.qd), ContainsSubstring("reset"));
+}
+
 TEST_CASE("mujoco: an error of its own ends the process, without a log file or a key", "[sim]") {
   const TemporaryFolder folder;
   const pid_t child = ::fork();

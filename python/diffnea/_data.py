@@ -20,7 +20,11 @@ if TYPE_CHECKING:
 
 def items(data: Data, torque_side: str | None, passive: Sequence[str]) -> list[Recording | Path]:
     """All CSV files, or all recordings in memory."""
-    one: list[One] = list(data) if isinstance(data, list | tuple) else [data]
+    one: list[One]
+    if isinstance(data, Recording | str | os.PathLike) or not isinstance(data, Sequence):
+        one = [data]
+    else:
+        one = list(data)
     paths = [Path(x) for x in one if isinstance(x, str | os.PathLike)]
     if len(paths) == len(one) and not any(map(is_foreign, paths)):
         return list(paths)

@@ -18,6 +18,7 @@ from ._core import (
     Policy,
     _BallInCup,
     _BallNetwork,
+    _describe_model,
     _learn,
 )
 from ._files import StrPath, load_model
@@ -173,6 +174,7 @@ def learn(
         _network(ball_network),
     )
     world = _BallInCup(model, controller, string, *options)
+    inputs = tuple(_describe_model(model))
 
     begin = time.monotonic()
     own = task if not isinstance(task, str) else None
@@ -188,13 +190,14 @@ def learn(
             rollouts = Rollouts._of(world.rollouts(own, ended, whole, threads), reward)
             policies = []
             for seed in seeds:
-                policies.append(_search(world, rollouts, seed, report))
-                if not policies[-1].stopped:
+                policy, go_on = _search(world, rollouts, seed, report)
+                policies.append(policy)
+                if not go_on:
                     break
     interrupted = len(policies) < len(seeds) or any(not p.stopped for p in policies)
     seconds = time.monotonic() - begin
     return LearnResult(
-        world.model, controller, policies, interrupted, string, threads, seconds, options
+        world.model, controller, policies, interrupted, string, threads, seconds, options, inputs
     )
 
 
@@ -224,9 +227,14 @@ def _network(network: BallNetwork | StrPath | None) -> _BallNetwork | None:
     return (network if isinstance(network, BallNetwork) else BallNetwork.load(network))._compiled
 
 
-def _search(world: _BallInCup, rollouts: Rollouts, seed: int, report: Progress) -> Policy:
-    """Search with a task or a reward in Python; Ctrl-C ends it where it is."""
-    begin, before = time.monotonic(), rollouts.count
+def _search(
+    world: _BallInCup, rollouts: Rollouts, seed: int, report: Progress
+) -> tuple[Policy, bool]:
+    """Search with a task or a reward in Python; Ctrl-C ends it where it is.
+
+    Returns the policy, and whether searches from other seeds should follow.
+    """
+    begin, before, go_on = time.monotonic(), rollouts.count, True
     search = world.search(seed)
     try:
         while not search.done:
@@ -234,19 +242,21 @@ def _search(world: _BallInCup, rollouts: Rollouts, seed: int, report: Progress) 
             search.tell(result.rewards, result.solved)
             history = search.history
             mean, share = history["reward_mean"][-1], history["solved_share"][-1]
-            if report(seed, search.iteration, float(mean), float(share)) is False:
+            go_on = report(seed, search.iteration, float(mean), float(share)) is not False
+            if not go_on:
                 break
     except KeyboardInterrupt:
-        pass
+        go_on = False
     count, seconds = rollouts.count - before, time.monotonic() - begin  # of the search
     last = rollouts.run(search.policy.mean[None])
-    return world.finished(
+    policy = world.finished(
         search,
         float(last.rewards[0]),
         last.solved is not None and bool(last.solved[0]),
         count,
         seconds,
     )
+    return policy, go_on
 
 
 @contextmanager

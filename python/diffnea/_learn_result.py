@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from ._core import Model, Policy, _BallInCup
+from ._core import Model, Policy, RunInput, _BallInCup
 from ._files import StrPath
 from ._results import _table
 from ._rollouts import Rollouts, RolloutTrace
@@ -41,6 +41,7 @@ class LearnResult:
     seconds: float
     """That passed."""
     _options: tuple[Any, ...]
+    _inputs: tuple[RunInput, ...] = ()
 
     def _task(self) -> _BallInCup:
         return _BallInCup(self.model, self.controller, self.string, *self._options)
@@ -131,8 +132,7 @@ class LearnResult:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of result.json, schema ``diffnea/learn/1``."""
-        run = (self.policies, self.threads, self.seconds, self.interrupted)
-        return self._task().to_dict(*run)
+        return self._task().to_dict(*self._run())
 
     def save(self, folder: StrPath) -> None:
         """Write what ``diffnea learn -o folder`` leaves there: policies, models, series, page.
@@ -140,8 +140,11 @@ class LearnResult:
         Raises :class:`FileError` where that would replace another command's result, or files that
         diffnea did not leave.
         """
+        self._task().save(folder, *self._run())
+
+    def _run(self) -> tuple[Any, ...]:
         run = (self.policies, self.threads, self.seconds, self.interrupted)
-        self._task().save(folder, *run)
+        return (list(self._inputs), *run)
 
     def __repr__(self) -> str:
         end = ", interrupted" if self.interrupted else ""

@@ -11,6 +11,7 @@ from ._core import (
     AuditReport,
     BallSeries,
     Cause,
+    CauseParameter,
     Change,
     ChannelFault,
     Comparison,
@@ -85,7 +86,7 @@ def frame_of(result: Any) -> pd.DataFrame:
         faults = [scalars(fault) for fault in result.faults]
         return table(faults, columns=fields_of(ChannelFault), index=False)
     if isinstance(result, SimulatedMotion):
-        return to_frame(result.joints)
+        return _series_frame(result.joints, ("time", "measured", "base", "extended"))
     if isinstance(result, BallSeries):
         return _ball_frame(result)
     raise Error(f"to_frame: got {type(result).__name__}, which is no table")
@@ -138,15 +139,20 @@ def _causes_frame(causes: Iterable[Cause]) -> pd.DataFrame:
         for parameter in found or [empty | {"low": np.nan, "high": np.nan}]:
             parameter.pop("name", None)
             rows.append(place | parameter | of_cause)
-    columns = ["effect", "where", "parameter", "unit", "value", "std", "low", "high", "verdict"]
+    index = ["effect", "where", "parameter"]
+    of_parameter = [name for name in fields_of(CauseParameter) if name != "name"]
+    no_cells = {"effect", "where", "parameters", "members", "rivals", "gain"}
+    of_each = [name for name in fields_of(Cause) if name not in no_cells]
+    columns = [*index, *of_parameter, *of_each, "explained_share"]
     pandas = import_pandas("to_frame")
-    frame: pd.DataFrame = pandas.DataFrame(rows, columns=None if rows else columns)
-    return frame.set_index(["effect", "where", "parameter"])
+    frame: pd.DataFrame = pandas.DataFrame(rows, columns=columns)
+    return frame.set_index(index)
 
 
-def _series_frame(series: Sequence[Any]) -> pd.DataFrame:
+def _series_frame(series: Sequence[Any], names: Sequence[str] = ()) -> pd.DataFrame:
+    """``names``: of columns that are there also where no series is."""
     pandas = import_pandas("to_frame")
-    frames = []
+    frames = [] if series else [pandas.DataFrame(columns=["joint", *names])]
     for s in series:
         fields = {name: getattr(s, name) for name in _names_of_arrays(s)}
         frames.append(pandas.DataFrame({"joint": s.joint} | fields))

@@ -284,11 +284,12 @@ def transfer(
     if not isinstance(controller, Model):
         controller = load_model(controller)
     noises = (position_noise, torque_noise, posture_noise)
-    worlds: dict[str, _World] = {}
+    worlds: dict[Any, _World] = {}
 
     def world_of(policy: Policy) -> _World:
         """Policies of one controller share a world."""
-        key = str(policy.controller)
+        values = policy.controller.items()
+        key = tuple((k, x.tobytes() if isinstance(x, np.ndarray) else x) for k, x in values)
         if key not in worlds:
             worlds[key] = _World(name, controller, policy, string, seed, *noises)
         return worlds[key]
@@ -336,6 +337,8 @@ def animate(
         raise Error(f"animate: the rollout has no rows: {trace.failure}")
     writer: AbstractMovieWriter = (FFMpegWriter if kind == ".mp4" else PillowWriter)(fps=fps)
     times = np.arange(trace.time[0], trace.time[-1], 1 / fps)
+    if not len(times):  # it ended where it began
+        times = trace.time[:1]
     rows = np.searchsorted(trace.time, times)
     q = np.stack([trace[f"q_{joint}"] for joint in model.joint_names], axis=1)[rows]
     frames = [link.name for link in model.links if link.joint or not link.parent]

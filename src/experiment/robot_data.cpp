@@ -45,6 +45,12 @@ IdentifiedRobot identify_robot(const Model& nominal, const Recording& arm, const
   out.arm = identify(without, {arm}, {}, options);
   out.model = out.arm.model;
   out.model.ball = nominal.ball;
+  if (out.arm.summary.interrupted) {
+    out.ball.model = out.model;
+    out.ball.summary.interrupted = true;
+    out.ball.summary.termination = "interrupted before it began";
+    return out;
+  }
   Recording prescribed = ball;
   prescribed.tau.setConstant(std::numeric_limits<double>::quiet_NaN());
   prescribed.has_tau.assign(prescribed.joint_names.size(), false);

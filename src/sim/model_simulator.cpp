@@ -43,9 +43,9 @@ struct ModelSimulator::Parts {
   MakePackWorld* make = nullptr;
   Model controller;
   ControllerOptions control;
-  bool gains_at_start = false;  ///< derived ones depend on it
-  long ball_row = 0;            ///< of x_B in what is seen
+  long ball_row = 0;  ///< of x_B in what is seen
   std::unique_ptr<sim::PackWorld> world;
+  bool started = false;
   Lanes seen;
   std::vector<std::string> failures;
 
@@ -61,10 +61,20 @@ struct ModelSimulator::Parts {
       out.row(driven[k]) = of_driven.row(static_cast<long>(k));
     return out;
   }
-  void take_gains(const VecX<double>& q0) {
-    const JointGains gains = joint_gains(controller, control, q0);
-    spec.kp.assign(gains.kp.begin(), gains.kp.end());
-    spec.kd.assign(gains.kd.begin(), gains.kd.end());
+  /// Of every start by itself: those that are derived depend on it.
+  void gains(const Lanes& q, Lanes& kp, Lanes& kd) const {
+    kp.resizeLike(q);
+    kd.resizeLike(q);
+    for (long k = 0; k < q.cols(); ++k) {
+      if (k > 0 && q.col(k) == q.col(k - 1)) {
+        kp.col(k) = kp.col(k - 1);
+        kd.col(k) = kd.col(k - 1);
+        continue;
+      }
+      const JointGains at = joint_gains(controller, control, q.col(k));
+      kp.col(k) = at.kp;
+      kd.col(k) = at.kd;
+    }
   }
 };
 
@@ -84,8 +94,7 @@ ModelSimulator::ModelSimulator(const std::vector<Model>& draws, const Model& con
   p.ball_row = 2 * p.spec.joints;
   p.controller = controller;
   p.control = options.controller;
-  p.gains_at_start = p.control.kp.size() == 0 || p.control.kd.size() == 0;
-  p.take_gains(VecX<double>::Zero(p.spec.joints));
+  joint_gains(controller, p.control, VecX<double>::Zero(p.spec.joints));  // refuses wrong sizes
   p.make_world();
 }
 
@@ -108,18 +117,17 @@ void ModelSimulator::reset(const Starts& starts) {
     throw ShapeError("simulator: got " + std::to_string(count) + " starts, expected 1 to " +
                      std::to_string(lanes()) + " (the lanes)");
   const Lanes q = p.of_all(starts.q);
-  if (p.gains_at_start) {
-    const std::vector<double> kp = p.spec.kp, kd = p.spec.kd;
-    p.take_gains(q.col(0));
-    if (p.spec.kp != kp || p.spec.kd != kd) p.make_world();
-  }
-  p.world->reset(q.data(), q.cols(), static_cast<int>(count), starts.seeds.data());
+  Lanes kp, kd;
+  p.gains(q, kp, kd);
+  p.world->reset(q.data(), kp.data(), kd.data(), static_cast<int>(count), starts.seeds.data());
+  p.started = true;
   std::ranges::fill(p.failures, "");
   p.world->observe(p.seen.data());
 }
 
 void ModelSimulator::step(const Lanes& q, const Lanes& qd) {
   Parts& p = *parts_;
+  if (!p.started) throw Error("simulator: step: it has no start yet; call reset first");
   for (const Lanes* x : {&q, &qd}) {
     require_size("simulator: command", x->rows(), static_cast<long>(p.joints.size()), "joint");
     require_size("simulator: command", x->cols(), lanes(), "lane");
@@ -129,9 +137,10 @@ void ModelSimulator::step(const Lanes& q, const Lanes& qd) {
   else
     p.world->step(p.of_all(q).data(), p.of_all(qd).data());
   p.world->observe(p.seen.data());
+  const bool finite = std::isfinite(p.seen.sum());  // quicker than to ask each number
   for (int lane = 0; lane < lanes(); ++lane) {
     if (!p.failures[lane].empty()) continue;
-    if (!std::isfinite(p.seen(0, lane))) p.failures[lane] = "the integration is unstable";
+    if (!finite && !p.seen.col(lane).allFinite()) p.failures[lane] = "the integration is unstable";
     if (p.spec.network && !(p.seen.block<3, 1>(p.ball_row, lane).norm() < sim::kFarthestBall))
       p.failures[lane] = "the network's ball flew away";
   }
@@ -146,7 +155,6 @@ std::unique_ptr<Simulator> ModelSimulator::clone() const {
   parts->make = parts_->make;
   parts->controller = parts_->controller;
   parts->control = parts_->control;
-  parts->gains_at_start = parts_->gains_at_start;
   parts->ball_row = parts_->ball_row;
   parts->make_world();
   return std::unique_ptr<Simulator>(new ModelSimulator(std::move(parts)));

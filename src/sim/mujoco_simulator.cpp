@@ -157,6 +157,7 @@ void MujocoSimulator::reset(const Starts& starts) {
 }
 
 void MujocoSimulator::step(const Lanes& q, const Lanes& qd) {
+  if (active_ == 0) throw Error("MuJoCo simulator: step: it has no start yet; call reset first");
   for (const Lanes* x : {&q, &qd}) {
     require_size("MuJoCo simulator: command", x->rows(), static_cast<long>(joints().size()),
                  "driven joint");

@@ -11,7 +11,6 @@
 
 namespace diffnea::sim {
 
-/// Without gains, which may depend on the start.
 /// @throws ModelError for what is not simulated here, draws that differ in more than numbers, a
 ///         network that cannot move this ball
 PackSpec pack_spec(const std::vector<Model>& draws, const Model& controller,

@@ -42,21 +42,23 @@ class World : public PackWorld {
 
   int lanes() const override { return kPackWidth; }
 
-  void reset(const double* q, long stride, int count, const std::uint64_t* seeds) override {
+  void reset(const double* q, const double* kp, const double* kd, int count,
+             const std::uint64_t* seeds) override {
     LaneDraws draws(kPackWidth);
-    std::vector<double> start(static_cast<std::size_t>(n_) * kPackWidth);
-    for (int lane = 0; lane < kPackWidth; ++lane) {
-      const int from = std::min(lane, count - 1);
-      draws[lane] = &spec_.draws[seeds[from] % spec_.draws.size()];
-      for (int j = 0; j < n_; ++j) start[j * kPackWidth + lane] = q[j * stride + from];
-    }
-    if (draws == draws_ && start == start_) {  // where it settles is known
+    for (int lane = 0; lane < kPackWidth; ++lane)
+      draws[lane] = &spec_.draws[seeds[std::min(lane, count - 1)] % spec_.draws.size()];
+    const std::vector<double> start = in_lanes(q, count), proportional = in_lanes(kp, count),
+                              derivative = in_lanes(kd, count);
+    if (draws == draws_ && start == start_ && proportional == kp_ &&
+        derivative == kd_) {  // where it settles is known
       state_ = settled_;
       arm_.outward(state_.q, state_.qd);
       return;
     }
     draws_ = draws;
     start_ = start;
+    kp_ = proportional;
+    kd_ = derivative;
     take_parameters();
     settle();
     settled_ = state_;
@@ -80,6 +82,14 @@ class World : public PackWorld {
   }
 
  private:
+  /// @param rows  (joints × count)  @return (joints × lanes)
+  std::vector<double> in_lanes(const double* rows, int count) const {
+    std::vector<double> out(static_cast<std::size_t>(n_) * kPackWidth);
+    for (int j = 0; j < n_; ++j)
+      for (int lane = 0; lane < kPackWidth; ++lane)
+        out[j * kPackWidth + lane] = rows[j * count + std::min(lane, count - 1)];
+    return out;
+  }
   void take_parameters() {
     arm_.tree = gather_tree(draws_);
     if (drives_.any()) drives_.take_parameters(draws_, arm_.tree);
@@ -128,8 +138,8 @@ class World : public PackWorld {
     }
     for (int j = 0; j < n_; ++j) {
       const Pack desired = load(q + j * kPackWidth), rate = load(qd + j * kPackWidth);
-      const Pack feedback =
-          spec_.kp[j] * (desired - state_.q[j]) + spec_.kd[j] * (rate - state_.qd[j]);
+      const Pack kp = load(&kp_[j * kPackWidth]), kd = load(&kd_[j * kPackWidth]);
+      const Pack feedback = kp * (desired - state_.q[j]) + kd * (rate - state_.qd[j]);
       if (computed)
         qdd_[j] = spec_.passive[j]
                       ? Pack(0.0)
@@ -179,7 +189,7 @@ class World : public PackWorld {
   PackSpec spec_;
   int n_;
   LaneDraws draws_;
-  std::vector<double> start_;  ///< (joints × lanes)
+  std::vector<double> start_, kp_, kd_;  ///< (joints × lanes)
   PackArm arm_;
   Tree<Pack> nominal_;
   LinkStates<Pack, Pack> nominal_ws_;

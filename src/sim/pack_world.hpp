@@ -45,7 +45,7 @@ struct PackSpec {
   bool same_kinematics = true;  ///< the nominal tree's and every draw's
   bool gravity_compensation = true;
   ControlLaw law = ControlLaw::kPd;
-  std::vector<double> kp, kd, limit;
+  std::vector<double> limit;
   std::vector<bool> passive;
   // Forces beside the tree's.
   std::vector<BoundEffect> effects;        ///< on joints, of one instant
@@ -74,9 +74,10 @@ class PackWorld {
  public:
   virtual ~PackWorld() = default;
   virtual int lanes() const = 0;
-  /// @param q  (joints × stride), the first `count` of every row are starts; other lanes repeat the
+  /// @param q, kp, kd  (joints × count) starts and the controller's gains; other lanes repeat the
   /// last
-  virtual void reset(const double* q, long stride, int count, const std::uint64_t* seeds) = 0;
+  virtual void reset(const double* q, const double* kp, const double* kd, int count,
+                     const std::uint64_t* seeds) = 0;
   /// @param q, qd  (joints × lanes) desired
   virtual void step(const double* q, const double* qd) = 0;
   /// @param out  (channels × lanes): q, q̇, then ball x, v, cup x, axis, phase, where there are such

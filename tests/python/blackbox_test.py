@@ -106,7 +106,9 @@ def test_the_simulator_moves_the_ball_as_documented(model, kind: str) -> None:
     learned = diffnea.learn(model, string=0.4, seeds=[3], ball_network=net, **QUICK)
     (policy,) = learned.policies
     assert policy.ball_network == {"file": net.source, "sha256": net.sha256}
-    assert pickle.loads(pickle.dumps(policy)).ball_network == policy.ball_network
+    again = pickle.loads(pickle.dumps(learned))
+    assert again.policies[0].ball_network == policy.ball_network
+    assert again.imagine().reward == policy.expected
     theta = 0.3 * np.ones(policy.mean.shape)
     rollouts = diffnea.Rollouts._of(learned._task().rollouts(None, None, False, 1), None)
     trace = rollouts.trace(theta)

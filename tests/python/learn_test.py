@@ -1,5 +1,6 @@
 """Ball in a cup from Python: learned in the model, executed in MuJoCo."""
 
+import copy
 import os
 import pickle
 import signal
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 
 import diffnea
+import diffnea._transfer as transfer_module
 
 MODEL = "wam4_ball_in_cup"
 # Small enough to be quick: what is tested is the same for any search.
@@ -126,6 +128,21 @@ def test_it_stops_when_asked_and_gives_what_was_learned(model) -> None:
         assert policy.stopped == ""
         assert len(policy.curve["eta"]) == 2
         assert "interrupted" in repr(result)
+
+
+@pytest.mark.parametrize("reward", [None, numpy_reward])
+def test_it_stops_after_the_last_iteration_of_a_seed_too(model, reward) -> None:
+    seen = []
+
+    def progress(seed, iteration, mean, share):
+        seen.append((seed, iteration))
+        return iteration < 2
+
+    options = QUICK | {"progress": progress, "iterations": 2}
+    result = diffnea.learn(model, seeds=3, reward=reward, **options)
+    assert seen == [(0, 1), (0, 2)]
+    assert result.seeds == [0]
+    assert result.interrupted
 
 
 @pytest.mark.parametrize("reward", [None, numpy_reward])
@@ -310,6 +327,36 @@ def test_a_policy_is_executed_in_a_world(learned, tmp_path) -> None:
         result.animate(tmp_path / "film.avi")
 
 
+def test_every_controller_has_its_own_world(model, monkeypatch) -> None:
+    """NumPy prints these gains alike."""
+    gains = np.full(4, 100.0)
+    options = QUICK | {"seeds": [1], "iterations": 1, "kd": gains / 10}
+    policies = [
+        diffnea.learn(model, kp=kp, **options).policies[0] for kp in (gains, gains, gains + 1e-9)
+    ]
+    made = []
+    world = transfer_module._World
+
+    def spy(name, controller, policy, *options):
+        made.append(policy.controller["kp"][0])
+        return world(name, controller, policy, *options)
+
+    monkeypatch.setattr(transfer_module, "_World", spy)
+    diffnea.transfer(policies, repetitions=0)
+    assert made == [100.0, 100.0 + 1e-9]
+
+
+def test_a_rollout_of_one_look_is_a_film_of_one_picture(learned, tmp_path) -> None:
+    pytest.importorskip("matplotlib")
+    pytest.importorskip("PIL")
+    trace = learned.imagine()
+    first = diffnea.RolloutTrace(
+        trace.time[:1], trace.channels, trace.array[:1], trace.q_desired[:1], 0.0, False, "failed"
+    )
+    diffnea.animate(first, learned.model, tmp_path / "film.gif")
+    assert (tmp_path / "film.gif").stat().st_size > 1000
+
+
 def test_the_library_s_worlds_run_any_rollouts(model) -> None:
     promp = diffnea.Promp(["joint2", "joint4"], duration=0.5, hold=0.1)
     home = np.array([0.0, 0.6, 0.0, 1.25])
@@ -327,6 +374,19 @@ def test_the_library_s_worlds_run_any_rollouts(model) -> None:
         ends.append(rollouts.trace(theta[0]))
     # The same arm in two simulators: they differ by friction and integration, not by more.
     np.testing.assert_allclose(ends[0]["q_joint2"], ends[1]["q_joint2"], atol=0.02)
+
+
+def test_a_simulator_that_was_not_reset_says_so(model) -> None:
+    simulator = diffnea.model_simulator(model)
+    still = np.zeros((len(simulator.joints), simulator.lanes))
+    start = np.array([[0.0, 0.6, 0.0, 1.25]]).T
+    for one in (simulator, copy.deepcopy(simulator)):
+        with pytest.raises(diffnea.Error, match="reset"):
+            one.step(still, still)
+        one.reset(start, [0])
+        one.step(still, still)
+        with pytest.raises(diffnea.Error, match="reset"):
+            one.clone().step(still, still)
 
 
 def test_a_simulator_may_use_the_library_s(model) -> None:

@@ -115,9 +115,12 @@ def test_the_clock_may_be_that_of_the_recorder(tmp_path: Path) -> None:
     late = Joints()
     late.stamps = np.zeros(N, dtype=np.int64)
     bag = write_bag(tmp_path / "mcap", {"/joint_states": late})
-    with pytest.raises(diffnea.DataError, match=r"every header stamp is 0; clock='receive'"):
+    with pytest.raises(diffnea.DataError, match=r"elbow: every header stamp is 0; clock='receive'"):
         diffnea.read_recording(bag)
     assert_same(diffnea.read_recording(bag, clock="receive"), full(), time=1e-9)
+    mixed = write_bag(tmp_path / "mixed", {"/joint_states": [late, Joints(["wheel", "arm"])]})
+    with pytest.raises(diffnea.DataError, match=r"elbow: every header stamp is 0"):
+        diffnea.read_recording(mixed, joints=["shoulder", "elbow"])
     with pytest.raises(diffnea.DataError, match=r"clock: got 'wall'; choices: header, receive"):
         diffnea.read_recording(bag, clock="wall")
 

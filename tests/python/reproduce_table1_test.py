@@ -236,12 +236,41 @@ def test_studies_are_listed(capsys) -> None:
         (("--page-only", "--seeds", "1001"), "expected 1000 at most"),
         (("--page-only", "--chunk", "0"), "--chunk: got 0, expected 1 or more"),
         (("--search", "samples"), "expected KEY=VALUE"),
+        (("--search", "rate=250"), "--search rate: is the study's own"),
+        (("--search", "seeds=3"), "--search seeds: is the study's own"),
         (("--executor", "abacus"), "choices: processes"),
     ],
 )
 def test_mistakes_are_named(tmp_path, capsys, words, message) -> None:
     assert reproduce("table1", "-o", tmp_path, *words) == 1
     assert message in capsys.readouterr().err
+
+
+def test_ranges_of_one_s_own_are_told_apart_by_what_they_say(tmp_path, monkeypatch) -> None:
+    """A study that finds results of other ranges under the same name must not take them."""
+
+    def described(file: str) -> list[jobs.Job]:
+        options = replace(
+            table1.QUICK, models=1, seeds=1, kinds=("nominal", "diffnea"), surrogates=(file,)
+        )
+        return in_order(table1.study(options).jobs)
+
+    monkeypatch.chdir(tmp_path)
+    Path("mine").mkdir()
+    stems = []
+    for file, com in (("mine/robot.json", 0.05), ("mine/robot.json", 0.1), ("robot.json", 0.2)):
+        ranges = {"schema": "diffnea/surrogate/1", "summary": "mine", "com": com}
+        Path(file).write_text(json.dumps(ranges), encoding="utf-8")
+        found = described(file)
+        assert not any("/" in job.name for job in found)
+        assert len({job.name for job in found}) == len(found)
+        in_world = [job for job in found if file in job.settings.get("world", "")]
+        assert {job.kind for job in in_world} == {"record", "transfer_policies", "repeat_best"}
+        stems.append({job.stem for job in in_world})
+    assert not stems[0] & stems[1]
+    assert not stems[1] & stems[2]
+    # Those that no robot of these ranges went into are shared.
+    assert any(job.kind == "learn_policies" and not job.needs for job in found)
 
 
 def test_an_output_that_is_a_file_is_refused(tmp_path, capsys) -> None:

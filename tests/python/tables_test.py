@@ -56,7 +56,17 @@ def test_a_finding_without_causes_has_an_empty_frame_of_the_same_kind(arm, train
     assert not healthy.causes
     frame = healthy.to_frame()
     assert len(frame) == 0
-    assert frame.index.names == finding.to_frame().index.names
+    filled = finding.to_frame()
+    assert frame.index.names == filled.index.names
+    assert list(frame.columns) == list(filled.columns)
+    assert {"value", "delta_bic", "explained_share"} <= set(frame.columns)
+
+
+def test_a_motion_without_joints_has_an_empty_frame_of_the_same_kind(arm, train, finding) -> None:
+    stopped = diffnea.diagnose(arm, train, progress=lambda p: p.stage == "reading")
+    motion = stopped.simulated
+    assert not motion.joints
+    assert list(motion.to_frame().columns) == list(finding.simulated.to_frame().columns)
 
 
 def test_lists_of_a_finding_are_tables(finding) -> None:

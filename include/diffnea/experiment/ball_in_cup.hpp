@@ -4,7 +4,7 @@
 ///
 ///     const BallInCup task = ball_in_cup(model, controller, options);
 ///     const LearnedPolicy policy = learn(task, /*seed=*/1);
-///     const Transfer t = transfer(policy, *world, *model.cup, {});
+///     const Execution e = execute(policy, *world, motion_limits(model), *model.cup, /*seed=*/0);
 
 #include <functional>
 #include <memory>
@@ -66,7 +66,7 @@ struct BallInCup {
   LearnOptions options;  ///< completed
   VecX<double> start;    ///< q_0 of all joints [rad]
   /// Of the posterior, where options.robust wants them: those that a search has, then those that it
-  /// is judged in. All, and `model` with them, have the effects that are varied.
+  /// is judged in. All have the effects that are varied, which rollouts() adds to `model`, too.
   std::vector<Model> draws = {};
 };
 /// @param controller  the model that the robot's controller compensates gravity with

@@ -25,9 +25,11 @@ DesignOptions ball_excitation(const Model& model, const VecX<double>& home, cons
 
 /// Arm and ball as fitted to the data of one robot.
 struct IdentifiedRobot {
-  IdentifyResult arm;   ///< of the arm without a ball
-  IdentifyResult ball;  ///< of ball and string on that arm, its joints prescribed
-  Model model;          ///< both
+  IdentifyResult arm;  ///< of the arm without a ball
+  /// Of ball and string on that arm, its joints prescribed; with the nominal ball and no estimates
+  /// where the arm's fit was interrupted.
+  IdentifyResult ball;
+  Model model;  ///< both
 };
 /// @param arm   without a ball  @param ball  with it; its torques are not used: joints are
 /// prescribed

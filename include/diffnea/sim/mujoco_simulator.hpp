@@ -52,7 +52,8 @@ class MujocoSimulator : public Simulator {
   int lanes() const override;
   /// Not yet at time 0 a lane may have failed.
   void reset(const Starts& starts) override;
-  /// @throws ShapeError if there are not joints().size() rows, or fewer columns than starts
+  /// @throws Error before the first reset; ShapeError if there are not joints().size() rows, or
+  /// fewer columns than starts
   void step(const Lanes& q, const Lanes& qd) override;
   /// A lane that failed keeps what it showed before.
   const Lanes& observe() const override;

@@ -26,7 +26,7 @@ struct RecordOptions : ControllerOptions {
       0.0;  ///< of the desired motion [s], for the recording's information; 0: not periodic
   std::uint64_t seed = 0;  ///< of the noise
 
-  /// All standard deviations times `factor`.
+  /// Standard deviations of what is recorded times `factor`; actuation_noise is the robot's own.
   void scale_noise(double factor);
 };
 

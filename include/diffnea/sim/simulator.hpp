@@ -42,12 +42,13 @@ class Simulator {
   virtual void reset(const Starts& starts) = 0;
   /// Moves every world by one period.
   /// @param q, qd  (joints × lanes) desired position and velocity [rad, rad/s], [m, m/s]
+  /// @throws Error before the first reset, a clone's own included
   virtual void step(const Lanes& q, const Lanes& qd) = 0;
   /// (channels × lanes), valid until the next step; lanes beyond the starts hold anything.
   virtual const Lanes& observe() const = 0;
   /// Lanes that cannot go on (diverged, a solver's warning): empty, or why, (lanes).
   virtual const std::vector<std::string>& failures() const = 0;
-  /// Another one like it, for another thread.
+  /// Another one like it, for another thread, that was not yet reset.
   virtual std::unique_ptr<Simulator> clone() const = 0;
 };
 

@@ -91,11 +91,6 @@ def _collect(where: str, source: Iterator[tuple[str, int, Any]], selection: Sele
         out.senders.append(sender)
     if not out.stamps:
         raise DataError(f"{where}: holds no message with a position")
-    if not any(out.stamps):
-        raise DataError(
-            f"{where}: every header stamp is 0; clock='receive' takes the times at which the "
-            "messages were recorded"
-        )
     return out
 
 
@@ -114,6 +109,11 @@ def _table(where: str, messages: Messages, selection: Selection) -> Table:
                 series[key][i, j] = values[key][k]
     stamps = np.array(messages.stamps, dtype=np.int64)
     rows = np.flatnonzero(present.any(axis=1))
+    if not stamps[rows].any():
+        raise DataError(
+            f"{where}: {', '.join(joints)}: every header stamp is 0; clock='receive' takes the "
+            "times at which the messages were recorded"
+        )
     if len(set(map(frozenset, messages.names))) > 1:  # several senders: in order, then together
         rows = rows[np.argsort(stamps[rows], kind="stable")]
         rows = _merge(rows, stamps, present, series)

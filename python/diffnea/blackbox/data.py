@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -96,7 +97,7 @@ def model_of(model: Model | IdentifyResult | StrPath) -> Model:
 def recordings_of(data: Recordings) -> list[Recording]:
     """Return them all, from memory or from files."""
     out: list[Recording] = []
-    for x in data if isinstance(data, list | tuple) else [data]:
+    for x in [data] if isinstance(data, Recording | str | os.PathLike) else data:
         out.extend([x] if isinstance(x, Recording) else read_recordings(x))
     return out
 

@@ -117,12 +117,6 @@ class BallNetwork:
     def __hash__(self) -> int:
         return hash(self.sha256)
 
-    def __getstate__(self) -> tuple[str, str]:
-        return self._compiled.text, self._compiled.source
-
-    def __setstate__(self, state: tuple[str, str]) -> None:
-        self._compiled = _BallNetwork(*state)
-
     def __repr__(self) -> str:
         document = self.to_dict()
         members, count = document["members"], 0

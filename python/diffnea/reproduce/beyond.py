@@ -13,9 +13,15 @@ from dataclasses import dataclass, field
 from .._core import Error
 from . import beyond_work, work
 from .jobs import Job, Json
-from .table1 import ROBOT, check_worlds, identified_robot, robot_settings
+from .table1 import (
+    check_search,
+    check_worlds,
+    identified_robot,
+    label,
+    robot_settings,
+    world_settings,
+)
 
-NAME = "beyond"
 ABOUT = "diagnose what learned policies did, extend the model, learn again: transfer before, after"
 
 FIRST_SEED = 50_000
@@ -60,6 +66,7 @@ class Options:
             if effect not in beyond_work.STRING:
                 raise Error(f"--each: got {effect!r}; choices: {', '.join(beyond_work.STRING)}")
         check_worlds(self.lengths, (self.surrogate,), self.ropes)
+        check_search(self.search)
 
 
 QUICK = Options(robots=2, seeds=12, observed=12, lengths=(0.40,), ropes=("mid",))
@@ -140,14 +147,12 @@ def study(options: Options) -> Study:
 
 def _unit(o: Options, length: float, rope: str, robot: int) -> Unit:
     settings: Json = robot_settings() | {"string": float(length)}
-    world = {
-        "world": f"mujoco:{ROBOT},perturb={o.surrogate},rope={rope},seed={robot}",
-        "seed": robot,
-    }
-    name = f"{o.surrogate}-{100 * length:g}cm-{rope}-r{robot}"
+    world = world_settings(o.surrogate, rope, robot)
+    name = f"{label(o.surrogate)}-{100 * length:g}cm-{rope}-r{robot}"
     _, identified = identified_robot(
         name,
-        settings | {"world": world["world"]},
+        settings,
+        world,
         seed=100 * robot,
         arm_seconds=o.arm_seconds,
         ball_seconds=o.ball_seconds,
@@ -166,7 +171,7 @@ def _unit(o: Options, length: float, rope: str, robot: int) -> Unit:
         return learned, Job(
             f"transfer-{what}-{name}",
             work.transfer_policies,
-            settings | world,
+            settings | world | {"seed": robot},
             needs=(learned,),
             cost=1.5 * o.seeds,
         )
@@ -175,7 +180,7 @@ def _unit(o: Options, length: float, rope: str, robot: int) -> Unit:
     observed = Job(
         f"observe-{name}",
         beyond_work.observe,
-        settings | world | {"policies": o.observed},
+        settings | world | {"seed": robot, "policies": o.observed},
         needs=(learned,),
         cost=1.5 * o.observed,
     )

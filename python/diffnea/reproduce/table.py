@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from .jobs import Job, Json, Result, Results, in_order, plain
-from .numbers import Interval, best, bootstrap, share, wilson
+from .numbers import best, bootstrap, share, wilson
 from .paper import paper_row
 from .table1 import SIMULATION, TITLES, Row, Study
 
@@ -223,11 +223,6 @@ def _ranged(found: Json) -> str:
 
 def _shared(found: Json) -> str:
     return f"{percent(found['value'])} ({100 * found['low']:.0f}–{100 * found['high']:.0f})"
-
-
-def interval(found: Json) -> Interval:
-    """Return an interval of the table's."""
-    return Interval(found["value"], found["low"], found["high"])
 
 
 def table_csv(rows: Sequence[Json]) -> str:

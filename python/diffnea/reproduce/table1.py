@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Sequence
+import re
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -17,7 +18,6 @@ from .._core import Error, _world_file
 from . import work
 from .jobs import Job, Json
 
-NAME = "table1"
 ABOUT = "the paper's experiment: four kinds of models, in simulation and on surrogates"
 
 ROBOT = "wam4_ball_in_cup"
@@ -30,6 +30,13 @@ FIRST_SEED = 1000
 
 As many are a model's own, those of the next one follow.
 """
+
+
+OF_THE_STUDY = (
+    *("model", "task", "controller", "string", "seeds", "progress"),
+    *("rate", "ball_network", "reward", "ended"),
+)
+"""Options of ``learn``."""
 
 
 @dataclass(frozen=True)
@@ -73,6 +80,7 @@ class Options:
         if self.trained_models is not None and not 0 <= self.trained_models <= self.models:
             raise Error(f"--trained-models: expected 0 to {self.models}, the number of models")
         check_worlds((*self.lengths, *self.simulated_lengths), self.surrogates, (self.rope,))
+        check_search(self.search)
 
 
 def check_worlds(lengths: Sequence[float], surrogates: Sequence[str], ropes: Sequence[str]) -> None:
@@ -83,6 +91,16 @@ def check_worlds(lengths: Sequence[float], surrogates: Sequence[str], ropes: Seq
     for surrogate in ("none", *surrogates):
         for rope in ropes:
             _world_file(f"mujoco:{ROBOT},perturb={surrogate},rope={rope}")
+
+
+def check_search(options: Iterable[str]) -> None:
+    """Refuse options of ``learn`` that the study sets itself."""
+    for option in options:
+        if option in OF_THE_STUDY:
+            raise Error(
+                f"--search {option}: is the study's own and cannot be given; leave it out"
+                + (f" (traces are of {1 / work.STEP:g} Hz)" if option == "rate" else "")
+            )
 
 
 QUICK = Options(models=2, seeds=10, lengths=(0.40,), trained_models=1)
@@ -154,13 +172,37 @@ def robot_settings() -> Json:
     file = Path(models.path(f"{ROBOT}.xml"))
     return {
         "model": ROBOT,
-        "description": hashlib.sha256(file.read_bytes()).hexdigest()[:12],
+        "description": _checksum(file),
     }
+
+
+def world_settings(surrogate: str, rope: str, seed: int | None = None) -> Json:
+    """Return what jobs in a world depend on: its name, and the ranges where they are a file."""
+    drawn = "" if seed is None else f",seed={seed}"
+    out: Json = {"world": f"mujoco:{ROBOT},perturb={surrogate},rope={rope}{drawn}"}
+    return out | ({"ranges": _checksum(Path(surrogate))} if _is_file(surrogate) else {})
+
+
+def label(system: str) -> str:
+    """Name a system in jobs' names, which are names of files; not those of the same stem alike."""
+    if not _is_file(system):
+        return system
+    file = Path(system)
+    return f"{re.sub(r'[^A-Za-z0-9_.-]', '_', file.stem)}-{_checksum(file)[:6]}"
+
+
+def _is_file(surrogate: str) -> bool:
+    return surrogate.endswith(".json")  # the library's own are names without an ending
+
+
+def _checksum(file: Path) -> str:
+    return hashlib.sha256(file.read_bytes()).hexdigest()[:12]
 
 
 def identified_robot(
     name: str,
     settings: Json,
+    world: Json,
     *,
     seed: int,
     arm_seconds: float,
@@ -168,11 +210,12 @@ def identified_robot(
     repetitions: int,
     guess: int | None = None,
 ) -> tuple[Job, Job]:
-    """Record a robot in the world of the settings, and identify it; guess: from a wrong one."""
+    """Record a robot in a world, and identify it; guess: from a wrong one."""
     recorded = Job(
         f"record-{name}",
         work.record,
         settings
+        | world
         | {
             "seed": seed,
             "arm_seconds": float(arm_seconds),
@@ -181,11 +224,10 @@ def identified_robot(
         },
         cost=10.0 + 0.35 * ball_seconds * repetitions,
     )
-    begin = {key: value for key, value in settings.items() if key != "world"}
     identified = Job(
         f"identify-{name}",
         work.identify,
-        begin if guess is None else begin | {"guess": guess},
+        settings if guess is None else settings | {"guess": guess},
         needs=(recorded,),
         cost=5.0,
     )
@@ -218,7 +260,7 @@ class _Builder:
             for first, seeds in self._chunks(number):
                 name = f"{_cm(length)}-{kind}-m{number:02d}-s{first:03d}"
                 if identified:
-                    name = f"{system}-{name}"
+                    name = f"{label(system)}-{name}"
                 learned.append(
                     Job(
                         f"learn-{name}",
@@ -238,7 +280,7 @@ class _Builder:
             return Row(system, length, kind, (), missing)
         o, settings, units = self.options, self._settings(length), []
         for number in range(o.models if o.trained_models is None else o.trained_models):
-            name = f"{system}-{_cm(length)}-{kind}-m{number:02d}"
+            name = f"{label(system)}-{_cm(length)}-{kind}-m{number:02d}"
             unit = white["diffnea"].units[number]
             assert unit.identified
             assert unit.recorded
@@ -268,12 +310,14 @@ class _Builder:
         return Row(system, length, kind, tuple(units))
 
     def _identified(self, system: str, length: float, number: int) -> tuple[Job, Job]:
-        o, settings = self.options, self._settings(length)
+        o, world = self.options, self._world(system, number)
         simulated = system == SIMULATION
-        name = f"{system}-{_cm(length)}-m{number:02d}"
+        if simulated:
+            world["world"] += ",noise=0"
         return identified_robot(
-            name,
-            settings | {"world": self._world(system, number) + (",noise=0" if simulated else "")},
+            f"{label(system)}-{_cm(length)}-m{number:02d}",
+            self._settings(length),
+            world,
             seed=100 * (number + 1),
             arm_seconds=o.arm_seconds,
             ball_seconds=o.ball_seconds,
@@ -293,11 +337,8 @@ class _Builder:
         recorded: Job | None = None,
         trained: Job | None = None,
     ) -> Unit:
-        settings = self._settings(length) | {
-            "world": self._world(system, number),
-            "seed": number + 1,
-        }
-        name = f"{system}-{_cm(length)}-{kind}-m{number:02d}"
+        settings = self._settings(length) | self._world(system, number) | {"seed": number + 1}
+        name = f"{label(system)}-{_cm(length)}-{kind}-m{number:02d}"
         transfers = tuple(
             Job(
                 f"transfer-{name}-{job.name.rsplit('-', 1)[1]}",
@@ -320,10 +361,10 @@ class _Builder:
     def _settings(self, length: float) -> Json:
         return self.robot | {"string": float(length)}
 
-    def _world(self, system: str, number: int) -> str:
+    def _world(self, system: str, number: int) -> Json:
         if system == SIMULATION:
-            return f"mujoco:{ROBOT},perturb=none,rope={self.options.rope}"
-        return f"mujoco:{ROBOT},perturb={system},rope={self.options.rope},seed={number + 1}"
+            return world_settings("none", self.options.rope)
+        return world_settings(system, self.options.rope, number + 1)
 
     def _chunks(self, number: int) -> list[tuple[int, list[int]]]:
         """Of one model's seeds, which no other model has."""
