@@ -5,7 +5,7 @@
 #   make docs     set up, build, and build the site: build/docs/html/index.html; a warning is an error
 #   make setup    set up and build: .venv/bin/diffnea and the Python module
 #   make bench    run the benchmarks
-#   make peers    measure beside Pinocchio, MuJoCo, FIGAROH, MJX and Brax (one to two hours; tests/benchmarks/peers)
+#   make peers    measure beside Pinocchio, MuJoCo, FIGAROH, MJX and Brax (more than two hours; tests/benchmarks/peers)
 #   make study    hide effects in hundreds of recordings and diagnose them; can be stopped and resumed
 #   make asan     all C++ tests and the command's, under AddressSanitizer and UndefinedBehaviorSanitizer
 #   make tsan     what uses threads, under ThreadSanitizer

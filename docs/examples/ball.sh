@@ -20,5 +20,7 @@ for name in train test; do
 done
 
 diffnea identify "$model" train.csv --test test.csv -o run
+# Of the description, so that length and attachment are fitted again beside each candidate: a diagnosis holds a string that
+# was identified, and that of run/ has already become shorter to imitate the rope.
 diffnea diagnose "$model" train.csv --test test.csv --effects linear_drag,quadratic_drag,wind,gravity_scale,string_mass,string_damping,camera_delay -o why
 echo "open $PWD/run/report.html and $PWD/why/report.html"

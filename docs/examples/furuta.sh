@@ -19,5 +19,7 @@ for name in train test; do
 done
 
 diffnea identify "$model" train.csv --test test.csv -o run
+# Of the description, to have the spring's rest as well: `identify` fits an offset of the torque, beside which the rest cannot
+# be told. Of run/model.json the spring alone is named, without its rest; the drive's friction is in that model.
 diffnea diagnose "$model" train.csv --test test.csv -o why
 echo "open $PWD/run/report.html and $PWD/why/report.html"

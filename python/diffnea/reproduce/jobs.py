@@ -19,7 +19,7 @@ import platform
 import time
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
-from datetime import datetime, timezone
+from datetime import UTC, datetime
 from functools import cache, cached_property
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -213,7 +213,7 @@ def execute(call: Call) -> float:
         "result": plain(output.data),
         "seconds": seconds,
         "cpu_seconds": cpu_seconds,
-        "finished": datetime.now(timezone.utc).isoformat(timespec="seconds"),
+        "finished": datetime.now(UTC).isoformat(timespec="seconds"),
         "host": platform.node(),
         "version": _core.__version__,
         "build": build(),
