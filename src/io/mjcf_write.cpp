@@ -176,7 +176,7 @@ std::string self_contained_mjcf(const Mjcf& mjcf) {
   XmlDocument document;
   mjcf.document->DeepCopy(&document);
   XmlElement& root = *document.RootElement();
-  strip_looks(root, inertia_from_geoms(root));
+  strip_looks(root, inertia_from_geoms(root), LostShape::kGone);
   bool meshes = false;
   walk(root, [&](XmlElement& e) { meshes |= is(e, "mesh"); });
   if (!meshes) return xml_text(document);
@@ -184,7 +184,7 @@ std::string self_contained_mjcf(const Mjcf& mjcf) {
   const Elements elements = find_elements(root, *m, mjcf.where);
   for (int b = 1; b < m->nbody; ++b) write_mjcf_inertial(*elements.bodies[b], body_inertia(*m, b));
   trust_stated_inertias(root);
-  strip_looks(root, false);
+  strip_looks(root, false, LostShape::kGone);
   return xml_text(document);
 }
 
