@@ -29,7 +29,7 @@ void check_outputs(const std::vector<std::string>& outputs,
     if (output.empty()) continue;
     check_output(output, inputs);
     std::error_code unknown;
-    const fs::path place = fs::weakly_canonical(output, unknown);
+    const fs::path place = fs::weakly_canonical(fs::absolute(output), unknown);
     if (!unknown && std::ranges::find(places, place) != places.end())
       throw FileError(output +
                       ": two outputs would be written there (beside a recording there is a .json "
