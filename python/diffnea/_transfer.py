@@ -47,7 +47,7 @@ class Execution:
     reward_wide: float
     """At ε = 0.055 m², which gives rewards of the paper's size."""
     failure: str
-    """Of the world's solver; empty if none."""
+    """Of the world's solver, or the limit that the motion breaks; empty if none."""
     trace: RolloutTrace
     """All that was seen."""
 

@@ -32,12 +32,12 @@ Format format_of(const std::string& text, const std::string& where) {
       ">; expected <robot> (URDF) or <mujoco> (MJCF). A xacro or SDF file must be converted first");
 }
 
-/// The document that the model was read from; none if it is not there.
-/// @throws FileError, ModelError if it cannot be read, or is no model
 struct Original {
   std::string text;
   Format format;
 };
+/// The document that the model was read from; none if it is not there.
+/// @throws FileError, ModelError if it cannot be read, or is no model
 std::optional<Original> original_of(const Model& model) {
   std::error_code ignored;
   if (!std::filesystem::is_regular_file(model.source, ignored)) return std::nullopt;
