@@ -35,8 +35,27 @@ struct IdentifyCommand {
   std::string model, out, prior = "none", loss = "inverse", robust = "none";
   std::vector<std::string> data, test, effects;
   bool effects_given = false;
+  bool window_given = false, ball_window_given = false, lambda_given = false;
   IdentifyOptions options;
 };
+
+/// An option that nothing would look at is a mistake of whoever gave it.
+void refuse_without_effect(const IdentifyCommand& c, const Model& model) {
+  const auto refuse = [](const std::string& option, const std::string& why) {
+    throw CLI::ValidationError(option, why);
+  };
+  if (c.loss == "trajectory" && c.robust != "none")
+    refuse("--robust", "the trajectory loss has no weights to lose; use --loss inverse or forward");
+  if (c.loss == "trajectory" && c.prior != "none")
+    refuse("--prior", "the trajectory loss has none; use --loss inverse or forward");
+  if (c.loss != "trajectory" && c.window_given)
+    refuse("--window", "is of --loss trajectory (of a ball: --ball-window)");
+  if (c.loss != "constrained" && c.lambda_given) refuse("--lambda", "is of --loss constrained");
+  if (model.ball) return;
+  const std::string none = "is of a ball, and " + c.model + " has none";
+  if (c.loss == "constrained") refuse("--loss constrained", none);
+  if (c.ball_window_given) refuse("--ball-window", none);
+}
 
 void set_prior(const std::string& text, IdentifyOptions& options) {
   if (text == "none") return;
@@ -65,6 +84,7 @@ void run_identify(IdentifyCommand c) {
   c.options.trajectory.threads = threads_of(c.common);
   check_run_folder(c.out, "identify");
   const Model model = read_model(c.model);
+  refuse_without_effect(c, model);
   ResultFolder folder(c.out);  // cannot be written: better known now
 
   const Interruptible interruptible(folder.leftovers(kRunFiles));
@@ -162,16 +182,21 @@ void add_identify(CLI::App& app, const std::vector<std::string>& command_line) {
   command->add_option("--decimate", o.preprocess.decimate_to_hz, "rate of the fit [Hz], 0: chosen")
       ->check(at_least(0.0))
       ->capture_default_str();
+  const auto note_if_given = [](bool& given) {
+    return [&given](const std::string&) { given = true; };
+  };
   command
       ->add_option("--window", o.trajectory.window,
                    "trajectory loss: length of a simulated window [s]")
       ->check(at_least(0.0, true))
+      ->each(note_if_given(c->window_given))
       ->capture_default_str();
   command
       ->add_option("--ball-window", o.ball.window,
                    "ball: length of a simulated window [s], at most; each starts from a state of "
                    "its own, which is estimated")
       ->check(at_least(0.0, true))
+      ->each(note_if_given(c->ball_window_given))
       ->capture_default_str();
   command
       ->add_option("--lambda", o.ball.lambda,
@@ -179,6 +204,7 @@ void add_identify(CLI::App& app, const std::vector<std::string>& command_line) {
                    "its own noise")
       ->delimiter(',')
       ->check(at_least(0.0))
+      ->each(note_if_given(c->lambda_given))
       ->capture_default_str();
   add_common(*command, c->common);
   command->callback([c] { run_identify(*c); });

@@ -48,9 +48,8 @@ void tell_who_lags(const Recording& r, const std::string& file) {
 
 void run_simulate(SimulateOptions options) {
   const std::vector<std::string> inputs{options.model, options.trajectory};
-  const auto sidecar = std::filesystem::path(options.out).replace_extension(".json").string();
-  for (const std::string& output : {options.out, sidecar, options.truth})
-    check_output(output, inputs);
+  check_outputs({options.out, sidecar_path(options.out).string(), options.truth}, inputs);
+  if (!options.truth.empty()) check_model_path(options.truth);
   const Model model = read_model(options.model);
   const Trajectory trajectory = read_trajectory(options.trajectory);
   options.record.kp = vector(options.kp);

@@ -22,7 +22,19 @@ struct TransferCommand {
   TransferOptions options;
 };
 
+/// What is of the world's sensors acts on recordings alone.
+void refuse_without_effect(const TransferOptions& options) {
+  if (options.record) return;
+  const WorldSpec world = world_of(options), plain;
+  if (world.noise != plain.noise || world.repetitions != plain.repetitions)
+    throw CLI::ValidationError("--world",
+                               std::string(world.noise != plain.noise ? "noise" : "repetitions") +
+                                   " is of recordings, which only --record makes; executions have "
+                                   "--repetitions, --torque-noise and --posture-noise");
+}
+
 void run_transfer(const TransferCommand& c) {
+  refuse_without_effect(c.options);
   const LearnRun learned = read_learn_run(c.policies);
   check_run_folder(c.out, "transfer");
   ResultFolder folder(c.out);

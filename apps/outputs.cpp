@@ -22,6 +22,22 @@ void check_output(const std::string& output, const std::vector<std::string>& inp
   if (!fs::exists(there) || fs::is_regular_file(there)) AtomicFile probe(output);
 }
 
+void check_outputs(const std::vector<std::string>& outputs,
+                   const std::vector<std::string>& inputs) {
+  std::vector<fs::path> places;
+  for (const std::string& output : outputs) {
+    if (output.empty()) continue;
+    check_output(output, inputs);
+    std::error_code unknown;
+    const fs::path place = fs::weakly_canonical(fs::absolute(output), unknown);
+    if (!unknown && std::ranges::find(places, place) != places.end())
+      throw FileError(output +
+                      ": two outputs would be written there (beside a recording there is a .json "
+                      "of its name); choose another name");
+    places.push_back(place);
+  }
+}
+
 void show_result(const std::string& result, const ResultFolder& folder,
                  const CommonOptions& options) {
   std::fwrite(result.data(), 1, result.size(), stdout);

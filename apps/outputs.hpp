@@ -15,6 +15,9 @@ namespace diffnea::apps {
 /// @throws FileError
 void check_output(const std::string& output, const std::vector<std::string>& inputs);
 
+/// The same for several, of which no two may be the same file.
+void check_outputs(const std::vector<std::string>& outputs, const std::vector<std::string>& inputs);
+
 /// The result on standard output; below text, unless --quiet, the folder and what the run left in
 /// it.
 /// @param result  JSON with --json, else text

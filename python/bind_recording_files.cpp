@@ -47,8 +47,20 @@ py::tuple read_file(const fs::path& path, const std::string& name, const fs::pat
   return py::make_tuple(runs, report);
 }
 
+/// Before anything is written: whether what columns cannot hold finds its place beside them.
+void check_sidecar(const std::vector<Recording>& recordings, const fs::path& path) {
+  for (std::size_t k = 1; k < recordings.size(); ++k)
+    if (const std::string key = sidecar_difference(recordings[0].info, recordings[k].info);
+        !key.empty())
+      throw DataError("write_recording: recordings 0 and " + std::to_string(k) + " differ in '" +
+                      key + "', which " + path.filename().string() +
+                      " can hold only once for all its runs; write them into files of their own");
+  sidecar_path(path);
+}
+
 void write_files(std::vector<Recording> recordings, const fs::path& path) {
   const py::gil_scoped_release release;
+  check_sidecar(recordings, path);
   if (recordings.size() > 1)  // their numbers may come from several files
     for (std::size_t k = 0; k < recordings.size(); ++k) recordings[k].run = static_cast<int>(k);
   write_recordings(recordings, path);
@@ -110,6 +122,7 @@ void bind_recording_files(py::module_& m) {
   m.def("_read_recordings", &read_file, "path"_a, "name"_a, "described_by"_a, "torque_side"_a,
         "torque_sampling"_a, "passive"_a, "period"_a, "notes"_a);
   m.def("_write_recordings", &write_files, "recordings"_a, "path"_a);
+  m.def("_check_sidecar", &check_sidecar, "recordings"_a, "path"_a);
   m.def("_write_sidecar", &write_sidecar_of, "recording"_a, "path"_a);
 }
 

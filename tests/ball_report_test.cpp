@@ -103,6 +103,17 @@ TEST_CASE("ball report: the pages hold every picture, and stay small", "[report]
   CHECK(ball_section(test::swung_ball(hour), {}).size() < 1'000'000);
 }
 
+TEST_CASE("report: text of a page is escaped once", "[report]") {
+  DiagnoseRun run = ball_diagnose_run();
+  run.finding.next_experiment.emplace();
+  run.finding.next_experiment->sentence = "a < b & c";
+  run.finding.next_experiment->trajectory = "next&.csv";
+  const std::string page = diagnose_page(run);
+  CHECK_THAT(page, ContainsSubstring("a &lt; b &amp; c"));
+  CHECK_THAT(page, ContainsSubstring("next&amp;.csv"));
+  CHECK_THAT(page, !ContainsSubstring("&amp;amp;") && !ContainsSubstring("&amp;lt;"));
+}
+
 TEST_CASE("ball report: many short runs stand side by side on the axis of time", "[report]") {
   test::SwungBallOptions flights;
   flights.windows = 100;

@@ -11,6 +11,7 @@
 #include <diffnea/core/random.hpp>
 #include <diffnea/io/atomic_file.hpp>
 #include <diffnea/io/model_file.hpp>
+#include <diffnea/io/model_info.hpp>
 #include <diffnea/model/physical.hpp>
 
 #include "support/matrix_near.hpp"
@@ -214,6 +215,28 @@ TEST_CASE("json: every double comes back bit by bit", "[io]") {
   CHECK(model_to_json(back) == text);
   CHECK(write_model(m, folder.path() / "m.json").empty());
   CHECK(model_to_json(read_model(folder.path() / "m.json")) == text);
+}
+
+TEST_CASE("json: an axis of six digits is one", "[io]") {
+  const std::string text =
+      R"({"schema": "diffnea/model/1", "links": [{"name": "a", "joint": {"name": "j",
+          "type": "revolute", "axis": [0.707107, 0.707107, 0]}}]})";
+  const Model m = model_from_json(text, "text");
+  CHECK(std::abs(m.links[0].axis.x - std::sqrt(0.5)) < 1e-15);
+  CHECK(make_tree(m).num_dofs() == 1);
+  std::string off = text;
+  off.replace(off.find("0.707107"), 8, "0.70720");
+  CHECK_THROWS_WITH(model_from_json(off, "text"), ContainsSubstring("axis of joint 'j'"));
+}
+
+TEST_CASE("info: an effect shows its table as the model's file does", "[io]") {
+  Model m;
+  m.effects.push_back({"residual", "j", {}, BumpTable{{"q_j"}, {0.125}, {2.0}, {3.5}, 1.5}});
+  const std::string info = model_info_json(m), file = model_to_json(m);
+  const std::size_t begin = info.find("\"table\""), end = info.find(']', info.find("weights"));
+  REQUIRE(begin != info.npos);
+  CHECK_THAT(file, ContainsSubstring(info.substr(begin, end - begin)));
+  CHECK_THAT(info, ContainsSubstring("3.5"));
 }
 
 TEST_CASE("urdf and mjcf: identified values land in the original document", "[io]") {

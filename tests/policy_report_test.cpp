@@ -17,6 +17,7 @@
 #include <diffnea/io/atomic_file.hpp>
 #include <diffnea/io/model_file.hpp>
 #include <diffnea/io/policy_file.hpp>
+#include <diffnea/io/world.hpp>
 #include <diffnea/report/learn_page.hpp>
 #include <diffnea/report/learn_text.hpp>
 #include <diffnea/report/movement_gif.hpp>
@@ -278,6 +279,42 @@ TEST_CASE("transfer run: an interrupted one, and executions without rows", "[pol
   check_page(page);
   CHECK_THAT(page, ContainsSubstring("Interrupted: 1 of 2 policies were executed"));
   CHECK_FALSE(std::filesystem::exists(folder.path() / "movement.gif"));
+}
+
+TEST_CASE("transfer: a policy whose motion breaks a limit fails alone", "[policy]") {
+  const LearnRun& run = learned();
+  const auto world =
+      make_simulator(parse_world("mujoco:wam4_ball,perturb=none"), run.task.controller, {}, 0);
+  MotionLimits limits = motion_limits(run.task.controller);
+  limits.velocity.setConstant(1e-3);
+  const Execution e = execute(run.policies[0], *world, limits, *run.task.model.cup, 5);
+  CHECK_THAT(e.failure, ContainsSubstring("breaks a limit") && ContainsSubstring("joint"));
+  CHECK(e.seed == 5);
+  CHECK(e.reward < -1.0);
+  CHECK_FALSE(e.success());
+  CHECK(e.trace.time.size() == 0);
+}
+
+TEST_CASE("transfer run: more movements than our reader takes are stored at a lower rate",
+          "[policy]") {
+  const test::TemporaryFolder folder;
+  TransferRun run = transferred();
+  Execution& again = run.repetitions.front();
+  constexpr long kRows = 40'000;  // at 100 Hz, 16 columns: nine are beyond 5 million values
+  again.trace.time.setLinSpaced(kRows, 0.0, 0.01 * (kRows - 1));
+  again.trace.values.setOnes(kRows, again.trace.values.cols());
+  again.trace.q_desired.resize(0, 0);
+  run.repetitions.assign(9, again);
+  {
+    ResultFolder out(folder.path());
+    publish_transfer_run(run, out);
+  }
+  const TransferRun same = read_transfer_run(folder.path());
+  REQUIRE(same.repetitions.size() == 9);
+  const VecX<double>& time = same.repetitions[8].trace.time;
+  CHECK(time.size() == kRows / 2 + 1);
+  CHECK(time[time.size() - 1] == Approx(0.01 * (kRows - 1)));
+  CHECK_THAT(read_text_file(folder.path() / "report.html"), ContainsSubstring("9 repetitions"));
 }
 
 TEST_CASE("telling times: from the start to the end, in order", "[policy]") {

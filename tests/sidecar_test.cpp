@@ -7,6 +7,7 @@
 #include <catch2/matchers/catch_matchers_string.hpp>
 
 #include <diffnea/core/error.hpp>
+#include <diffnea/io/atomic_file.hpp>
 
 #include "support/temporary_folder.hpp"
 
@@ -60,6 +61,43 @@ TEST_CASE("sidecar: a model of the same name is not taken, an unknown key is not
   REQUIRE(sidecar);
   REQUIRE(sidecar->notes.size() == 1);
   CHECK_THAT(sidecar->notes[0], ContainsSubstring("key 'operator'"));
+}
+
+TEST_CASE("sidecar: what a recording did not leave is not replaced", "[io]") {
+  const test::TemporaryFolder folder;
+  const char* text =
+      GENERATE(R"({"schema": "diffnea/model/1"})", R"({"operator": "me"})", R"({"period": 2})");
+  std::ofstream(folder.path() / "arm.json") << text;
+  CHECK_THROWS_AS(write_sidecar({}, folder.path() / "arm.csv"), FileError);
+  CHECK(read_text_file(folder.path() / "arm.json") == text);
+  CHECK_THROWS_WITH(sidecar_path(folder.path() / "arm.csv"), ContainsSubstring("arm.json"));
+}
+
+TEST_CASE("sidecar: it is written where it is read", "[io]") {
+  const test::TemporaryFolder folder;
+  const std::filesystem::path data = folder.path() / "arm.csv";
+  RecordingInfo info;
+  info.period = 2.0;
+  write_sidecar(info, data);
+  std::filesystem::rename(folder.path() / "arm.json", folder.path() / "arm.csv.json");
+  info.period = 3.0;
+  write_sidecar(info, data);
+  CHECK(read_sidecar(data)->info.period == 3.0);
+  CHECK_FALSE(std::filesystem::exists(folder.path() / "arm.json"));
+  // A recording that is called .json itself is not replaced by what it cannot hold.
+  CHECK(sidecar_path(folder.path() / "data.json") == folder.path() / "data.json.json");
+}
+
+TEST_CASE("sidecar: in which key two of them differ", "[io]") {
+  RecordingInfo a, b;
+  CHECK(sidecar_difference(a, b).empty());
+  b.payload = HeldBody{};
+  b.payload->mass = 2.0;
+  CHECK(sidecar_difference(a, b) == "payload");
+  a.payload = b.payload;
+  CHECK(sidecar_difference(a, b).empty());
+  a.torque_side = TorqueSide::kLink;
+  CHECK(sidecar_difference(a, b) == "torque_side");
 }
 
 TEST_CASE("sidecar: options keep their passive joints beside the file's", "[io]") {

@@ -15,6 +15,7 @@ from ._core import (
     Model,
     ReadReport,
     Recording,
+    _check_sidecar,
     _read_model,
     _read_recordings,
     _write_recordings,
@@ -138,6 +139,11 @@ def write_recording(recording: Recording | Sequence[Recording], path: StrPath) -
     """Write one recording, or several as runs of one file, and what columns cannot hold beside it.
 
     ``.csv``: numbers come back bit by bit. ``.parquet`` needs pandas and pyarrow.
+
+    Raises:
+        DataError: runs of one file differ in what columns cannot hold, which is there once.
+        FileError: the file cannot be written, or a JSON file of its name is something else.
+
     """
     runs = [recording] if isinstance(recording, Recording) else list(recording)
     if not runs:
@@ -151,6 +157,7 @@ def write_recording(recording: Recording | Sequence[Recording], path: StrPath) -
             f"{path}: recordings are not written as {path.suffix}; choices: .csv, .parquet"
         )
     pandas = import_pandas(f"{path}: writing Parquet")
+    _check_sidecar(runs, path)
     frames = [run.to_frame() for run in runs]
     if len(runs) > 1:
         for number, frame in enumerate(frames):

@@ -47,7 +47,7 @@ class Execution:
     reward_wide: float
     """At ε = 0.055 m², which gives rewards of the paper's size."""
     failure: str
-    """Of the world's solver; empty if none."""
+    """Of the world's solver, or the limit that the motion breaks; empty if none."""
     trace: RolloutTrace
     """All that was seen."""
 
@@ -84,7 +84,7 @@ class TransferResult:
         """Number of the policy that was repeated: success first, then reward."""
         usable = [k for k, e in enumerate(self.executions) if not e.failure]
         if not usable:
-            raise Error("transfer: the world's solver failed in every execution")
+            raise Error("transfer: every execution failed")
         return max(usable, key=lambda k: (self.executions[k].success, self.executions[k].reward))
 
     @property
@@ -264,7 +264,7 @@ def transfer(
             :func:`identify` and :func:`diagnose`.
 
     Raises:
-        DataError: a policy's motion breaks a limit of the robot.
+        DataError: a policy starts beyond the robot's range.
 
     """
     name, string = _with_path(world), None

@@ -339,15 +339,15 @@ Execution execute(const LearnedPolicy& policy, const Simulator& world, const Mot
     throw ModelError("execute: the world's joints are not those of the policy");
   check_start(policy.joints, policy.start, limits);
   Rollouts runner(world, Watch(), Promp(policy.promp), policy.start, limits, 1);
-  if (const auto broken = runner.violation(policy.policy.mean))
-    throw DataError("execute: the policy's motion breaks a limit of joint '" + broken->joint +
-                    "': at " + number(broken->time) + " s its " +
-                    (broken->velocity ? "velocity" : "position") + " is " + number(broken->value) +
-                    ", the limit " + number(broken->bound) + " (rad, rad/s)");
   Execution out;
   out.seed = seed;
   out.trace = runner.trace(policy.policy.mean, seed);
   out.failure = out.trace.failure;
+  if (out.trace.time.size() == 0) {  // not executed
+    out.failure = "the motion breaks a limit: " + out.trace.failure;
+    out.reward = out.reward_wide = out.trace.reward;
+    return out;
+  }
   const RowMatX<double> ball = points_of(out.trace, "ball");
   if (out.failure.empty())
     out.verdict = judge_ball(out.trace.time, ball, points_of(out.trace, "cup"),

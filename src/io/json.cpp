@@ -44,6 +44,15 @@ void check_limits(std::string_view text, const std::string& where) {
 
 }  // namespace
 
+bool has_room(std::string_view json) {
+  try {
+    check_limits(json, "");
+  } catch (const ModelError&) {
+    return false;
+  }
+  return true;
+}
+
 Json parse_json(std::string_view text, const std::string& where) {
   check_limits(text, where);
   try {

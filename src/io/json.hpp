@@ -20,6 +20,9 @@ using Json = nlohmann::ordered_json;
 /// ours writes: lists in lists beyond 64, objects of more than 1000 keys, 5 million values
 Json parse_json(std::string_view text, const std::string& where);
 
+/// Whether parse_json takes a text of so many values.
+bool has_room(std::string_view json);
+
 /// A finite number. @throws ModelError
 double json_number(const Json& value, const std::string& where);
 std::string json_string(const Json& value, const std::string& where);

@@ -18,13 +18,40 @@ Pose<double> pose(const mjtNum* p, const mjtNum* quat) {
   return {rotation_from_quaternion(quat[0], quat[1], quat[2], quat[3]), {p[0], p[1], p[2]}};
 }
 
-void note_once(std::vector<std::string>& notes, const std::string& note) {
-  if (std::ranges::find(notes, note) == notes.end()) notes.push_back(note);
-}
-
 const char* object_name(const mjModel& m, mjtObj type, int id, const char* fallback) {
   const char* name = mj_id2name(&m, type, id);
   return name ? name : fallback;
+}
+
+/// Joints that an actuator moves which acts on no single one: those of its tendon; where it pulls
+/// at bodies, those between them.
+std::vector<int> moved_joints(const mjModel& m, int actuator) {
+  std::vector<int> bodies;
+  std::vector<int> pulled_with(static_cast<std::size_t>(m.njnt));  // how many of the bodies
+  std::vector<bool> moved(static_cast<std::size_t>(m.njnt));
+  const auto pull_at_site = [&](int site) { bodies.push_back(site < 0 ? 0 : m.site_bodyid[site]); };
+  const int id = m.actuator_trnid[2 * actuator], other = m.actuator_trnid[2 * actuator + 1];
+  if (m.actuator_trntype[actuator] == mjTRN_TENDON) {
+    for (int w = m.tendon_adr[id]; w < m.tendon_adr[id] + m.tendon_num[id]; ++w) {
+      const int object = m.wrap_objid[w];
+      if (m.wrap_type[w] == mjWRAP_JOINT) moved[object] = true;
+      if (m.wrap_type[w] == mjWRAP_SITE) pull_at_site(object);
+      if (m.wrap_type[w] == mjWRAP_SPHERE || m.wrap_type[w] == mjWRAP_CYLINDER)
+        bodies.push_back(m.geom_bodyid[object]);
+    }
+  } else if (m.actuator_trntype[actuator] == mjTRN_SITE ||
+             m.actuator_trntype[actuator] == mjTRN_SLIDERCRANK) {
+    pull_at_site(id);
+    pull_at_site(other);
+  }
+  for (const int pulled : bodies)
+    for (int b = pulled; b > 0; b = m.body_parentid[b])
+      for (int k = 0; k < m.body_jntnum[b]; ++k) ++pulled_with[m.body_jntadr[b] + k];
+  std::vector<int> out;
+  for (int j = 0; j < m.njnt; ++j)
+    if (moved[j] || (pulled_with[j] > 0 && pulled_with[j] < static_cast<int>(bodies.size())))
+      out.push_back(j);
+  return out;
 }
 
 /// Largest torque that the actuators can put on a joint; infinite if one is not limited.
@@ -32,20 +59,24 @@ struct Actuation {
   bool acts = false;
   double limit = 0.0;
 };
-/// One entry a joint; empty if the file has no actuators, or some whose joints cannot be told.
+/// One entry a joint; empty if the file has no actuators.
 std::vector<Actuation> actuation(const mjModel& m, std::vector<std::string>& notes) {
+  constexpr double kNoLimit = std::numeric_limits<double>::infinity();
   std::vector<Actuation> out(static_cast<std::size_t>(m.njnt));
+  std::string shared;
   for (int a = 0; a < m.nu; ++a) {
     if (m.actuator_trntype[a] != mjTRN_JOINT && m.actuator_trntype[a] != mjTRN_JOINTINPARENT) {
-      note_once(notes, "an actuator that does not act on one joint is left out");
-      return {};
+      for (const int j : moved_joints(m, a)) out[j] = {true, kNoLimit};
+      shared += (shared.empty() ? "'" : ", '") +
+                std::string(object_name(m, mjOBJ_ACTUATOR, a, std::to_string(a).c_str())) + "'";
+      continue;
     }
     Actuation& joint = out[m.actuator_trnid[2 * a]];
     const double gear = std::abs(m.actuator_gear[6 * a]);
     const auto largest = [&](const mjtNum* range) {
       return std::max(std::abs(range[2 * a]), std::abs(range[2 * a + 1]));
     };
-    double limit = std::numeric_limits<double>::infinity();
+    double limit = kNoLimit;
     if (m.actuator_forcelimited[a]) limit = gear * largest(m.actuator_forcerange);
     if (m.actuator_ctrllimited[a] && m.actuator_gaintype[a] == mjGAIN_FIXED &&
         m.actuator_biastype[a] == mjBIAS_NONE && m.actuator_dyntype[a] == mjDYN_NONE)
@@ -54,6 +85,9 @@ std::vector<Actuation> actuation(const mjModel& m, std::vector<std::string>& not
     joint.acts = true;
     joint.limit += limit;
   }
+  if (!shared.empty())
+    notes.push_back("actuators that do not act on one joint (" + shared +
+                    "): the joints that they move count as driven, without a limit of effort");
   return m.nu > 0 ? out : std::vector<Actuation>{};
 }
 

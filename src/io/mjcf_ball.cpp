@@ -152,13 +152,14 @@ BallSpec ball_spec(const mjModel& m, const MjcfBall& parts, int link, const Pose
   return out;
 }
 
-void write_string(XmlElement& root, const mjModel& m, const MjcfBall& parts, const BallSpec& now,
-                  const BallSpec& then, std::vector<std::string>& notes) {
+BallSpec write_string(XmlElement& root, const mjModel& m, const MjcfBall& parts,
+                      const BallSpec& now, const BallSpec& then, std::vector<std::string>& notes) {
+  BallSpec out = then;
   if (now.string.has_value() != then.string.has_value()) {
     notes.emplace_back(now.string ? "the string of the ball" : "that the ball has no string");
-    return;
+    return out;
   }
-  if (!now.string) return;
+  if (!now.string) return out;
   if (now.string->length != then.string->length) {
     XmlElement* tendon = find_spatial_string(root);
     const double upper = now.string->length - parts.offset;
@@ -166,19 +167,23 @@ void write_string(XmlElement& root, const mjModel& m, const MjcfBall& parts, con
       tendon->SetAttribute("limited", "true");
       tendon->SetAttribute("range",
                            (exact(m.tendon_range[2 * parts.tendon]) + " " + exact(upper)).c_str());
+      out.string->length = now.string->length;
     } else {
       notes.emplace_back("the changed length of the string");
     }
   }
   const Vec3<double> moved = now.string->p_LS - then.string->p_LS;
-  if (now.string->link == then.string->link && dot(moved, moved) == 0.0) return;
+  if (now.string->link == then.string->link && dot(moved, moved) == 0.0) return out;
   // The cup is where it was, whatever is tied to its site.
   const std::string name = site_name(m, parts.anchor);
   XmlElement* site = name == "cup" ? nullptr : find_site(root, name);
-  if (site && now.string->link == then.string->link)  // axes of link and body are parallel
+  if (site && now.string->link == then.string->link) {  // axes of link and body are parallel
     site->SetAttribute("pos", exact(vec(m.site_pos + 3 * parts.anchor) + moved).c_str());
-  else
+    out.string->p_LS = now.string->p_LS;
+  } else {
     notes.emplace_back("the changed attachment of the string");
+  }
+  return out;
 }
 
 }  // namespace diffnea::io

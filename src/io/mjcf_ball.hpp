@@ -39,7 +39,8 @@ BallSpec ball_spec(const mjModel& m, const MjcfBall& parts, int link, const Pose
 
 /// Puts the string of `now` into the document where it differs from `then`, which was read from it.
 /// @param notes  gets what cannot be put there
-void write_string(XmlElement& root, const mjModel& m, const MjcfBall& parts, const BallSpec& now,
-                  const BallSpec& then, std::vector<std::string>& notes);
+/// @return `then` with what was put there
+BallSpec write_string(XmlElement& root, const mjModel& m, const MjcfBall& parts,
+                      const BallSpec& now, const BallSpec& then, std::vector<std::string>& notes);
 
 }  // namespace diffnea::io

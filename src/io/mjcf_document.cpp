@@ -47,6 +47,15 @@ void without_simulation(XmlElement& root) {
   child(child(root, "compiler"), "lengthrange").SetAttribute("mode", "none");
 }
 
+/// Makes a geom one that needs no file and weighs nothing; its name, place and contacts stay.
+void mark(XmlElement& geom) {
+  geom.DeleteChildren();
+  for (const char* name : {"mesh", "hfield"}) geom.DeleteAttribute(name);
+  geom.SetAttribute("type", "box");
+  geom.SetAttribute("size", "0.001 0.001 0.001");
+  geom.SetAttribute("mass", "0");
+}
+
 }  // namespace
 
 bool inertia_from_geoms(XmlElement& root) {
@@ -56,21 +65,34 @@ bool inertia_from_geoms(XmlElement& root) {
   return forced;
 }
 
-void strip_looks(XmlElement& root, bool weigh_all) {
-  std::set<std::string> used_meshes;
+void strip_looks(XmlElement& root, bool weigh_all, LostShape lost) {
+  std::set<std::string> used_meshes, gone;
   for_each_child(root, "visual", [&](XmlElement& e) { root.DeleteChild(&e); });
   for_each_child(root, "statistic", [&](XmlElement& e) { root.DeleteChild(&e); });
   walk(root, [&](XmlElement& e) {
     for_each_child(e, nullptr, [&](XmlElement& c) {
       const bool states_inertia = e.FirstChildElement("inertial") && !weigh_all;
-      if (is(c, "texture") || is(c, "hfield") || is(c, "skin"))
+      if (is(c, "texture") || is(c, "hfield") || is(c, "skin")) {
         e.DeleteChild(&c);
-      else if (is(c, "geom") && (c.Attribute("hfield") || (c.Attribute("mesh") && states_inertia)))
-        e.DeleteChild(&c);
-      else if (is(c, "geom") && c.Attribute("mesh"))
+      } else if (is(c, "geom") &&
+                 (c.Attribute("hfield") || (c.Attribute("mesh") && states_inertia))) {
+        if (lost == LostShape::kMarked) {
+          mark(c);
+        } else {
+          gone.insert(attribute(c, "name"));
+          e.DeleteChild(&c);
+        }
+      } else if (is(c, "geom") && c.Attribute("mesh")) {
         used_meshes.insert(attribute(c, "mesh"));
-      else if (is(c, "material"))
+      } else if (is(c, "material")) {
         c.DeleteAttribute("texture");
+      }
+    });
+  });
+  for_each_child(root, "contact", [&](XmlElement& contact) {
+    for_each_child(contact, "pair", [&](XmlElement& pair) {
+      if (gone.contains(attribute(pair, "geom1")) || gone.contains(attribute(pair, "geom2")))
+        contact.DeleteChild(&pair);
     });
   });
   for_each_child(root, "asset", [&](XmlElement& asset) {
@@ -95,7 +117,7 @@ MujocoModel compile_mjcf(const Mjcf& mjcf) {
   XmlDocument document;
   mjcf.document->DeepCopy(&document);
   XmlElement& root = *document.RootElement();
-  strip_looks(root, inertia_from_geoms(root));
+  strip_looks(root, inertia_from_geoms(root), LostShape::kMarked);
   without_simulation(root);
   sim::MujocoFiles files;
   add_meshes(root, mjcf.folder, mjcf.where, files);

@@ -7,6 +7,7 @@
 #include <Eigen/Geometry>
 
 #include "io/mjcf_inertial.hpp"
+#include "io/mjcf_joint.hpp"
 #include "io/model_parts.hpp"
 
 namespace diffnea::io {
@@ -87,15 +88,8 @@ class Drawing {
     joint.SetAttribute("name", link.joint.c_str());
     joint.SetAttribute("type", link.type == ModelJoint::kRevolute ? "hinge" : "slide");
     joint.SetAttribute("axis", exact(link.axis).c_str());
-    const JointLimits& limits = link.limits;
-    const bool below = std::isfinite(limits.lower), above = std::isfinite(limits.upper);
-    if (below && above) {
-      joint.SetAttribute("limited", "true");
-      joint.SetAttribute("range", (exact(limits.lower) + " " + exact(limits.upper)).c_str());
-    } else if (below || above) {
-      notes_.push_back("the limit of '" + link.joint + "' to one side");
-    }
-    if (std::isfinite(limits.velocity))
+    write_mjcf_range(joint, link, 1.0, notes_);
+    if (std::isfinite(link.limits.velocity))
       notes_.push_back("the velocity limit of '" + link.joint + "'");
     const JointTerms terms = joint_terms(model_, link.joint);
     if (terms.viscous != 0.0) set(joint, "damping", terms.viscous);
@@ -190,7 +184,9 @@ class Drawing {
       XmlElement& motor = *child(root, "actuator").InsertNewChildElement("motor");
       motor.SetAttribute("name", link.joint.c_str());
       motor.SetAttribute("joint", link.joint.c_str());
-      if (!std::isfinite(link.limits.effort)) continue;
+      if (link.limits.effort == 0.0)  // no range of MuJoCo's is empty
+        notes_.push_back("the effort limit of '" + link.joint + "', which is 0");
+      if (!std::isfinite(link.limits.effort) || link.limits.effort == 0.0) continue;
       motor.SetAttribute("ctrllimited", "true");
       motor.SetAttribute("ctrlrange",
                          (exact(-link.limits.effort) + " " + exact(link.limits.effort)).c_str());

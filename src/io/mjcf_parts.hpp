@@ -18,8 +18,14 @@ SpatialInertia<double> body_inertia(const mjModel& m, int b);
 /// Whether the compiler is told to take inertias from geometry, whatever the bodies state.
 bool inertia_from_geoms(XmlElement& root);
 
+/// What becomes of a geom whose mesh or height field is left out.
+enum class LostShape {
+  kMarked,  ///< a small box without mass: what it collides with is still known
+  kGone     ///< and with it the contact pairs that name it
+};
+
 /// Removes what needs files and has no mass, so that a model compiles where its looks are missing.
 /// @param weigh_all  bodies that state their inertia are weighed by their meshes all the same
-void strip_looks(XmlElement& root, bool weigh_all);
+void strip_looks(XmlElement& root, bool weigh_all, LostShape lost);
 
 }  // namespace diffnea::io

@@ -32,11 +32,12 @@ Format format_of(const std::string& text, const std::string& where) {
       ">; expected <robot> (URDF) or <mujoco> (MJCF). A xacro or SDF file must be converted first");
 }
 
-/// The document that the model was read from; none if it is not there, or no model.
 struct Original {
   std::string text;
   Format format;
 };
+/// The document that the model was read from; none if it is not there.
+/// @throws FileError, ModelError if it cannot be read, or is no model
 std::optional<Original> original_of(const Model& model) {
   std::error_code ignored;
   if (!std::filesystem::is_regular_file(model.source, ignored)) return std::nullopt;
@@ -53,11 +54,24 @@ void require_masses(const Model& model, const std::string& where) {
                        "' has an inertia, but no mass to state a centre of; write it as .json");
 }
 
+/// What reading a document again brings up; empty if it can be read where it lies now: a run's copy
+/// is not beside the original's meshes.
+std::string why_unreadable(const std::filesystem::path& document) {
+  try {
+    read_model(document);
+    return "";
+  } catch (const Error& error) {
+    return error.what();
+  }
+}
+
 /// In the document that the model was read from, if that has the form; else drawn anew.
 std::string text_in_form(const Model& model, Format form, const std::string& where,
                          std::vector<std::string>& notes) {
   const std::optional<Original> original = original_of(model);
-  if (original && original->format == form) {
+  std::string unreadable;
+  if (original && original->format == form) unreadable = why_unreadable(model.source);
+  if (original && original->format == form && unreadable.empty()) {
     const std::filesystem::path folder = std::filesystem::path(model.source).parent_path();
     return form == Format::kUrdf
                ? io::urdf_with_values(original->text, model.source, model, notes)
@@ -66,7 +80,8 @@ std::string text_in_form(const Model& model, Format form, const std::string& whe
   io::validate(model, where);
   require_masses(model, where);
   if (original && original->format != Format::kJson)
-    notes.emplace_back("looks and shapes of the original document");
+    notes.push_back("looks and shapes of the original document" +
+                    (unreadable.empty() ? "" : ", which cannot be read (" + unreadable + ")"));
   if (form == Format::kUrdf) return io::draw_urdf(model, notes);
   const std::string text = io::draw_mjcf(model, notes);
   io::compile_mjcf(io::expand_mjcf(text, "", where));  // MuJoCo refuses inertias that cannot be
@@ -96,14 +111,15 @@ Model read_model_or_run(const std::filesystem::path& path) {
   Model model = read_model(fitted);
   for (const char* name : {"model.urdf", "model.xml"}) {
     const std::filesystem::path document = path / name;
-    if (!std::filesystem::is_regular_file(document)) continue;
-    try {
-      read_model(document);
-      model.source = document.string();
-    } catch (const Error&) {  // an MJCF whose meshes are elsewhere: it is drawn anew
-    }
+    if (std::filesystem::is_regular_file(document)) model.source = document.string();
   }
   return model;
+}
+
+std::string document_extension(const Model& model) {
+  const std::optional<Original> original = original_of(model);
+  if (!original || original->format == Format::kJson) return "";
+  return original->format == Format::kUrdf ? ".urdf" : ".xml";
 }
 
 std::string read_mjcf(const std::filesystem::path& path) {
@@ -115,16 +131,21 @@ std::string read_mjcf(const std::filesystem::path& path) {
   return io::self_contained_mjcf(io::expand_mjcf(text, path.parent_path(), where));
 }
 
+void check_model_path(const std::filesystem::path& path) {
+  const std::string extension = path.extension().string();
+  if (extension != ".json" && extension != ".urdf" && extension != ".xml" && extension != ".mjcf")
+    throw ModelError(path.string() +
+                     ": its extension names no format; choices: .json, .urdf, .xml");
+}
+
 std::vector<std::string> write_model(const Model& model, const std::filesystem::path& path) {
+  check_model_path(path);
   const std::string extension = path.extension().string();
   std::vector<std::string> notes;
   if (extension == ".json") {
     write_file_atomically(path, model_to_json(model));
     return notes;
   }
-  if (extension != ".urdf" && extension != ".xml" && extension != ".mjcf")
-    throw ModelError(path.string() +
-                     ": its extension names no format; choices: .json, .urdf, .xml");
   const Format wanted = extension == ".urdf" ? Format::kUrdf : Format::kMjcf;
   write_file_atomically(path, text_in_form(model, wanted, path.string(), notes));
   return notes;

@@ -7,6 +7,7 @@
 #include <diffnea/io/model_info.hpp>
 #include <diffnea/model/physical.hpp>
 
+#include "io/effect_json.hpp"
 #include "io/json.hpp"
 #include "io/model_parts.hpp"
 
@@ -233,13 +234,7 @@ std::string model_info_json(const Model& model) {
                                 {"to", triple(o.p_LB)},
                                 {"radius", o.radius}});
   out["effects"] = Json::array();
-  for (const EffectSpec& e : model.effects) {
-    Json parameters = Json::array();
-    for (const EffectParameter& p : e.parameters)
-      parameters.push_back({{"name", p.name}, {"value", p.value}, {"unit", p.unit}});
-    out["effects"].push_back(
-        {{"effect", e.effect}, {"where", e.where}, {"parameters", parameters}});
-  }
+  for (const EffectSpec& e : model.effects) out["effects"].push_back(io::effect_to_json(e));
   out["issues"] = Json::array();
   for (const ModelIssue& issue : model_issues(model))
     out["issues"].push_back({{"link", issue.link}, {"text", issue.text}});

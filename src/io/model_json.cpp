@@ -6,6 +6,7 @@
 #include <diffnea/core/error.hpp>
 #include <diffnea/io/model_file.hpp>
 
+#include "io/effect_json.hpp"
 #include "io/json.hpp"
 #include "io/model_parts.hpp"
 #include "io/schema.hpp"
@@ -43,6 +44,15 @@ Json to_json(const SpatialInertia<double>& b) {
 Vec3<double> vector_from(const Json& value, const std::string& where) {
   const std::vector<double> x = io::json_numbers(value, where, 3);
   return {x[0], x[1], x[2]};
+}
+
+/// An axis that a person wrote with six digits gets length 1, which a tree wants to 1e-9; one that
+/// has it stays bit by bit. `validate` refuses what is further off.
+Vec3<double> axis_from(const Json& value, const std::string& where) {
+  constexpr double kDigitsTol = 1e-5, kExactTol = 1e-9;
+  const Vec3<double> axis = vector_from(value, where);
+  const double norm = std::sqrt(dot(axis, axis)), off = std::abs(norm - 1.0);
+  return off >= kExactTol && off < kDigitsTol ? axis * (1.0 / norm) : axis;
 }
 
 Pose<double> pose_from(const Json& value, const std::string& where) {
@@ -109,7 +119,7 @@ void joint_from(const Json& value, const std::string& where, ModelLink& link) {
   if (it == kTypes.end())
     throw ModelError(o.at("type") + ": got '" + type + "', expected fixed, revolute or prismatic");
   link.type = static_cast<ModelJoint>(it - kTypes.begin());
-  if (const Json* axis = o.optional("axis")) link.axis = vector_from(*axis, o.at("axis"));
+  if (const Json* axis = o.optional("axis")) link.axis = axis_from(*axis, o.at("axis"));
   if (const Json* pose = o.optional("pose")) link.X_PJ = pose_from(*pose, o.at("pose"));
   link.passive = o.boolean_or("passive", false);
   if (const Json* limits = o.optional("limits")) {
@@ -254,6 +264,20 @@ int link_index(const std::map<std::string, int>& index, const Json* name,
 
 }  // namespace
 
+Json io::effect_to_json(const EffectSpec& e) {
+  Json parameters = Json::array();
+  for (const EffectParameter& p : e.parameters)
+    parameters.push_back({{"name", p.name}, {"value", p.value}, {"unit", p.unit}});
+  Json out{{"effect", e.effect}, {"where", e.where}, {"parameters", parameters}};
+  if (e.table)
+    out["table"] = {{"variables", e.table->variables},
+                    {"centres", e.table->centres},
+                    {"widths", e.table->widths},
+                    {"weights", e.table->weights},
+                    {"bound", e.table->bound}};
+  return out;
+}
+
 std::string model_to_json(const Model& model) {
   io::validate(model, "model_to_json");
   const auto name_of = [&](int link) { return link < 0 ? Json() : Json(model.links[link].name); };
@@ -276,19 +300,7 @@ std::string model_to_json(const Model& model) {
     out["frames"].push_back(
         {{"name", f.name}, {"link", name_of(f.link)}, {"pose", to_json(f.X_LF)}});
   out["effects"] = Json::array();
-  for (const EffectSpec& e : model.effects) {
-    Json parameters = Json::array();
-    for (const EffectParameter& p : e.parameters)
-      parameters.push_back({{"name", p.name}, {"value", p.value}, {"unit", p.unit}});
-    out["effects"].push_back(
-        {{"effect", e.effect}, {"where", e.where}, {"parameters", parameters}});
-    if (e.table)
-      out["effects"].back()["table"] = {{"variables", e.table->variables},
-                                        {"centres", e.table->centres},
-                                        {"widths", e.table->widths},
-                                        {"weights", e.table->weights},
-                                        {"bound", e.table->bound}};
-  }
+  for (const EffectSpec& e : model.effects) out["effects"].push_back(io::effect_to_json(e));
   if (model.ball) {
     out["ball"]["mass"] = model.ball->mass;
     if (model.ball->radius > 0.0) out["ball"]["radius"] = model.ball->radius;

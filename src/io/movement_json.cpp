@@ -10,8 +10,6 @@
 namespace diffnea::io {
 namespace {
 
-constexpr double kRate = 100.0;  ///< [Hz]
-
 std::vector<double> list(const VecX<double>& x) { return {x.begin(), x.end()}; }
 
 bool is_stored(const std::string& channel) {
@@ -57,15 +55,17 @@ StickFigure read_figure(const Json& value, const std::string& where, const VecX<
 
 }  // namespace
 
-RolloutTrace thinned(const RolloutTrace& trace) {
+RolloutTrace thinned(const RolloutTrace& trace, double rate) {
   const long rows = trace.time.size();
-  if (rows < 3) return trace;
-  const double period = (trace.time[rows - 1] - trace.time[0]) / static_cast<double>(rows - 1);
-  const long stride = std::max(1L, std::lround(1.0 / (kRate * period)));
-  if (stride == 1) return trace;
+  if (rate > 0.0 && rows < 3) return trace;
   std::vector<long> kept;
-  for (long k = 0; k < rows; k += stride) kept.push_back(k);
-  if (kept.back() != rows - 1) kept.push_back(rows - 1);
+  if (rate > 0.0) {
+    const double period = (trace.time[rows - 1] - trace.time[0]) / static_cast<double>(rows - 1);
+    const long stride = std::max(1L, std::lround(1.0 / (rate * period)));
+    if (stride == 1) return trace;
+    for (long k = 0; k < rows; k += stride) kept.push_back(k);
+    if (kept.back() != rows - 1) kept.push_back(rows - 1);
+  }
   RolloutTrace out = trace;
   out.time = trace.time(kept);
   out.values = trace.values(kept, Eigen::all);

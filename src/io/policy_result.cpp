@@ -64,12 +64,12 @@ Json executed(const Execution& e) {
           {"failure", e.failure.empty() ? Json() : Json(e.failure)}};
 }
 
-/// The movements with their figures, all in one plane.
-Json movements(const BallInCup& task, const std::vector<RolloutTrace>& traces,
-               const SideView& view) {
+/// The movements with their figures, all in one plane. @param rate  of the rows [Hz]
+Json movements(const BallInCup& task, const std::vector<RolloutTrace>& traces, const SideView& view,
+               double rate) {
   Json out = Json::array();
   for (const RolloutTrace& full : traces) {
-    const RolloutTrace trace = io::thinned(full);
+    const RolloutTrace trace = io::thinned(full, rate);
     if (trace.time.size() == 0) {
       out.push_back(io::movement(trace, nullptr));
       continue;
@@ -200,10 +200,12 @@ std::string learn_result_json(const LearnRun& run) {
 
 std::string learn_series_json(const LearnRun& run) {
   const SideView view = side_view(run.imagined);
-  return text({{"schema", "diffnea/learn-series/1"},
-               {"view", view_json(view)},
-               {"imagined", movements(run.task, run.imagined, view)}},
-              -1);
+  return io::readable_series([&](double rate) {
+    return text({{"schema", "diffnea/learn-series/1"},
+                 {"view", view_json(view)},
+                 {"imagined", movements(run.task, run.imagined, view, rate)}},
+                -1);
+  });
 }
 
 std::string transfer_result_json(const TransferRun& run) {
@@ -254,15 +256,17 @@ std::string transfer_series_json(const TransferRun& run) {
   std::vector<RolloutTrace> all = run.imagined;
   for (const Execution& e : run.executions) all.push_back(e.trace);
   const SideView view = side_view(all);
-  Json repetitions = Json::array();
-  for (const Execution& e : run.repetitions)
-    repetitions.push_back(io::movement(io::thinned(e.trace), nullptr));
-  return text({{"schema", "diffnea/transfer-series/1"},
-               {"view", view_json(view)},
-               {"imagined", movements(run.task, run.imagined, view)},
-               {"obtained", movements(run.task, traces_of(run.executions), view)},
-               {"repetitions", repetitions}},
-              -1);
+  return io::readable_series([&](double rate) {
+    Json repetitions = Json::array();
+    for (const Execution& e : run.repetitions)
+      repetitions.push_back(io::movement(io::thinned(e.trace, rate), nullptr));
+    return text({{"schema", "diffnea/transfer-series/1"},
+                 {"view", view_json(view)},
+                 {"imagined", movements(run.task, run.imagined, view, rate)},
+                 {"obtained", movements(run.task, traces_of(run.executions), view, rate)},
+                 {"repetitions", repetitions}},
+                -1);
+  });
 }
 
 }  // namespace diffnea

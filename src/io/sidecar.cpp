@@ -107,14 +107,46 @@ Sidecar parse(const Json& json, const std::filesystem::path& path) {
   return out;
 }
 
-}  // namespace
-
-std::optional<Sidecar> read_sidecar(const std::filesystem::path& data) {
+/// Where a sidecar may lie: the first that is one is read.
+std::vector<std::filesystem::path> places(const std::filesystem::path& data) {
   std::filesystem::path beside = data, behind = data;
   beside.replace_extension(".json");
   behind += ".json";
-  for (const std::filesystem::path& path : {behind, beside}) {
-    if (path == data || !std::filesystem::is_regular_file(path)) continue;
+  if (beside == data) return {behind};
+  return {behind, beside};
+}
+
+/// Whether a file, which is JSON or a folder, is what write_sidecar leaves.
+bool is_ours(const std::filesystem::path& path) {
+  if (!std::filesystem::is_regular_file(path)) return false;
+  const Json json = io::parse_json(read_text_file(path), path.string());
+  return json.is_object() && json.contains("schema") && json["schema"] == kSchema;
+}
+
+Json to_json(const RecordingInfo& info) {
+  Json json;
+  json["schema"] = kSchema;
+  json["torque_side"] = info.torque_side == TorqueSide::kMotor ? "motor" : "link";
+  json["torque_sampling"] = info.torque_sampling == TorqueSampling::kHold ? "hold" : "instant";
+  if (info.period > 0.0) json["period"] = info.period;
+  if (!info.passive.empty()) json["passive"] = info.passive;
+  for (const auto& [joint, value] : info.torque_constant) json["torque_constant"][joint] = value;
+  for (const JointValue& c : info.controller) json["controller"][c.joint][c.name] = c.value;
+  if (const std::optional<HeldBody>& body = info.payload) {
+    Json& out = json["payload"] = {{"where", body->where}};
+    if (!body->name.empty()) out["name"] = body->name;
+    if (body->mass) out["mass"] = *body->mass;
+    if (body->com) out["com"] = *body->com;
+    if (body->about_com) out["about_com"] = *body->about_com;
+  }
+  return json;
+}
+
+}  // namespace
+
+std::optional<Sidecar> read_sidecar(const std::filesystem::path& data) {
+  for (const std::filesystem::path& path : places(data)) {
+    if (!std::filesystem::is_regular_file(path)) continue;
     try {
       const Json json = io::parse_json(read_text_file(path), path.string());
       if (json.is_object() && json.contains("schema") && json["schema"] != kSchema) {
@@ -142,25 +174,27 @@ ReadOptions with_sidecar(const std::filesystem::path& data, ReadOptions options)
   return options;
 }
 
+std::filesystem::path sidecar_path(const std::filesystem::path& data) {
+  const std::optional<Sidecar> read = read_sidecar(data);
+  std::filesystem::path path = read ? read->path : places(data).back();
+  if (std::filesystem::exists(path) && !is_ours(path))
+    throw FileError(path.string() +
+                    ": was not left by diffnea with a recording, and what the columns of " +
+                    data.filename().string() +
+                    " cannot hold would replace it; choose another name for the recording, or "
+                    "move that file");
+  return path;
+}
+
+std::string sidecar_difference(const RecordingInfo& a, const RecordingInfo& b) {
+  const Json x = to_json(a), y = to_json(b);
+  for (const char* key : kKeys)
+    if (x.value(key, Json()) != y.value(key, Json())) return key;
+  return "";
+}
+
 void write_sidecar(const RecordingInfo& info, const std::filesystem::path& data) {
-  Json json;
-  json["schema"] = kSchema;
-  json["torque_side"] = info.torque_side == TorqueSide::kMotor ? "motor" : "link";
-  json["torque_sampling"] = info.torque_sampling == TorqueSampling::kHold ? "hold" : "instant";
-  if (info.period > 0.0) json["period"] = info.period;
-  if (!info.passive.empty()) json["passive"] = info.passive;
-  for (const auto& [joint, value] : info.torque_constant) json["torque_constant"][joint] = value;
-  for (const JointValue& c : info.controller) json["controller"][c.joint][c.name] = c.value;
-  if (const std::optional<HeldBody>& body = info.payload) {
-    Json& out = json["payload"] = {{"where", body->where}};
-    if (!body->name.empty()) out["name"] = body->name;
-    if (body->mass) out["mass"] = *body->mass;
-    if (body->com) out["com"] = *body->com;
-    if (body->about_com) out["about_com"] = *body->about_com;
-  }
-  std::filesystem::path path = data;
-  path.replace_extension(".json");
-  write_file_atomically(path, json.dump(2) + "\n");
+  write_file_atomically(sidecar_path(data), to_json(info).dump(2) + "\n");
 }
 
 }  // namespace diffnea

@@ -237,11 +237,11 @@ std::string next_experiment(const Finding& f) {
   for (const ExperimentPair& p : next.pairs)
     rows.push_back({escape(at(p.effect, p.where)), escape(at(p.rival, p.rival_where)),
                     number(p.delta_bic, 3), number(p.expected_delta_bic, 3)});
-  return element("h3", "Next experiment") + element("p", escape(next.sentence), "gained") +
+  return element("h3", "Next experiment") + element("p", next.sentence, "gained") +
          html_table({"cause", "rival", "ΔBIC now", "ΔBIC expected"}, rows, {"", "", "n", "n"}) +
          (next.trajectory.empty()
               ? ""
-              : element("p", "The motion is " + escape(next.trajectory) +
+              : element("p", "The motion is " + next.trajectory +
                                  ", beside this page; collisions were not looked at."));
 }
 

@@ -79,7 +79,7 @@ std::string learn_page(const LearnRun& run) {
   const int best = best_policy(run.policies);
   const std::string name = run.task.model.name.empty() ? "model" : run.task.model.name;
   const std::string title = "Ball in a cup, learned in " + name;
-  std::string body = element("h1", title) + element("p", escape(learn_headline(run)), "headline");
+  std::string body = element("h1", title) + element("p", learn_headline(run), "headline");
   if (run.interrupted)
     body +=
         element("p", "The search was interrupted: policies are what had been learned until then.",

@@ -19,7 +19,7 @@ std::string share_words(const Share& s, const char* of) {
 }
 
 std::string outcome_words(const Execution& e) {
-  return e.failure.empty() ? e.verdict.text : "the world's solver failed: " + e.failure;
+  return e.failure.empty() ? e.verdict.text : "failed: " + e.failure;
 }
 
 std::string reward_words(double reward) { return std::isfinite(reward) ? number(reward, 3) : "–"; }

@@ -9,7 +9,7 @@ namespace diffnea::report {
 
 /// "7 of 10 policies (70 %, 95 % interval 40–89 %)"
 std::string share_words(const Share& share, const char* of);
-/// "in the cup since 1.32 s"; "the solver failed: …"
+/// "in the cup since 1.32 s"; "failed: …"
 std::string outcome_words(const Execution& execution);
 /// Three digits; "–" for that of a motion that could not be executed, −∞.
 std::string reward_words(double reward);

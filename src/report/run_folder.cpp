@@ -18,30 +18,21 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// The extension of the format that the model was read from; empty for JSON, or if the file is
-/// gone.
-std::string model_extension(const Model& model) {
-  std::error_code error;
-  if (model.source.empty() || !fs::is_regular_file(model.source, error)) return "";
-  const std::string text = read_text_file(model.source);
-  const std::size_t urdf = text.find("<robot"), mjcf = text.find("<mujoco");
-  if (text.find_first_not_of(" \t\r\n\xEF\xBB\xBF") == text.find('{') || urdf == mjcf) return "";
-  return urdf < mjcf ? ".urdf" : ".xml";
-}
-
 /// model.json, and the form that the model came in. @param notes  gains what that form cannot hold
 void write_models(const Model& model, const fs::path& folder, std::vector<std::string>& notes) {
   write_model(model, folder / "model.json");
-  const std::string extension = model_extension(model);
-  if (extension.empty()) return;
+  std::string name = "the model in the form that it came in";
   try {
+    const std::string extension = document_extension(model);
+    if (extension.empty()) return;
+    name = "model" + extension;
     std::string left_out;
-    for (const std::string& what : write_model(model, folder / ("model" + extension)))
+    for (const std::string& what : write_model(model, folder / name))
       left_out += (left_out.empty() ? "" : ", ") + what;
     if (!left_out.empty())
-      notes.push_back("model" + extension + " cannot hold: " + left_out + "; model.json does");
+      notes.push_back(name + " cannot hold: " + left_out + "; model.json does");
   } catch (const ModelError& error) {  // the file changed since it was read; the fit is not lost
-    notes.push_back("model" + extension + " was not written: " + error.what());
+    notes.push_back(name + " was not written: " + error.what());
   }
 }
 

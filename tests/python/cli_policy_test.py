@@ -263,17 +263,19 @@ def test_a_full_disk_at_a_checkpoint_is_said(tmp_path: Path) -> None:
         load(path)  # whole, or not there
 
 
-def test_transfer_refuses_a_motion_beyond_the_limits(learned: Path, tmp_path: Path) -> None:
+def test_a_motion_beyond_the_limits_fails_alone(learned: Path, tmp_path: Path) -> None:
     folder = tmp_path / "policies"
     shutil.copytree(learned, folder)
     path = folder / "policy_0.json"
     text = load(path)
     text["mean"][0] = 40.0
     path.write_text(json.dumps(text), encoding="utf-8")
-    answer = diffnea("transfer", folder, "--repetitions", 0, "-o", tmp_path / "out", "--quiet")
-    assert answer.returncode == BAD_INPUT
-    assert "joint2" in answer.stderr
-    assert "limit" in answer.stderr
+    said = done("transfer", folder, "--repetitions", 0, "-o", tmp_path / "out", "--quiet")
+    broken, other = load(tmp_path / "out" / "result.json")["policies"]
+    assert "breaks a limit: joint2" in broken["failure"]
+    assert broken["outcome"] == "failed"
+    assert "breaks a limit: joint2" in said
+    assert other["failure"] is None
 
 
 def test_transfer_refuses_another_controller(learned: Path, tmp_path: Path) -> None:

@@ -68,7 +68,7 @@ def make(seed: int, folder: Path) -> Case:
         if joints and rng.random() < 0.3:
             sidecar["passive"] = [str(rng.choice(joints))]
     task = str(rng.choice(["diagnose", "identify"], p=[0.7, 0.3]))
-    options = diagnosis(rng) if task == "diagnose" else identification(rng)
+    options = diagnosis(rng) if task == "diagnose" else identification(rng, ball=ball)
     kind = "free ball" if free else "ball" if ball else "arm"
     words = f"{task} {kind} n={n} files={len(files)} {' '.join(dirt)} {options}"
     return Case(model, files, sidecar, task, options, len(files) > 1 and rng.random() < 0.5, words)
@@ -89,16 +89,23 @@ def diagnosis(rng: np.random.Generator) -> Json:
     return out
 
 
-def identification(rng: np.random.Generator) -> Json:
-    loss = rng.choice(["inverse", "forward", "trajectory", "constrained"], p=[0.5, 0.2, 0.2, 0.1])
-    out: Json = {"loss": str(loss), "robust": str(rng.choice(["none", "huber", "cauchy"]))}
+def identification(rng: np.random.Generator, *, ball: bool) -> Json:
+    """Options that act: another one is wrong usage."""
+    losses = ["inverse", "forward", "trajectory", "constrained"]
+    loss = str(rng.choice(losses, p=[0.5, 0.2, 0.2, 0.1]))
+    if loss == "constrained" and not ball:
+        loss = "inverse"
+    out: Json = {"loss": loss}
+    if loss == "trajectory":
+        out["window"] = float(rng.choice([0.01, 0.2, 0.5, 100.0]))
+    else:
+        out["robust"] = str(rng.choice(["none", "huber", "cauchy"]))
+        if rng.random() < 0.2:
+            out["entropic_prior"] = float(rng.choice([0.0, 1e-6, 1.0, 1e9]))
     if rng.random() < 0.2:
         out["effects"] = []
     if rng.random() < 0.2:
-        out["entropic_prior"] = float(rng.choice([0.0, 1e-6, 1.0, 1e9]))
-    if rng.random() < 0.2:
         out["fit"] = ["inertia", "effects", "kinematics"]
-    out["window"] = float(rng.choice([0.01, 0.2, 0.5, 100.0]))
     return out
 
 

@@ -141,15 +141,16 @@ struct Execution {
   BallVerdict verdict;       ///< from the series alone; not judged after a failure
   double reward = 0.0;       ///< the paper's, of what happened, at the ε that was learned with
   double reward_wide = 0.0;  ///< at ε = 0.055, the scale of the paper's figures
-  std::string failure = {};  ///< of the world's solver; empty if none
+  std::string failure = {};  ///< of the world's solver, or the limit that the motion breaks
   RolloutTrace trace;        ///< with this reward, and success() as solved
   /// Whether the ball ended in the cup, without a failure of the robot.
   bool success() const { return failure.empty() && verdict.outcome == Outcome::kInCup; }
 };
 
-/// Executes the mean of a policy in a world.
+/// Executes the mean of a policy in a world. A motion that breaks a limit is not executed: that is
+/// the failure, with the reward that Rollouts::run has for it.
 /// @param world  with the policy's joints, ball and cup
-/// @throws DataError naming joint, time and bound if the motion breaks a limit
+/// @throws DataError naming the joint that starts beyond its range
 Execution execute(const LearnedPolicy& policy, const Simulator& world, const MotionLimits& limits,
                   const CupSpec& cup, std::uint64_t seed, const SuccessOptions& options = {});
 

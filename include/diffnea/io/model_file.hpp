@@ -40,21 +40,33 @@ Model read_model(const std::filesystem::path& path);
 /// @throws FileError if a folder holds no model.json; else as read_model
 Model read_model_or_run(const std::filesystem::path& path);
 
+/// The form of the document that the model was read from, which write_model keeps: `.urdf`, `.xml`;
+/// empty for JSON, or if it is not there any more.
+/// @throws FileError, ModelError if it cannot be read, or is no robot description any more
+std::string document_extension(const Model& model);
+
 /// An MJCF as one document that needs no other file, for a simulator: includes resolved, textures
 /// gone, and meshes too (the bodies whose inertia they gave state it).
 /// @throws FileError, ModelError as read_model
 std::string read_mjcf(const std::filesystem::path& path);
 
+/// @throws ModelError if the extension names no format that write_model knows
+void check_model_path(const std::filesystem::path& path);
+
 /// Writes a model. `.json` holds all of it. `.urdf` and `.xml` of a model that was read from that
 /// format: its original document (model.source) is written with the changed values put in place:
 /// inertias, friction, rotor inertia, spring, limits, in a URDF the joints' poses, in an MJCF the
 /// ball's mass and string. The moving link takes the inertia of its lump, links fixed to it none.
-/// Of any other model a new document is drawn, without looks: in a URDF frames become links, in an
-/// MJCF they become sites, and joints that are not passive get a motor.
+/// An MJCF is compiled again and compared with what it is to say before anything is written.
+/// Of any other model, and of one whose document cannot be read where it lies, a new document is
+/// drawn, without looks: in a URDF frames become links, in an MJCF they become sites, and joints
+/// that are not passive get a motor.
 /// @return what the format cannot express, one phrase each, for the user
 /// @throws FileError if the original cannot be read or the file not be written
-/// @throws ModelError if the original has other links, the extension names no format, a link has an
-///         inertia without mass, or MuJoCo refuses the document (an inertia that no body can have)
+/// @throws ModelError if the original has other links, positions in global coordinates, or
+///         something that overrules what is put into it; if the extension names no format, a link
+///         has an inertia without mass, or MuJoCo refuses the document (an inertia that no body
+///         can have)
 std::vector<std::string> write_model(const Model& model, const std::filesystem::path& path);
 
 /// The project's JSON, schema "diffnea/model/1". Doubles come back bit by bit.

@@ -63,10 +63,10 @@ struct PathError {
   double at_capture = 0.0;  ///< in the last row before the model catches it; NaN: never
   double rms = 0.0;         ///< until then, or to the end of the shorter
 };
-/// Of both at the rate of series.json.
+/// Of both at 100 rows a second.
 PathError path_error(const RolloutTrace& imagined, const RolloutTrace& obtained);
 
-/// "in_cup", "late", "fell_out", "rim", "beside", "missed"; "failed" where the world's solver did.
+/// "in_cup", "late", "fell_out", "rim", "beside", "missed"; "failed" where `failure` says why.
 std::string outcome_word(const Execution& execution);
 
 std::string learn_result_json(const LearnRun& run);        ///< schema "diffnea/learn/1"

@@ -33,7 +33,17 @@ std::optional<Sidecar> read_sidecar(const std::filesystem::path& data);
 /// passive stay so. @throws as read_sidecar
 ReadOptions with_sidecar(const std::filesystem::path& data, ReadOptions options = {});
 
-/// Writes the sidecar of a recording, atomically. @throws FileError
+/// Where write_sidecar writes: the file that is read_sidecar's, or else `arm.json`. Ask before the
+/// recording is written.
+/// @throws FileError if something is there that is not a recording's, e.g. a model of the same
+/// name; else as read_sidecar
+std::filesystem::path sidecar_path(const std::filesystem::path& data);
+
+/// First key in which the sidecars of two recordings differ, `payload`; empty if none does. Runs of
+/// one file share a sidecar.
+std::string sidecar_difference(const RecordingInfo& a, const RecordingInfo& b);
+
+/// Writes the sidecar of a recording, atomically. @throws as sidecar_path
 void write_sidecar(const RecordingInfo& info, const std::filesystem::path& data);
 
 }  // namespace diffnea
