@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import whole_files
 from cli import BAD_INPUT, COMMAND, DONE, INTERRUPTED, WRONG_USAGE, diffnea, done, load
 
 LENGTH, ATTACHMENT, NOISE = 0.4, np.array([0.25, 0.03, 0.05]), 1.5e-3
@@ -142,6 +143,7 @@ def test_identify_finds_the_string(ball: Path, tmp_path: Path) -> None:
     assert result["rmse"]["units"] == {"ball": "m"}
     assert result["rmse"]["test"]["ball"] == pytest.approx(NOISE, rel=0.06)
     assert result["ball"]["extended_rms"] == pytest.approx(NOISE, rel=0.06)
+    whole_files.check(run)
     fitted = load(run / "model.json")
     assert fitted["ball"]["string"]["length"] == found["string.length"]["value"]
 
@@ -157,6 +159,7 @@ def test_diagnose_names_drag(ball: Path, tmp_path: Path) -> None:
     (parameter,) = cause["parameters"]
     assert parameter["ci95"][0] <= 0.2 <= parameter["ci95"][1]
     assert load(run / "model.json")["effects"][0]["effect"] == "linear_drag"
+    whole_files.check(run)
 
 
 # --- columns

@@ -6,6 +6,7 @@ import shutil
 from pathlib import Path
 
 import pytest
+import whole_files
 from cli import BAD_INPUT, DONE, MODELS, WRONG_USAGE, diffnea, done, load
 
 import diffnea as python
@@ -68,6 +69,7 @@ def test_json_prints_the_result_and_nothing_else(rubbing: Path, tmp_path: Path) 
     assert parameter["ci95"][0] <= 0.05 <= parameter["ci95"][1]
     assert [item["role"] for item in result["reproduce"]["inputs"]] == ["model", "data", "test"]
     assert load(run / "series.json")["schema"] == "diffnea/diagnose-series/1"
+    whole_files.check(run)
 
 
 def test_the_extended_model_has_nothing_left_to_explain(rubbing: Path, tmp_path: Path) -> None:

@@ -164,6 +164,7 @@ def test_compare_sees_a_payload_and_nothing_else(arm, train, held_out, result) -
     same = diffnea.compare(result, diffnea.identify(arm, held_out, test=train))
     assert same.joints == ["shoulder", "elbow"]
     assert same.to_dict()["schema"] == "diffnea/compare/1"
+    assert not same.changed
     pickle.loads(pickle.dumps(same))
     loaded = arm.with_inertial_parameters(
         arm.inertial_parameters + np.r_[np.zeros(10), 0.5, 0.15, 0, 0, 0, 0, 0, 0.045, 0, 0.045]
