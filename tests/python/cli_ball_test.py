@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 import whole_files
-from cli import BAD_INPUT, COMMAND, DONE, INTERRUPTED, WRONG_USAGE, diffnea, done, load
+from cli import COMMAND, DONE, INTERRUPTED, SECONDS, WRONG_USAGE, diffnea, done, load, refused
 
 LENGTH, ATTACHMENT, NOISE = 0.4, np.array([0.25, 0.03, 0.05]), 1.5e-3
 RATES, AMPLITUDES = np.array([1.9, 2.9]), np.array([0.5, 0.8])
@@ -109,15 +109,6 @@ def ball(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write(folder / "train.csv", swing(12, drag=0.2))
     write(folder / "test.csv", swing(12, pace=1.08, drag=0.2, seed=2))
     return folder
-
-
-def refused(run: Path, *arguments: object, command: str = "identify") -> str:
-    """Run the command, which must refuse and leave nothing behind; return its message."""
-    answer = diffnea(command, *arguments, "-o", run, "--quiet")
-    assert answer.returncode == BAD_INPUT, answer.stderr + answer.stdout
-    assert answer.stdout == ""
-    assert not run.exists()
-    return answer.stderr
 
 
 # --- what comes out
@@ -312,7 +303,7 @@ def test_ctrl_c_leaves_nothing_half_written(tmp_path: Path, command: str) -> Non
         if "ball" in line or not line.startswith("opening"):
             process.send_signal(signal.SIGINT)
             break
-    _, message = process.communicate(timeout=60)
+    _, message = process.communicate(timeout=SECONDS)
     if process.returncode == DONE:
         pytest.skip("it was done before Ctrl-C came")
     assert process.returncode == INTERRUPTED, message

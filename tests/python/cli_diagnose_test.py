@@ -3,15 +3,16 @@
 import csv
 import json
 import shutil
+from functools import partial
 from pathlib import Path
 
+import cli
 import pytest
 import whole_files
-from cli import BAD_INPUT, DONE, MODELS, WRONG_USAGE, diffnea, done, load
+from cli import BAD_INPUT, DONE, PENDULUM, WRONG_USAGE, diffnea, done, load
 
 import diffnea as python
 
-PENDULUM = MODELS / "double_pendulum.urdf"
 TRUTH = {"effect": "coulomb_friction", "where": "elbow"}
 
 
@@ -34,13 +35,7 @@ def rubbing(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def refused(run: Path, *arguments: object) -> str:
-    """Run `diagnose`, which must refuse and leave nothing behind; return its message."""
-    answer = diffnea("diagnose", *arguments, "-o", run, "--quiet")
-    assert answer.returncode == BAD_INPUT, answer.stderr
-    assert answer.stdout == ""
-    assert not run.exists()
-    return answer.stderr
+refused = partial(cli.refused, command="diagnose")
 
 
 def rows(source: Path, target: Path, keep: slice) -> Path:
