@@ -59,10 +59,12 @@ LIBRARIES: dict[str, tuple[str, ...]] = {
     # of the system
     "dlfcn.h": ("src/io",),
     "fcntl.h": ("src/core", "apps"),
+    "locale.h": ("src/core",),
     "sys/": ("src/core", "apps"),
     "unistd.h": ("src/core", "src/io", "apps"),
 }
 
+COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/", re.DOTALL)
 INCLUDE = re.compile(r'^\s*#\s*include\s*([<"])([^>"]+)[>"]', re.MULTILINE)
 
 
@@ -255,10 +257,25 @@ def test_checker_reports(tmp_path: Path, case: str) -> None:
     assert found[0].startswith(f"{place}:")
 
 
+# --- numbers as text
+
+# They hang on the locale of the program, which may be any in a user's; core/c_numbers.hpp has both.
+PRINTS = re.compile(r"\bstd::(?:s|v|vs)?n?printf\b")
+READS = re.compile(r"\b(?:strto[dfl]d?|stof|stod|stold|atof|v?sscanf)\b")
+
+
+def test_numbers_are_written_and_read_with_a_point() -> None:
+    for path in sources(ROOT, "src"):
+        text = COMMENT.sub("", path.read_text(encoding="utf-8"))
+        if path.name == "c_numbers.hpp":
+            continue
+        if "CNumbers" not in text:
+            assert not PRINTS.search(text), f"{path}: use detail::print"
+            assert not READS.search(text), f"{path}: use std::from_chars or detail::CNumbers"
+
+
 # --- public headers
 
-
-COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/", re.DOTALL)
 
 # Types whose alignment hangs on a user's compiler flags: of fixed size, an even number of doubles.
 VECTORISABLE = (
