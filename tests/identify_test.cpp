@@ -14,9 +14,12 @@
 #include <diffnea/io/model_file.hpp>
 #include <diffnea/model/physical.hpp>
 
+#include "support/found.hpp"
+
 using namespace diffnea;
 using Catch::Approx;
 using Catch::Matchers::ContainsSubstring;
+using diffnea::test::find;
 
 namespace {
 
@@ -24,12 +27,6 @@ namespace {
 const test::WamDraw& draw() {
   static const test::WamDraw kDraw = test::draw_wam(300, 20.0);
   return kDraw;
-}
-
-const ParameterEstimate& find(const IdentifyResult& result, const std::string& name) {
-  const auto it = std::ranges::find(result.parameters, name, &ParameterEstimate::name);
-  REQUIRE(it != result.parameters.end());
-  return *it;
 }
 
 double mean_test_error(const IdentifyResult& result) {

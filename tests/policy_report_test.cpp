@@ -4,7 +4,6 @@
 #include <cmath>
 #include <fstream>
 #include <limits>
-#include <regex>
 #include <report/stick_views.hpp>
 #include <support/temporary_folder.hpp>
 
@@ -24,20 +23,19 @@
 #include <diffnea/report/transfer_page.hpp>
 #include <diffnea/report/transfer_text.hpp>
 
+#include "support/page.hpp"
+
 namespace diffnea {
 namespace {
+
+using test::check_page;
+using test::count;
 
 using Catch::Approx;
 using Catch::Matchers::ContainsSubstring;
 using Catch::Matchers::MessageMatches;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-
-std::size_t count(const std::string& text, const std::string& word) {
-  std::size_t out = 0;
-  for (std::size_t at = text.find(word); at != text.npos; at = text.find(word, at + 1)) ++out;
-  return out;
-}
 
 const LearnRun& learned() {
   static const LearnRun run = [] {
@@ -83,19 +81,6 @@ TransferRun transferred() {
   out.repetitions = {caught, caught, failed};
   out.reproduce = from.reproduce;
   return out;
-}
-
-void check_page(const std::string& page) {
-  const std::string markup = page.substr(0, page.find("<script type='application/json' id='data'"));
-  const std::string body = markup.substr(markup.find("<body>"));
-  CHECK_FALSE(std::regex_search(body, std::regex("src=|href=|url\\(|://")));
-  for (const char* failed :
-       {"'nan", "'-nan", "'inf", "'-inf", "nan ", ",nan", "[nan", ":nan", ">nan", ">inf", ">-inf"})
-    CHECK(count(body, failed) == 0);
-  for (const char* tag :
-       {"svg", "g", "table", "div", "section", "figure", "script", "p", "tr", "td"})
-    CHECK(count(body, std::string("<") + tag + " ") + count(body, std::string("<") + tag + ">") ==
-          count(body, std::string("</") + tag + ">"));
 }
 
 std::string files(const std::filesystem::path& folder) {
