@@ -104,7 +104,7 @@ TEST_CASE("model simulator: the arm moves as Runge-Kutta with small steps moves 
     desired.qd.row(k) = qd.col(0).transpose();
   }
   RecordOptions record;
-  record.position_noise = record.torque_noise = 0.0;
+  record.scale_noise(0.0);
   const SimulatedRecording truth = record_model(model, nominal, desired, record);
   REQUIRE(truth.failure.empty());
   double error = 0.0;
@@ -182,8 +182,10 @@ TEST_CASE("model simulator: the string pulls on the arm", "[sim]") {
   for (std::size_t k = 0; k < with.size(); ++k)
     most = std::max(most, (with[k] - without[k]).norm());
   CAPTURE(most);
-  CHECK(most > 2e-3);  // 24 g at some g, a metre from the shoulder, against 500 N·m/rad
-  CHECK(most < 3e-2);
+  // 24 g at some g, a metre from the shoulder, against 500 N·m/rad: 11 mm (observed), half as much
+  // either way for another loop.
+  CHECK(most > 5.5e-3);
+  CHECK(most < 1.7e-2);
 }
 
 TEST_CASE("model simulator: the cup moves with the arm where there is no ball", "[sim]") {
