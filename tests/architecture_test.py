@@ -260,7 +260,7 @@ def test_checker_reports(tmp_path: Path, case: str) -> None:
 # --- numbers as text
 
 # They hang on the locale of the program, which may be any in a user's; core/c_numbers.hpp has both.
-PRINTS = re.compile(r"\bstd::(?:s|v|vs)?n?printf\b")
+PRINTS = re.compile(r"\bstd::(?:vs?n?printf\b|s?n?printf\([^;]*%[-+ #\d.*]*L?[aefgAEFG])")
 READS = re.compile(r"\b(?:strto[dfl]d?|stof|stod|stold|atof|v?sscanf)\b")
 
 
