@@ -37,7 +37,7 @@ struct Allocations {
 };
 thread_local Allocations* counting = nullptr;
 
-void count_allocation(std::size_t size) {
+[[maybe_unused]] void count_allocation(std::size_t size) {
   if (!counting) return;
   ++counting->count;
   if (size > counting->largest) counting->largest = size;
