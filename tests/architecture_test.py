@@ -1,4 +1,4 @@
-"""The include edges of the library against the "may include" table of docs/ARCHITECTURE.md.
+"""Which folder may include what, and what a public header may hold.
 
 A forbidden edge is a design decision taken by accident: cheap to see here, dear to undo later.
 """
@@ -15,7 +15,8 @@ EFFECTS_AND_BELOW = ("core", "lie", "model", "dynamics", "effects")
 IDENTIFY_AND_BELOW = (*EFFECTS_AND_BELOW, "recording", "identify")
 PIPELINE = (*IDENTIFY_AND_BELOW, "excite", "diagnose", "sim", "policy")
 
-# What each folder of include/diffnea/ and src/ may include besides itself: folders or headers.
+# What each folder of include/diffnea/ and src/ may include besides itself: folders or headers. A
+# diagnosis replays its two models, and knows no other simulator.
 MAY_INCLUDE: dict[str, tuple[str, ...]] = {
     "core": (),
     "lie": ("core",),
@@ -33,12 +34,20 @@ MAY_INCLUDE: dict[str, tuple[str, ...]] = {
     "report": ("core", "io"),
 }
 
-# Libraries with one home. Where a header is named, the library's other headers stay in that home.
-ANYWHERE = ("Eigen/", "ceres/jet.h", "experimental/")
+# Of what is private to the others, io reads this; else their public value types alone.
+PRIVATE_OF_IO = ("core/", "recording/columns.hpp", "recording/line_source.hpp")
+PRIVATE_OF_IO += ("sim/mujoco_model.hpp", "sim/rotor_names.hpp")
+
+# Libraries and where they are at home: the first prefix that fits counts, all others are refused.
 PUBLIC_HEADERS = "include"
-HEAVY: dict[str, tuple[str, ...]] = {
+PUBLIC = ("Eigen/", "ceres/jet.h", "experimental/simd")
+LIBRARIES: dict[str, tuple[str, ...]] = {
+    "Eigen/": ("include", "src", "python"),
+    "ceres/jet.h": ("include", "src"),
+    "experimental/simd": ("include/diffnea/core",),
     "ceres/": ("src/identify",),
     "mujoco/": ("src/sim", "src/io"),
+    "console_bridge/": ("src/io",),
     "nlohmann/": ("src/io",),
     "urdf_parser/": ("src/io",),
     "urdf_model/": ("src/io",),
@@ -47,8 +56,15 @@ HEAVY: dict[str, tuple[str, ...]] = {
     "gif_lib.h": ("src/report",),
     "CLI/": ("apps",),
     "pybind11/": ("python",),
+    # of the system
+    "dlfcn.h": ("src/io",),
+    "fcntl.h": ("src/core", "apps"),
+    "locale.h": ("src/core",),
+    "sys/": ("src/core", "apps"),
+    "unistd.h": ("src/core", "src/io", "apps"),
 }
 
+COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/", re.DOTALL)
 INCLUDE = re.compile(r'^\s*#\s*include\s*([<"])([^>"]+)[>"]', re.MULTILINE)
 
 
@@ -59,17 +75,20 @@ def sources(root: Path, *folders: str) -> Iterator[Path]:
                 yield path
 
 
-def resolve(root: Path, source: Path, name: str) -> str | None:
-    """Return a header of ours as ``dynamics/rnea.hpp``, and None for a foreign one."""
+def resolve(root: Path, source: Path, name: str) -> tuple[str, str] | None:
+    """Return a header of ours as (``include``, ``dynamics/rnea.hpp``), and None for a foreign one.
+
+    Private headers are of ``src``, those of programs of no base: ("", ``apps/common.hpp``).
+    """
     if name.startswith("diffnea/"):
-        return name.removeprefix("diffnea/")
+        return "include", name.removeprefix("diffnea/")
     for folder in (source.parent, root / "src"):
         target = (folder / name).resolve()
         if target.is_file():
-            for base in (root / "include" / "diffnea", root / "src"):
-                if target.is_relative_to(base.resolve()):
-                    return target.relative_to(base.resolve()).as_posix()
-            return target.relative_to(root.resolve()).as_posix()
+            for base, path in (("include", root / "include" / "diffnea"), ("src", root / "src")):
+                if target.is_relative_to(path.resolve()):
+                    return base, target.relative_to(path.resolve()).as_posix()
+            return "", target.relative_to(root.resolve()).as_posix()
     return None
 
 
@@ -81,18 +100,20 @@ def external_error(place: str, name: str) -> str | None:
     """Why ``place`` (a path below the root) may not include the foreign header ``name``."""
     if "/" not in name and not name.endswith((".h", ".hpp")):
         return None  # the standard library
-    if name.startswith(ANYWHERE):
-        return None
-    for prefix, homes in HEAVY.items():
+    if place.startswith(f"{PUBLIC_HEADERS}/") and not name.startswith(PUBLIC):
+        return "a public header may include Eigen, ceres/jet.h and the standard library"
+    for prefix, homes in LIBRARIES.items():
         if name.startswith(prefix):
             return None if is_below(place, homes) else f"belongs in {' or '.join(homes)}"
-    if place.startswith(f"{PUBLIC_HEADERS}/"):
-        return "a public header may include Eigen, ceres/jet.h and the standard library"
-    return None
+    return "is a header of no library that has a home here"
 
 
-def internal_error(place: str, folder: str, target: str) -> str | None:
+def internal_error(place: str, folder: str, base: str, target: str) -> str | None:
     """Why a file of ``folder`` may not include the header ``target`` of ours."""
+    if base == "src" and not place.startswith("src/"):
+        return "src/ is private to the library"
+    if base == "src" and folder == "io" and not target.startswith(("io/", *PRIVATE_OF_IO)):
+        return f"of private headers io may include {', '.join(PRIVATE_OF_IO)}"
     if target.startswith(("apps/", "python/", "tests/")):
         own = target.split("/")[0] == folder
         return None if own else "nothing else includes apps, python or tests"
@@ -138,7 +159,7 @@ def violations(root: Path) -> list[str]:
             error = (
                 external_error(place, name)
                 if target is None
-                else internal_error(place, folder, target)
+                else internal_error(place, folder, *target)
             )
             if error:
                 line = text.count("\n", 0, match.start(1)) + 1
@@ -163,6 +184,9 @@ ALLOWED = {
     ),
     "src/identify/solver.cpp": "#include <ceres/ceres.h>\n",
     "src/io/mjcf.cpp": "#include <mujoco/mujoco.h>\n#include <nlohmann/json.hpp>\n",
+    "src/identify/passes.hpp": "",
+    "src/diagnose/base.cpp": "#include <identify/passes.hpp>\n#include <Eigen/QR>\n",
+    "src/core/file.cpp": "#include <unistd.h>\n#include <sys/stat.h>\n",
     "apps/main.cpp": '#include <CLI/CLI.hpp>\n#include "diffnea/diffnea.hpp"\n',
     "python/module.cpp": "#include <pybind11/pybind11.h>\n",
 }
@@ -193,6 +217,19 @@ FORBIDDEN = {
         "include/diffnea/core/bad.hpp",
         "#include <fmt/core.h>",
     ),
+    "a private header in a public one": (
+        "include/diffnea/diagnose/bad.hpp",
+        "#include <identify/passes.hpp>",
+    ),
+    "a private header in a command": ("apps/bad.cpp", "#include <identify/passes.hpp>"),
+    "a private header in the module": ("python/bad.cpp", '#include "../src/identify/passes.hpp"'),
+    "what io reads besides value types": ("src/io/bad.cpp", "#include <identify/passes.hpp>"),
+    "numerics in a command": ("apps/bad.cpp", "#include <Eigen/Cholesky>"),
+    "a library without a home": ("src/dynamics/bad.cpp", "#include <yaml-cpp/yaml.h>"),
+    "a library's header without a folder": ("src/io/bad.cpp", "#include <curl.h>"),
+    "a log's library outside io": ("src/sim/bad.cpp", "#include <console_bridge/console.h>"),
+    "the system in a public header": ("include/diffnea/core/bad.hpp", "#include <unistd.h>"),
+    "the system where it has no business": ("src/policy/bad.cpp", "#include <unistd.h>"),
     "CLI11 in the library": ("src/io/bad.cpp", "#include <CLI/CLI.hpp>"),
     "the umbrella header in the library": ("src/io/bad.cpp", "#include <diffnea/diffnea.hpp>"),
     "an application's header": ("src/io/bad.cpp", '#include "../../apps/options.hpp"'),
@@ -218,3 +255,166 @@ def test_checker_reports(tmp_path: Path, case: str) -> None:
     found = violations(tmp_path)
     assert len(found) == 1
     assert found[0].startswith(f"{place}:")
+
+
+# --- numbers as text
+
+# They hang on the locale of the program, which may be any in a user's; core/c_numbers.hpp has both.
+PRINTS = re.compile(r"\bstd::(?:vs?n?printf\b|s?n?printf\([^;]*%[-+ #\d.*]*L?[aefgAEFG])")
+READS = re.compile(r"\b(?:strto[dfl]d?|stof|stod|stold|atof|v?sscanf)\b")
+
+
+def test_numbers_are_written_and_read_with_a_point() -> None:
+    for path in sources(ROOT, "src"):
+        text = COMMENT.sub("", path.read_text(encoding="utf-8"))
+        if path.name == "c_numbers.hpp":
+            continue
+        if "CNumbers" not in text:
+            assert not PRINTS.search(text), f"{path}: use detail::print"
+            assert not READS.search(text), f"{path}: use std::from_chars or detail::CNumbers"
+
+
+# --- public headers
+
+
+# Types whose alignment hangs on a user's compiler flags: of fixed size, an even number of doubles.
+VECTORISABLE = (
+    r"Eigen::(?:(?:Vector|RowVector|Array)[24]|(?:Matrix|Array)(?:[24]|22|44)|Quaternion"
+    r"|(?:Affine|Isometry|Projective)[23]|Rotation2D|AlignedBox[23])[dfi]\b"
+    r"|Eigen::(?:Transform|Quaternion|AlignedBox)<[^;()]*?>"
+    r"|Eigen::(?:Matrix|Array)<\s*\w+\s*,\s*(?:\d*[02468]\s*,\s*\d+|\d+\s*,\s*\d*[02468])\b[^;()]*?>"
+)
+VARIABLE = re.compile(rf"(?:{VECTORISABLE})\s+\w+\s*[;={{,\[]")
+INSIDE = re.compile(rf"std::(?:array|optional|pair|tuple|variant)<[^;()]*?(?:{VECTORISABLE})")
+
+
+def vectorisable(header: str) -> list[str]:
+    text = COMMENT.sub("", header)
+    return [match[0] for pattern in (VARIABLE, INSIDE) for match in pattern.finditer(text)]
+
+
+def test_no_public_header_holds_what_flags_align() -> None:
+    found = {path.name: vectorisable(path.read_text()) for path in sources(ROOT, "include")}
+    assert {name: lines for name, lines in found.items() if lines} == {}
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "Eigen::Vector4d x;",
+        "Eigen::Matrix4d x = Eigen::Matrix4d::Identity();",
+        "Eigen::Quaterniond turn{1, 0, 0, 0};",
+        "Eigen::Isometry3d pose;",
+        "Eigen::Matrix<double, 6, 1> twist;",
+        "Eigen::Matrix<T, 3, 4> x;",
+        "std::array<Eigen::Vector2d, 3> points;",
+        "std::optional<Eigen::Matrix<double, 6, 6>> inertia;",
+    ],
+)
+def test_checker_sees_what_flags_align(line: str) -> None:
+    assert vectorisable(f"struct S {{\n  {line}\n}};\n")
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "Eigen::Matrix3d x;",
+        "Eigen::Matrix<double, 3, 1> x;",
+        "Eigen::Matrix4d pseudo_inertia(const Theta<double>& theta);",
+        "void f(const Eigen::Matrix4d& x);",
+        "Eigen::Matrix<T, Eigen::Dynamic, 2> x;",
+        "std::vector<Eigen::VectorXd> x;",
+        "// Eigen::Vector4d x;",
+    ],
+)
+def test_checker_passes_what_they_do_not(line: str) -> None:
+    assert not vectorisable(f"struct S {{\n  {line}\n}};\n")
+
+
+# Where the standard library has what public headers name.
+STANDARD = {
+    "array": "array",
+    "atomic": "atomic",
+    "filesystem": "filesystem",
+    "function": "functional",
+    "map": "map",
+    "optional": "optional",
+    "pair": "utility",
+    "set": "set",
+    "shared_ptr": "memory",
+    "span": "span",
+    "string": "string",
+    "string_view": "string_view",
+    "tuple": "tuple",
+    "uint64_t": "cstdint",
+    "unique_ptr": "memory",
+    "variant": "variant",
+    "vector": "vector",
+}
+# What a header brings with it by the standard.
+BRINGS = {"map": ("utility",), "variant": ("utility",), "string": ("string_view",)}
+DECLARES = re.compile(r"^(?:struct|class|enum class|using|concept) ([A-Z]\w*)", re.MULTILINE)
+
+
+def names_without_header(root: Path) -> list[str]:
+    """Names in public headers that are declared in no header which these include.
+
+    Of what a compiler says of each header alone (the study "headers" of ctest) what can be seen at
+    once: types of ours, and of the standard library.
+    """
+    base = root / "include" / "diffnea"
+    texts = {
+        path.relative_to(base).as_posix(): COMMENT.sub("", path.read_text(encoding="utf-8"))
+        for path in sources(root, "include")
+    }
+    declared: dict[str, set[str]] = {}
+    for name, text in texts.items():
+        for match in DECLARES.finditer(text):
+            declared.setdefault(match[1], set()).add(name)
+
+    def reached(name: str, seen: set[str]) -> set[str]:
+        seen.add(name)
+        for match in INCLUDE.finditer(texts.get(name, "")):
+            target = match[2].removeprefix("diffnea/")
+            if target not in seen and target in texts:
+                reached(target, seen)
+            seen.add(target)
+            seen.update(BRINGS.get(target, ()))
+        return seen
+
+    found = []
+    for name, text in texts.items():
+        if "/detail/" in name:  # included at the end of the header that they belong to
+            continue
+        seen = reached(name, set())
+        for standard in sorted(set(re.findall(r"\bstd::(\w+)", text)) & STANDARD.keys()):
+            if STANDARD[standard] not in seen:
+                found.append(f"{name}: std::{standard} without <{STANDARD[standard]}>")
+        own = set(re.findall(r"\b(?:struct|class|using|concept) (\w+)", text))  # nested ones, too
+        named = set(re.findall(r"(?<!::)\b[A-Z]\w*", text))
+        for ours in sorted((named - own) & declared.keys()):
+            if not declared[ours] & seen:
+                found.append(f"{name}: {ours} without {' or '.join(sorted(declared[ours]))}")
+    return found
+
+
+def test_public_headers_include_what_they_name() -> None:
+    assert names_without_header(ROOT) == []
+
+
+def test_checker_sees_names_without_header(tmp_path: Path) -> None:
+    tree = "struct Tree {};\n"
+    header = "Tree f(std::string name, std::vector<int> x);  // Model\n"
+    files = {
+        "include/diffnea/model/tree.hpp": "#include <vector>\n" + tree,
+        "include/diffnea/model/model.hpp": "struct Model;\n",
+        "include/diffnea/io/good.hpp": "#include <diffnea/model/tree.hpp>\n#include <string>\n",
+        "include/diffnea/io/bad.hpp": header,
+    }
+    files["include/diffnea/io/good.hpp"] += header
+    write_tree(tmp_path, files)
+    assert names_without_header(tmp_path) == [
+        "io/bad.hpp: std::string without <string>",
+        "io/bad.hpp: std::vector without <vector>",
+        "io/bad.hpp: Tree without model/tree.hpp",
+    ]

@@ -17,11 +17,13 @@
 #include <diffnea/core/error.hpp>
 #include <diffnea/io/atomic_file.hpp>
 
+#include "support/ended_process.hpp"
 #include "support/temporary_folder.hpp"
 
 using namespace diffnea;
 using Catch::Matchers::ContainsSubstring;
 using Catch::Matchers::MessageMatches;
+using diffnea::test::ended_process;
 
 namespace {
 
@@ -40,14 +42,6 @@ std::set<std::string> names(const fs::path& folder) {
   for (const auto& entry : fs::directory_iterator(folder))
     out.insert(entry.path().filename().string());
   return out;
-}
-
-/// A number that no process has: of one that has ended, and was waited for.
-pid_t ended_process() {
-  const pid_t child = ::fork();
-  if (child == 0) ::_exit(0);
-  ::waitpid(child, nullptr, 0);
-  return child;
 }
 
 }  // namespace

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <fstream>
 #include <limits>
-#include <regex>
 #include <report/ball_charts.hpp>
 #include <report/ball_views.hpp>
 #include <report/diagnose_words.hpp>
@@ -18,20 +17,19 @@
 #include <diffnea/report/identify_page.hpp>
 #include <diffnea/report/identify_text.hpp>
 
+#include "support/page.hpp"
+
 namespace diffnea {
 namespace {
+
+using test::check_page;
+using test::count;
 
 using Catch::Matchers::ContainsSubstring;
 using Catch::Matchers::WithinAbs;
 using namespace report;
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-
-std::size_t count(const std::string& text, const std::string& word) {
-  std::size_t out = 0;
-  for (std::size_t at = text.find(word); at != text.npos; at = text.find(word, at + 1)) ++out;
-  return out;
-}
 
 FitRun ball_fit_run() {
   FitRun run;
@@ -65,18 +63,6 @@ DiagnoseRun ball_diagnose_run() {
   f.held_out = "test recording";
   f.ball = test::swung_ball();
   return run;
-}
-
-/// Nothing is loaded, no number failed, and the markup of the drawings is closed.
-void check_page(const std::string& page) {
-  const std::size_t body = page.find("<body>");
-  const std::string markup =
-      page.substr(body, page.find("<script type='application/json' id='data'") - body);
-  CHECK_FALSE(std::regex_search(markup, std::regex("src=|href=|url\\(|://")));
-  for (const char* failed : {"'nan", "'-nan", "'inf", "'-inf", "nan ", ",nan", "[nan", ":nan"})
-    CHECK(count(markup, failed) == 0);
-  CHECK(count(markup, "<svg") == count(markup, "</svg>"));
-  CHECK(count(markup, "<script") == count(markup, "</script>"));
 }
 
 }  // namespace

@@ -55,7 +55,7 @@ Trajectory swinging(double seconds) {
 
 RecordOptions quiet() {
   RecordOptions o;
-  o.position_noise = o.torque_noise = o.camera_noise = 0.0;
+  o.scale_noise(0.0);
   return o;
 }
 

@@ -95,8 +95,10 @@ TEST_CASE("butterworth: a line passes unchanged, a short series too", "[recordin
   const RowMatX<double> before = x;
   Butterworth(4, 10.0, 100.0).filter_both_ways(x);
   // Point reflection continues a line; only the settled start of the recursion bends its far ends.
-  const double tolerance = rows == 300 ? 1e-6 : 1.0;
-  CHECK(std::abs(x(rows / 2, 0) - before(rows / 2, 0)) < tolerance);
+  // Rounding leaves 5e-14 in the middle of a long one. What is shorter than the filter's memory
+  // keeps its size: 0.46 is the most observed, of two rows.
+  const double tolerance = rows == 300 ? 1e-12 : rows == 1 ? 0.0 : 0.5;
+  CHECK(std::abs(x(rows / 2, 0) - before(rows / 2, 0)) <= tolerance);
   CHECK(x.allFinite());
 }
 

@@ -108,10 +108,16 @@ TEST_CASE("convex fit: what the data do not see stays at the prior", "[identify]
       Eigen::HouseholderQR<MatX<double>>(N).householderQ() * MatX<double>::Identity(21, 2);
   problem.R -= problem.R * Q * Q.transpose();
   problem.d = problem.R * truth;
-  problem.prior_information = 1e-2 * Q * Q.transpose();
+  problem.prior_information = Q * Q.transpose();
+  problem.start = truth;
+  for (double& x : problem.start) x += 0.1 * rng.normal();
   const ConvexFitResult fit = solve_convex_fit(problem);
   CHECK(fit.converged);
-  CHECK((problem.R * (fit.x - truth)).norm() < 10 * kBarrierTol);
+  CHECK(fit.active_bodies.empty());
+  CHECK((Q.transpose() * (problem.start - truth)).norm() > 20 * kBarrierTol);
+  CHECK((Q.transpose() * (fit.x - problem.start)).norm() < kBarrierTol);
+  const VecX<double> seen = fit.x - truth - Q * (Q.transpose() * (fit.x - truth));
+  CHECK(seen.norm() < kBarrierTol);
 }
 
 TEST_CASE("convex fit: bad problems are refused", "[identify]") {

@@ -2,7 +2,6 @@
 
 #include <cmath>
 #include <fstream>
-#include <limits>
 #include <numbers>
 #include <sstream>
 
@@ -13,69 +12,19 @@
 #include <catch2/matchers/catch_matchers_string.hpp>
 
 #include <diffnea/core/error.hpp>
-#include <diffnea/core/random.hpp>
 
-#include "support/temporary_folder.hpp"
+#include "support/csv_file.hpp"
 
 using Catch::Matchers::ContainsSubstring;
 using Catch::Matchers::EndsWith;
 using Catch::Matchers::WithinRel;
 
 namespace diffnea {
+using namespace test;
 namespace {
 
 /// A unit's factor rounds once.
 constexpr double kRounding = 1e-15;
-
-/// A file in a folder of its own.
-struct CsvFile {
-  test::TemporaryFolder folder;
-  std::filesystem::path path = folder.path() / "arm.csv";
-
-  explicit CsvFile(const std::string& text) { std::ofstream(path, std::ios::binary) << text; }
-};
-
-std::vector<Recording> read(const std::string& text, const ReadOptions& options = {},
-                            ReadReport* report = nullptr) {
-  return read_recordings(CsvFile(text).path, options, report);
-}
-
-/// `rows` good rows of one joint, from row `first`.
-std::string good_rows(int rows, int first = 0) {
-  std::string out;
-  for (int i = first; i < first + rows; ++i)
-    out += std::to_string(0.01 * i) + "," + std::to_string(0.1 * i) + ",1.5\n";
-  return out;
-}
-
-bool same(const RowMatX<double>& a, const RowMatX<double>& b) {
-  if (a.rows() != b.rows() || a.cols() != b.cols()) return false;
-  for (long i = 0; i < a.size(); ++i)
-    if (!(a.data()[i] == b.data()[i] || (std::isnan(a.data()[i]) && std::isnan(b.data()[i]))))
-      return false;
-  return true;
-}
-
-Recording random_recording(unsigned seed, long rows) {
-  Rng rng(seed);
-  Recording r;
-  r.run = static_cast<int>(seed);
-  r.joint_names = {"a", "b", "c"};
-  r.has_tau = {true, false, true};
-  r.time.resize(rows);
-  for (long i = 0; i < rows; ++i) r.time[i] = 0.001 * static_cast<double>(i) + 1e-5 * rng.uniform();
-  const auto fill = [&](RowMatX<double>& m, long columns) {
-    m.resize(rows, columns);
-    for (long i = 0; i < m.size(); ++i) m.data()[i] = rng.normal() * std::exp(3.0 * rng.normal());
-  };
-  for (RowMatX<double>* m : {&r.q, &r.qd, &r.qdd, &r.qcmd, &r.tau}) fill(*m, 3);
-  fill(r.ball, 3);
-  fill(r.spin, 3);
-  r.q(3, 1) = r.ball(0, 2) = std::numeric_limits<double>::quiet_NaN();
-  r.tau.col(1).setConstant(std::numeric_limits<double>::quiet_NaN());
-  r.extra.push_back({"temperature [degC]", r.q.col(0)});
-  return r;
-}
 
 }  // namespace
 
@@ -203,137 +152,6 @@ TEST_CASE("csv: runs are kept apart, and time may begin anew in each", "[recordi
   CHECK_THAT(runs[2].source, EndsWith("arm.csv run 2"));
   CHECK_THROWS_WITH(read("run,time,q_a\n3,0,1\n1,0,2\n3,1,3\n"),
                     ContainsSubstring("arm.csv:4: run 3 begins a second time"));
-}
-
-TEST_CASE("csv: rows that cannot be true are left out, each with its reason", "[recording]") {
-  const std::string bad =
-      "3.00,inf,1\n"           // line 302
-      "3.01,-1e400,1\n"        // 303
-      "2.681562e+154,0.1,1\n"  // 304
-      "2.99,0.1,1\n"           // 305: repeats row 301
-      "1.00,0.1,1\n"           // 306: backward
-      ",0.1,1\n";              // 307
-  ReadReport report;
-  ReadOptions options;
-  options.max_quarantined_share = 0.02;
-  const std::vector<Recording> runs =
-      read("time,q_a,tau_a\n" + good_rows(300) + bad + good_rows(100, 302), options, &report);
-  CHECK(runs[0].rows() == 400);
-  CHECK(report.rows == 406);
-  REQUIRE(report.quarantined == 6);
-  const char* reasons[] = {"'q_a' is inf, infinite",
-                           "'q_a' is -inf, infinite",
-                           "'time' is 2.68156e+154, absurdly large",
-                           "time repeats (2.99)",
-                           "time runs backward, from 2.99 to 1",
-                           "the time is missing"};
-  for (int i = 0; i < 6; ++i) {
-    CHECK(report.quarantined_rows[i].line == 302 + i);
-    CHECK(report.quarantined_rows[i].reason == reasons[i]);
-  }
-  // A clock that jumps ahead and back: the jump is wrong, not what follows it.
-  const std::vector<Recording> jumped =
-      read("time,q_a,tau_a\n" + good_rows(150) + "500,0.1,1\n" + good_rows(150, 150), {}, &report);
-  CHECK(jumped[0].rows() == 300);
-  REQUIRE(report.quarantined == 1);
-  CHECK(report.quarantined_rows[0].line == 152);
-  CHECK(report.quarantined_rows[0].reason == "time jumps ahead to 500 and back");
-  // A pause is none of this.
-  CHECK(read("time,q_a,tau_a\n" + good_rows(150) + good_rows(150, 5000), {}, &report)[0].rows() ==
-        300);
-  CHECK(report.quarantined == 0);
-}
-
-TEST_CASE("csv: a file with more than 1 % of impossible rows is refused", "[recording]") {
-  const auto file = [](int good, int bad) {
-    std::string text = "time,q_a,tau_a\n" + good_rows(good);
-    for (int i = 0; i < bad; ++i) text += "0,0,0\n";
-    return text;
-  };
-  CHECK(read(file(99, 1))[0].rows() == 99);
-  CHECK_THROWS_WITH(
-      read(file(98, 2)),
-      ContainsSubstring("2 of 100 rows cannot be true, expected at most 1 %: line 100: time "
-                        "runs backward") &&
-          ContainsSubstring("need a column `run`"));
-}
-
-namespace {
-
-/// 400 rows whose torque swings between ±2; the rows from `first` to before `end` have `absurd`.
-std::string with_torques(const std::string& absurd, int first, int end) {
-  std::string out = "time,q_a,tau_a\n";
-  for (int i = 0; i < 400; ++i)
-    out += std::to_string(0.01 * i) + ",0.1," +
-           (i >= first && i < end ? absurd : std::to_string(2.0 * std::sin(0.1 * i))) + "\n";
-  return out;
-}
-
-/// Lines that are left out of a file.
-std::vector<long> left_out(const std::string& text, const ReadOptions& options = {}) {
-  ReadReport report;
-  read(text, options, &report);
-  std::vector<long> lines;
-  for (const QuarantinedRow& row : report.quarantined_rows) lines.push_back(row.line);
-  return lines;
-}
-
-}  // namespace
-
-TEST_CASE("csv: a short burst of absurd torque is left out, wherever it stands", "[recording]") {
-  using Lines = std::vector<long>;
-  CHECK(left_out(with_torques("-1e6", 200, 202)) == Lines{202, 203});
-  CHECK(left_out(with_torques("1e6", 0, 2)) == Lines{2, 3});
-  CHECK(left_out(with_torques("1e6", 398, 400)) == Lines{400, 401});
-  CHECK(left_out(with_torques("nan", 398, 400)).empty());
-  ReadReport report;
-  const Recording r = read(with_torques("1e6", 200, 202), {}, &report).at(0);
-  CHECK(r.rows() == 398);
-  CHECK(r.tau.cwiseAbs().maxCoeff() <= 2.0);
-  CHECK_THAT(report.quarantined_rows.at(0).reason,
-             ContainsSubstring("'tau_a' is 1e+06, more than 1000 times"));
-}
-
-TEST_CASE("csv: a torque that is large for long is the torque", "[recording]") {
-  // 21 rows of 400: more than a burst, and more than 2 %, so that it is usual.
-  CHECK(left_out(with_torques("1e6", 200, 221)).empty());
-  // 25 of 2000: 98 % stay below 2, and yet no burst.
-  std::string text = with_torques("1e6", 200, 225);
-  for (int i = 400; i < 2000; ++i) text += std::to_string(0.01 * i) + ",0.1,1.5\n";
-  ReadReport report;
-  const Recording r = read(text, {}, &report).at(0);
-  CHECK(report.quarantined == 0);
-  CHECK(r.rows() == 2000);
-  CHECK(r.tau(210, 0) == 1e6);
-  CHECK(r.tau(199, 0) != 1e6);
-  CHECK(r.tau(225, 0) != 1e6);
-}
-
-TEST_CASE("csv: the joint's effort limit tells an absurd torque earlier", "[recording]") {
-  ReadOptions options;
-  options.joints = {{.name = "a", .effort = 5.0}};
-  const std::string text = with_torques("600", 200, 201);  // 300 times what is usual
-  CHECK(left_out(text).empty());
-  CHECK(left_out(text, options) == std::vector<long>{202});
-  // A limit that all rows exceed is wrong itself; one of 0 was never given.
-  for (const double effort : {1e-3, 0.0}) {
-    options.joints = {{.name = "a", .effort = effort}};
-    CHECK(left_out(with_torques("2", 0, 0), options).empty());
-  }
-}
-
-TEST_CASE("csv: absurd torques do not depend on the blocks that are asked for", "[recording]") {
-  const CsvFile file(with_torques("1e6", 100, 103));
-  for (const long block_rows : {1L, 7L, 101L, 1000L}) {
-    RecordingReader reader(file.path);
-    long rows = 0;
-    for (Recording block; reader.next(block, block_rows);) {
-      CHECK(block.tau.cwiseAbs().maxCoeff() <= 2.0);
-      rows += block.rows();
-    }
-    CHECK(rows == 397);
-    CHECK(reader.report().quarantined == 3);
-  }
 }
 
 TEST_CASE("csv: an angle cannot be that of a slide, nor a length that of a hinge", "[recording]") {
@@ -464,89 +282,6 @@ TEST_CASE("csv: an extra channel that holds words is kept as gaps, with a note",
   CHECK(std::isnan(r.extra[0].values[0]));
   CHECK(r.extra[0].values[1] == 2.0);
   CHECK_THAT(report.notes.back(), ContainsSubstring("'state' holds 1 cells that are no numbers"));
-}
-
-TEST_CASE("csv: what is written reads back bit by bit", "[recording]") {
-  const test::TemporaryFolder folder;
-  const std::filesystem::path path = folder.path() / "out.csv";
-  const std::vector<Recording> written = {random_recording(1, 50), random_recording(2, 70)};
-  write_recordings(written, path);
-  const std::vector<Recording> again = read_recordings(path);
-  REQUIRE(again.size() == 2);
-  for (std::size_t i = 0; i < 2; ++i) {
-    CHECK(again[i].run == written[i].run);
-    CHECK(again[i].joint_names == written[i].joint_names);
-    CHECK(again[i].has_tau == written[i].has_tau);
-    CHECK(again[i].time == written[i].time);
-    for (auto member : {&Recording::q, &Recording::qd, &Recording::qdd, &Recording::qcmd,
-                        &Recording::tau, &Recording::ball, &Recording::spin})
-      CHECK(same(again[i].*member, written[i].*member));
-    CHECK(again[i].extra[0].name == "temperature [degC]");
-    CHECK(again[i].extra[0].values == written[i].extra[0].values);
-  }
-  write_recording(written[0], path);
-  CHECK(read_recordings(path).size() == 1);
-  Recording other = written[1];
-  other.qd.resize(0, 0);
-  CHECK_THROWS_AS(write_recordings({written[0], other}, path), DataError);
-  CHECK_THROWS_AS(write_recording(other, folder.path() / "no" / "such.csv"), FileError);
-}
-
-TEST_CASE("csv: several files become one list of runs", "[recording]") {
-  const CsvFile a("run,time,q_a\n0,0,1\n4,0,1\n"), b("time,q_a,x\n0,2,1\n");
-  ReadReport report;
-  const std::vector<Recording> all = read_recordings({a.path, b.path}, {}, &report);
-  REQUIRE(all.size() == 3);
-  CHECK(all[2].run == 2);
-  CHECK(all[2].q(0, 0) == 2.0);
-  CHECK(report.rows == 3);
-  CHECK(report.extra_channels == std::vector<std::string>{"x"});
-}
-
-TEST_CASE("csv: blocks of any size hold the rows of the whole", "[recording]") {
-  const test::TemporaryFolder folder;
-  const std::filesystem::path path = folder.path() / "out.csv";
-  write_recordings({random_recording(1, 50), random_recording(2, 70)}, path);
-  const std::vector<Recording> whole = read_recordings(path);
-  const long max_rows = GENERATE(1L, 7L, 49L, 50L, 51L, 1000L);
-  CAPTURE(max_rows);
-  RecordingReader reader(path);
-  long at = 0;
-  int previous = 1;
-  for (Recording block; reader.next(block, max_rows);) {
-    REQUIRE(block.rows() >= 1);
-    REQUIRE(block.rows() <= max_rows);
-    if (block.run != previous) at = 0;
-    previous = block.run;
-    const Recording& r = whole[block.run == 1 ? 0 : 1];
-    CHECK(block.time == r.time.segment(at, block.rows()));
-    CHECK(same(block.q, r.q.middleRows(at, block.rows())));
-    CHECK(same(block.tau, r.tau.middleRows(at, block.rows())));
-    at += block.rows();
-  }
-  CHECK(at == 70);
-  CHECK(reader.report().rows == 120);
-  Recording block;
-  CHECK_FALSE(reader.next(block, max_rows));
-}
-
-TEST_CASE("csv: long lines are whole wherever the read buffer ends", "[recording]") {
-  // Rows of 0.8 MB, under the limit of 1 MiB: the buffer of 2 MiB ends within one of them.
-  constexpr std::size_t kChannels = 4000;
-  const std::string digits = "0." + std::string(200, '5');
-  std::string text = "time,q_a";
-  for (std::size_t i = 0; i < kChannels; ++i) text += ",channel_" + std::to_string(i);
-  text += "\n";
-  for (int row = 0; row < 5; ++row) {
-    text += std::to_string(row) + "," + std::to_string(row + 1);
-    for (std::size_t i = 1; i < kChannels; ++i) text += "," + digits;
-    text += "," + std::to_string(10 * row) + "\n";
-  }
-  const Recording r = read(text)[0];
-  REQUIRE(r.extra.size() == kChannels);
-  REQUIRE(r.rows() == 5);
-  CHECK(r.extra[0].values[3] == 5.0 / 9.0);
-  CHECK(r.extra[kChannels - 1].values[4] == 40.0);
 }
 
 }  // namespace diffnea

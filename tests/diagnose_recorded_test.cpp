@@ -10,21 +10,14 @@
 #include <diffnea/io/model_file.hpp>
 #include <diffnea/recording/csv.hpp>
 
+#include "support/between.hpp"
+
 namespace diffnea {
 namespace {
 
-using test::data_folder;
+using test::between;
 
-Recording between(const Recording& r, double from, double to) {
-  long first = 0, end = r.rows();
-  while (r.time[first] < from) ++first;
-  while (r.time[end - 1] > to) --end;
-  Recording out = r;
-  out.time = VecX<double>(r.time.segment(first, end - first));
-  for (RowMatX<double>* m : {&out.q, &out.qd, &out.tau, &out.qcmd})
-    if (m->size() > 0) *m = RowMatX<double>(m->middleRows(first, end - first));
-  return out;
-}
+using test::data_folder;
 
 bool names(const Finding& finding, std::initializer_list<const char*> effects) {
   return std::ranges::any_of(finding.causes, [&](const Cause& c) {

@@ -2,8 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
-#include <support/mujoco_arm.hpp>
 
 #include <catch2/catch_test_macros.hpp>
 #include <catch2/generators/catch_generators.hpp>
@@ -12,66 +10,11 @@
 #include <diffnea/diagnose/diagnose.hpp>
 #include <diffnea/sim/record.hpp>
 
+#include "support/three_links.hpp"
+
 using namespace diffnea;
+using namespace diffnea::test;
 using Catch::Matchers::ContainsSubstring;
-
-namespace {
-
-/// The first axis is vertical: what it carries turns about it like a rotor.
-constexpr const char* kArm = R"(<mujoco model="arm">
-  <compiler angle="radian" inertiafromgeom="false"/>
-  <worldbody>
-    <body name="column" pos="0 0 0.4">
-      <inertial pos="0.01 0.02 0.1" mass="6" diaginertia="0.08 0.07 0.05"/>
-      <joint name="yaw" axis="0 0 1" limited="true" range="-2 2"/>
-      <body name="upper" pos="0 0 0.2">
-        <inertial pos="0.2 0.01 0" mass="3" diaginertia="0.01 0.05 0.05"/>
-        <joint name="shoulder" axis="0 1 0" limited="true" range="-1.5 1.5"/>
-        <body name="fore" pos="0.4 0 0">
-          <inertial pos="0.15 0 0.01" mass="2" diaginertia="0.005 0.02 0.02"/>
-          <joint name="elbow" axis="0 1 0" limited="true" range="-2 2"/>
-        </body>
-      </body>
-    </body>
-  </worldbody>
-</mujoco>
-)";
-
-const test::MujocoArm& arm() {
-  static const test::MujocoArm kOne(kArm);
-  return kOne;
-}
-
-/// The arm with a rotor at its vertical axis, and a gap before it.
-struct GearedArm {
-  GearedArm(double rotor, double gap) : nominal(arm().nominal) {
-    nominal.effects = {{"armature", "yaw", {{"armature", rotor, ""}}}};
-    robot = nominal;
-    robot.effects.push_back({"backlash",
-                             "yaw",
-                             {{"gap", gap, ""},
-                              {"stiffness", 1e5, ""},
-                              {"motor_inertia", rotor, ""},
-                              {"restitution", 0.5, ""}}});
-  }
-  Recording recorded(unsigned seed) const {
-    FourierOptions motion;
-    motion.seed = seed;
-    motion.duration = 30.0;
-    RecordOptions options;
-    options.seed = seed;
-    options.position_noise = 5e-5;
-    const SimulatedRecording r =
-        record_model(robot, nominal, random_fourier(nominal, motion), options);
-    if (!r.failure.empty()) throw Error(r.failure);
-    return r.recording;
-  }
-  Model nominal, robot;
-};
-
-const EffectSpec kCoulomb{"coulomb_friction", "elbow", {{"coulomb", 0.4, ""}}};
-
-}  // namespace
 
 TEST_CASE("diagnose: nothing is named where nothing is hidden", "[diagnose]") {
   const Finding finding = diagnose(arm().nominal, {arm().recorded({}, 1)}, {arm().recorded({}, 2)});
@@ -260,38 +203,6 @@ TEST_CASE("diagnose: a tilted base is named alone, with the first link's masses 
   }
 }
 
-TEST_CASE("diagnose: a gap of a few standard deviations of the positions is named at its joint",
-          "[diagnose]") {
-  const double gap = 5e-4;  // [rad]
-  const GearedArm geared(0.3, gap);
-  const Finding finding = diagnose(geared.nominal, {geared.recorded(1)}, {geared.recorded(2)});
-  CAPTURE(finding.sentence);
-  REQUIRE(finding.causes.size() == 1);
-  CHECK(finding.causes[0].effect == "backlash");
-  CHECK(finding.causes[0].where == "yaw");
-  const auto found = std::ranges::find(finding.causes[0].parameters, "gap", &CauseParameter::name);
-  REQUIRE(found != finding.causes[0].parameters.end());
-  CHECK(found->low <= gap);
-  CHECK(found->high >= gap);
-}
-
-TEST_CASE("diagnose: a gap before a light rotor shows in the wider band alone", "[diagnose]") {
-  const GearedArm geared(0.01, 3.5e-3);
-  const Finding finding = diagnose(geared.nominal, {geared.recorded(1)}, {geared.recorded(2)});
-  CAPTURE(finding.sentence, finding.notes);
-  REQUIRE(finding.causes.size() == 1);
-  CHECK(finding.causes[0].effect == "backlash");
-  CHECK(finding.causes[0].where == "yaw");
-  CHECK(std::ranges::any_of(finding.notes, [](const std::string& note) {
-    return note.find("nothing was left to explain: the gap shows up to") != std::string::npos;
-  }));
-  // Without gaps among the candidates there is no second look.
-  DiagnoseOptions others;
-  others.effects = {"coulomb_friction", "joint_elasticity"};
-  CHECK(diagnose(geared.nominal, {geared.recorded(1)}, {geared.recorded(2)}, others).verdict ==
-        Verdict::kNone);
-}
-
 TEST_CASE("diagnose: two causes that one effect explains are that one", "[diagnose]") {
   // At the vertical axis nothing hides an offset: Coulomb friction and an offset are the same.
   const EffectSpec hidden{
@@ -375,43 +286,6 @@ TEST_CASE("diagnose: refuses what cannot be answered", "[diagnose]") {
     CHECK(verdict_from(name_of(v)) == v);
 }
 
-TEST_CASE("diagnose: the motion is simulated before and after, with the controller or without",
-          "[diagnose]") {
-  const bool in_loop = GENERATE(true, false);
-  Recording train = arm().recorded({kCoulomb}, 1), test = arm().recorded({kCoulomb}, 2);
-  if (!in_loop) {
-    train.qcmd.resize(0, 0);
-    test.qcmd.resize(0, 0);
-  }
-  const SimulatedMotion motion = diagnose(arm().nominal, {train}, {test}).simulated;
-  CAPTURE(motion.reason);
-  CHECK(motion.driven_by == (in_loop ? "controller" : "measured torque"));
-  CHECK(motion.windows >= 5);
-  CHECK(motion.base_failed + motion.extended_failed == 0);
-  REQUIRE(motion.joints.size() == 3);
-  const SimulatedSeries& elbow = motion.joints[2];
-  CAPTURE(elbow.base_rmse, elbow.extended_rmse);
-  CHECK(elbow.joint == "elbow");
-  CHECK(elbow.unit == "rad");
-  // The cause is all there is at this joint: the rest is the noise of the first velocity.
-  CHECK(elbow.extended_rmse < 0.3 * elbow.base_rmse);
-  CHECK(elbow.time.size() == elbow.measured.size());
-  CHECK(elbow.time.size() == elbow.extended.size());
-  CHECK(elbow.time.size() > 500);
-  CHECK(elbow.time.size() <= 4000);
-}
-
-TEST_CASE("diagnose: a motion that cannot be simulated is declared with the reason", "[diagnose]") {
-  Recording train = arm().recorded({}, 1), test = arm().recorded({}, 2);
-  for (Recording* r : {&train, &test}) {  // the yaw is moved by something else
-    r->has_tau[0] = false;
-    r->tau.col(0).setConstant(std::numeric_limits<double>::quiet_NaN());
-  }
-  const Finding finding = diagnose(arm().nominal, {train}, {test});
-  CHECK(finding.simulated.joints.empty());
-  CHECK_THAT(finding.simulated.reason, ContainsSubstring("yaw"));
-}
-
 TEST_CASE("diagnose: what a held-out recording says of a held body counts there", "[diagnose]") {
   // Runs 0 and 1 of the fit without and with the body, and one held out with it: run 2 of all.
   const SpatialInertia<double> body =
@@ -445,105 +319,4 @@ TEST_CASE("diagnose: what a held-out recording says of a held body counts there"
   CAPTURE(finding.sentence, finding.gain.before);
   CHECK(finding.verdict == Verdict::kNone);
   CHECK(finding.gain.before < 1.5);  // times the noise; without the body more than 10
-}
-
-namespace {
-
-/// sin(q_yaw) q_shoulder at the elbow, which no effect of the catalogue is.
-double hidden_torque(double yaw, double shoulder) { return std::sin(yaw) * shoulder; }
-
-/// The robot would have needed that much more for the same motion, about the middle of each row.
-Recording with_hidden_torque(Recording r, double size) {
-  for (long k = 0; k + 1 < r.rows(); ++k)
-    r.tau(k, 2) +=
-        size * hidden_torque(0.5 * (r.q(k, 0) + r.q(k + 1, 0)), 0.5 * (r.q(k, 1) + r.q(k + 1, 1)));
-  return r;
-}
-
-OwnCandidate own_candidate() {
-  OwnCandidate out{
-      "crosswise", "elbow", {{.name = "size", .unit = "N*m/rad", .unit_prismatic = "N/m"}}, {}};
-  out.columns = [](const JointSeries& x) {
-    RowMatX<double> column(x.rows(), 1);
-    for (long k = 0; k < x.rows(); ++k) column(k, 0) = hidden_torque(x.q(k, 0), x.q(k, 1));
-    return column;
-  };
-  return out;
-}
-
-}  // namespace
-
-TEST_CASE("diagnose: an own candidate is named where it acts, and not where it does not",
-          "[diagnose]") {
-  constexpr double kSize = 0.5;  // [N·m/rad]
-  DiagnoseOptions options;
-  options.candidates = {own_candidate()};
-  SECTION("it acts") {
-    const Finding finding =
-        diagnose(arm().nominal, {with_hidden_torque(arm().recorded({kCoulomb}, 1), kSize)},
-                 {with_hidden_torque(arm().recorded({kCoulomb}, 2), kSize)}, options);
-    CAPTURE(finding.sentence);
-    REQUIRE(finding.causes.size() == 2);
-    const auto own = std::ranges::find(finding.causes, "crosswise", &Cause::effect);
-    REQUIRE(own != finding.causes.end());
-    CHECK(own->where == "elbow");
-    REQUIRE(own->parameters.size() == 1);
-    CHECK(own->parameters[0].name == "size");
-    CHECK(own->parameters[0].unit == "N*m/rad");
-    // The interval of one draw: 4 standard errors leave out 1 in 10 000.
-    CHECK(std::abs(own->parameters[0].value - kSize) < 4.0 * own->parameters[0].std);
-    CHECK(std::ranges::any_of(finding.causes,
-                              [](const Cause& c) { return c.effect == "coulomb_friction"; }));
-    REQUIRE(finding.model.effects.size() == 1);  // which holds the other one alone, and says so
-    CHECK(std::ranges::any_of(finding.notes, [](const std::string& note) {
-      return note.find("crosswise") != std::string::npos;
-    }));
-    CHECK_THAT(finding.simulated.reason, ContainsSubstring("crosswise"));
-  }
-  SECTION("it does not") {
-    const Finding finding =
-        diagnose(arm().nominal, {arm().recorded({}, 1)}, {arm().recorded({}, 2)}, options);
-    CAPTURE(finding.sentence);
-    CHECK(finding.verdict == Verdict::kNone);
-    CHECK(std::ranges::any_of(finding.candidates, [](const CandidateScore& c) {
-      return c.effect == "crosswise" && c.delta_bic < 10.0;
-    }));
-  }
-}
-
-TEST_CASE("diagnose: an own candidate that cannot be used is refused by name", "[diagnose]") {
-  const Recording train = arm().recorded({}, 1);
-  const auto refusal = [&](auto change) {
-    DiagnoseOptions options;
-    options.candidates = {own_candidate()};
-    change(options.candidates.front());
-    try {
-      diagnose(arm().nominal, {train}, {}, options);
-    } catch (const Error& e) {
-      return std::string(e.what());
-    }
-    return std::string();
-  };
-  const auto refused = [&](auto change, const char* part) {
-    const std::string message = refusal(change);
-    CHECK_THAT(message, ContainsSubstring("crosswise"));
-    CHECK_THAT(message, ContainsSubstring(part));
-  };
-  refused(
-      [](OwnCandidate& c) {
-        c.columns = [](const JointSeries& x) { return RowMatX<double>(x.rows(), 2); };
-      },
-      "shape");
-  refused(
-      [](OwnCandidate& c) {
-        c.columns = [](const JointSeries& x) {
-          return RowMatX<double>::Constant(x.rows(), 1, std::numeric_limits<double>::quiet_NaN());
-        };
-      },
-      "NaN");
-  refused([](OwnCandidate& c) { c.parameters[0].linear = false; }, "linear");
-  refused([](OwnCandidate& c) { c.parameters.clear(); }, "parameter");
-  refused([](OwnCandidate& c) { c.columns = nullptr; }, "function");
-  CHECK_THAT(refusal([](OwnCandidate& c) { c.where = "knee"; }), ContainsSubstring("elbow"));
-  CHECK_THAT(refusal([](OwnCandidate& c) { c.name = "cogging"; }), ContainsSubstring("catalogue"));
 }

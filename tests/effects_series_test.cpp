@@ -3,19 +3,16 @@
 
 #include <cmath>
 #include <functional>
-#include <numbers>
-#include <support/bump_table.hpp>
 
 #include <catch2/catch_test_macros.hpp>
 #include <catch2/generators/catch_generators.hpp>
 #include <catch2/generators/catch_generators_range.hpp>
-#include <catch2/matchers/catch_matchers_floating_point.hpp>
 #include <catch2/matchers/catch_matchers_string.hpp>
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/effects/series.hpp>
-#include <diffnea/io/model_file.hpp>
 
+#include "support/joint_waves.hpp"
 #include "support/matrix_near.hpp"
 #include "support/mujoco_tree.hpp"
 #include "support/random_arm.hpp"
@@ -25,66 +22,6 @@ using namespace diffnea::test;
 using Catch::Matchers::ContainsSubstring;
 
 namespace {
-
-constexpr double kDt = 1e-3;
-constexpr long kRows = 2001;
-using Function = std::function<double(double)>;
-
-VecX<double> sampled(const Function& f, double dt = kDt, long rows = kRows) {
-  VecX<double> out(rows);
-  for (long k = 0; k < rows; ++k) out[k] = f(static_cast<double>(k) * dt);
-  return out;
-}
-
-Model wam() { return read_model(DIFFNEA_SOURCE_DIR "/models/wam4.xml"); }
-
-/// Joint j: 0.6 sin(ω_j t + j) rad, with derivatives, at t + shift.
-JointSeries waves(double shift = 0.0) {
-  JointSeries x;
-  x.dt = kDt;
-  x.q.resize(kRows, 4);
-  x.qd = x.qdd = x.q;
-  for (int j = 0; j < 4; ++j) {
-    const double w = 5.0 + 2.0 * j;
-    const auto angle = [=](double t) { return w * (t + shift) + j; };
-    x.q.col(j) = sampled([&](double t) { return 0.6 * std::sin(angle(t)); });
-    x.qd.col(j) = sampled([&](double t) { return 0.6 * w * std::cos(angle(t)); });
-    x.qdd.col(j) = sampled([&](double t) { return -0.6 * w * w * std::sin(angle(t)); });
-  }
-  return x;
-}
-
-/// One sliding joint without load: what effects on a single torque or motion need.
-Model rail() {
-  Model m;
-  m.name = "rail";
-  ModelLink link;
-  link.name = "cart";
-  link.joint = "slide";
-  link.type = ModelJoint::kPrismatic;
-  link.inertia.m = 2.0;
-  m.links.push_back(link);
-  return m;
-}
-
-JointSeries rail_series(const Function& q, const Function& qd, const Function& qdd) {
-  JointSeries x;
-  x.dt = kDt;
-  x.q = sampled(q);
-  x.qd = sampled(qd);
-  x.qdd = sampled(qdd);
-  return x;
-}
-JointSeries rail_at_rest() {
-  const Function zero = [](double) { return 0.0; };
-  return rail_series(zero, zero, zero);
-}
-
-RowMatX<double> torque_on_rail(const EffectSpec& spec, const JointSeries& x) {
-  const Model model = rail();
-  const BoundEffect e = bind(spec, model);
-  return series_torque(e, make_tree(model), x, e.parameters.data());
-}
 
 /// z(t) of ż = f(t, z), z(0) = z0, sampled: Runge–Kutta of order 4 with steps of dt/`fine`.
 VecX<double> integrated(const std::function<double(double, double)>& f, double z0, int fine) {
@@ -227,61 +164,6 @@ TEST_CASE("presliding: stiffness without end is dry friction, and stays stable",
   }
 }
 
-TEST_CASE("joint_elasticity: rotor on a damped spring, in closed form", "[effects]") {
-  // τ = A sin ωt: θ − q lags behind it as K δ + D δ̇ = τ says.
-  const double K = 4000.0, D = 20.0, J = 0.3, A = 50.0, w = 25.0;
-  JointSeries x = rail_at_rest();
-  x.tau = sampled([&](double t) { return A * std::sin(w * t); });
-  const double size = A / std::hypot(K, D * w), phase = std::atan2(D * w, K);
-  const RowMatX<double> expected =
-      sampled([&](double t) { return -J * w * w * size * std::sin(w * t - phase); });
-  const RowMatX<double> torque = torque_on_rail(
-      {"joint_elasticity",
-       "slide",
-       {{"stiffness", K, "N/m"}, {"damping", D, "N*s/m"}, {"motor_inertia", J, "kg"}}},
-      x);
-  const long first = 100;  // 20 time constants D/K: it began at rest on its ramp
-  CHECK(expected.cwiseAbs().maxCoeff() > 2.0);
-  CHECK_THAT(torque.bottomRows(kRows - first).topRows(kRows - first - 3).eval(),
-             MatrixNear(expected.bottomRows(kRows - first).topRows(kRows - first - 3), 2e-3));
-}
-
-TEST_CASE("backlash: the rotor flies across the gap and comes to rest at the other flank",
-          "[effects]") {
-  const double gap = 0.02, J = 0.4, A = 20.0, w = 3.0;
-  const double restitution = GENERATE(0.0, 0.5);
-  JointSeries x = rail_at_rest();
-  x.tau = RowMatX<double>::Zero(x.rows(), 1);
-  x.logged = sampled([&](double t) { return A * std::sin(w * t); });
-  const BoundEffect effect =
-      bind({"backlash",
-            "slide",
-            {{"gap", gap, "m"}, {"motor_inertia", J, "kg"}, {"restitution", restitution, "1"}}},
-           rail());
-  const VecX<double> torque =
-      series_torque(effect, make_tree(rail()), x, effect.parameters.data()).col(0);
-  // The torque leaves the flank at π/w; the flight ends where A/(J w²) (w s − sin w s) is the gap.
-  double s = 0.0;
-  while (A / (J * w * w) * (w * s - std::sin(w * s)) < gap) s += 1e-6;
-  const long leaves = std::lround(std::numbers::pi / w / x.dt);
-  const long hits = static_cast<long>((std::numbers::pi / w + s) / x.dt);
-  // Each step takes its mean torque: order two in dt.
-  CHECK(torque.head(leaves - 2).isZero(0.0));
-  CHECK(hits - leaves > 20);
-  for (long k = leaves + 2; k < hits - 1; ++k)
-    CHECK_THAT(torque[k], Catch::Matchers::WithinAbs(x.logged(k, 0), 1e-3));
-  // At rest again well before the torque changes back: no momentum is left, and the rotor has moved
-  // by the gap.
-  const long rest = static_cast<long>(1.9 * std::numbers::pi / w / x.dt);
-  double momentum = 0.0, moved = 0.0;
-  for (long k = 0; k < rest; ++k) {
-    momentum += torque[k] * x.dt;
-    moved += momentum / J * x.dt;
-  }
-  CHECK_THAT(momentum, Catch::Matchers::WithinAbs(0.0, 1e-9));
-  CHECK_THAT(moved, Catch::Matchers::WithinAbs(-gap, 2e-3 * gap + 2.0 * x.dt * x.dt * A / J));
-}
-
 TEST_CASE("channels: the logged motion with the effect has the torque of the true motion",
           "[effects]") {
   Model model = wam();
@@ -415,127 +297,6 @@ TEST_CASE("series: effects of one instant are add_torque's, row by row, over the
     CHECK(std::abs(torque(k, 0) - 2.0 * std::exp(-(30.0 + 1e-3 * static_cast<double>(k)) / 20.0) *
                                       x.qd(k, 0)) < 1e-12);
   CHECK(torque.rightCols(3).isZero());
-}
-
-TEST_CASE("series: an elastic joint's friction turns with the motor", "[effects]") {
-  Model model = rail();
-  model.effects = {{"viscous_friction", "slide", {{"viscous", 7.0, ""}}}};
-  JointSeries x = rail_at_rest();
-  x.tau = sampled([](double t) { return 50.0 * std::sin(25.0 * t); });
-  const BoundEffect e = bind({"joint_elasticity", "slide", {{"stiffness", 4000.0, ""}}}, model);
-  const RowMatX<double> expected =  // b (θ̇ − q̇), no rotor
-      sampled([](double t) { return 7.0 * 50.0 / 4000.0 * 25.0 * std::cos(25.0 * t); });
-  CHECK_THAT(series_torque(e, extend(model), x, e.parameters.data()), MatrixNear(expected, 1e-4));
-}
-
-TEST_CASE("series: an elastic joint's friction on the link's side winds its spring up",
-          "[effects]") {
-  // q = A sin ωt against f(q̇) = F tanh(q̇/v₀) and a spring of stiffness k at the link; by hand:
-  // ḟ = F/v₀ (1 − s²) q̈, f̈ = F/v₀ (1 − s²) (d³q/dt³ − 2 s q̈²/v₀), s = tanh(q̇/v₀).
-  const double K = 4000.0, J = 0.3, A = 0.2, w = 12.0, F = 30.0, v0 = 0.5, k = 200.0;
-  const double share = GENERATE(0.0, 0.4, 1.0);
-  CAPTURE(share);
-  Model model = rail();
-  model.effects = {{"coulomb_friction", "slide", {{"coulomb", F, ""}, {"smoothing", v0, ""}}},
-                   {"joint_spring", "slide", {{"stiffness", k, ""}}}};
-  const auto v = [=](double t) { return A * w * std::cos(w * t); };
-  const auto a = [=](double t) { return -A * w * w * std::sin(w * t); };
-  JointSeries x = rail_series([=](double t) { return A * std::sin(w * t); }, v, a);
-  x.tau = RowMatX<double>::Zero(kRows, 1);
-  const auto slope = [=](double t) {
-    const double s = std::tanh(v(t) / v0);
-    return F / v0 * (1.0 - s * s) * a(t);
-  };
-  const auto bend = [=](double t) {
-    const double s = std::tanh(v(t) / v0);
-    return F / v0 * (1.0 - s * s) * (-w * w * v(t) - 2.0 * s * a(t) * a(t) / v0);
-  };
-  const RowMatX<double> expected = sampled([=](double t) {
-    const double motor = v(t) + ((1.0 - share) * slope(t) + k * v(t)) / K;
-    return J / K * ((1.0 - share) * bend(t) + k * a(t)) +
-           share * F * (std::tanh(motor / v0) - std::tanh(v(t) / v0));
-  });
-  const BoundEffect e =
-      bind({"joint_elasticity",
-            "slide",
-            {{"stiffness", K, ""}, {"motor_inertia", J, ""}, {"friction_share", share, ""}}},
-           model);
-  CHECK(expected.cwiseAbs().maxCoeff() > 0.5);
-  // Differences of order four, twice: 2e-5 observed.
-  CHECK_THAT(
-      series_torque(e, extend(model), x, e.parameters.data()).middleRows(5, kRows - 10).eval(),
-      MatrixNear(expected.middleRows(5, kRows - 10).eval(), 1e-3));
-}
-
-TEST_CASE(
-    "series_columns: differences of the torque, per unit, or per ln where a shape is positive",
-    "[effects]") {
-  Model model = wam();
-  model.effects = {{"viscous_friction", "joint2", {{"viscous", 2.0, ""}}}};
-  const ExtendedTree base = extend(model);
-  JointSeries x = waves();
-  predict(base, x);
-  x.logged = x.total;
-  for (const EffectInfo& info : catalogue()) {
-    if (acts_on_ball(info)) continue;
-    CAPTURE(info.name);
-    EffectSpec spec{info.name, "joint2", {}};
-    if (info.place == Place::kJointPair) spec.where = "joint2,joint3";
-    if (info.place == Place::kTip) spec.where = "tip";
-    if (info.place == Place::kBase) spec.where = "base";
-    if (info.name == "residual") spec.table = test::bump_table("joint2", "joint3");
-    BoundEffect e = bind(spec, model, {0});
-    for (std::size_t k = 0; k < e.parameters.size(); ++k) {
-      // Small, away from 0, between rows in time; friction smooth over the differences' step.
-      if (e.parameters[k] == 0.0) e.parameters[k] = e.parameter_info[k].unit == "s" ? 0.0046 : 0.02;
-      if (e.parameter_info[k].name == "smoothing") e.parameters[k] = 0.5;
-    }
-    if (info.name == "saturation") e.parameters[0] = 0.7 * x.logged.col(1).maxCoeff();
-    std::vector<int> which(e.parameters.size());
-    for (std::size_t k = 0; k < which.size(); ++k) which[k] = static_cast<int>(k);
-    const std::vector<RowMatX<double>> columns =
-        series_columns(e, base, x, e.parameters.data(), which);
-    REQUIRE(columns.size() == which.size());
-    if (info.name == "backlash") continue;  // impacts move from row to row
-    for (std::size_t k = 0; k < which.size(); ++k) {
-      CAPTURE(e.parameter_info[k].name);
-      const double p = e.parameters[k], h = 1e-3 * std::abs(p);
-      const auto torque = [&](double value) {
-        std::vector<double> at = e.parameters;
-        at[k] = value;
-        return series_torque(e, base, x, at.data());
-      };
-      // Order four, of its own step.
-      RowMatX<double> slope =
-          (8.0 * (torque(p + h) - torque(p - h)) - torque(p + 2 * h) + torque(p - 2 * h)) /
-          (12.0 * h);
-      if (scale(e.parameter_info[k]) == Scale::kLog) slope *= p;
-      const double size = slope.cwiseAbs().maxCoeff();
-      // A limit has a corner: a row within the step of it is off by half.
-      const double tolerance = info.name == "saturation" ? 0.6 : 1e-5;
-      CHECK_THAT(columns[k], MatrixNear(slope, tolerance * (size + 1e-6)));
-    }
-  }
-}
-
-TEST_CASE(
-    "series_columns: what is linear is the torque of one unit, other amplitudes have a slope at 0",
-    "[effects]") {
-  const Model model = wam();
-  const Tree<double> tree = make_tree(model);
-  const JointSeries x = waves();
-  const BoundEffect lag = bind({"actuator_lag", "joint1", {}}, model);
-  const BoundEffect delay = bind({"actuator_delay", "joint1", {}}, model);
-  const RowMatX<double> of_lag = series_columns(lag, tree, x, lag.parameters.data(), {0})[0];
-  const RowMatX<double> of_delay = series_columns(delay, tree, x, delay.parameters.data(), {0})[0];
-  const double one = 1.0;
-  CHECK_THAT(of_lag, MatrixNear(series_torque(lag, tree, x, &one), 0.0));
-  // To first order a delay is a lag.
-  CHECK_THAT(of_delay.topRows(kRows - 3).eval(),
-             MatrixNear(of_lag.topRows(kRows - 3), 1e-4 * of_lag.cwiseAbs().maxCoeff()));
-  const BoundEffect offset = bind({"encoder_offset", "joint2", {}}, model);
-  CHECK(series_columns(offset, tree, x, offset.parameters.data(), {0})[0].cwiseAbs().maxCoeff() >
-        1.0);
 }
 
 TEST_CASE("series: shapes that do not fit are said", "[effects]") {

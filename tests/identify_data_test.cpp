@@ -10,8 +10,11 @@
 #include <diffnea/identify/identify.hpp>
 #include <diffnea/io/model_file.hpp>
 
+#include "support/between.hpp"
+
 using namespace diffnea;
 using Catch::Approx;
+using diffnea::test::between;
 
 namespace {
 
@@ -29,20 +32,6 @@ ReadOptions instant() {
   ReadOptions options;
   options.info.torque_sampling = TorqueSampling::kInstant;
   return options;
-}
-
-/// Rows of a recording between two times.
-Recording between(Recording r, double from, double to) {
-  long first = 0, last = 0;
-  while (first < r.rows() && r.time[first] < from) ++first;
-  for (last = first; last < r.rows() && r.time[last] < to;) ++last;
-  const auto cut = [&](RowMatX<double>& m) {
-    if (m.rows() > 0) m = RowMatX<double>(m.middleRows(first, last - first));
-  };
-  r.time = VecX<double>(r.time.segment(first, last - first));
-  for (auto* m : {&r.q, &r.qd, &r.qdd, &r.qcmd, &r.tau}) cut(*m);
-  r.extra.clear();
-  return r;
 }
 
 }  // namespace

@@ -12,8 +12,11 @@
 #include <diffnea/io/model_file.hpp>
 #include <diffnea/sim/record.hpp>
 
+#include "support/found.hpp"
+
 using namespace diffnea;
 using Catch::Matchers::ContainsSubstring;
+using diffnea::test::find;
 
 namespace {
 
@@ -52,13 +55,6 @@ IdentifyOptions with(std::vector<std::string> fit, std::vector<std::string> effe
   options.choice.fit = std::move(fit);
   options.choice.effects = std::move(effects);
   return options;
-}
-
-const ParameterEstimate& find(const IdentifyResult& result, const std::string& name) {
-  const auto it = std::ranges::find(result.parameters, name, &ParameterEstimate::name);
-  CAPTURE(name);
-  REQUIRE(it != result.parameters.end());
-  return *it;
 }
 
 void check_found(const IdentifyResult& result, const std::string& name, double truth,

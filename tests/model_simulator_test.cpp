@@ -105,7 +105,7 @@ TEST_CASE("model simulator: the arm moves as Runge-Kutta with small steps moves 
     desired.qd.row(k) = qd.col(0).transpose();
   }
   RecordOptions record;
-  record.position_noise = record.torque_noise = 0.0;
+  record.scale_noise(0.0);
   const SimulatedRecording truth = record_model(model, nominal, desired, record);
   REQUIRE(truth.failure.empty());
   double error = 0.0;
@@ -183,8 +183,10 @@ TEST_CASE("model simulator: the string pulls on the arm", "[sim]") {
   for (std::size_t k = 0; k < with.size(); ++k)
     most = std::max(most, (with[k] - without[k]).norm());
   CAPTURE(most);
-  CHECK(most > 2e-3);  // 24 g at some g, a metre from the shoulder, against 500 N·m/rad
-  CHECK(most < 3e-2);
+  // 24 g at some g, a metre from the shoulder, against 500 N·m/rad: 11 mm (observed), half as much
+  // either way for another loop.
+  CHECK(most > 5.5e-3);
+  CHECK(most < 1.7e-2);
 }
 
 TEST_CASE("model simulator: the cup moves with the arm where there is no ball", "[sim]") {
@@ -465,37 +467,44 @@ TEST_CASE("cup: caught from above alone, where the ball passes the rim", "[sim]"
 TEST_CASE("model simulator: what is not a catch is not taken for one", "[sim]") {
   const Model model = read_model(kWam);
   REQUIRE(model.cup);
-  const std::uint64_t seed = GENERATE(range(0, 6));
-  CAPTURE(seed);
-  Rng rng(seed);
   ModelSimulator world({model}, model);
-  std::vector<Swing> swings;
-  for (int l = 0; l < world.lanes(); ++l)
-    swings.push_back({rng.uniform(0.2, 0.9), rng.uniform(4, 11)});
   const int phase = find_channel(world, "phase"), ball = find_channel(world, "ball_x"),
             cup = find_channel(world, "cup_x"), axis = find_channel(world, "axis_x");
-  VecX<double> before = VecX<double>::Zero(world.lanes());
   const double rest = model.cup->floor + model.ball->radius;
-  for (const Lanes& seen : run(world, swings, 2.5)) {
-    for (long l = 0; l < world.lanes(); ++l) {
-      const VecX<double> d = seen.col(l).segment(ball, 3) - seen.col(l).segment(cup, 3);
-      const double height = d.dot(seen.col(l).segment(axis, 3));
-      const double now = seen(phase, l);
-      if (before[l] != 0.0) CHECK(now == before[l]);  // for good
-      if (now == double(BallPhase::kCaptured)) {
-        CHECK(std::abs(height - rest) < 1e-12);
-        CHECK(std::abs(d.norm() - rest) < 1e-12);
+  int caught = 0;
+  for (unsigned seed = 0; seed < 7; ++seed) {
+    CAPTURE(seed);
+    Rng rng(seed);
+    std::vector<Swing> swings;
+    for (int l = 0; l < world.lanes(); ++l)
+      if (seed == 0)  // they throw the ball into the cup, then at its rim
+        swings.push_back({0.365 - 6e-4 * l, 6.945});
+      else
+        swings.push_back({rng.uniform(0.2, 0.9), rng.uniform(4, 11)});
+    VecX<double> before = VecX<double>::Zero(world.lanes());
+    for (const Lanes& seen : run(world, swings, 2.5)) {
+      for (long l = 0; l < world.lanes(); ++l) {
+        const VecX<double> d = seen.col(l).segment(ball, 3) - seen.col(l).segment(cup, 3);
+        const double height = d.dot(seen.col(l).segment(axis, 3));
+        const double now = seen(phase, l);
+        if (before[l] != 0.0) CHECK(now == before[l]);  // for good
+        if (now == double(BallPhase::kCaptured)) {
+          CHECK(std::abs(height - rest) < 1e-12);
+          CHECK(std::abs(d.norm() - rest) < 1e-12);
+        }
+        if (now == double(BallPhase::kFree)) {
+          // Free: neither in the cup, nor in anything else, nor under an upside-down one.
+          const double radius = std::sqrt(std::max(0.0, d.squaredNorm() - height * height));
+          CHECK(distance_to_cup(CupPosition<double>{height, radius}, *model.cup) >
+                model.ball->radius - 5e-3);  // 1 ms at 5 m/s
+          CHECK(seen(axis + 2, l) > 0.15);
+        }
+        before[l] = now;
       }
-      if (now == double(BallPhase::kFree)) {
-        // Free: neither in the cup, nor in anything else, nor under an upside-down one.
-        const double radius = std::sqrt(std::max(0.0, d.squaredNorm() - height * height));
-        CHECK(distance_to_cup(CupPosition<double>{height, radius}, *model.cup) >
-              model.ball->radius - 5e-3);  // 1 ms at 5 m/s
-        CHECK(seen(axis + 2, l) > 0.15);
-      }
-      before[l] = now;
     }
+    caught += static_cast<int>((before.array() == double(BallPhase::kCaptured)).count());
   }
+  CHECK(caught > 0);
 }
 
 TEST_CASE("model simulator: an upside-down cup ends the episode", "[sim]") {
@@ -508,5 +517,5 @@ TEST_CASE("model simulator: an upside-down cup ends the episode", "[sim]") {
     q(3, 0) += 2.2 * std::min(1.0, k / 400.0);
     world.step(q, qd);
   }
-  CHECK(world.observe()(find_channel(world, "phase"), 0) != double(BallPhase::kFree));
+  CHECK(world.observe()(find_channel(world, "phase"), 0) == double(BallPhase::kUpsideDown));
 }

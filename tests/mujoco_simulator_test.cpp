@@ -168,7 +168,7 @@ TEST_CASE("MuJoCo simulator: the robot moves as record_in_world has it", "[mujoc
     t.qd.row(k) = c.qd.col(0).transpose();
   }
   RecordOptions quiet;
-  quiet.position_noise = quiet.torque_noise = quiet.camera_noise = 0.0;
+  quiet.scale_noise(0.0);
   quiet.camera_rate = 500.0;
   const WorldSpec spec = parse_world("mujoco:" + kFile + ",perturb=A");
   const Recording recorded =

@@ -14,8 +14,11 @@
 #include <diffnea/sim/model_simulator.hpp>
 #include <diffnea/sim/record.hpp>
 
+#include "support/add_effect.hpp"
+
 using namespace diffnea;
 using Catch::Matchers::ContainsSubstring;
+using diffnea::test::add;
 
 namespace {
 
@@ -68,7 +71,7 @@ RowMatX<double> reference(const Model& model, const Model& controller) {
   }
   RecordOptions options;
   options.physics_step = 1e-4;
-  options.position_noise = options.torque_noise = 0.0;
+  options.scale_noise(0.0);
   const SimulatedRecording r = record_model(model, controller, desired, options);
   REQUIRE(r.failure.empty());
   return r.recording.q.bottomRows(kSteps);
@@ -81,13 +84,6 @@ ModelSimulatorOptions without_settling() {
 }
 
 std::string joint(int j) { return "joint" + std::to_string(j); }
-
-void add(Model& model, const std::string& effect, const std::string& where,
-         const std::vector<std::pair<std::string, double>>& parameters) {
-  EffectSpec spec{effect, where, {}};
-  for (const auto& [name, value] : parameters) spec.parameters.push_back({name, value, ""});
-  model.effects.push_back(spec);
-}
 
 /// Rotors of 0.1 kg m² and friction.
 Model with_rotors_and_friction(Model model) {

@@ -19,9 +19,12 @@
 #include <diffnea/io/sidecar.hpp>
 #include <diffnea/io/surrogate.hpp>
 
+#include "support/found.hpp"
+
 using namespace diffnea;
 using Catch::Approx;
 using Catch::Matchers::ContainsSubstring;
+using diffnea::test::find;
 
 namespace {
 
@@ -70,13 +73,6 @@ const Pair& draw() {
 Recording with_gains(Recording r, const double* gains) {
   for (int j = 0; j < r.num_joints(); ++j) r.tau.col(j) *= 1.0 + gains[j];
   return r;
-}
-
-const ParameterEstimate& find(const IdentifyResult& result, const std::string& name) {
-  const auto it = std::ranges::find(result.parameters, name, &ParameterEstimate::name);
-  CAPTURE(name);
-  REQUIRE(it != result.parameters.end());
-  return *it;
 }
 
 bool has_note(const IdentifyResult& result, const std::string& part) {

@@ -253,7 +253,8 @@ TEST_CASE("preprocess: the automatic cut-off is near the best there is", "[recor
   double best = std::numeric_limits<double>::infinity();
   for (double hz = 0.3; hz < 100.0; hz *= 1.15) best = std::min(best, error_of(hz));
   CAPTURE(plan.filter_hz);
-  CHECK(error_of(plan.filter_hz) < 3.0 * best);
+  // "Best" knows the truth; 2.3 times its error is the most observed.
+  CHECK(error_of(plan.filter_hz) < 2.6 * best);
   CHECK(std::abs(plan.q_noise[0] / noise - 1.0) < 0.2);
 }
 

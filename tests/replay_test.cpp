@@ -24,7 +24,7 @@ Recording recorded(const Model& robot) {
   FourierOptions motion;
   motion.duration = motion.period = 8.0;
   RecordOptions quiet;
-  quiet.position_noise = quiet.slide_noise = quiet.torque_noise = 0.0;
+  quiet.scale_noise(0.0);
   const SimulatedRecording r = record_model(robot, wam(), random_fourier(wam(), motion), quiet);
   REQUIRE(r.failure.empty());
   return r.recording;

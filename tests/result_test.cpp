@@ -1,6 +1,5 @@
 #include <fstream>
 #include <limits>
-#include <sys/wait.h>
 #include <unistd.h>
 
 #include <catch2/catch_test_macros.hpp>
@@ -15,6 +14,7 @@
 #include <diffnea/report/identify_page.hpp>
 #include <diffnea/report/identify_text.hpp>
 
+#include "support/ended_process.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace diffnea {
@@ -79,6 +79,62 @@ BallSeries some_ball(bool has_string) {
   return b;
 }
 
+bool same(double a, double b) { return a == b || (std::isnan(a) && std::isnan(b)); }
+
+/// What result.json holds of a fit.
+void check_same(const IdentifyResult& got, const IdentifyResult& expected) {
+  REQUIRE(got.parameters.size() == expected.parameters.size());
+  for (std::size_t k = 0; k < got.parameters.size(); ++k) {
+    const ParameterEstimate &a = got.parameters[k], &b = expected.parameters[k];
+    CAPTURE(b.name);
+    CHECK(a.name == b.name);
+    CHECK(a.unit == b.unit);
+    CHECK(a.value == b.value);
+    CHECK(same(a.std, b.std));
+    CHECK(a.prior == b.prior);
+    CHECK(a.identifiable == b.identifiable);
+    CHECK(a.fixed == b.fixed);
+    CHECK(a.at_bound == b.at_bound);
+  }
+  REQUIRE(got.errors.size() == expected.errors.size());
+  for (std::size_t k = 0; k < got.errors.size(); ++k) {
+    const JointError &a = got.errors[k], &b = expected.errors[k];
+    CAPTURE(b.joint);
+    CHECK(a.joint == b.joint);
+    CHECK(a.unit == b.unit);
+    for (double JointError::* const rms :
+         {&JointError::torque_rms, &JointError::train, &JointError::nominal_train,
+          &JointError::test, &JointError::nominal_test, &JointError::test_all,
+          &JointError::test_raw})
+      CHECK(same(a.*rms, b.*rms));
+  }
+  REQUIRE(got.base_parameters.size() == 1);
+  CHECK(got.base_parameters[0].expression == expected.base_parameters[0].expression);
+  CHECK(got.base_parameters[0].value == expected.base_parameters[0].value);
+  CHECK(got.base_parameters[0].std == expected.base_parameters[0].std);
+  REQUIRE(got.torque_constants.size() == 1);
+  CHECK(got.torque_constants[0].joint == expected.torque_constants[0].joint);
+  CHECK(got.torque_constants[0].value == expected.torque_constants[0].value);
+  CHECK(got.boundary == expected.boundary);
+  CHECK(got.consistency_cost == expected.consistency_cost);
+  CHECK(got.physically_consistent == expected.physically_consistent);
+  CHECK(got.plan.filter_hz == expected.plan.filter_hz);
+  CHECK(got.plan.decimator.rate_hz / got.plan.decimator.factor ==
+        expected.plan.decimator.rate_hz / expected.plan.decimator.factor);
+  CHECK(got.data_report.quarantined == expected.data_report.quarantined);
+  CHECK(got.data_report.extra_channels == expected.data_report.extra_channels);
+  CHECK(got.notes == expected.notes);
+  CHECK(got.summary.converged == expected.summary.converged);
+  CHECK(got.summary.interrupted == expected.summary.interrupted);
+  CHECK(got.summary.termination == expected.summary.termination);
+  CHECK(got.summary.iterations == expected.summary.iterations);
+  CHECK(got.summary.passes == expected.summary.passes);
+  CHECK(got.summary.rows == expected.summary.rows);
+  CHECK(got.summary.fitted_rows == expected.summary.fitted_rows);
+  CHECK(got.summary.seconds == expected.summary.seconds);
+  CHECK(got.summary.seconds_fitting == expected.summary.seconds_fitting);
+}
+
 bool same(const std::vector<BallSeries::Point>& a, const std::vector<BallSeries::Point>& b) {
   if (a.size() != b.size()) return false;
   for (std::size_t k = 0; k < a.size(); ++k)
@@ -122,7 +178,9 @@ TEST_CASE("result: what is written comes back", "[io]") {
   const test::TemporaryFolder folder;
   const FitRun run = some_run();
   const FitRun back = read_fit_run(write_run(run, folder.path()));
-  // Everything the schema holds is compared by writing it again.
+  check_same(back.fit, run.fit);
+  CHECK(back.reproduce.command == run.reproduce.command);
+  // The rest of what the schema holds is compared by writing it again.
   CHECK(identify_result_json(back) == identify_result_json(run));
   CHECK(series_json(back.fit) == series_json(run.fit));
   CHECK(identify_page(back) == identify_page(run));
@@ -360,11 +418,7 @@ TEST_CASE("result folder: nothing remains of a run that failed", "[io]") {
 TEST_CASE("result folder: what a killed program left behind goes, what a running one uses stays",
           "[io]") {
   const test::TemporaryFolder folder;
-  const pid_t child = ::fork();
-  if (child == 0) ::_exit(0);
-  REQUIRE(child > 0);
-  ::waitpid(child, nullptr, 0);  // its number is free now
-  const fs::path dead = folder.path() / (".partial-" + std::to_string(child)),
+  const fs::path dead = folder.path() / (".partial-" + std::to_string(test::ended_process())),
                  alive = folder.path() / (".partial-" + std::to_string(::getppid())),
                  own = folder.path() / (".partial-" + std::to_string(::getpid())),
                  other = folder.path() / ".partial-of-mine";

@@ -33,7 +33,7 @@ Model wam() {
 
 RecordOptions quiet() {
   RecordOptions o;
-  o.position_noise = o.slide_noise = o.torque_noise = 0.0;
+  o.scale_noise(0.0);
   return o;
 }
 
@@ -222,8 +222,9 @@ TEST_CASE("record: a rotor in a gap flies as series_torque says", "[sim]") {
   const RowMatX<double> without = means(x.logged - x.total);
   const RowMatX<double> added = means(series_torque(effect, base, x, effect.parameters.data()));
   CAPTURE(without.norm(), (without - added).norm());
-  CHECK(without.norm() > 1.0);
-  CHECK((without - added).norm() < 0.3 * without.norm());
+  CHECK(without.norm() > 3.0);
+  // 6 % observed: impacts that fall on either side of a mean's end.
+  CHECK((without - added).norm() < 0.12 * without.norm());
 }
 
 TEST_CASE("record: every effect of joints in the catalogue can be simulated", "[sim]") {

@@ -31,7 +31,7 @@ const std::string kWam = DIFFNEA_SOURCE_DIR "/models/wam4.xml";
 
 RecordOptions without_noise() {
   RecordOptions o;
-  o.position_noise = o.slide_noise = o.torque_noise = 0.0;
+  o.scale_noise(0.0);
   return o;
 }
 
@@ -286,7 +286,6 @@ TEST_CASE("trajectory file: velocities that are missing are differences", "[io]"
 }
 
 TEST_CASE("world: names, keys, and what there is instead", "[io]") {
-  ::setenv("DIFFNEA_MODELS", DIFFNEA_SOURCE_DIR "/models", 1);
   const WorldSpec w = parse_world("mujoco:wam4,perturb=B,seed=7,noise=0.5");
   CHECK(w.mjcf.filename() == "wam4.xml");
   CHECK(w.perturbation.com == surrogate_b().com);

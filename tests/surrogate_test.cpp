@@ -13,6 +13,7 @@
 #include <diffnea/io/world.hpp>
 
 #include "sim/mujoco_plant.hpp"
+#include "support/add_effect.hpp"
 #include "support/temporary_folder.hpp"
 
 using namespace diffnea;
@@ -53,16 +54,9 @@ Trajectory swing(const Model& model, double seconds) {
 
 RecordOptions quiet() {
   RecordOptions o;
-  o.position_noise = o.torque_noise = o.camera_noise = 0.0;
+  o.scale_noise(0.0);
   o.camera_rate = 500.0;
   return o;
-}
-
-void add(Model& model, const std::string& effect, const std::string& where,
-         const std::vector<std::pair<std::string, double>>& parameters) {
-  EffectSpec spec{effect, where, {}};
-  for (const auto& [name, value] : parameters) spec.parameters.push_back({name, value, ""});
-  model.effects.push_back(spec);
 }
 
 }  // namespace

@@ -13,9 +13,12 @@
 #include <diffnea/io/model_file.hpp>
 #include <diffnea/sim/record.hpp>
 
+#include "support/found.hpp"
+
 using namespace diffnea;
 using Catch::Approx;
 using Catch::Matchers::ContainsSubstring;
+using diffnea::test::find;
 
 namespace {
 
@@ -46,12 +49,6 @@ IdentifyOptions trajectory_options() {
   options.choice.effects = std::vector<std::string>{};
   options.trajectory.window = 0.4;
   return options;
-}
-
-const ParameterEstimate& find(const IdentifyResult& result, const std::string& name) {
-  const auto it = std::ranges::find(result.parameters, name, &ParameterEstimate::name);
-  REQUIRE(it != result.parameters.end());
-  return *it;
 }
 
 }  // namespace

@@ -3,15 +3,16 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <string>
+
+#include "core/c_numbers.hpp"
 
 namespace diffnea::detail {
 
 /// @param digits  that count, 17 at most
 inline std::string number_text(double x, int digits = 4) {
   char text[32];
-  std::snprintf(text, sizeof text, "%.*g", digits, x);
+  print(text, sizeof text, "%.*g", digits, x);
   return text;
 }
 
@@ -27,11 +28,11 @@ inline std::string value_and_spread(double value, double spread) {
         std::abs(value) > spread
             ? 2 + static_cast<int>(std::floor(std::log10(std::abs(value)))) - magnitude
             : 2;
-    std::snprintf(text, sizeof text, "%.*g ± %.2g", digits, value, spread);
+    print(text, sizeof text, "%.*g ± %.2g", digits, value, spread);
   } else {
     const double shown =
         std::abs(value) <= 0.5 * std::pow(10.0, -decimals) ? 0.0 : value;  // not −0
-    std::snprintf(text, sizeof text, "%.*f ± %.*f", decimals, shown, decimals, spread);
+    print(text, sizeof text, "%.*f ± %.*f", decimals, shown, decimals, spread);
   }
   return text;
 }

@@ -2,9 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
 #include <diffnea/core/error.hpp>
+
+#include "core/c_numbers.hpp"
 
 namespace diffnea {
 namespace {
@@ -31,7 +32,7 @@ bool is_given(double limit) { return limit > 0.0 && std::isfinite(limit); }
 
 std::string short_number(double x) {
   char text[32];
-  std::snprintf(text, sizeof text, "%.4g", x);
+  detail::print(text, sizeof text, "%.4g", x);
   return text;
 }
 

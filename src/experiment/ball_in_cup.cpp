@@ -8,6 +8,8 @@
 #include <diffnea/experiment/ball_in_cup.hpp>
 #include <diffnea/experiment/stick_figure.hpp>
 
+#include "core/c_numbers.hpp"
+
 namespace diffnea {
 namespace {
 
@@ -15,7 +17,7 @@ constexpr double kWideEpsilon = 0.055;  ///< gives rewards of the paper's size [
 
 std::string number(double x) {
   char text[40];
-  std::snprintf(text, sizeof text, "%.4g", x);
+  detail::print(text, sizeof text, "%.4g", x);
   return text;
 }
 

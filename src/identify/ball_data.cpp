@@ -1,6 +1,5 @@
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
 #include <Eigen/QR>
 
@@ -8,6 +7,7 @@
 #include <diffnea/dynamics/cup_contact.hpp>
 #include <diffnea/identify/ball_fit.hpp>
 
+#include "core/c_numbers.hpp"
 #include "core/median.hpp"
 #include "identify/ball_rows.hpp"
 
@@ -19,7 +19,7 @@ constexpr double kMostSpin = 2.5;
 
 std::string number(double x) {
   char text[32];
-  std::snprintf(text, sizeof text, "%.3g", x);
+  detail::print(text, sizeof text, "%.3g", x);
   return text;
 }
 

@@ -2,10 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
 #include <Eigen/QR>
 
+#include "core/c_numbers.hpp"
 #include "identify/stacked_factors.hpp"
 
 namespace diffnea {
@@ -17,7 +17,7 @@ constexpr double kStructuralTol = 1e-9;
 
 std::string number(double x) {
   char buffer[32];
-  std::snprintf(buffer, sizeof buffer, "%.4g", std::abs(x));
+  detail::print(buffer, sizeof buffer, "%.4g", std::abs(x));
   return buffer;
 }
 

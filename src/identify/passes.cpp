@@ -4,19 +4,19 @@
 #include <bit>
 #include <cmath>
 #include <cstdint>
-#include <cstdio>
 #include <iomanip>
 #include <limits>
 #include <numeric>
 #include <sstream>
 
+#include "core/c_numbers.hpp"
 #include "identify/run_effects.hpp"
 
 namespace diffnea {
 
 std::string format_number(double x) {
   char buffer[32];
-  std::snprintf(buffer, sizeof buffer, "%.4g", x);
+  detail::print(buffer, sizeof buffer, "%.4g", x);
   return buffer;
 }
 

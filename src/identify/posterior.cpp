@@ -15,6 +15,7 @@
 #include <diffnea/identify/posterior.hpp>
 #include <diffnea/model/physical.hpp>
 
+#include "core/c_numbers.hpp"
 #include "identify/ball_path.hpp"
 #include "identify/passes.hpp"
 
@@ -267,6 +268,7 @@ Variation parse_variation(const std::string& text) {
   const std::size_t equal = text.rfind('='), colon = text.find(':', equal);
   if (equal == std::string::npos || equal == 0 || colon == std::string::npos) throw fail();
   const auto number = [&](const std::string& word) {
+    const detail::CNumbers point;
     char* end = nullptr;
     const double x = std::strtod(word.c_str(), &end);
     if (word.empty() || *end != '\0' || !std::isfinite(x)) throw fail();

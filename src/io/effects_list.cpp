@@ -1,9 +1,9 @@
 #include <cmath>
-#include <cstdio>
 
 #include <diffnea/effects/catalogue.hpp>
 #include <diffnea/io/effects_list.hpp>
 
+#include "core/c_numbers.hpp"
 #include "io/json.hpp"
 
 namespace diffnea {
@@ -63,7 +63,7 @@ const char* sign_name(Sign sign) {
 
 std::string number(double x) {
   char buffer[32];
-  std::snprintf(buffer, sizeof buffer, "%.4g", x);
+  detail::print(buffer, sizeof buffer, "%.4g", x);
   return buffer;
 }
 

@@ -1,18 +1,20 @@
 #include "io/json_numbers.hpp"
 
 #include <cmath>
-#include <cstdio>
 #include <cstdlib>
+
+#include "core/c_numbers.hpp"
 
 namespace diffnea::io {
 
 Json number(double x) { return std::isfinite(x) ? Json(x) : Json(); }
 
 Json rounded(const std::vector<double>& values) {
+  const detail::CNumbers point;
   Json out = Json::array();
   for (const double x : values) {
     char text[32];
-    std::snprintf(text, sizeof text, "%.6g", x);
+    detail::print(text, sizeof text, "%.6g", x);
     out.push_back(number(std::strtod(text, nullptr)));
   }
   return out;

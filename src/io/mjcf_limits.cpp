@@ -8,6 +8,8 @@
 
 #include <diffnea/core/error.hpp>
 
+#include "core/c_numbers.hpp"
+
 namespace diffnea::io {
 namespace {
 
@@ -51,6 +53,7 @@ void limit_elements(XmlElement& root, const std::string& where) {
 }
 
 void limit_sizes(XmlElement& root, const std::string& where) {
+  const detail::CNumbers point;
   const auto limit = [&](XmlElement& e, const char* name, double most) {
     if (!(std::strtod(attribute(e, name).c_str(), nullptr) <= most))
       throw ModelError(where + ": <" + e.Name() + "> has " + name + " = '" + attribute(e, name) +
@@ -66,6 +69,7 @@ void limit_sizes(XmlElement& root, const std::string& where) {
 
 /// MuJoCo takes NaN for "not given" and goes on.
 void refuse_nan(XmlElement& root, const std::string& where) {
+  const detail::CNumbers point;
   walk(root, [&](XmlElement& e) {
     for (const tinyxml2::XMLAttribute* a = e.FirstAttribute(); a; a = a->Next()) {
       if (std::strcmp(a->Name(), "name") == 0) continue;

@@ -1,12 +1,12 @@
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/effects/catalogue.hpp>
 #include <diffnea/io/model_info.hpp>
 #include <diffnea/model/physical.hpp>
 
+#include "core/c_numbers.hpp"
 #include "io/effect_json.hpp"
 #include "io/json.hpp"
 #include "io/model_parts.hpp"
@@ -18,7 +18,7 @@ using io::Json;
 
 std::string number(double x) {
   char buffer[32];
-  std::snprintf(buffer, sizeof buffer, "%.4g", x);
+  detail::print(buffer, sizeof buffer, "%.4g", x);
   return buffer;
 }
 

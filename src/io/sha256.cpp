@@ -4,7 +4,8 @@
 #include <bit>
 #include <cmath>
 #include <cstdint>
-#include <cstdio>
+
+#include "core/c_numbers.hpp"
 
 namespace diffnea::io {
 namespace {
@@ -76,7 +77,7 @@ std::string sha256(std::string_view data) {
   std::string out;
   for (const std::uint32_t word : state) {
     char hex[9];
-    std::snprintf(hex, sizeof hex, "%08x", word);
+    detail::print(hex, sizeof hex, "%08x", word);
     out += hex;
   }
   return out;

@@ -4,6 +4,7 @@
 
 #include <diffnea/core/error.hpp>
 
+#include "core/c_numbers.hpp"
 #include "io/model_parts.hpp"
 #include "io/xml.hpp"
 
@@ -97,6 +98,7 @@ std::string with_chain(const std::string& mjcf, const Model& nominal, const Mode
   Vec3<double> at = truth.ball->string->p_LS - nominal.ball->string->p_LS;
   double own[3] = {0, 0, 0};
   const std::string position = attribute(*site, "pos");
+  const detail::CNumbers point;
   if (!position.empty() && std::sscanf(position.c_str(), "%lf %lf %lf", own, own + 1, own + 2) != 3)
     throw ModelError(where + ": site '" + attribute(*site, "name") + "' has no position");
   at = at + Vec3<double>{own[0], own[1], own[2]};

@@ -1,6 +1,5 @@
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 
 #include <Eigen/Cholesky>
@@ -8,6 +7,8 @@
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/policy/ereps.hpp>
+
+#include "core/c_numbers.hpp"
 
 namespace diffnea {
 namespace {
@@ -79,7 +80,7 @@ std::string numbers(const VecX<double>& x) {
   std::string out;
   char text[32];
   for (const double v : x) {
-    std::snprintf(text, sizeof text, "%.6g", v);
+    detail::print(text, sizeof text, "%.6g", v);
     out += (out.empty() ? "" : ", ") + std::string(text);
   }
   return out;
@@ -271,7 +272,7 @@ void Ereps::judge() {
   stopped_.clear();
   char text[80];
   if (policy_.std().maxCoeff() < options_.stop_std) {
-    std::snprintf(text, sizeof text, "every standard deviation is below %.3g", options_.stop_std);
+    detail::print(text, sizeof text, "every standard deviation is below %.3g", options_.stop_std);
     stopped_ = text;
   } else if (iteration() >= options_.iterations) {
     stopped_ = std::to_string(iteration()) + " iterations are done";

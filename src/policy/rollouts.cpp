@@ -1,13 +1,14 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
-#include <cstdio>
 #include <exception>
 #include <limits>
 #include <thread>
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/policy/rollouts.hpp>
+
+#include "core/c_numbers.hpp"
 
 namespace diffnea {
 namespace {
@@ -25,7 +26,7 @@ int find_joint(const std::vector<std::string>& joints, const std::string& name) 
 
 std::string words(const LimitViolation& v) {
   char text[160];
-  std::snprintf(text, sizeof text, ": at %.3f s its desired %s is %.4g, the limit is %.4g", v.time,
+  detail::print(text, sizeof text, ": at %.3f s its desired %s is %.4g, the limit is %.4g", v.time,
                 v.velocity ? "velocity" : "position", v.value, v.bound);
   return v.joint + text;
 }

@@ -8,6 +8,8 @@
 
 #include <Eigen/Dense>
 
+#include "core/c_numbers.hpp"
+
 namespace diffnea::detail {
 
 double quantile(std::vector<double> x, double p) {
@@ -48,6 +50,7 @@ std::string format(const char* text, ...) {
   char out[512];
   va_list arguments;
   va_start(arguments, text);
+  const detail::CNumbers point;
   std::vsnprintf(out, sizeof out, text, arguments);
   va_end(arguments);
   return out;

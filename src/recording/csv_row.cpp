@@ -9,6 +9,8 @@
 
 #include <diffnea/core/error.hpp>
 
+#include "core/c_numbers.hpp"
+
 namespace diffnea::detail {
 namespace {
 
@@ -30,8 +32,10 @@ bool parse_odd_cell(std::string_view cell, double& out) {
   if (cell.front() == '+') cell.remove_prefix(1);
   const char* end = cell.data() + cell.size();
   const auto [last, error] = std::from_chars(cell.data(), end, out);
-  if (error == std::errc::result_out_of_range)
+  if (error == std::errc::result_out_of_range) {
+    const detail::CNumbers point;
     out = std::strtod(std::string(cell).c_str(), nullptr);
+  }
   return error != std::errc::invalid_argument && last == end;
 }
 

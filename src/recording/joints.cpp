@@ -1,11 +1,11 @@
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <numbers>
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/recording/joints.hpp>
 
+#include "core/c_numbers.hpp"
 #include "recording/columns.hpp"
 #include "recording/torque_spikes.hpp"
 
@@ -70,7 +70,7 @@ std::vector<ChannelWarning> find_degrees(const std::vector<JointDescription>& jo
     const bool fits = high * to_rad <= upper + 0.05 && low * to_rad >= lower - 0.05;
     if (!leaves || !fits) continue;
     char text[240];
-    std::snprintf(text, sizeof text,
+    detail::print(text, sizeof text,
                   "q_%s runs from %.4g to %.4g rad, outside %s %.3g to %.3g rad, and would fit as "
                   "degrees; if so, name the column `q_%s [deg]`",
                   joint.name.c_str(), low, high, limited ? "its limits" : "the usual", lower, upper,
@@ -108,7 +108,7 @@ std::vector<std::string> blank_absurd_torque(const std::vector<JointDescription>
       }
       if (blanked == 0) continue;
       char text[240];
-      std::snprintf(text, sizeof text, "tau_%s is %.6g at %.6g s, %s: %ld such %s taken as gaps",
+      detail::print(text, sizeof text, "tau_%s is %.6g at %.6g s, %s: %ld such %s taken as gaps",
                     joints[j].name.c_str(), value, r.time[first], suspect.than.c_str(), blanked,
                     blanked == 1 ? "value is" : "values are");
       out.push_back((r.source.empty() ? "" : r.source + ": ") + text);
@@ -130,7 +130,7 @@ std::vector<ChannelWarning> find_excess_torque(const std::vector<JointDescriptio
     if (!(largest > kBeyond * joint.effort)) continue;
     const char* unit = joint.prismatic ? "N" : "N*m";
     char text[240];
-    std::snprintf(text, sizeof text,
+    detail::print(text, sizeof text,
                   "tau_%s reaches %.4g %s, %.3g times the model's effort limit of %.4g: is it in "
                   "%s, and of the joint (not a current, not on the motor's side of a gear)?",
                   joint.name.c_str(), largest, unit, largest / joint.effort, joint.effort, unit);

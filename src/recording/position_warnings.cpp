@@ -1,11 +1,11 @@
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 #include <numbers>
 
 #include <diffnea/recording/position_warnings.hpp>
 
+#include "core/c_numbers.hpp"
 #include "recording/audit_statistics.hpp"
 
 namespace diffnea {
@@ -58,7 +58,7 @@ std::vector<ChannelWarning> find_wrapped(const std::vector<JointDescription>& jo
     for (const Recording& r : recordings) count_wraps(r, static_cast<long>(j), found);
     if (found.count == 0) continue;
     char text[320];
-    std::snprintf(text, sizeof text,
+    detail::print(text, sizeof text,
                   "q_%s jumps by a whole turn %ld time%s, first at t = %.6g s: the encoder wraps. "
                   "Unwrap it (numpy.unwrap) before it is used; every jump passes for motion",
                   joints[j].name.c_str(), found.count, found.count == 1 ? "" : "s", found.first);
@@ -87,7 +87,7 @@ std::vector<ChannelWarning> find_other_lengths(const std::vector<JointDescriptio
       const double slack = 0.05 * range;
       if (high * metres > joint.upper + slack || low * metres < joint.lower - slack) continue;
       char text[320];
-      std::snprintf(text, sizeof text,
+      detail::print(text, sizeof text,
                     "q_%s runs from %.4g to %.4g m, outside its limits %.3g to %.3g m, and would "
                     "fit in %s; if so, name the column `q_%s [%s]`",
                     joint.name.c_str(), low, high, joint.lower, joint.upper, unit,

@@ -5,6 +5,7 @@
 #include <diffnea/recording/butterworth.hpp>
 #include <diffnea/recording/preprocess.hpp>
 
+#include "core/c_numbers.hpp"
 #include "recording/gridder.hpp"
 
 namespace diffnea {
@@ -72,7 +73,7 @@ struct Preprocessor::Impl {
     const long rows = first_row + buffered();
     if (is_too_short(rows)) {
       char text[160];
-      std::snprintf(text, sizeof text,
+      detail::print(text, sizeof text,
                     "the stretch from %.6g s was dropped: its %.4g s between gaps are too short",
                     start, static_cast<double>(rows) * plan.dt);
       notes.emplace_back(text);

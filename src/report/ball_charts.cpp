@@ -2,10 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 #include <map>
 
+#include "core/c_numbers.hpp"
 #include "report/ball_views.hpp"
 #include "report/chart.hpp"
 #include "report/format.hpp"
@@ -122,7 +122,7 @@ std::string json(const std::vector<double>& values, const std::vector<std::size_
   std::string out = "[";
   char text[32];
   for (const std::size_t k : shown) {
-    std::snprintf(text, sizeof text, "%.*g", digits, values[k]);
+    detail::print(text, sizeof text, "%.*g", digits, values[k]);
     out += (out.size() > 1 ? "," : "") +
            (std::isfinite(values[k]) ? std::string(text) : std::string("null"));
   }

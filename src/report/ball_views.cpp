@@ -1,8 +1,8 @@
 #include "report/ball_views.hpp"
 
 #include <array>
-#include <cstdio>
 
+#include "core/c_numbers.hpp"
 #include "report/format.hpp"
 #include "report/html.hpp"
 #include "report/svg.hpp"
@@ -163,7 +163,7 @@ std::string space_json(const BallSeries& b, const ShownPath& shown, bool with_ba
       for (std::size_t i = 0; i < shown.rows[w].size(); ++i) {
         const Point& p = (*line.points)[shown.rows[w][i]];
         char text[64];
-        std::snprintf(text, sizeof text, "[%.4f,%.4f,%.4f]", p[0], p[1], p[2]);
+        detail::print(text, sizeof text, "[%.4f,%.4f,%.4f]", p[0], p[1], p[2]);
         out += (i ? "," : "") + (finite(p) ? std::string(text) : std::string("null"));
       }
       out += "]";
@@ -266,7 +266,7 @@ std::string colour(double share) {
   const auto mix = [&](std::size_t c) {
     return static_cast<unsigned>(std::lround(kNone[c] + s * (end[c] - kNone[c])));
   };
-  std::snprintf(text, sizeof text, "#%02x%02x%02x", mix(0), mix(1), mix(2));
+  detail::print(text, sizeof text, "#%02x%02x%02x", mix(0), mix(1), mix(2));
   return text;
 }
 

@@ -1,9 +1,9 @@
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
 #include <diffnea/report/compare_text.hpp>
 
+#include "core/c_numbers.hpp"
 #include "report/format.hpp"
 
 namespace diffnea {
@@ -22,7 +22,7 @@ std::string changes_table(const std::vector<Change>& changes) {
       name += "...";
     }
     char z[32];
-    std::snprintf(z, sizeof z, "%+.1f", c.z);
+    detail::print(z, sizeof z, "%+.1f", c.z);
     rows.push_back({name, number(c.before), number(c.after),
                     value_and_std(c.after - c.before, c.std), unit(c.unit), z,
                     c.p < 1e-4 ? "< 0.0001" : number(c.p, 2)});

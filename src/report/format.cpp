@@ -2,8 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
+#include "core/c_numbers.hpp"
 #include "core/number_text.hpp"
 
 namespace diffnea::report {
@@ -11,7 +11,7 @@ namespace diffnea::report {
 std::string number(double x, int digits) {
   if (std::isnan(x)) return "–";
   char text[40];
-  std::snprintf(text, sizeof text, "%.*g", digits, x);
+  detail::print(text, sizeof text, "%.*g", digits, x);
   return text;
 }
 
@@ -23,7 +23,7 @@ std::string percent(double share) {
   if (!std::isfinite(share)) return "–";
   char text[40];
   const double p = 100.0 * share;
-  std::snprintf(text, sizeof text, p >= 99.95 ? "%.0f %%" : p >= 0.995 ? "%.1f %%" : "%.2f %%", p);
+  detail::print(text, sizeof text, p >= 99.95 ? "%.0f %%" : p >= 0.995 ? "%.1f %%" : "%.2f %%", p);
   return text;
 }
 

@@ -2,8 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
+#include "core/c_numbers.hpp"
 #include "report/chart.hpp"
 #include "report/format.hpp"
 #include "report/html.hpp"
@@ -29,9 +29,9 @@ std::string colour(double share) {
   };
   char text[40];
   if (share < 0.0)
-    std::snprintf(text, sizeof text, "rgb(%d,%d,%d)", mixed(0), mixed(114), mixed(178));
+    detail::print(text, sizeof text, "rgb(%d,%d,%d)", mixed(0), mixed(114), mixed(178));
   else
-    std::snprintf(text, sizeof text, "rgb(%d,%d,%d)", mixed(213), mixed(94), mixed(0));
+    detail::print(text, sizeof text, "rgb(%d,%d,%d)", mixed(213), mixed(94), mixed(0));
   return text;
 }
 

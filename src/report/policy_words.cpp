@@ -2,9 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <utility>
 
+#include "core/c_numbers.hpp"
 #include "report/format.hpp"
 
 namespace diffnea::report {
@@ -13,7 +13,7 @@ std::string share_words(const Share& s, const char* of) {
   const std::string counts = std::to_string(s.k) + " of " + std::to_string(s.n) + " " + of;
   if (s.n == 0) return counts;
   char text[80];
-  std::snprintf(text, sizeof text, " (%.0f %%, 95 %% interval %.0f–%.0f %%)",
+  detail::print(text, sizeof text, " (%.0f %%, 95 %% interval %.0f–%.0f %%)",
                 100.0 * s.k / static_cast<double>(s.n), 100.0 * s.low, 100.0 * s.high);
   return counts + text;
 }

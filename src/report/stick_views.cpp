@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdio>
 
+#include "core/c_numbers.hpp"
 #include "report/html.hpp"
 
 namespace diffnea::report {
@@ -110,7 +110,7 @@ std::string drawing(const StickFigure& f, long row, const StickFigure* ghost, do
 
 std::string seconds(double t) {
   char text[32];
-  std::snprintf(text, sizeof text, "%.2f s", t);
+  detail::print(text, sizeof text, "%.2f s", t);
   return text;
 }
 
@@ -119,7 +119,7 @@ std::string numbers(const VecX<double>& x) {
   std::string out;
   char text[32];
   for (const double v : x) {
-    std::snprintf(text, sizeof text, "%.4f", v);
+    detail::print(text, sizeof text, "%.4f", v);
     out += (out.empty() ? "[" : ",") + std::string(text);
   }
   return out.empty() ? "[]" : out + "]";
@@ -222,10 +222,10 @@ std::string player(const StickFigure& f, const StickFigure* ghost, double string
   out += trail("obtained", f, rows, map) + "<g>" + drawing(f, rows - 1, ghost, string, map) +
          "</g></svg>";
   char place[160];
-  std::snprintf(place, sizeof place, "\"left\":%.6g,\"bottom\":%.6g,\"scale\":%.6g", map.left,
+  detail::print(place, sizeof place, "\"left\":%.6g,\"bottom\":%.6g,\"scale\":%.6g", map.left,
                 map.bottom, map.scale);
   out += "<script type='application/json'>{" + std::string(place);
-  std::snprintf(place, sizeof place, ",\"low\":[%.6g,%.6g],\"string\":%.6g,\"taut\":%.6g",
+  detail::print(place, sizeof place, ",\"low\":[%.6g,%.6g],\"string\":%.6g,\"taut\":%.6g",
                 seen.across.low, seen.up.low, string, kTaut);
   out += std::string(place) + ",\"arm\":" + std::to_string(f.arm_points()) +
          ",\"time\":" + numbers(f.time) + ",\"points\":[";

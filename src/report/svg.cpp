@@ -1,7 +1,6 @@
 #include "report/svg.hpp"
 
-#include <cstdio>
-
+#include "core/c_numbers.hpp"
 #include "report/html.hpp"
 
 namespace diffnea::report {
@@ -28,7 +27,7 @@ std::vector<double> ticks(const Range& range, int count) {
 
 std::string coordinate(double x) {
   char text[32];
-  std::snprintf(text, sizeof text, "%.1f", x);
+  detail::print(text, sizeof text, "%.1f", x);
   return text;
 }
 

@@ -1,23 +1,24 @@
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/sim/ball_in_cup.hpp>
+
+#include "core/c_numbers.hpp"
 
 namespace diffnea {
 namespace {
 
 std::string seconds(double t) {
   char buffer[32];
-  std::snprintf(buffer, sizeof buffer, "%.2f s", t);
+  detail::print(buffer, sizeof buffer, "%.2f s", t);
   return buffer;
 }
 
 std::string millimetres(double x) {
   char buffer[32];
-  std::snprintf(buffer, sizeof buffer, "%.0f mm", 1e3 * x);
+  detail::print(buffer, sizeof buffer, "%.0f mm", 1e3 * x);
   return buffer;
 }
 

@@ -1,12 +1,12 @@
 #include "sim/control_loop.hpp"
 
 #include <algorithm>
-#include <cstdio>
 #include <limits>
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/effects/extended_tree.hpp>
 
+#include "core/c_numbers.hpp"
 #include "sim/joint_controller.hpp"
 
 namespace diffnea::sim {
@@ -17,7 +17,7 @@ constexpr double kMostRows = 1e7, kMostRowsEach = 100.0;  ///< of a recording; f
 
 std::string number_text(double x) {
   char text[32];
-  std::snprintf(text, sizeof text, "%.6g", x);
+  detail::print(text, sizeof text, "%.6g", x);
   return text;
 }
 

@@ -1,9 +1,11 @@
 """The command under test, and what its tests share."""
 
+import csv
 import json
 import os
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +13,10 @@ ROOT = Path(__file__).resolve().parents[2]
 MODELS = ROOT / "models"
 COMMAND = os.environ.get("DIFFNEA_COMMAND") or str(Path(sys.executable).parent / "diffnea")
 SECONDS = float(os.environ.get("DIFFNEA_COMMAND_SECONDS", "120"))  # sanitizers take longer
+
+PENDULUM = MODELS / "double_pendulum.urdf"
+RUN_FILES = {"result.json", "series.json", "model.json", "model.urdf", "report.html"}
+"""What `identify` leaves of a URDF."""
 
 DONE, BAD_INPUT, WRONG_USAGE, NO_USABLE_RESULT, INTERRUPTED = 0, 1, 2, 3, 130
 
@@ -36,3 +42,29 @@ def load(path: Path) -> Any:
         raise ValueError(f"{path}: {constant} is no JSON")
 
     return json.loads(path.read_text(encoding="utf-8"), parse_constant=refuse)
+
+
+def refused(run: Path, *arguments: object, command: str = "identify") -> str:
+    """Run the command, which must refuse and leave nothing behind; return its message."""
+    answer = diffnea(command, *arguments, "-o", run, "--quiet")
+    assert answer.returncode == BAD_INPUT, answer.stderr + answer.stdout
+    assert answer.stdout == ""
+    assert not run.exists()
+    return answer.stderr
+
+
+Table = list[list[str]]
+
+
+def edited(source: Path, target: Path, edit: Callable[[Table], Table | None]) -> Path:
+    """Copy a recording; `edit` may change its rows, the first of which is the header."""
+    with source.open(newline="") as file:
+        table = list(csv.reader(file))
+    table = edit(table) or table
+    with target.open("w", newline="") as file:
+        csv.writer(file, lineterminator="\n").writerows(table)
+    return target
+
+
+def column(table: Table, name: str) -> int:
+    return table[0].index(name)

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from cli import BAD_INPUT, COMMAND, DONE, INTERRUPTED, WRONG_USAGE, diffnea, done, load
+import whole_files
+from cli import COMMAND, DONE, INTERRUPTED, SECONDS, WRONG_USAGE, diffnea, done, load, refused
 
 LENGTH, ATTACHMENT, NOISE = 0.4, np.array([0.25, 0.03, 0.05]), 1.5e-3
 RATES, AMPLITUDES = np.array([1.9, 2.9]), np.array([0.5, 0.8])
@@ -110,15 +111,6 @@ def ball(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def refused(run: Path, *arguments: object, command: str = "identify") -> str:
-    """Run the command, which must refuse and leave nothing behind; return its message."""
-    answer = diffnea(command, *arguments, "-o", run, "--quiet")
-    assert answer.returncode == BAD_INPUT, answer.stderr + answer.stdout
-    assert answer.stdout == ""
-    assert not run.exists()
-    return answer.stderr
-
-
 # --- what comes out
 
 
@@ -142,6 +134,7 @@ def test_identify_finds_the_string(ball: Path, tmp_path: Path) -> None:
     assert result["rmse"]["units"] == {"ball": "m"}
     assert result["rmse"]["test"]["ball"] == pytest.approx(NOISE, rel=0.06)
     assert result["ball"]["extended_rms"] == pytest.approx(NOISE, rel=0.06)
+    whole_files.check(run)
     fitted = load(run / "model.json")
     assert fitted["ball"]["string"]["length"] == found["string.length"]["value"]
 
@@ -157,6 +150,7 @@ def test_diagnose_names_drag(ball: Path, tmp_path: Path) -> None:
     (parameter,) = cause["parameters"]
     assert parameter["ci95"][0] <= 0.2 <= parameter["ci95"][1]
     assert load(run / "model.json")["effects"][0]["effect"] == "linear_drag"
+    whole_files.check(run)
 
 
 # --- columns
@@ -309,7 +303,7 @@ def test_ctrl_c_leaves_nothing_half_written(tmp_path: Path, command: str) -> Non
         if "ball" in line or not line.startswith("opening"):
             process.send_signal(signal.SIGINT)
             break
-    _, message = process.communicate(timeout=60)
+    _, message = process.communicate(timeout=SECONDS)
     if process.returncode == DONE:
         pytest.skip("it was done before Ctrl-C came")
     assert process.returncode == INTERRUPTED, message

@@ -3,14 +3,16 @@
 import csv
 import json
 import shutil
+from functools import partial
 from pathlib import Path
 
+import cli
 import pytest
-from cli import BAD_INPUT, DONE, MODELS, WRONG_USAGE, diffnea, done, load
+import whole_files
+from cli import BAD_INPUT, DONE, PENDULUM, WRONG_USAGE, diffnea, done, load
 
 import diffnea as python
 
-PENDULUM = MODELS / "double_pendulum.urdf"
 TRUTH = {"effect": "coulomb_friction", "where": "elbow"}
 
 
@@ -33,13 +35,7 @@ def rubbing(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def refused(run: Path, *arguments: object) -> str:
-    """Run `diagnose`, which must refuse and leave nothing behind; return its message."""
-    answer = diffnea("diagnose", *arguments, "-o", run, "--quiet")
-    assert answer.returncode == BAD_INPUT, answer.stderr
-    assert answer.stdout == ""
-    assert not run.exists()
-    return answer.stderr
+refused = partial(cli.refused, command="diagnose")
 
 
 def rows(source: Path, target: Path, keep: slice) -> Path:
@@ -68,6 +64,7 @@ def test_json_prints_the_result_and_nothing_else(rubbing: Path, tmp_path: Path) 
     assert parameter["ci95"][0] <= 0.05 <= parameter["ci95"][1]
     assert [item["role"] for item in result["reproduce"]["inputs"]] == ["model", "data", "test"]
     assert load(run / "series.json")["schema"] == "diffnea/diagnose-series/1"
+    whole_files.check(run)
 
 
 def test_the_extended_model_has_nothing_left_to_explain(rubbing: Path, tmp_path: Path) -> None:

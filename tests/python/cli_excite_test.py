@@ -7,9 +7,19 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from cli import BAD_INPUT, COMMAND, DONE, INTERRUPTED, MODELS, WRONG_USAGE, diffnea, done
+from cli import (
+    BAD_INPUT,
+    COMMAND,
+    DONE,
+    INTERRUPTED,
+    MODELS,
+    PENDULUM,
+    SECONDS,
+    WRONG_USAGE,
+    diffnea,
+    done,
+)
 
-PENDULUM = MODELS / "double_pendulum.urdf"
 WAM = MODELS / "wam4.xml"
 
 
@@ -135,7 +145,7 @@ def test_an_interrupted_search_leaves_the_best_so_far(tmp_path: Path) -> None:
     assert process.stderr is not None
     assert "designing" in process.stderr.readline()  # the search runs
     process.send_signal(signal.SIGINT)
-    _, errors = process.communicate(timeout=60)
+    _, errors = process.communicate(timeout=SECONDS)
     assert process.returncode == INTERRUPTED
     assert "best motion until then" in errors
     assert len(columns(motion)["time"]) == 10001
@@ -150,3 +160,30 @@ def test_simulate_says_which_joint_does_not_follow(tmp_path: Path) -> None:
     soft = diffnea("simulate", WAM, "--trajectory", motion, "-o", log, *world, "--kp", 1, 1, 1, 1)
     assert "log.csv: joint2 is off its command by" in soft.stderr
     assert "--kp" in soft.stderr
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("--kp", "-1", "-1"),
+        ("--kd", "1", "-1"),
+        ("--noise", "-1"),
+        ("--rate", "0"),
+        ("--kp", "inf"),
+    ],
+)
+def test_simulate_refuses_what_cannot_be(tmp_path: Path, arguments: tuple[str, ...]) -> None:
+    motion = tmp_path / "motion.csv"
+    done("excite", PENDULUM, "--duration", 10, "-o", motion)
+    answer = diffnea(
+        *("simulate", PENDULUM, "--trajectory", motion, "-o", tmp_path / "data.csv"), *arguments
+    )
+    assert answer.returncode == WRONG_USAGE, answer.stderr
+    assert not (tmp_path / "data.csv").exists()
+
+
+def test_excite_says_what_it_does_without_limits(tmp_path: Path) -> None:
+    answer = diffnea("excite", PENDULUM, "--duration", 10, "-o", tmp_path / "motion.csv")
+    assert "no position limits" in answer.stderr
+    printed = done("excite", PENDULUM, "--duration", 10, "-o", tmp_path / "motion.csv", "--json")
+    assert any("no position limits" in note for note in json.loads(printed)["notes"])

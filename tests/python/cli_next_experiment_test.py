@@ -4,9 +4,8 @@ import json
 from pathlib import Path
 from typing import Any
 
-from cli import MODELS, ROOT, done, load
+from cli import PENDULUM, ROOT, done, load
 
-PENDULUM = MODELS / "double_pendulum.urdf"
 SCHEMA = load(ROOT / "docs" / "schema" / "diagnose.schema.json")
 
 

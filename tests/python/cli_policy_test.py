@@ -7,6 +7,7 @@ import signal
 import subprocess
 import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from cli import (
     INTERRUPTED,
     MODELS,
     NO_USABLE_RESULT,
+    SECONDS,
     WRONG_USAGE,
     diffnea,
     done,
@@ -27,6 +29,7 @@ from cli import (
 WAM = MODELS / "wam4_ball.xml"
 LEARNED = (DONE, NO_USABLE_RESULT)  # so few iterations need not catch the ball
 SMALL = ("--samples", 24, "--iterations", 12, "--quiet")
+ENDLESS = ("--iterations", 2000, "--stop-std", 1e-9, "--threads", 1)
 
 
 def learn(out: Path, *words: object, model: object = WAM) -> subprocess.CompletedProcess[str]:
@@ -59,29 +62,42 @@ def test_the_number_of_threads_does_not_matter(learned: Path, tmp_path: Path) ->
     same_policies(learned, tmp_path / "single", 1)
 
 
-def started(out: Path, *words: object) -> subprocess.Popen[str]:
-    """A search that is in its midst."""
+@contextmanager
+def searching(out: Path, *words: object) -> Iterator[subprocess.Popen[str]]:
+    """A search that is in its midst: it has left a checkpoint. Killed at the end, if not before."""
     process = subprocess.Popen(
         [COMMAND, "learn", "ball-in-cup", str(WAM), *map(str, words), "-o", str(out)],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
     )
-    checkpoint = out / "checkpoints" / "seed_0.json"
-    for _ in range(1000):
-        if checkpoint.exists() or process.poll() is not None:
-            break
-        time.sleep(0.005)
-    assert checkpoint.exists()
-    return process
+    try:
+        checkpoint = out / "checkpoints" / "seed_0.json"
+        deadline = time.monotonic() + SECONDS
+        while not checkpoint.exists() and process.poll() is None and time.monotonic() < deadline:
+            time.sleep(0.002)
+        assert checkpoint.exists()
+        yield process
+    finally:
+        process.kill()
+        process.communicate()
+
+
+def killed(out: Path, *words: object) -> None:
+    """A search that was killed in its midst; another one where it ended before the signal."""
+    for _ in range(10):
+        with searching(out, *words) as process:
+            process.kill()
+            process.communicate()
+        if process.returncode == -signal.SIGKILL and not (out / "result.json").exists():
+            return
+        shutil.rmtree(out)
+    pytest.fail("ten searches were over before they could be killed")
 
 
 def test_killed_it_goes_on_to_the_same_result(learned: Path, tmp_path: Path) -> None:
     out = tmp_path / "killed"
-    process = started(out, *SMALL, "--threads", 1)
-    process.kill()
-    process.communicate()
-    assert not (out / "result.json").exists()
+    killed(out, *SMALL, "--threads", 1)
     assert learn(out, "--threads", 1).returncode in LEARNED
     same_policies(learned, out, 1)
     assert not list(out.glob(".partial*"))
@@ -91,15 +107,13 @@ ROBUST = ("--robust", "--draws", 8, "--each", 2, "--vary", "string.string_mass.m
 
 
 def test_in_draws_of_what_may_vary(tmp_path: Path) -> None:
-    one, two, killed = (tmp_path / name for name in ("one", "two", "killed"))
+    one, two, again = (tmp_path / name for name in ("one", "two", "again"))
     assert learn(one, *ROBUST, "--threads", 1).returncode in LEARNED
     assert learn(two, *ROBUST, "--threads", 2).returncode in LEARNED
     same_policies(one, two, 1)
-    process = started(killed, *SMALL, *ROBUST, "--threads", 1)
-    process.kill()
-    process.communicate()
-    assert learn(killed, *ROBUST, "--threads", 1).returncode in LEARNED
-    same_policies(one, killed, 1)
+    killed(again, *SMALL, *ROBUST, "--threads", 1)
+    assert learn(again, *ROBUST, "--threads", 1).returncode in LEARNED
+    same_policies(one, again, 1)
     policy, result = load(one / "policy_0.json"), load(one / "result.json")
     assert policy["in_draws"]["draws"] == 64
     assert result["policies"][0]["in_draws"] == policy["in_draws"]
@@ -134,9 +148,9 @@ def test_draws_that_cannot_be_are_said(
 
 def test_interrupted_it_leaves_what_was_learned(tmp_path: Path) -> None:
     out = tmp_path / "interrupted"
-    process = started(out, "--iterations", 2000, "--stop-std", 1e-9, "--threads", 1)
-    process.send_signal(signal.SIGINT)
-    _, text = process.communicate(timeout=60)
+    with searching(out, *ENDLESS) as process:
+        process.send_signal(signal.SIGINT)
+        _, text = process.communicate(timeout=SECONDS)
     assert process.returncode == INTERRUPTED
     assert "goes on from there" in text
     assert (out / "policy_0.json").is_file()
@@ -179,14 +193,10 @@ def test_nothing_caught_is_no_usable_result(tmp_path: Path) -> None:
 
 def test_two_processes_do_not_learn_in_one_folder(tmp_path: Path) -> None:
     out = tmp_path / "shared"
-    process = started(out, "--iterations", 2000, "--stop-std", 1e-9, "--threads", 1)
-    try:
+    with searching(out, *ENDLESS):
         answer = diffnea("learn", "ball-in-cup", WAM, "--quiet", "-o", out)
-        assert answer.returncode == BAD_INPUT
-        assert "another process" in answer.stderr
-    finally:
-        process.kill()
-        process.communicate()
+    assert answer.returncode == BAD_INPUT
+    assert "another process" in answer.stderr
 
 
 def test_checkpoints_of_another_task_are_refused(learned: Path, tmp_path: Path) -> None:
@@ -254,7 +264,7 @@ def test_a_full_disk_at_a_checkpoint_is_said(tmp_path: Path) -> None:
         capture_output=True,
         text=True,
         preexec_fn=little_disk,
-        timeout=60,
+        timeout=SECONDS,
         check=False,
     )
     assert answer.returncode == BAD_INPUT

@@ -5,10 +5,27 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from cli import MODELS, done
+from cli import PENDULUM, ROOT, done
 from planar_arm import arm, formulas, held_out, rubbing_arm, states, train
 
+import diffnea
+
 __all__ = ["arm", "formulas", "held_out", "rubbing_arm", "states", "train"]
+
+
+@pytest.fixture(scope="session", autouse=True)
+def installed_is_what_is_here() -> None:
+    """The package that is tested is this tree's, not one that was installed from it earlier."""
+    ours = ROOT / "python" / "diffnea"
+    installed = Path(diffnea.__file__).resolve().parent
+    old = [
+        path.relative_to(ours).as_posix()
+        for path in sorted(ours.rglob("*.py"))
+        if not (installed / path.relative_to(ours)).is_file()
+        or (installed / path.relative_to(ours)).read_bytes() != path.read_bytes()
+    ]
+    if old:
+        pytest.exit(f"{installed} is not what this tree has ({', '.join(old)}): .ci/setup --tests")
 
 
 @pytest.fixture(autouse=True)
@@ -26,9 +43,6 @@ def ctrl_c_soon() -> Iterator[None]:
     press.start()
     yield
     press.join()
-
-
-PENDULUM = MODELS / "double_pendulum.urdf"
 
 
 @pytest.fixture(scope="session")

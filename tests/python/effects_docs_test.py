@@ -1,13 +1,14 @@
 """docs/effects against the catalogue: a section for every effect, and nothing stale in it."""
 
 import json
+import os
 import re
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
-from cli import done
+from cli import SECONDS, done
 
 DOCS = Path(__file__).resolve().parents[2] / "docs" / "effects"
 PAGES = sorted(DOCS.glob("*.md"))
@@ -165,7 +166,8 @@ def test_pictures_are_made(tmp_path: Path) -> None:
     subprocess.run(
         [sys.executable, FIGURES / "effect_signatures.py", tmp_path, *names],
         check=True,
-        timeout=120,
+        env=os.environ | {"PYTHONDONTWRITEBYTECODE": "1"},
+        timeout=SECONDS,
     )
     assert sorted(p.stem for p in tmp_path.iterdir()) == sorted(names)
     for picture in tmp_path.iterdir():

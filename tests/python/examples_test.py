@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from cli import COMMAND, MODELS, ROOT, done
+from cli import COMMAND, MODELS, ROOT, SECONDS, done
 
 EXAMPLES = ROOT / "docs" / "examples"
 
@@ -21,7 +21,7 @@ def run(*command: object, cwd: Path, **environment: str) -> str:
         cwd=cwd,
         env=os.environ | environment,
         check=False,
-        timeout=600,
+        timeout=5 * SECONDS,
     )
     assert answer.returncode == 0, answer.stdout + answer.stderr
     return answer.stdout

@@ -12,11 +12,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from cli import BAD_INPUT, COMMAND, MODELS
+from cli import BAD_INPUT, COMMAND, PENDULUM
 
 MEMORY = 3 << 30  # address space, of which MuJoCo and threads reserve most without using it [bytes]
 SECONDS = 60  # a reader needs one or two; sanitizers and a loaded machine need more
-PENDULUM = MODELS / "double_pendulum.urdf"
 
 
 def refused(*arguments: object, cwd: Path) -> str:

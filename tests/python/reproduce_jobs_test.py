@@ -14,6 +14,7 @@ from types import SimpleNamespace
 
 import pytest
 import small_jobs
+from cli import SECONDS
 
 import diffnea
 from diffnea.reproduce import command, executors, jobs, log
@@ -241,7 +242,7 @@ def test_processes_end_with_the_one_that_started_them(tmp_path) -> None:
         text=True,
         env=os.environ | {"PYTHONPATH": path},
         check=False,
-        timeout=120,
+        timeout=SECONDS,
     )
     assert answer.returncode == -signal.SIGKILL
     assert answer.stdout.strip().isdigit()
@@ -302,7 +303,7 @@ def test_mpi_runs_jobs(tmp_path) -> None:
         [*command, sys.executable, "-m", "mpi4py.futures", str(script), str(tmp_path)],
         env=os.environ | {"PYTHONPATH": path},
         check=True,
-        timeout=120,
+        timeout=SECONDS,
     )
     (total,) = (tmp_path / "results").glob("total-*.json")
     assert json.loads(total.read_text())["result"] == {"sum": 14}

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cli import DONE, INTERRUPTED, ROOT, load
+from cli import DONE, INTERRUPTED, ROOT, SECONDS, load
 from cli import diffnea as run_command
 
 import diffnea
@@ -51,7 +51,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     while len(list((out / "results").glob("*.json"))) < 2 and time.monotonic() < until:
         time.sleep(0.05)
     process.send_signal(signal.SIGINT)
-    _, said = process.communicate(timeout=60)
+    _, said = process.communicate(timeout=SECONDS)
     assert process.returncode == INTERRUPTED, said
     assert "interrupted: the same command goes on" in said
     finished = {file: file.stat().st_mtime_ns for file in (out / "results").glob("*.json")}

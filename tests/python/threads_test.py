@@ -7,11 +7,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from cli import DONE, MODELS, NO_USABLE_RESULT, diffnea, done, load
+from cli import DONE, MODELS, NO_USABLE_RESULT, PENDULUM, diffnea, done, load
 
 import diffnea as python
 
-PENDULUM = MODELS / "double_pendulum.urdf"
 BALL = MODELS / "wam4_ball.xml"
 WORLD = "mujoco:wam4_ball_in_cup,perturb=A,noise=1"
 COUNTS = (1, 2, 4)

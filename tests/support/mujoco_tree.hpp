@@ -2,13 +2,12 @@
 /// A link tree as an MJCF, compiled by MuJoCo.
 
 #include <cstdio>
-#include <filesystem>
 #include <fstream>
 #include <initializer_list>
 #include <memory>
 #include <stdexcept>
 #include <string>
-#include <unistd.h>
+#include <support/temporary_folder.hpp>
 #include <vector>
 
 #include <Eigen/Eigenvalues>
@@ -65,15 +64,14 @@ inline std::string bodies(const Tree<double>& tree, int parent) {
 /// A tree as MuJoCo compiles it, and the order in which it numbers our joints.
 struct Mujoco {
   explicit Mujoco(const Tree<double>& tree) {
-    const auto path = std::filesystem::temp_directory_path() /
-                      ("diffnea_dynamics_" + std::to_string(getpid()) + ".xml");
+    const TemporaryFolder folder;
+    const auto path = folder.path() / "tree.xml";
     std::ofstream(path)
         << "<mujoco><compiler angle='radian' inertiafromgeom='false'/><option gravity='"
         << numbers({tree.gravity.x, tree.gravity.y, tree.gravity.z}) << "'/><worldbody>"
         << bodies(tree, -1) << "</worldbody></mujoco>";
     char error[500] = "";
     model.reset(mj_loadXML(path.c_str(), nullptr, error, sizeof error));
-    std::filesystem::remove(path);
     if (!model) throw std::runtime_error(error);
     data.reset(mj_makeData(model.get()));
     for (int i = 0; i < tree.num_dofs(); ++i)
