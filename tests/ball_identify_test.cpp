@@ -14,6 +14,8 @@
 #include <diffnea/core/error.hpp>
 #include <diffnea/identify/identify.hpp>
 
+#include "identify/passes.hpp"
+
 using namespace diffnea;
 using Catch::Matchers::ContainsSubstring;
 using Catch::Matchers::WithinAbs;
@@ -120,6 +122,9 @@ TEST_CASE("identify a ball: arm and ball in one result where torques are recorde
   CHECK_THAT(result.errors.back().test, WithinRel(kNoise, 0.05));
   CHECK(result.summary.converged);
   CHECK(has_parameter(result, "link2.mass"));
+  // The model knows the recording as it came, whose torques hold the ball's pull.
+  REQUIRE(result.model.posterior.has_value());
+  CHECK(result.model.posterior->recordings == fingerprints(*recordings_in_memory(truth, {train})));
 }
 
 TEST_CASE("identify a ball: recordings that do not show it keep their torques", "[ball]") {
