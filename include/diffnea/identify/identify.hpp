@@ -67,7 +67,7 @@ struct ParameterEstimate {
 /// Root mean square of one joint's torque error, four times over [N·m] or [N]; of joint `ball`: of
 /// its position along one axis [m], with torque_rms of the position about its mean. Trajectory
 /// loss: of the joint's position [rad] or [m], without torque_rms. All NaN: its torque is not
-/// known.
+/// known. Those of the held-out set NaN: it holds no row that counts (a note says why).
 struct JointError {
   std::string joint;           ///< its name, or `ball`
   std::string unit;            ///< "N*m", "N"; trajectory loss: "rad", "m"; of `ball`: "m"
