@@ -114,4 +114,17 @@ TEST_CASE("audit: fast motion tells a low-pass from a delay", "[audit]") {
   CHECK_THAT(f.evidence, !ContainsSubstring("cannot tell"));
 }
 
+TEST_CASE("audit: a recording without velocities is none of velocity 0", "[audit]") {
+  const Arm arm = clean_arm(3), other = clean_arm(4);
+  Recording without = other.recording;
+  without.source = "without.csv";
+  without.qd.resize(0, 0);
+  CHECK(names(audit({arm.recording, without}).faults).empty());
+  CHECK(names(audit({without, arm.recording}).faults).empty());
+  // And one that is wrong is told by the recording that has them.
+  Recording wrong = arm.recording;
+  wrong.qd.col(1) *= 1.05;
+  check_near(only(audit({wrong, without}).faults, "velocity_scale", "qd_elbow"), 1.05);
+}
+
 }  // namespace diffnea::test

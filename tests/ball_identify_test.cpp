@@ -14,6 +14,8 @@
 #include <diffnea/core/error.hpp>
 #include <diffnea/identify/identify.hpp>
 
+#include "identify/passes.hpp"
+
 using namespace diffnea;
 using Catch::Matchers::ContainsSubstring;
 using Catch::Matchers::WithinAbs;
@@ -120,6 +122,53 @@ TEST_CASE("identify a ball: arm and ball in one result where torques are recorde
   CHECK_THAT(result.errors.back().test, WithinRel(kNoise, 0.05));
   CHECK(result.summary.converged);
   CHECK(has_parameter(result, "link2.mass"));
+  // The model knows the recording as it came, whose torques hold the ball's pull.
+  REQUIRE(result.model.posterior.has_value());
+  CHECK(result.model.posterior->recordings == fingerprints(*recordings_in_memory(truth, {train})));
+}
+
+TEST_CASE("identify a ball: recordings that do not show it keep their torques", "[ball]") {
+  const Model truth = test::swinging_arm();
+  Model bare = truth;  // the ball is not there
+  bare.ball->mass = 0.0;
+  const SwingOptions one{.seed = 3}, two{.seed = 4, .pace = 1.07};
+  Recording swing = record_swing(truth, one), excite = record_swing(truth, two);
+  test::add_torque(truth, one, swing);
+  test::add_torque(bare, two, excite);
+  excite.ball.resize(0, 0);
+  excite.source = "excite";
+  IdentifyOptions options;
+  options.choice.effects = {"viscous_friction", "linear_drag"};
+  const IdentifyResult result = identify(nominal_arm(), {excite, swing}, {}, options);
+  // Noise of 0.01 N·m; the ball's pull, left in one of them or both, is 0.1 to 0.4 N·m.
+  for (std::size_t j = 0; j < 3; ++j) CHECK(result.errors[j].train < 0.015);
+  CHECK(std::ranges::any_of(result.notes, [](const std::string& n) {
+    return n.find("taken out of the torques, but not of") != std::string::npos &&
+           n.find("excite") != std::string::npos;
+  }));
+}
+
+TEST_CASE("identify a ball: a camera that the model calls early", "[ball]") {
+  const Model truth = test::swinging_arm();
+  const SwingOptions one{.seed = 3};
+  Recording train = record_swing(truth, one);
+  test::add_torque(truth, one, train);
+  constexpr double kEarly = 0.02;  // [s]: row k shows where the ball is that much later
+  const double dt = train.time[1] - train.time[0];
+  const long shift = std::lround(kEarly / dt);
+  REQUIRE(std::abs(static_cast<double>(shift) * dt - kEarly) < 1e-9);
+  const long rows = train.rows() - shift;
+  train.ball = RowMatX<double>(train.ball.bottomRows(rows));
+  train.time.conservativeResize(rows);
+  train.q.conservativeResize(rows, Eigen::NoChange);
+  train.tau.conservativeResize(rows, Eigen::NoChange);
+  Model nominal = nominal_arm();
+  nominal.effects = {{"camera_delay", "camera", {{"delay", -kEarly, ""}}}};
+  IdentifyOptions options;
+  options.choice.effects = {"viscous_friction"};
+  const IdentifyResult result = identify(nominal, {train}, {}, options);
+  for (std::size_t j = 0; j < 3; ++j) CHECK(result.errors[j].train < 0.015);
+  CHECK(std::abs(parameter(result, "camera.camera_delay.delay").value + kEarly) < 1e-3);
 }
 
 TEST_CASE("identify a ball: any length to begin with", "[ball]") {

@@ -122,4 +122,17 @@ TEST_CASE("joints: a burst of absurd torque becomes a gap", "[recording]") {
   CHECK(blank_absurd_torque({{.name = "a"}}, all).empty());
 }
 
+TEST_CASE("joints: a passive joint's torque that is known already stays", "[recording]") {
+  // What a ball pulls at it was taken out of the zero.
+  Recording r = recording();
+  r.has_tau = {false, false};
+  r.info.passive = {"a"};
+  std::vector<Recording> all = {r};
+  match_joints({{.name = "a", .passive = true}, {.name = "b"}}, all);
+  CHECK(all[0].tau.col(0) == r.tau.col(0));
+  all[0].tau(1, 0) = std::numeric_limits<double>::quiet_NaN();  // a simulation's
+  match_joints({{.name = "a", .passive = true}, {.name = "b"}}, all);
+  CHECK(all[0].tau.col(0).isZero(0.0));
+}
+
 }  // namespace diffnea

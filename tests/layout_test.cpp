@@ -99,3 +99,17 @@ TEST_CASE("layout: applying the prior changes nothing", "[identify]") {
   CHECK(inertial_parameters(make_tree(same)) == inertial_parameters(make_tree(model)));
   CHECK(make_tree(same).links[2].armature == make_tree(model).links[2].armature);
 }
+
+TEST_CASE("layout: a value that is held is in the model, whether inertias are fitted or not",
+          "[identify]") {
+  const Model model = wam();
+  FitChoice choice;
+  choice.fix = {"forearm.mass=2.8"};
+  SECTION("with the inertias") {}
+  SECTION("without") { choice.fit = {"effects"}; }
+  const FitLayout layout = make_layout(model, choice, {0});
+  VecX<double> shape(layout.shape.size());
+  for (std::size_t s = 0; s < layout.shape.size(); ++s) shape[s] = layout.shape[s].prior;
+  const Model held = apply_fit(model, layout, layout.prior(), shape);
+  CHECK(make_tree(held).links[3].inertia.m == 2.8);
+}

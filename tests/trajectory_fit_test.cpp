@@ -8,6 +8,7 @@
 #include <catch2/catch_test_macros.hpp>
 #include <catch2/matchers/catch_matchers_string.hpp>
 
+#include <diffnea/core/error.hpp>
 #include <diffnea/excite/fourier.hpp>
 #include <diffnea/identify/identify.hpp>
 #include <diffnea/io/model_file.hpp>
@@ -149,4 +150,78 @@ TEST_CASE("trajectory fit: a window in which a hand moved the joint is named", "
   // Windows are 0.4 s long and begin with the first filtered row.
   CHECK((note.find(" 5.") != note.npos || note.find(" 6.") != note.npos));
   CHECK(named(identify(truth, {swing(truth, 1e-5)}, {}, trajectory_options())).empty());
+}
+
+TEST_CASE("trajectory fit: a window that blows up holds up no other", "[identify]") {
+  const Model truth = pendulum_with_friction(0.12, 0.05);
+  Recording data = swing(truth, 0.0);
+  // A torque that no step of the integrator survives, whatever the parameters are.
+  data.tau(data.rows() / 2, 1) = 1e160;
+  const Model model = pendulum_with_friction(0.05, 0.02);
+  std::vector<ShootingWindow> windows = make_windows(data, 0.4, 0.0, {});
+  FitChoice choice;
+  choice.effects = std::vector<std::string>{};
+  const FitLayout layout = make_layout(model, choice, {0});
+  const VecX<double> from = layout.prior(), scale = from.cwiseAbs().cwiseMax(0.1);
+  const TrajectoryFit fit = fit_trajectories(model, layout, from, scale, windows, {});
+  CHECK_FALSE(fit.converged);
+  CHECK_THAT(fit.termination, ContainsSubstring("1 of " + std::to_string(windows.size())));
+  CHECK(std::isfinite(fit.objective));
+  for (std::size_t c = 0; c < layout.linear.size(); ++c)
+    if (layout.linear[c].name == "elbow.coulomb_friction.coulomb")
+      CHECK(fit.x[static_cast<long>(c)] == Approx(0.12).epsilon(0.05));
+}
+
+TEST_CASE(
+    "trajectory fit: recordings are whole, however they are streamed, and a brief one is left"
+    " out",
+    "[identify]") {
+  const Model truth = pendulum_with_friction(0.12, 0.05);
+  const Recording data = swing(truth, 1e-4);
+  // As a source of blocks gives it: pieces of one run, the last one shorter than any window.
+  class Blocks : public RecordingSource {
+   public:
+    Blocks(const Model& model, const Recording& r)
+        : whole_(recordings_in_memory(model, {r})), recording_(whole_->sample()[0]) {}
+    void for_each(const std::function<bool(const Recording&)>& use) const override {
+      const long rows = recording_.rows(), size = rows / 3 + 1 - 20;
+      for (long from = 0; from < rows; from += size) {
+        Recording block = recording_;
+        const long m = std::min(size, rows - from);
+        block.time = VecX<double>(recording_.time.segment(from, m));
+        for (auto member :
+             {&Recording::q, &Recording::qd, &Recording::qdd, &Recording::qcmd, &Recording::tau})
+          if ((recording_.*member).size() > 0)
+            block.*member = RowMatX<double>((recording_.*member).middleRows(from, m));
+        if (!use(block)) return;
+      }
+    }
+    std::vector<Recording> sample() const override { return whole_->sample(); }
+    std::vector<int> runs() const override { return whole_->runs(); }
+    std::vector<RunDescription> describe_runs() const override { return whole_->describe_runs(); }
+    bool holds_payload() const override { return false; }
+    const ReadReport& report() const override { return whole_->report(); }
+    const std::vector<ChannelWarning>& warnings() const override { return whole_->warnings(); }
+
+   private:
+    std::unique_ptr<RecordingSource> whole_;
+    Recording recording_;
+  };
+  const Model start = pendulum_with_friction(0.05, 0.02);
+  const IdentifyResult whole = identify(start, {data}, {}, trajectory_options());
+  const IdentifyResult streamed =
+      identify(start, Blocks(start, data), nullptr, trajectory_options());
+  for (std::size_t k = 0; k < whole.parameters.size(); ++k)
+    CHECK(streamed.parameters[k].value == whole.parameters[k].value);
+
+  Recording brief = data;
+  brief.source = "brief";
+  brief.time = VecX<double>(data.time.head(60));
+  for (auto member :
+       {&Recording::q, &Recording::qd, &Recording::qdd, &Recording::qcmd, &Recording::tau})
+    if ((brief.*member).size() > 0) brief.*member = RowMatX<double>((data.*member).topRows(60));
+  const IdentifyResult two = identify(start, {data, brief}, {}, trajectory_options());
+  CHECK(std::ranges::any_of(two.notes,
+                            [](const std::string& n) { return n.find("left out: brief") == 0; }));
+  CHECK_THROWS_AS(identify(start, {brief}, {}, trajectory_options()), DataError);
 }

@@ -90,7 +90,7 @@ Finding diagnose(const Model& model, const RecordingSource& train, const Recordi
     const auto arm = without_ball_pull(model, train, fit, options.preprocess);
     const auto arm_test = test ? without_ball_pull(model, *test, fit, options.preprocess) : nullptr;
     finding = diagnose_joints(model, arm ? *arm : train, arm_test ? arm_test.get() : test, own);
-    if (arm) finding.notes.push_back("the ball's pull is taken out of the torques");
+    if (arm) finding.notes.push_back(ball_pull_note(train));
     finding.data_report = train.report();
   }
   own.effects = of_ball;

@@ -297,8 +297,10 @@ BallFit fit_ball(const Model& model, const BallLayout& layout, BallData& data,
       for (std::size_t w = 0; w < before.size(); ++w) data.windows[w].state = before[w];
       damping *= 10.0;
       if (damping > 1e8) {
-        out.converged = true;
-        out.termination = "no step makes it better";
+        out.converged = std::isfinite(now);
+        out.termination = out.converged
+                              ? "no step makes it better"
+                              : "the ball's simulation blows up, and no step makes it better";
         break;
       }
       if (stopped(out.sigma)) break;

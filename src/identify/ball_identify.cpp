@@ -14,6 +14,7 @@
 #include "identify/bounce_guess.hpp"
 #include "identify/fix_pattern.hpp"
 #include "identify/passes.hpp"
+#include "identify/whole_runs.hpp"
 
 namespace diffnea {
 namespace {
@@ -198,28 +199,9 @@ BallLayout ball_layout_for(const Model& model, const DividedChoice& choice) {
 
 std::vector<Recording> recordings_with_ball(const RecordingSource& source) {
   std::vector<Recording> out;
-  const auto append = [](auto& to, const auto& rows) {
-    if (rows.size() == 0) return;
-    const Eigen::Index before = to.rows();
-    to.conservativeResize(before + rows.rows(), rows.cols());
-    to.bottomRows(rows.rows()) = rows;
-  };
-  source.for_each([&](const Recording& r) {
-    if (r.ball.size() == 0) return true;
-    if (out.empty() || out.back().run != r.run || out.back().source != r.source) {
-      out.push_back(r);
-      return true;
-    }
-    Recording& to = out.back();
-    append(to.time, r.time);
-    append(to.q, r.q);
-    append(to.qd, r.qd);
-    append(to.qdd, r.qdd);
-    append(to.tau, r.tau);
-    append(to.ball, r.ball);
-    append(to.spin, r.spin);
-    return true;
-  });
+  for_each_run(
+      source, [](const Recording& r) { return r.ball.size() > 0; },
+      [&](const Recording& r) { out.push_back(r); });
   return out;
 }
 

@@ -1,5 +1,6 @@
 #include "identify/ball_pull.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 #include <diffnea/dynamics/kinematics.hpp>
@@ -7,6 +8,7 @@
 #include "identify/ball_identify.hpp"
 #include "identify/ball_path.hpp"
 #include "identify/ball_world.hpp"
+#include "identify/whole_runs.hpp"
 
 namespace diffnea {
 namespace {
@@ -29,12 +31,14 @@ std::vector<Pull> pulls(const Model& model, const BallLayout& layout, const VecX
                                   {p.begin(), p.end()});
     BallFlight<double, BallWorld<double>> flight(world, options.flight);
     flight.start(w.time.front() - world.delay(), w.state, w.taut, w.spin);
-    while (row < r.rows() && r.time[row] < w.time.front()) ++row;
+    // Pictures that are early (a delay below 0) tell of no instant before the first one's own.
+    const double early = std::max(0.0, -world.delay());
+    while (row < r.rows() && r.time[row] < w.time.front() + early) ++row;
     // Up to where the next window begins.
     const double most = w.time.back() + options.longest_gap;
     const double end = i + 1 < data.windows.size() && data.windows[i + 1].hand == w.hand &&
                                data.windows[i + 1].time.front() <= most
-                           ? data.windows[i + 1].time.front()
+                           ? data.windows[i + 1].time.front() + early
                            : w.time.back();
     for (; row < r.rows() && r.time[row] <= end; ++row) {
       flight.run_until(r.time[row]);
@@ -54,11 +58,11 @@ std::unique_ptr<RecordingSource> without_ball_pull(const Model& model,
   const TreeMap map = map_to_tree(model);
   const auto link = static_cast<std::size_t>(model.ball->string->link);
   const int dof = map.dof[link];
-  std::vector<Recording> recordings = recordings_with_ball(source);
-  if (dof < 0 || recordings.size() != source.runs().size()) return nullptr;
+  std::vector<Recording> shown = recordings_with_ball(source);
+  if (dof < 0 || shown.empty()) return nullptr;
 
   Model fitted = model;
-  BallData data = make_ball_data(fitted, recordings, options, smoothing);
+  BallData data = make_ball_data(fitted, shown, options, smoothing);
   guess_unknown_string(*fitted.ball->string, data, fitted.gravity);
   std::vector<EffectSpec> effects;
   for (const EffectSpec& e : fitted.effects)
@@ -70,7 +74,7 @@ std::unique_ptr<RecordingSource> without_ball_pull(const Model& model,
   const Vec3<double> p_TS = map.X_LF[link].p + map.X_LF[link].R * Vec3<double>{p[1], p[2], p[3]},
                      hanging = model.gravity * model.ball->mass;
   LinkKinematics<double> kinematics;
-  for (Recording& r : recordings) {
+  for (Recording& r : shown) {
     const std::vector<Pull> known = pulls(fitted, layout, p, data, r, options);
     std::size_t next = 0;
     for (long row = 0; row < r.rows(); ++row) {
@@ -89,7 +93,27 @@ std::unique_ptr<RecordingSource> without_ball_pull(const Model& model,
       }
     }
   }
-  return recordings_in_memory(model, std::move(recordings));
+  std::vector<Recording> all;
+  std::size_t next = 0;
+  for_each_run(
+      source, [](const Recording&) { return true; },
+      [&](const Recording& r) {
+        const bool corrected = next < shown.size() && shown[next].run == r.run;
+        all.push_back(corrected ? std::move(shown[next++]) : r);
+      });
+  return recordings_in_memory(model, std::move(all));
+}
+
+std::string ball_pull_note(const RecordingSource& source) {
+  std::string without;
+  for_each_run(
+      source, [](const Recording& r) { return r.ball.size() == 0; },
+      [&](const Recording& r) { without += (without.empty() ? "" : ", ") + r.source; });
+  return "the ball's pull is taken out of the torques" +
+         (without.empty() ? ""
+                          : ", but not of recordings that do not show the ball, which count as "
+                            "recorded without it: " +
+                                without);
 }
 
 }  // namespace diffnea

@@ -1,6 +1,5 @@
 #include <algorithm>
 #include <chrono>
-#include <cstring>
 #include <memory>
 
 #include <diffnea/core/error.hpp>
@@ -38,7 +37,8 @@ void add_warnings(const Model& model, const RecordingSource& train, const Record
           format_number(e.test) + " against " + format_number(e.nominal_test) + " " + e.unit +
           "): were both recorded with the same signs, units and load? Else the fit has "
           "taken too much from too little motion");
-    if (e.torque_rms > 0.0 && std::fmax(e.train, e.test) > 0.8 * e.torque_rms && e.joint != kBall)
+    const double error = test ? e.test : e.train;  // of the rows that torque_rms is of
+    if (e.torque_rms > 0.0 && error > 0.8 * e.torque_rms && e.joint != kBall)
       first.push_back(
           e.joint +
           ": the fit explains little of the measured torque; check its sign, its unit, the "
@@ -92,12 +92,6 @@ IdentifyResult without_arm(const Model& model, const RecordingSource& train, con
   return out;
 }
 
-bool same_numbers(const RowMatX<double>& a, const RowMatX<double>& b) {
-  if (a.rows() != b.rows() || a.cols() != b.cols()) return false;
-  return a.size() == 0 ||
-         std::memcmp(a.data(), b.data(), sizeof(double) * static_cast<std::size_t>(a.size())) == 0;
-}
-
 }  // namespace
 
 bool has_torque(const RecordingSource& source) {
@@ -137,11 +131,10 @@ void refuse_ball_alone(const Model& model, const RecordingSource& train) {
 }
 
 void refuse_same_recording(const RecordingSource& train, const RecordingSource& test) {
-  const std::vector<Recording> fitted = train.sample();
-  for (const Recording& b : test.sample())
-    for (const Recording& a : fitted)
-      if (b.rows() > 0 && same_numbers(a.q, b.q) && same_numbers(a.tau, b.tau) &&
-          same_numbers(a.ball, b.ball))
+  const std::vector<RunDescription> fitted = train.describe_runs();
+  for (const RunDescription& b : test.describe_runs())
+    for (const RunDescription& a : fitted)
+      if (a.rows == b.rows)
         throw DataError(b.source + ": holds the same rows as " + a.source +
                         ", which is data of the fit; held-out data must be other recordings");
 }
@@ -168,7 +161,7 @@ IdentifyResult identify(const Model& model, const RecordingSource& train,
                               : identify_by_torque(model, fitted, held_out, arm);
   if (arm_train) {
     result.data_report = train.report();
-    result.notes.push_back("the ball's pull is taken out of the torques");
+    result.notes.push_back(ball_pull_note(train));
   }
   if (!ball.train.empty() && !result.summary.interrupted) {
     const auto start = std::chrono::steady_clock::now();

@@ -261,10 +261,14 @@ Model apply_fit(const Model& model, const FitLayout& layout, const VecX<double>&
     else
       effects[p.effect].parameters[p.index] = value;
   };
+  const Tree<double> before = make_tree(model);  // its inertias stay bit by bit where none moved
   bool moved = false;
   for (std::size_t i = 0; i < layout.linear.size(); ++i) {
-    set(layout.linear[i], linear[i]);
-    moved = moved || (layout.linear[i].dof >= 0 && linear[i] != layout.linear[i].prior);
+    const FitParameter& p = layout.linear[i];
+    set(p, linear[i]);
+    moved = moved || (p.dof >= 0 &&
+                      linear[static_cast<long>(i)] !=
+                          before.links[static_cast<std::size_t>(p.dof)].inertia.theta()[p.theta]);
   }
   for (std::size_t i = 0; i < layout.shape.size(); ++i) set(layout.shape[i], shape[i]);
   if (moved) set_inertial_parameters(out, pi);

@@ -1,13 +1,8 @@
 #include "identify/passes.hpp"
 
 #include <algorithm>
-#include <bit>
-#include <cmath>
-#include <cstdint>
-#include <iomanip>
 #include <limits>
 #include <numeric>
-#include <sstream>
 
 #include "core/c_numbers.hpp"
 #include "identify/run_effects.hpp"
@@ -70,6 +65,12 @@ FitLayout layout_for(const Model& model, const RecordingSource& source, const Re
   return layout;
 }
 
+bool reads_links(const FitLayout& layout) {
+  return std::ranges::any_of(layout.effects, [](const BoundEffect& e) {
+    return std::holds_alternative<LoadFriction>(e.type);
+  });
+}
+
 std::vector<ParameterEstimate> parameter_estimates(const FitLayout& layout, const VecX<double>& x,
                                                    const VecX<double>& shape,
                                                    const VecX<double>& std,
@@ -126,22 +127,8 @@ Posterior posterior_of(const FitLayout& layout, const VecX<double>& x,
 }
 
 std::vector<std::string> fingerprints(const RecordingSource& source) {
-  constexpr long kRows = 1000;
   std::vector<std::string> out;
-  for (const Recording& r : source.sample()) {
-    std::uint64_t hash = 0xcbf29ce484222325;  // Fowler, Noll, Vo
-    for (const RowMatX<double>* channel : {&r.q, &r.tau})
-      for (long i = 0; i < std::min(channel->rows(), kRows); ++i)
-        for (long j = 0; j < channel->cols(); ++j) {
-          const double x = (*channel)(i, j);
-          auto bits = std::bit_cast<std::uint64_t>(std::isnan(x) ? 0.0 : x);
-          for (int byte = 0; byte < 8; ++byte, bits >>= 8)
-            hash = (hash ^ (bits & 0xff)) * 0x100000001b3;
-        }
-    std::ostringstream text;
-    text << std::hex << std::setw(16) << std::setfill('0') << hash;
-    out.push_back(text.str());
-  }
+  for (const RunDescription& run : source.describe_runs()) out.push_back(run.motion);
   return out;
 }
 

@@ -21,7 +21,7 @@ Pass for_each_block(const RecordingSource& source, const PreprocessPlan& plan,
                     const std::function<void(const Preprocessed&)>& use);
 
 /// A held-out error on data of the fit would be a lie, however the copy is called.
-/// @throws DataError if a recording of the one holds the rows of one of the other
+/// @throws DataError if a recording of the one holds the rows of one of the other, and no more
 void refuse_same_recording(const RecordingSource& train, const RecordingSource& test);
 
 /// Four significant digits.
@@ -36,6 +36,10 @@ std::string format_number(double x);
 FitLayout layout_for(const Model& model, const RecordingSource& source, const RecordingSource* test,
                      const FitChoice& choice, std::vector<std::string>& notes);
 
+/// Whether some column hangs on the torque that the links transmit, and with it on their
+/// parameters, by a law that is not linear in it (gains are).
+bool reads_links(const FitLayout& layout);
+
 /// Estimates in the order of the layout: linear parameters, then shapes.
 /// @param shape_std  of the shapes: 0 where held, NaN where not identifiable; empty: none was
 /// fitted
@@ -49,8 +53,7 @@ std::vector<ParameterEstimate> parameter_estimates(const FitLayout& layout, cons
 /// The Gaussian that `data` of this information leave of the free linear parameters.
 Posterior posterior_of(const FitLayout& layout, const VecX<double>& x,
                        const MatX<double>& information, const RecordingSource& data);
-/// What tells each recording of a source from others, whichever file holds it: 16 hexadecimal
-/// digits of the positions and torques of its first 1000 rows (FNV-1a).
+/// What tells each recording of a source from others (RunDescription::motion).
 std::vector<std::string> fingerprints(const RecordingSource& source);
 
 /// "N*m" or "N" for torques of joint j, "rad" or "m" for positions.

@@ -1,8 +1,11 @@
 #include <algorithm>
+#include <numeric>
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/identify/source.hpp>
 #include <diffnea/recording/position_warnings.hpp>
+
+#include "identify/fingerprint.hpp"
 
 namespace diffnea {
 namespace {
@@ -36,6 +39,11 @@ class InMemory : public RecordingSource {
     for (std::string& note : blank_absurd_torque(joints, recordings_))
       report_.notes.push_back(std::move(note));
     warnings_ = find_warnings(joints, recordings_);
+    for (const Recording& r : recordings_) {
+      Fingerprint of;
+      of.add(r);
+      runs_.push_back({r.source, r.info, of.motion(), of.rows()});
+    }
   }
   void for_each(const std::function<bool(const Recording&)>& use) const override {
     for (const Recording& r : recordings_)
@@ -44,14 +52,10 @@ class InMemory : public RecordingSource {
   std::vector<Recording> sample() const override { return recordings_; }
   std::vector<int> runs() const override {
     std::vector<int> out(recordings_.size());
-    for (std::size_t k = 0; k < out.size(); ++k) out[k] = static_cast<int>(k);
+    std::iota(out.begin(), out.end(), 0);
     return out;
   }
-  std::vector<RunDescription> describe_runs() const override {
-    std::vector<RunDescription> out;
-    for (const Recording& r : recordings_) out.push_back({r.source, r.info});
-    return out;
-  }
+  std::vector<RunDescription> describe_runs() const override { return runs_; }
   bool holds_payload() const override {
     return std::ranges::any_of(recordings_,
                                [](const Recording& r) { return r.info.payload.has_value(); });
@@ -61,6 +65,7 @@ class InMemory : public RecordingSource {
 
  private:
   std::vector<Recording> recordings_;
+  std::vector<RunDescription> runs_;
   ReadReport report_;
   std::vector<ChannelWarning> warnings_;
 };
@@ -77,6 +82,9 @@ class InFiles : public RecordingSource {
     int run = -1;
     std::string previous;
     ReadReport report;
+    std::vector<RunDescription> described;
+    std::vector<Fingerprint> prints;
+    const bool first = runs_.empty();
     for (std::size_t f = 0; f < paths_.size(); ++f) {
       RecordingReader reader(paths_[f], options(f));
       std::vector<Recording> block(1);
@@ -87,30 +95,32 @@ class InFiles : public RecordingSource {
         previous = paths_[f];
         match_joints(joints_, block);
         block[0].run = run;
+        if (first && run == static_cast<int>(described.size())) {
+          described.push_back({block[0].source, block[0].info, {}, {}});
+          prints.emplace_back();
+        }
+        if (first) prints.back().add(block[0]);
         if (!use(block[0])) return;
       }
       report.add(reader.report());
     }
-    if (report_.rows == 0) report_ = std::move(report);
+    if (!first) return;
+    for (std::size_t k = 0; k < prints.size(); ++k) {
+      described[k].motion = prints[k].motion();
+      described[k].rows = prints[k].rows();
+    }
+    report_ = std::move(report);
+    runs_ = std::move(described);
   }
   std::vector<Recording> sample() const override { return sample_; }
   std::vector<int> runs() const override {
-    int last = -1;
-    for_each([&](const Recording& r) {
-      last = r.run;
-      return true;
-    });
-    std::vector<int> out(last + 1);
-    for (int k = 0; k <= last; ++k) out[k] = k;
+    std::vector<int> out(describe_runs().size());
+    std::iota(out.begin(), out.end(), 0);
     return out;
   }
   std::vector<RunDescription> describe_runs() const override {
-    std::vector<RunDescription> out;
-    for_each([&](const Recording& r) {
-      if (r.run == static_cast<int>(out.size())) out.push_back({r.source, r.info});
-      return true;
-    });
-    return out;
+    if (runs_.empty()) for_each([](const Recording&) { return true; });
+    return runs_;
   }
   bool holds_payload() const override {
     return std::ranges::any_of(info_, [](const RecordingInfo& i) { return i.payload.has_value(); });
@@ -142,7 +152,11 @@ class InFiles : public RecordingSource {
   std::vector<std::filesystem::path> paths_;
   std::vector<RecordingInfo> info_;
   std::vector<Recording> sample_;
-  mutable ReadReport report_;  ///< of the first pass that came to the end; later ones read the same
+  /// Of the first pass that came to the end; later ones read the same.
+  ///@{
+  mutable ReadReport report_;
+  mutable std::vector<RunDescription> runs_;
+  ///@}
   std::vector<ChannelWarning> warnings_;
 };
 

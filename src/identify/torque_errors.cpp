@@ -1,6 +1,7 @@
 #include "identify/torque_errors.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <map>
 
@@ -43,13 +44,14 @@ std::vector<TorqueSeries> make_series(const TorqueFit& fit, const TorqueRegressi
 }
 
 /// The rows as the model before the fit has them: another pass where shapes or fixed transforms
-/// moved, since columns depend on those. Null: the rows of the fit serve both.
+/// moved, since columns depend on those, or where they depend on the links' parameters. Null: the
+/// rows of the fit serve both.
 std::unique_ptr<TorqueRegression> rows_before(const TorqueFit& fit, const RecordingSource& source,
                                               const PreprocessPlan& plan, int first_run,
                                               const IdentifyOptions& options, bool& stopped) {
   VecX<double> prior(fit.shape.size());
   for (long s = 0; s < prior.size(); ++s) prior[s] = fit.layout.shape[s].prior;
-  if (prior == fit.shape) return nullptr;
+  if (prior == fit.shape && !reads_links(fit.layout)) return nullptr;
   RegressionOptions o;
   o.first_run = first_run;
   auto out = std::make_unique<TorqueRegression>(fit.model, fit.layout, plan,
@@ -72,10 +74,8 @@ void set_torque_errors(const TorqueFit& fit, const RecordingSource& train,
       rows_before(fit, train, fit.plan, 0, options, stopped);
   const TorqueRegression& train_before = moved ? *moved : fit.rows;
   VecX<double> raw = VecX<double>::Constant(fit.layout.num_dofs, kNaN);
-  PreprocessOptions same = options.preprocess;
-  same.filter_hz = fit.plan.filter_hz;
   if (test) {
-    const PreprocessPlan plan = plan_preprocess(test->sample(), same);
+    const PreprocessPlan& plan = fit.test_plan;
     RegressionOptions after;
     after.first_run = fit.training_runs;
     held = std::make_unique<TorqueRegression>(fit.model, fit.layout, plan,
@@ -91,15 +91,20 @@ void set_torque_errors(const TorqueFit& fit, const RecordingSource& train,
     });
     result.notes.insert(result.notes.end(), p.notes.begin(), p.notes.end());
     stopped |= p.interrupted;
-    const std::vector<int> runs = test->runs();
-    std::map<int, ExtendedTree> fitted;  // per run: bodies that the robot held in it
+    struct Run {  // numbered as effects name it, with the bodies that the robot held in it
+      ExtendedTree model;
+      double start = 0.0;
+    };
+    std::map<int, Run> runs;
     VecX<double> sum = VecX<double>::Zero(fit.layout.num_dofs);
     long rows = 0;
     const Pass raw_pass =
         for_each_block(*test, plan, "testing", 1, options, [&](const Preprocessed& b) {
-          if (!fitted.contains(b.run))
-            fitted[b.run] = extend(result.model, runs, fit.training_runs + b.run);
-          const RowMatX<double> tau = inverse_dynamics(fitted[b.run], b.q, b.qd, b.qdd, b.run);
+          const int number = fit.training_runs + b.run;
+          if (!runs.contains(number)) runs[number] = {extend(result.model, {}, number), b.time[0]};
+          const VecX<double> time = b.time.array() - runs[number].start;
+          const RowMatX<double> tau =
+              inverse_dynamics(runs[number].model, b.q, b.qd, b.qdd, number, &time);
           sum += (tau - b.tau).colwise().squaredNorm().transpose();
           rows += b.rows();
         });
@@ -109,24 +114,34 @@ void set_torque_errors(const TorqueFit& fit, const RecordingSource& train,
     result.test_series = make_series(fit, *held, held_before ? *held_before : *held);
   }
   result.train_series = make_series(fit, fit.rows, train_before);
+  std::string unknown;  // joints of the fit of which the held-out data say nothing
   for (int j = 0; j < fit.layout.num_dofs; ++j) {
     const JointFactor& f = fit.rows.factors()[j];
     const VecX<double> x = gains.effective(j, fit.x), first = gains.effective(j, fit.nominal);
     JointError e = blank_error(fit.model, j, true);
+    const auto error = [j](const TorqueRegression& rows, const VecX<double>& at) {
+      const JointFactor& of = rows.factors()[j];
+      return of.factor.rows() > 0 ? of.rmse(at) : kNaN;
+    };
     if (f.factor.rows() > 0) {
-      const VecX<double> zero = VecX<double>::Zero(fit.x.size());
-      e.train = f.rmse(x);
-      e.nominal_train = train_before.factors()[j].rmse(first);
-      e.torque_rms = held ? held->factors()[j].rmse(zero) : f.rmse(zero);
+      e.train = error(fit.rows, x);
+      e.nominal_train = error(train_before, first);
+      e.torque_rms = error(held ? *held : fit.rows, VecX<double>::Zero(fit.x.size()));
     }
     if (f.factor.rows() > 0 && held) {
-      e.test = held->factors()[j].rmse(x);
-      e.nominal_test = (held_before ? *held_before : *held).factors()[j].rmse(first);
-      e.test_all = held_all->factors()[j].rmse(x);
+      e.test = error(*held, x);
+      e.nominal_test = error(held_before ? *held_before : *held, first);
+      e.test_all = error(*held_all, x);
       e.test_raw = raw[j];
+      if (std::isnan(e.test)) unknown += (unknown.empty() ? "" : ", ") + e.joint;
     }
     result.errors.push_back(e);
   }
+  if (!unknown.empty() && !stopped)
+    result.notes.push_back(
+        "held-out data say nothing of " + unknown +
+        ": there the joint rests, its torque is not recorded, or no stretch without a gap is long "
+        "enough; its held-out error is not known");
   if (stopped && !result.summary.interrupted) {
     result.summary.interrupted = true;
     result.summary.termination +=

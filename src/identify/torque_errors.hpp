@@ -13,10 +13,11 @@ struct TorqueFit {
   const Model& model;
   const FitLayout& layout;
   const PreprocessPlan& plan;
-  const VecX<double>&nominal, &x;  ///< (p) linear parameters before and after
-  const VecX<double>& shape;       ///< (s) after
-  const TorqueRegression& rows;    ///< of `train` at x and shape, rows at rest left out
-  int training_runs = 0;           ///< recordings in `train`
+  const PreprocessPlan& test_plan;  ///< of the held-out recordings, if there are any
+  const VecX<double>&nominal, &x;   ///< (p) linear parameters before and after
+  const VecX<double>& shape;        ///< (s) after
+  const TorqueRegression& rows;     ///< of `train` at x and shape, rows at rest left out
+  int training_runs = 0;            ///< recordings in `train`
 };
 
 /// Sets errors, train_series and test_series of the result, and adds notes.

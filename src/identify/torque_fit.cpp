@@ -24,14 +24,28 @@ double seconds_since(std::chrono::steady_clock::time_point start) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
 }
 
-double robust_weight(Robust kind, double r) {
-  // Tuning constants of 95 % efficiency at the Gaussian (Holland, Welsch 1977).
-  constexpr double kHuber = 1.345, kCauchy = 2.385;
-  const double a = std::abs(r);
-  if (kind == Robust::kHuber) return a <= kHuber ? 1.0 : kHuber / a;
-  if (kind == Robust::kCauchy) return 1.0 / (1.0 + (r / kCauchy) * (r / kCauchy));
-  return 1.0;
+// Tuning constants of 95 % efficiency at the Gaussian (Holland, Welsch 1977).
+constexpr double kHuber = 1.345, kCauchy = 2.385;
+
+/// Of a residual u in units of its noise.
+Influence influence_of(Robust kind, double u) {
+  const double a = std::abs(u), c = 1.0 / (1.0 + (u / kCauchy) * (u / kCauchy));
+  if (kind == Robust::kHuber && a > kHuber) return {kHuber / a, 0.0};
+  if (kind == Robust::kCauchy) return {c, (2.0 * c - 1.0) * c};
+  return {};
 }
+
+/// What the loss counts it as: ρ(u), u²/2 of least squares.
+double robust_cost(Robust kind, double u) {
+  const double a = std::abs(u);
+  if (kind == Robust::kHuber && a > kHuber) return kHuber * (a - 0.5 * kHuber);
+  if (kind == Robust::kCauchy)
+    return 0.5 * kCauchy * kCauchy * std::log1p((u / kCauchy) * (u / kCauchy));
+  return 0.5 * u * u;
+}
+
+/// Passes that weights get in any case, however many the shapes have used up.
+constexpr int kLeastReweightings = 5;
 
 /// The inverse loss, from data to numbers.
 class InverseFit {
@@ -60,6 +74,10 @@ class InverseFit {
           "identify: the forward loss does not fit torque gains; fit torque_gain with the inverse "
           "loss first, then hold it (--fix \"*torque_gain*\")");
     result_.plan = plan_preprocess(sample, options_.preprocess);
+    if (test_) {
+      test_plan_ = plan_like(result_.plan, test_->sample());
+      note_band(result_.plan, test_plan_, result_.notes);
+    }
     nominal_ = layout_.prior();
     x_ = nominal_;
     shape_.resize(static_cast<long>(layout_.shape.size()));
@@ -71,9 +89,12 @@ class InverseFit {
   Pass pass(const FitLayout& layout, bool weighted, bool in_torque = false) {
     RegressionOptions o;
     o.acceleration = options_.loss == Loss::kForward && !in_torque;
+    weighted_ = weighted;
+    cost_ = 0.0;
     if (weighted)
       o.weight = [this](int j, double r) {
-        return robust_weight(options_.robust, r / fit_.sigma[j]);
+        cost_ += robust_cost(options_.robust, r / fit_.sigma[j]);
+        return influence_of(options_.robust, r / fit_.sigma[j]).weight;
       };
     regression_ = std::make_unique<TorqueRegression>(model_, layout, result_.plan,
                                                      RegressionPoint{x_, shape_}, o);
@@ -136,13 +157,18 @@ class InverseFit {
     if (gains_.any_free()) hold_undetermined_gains(with_shapes);
     solve(layout_);
     if (gains_.any_free() && hold_unknown_gains(with_shapes)) solve(layout_);
-    if (std::ranges::any_of(with_shapes.shape, [](const auto& s) { return !s.fixed; }))
-      fit_shapes(with_shapes);
-    if (options_.robust != Robust::kNone || options_.loss == Loss::kForward) reweigh();
+    const bool shapes = std::ranges::any_of(with_shapes.shape, free);
+    const bool robust = options_.robust != Robust::kNone;
+    const bool repeats = robust || options_.loss == Loss::kForward || reads_links(layout_);
+    if (shapes) fit_shapes(with_shapes, false);
+    if (repeats) follow();
+    if (shapes && robust && options_.loss != Loss::kForward) {  // whose noise is of accelerations
+      fit_shapes(with_shapes, true);
+      follow();
+    }
     use_sandwich(layout_, meat_of(gains_, fit_), fit_);
     if (moved_.fit.x.size() > 0) count_shapes_in();
-    if (options_.robust != Robust::kNone || options_.loss == Loss::kForward)
-      pass(layout_, false, true);  // errors are torques, of all rows
+    if (repeats) pass(layout_, false, true);  // errors are torques, of all rows
     note_rest(model_, *regression_, result_.notes);
     if (!gains_.any()) note_torque_scale(model_, layout_, *regression_, result_.notes);
   }
@@ -150,6 +176,7 @@ class InverseFit {
   /// Covariance of the score that knows of the residuals' autocorrelation, from the rows of the
   /// last pass.
   MatX<double> meat_of(const Gains& gains, const LinearFit& fit) const {
+    const auto influence = [this](double u) { return influence_of(options_.robust, u); };
     MatX<double> meat = MatX<double>::Zero(fit.x.size(), fit.x.size());
     for (int j = 0; j < layout_.num_dofs; ++j) {
       const JointFactor& f = regression_->factors()[j];
@@ -157,7 +184,7 @@ class InverseFit {
           f.inertia.size() > 0 ? f.without_scale(fit.x) : linearisation(gains, j, f.columns);
       meat(f.columns, f.columns) +=
           score_covariance(regression_->kept()[j], T, fit.x(f.columns), fit.sigma[j],
-                           static_cast<double>(f.factor.rows()));
+                           weighted_ ? std::function<Influence(double)>(influence) : nullptr);
     }
     return meat;
   }
@@ -269,10 +296,17 @@ class InverseFit {
           {"fitting", result_.summary.passes, result_.summary.rows, fit_.solver.objective});
   }
 
+  /// Whether one more pass over the data may be made, of a loop that began after `begin` of them.
+  bool may_pass(int begin, int least) const {
+    return !result_.summary.interrupted &&
+           result_.summary.passes < std::max(options_.max_passes, begin + least);
+  }
+
   /// Gauss–Newton in the shapes with the linear parameters solved along, one pass over the data a
   /// step.
-  /// @param layout  with the shapes that are to be fitted
-  void fit_shapes(const FitLayout& layout) {
+  /// @param layout    with the shapes that are to be fitted
+  /// @param weighted  by the robust loss, whose noise is known by then and held
+  void fit_shapes(const FitLayout& layout, bool weighted) {
     FitLayout moving = with_shape_steps(layout);
     FitLayout held = moving;  // the same columns, the steps at zero
     for (std::size_t k = layout.linear.size(); k < held.linear.size(); ++k)
@@ -301,12 +335,15 @@ class InverseFit {
     VecX<double> best_x = x_, best_shape = shape_, step = VecX<double>::Zero(s);
     bool at_best = false;  // the last pass was at the best point
     double best = std::numeric_limits<double>::infinity(), shrink = 1.0;
-    while (result_.summary.passes < options_.max_passes && !result_.summary.interrupted) {
+    VecX<double> along = x_;  // weights hold at a point alone: the linear parameters step, too
+    const int begin = result_.summary.passes, least = weighted ? kLeastReweightings : 0;
+    shapes_settled_ = false;
+    while (may_pass(begin, least)) {
       const VecX<double> at = x_;
-      pass(layout, false, in_torque);
-      solve(held);  // the linear optimum at these shapes
+      pass(layout, weighted, in_torque);
+      if (!weighted) solve(held);  // the linear optimum at these shapes
       if (sigma.size() == 0) sigma = fit_.sigma;
-      const double now = misfit();
+      const double now = weighted ? cost_ : misfit();
       at_best = now < best;
       if (at_best) {
         const double gained = best - now;
@@ -316,12 +353,16 @@ class InverseFit {
         shrink = std::min(1.0, 2.0 * shrink);
         const VecX<double> x = fit_steps().x;
         step = x.tail(s);
+        along = x.head(p) - best_x;
         use_amplitudes(layout, at, x, step);
-        if (gained < 0.01) break;  // a hundredth of a unit in χ²/2: far inside one σ
+        // A hundredth of a unit in χ²/2: far inside one σ.
+        if ((shapes_settled_ = gained < 0.01)) break;
       } else {
         shrink *= 0.25;
       }
-      if (!(shrink * step.cwiseAbs().maxCoeff() > options_.shape_tolerance)) break;
+      shapes_settled_ = !(shrink * step.cwiseAbs().maxCoeff() > options_.shape_tolerance);
+      if (shapes_settled_) break;
+      if (weighted) x_ = best_x + shrink * along;
       long k = 0;
       for (std::size_t i = 0; i < layout.shape.size(); ++i)
         if (!layout.shape[i].fixed)
@@ -330,27 +371,30 @@ class InverseFit {
     x_ = best_x;
     shape_ = best_shape;
     if (!at_best) {
-      pass(layout, false, in_torque);
-      solve(held);
+      pass(layout, weighted, in_torque);
+      if (!weighted) solve(held);
     }
     moved_ = {moving, fit_steps(), {}};
     moved_.meat = meat_of(Gains(moving), moved_.fit);
+    if (weighted) return;  // follow() goes on
     pass(layout_, false);
     solve(layout_);
   }
 
-  /// Robust weights, and M⁻¹ of the forward loss, follow the parameters: solve and re-weigh in
-  /// turn. (The forward loss's residual is M⁻¹ times the inverse one's; with M held at the last
-  /// parameters it is linear.)
-  void reweigh() {
-    while (result_.summary.passes < options_.max_passes && !result_.summary.interrupted) {
+  /// Robust weights, M⁻¹ of the forward loss and friction of the transmitted torque follow the
+  /// parameters: solve and read anew in turn. (The forward loss's residual is M⁻¹ times the inverse
+  /// one's; with M held at the last parameters it is linear.)
+  void follow() {
+    const int begin = result_.summary.passes;
+    settled_ = false;
+    while (!settled_ && may_pass(begin, kLeastReweightings)) {
       const VecX<double> before = x_, std = fit_.std;
       pass(layout_, options_.robust != Robust::kNone);
       solve(layout_);
       double change = 0.0;
       for (long k = 0; k < x_.size(); ++k)
         if (std[k] > 0.0) change = std::max(change, std::abs(x_[k] - before[k]) / std[k]);
-      if (change < 1e-2) break;  // a hundredth of each standard error
+      settled_ = change < 1e-2;  // a hundredth of each standard error
     }
   }
 
@@ -366,12 +410,20 @@ class InverseFit {
     result_.physically_consistent = options_.linear.physical;
     note_consistency(layout_, fit_, result_);
     FitSummary& s = result_.summary;
-    s.termination = s.interrupted ? "interrupted; fitted to what had been read"
+    const std::string open = shapes_settled_ && settled_ ? ""
+                             : shapes_settled_           ? "the parameters"
+                             : settled_                  ? "the shapes"
+                                                         : "shapes and parameters";
+    s.termination = s.interrupted   ? "interrupted; fitted to what had been read"
+                    : !open.empty() ? "the largest number of passes over the data (" +
+                                          std::to_string(options_.max_passes) +
+                                          ") is reached before " + open + " settle"
                     : s.converged ? "converged"
                                   : "the barrier method stopped before its tolerance";
-    set_torque_errors(
-        {model_, layout_, result_.plan, nominal_, x_, shape_, *regression_, training_runs_}, train_,
-        test_, options_, result_);
+    s.converged = s.converged && open.empty() && !s.interrupted;
+    set_torque_errors({model_, layout_, result_.plan, test_plan_, nominal_, x_, shape_,
+                       *regression_, training_runs_},
+                      train_, test_, options_, result_);
   }
 
   const Model& model_;
@@ -379,12 +431,16 @@ class InverseFit {
   const RecordingSource* test_;
   const IdentifyOptions& options_;
   IdentifyResult result_;
+  PreprocessPlan test_plan_;
   FitLayout layout_;
   Gains gains_{layout_};
   int training_runs_ = 0;
   VecX<double> nominal_, x_, shape_;
   VecX<double> shape_std_;  ///< 0: held; NaN: fitted, and not identifiable
   std::unique_ptr<TorqueRegression> regression_;
+  bool weighted_ = false;  ///< the rows of regression_ are
+  double cost_ = 0.0;      ///< of the robust loss at the point of the last weighted pass
+  bool shapes_settled_ = true, settled_ = true;  ///< their loops came to their ends
   LinearFit fit_;
   /// The last step of fitted shapes: what their errors follow from.
   struct {

@@ -58,6 +58,17 @@ void note_torque_scale(const Model& model, const FitLayout& layout, const Torque
       "its masses are so many times those of the model");
 }
 
+void note_band(const PreprocessPlan& fitted, const PreprocessPlan& held_out,
+               std::vector<std::string>& notes) {
+  constexpr double kNarrower = 0.8;  // the rates of two clocks are not the same number
+  const double fit = fitted.decimator.pass_hz, test = held_out.decimator.pass_hz;
+  if (test < kNarrower * fit)
+    notes.push_back(
+        "held-out data are sampled at " + format_number(1.0 / held_out.dt) +
+        " Hz, too slowly for the band of the fit: their errors are of what lies below " +
+        format_number(test) + " Hz, those of the fitted data below " + format_number(fit) + " Hz");
+}
+
 void note_payloads(const FitLayout& layout, const Gains& gains, const LinearFit& fit,
                    std::vector<std::string>& notes) {
   for (std::size_t c = 0; c < layout.linear.size(); ++c) {

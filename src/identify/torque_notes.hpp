@@ -16,6 +16,10 @@ void note_rest(const Model& model, const TorqueRegression& rows, std::vector<std
 void note_torque_scale(const Model& model, const FitLayout& layout, const TorqueRegression& rows,
                        std::vector<std::string>& notes);
 
+/// Held-out data that are sampled too slowly for the band of the fit.
+void note_band(const PreprocessPlan& fitted, const PreprocessPlan& held_out,
+               std::vector<std::string>& notes);
+
 /// A payload's mass says as much of the torque constants as of the payload; one that is held
 /// calibrates them.
 void note_payloads(const FitLayout& layout, const Gains& gains, const LinearFit& fit,

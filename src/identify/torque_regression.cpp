@@ -9,6 +9,16 @@
 #include <diffnea/identify/torque_regression.hpp>
 
 namespace diffnea {
+namespace {
+
+/// Rows that are kept together or not at all [rows]: many times as long as residuals remember.
+constexpr long kStretch = 1024;
+/// Of these the first of all are kept in any case: plots show them.
+constexpr long kFirstStretches = 4;
+/// Beyond it the runs' beginnings alone are too many, and later ones are left out.
+constexpr long kLargestStride = 1L << 20;
+
+}  // namespace
 
 TorqueRegression::TorqueRegression(const Model& model, const FitLayout& layout,
                                    const PreprocessPlan& plan, const RegressionPoint& at,
@@ -55,9 +65,12 @@ TorqueRegression::TorqueRegression(const Model& model, const FitLayout& layout,
         if (e.parameter_info[k].name == "smoothing" &&
             std::ranges::find(e.joints, j) != e.joints.end())
           smoothing = std::max(smoothing, e.parameters[k]);
-    joints_.push_back({columns, Decimator(plan.decimator), {}, options.rest_speed * smoothing});
+    joints_.push_back({.columns = columns,
+                       .decimator = Decimator(plan.decimator),
+                       .rest_speed = options.rest_speed * smoothing});
     factors_.push_back({columns, TriangularFactor(static_cast<int>(columns.size()))});
-    kept_.push_back({{}, {}, {}, {}, static_cast<long>(columns.size()) + 1});
+    kept_.push_back(
+        {.width = static_cast<long>(columns.size()) + 1, .step = plan.dt * plan.decimator.factor});
   }
 }
 
@@ -234,6 +247,7 @@ void TorqueRegression::add(const Preprocessed& block) {
         j.emitted = 0;
       }
       if (block.run != run_) {
+        for (Joint& j : joints_) j.of_run = 0;
         run_start_ = block.time[row];
         enter_run(block.run + options_.first_run);
       }
@@ -266,7 +280,6 @@ void TorqueRegression::add(const Preprocessed& block) {
 
 void TorqueRegression::flush(int j, const RowMatX<double>& decimated) {
   Joint& joint = joints_[j];
-  JointRows& kept = kept_[j];
   const long width = static_cast<long>(joint.columns.size());
   const long p = static_cast<long>(layout_.linear.size());
   RowMatX<double> rows(decimated.rows(), width + 1);
@@ -274,14 +287,8 @@ void TorqueRegression::flush(int j, const RowMatX<double>& decimated) {
   for (long k = 0; k < decimated.rows(); ++k) {
     if (decimated(k, width + 1) > options_.rest_share) continue;
     rows.row(moving++) = decimated.row(k).head(width + 1);
-    if ((kept_bytes_ += (width + 1) * static_cast<long>(sizeof(double))) <= options_.keep_bytes) {
-      kept.values.insert(kept.values.end(), decimated.row(k).data(),
-                         decimated.row(k).data() + width + 1);
-      kept.run.push_back(run_);
-      kept.velocity.push_back(decimated(k, width + 2));
-      kept.time.push_back(segment_start_ +
-                          dt_ * static_cast<double>(joint.decimator.center(joint.emitted + k)));
-    }
+    keep(j, joint.of_run + k, decimated.row(k).data(),
+         segment_start_ + dt_ * static_cast<double>(joint.decimator.center(joint.emitted + k)));
     if (!options_.weight) continue;
     auto row = rows.row(moving - 1);
     double residual = -row[width];
@@ -290,8 +297,57 @@ void TorqueRegression::flush(int j, const RowMatX<double>& decimated) {
     row *= std::sqrt(options_.weight(j, residual));
   }
   joint.emitted += decimated.rows();
+  joint.of_run += decimated.rows();
   joint.at_rest += decimated.rows() - moving;
   factors_[j].factor.add(rows.topRows(moving));
+}
+
+/// @param number  of the row within its run  @param row  [columns | τ | at rest | q̇]
+void TorqueRegression::keep(int j, long number, const double* row, double time) {
+  JointRows& kept = kept_[j];
+  ++kept.factored[run_];
+  if (!is_kept(j, run_, number)) return;
+  const long bytes = kept.width * static_cast<long>(sizeof(double));
+  while (kept_bytes_ + bytes > options_.keep_bytes && stride_ < kLargestStride) thin_out();
+  if (kept_bytes_ + bytes > options_.keep_bytes || !is_kept(j, run_, number)) return;
+  kept_bytes_ += bytes;
+  kept.values.insert(kept.values.end(), row, row + kept.width);
+  kept.run.push_back(run_);
+  kept.velocity.push_back(row[kept.width + 1]);
+  kept.time.push_back(time);
+  joints_[j].number.push_back(number);
+}
+
+bool TorqueRegression::is_kept(int j, int run, long number) const {
+  const long stretch = number / kStretch;
+  const bool first = kept_[j].factored.begin()->first == run && stretch < kFirstStretches;
+  return first || stretch % stride_ == 0;
+}
+
+/// Every second stretch of the kept ones goes, of all joints alike.
+void TorqueRegression::thin_out() {
+  stride_ *= 2;
+  kept_bytes_ = 0;
+  for (std::size_t j = 0; j < kept_.size(); ++j) {
+    JointRows& kept = kept_[j];
+    std::vector<long>& number = joints_[j].number;
+    std::size_t left = 0;
+    for (std::size_t k = 0; k < number.size(); ++k) {
+      if (!is_kept(static_cast<int>(j), kept.run[k], number[k])) continue;
+      std::copy_n(kept.values.begin() + static_cast<long>(k) * kept.width, kept.width,
+                  kept.values.begin() + static_cast<long>(left) * kept.width);
+      kept.time[left] = kept.time[k];
+      kept.run[left] = kept.run[k];
+      kept.velocity[left] = kept.velocity[k];
+      number[left++] = number[k];
+    }
+    kept.values.resize(left * static_cast<std::size_t>(kept.width));
+    kept.time.resize(left);
+    kept.run.resize(left);
+    kept.velocity.resize(left);
+    number.resize(left);
+    kept_bytes_ += static_cast<long>(left) * kept.width * static_cast<long>(sizeof(double));
+  }
 }
 
 }  // namespace diffnea

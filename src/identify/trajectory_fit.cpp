@@ -73,10 +73,25 @@ std::vector<ShootingWindow> shortened(const std::vector<ShootingWindow>& windows
   return out;
 }
 
-double total(const std::vector<double>& parts) {
-  double sum = 0.0;
-  for (const double c : parts) sum += c;
-  return sum;
+/// What a set of windows costs: first those whose simulation blows up, whatever the others gain.
+struct Cost {
+  long blown_up = 0;
+  double sum = 0.0;  ///< of the others
+
+  bool operator<(const Cost& other) const {
+    return blown_up < other.blown_up || (blown_up == other.blown_up && sum < other.sum);
+  }
+};
+
+Cost total(const std::vector<double>& parts) {
+  Cost out;
+  for (const double c : parts) {
+    if (std::isfinite(c))
+      out.sum += c;
+    else
+      ++out.blown_up;
+  }
+  return out;
 }
 
 class TrajectoryFitter {
@@ -191,7 +206,7 @@ class TrajectoryFitter {
     std::vector<VecX<double>> states;
     for (const ShootingWindow& w : windows) states.push_back(w.state);
     std::vector<double> parts = costs(windows, fit_.x, states);
-    double now = total(parts);
+    Cost now = total(parts);
     fit_.converged = false;
     fit_.termination = "iteration limit";
     int rounds = 0;
@@ -218,7 +233,7 @@ class TrajectoryFitter {
       set_covariance(reduced);
 
       bool accepted = false;
-      double gained = 0.0;
+      double gained = 0.0;                  // infinite: a window that blew up does no more
       const int attempts = f == 0 ? 1 : 8;  // damping holds parameters alone
       for (int attempt = 0; attempt < attempts && !accepted; ++attempt) {
         const VecX<double> x_new = step(d, damping);
@@ -233,9 +248,9 @@ class TrajectoryFitter {
           next[i] += reduced[i].R_state.fullPivLu().solve(rhs);
         }
         const std::vector<double> tried = costs(windows, x_new, states, next, parts);
-        const double after = total(tried);
+        const Cost after = total(tried);
         if (after < now) {
-          gained = now - after;
+          gained = after.blown_up < now.blown_up ? kInfinity : now.sum - after.sum;
           now = after;
           if (f == 0)
             for (std::size_t i = 0; i < windows.size(); ++i)
@@ -251,19 +266,19 @@ class TrajectoryFitter {
         }
       }
       ++fit_.iterations;
-      fit_.objective = now;
-      if (progress_ && !progress_("simulating", fit_.iterations, now)) {
+      fit_.objective = now.sum;
+      if (progress_ && !progress_("simulating", fit_.iterations, now.sum)) {
         fit_.interrupted = true;
         fit_.termination = "interrupted";
         return;
       }
-      if (!accepted || gained < options_.tolerance * now) {
+      if (!accepted || gained < options_.tolerance * now.sum) {
         // Converged for this noise; weigh the joints anew, twice at most.
         const VecX<double> before = fit_.sigma;
         update_sigma(windows);
         const double change = (fit_.sigma.cwiseQuotient(before).array() - 1.0).abs().maxCoeff();
         if (change < 0.01 || ++rounds > 3) {
-          fit_.converged = true;
+          fit_.converged = now.blown_up == 0;
           fit_.termination = accepted ? "gain below tolerance" : "no lower point along the step";
           break;
         }
@@ -273,6 +288,9 @@ class TrajectoryFitter {
         done.assign(windows.size(), 0);
       }
     }
+    if (now.blown_up > 0)
+      fit_.termination += "; the simulation of " + std::to_string(now.blown_up) + " of " +
+                          std::to_string(windows.size()) + " windows blows up";
   }
 
   /// (H + Λ)⁻¹ Σ_w g_w g_wᵀ (H + Λ)⁻¹ plus the prior's part: the rows of a window are far from

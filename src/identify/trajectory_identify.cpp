@@ -11,6 +11,7 @@
 #include <diffnea/identify/trajectory_fit.hpp>
 
 #include "identify/passes.hpp"
+#include "identify/whole_runs.hpp"
 
 namespace diffnea {
 namespace {
@@ -24,16 +25,34 @@ std::vector<bool> passive_joints(const Recording& recording) {
   return out;
 }
 
+/// @param first_run  number of the source's first recording
+/// @param notes      of recordings that are left out, added to
+/// @throws DataError if no recording holds a window
 std::vector<ShootingWindow> windows_of(const RecordingSource& source,
-                                       const IdentifyOptions& options) {
+                                       const IdentifyOptions& options, int first_run,
+                                       std::vector<std::string>& notes) {
   std::vector<ShootingWindow> out;
-  source.for_each([&](const Recording& r) {
-    for (ShootingWindow& w : make_windows(r, options.trajectory.window,
-                                          options.preprocess.filter_hz, passive_joints(r)))
-      out.push_back(std::move(w));
-    return true;
-  });
+  std::vector<std::string> without;
+  const auto cut = [&](const Recording& r) {
+    try {
+      for (ShootingWindow& w : make_windows(r, options.trajectory.window,
+                                            options.preprocess.filter_hz, passive_joints(r))) {
+        w.run = first_run + r.run;
+        out.push_back(std::move(w));
+      }
+    } catch (const DataError& error) {  // one brief recording of many is no reason to stop
+      without.emplace_back(error.what());
+    }
+  };
+  for_each_run(source, [](const Recording&) { return true; }, cut);
+  if (out.empty() && !without.empty()) throw DataError(without.front());
+  for (const std::string& why : without) notes.push_back("left out: " + why);
   return out;
+}
+
+std::vector<ShootingWindow> as_measured(std::vector<ShootingWindow> windows) {
+  for (ShootingWindow& w : windows) w.state = w.measured_state;
+  return windows;
 }
 
 /// The output-error loss, from data to numbers.
@@ -80,7 +99,10 @@ class TrajectoryIdentification {
             "identify: the trajectory loss does not fit torque gains; fit torque_gain with the "
             "inverse loss first, then hold it (--fix \"*torque_gain*\")");
     result_.plan = plan_preprocess(train_.sample(), options_.preprocess);
-    windows_ = windows_of(train_, options_);
+    windows_ = windows_of(train_, options_, 0, result_.notes);
+    if (test_)
+      held_out_ =
+          windows_of(*test_, options_, static_cast<int>(train_.runs().size()), result_.notes);
     result_.data_report = train_.report();
     VecX<double> shape(static_cast<long>(layout_.shape.size()));
     for (std::size_t s = 0; s < layout_.shape.size(); ++s)
@@ -140,7 +162,7 @@ class TrajectoryIdentification {
     result_.physically_consistent = true;
 
     // Errors: every window from its own estimated initial state, before and after alike.
-    std::vector<ShootingWindow> nominal = windows_of(train_, options_);
+    std::vector<ShootingWindow> nominal = as_measured(windows_);
     fit_states(layout_.prior(), nominal);
     const SteppingOptions& stepping = options_.trajectory.stepping;
     const WindowErrors fitted = window_errors(result_.model, windows_, false, stepping);
@@ -149,13 +171,13 @@ class TrajectoryIdentification {
     VecX<double> test = VecX<double>::Constant(layout_.num_dofs, kNaN), nominal_test = test,
                  raw = test;
     if (test_) {
-      std::vector<ShootingWindow> held_out = windows_of(*test_, options_), old = held_out;
-      raw = window_errors(result_.model, held_out, true, stepping).rmse();
-      fit_states(fit_.x, held_out);
-      test = window_errors(result_.model, held_out, false, stepping).rmse();
+      std::vector<ShootingWindow> old = held_out_;
+      raw = window_errors(result_.model, held_out_, true, stepping).rmse();
+      fit_states(fit_.x, held_out_);
+      test = window_errors(result_.model, held_out_, false, stepping).rmse();
       fit_states(layout_.prior(), old);
       nominal_test = window_errors(model_, old, false, stepping).rmse();
-      result_.test_series = series(held_out, old);
+      result_.test_series = series(held_out_, old);
     }
     result_.train_series = series(windows_, nominal);
     for (int j = 0; j < layout_.num_dofs; ++j) {
@@ -234,7 +256,7 @@ class TrajectoryIdentification {
   IdentifyResult result_;
   FitLayout layout_;
   VecX<double> scale_, start_, shape_;
-  std::vector<ShootingWindow> windows_;
+  std::vector<ShootingWindow> windows_, held_out_;
   TrajectoryFit fit_;
 };
 

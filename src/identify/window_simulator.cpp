@@ -20,9 +20,7 @@ VecX<double> shapes(const FitLayout& layout) {
 WindowSimulator::WindowSimulator(const Model& model, const FitLayout& layout, const VecX<double>& x,
                                  const std::vector<int>& free, const std::vector<int>& runs,
                                  const TrajectoryOptions& options)
-    : layout_(layout),
-      free_(free),
-      options_(options),
+    : options_(options),
       dynamics_(extend(apply_fit(model, layout, x, shapes(layout)), runs)),
       geometry_(dynamics_.model().tree),
       n_(layout.num_dofs),

@@ -13,7 +13,7 @@ namespace diffnea {
 /// The model at given parameters, with sensitivities to (initial state | free parameters).
 class WindowSimulator {
  public:
-  /// @param layout, free, options  outlive this; `free`: its linear columns that are estimated
+  /// @param free  linear columns of the layout that are estimated
   /// @param x     (linear columns)
   /// @param runs  of the recordings, sorted
   WindowSimulator(const Model& model, const FitLayout& layout, const VecX<double>& x,
@@ -35,8 +35,6 @@ class WindowSimulator {
   /// C = ∂τ/∂x at q̈, at the links (armature and friction over 1 + ε): ∂q̈/∂x = −M⁻¹ C.
   void columns(int run, const VecX<double>& z, const VecX<double>& qdd);
 
-  const FitLayout& layout_;
-  const std::vector<int>& free_;
   const TrajectoryOptions& options_;
   ForwardDynamics dynamics_;
   Tree<double> geometry_;

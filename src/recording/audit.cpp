@@ -122,8 +122,9 @@ void filter_channels(AuditContext& c) {
     double finite = 0.0, rows = 0.0;
     for (const Recording& r : c.recordings) {
       const RowMatX<double>& m = r.*member;
+      if (m.size() == 0) continue;
       rows += static_cast<double>(r.rows());
-      if (m.size() > 0) finite += static_cast<double>(m.col(j).array().isFinite().count());
+      finite += static_cast<double>(m.col(j).array().isFinite().count());
     }
     return rows > 0.0 && finite > kMeasuredShare * rows;
   };
@@ -188,8 +189,8 @@ void filter_channels(AuditContext& c) {
       s.q = p.q.block(from, 0, to - from, n);
       s.qd = p.qd.block(from, 0, to - from, n);
       s.qdd = p.qdd.block(from, 0, to - from, n);
-      s.measured_qd.setZero(to - from, n);
-      s.measured_qdd.setZero(to - from, n);
+      if (r.qd.size() > 0) s.measured_qd.setZero(to - from, n);
+      if (r.qdd.size() > 0) s.measured_qdd.setZero(to - from, n);
       s.tau.setZero(to - from, n);
       long at = n;
       for (int j = 0; j < n; ++j)

@@ -15,9 +15,10 @@ namespace diffnea::detail {
 /// compared: one entry per recording and stretch without a gap.
 struct FilteredStretch {
   std::size_t recording = 0;
-  VecX<double> time;                               ///< (N) [s]
-  RowMatX<double> q, qd, qdd;                      ///< (N, n) from positions
-  RowMatX<double> measured_qd, measured_qdd, tau;  ///< (N, n); a channel that is not there: 0
+  VecX<double> time;                          ///< (N) [s]
+  RowMatX<double> q, qd, qdd;                 ///< (N, n) from positions
+  RowMatX<double> tau;                        ///< (N, n); a channel that is not there: 0
+  RowMatX<double> measured_qd, measured_qdd;  ///< likewise; empty if the recording has none
 };
 
 struct AuditContext {

@@ -147,15 +147,22 @@ struct Kind {
 };
 
 struct Checker {
+  Checker(AuditContext& context, const Kind& what, const std::vector<bool>& channels)
+      : c(context), kind(what), has(channels) {
+    for (const FilteredStretch& s : c.stretches)
+      if ((s.*kind.measured).size() > 0) stretches.push_back(&s);
+  }
+
   AuditContext& c;
   const Kind& kind;
   const std::vector<bool>& has;
+  std::vector<const FilteredStretch*> stretches;  ///< of the recordings that have the channel
 
   double rms(RowMatX<double> FilteredStretch::* member, int j) const {
     double sum = 0.0, count = 0.0;
-    for (const FilteredStretch& s : c.stretches) {
-      sum += (s.*member).col(j).squaredNorm();
-      count += static_cast<double>((s.*member).rows());
+    for (const FilteredStretch* s : stretches) {
+      sum += (s->*member).col(j).squaredNorm();
+      count += static_cast<double>((s->*member).rows());
     }
     return std::sqrt(sum / std::max(1.0, count));
   }
@@ -166,17 +173,17 @@ struct Checker {
   }
   bool moves(int j) const {
     double low = std::numeric_limits<double>::infinity(), high = -low;
-    for (const FilteredStretch& s : c.stretches) {
-      low = std::min(low, s.q.col(j).minCoeff());
-      high = std::max(high, s.q.col(j).maxCoeff());
+    for (const FilteredStretch* s : stretches) {
+      low = std::min(low, s->q.col(j).minCoeff());
+      high = std::max(high, s->q.col(j).maxCoeff());
     }
     return high - low > 1e-3 && rms(kind.reference, j) > 5.0 * noise(j);
   }
 
   double correlation(int measured, int joint) const {
     double sum = 0.0, xx = 0.0, yy = 0.0;
-    for (const FilteredStretch& s : c.stretches) {
-      const auto x = (s.*kind.reference).col(joint), y = (s.*kind.measured).col(measured);
+    for (const FilteredStretch* s : stretches) {
+      const auto x = (s->*kind.reference).col(joint), y = (s->*kind.measured).col(measured);
       sum += x.dot(y);
       xx += x.squaredNorm();
       yy += y.squaredNorm();
@@ -230,17 +237,17 @@ struct Checker {
     Pair pair;
     pair.dt = c.plan->dt;
     int block = 0;
-    for (const FilteredStretch& s : c.stretches) {
-      if (s.time.size() < 8) continue;
-      pair.reference.emplace_back((s.*kind.reference).col(j));
-      pair.measured.emplace_back((s.*kind.measured).col(j));
+    for (const FilteredStretch* s : stretches) {
+      if (s->time.size() < 8) continue;
+      pair.reference.emplace_back((s->*kind.reference).col(j));
+      pair.measured.emplace_back((s->*kind.measured).col(j));
       const double seconds =
-          std::max(kBlockSeconds, static_cast<double>(s.time.size()) * c.plan->dt / 200.0);
-      for (long i = 0; i < s.time.size(); ++i)
+          std::max(kBlockSeconds, static_cast<double>(s->time.size()) * c.plan->dt / 200.0);
+      for (long i = 0; i < s->time.size(); ++i)
         pair.block.push_back(block +
                              static_cast<int>(static_cast<double>(i) * c.plan->dt / seconds));
       block = pair.block.back() + 1;
-      pair.rows += s.time.size();
+      pair.rows += s->time.size();
     }
     if (block < 4) return;
     const LagFit delay = fit_lag(pair, &delayed, 0.0);
@@ -340,8 +347,10 @@ struct Checker {
       c.check(name, false, format("there is no column %s<joint>", kind.channel));
       return;
     }
-    if (c.stretches.empty()) {
-      c.check(name, false, c.unfiltered_reason);
+    if (stretches.empty()) {
+      c.check(name, false,
+              c.stretches.empty() ? c.unfiltered_reason
+                                  : "no stretch of a recording that has it can be filtered");
       return;
     }
     int compared = 0;

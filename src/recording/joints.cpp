@@ -35,9 +35,11 @@ void match_joints(const std::vector<JointDescription>& joints, std::vector<Recor
     for (std::size_t j = 0; j < joints.size(); ++j) {
       has_tau[j] = r.has_tau[from[j]] && !joints[j].passive;
       if (!joints[j].passive) continue;
-      r.tau.col(static_cast<long>(j)).setZero();
-      if (std::ranges::find(r.info.passive, joints[j].name) == r.info.passive.end())
-        r.info.passive.push_back(joints[j].name);
+      auto tau = r.tau.col(static_cast<long>(j));
+      const bool said = std::ranges::find(r.info.passive, joints[j].name) != r.info.passive.end();
+      // What is known already stays: a ball's pull, say, that was taken out of it.
+      if (r.has_tau[from[j]] || !said || !tau.allFinite()) tau.setZero();
+      if (!said) r.info.passive.push_back(joints[j].name);
     }
     r.has_tau = has_tau;
     r.joint_names = wanted;

@@ -39,6 +39,9 @@ bool LineSource::next(std::string_view& line) {
     begin_ = 0;
     const std::size_t got =
         std::fread(buffer_.data() + end_, 1, buffer_.size() - end_, file_.get());
+    if (std::ferror(file_.get()) != 0)
+      throw FileError(name_ + ": reading fails after line " + std::to_string(number_) +
+                      "; expected a file whose medium can be read to its end");
     end_ += got;
     at_end_ = got == 0;
   }

@@ -25,15 +25,20 @@ constexpr long kPlanRows = 400'000;
 /// No drive is sampled faster; a pause of milliseconds would be a gap of millions of rows [s].
 constexpr double kShortestPeriod = 1e-6;
 
+// Bands of torques and regressor, in shares of the output rate as in DecimatorOptions, or of the
+// cut-off where lower.
+constexpr double kPass = 0.35, kStop = 0.65, kPassOfCutoff = 0.5, kStopOfCutoff = 0.95;
+/// The difference stencils are true up to this share of the rate.
+constexpr double kTrueTo = 0.25;
+
 /// The grid's period: mean of the intervals within half of their median, which is the median to the
 /// accuracy that time was written with, and its true value where it was rounded.
-double choose_period(const std::vector<Recording>& recordings, const PreprocessOptions& options,
+double choose_period(const std::vector<Recording>& recordings, bool measured_velocity,
                      double& jitter) {
   std::vector<double> steps;
   for (const Recording& r : recordings)
     for (long i = 1; i < r.rows() && static_cast<long>(steps.size()) < kPlanRows; ++i)
-      if (!detail::is_gap(r, i, options.measured_velocity) &&
-          !detail::is_gap(r, i - 1, options.measured_velocity))
+      if (!detail::is_gap(r, i, measured_velocity) && !detail::is_gap(r, i - 1, measured_velocity))
         steps.push_back(r.time[i] - r.time[i - 1]);
   if (steps.empty())
     throw DataError((recordings.empty() ? std::string("preprocess") : recordings.front().source) +
@@ -49,6 +54,11 @@ double choose_period(const std::vector<Recording>& recordings, const PreprocessO
   const double mean = sum / count;
   // A mean far off the median is no rounding: two rates, or many rows left out.
   const double dt = std::abs(mean - middle) < 0.1 * middle ? mean : middle;
+  if (!(dt >= kShortestPeriod))
+    throw DataError(recordings.front().source + ": rows follow each other every " +
+                    detail::number_text(dt, 6) + " s, expected " +
+                    detail::number_text(kShortestPeriod, 6) +
+                    " s or more: is the unit of `time` right?");
   jitter = static_cast<double>(std::ranges::count_if(
                steps, [&](double s) { return std::abs(s - dt) > 0.02 * dt; })) /
            static_cast<double>(steps.size());
@@ -178,36 +188,43 @@ void require_enough(const std::string& where, double longest, double filter_hz,
                     "motion of `diffnea excite`");
 }
 
-}  // namespace
+/// Of the recordings [s].
+double longest_of(const std::vector<Recording>& recordings) {
+  double out = 0.0;
+  for (const Recording& r : recordings)
+    if (r.rows() > 1) out = std::max(out, r.time[r.rows() - 1] - r.time[0]);
+  return out;
+}
 
-PreprocessPlan plan_preprocess(const std::vector<Recording>& recordings,
-                               const PreprocessOptions& options) {
+/// One kind of recordings, with something to differentiate.
+void require_alike(const std::vector<Recording>& recordings, bool measured_velocity) {
   if (recordings.empty()) throw DataError("preprocess: got no recording, expected one or more");
   const std::vector<std::string>& names = recordings.front().joint_names;
   for (const Recording& r : recordings) {
     if (r.joint_names != names)
       throw DataError(r.source + ": the joints are not those of " + recordings.front().source +
                       ": " + detail::join(r.joint_names) + "; " + detail::join(names));
-    if (options.measured_velocity && r.qd.size() == 0)
+    if (measured_velocity && r.qd.size() == 0)
       throw DataError(r.source +
                       ": measured velocities were asked for, but there is no column qd_<joint>");
   }
   if (names.empty())
     throw DataError(recordings.front().source +
                     ": there is no joint, so there is nothing to differentiate");
+}
 
+}  // namespace
+
+PreprocessPlan plan_preprocess(const std::vector<Recording>& recordings,
+                               const PreprocessOptions& options) {
+  require_alike(recordings, options.measured_velocity);
   PreprocessPlan plan;
   plan.order = options.order;
   plan.min_segment = options.min_segment;
   plan.measured_velocity = options.measured_velocity;
-  plan.dt = choose_period(recordings, options, plan.timing_jitter);
-  if (!(plan.dt >= kShortestPeriod))
-    throw DataError(recordings.front().source + ": rows follow each other every " +
-                    detail::number_text(plan.dt, 6) + " s, expected " +
-                    detail::number_text(kShortestPeriod, 6) +
-                    " s or more: is the unit of `time` right?");
+  plan.dt = choose_period(recordings, options.measured_velocity, plan.timing_jitter);
   const double rate = 1.0 / plan.dt;
-  const std::size_t n = names.size();
+  const std::size_t n = recordings.front().joint_names.size();
 
   // Until the cut-off is known: a pause of 20 ms is short against the motion of a robot.
   plan.max_gap = std::max(5.0, 0.02 / plan.dt);
@@ -228,18 +245,14 @@ PreprocessPlan plan_preprocess(const std::vector<Recording>& recordings,
                              0.5 * rate)
                  : kNaN);
   }
-  // The difference stencils are true up to a quarter of the rate.
   plan.filter_hz = options.filter_hz > 0.0 ? options.filter_hz
-                   : cutoff > 0.0          ? std::clamp(cutoff, 1e-3 * rate, 0.25 * rate)
+                   : cutoff > 0.0          ? std::clamp(cutoff, 1e-3 * rate, kTrueTo * rate)
                                            : 0.1 * rate;
   if (!(options.filter_hz >= 0.0 && options.decimate_to_hz >= 0.0))
     throw DataError("preprocess: filter_hz is " + std::to_string(options.filter_hz) +
                     ", decimate_to_hz " + std::to_string(options.decimate_to_hz) +
                     "; expected 0 (chosen from the data) or above");
-  double longest = 0.0;
-  for (const Recording& r : recordings)
-    if (r.rows() > 1) longest = std::max(longest, r.time[r.rows() - 1] - r.time[0]);
-  require_enough(recordings.front().source, longest, plan.filter_hz, options);
+  require_enough(recordings.front().source, longest_of(recordings), plan.filter_hz, options);
   if (plan.filter_hz >= 0.5 * rate)
     throw DataError(recordings.front().source + ": filter_hz is " + std::to_string(plan.filter_hz) +
                     " Hz, expected below half of the sampling rate, " + std::to_string(0.5 * rate) +
@@ -251,18 +264,37 @@ PreprocessPlan plan_preprocess(const std::vector<Recording>& recordings,
 
   // Torques and regressor pass as far as the filter of the positions is flat (Butterworth twice: 4
   // % at two thirds of the cut-off). Above, torque noise meets no motion, and noise of q̈ would bias
-  // inertias (errors in variables). Bands in shares of the output rate as in DecimatorOptions, or
-  // of the cut-off where lower.
-  constexpr double kUsualRate = 50.0, kPass = 0.35, kStop = 0.65;
+  // inertias (errors in variables).
+  constexpr double kUsualRate = 50.0;
   const double wanted = options.decimate_to_hz > 0.0
                             ? options.decimate_to_hz
                             : std::min(std::max(kUsualRate, busy / kPass), 2.0 * plan.filter_hz);
   plan.decimator.rate_hz = rate;
   plan.decimator.factor = std::max(1, static_cast<int>(std::lround(rate / wanted)));
   const double output = rate / plan.decimator.factor;
-  plan.decimator.pass_hz = std::min(kPass * output, 0.5 * plan.filter_hz);
-  plan.decimator.stop_hz = std::min({kStop * output, 0.95 * plan.filter_hz, 0.5 * rate});
+  plan.decimator.pass_hz = std::min(kPass * output, kPassOfCutoff * plan.filter_hz);
+  plan.decimator.stop_hz = std::min({kStop * output, kStopOfCutoff * plan.filter_hz, 0.5 * rate});
   return plan;
+}
+
+PreprocessPlan plan_like(const PreprocessPlan& plan, const std::vector<Recording>& recordings) {
+  require_alike(recordings, plan.measured_velocity);
+  PreprocessPlan out = plan;
+  out.dt = choose_period(recordings, plan.measured_velocity, out.timing_jitter);
+  const double rate = 1.0 / out.dt;
+  // Positions may be smoothed more, as long as that is flat over the band of the torques.
+  out.filter_hz = std::min(plan.filter_hz, std::max(kTrueTo, plan.filter_hz * plan.dt) * rate);
+  require_enough(recordings.front().source, longest_of(recordings), out.filter_hz, {});
+  out.max_gap = std::max(5.0, plan.max_gap * plan.dt / out.dt);
+  const double wanted = 1.0 / (plan.dt * plan.decimator.factor);
+  out.decimator.rate_hz = rate;
+  out.decimator.factor = std::max(1, static_cast<int>(std::lround(rate / wanted)));
+  const double output = rate / out.decimator.factor;
+  out.decimator.pass_hz =
+      std::min({plan.decimator.pass_hz, kPass * output, kPassOfCutoff * out.filter_hz});
+  out.decimator.stop_hz =
+      std::min({plan.decimator.stop_hz, kStop * output, kStopOfCutoff * out.filter_hz, 0.5 * rate});
+  return out;
 }
 
 }  // namespace diffnea

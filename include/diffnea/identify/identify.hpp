@@ -9,8 +9,8 @@
 ///
 /// Inverse loss (paper, eq. 3): torques are linear in the inertial and most effect parameters. One
 /// pass over the data factors [Y τ]; the consistent optimum follows from the factor alone and is
-/// global. Robust losses and shape parameters (v₀, Stribeck velocity …) take one more pass for each
-/// re-weighting or step.
+/// global. Robust losses, shape parameters (v₀, Stribeck velocity …) and friction by the
+/// transmitted torque take one more pass for each re-weighting or step.
 
 #include <diffnea/identify/ball_options.hpp>
 #include <diffnea/identify/ball_series.hpp>
@@ -43,7 +43,9 @@ struct IdentifyOptions {
   LinearFitOptions linear;        ///< of the inverse and the forward loss
   TrajectoryOptions trajectory;   ///< of the trajectory loss
   BallFitOptions ball;            ///< where the model and the recordings have one
-  int max_passes = 25;            ///< over the data, of robust losses and shape parameters
+  /// Over the data, of robust losses, of shape parameters and of effects that hang on the torque of
+  /// the links; robust weights get five in any case. A fit that would need more has not converged.
+  int max_passes = 25;
   double shape_tolerance = 1e-3;  ///< stop when no ln η, nor η in its unit, moves by more
   /// Called with every block that is read and every step; returns false: stop. May be empty.
   std::function<bool(const FitProgress&)> progress;
@@ -65,7 +67,7 @@ struct ParameterEstimate {
 /// Root mean square of one joint's torque error, four times over [N·m] or [N]; of joint `ball`: of
 /// its position along one axis [m], with torque_rms of the position about its mean. Trajectory
 /// loss: of the joint's position [rad] or [m], without torque_rms. All NaN: its torque is not
-/// known.
+/// known. Those of the held-out set NaN: it holds no row that counts (a note says why).
 struct JointError {
   std::string joint;           ///< its name, or `ball`
   std::string unit;            ///< "N*m", "N"; trajectory loss: "rad", "m"; of `ball`: "m"

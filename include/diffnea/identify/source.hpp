@@ -15,6 +15,12 @@ namespace diffnea {
 struct RunDescription {
   std::string source;  ///< file and run, for messages
   RecordingInfo info;  ///< what its columns cannot hold
+  /// What tells it from others, whichever file holds it: 16 hexadecimal digits (FNV-1a) of the
+  /// times and positions of its first 1000 rows. Torques and the ball do not count: what is taken
+  /// out of them makes no other recording.
+  std::string motion;
+  /// Likewise of all its rows: positions, torques, the ball's positions.
+  std::string rows;
 };
 
 /// A stream of recordings whose joints are in the model's order and whose runs are numbered 0, 1, 2
@@ -28,7 +34,7 @@ class RecordingSource {
   virtual std::vector<Recording> sample() const = 0;
   /// 0, 1, 2 …, one a recording.
   virtual std::vector<int> runs() const = 0;
-  /// In order. Files that are streamed are read through.
+  /// In order. Files that are streamed are read through, once.
   virtual std::vector<RunDescription> describe_runs() const = 0;
   /// Some recording says that the robot held a body.
   virtual bool holds_payload() const = 0;

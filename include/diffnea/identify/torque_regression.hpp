@@ -4,6 +4,7 @@
 /// recording.
 
 #include <functional>
+#include <map>
 
 #include <diffnea/dynamics/mass_matrix.hpp>
 #include <diffnea/dynamics/regressor.hpp>
@@ -18,13 +19,16 @@ struct RegressionPoint {
   VecX<double> shape;   ///< (s)
 };
 
-/// Filtered, decimated rows of one joint, for a look at residuals.
+/// Filtered, decimated rows of one joint, for a look at residuals: all that were factored, or whole
+/// stretches of every run where these are more than is kept.
 struct JointRows {
   std::vector<double> time;      ///< (M) [s]
   std::vector<int> run;          ///< (M)
   std::vector<double> velocity;  ///< (M) of the joint [rad/s] or [m/s]
   std::vector<double> values;    ///< (M, columns + 1) by rows, the last column is τ
   long width = 0;                ///< columns + 1
+  double step = 0.0;             ///< between two rows of a stretch [s]
+  std::map<int, long> factored;  ///< of each run, kept or not
 
   /// The rows as a matrix.
   Eigen::Map<const RowMatX<double>> rows() const {
@@ -34,7 +38,8 @@ struct JointRows {
 
 /// What becomes of the rows on their way into the factors.
 struct RegressionOptions {
-  /// Rows kept for residual analysis and plots [bytes in all]; more are factored, not kept.
+  /// Rows kept for residual analysis and plots [bytes in all]. All are factored; where they would
+  /// be more, every second, fourth … stretch of a run is kept, and the beginning.
   long keep_bytes = 48L << 20;
   /// Dry friction at rest can have any size up to its largest, and filters blur its jump at a
   /// reversal: rows of a joint with dry friction are left out of that joint's factor where more
@@ -78,9 +83,14 @@ class TorqueRegression {
     RowMatX<double> block;  // [columns | τ | at rest | q̇]
     double rest_speed = 10.0;
     long emitted = 0, at_rest = 0;
+    long of_run = 0;           // rows of this run so far, those at rest included
+    std::vector<long> number;  // of every kept row within its run
   };
   void fill_row(const Preprocessed& block, long row);
   void flush(int joint, const RowMatX<double>& rows);
+  void keep(int joint, long number, const double* row, double time);
+  bool is_kept(int joint, int run, long number) const;
+  void thin_out();
 
   void enter_run(int run);
   void add_shape_columns(const JointSample<double>& x);
@@ -106,7 +116,7 @@ class TorqueRegression {
   std::vector<Joint> joints_;
   std::vector<JointFactor> factors_;
   std::vector<JointRows> kept_;
-  long kept_bytes_ = 0;
+  long kept_bytes_ = 0, stride_ = 1;  // one in so many stretches is kept
   int segment_ = -1, run_ = -1;
   RegressorWorkspace<double, double> ws_;
   RowMatX<double> full_;  // (n, columns + 1) of one sample, the last column is τ

@@ -35,9 +35,9 @@ struct TrajectoryFit {
   MatX<double>
       covariance;          ///< (p, p) of x: windows as clusters (Liang, Zeger 1986), prior included
   long samples = 0;        ///< positions compared
-  double objective = 0.0;  ///< χ²/2 with sigma
+  double objective = 0.0;  ///< χ²/2 with sigma, of the windows whose simulation does not blow up
   int iterations = 0;      ///< Gauss–Newton steps of all stages
-  bool converged = false;  ///< the last stage did
+  bool converged = false;  ///< the last stage did, and no window blows up
   bool interrupted = false;  ///< the callback said so; x is the best until then
   std::string termination;   ///< why it ended, in words
 };

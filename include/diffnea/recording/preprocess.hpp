@@ -78,10 +78,16 @@ struct Preprocessed {
 };
 
 /// Chooses grid, cut-off and decimation. For a stream, any stretch of it that is long enough to be
-/// typical does. Held-out recordings take the plan of those that were fitted.
+/// typical does. Held-out recordings take the plan of those that were fitted (plan_like).
 /// @throws DataError if the recordings differ in joints, or hold no stretch to differentiate
 PreprocessPlan plan_preprocess(const std::vector<Recording>& recordings,
                                const PreprocessOptions& options = {});
+
+/// The plan of other recordings for these: the same cut-off and bands [Hz], hence the same torque,
+/// on the grid of their own period. What a slower one cannot hold is left out: up to a quarter of
+/// its rate.
+/// @throws DataError if the recordings differ in joints, or hold no stretch to differentiate
+PreprocessPlan plan_like(const PreprocessPlan& plan, const std::vector<Recording>& recordings);
 
 /// One whole recording.
 Preprocessed preprocess(const Recording& recording, const PreprocessPlan& plan);

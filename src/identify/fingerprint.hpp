@@ -1,0 +1,26 @@
+#pragma once
+/// What tells recordings apart, whichever file holds them. Internal to identify/.
+
+#include <cstdint>
+#include <string>
+
+#include <diffnea/recording/recording.hpp>
+
+namespace diffnea {
+
+/// Of one recording that comes block by block; the joints in the model's order.
+class Fingerprint {
+ public:
+  void add(const Recording& block);
+  /// RunDescription::motion.
+  std::string motion() const;
+  /// RunDescription::rows.
+  std::string rows() const;
+
+ private:
+  static constexpr std::uint64_t kStart = 0xcbf29ce484222325;
+  std::uint64_t motion_ = kStart, rows_ = kStart;
+  long taken_ = 0;
+};
+
+}  // namespace diffnea
