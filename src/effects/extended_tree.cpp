@@ -20,13 +20,15 @@ ExtendedTree extend(const Model& model, const std::vector<int>& runs, int run) {
 RowMatX<double> inverse_dynamics(const ExtendedTree& model,
                                  const Eigen::Ref<const RowMatX<double>>& q,
                                  const Eigen::Ref<const RowMatX<double>>& qd,
-                                 const Eigen::Ref<const RowMatX<double>>& qdd, int run) {
+                                 const Eigen::Ref<const RowMatX<double>>& qdd, int run,
+                                 const VecX<double>* time) {
   const int n = model.tree.num_dofs();
   require_size("inverse_dynamics: columns of q", q.cols(), n, "joint");
   for (const auto* m : {&qd, &qdd}) {
     require_size("inverse_dynamics: columns", m->cols(), n, "joint");
     require_size("inverse_dynamics: rows", m->rows(), q.rows(), "row of q");
   }
+  if (time) require_size("inverse_dynamics: time", time->size(), q.rows(), "row of q");
   if (!model.series.empty())
     throw ModelError("inverse_dynamics: the torque of " + model.series.front().info().name +
                      " at '" + model.series.front().where +
@@ -40,6 +42,7 @@ RowMatX<double> inverse_dynamics(const ExtendedTree& model,
     tau.row(k) = links.transpose();
     for (int j = 0; j < n; ++j) links[j] -= model.tree.links[j].armature * qdd(k, j);
     JointSample<double> x;
+    x.time = time ? (*time)[k] : 0.0;
     x.run = run;
     x.q = q.row(k).data();
     x.qd = qd.row(k).data();

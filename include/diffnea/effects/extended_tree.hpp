@@ -25,12 +25,14 @@ ExtendedTree extend(const Model& model, const std::vector<int>& runs = {}, int r
 /// Joint torques with all effects, one row a sample: what the sensors of the drives would read.
 /// @param q, qd, qdd  (N, n) [rad, rad/s, rad/s²] or [m …]
 /// @param run         recording the rows belong to
+/// @param time        (N) since it began [s], for effects that read it; null: 0 in every row
 /// @return (N, n) [N·m] or [N]
 /// @throws ShapeError; ModelError if the model has an effect with memory or of a measurement
 /// channel, which rows without their time do not tell (effects/series.hpp)
 RowMatX<double> inverse_dynamics(const ExtendedTree& model,
                                  const Eigen::Ref<const RowMatX<double>>& q,
                                  const Eigen::Ref<const RowMatX<double>>& qd,
-                                 const Eigen::Ref<const RowMatX<double>>& qdd, int run = 0);
+                                 const Eigen::Ref<const RowMatX<double>>& qdd, int run = 0,
+                                 const VecX<double>* time = nullptr);
 
 }  // namespace diffnea
