@@ -216,11 +216,9 @@ void BandDiagnosis::complete() {
   const VecX<double> x = final_base(case_.base, case_.layout, *case_.search, *case_.train, terms_,
                                     grey_.torque.there, fit);
   if (case_.base == Base::kRefit) {
-    VecX<double> shape(static_cast<long>(case_.layout.shape.size()));
-    for (std::size_t k = 0; k < case_.layout.shape.size(); ++k)
-      shape[static_cast<long>(k)] = case_.layout.shape[k].prior;
-    case_.finding.parameters = parameter_estimates(case_.layout, fit.x, shape, fit.std,
-                                                   fit.identifiable, fit.solver.active_nonnegative);
+    case_.finding.parameters =
+        parameter_estimates(case_.layout, fit.x, shapes_at(case_.layout, x, terms_), fit.std,
+                            fit.identifiable, fit.solver.active_nonnegative);
   }
   case_.reference->set(x, terms_);
   case_.finding.model = case_.reference->extended();
@@ -239,9 +237,10 @@ void BandDiagnosis::simulate(const VecX<double>& x) {
     }
   if (!case_.finding.simulated.reason.empty()) return;
   LinearFit fit;
-  const VecX<double> alone = terms_.empty() ? x
-                                            : final_base(case_.base, case_.layout, *case_.search,
-                                                         *case_.train, {}, {}, fit);
+  const VecX<double> alone = terms_.empty() && grey_.joints.empty()
+                                 ? x
+                                 : final_base(case_.base, case_.layout, *case_.search, *case_.train,
+                                              {}, {}, fit);
   case_.finding.simulated = simulate_held_out(
       base_at(case_.model, case_.layout, alone, {}), case_.finding.model,
       case_.test ? *case_.test_source : case_.train_source, case_.held_out->evidence(),
@@ -254,8 +253,10 @@ void BandDiagnosis::plan_next() {
       std::ranges::all_of(case_.finding.causes, [](const Cause& c) { return c.members.empty(); }))
     return;
   Model reference = case_.finding.model;
-  reference.effects.resize(reference.effects.size() - terms_.size() -
-                           grey_.joints.size());  // the causes come last
+  // The causes come last, but for those that no model can hold.
+  const auto added = std::ranges::count_if(terms_, [](const Term& t) { return !t.effect.own; });
+  reference.effects.resize(reference.effects.size() - static_cast<std::size_t>(added) -
+                           grey_.joints.size());
   try {
     case_.finding.next_experiment =
         next_experiment({case_.model, reference, case_.layout, case_.prior, case_.finding.plan,
