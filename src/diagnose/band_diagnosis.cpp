@@ -8,6 +8,7 @@
 #include <diffnea/core/error.hpp>
 
 #include "diagnose/base.hpp"
+#include "diagnose/chi_square.hpp"
 #include "diagnose/error_series.hpp"
 #include "diagnose/evidence_plots.hpp"
 #include "diagnose/inexact.hpp"
@@ -74,7 +75,10 @@ Finding BandDiagnosis::finish() {
     plan_next();
     add_grey_box();
     case_.finding.plots = evidence_plots(case_.finding);
-    case_.finding.sentence = sentence(case_.finding);
+    case_.finding.sentence = sentence(case_.finding, case_.candidates.empty() ? Tried::kNothing
+                                                     : case_.options.effects.empty()
+                                                         ? Tried::kAll
+                                                         : Tried::kSome);
   }
   return std::move(case_.finding);
 }
@@ -162,10 +166,13 @@ void BandDiagnosis::describe() {
   }
   for (const JointNoise& n : case_.search->whitener().noise()) case_.finding.noise.push_back(n.rms);
   // Is there anything to explain? The best of all candidates, as many times as there were trials.
-  const double best =
-      first_scores_.empty() || first_scores_.front().variant < 0 ? 0.0 : first_scores_.front().gain;
-  case_.finding.lack_of_fit_p = std::min(1.0, static_cast<double>(first_scores_.size()) *
-                                                  std::erfc(std::sqrt(std::max(best, 0.0) / 2.0)));
+  for (const Score& s : first_scores_) {
+    if (s.variant < 0) continue;
+    const auto starts = case_.candidates[static_cast<std::size_t>(s.candidate)].grid.size();
+    case_.finding.lack_of_fit_p =
+        std::min(case_.finding.lack_of_fit_p, static_cast<double>(first_scores_.size() * starts) *
+                                                  chi_square_tail(s.gain, s.parameters));
+  }
   const std::vector<std::string> names = joint_names(case_.model);
   witness_ = find_witnesses(*case_.train, *case_.search, terms_, *case_.held_out, names,
                             case_.options.accept_delta_bic);

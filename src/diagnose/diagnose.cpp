@@ -101,7 +101,7 @@ Finding diagnose(const Model& model, const RecordingSource& train, const Recordi
     finding.simulated.reason = "the joints' measured motion is an input";
   }
   diagnose_ball(balls, held_out, own, base, finding);
-  finding.sentence = sentence(finding);
+  finding.sentence = sentence(finding, options.effects.empty() ? Tried::kAll : Tried::kSome);
   finding.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return finding;
 }

@@ -152,7 +152,7 @@ Finding look(Question& of) {
   of.spent += first.seconds - second.seconds;
   Finding finding = wide.finish();
   finding.notes.push_back("up to " + format_number(first.plan.filter_hz) +
-                          " Hz no effect of the catalogue explained " +
+                          " Hz no effect that was tried explained " +
                           (named_first ? "the whole error" : "the error") + ": looked at up to " +
                           format_number(finding.plan.filter_hz) + " Hz");
   return finding;
