@@ -122,6 +122,7 @@ void prepare(JointCase& c) {
         c.model, c.layout, *c.test_source, c.test_plan, dt * std::round(period / dt), reading,
         c.turns, static_cast<int>(c.train_source.runs().size()), c.train.get());
     require_same_joints(joint_names(c.model), *c.train, *c.test, held.front().source);
+    require_blocks(*c.test, held.front().source);
     c.finding.held_out = "test recording";
   } else {
     split_in_time(*c.train, c.fitted_rows, c.held_rows);
