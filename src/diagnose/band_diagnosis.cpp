@@ -75,10 +75,10 @@ Finding BandDiagnosis::finish() {
     plan_next();
     add_grey_box();
     case_.finding.plots = evidence_plots(case_.finding);
-    case_.finding.sentence = sentence(case_.finding, case_.candidates.empty() ? Tried::kNothing
-                                                     : case_.options.effects.empty()
-                                                         ? Tried::kAll
-                                                         : Tried::kSome);
+    case_.finding.sentence =
+        sentence(case_.finding, case_.candidates.empty()          ? Tried::kNothing
+                                : case_.options.whole_catalogue() ? Tried::kAll
+                                                                  : Tried::kSome);
   }
   return std::move(case_.finding);
 }
@@ -244,10 +244,10 @@ void BandDiagnosis::simulate(const VecX<double>& x) {
     }
   if (!case_.finding.simulated.reason.empty()) return;
   LinearFit fit;
-  const VecX<double> alone = terms_.empty() && grey_.joints.empty()
-                                 ? x
-                                 : final_base(case_.base, case_.layout, *case_.search, *case_.train,
-                                              {}, {}, fit);
+  const VecX<double> alone =
+      terms_.empty() && grey_.joints.empty()
+          ? x
+          : final_base(case_.base, case_.layout, *case_.search, *case_.train, {}, {}, fit);
   case_.finding.simulated = simulate_held_out(
       base_at(case_.model, case_.layout, alone, {}), case_.finding.model,
       case_.test ? *case_.test_source : case_.train_source, case_.held_out->evidence(),

@@ -87,7 +87,8 @@ void prepare(JointCase& c) {
   c.finding.audit = report.faults;
   c.period = sample.front().info.period;
   if (c.period <= 0.0 && !report.periods.empty()) c.period = report.periods.front().seconds;
-  c.candidates = make_candidates(c.model, c.options.effects, c.train_source.runs(), c.link_side);
+  if (c.options.whole_catalogue() || !c.options.effects.empty())
+    c.candidates = make_candidates(c.model, c.options.effects, c.train_source.runs(), c.link_side);
   const RowsPlan rows = plan_rows(c.model, sample, c.period, c.band, c.options.preprocess);
   c.finding.plan = rows.plan;
   c.wider = rows.wider;
