@@ -52,6 +52,11 @@ TEST_CASE("diagnose: fitted recordings know the torques of the same joints", "[d
   for (const auto& [first, second] : {std::pair{-1, kElbow}, {kElbow, kShoulder}})
     CHECK_THROWS_WITH(diagnose(arm(), {swing(1, first), swing(3, second)}, {swing(2)}),
                       ContainsSubstring(expected));
+  Recording silent = swing(3, kShoulder);
+  silent.tau.col(kElbow) = silent.tau.col(kShoulder);
+  silent.has_tau[kElbow] = false;
+  CHECK_THROWS_WITH(diagnose(arm(), {swing(1, kElbow), silent}, {swing(2, kElbow)}),
+                    ContainsSubstring("leave out those that have none"));
 }
 
 TEST_CASE("diagnose: where nothing could be tried, nothing is said of the recording",

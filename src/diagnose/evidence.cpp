@@ -217,8 +217,10 @@ void Evidence::take_states(const std::map<int, StuckRows>& stuck, const VecX<dou
   }
   const MatX<double> decimated = decimate(states);
   if (row != m || decimated.rows() != m)
-    throw Error("diagnose: rows of states and of torques differ (" +
-                std::to_string(decimated.rows()) + ", " + std::to_string(m) + ")");
+    throw DataError("diagnose: torques are known at " + std::to_string(m) + " of " +
+                    std::to_string(decimated.rows()) +
+                    " instants; expected recordings that all have the torques of the same joints: "
+                    "leave out those that have none");
   q_ = decimated.leftCols(n);
   qd_ = decimated.middleCols(n, n);
   qdd_ = decimated.middleCols(2 * n, n);
