@@ -40,6 +40,7 @@ bool came_to_its_end(BandDiagnosis& second, Question& of, Finding& first) {
 /// torque, drowns any smooth effect, but a step of a position has as wide a spectrum. It has to be
 /// the only cause, beside all candidates.
 Finding with_gap_beyond(Question& of, Finding narrow) {
+  if (narrow.interrupted) return narrow;
   DiagnoseOptions gaps = of.options;
   gaps.candidates.clear();
   if (of.options.whole_catalogue()) gaps.effects = {kGap};
