@@ -49,6 +49,11 @@ py::array forward(const Model& model, const py::object& q, const py::object& qd,
     const py::gil_scoped_release release;
     if (effects) {
       ForwardDynamics dynamics(extend(model));
+      for (const BoundEffect& e : dynamics.model().effects)
+        if (reads_time(e))
+          throw ModelError("aba: the torque of " + e.info().name + " at '" + e.where +
+                           "' depends on the time since the run began; expected a model without "
+                           "such effects (`simulate` knows the time)");
       for (long k = 0; k < s.rows(); ++k)
         dynamics.acceleration(s.values[0].row(k).data(), s.values[1].row(k).data(),
                               s.values[2].row(k).data(), /*run=*/0, qdd.row(k).data());

@@ -120,7 +120,7 @@ TEST_CASE("diagnose: limits are tried in one motion alone if the torque is clear
 TEST_CASE("diagnose: gaps are tried down to what the positions' noise hides", "[diagnose]") {
   const test::SwingingEvidence evidence(20.0);
   const double most = 0.1;  // [rad], the catalogue's
-  for (const double noise : {2e-5, 4e-4}) {
+  for (const double noise : {2e-5, 4e-4, 1e-2}) {
     std::vector<Candidate> gaps{candidate(evidence.model, "backlash", "elbow")};
     bound_shapes(*evidence, evidence.layout, noise_of({1.0, noise}), true, gaps);
     REQUIRE(gaps.size() == 1);
@@ -132,6 +132,26 @@ TEST_CASE("diagnose: gaps are tried down to what the positions' noise hides", "[
     for (std::size_t k = 1; k < grid.size(); ++k)  // pulses grow with the gap
       CHECK(grid[k][0] / grid[k - 1][0] < 1.6 * (1.0 + kRounding));
   }
+  std::vector<Candidate> none{candidate(evidence.model, "backlash", "elbow")};
+  const std::vector<Refusal> refused =
+      bound_shapes(*evidence, evidence.layout, noise_of({1.0, 0.6 * most}), true, none);
+  CHECK(none.empty());
+  REQUIRE(refused.size() == 1);
+  CHECK(refused[0].effect == "backlash");
+}
+
+TEST_CASE("diagnose: a tilt leaves a joint without torque what it is", "[diagnose]") {
+  test::SwingingEvidence s(20.0, false, 1, "viscous_friction", [](Recording& r) {
+    r.tau.col(1).setZero();
+    r.has_tau[1] = false;
+    r.info.passive = {"elbow"};
+  });
+  REQUIRE(s->passive(1));
+  REQUIRE(s->has_passive_beside_torques());
+  s.evidence->set_tilt({0.4, 0.0, 0.0}, s.layout.prior());
+  REQUIRE(s->torque().tail(s->times()).norm() > 0.1);  // what the tilt has moved there
+  CHECK(s->passive(1));
+  CHECK_FALSE(s->passive(0));
 }
 
 TEST_CASE("diagnose: friction of an elastic joint is tried on either side at every stiffness",

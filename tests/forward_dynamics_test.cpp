@@ -1,6 +1,8 @@
 /// Forward dynamics with effects: what inverse dynamics, which knows nothing of it, says of the
 /// acceleration, and central differences of its derivatives.
 
+#include <cmath>
+
 #include <catch2/catch_test_macros.hpp>
 #include <catch2/generators/catch_generators.hpp>
 #include <catch2/generators/catch_generators_range.hpp>
@@ -103,4 +105,23 @@ TEST_CASE("forward dynamics: a gain that turns the torque around is refused", "[
   Model model = calibrated();
   model.effects.push_back({"torque_gain", "all", {{"gain_error", -0.9, ""}}});
   CHECK_THROWS_WITH(ForwardDynamics(extend(model)), ContainsSubstring("expected above -1"));
+}
+
+TEST_CASE("inverse dynamics: friction that fades with the time has the time of each row",
+          "[dynamics]") {
+  Model model = calibrated();
+  model.effects.push_back(
+      {"warm_up", "joint1", {{"viscous", 3.0, ""}, {"time_constant", 2.0, ""}}});
+  const State s = draw_state(0);
+  const RowMatX<double> q = s.q.transpose().replicate(2, 1), qd = s.qd.transpose().replicate(2, 1);
+  const RowMatX<double> qdd = RowMatX<double>::Zero(2, kJoints);
+  const VecX<double> time{{0.5, 4.0}};  // [s]
+  const RowMatX<double> cold = inverse_dynamics(extend(calibrated()), q, qd, qdd);
+  const RowMatX<double> fading = inverse_dynamics(extend(model), q, qd, qdd, 0, &time) - cold;
+  for (long k = 0; k < 2; ++k) {  // b e^{−t/T} q̇
+    CHECK(std::abs(fading(k, 0) - 3.0 * std::exp(-time[k] / 2.0) * s.qd[0]) < kInverseTol);
+    CHECK(fading.row(k).tail(kJoints - 1).isZero(kInverseTol));
+  }
+  CHECK_THROWS_WITH(inverse_dynamics(extend(model), q, qd, qdd),
+                    ContainsSubstring("warm_up at 'joint1'") && ContainsSubstring("time"));
 }

@@ -8,6 +8,7 @@
 #include "diagnose/ball_next.hpp"
 #include "diagnose/ball_selection.hpp"
 #include "diagnose/ball_witness.hpp"
+#include "diagnose/chi_square.hpp"
 #include "identify/ball_identify.hpp"
 
 namespace diffnea {
@@ -161,9 +162,11 @@ void judge(const Worth& worth, BallCase& c) {
     const auto n = static_cast<double>(c.search->samples());
     f.lack_of_fit = c.base.cost /
                     std::max(1.0, n - 6.0 * static_cast<double>(c.search->train().windows.size()));
-    const double best = c.first_scores.empty() ? 0.0 : c.first_scores.front().lm;
-    f.lack_of_fit_p = std::min(1.0, static_cast<double>(c.first_scores.size()) *
-                                        std::erfc(std::sqrt(std::max(best, 0.0) / 2.0)));
+    const double together = c.search->correlation(c.base);  // rows that count as one
+    for (const BallScore& s : c.first_scores)
+      f.lack_of_fit_p = std::min(
+          f.lack_of_fit_p, static_cast<double>(c.first_scores.size()) *
+                               chi_square_tail(s.lm / together, static_cast<int>(s.values.size())));
   }
   if (ambiguous && c.go_on() && !f.next_experiment)
     f.next_experiment = ball_next_experiment(c.best, own, c.fit.sigma, c.options.seed);

@@ -34,7 +34,8 @@ bool clean(BallCase& c, const Drop& drop) {
   c.search_on(fitted, held_out);
   const std::vector<EffectSpec> terms = c.best.terms;
   BallSolution base = c.search->solve({}, nullptr);
-  BallSolution best = terms.empty() ? base : c.search->solve(terms, nullptr);
+  BallSolution best =
+      terms.empty() ? base : c.search->solve(terms, &base);  // from their own starts
   if (!c.go_on()) {  // fits that were stopped are no solutions
     c.search = std::move(before);
     return false;

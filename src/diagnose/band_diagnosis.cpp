@@ -8,6 +8,7 @@
 #include <diffnea/core/error.hpp>
 
 #include "diagnose/base.hpp"
+#include "diagnose/chi_square.hpp"
 #include "diagnose/error_series.hpp"
 #include "diagnose/evidence_plots.hpp"
 #include "diagnose/inexact.hpp"
@@ -74,7 +75,10 @@ Finding BandDiagnosis::finish() {
     plan_next();
     add_grey_box();
     case_.finding.plots = evidence_plots(case_.finding);
-    case_.finding.sentence = sentence(case_.finding);
+    case_.finding.sentence =
+        sentence(case_.finding, case_.candidates.empty()          ? Tried::kNothing
+                                : case_.options.whole_catalogue() ? Tried::kAll
+                                                                  : Tried::kSome);
   }
   return std::move(case_.finding);
 }
@@ -162,10 +166,13 @@ void BandDiagnosis::describe() {
   }
   for (const JointNoise& n : case_.search->whitener().noise()) case_.finding.noise.push_back(n.rms);
   // Is there anything to explain? The best of all candidates, as many times as there were trials.
-  const double best =
-      first_scores_.empty() || first_scores_.front().variant < 0 ? 0.0 : first_scores_.front().gain;
-  case_.finding.lack_of_fit_p = std::min(1.0, static_cast<double>(first_scores_.size()) *
-                                                  std::erfc(std::sqrt(std::max(best, 0.0) / 2.0)));
+  for (const Score& s : first_scores_) {
+    if (s.variant < 0) continue;
+    const auto starts = case_.candidates[static_cast<std::size_t>(s.candidate)].grid.size();
+    case_.finding.lack_of_fit_p =
+        std::min(case_.finding.lack_of_fit_p, static_cast<double>(first_scores_.size() * starts) *
+                                                  chi_square_tail(s.gain, s.parameters));
+  }
   const std::vector<std::string> names = joint_names(case_.model);
   witness_ = find_witnesses(*case_.train, *case_.search, terms_, *case_.held_out, names,
                             case_.options.accept_delta_bic);
@@ -216,11 +223,9 @@ void BandDiagnosis::complete() {
   const VecX<double> x = final_base(case_.base, case_.layout, *case_.search, *case_.train, terms_,
                                     grey_.torque.there, fit);
   if (case_.base == Base::kRefit) {
-    VecX<double> shape(static_cast<long>(case_.layout.shape.size()));
-    for (std::size_t k = 0; k < case_.layout.shape.size(); ++k)
-      shape[static_cast<long>(k)] = case_.layout.shape[k].prior;
-    case_.finding.parameters = parameter_estimates(case_.layout, fit.x, shape, fit.std,
-                                                   fit.identifiable, fit.solver.active_nonnegative);
+    case_.finding.parameters =
+        parameter_estimates(case_.layout, fit.x, shapes_at(case_.layout, x, terms_), fit.std,
+                            fit.identifiable, fit.solver.active_nonnegative);
   }
   case_.reference->set(x, terms_);
   case_.finding.model = case_.reference->extended();
@@ -239,9 +244,10 @@ void BandDiagnosis::simulate(const VecX<double>& x) {
     }
   if (!case_.finding.simulated.reason.empty()) return;
   LinearFit fit;
-  const VecX<double> alone = terms_.empty() ? x
-                                            : final_base(case_.base, case_.layout, *case_.search,
-                                                         *case_.train, {}, {}, fit);
+  const VecX<double> alone =
+      terms_.empty() && grey_.joints.empty()
+          ? x
+          : final_base(case_.base, case_.layout, *case_.search, *case_.train, {}, {}, fit);
   case_.finding.simulated = simulate_held_out(
       base_at(case_.model, case_.layout, alone, {}), case_.finding.model,
       case_.test ? *case_.test_source : case_.train_source, case_.held_out->evidence(),
@@ -254,8 +260,10 @@ void BandDiagnosis::plan_next() {
       std::ranges::all_of(case_.finding.causes, [](const Cause& c) { return c.members.empty(); }))
     return;
   Model reference = case_.finding.model;
-  reference.effects.resize(reference.effects.size() - terms_.size() -
-                           grey_.joints.size());  // the causes come last
+  // The causes come last, but for those that no model can hold.
+  const auto added = std::ranges::count_if(terms_, [](const Term& t) { return !t.effect.own; });
+  reference.effects.resize(reference.effects.size() - static_cast<std::size_t>(added) -
+                           grey_.joints.size());
   try {
     case_.finding.next_experiment =
         next_experiment({case_.model, reference, case_.layout, case_.prior, case_.finding.plan,

@@ -9,7 +9,7 @@
 namespace diffnea {
 namespace {
 
-/// Of ln v₀.
+/// Of ln v₀: what is nearer, the base's columns follow where the evidence is.
 constexpr double kFar = 0.1;
 
 /// Factors of the linear parameters alone.
@@ -144,16 +144,14 @@ bool fit_turns(Base base, const Evidence& evidence, FitLayout& layout) {
   for (long c = 0; c < A.rows(); ++c)
     A(c, c) += free[static_cast<std::size_t>(c)] >= p ? 1.0 : 1e-9 * A(c, c) + 1e-300;
   const VecX<double> step = A.ldlt().solve(b).tail(smoothing);
-  bool far = false;
+  VecX<double> moves(smoothing);
+  for (long s = 0; s < smoothing; ++s)
+    moves[s] = std::isfinite(step[s]) ? std::clamp(step[s], -1.0, 1.0) : 0.0;
+  if (!(moves.cwiseAbs().maxCoeff() > kFar)) return false;
   long at = 0;
-  for (FitParameter& shape : layout.shape) {
-    if (!is_smoothing(shape)) continue;
-    const double move = std::isfinite(step[at]) ? std::clamp(step[at], -1.0, 1.0) : 0.0;
-    ++at;
-    shape.prior *= std::exp(move);
-    far = far || std::abs(move) > kFar;
-  }
-  return far;
+  for (FitParameter& shape : layout.shape)
+    if (is_smoothing(shape)) shape.prior *= std::exp(moves[at++]);
+  return true;
 }
 
 VecX<double> final_base(Base base, const FitLayout& layout, const Search& search,

@@ -17,8 +17,9 @@ BasePrior base_prior(Base base, const Model& model, const FitLayout& layout,
 /// @return its name; empty if a torque is known, or one is held
 std::string hold_scale(const Evidence& evidence, FitLayout& layout);
 
-/// Moves how sharply the base's friction turns (the v₀ of `layout`) to where the recording has it.
-/// @return whether that is far: the columns of `evidence` are straight lines about the v₀ before
+/// Moves how sharply the base's friction turns (the v₀ of `layout`) to where the recording has it,
+/// where that is far: the columns of `evidence` are straight lines about the v₀ before.
+/// @return whether it has; `evidence` is then to be read anew
 bool fit_turns(Base base, const Evidence& evidence, FitLayout& layout);
 
 /// The base parameters that go with the causes, physically consistent where all of them may move.

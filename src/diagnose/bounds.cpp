@@ -109,15 +109,16 @@ void bound_presliding(const Evidence& evidence, const std::vector<double>& q_noi
   c.shape_high = {std::max(most, least)};
 }
 
-/// Gaps from those that the positions' noise hides to the largest of the catalogue.
+/// Gaps from those that the positions' noise hides to the largest of the catalogue; none if it
+/// hides them all.
 void bound_backlash(const std::vector<double>& q_noise, Candidate& c) {
   const std::size_t joint = static_cast<std::size_t>(c.effect.joints[0]);
   double least = c.grid.front()[0];
   const double most = c.grid.back()[0];
-  if (joint < q_noise.size() && q_noise[joint] > 0.0)
-    least = std::min(least, kGapNoises * q_noise[joint]);
+  if (joint < q_noise.size() && q_noise[joint] > 0.0) least = kGapNoises * q_noise[joint];
   c.shape_low = {least};
   c.grid.clear();
+  if (!(least < most)) return;
   const int steps = static_cast<int>(std::ceil(std::log(most / least) / std::log(kGapStep)));
   for (int k = 0; k <= steps; ++k)
     c.grid.push_back({least * std::pow(most / least, static_cast<double>(k) / steps)});
@@ -176,7 +177,14 @@ std::vector<Refusal> bound_shapes(const Evidence& evidence, const FitLayout& lay
     }
     if (name == "cogging") bound_cogging(evidence, c);
     if (name == "presliding_dahl") bound_presliding(evidence, q_noise, c);
-    if (name == "backlash") bound_backlash(q_noise, c);
+    if (name == "backlash") {
+      bound_backlash(q_noise, c);
+      if (c.grid.empty())
+        refused.push_back({name, c.effect.where,
+                           "not tried: the positions' noise is too large for any gap that gears "
+                           "have",
+                           0.0});
+    }
     if (name == "stribeck_friction") bound_stribeck(layout, c);
     if (!c.grid.empty()) kept.push_back(std::move(c));
   }

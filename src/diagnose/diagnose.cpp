@@ -79,8 +79,9 @@ Finding diagnose(const Model& model, const RecordingSource& train, const Recordi
   finding.model = model;
   finding.data_report = train.report();
   own.effects = asked_for(options, false);
-  const bool joints = has_torque(train) && (options.effects.empty() || !own.effects.empty() ||
-                                            !options.candidates.empty());
+  own.own_alone = own.own_alone || (!options.effects.empty() && own.effects.empty());
+  const bool joints =
+      has_torque(train) && (!own.own_alone || !own.effects.empty() || !options.candidates.empty());
   if (!joints && !own.effects.empty())
     throw DataError(train.sample().front().source + ": got the effect '" + own.effects.front() +
                     "', which is of joints, and no torque was recorded; expected columns tau_*, or "
@@ -94,14 +95,14 @@ Finding diagnose(const Model& model, const RecordingSource& train, const Recordi
     finding.data_report = train.report();
   }
   own.effects = of_ball;
-  if (finding.interrupted || (!options.effects.empty() && own.effects.empty())) return finding;
+  if (finding.interrupted || (!options.whole_catalogue() && own.effects.empty())) return finding;
   const Base base = options.base == Base::kAuto ? Base::kPrior : options.base;
   if (!joints) {
     finding.base = base == Base::kFixed ? "fixed" : fits_string(model, base) ? "refit" : "prior";
     finding.simulated.reason = "the joints' measured motion is an input";
   }
   diagnose_ball(balls, held_out, own, base, finding);
-  finding.sentence = sentence(finding);
+  finding.sentence = sentence(finding, options.whole_catalogue() ? Tried::kAll : Tried::kSome);
   finding.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return finding;
 }

@@ -51,7 +51,7 @@ Evidence::Evidence(const Model& model, const FitLayout& layout, const RecordingS
                     ": diagnose: no joint moves, no stretch of the recording is long enough for "
                     "the filter, or no joint has a torque; record longer than " +
                     format_number(2.0 * plan.min_segment) + " s");
-  take_rows(measured, layout);
+  take_rows(measured, layout, joint_names(model), source.sample().front().source);
   if (averaged_)
     averaged_base_ = stacked_base(regress(model, held, plan, collector, series_), base_.cols());
   take_motion(layout, plan, collector.positions(), at_turns, fitted);
@@ -94,19 +94,31 @@ TorqueRegression Evidence::regress(const Model& model, const FitLayout& layout,
   return out;
 }
 
-void Evidence::take_rows(const TorqueRegression& measured, const FitLayout& layout) {
+void Evidence::take_rows(const TorqueRegression& measured, const FitLayout& layout,
+                         const std::vector<std::string>& names, const std::string& source) {
   for (std::size_t c = 0; c < layout.linear.size(); ++c)
     if (std::ranges::any_of(layout.shape, [&](const FitParameter& s) {
           return is_smoothing(s) && s.effect == layout.linear[c].effect;
         }))
       dry_columns_.push_back(static_cast<int>(c));
   factors_ = measured.factors();
-  time_ = measured.kept()[static_cast<std::size_t>(joints_[0])].time;
+  const JointRows& first = measured.kept()[static_cast<std::size_t>(joints_[0])];
+  time_ = first.time;
+  for (const int j : joints_)  // row m of each is one instant
+    if (const JointRows& kept = measured.kept()[static_cast<std::size_t>(j)];
+        kept.time != first.time || kept.run != first.run)
+      throw DataError(source + ": diagnose: the torques of " +
+                      names[static_cast<std::size_t>(joints_[0])] + " and " +
+                      names[static_cast<std::size_t>(j)] +
+                      " are not known at the same instants; expected recordings that all have the "
+                      "torques (or `passive`) of the same joints: leave the column out of all of "
+                      "them, or diagnose them one by one");
   const long m = times(), linear = static_cast<long>(layout.linear.size());
   torque_.resize(m * static_cast<long>(joints_.size()));
   for (std::size_t k = 0; k < joints_.size(); ++k) {
     const JointRows& kept = measured.kept()[static_cast<std::size_t>(joints_[k])];
     torque_.segment(static_cast<long>(k) * m, m) = kept.rows().col(kept.width - 1);
+    passive_.push_back(torque_.segment(static_cast<long>(k) * m, m).isZero(0.0));
   }
   base_ = stacked_base(measured, linear + std::ranges::count_if(layout.shape, is_smoothing));
   const VecX<double> of_model = base_.leftCols(linear) * layout.prior();
@@ -205,8 +217,10 @@ void Evidence::take_states(const std::map<int, StuckRows>& stuck, const VecX<dou
   }
   const MatX<double> decimated = decimate(states);
   if (row != m || decimated.rows() != m)
-    throw Error("diagnose: rows of states and of torques differ (" +
-                std::to_string(decimated.rows()) + ", " + std::to_string(m) + ")");
+    throw DataError("diagnose: torques are known at " + std::to_string(m) + " of " +
+                    std::to_string(decimated.rows()) +
+                    " instants; expected recordings that all have the torques of the same joints: "
+                    "leave out those that have none");
   q_ = decimated.leftCols(n);
   qd_ = decimated.middleCols(n, n);
   qdd_ = decimated.middleCols(2 * n, n);
@@ -228,7 +242,7 @@ MatX<double> Evidence::without_scale(long k, const Eigen::Ref<const MatX<double>
 }
 
 bool Evidence::has_passive_beside_torques() const {
-  if (torque_.isZero(0.0)) return false;
+  if (std::ranges::find(passive_, false) == passive_.end()) return false;
   return std::ranges::any_of(factors_, [](const JointFactor& f) { return f.inertia.size() > 0; });
 }
 

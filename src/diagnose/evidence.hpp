@@ -31,7 +31,8 @@ class Evidence {
   /// @param fitted     of a held-out recording, that of the fitted one: turns of the same joints
   /// are
   ///   left out, for a base that has not seen them says nothing of them
-  /// @throws DataError if no row is left
+  /// @throws DataError if no row is left, or a joint's torque is known in some of the recordings
+  ///   alone
   Evidence(const Model& model, const FitLayout& layout, const RecordingSource& source,
            const PreprocessPlan& plan, double period, const IdentifyOptions& options,
            Turns at_turns = Turns::kLeftOut, int first_run = 0, const Evidence* fitted = nullptr);
@@ -54,7 +55,8 @@ class Evidence {
   MatX<double> without_scale(long k, const Eigen::Ref<const MatX<double>>& rows,
                              const VecX<double>& x0) const;
   bool has_passive_beside_torques() const;
-  bool passive(long k) const { return torque_.segment(k * times(), times()).isZero(0.0); }
+  /// Whether the torque of the k-th of joints() is known to be zero.
+  bool passive(long k) const { return passive_[static_cast<std::size_t>(k)]; }
   /// Columns of the layout's linear parameters, then ∂τ/∂ln v₀ of the base's smoothed friction,
   /// then turn_columns() of each: how it turns is not known.
   const MatX<double>& base() const { return base_; }
@@ -135,7 +137,9 @@ class Evidence {
                            const Stretches& collector,
                            const std::vector<JointSeries>& series) const;
   /// Torques, base columns and their instants.
-  void take_rows(const TorqueRegression& measured, const FitLayout& layout);
+  /// @param names  of the degrees of freedom  @param source  of the recordings, for messages
+  void take_rows(const TorqueRegression& measured, const FitLayout& layout,
+                 const std::vector<std::string>& names, const std::string& source);
   /// States of these instants; where joints rest, stick and turn.
   /// @param positions  as logged, a matrix for each stretch
   void take_motion(const FitLayout& layout, const PreprocessPlan& plan,
@@ -171,6 +175,7 @@ class Evidence {
   VecX<double> torque_, shift_;
   MatX<double> tilted_;  ///< what set_tilt() has added to the base's first columns
   std::vector<double> size_, scale_;
+  std::vector<bool> passive_;  ///< as recorded: set_tilt() shifts torque_
   MatX<double> base_, averaged_base_, q_, qd_, qdd_;
   Eigen::Array<bool, Eigen::Dynamic, Eigen::Dynamic> rests_,
       sticks_;  ///< (times(), joints().size())

@@ -76,6 +76,8 @@ ExperimentTrial::ExperimentTrial(const ExperimentContext& c, const Trajectory& m
       projection_(evidence_, whitener_, c.prior),
       seconds_(motion.time[motion.rows() - 1] - motion.time[0]) {
   evidence_.set_reference(c.reference);
+  for (const Candidate& candidate : c.candidates)
+    if (candidate.effect.own) evidence_.evaluate(*candidate.effect.own);
 }
 
 double ExperimentTrial::separation(const CausePair& pair, double duration) {

@@ -3,19 +3,46 @@
 #include <algorithm>
 #include <cmath>
 
+#include <diffnea/core/error.hpp>
 #include <diffnea/core/random.hpp>
+
+#include "identify/passes.hpp"
 
 namespace diffnea {
 namespace {
 
 constexpr int kResamples = 1000;
-constexpr double kBlockSeconds = 1.0;
+/// Of a block: errors hang together for as long as a motion takes. Shorter ones where there would
+/// be fewer than kBlocks.
+constexpr double kBlockSeconds = 1.0, kShortestBlock = 0.5;
+constexpr long kBlocks = 8;
 
 /// Standard errors of an offset that is beyond doubt; of the error's mean square, to be worth a
 /// word.
 constexpr double kDoubtless = 5.0, kWorthAWord = 0.25;
 
+/// Instants of the shortest block: longer than the noise remembers.
+long shortest_block(const Evidence& evidence) {
+  return std::max<long>(std::lround(kShortestBlock / evidence.step()), kNoiseOrder);
+}
+
+long block_of(const Evidence& evidence, long instants) {
+  const long second = std::lround(kBlockSeconds / evidence.step());
+  return std::max(std::min(second, instants / kBlocks), shortest_block(evidence));
+}
+
 }  // namespace
+
+void require_blocks(const Evidence& test, const std::string& source) {
+  const long least =
+      static_cast<long>(kFewestBlocks) * shortest_block(test) + kNoiseOrder;  // whitening takes
+  if (test.times() >= least) return;
+  throw DataError(
+      source + ": diagnose: " + format_number(static_cast<double>(test.times()) * test.step()) +
+      " s of held-out rows, without the ends that the filter needs, cannot tell whether a cause "
+      "helps; expected " +
+      format_number(static_cast<double>(least) * test.step()) + " s or more: record longer");
+}
 
 VecX<double> HeldOut::errors(const Search& search, const std::vector<Term>& terms) const {
   return errors_with(search, terms,
@@ -74,7 +101,14 @@ std::vector<HeldOutOffset> HeldOut::offsets(const VecX<double>& errors) const {
 
 HeldOutChange HeldOut::compare(const VecX<double>& before, const VecX<double>& after) const {
   const long m = evidence_.times();
-  const long block = std::max<long>(std::lround(kBlockSeconds / evidence_.step()), 8);
+  long instants = 0;  // that count
+  for (long i = 0; i < m; ++i) {
+    bool any = false;
+    for (long row = i; row < before.size(); row += m)
+      any = any || before[row] != 0.0 || after[row] != 0.0;
+    instants += any;
+  }
+  const long block = block_of(evidence_, instants);
   std::vector<double> square, removed;  // of each block
   for (long i = 0; i < m;) {
     double s = 0.0, d = 0.0;
@@ -112,6 +146,10 @@ HeldOutChange HeldOut::compare(const VecX<double>& before, const VecX<double>& a
   std::ranges::sort(shares);
   out.low = shares[static_cast<std::size_t>(0.025 * kResamples)];
   out.high = shares[static_cast<std::size_t>(0.975 * kResamples)];
+  if (square.size() < kFewestBlocks) {
+    out.low = std::min(out.low, 0.0);
+    out.high = std::max(out.high, 0.0);
+  }
   return out;
 }
 

@@ -2,6 +2,7 @@
 /// What terms are worth on rows that no fit has seen. Internal to diagnose/.
 
 #include <cstdint>
+#include <string>
 
 #include "diagnose/gain.hpp"
 #include "diagnose/search.hpp"
@@ -11,6 +12,14 @@ namespace diffnea {
 /// Held-out error over the noise. Uneasy: 1.24 at most in 264 recordings that hide nothing. Far
 /// off: no verdict passes over it; 1.37 at most in 207 of 209 recordings whose cause was named.
 inline constexpr double kUneasy = 1.35, kFarOff = 3.0;
+
+/// Of an interval, at least: one of three would be drawn alone in 3.7 % of the draws, and be its
+/// end by itself; one alone would be both ends.
+inline constexpr std::size_t kFewestBlocks = 4;
+
+/// @param test  held-out rows
+/// @throws DataError if they hold fewer blocks than that
+void require_blocks(const Evidence& test, const std::string& source);
 
 /// A joint whose torque is off by a constant on held-out rows.
 struct HeldOutOffset {
@@ -34,7 +43,9 @@ class HeldOut {
   /// Errors in units of noise; 0 in rows that do not count.
   VecX<double> whitened(const Search& search, const VecX<double>& errors) const;
 
-  /// Blocks of consecutive instants are drawn with replacement (Künsch 1989), all joints together.
+  /// Blocks of consecutive instants are drawn with replacement (Künsch 1989), all joints together:
+  /// of a second, or of half a second and more where there are less than eight seconds. Of fewer
+  /// than kFewestBlocks the interval holds 0.
   HeldOutChange compare(const VecX<double>& before, const VecX<double>& after) const;
 
   /// Joints whose error, while they move, has a mean that is beyond doubt and a good part of it.

@@ -24,6 +24,21 @@ bool is_made_of(const Posterior& posterior, const RecordingSource& source) {
   });
 }
 
+/// Held-out rows are stacked by joint, as the fitted ones are.
+void require_same_joints(const std::vector<std::string>& names, const Evidence& train,
+                         const Evidence& test, const std::string& source) {
+  const auto known = [&](const Evidence& e) {
+    std::string out;
+    for (const int j : e.joints())
+      out += (out.empty() ? "" : ", ") + names[static_cast<std::size_t>(j)];
+    return out;
+  };
+  if (train.joints() != test.joints())
+    throw DataError(source + ": the held-out torques are those of " + known(test) +
+                    ", expected those of the fitted recording: " + known(train) +
+                    "; give both the same `tau_` columns and the same `passive` joints");
+}
+
 }  // namespace
 
 IdentifyOptions reading_options(const DiagnoseOptions& options) {
@@ -72,7 +87,8 @@ void prepare(JointCase& c) {
   c.finding.audit = report.faults;
   c.period = sample.front().info.period;
   if (c.period <= 0.0 && !report.periods.empty()) c.period = report.periods.front().seconds;
-  c.candidates = make_candidates(c.model, c.options.effects, c.train_source.runs(), c.link_side);
+  if (c.options.whole_catalogue() || !c.options.effects.empty())
+    c.candidates = make_candidates(c.model, c.options.effects, c.train_source.runs(), c.link_side);
   const RowsPlan rows = plan_rows(c.model, sample, c.period, c.band, c.options.preprocess);
   c.finding.plan = rows.plan;
   c.wider = rows.wider;
@@ -106,6 +122,8 @@ void prepare(JointCase& c) {
     c.test = std::make_unique<Evidence>(
         c.model, c.layout, *c.test_source, c.test_plan, dt * std::round(period / dt), reading,
         c.turns, static_cast<int>(c.train_source.runs().size()), c.train.get());
+    require_same_joints(joint_names(c.model), *c.train, *c.test, held.front().source);
+    require_blocks(*c.test, held.front().source);
     c.finding.held_out = "test recording";
   } else {
     split_in_time(*c.train, c.fitted_rows, c.held_rows);

@@ -40,9 +40,10 @@ bool came_to_its_end(BandDiagnosis& second, Question& of, Finding& first) {
 /// torque, drowns any smooth effect, but a step of a position has as wide a spectrum. It has to be
 /// the only cause, beside all candidates.
 Finding with_gap_beyond(Question& of, Finding narrow) {
+  if (narrow.interrupted) return narrow;
   DiagnoseOptions gaps = of.options;
   gaps.candidates.clear();
-  if (of.options.effects.empty()) gaps.effects = {kGap};
+  if (of.options.whole_catalogue()) gaps.effects = {kGap};
   std::erase_if(gaps.effects, [](const std::string& e) { return !e.starts_with(kGap); });
   if (gaps.effects.empty()) return narrow;
   gaps.grey_box = false;
@@ -140,19 +141,19 @@ Finding look(Question& of) {
   if (named_first && !(first.gain.after > kUneasy)) return narrow.finish();
   // A stiff loop keeps what is fast out of the positions, not out of the torques.
   BandDiagnosis wide(of.model, of.train, of.test, Band::kWide, Turns::kLeftOut, of.options);
-  const bool ended = came_to_its_end(wide, of, first);
+  if (!came_to_its_end(wide, of, first)) return narrow.finish();
   const Finding& second = wide.finding();
   const bool named = second.verdict == Verdict::kNamed || second.verdict == Verdict::kClass;
-  if (nothing && !(ended && named)) return with_gap_beyond(of, narrow.finish());
-  if (named_first && !(ended && named && second.gain.after < kUneasy)) return narrow.finish();
+  if (nothing && !named) return with_gap_beyond(of, narrow.finish());
+  if (named_first && !(named && second.gain.after < kUneasy)) return narrow.finish();
   const bool says_more = second.verdict != Verdict::kUnknown ||
                          (first.witness.empty() && !second.witness.empty()) ||
                          second.gain.explained_share > first.gain.explained_share;
-  if (!ended || !says_more) return narrow.finish();
+  if (!says_more) return narrow.finish();
   of.spent += first.seconds - second.seconds;
   Finding finding = wide.finish();
   finding.notes.push_back("up to " + format_number(first.plan.filter_hz) +
-                          " Hz no effect of the catalogue explained " +
+                          " Hz no effect that was tried explained " +
                           (named_first ? "the whole error" : "the error") + ": looked at up to " +
                           format_number(finding.plan.filter_hz) + " Hz");
   return finding;

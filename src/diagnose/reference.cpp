@@ -51,24 +51,28 @@ VecX<double> within_signs(const FitLayout& layout, const Evidence& evidence,
 
 }  // namespace
 
-Model base_at(const Model& model, const FitLayout& layout, const VecX<double>& x,
-              const std::vector<Term>& terms) {
+VecX<double> shapes_at(const FitLayout& layout, const VecX<double>& x,
+                       const std::vector<Term>& terms) {
   const bool spring = std::ranges::any_of(
       terms, [](const Term& t) { return t.effect.info().name == "joint_elasticity"; });
   const double most = spring ? kMostTurnAtSpring : kMostTurn;
-  const long linear = static_cast<long>(layout.linear.size());
   VecX<double> shape(static_cast<long>(layout.shape.size()));
-  long at = linear;
+  long at = static_cast<long>(layout.linear.size());
   for (std::size_t s = 0; s < layout.shape.size(); ++s) {
     shape[static_cast<long>(s)] = layout.shape[s].prior;
     if (is_smoothing(layout.shape[s]))
       shape[static_cast<long>(s)] *= std::exp(std::clamp(x[at++], -most, most));
   }
-  VecX<double> physical = x.head(linear);
+  return shape;
+}
+
+Model base_at(const Model& model, const FitLayout& layout, const VecX<double>& x,
+              const std::vector<Term>& terms) {
+  VecX<double> physical = x.head(static_cast<long>(layout.linear.size()));
   for (std::size_t k = 0; k < layout.linear.size(); ++k)  // the test's base knows no bounds
     if (layout.linear[k].sign != Sign::kFree && !layout.linear[k].fixed)
       physical[static_cast<long>(k)] = std::max(physical[static_cast<long>(k)], 0.0);
-  return apply_fit(model, layout, physical, shape);
+  return apply_fit(model, layout, physical, shapes_at(layout, x, terms));
 }
 
 double Reference::set(const VecX<double>& x, const std::vector<Term>& terms) {

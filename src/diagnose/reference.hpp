@@ -8,6 +8,9 @@
 
 namespace diffnea {
 
+/// Its shapes at parameters x, that go with these causes, in the order of the layout.
+VecX<double> shapes_at(const FitLayout& layout, const VecX<double>& x,
+                       const std::vector<Term>& terms);
 /// The base model at parameters x, that go with these causes.
 Model base_at(const Model& model, const FitLayout& layout, const VecX<double>& x,
               const std::vector<Term>& terms);

@@ -66,9 +66,9 @@ std::vector<Selection::Offer> Selection::offers(const std::vector<Term>& terms,
   return out;
 }
 
-HeldOutChange Selection::change(const std::vector<Term>& without,
-                                const std::vector<Term>& with) const {
-  const auto errors = [&](const std::vector<Term>& terms) {
+HeldOutChange Selection::change(std::vector<Term> without, std::vector<Term> with) const {
+  const auto errors = [&](std::vector<Term>& terms) {
+    search_.fit(terms);  // without one of them, the others take over what they can
     return held_out_.whitened(search_, held_out_.errors(search_, terms));
   };
   return held_out_.compare(errors(without), errors(with));
@@ -87,7 +87,7 @@ void Selection::renew(std::vector<Term>& terms) {
 
 bool Selection::add_one(std::vector<Term>& terms) {
   for (Offer& offer : offers(terms, kRefined)) {
-    if (offer.delta_bic <= options_.accept) return false;
+    if (offer.delta_bic <= options_.accept) continue;  // a parent that went first; its child may
     if (std::ranges::find(refused_candidates_, offer.term.candidate) != refused_candidates_.end())
       continue;
     std::vector<Term> with = terms;

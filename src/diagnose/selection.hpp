@@ -58,7 +58,8 @@ class Selection {
   bool simplify(std::vector<Term>& terms) const;
   /// Either, if all that is put there stays once the base has been fitted beside it.
   bool put_simpler(std::vector<Term>& terms);
-  HeldOutChange change(const std::vector<Term>& without, const std::vector<Term>& with) const;
+  /// What `with` is worth on held-out data beside `without`, each of them fitted.
+  HeldOutChange change(std::vector<Term> without, std::vector<Term> with) const;
   void add_rivals(const std::vector<Term>& terms, std::size_t which, Cause& cause) const;
 
   Search& search_;

@@ -140,7 +140,9 @@ std::string witness_words(const Finding& f) {
 
 /// Where parts of one recording are held out: effects that explain the others and do not help
 /// there.
-std::string none_words(const Finding& f) {
+std::string none_words(const Finding& f, Tried tried) {
+  const std::string no_effect =
+      tried == Tried::kAll ? "o effect of the catalogue " : "one of the effects that were tried ";
   constexpr std::size_t kListed = 3;
   std::vector<std::string> fit;
   for (const Refusal& r : f.refused)
@@ -148,35 +150,47 @@ std::string none_words(const Finding& f) {
       fit.push_back(placed(r.effect, r.where));
   if (f.held_out != "time blocks" || fit.empty())
     return f.gain.before > kUneasy
-               ? "No effect of the catalogue improves the model beyond its noise, though on "
-                 "held-out data its error is " +
+               ? "N" + no_effect +
+                     "improves the model beyond its noise, though on held-out data its error is " +
                      format_number(f.gain.before) + " times that."
-               : "Nothing is left to explain: no effect of the catalogue improves the model beyond "
-                 "its noise.";
+               : (tried == Tried::kAll ? "Nothing is left to explain: n" : "N") + no_effect +
+                     "improves the model beyond its noise.";
   if (fit.size() > kListed) fit.resize(kListed);
-  return "No effect of the catalogue helps on the parts of the recording that were held out, "
-         "though " +
+  return "N" + no_effect + "helps on the parts of the recording that were held out, though " +
          listed(fit, " and ") +
          " would explain some of the others: give a second recording (--test), which can tell.";
 }
 
+/// Of what could not be tried, and why.
+std::string nothing_words(const Finding& f) {
+  const std::string prefix = "not tried: ";
+  for (const Refusal& r : f.refused)
+    if (r.reason.starts_with(prefix))
+      return "Nothing was tried: " + name(r.effect) + " " + r.reason.substr(prefix.size()) + ".";
+  return "Nothing was tried: the effects that were asked for cannot act on what is recorded here.";
+}
+
 }  // namespace
 
-std::string sentence(const Finding& f) {
+std::string sentence(const Finding& f, Tried tried) {
   if (f.interrupted) {
     Finding rest = f;
     rest.interrupted = false;
-    return "Interrupted before all was tried, rivals among it: " + sentence(rest);
+    return "Interrupted before all was tried, rivals among it: " + sentence(rest, tried);
   }
   switch (f.verdict) {
     case Verdict::kNone:
-      return none_words(f);
+      return none_words(f, tried);
     case Verdict::kNotIdentifiable:
+      if (tried == Tried::kNothing) return nothing_words(f);
       return "This recording cannot show what the model lacks: every candidate is absorbed by the "
              "base parameters or "
              "never excited.";
     case Verdict::kUnknown: {
-      std::string out = "The cause is not in the catalogue: " + witness_words(f);
+      std::string out =
+          (tried == Tried::kAll ? "The cause is not in the catalogue: "
+                                : "The cause is none of the effects that were tried: ") +
+          witness_words(f);
       if (std::ranges::any_of(f.causes, is_named)) {
         out += "; the nearest effects are " + causes_words(f) + ", and they explain " +
                percent(named_share(f)) + " of the held-out error that can be removed";

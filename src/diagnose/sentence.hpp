@@ -5,6 +5,9 @@
 
 namespace diffnea {
 
-std::string sentence(const Finding& finding);
+/// How much of the catalogue a sentence speaks of.
+enum class Tried { kAll, kSome, kNothing };
+
+std::string sentence(const Finding& finding, Tried tried = Tried::kAll);
 
 }  // namespace diffnea

@@ -17,6 +17,15 @@ ExtendedTree extend(const Model& model, const std::vector<int>& runs, int run) {
   return out;
 }
 
+bool reads_time(const BoundEffect& e) {
+  return std::visit(
+      [](const auto& formula) {
+        if constexpr (requires { formula.kReadsTime; }) return formula.kReadsTime;
+        return false;
+      },
+      e.type);
+}
+
 RowMatX<double> inverse_dynamics(const ExtendedTree& model,
                                  const Eigen::Ref<const RowMatX<double>>& q,
                                  const Eigen::Ref<const RowMatX<double>>& qd,
@@ -33,6 +42,11 @@ RowMatX<double> inverse_dynamics(const ExtendedTree& model,
     throw ModelError("inverse_dynamics: the torque of " + model.series.front().info().name +
                      " at '" + model.series.front().where +
                      "' depends on rows before and after; expected a model without such effects");
+  for (const BoundEffect& e : model.effects)
+    if (!time && reads_time(e))
+      throw ModelError("inverse_dynamics: the torque of " + e.info().name + " at '" + e.where +
+                       "' depends on the time since the run began, which is not given; expected "
+                       "the time of each row, or a model without such effects");
   RowMatX<double> tau(q.rows(), n);
   RneaWorkspace<double, double> ws;
   VecX<double> links(n);

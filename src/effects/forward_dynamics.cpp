@@ -127,7 +127,7 @@ void ForwardDynamics::acceleration(const double* q, const double* qd, const doub
 
 void ForwardDynamics::linearise(const double* q, const double* qd, const double* u, int run) {
   for (const BoundEffect& e : model_.effects)
-    if (reads_acceleration(e) || e.info().name == "warm_up" || e.info().port == Port::kLinkForce)
+    if (reads_acceleration(e) || reads_time(e) || e.info().port == Port::kLinkForce)
       throw ModelError(
           "forward dynamics: " + e.info().name + " at '" + e.where +
           "' has no derivatives here, so the trajectory loss cannot have it; the inverse loss "

@@ -73,7 +73,8 @@ VecX<double> load_on_spring(const ExtendedTree& base, const JointSeries& x, int 
   VecX<double> out = x.tau.col(joint);
   for (const BoundEffect& e : base.effects) {
     const double share = 1.0 - motor_share(e.info(), friction_share);
-    if (share == 0.0 || !acts_on(e, joint)) continue;
+    // A force on a link is felt by every joint before it, too.
+    if (share == 0.0 || !(acts_on(e, joint) || e.info().port == Port::kLinkForce)) continue;
     Rows torque = Rows::Zero(x.rows(), x.q.cols());
     add_local(e, base.tree, x, e.parameters.data(), torque);
     out += share * torque.col(joint);

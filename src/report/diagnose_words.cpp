@@ -94,7 +94,7 @@ std::string meaning(Verdict verdict) {
     case Verdict::kClass:
       return "some cause cannot be told from its rivals with this recording";
     case Verdict::kUnknown:
-      return "something is left that no effect of the catalogue explains";
+      return "something is left that no effect that was tried explains";
     case Verdict::kNone:
       return "nothing is left to explain";
     case Verdict::kNotIdentifiable:

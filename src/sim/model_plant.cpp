@@ -191,7 +191,9 @@ void ModelPlant::start(const JointSeries& x, const RowMatX<double>& torque, long
   z_ = VecX<double>::Zero(2 * n_ + 2 * m);
   const RowMatX<double> gain = encoders_.read_velocity(VecX<double>::Ones(n_)).transpose();
   RowMatX<double> q(3, n_), qd(3, n_), qdd(3, n_);
+  VecX<double> time(3);
   for (long k = 0; k < 3; ++k) {
+    time[k] = x.start + static_cast<double>(row - 1 + k) * x.dt;
     q.row(k) = encoders_.truth(x.q.row(row - 1 + k).transpose()).transpose();
     qd.row(k) = x.qd.row(row - 1 + k).cwiseQuotient(gain);
     qdd.row(k) = x.qdd.row(row - 1 + k).cwiseQuotient(gain);
@@ -212,7 +214,8 @@ void ModelPlant::start(const JointSeries& x, const RowMatX<double>& torque, long
     }
   }
   if (m > 0) {
-    const RowMatX<double> load = inverse_dynamics(dynamics_.model(), q, qd, qdd, run_) + on_links;
+    const RowMatX<double> load =
+        inverse_dynamics(dynamics_.model(), q, qd, qdd, run_, &time) + on_links;
     for (int k = 0; k < m; ++k) {
       const Motor& motor = motors_[static_cast<std::size_t>(k)];
       const int j = motor.joint;

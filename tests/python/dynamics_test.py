@@ -194,3 +194,13 @@ def test_other_threads_run_during_a_long_call(arm) -> None:
     worker.join()
     assert calls[0].shape == (200_000, 2, 20)
     assert ticks > 5  # one or two with the lock held: before the call and after it
+
+
+def test_what_fades_with_the_time_needs_more_than_a_state(arm, states) -> None:
+    q, qd, qdd = states
+    fading = {"viscous": 1.0, "time_constant": 3.0}
+    cold = arm.with_effects([diffnea.Effect("warm_up", "elbow", fading)])
+    with pytest.raises(ValueError, match="warm_up at 'elbow' depends on the time"):
+        diffnea.rnea(cold, q=q, qd=qd, qdd=qdd, effects=True)
+    with pytest.raises(ValueError, match="warm_up at 'elbow' depends on the time"):
+        diffnea.aba(cold, q=q, qd=qd, tau=qdd, effects=True)

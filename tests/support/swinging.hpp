@@ -3,6 +3,7 @@
 /// chooses.
 
 #include <cmath>
+#include <functional>
 #include <memory>
 
 #include <diffnea/core/random.hpp>
@@ -44,9 +45,12 @@ inline Recording swinging(const Model& model, double seconds, bool repeats, unsi
 /// Everything that evidence refers to, kept alive.
 struct SwingingEvidence {
   explicit SwingingEvidence(double seconds, bool repeats = false, unsigned seed = 1,
-                            const std::string& effect = "viscous_friction")
+                            const std::string& effect = "viscous_friction",
+                            const std::function<void(Recording&)>& alter = {})
       : model(read_model(DIFFNEA_SOURCE_DIR "/models/double_pendulum.urdf")) {
-    source = recordings_in_memory(model, {swinging(model, seconds, repeats, seed)});
+    Recording recording = swinging(model, seconds, repeats, seed);
+    if (alter) alter(recording);
+    source = recordings_in_memory(model, {recording});
     FitChoice choice;
     choice.effects = std::vector<std::string>{effect};
     std::vector<std::string> notes;

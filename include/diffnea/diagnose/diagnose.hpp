@@ -33,6 +33,8 @@ struct DiagnoseOptions {
   std::vector<std::string> effects;
   /// The caller's own, beside those.
   std::vector<OwnCandidate> candidates;
+  /// With no `effects`: the caller's own alone, nothing of the catalogue.
+  bool own_alone = false;
   PreprocessOptions preprocess;  ///< filters and rates; the low-pass is steeper than identify's
   /// Where the verdict is kUnknown, learn what is left as a function of what it depends on.
   bool grey_box = true;
@@ -41,6 +43,9 @@ struct DiagnoseOptions {
   std::uint64_t seed = 0;          ///< of the bootstrap
   /// Called as the search goes on; returns false: stop with the causes found so far. May be empty.
   std::function<bool(const FitProgress&)> progress;
+
+  /// Whether all that the catalogue has is tried.
+  bool whole_catalogue() const { return effects.empty() && !own_alone; }
 };
 
 /// @param test  held-out recordings; null: blocks of time are held out, which is weaker

@@ -239,8 +239,10 @@ struct Finding {
   std::vector<ChannelFault> audit;     ///< of the recordings, before any dynamics
   /// None: no cause has a class, or none could be planned; then a note may say why.
   std::optional<NextExperiment> next_experiment;
-  double lack_of_fit = 0.0;    ///< χ² of the base model over its degrees of freedom; 1: noise
-  double lack_of_fit_p = 1.0;  ///< chance of the best candidate's χ² by noise, times their number
+  double lack_of_fit = 0.0;  ///< χ² of the base model over its degrees of freedom; 1: noise
+  /// Chance that noise gives some candidate as much χ² as it removes: the least one's, times the
+  /// candidates and their starts (Bonferroni).
+  double lack_of_fit_p = 1.0;
   /// RMS of the noise: of each known torque, filtered and decimated [N·m] or [N]; then of the
   /// ball's position along one axis [m].
   std::vector<double> noise;

@@ -14,7 +14,8 @@
 /// the order of info(), and it *adds* to tau, which is indexed by joint. The torque is homogeneous
 /// in the parameters that are marked linear: identification and diagnosis take their columns from
 /// it. A formula that reads x.qdd or x.tau says so, `static constexpr bool kReadsAcceleration =
-/// true;`: in simulation q̈ is then the solution of an equation. Other ports have another function
+/// true;`: in simulation q̈ is then the solution of an equation; one that reads x.time,
+/// `kReadsTime`: without the rows' time there is no torque. Other ports have another function
 /// in add_torque's place, see Port; what all have in common is in effects/series.hpp. The comment
 /// above its struct says what the effect is; members that others have too need none.
 ///

@@ -22,13 +22,17 @@ struct ExtendedTree {
 /// @throws ModelError if an effect of the model cannot be bound
 ExtendedTree extend(const Model& model, const std::vector<int>& runs = {}, int run = -1);
 
+/// Whether the torque depends on the time since the run began (warm_up).
+bool reads_time(const BoundEffect& e);
+
 /// Joint torques with all effects, one row a sample: what the sensors of the drives would read.
 /// @param q, qd, qdd  (N, n) [rad, rad/s, rad/s²] or [m …]
 /// @param run         recording the rows belong to
-/// @param time        (N) since it began [s], for effects that read it; null: 0 in every row
+/// @param time        (N) since it began [s], for effects that read it; null: not known
 /// @return (N, n) [N·m] or [N]
 /// @throws ShapeError; ModelError if the model has an effect with memory or of a measurement
-/// channel, which rows without their time do not tell (effects/series.hpp)
+/// channel, which single rows do not tell (effects/series.hpp), or one that reads the time, and
+/// none is given
 RowMatX<double> inverse_dynamics(const ExtendedTree& model,
                                  const Eigen::Ref<const RowMatX<double>>& q,
                                  const Eigen::Ref<const RowMatX<double>>& qd,

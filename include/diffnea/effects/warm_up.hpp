@@ -27,6 +27,8 @@ struct WarmUp {
     return kInfo;
   }
 
+  static constexpr bool kReadsTime = true;
+
   template <Scalar T>
   void add_torque(const JointSample<T>& x, const int* joint, const T* p, T* tau) const {
     using std::exp;

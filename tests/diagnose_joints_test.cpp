@@ -1,0 +1,71 @@
+/// Recordings that differ in which joints' torques they know.
+
+#include <limits>
+#include <support/swinging.hpp>
+
+#include <catch2/catch_test_macros.hpp>
+#include <catch2/matchers/catch_matchers_string.hpp>
+
+#include <diffnea/core/error.hpp>
+#include <diffnea/diagnose/diagnose.hpp>
+
+namespace diffnea {
+namespace {
+
+using Catch::Matchers::ContainsSubstring;
+
+constexpr int kShoulder = 0, kElbow = 1;
+
+const Model& arm() {
+  static const Model kOne = read_model(DIFFNEA_SOURCE_DIR "/models/double_pendulum.urdf");
+  return kOne;
+}
+
+/// @param without  joint whose torque is not recorded; -1: all are
+Recording swing(unsigned seed, int without = -1) {
+  Recording r = test::swinging(arm(), 20.0, false, seed);
+  if (without < 0) return r;
+  r.tau.col(without).setConstant(std::numeric_limits<double>::quiet_NaN());
+  r.has_tau[static_cast<std::size_t>(without)] = false;
+  return r;
+}
+
+}  // namespace
+
+TEST_CASE("diagnose: held-out recordings know the torques of the fitted ones' joints",
+          "[diagnose]") {
+  for (const auto& [fitted, held] :
+       {std::pair{-1, kShoulder}, {kShoulder, -1}, {kElbow, kShoulder}})
+    CHECK_THROWS_WITH(diagnose(arm(), {swing(1, fitted)}, {swing(2, held)}),
+                      ContainsSubstring("the held-out torques are those of"));
+  // A joint without torque is another one where nobody says that it is passive.
+  Recording loose = swing(1);
+  loose.tau.col(kElbow).setZero();
+  loose.info.passive = {"elbow"};
+  CHECK_THROWS_WITH(
+      diagnose(arm(), {loose}, {swing(2, kElbow)}),
+      ContainsSubstring("of shoulder, expected") && ContainsSubstring("shoulder, elbow;"));
+}
+
+TEST_CASE("diagnose: fitted recordings know the torques of the same joints", "[diagnose]") {
+  const std::string expected = "the torques of shoulder and elbow are not known at the same";
+  for (const auto& [first, second] : {std::pair{-1, kElbow}, {kElbow, kShoulder}})
+    CHECK_THROWS_WITH(diagnose(arm(), {swing(1, first), swing(3, second)}, {swing(2)}),
+                      ContainsSubstring(expected));
+  Recording silent = swing(3, kShoulder);
+  silent.tau.col(kElbow) = silent.tau.col(kShoulder);
+  silent.has_tau[kElbow] = false;
+  CHECK_THROWS_WITH(diagnose(arm(), {swing(1, kElbow), silent}, {swing(2, kElbow)}),
+                    ContainsSubstring("leave out those that have none"));
+}
+
+TEST_CASE("diagnose: where nothing could be tried, nothing is said of the recording",
+          "[diagnose]") {
+  DiagnoseOptions options;
+  options.effects = {"backlash"};  // needs a motion that repeats
+  const Finding finding = diagnose(arm(), {swing(1)}, {swing(2)}, options);
+  CHECK_THAT(finding.sentence, ContainsSubstring("Nothing was tried: backlash needs a motion"));
+  CHECK(finding.lack_of_fit_p == 1.0);
+}
+
+}  // namespace diffnea
