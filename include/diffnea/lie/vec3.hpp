@@ -195,5 +195,10 @@ template <class T>
 Vec3<T> vec3(const Eigen::Matrix<T, 3, 1>& v) {
   return {v[0], v[1], v[2]};
 }
+/// From an Eigen matrix.
+template <class T>
+Mat3<T> mat3(const Eigen::Matrix<T, 3, 3>& m) {
+  return {{{m(0, 0), m(1, 0), m(2, 0)}, {m(0, 1), m(1, 1), m(2, 1)}, {m(0, 2), m(1, 2), m(2, 2)}}};
+}
 
 }  // namespace diffnea
