@@ -94,6 +94,7 @@ class Experiment {
     if (c_.policies.fresh)
       for (const char* stage : {"identify-arm", "identify-ball"})
         std::filesystem::remove_all(out_ / stage);
+    for (const char* name : {"arm.csv", "ball.csv"}) sidecar_path(out_ / name);  // may refuse
     write_file_atomically(path, manifest);
   }
 

@@ -48,6 +48,8 @@ void tell_who_lags(const Recording& r, const std::string& file) {
 
 void run_simulate(SimulateOptions options) {
   const std::vector<std::string> inputs{options.model, options.trajectory};
+  // An input that lies where the sidecar would is told before it is asked whose that file is.
+  check_output(std::filesystem::path(options.out).replace_extension(".json").string(), inputs);
   check_outputs({options.out, sidecar_path(options.out).string(), options.truth}, inputs);
   if (!options.truth.empty()) check_model_path(options.truth);
   const Model model = read_model(options.model);

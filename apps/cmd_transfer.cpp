@@ -59,6 +59,7 @@ void run_transfer(const TransferCommand& c) {
   std::fputs(lost.c_str(), stderr);
   if (run.interrupted)
     stop(kInterrupted, "interrupted: the result is of what had been executed until then");
+  if (run.best < 0) stop(kNoUsableResult, "no policy could be executed: all of them failed");
   if (!lost.empty()) throw CLI::RuntimeError(kNoUsableResult);
 }
 

@@ -109,7 +109,9 @@ std::string record_policies(TransferRun& run, const TransferOptions& o, const Co
   options.scale_noise(world.noise);
   const int count = static_cast<int>(run.policies.size());
   std::vector<std::string> problems(run.policies.size());
-  const auto record = [&](const LearnedPolicy& policy) -> std::string {
+  const auto record = [&](const LearnedPolicy& policy, const Execution& execution) -> std::string {
+    if (execution.trace.time.size() == 0)  // the motion breaks a limit
+      return recording_file_name(policy.seed) + ": was not recorded: " + execution.failure;
     const std::string name = recording_file_name(policy.seed), file = (folder / name).string();
     try {
       const SimulatedRecording seen =
@@ -130,7 +132,7 @@ std::string record_policies(TransferRun& run, const TransferOptions& o, const Co
       [&] {
         return [&](int k) {
           const auto i = static_cast<std::size_t>(k);
-          problems[i] = record(run.policies[i]);
+          problems[i] = record(run.policies[i], run.executions[i]);
         };
       },
       counted(line, "recording policy", count));

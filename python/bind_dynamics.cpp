@@ -21,9 +21,8 @@ namespace {
 using namespace pybind11::literals;
 
 long dofs(const Model& model) {
-  return std::ranges::count_if(model.links, [](const ModelLink& link) {
-    return link.type != ModelJoint::kFixed;
-  });
+  return std::ranges::count_if(
+      model.links, [](const ModelLink& link) { return link.type != ModelJoint::kFixed; });
 }
 
 py::array inverse(const Model& model, const py::object& q, const py::object& qd,

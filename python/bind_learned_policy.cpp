@@ -1,5 +1,7 @@
 /// A learned policy: its motion, its file, its state for copies.
 
+#include <charconv>
+
 #include <pybind11/numpy.h>
 #include <pybind11/stl.h>
 #include <pybind11/stl/filesystem.h>
@@ -100,10 +102,11 @@ py::tuple motion(const LearnedPolicy& p, const py::object& times, const py::obje
 }
 
 std::string policy_repr(const LearnedPolicy& p) {
-  char text[160];
-  std::snprintf(text, sizeof text,
-                "%d weights, %zu iterations, %ld rollouts; reward of the mean %.3f",
-                p.policy.size(), p.curve.size(), p.rollouts, p.expected);
+  char reward[32] = {};  // a point in every locale
+  std::to_chars(reward, reward + sizeof reward - 1, p.expected, std::chars_format::fixed, 3);
+  const std::string text = std::to_string(p.policy.size()) + " weights, " +
+                           std::to_string(p.curve.size()) + " iterations, " +
+                           std::to_string(p.rollouts) + " rollouts; reward of the mean " + reward;
   const std::string draws = p.in_draws.count == 0
                                 ? ""
                                 : ", in " + std::to_string(p.in_draws.caught) + " of " +

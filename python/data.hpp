@@ -57,6 +57,7 @@ inline std::unique_ptr<RecordingSource> open(const Model& model, const Data& dat
 /// that is a run's. None where it holds another model: this one was changed in memory since.
 inline std::vector<RunInput> describe_model(const Model& model) {
   const std::filesystem::path source = model.source;
+  if (source.empty()) return {};
   for (const std::filesystem::path& file : {source, source.parent_path() / "model.json"}) {
     std::error_code unreadable;
     if (!std::filesystem::is_regular_file(file, unreadable)) continue;

@@ -40,27 +40,39 @@ TEST_CASE("score covariance: Bartlett's sum over lags of time, run by run", "[id
     }
   const VecX<double> x = VecX<double>::LinSpaced(2, -0.3, 0.8);
   const double sigma = 0.7;
-  const auto n = static_cast<long>(rows.time.size());
-  const long lags = static_cast<long>(std::sqrt(static_cast<double>(n)));
-  MatX<double> expected = MatX<double>::Zero(2, 2);
-  for (long a = 0; a < n; ++a)
-    for (long b = 0; b < n; ++b) {
-      const long lag = std::abs(std::lround((rows.time[a] - rows.time[b]) / rows.step));
-      if (rows.run[a] != rows.run[b] || lag > lags) continue;
-      const VecX<double> ya = rows.rows().row(a).head(2), yb = rows.rows().row(b).head(2);
-      const double ra = ya.dot(x) - rows.rows()(a, 2), rb = yb.dot(x) - rows.rows()(b, 2);
-      expected += (1.0 - static_cast<double>(lag) / static_cast<double>(lags + 1)) * ra * rb /
-                  std::pow(sigma, 4) * ya * yb.transpose();
-    }
+  // Σ over all pairs of rows, each run times its weight; lags of √(rows that were factored).
+  const auto sum_over_pairs = [&](double factored, const std::vector<double>& weight) {
+    const long n = static_cast<long>(rows.time.size()),
+               lags = static_cast<long>(std::sqrt(factored));
+    MatX<double> out = MatX<double>::Zero(2, 2);
+    for (long a = 0; a < n; ++a)
+      for (long b = 0; b < n; ++b) {
+        const long lag = std::abs(std::lround((rows.time[a] - rows.time[b]) / rows.step));
+        if (rows.run[a] != rows.run[b] || lag > lags) continue;
+        const VecX<double> ya = rows.rows().row(a).head(2), yb = rows.rows().row(b).head(2);
+        const double ra = ya.dot(x) - rows.rows()(a, 2), rb = yb.dot(x) - rows.rows()(b, 2);
+        out += weight[static_cast<std::size_t>(rows.run[a])] *
+               (1.0 - static_cast<double>(lag) / static_cast<double>(lags + 1)) * ra * rb /
+               std::pow(sigma, 4) * ya * yb.transpose();
+      }
+    return out;
+  };
   const MatX<double> T = MatX<double>::Identity(3, 3);
-  CHECK_THAT(score_covariance(rows, T, x, sigma), test::MatrixNear(expected, kRounding));
-  // Where half of a run was not kept, it counts twice.
+  auto all = static_cast<double>(rows.time.size());
+  CHECK_THAT(score_covariance(rows, T, x, sigma),
+             test::MatrixNear(sum_over_pairs(all, {1.0, 1.0}), kRounding));
+
+  // Where half of a run was not kept, what was kept counts twice.
+  all += static_cast<double>(rows.factored[1]);
   rows.factored[1] *= 2;
-  JointRows second{.width = 3, .step = 0.02};
-  for (long k = 0; k < n; ++k)
-    if (rows.run[k] == 1)
-      add_row(second, 1, rows.time[k], {rows.rows()(k, 0), rows.rows()(k, 1), rows.rows()(k, 2)});
-  CHECK(score_covariance(rows, T, x, sigma).trace() > expected.trace());
+  CHECK_THAT(score_covariance(rows, T, x, sigma),
+             test::MatrixNear(sum_over_pairs(all, {1.0, 2.0}), kRounding));
+
+  // A run of which nothing was kept counts like the others.
+  rows.factored[2] = 500;
+  const double share = (all + 500.0) / all;
+  CHECK_THAT(score_covariance(rows, T, x, sigma),
+             test::MatrixNear(sum_over_pairs(all + 500.0, {share, 2.0 * share}), kRounding));
 }
 
 TEST_CASE("score covariance: of weighted rows it gives the variance of an M-estimator",

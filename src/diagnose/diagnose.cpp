@@ -92,6 +92,7 @@ Finding diagnose(const Model& model, const RecordingSource& train, const Recordi
     const auto arm_test = test ? without_ball_pull(model, *test, fit, options.preprocess) : nullptr;
     finding = diagnose_joints(model, arm ? *arm : train, arm_test ? arm_test.get() : test, own);
     if (arm) finding.notes.push_back(ball_pull_note(train));
+    if (arm_test) finding.notes.push_back("held-out data: " + ball_pull_note(*test));
     finding.data_report = train.report();
   }
   own.effects = of_ball;

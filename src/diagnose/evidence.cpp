@@ -118,7 +118,7 @@ void Evidence::take_rows(const TorqueRegression& measured, const FitLayout& layo
   for (std::size_t k = 0; k < joints_.size(); ++k) {
     const JointRows& kept = measured.kept()[static_cast<std::size_t>(joints_[k])];
     torque_.segment(static_cast<long>(k) * m, m) = kept.rows().col(kept.width - 1);
-    passive_.push_back(torque_.segment(static_cast<long>(k) * m, m).isZero(0.0));
+    passive_.push_back(measured.factors()[static_cast<std::size_t>(joints_[k])].inertia.size() > 0);
   }
   base_ = stacked_base(measured, linear + std::ranges::count_if(layout.shape, is_smoothing));
   const VecX<double> of_model = base_.leftCols(linear) * layout.prior();
@@ -237,7 +237,8 @@ MatX<double> Evidence::without_scale(long k, const Eigen::Ref<const MatX<double>
   if (!(m > 0.0)) return out;
   VecX<double> inertia = VecX<double>::Zero(rows.cols());
   inertia(f.columns) = f.inertia;
-  out.noalias() -= (rows * x0) * (inertia.transpose() / m);
+  const VecX<double> left = rows * x0 - torque_.segment(k * times(), times());
+  out.noalias() -= left * (inertia.transpose() / m);
   return out;
 }
 

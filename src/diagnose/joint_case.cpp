@@ -9,6 +9,7 @@
 
 #include "diagnose/base.hpp"
 #include "diagnose/bounds.hpp"
+#include "identify/fingerprint.hpp"
 #include "identify/passes.hpp"
 
 namespace diffnea {
@@ -60,7 +61,9 @@ void prepare(JointCase& c) {
   const bool posterior = c.model.posterior && knows_arm(*c.model.posterior);
   c.base = c.options.base != Base::kAuto ? c.options.base : posterior ? Base::kPrior : Base::kRefit;
   if (c.base == Base::kPrior && c.options.base == Base::kAuto &&
-      c.model.posterior->recordings.empty())
+      std::ranges::none_of(c.model.posterior->recordings, [](const std::string& recording) {
+        return recording.starts_with(kOfMotion);
+      }))
     c.finding.notes.push_back(
         "the model does not say which recordings it was identified from (an earlier version wrote "
         "it): if from this one, take --base refit");

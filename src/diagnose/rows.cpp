@@ -86,8 +86,10 @@ PreprocessPlan plan_held_out(const std::vector<Recording>& sample, const Preproc
   PreprocessOptions same = options;
   same.order = kSteepFilter;
   same.filter_hz = fitted.filter_hz;
-  PreprocessPlan out = plan_preprocess(sample, same);
-  out.decimator.factor = fitted.decimator.factor;
+  PreprocessPlan out = plan_like(fitted, sample);
+  const PreprocessPlan own = plan_preprocess(sample, same);  // for the noise of its sensors
+  out.q_noise = own.q_noise;
+  out.tau_noise = own.tau_noise;
   return out;
 }
 

@@ -99,7 +99,10 @@ std::unique_ptr<RecordingSource> without_ball_pull(const Model& model,
       source, [](const Recording&) { return true; },
       [&](const Recording& r) {
         const bool corrected = next < shown.size() && shown[next].run == r.run;
-        all.push_back(corrected ? std::move(shown[next++]) : r);
+        if (corrected)
+          all.push_back(std::move(shown[next++]));
+        else
+          all.push_back(r);
       });
   return recordings_in_memory(model, std::move(all));
 }

@@ -38,7 +38,7 @@ void Fingerprint::add(const Recording& block) {
   }
 }
 
-std::string Fingerprint::motion() const { return digits(motion_); }
+std::string Fingerprint::motion() const { return std::string(kOfMotion) + digits(motion_); }
 std::string Fingerprint::rows() const { return digits(rows_); }
 
 }  // namespace diffnea

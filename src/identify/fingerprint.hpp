@@ -1,12 +1,16 @@
 #pragma once
-/// What tells recordings apart, whichever file holds them. Internal to identify/.
+/// What tells recordings apart, whichever file holds them. Internal.
 
 #include <cstdint>
 #include <string>
+#include <string_view>
 
 #include <diffnea/recording/recording.hpp>
 
 namespace diffnea {
+
+/// How the fingerprint of a motion begins: those of earlier versions were of positions and torques.
+inline constexpr std::string_view kOfMotion = "motion:";
 
 /// Of one recording that comes block by block; the joints in the model's order.
 class Fingerprint {

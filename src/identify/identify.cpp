@@ -163,6 +163,7 @@ IdentifyResult identify(const Model& model, const RecordingSource& train,
     result.data_report = train.report();
     result.notes.push_back(ball_pull_note(train));
   }
+  if (arm_test) result.notes.push_back("held-out data: " + ball_pull_note(*test));
   if (!ball.train.empty() && !result.summary.interrupted) {
     const auto start = std::chrono::steady_clock::now();
     identify_ball(ball.train, ball.test, choice, options, result);

@@ -63,7 +63,7 @@ MatX<double> score_covariance(const JointRows& kept, const MatX<double>& T, cons
   const long rows = static_cast<long>(kept.time.size()), p = kept.width - 1;
   MatX<double> meat = MatX<double>::Zero(p, p);
   if (rows < 2) return meat;
-  double all = 0.0, weight = 0.0, slope = 0.0;
+  double all = 0.0, seen = 0.0, weight = 0.0, slope = 0.0;
   for (const auto& [run, count] : kept.factored) all += static_cast<double>(count);
   const long lags = static_cast<long>(std::sqrt(all));
   for (long from = 0, to = 0; from < rows; from = to) {
@@ -81,9 +81,11 @@ MatX<double> score_covariance(const JointRows& kept, const MatX<double>& T, cons
     }
     WindowSums sums(lags, p);
     sums.add(at, scores.leftCols(p));
-    meat += sums.total() *
-            (static_cast<double>(kept.factored.at(run)) / static_cast<double>(to - from));
+    const auto count = static_cast<double>(kept.factored.at(run));
+    meat += sums.total() * (count / static_cast<double>(to - from));
+    seen += count;
   }
+  meat *= all / seen;  // recordings of which no row was kept count like the others
   // Far outliers have a slope below 0; where it is small on the whole, nothing is known.
   const double flatter = weight / std::max(slope, 0.05 * weight);
   return meat * (flatter * flatter);

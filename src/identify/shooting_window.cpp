@@ -20,10 +20,10 @@ std::vector<ShootingWindow> make_windows(const Recording& recording, double wind
   const int n = recording.num_joints();
   std::vector<ShootingWindow> out;
   const bool hold = recording.info.torque_sampling == TorqueSampling::kHold;
-  const auto torque = [&](long k, int j) {
-    return j < static_cast<int>(passive.size()) && passive[static_cast<std::size_t>(j)]
-               ? 0.0
-               : recording.tau(k, j);
+  const auto torque = [&](long k, int j) {  // a passive joint's is 0, or the ball's pull
+    const bool none = j < static_cast<int>(passive.size()) &&
+                      passive[static_cast<std::size_t>(j)] && std::isnan(recording.tau(k, j));
+    return none ? 0.0 : recording.tau(k, j);
   };
   long at = 0;
   for (long k = 0; k < recording.rows();) {
@@ -86,11 +86,19 @@ RowMatX<double> simulate_window(ForwardDynamics& dynamics, const ShootingWindow&
 }
 
 VecX<double> WindowErrors::rmse() const {
-  return sum.colwise()
-      .sum()
-      .cwiseQuotient(count.colwise().sum().cwiseMax(1.0))
-      .cwiseSqrt()
-      .transpose();
+  VecX<double> squares = VecX<double>::Zero(sum.cols()), rows = squares;
+  for (long i = 0; i < sum.rows(); ++i) {
+    if (!sum.row(i).allFinite()) continue;
+    squares += sum.row(i).transpose();
+    rows += count.row(i).transpose();
+  }
+  return squares.cwiseQuotient(rows).cwiseSqrt();  // NaN where no window says anything
+}
+
+long WindowErrors::blown_up() const {
+  long out = 0;
+  for (long i = 0; i < sum.rows(); ++i) out += !sum.row(i).allFinite();
+  return out;
 }
 
 WindowErrors window_errors(const Model& model, const std::vector<ShootingWindow>& windows,

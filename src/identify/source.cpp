@@ -36,14 +36,14 @@ class InMemory : public RecordingSource {
     const std::vector<JointDescription> joints = describe_joints(model);
     match_joints(joints, recordings_);
     for (std::size_t k = 0; k < recordings_.size(); ++k) recordings_[k].run = static_cast<int>(k);
-    for (std::string& note : blank_absurd_torque(joints, recordings_))
-      report_.notes.push_back(std::move(note));
-    warnings_ = find_warnings(joints, recordings_);
-    for (const Recording& r : recordings_) {
+    for (const Recording& r : recordings_) {  // as streamed files, before torques are looked at
       Fingerprint of;
       of.add(r);
       runs_.push_back({r.source, r.info, of.motion(), of.rows()});
     }
+    for (std::string& note : blank_absurd_torque(joints, recordings_))
+      report_.notes.push_back(std::move(note));
+    warnings_ = find_warnings(joints, recordings_);
   }
   void for_each(const std::function<bool(const Recording&)>& use) const override {
     for (const Recording& r : recordings_)

@@ -17,6 +17,8 @@ MatX<double> JointFactor::without_scale(const VecX<double>& at) const {
   if (!(m > 0.0)) return T;
   T.topLeftCorner(p, p) -= x * (inertia.transpose() / m);
   T.col(p).head(p) = -x;
+  T.row(p).head(p) = inertia.transpose() / m;  // of the ball's pull, where τ is that and not 0
+  T(p, p) = 2.0;
   return T;
 }
 double JointFactor::rmse(const VecX<double>& x) const {

@@ -114,6 +114,9 @@ void set_torque_errors(const TorqueFit& fit, const RecordingSource& train,
     result.test_series = make_series(fit, *held, held_before ? *held_before : *held);
   }
   result.train_series = make_series(fit, fit.rows, train_before);
+  const bool tells = held && std::ranges::any_of(held->factors(), [](const JointFactor& of) {
+                       return of.factor.rows() > 0;
+                     });
   std::string unknown;  // joints of the fit of which the held-out data say nothing
   for (int j = 0; j < fit.layout.num_dofs; ++j) {
     const JointFactor& f = fit.rows.factors()[j];
@@ -126,7 +129,7 @@ void set_torque_errors(const TorqueFit& fit, const RecordingSource& train,
     if (f.factor.rows() > 0) {
       e.train = error(fit.rows, x);
       e.nominal_train = error(train_before, first);
-      e.torque_rms = error(held ? *held : fit.rows, VecX<double>::Zero(fit.x.size()));
+      e.torque_rms = error(tells ? *held : fit.rows, VecX<double>::Zero(fit.x.size()));
     }
     if (f.factor.rows() > 0 && held) {
       e.test = error(*held, x);

@@ -415,9 +415,9 @@ class InverseFit {
                              : settled_                  ? "the shapes"
                                                          : "shapes and parameters";
     s.termination = s.interrupted   ? "interrupted; fitted to what had been read"
-                    : !open.empty() ? "the largest number of passes over the data (" +
-                                          std::to_string(options_.max_passes) +
-                                          ") is reached before " + open + " settle"
+                    : !open.empty() ? std::to_string(s.passes) +
+                                          " passes over the data, as many as may be made, and " +
+                                          open + " have not settled"
                     : s.converged ? "converged"
                                   : "the barrier method stopped before its tolerance";
     s.converged = s.converged && open.empty() && !s.interrupted;

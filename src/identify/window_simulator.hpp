@@ -16,6 +16,7 @@ class WindowSimulator {
   /// @param free  linear columns of the layout that are estimated
   /// @param x     (linear columns)
   /// @param runs  of the recordings, sorted
+  /// @param options  outlives this
   WindowSimulator(const Model& model, const FitLayout& layout, const VecX<double>& x,
                   const std::vector<int>& free, const std::vector<int>& runs,
                   const TrajectoryOptions& options);

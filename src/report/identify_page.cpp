@@ -150,7 +150,9 @@ std::string warnings(const IdentifyResult& fit) {
     items.push_back("The fit did not converge: " + fit.summary.termination + ".");
   if (!fit.physically_consistent) items.push_back("Physical consistency was not asked for.");
   if (!has_test(fit))
-    items.push_back("No held-out recording (--test): the errors are of the data that were fitted.");
+    items.push_back(
+        "No held-out recording (--test) of which a row counts: the errors are of the data that "
+        "were fitted.");
   for (const std::string& note : fit.notes)
     if (note.starts_with(kWarning)) items.push_back(note);
   std::string out;

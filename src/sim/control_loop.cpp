@@ -7,6 +7,7 @@
 #include <diffnea/effects/extended_tree.hpp>
 
 #include "core/c_numbers.hpp"
+#include "core/number_text.hpp"
 #include "sim/joint_controller.hpp"
 
 namespace diffnea::sim {
@@ -172,7 +173,7 @@ SimulatedRecording run_control_loop(Plant& plant, const Model& robot, const Mode
     for (int j = 0; j < n && o.actuation_noise > 0.0; ++j)
       if (!joints[j].passive) acting[j] += joints[j].actuation_noise * drives.normal();
     out.failure = plant.step(acting);
-    if (!out.failure.empty()) out.failure += " at t = " + std::to_string(time) + " s";
+    if (!out.failure.empty()) out.failure += " at t = " + detail::number_text(time) + " s";
   }
   r.time.conservativeResize(row);
   r.q.conservativeResize(row, n);

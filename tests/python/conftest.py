@@ -15,12 +15,12 @@ __all__ = ["arm", "formulas", "held_out", "rubbing_arm", "states", "train"]
 
 @pytest.fixture(scope="session", autouse=True)
 def installed_is_what_is_here() -> None:
-    """The package that is tested is this tree's, not one that was installed from it earlier."""
+    """The Python files that are tested are this tree's, not installed from it earlier."""
     ours = ROOT / "python" / "diffnea"
     installed = Path(diffnea.__file__).resolve().parent
     old = [
         path.relative_to(ours).as_posix()
-        for path in sorted(ours.rglob("*.py"))
+        for path in sorted([*ours.rglob("*.py"), *ours.rglob("*.pyi")])
         if not (installed / path.relative_to(ours)).is_file()
         or (installed / path.relative_to(ours)).read_bytes() != path.read_bytes()
     ]

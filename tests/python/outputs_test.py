@@ -5,11 +5,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cli import BAD_INPUT, MODELS, WRONG_USAGE, diffnea, done
+from cli import BAD_INPUT, PENDULUM, WRONG_USAGE, diffnea, done
 
 import diffnea as module
-
-PENDULUM = MODELS / "double_pendulum.urdf"
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ namespace diffnea {
 
 /// How a batch is shared among threads.
 struct BatchOptions {
-  int num_threads = 1;          ///< rows are divided among as many threads; ≤ 0: one per processor
+  int num_threads = 1;  ///< rows are divided among as many threads; ≤ 0: one per processor
   /// Of batch_instruction_sets(); empty: the first, and for a single row the scalar recursion,
   /// which takes half the time of a pack with one lane in use (they agree to rounding).
   std::string instruction_set;

@@ -44,7 +44,8 @@ struct IdentifyOptions {
   TrajectoryOptions trajectory;   ///< of the trajectory loss
   BallFitOptions ball;            ///< where the model and the recordings have one
   /// Over the data, of robust losses, of shape parameters and of effects that hang on the torque of
-  /// the links; robust weights get five in any case. A fit that would need more has not converged.
+  /// the links; what follows the shapes gets five in any case. A fit that would need more has not
+  /// converged.
   int max_passes = 25;
   double shape_tolerance = 1e-3;  ///< stop when no ln η, nor η in its unit, moves by more
   /// Called with every block that is read and every step; returns false: stop. May be empty.

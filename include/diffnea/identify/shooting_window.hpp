@@ -41,8 +41,11 @@ struct WindowErrors {
   RowMatX<double> sum;    ///< (W, n) over the window's rows; NaN where the simulation blew up
   RowMatX<double> count;  ///< (W, n) rows with a measured position
 
-  /// Root mean square of each joint over all windows, (n).
+  /// Root mean square of each joint over all windows whose simulation stays finite, (n); NaN if
+  /// there is none.
   VecX<double> rmse() const;
+  /// How many windows' simulations blow up.
+  long blown_up() const;
 };
 
 /// Simulates all windows; initial states as they are in `state`, or as measured.
