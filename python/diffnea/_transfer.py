@@ -77,7 +77,7 @@ class TransferResult:
     imagined: list[RolloutTrace]
     """Of every policy in the model; empty where the model was not given."""
     recordings: list[Recording] = field(default_factory=list)
-    """What sensors saw of every policy, where :func:`transfer` was asked to record."""
+    """What sensors saw of every executed policy, where :func:`transfer` was asked to record."""
 
     @property
     def best(self) -> int:
@@ -310,7 +310,8 @@ def transfer(
             repeated = list(pool.map(lambda job: execute(best, True, job), jobs))
         recordings: list[Recording] = []
         if record:
-            recordings = list(pool.map(lambda policy: world_of(policy).record(policy), policies))
+            executed = [p for p, e in zip(policies, executions, strict=True) if len(e.trace.time)]
+            recordings = list(pool.map(lambda policy: world_of(policy).record(policy), executed))
     return TransferResult(
         world, controller, list(policies), executions, repeated, imagined, recordings
     )

@@ -288,6 +288,20 @@ def test_a_motion_beyond_the_limits_fails_alone(learned: Path, tmp_path: Path) -
     assert other["failure"] is None
 
 
+def test_where_no_motion_can_be_executed_none_is_recorded(learned: Path, tmp_path: Path) -> None:
+    folder, out = tmp_path / "policies", tmp_path / "out"
+    shutil.copytree(learned, folder)
+    for path in folder.glob("policy_*.json"):
+        text = load(path)
+        text["mean"][0] = 40.0
+        path.write_text(json.dumps(text), encoding="utf-8")
+    answer = diffnea("transfer", folder, "--repetitions", 0, "--record", "-o", out, "--quiet")
+    assert answer.returncode == NO_USABLE_RESULT
+    assert "recording_0.csv: was not recorded: the motion breaks a limit" in answer.stderr
+    assert (out / "result.json").is_file()
+    assert not list(out.glob("recording_*"))
+
+
 def test_transfer_refuses_another_controller(learned: Path, tmp_path: Path) -> None:
     folder = tmp_path / "policies"
     shutil.copytree(learned, folder)
