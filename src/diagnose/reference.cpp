@@ -45,7 +45,8 @@ VecX<double> within_signs(const FitLayout& layout, const Evidence& evidence,
   MatX<double> A = K(free, free);
   A.diagonal() += kRidge * A.diagonal() + VecX<double>::Constant(A.rows(), 1e-300);
   VecX<double> out = x;
-  out(free) = signed_fit(A, A * x(free), nonnegative).x;
+  const VecX<double> at = x(free);
+  out(free) = signed_fit(A, A * at, nonnegative).x;
   return out;
 }
 

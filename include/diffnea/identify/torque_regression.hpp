@@ -22,13 +22,13 @@ struct RegressionPoint {
 /// Filtered, decimated rows of one joint, for a look at residuals: all that were factored, or whole
 /// stretches of every run where these are more than is kept.
 struct JointRows {
-  std::vector<double> time;      ///< (M) [s]
-  std::vector<int> run;          ///< (M)
-  std::vector<double> velocity;  ///< (M) of the joint [rad/s] or [m/s]
-  std::vector<double> values;    ///< (M, columns + 1) by rows, the last column is τ
-  long width = 0;                ///< columns + 1
-  double step = 0.0;             ///< between two rows of a stretch [s]
-  std::map<int, long> factored;  ///< of each run, kept or not
+  std::vector<double> time = {};      ///< (M) [s]
+  std::vector<int> run = {};          ///< (M)
+  std::vector<double> velocity = {};  ///< (M) of the joint [rad/s] or [m/s]
+  std::vector<double> values = {};    ///< (M, columns + 1) by rows, the last column is τ
+  long width = 0;                     ///< columns + 1
+  double step = 0.0;                  ///< between two rows of a stretch [s]
+  std::map<int, long> factored = {};  ///< of each run, kept or not
 
   /// The rows as a matrix.
   Eigen::Map<const RowMatX<double>> rows() const {
@@ -80,11 +80,11 @@ class TorqueRegression {
   struct Joint {
     std::vector<int> columns;  // of the layout, then shape directions
     Decimator decimator;
-    RowMatX<double> block;  // [columns | τ | at rest | q̇]
+    RowMatX<double> block = {};  // [columns | τ | at rest | q̇]
     double rest_speed = 10.0;
     long emitted = 0, at_rest = 0;
-    long of_run = 0;           // rows of this run so far, those at rest included
-    std::vector<long> number;  // of every kept row within its run
+    long of_run = 0;                // rows of this run so far, those at rest included
+    std::vector<long> number = {};  // of every kept row within its run
   };
   void fill_row(const Preprocessed& block, long row);
   void flush(int joint, const RowMatX<double>& rows);
