@@ -1,0 +1,63 @@
+/// A diagnosis that is told to stop takes no further look at the data.
+
+#include <string>
+#include <vector>
+
+#include <catch2/catch_test_macros.hpp>
+
+#include <diffnea/diagnose/diagnose.hpp>
+#include <diffnea/excite/fourier.hpp>
+#include <diffnea/io/model_file.hpp>
+#include <diffnea/sim/record.hpp>
+
+namespace diffnea {
+namespace {
+
+Recording recorded(const Model& arm, unsigned seed, double noise) {
+  FourierOptions motion;
+  motion.duration = 10.0;
+  motion.seed = seed;
+  RecordOptions options;
+  options.scale_noise(noise);
+  options.seed = seed;
+  return record_model(arm, arm, random_fourier(arm, motion), options).recording;
+}
+
+/// Stages as progress is told them, and one answer alone is a stop: who hears it must end.
+std::vector<std::string> stages(std::size_t stop_at) {
+  const Model arm = read_model(DIFFNEA_SOURCE_DIR "/models/double_pendulum.urdf");
+  // Three times the noise on held-out data: there may be something beyond the first band.
+  const Recording train = recorded(arm, 1, 0.2), held_out = recorded(arm, 2, 0.6);
+  std::vector<std::string> told;
+  DiagnoseOptions options;
+  options.progress = [&](const FitProgress& p) {
+    told.push_back(p.stage);
+    return told.size() != stop_at;  // 0: never
+  };
+  const Finding finding = diagnose(arm, {train}, {held_out}, options);
+  CHECK(finding.interrupted == (stop_at > 0 && told.size() >= stop_at));
+  return told;
+}
+
+}  // namespace
+
+TEST_CASE("diagnose: stopped in a second look or while it simulates, it takes no other look",
+          "[diagnose]") {
+  const std::vector<std::string> whole = stages(0);
+  std::vector<std::size_t> looks;  // where each begins to test
+  for (std::size_t i = 0; i < whole.size(); ++i)
+    if (whole[i] == "testing") looks.push_back(i);
+  REQUIRE(looks.size() > 1);
+  for (const std::size_t stop_at : {looks[0] + 2, looks[1] + 1, whole.size()}) {
+    CAPTURE(stop_at);
+    const std::vector<std::string> told = stages(stop_at);
+    std::size_t tested = 0, before = 0;
+    for (std::size_t i = 0; i < told.size(); ++i) {
+      tested += told[i] == "testing";
+      before += i < stop_at && told[i] == "testing";
+    }
+    CHECK(tested <= before + 1);  // the look that was begun may say that it ends
+  }
+}
+
+}  // namespace diffnea
