@@ -6,13 +6,9 @@
 
 #include <diffnea/identify/torque_regression.hpp>
 
-namespace diffnea {
+#include "identify/robust_loss.hpp"
 
-/// What a loss makes of a residual u, in units of σ: its score is ψ(u) = weight·u.
-struct Influence {
-  double weight = 1.0;  ///< of the row
-  double slope = 1.0;   ///< ψ'(u)
-};
+namespace diffnea {
 
 /// Σ of score products of one joint's rows over lags, for rows [Y | τ] over sigma: what takes the
 /// place of YᵀWY. Lags are those of time, up to the root of the number of rows, and end with a run;

@@ -12,6 +12,7 @@
 #include "identify/gains.hpp"
 #include "identify/motionless.hpp"
 #include "identify/passes.hpp"
+#include "identify/robust_loss.hpp"
 #include "identify/score_covariance.hpp"
 #include "identify/shape_steps.hpp"
 #include "identify/torque_errors.hpp"
@@ -22,26 +23,6 @@ namespace {
 
 double seconds_since(std::chrono::steady_clock::time_point start) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-}
-
-// Tuning constants of 95 % efficiency at the Gaussian (Holland, Welsch 1977).
-constexpr double kHuber = 1.345, kCauchy = 2.385;
-
-/// Of a residual u in units of its noise.
-Influence influence_of(Robust kind, double u) {
-  const double a = std::abs(u), c = 1.0 / (1.0 + (u / kCauchy) * (u / kCauchy));
-  if (kind == Robust::kHuber && a > kHuber) return {kHuber / a, 0.0};
-  if (kind == Robust::kCauchy) return {c, (2.0 * c - 1.0) * c};
-  return {};
-}
-
-/// What the loss counts it as: ρ(u), u²/2 of least squares.
-double robust_cost(Robust kind, double u) {
-  const double a = std::abs(u);
-  if (kind == Robust::kHuber && a > kHuber) return kHuber * (a - 0.5 * kHuber);
-  if (kind == Robust::kCauchy)
-    return 0.5 * kCauchy * kCauchy * std::log1p((u / kCauchy) * (u / kCauchy));
-  return 0.5 * u * u;
 }
 
 /// Passes that weights get in any case, however many the shapes have used up.
