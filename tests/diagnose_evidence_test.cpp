@@ -77,6 +77,42 @@ TEST_CASE("diagnose: under a tilt the base's columns are those of a tilted robot
   CHECK((level->torque() - torque).cwiseAbs().maxCoeff() < kRounding);
 }
 
+TEST_CASE("diagnose: the ball's pull at a joint without a drive is part of its rows",
+          "[diagnose]") {
+  const auto undriven = [](double pull) {
+    return test::SwingingEvidence(20.0, false, 1, "viscous_friction", [pull](Recording& r) {
+      r.info.passive = {"elbow"};
+      r.has_tau[1] = false;
+      r.tau.col(1) *= pull;  // 0: nothing acts there
+    });
+  };
+  const test::SwingingEvidence none = undriven(0.0), pulled = undriven(1.0);
+  REQUIRE(pulled->joints() == std::vector<int>{0, 1});
+  CHECK_FALSE(pulled->passive(0));
+  CHECK(pulled->passive(1));
+  CHECK(none->passive(1));
+  // By what its links take, however the ball pulls.
+  CHECK(pulled->size(1) == none->size(1));
+
+  // M(at)/M(x) (Y x - τ), about at: central differences over 1e-6 of residuals of order 1.
+  const long m = pulled->times(), p = static_cast<long>(pulled.layout.linear.size());
+  const VecX<double> at = pulled.layout.prior(), tau = pulled->torque().segment(m, m);
+  REQUIRE(tau.norm() > 1.0);
+  const MatX<double> Y = pulled->base().middleRows(m, m).leftCols(p);
+  const JointFactor& f = pulled->factors()[1];
+  const auto residual = [&](const VecX<double>& x) {
+    return VecX<double>((Y * x - tau) * f.inertia.dot(at(f.columns)) / f.inertia.dot(x(f.columns)));
+  };
+  const MatX<double> rows = pulled->without_scale(1, Y, at);
+  for (const int c : f.columns) {
+    if (c >= p) continue;
+    const VecX<double> step = 1e-6 * VecX<double>::Unit(p, c);
+    const VecX<double> slope = (residual(at + step) - residual(at - step)) / 2e-6;
+    CAPTURE(pulled.layout.linear[static_cast<std::size_t>(c)].name);
+    CHECK((rows.col(c) - slope).cwiseAbs().maxCoeff() < 1e-7 * (1.0 + slope.cwiseAbs().maxCoeff()));
+  }
+}
+
 TEST_CASE("diagnose: shapes are bounded by what a recording shows", "[diagnose]") {
   const test::SwingingEvidence evidence(20.0);
   std::vector<Candidate> candidates{candidate(evidence.model, "presliding_dahl", "elbow"),

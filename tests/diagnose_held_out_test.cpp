@@ -8,6 +8,7 @@
 #include <diffnea/core/error.hpp>
 
 #include "diagnose/held_out.hpp"
+#include "diagnose/rows.hpp"
 
 using namespace diffnea;
 
@@ -34,4 +35,31 @@ TEST_CASE("HeldOut: a recording of fewer blocks is refused, with what is needed"
   CHECK_THROWS_WITH(require_blocks(*few, "few.csv"),
                     Catch::Matchers::ContainsSubstring("few.csv: diagnose: ") &&
                         Catch::Matchers::ContainsSubstring(" s or more"));
+}
+
+TEST_CASE("HeldOut: rows of another rate are as far apart as those that were fitted",
+          "[diagnose]") {
+  const Model model = read_model(DIFFNEA_SOURCE_DIR "/models/double_pendulum.urdf");
+  PreprocessOptions options;
+  options.filter_hz = 8.0;
+  options.decimate_to_hz = 25.0;
+  const auto noisy = [&](double noise) {
+    Recording r = test::swinging(model, 20.0, false, 1);
+    Rng rng(7);
+    for (double& q : r.q.reshaped()) q += noise * rng.normal();
+    return r;
+  };
+  Recording half = noisy(1e-3);  // every second row, and a coarser sensor
+  const auto every_second = Eigen::seq(0, Eigen::last, 2);
+  half.time = VecX<double>(half.time(every_second));
+  half.q = RowMatX<double>(half.q(every_second, Eigen::all));
+  half.tau = RowMatX<double>(half.tau(every_second, Eigen::all));
+
+  const PreprocessPlan fitted =
+      plan_rows(model, {noisy(1e-4)}, 0.0, Band::kInformative, options).plan;
+  const PreprocessPlan held = plan_held_out({half}, fitted, options);
+  REQUIRE(held.dt == 2.0 * fitted.dt);
+  CHECK(held.dt * held.decimator.factor == fitted.dt * fitted.decimator.factor);
+  CHECK(held.decimator.pass_hz == fitted.decimator.pass_hz);
+  CHECK(held.q_noise[0] > 5.0 * fitted.q_noise[0]);  // of its own sensor: ten times
 }

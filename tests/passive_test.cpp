@@ -33,10 +33,11 @@ constexpr double kSwingTol = 1.5e-2;
 
 }  // namespace
 
-TEST_CASE("passive: rows without scale are those of M(at) Y x / M(x), linear about at",
+TEST_CASE("passive: rows without scale are those of M(at)/M(x) (Y x - τ), linear about at",
           "[passive]") {
   const unsigned seed = GENERATE(range(0u, 5u));
-  CAPTURE(seed);
+  const double pull = GENERATE(0.0, 1.0);  // τ: nothing, or what a ball on a string pulls with
+  CAPTURE(seed, pull);
   Rng rng(seed);
   const auto draw = [&](long rows, long columns) {
     MatX<double> out(rows, columns);
@@ -47,11 +48,12 @@ TEST_CASE("passive: rows without scale are those of M(at) Y x / M(x), linear abo
   f.inertia = draw(3, 1).cwiseAbs();
   const VecX<double> at = draw(5, 1).cwiseAbs();
   const MatX<double> Y = draw(7, 3);
-  MatX<double> rows = MatX<double>::Zero(7, 4);  // τ = 0
-  rows.leftCols(3) = Y;
+  const VecX<double> tau = pull * draw(7, 1);
+  MatX<double> rows(7, 4);
+  rows << Y, tau;
   const MatX<double> mapped = rows * f.without_scale(at);
   const auto residual = [&](const VecX<double>& x) {
-    return VecX<double>(Y * x(f.columns) * f.inertia.dot(at(f.columns)) /
+    return VecX<double>((Y * x(f.columns) - tau) * f.inertia.dot(at(f.columns)) /
                         f.inertia.dot(x(f.columns)));
   };
   const VecX<double> x0 = at(f.columns);

@@ -172,6 +172,20 @@ TEST_CASE("trajectory fit: a window that blows up holds up no other", "[identify
       CHECK(fit.x[static_cast<long>(c)] == Approx(0.12).epsilon(0.05));
 }
 
+TEST_CASE("trajectory fit: a joint without a drive has the torque that is known of it, or none",
+          "[identify]") {
+  Recording data = swing(pendulum_with_friction(0.12, 0.05), 0.0);
+  data.tau.col(1).setConstant(0.3);  // a ball pulls
+  data.tau(data.rows() / 2, 1) = std::nan("");
+  long none = 0, pulled = 0;
+  for (const ShootingWindow& w : make_windows(data, 0.4, 0.0, {false, true}))
+    for (long k = 0; k < w.u.rows(); ++k) (w.u(k, 1) == 0.3 ? pulled : none) += 1;
+  CHECK(none == 1);
+  CHECK(pulled > data.rows() / 2);
+  CHECK(make_windows(data, 0.4, 0.0, {false, false}).size() + 1 ==
+        make_windows(data, 0.4, 0.0, {false, true}).size());
+}
+
 TEST_CASE(
     "trajectory fit: recordings are whole, however they are streamed, and a brief one is left"
     " out",
