@@ -51,11 +51,11 @@ class Evidence {
   /// base's columns one by one.
   double scale(long k) const { return scale_[static_cast<std::size_t>(k)]; }
   /// Rows of base() of the k-th of joints(); of a passive one as those of M_jj(x₀)/M_jj(x) times
-  /// its torque, linear about x₀ (JointFactor::inertia).
+  /// what is left, linear about x₀ (JointFactor::inertia).
   MatX<double> without_scale(long k, const Eigen::Ref<const MatX<double>>& rows,
                              const VecX<double>& x0) const;
   bool has_passive_beside_torques() const;
-  /// Whether the torque of the k-th of joints() is known to be zero.
+  /// Whether nothing drives the k-th of joints(): its torque is 0, or a ball's pull.
   bool passive(long k) const { return passive_[static_cast<std::size_t>(k)]; }
   /// Columns of the layout's linear parameters, then ∂τ/∂ln v₀ of the base's smoothed friction,
   /// then turn_columns() of each: how it turns is not known.

@@ -13,12 +13,12 @@ struct JointFactor {
   std::vector<int> columns;  ///< columns of the layout (then of the shape directions)
   TriangularFactor factor;   ///< of [Y τ], Y those columns
   /// (columns) Of a passive joint: its inertia M_jj = inertia·x at the first row; else empty. Its
-  /// torque is known to be 0, so that any multiple of x fits its rows as well, and the noise that
-  /// they hold, that of the acceleration, is M_jj times as large: they say nothing of scale.
+  /// torque is known: 0, so that any multiple of x fits its rows as well, or a ball's pull. The
+  /// noise that they hold, that of the acceleration, grows with M_jj: they say nothing of scale.
   VecX<double> inertia = {};
 
-  /// Rows [Y τ] of a passive joint as those of M_jj(at)·Y x/(inertia·x), linear about `at`: [Y τ]
-  /// times this, (columns + 1)². Identity for other joints.
+  /// Rows [Y τ] of a passive joint as those of M_jj(at)·(Y x − τ)/(inertia·x), linear about `at`:
+  /// [Y τ] times this, (columns + 1)². Identity for other joints.
   MatX<double> without_scale(const VecX<double>& at) const;
   /// Σ (τ̂ − τ)² over the rows, for parameters x of the whole layout.
   double sum_of_squares(const VecX<double>& x) const;
