@@ -283,3 +283,27 @@ TEST_CASE("diagnose a ball: lift is tried where spins are recorded", "[ball][dia
       diagnose(test::flying_ball(), {held_out}, {}, options),
       ContainsSubstring("magnus needs the ball's spin") && ContainsSubstring("spin_x"));
 }
+TEST_CASE("diagnose a ball: a string that throws it back, beside pictures that are far off",
+          "[ball][diagnose]") {
+  constexpr double kRestitution = 0.35;
+  const Model model = test::swinging_arm();
+  const auto jumps = [&](double shake, double pace, unsigned seed) {  // slack three times or more
+    return record_swing(
+        model, {.seed = seed, .shake = shake, .pace = pace, .restitution = kRestitution});
+  };
+  std::vector<Recording> train{jumps(1.5, 1.3, 21), jumps(1.0, 2.0, 23)};
+  for (Recording& r : train)
+    for (long k = 40; k < r.rows(); k += 130) r.ball(k, 2) += 0.5;
+  DiagnoseOptions options;
+  options.effects = {"string_rebound", "linear_drag"};
+  const Finding finding = diagnose(model, train, {jumps(2.0, 1.6, 24)}, options);
+  CAPTURE(listed(finding));
+  std::printf("%s\n", listed(finding).c_str());
+  const Cause* rebound = find_cause(finding, "string_rebound");
+  REQUIRE(rebound != nullptr);
+  CHECK(finding.verdict == Verdict::kNamed);
+  REQUIRE(rebound->parameters.size() == 1);
+  // The made impacts are of first order in their step: 0.2 ms beside swings at 10/s.
+  CHECK_THAT(rebound->parameters[0].value, WithinAbs(kRestitution, 0.01));
+  CHECK(finding.gain.after < 1.1);
+}

@@ -1,8 +1,8 @@
 #pragma once
 /// A ball on a string, and one in flight, as a camera sees them. Made without the library's
 /// equations of either: Störmer–Verlet steps, the string a projection back onto its sphere (SHAKE;
-/// Ryckaert, Ciccotti, Berendsen 1977), which is an impact without restitution where it becomes
-/// taut, and asks for positions of the anchor alone; or a stiff spring with a damper. The arm's
+/// Ryckaert, Ciccotti, Berendsen 1977), which is an impact where it becomes taut (without
+/// restitution, unless one is asked for), and asks for positions of the anchor alone; or a stiff spring with a damper. The arm's
 /// kinematics are written out.
 
 #include <algorithm>
@@ -48,6 +48,7 @@ struct SwingOptions {
   double pace = 1.0;        ///< of the joints' motion; another one is another motion
   double drag = 0.0;        ///< −c v [1/s]
   double compliance = 0.0;  ///< of the string [m/N]; its length is that under the ball's weight
+  double restitution = 0.0;  ///< of the velocity along the string where it becomes taut
   /// A further acceleration at (t, x, v) [m/s²].
   std::function<Vec3<double>(double, const Vec3<double>&, const Vec3<double>&)> extra{};
 };
@@ -87,6 +88,7 @@ inline std::vector<Vec3<double>> swung_path(const Model& truth, double dt, long 
   Vec3<double> S = anchor_at(s.p_LS, 0.0, o);
   Vec3<double> v = (anchor_at(s.p_LS, h, o) - anchor_at(s.p_LS, -h, o)) * (0.5 / h);
   Vec3<double> x = S + Vec3<double>{0, 0, -s.length}, before = x - v * h, earlier = x - v * (2 * h);
+  bool taut = true;
   std::vector<Vec3<double>> out;
   for (long k = 0; k < rows; ++k) {
     out.push_back(x);
@@ -110,7 +112,13 @@ inline std::vector<Vec3<double>> swung_path(const Model& truth, double dt, long 
         if (over > 0.0) {  // back along Δ, by as much as puts it on the sphere
           const double b = dot(e, delta), c = dot(delta, delta);
           next = next - delta * ((b - std::sqrt(std::max(0.0, b * b - c * over))) / c);
+          if (!taut && o.restitution > 0.0) {  // inside again, by as much as it flew out
+            const Vec3<double> u = delta * (1.0 / std::sqrt(c));
+            const double outward = std::max(0.0, dot(u, v - (S_next - S) * (1.0 / h)));
+            next = next - u * (s.length - std::sqrt(c) + o.restitution * outward * h);
+          }
         }
+        taut = over > 0.0;
       }
       earlier = before;
       before = x;
