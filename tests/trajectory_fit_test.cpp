@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include <catch2/catch_approx.hpp>
 #include <catch2/catch_test_macros.hpp>
@@ -34,10 +35,10 @@ Model pendulum_with_friction(double coulomb, double viscous) {
   return model;
 }
 
-Recording swing(const Model& model, double noise) {
+Recording swing(const Model& model, double noise, unsigned seed = 4) {
   FourierOptions motion;
   motion.duration = 10.0;
-  motion.seed = 4;
+  motion.seed = seed;
   RecordOptions options;
   options.position_noise = noise;
   options.torque_noise = 0.0;
@@ -184,6 +185,59 @@ TEST_CASE("trajectory fit: a joint without a drive has the torque that is known 
   CHECK(pulled > data.rows() / 2);
   CHECK(make_windows(data, 0.4, 0.0, {false, false}).size() + 1 ==
         make_windows(data, 0.4, 0.0, {false, true}).size());
+}
+
+TEST_CASE("window errors: those whose simulation blows up leave the errors of the others",
+          "[identify]") {
+  constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+  WindowErrors errors;
+  errors.sum.resize(3, 2);
+  errors.sum << 9.0, 32.0, kNaN, 5.0, 27.0, 0.0;  // both joints of the second are left out
+  errors.count.resize(3, 2);
+  errors.count << 1.0, 2.0, 100.0, 100.0, 3.0, 6.0;
+  CHECK(errors.blown_up() == 1);
+  CHECK(errors.rmse() == VecX<double>{{3.0, 2.0}});
+  errors.sum.setConstant(kNaN);
+  CHECK(errors.blown_up() == 3);
+  CHECK(errors.rmse().array().isNaN().all());  // no error, not one of 0
+}
+
+TEST_CASE(
+    "trajectory fit: held-out windows that blow up are told, and the errors are of the others",
+    "[identify]") {
+  const Model truth = pendulum_with_friction(0.12, 0.05);
+  const Recording train = swing(truth, 0.0);
+  Recording test = swing(truth, 0.0, /*seed=*/5);
+  const std::string windows = std::to_string(make_windows(test, 0.4, 0.0, {}).size());
+  // No step of the integrator survives it.
+  const auto burst = [&](long from, long rows) {
+    test.tau.col(1).segment(from, rows).setConstant(1e30);
+    return identify(truth, {train}, {test}, trajectory_options());
+  };
+  const auto told = [](const IdentifyResult& result) {
+    const auto it = std::ranges::find_if(
+        result.notes, [](const std::string& n) { return n.find("blows up") != n.npos; });
+    return it == result.notes.end() ? std::string() : *it;
+  };
+  SECTION("none") { CHECK(told(burst(0, 0)).empty()); }
+  SECTION("one") {
+    // More rows than are blanked as a logger's fault, and within a window.
+    const IdentifyResult result = burst(test.rows() / 2 + 20, 30);
+    CHECK(told(result) == "the simulation of 1 of " + windows +
+                              " held-out windows blows up; the errors are of the others");
+    for (const JointError& e : result.errors) {
+      CAPTURE(e.joint);
+      // [rad], as of the data of the fit: both are exact, and the model starts at the truth.
+      for (const double error : {e.train, e.test, e.nominal_test, e.test_all}) CHECK(error < 1e-4);
+      CHECK(std::isfinite(e.test_raw));
+    }
+  }
+  SECTION("all of them") {
+    const IdentifyResult result = burst(0, test.rows());
+    CHECK_THAT(told(result), ContainsSubstring(windows + " of " + windows) &&
+                                 ContainsSubstring("the others, and there is none"));
+    for (const JointError& e : result.errors) CHECK(std::isnan(e.test));  // not 0
+  }
 }
 
 TEST_CASE(

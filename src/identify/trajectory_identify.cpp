@@ -179,7 +179,8 @@ class TrajectoryIdentification {
       if (held_out.blown_up() > 0)
         result_.notes.push_back("the simulation of " + std::to_string(held_out.blown_up()) +
                                 " of " + std::to_string(held_out_.size()) +
-                                " held-out windows blows up; the errors are of the others");
+                                " held-out windows blows up; the errors are of the others" +
+                                (test.array().isNaN().all() ? ", and there is none" : ""));
       fit_states(layout_.prior(), old);
       nominal_test = window_errors(model_, old, false, stepping).rmse();
       result_.test_series = series(held_out_, old);
