@@ -14,6 +14,9 @@
 #include <diffnea/core/random.hpp>
 #include <diffnea/effects/extended_tree.hpp>
 #include <diffnea/identify/identify.hpp>
+#include <diffnea/io/result.hpp>
+#include <diffnea/report/identify_page.hpp>
+#include <diffnea/report/identify_text.hpp>
 
 #include "identify/passes.hpp"
 
@@ -126,6 +129,46 @@ TEST_CASE("held out: a joint of which no row counts has no error, not an error o
     for (const JointError& e : result.errors) CHECK(std::isnan(e.test));
     CHECK(has_note(result, "say nothing of hinge0, hinge1:"));
   }
+}
+
+TEST_CASE("held out: where no row counts, all that is shown is of the data of the fit",
+          "[identify]") {
+  IdentifyOptions options = with({});
+  Recording train = recorded({}), test = recorded({.phase = 1.0, .seed = 2});
+  const auto without = [](Recording& r, int joint) {
+    r.has_tau[static_cast<std::size_t>(joint)] = false;
+    r.tau.col(joint).setConstant(std::numeric_limits<double>::quiet_NaN());
+  };
+  SECTION("every stretch is too short") {
+    options.preprocess.min_segment = 3.0;
+    test = recorded({.seconds = 2.5, .phase = 1.0, .seed = 2});
+  }
+  SECTION("they are of a joint of which the fit knows nothing") {
+    without(train, 1);
+    without(test, 0);
+  }
+  SECTION("and the fit explains little") {
+    options.preprocess.min_segment = 3.0;
+    options.choice.fit = {"effects"};
+    test = recorded({.seconds = 2.5, .phase = 1.0, .seed = 2});
+    Rng rng(4);
+    for (double& tau : train.tau.reshaped()) tau += 100.0 * rng.normal();
+  }
+  const FitRun run{identify(two_hinges(), {train}, {test}, options), {}},
+      alone{identify(two_hinges(), {train}, {}, options), {}};
+  for (std::size_t j = 0; j < 2; ++j) {
+    const JointError &e = run.fit.errors[j], &of_fit = alone.fit.errors[j];
+    CAPTURE(e.joint);
+    CHECK(std::isnan(e.test));
+    CHECK(std::isnan(e.torque_rms) == std::isnan(of_fit.train));
+    if (!std::isnan(of_fit.train)) CHECK(e.torque_rms == of_fit.torque_rms);
+  }
+  CHECK(identify_page(run).find("No held-out recording (--test) of which a row counts") !=
+        std::string::npos);
+  CHECK_THAT(identify_headline(run), ContainsSubstring("On the data it was fitted to, the torque"));
+  CHECK(identify_headline(run) == identify_headline(alone));
+  const std::string little = "the fit explains little";
+  CHECK(has_note(run.fit, little) == has_note(alone.fit, little));
 }
 
 TEST_CASE("held out: other rates are compared in the band of the fit", "[identify]") {

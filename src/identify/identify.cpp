@@ -37,7 +37,8 @@ void add_warnings(const Model& model, const RecordingSource& train, const Record
           format_number(e.test) + " against " + format_number(e.nominal_test) + " " + e.unit +
           "): were both recorded with the same signs, units and load? Else the fit has "
           "taken too much from too little motion");
-    const double error = test ? e.test : e.train;  // of the rows that torque_rms is of
+    // Of the rows that torque_rms is of: the fit's where no held-out row counts.
+    const double error = std::isnan(e.test) ? e.train : e.test;
     if (e.torque_rms > 0.0 && error > 0.8 * e.torque_rms && e.joint != kBall)
       first.push_back(
           e.joint +

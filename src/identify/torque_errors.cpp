@@ -114,9 +114,10 @@ void set_torque_errors(const TorqueFit& fit, const RecordingSource& train,
     result.test_series = make_series(fit, *held, held_before ? *held_before : *held);
   }
   result.train_series = make_series(fit, fit.rows, train_before);
-  const bool tells = held && std::ranges::any_of(held->factors(), [](const JointFactor& of) {
-                       return of.factor.rows() > 0;
-                     });
+  bool tells = false;  // whether a held-out error is known at all
+  for (int j = 0; held && j < fit.layout.num_dofs; ++j)
+    tells =
+        tells || (fit.rows.factors()[j].factor.rows() > 0 && held->factors()[j].factor.rows() > 0);
   std::string unknown;  // joints of the fit of which the held-out data say nothing
   for (int j = 0; j < fit.layout.num_dofs; ++j) {
     const JointFactor& f = fit.rows.factors()[j];
