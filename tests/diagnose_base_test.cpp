@@ -7,8 +7,11 @@
 
 #include <diffnea/diagnose/diagnose.hpp>
 #include <diffnea/excite/fourier.hpp>
+#include <diffnea/identify/identify.hpp>
 #include <diffnea/io/model_file.hpp>
 #include <diffnea/sim/record.hpp>
+
+#include "identify/fingerprint.hpp"
 
 namespace diffnea {
 namespace {
@@ -66,6 +69,34 @@ TEST_CASE("diagnose: a base whose friction turns a little too slowly is correcte
     for (std::size_t k = 0; k < 2; ++k)  // half of what correcting it twice would add
       CHECK_THAT(near[k], Catch::Matchers::WithinRel(read[k], 0.03));
   }
+}
+
+TEST_CASE("diagnose: a model that cannot know its own recording says to take --base refit",
+          "[diagnose]") {
+  DiagnoseOptions options;
+  options.effects = {"viscous_friction"};
+  const Recording own = record(1), other = record(2);
+  Model model = identify(with_friction(kTurn), {own}, {}).model;
+  REQUIRE(model.posterior);
+  std::vector<std::string>& recordings = model.posterior->recordings;
+  REQUIRE(recordings.size() == 1);
+  const auto base = [&](const Recording& of, bool noted) {
+    const Finding f = diagnose(model, {of}, {}, options);
+    CHECK(noted == std::ranges::any_of(f.notes, [](const std::string& note) {
+            return note.starts_with("the model does not say which recordings") &&
+                   note.ends_with("take --base refit");
+          }));
+    return f.base;
+  };
+  CHECK(base(own, false) == "refit");
+  CHECK(base(other, false) == "prior");
+  SECTION("an earlier version's fingerprints are of more than the motion") {
+    recordings[0] = recordings[0].substr(kOfMotion.size());
+  }
+  SECTION("a still earlier version wrote none") { recordings.clear(); }
+  CHECK(base(own, true) == "prior");
+  options.base = Base::kRefit;  // as it says
+  CHECK(base(own, false) == "refit");
 }
 
 }  // namespace diffnea
