@@ -288,8 +288,8 @@ TEST_CASE("diagnose a ball: a string that throws it back, beside pictures that a
   constexpr double kRestitution = 0.35;
   const Model model = test::swinging_arm();
   const auto jumps = [&](double shake, double pace, unsigned seed) {  // slack three times or more
-    return record_swing(
-        model, {.seed = seed, .shake = shake, .pace = pace, .restitution = kRestitution});
+    return record_swing(model,
+                        {.seed = seed, .shake = shake, .pace = pace, .restitution = kRestitution});
   };
   std::vector<Recording> train{jumps(1.5, 1.3, 21), jumps(1.0, 2.0, 23)};
   for (Recording& r : train)
@@ -298,7 +298,6 @@ TEST_CASE("diagnose a ball: a string that throws it back, beside pictures that a
   options.effects = {"string_rebound", "linear_drag"};
   const Finding finding = diagnose(model, train, {jumps(2.0, 1.6, 24)}, options);
   CAPTURE(listed(finding));
-  std::printf("%s\n", listed(finding).c_str());
   const Cause* rebound = find_cause(finding, "string_rebound");
   REQUIRE(rebound != nullptr);
   CHECK(finding.verdict == Verdict::kNamed);

@@ -6,6 +6,7 @@
 
 #include "core/median.hpp"
 #include "identify/ball_cost.hpp"
+#include "identify/ball_path.hpp"
 #include "identify/ball_world.hpp"
 
 namespace diffnea {
@@ -16,7 +17,8 @@ constexpr std::array kShares{0.25, 0.0625, 0.0};
 /// Of the step's damping: beyond, nothing makes it better.
 constexpr double kMostDamping = 1e8;
 
-/// A window whose numbers cost this many times those of the median window may have gone astray.
+/// A window whose numbers cost this many times what noise or the median window's do may have gone
+/// astray.
 constexpr double kAstray = 20.0;
 /// Of such a window, the times over which its first state is estimated one after the other.
 constexpr std::array kHorizons{0.125, 0.25, 0.5, 1.0};
@@ -53,10 +55,15 @@ class BallDescent {
     out_.sigma = noise();
   }
   void run();
-  /// Estimates the first states of windows that the others' parameters do not reproduce anew, over
-  /// times that grow: over a long one, a flight that becomes taut too early or too late has other
-  /// minima. @return whether that made one of them better
-  bool restart_astray();
+  /// What the camera's noise alone would leave [m]: given, or seen.
+  double camera() const;
+  /// Estimates the first states of windows that may have gone astray anew, over times that grow:
+  /// over a long one, a flight that becomes taut too early or too late has other minima.
+  /// @param usual  cost of a number at `sigma`  @return whether that made one of them better
+  bool restart_astray(double usual, double sigma);
+  /// Median of the windows.
+  double usual_cost() const;
+  double sigma() const { return out_.sigma; }
   BallFit finish();
 
  private:
@@ -65,8 +72,8 @@ class BallDescent {
   bool stopped(double sigma);
   VecX<double> stepped(const BallLinearisation& at, double damping) const;
   double move_states(const BallLinearisation& at, const VecX<double>& p, double now);
-  double cost_of(const VecX<double>& p, const BallWindow& window) const {
-    return ball_window_cost(model_, layout_, p, data_, window, out_.sigma, options_);
+  double cost_of(const VecX<double>& p, const BallWindow& window, double sigma) const {
+    return ball_window_cost(model_, layout_, p, data_, window, sigma, options_);
   }
   double cost(const VecX<double>& p) const {
     return ball_cost(model_, layout_, p, data_, out_.sigma, options_);
@@ -173,14 +180,14 @@ double BallDescent::move_states(const BallLinearisation& at, const VecX<double>&
   sum = 0.0;
   for (std::size_t w = 0; w < data_.windows.size(); ++w) {
     BallWindow& window = data_.windows[w];
-    double least = cost_of(p, window);
+    double least = cost_of(p, window, out_.sigma);
     BallWindow tried = window;
     tried.state = before[w];
-    const double was = cost_of(out_.p, tried);
+    const double was = cost_of(out_.p, tried, out_.sigma);
     for (const double share : kShares) {
       if (least <= was) break;
       tried.state = moved(before[w], share * steps[w]);
-      const double less = cost_of(p, tried);
+      const double less = cost_of(p, tried, out_.sigma);
       if (!(less < least)) continue;
       least = less;
       window.state = tried.state;
@@ -191,6 +198,7 @@ double BallDescent::move_states(const BallLinearisation& at, const VecX<double>&
 }
 
 void BallDescent::run() {
+  if (out_.interrupted) return;
   double now = cost(out_.p), damping = 1e-3;
   BallLinearisation at;
   bool fresh = false;
@@ -233,24 +241,33 @@ void BallDescent::run() {
   }
 }
 
-bool BallDescent::restart_astray() {
-  if (out_.interrupted) return false;
-  std::vector<double> each;  // cost of a number
+double BallDescent::camera() const {
+  if (options_.sigma > 0.0) return options_.sigma;
+  const double seen = camera_noise(data_, options_.longest_gap);
+  return std::isfinite(seen) ? std::max(seen, 1e-9) : out_.sigma;
+}
+
+double BallDescent::usual_cost() const {
+  std::vector<double> each;
   for (const BallWindow& w : data_.windows)
-    each.push_back(cost_of(out_.p, w) / (3.0 * static_cast<double>(w.time.size())));
-  const double usual = median(each);
+    each.push_back(cost_of(out_.p, w, out_.sigma) / (3.0 * static_cast<double>(w.time.size())));
+  return median(each);
+}
+
+bool BallDescent::restart_astray(double usual, double sigma) {
+  if (out_.interrupted) return false;
   BallLayout held = layout_;
   for (std::size_t k = 0; k < held.parameters.size(); ++k) {
     held.parameters[k].fixed = true;
     held.parameters[k].value = out_.p[static_cast<Eigen::Index>(k)];
   }
   BallFitOptions options = options_;
-  options.sigma = out_.sigma;
+  options.sigma = sigma;
   options.max_iterations = kStateSteps;
   bool better = false;
-  for (std::size_t i = 0; i < each.size(); ++i) {
-    if (!(each[i] > kAstray * usual)) continue;
-    BallWindow& window = data_.windows[i];
+  for (BallWindow& window : data_.windows) {
+    const double before = cost_of(out_.p, window, sigma);
+    if (!(before > kAstray * usual * 3.0 * static_cast<double>(window.time.size()))) continue;
     BallData one;
     one.hands = {data_.hands[static_cast<std::size_t>(window.hand)]};
     one.windows = {window};
@@ -263,10 +280,13 @@ bool BallDescent::restart_astray() {
       tried.seen.assign(window.seen.begin(), window.seen.begin() + rows);
       BallDescent states(model_, held, one, options, progress_);
       states.run();
-      if (states.out_.interrupted) return better;
+      if (!states.out_.interrupted) continue;
+      out_.interrupted = true;
+      out_.termination = states.out_.termination;
+      return better;
     }
     tried.hand = window.hand;
-    if (!(cost_of(out_.p, tried) < cost_of(out_.p, window))) continue;
+    if (!(cost_of(out_.p, tried, sigma) < before)) continue;
     window.state = tried.state;
     window.taut = tried.taut;
     better = true;
@@ -293,8 +313,9 @@ BallFit BallDescent::finish() {
 BallFit fit_ball(const Model& model, const BallLayout& layout, BallData& data,
                  const BallFitOptions& options, const std::function<bool(int, double)>& progress) {
   BallDescent descent(model, layout, data, options, progress);
+  descent.restart_astray(1.0, descent.camera());
   descent.run();
-  if (descent.restart_astray()) descent.run();
+  if (descent.restart_astray(descent.usual_cost(), descent.sigma())) descent.run();
   return descent.finish();
 }
 
