@@ -118,9 +118,9 @@ BallLinearisation linearise_ball(const Model& model, const BallLayout& layout,
 double ball_cost(const Model& model, const BallLayout& layout, const VecX<double>& p,
                  const BallData& data, double sigma, const BallFitOptions& options);
 
-/// Levenberg–Marquardt from the layout's values; states of `data` are updated.
-/// @param progress  called after every step, also of one that is taken back, with (iteration, rms
-/// [m]); false stops
+/// Levenberg–Marquardt from the layout's values; states of `data` are updated, over times that grow
+/// where they lead astray, after which it may descend once more.
+/// @param progress  called after every step, taken back or not, with (iteration, rms [m]); false: stop
 BallFit fit_ball(const Model& model, const BallLayout& layout, BallData& data,
                  const BallFitOptions& options = {},
                  const std::function<bool(int, double)>& progress = {});
