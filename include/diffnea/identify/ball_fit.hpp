@@ -120,7 +120,7 @@ double ball_cost(const Model& model, const BallLayout& layout, const VecX<double
 
 /// Levenberg–Marquardt from the layout's values; states of `data` are updated, over times that grow
 /// where they lead astray, after which it may descend once more.
-/// @param progress  called after every step, taken back or not, with (iteration, rms [m]); false: stop
+/// @param progress  after every step, taken back or not, with (iteration, rms [m]); false stops
 BallFit fit_ball(const Model& model, const BallLayout& layout, BallData& data,
                  const BallFitOptions& options = {},
                  const std::function<bool(int, double)>& progress = {});
