@@ -22,7 +22,7 @@ constexpr double kMostDamping = 1e8;
 constexpr double kAstray = 20.0;
 /// Of such a window, the times over which its first state is estimated one after the other.
 constexpr std::array kHorizons{0.125, 0.25, 0.5, 1.0};
-constexpr int kStateSteps = 20;  ///< over each of them, at most
+constexpr int kStateSteps = 10;  ///< over each of them, at most
 
 double& number(ParticleState<double>& s, int k) {
   Vec3<double>& v = k < 3 ? s.x : s.v;
@@ -265,9 +265,12 @@ bool BallDescent::restart_astray(double usual, double sigma) {
   options.sigma = sigma;
   options.max_iterations = kStateSteps;
   bool better = false;
+  const auto astray = [&](double cost, const BallWindow& window) {
+    return !(cost <= kAstray * usual * 3.0 * static_cast<double>(window.time.size()));
+  };
   for (BallWindow& window : data_.windows) {
     const double before = cost_of(out_.p, window, sigma);
-    if (!(before > kAstray * usual * 3.0 * static_cast<double>(window.time.size()))) continue;
+    if (!astray(before, window)) continue;
     BallData one;
     one.hands = {data_.hands[static_cast<std::size_t>(window.hand)]};
     one.windows = {window};
@@ -280,11 +283,16 @@ bool BallDescent::restart_astray(double usual, double sigma) {
       tried.seen.assign(window.seen.begin(), window.seen.begin() + rows);
       BallDescent states(model_, held, one, options, progress_);
       states.run();
-      if (!states.out_.interrupted) continue;
-      out_.interrupted = true;
-      out_.termination = states.out_.termination;
-      return better;
+      if (states.out_.interrupted) {
+        out_.interrupted = true;
+        out_.termination = states.out_.termination;
+        return better;
+      }
+      // Where no state leads along, it is the parameters that are wrong.
+      if (astray(states.cost(states.out_.p), tried)) break;
     }
+    tried.time = window.time;
+    tried.seen = window.seen;
     tried.hand = window.hand;
     if (!(cost_of(out_.p, tried, sigma) < before)) continue;
     window.state = tried.state;
