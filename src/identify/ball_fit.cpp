@@ -61,7 +61,7 @@ class BallDescent {
   /// over a long one, a flight that becomes taut too early or too late has other minima.
   /// @param usual  cost of a number at `sigma`  @return whether that made one of them better
   bool restart_astray(double usual, double sigma);
-  /// Median of the windows.
+  /// Median of the windows; noise alone costs 1.
   double usual_cost() const;
   double sigma() const { return out_.sigma; }
   BallFit finish();
@@ -251,7 +251,7 @@ double BallDescent::usual_cost() const {
   std::vector<double> each;
   for (const BallWindow& w : data_.windows)
     each.push_back(cost_of(out_.p, w, out_.sigma) / (3.0 * static_cast<double>(w.time.size())));
-  return median(each);
+  return std::max(1.0, median(each));
 }
 
 bool BallDescent::restart_astray(double usual, double sigma) {
