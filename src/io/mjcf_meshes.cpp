@@ -98,6 +98,23 @@ void check_obj(std::string_view text, const std::string& where) {
   });
 }
 
+/// The vertices and faces of an OBJ, which are all that is asked for. Of a corner without a normal,
+/// MuJoCo 2.2 reads what lies in memory before the file's normals.
+std::string shape_of_obj(std::string_view text) {
+  std::string out;
+  for_each_line(text, [&](std::string_view keyword, std::string_view rest, long) {
+    if (keyword == "vn" || keyword == "vt") return;
+    out += keyword;
+    if (keyword == "f")
+      for (std::string_view corner = next_word(rest); !corner.empty(); corner = next_word(rest))
+        out.append(" ").append(corner.substr(0, corner.find('/')));
+    else
+      out += rest;
+    out += '\n';
+  });
+  return out;
+}
+
 /// MuJoCo's own format: counts of vertices, normals, texture coordinates and faces as int32, then
 /// 3, 3 and 2 floats each, then 3 int32 a face. What does not fit together it says itself.
 void check_msh(std::string_view bytes, const std::string& where) {
@@ -178,8 +195,10 @@ void add_meshes(XmlElement& root, const std::filesystem::path& folder, const std
     if (stated)
       throw ModelError(here + ": names a file and states vertices or faces, expected one of both");
     const std::filesystem::path path = confined_path(folder, (mesh_folder / file).string(), here);
-    const std::string content = read_text_file(path), extension = path.extension().string();
-    check_content(content, lower(extension), here + " (" + file.string() + ")");
+    const std::string extension = path.extension().string(), kind = lower(extension);
+    std::string content = read_text_file(path);
+    check_content(content, kind, here + " (" + file.string() + ")");
+    if (kind == ".obj") content = shape_of_obj(content);
     const std::string flat = "mesh" + std::to_string(count++) + extension;
     files.add(flat, content, where);
     mesh.SetAttribute("file", flat.c_str());
