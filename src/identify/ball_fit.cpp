@@ -17,9 +17,13 @@ constexpr std::array kShares{0.25, 0.0625, 0.0};
 /// Of the step's damping: beyond, nothing makes it better.
 constexpr double kMostDamping = 1e8;
 
-/// A window whose numbers cost this many times what noise or the median window's do may have gone
-/// astray.
-constexpr double kAstray = 20.0;
+/// Of states alone, whose errors are asked for and not they: stop when a step would gain a smaller
+/// share of the cost.
+constexpr double kStatesTolerance = 1e-5;
+
+/// A window whose numbers cost this many times what the median window's or noise do may have gone
+/// astray; where the median window's cost this many times what noise does, the descent may be lost.
+constexpr double kAstray = 20.0, kLost = 100.0;
 /// Of such a window, the times over which its first state is estimated one after the other.
 constexpr std::array kHorizons{0.125, 0.25, 0.5, 1.0};
 constexpr int kStateSteps = 10;  ///< over each of them, at most
@@ -49,24 +53,20 @@ class BallDescent {
         free_(free_parameters(layout)),
         data_(data),
         options_(options),
-        progress_(progress) {
+        progress_(progress),
+        begun_(data.windows) {
     out_.p = layout.values();
     mark_taut(0.0);
     out_.sigma = noise();
   }
-  void run();
-  /// What the camera's noise alone would leave [m]: given, or seen.
-  double camera() const;
-  /// Estimates the first states of windows that may have gone astray anew, over times that grow:
-  /// over a long one, a flight that becomes taut too early or too late has other minima.
-  /// @param usual  cost of a number at `sigma`  @return whether that made one of them better
-  bool restart_astray(double usual, double sigma);
-  /// Median of the windows; noise alone costs 1.
-  double usual_cost() const;
-  double sigma() const { return out_.sigma; }
-  BallFit finish();
+  BallFit fit();
 
  private:
+  void run();
+  void run_anew();
+  bool restart_astray(double usual, double sigma);
+  double camera() const;
+  double usual_cost(double sigma) const;
   double noise() const;
   bool mark_taut(double sigma);
   bool stopped(double sigma);
@@ -85,6 +85,7 @@ class BallDescent {
   BallData& data_;
   const BallFitOptions& options_;
   const std::function<bool(int, double)>& progress_;
+  std::vector<BallWindow> begun_;  ///< with the states that the fit began with
   BallFit out_;
 };
 
@@ -199,6 +200,8 @@ double BallDescent::move_states(const BallLinearisation& at, const VecX<double>&
 
 void BallDescent::run() {
   if (out_.interrupted) return;
+  const double tolerance =
+      free_.empty() ? std::max(kStatesTolerance, options_.tolerance) : options_.tolerance;
   double now = cost(out_.p), damping = 1e-3;
   BallLinearisation at;
   bool fresh = false;
@@ -224,7 +227,7 @@ void BallDescent::run() {
       if (stopped(out_.sigma)) return;
       continue;
     }
-    const bool done = now - then < options_.tolerance * now;
+    const bool done = now - then < tolerance * now;
     out_.p = p;
     damping = std::max(1e-9, damping * 0.1);
     fresh = false;
@@ -241,19 +244,24 @@ void BallDescent::run() {
   }
 }
 
+/// What the camera's noise alone would leave [m]: given, or seen.
 double BallDescent::camera() const {
   if (options_.sigma > 0.0) return options_.sigma;
   const double seen = camera_noise(data_, options_.longest_gap);
   return std::isfinite(seen) ? std::max(seen, 1e-9) : out_.sigma;
 }
 
-double BallDescent::usual_cost() const {
+/// Of a number, in the median window.
+double BallDescent::usual_cost(double sigma) const {
   std::vector<double> each;
   for (const BallWindow& w : data_.windows)
-    each.push_back(cost_of(out_.p, w, out_.sigma) / (3.0 * static_cast<double>(w.time.size())));
-  return std::max(1.0, median(each));
+    each.push_back(cost_of(out_.p, w, sigma) / (3.0 * static_cast<double>(w.time.size())));
+  return median(each);
 }
 
+/// Estimates the first states of windows that may have gone astray anew, over times that grow:
+/// over a long one, a flight that becomes taut too early or too late has other minima.
+/// @param usual  cost of a number at `sigma`  @return whether that made one of them better
 bool BallDescent::restart_astray(double usual, double sigma) {
   if (out_.interrupted) return false;
   BallLayout held = layout_;
@@ -302,7 +310,32 @@ bool BallDescent::restart_astray(double usual, double sigma) {
   return better;
 }
 
-BallFit BallDescent::finish() {
+/// Another descent from the first parameters, with states that follow what was seen; the better
+/// one of both stays.
+void BallDescent::run_anew() {
+  const double sigma = camera(),
+               before = ball_cost(model_, layout_, out_.p, data_, sigma, options_);
+  const BallFit first = out_;
+  const std::vector<BallWindow> reached = data_.windows;
+  out_.p = layout_.values();
+  data_.windows = begun_;
+  mark_taut(sigma);
+  restart_astray(1.0, sigma);
+  out_.sigma = noise();
+  run();
+  if (ball_cost(model_, layout_, out_.p, data_, sigma, options_) < before) return;
+  const bool interrupted = out_.interrupted;
+  const int iterations = out_.iterations;
+  out_ = first;
+  out_.interrupted = interrupted;
+  out_.iterations = iterations;
+  data_.windows = reached;
+}
+
+BallFit BallDescent::fit() {
+  run();
+  if (!free_.empty() && !out_.interrupted && usual_cost(camera()) > kLost) run_anew();
+  if (restart_astray(std::max(1.0, usual_cost(out_.sigma)), out_.sigma)) run();
   const auto F = static_cast<Eigen::Index>(free_.size());
   const BallLinearisation at = linearise_ball(model_, layout_, out_.p, data_, out_.sigma, options_);
   out_.chi2 = at.chi2;
@@ -320,11 +353,7 @@ BallFit BallDescent::finish() {
 
 BallFit fit_ball(const Model& model, const BallLayout& layout, BallData& data,
                  const BallFitOptions& options, const std::function<bool(int, double)>& progress) {
-  BallDescent descent(model, layout, data, options, progress);
-  descent.restart_astray(1.0, descent.camera());
-  descent.run();
-  if (descent.restart_astray(descent.usual_cost(), descent.sigma())) descent.run();
-  return descent.finish();
+  return BallDescent(model, layout, data, options, progress).fit();
 }
 
 }  // namespace diffnea

@@ -118,8 +118,8 @@ BallLinearisation linearise_ball(const Model& model, const BallLayout& layout,
 double ball_cost(const Model& model, const BallLayout& layout, const VecX<double>& p,
                  const BallData& data, double sigma, const BallFitOptions& options);
 
-/// Levenberg–Marquardt from the layout's values; states of `data` are updated, over times that grow
-/// where they lead astray, after which it may descend once more.
+/// Levenberg–Marquardt from the layout's values; states of `data` are updated. Where these led
+/// astray, they are estimated over times that grow, and it descends once more.
 /// @param progress  after every step, taken back or not, with (iteration, rms [m]); false stops
 BallFit fit_ball(const Model& model, const BallLayout& layout, BallData& data,
                  const BallFitOptions& options = {},
