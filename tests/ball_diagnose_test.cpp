@@ -14,6 +14,8 @@
 #include <diffnea/core/error.hpp>
 #include <diffnea/diagnose/diagnose.hpp>
 
+#include "support/kept_diagnosis.hpp"
+
 using namespace diffnea;
 using Catch::Matchers::ContainsSubstring;
 using Catch::Matchers::WithinAbs;
@@ -208,6 +210,7 @@ TEST_CASE("diagnose a ball: a force that no effect is like is unknown, with a wi
   REQUIRE(std::sscanf(w.variables.front().c_str(), "time, %lf Hz", &hz) == 1);
   CHECK_THAT(hz, WithinAbs(omega / (2.0 * M_PI), 0.04));  // 1/(2·16 s) apart
   CHECK(w.share > 0.5);
+  CHECK(test::kept_page(finding).find(w.variables.front()) != std::string::npos);
 }
 
 TEST_CASE("diagnose a ball: causes of arm and ball in one finding", "[ball][diagnose]") {
@@ -231,6 +234,9 @@ TEST_CASE("diagnose a ball: causes of arm and ball in one finding", "[ball][diag
   CHECK_FALSE(finding.series.empty());
   CHECK(finding.ball.has_value());
   CHECK(finding.model.effects.size() >= 2);
+  const std::string page = test::kept_page(finding);
+  CHECK(page.find("coulomb friction at joint1") != std::string::npos);
+  CHECK(page.find("linear drag on the ball") != std::string::npos);
 }
 
 TEST_CASE("diagnose a ball: a recording that cannot be used is refused", "[ball][diagnose]") {
@@ -305,4 +311,27 @@ TEST_CASE("diagnose a ball: a string that throws it back, beside pictures that a
   // The made impacts are of first order in their step: 0.2 ms beside swings at 10/s.
   CHECK_THAT(rebound->parameters[0].value, WithinAbs(kRestitution, 0.01));
   CHECK(finding.gain.after < 1.1);
+}
+
+TEST_CASE("diagnose a ball: where a calm swing cannot tell, a motion that can is proposed",
+          "[ball][diagnose]") {
+  SwingOptions o{.seed = 31, .shake = 0.3};
+  o.extra = [](double, const Vec3<double>&, const Vec3<double>&) {
+    return Vec3<double>{0, 0, -0.15};
+  };
+  const Pair data = recorded(o);
+  DiagnoseOptions options;
+  options.effects = {"gravity_scale", "string_bending", "string_mass", "linear_drag"};
+  const Finding finding = diagnose(test::swinging_arm(), data.train, data.test, options);
+  CAPTURE(listed(finding));
+  CHECK(finding.verdict == Verdict::kClass);
+  REQUIRE(finding.next_experiment.has_value());
+  const NextExperiment& next = *finding.next_experiment;
+  REQUIRE_FALSE(next.pairs.empty());
+  CHECK(next.pairs.front().effect == finding.causes.front().effect);
+  CHECK(next.expected_delta_bic >= 10.0);
+  CHECK(next.pairs.front().delta_bic < 10.0);
+  CHECK(next.motion.joint_names == data.train.front().joint_names);
+  CHECK(next.motion.rows() > 0);
+  CHECK(test::kept_page(finding).find(next.sentence) != std::string::npos);
 }

@@ -12,6 +12,7 @@
 
 #include "diagnose/grey_box.hpp"
 #include "diagnose/refine.hpp"
+#include "support/kept_diagnosis.hpp"
 
 using namespace diffnea;
 
@@ -94,6 +95,7 @@ TEST_CASE("grey box: what no candidate explains is learned, and stays without a 
   CHECK(find(with, "residual")->gain.low > 0.0);
   CHECK(with.sentence.find("names no cause") != std::string::npos);
   CHECK(box.effective_parameters < box.bumps + 1e-9);
+  CHECK(test::kept_page(with).find("learned [N·m]") != std::string::npos);  // the curve
 
   // The extended model holds it: 0 outside the data, and no more than what was hidden at its most.
   const auto spec = std::ranges::find(with.model.effects, "residual", &EffectSpec::effect);
