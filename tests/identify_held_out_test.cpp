@@ -135,6 +135,7 @@ TEST_CASE("held out: where no row counts, all that is shown is of the data of th
           "[identify]") {
   IdentifyOptions options = with({});
   Recording train = recorded({}), test = recorded({.phase = 1.0, .seed = 2});
+  bool explains_little = false;
   const auto without = [](Recording& r, int joint) {
     r.has_tau[static_cast<std::size_t>(joint)] = false;
     r.tau.col(joint).setConstant(std::numeric_limits<double>::quiet_NaN());
@@ -153,6 +154,7 @@ TEST_CASE("held out: where no row counts, all that is shown is of the data of th
     test = recorded({.seconds = 2.5, .phase = 1.0, .seed = 2});
     Rng rng(4);
     for (double& tau : train.tau.reshaped()) tau += 100.0 * rng.normal();
+    explains_little = true;
   }
   const FitRun run{identify(two_hinges(), {train}, {test}, options), {}},
       alone{identify(two_hinges(), {train}, {}, options), {}};
@@ -167,8 +169,7 @@ TEST_CASE("held out: where no row counts, all that is shown is of the data of th
         std::string::npos);
   CHECK_THAT(identify_headline(run), ContainsSubstring("On the data it was fitted to, the torque"));
   CHECK(identify_headline(run) == identify_headline(alone));
-  const std::string little = "the fit explains little";
-  CHECK(has_note(run.fit, little) == has_note(alone.fit, little));
+  CHECK(has_note(run.fit, "the fit explains little") == explains_little);
 }
 
 TEST_CASE("held out: other rates are compared in the band of the fit", "[identify]") {

@@ -43,6 +43,8 @@ double allowed(const BallParameter& p, double value, double step) {
   return std::clamp(value + step, least, std::max(least, p.most));
 }
 
+using States = std::vector<ParticleState<double>>;  ///< of the windows
+
 /// Levenberg–Marquardt in the parameters; each window's state follows.
 class BallDescent {
  public:
@@ -54,7 +56,7 @@ class BallDescent {
         data_(data),
         options_(options),
         progress_(progress),
-        begun_(data.windows) {
+        begun_(states()) {
     out_.p = layout.values();
     mark_taut(0.0);
     out_.sigma = noise();
@@ -65,6 +67,8 @@ class BallDescent {
   void run();
   void run_anew();
   bool restart_astray(double usual, double sigma);
+  States states() const;
+  void set_states(const States& states);
   double camera() const;
   double usual_cost(double sigma) const;
   double noise() const;
@@ -85,9 +89,18 @@ class BallDescent {
   BallData& data_;
   const BallFitOptions& options_;
   const std::function<bool(int, double)>& progress_;
-  std::vector<BallWindow> begun_;  ///< with the states that the fit began with
+  const States begun_;  ///< that the fit began with
   BallFit out_;
 };
+
+States BallDescent::states() const {
+  States out;
+  for (const BallWindow& w : data_.windows) out.push_back(w.state);
+  return out;
+}
+void BallDescent::set_states(const States& states) {
+  for (std::size_t w = 0; w < states.size(); ++w) data_.windows[w].state = states[w];
+}
 
 /// σ from the median of |e|, for the numbers that parameters and states have used up.
 double BallDescent::noise() const {
@@ -168,18 +181,16 @@ double BallDescent::move_states(const BallLinearisation& at, const VecX<double>&
   const auto F = static_cast<Eigen::Index>(free_.size());
   VecX<double> dp(F);
   for (Eigen::Index k = 0; k < F; ++k) dp[k] = p[free_[k]] - out_.p[free_[k]];
-  std::vector<ParticleState<double>> before;
+  const States before = states();
   std::vector<VecX<double>> steps;
-  for (std::size_t w = 0; w < data_.windows.size(); ++w) {
-    ParticleState<double>& s = data_.windows[w].state;
-    before.push_back(s);
+  for (std::size_t w = 0; w < before.size(); ++w) {
     steps.push_back(at.state_steps[w].col(0) - at.state_steps[w].rightCols(F) * dp);
-    s = moved(s, steps.back());
+    data_.windows[w].state = moved(before[w], steps[w]);
   }
   double sum = cost(p);
   if (sum < now) return sum;
   sum = 0.0;
-  for (std::size_t w = 0; w < data_.windows.size(); ++w) {
+  for (std::size_t w = 0; w < before.size(); ++w) {
     BallWindow& window = data_.windows[w];
     double least = cost_of(p, window, out_.sigma);
     BallWindow tried = window;
@@ -210,12 +221,11 @@ void BallDescent::run() {
   for (int k = 0; k < options_.max_iterations; ++k, ++out_.iterations) {
     if (!fresh) at = linearise_ball(model_, layout_, out_.p, data_, out_.sigma, options_);
     fresh = true;
-    std::vector<ParticleState<double>> before;
-    for (const BallWindow& w : data_.windows) before.push_back(w.state);
+    const States before = states();
     const VecX<double> p = stepped(at, damping);
     const double then = move_states(at, p, now);
     if (!(then < now)) {
-      for (std::size_t w = 0; w < before.size(); ++w) data_.windows[w].state = before[w];
+      set_states(before);
       damping *= 10.0;
       if (damping > kMostDamping) {
         out_.converged = std::isfinite(now);
@@ -313,23 +323,27 @@ bool BallDescent::restart_astray(double usual, double sigma) {
 /// Another descent from the first parameters, with states that follow what was seen; the better
 /// one of both stays.
 void BallDescent::run_anew() {
-  const double sigma = camera(),
-               before = ball_cost(model_, layout_, out_.p, data_, sigma, options_);
-  const BallFit first = out_;
-  const std::vector<BallWindow> reached = data_.windows;
+  const double sigma = camera();
+  const auto cost_now = [&] { return ball_cost(model_, layout_, out_.p, data_, sigma, options_); };
+  const double before = cost_now();
+  BallFit first = out_;
+  const States reached = states();
   out_.p = layout_.values();
-  data_.windows = begun_;
+  set_states(begun_);
   mark_taut(sigma);
   restart_astray(1.0, sigma);
   out_.sigma = noise();
   run();
-  if (ball_cost(model_, layout_, out_.p, data_, sigma, options_) < before) return;
-  const bool interrupted = out_.interrupted;
-  const int iterations = out_.iterations;
-  out_ = first;
-  out_.interrupted = interrupted;
-  out_.iterations = iterations;
-  data_.windows = reached;
+  if (cost_now() < before) return;
+  first.iterations = out_.iterations;
+  if (out_.interrupted) {
+    first.interrupted = true;
+    first.converged = false;
+    first.termination = out_.termination;
+  }
+  out_ = std::move(first);
+  set_states(reached);
+  mark_taut(out_.sigma);
 }
 
 BallFit BallDescent::fit() {

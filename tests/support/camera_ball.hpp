@@ -2,8 +2,8 @@
 /// A ball on a string, and one in flight, as a camera sees them. Made without the library's
 /// equations of either: Störmer–Verlet steps, the string a projection back onto its sphere (SHAKE;
 /// Ryckaert, Ciccotti, Berendsen 1977), which is an impact where it becomes taut (without
-/// restitution, unless one is asked for), and asks for positions of the anchor alone; or a stiff spring with a damper. The arm's
-/// kinematics are written out.
+/// restitution, unless one is asked for), and asks for positions of the anchor alone; or a stiff
+/// spring with a damper. The arm's kinematics are written out.
 
 #include <algorithm>
 #include <array>
@@ -43,11 +43,11 @@ inline Model swinging_arm() {
 struct SwingOptions {
   double seconds = 16.0;
   unsigned seed = 1;
-  double noise = 1.5e-3;    ///< of the camera [m]
-  double shake = 1.0;       ///< amplitude of the joints over 0.35, 0.35, 0.8 rad
-  double pace = 1.0;        ///< of the joints' motion; another one is another motion
-  double drag = 0.0;        ///< −c v [1/s]
-  double compliance = 0.0;  ///< of the string [m/N]; its length is that under the ball's weight
+  double noise = 1.5e-3;     ///< of the camera [m]
+  double shake = 1.0;        ///< amplitude of the joints over 0.35, 0.35, 0.8 rad
+  double pace = 1.0;         ///< of the joints' motion; another one is another motion
+  double drag = 0.0;         ///< −c v [1/s]
+  double compliance = 0.0;   ///< of the string [m/N]; its length is that under the ball's weight
   double restitution = 0.0;  ///< of the velocity along the string where it becomes taut
   /// A further acceleration at (t, x, v) [m/s²].
   std::function<Vec3<double>(double, const Vec3<double>&, const Vec3<double>&)> extra{};

@@ -27,8 +27,8 @@ struct WarmUp {
     return kInfo;
   }
 
-  static constexpr bool kReadsTime =
-      true;  ///< its torque changes with the time since the run began
+  /// Its torque changes with the time since the run began.
+  static constexpr bool kReadsTime = true;
 
   template <Scalar T>
   void add_torque(const JointSample<T>& x, const int* joint, const T* p, T* tau) const {
