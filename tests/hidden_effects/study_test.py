@@ -7,22 +7,23 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import figures
 import pytest
 import study
 
 
 def test_wilson_interval() -> None:
     # Brown, Cai, DasGupta 2001: 0 of 10 gives 0 to 0.2775.
-    low, high = study.wilson(0, 10)
+    low, high = figures.wilson(0, 10)
     assert (low, high) == (0.0, pytest.approx(0.2775, abs=1e-3))
-    low, high = study.wilson(5, 10)
+    low, high = figures.wilson(5, 10)
     assert low == pytest.approx(1 - high)
 
 
 def test_upper_bound_is_exact_for_no_hits_and_grows_with_them() -> None:
-    assert study.upper_bound(0, 400) == pytest.approx(1 - 0.05 ** (1 / 400), rel=1e-9)
-    assert study.upper_bound(1, 400) > study.upper_bound(0, 400)
-    assert study.upper_bound(3, 3) == 1.0
+    assert figures.upper_bound(0, 400) == pytest.approx(1 - 0.05 ** (1 / 400), rel=1e-9)
+    assert figures.upper_bound(1, 400) > figures.upper_bound(0, 400)
+    assert figures.upper_bound(3, 3) == 1.0
 
 
 def test_size_named_in_finds_the_curve_it_was_drawn_from() -> None:
@@ -35,8 +36,8 @@ def test_size_named_in_finds_the_curve_it_was_drawn_from() -> None:
         scores.append({"size": size, "outcome": "right" if rng.random() < p else "missed"})
     truth = middle * 9 ** (1 / slope)  # logit 0.9 = ln 9
     # 4000 draws: 3 % of spread in the size.
-    assert study.size_named_in(0.9, scores) == pytest.approx(truth, rel=0.1)
-    assert study.size_named_in(0.9, scores[:5]) is None
+    assert figures.size_named_in(0.9, scores) == pytest.approx(truth, rel=0.1)
+    assert figures.size_named_in(0.9, scores[:5]) is None
 
 
 def test_the_sets_share_no_seed() -> None:
@@ -139,11 +140,11 @@ def test_the_table_has_the_worst_family_of_the_oracles() -> None:
         }
 
     scores = [case("cogging", 1.0), case("cogging", 0.98), case("armature", 0.5)]
-    text = "\n".join(study.oracle_lines([*scores, case("backlash", None)]))
+    text = "\n".join(figures.oracle_lines([*scores, case("backlash", None)]))
     assert "accepted | 3/4 |" in text
     assert "median | 0.980 |" in text
     assert "worst family | 0.500 (armature) |" in text
-    assert study.oracle_lines([{"oracle": None}]) == []
+    assert figures.oracle_lines([{"oracle": None}]) == []
 
 
 def test_groups_of_the_ball_and_of_joints_share_no_family() -> None:
@@ -164,15 +165,15 @@ def test_the_ball_has_figures_of_its_own() -> None:
 
     scores = [case("ball_wind", "right", 500.0), case("ball_wind", "confusable", 50.0)]
     scores += [case("ball_none", "false_alarm", None, "none")]
-    text = study.table(scores, "ball")
+    text = figures.table(scores, "ball")
     assert "| right effect, LM ≥ 100 | 1/1" in text
     assert "| right effect, LM 30–100 | 0/1" in text
     assert "false alarms | 1/1" in text
     assert "| right effect and joint, expected LM ≥ 100 | – |" in text
     assert "| ball_wind | 1/1" in text
-    assert "## Ball" not in study.table([], "nothing yet")
+    assert "## Ball" not in figures.table([], "nothing yet")
 
 
 def test_an_empty_study_has_a_table() -> None:
-    text = study.table([], "nothing yet")
+    text = figures.table([], "nothing yet")
     assert "| none | 0 | 0 | – |" in text
