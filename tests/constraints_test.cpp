@@ -342,26 +342,6 @@ TEST_CASE("constraints: a body without mass and a body that is not there are nam
                     ContainsSubstring("body 0 has a mass of 0.0"));
 }
 
-TEST_CASE("dual numbers: first and second derivatives of every function", "[constraints]") {
-  using Along = Dual<double, 1>;
-  using Twice = Dual<Along, 1>;
-  const double x = 0.7;
-  const Twice t(Along(x, 0), 0);
-  const auto check = [](const Twice& f, double value, double first, double second) {
-    CHECK_THAT(f.a.a, WithinRel(value, 1e-14));
-    CHECK_THAT(f.v[0].a, WithinRel(first, 1e-13));
-    CHECK_THAT(f.a.v[0], WithinRel(first, 1e-13));
-    CHECK_THAT(f.v[0].v[0], WithinRel(second, 1e-13));
-  };
-  check(sin(t), std::sin(x), std::cos(x), -std::sin(x));
-  check(cos(t), std::cos(x), -std::sin(x), -std::cos(x));
-  check(exp(t), std::exp(x), std::exp(x), std::exp(x));
-  check(log(t), std::log(x), 1 / x, -1 / (x * x));
-  check(sqrt(t), std::sqrt(x), 0.5 / std::sqrt(x), -0.25 / (x * std::sqrt(x)));
-  check(1.0 / t, 1 / x, -1 / (x * x), 2 / (x * x * x));
-  check(t * t - 3.0 * t, x * x - 3 * x, 2 * x - 3, 2.0);
-}
-
 TEST_CASE("constraints: a string on a driven pivot pulls, and never pushes", "[constraints]") {
   const double length = 0.4, mass = 0.024;
   const std::vector<FreeBody<double>> bodies{{BodyKind::kPrescribed, {}}, particle(mass)};
