@@ -5,7 +5,8 @@
 namespace diffnea {
 
 /// string_bending: a knot that is stiff pulls the string toward hanging straight down,
-/// tangential k r (ĝ − u): like more gravity, at the angle alone.
+/// tangential k r (ĝ − u): like more gravity, at the angle alone. Without gravity there is no down,
+/// and no pull.
 struct StringBending {
   static const EffectInfo& info() {
     static const EffectInfo kInfo{
@@ -20,8 +21,9 @@ struct StringBending {
 
   template <Scalar T>
   void add_acceleration(const BallInstant<T>& x, const T* p, Vec3<T>& a) const {
-    if (!x.taut) return;
-    const Vec3<double> down = x.gravity * (1.0 / std::sqrt(dot(x.gravity, x.gravity)));
+    const double g = std::sqrt(dot(x.gravity, x.gravity));
+    if (!x.taut || !(g > 0.0)) return;
+    const Vec3<double> down = x.gravity * (1.0 / g);
     a = a + across(x, down.template cast<T>()) * (p[0] * x.length);
   }
 };
