@@ -11,6 +11,7 @@
 #include <diffnea/core/error.hpp>
 #include <diffnea/core/random.hpp>
 #include <diffnea/dynamics/kinematics.hpp>
+#include <diffnea/effects/catalogue.hpp>
 #include <diffnea/identify/ball_fit.hpp>
 
 #include "identify/ball_cost.hpp"
@@ -135,6 +136,40 @@ TEST_CASE("ball fit: slack phases do not break it", "[ball]") {
   CAPTURE(fit.termination, fit.iterations, fit.p.transpose(), fit.sigma);
   CHECK_THAT(fit.p[0], WithinAbs(0.40, 2e-3));
   CHECK_THAT(fit.p[1], WithinAbs(0.28, 2e-3));
+}
+
+TEST_CASE("ball fit: without gravity, every effect's first order is known", "[ball]") {
+  Model model = test::swinging_arm();
+  model.gravity = {0, 0, 0};
+  const double length = model.ball->string->length, pace = 2.0;  // [rad/s]
+  const Vec3<double> knot{0.1, -0.2, 1.0};
+  model.ball->string->p_LS = {0, 0, 0};
+  BallData data;
+  data.hands.emplace_back(Pose<double>{Mat3<double>::identity(), knot});
+  BallWindow circle;
+  circle.taut = true;
+  for (int k = 0; k <= 60; ++k) {
+    const double at = 0.05 * pace * k;
+    circle.time.push_back(0.05 * k);
+    circle.seen.push_back(knot + Vec3<double>{length * std::cos(at), length * std::sin(at), 0});
+  }
+  circle.state = {circle.seen.front(), {0, length * pace, 0}};
+  data.windows.push_back(circle);
+  int tried = 0;
+  for (const EffectInfo& i : catalogue()) {
+    if (!acts_on_ball(i) || i.port == Port::kBallImpact) continue;  // no plane is there to hit
+    for (const std::string& where : places(i, model)) {
+      CAPTURE(i.name, where);
+      ++tried;
+      const BallLayout layout = make_ball_layout(model, {{i.name, where, {}}}, false);
+      const BallLinearisation at =
+          linearise_ball(model, layout, layout.values(), data, 1e-3, BallFitOptions{});
+      CHECK(at.R.allFinite());
+      CHECK(at.norms.allFinite());
+      CHECK(at.chi2 < 1e-6);  // of the circle: within a nanometre or so
+    }
+  }
+  CHECK(tried > 10);
 }
 
 TEST_CASE("ball fit: a ball that is never taut is refused", "[ball]") {
