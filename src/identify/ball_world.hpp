@@ -1,10 +1,19 @@
 #pragma once
 /// The world of one window in any scalar: hand, forces, view.
 
+#include <array>
+
 #include <diffnea/identify/ball_fit.hpp>
 
 namespace diffnea {
 
+inline bool same(double a, double b) { return a == b; }
+template <class T, int N>
+bool same(const ceres::Jet<T, N>& a, const ceres::Jet<T, N>& b) {
+  return a.a == b.a && a.v == b.v;
+}
+
+/// Of one thread: it keeps the last motions of its anchor.
 /// @tparam T  double, or a Jet with respect to parameters and first state
 template <Scalar T>
 struct BallWorld {
@@ -43,7 +52,13 @@ struct BallWorld {
 
   bool has_string() const { return model->ball->string.has_value(); }
   T length() const { return r; }
-  AnchorMotion<T> anchor(const T& time) const { return hand->anchor(time, p_LS); }
+  AnchorMotion<T> anchor(const T& time) const {
+    for (const Known& k : known_)  // a step asks six times for it, of three instants
+      if (k.is_set && same(k.time, time)) return k.anchor;
+    newest_ = 1 - newest_;
+    known_[newest_] = {true, time, hand->anchor(time, p_LS)};
+    return known_[newest_].anchor;
+  }
   /// From where on the string of a ball at x is free.
   FreeString<T> string(const T& time, const Vec3<T>& x) const {
     if (!X_LC) return {anchor(time), r};
@@ -123,6 +138,14 @@ struct BallWorld {
   }
 
  private:
+  struct Known {
+    bool is_set = false;
+    T time{};
+    AnchorMotion<T> anchor{};
+  };
+  mutable std::array<Known, 2> known_;
+  mutable std::size_t newest_ = 0;
+
   static constexpr double kFarAway = 1e3;    ///< where there is no plane [m]
   static constexpr double kJerkStep = 5e-3;  ///< of the difference [s]
 
