@@ -118,6 +118,9 @@ TEST_CASE("decimator: bands that make no sense are refused", "[recording]") {
                   DataError);
   CHECK_THROWS_AS(Decimator({.rate_hz = 100.0, .factor = 2, .pass_hz = 30.0, .stop_hz = 60.0}),
                   DataError);
+  // Some 10^8 rows: refused before memory is taken.
+  CHECK_THROWS_AS(Decimator({.rate_hz = 1e5, .factor = 1, .pass_hz = 3e-3}), DataError);
+  CHECK_THROWS_AS(Decimator({.rate_hz = 1e5, .factor = 1, .pass_hz = 1e-30}), DataError);
   Decimator d({.rate_hz = 1000.0, .factor = 20});
   d.push(random_rows(1, 10, 3));
   CHECK_THROWS_AS(d.push(random_rows(1, 10, 4)), ShapeError);

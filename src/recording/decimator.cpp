@@ -7,13 +7,15 @@
 #include <diffnea/core/error.hpp>
 #include <diffnea/recording/decimator.hpp>
 
+#include "core/number_text.hpp"
 #include "recording/kaiser.hpp"
 
 namespace diffnea {
 namespace {
 
 constexpr double kPi = std::numbers::pi;
-constexpr long kFew = 8;  ///< columns: each by itself runs on SIMD registers
+constexpr int kMostTaps = 1 << 24;  ///< 134 MB; 1 mHz at 5 kHz, roughly
+constexpr long kFew = 8;            ///< columns: each by itself runs on SIMD registers
 
 }  // namespace
 
@@ -36,7 +38,13 @@ Decimator::Decimator(const DecimatorOptions& o) : rate_hz_(o.rate_hz), factor_(o
   const double beta =
       A > 50.0 ? 0.1102 * (A - 8.7) : 0.5842 * std::pow(A - 21.0, 0.4) + 0.07886 * (A - 21.0);
   const double width = 2.0 * kPi * (stop - pass) / rate_hz_;
-  const int half = static_cast<int>(std::ceil(0.5 * (A - 7.95) / (2.285 * width)));
+  const double support = std::ceil(0.5 * (A - 7.95) / (2.285 * width));
+  if (!(2.0 * support + 1.0 <= kMostTaps))
+    throw DataError("low-pass: a pass band of " + detail::number_text(pass) + " Hz at " +
+                    detail::number_text(rate_hz_) + " rows a second hangs on " +
+                    detail::number_text(2.0 * support + 1.0) + " rows, expected " +
+                    std::to_string(kMostTaps) + " at most: choose a higher cut-off (--filter)");
+  const int half = static_cast<int>(support);
   const double cut = (pass + stop) / rate_hz_;  // 2 f_c / rate
   h_.assign(2 * half + 1, 0.0);
   double sum = 0.0;

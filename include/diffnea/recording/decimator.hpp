@@ -25,7 +25,7 @@ struct DecimatorOptions {
 /// A linear-phase low-pass that keeps one row of several, alike for all columns.
 class Decimator {
  public:
-  /// @throws DataError if the bands are not 0 < pass < stop ≤ half of the input rate
+  /// @throws DataError unless 0 < pass < stop ≤ half of the input rate, and of 2^24 taps at most
   explicit Decimator(const DecimatorOptions& options);
 
   /// Takes the next input rows of the present segment.
