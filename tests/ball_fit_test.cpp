@@ -15,6 +15,7 @@
 #include <diffnea/identify/ball_fit.hpp>
 
 #include "identify/ball_cost.hpp"
+#include "identify/ball_world.hpp"
 
 using namespace diffnea;
 using Catch::Matchers::ContainsSubstring;
@@ -166,10 +167,26 @@ TEST_CASE("ball fit: without gravity, every effect's first order is known", "[ba
           linearise_ball(model, layout, layout.values(), data, 1e-3, BallFitOptions{});
       CHECK(at.R.allFinite());
       CHECK(at.norms.allFinite());
-      CHECK(at.chi2 < 1e-6);  // of the circle: within a nanometre or so
+      CHECK(at.chi2 < 1e-6);  // of the circle: within 0.1 µm
     }
   }
   CHECK(tried > 10);
+}
+
+TEST_CASE("ball fit: an anchor's motion has the derivatives of the time it is asked at", "[ball]") {
+  const Model model = test::swinging_arm();
+  const BallData data = make_ball_data(model, {recorded(model, 0.0, 3.0, 1)}, {});
+  const BallLayout layout = make_ball_layout(model, {});
+  std::vector<JetD> p;
+  for (const BallParameter& parameter : layout.parameters) p.emplace_back(parameter.value);
+  const BallWorld<JetD> world(model, layout, data.hands.front(), p);
+  for (const JetD& time : {JetD(1.5), JetD(1.5, 2), JetD(1.5, 3), JetD(1.5), JetD(1.6, 3)}) {
+    const AnchorMotion<JetD> kept = world.anchor(time),
+                             fresh = data.hands.front().anchor(time, world.p_LS);
+    CHECK(kept.x.y.a == fresh.x.y.a);
+    CHECK(kept.x.y.v == fresh.x.y.v);
+    CHECK(kept.v.y.v == fresh.v.y.v);
+  }
 }
 
 TEST_CASE("ball fit: a ball that is never taut is refused", "[ball]") {

@@ -7,9 +7,10 @@
 
 namespace diffnea {
 
-inline bool same(double a, double b) { return a == b; }
+/// Derivatives included.
+inline bool identical(double a, double b) { return a == b; }
 template <class T, int N>
-bool same(const ceres::Jet<T, N>& a, const ceres::Jet<T, N>& b) {
+bool identical(const ceres::Jet<T, N>& a, const ceres::Jet<T, N>& b) {
   return a.a == b.a && a.v == b.v;
 }
 
@@ -54,7 +55,7 @@ struct BallWorld {
   T length() const { return r; }
   AnchorMotion<T> anchor(const T& time) const {
     for (const Known& k : known_)  // a step asks six times for it, of three instants
-      if (k.is_set && same(k.time, time)) return k.anchor;
+      if (k.is_set && identical(k.time, time)) return k.anchor;
     newest_ = 1 - newest_;
     known_[newest_] = {true, time, hand->anchor(time, p_LS)};
     return known_[newest_].anchor;
