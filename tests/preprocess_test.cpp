@@ -321,6 +321,10 @@ TEST_CASE("preprocess: what cannot be done is said", "[recording]") {
   CHECK_THROWS_WITH(plan_preprocess({brief}, {.filter_hz = 10.0}),
                     ContainsSubstring("10 Hz leaves fewer than five rows of 0.19 s") &&
                         ContainsSubstring("expected 26.32 Hz or more"));
+  Recording pieces = good;  // half an hour, of which 2.5 s are together
+  pieces.time.tail(250).array() += 1800.0;
+  CHECK_THROWS_WITH(plan_preprocess({pieces}, {.filter_hz = 0.1}),
+                    ContainsSubstring("five rows of 2.49 s (its longest stretch without a gap)"));
   Preprocessor stream(plan_preprocess({good}));
   stream.push(good);
   other = good;

@@ -14,7 +14,7 @@ namespace diffnea {
 namespace {
 
 constexpr double kPi = std::numbers::pi;
-constexpr int kMostTaps = 1 << 24;  ///< 134 MB; 1 mHz at 5 kHz, roughly
+constexpr int kMostTaps = 1 << 24;  ///< 134 MB; 1 mHz at 4 kHz
 constexpr long kFew = 8;            ///< columns: each by itself runs on SIMD registers
 
 }  // namespace
@@ -43,7 +43,7 @@ Decimator::Decimator(const DecimatorOptions& o) : rate_hz_(o.rate_hz), factor_(o
     throw DataError("low-pass: a pass band of " + detail::number_text(pass) + " Hz at " +
                     detail::number_text(rate_hz_) + " rows a second hangs on " +
                     detail::number_text(2.0 * support + 1.0) + " rows, expected " +
-                    std::to_string(kMostTaps) + " at most: choose a higher cut-off (--filter)");
+                    std::to_string(kMostTaps) + " at most: choose a higher pass band");
   const int half = static_cast<int>(support);
   const double cut = (pass + stop) / rate_hz_;  // 2 f_c / rate
   h_.assign(2 * half + 1, 0.0);

@@ -20,6 +20,7 @@ namespace {
 using detail::Gridder;
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
 /// Rows that planning looks at, at most; enough for any spectrum.
 constexpr long kPlanRows = 400'000;
 /// No drive is sampled faster; a pause of milliseconds would be a gap of millions of rows [s].
@@ -170,30 +171,37 @@ PositionSpectrum look_at_position(const std::vector<Eigen::VectorXd>& segments, 
   return out;
 }
 
+/// Of a stretch of the recordings that no pause interrupts [s].
+double longest_of(const std::vector<Recording>& recordings, double longest_pause) {
+  double out = 0.0;
+  for (const Recording& r : recordings)
+    for (long first = 0, k = 1; k < r.rows(); ++k) {
+      if (!(r.time[k] - r.time[k - 1] <= longest_pause)) first = k;
+      out = std::max(out, r.time[k] - r.time[first]);
+    }
+  return out;
+}
+
 /// Five rows that the filter leaves independent, at least.
-/// @param longest  of the recordings [s]
-void require_enough(const std::string& where, double longest, double filter_hz,
+/// @param plan  with filter_hz and max_gap
+void require_enough(const std::vector<Recording>& recordings, const PreprocessPlan& plan,
                     const PreprocessOptions& options) {
-  const std::string lasts = detail::number_text(longest, 3) + " s";
+  const std::string& where = recordings.front().source;
+  const double longest = longest_of(recordings, plan.max_gap * plan.dt);
+  const std::string lasts =
+      detail::number_text(longest, 3) + " s" +
+      (longest < longest_of(recordings, kInfinity) ? " (its longest stretch without a gap)" : "");
   const auto too_few = [&](double hz) { return hz > 0.0 && !(hz * longest >= 5.0); };
   for (const double hz : {options.filter_hz, options.decimate_to_hz})
     if (too_few(hz))
       throw DataError(where + ": filter or decimation to " + detail::number_text(hz, 4) +
                       " Hz leaves fewer than five rows of " + lasts + "; expected " +
                       detail::number_text(5.0 / longest, 4) + " Hz or more");
-  if (too_few(filter_hz))
+  if (too_few(plan.filter_hz))
     throw DataError(where + ": lasts " + lasts + ", of which the filter that suits it (" +
-                    detail::number_text(filter_hz, 3) +
+                    detail::number_text(plan.filter_hz, 3) +
                     " Hz) leaves fewer than five rows; record ten seconds or more, e.g. a "
                     "motion of `diffnea excite`");
-}
-
-/// Of the recordings [s].
-double longest_of(const std::vector<Recording>& recordings) {
-  double out = 0.0;
-  for (const Recording& r : recordings)
-    if (r.rows() > 1) out = std::max(out, r.time[r.rows() - 1] - r.time[0]);
-  return out;
 }
 
 /// One kind of recordings, with something to differentiate.
@@ -252,15 +260,14 @@ PreprocessPlan plan_preprocess(const std::vector<Recording>& recordings,
     throw DataError("preprocess: filter_hz is " + std::to_string(options.filter_hz) +
                     ", decimate_to_hz " + std::to_string(options.decimate_to_hz) +
                     "; expected 0 (chosen from the data) or above");
-  require_enough(recordings.front().source, longest_of(recordings), plan.filter_hz, options);
+  // A pause of a tenth of the cut-off's period holds nothing that the interpolation would miss.
+  plan.max_gap =
+      options.max_gap > 0.0 ? options.max_gap : std::max(5.0, 0.1 / (plan.filter_hz * plan.dt));
+  require_enough(recordings, plan, options);
   if (plan.filter_hz >= 0.5 * rate)
     throw DataError(recordings.front().source + ": filter_hz is " + std::to_string(plan.filter_hz) +
                     " Hz, expected below half of the sampling rate, " + std::to_string(0.5 * rate) +
                     " Hz");
-
-  // A pause of a tenth of the cut-off's period holds nothing that the interpolation would miss.
-  plan.max_gap =
-      options.max_gap > 0.0 ? options.max_gap : std::max(5.0, 0.1 / (plan.filter_hz * plan.dt));
 
   // Torques and regressor pass as far as the filter of the positions is flat (Butterworth twice: 4
   // % at two thirds of the cut-off). Above, torque noise meets no motion, and noise of q̈ would bias
@@ -284,8 +291,8 @@ PreprocessPlan plan_like(const PreprocessPlan& plan, const std::vector<Recording
   const double rate = 1.0 / out.dt;
   // Positions may be smoothed more, as long as that is flat over the band of the torques.
   out.filter_hz = std::min(plan.filter_hz, std::max(kTrueTo, plan.filter_hz * plan.dt) * rate);
-  require_enough(recordings.front().source, longest_of(recordings), out.filter_hz, {});
   out.max_gap = std::max(5.0, plan.max_gap * plan.dt / out.dt);
+  require_enough(recordings, out, {});
   const double wanted = 1.0 / (plan.dt * plan.decimator.factor);
   out.decimator.rate_hz = rate;
   out.decimator.factor = std::max(1, static_cast<int>(std::lround(rate / wanted)));
