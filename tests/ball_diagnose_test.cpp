@@ -123,6 +123,30 @@ TEST_CASE("diagnose a ball: a string tied elsewhere is one where the base is fix
   CHECK(diagnose(accused, data.train, data.test).base == "prior");
 }
 
+TEST_CASE("diagnose a ball: where a slow camera's noise is not known, it is what the causes leave",
+          "[ball][diagnose]") {
+  Pair data = recorded({.seed = 3});
+  for (Recording* r : {&data.train.front(), &data.test.front()})
+    for (long k = 0; k < r->rows(); ++k)
+      if (std::fmod(r->time[k] + 1e-9, 0.05) > 1e-6)  // at 20 Hz blocks of rows are too few
+        r->ball.row(k).setConstant(std::nan(""));
+  Model accused = test::swinging_arm();
+  accused.ball->string->p_LS.y -= 0.05;
+  DiagnoseOptions options;
+  options.base = Base::kFixed;
+  const Finding finding = diagnose(accused, data.train, data.test, options);
+  CAPTURE(listed(finding));
+  REQUIRE(find_cause(finding, "attachment_offset") != nullptr);
+  REQUIRE(finding.ball.has_value());
+  // First states take some of it with them, and the base misses by far more.
+  CHECK(finding.ball->sigma > 0.7 * kNoise);
+  CHECK(finding.ball->sigma < 1.1 * kNoise);
+  CHECK(finding.noise.back() == finding.ball->sigma);
+  CHECK(finding.ball->base_rms > 5.0 * kNoise);
+  CHECK_THAT(finding.gain.after, WithinAbs(1.0, 0.3));
+  CHECK_THAT(finding.gain.before, WithinAbs(finding.ball->base_rms / finding.ball->sigma, 2.0));
+}
+
 TEST_CASE("diagnose a ball: without a second recording, stretches of time are held out",
           "[ball][diagnose]") {
   const Pair data = recorded({.seconds = 22, .seed = 4, .drag = kDrag});

@@ -28,6 +28,24 @@ struct Worth {
   bool left = false;   ///< more than the camera's noise
 };
 
+/// Of the camera [m]; where its rows are too few to tell, all that the causes leave.
+double noise_of(const BallCase& c) {
+  if (c.known_noise) return c.fit.sigma;
+  return c.fit.sigma * std::sqrt(c.best.cost / static_cast<double>(c.search->samples()));
+}
+/// Mean squares that were over the noise of the fits are over noise_of() with it.
+double over_noise(const BallCase& c) {
+  const double ratio = c.fit.sigma / noise_of(c);
+  return ratio * ratio;
+}
+/// On held-out data, from `less` to the causes.
+HeldOutChange change_from(const BallCase& c, const BallSolution& less) {
+  HeldOutChange out = c.search->held_out(less, c.best, c.options.seed);
+  out.before *= over_noise(c);
+  out.after *= over_noise(c);
+  return out;
+}
+
 /// Standard error of a parameter: rows that hang together count as one.
 double std_of(const BallCase& c, Eigen::Index k) {
   return std::sqrt(c.best.fit.covariance(k, k) * c.search->correlation(c.best));
@@ -77,7 +95,7 @@ Cause cause_of(const BallCase& c, double floor, const EffectSpec& t) {
   std::ranges::stable_sort(out.members, {}, &Rival::delta_bic);
   std::ranges::stable_sort(out.rivals, {}, &Rival::delta_bic);
   if (!out.members.empty()) out.verdict = Verdict::kClass;
-  out.gain = gain_of(c.search->held_out(less, c.best, c.options.seed), floor);
+  out.gain = gain_of(change_from(c, less), floor);
   return out;
 }
 
@@ -86,12 +104,12 @@ void add_series(BallCase& c, double floor) {
                    after = fit_states(c.best.ball, c.search->test(), c.fit);
   BallSeries series = make_ball_series(before, after, c.fit.flight);
   series.held_out = true;
-  series.sigma = c.fit.sigma;
+  series.sigma = noise_of(c);
   const std::vector<BallFlag>& fitted = c.search->train().flagged;
   series.flagged.insert(series.flagged.begin(), fitted.begin(), fitted.end());
   c.finding.joints.push_back({"ball", "m", path_spread(c.search->train()), series.base_rms,
-                              series.extended_rms, std::sqrt(floor) * c.fit.sigma});
-  c.finding.noise.push_back(c.fit.sigma);
+                              series.extended_rms, std::sqrt(floor) * noise_of(c)});
+  c.finding.noise.push_back(noise_of(c));
   c.finding.ball = std::move(series);
 }
 
@@ -106,7 +124,7 @@ Worth describe(BallCase& c) {
       table.push_back({s.effect.effect, s.effect.where, s.delta_bic, s.lm, s.visible_share, {}});
   }
   f.candidates.insert(f.candidates.end(), table.begin(), table.end());
-  const HeldOutChange change = c.search->held_out(c.base, c.best, c.options.seed);
+  const HeldOutChange change = change_from(c, c.base);
   Worth worth;
   worth.floor = c.known_noise ? std::min(1.0, change.after) : change.after;
   worth.gain = gain_of(change, worth.floor);
@@ -160,7 +178,7 @@ void judge(const Worth& worth, BallCase& c) {
   if (f.causes.size() == own.size() && !of_arm) f.gain = worth.gain;  // the arm lacks nothing
   if (f.series.empty()) {
     const auto n = static_cast<double>(c.search->samples());
-    f.lack_of_fit = c.base.cost /
+    f.lack_of_fit = over_noise(c) * c.base.cost /
                     std::max(1.0, n - 6.0 * static_cast<double>(c.search->train().windows.size()));
     const double together = c.search->correlation(c.base);  // rows that count as one
     for (const BallScore& s : c.first_scores)
@@ -169,7 +187,7 @@ void judge(const Worth& worth, BallCase& c) {
                                chi_square_tail(s.lm / together, static_cast<int>(s.values.size())));
   }
   if (ambiguous && c.go_on() && !f.next_experiment)
-    f.next_experiment = ball_next_experiment(c.best, own, c.fit.sigma, c.options.seed);
+    f.next_experiment = ball_next_experiment(c.best, own, noise_of(c), c.options.seed);
 }
 
 }  // namespace
