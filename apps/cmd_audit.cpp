@@ -1,7 +1,7 @@
 #include <cstdio>
 
 #include <diffnea/identify/source.hpp>
-#include <diffnea/io/audit_result.hpp>
+#include <diffnea/runs/audit_result.hpp>
 #include <diffnea/io/model_file.hpp>
 #include <diffnea/report/audit_text.hpp>
 

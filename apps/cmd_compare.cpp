@@ -1,7 +1,7 @@
 #include <cstdio>
 
 #include <diffnea/identify/compare.hpp>
-#include <diffnea/io/result.hpp>
+#include <diffnea/runs/result.hpp>
 #include <diffnea/report/compare_text.hpp>
 
 #include "common.hpp"

@@ -2,9 +2,9 @@
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/diagnose/diagnose.hpp>
-#include <diffnea/io/diagnosis.hpp>
+#include <diffnea/runs/diagnosis.hpp>
 #include <diffnea/io/model_file.hpp>
-#include <diffnea/io/result_folder.hpp>
+#include <diffnea/runs/result_folder.hpp>
 #include <diffnea/report/diagnose_text.hpp>
 #include <diffnea/report/run_folder.hpp>
 #include <diffnea/version.hpp>

@@ -3,7 +3,7 @@
 
 #include <diffnea/excite/design.hpp>
 #include <diffnea/io/model_file.hpp>
-#include <diffnea/io/simulate_result.hpp>
+#include <diffnea/runs/simulate_result.hpp>
 #include <diffnea/io/trajectory_file.hpp>
 
 #include "common.hpp"

@@ -2,9 +2,9 @@
 #include <sstream>
 
 #include <diffnea/experiment/robot_data.hpp>
-#include <diffnea/io/atomic_file.hpp>
+#include <diffnea/core/text_file.hpp>
 #include <diffnea/io/model_file.hpp>
-#include <diffnea/io/result_folder.hpp>
+#include <diffnea/runs/result_folder.hpp>
 #include <diffnea/io/sidecar.hpp>
 #include <diffnea/io/trajectory_file.hpp>
 #include <diffnea/recording/csv.hpp>

@@ -1,6 +1,6 @@
 #include <cstdio>
 
-#include <diffnea/io/export_result.hpp>
+#include <diffnea/runs/export_result.hpp>
 #include <diffnea/io/model_file.hpp>
 
 #include "common.hpp"

@@ -4,8 +4,8 @@
 #include <diffnea/core/error.hpp>
 #include <diffnea/identify/identify.hpp>
 #include <diffnea/io/model_file.hpp>
-#include <diffnea/io/result.hpp>
-#include <diffnea/io/result_folder.hpp>
+#include <diffnea/runs/result.hpp>
+#include <diffnea/runs/result_folder.hpp>
 #include <diffnea/report/identify_text.hpp>
 #include <diffnea/report/run_folder.hpp>
 #include <diffnea/version.hpp>

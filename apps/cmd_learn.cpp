@@ -1,8 +1,8 @@
 
-#include <diffnea/io/ball_network_file.hpp>
+#include <diffnea/runs/ball_network_file.hpp>
 #include <diffnea/io/model_file.hpp>
-#include <diffnea/io/result_folder.hpp>
-#include <diffnea/io/world.hpp>
+#include <diffnea/runs/result_folder.hpp>
+#include <diffnea/worlds/world.hpp>
 #include <diffnea/report/learn_text.hpp>
 #include <diffnea/report/run_folder.hpp>
 #include <diffnea/version.hpp>

@@ -1,10 +1,10 @@
 #include <cstdio>
 #include <filesystem>
 
-#include <diffnea/io/atomic_file.hpp>
-#include <diffnea/io/diagnosis.hpp>
-#include <diffnea/io/policy_result.hpp>
-#include <diffnea/io/result.hpp>
+#include <diffnea/core/text_file.hpp>
+#include <diffnea/runs/diagnosis.hpp>
+#include <diffnea/runs/policy_result.hpp>
+#include <diffnea/runs/result.hpp>
 #include <diffnea/report/diagnose_page.hpp>
 #include <diffnea/report/identify_page.hpp>
 #include <diffnea/report/learn_page.hpp>

@@ -4,9 +4,9 @@
 
 #include <diffnea/io/model_file.hpp>
 #include <diffnea/io/sidecar.hpp>
-#include <diffnea/io/simulate_result.hpp>
+#include <diffnea/runs/simulate_result.hpp>
 #include <diffnea/io/trajectory_file.hpp>
-#include <diffnea/io/world.hpp>
+#include <diffnea/worlds/world.hpp>
 #include <diffnea/recording/csv.hpp>
 
 #include "common.hpp"

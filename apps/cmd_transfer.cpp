@@ -1,8 +1,8 @@
 #include <chrono>
 #include <cstdio>
 
-#include <diffnea/io/policy_result.hpp>
-#include <diffnea/io/result_folder.hpp>
+#include <diffnea/runs/policy_result.hpp>
+#include <diffnea/runs/result_folder.hpp>
 #include <diffnea/report/run_folder.hpp>
 #include <diffnea/report/transfer_text.hpp>
 #include <diffnea/version.hpp>

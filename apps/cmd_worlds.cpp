@@ -1,6 +1,6 @@
 #include <cstdio>
 
-#include <diffnea/io/world.hpp>
+#include <diffnea/worlds/world.hpp>
 
 #include "common.hpp"
 

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include <diffnea/io/result_folder.hpp>
+#include <diffnea/runs/result_folder.hpp>
 
 #include "common.hpp"
 

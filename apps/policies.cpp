@@ -9,7 +9,7 @@
 #include <sys/file.h>
 #include <unistd.h>
 
-#include <diffnea/io/policy_file.hpp>
+#include <diffnea/runs/policy_file.hpp>
 
 namespace diffnea::apps {
 namespace {

@@ -9,7 +9,7 @@
 #include <CLI/CLI.hpp>
 
 #include <diffnea/experiment/seeds.hpp>
-#include <diffnea/io/policy_result.hpp>
+#include <diffnea/runs/policy_result.hpp>
 
 #include "common.hpp"
 #include "progress.hpp"

@@ -2,7 +2,7 @@
 
 #include <filesystem>
 
-#include <diffnea/io/world.hpp>
+#include <diffnea/worlds/world.hpp>
 
 namespace diffnea::apps {
 

@@ -9,7 +9,7 @@
 #include <mutex>
 #include <thread>
 
-#include <diffnea/io/policy_file.hpp>
+#include <diffnea/runs/policy_file.hpp>
 #include <diffnea/io/sidecar.hpp>
 #include <diffnea/recording/csv.hpp>
 

@@ -6,8 +6,8 @@
 
 #include <CLI/CLI.hpp>
 
-#include <diffnea/io/policy_result.hpp>
-#include <diffnea/io/world.hpp>
+#include <diffnea/runs/policy_result.hpp>
+#include <diffnea/worlds/world.hpp>
 
 #include "common.hpp"
 #include "progress.hpp"

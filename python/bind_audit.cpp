@@ -3,7 +3,7 @@
 #include <pybind11/stl/filesystem.h>
 
 #include <diffnea/identify/source.hpp>
-#include <diffnea/io/audit_result.hpp>
+#include <diffnea/runs/audit_result.hpp>
 #include <diffnea/report/audit_text.hpp>
 
 #include "bindings.hpp"

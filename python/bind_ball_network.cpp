@@ -5,8 +5,8 @@
 #include <pybind11/stl/filesystem.h>
 
 #include <diffnea/core/error.hpp>
-#include <diffnea/io/atomic_file.hpp>
-#include <diffnea/io/ball_network_file.hpp>
+#include <diffnea/core/text_file.hpp>
+#include <diffnea/runs/ball_network_file.hpp>
 
 #include "arrays.hpp"
 #include "bindings.hpp"

@@ -8,8 +8,8 @@
 #include <diffnea/core/error.hpp>
 #include <diffnea/identify/compare.hpp>
 #include <diffnea/identify/identify.hpp>
-#include <diffnea/io/result.hpp>
-#include <diffnea/io/result_folder.hpp>
+#include <diffnea/runs/result.hpp>
+#include <diffnea/runs/result_folder.hpp>
 #include <diffnea/report/identify_page.hpp>
 #include <diffnea/report/identify_text.hpp>
 #include <diffnea/report/run_folder.hpp>

@@ -8,7 +8,7 @@
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/experiment/ball_in_cup.hpp>
-#include <diffnea/io/policy_file.hpp>
+#include <diffnea/runs/policy_file.hpp>
 
 #include "bindings.hpp"
 #include "control_law.hpp"

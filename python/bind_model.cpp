@@ -11,7 +11,7 @@
 #include <diffnea/io/effects_list.hpp>
 #include <diffnea/io/model_file.hpp>
 #include <diffnea/io/model_info.hpp>
-#include <diffnea/io/world.hpp>
+#include <diffnea/worlds/world.hpp>
 #include <diffnea/model/model.hpp>
 
 #include "bindings.hpp"

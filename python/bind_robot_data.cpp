@@ -3,7 +3,7 @@
 #include <pybind11/stl.h>
 
 #include <diffnea/experiment/robot_data.hpp>
-#include <diffnea/io/result.hpp>
+#include <diffnea/runs/result.hpp>
 #include <diffnea/version.hpp>
 
 #include "arrays.hpp"

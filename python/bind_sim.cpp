@@ -4,7 +4,7 @@
 
 #include <diffnea/excite/design.hpp>
 #include <diffnea/io/model_file.hpp>
-#include <diffnea/io/world.hpp>
+#include <diffnea/worlds/world.hpp>
 #include <diffnea/sim/mujoco_world.hpp>
 #include <diffnea/sim/record.hpp>
 

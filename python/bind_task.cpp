@@ -11,9 +11,9 @@
 #include <diffnea/core/error.hpp>
 #include <diffnea/experiment/ball_in_cup.hpp>
 #include <diffnea/experiment/seeds.hpp>
-#include <diffnea/io/ball_network_file.hpp>
-#include <diffnea/io/policy_result.hpp>
-#include <diffnea/io/result_folder.hpp>
+#include <diffnea/runs/ball_network_file.hpp>
+#include <diffnea/runs/policy_result.hpp>
+#include <diffnea/runs/result_folder.hpp>
 #include <diffnea/report/run_folder.hpp>
 #include <diffnea/version.hpp>
 

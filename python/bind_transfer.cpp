@@ -6,8 +6,8 @@
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/experiment/ball_in_cup.hpp>
-#include <diffnea/io/policy_result.hpp>
-#include <diffnea/io/world.hpp>
+#include <diffnea/runs/policy_result.hpp>
+#include <diffnea/worlds/world.hpp>
 
 #include "arrays.hpp"
 #include "bindings.hpp"

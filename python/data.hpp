@@ -12,8 +12,8 @@
 #include <diffnea/core/error.hpp>
 #include <diffnea/identify/source.hpp>
 #include <diffnea/io/model_file.hpp>
-#include <diffnea/io/result.hpp>
-#include <diffnea/io/result_folder.hpp>
+#include <diffnea/runs/result.hpp>
+#include <diffnea/runs/result_folder.hpp>
 
 #include "recording_info.hpp"
 #include "supervisor.hpp"

@@ -30,13 +30,18 @@ MAY_INCLUDE: dict[str, tuple[str, ...]] = {
     "sim": (*EFFECTS_AND_BELOW, "recording"),
     "policy": ("core", "sim/simulator.hpp"),
     "experiment": PIPELINE,
-    "io": (*PIPELINE, "experiment"),
-    "report": ("core", "io"),
+    "io": (*EFFECTS_AND_BELOW, "recording", "sim/mujoco_model.hpp"),
+    "worlds": (*EFFECTS_AND_BELOW, "recording", "io", "sim"),
+    "runs": (*PIPELINE, "experiment", "io", "worlds"),
+    "report": ("core", "io", "runs"),
 }
 
-# Of what is private to the others, io reads this; else their public value types alone.
-PRIVATE_OF_IO = ("core/", "recording/columns.hpp", "recording/line_source.hpp")
-PRIVATE_OF_IO += ("sim/mujoco_model.hpp", "sim/rotor_names.hpp")
+# Private headers that these folders may include besides their own: of the rest they see the public
+# value types alone.
+PRIVATE_OF: dict[str, tuple[str, ...]] = {
+    "runs": ("core/", "io/"),
+    "report": ("core/",),
+}
 
 # Libraries and where they are at home: the first prefix that fits counts, all others are refused.
 PUBLIC_HEADERS = "include"
@@ -46,9 +51,9 @@ LIBRARIES: dict[str, tuple[str, ...]] = {
     "ceres/jet.h": ("include", "src"),
     "experimental/simd": ("include/diffnea/core",),
     "ceres/": ("src/identify",),
-    "mujoco/": ("src/sim", "src/io"),
+    "mujoco/": ("src/sim", "src/io", "src/worlds"),
     "console_bridge/": ("src/io",),
-    "nlohmann/": ("src/io",),
+    "nlohmann/": ("src/io", "src/runs", "src/worlds"),
     "urdf_parser/": ("src/io",),
     "urdf_model/": ("src/io",),
     "urdf_world/": ("src/io",),
@@ -57,11 +62,11 @@ LIBRARIES: dict[str, tuple[str, ...]] = {
     "CLI/": ("apps",),
     "pybind11/": ("python",),
     # of the system
-    "dlfcn.h": ("src/io",),
+    "dlfcn.h": ("src/worlds",),
     "fcntl.h": ("src/core", "apps"),
     "locale.h": ("src/core",),
     "sys/": ("src/core", "apps"),
-    "unistd.h": ("src/core", "src/io", "apps"),
+    "unistd.h": ("src/core", "src/runs", "apps"),
 }
 
 COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/", re.DOTALL)
@@ -112,8 +117,9 @@ def internal_error(place: str, folder: str, base: str, target: str) -> str | Non
     """Why a file of ``folder`` may not include the header ``target`` of ours."""
     if base == "src" and not place.startswith("src/"):
         return "src/ is private to the library"
-    if base == "src" and folder == "io" and not target.startswith(("io/", *PRIVATE_OF_IO)):
-        return f"of private headers io may include {', '.join(PRIVATE_OF_IO)}"
+    private = PRIVATE_OF.get(folder)
+    if base == "src" and private and not target.startswith((f"{folder}/", *private)):
+        return f"of private headers {folder} may include {', '.join(private)}"
     if target.startswith(("apps/", "python/", "tests/")):
         own = target.split("/")[0] == folder
         return None if own else "nothing else includes apps, python or tests"
@@ -223,7 +229,8 @@ FORBIDDEN = {
     ),
     "a private header in a command": ("apps/bad.cpp", "#include <identify/passes.hpp>"),
     "a private header in the module": ("python/bad.cpp", '#include "../src/identify/passes.hpp"'),
-    "what io reads besides value types": ("src/io/bad.cpp", "#include <identify/passes.hpp>"),
+    "what runs read besides value types": ("src/runs/bad.cpp", "#include <identify/passes.hpp>"),
+    "results in a file format": ("src/io/bad.cpp", "#include <diffnea/identify/identify.hpp>"),
     "numerics in a command": ("apps/bad.cpp", "#include <Eigen/Cholesky>"),
     "a library without a home": ("src/dynamics/bad.cpp", "#include <yaml-cpp/yaml.h>"),
     "a library's header without a folder": ("src/io/bad.cpp", "#include <curl.h>"),

@@ -5,7 +5,7 @@
 #include <set>
 
 #include <diffnea/core/error.hpp>
-#include <diffnea/io/atomic_file.hpp>
+#include <diffnea/core/text_file.hpp>
 
 #include "io/mjcf.hpp"
 #include "io/mjcf_limits.hpp"

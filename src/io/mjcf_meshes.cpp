@@ -9,7 +9,7 @@
 #include <string_view>
 
 #include <diffnea/core/error.hpp>
-#include <diffnea/io/atomic_file.hpp>
+#include <diffnea/core/text_file.hpp>
 
 namespace diffnea::io {
 namespace {

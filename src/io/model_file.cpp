@@ -1,7 +1,7 @@
 #include <optional>
 
 #include <diffnea/core/error.hpp>
-#include <diffnea/io/atomic_file.hpp>
+#include <diffnea/core/text_file.hpp>
 #include <diffnea/io/model_file.hpp>
 
 #include "io/mjcf.hpp"

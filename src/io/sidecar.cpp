@@ -1,7 +1,7 @@
 #include <algorithm>
 
 #include <diffnea/core/error.hpp>
-#include <diffnea/io/atomic_file.hpp>
+#include <diffnea/core/text_file.hpp>
 #include <diffnea/io/sidecar.hpp>
 
 #include "core/edit_distance.hpp"

@@ -4,7 +4,7 @@
 #include <string_view>
 
 #include <diffnea/core/error.hpp>
-#include <diffnea/io/atomic_file.hpp>
+#include <diffnea/core/text_file.hpp>
 #include <diffnea/io/trajectory_file.hpp>
 
 #include "io/model_parts.hpp"

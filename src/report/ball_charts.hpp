@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include <diffnea/io/result.hpp>
+#include <diffnea/runs/result.hpp>
 
 #include "report/time_charts.hpp"
 

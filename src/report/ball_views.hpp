@@ -6,7 +6,7 @@
 #include <utility>
 #include <vector>
 
-#include <diffnea/io/result.hpp>
+#include <diffnea/runs/result.hpp>
 
 namespace diffnea::report {
 

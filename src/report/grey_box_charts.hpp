@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include <diffnea/io/diagnosis.hpp>
+#include <diffnea/runs/diagnosis.hpp>
 
 namespace diffnea::report {
 

@@ -10,7 +10,7 @@
 #include <memory>
 
 #include <diffnea/core/error.hpp>
-#include <diffnea/io/atomic_file.hpp>
+#include <diffnea/core/text_file.hpp>
 
 #include "report/policy_words.hpp"
 #include "report/stick_views.hpp"

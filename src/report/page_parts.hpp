@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include <diffnea/io/result.hpp>
+#include <diffnea/runs/result.hpp>
 
 namespace diffnea::report {
 

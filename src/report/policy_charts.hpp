@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include <diffnea/io/policy_result.hpp>
+#include <diffnea/runs/policy_result.hpp>
 
 namespace diffnea::report {
 

@@ -2,9 +2,9 @@
 #include <string_view>
 
 #include <diffnea/core/error.hpp>
-#include <diffnea/io/atomic_file.hpp>
+#include <diffnea/core/text_file.hpp>
 #include <diffnea/io/model_file.hpp>
-#include <diffnea/io/policy_file.hpp>
+#include <diffnea/runs/policy_file.hpp>
 #include <diffnea/io/trajectory_file.hpp>
 #include <diffnea/report/diagnose_page.hpp>
 #include <diffnea/report/identify_page.hpp>

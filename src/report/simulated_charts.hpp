@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include <diffnea/io/diagnosis.hpp>
+#include <diffnea/runs/diagnosis.hpp>
 
 namespace diffnea::report {
 

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include <diffnea/io/policy_result.hpp>
+#include <diffnea/runs/policy_result.hpp>
 
 #include "report/svg.hpp"
 

@@ -20,7 +20,7 @@
 #include <diffnea/core/error.hpp>
 #include <diffnea/identify/torque_regression.hpp>
 #include <diffnea/io/model_file.hpp>
-#include <diffnea/io/surrogate.hpp>
+#include <diffnea/worlds/surrogate.hpp>
 #include <diffnea/recording/csv.hpp>
 
 #include "support/temporary_folder.hpp"

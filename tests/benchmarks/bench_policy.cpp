@@ -17,7 +17,7 @@
 #include <diffnea/effects/ball_network.hpp>
 #include <diffnea/experiment/seeds.hpp>
 #include <diffnea/io/model_file.hpp>
-#include <diffnea/io/world.hpp>
+#include <diffnea/worlds/world.hpp>
 
 using namespace diffnea;
 

@@ -8,7 +8,7 @@
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/excite/fourier.hpp>
-#include <diffnea/io/atomic_file.hpp>
+#include <diffnea/core/text_file.hpp>
 #include <diffnea/io/model_file.hpp>
 #include <diffnea/sim/mujoco_world.hpp>
 

@@ -8,9 +8,9 @@
 
 #include <diffnea/excite/fourier.hpp>
 #include <diffnea/identify/identify.hpp>
-#include <diffnea/io/atomic_file.hpp>
+#include <diffnea/core/text_file.hpp>
 #include <diffnea/io/model_file.hpp>
-#include <diffnea/io/surrogate.hpp>
+#include <diffnea/worlds/surrogate.hpp>
 #include <diffnea/sim/mujoco_world.hpp>
 
 namespace diffnea::test {

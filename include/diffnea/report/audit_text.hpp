@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include <diffnea/io/audit_result.hpp>
+#include <diffnea/runs/audit_result.hpp>
 
 namespace diffnea {
 

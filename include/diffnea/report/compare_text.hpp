@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include <diffnea/io/result.hpp>
+#include <diffnea/runs/result.hpp>
 
 namespace diffnea {
 

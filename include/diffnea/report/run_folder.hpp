@@ -5,11 +5,11 @@
 #include <string>
 #include <vector>
 
-#include <diffnea/io/ball_network_file.hpp>
-#include <diffnea/io/diagnosis.hpp>
-#include <diffnea/io/policy_result.hpp>
-#include <diffnea/io/result.hpp>
-#include <diffnea/io/result_folder.hpp>
+#include <diffnea/runs/ball_network_file.hpp>
+#include <diffnea/runs/diagnosis.hpp>
+#include <diffnea/runs/policy_result.hpp>
+#include <diffnea/runs/result.hpp>
+#include <diffnea/runs/result_folder.hpp>
 
 namespace diffnea {
 

@@ -4,7 +4,7 @@
 
 #include <string>
 
-#include <diffnea/io/policy_result.hpp>
+#include <diffnea/runs/policy_result.hpp>
 
 namespace diffnea {
 

@@ -1,4 +1,4 @@
-#include <diffnea/io/audit_result.hpp>
+#include <diffnea/runs/audit_result.hpp>
 #include <diffnea/report/audit_text.hpp>
 
 #include "fuzz/input_files.hpp"

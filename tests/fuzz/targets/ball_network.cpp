@@ -1,4 +1,4 @@
-#include <diffnea/io/ball_network_file.hpp>
+#include <diffnea/runs/ball_network_file.hpp>
 
 #include "fuzz/input_files.hpp"
 #include "fuzz/targets.hpp"

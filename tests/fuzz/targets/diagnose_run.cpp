@@ -1,4 +1,4 @@
-#include <diffnea/io/diagnosis.hpp>
+#include <diffnea/runs/diagnosis.hpp>
 #include <diffnea/report/diagnose_page.hpp>
 
 #include "fuzz/input_files.hpp"

@@ -1,4 +1,4 @@
-#include <diffnea/io/result.hpp>
+#include <diffnea/runs/result.hpp>
 #include <diffnea/report/identify_page.hpp>
 
 #include "fuzz/input_files.hpp"

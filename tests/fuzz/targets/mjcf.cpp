@@ -1,5 +1,5 @@
 #include <diffnea/io/model_file.hpp>
-#include <diffnea/io/world.hpp>
+#include <diffnea/worlds/world.hpp>
 
 #include "fuzz/input_files.hpp"
 #include "fuzz/read_model.hpp"

@@ -1,4 +1,4 @@
-#include <diffnea/io/policy_file.hpp>
+#include <diffnea/runs/policy_file.hpp>
 
 #include "fuzz/input_files.hpp"
 #include "fuzz/targets.hpp"

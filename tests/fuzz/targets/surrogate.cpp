@@ -1,4 +1,4 @@
-#include <diffnea/io/surrogate.hpp>
+#include <diffnea/worlds/surrogate.hpp>
 
 #include "fuzz/input_files.hpp"
 #include "fuzz/targets.hpp"

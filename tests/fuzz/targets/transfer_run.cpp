@@ -1,4 +1,4 @@
-#include <diffnea/io/policy_result.hpp>
+#include <diffnea/runs/policy_result.hpp>
 #include <diffnea/report/transfer_page.hpp>
 
 #include "fuzz/input_files.hpp"

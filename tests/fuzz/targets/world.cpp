@@ -1,4 +1,4 @@
-#include <diffnea/io/world.hpp>
+#include <diffnea/worlds/world.hpp>
 
 #include "fuzz/targets.hpp"
 

@@ -1,0 +1,37 @@
+#include "runs/json_numbers.hpp"
+
+#include <cmath>
+#include <cstdlib>
+
+#include "core/c_numbers.hpp"
+
+namespace diffnea::io {
+
+Json number(double x) { return std::isfinite(x) ? Json(x) : Json(); }
+
+Json rounded(const std::vector<double>& values) {
+  const detail::CNumbers point;
+  Json out = Json::array();
+  for (const double x : values) {
+    char text[32];
+    detail::print(text, sizeof text, "%.6g", x);
+    out.push_back(number(std::strtod(text, nullptr)));
+  }
+  return out;
+}
+
+Json reproduce(const Reproduce& r) {
+  Json inputs = Json::array();
+  for (const RunInput& i : r.inputs)
+    inputs.push_back({{"role", i.role},
+                      {"path", i.path},
+                      {"bytes", i.bytes},
+                      {"sha256", i.sha256.empty() ? Json() : Json(i.sha256)}});
+  return {{"version", r.version}, {"command", r.command}, {"inputs", inputs}};
+}
+
+std::string text(const Json& json, int indent) {
+  return json.dump(indent, ' ', false, Json::error_handler_t::replace) + "\n";
+}
+
+}  // namespace diffnea::io
