@@ -50,6 +50,7 @@ void add_to_tree(const BoundEffect& effect, const P* p, Tree<P>& tree) {
       effect.type);
 }
 
+#ifdef DIFFNEA_COMPILED
 extern template void add_torque<double>(const BoundEffect&, const JointSample<double>&,
                                         const double*, double*);
 extern template void add_torque<JetD>(const BoundEffect&, const JointSample<JetD>&, const JetD*,
@@ -60,5 +61,6 @@ extern template void add_torque<JetD>(const BoundEffect&, const Tree<double>&,
                                       const JointSample<JetD>&, const JetD*, JetD*);
 extern template void add_to_tree<double>(const BoundEffect&, const double*, Tree<double>&);
 extern template void add_to_tree<JetD>(const BoundEffect&, const JetD*, Tree<JetD>&);
+#endif
 
 }  // namespace diffnea
