@@ -3,7 +3,6 @@
 #include <array>
 #include <cmath>
 #include <numbers>
-
 #include <unsupported/Eigen/MatrixFunctions>
 
 #include <Eigen/Geometry>
@@ -35,7 +34,7 @@ constexpr double kMatrixExponentialTol = 1e-12;
 constexpr double kCentralDifferenceTol = 1e-8;
 
 /// From nothing to more than a turn; on both sides of the limits between series and closed forms.
-constexpr std::array<double, 15> kAngles{0.0, 1e-300, 1e-160, 1e-9, 1e-4, 0.1,       0.31, 0.32,
+constexpr std::array<double, 15> kAngles{0.0, 1e-300, 1e-160, 1e-9, 1e-4, 0.1,        0.31, 0.32,
                                          0.9, 1.0,    1.1,    2.0,  3.0,  kPi - 1e-6, 6.0};
 
 Vec3<double> random_direction(Rng& rng) {
@@ -108,8 +107,8 @@ TEST_CASE("exp of a rotation vector is Eigen's angle and axis", "[lie]") {
     CAPTURE(angle);
     const Vec3<double> axis = random_direction(rng);
     const Eigen::Matrix3d R = to_eigen(exp(axis * angle));
-    CHECK_THAT(R, MatrixNear(Eigen::AngleAxisd(angle, to_eigen(axis)).toRotationMatrix(),
-                             kRoundingTol));
+    CHECK_THAT(
+        R, MatrixNear(Eigen::AngleAxisd(angle, to_eigen(axis)).toRotationMatrix(), kRoundingTol));
     CHECK_THAT(R, MatrixNear(to_eigen(rotation_about<double>(axis, angle)), kRoundingTol));
   }
 }
@@ -138,8 +137,7 @@ TEST_CASE("log is the inverse of exp, up to half a turn", "[lie]") {
 
 TEST_CASE("log at half a turn is one of the two vectors of that rotation", "[lie]") {
   Rng rng(GENERATE(range(0u, 20u)));
-  std::array<Vec3<double>, 4> axes{
-      {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}, random_direction(rng)}};
+  std::array<Vec3<double>, 4> axes{{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}, random_direction(rng)}};
   for (const Vec3<double>& axis : axes)
     for (const double angle : {kPi, std::nextafter(kPi, 0.0), kPi - 1e-12}) {
       const Vec3<double> w = log(rotation_about<double>(axis, angle));
@@ -188,8 +186,7 @@ TEST_CASE("Jets through log of exp: the identity, at 0 too", "[lie]") {
   for (const double angle : {0.0, 1e-160, 1e-9, 0.19, 0.21, 0.32, 1.5, 3.0}) {
     CAPTURE(angle);
     const Twist<Jet> V = log(exp(jets(random_twist(rng, angle))));
-    const Jet entries[6]{V.angular.x, V.angular.y, V.angular.z,
-                         V.linear.x,  V.linear.y,  V.linear.z};
+    const Jet entries[6]{V.angular.x, V.angular.y, V.angular.z, V.linear.x, V.linear.y, V.linear.z};
     for (int i = 0; i < 6; ++i)
       for (int k = 0; k < 6; ++k)
         // sin(θ/2) is flat near π: 1/cos(1.5) = 14 times the rounding.

@@ -10,8 +10,7 @@ namespace diffnea::detail {
 /// @param digits  significant digits, at most 17
 inline std::string number_text(double x, int digits = 4) {
   char text[32];
-  return {text,
-          std::to_chars(text, text + sizeof text, x, std::chars_format::general, digits).ptr};
+  return {text, std::to_chars(text, text + sizeof text, x, std::chars_format::general, digits).ptr};
 }
 
 }  // namespace diffnea::detail

@@ -111,17 +111,17 @@ Wrench<Prod<A, B>> minus_ad_star(const Twist<A>& V, const Wrench<B>& W) {
   return {cross(V.angular, W.torque) + cross(V.linear, W.force), cross(V.angular, W.force)};
 }
 
-/// exp(V), V = [ω; v]: the pose, against its old frame, of a body after one second at the twist V in
-/// its own frame; X exp(V t) moves X at V. R = exp(ω), p = v + b ω×v + c ω×(ω×v) with
-/// b = (1 − cos θ)/θ², c = (θ − sin θ)/θ³, θ = |ω| (Murray, Li, Sastry 1994, eq. 2.36). Any scalar
-/// but packs.
+/// exp(V), V = [ω; v]: the pose, against its old frame, of a body after one second at the twist V
+/// in its own frame; X exp(V t) moves X at V. R = exp(ω), p = v + b ω×v + c ω×(ω×v) with b = (1 −
+/// cos θ)/θ², c = (θ − sin θ)/θ³, θ = |ω| (Murray, Li, Sastry 1994, eq. 2.36). Any scalar but
+/// packs.
 template <class T>
 Pose<T> exp(const Twist<T>& V) {
-  const Vec3<T> &w = V.angular, &v = V.linear;
+  const Vec3<T>&w = V.angular, &v = V.linear;
   const T s = dot(w, w);
   const Vec3<T> first = cross(w, v);
-  return {exp(w), v + first * versine_over_square(s) +
-                      cross(w, first) * angle_minus_sine_over_cube(s)};
+  return {exp(w),
+          v + first * versine_over_square(s) + cross(w, first) * angle_minus_sine_over_cube(s)};
 }
 
 /// log X: the V with exp(V) = X and |ω| ≤ π; v = p − ½ ω×p + d ω×(ω×p) with

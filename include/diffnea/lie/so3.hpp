@@ -9,7 +9,8 @@ namespace diffnea {
 
 /// exp([w]) = 1 + (sin θ/θ) [w] + ((1 − cos θ)/θ²) [w]², θ = |w|: the rotation by θ [rad] about w
 /// (Rodrigues 1840; Murray, Li, Sastry 1994, eq. 2.14). Of a body that turns at ω in its own frame,
-/// R exp(ω t) is where it turns to. Any scalar but packs, w = 0 included: nothing of it is singular.
+/// R exp(ω t) is where it turns to. Any scalar but packs, w = 0 included: nothing of it is
+/// singular.
 template <class T>
 Mat3<T> exp(const Vec3<T>& w) {
   const T s = dot(w, w), a = sine_over_angle(s), b = versine_over_square(s);
@@ -36,8 +37,8 @@ Vec3<T> log(const Mat3<T>& R) {
   for (int i = 1; i < 4; ++i)
     if (value(traces[i]) > value(traces[k])) k = i;
   const T two = sqrt(T(1.0) + traces[k]), per = T(0.5) / two;  // twice the largest entry
-  T c;           // cos(θ/2)
-  Vec3<T> axis;  // sin(θ/2) times the axis
+  T c;                                                         // cos(θ/2)
+  Vec3<T> axis;                                                // sin(θ/2) times the axis
   if (k == 0) {
     c = two * T(0.5);
     axis = odd * per;

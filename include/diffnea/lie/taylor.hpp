@@ -57,7 +57,8 @@ T cotangent_defect(const T& s) {
   constexpr double kLimit = 0.1;
   if (value(s) < kLimit) {
     T sum(691.0 / 1307674368000.0);
-    for (const double c : {1.0 / 47900160.0, 1.0 / 1209600.0, 1.0 / 30240.0, 1.0 / 720.0, 1.0 / 12.0})
+    for (const double c :
+         {1.0 / 47900160.0, 1.0 / 1209600.0, 1.0 / 30240.0, 1.0 / 720.0, 1.0 / 12.0})
       sum = T(c) + s * sum;
     return sum;
   }

@@ -23,7 +23,7 @@ struct Link {
   JointType type = JointType::kRevolute;  ///< of J: it turns about `axis`, or slides along it
   Vec3<double> axis{0, 0, 1};             ///< unit vector, in L
   Pose<P> X_PJ = Pose<P>::identity();     ///< of J in P: the link's pose at q = 0
-  SpatialInertia<P> inertia;              ///< about L's origin, in L
+  SpatialInertia<P> inertia{};            ///< about L's origin, in L
   P armature{};                           ///< reflected rotor inertia I_r [kg·m², kg]
 };
 

@@ -6,7 +6,7 @@
 namespace diffnea {
 
 DIFFNEA_INLINE std::vector<bool> active_rows(const std::vector<ConstraintRow<double>>& rows,
-                              const std::vector<double>& multiplier) {
+                                             const std::vector<double>& multiplier) {
   require_size("active_rows: multiplier", static_cast<long>(multiplier.size()),
                static_cast<long>(rows.size()), "row");
   std::vector<bool> out(rows.size());
@@ -16,8 +16,8 @@ DIFFNEA_INLINE std::vector<bool> active_rows(const std::vector<ConstraintRow<dou
 }
 
 DIFFNEA_INLINE std::vector<bool> redundant_rows(const std::vector<FreeBody<double>>& bodies,
-                                 const std::vector<ConstraintRow<double>>& rows,
-                                 const std::vector<double>& multiplier) {
+                                                const std::vector<ConstraintRow<double>>& rows,
+                                                const std::vector<double>& multiplier) {
   constexpr double kSpan = 1e-5;  // of the row's length; the solver's 1e-10 is of its square
   const std::vector<bool> active = active_rows(rows, multiplier);
   detail::check_rows(rows, bodies.size());

@@ -29,7 +29,8 @@ inline Vec3<double> transpose_times_B(const WorldStates::State& l, const Twist<d
 }
 
 /// Poses, axes, twists, ψ̇, inertias and Coriolis terms of every link, in W.
-inline void velocity_pass(const Tree<double>& tree, const double* q, const double* qd, States& links) {
+inline void velocity_pass(const Tree<double>& tree, const double* q, const double* qd,
+                          States& links) {
   links.resize(tree.num_dofs());
   for (int i = 0; i < tree.num_dofs(); ++i) {
     const Link<double>& link = tree.links[i];
@@ -55,7 +56,7 @@ inline void velocity_pass(const Tree<double>& tree, const double* q, const doubl
 
 /// Accelerations under q̈, wrenches, and the torques that they need.
 inline void force_pass(const Tree<double>& tree, const double* qd, const double* qdd, States& links,
-                double* tau) {
+                       double* tau) {
   const int n = tree.num_dofs();
   const Twist<double> A0 = base_acceleration<double, double>(tree);
   for (int i = 0; i < n; ++i) {
@@ -93,7 +94,7 @@ inline void composite_pass(const Tree<double>& tree, States& links, RowMatX<doub
 
 /// The four formulas of the header.
 inline void derivative_pass(const Tree<double>& tree, States& links, RowMatX<double>& dtau_dq,
-                     RowMatX<double>& dtau_dqd) {
+                            RowMatX<double>& dtau_dqd) {
   const int n = tree.num_dofs();
   const Twist<double> A0 = base_acceleration<double, double>(tree);
   dtau_dq.setZero(n, n);
@@ -120,7 +121,8 @@ inline void derivative_pass(const Tree<double>& tree, States& links, RowMatX<dou
 }
 
 /// out = −A B, all (n × n): at this size a plain loop over rows beats a general product.
-inline void minus_product(const RowMatX<double>& A, const RowMatX<double>& B, RowMatX<double>& out) {
+inline void minus_product(const RowMatX<double>& A, const RowMatX<double>& B,
+                          RowMatX<double>& out) {
   const Eigen::Index n = A.rows();
   out.setZero(n, n);
   for (Eigen::Index i = 0; i < n; ++i) {
@@ -134,8 +136,9 @@ inline void minus_product(const RowMatX<double>& A, const RowMatX<double>& B, Ro
 }
 
 /// q̈ = M⁻¹(τ − c) after a velocity pass; leaves M's factor in `L`, and accelerations in `links`.
-inline void solve_forward(const Tree<double>& tree, const double* qd, const double* tau, States& links,
-                   RowMatX<double>& L, VecX<double>& qdd, VecX<double>& bias) {
+inline void solve_forward(const Tree<double>& tree, const double* qd, const double* tau,
+                          States& links, RowMatX<double>& L, VecX<double>& qdd,
+                          VecX<double>& bias) {
   const int n = tree.num_dofs();
   composite_pass(tree, links, L);
   qdd.setZero(n);
@@ -149,7 +152,7 @@ inline void solve_forward(const Tree<double>& tree, const double* qd, const doub
 }  // namespace detail
 
 DIFFNEA_INLINE void rnea_derivatives(const Tree<double>& tree, VecIn<double> q, VecIn<double> qd,
-                      VecIn<double> qdd, RneaDerivatives& out) {
+                                     VecIn<double> qdd, RneaDerivatives& out) {
   const int n = tree.num_dofs();
   require_size("rnea_derivatives: q", q.size(), n, "joint");
   require_size("rnea_derivatives: qd", qd.size(), n, "joint");
@@ -164,8 +167,8 @@ DIFFNEA_INLINE void rnea_derivatives(const Tree<double>& tree, VecIn<double> q, 
   });
 }
 
-DIFFNEA_INLINE void aba_derivatives(const Tree<double>& tree, VecIn<double> q, VecIn<double> qd, VecIn<double> tau,
-                     AbaDerivatives& out) {
+DIFFNEA_INLINE void aba_derivatives(const Tree<double>& tree, VecIn<double> q, VecIn<double> qd,
+                                    VecIn<double> tau, AbaDerivatives& out) {
   const int n = tree.num_dofs();
   require_size("aba_derivatives: q", q.size(), n, "joint");
   require_size("aba_derivatives: qd", qd.size(), n, "joint");
@@ -183,10 +186,9 @@ DIFFNEA_INLINE void aba_derivatives(const Tree<double>& tree, VecIn<double> q, V
   detail::minus_product(out.dqdd_dtau, out.dtau_dqd, out.dqdd_dqd);
 }
 
-DIFFNEA_INLINE const RowMatX<double>& forward_dynamics_parameter_jacobian(const Tree<double>& tree,
-                                                           VecIn<double> q, VecIn<double> qd,
-                                                           VecIn<double> tau,
-                                                           ParameterJacobianWorkspace& ws) {
+DIFFNEA_INLINE const RowMatX<double>& forward_dynamics_parameter_jacobian(
+    const Tree<double>& tree, VecIn<double> q, VecIn<double> qd, VecIn<double> tau,
+    ParameterJacobianWorkspace& ws) {
   const int n = tree.num_dofs();
   require_size("forward_dynamics_parameter_jacobian: q", q.size(), n, "joint");
   require_size("forward_dynamics_parameter_jacobian: qd", qd.size(), n, "joint");

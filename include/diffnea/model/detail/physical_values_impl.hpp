@@ -84,7 +84,8 @@ DIFFNEA_INLINE Theta<double> log_cholesky_from_theta(const Theta<double>& theta)
           U(1, 3) / s,           U(2, 3) / s};
 }
 
-DIFFNEA_INLINE ThetaJacobian theta_with_jacobian(InertiaCoordinates form, const Theta<double>& phi) {
+DIFFNEA_INLINE ThetaJacobian theta_with_jacobian(InertiaCoordinates form,
+                                                 const Theta<double>& phi) {
   using Jet = ceres::Jet<double, kThetaSize>;
   Theta<Jet> x;
   for (int i = 0; i < kThetaSize; ++i) x[i] = Jet(phi[i], i);
