@@ -33,7 +33,7 @@ const std::string& effect_of(NativeField field);
 /// Whether it acts on a ball, its string or the camera that sees it, and never on joints.
 bool acts_on_ball(const EffectInfo& info);
 
-/// Formula of until what is bound: the first of the catalogue.
+/// Formula of a BoundEffect that bind() has not filled: the first of the catalogue.
 std::shared_ptr<const AnyEffect> any_effect();
 
 /// An effect at its joints, with values. Copies share the formula, which is never changed.

@@ -10,7 +10,7 @@
 ///     template <Scalar T>
 ///     void add_torque(const JointSample<T>& x, const int* joint, const T* p, T* tau) const;
 ///
-/// and one line in effects/catalogue.hpp. `joint` are the joints it acts on, `p` its parameters in
+/// and two lines in effects/catalogue.hpp. `joint` are the joints it acts on, `p` its parameters in
 /// the order of info(), and it *adds* to tau, which is indexed by joint. The torque is homogeneous
 /// in the parameters that are marked linear: identification and diagnosis take their columns from
 /// it. Everything that other parts ask of an effect is in its EffectInfo: no other file needs its
@@ -118,14 +118,13 @@ enum class Port {
   kLinkForce,       ///< the same, but a force on a link, so that it needs the tree: add_torque
   kModelParameter,  ///< changes a parameter of the link tree: add_to_tree
   kMeasurement,     ///< changes what is logged of the motion: add_to_motion turns it into the truth
-  kMemory,          ///< torque that depends on the past of the motion: derivative and torque of a
-                    ///< state at the joint (effects/joint_state.hpp), a hidden motor's transmitted
-                    ///< (hidden_motor.hpp), or what a drive does (drive.hpp)
-  kBallForce,       ///< accelerates the ball: add_acceleration (effects/ball_effect.hpp)
-  kBallImpact,      ///< a plane that the ball bounces off: clearance, bounce
-  kBallView,        ///< changes where the camera sees the ball: change_view
-  kStringAnchor,    ///< changes where the string is tied: add_to_anchor
-  kStringContact,   ///< what bars the string, and what it does as it becomes taut: route, rebound
+  kMemory,         ///< torque that depends on the past of the motion: a state at the joint, a motor
+                   ///< that it hides or what a drive does (effects/memory.hpp), or torque_series
+  kBallForce,      ///< accelerates the ball: add_acceleration (effects/ball_effect.hpp)
+  kBallImpact,     ///< a plane that the ball bounces off: clearance, bounce
+  kBallView,       ///< changes where the camera sees the ball: change_view
+  kStringAnchor,   ///< changes where the string is tied: add_to_anchor
+  kStringContact,  ///< what bars the string, and what it does as it becomes taut: route, rebound
 };
 
 /// Property of an effect that other parts ask for.
