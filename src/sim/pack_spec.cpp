@@ -6,6 +6,7 @@
 #include <diffnea/core/error.hpp>
 #include <diffnea/effects/ball_network.hpp>
 #include <diffnea/effects/extended_tree.hpp>
+#include <diffnea/effects/stepping.hpp>
 
 #include "core/number_text.hpp"
 #include "sim/drawn_effects.hpp"
@@ -23,18 +24,13 @@ BallEffects ball_effects(const Model& model) {
   BallEffects out;
   if (model.ball && model.ball->string) out.p_LS = model.ball->string->p_LS;
   for (const EffectSpec& spec : model.effects) {
-    const EffectInfo& known = info(find_effect(spec.effect));
+    const EffectInfo& known = find_effect(spec.effect);
     if (!acts_on_ball(known)) continue;
     const BoundEffect e = bind(spec, model);
     if (is_of_log(e)) continue;
     if (known.port == Port::kStringAnchor) {
-      std::visit(
-          [&](const auto& formula) {
-            if constexpr (requires { formula.add_to_anchor(e.parameters.data(), out.p_LS); })
-              formula.add_to_anchor(e.parameters.data(), out.p_LS);
-          },
-          e.type);
-    } else if ((known.port == Port::kBallForce && known.name != "string_extension") ||
+      add_to_anchor(e, out.p_LS);
+    } else if ((known.port == Port::kBallForce && !known.has(Trait::kReadsAnchorJerk)) ||
                known.port == Port::kStringContact) {
       out.forces.push_back(e);
     } else {
@@ -157,7 +153,6 @@ PackSpec pack_spec(const std::vector<Model>& draws, const Model& controller,
   out.drives = drawn.front().drives;
   out.motor_effects = drawn.front().motors;
   out.ball_effects = first_ball.forces;
-  for (std::size_t e = 0; e < out.effects.size(); ++e) out.kinds.push_back(kind_in_all(drawn, e));
   for (const DrawnEffects& d : drawn) {
     const BallEffects ball = ball_effects(d.model);
     if (names_and_places(ball.forces) != names_and_places(out.ball_effects))
