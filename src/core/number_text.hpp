@@ -5,7 +5,7 @@
 #include <cmath>
 #include <string>
 
-#include <diffnea/core/number_text.hpp>
+#include <diffnea/core/text.hpp>
 
 #include "core/c_numbers.hpp"
 

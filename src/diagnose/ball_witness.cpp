@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "core/decompositions.hpp"
-#include "core/median.hpp"
+#include "core/statistics.hpp"
 #include "core/number_text.hpp"
 #include "diagnose/ball_search.hpp"
 #include "identify/ball_world.hpp"

@@ -3,7 +3,7 @@
 #include <cmath>
 
 #include "core/decompositions.hpp"
-#include "core/median.hpp"
+#include "core/statistics.hpp"
 #include "identify/ball_cost.hpp"
 #include "identify/ball_path.hpp"
 #include "identify/ball_world.hpp"

@@ -2,11 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/identify/posterior.hpp>
 
+#include "core/constants.hpp"
 #include "core/decompositions.hpp"
 #include "identify/ball_flags.hpp"
 #include "identify/ball_path.hpp"
@@ -18,7 +18,6 @@
 namespace diffnea {
 namespace {
 
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 /// A length or place of the string that is known worse than this is not known [m].
 constexpr double kKnown = 0.02;
 /// Share of a parameter's own influence that the others must leave.

@@ -11,8 +11,6 @@
 namespace diffnea {
 namespace {
 
-double norm(const Vec3<double>& v) { return std::sqrt(dot(v, v)); }
-
 /// A distance is the string's length within this share of it.
 constexpr double kNear = 0.02;
 /// Acceleration across the string beside gravity's that a hanging ball may have, in g: drag, and

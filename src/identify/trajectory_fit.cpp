@@ -1,20 +1,18 @@
 #include <algorithm>
 #include <cmath>
 #include <future>
-#include <limits>
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/identify/linear_fit.hpp>
 #include <diffnea/identify/trajectory_fit.hpp>
 
+#include "core/constants.hpp"
 #include "core/decompositions.hpp"
 #include "identify/window_integrator.hpp"
 #include "identify/window_simulator.hpp"
 
 namespace diffnea {
 namespace {
-
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 /// What is left of a window once its initial state is eliminated.
 struct ReducedWindow {

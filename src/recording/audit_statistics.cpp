@@ -11,13 +11,6 @@
 
 namespace diffnea::detail {
 
-double quantile(std::vector<double> x, double p) {
-  if (x.empty()) return std::numeric_limits<double>::quiet_NaN();
-  const auto at = x.begin() + static_cast<long>(p * static_cast<double>(x.size() - 1));
-  std::nth_element(x.begin(), at, x.end());
-  return *at;
-}
-
 double find_quantum(const VecX<double>& x) {
   std::vector<double> steps;
   for (long i = 1; i < x.size(); ++i) {

@@ -1,15 +1,13 @@
 #include <algorithm>
-#include <atomic>
 #include <cctype>
 #include <charconv>
 #include <cmath>
 #include <cstdlib>
 #include <dlfcn.h>
-#include <exception>
 #include <map>
-#include <thread>
 
 #include <diffnea/core/error.hpp>
+#include <diffnea/core/parallel.hpp>
 #include <diffnea/effects/bound_effect.hpp>
 #include <diffnea/io/model_file.hpp>
 #include <diffnea/worlds/world.hpp>
@@ -240,26 +238,13 @@ WorldRecording record_in_world(const WorldSpec& world, const Model& controller,
   DrawnWorld drawn = draw(world, options.seed);
   WorldRecording out{.result = {}, .truth = std::move(drawn.truth)};
   std::vector<SimulatedRecording> repetitions(static_cast<std::size_t>(world.repetitions));
-  std::vector<std::exception_ptr> failures(repetitions.size());
-  std::atomic<std::size_t> next = 0;
-  const auto work = [&] {
-    for (std::size_t k = next++; k < repetitions.size(); k = next++) {
-      RecordOptions own = options;  // other noise; Rng tells neighbouring seeds well apart
-      own.seed += k * 0x9e3779b97f4a7c15ULL + noise * 0xd1b54a32d192ed03ULL;
-      try {
-        repetitions[k] = record_in_mujoco(drawn.document, out.truth, controller, trajectory, own);
-      } catch (...) {
-        failures[k] = std::current_exception();
-      }
-    }
-  };
-  {
-    std::vector<std::jthread> others;
-    for (int t = 1; t < std::min(threads, world.repetitions); ++t) others.emplace_back(work);
-    work();
-  }
-  for (const std::exception_ptr& failure : failures)
-    if (failure) std::rethrow_exception(failure);
+  parallel_for(repetitions.size(), static_cast<std::size_t>(threads),
+               [&](std::size_t k, std::size_t) {
+                 RecordOptions own = options;  // other noise; Rng tells neighbouring seeds apart
+                 own.seed += k * 0x9e3779b97f4a7c15ULL + noise * 0xd1b54a32d192ed03ULL;
+                 repetitions[k] =
+                     record_in_mujoco(drawn.document, out.truth, controller, trajectory, own);
+               });
   out.result = averaged(repetitions);
   return out;
 }

@@ -5,18 +5,12 @@
 
 #include <diffnea/core/compiled.hpp>
 #include <diffnea/core/error.hpp>
-#include <diffnea/core/number_text.hpp>
+#include <diffnea/core/text.hpp>
 #include <diffnea/model/model.hpp>
 #include <diffnea/model/physical.hpp>
 
 namespace diffnea {
 namespace detail {
-
-inline std::string join(const std::vector<std::string>& names) {
-  std::string out;
-  for (const std::string& n : names) out += (out.empty() ? "" : ", ") + n;
-  return out.empty() ? "none" : out;
-}
 
 inline bool has_inertia(const SpatialInertia<double>& b) {
   return std::ranges::any_of(b.theta(), [](double x) { return x != 0.0; });
@@ -46,7 +40,7 @@ DIFFNEA_INLINE int find_joint(const Model& model, const std::string& joint) {
     ++dof;
   }
   throw ModelError(model.name + ": there is no moving joint '" + joint +
-                   "'; joints: " + detail::join(joint_names(model)));
+                   "'; joints: " + detail::join_or_none(joint_names(model)));
 }
 
 DIFFNEA_INLINE TreeMap map_to_tree(const Model& model) {

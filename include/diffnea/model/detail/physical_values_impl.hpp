@@ -5,7 +5,7 @@
 
 #include <diffnea/core/compiled.hpp>
 #include <diffnea/core/error.hpp>
-#include <diffnea/core/number_text.hpp>
+#include <diffnea/core/text.hpp>
 #include <diffnea/model/physical.hpp>
 
 namespace diffnea {
