@@ -92,8 +92,16 @@ def test_swing_up(tmp_path: Path) -> None:
 # --- C++
 
 EIGEN = Path(os.environ.get("EIGEN3_INCLUDE_DIR", "/usr/include/eigen3"))
-# What a program of the headers alone may be linked with: the compiler's own.
-RUNTIME = {"ld-linux-x86-64", "linux-vdso", "libc", "libgcc_s", "libm", "libstdc++"}
+# Libraries that a program of the headers alone may be linked with: the compiler's own.
+RUNTIME = {
+    "ld-linux-aarch64",
+    "ld-linux-x86-64",
+    "linux-vdso",
+    "libc",
+    "libgcc_s",
+    "libm",
+    "libstdc++",
+}
 
 
 def compile_with_headers(folder: Path, *files: Path) -> Path:
@@ -153,13 +161,22 @@ def test_cpp_jets(tmp_path: Path) -> None:
 
 
 def test_cpp_headers_in_two_files(tmp_path: Path) -> None:
-    """What is no template is inline: two files with the same headers make one program."""
+    """Functions that are no templates are inline: two files with the same headers make one program."""
     headers_alone()
     effects = sorted((ROOT / "include" / "diffnea" / "effects").glob("*.hpp"))
     names = [f"effects/{path.name}" for path in effects]
     text = "".join(f"#include <diffnea/{name}>\n" for name in ["dynamics.hpp", *names])
     files = [tmp_path / "one.cpp", tmp_path / "two.cpp"]
-    files[0].write_text(text + "int main() {}\n", encoding="utf-8")
+    called = (
+        *("aba_derivatives", "active_rows", "check_model", "log_cholesky_from_theta", "make_tree"),
+        *("Residual::from", "derivative", "number_text", "shifted"),
+    )
+    pointers = ", ".join(f"reinterpret_cast<void*>(&{name})" for name in called)
+    main = (
+        "using namespace diffnea;\nusing diffnea::detail::number_text;\n"
+        f"int main() {{ void* volatile kept[]{{{pointers}}}; return kept[0] == nullptr; }}\n"
+    )
+    files[0].write_text(text + main, encoding="utf-8")
     files[1].write_text(text, encoding="utf-8")
     run(compile_with_headers(tmp_path, *files), cwd=tmp_path)
 

@@ -18,7 +18,7 @@ int main() {
   using Jet = ceres::Jet<double, 2>;
   const Eigen::Matrix<Jet, 2, 1> q_jet(Jet(q[0], 0), Jet(q[1], 1));
   RneaWorkspace<double, Jet> jet_ws;
-  const VecX<Jet>& tau = rnea<double, Jet>(tree, q_jet, qd.cast<Jet>(), qdd.cast<Jet>(), jet_ws);
+  const VecX<Jet>& tau = rnea(tree, q_jet, qd.cast<Jet>(), qdd.cast<Jet>(), jet_ws);
   Eigen::Matrix2d by_jets;
   for (int i = 0; i < 2; ++i) by_jets.row(i) = tau[i].v.transpose();
 
@@ -29,8 +29,8 @@ int main() {
   RneaWorkspace<double, double> ws;
   for (int k = 0; k < 2; ++k) {
     const Eigen::Vector2d step = 1e-6 * Eigen::Vector2d::Unit(k);
-    by_differences.col(k) = rnea<double, double>(tree, q + step, qd, qdd, ws);
-    by_differences.col(k) -= rnea<double, double>(tree, q - step, qd, qdd, ws);
+    by_differences.col(k) = rnea(tree, q + step, qd, qdd, ws);
+    by_differences.col(k) -= rnea(tree, q - step, qd, qdd, ws);
     by_differences.col(k) /= 2e-6;
   }
 
