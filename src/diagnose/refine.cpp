@@ -6,6 +6,8 @@
 #include <Eigen/Cholesky>
 #include <Eigen/QR>
 
+#include <diffnea/effects/stepping.hpp>
+
 namespace diffnea {
 namespace {
 
@@ -156,10 +158,9 @@ bool impossible(const Term& term) {
 
 bool plausible(const Search& search, const Term& term) {
   // A rotor that its spring's damper does not let swing is a lag by another name.
-  if (const auto* spring = std::get_if<JointElasticity>(&term.effect.type);
-      spring && !term.effect.own) {
-    const double* p = term.effect.parameters.data();  // stiffness, damping, inertia
-    if (p[1] * p[1] > 4.0 * p[0] * p[2]) return false;
+  if (!term.effect.own && hides_motor(term.effect)) {
+    const MotorSpring<double> s = motor_spring(term.effect);
+    if (s.damping * s.damping > 4.0 * s.stiffness * s.inertia) return false;
   }
   // A hidden rotor without inertia only bends the friction that turns with it.
   for (const int k : term.linear)

@@ -49,4 +49,14 @@ Residual Residual::from(const BumpTable& table, const std::vector<std::string>& 
   return out;
 }
 
+void Residual::complete(const BoundSetting& setting) {
+  if (!setting.spec.table)
+    throw ModelError(setting.here +
+                     ": it has no table; `diffnea diagnose` learns one where a torque has "
+                     "no name, it cannot be asked for");
+  if (setting.joints.size() != 1)
+    throw ModelError(setting.here + ": its table is of one joint; expected that joint's name");
+  *this = from(*setting.spec.table, joint_names(setting.model), setting.here);
+}
+
 }  // namespace diffnea

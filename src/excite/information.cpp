@@ -18,7 +18,7 @@ constexpr double kDependent = 1e-9;
 /// The model but for effects that no fit of torques has columns of: they tell nothing of the base.
 Model fitted_part(Model model) {
   std::erase_if(model.effects, [](const EffectSpec& e) {
-    const Port port = info(find_effect(e.effect)).port;
+    const Port port = find_effect(e.effect).port;
     return port != Port::kJointTorque && port != Port::kModelParameter;
   });
   return model;

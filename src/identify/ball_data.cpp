@@ -75,8 +75,9 @@ class Windows {
       time.push_back(r.time[k]);
       seen.push_back({r.ball(k, 0), r.ball(k, 1), r.ball(k, 2)});
     }
-    const bool bounces = std::ranges::any_of(
-        model.effects, [](const EffectSpec& e) { return e.effect == "bounce"; });
+    const bool bounces = std::ranges::any_of(model.effects, [](const EffectSpec& e) {
+      return find_effect(e.effect).port == Port::kBallImpact;
+    });
     lost_ = find_outliers(time, seen, options.longest_gap);
     for (std::size_t i = 0; i < lost_.size(); ++i)
       if (lost_[i] > 0.0)

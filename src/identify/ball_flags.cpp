@@ -100,8 +100,8 @@ bool drop_false_spins(const FittedBall& ball, BallData& data, double sigma,
                       const BallFitOptions& options, double& agreed) {
   std::vector<EffectSpec> effects;
   for (const BoundEffect& e : ball.layout.effects) effects.push_back(to_spec(e));
-  const bool lifted =
-      std::ranges::any_of(effects, [](const EffectSpec& e) { return e.effect == "magnus"; });
+  const bool lifted = std::ranges::any_of(
+      effects, [](const EffectSpec& e) { return find_effect(e.effect).has(Trait::kNeedsSpin); });
   if (!lifted) effects.push_back({"magnus", "ball", {}});
   BallLayout layout = make_ball_layout(ball.model, effects);
   VecX<double> p = layout.values();
@@ -109,8 +109,8 @@ bool drop_false_spins(const FittedBall& ball, BallData& data, double sigma,
   double present = 0.0;
   for (std::size_t k = 0; k < layout.parameters.size(); ++k) {
     BallParameter& q = layout.parameters[k];
-    q.fixed =
-        q.effect < 0 || layout.effects[static_cast<std::size_t>(q.effect)].info().name != "magnus";
+    q.fixed = q.effect < 0 ||
+              !layout.effects[static_cast<std::size_t>(q.effect)].info().has(Trait::kNeedsSpin);
     if (!q.fixed) present = p[static_cast<Eigen::Index>(k)];
   }
   BallFitOptions plain = options;

@@ -98,12 +98,12 @@ void add_effect(const BoundEffect& effect, bool fixed, bool fix_shapes, double p
     p.effect = e;
     p.index = static_cast<int>(k);
     p.logarithmic = scale(info) == Scale::kLog;
-    if (effect.info().name == "payload") {  // ten inertial parameters: as a small link
+    if (effect.info().has(Trait::kInertia)) {  // ten inertial parameters: as a small link
       p.theta = static_cast<int>(k);
       p.scale = k == 0 ? payload_mass : k < 4 ? 0.1 * payload_mass : 0.01 * payload_mass;
     }
-    if (effect.info().name == "torque_gain") p.scale = kGainScale;
-    const bool column = info.linear && effect.info().name != "base_tilt";
+    if (effect.info().has(Trait::kGain)) p.scale = kGainScale;
+    const bool column = info.linear && (effect.info().port == Port::kJointTorque || p.theta >= 0);
     (column ? layout.linear : layout.shape).push_back(p);
   }
 }
@@ -200,22 +200,22 @@ FitLayout make_layout(const Model& model, const FitChoice& choice, const std::ve
   const auto add = [&](const EffectSpec& spec) {
     const BoundEffect effect = bind(spec, model, runs);
     require_fittable(effect);
-    const bool fit = spec.effect == "armature" ? fit_armature : fit_effects;
+    const bool fit = effect.info().has(Trait::kRotor) ? fit_armature : fit_effects;
     add_effect(effect, !fit, fix_shapes, std::max(0.1 * total_mass, 1e-3), layout);
     present.push_back(spec.effect + "@" + spec.where);
   };
   const std::vector<std::string> asked = choice.effects.value_or(default_effects(choice.link_side));
   for (const EffectSpec& spec : model.effects) {
-    const bool left_out = choice.link_side && info(find_effect(spec.effect)).motor_side &&
+    const bool left_out = choice.link_side && find_effect(spec.effect).motor_side &&
                           !contains(asked, spec.effect) &&
                           !contains(asked, spec.effect + "@" + spec.where);
-    if (!left_out && !acts_on_ball(info(find_effect(spec.effect)))) add(spec);
+    if (!left_out && !acts_on_ball(find_effect(spec.effect))) add(spec);
   }
   for (const std::string& entry : asked) {
     const std::size_t at = entry.find('@');
     const std::string name = entry.substr(0, at);
-    const EffectInfo effect_info = info(find_effect(name));
-    if (name == "armature" ? !fit_armature : !fit_effects) continue;
+    const EffectInfo& effect_info = find_effect(name);
+    if (effect_info.has(Trait::kRotor) ? !fit_armature : !fit_effects) continue;
     const std::vector<std::string> where = at == std::string::npos
                                                ? places_asked(effect_info, model)
                                                : std::vector<std::string>{entry.substr(at + 1)};

@@ -115,7 +115,7 @@ FitLayout arm_layout(const Model& named) {
 BallLayout ball_layout(const Model& named) {
   std::vector<EffectSpec> effects;
   for (const EffectSpec& e : named.effects)
-    if (acts_on_ball(info(find_effect(e.effect)))) effects.push_back(e);
+    if (acts_on_ball(find_effect(e.effect))) effects.push_back(e);
   return named.ball ? make_ball_layout(named, effects) : BallLayout{};
 }
 

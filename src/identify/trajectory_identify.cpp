@@ -94,7 +94,7 @@ class TrajectoryIdentification {
                          "; fit it with the inverse loss first, then hold it (--fix \"" + s.name +
                          "\")");
     for (const FitParameter& p : layout_.linear)
-      if (!p.fixed && p.effect >= 0 && layout_.effects[p.effect].info().name == "torque_gain")
+      if (!p.fixed && p.effect >= 0 && layout_.effects[p.effect].info().has(Trait::kGain))
         throw ModelError(
             "identify: the trajectory loss does not fit torque gains; fit torque_gain with the "
             "inverse loss first, then hold it (--fix \"*torque_gain*\")");

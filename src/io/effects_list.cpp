@@ -1,6 +1,6 @@
 #include <cmath>
 
-#include <diffnea/effects/catalogue.hpp>
+#include <diffnea/effects/bound_effect.hpp>
 #include <diffnea/io/effects_list.hpp>
 
 #include "core/c_numbers.hpp"

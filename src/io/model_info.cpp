@@ -2,7 +2,7 @@
 #include <cmath>
 
 #include <diffnea/core/error.hpp>
-#include <diffnea/effects/catalogue.hpp>
+#include <diffnea/effects/bound_effect.hpp>
 #include <diffnea/io/model_info.hpp>
 #include <diffnea/model/physical.hpp>
 

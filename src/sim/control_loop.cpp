@@ -5,6 +5,8 @@
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/effects/extended_tree.hpp>
+#include <diffnea/effects/joint_series.hpp>
+#include <diffnea/effects/stepping.hpp>
 
 #include "core/c_numbers.hpp"
 #include "core/number_text.hpp"
@@ -78,11 +80,11 @@ void apply_channels(const std::vector<BoundEffect>& channels, Recording& r) {
   for (const BoundEffect& e : channels)
     for (const int j : e.joints) {
       const double dt = r.rows() > 1 ? r.time[1] - r.time[0] : 0.0;
-      if (std::holds_alternative<VelocityFilterLag>(e.type))
-        r.qd.col(j) = low_passed(r.qd.col(j), dt, e.parameters[0]);
-      if (!std::holds_alternative<TimeShift>(e.type) || r.rows() < 2) continue;
-      r.q.col(j) = shifted(r.q.col(j), dt, -e.parameters[0]);
-      if (r.qd.size() > 0) r.qd.col(j) = shifted(r.qd.col(j), dt, -e.parameters[0]);
+      if (r.qd.size() > 0) r.qd.col(j) = logged_velocity(e, r.qd.col(j), dt);
+      const double late = clock_shift(e);
+      if (late == 0.0 || r.rows() < 2) continue;
+      r.q.col(j) = shifted(r.q.col(j), dt, -late);
+      if (r.qd.size() > 0) r.qd.col(j) = shifted(r.qd.col(j), dt, -late);
     }
 }
 
@@ -98,9 +100,8 @@ SimulatedRecording run_control_loop(Plant& plant, const Model& robot, const Mode
   const std::vector<Joint> joints = joints_of(robot, o);
   const int n = static_cast<int>(joints.size());
   const std::vector<BoundEffect> channels = extend(robot, {0}).series;
-  const bool log_velocity = std::ranges::any_of(channels, [](const BoundEffect& e) {
-    return std::holds_alternative<VelocityFilterLag>(e.type);
-  });
+  const bool log_velocity = std::ranges::any_of(
+      channels, [](const BoundEffect& e) { return e.info().has(Trait::kLogsVelocity); });
   Reference reference(trajectory, robot);
   Rng rng(o.seed);
 

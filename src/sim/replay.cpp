@@ -18,8 +18,7 @@ constexpr double kBlowUp = 1e6;
 VecX<double> clock_shifts(const ExtendedTree& model) {
   VecX<double> out = VecX<double>::Zero(model.tree.num_dofs());
   for (const BoundEffect& e : model.series)
-    if (std::holds_alternative<TimeShift>(e.type))
-      for (const int j : e.joints) out[j] += e.parameters[0];
+    for (const int j : e.joints) out[j] += clock_shift(e);
   return out;
 }
 

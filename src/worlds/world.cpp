@@ -11,7 +11,7 @@
 #include <thread>
 
 #include <diffnea/core/error.hpp>
-#include <diffnea/effects/catalogue.hpp>
+#include <diffnea/effects/bound_effect.hpp>
 #include <diffnea/io/model_file.hpp>
 #include <diffnea/worlds/world.hpp>
 
