@@ -221,6 +221,20 @@ def test_a_branch_is_judged_by_what_it_adds_to_main(history: Repository) -> None
     assert clone.check()[0] == 1  # main itself
 
 
+def test_subjects_of_a_branch_that_did_not_have_the_program_are_not_judged(
+    history: Repository,
+) -> None:
+    history.git("checkout", "--quiet", "-b", "earlier", "HEAD~1")
+    history.commit("Said more", new=SHORT)
+    history.git("checkout", "--quiet", "main")
+    history.git("merge", "--quiet", "--no-edit", "earlier")
+    assert history.check() == (0, "prose: 1 commits, 2 files: 0 faults\n")
+    history.git("checkout", "--quiet", "earlier")
+    history.git("merge", "--quiet", "--no-edit", "main")
+    history.commit("Said still more")
+    assert history.check()[0] == 1
+
+
 def test_a_history_without_what_came_before_is_not_judged(history: Repository) -> None:
     history.commit("Said more", new=LONG)
     shallow = Repository.__new__(Repository)

@@ -92,7 +92,7 @@ def test_swing_up(tmp_path: Path) -> None:
 # --- C++
 
 EIGEN = Path(os.environ.get("EIGEN3_INCLUDE_DIR", "/usr/include/eigen3"))
-# What a program of the headers alone may be linked with: the compiler's own.
+# Libraries that a program of the headers alone may be linked with: the compiler's own.
 RUNTIME = {"ld-linux-x86-64", "linux-vdso", "libc", "libgcc_s", "libm", "libstdc++"}
 
 
@@ -153,7 +153,7 @@ def test_cpp_jets(tmp_path: Path) -> None:
 
 
 def test_cpp_headers_in_two_files(tmp_path: Path) -> None:
-    """What is no template is inline: two files with the same headers make one program."""
+    """Functions that are no templates are inline: two files with the same headers make one program."""
     headers_alone()
     effects = sorted((ROOT / "include" / "diffnea" / "effects").glob("*.hpp"))
     names = [f"effects/{path.name}" for path in effects]

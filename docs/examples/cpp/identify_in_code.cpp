@@ -28,7 +28,7 @@ Model pendulum(double mass) {
   return model;
 }
 
-/// What a pendulum with 0.4 N·m·s/rad of viscous friction does under sines.
+/// Recording of a pendulum with 0.4 N·m·s/rad of viscous friction under sines.
 Recording recorded(const Model& truth, double phase) {
   constexpr long kRows = 2000;
   constexpr double kFriction = 0.4;  // [N·m·s/rad]
