@@ -4,11 +4,10 @@
 #include <array>
 #include <cmath>
 
-#include <Eigen/QR>
-
 #include <diffnea/core/error.hpp>
 #include <diffnea/excite/fourier.hpp>
 
+#include "core/decompositions.hpp"
 #include "diagnose/next_experiment.hpp"
 #include "identify/ball_world.hpp"
 #include "identify/passes.hpp"

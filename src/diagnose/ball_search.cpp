@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include <Eigen/QR>
-
 #include <diffnea/core/random.hpp>
+
+#include "core/decompositions.hpp"
 
 namespace diffnea {
 namespace {

@@ -4,8 +4,7 @@
 #include <array>
 #include <cmath>
 
-#include <Eigen/QR>
-
+#include "core/decompositions.hpp"
 #include "core/median.hpp"
 #include "core/number_text.hpp"
 #include "diagnose/ball_search.hpp"

@@ -6,9 +6,7 @@
 #include <limits>
 #include <map>
 
-#include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
-
+#include "core/decompositions.hpp"
 #include "diagnose/inexact.hpp"
 
 namespace diffnea {

@@ -3,8 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include <Eigen/QR>
-
+#include "core/decompositions.hpp"
 #include "diagnose/hats.hpp"
 
 namespace diffnea {

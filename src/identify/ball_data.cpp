@@ -1,13 +1,12 @@
 #include <algorithm>
 #include <cmath>
 
-#include <Eigen/QR>
-
 #include <diffnea/core/error.hpp>
 #include <diffnea/dynamics/cup_contact.hpp>
 #include <diffnea/identify/ball_fit.hpp>
 
 #include "core/c_numbers.hpp"
+#include "core/decompositions.hpp"
 #include "core/median.hpp"
 #include "identify/ball_rows.hpp"
 

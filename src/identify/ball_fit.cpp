@@ -2,8 +2,7 @@
 #include <array>
 #include <cmath>
 
-#include <Eigen/Cholesky>
-
+#include "core/decompositions.hpp"
 #include "core/median.hpp"
 #include "identify/ball_cost.hpp"
 #include "identify/ball_path.hpp"

@@ -4,11 +4,10 @@
 #include <cmath>
 #include <limits>
 
-#include <Eigen/QR>
-
 #include <diffnea/core/error.hpp>
 #include <diffnea/identify/posterior.hpp>
 
+#include "core/decompositions.hpp"
 #include "identify/ball_flags.hpp"
 #include "identify/ball_path.hpp"
 #include "identify/bounce_guess.hpp"

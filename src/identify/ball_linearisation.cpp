@@ -1,8 +1,7 @@
 #include <cmath>
 #include <limits>
 
-#include <Eigen/QR>
-
+#include "core/decompositions.hpp"
 #include "identify/ball_cost.hpp"
 #include "identify/ball_world.hpp"
 

@@ -4,10 +4,9 @@
 #include <cmath>
 #include <limits>
 
-#include <Eigen/QR>
-
 #include <diffnea/core/scalar.hpp>
 
+#include "core/decompositions.hpp"
 #include "core/median.hpp"
 
 namespace diffnea {

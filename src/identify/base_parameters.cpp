@@ -3,9 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include <Eigen/QR>
-
 #include "core/c_numbers.hpp"
+#include "core/decompositions.hpp"
 #include "identify/stacked_factors.hpp"
 
 namespace diffnea {

@@ -4,11 +4,10 @@
 #include <numbers>
 #include <optional>
 
-#include <Eigen/Eigenvalues>
-
 #include <diffnea/core/error.hpp>
 #include <diffnea/identify/compare.hpp>
 
+#include "core/decompositions.hpp"
 #include "core/median.hpp"
 
 namespace diffnea {
@@ -56,8 +55,8 @@ class Variance {
         Eigen::Map<const MatX<double>>(posterior.information.data(), n, n);
     // Parameters of different units are made comparable by their own information.
     scale_ = information.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
-    const Eigen::SelfAdjointEigenSolver<MatX<double>> solver(scale_.asDiagonal() * information *
-                                                             scale_.asDiagonal());
+    const MatX<double> scaled = scale_.asDiagonal() * information * scale_.asDiagonal();
+    const Eigen::SelfAdjointEigenSolver<MatX<double>> solver(scaled);
     values_ = solver.eigenvalues();
     vectors_ = solver.eigenvectors();
   }

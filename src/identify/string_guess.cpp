@@ -1,11 +1,10 @@
 #include <algorithm>
 #include <cmath>
 
-#include <Eigen/Cholesky>
-
 #include <diffnea/core/error.hpp>
 #include <diffnea/identify/ball_fit.hpp>
 
+#include "core/decompositions.hpp"
 #include "identify/ball_path.hpp"
 #include "identify/ball_rows.hpp"
 

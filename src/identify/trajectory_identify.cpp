@@ -3,13 +3,12 @@
 #include <cmath>
 #include <limits>
 
-#include <Eigen/Cholesky>
-
 #include <diffnea/core/error.hpp>
 #include <diffnea/identify/posterior.hpp>
 #include <diffnea/identify/torque_regression.hpp>
 #include <diffnea/identify/trajectory_fit.hpp>
 
+#include "core/decompositions.hpp"
 #include "identify/passes.hpp"
 #include "identify/whole_runs.hpp"
 

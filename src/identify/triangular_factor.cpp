@@ -1,9 +1,9 @@
 #include <algorithm>
 
-#include <Eigen/QR>
-
 #include <diffnea/core/error.hpp>
 #include <diffnea/identify/triangular_factor.hpp>
+
+#include "core/decompositions.hpp"
 
 namespace diffnea {
 namespace {

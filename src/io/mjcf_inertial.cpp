@@ -1,8 +1,8 @@
 #include "io/mjcf_inertial.hpp"
 
-#include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 
+#include "core/decompositions.hpp"
 #include "io/model_parts.hpp"
 
 namespace diffnea::io {

@@ -2,13 +2,11 @@
 #include <cmath>
 #include <limits>
 
-#include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
-
 #include <diffnea/core/error.hpp>
 #include <diffnea/policy/ereps.hpp>
 
 #include "core/c_numbers.hpp"
+#include "core/decompositions.hpp"
 
 namespace diffnea {
 namespace {

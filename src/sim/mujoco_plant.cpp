@@ -5,11 +5,11 @@
 #include <cmath>
 #include <map>
 
-#include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 
 #include <diffnea/core/error.hpp>
 
+#include "core/decompositions.hpp"
 #include "sim/rotor_names.hpp"
 
 namespace diffnea::sim {

@@ -122,6 +122,7 @@ void linear_columns(const BoundEffect& effect, const JointSample<double>& x, dou
 
 /// Scalars compiled into the library; for another scalar include effects/catalogue.hpp.
 ///@{
+#ifdef DIFFNEA_COMPILED
 extern template void add_torque<double>(const BoundEffect&, const JointSample<double>&,
                                         const double*, double*);
 extern template void add_torque<JetD>(const BoundEffect&, const JointSample<JetD>&, const JetD*,
@@ -132,6 +133,7 @@ extern template void add_torque<JetD>(const BoundEffect&, const Tree<double>&,
                                       const JointSample<JetD>&, const JetD*, JetD*);
 extern template void add_to_tree<double>(const BoundEffect&, const double*, Tree<double>&);
 extern template void add_to_tree<JetD>(const BoundEffect&, const JetD*, Tree<JetD>&);
+#endif
 ///@}
 
 }  // namespace diffnea
