@@ -242,7 +242,8 @@ std::vector<std::string> differences(const WorldSpec& world) {
   for (const EffectSpec& effect : world.effects)
     out.push_back(effect.effect + " at " + effect.where);
   if (world.rope)
-    out.push_back("a rope of " + figure(1e3 * world.rope->mass) + " g for the massless string");
+    out.push_back("a rope of " + figure(1e3 * world.rope->mass) +
+                  " g in place of a massless string");
   return out;
 }
 

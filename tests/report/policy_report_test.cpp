@@ -289,13 +289,14 @@ TEST_CASE("transfer run: file, text and page say by what the world differs", "[p
     publish_transfer_run(run, out);
     return read_text_file(folder.path() / "report.html");
   };
-  CHECK(page().find("The world") == std::string::npos);
+  CHECK(page().find("The world differs") == std::string::npos);
   CHECK_FALSE(read_transfer_run(folder.path()).differences);
   run.differences.emplace();
   CHECK(world_sentence(run) == "The world is as its description says.");
-  run.differences = {"masses -8…+20 %", "a rope of 1.2 g for the massless string"};
+  run.differences = {"masses -8…+20 %", "a rope of 1.2 g in place of a massless string"};
   const std::string sentence =
-      "The world differs from its description: masses -8…+20 %; a rope of 1.2 g for the massless "
+      "The world differs from its description: masses -8…+20 %; a rope of 1.2 g in place of a "
+      "massless "
       "string.";
   CHECK_THAT(page(), ContainsSubstring(sentence));
   const TransferRun same = read_transfer_run(folder.path());

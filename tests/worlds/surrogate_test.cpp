@@ -130,7 +130,7 @@ TEST_CASE("world: how it differs from its description is listed", "[io]") {
   const std::string name = "mujoco:" + kCup;
   CHECK(differences(parse_world(name + ",perturb=none,rope=none")).empty());
   CHECK(differences(parse_world(name + ",perturb=none,rope=heavy")) ==
-        Clauses{"a rope of 2.25 g for the massless string"});
+        Clauses{"a rope of 2.25 g in place of a massless string"});
   CHECK(differences(parse_world(name + ",perturb=none,effect=joint_spring@joint4:stiffness=2")) ==
         Clauses{"joint_spring at joint4"});
   CHECK(differences(parse_world(kBallInCupWorld)) ==
@@ -138,7 +138,7 @@ TEST_CASE("world: how it differs from its description is listed", "[io]") {
                 "Coulomb friction +0.6…1.5 N·m", "viscous friction +0.5…1.2 N·m·s/rad",
                 "rotor inertias +0.03…0.1 kg·m²", "string tied up to 12 mm elsewhere",
                 "string length up to 8 mm off", "cup tilted by up to 2°",
-                "a rope of 1.2 g for the massless string"});
+                "a rope of 1.2 g in place of a massless string"});
   const Clauses c = differences(parse_world(name + ",perturb=C,string=0.4"));
   for (const char* clause :
        {"elastic drives, 40…55 mrad at the effort limit", "stiction 10…30 % above Coulomb",
