@@ -67,6 +67,7 @@ def test_what_is_caught(path: str, source: str) -> None:
     [
         ("a.cpp", "// Friction of a joint.\nint x;  ///< wall time [s]\n"),
         ("a.cpp", 'auto x = "// Of a text";\nauto y = R"(// What)";\nauto z = 1\'000;\n'),
+        ("a.cpp", '// "Of a joint": what it says.\n// @param x  of a joint\n'),
         ("a.cpp", "// Holds the torque\n// of the drive.\n"),
         ("a.cpp", "int x;  ///< torque\n        ///< of the drive\n"),
         ("a.py", 'x = "# Of a text"\n'),
