@@ -47,13 +47,13 @@ const char* only_place(const EffectInfo& effect) {
                                           : "ball";
 }
 
-/// Whether an effect of it needs the ball's spin.
+/// Tells whether an effect of it needs the ball's spin.
 bool fits_lift(const BallLayout& layout) {
   return std::ranges::any_of(layout.effects,
                              [](const BoundEffect& e) { return e.info().has(Trait::kNeedsSpin); });
 }
 
-/// Whether the parameter is of a plane that the ball bounces off.
+/// Tells whether the parameter is of a plane that the ball bounces off.
 bool is_of_bounce(const BallLayout& layout, const BallParameter& p) {
   return p.effect >= 0 &&
          layout.effects[static_cast<std::size_t>(p.effect)].info().port == Port::kBallImpact;

@@ -5,6 +5,7 @@
 #include <cstdlib>
 #include <dlfcn.h>
 #include <map>
+#include <numbers>
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/core/parallel.hpp>
@@ -12,6 +13,7 @@
 #include <diffnea/io/model_file.hpp>
 #include <diffnea/worlds/world.hpp>
 
+#include "core/c_numbers.hpp"
 #include "io/json.hpp"
 #include "worlds/string_chain.hpp"
 
@@ -184,6 +186,62 @@ WorldSpec parse_world(const std::string& text) {
   if (!(out.noise >= 0.0 && std::isfinite(out.noise)))
     throw Error("world '" + text + "': noise must not be negative, nor infinite");
   out.mjcf = find_model_file(name, {".xml"});
+  return out;
+}
+
+namespace {
+
+/// Six digits at most: 0.055, 2.25, 1e-05.
+std::string figure(double x) {
+  char text[32];
+  detail::print(text, sizeof text, "%g", x);
+  return text;
+}
+
+/// "-8…+20" of relative changes, in percent.
+std::string percent_range(double low, double high) {
+  char text[64];
+  detail::print(text, sizeof text, "%+g…%+g %%", 100.0 * low, 100.0 * high);
+  return text;
+}
+
+}  // namespace
+
+std::vector<std::string> differences(const WorldSpec& world) {
+  const Perturbation& p = world.perturbation;
+  std::vector<std::string> out;
+  const auto add_change = [&](const char* what, double low, double high) {
+    if (low != 0.0 || high != 0.0) out.push_back(what + percent_range(low, high));
+  };
+  const auto add_range = [&](const char* what, double low, double high, const char* rest) {
+    if (high != 0.0) out.push_back(what + figure(low) + "…" + figure(high) + rest);
+  };
+  const auto add_most = [&](const char* what, double most, const char* rest) {
+    if (most != 0.0) out.push_back(what + figure(most) + rest);
+  };
+  add_change("masses ", p.mass_low, p.mass_high);
+  add_change("inertias ", p.inertia_low, p.inertia_high);
+  add_most("centres of mass up to ", 1e3 * p.com, " mm off");
+  add_range("Coulomb friction +", p.coulomb_low, p.coulomb_high, " N·m");
+  add_range("viscous friction +", p.viscous_low, p.viscous_high, " N·m·s/rad");
+  add_range("rotor inertias +", p.armature_low, p.armature_high, " kg·m²");
+  add_range("elastic drives, ", 1e3 * p.wind_up_low, 1e3 * p.wind_up_high,
+            " mrad at the effort limit");
+  add_range("stiction ", 100.0 * p.stiction_low, 100.0 * p.stiction_high, " % above Coulomb");
+  add_range("drives ", 1e3 * p.delay_low, 1e3 * p.delay_high, " ms late");
+  add_most("torque noise of ", p.actuation_noise, " N·m");
+  if (world.has_ball) {
+    add_range("camera ", 1e3 * p.camera_delay_low, 1e3 * p.camera_delay_high, " ms late");
+    add_most("string tied up to ", 1e3 * p.attachment, " mm elsewhere");
+    if (!world.string) add_most("string length up to ", 1e3 * p.string, " mm off");
+    add_most("cup tilted by up to ", std::round(1800.0 / std::numbers::pi * p.cup_tilt) / 10.0,
+             "°");
+  }
+  for (const EffectSpec& effect : world.effects)
+    out.push_back(effect.effect + " at " + effect.where);
+  if (world.rope)
+    out.push_back("a rope of " + figure(1e3 * world.rope->mass) +
+                  " g in place of a massless string");
   return out;
 }
 
