@@ -43,7 +43,7 @@ std::string estimate(double prior, double value, double std) {
 }
 
 std::string error_table(const IdentifyResult& fit) {
-  const bool torque = quantity(fit) == "torque", joints = 
+  const bool torque = quantity(fit) == "torque", joints =
              !std::ranges::all_of(fit.errors, [](const JointError& e) { return is_ball(e); });
   std::vector<std::vector<std::string>> rows;
   for (const JointError& e : fit.errors) {
