@@ -224,7 +224,7 @@ TEST_CASE("effects: a torque depends on what its header says it reads", "[effect
     if (info.port != Port::kJointTorque || info.has(Trait::kReadsAcceleration)) continue;
     CAPTURE(info.name);
     const BoundEffect effect = bind(spec_of(info), arm());
-    // What a formula does not look at cannot make its torque NaN.
+    // NaN makes a torque NaN only where its formula looks at it.
     const double nothing[3] = {std::nan(""), std::nan(""), std::nan("")}, rest[3] = {0, 0, 0};
     const auto at = [&](const double* qd) {
       return torque(effect, {std::nan(""), 0, nothing, qd, nothing, nothing});
