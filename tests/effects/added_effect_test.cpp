@@ -181,10 +181,12 @@ TEST_CASE("added effect: a diagnosis names it, with its numbers", "[added]") {
   const auto record = [&](unsigned seed) {
     RecordOptions o;
     o.seed = seed;
-    o.period = 4.0;
-    return record_model(robot, nominal, motion(nominal, seed), o).recording;
+    o.period = 10.0;
+    return record_model(robot, nominal, motion(nominal, seed, o.period), o).recording;
   };
-  const Finding finding = diagnose(nominal, {record(1)}, {record(2)});
+  const unsigned seed = GENERATE(1u, 3u, 5u, 7u);
+  CAPTURE(seed);
+  const Finding finding = diagnose(nominal, {record(seed)}, {record(seed + 1)});
   CAPTURE(finding.sentence);
   REQUIRE(finding.causes.size() == 1);
   const Cause& cause = finding.causes.front();
