@@ -1653,6 +1653,9 @@ def _world_simulator(
     kd: ArrayLike | None,
 ) -> NativeSimulator: ...
 def _world_file(name: str) -> os.PathLike[str]: ...
+def _world_differences(name: str) -> list[str]: ...
+
+_BALL_IN_CUP_WORLD: str
 
 @final
 class BallInCupTask:

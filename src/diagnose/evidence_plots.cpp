@@ -7,12 +7,12 @@
 
 #include <diffnea/effects/bound_effect.hpp>
 
+#include "core/constants.hpp"
 #include "diagnose/error_curves.hpp"
 
 namespace diffnea {
 namespace {
 
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr int kMostOverviews = 3;  ///< joints that are shown where no cause names one
 constexpr std::size_t kMostPlots = 24;
 

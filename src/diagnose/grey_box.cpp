@@ -13,7 +13,7 @@ namespace diffnea {
 namespace {
 
 /// Used rows of a joint; of fewer, nothing is learned.
-constexpr long kLeastRows = 8;
+constexpr long kLeastRowsOfJoint = 8;
 constexpr int kDrawn = 41, kDrawnOfPair = 25;
 
 /// Values of a table's variables at the decimated instants, (times(), variables).
@@ -94,7 +94,7 @@ class Trial {
     const MatX<double> x = states(evidence_, axes);
     const std::vector<bool>& kept = search_.whitener().kept();
     const std::vector<bool> used(kept.begin() + joint * m, kept.begin() + (joint + 1) * m);
-    if (std::ranges::count(used, true) < kLeastRows) return std::nullopt;
+    if (std::ranges::count(used, true) < kLeastRowsOfJoint) return std::nullopt;
     const BumpRows rows(evidence_, search_, terms_, beside.there, joint);
     int tried = 1;
     table = best_grid([&](const MatX<double>& columns) { return rows.fit(columns).cost; }, x, axes,

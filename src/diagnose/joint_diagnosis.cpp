@@ -19,7 +19,7 @@ std::vector<std::string> effects_with(Trait trait) {
   return out;
 }
 
-/// Whether an effect, as `diagnose --effects` names it, is looked for beyond the first band.
+/// Tells whether an effect, as `diagnose --effects` names it, is looked for beyond the first band.
 bool is_in_wide_band(const std::string& effect) {
   const EffectInfo* info = known_effect(effect.substr(0, effect.find('@')));
   return info && info->has(Trait::kInWideBand);

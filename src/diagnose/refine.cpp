@@ -3,10 +3,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include <Eigen/Cholesky>
-#include <Eigen/QR>
-
 #include <diffnea/effects/stepping.hpp>
+
+#include "core/decompositions.hpp"
 
 namespace diffnea {
 namespace {
@@ -27,7 +26,7 @@ constexpr double kMostLog = 0.7, kMostPlain = 0.3;
 /// Drops shapes whose derivatives D the columns G reproduce. @return whether there were any
 bool drop_redundant(const MatX<double>& G, const MatX<double>& D, Term& term) {
   const Eigen::HouseholderQR<MatX<double>> qr(G);
-  const MatX<double> Q = qr.householderQ() * MatX<double>::Identity(G.rows(), G.cols());
+  const MatX<double> Q = columns_of_q(qr.householderQ(), G.rows(), G.cols());
   std::vector<int> kept;
   for (long s = 0; s < D.cols(); ++s) {
     const double left = (D.col(s) - Q * (Q.transpose() * D.col(s))).norm();

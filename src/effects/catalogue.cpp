@@ -50,7 +50,7 @@ const std::shared_ptr<const AnyEffect>& formula_of(const std::string& name) {
   throw ModelError("effect '" + name + "': there is no such effect; " + choices(name, names));
 }
 
-/// What a formula has of the model and the spec beside its parameters.
+/// Completes a formula with what it has of the model and the spec beside its parameters.
 /// @throws ModelError
 std::shared_ptr<const AnyEffect> completed(const std::shared_ptr<const AnyEffect>& effect,
                                            const BoundSetting& setting) {

@@ -1,10 +1,10 @@
 #include <algorithm>
 
-#include <Eigen/LU>
-
 #include <diffnea/core/error.hpp>
 #include <diffnea/effects/catalogue.hpp>
 #include <diffnea/effects/forward_dynamics.hpp>
+
+#include "core/decompositions.hpp"
 
 namespace diffnea {
 

@@ -1,12 +1,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include <Eigen/Cholesky>
-#include <Eigen/LU>
-#include <Eigen/QR>
-
 #include <diffnea/core/error.hpp>
 
+#include "core/decompositions.hpp"
 #include "identify/ball_path.hpp"
 #include "identify/ball_world.hpp"
 

@@ -2,13 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
-
-#include <Eigen/QR>
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/identify/posterior.hpp>
 
+#include "core/constants.hpp"
+#include "core/decompositions.hpp"
 #include "identify/ball_flags.hpp"
 #include "identify/ball_path.hpp"
 #include "identify/bounce_guess.hpp"
@@ -19,7 +18,6 @@
 namespace diffnea {
 namespace {
 
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 /// A length or place of the string that is known worse than this is not known [m].
 constexpr double kKnown = 0.02;
 /// Share of a parameter's own influence that the others must leave.
@@ -49,13 +47,13 @@ const char* only_place(const EffectInfo& effect) {
                                           : "ball";
 }
 
-/// Whether an effect of it needs the ball's spin.
+/// Tells whether an effect of it needs the ball's spin.
 bool fits_lift(const BallLayout& layout) {
   return std::ranges::any_of(layout.effects,
                              [](const BoundEffect& e) { return e.info().has(Trait::kNeedsSpin); });
 }
 
-/// Whether the parameter is of a plane that the ball bounces off.
+/// Tells whether the parameter is of a plane that the ball bounces off.
 bool is_of_bounce(const BallLayout& layout, const BallParameter& p) {
   return p.effect >= 0 &&
          layout.effects[static_cast<std::size_t>(p.effect)].info().port == Port::kBallImpact;

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include <Eigen/QR>
+#include "core/decompositions.hpp"
 
 namespace diffnea {
 

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include <diffnea/core/error.hpp>
+#include <diffnea/core/text.hpp>
 #include <diffnea/identify/layout.hpp>
 #include <diffnea/model/physical.hpp>
 
@@ -12,19 +13,11 @@
 namespace diffnea {
 namespace {
 
-const std::array<const char*, kThetaSize> kThetaNames{"mass", "hx",  "hy",  "hz",  "Ixx",
-                                                      "Ixy",  "Ixz", "Iyy", "Iyz", "Izz"};
 const char* theta_unit(int k) { return k == 0 ? "kg" : k < 4 ? "kg*m" : "kg*m^2"; }
 
 const std::vector<std::string> kGroups{"inertia", "armature", "effects",
                                        "string",  "shapes",   "kinematics"};
 const std::array<const char*, 6> kKinematicNames{"roll", "pitch", "yaw", "px", "py", "pz"};
-
-std::string join(const std::vector<std::string>& names) {
-  std::string out;
-  for (const std::string& n : names) out += (out.empty() ? "" : ", ") + n;
-  return out;
-}
 
 bool contains(const std::vector<std::string>& list, const std::string& item) {
   return std::ranges::find(list, item) != list.end();
@@ -49,7 +42,7 @@ void hold(const std::string& entry, FitLayout& layout) {
   std::vector<std::string> names;
   for (const auto* list : {&layout.linear, &layout.shape})
     for (const FitParameter& p : *list) names.push_back(p.name);
-  throw ModelError("fix: no parameter matches '" + pattern + "'; parameters: " + join(names));
+  throw ModelError("fix: no parameter matches '" + pattern + "'; parameters: " + detail::join(names));
 }
 
 /// Length over which a link's mass is spread [m]: its radius of gyration with its offset, or a
@@ -184,7 +177,7 @@ VecX<double> FitLayout::prior() const {
 FitLayout make_layout(const Model& model, const FitChoice& choice, const std::vector<int>& runs) {
   for (const std::string& group : choice.fit)
     if (!contains(kGroups, group) && !group.starts_with("kinematics@"))
-      throw ModelError("fit: there is no group '" + group + "'; groups: " + join(kGroups) +
+      throw ModelError("fit: there is no group '" + group + "'; groups: " + detail::join(kGroups) +
                        ", kinematics@JOINT");
   const bool fit_inertia = contains(choice.fit, "inertia");
   const bool fit_armature = contains(choice.fit, "armature");

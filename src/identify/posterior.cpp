@@ -4,9 +4,6 @@
 #include <limits>
 #include <optional>
 
-#include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
-
 #include <diffnea/core/error.hpp>
 #include <diffnea/core/random.hpp>
 #include <diffnea/identify/ball_fit.hpp>
@@ -16,6 +13,7 @@
 #include <diffnea/model/physical.hpp>
 
 #include "core/c_numbers.hpp"
+#include "core/decompositions.hpp"
 #include "identify/ball_path.hpp"
 #include "identify/passes.hpp"
 
@@ -202,8 +200,8 @@ class Sampler {
       scale[i] = s;
     }
     scales = scales.array().isNaN().select(1.0, scales);
-    const Eigen::SelfAdjointEigenSolver<MatX<double>> eigen(scale.asDiagonal() * H *
-                                                            scale.asDiagonal());
+    const MatX<double> scaled = scale.asDiagonal() * H * scale.asDiagonal();
+    const Eigen::SelfAdjointEigenSolver<MatX<double>> eigen(scaled);
     root_ = MatX<double>::Zero(p, n);
     for (long k = 0; k < n; ++k) {
       if (!(eigen.eigenvalues()[k] >= 1.0)) continue;

@@ -2,11 +2,11 @@
 #include <cmath>
 #include <numeric>
 
-#include <Eigen/Cholesky>
-
 #include <diffnea/core/error.hpp>
 #include <diffnea/effects/extended_tree.hpp>
 #include <diffnea/identify/torque_regression.hpp>
+
+#include "core/decompositions.hpp"
 
 namespace diffnea {
 namespace {

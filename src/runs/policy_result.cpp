@@ -230,6 +230,7 @@ std::string transfer_result_json(const TransferRun& run) {
        {"model", run.task.model.name},
        {"controller", run.task.controller.name},
        {"world", run.world},
+       {"differences", run.differences ? Json(*run.differences) : Json()},
        {"fingerprint", fingerprint(run.task)},
        {"task", io::task(run.task)},
        {"summary",

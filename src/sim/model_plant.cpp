@@ -3,11 +3,11 @@
 #include <algorithm>
 #include <cmath>
 
-#include <Eigen/LU>
-
 #include <diffnea/core/error.hpp>
 #include <diffnea/dynamics/mass_matrix.hpp>
 #include <diffnea/effects/hidden_motor.hpp>
+
+#include "core/decompositions.hpp"
 
 namespace diffnea::sim {
 

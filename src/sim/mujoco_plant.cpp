@@ -4,11 +4,11 @@
 #include <charconv>
 #include <cmath>
 
-#include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 
 #include <diffnea/core/error.hpp>
 
+#include "core/decompositions.hpp"
 #include "sim/rotor_names.hpp"
 
 namespace diffnea::sim {

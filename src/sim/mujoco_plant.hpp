@@ -36,7 +36,7 @@ class MujocoRobot {
     double stiffness;
     double stiction = 0.0, stribeck = 1.0;  ///< more at rest [N·m], fades with [rad/s]
   };
-  /// Of an effect with memory, at a joint or its rotor.
+  /// State of an effect with memory, at a joint or its rotor.
   struct JointState {
     const BoundEffect* effect;
     int joint, dof;
@@ -105,7 +105,7 @@ class MujocoPlant : public Plant {
   Drives drives_;
   Encoders encoders_;
   VecX<double> q_, qd_, extra_;
-  std::vector<double> states_, before_;  ///< of JointState, and the positions before a step
+  std::vector<double> states_, before_;  ///< states of JointState, and the positions before a step
   VecX<double> rotor_q_, rotor_qd_;      ///< of the links where there is no rotor
   std::deque<Seen> shown_;               ///< where the camera is late, the newest last
 };

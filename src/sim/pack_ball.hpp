@@ -329,7 +329,7 @@ class PackBall {
   enum class Acts { kAlways, kWhenTaut, kWhenSlack };
   std::vector<Acts> acts_;         ///< (effects)
   std::vector<std::size_t> bars_;  ///< effects that bar the string's way
-  bool rebounds_ = false;          ///< whether an effect says how
+  bool rebounds_ = false;          ///< an effect says how
   Pack rebound_{};                 ///< restitution of a string that becomes taut
   std::optional<NetworkBall<Pack>> network_;
 };

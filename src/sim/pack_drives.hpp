@@ -43,7 +43,7 @@ class PackDrives {
     long given = 0;                ///< commands so far; the first counts as held since ever
     std::vector<Pack> lagged;      ///< (joints)
     std::vector<Pack> wind_up, wind_rate, wind_acceleration;  ///< (motors) θ − q
-    std::vector<Pack> states;                                 ///< of effects, at joints and motors
+    std::vector<Pack> states;   ///< one per effect, at joints and motors
     std::vector<Pack> inertia;  ///< (joints) that hangs on them without armature; 0: not yet known
   };
 
@@ -221,7 +221,7 @@ class PackDrives {
     std::size_t effect;
     int joint;
     bool at_motor;
-    Pack share{};  ///< of the effect's torque
+    Pack share{};  ///< share of the effect's torque
   };
   /// Of a lag in one step: part of the old torque's distance in the mean, and at the end.
   struct Transfer {

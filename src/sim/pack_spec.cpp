@@ -9,7 +9,6 @@
 #include <diffnea/effects/stepping.hpp>
 
 #include "core/number_text.hpp"
-#include "model/tree_place.hpp"
 #include "sim/drawn_effects.hpp"
 
 namespace diffnea::sim {
@@ -79,7 +78,7 @@ void take_ball(const Model& model, PackSpec& spec) {
   const TreeMap map = map_to_tree(model);
   if (model.ball && model.ball->string) {
     spec.has_ball = true;
-    spec.string_link = diffnea::detail::place_in_tree(map, model.ball->string->link).first;
+    spec.string_link = place_in_tree(map, model.ball->string->link).first;
     spec.ball_mass = model.ball->mass;
     spec.ball_radius = model.ball->radius;
   } else if (model.ball) {
@@ -87,7 +86,7 @@ void take_ball(const Model& model, PackSpec& spec) {
   }
   const auto frame = std::ranges::find(model.frames, "cup", &ModelFrame::name);
   if (frame != model.frames.end()) {
-    const auto [link, X_LF] = diffnea::detail::place_in_tree(map, frame->link);
+    const auto [link, X_LF] = place_in_tree(map, frame->link);
     spec.shows_cup = true;
     spec.cup_link = link;
     spec.X_LC = X_LF * frame->X_LF;
@@ -95,7 +94,7 @@ void take_ball(const Model& model, PackSpec& spec) {
   if (!spec.has_ball) return;
   if (spec.shows_cup) spec.cup = model.cup;
   for (CapsuleSpec o : model.obstacles) {
-    const auto [link, X_LF] = diffnea::detail::place_in_tree(map, o.link);
+    const auto [link, X_LF] = place_in_tree(map, o.link);
     o.link = link;
     o.p_LA = X_LF.R * o.p_LA + X_LF.p;
     o.p_LB = X_LF.R * o.p_LB + X_LF.p;

@@ -1,16 +1,15 @@
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/sim/replay.hpp>
 
+#include "core/constants.hpp"
 #include "sim/model_plant.hpp"
 
 namespace diffnea {
 namespace {
 
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 /// A position beyond this is a blow-up, whatever the robot [rad] or [m].
 constexpr double kBlowUp = 1e6;
 

@@ -120,8 +120,9 @@ void add_to_tree(const BoundEffect& effect, const P* p, Tree<P>& tree);
 /// for any port; a payload's are those that the torque regressor has for the link effect.joints[0]
 void linear_columns(const BoundEffect& effect, const JointSample<double>& x, double* columns);
 
-/// What is compiled into the library; for another scalar include effects/catalogue.hpp.
+/// Scalars compiled into the library; for another scalar include effects/catalogue.hpp.
 ///@{
+#ifdef DIFFNEA_COMPILED
 extern template void add_torque<double>(const BoundEffect&, const JointSample<double>&,
                                         const double*, double*);
 extern template void add_torque<JetD>(const BoundEffect&, const JointSample<JetD>&, const JetD*,
@@ -132,6 +133,7 @@ extern template void add_torque<JetD>(const BoundEffect&, const Tree<double>&,
                                       const JointSample<JetD>&, const JetD*, JetD*);
 extern template void add_to_tree<double>(const BoundEffect&, const double*, Tree<double>&);
 extern template void add_to_tree<JetD>(const BoundEffect&, const JetD*, Tree<JetD>&);
+#endif
 ///@}
 
 }  // namespace diffnea

@@ -51,7 +51,7 @@ enum class NativeField {
 
 /// Property of the recordings that bounds the values of a shape a diagnosis starts from.
 enum class SearchBound {
-  kNone,        ///< as `search` has them
+  kNone,        ///< bounds as `search` has them
   kTorque,      ///< a limit: quantiles of the logged torque
   kRipple,      ///< a frequency over the position: what the stroke and the rows resolve
   kPresliding,  ///< a distance: above the positions' noise, below a quarter of the stroke
@@ -77,7 +77,7 @@ struct ParameterInfo {
   /// The values that a search tries, where it is one or the other; a fit does not move it.
   std::vector<double> choices = {};
   SearchBound bound = SearchBound::kNone;   ///< how recordings bound `search`
-  NativeField native = NativeField::kNone;  ///< what it is in robot descriptions
+  NativeField native = NativeField::kNone;  ///< field of robot descriptions that holds it
 };
 
 /// On which scale a parameter moves, and what a derivative with respect to it means.
@@ -149,7 +149,7 @@ enum class Trait : std::uint32_t {
   kNeedsCup,      ///< acts where there is a cup on the string's link
   kNeedsSpin,     ///< acts on a ball whose spin is recorded
   kReadsAnchorJerk,  ///< reads the jerk of the string's anchor, which a simulation has not
-  kWhenSlack,        ///< of a string: acts while it is slack, not while it is taut
+  kWhenSlack,        ///< acts while the string is slack, not while it is taut
   kJumps             ///< changes the ball's velocity at an instant: no acceleration shows it
 };
 
@@ -160,7 +160,7 @@ class Traits {
   constexpr Traits(std::initializer_list<Trait> traits) {
     for (const Trait t : traits) bits_ |= bit(t);
   }
-  /// Whether the set has it.
+  /// Tells whether the set has it.
   constexpr bool has(Trait t) const { return (bits_ & bit(t)) != 0; }
 
  private:
@@ -168,7 +168,8 @@ class Traits {
   std::uint32_t bits_ = 0;
 };
 
-/// What the torque of one instant depends on; simulations of many worlds skip what does not change.
+/// Quantities that the torque of one instant depends on; simulations of many worlds skip what does
+/// not change.
 enum class Reads {
   kNothing,        ///< constant within a recording
   kSpeedLinearly,  ///< proportional to velocities of its own joints
@@ -214,14 +215,14 @@ struct EffectInfo {
   std::vector<ParameterInfo> parameters;  ///< in the order of that function's `p`
   /// Left out of the sign equation on the link side (armature, motor friction).
   bool motor_side = false;
-  Traits traits = {};                      ///< what other parts ask for
-  Reads reads = Reads::kMotion;            ///< of kJointTorque; kMotion is always right
-  HiddenMotor motor = HiddenMotor::kNone;  ///< of kMemory
-  ViewStage view = ViewStage::kString;     ///< of those with change_view
+  Traits traits = {};                      ///< properties that other parts ask for
+  Reads reads = Reads::kMotion;            ///< inputs of kJointTorque; kMotion is always right
+  HiddenMotor motor = HiddenMotor::kNone;  ///< motor that kMemory hides
+  ViewStage view = ViewStage::kString;     ///< turn of change_view, where there is one
   /// Plots of evidence, the first one first.
   std::vector<ShownOver> shown_over = {ShownOver::kVelocity, ShownOver::kPosition};
 
-  /// Whether it has the trait.
+  /// Tells whether it has the trait.
   bool has(Trait t) const { return traits.has(t); }
 };
 
@@ -230,8 +231,8 @@ struct EffectInfo {
 struct BoundSetting {
   const EffectSpec& spec;
   const Model& model;
-  const std::vector<int>& joints;  ///< that it acts on
-  const std::vector<int>& runs;    ///< that per-run parameters are of, ascending
+  const std::vector<int>& joints;  ///< joints that it acts on
+  const std::vector<int>& runs;    ///< runs of per-run parameters, ascending
   const std::string& here;         ///< begins messages
 };
 

@@ -1,6 +1,6 @@
 #pragma once
-/// What effects with memory (Port::kMemory) and of a measurement (Port::kMeasurement) bring for
-/// simulation, where time goes on step by step. One of
+/// Members that effects with memory (Port::kMemory) and of a measurement (Port::kMeasurement) bring
+/// for simulation, where time goes on step by step. One of
 ///
 ///  - a state z at each of its joints, which is 0 at first (JointStateEffect):
 ///        template <Scalar T> static StateRate<T> derivative(const T& z, const T& qd, const T* p);
@@ -87,11 +87,11 @@ template <class T>
 struct MotorSpring {
   T stiffness;       ///< [N·m/rad] or [N/m]
   T damping;         ///< [N·m·s/rad] or [N·s/m]
-  T inertia;         ///< of the motor [kg·m²] or [kg]
+  T inertia;         ///< inertia of the motor [kg·m²] or [kg]
   T friction_share;  ///< of the joint's friction, what turns with the motor: 0 … 1
 };
 
-/// What stands between a command and the torque that acts: limit, delay, first-order lag, in this
+/// Path from a command to the torque that acts: limit, delay, first-order lag, in this
 /// order.
 template <class T>
 struct DrivePath {

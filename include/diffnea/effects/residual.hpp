@@ -84,3 +84,7 @@ struct Residual {
 };
 
 }  // namespace diffnea
+
+#ifndef DIFFNEA_COMPILED
+#include <diffnea/effects/detail/residual_impl.hpp>
+#endif

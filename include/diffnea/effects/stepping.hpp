@@ -9,7 +9,7 @@
 
 namespace diffnea {
 
-/// Whether it has a state at each of its joints (JointStateEffect).
+/// Tells whether it has a state at each of its joints (JointStateEffect).
 bool has_state(const BoundEffect& e);
 /// The state after a move at constant velocity; e has one.
 double advanced_state(const BoundEffect& e, double z, const Move& move);
@@ -18,9 +18,9 @@ double state_torque(const BoundEffect& e, double z, double qd);
 /// Spring and damper at rest; e has a state.
 AtRest<double> at_rest(const BoundEffect& e);
 
-/// Whether it hides a motor (EffectInfo::motor).
+/// Tells whether it hides a motor (EffectInfo::motor).
 bool hides_motor(const BoundEffect& e);
-/// Of the hidden motor.
+/// Spring of the hidden motor.
 MotorSpring<double> motor_spring(const BoundEffect& e);
 /// Torque that a hidden motor transmits, by its angle and velocity beyond the link's.
 double transmitted(const BoundEffect& e, double deflection, double velocity);
@@ -30,7 +30,7 @@ double deflection_at(const BoundEffect& e, double load);
 /// Adds what the effect does between command and torque.
 /// @return whether it does anything there
 bool add_to_drive(const BoundEffect& e, DrivePath<double>& path);
-/// Whether it acts between command and torque.
+/// Tells whether it acts between command and torque.
 bool is_of_drive_path(const BoundEffect& e);
 
 /// Adds what the effect does to an encoder's reading.
@@ -44,8 +44,8 @@ VecX<double> logged_velocity(const BoundEffect& e, const VecX<double>& qd, doubl
 /// Whether it is of the log alone: a clock, a filter, a camera. The motion does not know of it.
 bool is_of_log(const BoundEffect& e);
 
-/// Whether a simulation of one robot has its state or channel: every effect of ExtendedTree::series
-/// that brings one of effects/memory.hpp.
+/// Tells whether a simulation of one robot has its state or channel: every effect of
+/// ExtendedTree::series that brings one of effects/memory.hpp.
 bool is_simulated(const BoundEffect& e);
 
 /// How late the camera's picture is [s]; none if the effect does not say.
