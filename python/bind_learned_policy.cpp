@@ -21,7 +21,7 @@ namespace {
 using namespace pybind11::literals;
 
 py::dict controller_out(const ControllerOptions& c) {
-  static_assert(detail::field_count<ControllerOptions>() == 7, "name the new field here");
+  static_assert(diffnea::detail::member_count<ControllerOptions>() == 7, "name the new field here");
   py::dict out;
   out["law"] = law_name(c.law);
   out["rate"] = c.control_rate;
@@ -44,7 +44,7 @@ ControllerOptions controller_in(const py::dict& d) {
 }
 
 py::dict reward_out(const BallInCupOptions& o) {
-  static_assert(detail::field_count<BallInCupOptions>() == 5, "name the new field here");
+  static_assert(diffnea::detail::member_count<BallInCupOptions>() == 5, "name the new field here");
   py::dict out;
   out["epsilon"] = o.epsilon;
   out["lambda_q"] = o.lambda_q;
@@ -55,7 +55,7 @@ py::dict reward_out(const BallInCupOptions& o) {
 }
 
 py::tuple policy_state(const LearnedPolicy& p) {
-  static_assert(detail::field_count<LearnedPolicy>() == 15, "name the new field here");
+  static_assert(diffnea::detail::member_count<LearnedPolicy>() == 15, "name the new field here");
   return py::make_tuple(p.seed, Promp(p.promp), p.policy, p.joints, array_out(p.start),
                         controller_out(p.controller), reward_out(p.reward), history_out(p.curve),
                         p.stopped, p.expected, p.solved, p.rollouts, p.seconds,

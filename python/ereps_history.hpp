@@ -17,7 +17,7 @@ namespace diffnea::python {
 template <class Visit>
 void for_each_history_field(Visit visit) {
   using I = ErepsIteration;
-  static_assert(detail::field_count<I>() == 10, "the history has other fields: name them here");
+  static_assert(diffnea::detail::member_count<I>() == 10, "the history has other fields: name them here");
   visit("reward_mean", &I::reward_mean);
   visit("reward_best", &I::reward_best);
   visit("eta", &I::eta);

@@ -5,7 +5,7 @@
 #include <diffnea/runs/policy_file.hpp>
 #include <diffnea/runs/policy_result.hpp>
 
-#include "runs/json_numbers.hpp"
+#include "runs/fields_json.hpp"
 #include "runs/movement_json.hpp"
 #include "runs/policy_json.hpp"
 
@@ -194,7 +194,7 @@ std::string learn_result_json(const LearnRun& run) {
                  {"threads", run.threads},
                  {"interrupted", run.interrupted}}},
                {"policies", policies},
-               {"reproduce", io::reproduce(run.reproduce)}},
+               {"reproduce", io::fields_json(run.reproduce, kInResult)}},
               1);
 }
 
@@ -248,7 +248,7 @@ std::string transfer_result_json(const TransferRun& run) {
         }()},
        {"policies", policies},
        {"repetitions", repetitions},
-       {"reproduce", io::reproduce(run.reproduce)}},
+       {"reproduce", io::fields_json(run.reproduce, kInResult)}},
       1);
 }
 

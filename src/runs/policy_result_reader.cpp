@@ -7,6 +7,7 @@
 #include <diffnea/runs/policy_file.hpp>
 #include <diffnea/runs/policy_result.hpp>
 
+#include "runs/fields_json.hpp"
 #include "runs/movement_json.hpp"
 #include "runs/policy_json.hpp"
 #include "runs/run_reader.hpp"
@@ -135,7 +136,7 @@ LearnRun read_learn_run(const fs::path& folder) {
   run.threads = static_cast<int>(io::read_integer(summary, "threads"));
   run.seconds = io::number_or_nan(summary, "seconds");
   run.interrupted = summary.boolean_or("interrupted", false);
-  io::read_reproduce(root, run.reproduce);
+  io::read_value(run.reproduce, root, "reproduce", {.optional = true}, kInResult);
   if (const fs::path path = folder / "series.json"; fs::exists(path)) {
     const Json json = io::run_file(folder, "series.json");
     JsonObject series(json, path.string());
@@ -181,7 +182,7 @@ TransferRun read_transfer_run(const fs::path& folder) {
   }
   run.seconds = io::number_or_nan(summary, "seconds");
   run.interrupted = summary.boolean_or("interrupted", false);
-  io::read_reproduce(root, run.reproduce);
+  io::read_value(run.reproduce, root, "reproduce", {.optional = true}, kInResult);
   if (const fs::path path = folder / "series.json"; fs::exists(path)) {
     const Json json = io::run_file(folder, "series.json");
     JsonObject series(json, path.string());

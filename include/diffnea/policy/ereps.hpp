@@ -10,18 +10,33 @@
 #include <string>
 #include <vector>
 
+#include <diffnea/core/fields.hpp>
 #include <diffnea/policy/gaussian.hpp>
 
 namespace diffnea {
 
 /// Bounds on the step, samples an iteration, and when to stop.
 struct ErepsOptions {
-  int samples = 80;         ///< N, of an iteration
-  double epsilon = 0.5;     ///< KL bound of the reweighted samples [nat]
-  double kappa = 0.5;       ///< KL(old ‖ new) bound of the Gaussian's update [nat]
-  int iterations = 100;     ///< at most
-  double stop_std = 0.02;   ///< done when every parameter's standard deviation is below
-  double least_std = 1e-3;  ///< the update keeps every direction's above
+  int samples = 80;
+  double epsilon = 0.5;
+  double kappa = 0.5;
+  int iterations = 100;
+  double stop_std = 0.02;
+  double least_std = 1e-3;
+
+  template <class List>
+  static constexpr void fields(List& list) {
+    list.type("ErepsOptions", "How a search goes, and when it stops.");
+    list.field("samples", &ErepsOptions::samples, "N, of an iteration.");
+    list.field("epsilon", &ErepsOptions::epsilon, "KL bound of the reweighted samples.",
+               {.unit = "nat"});
+    list.field("kappa", &ErepsOptions::kappa, "KL(old ‖ new) bound of the Gaussian's update.",
+               {.unit = "nat"});
+    list.field("iterations", &ErepsOptions::iterations, "At most.");
+    list.field("stop_std", &ErepsOptions::stop_std,
+               "Done when every parameter's standard deviation is below.");
+    list.field("least_std", &ErepsOptions::least_std, "The update keeps every direction's above.");
+  }
 };
 
 /// Weights of samples by the dual g(η) = ηε + R_max + η log(1/N Σ exp((R_i − R_max)/η)), N and Σ
