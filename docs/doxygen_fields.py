@@ -11,12 +11,14 @@ import sys
 from pathlib import Path
 
 ENTRY = re.compile(
-    r"list\.(?:field|in_memory)\(\s*\"\w+\",\s*&(\w+)::(\w+),\s*((?:\"(?:[^\"\\]|\\.)*\"\s*)+)([^;]*)\);"
+    r"list\.(?:field|columns|in_memory)\(\s*\"\w+\",\s*&(\w+)::(\w+),\s*((?:\"(?:[^\"\\]|\\.)*\"\s*)+)([^;]*)\);"
 )
 UNIT = re.compile(r"\.unit = \"([^\"]*)\"")
 STRUCT = re.compile(r"^struct (\w+) ")
 LIST = "  template <class List>"
-ABOUT_LIST = "  /** Names, units and meanings of the members, for visitors (diffnea/core/fields.hpp). */"
+ABOUT_LIST = (
+    "  /** Names, units and meanings of the members, for visitors (diffnea/core/fields.hpp). */"
+)
 
 
 def texts(source: str) -> dict[tuple[str, str], str]:
@@ -38,7 +40,7 @@ def commented(source: str) -> str:
     for k, line in enumerate(lines):
         if start := STRUCT.match(line):
             struct = start[1]
-        member = re.match(r"  [\w:<>, ]+ (\w+)(?: = [^;]*)?;$", line)
+        member = re.match(r"  [\w:<>, ]+ (\w+)(?: = [^;]*|\{\})?;$", line)
         if member and (struct, member[1]) in comments:
             lines[k] = f"{line}  ///< {comments[struct, member[1]]}"
         elif line == LIST:

@@ -72,11 +72,7 @@ DiagnoseRun diagnose_python(const Model& model, const py::list& train_items,
                             std::uint64_t seed, const std::optional<std::string>& torque_side,
                             const std::vector<std::string>& passive, const py::object& progress) {
   DiagnoseOptions options;
-  options.base = choice<Base>("diagnose: base", base,
-                              {{"auto", Base::kAuto},
-                               {"refit", Base::kRefit},
-                               {"prior", Base::kPrior},
-                               {"fixed", Base::kFixed}});
+  options.base = choice<Base>("diagnose: base", base);
   options.effects = effects;
   for (const py::handle c : candidates) options.candidates.push_back(own_candidate(c));
   options.grey_box = grey_box;

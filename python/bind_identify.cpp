@@ -37,19 +37,13 @@ FitRun identify_python(const Model& model, const py::list& train_items, const py
                        const std::optional<std::string>& torque_side,
                        const std::vector<std::string>& passive, const py::object& progress) {
   IdentifyOptions options;
-  if (loss == "constrained")
-    options.ball.loss = BallLoss::kConstrained;
-  else
-    options.loss = choice<Loss>("identify: loss", loss,
-                                {{"inverse", Loss::kInverse},
-                                 {"forward", Loss::kForward},
-                                 {"trajectory", Loss::kTrajectory},
-                                 {"constrained", Loss::kInverse}});
+  std::map<std::string, Loss> losses = by_name<Loss>();
+  losses.emplace("constrained", Loss::kInverse);  // the arm has no constraint to adhere to
+  options.loss = choice("identify: loss", loss, losses);
+  if (loss == "constrained") options.ball.loss = BallLoss::kConstrained;
   options.ball.window = ball_window;
   options.ball.lambda = ball_lambda;
-  options.robust = choice<Robust>(
-      "identify: robust", robust,
-      {{"none", Robust::kNone}, {"huber", Robust::kHuber}, {"cauchy", Robust::kCauchy}});
+  options.robust = choice<Robust>("identify: robust", robust);
   options.choice.fit = fit;
   options.choice.effects = effects;
   options.choice.fix = fix;

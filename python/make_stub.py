@@ -233,7 +233,7 @@ def first_line(thing: Any) -> str:
 
 def members(name: str, cls: type) -> Iterator[str]:
     """Lines of a class."""
-    fields = cls.__dict__.get("__annotations__", {})
+    fields = inspect.get_annotations(cls)
     for member, thing in cls.__dict__.items():
         if member in SKIPPED or member.startswith("_pybind11"):
             continue
@@ -251,9 +251,8 @@ def members(name: str, cls: type) -> Iterator[str]:
             yield "    def __setstate__(self, arg0: tuple[Any, ...], /) -> None: ..."
         elif isinstance(thing, staticmethod):
             yield "    @staticmethod\n" + head(full, first_line(thing.__func__), "    ")
-        elif callable(thing) and "(" in first_line(thing) and "self" in first_line(thing):
-            if first_line(thing).startswith(member):
-                yield head(full, first_line(thing), "    ")
+        elif callable(thing) and first_line(thing).startswith(f"{member}("):
+            yield head(full, first_line(thing), "    ")
 
 
 def stub(module: ModuleType) -> str:
@@ -274,7 +273,7 @@ def main() -> None:
     """Write the stub of the module in a folder."""
     folder, target = sys.argv[1:]
     sys.path.insert(0, folder)
-    import _core  # noqa: PLC0415
+    import _core
 
     Path(target).write_text(stub(_core), encoding="utf-8")
 

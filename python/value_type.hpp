@@ -145,6 +145,11 @@ struct PropertyList {
                  FieldTraits traits = {}) {
     field(field_name, member, field_doc, traits);
   }
+  template <class F>
+  void columns(const char* field_name, F T::* member, const char* field_doc,
+               FieldTraits traits = {}) {
+    field(field_name, member, field_doc, traits);
+  }
   template <class M>
   void embed(M T::* member) {
     PropertyList<M> inner;
@@ -194,6 +199,23 @@ void set_state(const std::vector<Property>& properties, void* x, const py::tuple
 /// Replaces a property that value_type has made.
 void redefine(py::object type, const char* name, const char* python_type,
               const py::cpp_function& get);
+
+/// Its fields by name.
+template <Described T>
+py::dict dict_of(const T& x) {
+  py::dict out;
+  for (const Property& p : detail::property_list<T>().properties) out[p.name.c_str()] = p.get(&x);
+  return out;
+}
+
+/// The value with these fields, all of which are there.
+template <Described T>
+T from_dict(const py::dict& fields) {
+  T out;
+  for (const Property& p : detail::property_list<T>().properties)
+    p.set(&out, fields[p.name.c_str()]);
+  return out;
+}
 
 /// How a value type writes itself.
 enum class Repr { kOfFields, kItsOwn };

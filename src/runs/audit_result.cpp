@@ -1,6 +1,6 @@
 #include <diffnea/core/error.hpp>
-#include <diffnea/runs/audit_result.hpp>
 #include <diffnea/io/sidecar.hpp>
+#include <diffnea/runs/audit_result.hpp>
 
 #include "runs/fields_json.hpp"
 

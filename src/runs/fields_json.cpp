@@ -64,4 +64,43 @@ std::vector<int> integers(JsonObject& object, const char* key) {
   return out;
 }
 
+long read_integer(JsonObject& object, const char* key) {
+  const Json& value = object.required(key);
+  const double x = json_number(value, object.at(key));
+  constexpr double kExact = 9007199254740992.0;  // 2^53
+  if (!value.is_number_integer() || !(std::abs(x) < kExact))
+    throw ModelError(object.at(key) + ": got " + value.dump() + ", expected an integer");
+  return value.get<long>();
+}
+
+std::uint64_t read_unsigned(JsonObject& object, const char* key) {
+  const Json& value = object.required(key);
+  if (!value.is_number_unsigned())
+    throw ModelError(object.at(key) + ": got " + value.dump() + ", expected 0, 1, 2, …");
+  return value.get<std::uint64_t>();
+}
+
+VecX<double> read_vector(JsonObject& object, const char* key) {
+  const std::vector<double> x = json_numbers(object.required(key), object.at(key));
+  return Eigen::Map<const VecX<double>>(x.data(), static_cast<long>(x.size()));
+}
+
+RowMatX<double> read_rows(JsonObject& object, const char* key) {
+  const Json& rows = json_array(object.required(key), object.at(key));
+  const long columns = rows.empty() ? 0 : static_cast<long>(rows[0].size());
+  RowMatX<double> out(static_cast<long>(rows.size()), columns);
+  for (long i = 0; i < out.rows(); ++i) {
+    const std::vector<double> row = json_numbers(
+        rows[static_cast<std::size_t>(i)], object.at(key) + "[" + std::to_string(i) + "]", columns);
+    out.row(i) = Eigen::Map<const VecX<double>>(row.data(), columns).transpose();
+  }
+  return out;
+}
+
+void check_column(JsonObject& object, const char* key, std::size_t got, std::size_t expected) {
+  if (got != expected)
+    throw ModelError(object.at(key) + ": got " + std::to_string(got) + " numbers, expected " +
+                     std::to_string(expected) + " (one per iteration)");
+}
+
 }  // namespace diffnea::io

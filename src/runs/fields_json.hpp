@@ -3,15 +3,18 @@
 ///
 /// Out: a number that does not exist is null; lists of numbers in series.json have 6 digits. In:
 /// keys that are not known are passed over; numbers, flags and lists may be missing, texts and
-/// columns only where the list says so. What a list calls custom is written and read by overloads
-/// of custom_json() and read_custom() in the namespace of the type.
+/// columns only where the list says so. Exact types hold all their keys, and no other. What a list
+/// calls custom is written and read by overloads of custom_json() and read_custom() in the
+/// namespace of the type.
 
 #include <array>
+#include <cmath>
 #include <cstdint>
 #include <optional>
 #include <utility>
 
 #include <diffnea/core/fields.hpp>
+#include <diffnea/core/scalar.hpp>
 #include <diffnea/recording/decimator.hpp>
 
 #include "runs/json_numbers.hpp"
@@ -27,6 +30,9 @@ template <class T>
 constexpr bool is_optional = false;
 template <class T>
 constexpr bool is_optional<std::optional<T>> = true;
+
+template <class F>
+constexpr bool is_matrix = std::is_same_v<F, MatX<double>> || std::is_same_v<F, RowMatX<double>>;
 
 /// Whether `file` is among those of a field.
 constexpr bool stands_in(RunFile file, const FieldTraits& field, RunFile of_type) {
@@ -50,6 +56,13 @@ Json json_of(const F& x, RunFile file) {
     return file == kInSeries ? rounded(x) : Json(x);
   } else if constexpr (std::is_same_v<F, DecimatorOptions>) {
     return number(x.rate_hz / x.factor);
+  } else if constexpr (std::is_same_v<F, VecX<double>>) {
+    return std::vector<double>(x.begin(), x.end());
+  } else if constexpr (is_matrix<F>) {
+    Json rows = Json::array();
+    for (long i = 0; i < x.rows(); ++i)
+      rows.push_back(std::vector<double>(x.row(i).begin(), x.row(i).end()));
+    return rows;
   } else if constexpr (NamedEnum<F>) {
     return name_of(x);
   } else if constexpr (is_optional<F>) {
@@ -65,6 +78,35 @@ Json json_of(const F& x, RunFile file) {
   }
 }
 
+/// Adds the values of a described item to an object of columns.
+template <class T>
+struct ColumnWriter {
+  const T& x;
+  Json& out;
+
+  void type(const char*, const char*, TypeTraits = {}) {}
+  void field(const char* name, double T::* member, const char*, FieldTraits = {}) {
+    out[name].push_back(x.*member);
+  }
+  template <class F>
+  void in_memory(const char*, F T::*, const char*, FieldTraits = {}) {}
+};
+
+/// One column a field.
+template <Described T>
+Json columns_json(const std::vector<T>& items) {
+  Json out = Json::object();
+  const T none{};
+  ColumnWriter<T> names{none, out};
+  visit_fields<T>(names);
+  for (auto& column : out) column = Json::array();
+  for (const T& item : items) {
+    ColumnWriter<T> writer{item, out};
+    visit_fields<T>(writer);
+  }
+  return out;
+}
+
 /// Writes the fields of a value into an object.
 template <class T>
 class FieldWriter {
@@ -78,6 +120,10 @@ class FieldWriter {
   }
   template <class F>
   void in_memory(const char*, F T::*, const char*, FieldTraits = {}) {}
+  template <class F>
+  void columns(const char* name, F T::* member, const char*, FieldTraits traits = {}) {
+    if (stands_in(file_, traits, type_.files)) put(out_, name, columns_json(x_.*member));
+  }
   template <class M>
   void embed(M T::* member) {
     FieldWriter<M> writer(x_.*member, out_, file_);
@@ -100,6 +146,7 @@ class FieldWriter {
   template <class F>
   void write(const char* key, const F& value, const FieldTraits& traits) {
     if (!stands_in(file_, traits, type_.files)) return;
+    if (traits.absent && is_empty(value)) return;
     if (traits.empty_is_null && is_empty(value))
       put(out_, key, Json());
     else if constexpr (std::is_same_v<F, std::vector<double>>)
@@ -111,6 +158,8 @@ class FieldWriter {
   static bool is_empty(const F& value) {
     if constexpr (requires { value.empty(); })
       return value.empty();
+    else if constexpr (is_optional<F>)
+      return !value;
     else if constexpr (std::is_arithmetic_v<F>)
       return value <= F(0);
     else
@@ -159,11 +208,72 @@ double interval_end(JsonObject& object, const char* key, int index);
 /// @throws ModelError for what an integer cannot hold
 std::vector<int> integers(JsonObject& object, const char* key);
 
+/// A whole number. @throws ModelError
+long read_integer(JsonObject& object, const char* key);
+/// 0, 1, 2, … @throws ModelError
+std::uint64_t read_unsigned(JsonObject& object, const char* key);
+/// Finite numbers.
+VecX<double> read_vector(JsonObject& object, const char* key);
+/// Rows of one length.
+RowMatX<double> read_rows(JsonObject& object, const char* key);
+/// @throws ModelError unless there is one number an item
+void check_column(JsonObject& object, const char* key, std::size_t got, std::size_t expected);
+
+/// Reads a column into a field of all items.
+template <class T>
+struct ColumnReader {
+  std::vector<T>& items;
+  JsonObject& in;
+  bool first = true;
+
+  void type(const char*, const char*, TypeTraits = {}) {}
+  void field(const char* name, double T::* member, const char*, FieldTraits = {}) {
+    const std::vector<double> column = json_numbers(in.required(name), in.at(name));
+    if (first) items.resize(column.size());
+    first = false;
+    check_column(in, name, column.size(), items.size());
+    for (std::size_t i = 0; i < items.size(); ++i) items[i].*member = column[i];
+  }
+  template <class F>
+  void in_memory(const char*, F T::*, const char*, FieldTraits = {}) {}
+};
+
 template <Described T>
 void read_fields(T& x, JsonObject& object, RunFile file);
 
+/// What exact files hold (TypeTraits::exact), of types whose reading is lenient elsewhere.
+/// @return false for other types
 template <class F>
-void read_value(F& x, JsonObject& o, const char* key, const FieldTraits& traits, RunFile file) {
+bool read_exact(F& x, JsonObject& o, const char* key, const FieldTraits& traits) {
+  if (traits.optional || traits.absent) return false;
+  if constexpr (std::is_same_v<F, double>) {
+    if (std::isnan(traits.null)) {
+      x = o.number(key);
+      return true;
+    }
+  } else if constexpr (std::is_same_v<F, bool>) {
+    o.required(key);
+    x = o.boolean_or(key, false);
+    return true;
+  } else if constexpr (std::is_same_v<F, std::uint64_t>) {
+    x = read_unsigned(o, key);
+    return true;
+  } else if constexpr (std::is_integral_v<F>) {
+    const long value = read_integer(o, key);
+    x = static_cast<F>(value);
+    if (x != value)
+      throw ModelError(o.at(key) + ": got " + std::to_string(value) + ", which is too large");
+    return true;
+  } else if constexpr (is_vector<F> || is_optional<F>) {
+    o.required(key);
+  }
+  return false;
+}
+
+template <class F>
+void read_value(F& x, JsonObject& o, const char* key, const FieldTraits& traits, RunFile file,
+                bool exact = false) {
+  if (exact && read_exact(x, o, key, traits)) return;
   if constexpr (std::is_same_v<F, double>) {
     x = o.number_or(key, traits.empty_is_null ? 0.0 : traits.null);
   } else if constexpr (std::is_same_v<F, bool>) {
@@ -178,6 +288,10 @@ void read_value(F& x, JsonObject& o, const char* key, const FieldTraits& traits,
     x = {.rate_hz = number_or_nan(o, key), .factor = 1};
   } else if constexpr (std::is_same_v<F, std::vector<double>>) {
     if (!traits.optional || o.optional(key)) x = column(o, key);
+  } else if constexpr (std::is_same_v<F, VecX<double>>) {
+    x = read_vector(o, key);
+  } else if constexpr (is_matrix<F>) {
+    x = read_rows(o, key);
   } else if constexpr (std::is_same_v<F, std::vector<int>>) {
     x = integers(o, key);
   } else if constexpr (std::is_same_v<F, std::vector<std::string>>) {
@@ -188,10 +302,7 @@ void read_value(F& x, JsonObject& o, const char* key, const FieldTraits& traits,
     for (const Json& row : json_array(rows, o.at(key)))
       x.push_back(json_numbers(row, o.at(key) + "[" + std::to_string(x.size()) + "]"));
   } else if constexpr (is_optional<F>) {
-    if (const Json* value = o.optional(key)) {
-      JsonObject object(*value, o.at(key));
-      read_fields(x.emplace(), object, file);
-    }
+    if (o.optional(key)) read_value(x.emplace(), o, key, {}, file, exact);
   } else if constexpr (is_vector<F>) {
     for_each_object(o, key, [&](JsonObject& item) {
       if (!traits.same || file != kInSeries) {
@@ -207,7 +318,7 @@ void read_value(F& x, JsonObject& o, const char* key, const FieldTraits& traits,
     });
   } else {
     static_assert(Described<F>, "a field of a type that has no list and no JSON of its own");
-    if (traits.optional && !o.optional(key)) return;
+    if ((traits.optional || traits.absent) && !o.optional(key)) return;
     JsonObject object(o.required(key), o.at(key));
     read_fields(x, object, file);
   }
@@ -226,6 +337,14 @@ class FieldReader {
   }
   template <class F>
   void in_memory(const char*, F T::*, const char*, FieldTraits = {}) {}
+  template <class E>
+  void columns(const char* name, std::vector<E> T::* member, const char*, FieldTraits traits = {}) {
+    if (!stands_in(file_, traits, type_.files)) return;
+    JsonObject object(in_.required(name), in_.at(name));
+    ColumnReader<E> reader{x_.*member, object};
+    visit_fields<E>(reader);
+    object.finish();
+  }
   template <class M>
   void embed(M T::* member) {
     FieldReader<M> reader(x_.*member, in_, file_);
@@ -242,6 +361,11 @@ class FieldReader {
     if (stands_in(file_, traits, type_.files)) read_custom(x_, key, in_, file_);
   }
 
+  /// Refuses other keys where the list is exact.
+  void finish() {
+    if (type_.exact) in_.finish();
+  }
+
  private:
   template <class F>
   void read(const char* path, F& value, const FieldTraits& traits) {
@@ -254,7 +378,7 @@ class FieldReader {
         value = interval_end(object, end.key.c_str(), end.index);
         return;
       }
-    read_value(value, object, end.key.c_str(), traits, file_);
+    read_value(value, object, end.key.c_str(), traits, file_, type_.exact);
     if constexpr (std::is_same_v<F, std::vector<double>>)
       if (type_.columns && file_ == kInSeries) check_length(object, end.key.c_str(), value, traits);
   }
@@ -282,6 +406,7 @@ template <Described T>
 void read_fields(T& x, JsonObject& object, RunFile file) {
   FieldReader<T> reader(x, object, file);
   visit_fields<T>(reader);
+  reader.finish();
 }
 
 /// Reads a file of a run into a value. @throws FileError, ModelError naming file and key

@@ -2,6 +2,7 @@
 
 #include <cstring>
 #include <regex>
+#include <utility>
 
 namespace diffnea::io {
 namespace {
@@ -19,11 +20,11 @@ Json& inner_object(Json& object, const std::string& key) {
 
 }  // namespace
 
-void put_property(Json& object, const char* path, Json&& property) {
+void put_property(Json& object, const char* path, Json&& property, bool required) {
   const std::size_t end = std::strcspn(path, ".[");
   const std::string key(path, end);
   if (path[end] == '.') {
-    put_property(inner_object(object, key), path + end + 1, std::move(property));
+    put_property(inner_object(object, key), path + end + 1, std::move(property), required);
     return;
   }
   Json& properties = object["properties"];
@@ -34,13 +35,18 @@ void put_property(Json& object, const char* path, Json&& property) {
   } else {
     properties[key] = std::move(property);
   }
-  if (first) object["required"].push_back(key);
+  if (first && required) object["required"].push_back(key);
 }
 
 void describe(Json& property, const std::string& doc, const FieldTraits& traits) {
-  static const std::regex role(":class:`([^`]*)`"), quotes("``");
-  property["description"] =
-      std::regex_replace(std::regex_replace(doc, role, "``$1``"), quotes, "`");
+  static const std::pair<std::regex, const char*> changes[] = {
+      {std::regex("[,;:] an? (list of )?:class:`[^`]*`"), ""},
+      {std::regex(":class:`([^`]*)`"), "$1"},
+      {std::regex("``"), "`"},
+      {std::regex("\\b(None|NaN)\\b"), "null"}};
+  std::string text = doc;
+  for (const auto& [pattern, change] : changes) text = std::regex_replace(text, pattern, change);
+  property["description"] = text;
   if (std::strcmp(traits.unit, "unit") == 0)
     property["unit"] = "`unit`";
   else if (*traits.unit)

@@ -28,6 +28,8 @@ struct FieldText {
     field(name, member, its_doc, its);
   }
   template <class G>
+  void columns(const char*, G M::*, const char*, FieldTraits = {}) {}
+  template <class G>
   void embed(G M::*) {}
   template <class N, class G>
   void also(const char*, N M::*, G N::*, const char* = "", FieldTraits = {}) {}
@@ -36,9 +38,9 @@ struct FieldText {
   void custom(const char*, const char*, FieldTraits = {}) {}
 };
 
-/// Adds a property at a path to an object's schema; every file of this version has it.
-void put_property(Json& object, const char* path, Json&& property);
-/// Description without roles and doubled quotes, and the unit.
+/// Adds a property at a path to an object's schema. @param required  it is never left out
+void put_property(Json& object, const char* path, Json&& property, bool required = true);
+/// Description in the words of JSON, without the type that the schema says, and the unit.
 void describe(Json& property, const std::string& doc, const FieldTraits& traits);
 /// Texts separated by "|".
 Json choices(const char* text);
@@ -59,6 +61,10 @@ Json schema_of(const FieldTraits& traits, RunFile file, Json& defs) {
     if (*traits.choices) return {{"enum", choices(traits.choices)}};
     if (traits.empty_is_null) return {{"type", {"string", "null"}}};
     return {{"type", "string"}};
+  } else if constexpr (std::is_same_v<F, VecX<double>>) {
+    return {{"type", "array"}, {"items", {{"type", "number"}}}};
+  } else if constexpr (is_matrix<F>) {
+    return {{"type", "array"}, {"items", schema_of<VecX<double>>({}, file, defs)}};
   } else if constexpr (NamedEnum<F>) {
     Json names = Json::array();
     for (const auto& each : EnumNames<F>::list) names.push_back(each.name);
@@ -76,6 +82,29 @@ Json schema_of(const FieldTraits& traits, RunFile file, Json& defs) {
     static_assert(Described<F>, "a field of a type that has no list and no schema of its own");
     return {{"$ref", "#/$defs/" + define<F>(file, defs)}};
   }
+}
+
+/// Columns of a described type.
+template <class T>
+struct ColumnSchema {
+  Json object{{"type", "object"}, {"required", Json::array()}, {"properties", Json::object()}};
+
+  void type(const char*, const char*, TypeTraits = {}) {}
+  template <class F>
+  void field(const char* name, F T::*, const char* doc, FieldTraits traits = {}) {
+    Json column{{"type", "array"}, {"items", {{"type", "number"}}}};
+    describe(column, doc, traits);
+    put_property(object, name, std::move(column));
+  }
+  template <class F>
+  void in_memory(const char*, F T::*, const char*, FieldTraits = {}) {}
+};
+
+template <Described T>
+Json columns_schema() {
+  ColumnSchema<T> columns;
+  visit_fields<T>(columns);
+  return columns.object;
 }
 
 /// Collects the properties of a type.
@@ -96,6 +125,13 @@ class SchemaWriter {
   }
   template <class F>
   void in_memory(const char*, F T::*, const char*, FieldTraits = {}) {}
+  template <class E>
+  void columns(const char* name, std::vector<E> T::*, const char* doc, FieldTraits traits = {}) {
+    if (!stands_in(file_, traits, type_.files)) return;
+    Json property = columns_schema<E>();
+    describe(property, doc, traits);
+    put_property(object_, name, std::move(property));
+  }
   template <class M>
   void embed(M T::*) {
     SchemaWriter<M> writer(object_, file_, defs_);
@@ -105,7 +141,7 @@ class SchemaWriter {
   void also(const char* key, M T::*, F M::* member, const char* doc = "", FieldTraits traits = {}) {
     FieldText<M, F> text{.wanted = member, .doc = "", .traits = {}};
     if constexpr (Described<M>) visit_fields<M>(text);
-    add<F>(key, *doc ? doc : text.doc, traits, text.traits);
+    add<F>(key, *doc ? doc : text.doc, traits, *doc ? traits : text.traits);
   }
   template <class Function>
   void derived(const char* key, Function, const char* doc, FieldTraits traits = {}) {
@@ -120,6 +156,7 @@ class SchemaWriter {
 
   const char* name() const { return name_; }
   const char* doc() const { return doc_; }
+  bool exact() const { return type_.exact; }
 
  private:
   template <class F>
@@ -129,7 +166,7 @@ class SchemaWriter {
     if constexpr (std::is_same_v<F, std::vector<double>>)
       if (type_.most_rows > 0) property["maxItems"] = type_.most_rows;
     describe(property, doc, text);
-    put_property(object_, key, std::move(property));
+    put_property(object_, key, std::move(property), !traits.absent);
   }
 
   Json& object_;
@@ -145,6 +182,7 @@ std::string define(RunFile file, Json& defs) {
   Json object{{"type", "object"}, {"required", Json::array()}, {"properties", Json::object()}};
   SchemaWriter<T> writer(object, file, defs);
   visit_fields<T>(writer);
+  if (writer.exact()) object["additionalProperties"] = false;
   describe(object, writer.doc(), {});
   defs[writer.name()] = std::move(object);
   return writer.name();

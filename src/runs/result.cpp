@@ -11,6 +11,7 @@
 #include "io/sha256.hpp"
 #include "runs/ball_json.hpp"
 #include "runs/fields_json.hpp"
+#include "runs/printed.hpp"
 
 namespace diffnea {
 namespace {
@@ -18,7 +19,6 @@ namespace {
 using io::Json;
 using io::JsonObject;
 using io::number;
-using io::text;
 
 constexpr const char* kSchema = "diffnea/identify/1";
 constexpr const char* kSeriesSchema = "diffnea/series/1";
@@ -177,7 +177,7 @@ std::string comparison_json(const Comparison& comparison) {
 }
 
 std::string report_result_json(const std::filesystem::path& page) {
-  return text({{"schema", "diffnea/report/1"}, {"page", page.string()}}, 1);
+  return io::file_text("diffnea/report/1", ReportedFile{page.string()}, kInResult);
 }
 
 }  // namespace diffnea

@@ -6,6 +6,8 @@
 #include <diffnea/runs/schemas.hpp>
 
 #include "runs/fields_schema.hpp"
+#include "runs/policy_rows.hpp"
+#include "runs/printed.hpp"
 
 namespace diffnea {
 namespace {
@@ -28,8 +30,15 @@ constexpr File kFiles[] = {
     {"compare", "What diffnea compare --json prints", schema_of_file<Comparison, kInResult>},
     {"diagnose", "result.json of diffnea diagnose", schema_of_file<DiagnoseRun, kInResult>},
     {"diagnose-series", "series.json of diffnea diagnose", schema_of_file<Finding, kInSeries>},
+    {"excite", "What diffnea excite --json prints", schema_of_file<ExcitedFile, kInResult>},
+    {"export", "What diffnea export --json prints", schema_of_file<ExportedFile, kInResult>},
     {"identify", "result.json of diffnea identify", schema_of_file<FitRun, kInResult>},
+    {"learn", "result.json of diffnea learn", schema_of_file<LearnFile, kInResult>},
+    {"policy", "policy_<seed>.json", schema_of_file<LearnedPolicy, kInResult>},
+    {"report", "What diffnea report --json prints", schema_of_file<ReportedFile, kInResult>},
     {"series", "series.json of diffnea identify", schema_of_file<IdentifyResult, kInSeries>},
+    {"simulate", "What diffnea simulate --json prints", schema_of_file<SimulatedFile, kInResult>},
+    {"transfer", "result.json of diffnea transfer", schema_of_file<TransferFile, kInResult>},
 };
 
 const Json kNumber{{"type", {"number", "null"}}};

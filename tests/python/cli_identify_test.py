@@ -14,8 +14,8 @@ from cli import (
     diffnea,
     done,
     load,
-    schema,
     refused,
+    schema,
 )
 
 # --- what it writes

@@ -18,6 +18,7 @@
 /// (docs/extend/field.md). Its order is that of the files' keys. Besides field() it may call
 ///
 ///     list.in_memory("model", &Fit::model, "…");       // in no file: C++ and Python alone have it
+///     list.columns("curve", &Policy::curve, "…");      // in files: an object, a column a field
 ///     list.embed(&Run::finding);                       // fields of a member count as its own
 ///     list.also("rows", &Fit::summary, &Summary::rows);  // in files: a member's field, its
 ///     meaning list.derived("rank", function, "…");               // in files: computed, not read
@@ -29,6 +30,7 @@
 #include <limits>
 #include <string>
 #include <type_traits>
+#include <vector>
 
 #include <diffnea/core/error.hpp>
 
@@ -51,6 +53,7 @@ struct FieldTraits {
   bool empty_is_null = false;       ///< an empty text, or a number that is not above 0, is null
   double null = std::numeric_limits<double>::quiet_NaN();  ///< number that null is read as
   const char* choices = "";                                ///< of a text: "refit|prior|fixed"
+  bool absent = false;         ///< where it is empty, the key is left out
   const char* same = nullptr;  ///< key by which items of series.json belong to result.json's
   const char* item = "";       ///< such an item in words, for messages
 };
@@ -60,6 +63,7 @@ struct TypeTraits {
   RunFile files = kInBoth;  ///< of fields that do not say
   bool columns = false;     ///< lists of numbers in series.json are columns of equal length
   long most_rows = 0;       ///< of such columns, others are thinned; 0: any number
+  bool exact = false;       ///< reading: every key has its value, and there is no other key
 };
 
 namespace detail {
@@ -74,6 +78,10 @@ struct FieldCounter {
   }
   template <class T, class F>
   constexpr void in_memory(const char*, F T::*, const char*, FieldTraits = {}) {
+    ++count;
+  }
+  template <class T, class F>
+  constexpr void columns(const char*, F T::*, const char*, FieldTraits = {}) {
     ++count;
   }
   template <class T, class F>
@@ -143,6 +151,14 @@ constexpr const char* name_of(E value) {
   for (const NamedValue<E>& each : EnumNames<E>::list)
     if (each.value == value) return each.name;
   return "";
+}
+
+/// Names of all values, in their order.
+template <NamedEnum E>
+std::vector<std::string> names_of() {
+  std::vector<std::string> out;
+  for (const NamedValue<E>& each : EnumNames<E>::list) out.emplace_back(each.name);
+  return out;
 }
 
 /// The value of that name. @param where  begins the message @throws ModelError with the choices

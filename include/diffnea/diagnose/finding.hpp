@@ -597,12 +597,13 @@ struct Finding {
                "Chance of the best candidate's χ² by noise, times the number of candidates.",
                {.key = "lack_of_fit.p", .optional = true});
     list.also("preprocessing.filter_hz", &Finding::plan, &PreprocessPlan::filter_hz);
-    list.also("preprocessing.decimated_to_hz", &Finding::plan, &PreprocessPlan::decimator);
+    list.also("preprocessing.decimated_to_hz", &Finding::plan, &PreprocessPlan::decimator,
+              "Rate of the rows that are tested.", {.unit = "Hz"});
     list.also("preprocessing.quarantined", &Finding::data_report, &ReadReport::quarantined);
     list.also("preprocessing.extra_channels", &Finding::data_report, &ReadReport::extra_channels);
     list.also("preprocessing.notes", &Finding::data_report, &ReadReport::notes);
     list.field("notes", &Finding::notes, "What a reader should know, one sentence each.");
-    list.field("seconds", &Finding::seconds, "In all.", {.key = "summary.seconds"});
+    list.field("seconds", &Finding::seconds, "In all.", {.unit = "s", .key = "summary.seconds"});
     list.field("interrupted", &Finding::interrupted,
                "It was stopped; what had been found is there.", {.key = "summary.interrupted"});
     list.in_memory("model", &Finding::model,

@@ -24,8 +24,23 @@ namespace diffnea {
 
 /// What is compared: torques, accelerations, or positions of simulated windows.
 enum class Loss { kInverse, kForward, kTrajectory };
+/// As options have them.
+template <>
+struct EnumNames<Loss> {
+  /// All losses of the arm.
+  static constexpr NamedValue<Loss> list[] = {
+      {Loss::kInverse, "inverse"}, {Loss::kForward, "forward"}, {Loss::kTrajectory, "trajectory"}};
+};
+
 /// Weights of rows with large residuals (Holland, Welsch 1977).
 enum class Robust { kNone, kHuber, kCauchy };
+/// As options have them.
+template <>
+struct EnumNames<Robust> {
+  /// All weights.
+  static constexpr NamedValue<Robust> list[] = {
+      {Robust::kNone, "none"}, {Robust::kHuber, "huber"}, {Robust::kCauchy, "cauchy"}};
+};
 
 /// Where a fit stands. A callback that returns false stops it; what was found is kept.
 struct FitProgress {
@@ -283,7 +298,8 @@ struct IdentifyResult {
     list.field("consistency_cost", &IdentifyResult::consistency_cost, "What consistency costs.",
                {.unit = "χ²/2"});
     list.also("preprocessing.filter_hz", &IdentifyResult::plan, &PreprocessPlan::filter_hz);
-    list.also("preprocessing.decimated_to_hz", &IdentifyResult::plan, &PreprocessPlan::decimator);
+    list.also("preprocessing.decimated_to_hz", &IdentifyResult::plan, &PreprocessPlan::decimator,
+              "Rate of the rows that are fitted.", {.unit = "Hz"});
     list.also("preprocessing.period", &IdentifyResult::plan, &PreprocessPlan::dt);
     list.also("preprocessing.rows", &IdentifyResult::summary, &FitSummary::rows);
     list.also("preprocessing.fitted_rows", &IdentifyResult::summary, &FitSummary::fitted_rows);
