@@ -29,6 +29,7 @@ struct ExperimentCommand {
   RobotData data;
   PolicyOptions policies;
   TransferOptions transfer;
+  ExperimentCommand() { policies.seeds = 10; }  // one policy tells little of a world
 };
 
 /// The stages one after the other, each with its files in a folder of its own.

@@ -1,6 +1,6 @@
 #pragma once
-/// Completion in shells: what there is to complete, read off the declared commands, and the
-/// scripts that tell it to bash, zsh and fish. Nothing is listed by hand, so nothing goes stale.
+/// Completion in bash: what there is to complete, read off the declared commands, and the script
+/// that tells it to the shell. Nothing is listed by hand, so nothing goes stale.
 
 #include <string>
 #include <vector>
@@ -17,12 +17,10 @@ struct OptionWords {
   Value value = Value::kNone;
   bool many = false;                 ///< takes several values
   std::vector<std::string> choices;  ///< of Value::kChoice
-  std::string help;                  ///< first sentence
 };
 
 struct CommandWords {
   std::string name;  ///< empty: the program itself
-  std::string help;
   std::vector<OptionWords> options, places;
 };
 
@@ -30,7 +28,5 @@ struct CommandWords {
 std::vector<CommandWords> words_of(const CLI::App& app);
 
 std::string bash_completion(const std::vector<CommandWords>& commands);
-std::string zsh_completion(const std::vector<CommandWords>& commands);
-std::string fish_completion(const std::vector<CommandWords>& commands);
 
 }  // namespace diffnea::apps

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include <diffnea/effects/catalogue.hpp>
+#include <diffnea/effects/bound_effect.hpp>
 
 namespace diffnea::apps {
 namespace {

@@ -168,6 +168,7 @@ TransferRun transfer_policies(const LearnRun& learned, const TransferOptions& o,
   run.world = world_name(o);
   const BallInCup& task = learned.task;
   const WorldSpec spec = world_of(o);
+  run.differences = differences(spec);
   MujocoSimulatorOptions quiet;
   quiet.controller = task.options.simulator.controller;
   MujocoSimulatorOptions noisy = o.simulator;

@@ -15,7 +15,7 @@
 namespace diffnea::apps {
 
 struct TransferOptions {
-  std::string world = "mujoco:wam4_ball_in_cup,perturb=none,rope=mid";
+  std::string world = kBallInCupWorld;
   std::string rope;              ///< overrides the world's
   std::optional<double> string;  ///< of the world [m]; none: the policies' nominal
   int repetitions = 10;

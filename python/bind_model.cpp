@@ -7,7 +7,7 @@
 #include <pybind11/stl/filesystem.h>
 
 #include <diffnea/core/error.hpp>
-#include <diffnea/effects/catalogue.hpp>
+#include <diffnea/effects/bound_effect.hpp>
 #include <diffnea/io/effects_list.hpp>
 #include <diffnea/io/model_file.hpp>
 #include <diffnea/io/model_info.hpp>
@@ -117,7 +117,7 @@ Model with_effects(Model model, std::vector<EffectSpec> effects) {
 EffectSpec make_effect(std::string effect, std::string where,
                        const std::map<std::string, double>& parameters) {
   EffectSpec out{std::move(effect), std::move(where), {}};
-  const EffectInfo& about = info(find_effect(out.effect));  // unknown names: better known now
+  const EffectInfo& about = find_effect(out.effect);  // unknown names: better known now
   for (const auto& [name, value] : parameters) {
     // The catalogue's order; what it does not know (offset_3 of run 3) comes last and is checked
     // when bound.

@@ -101,6 +101,10 @@ void bind_transfer(py::module_& m) {
         return make_simulator(parse_world(name), controller, options, seed);
       },
       "name"_a, "controller"_a, "seed"_a, "lanes"_a, "bandwidth"_a, "kp"_a, "kd"_a);
+  m.attr("_BALL_IN_CUP_WORLD") = kBallInCupWorld;
+  m.def(
+      "_world_differences", [](const std::string& name) { return differences(parse_world(name)); },
+      "name"_a);
   m.def("_world_file", [](const std::string& name) { return parse_world(name).mjcf; }, "name"_a);
 }
 

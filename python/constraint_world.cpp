@@ -59,12 +59,8 @@ struct Seeds {
   /// X exp(ξ) about ξ = 0, six unknowns, angular first.
   Pose<T> pose(const Pose<double>& X) {
     constexpr double kNone[3] = {0.0, 0.0, 0.0};
-    const Vec3<T> w = vector(kNone), v = vector(kNone);
-    const Mat3<T> R = X.R.cast<T>();
-    Mat3<T> turned = R;
-    for (int j = 0; j < 3; ++j)
-      turned.col[j] = turned.col[j] + R * cross(w, Mat3<T>::identity().col[j]);
-    return {turned, X.p.cast<T>() + R * v};
+    const Vec3<T> w = vector(kNone), v = vector(kNone);  // in this order
+    return X.cast<T>() * exp(Twist<T>{w, v});
   }
 };
 

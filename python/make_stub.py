@@ -266,6 +266,8 @@ def stub(module: ModuleType) -> str:
             out.append("\n".join([f"class {name}{inherits}:" + ("" if lines else " ..."), *lines]))
         elif inspect.isroutine(thing):
             out.append(head(name, first_line(thing), ""))
+        elif isinstance(thing, str) and not name.startswith("__"):
+            out.append(f"{name}: str")
     return "\n\n".join(out) + "\n"
 
 

@@ -47,6 +47,13 @@ PRIVATE_OF: dict[str, tuple[str, ...]] = {
 PUBLIC_HEADERS = "include"
 PUBLIC = ("Eigen/", "ceres/jet.h", "experimental/simd")
 LIBRARIES: dict[str, tuple[str, ...]] = {
+    # Compiled once: core/decompositions.hpp.
+    "Eigen/Cholesky": ("include", "src/core"),
+    "Eigen/Dense": ("include", "src/core"),
+    "Eigen/Eigenvalues": ("include", "src/core"),
+    "Eigen/LU": ("include", "src/core", "python"),
+    "Eigen/QR": ("include", "src/core"),
+    "Eigen/SVD": ("include", "src/core"),
     "Eigen/": ("include", "src", "python"),
     "ceres/jet.h": ("include", "src"),
     "experimental/simd": ("include/diffnea/core",),
@@ -191,7 +198,7 @@ ALLOWED = {
     "src/identify/solver.cpp": "#include <ceres/ceres.h>\n",
     "src/io/mjcf.cpp": "#include <mujoco/mujoco.h>\n#include <nlohmann/json.hpp>\n",
     "src/identify/passes.hpp": "",
-    "src/diagnose/base.cpp": "#include <identify/passes.hpp>\n#include <Eigen/QR>\n",
+    "src/diagnose/base.cpp": "#include <identify/passes.hpp>\n#include <Eigen/Core>\n",
     "src/core/file.cpp": "#include <unistd.h>\n#include <sys/stat.h>\n",
     "apps/main.cpp": '#include <CLI/CLI.hpp>\n#include "diffnea/diffnea.hpp"\n',
     "python/module.cpp": "#include <pybind11/pybind11.h>\n",
@@ -231,6 +238,7 @@ FORBIDDEN = {
     "a private header in the module": ("python/bad.cpp", '#include "../src/identify/passes.hpp"'),
     "what runs read besides value types": ("src/runs/bad.cpp", "#include <identify/passes.hpp>"),
     "results in a file format": ("src/io/bad.cpp", "#include <diffnea/identify/identify.hpp>"),
+    "a decomposition compiled again": ("src/diagnose/bad.cpp", "#include <Eigen/QR>"),
     "numerics in a command": ("apps/bad.cpp", "#include <Eigen/Cholesky>"),
     "a library without a home": ("src/dynamics/bad.cpp", "#include <yaml-cpp/yaml.h>"),
     "a library's header without a folder": ("src/io/bad.cpp", "#include <curl.h>"),
@@ -262,6 +270,82 @@ def test_checker_reports(tmp_path: Path, case: str) -> None:
     found = violations(tmp_path)
     assert len(found) == 1
     assert found[0].startswith(f"{place}:")
+
+
+# --- components
+
+# From the least to the whole; a file may need those at or below its own.
+FLOORS = ("identify", "sim", "diffnea")
+COMPILED = re.compile(r"diffnea_sources\((\w+)\n([^)]*)\)")
+
+
+def components(root: Path) -> dict[str, str]:
+    """Return the component that each file of src/ is compiled into, by CMake's lists."""
+    text = (root / "src" / "CMakeLists.txt").read_text(encoding="utf-8")
+    return {file: match[1] for match in COMPILED.finditer(text) for file in match[2].split()}
+
+
+def upward(root: Path) -> list[str]:
+    """Includes of what is compiled into a component above the file's own.
+
+    A header is of the component that the file of its stem is compiled into; without one, of the
+    least component of its folder.
+    """
+    found = components(root)
+    floor = {file.removesuffix(".cpp"): FLOORS.index(name) for file, name in found.items()}
+    least: dict[str, int] = {}
+    for stem, own in floor.items():
+        folder = stem.split("/")[0]
+        least[folder] = min(own, least.get(folder, own))
+
+    def floor_of(stem: str) -> int:
+        return floor.get(stem, least.get(stem.split("/")[0], 0))
+
+    wrong = []
+    for source in sources(root, "src"):
+        place = source.relative_to(root / "src").as_posix()
+        own = floor_of(place.rsplit(".", 1)[0])
+        for match in INCLUDE.finditer(source.read_text(encoding="utf-8")):
+            target = resolve(root, source, match[2])
+            if target and floor_of(target[1].rsplit(".", 1)[0]) > own:
+                wrong.append(f"{place} ({FLOORS[own]}) includes {match[2]}")
+    return wrong
+
+
+def test_components_need_those_below() -> None:
+    files = {path.relative_to(ROOT / "src").as_posix() for path in (ROOT / "src").rglob("*.cpp")}
+    kernels = {"dynamics/batch_kernels.cpp", "sim/pack_world.cpp"}  # once an instruction set
+    assert set(components(ROOT)) == files - kernels
+    assert set(components(ROOT).values()) <= set(FLOORS)
+    assert upward(ROOT) == []
+
+
+def test_checker_sees_an_upward_component(tmp_path: Path) -> None:
+    files = {
+        "src/CMakeLists.txt": (
+            "diffnea_sources(identify\n  sim/plant.cpp\n)\n"
+            "diffnea_sources(sim\n  sim/mujoco.cpp\n)\n"
+        ),
+        "src/sim/plant.cpp": '#include "sim/mujoco.hpp"\n#include "sim/parts.hpp"\n',
+        "src/sim/mujoco.cpp": '#include "sim/parts.hpp"\n',
+        "src/sim/mujoco.hpp": "",
+        "src/sim/parts.hpp": "",
+    }
+    write_tree(tmp_path, files)
+    assert upward(tmp_path) == ["sim/plant.cpp (identify) includes sim/mujoco.hpp"]
+
+
+# Explicit instantiations are the library's: without it the user's file makes its own.
+def test_extern_templates_are_of_the_compiled_library() -> None:
+    for path in sources(ROOT, "include"):
+        depth: list[bool] = []
+        for line in path.read_text(encoding="utf-8").splitlines():
+            if line.startswith("#if"):
+                depth.append(line == "#ifdef DIFFNEA_COMPILED")
+            elif line.startswith("#endif"):
+                depth.pop()
+            elif "extern template" in line:
+                assert any(depth), f"{path}: outside #ifdef DIFFNEA_COMPILED"
 
 
 # --- numbers as text
@@ -301,7 +385,9 @@ def vectorisable(header: str) -> list[str]:
 
 
 def test_no_public_header_holds_what_flags_align() -> None:
-    found = {path.name: vectorisable(path.read_text()) for path in sources(ROOT, "include")}
+    texts = {path.name: path.read_text() for path in sources(ROOT, "include")}
+    # Function bodies alone: their variables are part of no layout.
+    found = {name: vectorisable(t) for name, t in texts.items() if "DIFFNEA_INLINE" not in t}
     assert {name: lines for name, lines in found.items() if lines} == {}
 
 

@@ -12,7 +12,17 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from ._core import Error, Model, Policy, Recording, _World, _world_file, frame_pose
+from ._core import (
+    _BALL_IN_CUP_WORLD,
+    Error,
+    Model,
+    Policy,
+    Recording,
+    _World,
+    _world_differences,
+    _world_file,
+    frame_pose,
+)
 from ._files import StrPath, load_model
 from ._learn_result import LearnResult
 from ._readers.packages import import_package
@@ -78,6 +88,8 @@ class TransferResult:
     """Of every policy in the model; empty where the model was not given."""
     recordings: list[Recording] = field(default_factory=list)
     """What sensors saw of every executed policy, where :func:`transfer` was asked to record."""
+    differences: list[str] = field(default_factory=list)
+    """Clauses on how the world may differ from its description; empty: it is its description."""
 
     @property
     def best(self) -> int:
@@ -182,6 +194,7 @@ class TransferResult:
 
         return {
             "world": self.world,
+            "differences": self.differences,
             "success": self.success,
             "repeatability": self.repeatability,
             "policies": [policy.seed for policy in self.policies],
@@ -203,7 +216,8 @@ class TransferResult:
             for policy, e in zip(self.policies, self.executions, strict=True)
         ]
         head = ["seed", "outcome", "", "reward"]
-        return f"<p>{html.escape(repr(self))}</p>" + _table(head, rows)
+        world = "; ".join(self.differences) or "the world is as its description says"
+        return f"<p>{html.escape(repr(self))}<br>{html.escape(world)}</p>" + _table(head, rows)
 
 
 def _share(executions: Sequence[Execution]) -> float:
@@ -234,7 +248,7 @@ def _cube(panel: Any, points: Array) -> None:
 
 def transfer(
     policies: LearnResult | Policy | Sequence[Policy],
-    world: str = "mujoco:wam4_ball_in_cup,perturb=none,rope=mid",
+    world: str = _BALL_IN_CUP_WORLD,
     *,
     controller: Model | StrPath | None = None,
     repetitions: int = 10,
@@ -251,7 +265,8 @@ def transfer(
 
     Args:
         policies: what :func:`learn` gave, or policies.
-        world: ``mujoco:NAME[,key=value…]`` with a ball and a cup, see :func:`worlds`.
+        world: ``mujoco:NAME[,key=value…]`` with a ball and a cup, see :func:`worlds`; default:
+            the WAM of ``diffnea experiment``, which differs from its description.
         controller: model that the controller compensates gravity with; default: that of
             ``policies``, or the description that the world is named after.
         repetitions: of the best policy, with noise.
@@ -313,7 +328,14 @@ def transfer(
             executed = [p for p, e in zip(policies, executions, strict=True) if len(e.trace.time)]
             recordings = list(pool.map(lambda policy: world_of(policy).record(policy), executed))
     return TransferResult(
-        world, controller, list(policies), executions, repeated, imagined, recordings
+        world,
+        controller,
+        list(policies),
+        executions,
+        repeated,
+        imagined,
+        recordings,
+        _world_differences(name),
     )
 
 

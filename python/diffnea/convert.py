@@ -18,10 +18,10 @@ from ._readers import ros
 
 _TEXT = """
 reads:
-  .mcap, .db3, a folder with metadata.yaml   ROS 2 bags   pip install 'diffnea[ros]'
-  .bag                                       ROS 1 bags   pip install 'diffnea[ros]'
-  .mat                                       MATLAB       pip install 'diffnea[matlab]'
-  .parquet                                   Parquet      pip install 'diffnea[parquet]'
+  .mcap, .db3, a folder with metadata.yaml   ROS 2 bags   needs rosbags
+  .bag                                       ROS 1 bags   needs rosbags
+  .mat                                       MATLAB       needs h5py and SciPy
+  .parquet                                   Parquet      needs pandas and pyarrow
   .npz, .csv
 
 Of a bag the messages of one topic of type sensor_msgs/JointState are read: position becomes

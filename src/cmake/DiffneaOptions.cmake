@@ -1,13 +1,29 @@
 # What to build, and the compiler settings that every target of ours shares.
 
-option(DIFFNEA_BUILD_APPS "Build the diffnea command" ${PROJECT_IS_TOP_LEVEL})
+# Components of the library, each on top of the one before; the chosen one is the highest that is built.
+set(DIFFNEA_COMPONENTS dynamics identify sim diffnea)
+set(DIFFNEA_COMPONENT diffnea CACHE STRING "Highest component to build: dynamics, identify, sim or diffnea (all)")
+set_property(CACHE DIFFNEA_COMPONENT PROPERTY STRINGS ${DIFFNEA_COMPONENTS})
+list(FIND DIFFNEA_COMPONENTS "${DIFFNEA_COMPONENT}" _highest)
+if(_highest LESS 0)
+  message(FATAL_ERROR "DIFFNEA_COMPONENT is '${DIFFNEA_COMPONENT}'; choices: dynamics, identify, sim, diffnea")
+endif()
+math(EXPR _count "${_highest} + 1")
+list(SUBLIST DIFFNEA_COMPONENTS 0 ${_count} DIFFNEA_COMPONENTS)
+# Command, module and tests are of the whole library.
+set(_by_user OFF)
+if(PROJECT_IS_TOP_LEVEL AND DIFFNEA_COMPONENT STREQUAL "diffnea")
+  set(_by_user ON)
+endif()
+
+option(DIFFNEA_BUILD_APPS "Build the diffnea command" ${_by_user})
 # SKBUILD is set by scikit-build-core, that is, by pip: it wants the module and, unless told, no tests.
 if(SKBUILD)
   set(_by_pip ON)
   set(_by_cmake OFF)
 else()
   set(_by_pip OFF)
-  set(_by_cmake ${PROJECT_IS_TOP_LEVEL})
+  set(_by_cmake ${_by_user})
 endif()
 option(DIFFNEA_BUILD_PYTHON "Build the Python module" ${_by_pip})
 option(DIFFNEA_BUILD_TESTS "Build the C++ tests (needs Catch2 v3)" ${_by_cmake})

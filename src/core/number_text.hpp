@@ -1,20 +1,15 @@
 #pragma once
-/// A number as messages show it. Internal.
+/// A number with its spread, as messages show it. Internal.
 
 #include <algorithm>
 #include <cmath>
 #include <string>
 
+#include <diffnea/core/text.hpp>
+
 #include "core/c_numbers.hpp"
 
 namespace diffnea::detail {
-
-/// @param digits  that count, 17 at most
-inline std::string number_text(double x, int digits = 4) {
-  char text[32];
-  print(text, sizeof text, "%.*g", digits, x);
-  return text;
-}
 
 /// A value and its spread (a standard error, half an interval) to two digits of that: "0.530 ±
 /// 0.021"; the value alone without one.

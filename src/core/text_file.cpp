@@ -16,7 +16,7 @@ void write_file_atomically(const std::filesystem::path& path, std::string_view c
 
 namespace {
 
-[[noreturn]] void fail(const std::filesystem::path& path, int error) {
+[[noreturn]] void refuse(const std::filesystem::path& path, int error) {
   throw FileError(path.string() + ": cannot be read (" + std::strerror(error) + ")");
 }
 
@@ -31,7 +31,7 @@ std::string read_text_file(const std::filesystem::path& path, std::size_t max_si
                     (std::filesystem::is_directory(status) ? "a folder" : "a device or a pipe") +
                     ")");
   std::ifstream in(path, std::ios::binary);
-  if (!in) fail(path, errno);
+  if (!in) refuse(path, errno);
   std::string content;
   char buffer[1 << 16];
   while (in.read(buffer, sizeof buffer) || in.gcount() > 0) {
@@ -40,7 +40,7 @@ std::string read_text_file(const std::filesystem::path& path, std::size_t max_si
       throw FileError(path.string() + ": is larger than " + std::to_string(max_size >> 20) +
                       " MiB, the limit for such a file");
   }
-  if (in.bad()) fail(path, errno);
+  if (in.bad()) refuse(path, errno);
   return content;
 }
 

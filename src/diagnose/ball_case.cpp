@@ -15,9 +15,11 @@ namespace {
 constexpr std::size_t kHeldOutWindow = 4;
 
 void add_candidates(const BallData& data, BallCase& c) {
-  if (std::ranges::any_of(c.options.effects,
-                          [](const std::string& e) { return e.starts_with("magnus"); }))
-    require_spin(data);
+  const auto needs_spin = [](const std::string& entry) {
+    const EffectInfo* info = known_effect(entry.substr(0, entry.find('@')));
+    return info && info->has(Trait::kNeedsSpin);
+  };
+  if (std::ranges::any_of(c.options.effects, needs_spin)) require_spin(data);
   c.spin = has_spin(data);
   if (c.spin && !has_spin(c.search->test())) {
     c.spin = false;
@@ -26,8 +28,8 @@ void add_candidates(const BallData& data, BallCase& c) {
   }
   for (const EffectInfo& i : catalogue()) {
     if (!acts_on_ball(i) || i.port == Port::kBallImpact) continue;
-    if (i.name == "magnus" && !c.spin) continue;
-    if (i.name == "attachment_offset" && c.fit_string) continue;
+    if (i.has(Trait::kNeedsSpin) && !c.spin) continue;
+    if (i.port == Port::kStringAnchor && c.fit_string) continue;
     for (const std::string& where : places(i, c.model)) {
       const auto asked = [&](const std::string& entry) {
         return entry == i.name || entry == i.name + "@" + where;
@@ -57,7 +59,7 @@ void BallCase::search_on(BallData fitted, BallData held_out) {
 
 void prepare(const std::vector<Recording>& train, const std::vector<Recording>& test, BallCase& c) {
   for (const EffectSpec& e : c.model.effects)
-    if (acts_on_ball(info(find_effect(e.effect)))) c.known.push_back(e);
+    if (acts_on_ball(find_effect(e.effect))) c.known.push_back(e);
   BallData fitted = make_ball_data(c.model, train, c.fit, c.options.preprocess), held_out;
   if (!test.empty()) {
     held_out = make_ball_data(c.model, test, c.fit, c.options.preprocess);

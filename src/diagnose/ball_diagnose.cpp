@@ -9,14 +9,14 @@
 #include "diagnose/ball_selection.hpp"
 #include "diagnose/ball_witness.hpp"
 #include "diagnose/chi_square.hpp"
+#include "diagnose/thresholds.hpp"
 #include "identify/ball_identify.hpp"
 
 namespace diffnea {
 namespace {
 
-constexpr double kExplained = 0.8;  ///< below it, the cause is unknown
 /// Mean square of what is left over the camera's noise, beyond which something is left.
-constexpr double kLeft = 1.15;
+constexpr double kBallLeft = 1.15;
 constexpr double kRefitWithin = 30.0;  ///< ΔBIC behind the best that a rival is refitted from
 constexpr std::size_t kMostRivals = 6;
 constexpr double kNormal95 = 1.96;
@@ -132,7 +132,7 @@ Worth describe(BallCase& c) {
   std::ranges::stable_sort(
       f.causes.begin() + static_cast<std::ptrdiff_t>(f.causes.size() - c.best.terms.size()),
       f.causes.end(), std::ranges::greater{}, &Cause::delta_bic);
-  worth.left = c.known_noise && change.after > kLeft;
+  worth.left = c.known_noise && change.after > kBallLeft;
   if (worth.left) {
     const FittedBall there = fit_states(c.best.ball, c.search->test(), c.fit);
     for (const Witness& w : ball_witnesses(there, c.fit)) f.witness.push_back(w);

@@ -4,31 +4,29 @@
 #include <array>
 #include <cmath>
 
-#include <Eigen/QR>
-
 #include <diffnea/core/error.hpp>
 #include <diffnea/excite/fourier.hpp>
 
+#include "core/decompositions.hpp"
 #include "diagnose/next_experiment.hpp"
+#include "diagnose/thresholds.hpp"
 #include "identify/ball_world.hpp"
 #include "identify/passes.hpp"
 
 namespace diffnea {
 namespace {
 
-constexpr double kDuration = 40.0;  ///< of the experiment [s]
-constexpr double kTold = 10.0;      ///< ΔBIC from which two effects are told apart
-constexpr int kDraws = 3;           ///< of each family
+constexpr int kBallDraws = 3;           ///< of each family
 constexpr double kCamera = 100.0;   ///< rows a second
 
 /// A kind of motion.
-struct Family {
+struct BallFamily {
   const char* words;
   double period;
   int harmonics;
   double speed;  ///< of the velocity limit
 };
-constexpr std::array<Family, 5> kFamilies{{
+constexpr std::array<BallFamily, 5> kBallFamilies{{
     {"slowly, over its whole range", 20.0, 3, 0.3},
     {"in five harmonics up to 0.5 Hz", 10.0, 5, 0.6},
     {"in five harmonics up to 0.5 Hz, at full speed", 10.0, 5, 1.0},
@@ -119,10 +117,10 @@ std::optional<NextExperiment> ball_next_experiment(const BallSolution& best,
       pairs.push_back({c.effect, c.where, r.effect, r.where, r.delta_bic, 0.0});
   if (pairs.empty()) return {};
   std::optional<NextExperiment> out;
-  for (const Family& family : kFamilies)
-    for (int draw = 0; draw < kDraws; ++draw) {
+  for (const BallFamily& family : kBallFamilies)
+    for (int draw = 0; draw < kBallDraws; ++draw) {
       FourierOptions options;
-      options.duration = kDuration;
+      options.duration = kExperiment;
       options.period = family.period;
       options.harmonics = family.harmonics;
       options.velocity_share *= family.speed;
@@ -144,14 +142,14 @@ std::optional<NextExperiment> ball_next_experiment(const BallSolution& best,
       }
       if (out && !(next.expected_delta_bic > out->expected_delta_bic)) continue;
       next.sentence = std::string("Move all joints ") + family.words + " for " +
-                      format_number(kDuration) + " s: ";
+                      format_number(kExperiment) + " s: ";
       out = std::move(next);
     }
   if (!out) return out;
   std::string told, not_told;
   double least = INFINITY;
   for (const ExperimentPair& p : out->pairs) {
-    const bool tells = p.expected_delta_bic > kTold;
+    const bool tells = p.expected_delta_bic > kToldApart;
     std::string& words = tells ? told : not_told;
     words += (words.empty() ? "" : ", ") + label({p.effect, p.where, {}}) + " from " +
              label({p.rival, p.rival_where, {}});

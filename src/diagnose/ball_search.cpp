@@ -3,14 +3,14 @@
 #include <algorithm>
 #include <cmath>
 
-#include <Eigen/QR>
-
 #include <diffnea/core/random.hpp>
+
+#include "core/decompositions.hpp"
+#include "diagnose/thresholds.hpp"
 
 namespace diffnea {
 namespace {
 
-constexpr int kResamples = 1000;
 constexpr int kLags = 40;  ///< rows over which what is left may hang together
 /// A column that the others leave less of than this is theirs.
 constexpr double kSameColumn = 1e-6;

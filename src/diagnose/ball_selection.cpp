@@ -18,7 +18,7 @@ constexpr int kMostRounds = 2;  ///< of leaving rows out that are far off
 
 /// Whether first order about 0 says little of it: it has starts of its own.
 bool is_far_from_linear(const EffectSpec& e) {
-  return std::ranges::any_of(info(find_effect(e.effect)).parameters,
+  return std::ranges::any_of(find_effect(e.effect).parameters,
                              [](const ParameterInfo& p) { return !p.search.empty(); });
 }
 

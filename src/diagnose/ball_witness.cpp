@@ -4,9 +4,8 @@
 #include <array>
 #include <cmath>
 
-#include <Eigen/QR>
-
-#include "core/median.hpp"
+#include "core/decompositions.hpp"
+#include "core/statistics.hpp"
 #include "core/number_text.hpp"
 #include "diagnose/ball_search.hpp"
 #include "identify/ball_world.hpp"

@@ -16,12 +16,12 @@
 #include "diagnose/selection.hpp"
 #include "diagnose/sentence.hpp"
 #include "diagnose/simulated.hpp"
+#include "diagnose/thresholds.hpp"
 #include "diagnose/turns.hpp"
 
 namespace diffnea {
 namespace {
 
-constexpr double kExplained = 0.8;  ///< below it, the cause is unknown
 /// χ² of what is left over its degrees of freedom, where repeats tell the noise: 0.47 to 1.07 in
 /// 139 recordings that hide nothing.
 constexpr double kLeft = 1.3;

@@ -124,14 +124,6 @@ void bound_backlash(const std::vector<double>& q_noise, Candidate& c) {
     c.grid.push_back({least * std::pow(most / least, static_cast<double>(k) / steps)});
 }
 
-/// What only a drive, or the log of its torque, can have.
-bool is_of_drive(const EffectInfo& info) {
-  static const std::vector<std::string> kOfDrives{
-      "actuator_delay", "actuator_lag",   "backlash",   "joint_elasticity", "load_friction",
-      "saturation",     "session_offset", "time_shift", "torque_gain",      "torque_offset"};
-  return std::ranges::find(kOfDrives, info.name) != kOfDrives.end();
-}
-
 /// Whether all joints of an effect are known to have no torque.
 bool is_passive(const Evidence& evidence, const BoundEffect& effect) {
   return std::ranges::all_of(effect.joints, [&](int j) {
@@ -149,43 +141,49 @@ std::vector<Refusal> bound_shapes(const Evidence& evidence, const FitLayout& lay
   std::vector<Refusal> refused;
   std::vector<Candidate> kept;
   for (Candidate& c : candidates) {
-    const std::string& name = c.effect.info().name;
-    if (is_of_drive(c.effect.info()) && is_passive(evidence, c.effect)) continue;
+    const EffectInfo& info = c.effect.info();
+    if (info.has(Trait::kOfDrive) && is_passive(evidence, c.effect)) continue;
     // Columns of fourth derivatives share the noise of what they are to explain, unless both come
     // from other periods.
-    if (!repeats && (name == "joint_elasticity" || name == "backlash")) {
-      if (std::ranges::none_of(refused, [&](const Refusal& r) { return r.effect == name; }))
+    if (!repeats && info.motor != HiddenMotor::kNone) {
+      if (std::ranges::none_of(refused, [&](const Refusal& r) { return r.effect == info.name; }))
         refused.push_back(
-            {name, "all",
+            {info.name, "all",
              "not tried: needs a motion that repeats, two periods or more, and so of held-out data",
              0.0});
       continue;
     }
-    if (name == "saturation") {
-      bound_saturation(evidence, c);
-      const std::size_t joint = static_cast<std::size_t>(c.effect.joints[0]);
-      if (!repeats)
-        drop_noisy_limits(evidence,
-                          joint < plan.tau_noise.size() ? plan.tau_noise[joint]
-                                                        : std::numeric_limits<double>::quiet_NaN(),
-                          c);
-      if (c.grid.empty())
-        refused.push_back({name, c.effect.where,
-                           "not tried: the torque's noise is too large for a motion that does not "
-                           "repeat",
-                           0.0});
+    std::string none;
+    switch (c.bound()) {
+      case SearchBound::kNone:
+        break;
+      case SearchBound::kTorque: {
+        bound_saturation(evidence, c);
+        const std::size_t joint = static_cast<std::size_t>(c.effect.joints[0]);
+        if (!repeats)
+          drop_noisy_limits(evidence,
+                            joint < plan.tau_noise.size()
+                                ? plan.tau_noise[joint]
+                                : std::numeric_limits<double>::quiet_NaN(),
+                            c);
+        none = "not tried: the torque's noise is too large for a motion that does not repeat";
+        break;
+      }
+      case SearchBound::kRipple:
+        bound_cogging(evidence, c);
+        break;
+      case SearchBound::kPresliding:
+        bound_presliding(evidence, q_noise, c);
+        break;
+      case SearchBound::kGap:
+        bound_backlash(q_noise, c);
+        none = "not tried: the positions' noise is too large for any gap that gears have";
+        break;
+      case SearchBound::kSmoothing:
+        bound_stribeck(layout, c);
+        break;
     }
-    if (name == "cogging") bound_cogging(evidence, c);
-    if (name == "presliding_dahl") bound_presliding(evidence, q_noise, c);
-    if (name == "backlash") {
-      bound_backlash(q_noise, c);
-      if (c.grid.empty())
-        refused.push_back({name, c.effect.where,
-                           "not tried: the positions' noise is too large for any gap that gears "
-                           "have",
-                           0.0});
-    }
-    if (name == "stribeck_friction") bound_stribeck(layout, c);
+    if (c.grid.empty() && !none.empty()) refused.push_back({info.name, c.effect.where, none, 0.0});
     if (!c.grid.empty()) kept.push_back(std::move(c));
   }
   candidates = std::move(kept);

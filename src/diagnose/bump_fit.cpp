@@ -3,9 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
-#include <Eigen/QR>
+#include "core/decompositions.hpp"
 
 namespace diffnea {
 namespace {
@@ -21,7 +19,7 @@ MatX<double> free_directions(const MatX<double>& A) {
   if (A.rows() == 0) return MatX<double>::Identity(n, n);
   Eigen::ColPivHouseholderQR<MatX<double>> qr(A.transpose());
   qr.setThreshold(kDependent);
-  return (qr.householderQ() * MatX<double>::Identity(n, n)).rightCols(n - qr.rank());
+  return columns_of_q(qr.householderQ(), n, n).rightCols(n - qr.rank());
 }
 
 }  // namespace

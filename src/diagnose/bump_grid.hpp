@@ -6,7 +6,7 @@
 #include <vector>
 
 #include <diffnea/core/scalar.hpp>
-#include <diffnea/effects/catalogue.hpp>
+#include <diffnea/effects/residual.hpp>
 
 namespace diffnea {
 

@@ -10,18 +10,6 @@
 namespace diffnea {
 namespace {
 
-/// LuGre's friction is Dahl's with Stribeck's curve and no linear parameter: those two are tried in
-/// its place. A filter of the velocity channel is a matter of the audit: positions are
-/// differentiated here. A residual is no cause (grey_box.hpp); asked for, it says so.
-const std::vector<std::string> kOnlyIfAsked{"presliding_lugre", "residual", "velocity_filter_lag"};
-
-/// Effects that all joints may share: one clock of the torques, one delay of the bus, one scale.
-const std::vector<std::string> kCommon{"actuator_delay", "time_shift", "torque_gain"};
-
-bool contains(const std::vector<std::string>& list, const std::string& name) {
-  return std::ranges::find(list, name) != list.end();
-}
-
 /// Whether there are several joints, and all of one type: the same number is then the same thing
 /// everywhere.
 bool one_type(const Model& model) {
@@ -72,9 +60,10 @@ double rotor_inertia(const Model& model, int joint) {
 Candidate make_candidate(const EffectSpec& spec, const Model& model, const std::vector<int>& runs) {
   Candidate c;
   static_cast<BoundEffect&>(c.effect) = bind(spec, model, runs);
-  const bool hides_motor = spec.effect == "joint_elasticity" || spec.effect == "backlash";
-  const double rotor = spec.effect == "backlash" ? rotor_inertia(model, c.effect.joints[0]) : 0.0;
-  if (spec.effect == "joint_elasticity") {
+  const HiddenMotor motor = c.effect.info().motor;
+  const double rotor =
+      motor == HiddenMotor::kOther ? rotor_inertia(model, c.effect.joints[0]) : 0.0;
+  if (motor == HiddenMotor::kSpring) {
     c.rotor = declared_rotor(model, c.effect.joints[0]);
     if (c.rotor > 0.0) c.held = kRotorKnown;
   }
@@ -107,7 +96,7 @@ Candidate make_candidate(const EffectSpec& spec, const Model& model, const std::
   for (const int k : c.choices)
     multiply_grid(c, c.effect.parameter_info[static_cast<std::size_t>(k)].choices);
   // A hidden motor angle moves the base's friction with it, whatever the motor's inertia.
-  if (c.linear.empty() || hides_motor) c.nonlinear = true;
+  if (c.linear.empty() || motor != HiddenMotor::kNone) c.nonlinear = true;
   return c;
 }
 
@@ -131,16 +120,17 @@ std::vector<Candidate> make_candidates(const Model& model, const std::vector<std
       // Behind the drive a torque sensor still feels the joint's own friction, but no drive.
       if (link_side && info.motor_side && info.port == Port::kMemory) continue;
       // One offset for each of several runs; with one run it is the torque offset.
-      if (info.name == "session_offset" && runs.size() < 2) continue;
-      if (contains(kOnlyIfAsked, info.name) || acts_on_ball(info)) continue;
+      if (runs.size() < 2 && std::ranges::any_of(info.parameters, &ParameterInfo::per_run))
+        continue;
+      if (info.has(Trait::kIfAsked) || acts_on_ball(info)) continue;
       for (const std::string& where : places(info, model)) add(info, where);
-      if (contains(kCommon, info.name) && one_type(model)) add(info, "all");
+      if (info.has(Trait::kShared) && one_type(model)) add(info, "all");
     }
     return out;
   }
   for (const std::string& entry : asked) {
     const std::size_t at = entry.find('@');
-    const EffectInfo& effect_info = info(find_effect(entry.substr(0, at)));
+    const EffectInfo& effect_info = find_effect(entry.substr(0, at));
     if (at != std::string::npos)
       add(effect_info, entry.substr(at + 1));
     else

@@ -4,7 +4,7 @@
 #include <memory>
 
 #include <diffnea/diagnose/own_candidate.hpp>
-#include <diffnea/effects/catalogue.hpp>
+#include <diffnea/effects/bound_effect.hpp>
 
 namespace diffnea {
 
@@ -32,6 +32,11 @@ struct Candidate {
   double rotor =
       0.0;            ///< behind a spring, as the model declares it [kg·m²] or [kg]; 0: it does not
   double held = 0.0;  ///< relative uncertainty of what is held at the model's word
+  /// How recordings bound the first of `shapes`.
+  SearchBound bound() const {
+    return shapes.empty() ? SearchBound::kNone
+                          : effect.parameter_info[static_cast<std::size_t>(shapes[0])].bound;
+  }
   /// Sets the shapes and choices of a point of the grid.
   void set(const std::vector<double>& point, BoundEffect& of) const;
   std::string label() const { return effect.info().name + " at " + effect.where; }

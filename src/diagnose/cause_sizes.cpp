@@ -3,18 +3,15 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
-#include <limits>
 #include <map>
 
-#include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
-
+#include "core/constants.hpp"
+#include "core/decompositions.hpp"
 #include "diagnose/inexact.hpp"
 
 namespace diffnea {
 namespace {
 
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr double kSigmas = 1.96;  ///< of a 95 % interval
 
 /// Of a parameter, beside what noise leaves: as well as filters and the reference model let an

@@ -19,7 +19,7 @@ namespace {
 std::vector<std::string> asked_for(const DiagnoseOptions& options, bool of_ball) {
   std::vector<std::string> out;
   for (const std::string& e : options.effects)
-    if (acts_on_ball(info(find_effect(e.substr(0, e.find('@'))))) == of_ball) out.push_back(e);
+    if (acts_on_ball(find_effect(e.substr(0, e.find('@')))) == of_ball) out.push_back(e);
   return out;
 }
 

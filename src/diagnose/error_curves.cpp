@@ -5,10 +5,11 @@
 #include <limits>
 #include <numeric>
 
+#include "core/constants.hpp"
+
 namespace diffnea {
 namespace {
 
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr int kBins = 30;
 
 std::vector<EvenRows> even_rows(const Column& time) {

@@ -8,6 +8,8 @@
 #include <diffnea/dynamics/batch.hpp>
 #include <diffnea/recording/butterworth.hpp>
 
+#include "diagnose/thresholds.hpp"
+
 namespace diffnea {
 namespace {
 
@@ -16,10 +18,6 @@ constexpr double kRestShare = 0.01;
 
 /// Of the filter's weight on samples in which a joint rests, or sticks.
 constexpr double kMostRest = 0.3, kMostStuck = 0.02;
-
-/// Rows of a joint for each column that acts there, at least: fewer say what its base is between
-/// turns alone, and it is another at them. Then they are kept.
-constexpr long kRowsAColumn = 4;
 
 /// Of a disturbance at the end of a recording.
 constexpr double kRemembered = 0.01;

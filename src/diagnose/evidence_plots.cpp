@@ -5,12 +5,14 @@
 #include <numbers>
 #include <set>
 
+#include <diffnea/effects/bound_effect.hpp>
+
+#include "core/constants.hpp"
 #include "diagnose/error_curves.hpp"
 
 namespace diffnea {
 namespace {
 
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr int kMostOverviews = 3;  ///< joints that are shown where no cause names one
 constexpr std::size_t kMostPlots = 24;
 
@@ -201,51 +203,41 @@ class Plots {
   }
 
   void add(const Cause& cause) {
-    const std::string& e = cause.effect;
-    effect_ = e;
-    const auto is = [&](std::initializer_list<const char*> names) {
-      return std::ranges::any_of(names, [&](const char* n) { return e == n; });
-    };
-    for (const ResidualSeries* s : at(cause.where)) {
-      if (is({"cogging"})) {
-        position(*s);
-        spectrum(*s, value(cause, "cycles"));
-      } else if (is({"joint_spring", "encoder_offset", "encoder_scale"})) {
-        position(*s);
-        if (e == "joint_spring") spectrum(*s, kNaN);
-      } else if (is({"presliding_dahl", "presliding_lugre", "stribeck_friction"})) {
-        velocity(*s);
-        reversals("reversal", *s, s->qd, "velocity");
-      } else if (is({"backlash"})) {
-        reversals("torque_reversal", *s, s->extended, "torque");
-        reversals("reversal", *s, s->qd, "velocity");
-      } else if (is({"warm_up"})) {
-        time_along_motion(*s);
-        velocity(*s);
-      } else if (is({"torque_offset", "session_offset"})) {
-        time(*s);
-      } else if (is({"actuator_lag", "actuator_delay", "time_shift", "velocity_filter_lag"})) {
-        torque_rate(*s);
-        correlation(*s, kNaN);
-      } else if (is({"joint_elasticity"})) {
-        correlation(*s, kNaN);
-        acceleration(*s);
-      } else if (is({"torque_gain", "saturation"})) {
-        torque(*s);
-      } else if (is({"load_friction"})) {
-        load(*s);
-        velocity(*s);
-      } else if (is({"armature", "transmission_coupling"})) {
-        acceleration(*s);
-        velocity(*s);
-      } else if (e.ends_with("friction") || e.starts_with("asymmetric_")) {
-        velocity(*s);
-      } else {
-        velocity(*s);
-        position(*s);
-      }
-    }
+    effect_ = cause.effect;
+    const EffectInfo* known = known_effect(cause.effect);
+    const EffectInfo& info = known ? *known : EffectInfo{};
+    for (const ResidualSeries* s : at(cause.where))
+      for (const ShownOver over : info.shown_over) show(over, *s, cause);
     effect_.clear();
+  }
+
+  void show(ShownOver what, const ResidualSeries& s, const Cause& cause) {
+    switch (what) {
+      case ShownOver::kPosition:
+        return position(s);
+      case ShownOver::kVelocity:
+        return velocity(s);
+      case ShownOver::kAcceleration:
+        return acceleration(s);
+      case ShownOver::kTorque:
+        return torque(s);
+      case ShownOver::kTorqueRate:
+        return torque_rate(s);
+      case ShownOver::kLoad:
+        return load(s);
+      case ShownOver::kTime:
+        return time(s);
+      case ShownOver::kTimeAlongMotion:
+        return time_along_motion(s);
+      case ShownOver::kSpectrum:
+        return spectrum(s, value(cause, "cycles"));
+      case ShownOver::kReversals:
+        return reversals("reversal", s, s.qd, "velocity");
+      case ShownOver::kTorqueReversals:
+        return reversals("torque_reversal", s, s.extended, "torque");
+      case ShownOver::kCorrelation:
+        return correlation(s, kNaN);
+    }
   }
 
   /// The error of one joint over a channel of any: "qd_elbow".

@@ -4,10 +4,9 @@
 #include <cmath>
 #include <limits>
 
-#include <Eigen/Cholesky>
-#include <Eigen/QR>
-
 #include <diffnea/core/error.hpp>
+
+#include "core/decompositions.hpp"
 
 namespace diffnea {
 namespace {
@@ -109,7 +108,7 @@ MatX<double> ExperimentTrial::basis_without(std::size_t term) const {
   for (long c = 0; c < all.cols(); ++c) all.col(c) /= std::max(all.col(c).norm(), 1e-300);
   Eigen::ColPivHouseholderQR<MatX<double>> qr(all);
   qr.setThreshold(1e-6);
-  return qr.householderQ() * MatX<double>::Identity(all.rows(), qr.rank());
+  return columns_of_q(qr.householderQ(), all.rows(), qr.rank());
 }
 
 MatX<double> ExperimentTrial::beside(const MatX<double>& columns) const {

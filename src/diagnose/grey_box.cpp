@@ -13,7 +13,7 @@ namespace diffnea {
 namespace {
 
 /// Used rows of a joint; of fewer, nothing is learned.
-constexpr long kLeastRows = 8;
+constexpr long kLeastRowsOfJoint = 8;
 constexpr int kDrawn = 41, kDrawnOfPair = 25;
 
 /// Values of a table's variables at the decimated instants, (times(), variables).
@@ -94,7 +94,7 @@ class Trial {
     const MatX<double> x = states(evidence_, axes);
     const std::vector<bool>& kept = search_.whitener().kept();
     const std::vector<bool> used(kept.begin() + joint * m, kept.begin() + (joint + 1) * m);
-    if (std::ranges::count(used, true) < kLeastRows) return std::nullopt;
+    if (std::ranges::count(used, true) < kLeastRowsOfJoint) return std::nullopt;
     const BumpRows rows(evidence_, search_, terms_, beside.there, joint);
     int tried = 1;
     table = best_grid([&](const MatX<double>& columns) { return rows.fit(columns).cost; }, x, axes,
@@ -116,7 +116,7 @@ class Trial {
 
     Remainder out;
     const std::string& where = names_[static_cast<std::size_t>(dof)];
-    static_cast<BoundEffect&>(out.effect) = bind({"residual", where, {}, table}, model_);
+    static_cast<BoundEffect&>(out.effect) = bind({Residual::info().name, where, {}, table}, model_);
     GreyBox& box = out.description;
     box.where = where;
     box.unit = unit_of(dof, "N*m", "N");
@@ -127,7 +127,7 @@ class Trial {
     box.bumps = static_cast<int>(table.weights.size());
     box.effective_parameters = fit.parameters;
     box.bound = table.bound;
-    draw(std::get<Residual>(out.effect.type), fit.root, box);
+    draw(Residual::from(table, names_, "diagnose"), fit.root, box);
 
     const VecX<double> torque = evidence_.torque_of(out.effect);
     const VecX<double> seen = search_.projection().project(torque);
@@ -136,7 +136,7 @@ class Trial {
     const double freedom =
         std::max(n - static_cast<double>(search_.projection().rank()) - fit.parameters, 1.0);
     Cause& cause = out.cause;
-    cause.effect = "residual";
+    cause.effect = Residual::info().name;
     cause.where = where;
     cause.verdict = Verdict::kUnknown;
     cause.lm = fit.gain;
@@ -219,7 +219,8 @@ std::vector<Try> tries(const Model& model, const Evidence& evidence,
   // The base holds one already: a second look at the same joint would be one too many.
   std::erase_if(out, [&](const Try& t) {
     return std::ranges::any_of(model.effects, [&](const EffectSpec& e) {
-      return e.effect == "residual" && e.where == names[static_cast<std::size_t>(t.joint)];
+      return e.effect == Residual::info().name &&
+             e.where == names[static_cast<std::size_t>(t.joint)];
     });
   });
   return out;

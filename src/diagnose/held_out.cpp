@@ -6,15 +6,15 @@
 #include <diffnea/core/error.hpp>
 #include <diffnea/core/random.hpp>
 
+#include "diagnose/thresholds.hpp"
 #include "identify/passes.hpp"
 
 namespace diffnea {
 namespace {
 
-constexpr int kResamples = 1000;
 /// Of a block: errors hang together for as long as a motion takes. Shorter ones where there would
 /// be fewer than kBlocks.
-constexpr double kBlockSeconds = 1.0, kShortestBlock = 0.5;
+constexpr double kBlockSeconds = 1.0, kShortestBlockSeconds = 0.5;
 constexpr long kBlocks = 8;
 
 /// Standard errors of an offset that is beyond doubt; of the error's mean square, to be worth a
@@ -23,7 +23,7 @@ constexpr double kDoubtless = 5.0, kWorthAWord = 0.25;
 
 /// Instants of the shortest block: longer than the noise remembers.
 long shortest_block(const Evidence& evidence) {
-  return std::max<long>(std::lround(kShortestBlock / evidence.step()), kNoiseOrder);
+  return std::max<long>(std::lround(kShortestBlockSeconds / evidence.step()), kNoiseOrder);
 }
 
 long block_of(const Evidence& evidence, long instants) {

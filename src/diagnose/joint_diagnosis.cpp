@@ -4,16 +4,26 @@
 #include <optional>
 
 #include <diffnea/core/error.hpp>
+#include <diffnea/effects/bound_effect.hpp>
 
 #include "diagnose/band_diagnosis.hpp"
 
 namespace diffnea {
 namespace {
 
-/// The effect that is looked for beyond the first band.
-const std::string kGap = "backlash";
-/// Those that show where a joint turns back, and are looked for there at joints that stick.
-const std::vector<std::string> kAtTurns{"stribeck_friction", "backlash", "joint_elasticity"};
+/// Names of the catalogue's effects that have a trait.
+std::vector<std::string> effects_with(Trait trait) {
+  std::vector<std::string> out;
+  for (const EffectInfo& info : catalogue())
+    if (info.has(trait)) out.push_back(info.name);
+  return out;
+}
+
+/// Tells whether an effect, as `diagnose --effects` names it, is looked for beyond the first band.
+bool is_in_wide_band(const std::string& effect) {
+  const EffectInfo* info = known_effect(effect.substr(0, effect.find('@')));
+  return info && info->has(Trait::kInWideBand);
+}
 
 /// What is looked at, and the seconds of looks that are not shown.
 struct Question {
@@ -43,15 +53,16 @@ Finding with_gap_beyond(Question& of, Finding narrow) {
   if (narrow.interrupted) return narrow;
   DiagnoseOptions gaps = of.options;
   gaps.candidates.clear();
-  if (of.options.whole_catalogue()) gaps.effects = {kGap};
-  std::erase_if(gaps.effects, [](const std::string& e) { return !e.starts_with(kGap); });
+  if (of.options.whole_catalogue()) gaps.effects = effects_with(Trait::kInWideBand);
+  std::erase_if(gaps.effects, [](const std::string& e) { return !is_in_wide_band(e); });
   if (gaps.effects.empty()) return narrow;
   gaps.grey_box = false;
   BandDiagnosis screen(of.model, of.train, of.test, Band::kWide, Turns::kLeftOut, gaps);
   if (!came_to_its_end(screen, of, narrow) || screen.finding().causes.empty()) return narrow;
   BandDiagnosis again(of.model, of.train, of.test, Band::kWide, Turns::kLeftOut, of.options);
   if (!came_to_its_end(again, of, narrow) || again.finding().causes.empty() ||
-      std::ranges::any_of(again.finding().causes, [](const Cause& c) { return c.effect != kGap; }))
+      std::ranges::any_of(again.finding().causes,
+                          [](const Cause& c) { return !is_in_wide_band(c.effect); }))
     return narrow;
   of.spent += narrow.seconds - again.finding().seconds;
   Finding wide = again.finish();
@@ -95,7 +106,7 @@ std::vector<std::string> adds_at_turns(const Finding& first, const Finding& seco
 /// What shows at the turns alone, where those of joints that stick were left out: of the causes and
 /// that, then of all candidates, it must be what is added.
 std::optional<Finding> with_turns(Question& of, BandDiagnosis& narrow, Finding& first) {
-  std::vector<std::string> stuck = narrow.without_turns(kAtTurns);
+  std::vector<std::string> stuck = narrow.without_turns(effects_with(Trait::kAtTurns));
   std::erase_if(stuck, [&](const std::string& s) {
     return std::ranges::any_of(first.causes,
                                [&](const Cause& c) { return s == c.effect + "@" + c.where; });

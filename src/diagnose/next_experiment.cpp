@@ -6,15 +6,14 @@
 #include <diffnea/core/error.hpp>
 
 #include "diagnose/experiment_trial.hpp"
+#include "diagnose/thresholds.hpp"
 #include "excite/motion.hpp"
 
 namespace diffnea {
 namespace {
 
 constexpr double kPeriod = 10.0;         ///< of the motions [s]
-constexpr double kDuration = 40.0;       ///< of the experiment [s]
 constexpr double kRamp = 0.1;            ///< from rest to the velocity limit: fast motions need it
-constexpr double kTold = 10.0;           ///< ΔBIC from which two effects are told apart
 constexpr int kSamplesPerHarmonic = 12;  ///< for limits
 
 /// A kind of motion: which harmonics of 1/kPeriod, and how much of the limits.
@@ -109,7 +108,7 @@ class Proposal {
         const double rate = 1.0 / c_.plan.dt;
         ExperimentTrial trial(c_, to_trajectory(c_.model, plan.ranges, plan.motion, kPeriod, rate),
                               kFamilies[f].last / kPeriod);
-        for (const CausePair& p : pairs_) plan.expected.push_back(trial.separation(p, kDuration));
+        for (const CausePair& p : pairs_) plan.expected.push_back(trial.separation(p, kExperiment));
         plans_.push_back(std::move(plan));
       }
     }
@@ -156,14 +155,14 @@ class Proposal {
     for (std::size_t k = 0; k < pairs_.size(); ++k) {
       double most = 0.0;
       for (const Plan& p : plans_) most = std::max(most, p.expected[k]);
-      if (most >= kTold) told_.push_back(k);
+      if (most >= kToldApart) told_.push_back(k);
     }
     const auto worth = [&](const Plan& p) {
       double smallest = 1e300;
       int told = 0;
       for (const std::size_t k : told_) {
         smallest = std::min(smallest, p.expected[k]);
-        told += p.expected[k] >= kTold;
+        told += p.expected[k] >= kToldApart;
       }
       return std::pair{told, smallest};
     };
@@ -184,7 +183,7 @@ class Proposal {
   NextExperiment describe(Plan plan) const {
     fit_effort(plan.ranges, effort_, plan.motion);
     NextExperiment out;
-    out.motion = to_trajectory(c_.model, plan.ranges, plan.motion, kDuration, 1.0 / c_.plan.dt);
+    out.motion = to_trajectory(c_.model, plan.ranges, plan.motion, kExperiment, 1.0 / c_.plan.dt);
     out.expected_delta_bic = std::numeric_limits<double>::infinity();
     std::string told, open;
     for (std::size_t k = 0; k < pairs_.size(); ++k) {
@@ -195,7 +194,7 @@ class Proposal {
       out.pairs.push_back(pair);
       const std::string both =
           label(pair.effect, pair.where) + " and " + label(pair.rival, pair.rival_where);
-      if (plan.expected[k] < kTold) {
+      if (plan.expected[k] < kToldApart) {
         open += (open.empty() ? "" : "; ") + both;
         continue;
       }

@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include <Eigen/QR>
-
+#include "core/decompositions.hpp"
 #include "diagnose/hats.hpp"
+#include "diagnose/thresholds.hpp"
 
 namespace diffnea {
 namespace {
@@ -34,8 +34,6 @@ JointNoise levinson(const std::vector<double>& r) {
 
 /// Of a function of one variable that what is missing may be; fewer where there are few rows.
 constexpr int kKnots = 16, kLeastKnots = 4;
-/// Rows for each column that acts there: with fewer, smooth functions would explain the noise, too.
-constexpr long kRowsAColumn = 4;
 
 }  // namespace
 

@@ -16,7 +16,7 @@ Projection::Projection(const Evidence& evidence, const Whitener& whitener, const
   Q_.resize(n + l, 0);
   if (p > 0) {
     const auto basis = [&](const Factor& f) {
-      return MatX<double>(f.qr.householderQ() * MatX<double>::Identity(n + l, f.qr.rank()));
+      return columns_of_q(f.qr.householderQ(), n + l, f.qr.rank());
     };
     own_ = factor(evidence.base());
     seen_ = evidence.averaged() ? factor(evidence.averaged_base()) : own_;

@@ -8,8 +8,7 @@
 /// linear about x₀: torque that is zero fits any multiple of x, and the smallest would leave the
 /// least. Where effects see the averaged motion, their Q is that motion's.
 
-#include <Eigen/QR>
-
+#include "core/decompositions.hpp"
 #include "diagnose/noise.hpp"
 
 namespace diffnea {

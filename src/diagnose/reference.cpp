@@ -55,7 +55,7 @@ VecX<double> within_signs(const FitLayout& layout, const Evidence& evidence,
 VecX<double> shapes_at(const FitLayout& layout, const VecX<double>& x,
                        const std::vector<Term>& terms) {
   const bool spring = std::ranges::any_of(
-      terms, [](const Term& t) { return t.effect.info().name == "joint_elasticity"; });
+      terms, [](const Term& t) { return t.effect.info().motor == HiddenMotor::kSpring; });
   const double most = spring ? kMostTurnAtSpring : kMostTurn;
   VecX<double> shape(static_cast<long>(layout.shape.size()));
   long at = static_cast<long>(layout.linear.size());
@@ -84,7 +84,7 @@ double Reference::set(const VecX<double>& x, const std::vector<Term>& terms) {
     extended_.effects.push_back(to_spec(t.effect));
     // Those that change the tree or the channels are columns of their own on top of it; under a
     // tilt are the base's columns, too.
-    if (t.effect.is_local() || t.effect.info().name == "base_tilt")
+    if (t.effect.is_local() || t.effect.info().has(Trait::kGravity))
       reference.effects.push_back(to_spec(t.effect));
   }
   const double moved = train_.set_reference(reference);
@@ -104,7 +104,7 @@ bool Reference::rebase(const Projection& projection, const std::vector<Term>& te
 bool Reference::set_tilt(const VecX<double>& x, const std::vector<Term>& terms) {
   Vec3<double> more{0, 0, 0};
   for (const Term& t : terms)
-    if (t.effect.info().name == "base_tilt")
+    if (t.effect.info().has(Trait::kGravity))
       more = more + Vec3<double>{t.effect.parameters[0], t.effect.parameters[1], 0.0};
   if (!tilted_ && dot(more, more) == 0.0) return false;
   tilted_ = dot(more, more) > 0.0;

@@ -3,8 +3,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include <Eigen/Cholesky>
-#include <Eigen/QR>
+#include <diffnea/effects/stepping.hpp>
+
+#include "core/decompositions.hpp"
 
 namespace diffnea {
 namespace {
@@ -25,7 +26,7 @@ constexpr double kMostLog = 0.7, kMostPlain = 0.3;
 /// Drops shapes whose derivatives D the columns G reproduce. @return whether there were any
 bool drop_redundant(const MatX<double>& G, const MatX<double>& D, Term& term) {
   const Eigen::HouseholderQR<MatX<double>> qr(G);
-  const MatX<double> Q = qr.householderQ() * MatX<double>::Identity(G.rows(), G.cols());
+  const MatX<double> Q = columns_of_q(qr.householderQ(), G.rows(), G.cols());
   std::vector<int> kept;
   for (long s = 0; s < D.cols(); ++s) {
     const double left = (D.col(s) - Q * (Q.transpose() * D.col(s))).norm();
@@ -156,10 +157,9 @@ bool impossible(const Term& term) {
 
 bool plausible(const Search& search, const Term& term) {
   // A rotor that its spring's damper does not let swing is a lag by another name.
-  if (const auto* spring = std::get_if<JointElasticity>(&term.effect.type);
-      spring && !term.effect.own) {
-    const double* p = term.effect.parameters.data();  // stiffness, damping, inertia
-    if (p[1] * p[1] > 4.0 * p[0] * p[2]) return false;
+  if (!term.effect.own && hides_motor(term.effect)) {
+    const MotorSpring<double> s = motor_spring(term.effect);
+    if (s.damping * s.damping > 4.0 * s.stiffness * s.inertia) return false;
   }
   // A hidden rotor without inertia only bends the friction that turns with it.
   for (const int k : term.linear)

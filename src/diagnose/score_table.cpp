@@ -8,7 +8,7 @@
 namespace diffnea {
 namespace {
 
-bool is_ripple(const Candidate& c) { return c.effect.info().name == "cogging"; }
+bool is_ripple(const Candidate& c) { return c.bound() == SearchBound::kRipple; }
 
 /// Ripples of a candidate's grid, which is even (bounds.cpp).
 void ripples_of(const Candidate& c, const Evidence& evidence,

@@ -27,7 +27,7 @@ std::vector<Term> without(const std::vector<Term>& terms, std::size_t i) {
 }
 
 /// Accepted, a tilt is in the base's columns, too: without it, they would be those of no model.
-bool stays(const Term& term) { return term.effect.info().name == "base_tilt"; }
+bool stays(const Term& term) { return term.effect.info().has(Trait::kGravity); }
 
 std::set<int> names(const std::vector<Term>& terms) {
   std::set<int> out;

@@ -7,10 +7,11 @@
 #include <diffnea/core/error.hpp>
 #include <diffnea/sim/replay.hpp>
 
+#include "core/constants.hpp"
+
 namespace diffnea {
 namespace {
 
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr double kBefore = 0.5;            ///< [s] that effects with memory look back
 constexpr double kInLoop = 4.0;            ///< [s] of a window; the controller holds it together
 constexpr double kByTorque = 0.5;          ///< [s]; beyond, errors of the first velocity take over

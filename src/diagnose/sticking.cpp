@@ -6,7 +6,7 @@
 
 #include <diffnea/recording/butterworth.hpp>
 
-#include "core/median.hpp"
+#include "core/statistics.hpp"
 
 namespace diffnea {
 namespace {

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include <diffnea/effects/stepping.hpp>
+
 namespace diffnea {
 
 VecX<double> Term::values() const {
@@ -81,12 +83,11 @@ Scale scale_of(const Term& term, int parameter) {
 
 bool is_like_friction(const TriedEffect& effect) {
   const EffectInfo& info = effect.info();
-  return info.port == Port::kJointTorque || info.name.starts_with("presliding_");
+  return info.port == Port::kJointTorque || info.has(Trait::kFriction);
 }
 
 bool is_dry(const TriedEffect& effect) {
-  if (std::holds_alternative<JointElasticity>(effect.type) && !effect.own)
-    return JointElasticity::friction_share(effect.parameters.data()) < 1.0;
+  if (!effect.own && hides_motor(effect)) return motor_spring(effect).friction_share < 1.0;
   return std::ranges::find(effect.parameter_info, "smoothing", &ParameterInfo::name) !=
          effect.parameter_info.end();
 }

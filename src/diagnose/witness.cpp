@@ -3,8 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include <Eigen/Cholesky>
-
+#include "core/decompositions.hpp"
 #include "diagnose/hats.hpp"
 #include "diagnose/inexact.hpp"
 
@@ -85,7 +84,7 @@ std::vector<WitnessScore> find_witnesses(const Evidence& evidence, const Search&
     if (t.has_offset()) left -= t.projected.col(t.width());
   }
   const Eigen::HouseholderQR<MatX<double>> qr(S);
-  const MatX<double> Q = qr.householderQ() * MatX<double>::Identity(S.rows(), S.cols());
+  const MatX<double> Q = columns_of_q(qr.householderQ(), S.rows(), S.cols());
   const VecX<double> r = left - Q * (Q.transpose() * left);
   const double chi2 = r.squaredNorm();
   const VecX<double> inexact = inexact_friction(search, terms, true);

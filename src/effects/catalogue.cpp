@@ -28,13 +28,44 @@ std::string choices(const std::string& name, const std::vector<std::string>& nam
 }
 
 template <std::size_t... I>
-const std::vector<AnyEffect>& all_effects(std::index_sequence<I...>) {
-  static const std::vector<AnyEffect> kAll{
-      AnyEffect(std::variant_alternative_t<I, AnyEffect>{})...};
+std::vector<std::shared_ptr<const AnyEffect>> all_of(std::index_sequence<I...>) {
+  return {std::make_shared<const AnyEffect>(std::variant_alternative_t<I, EffectVariant>{})...};
+}
+/// One of each, as the catalogue has them.
+const std::vector<std::shared_ptr<const AnyEffect>>& all_effects() {
+  static const auto kAll = all_of(std::make_index_sequence<std::variant_size_v<EffectVariant>>{});
   return kAll;
 }
-const std::vector<AnyEffect>& all_effects() {
-  return all_effects(std::make_index_sequence<std::variant_size_v<AnyEffect>>{});
+
+const EffectInfo& info_of(const EffectVariant& effect) {
+  return std::visit([]<class E>(const E&) -> const EffectInfo& { return E::info(); }, effect);
+}
+
+const std::shared_ptr<const AnyEffect>& formula_of(const std::string& name) {
+  std::vector<std::string> names;
+  for (const auto& effect : all_effects()) {
+    if (info_of(*effect).name == name) return effect;
+    names.push_back(info_of(*effect).name);
+  }
+  throw ModelError("effect '" + name + "': there is no such effect; " + choices(name, names));
+}
+
+/// Completes a formula with what it has of the model and the spec beside its parameters.
+/// @throws ModelError
+std::shared_ptr<const AnyEffect> completed(const std::shared_ptr<const AnyEffect>& effect,
+                                           const BoundSetting& setting) {
+  auto out = std::make_shared<AnyEffect>(*effect);
+  const bool complete = std::visit(
+      [&](auto& formula) {
+        if constexpr (requires { formula.complete(setting); }) {
+          formula.complete(setting);
+          return true;
+        }
+        return false;
+      },
+      static_cast<EffectVariant&>(*out));
+  if (complete) return out;
+  return effect;
 }
 
 std::string names_of_places(Place place) {
@@ -83,7 +114,7 @@ std::vector<int> resolve_where(const std::string& here, const EffectInfo& info,
     const std::vector<std::string> there = places(info, model);
     if (there.empty())
       throw ModelError(here + ": the model has no " +
-                       (info.name == "string_wrap"     ? "cup on the link of a string"
+                       (info.has(Trait::kNeedsCup)     ? "cup on the link of a string"
                         : info.place == Place::kString ? "string"
                                                        : "ball") +
                        " to act on");
@@ -124,23 +155,6 @@ bool parse_run(const std::string& name, const std::string& stem, int& run) {
   const char* end = name.data() + name.size();
   const auto [last, error] = std::from_chars(name.data() + stem.size() + 1, end, run);
   return error == std::errc() && last == end;
-}
-
-/// Where a tip force pulls, in the frame of the link that dof `joint` moves; see tip_force.hpp.
-Vec3<double> tip_point(const Model& model, int joint) {
-  const TreeMap map = map_to_tree(model);
-  const ModelFrame* frame = nullptr;
-  for (const ModelFrame& f : model.frames)
-    if (f.link >= 0 && map.dof[static_cast<std::size_t>(f.link)] == joint &&
-        (!frame || frame->name != "tip"))
-      frame = &f;
-  if (frame) return (map.X_LF[static_cast<std::size_t>(frame->link)] * frame->X_LF).p;
-  const auto outermost = std::ranges::find(map.dof.rbegin(), map.dof.rend(), joint);
-  const auto link = map.dof.rend() - outermost - 1;
-  if (model.links[static_cast<std::size_t>(link)].type == ModelJoint::kFixed)
-    return map.X_LF[static_cast<std::size_t>(link)].p;
-  const SpatialInertia<double>& body = model.links[static_cast<std::size_t>(link)].inertia;
-  return body.m > 0.0 ? body.h * (1.0 / body.m) : Vec3<double>{0, 0, 0};
 }
 
 [[noreturn]] void refuse_runs(const std::string& where) {
@@ -218,9 +232,9 @@ bool BoundEffect::acts_in(int run) const {
   return runs.empty() || std::ranges::find(runs, run) != runs.end();
 }
 
-const EffectInfo& info(const AnyEffect& effect) {
-  return std::visit([]<class E>(const E&) -> const EffectInfo& { return E::info(); }, effect);
-}
+std::shared_ptr<const AnyEffect> any_effect() { return all_effects().front(); }
+
+const EffectInfo& BoundEffect::info() const { return info_of(*type); }
 
 bool acts_on_ball(const EffectInfo& info) {
   return info.place == Place::kBall || info.place == Place::kString || info.place == Place::kCamera;
@@ -229,19 +243,24 @@ bool acts_on_ball(const EffectInfo& info) {
 const std::vector<EffectInfo>& catalogue() {
   static const std::vector<EffectInfo> kCatalogue = [] {
     std::vector<EffectInfo> out;
-    for (const AnyEffect& effect : all_effects()) out.push_back(info(effect));
+    for (const auto& effect : all_effects()) out.push_back(info_of(*effect));
     return out;
   }();
   return kCatalogue;
 }
 
-AnyEffect find_effect(const std::string& name) {
-  std::vector<std::string> names;
-  for (const AnyEffect& effect : all_effects()) {
-    if (info(effect).name == name) return effect;
-    names.push_back(info(effect).name);
-  }
-  throw ModelError("effect '" + name + "': there is no such effect; " + choices(name, names));
+const EffectInfo& find_effect(const std::string& name) { return info_of(*formula_of(name)); }
+
+const EffectInfo* known_effect(const std::string& name) {
+  const auto at = std::ranges::find(catalogue(), name, &EffectInfo::name);
+  return at == catalogue().end() ? nullptr : &*at;
+}
+
+const std::string& effect_of(NativeField field) {
+  for (const EffectInfo& info : catalogue())
+    for (const ParameterInfo& p : info.parameters)
+      if (p.native == field) return info.name;
+  throw Error("effect_of: no effect of the catalogue has a parameter of that native field");
 }
 
 std::vector<int> BoundEffect::linear_parameters() const {
@@ -263,8 +282,7 @@ std::vector<int> BoundEffect::amplitude_parameters() const {
   if (!out.empty()) return out;
   for (const int k : shape_parameters())
     if (scale(parameter_info[k]) == Scale::kPlain) out.push_back(k);
-  if (std::holds_alternative<PreslidingLugre>(type))
-    out.clear();  // its damping switches nothing on
+  if (info().has(Trait::kNoAmplitude)) out.clear();
   return out;
 }
 
@@ -284,7 +302,7 @@ std::vector<std::string> places(const EffectInfo& info, const Model& model) {
       return model.ball ? std::vector<std::string>{"ball"} : std::vector<std::string>{};
     case Place::kString:
       if (!model.ball || !model.ball->string) return {};
-      if (info.name == "string_wrap" && !cup_at_string(model)) return {};
+      if (info.has(Trait::kNeedsCup) && !cup_at_string(model)) return {};
       return {"string"};
     case Place::kCamera:
       return model.ball ? std::vector<std::string>{"camera"} : std::vector<std::string>{};
@@ -294,7 +312,7 @@ std::vector<std::string> places(const EffectInfo& info, const Model& model) {
 
 BoundEffect bind(const EffectSpec& spec, const Model& model, const std::vector<int>& runs) {
   BoundEffect out;
-  out.type = find_effect(spec.effect);
+  out.type = formula_of(spec.effect);
   out.where = spec.where;
   const EffectInfo& info = out.info();
   const std::string here = model.name + ": " + spec.effect + " at '" + spec.where + "'";
@@ -303,7 +321,7 @@ BoundEffect bind(const EffectSpec& spec, const Model& model, const std::vector<i
   const RunPlace place = split_where(spec.where);
   out.runs = place.runs;
   out.joints = resolve_where(here, info, place.place, model);
-  if (!out.runs.empty() && (spec.effect == "armature" || spec.effect == "torque_gain"))
+  if (!out.runs.empty() && info.has(Trait::kOfRobot))
     throw ModelError(here +
                      ": it belongs to the robot and acts in every recording; leave out ':run='");
 
@@ -321,20 +339,11 @@ BoundEffect bind(const EffectSpec& spec, const Model& model, const std::vector<i
       if (int run = 0; i.per_run && parse_run(p.name, i.name, run)) all_runs.push_back(run);
   std::ranges::sort(all_runs);
   all_runs.erase(std::ranges::unique(all_runs).begin(), all_runs.end());
-  if (SessionOffset* session = std::get_if<SessionOffset>(&out.type)) session->runs = all_runs;
-  if (TipForce* force = std::get_if<TipForce>(&out.type))
-    force->p_LF = tip_point(model, out.joints.at(0));
-  if (Residual* residual = std::get_if<Residual>(&out.type)) {
-    if (!spec.table)
-      throw ModelError(here +
-                       ": it has no table; `diffnea diagnose` learns one where a torque has "
-                       "no name, it cannot be asked for");
-    if (out.joints.size() != 1)
-      throw ModelError(here + ": its table is of one joint; expected that joint's name");
-    *residual = Residual::from(*spec.table, joint_names(model), here);
-  } else if (spec.table) {
+  out.type = completed(out.type, {spec, model, out.joints, all_runs, here});
+  const bool has_table =
+      visit_formula(out, [](const auto& formula) { return requires { formula.table; }; });
+  if (spec.table && !has_table)
     throw ModelError(here + ": it has a table of bumps, which is of the effect residual alone");
-  }
 
   for (ParameterInfo p : info.parameters) {
     if (mixed && p.unit != p.unit_prismatic)
@@ -384,7 +393,9 @@ EffectSpec to_spec(const BoundEffect& effect) {
   for (std::size_t i = 0; i < effect.parameters.size(); ++i)
     spec.parameters.push_back(
         {effect.parameter_info[i].name, effect.parameters[i], effect.parameter_info[i].unit});
-  if (const Residual* residual = std::get_if<Residual>(&effect.type)) spec.table = residual->table;
+  visit_formula(effect, [&](const auto& formula) {
+    if constexpr (requires { spec.table = formula.table; }) spec.table = formula.table;
+  });
   return spec;
 }
 

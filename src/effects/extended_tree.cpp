@@ -6,7 +6,7 @@ namespace diffnea {
 ExtendedTree extend(const Model& model, const std::vector<int>& runs, int run) {
   ExtendedTree out{make_tree(model), {}, {}};  // make_tree takes the armature
   for (const EffectSpec& spec : model.effects) {
-    if (spec.effect == "armature") continue;
+    if (find_effect(spec.effect).has(Trait::kRotor)) continue;
     const BoundEffect effect = bind(spec, model, runs);
     if (!effect.acts_in(run) || acts_on_ball(effect.info())) continue;
     if (effect.info().port == Port::kModelParameter)
@@ -17,14 +17,7 @@ ExtendedTree extend(const Model& model, const std::vector<int>& runs, int run) {
   return out;
 }
 
-bool reads_time(const BoundEffect& e) {
-  return std::visit(
-      [](const auto& formula) {
-        if constexpr (requires { formula.kReadsTime; }) return formula.kReadsTime;
-        return false;
-      },
-      e.type);
-}
+bool reads_time(const BoundEffect& e) { return e.info().has(Trait::kReadsTime); }
 
 RowMatX<double> inverse_dynamics(const ExtendedTree& model,
                                  const Eigen::Ref<const RowMatX<double>>& q,

@@ -1,28 +1,22 @@
 #include <algorithm>
 
-#include <Eigen/LU>
-
 #include <diffnea/core/error.hpp>
+#include <diffnea/effects/catalogue.hpp>
 #include <diffnea/effects/forward_dynamics.hpp>
+
+#include "core/decompositions.hpp"
 
 namespace diffnea {
 
-bool reads_acceleration(const BoundEffect& e) {
-  return std::visit(
-      [](const auto& formula) {
-        if constexpr (requires { formula.kReadsAcceleration; }) return formula.kReadsAcceleration;
-        return false;
-      },
-      e.type);
-}
+bool reads_acceleration(const BoundEffect& e) { return e.info().has(Trait::kReadsAcceleration); }
 
 VecX<double> torque_gains(const std::vector<BoundEffect>& effects, int num_dofs) {
   VecX<double> out = VecX<double>::Ones(num_dofs);
   for (const BoundEffect& e : effects)
-    if (std::holds_alternative<TorqueGain>(e.type))
+    if (e.info().has(Trait::kGain))
       for (const int j : e.joints) out[j] += e.parameters[0];
   for (const BoundEffect& e : effects)
-    if (std::holds_alternative<TorqueGain>(e.type))
+    if (e.info().has(Trait::kGain))
       for (const int j : e.joints)
         if (!(out[j] > 0.0))
           throw ModelError(
@@ -34,14 +28,13 @@ VecX<double> torque_gains(const std::vector<BoundEffect>& effects, int num_dofs)
 
 namespace {
 
-/// Joints whose state the torque depends on: those that it acts on, of a residual its table's.
+/// Joints whose state the torque depends on: those that it acts on, unless its formula names
+/// others.
 std::vector<int> joints_read(const BoundEffect& e) {
-  const Residual* residual = std::get_if<Residual>(&e.type);
-  if (!residual) return e.joints;
-  std::vector<int> out;
-  for (const Residual::Axis& a : residual->axes)
-    if (std::ranges::find(out, a.joint) == out.end()) out.push_back(a.joint);
-  return out;
+  return visit_formula(e, [&](const auto& formula) {
+    if constexpr (requires { formula.joints_read(); }) return formula.joints_read();
+    return e.joints;
+  });
 }
 
 }  // namespace
@@ -61,8 +54,7 @@ ForwardDynamics::ForwardDynamics(ExtendedTree model)
     throw ModelError("forward dynamics: " + e.info().name + " at '" + e.where +
                      "' depends on the past or on how the motion is measured, not on one instant; "
                      "`diffnea simulate` integrates it");
-  std::erase_if(model_.effects,
-                [](const BoundEffect& e) { return std::holds_alternative<TorqueGain>(e.type); });
+  std::erase_if(model_.effects, [](const BoundEffect& e) { return e.info().has(Trait::kGain); });
   for (int j = 0; j < n_; ++j) model_.tree.links[j].armature /= gains_[j];
   for (const BoundEffect& e : model_.effects)
     if (reads_acceleration(e)) implicit_.push_back(e);

@@ -3,6 +3,7 @@
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/dynamics/batch.hpp>
+#include <diffnea/effects/catalogue.hpp>
 #include <diffnea/effects/hidden_motor.hpp>
 #include <diffnea/effects/series.hpp>
 
@@ -35,12 +36,10 @@ JointSample<double> sample(const JointSeries& x, long k) {
 
 void add_local(const BoundEffect& effect, const Tree<double>& tree, const JointSeries& x,
                const double* p, Rows& out) {
-  std::visit(
-      [&](const auto& formula) {
-        for (long k = 0; k < x.rows(); ++k)
-          detail::add_torque(formula, effect, &tree, sample(x, k), p, out.row(k).data());
-      },
-      effect.type);
+  visit_formula(effect, [&](const auto& formula) {
+    for (long k = 0; k < x.rows(); ++k)
+      detail::add_torque(formula, effect, &tree, sample(x, k), p, out.row(k).data());
+  });
 }
 
 /// The sign equation with all effects of one instant, at x.tau.
@@ -53,12 +52,10 @@ Rows local_total(const ExtendedTree& base, const JointSeries& x) {
 /// Motion as it was, for an effect of a channel.
 JointSeries true_motion(const BoundEffect& effect, const JointSeries& x, const double* p) {
   JointSeries truth = x;
-  std::visit(
-      [&](const auto& formula) {
-        if constexpr (requires { formula.add_to_motion(x, 0, p, truth); })
-          for (const int j : effect.joints) formula.add_to_motion(x, j, p, truth);
-      },
-      effect.type);
+  visit_formula(effect, [&](const auto& formula) {
+    if constexpr (requires { formula.add_to_motion(x, 0, p, truth); })
+      for (const int j : effect.joints) formula.add_to_motion(x, j, p, truth);
+  });
   return truth;
 }
 
@@ -102,24 +99,41 @@ Rows moved_friction(const ExtendedTree& base, const JointSeries& x, int joint,
   return out;
 }
 
+/// Torque of a state along the motion, the velocity straight between the rows.
+template <JointStateEffect E>
+VecX<double> state_series(const JointSeries& x, int joint, const double* p) {
+  constexpr int kSubsteps = 8;  // the velocity is constant within one
+  const double h = x.dt / kSubsteps;
+  VecX<double> out(x.rows());
+  double z = 0.0;
+  for (long k = 0; k < x.rows(); ++k) {
+    for (int i = 0; k > 0 && i < kSubsteps; ++i) {
+      const double share = (i + 0.5) / kSubsteps;
+      const double v = (1 - share) * x.qd(k - 1, joint) + share * x.qd(k, joint);
+      z = advanced_over<E>(z, {v * h, v, h}, p);
+    }
+    out[k] = state_torque<E>(z, x.qd(k, joint), p);
+  }
+  return out;
+}
+
 Rows memory_torque(const BoundEffect& effect, const ExtendedTree& base, const JointSeries& x,
                    const double* p) {
   Rows out = Rows::Zero(x.rows(), x.q.cols());
-  std::visit(
-      [&](const auto& formula) {
-        for (const int j : effect.joints) {
-          if constexpr (requires { formula.torque_series(x, j, p); })
-            out.col(j) += formula.torque_series(x, j, p);
-          if constexpr (requires { formula.rotor_torque(VecX<double>(), x.dt, p); }) {
-            const double share = formula.friction_share(p);
-            const VecX<double> wound =
-                formula.deflection(load_on_spring(base, x, j, share), x.dt, p);
-            out.col(j) += formula.rotor_torque(wound, x.dt, p);
-            if (!base.effects.empty()) out += moved_friction(base, x, j, wound, share);
-          }
-        }
-      },
-      effect.type);
+  visit_formula(effect, [&]<class E>(const E& formula) {
+    for (const int j : effect.joints) {
+      if constexpr (requires { formula.torque_series(x, j, p); })
+        out.col(j) += formula.torque_series(x, j, p);
+      else if constexpr (JointStateEffect<E>)
+        out.col(j) += state_series<E>(x, j, p);
+      if constexpr (requires { formula.rotor_torque(VecX<double>(), x.dt, p); }) {
+        const double share = formula.motor_spring(p).friction_share;
+        const VecX<double> wound = formula.deflection(load_on_spring(base, x, j, share), x.dt, p);
+        out.col(j) += formula.rotor_torque(wound, x.dt, p);
+        if (!base.effects.empty()) out += moved_friction(base, x, j, wound, share);
+      }
+    }
+  });
   return out;
 }
 

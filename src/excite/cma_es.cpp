@@ -5,7 +5,7 @@
 #include <numeric>
 #include <vector>
 
-#include <Eigen/Eigenvalues>
+#include "core/decompositions.hpp"
 
 namespace diffnea {
 

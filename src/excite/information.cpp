@@ -3,9 +3,7 @@
 #include <cmath>
 #include <limits>
 
-#include <Eigen/Cholesky>
-#include <Eigen/QR>
-#include <Eigen/SVD>
+#include "core/decompositions.hpp"
 
 namespace diffnea {
 namespace {
@@ -18,7 +16,7 @@ constexpr double kDependent = 1e-9;
 /// The model but for effects that no fit of torques has columns of: they tell nothing of the base.
 Model fitted_part(Model model) {
   std::erase_if(model.effects, [](const EffectSpec& e) {
-    const Port port = info(find_effect(e.effect)).port;
+    const Port port = find_effect(e.effect).port;
     return port != Port::kJointTorque && port != Port::kModelParameter;
   });
   return model;
@@ -122,7 +120,13 @@ double log_det(const RowMatX<double>& columns) {
 }
 
 double condition_number(const RowMatX<double>& columns) {
-  const VecX<double> s = Eigen::BDCSVD<MatX<double>>(columns).singularValues();
+  // The triangular factor has the singular values of the columns, and is square.
+  const Eigen::HouseholderQR<MatX<double>> qr(columns);
+  const long p = columns.cols();
+  const VecX<double> s =
+      Eigen::JacobiSVD<MatX<double>, Eigen::NoQRPreconditioner>(
+          MatX<double>(qr.matrixQR().topRows(p).triangularView<Eigen::Upper>()))
+          .singularValues();
   return s[s.size() - 1] > 0.0 ? s[0] / s[s.size() - 1] : std::numeric_limits<double>::infinity();
 }
 

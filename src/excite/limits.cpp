@@ -6,11 +6,10 @@
 #include <diffnea/core/error.hpp>
 
 #include "core/c_numbers.hpp"
+#include "core/constants.hpp"
 
 namespace diffnea {
 namespace {
-
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 /// The value for a joint: its own, else that for all.
 template <class T>

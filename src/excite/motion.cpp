@@ -4,7 +4,7 @@
 #include <cmath>
 #include <numbers>
 
-#include <Eigen/QR>
+#include "core/decompositions.hpp"
 
 namespace diffnea {
 namespace {

@@ -1,12 +1,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include <Eigen/Cholesky>
-#include <Eigen/LU>
-#include <Eigen/QR>
-
 #include <diffnea/core/error.hpp>
 
+#include "core/decompositions.hpp"
 #include "identify/ball_path.hpp"
 #include "identify/ball_world.hpp"
 
@@ -129,8 +126,7 @@ std::array<T, 6> residuals(const BallWorld<T>& world, const SmoothRow& row, cons
 BallFit fit_ball_constrained(const Model& model, const BallLayout& layout, const BallData& data,
                              const BallFitOptions& options) {
   for (const BoundEffect& e : layout.effects)
-    if (e.info().port == Port::kBallView || e.info().port == Port::kBallImpact ||
-        e.info().name == "string_rebound")
+    if (e.info().port == Port::kBallView || e.info().has(Trait::kJumps))
       throw ModelError(e.info().name + " at " + e.where +
                        ": the constrained loss compares accelerations and cannot fit it; use the "
                        "trajectory loss");

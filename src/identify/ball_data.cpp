@@ -1,14 +1,13 @@
 #include <algorithm>
 #include <cmath>
 
-#include <Eigen/QR>
-
 #include <diffnea/core/error.hpp>
+#include <diffnea/core/text.hpp>
 #include <diffnea/dynamics/cup_contact.hpp>
 #include <diffnea/identify/ball_fit.hpp>
 
-#include "core/c_numbers.hpp"
-#include "core/median.hpp"
+#include "core/decompositions.hpp"
+#include "core/statistics.hpp"
 #include "identify/ball_rows.hpp"
 
 namespace diffnea {
@@ -16,12 +15,6 @@ namespace {
 
 /// Surface of a ball over its way: struck balls reach 1 (table tennis) to 2.
 constexpr double kMostSpin = 2.5;
-
-std::string number(double x) {
-  char text[32];
-  detail::print(text, sizeof text, "%.3g", x);
-  return text;
-}
 
 /// A ball further from the origin is one in other units [m].
 constexpr double kFarOnString = 20.0, kFarInFlight = 200.0;
@@ -34,9 +27,9 @@ void require_metres(const Recording& r, bool string) {
   if (distances.empty()) return;
   const double middle = median(distances);
   if (middle > (string ? kFarOnString : kFarInFlight))
-    throw DataError(r.source + ": the ball is " + number(middle) +
+    throw DataError(r.source + ": the ball is " + detail::number_text(middle, 3) +
                     " m from the world's origin (median of ball_x, ball_y, ball_z), expected " +
-                    number(string ? kFarOnString : kFarInFlight) +
+                    detail::number_text(string ? kFarOnString : kFarInFlight, 3) +
                     " m at most; give its positions in metres, not in millimetres");
 }
 
@@ -75,12 +68,13 @@ class Windows {
       time.push_back(r.time[k]);
       seen.push_back({r.ball(k, 0), r.ball(k, 1), r.ball(k, 2)});
     }
-    const bool bounces = std::ranges::any_of(
-        model.effects, [](const EffectSpec& e) { return e.effect == "bounce"; });
+    const bool bounces = std::ranges::any_of(model.effects, [](const EffectSpec& e) {
+      return find_effect(e.effect).port == Port::kBallImpact;
+    });
     lost_ = find_outliers(time, seen, options.longest_gap);
     for (std::size_t i = 0; i < lost_.size(); ++i)
       if (lost_[i] > 0.0)
-        flag(time[i], "ball", "is " + number(1e3 * lost_[i]) + " mm off its neighbours");
+        flag(time[i], "ball", "is " + detail::number_text(1e3 * lost_[i], 3) + " mm off its neighbours");
     if (!model.ball->string && !bounces) kinks_ = find_kinks(time, seen, options.longest_gap);
     seen_ = std::move(seen);
   }
@@ -144,9 +138,9 @@ class Windows {
                    speed = std::sqrt(dot(w.state.v, w.state.v));
       if (radius_ * spin > kMostSpin * speed)
         return flag(from, "spin",
-                    number(spin) + " rad/s would move the surface at " +
-                        number(radius_ * spin / speed) + " times the ball's speed, expected " +
-                        number(kMostSpin) + " at most");
+                    detail::number_text(spin, 3) + " rad/s would move the surface at " +
+                        detail::number_text(radius_ * spin / speed, 3) + " times the ball's speed, expected " +
+                        detail::number_text(kMostSpin, 3) + " at most");
     }
     data_.windows.push_back(std::move(w));
   }
@@ -211,9 +205,9 @@ BallData make_ball_data(const Model& model, const std::vector<Recording>& record
     }
     if (data.windows.size() == before && data.flagged.size() == flags)
       data.flagged.push_back({r.run, r.time[0], "ball",
-                              "is nowhere seen for " + number(options.shortest) +
+                              "is nowhere seen for " + detail::number_text(options.shortest, 3) +
                                   " s on end (rows further apart than " +
-                                  number(options.longest_gap) + " s are a gap)"});
+                                  detail::number_text(options.longest_gap, 3) + " s are a gap)"});
   }
   if (data.windows.empty())
     throw DataError(recordings.front().source + ": the ball " +

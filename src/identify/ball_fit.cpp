@@ -2,9 +2,8 @@
 #include <array>
 #include <cmath>
 
-#include <Eigen/Cholesky>
-
-#include "core/median.hpp"
+#include "core/decompositions.hpp"
+#include "core/statistics.hpp"
 #include "identify/ball_cost.hpp"
 #include "identify/ball_path.hpp"
 #include "identify/ball_world.hpp"

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/median.hpp"
+#include "core/statistics.hpp"
 #include "identify/passes.hpp"
 
 namespace diffnea {
@@ -14,7 +14,7 @@ constexpr double kMostFar = 0.1;  ///< share of rows
 constexpr double kMostOfWindow = 0.3;
 constexpr double kRange = 4.0;       ///< that a window's own C_M may be off the common one by
 constexpr double kCertain = 3.0;     ///< standard errors
-constexpr std::size_t kEnough = 10;  ///< windows that tell C_M
+constexpr std::size_t kEnoughWindows = 10;  ///< windows that tell C_M
 constexpr double kChance = 3.7;      ///< standard normal of a probability of 1e-4
 
 /// Which errors are of stretches of at most `most` far ones.
@@ -100,8 +100,8 @@ bool drop_false_spins(const FittedBall& ball, BallData& data, double sigma,
                       const BallFitOptions& options, double& agreed) {
   std::vector<EffectSpec> effects;
   for (const BoundEffect& e : ball.layout.effects) effects.push_back(to_spec(e));
-  const bool lifted =
-      std::ranges::any_of(effects, [](const EffectSpec& e) { return e.effect == "magnus"; });
+  const bool lifted = std::ranges::any_of(
+      effects, [](const EffectSpec& e) { return find_effect(e.effect).has(Trait::kNeedsSpin); });
   if (!lifted) effects.push_back({"magnus", "ball", {}});
   BallLayout layout = make_ball_layout(ball.model, effects);
   VecX<double> p = layout.values();
@@ -109,8 +109,8 @@ bool drop_false_spins(const FittedBall& ball, BallData& data, double sigma,
   double present = 0.0;
   for (std::size_t k = 0; k < layout.parameters.size(); ++k) {
     BallParameter& q = layout.parameters[k];
-    q.fixed =
-        q.effect < 0 || layout.effects[static_cast<std::size_t>(q.effect)].info().name != "magnus";
+    q.fixed = q.effect < 0 ||
+              !layout.effects[static_cast<std::size_t>(q.effect)].info().has(Trait::kNeedsSpin);
     if (!q.fixed) present = p[static_cast<Eigen::Index>(k)];
   }
   BallFitOptions plain = options;
@@ -130,7 +130,7 @@ bool drop_false_spins(const FittedBall& ball, BallData& data, double sigma,
     if (std::abs(own.back().value) > kCertain * own.back().std) told.push_back(own.back().value);
   }
   if (agreed == 0.0) {
-    if (told.size() < kEnough) return false;
+    if (told.size() < kEnoughWindows) return false;
     const auto up =
         static_cast<double>(std::ranges::count_if(told, [](double c) { return c > 0; }));
     const auto n = static_cast<double>(told.size());

@@ -2,13 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
-
-#include <Eigen/QR>
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/identify/posterior.hpp>
 
+#include "core/constants.hpp"
+#include "core/decompositions.hpp"
 #include "identify/ball_flags.hpp"
 #include "identify/ball_path.hpp"
 #include "identify/bounce_guess.hpp"
@@ -19,7 +18,6 @@
 namespace diffnea {
 namespace {
 
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 /// A length or place of the string that is known worse than this is not known [m].
 constexpr double kKnown = 0.02;
 /// Share of a parameter's own influence that the others must leave.
@@ -35,7 +33,7 @@ constexpr double kMostLeft = 1.1;
 constexpr int kMostRounds = 4;
 
 bool is_ball_effect(const std::string& entry) {
-  return acts_on_ball(info(find_effect(entry.substr(0, entry.find('@')))));
+  return acts_on_ball(find_effect(entry.substr(0, entry.find('@'))));
 }
 
 bool names_ball(const std::string& pattern) {
@@ -49,9 +47,16 @@ const char* only_place(const EffectInfo& effect) {
                                           : "ball";
 }
 
-bool fits(const BallLayout& layout, const std::string& effect) {
+/// Tells whether an effect of it needs the ball's spin.
+bool fits_lift(const BallLayout& layout) {
   return std::ranges::any_of(layout.effects,
-                             [&](const BoundEffect& e) { return e.info().name == effect; });
+                             [](const BoundEffect& e) { return e.info().has(Trait::kNeedsSpin); });
+}
+
+/// Tells whether the parameter is of a plane that the ball bounces off.
+bool is_of_bounce(const BallLayout& layout, const BallParameter& p) {
+  return p.effect >= 0 &&
+         layout.effects[static_cast<std::size_t>(p.effect)].info().port == Port::kBallImpact;
 }
 
 /// How much of each free parameter's influence on the path the others leave, from R.
@@ -106,9 +111,7 @@ DividedChoice divide_choice(const Model& model, const FitChoice& choice) {
     const std::size_t at = entry.find('@');
     const std::string name = entry.substr(0, at);
     const EffectSpec spec{
-        name,
-        at == std::string::npos ? only_place(info(find_effect(name))) : entry.substr(at + 1),
-        {}};
+        name, at == std::string::npos ? only_place(find_effect(name)) : entry.substr(at + 1), {}};
     const bool present = std::ranges::any_of(out.ball_effects, [&](const EffectSpec& e) {
       return e.effect == spec.effect && e.where == spec.where;
     });
@@ -224,7 +227,7 @@ void identify_ball(const std::vector<Recording>& train, const std::vector<Record
   const BallLayout first = ball_layout_for(model, choice);
   Model asked = apply_ball(model, first, first.values());
   BallData data = make_ball_data(asked, train, fit_options, options.preprocess);
-  if (fits(first, "magnus")) require_spin(data);
+  if (fits_lift(first)) require_spin(data);
   const bool length_free = model.ball->string && choice.fit_string && !first.parameters[0].fixed;
   FittedBall before = fit_states({asked, first, first.values(), data}, data, fit_options);
   BallLayout layout = first;
@@ -236,11 +239,11 @@ void identify_ball(const std::vector<Recording>& train, const std::vector<Record
     for (int k = 0; k < 4; ++k)
       if (!layout.parameters[k].fixed) layout.parameters[k].value = guess[k];
   }
-  if (fits(first, "bounce"))
+  if (std::ranges::any_of(first.parameters,
+                          [&](const BallParameter& p) { return is_of_bounce(first, p); }))
     if (const auto guess = guess_bounce(data, *model.ball, asked.gravity, fit_options.longest_gap))
       for (BallParameter& p : layout.parameters)
-        if (!p.fixed && p.effect >= 0 &&
-            layout.effects[static_cast<std::size_t>(p.effect)].info().name == "bounce")
+        if (!p.fixed && is_of_bounce(layout, p))
           p.value = p.index == 0   ? guess->restitution
                     : p.index == 1 ? guess->friction
                                    : guess->height;
@@ -255,7 +258,7 @@ void identify_ball(const std::vector<Recording>& train, const std::vector<Record
   double lift = 0.0;  // that the spins agree on
   // Rows first: one that is far off makes its flight contradict any spin.
   const auto clean = [&](const FittedBall& ball, BallData& rows, int round) {
-    return round % 2 == 1 && fits(layout, "magnus")
+    return round % 2 == 1 && fits_lift(layout)
                ? drop_false_spins(ball, rows, fit.sigma, fit_options, lift)
                : drop_far_rows(ball, rows, fit_options.flight);
   };
@@ -316,7 +319,7 @@ void identify_ball(const std::vector<Recording>& train, const std::vector<Record
   error.test = error.nominal_test = error.test_all = error.test_raw = kNaN;
   if (!test.empty()) {
     BallData held_out = make_ball_data(asked, test, fit_options, options.preprocess);
-    if (fits(first, "magnus")) require_spin(held_out);
+    if (fits_lift(first)) require_spin(held_out);
     after = fit_states(after, held_out, fit_options);
     error.test_raw = path_rms(after, fit_options.flight);
     for (int round = 0; round < kMostRounds; ++round) {

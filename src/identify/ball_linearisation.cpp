@@ -1,8 +1,7 @@
 #include <cmath>
 #include <limits>
 
-#include <Eigen/QR>
-
+#include "core/decompositions.hpp"
 #include "identify/ball_cost.hpp"
 #include "identify/ball_world.hpp"
 
@@ -12,14 +11,13 @@ namespace {
 /// A first state is known to a metre and a metre a second: holds what a taut string hides of it.
 constexpr double kStatePrior = 1.0;
 /// Huber's threshold, of the root mean square of a position's three errors over σ.
-constexpr double kHuber = 3.0;
+constexpr double kHuberOfBall = 3.0;
 
-double norm(const Vec3<double>& v) { return std::sqrt(dot(v, v)); }
 double axis(const Vec3<double>& v, int k) { return k == 0 ? v.x : k == 1 ? v.y : v.z; }
 
 double weight_of(const Vec3<double>& error, double sigma, bool robust) {
   const double u = norm(error) / (sigma * std::sqrt(3.0));
-  return !robust || u <= kHuber ? 1.0 : kHuber / u;
+  return !robust || u <= kHuberOfBall ? 1.0 : kHuberOfBall / u;
 }
 
 /// Errors, (3m), and their derivatives with respect to state and free parameters.
@@ -88,7 +86,7 @@ double ball_window_cost(const Model& model, const BallLayout& layout, const VecX
   double sum = 0.0;
   for (Eigen::Index k = 0; k < e.size(); k += 3) {
     const double u = e.segment<3>(k).norm() / (sigma * std::sqrt(3.0));
-    sum += 3.0 * (!options.robust || u <= kHuber ? u * u : 2.0 * kHuber * u - kHuber * kHuber);
+    sum += 3.0 * (!options.robust || u <= kHuberOfBall ? u * u : 2.0 * kHuberOfBall * u - kHuberOfBall * kHuberOfBall);
   }
   return std::isfinite(sum) ? sum : std::numeric_limits<double>::infinity();
 }

@@ -66,7 +66,7 @@ std::unique_ptr<RecordingSource> without_ball_pull(const Model& model,
   guess_unknown_string(*fitted.ball->string, data, fitted.gravity);
   std::vector<EffectSpec> effects;
   for (const EffectSpec& e : fitted.effects)
-    if (acts_on_ball(info(find_effect(e.effect)))) effects.push_back(e);
+    if (acts_on_ball(find_effect(e.effect))) effects.push_back(e);
   const BallLayout layout = make_ball_layout(fitted, effects);
   const VecX<double> p = fit_ball(fitted, layout, data, options).p;
 

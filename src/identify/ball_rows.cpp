@@ -4,11 +4,10 @@
 #include <cmath>
 #include <limits>
 
-#include <Eigen/QR>
-
 #include <diffnea/core/scalar.hpp>
 
-#include "core/median.hpp"
+#include "core/decompositions.hpp"
+#include "core/statistics.hpp"
 
 namespace diffnea {
 namespace {
@@ -17,8 +16,6 @@ constexpr long kSide = 5;               ///< rows of a parabola on one side
 constexpr double kUnusual = 8.0;        ///< times the median deviation
 constexpr double kLeastOutlier = 5e-3;  ///< [m]
 constexpr double kLeastJump = 0.8;      ///< of the velocity at a bounce [m/s]
-
-double norm(const Vec3<double>& v) { return std::sqrt(dot(v, v)); }
 
 // Cubics that noise is told by: over this long a swing is one, to a hundredth of a millimetre.
 constexpr double kBlockSeconds = 0.16;

@@ -3,6 +3,7 @@
 
 #include <array>
 
+#include <diffnea/effects/catalogue.hpp>
 #include <diffnea/identify/ball_fit.hpp>
 
 namespace diffnea {
@@ -42,8 +43,7 @@ struct BallWorld {
       held = p[k];
     }
     each_effect([&](const auto& formula, const T* values) {
-      if constexpr (requires { formula.kNeedsAnchorJerk; })
-        needs_jerk = needs_jerk || formula.kNeedsAnchorJerk;
+      needs_jerk = needs_jerk || formula.info().has(Trait::kReadsAnchorJerk);
       if constexpr (requires { formula.add_to_anchor(values, p_LS); })
         formula.add_to_anchor(values, p_LS);
       if constexpr (requires(CupPosition<T> h) { formula.route(h, h, *m.cup, values); })
@@ -128,12 +128,10 @@ struct BallWorld {
   Vec3<T> seen(const BallFlight<T, BallWorld>& flight) const {
     BallInstant<T> x = completed(flight.sample());
     Vec3<T> out = x.ball.x;
-    // In the order in which they happen: the string gives, the camera measures.
-    for (const char* name :
-         {"string_extension", "camera_scale", "camera_rotation", "camera_offset"})
+    for (const ViewStage stage : kViewStages)
       each_effect([&](const auto& formula, const T* values) {
         if constexpr (requires { formula.change_view(x, values, out); })
-          if (formula.info().name == name) formula.change_view(x, values, out);
+          if (formula.info().view == stage) formula.change_view(x, values, out);
       });
     return out;
   }
@@ -167,7 +165,7 @@ struct BallWorld {
     std::size_t k = 0;
     while (k < p.size() && layout->parameters[k].effect < 0) ++k;
     for (const BoundEffect& e : layout->effects) {
-      std::visit([&](const auto& formula) { visit(formula, p.data() + k); }, e.type);
+      visit_formula(e, [&](const auto& formula) { visit(formula, p.data() + k); });
       k += e.parameters.size();
     }
   }

@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include <Eigen/QR>
+#include <diffnea/core/text.hpp>
 
-#include "core/c_numbers.hpp"
+#include "core/decompositions.hpp"
 #include "identify/stacked_factors.hpp"
 
 namespace diffnea {
@@ -14,12 +14,6 @@ namespace {
 /// Combinations with a smaller share of the largest pivot are structurally invisible: columns that
 /// are exactly dependent leave 1e-13 (observed), directions that the data do see at all some 1e-5.
 constexpr double kStructuralTol = 1e-9;
-
-std::string number(double x) {
-  char buffer[32];
-  detail::print(buffer, sizeof buffer, "%.4g", std::abs(x));
-  return buffer;
-}
 
 }  // namespace
 
@@ -60,7 +54,7 @@ std::vector<BaseParameter> base_parameters(const FitLayout& layout, const MatX<d
       if (std::abs(c) * scale[dependent] < 1e-6 * scale[lead]) continue;
       b.columns.push_back(dependent);
       b.coefficients.push_back(c);
-      b.expression += (c < 0 ? " - " : " + ") + number(c) + " " + layout.linear[dependent].name;
+      b.expression += (c < 0 ? " - " : " + ") + detail::number_text(std::abs(c)) + " " + layout.linear[dependent].name;
       b.value += c * x[dependent];
     }
     out.push_back(b);

@@ -4,12 +4,12 @@
 #include <numbers>
 #include <optional>
 
-#include <Eigen/Eigenvalues>
-
 #include <diffnea/core/error.hpp>
+#include <diffnea/core/text.hpp>
 #include <diffnea/identify/compare.hpp>
 
-#include "core/median.hpp"
+#include "core/decompositions.hpp"
+#include "core/statistics.hpp"
 
 namespace diffnea {
 namespace {
@@ -27,17 +27,11 @@ std::vector<std::string> joints_of(const IdentifyResult& fit) {
   return out;
 }
 
-std::string join(const std::vector<std::string>& names) {
-  std::string out;
-  for (const std::string& n : names) out += (out.empty() ? "" : ", ") + n;
-  return out;
-}
-
 void require_same_joints(const IdentifyResult& before, const IdentifyResult& after) {
   const std::vector<std::string> a = joints_of(before), b = joints_of(after);
   if (a == b) return;
-  throw DataError("compare: the fits are of different robots; joints of the first: " + join(a) +
-                  "; of the second: " + join(b));
+  throw DataError("compare: the fits are of different robots; joints of the first: " + detail::join(a) +
+                  "; of the second: " + detail::join(b));
 }
 
 std::map<std::string, const ParameterEstimate*> by_name(const IdentifyResult& fit) {
@@ -56,8 +50,8 @@ class Variance {
         Eigen::Map<const MatX<double>>(posterior.information.data(), n, n);
     // Parameters of different units are made comparable by their own information.
     scale_ = information.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
-    const Eigen::SelfAdjointEigenSolver<MatX<double>> solver(scale_.asDiagonal() * information *
-                                                             scale_.asDiagonal());
+    const MatX<double> scaled = scale_.asDiagonal() * information * scale_.asDiagonal();
+    const Eigen::SelfAdjointEigenSolver<MatX<double>> solver(scaled);
     values_ = solver.eigenvalues();
     vectors_ = solver.eigenvectors();
   }

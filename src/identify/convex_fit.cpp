@@ -3,12 +3,11 @@
 #include <cmath>
 #include <limits>
 
-#include <Eigen/Cholesky>
-#include <Eigen/QR>
-
 #include <diffnea/core/error.hpp>
 #include <diffnea/identify/convex_fit.hpp>
 #include <diffnea/model/physical.hpp>
+
+#include "core/decompositions.hpp"
 
 namespace diffnea {
 namespace {

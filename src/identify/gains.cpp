@@ -2,14 +2,14 @@
 
 #include <algorithm>
 
-#include <Eigen/QR>
+#include "core/decompositions.hpp"
 
 namespace diffnea {
 
 Gains::Gains(const FitLayout& layout) : layout_(&layout) {
   for (std::size_t c = 0; c < layout.linear.size(); ++c) {
     const FitParameter& p = layout.linear[c];
-    if (p.effect >= 0 && layout.effects[p.effect].info().name == "torque_gain")
+    if (p.effect >= 0 && layout.effects[p.effect].info().has(Trait::kGain))
       columns_.push_back(static_cast<int>(c));
   }
 }

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include <diffnea/core/error.hpp>
+#include <diffnea/core/text.hpp>
 #include <diffnea/identify/layout.hpp>
 #include <diffnea/model/physical.hpp>
 
@@ -12,19 +13,11 @@
 namespace diffnea {
 namespace {
 
-const std::array<const char*, kThetaSize> kThetaNames{"mass", "hx",  "hy",  "hz",  "Ixx",
-                                                      "Ixy",  "Ixz", "Iyy", "Iyz", "Izz"};
 const char* theta_unit(int k) { return k == 0 ? "kg" : k < 4 ? "kg*m" : "kg*m^2"; }
 
 const std::vector<std::string> kGroups{"inertia", "armature", "effects",
                                        "string",  "shapes",   "kinematics"};
 const std::array<const char*, 6> kKinematicNames{"roll", "pitch", "yaw", "px", "py", "pz"};
-
-std::string join(const std::vector<std::string>& names) {
-  std::string out;
-  for (const std::string& n : names) out += (out.empty() ? "" : ", ") + n;
-  return out;
-}
 
 bool contains(const std::vector<std::string>& list, const std::string& item) {
   return std::ranges::find(list, item) != list.end();
@@ -49,7 +42,7 @@ void hold(const std::string& entry, FitLayout& layout) {
   std::vector<std::string> names;
   for (const auto* list : {&layout.linear, &layout.shape})
     for (const FitParameter& p : *list) names.push_back(p.name);
-  throw ModelError("fix: no parameter matches '" + pattern + "'; parameters: " + join(names));
+  throw ModelError("fix: no parameter matches '" + pattern + "'; parameters: " + detail::join(names));
 }
 
 /// Length over which a link's mass is spread [m]: its radius of gyration with its offset, or a
@@ -98,12 +91,12 @@ void add_effect(const BoundEffect& effect, bool fixed, bool fix_shapes, double p
     p.effect = e;
     p.index = static_cast<int>(k);
     p.logarithmic = scale(info) == Scale::kLog;
-    if (effect.info().name == "payload") {  // ten inertial parameters: as a small link
+    if (effect.info().has(Trait::kInertia)) {  // ten inertial parameters: as a small link
       p.theta = static_cast<int>(k);
       p.scale = k == 0 ? payload_mass : k < 4 ? 0.1 * payload_mass : 0.01 * payload_mass;
     }
-    if (effect.info().name == "torque_gain") p.scale = kGainScale;
-    const bool column = info.linear && effect.info().name != "base_tilt";
+    if (effect.info().has(Trait::kGain)) p.scale = kGainScale;
+    const bool column = info.linear && (effect.info().port == Port::kJointTorque || p.theta >= 0);
     (column ? layout.linear : layout.shape).push_back(p);
   }
 }
@@ -184,7 +177,7 @@ VecX<double> FitLayout::prior() const {
 FitLayout make_layout(const Model& model, const FitChoice& choice, const std::vector<int>& runs) {
   for (const std::string& group : choice.fit)
     if (!contains(kGroups, group) && !group.starts_with("kinematics@"))
-      throw ModelError("fit: there is no group '" + group + "'; groups: " + join(kGroups) +
+      throw ModelError("fit: there is no group '" + group + "'; groups: " + detail::join(kGroups) +
                        ", kinematics@JOINT");
   const bool fit_inertia = contains(choice.fit, "inertia");
   const bool fit_armature = contains(choice.fit, "armature");
@@ -200,22 +193,22 @@ FitLayout make_layout(const Model& model, const FitChoice& choice, const std::ve
   const auto add = [&](const EffectSpec& spec) {
     const BoundEffect effect = bind(spec, model, runs);
     require_fittable(effect);
-    const bool fit = spec.effect == "armature" ? fit_armature : fit_effects;
+    const bool fit = effect.info().has(Trait::kRotor) ? fit_armature : fit_effects;
     add_effect(effect, !fit, fix_shapes, std::max(0.1 * total_mass, 1e-3), layout);
     present.push_back(spec.effect + "@" + spec.where);
   };
   const std::vector<std::string> asked = choice.effects.value_or(default_effects(choice.link_side));
   for (const EffectSpec& spec : model.effects) {
-    const bool left_out = choice.link_side && info(find_effect(spec.effect)).motor_side &&
+    const bool left_out = choice.link_side && find_effect(spec.effect).motor_side &&
                           !contains(asked, spec.effect) &&
                           !contains(asked, spec.effect + "@" + spec.where);
-    if (!left_out && !acts_on_ball(info(find_effect(spec.effect)))) add(spec);
+    if (!left_out && !acts_on_ball(find_effect(spec.effect))) add(spec);
   }
   for (const std::string& entry : asked) {
     const std::size_t at = entry.find('@');
     const std::string name = entry.substr(0, at);
-    const EffectInfo effect_info = info(find_effect(name));
-    if (name == "armature" ? !fit_armature : !fit_effects) continue;
+    const EffectInfo& effect_info = find_effect(name);
+    if (effect_info.has(Trait::kRotor) ? !fit_armature : !fit_effects) continue;
     const std::vector<std::string> where = at == std::string::npos
                                                ? places_asked(effect_info, model)
                                                : std::vector<std::string>{entry.substr(at + 1)};

@@ -3,12 +3,11 @@
 #include <limits>
 #include <utility>
 
-#include <Eigen/Cholesky>
-
 #include <diffnea/core/error.hpp>
 #include <diffnea/identify/linear_fit.hpp>
 #include <diffnea/model/physical.hpp>
 
+#include "core/decompositions.hpp"
 #include "identify/base_parameters.hpp"
 #include "identify/stacked_factors.hpp"
 
@@ -149,7 +148,7 @@ void use_sandwich(const FitLayout& layout, const MatX<double>& meat, LinearFit& 
   B.diagonal() += fit.weak(free);
   const VecX<double> s = H.diagonal().cwiseSqrt().cwiseInverse();
   const MatX<double> inverse = s.asDiagonal() *
-                               Eigen::LDLT<MatX<double>>(s.asDiagonal() * H * s.asDiagonal())
+                               Eigen::LDLT<MatX<double>>(MatX<double>(s.asDiagonal() * H * s.asDiagonal()))
                                    .solve(MatX<double>(MatX<double>::Identity(f, f))) *
                                s.asDiagonal();
   MatX<double> covariance = MatX<double>::Zero(p, p), independent = covariance;

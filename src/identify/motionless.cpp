@@ -19,7 +19,7 @@ void hold_motionless(const std::vector<int>& joints, FitLayout& layout) {
     for (FitParameter& p : *list) {
       if (p.effect < 0) continue;
       const BoundEffect& e = layout.effects[p.effect];
-      const bool constant = e.info().name == "torque_offset" || e.info().name == "session_offset";
+      const bool constant = e.info().reads == Reads::kNothing;
       const bool still = std::ranges::any_of(
           joints, [&](int j) { return std::ranges::find(e.joints, j) != e.joints.end(); });
       if (still && !constant && e.info().port == Port::kJointTorque) p.fixed = true;

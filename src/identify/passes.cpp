@@ -48,9 +48,11 @@ FitLayout layout_for(const Model& model, const RecordingSource& source, const Re
                      const FitChoice& choice, std::vector<std::string>& notes) {
   FitChoice with_side = choice;
   with_side.link_side = source.sample().front().info.torque_side == TorqueSide::kLink;
-  const bool per_run = choice.effects && std::ranges::any_of(*choice.effects, [](const auto& e) {
-                         return e.starts_with("session_offset");
-                       });
+  const bool per_run =
+      choice.effects && std::ranges::any_of(*choice.effects, [](const auto& e) {
+        const EffectInfo* info = known_effect(e.substr(0, e.find('@')));
+        return info && std::ranges::any_of(info->parameters, &ParameterInfo::per_run);
+      });
   if (!depends_on_runs(model, choice, source, test))
     return make_layout(model, with_side, per_run ? source.runs() : std::vector<int>{0});
   std::vector<RunDescription> runs = source.describe_runs();
@@ -66,9 +68,8 @@ FitLayout layout_for(const Model& model, const RecordingSource& source, const Re
 }
 
 bool reads_links(const FitLayout& layout) {
-  return std::ranges::any_of(layout.effects, [](const BoundEffect& e) {
-    return std::holds_alternative<LoadFriction>(e.type);
-  });
+  return std::ranges::any_of(
+      layout.effects, [](const BoundEffect& e) { return e.info().has(Trait::kFollowsLoad); });
 }
 
 std::vector<ParameterEstimate> parameter_estimates(const FitLayout& layout, const VecX<double>& x,

@@ -4,9 +4,6 @@
 #include <limits>
 #include <optional>
 
-#include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
-
 #include <diffnea/core/error.hpp>
 #include <diffnea/core/random.hpp>
 #include <diffnea/identify/ball_fit.hpp>
@@ -16,6 +13,7 @@
 #include <diffnea/model/physical.hpp>
 
 #include "core/c_numbers.hpp"
+#include "core/decompositions.hpp"
 #include "identify/ball_path.hpp"
 #include "identify/passes.hpp"
 
@@ -115,7 +113,7 @@ FitLayout arm_layout(const Model& named) {
 BallLayout ball_layout(const Model& named) {
   std::vector<EffectSpec> effects;
   for (const EffectSpec& e : named.effects)
-    if (acts_on_ball(info(find_effect(e.effect)))) effects.push_back(e);
+    if (acts_on_ball(find_effect(e.effect))) effects.push_back(e);
   return named.ball ? make_ball_layout(named, effects) : BallLayout{};
 }
 
@@ -202,8 +200,8 @@ class Sampler {
       scale[i] = s;
     }
     scales = scales.array().isNaN().select(1.0, scales);
-    const Eigen::SelfAdjointEigenSolver<MatX<double>> eigen(scale.asDiagonal() * H *
-                                                            scale.asDiagonal());
+    const MatX<double> scaled = scale.asDiagonal() * H * scale.asDiagonal();
+    const Eigen::SelfAdjointEigenSolver<MatX<double>> eigen(scaled);
     root_ = MatX<double>::Zero(p, n);
     for (long k = 0; k < n; ++k) {
       if (!(eigen.eigenvalues()[k] >= 1.0)) continue;

@@ -11,9 +11,6 @@ namespace {
 
 bool names_runs(const std::string& text) { return text.find(":run=") != std::string::npos; }
 
-const char* const kThetaNames[] = {"mass", "hx",  "hy",  "hz",  "Ixx",
-                                   "Ixy",  "Ixz", "Iyy", "Iyz", "Izz"};
-
 /// The parameters of a body that are known, in the order of kThetaNames.
 std::vector<double> known_theta(const HeldBody& body, const std::string& where) {
   if (!body.mass) return {};

@@ -5,7 +5,7 @@
 #include <diffnea/core/error.hpp>
 #include <diffnea/recording/preprocess.hpp>
 
-#include "core/median.hpp"
+#include "core/statistics.hpp"
 #include "identify/passes.hpp"
 #include "identify/window_integrator.hpp"
 

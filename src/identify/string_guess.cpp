@@ -1,18 +1,15 @@
 #include <algorithm>
 #include <cmath>
 
-#include <Eigen/Cholesky>
-
 #include <diffnea/core/error.hpp>
 #include <diffnea/identify/ball_fit.hpp>
 
+#include "core/decompositions.hpp"
 #include "identify/ball_path.hpp"
 #include "identify/ball_rows.hpp"
 
 namespace diffnea {
 namespace {
-
-double norm(const Vec3<double>& v) { return std::sqrt(dot(v, v)); }
 
 /// A distance is the string's length within this share of it.
 constexpr double kNear = 0.02;

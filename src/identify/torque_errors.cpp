@@ -2,17 +2,15 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <map>
 
 #include <diffnea/effects/extended_tree.hpp>
 
+#include "core/constants.hpp"
 #include "identify/gains.hpp"
 
 namespace diffnea {
 namespace {
-
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
 std::vector<TorqueSeries> make_series(const TorqueFit& fit, const TorqueRegression& regression,
                                       const TorqueRegression& before) {

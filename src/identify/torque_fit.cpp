@@ -3,12 +3,11 @@
 #include <cmath>
 #include <limits>
 
-#include <Eigen/Cholesky>
-
 #include <diffnea/core/error.hpp>
 #include <diffnea/identify/posterior.hpp>
 #include <diffnea/identify/torque_regression.hpp>
 
+#include "core/decompositions.hpp"
 #include "identify/gains.hpp"
 #include "identify/motionless.hpp"
 #include "identify/passes.hpp"

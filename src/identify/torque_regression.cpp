@@ -2,11 +2,11 @@
 #include <cmath>
 #include <numeric>
 
-#include <Eigen/Cholesky>
-
 #include <diffnea/core/error.hpp>
 #include <diffnea/effects/extended_tree.hpp>
 #include <diffnea/identify/torque_regression.hpp>
+
+#include "core/decompositions.hpp"
 
 namespace diffnea {
 namespace {
@@ -213,7 +213,7 @@ VecX<double> TorqueRegression::inertia_columns(int j, const VecX<double>& q) {
       out[static_cast<long>(k)] = Y(j, c);
     } else if (c < static_cast<int>(layout_.linear.size()) && layout_.linear[c].effect >= 0) {
       const BoundEffect& effect = effects_[layout_.linear[c].effect];
-      const bool rotor = std::holds_alternative<Armature>(effect.type) &&
+      const bool rotor = effect.info().has(Trait::kRotor) &&
                          std::ranges::find(effect.joints, j) != effect.joints.end();
       out[static_cast<long>(k)] = rotor ? 1.0 : 0.0;
     }

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include <Eigen/QR>
+#include "core/decompositions.hpp"
 
 namespace diffnea {
 namespace {

@@ -1,23 +1,18 @@
 #include <algorithm>
 #include <cmath>
 #include <future>
-#include <limits>
-
-#include <Eigen/Cholesky>
-#include <Eigen/LU>
-#include <Eigen/QR>
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/identify/linear_fit.hpp>
 #include <diffnea/identify/trajectory_fit.hpp>
 
+#include "core/constants.hpp"
+#include "core/decompositions.hpp"
 #include "identify/window_integrator.hpp"
 #include "identify/window_simulator.hpp"
 
 namespace diffnea {
 namespace {
-
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 /// What is left of a window once its initial state is eliminated.
 struct ReducedWindow {
@@ -312,7 +307,7 @@ class TrajectoryFitter {
     }
     const VecX<double> s = H.diagonal().cwiseSqrt().cwiseInverse();
     const MatX<double> inverse = s.asDiagonal() *
-                                 Eigen::LDLT<MatX<double>>(s.asDiagonal() * H * s.asDiagonal())
+                                 Eigen::LDLT<MatX<double>>(MatX<double>(s.asDiagonal() * H * s.asDiagonal()))
                                      .solve(MatX<double>(MatX<double>::Identity(f, f))) *
                                  s.asDiagonal();
     fit_.covariance = MatX<double>::Zero(p, p);

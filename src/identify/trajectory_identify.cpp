@@ -1,22 +1,19 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <limits>
-
-#include <Eigen/Cholesky>
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/identify/posterior.hpp>
 #include <diffnea/identify/torque_regression.hpp>
 #include <diffnea/identify/trajectory_fit.hpp>
 
+#include "core/constants.hpp"
+#include "core/decompositions.hpp"
 #include "identify/passes.hpp"
 #include "identify/whole_runs.hpp"
 
 namespace diffnea {
 namespace {
-
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
 std::vector<bool> passive_joints(const Recording& recording) {
   std::vector<bool> out;
@@ -94,7 +91,7 @@ class TrajectoryIdentification {
                          "; fit it with the inverse loss first, then hold it (--fix \"" + s.name +
                          "\")");
     for (const FitParameter& p : layout_.linear)
-      if (!p.fixed && p.effect >= 0 && layout_.effects[p.effect].info().name == "torque_gain")
+      if (!p.fixed && p.effect >= 0 && layout_.effects[p.effect].info().has(Trait::kGain))
         throw ModelError(
             "identify: the trajectory loss does not fit torque gains; fit torque_gain with the "
             "inverse loss first, then hold it (--fix \"*torque_gain*\")");

@@ -1,20 +1,20 @@
 #include <algorithm>
 
-#include <Eigen/QR>
-
 #include <diffnea/core/error.hpp>
 #include <diffnea/identify/triangular_factor.hpp>
+
+#include "core/decompositions.hpp"
 
 namespace diffnea {
 namespace {
 
 /// Rows gathered before each reduction: enough that a reduction's cost is that of the new rows.
-constexpr long kBlockRows = 512;
+constexpr long kFactorRows = 512;
 
 }  // namespace
 
 TriangularFactor::TriangularFactor(int columns)
-    : columns_(columns), buffer_(RowMatX<double>::Zero(columns + 1 + kBlockRows, columns + 1)) {}
+    : columns_(columns), buffer_(RowMatX<double>::Zero(columns + 1 + kFactorRows, columns + 1)) {}
 
 void TriangularFactor::add(const Eigen::Ref<const RowMatX<double>>& rows) {
   require_size("TriangularFactor::add", rows.cols(), columns_ + 1, "column of [Y tau]");

@@ -1,9 +1,9 @@
 #include <cmath>
 
-#include <diffnea/effects/catalogue.hpp>
+#include <diffnea/core/text.hpp>
+#include <diffnea/effects/bound_effect.hpp>
 #include <diffnea/io/effects_list.hpp>
 
-#include "core/c_numbers.hpp"
 #include "io/json.hpp"
 
 namespace diffnea {
@@ -61,12 +61,6 @@ const char* sign_name(Sign sign) {
   return sign == Sign::kFree ? "any" : sign == Sign::kNonNegative ? "not negative" : "positive";
 }
 
-std::string number(double x) {
-  char buffer[32];
-  detail::print(buffer, sizeof buffer, "%.4g", x);
-  return buffer;
-}
-
 }  // namespace
 
 std::string effects_text() {
@@ -83,7 +77,7 @@ std::string effects_text() {
              (p.sign == Sign::kNonNegative ? " >= 0"
               : p.sign == Sign::kPositive  ? " > 0"
                                            : "") +
-             (p.linear ? "" : ", nonlinear, initially " + number(p.initial)) + "\n";
+             (p.linear ? "" : ", nonlinear, initially " + detail::number_text(p.initial)) + "\n";
     }
   }
   return out;

@@ -10,7 +10,7 @@ namespace {
 constexpr std::size_t kMaxDepth = 64, kMaxKeys = 1000, kMaxValues = 5'000'000;
 
 /// Before the parser builds anything. Of a text that is not JSON any answer will do.
-void check_limits(std::string_view text, const std::string& where) {
+void check_json_limits(std::string_view text, const std::string& where) {
   const auto refuse = [&](const char* what, std::size_t limit) {
     throw ModelError(where + ": " + what + "; the limit is " + std::to_string(limit));
   };
@@ -46,7 +46,7 @@ void check_limits(std::string_view text, const std::string& where) {
 
 bool has_room(std::string_view json) {
   try {
-    check_limits(json, "");
+    check_json_limits(json, "");
   } catch (const ModelError&) {
     return false;
   }
@@ -54,7 +54,7 @@ bool has_room(std::string_view json) {
 }
 
 Json parse_json(std::string_view text, const std::string& where) {
-  check_limits(text, where);
+  check_json_limits(text, where);
   try {
     return Json::parse(text);
   } catch (const Json::exception& error) {

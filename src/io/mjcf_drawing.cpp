@@ -27,9 +27,9 @@ void set_pose(XmlElement& element, const Pose<double>& X) {
   element.SetAttribute("quat", (exact(q.w()) + " " + exact(vec3<double>(q.vec()))).c_str());
 }
 
-class Drawing {
+class MjcfDrawing {
  public:
-  Drawing(const Model& model, std::vector<std::string>& notes) : model_(model), notes_(notes) {}
+  MjcfDrawing(const Model& model, std::vector<std::string>& notes) : model_(model), notes_(notes) {}
 
   std::string text() {
     XmlElement* root = document_.NewElement("mujoco");
@@ -239,7 +239,7 @@ class Drawing {
 }  // namespace
 
 std::string draw_mjcf(const Model& model, std::vector<std::string>& notes) {
-  return Drawing(model, notes).text();
+  return MjcfDrawing(model, notes).text();
 }
 
 }  // namespace diffnea::io

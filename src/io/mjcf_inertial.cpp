@@ -1,8 +1,8 @@
 #include "io/mjcf_inertial.hpp"
 
-#include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 
+#include "core/decompositions.hpp"
 #include "io/model_parts.hpp"
 
 namespace diffnea::io {
@@ -10,12 +10,12 @@ namespace {
 
 /// Excess of a principal moment, relative to the largest, that is rounding: of a flat body, whose
 /// largest is the sum of the others, and of a rod, whose smallest is 0.
-constexpr double kRoundingTol = 1e-9;
+constexpr double kFrameTol = 1e-9;
 
 /// MuJoCo refuses a moment below 0 and one above the sum of the others, by however little.
 /// @param moments  in ascending order
 Eigen::Vector3d without_rounding(Eigen::Vector3d moments) {
-  const double rounding = kRoundingTol * moments[2];
+  const double rounding = kFrameTol * moments[2];
   for (double& x : moments)
     if (x < 0.0 && -x <= rounding) x = 0.0;
   const double sum = moments[0] + moments[1];

@@ -14,7 +14,7 @@ namespace diffnea::io {
 namespace {
 
 /// MuJoCo 2.2.2 compiles so many in seconds; its time grows with their square.
-constexpr long kMaxElements = 5000;
+constexpr long kMaxMjcfElements = 5000;
 constexpr double kMaxBodies = 1000.0;
 constexpr double kMaxUserData = 1000.0;  ///< numbers of a sensor of the user's
 
@@ -41,9 +41,9 @@ double bodies_of(XmlElement& e) {
 void limit_elements(XmlElement& root, const std::string& where) {
   long elements = 0;
   walk(root, [&](XmlElement&) { ++elements; });
-  if (elements > kMaxElements)
+  if (elements > kMaxMjcfElements)
     throw ModelError(where + ": has " + std::to_string(elements) + " elements; the limit is " +
-                     std::to_string(kMaxElements));
+                     std::to_string(kMaxMjcfElements));
   const double bodies = bodies_of(root);
   if (bodies <= kMaxBodies) return;
   std::ostringstream text;

@@ -2,11 +2,11 @@
 #include <cmath>
 
 #include <diffnea/core/error.hpp>
-#include <diffnea/effects/catalogue.hpp>
+#include <diffnea/core/text.hpp>
+#include <diffnea/effects/bound_effect.hpp>
 #include <diffnea/io/model_info.hpp>
 #include <diffnea/model/physical.hpp>
 
-#include "core/c_numbers.hpp"
 #include "io/effect_json.hpp"
 #include "io/json.hpp"
 #include "io/model_parts.hpp"
@@ -16,19 +16,13 @@ namespace {
 
 using io::Json;
 
-std::string number(double x) {
-  char buffer[32];
-  detail::print(buffer, sizeof buffer, "%.4g", x);
-  return buffer;
-}
-
 std::string range(double low, double high, const char* unit) {
   if (!std::isfinite(low) && !std::isfinite(high)) return "";
-  return ", " + number(low) + " … " + number(high) + " " + unit;
+  return ", " + detail::number_text(low) + " … " + detail::number_text(high) + " " + unit;
 }
 
 std::string bound(const char* what, double x, const char* unit) {
-  return std::isfinite(x) ? std::string(", ") + what + number(x) + " " + unit : "";
+  return std::isfinite(x) ? std::string(", ") + what + detail::number_text(x) + " " + unit : "";
 }
 
 std::string joint_text(const ModelLink& link) {
@@ -43,13 +37,13 @@ std::string joint_text(const ModelLink& link) {
 }
 
 std::string position_text(const Vec3<double>& p) {
-  return "(" + number(p.x) + " " + number(p.y) + " " + number(p.z) + ")";
+  return "(" + detail::number_text(p.x) + " " + detail::number_text(p.y) + " " + detail::number_text(p.z) + ")";
 }
 
 std::string inertia_text(const SpatialInertia<double>& b) {
   if (io::is_zero(b)) return "";
-  if (!(b.m > 0.0)) return "  " + number(b.m) + " kg";
-  return "  " + number(b.m) + " kg at " + position_text(io::com_inertia(b).com);
+  if (!(b.m > 0.0)) return "  " + detail::number_text(b.m) + " kg";
+  return "  " + detail::number_text(b.m) + " kg at " + position_text(io::com_inertia(b).com);
 }
 
 void append_tree(const Model& model, int parent, const std::string& indent, std::string& out) {
@@ -79,17 +73,17 @@ std::string headline(const Model& model) {
   if (model.links.empty()) return name + (model.ball ? ": a ball, no links" : ": no links");
   const std::size_t n = moving_links(model).size();
   return name + ": " + std::to_string(n) + (n == 1 ? " degree" : " degrees") + " of freedom, " +
-         std::to_string(model.links.size()) + " links, " + number(total_mass(model)) + " kg" +
+         std::to_string(model.links.size()) + " links, " + detail::number_text(total_mass(model)) + " kg" +
          (model.ball ? ", and a ball" : "");
 }
 
 std::string ball_text(const Model& model) {
   const BallSpec& ball = *model.ball;
   std::string out =
-      "\nball\n  mass " + number(ball.mass) + " kg" +
-      (ball.radius > 0.0 ? ", radius " + number(ball.radius) + " m" : ", radius not known") + "\n";
+      "\nball\n  mass " + detail::number_text(ball.mass) + " kg" +
+      (ball.radius > 0.0 ? ", radius " + detail::number_text(ball.radius) + " m" : ", radius not known") + "\n";
   if (!ball.string) return out + "  in free flight, without a string\n";
-  return out + "  string of " + number(ball.string->length) + " m from " +
+  return out + "  string of " + detail::number_text(ball.string->length) + " m from " +
          link_name(model, ball.string->link) + " at " + position_text(ball.string->p_LS) + "\n";
 }
 
@@ -99,15 +93,15 @@ std::string cup_text(const Model& model) {
   std::string out = "\ncup\n";
   if (frame != model.frames.end())
     out += "  at " + link_name(model, frame->link) + ", frame cup; heights along its z axis\n";
-  return out + "  inner radius " + number(cup.inner_radius) + " m, wall " + number(cup.wall) +
-         " m, floor " + number(cup.floor) + " m, rim " + number(cup.rim) + " m\n";
+  return out + "  inner radius " + detail::number_text(cup.inner_radius) + " m, wall " + detail::number_text(cup.wall) +
+         " m, floor " + detail::number_text(cup.floor) + " m, rim " + detail::number_text(cup.rim) + " m\n";
 }
 
 std::string obstacles_text(const Model& model) {
   std::string out = "\nobstacles of the ball\n";
   for (const CapsuleSpec& o : model.obstacles)
     out += "  " + link_name(model, o.link) + ": " + position_text(o.p_LA) + " to " +
-           position_text(o.p_LB) + ", radius " + number(o.radius) + " m\n";
+           position_text(o.p_LB) + ", radius " + detail::number_text(o.radius) + " m\n";
   return out;
 }
 
@@ -171,7 +165,7 @@ std::string model_info_text(const Model& model) {
   for (const EffectSpec& e : model.effects) {
     out += "  " + e.effect + " at " + e.where;
     for (std::size_t k = 0; k < e.parameters.size(); ++k)
-      out += (k == 0 ? ": " : ", ") + e.parameters[k].name + " = " + number(e.parameters[k].value) +
+      out += (k == 0 ? ": " : ", ") + e.parameters[k].name + " = " + detail::number_text(e.parameters[k].value) +
              " " + e.parameters[k].unit;
     out += "\n";
   }

@@ -17,7 +17,7 @@ namespace {
 using io::Json;
 using io::JsonObject;
 
-constexpr const char* kSchema = "diffnea/model/1";
+constexpr const char* kModelSchema = "diffnea/model/1";
 constexpr std::array<const char*, 3> kTypes{"fixed", "revolute", "prismatic"};
 
 const Json& units() {
@@ -282,7 +282,7 @@ std::string model_to_json(const Model& model) {
   io::validate(model, "model_to_json");
   const auto name_of = [&](int link) { return link < 0 ? Json() : Json(model.links[link].name); };
   Json out;
-  out["schema"] = kSchema;
+  out["schema"] = kModelSchema;
   out["name"] = model.name;
   out["units"] = units();
   out["gravity"] = to_json(model.gravity);
@@ -342,7 +342,7 @@ Model model_from_json(std::string_view text, const std::string& where) {
   JsonObject o(json, where);
   Model model;
   model.source = where;
-  io::require_schema(o, where, kSchema);
+  io::require_schema(o, where, kModelSchema);
   model.name = o.string_or("name", "");
   if (const Json* u = o.optional("units"); u && *u != units())
     throw ModelError(o.at("units") + ": expected " + units().dump());

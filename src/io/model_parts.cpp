@@ -6,6 +6,7 @@
 #include <set>
 
 #include <diffnea/core/error.hpp>
+#include <diffnea/effects/bound_effect.hpp>
 
 namespace diffnea::io {
 namespace {
@@ -77,45 +78,61 @@ double largest(const Theta<double>& t) {
   return m;
 }
 
+/// The number that a native field of a joint is; null: JointTerms has none for it.
+double* term_of(NativeField field, JointTerms& terms) {
+  switch (field) {
+    case NativeField::kArmature:
+      return &terms.armature;
+    case NativeField::kDamping:
+      return &terms.viscous;
+    case NativeField::kFrictionLoss:
+      return &terms.coulomb;
+    case NativeField::kStiffness:
+      return &terms.stiffness;
+    case NativeField::kSpringReference:
+      return &terms.rest;
+    default:
+      return nullptr;
+  }
+}
+
 }  // namespace
 
 void add_joint_terms(Model& model, const ModelLink& link, const JointTerms& terms) {
   const bool slides = link.type == ModelJoint::kPrismatic;
-  const auto unit = [&](const char* turning, const char* sliding) {
-    return slides ? sliding : turning;
-  };
-  const auto add = [&](const char* effect, std::vector<EffectParameter> parameters) {
-    model.effects.push_back({effect, link.joint, std::move(parameters)});
-  };
-  if (terms.armature != 0.0) add("armature", {{"armature", terms.armature, unit("kg*m^2", "kg")}});
-  if (terms.viscous != 0.0)
-    add("viscous_friction", {{"viscous", terms.viscous, unit("N*m*s/rad", "N*s/m")}});
-  if (terms.coulomb != 0.0) add("coulomb_friction", {{"coulomb", terms.coulomb, unit("N*m", "N")}});
-  if (terms.stiffness != 0.0)
-    add("joint_spring", {{"stiffness", terms.stiffness, unit("N*m/rad", "N/m")},
-                         {"rest", terms.rest, unit("rad", "m")}});
+  JointTerms values = terms;
+  for (const NativeField field : {NativeField::kArmature, NativeField::kDamping,
+                                  NativeField::kFrictionLoss, NativeField::kStiffness}) {
+    if (*term_of(field, values) == 0.0) continue;
+    EffectSpec effect{effect_of(field), link.joint, {}};
+    for (const ParameterInfo& p : find_effect(effect.effect).parameters)
+      if (const double* value = term_of(p.native, values))
+        effect.parameters.push_back({p.name, *value, slides ? p.unit_prismatic : p.unit});
+    model.effects.push_back(std::move(effect));
+  }
 }
 
 JointTerms joint_terms(const Model& model, const std::string& joint) {
   JointTerms t;
   for (const EffectSpec& e : model.effects) {
-    if (e.where != joint) continue;
-    for (const EffectParameter& p : e.parameters) {
-      if (e.effect == "armature" && p.name == "armature") t.armature += p.value;
-      if (e.effect == "viscous_friction" && p.name == "viscous") t.viscous += p.value;
-      if (e.effect == "coulomb_friction" && p.name == "coulomb") t.coulomb += p.value;
-      if (e.effect == "joint_spring" && p.name == "stiffness") t.stiffness += p.value;
-      if (e.effect == "joint_spring" && p.name == "rest") t.rest = p.value;
-    }
+    const EffectInfo* info = known_effect(e.effect);
+    if (e.where != joint || !info) continue;
+    for (const EffectParameter& p : e.parameters)
+      for (const ParameterInfo& of : info->parameters)
+        if (double* value = term_of(of.native, t); value && of.name == p.name)
+          *value = of.native == NativeField::kSpringReference ? p.value : *value + p.value;
   }
   return t;
 }
 
 bool is_joint_term(const Model& model, const EffectSpec& effect) {
-  static const std::set<std::string> kNames{"armature", "viscous_friction", "coulomb_friction",
-                                            "joint_spring"};
+  const EffectInfo* info = known_effect(effect.effect);
+  JointTerms terms;
   const std::vector<std::string> joints = joint_names(model);
-  return kNames.contains(effect.effect) && std::ranges::find(joints, effect.where) != joints.end();
+  return info && std::ranges::find(joints, effect.where) != joints.end() &&
+         std::ranges::any_of(info->parameters, [&](const ParameterInfo& p) {
+           return term_of(p.native, terms) != nullptr;
+         });
 }
 
 void require_few_links(std::size_t links, const std::string& where) {

@@ -13,7 +13,7 @@ namespace {
 
 using io::Json;
 
-constexpr const char* kSchema = "diffnea/recording/1";
+constexpr const char* kSidecarSchema = "diffnea/recording/1";
 constexpr const char* kKeys[] = {"schema",  "torque_side",     "torque_sampling", "period",
                                  "passive", "torque_constant", "controller",      "payload"};
 
@@ -120,12 +120,12 @@ std::vector<std::filesystem::path> places(const std::filesystem::path& data) {
 bool is_ours(const std::filesystem::path& path) {
   if (!std::filesystem::is_regular_file(path)) return false;
   const Json json = io::parse_json(read_text_file(path), path.string());
-  return json.is_object() && json.contains("schema") && json["schema"] == kSchema;
+  return json.is_object() && json.contains("schema") && json["schema"] == kSidecarSchema;
 }
 
 Json to_json(const RecordingInfo& info) {
   Json json;
-  json["schema"] = kSchema;
+  json["schema"] = kSidecarSchema;
   json["torque_side"] = info.torque_side == TorqueSide::kMotor ? "motor" : "link";
   json["torque_sampling"] = info.torque_sampling == TorqueSampling::kHold ? "hold" : "instant";
   if (info.period > 0.0) json["period"] = info.period;
@@ -149,10 +149,10 @@ std::optional<Sidecar> read_sidecar(const std::filesystem::path& data) {
     if (!std::filesystem::is_regular_file(path)) continue;
     try {
       const Json json = io::parse_json(read_text_file(path), path.string());
-      if (json.is_object() && json.contains("schema") && json["schema"] != kSchema) {
+      if (json.is_object() && json.contains("schema") && json["schema"] != kSidecarSchema) {
         io::JsonObject root(json, path.string());
-        if (json["schema"].is_string() && io::is_newer(root.string("schema"), kSchema))
-          io::require_schema(root, path.string(), kSchema);
+        if (json["schema"].is_string() && io::is_newer(root.string("schema"), kSidecarSchema))
+          io::require_schema(root, path.string(), kSidecarSchema);
         continue;  // of something else
       }
       return parse(json, path);

@@ -13,9 +13,9 @@ namespace {
 /// A limit that a joint does not reach, where the format must have one [rad, m].
 constexpr double kFarAway = 1e6;
 
-class Drawing {
+class UrdfDrawing {
  public:
-  Drawing(const Model& model, std::vector<std::string>& notes) : model_(model), notes_(notes) {
+  UrdfDrawing(const Model& model, std::vector<std::string>& notes) : model_(model), notes_(notes) {
     for (const ModelLink& link : model.links) {
       links_.insert(link.name);
       if (!link.joint.empty()) joints_.insert(link.joint);
@@ -153,7 +153,7 @@ class Drawing {
 }  // namespace
 
 std::string draw_urdf(const Model& model, std::vector<std::string>& notes) {
-  return Drawing(model, notes).text();
+  return UrdfDrawing(model, notes).text();
 }
 
 }  // namespace diffnea::io

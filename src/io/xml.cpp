@@ -31,7 +31,7 @@ bool is_utf8(std::string_view text) {
 
 /// Before the parser builds anything. Of a text that is not XML any answer will do. Comments may be
 /// in any encoding.
-void check_limits(std::string_view text, const std::string& where) {
+void check_xml_limits(std::string_view text, const std::string& where) {
   const auto refuse = [&](const char* what, std::size_t limit) {
     throw ModelError(where + ": " + what + "; the limit is " + std::to_string(limit));
   };
@@ -70,7 +70,7 @@ void check_limits(std::string_view text, const std::string& where) {
 }  // namespace
 
 std::unique_ptr<XmlDocument> parse_xml(std::string_view text, const std::string& where) {
-  check_limits(text, where);
+  check_xml_limits(text, where);
   auto document = std::make_unique<XmlDocument>();
   document->Parse(text.data(), text.size());
   if (document->Error())

@@ -8,7 +8,7 @@
 namespace diffnea {
 namespace {
 
-void require(bool ok, const char* what) {
+void require_task(bool ok, const char* what) {
   if (!ok) throw Error(std::string("BallInCupTask: ") + what);
 }
 
@@ -21,8 +21,8 @@ constexpr double code(BallPhase phase) { return static_cast<double>(phase); }
 }  // namespace
 
 BallInCupTask::BallInCupTask(const BallInCupOptions& options) : options_(options) {
-  require(options.epsilon > 0.0 && options.string > 0.0, "epsilon and string must be positive");
-  require(options.lambda_q >= 0.0 && options.lambda_qd >= 0.0,
+  require_task(options.epsilon > 0.0 && options.string > 0.0, "epsilon and string must be positive");
+  require_task(options.lambda_q >= 0.0 && options.lambda_qd >= 0.0,
           "lambda_q and lambda_qd must not be negative");
 }
 

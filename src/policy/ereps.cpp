@@ -2,18 +2,15 @@
 #include <cmath>
 #include <limits>
 
-#include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
-
 #include <diffnea/core/error.hpp>
 #include <diffnea/policy/ereps.hpp>
 
 #include "core/c_numbers.hpp"
+#include "core/constants.hpp"
+#include "core/decompositions.hpp"
 
 namespace diffnea {
 namespace {
-
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 /// Rewards that are not −∞, and where they stand. @throws DataError as reweight()
 struct FiniteRewards {
@@ -97,7 +94,7 @@ MatX<double> floored(const MatX<double>& covariance, double least) {
   return root * root.transpose();
 }
 
-void require(bool ok, const std::string& what) {
+void require_ereps(bool ok, const std::string& what) {
   if (!ok) throw Error("Ereps: " + what);
 }
 
@@ -106,8 +103,8 @@ void require_gaussian(const Gaussian& g) {
     throw ShapeError("Ereps: a mean of " + std::to_string(g.size()) + " and a covariance of " +
                      std::to_string(g.covariance.rows()) + " x " +
                      std::to_string(g.covariance.cols()) + " make no Gaussian");
-  require(g.mean.allFinite() && g.covariance.allFinite(), "the Gaussian is not finite");
-  require(std::isfinite(kl_divergence(g, g)), "the covariance is not positive definite");
+  require_ereps(g.mean.allFinite() && g.covariance.allFinite(), "the Gaussian is not finite");
+  require_ereps(std::isfinite(kl_divergence(g, g)), "the covariance is not positive definite");
 }
 
 }  // namespace
@@ -153,9 +150,9 @@ Gaussian bounded_update(const Gaussian& old, const RowMatX<double>& theta,
   require_size("bounded_update", theta.cols(), old.size(), "parameter");
   require_size("bounded_update", weights.size(), theta.rows(), "sample");
   constexpr double kSumTol = 1e-9;  // rounding of 10⁶ weights, with margin
-  require(weights.minCoeff() >= 0.0 && std::abs(weights.sum() - 1.0) < kSumTol,
+  require_ereps(weights.minCoeff() >= 0.0 && std::abs(weights.sum() - 1.0) < kSumTol,
           "weights must not be negative, and their sum must be 1");
-  require(kappa > 0.0, "kappa must be positive");
+  require_ereps(kappa > 0.0, "kappa must be positive");
 
   const VecX<double> likely = theta.transpose() * weights;
   const RowMatX<double> centred = theta.rowwise() - likely.transpose();
@@ -211,11 +208,11 @@ Gaussian bounded_update(const Gaussian& old, const RowMatX<double>& theta,
 
 Ereps::Ereps(Gaussian start, const ErepsOptions& options, std::uint64_t seed)
     : policy_(std::move(start)), options_(options), seed_(seed) {
-  require(options.samples >= 2,
+  require_ereps(options.samples >= 2,
           std::to_string(options.samples) + " samples an iteration, expected at least 2");
-  require(options.iterations >= 1, "iterations must be at least 1");
-  require(options.epsilon > 0.0 && options.kappa > 0.0, "epsilon and kappa must be positive");
-  require(options.stop_std >= 0.0 && options.least_std >= 0.0,
+  require_ereps(options.iterations >= 1, "iterations must be at least 1");
+  require_ereps(options.epsilon > 0.0 && options.kappa > 0.0, "epsilon and kappa must be positive");
+  require_ereps(options.stop_std >= 0.0 && options.least_std >= 0.0,
           "stop_std and least_std must not be negative");
   require_gaussian(policy_);
   judge();
@@ -289,7 +286,7 @@ void Ereps::restore(Gaussian policy, VecX<double> best, std::vector<ErepsIterati
   require_size("Ereps::restore: best", best.size(), history.empty() ? 0 : policy_.size(),
                "parameter");
   for (std::size_t i = 0; i < history.size(); ++i)
-    require(history[i].iteration == static_cast<int>(i) + 1,
+    require_ereps(history[i].iteration == static_cast<int>(i) + 1,
             "row " + std::to_string(i) + " of the history is of iteration " +
                 std::to_string(history[i].iteration));
   policy_ = std::move(policy);

@@ -4,10 +4,10 @@
 #include <numbers>
 #include <optional>
 
-#include <Eigen/Cholesky>
-
 #include <diffnea/core/error.hpp>
 #include <diffnea/policy/gaussian.hpp>
+
+#include "core/decompositions.hpp"
 
 namespace diffnea {
 namespace {

@@ -10,7 +10,7 @@ namespace {
 constexpr double kLongest = 3600.0;  ///< [s]: beyond, a slip of the pen
 constexpr int kMost = 1000;          ///< joints, and bases of each: likewise
 
-void require(bool ok, const std::string& what) {
+void require_promp(bool ok, const std::string& what) {
   if (!ok) throw Error("ProMP: " + what);
 }
 
@@ -44,23 +44,23 @@ Hermite hermite_slope(double s) {
 }  // namespace
 
 Promp::Promp(PrompSpec spec) : spec_(std::move(spec)) {
-  require(!spec_.joints.empty(), "no joint moves");
-  require(spec_.joints.size() <= kMost && spec_.bases <= kMost,
+  require_promp(!spec_.joints.empty(), "no joint moves");
+  require_promp(spec_.joints.size() <= kMost && spec_.bases <= kMost,
           std::to_string(spec_.joints.size()) + " joints and " + std::to_string(spec_.bases) +
               " bases, expected at most " + std::to_string(kMost) + " of either");
   for (std::size_t j = 0; j < spec_.joints.size(); ++j)
-    require(std::count(spec_.joints.begin(), spec_.joints.end(), spec_.joints[j]) == 1,
+    require_promp(std::count(spec_.joints.begin(), spec_.joints.end(), spec_.joints[j]) == 1,
             "joint '" + spec_.joints[j] + "' is named twice");
-  require(spec_.bases >= 2, std::to_string(spec_.bases) + " bases, expected at least 2");
-  require(spec_.held_first >= 0 && spec_.held_last >= 0, "fewer than 0 weights are held");
-  require(spec_.held_first < spec_.bases - std::min(spec_.held_last, spec_.bases),
+  require_promp(spec_.bases >= 2, std::to_string(spec_.bases) + " bases, expected at least 2");
+  require_promp(spec_.held_first >= 0 && spec_.held_last >= 0, "fewer than 0 weights are held");
+  require_promp(spec_.held_first < spec_.bases - std::min(spec_.held_last, spec_.bases),
           "all of " + std::to_string(spec_.bases) + " weights are held (" +
               std::to_string(spec_.held_first) + " first, " + std::to_string(spec_.held_last) +
               " last)");
-  require(std::isfinite(spec_.width) && spec_.width > 0.0, "the width must be positive");
-  require(std::isfinite(spec_.duration) && spec_.duration > 0.0, "the duration must be positive");
-  require(std::isfinite(spec_.hold) && spec_.hold >= 0.0, "the hold must not be negative");
-  require(spec_.duration + spec_.hold <= kLongest,
+  require_promp(std::isfinite(spec_.width) && spec_.width > 0.0, "the width must be positive");
+  require_promp(std::isfinite(spec_.duration) && spec_.duration > 0.0, "the duration must be positive");
+  require_promp(std::isfinite(spec_.hold) && spec_.hold >= 0.0, "the hold must not be negative");
+  require_promp(spec_.duration + spec_.hold <= kLongest,
           "duration and hold are longer than an hour together");
 }
 
@@ -69,7 +69,7 @@ int Promp::parameters_per_joint() const { return spec_.bases - spec_.held_first 
 int Promp::size() const { return static_cast<int>(spec_.joints.size()) * parameters_per_joint(); }
 
 void Promp::features(double time, VecX<double>& phi, VecX<double>& phi_d) const {
-  require(time >= 0.0, "time " + std::to_string(time) + " s, expected 0 or later");
+  require_promp(time >= 0.0, "time " + std::to_string(time) + " s, expected 0 or later");
   const double s = std::min(time / spec_.duration, 1.0);
   const Hermite h = hermite(s), h_d = hermite_slope(s);
   VecX<double> n, n_d, at_end, slope_at_end, at_start, slope_at_start;

@@ -1,19 +1,16 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
-#include <exception>
-#include <limits>
-#include <thread>
 
 #include <diffnea/core/error.hpp>
+#include <diffnea/core/parallel.hpp>
 #include <diffnea/policy/rollouts.hpp>
 
 #include "core/c_numbers.hpp"
+#include "core/constants.hpp"
 
 namespace diffnea {
 namespace {
-
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 int find_joint(const std::vector<std::string>& joints, const std::string& name) {
   const auto it = std::ranges::find(joints, name);
@@ -213,28 +210,13 @@ RolloutResult Rollouts::run(const RowMatX<double>& theta, const std::vector<std:
                     lanes = static_cast<std::size_t>(workers_[0].simulator->lanes());
   const std::size_t batch =
       std::clamp<std::size_t>((rows.size() + threads - 1) / threads, 1, lanes);
-  std::atomic<std::size_t> next{0};
   std::atomic<bool> tells_solved{false};
-  std::vector<std::exception_ptr> errors(threads);
-  const auto work = [&](std::size_t w) {
-    try {
-      for (std::size_t at = next.fetch_add(batch); at < rows.size(); at = next.fetch_add(batch))
-        if (execute(workers_[w], theta,
-                    std::span(rows).subspan(at, std::min(batch, rows.size() - at)), seeds, out))
-          tells_solved = true;
-    } catch (...) {
-      errors[w] = std::current_exception();
-      next = rows.size();
-    }
-  };
-  {
-    std::vector<std::jthread> others;
-    for (std::size_t w = 1; w < std::min(threads, (rows.size() + batch - 1) / batch); ++w)
-      others.emplace_back(work, w);
-    work(0);
-  }
-  for (const std::exception_ptr& e : errors)
-    if (e) std::rethrow_exception(e);
+  parallel_for((rows.size() + batch - 1) / batch, threads, [&](std::size_t k, std::size_t w) {
+    const std::size_t at = k * batch;
+    if (execute(workers_[w], theta,
+                std::span(rows).subspan(at, std::min(batch, rows.size() - at)), seeds, out))
+      tells_solved = true;
+  });
   count_ += static_cast<long>(rows.size());
   if (!tells_solved) out.solved.clear();
   return out;

@@ -16,7 +16,7 @@ constexpr double kHigh = 5.0;
 /// Share of the channel's variance from which least squares feel them.
 constexpr double kLoud = 1e-3;
 /// More of them are no outliers but how the channel is.
-constexpr double kFew = 0.01;
+constexpr double kFewSpikes = 0.01;
 
 /// A joint that moves by less is at rest [rad, m].
 constexpr double kRests = 0.05;
@@ -68,7 +68,7 @@ void audit_spikes(AuditContext& c) {
         }
         break;
       }
-    if (count == 0 || static_cast<double>(count) > kFew * static_cast<double>(x.size())) return;
+    if (count == 0 || static_cast<double>(count) > kFewSpikes * static_cast<double>(x.size())) return;
     ChannelFault f = make_fault("spike", view.where, view.channel, highest, view.unit);
     f.std = usual / 2.3;  // of what the rows about show: their 99 % is 2.3 standard deviations
     f.significance = std::abs(highest) / f.std;

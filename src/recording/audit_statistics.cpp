@@ -6,18 +6,10 @@
 #include <cstdio>
 #include <limits>
 
-#include <Eigen/Dense>
-
 #include "core/c_numbers.hpp"
+#include "core/decompositions.hpp"
 
 namespace diffnea::detail {
-
-double quantile(std::vector<double> x, double p) {
-  if (x.empty()) return std::numeric_limits<double>::quiet_NaN();
-  const auto at = x.begin() + static_cast<long>(p * static_cast<double>(x.size() - 1));
-  std::nth_element(x.begin(), at, x.end());
-  return *at;
-}
 
 double find_quantum(const VecX<double>& x) {
   std::vector<double> steps;
@@ -63,11 +55,11 @@ BlockFit fit_in_blocks(const MatX<double>& x, const VecX<double>& y,
   const VecX<double> size =
       x.colwise().norm().transpose().cwiseMax(std::numeric_limits<double>::min());
   const MatX<double> unit = x * size.cwiseInverse().asDiagonal();
-  const Eigen::CompleteOrthogonalDecomposition<MatX<double>> gram(unit.transpose() * unit);
+  const Eigen::CompleteOrthogonalDecomposition<MatX<double>> gram(MatX<double>(unit.transpose() * unit));
   BlockFit out;
-  const VecX<double> b = gram.solve(unit.transpose() * y);
+  const VecX<double> b = gram.solve(VecX<double>(unit.transpose() * y));
   out.residual = y - unit * b;
-  const MatX<double> inverse = gram.pseudoInverse();
+  const MatX<double> inverse = pseudo_inverse(gram);
   MatX<double> meat = MatX<double>::Zero(n, n);
   VecX<double> score = VecX<double>::Zero(n);
   double num_blocks = 0.0;

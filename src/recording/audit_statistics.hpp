@@ -6,10 +6,9 @@
 
 #include <diffnea/core/scalar.hpp>
 
-namespace diffnea::detail {
+#include "core/statistics.hpp"
 
-/// Value below which a share p of `x` lies; NaN of nothing. @param x  finite, any order
-double quantile(std::vector<double> x, double p);
+namespace diffnea::detail {
 
 /// Step of a channel that takes discrete values; 0 if it is finer than its own increments show.
 double find_quantum(const VecX<double>& x);

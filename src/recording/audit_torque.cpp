@@ -133,15 +133,15 @@ struct Coefficient {
 };
 
 /// A channel's dependence on every joint: where it reverses, and on its q̇ and q̈.
-struct Channel {
+struct LoggedTorque {
   std::vector<Coefficient> jump, viscous, inertia;  ///< by joint, as in `measured`
 };
 
-Channel fit_channel(const AuditContext& c, const BlackBox& box, const std::vector<int>& measured,
+LoggedTorque fit_channel(const AuditContext& c, const BlackBox& box, const std::vector<int>& measured,
                     int joint) {
   const std::size_t num = measured.size();
   const long m = static_cast<long>(box.moving.size());
-  Channel out{std::vector<Coefficient>(num), std::vector<Coefficient>(num),
+  LoggedTorque out{std::vector<Coefficient>(num), std::vector<Coefficient>(num),
               std::vector<Coefficient>(num)};
   VecX<double> tau(box.x.rows());
   for (long i = 0; i < tau.size(); ++i)
@@ -186,7 +186,7 @@ void audit_torque(AuditContext& c) {
     return;
   }
   const std::size_t num = measured.size();
-  std::vector<Channel> channel;
+  std::vector<LoggedTorque> channel;
   for (const int j : measured) channel.push_back(fit_channel(c, box, measured, j));
   // The black box is not the robot, so a jump must be clearer than other faults.
   const double sure = 2.0 * c.limits.significance;

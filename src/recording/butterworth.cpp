@@ -1,15 +1,14 @@
 #include <algorithm>
 #include <cmath>
 #include <complex>
-#include <numbers>
 #include <string>
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/recording/butterworth.hpp>
 
-namespace diffnea {
+#include "core/constants.hpp"
 
-constexpr double kPi = std::numbers::pi;
+namespace diffnea {
 
 Butterworth::Butterworth(int order, double cutoff_hz, double rate_hz)
     : order_(order), rate_hz_(rate_hz) {

@@ -3,11 +3,13 @@
 #include <algorithm>
 #include <array>
 #include <limits>
-#include <numbers>
 #include <optional>
 #include <span>
 
 #include <diffnea/core/error.hpp>
+#include <diffnea/core/text.hpp>
+
+#include "core/constants.hpp"
 
 namespace diffnea::detail {
 namespace {
@@ -16,7 +18,6 @@ struct Unit {
   const char* name;
   double scale;
 };
-constexpr double kPi = std::numbers::pi;
 constexpr Unit kTimeUnits[] = {{"s", 1.0}, {"ms", 1e-3}, {"us", 1e-6}, {"ns", 1e-9}};
 constexpr Unit kPositionUnits[] = {{"rad", 1.0},     {"deg", kPi / 180}, {"mrad", 1e-3},
                                    {"rev", 2 * kPi}, {"m", 1.0},         {"cm", 1e-2},
@@ -141,12 +142,6 @@ void require_plain_name(const std::string& what, const std::string& name, bool o
                     "a joint without brackets");
 }
 
-std::string join(const std::vector<std::string>& names) {
-  std::string out;
-  for (const std::string& n : names) out += (out.empty() ? "" : ", ") + n;
-  return out.empty() ? "none" : out;
-}
-
 const char* channel_name(Channel channel) {
   switch (channel) {
     case Channel::kTime:
@@ -238,7 +233,7 @@ Columns parse_header(std::string_view line, const std::string& where, const Reco
     if (name.starts_with("q_") && name.size() > 2) out.joint_names.push_back(name.substr(2));
   }
   if (std::ranges::find(names, "time") == names.end())
-    throw DataError(where + ":1: there is no column `time` [s]; columns: " + join(names));
+    throw DataError(where + ":1: there is no column `time` [s]; columns: " + detail::join_or_none(names));
 
   out.has_tau.assign(out.joint_names.size(), false);
   std::array<std::array<bool, 3>, 2> axes{};
@@ -253,7 +248,7 @@ Columns parse_header(std::string_view line, const std::string& where, const Reco
       const auto it = std::ranges::find(out.joint_names, *joint);
       if (it == out.joint_names.end())
         fail(k, "'" + names[k] + "' has no 'q_" + *joint +
-                    "' (a joint's position is always needed); joints: " + join(out.joint_names));
+                    "' (a joint's position is always needed); joints: " + detail::join_or_none(out.joint_names));
       c.channel = channel;
       c.index = static_cast<int>(it - out.joint_names.begin());
       if (channel == Channel::kTau) out.has_tau[c.index] = true;
@@ -297,12 +292,12 @@ Columns parse_header(std::string_view line, const std::string& where, const Reco
         for (const Unit& u : known) choices.emplace_back(u.name);
         if (units[k] != "A" || joint.empty())
           fail(k, "unit '" + units[k] + "' is not known for a " + channel_name(c.channel) +
-                      "; units: " + join(choices));
+                      "; units: " + detail::join_or_none(choices));
         if (constant == info.torque_constant.end())
           fail(k, "'" + names[k] +
                       "' is a current [A]: give its torque_constant [N*m/A] in the file's "
                       ".json, or convert it; units: " +
-                      join(choices));
+                      detail::join_or_none(choices));
         c.scale = constant->second;
         out.notes.push_back("'" + names[k] + "' was converted from current with " +
                             std::to_string(c.scale) + " N*m/A");
@@ -320,11 +315,11 @@ Columns parse_header(std::string_view line, const std::string& where, const Reco
   if (out.joint_names.empty() && !out.has(Channel::kBall))
     throw DataError(where +
                     ":1: there is neither a joint (q_<joint>) nor a ball (ball_x, ball_y, ball_z)" +
-                    "; columns: " + join(names));
+                    "; columns: " + detail::join_or_none(names));
   for (const std::string& joint : info.passive)
     if (std::ranges::find(out.joint_names, joint) == out.joint_names.end())
       throw DataError(where + ": the passive joint '" + joint +
-                      "' has no column; joints: " + join(out.joint_names));
+                      "' has no column; joints: " + detail::join_or_none(out.joint_names));
   for (const std::string& joint : out.joint_names)
     out.passive.push_back(std::ranges::find(info.passive, joint) != info.passive.end());
   return out;

@@ -48,7 +48,5 @@ const char* channel_name(Channel channel);
 /// joint's, which hold units. @throws DataError that begins with `what`
 void require_plain_name(const std::string& what, const std::string& name, bool of_joint);
 
-/// "a, b, c" or "none"
-std::string join(const std::vector<std::string>& names);
 
 }  // namespace diffnea::detail

@@ -4,17 +4,15 @@
 #include <charconv>
 #include <cstdlib>
 #include <cstring>
-#include <limits>
 #include <string>
 
 #include <diffnea/core/error.hpp>
 
 #include "core/c_numbers.hpp"
+#include "core/constants.hpp"
 
 namespace diffnea::detail {
 namespace {
-
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
 /// A cell that std::from_chars did not take whole: empty or NA is a gap, a number out of range is
 /// infinite or 0.

@@ -1,21 +1,20 @@
 #include <algorithm>
 #include <cmath>
 #include <complex>
-#include <numbers>
 #include <string>
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/recording/decimator.hpp>
 
+#include "core/constants.hpp"
 #include "core/number_text.hpp"
 #include "recording/kaiser.hpp"
 
 namespace diffnea {
 namespace {
 
-constexpr double kPi = std::numbers::pi;
 constexpr int kMostTaps = 1 << 24;  ///< 134 MB; 1 mHz at 4 kHz
-constexpr long kFew = 8;            ///< columns: each by itself runs on SIMD registers
+constexpr long kFewColumns = 8;            ///< columns: each by itself runs on SIMD registers
 
 }  // namespace
 
@@ -76,7 +75,7 @@ RowMatX<double> Decimator::push(const Eigen::Ref<const RowMatX<double>>& rows) {
   const long num_out = filled_ < taps ? 0 : (filled_ - taps) / factor_ + 1;
   RowMatX<double> out(num_out, rows.cols());
   const Eigen::Map<const Eigen::RowVectorXd> h(h_.data(), taps);
-  if (buffer_.cols() <= kFew)
+  if (buffer_.cols() <= kFewColumns)
     for (long c = 0; c < buffer_.cols(); ++c) {
       const VecX<double> column = buffer_.col(c).head(filled_);
       for (long k = 0; k < num_out; ++k) out(k, c) = h.dot(column.segment(k * factor_, taps));

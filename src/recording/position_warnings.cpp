@@ -28,7 +28,7 @@ void count_wraps(const Recording& r, long joint, Wraps& out) {
     gaps.push_back(r.time[i] - r.time[i - 1]);
   }
   if (sizes.size() < 20) return;
-  const double usual = detail::quantile(sizes, 0.95), dt = detail::quantile(gaps, 0.5);
+  const double usual = quantile(sizes, 0.95), dt = quantile(gaps, 0.5);
   if (usual > kLargestStep) return;
   const auto turns = [&](long i) {  // by how many the row is beyond the one before
     if (i < 1 || i >= r.rows() || !(r.time[i] - r.time[i - 1] < 2.5 * dt)) return 0.0;

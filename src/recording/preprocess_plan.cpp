@@ -2,13 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <numbers>
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/recording/preprocess.hpp>
 
-#include "core/median.hpp"
+#include "core/constants.hpp"
+#include "core/statistics.hpp"
 #include "core/number_text.hpp"
 #include "recording/columns.hpp"
 #include "recording/gridder.hpp"
@@ -19,8 +19,6 @@ namespace {
 
 using detail::Gridder;
 
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 /// Rows that planning looks at, at most; enough for any spectrum.
 constexpr long kPlanRows = 400'000;
 /// No drive is sampled faster; a pause of milliseconds would be a gap of millions of rows [s].

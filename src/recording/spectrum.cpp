@@ -3,15 +3,13 @@
 #include <algorithm>
 #include <cmath>
 #include <complex>
-#include <numbers>
 
-#include "core/median.hpp"
+#include "core/constants.hpp"
+#include "core/statistics.hpp"
 #include "recording/kaiser.hpp"
 
 namespace diffnea::detail {
 namespace {
-
-constexpr double kPi = std::numbers::pi;
 
 /// Radix-2 transform in place; the size is a power of two.
 void fft(std::vector<std::complex<double>>& x) {

@@ -5,12 +5,11 @@
 #include <cmath>
 #include <fstream>
 
+#include "core/constants.hpp"
 #include "core/number_text.hpp"
 
 namespace diffnea::detail {
 namespace {
-
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 /// |τ| of one line's torque cells, appended to those of their columns; cells that are no plain
 /// number are passed over, the reader judges them.

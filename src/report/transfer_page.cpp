@@ -72,6 +72,7 @@ std::string transfer_page(const TransferRun& run) {
   const std::string name = run.task.model.name.empty() ? "the model" : run.task.model.name;
   const std::string title = "Ball in a cup, from " + name + " to another world";
   std::string body = element("h1", title) + element("p", transfer_headline(run), "headline");
+  if (run.differences) body += element("p", world_sentence(run));
   if (run.interrupted)
     body += element("p",
                     "Interrupted: " + std::to_string(run.executions.size()) + " of " +

@@ -19,6 +19,14 @@ std::string transfer_headline(const TransferRun& run) {
   return out + ".";
 }
 
+std::string world_sentence(const TransferRun& run) {
+  if (!run.differences) return "";
+  if (run.differences->empty()) return "The world is as its description says.";
+  std::string out;
+  for (const std::string& clause : *run.differences) out += (out.empty() ? "" : "; ") + clause;
+  return "The world differs from its description: " + out + ".";
+}
+
 std::string transfer_text(const TransferRun& run) {
   std::vector<std::vector<std::string>> rows;
   for (std::size_t i = 0; i < run.executions.size(); ++i) {
@@ -33,7 +41,7 @@ std::string transfer_text(const TransferRun& run) {
   return table({"seed", "<in the model", "<caught", "expected", "reward", "(wide)", "error mm",
                 "<what happened"},
                rows) +
-         "\n" + transfer_headline(run) + "\n";
+         "\n" + transfer_headline(run) + "\n" + (run.differences ? world_sentence(run) + "\n" : "");
 }
 
 }  // namespace diffnea

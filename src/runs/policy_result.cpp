@@ -196,6 +196,7 @@ std::string transfer_result_json(const TransferRun& run) {
       .model = run.task.model.name,
       .controller = run.task.controller.name,
       .world = run.world,
+      .differences = run.differences,
       .fingerprint = fingerprint(run.task),
       .task = io::task_file(run.task),
       .transferred = share_of(successes(run.executions), n),

@@ -151,6 +151,14 @@ TransferRun read_transfer_run(const fs::path& folder) {
   io::require_schema(root, where, "diffnea/transfer/1");
   run.task = read_ball_in_cup(root, folder);
   run.world = root.string("world");
+  if (const Json* clauses = root.optional("differences")) {
+    run.differences.emplace();
+    for (const Json& clause : io::json_array(*clauses, root.at("differences"))) {
+      if (!clause.is_string())
+        throw ModelError(root.at("differences") + ": got " + clause.dump() + ", expected texts");
+      run.differences->push_back(clause.get<std::string>());
+    }
+  }
   for (const Json& seed : io::json_array(root.required("seeds"), root.at("seeds"))) {
     if (!seed.is_number_unsigned())
       throw ModelError(root.at("seeds") + ": got " + seed.dump() + ", expected 0, 1, 2, …");

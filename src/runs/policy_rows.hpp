@@ -140,6 +140,7 @@ struct TransferFile {
   std::string model;
   std::string controller;
   std::string world;
+  std::optional<std::vector<std::string>> differences;
   std::string fingerprint;
   TaskFile task;
   Share transferred;
@@ -160,6 +161,9 @@ struct TransferFile {
     list.field("controller", &TransferFile::controller,
                "Name of the model that the controller compensates gravity with.");
     list.field("world", &TransferFile::world, "As it was named.");
+    list.field("differences", &TransferFile::differences,
+               "Clauses on how the world may differ from its description; empty: not at all; null "
+               "or missing: from an earlier version.");
     list.field("fingerprint", &TransferFile::fingerprint, "As of `learn`.");
     list.field("task", &TransferFile::task, "As of `learn`.");
     list.field("transferred", &TransferFile::transferred,

@@ -23,12 +23,12 @@ std::string millimetres(double x) {
 }
 
 /// The ball in the cup's frame: along its axis, and off it.
-struct Place {
+struct CupPlace {
   double height, radius;
 };
-std::vector<Place> places(const RowMatX<double>& ball, const RowMatX<double>& cup,
+std::vector<CupPlace> places(const RowMatX<double>& ball, const RowMatX<double>& cup,
                           const RowMatX<double>& axis) {
-  std::vector<Place> out;
+  std::vector<CupPlace> out;
   for (long k = 0; k < ball.rows(); ++k) {
     const Eigen::Vector3d off = ball.row(k) - cup.row(k), m = axis.row(k);
     const double h = off.dot(m);
@@ -50,7 +50,7 @@ void check(const VecX<double>& time, const RowMatX<double>& ball, const RowMatX<
 }
 
 /// How near to a catch a ball came that never was in the cup.
-std::string missed(const std::vector<Place>& all, const CupSpec& cup) {
+std::string missed(const std::vector<CupPlace>& all, const CupSpec& cup) {
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
   double highest = -kInfinity, closest = kInfinity;  // where it comes down past the rim
   for (std::size_t k = 0; k < all.size(); ++k) {
@@ -69,8 +69,8 @@ BallVerdict judge_ball(const VecX<double>& time, const RowMatX<double>& ball,
                        const RowMatX<double>& cup, const RowMatX<double>& axis, const CupSpec& spec,
                        const SuccessOptions& o) {
   check(time, ball, cup, axis, o);
-  const std::vector<Place> all = places(ball, cup, axis);
-  const auto inside = [&](const Place& p) {
+  const std::vector<CupPlace> all = places(ball, cup, axis);
+  const auto inside = [&](const CupPlace& p) {
     return p.height > spec.floor && p.height < spec.rim && p.radius < spec.inner_radius + o.slack;
   };
   const long last = time.size() - 1;
@@ -88,7 +88,7 @@ BallVerdict judge_ball(const VecX<double>& time, const RowMatX<double>& ball,
   // How far a ball that touches the cup can be; balls are smaller than cups.
   const double reach = spec.inner_radius, outer = spec.inner_radius + spec.wall + reach;
   const auto stays = [&](double low, double high) {
-    return std::all_of(all.begin() + window, all.end(), [&](const Place& p) {
+    return std::all_of(all.begin() + window, all.end(), [&](const CupPlace& p) {
       return p.height >= low && p.height < high && p.radius < outer;
     });
   };

@@ -1,26 +1,21 @@
 #include "sim/control_loop.hpp"
 
 #include <algorithm>
-#include <limits>
 
 #include <diffnea/core/error.hpp>
+#include <diffnea/core/text.hpp>
 #include <diffnea/effects/extended_tree.hpp>
+#include <diffnea/effects/joint_series.hpp>
+#include <diffnea/effects/stepping.hpp>
 
-#include "core/c_numbers.hpp"
+#include "core/constants.hpp"
 #include "core/number_text.hpp"
 #include "sim/joint_controller.hpp"
 
 namespace diffnea::sim {
 namespace {
 
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr double kMostRows = 1e7, kMostRowsEach = 100.0;  ///< of a recording; for a desired row
-
-std::string number_text(double x) {
-  char text[32];
-  detail::print(text, sizeof text, "%.6g", x);
-  return text;
-}
 
 /// Desired motion in the order of the robot's joints, sampled by straight lines between the rows.
 class Reference {
@@ -78,11 +73,11 @@ void apply_channels(const std::vector<BoundEffect>& channels, Recording& r) {
   for (const BoundEffect& e : channels)
     for (const int j : e.joints) {
       const double dt = r.rows() > 1 ? r.time[1] - r.time[0] : 0.0;
-      if (std::holds_alternative<VelocityFilterLag>(e.type))
-        r.qd.col(j) = low_passed(r.qd.col(j), dt, e.parameters[0]);
-      if (!std::holds_alternative<TimeShift>(e.type) || r.rows() < 2) continue;
-      r.q.col(j) = shifted(r.q.col(j), dt, -e.parameters[0]);
-      if (r.qd.size() > 0) r.qd.col(j) = shifted(r.qd.col(j), dt, -e.parameters[0]);
+      if (r.qd.size() > 0) r.qd.col(j) = logged_velocity(e, r.qd.col(j), dt);
+      const double late = clock_shift(e);
+      if (late == 0.0 || r.rows() < 2) continue;
+      r.q.col(j) = shifted(r.q.col(j), dt, -late);
+      if (r.qd.size() > 0) r.qd.col(j) = shifted(r.qd.col(j), dt, -late);
     }
 }
 
@@ -98,9 +93,8 @@ SimulatedRecording run_control_loop(Plant& plant, const Model& robot, const Mode
   const std::vector<Joint> joints = joints_of(robot, o);
   const int n = static_cast<int>(joints.size());
   const std::vector<BoundEffect> channels = extend(robot, {0}).series;
-  const bool log_velocity = std::ranges::any_of(channels, [](const BoundEffect& e) {
-    return std::holds_alternative<VelocityFilterLag>(e.type);
-  });
+  const bool log_velocity = std::ranges::any_of(
+      channels, [](const BoundEffect& e) { return e.info().has(Trait::kLogsVelocity); });
   Reference reference(trajectory, robot);
   Rng rng(o.seed);
 
@@ -114,9 +108,9 @@ SimulatedRecording run_control_loop(Plant& plant, const Model& robot, const Mode
   // Two rows can be years apart; what is long and has as many rows is meant.
   if (!(duration * o.control_rate <=
         std::max(kMostRows, kMostRowsEach * static_cast<double>(trajectory.rows()))))
-    throw DataError(trajectory.source + ": lasts " + number_text(duration) + " s, which is " +
-                    number_text(duration * o.control_rate) + " rows at " +
-                    number_text(o.control_rate) + " Hz; the limit is " + number_text(kMostRows) +
+    throw DataError(trajectory.source + ": lasts " + detail::number_text(duration, 6) + " s, which is " +
+                    detail::number_text(duration * o.control_rate, 6) + " rows at " +
+                    detail::number_text(o.control_rate, 6) + " Hz; the limit is " + detail::number_text(kMostRows, 6) +
                     " (is its time in s?)");
   const long rows = static_cast<long>(std::floor(duration * o.control_rate + 1e-6)) + 1;
   SimulatedRecording out;

@@ -1,8 +1,9 @@
-#include <Eigen/LU>
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/dynamics/mass_matrix.hpp>
 #include <diffnea/sim/controller.hpp>
+
+#include "core/decompositions.hpp"
 
 namespace diffnea {
 namespace {

@@ -25,18 +25,11 @@ struct DrawnEffects {
 std::vector<std::pair<std::string, std::string>> names_and_places(
     const std::vector<BoundEffect>& effects);
 
-/// What is in the log alone, and of the camera: the motion does not know of it.
-bool is_of_log(const BoundEffect& e);
-
 /// @throws ModelError always: the effect is not simulated here
 [[noreturn]] void refuse(const Model& model, const BoundEffect& e);
 
 /// @throws ModelError for an effect that is not simulated here, draws that differ in more than
 ///         numbers
 std::vector<DrawnEffects> drawn_effects(const std::vector<Model>& draws);
-
-/// What number e of the effects at links depends on, of all draws: where they do not agree (a shape
-/// may be what makes a friction linear in one of them), nothing is taken for granted.
-EffectKind kind_in_all(const std::vector<DrawnEffects>& draws, std::size_t e);
 
 }  // namespace diffnea::sim

@@ -4,27 +4,20 @@
 #include <limits>
 
 namespace diffnea::sim {
-namespace {
-
-/// Adds parameter 0 of every effect of type E to its joints' entries.
-template <class E>
-void collect(const std::vector<BoundEffect>& effects, VecX<double>& values) {
-  for (const BoundEffect& e : effects)
-    if (std::holds_alternative<E>(e.type))
-      for (const int j : e.joints) values[j] += e.parameters[0];
-}
-
-}  // namespace
 
 Drives::Drives(const std::vector<BoundEffect>& effects, int num_dofs)
-    : limit_(VecX<double>::Constant(num_dofs, std::numeric_limits<double>::infinity())),
-      delay_(VecX<double>::Zero(num_dofs)),
-      lag_(delay_) {
+    : limit_(num_dofs), delay_(num_dofs), lag_(num_dofs) {
+  std::vector<DrivePath<double>> paths(
+      static_cast<std::size_t>(num_dofs),
+      {.limit = std::numeric_limits<double>::infinity(), .delay = 0.0, .lag = 0.0});
   for (const BoundEffect& e : effects)
-    if (std::holds_alternative<Saturation>(e.type))
-      for (const int j : e.joints) limit_[j] = std::min(limit_[j], e.parameters[0]);
-  collect<ActuatorDelay>(effects, delay_);
-  collect<ActuatorLag>(effects, lag_);
+    for (const int j : e.joints) add_to_drive(e, paths[static_cast<std::size_t>(j)]);
+  for (int j = 0; j < num_dofs; ++j) {
+    const DrivePath<double>& path = paths[static_cast<std::size_t>(j)];
+    limit_[j] = path.limit;
+    delay_[j] = path.delay;
+    lag_[j] = path.lag;
+  }
 }
 
 void Drives::reset() {
@@ -55,10 +48,14 @@ VecX<double> Drives::applied(double share) const {
 }
 
 Encoders::Encoders(const std::vector<BoundEffect>& effects, int num_dofs)
-    : gain_(VecX<double>::Zero(num_dofs)), offset_(VecX<double>::Zero(num_dofs)) {
-  collect<EncoderScale>(effects, gain_);
-  collect<EncoderOffset>(effects, offset_);
-  gain_.array() += 1.0;
+    : gain_(num_dofs), offset_(num_dofs) {
+  std::vector<Encoder> encoders(static_cast<std::size_t>(num_dofs));
+  for (const BoundEffect& e : effects)
+    for (const int j : e.joints) add_to_encoder(e, encoders[static_cast<std::size_t>(j)]);
+  for (int j = 0; j < num_dofs; ++j) {
+    gain_[j] = encoders[static_cast<std::size_t>(j)].scale + 1.0;
+    offset_[j] = encoders[static_cast<std::size_t>(j)].offset;
+  }
 }
 
 }  // namespace diffnea::sim

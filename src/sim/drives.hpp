@@ -3,35 +3,15 @@
 /// lag, in this order; and what the encoders make of the positions.
 
 #include <deque>
-#include <variant>
 #include <vector>
 
-#include <diffnea/effects/catalogue.hpp>
+#include <diffnea/effects/stepping.hpp>
 
 namespace diffnea::sim {
 
-/// Friction with a state: bristles that give before they slip.
-inline bool is_bristles(const BoundEffect& e) {
-  return std::holds_alternative<PreslidingDahl>(e.type) ||
-         std::holds_alternative<PreslidingLugre>(e.type);
-}
-
-/// Effects of a stretch that a simulated robot has states or channels for.
-inline bool is_simulated(const BoundEffect& e) {
-  return is_bristles(e) || std::holds_alternative<JointElasticity>(e.type) ||
-         std::holds_alternative<Backlash>(e.type) ||
-         std::holds_alternative<ActuatorDelay>(e.type) ||
-         std::holds_alternative<ActuatorLag>(e.type) ||
-         std::holds_alternative<Saturation>(e.type) ||
-         std::holds_alternative<EncoderOffset>(e.type) ||
-         std::holds_alternative<EncoderScale>(e.type) ||
-         std::holds_alternative<TimeShift>(e.type) ||
-         std::holds_alternative<VelocityFilterLag>(e.type);
-}
-
 class Drives {
  public:
-  /// Takes saturation, actuator_delay and actuator_lag from `effects`, leaves the others.
+  /// Takes what has an `add_to_drive` from `effects`, leaves the others.
   Drives(const std::vector<BoundEffect>& effects, int num_dofs);
 
   void reset();
@@ -57,7 +37,7 @@ class Drives {
 /// Encoders read (1 + ε) q + δ.
 class Encoders {
  public:
-  /// Takes encoder_offset and encoder_scale from `effects`, leaves the others.
+  /// Takes what has an `add_to_encoder` from `effects`, leaves the others.
   Encoders(const std::vector<BoundEffect>& effects, int num_dofs);
 
   VecX<double> read(const VecX<double>& q) const { return q.cwiseProduct(gain_) + offset_; }

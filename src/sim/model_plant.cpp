@@ -3,72 +3,50 @@
 #include <algorithm>
 #include <cmath>
 
-#include <Eigen/LU>
-
 #include <diffnea/core/error.hpp>
 #include <diffnea/dynamics/mass_matrix.hpp>
 #include <diffnea/effects/hidden_motor.hpp>
 
+#include "core/decompositions.hpp"
+
 namespace diffnea::sim {
 
-/// Bristles over a step of `h` seconds at constant velocity: exact, so that no stiffness makes them
-/// unstable.
-double ModelPlant::Bristles::advanced(double travel, double h) const {
-  if (!(h > 0.0)) return state;
-  const double* p = effect->parameters.data();
-  return std::holds_alternative<PreslidingDahl>(effect->type)
-             ? PreslidingDahl::advance(state, travel, p[1])
-             : PreslidingLugre::advance(state, travel / h, h, p);
+/// After a step of `h` seconds at constant velocity.
+double ModelPlant::JointState::advanced(double way, double h) const {
+  return h > 0.0 ? advanced_state(*effect, state, {way, way / h, h}) : state;
 }
 
-double ModelPlant::Bristles::torque(double at, double velocity) const {
-  const double* p = effect->parameters.data();
-  return std::holds_alternative<PreslidingDahl>(effect->type)
-             ? share * p[0] * at
-             : share * PreslidingLugre::torque(at, velocity, p);
-}
-
-double ModelPlant::Motor::transmitted(double deflection, double velocity) const {
-  const double* p = effect->parameters.data();
-  if (std::holds_alternative<JointElasticity>(effect->type))
-    return p[0] * deflection + p[1] * velocity;
-  return Backlash::transmitted(deflection, velocity, p);
-}
-
-double ModelPlant::Motor::friction_share() const {
-  return std::holds_alternative<JointElasticity>(effect->type)
-             ? JointElasticity::friction_share(effect->parameters.data())
-             : 1.0;
+double ModelPlant::JointState::torque(double at, double velocity) const {
+  return share * state_torque(*effect, at, velocity);
 }
 
 /// Rotors behind springs and gaps leave the tree.
 void ModelPlant::hide_motors(Tree<double>& tree) {
   for (const BoundEffect& e : series_) {
-    if (!std::holds_alternative<JointElasticity>(e.type) &&
-        !std::holds_alternative<Backlash>(e.type))
-      continue;
+    if (!hides_motor(e)) continue;
+    const double inertia = motor_spring(e).inertia;
     for (const int j : e.joints) {
-      if (!(e.parameters[2] > 0.0)) continue;  // without a rotor nothing moves behind the spring
+      if (!(inertia > 0.0)) continue;  // without a rotor nothing moves behind the spring
       if (std::ranges::find(motors_, j, &Motor::joint) != motors_.end())
         throw ModelError(
             "simulate: " + e.info().name + " at '" + e.where +
             "': the joint has a hidden motor already; one elasticity or backlash a joint");
       double& armature = tree.links[static_cast<std::size_t>(j)].armature;
-      motors_.push_back({&e, j, e.parameters[2], armature - e.parameters[2]});
+      motors_.push_back({&e, j, inertia, armature - inertia});
       armature = 0.0;
     }
   }
 }
 
-void ModelPlant::place_bristles() {
+void ModelPlant::place_states() {
   for (const BoundEffect& e : series_) {
-    if (!is_bristles(e)) continue;
+    if (!has_state(e)) continue;
     for (const int j : e.joints) {
       const auto motor = std::ranges::find(motors_, j, &Motor::joint);
-      const double share = motor == motors_.end() ? 0.0 : motor->friction_share();
-      if (share > 0.0)
-        bristles_.push_back({&e, j, static_cast<int>(motor - motors_.begin()), share});
-      if (share < 1.0) bristles_.push_back({&e, j, -1, 1.0 - share});
+      const double share =
+          motor == motors_.end() ? 0.0 : motor_spring(*motor->effect).friction_share;
+      if (share > 0.0) states_.push_back({&e, j, static_cast<int>(motor - motors_.begin()), share});
+      if (share < 1.0) states_.push_back({&e, j, -1, 1.0 - share});
     }
   }
 }
@@ -83,10 +61,11 @@ ExtendedTree ModelPlant::take_apart(ExtendedTree model) {
           "simulate: " + e.info().name + " at '" + e.where +
           "' is not integrated here, and would be left out; leave it out of the model");
   hide_motors(model.tree);
-  place_bristles();
+  place_states();
   std::vector<BoundEffect> at_links;
   MotorShares shares(static_cast<std::size_t>(n_), -1.0);
-  for (const Motor& m : motors_) shares[static_cast<std::size_t>(m.joint)] = m.friction_share();
+  for (const Motor& m : motors_)
+    shares[static_cast<std::size_t>(m.joint)] = motor_spring(*m.effect).friction_share;
   for (const BoundEffect& whole : model.effects)
     for (const BoundEffect& e : parts_at_motors(whole, shares)) {
       const double share = share_at_motors(e, shares);
@@ -101,11 +80,11 @@ ExtendedTree ModelPlant::take_apart(ExtendedTree model) {
   return model;
 }
 
-int ModelPlant::position_of(const Bristles& b) const {
+int ModelPlant::position_of(const JointState& b) const {
   return b.motor < 0 ? b.joint : 2 * n_ + b.motor;
 }
 
-int ModelPlant::velocity_of(const Bristles& b) const {
+int ModelPlant::velocity_of(const JointState& b) const {
   return b.motor < 0 ? n_ + b.joint : 2 * n_ + static_cast<int>(motors_.size()) + b.motor;
 }
 
@@ -133,16 +112,14 @@ int ModelPlant::steps_for_stiffness(const VecX<double>& q) const {
     rate = std::max({rate, std::sqrt(stiffness * inverse_inertia), damping * inverse_inertia});
   };
   for (const Motor& m : motors_) {
-    const std::vector<double>& p = m.effect->parameters;
-    const bool elastic = std::holds_alternative<JointElasticity>(m.effect->type);
-    spring(elastic ? p[0] : p[1], elastic ? p[1] : 0.0, mobility[m.joint] + 1.0 / m.inertia);
+    const MotorSpring<double> s = motor_spring(*m.effect);
+    spring(s.stiffness, s.damping, mobility[m.joint] + 1.0 / m.inertia);
   }
-  for (const Bristles& b : bristles_) {
-    const std::vector<double>& p = b.effect->parameters;
-    const bool dahl = std::holds_alternative<PreslidingDahl>(b.effect->type);
+  for (const JointState& b : states_) {
+    const AtRest<double> s = at_rest(*b.effect);
     const double inverse_inertia =
         b.motor < 0 ? mobility[b.joint] : 1.0 / motors_[static_cast<std::size_t>(b.motor)].inertia;
-    spring(b.share * (dahl ? p[0] / p[1] : p[0]), dahl ? 0.0 : b.share * p[1], inverse_inertia);
+    spring(b.share * s.stiffness, b.share * s.damping, inverse_inertia);
   }
   const double asked = std::max(1.0, period_ / largest_step_);
   const double wanted = std::min(std::max(asked, 2.0 * period_ * rate), std::max(asked, 200.0));
@@ -177,16 +154,8 @@ int ModelPlant::steps_for_friction(const VecX<double>& q) {
   return steps >= 1.0 ? static_cast<int>(std::min(steps, kMostSteps)) : 1;
 }
 
-/// Angle of the motor beyond the link's [rad] that transmits `load`.
-double ModelPlant::deflection(const Motor& motor, double load) const {
-  const std::vector<double>& p = motor.effect->parameters;
-  return std::holds_alternative<JointElasticity>(motor.effect->type)
-             ? load / p[0]
-             : Backlash::deflection_at(load, p.data());
-}
-
 void ModelPlant::start(const JointSeries& x, const RowMatX<double>& torque, long row) {
-  constexpr double kMemory = 0.5;  // [s] that bristles and drives look back
+  constexpr double kMemory = 0.5;  // [s] that states and drives look back
   const int m = static_cast<int>(motors_.size());
   z_ = VecX<double>::Zero(2 * n_ + 2 * m);
   const RowMatX<double> gain = encoders_.read_velocity(VecX<double>::Ones(n_)).transpose();
@@ -201,9 +170,9 @@ void ModelPlant::start(const JointSeries& x, const RowMatX<double>& torque, long
   z_.head(n_) = q.row(1).transpose();
   z_.segment(n_, n_) = qd.row(1).transpose();
   const long first = std::max(0L, row - std::lround(kMemory / x.dt));
-  RowMatX<double> on_links = RowMatX<double>::Zero(3, n_);  // torque of bristles
-  for (Bristles& b : bristles_) {
-    Bristles at = b;
+  RowMatX<double> on_links = RowMatX<double>::Zero(3, n_);  // torque of states
+  for (JointState& b : states_) {
+    JointState at = b;
     at.state = 0.0;
     for (long k = first; k <= row + 1; ++k) {
       if (k > first)
@@ -219,9 +188,10 @@ void ModelPlant::start(const JointSeries& x, const RowMatX<double>& torque, long
     for (int k = 0; k < m; ++k) {
       const Motor& motor = motors_[static_cast<std::size_t>(k)];
       const int j = motor.joint;
-      z_[2 * n_ + k] = q(1, j) + deflection(motor, load(1, j));
-      z_[2 * n_ + m + k] =
-          qd(1, j) + (deflection(motor, load(2, j)) - deflection(motor, load(0, j))) / (2.0 * x.dt);
+      z_[2 * n_ + k] = q(1, j) + deflection_at(*motor.effect, load(1, j));
+      z_[2 * n_ + m + k] = qd(1, j) + (deflection_at(*motor.effect, load(2, j)) -
+                                       deflection_at(*motor.effect, load(0, j))) /
+                                          (2.0 * x.dt);
     }
   }
   drives_.reset();
@@ -246,9 +216,9 @@ void ModelPlant::reset(const VecX<double>& reading) {
   const VecX<double> hold = gravity_torques<double, double>(dynamics_.model().tree, q, ws);
   for (int k = 0; k < m; ++k) {
     const Motor& motor = motors_[static_cast<std::size_t>(k)];
-    z_[2 * n_ + k] = q[motor.joint] + deflection(motor, hold[motor.joint]);
+    z_[2 * n_ + k] = q[motor.joint] + deflection_at(*motor.effect, hold[motor.joint]);
   }
-  for (Bristles& b : bristles_) b.state = 0.0;
+  for (JointState& b : states_) b.state = 0.0;
   drives_.reset();
   time_ = 0.0;
   substeps_ = steps_for_stiffness(q);
@@ -267,7 +237,7 @@ void ModelPlant::slope(double share, const VecX<double>& z, VecX<double>& dz) {
     qd[j] = z[2 * n_ + m + k];
   }
   VecX<double> at_motors = VecX<double>::Zero(n_), at_links = at_motors;  // torque of effects
-  for (const Bristles& b : bristles_) {
+  for (const JointState& b : states_) {
     const int at = position_of(b);
     (b.motor < 0 ? at_links : at_motors)[b.joint] +=
         b.torque(b.advanced(z[at] - start_[at], h), z[velocity_of(b)]);
@@ -281,7 +251,7 @@ void ModelPlant::slope(double share, const VecX<double>& z, VecX<double>& dz) {
   for (int k = 0; k < m; ++k) {
     const Motor& motor = motors_[static_cast<std::size_t>(k)];
     const int j = motor.joint;
-    transmitted[j] = motor.transmitted(q[j] - z[j], qd[j] - z[n_ + j]);
+    transmitted[j] = diffnea::transmitted(*motor.effect, q[j] - z[j], qd[j] - z[n_ + j]);
   }
   at_links = transmitted - at_links;
   dynamics_.set_time(time_ + h);
@@ -305,7 +275,7 @@ std::string ModelPlant::step(const VecX<double>& torque) {
     integrator_.step(
         [&](double share, const VecX<double>& z, VecX<double>& dz) { slope(share, z, dz); }, step_,
         z_);
-    for (Bristles& b : bristles_)
+    for (JointState& b : states_)
       b.state = b.advanced(z_[position_of(b)] - start_[position_of(b)], step_);
     drives_.end_step();
     if (!z_.allFinite()) return "the integration is unstable";

@@ -1,10 +1,11 @@
 #pragma once
 /// A model with all its effects as a robot that can be stepped: those of one instant by forward
-/// dynamics, those with memory with their states (torque of the drives, bristles, angles of hidden
-/// motors), encoders on what is read.
+/// dynamics, those with memory with their states (torque of the drives, states at joints, angles of
+/// hidden motors), encoders on what is read.
 
 #include <diffnea/dynamics/integrators.hpp>
 #include <diffnea/effects/forward_dynamics.hpp>
+#include <diffnea/effects/joint_series.hpp>
 
 #include "sim/control_loop.hpp"
 #include "sim/drives.hpp"
@@ -25,7 +26,7 @@ class ModelPlant : public Plant {
   ModelPlant& operator=(const ModelPlant&) = delete;
 
   void reset(const VecX<double>& q) override;
-  /// In the midst of a motion: hidden motors where the transmitted torques hold them, bristles and
+  /// In the midst of a motion: hidden motors where the transmitted torques hold them, states and
   /// drives as the rows before have left them.
   /// @param x       motion as logged, on the grid of `period`; time_shift is not undone
   /// @param torque  (N, n) that acts from row k to k+1
@@ -36,14 +37,14 @@ class ModelPlant : public Plant {
   std::string step(const VecX<double>& torque) override;
 
  private:
-  /// Dahl's or LuGre's bristles at a joint; `state` is z/x_s or z.
-  struct Bristles {
+  /// State of an effect at a joint.
+  struct JointState {
     const BoundEffect* effect;
     int joint;
-    int motor;     ///< of motors_, with which they turn; −1: with the link
+    int motor;     ///< of motors_, with which it turns; −1: with the link
     double share;  ///< of the effect's torque
     double state = 0.0;
-    double advanced(double travel, double h) const;
+    double advanced(double way, double h) const;
     double torque(double state, double velocity) const;
   };
   /// A motor behind a spring or a gap. Its angle and velocity are z[2n + k] and z[2n + m + k] of m
@@ -53,24 +54,21 @@ class ModelPlant : public Plant {
     int joint;
     double inertia;
     double shared_armature;  ///< of the joint, what turns with the link's acceleration in the model
-    double transmitted(double deflection, double velocity) const;
-    double friction_share() const;  ///< of the joint's friction, what turns with the motor
   };
 
   ExtendedTree take_apart(ExtendedTree model);
   void hide_motors(Tree<double>& tree);
-  void place_bristles();
-  int position_of(const Bristles& bristles) const;
-  int velocity_of(const Bristles& bristles) const;
+  void place_states();
+  int position_of(const JointState& state) const;
+  int velocity_of(const JointState& state) const;
   int steps_for_stiffness(const VecX<double>& q) const;
   int steps_for_friction(const VecX<double>& q);
-  double deflection(const Motor& motor, double load) const;
   void slope(double share, const VecX<double>& z, VecX<double>& dz);
 
   int n_;
   std::vector<BoundEffect> series_;         ///< with memory, or of a channel
   std::vector<BoundEffect> motor_effects_;  ///< of one instant, what turns with hidden motors
-  std::vector<Bristles> bristles_;
+  std::vector<JointState> states_;
   std::vector<Motor> motors_;
   ForwardDynamics dynamics_;
   Drives drives_;

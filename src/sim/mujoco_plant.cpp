@@ -5,11 +5,11 @@
 #include <cmath>
 #include <map>
 
-#include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 
 #include <diffnea/core/error.hpp>
 
+#include "core/decompositions.hpp"
 #include "sim/rotor_names.hpp"
 
 namespace diffnea::sim {
@@ -46,15 +46,24 @@ void set_inertia(mjModel& m, int body, const SpatialInertia<double>& b) {
   m.body_sameframe[body] = 0;  // compiled for the inertia it had
 }
 
-/// The four effects that MuJoCo has fields for: which one a spec fills.
+/// MuJoCo's number of a degree of freedom that a parameter is; null: none.
 using Field = mjtNum* mjModel::*;
-Field dof_field(const std::string& effect) {
-  static const std::map<std::string, Field> kFields{
-      {"armature", &mjModel::dof_armature},
-      {"coulomb_friction", &mjModel::dof_frictionloss},
-      {"viscous_friction", &mjModel::dof_damping}};
-  const auto it = kFields.find(effect);
-  return it == kFields.end() ? nullptr : it->second;
+Field dof_field(NativeField field) {
+  switch (field) {
+    case NativeField::kArmature:
+      return &mjModel::dof_armature;
+    case NativeField::kDamping:
+      return &mjModel::dof_damping;
+    case NativeField::kFrictionLoss:
+      return &mjModel::dof_frictionloss;
+    default:
+      return nullptr;
+  }
+}
+
+/// The native field of an effect's first parameter.
+NativeField native_field(const BoundEffect& e) {
+  return e.parameter_info.empty() ? NativeField::kNone : e.parameter_info.front().native;
 }
 
 }  // namespace
@@ -75,7 +84,8 @@ MujocoRobot::MujocoRobot(const std::string& mjcf, const Model& truth, double rat
   for (const ModelLink& link : truth.links) apply(link);
   shares_.assign(dof_.size(), -1.0);
   for (const EffectSpec& effect : truth.effects)
-    if (effect.effect == JointElasticity::info().name) tie_rotor(bind(effect, truth), truth);
+    if (find_effect(effect.effect).motor == HiddenMotor::kSpring)
+      tie_rotor(bind(effect, truth), truth);
   for (const EffectSpec& effect : truth.effects) apply(effect, truth);
   for (const Rotor& r : rotors_)
     m.dof_armature[dof_[r.joint]] =
@@ -121,25 +131,24 @@ void MujocoRobot::tie_rotor(const BoundEffect& elasticity, const Model& truth) {
   // Soft as MuJoCo's friction is by default, a rotor at rest would creep by 5 mrad/s.
   constexpr double kFrictionTime = 4e-3, kImpedance = 0.995;  // [s], of 0 … 1
   mjModel& m = *model_;
-  const std::vector<double>& p = elasticity.parameters;
+  const MotorSpring<double> held = motor_spring(elasticity);
+  const std::string what = "MuJoCo world: " + elasticity.info().name + " at '";
   const std::vector<std::string> joints = joint_names(truth);
   for (const int j : elasticity.joints) {
     const std::string& name = joints[static_cast<std::size_t>(j)];
     const int rotor = mj_name2id(&m, mjOBJ_JOINT, rotor_name(name).c_str()),
               spring = mj_name2id(&m, mjOBJ_TENDON, spring_name(name).c_str());
     if (rotor < 0 || spring < 0)
-      throw ModelError("MuJoCo world: joint_elasticity at '" + name +
-                       "': the document has no rotor there; with_rotors adds it");
-    if (rotor_at(j) || !(p[2] > 0.0))
-      throw ModelError("MuJoCo world: joint_elasticity at '" + name +
-                       "': one spring a joint, with a motor_inertia above 0");
+      throw ModelError(what + name + "': the document has no rotor there; with_rotors adds it");
+    if (rotor_at(j) || !(held.inertia > 0.0))
+      throw ModelError(what + name + "': one spring a joint, with a motor_inertia above 0");
     const int dof = m.jnt_dofadr[rotor];
-    rotors_.push_back({j, m.jnt_qposadr[rotor], dof, p[0]});
-    shares_[static_cast<std::size_t>(j)] = JointElasticity::friction_share(p.data());
-    m.tendon_stiffness[spring] = p[0];
-    m.tendon_damping[spring] = p[1];
+    rotors_.push_back({j, m.jnt_qposadr[rotor], dof, held.stiffness});
+    shares_[static_cast<std::size_t>(j)] = held.friction_share;
+    m.tendon_stiffness[spring] = held.stiffness;
+    m.tendon_damping[spring] = held.damping;
     m.tendon_lengthspring[spring] = 0.0;
-    m.dof_armature[dof] = p[2];
+    m.dof_armature[dof] = held.inertia;
     m.dof_solref[mjNREF * dof] = kFrictionTime;
     m.dof_solimp[mjNIMP * dof] = m.dof_solimp[mjNIMP * dof + 1] = kImpedance;
   }
@@ -150,7 +159,7 @@ void MujocoRobot::turn(const BoundEffect& effect) {
   for (const BoundEffect& e : parts_at_motors(effect, shares_)) {
     const double share = share_at_motors(e, shares_);
     Rotor* rotor = e.joints.empty() ? nullptr : rotor_at(e.joints.front());
-    if (share > 0.0 && rotor && std::holds_alternative<StribeckFriction>(e.type)) {
+    if (share > 0.0 && rotor && native_field(e) == NativeField::kStiction) {
       rotor->stiction = share * e.parameters[0];
       rotor->stribeck = e.parameters[1];
     } else if (share > 0.0) {
@@ -160,37 +169,50 @@ void MujocoRobot::turn(const BoundEffect& effect) {
   }
 }
 
+/// By the side of the springs that it acts on, as friction does.
+void MujocoRobot::place_states(BoundEffect effect) {
+  const auto& shared =
+      state_effects_.emplace_back(std::make_shared<const BoundEffect>(std::move(effect)));
+  for (const int j : shared->joints) {
+    const Rotor* rotor = rotor_at(j);
+    const double share = rotor ? shares_[static_cast<std::size_t>(j)] : 0.0;
+    if (share > 0.0) states_.push_back({shared.get(), j, rotor->dof, share});
+    if (share < 1.0) states_.push_back({shared.get(), j, dof_[j], 1.0 - share});
+  }
+}
+
 void MujocoRobot::apply(const EffectSpec& effect, const Model& truth) {
   mjModel& m = *model_;
   BoundEffect bound = bind(effect, truth);
   const EffectInfo& info = bound.info();
-  if (std::holds_alternative<JointElasticity>(bound.type)) return;  // tied before
-  if (const Field field = dof_field(info.name)) {
+  if (info.motor == HiddenMotor::kSpring) return;  // tied before
+  if (const Field field = dof_field(native_field(bound))) {
     for (const int j : bound.joints) {
-      const Rotor* rotor = info.name == "armature" ? nullptr : rotor_at(j);
+      const Rotor* rotor = info.has(Trait::kRotor) ? nullptr : rotor_at(j);
       const double share = rotor ? shares_[static_cast<std::size_t>(j)] : 0.0;
       (m.*field)[dof_[j]] += (1.0 - share) * bound.parameters[0];
       if (rotor) (m.*field)[rotor->dof] += share * bound.parameters[0];
     }
-  } else if (info.name == "joint_spring") {
+  } else if (native_field(bound) == NativeField::kStiffness) {
     for (const int j : bound.joints) {
       m.jnt_stiffness[joint_[j]] = bound.parameters[0];
       m.qpos_spring[qpos_[j]] = bound.parameters[1];
     }
-  } else if (info.name == "torque_gain" && rotors_.empty()) {
+  } else if (info.has(Trait::kGain) && rotors_.empty()) {
     gain_effects_.push_back(std::move(bound));
   } else if (info.port == Port::kJointTorque && !reads_acceleration(bound)) {
     turn(bound);
-  } else if (std::holds_alternative<CameraDelay>(bound.type)) {
-    camera_delay_ += bound.parameters[0];
+  } else if (const auto delay = view_delay(bound)) {
+    camera_delay_ += *delay;
     if (!(camera_delay_ >= 0.0))
-      throw ModelError("MuJoCo world: camera_delay: the camera would see the ball " +
+      throw ModelError("MuJoCo world: " + info.name + ": the camera would see the ball " +
                        std::to_string(-camera_delay_) +
                        " s before it is there; expected 0 or more");
-  } else if (info.name == "base_tilt") {
+  } else if (info.has(Trait::kGravity)) {
     for (int i = 0; i < 2; ++i) m.opt.gravity[i] += bound.parameters[static_cast<std::size_t>(i)];
-  } else if (info.port == Port::kMeasurement || info.name.starts_with("actuator_") ||
-             info.name == "saturation") {
+  } else if (has_state(bound)) {
+    place_states(std::move(bound));
+  } else if (info.port == Port::kMeasurement || is_of_drive_path(bound)) {
     series_.push_back(std::move(bound));  // drives, encoders; the control loop has the rest
   } else {
     throw ModelError("MuJoCo world: effect '" + info.name + "' cannot act in MuJoCo");
@@ -237,6 +259,7 @@ MujocoPlant::MujocoPlant(std::shared_ptr<const MujocoRobot> robot)
   if (!data_) throw ModelError("MuJoCo world: there is no memory for its state");
   q_.setZero(static_cast<long>(robot_->dof_.size()));
   qd_ = extra_ = rotor_q_ = rotor_qd_ = q_;
+  states_.resize(robot_->states_.size());
   const auto sticks = [](const MujocoRobot::Rotor& r) { return r.stiction > 0.0; };
   if (std::ranges::any_of(robot_->rotors_, sticks)) {
     own_.reset(mj_copyModel(nullptr, robot_->model_.get()));
@@ -247,6 +270,7 @@ MujocoPlant::MujocoPlant(std::shared_ptr<const MujocoRobot> robot)
 void MujocoPlant::reset(const VecX<double>& reading) {
   const VecX<double> q = encoders_.truth(reading);
   drives_.reset();
+  std::ranges::fill(states_, 0.0);
   mj_resetData(model(), data_.get());
   for (std::size_t j = 0; j < robot_->qpos_.size(); ++j) data_->qpos[robot_->qpos_[j]] = q[j];
   for (const MujocoRobot::Rotor& r : robot_->rotors_) data_->qpos[r.qpos] = q[r.joint];
@@ -327,7 +351,9 @@ std::string MujocoPlant::step(const VecX<double>& torque) {
           (applied[j] - extra_[j]) / robot_->gains_[static_cast<long>(j)];
     drives_.end_step();
     if (!robot_->rotors_.empty()) push_rotors(applied);
+    hold_states();
     mj_step(m, data_.get());
+    advance_states();
     read_state();
   }
   // A step leaves poses and velocities of bodies where its last evaluation had them.
@@ -346,6 +372,31 @@ std::string MujocoPlant::step(const VecX<double>& torque) {
       return "MuJoCo warns: " +
              std::string(mju_warningText(w, static_cast<size_t>(data_->warning[w].lastinfo)));
   return "";
+}
+
+/// Torque of the states in the middle of a step at the present velocity: a torque held from its
+/// beginning would drive what it is to slow down.
+void MujocoPlant::hold_states() {
+  const double half = 0.5 * model()->opt.timestep;
+  before_.resize(states_.size());
+  for (std::size_t k = 0; k < states_.size(); ++k) {
+    const MujocoRobot::JointState& s = robot_->states_[k];
+    const double v = data_->qvel[s.dof];
+    before_[k] = data_->qpos[model()->jnt_qposadr[model()->dof_jntid[s.dof]]];
+    const double z = advanced_state(*s.effect, states_[k], {v * half, v, half});
+    const double gain =
+        s.dof == robot_->dof_[static_cast<std::size_t>(s.joint)] ? robot_->gains_[s.joint] : 1.0;
+    data_->qfrc_applied[s.dof] -= s.share * state_torque(*s.effect, z, v) / gain;
+  }
+}
+
+void MujocoPlant::advance_states() {
+  const double h = model()->opt.timestep;
+  for (std::size_t k = 0; k < states_.size(); ++k) {
+    const MujocoRobot::JointState& s = robot_->states_[k];
+    const double way = data_->qpos[model()->jnt_qposadr[model()->dof_jntid[s.dof]]] - before_[k];
+    states_[k] = advanced_state(*s.effect, states_[k], {way, way / h, h});
+  }
 }
 
 /// The drives' torque goes to the rotors where there are such.

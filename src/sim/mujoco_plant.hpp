@@ -36,7 +36,14 @@ class MujocoRobot {
     double stiffness;
     double stiction = 0.0, stribeck = 1.0;  ///< more at rest [N·m], fades with [rad/s]
   };
+  /// State of an effect with memory, at a joint or its rotor.
+  struct JointState {
+    const BoundEffect* effect;
+    int joint, dof;
+    double share;  ///< of the effect's torque
+  };
   void tie_rotor(const BoundEffect& elasticity, const Model& truth);
+  void place_states(BoundEffect effect);
   void turn(const BoundEffect& effect);
   Rotor* rotor_at(int joint);
   void apply(const ModelLink& link);
@@ -53,6 +60,8 @@ class MujocoRobot {
   MotorShares shares_;
   double camera_delay_ = 0.0;
   std::vector<BoundEffect> effects_, series_, gain_effects_;
+  std::vector<std::shared_ptr<const BoundEffect>> state_effects_;
+  std::vector<JointState> states_;
   std::vector<BoundEffect> rotor_effects_;  ///< torques that turn with rotors
   VecX<double> gains_;                      ///< recorded over true torque
 };
@@ -86,6 +95,8 @@ class MujocoPlant : public Plant {
   void read_state();
   void push_rotors(const VecX<double>& applied);
   void take_stiction();
+  void hold_states();
+  void advance_states();
   Seen seen() const;
 
   std::shared_ptr<const MujocoRobot> robot_;
@@ -94,8 +105,9 @@ class MujocoPlant : public Plant {
   Drives drives_;
   Encoders encoders_;
   VecX<double> q_, qd_, extra_;
-  VecX<double> rotor_q_, rotor_qd_;  ///< of the links where there is no rotor
-  std::deque<Seen> shown_;           ///< where the camera is late, the newest last
+  std::vector<double> states_, before_;  ///< states of JointState, and the positions before a step
+  VecX<double> rotor_q_, rotor_qd_;      ///< of the links where there is no rotor
+  std::deque<Seen> shown_;               ///< where the camera is late, the newest last
 };
 
 }  // namespace diffnea::sim

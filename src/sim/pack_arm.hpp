@@ -9,7 +9,7 @@
 
 namespace diffnea {
 
-/// What the recursions take for detail::joint_pose where links are of packs: libstdc++'s sine and
+/// What the recursions take for joint_pose where links are of packs: libstdc++'s sine and
 /// cosine are two range reductions where one does.
 template <int K>
 Pose<Pack> joint_pose(const Link<Pack>& link, RevoluteAxis<K>, const Pack& q) {

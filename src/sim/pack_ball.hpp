@@ -51,10 +51,24 @@ class PackBall {
     length_ = gather(draws, [](const PackDraw& d) { return d.length; });
     p_LS_ = gather_vector(draws, [](const PackDraw& d) { return d.p_LS; });
     parameters_ = gather_parameters(draws, spec_.ball_effects, &PackDraw::ball_effects);
+    acts_.clear();
+    bars_.clear();
+    rebounds_ = false;
+    rebound_ = Pack(0.0);
     for (std::size_t e = 0; e < spec_.ball_effects.size(); ++e) {
-      const AnyEffect& type = spec_.ball_effects[e].type;
-      if (std::holds_alternative<StringWrap>(type)) wrap_ = parameters_[e].data();
-      if (std::holds_alternative<StringRebound>(type)) rebound_ = parameters_[e].data();
+      const Pack* p = parameters_[e].data();
+      const EffectInfo& info = spec_.ball_effects[e].info();
+      acts_.push_back(info.place != Place::kString  ? Acts::kAlways
+                      : info.has(Trait::kWhenSlack) ? Acts::kWhenSlack
+                                                    : Acts::kWhenTaut);
+      visit_formula(spec_.ball_effects[e], [&](const auto& formula) {
+        if constexpr (requires { rebound_ = formula.rebound(p); }) {
+          rebound_ = formula.rebound(p);
+          rebounds_ = true;
+        }
+        if constexpr (requires(CupPosition<Pack> at) { formula.route(at, at, *spec_.cup, p); })
+          bars_.push_back(e);
+      });
     }
     gravity_ = spec_.draws.front().tree.gravity;
   }
@@ -82,7 +96,7 @@ class PackBall {
     if (!spec_.has_ball || spec_.string_link < 0 || network_) return;
     const Pose<Pack>& X = arm.X_WL[spec_.string_link];
     const Vec3<Pack> f = transpose_times(X.R, s.pull),
-                     p = wrap_ ? transpose_times(X.R, s.free.anchor.x - X.p) : p_LS_;
+                     p = !bars_.empty() ? transpose_times(X.R, s.free.anchor.x - X.p) : p_LS_;
     auto& f_b = arm.ws.articulated[spec_.string_link].f_b;
     f_b = f_b - Wrench<Pack>{cross(p, f), f};
   }
@@ -150,19 +164,16 @@ class PackBall {
       const BoundEffect& effect = spec_.ball_effects[e];
       const auto add = [&](bool is_taut, Vec3<Pack>& sum) {
         x.taut = is_taut;
-        std::visit(
-            [&](const auto& formula) {
-              if constexpr (requires { formula.add_acceleration(x, parameters_[e].data(), sum); })
-                formula.add_acceleration(x, parameters_[e].data(), sum);
-            },
-            effect.type);
+        visit_formula(effect, [&](const auto& formula) {
+          if constexpr (requires { formula.add_acceleration(x, parameters_[e].data(), sum); })
+            formula.add_acceleration(x, parameters_[e].data(), sum);
+        });
       };
-      if (effect.info().place != Place::kString) {
+      if (acts_[e] == Acts::kAlways) {
         add(true, a);
         continue;
       }
-      const bool when_slack =
-          std::visit([]<class E>(const E&) { return requires { E::kWhenSlack; }; }, effect.type);
+      const bool when_slack = acts_[e] == Acts::kWhenSlack;
       Vec3<Pack> with = a;
       add(!when_slack, with);
       a = choose(when_slack ? !taut : taut, with, a);
@@ -213,14 +224,15 @@ class PackBall {
       state.anchor = at;
       const Vec3<Pack> p_C = p_C0 + (state.p_C - p_C0) * Pack(t),
                        axis = axis0 + (state.axis - axis0) * Pack(t);
-      state.free = wrap_ ? around_cup(arm, s.ball.x + s.ball.v * Pack(dt), p_C, axis, state.anchor)
-                         : FreeString<Pack>{at, length_};
+      state.free = !bars_.empty()
+                       ? around_cup(arm, s.ball.x + s.ball.v * Pack(dt), p_C, axis, state.anchor)
+                       : FreeString<Pack>{at, length_};
       step_string_ball(
           s, state.free.anchor, state.free.length, dt,
           [&](const ParticleState<Pack>& ball, const Vec3<Pack>& u, const Mask& taut) {
             return acceleration(arm, time, ball, u, taut, anchor_a, state);
           },
-          rebound_);
+          rebounds_ ? &rebound_ : nullptr);
       pulled = pulled + s.u * s.pull;
       if (spec_.cup) meet(s.ball.x, p_C, axis, state);
     }
@@ -244,8 +256,14 @@ class PackBall {
     const Vec3<Pack> beside = d - axis * height;
     const Pack radius = sqrt(dot(beside, beside) + Pack(kOnAxis));
     const Vec3<Pack> outward = beside * (Pack(1.0) / radius);
-    const StringRoute<Pack> route = route_around_cup<Pack>(
-        {height, radius}, {dot(k, axis), dot(k, outward)}, *spec_.cup, *wrap_);
+    StringRoute<Pack> route{};
+    const CupPosition<Pack> ball{height, radius}, at{dot(k, axis), dot(k, outward)};
+    for (const std::size_t e : bars_)
+      visit_formula(spec_.ball_effects[e], [&](const auto& formula) {
+        const Pack* p = parameters_[e].data();
+        if constexpr (requires { route = formula.route(ball, at, *spec_.cup, p); })
+          route = formula.route(ball, at, *spec_.cup, p);
+      });
     const Mask bent = route.used > Pack(0.0);
     FreeString<Pack> out{knot, length_ - route.used};
     const Vec3<Pack> edge = p_C + outward * route.edge.radius + axis * route.edge.height;
@@ -307,8 +325,12 @@ class PackBall {
   double reach_ = 0.0;  ///< of the cup [m]
   Vec3<Pack> p_LS_;
   std::vector<std::vector<Pack>> parameters_;
-  const Pack* wrap_ = nullptr;     ///< size of what bars the string; null: nothing does
-  const Pack* rebound_ = nullptr;  ///< restitution of a string that becomes taut; null: none
+  /// When an effect accelerates the ball.
+  enum class Acts { kAlways, kWhenTaut, kWhenSlack };
+  std::vector<Acts> acts_;         ///< (effects)
+  std::vector<std::size_t> bars_;  ///< effects that bar the string's way
+  bool rebounds_ = false;          ///< an effect says how
+  Pack rebound_{};                 ///< restitution of a string that becomes taut
   std::optional<NetworkBall<Pack>> network_;
 };
 

@@ -1,14 +1,16 @@
 #pragma once
 /// Effects with memory in a pack of worlds: what drives make of the commanded torque (limit, delay,
-/// lag), bristles, motors behind springs. Included by pack_world.cpp alone, once per instruction
-/// set.
+/// lag), states at joints, motors behind springs. Included by pack_world.cpp alone, once per
+/// instruction set.
 ///
 /// Over a step of h the joint's acceleration a is constant. What depends on velocities and
 /// positions acts as at v = v₀ + σ h a after the time σ h: σ = ½ is the implicit midpoint,
 /// undamped and of second order, σ → 1 implicit Euler. Half is taken where a period of the
 /// vibration has six steps or more; stiffer ones fade instead of ringing from step to step.
-/// - Bristles, whose state after σ h at constant v is exact: torque T₀ + c v with the secant c ≥ 0
-///   at the velocity that the last acceleration predicts, as friction: c σ h joins the armature.
+/// - A state at a joint, after σ h at constant v (effects/memory.hpp): torque T₀ + c v with the
+/// secant
+///   c ≥ 0 at the velocity that the last acceleration predicts, as friction: c σ h joins the
+///   armature.
 /// - A spring between rotor J and link, wound up by δ = θ − q: τ = τ_p + G δ̈ with
 ///   τ_p = K δ + (K σ h + D) δ̇ and G = K σ² h² + D σ h. The rotor's J (q̈ + δ̈) = u − τ gives δ̈, so
 ///   that the link feels the torque τ_p + G (u − τ_p)/(J + G) and the armature G J/(J + G): u and J
@@ -39,22 +41,22 @@ class PackDrives {
     long given = 0;                ///< commands so far; the first counts as held since ever
     std::vector<Pack> lagged;      ///< (joints)
     std::vector<Pack> wind_up, wind_rate, wind_acceleration;  ///< (motors) θ − q
-    std::vector<Pack> bristles;                               ///< z/x_s of Dahl's, z of LuGre's
+    std::vector<Pack> states;   ///< one per effect, at joints and motors
     std::vector<Pack> inertia;  ///< (joints) that hangs on them without armature; 0: not yet known
   };
 
   explicit PackDrives(const PackSpec& spec) : spec_(spec), n_(spec.joints), motor_at_(n_, -1) {
     for (std::size_t e = 0; e < spec.drives.size(); ++e)
       for (const int j : spec.drives[e].joints)
-        if (std::holds_alternative<JointElasticity>(spec.drives[e].type)) {
+        if (spec.drives[e].info().motor == HiddenMotor::kSpring) {
           motor_at_[j] = static_cast<int>(motors_.size());
           motors_.push_back({.effect = e, .joint = j});
         }
     for (std::size_t e = 0; e < spec.drives.size(); ++e)
       for (const int j : spec.drives[e].joints)
-        if (is_bristles(spec.drives[e]))
+        if (has_state(spec.drives[e]))
           for (const bool at_motor : {true, false})
-            if (!at_motor || motor_at_[j] >= 0) bristles_.push_back({e, j, at_motor});
+            if (!at_motor || motor_at_[j] >= 0) states_.push_back({e, j, at_motor});
     for (std::vector<Pack>* x :
          {&applied_, &q_, &qd_, &qdd_, &speed_, &total_, &at_rest_, &push_, &joined_, &zero_})
       x->assign(n_, Pack(0.0));
@@ -67,17 +69,17 @@ class PackDrives {
     p_ = gather_parameters(draws, spec_.drives, &PackDraw::drives);
     motor_p_ = gather_parameters(draws, spec_.motor_effects, &PackDraw::motor_effects);
     for (Motor& m : motors_) {
-      const std::vector<Pack>& p = p_[m.effect];
+      const MotorSpring<Pack> s = spring_of(m);
       // Without a rotor nothing moves behind the spring.
-      m.stiffness = select(p[2] > Pack(0.0), p[0], Pack(kRigid));
-      m.damping = p[1];
-      m.inertia = p[2];
+      m.stiffness = select(s.inertia > Pack(0.0), s.stiffness, Pack(kRigid));
+      m.damping = s.damping;
+      m.inertia = s.inertia;
       m.shared = tree.links[m.joint].armature - m.inertia;
       tree.links[m.joint].armature = Pack(0.0);
     }
-    for (Bristles& b : bristles_) {
+    for (JointState& b : states_) {
       const int m = motor_at_[b.joint];
-      const Pack at_motor = m < 0 ? Pack(0.0) : p_[motors_[m].effect][3];
+      const Pack at_motor = m < 0 ? Pack(0.0) : spring_of(motors_[m]).friction_share;
       b.share = b.at_motor ? at_motor : Pack(1.0) - at_motor;
     }
     take_transfer();
@@ -91,7 +93,7 @@ class PackDrives {
     s.wind_up.resize(motors_.size());
     for (std::size_t m = 0; m < motors_.size(); ++m)
       s.wind_up[m] = hold[motors_[m].joint] / motors_[m].stiffness;
-    s.bristles.assign(bristles_.size(), Pack(0.0));
+    s.states.assign(states_.size(), Pack(0.0));
     s.inertia.assign(n_, Pack(0.0));
     rest(s);
   }
@@ -113,7 +115,7 @@ class PackDrives {
     }
   }
 
-  /// What bristles and motors do to the links over the next step.
+  /// What states and motors do to the links over the next step.
   /// @param q, qd, qdd  (joints) before the step, of the last step
   /// @param u     (joints) torque at the links, added to
   /// @param tree  armature is added to
@@ -134,14 +136,14 @@ class PackDrives {
       joined_[j] = Pack(0.0);
     }
     take_motor_effects(time, h);
-    for (std::size_t b = 0; b < bristles_.size(); ++b) {
-      const Bristles& x = bristles_[b];
+    for (std::size_t b = 0; b < states_.size(); ++b) {
+      const JointState& x = states_[b];
       const int j = x.joint;
       const bool to_link = !x.at_motor;
       const Pack inertia =
           to_link ? s.inertia[j] + tree.links[j].armature : motors_[motor_at_[j]].inertia;
       Pack torque, armature;
-      bend(x, s.bristles[b], (to_link ? qd : qd_)[j], (to_link ? qdd : qdd_)[j], h, inertia, torque,
+      bend(x, s.states[b], (to_link ? qd : qd_)[j], (to_link ? qdd : qdd_)[j], h, inertia, torque,
            armature);
       if (to_link) {
         u[j] -= torque;
@@ -192,10 +194,10 @@ class PackDrives {
       s.wind_acceleration[k] = a;
       total_[j] += rate;
     }
-    for (std::size_t b = 0; b < bristles_.size(); ++b) {
-      const Bristles& x = bristles_[b];
+    for (std::size_t b = 0; b < states_.size(); ++b) {
+      const JointState& x = states_[b];
       const Pack v = (x.at_motor ? total_ : speed_)[x.joint];
-      s.bristles[b] = advanced(x, s.bristles[b], v, Pack(h));
+      s.states[b] = advanced(x, s.states[b], v, Pack(h));
     }
   }
 
@@ -210,19 +212,24 @@ class PackDrives {
     Pack shared{};  ///< of the joint's armature, what turns with the link's acceleration
     Pack sigma{}, G{}, tau{}, J{};  ///< of the step; J with what friction joins
   };
-  struct Bristles {
+  struct JointState {
     std::size_t effect;
     int joint;
     bool at_motor;
-    Pack share{};  ///< of the effect's torque
+    Pack share{};  ///< share of the effect's torque
   };
   /// Of a lag in one step: part of the old torque's distance in the mean, and at the end.
   struct Transfer {
     Pack mean, end;
   };
 
-  bool is_dahl(const Bristles& b) const {
-    return std::holds_alternative<PreslidingDahl>(spec_.drives[b.effect].type);
+  MotorSpring<Pack> spring_of(const Motor& m) const {
+    MotorSpring<Pack> out{};
+    visit_formula(spec_.drives[m.effect], [&]<class E>(const E&) {
+      const Pack* p = p_[m.effect].data();
+      if constexpr (requires { out = E::motor_spring(p); }) out = E::motor_spring(p);
+    });
+    return out;
   }
 
   static Pack sigma(const Pack& stiffness, const Pack& damping, const Pack& mobility, double h) {
@@ -231,53 +238,40 @@ class PackDrives {
     return select(rate > Pack(1.0), Pack(Pack(1.0) - Pack(0.5) / rate), Pack(0.5));
   }
 
-  /// (1 − e^{−x})/x for x ≥ 0.
-  static Pack fading(const Pack& x) {
-    const Pack far = select(x > Pack(700.0), Pack(700.0), x);
-    const Pack near = Pack(1.0) - x * (Pack(0.5) - x * Pack(1.0 / 6.0));
-    const Pack safe = select(x > Pack(1e-4), x, Pack(1.0));
-    return select(x > Pack(1e-4), Pack((Pack(1.0) - exp_of(-far)) / safe), near);
+  /// The state after t seconds at constant velocity.
+  Pack advanced(const JointState& s, const Pack& z, const Pack& v, const Pack& t) const {
+    Pack out = z;
+    visit_formula(spec_.drives[s.effect], [&]<class E>(const E&) {
+      if constexpr (JointStateEffect<E>) out = diffnea::advanced<E>(z, v, t, p_[s.effect].data());
+    });
+    return out;
   }
 
-  /// Per unit of velocity how fast and how far they still bend at state z: ż/q̇, and the rate [1/s]
-  /// at which they forget. Of Dahl's z/x_s.
-  struct Bend {
-    Pack share, rate;
-  };
-  Bend bending(const Bristles& b, const Pack& z, const Pack& v) const {
-    const std::vector<Pack>& p = p_[b.effect];
-    const Pack size = select(v < Pack(0.0), Pack(-v), v);
-    const Pack side = select(v < Pack(0.0), Pack(-1.0), Pack(1.0));
-    if (is_dahl(b)) return {(Pack(1.0) - side * z) / p[1], size / p[1]};
-    const Pack ratio = v / p[4], square = ratio * ratio;
-    const Pack bounded = select(square > Pack(700.0), Pack(700.0), square);
-    const Pack per_way = p[0] / (p[2] + (p[3] - p[2]) * exp_of(-bounded));
-    return {Pack(1.0) - per_way * side * z, per_way * size};
-  }
-  /// The state after t seconds at constant velocity: exact.
-  Pack advanced(const Bristles& b, const Pack& z, const Pack& v, const Pack& t) const {
-    const Bend at = bending(b, z, v);
-    return z + v * at.share * t * fading(at.rate * t);
-  }
-
-  /// Torque of bristles over a step, without its acceleration, and what joins the inertia.
-  void bend(const Bristles& b, const Pack& z, const Pack& v0, const Pack& a, double h,
+  /// Torque of a state over a step, without its acceleration, and what joins the inertia.
+  void bend(const JointState& s, const Pack& z, const Pack& v0, const Pack& a, double h,
             const Pack& inertia, Pack& torque, Pack& armature) const {
-    const std::vector<Pack>& p = p_[b.effect];
-    const bool dahl = is_dahl(b);
-    const Pack stiffness = dahl ? p[0] / p[1] : p[0], damping = dahl ? Pack(0.0) : p[1];
+    visit_formula(spec_.drives[s.effect], [&]<class E>(const E&) {
+      if constexpr (JointStateEffect<E>)
+        bend<E>(s.share, z, v0, a, h, inertia, p_[s.effect].data(), torque, armature);
+    });
+  }
+  template <class E>
+  static void bend(const Pack& share, const Pack& z, const Pack& v0, const Pack& a, double h,
+                   const Pack& inertia, const Pack* p, Pack& torque, Pack& armature) {
+    const AtRest<Pack> rest = E::at_rest(p);
     const Pack known = select(inertia > Pack(0.0), inertia, Pack(kRigid));
     const Pack reach =
-        sigma(stiffness * b.share, damping * b.share, Pack(1.0) / known, h) * Pack(h);
+        sigma(rest.stiffness * share, rest.damping * share, Pack(1.0) / known, h) * Pack(h);
     const Pack v = v0 + reach * a;
-    const Bend at = bending(b, z, v);
-    const Pack way = at.share * reach * fading(at.rate * reach);  // per velocity
-    // F z/x_s; σ₀ z + σ₁ ż.
-    Pack slope = p[0] * way;
-    if (!dahl) slope += damping * bending(b, z + v * way, v).share;
+    const StateRate<Pack> at = E::derivative(z, v, p);
+    const Pack time = fading(at.forgetting * reach);
+    const Pack way = at.per_velocity * reach * time;  // per velocity
+    const Pack left = z + at.drift * reach * time;    // at rest
+    const StateRate<Pack> then = E::derivative(left + v * way, v, p);
+    const Pack slope = E::torque(way, then.per_velocity, p);
     const Pack secant = select(slope > Pack(0.0), slope, Pack(0.0));
-    torque = b.share * (p[0] * z + slope * v + secant * (v0 - v));
-    armature = b.share * secant * reach;
+    torque = share * (E::torque(left, then.drift, p) + slope * v + secant * (v0 - v));
+    armature = share * secant * reach;
   }
 
   /// Friction and all else that turns with motors: as World::take_effects.
@@ -310,23 +304,23 @@ class PackDrives {
   /// Limits, delays and lags of the joints, and what they come to in each step of a period.
   void take_transfer() {
     const double h = spec_.period / spec_.arm_steps;
-    limit_.assign(n_, Pack(std::numeric_limits<double>::infinity()));
+    limit_.resize(n_);
     transfer_.assign(n_, {});
-    std::vector<Pack> delay(n_, Pack(0.0)), lag = delay;
+    std::vector<DrivePath<Pack>> paths(
+        n_, {Pack(std::numeric_limits<double>::infinity()), Pack(0.0), Pack(0.0)});
     for (std::size_t e = 0; e < p_.size(); ++e)
-      for (const int j : spec_.drives[e].joints) {
-        const BoundEffect& effect = spec_.drives[e];
-        if (std::holds_alternative<Saturation>(effect.type))
-          limit_[j] = select(p_[e][0] < limit_[j], p_[e][0], limit_[j]);
-        if (std::holds_alternative<ActuatorDelay>(effect.type)) delay[j] += p_[e][0];
-        if (std::holds_alternative<ActuatorLag>(effect.type)) lag[j] += p_[e][0];
-      }
+      for (const int j : spec_.drives[e].joints)
+        visit_formula(spec_.drives[e], [&]<class E>(const E&) {
+          const Pack* p = p_[e].data();
+          if constexpr (requires { E::add_to_drive(p, paths[j]); }) E::add_to_drive(p, paths[j]);
+        });
+    for (int j = 0; j < n_; ++j) limit_[j] = paths[j].limit;
     oldest_ = 0;
     cells_.assign(static_cast<std::size_t>(spec_.arm_steps) * n_, {});
     for (int i = 0; i < spec_.arm_steps; ++i)
       for (int j = 0; j < n_; ++j)
         for (int lane = 0; lane < kPackWidth; ++lane) {
-          const double begin = (i * h - value(delay[j], lane)) / spec_.period;  // in periods
+          const double begin = (i * h - value(paths[j].delay, lane)) / spec_.period;  // in periods
           const double cell = std::floor(begin);
           Cell& c = cells_[static_cast<std::size_t>(i * n_ + j)];
           c.age[lane] = static_cast<int>(-cell);
@@ -336,7 +330,7 @@ class PackDrives {
     slots_ = oldest_ + 1;
     for (int j = 0; j < n_; ++j)
       for (int lane = 0; lane < kPackWidth; ++lane) {
-        const double T = value(lag[j], lane);
+        const double T = value(paths[j].lag, lane);
         transfer_[j].end[lane] = T > 0.0 ? std::exp(-h / T) : 0.0;
         transfer_[j].mean[lane] = T > 0.0 ? -std::expm1(-h / T) * T / h : 0.0;
       }
@@ -376,7 +370,7 @@ class PackDrives {
   int n_, oldest_ = 0, slots_ = 1;
   std::vector<int> motor_at_;  ///< (joints) −1: none
   std::vector<Motor> motors_;
-  std::vector<Bristles> bristles_;
+  std::vector<JointState> states_;
   std::vector<std::vector<Pack>> p_, motor_p_;
   std::vector<Pack> limit_;
   std::vector<Transfer> transfer_;

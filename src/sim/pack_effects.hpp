@@ -20,7 +20,9 @@ namespace DIFFNEA_ISA {
 class PackEffects {
  public:
   explicit PackEffects(const PackSpec& spec)
-      : spec_(spec), n_(spec.joints), total_(n_), at_rest_(n_), zero_(n_, Pack(0.0)) {}
+      : spec_(spec), n_(spec.joints), total_(n_), at_rest_(n_), zero_(n_, Pack(0.0)) {
+    for (const BoundEffect& e : spec.effects) reads_.push_back(e.info().reads);
+  }
 
   void take_parameters(const LaneDraws& draws) {
     parameters_ = gather_parameters(draws, spec_.effects, &PackDraw::effects);
@@ -28,8 +30,8 @@ class PackEffects {
     viscous_.assign(n_, Pack(0.0));
     const std::vector<Pack> one(n_, Pack(1.0));
     for (std::size_t e = 0; e < spec_.effects.size(); ++e) {
-      if (spec_.kinds[e] == EffectKind::kConstant) add_effect(e, 0.0, zero_, zero_, constant_);
-      if (spec_.kinds[e] == EffectKind::kLinear) add_effect(e, 0.0, zero_, one, viscous_);
+      if (reads_[e] == Reads::kNothing) add_effect(e, 0.0, zero_, zero_, constant_);
+      if (reads_[e] == Reads::kSpeedLinearly) add_effect(e, 0.0, zero_, one, viscous_);
     }
   }
 
@@ -48,9 +50,9 @@ class PackEffects {
       at_rest_[j] = constant_[j];
     }
     for (std::size_t e = 0; e < spec_.effects.size(); ++e) {
-      if (spec_.kinds[e] < EffectKind::kDissipative) continue;
+      if (reads_[e] < Reads::kSpeed) continue;
       add_effect(e, time, q, speed_, total_);
-      if (spec_.kinds[e] == EffectKind::kGeneral) add_effect(e, time, q, resting(e), at_rest_);
+      if (reads_[e] == Reads::kMotion) add_effect(e, time, q, resting(e), at_rest_);
     }
     for (int j = 0; j < n_; ++j) {
       const Pack slope = (total_[j] - at_rest_[j]) / speed_[j];
@@ -72,17 +74,17 @@ class PackEffects {
                      tau.data());
   }
 
-  /// Speeds at which what it acts on is at rest. A residual's joint alone: a torque over another
-  /// joint's speed is no friction of its own, however large it is while this one hardly moves.
+  /// Speeds at which what it acts on is at rest. Its joints alone: a torque over another joint's
+  /// speed is no friction of its own, however large it is while this one hardly moves.
   const std::vector<Pack>& resting(std::size_t e) {
-    if (!std::holds_alternative<Residual>(spec_.effects[e].type)) return zero_;
     still_ = speed_;
-    still_[spec_.effects[e].joints.front()] = Pack(0.0);
+    for (const int j : spec_.effects[e].joints) still_[j] = Pack(0.0);
     return still_;
   }
 
   const PackSpec& spec_;
   int n_;
+  std::vector<Reads> reads_;  ///< (effects)
   std::vector<std::vector<Pack>> parameters_;
   std::vector<Pack> constant_, viscous_;  ///< of effects that need not be asked again
   std::vector<Pack> total_, at_rest_, zero_, speed_ = zero_;

@@ -6,9 +6,9 @@
 #include <diffnea/core/error.hpp>
 #include <diffnea/effects/ball_network.hpp>
 #include <diffnea/effects/extended_tree.hpp>
+#include <diffnea/effects/stepping.hpp>
 
 #include "core/number_text.hpp"
-#include "model/tree_place.hpp"
 #include "sim/drawn_effects.hpp"
 
 namespace diffnea::sim {
@@ -24,18 +24,13 @@ BallEffects ball_effects(const Model& model) {
   BallEffects out;
   if (model.ball && model.ball->string) out.p_LS = model.ball->string->p_LS;
   for (const EffectSpec& spec : model.effects) {
-    const EffectInfo& known = info(find_effect(spec.effect));
+    const EffectInfo& known = find_effect(spec.effect);
     if (!acts_on_ball(known)) continue;
     const BoundEffect e = bind(spec, model);
     if (is_of_log(e)) continue;
     if (known.port == Port::kStringAnchor) {
-      std::visit(
-          [&](const auto& formula) {
-            if constexpr (requires { formula.add_to_anchor(e.parameters.data(), out.p_LS); })
-              formula.add_to_anchor(e.parameters.data(), out.p_LS);
-          },
-          e.type);
-    } else if ((known.port == Port::kBallForce && known.name != "string_extension") ||
+      add_to_anchor(e, out.p_LS);
+    } else if ((known.port == Port::kBallForce && !known.has(Trait::kReadsAnchorJerk)) ||
                known.port == Port::kStringContact) {
       out.forces.push_back(e);
     } else {
@@ -83,7 +78,7 @@ void take_ball(const Model& model, PackSpec& spec) {
   const TreeMap map = map_to_tree(model);
   if (model.ball && model.ball->string) {
     spec.has_ball = true;
-    spec.string_link = diffnea::detail::place_in_tree(map, model.ball->string->link).first;
+    spec.string_link = place_in_tree(map, model.ball->string->link).first;
     spec.ball_mass = model.ball->mass;
     spec.ball_radius = model.ball->radius;
   } else if (model.ball) {
@@ -91,7 +86,7 @@ void take_ball(const Model& model, PackSpec& spec) {
   }
   const auto frame = std::ranges::find(model.frames, "cup", &ModelFrame::name);
   if (frame != model.frames.end()) {
-    const auto [link, X_LF] = diffnea::detail::place_in_tree(map, frame->link);
+    const auto [link, X_LF] = place_in_tree(map, frame->link);
     spec.shows_cup = true;
     spec.cup_link = link;
     spec.X_LC = X_LF * frame->X_LF;
@@ -99,7 +94,7 @@ void take_ball(const Model& model, PackSpec& spec) {
   if (!spec.has_ball) return;
   if (spec.shows_cup) spec.cup = model.cup;
   for (CapsuleSpec o : model.obstacles) {
-    const auto [link, X_LF] = diffnea::detail::place_in_tree(map, o.link);
+    const auto [link, X_LF] = place_in_tree(map, o.link);
     o.link = link;
     o.p_LA = X_LF.R * o.p_LA + X_LF.p;
     o.p_LB = X_LF.R * o.p_LB + X_LF.p;
@@ -158,7 +153,6 @@ PackSpec pack_spec(const std::vector<Model>& draws, const Model& controller,
   out.drives = drawn.front().drives;
   out.motor_effects = drawn.front().motors;
   out.ball_effects = first_ball.forces;
-  for (std::size_t e = 0; e < out.effects.size(); ++e) out.kinds.push_back(kind_in_all(drawn, e));
   for (const DrawnEffects& d : drawn) {
     const BallEffects ball = ball_effects(d.model);
     if (names_and_places(ball.forces) != names_and_places(out.ball_effects))

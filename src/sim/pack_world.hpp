@@ -18,14 +18,6 @@ struct BallNetwork;
 
 namespace diffnea::sim {
 
-/// What a joint's effect depends on.
-enum class EffectKind {
-  kConstant,     ///< nothing: an offset
-  kLinear,       ///< c q̇
-  kDissipative,  ///< q̇ alone, no torque at rest
-  kGeneral
-};
-
 /// Parameters that may differ from lane to lane.
 struct PackDraw {
   Tree<double> tree;
@@ -49,7 +41,6 @@ struct PackSpec {
   std::vector<bool> passive;
   // Forces beside the tree's.
   std::vector<BoundEffect> effects;        ///< on joints, of one instant
-  std::vector<EffectKind> kinds;           ///< of those, what need not be asked at every step
   std::vector<BoundEffect> drives;         ///< on joints, with memory (sim/pack_drives.hpp)
   std::vector<BoundEffect> motor_effects;  ///< of one instant, on motors behind springs
   std::vector<BoundEffect> ball_effects;   ///< on ball and string

@@ -1,16 +1,15 @@
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/sim/replay.hpp>
 
+#include "core/constants.hpp"
 #include "sim/model_plant.hpp"
 
 namespace diffnea {
 namespace {
 
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 /// A position beyond this is a blow-up, whatever the robot [rad] or [m].
 constexpr double kBlowUp = 1e6;
 
@@ -18,8 +17,7 @@ constexpr double kBlowUp = 1e6;
 VecX<double> clock_shifts(const ExtendedTree& model) {
   VecX<double> out = VecX<double>::Zero(model.tree.num_dofs());
   for (const BoundEffect& e : model.series)
-    if (std::holds_alternative<TimeShift>(e.type))
-      for (const int j : e.joints) out[j] += e.parameters[0];
+    for (const int j : e.joints) out[j] += clock_shift(e);
   return out;
 }
 

@@ -1,5 +1,5 @@
 #include <diffnea/core/error.hpp>
-#include <diffnea/effects/catalogue.hpp>
+#include <diffnea/effects/bound_effect.hpp>
 #include <diffnea/worlds/world.hpp>
 
 #include "io/xml.hpp"
@@ -43,7 +43,7 @@ std::string with_rotors(const std::string& mjcf, const Model& truth) {
   std::unique_ptr<io::XmlDocument> document;
   const std::vector<std::string> joints = joint_names(truth);
   for (const EffectSpec& spec : truth.effects) {
-    if (spec.effect != JointElasticity::info().name) continue;
+    if (find_effect(spec.effect).motor != HiddenMotor::kSpring) continue;
     if (!document) document = io::parse_xml(mjcf, truth.source);
     XmlElement& root = *document->RootElement();
     for (const int j : bind(spec, truth).joints) {
@@ -51,7 +51,8 @@ std::string with_rotors(const std::string& mjcf, const Model& truth) {
       if (!io::find_named(root, "joint", joint))
         throw ModelError(truth.source + ": joint '" + joint +
                          "' has no name in the document, so that no rotor can be tied to it; "
-                         "give it one, or leave its joint_elasticity out");
+                         "give it one, or leave its " +
+                         spec.effect + " out");
       add_rotor(io::child(root, "worldbody"), sim::rotor_name(joint));
       add_spring(io::child(root, "tendon"), joint);
     }

@@ -1,19 +1,19 @@
 #include <algorithm>
-#include <atomic>
 #include <cctype>
 #include <charconv>
 #include <cmath>
 #include <cstdlib>
 #include <dlfcn.h>
-#include <exception>
 #include <map>
-#include <thread>
+#include <numbers>
 
 #include <diffnea/core/error.hpp>
-#include <diffnea/effects/catalogue.hpp>
+#include <diffnea/core/parallel.hpp>
+#include <diffnea/effects/bound_effect.hpp>
 #include <diffnea/io/model_file.hpp>
 #include <diffnea/worlds/world.hpp>
 
+#include "core/c_numbers.hpp"
 #include "io/json.hpp"
 #include "worlds/string_chain.hpp"
 
@@ -191,6 +191,62 @@ WorldSpec parse_world(const std::string& text) {
 
 namespace {
 
+/// Six digits at most: 0.055, 2.25, 1e-05.
+std::string figure(double x) {
+  char text[32];
+  detail::print(text, sizeof text, "%g", x);
+  return text;
+}
+
+/// "-8…+20" of relative changes, in percent.
+std::string percent_range(double low, double high) {
+  char text[64];
+  detail::print(text, sizeof text, "%+g…%+g %%", 100.0 * low, 100.0 * high);
+  return text;
+}
+
+}  // namespace
+
+std::vector<std::string> differences(const WorldSpec& world) {
+  const Perturbation& p = world.perturbation;
+  std::vector<std::string> out;
+  const auto add_change = [&](const char* what, double low, double high) {
+    if (low != 0.0 || high != 0.0) out.push_back(what + percent_range(low, high));
+  };
+  const auto add_range = [&](const char* what, double low, double high, const char* rest) {
+    if (high != 0.0) out.push_back(what + figure(low) + "…" + figure(high) + rest);
+  };
+  const auto add_most = [&](const char* what, double most, const char* rest) {
+    if (most != 0.0) out.push_back(what + figure(most) + rest);
+  };
+  add_change("masses ", p.mass_low, p.mass_high);
+  add_change("inertias ", p.inertia_low, p.inertia_high);
+  add_most("centres of mass up to ", 1e3 * p.com, " mm off");
+  add_range("Coulomb friction +", p.coulomb_low, p.coulomb_high, " N·m");
+  add_range("viscous friction +", p.viscous_low, p.viscous_high, " N·m·s/rad");
+  add_range("rotor inertias +", p.armature_low, p.armature_high, " kg·m²");
+  add_range("elastic drives, ", 1e3 * p.wind_up_low, 1e3 * p.wind_up_high,
+            " mrad at the effort limit");
+  add_range("stiction ", 100.0 * p.stiction_low, 100.0 * p.stiction_high, " % above Coulomb");
+  add_range("drives ", 1e3 * p.delay_low, 1e3 * p.delay_high, " ms late");
+  add_most("torque noise of ", p.actuation_noise, " N·m");
+  if (world.has_ball) {
+    add_range("camera ", 1e3 * p.camera_delay_low, 1e3 * p.camera_delay_high, " ms late");
+    add_most("string tied up to ", 1e3 * p.attachment, " mm elsewhere");
+    if (!world.string) add_most("string length up to ", 1e3 * p.string, " mm off");
+    add_most("cup tilted by up to ", std::round(1800.0 / std::numbers::pi * p.cup_tilt) / 10.0,
+             "°");
+  }
+  for (const EffectSpec& effect : world.effects)
+    out.push_back(effect.effect + " at " + effect.where);
+  if (world.rope)
+    out.push_back("a rope of " + figure(1e3 * world.rope->mass) +
+                  " g in place of a massless string");
+  return out;
+}
+
+namespace {
+
 /// Deviation of two noises; a negative one stays for those who refuse it.
 double together(double asked, double own) { return asked < 0.0 ? asked : std::hypot(asked, own); }
 
@@ -240,26 +296,13 @@ WorldRecording record_in_world(const WorldSpec& world, const Model& controller,
   DrawnWorld drawn = draw(world, options.seed);
   WorldRecording out{.result = {}, .truth = std::move(drawn.truth)};
   std::vector<SimulatedRecording> repetitions(static_cast<std::size_t>(world.repetitions));
-  std::vector<std::exception_ptr> failures(repetitions.size());
-  std::atomic<std::size_t> next = 0;
-  const auto work = [&] {
-    for (std::size_t k = next++; k < repetitions.size(); k = next++) {
-      RecordOptions own = options;  // other noise; Rng tells neighbouring seeds well apart
-      own.seed += k * 0x9e3779b97f4a7c15ULL + noise * 0xd1b54a32d192ed03ULL;
-      try {
-        repetitions[k] = record_in_mujoco(drawn.document, out.truth, controller, trajectory, own);
-      } catch (...) {
-        failures[k] = std::current_exception();
-      }
-    }
-  };
-  {
-    std::vector<std::jthread> others;
-    for (int t = 1; t < std::min(threads, world.repetitions); ++t) others.emplace_back(work);
-    work();
-  }
-  for (const std::exception_ptr& failure : failures)
-    if (failure) std::rethrow_exception(failure);
+  parallel_for(repetitions.size(), static_cast<std::size_t>(threads),
+               [&](std::size_t k, std::size_t) {
+                 RecordOptions own = options;  // other noise; Rng tells neighbouring seeds apart
+                 own.seed += k * 0x9e3779b97f4a7c15ULL + noise * 0xd1b54a32d192ed03ULL;
+                 repetitions[k] =
+                     record_in_mujoco(drawn.document, out.truth, controller, trajectory, own);
+               });
   out.result = averaged(repetitions);
   return out;
 }

@@ -10,6 +10,7 @@
 #include <catch2/matchers/catch_matchers_string.hpp>
 
 #include <diffnea/core/error.hpp>
+#include <diffnea/effects/catalogue.hpp>
 #include <diffnea/effects/series.hpp>
 
 #include "support/joint_waves.hpp"
@@ -243,7 +244,7 @@ TEST_CASE("tip_force: minus MuJoCo's Jacobian times the force", "[effects]") {
   BoundEffect e;
   e.num_joints = n;
   e.joints = {n - 1};
-  e.type = TipForce{.p_LF = {0.1, -0.2, 0.3}};
+  e.type = std::make_shared<const AnyEffect>(TipForce{.p_LF = {0.1, -0.2, 0.3}});
   e.parameter_info = TipForce::info().parameters;
   e.parameters = {3.0, -1.0, 2.0};
   mujoco.scatter(arm.q, mujoco.data->qpos);
@@ -268,7 +269,7 @@ TEST_CASE("tip_force: minus MuJoCo's Jacobian times the force", "[effects]") {
 TEST_CASE("tip_force: pulls at the frame `tip`, else at what is fixed to the last link",
           "[effects]") {
   const auto point = [](const Model& m) {
-    return std::get<TipForce>(bind({"tip_force", "tip", {}}, m).type).p_LF;
+    return std::get<TipForce>(*bind({"tip_force", "tip", {}}, m).type).p_LF;
   };
   Model m = rail();
   m.links[0].inertia.h = {0.2, 0.0, 0.0};

@@ -308,7 +308,7 @@ TEST_CASE("effects: a session offset acts in its own run alone", "[effects]") {
 
 TEST_CASE("effects: a payload adds its ten parameters to the link that holds it", "[effects]") {
   EffectSpec spec{"payload", "tip", {}};
-  for (const ParameterInfo& p : info(find_effect("payload")).parameters)
+  for (const ParameterInfo& p : find_effect("payload").parameters)
     spec.parameters.push_back({p.name, 1.0 + static_cast<double>(spec.parameters.size()), p.unit});
   const BoundEffect tip = bind(spec, arm());
   CHECK(tip.joints == std::vector<int>{2});
@@ -348,7 +348,7 @@ TEST_CASE("effects: a search starts at values that the parameter can take", "[ef
 
 TEST_CASE("effects: what switches an effect on", "[effects]") {
   const auto amplitudes = [](const char* name) {
-    return bind(spec_of(info(find_effect(name))), arm()).amplitude_parameters();
+    return bind(spec_of(find_effect(name)), arm()).amplitude_parameters();
   };
   CHECK(amplitudes("stribeck_friction") == std::vector<int>{0});
   CHECK(amplitudes("encoder_offset") == std::vector<int>{0});

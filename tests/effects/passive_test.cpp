@@ -12,8 +12,8 @@
 #include <diffnea/effects/catalogue.hpp>
 #include <diffnea/identify/linear_fit.hpp>
 #include <diffnea/io/model_file.hpp>
-#include <diffnea/worlds/world.hpp>
 #include <diffnea/sim/model_simulator.hpp>
+#include <diffnea/worlds/world.hpp>
 
 #include "support/matrix_near.hpp"
 
@@ -73,7 +73,7 @@ TEST_CASE("passive: rows without scale are those of M(at)/M(x) (Y x - τ), linea
 }
 
 TEST_CASE("passive: a shaft turns two hinges or moves two slides, never one of each", "[passive]") {
-  const EffectInfo& shaft = info(find_effect("cable_differential_friction"));
+  const EffectInfo& shaft = find_effect("cable_differential_friction");
   CHECK(places(shaft, read_model(kCartPole)).empty());
   CHECK(places(shaft, read_model(DIFFNEA_SOURCE_DIR "/models/furuta.xml")) ==
         std::vector<std::string>{"arm,pendulum"});

@@ -1,5 +1,6 @@
 """`diffnea learn` and `transfer`: killed and gone on, refused, the same on any threads."""
 
+import inspect
 import json
 import resource
 import shutil
@@ -25,6 +26,8 @@ from cli import (
     done,
     load,
 )
+
+import diffnea as module
 
 WAM = MODELS / "wam4_ball.xml"
 LEARNED = (DONE, NO_USABLE_RESULT)  # so few iterations need not catch the ball
@@ -339,6 +342,26 @@ def test_transfer_is_json_alone_and_the_same_again(learned: Path, tmp_path: Path
     assert strip_time(first["repetitions"]) == strip_time(second["repetitions"])
 
 
+def test_one_world_is_the_default_and_says_how_it_differs(learned: Path, tmp_path: Path) -> None:
+    world = inspect.signature(module.transfer).parameters["world"].default
+    for command in ("transfer", "experiment"):
+        assert f"={world}" in "".join(done(command, "--help").split())
+    answer = done("transfer", learned, "--repetitions", 0, "-o", tmp_path / "out")
+    result = load(tmp_path / "out" / "result.json")
+    assert result["world"] == world
+    assert "inertias +10…+20 %" in result["differences"]
+    sentence = f"The world differs from its description: {'; '.join(result['differences'])}."
+    assert sentence in answer
+    assert sentence in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    (tmp_path / "seeds").mkdir()
+    # Another --seed is other noise, not another robot.
+    other = ("--repetitions", 0, "--seed", 7, "-o", tmp_path / "seeds")
+    done("transfer", learned, *other)
+    same = load(tmp_path / "seeds" / "result.json")
+    rewards = [[policy["reward"] for policy in r["policies"]] for r in (result, same)]
+    assert rewards[0] == rewards[1]
+
+
 @pytest.fixture
 def unwritable(tmp_path: Path) -> Iterator[Path]:
     path = tmp_path / "file"
@@ -366,7 +389,8 @@ def test_an_experiment_keeps_what_is_not_its_own(tmp_path: Path, name: str) -> N
 def test_an_experiment_goes_on_and_is_not_mixed_with_another(tmp_path: Path) -> None:
     out = tmp_path / "loop"
     short = ("--arm-seconds", 10, "--ball-seconds", 10, "--ball-repetitions", 1)
-    words = ("experiment", "ball-in-cup", *short, *SMALL, "--repetitions", 0, "-o", out)
+    short += ("--seeds", 1, "--repetitions", 0)
+    words = ("experiment", "ball-in-cup", *short, *SMALL, "-o", out)
     world = "mujoco:wam4_ball_in_cup,perturb=none,rope=none"
     assert diffnea(*words, "--world", world).returncode in LEARNED
     files = [out / "arm.csv", out / "ball.csv", out / "identify-ball" / "model.json"]

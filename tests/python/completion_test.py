@@ -1,11 +1,9 @@
-"""What shells are told to complete, asked of the shells themselves."""
+"""Completion in bash, asked of bash itself."""
 
 import re
-import shutil
 import subprocess
 from pathlib import Path
 
-import pytest
 from cli import WRONG_USAGE, done
 from cli import diffnea as command
 
@@ -58,7 +56,7 @@ def test_bash_completes_commands_options_choices_and_files(tmp_path: Path) -> No
     ]
     assert in_bash(tmp_path, "identify", "-o", "arm.c") == ["arm.csv"]
     assert in_bash(tmp_path, "identify", "--seed", "") == []
-    assert in_bash(tmp_path, "completion", "") == ["bash", "zsh", "fish"]
+    assert in_bash(tmp_path, "completion", "") == ["bash"]
     assert in_bash(tmp_path, "--ver") == ["--version"]
 
 
@@ -71,61 +69,7 @@ def test_every_option_of_every_command_is_completed(tmp_path: Path) -> None:
         assert listed
 
 
-@pytest.mark.parametrize("shell", ["zsh", "fish"])
-def test_the_scripts_parse(tmp_path: Path, shell: str) -> None:
-    script = done("completion", shell)
-    for name in commands():
-        assert name in script
-    assert "inverse forward trajectory constrained" in script
-    if not shutil.which(shell):
-        pytest.skip(f"no {shell} here")
-    path = tmp_path / "script"
-    path.write_text(script)
-    subprocess.run([shell, "-n", path], check=True)
-
-
-def test_fish_completes(tmp_path: Path) -> None:
-    if not shutil.which("fish"):
-        pytest.skip("no fish here")
-    (tmp_path / "script").write_text(done("completion", "fish"))
-
-    def offered(line: str) -> list[str]:
-        answer = subprocess.run(
-            ["fish", "-c", f"source script; complete -C '{line}'"],
-            capture_output=True,
-            text=True,
-            cwd=tmp_path,
-            check=True,
-        )
-        return [row.split("\t")[0] for row in answer.stdout.splitlines()]
-
-    assert offered("diffnea iden") == ["identify"]
-    assert offered("diffnea identify --loss tra") == ["trajectory"]
-
-
-def test_zsh_completes(tmp_path: Path) -> None:
-    """Through the function that zsh calls, with its helpers replaced by ones that print."""
-    if not shutil.which("zsh"):
-        pytest.skip("no zsh here")
-    (tmp_path / "_diffnea").write_text(done("completion", "zsh"))
-    script = """
-_describe() { print -l -- ${(P)2} }
-_arguments() { print -l -- "$@" }
-compdef() { }
-source ./_diffnea
-words=(diffnea identify --loss) CURRENT=3
-_diffnea
-words=(diffnea iden) CURRENT=2
-_diffnea
-"""
-    answer = subprocess.run(
-        ["zsh", "-f", "-c", script], capture_output=True, text=True, cwd=tmp_path, check=True
-    )
-    assert "(inverse forward trajectory constrained)" in answer.stdout
-    assert re.search(r"^identify:", answer.stdout, re.MULTILINE)
-
-
 def test_another_shell_is_refused() -> None:
     answer = command("completion", "csh")
     assert answer.returncode == WRONG_USAGE
-    assert "{bash,zsh,fish}" in answer.stderr
+    assert "{bash}" in answer.stderr

@@ -1,7 +1,9 @@
 """The examples of docs/examples, run as their users would run them."""
 
+import cmath
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -87,6 +89,98 @@ def test_swing_up(tmp_path: Path) -> None:
     assert "the pole stands" in text
 
 
+# --- C++
+
+EIGEN = Path(os.environ.get("EIGEN3_INCLUDE_DIR", "/usr/include/eigen3"))
+# Libraries that a program of the headers alone may be linked with: the compiler's own.
+RUNTIME = {
+    "ld-linux-aarch64",
+    "ld-linux-x86-64",
+    "linux-vdso",
+    "libc",
+    "libgcc_s",
+    "libm",
+    "libstdc++",
+}
+
+
+def compile_with_headers(folder: Path, *files: Path) -> Path:
+    """Compile and link with include/ and Eigen on the command line, and nothing else."""
+    program = folder / files[0].stem
+    run(
+        *(os.environ.get("CXX", "g++"), "-std=c++20", "-O1", "-MD", "-MF", folder / "included"),
+        *("-I", ROOT / "include", "-I", EIGEN, "-o", program, *files),
+        cwd=folder,
+    )
+    return program
+
+
+def headers_alone() -> None:
+    if shutil.which(os.environ.get("CXX", "g++")) is None or not (EIGEN / "Eigen").is_dir():
+        pytest.skip("needs g++ (or CXX) and Eigen (in EIGEN3_INCLUDE_DIR)")
+
+
+def numbers(text: str) -> list[float]:
+    return [float(word) for word in text.split() if word[-1].isdigit()]
+
+
+def double_pendulum(q1: complex, q2: complex) -> tuple[complex, complex]:
+    """Lagrange's torques of the double pendulum of dynamics.cpp, at its velocities."""
+    qd1, qd2, qdd1, qdd2 = 1.0, 2.0, 0.1, -0.2
+    mass, length, gravity = 1.0, 0.5, 9.81
+    a, b, ad, bd, add, bdd = q1, q1 + q2, qd1, qd1 + qd2, qdd1, qdd1 + qdd2
+    cos, sin = cmath.cos(a - b), cmath.sin(a - b)
+    weight = mass * gravity * length
+    upper = mass * length**2 * (2 * add + bdd * cos + bd**2 * sin) + 2 * weight * cmath.sin(a)
+    lower = mass * length**2 * (bdd + add * cos - ad**2 * sin) + weight * cmath.sin(b)
+    return upper + lower, lower
+
+
+def test_cpp_headers_alone(tmp_path: Path) -> None:
+    headers_alone()
+    program = compile_with_headers(tmp_path, EXAMPLES / "cpp" / "dynamics.cpp")
+    expected = [torque.real for torque in double_pendulum(0.3, -0.5)]
+    assert numbers(run(program, cwd=tmp_path)) == pytest.approx(expected, rel=1e-13)
+    included = (tmp_path / "included").read_text(encoding="utf-8")
+    assert "ceres/jet.h" in included
+    assert re.findall(r"/(?:glog|gflags|mujoco|urdf\w*|nlohmann|version\.hpp)\b", included) == []
+    if shutil.which("ldd"):
+        libraries = re.findall(
+            r"^\s*(?:/\S*/)?([\w+-]+)\.so", run("ldd", program, cwd=tmp_path), re.M
+        )
+        assert set(libraries) <= RUNTIME
+
+
+def test_cpp_jets(tmp_path: Path) -> None:
+    headers_alone()
+    program = compile_with_headers(tmp_path, EXAMPLES / "cpp" / "dynamics_jets.cpp")
+    step = 1e-30  # complex: a derivative without a difference
+    columns = [double_pendulum(0.3 + 1j * step, -0.5), double_pendulum(0.3, -0.5 + 1j * step)]
+    expected = [columns[k][i].imag / step for i in range(2) for k in range(2)]
+    assert numbers(run(program, cwd=tmp_path)) == pytest.approx(expected, rel=1e-13)
+
+
+def test_cpp_headers_in_two_files(tmp_path: Path) -> None:
+    """Functions that are no templates are inline: two files with the same headers make one program."""
+    headers_alone()
+    effects = sorted((ROOT / "include" / "diffnea" / "effects").glob("*.hpp"))
+    names = [f"effects/{path.name}" for path in effects]
+    text = "".join(f"#include <diffnea/{name}>\n" for name in ["dynamics.hpp", *names])
+    files = [tmp_path / "one.cpp", tmp_path / "two.cpp"]
+    called = (
+        *("aba_derivatives", "active_rows", "check_model", "log_cholesky_from_theta", "make_tree"),
+        *("Residual::from", "derivative", "number_text", "shifted"),
+    )
+    pointers = ", ".join(f"reinterpret_cast<void*>(&{name})" for name in called)
+    main = (
+        "using namespace diffnea;\nusing diffnea::detail::number_text;\n"
+        f"int main() {{ void* volatile kept[]{{{pointers}}}; return kept[0] == nullptr; }}\n"
+    )
+    files[0].write_text(text + main, encoding="utf-8")
+    files[1].write_text(text, encoding="utf-8")
+    run(compile_with_headers(tmp_path, *files), cwd=tmp_path)
+
+
 def build_folder() -> Path | None:
     """A build of the library that can be installed."""
     chosen = os.environ.get("DIFFNEA_BUILD")
@@ -122,3 +216,27 @@ def test_cpp_against_an_installation(tmp_path: Path) -> None:
     assert "the cart arrives" in run("build/own_simulator", cwd=tmp_path)
     planted = run("build/own_candidate", model, "train.csv", "test.csv", cwd=tmp_path)
     assert "rubber stop at" in planted
+    assert "after (held out)" in run("build/identify_in_code", cwd=tmp_path)
+
+
+def test_cpp_component_without_what_it_does_not_need(tmp_path: Path) -> None:
+    build = build_folder()
+    if build is None or shutil.which("cmake") is None:
+        pytest.skip("needs cmake and the library in build/release (or DIFFNEA_BUILD)")
+    prefix = tmp_path / "prefix"
+    run("cmake", "--install", build, "--prefix", prefix, cwd=tmp_path)
+    source = tmp_path / "example"
+    shutil.copytree(EXAMPLES / "cpp", source)
+    absent = ("Ceres", "glog", "GIF", "mujoco", "nlohmann_json", "tinyxml2", "urdfdom")
+    for component, hidden in (("dynamics", (*absent, "Threads")), ("identify", absent)):
+        run(
+            *("cmake", "-S", source, "-B", component, f"-DCOMPONENT={component}"),
+            f"-DCMAKE_PREFIX_PATH={prefix}",
+            *(f"-DCMAKE_DISABLE_FIND_PACKAGE_{name}=ON" for name in hidden),
+            cwd=tmp_path,
+        )
+    run("cmake", "--build", "identify", cwd=tmp_path)
+    assert "after (held out)" in run("identify/identify_in_code", cwd=tmp_path)
+    assert not re.search(
+        r"ceres|glog|mujoco|spqr|cholmod", run("ldd", "identify/identify_in_code", cwd=tmp_path)
+    )

@@ -78,7 +78,7 @@ CASES = [
         "experiment",
         lambda d: (
             *("experiment", "ball-in-cup", *SEARCH, "--repetitions", 0, "--world", WORLD),
-            *("--arm-seconds", 10, "--ball-seconds", 10, "--ball-repetitions", 1),
+            *("--arm-seconds", 10, "--ball-seconds", 10, "--ball-repetitions", 1, "--seeds", 1),
         ),
     ),
     Case("report", lambda d: ("report", "out"), interruptible=False),

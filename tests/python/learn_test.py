@@ -316,6 +316,8 @@ def test_a_policy_is_executed_in_a_world(learned, tmp_path) -> None:
     back = pickle.loads(pickle.dumps(result))
     assert back.to_dict() == result.to_dict()
     assert "TransferResult('mujoco:wam4_ball_in_cup" in repr(result)
+    assert "masses -8…+20 %" in result.to_dict()["differences"]
+    assert "masses -8…+20 %" in result._repr_html_()
 
     pytest.importorskip("matplotlib")
     result.plot().savefig(tmp_path / "paths.png")

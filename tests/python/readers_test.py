@@ -1,6 +1,7 @@
 """Recordings in foreign formats, each written here by the library that others write it with."""
 
 import pickle
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from cli import diffnea as command
 
 import diffnea
 from diffnea import convert
+from diffnea._readers.packages import install_command
 
 N = 40
 TIME = 0.01 * np.arange(N)
@@ -357,7 +359,9 @@ def test_a_missing_package_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPa
         for name in [name for name in sys.modules if name.partition(".")[0] == package]:
             monkeypatch.delitem(sys.modules, name)
         monkeypatch.setitem(sys.modules, package, None)
-        with pytest.raises(ImportError, match=rf"needs {package}.*diffnea\[{extra}\]"):
+        with pytest.raises(
+            ImportError, match=rf"needs {package}.*{re.escape(install_command(extra))}"
+        ):
             diffnea.read_recording(path)
 
 

@@ -216,7 +216,9 @@ def test_without_pandas_the_message_says_what_to_install(monkeypatch) -> None:
     import sys
 
     monkeypatch.setitem(sys.modules, "pandas", None)
-    with pytest.raises(ImportError, match=r"Recording.to_frame needs pandas.*diffnea\[pandas\]"):
+    with pytest.raises(
+        ImportError, match=r"Recording.to_frame needs pandas.*pip install .*pandas>="
+    ):
         full().to_frame()
 
 

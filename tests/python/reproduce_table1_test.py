@@ -168,7 +168,7 @@ def test_identification_is_the_command_s(tmp_path) -> None:
     run_command(
         *("experiment", "ball-in-cup", "--string", 0.4, "--world", world, "--seed", 5),
         *("--arm-seconds", 4, "--ball-seconds", 4, "--ball-repetitions", 2, "--samples", 4),
-        *("--iterations", 1, "--repetitions", 0, "-o", tmp_path, "--quiet"),
+        *("--iterations", 1, "--seeds", 1, "--repetitions", 0, "-o", tmp_path, "--quiet"),
     )
     theirs = load(tmp_path / "identify-ball" / "model.json")["ball"]["string"]
     settings = {"model": ROBOT, "string": 0.4}

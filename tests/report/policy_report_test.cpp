@@ -280,6 +280,30 @@ TEST_CASE("transfer run: the folder gives back what was written", "[policy]") {
   CHECK(count(page, "class='player'") == 1);
 }
 
+TEST_CASE("transfer run: file, text and page say by what the world differs", "[policy]") {
+  const test::TemporaryFolder folder;
+  TransferRun run = transferred();
+  CHECK(world_sentence(run).empty());  // a file of an earlier version
+  const auto page = [&] {
+    ResultFolder out(folder.path());
+    publish_transfer_run(run, out);
+    return read_text_file(folder.path() / "report.html");
+  };
+  CHECK(page().find("The world differs") == std::string::npos);
+  CHECK_FALSE(read_transfer_run(folder.path()).differences);
+  run.differences.emplace();
+  CHECK(world_sentence(run) == "The world is as its description says.");
+  run.differences = {"masses -8…+20 %", "a rope of 1.2 g in place of a massless string"};
+  const std::string sentence =
+      "The world differs from its description: masses -8…+20 %; a rope of 1.2 g in place of a "
+      "massless "
+      "string.";
+  CHECK_THAT(page(), ContainsSubstring(sentence));
+  const TransferRun same = read_transfer_run(folder.path());
+  CHECK(same.differences == run.differences);
+  CHECK_THAT(transfer_text(same), ContainsSubstring(sentence));
+}
+
 TEST_CASE("transfer run: an interrupted one, and executions without rows", "[policy]") {
   const test::TemporaryFolder folder;
   TransferRun run = transferred();

@@ -1,5 +1,6 @@
 /// Surrogates: what their files draw, and what MuJoCo makes of elastic, sticking, late drives.
 
+#include <algorithm>
 #include <cmath>
 
 #include <Eigen/Eigenvalues>
@@ -7,8 +8,8 @@
 #include <catch2/matchers/catch_matchers_string.hpp>
 
 #include <diffnea/core/error.hpp>
-#include <diffnea/dynamics/mass_matrix.hpp>
 #include <diffnea/core/text_file.hpp>
+#include <diffnea/dynamics/mass_matrix.hpp>
 #include <diffnea/io/model_file.hpp>
 #include <diffnea/worlds/world.hpp>
 
@@ -122,6 +123,28 @@ TEST_CASE("surrogate: C is the B of its seed, with drives as cable arms have the
     CHECK((delay >= 1e-3 && delay <= 3e-3));
     CHECK((camera >= 5e-3 && camera <= 15e-3));
   }
+}
+
+TEST_CASE("world: how it differs from its description is listed", "[io]") {
+  using Clauses = std::vector<std::string>;
+  const std::string name = "mujoco:" + kCup;
+  CHECK(differences(parse_world(name + ",perturb=none,rope=none")).empty());
+  CHECK(differences(parse_world(name + ",perturb=none,rope=heavy")) ==
+        Clauses{"a rope of 2.25 g in place of a massless string"});
+  CHECK(differences(parse_world(name + ",perturb=none,effect=joint_spring@joint4:stiffness=2")) ==
+        Clauses{"joint_spring at joint4"});
+  CHECK(differences(parse_world(kBallInCupWorld)) ==
+        Clauses{"masses -8…+20 %", "inertias +10…+20 %", "centres of mass up to 15 mm off",
+                "Coulomb friction +0.6…1.5 N·m", "viscous friction +0.5…1.2 N·m·s/rad",
+                "rotor inertias +0.03…0.1 kg·m²", "string tied up to 12 mm elsewhere",
+                "string length up to 8 mm off", "cup tilted by up to 2°",
+                "a rope of 1.2 g in place of a massless string"});
+  const Clauses c = differences(parse_world(name + ",perturb=C,string=0.4"));
+  for (const char* clause :
+       {"elastic drives, 40…55 mrad at the effort limit", "stiction 10…30 % above Coulomb",
+        "drives 1…3 ms late", "torque noise of 0.05 N·m", "camera 5…15 ms late"})
+    CHECK(std::ranges::count(c, clause) == 1);
+  CHECK(std::ranges::count(c, "string length up to 16 mm off") == 0);  // given, not drawn
 }
 
 TEST_CASE("surrogate: what is wrong in a file is named", "[io]") {

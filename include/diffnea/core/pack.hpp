@@ -53,6 +53,14 @@ inline Pack exp_of(const Pack& x) {
   return (Pack(1.0) + Pack(2.0) * p / (q - p)) * Pack(power, std::experimental::vector_aligned);
 }
 
+/// (1 − e^{−x})/x for x ≥ 0.
+inline Pack fading(const Pack& x) {
+  const Pack far = select(x > Pack(700.0), Pack(700.0), x);
+  const Pack near = Pack(1.0) - x * (Pack(0.5) - x * Pack(1.0 / 6.0));
+  const Pack safe = select(x > Pack(1e-4), x, Pack(1.0));
+  return select(x > Pack(1e-4), Pack((Pack(1.0) - exp_of(-far)) / safe), near);
+}
+
 /// sin x and cos x together for |x| < 1e5, to 1e-16: Cephes' polynomials on |x| ≤ π/4.
 inline void sin_cos(const Pack& x, Pack& s, Pack& c) {
   using std::experimental::floor;

@@ -69,6 +69,13 @@ T smooth_sign(const T& x) {
   return tanh(x);
 }
 
+/// eˣ; packs have one of their own (core/pack.hpp).
+template <class T>
+T exp_of(const T& x) {
+  using std::exp;
+  return exp(x);
+}
+
 /// `condition ? a : b`, lane by lane for packs. The only way numerics branch on data.
 template <class T>
 T select(bool condition, const T& a, const T& b) {

@@ -1,6 +1,7 @@
 #pragma once
 /// Dynamics of many states at once: rows of matrices, one state a row. Several rows run side by
-/// side in the lanes of SIMD registers; the instruction set is chosen when the program runs.
+/// side in the lanes of SIMD registers; the instruction set is chosen when the program runs. Needs
+/// the compiled library, diffnea::identify: its kernels are built once for each instruction set.
 
 #include <string>
 #include <vector>

@@ -76,3 +76,6 @@ std::vector<Twist<T>> after_impact(const std::vector<FreeBody<T>>& bodies,
 }  // namespace diffnea
 
 #include <diffnea/dynamics/detail/constrained_bodies_impl.hpp>
+#ifndef DIFFNEA_COMPILED
+#include <diffnea/dynamics/detail/constraint_rows_impl.hpp>
+#endif

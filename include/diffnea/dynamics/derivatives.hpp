@@ -98,3 +98,7 @@ const RowMatX<double>& forward_dynamics_parameter_jacobian(const Tree<double>& t
                                                            ParameterJacobianWorkspace& ws);
 
 }  // namespace diffnea
+
+#ifndef DIFFNEA_COMPILED
+#include <diffnea/dynamics/detail/derivatives_impl.hpp>
+#endif

@@ -2,6 +2,7 @@
 
 #include <diffnea/effects/effect.hpp>
 #include <diffnea/effects/joint_series.hpp>
+#include <diffnea/effects/memory.hpp>
 
 namespace diffnea {
 
@@ -19,8 +20,15 @@ struct ActuatorDelay {
                                                   .sign = Sign::kNonNegative,
                                                   .linear = false,
                                                   .search = log_grid(1e-3, 50e-3, 6)}},
-                                  .motor_side = true};
+                                  .motor_side = true,
+                                  .traits = {Trait::kOfDrive, Trait::kShared},
+                                  .shown_over = {ShownOver::kTorqueRate, ShownOver::kCorrelation}};
     return kInfo;
+  }
+
+  template <class T>
+  static void add_to_drive(const T* p, DrivePath<T>& path) {
+    path.delay += p[0];
   }
 
   VecX<double> torque_series(const JointSeries& x, int joint, const double* p) const {

@@ -2,6 +2,7 @@
 
 #include <diffnea/effects/effect.hpp>
 #include <diffnea/effects/joint_series.hpp>
+#include <diffnea/effects/memory.hpp>
 
 namespace diffnea {
 
@@ -18,8 +19,15 @@ struct ActuatorLag {
                                                   .unit = "s",
                                                   .unit_prismatic = "s",
                                                   .sign = Sign::kNonNegative}},
-                                  .motor_side = true};
+                                  .motor_side = true,
+                                  .traits = {Trait::kOfDrive},
+                                  .shown_over = {ShownOver::kTorqueRate, ShownOver::kCorrelation}};
     return kInfo;
+  }
+
+  template <class T>
+  static void add_to_drive(const T* p, DrivePath<T>& path) {
+    path.lag += p[0];
   }
 
   VecX<double> torque_series(const JointSeries& x, int joint, const double* p) const {

@@ -16,8 +16,11 @@ struct Armature {
                                   .parameters = {{.name = "armature",
                                                   .unit = "kg*m^2",
                                                   .unit_prismatic = "kg",
-                                                  .sign = Sign::kNonNegative}},
-                                  .motor_side = true};
+                                                  .sign = Sign::kNonNegative,
+                                                  .native = NativeField::kArmature}},
+                                  .motor_side = true,
+                                  .traits = {Trait::kOfRobot, Trait::kRotor},
+                                  .shown_over = {ShownOver::kAcceleration, ShownOver::kVelocity}};
     return kInfo;
   }
 

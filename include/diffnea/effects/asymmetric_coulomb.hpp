@@ -20,7 +20,9 @@ struct AsymmetricCoulomb {
                                                   .unit_prismatic = "N",
                                                   .sign = Sign::kNonNegative},
                                                  smoothing_parameter()},
-                                  .motor_side = true};
+                                  .motor_side = true,
+                                  .reads = Reads::kSpeed,
+                                  .shown_over = {ShownOver::kVelocity}};
     return kInfo;
   }
 

@@ -21,7 +21,9 @@ struct AsymmetricViscous {
                         .unit = "N*m*s/rad",
                         .unit_prismatic = "N*s/m",
                         .sign = Sign::kNonNegative}},
-        .motor_side = true};
+        .motor_side = true,
+        .reads = Reads::kSpeed,
+        .shown_over = {ShownOver::kVelocity}};
     return kInfo;
   }
 

@@ -5,6 +5,7 @@
 #include <diffnea/core/error.hpp>
 #include <diffnea/effects/effect.hpp>
 #include <diffnea/effects/joint_series.hpp>
+#include <diffnea/effects/memory.hpp>
 
 namespace diffnea {
 
@@ -29,7 +30,8 @@ struct Backlash {
                         .initial = 0.01,
                         .initial_prismatic = 1e-3,
                         .search = log_grid(0.003, 0.1, 6),
-                        .search_prismatic = log_grid(3e-4, 1e-2, 6)},
+                        .search_prismatic = log_grid(3e-4, 1e-2, 6),
+                        .bound = SearchBound::kGap},
                        {.name = "stiffness",
                         .unit = "N*m/rad",
                         .unit_prismatic = "N/m",
@@ -49,9 +51,15 @@ struct Backlash {
                         .linear = false,
                         .initial = 0.5,
                         .most = 0.99}},
-        .motor_side = true};
+        .motor_side = true,
+        .traits = {Trait::kOfDrive, Trait::kAtTurns, Trait::kInWideBand},
+        .motor = HiddenMotor::kOther,
+        .shown_over = {ShownOver::kTorqueReversals, ShownOver::kReversals}};
     return kInfo;
   }
+
+  /// Its flanks; all friction turns with the rotor.
+  static MotorSpring<double> motor_spring(const double* p) { return {p[1], 0.0, p[2], 1.0}; }
 
   /// θ − q [rad] that holds the torque τ [N·m] at rest.
   static double deflection_at(double tau, const double* p) {

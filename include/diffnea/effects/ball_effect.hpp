@@ -2,15 +2,15 @@
 /// What effects of the ball, its string and the camera share. Instead of add_torque they have one
 /// of
 ///     add_acceleration(x, p, a)   of the ball, in W [m/s²]                    (Port::kBallForce)
-///     change_view(x, p, seen)     where the camera sees it, in the order
-///                                 extension, scale, rotation, offset          (Port::kBallView)
+///     change_view(x, p, seen)     where the camera sees it, in the order of
+///                                 EffectInfo::view                            (Port::kBallView)
 ///     delay(p)                    how late its picture is                     (Port::kBallView)
 ///     add_to_anchor(p, p_LS)      where the string is tied (Port::kStringAnchor)
 ///     route(ball, knot, cup, p)   the way the string takes around the cup (Port::kStringContact)
 ///     rebound(p)                  restitution as it becomes taut (Port::kStringContact)
 ///     clearance(x, radius, p), bounce(p, radius, s, spin)   at a plane (Port::kBallImpact)
-/// and `static constexpr bool kNeedsAnchorJerk = true;` if it asks for x.anchor_jerk. One of the
-/// string acts while it is taut, with `static constexpr bool kWhenSlack = true;` while it is slack.
+/// One that asks for x.anchor_jerk has Trait::kReadsAnchorJerk. One of the string acts while it is
+/// taut, with Trait::kWhenSlack while it is slack.
 
 #include <diffnea/dynamics/ball_flight.hpp>
 #include <diffnea/effects/effect.hpp>
@@ -20,7 +20,7 @@ namespace diffnea {
 /// What such an effect may depend on.
 template <Scalar T>
 struct BallInstant : BallSample<T> {
-  Vec3<T> anchor_jerk;   ///< of S [m/s³], where an effect has kNeedsAnchorJerk
+  Vec3<T> anchor_jerk;   ///< of S [m/s³], where an effect has kReadsAnchorJerk
   Vec3<double> gravity;  ///< in W [m/s²]
   double mass = 0.0;     ///< of the ball [kg]
   double radius = 0.0;   ///< of the ball [m]; 0: not known

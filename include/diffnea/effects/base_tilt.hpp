@@ -16,7 +16,8 @@ struct BaseTilt {
         .place = Place::kBase,
         .port = Port::kModelParameter,
         .parameters = {{.name = "gravity_x", .unit = "m/s^2", .unit_prismatic = "m/s^2"},
-                       {.name = "gravity_y", .unit = "m/s^2", .unit_prismatic = "m/s^2"}}};
+                       {.name = "gravity_y", .unit = "m/s^2", .unit_prismatic = "m/s^2"}},
+        .traits = {Trait::kGravity}};
     return kInfo;
   }
 

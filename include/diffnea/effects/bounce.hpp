@@ -33,7 +33,8 @@ struct Bounce {
                                                   .unit = "m",
                                                   .unit_prismatic = "m",
                                                   .linear = false,
-                                                  .initial = 0.0}}};
+                                                  .initial = 0.0}},
+                                  .traits = {Trait::kJumps}};
     return kInfo;
   }
 

@@ -28,7 +28,9 @@ struct CableDifferentialFriction {
               .initial = 1.0 / 1.68,
               .search = {1.0 / 1.68, 1.0, 1.68}},
              smoothing_parameter()},
-        .motor_side = true};
+        .motor_side = true,
+        .reads = Reads::kSpeed,
+        .shown_over = {ShownOver::kVelocity}};
     return kInfo;
   }
 

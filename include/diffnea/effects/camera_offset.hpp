@@ -14,7 +14,8 @@ struct CameraOffset {
         .place = Place::kCamera,
         .port = Port::kBallView,
         .parameters = {ball_parameter("offset_x", "m"), ball_parameter("offset_y", "m"),
-                       ball_parameter("offset_z", "m")}};
+                       ball_parameter("offset_z", "m")},
+        .view = ViewStage::kOffset};
     return kInfo;
   }
 

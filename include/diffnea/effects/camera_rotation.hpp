@@ -14,7 +14,8 @@ struct CameraRotation {
         .place = Place::kCamera,
         .port = Port::kBallView,
         .parameters = {ball_parameter("rotation_x", "rad"), ball_parameter("rotation_y", "rad"),
-                       ball_parameter("rotation_z", "rad")}};
+                       ball_parameter("rotation_z", "rad")},
+        .view = ViewStage::kRotation};
     return kInfo;
   }
 

@@ -12,7 +12,8 @@ struct CameraScale {
                                   .summary = "the camera's unit of length is off",
                                   .place = Place::kCamera,
                                   .port = Port::kBallView,
-                                  .parameters = {ball_parameter("excess", "1")}};
+                                  .parameters = {ball_parameter("excess", "1")},
+                                  .view = ViewStage::kScale};
     return kInfo;
   }
 

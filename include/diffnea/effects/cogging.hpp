@@ -24,8 +24,11 @@ struct Cogging {
                         .initial = 8.0,
                         .initial_prismatic = 80.0,
                         .search = log_grid(0.5, 200.0, 121),
-                        .search_prismatic = log_grid(5.0, 2000.0, 121)}},
-        .motor_side = true};
+                        .search_prismatic = log_grid(5.0, 2000.0, 121),
+                        .bound = SearchBound::kRipple}},
+        .motor_side = true,
+        .traits = {Trait::kAtMotor},
+        .shown_over = {ShownOver::kPosition, ShownOver::kSpectrum}};
     return kInfo;
   }
 

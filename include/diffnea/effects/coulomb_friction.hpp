@@ -14,9 +14,12 @@ struct CoulombFriction {
                                   .parameters = {{.name = "coulomb",
                                                   .unit = "N*m",
                                                   .unit_prismatic = "N",
-                                                  .sign = Sign::kNonNegative},
+                                                  .sign = Sign::kNonNegative,
+                                                  .native = NativeField::kFrictionLoss},
                                                  smoothing_parameter()},
-                                  .motor_side = true};
+                                  .motor_side = true,
+                                  .reads = Reads::kSpeed,
+                                  .shown_over = {ShownOver::kVelocity}};
     return kInfo;
   }
 

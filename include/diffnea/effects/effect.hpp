@@ -10,18 +10,19 @@
 ///     template <Scalar T>
 ///     void add_torque(const JointSample<T>& x, const int* joint, const T* p, T* tau) const;
 ///
-/// and one line in effects/catalogue.hpp. `joint` are the joints it acts on, `p` its parameters in
+/// and two lines in effects/catalogue.hpp. `joint` are the joints it acts on, `p` its parameters in
 /// the order of info(), and it *adds* to tau, which is indexed by joint. The torque is homogeneous
 /// in the parameters that are marked linear: identification and diagnosis take their columns from
-/// it. A formula that reads x.qdd or x.tau says so, `static constexpr bool kReadsAcceleration =
-/// true;`: in simulation q̈ is then the solution of an equation; one that reads x.time,
-/// `kReadsTime`: without the rows' time there is no torque. Other ports have another function
-/// in add_torque's place, see Port; what all have in common is in effects/series.hpp. The comment
-/// above its struct says what the effect is; members that others have too need none.
+/// it. Everything that other parts ask of an effect is in its EffectInfo: no other file needs its
+/// name. Other ports have another function in add_torque's place, see Port; what all have in common
+/// is in effects/series.hpp. The comment above its struct says what the effect is; members that
+/// others have too need none.
 ///
 /// Units are written in ASCII as in result files: "N*m", "N*m*s/rad", "kg*m^2"; "1" has none.
 
 #include <cmath>
+#include <cstdint>
+#include <initializer_list>
 #include <limits>
 #include <string>
 #include <vector>
@@ -30,8 +31,33 @@
 
 namespace diffnea {
 
+struct EffectSpec;
+struct Model;
+
 /// Which sign a parameter can have.
 enum class Sign { kFree, kNonNegative, kPositive };
+
+/// Number of a robot description (URDF, MJCF), or of MuJoCo alone, that a parameter is.
+enum class NativeField {
+  kNone,             ///< descriptions have no place for it
+  kArmature,         ///< MJCF's and MuJoCo's `armature`
+  kDamping,          ///< URDF's and MJCF's `damping`
+  kFrictionLoss,     ///< URDF's `friction`, MJCF's `frictionloss`
+  kStiffness,        ///< MJCF's `stiffness`
+  kSpringReference,  ///< MJCF's `springref`
+  kStiction,         ///< MuJoCo alone: `frictionloss` at rest, beyond that of a sliding rotor
+  kStribeckVelocity  ///< MuJoCo alone: velocity over which kStiction fades
+};
+
+/// Property of the recordings that bounds the values of a shape a diagnosis starts from.
+enum class SearchBound {
+  kNone,        ///< bounds as `search` has them
+  kTorque,      ///< a limit: quantiles of the logged torque
+  kRipple,      ///< a frequency over the position: what the stroke and the rows resolve
+  kPresliding,  ///< a distance: above the positions' noise, below a quarter of the stroke
+  kGap,         ///< a distance: from the positions' noise to the largest of `search`
+  kSmoothing    ///< a velocity: above the effect's `smoothing`
+};
 
 /// One parameter of an effect.
 struct ParameterInfo {
@@ -50,6 +76,8 @@ struct ParameterInfo {
   std::vector<double> search_prismatic = {};  ///< at a prismatic joint; empty: as `search`
   /// The values that a search tries, where it is one or the other; a fit does not move it.
   std::vector<double> choices = {};
+  SearchBound bound = SearchBound::kNone;   ///< how recordings bound `search`
+  NativeField native = NativeField::kNone;  ///< field of robot descriptions that holds it
 };
 
 /// On which scale a parameter moves, and what a derivative with respect to it means.
@@ -90,13 +118,91 @@ enum class Port {
   kLinkForce,       ///< the same, but a force on a link, so that it needs the tree: add_torque
   kModelParameter,  ///< changes a parameter of the link tree: add_to_tree
   kMeasurement,     ///< changes what is logged of the motion: add_to_motion turns it into the truth
-  kMemory,          ///< torque that depends on the past of the motion: torque_series, or a
-                    ///< spring's deflection and the rotor_torque that comes with it
-  kBallForce,       ///< accelerates the ball: add_acceleration (effects/ball_effect.hpp)
-  kBallImpact,      ///< a plane that the ball bounces off: clearance, bounce
-  kBallView,        ///< changes where the camera sees the ball: change_view
-  kStringAnchor,    ///< changes where the string is tied: add_to_anchor
-  kStringContact,   ///< what bars the string, and what it does as it becomes taut: route, rebound
+  kMemory,         ///< torque that depends on the past of the motion: a state at the joint, a motor
+                   ///< that it hides or what a drive does (effects/memory.hpp), or torque_series
+  kBallForce,      ///< accelerates the ball: add_acceleration (effects/ball_effect.hpp)
+  kBallImpact,     ///< a plane that the ball bounces off: clearance, bounce
+  kBallView,       ///< changes where the camera sees the ball: change_view
+  kStringAnchor,   ///< changes where the string is tied: add_to_anchor
+  kStringContact,  ///< what bars the string, and what it does as it becomes taut: route, rebound
+};
+
+/// Property of an effect that other parts ask for.
+enum class Trait : std::uint32_t {
+  kReadsTime,          ///< the torque changes with x.time: without the rows' time there is none
+  kReadsAcceleration,  ///< it reads x.qdd or x.tau: in simulation q̈ is the solution of an equation
+  kFollowsLoad,        ///< it reads x.tau, and not in proportion: columns change with the fit
+  kFriction,           ///< dry friction with a state: dissipates, and may stand for Coulomb's
+  kOfDrive,            ///< only a drive, or the log of its torque, has it: no passive joint
+  kAtMotor,       ///< acts wholly on the motor's side of a spring, whatever part of friction does
+  kOfRobot,       ///< acts in every recording: `:run=` is refused
+  kRotor,         ///< inertia of rotors, which make_tree puts into the tree
+  kInertia,       ///< its ten parameters add to those of a link: columns of the regressor
+  kGravity,       ///< its two parameters add to gravity's x and y
+  kGain,          ///< 1 + its parameter is recorded over true torque
+  kShared,        ///< a diagnosis tries it at `all` besides: one clock, one bus, one scale
+  kIfAsked,       ///< no candidate of a diagnosis unless it is asked for
+  kNoAmplitude,   ///< no single parameter switches it off
+  kAtTurns,       ///< shows where a joint turns back, also one that sticks there
+  kInWideBand,    ///< a jump of positions: shows beyond the band of smooth effects
+  kLogsVelocity,  ///< acts on the logged velocity, which a simulated recording then has
+  kNeedsCup,      ///< acts where there is a cup on the string's link
+  kNeedsSpin,     ///< acts on a ball whose spin is recorded
+  kReadsAnchorJerk,  ///< reads the jerk of the string's anchor, which a simulation has not
+  kWhenSlack,        ///< acts while the string is slack, not while it is taut
+  kJumps             ///< changes the ball's velocity at an instant: no acceleration shows it
+};
+
+/// Set of traits.
+class Traits {
+ public:
+  constexpr Traits() = default;
+  constexpr Traits(std::initializer_list<Trait> traits) {
+    for (const Trait t : traits) bits_ |= bit(t);
+  }
+  /// Tells whether the set has it.
+  constexpr bool has(Trait t) const { return (bits_ & bit(t)) != 0; }
+
+ private:
+  static constexpr std::uint32_t bit(Trait t) { return 1U << static_cast<std::uint32_t>(t); }
+  std::uint32_t bits_ = 0;
+};
+
+/// Quantities that the torque of one instant depends on; simulations of many worlds skip what does
+/// not change.
+enum class Reads {
+  kNothing,        ///< constant within a recording
+  kSpeedLinearly,  ///< proportional to velocities of its own joints
+  kSpeed,          ///< velocities of its own joints, no torque at rest
+  kMotion          ///< anything
+};
+
+/// Motor that an effect hides behind its joint.
+enum class HiddenMotor {
+  kNone,
+  kSpring,  ///< behind a linear spring and damper: parameters stiffness, damping, motor_inertia
+  kOther    ///< behind what pushes in another way, which the simulation of one robot alone has
+};
+
+/// Place in the camera's view of a ball, from the ball to the camera.
+enum class ViewStage { kString, kScale, kRotation, kOffset };
+inline constexpr ViewStage kViewStages[] = {ViewStage::kString, ViewStage::kScale,
+                                            ViewStage::kRotation, ViewStage::kOffset};
+
+/// Plot of a joint's error in which an effect shows.
+enum class ShownOver {
+  kPosition,
+  kVelocity,
+  kAcceleration,
+  kTorque,
+  kTorqueRate,
+  kLoad,  ///< along the motion, over the size of the torque
+  kTime,
+  kTimeAlongMotion,
+  kSpectrum,         ///< amplitudes over cycles of the position; marks the parameter `cycles`
+  kReversals,        ///< about the instants at which the velocity changes its sign
+  kTorqueReversals,  ///< about those at which the torque does
+  kCorrelation       ///< with the rate of the torque, over the lag between them
 };
 
 /// What selection, results and files see of an effect.
@@ -109,6 +215,25 @@ struct EffectInfo {
   std::vector<ParameterInfo> parameters;  ///< in the order of that function's `p`
   /// Left out of the sign equation on the link side (armature, motor friction).
   bool motor_side = false;
+  Traits traits = {};                      ///< properties that other parts ask for
+  Reads reads = Reads::kMotion;            ///< inputs of kJointTorque; kMotion is always right
+  HiddenMotor motor = HiddenMotor::kNone;  ///< motor that kMemory hides
+  ViewStage view = ViewStage::kString;     ///< turn of change_view, where there is one
+  /// Plots of evidence, the first one first.
+  std::vector<ShownOver> shown_over = {ShownOver::kVelocity, ShownOver::kPosition};
+
+  /// Tells whether it has the trait.
+  bool has(Trait t) const { return traits.has(t); }
+};
+
+/// Where an effect is bound. A formula that takes more from it than its parameters keeps that as
+/// data members, which `void complete(const BoundSetting&)` fills.
+struct BoundSetting {
+  const EffectSpec& spec;
+  const Model& model;
+  const std::vector<int>& joints;  ///< joints that it acts on
+  const std::vector<int>& runs;    ///< runs of per-run parameters, ascending
+  const std::string& here;         ///< begins messages
 };
 
 /// All joints at one instant; arrays of length n [rad, rad/s, rad/s², N·m] or [m, m/s, m/s², N].

@@ -4,7 +4,7 @@
 /// q̇, q̈) + armature·q̈ + effects.
 
 #include <diffnea/dynamics/rnea.hpp>
-#include <diffnea/effects/catalogue.hpp>
+#include <diffnea/effects/bound_effect.hpp>
 
 namespace diffnea {
 

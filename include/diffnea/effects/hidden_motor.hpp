@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include <diffnea/effects/catalogue.hpp>
+#include <diffnea/effects/bound_effect.hpp>
 
 namespace diffnea {
 

@@ -2,6 +2,7 @@
 
 #include <diffnea/effects/effect.hpp>
 #include <diffnea/effects/joint_series.hpp>
+#include <diffnea/effects/memory.hpp>
 
 namespace diffnea {
 
@@ -46,12 +47,21 @@ struct JointElasticity {
                         .initial = 1.0,
                         .most = 1.0,
                         .choices = {1.0, 0.0}}},
-        .motor_side = true};
+        .motor_side = true,
+        .traits = {Trait::kOfDrive, Trait::kAtTurns},
+        .motor = HiddenMotor::kSpring,
+        .shown_over = {ShownOver::kCorrelation, ShownOver::kAcceleration}};
     return kInfo;
   }
 
-  /// Of the joint's friction, what turns with the motor: 1 all, 0 none.
-  static double friction_share(const double* p) { return p[3]; }
+  template <class T>
+  static MotorSpring<T> motor_spring(const T* p) {
+    return {p[0], p[1], p[2], p[3]};
+  }
+  static double transmitted(double deflection, double velocity, const double* p) {
+    return p[0] * deflection + p[1] * velocity;
+  }
+  static double deflection_at(double load, const double* p) { return load / p[0]; }
 
   /// θ − q (N) [rad] under the torque τ_s (N) [N·m].
   static VecX<double> deflection(const VecX<double>& load, double dt, const double* p) {

@@ -44,3 +44,7 @@ VecX<double> shifted(const VecX<double>& f, double dt, double d);
 VecX<double> low_passed(const VecX<double>& f, double dt, double T);
 
 }  // namespace diffnea
+
+#ifndef DIFFNEA_COMPILED
+#include <diffnea/effects/detail/joint_series_impl.hpp>
+#endif

@@ -10,7 +10,6 @@ namespace diffnea {
 /// and Janot 2010; as the directional models of servo friction, Duclusaud et al. 2025).
 /// `braking_ratio` is the second over the first, η; at 1 the sides are alike.
 struct LoadFriction {
-  static constexpr bool kReadsAcceleration = true;
   static const EffectInfo& info() {
     static const EffectInfo kInfo{
         .name = "load_friction",
@@ -28,7 +27,9 @@ struct LoadFriction {
               .most = 1.0,
               .search = {0.4, 0.7, 1.0}},
              smoothing_parameter()},
-        .motor_side = true};
+        .motor_side = true,
+        .traits = {Trait::kReadsAcceleration, Trait::kFollowsLoad, Trait::kOfDrive},
+        .shown_over = {ShownOver::kLoad, ShownOver::kVelocity}};
     return kInfo;
   }
 

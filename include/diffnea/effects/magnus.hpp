@@ -13,7 +13,8 @@ struct Magnus {
                                   .summary = "lift of a spinning ball; needs its recorded spin",
                                   .place = Place::kBall,
                                   .port = Port::kBallForce,
-                                  .parameters = {ball_parameter("magnus", "1")}};
+                                  .parameters = {ball_parameter("magnus", "1")},
+                                  .traits = {Trait::kNeedsSpin}};
     return kInfo;
   }
 

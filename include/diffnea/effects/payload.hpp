@@ -15,17 +15,18 @@ struct Payload {
         .summary = "rigid body held at the tip: ten inertial parameters",
         .place = Place::kTip,
         .port = Port::kModelParameter,
-        .parameters = {
-            {.name = "mass", .unit = "kg", .unit_prismatic = "kg", .sign = Sign::kNonNegative},
-            {.name = "hx", .unit = "kg*m", .unit_prismatic = "kg*m"},
-            {.name = "hy", .unit = "kg*m", .unit_prismatic = "kg*m"},
-            {.name = "hz", .unit = "kg*m", .unit_prismatic = "kg*m"},
-            {.name = "Ixx", .unit = "kg*m^2", .unit_prismatic = "kg*m^2"},
-            {.name = "Ixy", .unit = "kg*m^2", .unit_prismatic = "kg*m^2"},
-            {.name = "Ixz", .unit = "kg*m^2", .unit_prismatic = "kg*m^2"},
-            {.name = "Iyy", .unit = "kg*m^2", .unit_prismatic = "kg*m^2"},
-            {.name = "Iyz", .unit = "kg*m^2", .unit_prismatic = "kg*m^2"},
-            {.name = "Izz", .unit = "kg*m^2", .unit_prismatic = "kg*m^2"}}};
+        .parameters =
+            {{.name = "mass", .unit = "kg", .unit_prismatic = "kg", .sign = Sign::kNonNegative},
+             {.name = "hx", .unit = "kg*m", .unit_prismatic = "kg*m"},
+             {.name = "hy", .unit = "kg*m", .unit_prismatic = "kg*m"},
+             {.name = "hz", .unit = "kg*m", .unit_prismatic = "kg*m"},
+             {.name = "Ixx", .unit = "kg*m^2", .unit_prismatic = "kg*m^2"},
+             {.name = "Ixy", .unit = "kg*m^2", .unit_prismatic = "kg*m^2"},
+             {.name = "Ixz", .unit = "kg*m^2", .unit_prismatic = "kg*m^2"},
+             {.name = "Iyy", .unit = "kg*m^2", .unit_prismatic = "kg*m^2"},
+             {.name = "Iyz", .unit = "kg*m^2", .unit_prismatic = "kg*m^2"},
+             {.name = "Izz", .unit = "kg*m^2", .unit_prismatic = "kg*m^2"}},
+        .traits = {Trait::kInertia}};
     return kInfo;
   }
 

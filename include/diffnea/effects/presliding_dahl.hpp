@@ -2,6 +2,7 @@
 
 #include <diffnea/effects/effect.hpp>
 #include <diffnea/effects/joint_series.hpp>
+#include <diffnea/effects/memory.hpp>
 
 namespace diffnea {
 
@@ -27,12 +28,35 @@ struct PreslidingDahl {
                                                   .initial = 0.01,
                                                   .initial_prismatic = 0.001,
                                                   .search = log_grid(1e-3, 0.2, 6),
-                                                  .search_prismatic = log_grid(1e-4, 0.02, 6)}},
-                                  .motor_side = true};
+                                                  .search_prismatic = log_grid(1e-4, 0.02, 6),
+                                                  .bound = SearchBound::kPresliding}},
+                                  .motor_side = true,
+                                  .traits = {Trait::kFriction},
+                                  .shown_over = {ShownOver::kVelocity, ShownOver::kReversals}};
     return kInfo;
   }
 
-  /// z/x_s, of −1 … 1, after a move by `step` without reversal.
+  /// The state is z/x_s, of −1 … 1.
+  ///@{
+  template <Scalar T>
+  static StateRate<T> derivative(const T& z, const T& qd, const T* p) {
+    const T size = select(qd < T(0.0), T(-qd), qd), side = select(qd < T(0.0), T(-1.0), T(1.0));
+    return {(T(1.0) - side * z) / p[1], T(0.0), size / p[1]};
+  }
+  template <Scalar T>
+  static T torque(const T& z, const T&, const T* p) {
+    return p[0] * z;
+  }
+  template <Scalar T>
+  static AtRest<T> at_rest(const T* p) {
+    return {p[0] / p[1], T(0.0)};
+  }
+  static double advance(double z, const Move& move, const double* p) {
+    return advance(z, move.way, p[1]);
+  }
+  ///@}
+
+  /// z/x_s after a move by `step` without reversal.
   static double advance(double state, double step, double presliding) {
     const double end = step < 0.0 ? -1.0 : 1.0;
     return end + (state - end) * std::exp(-std::abs(step) / presliding);

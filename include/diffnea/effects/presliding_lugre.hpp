@@ -2,6 +2,7 @@
 
 #include <diffnea/effects/effect.hpp>
 #include <diffnea/effects/joint_series.hpp>
+#include <diffnea/effects/memory.hpp>
 
 namespace diffnea {
 
@@ -52,42 +53,35 @@ struct PreslidingLugre {
                         .initial_prismatic = 0.01,
                         .search = {0.05, 0.3},
                         .search_prismatic = {0.005, 0.03}}},
-        .motor_side = true};
+        .motor_side = true,
+        .traits = {Trait::kFriction, Trait::kIfAsked, Trait::kNoAmplitude},
+        .shown_over = {ShownOver::kVelocity, ShownOver::kReversals}};
     return kInfo;
   }
 
-  /// σ₀|q̇|/g(q̇) [1/s]: how fast the bristles forget.
-  static double rate(double qd, const double* p) {
-    const double ratio = qd / p[4];
-    return p[0] * std::abs(qd) / (p[2] + (p[3] - p[2]) * std::exp(-ratio * ratio));
+  template <Scalar T>
+  static StateRate<T> derivative(const T& z, const T& qd, const T* p) {
+    const T size = select(qd < T(0.0), T(-qd), qd), side = select(qd < T(0.0), T(-1.0), T(1.0));
+    const T ratio = qd / p[4], square = ratio * ratio;
+    const T bounded = select(square > T(700.0), T(700.0), square);  // beyond, e^{−x} is no number
+    const T g = p[2] + (p[3] - p[2]) * exp_of(T(-bounded));
+    return {T(1.0) - p[0] / g * side * z, T(0.0), p[0] * size / g};
   }
-
-  /// z [rad] after `h` seconds at constant velocity: exact, and stable for any stiffness.
-  static double advance(double z, double qd, double h, const double* p) {
-    const double a = rate(qd, p);
+  /// σ₀z + σ₁ż [N·m] at the bend z [rad].
+  template <Scalar T>
+  static T torque(const T& z, const T& zd, const T* p) {
+    return p[0] * z + p[1] * zd;
+  }
+  template <Scalar T>
+  static AtRest<T> at_rest(const T* p) {
+    return {p[0], p[1]};
+  }
+  /// Exact, and stable for any stiffness.
+  static double advance(double z, const Move& move, const double* p) {
+    const double a = derivative(z, move.velocity, p).forgetting, h = move.time;
     // (1 − e^{−ah})/a, which is h where a vanishes.
     const double reach = a * h > 1e-12 ? -std::expm1(-a * h) / a : h;
-    return z * std::exp(-a * h) + qd * reach;
-  }
-
-  /// σ₀z + σ₁ż [N·m] at the bend z [rad] and q̇ [rad/s].
-  static double torque(double z, double qd, const double* p) {
-    return p[0] * z + p[1] * (qd - rate(qd, p) * z);
-  }
-
-  VecX<double> torque_series(const JointSeries& x, int joint, const double* p) const {
-    constexpr int kSubsteps = 8;  // velocity straight between the rows, constant within a substep
-    const double h = x.dt / kSubsteps;
-    VecX<double> out(x.rows());
-    double z = 0.0;
-    for (long k = 0; k < x.rows(); ++k) {
-      for (int i = 0; k > 0 && i < kSubsteps; ++i) {
-        const double share = (i + 0.5) / kSubsteps;
-        z = advance(z, (1 - share) * x.qd(k - 1, joint) + share * x.qd(k, joint), h, p);
-      }
-      out[k] = torque(z, x.qd(k, joint), p);
-    }
-    return out;
+    return z * std::exp(-a * h) + move.velocity * reach;
   }
 };
 

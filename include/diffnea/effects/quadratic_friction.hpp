@@ -15,7 +15,9 @@ struct QuadraticFriction {
                                                   .unit = "N*m*s^2/rad^2",
                                                   .unit_prismatic = "N*s^2/m^2",
                                                   .sign = Sign::kNonNegative}},
-                                  .motor_side = false};
+                                  .motor_side = false,
+                                  .reads = Reads::kSpeed,
+                                  .shown_over = {ShownOver::kVelocity}};
     return kInfo;
   }
 

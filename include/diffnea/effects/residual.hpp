@@ -1,5 +1,7 @@
 #pragma once
 
+#include <algorithm>
+
 #include <diffnea/core/error.hpp>
 #include <diffnea/effects/effect.hpp>
 #include <diffnea/model/model.hpp>
@@ -28,7 +30,8 @@ struct Residual {
         .formula = "scale sum_b w_b prod_k bump((x_k - c_bk)/h_bk)",
         .summary = "what no effect explains, learned as a table; no physics",
         .place = Place::kJoint,
-        .parameters = {{.name = "scale", .unit = "1", .unit_prismatic = "1", .initial = 1.0}}};
+        .parameters = {{.name = "scale", .unit = "1", .unit_prismatic = "1", .initial = 1.0}},
+        .traits = {Trait::kIfAsked}};
     return kInfo;
   }
 
@@ -36,6 +39,18 @@ struct Residual {
   /// @throws ModelError naming `here` if a channel is none, or the table's numbers do not fit
   static Residual from(const BumpTable& table, const std::vector<std::string>& joints,
                        const std::string& here);
+
+  /// Takes the table of the spec.
+  /// @throws ModelError if there is none, or it acts on more than one joint
+  void complete(const BoundSetting& setting);
+
+  /// Degrees of freedom whose motion the table is over.
+  std::vector<int> joints_read() const {
+    std::vector<int> out;
+    for (const Axis& a : axes)
+      if (std::ranges::find(out, a.joint) == out.end()) out.push_back(a.joint);
+    return out;
+  }
 
   /// 1 at the centre, ¼ one width from it; NaN stays NaN.
   template <Scalar T>
@@ -69,3 +84,7 @@ struct Residual {
 };
 
 }  // namespace diffnea
+
+#ifndef DIFFNEA_COMPILED
+#include <diffnea/effects/detail/residual_impl.hpp>
+#endif

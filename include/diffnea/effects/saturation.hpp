@@ -5,6 +5,7 @@
 #include <diffnea/core/error.hpp>
 #include <diffnea/effects/effect.hpp>
 #include <diffnea/effects/joint_series.hpp>
+#include <diffnea/effects/memory.hpp>
 
 namespace diffnea {
 
@@ -24,9 +25,17 @@ struct Saturation {
                         .sign = Sign::kPositive,
                         .linear = false,
                         .initial = 1e3,
-                        .search = log_grid(0.1, 1e3, 21)}},
-        .motor_side = true};
+                        .search = log_grid(0.1, 1e3, 21),
+                        .bound = SearchBound::kTorque}},
+        .motor_side = true,
+        .traits = {Trait::kOfDrive},
+        .shown_over = {ShownOver::kTorque}};
     return kInfo;
+  }
+
+  template <class T>
+  static void add_to_drive(const T* p, DrivePath<T>& path) {
+    path.limit = select(p[0] < path.limit, p[0], path.limit);
   }
 
   /// (N) torque in addition at `joint`, not filtered.

@@ -16,9 +16,15 @@ struct SessionOffset {
         .formula = "c_run",
         .summary = "offset of the torque that changes from run to run",
         .place = Place::kJoint,
-        .parameters = {{.name = "offset", .unit = "N*m", .unit_prismatic = "N", .per_run = true}}};
+        .parameters = {{.name = "offset", .unit = "N*m", .unit_prismatic = "N", .per_run = true}},
+        .traits = {Trait::kOfDrive, Trait::kAtMotor},
+        .reads = Reads::kNothing,
+        .shown_over = {ShownOver::kTime}};
     return kInfo;
   }
+
+  /// One parameter for each run.
+  void complete(const BoundSetting& setting) { runs = setting.runs; }
 
   template <Scalar T>
   void add_torque(const JointSample<T>& x, const int* joint, const T* p, T* tau) const {

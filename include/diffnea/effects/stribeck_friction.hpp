@@ -16,7 +16,8 @@ struct StribeckFriction {
         .parameters = {{.name = "stiction_excess",
                         .unit = "N*m",
                         .unit_prismatic = "N",
-                        .sign = Sign::kNonNegative},
+                        .sign = Sign::kNonNegative,
+                        .native = NativeField::kStiction},
                        {.name = "stribeck_velocity",
                         .unit = "rad/s",
                         .unit_prismatic = "m/s",
@@ -25,9 +26,14 @@ struct StribeckFriction {
                         .initial = 0.1,
                         .initial_prismatic = 0.01,
                         .search = log_grid(0.02, 1.0, 6),
-                        .search_prismatic = log_grid(0.002, 0.1, 6)},
+                        .search_prismatic = log_grid(0.002, 0.1, 6),
+                        .bound = SearchBound::kSmoothing,
+                        .native = NativeField::kStribeckVelocity},
                        smoothing_parameter()},
-        .motor_side = true};
+        .motor_side = true,
+        .traits = {Trait::kAtTurns},
+        .reads = Reads::kSpeed,
+        .shown_over = {ShownOver::kVelocity, ShownOver::kReversals}};
     return kInfo;
   }
 

@@ -11,8 +11,6 @@ namespace diffnea {
 ///
 ///   a_tangential (1 − δ/r) − 2 (δ̇/r) v_tangential,   T = m (uᵀ(g − ẍ_S) + ‖v‖²/r), v against S
 struct StringExtension {
-  static constexpr bool kNeedsAnchorJerk = true;
-
   static const EffectInfo& info() {
     static const EffectInfo kInfo{
         .name = "string_extension",
@@ -20,7 +18,8 @@ struct StringExtension {
         .summary = "elastic string",
         .place = Place::kString,
         .port = Port::kBallForce,
-        .parameters = {ball_parameter("compliance", "m/N", Sign::kNonNegative)}};
+        .parameters = {ball_parameter("compliance", "m/N", Sign::kNonNegative)},
+        .traits = {Trait::kReadsAnchorJerk}};
     return kInfo;
   }
 

@@ -9,7 +9,6 @@ namespace diffnea {
 /// with friction b in every joint folds by the angle θ ∝ √s, so that the power b θ̇² ∝ b ṡ²/s is
 /// that of a force ∝ b ṡ/s. s₀ stands for how straight it was.
 struct StringFolding {
-  static constexpr bool kWhenSlack = true;
   static constexpr double kStraight = 5e-4;  ///< s₀ [m]
 
   static const EffectInfo& info() {
@@ -19,7 +18,8 @@ struct StringFolding {
                      .summary = "resistance of a slack string to being folded and unfolded",
                      .place = Place::kString,
                      .port = Port::kBallForce,
-                     .parameters = {ball_parameter("resistance", "m/s", Sign::kNonNegative)}};
+                     .parameters = {ball_parameter("resistance", "m/s", Sign::kNonNegative)},
+                     .traits = {Trait::kWhenSlack}};
       out.parameters[0].most = 0.1;  // steps of 10 ms are stable up to there
       out.parameters[0].search = {0.02};
       return out;

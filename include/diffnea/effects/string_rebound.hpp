@@ -14,7 +14,8 @@ struct StringRebound {
                      .summary = "string that throws the ball back when it becomes taut",
                      .place = Place::kString,
                      .port = Port::kStringContact,
-                     .parameters = {ball_parameter("restitution", "1", Sign::kNonNegative)}};
+                     .parameters = {ball_parameter("restitution", "1", Sign::kNonNegative)},
+                     .traits = {Trait::kJumps}};
       out.parameters[0].most = 0.6;  // of more, a ball under tension would hardly come to rest
       out.parameters[0].search = {0.2};
       return out;

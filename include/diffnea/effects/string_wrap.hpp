@@ -16,7 +16,8 @@ struct StringWrap {
                      .summary = "string that lies around the cup's edge and rim",
                      .place = Place::kString,
                      .port = Port::kStringContact,
-                     .parameters = {ball_parameter("size", "1", Sign::kNonNegative)}};
+                     .parameters = {ball_parameter("size", "1", Sign::kNonNegative)},
+                     .traits = {Trait::kNeedsCup}};
       out.parameters[0].search = {1.0};
       return out;
     }();

@@ -17,7 +17,9 @@ struct SublinearFriction {
                                                   .unit_prismatic = "N*(s/m)^0.5",
                                                   .sign = Sign::kNonNegative},
                                                  smoothing_parameter()},
-                                  .motor_side = true};
+                                  .motor_side = true,
+                                  .reads = Reads::kSpeed,
+                                  .shown_over = {ShownOver::kVelocity}};
     return kInfo;
   }
 

@@ -15,9 +15,13 @@ struct TimeShift {
         .formula = "q_logged(t) = q(t - d)",
         .summary = "motion that is logged later than the torque beside it",
         .port = Port::kMeasurement,
-        .parameters = {{.name = "shift", .unit = "s", .unit_prismatic = "s", .linear = false}}};
+        .parameters = {{.name = "shift", .unit = "s", .unit_prismatic = "s", .linear = false}},
+        .traits = {Trait::kOfDrive, Trait::kShared},
+        .shown_over = {ShownOver::kTorqueRate, ShownOver::kCorrelation}};
     return kInfo;
   }
+
+  static double clock_shift(const double* p) { return p[0]; }
 
   void add_to_motion(const JointSeries& x, int joint, const double* p, JointSeries& truth) const {
     for (RowMatX<double>* m : {&truth.q, &truth.qd, &truth.qdd})

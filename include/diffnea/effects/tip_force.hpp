@@ -1,7 +1,11 @@
 #pragma once
 
+#include <algorithm>
+
 #include <diffnea/dynamics/kinematics.hpp>
 #include <diffnea/effects/effect.hpp>
+#include <diffnea/model/model.hpp>
+#include <diffnea/model/tree.hpp>
 
 namespace diffnea {
 
@@ -25,6 +29,11 @@ struct TipForce {
     return kInfo;
   }
 
+  /// Where it pulls on that model.
+  void complete(const BoundSetting& setting) {
+    p_LF = point_of(setting.model, setting.joints.at(0));
+  }
+
   template <Scalar T>
   void add_torque(const Tree<double>& tree, const JointSample<T>& x, const int* joint, const T* p,
                   T* tau) const {
@@ -41,6 +50,23 @@ struct TipForce {
           tree.links[i].type == JointType::kPrismatic ? axis : cross(axis, point - X_WL.p);
       tau[i] = tau[i] - dot(column, force);
     }
+  }
+
+ private:
+  static Vec3<double> point_of(const Model& model, int joint) {
+    const TreeMap map = map_to_tree(model);
+    const ModelFrame* frame = nullptr;
+    for (const ModelFrame& f : model.frames)
+      if (f.link >= 0 && map.dof[static_cast<std::size_t>(f.link)] == joint &&
+          (!frame || frame->name != "tip"))
+        frame = &f;
+    if (frame) return (map.X_LF[static_cast<std::size_t>(frame->link)] * frame->X_LF).p;
+    const auto outermost = std::ranges::find(map.dof.rbegin(), map.dof.rend(), joint);
+    const auto link = map.dof.rend() - outermost - 1;
+    if (model.links[static_cast<std::size_t>(link)].type == ModelJoint::kFixed)
+      return map.X_LF[static_cast<std::size_t>(link)].p;
+    const SpatialInertia<double>& body = model.links[static_cast<std::size_t>(link)].inertia;
+    return body.m > 0.0 ? body.h * (1.0 / body.m) : Vec3<double>{0, 0, 0};
   }
 };
 

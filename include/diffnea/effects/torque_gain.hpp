@@ -8,7 +8,6 @@ namespace diffnea {
 /// sample. Friction is not in that torque; a gain on it too only rescales the friction's own
 /// parameters.
 struct TorqueGain {
-  static constexpr bool kReadsAcceleration = true;
   static const EffectInfo& info() {
     static const EffectInfo kInfo{
         .name = "torque_gain",
@@ -16,7 +15,10 @@ struct TorqueGain {
         .summary = "relative error of the torque constant",
         .place = Place::kJoint,
         .parameters = {{.name = "gain_error", .unit = "1", .unit_prismatic = "1"}},
-        .motor_side = false};
+        .motor_side = false,
+        .traits = {Trait::kReadsAcceleration, Trait::kOfDrive, Trait::kAtMotor, Trait::kOfRobot,
+                   Trait::kGain, Trait::kShared},
+        .shown_over = {ShownOver::kTorque}};
     return kInfo;
   }
 

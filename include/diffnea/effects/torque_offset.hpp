@@ -13,7 +13,10 @@ struct TorqueOffset {
         .summary = "constant offset of the torque",
         .place = Place::kJoint,
         .parameters = {{.name = "offset", .unit = "N*m", .unit_prismatic = "N"}},
-        .motor_side = false};
+        .motor_side = false,
+        .traits = {Trait::kOfDrive, Trait::kAtMotor},
+        .reads = Reads::kNothing,
+        .shown_over = {ShownOver::kTime}};
     return kInfo;
   }
 

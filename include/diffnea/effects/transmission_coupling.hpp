@@ -8,7 +8,6 @@ namespace diffnea {
 /// wrists, with inertia, viscous and dry friction f = J ẇ + b w + F_c tanh(w/v₀). Its power is f w
 /// = τᵢq̇ᵢ + τⱼq̇ⱼ, so τᵢ = f and τⱼ = ρ f (the Stäubli TX40's joints 5 and 6: ρ = 1).
 struct TransmissionCoupling {
-  static constexpr bool kReadsAcceleration = true;
   static const EffectInfo& info() {
     static const EffectInfo kInfo{
         .name = "transmission_coupling",
@@ -32,7 +31,9 @@ struct TransmissionCoupling {
               .initial = 1.0,
               .search = {-1.0, 1.0}},
              smoothing_parameter()},
-        .motor_side = true};
+        .motor_side = true,
+        .traits = {Trait::kReadsAcceleration},
+        .shown_over = {ShownOver::kAcceleration, ShownOver::kVelocity}};
     return kInfo;
   }
 

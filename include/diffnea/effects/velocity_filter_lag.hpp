@@ -19,8 +19,14 @@ struct VelocityFilterLag {
                                                   .unit_prismatic = "s",
                                                   .sign = Sign::kNonNegative,
                                                   .linear = false,
-                                                  .search = log_grid(1e-3, 50e-3, 6)}}};
+                                                  .search = log_grid(1e-3, 50e-3, 6)}},
+                                  .traits = {Trait::kIfAsked, Trait::kLogsVelocity},
+                                  .shown_over = {ShownOver::kTorqueRate, ShownOver::kCorrelation}};
     return kInfo;
+  }
+
+  static VecX<double> logged_velocity(const VecX<double>& qd, double dt, const double* p) {
+    return low_passed(qd, dt, p[0]);
   }
 
   void add_to_motion(const JointSeries& x, int joint, const double* p, JointSeries& truth) const {

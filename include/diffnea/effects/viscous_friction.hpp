@@ -14,8 +14,11 @@ struct ViscousFriction {
                                   .parameters = {{.name = "viscous",
                                                   .unit = "N*m*s/rad",
                                                   .unit_prismatic = "N*s/m",
-                                                  .sign = Sign::kNonNegative}},
-                                  .motor_side = true};
+                                                  .sign = Sign::kNonNegative,
+                                                  .native = NativeField::kDamping}},
+                                  .motor_side = true,
+                                  .reads = Reads::kSpeedLinearly,
+                                  .shown_over = {ShownOver::kVelocity}};
     return kInfo;
   }
 

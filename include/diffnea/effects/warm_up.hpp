@@ -8,27 +8,27 @@ namespace diffnea {
 /// warms, t since the run began.
 struct WarmUp {
   static const EffectInfo& info() {
-    static const EffectInfo kInfo{.name = "warm_up",
-                                  .formula = "b exp(-t/T) qd",
-                                  .summary = "viscous friction that fades while the joint warms up",
-                                  .place = Place::kJoint,
-                                  .parameters = {{.name = "viscous",
-                                                  .unit = "N*m*s/rad",
-                                                  .unit_prismatic = "N*s/m",
-                                                  .sign = Sign::kNonNegative},
-                                                 {.name = "time_constant",
-                                                  .unit = "s",
-                                                  .unit_prismatic = "s",
-                                                  .sign = Sign::kPositive,
-                                                  .linear = false,
-                                                  .initial = 60.0,
-                                                  .search = log_grid(3.0, 1000.0, 6)}},
-                                  .motor_side = true};
+    static const EffectInfo kInfo{
+        .name = "warm_up",
+        .formula = "b exp(-t/T) qd",
+        .summary = "viscous friction that fades while the joint warms up",
+        .place = Place::kJoint,
+        .parameters = {{.name = "viscous",
+                        .unit = "N*m*s/rad",
+                        .unit_prismatic = "N*s/m",
+                        .sign = Sign::kNonNegative},
+                       {.name = "time_constant",
+                        .unit = "s",
+                        .unit_prismatic = "s",
+                        .sign = Sign::kPositive,
+                        .linear = false,
+                        .initial = 60.0,
+                        .search = log_grid(3.0, 1000.0, 6)}},
+        .motor_side = true,
+        .traits = {Trait::kReadsTime},
+        .shown_over = {ShownOver::kTimeAlongMotion, ShownOver::kVelocity}};
     return kInfo;
   }
-
-  /// Its torque changes with the time since the run began.
-  static constexpr bool kReadsTime = true;
 
   template <Scalar T>
   void add_torque(const JointSample<T>& x, const int* joint, const T* p, T* tau) const {

@@ -13,7 +13,7 @@
 #include <string>
 #include <vector>
 
-#include <diffnea/effects/catalogue.hpp>
+#include <diffnea/effects/bound_effect.hpp>
 #include <diffnea/identify/ball_options.hpp>
 #include <diffnea/identify/ball_series.hpp>
 #include <diffnea/identify/hand_motion.hpp>

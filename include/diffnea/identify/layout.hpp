@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include <diffnea/effects/catalogue.hpp>
+#include <diffnea/effects/bound_effect.hpp>
 #include <diffnea/model/model.hpp>
 
 namespace diffnea {

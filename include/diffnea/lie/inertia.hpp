@@ -11,6 +11,9 @@ namespace diffnea {
 /// Order of the ten inertial parameters everywhere: θ = [m, hx, hy, hz, Ixx, Ixy, Ixz, Iyy, Iyz,
 /// Izz], h = m·p_com [kg·m], I about the link origin [kg·m²]; linear in every torque.
 inline constexpr int kThetaSize = 10;
+/// Names of the entries of θ, in their order.
+inline constexpr const char* kThetaNames[kThetaSize] = {"mass", "hx",  "hy",  "hz",  "Ixx",
+                                                        "Ixy",  "Ixz", "Iyy", "Iyz", "Izz"};
 /// [m, hx, hy, hz, Ixx, Ixy, Ixz, Iyy, Iyz, Izz] of a link about its origin [kg, kg·m, kg·m²].
 template <class T>
 using Theta = std::array<T, kThetaSize>;

@@ -60,6 +60,8 @@ struct Pose {
 
   /// The frame itself.
   static Pose identity() { return {Mat3<T>::identity(), {T(0), T(0), T(0)}}; }
+  /// A frame with the same axes, and its origin at p [m].
+  static Pose translation(const Vec3<T>& p) { return {Mat3<T>::identity(), p}; }
   /// The same in another scalar.
   template <class U>
   Pose<U> cast() const {
@@ -107,6 +109,29 @@ Twist<Prod<A, B>> ad(const Twist<A>& V, const Twist<B>& U) {
 template <class A, class B>
 Wrench<Prod<A, B>> minus_ad_star(const Twist<A>& V, const Wrench<B>& W) {
   return {cross(V.angular, W.torque) + cross(V.linear, W.force), cross(V.angular, W.force)};
+}
+
+/// exp(V), V = [ω; v]: the pose, against its old frame, of a body after one second at the twist V
+/// in its own frame; X exp(V t) moves X at V. R = exp(ω), p = v + b ω×v + c ω×(ω×v) with b = (1 −
+/// cos θ)/θ², c = (θ − sin θ)/θ³, θ = |ω| (Murray, Li, Sastry 1994, eq. 2.36). Any scalar but
+/// packs.
+template <class T>
+Pose<T> exp(const Twist<T>& V) {
+  const Vec3<T>&w = V.angular, &v = V.linear;
+  const T s = dot(w, w);
+  const Vec3<T> first = cross(w, v);
+  return {exp(w),
+          v + first * versine_over_square(s) + cross(w, first) * angle_minus_sine_over_cube(s)};
+}
+
+/// log X: the V with exp(V) = X and |ω| ≤ π; v = p − ½ ω×p + d ω×(ω×p) with
+/// d = (1 − ½ θ cot(θ/2))/θ² (Murray, Li, Sastry 1994, inverse of eq. 2.36). As log of a
+/// rotation at |ω| = π.
+/// @param X  double or Jet
+template <class T>
+Twist<T> log(const Pose<T>& X) {
+  const Vec3<T> w = log(X.R), first = cross(w, X.p);
+  return {w, X.p - first * T(0.5) + cross(w, first) * cotangent_defect(T(dot(w, w)))};
 }
 
 }  // namespace diffnea

@@ -51,6 +51,12 @@ template <class A, class B>
 Prod<A, B> dot(const Vec3<A>& a, const Vec3<B>& b) {
   return a.x * b.x + a.y * b.y + a.z * b.z;
 }
+/// √(vᵀv). Its derivative is not finite at 0.
+template <class T>
+T norm(const Vec3<T>& v) {
+  using std::sqrt;
+  return sqrt(dot(v, v));
+}
 /// a × b.
 template <class A, class B>
 Vec3<Prod<A, B>> cross(const Vec3<A>& a, const Vec3<B>& b) {

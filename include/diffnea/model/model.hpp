@@ -6,6 +6,7 @@
 #include <limits>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <diffnea/core/fields.hpp>
@@ -118,6 +119,12 @@ struct TreeMap {
 };
 /// Which links and joints of the model became which of its tree: fixed links are merged.
 TreeMap map_to_tree(const Model& model);
+/// The tree's link that a link of the model is part of, and its pose in it; −1: the world.
+/// @param link  index into Model::links, −1 for the world
+inline std::pair<int, Pose<double>> place_in_tree(const TreeMap& map, int link) {
+  if (link < 0) return {-1, Pose<double>::identity()};
+  return {map.dof[static_cast<std::size_t>(link)], map.X_LF[static_cast<std::size_t>(link)]};
+}
 
 /// The cup in the frame of the link that the string is tied to, where both move as one: none if the
 /// model has no cup, no string, or the cup is elsewhere.
@@ -157,3 +164,7 @@ struct ModelIssue {
 std::vector<ModelIssue> check_model(const Model& model);
 
 }  // namespace diffnea
+
+#ifndef DIFFNEA_COMPILED
+#include <diffnea/model/detail/model_impl.hpp>
+#endif

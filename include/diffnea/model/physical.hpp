@@ -55,3 +55,6 @@ double triangle_margin(const SpatialInertia<double>& inertia);
 }  // namespace diffnea
 
 #include <diffnea/model/detail/physical_impl.hpp>
+#ifndef DIFFNEA_COMPILED
+#include <diffnea/model/detail/physical_values_impl.hpp>
+#endif

@@ -2,9 +2,13 @@
 /// The link tree the recursions run on: numbers only, links in an order where a parent comes before
 /// its children. Names, limits, frames and effects live in `Model` (model/model.hpp).
 
+#include <cmath>
+#include <string>
+#include <type_traits>
 #include <vector>
 
-#include <diffnea/lie/inertia.hpp>
+#include <diffnea/core/error.hpp>
+#include <diffnea/lie/axis.hpp>
 
 namespace diffnea {
 
@@ -19,7 +23,7 @@ struct Link {
   JointType type = JointType::kRevolute;  ///< of J: it turns about `axis`, or slides along it
   Vec3<double> axis{0, 0, 1};             ///< unit vector, in L
   Pose<P> X_PJ = Pose<P>::identity();     ///< of J in P: the link's pose at q = 0
-  SpatialInertia<P> inertia;              ///< about L's origin, in L
+  SpatialInertia<P> inertia{};            ///< about L's origin, in L
   P armature{};                           ///< reflected rotor inertia I_r [kg·m², kg]
 };
 
@@ -51,6 +55,30 @@ struct Tree {
   }
 };
 
+/// Appends a link; the tree's next degree of freedom moves it.
+///
+///     Tree<double> tree;
+///     const int upper = add_link(tree, {.axis = {0, 1, 0}, .inertia = body});
+///     add_link(tree, {.parent = upper, .axis = {0, 1, 0}, .X_PJ = ..., .inertia = body});
+///
+/// @return its index, for the `parent` of what hangs on it
+/// @throws ModelError if the parent is not there or the axis is not a unit vector
+template <Scalar P>
+int add_link(Tree<P>& tree, const std::type_identity_t<Link<P>>& link) {
+  const int index = tree.num_dofs();
+  const std::string here = "add_link: link " + std::to_string(index);
+  if (link.parent < -1 || link.parent >= index)
+    throw ModelError(here + ": got the parent " + std::to_string(link.parent) +
+                     ", expected -1 (the world) or a link that is there, below " +
+                     std::to_string(index));
+  const double squared = dot(link.axis, link.axis);
+  if (!(std::abs(squared - 1.0) < 2e-9))
+    throw ModelError(here + ": axis has length " + std::to_string(std::sqrt(squared)) +
+                     ", expected 1");
+  tree.links.push_back(link);
+  return index;
+}
+
 /// The joint's motion subspace s, in L.
 template <Scalar P>
 Twist<double> joint_twist(const Link<P>& link) {
@@ -59,29 +87,48 @@ Twist<double> joint_twist(const Link<P>& link) {
                                            : Twist<double>{zero, link.axis};
 }
 
-/// X_PL(q), q [rad] or [m].
-template <Scalar P, Scalar S>
-Pose<Prod<P, S>> joint_pose(const Link<P>& link, const S& q) {
+/// Calls f(s) with the joint's motion subspace as a type that knows its zeros where it can: a
+/// RevoluteAxis where the joint turns about +x, +y or +z of its link, else a Twist.
+template <Scalar P, class F>
+decltype(auto) with_axis(const Link<P>& link, const F& f) {
+  if (link.type == JointType::kRevolute) {
+    if (link.axis.z == 1.0) return f(RevoluteAxis<2>{});
+    if (link.axis.y == 1.0) return f(RevoluteAxis<1>{});
+    if (link.axis.x == 1.0) return f(RevoluteAxis<0>{});
+  }
+  return f(joint_twist(link));
+}
+
+/// X_PL(q) of a turn about a coordinate axis: it mixes two columns of R_PJ. @param q  [rad]
+template <int K, Scalar P, Scalar S>
+Pose<Prod<P, S>> joint_pose(const Link<P>& link, RevoluteAxis<K>, const S& q) {
   using std::cos;
   using std::sin;
   using R = Prod<P, S>;
-  const Vec3<double>& a = link.axis;
-  if (link.type == JointType::kPrismatic) {
-    const Vec3<P> step = link.X_PJ.R * a;
-    return {link.X_PJ.R.template cast<R>(), link.X_PJ.p + step * q};
-  }
-  // An axis along x, y or z mixes two columns of R_PJ; any other takes Rodrigues' formula.
-  const int k = a.x == 1.0 ? 0 : a.y == 1.0 ? 1 : a.z == 1.0 ? 2 : -1;
-  if (k < 0) return {link.X_PJ.R * rotation_about<S>(a, q), link.X_PJ.p.template cast<R>()};
+  constexpr int i = (K + 1) % 3, j = (K + 2) % 3;
   const S s = sin(q), c = cos(q);
-  const int i = (k + 1) % 3, j = (k + 2) % 3;
   const Mat3<P>& R0 = link.X_PJ.R;
   Pose<R> X;
-  X.R.col[k] = R0.col[k].template cast<R>();
+  X.R.col[K] = R0.col[K].template cast<R>();
   X.R.col[i] = R0.col[i] * c + R0.col[j] * s;
   X.R.col[j] = R0.col[j] * c - R0.col[i] * s;
   X.p = link.X_PJ.p.template cast<R>();
   return X;
+}
+/// X_PL(q) along or about any axis, that of `link`. @param q  [rad] or [m]
+template <Scalar P, Scalar S>
+Pose<Prod<P, S>> joint_pose(const Link<P>& link, const Twist<double>&, const S& q) {
+  using R = Prod<P, S>;
+  if (link.type == JointType::kPrismatic) {
+    const Vec3<P> step = link.X_PJ.R * link.axis;
+    return {link.X_PJ.R.template cast<R>(), link.X_PJ.p + step * q};
+  }
+  return {link.X_PJ.R * rotation_about<S>(link.axis, q), link.X_PJ.p.template cast<R>()};
+}
+/// X_PL(q), q [rad] or [m].
+template <Scalar P, Scalar S>
+Pose<Prod<P, S>> joint_pose(const Link<P>& link, const S& q) {
+  return with_axis(link, [&](const auto& s) { return joint_pose(link, s, q); });
 }
 
 }  // namespace diffnea

@@ -10,7 +10,10 @@ namespace diffnea {
 /// One sentence: how many policies succeed there, with its interval, and how often the best does.
 std::string transfer_headline(const TransferRun& run);
 
-/// A table of the policies, then the headline.
+/// One sentence on how the world differs from its description; empty where the run does not know.
+std::string world_sentence(const TransferRun& run);
+
+/// A table of the policies, then headline and world.
 std::string transfer_text(const TransferRun& run);
 
 }  // namespace diffnea

@@ -4,6 +4,7 @@
 
 #include <filesystem>
 #include <limits>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -32,6 +33,9 @@ struct TransferRun {
   std::vector<LearnedPolicy> policies = {};  ///< all that were learned
   std::vector<RolloutTrace> imagined = {};   ///< of their means, in the model; no rows: not kept
   std::string world;                         ///< as it was named
+  /// Clauses on how the world may differ from its description; none: it is its description. Not
+  /// given in files of earlier versions.
+  std::optional<std::vector<std::string>> differences = {};
   std::vector<Execution> executions = {};    ///< of the policies, without noise
   int best = -1;  ///< of the executions: a success first, then by reward; −1: none
   std::vector<Execution> repetitions = {};  ///< of the best, with noise

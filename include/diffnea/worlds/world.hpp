@@ -47,6 +47,14 @@ struct WorldSpec {
 /// @throws Error listing what there is
 WorldSpec parse_world(const std::string& text);
 
+/// Where policies are tried unless another world is named: a WAM drawn from surrogate A, its ball
+/// on a rope with mass. The seed is part of the name: every command draws the same robot.
+inline constexpr const char* kBallInCupWorld = "mujoco:wam4_ball_in_cup,perturb=A,rope=mid,seed=3";
+
+/// Clauses on how the world's robot may differ from its description, e.g. "masses −8…+20 %": ranges
+/// of the perturbation, effects, rope. Empty: the world is its description.
+std::vector<std::string> differences(const WorldSpec& world);
+
 /// The document with a rotor for every elastic joint of `truth` and a tendon between the two, as
 /// record_in_mujoco and MujocoSimulator ask for; the document itself where there is none.
 /// @throws ModelError if such a joint has no name in the document

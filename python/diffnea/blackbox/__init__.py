@@ -2,7 +2,7 @@
 
 The ball's acceleration as a function of the last link's full motion and the ball's,
 ``ẍ_B = f(x_L, ẋ_L, ẍ_L, x_B, ẋ_B)``, by a feed-forward network or an LSTM. Training needs PyTorch
-(``pip install 'diffnea[blackbox]'``); a network that was trained needs nothing: C++ evaluates it.
+(extra ``blackbox``); a network that was trained needs nothing: C++ evaluates it.
 """
 
 from .network import BallNetwork, FreeRun, free_run

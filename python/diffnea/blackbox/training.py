@@ -12,6 +12,7 @@ import numpy as np
 
 from .._core import Error, IdentifyResult, Model
 from .._files import StrPath
+from .._readers.packages import install_command
 from .data import model_of, recordings_of, series_of, windows
 from .network import BallNetwork, FreeRun, names_of, run_windows
 from .options import FIRST_HORIZON, TrainOptions
@@ -126,7 +127,7 @@ def _import_torch() -> Any:
         import torch
     except ImportError as error:
         raise Error(
-            "blackbox.train needs PyTorch: pip install 'diffnea[blackbox]' (a network that was"
+            f"blackbox.train needs PyTorch: {install_command('blackbox')} (a network that was"
             " trained elsewhere needs nothing)"
         ) from error
     return torch

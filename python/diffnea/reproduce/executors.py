@@ -20,6 +20,7 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from .._core import Error
+from .._readers.packages import install_command
 
 CHOICES = ("processes", "processes:N", "dask", "dask:ADDRESS", "mpi")
 
@@ -188,7 +189,7 @@ def _dask(address: str) -> Iterator[Workers]:
         from distributed.comm import get_address_host_port
     except ImportError as error:
         raise Error(
-            "--executor: dask is not installed; install it with: pip install 'diffnea[dask]'"
+            f"--executor: dask is not installed; install it with: {install_command('dask')}"
         ) from error
     import dask
 

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 
 from .. import _core
 from .._files import load_model
+from .._readers.packages import install_command
 from . import figures
 from .jobs import Json, Results, write_text
 from .table import HEAD, cells, percent, spread_of
@@ -156,7 +157,7 @@ def _pictures(study: Study, results: Results) -> list[str]:
     except ImportError:
         return [
             '<p class="warning">There are no pictures: matplotlib is not installed'
-            " (pip install 'diffnea[reproduce]'; then the same command again).</p>"
+            f" ({html.escape(install_command('plots'))}; then the same command again).</p>"
         ]
     rows = [row for row in study.rows if row.units]
     if not rows:

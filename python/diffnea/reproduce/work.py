@@ -15,6 +15,7 @@ from .._core import IdentifyResult, Model, Policy, Recording, read_policy
 from .._files import load_model
 from .._learn import learn
 from .._learn_result import LearnResult
+from .._readers.packages import install_command
 from .._robot_data import identify_robot, robot_motions
 from .._rollouts import RolloutTrace
 from .._simulate import simulate
@@ -39,7 +40,7 @@ NETWORKS = {"ff-nn": "ff", "lstm": "lstm"}
 def missing_for_networks() -> str:
     """Say why there can be no network here; empty: nothing is missing."""
     if importlib.util.find_spec("torch") is None:
-        return "not run: torch is not installed (pip install 'diffnea[blackbox]')"
+        return f"not run: torch is not installed ({install_command('blackbox')})"
     return ""
 
 

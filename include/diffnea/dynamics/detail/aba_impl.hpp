@@ -88,10 +88,12 @@ const VecX<Prod<P, S>>& aba(const Tree<P>& tree, VecIn<S> q, VecIn<S> qd, VecIn<
   return ws.qdd;
 }
 
+#ifdef DIFFNEA_COMPILED
 #define DIFFNEA_EXTERN(P, S)                                                                      \
   extern template const VecX<Prod<P, S>>& aba<P, S>(const Tree<P>&, VecIn<S>, VecIn<S>, VecIn<S>, \
                                                     AbaWorkspace<P, S>&);
 DIFFNEA_FOR_EACH_SCALAR(DIFFNEA_EXTERN)
 #undef DIFFNEA_EXTERN
+#endif
 
 }  // namespace diffnea

@@ -11,12 +11,6 @@ namespace detail {
 /// What rounding leaves of h where the string is tight [m²].
 inline constexpr double kTight = 1e-12;
 
-template <class T>
-T norm(const Vec3<T>& v) {
-  using std::sqrt;
-  return sqrt(dot(v, v));
-}
-
 /// Where f, at most 0 at 0 and above 0 at `after`, comes above 0: a point where it has, no further
 /// behind than 2^-40 of the bracket. A secant's pace where f is smooth, one step more than
 /// bisection at worst (ITP: Oliveira and Takahashi 2020, algorithm 1).
@@ -97,7 +91,7 @@ BallSample<T> BallFlight<T, World>::sample(const T& time, const ParticleState<T>
     out.anchor = string.anchor;
     out.length = string.length;
     const Vec3<T> delta = s.x - out.anchor.x;
-    const T distance = detail::norm(delta);
+    const T distance = norm(delta);
     // A ball that has slipped through its anchor has no direction.
     out.u = value(distance) > 0.0 ? delta * (T(1.0) / distance) : Vec3<T>{};
   }
@@ -109,7 +103,7 @@ T BallFlight<T, World>::taut_pull(const T& time, const ParticleState<T>& s) cons
   const BallSample<T> x = sample(time, s, true);
   const Vec3<T> delta = s.x - x.anchor.x, delta_d = s.v - x.anchor.v;
   return dot(x.u, world_.acceleration(x) - x.anchor.a) +
-         dot(delta_d, delta_d) / detail::norm(delta);
+         dot(delta_d, delta_d) / norm(delta);
 }
 
 template <Scalar T, class World>
@@ -184,7 +178,7 @@ T BallFlight<T, World>::time_to_end(double h, double over_after) const {
 template <Scalar T, class World>
 void BallFlight<T, World>::become_taut() {
   const auto [anchor, length] = string_at(time_, state_.x);
-  const Vec3<T> delta = state_.x - anchor.x, u = delta * (T(1.0) / detail::norm(delta));
+  const Vec3<T> delta = state_.x - anchor.x, u = delta * (T(1.0) / norm(delta));
   const T outward = dot(u, state_.v - anchor.v);
   state_.x = anchor.x + u * length;
   if (value(outward) < options_.rest_speed && value(taut_pull(time_, state_)) < 0.0) {

@@ -107,6 +107,7 @@ void frame_jacobian(const Tree<P>& tree, const LinkKinematics<T>& kinematics, in
   }
 }
 
+#ifdef DIFFNEA_COMPILED
 #define DIFFNEA_EXTERN(P, S)                                                                  \
   extern template void forward_kinematics<P, S>(const Tree<P>&, VecIn<S>, VecIn<S>, VecIn<S>, \
                                                 LinkKinematics<Prod<P, S>>&);                 \
@@ -116,5 +117,6 @@ void frame_jacobian(const Tree<P>& tree, const LinkKinematics<T>& kinematics, in
                                                 LinkKinematics<Prod<P, S>>&);
 DIFFNEA_FOR_EACH_SCALAR(DIFFNEA_EXTERN)
 #undef DIFFNEA_EXTERN
+#endif
 
 }  // namespace diffnea

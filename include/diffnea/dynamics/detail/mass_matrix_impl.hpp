@@ -1,7 +1,7 @@
 #pragma once
 
 #include <diffnea/core/error.hpp>
-#include <diffnea/dynamics/detail/joint_axis.hpp>
+#include <diffnea/core/inlined.hpp>
 #include <diffnea/dynamics/mass_matrix.hpp>
 
 namespace diffnea {
@@ -52,10 +52,12 @@ const MatX<Prod<P, S>>& mass_matrix(const Tree<P>& tree, VecIn<S> q,
   return ws.M;
 }
 
+#ifdef DIFFNEA_COMPILED
 #define DIFFNEA_EXTERN(P, S)                                                          \
   extern template const MatX<Prod<P, S>>& mass_matrix<P, S>(const Tree<P>&, VecIn<S>, \
                                                             MassMatrixWorkspace<P, S>&);
 DIFFNEA_FOR_EACH_SCALAR(DIFFNEA_EXTERN)
 #undef DIFFNEA_EXTERN
+#endif
 
 }  // namespace diffnea

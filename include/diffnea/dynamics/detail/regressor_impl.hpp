@@ -3,7 +3,7 @@
 #include <cstddef>
 
 #include <diffnea/core/error.hpp>
-#include <diffnea/dynamics/detail/joint_axis.hpp>
+#include <diffnea/core/inlined.hpp>
 #include <diffnea/dynamics/regressor.hpp>
 
 namespace diffnea {
@@ -103,10 +103,12 @@ const RowMatX<Prod<P, S>>& torque_regressor(const Tree<P>& tree, VecIn<S> q, Vec
   return ws.Y;
 }
 
+#ifdef DIFFNEA_COMPILED
 #define DIFFNEA_EXTERN(P, S)                                         \
   extern template const RowMatX<Prod<P, S>>& torque_regressor<P, S>( \
       const Tree<P>&, VecIn<S>, VecIn<S>, VecIn<S>, RegressorWorkspace<P, S>&);
 DIFFNEA_FOR_EACH_SCALAR(DIFFNEA_EXTERN)
 #undef DIFFNEA_EXTERN
+#endif
 
 }  // namespace diffnea

@@ -1,7 +1,7 @@
 #pragma once
 
 #include <diffnea/core/error.hpp>
-#include <diffnea/dynamics/detail/joint_axis.hpp>
+#include <diffnea/core/inlined.hpp>
 #include <diffnea/dynamics/rnea.hpp>
 
 namespace diffnea {
@@ -110,6 +110,7 @@ const VecX<Prod<P, S>>& gravity_torques(const Tree<P>& tree, VecIn<S> q, RneaWor
   return ws.tau;
 }
 
+#ifdef DIFFNEA_COMPILED
 #define DIFFNEA_EXTERN(P, S)                                                                       \
   extern template const VecX<Prod<P, S>>& rnea<P, S>(const Tree<P>&, VecIn<S>, VecIn<S>, VecIn<S>, \
                                                      RneaWorkspace<P, S>&);                        \
@@ -117,5 +118,6 @@ const VecX<Prod<P, S>>& gravity_torques(const Tree<P>& tree, VecIn<S> q, RneaWor
                                                                 RneaWorkspace<P, S>&);
 DIFFNEA_FOR_EACH_SCALAR(DIFFNEA_EXTERN)
 #undef DIFFNEA_EXTERN
+#endif
 
 }  // namespace diffnea

@@ -26,39 +26,24 @@ void add_torque(const E& formula, const BoundEffect& effect, const Tree<double>*
 
 template <Scalar T>
 void add_torque(const BoundEffect& effect, const JointSample<T>& x, const T* p, T* tau) {
-  std::visit(
-      [&](const auto& formula) {
-        detail::add_torque(formula, effect, static_cast<const Tree<double>*>(nullptr), x, p, tau);
-      },
-      effect.type);
+  visit_formula(effect, [&](const auto& formula) {
+    detail::add_torque(formula, effect, static_cast<const Tree<double>*>(nullptr), x, p, tau);
+  });
 }
 
 template <Scalar T>
 void add_torque(const BoundEffect& effect, const Tree<double>& tree, const JointSample<T>& x,
                 const T* p, T* tau) {
-  std::visit([&](const auto& formula) { detail::add_torque(formula, effect, &tree, x, p, tau); },
-             effect.type);
+  visit_formula(
+      effect, [&](const auto& formula) { detail::add_torque(formula, effect, &tree, x, p, tau); });
 }
 
 template <Scalar P>
 void add_to_tree(const BoundEffect& effect, const P* p, Tree<P>& tree) {
-  std::visit(
-      [&](const auto& formula) {
-        if constexpr (requires(const int* j) { formula.add_to_tree(j, p, tree); })
-          formula.add_to_tree(effect.joints.data(), p, tree);
-      },
-      effect.type);
+  visit_formula(effect, [&](const auto& formula) {
+    if constexpr (requires(const int* j) { formula.add_to_tree(j, p, tree); })
+      formula.add_to_tree(effect.joints.data(), p, tree);
+  });
 }
-
-extern template void add_torque<double>(const BoundEffect&, const JointSample<double>&,
-                                        const double*, double*);
-extern template void add_torque<JetD>(const BoundEffect&, const JointSample<JetD>&, const JetD*,
-                                      JetD*);
-extern template void add_torque<double>(const BoundEffect&, const Tree<double>&,
-                                        const JointSample<double>&, const double*, double*);
-extern template void add_torque<JetD>(const BoundEffect&, const Tree<double>&,
-                                      const JointSample<JetD>&, const JetD*, JetD*);
-extern template void add_to_tree<double>(const BoundEffect&, const double*, Tree<double>&);
-extern template void add_to_tree<JetD>(const BoundEffect&, const JetD*, Tree<JetD>&);
 
 }  // namespace diffnea

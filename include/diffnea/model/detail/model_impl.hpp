@@ -1,0 +1,177 @@
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+
+#include <diffnea/core/compiled.hpp>
+#include <diffnea/core/error.hpp>
+#include <diffnea/core/text.hpp>
+#include <diffnea/model/model.hpp>
+#include <diffnea/model/physical.hpp>
+
+namespace diffnea {
+namespace detail {
+
+inline bool has_inertia(const SpatialInertia<double>& b) {
+  return std::ranges::any_of(b.theta(), [](double x) { return x != 0.0; });
+}
+
+}  // namespace detail
+
+DIFFNEA_INLINE std::vector<int> moving_links(const Model& model) {
+  std::vector<int> out;
+  out.reserve(model.links.size());
+  for (std::size_t i = 0; i < model.links.size(); ++i)
+    if (model.links[i].type != ModelJoint::kFixed) out.push_back(static_cast<int>(i));
+  return out;
+}
+
+DIFFNEA_INLINE std::vector<std::string> joint_names(const Model& model) {
+  std::vector<std::string> out;
+  for (const int i : moving_links(model)) out.push_back(model.links[i].joint);
+  return out;
+}
+
+DIFFNEA_INLINE int find_joint(const Model& model, const std::string& joint) {
+  int dof = 0;
+  for (const ModelLink& link : model.links) {
+    if (link.type == ModelJoint::kFixed) continue;
+    if (link.joint == joint) return dof;
+    ++dof;
+  }
+  throw ModelError(model.name + ": there is no moving joint '" + joint +
+                   "'; joints: " + detail::join_or_none(joint_names(model)));
+}
+
+DIFFNEA_INLINE TreeMap map_to_tree(const Model& model) {
+  TreeMap map;
+  map.dof.reserve(model.links.size());
+  map.X_LF.reserve(model.links.size());
+  int dof = 0;
+  for (std::size_t i = 0; i < model.links.size(); ++i) {
+    const ModelLink& link = model.links[i];
+    if (link.parent >= static_cast<int>(i))
+      throw ModelError(model.name + ": link '" + link.name + "' comes before its parent");
+    if (link.type != ModelJoint::kFixed) {
+      map.dof.push_back(dof++);
+      map.X_LF.push_back(Pose<double>::identity());
+    } else if (link.parent < 0) {
+      map.dof.push_back(-1);
+      map.X_LF.push_back(link.X_PJ);
+    } else {
+      map.dof.push_back(map.dof[link.parent]);
+      map.X_LF.push_back(map.X_LF[link.parent] * link.X_PJ);
+    }
+  }
+  return map;
+}
+
+DIFFNEA_INLINE std::optional<Pose<double>> cup_at_string(const Model& model) {
+  const auto frame = std::ranges::find(model.frames, "cup", &ModelFrame::name);
+  if (!model.cup || frame == model.frames.end() || !model.ball || !model.ball->string)
+    return std::nullopt;
+  const TreeMap map = map_to_tree(model);
+  const auto [string_link, X_LS] = place_in_tree(map, model.ball->string->link);
+  const auto [cup_link, X_LF] = place_in_tree(map, frame->link);
+  if (string_link != cup_link) return std::nullopt;
+  return inverse(X_LS) * (X_LF * frame->X_LF);
+}
+
+DIFFNEA_INLINE Tree<double> make_tree(const Model& model) {
+  const TreeMap map = map_to_tree(model);
+  Tree<double> tree;
+  tree.gravity = model.gravity;
+  tree.links.reserve(model.links.size());
+  for (std::size_t i = 0; i < model.links.size(); ++i) {
+    const ModelLink& link = model.links[i];
+    if (link.type == ModelJoint::kFixed) {
+      if (map.dof[i] >= 0) {
+        SpatialInertia<double>& lump = tree.links[map.dof[i]].inertia;
+        lump = lump + to_parent(map.X_LF[i], link.inertia);
+      }
+      continue;
+    }
+    const double norm = std::sqrt(dot(link.axis, link.axis));
+    if (!(std::abs(norm - 1.0) < 1e-9))
+      throw ModelError(model.name + ": axis of joint '" + link.joint + "' has length " +
+                       detail::number_text(norm) + ", expected 1");
+    Link<double> l;
+    l.type = link.type == ModelJoint::kRevolute ? JointType::kRevolute : JointType::kPrismatic;
+    l.axis = link.axis;
+    l.inertia = link.inertia;
+    l.X_PJ = link.X_PJ;
+    if (link.parent >= 0) {  // the parent may be fixed to the link (or world) that moves it
+      l.parent = map.dof[link.parent];
+      l.X_PJ = map.X_LF[link.parent] * link.X_PJ;
+    }
+    tree.links.push_back(l);
+  }
+  for (const EffectSpec& e : model.effects) {
+    if (e.effect != "armature") continue;
+    if (e.parameters.size() != 1 || e.parameters[0].name != "armature")
+      throw ModelError(model.name + ": armature at " + e.where +
+                       " takes one parameter, 'armature'");
+    tree.links[find_joint(model, e.where)].armature += e.parameters[0].value;
+  }
+  return tree;
+}
+
+DIFFNEA_INLINE VecX<double> inertial_parameters(const Tree<double>& tree) {
+  VecX<double> pi(kThetaSize * tree.num_dofs());
+  for (int i = 0; i < tree.num_dofs(); ++i) {
+    const Theta<double> t = tree.links[i].inertia.theta();
+    std::ranges::copy(t, pi.data() + kThetaSize * i);
+  }
+  return pi;
+}
+
+DIFFNEA_INLINE void set_inertial_parameters(Model& model, const VecX<double>& pi) {
+  const std::vector<int> moving = moving_links(model);
+  require_size("set_inertial_parameters: pi", pi.size(),
+               kThetaSize * static_cast<long>(moving.size()),
+               "inertial parameter of a moving link");
+  const TreeMap map = map_to_tree(model);
+  for (std::size_t i = 0; i < model.links.size(); ++i) {
+    if (map.dof[i] < 0) continue;
+    Theta<double> t{};
+    if (model.links[i].type != ModelJoint::kFixed)
+      std::copy_n(pi.data() + kThetaSize * map.dof[i], kThetaSize, t.begin());
+    model.links[i].inertia = SpatialInertia<double>::from_theta(t);
+  }
+}
+
+DIFFNEA_INLINE std::vector<ModelIssue> check_model(const Model& model) {
+  std::vector<ModelIssue> issues;
+  for (const ModelLink& link : model.links) {
+    const SpatialInertia<double>& b = link.inertia;
+    if (detail::has_inertia(b)) {
+      if (!(b.m > 0.0))
+        issues.push_back({link.name, "mass is " + detail::number_text(b.m) + " kg, expected > 0"});
+      else if (const double margin = triangle_margin(b);
+               margin < -1e-9 * (b.I.xx + b.I.yy + b.I.zz))
+        issues.push_back(
+            {link.name, "inertia misses the triangle inequality by " +
+                            detail::number_text(-margin) +
+                            " kg·m² (no distribution of mass has these principal moments)"});
+    }
+    if (link.limits.lower > link.limits.upper)
+      issues.push_back({link.name, "limits of joint '" + link.joint + "' are empty: lower " +
+                                       detail::number_text(link.limits.lower) + " > upper " +
+                                       detail::number_text(link.limits.upper)});
+  }
+  const Tree<double> tree = make_tree(model);
+  const std::vector<int> moving = moving_links(model);
+  std::vector<bool> carries(tree.links.size());  // inertia, its own or of a link that it moves
+  for (int i = tree.num_dofs() - 1; i >= 0; --i) {
+    const Link<double>& link = tree.links[i];
+    if (detail::has_inertia(link.inertia) || link.armature > 0.0) carries[i] = true;
+    if (carries[i] && link.parent >= 0) carries[link.parent] = true;
+  }
+  for (int i = 0; i < tree.num_dofs(); ++i)
+    if (!carries[i])
+      issues.push_back({model.links[moving[i]].name,
+                        "moving link has no inertia, nor has anything that it carries"});
+  return issues;
+}
+
+}  // namespace diffnea
