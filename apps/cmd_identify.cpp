@@ -22,7 +22,7 @@ namespace {
 /// data.
 constexpr double kStrongestPrior = 1e9;
 
-/// Those of the arm, and that of a ball's string.
+/// Losses of the arm, and the one of a ball's string.
 std::vector<std::string> losses() {
   std::vector<std::string> out = names_of<Loss>();
   out.emplace_back("constrained");

@@ -1,4 +1,4 @@
-"""What Doxygen reads in place of a header (INPUT_FILTER of docs/Doxyfile).
+"""Headers as Doxygen reads them (INPUT_FILTER of docs/Doxyfile).
 
 First doxygen.sed; then each member that a field list (diffnea/core/fields.hpp) names gets the text
 that stands there as its comment, with the unit. Lines stay what they are, so that warnings name the

@@ -102,7 +102,7 @@ void save(DiagnoseRun run, const std::filesystem::path& path) {
   publish_diagnose_run(run, folder);
 }
 
-/// What diagnoses hold.
+/// Value types that a diagnosis holds.
 void bind_parts(py::module_& m) {
   value_type<CauseParameter>(m);
   value_type<Rival>(m);

@@ -73,7 +73,7 @@ DATA = "Sequence[Recording | os.PathLike[str]]"
 PLOTS = {"plot", "plot_ball"}
 TRACE = "tuple[Array, tuple[str, ...], Array, Array, float, bool, str]"
 
-# What single names have besides: an argument, or what comes back.
+# Types of single arguments and of what comes back.
 REFINED: dict[str, dict[str, str]] = {
     "Constraint.__init__": {"kwargs": "ArrayLike"},
     "Constraint.bodies": {"return": "tuple[int | None, ...]"},

@@ -4,8 +4,7 @@
 ///
 ///     auto c = value_type<JointError>(m);
 ///
-/// What differs by type is two small functions a field and four a struct; the rest is compiled
-/// once.
+/// Two small functions a field and four a struct differ by type; the rest is compiled once.
 
 #include <array>
 #include <functional>

@@ -34,7 +34,7 @@ constexpr bool is_optional<std::optional<T>> = true;
 template <class F>
 constexpr bool is_matrix = std::is_same_v<F, MatX<double>> || std::is_same_v<F, RowMatX<double>>;
 
-/// Whether `file` is among those of a field.
+/// True if `file` is among those of a field.
 constexpr bool stands_in(RunFile file, const FieldTraits& field, RunFile of_type) {
   return ((field.files == kWhereItsTypeIs ? of_type : field.files) & file) != 0;
 }
@@ -195,7 +195,7 @@ std::string file_text(const char* schema, const T& x, RunFile file) {
 struct PathEnd {
   std::optional<JsonObject> object;  ///< empty: the one that was given
   std::string key;                   ///< in it, without its index
-  int index = -1;                    ///< of "key[0]"; −1: none
+  int index = -1;                    ///< place of "key[0]"; −1: none
   bool missing = false;              ///< an object on the way is not there
 
   JsonObject& in(JsonObject& given) { return object ? *object : given; }
@@ -241,7 +241,7 @@ struct ColumnReader {
 template <Described T>
 void read_fields(T& x, JsonObject& object, RunFile file);
 
-/// What exact files hold (TypeTraits::exact), of types whose reading is lenient elsewhere.
+/// Reads from exact files (TypeTraits::exact) the types whose reading is lenient elsewhere.
 /// @return false for other types
 template <class F>
 bool read_exact(F& x, JsonObject& o, const char* key, const FieldTraits& traits) {

@@ -1,5 +1,5 @@
 #pragma once
-/// What commands that leave no run print with --json, as described values.
+/// Output of commands that leave no run (--json), as described values.
 
 #include <string>
 #include <vector>

@@ -15,8 +15,8 @@ namespace {
 using io::Json;
 
 struct File {
-  const char* name;   ///< of "diffnea/NAME/1"
-  const char* title;  ///< what it is
+  const char* name;   ///< NAME of "diffnea/NAME/1"
+  const char* title;  ///< where it is from
   std::string (*schema)(const std::string& schema, const char* title);
 };
 
@@ -56,7 +56,7 @@ Json by_joint(const Json& value) { return {{"type", "object"}, {"additionalPrope
 
 Json or_null(Json schema) { return {{"anyOf", {std::move(schema), {{"type", "null"}}}}}; }
 
-/// Of a ball in series.json.
+/// Path of a ball in series.json.
 Json path() {
   Json column = list(kNumber);
   column["maxItems"] = 4000;

@@ -1,4 +1,4 @@
-"""What commands print, against the schemas that come from the field lists."""
+"""Output of commands against the schemas that come from the field lists."""
 
 import json
 from pathlib import Path

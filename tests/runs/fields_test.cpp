@@ -39,7 +39,7 @@ struct Outside {
   int one = 0;
 };
 
-// What visit_fields() asserts.
+// Assertions of visit_fields().
 static_assert(detail::listed_fields<Whole>() == detail::member_count<Whole>());
 static_assert(detail::listed_fields<Partly>() == 1 && detail::member_count<Partly>() == 2);
 static_assert(Described<Whole> && !Described<Outside>);

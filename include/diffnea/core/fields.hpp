@@ -38,31 +38,31 @@ namespace diffnea {
 
 /// Files of a run that hold a field.
 enum RunFile : unsigned {
-  kWhereItsTypeIs = 0,  ///< those of the type: both, unless type() says otherwise
+  kWhereItsTypeIs = 0,  ///< files of the type: both, unless type() says otherwise
   kInResult = 1,        ///< result.json, and what a command prints
   kInSeries = 2,        ///< series.json
   kInBoth = kInResult | kInSeries,
 };
 
-/// What a field is besides its name and meaning.
+/// Traits of a field besides its name and meaning.
 struct FieldTraits {
   const char* unit = "";      ///< SI; "unit": that of the struct's field `unit`
   const char* key = nullptr;  ///< in files, if not the name: "class", "failed.base", "ci95[0]"
-  RunFile files = kWhereItsTypeIs;  ///< that hold it
+  RunFile files = kWhereItsTypeIs;  ///< files that hold it
   bool optional = false;            ///< earlier versions of the file lack it
   bool empty_is_null = false;       ///< an empty text, or a number that is not above 0, is null
   double null = std::numeric_limits<double>::quiet_NaN();  ///< number that null is read as
-  const char* choices = "";                                ///< of a text: "refit|prior|fixed"
+  const char* choices = "";    ///< values of a text: "refit|prior|fixed"
   bool absent = false;         ///< where it is empty, the key is left out
   const char* same = nullptr;  ///< key by which items of series.json belong to result.json's
   const char* item = "";       ///< such an item in words, for messages
 };
 
-/// What holds of all fields of a type.
+/// Traits of all fields of a type.
 struct TypeTraits {
-  RunFile files = kInBoth;  ///< of fields that do not say
+  RunFile files = kInBoth;  ///< files of fields that do not say
   bool columns = false;     ///< lists of numbers in series.json are columns of equal length
-  long most_rows = 0;       ///< of such columns, others are thinned; 0: any number
+  long most_rows = 0;       ///< most values of such a column, others are thinned; 0: any number
   bool exact = false;       ///< reading: every key has its value, and there is no other key
 };
 

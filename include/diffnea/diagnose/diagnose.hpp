@@ -26,7 +26,7 @@ enum class Base {
   kFixed,  ///< nothing: the model stands accused as it is
 };
 
-/// As options have them.
+/// Names in options.
 template <>
 struct EnumNames<Base> {
   /// All choices.

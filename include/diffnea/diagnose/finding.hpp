@@ -25,7 +25,7 @@ enum class Verdict {
   kNotIdentifiable,  ///< the recording cannot show what the model lacks
 };
 
-/// As result files have them.
+/// Names in result files.
 template <>
 struct EnumNames<Verdict> {
   /// All verdicts.

@@ -24,7 +24,7 @@ namespace diffnea {
 
 /// What is compared: torques, accelerations, or positions of simulated windows.
 enum class Loss { kInverse, kForward, kTrajectory };
-/// As options have them.
+/// Names in options.
 template <>
 struct EnumNames<Loss> {
   /// All losses of the arm.
@@ -34,7 +34,7 @@ struct EnumNames<Loss> {
 
 /// Weights of rows with large residuals (Holland, Welsch 1977).
 enum class Robust { kNone, kHuber, kCauchy };
-/// As options have them.
+/// Names in options.
 template <>
 struct EnumNames<Robust> {
   /// All weights.

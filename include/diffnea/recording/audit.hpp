@@ -38,7 +38,7 @@ enum class FaultSeverity {
   kFault,  ///< biases what is identified or diagnosed from this channel
 };
 
-/// As result files have them.
+/// Names in result files.
 template <>
 struct EnumNames<FaultSeverity> {
   /// Both severities.

@@ -20,7 +20,7 @@ AuditReport audit_files(const std::vector<std::filesystem::path>& files,
 
 /// An audit as `diffnea audit` prints it.
 struct AuditRun {
-  AuditReport report;  ///< what was found
+  AuditReport report;  ///< faults and checks
   std::vector<std::string> data;
   std::string model;
 

@@ -13,7 +13,7 @@ enum class ControlLaw {
   kComputedTorque,  ///< u = RNEA(q, q̇, q̈* + kp' (q* − q) + kd' (q̇* − q̇)), kp' and kd' in 1/s², 1/s
 };
 
-/// As files and options have them.
+/// Names in files and options.
 template <>
 struct EnumNames<ControlLaw> {
   /// Both laws.
