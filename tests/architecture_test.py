@@ -445,6 +445,7 @@ STANDARD = {
 }
 # What a header brings with it by the standard.
 BRINGS = {"map": ("utility",), "variant": ("utility",), "string": ("string_view",)}
+TEXT = re.compile(r'(?<!include )"(?:[^"\\\n]|\\.)*"')
 DECLARES = re.compile(r"^(?:struct|class|enum class|using|concept) ([A-Z]\w*)", re.MULTILINE)
 
 
@@ -456,7 +457,9 @@ def names_without_header(root: Path) -> list[str]:
     """
     base = root / "include" / "diffnea"
     texts = {
-        path.relative_to(base).as_posix(): COMMENT.sub("", path.read_text(encoding="utf-8"))
+        path.relative_to(base).as_posix(): TEXT.sub(
+            '""', COMMENT.sub("", path.read_text(encoding="utf-8"))
+        )
         for path in sources(root, "include")
     }
     declared: dict[str, set[str]] = {}

@@ -12,30 +12,6 @@
 
 namespace diffnea {
 
-const char* name_of(Verdict verdict) {
-  switch (verdict) {
-    case Verdict::kNamed:
-      return "NAMED";
-    case Verdict::kClass:
-      return "CLASS";
-    case Verdict::kUnknown:
-      return "UNKNOWN";
-    case Verdict::kNone:
-      return "NONE";
-    case Verdict::kNotIdentifiable:
-      return "NOT_IDENTIFIABLE";
-  }
-  return "";
-}
-
-Verdict verdict_from(const std::string& name) {
-  for (const Verdict v : {Verdict::kNamed, Verdict::kClass, Verdict::kUnknown, Verdict::kNone,
-                          Verdict::kNotIdentifiable})
-    if (name == name_of(v)) return v;
-  throw ModelError("verdict: got '" + name +
-                   "'; choices: NAMED, CLASS, UNKNOWN, NONE, NOT_IDENTIFIABLE");
-}
-
 namespace {
 
 /// Effects that are asked for and act on joints, or on the ball.

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import jsonschema
 import pytest
-from cli import MODELS, ROOT, diffnea, done, load
+from cli import MODELS, diffnea, done, load, schema
 from drawings import Places
 
 
@@ -21,9 +21,8 @@ def runs(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
 
 
 def check(path: Path, schema_name: str) -> None:
-    schema = load(ROOT / "docs/schema" / f"{schema_name}.schema.json")
-    jsonschema.Draft202012Validator.check_schema(schema)
-    jsonschema.validate(load(path), schema)
+    jsonschema.Draft202012Validator.check_schema(schema(schema_name))
+    jsonschema.validate(load(path), schema(schema_name))
 
 
 @pytest.mark.parametrize("command", ["learn", "transfer"])

@@ -26,6 +26,16 @@ enum class Base {
   kFixed,  ///< nothing: the model stands accused as it is
 };
 
+/// Names in options.
+template <>
+struct EnumNames<Base> {
+  /// All choices.
+  static constexpr NamedValue<Base> list[] = {{Base::kAuto, "auto"},
+                                              {Base::kRefit, "refit"},
+                                              {Base::kPrior, "prior"},
+                                              {Base::kFixed, "fixed"}};
+};
+
 /// What a diagnosis may re-fit, what it tries, and when it accepts.
 struct DiagnoseOptions {
   Base base = Base::kAuto;  ///< what of the model may move beside the causes
