@@ -2,15 +2,10 @@
 #include <diffnea/io/sidecar.hpp>
 #include <diffnea/runs/audit_result.hpp>
 
+#include "core/constants.hpp"
 #include "runs/fields_json.hpp"
 
 namespace diffnea {
-namespace {
-
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-
-}  // namespace
-
 AuditReport audit_files(const std::vector<std::filesystem::path>& files, const AuditLimits& limits,
                         const std::vector<std::string>& passive) {
   if (files.empty()) throw DataError("audit: got no file, expected one or more");

@@ -5,13 +5,13 @@
 #include <limits>
 #include <utility>
 
+#include "core/constants.hpp"
 #include "runs/fields_json.hpp"
 
 namespace diffnea::io {
 namespace {
 
 constexpr std::size_t kMostRows = 4000;  ///< of the path that is stored
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr std::array<const char*, 3> kAxes{"x", "y", "z"};
 
 using Points = std::vector<BallSeries::Point>;

@@ -3,10 +3,8 @@
 
 #include <diffnea/runs/page_data.hpp>
 
-#include "runs/ball_json.hpp"
-#include "runs/json_numbers.hpp"
+#include "runs/fields_json.hpp"
 #include "runs/movement_json.hpp"
-#include "runs/policy_json.hpp"
 
 namespace diffnea {
 namespace {
@@ -87,7 +85,7 @@ Json movement(const RolloutTrace& trace, const StickFigure& figure) {
 
 /// Columns of a search that the page draws, to 6 digits.
 Json curve(const std::vector<ErepsIteration>& history) {
-  const Json all = io::curve(history);
+  const Json all = io::columns_json(history);
   Json out = Json::object();
   for (const char* key :
        {"reward_mean", "reward_best", "solved_share", "entropy", "kl_samples", "kl_update"})
@@ -106,7 +104,7 @@ std::string page_data(const FitRun& run) {
   shown.train_series = thinned(run.fit.train_series);
   shown.test_series = thinned(run.fit.test_series);
   shown.ball = run.fit.ball;
-  return data({{"ball", io::ball_summary(run.fit.ball)}}, series_json(shown));
+  return data({{"ball", io::json_of(run.fit.ball, kInResult)}}, series_json(shown));
 }
 
 std::string page_data(const DiagnoseRun& run) {
@@ -131,7 +129,7 @@ std::string page_data(const DiagnoseRun& run) {
   shown.ball = f.ball;
   Json grey_box = Json::array();
   for (const GreyBox& g : f.grey_box) grey_box.push_back({{"unit", g.unit}});
-  return data({{"ball", io::ball_summary(f.ball)},
+  return data({{"ball", io::json_of(f.ball, kInResult)},
                {"simulated", {{"window", number(f.simulated.window)}}},
                {"grey_box", grey_box}},
               diagnose_series_json(shown));

@@ -5,6 +5,7 @@
 #include <diffnea/runs/policy_file.hpp>
 #include <diffnea/runs/policy_result.hpp>
 
+#include "core/constants.hpp"
 #include "runs/movement_json.hpp"
 #include "runs/policy_rows.hpp"
 
@@ -14,8 +15,6 @@ namespace {
 using io::Json;
 using io::number;
 using io::text;
-
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
 std::optional<std::uint64_t> seed_of(const std::vector<LearnedPolicy>& policies, int index) {
   if (index < 0) return std::nullopt;

@@ -8,6 +8,7 @@
 #include <diffnea/io/model_file.hpp>
 #include <diffnea/runs/result.hpp>
 
+#include "core/constants.hpp"
 #include "io/sha256.hpp"
 #include "runs/ball_json.hpp"
 #include "runs/fields_json.hpp"
@@ -22,7 +23,6 @@ using io::number;
 
 constexpr const char* kSchema = "diffnea/identify/1";
 constexpr const char* kSeriesSchema = "diffnea/series/1";
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
 /// Errors by joint: a key of `rmse` each.
 constexpr std::pair<const char*, double JointError::*> kErrors[] = {
