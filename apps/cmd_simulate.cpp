@@ -24,10 +24,6 @@ struct SimulateOptions {
   RecordOptions record;
 };
 
-VecX<double> vector(const std::vector<double>& values) {
-  return Eigen::Map<const VecX<double>>(values.data(), static_cast<long>(values.size()));
-}
-
 /// Says which joints do not make the motion that was asked for: a recording tells less then than it
 /// was designed to.
 void tell_who_lags(const Recording& r, const std::string& file) {
@@ -54,8 +50,8 @@ void run_simulate(SimulateOptions options) {
   if (!options.truth.empty()) check_model_path(options.truth);
   const Model model = read_model(options.model);
   const Trajectory trajectory = read_trajectory(options.trajectory);
-  options.record.kp = vector(options.kp);
-  options.record.kd = vector(options.kd);
+  options.record.kp = vector_of(options.kp);
+  options.record.kd = vector_of(options.kd);
   options.record.seed = options.common.seed;
   SimulatedRecording result;
   if (options.world.empty()) {

@@ -17,6 +17,7 @@
 #include <CLI/CLI.hpp>
 
 #include <diffnea/core/error.hpp>
+#include <diffnea/core/scalar.hpp>
 
 namespace diffnea::apps {
 
@@ -35,6 +36,11 @@ struct CommonOptions {
 inline int threads_of(const CommonOptions& options) {
   return options.threads > 0 ? options.threads
                              : static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+}
+
+/// Numbers of an option as a vector.
+inline VecX<double> vector_of(const std::vector<double>& values) {
+  return Eigen::Map<const VecX<double>>(values.data(), static_cast<long>(values.size()));
 }
 
 /// A finite number, `low` or more; above it, if `strictly`.

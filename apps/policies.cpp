@@ -16,10 +16,6 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-VecX<double> vector(const std::vector<double>& values) {
-  return Eigen::Map<const VecX<double>>(values.data(), static_cast<long>(values.size()));
-}
-
 /// How far all seeds are, as one line.
 class SeedProgress {
  public:
@@ -218,10 +214,10 @@ void add_policy_options(CLI::App& command, PolicyOptions& o) {
 
 BallInCup task_of(const Model& model, const Model& controller, const PolicyOptions& o) {
   LearnOptions learn = o.learn;
-  learn.start = vector(o.start);
+  learn.start = vector_of(o.start);
   learn.nominal_string = o.string.value_or(0.0);
-  learn.simulator.controller.kp = vector(o.kp);
-  learn.simulator.controller.kd = vector(o.kd);
+  learn.simulator.controller.kp = vector_of(o.kp);
+  learn.simulator.controller.kd = vector_of(o.kd);
   if (o.robust) learn.robust.draws = o.draws;
   for (const std::string& text : o.vary) learn.robust.vary.push_back(parse_variation(text));
   return ball_in_cup(model, controller, learn);
