@@ -19,15 +19,14 @@ struct AuditCommand {
 };
 
 void run_audit(AuditCommand c) {
-  std::string name;
+  AuditRun run{.report = {}, .data = c.data, .model = ""};
   if (!c.model.empty()) {
     const Model model = read_model(c.model);
-    name = model.name;
+    run.model = model.name;
     c.limits.joints = describe_joints(model);
   }
-  const AuditReport report = audit_files({c.data.begin(), c.data.end()}, c.limits, c.passive);
-  const std::string text =
-      c.common.json ? audit_result_json(report, c.data, name) : audit_text(report);
+  run.report = audit_files({c.data.begin(), c.data.end()}, c.limits, c.passive);
+  const std::string text = c.common.json ? audit_result_json(run) : audit_text(run.report);
   std::fwrite(text.data(), 1, text.size(), stdout);
 }
 

@@ -1,12 +1,11 @@
-#include <map>
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/diagnose/diagnose.hpp>
-#include <diffnea/runs/diagnosis.hpp>
 #include <diffnea/io/model_file.hpp>
-#include <diffnea/runs/result_folder.hpp>
 #include <diffnea/report/diagnose_text.hpp>
 #include <diffnea/report/run_folder.hpp>
+#include <diffnea/runs/diagnosis.hpp>
+#include <diffnea/runs/result_folder.hpp>
 #include <diffnea/version.hpp>
 
 #include "common.hpp"
@@ -17,11 +16,6 @@
 
 namespace diffnea::apps {
 namespace {
-
-const std::map<std::string, Base> kBases{{"auto", Base::kAuto},
-                                         {"refit", Base::kRefit},
-                                         {"prior", Base::kPrior},
-                                         {"fixed", Base::kFixed}};
 
 struct DiagnoseCommand {
   CommonOptions common;
@@ -35,7 +29,7 @@ struct DiagnoseCommand {
 void run_diagnose(DiagnoseCommand c) {
   refuse_repeated_files(c.data, c.test);
   c.recording.quiet = c.common.quiet;
-  c.options.base = kBases.at(c.base);
+  c.options.base = value_of<Base>(c.base, "--base");
   c.options.seed = c.common.seed;
   c.options.effects = with_pairs(c.options.effects);
   check_run_folder(c.out, "diagnose");
@@ -102,7 +96,7 @@ void add_diagnose(CLI::App& app, const std::vector<std::string>& command_line) {
                    "what may be re-fitted of the model: refit (all), prior (within the posterior "
                    "that identify left), fixed (nothing), auto (prior if there is one, of other "
                    "recordings than this; else refit)")
-      ->check(CLI::IsMember({"auto", "refit", "prior", "fixed"}))
+      ->check(CLI::IsMember(names_of<Base>()))
       ->capture_default_str();
   command
       ->add_option("--effects", c->options.effects,

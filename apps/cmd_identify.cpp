@@ -1,13 +1,12 @@
 #include <algorithm>
-#include <map>
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/identify/identify.hpp>
 #include <diffnea/io/model_file.hpp>
-#include <diffnea/runs/result.hpp>
-#include <diffnea/runs/result_folder.hpp>
 #include <diffnea/report/identify_text.hpp>
 #include <diffnea/report/run_folder.hpp>
+#include <diffnea/runs/result.hpp>
+#include <diffnea/runs/result_folder.hpp>
 #include <diffnea/version.hpp>
 
 #include "common.hpp"
@@ -23,10 +22,12 @@ namespace {
 /// data.
 constexpr double kStrongestPrior = 1e9;
 
-const std::map<std::string, Loss> kLosses{
-    {"inverse", Loss::kInverse}, {"forward", Loss::kForward}, {"trajectory", Loss::kTrajectory}};
-const std::map<std::string, Robust> kRobust{
-    {"none", Robust::kNone}, {"huber", Robust::kHuber}, {"cauchy", Robust::kCauchy}};
+/// Losses of the arm, and the one of a ball's string.
+std::vector<std::string> losses() {
+  std::vector<std::string> out = names_of<Loss>();
+  out.emplace_back("constrained");
+  return out;
+}
 
 struct IdentifyCommand {
   CommonOptions common;
@@ -75,8 +76,8 @@ void run_identify(IdentifyCommand c) {
   if (c.loss == "constrained")
     c.options.ball.loss = BallLoss::kConstrained;  // the arm has no constraint to adhere to
   else
-    c.options.loss = kLosses.at(c.loss);
-  c.options.robust = kRobust.at(c.robust);
+    c.options.loss = value_of<Loss>(c.loss, "--loss");
+  c.options.robust = value_of<Robust>(c.robust, "--robust");
   if (c.effects_given)
     c.options.choice.effects = c.effects == std::vector<std::string>{"none"}
                                    ? std::vector<std::string>{}
@@ -143,10 +144,10 @@ void add_identify(CLI::App& app, const std::vector<std::string>& command_line) {
       ->add_option("--loss", c->loss,
                    "of torque (inverse), acceleration (forward), or trajectory; constrained: of a "
                    "ball's acceleration and its string, where otherwise its trajectory is fitted")
-      ->check(CLI::IsMember({"inverse", "forward", "trajectory", "constrained"}))
+      ->check(CLI::IsMember(losses()))
       ->capture_default_str();
   command->add_option("--robust", c->robust, "weights that outliers lose by")
-      ->check(CLI::IsMember({"none", "huber", "cauchy"}))
+      ->check(CLI::IsMember(names_of<Robust>()))
       ->capture_default_str();
   command
       ->add_option(

@@ -26,6 +26,7 @@ extensions = [
     "command_help",
     "cpp_reference",
     "effect_figures",
+    "field_tables",
     "repository_links",
     "stub_signatures",
 ]

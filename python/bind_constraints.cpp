@@ -29,12 +29,48 @@ py::object parameter_out(const ParameterShape& shape, const std::vector<double>&
 struct ConstrainedDerivatives {
   py::array_t<double> pose, twist, inertia;
   py::dict parameters;
+
+  template <class List>
+  static constexpr void fields(List& list) {
+    list.type("ConstrainedDerivatives",
+              "Derivatives of constrained accelerations (n, 6), at the active set that holds.");
+    list.field("pose", &ConstrainedDerivatives::pose,
+               "(n, 6, n, 6) by ξ of X exp(ξ), in the moved body's frame.");
+    list.field("twist", &ConstrainedDerivatives::twist, "(n, 6, n, 6) by the twists.");
+    list.field("inertia", &ConstrainedDerivatives::inertia,
+               "(n, 6, n, 10) by the bodies' inertial parameters.");
+    list.field(
+        "parameters", &ConstrainedDerivatives::parameters,
+        "By ``constraint.parameter``: (n, 6, k) for its k numbers; of a pose by ξ of X exp(ξ).");
+  }
 };
 struct ConstrainedMotion {
   py::array_t<double> acceleration, force, multiplier, residual;
   std::vector<std::string> rows;
   py::array_t<bool> active, redundant;
-  py::object derivatives;
+  std::optional<ConstrainedDerivatives> derivatives;
+
+  template <class List>
+  static constexpr void fields(List& list) {
+    list.type("ConstrainedMotion", "Accelerations of n bodies, and what m rows of constraints do.");
+    list.field("acceleration", &ConstrainedMotion::acceleration,
+               "(n, 6) derivative of the twist in the body's frame, angular first.",
+               {.unit = "rad/s², m/s²"});
+    list.field("force", &ConstrainedMotion::force,
+               "(n, 6) of all constraints, in the body's frame.", {.unit = "N·m, N"});
+    list.field("multiplier", &ConstrainedMotion::multiplier,
+               "(m,) λ of each row; 0 where it does nothing.");
+    list.field("residual", &ConstrainedMotion::residual, "(m,) g of each row: 0 where it holds.");
+    list.field("rows", &ConstrainedMotion::rows,
+               "The constraint that each row belongs to, a list of m names.");
+    list.field("active", &ConstrainedMotion::active,
+               "(m,) booleans: equalities, and inequalities that hold something back.");
+    list.field("redundant", &ConstrainedMotion::redundant,
+               "(m,) booleans: active, but implied by the others; the motion is unique, these "
+               "forces are not.");
+    list.field("derivatives", &ConstrainedMotion::derivatives,
+               "A :class:`ConstrainedDerivatives` if it was asked for, else None.");
+  }
 };
 
 py::array_t<bool> booleans(const std::vector<bool>& x) {
@@ -119,7 +155,7 @@ ConstrainedMotion constrained_acceleration_of(const std::vector<Body>& bodies,
   for (const ConstraintRow<double>& row : x.rows) out.rows.push_back(row.name);
   out.active = booleans(active);
   out.redundant = booleans(redundant);
-  out.derivatives = derivatives ? py::cast(split(w, J)) : py::none();
+  if (derivatives) out.derivatives = split(w, J);
   return out;
 }
 
@@ -257,31 +293,9 @@ void bind_constraints(py::module_& m) {
   bind_body(m);
   bind_constraint(m);
   using D = ConstrainedDerivatives;
-  value_type<D>(
-      m, "ConstrainedDerivatives",
-      "Derivatives of constrained accelerations (n, 6), at the active set that holds.",
-      field("pose", &D::pose, "(n, 6, n, 6) by ξ of X exp(ξ), in the moved body's frame."),
-      field("twist", &D::twist, "(n, 6, n, 6) by the twists."),
-      field("inertia", &D::inertia, "(n, 6, n, 10) by the bodies' inertial parameters."),
-      field("parameters", &D::parameters,
-            "By ``constraint.parameter``: (n, 6, k) for its k numbers; of a pose by ξ of X "
-            "exp(ξ)."));
+  value_type<D>(m);
   using M = ConstrainedMotion;
-  value_type<M>(
-      m, "ConstrainedMotion", "Accelerations of n bodies, and what m rows of constraints do.",
-      field("acceleration", &M::acceleration,
-            "(n, 6) derivative of the twist in the body's frame, angular first [rad/s², m/s²]."),
-      field("force", &M::force, "(n, 6) of all constraints, in the body's frame [N·m, N]."),
-      field("multiplier", &M::multiplier, "(m,) λ of each row; 0 where it does nothing."),
-      field("residual", &M::residual, "(m,) g of each row: 0 where it holds."),
-      field("rows", &M::rows, "The constraint that each row belongs to, a list of m names."),
-      field("active", &M::active,
-            "(m,) booleans: equalities, and inequalities that hold something back."),
-      field("redundant", &M::redundant,
-            "(m,) booleans: active, but implied by the others; the motion is unique, these forces "
-            "are not."),
-      field("derivatives", &M::derivatives,
-            "A :class:`ConstrainedDerivatives` if it was asked for, else None."));
+  value_type<M>(m);
   m.def("constrained_acceleration", &constrained_acceleration_of, "bodies"_a, "constraints"_a,
         py::kw_only(), "pose"_a, "twist"_a = py::none(), "applied"_a = py::none(),
         "prescribed"_a = py::none(), "gravity"_a = py::make_tuple(0.0, 0.0, -9.81), "kp"_a = 0.0,

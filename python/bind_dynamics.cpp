@@ -177,6 +177,20 @@ py::array frame_pose_of(const Model& model, const std::string& frame, const py::
 /// FrameMotion as arrays.
 struct FrameMotionArrays {
   py::array_t<double> pose, velocity, angular_velocity, acceleration, angular_acceleration;
+
+  template <class List>
+  static constexpr void fields(List& list) {
+    list.type("FrameMotion", "Motion of a frame against the world, expressed in the world.");
+    list.field("pose", &FrameMotionArrays::pose, "(…, 4, 4) homogeneous transform; position.",
+               {.unit = "m"});
+    list.field("velocity", &FrameMotionArrays::velocity, "(…, 3) of the origin.", {.unit = "m/s"});
+    list.field("angular_velocity", &FrameMotionArrays::angular_velocity, "(…, 3).",
+               {.unit = "rad/s"});
+    list.field("acceleration", &FrameMotionArrays::acceleration, "(…, 3) of the origin.",
+               {.unit = "m/s²"});
+    list.field("angular_acceleration", &FrameMotionArrays::angular_acceleration, "(…, 3).",
+               {.unit = "rad/s²"});
+  }
 };
 
 FrameMotionArrays frame_motion_of(const Model& model, const std::string& frame, const py::object& q,
@@ -258,13 +272,7 @@ void bind_dynamics(py::module_& m) {
         "Derivatives of :func:`rnea` with respect to q [N·m/rad], qd [N·m·s/rad] and qdd (the mass "
         "matrix).\n\n"
         "Three arrays (n, n) or (T, n, n); row: torque, column: joint. Effects are not in them.");
-  value_type<FrameMotionArrays>(
-      m, "FrameMotion", "Motion of a frame against the world, expressed in the world.",
-      field("pose", &FrameMotionArrays::pose, "(…, 4, 4) homogeneous transform; position [m]."),
-      field("velocity", &FrameMotionArrays::velocity, "(…, 3) of the origin [m/s]."),
-      field("angular_velocity", &FrameMotionArrays::angular_velocity, "(…, 3) [rad/s]."),
-      field("acceleration", &FrameMotionArrays::acceleration, "(…, 3) of the origin [m/s²]."),
-      field("angular_acceleration", &FrameMotionArrays::angular_acceleration, "(…, 3) [rad/s²]."));
+  value_type<FrameMotionArrays>(m);
   m.def("frame_pose", &frame_pose_of, "model"_a, "frame"_a, py::kw_only(), "q"_a,
         "Pose of a frame or link in the world, (4, 4) or (T, 4, 4); position [m].");
   m.def("frame_motion", &frame_motion_of, "model"_a, "frame"_a, py::kw_only(), "q"_a, "qd"_a,

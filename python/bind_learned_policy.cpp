@@ -11,7 +11,6 @@
 #include <diffnea/runs/policy_file.hpp>
 
 #include "bindings.hpp"
-#include "control_law.hpp"
 #include "ereps_history.hpp"
 #include "value_type.hpp"
 
@@ -20,61 +19,24 @@ namespace {
 
 using namespace pybind11::literals;
 
-py::dict controller_out(const ControllerOptions& c) {
-  static_assert(detail::field_count<ControllerOptions>() == 7, "name the new field here");
-  py::dict out;
-  out["law"] = law_name(c.law);
-  out["rate"] = c.control_rate;
-  out["kp"] = array_out(c.kp);
-  out["kd"] = array_out(c.kd);
-  out["bandwidth"] = c.bandwidth;
-  out["damping"] = c.damping;
-  out["gravity_compensation"] = c.gravity_compensation;
-  return out;
-}
-
-ControllerOptions controller_in(const py::dict& d) {
-  return {choice("Policy: law", py::cast<std::string>(d["law"]), kLaws),
-          py::cast<double>(d["rate"]),
-          vector_in("Policy: kp", d["kp"]),
-          vector_in("Policy: kd", d["kd"]),
-          py::cast<double>(d["bandwidth"]),
-          py::cast<double>(d["damping"]),
-          py::cast<bool>(d["gravity_compensation"])};
-}
-
-py::dict reward_out(const BallInCupOptions& o) {
-  static_assert(detail::field_count<BallInCupOptions>() == 5, "name the new field here");
-  py::dict out;
-  out["epsilon"] = o.epsilon;
-  out["lambda_q"] = o.lambda_q;
-  out["lambda_qd"] = o.lambda_qd;
-  out["lambda_slack"] = o.lambda_slack;
-  out["string"] = o.string;
-  return out;
-}
-
 py::tuple policy_state(const LearnedPolicy& p) {
-  static_assert(detail::field_count<LearnedPolicy>() == 15, "name the new field here");
+  static_assert(diffnea::detail::member_count<LearnedPolicy>() == 15, "name the new field here");
   return py::make_tuple(p.seed, Promp(p.promp), p.policy, p.joints, array_out(p.start),
-                        controller_out(p.controller), reward_out(p.reward), history_out(p.curve),
-                        p.stopped, p.expected, p.solved, p.rollouts, p.seconds,
+                        dict_of(p.controller), dict_of(p.reward), history_out(p.curve), p.stopped,
+                        p.expected, p.solved, p.rollouts, p.seconds,
                         py::make_tuple(p.in_draws.count, p.in_draws.caught, p.in_draws.reward),
                         p.ball_network.file, p.ball_network.sha256);
 }
 
 LearnedPolicy policy_from(const py::tuple& s) {
-  const py::dict r = s[6];
   const auto [count, caught, reward] = py::cast<std::tuple<int, int, double>>(s[13]);
   return {.seed = py::cast<std::uint64_t>(s[0]),
           .promp = py::cast<const Promp&>(s[1]).spec(),
           .policy = py::cast<Gaussian>(s[2]),
           .joints = py::cast<std::vector<std::string>>(s[3]),
           .start = vector_in("Policy", s[4]),
-          .controller = controller_in(s[5]),
-          .reward = {py::cast<double>(r["epsilon"]), py::cast<double>(r["lambda_q"]),
-                     py::cast<double>(r["lambda_qd"]), py::cast<double>(r["lambda_slack"]),
-                     py::cast<double>(r["string"])},
+          .controller = from_dict<ControllerOptions>(s[5]),
+          .reward = from_dict<BallInCupOptions>(s[6]),
           .curve = history_in(s[7]),
           .stopped = py::cast<std::string>(s[8]),
           .expected = py::cast<double>(s[9]),
@@ -135,10 +97,10 @@ void bind_learned_policy(py::module_& m) {
       .def_property_readonly(
           "start", [](const P& p) { return array_out(p.start); }, "(n,) q_0 of all joints [rad].")
       .def_property_readonly(
-          "controller", [](const P& p) { return controller_out(p.controller); },
+          "controller", [](const P& p) { return dict_of(p.controller); },
           "Law, rate and gains as they were simulated.")
       .def_property_readonly(
-          "reward", [](const P& p) { return reward_out(p.reward); }, "Options of the reward.")
+          "reward", [](const P& p) { return dict_of(p.reward); }, "Options of the reward.")
       .def_property_readonly(
           "curve", [](const P& p) { return history_out(p.curve); },
           "Arrays by name, one entry an iteration of the search.")

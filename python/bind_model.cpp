@@ -30,6 +30,24 @@ struct LinkView {
   double mass = 0.0;
   VecX<double> com, inertia;
   double lower = 0.0, upper = 0.0, velocity = 0.0, effort = 0.0;
+
+  template <class List>
+  static constexpr void fields(List& list) {
+    list.type("Link", "A link and the joint that carries it.");
+    list.field("name", &LinkView::name, "The link's name.");
+    list.field("parent", &LinkView::parent, "Name of the parent link; empty: the ground.");
+    list.field("joint", &LinkView::joint, "Name of the joint to the parent.");
+    list.field("type", &LinkView::type, "``revolute``, ``prismatic`` or ``fixed``.");
+    list.field("passive", &LinkView::passive, "The joint's torque is known to be zero.");
+    list.field("mass", &LinkView::mass, "Of the link.", {.unit = "kg"});
+    list.field("com", &LinkView::com, "(3,) centre of mass in the link's frame.", {.unit = "m"});
+    list.field("inertia", &LinkView::inertia,
+               "(6,) Ixx, Ixy, Ixz, Iyy, Iyz, Izz about the centre of mass.", {.unit = "kg·m²"});
+    list.field("lower", &LinkView::lower, "Smallest position [rad] or [m]; −inf: no limit.");
+    list.field("upper", &LinkView::upper, "Largest position [rad] or [m]; inf: no limit.");
+    list.field("velocity", &LinkView::velocity, "Largest speed [rad/s] or [m/s]; inf: no limit.");
+    list.field("effort", &LinkView::effort, "Largest torque [N·m] or force [N]; inf: no limit.");
+  }
 };
 
 /// Inertia about the centre of mass: I_c = I_o − m (|c|² 1 − c cᵀ).
@@ -198,25 +216,9 @@ void bind_model(py::module_& m) {
           }));
   effect.attr("__module__") = "diffnea";
 
-  value_type<LinkView>(
-      m, "Link", "A link and the joint that carries it.",
-      field("name", &LinkView::name, "The link's name."),
-      field("parent", &LinkView::parent, "Name of the parent link; empty: the ground."),
-      field("joint", &LinkView::joint, "Name of the joint to the parent."),
-      field("type", &LinkView::type, "``revolute``, ``prismatic`` or ``fixed``."),
-      field("passive", &LinkView::passive, "The joint's torque is known to be zero."),
-      field("mass", &LinkView::mass, "[kg]"),
-      field("com", &LinkView::com, "(3,) centre of mass in the link's frame [m]."),
-      field("inertia", &LinkView::inertia,
-            "(6,) Ixx, Ixy, Ixz, Iyy, Iyz, Izz about the centre of mass [kg·m²]."),
-      field("lower", &LinkView::lower, "Smallest position [rad] or [m]; −inf: no limit."),
-      field("upper", &LinkView::upper, "Largest position [rad] or [m]; inf: no limit."),
-      field("velocity", &LinkView::velocity, "Largest speed [rad/s] or [m/s]; inf: no limit."),
-      field("effort", &LinkView::effort, "Largest torque [N·m] or force [N]; inf: no limit."));
+  value_type<LinkView>(m);
 
-  value_type<ModelIssue>(m, "Issue", "Something about a model that looks wrong.",
-                         field("link", &ModelIssue::link, "Name of the link or joint."),
-                         field("text", &ModelIssue::text, "What, and by how much."));
+  value_type<ModelIssue>(m);
 
   py::class_<Model> model(
       m, "Model", "A robot: a tree of links, and the effects that act on it. Never changes.");

@@ -158,7 +158,8 @@ void bind_promp(py::module_& m) {
       .def(py::pickle(
           [](const Promp& p) {
             const PrompSpec& s = p.spec();
-            static_assert(detail::field_count<PrompSpec>() == 8, "name the new field here");
+            static_assert(diffnea::detail::member_count<PrompSpec>() == 8,
+                          "name the new field here");
             return py::make_tuple(s.joints, s.bases, s.held_first, s.held_last, s.width, s.duration,
                                   s.hold, s.returns);
           },
@@ -185,21 +186,13 @@ void tell(Ereps& search, const py::object& rewards, const py::object& solved) {
 
 void bind_ereps(py::module_& m) {
   const ErepsOptions o;
-  value_type<ErepsOptions>(
-      m, "ErepsOptions", "How a search goes, and when it stops.",
-      field("samples", &ErepsOptions::samples, "Of an iteration."),
-      field("epsilon", &ErepsOptions::epsilon, "KL bound of the reweighted samples [nat]."),
-      field("kappa", &ErepsOptions::kappa, "KL(old ‖ new) bound of the Gaussian's update [nat]."),
-      field("iterations", &ErepsOptions::iterations, "At most."),
-      field("stop_std", &ErepsOptions::stop_std,
-            "Done when every parameter's standard deviation is below."),
-      field("least_std", &ErepsOptions::least_std, "Every direction's stays above."))
-      .def(py::init([](int samples, double epsilon, double kappa, int iterations, double stop_std,
-                       double least_std) {
-             return ErepsOptions{samples, epsilon, kappa, iterations, stop_std, least_std};
-           }),
-           py::kw_only(), "samples"_a = o.samples, "epsilon"_a = o.epsilon, "kappa"_a = o.kappa,
-           "iterations"_a = o.iterations, "stop_std"_a = o.stop_std, "least_std"_a = o.least_std);
+  value_type<ErepsOptions>(m).def(
+      py::init([](int samples, double epsilon, double kappa, int iterations, double stop_std,
+                  double least_std) {
+        return ErepsOptions{samples, epsilon, kappa, iterations, stop_std, least_std};
+      }),
+      py::kw_only(), "samples"_a = o.samples, "epsilon"_a = o.epsilon, "kappa"_a = o.kappa,
+      "iterations"_a = o.iterations, "stop_std"_a = o.stop_std, "least_std"_a = o.least_std);
   py::class_<Ereps> c(
       m, "Ereps",
       "Episodic relative entropy policy search: ask for samples, tell their rewards.\n\n"

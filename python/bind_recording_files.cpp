@@ -107,18 +107,8 @@ RecordingInfo described_info(const fs::path& data, const std::optional<std::stri
 }
 
 void bind_recording_files(py::module_& m) {
-  value_type<QuarantinedRow>(m, "QuarantinedRow", "A row that cannot be true and was left out.",
-                             field("line", &QuarantinedRow::line, "In the file; 1 is the header."),
-                             field("reason", &QuarantinedRow::reason, "Why."));
-  value_type<ReadReport>(
-      m, "ReadReport", "What reading a file brought up.",
-      field("source", &ReadReport::source, "The file."),
-      field("rows", &ReadReport::rows, "Rows read, the quarantined included."),
-      field("quarantined", &ReadReport::quarantined, "How many of them were left out."),
-      field("quarantined_rows", &ReadReport::quarantined_rows, "The first of them, with reasons."),
-      field("extra_channels", &ReadReport::extra_channels,
-            "Columns that the format does not know, kept."),
-      field("notes", &ReadReport::notes, "One sentence each."));
+  value_type<QuarantinedRow>(m);
+  value_type<ReadReport>(m);
   m.def("_read_recordings", &read_file, "path"_a, "name"_a, "described_by"_a, "torque_side"_a,
         "torque_sampling"_a, "passive"_a, "period"_a, "notes"_a);
   m.def("_write_recordings", &write_files, "recordings"_a, "path"_a);

@@ -9,7 +9,7 @@
 
 #include "arrays.hpp"
 #include "bindings.hpp"
-#include "control_law.hpp"
+#include "choice.hpp"
 #include "rollout_set.hpp"
 
 namespace diffnea::python {
@@ -72,7 +72,7 @@ void bind_simulator(py::module_& m) {
          double bandwidth, double damping, const py::object& kp, const py::object& kd,
          double settle_time) -> std::unique_ptr<Simulator> {
         ModelSimulatorOptions options;
-        options.controller.law = choice("model_simulator: law", law, kLaws);
+        options.controller.law = choice<ControlLaw>("model_simulator: law", law);
         options.controller.control_rate = rate;
         options.controller.bandwidth = bandwidth;
         options.controller.damping = damping;

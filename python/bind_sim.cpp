@@ -4,9 +4,9 @@
 
 #include <diffnea/excite/design.hpp>
 #include <diffnea/io/model_file.hpp>
-#include <diffnea/worlds/world.hpp>
 #include <diffnea/sim/mujoco_world.hpp>
 #include <diffnea/sim/record.hpp>
+#include <diffnea/worlds/world.hpp>
 
 #include "bindings.hpp"
 #include "value_type.hpp"
@@ -21,6 +21,16 @@ struct Simulation {
   Model truth;
   long saturated = 0;
   std::string failure;
+
+  template <class List>
+  static constexpr void fields(List& list) {
+    list.type("Simulation", "A recording of a simulated robot, and the truth behind it.");
+    list.field("recording", &Simulation::recording, "What the robot's sensors gave.");
+    list.field("truth", &Simulation::truth, "The robot as it was: the model that nobody knows.");
+    list.field("saturated", &Simulation::saturated, "Rows where a torque met its limit.");
+    list.field("failure", &Simulation::failure,
+               "Empty, or why the simulation ended early; the recording ends before that.");
+  }
 };
 
 VecX<double> gains(const char* name, const py::object& x) {
@@ -109,13 +119,7 @@ Excitation design(const Model& model, double duration, double period, int harmon
 }  // namespace
 
 void bind_sim(py::module_& m) {
-  value_type<Simulation>(
-      m, "Simulation", "A recording of a simulated robot, and the truth behind it.",
-      field("recording", &Simulation::recording, "What the robot's sensors gave."),
-      field("truth", &Simulation::truth, "The robot as it was: the model that nobody knows."),
-      field("saturated", &Simulation::saturated, "Rows where a torque met its limit."),
-      field("failure", &Simulation::failure,
-            "Empty, or why the simulation ended early; the recording ends before that."));
+  value_type<Simulation>(m);
   m.def("_simulate", &simulate, "model"_a, "trajectory"_a, "world"_a, "seed"_a, "noise"_a, "rate"_a,
         "kp"_a, "kd"_a, "bandwidth"_a, "damping"_a, "gravity_compensation"_a, "period"_a);
   const FourierOptions o;
@@ -132,33 +136,9 @@ void bind_sim(py::module_& m) {
         "that is used. Where the model states none: ``half_range`` [rad], ``velocity`` [rad/s], "
         "``half_stroke`` [m],\n"
         "``slide_velocity`` [m/s].");
-  value_type<LimitUse>(m, "LimitUse",
-                       "What a motion uses of a joint's limits, shares of 1 at any instant.",
-                       field("joint", &LimitUse::joint, "Its name."),
-                       field("position", &LimitUse::position, "Of the range that is allowed."),
-                       field("velocity", &LimitUse::velocity, "Of the velocity limit."),
-                       field("acceleration", &LimitUse::acceleration, "Of the acceleration limit."),
-                       field("effort", &LimitUse::effort, "0 where no limit is known."));
+  value_type<LimitUse>(m);
   using E = Excitation;
-  value_type<E>(
-      m, "Excitation", "An informative motion, and what it gains.",
-      field("trajectory", &E::trajectory, "The :class:`Trajectory` to record."),
-      field("period", &E::period, "[s]"),
-      field("base_parameters", &E::base_parameters,
-            "Combinations of parameters that torques depend on."),
-      field("log_det", &E::log_det, "Of the information about the base parameters."),
-      field("random_log_det", &E::random_log_det, "Of the median random motion."),
-      field("condition", &E::condition,
-            "Condition number of the scaled regressor along the motion."),
-      field("random_condition", &E::random_condition, "The same of the median random motion."),
-      field("std_ratio", &E::std_ratio,
-            "Expected standard errors over the median random motion's, geometric mean."),
-      field("best_std_ratio", &E::best_std_ratio, "Smallest ratio of one parameter."),
-      field("worst_std_ratio", &E::worst_std_ratio, "Largest ratio of one parameter."),
-      field("limits", &E::limits, "A list of :class:`LimitUse`."),
-      field("notes", &E::notes, "What stands in for limits that are not known."),
-      field("iterations", &E::iterations, "Generations of the search."),
-      field("interrupted", &E::interrupted, "It was stopped; this is the best so far."));
+  value_type<E>(m);
   const DesignOptions d;
   m.def("design_excitation", &design, "model"_a, py::kw_only(), "duration"_a = d.motion.duration,
         "period"_a = d.motion.period, "harmonics"_a = d.motion.harmonics, "rate"_a = d.motion.rate,

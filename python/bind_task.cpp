@@ -11,14 +11,14 @@
 #include <diffnea/core/error.hpp>
 #include <diffnea/experiment/ball_in_cup.hpp>
 #include <diffnea/experiment/seeds.hpp>
+#include <diffnea/report/run_folder.hpp>
 #include <diffnea/runs/ball_network_file.hpp>
 #include <diffnea/runs/policy_result.hpp>
 #include <diffnea/runs/result_folder.hpp>
-#include <diffnea/report/run_folder.hpp>
 #include <diffnea/version.hpp>
 
 #include "bindings.hpp"
-#include "control_law.hpp"
+#include "choice.hpp"
 #include "data.hpp"
 #include "ereps_history.hpp"
 #include "rollout_set.hpp"
@@ -67,7 +67,7 @@ BallInCup make_task(const Model& model, const Model& controller, std::optional<d
   o.reward.lambda_qd = py::cast<double>(reward["lambda_qd"]);
   o.reward.lambda_slack = py::cast<double>(reward["lambda_slack"]);
   ControllerOptions& c = o.simulator.controller;
-  c.law = choice("learn: law", law, kLaws);
+  c.law = choice<ControlLaw>("learn: law", law);
   c.control_rate = rate;
   c.bandwidth = bandwidth;
   c.damping = damping;

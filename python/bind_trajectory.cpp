@@ -63,10 +63,16 @@ void bind_trajectory(py::module_& m) {
                std::string(py::str("{:.4g}").format(seconds)) + " s, " +
                std::to_string(x.num_joints()) + " joints)";
       });
-  def_pickle(t, field("source", &Trajectory::source, ""),
-             field("joint_names", &Trajectory::joint_names, ""),
-             field("time", &Trajectory::time, ""), field("q", &Trajectory::q, ""),
-             field("qd", &Trajectory::qd, ""), field("qdd", &Trajectory::qdd, ""));
+  t.def(py::pickle(
+      [](const Trajectory& x) {
+        return py::make_tuple(x.source, x.joint_names, array_out(x.time), array_out(x.q),
+                              array_out(x.qd), array_out(x.qdd));
+      },
+      [](const py::tuple& s) {
+        return Trajectory{s[0].cast<std::string>(),     s[1].cast<std::vector<std::string>>(),
+                          s[2].cast<VecX<double>>(),    s[3].cast<RowMatX<double>>(),
+                          s[4].cast<RowMatX<double>>(), s[5].cast<RowMatX<double>>()};
+      }));
   t.attr("__module__") = "diffnea";
   m.def("read_trajectory", &read_trajectory, "path"_a, py::call_guard<py::gil_scoped_release>(),
         "Read a trajectory file (.csv): time, qcmd_*, optionally qdcmd_*, qddcmd_*.");

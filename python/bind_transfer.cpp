@@ -11,7 +11,6 @@
 
 #include "arrays.hpp"
 #include "bindings.hpp"
-#include "control_law.hpp"
 #include "rollout_set.hpp"
 
 namespace diffnea::python {

@@ -5,6 +5,7 @@
 #include <string>
 
 #include <diffnea/core/error.hpp>
+#include <diffnea/core/fields.hpp>
 
 namespace diffnea::python {
 
@@ -18,6 +19,19 @@ T choice(const std::string& what, const std::string& name,
   std::string names;
   for (const auto& [known, value] : choices) names += (names.empty() ? "" : ", ") + known;
   throw Error(what + ": got '" + name + "'; choices: " + names);
+}
+
+/// Values of an enumeration by their names.
+template <NamedEnum E>
+std::map<std::string, E> by_name() {
+  std::map<std::string, E> out;
+  for (const NamedValue<E>& each : EnumNames<E>::list) out.emplace(each.name, each.value);
+  return out;
+}
+
+template <NamedEnum E>
+E choice(const std::string& what, const std::string& name) {
+  return choice(what, name, by_name<E>());
 }
 
 }  // namespace diffnea::python

@@ -15,18 +15,20 @@ namespace diffnea::python {
 
 /// Calls visit(name, member) for every number of an iteration but its own.
 template <class Visit>
+struct HistoryFields {
+  Visit visit;
+
+  void type(const char*, const char*, TypeTraits = {}) {}
+  void field(const char* name, double ErepsIteration::* member, const char*, FieldTraits = {}) {
+    visit(name, member);
+  }
+  void in_memory(const char*, int ErepsIteration::*, const char*, FieldTraits = {}) {}
+};
+
+template <class Visit>
 void for_each_history_field(Visit visit) {
-  using I = ErepsIteration;
-  static_assert(detail::field_count<I>() == 10, "the history has other fields: name them here");
-  visit("reward_mean", &I::reward_mean);
-  visit("reward_best", &I::reward_best);
-  visit("eta", &I::eta);
-  visit("kl_samples", &I::kl_samples);
-  visit("kl_update", &I::kl_update);
-  visit("entropy", &I::entropy);
-  visit("effective_samples", &I::effective_samples);
-  visit("largest_std", &I::largest_std);
-  visit("solved_share", &I::solved_share);
+  HistoryFields<Visit> fields{visit};
+  visit_fields<ErepsIteration>(fields);
 }
 
 inline py::dict history_out(const std::vector<ErepsIteration>& history) {

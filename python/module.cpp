@@ -1,8 +1,10 @@
 #include <string>
 
 #include <pybind11/pybind11.h>
+#include <pybind11/stl.h>
 
 #include <diffnea/core/error.hpp>
+#include <diffnea/runs/schemas.hpp>
 #include <diffnea/version.hpp>
 
 #include "bindings.hpp"
@@ -37,6 +39,11 @@ PYBIND11_MODULE(_core, m) {
       "A recording cannot be true, cannot be read, or does not suit the model.");
   bind_error<diffnea::FileError>(m, "FileError", error,
                                  "A file or folder cannot be read or written.");
+
+  m.def("_schema_names", &diffnea::schema_names);
+  m.def("_json_schema", [](const std::string& name) {
+    return diffnea::python::parse_json(diffnea::json_schema(name)).cast<py::dict>();
+  });
 
   diffnea::python::bind_model(m);
   diffnea::python::bind_dynamics(m);

@@ -1,12 +1,14 @@
 #pragma once
-/// Plain structs as Python value types: read-only fields by name, repr, equality of kind, pickle.
+/// Described structs (diffnea/core/fields.hpp) as Python value types: read-only properties with
+/// docstrings and types, repr, pickle.
 ///
-///     value_type<JointError>(m, "JointError", "…", field("joint", &JointError::joint, "…"), …);
+///     auto c = value_type<JointError>(m);
 ///
-/// A struct that gains a field which its binding does not name fails to compile: it would be lost
-/// when pickled.
+/// Two small functions a field and four a struct differ by type; the rest is compiled once.
 
 #include <array>
+#include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -14,94 +16,226 @@
 #include <pybind11/pybind11.h>
 #include <pybind11/stl.h>
 
+#include <diffnea/core/fields.hpp>
+
 #include "arrays.hpp"
+
+namespace diffnea {
+struct Model;
+struct Recording;
+struct Trajectory;
+}  // namespace diffnea
 
 namespace diffnea::python {
 
-template <class T, class F>
-struct Field {
-  const char* name;
-  F T::* member;
-  const char* doc;
+/// A field of a struct that is known by its address.
+struct Property {
+  std::string name;
+  std::string doc;   ///< with the unit
+  std::string type;  ///< as the stub has it
+  std::function<py::object(const void*)> get;
+  std::function<void(void*, const py::handle&)> set;
 };
-
-template <class T, class F>
-Field<T, F> field(const char* name, F T::* member, const char* doc) {
-  return {name, member, doc};
-}
 
 namespace detail {
 
-struct AnyValue {
-  template <class T>
-  operator T() const;
-};
+/// "Of the fit [N·m]."
+std::string with_unit(std::string doc, const std::string& unit);
 
-/// Number of members of an aggregate.
-template <class T, class... Values>
-consteval std::size_t field_count() {
-  if constexpr (requires { T{Values{}..., AnyValue{}}; })
-    return field_count<T, Values..., AnyValue>();
-  else
-    return sizeof...(Values);
-}
+/// Name of the Python class of a described type.
+template <Described T>
+std::string class_name();
+
+template <class F>
+constexpr bool is_array =
+    std::is_same_v<F, std::vector<double>> || std::is_same_v<F, VecX<double>> ||
+    std::is_same_v<F, RowMatX<double>> || std::is_same_v<F, std::vector<std::array<double, 3>>>;
+
+template <class F>
+struct TypeName {
+  static std::string text() {
+    if constexpr (is_array<F> || std::is_same_v<F, py::array_t<double>>)
+      return "Array";
+    else if constexpr (std::is_same_v<F, py::array_t<bool>>)
+      return "NDArray[np.bool_]";
+    else if constexpr (std::is_same_v<F, py::dict>)
+      return "dict[str, Array]";
+    else if constexpr (std::is_same_v<F, bool>)
+      return "bool";
+    else if constexpr (std::is_integral_v<F>)
+      return "int";
+    else if constexpr (std::is_floating_point_v<F>)
+      return "float";
+    else if constexpr (std::is_same_v<F, std::string>)
+      return "str";
+    else if constexpr (std::is_same_v<F, Model>)
+      return "Model";
+    else if constexpr (std::is_same_v<F, Recording>)
+      return "Recording";
+    else if constexpr (std::is_same_v<F, Trajectory>)
+      return "Trajectory";
+    else if constexpr (NamedEnum<F>) {
+      std::string out;
+      for (const auto& each : EnumNames<F>::list)
+        out += (out.empty() ? "\"" : ", \"") + std::string(each.name) + "\"";
+      return "Literal[" + out + "]";
+    } else
+      return class_name<F>();
+  }
+};
+template <class F>
+struct TypeName<std::vector<F>> {
+  static std::string text() {
+    if constexpr (is_array<std::vector<F>>)
+      return "Array";
+    else
+      return "list[" + TypeName<F>::text() + "]";
+  }
+};
+template <class F>
+struct TypeName<std::optional<F>> {
+  static std::string text() { return TypeName<F>::text() + " | None"; }
+};
 
 /// Series of numbers are arrays in Python, not lists.
 template <class F>
 py::object to_python(const F& x) {
-  if constexpr (std::is_same_v<F, std::vector<double>> || std::is_same_v<F, VecX<double>> ||
-                std::is_same_v<F, RowMatX<double>>)
-    return array_out(x);
-  else if constexpr (std::is_same_v<F, std::vector<std::array<double, 3>>>)
+  if constexpr (is_array<F>)
     return array_out(x);
   else if constexpr (std::is_base_of_v<py::object, F>)
     return x;
+  else if constexpr (NamedEnum<F>)
+    return py::str(name_of(x));
   else
     return py::cast(x);
 }
 
-/// Short enough for one line: an array shows its shape, a list its length.
-inline std::string short_repr(const py::handle& x) {
-  if (py::isinstance<py::array>(x)) return "array" + shape_text(py::cast<py::array>(x));
-  if (py::isinstance<py::list>(x) && py::len(x) > 4)
-    return "[" + std::to_string(py::len(x)) + " items]";
-  return py::repr(x);
+template <class F>
+F from_python(const py::handle& x) {
+  if constexpr (NamedEnum<F>)
+    return value_of<F>(x.cast<std::string>(), "value");
+  else
+    return x.cast<F>();
 }
+
+/// Collects the fields of a type.
+template <class T>
+struct PropertyList {
+  const char* name = "";
+  const char* doc = "";
+  std::vector<Property> properties;
+
+  void type(const char* its_name, const char* its_doc, TypeTraits = {}) {
+    name = its_name;
+    doc = its_doc;
+  }
+  template <class F>
+  void field(const char* field_name, F T::* member, const char* field_doc,
+             FieldTraits traits = {}) {
+    properties.push_back(
+        {field_name, with_unit(field_doc, traits.unit), TypeName<F>::text(),
+         [member](const void* x) { return to_python(static_cast<const T*>(x)->*member); },
+         [member](void* x, const py::handle& value) {
+           static_cast<T*>(x)->*member = from_python<F>(value);
+         }});
+  }
+  template <class F>
+  void in_memory(const char* field_name, F T::* member, const char* field_doc,
+                 FieldTraits traits = {}) {
+    field(field_name, member, field_doc, traits);
+  }
+  template <class F>
+  void columns(const char* field_name, F T::* member, const char* field_doc,
+               FieldTraits traits = {}) {
+    field(field_name, member, field_doc, traits);
+  }
+  template <class M>
+  void embed(M T::* member) {
+    PropertyList<M> inner;
+    visit_fields<M>(inner);
+    for (Property& p : inner.properties) {
+      p.get = [member, get = p.get](const void* x) {
+        return get(&(static_cast<const T*>(x)->*member));
+      };
+      p.set = [member, set = p.set](void* x, const py::handle& value) {
+        set(&(static_cast<T*>(x)->*member), value);
+      };
+      properties.push_back(std::move(p));
+    }
+  }
+  template <class M, class F>
+  void also(const char*, M T::*, F M::*, const char* = "", FieldTraits = {}) {}
+  template <class Function>
+  void derived(const char*, Function, const char*, FieldTraits = {}) {}
+  void custom(const char*, const char*, FieldTraits = {}) {}
+};
+
+template <Described T>
+const PropertyList<T>& property_list() {
+  static const PropertyList<T> list = [] {
+    PropertyList<T> out;
+    visit_fields<T>(out);
+    return out;
+  }();
+  return list;
+}
+
+template <Described T>
+std::string class_name() {
+  return property_list<T>().name;
+}
+
+/// Properties and `__annotations__`. @param address  of the struct that an object holds
+void def_properties(py::object type, const std::vector<Property>& properties,
+                    const std::function<const void*(const py::handle&)>& address);
+std::string repr_of(const char* name, const std::vector<Property>& properties, const void* x);
+py::tuple state_of(const std::vector<Property>& properties, const void* x);
+/// @throws py::value_error if it was pickled by another version
+void set_state(const std::vector<Property>& properties, void* x, const py::tuple& state);
 
 }  // namespace detail
 
-/// Pickles the fields in their order.
-template <class T, class... Options, class... Fs>
-void def_pickle(py::class_<T, Options...>& c, Field<T, Fs>... fields) {
-  static_assert(sizeof...(Fs) == detail::field_count<T>(),
-                "the struct has other fields than this binding: name each of them here");
-  c.def(py::pickle(
-      [fields...](const T& x) { return py::make_tuple(detail::to_python(x.*fields.member)...); },
-      [fields...](const py::tuple& state) {
-        if (state.size() != sizeof...(Fs)) throw py::value_error("pickled by another version");
-        T x;
-        std::size_t k = 0;
-        ((x.*fields.member = state[k++].template cast<Fs>()), ...);
-        return x;
-      }));
+/// Replaces a property that value_type has made.
+void redefine(py::object type, const char* name, const char* python_type,
+              const py::cpp_function& get);
+
+/// Its fields by name.
+template <Described T>
+py::dict dict_of(const T& x) {
+  py::dict out;
+  for (const Property& p : detail::property_list<T>().properties) out[p.name.c_str()] = p.get(&x);
+  return out;
 }
 
-template <class T, class... Fs>
-py::class_<T> value_type(py::module_& m, const char* name, const char* doc,
-                         Field<T, Fs>... fields) {
-  py::class_<T> c(m, name, doc);
-  (c.def_property_readonly(
-       fields.name, [member = fields.member](const T& x) { return detail::to_python(x.*member); },
-       fields.doc),
-   ...);
-  c.def("__repr__", [fields..., name](const T& x) {
-    std::string text;
-    ((text += (text.empty() ? "" : ", ") + std::string(fields.name) + "=" +
-              detail::short_repr(detail::to_python(x.*fields.member))),
-     ...);
-    return std::string(name) + "(" + text + ")";
+/// The value with these fields, all of which are there.
+template <Described T>
+T from_dict(const py::dict& fields) {
+  T out;
+  for (const Property& p : detail::property_list<T>().properties)
+    p.set(&out, fields[p.name.c_str()]);
+  return out;
+}
+
+/// How a value type writes itself.
+enum class Repr { kOfFields, kItsOwn };
+
+/// The Python class of a described struct.
+template <Described T>
+py::class_<T> value_type(py::module_& m, Repr repr = Repr::kOfFields) {
+  const auto& list = detail::property_list<T>();
+  py::class_<T> c(m, list.name, list.doc);
+  detail::def_properties(c, list.properties, [](const py::handle& self) -> const void* {
+    return &self.cast<const T&>();
   });
-  def_pickle(c, fields...);
+  if (repr == Repr::kOfFields)
+    c.def("__repr__",
+          [&list](const T& x) { return detail::repr_of(list.name, list.properties, &x); });
+  c.def(py::pickle([&list](const T& x) { return detail::state_of(list.properties, &x); },
+                   [&list](const py::tuple& state) {
+                     T x;
+                     detail::set_state(list.properties, &x, state);
+                     return x;
+                   }));
   c.attr("__module__") = "diffnea";
   return c;
 }

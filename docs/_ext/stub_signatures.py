@@ -1,7 +1,7 @@
 """Signatures of the compiled module as its stub file has them: with types that mean something.
 
-pybind11 writes `q: object`; python/diffnea/_core.pyi, which mypy and stubtest check, says
-`ArrayLike`.
+pybind11 writes `q: object`; the stub, which python/make_stub.py writes and mypy and stubtest check,
+says `ArrayLike`.
 """
 
 import ast

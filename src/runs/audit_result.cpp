@@ -1,13 +1,13 @@
 #include <diffnea/core/error.hpp>
-#include <diffnea/runs/audit_result.hpp>
 #include <diffnea/io/sidecar.hpp>
+#include <diffnea/runs/audit_result.hpp>
 
-#include "io/json.hpp"
+#include "runs/fields_json.hpp"
 
 namespace diffnea {
 namespace {
 
-io::Json number(double x) { return std::isfinite(x) ? io::Json(x) : io::Json(); }
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
 }  // namespace
 
@@ -37,38 +37,11 @@ AuditReport audit_files(const std::vector<std::filesystem::path>& files, const A
   return report;
 }
 
-std::string audit_result_json(const AuditReport& report, const std::vector<std::string>& data,
-                              const std::string& model) {
-  io::Json faults = io::Json::array(), checks = io::Json::array(), periods = io::Json::array();
-  for (const ChannelFault& f : report.faults)
-    faults.push_back({{"fault", f.fault},
-                      {"where", f.where},
-                      {"channel", f.channel},
-                      {"value", number(f.value)},
-                      {"unit", f.unit},
-                      {"std", number(f.std)},
-                      {"significance", number(f.significance)},
-                      {"severity", f.severity == FaultSeverity::kFault ? "fault" : "note"},
-                      {"source", f.source.empty() ? io::Json() : io::Json(f.source)},
-                      {"evidence", f.evidence}});
-  for (const AuditCheck& c : report.checks)
-    checks.push_back({{"check", c.name}, {"done", c.done}, {"text", c.text}});
-  for (const Period& p : report.periods) {
-    const bool periodic = p.seconds > 0.0;
-    periods.push_back({{"seconds", periodic ? io::Json(p.seconds) : io::Json()},
-                       {"std", periodic ? number(p.std) : io::Json()},
-                       {"repeats", periodic ? number(p.repeats) : io::Json()},
-                       {"mismatch", periodic ? number(p.mismatch) : io::Json()}});
-  }
-  const io::Json out = {{"schema", "diffnea/audit/1"},
-                        {"data", data},
-                        {"model", model.empty() ? io::Json() : io::Json(model)},
-                        {"rows", report.rows},
-                        {"rate_hz", report.rate_hz > 0.0 ? io::Json(report.rate_hz) : io::Json()},
-                        {"audit", faults},
-                        {"checks", checks},
-                        {"periods", periods}};
-  return out.dump(1, ' ', false, io::Json::error_handler_t::replace) + "\n";
+std::string audit_result_json(const AuditRun& run) {
+  AuditRun shown = run;
+  for (Period& p : shown.report.periods)
+    if (!(p.seconds > 0.0)) p = {kNaN, kNaN, kNaN, kNaN};
+  return io::file_text("diffnea/audit/1", shown, kInResult);
 }
 
 }  // namespace diffnea

@@ -5,8 +5,7 @@
 #include <limits>
 #include <utility>
 
-#include "runs/json_numbers.hpp"
-#include "runs/run_reader.hpp"
+#include "runs/fields_json.hpp"
 
 namespace diffnea::io {
 namespace {
@@ -59,32 +58,12 @@ Points read_path(const Json& value, const std::string& where, std::size_t rows) 
 }
 
 std::vector<int> read_integers(JsonObject& o, const char* key, std::size_t rows) {
-  std::vector<int> out;
-  for (const double x : json_numbers(o.required(key), o.at(key))) {
-    if (!(std::abs(x) <= std::numeric_limits<int>::max()))
-      throw ModelError(o.at(key) + ": got " + Json(x).dump() + ", which is too large");
-    out.push_back(static_cast<int>(x));
-  }
+  std::vector<int> out = integers(o, key);
   require_length(out.size(), rows, o.at(key));
   return out;
 }
 
 }  // namespace
-
-Json ball_summary(const std::optional<BallSeries>& ball) {
-  if (!ball) return {};
-  Json flagged = Json::array();
-  for (const BallFlag& f : ball->flagged)
-    flagged.push_back(
-        {{"run", f.run}, {"time", number(f.time)}, {"channel", f.channel}, {"reason", f.reason}});
-  return {{"held_out", ball->held_out},
-          {"has_string", ball->has_string},
-          {"length", ball->has_string ? number(ball->length) : Json()},
-          {"sigma", number(ball->sigma)},
-          {"base_rms", number(ball->base_rms)},
-          {"extended_rms", number(ball->extended_rms)},
-          {"flagged", flagged}};
-}
 
 Json ball_columns(const std::optional<BallSeries>& ball) {
   if (!ball) return {};
@@ -108,24 +87,6 @@ Json ball_columns(const std::optional<BallSeries>& ball) {
     require_length(ball->taut.size(), rows, "ball.taut");
     out["taut"] = thinned(ball->taut, stride);
   }
-  return out;
-}
-
-std::optional<BallSeries> read_ball_summary(JsonObject& root) {
-  const Json* value = root.optional("ball");
-  if (!value) return std::nullopt;
-  JsonObject o(*value, root.at("ball"));
-  BallSeries out;
-  out.held_out = o.boolean_or("held_out", false);
-  out.has_string = o.boolean_or("has_string", false);
-  out.length = out.has_string ? number_or_nan(o, "length") : 0.0;
-  out.sigma = number_or_nan(o, "sigma");
-  out.base_rms = number_or_nan(o, "base_rms");
-  out.extended_rms = number_or_nan(o, "extended_rms");
-  for_each_object(o, "flagged", [&](JsonObject& f) {
-    out.flagged.push_back({static_cast<int>(count(f, "run")), number_or_nan(f, "time"),
-                           f.string("channel"), f.string("reason")});
-  });
   return out;
 }
 

@@ -20,16 +20,6 @@ Json rounded(const std::vector<double>& values) {
   return out;
 }
 
-Json reproduce(const Reproduce& r) {
-  Json inputs = Json::array();
-  for (const RunInput& i : r.inputs)
-    inputs.push_back({{"role", i.role},
-                      {"path", i.path},
-                      {"bytes", i.bytes},
-                      {"sha256", i.sha256.empty() ? Json() : Json(i.sha256)}});
-  return {{"version", r.version}, {"command", r.command}, {"inputs", inputs}};
-}
-
 std::string text(const Json& json, int indent) {
   return json.dump(indent, ' ', false, Json::error_handler_t::replace) + "\n";
 }

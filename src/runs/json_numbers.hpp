@@ -1,7 +1,8 @@
 #pragma once
-/// How result files write numbers, and what all of them hold.
+/// How result files write numbers.
 
-#include <diffnea/runs/result.hpp>
+#include <string>
+#include <vector>
 
 #include "io/json.hpp"
 
@@ -11,7 +12,6 @@ namespace diffnea::io {
 Json number(double x);
 /// To 6 digits: what a plot can show, in a third of the space.
 Json rounded(const std::vector<double>& values);
-Json reproduce(const Reproduce& r);
 /// A whole file. @param indent  −1: one line
 std::string text(const Json& json, int indent);
 

@@ -7,10 +7,8 @@
 #include <diffnea/io/model_file.hpp>
 #include <diffnea/runs/policy_file.hpp>
 
-#include "runs/json_numbers.hpp"
-#include "runs/policy_json.hpp"
-#include "runs/run_reader.hpp"
 #include "io/sha256.hpp"
+#include "runs/policy_json.hpp"
 
 namespace diffnea {
 namespace {
@@ -21,6 +19,33 @@ using io::JsonObject;
 constexpr const char* kPolicySchema = "diffnea/policy/1";
 constexpr const char* kCheckpointSchema = "diffnea/checkpoint/1";
 constexpr const char* kWhatToDo = "; choose another -o, or --fresh to begin again";
+
+/// A search between two iterations.
+struct CheckpointFile {
+  std::string fingerprint;
+  std::uint64_t seed = 0;
+  ErepsOptions search;
+  VecX<double> mean;
+  MatX<double> covariance;
+  VecX<double> best;
+  std::vector<ErepsIteration> curve;
+  long rollouts = 0;
+  double seconds = 0.0;
+
+  template <class List>
+  static constexpr void fields(List& list) {
+    list.type("Checkpoint", "A search between two iterations.", {.exact = true});
+    list.field("fingerprint", &CheckpointFile::fingerprint, "SHA-256 of the task.");
+    list.field("seed", &CheckpointFile::seed, "Of the search.");
+    list.field("search", &CheckpointFile::search, "Its options.");
+    list.field("mean", &CheckpointFile::mean, "Of the Gaussian over the weights.");
+    list.field("covariance", &CheckpointFile::covariance, "Its covariance by rows.");
+    list.field("best", &CheckpointFile::best, "Sample so far.");
+    list.columns("curve", &CheckpointFile::curve, "One value an iteration.");
+    list.field("rollouts", &CheckpointFile::rollouts, "Executed so far.");
+    list.field("seconds", &CheckpointFile::seconds, "That passed so far.", {.unit = "s"});
+  }
+};
 
 void check_joints(const LearnedPolicy& policy, JsonObject& root) {
   if (policy.start.size() != static_cast<long>(policy.joints.size()))
@@ -45,7 +70,8 @@ ErepsOptions endless(ErepsOptions options) {
 
 /// Which option of two searches differs; empty: none.
 std::string difference(const ErepsOptions& a, const ErepsOptions& b) {
-  const Json one = io::search(endless(a)), other = io::search(endless(b));
+  const Json one = io::fields_json(endless(a), kInResult),
+             other = io::fields_json(endless(b), kInResult);
   for (const auto& item : one.items())
     if (const Json& value = other.at(item.key()); item.value() != value)
       return item.key() + " " + item.value().dump() + ", expected " + value.dump();
@@ -59,21 +85,19 @@ SearchState checkpoint_from(const std::string& text, const std::string& where,
   io::require_schema(root, where, kCheckpointSchema);
   if (root.string("fingerprint") != fingerprint)
     throw ModelError(where + ": is of another task: model, controller or options differ");
-  if (const std::uint64_t seed = io::read_seed(root); seed != first.seed())
-    throw ModelError(where + ": is of seed " + std::to_string(seed) + ", expected " +
+  CheckpointFile file;
+  io::read_fields(file, root, kInResult);
+  if (file.seed != first.seed())
+    throw ModelError(where + ": is of seed " + std::to_string(file.seed) + ", expected " +
                      std::to_string(first.seed()));
-  if (const std::string what = difference(io::read_search(root), first.options()); !what.empty())
+  if (const std::string what = difference(file.search, first.options()); !what.empty())
     throw ModelError(where + ": is of a search with " + what);
-  const int size = first.policy().size();
-  const Gaussian policy = io::read_gaussian(root, size);
-  const VecX<double> best = io::read_values(root, "best");
-  const std::vector<ErepsIteration> history = io::read_curve(root, "curve");
-  SearchState out{first};
-  out.rollouts = io::read_integer(root, "rollouts");
-  out.seconds = root.number("seconds");
-  root.finish();
+  const Gaussian policy{file.mean, file.covariance};
+  io::check_gaussian(policy, first.policy().size(), where);
+  io::number_iterations(file.curve);
+  SearchState out{first, file.rollouts, file.seconds};
   try {
-    out.search.restore(policy, best, history);
+    out.search.restore(policy, file.best, file.curve);
   } catch (const Error& error) {
     throw ModelError(where + ": " + error.what());
   }
@@ -82,24 +106,8 @@ SearchState checkpoint_from(const std::string& text, const std::string& where,
 
 }  // namespace
 
-std::string policy_json(const LearnedPolicy& p) {
-  Json out{{"schema", kPolicySchema},
-           {"seed", p.seed},
-           {"joints", p.joints},
-           {"start", io::values(p.start)},
-           {"primitive", io::primitive(p.promp)}};
-  out.update(io::gaussian(p.policy));
-  out["controller"] = io::controller(p.controller);
-  out["reward"] = io::reward(p.reward);
-  out["expected"] = io::number(p.expected);
-  out["solved"] = p.solved;
-  out["stopped"] = p.stopped;
-  out["rollouts"] = p.rollouts;
-  out["seconds"] = io::number(p.seconds);
-  if (p.in_draws.count > 0) out["in_draws"] = io::in_draws(p.in_draws);
-  if (!p.ball_network.sha256.empty()) out["ball_network"] = io::network_source(p.ball_network);
-  out["curve"] = io::curve(p.curve);
-  return io::text(out, 1);
+std::string policy_json(const LearnedPolicy& policy) {
+  return io::file_text(kPolicySchema, policy, kInResult);
 }
 
 void write_policy(const LearnedPolicy& policy, const std::filesystem::path& path) {
@@ -112,24 +120,12 @@ LearnedPolicy read_policy(const std::filesystem::path& path) {
   JsonObject root(document, where);
   io::require_schema(root, where, kPolicySchema);
   LearnedPolicy out;
-  out.seed = io::read_seed(root);
-  root.required("joints");
-  out.joints = io::strings(root, "joints");
-  out.start = io::read_values(root, "start");
-  out.promp = io::read_primitive(root);
+  io::read_fields(out, root, kInResult);
+  io::check_primitive(out.promp, where + ".primitive");
   check_joints(out, root);
-  out.policy = io::read_gaussian(root, Promp(out.promp).size());
-  out.controller = io::read_controller(root, static_cast<long>(out.joints.size()));
-  out.reward = io::read_reward(root);
-  out.expected = root.number_or("expected", -std::numeric_limits<double>::infinity());
-  out.solved = root.boolean_or("solved", false);
-  out.stopped = root.string_or("stopped", "");
-  out.rollouts = io::read_integer(root, "rollouts");
-  out.seconds = io::number_or_nan(root, "seconds");
-  out.in_draws = io::read_in_draws(root);
-  out.ball_network = io::read_network_source(root);
-  out.curve = io::read_curve(root, "curve");
-  root.finish();
+  io::check_gaussian(out.policy, Promp(out.promp).size(), where);
+  io::check_controller(out.controller, static_cast<long>(out.joints.size()), where + ".controller");
+  io::number_iterations(out.curve);
   return out;
 }
 
@@ -144,7 +140,7 @@ std::string recording_file_name(std::uint64_t seed) {
 std::string fingerprint(const BallInCup& task) {
   BallInCup until = task;
   until.options.ereps = endless(task.options.ereps);
-  Json options = io::task(until);
+  Json options = io::fields_json(io::task_file(until), kInResult);
   if (options.contains("ball_network")) options["ball_network"].erase("file");  // wherever it lies
   return io::sha256(model_to_json(task.model) + model_to_json(task.controller) +
                     io::text(options, -1));
@@ -153,15 +149,17 @@ std::string fingerprint(const BallInCup& task) {
 void write_checkpoint(const SearchState& state, const std::string& fingerprint,
                       const std::filesystem::path& path) {
   const Ereps& search = state.search;
-  Json out{{"schema", kCheckpointSchema},
-           {"fingerprint", fingerprint},
-           {"seed", search.seed()},
-           {"search", io::search(search.options())}};
-  out.update(io::gaussian(search.policy()));
-  out["best"] = io::values(search.best());
-  out["curve"] = io::curve(search.history());
-  out["rollouts"] = state.rollouts;
-  out["seconds"] = state.seconds;
+  const CheckpointFile file{.fingerprint = fingerprint,
+                            .seed = search.seed(),
+                            .search = search.options(),
+                            .mean = search.policy().mean,
+                            .covariance = search.policy().covariance,
+                            .best = search.best(),
+                            .curve = search.history(),
+                            .rollouts = state.rollouts,
+                            .seconds = state.seconds};
+  Json out{{"schema", kCheckpointSchema}};
+  out.update(io::fields_json(file, kInResult));
   write_file_atomically(path, io::text(out, -1));
 }
 

@@ -5,9 +5,8 @@
 #include <diffnea/runs/policy_file.hpp>
 #include <diffnea/runs/policy_result.hpp>
 
-#include "runs/json_numbers.hpp"
 #include "runs/movement_json.hpp"
-#include "runs/policy_json.hpp"
+#include "runs/policy_rows.hpp"
 
 namespace diffnea {
 namespace {
@@ -18,16 +17,9 @@ using io::text;
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
-Json share(const Share& s) {
-  return {{"k", s.k},
-          {"n", s.n},
-          {"share", s.n > 0 ? Json(static_cast<double>(s.k) / s.n) : Json()},
-          {"low", s.low},
-          {"high", s.high}};
-}
-
-Json seed_of(const std::vector<LearnedPolicy>& policies, int index) {
-  return index < 0 ? Json() : Json(policies[static_cast<std::size_t>(index)].seed);
+std::optional<std::uint64_t> seed_of(const std::vector<LearnedPolicy>& policies, int index) {
+  if (index < 0) return std::nullopt;
+  return policies[static_cast<std::size_t>(index)].seed;
 }
 
 int count_solved(const std::vector<LearnedPolicy>& policies) {
@@ -38,30 +30,24 @@ int successes(const std::vector<Execution>& executions) {
   return static_cast<int>(std::ranges::count_if(executions, &Execution::success));
 }
 
-Json learned(const LearnedPolicy& p) {
-  const int captured = first_capture(p);
-  Json out{{"seed", p.seed},
-           {"file", policy_file_name(p.seed)},
-           {"expected", number(p.expected)},
-           {"solved", p.solved},
-           {"stopped", p.stopped},
-           {"first_capture", captured > 0 ? Json(captured) : Json()},
-           {"iterations", p.curve.size()},
-           {"rollouts", p.rollouts},
-           {"seconds", number(p.seconds)},
-           {"curve", io::curve(p.curve)}};
-  if (p.in_draws.count > 0) out["in_draws"] = io::in_draws(p.in_draws);
+LearnedRow learned(const LearnedPolicy& p) {
+  LearnedRow out{.seed = p.seed,
+                 .file = policy_file_name(p.seed),
+                 .expected = p.expected,
+                 .solved = p.solved,
+                 .stopped = p.stopped,
+                 .first_capture = {},
+                 .iterations = static_cast<long>(p.curve.size()),
+                 .rollouts = p.rollouts,
+                 .seconds = p.seconds,
+                 .curve = p.curve,
+                 .in_draws = p.in_draws};
+  if (const int captured = first_capture(p); captured > 0) out.first_capture = captured;
   return out;
 }
 
-Json executed(const Execution& e) {
-  return {{"noise_seed", e.seed},
-          {"success", e.success()},
-          {"outcome", outcome_word(e)},
-          {"text", e.verdict.text},
-          {"reward", number(e.reward)},
-          {"reward_wide", number(e.reward_wide)},
-          {"failure", e.failure.empty() ? Json() : Json(e.failure)}};
+ExecutedRow executed(const Execution& e) {
+  return {e.seed, e.success(), outcome_word(e), e.verdict.text, e.reward, e.reward_wide, e.failure};
 }
 
 /// The movements with their figures, all in one plane. @param rate  of the rows [Hz]
@@ -171,31 +157,26 @@ std::string outcome_word(const Execution& execution) {
 }
 
 std::string learn_result_json(const LearnRun& run) {
-  Json policies = Json::array();
-  long rollouts = 0;
-  double seconds = 0.0;
+  LearnFile out{
+      .model = run.task.model.name,
+      .controller = run.task.controller.name,
+      .fingerprint = fingerprint(run.task),
+      .task = io::task_file(run.task),
+      .solved = share_of(count_solved(run.policies), static_cast<int>(run.policies.size())),
+      .best = seed_of(run.policies, best_policy(run.policies)),
+      .rollouts = 0,
+      .cpu_seconds = 0.0,
+      .seconds = run.seconds,
+      .threads = run.threads,
+      .interrupted = run.interrupted,
+      .policies = {},
+      .reproduce = run.reproduce};
   for (const LearnedPolicy& p : run.policies) {
-    policies.push_back(learned(p));
-    rollouts += p.rollouts;
-    seconds += p.seconds;
+    out.policies.push_back(learned(p));
+    out.rollouts += p.rollouts;
+    out.cpu_seconds += p.seconds;
   }
-  const int solved = count_solved(run.policies), n = static_cast<int>(run.policies.size());
-  return text({{"schema", "diffnea/learn/1"},
-               {"model", run.task.model.name},
-               {"controller", run.task.controller.name},
-               {"fingerprint", fingerprint(run.task)},
-               {"task", io::task(run.task)},
-               {"summary",
-                {{"solved", share(share_of(solved, n))},
-                 {"best", seed_of(run.policies, best_policy(run.policies))},
-                 {"rollouts", rollouts},
-                 {"cpu_seconds", number(seconds)},
-                 {"seconds", number(run.seconds)},
-                 {"threads", run.threads},
-                 {"interrupted", run.interrupted}}},
-               {"policies", policies},
-               {"reproduce", io::reproduce(run.reproduce)}},
-              1);
+  return io::file_text("diffnea/learn/1", out, kInResult);
 }
 
 std::string learn_series_json(const LearnRun& run) {
@@ -209,48 +190,35 @@ std::string learn_series_json(const LearnRun& run) {
 }
 
 std::string transfer_result_json(const TransferRun& run) {
-  Json policies = Json::array();
-  for (std::size_t i = 0; i < run.executions.size(); ++i) {
-    const LearnedPolicy& p = run.policies.at(i);
-    Json row{{"seed", p.seed},
-             {"file", policy_file_name(p.seed)},
-             {"expected", number(p.expected)},
-             {"solved", p.solved}};
-    row.update(executed(run.executions[i]));
-    const PathError error = path_error(run.imagined.at(i), run.executions[i].trace);
-    row["path_error"] = {{"at_capture", number(error.at_capture)}, {"rms", number(error.rms)}};
-    policies.push_back(row);
-  }
-  Json repetitions = Json::array();
-  for (const Execution& e : run.repetitions) repetitions.push_back(executed(e));
   const int n = static_cast<int>(run.executions.size()),
             again = static_cast<int>(run.repetitions.size());
-  return text(
-      {{"schema", "diffnea/transfer/1"},
-       {"model", run.task.model.name},
-       {"controller", run.task.controller.name},
-       {"world", run.world},
-       {"differences", run.differences ? Json(*run.differences) : Json()},
-       {"fingerprint", fingerprint(run.task)},
-       {"task", io::task(run.task)},
-       {"summary",
-        {{"transferred", share(share_of(successes(run.executions), n))},
-         {"repeated", again > 0 ? share(share_of(successes(run.repetitions), again)) : Json()},
-         {"best", seed_of(run.policies, run.best)},
-         {"solved",
-          share(share_of(count_solved(run.policies), static_cast<int>(run.policies.size())))},
-         {"seconds", number(run.seconds)},
-         {"interrupted", run.interrupted}}},
-       {"seeds",
-        [&] {
-          Json seeds = Json::array();
-          for (const LearnedPolicy& p : run.policies) seeds.push_back(p.seed);
-          return seeds;
-        }()},
-       {"policies", policies},
-       {"repetitions", repetitions},
-       {"reproduce", io::reproduce(run.reproduce)}},
-      1);
+  TransferFile out{
+      .model = run.task.model.name,
+      .controller = run.task.controller.name,
+      .world = run.world,
+      .differences = run.differences,
+      .fingerprint = fingerprint(run.task),
+      .task = io::task_file(run.task),
+      .transferred = share_of(successes(run.executions), n),
+      .repeated = {},
+      .best = seed_of(run.policies, run.best),
+      .solved = share_of(count_solved(run.policies), static_cast<int>(run.policies.size())),
+      .seconds = run.seconds,
+      .interrupted = run.interrupted,
+      .seeds = {},
+      .policies = {},
+      .repetitions = {},
+      .reproduce = run.reproduce};
+  if (again > 0) out.repeated = share_of(successes(run.repetitions), again);
+  for (const LearnedPolicy& p : run.policies) out.seeds.push_back(p.seed);
+  for (std::size_t i = 0; i < run.executions.size(); ++i) {
+    const LearnedPolicy& p = run.policies.at(i);
+    const Execution& e = run.executions[i];
+    out.policies.push_back({p.seed, policy_file_name(p.seed), p.expected, p.solved, executed(e),
+                            path_error(run.imagined.at(i), e.trace)});
+  }
+  for (const Execution& e : run.repetitions) out.repetitions.push_back(executed(e));
+  return io::file_text("diffnea/transfer/1", out, kInResult);
 }
 
 std::string transfer_series_json(const TransferRun& run) {

@@ -2,8 +2,8 @@
 #include <array>
 #include <limits>
 
-#include <diffnea/runs/ball_network_file.hpp>
 #include <diffnea/io/model_file.hpp>
+#include <diffnea/runs/ball_network_file.hpp>
 #include <diffnea/runs/policy_file.hpp>
 #include <diffnea/runs/policy_result.hpp>
 
@@ -41,8 +41,7 @@ BallInCup read_ball_in_cup(JsonObject& root, const fs::path& folder) {
                 .start = {}};
   out.options = io::read_task(root, static_cast<long>(joint_names(out.model).size()));
   out.start = out.options.start;
-  JsonObject task(root.required("task"), root.at("task"));
-  if (const NetworkSource source = io::read_network_source(task); !source.sha256.empty())
+  if (const NetworkSource source = io::read_task_network(root); !source.empty())
     out.options.simulator.ball_network = read_run_network(folder, source);
   return out;
 }
@@ -64,10 +63,7 @@ Outcome outcome_from(JsonObject& o) {
 
 Execution read_execution(JsonObject& o) {
   Execution out;
-  const Json& seed = o.required("noise_seed");
-  if (!seed.is_number_unsigned())
-    throw ModelError(o.at("noise_seed") + ": got " + seed.dump() + ", expected 0, 1, 2, …");
-  out.seed = seed.get<std::uint64_t>();
+  out.seed = io::read_unsigned(o, "noise_seed");
   out.verdict = {outcome_from(o), o.string("text")};
   out.reward = o.number_or("reward", kNever);
   out.reward_wide = o.number_or("reward_wide", kNever);
@@ -128,14 +124,14 @@ LearnRun read_learn_run(const fs::path& folder) {
   run.task = read_ball_in_cup(root, folder);
   root.required("policies");
   for_each_object(root, "policies", [&](JsonObject& o) {
-    run.policies.push_back(read_named_policy(folder, io::read_seed(o)));
+    run.policies.push_back(read_named_policy(folder, io::read_unsigned(o, "seed")));
     require_same_controller(run.policies.back(), run.task, folder);
   });
   JsonObject summary(root.required("summary"), root.at("summary"));
   run.threads = static_cast<int>(io::read_integer(summary, "threads"));
   run.seconds = io::number_or_nan(summary, "seconds");
   run.interrupted = summary.boolean_or("interrupted", false);
-  io::read_reproduce(root, run.reproduce);
+  io::read_value(run.reproduce, root, "reproduce", {.optional = true}, kInResult);
   if (const fs::path path = folder / "series.json"; fs::exists(path)) {
     const Json json = io::run_file(folder, "series.json");
     JsonObject series(json, path.string());
@@ -171,7 +167,7 @@ TransferRun read_transfer_run(const fs::path& folder) {
   root.required("policies");
   for_each_object(root, "policies", [&](JsonObject& o) {
     const std::size_t i = run.executions.size();
-    if (i >= run.policies.size() || io::read_seed(o) != run.policies[i].seed)
+    if (i >= run.policies.size() || io::read_unsigned(o, "seed") != run.policies[i].seed)
       throw ModelError(o.at("seed") + ": is not the one that `seeds` has in its place");
     run.executions.push_back(read_execution(o));
   });
@@ -189,7 +185,7 @@ TransferRun read_transfer_run(const fs::path& folder) {
   }
   run.seconds = io::number_or_nan(summary, "seconds");
   run.interrupted = summary.boolean_or("interrupted", false);
-  io::read_reproduce(root, run.reproduce);
+  io::read_value(run.reproduce, root, "reproduce", {.optional = true}, kInResult);
   if (const fs::path path = folder / "series.json"; fs::exists(path)) {
     const Json json = io::run_file(folder, "series.json");
     JsonObject series(json, path.string());

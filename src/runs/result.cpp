@@ -1,35 +1,38 @@
 #include <cmath>
+#include <limits>
 #include <map>
+#include <string_view>
+#include <utility>
 
 #include <diffnea/core/text_file.hpp>
+#include <diffnea/io/model_file.hpp>
 #include <diffnea/runs/result.hpp>
 
-#include "runs/ball_json.hpp"
-#include "runs/json_numbers.hpp"
 #include "io/sha256.hpp"
+#include "runs/ball_json.hpp"
+#include "runs/fields_json.hpp"
+#include "runs/printed.hpp"
 
 namespace diffnea {
 namespace {
 
 using io::Json;
+using io::JsonObject;
 using io::number;
-using io::reproduce;
-using io::rounded;
-using io::text;
 
-Json parameters(const IdentifyResult& fit) {
-  Json out = Json::array();
-  for (const ParameterEstimate& p : fit.parameters)
-    out.push_back({{"name", p.name},
-                   {"value", number(p.value)},
-                   {"unit", p.unit},
-                   {"std", number(p.std)},
-                   {"prior", number(p.prior)},
-                   {"identifiable", p.identifiable},
-                   {"fixed", p.fixed},
-                   {"at_bound", p.at_bound}});
-  return out;
-}
+constexpr const char* kSchema = "diffnea/identify/1";
+constexpr const char* kSeriesSchema = "diffnea/series/1";
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+
+/// Errors by joint: a key of `rmse` each.
+constexpr std::pair<const char*, double JointError::*> kErrors[] = {
+    {"train", &JointError::train},
+    {"nominal_train", &JointError::nominal_train},
+    {"test", &JointError::test},
+    {"nominal_test", &JointError::nominal_test},
+    {"test_all", &JointError::test_all},
+    {"test_raw", &JointError::test_raw},
+    {"torque_rms", &JointError::torque_rms}};
 
 /// The effects of the fitted model; what was estimated with its standard error.
 Json effects(const IdentifyResult& fit) {
@@ -51,6 +54,7 @@ Json effects(const IdentifyResult& fit) {
   return out;
 }
 
+/// Columns are of the layout; files name the parameters.
 Json base_parameters(const IdentifyResult& fit) {
   Json out = Json::array();
   for (const BaseParameter& b : fit.base_parameters) {
@@ -58,18 +62,29 @@ Json base_parameters(const IdentifyResult& fit) {
     for (std::size_t k = 0; k < b.columns.size(); ++k)
       terms.push_back({{"parameter", fit.parameters[b.columns[k]].name},
                        {"coefficient", number(b.coefficients[k])}});
-    out.push_back({{"expression", b.expression},
-                   {"value", number(b.value)},
-                   {"std", number(b.std)},
-                   {"terms", terms}});
+    out.push_back(io::fields_json(b, kInResult));
+    out.back()["terms"] = terms;
   }
   return out;
 }
 
-Json by_joint(const IdentifyResult& fit, double JointError::* member) {
-  Json out = Json::object();
-  for (const JointError& e : fit.errors) out[e.joint] = number(e.*member);
-  return out;
+void read_base_parameters(JsonObject& root, IdentifyResult& fit) {
+  std::map<std::string, int> index;
+  for (std::size_t k = 0; k < fit.parameters.size(); ++k)
+    index[fit.parameters[k].name] = static_cast<int>(k);
+  io::for_each_object(root, "base_parameters", [&](JsonObject& o) {
+    BaseParameter b;
+    io::read_fields(b, o, kInResult);
+    io::for_each_object(o, "terms", [&](JsonObject& term) {
+      const auto found = index.find(term.string("parameter"));
+      if (found == index.end())
+        throw ModelError(term.at("parameter") + ": '" + term.string("parameter") +
+                         "' is not among the parameters");
+      b.columns.push_back(found->second);
+      b.coefficients.push_back(io::number_or_nan(term, "coefficient"));
+    });
+    fit.base_parameters.push_back(b);
+  });
 }
 
 Json errors(const IdentifyResult& fit) {
@@ -81,60 +96,51 @@ Json errors(const IdentifyResult& fit) {
     fitted[e.joint] = number((held_out ? e.test : e.train) / e.torque_rms);
     nominal[e.joint] = number((held_out ? e.nominal_test : e.nominal_train) / e.torque_rms);
   }
-  return {{"units", units},
-          {"train", by_joint(fit, &JointError::train)},
-          {"nominal_train", by_joint(fit, &JointError::nominal_train)},
-          {"test", by_joint(fit, &JointError::test)},
-          {"nominal_test", by_joint(fit, &JointError::nominal_test)},
-          {"test_all", by_joint(fit, &JointError::test_all)},
-          {"test_raw", by_joint(fit, &JointError::test_raw)},
-          {"torque_rms", by_joint(fit, &JointError::torque_rms)},
-          {"relative",
-           {{"of", held_out ? "test" : "train"}, {"fitted", fitted}, {"nominal", nominal}}}};
-}
-
-Json torque_constants(const IdentifyResult& fit) {
-  Json out = Json::array();
-  for (const TorqueConstant& k : fit.torque_constants)
-    out.push_back({{"joint", k.joint},
-                   {"unit", k.unit},
-                   {"assumed", number(k.assumed)},
-                   {"value", number(k.value)},
-                   {"std", number(k.std)}});
+  Json out{{"units", units}};
+  for (const auto& [key, member] : kErrors) {
+    Json& by_joint = out[key] = Json::object();
+    for (const JointError& e : fit.errors) by_joint[e.joint] = number(e.*member);
+  }
+  out["relative"] = {{"of", held_out ? "test" : "train"}, {"fitted", fitted}, {"nominal", nominal}};
   return out;
 }
 
-Json preprocessing(const IdentifyResult& fit) {
-  const PreprocessPlan& plan = fit.plan;
-  Json quarantined = Json::array();
-  for (const QuarantinedRow& row : fit.data_report.quarantined_rows)
-    quarantined.push_back({{"line", row.line}, {"reason", row.reason}});
-  return {{"filter_hz", number(plan.filter_hz)},
-          {"decimated_to_hz", number(plan.decimator.rate_hz / plan.decimator.factor)},
-          {"period", number(plan.dt)},
-          {"rows", fit.summary.rows},
-          {"fitted_rows", fit.summary.fitted_rows},
-          {"quarantined", fit.data_report.quarantined},
-          {"quarantined_rows", quarantined},
-          {"extra_channels", fit.data_report.extra_channels},
-          {"notes", fit.data_report.notes},
-          {"timing_jitter", number(plan.timing_jitter)}};
-}
-
-Json series(const std::vector<TorqueSeries>& list) {
-  Json out = Json::array();
-  for (const TorqueSeries& s : list)
-    out.push_back({{"joint", s.joint},
-                   {"unit", s.unit},
-                   {"time", rounded(s.time)},
-                   {"measured", rounded(s.measured)},
-                   {"fitted", rounded(s.fitted)},
-                   {"nominal", rounded(s.nominal)},
-                   {"velocity", rounded(s.velocity)}});
-  return out;
+void read_errors(JsonObject& root, IdentifyResult& fit) {
+  JsonObject rmse(root.required("rmse"), root.at("rmse"));
+  const Json& units = rmse.required("units");
+  if (!units.is_object()) throw ModelError(rmse.at("units") + ": expected an object");
+  for (const auto& item : units.items()) {
+    JointError e;
+    e.joint = item.key();
+    e.unit = io::json_string(item.value(), rmse.at("units"));
+    for (const auto& [key, member] : kErrors) {
+      e.*member = kNaN;
+      if (const Json* table = rmse.optional(key)) {
+        JsonObject object(*table, rmse.at(key));
+        e.*member = io::number_or_nan(object, e.joint.c_str());
+      }
+    }
+    fit.errors.push_back(e);
+  }
 }
 
 }  // namespace
+
+static Json custom_json(const IdentifyResult& fit, std::string_view key, RunFile) {
+  return key == "effects"           ? effects(fit)
+         : key == "base_parameters" ? base_parameters(fit)
+         : key == "rmse"            ? errors(fit)
+                                    : io::ball_columns(fit.ball);
+}
+
+static void read_custom(IdentifyResult& fit, std::string_view key, JsonObject& root, RunFile) {
+  if (key == "base_parameters")
+    read_base_parameters(root, fit);
+  else if (key == "rmse")
+    read_errors(root, fit);
+  else if (key == "ball")
+    io::read_ball_columns(root, fit.ball);
+}
 
 RunInput describe_input(const std::string& role, const std::filesystem::path& path) {
   constexpr std::uintmax_t kLargestHashed = std::uintmax_t{64} << 20;  // a third of a second
@@ -149,78 +155,29 @@ RunInput describe_input(const std::string& role, const std::filesystem::path& pa
 }
 
 std::string identify_result_json(const FitRun& run) {
-  const IdentifyResult& fit = run.fit;
-  const FitSummary& s = fit.summary;
-  return text({{"schema", "diffnea/identify/1"},
-               {"model", fit.model.name},
-               {"physically_consistent", fit.physically_consistent},
-               {"parameters", parameters(fit)},
-               {"effects", effects(fit)},
-               {"rank", fit.base_parameters.size()},
-               {"base_parameters", base_parameters(fit)},
-               {"torque_constants", torque_constants(fit)},
-               {"rmse", errors(fit)},
-               {"ball", io::ball_summary(fit.ball)},
-               {"boundary", fit.boundary},
-               {"consistency_cost", number(fit.consistency_cost)},
-               {"preprocessing", preprocessing(fit)},
-               {"notes", fit.notes},
-               {"summary",
-                {{"converged", s.converged},
-                 {"interrupted", s.interrupted},
-                 {"termination", s.termination},
-                 {"iterations", s.iterations},
-                 {"passes", s.passes},
-                 {"seconds", number(s.seconds)},
-                 {"seconds_fitting", number(s.seconds_fitting)}}},
-               {"reproduce", reproduce(run.reproduce)}},
-              1);
+  return io::file_text(kSchema, run, kInResult);
 }
 
 std::string series_json(const IdentifyResult& fit) {
-  return text({{"schema", "diffnea/series/1"},
-               {"model", fit.model.name},
-               {"train", series(fit.train_series)},
-               {"test", series(fit.test_series)},
-               {"ball", io::ball_columns(fit.ball)}},
-              -1);
+  return io::file_text(kSeriesSchema, fit, kInSeries);
 }
 
-std::string comparison_json(const Comparison& c) {
-  const auto list = [](const std::vector<Change>& changes) {
-    Json out = Json::array();
-    for (const Change& change : changes)
-      out.push_back({{"name", change.name},
-                     {"unit", change.unit},
-                     {"before", number(change.before)},
-                     {"after", number(change.after)},
-                     {"std", number(change.std)},
-                     {"z", number(change.z)},
-                     {"p", number(change.p)},
-                     {"significant", change.significant}});
-    return out;
-  };
-  Json left_over = Json::array();
-  for (const LeftOver& left : c.left_over)
-    left_over.push_back({{"joint", left.joint},
-                         {"unit", left.unit},
-                         {"before", number(left.before)},
-                         {"after", number(left.after)}});
-  return text({{"schema", "diffnea/compare/1"},
-               {"joints", c.joints},
-               {"changed", c.changed},
-               {"base_parameters", list(c.base_parameters)},
-               {"parameters", list(c.parameters)},
-               {"left_over", left_over},
-               {"std_ratio", number(c.std_ratio)},
-               {"only_before", c.only_before},
-               {"only_after", c.only_after},
-               {"not_comparable", c.not_comparable}},
-              1);
+FitRun read_fit_run(const std::filesystem::path& folder) {
+  FitRun run;
+  io::read_file(run, folder, kSchema, kInResult);
+  if (std::filesystem::exists(folder / "series.json"))
+    io::read_file(run.fit, folder, kSeriesSchema, kInSeries);
+  if (const auto path = folder / "model.json"; std::filesystem::exists(path))
+    run.fit.model.posterior = read_model(path).posterior;
+  return run;
+}
+
+std::string comparison_json(const Comparison& comparison) {
+  return io::file_text("diffnea/compare/1", comparison, kInResult);
 }
 
 std::string report_result_json(const std::filesystem::path& page) {
-  return text({{"schema", "diffnea/report/1"}, {"page", page.string()}}, 1);
+  return io::file_text("diffnea/report/1", ReportedFile{page.string()}, kInResult);
 }
 
 }  // namespace diffnea

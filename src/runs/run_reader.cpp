@@ -42,19 +42,6 @@ std::vector<double> column(JsonObject& object, const char* key) {
   return out;
 }
 
-void read_reproduce(JsonObject& root, Reproduce& out) {
-  const Json* value = root.optional("reproduce");
-  if (!value) return;
-  JsonObject r(*value, root.at("reproduce"));
-  out.version = r.string_or("version", "");
-  out.command = strings(r, "command");
-  for_each_object(r, "inputs", [&](JsonObject& o) {
-    out.inputs.push_back({o.string("role"), o.string("path"),
-                          static_cast<std::uintmax_t>(count(o, "bytes")),
-                          o.string_or("sha256", "")});
-  });
-}
-
 }  // namespace io
 
 std::string run_schema(const std::filesystem::path& folder, const char* name) {

@@ -19,7 +19,6 @@ long count(JsonObject& object, const char* key);
 std::vector<std::string> strings(JsonObject& object, const char* key);
 /// A list of numbers in which null is NaN.
 std::vector<double> column(JsonObject& object, const char* key);
-void read_reproduce(JsonObject& root, Reproduce& out);
 
 /// Calls use(object) with every item of a list of objects.
 template <typename Use>

@@ -280,10 +280,10 @@ TEST_CASE("diagnose: refuses what cannot be answered", "[diagnose]") {
   options.effects = {"magic"};
   CHECK_THROWS_WITH(diagnose(arm().nominal, {train}, {}, options),
                     ContainsSubstring("magic") && ContainsSubstring("coulomb_friction"));
-  CHECK_THROWS_AS(verdict_from("MAYBE"), ModelError);
+  CHECK_THROWS_AS(value_of<Verdict>("MAYBE", "verdict"), ModelError);
   for (const Verdict v : {Verdict::kNamed, Verdict::kClass, Verdict::kUnknown, Verdict::kNone,
                           Verdict::kNotIdentifiable})
-    CHECK(verdict_from(name_of(v)) == v);
+    CHECK(value_of<Verdict>(name_of(v), "verdict") == v);
 }
 
 TEST_CASE("diagnose: what a held-out recording says of a held body counts there", "[diagnose]") {

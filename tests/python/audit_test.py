@@ -7,7 +7,7 @@ from pathlib import Path
 import jsonschema
 import numpy as np
 import pytest
-from cli import BAD_INPUT, ROOT, WRONG_USAGE, diffnea, done, load
+from cli import BAD_INPUT, WRONG_USAGE, diffnea, done, schema
 
 import diffnea as module
 
@@ -39,7 +39,7 @@ def write(path: Path, data: dict[str, np.ndarray]) -> Path:
 
 def audited(path: Path, *arguments: object) -> dict:
     answer = json.loads(done("audit", path, "--json", *arguments))
-    jsonschema.validate(answer, load(ROOT / "docs/schema/audit.schema.json"))
+    jsonschema.validate(answer, schema("audit"))
     return answer
 
 

@@ -9,6 +9,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from diffnea import _core
+
 ROOT = Path(__file__).resolve().parents[2]
 MODELS = ROOT / "models"
 COMMAND = os.environ.get("DIFFNEA_COMMAND") or str(Path(sys.executable).parent / "diffnea")
@@ -42,6 +44,13 @@ def load(path: Path) -> Any:
         raise ValueError(f"{path}: {constant} is no JSON")
 
     return json.loads(path.read_text(encoding="utf-8"), parse_constant=refuse)
+
+
+def schema(name: str) -> Any:
+    """JSON Schema of a file ``diffnea/NAME/1``: of the field lists, or written by hand."""
+    if name in _core._schema_names():
+        return _core._json_schema(name)
+    return load(ROOT / "docs" / "schema" / f"{name}.schema.json")
 
 
 def refused(run: Path, *arguments: object, command: str = "identify") -> str:

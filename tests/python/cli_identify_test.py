@@ -9,22 +9,22 @@ from cli import (
     BAD_INPUT,
     DONE,
     PENDULUM,
-    ROOT,
     RUN_FILES,
     WRONG_USAGE,
     diffnea,
     done,
     load,
     refused,
+    schema,
 )
 
 # --- what it writes
 
 
 def test_the_result_is_what_the_schema_says(run: Path) -> None:
-    schema = load(ROOT / "docs/schema/identify.schema.json")
-    jsonschema.Draft202012Validator.check_schema(schema)
-    jsonschema.validate(load(run / "result.json"), schema)
+    for name, file in (("identify", "result.json"), ("series", "series.json")):
+        jsonschema.Draft202012Validator.check_schema(schema(name))
+        jsonschema.validate(load(run / file), schema(name))
 
 
 def test_the_run_holds_these_files_and_no_others(run: Path) -> None:

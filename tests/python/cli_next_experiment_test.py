@@ -4,9 +4,9 @@ import json
 from pathlib import Path
 from typing import Any
 
-from cli import PENDULUM, ROOT, done, load
+from cli import PENDULUM, done, load, schema
 
-SCHEMA = load(ROOT / "docs" / "schema" / "diagnose.schema.json")
+SCHEMA = schema("diagnose")["$defs"]["NextExperiment"]
 
 
 def late_pendulum(folder: Path) -> Path:
@@ -45,7 +45,7 @@ def test_the_proposed_motion_tells_what_the_recording_could_not(tmp_path: Path) 
     before = finding(tmp_path / "before", *slow)
     assert before["verdict"] == "CLASS"
     proposal = before["next_experiment"]
-    assert set(SCHEMA["properties"]["next_experiment"]["required"]) <= set(proposal)
+    assert set(SCHEMA["required"]) <= set(proposal)
     assert [sorted(pair) for pair in proposal["separates"]] == [["actuator_delay", "actuator_lag"]]
     (pair,) = proposal["pairs"]
     assert pair["expected_delta_bic"] > 10 > pair["delta_bic"]

@@ -4,7 +4,8 @@ from pathlib import Path
 
 import jsonschema
 import pytest
-from cli import MODELS, ROOT, diffnea, done, load
+from cli import MODELS, diffnea, done, load, schema
+from drawings import Places
 
 
 @pytest.fixture(scope="module", params=["plain", "robust"])
@@ -20,9 +21,8 @@ def runs(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
 
 
 def check(path: Path, schema_name: str) -> None:
-    schema = load(ROOT / "docs/schema" / f"{schema_name}.schema.json")
-    jsonschema.Draft202012Validator.check_schema(schema)
-    jsonschema.validate(load(path), schema)
+    jsonschema.Draft202012Validator.check_schema(schema(schema_name))
+    jsonschema.validate(load(path), schema(schema_name))
 
 
 @pytest.mark.parametrize("command", ["learn", "transfer"])
@@ -33,6 +33,16 @@ def test_results_and_policies_are_what_the_schemas_say(runs: Path, command: str)
     for path in policies:
         check(path, "policy")
     assert load(runs / command / "series.json")["schema"] == f"diffnea/{command}-series/1"
+
+
+@pytest.mark.parametrize("command", ["learn", "transfer"])
+def test_every_place_of_the_page_is_drawn(runs: Path, command: str) -> None:
+    page = (runs / command / "report.html").read_text(encoding="utf-8")
+    kinds = [kind for kind, _ in Places(page).drawn()]
+    expected = {"learn": ["strip", "player"] + ["curve"] * 6}
+    shown = ["strip", "distance"] * (kinds.count("strip") or 1)
+    expected["transfer"] = ["scatter", "player", *shown]
+    assert sorted(kinds) == sorted(expected[command])
 
 
 @pytest.mark.parametrize("command", ["learn", "transfer"])

@@ -11,7 +11,7 @@ from typing import Any
 
 import jsonschema
 import numpy as np
-from cli import ROOT, load
+from cli import load, schema
 
 HIDDEN = re.compile(r"^\.partial-\d+$|^\..+\.tmp$")
 """What may be there of a program that was killed, until the next one runs."""
@@ -31,18 +31,12 @@ WITHOUT_SCHEMA = {
     "ball-network",
     "beyond",
     "checkpoint",
-    "compare",
     "effects",
-    "excite",
-    "export",
     "info",
     "job",
     "learn-series",
     "model",
     "recording",
-    "report",
-    "series",
-    "simulate",
     "transfer-series",
     "worlds",
 }
@@ -66,9 +60,9 @@ def hidden(folder: Path) -> list[Path]:
 
 @cache
 def validator(kind: str) -> jsonschema.Draft202012Validator:
-    schema = load(ROOT / "docs" / "schema" / f"{kind}.schema.json")
-    jsonschema.Draft202012Validator.check_schema(schema)
-    return jsonschema.Draft202012Validator(schema)
+    of_kind = schema(kind)
+    jsonschema.Draft202012Validator.check_schema(of_kind)
+    return jsonschema.Draft202012Validator(of_kind)
 
 
 def check(folder: Path) -> None:

@@ -26,6 +26,16 @@ enum class Base {
   kFixed,  ///< nothing: the model stands accused as it is
 };
 
+/// Names in options.
+template <>
+struct EnumNames<Base> {
+  /// All choices.
+  static constexpr NamedValue<Base> list[] = {{Base::kAuto, "auto"},
+                                              {Base::kRefit, "refit"},
+                                              {Base::kPrior, "prior"},
+                                              {Base::kFixed, "fixed"}};
+};
+
 /// What a diagnosis may re-fit, what it tries, and when it accepts.
 struct DiagnoseOptions {
   Base base = Base::kAuto;  ///< what of the model may move beside the causes
@@ -54,6 +64,9 @@ struct DiagnoseOptions {
 ///         own candidate whose name is taken or whose columns are no (N, parameters) finite numbers
 Finding diagnose(const Model& model, const RecordingSource& train, const RecordingSource* test,
                  const DiagnoseOptions& options = {});
+/// The same as data alone, without `sentence` and `plots`, which report/ adds. Throws likewise.
+Finding find_causes(const Model& model, const RecordingSource& train, const RecordingSource* test,
+                    const DiagnoseOptions& options = {});
 /// The same from recordings in memory.
 Finding diagnose(const Model& model, const std::vector<Recording>& train,
                  const std::vector<Recording>& test, const DiagnoseOptions& options = {});

@@ -22,6 +22,7 @@
 #include <functional>
 #include <map>
 
+#include <diffnea/core/fields.hpp>
 #include <diffnea/excite/fourier.hpp>
 #include <diffnea/identify/identify.hpp>
 
@@ -53,31 +54,69 @@ struct DesignOptions {
 /// leaves, LimitOverrides in full), shares of 1, bounds over all instants. 0 of a joint that is
 /// held, but for its effort.
 struct LimitUse {
-  std::string joint;          ///< of the model, with a motor
-  double position = 0.0;      ///< largest distance from the range's middle, over half of the range
-  double velocity = 0.0;      ///< largest |q̇| over its limit
-  double acceleration = 0.0;  ///< largest |q̈| over its limit
-  double effort = 0.0;        ///< by the model with its effects; 0 where no limit is known
+  std::string joint;
+  double position = 0.0;
+  double velocity = 0.0;
+  double acceleration = 0.0;
+  double effort = 0.0;
+
+  template <class List>
+  static constexpr void fields(List& list) {
+    list.type("LimitUse", "What a motion uses of a joint's limits, shares of 1 at any instant.");
+    list.field("joint", &LimitUse::joint, "Of the model, with a motor.");
+    list.field("position", &LimitUse::position,
+               "Largest distance from the range's middle, over half of the range.");
+    list.field("velocity", &LimitUse::velocity, "Largest |q̇| over its limit.");
+    list.field("acceleration", &LimitUse::acceleration, "Largest |q̈| over its limit.");
+    list.field("effort", &LimitUse::effort,
+               "By the model with its effects; 0 where no limit is known.");
+  }
 };
 
 /// A motion that was designed, and what it tells.
 struct Excitation {
-  Trajectory trajectory;          ///< of the joints with a motor
-  double period = 0.0;            ///< a whole number of rows [s]
-  int base_parameters = 0;        ///< p, combinations of parameters that torques depend on
-  double log_det = 0.0;           ///< of the information, columns scaled to one over random states
-  double random_log_det = 0.0;    ///< of the median random motion; of this one if none is feasible
-  double condition = 0.0;         ///< of the same scaled regressor
-  double random_condition = 0.0;  ///< as random_log_det
-  /// Expected standard errors over those of the median random motion: geometric mean (=
-  /// exp(−Δ log det / 2p)).
+  Trajectory trajectory;
+  double period = 0.0;
+  int base_parameters = 0;
+  double log_det = 0.0;
+  double random_log_det = 0.0;
+  double condition = 0.0;
+  double random_condition = 0.0;
   double std_ratio = 1.0;
-  double best_std_ratio = 1.0;     ///< smallest ratio of one parameter
-  double worst_std_ratio = 1.0;    ///< largest ratio of one parameter
-  std::vector<LimitUse> limits;    ///< of the joints with a motor
-  std::vector<std::string> notes;  ///< what stands in for limits that are not known, and the like
-  int iterations = 0;              ///< generations that the search ran
-  bool interrupted = false;        ///< the caller's `progress` stopped it: the best until then
+  double best_std_ratio = 1.0;
+  double worst_std_ratio = 1.0;
+  std::vector<LimitUse> limits;
+  std::vector<std::string> notes;
+  int iterations = 0;
+  bool interrupted = false;
+
+  template <class List>
+  static constexpr void fields(List& list) {
+    list.type("Excitation", "An informative motion, and what it gains.");
+    list.field("trajectory", &Excitation::trajectory, "The :class:`Trajectory` to record.");
+    list.field("period", &Excitation::period, "A whole number of rows.", {.unit = "s"});
+    list.field("base_parameters", &Excitation::base_parameters,
+               "p, combinations of parameters that torques depend on.");
+    list.field("log_det", &Excitation::log_det,
+               "Of the information, columns scaled to one over random states.");
+    list.field("random_log_det", &Excitation::random_log_det,
+               "Of the median random motion; of this one if none is feasible.");
+    list.field("condition", &Excitation::condition,
+               "Condition number of the scaled regressor along the motion.");
+    list.field("random_condition", &Excitation::random_condition,
+               "The same of the median random motion.");
+    list.field("std_ratio", &Excitation::std_ratio,
+               "Expected standard errors over those of the median random motion: geometric mean (= "
+               "exp(−Δ log det / 2p)).");
+    list.field("best_std_ratio", &Excitation::best_std_ratio, "Smallest ratio of one parameter.");
+    list.field("worst_std_ratio", &Excitation::worst_std_ratio, "Largest ratio of one parameter.");
+    list.field("limits", &Excitation::limits, "A list of :class:`LimitUse`.");
+    list.field("notes", &Excitation::notes,
+               "What stands in for limits that are not known, and the like.");
+    list.field("iterations", &Excitation::iterations, "Generations that the search ran.");
+    list.field("interrupted", &Excitation::interrupted,
+               "The caller's ``progress`` stopped it: the best until then.");
+  }
 };
 
 /// Deterministic for a seed.

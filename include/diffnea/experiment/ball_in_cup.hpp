@@ -7,11 +7,13 @@
 ///     const Execution e = execute(policy, *world, motion_limits(model), *model.cup, /*seed=*/0);
 
 #include <functional>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include <diffnea/core/fields.hpp>
 #include <diffnea/identify/posterior.hpp>
 #include <diffnea/policy/ball_in_cup.hpp>
 #include <diffnea/policy/ereps.hpp>
@@ -26,13 +28,26 @@ namespace diffnea {
 /// are executed in draws of its posterior (identify/posterior.hpp), those of an iteration in the
 /// same ones, those of the next in the next.
 struct RobustOptions {
-  int draws = 0;  ///< of the posterior, that the search has; 0: it has the model alone
-  int each = 0;   ///< draws that a sample is executed in; 0: 1, with a quantile 8
-  /// In (0, 1]: the reward of a sample is that quantile of those it got, the smallest one that a
-  /// share p of them does not pass. Not given: their mean.
+  int draws = 0;
+  int each = 0;
   std::optional<double> quantile = {};
-  std::vector<Variation> vary = {};  ///< what the posterior says nothing of
-  std::uint64_t seed = 0;            ///< of the draws
+  std::vector<Variation> vary = {};
+  std::uint64_t seed = 0;
+
+  template <class List>
+  static constexpr void fields(List& list) {
+    list.type("RobustOptions", "Draws of the posterior that samples are executed in.",
+              {.exact = true});
+    list.field("draws", &RobustOptions::draws,
+               "Of the posterior, that the search has; 0: it has the model alone.");
+    list.field("each", &RobustOptions::each,
+               "Draws that a sample is executed in; 0: 1, with a quantile 8.");
+    list.field("quantile", &RobustOptions::quantile,
+               "In (0, 1]: the reward of a sample is that quantile of those it got, the smallest "
+               "one that a share p of them does not pass. Not given: their mean.");
+    list.field("vary", &RobustOptions::vary, "What the posterior says nothing of.");
+    list.field("seed", &RobustOptions::seed, "Of the draws.");
+  }
 };
 
 /// How a movement is learned: where, with how many seeds, from which start.
@@ -81,34 +96,94 @@ Rollouts rollouts(const BallInCup& task, int threads);
 
 /// What became of a policy's mean in draws of the posterior that its search had not seen.
 struct InDraws {
-  int count = 0;        ///< 0: the search had the model alone
-  int caught = 0;       ///< in how many of them the ball is caught
-  double reward = 0.0;  ///< mean, or the quantile that was asked for
+  int count = 0;
+  int caught = 0;
+  double reward = 0.0;
+
+  /// There were none.
+  bool empty() const { return count == 0; }
+
+  template <class List>
+  static constexpr void fields(List& list) {
+    list.type("InDraws",
+              "What became of the mean in draws of the posterior that the search had not seen.",
+              {.exact = true});
+    list.field("count", &InDraws::count, "0: the search had the model alone.", {.key = "draws"});
+    list.field("caught", &InDraws::caught, "In how many of them the ball is caught.");
+    list.field("reward", &InDraws::reward, "Mean, or the quantile that was asked for.",
+               {.null = -std::numeric_limits<double>::infinity()});
+  }
 };
 
 /// Which network moved the ball where a policy was learned; empty: none did.
 struct NetworkSource {
-  std::string file;    ///< that it was read from
-  std::string sha256;  ///< of that file, lower-case hexadecimal
+  std::string file;
+  std::string sha256;
+
+  /// There was none.
+  bool empty() const { return sha256.empty(); }
+
+  template <class List>
+  static constexpr void fields(List& list) {
+    list.type("NetworkSource", "The network that moved the ball in the model.", {.exact = true});
+    list.field("file", &NetworkSource::file, "File that it was read from.");
+    list.field("sha256", &NetworkSource::sha256, "SHA-256 of that file, lower-case hexadecimal.");
+  }
 };
 
 /// The movement that one seed has learned, and how it was learned.
 struct LearnedPolicy {
-  std::uint64_t seed = 0;             ///< of the search
-  PrompSpec promp;                    ///< primitive that the weights are of
-  Gaussian policy;                    ///< over the weights; the mean is executed
-  std::vector<std::string> joints;    ///< all of the robot's, moved or not
-  VecX<double> start;                 ///< q_0 of all joints [rad]
-  ControllerOptions controller;       ///< gains as they were simulated
-  BallInCupOptions reward;            ///< that was searched for
-  std::vector<ErepsIteration> curve;  ///< one entry an iteration
-  std::string stopped;                ///< why the search ended; empty: it was interrupted
-  double expected = 0.0;              ///< reward of the mean in the model
-  bool solved = false;                ///< the mean catches the ball in the model
-  long rollouts = 0;                  ///< that the search executed, before it was resumed, too
-  double seconds = 0.0;               ///< that passed while it was learned
-  InDraws in_draws;                   ///< of the mean
-  NetworkSource ball_network;         ///< empty: string and gravity moved the ball
+  std::uint64_t seed = 0;
+  PrompSpec promp;
+  Gaussian policy;
+  std::vector<std::string> joints;
+  VecX<double> start;
+  ControllerOptions controller;
+  BallInCupOptions reward;
+  std::vector<ErepsIteration> curve;
+  std::string stopped;
+  double expected = 0.0;
+  bool solved = false;
+  long rollouts = 0;
+  double seconds = 0.0;
+  InDraws in_draws;
+  NetworkSource ball_network;
+
+  template <class List>
+  static constexpr void fields(List& list) {
+    list.type("LearnedPolicy", "The movement that one seed has learned, and how it was learned.",
+              {.exact = true});
+    list.field("seed", &LearnedPolicy::seed, "Of the search.");
+    list.field("joints", &LearnedPolicy::joints, "All of the robot's, moved or not.");
+    list.field("start", &LearnedPolicy::start, "Posture q_0 of all joints.", {.unit = "rad"});
+    list.field("promp", &LearnedPolicy::promp, "Primitive that the weights are of.",
+               {.key = "primitive"});
+    list.also("mean", &LearnedPolicy::policy, &Gaussian::mean,
+              "Mean of the Gaussian over the weights, joint by joint [rad]; it is executed.");
+    list.also("covariance", &LearnedPolicy::policy, &Gaussian::covariance,
+              "Its covariance by rows.");
+    list.field("controller", &LearnedPolicy::controller, "Gains as they were simulated.");
+    list.field("reward", &LearnedPolicy::reward, "Reward that was searched for.");
+    list.field("expected", &LearnedPolicy::expected,
+               "Reward of the mean in the model; null: it cannot be executed there (−∞).",
+               {.optional = true, .null = -std::numeric_limits<double>::infinity()});
+    list.field("solved", &LearnedPolicy::solved, "The mean catches the ball in the model.",
+               {.optional = true});
+    list.field("stopped", &LearnedPolicy::stopped,
+               "Why the search ended; empty: it was interrupted.", {.optional = true});
+    list.field("rollouts", &LearnedPolicy::rollouts,
+               "That the search executed, before it was resumed, too.");
+    list.field("seconds", &LearnedPolicy::seconds,
+               "Time that the search took, without the pause before it was resumed.",
+               {.unit = "s", .optional = true});
+    list.field("in_draws", &LearnedPolicy::in_draws,
+               "Of the mean; missing: learned in the model alone.", {.absent = true});
+    list.field("ball_network", &LearnedPolicy::ball_network,
+               "Missing: string and gravity moved the ball.", {.absent = true});
+    list.columns("curve", &LearnedPolicy::curve, "One value an iteration.");
+    list.in_memory("policy", &LearnedPolicy::policy,
+                   "Gaussian over the weights; the mean is executed.");
+  }
 };
 
 /// Of the task's network.

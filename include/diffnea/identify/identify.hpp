@@ -12,6 +12,7 @@
 /// global. Robust losses, shape parameters (v₀, Stribeck velocity …) and friction by the
 /// transmitted torque take one more pass for each re-weighting or step.
 
+#include <diffnea/core/fields.hpp>
 #include <diffnea/identify/ball_options.hpp>
 #include <diffnea/identify/ball_series.hpp>
 #include <diffnea/identify/linear_fit.hpp>
@@ -23,15 +24,40 @@ namespace diffnea {
 
 /// What is compared: torques, accelerations, or positions of simulated windows.
 enum class Loss { kInverse, kForward, kTrajectory };
+/// Names in options.
+template <>
+struct EnumNames<Loss> {
+  /// All losses of the arm.
+  static constexpr NamedValue<Loss> list[] = {
+      {Loss::kInverse, "inverse"}, {Loss::kForward, "forward"}, {Loss::kTrajectory, "trajectory"}};
+};
+
 /// Weights of rows with large residuals (Holland, Welsch 1977).
 enum class Robust { kNone, kHuber, kCauchy };
+/// Names in options.
+template <>
+struct EnumNames<Robust> {
+  /// All weights.
+  static constexpr NamedValue<Robust> list[] = {
+      {Robust::kNone, "none"}, {Robust::kHuber, "huber"}, {Robust::kCauchy, "cauchy"}};
+};
 
 /// Where a fit stands. A callback that returns false stops it; what was found is kept.
 struct FitProgress {
-  std::string stage;     ///< "reading", "fitting", …
-  int iteration = 0;     ///< of the stage
-  long rows = 0;         ///< rows read
-  double objective = 0;  ///< of the last iteration [χ²/2]; of a ball: its σ [m]; 0: none yet
+  std::string stage;
+  int iteration = 0;
+  long rows = 0;
+  double objective = 0;
+
+  template <class List>
+  static constexpr void fields(List& list) {
+    list.type("FitProgress", "Where a fit stands.");
+    list.field("stage", &FitProgress::stage, "What is being done: ``reading``, ``fitting``, …");
+    list.field("iteration", &FitProgress::iteration, "Of the stage.");
+    list.field("rows", &FitProgress::rows, "Rows read.");
+    list.field("objective", &FitProgress::objective,
+               "Of the last iteration [χ²/2]; of a ball: its σ [m]; 0: none yet.");
+  }
 };
 
 /// What is fitted, by which loss, and when the fit stops.
@@ -54,15 +80,34 @@ struct IdentifyOptions {
 
 /// One fitted parameter.
 struct ParameterEstimate {
-  std::string name;           ///< "forearm.mass", "elbow.coulomb_friction.coulomb", "string.length"
-  std::string unit;           ///< SI, as effects write it: "kg*m^2", "N*m*s/rad"; "1": none
-  double value = 0.0;         ///< in the fitted model
-  double std = 0.0;           ///< standard error; NaN if not identifiable, 0 if fixed
-  double prior = 0.0;         ///< before the fit: the model's, or what it was to be held at
-  bool identifiable = false;  ///< the data alone know it; never if fixed
-  bool fixed = false;         ///< held at `prior`: asked for, or a note says why
-  bool at_bound =
-      false;  ///< the consistent optimum lies on the boundary (zero friction, massless part)
+  std::string name;
+  std::string unit;
+  double value = 0.0;
+  double std = 0.0;
+  double prior = 0.0;
+  bool identifiable = false;
+  bool fixed = false;
+  bool at_bound = false;
+
+  template <class List>
+  static constexpr void fields(List& list) {
+    list.type("ParameterEstimate", "One fitted parameter.");
+    list.field("name", &ParameterEstimate::name,
+               "``forearm.mass``, ``elbow.coulomb_friction.coulomb``, ``string.length``.");
+    list.field("value", &ParameterEstimate::value, "In the fitted model.");
+    list.field("unit", &ParameterEstimate::unit,
+               "SI, as effects write it: ``kg*m^2``, ``N*m*s/rad``; ``1``: none.");
+    list.field("std", &ParameterEstimate::std,
+               "Standard error; 0 where held, NaN if not identifiable.");
+    list.field("prior", &ParameterEstimate::prior,
+               "Before the fit: the model's, or what it was to be held at.");
+    list.field("identifiable", &ParameterEstimate::identifiable,
+               "The data alone know it; never if fixed.");
+    list.field("fixed", &ParameterEstimate::fixed,
+               "Held at ``prior``: asked for, or a note says why.");
+    list.field("at_bound", &ParameterEstimate::at_bound,
+               "The consistent optimum lies on the boundary (zero friction, massless part).");
+  }
 };
 
 /// Root mean square of one joint's torque error, four times over [N·m] or [N]; of joint `ball`: of
@@ -70,17 +115,37 @@ struct ParameterEstimate {
 /// loss: of the joint's position [rad] or [m], without torque_rms. All NaN: its torque is not
 /// known. Those of the held-out set NaN: it holds no row that counts (a note says why).
 struct JointError {
-  std::string joint;           ///< its name, or `ball`
-  std::string unit;            ///< "N*m", "N"; trajectory loss: "rad", "m"; of `ball`: "m"
-  double torque_rms = 0.0;     ///< of the measured torque, held-out set (training set without one)
-  double train = 0.0;          ///< filtered, decimated series that was fitted
-  double nominal_train = 0.0;  ///< the model before the fit
-  double test = 0.0;           ///< held out; NaN without a test set
-  double nominal_test = 0.0;   ///< held out, the model before the fit
-  double test_all = 0.0;       ///< samples at which the joint rests included
-  /// Unfiltered torque; trajectory loss: each window from its measured state; ball: with rows that
-  /// the fit's path contradicts.
+  std::string joint;
+  std::string unit;
+  double torque_rms = 0.0;
+  double train = 0.0;
+  double nominal_train = 0.0;
+  double test = 0.0;
+  double nominal_test = 0.0;
+  double test_all = 0.0;
   double test_raw = 0.0;
+
+  template <class List>
+  static constexpr void fields(List& list) {
+    list.type("JointError",
+              "Root mean square of one joint's torque error [N·m] or [N]; with the trajectory loss "
+              "of its position's [rad] or [m]; of ``ball``: of its position's along one axis [m].");
+    list.field("joint", &JointError::joint, "The joint's name, or ``ball``.");
+    list.field("unit", &JointError::unit,
+               "``N*m`` or ``N``; trajectory loss: ``rad`` or ``m``; of ``ball``: ``m``.");
+    list.field("torque_rms", &JointError::torque_rms,
+               "Of the measured torque: held out, else of the training data. Trajectory loss: NaN; "
+               "of ``ball``: of its position about its mean.");
+    list.field("train", &JointError::train, "Of the filtered, decimated series that was fitted.");
+    list.field("nominal_train", &JointError::nominal_train, "The model before the fit.");
+    list.field("test", &JointError::test, "Held out; NaN without a test set.");
+    list.field("nominal_test", &JointError::nominal_test, "Held out, the model before the fit.");
+    list.field("test_all", &JointError::test_all,
+               "Held out, samples at which the joint rests included.");
+    list.field("test_raw", &JointError::test_raw,
+               "Held out, of the unfiltered torque. Trajectory loss: each window from its measured "
+               "state; of ``ball``: with rows that the fit's path contradicts.");
+  }
 };
 
 inline constexpr std::size_t kMaxSeriesRows = 4000;  ///< of each joint, see TorqueSeries
@@ -89,36 +154,83 @@ inline constexpr std::size_t kMaxSeriesRows = 4000;  ///< of each joint, see Tor
 /// kMaxSeriesRows, those of several recordings one after the other. Trajectory loss: positions,
 /// simulated window by window. All empty: its torque is not known.
 struct TorqueSeries {
-  std::string joint;             ///< its name in the model
-  std::string unit;              ///< "N*m", "N"; trajectory loss: "rad", "m"
-  std::vector<double> time;      ///< [s], of the recording
-  std::vector<double> measured;  ///< low-passed; trajectory loss: as recorded
-  std::vector<double> fitted;    ///< by the fitted model
-  std::vector<double> nominal;   ///< by the model before the fit
-  std::vector<double> velocity;  ///< low-passed like the torque; trajectory loss: empty
+  std::string joint;
+  std::string unit;
+  std::vector<double> time;
+  std::vector<double> measured;
+  std::vector<double> fitted;
+  std::vector<double> nominal;
+  std::vector<double> velocity;
+
+  template <class List>
+  static constexpr void fields(List& list) {
+    list.type("TorqueSeries",
+              "Torque of one joint over time, filtered and decimated; with the trajectory loss its "
+              "position, simulated window by window.",
+              {.columns = true});
+    list.field("joint", &TorqueSeries::joint, "Its name in the model.");
+    list.field("unit", &TorqueSeries::unit, "``N*m`` or ``N``; trajectory loss: ``rad`` or ``m``.");
+    list.field("time", &TorqueSeries::time, "Of the recording.", {.unit = "s"});
+    list.field("measured", &TorqueSeries::measured, "Low-passed; trajectory loss: as recorded.");
+    list.field("fitted", &TorqueSeries::fitted, "(M,) of the model as fitted.");
+    list.field("nominal", &TorqueSeries::nominal, "(M,) of the model before the fit.");
+    list.field("velocity", &TorqueSeries::velocity,
+               "(M,) of the joint [rad/s] or [m/s]; empty with the trajectory loss.",
+               {.optional = true});
+  }
 };
 
 /// A torque constant that the fit corrected: recorded torques are `assumed` times the current, and
 /// 1 + ε (torque_gain) times what they should be.
 struct TorqueConstant {
-  std::string joint;     ///< whose drive
-  std::string unit;      ///< "N*m/A", "N/A"
-  double assumed = 0.0;  ///< of the recording's sidecar [N·m/A] or [N/A]
-  double value = 0.0;    ///< assumed / (1 + ε)
-  double std = 0.0;      ///< standard error; NaN if the gain could not be identified
+  std::string joint;
+  std::string unit;
+  double assumed = 0.0;
+  double value = 0.0;
+  double std = 0.0;
+
+  template <class List>
+  static constexpr void fields(List& list) {
+    list.type("TorqueConstant", "A torque constant that the fit corrected.");
+    list.field("joint", &TorqueConstant::joint, "The joint's name.");
+    list.field("unit", &TorqueConstant::unit, "``N*m/A`` or ``N/A``.");
+    list.field("assumed", &TorqueConstant::assumed, "Of the recording's sidecar [N·m/A] or [N/A].");
+    list.field("value", &TorqueConstant::value, "Assumed / (1 + gain_error).");
+    list.field("std", &TorqueConstant::std,
+               "Standard error; NaN if the gain could not be identified.");
+  }
 };
 
 /// How a fit went.
 struct FitSummary {
-  bool converged = false;    ///< it reached its stop rule; of arm and ball, both did
-  bool interrupted = false;  ///< the callback said so; the result is of what had been done
-  std::string termination;   ///< why it ended, in words
-  int iterations = 0;        ///< Newton steps of the last fit
-  int passes = 0;            ///< over the data
-  long rows = 0;             ///< of the recordings
-  long fitted_rows = 0;      ///< torque samples in the factor (or positions), and rows of the ball
-  double seconds = 0.0;      ///< in all [s]
-  double seconds_fitting = 0.0;  ///< of these, before the errors are computed [s]; reading counts
+  bool converged = false;
+  bool interrupted = false;
+  std::string termination;
+  int iterations = 0;
+  int passes = 0;
+  long rows = 0;
+  long fitted_rows = 0;
+  double seconds = 0.0;
+  double seconds_fitting = 0.0;
+
+  template <class List>
+  static constexpr void fields(List& list) {
+    list.type("FitSummary", "How the fit went.");
+    list.field("converged", &FitSummary::converged,
+               "It reached its stop rule; of arm and ball, both did.");
+    list.field("interrupted", &FitSummary::interrupted,
+               "The callback said so; the result is of what had been done.");
+    list.field("termination", &FitSummary::termination, "Why it ended, in words.",
+               {.optional = true});
+    list.field("iterations", &FitSummary::iterations, "Newton steps of the last fit.");
+    list.field("passes", &FitSummary::passes, "Over the data.");
+    list.in_memory("rows", &FitSummary::rows, "Of the recordings.");
+    list.in_memory("fitted_rows", &FitSummary::fitted_rows,
+                   "Torque samples in the factor (or positions), and rows of the ball.");
+    list.field("seconds", &FitSummary::seconds, "In all.", {.unit = "s"});
+    list.field("seconds_fitting", &FitSummary::seconds_fitting,
+               "Of these, before the errors are computed [s]; reading counts.");
+  }
 };
 
 /// How a note begins that a reader must not overlook; these come first.
@@ -126,23 +238,90 @@ inline constexpr const char* kWarning = "WARNING: ";
 
 /// What a fit found: the model, its parameters with errors, and what it is worth.
 struct IdentifyResult {
-  Model model;  ///< the input with fitted values, effects and posterior
-  std::vector<ParameterEstimate> parameters;   ///< of the arm, fixed ones included; then the ball's
-  std::vector<BaseParameter> base_parameters;  ///< of the arm; trajectory loss: empty
-  /// Where the recording names one and a gain was fitted.
+  Model model;
+  std::vector<ParameterEstimate> parameters;
+  std::vector<BaseParameter> base_parameters;
   std::vector<TorqueConstant> torque_constants;
-  std::vector<JointError> errors;      ///< one a joint, then `ball` where one was fitted
-  std::vector<std::string> boundary;   ///< links on the boundary of consistency
-  double consistency_cost = 0.0;       ///< χ²/2 that consistency costs
-  bool physically_consistent = false;  ///< inertias were kept to those that a body can have
-  PreprocessPlan plan;                 ///< of the training recordings; dt = 0: no arm was fitted
-  ReadReport data_report;              ///< of the training recordings
-  std::vector<std::string>
-      notes;  ///< what a reader should know: motionless joints, dropped segments …
-  std::vector<TorqueSeries> train_series;  ///< of the training recordings, one a joint
-  std::vector<TorqueSeries> test_series;   ///< of the held-out ones; empty without
-  std::optional<BallSeries> ball;          ///< where a ball was fitted
-  FitSummary summary;                      ///< of arm and ball together
+  std::vector<JointError> errors;
+  std::vector<std::string> boundary;
+  double consistency_cost = 0.0;
+  bool physically_consistent = false;
+  PreprocessPlan plan;
+  ReadReport data_report;
+  std::vector<std::string> notes;
+  std::vector<TorqueSeries> train_series;
+  std::vector<TorqueSeries> test_series;
+  std::optional<BallSeries> ball;
+  FitSummary summary;
+
+  template <class List>
+  static constexpr void fields(List& list) {
+    list.type("IdentifyResult", "A fit: the model with uncertainties, and how well it predicts.",
+              {.files = kInResult});
+    list.also("model", &IdentifyResult::model, &Model::name, "Name of the robot.",
+              {.files = kInBoth, .optional = true});
+    list.field("physically_consistent", &IdentifyResult::physically_consistent,
+               "Every link is one that some distribution of mass can be.");
+    list.field("parameters", &IdentifyResult::parameters,
+               "The fitted parameters: a list of :class:`ParameterEstimate`, also by name; "
+               "``.to_frame()``.");
+    list.custom("effects",
+                "Every effect of the fitted model: ``effect``, ``where`` and ``parameters``, each "
+                "with ``name``, ``value``, ``unit`` and ``std``.");
+    list.derived(
+        "rank", [](const IdentifyResult& fit) { return fit.base_parameters.size(); },
+        "Number of combinations that the data determine.");
+    list.custom("base_parameters",
+                "These combinations: ``expression``, ``value`` and ``std`` in SI units, ``terms`` "
+                "(``parameter``, ``coefficient``).");
+    list.field("torque_constants", &IdentifyResult::torque_constants,
+               "Torque constants where a gain was fitted and the recording names one, a list of "
+               ":class:`TorqueConstant`.");
+    list.custom("rmse",
+                "Per joint, root mean square torque error in ``units``: ``train``, "
+                "``nominal_train`` (the model before the fit), ``test``, ``nominal_test``, "
+                "``test_all`` (samples at which the joint rests included, which the others leave "
+                "out), ``test_raw`` (against the unfiltered torque), ``torque_rms`` (of the "
+                "held-out torque, or of the training data without one), and ``relative``: ``of`` "
+                "(``test`` or ``train``), ``fitted`` and ``nominal`` as shares of ``torque_rms``.");
+    list.field("train_series", &IdentifyResult::train_series,
+               "Measured and predicted torque, a list of :class:`TorqueSeries`.",
+               {.key = "train", .files = kInSeries});
+    list.field("test_series", &IdentifyResult::test_series, "The same, held out.",
+               {.key = "test", .files = kInSeries});
+    list.field("ball", &IdentifyResult::ball,
+               "The ball's path, a :class:`BallSeries`; None where none was fitted.");
+    list.custom("ball", "The ball's path, columns of equal length; null where none was fitted.",
+                {.files = kInSeries});
+    list.field("boundary", &IdentifyResult::boundary,
+               "Links on the boundary of physical consistency.");
+    list.field("consistency_cost", &IdentifyResult::consistency_cost, "What consistency costs.",
+               {.unit = "χ²/2"});
+    list.also("preprocessing.filter_hz", &IdentifyResult::plan, &PreprocessPlan::filter_hz);
+    list.also("preprocessing.decimated_to_hz", &IdentifyResult::plan, &PreprocessPlan::decimator,
+              "Rate of the rows that are fitted.", {.unit = "Hz"});
+    list.also("preprocessing.period", &IdentifyResult::plan, &PreprocessPlan::dt);
+    list.also("preprocessing.rows", &IdentifyResult::summary, &FitSummary::rows);
+    list.also("preprocessing.fitted_rows", &IdentifyResult::summary, &FitSummary::fitted_rows);
+    list.also("preprocessing.quarantined", &IdentifyResult::data_report, &ReadReport::quarantined);
+    list.also("preprocessing.quarantined_rows", &IdentifyResult::data_report,
+              &ReadReport::quarantined_rows);
+    list.also("preprocessing.extra_channels", &IdentifyResult::data_report,
+              &ReadReport::extra_channels);
+    list.also("preprocessing.notes", &IdentifyResult::data_report, &ReadReport::notes);
+    list.also("preprocessing.timing_jitter", &IdentifyResult::plan, &PreprocessPlan::timing_jitter);
+    list.field("notes", &IdentifyResult::notes, "What a reader should know, one sentence each.");
+    list.field("summary", &IdentifyResult::summary, "How the fit went.");
+    list.in_memory("model", &IdentifyResult::model,
+                   "The model with fitted values, effects and posterior.");
+    list.in_memory("base_parameters", &IdentifyResult::base_parameters,
+                   "Combinations that the data determine, a list of :class:`BaseParameter`.");
+    list.in_memory("errors", &IdentifyResult::errors,
+                   "Torque error of every joint, a list of :class:`JointError`.");
+    list.in_memory("plan", &IdentifyResult::plan, "How the recordings were filtered.");
+    list.in_memory("data_report", &IdentifyResult::data_report,
+                   "What reading the files brought up.");
+  }
 };
 
 /// @param test  held-out recordings, may be null

@@ -2,6 +2,7 @@
 /// From the factors of the regression to parameters with uncertainties: noise of each joint,
 /// consistent optimum, what the data see and what they do not.
 
+#include <diffnea/core/fields.hpp>
 #include <diffnea/identify/convex_fit.hpp>
 #include <diffnea/identify/layout.hpp>
 #include <diffnea/identify/triangular_factor.hpp>
@@ -28,11 +29,25 @@ struct JointFactor {
 
 /// A combination of parameters that the data determine by themselves.
 struct BaseParameter {
-  std::string expression;            ///< "upper_arm.Izz + 0.055 forearm.mass"
-  double value = 0.0;                ///< Σ coefficient · parameter, in the first one's unit
-  double std = 0.0;                  ///< its standard error
-  std::vector<int> columns;          ///< of the layout, the leading one first
-  std::vector<double> coefficients;  ///< of these; the leading one's is 1
+  std::string expression;
+  double value = 0.0;
+  double std = 0.0;
+  std::vector<int> columns;
+  std::vector<double> coefficients;
+
+  template <class List>
+  static constexpr void fields(List& list) {
+    list.type("BaseParameter",
+              "A combination of parameters that the data determine by themselves.");
+    list.field("expression", &BaseParameter::expression, "``upper_arm.Izz + 0.055 forearm.mass``.");
+    list.field("value", &BaseParameter::value,
+               "Σ coefficient · parameter, in the first one's unit.");
+    list.field("std", &BaseParameter::std, "Its standard error.");
+    list.in_memory("columns", &BaseParameter::columns,
+                   "Indices of the parameters, the leading one first.");
+    list.in_memory("coefficients", &BaseParameter::coefficients,
+                   "Of these; the leading one's is 1.");
+  }
 };
 
 /// Priors and consistency of a linear fit.

@@ -14,6 +14,7 @@
 #include <string>
 #include <vector>
 
+#include <diffnea/core/fields.hpp>
 #include <diffnea/model/model.hpp>
 
 namespace diffnea {
@@ -21,11 +22,20 @@ namespace diffnea {
 /// A parameter that every draw has anywhere within a range: what a model may lack, or has wrongly,
 /// and no recording has told of. Uniform.
 struct Variation {
-  /// As result files name it: "string.string_mass.mass_ratio", "elbow.coulomb_friction.coulomb",
-  /// "string.length", "string.attachment_x".
   std::string parameter;
-  double low = 0.0;   ///< least value, in the parameter's unit
-  double high = 0.0;  ///< largest value, likewise
+  double low = 0.0;
+  double high = 0.0;
+
+  template <class List>
+  static constexpr void fields(List& list) {
+    list.type("Variation", "A parameter that every draw has anywhere within a range.",
+              {.exact = true});
+    list.field("parameter", &Variation::parameter,
+               "As result files name it: ``string.string_mass.mass_ratio``, "
+               "``elbow.coulomb_friction.coulomb``, ``string.length``, ``string.attachment_x``.");
+    list.field("low", &Variation::low, "Least value, in the parameter's unit.");
+    list.field("high", &Variation::high, "Largest value, likewise.");
+  }
 };
 /// "string.string_mass.mass_ratio=0:0.1". @throws Error that says what came and what was expected
 Variation parse_variation(const std::string& text);

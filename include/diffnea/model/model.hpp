@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include <diffnea/core/fields.hpp>
 #include <diffnea/model/ball.hpp>
 #include <diffnea/model/tree.hpp>
 
@@ -146,8 +147,16 @@ void set_inertial_parameters(Model& model, const VecX<double>& pi);
 
 /// Something about a model that looks wrong, in words for a person.
 struct ModelIssue {
-  std::string link;  ///< name of the link it is about
-  std::string text;  ///< what is wrong with it, with the number, e.g. "mass is 0 kg, expected > 0"
+  std::string link;
+  std::string text;
+
+  template <class List>
+  static constexpr void fields(List& list) {
+    list.type("Issue", "Something about a model that looks wrong.");
+    list.field("link", &ModelIssue::link, "Name of the link it is about.");
+    list.field("text", &ModelIssue::text,
+               "What is wrong with it, with the number, e.g. ``mass is 0 kg, expected > 0``");
+  }
 };
 /// Masses that are not positive, inertias that no distribution of mass can have (smallest principal
 /// second moment below zero: the triangle inequality, by how much), limits that are empty, moving

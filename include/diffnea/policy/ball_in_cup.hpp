@@ -13,20 +13,35 @@
 /// ends, and the slack is that of the looks at which it is outside the cup. It is solved where the
 /// ball is inside throughout the last half second.
 
+#include <diffnea/core/fields.hpp>
 #include <diffnea/policy/task.hpp>
 
 namespace diffnea {
 
 /// Weights and lengths of the reward.
 struct BallInCupOptions {
-  /// ε, the square of the distance from the cup's origin at which ψ is largest [m²].
   double epsilon = 0.01;
-  double lambda_q = 0.02;    ///< λ_q, of joint positions [1/rad²]
-  double lambda_qd = 0.002;  ///< λ_q̇, of joint velocities [s²/rad²]
-  /// λ_s, of the string's slack (1 − ‖Δ‖/r)² until the ball is caught: where a massless string is
-  /// furthest from a rope. 0: the paper's reward.
+  double lambda_q = 0.02;
+  double lambda_qd = 0.002;
   double lambda_slack = 0.0;
-  double string = 0.4;  ///< r, the string's length [m]
+  double string = 0.4;
+
+  template <class List>
+  static constexpr void fields(List& list) {
+    list.type("BallInCupOptions", "Weights and lengths of the reward.", {.exact = true});
+    list.field("epsilon", &BallInCupOptions::epsilon,
+               "ε, the square of the distance from the cup's origin at which ψ is largest.",
+               {.unit = "m²"});
+    list.field("lambda_q", &BallInCupOptions::lambda_q, "λ_q, of joint positions.",
+               {.unit = "1/rad²"});
+    list.field("lambda_qd", &BallInCupOptions::lambda_qd, "λ_q̇, of joint velocities.",
+               {.unit = "s²/rad²"});
+    list.field("lambda_slack", &BallInCupOptions::lambda_slack,
+               "λ_s, of the string's slack (1 − ‖Δ‖/r)² until the ball is caught: where a massless "
+               "string is furthest from a rope. 0: the paper's reward.",
+               {.optional = true, .null = 0.0});
+    list.field("string", &BallInCupOptions::string, "r, the string's length.", {.unit = "m"});
+  }
 };
 
 /// The task: the ball ends in the cup.

@@ -10,18 +10,33 @@
 #include <string>
 #include <vector>
 
+#include <diffnea/core/fields.hpp>
 #include <diffnea/policy/gaussian.hpp>
 
 namespace diffnea {
 
 /// Bounds on the step, samples an iteration, and when to stop.
 struct ErepsOptions {
-  int samples = 80;         ///< N, of an iteration
-  double epsilon = 0.5;     ///< KL bound of the reweighted samples [nat]
-  double kappa = 0.5;       ///< KL(old ‖ new) bound of the Gaussian's update [nat]
-  int iterations = 100;     ///< at most
-  double stop_std = 0.02;   ///< done when every parameter's standard deviation is below
-  double least_std = 1e-3;  ///< the update keeps every direction's above
+  int samples = 80;
+  double epsilon = 0.5;
+  double kappa = 0.5;
+  int iterations = 100;
+  double stop_std = 0.02;
+  double least_std = 1e-3;
+
+  template <class List>
+  static constexpr void fields(List& list) {
+    list.type("ErepsOptions", "How a search goes, and when it stops.");
+    list.field("samples", &ErepsOptions::samples, "N, of an iteration.");
+    list.field("epsilon", &ErepsOptions::epsilon, "KL bound of the reweighted samples.",
+               {.unit = "nat"});
+    list.field("kappa", &ErepsOptions::kappa, "KL(old ‖ new) bound of the Gaussian's update.",
+               {.unit = "nat"});
+    list.field("iterations", &ErepsOptions::iterations, "At most.");
+    list.field("stop_std", &ErepsOptions::stop_std,
+               "Done when every parameter's standard deviation is below.");
+    list.field("least_std", &ErepsOptions::least_std, "The update keeps every direction's above.");
+  }
 };
 
 /// Weights of samples by the dual g(η) = ηε + R_max + η log(1/N Σ exp((R_i − R_max)/η)), N and Σ
@@ -54,16 +69,34 @@ Gaussian bounded_update(const Gaussian& old, const RowMatX<double>& theta,
 
 /// What one iteration did.
 struct ErepsIteration {
-  int iteration = 0;               ///< from 1
-  double reward_mean = 0.0;        ///< of the finite ones
-  double reward_best = 0.0;        ///< so far
-  double eta = 0.0;                ///< as Reweighting::eta [reward]
-  double kl_samples = 0.0;         ///< as Reweighting::kl, at most ErepsOptions::epsilon [nat]
-  double kl_update = 0.0;          ///< KL(old ‖ new), at most ErepsOptions::kappa [nat]
-  double entropy = 0.0;            ///< of the new Gaussian [nat]
-  double effective_samples = 0.0;  ///< 1/Σw²
-  double largest_std = 0.0;        ///< of the new Gaussian's parameters
-  double solved_share = 0.0;       ///< of the samples, where a task says so; the caller's
+  int iteration = 0;
+  double reward_mean = 0.0;
+  double reward_best = 0.0;
+  double eta = 0.0;
+  double kl_samples = 0.0;
+  double kl_update = 0.0;
+  double entropy = 0.0;
+  double effective_samples = 0.0;
+  double largest_std = 0.0;
+  double solved_share = 0.0;
+
+  template <class List>
+  static constexpr void fields(List& list) {
+    list.type("ErepsIteration", "One iteration of a search.", {.exact = true});
+    list.in_memory("iteration", &ErepsIteration::iteration, "From 1.");
+    list.field("reward_mean", &ErepsIteration::reward_mean, "Mean of the finite rewards.");
+    list.field("reward_best", &ErepsIteration::reward_best, "Best reward so far.");
+    list.field("eta", &ErepsIteration::eta, "Temperature of the weights.");
+    list.field("kl_samples", &ErepsIteration::kl_samples,
+               "As Reweighting::kl, at most ErepsOptions::epsilon.", {.unit = "nat"});
+    list.field("kl_update", &ErepsIteration::kl_update,
+               "KL(old ‖ new), at most ErepsOptions::kappa.", {.unit = "nat"});
+    list.field("entropy", &ErepsIteration::entropy, "Of the new Gaussian.", {.unit = "nat"});
+    list.field("effective_samples", &ErepsIteration::effective_samples, "1/Σw².");
+    list.field("largest_std", &ErepsIteration::largest_std, "Of the new Gaussian's parameters.");
+    list.field("solved_share", &ErepsIteration::solved_share,
+               "Share of the samples that solve the task, where it says so.");
+  }
 };
 
 /// The search itself: samples, rewards, the next Gaussian; can be stopped and resumed at any

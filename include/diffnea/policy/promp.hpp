@@ -12,23 +12,37 @@
 #include <string>
 #include <vector>
 
+#include <diffnea/core/fields.hpp>
 #include <diffnea/core/scalar.hpp>
 
 namespace diffnea {
 
 /// Basis functions and times of a movement primitive.
 struct PrompSpec {
-  std::vector<std::string> joints;  ///< that move; all others keep their start
-  int bases = 9;                    ///< B, a joint; at least 2
-  /// Weights at the beginning that are 0 and not of the parameters: the motion leaves slowly.
+  std::vector<std::string> joints;
+  int bases = 9;
   int held_first = 2;
-  /// The same at the end: it comes home.
   int held_last = 2;
-  double width = 1.0;     ///< of a basis, in spacings of the centres
-  double duration = 1.5;  ///< T [s]
-  double hold = 1.0;      ///< after T [s]
-  /// Comes back exactly to q_0 at T: φ(1) = 0. If not, φ(1) = n(1), still at rest.
+  double width = 1.0;
+  double duration = 1.5;
+  double hold = 1.0;
   bool returns = true;
+
+  template <class List>
+  static constexpr void fields(List& list) {
+    list.type("PrompSpec", "A movement primitive.", {.exact = true});
+    list.field("joints", &PrompSpec::joints, "That move; all others keep their start.");
+    list.field("bases", &PrompSpec::bases, "B, a joint; at least 2.");
+    list.field(
+        "held_first", &PrompSpec::held_first,
+        "Weights at the beginning that are 0 and not of the parameters: the motion leaves slowly.");
+    list.field("held_last", &PrompSpec::held_last, "The same at the end: it comes home.");
+    list.field("width", &PrompSpec::width, "Width of a basis, in spacings of the centres.");
+    list.field("duration", &PrompSpec::duration, "T.", {.unit = "s"});
+    list.field("hold", &PrompSpec::hold, "Time after T.", {.unit = "s"});
+    list.field("returns", &PrompSpec::returns,
+               "Comes back exactly to q_0 at T: φ(1) = 0. If not, φ(1) = n(1), still at rest.");
+  }
 };
 
 /// A movement primitive: from weights to desired positions and velocities.

@@ -17,6 +17,7 @@
 #include <utility>
 #include <vector>
 
+#include <diffnea/core/fields.hpp>
 #include <diffnea/recording/csv.hpp>
 #include <diffnea/recording/joints.hpp>
 #include <diffnea/recording/recording.hpp>
@@ -37,45 +38,103 @@ enum class FaultSeverity {
   kFault,  ///< biases what is identified or diagnosed from this channel
 };
 
+/// Names in result files.
+template <>
+struct EnumNames<FaultSeverity> {
+  /// Both severities.
+  static constexpr NamedValue<FaultSeverity> list[] = {{FaultSeverity::kFault, "fault"},
+                                                       {FaultSeverity::kNote, "note"}};
+};
+
 /// One thing that is wrong with a channel, as data.
 struct ChannelFault {
-  std::string fault;    ///< name, e.g. "velocity_filter_lag"; audit_fault_names() lists all
-  std::string where;    ///< joint, or "time", "ball", "all"
-  std::string channel;  ///< column, e.g. "qd_elbow"
-  double value = 0.0;   ///< size of the fault
-  std::string unit;     ///< of the value, "1" for none
-  double std =
-      std::numeric_limits<double>::quiet_NaN();  ///< standard error; NaN: a count or an exact value
-  double significance =
-      std::numeric_limits<double>::quiet_NaN();    ///< size over its standard error; NaN likewise
-  FaultSeverity severity = FaultSeverity::kFault;  ///< of this fault at this size
-  std::string source;    ///< recording and run; empty: all of them together
-  std::string evidence;  ///< one sentence with numbers
+  std::string fault;
+  std::string where;
+  std::string channel;
+  double value = 0.0;
+  std::string unit;
+  double std = std::numeric_limits<double>::quiet_NaN();
+  double significance = std::numeric_limits<double>::quiet_NaN();
+  FaultSeverity severity = FaultSeverity::kFault;
+  std::string source;
+  std::string evidence;
+
+  template <class List>
+  static constexpr void fields(List& list) {
+    list.type("ChannelFault", "One thing that is wrong with a channel.");
+    list.field("fault", &ChannelFault::fault,
+               "Name, e.g. ``velocity_filter_lag``.");
+    list.field("where", &ChannelFault::where, "Joint, or ``time``, ``ball``, ``all``.");
+    list.field("channel", &ChannelFault::channel, "Column, e.g. ``qd_elbow``.", {.optional = true});
+    list.field("value", &ChannelFault::value, "Size of the fault.", {.unit = "unit"});
+    list.field("unit", &ChannelFault::unit, "Of the value; ``1`` for none.", {.optional = true});
+    list.field("std", &ChannelFault::std, "Standard error; NaN: a count or an exact value.");
+    list.field("significance", &ChannelFault::significance,
+               "Size over its standard error; NaN likewise.");
+    list.field("severity", &ChannelFault::severity,
+               "``fault``: biases what is fitted; ``note``: identification copes with it.",
+               {.optional = true});
+    list.field("source", &ChannelFault::source, "Recording and run; empty: all of them together.",
+               {.empty_is_null = true});
+    list.field("evidence", &ChannelFault::evidence, "One sentence with numbers.",
+               {.optional = true});
+  }
 };
 
 /// How a motion repeats.
 struct Period {
-  double seconds = 0.0;  ///< smallest; 0: does not repeat
-  double std = 0.0;      ///< of `seconds`
-  double repeats = 0.0;  ///< how often the recording holds it
-  /// Rms difference of positions one period apart, over √2 times the motion's rms: 1 if unrelated.
+  double seconds = 0.0;
+  double std = 0.0;
+  double repeats = 0.0;
   double mismatch = 0.0;
+
+  template <class List>
+  static constexpr void fields(List& list) {
+    list.type("Period", "How a motion repeats.");
+    list.field("seconds", &Period::seconds, "The smallest period [s]; 0: none.");
+    list.field("std", &Period::std, "Standard error of ``seconds``.", {.unit = "s"});
+    list.field("repeats", &Period::repeats, "How often the recording holds it.");
+    list.field("mismatch", &Period::mismatch,
+               "Rms difference of positions one period apart, over √2 times the motion's rms: 1 if "
+               "unrelated.");
+  }
 };
 
 /// A family of checks: what it looked at, or why it could not.
 struct AuditCheck {
-  std::string name;   ///< of the family, e.g. "time", "spikes", "measured velocity"
-  bool done = false;  ///< false: it could not look
-  std::string text;   ///< what it looked at, or why it could not
+  std::string name;
+  bool done = false;
+  std::string text;
+
+  template <class List>
+  static constexpr void fields(List& list) {
+    list.type("AuditCheck", "What was looked at, or why it could not be.");
+    list.field("name", &AuditCheck::name,
+               "Of the family, e.g. ``time``, ``spikes``, ``measured velocity``.", {.key = "check"});
+    list.field("done", &AuditCheck::done, "False: it could not look.");
+    list.field("text", &AuditCheck::text, "What it looked at, or why it could not.");
+  }
 };
 
 /// What an audit found, and what it looked at.
 struct AuditReport {
-  std::vector<ChannelFault> faults;  ///< faults first, then notes; by significance
-  std::vector<AuditCheck> checks;    ///< done or not
-  std::vector<Period> periods;       ///< per recording
-  long rows = 0;                     ///< of all recordings
-  double rate_hz = 0.0;              ///< of the rows; 0: unknown
+  std::vector<ChannelFault> faults;
+  std::vector<AuditCheck> checks;
+  std::vector<Period> periods;
+  long rows = 0;
+  double rate_hz = 0.0;
+
+  template <class List>
+  static constexpr void fields(List& list) {
+    list.type("AuditReport", "What an audit found, and what it looked at.");
+    list.field("rows", &AuditReport::rows, "Of all recordings.");
+    list.field("rate_hz", &AuditReport::rate_hz, "Of the rows; 0: unknown.",
+               {.unit = "Hz", .empty_is_null = true});
+    list.field("faults", &AuditReport::faults,
+               "Faults first, then notes; each by its significance.", {.key = "audit"});
+    list.field("checks", &AuditReport::checks, "What was looked at.");
+    list.field("periods", &AuditReport::periods, "Per recording.");
+  }
 };
 
 /// Looks at all recordings of one robot. Recordings too short or without motion are no error: the

@@ -9,6 +9,7 @@
 #include <filesystem>
 #include <memory>
 
+#include <diffnea/core/fields.hpp>
 #include <diffnea/recording/joints.hpp>
 #include <diffnea/recording/recording.hpp>
 
@@ -28,21 +29,41 @@ struct ReadOptions {
 
 /// A row that cannot be true and was left out.
 struct QuarantinedRow {
-  long line = 0;       ///< in the file, 1 is the header
-  std::string reason;  ///< why, e.g. "time repeats (0.25)"
+  long line = 0;
+  std::string reason;
+
+  template <class List>
+  static constexpr void fields(List& list) {
+    list.type("QuarantinedRow", "A row that cannot be true and was left out.");
+    list.field("line", &QuarantinedRow::line, "In the file; 1 is the header.");
+    list.field("reason", &QuarantinedRow::reason, "Why, e.g. ``time repeats (0.25)``.",
+               {.optional = true});
+  }
 };
 
 /// What reading a file brought up, as data.
 struct ReadReport {
-  std::string source;    ///< path of the file; of several all, with commas
-  long rows = 0;         ///< rows read, the quarantined included
-  long quarantined = 0;  ///< how many of them were left out
-  /// Of each file the first ReadOptions::max_listed.
+  std::string source;
+  long rows = 0;
+  long quarantined = 0;
   std::vector<QuarantinedRow> quarantined_rows;
-  std::vector<std::string> extra_channels;  ///< columns that the contract does not know, kept
-  std::vector<std::string> notes;           ///< one sentence each, for people
+  std::vector<std::string> extra_channels;
+  std::vector<std::string> notes;
 
   void add(const ReadReport& other);  ///< of several files, one report
+
+  template <class List>
+  static constexpr void fields(List& list) {
+    list.type("ReadReport", "What reading a file brought up.");
+    list.field("source", &ReadReport::source, "Path of the file; of several all, with commas.");
+    list.field("rows", &ReadReport::rows, "Rows read, the quarantined included.");
+    list.field("quarantined", &ReadReport::quarantined, "How many of them were left out.");
+    list.field("quarantined_rows", &ReadReport::quarantined_rows,
+               "The first of each file.");
+    list.field("extra_channels", &ReadReport::extra_channels,
+               "Columns that the contract does not know, kept.");
+    list.field("notes", &ReadReport::notes, "One sentence each, for people.");
+  }
 };
 
 /// Reads a file block by block, in memory that does not grow with it.

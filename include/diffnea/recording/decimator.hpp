@@ -8,18 +8,33 @@
 
 #include <vector>
 
+#include <diffnea/core/fields.hpp>
 #include <diffnea/core/scalar.hpp>
 
 namespace diffnea {
 
 /// Rates and sharpness of a decimating filter.
 struct DecimatorOptions {
-  double rate_hz = 0.0;  ///< of the input rows
-  int factor = 1;        ///< input rows per output row; 1 without a pass band: copies
-  double pass_hz = 0.0;  ///< kept to within the ripple; 0: 0.35 of the output rate
-  /// Suppressed from here; 0: the output rate − pass_hz, so that what folds lands above pass_hz.
+  double rate_hz = 0.0;
+  int factor = 1;
+  double pass_hz = 0.0;
   double stop_hz = 0.0;
-  double attenuation_db = 60.0;  ///< ripple and suppression: 1e-3
+  double attenuation_db = 60.0;
+
+  template <class List>
+  static constexpr void fields(List& list) {
+    list.type("DecimatorOptions", "The low-pass and decimation of torques and regressor.");
+    list.field("rate_hz", &DecimatorOptions::rate_hz, "Of the rows that enter.", {.unit = "Hz"});
+    list.field("factor", &DecimatorOptions::factor,
+               "Input rows per output row; 1 without a pass band: copies.");
+    list.field("pass_hz", &DecimatorOptions::pass_hz,
+               "Kept to within the ripple; 0: 0.35 of the output rate.");
+    list.field("stop_hz", &DecimatorOptions::stop_hz,
+               "Suppressed from here; 0: the output rate − pass_hz, so that what folds lands above "
+               "pass_hz.");
+    list.field("attenuation_db", &DecimatorOptions::attenuation_db,
+               "Ripple and suppression: 1e-3.");
+  }
 };
 
 /// A linear-phase low-pass that keeps one row of several, alike for all columns.

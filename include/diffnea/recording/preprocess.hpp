@@ -19,6 +19,7 @@
 
 #include <memory>
 
+#include <diffnea/core/fields.hpp>
 #include <diffnea/recording/decimator.hpp>
 #include <diffnea/recording/recording.hpp>
 
@@ -41,17 +42,40 @@ struct PreprocessOptions {
 
 /// What is decided once for all blocks and recordings.
 struct PreprocessPlan {
-  double dt = 0.0;                 ///< of the uniform grid [s]
-  double filter_hz = 0.0;          ///< Butterworth cut-off
-  int order = 4;                   ///< of the Butterworth filter, which acts twice
-  DecimatorOptions decimator;      ///< for torques and regressor alike
-  double max_gap = 5.0;            ///< a longer pause splits [periods]
-  double min_segment = 1.0;        ///< a shorter segment is dropped [s]
-  bool measured_velocity = false;  ///< filtered qd and its difference, not differences of q
-  std::vector<double> joint_hz;    ///< per joint: the cut-off for it alone; 0: too short to tell
-  std::vector<double> q_noise;     ///< per joint: standard deviation of q's noise [rad] or [m]
-  std::vector<double> tau_noise;   ///< per joint: of the white part of τ's; NaN: not measured
-  double timing_jitter = 0.0;      ///< share of the intervals that are off dt by more than 2 %
+  double dt = 0.0;
+  double filter_hz = 0.0;
+  int order = 4;
+  DecimatorOptions decimator;
+  double max_gap = 5.0;
+  double min_segment = 1.0;
+  bool measured_velocity = false;
+  std::vector<double> joint_hz;
+  std::vector<double> q_noise;
+  std::vector<double> tau_noise;
+  double timing_jitter = 0.0;
+
+  template <class List>
+  static constexpr void fields(List& list) {
+    list.type("PreprocessPlan", "How the recordings were filtered.");
+    list.field("dt", &PreprocessPlan::dt, "Of the uniform grid.", {.unit = "s"});
+    list.field("filter_hz", &PreprocessPlan::filter_hz, "Cut-off of the Butterworth filter.",
+               {.unit = "Hz"});
+    list.field("order", &PreprocessPlan::order, "Of the Butterworth filter, which acts twice.");
+    list.field("decimator", &PreprocessPlan::decimator, "Low-pass of torques and regressor.");
+    list.field("max_gap", &PreprocessPlan::max_gap, "A longer pause splits.", {.unit = "periods"});
+    list.field("min_segment", &PreprocessPlan::min_segment, "A shorter segment was dropped.",
+               {.unit = "s"});
+    list.field("measured_velocity", &PreprocessPlan::measured_velocity,
+               "Filtered qd and its difference, not differences of q.");
+    list.field("joint_hz", &PreprocessPlan::joint_hz,
+               "Per joint: the cut-off for it alone; 0: too short to tell.");
+    list.field("q_noise", &PreprocessPlan::q_noise,
+               "Per joint: standard deviation of q's noise [rad] or [m].");
+    list.field("tau_noise", &PreprocessPlan::tau_noise,
+               "Per joint: of the white part of τ's; NaN: not measured.");
+    list.field("timing_jitter", &PreprocessPlan::timing_jitter,
+               "Share of the intervals that are off dt by more than 2 %.");
+  }
 };
 
 /// Rows of one recording on a uniform grid.

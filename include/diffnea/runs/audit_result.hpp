@@ -18,10 +18,23 @@ AuditReport audit_files(const std::vector<std::filesystem::path>& files,
                         const AuditLimits& limits = {},
                         const std::vector<std::string>& passive = {});
 
+/// An audit as `diffnea audit` prints it.
+struct AuditRun {
+  AuditReport report;  ///< faults and checks
+  std::vector<std::string> data;
+  std::string model;
+
+  template <class List>
+  static constexpr void fields(List& list) {
+    list.type("AuditReport", "Faults of the channels, and what was checked.");
+    list.field("data", &AuditRun::data, "The recordings, as they were named.");
+    list.field("model", &AuditRun::model, "The model's name; empty: none was given.",
+               {.empty_is_null = true});
+    list.embed(&AuditRun::report);
+  }
+};
+
 /// Schema "diffnea/audit/1". A number that does not exist is null.
-/// @param data   the recordings, as they were named
-/// @param model  the model's name; empty: none was given
-std::string audit_result_json(const AuditReport& report, const std::vector<std::string>& data,
-                              const std::string& model = "");
+std::string audit_result_json(const AuditRun& run);
 
 }  // namespace diffnea

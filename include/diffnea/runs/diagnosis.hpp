@@ -8,8 +8,17 @@ namespace diffnea {
 
 /// A diagnosis as RUN/ holds it.
 struct DiagnoseRun {
-  Finding finding;      ///< result of diagnose()
-  Reproduce reproduce;  ///< the command that found it
+  Finding finding;  ///< result of diagnose()
+  Reproduce reproduce;
+
+  template <class List>
+  static constexpr void fields(List& list) {
+    list.type("Finding", "What a model lacks, with evidence, rivals and the gain.",
+              {.files = kInResult});
+    list.embed(&DiagnoseRun::finding);
+    list.field("reproduce", &DiagnoseRun::reproduce, "Version, command and input files.",
+               {.optional = true});
+  }
 };
 
 /// Schema "diffnea/diagnose/1". A number that does not exist is null.

@@ -3,10 +3,12 @@
 /// transfer.md).
 
 #include <filesystem>
+#include <limits>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include <diffnea/core/fields.hpp>
 #include <diffnea/experiment/ball_in_cup.hpp>
 #include <diffnea/experiment/stick_figure.hpp>
 #include <diffnea/runs/result.hpp>
@@ -48,10 +50,26 @@ struct TransferRun {
 
 /// k of n, and its 95 % interval (Wilson 1927).
 struct Share {
-  int k = 0;          ///< how many of the n
-  int n = 0;          ///< 0: nothing is known, the interval is 0 to 1
-  double low = 0.0;   ///< lower end of the interval of k/n
-  double high = 1.0;  ///< upper end of the interval of k/n
+  int k = 0;
+  int n = 0;
+  double low = 0.0;
+  double high = 1.0;
+
+  template <class List>
+  static constexpr void fields(List& list) {
+    list.type("Share", "k of n, and its 95 % interval (Wilson 1927).");
+    list.field("k", &Share::k, "How many of the n.");
+    list.field("n", &Share::n, "0: nothing is known, the interval is 0 to 1.");
+    list.derived(
+        "share",
+        [](const Share& s) {
+          return s.n > 0 ? static_cast<double>(s.k) / s.n
+                         : std::numeric_limits<double>::quiet_NaN();
+        },
+        "k / n; null where n is 0.");
+    list.field("low", &Share::low, "Lower end of the interval of k/n.");
+    list.field("high", &Share::high, "Upper end of the interval of k/n.");
+  }
 };
 /// k of n, with its interval.
 Share share_of(int k, int n);
@@ -64,8 +82,16 @@ int first_capture(const LearnedPolicy& policy);
 
 /// Between the ball's imagined and obtained path [m]; NaN if one has no rows.
 struct PathError {
-  double at_capture = 0.0;  ///< in the last row before the model catches it; NaN: never
-  double rms = 0.0;         ///< until then, or to the end of the shorter
+  double at_capture = 0.0;
+  double rms = 0.0;
+
+  template <class List>
+  static constexpr void fields(List& list) {
+    list.type("PathError", "Between the ball's imagined and obtained path.");
+    list.field("at_capture", &PathError::at_capture,
+               "In the last row before the model catches it; null: never.", {.unit = "m"});
+    list.field("rms", &PathError::rms, "Until then, or to the end of the shorter.", {.unit = "m"});
+  }
 };
 /// Of both at 100 rows a second.
 PathError path_error(const RolloutTrace& imagined, const RolloutTrace& obtained);

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include <diffnea/core/fields.hpp>
 #include <diffnea/identify/compare.hpp>
 #include <diffnea/identify/identify.hpp>
 
@@ -13,23 +14,50 @@ namespace diffnea {
 
 /// A file that went into a run.
 struct RunInput {
-  std::string role;          ///< e.g. "model", "data", "test", "controller"
-  std::string path;          ///< as it was given
-  std::uintmax_t bytes = 0;  ///< size of the file
-  std::string sha256;        ///< lower-case hexadecimal; empty for files above 64 MiB
+  std::string role;
+  std::string path;
+  std::uintmax_t bytes = 0;
+  std::string sha256;
+
+  template <class List>
+  static constexpr void fields(List& list) {
+    list.type("RunInput", "A file that went into a run.");
+    list.field("role", &RunInput::role, "E.g. ``model``, ``data``, ``test``, ``controller``.");
+    list.field("path", &RunInput::path, "As it was given.");
+    list.field("bytes", &RunInput::bytes, "Size of the file.");
+    list.field("sha256", &RunInput::sha256, "Lower-case hexadecimal; empty for files above 64 MiB.",
+               {.empty_is_null = true});
+  }
 };
 
 /// What it takes to get the same result again.
 struct Reproduce {
-  std::string version;               ///< of diffnea
-  std::vector<std::string> command;  ///< the arguments, the program's name first
-  std::vector<RunInput> inputs;      ///< files that it read
+  std::string version;
+  std::vector<std::string> command;
+  std::vector<RunInput> inputs;
+
+  template <class List>
+  static constexpr void fields(List& list) {
+    list.type("Reproduce", "What it takes to get the same result again.");
+    list.field("version", &Reproduce::version, "Of diffnea.", {.optional = true});
+    list.field("command", &Reproduce::command, "The arguments, the program's name first.");
+    list.field("inputs", &Reproduce::inputs, "Files that it read.");
+  }
 };
 
 /// A fit as RUN/ holds it.
 struct FitRun {
-  IdentifyResult fit;   ///< result of identify()
-  Reproduce reproduce;  ///< the command that fitted it
+  IdentifyResult fit;  ///< result of identify()
+  Reproduce reproduce;
+
+  template <class List>
+  static constexpr void fields(List& list) {
+    list.type("IdentifyResult", "A fit: the model with uncertainties, and how well it predicts.",
+              {.files = kInResult});
+    list.embed(&FitRun::fit);
+    list.field("reproduce", &FitRun::reproduce, "Version, command and input files.",
+               {.optional = true});
+  }
 };
 
 /// Size and checksum of a file. @throws FileError if it cannot be read

@@ -12,7 +12,7 @@ void audit(std::string_view input) {
   if (std::filesystem::exists(files["test.csv"])) data.push_back(files["test.csv"]);
   result_or_error([&] {
     const AuditReport report = audit_files(data);
-    audit_result_json(report, {"data.csv"});
+    audit_result_json({report, {"data.csv"}, ""});
     audit_text(report);
   });
 }

@@ -1,0 +1,204 @@
+#include "report/sentence.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "report/diagnose_words.hpp"
+#include "report/format.hpp"
+
+namespace diffnea::report {
+namespace {
+
+/// "5 %", "99.9 %"
+std::string share_of(double x) { return number(std::round(1000.0 * x) / 10.0) + " %"; }
+
+/// "coulomb 0.530 ± 0.021 N·m"
+std::string values(const Cause& cause) {
+  std::string out;
+  for (const CauseParameter& p : cause.parameters) {
+    if (std::isnan(p.std) || p.name == "smoothing") continue;
+    std::string shown = p.unit == "1" ? "" : " " + p.unit;
+    for (std::size_t k; (k = shown.find('*')) != std::string::npos;) shown.replace(k, 1, "·");
+    out += (out.empty() ? "" : ", ") + p.name + " " + value_and_interval(p) + shown;
+  }
+  return out;
+}
+
+std::string listed(const std::vector<std::string>& items, const std::string& last) {
+  std::string out;
+  for (std::size_t i = 0; i < items.size(); ++i)
+    out += (i == 0 ? "" : i + 1 == items.size() ? last : ", ") + items[i];
+  return out;
+}
+
+std::string cause_words(const Cause& cause) {
+  const std::string sizes = values(cause);
+  std::string out =
+      at(cause.effect, cause.where) +
+      (sizes.empty() ? " (of no size that this recording tells)" : " (" + sizes + ")");
+  if (cause.members.empty()) return out;
+  std::vector<std::string> others;
+  for (const Rival& r : cause.members)
+    others.push_back(r.where == cause.where ? plain(r.effect) : at(r.effect, r.where));
+  return out + " [which this recording cannot tell from " + listed(others, " or ") + "]";
+}
+
+bool is_named(const Cause& cause) { return cause.verdict != Verdict::kUnknown; }
+
+/// The strongest causes; all of them stand in the table. What has no name is not among them.
+std::string causes_words(const Finding& f) {
+  constexpr std::size_t kMost = 3;
+  std::vector<std::string> words;
+  const auto named = static_cast<std::size_t>(std::ranges::count_if(f.causes, is_named));
+  for (const Cause& c : f.causes)
+    if (is_named(c) && words.size() < kMost) words.push_back(cause_words(c));
+  if (named > kMost) words.push_back(std::to_string(named - kMost) + " more");
+  return listed(words, " and ");
+}
+
+/// Mean square of the held-out error that the named effects leave, and that all of them leave.
+std::pair<double, double> left_by(const Finding& f) {
+  double named = f.gain.after * f.gain.after;
+  for (const Cause& c : f.causes)
+    if (!is_named(c)) {
+      named = c.gain.before * c.gain.before;
+      break;
+    }
+  return {named, f.gain.after * f.gain.after};
+}
+
+/// Of the held-out mean square that can be removed, what the named effects remove.
+double named_share(const Finding& f) {
+  const double before = f.gain.before * f.gain.before,
+               floor = f.gain.noise_floor * f.gain.noise_floor;
+  const double removed = std::max(before - left_by(f).first, 0.0);
+  return removed > 0.0 ? removed / std::max(before - floor, removed) : 0.0;
+}
+
+/// "A learned remainder at elbow over q_elbow and qd_elbow, which names no cause, removes …"
+std::string grey_words(const Finding& f) {
+  std::vector<std::string> where;
+  for (const GreyBox& g : f.grey_box)
+    where.push_back(g.where + " over " + listed(g.variables, " and "));
+  const auto [before, after] = left_by(f);
+  return "A learned remainder at " + listed(where, " and at ") +
+         ", which names no cause, removes " + share_of(1.0 - after / before) +
+         " of the mean square that is left on held-out data (error " + number(std::sqrt(before)) +
+         " to " + number(std::sqrt(after)) + " times the noise)";
+}
+
+/// Of arm and ball, the ball's path is further from what its noise allows.
+bool is_of_ball(const Finding& f, double left_of_arm) {
+  return f.ball && (f.series.empty() || !(f.ball->extended_rms < left_of_arm * f.ball->sigma));
+}
+
+std::string witness_words(const Finding& f) {
+  const double left = std::sqrt(left_by(f).first);
+  if (f.witness.empty() && is_of_ball(f, left))
+    return "an error of " +
+           number(f.series.empty() ? f.gain.after : f.ball->extended_rms / f.ball->sigma) +
+           " times the camera's noise is left of the ball's held-out path, and no smooth function "
+           "of its motion explains it";
+  if (f.witness.empty() && left > kFarOff)
+    return "an error of " + number(left) +
+           " times the noise is left on held-out data, and no smooth function of the motion "
+           "explains it; were they recorded under other conditions, or with other units?";
+  if (f.witness.empty())
+    return "an error of " + number(left) +
+           " times the noise comes back in every period, and no smooth function of the motion "
+           "explains it on held-out data";
+  const Witness& w = f.witness.front();
+  return (w.where == "ball" ? "the error of the ball's path depends on "
+                            : "the torque error of " + w.where + " depends on ") +
+         listed(w.variables, " and ") + " (" + share_of(w.share) + " of its mean square)";
+}
+
+/// Where parts of one recording are held out: effects that explain the others and do not help
+/// there.
+std::string none_words(const Finding& f) {
+  const std::string no_effect =
+      f.tried == Tried::kAll ? "o effect of the catalogue " : "one of the effects that were tried ";
+  constexpr std::size_t kListed = 3;
+  std::vector<std::string> fit;
+  for (const Refusal& r : f.refused)
+    if (r.delta_bic > 0.0 && r.reason.starts_with("does not help on held-out data"))
+      fit.push_back(at(r.effect, r.where));
+  if (f.held_out != "time blocks" || fit.empty())
+    return f.gain.before > kUneasy
+               ? "N" + no_effect +
+                     "improves the model beyond its noise, though on held-out data its error is " +
+                     number(f.gain.before) + " times that."
+               : (f.tried == Tried::kAll ? "Nothing is left to explain: n" : "N") + no_effect +
+                     "improves the model beyond its noise.";
+  if (fit.size() > kListed) fit.resize(kListed);
+  return "N" + no_effect + "helps on the parts of the recording that were held out, though " +
+         listed(fit, " and ") +
+         " would explain some of the others: give a second recording (--test), which can tell.";
+}
+
+/// Of what could not be tried, and why.
+std::string nothing_words(const Finding& f) {
+  const std::string prefix = "not tried: ";
+  for (const Refusal& r : f.refused)
+    if (r.reason.starts_with(prefix))
+      return "Nothing was tried: " + plain(r.effect) + " " + r.reason.substr(prefix.size()) + ".";
+  return "Nothing was tried: the effects that were asked for cannot act on what is recorded here.";
+}
+
+}  // namespace
+
+std::string sentence(const Finding& f) {
+  if (f.interrupted) {
+    Finding rest = f;
+    rest.interrupted = false;
+    return "Interrupted before all was tried, rivals among it: " + sentence(rest);
+  }
+  switch (f.verdict) {
+    case Verdict::kNone:
+      return none_words(f);
+    case Verdict::kNotIdentifiable:
+      if (f.tried == Tried::kNothing) return nothing_words(f);
+      return "This recording cannot show what the model lacks: every candidate is absorbed by the "
+             "base parameters or "
+             "never excited.";
+    case Verdict::kUnknown: {
+      std::string out =
+          (f.tried == Tried::kAll ? "The cause is not in the catalogue: "
+                                  : "The cause is none of the effects that were tried: ") +
+          witness_words(f);
+      if (std::ranges::any_of(f.causes, is_named)) {
+        out += "; the nearest effects are " + causes_words(f) + ", and they explain " +
+               share_of(named_share(f)) + " of the held-out error that can be removed";
+      }
+      if (!f.grey_box.empty()) out += ". " + grey_words(f);
+      return out + ".";
+    }
+    case Verdict::kNamed:
+    case Verdict::kClass:
+      break;
+  }
+  std::string out = "The model lacks " + causes_words(f) + ". The extension removes " +
+                    share_of(f.gain.explained_share) +
+                    " of the held-out error that can be removed (error " + number(f.gain.before) +
+                    " to " + number(f.gain.after) + " times the noise" +
+                    (f.gain.after > kUneasy ? "; nothing that was tried explains the rest)" : ")");
+  const auto of_ball = [](const Cause& c) { return at_ball(c.where); };
+  if (f.ball && !std::ranges::all_of(f.causes, of_ball) && std::ranges::any_of(f.causes, of_ball))
+    out += ", and brings the ball's path from " + number(1e3 * f.ball->base_rms) + " to " +
+           number(1e3 * f.ball->extended_rms) + " mm of the camera's";
+  const Rival* next = nullptr;
+  const Cause* of = nullptr;
+  for (const Cause& c : f.causes)
+    for (const Rival& r : c.rivals)  // below 0, it is a more general one
+      if (is_named(c) && r.delta_bic >= 0.0 && (!next || r.delta_bic < next->delta_bic)) {
+        next = &r;
+        of = &c;
+      }
+  if (next)
+    out += "; the next rival" + (f.causes.size() > 1 ? " of " + at(of->effect, of->where) : "") +
+           ", " + at(next->effect, next->where) + ", is worse by " + number(next->delta_bic) +
+           " in BIC";
+  return out + ".";
+}
+
+}  // namespace diffnea::report

@@ -1,0 +1,91 @@
+#include "report/sentence.hpp"
+
+#include <catch2/catch_test_macros.hpp>
+#include <catch2/matchers/catch_matchers_string.hpp>
+
+namespace diffnea {
+namespace {
+
+using Catch::Matchers::ContainsSubstring;
+using report::sentence;
+
+Cause cause(const char* effect, const char* where, std::vector<Rival> rivals) {
+  Cause out;
+  out.effect = effect;
+  out.where = where;
+  out.rivals = std::move(rivals);
+  return out;
+}
+
+TEST_CASE("sentence: what fits and is refuted by parts of the same recording is not called nothing",
+          "[report]") {
+  Finding finding;
+  finding.verdict = Verdict::kNone;
+  finding.held_out = "time blocks";
+  CHECK_THAT(sentence(finding), ContainsSubstring("Nothing is left to explain"));
+  finding.refused = {{"cogging", "elbow", "does not help on held-out data", 40.0}};
+  CHECK_THAT(sentence(finding),
+             ContainsSubstring("cogging at elbow would explain") && ContainsSubstring("--test"));
+  finding.held_out = "test recording";  // which has told
+  CHECK_THAT(sentence(finding), ContainsSubstring("Nothing is left to explain"));
+}
+
+TEST_CASE("sentence: where few effects were tried, it speaks of those", "[report]") {
+  Finding finding;
+  finding.verdict = Verdict::kNone;
+  finding.tried = Tried::kSome;
+  CHECK(sentence(finding) ==
+        "None of the effects that were tried improves the model beyond its noise.");
+  finding.verdict = Verdict::kUnknown;
+  finding.tried = Tried::kAll;
+  CHECK_THAT(sentence(finding), ContainsSubstring("not in the catalogue"));
+  finding.tried = Tried::kSome;
+  CHECK_THAT(sentence(finding), ContainsSubstring("none of the effects that were tried") &&
+                                    !ContainsSubstring("catalogue"));
+  finding.verdict = Verdict::kNotIdentifiable;
+  CHECK_THAT(sentence(finding), ContainsSubstring("absorbed by the base"));
+  finding.refused = {{"joint_elasticity", "all", "not tried: needs a motion that repeats", 0.0}};
+  finding.tried = Tried::kNothing;
+  CHECK(sentence(finding) == "Nothing was tried: joint elasticity needs a motion that repeats.");
+}
+
+TEST_CASE("sentence: the closest rival of all causes, and whose it is", "[report]") {
+  Finding finding;
+  finding.verdict = Verdict::kNamed;
+  finding.causes = {cause("coulomb_friction", "elbow", {{"sublinear_friction", "elbow", 900.0}})};
+  CHECK_THAT(
+      sentence(finding),
+      ContainsSubstring("; the next rival, sublinear friction at elbow, is worse by 900 in"));
+
+  finding.causes.push_back(cause("actuator_lag", "wrist",
+                                 {{"time_shift", "wrist", -3.0},  // more general: no rival
+                                  {"actuator_delay", "wrist", 60.0}}));
+  CHECK_THAT(
+      sentence(finding),
+      ContainsSubstring("; the next rival of actuator lag at wrist, actuator delay at wrist, "
+                        "is worse by 60 in BIC"));
+
+  finding.causes.back().rivals.pop_back();
+  CHECK_THAT(sentence(finding), ContainsSubstring("of coulomb friction at elbow, sublinear"));
+
+  finding.causes.front().rivals.clear();
+  CHECK_THAT(sentence(finding), !ContainsSubstring("rival"));
+}
+
+TEST_CASE("sentence: what is left of a ball's path is not called the arm's", "[report]") {
+  Finding finding;
+  finding.verdict = Verdict::kUnknown;
+  finding.series.emplace_back().joint = "elbow";
+  finding.gain.before = finding.gain.after = 1.02;
+  finding.ball.emplace();
+  finding.ball->sigma = 0.001;
+  finding.ball->extended_rms = 0.005;
+  CHECK_THAT(sentence(finding), ContainsSubstring("an error of 5 times the camera's noise") &&
+                                    !ContainsSubstring("units") && !ContainsSubstring("period"));
+  finding.gain.before = finding.gain.after = 8.0;  // the arm's, which is worse
+  CHECK_THAT(sentence(finding),
+             ContainsSubstring("an error of 8 times the noise") && ContainsSubstring("units"));
+}
+
+}  // namespace
+}  // namespace diffnea
