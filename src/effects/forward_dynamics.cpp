@@ -1,8 +1,8 @@
 #include <algorithm>
 
 #include <diffnea/core/error.hpp>
-#include <diffnea/effects/catalogue.hpp>
 #include <diffnea/effects/forward_dynamics.hpp>
+#include <diffnea/effects/stepping.hpp>
 
 #include "core/decompositions.hpp"
 
@@ -25,19 +25,6 @@ VecX<double> torque_gains(const std::vector<BoundEffect>& effects, int num_dofs)
               "the torque's sign");
   return out;
 }
-
-namespace {
-
-/// Joints whose state the torque depends on: those that it acts on, unless its formula names
-/// others.
-std::vector<int> joints_read(const BoundEffect& e) {
-  return visit_formula(e, [&](const auto& formula) {
-    if constexpr (requires { formula.joints_read(); }) return formula.joints_read();
-    return e.joints;
-  });
-}
-
-}  // namespace
 
 ForwardDynamics::ForwardDynamics(ExtendedTree model)
     : model_(std::move(model)),

@@ -24,6 +24,13 @@ constexpr bool kIsOfLoggedVelocity =
 
 }  // namespace
 
+std::vector<int> joints_read(const BoundEffect& e) {
+  return visit_formula(e, [&](const auto& formula) {
+    if constexpr (requires { formula.joints_read(); }) return formula.joints_read();
+    return e.joints;
+  });
+}
+
 bool has_state(const BoundEffect& e) {
   return visit_formula(e, []<class E>(const E&) { return JointStateEffect<E>; });
 }

@@ -9,6 +9,10 @@
 
 namespace diffnea {
 
+/// Joints whose motion the torque of one instant depends on: those that it acts on, unless its
+/// formula names others.
+std::vector<int> joints_read(const BoundEffect& e);
+
 /// Tells whether it has a state at each of its joints (JointStateEffect).
 bool has_state(const BoundEffect& e);
 /// The state after a move at constant velocity; e has one.
