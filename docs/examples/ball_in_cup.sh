@@ -2,7 +2,7 @@
 # Ball in a cup from nothing: two motions are designed and recorded, the robot and its ball identified, a policy learned
 # in the identified model, and tried in the world that was recorded.
 #
-#   ball_in_cup.sh [FOLDER]      writes FOLDER/loop/transfer/report.html and movement.gif; FOLDER: default ./diffnea-cup
+#   ball_in_cup.sh [FOLDER]      writes FOLDER/loop/transfer/report.html; FOLDER: default ./diffnea-cup
 set -eu
 folder=${1:-diffnea-cup}
 mkdir -p "$folder"

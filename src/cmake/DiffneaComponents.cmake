@@ -1,7 +1,7 @@
 # The compiled components, a library each, one on top of the other: dynamics (headers alone), identify, sim, diffnea.
 #
 #   diffnea_component(<name> ON <component below>)   makes diffnea::<name>, where DIFFNEA_COMPONENT asks for it
-#   diffnea_sources(<name> <file> ...)               compiles files into it
+#   diffnea_sources(<name> [ALONE] <file> ...)       compiles files of one folder into it, several at a time unless ALONE
 #
 # The target of component `diffnea` is `diffnea`, those of the others are `diffnea_<name>`.
 
@@ -24,11 +24,16 @@ function(diffnea_component name)
 endfunction()
 
 function(diffnea_sources name)
+  cmake_parse_arguments(PARSE_ARGV 1 _arg "ALONE" "" "")
   set(target diffnea_${name})
   if(name STREQUAL "diffnea")
     set(target diffnea)
   endif()
-  if(TARGET ${target})
-    target_sources(${target} PRIVATE ${ARGN})
+  if(NOT TARGET ${target})
+    return()
+  endif()
+  target_sources(${target} PRIVATE ${_arg_UNPARSED_ARGUMENTS})
+  if(NOT _arg_ALONE)
+    diffnea_compile_together(${target} ${_arg_UNPARSED_ARGUMENTS})
   endif()
 endfunction()

@@ -2,21 +2,14 @@
 #
 #   diffnea_embed(<target> <namespace> <constant>=<file> ...)
 #
-# gives `extern const std::string_view <constant>` in <namespace>; without a file the string is empty. Written when
-# CMake runs, and again when a file changes.
+# gives `extern const std::string_view <constant>` in <namespace>. Written when CMake runs, and again when a file changes.
 function(diffnea_embed target namespace)
   set(code "#include <string_view>\n\nnamespace ${namespace} {\n\n")
   foreach(pair IN LISTS ARGN)
     string(REGEX MATCH "^([^=]+)=(.*)$" _ "${pair}")
     set(constant "${CMAKE_MATCH_1}")
-    set(file "${CMAKE_MATCH_2}")
-    set(text "")
-    if(file AND EXISTS "${file}")
-      file(READ "${file}" text)
-      set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS "${file}")
-      # A minified library names its source map, which is not there.
-      string(REGEX REPLACE "(//|/\\*)# sourceMappingURL=[^\n]*" "" text "${text}")
-    endif()
+    file(READ "${CMAKE_MATCH_2}" text)
+    set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS "${CMAKE_MATCH_2}")
     string(APPEND code "extern const std::string_view ${constant};\nconst std::string_view ${constant} = R\"EMBED(${text})EMBED\";\n\n")
   endforeach()
   string(APPEND code "}  // namespace ${namespace}\n")

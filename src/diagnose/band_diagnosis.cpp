@@ -10,11 +10,9 @@
 #include "diagnose/base.hpp"
 #include "diagnose/chi_square.hpp"
 #include "diagnose/error_series.hpp"
-#include "diagnose/evidence_plots.hpp"
 #include "diagnose/inexact.hpp"
 #include "diagnose/next_experiment.hpp"
 #include "diagnose/selection.hpp"
-#include "diagnose/sentence.hpp"
 #include "diagnose/simulated.hpp"
 #include "diagnose/thresholds.hpp"
 #include "diagnose/turns.hpp"
@@ -74,11 +72,9 @@ Finding BandDiagnosis::finish() {
     complete();
     plan_next();
     add_grey_box();
-    case_.finding.plots = evidence_plots(case_.finding);
-    case_.finding.sentence =
-        sentence(case_.finding, case_.candidates.empty()          ? Tried::kNothing
-                                : case_.options.whole_catalogue() ? Tried::kAll
-                                                                  : Tried::kSome);
+    case_.finding.tried = case_.candidates.empty()          ? Tried::kNothing
+                          : case_.options.whole_catalogue() ? Tried::kAll
+                                                            : Tried::kSome;
   }
   return std::move(case_.finding);
 }

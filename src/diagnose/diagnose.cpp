@@ -6,7 +6,6 @@
 
 #include "diagnose/ball_diagnose.hpp"
 #include "diagnose/joint_diagnosis.hpp"
-#include "diagnose/sentence.hpp"
 #include "identify/ball_identify.hpp"
 #include "identify/ball_pull.hpp"
 #include "identify/passes.hpp"
@@ -25,8 +24,8 @@ std::vector<std::string> asked_for(const DiagnoseOptions& options, bool of_ball)
 
 }  // namespace
 
-Finding diagnose(const Model& model, const RecordingSource& train, const RecordingSource* test,
-                 const DiagnoseOptions& options) {
+Finding find_causes(const Model& model, const RecordingSource& train, const RecordingSource* test,
+                    const DiagnoseOptions& options) {
   if (test) refuse_same_recording(train, *test);
   refuse_ball_alone(model, train);
   const std::vector<Recording> balls =
@@ -79,7 +78,7 @@ Finding diagnose(const Model& model, const RecordingSource& train, const Recordi
     finding.simulated.reason = "the joints' measured motion is an input";
   }
   diagnose_ball(balls, held_out, own, base, finding);
-  finding.sentence = sentence(finding, options.whole_catalogue() ? Tried::kAll : Tried::kSome);
+  finding.tried = options.whole_catalogue() ? Tried::kAll : Tried::kSome;
   finding.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return finding;
 }

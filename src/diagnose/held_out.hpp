@@ -9,10 +9,6 @@
 
 namespace diffnea {
 
-/// Held-out error over the noise. Uneasy: 1.24 at most in 264 recordings that hide nothing. Far
-/// off: no verdict passes over it; 1.37 at most in 207 of 209 recordings whose cause was named.
-inline constexpr double kUneasy = 1.35, kFarOff = 3.0;
-
 /// Of an interval, at least: one of three would be drawn alone in 3.7 % of the draws, and be its
 /// end by itself; one alone would be both ends.
 inline constexpr std::size_t kFewestBlocks = 4;

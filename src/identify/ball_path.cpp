@@ -3,6 +3,7 @@
 #include <cmath>
 #include <limits>
 
+#include "core/constants.hpp"
 #include "identify/ball_rows.hpp"
 #include "identify/ball_world.hpp"
 
@@ -89,7 +90,6 @@ double path_rms(const FittedBall& ball, const FlightOptions& flight) {
 
 BallSeries make_ball_series(const FittedBall& base, const FittedBall& extended,
                             const FlightOptions& flight) {
-  constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
   BallSeries out;
   out.has_string = extended.model.ball->string.has_value();
   out.base_rms = path_rms(base, flight);

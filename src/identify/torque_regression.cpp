@@ -51,8 +51,9 @@ TorqueRegression::TorqueRegression(const Model& model, const FitLayout& layout,
     std::vector<int> columns = layout.columns_of_joint(tree_, j);
     for (std::size_t s = 0; s < free_shapes_.size(); ++s) {
       const FitParameter& shape = layout.shape[free_shapes_[s]];
-      if (shape.kinematic >= 0 || std::ranges::find(effects_[shape.effect].joints, j) !=
-                                      effects_[shape.effect].joints.end())
+      if (shape.kinematic >= 0 || effects_[shape.effect].info().port == Port::kModelParameter ||
+          std::ranges::find(effects_[shape.effect].joints, j) !=
+              effects_[shape.effect].joints.end())
         columns.push_back(p + static_cast<int>(s));
     }
     if (options.acceleration) {  // M⁻¹ mixes the joints
@@ -81,6 +82,27 @@ void TorqueRegression::enter_run(int run) {
   tree_ = extend(apply_fit(model_, layout_, at_.linear, at_.shape), {}, run).tree;
   moved_.clear();
   for (const int s : moved_shape_) add_moved_tree(s);
+  changed_.clear();
+  for (const int s : free_shapes_)
+    if (layout_.shape[s].kinematic < 0) {
+      const EffectInfo& info = effects_[layout_.shape[s].effect].info();
+      if (info.port == Port::kModelParameter && !info.has(Trait::kGravity)) add_changed_tree(s);
+    }
+}
+
+/// The tree with one parameter seeded of an effect that changes it in a way of its own.
+void TorqueRegression::add_changed_tree(int shape) {
+  const FitParameter& parameter = layout_.shape[shape];
+  const BoundEffect& effect = effects_[parameter.effect];
+  Model without = apply_fit(model_, layout_, at_.linear, at_.shape);
+  std::erase_if(without.effects, [&](const EffectSpec& e) {
+    return e.effect == effect.info().name && e.where == effect.where;
+  });
+  Tree<JetD> tree = extend(without, {}, run_of_effects_).tree.template cast<JetD>();
+  std::vector<JetD> p(effect.parameters.begin(), effect.parameters.end());
+  p[parameter.index].v[0] = parameter.logarithmic ? effect.parameters[parameter.index] : 1.0;
+  add_to_tree(effect, p.data(), tree);
+  changed_.insert_or_assign(shape, std::move(tree));
 }
 
 /// The tree with the six directions of one joint's fixed transform seeded.
@@ -145,7 +167,8 @@ void TorqueRegression::fill_row(const Preprocessed& block, long row) {
 }
 
 /// ∂τ/∂(ln η), or ∂τ/∂η where η may be 0, by Jets through the effect's own formula; ∂τ/∂x of fixed
-/// transforms by Jets through RNEA; ∂τ/∂g of the base's tilt, in which torque is linear.
+/// transforms, and of effects that change the tree, by Jets through RNEA; ∂τ/∂g of the base's tilt,
+/// in which torque is linear.
 void TorqueRegression::add_shape_columns(const JointSample<double>& x) {
   const int n = layout_.num_dofs;
   const int p = static_cast<int>(layout_.linear.size());
@@ -166,8 +189,14 @@ void TorqueRegression::add_shape_columns(const JointSample<double>& x) {
       full_.col(p + static_cast<long>(s)).setZero();
       continue;
     }
-    if (effect.info().port == Port::kModelParameter) {
+    if (effect.info().has(Trait::kGravity)) {
       full_.col(p + static_cast<long>(s)) = torque_of_gravity(shape.index, x.q);
+      continue;
+    }
+    if (const auto changed = changed_.find(free_shapes_[s]); changed != changed_.end()) {
+      const Eigen::Map<const VecX<double>> q(x.q, n), qd(x.qd, n), qdd(x.qdd, n);
+      const VecX<JetD>& tau = rnea<JetD, double>(changed->second, q, qd, qdd, jet_ws_);
+      for (int j = 0; j < n; ++j) full_(j, p + static_cast<int>(s)) = tau[j].v[0];
       continue;
     }
     std::vector<JetD> p_jet(effect.parameters.begin(), effect.parameters.end());

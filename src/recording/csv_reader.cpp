@@ -24,7 +24,7 @@ struct RecordingReader::Impl {
     report.extra_channels = header.extra_names;
     if (!header.extra_names.empty())
       report.notes.push_back("columns that are not of the format are kept as extra channels: " +
-                             detail::join(header.extra_names));
+                             detail::join_or_none(header.extra_names));
     for (const Channel c : {Channel::kQd, Channel::kQdd, Channel::kQcmd}) note_missing(c);
   }
 
@@ -34,7 +34,7 @@ struct RecordingReader::Impl {
       if (c.channel == channel) std::erase(missing, header.joint_names[c.index]);
     if (!missing.empty() && missing.size() < header.joint_names.size())
       report.notes.push_back(std::string("no ") + detail::channel_name(channel) +
-                             " is measured at: " + detail::join(missing));
+                             " is measured at: " + detail::join_or_none(missing));
   }
 
   /// The run of a row that passed.

@@ -3,6 +3,7 @@
 #include <numbers>
 
 #include <diffnea/core/error.hpp>
+#include <diffnea/core/text.hpp>
 #include <diffnea/recording/joints.hpp>
 
 #include "core/c_numbers.hpp"
@@ -21,11 +22,11 @@ void match_joints(const std::vector<JointDescription>& joints, std::vector<Recor
         from.push_back(static_cast<int>(it - r.joint_names.begin()));
     if (wanted.empty() && !r.joint_names.empty())
       throw DataError(r.source + ": the model has no joint, the recording has " +
-                      detail::join(r.joint_names) +
+                      detail::join_or_none(r.joint_names) +
                       "; leave the columns of joints out, or give the model of the robot");
     if (from.size() != wanted.size() || from.size() != r.joint_names.size())
       throw DataError(r.source + ": the joints are not the model's; recording: " +
-                      detail::join(r.joint_names) + "; model: " + detail::join(wanted));
+                      detail::join_or_none(r.joint_names) + "; model: " + detail::join_or_none(wanted));
     for (auto member :
          {&Recording::q, &Recording::qd, &Recording::qdd, &Recording::qcmd, &Recording::tau}) {
       RowMatX<double>& m = r.*member;

@@ -10,10 +10,6 @@ namespace {
 
 using namespace report;
 
-std::string count(std::size_t n, const char* what) {
-  return std::to_string(n) + " " + what + (n == 1 ? "" : "s");
-}
-
 /// Words of `text` in lines of 96 characters, each behind four blanks.
 std::string wrapped(const std::string& text) {
   std::string out, line;
@@ -53,8 +49,8 @@ std::string audit_text(const AuditReport& report) {
   const auto faults = static_cast<std::size_t>(
       std::ranges::count(report.faults, FaultSeverity::kFault, &ChannelFault::severity));
   const std::size_t notes = report.faults.size() - faults;
-  std::string out = faults == 0 ? "no channel fault" : count(faults, "channel fault");
-  if (notes > 0) out += ", " + count(notes, "note");
+  std::string out = faults == 0 ? "no channel fault" : counted(faults, "channel fault", "channel faults");
+  if (notes > 0) out += ", " + counted(notes, "note", "notes");
   out += " in " + std::to_string(report.rows) + " rows";
   if (report.rate_hz > 0.0) out += " at " + number(report.rate_hz) + " Hz";
   out += "\n";

@@ -30,12 +30,6 @@ std::string changes_table(const std::vector<Change>& changes) {
   return table({"", "first", "second", "difference", "<unit", "z", "p"}, rows);
 }
 
-std::string count(std::size_t n, const char* what) {
-  std::string text = what;  // "combination of parameters" → "combinations of parameters"
-  if (n != 1) text.insert(std::min(text.find(' '), text.size()), "s");
-  return std::to_string(n) + " " + text;
-}
-
 std::string list(const char* title, const std::vector<std::string>& names) {
   if (names.empty()) return "";
   std::string out = title;
@@ -79,7 +73,9 @@ std::string compare_text(const Comparison& c) {
   };
   const std::vector<Change>& main = c.base_parameters.empty() ? c.parameters : c.base_parameters;
   const std::string compared =
-      count(main.size(), c.base_parameters.empty() ? "parameter" : "combination of parameters");
+      c.base_parameters.empty()
+          ? counted(main.size(), "parameter", "parameters")
+          : counted(main.size(), "combination of parameters", "combinations of parameters");
   const std::size_t changed = significant(main);
   std::vector<Change> others;  // single parameters that are not in the table of combinations
   for (const Change& p : c.parameters)
@@ -101,7 +97,7 @@ std::string compare_text(const Comparison& c) {
         "themselves\n" +
         changes_table(others);
   if (c.not_comparable > 0)
-    out += count(static_cast<std::size_t>(c.not_comparable), "combination") +
+    out += counted(static_cast<std::size_t>(c.not_comparable), "combination", "combinations") +
            " of the first fit cannot be seen in the second\n";
   out += list("only in the first:", c.only_before);
   out += list("only in the second:", c.only_after);

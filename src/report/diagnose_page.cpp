@@ -3,34 +3,23 @@
 #include <set>
 
 #include <diffnea/report/diagnose_page.hpp>
+#include <diffnea/runs/page_data.hpp>
 
-#include "report/ball_charts.hpp"
-#include "report/chart.hpp"
+#include "report/ball_section.hpp"
+#include "report/diagnose_sections.hpp"
 #include "report/diagnose_words.hpp"
 #include "report/format.hpp"
-#include "report/gain_charts.hpp"
-#include "report/grey_box_charts.hpp"
 #include "report/html.hpp"
-#include "report/page_parts.hpp"
-#include "report/simulated_charts.hpp"
-#include "report/time_charts.hpp"
 
 namespace diffnea {
 namespace {
 
 using namespace report;
 
-constexpr double kSameClass = 10.0;          ///< ΔBIC that a candidate needs, and that tells apart
-constexpr std::size_t kMostBars = 16;        ///< candidates that are drawn
-constexpr std::size_t kMostPoints = 90'000;  ///< of the charts over time
-constexpr std::size_t kMostJoints = 2;       ///< that are open
-constexpr std::size_t kMostRivals = 3;       ///< of a cause that are listed
-
-/// Where nothing was named there is one model.
-ChartNames names_of(const Finding& f) {
-  const bool one = f.causes.empty();
-  return {"base model", one ? "base model" : "extended model", true, one};
-}
+constexpr double kSameClass = 10.0;     ///< ΔBIC that a candidate needs, and that tells apart
+constexpr std::size_t kMostBars = 16;   ///< candidates that are drawn
+constexpr std::size_t kMostJoints = 2;  ///< that are open
+constexpr std::size_t kMostRivals = 3;  ///< of a cause that are listed
 
 bool is_cause(const Finding& f, const std::string& effect, const std::string& where) {
   return std::ranges::any_of(
@@ -89,7 +78,7 @@ std::string causes_at_once(const Finding& f) {
 
 std::string head(const Finding& f, const std::string& name) {
   std::string out = element("h1", "Diagnosis of " + name);
-  out += "<p class='verdict'>" + badge(f.verdict) + escape(pretty(f.sentence)) + "</p>\n";
+  out += "<p class='verdict'>" + badge(f.verdict) + escape(unit(f.sentence)) + "</p>\n";
   const std::string simulated = simulated_gain(f);
   const std::string ball = f.ball ? ball_sentence(*f.ball, f.causes.empty()) : "";
   out += element("p",
@@ -133,36 +122,16 @@ std::pair<std::vector<std::size_t>, std::vector<std::size_t>> affected(const Fin
   return {first, rest};
 }
 
-std::vector<TorqueSeries> drawn_series(const Finding& f) {
-  std::vector<TorqueSeries> out;
-  for (const ResidualSeries& s : f.series)
-    out.push_back({s.joint, s.unit, s.time, s.measured, s.extended, s.base, {}});
-  return on_one_axis(out, kMostPoints);
-}
-
-std::string over_time(const Finding& f, const std::vector<TorqueSeries>& drawn) {
-  if (drawn.empty() && f.ball) return "";
-  if (drawn.empty())
+std::string over_time(const Finding& f) {
+  if (f.series.empty() && f.ball) return "";
+  if (f.series.empty())
     return element("p", "The folder holds no series.json, so that no chart can be drawn.", "faint");
-  const auto [first, rest] = affected(f);
-  const int columns = chart_columns(2 * drawn.size());
-  const ChartNames names = names_of(f);
-  std::string out = "<div " + chart_set("test", names) + ">" +
-                    element("h2", "Torque on held-out data, measured and simulated") +
-                    chart_keys(names) + time_charts(drawn, first, "torque", columns, names) +
-                    "</div>\n";
-  if (!rest.empty())
-    out += "<details " + chart_set("test", names) + "><summary>The other " +
-           (rest.size() == 1 ? "joint" : std::to_string(rest.size()) + " joints") + "</summary>\n" +
-           time_charts(drawn, rest, "torque", columns, names) + "</details>\n";
-  return out;
+  const auto [open, folded] = affected(f);
+  return element("h2", "Torque on held-out data, measured and simulated") +
+         open_and_folded("joints", shown(f.series), open, folded, "torque", names_of(f));
 }
 
 // --- evidence
-
-std::string with_unit(const std::string& name, const std::string& u) {
-  return name + (u == "1" || u.empty() ? "" : " [" + unit(u) + "]");
-}
 
 std::string evidence(const Finding& f) {
   if (f.plots.empty()) return "";
@@ -176,19 +145,15 @@ std::string evidence(const Finding& f) {
            ? "where they hold zero, nothing is missing."
            : "where the blue line stays at zero, the cause explains what was missing.") +
       "</p>\n<div class='evidence'>\n";
-  for (const EvidencePlot& p : f.plots) {
-    std::vector<Band> bands;
-    for (const EvidenceCurve& c : p.curves)
-      bands.push_back({c.model == "base" ? "nominal" : "fitted", &c.mean, &c.low, &c.high});
+  for (std::size_t k = 0; k < f.plots.size(); ++k) {
+    const EvidencePlot& p = f.plots[k];
     const std::string title = p.kind == "correlation" ? "with the torque's rate, over the lag"
                               : p.kind == "spectrum"  ? "spectrum over position"
                                                       : "over " + p.x_name;
     out += "<figure><figcaption>" + escape(p.joint) + " <small>" + escape(p.y_name) + " " +
            escape(p.kind.ends_with("reversal") ? "around reversals" : title) +
            (p.effect.empty() ? "" : ": " + escape(plain(p.effect))) + "</small></figcaption>" +
-           band_chart(p.x, bands, with_unit(p.x_name, p.x_unit), with_unit(p.y_name, p.y_unit),
-                      p.mark) +
-           "</figure>\n";
+           drawing("evidence", {{"index", std::to_string(k)}}) + "</figure>\n";
   }
   return out + "</div>\n";
 }
@@ -197,15 +162,15 @@ std::string evidence(const Finding& f) {
 
 std::string candidates(const Finding& f) {
   std::string out = element("h2", "Candidates and rivals");
-  std::vector<Bar> bars;
+  std::vector<Bar> list;
   for (const CandidateScore& c : f.candidates) {
-    if (bars.size() >= kMostBars || (c.delta_bic < 0.0 && bars.size() >= 5)) break;
-    bars.push_back({at(c.effect, c.where), number(c.delta_bic, 3), 0.0, std::max(c.delta_bic, 0.0),
+    if (list.size() >= kMostBars || (c.delta_bic < 0.0 && list.size() >= 5)) break;
+    list.push_back({at(c.effect, c.where), number(c.delta_bic, 3), 0.0, std::max(c.delta_bic, 0.0),
                     is_cause(f, c.effect, c.where)    ? "cause"
                     : is_member(f, c.effect, c.where) ? "member"
                                                       : ""});
   }
-  if (bars.empty()) {
+  if (list.empty()) {
     out += element("p", "No candidate could be tested.");
   } else {
     out +=
@@ -213,7 +178,7 @@ std::string candidates(const Finding& f) {
         "step, scale logarithmic above 10; the dashed line is 10, below which nothing is "
         "accepted). Dark blue: named as a cause in the end; light blue: in the class of one. " +
         std::to_string(f.candidates.size()) + " candidates were tested.</p>\n" +
-        bar_chart(bars, true, kSameClass);
+        bars(list, kSameClass);
   }
   if (f.causes.empty()) return out;
   std::vector<std::vector<std::string>> rows;
@@ -347,22 +312,14 @@ std::string data(const Finding& f) {
 std::string diagnose_page(const DiagnoseRun& run) {
   const Finding& f = run.finding;
   const std::string name = f.model.name.empty() ? "model" : f.model.name;
-  IdentifyResult shown;  // what the charts need
-  shown.test_series = drawn_series(f);
-  shown.train_series = simulated_series(f.simulated);
   const std::string ball = f.ball ? ball_section(*f.ball, names_of(f)) : "";
   const bool of_ball =
       std::ranges::any_of(f.causes, [](const Cause& c) { return at_ball(c.where); });
-  std::string body = head(f, name) + (of_ball ? ball : "") +
-                     simulated_charts(f, shown.train_series, "train") +
-                     over_time(f, shown.test_series) + (of_ball ? "" : ball) + evidence(f) +
-                     grey_box_section(f) + candidates(f) + left_open(f);
-  body += element("h2", f.causes.empty() ? capital(error_of(f)) + " on held-out data"
-                                         : "What was gained on held-out data") +
-          waterfall(f) + joint_table(f);
-  body += parameters(f) + data(f);
-  body += element("h2", "How to get this again") + reproduce(run.reproduce);
-  return document("Diagnosis of " + name, body, series_json(shown));
+  const std::string body = head(f, name) + (of_ball ? ball : "") + simulated_section(f) +
+                           over_time(f) + (of_ball ? "" : ball) + evidence(f) +
+                           grey_box_section(f) + candidates(f) + left_open(f) + gain_section(f) +
+                           parameters(f) + data(f) + reproduce(run.reproduce);
+  return document("Diagnosis of " + name, body, page_data(run));
 }
 
 }  // namespace diffnea

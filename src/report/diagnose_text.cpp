@@ -3,10 +3,9 @@
 
 #include <diffnea/report/diagnose_text.hpp>
 
-#include "report/ball_charts.hpp"
+#include "report/ball_section.hpp"
 #include "report/diagnose_words.hpp"
 #include "report/format.hpp"
-#include "report/simulated_charts.hpp"
 
 namespace diffnea {
 namespace {
@@ -119,7 +118,7 @@ std::string rest_text(const Finding& f) {
 std::string diagnose_text(const DiagnoseRun& run) {
   const Finding& f = run.finding;
   const std::string simulated = simulated_gain(f);
-  return plain(name_of(f.verdict)) + ": " + pretty(f.sentence) + "\n\n" + faults_text(f) +
+  return plain(name_of(f.verdict)) + ": " + unit(f.sentence) + "\n\n" + faults_text(f) +
          causes_text(f) + joints_text(f) + (simulated.empty() ? "" : "\n" + simulated + "\n") +
          ball_text(f) + rest_text(f);
 }

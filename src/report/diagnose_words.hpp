@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include <diffnea/runs/diagnosis.hpp>
+#include <diffnea/diagnose/finding.hpp>
 
 namespace diffnea::report {
 
@@ -15,8 +15,6 @@ std::vector<std::string> fault_warnings(const Finding& f);
 std::string plain(std::string name);
 /// "coulomb friction at elbow", "linear drag on the ball", "string mass"
 std::string at(const std::string& effect, const std::string& where);
-/// The sentence with the signs that its ASCII stands for: "±", "N·m".
-std::string pretty(std::string sentence);
 /// Whether a place is the ball, its string or the camera, not of the robot.
 bool at_ball(const std::string& where);
 /// With a capital letter (ASCII).
@@ -33,6 +31,13 @@ std::string gained(const Finding& finding);
 std::string meaning(Verdict verdict);
 /// Value and half of its 95 % interval to two digits, or the interval where it is not symmetric.
 std::string value_and_interval(const CauseParameter& parameter);
+/// "12 mm", "3.4 mrad". @param value  [m] or [rad], as `unit` says
+std::string in_thousandths(double value, const std::string& unit);
+/// Indices of the simulated joints: those of causes, in their order, then the others by how much
+/// their error falls.
+std::vector<std::size_t> motions_by_interest(const Finding& finding);
+/// One sentence: by how much the simulated motion came closer; empty if there is none.
+std::string simulated_gain(const Finding& finding);
 /// What ended early, or is weaker than it should be.
 std::vector<std::string> reservations(const Finding& finding);
 

@@ -15,6 +15,10 @@ std::string number(double x, int digits) {
   return text;
 }
 
+std::string counted(std::size_t n, const char* one, const char* many) {
+  return std::to_string(n) + " " + (n == 1 ? one : many);
+}
+
 std::string value_and_std(double value, double std) {
   return std::isnan(value) ? number(value) : detail::value_and_spread(value, std);
 }

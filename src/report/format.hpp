@@ -11,6 +11,8 @@ namespace diffnea::report {
 std::string number(double x, int digits = 4);
 /// A value with its standard error to two digits: "1.234 ± 0.056"; the value alone without one.
 std::string value_and_std(double value, double std);
+/// "1 note", "2 notes".
+std::string counted(std::size_t n, const char* one, const char* many);
 /// "12.3 %"; "–" for NaN.
 std::string percent(double share);
 /// "N·m" for "N*m", "kg·m²" for "kg*m^2".

@@ -4,50 +4,47 @@
 
 #include <diffnea/report/identify_page.hpp>
 #include <diffnea/report/identify_text.hpp>
+#include <diffnea/runs/page_data.hpp>
 
-#include "report/ball_charts.hpp"
-#include "report/chart.hpp"
+#include "report/ball_section.hpp"
 #include "report/fit_words.hpp"
 #include "report/format.hpp"
 #include "report/html.hpp"
-#include "report/page_parts.hpp"
-#include "report/time_charts.hpp"
 
 namespace diffnea {
 namespace {
 
 using namespace report;
 
-/// Points of all charts together: 4 numbers of some 8 characters each stay below 3 MB.
-constexpr std::size_t kMaxPoints = 90'000;
-std::vector<double> difference(const std::vector<double>& a, const std::vector<double>& b) {
-  std::vector<double> out(a.size());
-  std::ranges::transform(a, b, out.begin(), std::minus<>());
+/// Charts of a set over time, and the error over velocity, which shows a friction that is wrong.
+std::string charts(const std::string& set, const std::vector<TorqueSeries>& list,
+                   const std::string& what) {
+  std::vector<std::size_t> all(list.size());
+  std::iota(all.begin(), all.end(), std::size_t{0});
+  std::string out = open_and_folded(set, shown(list), all, {}, what, {});
+  for (std::size_t j = 0; j < list.size(); ++j) {
+    const TorqueSeries& s = list[j];
+    if (s.velocity.empty() || std::ranges::min(s.velocity) == std::ranges::max(s.velocity))
+      continue;
+    out += "<h4>" + escape(s.joint) +
+           ": error over velocity <small>mean and its 95 % interval; equally many samples in each "
+           "bin</small></h4>\n" +
+           drawing("velocity", {{"set", set}, {"joint", std::to_string(j)}}) + "\n";
+  }
   return out;
 }
 
-/// What is left over depends on velocity where friction is described wrongly.
-std::string velocity_chart(const TorqueSeries& s) {
-  constexpr int kBins = 24;
-  if (s.velocity.empty()) return "";
-  const std::vector<Bin> bins = binned(s.velocity, difference(s.fitted, s.measured), kBins);
-  if (bins.size() < 2) return "";
-  const std::string speed = s.unit == "N" ? "m/s" : "rad/s";
-  return "<h4>" + escape(s.joint) +
-         ": error over velocity <small>mean and its 95 % interval; equally many samples in each "
-         "bin</small></h4>"
-         "\n<div class='binned'>" +
-         binned_chart(bins, speed, "error " + unit(s.unit), 150) + "</div>\n";
-}
-
-std::string velocity_charts(const std::vector<TorqueSeries>& list) {
-  std::string out;
-  for (const TorqueSeries& s : list) out += velocity_chart(s);
-  return out;
+/// A parameter's place on its own scale, before and after.
+std::string estimate(double prior, double value, double std) {
+  return drawing(
+      "estimate",
+      {{"prior", number(prior, 7)}, {"value", number(value, 7)}, {"std", number(std, 7)}},
+      "drawing", "span");
 }
 
 std::string error_table(const IdentifyResult& fit) {
-  const bool torque = quantity(fit) == "torque", joints = !std::ranges::all_of(fit.errors, is_ball);
+  const bool torque = quantity(fit) == "torque", joints =
+             !std::ranges::all_of(fit.errors, [](const JointError& e) { return is_ball(e); });
   std::vector<std::vector<std::string>> rows;
   for (const JointError& e : fit.errors) {
     const double first = before(fit, e), last = after(fit, e);
@@ -80,7 +77,7 @@ std::string parameter_table(const IdentifyResult& fit) {
   for (const ParameterEstimate& p : fit.parameters) {
     const std::string name = escape(p.name), u = escape(unit(p.unit));
     if (p.identifiable && !p.fixed) {
-      seen.push_back({name, number(p.prior), error_bar(p.prior, p.value, p.std),
+      seen.push_back({name, number(p.prior), estimate(p.prior, p.value, p.std),
                       value_and_std(p.value, p.std), u, p.at_bound ? "at its bound" : ""});
     } else {
       unseen.push_back(
@@ -105,7 +102,7 @@ std::string torque_constants_table(const IdentifyResult& fit) {
   if (fit.torque_constants.empty()) return "";
   std::vector<std::vector<std::string>> rows;
   for (const TorqueConstant& k : fit.torque_constants)
-    rows.push_back({escape(k.joint), number(k.assumed), error_bar(k.assumed, k.value, k.std),
+    rows.push_back({escape(k.joint), number(k.assumed), estimate(k.assumed, k.value, k.std),
                     value_and_std(k.value, k.std), escape(unit(k.unit))});
   return element("h3", "Torque constants") +
          html_table({"joint", "assumed", "", "calibrated", "unit"}, rows, {"", "n", "", "n", ""});
@@ -166,38 +163,24 @@ std::string identify_page(const FitRun& run) {
   const IdentifyResult& fit = run.fit;
   const bool held_out = has_test(fit);
   const std::string what = quantity(fit);
-  IdentifyResult shown;  // what the charts need
-  shown.test_series = on_one_axis(fit.test_series, kMaxPoints / 2);
-  shown.train_series = on_one_axis(fit.train_series, kMaxPoints / 2);
-  const int columns = chart_columns(shown.test_series.size() + shown.train_series.size());
-  const ChartNames names;
-  const auto charts = [&](const std::vector<TorqueSeries>& list) {
-    std::vector<std::size_t> which(list.size());
-    std::iota(which.begin(), which.end(), std::size_t{0});
-    return chart_keys(names) + time_charts(list, which, what, columns, names);
-  };
-
   const std::string name = fit.model.name.empty() ? "model" : fit.model.name;
   std::string body = element("h1", "Identification of " + name);
   body += element("p", identify_headline(run), "headline") + warnings(fit);
   body += element("h2", "Error of the " + what + (held_out ? " on held-out data" : ""));
   body += error_table(fit);
-  if (fit.ball) body += ball_section(*fit.ball, names);
+  if (fit.ball) body += ball_section(*fit.ball, {});
   if (fit.test_series.empty() && fit.train_series.empty() && !fit.ball)
     body +=
         element("p", "The folder holds no series.json, so that no chart can be drawn.", "faint");
-  if (!shown.test_series.empty())
-    body += "<div " + chart_set("test", names) + ">" +
-            element("h2", "Held-out " + what + " over time") + charts(shown.test_series) +
-            velocity_charts(fit.test_series) + "</div>\n";
-  if (!shown.train_series.empty()) {
-    const std::string inside = charts(shown.train_series) + velocity_charts(fit.train_series);
-    if (shown.test_series.empty())
-      body += "<div " + chart_set("train", names) + ">" +
-              element("h2", "The " + what + " over time") + inside + "</div>\n";
-    else
-      body += "<details " + chart_set("train", names) +
-              "><summary>The same for the training data</summary>\n" + inside + "</details>\n";
+  if (!fit.test_series.empty())
+    body +=
+        element("h2", "Held-out " + what + " over time") + charts("test", fit.test_series, what);
+  if (!fit.train_series.empty()) {
+    const std::string inside = charts("train", fit.train_series, what);
+    body += fit.test_series.empty()
+                ? element("h2", "The " + what + " over time") + inside
+                : "<details><summary>The same for the training data</summary>\n" + inside +
+                      "</details>\n";
   }
   body += element("h2", "Parameters") + parameter_table(fit) + torque_constants_table(fit) +
           base_table(fit);
@@ -207,8 +190,7 @@ std::string identify_page(const FitRun& run) {
                            std::to_string(fit.summary.passes) +
                            (fit.summary.passes == 1 ? " pass" : " passes") + " over the data, " +
                            number(fit.summary.seconds, 2) + " s.");
-  body += element("h2", "How to get this again") + reproduce(run.reproduce);
-  return document("Identification of " + name, body, series_json(shown));
+  return document("Identification of " + name, body + reproduce(run.reproduce), page_data(run));
 }
 
 }  // namespace diffnea

@@ -5,7 +5,7 @@
 
 #include <diffnea/report/identify_text.hpp>
 
-#include "report/ball_charts.hpp"
+#include "report/ball_section.hpp"
 #include "report/fit_words.hpp"
 #include "report/format.hpp"
 

@@ -1,12 +1,12 @@
+#include <algorithm>
+
 #include <diffnea/report/learn_page.hpp>
 #include <diffnea/report/learn_text.hpp>
+#include <diffnea/runs/page_data.hpp>
 
 #include "report/format.hpp"
 #include "report/html.hpp"
-#include "report/page_parts.hpp"
-#include "report/policy_charts.hpp"
 #include "report/policy_words.hpp"
-#include "report/stick_views.hpp"
 
 namespace diffnea {
 namespace {
@@ -36,6 +36,28 @@ std::string seeds_table(const LearnRun& run, int best) {
   return html_table({"seed", "in the model", "reward", "first catch at iteration", "iterations",
                      "rollouts", "time", "stopped because"},
                     rows, {"", "", "n", "n", "n", "n", "n", "wrap"});
+}
+
+/// Numbers of all seeds over iterations.
+std::string learning_curves(const LearnRun& run, int best) {
+  struct Panel {
+    const char *title, *key, *unit;
+    std::string bound;
+  };
+  const ErepsOptions& o = run.task.options.ereps;
+  std::string out = "<div class='evidence'>\n";
+  for (const Panel& p :
+       {Panel{"Mean reward of an iteration", "reward_mean", "reward", ""},
+        Panel{"Best reward so far", "reward_best", "reward", ""},
+        Panel{"Share of samples that catch the ball", "solved_share", "share", ""},
+        Panel{"Entropy of the search", "entropy", "nat", ""},
+        Panel{"KL of the samples' weights, and its bound", "kl_samples", "nat", number(o.epsilon)},
+        Panel{"KL of the Gaussian's update, and its bound", "kl_update", "nat", number(o.kappa)}}) {
+    Data data{{"key", p.key}, {"unit", p.unit}, {"best", std::to_string(best)}};
+    if (!p.bound.empty()) data.emplace_back("bound", p.bound);
+    out += "<figure>" + element("figcaption", p.title) + drawing("curve", data) + "</figure>\n";
+  }
+  return out + "</div>\n";
 }
 
 std::string models_words(const RobustOptions& o) {
@@ -86,24 +108,23 @@ std::string learn_page(const LearnRun& run) {
                 "warning");
   body += element("h2", "The best policy's movement in the model");
   if (best >= 0 && best < static_cast<int>(run.figures.size())) {
-    const StickFigure& figure = run.figures[static_cast<std::size_t>(best)];
-    body += film_strip(figure, nullptr, run.task.options.reward.string) +
-            element("p",
-                    "Arm, cup and ball from the side, where the model has them; the line is the "
-                    "ball's way so far.",
-                    "faint") +
-            player(figure, nullptr, run.task.options.reward.string);
+    body += movement("imagined", best, false, run.task.options.reward.string, true,
+                     element("p",
+                             "Arm, cup and ball from the side, where the model has them; the line "
+                             "is the ball's way so far.",
+                             "faint"));
   } else {
     body += element("p", "The folder holds no series.json, so that nothing can be drawn.", "faint");
   }
-  body += element("h2", "Learning curves") +
-          learning_curves(run.policies, run.task.options.ereps, best) +
-          "<p class='faint'><span class='key fitted'></span>best policy<span class='key "
-          "seed'></span>the other seeds<span class='key bound'></span>bound</p>\n";
+  if (std::ranges::any_of(run.policies, [](const LearnedPolicy& p) { return !p.curve.empty(); }))
+    body += element("h2", "Learning curves") + learning_curves(run, best) +
+            "<p class='faint'><span class='key fitted'></span>best policy<span class='key "
+            "seed'></span>the other seeds<span class='key bound'></span>bound</p>\n";
   body += element("h2", "Seeds") + seeds_table(run, best) + element("h2", "Task") +
           task_table(run.task);
-  body += element("h2", "How to get this again") + reproduce(run.reproduce);
-  return document(title, body, "{}");
+  const bool is_kept = run.figures.size() == run.policies.size();
+  return document(title, body + reproduce(run.reproduce),
+                  page_data(run, is_kept ? std::vector<int>{best} : std::vector<int>{}));
 }
 
 }  // namespace diffnea

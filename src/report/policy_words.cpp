@@ -6,6 +6,7 @@
 
 #include "core/c_numbers.hpp"
 #include "report/format.hpp"
+#include "report/html.hpp"
 
 namespace diffnea::report {
 
@@ -37,6 +38,14 @@ Share solved_share(const std::vector<LearnedPolicy>& policies) {
 Share success_share(const std::vector<Execution>& executions) {
   return share_of(static_cast<int>(std::ranges::count_if(executions, &Execution::success)),
                   static_cast<int>(executions.size()));
+}
+
+std::string movement(const char* list, int index, bool ghost, double string, bool plays,
+                     const std::string& legend) {
+  Data data{{"movement", list}, {"index", std::to_string(index)}, {"string", number(string, 7)}};
+  if (ghost) data.emplace_back("ghost", "");
+  return drawing("strip", data) + "\n" + legend +
+         (plays ? drawing("player", data, "player") + "\n" : "");
 }
 
 Telling telling(const TransferRun& run) {

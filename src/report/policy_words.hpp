@@ -1,5 +1,5 @@
 #pragma once
-/// How runs of policies are put into words: for the page and the terminal.
+/// How runs of policies are put into words, for the page and the terminal; movements on a page.
 
 #include <string>
 
@@ -17,6 +17,12 @@ std::string reward_words(double reward);
 std::string duration_words(double seconds);
 Share solved_share(const std::vector<LearnedPolicy>& policies);
 Share success_share(const std::vector<Execution>& executions);
+
+/// Places of a movement's drawings: frames side by side, a legend, one that plays.
+/// @param list   of the page's data: "imagined", "obtained"  @param index  of the policy
+/// @param ghost  with the ball as it was imagined  @param string  its length [m]; 0: none
+std::string movement(const char* list, int index, bool ghost, double string, bool plays,
+                     const std::string& legend);
 
 /// Indices into executions: the success with the largest reward; the failure with the smallest,
 /// of those that succeed in the model if there are such; −1: none.

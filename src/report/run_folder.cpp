@@ -4,14 +4,13 @@
 #include <diffnea/core/error.hpp>
 #include <diffnea/core/text_file.hpp>
 #include <diffnea/io/model_file.hpp>
-#include <diffnea/runs/policy_file.hpp>
 #include <diffnea/io/trajectory_file.hpp>
 #include <diffnea/report/diagnose_page.hpp>
 #include <diffnea/report/identify_page.hpp>
 #include <diffnea/report/learn_page.hpp>
-#include <diffnea/report/movement_gif.hpp>
 #include <diffnea/report/run_folder.hpp>
 #include <diffnea/report/transfer_page.hpp>
+#include <diffnea/runs/policy_file.hpp>
 
 namespace diffnea {
 namespace {
@@ -148,9 +147,7 @@ void publish_transfer_run(const TransferRun& run, ResultFolder& folder) {
   write_task(run.task, run.policies, staging);
   write_file_atomically(staging / "series.json", transfer_series_json(run));
   write_file_atomically(staging / "result.json", transfer_result_json(run));
-  const TransferRun written = read_transfer_run(staging);
-  write_file_atomically(staging / "report.html", transfer_page(written));
-  write_movement_gif(written, staging / "movement.gif");
+  write_file_atomically(staging / "report.html", transfer_page(read_transfer_run(staging)));
   folder.publish(run_files(folder));
 }
 

@@ -1,12 +1,12 @@
+#include <cmath>
+
 #include <diffnea/report/transfer_page.hpp>
 #include <diffnea/report/transfer_text.hpp>
+#include <diffnea/runs/page_data.hpp>
 
 #include "report/format.hpp"
 #include "report/html.hpp"
-#include "report/page_parts.hpp"
-#include "report/policy_charts.hpp"
 #include "report/policy_words.hpp"
-#include "report/stick_views.hpp"
 
 namespace diffnea {
 namespace {
@@ -38,20 +38,28 @@ const std::string kLegend =
     "<p class='faint'><span class='key fitted'></span>ball in the world<span class='key "
     "imagined'></span>as the model imagined it</p>\n";
 
+bool is_kept(const TransferRun& run) {
+  return run.figures.size() == run.executions.size() &&
+         run.imagined_figures.size() >= run.executions.size();
+}
+
 std::string movement(const TransferRun& run, int index, const std::string& title, bool plays) {
+  if (index < 0 || !is_kept(run)) return "";
   const std::size_t i = static_cast<std::size_t>(index);
-  if (index < 0 || i >= run.figures.size() || i >= run.imagined_figures.size()) return "";
-  const Execution& e = run.executions[i];
-  const double string = run.task.options.reward.string;
-  const StickFigure* ghost =
-      run.imagined_figures[i].time.size() > 0 ? &run.imagined_figures[i] : nullptr;
-  std::string out =
-      "<section>" + element("h2", title + ": seed " + std::to_string(run.policies.at(i).seed) +
-                                      ", " + outcome_words(e));
-  out += film_strip(run.figures[i], ghost, string) + kLegend;
-  if (plays) out += player(run.figures[i], ghost, string);
-  return out + "<h3>Distance of the ball from the cup <small>[m]</small></h3>\n" + kLegend +
-         distance_chart(run.imagined[i], e.trace) + "</section>\n";
+  return "<section>" +
+         element("h2", title + ": seed " + std::to_string(run.policies.at(i).seed) + ", " +
+                           outcome_words(run.executions[i])) +
+         report::movement("obtained", index, run.imagined_figures[i].time.size() > 0,
+                          run.task.options.reward.string, plays, kLegend) +
+         "<h3>Distance of the ball from the cup <small>[m]</small></h3>\n" + kLegend +
+         drawing("distance", {{"index", std::to_string(index)}}) + "</section>\n";
+}
+
+bool has_rewards(const TransferRun& run) {
+  for (std::size_t i = 0; i < run.executions.size(); ++i)
+    if (std::isfinite(run.executions[i].reward) || std::isfinite(run.policies.at(i).expected))
+      return true;
+  return false;
 }
 
 std::string repetitions(const TransferRun& run) {
@@ -81,13 +89,14 @@ std::string transfer_page(const TransferRun& run) {
   const Telling shown = telling(run);
   body += movement(run, shown.success, "Best success", true);
   body += element("h2", "Policies") + policies_table(run) + repetitions(run);
-  if (const std::string scatter = reward_scatter(run); !scatter.empty())
-    body += element("h2", "Reward, expected and obtained") + scatter +
+  if (has_rewards(run))
+    body += element("h2", "Reward, expected and obtained") + drawing("scatter", {}) +
             "<p class='faint'><span class='key fitted'></span>caught<span class='key "
             "nominal'></span>not caught; on the line the world is as the model says</p>\n";
   body += movement(run, shown.failure, "Worst failure", shown.success < 0);
-  body += element("h2", "How to get this again") + reproduce(run.reproduce);
-  return document(title, body, "{}");
+  return document(title, body + reproduce(run.reproduce),
+                  page_data(run, is_kept(run) ? std::vector<int>{shown.success, shown.failure}
+                                              : std::vector<int>{}));
 }
 
 }  // namespace diffnea

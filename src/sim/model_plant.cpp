@@ -43,8 +43,9 @@ void ModelPlant::place_states() {
     if (!has_state(e)) continue;
     for (const int j : e.joints) {
       const auto motor = std::ranges::find(motors_, j, &Motor::joint);
-      const double share =
-          motor == motors_.end() ? 0.0 : motor_spring(*motor->effect).friction_share;
+      const double share = motor == motors_.end()
+                               ? 0.0
+                               : motor_share(e.info(), motor_spring(*motor->effect).friction_share);
       if (share > 0.0) states_.push_back({&e, j, static_cast<int>(motor - motors_.begin()), share});
       if (share < 1.0) states_.push_back({&e, j, -1, 1.0 - share});
     }

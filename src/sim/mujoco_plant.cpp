@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
-#include <map>
 
 #include <Eigen/Geometry>
 
@@ -169,13 +168,14 @@ void MujocoRobot::turn(const BoundEffect& effect) {
   }
 }
 
-/// By the side of the springs that it acts on, as friction does.
+/// By the side of the springs that it acts on.
 void MujocoRobot::place_states(BoundEffect effect) {
   const auto& shared =
       state_effects_.emplace_back(std::make_shared<const BoundEffect>(std::move(effect)));
   for (const int j : shared->joints) {
     const Rotor* rotor = rotor_at(j);
-    const double share = rotor ? shares_[static_cast<std::size_t>(j)] : 0.0;
+    const double share =
+        rotor ? motor_share(shared->info(), shares_[static_cast<std::size_t>(j)]) : 0.0;
     if (share > 0.0) states_.push_back({shared.get(), j, rotor->dof, share});
     if (share < 1.0) states_.push_back({shared.get(), j, dof_[j], 1.0 - share});
   }

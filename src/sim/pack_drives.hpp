@@ -25,6 +25,8 @@
 #include <diffnea/core/pack.hpp>
 #include <diffnea/dynamics/aba.hpp>
 #include <diffnea/effects/catalogue.hpp>
+#include <diffnea/effects/hidden_motor.hpp>
+#include <diffnea/effects/stepping.hpp>
 
 #include "sim/drives.hpp"
 #include "sim/pack_lanes.hpp"
@@ -79,7 +81,10 @@ class PackDrives {
     }
     for (JointState& b : states_) {
       const int m = motor_at_[b.joint];
-      const Pack at_motor = m < 0 ? Pack(0.0) : spring_of(motors_[m]).friction_share;
+      const EffectInfo& info = spec_.drives[b.effect].info();
+      const double least = motor_share(info, 0.0), more = motor_share(info, 1.0) - least;
+      const Pack at_motor =
+          m < 0 ? Pack(0.0) : Pack(least) + Pack(more) * spring_of(motors_[m]).friction_share;
       b.share = b.at_motor ? at_motor : Pack(1.0) - at_motor;
     }
     take_transfer();

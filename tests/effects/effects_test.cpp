@@ -218,6 +218,33 @@ TEST_CASE("effects: what reads the acceleration or the transmitted torque says s
   }
 }
 
+TEST_CASE("effects: a torque depends on what its header says it reads", "[effects]") {
+  const State x = random_state(1);
+  for (const EffectInfo& info : catalogue()) {
+    if (info.port != Port::kJointTorque || info.has(Trait::kReadsAcceleration)) continue;
+    CAPTURE(info.name);
+    const BoundEffect effect = bind(spec_of(info), arm());
+    // NaN makes a torque NaN only where its formula looks at it.
+    const double nothing[3] = {std::nan(""), std::nan(""), std::nan("")}, rest[3] = {0, 0, 0};
+    const auto at = [&](const double* qd) {
+      return torque(effect, {std::nan(""), 0, nothing, qd, nothing, nothing});
+    };
+    const auto finite = [](const std::vector<double>& tau) {
+      return std::ranges::all_of(tau, [](double t) { return std::isfinite(t); });
+    };
+    CHECK((info.reads == Reads::kNothing) == finite(at(nothing)));
+    CHECK((info.reads == Reads::kMotion) == !finite(at(x.qd)));
+    if (info.reads != Reads::kSpeed && info.reads != Reads::kSpeedLinearly) continue;
+    CHECK(at(rest) == std::vector<double>(3, 0.0));
+    double twice[3];
+    for (int j = 0; j < 3; ++j) twice[j] = -2.0 * x.qd[j];
+    bool linear = true;
+    for (std::size_t j = 0; j < 3; ++j)
+      linear = linear && std::abs(at(twice)[j] + 2.0 * at(x.qd)[j]) <= kSameFormula;
+    CHECK((info.reads == Reads::kSpeedLinearly) == linear);
+  }
+}
+
 TEST_CASE("effects: linear columns times linear parameters are the torque", "[effects]") {
   const unsigned seed = GENERATE(range(0u, 10u));
   CAPTURE(seed);

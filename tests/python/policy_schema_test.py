@@ -5,6 +5,7 @@ from pathlib import Path
 import jsonschema
 import pytest
 from cli import MODELS, diffnea, done, load, schema
+from drawings import Places
 
 
 @pytest.fixture(scope="module", params=["plain", "robust"])
@@ -32,6 +33,16 @@ def test_results_and_policies_are_what_the_schemas_say(runs: Path, command: str)
     for path in policies:
         check(path, "policy")
     assert load(runs / command / "series.json")["schema"] == f"diffnea/{command}-series/1"
+
+
+@pytest.mark.parametrize("command", ["learn", "transfer"])
+def test_every_place_of_the_page_is_drawn(runs: Path, command: str) -> None:
+    page = (runs / command / "report.html").read_text(encoding="utf-8")
+    kinds = [kind for kind, _ in Places(page).drawn()]
+    expected = {"learn": ["strip", "player"] + ["curve"] * 6}
+    shown = ["strip", "distance"] * (kinds.count("strip") or 1)
+    expected["transfer"] = ["scatter", "player", *shown]
+    assert sorted(kinds) == sorted(expected[command])
 
 
 @pytest.mark.parametrize("command", ["learn", "transfer"])

@@ -1,15 +1,12 @@
-/// Pictures of a ball: in both pages, self-contained, small, and whole where numbers are missing.
+/// A ball on both pages: self-contained, small, and whole where numbers are missing.
 
 #include <algorithm>
 #include <fstream>
 #include <limits>
-#include <report/ball_charts.hpp>
-#include <report/ball_views.hpp>
 #include <report/diagnose_words.hpp>
 #include <support/swung_ball.hpp>
 
 #include <catch2/catch_test_macros.hpp>
-#include <catch2/matchers/catch_matchers_floating_point.hpp>
 #include <catch2/matchers/catch_matchers_string.hpp>
 
 #include <diffnea/report/diagnose_page.hpp>
@@ -26,7 +23,6 @@ using test::check_page;
 using test::count;
 
 using Catch::Matchers::ContainsSubstring;
-using Catch::Matchers::WithinAbs;
 using namespace report;
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
@@ -71,14 +67,16 @@ TEST_CASE("ball report: the pages hold every picture, and stay small", "[report]
   for (const std::string& page :
        {identify_page(ball_fit_run()), diagnose_page(ball_diagnose_run())}) {
     check_page(page);
-    CHECK_THAT(page, ContainsSubstring("class='space'"));
-    CHECK_THAT(page, ContainsSubstring("class='sphere'"));
-    CHECK_THAT(page, ContainsSubstring("id='ball'"));
+    for (const char* kind : {"space", "turns", "sphere"})
+      CHECK(count(page, std::string("data-draw='") + kind + "'") == 1);
+    const std::string chart = "data-draw='time' data-set='ball' data-joint='";
+    CHECK(count(page, chart + "length' data-part='value'") == 1);
+    for (const char* of : {"length", "x", "y", "z"})
+      CHECK(count(page, chart + of + "' data-part='error'") == 1);
     CHECK_THAT(page, ContainsSubstring("Length of the string"));
-    CHECK_THAT(page, ContainsSubstring("rect class='span'"));   // taut
-    CHECK_THAT(page, ContainsSubstring("rect class='noise'"));  // ± 2 σ
-    CHECK_THAT(page, ContainsSubstring("line class='level'"));  // the string's length
-    CHECK_THAT(page, ContainsSubstring("line class='flag'"));
+    for (const char* key :
+         {"\"taut\":[true", "\"anchor\":{\"x\":[", "\"sigma\":", "\"flagged\":[{"})
+      CHECK_THAT(page, ContainsSubstring(key));
     CHECK_THAT(page, ContainsSubstring("7 rows or flights were flagged"));
     CHECK_THAT(page, ContainsSubstring("where &lt;the model&gt; has it"));
   }
@@ -86,7 +84,9 @@ TEST_CASE("ball report: the pages hold every picture, and stay small", "[report]
   test::SwungBallOptions hour;
   hour.windows = 1800;
   hour.rows = 120;
-  CHECK(ball_section(test::swung_ball(hour), {}).size() < 1'000'000);
+  FitRun run = ball_fit_run();
+  run.fit.ball = test::swung_ball(hour);
+  CHECK(identify_page(run).size() < 1'000'000);
 }
 
 TEST_CASE("report: text of a page is escaped once", "[report]") {
@@ -100,43 +100,14 @@ TEST_CASE("report: text of a page is escaped once", "[report]") {
   CHECK_THAT(page, !ContainsSubstring("&amp;amp;") && !ContainsSubstring("&amp;lt;"));
 }
 
-TEST_CASE("ball report: many short runs stand side by side on the axis of time", "[report]") {
-  test::SwungBallOptions flights;
-  flights.windows = 100;
-  flights.rows = 60;
-  BallSeries b = test::swung_ball(flights);
-  for (std::size_t k = 0; k < b.time.size(); ++k) {  // each a recording of its own, from 0 on
-    b.run[k] = b.window[k];
-    b.time[k] = static_cast<double>(k % 60) * flights.dt;
-  }
-  const std::string page = ball_section(b, {}), times = "\"time\":[";
-  const std::size_t begin = page.find(times, page.find("\"charts\"")) + times.size(),
-                    end = page.find(']', begin);
-  const double last = std::stod(page.substr(page.rfind(',', end) + 1));
-  // 0.295 s of each, and 0.2 s between any two.
-  CHECK_THAT(last, WithinAbs(100 * 0.295 + 99 * 0.2, 0.05));
-}
-
-TEST_CASE("ball report: the sphere shows a string that is too short as an error along it",
-          "[report]") {
-  const BallSeries b = test::swung_ball();
-  const std::string map = sphere(b, "base", "extended", true);
-  // 10 mm along the string, noise of 1 mm along it and of √2 mm across it.
-  CHECK_THAT(map, ContainsSubstring("rms along the string 10 mm"));
-  CHECK_THAT(map, ContainsSubstring("rms along the string 0.9"));
-  CHECK_THAT(map, ContainsSubstring("across it 1.3"));
-  BallSeries free = b;
-  free.has_string = false;
-  CHECK(sphere(free, "base", "extended", true).empty());
-}
-
 TEST_CASE("ball report: whole where numbers are missing", "[report]") {
   FitRun run = ball_fit_run();
   BallSeries& b = *run.fit.ball;
   SECTION("no model before") {
     for (auto& p : b.base) p = {kNaN, kNaN, kNaN};
     b.base_rms = kNaN;
-    CHECK(count(identify_page(run), "path class='nominal'") == 0);
+    const std::string page = identify_page(run);
+    CHECK(count(page, "data-one=''") == count(page, "data-set='ball'") + 3);
   }
   SECTION("nothing is known but time") {
     for (auto* points : {&b.measured, &b.base, &b.extended, &b.anchor})

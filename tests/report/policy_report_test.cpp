@@ -1,10 +1,9 @@
-/// Runs of learning and transfer: files both ways, pages, the terminal's text, and the GIF.
+/// Runs of learning and transfer: files both ways, pages, the terminal's text.
 
 #include <algorithm>
 #include <cmath>
-#include <fstream>
 #include <limits>
-#include <report/stick_views.hpp>
+#include <regex>
 #include <support/temporary_folder.hpp>
 
 #include <catch2/catch_approx.hpp>
@@ -15,14 +14,13 @@
 #include <diffnea/core/error.hpp>
 #include <diffnea/core/text_file.hpp>
 #include <diffnea/io/model_file.hpp>
-#include <diffnea/runs/policy_file.hpp>
-#include <diffnea/worlds/world.hpp>
 #include <diffnea/report/learn_page.hpp>
 #include <diffnea/report/learn_text.hpp>
-#include <diffnea/report/movement_gif.hpp>
 #include <diffnea/report/run_folder.hpp>
 #include <diffnea/report/transfer_page.hpp>
 #include <diffnea/report/transfer_text.hpp>
+#include <diffnea/runs/policy_file.hpp>
+#include <diffnea/worlds/world.hpp>
 
 #include "support/page.hpp"
 
@@ -241,7 +239,7 @@ TEST_CASE("run folder: what no run left there stays", "[policy]") {
   }
 }
 
-TEST_CASE("learn page: numbers, curves of all seeds, a strip", "[policy]") {
+TEST_CASE("learn page: numbers, curves of all seeds, the best one's movement", "[policy]") {
   const test::TemporaryFolder folder;
   ResultFolder run(folder.path());
   publish_learn_run(learned(), run);
@@ -250,10 +248,14 @@ TEST_CASE("learn page: numbers, curves of all seeds, a strip", "[policy]") {
   CHECK_THAT(page, ContainsSubstring("1 of 2 policies catch the ball in the model"));
   CHECK_THAT(page, ContainsSubstring("7 <b>best</b>"));
   CHECK_THAT(page, ContainsSubstring("a&lt;b.xml"));
-  CHECK(count(page, "<path class='seed'") == 6);
-  CHECK(count(page, "<path class='fitted'") == 6);
-  CHECK(count(page, "<rect class='frame'") == 8);
-  for (const char* what : {"0.00 s · start", "· end"}) CHECK_THAT(page, ContainsSubstring(what));
+  CHECK(count(page, "data-draw='curve'") == 6);
+  CHECK(count(page, "data-best='1'") == 6);
+  for (const char* kind : {"strip", "player"})
+    CHECK_THAT(page, ContainsSubstring(std::string("data-draw='") + kind +
+                                       "' data-movement='imagined' data-index='1'"));
+  // Numbers of both seeds, the movement of one.
+  CHECK(count(page, "\"reward_mean\":[") == 2);
+  CHECK_THAT(page, ContainsSubstring("\"imagined\":[null,{\"time\""));
 }
 
 TEST_CASE("transfer run: the folder gives back what was written", "[policy]") {
@@ -276,8 +278,14 @@ TEST_CASE("transfer run: the folder gives back what was written", "[policy]") {
   CHECK_THAT(page, ContainsSubstring("mujoco:x&lt;y"));
   CHECK_THAT(page, ContainsSubstring("Best success: seed 7, in the cup since 1.29 s"));
   CHECK_THAT(page, ContainsSubstring("Worst failure: seed 3, never above the rim: 12 mm short"));
-  CHECK(count(page, "<rect class='frame'") == 16);
-  CHECK(count(page, "class='player'") == 1);
+  CHECK_THAT(page, ContainsSubstring("data-draw='player' data-movement='obtained' data-index='1'"));
+  CHECK(count(page, "data-draw='player'") == 1);
+  for (const char* kind : {"strip", "distance"})
+    for (const char* index : {"0", "1"})
+      CHECK(std::regex_search(page, std::regex(std::string("data-draw='") + kind +
+                                               "'[^>]*data-index='" + index + "'")));
+  CHECK(count(page, "data-ghost=''") == 3);
+  CHECK(count(page, "data-draw='scatter'") == 1);
 }
 
 TEST_CASE("transfer run: file, text and page say by what the world differs", "[policy]") {
@@ -319,7 +327,7 @@ TEST_CASE("transfer run: an interrupted one, and executions without rows", "[pol
   const std::string page = read_text_file(folder.path() / "report.html");
   check_page(page);
   CHECK_THAT(page, ContainsSubstring("Interrupted: 1 of 2 policies were executed"));
-  CHECK_FALSE(std::filesystem::exists(folder.path() / "movement.gif"));
+  CHECK(count(page, "data-draw='strip'") == 0);
 }
 
 TEST_CASE("transfer: a policy whose motion breaks a limit fails alone", "[policy]") {
@@ -356,48 +364,6 @@ TEST_CASE("transfer run: more movements than our reader takes are stored at a lo
   CHECK(time.size() == kRows / 2 + 1);
   CHECK(time[time.size() - 1] == Approx(0.01 * (kRows - 1)));
   CHECK_THAT(read_text_file(folder.path() / "report.html"), ContainsSubstring("9 repetitions"));
-}
-
-TEST_CASE("telling times: from the start to the end, in order", "[policy]") {
-  const LearnRun& run = learned();
-  const StickFigure f = stick_figure(run.task.model, run.imagined[0], side_view(run.imagined));
-  for (const int wanted : {2, 5, 8}) {
-    const auto times = report::telling_times(f, run.task.options.reward.string, wanted);
-    CHECK(times.front().row == 0);
-    CHECK(times.back().row == f.time.size() - 1);
-    CHECK(std::ranges::adjacent_find(
-              times, [](const auto& a, const auto& b) { return a.row >= b.row; }) == times.end());
-  }
-}
-
-TEST_CASE("GIF: frames of one size, 25 a second, again and again", "[policy]") {
-  if (!can_write_gif()) SKIP("built without libgif");
-  const test::TemporaryFolder folder;
-  ResultFolder out(folder.path());
-  publish_transfer_run(transferred(), out);
-  std::ifstream file(folder.path() / "movement.gif", std::ios::binary);
-  const std::string gif((std::istreambuf_iterator<char>(file)), std::istreambuf_iterator<char>());
-  REQUIRE(gif.size() > 1000);
-  CHECK(gif.starts_with("GIF89a"));
-  CHECK(gif.ends_with(';'));
-  CHECK_THAT(gif, ContainsSubstring("NETSCAPE2.0"));
-  const auto word = [&](std::size_t at) {
-    return static_cast<unsigned char>(gif[at]) + 256 * static_cast<unsigned char>(gif[at + 1]);
-  };
-  CHECK(word(6) == 360);
-  CHECK(word(8) > 100);
-  CHECK(word(8) <= 740);
-  // A frame is its control block, F9 04 with the delay, and a picture of the screen's size.
-  std::size_t frames = 0;
-  const std::string control("\x21\xF9\x04", 3);
-  for (std::size_t at = gif.find(control); at != gif.npos; at = gif.find(control, at + 8)) {
-    if (gif[at + 8] != ',') continue;
-    ++frames;
-    CHECK(word(at + 13) == word(6));
-    CHECK(word(at + 15) == word(8));
-  }
-  const VecX<double>& time = learned().imagined[1].time;
-  CHECK(static_cast<double>(frames) == Approx(time[time.size() - 1] / 0.04 + 1.0).margin(1.01));
 }
 
 }  // namespace diffnea

@@ -248,17 +248,25 @@ TEST_CASE("record: every effect of joints in the catalogue can be simulated", "[
   }
 }
 
-TEST_CASE("record: MuJoCo with drives, gains, encoders and a tilted base moves as the model",
-          "[sim]") {
-  const EffectSpec spec =
-      GENERATE(EffectSpec{"actuator_lag", "joint2", {{"time_constant", 0.02, ""}}},
-               EffectSpec{"actuator_delay", "joint2", {{"delay", 0.015, ""}}},
-               EffectSpec{"saturation", "joint2", {{"limit", 20.0, ""}}},
-               EffectSpec{"encoder_scale", "joint2", {{"scale_error", 0.05, ""}}},
-               EffectSpec{"torque_gain", "joint2", {{"gain_error", 0.2, ""}}},
-               EffectSpec{"base_tilt", "base", {{"gravity_x", 0.5, ""}, {"gravity_y", -0.3, ""}}},
-               EffectSpec{"warm_up", "joint2", {{"viscous", 3.0, ""}, {"time_constant", 1.0, ""}}},
-               EffectSpec{"time_shift", "all", {{"shift", 0.02, ""}}});
+TEST_CASE(
+    "record: MuJoCo with drives, states, gains, encoders and a tilted base moves as the model",
+    "[sim]") {
+  const EffectSpec spec = GENERATE(
+      EffectSpec{"actuator_lag", "joint2", {{"time_constant", 0.02, ""}}},
+      EffectSpec{"actuator_delay", "joint2", {{"delay", 0.015, ""}}},
+      EffectSpec{"saturation", "joint2", {{"limit", 20.0, ""}}},
+      EffectSpec{"encoder_scale", "joint2", {{"scale_error", 0.05, ""}}},
+      EffectSpec{"torque_gain", "joint2", {{"gain_error", 0.2, ""}}},
+      EffectSpec{"base_tilt", "base", {{"gravity_x", 0.5, ""}, {"gravity_y", -0.3, ""}}},
+      EffectSpec{"warm_up", "joint2", {{"viscous", 3.0, ""}, {"time_constant", 1.0, ""}}},
+      EffectSpec{"presliding_dahl", "joint2", {{"coulomb", 3.0, ""}, {"presliding", 0.02, ""}}},
+      EffectSpec{"presliding_lugre",
+                 "joint2",
+                 {{"stiffness", 150.0, ""},
+                  {"damping", 1.0, ""},
+                  {"coulomb", 3.0, ""},
+                  {"stiction", 4.0, ""}}},
+      EffectSpec{"time_shift", "all", {{"shift", 0.02, ""}}});
   CAPTURE(spec.effect);
   const std::string path = DIFFNEA_SOURCE_DIR "/models/wam4.xml";
   const Model nominal = wam();

@@ -64,6 +64,9 @@ struct DiagnoseOptions {
 ///         own candidate whose name is taken or whose columns are no (N, parameters) finite numbers
 Finding diagnose(const Model& model, const RecordingSource& train, const RecordingSource* test,
                  const DiagnoseOptions& options = {});
+/// The same as data alone, without `sentence` and `plots`, which report/ adds. Throws likewise.
+Finding find_causes(const Model& model, const RecordingSource& train, const RecordingSource* test,
+                    const DiagnoseOptions& options = {});
 /// The same from recordings in memory.
 Finding diagnose(const Model& model, const std::vector<Recording>& train,
                  const std::vector<Recording>& test, const DiagnoseOptions& options = {});

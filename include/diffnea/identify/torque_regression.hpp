@@ -95,13 +95,15 @@ class TorqueRegression {
   void enter_run(int run);
   void add_shape_columns(const JointSample<double>& x);
   void add_moved_tree(int first_shape);
+  void add_changed_tree(int shape);
   VecX<double> torque_of_gravity(int axis, const double* q);
   VecX<double> inertia_columns(int joint, const VecX<double>& q);
 
   Model model_;
   Tree<double> tree_;              // at the point and of this run: transforms, inertias, armature
   std::vector<Tree<JetD>> moved_;  // per joint with free transform: its six directions seeded
-  std::vector<int> moved_shape_;   // index of the first of the six in the layout's shapes
+  std::map<int, Tree<JetD>> changed_;  // per free shape that changes the tree: seeded
+  std::vector<int> moved_shape_;       // index of the first of the six in the layout's shapes
   RneaWorkspace<JetD, double> jet_ws_;
   RneaWorkspace<double, double> rnea_ws_;
   MassMatrixWorkspace<double, double> mass_ws_;

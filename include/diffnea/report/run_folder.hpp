@@ -16,8 +16,8 @@ namespace diffnea {
 /// Everything that a run may leave in RUN/ (docs/schema/identify.md, diagnose.md, learn.md,
 /// transfer.md), but for policy_<seed>.json and recording_<seed>.csv with its .json.
 inline const std::vector<std::string> kRunFiles{
-    "result.json",     "series.json",  "model.json",  "model.urdf",        "model.xml",
-    "controller.json", "movement.gif", "report.html", kNextExperimentFile, kBallNetworkFile};
+    "result.json",     "series.json", "model.json",        "model.urdf",    "model.xml",
+    "controller.json", "report.html", kNextExperimentFile, kBallNetworkFile};
 
 /// What publishing would lose: another command's result, or files of these names that diffnea did
 /// not leave. Call it before the work. @param command  whose run it will be: "identify"
@@ -35,7 +35,7 @@ void publish_diagnose_run(DiagnoseRun& run, ResultFolder& folder);
 
 /// Policies, models, series, page. Policies of seeds that an earlier run had go.
 void publish_learn_run(const LearnRun& run, ResultFolder& folder);
-/// The same for executions; movement.gif shows the best success, or the worst failure.
+/// The same for executions.
 void publish_transfer_run(const TransferRun& run, ResultFolder& folder);
 
 }  // namespace diffnea

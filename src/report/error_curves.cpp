@@ -1,4 +1,4 @@
-#include "diagnose/error_curves.hpp"
+#include "report/error_curves.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -7,7 +7,7 @@
 
 #include "core/constants.hpp"
 
-namespace diffnea {
+namespace diffnea::report {
 namespace {
 
 constexpr int kBins = 30;
@@ -213,4 +213,4 @@ EvidenceCurve lagged_correlation(const std::string& model, const Column& time, c
   return c;
 }
 
-}  // namespace diffnea
+}  // namespace diffnea::report

@@ -1,4 +1,4 @@
-#include "diagnose/evidence_plots.hpp"
+#include "report/evidence_plots.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -8,9 +8,10 @@
 #include <diffnea/effects/bound_effect.hpp>
 
 #include "core/constants.hpp"
-#include "diagnose/error_curves.hpp"
+#include "report/diagnose_words.hpp"
+#include "report/error_curves.hpp"
 
-namespace diffnea {
+namespace diffnea::report {
 namespace {
 
 constexpr int kMostOverviews = 3;  ///< joints that are shown where no cause names one
@@ -24,10 +25,13 @@ Column error(const ResidualSeries& s, const Column& model) {
 
 class Plots {
  public:
-  explicit Plots(const Finding& finding) : finding_(finding) {}
+  explicit Plots(const Finding& finding) : finding_(finding) {
+    for (const Cause& c : finding.causes)  // a ball's are none in the torque
+      if (!at_ball(c.where)) causes_.push_back(&c);
+  }
 
   std::vector<EvidencePlot> run() {
-    for (const Cause& c : finding_.causes) add(c);
+    for (const Cause* c : causes_) add(*c);
     for (const Witness& w : finding_.witness)
       for (const std::string& variable : w.variables) add_witness(w.where, variable);
     if (plots_.empty()) overview();
@@ -64,7 +68,7 @@ class Plots {
 
   std::string position_unit(const ResidualSeries& s) const { return s.unit == "N" ? "m" : "rad"; }
 
-  bool extended() const { return !finding_.causes.empty(); }
+  bool extended() const { return !causes_.empty(); }
 
   /// Errors times `weight` (empty: 1) over x, in bins.
   void over(const char* kind, const ResidualSeries& s, const Column& x, const std::string& x_name,
@@ -262,6 +266,7 @@ class Plots {
   }
 
   const Finding& finding_;
+  std::vector<const Cause*> causes_;
   std::string effect_;
   std::set<std::string> seen_;
   std::vector<EvidencePlot> plots_;
@@ -271,4 +276,4 @@ class Plots {
 
 std::vector<EvidencePlot> evidence_plots(const Finding& finding) { return Plots(finding).run(); }
 
-}  // namespace diffnea
+}  // namespace diffnea::report

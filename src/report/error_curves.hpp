@@ -1,13 +1,13 @@
 #pragma once
 /// Curves of an error over what may explain it: means in bins, amplitudes of cycles, means around
-/// reversals, correlations. Internal to diagnose/.
+/// reversals, correlations.
 
 #include <string>
 #include <vector>
 
 #include <diffnea/diagnose/finding.hpp>
 
-namespace diffnea {
+namespace diffnea::report {
 
 /// One number a row; NaN where there is none.
 using Column = std::vector<double>;
@@ -65,4 +65,4 @@ EvidenceCurve mean_around(const std::string& model, const std::vector<SignChange
 EvidenceCurve lagged_correlation(const std::string& model, const Column& time, const Column& x,
                                  const Column& error, long reach);
 
-}  // namespace diffnea
+}  // namespace diffnea::report

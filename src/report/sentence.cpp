@@ -1,49 +1,25 @@
-#include "diagnose/sentence.hpp"
+#include "report/sentence.hpp"
 
 #include <algorithm>
 #include <cmath>
 
-#include "core/number_text.hpp"
-#include "diagnose/held_out.hpp"
-#include "identify/passes.hpp"
+#include "report/diagnose_words.hpp"
+#include "report/format.hpp"
 
-namespace diffnea {
+namespace diffnea::report {
 namespace {
 
-std::string percent(double share) {
-  return format_number(std::round(1000.0 * share) / 10.0) + " %";
-}
-
-std::string name(const std::string& effect) {
-  std::string out = effect;
-  for (char& c : out)
-    if (c == '_') c = ' ';
-  return out;
-}
-
-bool at_ball(const std::string& where) {
-  return where == "ball" || where == "string" || where == "camera";
-}
-
-/// "linear drag on the ball", "string mass", "coulomb friction at elbow".
-std::string placed(const std::string& effect, const std::string& where) {
-  if (where != "ball" && where != "string" && where != "camera")
-    return name(effect) + " at " + where;
-  if (effect == "magnus") return "Magnus lift of the ball";
-  const std::string words = name(effect);
-  if (words.find(where) != words.npos) return words;
-  return words + (words == "wind" || words.ends_with("drag") ? " on the " : " of the ") + where;
-}
+/// "5 %", "99.9 %"
+std::string share_of(double x) { return number(std::round(1000.0 * x) / 10.0) + " %"; }
 
 /// "coulomb 0.530 ± 0.021 N·m"
 std::string values(const Cause& cause) {
   std::string out;
   for (const CauseParameter& p : cause.parameters) {
     if (std::isnan(p.std) || p.name == "smoothing") continue;
-    std::string unit = p.unit == "1" ? "" : " " + p.unit;
-    for (std::size_t at; (at = unit.find('*')) != std::string::npos;) unit.replace(at, 1, "·");
-    out += (out.empty() ? "" : ", ") + p.name + " " +
-           detail::value_and_interval(p.value, p.low, p.high) + unit;
+    std::string shown = p.unit == "1" ? "" : " " + p.unit;
+    for (std::size_t k; (k = shown.find('*')) != std::string::npos;) shown.replace(k, 1, "·");
+    out += (out.empty() ? "" : ", ") + p.name + " " + value_and_interval(p) + shown;
   }
   return out;
 }
@@ -58,12 +34,12 @@ std::string listed(const std::vector<std::string>& items, const std::string& las
 std::string cause_words(const Cause& cause) {
   const std::string sizes = values(cause);
   std::string out =
-      placed(cause.effect, cause.where) +
+      at(cause.effect, cause.where) +
       (sizes.empty() ? " (of no size that this recording tells)" : " (" + sizes + ")");
   if (cause.members.empty()) return out;
   std::vector<std::string> others;
   for (const Rival& r : cause.members)
-    others.push_back(r.where == cause.where ? name(r.effect) : placed(r.effect, r.where));
+    others.push_back(r.where == cause.where ? plain(r.effect) : at(r.effect, r.where));
   return out + " [which this recording cannot tell from " + listed(others, " or ") + "]";
 }
 
@@ -106,10 +82,9 @@ std::string grey_words(const Finding& f) {
     where.push_back(g.where + " over " + listed(g.variables, " and "));
   const auto [before, after] = left_by(f);
   return "A learned remainder at " + listed(where, " and at ") +
-         ", which names no cause, removes " + percent(1.0 - after / before) +
-         " of the mean square that is left on held-out data (error " +
-         format_number(std::sqrt(before)) + " to " + format_number(std::sqrt(after)) +
-         " times the noise)";
+         ", which names no cause, removes " + share_of(1.0 - after / before) +
+         " of the mean square that is left on held-out data (error " + number(std::sqrt(before)) +
+         " to " + number(std::sqrt(after)) + " times the noise)";
 }
 
 /// Of arm and ball, the ball's path is further from what its noise allows.
@@ -121,39 +96,39 @@ std::string witness_words(const Finding& f) {
   const double left = std::sqrt(left_by(f).first);
   if (f.witness.empty() && is_of_ball(f, left))
     return "an error of " +
-           format_number(f.series.empty() ? f.gain.after : f.ball->extended_rms / f.ball->sigma) +
+           number(f.series.empty() ? f.gain.after : f.ball->extended_rms / f.ball->sigma) +
            " times the camera's noise is left of the ball's held-out path, and no smooth function "
            "of its motion explains it";
   if (f.witness.empty() && left > kFarOff)
-    return "an error of " + format_number(left) +
+    return "an error of " + number(left) +
            " times the noise is left on held-out data, and no smooth function of the motion "
            "explains it; were they recorded under other conditions, or with other units?";
   if (f.witness.empty())
-    return "an error of " + format_number(left) +
+    return "an error of " + number(left) +
            " times the noise comes back in every period, and no smooth function of the motion "
            "explains it on held-out data";
   const Witness& w = f.witness.front();
   return (w.where == "ball" ? "the error of the ball's path depends on "
                             : "the torque error of " + w.where + " depends on ") +
-         listed(w.variables, " and ") + " (" + percent(w.share) + " of its mean square)";
+         listed(w.variables, " and ") + " (" + share_of(w.share) + " of its mean square)";
 }
 
 /// Where parts of one recording are held out: effects that explain the others and do not help
 /// there.
-std::string none_words(const Finding& f, Tried tried) {
+std::string none_words(const Finding& f) {
   const std::string no_effect =
-      tried == Tried::kAll ? "o effect of the catalogue " : "one of the effects that were tried ";
+      f.tried == Tried::kAll ? "o effect of the catalogue " : "one of the effects that were tried ";
   constexpr std::size_t kListed = 3;
   std::vector<std::string> fit;
   for (const Refusal& r : f.refused)
     if (r.delta_bic > 0.0 && r.reason.starts_with("does not help on held-out data"))
-      fit.push_back(placed(r.effect, r.where));
+      fit.push_back(at(r.effect, r.where));
   if (f.held_out != "time blocks" || fit.empty())
     return f.gain.before > kUneasy
                ? "N" + no_effect +
                      "improves the model beyond its noise, though on held-out data its error is " +
-                     format_number(f.gain.before) + " times that."
-               : (tried == Tried::kAll ? "Nothing is left to explain: n" : "N") + no_effect +
+                     number(f.gain.before) + " times that."
+               : (f.tried == Tried::kAll ? "Nothing is left to explain: n" : "N") + no_effect +
                      "improves the model beyond its noise.";
   if (fit.size() > kListed) fit.resize(kListed);
   return "N" + no_effect + "helps on the parts of the recording that were held out, though " +
@@ -166,34 +141,34 @@ std::string nothing_words(const Finding& f) {
   const std::string prefix = "not tried: ";
   for (const Refusal& r : f.refused)
     if (r.reason.starts_with(prefix))
-      return "Nothing was tried: " + name(r.effect) + " " + r.reason.substr(prefix.size()) + ".";
+      return "Nothing was tried: " + plain(r.effect) + " " + r.reason.substr(prefix.size()) + ".";
   return "Nothing was tried: the effects that were asked for cannot act on what is recorded here.";
 }
 
 }  // namespace
 
-std::string sentence(const Finding& f, Tried tried) {
+std::string sentence(const Finding& f) {
   if (f.interrupted) {
     Finding rest = f;
     rest.interrupted = false;
-    return "Interrupted before all was tried, rivals among it: " + sentence(rest, tried);
+    return "Interrupted before all was tried, rivals among it: " + sentence(rest);
   }
   switch (f.verdict) {
     case Verdict::kNone:
-      return none_words(f, tried);
+      return none_words(f);
     case Verdict::kNotIdentifiable:
-      if (tried == Tried::kNothing) return nothing_words(f);
+      if (f.tried == Tried::kNothing) return nothing_words(f);
       return "This recording cannot show what the model lacks: every candidate is absorbed by the "
              "base parameters or "
              "never excited.";
     case Verdict::kUnknown: {
       std::string out =
-          (tried == Tried::kAll ? "The cause is not in the catalogue: "
-                                : "The cause is none of the effects that were tried: ") +
+          (f.tried == Tried::kAll ? "The cause is not in the catalogue: "
+                                  : "The cause is none of the effects that were tried: ") +
           witness_words(f);
       if (std::ranges::any_of(f.causes, is_named)) {
         out += "; the nearest effects are " + causes_words(f) + ", and they explain " +
-               percent(named_share(f)) + " of the held-out error that can be removed";
+               share_of(named_share(f)) + " of the held-out error that can be removed";
       }
       if (!f.grey_box.empty()) out += ". " + grey_words(f);
       return out + ".";
@@ -202,15 +177,15 @@ std::string sentence(const Finding& f, Tried tried) {
     case Verdict::kClass:
       break;
   }
-  std::string out =
-      "The model lacks " + causes_words(f) + ". The extension removes " +
-      percent(f.gain.explained_share) + " of the held-out error that can be removed (error " +
-      format_number(f.gain.before) + " to " + format_number(f.gain.after) + " times the noise" +
-      (f.gain.after > kUneasy ? "; nothing that was tried explains the rest)" : ")");
+  std::string out = "The model lacks " + causes_words(f) + ". The extension removes " +
+                    share_of(f.gain.explained_share) +
+                    " of the held-out error that can be removed (error " + number(f.gain.before) +
+                    " to " + number(f.gain.after) + " times the noise" +
+                    (f.gain.after > kUneasy ? "; nothing that was tried explains the rest)" : ")");
   const auto of_ball = [](const Cause& c) { return at_ball(c.where); };
   if (f.ball && !std::ranges::all_of(f.causes, of_ball) && std::ranges::any_of(f.causes, of_ball))
-    out += ", and brings the ball's path from " + format_number(1e3 * f.ball->base_rms) + " to " +
-           format_number(1e3 * f.ball->extended_rms) + " mm of the camera's";
+    out += ", and brings the ball's path from " + number(1e3 * f.ball->base_rms) + " to " +
+           number(1e3 * f.ball->extended_rms) + " mm of the camera's";
   const Rival* next = nullptr;
   const Cause* of = nullptr;
   for (const Cause& c : f.causes)
@@ -220,11 +195,10 @@ std::string sentence(const Finding& f, Tried tried) {
         of = &c;
       }
   if (next)
-    out += "; the next rival" +
-           (f.causes.size() > 1 ? " of " + placed(of->effect, of->where) : "") + ", " +
-           placed(next->effect, next->where) + ", is worse by " + format_number(next->delta_bic) +
+    out += "; the next rival" + (f.causes.size() > 1 ? " of " + at(of->effect, of->where) : "") +
+           ", " + at(next->effect, next->where) + ", is worse by " + number(next->delta_bic) +
            " in BIC";
   return out + ".";
 }
 
-}  // namespace diffnea
+}  // namespace diffnea::report

@@ -1,9 +1,9 @@
 #pragma once
-/// What each cause looks like in the torque error, as curves to draw. Internal to diagnose/.
+/// Evidence: the torque error as curves that show what a cause looks like.
 
 #include <diffnea/diagnose/finding.hpp>
 
-namespace diffnea {
+namespace diffnea::report {
 
 /// The plots that fit the causes (or the witness, or nothing in particular), from the series alone:
 /// error over velocity for friction, over position with its spectrum for what goes around with the
@@ -11,4 +11,4 @@ namespace diffnea {
 /// @param finding  its series, causes, witness and joints are read
 std::vector<EvidencePlot> evidence_plots(const Finding& finding);
 
-}  // namespace diffnea
+}  // namespace diffnea::report

@@ -1,0 +1,190 @@
+#include "report/diagnose_sections.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include <diffnea/core/text.hpp>
+
+#include "report/diagnose_words.hpp"
+#include "report/format.hpp"
+#include "report/html.hpp"
+
+namespace diffnea::report {
+namespace {
+
+constexpr std::size_t kOpen =
+    2;  ///< joints whose motion is open: of causes, or as it improves most
+
+std::string failures(const SimulatedMotion& m) {
+  if (m.base_failed + m.extended_failed == 0) return "";
+  return " The simulation was tried and blew up in " + std::to_string(m.base_failed) + " of " +
+         std::to_string(m.windows) + " windows with the base model, in " +
+         std::to_string(m.extended_failed) + " with the extended one; errors are over the others.";
+}
+
+std::string motion_table(const Finding& f) {
+  std::vector<std::vector<std::string>> rows;
+  for (const SimulatedSeries& s : f.simulated.joints) {
+    rows.push_back({escape(s.joint), in_thousandths(s.base_rmse, s.unit)});
+    if (!f.causes.empty())
+      rows.back().push_back("<b>" + in_thousandths(s.extended_rmse, s.unit) + "</b>");
+  }
+  std::vector<std::string> titles{"rms position error", "base model"};
+  if (!f.causes.empty()) titles.push_back("extended");
+  return html_table(titles, rows, {"", "n", "n"});
+}
+
+/// Joints of causes whose motion the extension makes worse.
+std::string farther(const Finding& f) {
+  std::string out;
+  for (const Cause& c : f.causes)
+    for (const SimulatedSeries& s : f.simulated.joints)
+      if (s.joint == c.where && s.extended_rmse > s.base_rmse &&
+          out.find(s.joint) == std::string::npos)
+        out += (out.empty() ? "" : ", ") + s.joint;
+  return out;
+}
+
+/// Whether the series file holds what the drawing needs.
+bool is_drawn(const GreyBox& g) {
+  std::size_t points = 1;
+  for (const std::vector<double>& values : g.at) {
+    if (values.size() < 2) return false;
+    points *= values.size();
+  }
+  return !g.at.empty() && g.at.size() <= 2 && g.at.size() == g.variables.size() &&
+         g.units.size() == g.at.size() && g.torque.size() == points && g.std.size() == points;
+}
+
+std::string waterfall(const Finding& f) {
+  const Gain& g = f.gain;
+  const double first = g.before * g.before, last = g.after * g.after;
+  if (!std::isfinite(first) || !std::isfinite(last)) return "";
+  std::vector<Bar> list{{"base model", number(g.before, 3) + " × noise", 0.0, first, "base"}};
+  double level = first;
+  const auto step = [&](const std::string& label, double removed) {
+    list.push_back({label, "− " + percent(removed / first), level - removed, level, "removed"});
+    level -= removed;
+  };
+  for (const Cause& c : f.causes)
+    step(at(c.effect, c.where), c.gain.before * c.gain.before - c.gain.after * c.gain.after);
+  // Effects overlap: what they remove together need not be the sum of what each removes alone.
+  if (!f.causes.empty() && std::abs(level - last) > 0.01 * first)
+    step("together, beyond each alone", level - last);
+  if (!f.causes.empty())
+    list.push_back({"extended model", number(g.after, 3) + " × noise", 0.0, last, "after"});
+  list.push_back({"noise floor", number(g.noise_floor, 3) + " × noise", 0.0,
+                  g.noise_floor * g.noise_floor, "floor"});
+  return element("p",
+                 "Mean square of the held-out " + error_of(f) +
+                     ", each channel in units of its noise; what every cause removes with the "
+                     "others in place.",
+                 "faint") +
+         bars(list);
+}
+
+std::string joint_table(const Finding& f) {
+  const bool one = f.causes.empty();
+  const bool torque = std::ranges::any_of(f.joints, [](const JointGain& j) { return !is_ball(j); });
+  std::vector<std::vector<std::string>> rows;
+  for (const JointGain& j : f.joints) {
+    const bool ball = is_ball(j);
+    const double scale = ball ? 1e3 : 1.0;
+    std::vector<std::string> row{escape(j.joint), ball ? "mm" : escape(unit(j.unit))};
+    const auto put_share = [&](double x) {
+      if (torque) row.push_back(ball ? "" : percent(x / j.torque_rms));
+    };
+    if (torque) row.push_back(ball ? "" : number(j.torque_rms, 3));
+    row.push_back(number(scale * j.noise_floor, 3));
+    row.push_back(number(scale * j.base, 3));
+    put_share(j.base);
+    if (!one) {
+      row.push_back("<b>" + number(scale * j.extended, 3) + "</b>");
+      put_share(j.extended);
+    }
+    rows.push_back(row);
+  }
+  std::vector<std::string> titles{"joint", "unit"};
+  if (torque) titles.push_back("rms torque");
+  titles.insert(titles.end(), {"noise", "base model"});
+  if (torque) titles.push_back("of torque");
+  if (!one) titles.push_back("extended");
+  if (!one && torque) titles.push_back("of torque");
+  return html_table(titles, rows, {"", "", "n", "n", "n", "n", "n", "n"});
+}
+
+}  // namespace
+
+ChartNames names_of(const Finding& f) {
+  const bool one = f.causes.empty();
+  return {"base model", one ? "base model" : "extended model", true, one};
+}
+
+std::string simulated_section(const Finding& f) {
+  const SimulatedMotion& m = f.simulated;
+  if (m.driven_by.empty() && m.reason.empty()) return "";  // written before there was one
+  std::string out = element("h2", "Motion on held-out data, measured and simulated");
+  if (!m.reason.empty())
+    return out + element("p", "No simulated motion is shown: " + m.reason + ".", "faint");
+  out += element("p",
+                 "Each of " + std::to_string(m.windows) + " windows of " + number(m.window, 2) +
+                     " s begins in the measured state; then the simulation runs by itself, " +
+                     (m.driven_by == "controller"
+                          ? "with the recording's controller in the loop (its gains are known)"
+                          : "driven by the measured torque alone") +
+                     ". The windows are spread over the recording and drawn side by side." +
+                     failures(m),
+                 "faint");
+  const std::vector<std::size_t> order = motions_by_interest(f);
+  const auto middle = order.begin() + static_cast<long>(std::min(kOpen, order.size()));
+  std::vector<std::size_t> open(order.begin(), middle), folded(middle, order.end());
+  std::ranges::sort(open);
+  std::ranges::sort(folded);
+  const std::vector<ShownSeries> all = shown(m.joints);
+  if (std::ranges::any_of(all, &ShownSeries::measured))
+    out += open_and_folded("simulated", all, open, folded, "position", names_of(f));
+  out += motion_table(f);
+  if (const std::string joints = farther(f); !joints.empty())
+    out += element("p",
+                   "The extended model's torque fits better, but its motion of " + joints +
+                       " does not: take its parameters there with care (of a hidden motor, torque "
+                       "alone shows a ratio).",
+                   "warning");
+  return out;
+}
+
+std::string grey_box_section(const Finding& f) {
+  if (f.grey_box.empty()) return "";
+  std::vector<std::vector<std::string>> rows;
+  std::string drawings;
+  for (std::size_t k = 0; k < f.grey_box.size(); ++k) {
+    const GreyBox& g = f.grey_box[k];
+    rows.push_back({"<b>" + escape(g.where) + "</b>", escape(detail::join(g.variables, " and ")),
+                    escape(unit(g.unit)), number(g.before, 3), "<b>" + number(g.after, 3) + "</b>",
+                    number(g.torque_rms, 3), number(g.bound, 3),
+                    number(g.effective_parameters, 2) + " of " + std::to_string(g.bumps)});
+    if (!is_drawn(g)) continue;
+    drawings += "<figure><figcaption>" + escape(g.where) + " <small>learned torque over " +
+                escape(detail::join(g.variables, " and ")) + "</small></figcaption>" +
+                drawing("greyBox", {{"index", std::to_string(k)}}) + "</figure>\n";
+  }
+  return element("h2", "What is left, learned without a name") +
+         element("p",
+                 "A grey box: where no effect explains the error, a smooth torque over what it "
+                 "depends on, learned from the fitted recordings and judged on held-out ones. It "
+                 "names no cause. The named effects keep their estimates beside it; it ends where "
+                 "the data end and never gives more than was seen.",
+                 "faint") +
+         html_table({"joint", "over", "unit", "held-out error before", "after", "rms of it",
+                     "at most", "parameters spent"},
+                    rows, {"", "", "", "n", "n", "n", "n", "n"}) +
+         (drawings.empty() ? "" : "<div class='evidence'>\n" + drawings + "</div>\n");
+}
+
+std::string gain_section(const Finding& f) {
+  return element("h2", f.causes.empty() ? capital(error_of(f)) + " on held-out data"
+                                        : "What was gained on held-out data") +
+         waterfall(f) + joint_table(f);
+}
+
+}  // namespace diffnea::report
