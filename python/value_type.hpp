@@ -209,7 +209,7 @@ py::dict dict_of(const T& x) {
 
 /// The value with these fields, all of which are there.
 template <Described T>
-T from_dict(const py::dict& fields) {
+T from_fields(const py::dict& fields) {
   T out;
   for (const Property& p : detail::property_list<T>().properties)
     p.set(&out, fields[p.name.c_str()]);
