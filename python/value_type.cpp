@@ -28,11 +28,11 @@ std::string with_unit(std::string doc, const std::string& unit) {
 }
 
 void def_properties(py::object type, const std::vector<Property>& properties,
-                    const std::function<const void*(const py::handle&)>& address) {
+                    const void* (*address)(const py::handle&)) {
   py::dict annotations;
   for (const Property& p : properties) {
     const py::cpp_function get(
-        [address, get = p.get](const py::object& self) { return get(address(self)); });
+        [address, &p](const py::object& self) { return p.get(address(self)); });
     def_property(type, p.name.c_str(), get, p.doc);
     annotations[p.name.c_str()] = p.type;
   }

@@ -4,10 +4,10 @@
 ///
 ///     auto c = value_type<JointError>(m);
 ///
-/// Two small functions a field and four a struct differ by type; the rest is compiled once.
+/// A few small functions a struct differ by type; the rest is compiled once.
 
 #include <array>
-#include <functional>
+#include <cstddef>
 #include <optional>
 #include <string>
 #include <vector>
@@ -31,10 +31,16 @@ namespace diffnea::python {
 /// A field of a struct that is known by its address.
 struct Property {
   std::string name;
-  std::string doc;   ///< with the unit
-  std::string type;  ///< as the stub has it
-  std::function<py::object(const void*)> get;
-  std::function<void(void*, const py::handle&)> set;
+  std::string doc;     ///< with the unit
+  std::string type;    ///< as the stub has it
+  std::size_t offset;  ///< from the struct [bytes]
+  py::object (*get_value)(const void*);
+  void (*set_value)(void*, const py::handle&);
+
+  py::object get(const void* x) const { return get_value(static_cast<const char*>(x) + offset); }
+  void set(void* x, const py::handle& value) const {
+    set_value(static_cast<char*>(x) + offset, value);
+  }
 };
 
 namespace detail {
@@ -118,6 +124,16 @@ F from_python(const py::handle& x) {
     return x.cast<F>();
 }
 
+/// Functions of a field's type alone, whatever struct it is in: compiled once each.
+template <class F>
+py::object get_value(const void* x) {
+  return to_python(*static_cast<const F*>(x));
+}
+template <class F>
+void set_value(void* x, const py::handle& value) {
+  *static_cast<F*>(x) = from_python<F>(value);
+}
+
 /// Collects the fields of a type.
 template <class T>
 struct PropertyList {
@@ -132,12 +148,8 @@ struct PropertyList {
   template <class F>
   void field(const char* field_name, F T::* member, const char* field_doc,
              FieldTraits traits = {}) {
-    properties.push_back(
-        {field_name, with_unit(field_doc, traits.unit), TypeName<F>::text(),
-         [member](const void* x) { return to_python(static_cast<const T*>(x)->*member); },
-         [member](void* x, const py::handle& value) {
-           static_cast<T*>(x)->*member = from_python<F>(value);
-         }});
+    properties.push_back({field_name, with_unit(field_doc, traits.unit), TypeName<F>::text(),
+                          offset_of(member), &get_value<F>, &set_value<F>});
   }
   template <class F>
   void in_memory(const char* field_name, F T::* member, const char* field_doc,
@@ -154,14 +166,17 @@ struct PropertyList {
     PropertyList<M> inner;
     visit_fields<M>(inner);
     for (Property& p : inner.properties) {
-      p.get = [member, get = p.get](const void* x) {
-        return get(&(static_cast<const T*>(x)->*member));
-      };
-      p.set = [member, set = p.set](void* x, const py::handle& value) {
-        set(&(static_cast<T*>(x)->*member), value);
-      };
+      p.offset += offset_of(member);
       properties.push_back(std::move(p));
     }
+  }
+  template <class F>
+  std::size_t offset_of(F T::* member) const {
+    // Storage without an object: arrays of NumPy cannot be made before it is imported.
+    alignas(T) static std::byte storage[sizeof(T)];
+    const auto* place = reinterpret_cast<const T*>(storage);
+    return static_cast<std::size_t>(reinterpret_cast<const std::byte*>(&(place->*member)) -
+                                    storage);
   }
   template <class M, class F>
   void also(const char*, M T::*, F M::*, const char* = "", FieldTraits = {}) {}
@@ -187,7 +202,7 @@ std::string class_name() {
 
 /// Properties and `__annotations__`. @param address  of the struct that an object holds
 void def_properties(py::object type, const std::vector<Property>& properties,
-                    const std::function<const void*(const py::handle&)>& address);
+                    const void* (*address)(const py::handle&));
 std::string repr_of(const char* name, const std::vector<Property>& properties, const void* x);
 py::tuple state_of(const std::vector<Property>& properties, const void* x);
 /// @throws py::value_error if it was pickled by another version
