@@ -102,6 +102,12 @@ py::array_t<double> States::shaped(RowMatX<double>&& rows,
   return array_out(std::move(rows), shape);
 }
 
+py::array_t<bool> array_out(const std::vector<bool>& values) {
+  py::array_t<bool> out(static_cast<py::ssize_t>(values.size()));
+  std::copy(values.begin(), values.end(), out.mutable_data());
+  return out;
+}
+
 py::array_t<double> array_out(const std::vector<std::array<double, 3>>& points) {
   return py::array_t<double>({static_cast<py::ssize_t>(points.size()), py::ssize_t{3}},
                              points.empty() ? nullptr : points.front().data());

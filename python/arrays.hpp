@@ -37,6 +37,7 @@ py::array_t<double> array_out(const VecX<double>& values);
 py::array_t<double> array_out(const std::vector<double>& values);
 /// (M, 3)
 py::array_t<double> array_out(const std::vector<std::array<double, 3>>& points);
+py::array_t<bool> array_out(const std::vector<bool>& values);
 
 /// Of a series. @param where  whose, for messages  @throws DataError naming the row
 void require_increasing(const char* where, const VecX<double>& time);

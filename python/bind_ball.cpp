@@ -12,12 +12,6 @@ py::array_t<int> integers(const std::vector<int>& x) {
   return py::array_t<int>(static_cast<py::ssize_t>(x.size()), x.data());
 }
 
-py::array_t<bool> booleans(const std::vector<bool>& x) {
-  py::array_t<bool> out(static_cast<py::ssize_t>(x.size()));
-  std::copy(x.begin(), x.end(), out.mutable_data());
-  return out;
-}
-
 }  // namespace
 
 void bind_ball(py::module_& m) {
@@ -27,7 +21,7 @@ void bind_ball(py::module_& m) {
   // Arrays where a list would be slow to compute with.
   redefine(c, "run", "NDArray[np.int32]", [](const B& b) { return integers(b.run); });
   redefine(c, "window", "NDArray[np.int32]", [](const B& b) { return integers(b.window); });
-  redefine(c, "taut", "NDArray[np.bool_]", [](const B& b) { return booleans(b.taut); });
+  redefine(c, "taut", "NDArray[np.bool_]", [](const B& b) { return array_out(b.taut); });
   c.def("__len__", &B::rows, "Rows.");
   c.def(
       "to_dict",

@@ -73,12 +73,6 @@ struct ConstrainedMotion {
   }
 };
 
-py::array_t<bool> booleans(const std::vector<bool>& x) {
-  py::array_t<bool> out(static_cast<py::ssize_t>(x.size()));
-  std::copy(x.begin(), x.end(), out.mutable_data());
-  return out;
-}
-
 py::array_t<double> columns(const RowMatX<double>& J, const std::vector<Eigen::Index>& which,
                             const std::vector<py::ssize_t>& shape) {
   RowMatX<double> out(J.rows(), static_cast<Eigen::Index>(which.size()));
@@ -153,8 +147,8 @@ ConstrainedMotion constrained_acceleration_of(const std::vector<Body>& bodies,
   out.multiplier = array_out(lambda);
   out.residual = array_out(residual);
   for (const ConstraintRow<double>& row : x.rows) out.rows.push_back(row.name);
-  out.active = booleans(active);
-  out.redundant = booleans(redundant);
+  out.active = array_out(active);
+  out.redundant = array_out(redundant);
   if (derivatives) out.derivatives = split(w, J);
   return out;
 }
