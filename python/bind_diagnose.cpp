@@ -96,14 +96,14 @@ DiagnoseRun diagnose_python(const Model& model, const py::list& train_items,
 }
 
 /// What `diffnea diagnose -o path` leaves there.
-void save(DiagnoseRun run, const std::filesystem::path& path) {
+void save_diagnosis(DiagnoseRun run, const std::filesystem::path& path) {
   check_run_folder(path, "diagnose");
   ResultFolder folder(path);
   publish_diagnose_run(run, folder);
 }
 
 /// Value types that a diagnosis holds.
-void bind_parts(py::module_& m) {
+void bind_finding_parts(py::module_& m) {
   value_type<CauseParameter>(m);
   value_type<Rival>(m);
   value_type<Gain>(m);
@@ -135,7 +135,7 @@ void bind_finding(py::module_& m) {
   c.def(
        "to_dict", [](const DiagnoseRun& run) { return parse_json(diagnose_result_json(run)); },
        "The content of result.json, schema ``diffnea/diagnose/1``.")
-      .def("save", &save, "folder"_a, py::call_guard<py::gil_scoped_release>(),
+      .def("save", &save_diagnosis, "folder"_a, py::call_guard<py::gil_scoped_release>(),
            "Write what ``diffnea diagnose -o folder`` leaves there: result.json, series.json, the "
            "extended\nmodel.json and report.html. Raises :class:`FileError` where that would "
            "replace "
@@ -176,7 +176,7 @@ void bind_finding(py::module_& m) {
 }  // namespace
 
 void bind_diagnose(py::module_& m) {
-  bind_parts(m);
+  bind_finding_parts(m);
   bind_finding(m);
   m.def("_diagnose", &diagnose_python, "model"_a, "train"_a, "test"_a, "base"_a, "effects"_a,
         "candidates"_a, "grey_box"_a, "filter_hz"_a, "decimate_to_hz"_a, "max_causes"_a, "seed"_a,

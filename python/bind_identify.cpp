@@ -70,13 +70,13 @@ FitRun identify_python(const Model& model, const py::list& train_items, const py
 }
 
 /// What `diffnea identify -o path` leaves there.
-void save(FitRun run, const fs::path& path) {
+void save_fit(FitRun run, const fs::path& path) {
   check_run_folder(path, "identify");
   ResultFolder folder(path);
   publish_fit_run(run, folder);
 }
 
-void bind_parts(py::module_& m) {
+void bind_fit_parts(py::module_& m) {
   value_type<FitProgress>(m);
   value_type<ParameterEstimate>(m);
   value_type<BaseParameter>(m);
@@ -103,7 +103,7 @@ void bind_result(py::module_& m) {
           "to_frame",
           [](const FitRun& run) { return py::cast(run).attr("parameters").attr("to_frame")(); },
           "The parameters as a pandas data frame.")
-      .def("save", &save, "folder"_a, py::call_guard<py::gil_scoped_release>(),
+      .def("save", &save_fit, "folder"_a, py::call_guard<py::gil_scoped_release>(),
            "Write result.json, model.json, series.json, report.html and, where the model was read "
            "from one,\n"
            "model.urdf or model.xml: what ``diffnea identify -o folder`` leaves there. Raises\n"
@@ -169,7 +169,7 @@ void bind_compare(py::module_& m) {
 }  // namespace
 
 void bind_identify(py::module_& m) {
-  bind_parts(m);
+  bind_fit_parts(m);
   bind_result(m);
   bind_compare(m);
   m.def("_identify", &identify_python, "model"_a, "data"_a, "test"_a, "loss"_a, "robust"_a, "fit"_a,

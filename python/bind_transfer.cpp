@@ -19,7 +19,7 @@ namespace {
 using namespace pybind11::literals;
 
 /// A world that policies are executed in.
-struct World {
+struct TransferWorld {
   std::unique_ptr<Simulator> quiet, noisy;
   MotionLimits limits;
   CupSpec cup;
@@ -28,7 +28,7 @@ struct World {
   std::uint64_t seed = 0;
 };
 
-World make_world(const std::string& name, const Model& controller, const LearnedPolicy& policy,
+TransferWorld make_world(const std::string& name, const Model& controller, const LearnedPolicy& policy,
                  std::optional<double> nominal_string, std::uint64_t seed, double position_noise,
                  double torque_noise, double posture_noise) {
   if (!controller.cup) throw ModelError("transfer: the controller's model has no cup");
@@ -49,7 +49,7 @@ World make_world(const std::string& name, const Model& controller, const Learned
           seed};
 }
 
-Recording record_python(const World& world, const LearnedPolicy& policy) {
+Recording record_python(const TransferWorld& world, const LearnedPolicy& policy) {
   SimulatedRecording seen;
   {
     const py::gil_scoped_release release;
@@ -70,7 +70,7 @@ Recording record_python(const World& world, const LearnedPolicy& policy) {
 }
 
 /// seed, outcome, text, reward, reward_wide, failure, trace
-py::tuple execute_python(const World& world, const LearnedPolicy& policy, bool noisy,
+py::tuple execute_python(const TransferWorld& world, const LearnedPolicy& policy, bool noisy,
                          std::uint64_t seed) {
   Execution out;
   {
@@ -84,7 +84,7 @@ py::tuple execute_python(const World& world, const LearnedPolicy& policy, bool n
 }  // namespace
 
 void bind_transfer(py::module_& m) {
-  py::class_<World> c(m, "_World");
+  py::class_<TransferWorld> c(m, "_World");
   c.def(py::init(&make_world), "name"_a, "controller"_a, "policy"_a, "nominal_string"_a, "seed"_a,
         "position_noise"_a, "torque_noise"_a, "posture_noise"_a)
       .def("execute", &execute_python, "policy"_a, "noisy"_a, "seed"_a)
