@@ -20,6 +20,8 @@
 #include "support/ended_process.hpp"
 #include "support/temporary_folder.hpp"
 
+namespace atomic_file_test {
+
 using namespace diffnea;
 using Catch::Matchers::ContainsSubstring;
 using Catch::Matchers::MessageMatches;
@@ -139,3 +141,5 @@ TEST_CASE("atomic file: a folder that is not there is named with the file", "[co
   CHECK_THROWS_MATCHES(write_file_atomically(folder.path(), "x"), FileError,
                        MessageMatches(ContainsSubstring("directory")));
 }
+
+}  // namespace atomic_file_test

@@ -7,6 +7,8 @@
 
 #include <diffnea/core/dual.hpp>
 
+namespace dual_test {
+
 using namespace diffnea;
 using Catch::Matchers::WithinRel;
 
@@ -29,3 +31,5 @@ TEST_CASE("dual numbers: first and second derivatives of every function", "[cons
   check(1.0 / t, 1 / x, -1 / (x * x), 2 / (x * x * x));
   check(t * t - 3.0 * t, x * x - 3 * x, 2 * x - 3, 2.0);
 }
+
+}  // namespace dual_test

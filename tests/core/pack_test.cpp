@@ -8,6 +8,8 @@
 #include <diffnea/core/pack.hpp>
 #include <diffnea/core/random.hpp>
 
+namespace pack_test {
+
 using namespace diffnea;
 
 namespace {
@@ -52,3 +54,5 @@ TEST_CASE("pack: exp, tanh, sine and cosine are the standard library's to some l
     CHECK(worst(cosine, [](double x) { return std::cos(x); }, -range, range, 0.5) <= 2.0);
   }
 }
+
+}  // namespace pack_test

@@ -8,6 +8,8 @@
 
 #include <diffnea/core/random.hpp>
 
+namespace random_test {
+
 using namespace diffnea;
 
 TEST_CASE("rng: xoshiro256** filled by splitmix64, the same numbers on every machine", "[core]") {
@@ -29,3 +31,5 @@ TEST_CASE("rng: the upper 53 bits are the uniform number, two of them a normal o
   // The logarithm and the cosine are the machine's: its last bit may differ.
   CHECK(std::abs(normal.normal() - 0.5284423983665654) < 1e-15);
 }
+
+}  // namespace random_test

@@ -9,6 +9,8 @@
 
 #include "support/three_links.hpp"
 
+namespace backlash_test {
+
 using namespace diffnea;
 using namespace diffnea::test;
 
@@ -74,3 +76,5 @@ TEST_CASE("diagnose: a gap before a light rotor shows in the wider band alone", 
   CHECK(diagnose(geared.nominal, {geared.recorded(1)}, {geared.recorded(2)}, others).verdict ==
         Verdict::kNone);
 }
+
+}  // namespace backlash_test

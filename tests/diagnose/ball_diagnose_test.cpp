@@ -16,6 +16,8 @@
 
 #include "support/kept_diagnosis.hpp"
 
+namespace ball_diagnose_test {
+
 using namespace diffnea;
 using Catch::Matchers::ContainsSubstring;
 using Catch::Matchers::WithinAbs;
@@ -359,3 +361,5 @@ TEST_CASE("diagnose a ball: where a calm swing cannot tell, a motion that can is
   CHECK(next.motion.rows() > 0);
   CHECK(test::kept_page(finding).find(next.sentence) != std::string::npos);
 }
+
+}  // namespace ball_diagnose_test

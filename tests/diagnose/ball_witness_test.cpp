@@ -7,7 +7,7 @@
 #include <catch2/catch_test_macros.hpp>
 #include <catch2/matchers/catch_matchers_string.hpp>
 
-namespace diffnea {
+namespace diffnea::ball_witness_test {
 namespace {
 
 using Catch::Matchers::ContainsSubstring;
@@ -48,4 +48,4 @@ TEST_CASE("ball: an error that every window has is no matter of windows", "[diag
   CHECK(held_by_few_windows(windows({0.0015, 0.0014, NAN, 0.0016, 0.05, 0.0015})).empty());
 }
 
-}  // namespace diffnea
+}  // namespace diffnea::ball_witness_test

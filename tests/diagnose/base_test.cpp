@@ -13,7 +13,7 @@
 
 #include "identify/fingerprint.hpp"
 
-namespace diffnea {
+namespace diffnea::base_test {
 namespace {
 
 constexpr double kTurn = 0.05;  ///< v₀ [rad/s]
@@ -99,4 +99,4 @@ TEST_CASE("diagnose: a model that cannot know its own recording says to take --b
   CHECK(base(own, false) == "refit");
 }
 
-}  // namespace diffnea
+}  // namespace diffnea::base_test

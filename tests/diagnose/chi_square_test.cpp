@@ -5,7 +5,7 @@
 
 #include <catch2/catch_test_macros.hpp>
 
-namespace diffnea {
+namespace diffnea::chi_square_test {
 namespace {
 
 TEST_CASE("chi-square: chances of noise are those of tables", "[diagnose]") {
@@ -22,4 +22,4 @@ TEST_CASE("chi-square: chances of noise are those of tables", "[diagnose]") {
 }
 
 }  // namespace
-}  // namespace diffnea
+}  // namespace diffnea::chi_square_test

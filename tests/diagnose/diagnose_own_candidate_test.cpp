@@ -9,7 +9,7 @@
 #include <diffnea/io/model_file.hpp>
 #include <diffnea/sim/record.hpp>
 
-namespace diffnea {
+namespace diffnea::diagnose_own_candidate_test {
 namespace {
 
 const Model& arm() {
@@ -67,4 +67,4 @@ TEST_CASE("diagnose: own candidates alone, nothing of the catalogue", "[diagnose
   CHECK(finding.candidates[0].effect == "grease");
 }
 
-}  // namespace diffnea
+}  // namespace diffnea::diagnose_own_candidate_test

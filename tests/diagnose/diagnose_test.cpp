@@ -12,6 +12,8 @@
 
 #include "support/three_links.hpp"
 
+namespace diagnose_test {
+
 using namespace diffnea;
 using namespace diffnea::test;
 using Catch::Matchers::ContainsSubstring;
@@ -320,3 +322,5 @@ TEST_CASE("diagnose: what a held-out recording says of a held body counts there"
   CHECK(finding.verdict == Verdict::kNone);
   CHECK(finding.gain.before < 1.5);  // times the noise; without the body more than 10
 }
+
+}  // namespace diagnose_test

@@ -11,6 +11,8 @@
 #include "diagnose/bounds.hpp"
 #include "diagnose/evidence.hpp"
 
+namespace evidence_test {
+
 using namespace diffnea;
 
 namespace {
@@ -204,3 +206,5 @@ TEST_CASE("diagnose: friction of an elastic joint is tried on either side at eve
     CHECK(effect.parameters[3] == (k % 2 == 0 ? 1.0 : 0.0));
   }
 }
+
+}  // namespace evidence_test

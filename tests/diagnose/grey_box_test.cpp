@@ -14,6 +14,8 @@
 #include "diagnose/refine.hpp"
 #include "support/kept_diagnosis.hpp"
 
+namespace grey_box_test {
+
 using namespace diffnea;
 
 namespace {
@@ -188,3 +190,5 @@ TEST_CASE("grey box: fitted with it at once, base and effects as before, effects
   CHECK((alone - beside).tail(k).norm() < kRounding * alone.tail(k).norm());
   CHECK((alone - beside).head(p).norm() > kRounding * alone.head(p).norm());  // the base gives way
 }
+
+}  // namespace grey_box_test

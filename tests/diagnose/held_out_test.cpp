@@ -10,6 +10,8 @@
 #include "diagnose/held_out.hpp"
 #include "diagnose/rows.hpp"
 
+namespace held_out_test {
+
 using namespace diffnea;
 
 TEST_CASE("HeldOut: one block of held-out rows is no interval", "[diagnose]") {
@@ -63,3 +65,5 @@ TEST_CASE("HeldOut: rows of another rate are as far apart as those that were fit
   CHECK(held.decimator.pass_hz == fitted.decimator.pass_hz);
   CHECK(held.q_noise[0] > 5.0 * fitted.q_noise[0]);  // of its own sensor: ten times
 }
+
+}  // namespace held_out_test

@@ -10,7 +10,7 @@
 #include <diffnea/io/model_file.hpp>
 #include <diffnea/sim/record.hpp>
 
-namespace diffnea {
+namespace diffnea::interrupted_test {
 namespace {
 
 Recording recorded(const Model& arm, unsigned seed, double noise) {
@@ -60,4 +60,4 @@ TEST_CASE("diagnose: stopped in a second look or while it simulates, it takes no
   }
 }
 
-}  // namespace diffnea
+}  // namespace diffnea::interrupted_test

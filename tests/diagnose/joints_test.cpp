@@ -9,7 +9,7 @@
 #include <diffnea/core/error.hpp>
 #include <diffnea/diagnose/diagnose.hpp>
 
-namespace diffnea {
+namespace diffnea::joints_test {
 namespace {
 
 using Catch::Matchers::ContainsSubstring;
@@ -68,4 +68,4 @@ TEST_CASE("diagnose: where nothing could be tried, nothing is said of the record
   CHECK(finding.lack_of_fit_p == 1.0);
 }
 
-}  // namespace diffnea
+}  // namespace diffnea::joints_test

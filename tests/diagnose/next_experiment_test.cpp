@@ -6,7 +6,7 @@
 #include <diffnea/io/model_file.hpp>
 #include <diffnea/sim/record.hpp>
 
-namespace diffnea {
+namespace diffnea::next_experiment_test {
 namespace {
 
 constexpr double kLag = 0.008;  ///< [s]
@@ -69,4 +69,4 @@ TEST_CASE("next experiment: lag and delay, one in slow motion, are told apart by
   CHECK_FALSE(fast.next_experiment);  // nothing is left to tell apart
 }
 
-}  // namespace diffnea
+}  // namespace diffnea::next_experiment_test

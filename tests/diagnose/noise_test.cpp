@@ -9,6 +9,8 @@
 
 #include "diagnose/noise.hpp"
 
+namespace noise_test {
+
 using namespace diffnea;
 using Catch::Matchers::WithinAbs;
 using Catch::Matchers::WithinRel;
@@ -232,3 +234,5 @@ TEST_CASE("beside_smooth_functions: too few rows to tell are told of", "[diagnos
   CHECK(s.lost == std::vector<double>{2.0, 2.0});
   CHECK(s.left.head(40).norm() > 10.0 * kSigma * std::sqrt(40.0));
 }
+
+}  // namespace noise_test

@@ -12,7 +12,7 @@
 
 #include "diagnose/evidence.hpp"
 
-namespace diffnea {
+namespace diffnea::own_arm_test {
 namespace {
 
 constexpr const char* kArm = R"(<mujoco model="own">
@@ -108,4 +108,4 @@ TEST_CASE("diagnose: turns are kept where too few rows are left between them", "
   CHECK(joints_without_their_turns(15.0) == 2);
 }
 
-}  // namespace diffnea
+}  // namespace diffnea::own_arm_test

@@ -11,6 +11,8 @@
 
 #include "support/three_links.hpp"
 
+namespace own_candidate_test {
+
 using namespace diffnea;
 using namespace diffnea::test;
 using Catch::Matchers::ContainsSubstring;
@@ -115,3 +117,5 @@ TEST_CASE("diagnose: an own candidate that cannot be used is refused by name", "
   CHECK_THAT(refusal([](OwnCandidate& c) { c.where = "knee"; }), ContainsSubstring("elbow"));
   CHECK_THAT(refusal([](OwnCandidate& c) { c.name = "cogging"; }), ContainsSubstring("catalogue"));
 }
+
+}  // namespace own_candidate_test

@@ -8,6 +8,8 @@
 
 #include "diagnose/projection.hpp"
 
+namespace projection_test {
+
 using namespace diffnea;
 using Catch::Matchers::WithinAbs;
 using Catch::Matchers::WithinRel;
@@ -110,3 +112,5 @@ TEST_CASE("Projection: a base that is held takes nothing", "[diagnose]") {
   CHECK(projection.project(columns) == s.whitener(columns));
   CHECK(projection.parameters(VecX<double>::Zero(s.evidence->rows())) == s.prior.x0);
 }
+
+}  // namespace projection_test

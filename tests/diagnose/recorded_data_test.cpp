@@ -12,7 +12,7 @@
 #include <diffnea/recording/csv.hpp>
 #include <diffnea/recording/preprocess.hpp>
 
-namespace diffnea {
+namespace diffnea::recorded_data_test {
 namespace {
 
 using test::data_folder;
@@ -112,4 +112,4 @@ TEST_CASE("recorded data: read and preprocessed in blocks, it is the whole", "[d
   }
 }
 
-}  // namespace diffnea
+}  // namespace diffnea::recorded_data_test

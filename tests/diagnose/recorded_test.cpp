@@ -12,7 +12,7 @@
 
 #include "support/between.hpp"
 
-namespace diffnea {
+namespace diffnea::recorded_test {
 namespace {
 
 using test::between;
@@ -59,4 +59,4 @@ TEST_CASE("recorded data: a torque gain that comes to -67 % beside friction is n
       if (p.name == "gain_error") CHECK(std::abs(p.value) <= 0.5);
 }
 
-}  // namespace diffnea
+}  // namespace diffnea::recorded_test

@@ -6,6 +6,8 @@
 
 #include "diagnose/reference.hpp"
 
+namespace reference_test {
+
 using namespace diffnea;
 
 namespace {
@@ -44,3 +46,5 @@ TEST_CASE("Reference: a rotor below 0 is taken over by the link that it turns", 
   clipped[rotor] = 0.0;
   CHECK((A * (clipped - x.head(p))).norm() > 1e-3 * torque);  // what would be missing
 }
+
+}  // namespace reference_test

@@ -6,6 +6,8 @@
 
 #include "diagnose/refine.hpp"
 
+namespace search_test {
+
 using namespace diffnea;
 
 TEST_CASE("Search: ripples that are made anew score as those that are kept", "[diagnose]") {
@@ -38,3 +40,5 @@ TEST_CASE("Search: ripples that are made anew score as those that are kept", "[d
     terms_anew.push_back(refined(anew, b.front(), terms_anew));
   }
 }
+
+}  // namespace search_test

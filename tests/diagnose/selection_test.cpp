@@ -13,7 +13,7 @@
 
 #include "diagnose/selection.hpp"
 
-namespace diffnea {
+namespace diffnea::selection_test {
 namespace {
 
 /// White noise of 1 N·m at every joint, and at the elbow friction that is nine times as large in
@@ -101,4 +101,4 @@ TEST_CASE("Selection: a cause's held-out gain is over the others as they fit wit
   CHECK_THAT(quadratic->gain.before, Catch::Matchers::WithinRel(one.gain.after, 0.1));
 }
 
-}  // namespace diffnea
+}  // namespace diffnea::selection_test

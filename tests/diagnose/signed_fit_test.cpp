@@ -9,6 +9,8 @@
 
 #include "diagnose/signed_fit.hpp"
 
+namespace signed_fit_test {
+
 using namespace diffnea;
 using Catch::Matchers::WithinAbs;
 using Catch::Matchers::WithinRel;
@@ -121,3 +123,5 @@ TEST_CASE("signed_fit: nothing is gained against every sign", "[diagnose]") {
   CHECK(fit.x.isZero(0.0));
   CHECK(fit.gain == 0.0);
 }
+
+}  // namespace signed_fit_test

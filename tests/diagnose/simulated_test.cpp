@@ -10,6 +10,8 @@
 
 #include "support/three_links.hpp"
 
+namespace simulated_test {
+
 using namespace diffnea;
 using namespace diffnea::test;
 using Catch::Matchers::ContainsSubstring;
@@ -50,3 +52,5 @@ TEST_CASE("diagnose: a motion that cannot be simulated is declared with the reas
   CHECK(finding.simulated.joints.empty());
   CHECK_THAT(finding.simulated.reason, ContainsSubstring("yaw"));
 }
+
+}  // namespace simulated_test

@@ -10,6 +10,8 @@
 
 #include "diagnose/sticking.hpp"
 
+namespace sticking_test {
+
 using namespace diffnea;
 
 namespace {
@@ -175,3 +177,5 @@ TEST_CASE("diagnose: noise at a standstill does not turn back", "[diagnose]") {
                  1e-3 * rng.normal();
   CHECK(turn_rate({s}, 0, 0.01) == 0.6);  // six within 10 s
 }
+
+}  // namespace sticking_test

@@ -10,6 +10,8 @@
 
 #include "diagnose/stretches.hpp"
 
+namespace stretches_test {
+
 using namespace diffnea;
 using Catch::Matchers::WithinAbs;
 
@@ -70,3 +72,5 @@ TEST_CASE("settling_rows: nothing is left out of less than two periods", "[diagn
   CHECK(settling_rows(kPeriod, swinging(16.0, 0.3)) == 0);
   CHECK(settling_rows(0.0, swinging(16.0, 0.3)) == 0);
 }
+
+}  // namespace stretches_test

@@ -9,6 +9,8 @@
 
 #include "diagnose/turns.hpp"
 
+namespace turns_test {
+
 using namespace diffnea;
 
 namespace {
@@ -63,3 +65,5 @@ TEST_CASE("diagnose: the columns of friction's turn are its derivatives", "[diag
   CHECK(worst_bend < 0.03 * kCoulomb);
   CHECK(columns[0].cwiseAbs().maxCoeff() > 0.3);
 }
+
+}  // namespace turns_test

@@ -9,6 +9,8 @@
 #include "support/random_arm.hpp"
 #include "support/tree_parameters.hpp"
 
+namespace aba_test {
+
 using namespace diffnea;
 using namespace diffnea::test;
 
@@ -96,3 +98,5 @@ TEST_CASE("aba: a vector of the wrong length is refused by name", "[dynamics]") 
   AbaWorkspace<double, double> ws;
   CHECK_THROWS_AS(aba(arm.tree, arm.q, arm.qd.head(2), arm.tau, ws), ShapeError);
 }
+
+}  // namespace aba_test

@@ -19,6 +19,8 @@
 #include <diffnea/dynamics/string_particle.hpp>
 #include <diffnea/effects/bounce.hpp>
 
+namespace ball_flight_test {
+
 using namespace diffnea;
 using Catch::Matchers::WithinAbs;
 using Catch::Matchers::WithinRel;
@@ -433,3 +435,5 @@ TEST_CASE("bounce: a ball that comes to rest does not stop time", "[bounce]") {
   CHECK(std::abs(ball.state().v.z) < 0.03);
   CHECK(world.calls < 2'000'000);  // 20 s of hops of 4 ms with 40 halvings each: 0.9e6
 }
+
+}  // namespace ball_flight_test

@@ -10,6 +10,8 @@
 #include "support/matrix_near.hpp"
 #include "support/random_arm.hpp"
 
+namespace batch_test {
+
 using namespace diffnea;
 using namespace diffnea::test;
 
@@ -75,3 +77,5 @@ TEST_CASE("batch: a wrong shape and an unknown instruction set are refused by na
   CHECK_THROWS_AS(regressor_batch(arm.tree, narrow, good, good), ShapeError);
   CHECK_THROWS_AS(rnea_batch(arm.tree, good, good, good, {.instruction_set = "abacus"}), Error);
 }
+
+}  // namespace batch_test

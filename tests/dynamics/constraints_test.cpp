@@ -18,6 +18,8 @@
 #include <diffnea/dynamics/kinematics.hpp>
 #include <diffnea/dynamics/mass_matrix.hpp>
 
+namespace constraints_test {
+
 using namespace diffnea;
 using Catch::Matchers::ContainsSubstring;
 using Catch::Matchers::WithinAbs;
@@ -448,3 +450,5 @@ TEST_CASE("constraints: accelerations differentiate with respect to parameters a
   CHECK_THAT(jets, test::MatrixNear(test::central_jacobian(x, 1e-6, accelerations),
                                     1e-6 * jets.cwiseAbs().maxCoeff()));
 }
+
+}  // namespace constraints_test

@@ -9,6 +9,8 @@
 #include "support/matrix_near.hpp"
 #include "support/random_arm.hpp"
 
+namespace derivatives_test {
+
 using namespace diffnea;
 using namespace diffnea::test;
 
@@ -113,3 +115,5 @@ TEST_CASE("derivatives: a vector of the wrong length is refused by name", "[dyna
   CHECK_THROWS_AS(forward_dynamics_parameter_jacobian(arm.tree, arm.q, arm.qd, few, parameters),
                   ShapeError);
 }
+
+}  // namespace derivatives_test

@@ -11,6 +11,8 @@
 #include "support/mujoco_tree.hpp"
 #include "support/random_arm.hpp"
 
+namespace dynamics_mujoco_test {
+
 using namespace diffnea;
 using namespace diffnea::test;
 
@@ -55,3 +57,5 @@ TEST_CASE("dynamics: rnea, aba and the mass matrix agree with MuJoCo", "[dynamic
     for (int j = 0; j < tree.num_dofs(); ++j)
       CHECK(std::abs(ours(i, j) - M(mujoco.dof[i], mujoco.dof[j])) < kTorqueTol);
 }
+
+}  // namespace dynamics_mujoco_test

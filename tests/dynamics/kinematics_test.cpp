@@ -8,6 +8,8 @@
 #include "support/matrix_near.hpp"
 #include "support/random_arm.hpp"
 
+namespace kinematics_test {
+
 using namespace diffnea;
 using namespace diffnea::test;
 
@@ -129,3 +131,5 @@ TEST_CASE("kinematics: a frame's attachment can be a Jet while the links are dou
   CHECK_THAT(jet_jacobian(p, acceleration),
              MatrixNear(central_jacobian(p, 0.5, acceleration), 1e-9));
 }
+
+}  // namespace kinematics_test

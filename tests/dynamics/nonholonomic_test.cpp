@@ -13,6 +13,8 @@
 #include <diffnea/dynamics/constraints.hpp>
 #include <diffnea/dynamics/free_motion.hpp>
 
+namespace nonholonomic_test {
+
 using namespace diffnea;
 using Catch::Matchers::WithinAbs;
 using Catch::Matchers::WithinRel;
@@ -288,3 +290,5 @@ TEST_CASE("nonholonomic: the benchmark bicycle is stable from 4.292 to 6.024 m/s
   CHECK_THAT(root(bicycle, 4.0, 5.0, true), WithinAbs(4.29238253634111, 1e-5));
   CHECK_THAT(root(bicycle, 5.0, 7.0, false), WithinAbs(6.02426201538837, 1e-5));
 }
+
+}  // namespace nonholonomic_test

@@ -7,6 +7,8 @@
 #include "support/matrix_near.hpp"
 #include "support/random_arm.hpp"
 
+namespace regressor_test {
+
 using namespace diffnea;
 using namespace diffnea::test;
 
@@ -71,3 +73,5 @@ TEST_CASE("regressor: a vector of the wrong length is refused by name", "[dynami
   RegressorWorkspace<double, double> ws;
   CHECK_THROWS_AS(torque_regressor(arm.tree, arm.q, arm.qd.head(2), arm.qdd, ws), ShapeError);
 }
+
+}  // namespace regressor_test

@@ -13,6 +13,8 @@
 #include "support/random_arm.hpp"
 #include "support/tree_parameters.hpp"
 
+namespace rnea_test {
+
 using namespace diffnea;
 using namespace diffnea::test;
 using Catch::Matchers::WithinAbs;
@@ -229,3 +231,5 @@ TEST_CASE("rnea: a vector of the wrong length is refused by name", "[dynamics]")
   RneaWorkspace<double, double> ws;
   CHECK_THROWS_AS(rnea(arm.tree, arm.q, arm.qd, arm.qdd.head(2), ws), ShapeError);
 }
+
+}  // namespace rnea_test

@@ -11,6 +11,8 @@
 #include <diffnea/dynamics/ball_flight.hpp>
 #include <diffnea/dynamics/string_route.hpp>
 
+namespace string_route_test {
+
 using namespace diffnea;
 
 namespace {
@@ -168,3 +170,5 @@ TEST_CASE("ball flight: becoming taut throws the ball back", "[string]") {
   flight.run_until(0.15);
   CHECK(std::abs(flight.state().v.z - e) < 1e-9);
 }
+
+}  // namespace string_route_test

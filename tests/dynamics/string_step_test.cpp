@@ -9,6 +9,8 @@
 #include <diffnea/dynamics/ball_flight.hpp>
 #include <diffnea/dynamics/string_step.hpp>
 
+namespace string_step_test {
+
 using namespace diffnea;
 
 namespace {
@@ -81,3 +83,5 @@ TEST_CASE("string step: becoming taut throws the ball back", "[dynamics]") {
   CHECK(std::abs(ball.ball.v.z - e) < kRounding);
   CHECK(std::abs(ball.pull - (1.0 + e)) < kRounding);
 }
+
+}  // namespace string_step_test

@@ -20,7 +20,7 @@
 
 #include "sim/model_plant.hpp"
 
-namespace diffnea {
+namespace diffnea::added_effect_test {
 namespace {
 
 constexpr double kStiffness = 40.0, kTime = 0.25;
@@ -214,4 +214,4 @@ TEST_CASE("added effect: what changes the tree is identified", "[added]") {
   CHECK(std::abs(fitted->value - length) < 1e-3);  // [m]
 }
 
-}  // namespace diffnea
+}  // namespace diffnea::added_effect_test

@@ -18,6 +18,8 @@
 #include "support/mujoco_tree.hpp"
 #include "support/random_arm.hpp"
 
+namespace effects_series_test {
+
 using namespace diffnea;
 using namespace diffnea::test;
 using Catch::Matchers::ContainsSubstring;
@@ -314,3 +316,5 @@ TEST_CASE("series: shapes that do not fit are said", "[effects]") {
   CHECK_THROWS_AS(series_columns(e, make_tree(model), x, e.parameters.data(), {1}), ShapeError);
   CHECK_THROWS_AS(series_torque(e, make_tree(rail()), x, e.parameters.data()), ShapeError);
 }
+
+}  // namespace effects_series_test

@@ -15,7 +15,7 @@
 using Catch::Matchers::ContainsSubstring;
 using Catch::Matchers::WithinAbs;
 
-namespace diffnea {
+namespace diffnea::effects_test {
 namespace {
 
 /// The same formula in another order of operations: rounding of a few sums of order 10.
@@ -423,4 +423,4 @@ TEST_CASE("effects: a wrong name is answered with the right ones", "[effects]") 
         std::vector<int>{1, 0});
 }
 
-}  // namespace diffnea
+}  // namespace diffnea::effects_test

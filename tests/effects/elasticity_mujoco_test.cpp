@@ -10,6 +10,8 @@
 #include "sim/mujoco_model.hpp"
 #include "support/mujoco_tree.hpp"
 
+namespace elasticity_mujoco_test {
+
 using namespace diffnea;
 
 namespace {
@@ -94,3 +96,5 @@ TEST_CASE("joint_elasticity: motor and link move as two bodies in MuJoCo, fricti
   CHECK((simulated(share) - theirs).cwiseAbs().maxCoeff() < kSame);
   CHECK((simulated(share > 0.5 ? 0.0 : 1.0) - theirs).cwiseAbs().maxCoeff() > 1e4 * kSame);
 }
+
+}  // namespace elasticity_mujoco_test

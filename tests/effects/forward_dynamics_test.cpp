@@ -13,6 +13,8 @@
 #include <diffnea/effects/forward_dynamics.hpp>
 #include <diffnea/io/model_file.hpp>
 
+namespace forward_dynamics_test {
+
 using namespace diffnea;
 using Catch::Matchers::ContainsSubstring;
 
@@ -125,3 +127,5 @@ TEST_CASE("inverse dynamics: friction that fades with the time has the time of e
   CHECK_THROWS_WITH(inverse_dynamics(extend(model), q, qd, qdd),
                     ContainsSubstring("warm_up at 'joint1'") && ContainsSubstring("time"));
 }
+
+}  // namespace forward_dynamics_test

@@ -12,6 +12,8 @@
 #include "support/joint_waves.hpp"
 #include "support/matrix_near.hpp"
 
+namespace hidden_motor_test {
+
 using namespace diffnea;
 using namespace diffnea::test;
 
@@ -119,3 +121,5 @@ TEST_CASE("series: an elastic joint's friction on the link's side winds its spri
       series_torque(e, extend(model), x, e.parameters.data()).middleRows(5, kRows - 10).eval(),
       MatrixNear(expected.middleRows(5, kRows - 10).eval(), 1e-3));
 }
+
+}  // namespace hidden_motor_test

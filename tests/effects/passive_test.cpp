@@ -17,6 +17,8 @@
 
 #include "support/matrix_near.hpp"
 
+namespace passive_test {
+
 using namespace diffnea;
 using namespace diffnea::test;
 using Catch::Matchers::ContainsSubstring;
@@ -159,3 +161,5 @@ TEST_CASE("passive: a world hides the effects that it is asked to", "[passive]")
   CHECK_THROWS_WITH(truth(",effect=cogging@wheel:sine=1"), ContainsSubstring("wheel"));
   CHECK_THROWS_WITH(truth(",effect=cogging@cart:size=1"), ContainsSubstring("size"));
 }
+
+}  // namespace passive_test

@@ -21,6 +21,8 @@
 
 #include "support/found.hpp"
 
+namespace payload_test {
+
 using namespace diffnea;
 using Catch::Approx;
 using Catch::Matchers::ContainsSubstring;
@@ -329,3 +331,5 @@ TEST_CASE("payload: the sidecar's body survives the file, and a half-known one i
     CHECK_THROWS_WITH(read_sidecar(folder.path() / "arm.csv"), ContainsSubstring(message));
   }
 }
+
+}  // namespace payload_test

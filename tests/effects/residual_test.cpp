@@ -16,6 +16,8 @@
 #include <diffnea/effects/forward_dynamics.hpp>
 #include <diffnea/io/model_file.hpp>
 
+namespace residual_test {
+
 using namespace diffnea;
 using Catch::Matchers::ContainsSubstring;
 using Catch::Matchers::WithinAbs;
@@ -168,3 +170,5 @@ TEST_CASE("residual: a table that cannot be one is refused by name", "[effects]"
              }),
              ContainsSubstring("of the effect residual alone"));
 }
+
+}  // namespace residual_test

@@ -12,6 +12,8 @@
 #include "support/joint_waves.hpp"
 #include "support/matrix_near.hpp"
 
+namespace series_columns_test {
+
 using namespace diffnea;
 using namespace diffnea::test;
 
@@ -131,3 +133,5 @@ TEST_CASE("series_columns: a wider gap is as much further for the rotor", "[effe
   CHECK_THAT(momentum, Catch::Matchers::WithinAbs(0.0, 1e-9));
   CHECK_THAT(way, Catch::Matchers::WithinAbs(-gap, 0.1 * gap));
 }
+
+}  // namespace series_columns_test

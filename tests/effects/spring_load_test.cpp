@@ -9,6 +9,8 @@
 
 #include "support/matrix_near.hpp"
 
+namespace spring_load_test {
+
 using namespace diffnea;
 using namespace diffnea::test;
 
@@ -48,3 +50,5 @@ TEST_CASE("series: a force on the tip winds up the springs of all joints before 
     CHECK((torque - series_torque(spring, bare, x, p)).cwiseAbs().maxCoeff() > 1e-3);
   }
 }
+
+}  // namespace spring_load_test

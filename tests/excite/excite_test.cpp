@@ -15,7 +15,7 @@
 #include "excite/cma_es.hpp"
 #include "excite/motion.hpp"
 
-namespace diffnea {
+namespace diffnea::excite_test {
 namespace {
 
 Model model_of(const std::string& file) { return read_model(DIFFNEA_SOURCE_DIR "/models/" + file); }
@@ -278,4 +278,4 @@ TEST_CASE("excite: limits given beyond the model's are warned of", "[excite]") {
   CHECK_FALSE(warned(-1.0, 1.0));
 }
 
-}  // namespace diffnea
+}  // namespace diffnea::excite_test

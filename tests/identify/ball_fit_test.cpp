@@ -17,6 +17,8 @@
 #include "identify/ball_cost.hpp"
 #include "identify/ball_world.hpp"
 
+namespace ball_fit_test {
+
 using namespace diffnea;
 using Catch::Matchers::ContainsSubstring;
 using Catch::Matchers::WithinAbs;
@@ -226,3 +228,5 @@ TEST_CASE(
     CHECK(left.norm() / std::sqrt(static_cast<double>(left.size())) < 1.2 * kNoise);
   }
 }
+
+}  // namespace ball_fit_test

@@ -14,6 +14,8 @@
 
 #include "support/ball_fits.hpp"
 
+namespace ball_identify_flags_test {
+
 using namespace diffnea;
 using namespace diffnea::test;
 using Catch::Matchers::ContainsSubstring;
@@ -124,3 +126,5 @@ TEST_CASE("identify a ball: one that is never taut is refused, with its largest 
   CHECK_THROWS_WITH(identify(truth, {r}, {}),
                     ContainsSubstring("nowhere taut") && ContainsSubstring("the largest is"));
 }
+
+}  // namespace ball_identify_flags_test

@@ -14,6 +14,8 @@
 
 #include "support/ball_fits.hpp"
 
+namespace ball_identify_flight_test {
+
 using namespace diffnea;
 using namespace diffnea::test;
 using Catch::Matchers::ContainsSubstring;
@@ -136,3 +138,5 @@ TEST_CASE("identify a ball: lift asks for a recorded spin", "[ball]") {
   CHECK_THROWS_WITH(identify(test::flying_ball(), {blind}, {}, options), refused);
   CHECK_THROWS_WITH(identify(test::flying_ball(), {spinning}, {blind}, options), refused);
 }
+
+}  // namespace ball_identify_flight_test

@@ -16,6 +16,8 @@
 #include "identify/passes.hpp"
 #include "support/ball_fits.hpp"
 
+namespace ball_identify_test {
+
 using namespace diffnea;
 using namespace diffnea::test;
 using Catch::Matchers::ContainsSubstring;
@@ -273,3 +275,5 @@ TEST_CASE("identify a ball: a camera that is very late", "[ball]") {
   check_string(result, *truth.ball->string);
   CHECK_THAT(result.errors.front().train, WithinRel(kNoise, 0.05));
 }
+
+}  // namespace ball_identify_test

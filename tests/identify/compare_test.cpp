@@ -7,7 +7,7 @@
 #include <diffnea/core/error.hpp>
 #include <diffnea/identify/compare.hpp>
 
-namespace diffnea {
+namespace diffnea::compare_test {
 namespace {
 
 using Catch::Approx;
@@ -109,4 +109,4 @@ TEST_CASE("compare: different robots are refused with both lists of joints", "[i
                     ContainsSubstring("elbow") && ContainsSubstring("wrist"));
 }
 
-}  // namespace diffnea
+}  // namespace diffnea::compare_test

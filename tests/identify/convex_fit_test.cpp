@@ -8,6 +8,8 @@
 #include <diffnea/identify/convex_fit.hpp>
 #include <diffnea/model/physical.hpp>
 
+namespace convex_fit_test {
+
 using namespace diffnea;
 using Catch::Approx;
 
@@ -130,3 +132,5 @@ TEST_CASE("convex fit: bad problems are refused", "[identify]") {
   problem.d.resize(3);
   CHECK_THROWS_AS(solve_convex_fit(problem), ShapeError);
 }
+
+}  // namespace convex_fit_test

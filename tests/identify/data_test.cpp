@@ -12,6 +12,8 @@
 
 #include "support/between.hpp"
 
+namespace data_test {
+
 using namespace diffnea;
 using Catch::Approx;
 using diffnea::test::between;
@@ -111,3 +113,5 @@ TEST_CASE("free pendulum: Coulomb and viscous friction over 45 s in one window",
       identify(own_model("pendulum.json"), {between(all, 20.0, 65.2)}, {}, options);
   CHECK(result.errors[0].train < 1.5e-3);  // [rad]; 1.44 mrad in the literature's ladder
 }
+
+}  // namespace data_test

@@ -20,6 +20,8 @@
 
 #include "identify/passes.hpp"
 
+namespace held_out_test {
+
 using namespace diffnea;
 using Catch::Matchers::ContainsSubstring;
 
@@ -280,3 +282,5 @@ TEST_CASE("recordings: fingerprints are of the motion, of every run, streamed or
   REQUIRE(result.model.posterior.has_value());
   CHECK(result.model.posterior->recordings == fingerprints(*kept));
 }
+
+}  // namespace held_out_test

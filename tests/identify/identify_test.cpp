@@ -16,6 +16,8 @@
 
 #include "support/found.hpp"
 
+namespace identify_test {
+
 using namespace diffnea;
 using Catch::Approx;
 using Catch::Matchers::ContainsSubstring;
@@ -259,3 +261,5 @@ TEST_CASE("identify: torque of the wrong sign is not passed over in silence", "[
   CHECK(has_note(identify(draw().nominal, {flipped}, {draw().test}), other));
   CHECK_FALSE(has_note(identify(draw().nominal, {draw().train}, {draw().test}), other));
 }
+
+}  // namespace identify_test

@@ -8,6 +8,8 @@
 #include <diffnea/identify/layout.hpp>
 #include <diffnea/io/model_file.hpp>
 
+namespace layout_test {
+
 using namespace diffnea;
 using Catch::Matchers::ContainsSubstring;
 
@@ -113,3 +115,5 @@ TEST_CASE("layout: a value that is held is in the model, whether inertias are fi
   const Model held = apply_fit(model, layout, layout.prior(), shape);
   CHECK(make_tree(held).links[3].inertia.m == 2.8);
 }
+
+}  // namespace layout_test

@@ -14,6 +14,8 @@
 
 #include "support/found.hpp"
 
+namespace passes_test {
+
 using namespace diffnea;
 using Catch::Matchers::ContainsSubstring;
 using diffnea::test::find;
@@ -191,3 +193,5 @@ TEST_CASE("regression: rows beyond what is kept are spread over all runs", "[ide
   for (std::size_t k = 1; k < kMaxSeriesRows; ++k)
     REQUIRE(std::abs(kept.time[k] - kept.time[k - 1] - kept.step) < 1e-9);
 }
+
+}  // namespace passes_test

@@ -16,6 +16,8 @@
 #include <diffnea/identify/posterior.hpp>
 #include <diffnea/model/physical.hpp>
 
+namespace posterior_test {
+
 using namespace diffnea;
 using Catch::Matchers::ContainsSubstring;
 using Catch::Matchers::WithinAbs;
@@ -237,3 +239,5 @@ TEST_CASE("draws: what cannot be is said", "[posterior]") {
   model.ball->string->length_std = 1e-4;
   CHECK_THROWS_WITH(draw_models(model, 4, 1), ContainsSubstring("says nothing of the string"));
 }
+
+}  // namespace posterior_test

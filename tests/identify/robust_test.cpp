@@ -13,7 +13,7 @@
 #include <diffnea/experiment/ball_in_cup.hpp>
 #include <diffnea/io/model_file.hpp>
 
-namespace diffnea {
+namespace diffnea::robust_test {
 namespace {
 
 using Catch::Matchers::ContainsSubstring;
@@ -103,4 +103,4 @@ TEST_CASE("robust: options that make no sense are refused", "[policy]") {
   CHECK(completed.options.robust.each == 4);
 }
 
-}  // namespace diffnea
+}  // namespace diffnea::robust_test

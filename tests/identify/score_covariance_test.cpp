@@ -11,6 +11,8 @@
 
 #include "support/matrix_near.hpp"
 
+namespace score_covariance_test {
+
 using namespace diffnea;
 
 namespace {
@@ -97,3 +99,5 @@ TEST_CASE("score covariance: of weighted rows it gives the variance of an M-esti
   const double variance = kRows * meat / (information * information);
   CHECK(std::abs(variance - 1.0 / 0.95) < 0.02);  // 1e5 draws: ± 0.5 %
 }
+
+}  // namespace score_covariance_test

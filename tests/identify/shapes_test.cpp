@@ -14,6 +14,8 @@
 
 #include "support/found.hpp"
 
+namespace shapes_test {
+
 using namespace diffnea;
 using Catch::Matchers::ContainsSubstring;
 using diffnea::test::find;
@@ -140,3 +142,5 @@ TEST_CASE("identify: the trajectory loss holds a tilt, and says so where it cann
   const IdentifyResult level = identify(wam({}), {data}, {}, options);
   CHECK(tilted.errors[0].train < 0.5 * level.errors[0].train);
 }
+
+}  // namespace shapes_test

@@ -12,7 +12,7 @@
 
 #include <diffnea/core/random.hpp>
 
-namespace diffnea {
+namespace diffnea::torque_scale_test {
 namespace {
 
 std::string note(const IdentifyResult& result) {
@@ -86,4 +86,4 @@ TEST_CASE("identify: nothing is said of torques that are right", "[identify]") {
   CHECK(note(fit(light, wam.train, 1.0)) == "");
 }
 
-}  // namespace diffnea
+}  // namespace diffnea::torque_scale_test

@@ -17,6 +17,8 @@
 
 #include "support/found.hpp"
 
+namespace trajectory_fit_test {
+
 using namespace diffnea;
 using Catch::Approx;
 using Catch::Matchers::ContainsSubstring;
@@ -293,3 +295,5 @@ TEST_CASE(
                             [](const std::string& n) { return n.find("left out: brief") == 0; }));
   CHECK_THROWS_AS(identify(start, {brief}, {}, trajectory_options()), DataError);
 }
+
+}  // namespace trajectory_fit_test

@@ -5,6 +5,8 @@
 #include <diffnea/core/random.hpp>
 #include <diffnea/identify/triangular_factor.hpp>
 
+namespace triangular_factor_test {
+
 using namespace diffnea;
 using Catch::Approx;
 
@@ -65,3 +67,5 @@ TEST_CASE("triangular factor: fewer rows than columns is no special case", "[ide
         Approx(direct).epsilon(kQrTol));
   CHECK_THROWS_AS(factor.add(random_rows(rng, 1, 6)), ShapeError);
 }
+
+}  // namespace triangular_factor_test

@@ -4,6 +4,8 @@
 
 #include <catch2/catch_test_macros.hpp>
 
+namespace whole_runs_test {
+
 using namespace diffnea;
 
 namespace {
@@ -81,3 +83,5 @@ TEST_CASE("whole runs: all channels of the blocks are joined, run by run", "[ide
       [&](const Recording& r) { shown.push_back(r.run); });
   CHECK(shown == std::vector<int>{0});
 }
+
+}  // namespace whole_runs_test

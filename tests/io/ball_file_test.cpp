@@ -15,6 +15,8 @@
 
 #include "support/temporary_folder.hpp"
 
+namespace ball_file_test {
+
 using namespace diffnea;
 using namespace diffnea::test;
 using Catch::Matchers::ContainsSubstring;
@@ -436,3 +438,5 @@ TEST_CASE("cup: a wrong JSON is named with key and choices", "[io]") {
   CHECK_THAT(refused(good, R"([{"from": [0, 0, 0], "radius": 1, "colour": 1}])"),
              ContainsSubstring("unknown key 'colour'; keys: link, from, to, radius"));
 }
+
+}  // namespace ball_file_test

@@ -12,7 +12,7 @@
 
 #include "fuzz/targets.hpp"
 
-namespace diffnea::fuzz {
+namespace diffnea::fuzz::fuzz_replay_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -40,4 +40,4 @@ TEST_CASE("fuzz: seeds and past findings give a result or an Error", "[fuzz]") {
 }
 
 }  // namespace
-}  // namespace diffnea::fuzz
+}  // namespace diffnea::fuzz::fuzz_replay_test

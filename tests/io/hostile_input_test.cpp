@@ -25,7 +25,7 @@
 
 #include "support/temporary_folder.hpp"
 
-namespace diffnea {
+namespace diffnea::hostile_input_test {
 namespace {
 
 using Catch::Matchers::ContainsSubstring;
@@ -313,4 +313,4 @@ TEST_CASE("hostile: primitives of a size that no search has are refused", "[poli
 }
 
 }  // namespace
-}  // namespace diffnea
+}  // namespace diffnea::hostile_input_test

@@ -15,6 +15,8 @@
 #include "support/matrix_near.hpp"
 #include "support/temporary_folder.hpp"
 
+namespace mjcf_test {
+
 using namespace diffnea;
 using namespace diffnea::test;
 
@@ -127,3 +129,5 @@ TEST_CASE("mjcf: written back, MuJoCo computes the torques of the new parameters
   check_torques(written);
   CHECK_THAT(inertial_parameters(make_tree(read_model(written))), MatrixNear(pi, 1e-12));
 }
+
+}  // namespace mjcf_test

@@ -14,6 +14,8 @@
 #include "support/matrix_near.hpp"
 #include "support/temporary_folder.hpp"
 
+namespace mjcf_write_test {
+
 using namespace diffnea;
 using namespace diffnea::test;
 using Catch::Matchers::ContainsSubstring;
@@ -262,3 +264,5 @@ TEST_CASE("export: of a run whose MJCF misses its meshes the loss is listed", "[
   std::filesystem::remove(run / "model.xml");
   CHECK(document_extension(back).empty());
 }
+
+}  // namespace mjcf_write_test

@@ -17,6 +17,8 @@
 #include "support/matrix_near.hpp"
 #include "support/temporary_folder.hpp"
 
+namespace model_file_test {
+
 using namespace diffnea;
 using namespace diffnea::test;
 using Catch::Matchers::ContainsSubstring;
@@ -446,3 +448,5 @@ TEST_CASE("atomic file: errors name path and reason, and leave nothing behind", 
   std::filesystem::directory_iterator entries(folder.path());
   CHECK(std::distance(begin(entries), end(entries)) == 2);
 }
+
+}  // namespace model_file_test

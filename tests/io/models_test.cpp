@@ -11,6 +11,8 @@
 
 #include "support/matrix_near.hpp"
 
+namespace models_test {
+
 using namespace diffnea;
 using namespace diffnea::test;
 
@@ -117,3 +119,5 @@ TEST_CASE("models: the WAM's cup opens upwards at home, at the published place",
   const Vec3<double> rest = X_WC.p + X_WC.R.col[2] * 0.02817;
   CHECK_THAT(to_eigen(rest), MatrixNear(Eigen::Vector3d(0.8143, 0, 1.48), 0.01));
 }
+
+}  // namespace models_test

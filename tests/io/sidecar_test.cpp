@@ -13,7 +13,7 @@
 
 using Catch::Matchers::ContainsSubstring;
 
-namespace diffnea {
+namespace diffnea::sidecar_test {
 
 TEST_CASE("sidecar: what is written reads back", "[io]") {
   const test::TemporaryFolder folder;
@@ -130,4 +130,4 @@ TEST_CASE("sidecar: a wrong value is a DataError with file and key", "[io]") {
   CHECK_THROWS_WITH(read_sidecar(folder.path() / "arm.csv"), ContainsSubstring(message));
 }
 
-}  // namespace diffnea
+}  // namespace diffnea::sidecar_test

@@ -16,6 +16,8 @@
 
 #include "support/matrix_near.hpp"
 
+namespace exp_test {
+
 using namespace diffnea;
 using Catch::Matchers::WithinAbs;
 using Catch::Matchers::WithinRel;
@@ -210,3 +212,5 @@ TEST_CASE("nested duals through exp: second derivatives at 0 are the bracket's",
       CHECK_THAT(x.v[0].v[0], WithinAbs(second(i, j), kRoundingTol));
     }
 }
+
+}  // namespace exp_test

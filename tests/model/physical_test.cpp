@@ -10,6 +10,8 @@
 #include <diffnea/core/random.hpp>
 #include <diffnea/model/physical.hpp>
 
+namespace physical_test {
+
 using namespace diffnea;
 using Catch::Approx;
 
@@ -113,3 +115,5 @@ TEST_CASE("physical: impossible bodies are refused with the number that is wrong
   negative_mass[0] = -1.0;
   CHECK_THROWS_AS(virtual_from_theta(negative_mass), ModelError);
 }
+
+}  // namespace physical_test

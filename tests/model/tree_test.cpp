@@ -13,6 +13,8 @@
 
 #include "support/matrix_near.hpp"
 
+namespace tree_test {
+
 using namespace diffnea;
 using Catch::Matchers::ContainsSubstring;
 using test::MatrixNear;
@@ -93,3 +95,5 @@ TEST_CASE("the pose of a link is its joint's exponential", "[model]") {
       CHECK_THAT(to_eigen(X.p), MatrixNear(to_eigen(expected.p), kRoundingTol));
     }
 }
+
+}  // namespace tree_test

@@ -12,6 +12,8 @@
 #include <diffnea/core/random.hpp>
 #include <diffnea/policy/ball_in_cup.hpp>
 
+namespace ball_in_cup_reward_test {
+
 using namespace diffnea;
 using Catch::Approx;
 using Catch::Matchers::ContainsSubstring;
@@ -212,3 +214,5 @@ TEST_CASE("ball in a cup: cost of a look", "[.benchmark]") {
                << " ns a lane and look, reward " << task.rewards()[0]);
   }
 }
+
+}  // namespace ball_in_cup_reward_test

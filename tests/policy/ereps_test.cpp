@@ -14,6 +14,8 @@
 
 #include "support/matrix_near.hpp"
 
+namespace ereps_test {
+
 using namespace diffnea;
 using Catch::Approx;
 using Catch::Matchers::ContainsSubstring;
@@ -348,3 +350,5 @@ TEST_CASE("eREPS: options and states that make no sense are refused", "[policy]"
   CHECK_THROWS_AS(
       bounded_update(unit(2), RowMatX<double>::Zero(3, 2), VecX<double>::Ones(3), 0.5, 0.0), Error);
 }
+
+}  // namespace ereps_test

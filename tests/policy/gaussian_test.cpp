@@ -14,6 +14,8 @@
 
 #include "support/matrix_near.hpp"
 
+namespace gaussian_test {
+
 using namespace diffnea;
 using Catch::Approx;
 using test::MatrixNear;
@@ -138,3 +140,5 @@ TEST_CASE("Gaussian: singular covariances and wrong shapes are said, not compute
                               MatX<double>::Identity(1, 1)),
                   ShapeError);
 }
+
+}  // namespace gaussian_test

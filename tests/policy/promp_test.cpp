@@ -10,6 +10,8 @@
 
 #include "support/matrix_near.hpp"
 
+namespace promp_test {
+
 using namespace diffnea;
 using Catch::Matchers::ContainsSubstring;
 using test::MatrixNear;
@@ -150,3 +152,5 @@ TEST_CASE("ProMP: what makes no primitive is refused by name", "[policy]") {
   refused([](PrompSpec& s) { s.hold = -1.0; }, "hold");
   CHECK_THROWS_WITH(features(Promp(good), -0.1), ContainsSubstring("expected 0 or later"));
 }
+
+}  // namespace promp_test

@@ -9,6 +9,8 @@
 #include <diffnea/core/random.hpp>
 #include <diffnea/policy/rollouts.hpp>
 
+namespace rollouts_test {
+
 using namespace diffnea;
 using Catch::Matchers::ContainsSubstring;
 
@@ -284,3 +286,5 @@ TEST_CASE("rollouts: what does not fit is refused", "[policy]") {
   CHECK_THROWS_WITH(find_channel(PointMasses(1), "ball_x"),
                     ContainsSubstring("'ball_x'") && ContainsSubstring("qd_c"));
 }
+
+}  // namespace rollouts_test

@@ -15,7 +15,7 @@
 
 using Catch::Matchers::ContainsSubstring;
 
-namespace diffnea::test {
+namespace diffnea::test::audit_limits_test {
 
 TEST_CASE("audit: dead, coarse, slow and stuck channels", "[audit]") {
   const unsigned seed = GENERATE(range(0u, 6u));
@@ -185,4 +185,4 @@ TEST_CASE("audit: clipping, limits and units", "[audit]") {
   }
 }
 
-}  // namespace diffnea::test
+}  // namespace diffnea::test::audit_limits_test

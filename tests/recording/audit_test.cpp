@@ -23,7 +23,7 @@
 
 using Catch::Matchers::ContainsSubstring;
 
-namespace diffnea::test {
+namespace diffnea::test::audit_test {
 
 TEST_CASE("audit: nothing is found in clean channels", "[audit]") {
   const unsigned seed = GENERATE(range(0u, 40u));
@@ -219,4 +219,4 @@ TEST_CASE("audit: a ball alone is looked at, and the joints' checks say that the
   CHECK(report.faults[0].channel == "ball_z");
 }
 
-}  // namespace diffnea::test
+}  // namespace diffnea::test::audit_test

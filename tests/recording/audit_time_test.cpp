@@ -15,7 +15,7 @@
 
 using Catch::Matchers::ContainsSubstring;
 
-namespace diffnea::test {
+namespace diffnea::test::audit_time_test {
 
 TEST_CASE("audit: the clock", "[audit]") {
   const unsigned seed = GENERATE(range(0u, 6u));
@@ -136,4 +136,4 @@ TEST_CASE("audit: a motion that does not repeat has no period", "[audit]") {
   CHECK(detect_period(r).seconds == 0.0);
 }
 
-}  // namespace diffnea::test
+}  // namespace diffnea::test::audit_time_test

@@ -12,7 +12,7 @@
 #include <diffnea/core/random.hpp>
 #include <diffnea/recording/audit.hpp>
 
-namespace diffnea {
+namespace diffnea::audit_torque_test {
 namespace {
 
 struct Friction {
@@ -120,4 +120,4 @@ TEST_CASE("audit: a late torque is not one of the wrong sign", "[audit]") {
   CHECK(audit({planar_arm(seed, {.viscous = 1.2}, 0.2)}).faults.empty());
 }
 
-}  // namespace diffnea
+}  // namespace diffnea::audit_torque_test

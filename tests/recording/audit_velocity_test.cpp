@@ -13,7 +13,7 @@
 
 using Catch::Matchers::ContainsSubstring;
 
-namespace diffnea::test {
+namespace diffnea::test::audit_velocity_test {
 
 TEST_CASE("audit: a velocity's scale, sign, offset and lag are named with their size", "[audit]") {
   const unsigned seed = GENERATE(range(0u, 6u));
@@ -127,4 +127,4 @@ TEST_CASE("audit: a recording without velocities is none of velocity 0", "[audit
   check_near(only(audit({wrong, without}).faults, "velocity_scale", "qd_elbow"), 1.05);
 }
 
-}  // namespace diffnea::test
+}  // namespace diffnea::test::audit_velocity_test

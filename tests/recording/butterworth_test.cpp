@@ -12,7 +12,7 @@
 using Catch::Matchers::WithinAbs;
 using Catch::Matchers::WithinRel;
 
-namespace diffnea {
+namespace diffnea::butterworth_test {
 namespace {
 
 /// Two ways to order the same recursion: scipy's own filtfilt and sosfiltfilt differ by 1e-14 here.
@@ -109,4 +109,4 @@ TEST_CASE("butterworth: a cut-off that the rate cannot hold is refused", "[recor
   CHECK_THROWS_AS(Butterworth(4, std::nan(""), 100.0), DataError);
 }
 
-}  // namespace diffnea
+}  // namespace diffnea::butterworth_test

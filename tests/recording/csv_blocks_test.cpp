@@ -12,7 +12,7 @@
 
 #include "support/csv_file.hpp"
 
-namespace diffnea {
+namespace diffnea::csv_blocks_test {
 using namespace test;
 namespace {
 
@@ -122,4 +122,4 @@ TEST_CASE("csv: long lines are whole wherever the read buffer ends", "[recording
   CHECK(r.extra[kChannels - 1].values[4] == 40.0);
 }
 
-}  // namespace diffnea
+}  // namespace diffnea::csv_blocks_test

@@ -19,7 +19,7 @@ using Catch::Matchers::ContainsSubstring;
 using Catch::Matchers::EndsWith;
 using Catch::Matchers::WithinRel;
 
-namespace diffnea {
+namespace diffnea::csv_test {
 using namespace test;
 namespace {
 
@@ -284,4 +284,4 @@ TEST_CASE("csv: an extra channel that holds words is kept as gaps, with a note",
   CHECK_THAT(report.notes.back(), ContainsSubstring("'state' holds 1 cells that are no numbers"));
 }
 
-}  // namespace diffnea
+}  // namespace diffnea::csv_test

@@ -12,7 +12,7 @@
 
 using Catch::Matchers::WithinAbs;
 
-namespace diffnea {
+namespace diffnea::decimator_test {
 namespace {
 
 constexpr double kPi = std::numbers::pi;
@@ -126,4 +126,4 @@ TEST_CASE("decimator: bands that make no sense are refused", "[recording]") {
   CHECK_THROWS_AS(d.push(random_rows(1, 10, 4)), ShapeError);
 }
 
-}  // namespace diffnea
+}  // namespace diffnea::decimator_test

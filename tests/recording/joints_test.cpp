@@ -10,7 +10,7 @@
 
 using Catch::Matchers::ContainsSubstring;
 
-namespace diffnea {
+namespace diffnea::joints_test {
 namespace {
 
 Recording recording() {
@@ -135,4 +135,4 @@ TEST_CASE("joints: a passive joint's torque that is known already stays", "[reco
   CHECK(all[0].tau.col(0).isZero(0.0));
 }
 
-}  // namespace diffnea
+}  // namespace diffnea::joints_test

@@ -17,7 +17,7 @@
 using Catch::Matchers::ContainsSubstring;
 using Catch::Matchers::WithinAbs;
 
-namespace diffnea {
+namespace diffnea::preprocess_test {
 namespace {
 
 constexpr double kPi = std::numbers::pi;
@@ -332,4 +332,4 @@ TEST_CASE("preprocess: what cannot be done is said", "[recording]") {
   CHECK_THROWS_WITH(stream.push(other), ContainsSubstring("finish() ends a recording"));
 }
 
-}  // namespace diffnea
+}  // namespace diffnea::preprocess_test

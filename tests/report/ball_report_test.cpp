@@ -16,7 +16,7 @@
 
 #include "support/page.hpp"
 
-namespace diffnea {
+namespace diffnea::ball_report_test {
 namespace {
 
 using test::check_page;
@@ -168,4 +168,4 @@ TEST_CASE("ball report: pages to look at", "[report][.look]") {
   std::ofstream(std::string(folder) + "/diagnose.html") << diagnose_page(ball_diagnose_run());
 }
 
-}  // namespace diffnea
+}  // namespace diffnea::ball_report_test

@@ -4,7 +4,7 @@
 
 #include <catch2/catch_test_macros.hpp>
 
-namespace diffnea {
+namespace diffnea::evidence_plots_test {
 namespace {
 
 using report::evidence_plots;
@@ -67,4 +67,4 @@ TEST_CASE("evidence plots: friction is shown over velocity, before and after", "
 }
 
 }  // namespace
-}  // namespace diffnea
+}  // namespace diffnea::evidence_plots_test

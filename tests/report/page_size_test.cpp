@@ -12,7 +12,7 @@
 
 #include "support/page.hpp"
 
-namespace diffnea {
+namespace diffnea::page_size_test {
 namespace {
 
 constexpr int kJoints = 40;
@@ -72,4 +72,4 @@ TEST_CASE("report: a thinned motion keeps the ends of its windows", "[report]") 
   CHECK(test::count(page, ",6.1746,6.1869,") == 0);
 }
 
-}  // namespace diffnea
+}  // namespace diffnea::page_size_test

@@ -24,7 +24,7 @@
 
 #include "support/page.hpp"
 
-namespace diffnea {
+namespace diffnea::policy_report_test {
 namespace {
 
 using test::check_page;
@@ -366,4 +366,4 @@ TEST_CASE("transfer run: more movements than our reader takes are stored at a lo
   CHECK_THAT(read_text_file(folder.path() / "report.html"), ContainsSubstring("9 repetitions"));
 }
 
-}  // namespace diffnea
+}  // namespace diffnea::policy_report_test

@@ -3,7 +3,7 @@
 #include <catch2/catch_test_macros.hpp>
 #include <catch2/matchers/catch_matchers_string.hpp>
 
-namespace diffnea {
+namespace diffnea::sentence_test {
 namespace {
 
 using Catch::Matchers::ContainsSubstring;
@@ -88,4 +88,4 @@ TEST_CASE("sentence: what is left of a ball's path is not called the arm's", "[r
 }
 
 }  // namespace
-}  // namespace diffnea
+}  // namespace diffnea::sentence_test

@@ -15,6 +15,8 @@
 #include <diffnea/io/model_file.hpp>
 #include <diffnea/sim/model_simulator.hpp>
 
+namespace ball_network_test {
+
 using namespace diffnea;
 using Catch::Approx;
 using Catch::Matchers::ContainsSubstring;
@@ -267,3 +269,5 @@ TEST_CASE("ball network: what does not fit is refused by name", "[io][ball_netwo
                                                        ContainsSubstring("10 ms") &&
                                                        ContainsSubstring("2 ms"));
 }
+
+}  // namespace ball_network_test

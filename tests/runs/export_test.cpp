@@ -18,6 +18,8 @@
 #include "support/random_arm.hpp"
 #include "support/temporary_folder.hpp"
 
+namespace export_test {
+
 using namespace diffnea;
 using namespace diffnea::test;
 using Catch::Matchers::ContainsSubstring;
@@ -236,3 +238,5 @@ TEST_CASE("export: of a run's folder the fitted model is read, in the document t
   CHECK(notes == std::vector<std::string>{"torque_offset at joint1"});
   CHECK_THAT(read_text_file(folder.path() / "out.urdf"), ContainsSubstring("<!-- kept -->"));
 }
+
+}  // namespace export_test

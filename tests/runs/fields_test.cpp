@@ -5,7 +5,7 @@
 #include <diffnea/diagnose/finding.hpp>
 #include <diffnea/runs/schemas.hpp>
 
-namespace diffnea {
+namespace diffnea::fields_test {
 namespace {
 
 using Catch::Matchers::ContainsSubstring;
@@ -64,4 +64,4 @@ TEST_CASE("schemas: every file has one, with units; others are refused by name",
   CHECK_THROWS_WITH(json_schema("nothing"), ContainsSubstring("got 'nothing'; choices: audit"));
 }
 
-}  // namespace diffnea
+}  // namespace diffnea::fields_test

@@ -16,7 +16,7 @@
 #include <diffnea/io/model_file.hpp>
 #include <diffnea/runs/policy_file.hpp>
 
-namespace diffnea {
+namespace diffnea::policy_file_test {
 namespace {
 
 using Catch::Matchers::ContainsSubstring;
@@ -157,4 +157,4 @@ TEST_CASE("checkpoint: of another task, seed or search it is refused, and says w
   refused(id, first_search(task, 1), "is not JSON");
 }
 
-}  // namespace diffnea
+}  // namespace diffnea::policy_file_test

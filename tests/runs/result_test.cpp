@@ -17,7 +17,7 @@
 #include "support/ended_process.hpp"
 #include "support/temporary_folder.hpp"
 
-namespace diffnea {
+namespace diffnea::result_test {
 namespace {
 
 using Catch::Matchers::ContainsSubstring;
@@ -441,4 +441,4 @@ TEST_CASE("result folder: one that cannot be written is refused at once", "[io]"
                     ContainsSubstring("file/run") && ContainsSubstring("another folder"));
 }
 
-}  // namespace diffnea
+}  // namespace diffnea::result_test

@@ -12,6 +12,8 @@
 #include <diffnea/lie/so3.hpp>
 #include <diffnea/sim/ball_in_cup.hpp>
 
+namespace ball_in_cup_test {
+
 using namespace diffnea;
 using Catch::Matchers::ContainsSubstring;
 
@@ -146,3 +148,5 @@ TEST_CASE("ball in cup: what is not finite is outside, what does not fit is refu
   s.axis.conservativeResize(s.axis.rows(), 2);
   CHECK_THROWS_AS(judged(s), ShapeError);
 }
+
+}  // namespace ball_in_cup_test

@@ -16,6 +16,8 @@
 #include "sim/mujoco_model.hpp"
 #include "support/matrix_near.hpp"
 
+namespace ball_world_test {
+
 using namespace diffnea;
 using namespace diffnea::test;
 using Catch::Matchers::ContainsSubstring;
@@ -254,3 +256,5 @@ TEST_CASE("ball world: what cannot be is refused with what can", "[world]") {
                     ContainsSubstring("no ball on a string"));
   CHECK_THROWS_WITH(record(",ball=chain,string=0.015", 0.1), ContainsSubstring("within the ball"));
 }
+
+}  // namespace ball_world_test

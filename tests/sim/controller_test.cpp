@@ -14,6 +14,8 @@
 #include "sim/joint_controller.hpp"
 #include "support/matrix_near.hpp"
 
+namespace controller_test {
+
 using namespace diffnea;
 using namespace diffnea::test;
 using Catch::Matchers::ContainsSubstring;
@@ -113,3 +115,5 @@ TEST_CASE("controller: another robot's model is refused", "[controller]") {
                     ContainsSubstring("its joints are not those of the robot"));
   CHECK_THROWS_AS(sim::JointController(wam(), wam(), {.control_rate = 0.0}, kHome), Error);
 }
+
+}  // namespace controller_test

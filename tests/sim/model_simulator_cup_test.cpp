@@ -15,6 +15,8 @@
 
 #include "support/swinging_wam.hpp"
 
+namespace model_simulator_cup_test {
+
 using namespace diffnea;
 using namespace diffnea::test;
 
@@ -160,3 +162,5 @@ TEST_CASE("model simulator: an upside-down cup ends the episode", "[sim]") {
   }
   CHECK(world.observe()(find_channel(world, "phase"), 0) == double(BallPhase::kUpsideDown));
 }
+
+}  // namespace model_simulator_cup_test

@@ -15,6 +15,8 @@
 #include "support/matrix_near.hpp"
 #include "support/swinging_wam.hpp"
 
+namespace model_simulator_test {
+
 using namespace diffnea;
 using namespace diffnea::test;
 using Catch::Matchers::ContainsSubstring;
@@ -256,3 +258,5 @@ TEST_CASE("model simulator: what it does not simulate is refused by name", "[sim
   none.q.resize(4, 0);
   CHECK_THROWS_AS(world.reset(none), ShapeError);
 }
+
+}  // namespace model_simulator_test

@@ -22,6 +22,8 @@
 #include "support/matrix_near.hpp"
 #include "support/temporary_folder.hpp"
 
+namespace mujoco_simulator_test {
+
 using namespace diffnea;
 using namespace diffnea::test;
 using Catch::Matchers::ContainsSubstring;
@@ -317,3 +319,5 @@ TEST_CASE("MuJoCo simulator: what does not fit is refused", "[mujoco_simulator]"
   CHECK_THROWS_WITH(MujocoSimulator(read_mjcf(kFile), read_model(kFile), other, {}),
                     ContainsSubstring("its joints are not those of the robot"));
 }
+
+}  // namespace mujoco_simulator_test

@@ -16,6 +16,8 @@
 
 #include "support/add_effect.hpp"
 
+namespace pack_drives_test {
+
 using namespace diffnea;
 using Catch::Matchers::ContainsSubstring;
 using diffnea::test::add;
@@ -289,3 +291,5 @@ TEST_CASE("pack drives: what is left is refused by name", "[sim]") {
   add(late, "actuator_delay", "all", {{"delay", 1e7}});
   CHECK_THROWS_WITH(ModelSimulator({late}, nominal), ContainsSubstring("expected at most 10 s"));
 }
+
+}  // namespace pack_drives_test

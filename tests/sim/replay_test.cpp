@@ -14,6 +14,8 @@
 #include <diffnea/sim/record.hpp>
 #include <diffnea/sim/replay.hpp>
 
+namespace replay_test {
+
 using namespace diffnea;
 
 namespace {
@@ -154,3 +156,5 @@ TEST_CASE("replay: a simulation that blows up ends in NaN, rows that are not the
   x.logged.resize(0, 0);
   CHECK_THROWS_AS(replay(extend(wam()), x, 10, 500, nullptr), ShapeError);
 }
+
+}  // namespace replay_test

@@ -16,6 +16,8 @@
 #include <diffnea/sim/mujoco_world.hpp>
 #include <diffnea/sim/record.hpp>
 
+namespace simulate_effects_test {
+
 using namespace diffnea;
 using Catch::Matchers::ContainsSubstring;
 
@@ -350,3 +352,5 @@ TEST_CASE("record: effects that cannot act together are refused, an unstable one
       {{"joint_elasticity", "joint2", {{"stiffness", 1e12, ""}, {"motor_inertia", 1e-6, ""}}}});
   CHECK_THAT(stiff.failure, ContainsSubstring("unstable"));
 }
+
+}  // namespace simulate_effects_test

@@ -21,6 +21,8 @@
 #include "support/matrix_near.hpp"
 #include "support/temporary_folder.hpp"
 
+namespace simulate_test {
+
 using namespace diffnea;
 using namespace diffnea::test;
 using Catch::Matchers::ContainsSubstring;
@@ -305,3 +307,5 @@ TEST_CASE("world: names, keys, and what there is instead", "[io]") {
   CHECK_THROWS_WITH(parse_world("mujoco:wam4,perturb=Q"),
                     ContainsSubstring("choices: none, A, B, C"));
 }
+
+}  // namespace simulate_test

@@ -17,6 +17,8 @@
 #include "support/add_effect.hpp"
 #include "support/temporary_folder.hpp"
 
+namespace surrogate_test {
+
 using namespace diffnea;
 using namespace diffnea::test;
 using Catch::Matchers::ContainsSubstring;
@@ -307,3 +309,5 @@ TEST_CASE("MuJoCo world: surrogate C is the same for a seed, in recordings and i
   CHECK(last(8).col(0) != first.col(0));  // the drives' noise is the seed's
   CHECK(last(8).col(1) == first.col(1));
 }
+
+}  // namespace surrogate_test
