@@ -128,7 +128,7 @@ void bind_finding_parts(py::module_& m) {
 }
 
 void bind_finding(py::module_& m) {
-  auto c = value_type<DiagnoseRun>(m, Repr::kItsOwn);
+  auto c = value_type<DiagnoseRun>(m, {.repr = true, .to_dict = true, .html = true});
   redefine(c, "parameters", "Parameters", [](const DiagnoseRun& run) {
     return python_function("diffnea._results", "Parameters")(py::cast(run.finding.parameters));
   });

@@ -92,7 +92,7 @@ void bind_fit_parts(py::module_& m) {
 }
 
 void bind_result(py::module_& m) {
-  auto c = value_type<FitRun>(m, Repr::kItsOwn);
+  auto c = value_type<FitRun>(m, {.repr = true, .to_dict = true, .html = true});
   redefine(c, "parameters", "Parameters", [](const FitRun& run) {
     return python_function("diffnea._results", "Parameters")(py::cast(run.fit.parameters));
   });
@@ -149,7 +149,7 @@ void bind_result(py::module_& m) {
 void bind_compare(py::module_& m) {
   value_type<Change>(m);
   value_type<LeftOver>(m);
-  auto comparison = value_type<Comparison>(m);
+  auto comparison = value_type<Comparison>(m, {.to_dict = true});
   comparison.def(
       "to_dict", [](const Comparison& x) { return parse_json(comparison_json(x)); },
       "The comparison as dict, schema ``diffnea/compare/1``.");
