@@ -59,7 +59,7 @@ class OptionLister {
     if constexpr (NamedEnum<F>) return words("", name, names_of<F>(), name_of(value), {}, text);
     py::object now = detail::to_python(value);
     if (traits.all) now = py::none();
-    if (py::isinstance<py::list>(now)) now = py::tuple(now);  // as defaults of arguments are
+    if (py::isinstance<py::list>(now)) now = py::tuple(now);  // a default must not change
     const bool can_be_none = std::is_same_v<F, std::optional<std::vector<std::string>>>;
     add(name, detail::option_type<F>(traits), now, can_be_none ? text + "; []: none" : text);
   }
@@ -121,7 +121,7 @@ class OptionSetter {
   std::vector<std::string> names_;
 };
 
-/// What Python says of the options: a list of (name, type, default, text).
+/// Name, type, default and text of each option.
 template <class Options>
 py::list list_options() {
   Options defaults;

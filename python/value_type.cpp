@@ -15,7 +15,7 @@ std::string short_repr(const py::handle& x) {
   return py::repr(x);
 }
 
-/// As JSON has it: a number that does not exist is null.
+/// The value that JSON has: a number that does not exist is null.
 py::object plain(const py::handle& x) {
   if (py::isinstance<py::array>(x)) return plain(x.attr("tolist")());
   if (py::isinstance<py::float_>(x) && !std::isfinite(x.cast<double>())) return py::none();
@@ -33,7 +33,7 @@ py::object plain(const py::handle& x) {
   return py::reinterpret_borrow<py::object>(x);
 }
 
-/// What FieldTraits::empty_is_null and `absent` look at.
+/// Condition of FieldTraits::empty_is_null and `absent`.
 bool is_empty(const py::object& x) {
   if (py::isinstance<py::float_>(x) || py::isinstance<py::int_>(x)) return x.cast<double>() <= 0.0;
   return x.is_none() || (py::hasattr(x, "__len__") && py::len(x) == 0);

@@ -163,7 +163,7 @@ struct PropertyList {
   const char* name = "";
   const char* doc = "";
   std::vector<Property> properties;
-  std::vector<Entry> entries;  ///< of files
+  std::vector<Entry> entries;  ///< values that files hold
   bool complete = true;        ///< entries are all that files hold
 
   void type(const char* its_name, const char* its_doc, TypeTraits = {}) {
@@ -267,7 +267,7 @@ T from_fields(const py::dict& fields) {
   return out;
 }
 
-/// What a type defines itself.
+/// Parts that a type defines itself.
 struct Own {
   bool repr = false;     ///< `__repr__`
   bool to_dict = false;  ///< must, where also(), columns() or custom() are in its list

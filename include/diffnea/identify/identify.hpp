@@ -82,7 +82,7 @@ struct IdentifyOptions {
   template <class List>
   void options(List& list) {
     std::vector<std::string> losses = names_of<Loss>();
-    losses.emplace_back("constrained");  // of a ball; the arm has no constraint to adhere to
+    losses.emplace_back("constrained");  // a ball's; the arm has no constraint to adhere to
     list.words(
         "--loss", "loss", losses, name_of(loss),
         [this](const std::string& word) {
