@@ -75,6 +75,11 @@ function(diffnea_compile_together target)
   endforeach()
 endfunction()
 
+# For targets that compute nothing in loops (commands, bindings, pages): compiling them takes a fifth less.
+function(diffnea_not_hot target)
+  target_compile_options(${target} PRIVATE "$<$<CONFIG:Release>:-O1>")
+endfunction()
+
 # Language level, position independence, warnings and sanitizers. All of it is private to `target`: a user's
 # target that links diffnea inherits none but the language level.
 function(diffnea_target_defaults target)

@@ -30,8 +30,9 @@ double worst(const F& f, const G& g, double low, double high, double least = 0.0
 
 TEST_CASE("pack: exp, tanh, sine and cosine are the standard library's to some last places",
           "[core]") {
-  CHECK(worst(exp_of, [](double x) { return std::exp(x); }, -700.0, 700.0) <= 2.0);
-  CHECK(worst(exp_of, [](double x) { return std::exp(x); }, -1.0, 1.0) <= 2.0);
+  const auto power = [](const Pack& x) { return exp_of(x); };
+  CHECK(worst(power, [](double x) { return std::exp(x); }, -700.0, 700.0) <= 2.0);
+  CHECK(worst(power, [](double x) { return std::exp(x); }, -1.0, 1.0) <= 2.0);
   const auto sign = [](const Pack& x) { return smooth_sign(x); };
   for (const double range : {1e-9, 0.7, 3.0, 100.0})
     CHECK(worst(sign, [](double x) { return std::tanh(x); }, -range, range) <= 4.0);
