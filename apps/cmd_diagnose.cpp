@@ -10,6 +10,7 @@
 
 #include "common.hpp"
 #include "effect_names.hpp"
+#include "options.hpp"
 #include "outputs.hpp"
 #include "recordings.hpp"
 #include "robots.hpp"
@@ -21,7 +22,7 @@ struct DiagnoseCommand {
   CommonOptions common;
   RecordingOptions recording;
   std::vector<std::string> command_line;
-  std::string model, out, base = "auto";
+  std::string model, out;
   std::vector<std::string> data, test;
   DiagnoseOptions options;
 };
@@ -29,7 +30,6 @@ struct DiagnoseCommand {
 void run_diagnose(DiagnoseCommand c) {
   refuse_repeated_files(c.data, c.test);
   c.recording.quiet = c.common.quiet;
-  c.options.base = value_of<Base>(c.base, "--base");
   c.options.seed = c.common.seed;
   c.options.effects = with_pairs(c.options.effects);
   check_run_folder(c.out, "diagnose");
@@ -91,32 +91,7 @@ void add_diagnose(CLI::App& app, const std::vector<std::string>& command_line) {
   command->add_option("--test", c->test,
                       "held-out recordings (.csv); without them blocks of time are held out");
   command->add_option("-o,--output", c->out, "folder for the results")->required();
-  command
-      ->add_option("--base", c->base,
-                   "what may be re-fitted of the model: refit (all), prior (within the posterior "
-                   "that identify left), fixed (nothing), auto (prior if there is one, of other "
-                   "recordings than this; else refit)")
-      ->check(CLI::IsMember(names_of<Base>()))
-      ->capture_default_str();
-  command
-      ->add_option("--effects", c->options.effects,
-                   "candidates: name, name@where or name@joint,joint, separated by commas; "
-                   "default: all that "
-                   "`diffnea effects` lists")
-      ->delimiter(',');
-  command->add_flag("--grey-box,!--no-grey-box", c->options.grey_box,
-                    "where no effect explains what is left (verdict UNKNOWN), learn it as a torque "
-                    "without a name; default: yes");
-  command
-      ->add_option("--filter", c->options.preprocess.filter_hz,
-                   "low-pass of the positions [Hz], 0: chosen")
-      ->check(at_least(0.0))
-      ->capture_default_str();
-  command
-      ->add_option("--decimate", c->options.preprocess.decimate_to_hz,
-                   "rate of the tests [Hz], 0: chosen")
-      ->check(at_least(0.0))
-      ->capture_default_str();
+  add_options(*command, c->options);
   add_recording_options(*command, c->recording);
   add_common(*command, c->common);
   command->callback([c] { run_diagnose(*c); });

@@ -43,7 +43,7 @@ def commented(source: str) -> str:
         member = re.match(r"  [\w:<>, ]+ (\w+)(?: = [^;]*|\{\})?;$", line)
         if member and (struct, member[1]) in comments:
             lines[k] = f"{line}  ///< {comments[struct, member[1]]}"
-        elif line == LIST:
+        elif line == LIST and " fields(" in lines[k + 1]:
             lines[k] = f"{ABOUT_LIST} {line.lstrip()}"
     return "\n".join(lines)
 

@@ -45,7 +45,7 @@ void bind_audit(py::module_& m) {
   value_type<ChannelFault>(m);
   value_type<AuditCheck>(m);
   value_type<Period>(m);
-  auto c = value_type<AuditRun>(m);
+  auto c = value_type<AuditRun>(m, {.to_dict = true, .html = true});
   c.def(
        "to_dict", [](const AuditRun& x) { return parse_json(audit_result_json(x)); },
        "What ``diffnea audit --json`` prints, schema ``diffnea/audit/1``.")

@@ -17,7 +17,7 @@ py::array_t<int> integers(const std::vector<int>& x) {
 void bind_ball(py::module_& m) {
   value_type<BallFlag>(m);
   using B = BallSeries;
-  auto c = value_type<B>(m);
+  auto c = value_type<B>(m, {.to_dict = true});
   // Arrays where a list would be slow to compute with.
   redefine(c, "run", "NDArray[np.int32]", [](const B& b) { return integers(b.run); });
   redefine(c, "window", "NDArray[np.int32]", [](const B& b) { return integers(b.window); });

@@ -16,6 +16,7 @@
 #include "bindings.hpp"
 #include "choice.hpp"
 #include "data.hpp"
+#include "options.hpp"
 #include "supervisor.hpp"
 #include "value_type.hpp"
 
@@ -66,20 +67,12 @@ OwnCandidate own_candidate(const py::handle& item) {
 }
 
 DiagnoseRun diagnose_python(const Model& model, const py::list& train_items,
-                            const py::list& test_items, const std::string& base,
-                            const std::vector<std::string>& effects, const py::list& candidates,
-                            bool grey_box, double filter_hz, double decimate_to_hz, int max_causes,
-                            std::uint64_t seed, const std::optional<std::string>& torque_side,
+                            const py::list& test_items, const py::list& candidates,
+                            const py::dict& given, const std::optional<std::string>& torque_side,
                             const std::vector<std::string>& passive, const py::object& progress) {
   DiagnoseOptions options;
-  options.base = choice<Base>("diagnose: base", base);
-  options.effects = effects;
+  set_options(options, "diagnose", given);
   for (const py::handle c : candidates) options.candidates.push_back(own_candidate(c));
-  options.grey_box = grey_box;
-  options.preprocess.filter_hz = filter_hz;
-  options.preprocess.decimate_to_hz = decimate_to_hz;
-  options.max_causes = max_causes;
-  options.seed = seed;
   Supervisor supervisor(progress);
   options.progress = [&supervisor](const FitProgress& p) { return supervisor(p); };
 
@@ -128,7 +121,7 @@ void bind_finding_parts(py::module_& m) {
 }
 
 void bind_finding(py::module_& m) {
-  auto c = value_type<DiagnoseRun>(m, Repr::kItsOwn);
+  auto c = value_type<DiagnoseRun>(m, {.repr = true, .to_dict = true, .html = true});
   redefine(c, "parameters", "Parameters", [](const DiagnoseRun& run) {
     return python_function("diffnea._results", "Parameters")(py::cast(run.finding.parameters));
   });
@@ -178,9 +171,9 @@ void bind_finding(py::module_& m) {
 void bind_diagnose(py::module_& m) {
   bind_finding_parts(m);
   bind_finding(m);
-  m.def("_diagnose", &diagnose_python, "model"_a, "train"_a, "test"_a, "base"_a, "effects"_a,
-        "candidates"_a, "grey_box"_a, "filter_hz"_a, "decimate_to_hz"_a, "max_causes"_a, "seed"_a,
+  m.def("_diagnose", &diagnose_python, "model"_a, "train"_a, "test"_a, "candidates"_a, "options"_a,
         "torque_side"_a, "passive"_a, "progress"_a);
+  m.def("_diagnose_options", &list_options<DiagnoseOptions>);
 }
 
 }  // namespace diffnea::python

@@ -16,8 +16,8 @@
 #include <diffnea/version.hpp>
 
 #include "bindings.hpp"
-#include "choice.hpp"
 #include "data.hpp"
+#include "options.hpp"
 #include "supervisor.hpp"
 #include "value_type.hpp"
 
@@ -28,32 +28,10 @@ using namespace pybind11::literals;
 namespace fs = std::filesystem;
 
 FitRun identify_python(const Model& model, const py::list& train_items, const py::list& test_items,
-                       const std::string& loss, const std::string& robust,
-                       const std::vector<std::string>& fit,
-                       const std::optional<std::vector<std::string>>& effects,
-                       const std::vector<std::string>& fix, double entropic_prior, bool physical,
-                       double filter_hz, double decimate_to_hz, double window, double ball_window,
-                       const std::array<double, 3>& ball_lambda, int max_passes, int threads,
-                       const std::optional<std::string>& torque_side,
+                       const py::dict& given, const std::optional<std::string>& torque_side,
                        const std::vector<std::string>& passive, const py::object& progress) {
   IdentifyOptions options;
-  std::map<std::string, Loss> losses = by_name<Loss>();
-  losses.emplace("constrained", Loss::kInverse);  // the arm has no constraint to adhere to
-  options.loss = choice("identify: loss", loss, losses);
-  if (loss == "constrained") options.ball.loss = BallLoss::kConstrained;
-  options.ball.window = ball_window;
-  options.ball.lambda = ball_lambda;
-  options.robust = choice<Robust>("identify: robust", robust);
-  options.choice.fit = fit;
-  options.choice.effects = effects;
-  options.choice.fix = fix;
-  options.linear.entropic_prior = entropic_prior;
-  options.linear.physical = physical;
-  options.preprocess.filter_hz = filter_hz;
-  options.preprocess.decimate_to_hz = decimate_to_hz;
-  options.trajectory.window = window;
-  options.trajectory.threads = threads;
-  options.max_passes = max_passes;
+  set_options(options, "identify", given);
   Supervisor supervisor(progress);
   options.progress = [&supervisor](const FitProgress& p) { return supervisor(p); };
 
@@ -92,7 +70,7 @@ void bind_fit_parts(py::module_& m) {
 }
 
 void bind_result(py::module_& m) {
-  auto c = value_type<FitRun>(m, Repr::kItsOwn);
+  auto c = value_type<FitRun>(m, {.repr = true, .to_dict = true, .html = true});
   redefine(c, "parameters", "Parameters", [](const FitRun& run) {
     return python_function("diffnea._results", "Parameters")(py::cast(run.fit.parameters));
   });
@@ -149,7 +127,7 @@ void bind_result(py::module_& m) {
 void bind_compare(py::module_& m) {
   value_type<Change>(m);
   value_type<LeftOver>(m);
-  auto comparison = value_type<Comparison>(m);
+  auto comparison = value_type<Comparison>(m, {.to_dict = true});
   comparison.def(
       "to_dict", [](const Comparison& x) { return parse_json(comparison_json(x)); },
       "The comparison as dict, schema ``diffnea/compare/1``.");
@@ -172,10 +150,9 @@ void bind_identify(py::module_& m) {
   bind_fit_parts(m);
   bind_result(m);
   bind_compare(m);
-  m.def("_identify", &identify_python, "model"_a, "data"_a, "test"_a, "loss"_a, "robust"_a, "fit"_a,
-        "effects"_a, "fix"_a, "entropic_prior"_a, "physical"_a, "filter_hz"_a, "decimate_to_hz"_a,
-        "window"_a, "ball_window"_a, "ball_lambda"_a, "max_passes"_a, "threads"_a, "torque_side"_a,
+  m.def("_identify", &identify_python, "model"_a, "data"_a, "test"_a, "options"_a, "torque_side"_a,
         "passive"_a, "progress"_a);
+  m.def("_identify_options", &list_options<IdentifyOptions>);
   m.def("read_result", &read_fit_run, "folder"_a, py::call_guard<py::gil_scoped_release>(),
         "Read the result that a run left in a folder: that of ``diffnea identify -o``, or of "
         "``save``.");

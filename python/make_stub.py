@@ -23,7 +23,7 @@ HEAD = '''"""Compiled part of diffnea. Written by python/make_stub.py."""
 import os
 import pathlib
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal, TypeAlias, TypedDict
 
 import numpy as np
 import pandas as pd
@@ -70,6 +70,7 @@ ARGUMENTS = {
     "hidden": "ArrayLike | None",
 }
 DATA = "Sequence[Recording | os.PathLike[str]]"
+OPTIONS = "list[tuple[str, str, object, str]]"
 PLOTS = {"plot", "plot_ball"}
 TRACE = "tuple[Array, tuple[str, ...], Array, Array, float, bool, str]"
 
@@ -116,7 +117,9 @@ REFINED: dict[str, dict[str, str]] = {
     "_audit_files": {"model": "Model | None"},
     "_audit_recordings": {"model": "Model | None"},
     "_diagnose": {"train": DATA, "test": DATA},
+    "_diagnose_options": {"return": OPTIONS},
     "_identify": {"data": DATA, "test": DATA},
+    "_identify_options": {"return": OPTIONS},
     "_identify_robot": {"return": "tuple[IdentifyResult, IdentifyResult, Model]"},
     "_json_schema": {"return": "dict[str, Any]"},
     "_read_recordings": {"return": "tuple[list[Recording], ReadReport]"},
@@ -255,6 +258,13 @@ def members(name: str, cls: type) -> Iterator[str]:
             yield head(full, first_line(thing), "    ")
 
 
+def typed_options(name: str, options: list[tuple[str, str, object, str]]) -> str:
+    """Return the dict that types a function's ``**options``."""
+    words = "".join(word.capitalize() for word in name.split("_"))
+    lines = [f"    {option}: {kind}" for option, kind, _, _ in options]
+    return "\n".join([f"class _{words}(TypedDict, total=False):", *lines])
+
+
 def stub(module: ModuleType) -> str:
     """Return the text of the stub."""
     out = [HEAD]
@@ -266,6 +276,8 @@ def stub(module: ModuleType) -> str:
             out.append("\n".join([f"class {name}{inherits}:" + ("" if lines else " ..."), *lines]))
         elif inspect.isroutine(thing):
             out.append(head(name, first_line(thing), ""))
+            if name.endswith("_options"):
+                out.append(typed_options(name, thing()))
         elif isinstance(thing, str) and not name.startswith("__"):
             out.append(f"{name}: str")
     return "\n\n".join(out) + "\n"

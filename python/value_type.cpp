@@ -1,5 +1,9 @@
 #include "value_type.hpp"
 
+#include <cmath>
+
+#include "bindings.hpp"
+
 namespace diffnea::python {
 namespace {
 
@@ -9,6 +13,41 @@ std::string short_repr(const py::handle& x) {
   if (py::isinstance<py::list>(x) && py::len(x) > 4)
     return "[" + std::to_string(py::len(x)) + " items]";
   return py::repr(x);
+}
+
+/// The value that JSON has: a number that does not exist is null.
+py::object plain(const py::handle& x) {
+  if (py::isinstance<py::array>(x)) return plain(x.attr("tolist")());
+  if (py::isinstance<py::float_>(x) && !std::isfinite(x.cast<double>())) return py::none();
+  if (py::isinstance<py::list>(x) || py::isinstance<py::tuple>(x)) {
+    py::list out;
+    for (const py::handle item : x) out.append(plain(item));
+    return out;
+  }
+  if (py::isinstance<py::dict>(x)) {
+    py::dict out;
+    for (const auto& [key, value] : x.cast<py::dict>()) out[key] = plain(value);
+    return out;
+  }
+  if (py::hasattr(x, "to_dict")) return x.attr("to_dict")();
+  return py::reinterpret_borrow<py::object>(x);
+}
+
+/// Condition of FieldTraits::empty_is_null and `absent`.
+bool is_empty(const py::object& x) {
+  if (py::isinstance<py::float_>(x) || py::isinstance<py::int_>(x)) return x.cast<double>() <= 0.0;
+  return x.is_none() || (py::hasattr(x, "__len__") && py::len(x) == 0);
+}
+
+/// Puts a value at "key", "outer.key", or "key[0]"; places of a list come in their order.
+void put(py::dict out, std::string path, const py::object& value) {
+  for (std::size_t dot; (dot = path.find('.')) != std::string::npos; path.erase(0, dot + 1))
+    out = out.attr("setdefault")(path.substr(0, dot), py::dict()).cast<py::dict>();
+  const std::size_t bracket = path.find('[');
+  if (bracket == std::string::npos)
+    out[path.c_str()] = value;
+  else
+    out.attr("setdefault")(path.substr(0, bracket), py::list()).attr("append")(value);
 }
 
 void def_property(const py::object& type, const char* name, const py::cpp_function& get,
@@ -44,6 +83,31 @@ std::string repr_of(const char* name, const std::vector<Property>& properties, c
   for (const Property& p : properties)
     text += (text.empty() ? "" : ", ") + p.name + "=" + short_repr(p.get(x));
   return std::string(name) + "(" + text + ")";
+}
+
+py::dict file_dict(const std::vector<Entry>& entries, const void* x) {
+  py::dict out;
+  for (const Entry& e : entries) {
+    const py::object value = e.get(x);
+    const bool empty = (e.traits.absent || e.traits.empty_is_null) && is_empty(value);
+    if (empty && e.traits.absent) continue;
+    put(out, e.key, empty ? py::none() : plain(value));
+  }
+  return out;
+}
+
+py::object html_of(const std::vector<Property>& properties, const void* x) {
+  py::dict values;
+  for (const Property& p : properties) values[p.name.c_str()] = p.get(x);
+  py::list rows;
+  for (const Property& p : properties) {
+    const py::object value = values[p.name.c_str()];
+    const bool number = py::isinstance<py::float_>(value);
+    rows.append(
+        py::make_tuple(p.name, number ? value : py::str(short_repr(value)),
+                       p.unit == "unit" ? values["unit"].cast<py::object>() : py::str(p.unit)));
+  }
+  return python_function("diffnea._results", "fields_html")(rows);
 }
 
 py::tuple state_of(const std::vector<Property>& properties, const void* x) {

@@ -1,6 +1,6 @@
 #pragma once
 /// Described structs (diffnea/core/fields.hpp) as Python value types: read-only properties with
-/// docstrings and types, repr, pickle.
+/// docstrings and types, repr, to_dict, a table for notebooks, pickle.
 ///
 ///     auto c = value_type<JointError>(m);
 ///
@@ -8,7 +8,9 @@
 
 #include <array>
 #include <cstddef>
+#include <functional>
 #include <optional>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -32,6 +34,7 @@ namespace diffnea::python {
 struct Property {
   std::string name;
   std::string doc;     ///< with the unit
+  std::string unit;    ///< SI; "unit": that of the struct's field `unit`
   std::string type;    ///< as the stub has it
   std::size_t offset;  ///< from the struct [bytes]
   py::object (*get_value)(const void*);
@@ -41,6 +44,13 @@ struct Property {
   void set(void* x, const py::handle& value) const {
     set_value(static_cast<char*>(x) + offset, value);
   }
+};
+
+/// A value that files hold.
+struct Entry {
+  std::string key;  ///< may be a path: "outer.key", "key[0]"
+  FieldTraits traits;
+  std::function<py::object(const void*)> get;
 };
 
 namespace detail {
@@ -103,6 +113,10 @@ struct TypeName<std::optional<F>> {
   static std::string text() { return TypeName<F>::text() + " | None"; }
 };
 
+/// No JSON holds recordings.
+template <class F>
+constexpr bool in_json = !std::is_same_v<F, Recording> && !std::is_same_v<F, Trajectory>;
+
 /// Series of numbers are arrays in Python, not lists.
 template <class F>
 py::object to_python(const F& x) {
@@ -134,12 +148,23 @@ void set_value(void* x, const py::handle& value) {
   *static_cast<F*>(x) = from_python<F>(value);
 }
 
+/// Bytes from the beginning of a struct to a member.
+template <class T, class F>
+std::size_t offset_of(F T::* member) {
+  // Storage without an object: arrays of NumPy cannot be made before it is imported.
+  alignas(T) static std::byte storage[sizeof(T)];
+  const auto* place = reinterpret_cast<const T*>(storage);
+  return static_cast<std::size_t>(reinterpret_cast<const std::byte*>(&(place->*member)) - storage);
+}
+
 /// Collects the fields of a type.
 template <class T>
 struct PropertyList {
   const char* name = "";
   const char* doc = "";
   std::vector<Property> properties;
+  std::vector<Entry> entries;  ///< values that files hold
+  bool complete = true;        ///< entries are all that files hold
 
   void type(const char* its_name, const char* its_doc, TypeTraits = {}) {
     name = its_name;
@@ -148,18 +173,22 @@ struct PropertyList {
   template <class F>
   void field(const char* field_name, F T::* member, const char* field_doc,
              FieldTraits traits = {}) {
-    properties.push_back({field_name, with_unit(field_doc, traits.unit), TypeName<F>::text(),
-                          offset_of(member), &get_value<F>, &set_value<F>});
+    in_memory(field_name, member, field_doc, traits);
+    if constexpr (in_json<F>)
+      entries.push_back({traits.key ? traits.key : field_name, traits,
+                         [p = properties.back()](const void* x) { return p.get(x); }});
   }
   template <class F>
   void in_memory(const char* field_name, F T::* member, const char* field_doc,
                  FieldTraits traits = {}) {
-    field(field_name, member, field_doc, traits);
+    properties.push_back({field_name, with_unit(field_doc, traits.unit), traits.unit,
+                          TypeName<F>::text(), offset_of(member), &get_value<F>, &set_value<F>});
   }
   template <class F>
   void columns(const char* field_name, F T::* member, const char* field_doc,
                FieldTraits traits = {}) {
-    field(field_name, member, field_doc, traits);
+    in_memory(field_name, member, field_doc, traits);
+    complete = false;
   }
   template <class M>
   void embed(M T::* member) {
@@ -169,20 +198,23 @@ struct PropertyList {
       p.offset += offset_of(member);
       properties.push_back(std::move(p));
     }
-  }
-  template <class F>
-  std::size_t offset_of(F T::* member) const {
-    // Storage without an object: arrays of NumPy cannot be made before it is imported.
-    alignas(T) static std::byte storage[sizeof(T)];
-    const auto* place = reinterpret_cast<const T*>(storage);
-    return static_cast<std::size_t>(reinterpret_cast<const std::byte*>(&(place->*member)) -
-                                    storage);
+    for (const Entry& e : inner.entries)
+      entries.push_back({e.key, e.traits, [get = e.get, offset = offset_of(member)](const void* x) {
+                           return get(static_cast<const char*>(x) + offset);
+                         }});
+    complete = complete && inner.complete;
   }
   template <class M, class F>
-  void also(const char*, M T::*, F M::*, const char* = "", FieldTraits = {}) {}
+  void also(const char*, M T::*, F M::*, const char* = "", FieldTraits = {}) {
+    complete = false;
+  }
   template <class Function>
-  void derived(const char*, Function, const char*, FieldTraits = {}) {}
-  void custom(const char*, const char*, FieldTraits = {}) {}
+  void derived(const char* key, Function function, const char*, FieldTraits traits = {}) {
+    entries.push_back({key, traits, [function](const void* x) {
+                         return to_python(std::invoke(function, *static_cast<const T*>(x)));
+                       }});
+  }
+  void custom(const char*, const char*, FieldTraits = {}) { complete = false; }
 };
 
 template <Described T>
@@ -204,6 +236,10 @@ std::string class_name() {
 void def_properties(py::object type, const std::vector<Property>& properties,
                     const void* (*address)(const py::handle&));
 std::string repr_of(const char* name, const std::vector<Property>& properties, const void* x);
+/// Keys, nulls and names as in files; series are lists, all their digits kept.
+py::dict file_dict(const std::vector<Entry>& entries, const void* x);
+/// A table of name, value and unit.
+py::object html_of(const std::vector<Property>& properties, const void* x);
 py::tuple state_of(const std::vector<Property>& properties, const void* x);
 /// @throws py::value_error if it was pickled by another version
 void set_state(const std::vector<Property>& properties, void* x, const py::tuple& state);
@@ -231,20 +267,34 @@ T from_fields(const py::dict& fields) {
   return out;
 }
 
-/// How a value type writes itself.
-enum class Repr { kOfFields, kItsOwn };
+/// Parts that a type defines itself.
+struct Own {
+  bool repr = false;     ///< `__repr__`
+  bool to_dict = false;  ///< must, where also(), columns() or custom() are in its list
+  bool html = false;     ///< `_repr_html_`
+};
 
 /// The Python class of a described struct.
 template <Described T>
-py::class_<T> value_type(py::module_& m, Repr repr = Repr::kOfFields) {
+py::class_<T> value_type(py::module_& m, Own own = {}) {
   const auto& list = detail::property_list<T>();
   py::class_<T> c(m, list.name, list.doc);
   detail::def_properties(c, list.properties, [](const py::handle& self) -> const void* {
     return &self.cast<const T&>();
   });
-  if (repr == Repr::kOfFields)
+  if (!own.repr)
     c.def("__repr__",
           [&list](const T& x) { return detail::repr_of(list.name, list.properties, &x); });
+  if (!own.to_dict && !list.complete)
+    throw std::logic_error(std::string(list.name) + " needs a to_dict of its own");
+  if (!own.to_dict)
+    c.def(
+        "to_dict", [&list](const T& x) { return detail::file_dict(list.entries, &x); },
+        "The fields under their keys in files.");
+  if (!own.html)
+    c.def(
+        "_repr_html_", [&list](const T& x) { return detail::html_of(list.properties, &x); },
+        "A small table for notebooks.");
   c.def(py::pickle([&list](const T& x) { return detail::state_of(list.properties, &x); },
                    [&list](const py::tuple& state) {
                      T x;

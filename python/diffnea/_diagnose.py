@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Unpack
 
-from ._core import Error, Finding, FitProgress, Model, _diagnose
+from ._core import Error, Finding, FitProgress, Model, _diagnose, _diagnose_options
 from ._data import items
 from ._files import StrPath, load_model
+from ._options import with_options
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import ArrayLike, NDArray
 
+    from ._core import _DiagnoseOptions
     from ._data import Data
 
     Array = NDArray[np.float64]
@@ -60,22 +62,17 @@ class Candidate:
         return self.name, self.where, of, self.function
 
 
+@with_options(_diagnose_options())
 def diagnose(
     model: Model | StrPath,
     train: Data,
     *,
     test: Data | None = None,
-    base: str = "auto",
-    effects: Sequence[str] | None = None,
     candidates: Sequence[Candidate] = (),
-    grey_box: bool = True,
-    filter_hz: float = 0.0,
-    decimate_to_hz: float = 0.0,
-    max_causes: int = 0,
-    seed: int = 0,
     torque_side: str | None = None,
     passive: Sequence[str] = (),
     progress: Callable[[FitProgress], bool | None] | None = None,
+    **options: Unpack[_DiagnoseOptions],
 ) -> Finding:
     """Name the effects that a model lacks, with evidence, rivals and the gain on held-out data.
 
@@ -84,23 +81,13 @@ def diagnose(
         train: what to explain: a :class:`Recording`, a path, a data frame, or a list of them.
         test: recordings of other motions, on which causes must help too. Without them blocks of
             time are held out, which is weaker.
-        base: what may be re-fitted of the model: ``refit`` (all its parameters), ``prior`` (within
-            the posterior that :func:`identify` left in it), ``fixed`` (nothing), ``auto``
-            (``prior`` if there is one, of other recordings than ``train``, else ``refit``).
-        effects: candidates: ``name`` wherever it suits, or ``name@where``. Default: all that
-            :func:`effects` lists.
-        candidates: your own beside those.
-        grey_box: where no effect explains what is left (``UNKNOWN``), learn it as a torque without
-            a name: ``finding.grey_box``.
-        filter_hz: low-pass of the positions [Hz]; 0: chosen from the data.
-        decimate_to_hz: rate of the tests [Hz]; 0: chosen from the data.
-        max_causes: at most so many are named; 0: three for each joint, at least eight.
-        seed: of the bootstrap.
+        candidates: your own beside ``effects``.
         torque_side: where torque was measured, ``motor`` or ``link``; for files, over what the
             file says.
         passive: for files: joints whose torque is known to be zero.
         progress: called before each step. Return ``False`` to stop and have what was found until
             then (``finding.interrupted``). Ctrl-C raises ``KeyboardInterrupt``.
+        **options: of the search.
 
     Raises:
         DataError, ModelError, FileError: where the input is at fault; the message says what to
@@ -109,22 +96,14 @@ def diagnose(
     """
     if not isinstance(model, Model):
         model = load_model(model)
-    if effects is not None and not effects:
+    if (effects := options.get("effects")) is not None and not effects:
         raise Error("diagnose: effects: got none; leave it out to try all that effects() lists")
-    if isinstance(effects, str):
-        effects = [effects]
     return _diagnose(
         model,
         items(train, torque_side, passive),
         [] if test is None else items(test, torque_side, passive),
-        base,
-        [] if effects is None else list(effects),
         [c._as_tuple() for c in candidates],
-        grey_box,
-        filter_hz,
-        decimate_to_hz,
-        max_causes,
-        seed,
+        dict(options),
         torque_side,
         list(passive),
         progress,

@@ -67,6 +67,14 @@ def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     return "<table>" + line("th", head) + "".join(line("td", row) for row in rows) + "</table>"
 
 
+def fields_html(rows: Sequence[tuple[str, float | str, str]]) -> str:
+    """Implement ``_repr_html_`` of a value type: name, value and unit of its fields."""
+    return _table(
+        ["", "value", "unit"],
+        [[name, x if isinstance(x, str) else _number(x), unit] for name, x, unit in rows],
+    )
+
+
 def html(result: IdentifyResult) -> str:
     """Implement ``_repr_html_``: what the data determine, and the error before and after."""
     held_out = any(math.isfinite(e.test) for e in result.errors)

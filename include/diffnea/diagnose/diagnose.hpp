@@ -13,6 +13,7 @@
 
 #include <cstdint>
 
+#include <diffnea/core/options.hpp>
 #include <diffnea/diagnose/finding.hpp>
 #include <diffnea/diagnose/own_candidate.hpp>
 
@@ -56,6 +57,29 @@ struct DiagnoseOptions {
 
   /// Whether all that the catalogue has is tried.
   bool whole_catalogue() const { return effects.empty() && !own_alone; }
+
+  /// Names and texts (core/options.hpp).
+  template <class List>
+  void options(List& list) {
+    list.option("--base", "base", base,
+                "what may be re-fitted of the model: refit (all), prior (within the posterior that "
+                "identify left), fixed (nothing), auto (prior if there is one, of other recordings "
+                "than this; else refit)");
+    list.option("--effects", "effects", effects,
+                "candidates: name, name@where or name@joint,joint; default: all that `diffnea "
+                "effects` lists",
+                {.by_commas = true, .all = true});
+    list.option("--grey-box", "grey_box", grey_box,
+                "where no effect explains what is left (verdict UNKNOWN), learn it as a torque "
+                "without a name");
+    list.option("--filter", "filter_hz", preprocess.filter_hz,
+                "low-pass of the positions [Hz], 0: chosen", {.least = 0.0});
+    list.option("--decimate", "decimate_to_hz", preprocess.decimate_to_hz,
+                "rate of the tests [Hz], 0: chosen", {.least = 0.0});
+    list.option(nullptr, "max_causes", max_causes,
+                "at most so many are named, 0: three for each joint, at least eight");
+    list.option(nullptr, "seed", seed, "of the bootstrap");
+  }
 };
 
 /// @param test  held-out recordings; null: blocks of time are held out, which is weaker

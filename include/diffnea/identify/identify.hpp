@@ -13,6 +13,7 @@
 /// transmitted torque take one more pass for each re-weighting or step.
 
 #include <diffnea/core/fields.hpp>
+#include <diffnea/core/options.hpp>
 #include <diffnea/identify/ball_options.hpp>
 #include <diffnea/identify/ball_series.hpp>
 #include <diffnea/identify/linear_fit.hpp>
@@ -76,6 +77,58 @@ struct IdentifyOptions {
   double shape_tolerance = 1e-3;  ///< stop when no ln η, nor η in its unit, moves by more
   /// Called with every block that is read and every step; returns false: stop. May be empty.
   std::function<bool(const FitProgress&)> progress;
+
+  /// Names and texts (core/options.hpp).
+  template <class List>
+  void options(List& list) {
+    std::vector<std::string> losses = names_of<Loss>();
+    losses.emplace_back("constrained");  // a ball's; the arm has no constraint to adhere to
+    list.words(
+        "--loss", "loss", losses, name_of(loss),
+        [this](const std::string& word) {
+          ball.loss = word == "constrained" ? BallLoss::kConstrained : BallLoss::kTrajectory;
+          loss = word == "constrained" ? Loss::kInverse : value_of<Loss>(word, "loss");
+        },
+        "of torque (inverse), acceleration (forward), or trajectory; constrained: of a ball's "
+        "acceleration and its string, where otherwise its trajectory is fitted");
+    list.option("--robust", "robust", robust, "weights that outliers lose by");
+    list.option("--fit", "fit", choice.fit,
+                "what may move: inertia, armature, effects, string (of a ball: its length and "
+                "attachment), shapes (of effects), kinematics (fixed transforms; kinematics@JOINT "
+                "for one)",
+                {.by_commas = true});
+    list.option("--effects", "effects", choice.effects,
+                "beyond those of the model: name, name@joint or name@joint,joint; "
+                "payload@tip:run=1 acts in recording 1 alone (from 0, the held-out ones last); "
+                "default: armature, viscous and Coulomb friction and an offset at every joint; "
+                "with torque sensors behind the drive (torque side: link) the offset alone; of a "
+                "ball on a string linear_drag, in free flight quadratic_drag",
+                {.by_commas = true});
+    list.option("--fix", "fix", choice.fix,
+                "parameters to hold at the model's value: names, or patterns such as "
+                "forearm.*; at another: NAME=VALUE");
+    list.option(nullptr, "entropic_prior", linear.entropic_prior,
+                "pull of every inertia to the model's [units of χ²/2], 0: none");
+    list.option(nullptr, "physical", linear.physical,
+                "False leaves inertias free (least squares), for comparison");
+    list.option("--filter", "filter_hz", preprocess.filter_hz,
+                "low-pass of the positions [Hz], 0: chosen", {.least = 0.0});
+    list.option("--decimate", "decimate_to_hz", preprocess.decimate_to_hz,
+                "rate of the fit [Hz], 0: chosen", {.least = 0.0});
+    list.option("--window", "window", trajectory.window,
+                "trajectory loss: length of a simulated window [s]", {.least = 0.0, .above = true});
+    list.option("--ball-window", "ball_window", ball.window,
+                "ball: length of a simulated window [s], at most; each starts from a state of its "
+                "own, which is estimated",
+                {.least = 0.0, .above = true});
+    list.option("--lambda", "ball_lambda", ball.lambda,
+                "constrained loss: weights of g, its first and its second derivative, each over "
+                "its own noise",
+                {.least = 0.0, .by_commas = true});
+    list.option(nullptr, "max_passes", max_passes,
+                "over the data, of robust losses and shape parameters");
+    list.option(nullptr, "threads", trajectory.threads, "of the trajectory loss");
+  }
 };
 
 /// One fitted parameter.
