@@ -1,9 +1,9 @@
 #include <cstdio>
 
 #include <diffnea/identify/source.hpp>
-#include <diffnea/runs/audit_result.hpp>
 #include <diffnea/io/model_file.hpp>
 #include <diffnea/report/audit_text.hpp>
+#include <diffnea/runs/audit_result.hpp>
 
 #include "common.hpp"
 #include "robots.hpp"

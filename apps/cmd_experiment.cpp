@@ -1,16 +1,16 @@
 #include <cstdio>
 #include <sstream>
 
-#include <diffnea/experiment/robot_data.hpp>
 #include <diffnea/core/text_file.hpp>
+#include <diffnea/experiment/robot_data.hpp>
 #include <diffnea/io/model_file.hpp>
-#include <diffnea/runs/result_folder.hpp>
 #include <diffnea/io/sidecar.hpp>
 #include <diffnea/io/trajectory_file.hpp>
 #include <diffnea/recording/csv.hpp>
 #include <diffnea/report/learn_text.hpp>
 #include <diffnea/report/run_folder.hpp>
 #include <diffnea/report/transfer_text.hpp>
+#include <diffnea/runs/result_folder.hpp>
 #include <diffnea/version.hpp>
 
 #include "common.hpp"

@@ -4,10 +4,10 @@
 
 #include <diffnea/io/model_file.hpp>
 #include <diffnea/io/sidecar.hpp>
-#include <diffnea/runs/simulate_result.hpp>
 #include <diffnea/io/trajectory_file.hpp>
-#include <diffnea/worlds/world.hpp>
 #include <diffnea/recording/csv.hpp>
+#include <diffnea/runs/simulate_result.hpp>
+#include <diffnea/worlds/world.hpp>
 
 #include "common.hpp"
 #include "outputs.hpp"

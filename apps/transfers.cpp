@@ -9,9 +9,9 @@
 #include <mutex>
 #include <thread>
 
-#include <diffnea/runs/policy_file.hpp>
 #include <diffnea/io/sidecar.hpp>
 #include <diffnea/recording/csv.hpp>
+#include <diffnea/runs/policy_file.hpp>
 
 namespace diffnea::apps {
 namespace {

@@ -28,9 +28,10 @@ struct TransferWorld {
   std::uint64_t seed = 0;
 };
 
-TransferWorld make_world(const std::string& name, const Model& controller, const LearnedPolicy& policy,
-                 std::optional<double> nominal_string, std::uint64_t seed, double position_noise,
-                 double torque_noise, double posture_noise) {
+TransferWorld make_world(const std::string& name, const Model& controller,
+                         const LearnedPolicy& policy, std::optional<double> nominal_string,
+                         std::uint64_t seed, double position_noise, double torque_noise,
+                         double posture_noise) {
   if (!controller.cup) throw ModelError("transfer: the controller's model has no cup");
   WorldSpec spec = parse_world(name);
   if (nominal_string && !spec.string && !spec.nominal_string) spec.nominal_string = nominal_string;

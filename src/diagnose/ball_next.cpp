@@ -16,8 +16,8 @@
 namespace diffnea {
 namespace {
 
-constexpr int kBallDraws = 3;           ///< of each family
-constexpr double kCamera = 100.0;   ///< rows a second
+constexpr int kBallDraws = 3;      ///< of each family
+constexpr double kCamera = 100.0;  ///< rows a second
 
 /// A kind of motion.
 struct BallFamily {

@@ -5,8 +5,8 @@
 #include <cmath>
 
 #include "core/decompositions.hpp"
-#include "core/statistics.hpp"
 #include "core/number_text.hpp"
+#include "core/statistics.hpp"
 #include "diagnose/ball_search.hpp"
 #include "identify/ball_world.hpp"
 #include "identify/passes.hpp"

@@ -3,10 +3,10 @@
 
 namespace diffnea {
 
-inline constexpr double kToldApart = 10.0;     ///< ΔBIC from which two effects are told apart
-inline constexpr double kExplained = 0.8;      ///< explained share below which a cause is unknown
-inline constexpr double kExperiment = 40.0;    ///< length of the next experiment [s]
-inline constexpr int kResamples = 1000;        ///< draws of a bootstrap interval
+inline constexpr double kToldApart = 10.0;   ///< ΔBIC from which two effects are told apart
+inline constexpr double kExplained = 0.8;    ///< explained share below which a cause is unknown
+inline constexpr double kExperiment = 40.0;  ///< length of the next experiment [s]
+inline constexpr int kResamples = 1000;      ///< draws of a bootstrap interval
 /// Fewest rows for each column that acts on a joint: with fewer, smooth functions explain noise.
 inline constexpr long kRowsAColumn = 4;
 

@@ -123,10 +123,9 @@ double condition_number(const RowMatX<double>& columns) {
   // The triangular factor has the singular values of the columns, and is square.
   const Eigen::HouseholderQR<MatX<double>> qr(columns);
   const long p = columns.cols();
-  const VecX<double> s =
-      Eigen::JacobiSVD<MatX<double>, Eigen::NoQRPreconditioner>(
-          MatX<double>(qr.matrixQR().topRows(p).triangularView<Eigen::Upper>()))
-          .singularValues();
+  const VecX<double> s = Eigen::JacobiSVD<MatX<double>, Eigen::NoQRPreconditioner>(
+                             MatX<double>(qr.matrixQR().topRows(p).triangularView<Eigen::Upper>()))
+                             .singularValues();
   return s[s.size() - 1] > 0.0 ? s[0] / s[s.size() - 1] : std::numeric_limits<double>::infinity();
 }
 

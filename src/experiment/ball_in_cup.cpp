@@ -37,8 +37,9 @@ Model with_string(Model model, double nominal) {
   if (!(string.length_std > 0.0))  // nobody measured it
     string.length = nominal;
   else if (std::abs(string.length - nominal) > kNear * nominal)
-    throw DataError(model.source + ": its string was identified as " + detail::number_text(string.length) +
-                    " m, got a nominal length of " + detail::number_text(nominal) +
+    throw DataError(model.source + ": its string was identified as " +
+                    detail::number_text(string.length) + " m, got a nominal length of " +
+                    detail::number_text(nominal) +
                     " m, expected one within 10 %; identify with the string that is on the robot, "
                     "or do not name it");
   return model;
@@ -91,7 +92,8 @@ void check_start(const std::vector<std::string>& joints, const VecX<double>& q0,
   for (long j = 0; j < q0.size(); ++j)
     if (!(q0[j] >= limits.lower[j] && q0[j] <= limits.upper[j]))
       throw DataError("start: joint '" + joints[static_cast<std::size_t>(j)] + "' is at " +
-                      detail::number_text(q0[j]) + ", expected " + detail::number_text(limits.lower[j]) + " to " +
+                      detail::number_text(q0[j]) + ", expected " +
+                      detail::number_text(limits.lower[j]) + " to " +
                       detail::number_text(limits.upper[j]) + " (rad, m), its range");
 }
 
@@ -99,12 +101,14 @@ void check(const Model& model, const Start& start, double least_upright) {
   const CupSpec& cup = *model.cup;
   const double upright = start.X_WC.R.col[2].z, string = model.ball->string->length;
   if (upright < least_upright)
-    throw DataError("ball in a cup: at the start the cup's axis has z = " + detail::number_text(upright) +
-                    ", expected " + detail::number_text(least_upright) +
-                    " or more (the cup opens upward); choose another start posture");
+    throw DataError(
+        "ball in a cup: at the start the cup's axis has z = " + detail::number_text(upright) +
+        ", expected " + detail::number_text(least_upright) +
+        " or more (the cup opens upward); choose another start posture");
   if (!(model.ball->radius > 0.0 && model.ball->radius < cup.inner_radius))
-    throw DataError("ball in a cup: the ball has a radius of " + detail::number_text(model.ball->radius) +
-                    " m, the cup " + detail::number_text(cup.inner_radius) +
+    throw DataError("ball in a cup: the ball has a radius of " +
+                    detail::number_text(model.ball->radius) + " m, the cup " +
+                    detail::number_text(cup.inner_radius) +
                     " m inside; expected a ball that fits in");
   if (string < cup.rim + model.ball->radius)
     throw DataError("ball in a cup: the string of " + detail::number_text(string) +
@@ -146,7 +150,8 @@ RobustOptions completed(RobustOptions o) {
         "robust: each, quantile and vary are of draws, of which there are none; ask for some "
         "(--robust)");
   if (o.quantile && !(*o.quantile > 0.0 && *o.quantile <= 1.0))
-    throw Error("robust: quantile: got " + detail::number_text(*o.quantile) + ", expected above 0, at most 1");
+    throw Error("robust: quantile: got " + detail::number_text(*o.quantile) +
+                ", expected above 0, at most 1");
   if (o.each == 0) o.each = o.quantile ? std::min(8, o.draws) : std::min(1, o.draws);
   if (o.each > o.draws)
     throw Error("robust: each: got " + std::to_string(o.each) + ", expected at most the " +
@@ -358,7 +363,8 @@ Execution execute(const LearnedPolicy& policy, const Simulator& world, const Mot
 
 Trajectory desired_motion(const LearnedPolicy& policy, double rate, double still) {
   if (!(rate > 0.0) || !(still >= 0.0))
-    throw Error("desired motion: got a rate of " + detail::number_text(rate) + " Hz and " + detail::number_text(still) +
+    throw Error("desired motion: got a rate of " + detail::number_text(rate) + " Hz and " +
+                detail::number_text(still) +
                 " s of stillness; expected a positive rate and no negative time");
   const Promp promp(policy.promp);
   const long before = std::lround(still * rate),

@@ -74,7 +74,8 @@ class Windows {
     lost_ = find_outliers(time, seen, options.longest_gap);
     for (std::size_t i = 0; i < lost_.size(); ++i)
       if (lost_[i] > 0.0)
-        flag(time[i], "ball", "is " + detail::number_text(1e3 * lost_[i], 3) + " mm off its neighbours");
+        flag(time[i], "ball",
+             "is " + detail::number_text(1e3 * lost_[i], 3) + " mm off its neighbours");
     if (!model.ball->string && !bounces) kinks_ = find_kinks(time, seen, options.longest_gap);
     seen_ = std::move(seen);
   }
@@ -139,8 +140,9 @@ class Windows {
       if (radius_ * spin > kMostSpin * speed)
         return flag(from, "spin",
                     detail::number_text(spin, 3) + " rad/s would move the surface at " +
-                        detail::number_text(radius_ * spin / speed, 3) + " times the ball's speed, expected " +
-                        detail::number_text(kMostSpin, 3) + " at most");
+                        detail::number_text(radius_ * spin / speed, 3) +
+                        " times the ball's speed, expected " + detail::number_text(kMostSpin, 3) +
+                        " at most");
     }
     data_.windows.push_back(std::move(w));
   }

@@ -12,10 +12,10 @@ namespace {
 constexpr double kFar = 10.0;     ///< times the usual error
 constexpr double kMostFar = 0.1;  ///< share of rows
 constexpr double kMostOfWindow = 0.3;
-constexpr double kRange = 4.0;       ///< that a window's own C_M may be off the common one by
-constexpr double kCertain = 3.0;     ///< standard errors
+constexpr double kRange = 4.0;    ///< that a window's own C_M may be off the common one by
+constexpr double kCertain = 3.0;  ///< standard errors
 constexpr std::size_t kEnoughWindows = 10;  ///< windows that tell C_M
-constexpr double kChance = 3.7;      ///< standard normal of a probability of 1e-4
+constexpr double kChance = 3.7;             ///< standard normal of a probability of 1e-4
 
 /// Which errors are of stretches of at most `most` far ones.
 std::vector<bool> short_stretches(const std::vector<double>& errors, double limit,

@@ -86,7 +86,9 @@ double ball_window_cost(const Model& model, const BallLayout& layout, const VecX
   double sum = 0.0;
   for (Eigen::Index k = 0; k < e.size(); k += 3) {
     const double u = e.segment<3>(k).norm() / (sigma * std::sqrt(3.0));
-    sum += 3.0 * (!options.robust || u <= kHuberOfBall ? u * u : 2.0 * kHuberOfBall * u - kHuberOfBall * kHuberOfBall);
+    sum += 3.0 * (!options.robust || u <= kHuberOfBall
+                      ? u * u
+                      : 2.0 * kHuberOfBall * u - kHuberOfBall * kHuberOfBall);
   }
   return std::isfinite(sum) ? sum : std::numeric_limits<double>::infinity();
 }

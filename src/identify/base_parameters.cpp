@@ -54,7 +54,8 @@ std::vector<BaseParameter> base_parameters(const FitLayout& layout, const MatX<d
       if (std::abs(c) * scale[dependent] < 1e-6 * scale[lead]) continue;
       b.columns.push_back(dependent);
       b.coefficients.push_back(c);
-      b.expression += (c < 0 ? " - " : " + ") + detail::number_text(std::abs(c)) + " " + layout.linear[dependent].name;
+      b.expression += (c < 0 ? " - " : " + ") + detail::number_text(std::abs(c)) + " " +
+                      layout.linear[dependent].name;
       b.value += c * x[dependent];
     }
     out.push_back(b);

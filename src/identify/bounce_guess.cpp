@@ -9,7 +9,7 @@
 namespace diffnea {
 namespace {
 
-constexpr std::size_t kSideRows = 5;    ///< rows on either side of a bounce
+constexpr std::size_t kSideRows = 5;       ///< rows on either side of a bounce
 constexpr std::size_t kEnoughBounces = 3;  ///< bounces
 
 /// x + v t of least squares through rows [first, first + kSideRows), gravity's ½ g t² taken off.

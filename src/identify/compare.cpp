@@ -30,8 +30,8 @@ std::vector<std::string> joints_of(const IdentifyResult& fit) {
 void require_same_joints(const IdentifyResult& before, const IdentifyResult& after) {
   const std::vector<std::string> a = joints_of(before), b = joints_of(after);
   if (a == b) return;
-  throw DataError("compare: the fits are of different robots; joints of the first: " + detail::join(a) +
-                  "; of the second: " + detail::join(b));
+  throw DataError("compare: the fits are of different robots; joints of the first: " +
+                  detail::join(a) + "; of the second: " + detail::join(b));
 }
 
 std::map<std::string, const ParameterEstimate*> by_name(const IdentifyResult& fit) {

@@ -42,7 +42,8 @@ void hold(const std::string& entry, FitLayout& layout) {
   std::vector<std::string> names;
   for (const auto* list : {&layout.linear, &layout.shape})
     for (const FitParameter& p : *list) names.push_back(p.name);
-  throw ModelError("fix: no parameter matches '" + pattern + "'; parameters: " + detail::join(names));
+  throw ModelError("fix: no parameter matches '" + pattern +
+                   "'; parameters: " + detail::join(names));
 }
 
 /// Length over which a link's mass is spread [m]: its radius of gyration with its offset, or a

@@ -147,10 +147,11 @@ void use_sandwich(const FitLayout& layout, const MatX<double>& meat, LinearFit& 
   H.diagonal() += fit.weak(free);
   B.diagonal() += fit.weak(free);
   const VecX<double> s = H.diagonal().cwiseSqrt().cwiseInverse();
-  const MatX<double> inverse = s.asDiagonal() *
-                               Eigen::LDLT<MatX<double>>(MatX<double>(s.asDiagonal() * H * s.asDiagonal()))
-                                   .solve(MatX<double>(MatX<double>::Identity(f, f))) *
-                               s.asDiagonal();
+  const MatX<double> inverse =
+      s.asDiagonal() *
+      Eigen::LDLT<MatX<double>>(MatX<double>(s.asDiagonal() * H * s.asDiagonal()))
+          .solve(MatX<double>(MatX<double>::Identity(f, f))) *
+      s.asDiagonal();
   MatX<double> covariance = MatX<double>::Zero(p, p), independent = covariance;
   covariance(free, free) = inverse * B * inverse;
   independent(free, free) = inverse;

@@ -306,10 +306,11 @@ class TrajectoryFitter {
       meat(k, k) += weak;
     }
     const VecX<double> s = H.diagonal().cwiseSqrt().cwiseInverse();
-    const MatX<double> inverse = s.asDiagonal() *
-                                 Eigen::LDLT<MatX<double>>(MatX<double>(s.asDiagonal() * H * s.asDiagonal()))
-                                     .solve(MatX<double>(MatX<double>::Identity(f, f))) *
-                                 s.asDiagonal();
+    const MatX<double> inverse =
+        s.asDiagonal() *
+        Eigen::LDLT<MatX<double>>(MatX<double>(s.asDiagonal() * H * s.asDiagonal()))
+            .solve(MatX<double>(MatX<double>::Identity(f, f))) *
+        s.asDiagonal();
     fit_.covariance = MatX<double>::Zero(p, p);
     fit_.covariance(free_, free_) = inverse * meat * inverse;
   }

@@ -37,7 +37,8 @@ std::string joint_text(const ModelLink& link) {
 }
 
 std::string position_text(const Vec3<double>& p) {
-  return "(" + detail::number_text(p.x) + " " + detail::number_text(p.y) + " " + detail::number_text(p.z) + ")";
+  return "(" + detail::number_text(p.x) + " " + detail::number_text(p.y) + " " +
+         detail::number_text(p.z) + ")";
 }
 
 std::string inertia_text(const SpatialInertia<double>& b) {
@@ -73,15 +74,16 @@ std::string headline(const Model& model) {
   if (model.links.empty()) return name + (model.ball ? ": a ball, no links" : ": no links");
   const std::size_t n = moving_links(model).size();
   return name + ": " + std::to_string(n) + (n == 1 ? " degree" : " degrees") + " of freedom, " +
-         std::to_string(model.links.size()) + " links, " + detail::number_text(total_mass(model)) + " kg" +
-         (model.ball ? ", and a ball" : "");
+         std::to_string(model.links.size()) + " links, " + detail::number_text(total_mass(model)) +
+         " kg" + (model.ball ? ", and a ball" : "");
 }
 
 std::string ball_text(const Model& model) {
   const BallSpec& ball = *model.ball;
-  std::string out =
-      "\nball\n  mass " + detail::number_text(ball.mass) + " kg" +
-      (ball.radius > 0.0 ? ", radius " + detail::number_text(ball.radius) + " m" : ", radius not known") + "\n";
+  std::string out = "\nball\n  mass " + detail::number_text(ball.mass) + " kg" +
+                    (ball.radius > 0.0 ? ", radius " + detail::number_text(ball.radius) + " m"
+                                       : ", radius not known") +
+                    "\n";
   if (!ball.string) return out + "  in free flight, without a string\n";
   return out + "  string of " + detail::number_text(ball.string->length) + " m from " +
          link_name(model, ball.string->link) + " at " + position_text(ball.string->p_LS) + "\n";
@@ -93,8 +95,9 @@ std::string cup_text(const Model& model) {
   std::string out = "\ncup\n";
   if (frame != model.frames.end())
     out += "  at " + link_name(model, frame->link) + ", frame cup; heights along its z axis\n";
-  return out + "  inner radius " + detail::number_text(cup.inner_radius) + " m, wall " + detail::number_text(cup.wall) +
-         " m, floor " + detail::number_text(cup.floor) + " m, rim " + detail::number_text(cup.rim) + " m\n";
+  return out + "  inner radius " + detail::number_text(cup.inner_radius) + " m, wall " +
+         detail::number_text(cup.wall) + " m, floor " + detail::number_text(cup.floor) +
+         " m, rim " + detail::number_text(cup.rim) + " m\n";
 }
 
 std::string obstacles_text(const Model& model) {
@@ -165,8 +168,8 @@ std::string model_info_text(const Model& model) {
   for (const EffectSpec& e : model.effects) {
     out += "  " + e.effect + " at " + e.where;
     for (std::size_t k = 0; k < e.parameters.size(); ++k)
-      out += (k == 0 ? ": " : ", ") + e.parameters[k].name + " = " + detail::number_text(e.parameters[k].value) +
-             " " + e.parameters[k].unit;
+      out += (k == 0 ? ": " : ", ") + e.parameters[k].name + " = " +
+             detail::number_text(e.parameters[k].value) + " " + e.parameters[k].unit;
     out += "\n";
   }
   if (!model.frames.empty()) out += "\nframes\n";

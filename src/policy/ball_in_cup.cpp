@@ -21,9 +21,10 @@ constexpr double code(BallPhase phase) { return static_cast<double>(phase); }
 }  // namespace
 
 BallInCupTask::BallInCupTask(const BallInCupOptions& options) : options_(options) {
-  require_task(options.epsilon > 0.0 && options.string > 0.0, "epsilon and string must be positive");
+  require_task(options.epsilon > 0.0 && options.string > 0.0,
+               "epsilon and string must be positive");
   require_task(options.lambda_q >= 0.0 && options.lambda_qd >= 0.0,
-          "lambda_q and lambda_qd must not be negative");
+               "lambda_q and lambda_qd must not be negative");
 }
 
 void BallInCupTask::begin(const Simulator& simulator, int count) {

@@ -151,7 +151,7 @@ Gaussian bounded_update(const Gaussian& old, const RowMatX<double>& theta,
   require_size("bounded_update", weights.size(), theta.rows(), "sample");
   constexpr double kSumTol = 1e-9;  // rounding of 10⁶ weights, with margin
   require_ereps(weights.minCoeff() >= 0.0 && std::abs(weights.sum() - 1.0) < kSumTol,
-          "weights must not be negative, and their sum must be 1");
+                "weights must not be negative, and their sum must be 1");
   require_ereps(kappa > 0.0, "kappa must be positive");
 
   const VecX<double> likely = theta.transpose() * weights;
@@ -209,11 +209,11 @@ Gaussian bounded_update(const Gaussian& old, const RowMatX<double>& theta,
 Ereps::Ereps(Gaussian start, const ErepsOptions& options, std::uint64_t seed)
     : policy_(std::move(start)), options_(options), seed_(seed) {
   require_ereps(options.samples >= 2,
-          std::to_string(options.samples) + " samples an iteration, expected at least 2");
+                std::to_string(options.samples) + " samples an iteration, expected at least 2");
   require_ereps(options.iterations >= 1, "iterations must be at least 1");
   require_ereps(options.epsilon > 0.0 && options.kappa > 0.0, "epsilon and kappa must be positive");
   require_ereps(options.stop_std >= 0.0 && options.least_std >= 0.0,
-          "stop_std and least_std must not be negative");
+                "stop_std and least_std must not be negative");
   require_gaussian(policy_);
   judge();
 }
@@ -287,8 +287,8 @@ void Ereps::restore(Gaussian policy, VecX<double> best, std::vector<ErepsIterati
                "parameter");
   for (std::size_t i = 0; i < history.size(); ++i)
     require_ereps(history[i].iteration == static_cast<int>(i) + 1,
-            "row " + std::to_string(i) + " of the history is of iteration " +
-                std::to_string(history[i].iteration));
+                  "row " + std::to_string(i) + " of the history is of iteration " +
+                      std::to_string(history[i].iteration));
   policy_ = std::move(policy);
   best_ = std::move(best);
   history_ = std::move(history);

@@ -46,22 +46,23 @@ Hermite hermite_slope(double s) {
 Promp::Promp(PrompSpec spec) : spec_(std::move(spec)) {
   require_promp(!spec_.joints.empty(), "no joint moves");
   require_promp(spec_.joints.size() <= kMost && spec_.bases <= kMost,
-          std::to_string(spec_.joints.size()) + " joints and " + std::to_string(spec_.bases) +
-              " bases, expected at most " + std::to_string(kMost) + " of either");
+                std::to_string(spec_.joints.size()) + " joints and " + std::to_string(spec_.bases) +
+                    " bases, expected at most " + std::to_string(kMost) + " of either");
   for (std::size_t j = 0; j < spec_.joints.size(); ++j)
     require_promp(std::count(spec_.joints.begin(), spec_.joints.end(), spec_.joints[j]) == 1,
-            "joint '" + spec_.joints[j] + "' is named twice");
+                  "joint '" + spec_.joints[j] + "' is named twice");
   require_promp(spec_.bases >= 2, std::to_string(spec_.bases) + " bases, expected at least 2");
   require_promp(spec_.held_first >= 0 && spec_.held_last >= 0, "fewer than 0 weights are held");
   require_promp(spec_.held_first < spec_.bases - std::min(spec_.held_last, spec_.bases),
-          "all of " + std::to_string(spec_.bases) + " weights are held (" +
-              std::to_string(spec_.held_first) + " first, " + std::to_string(spec_.held_last) +
-              " last)");
+                "all of " + std::to_string(spec_.bases) + " weights are held (" +
+                    std::to_string(spec_.held_first) + " first, " +
+                    std::to_string(spec_.held_last) + " last)");
   require_promp(std::isfinite(spec_.width) && spec_.width > 0.0, "the width must be positive");
-  require_promp(std::isfinite(spec_.duration) && spec_.duration > 0.0, "the duration must be positive");
+  require_promp(std::isfinite(spec_.duration) && spec_.duration > 0.0,
+                "the duration must be positive");
   require_promp(std::isfinite(spec_.hold) && spec_.hold >= 0.0, "the hold must not be negative");
   require_promp(spec_.duration + spec_.hold <= kLongest,
-          "duration and hold are longer than an hour together");
+                "duration and hold are longer than an hour together");
 }
 
 int Promp::parameters_per_joint() const { return spec_.bases - spec_.held_first - spec_.held_last; }

@@ -213,8 +213,8 @@ RolloutResult Rollouts::run(const RowMatX<double>& theta, const std::vector<std:
   std::atomic<bool> tells_solved{false};
   parallel_for((rows.size() + batch - 1) / batch, threads, [&](std::size_t k, std::size_t w) {
     const std::size_t at = k * batch;
-    if (execute(workers_[w], theta,
-                std::span(rows).subspan(at, std::min(batch, rows.size() - at)), seeds, out))
+    if (execute(workers_[w], theta, std::span(rows).subspan(at, std::min(batch, rows.size() - at)),
+                seeds, out))
       tells_solved = true;
   });
   count_ += static_cast<long>(rows.size());

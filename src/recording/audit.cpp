@@ -214,7 +214,8 @@ AuditReport audit(const std::vector<Recording>& recordings, const AuditLimits& l
   for (const Recording& r : recordings)
     if (r.joint_names != recordings.front().joint_names)
       throw DataError(r.source + ": the joints are not those of " + recordings.front().source +
-                      ": " + detail::join_or_none(r.joint_names) + "; " + detail::join_or_none(recordings.front().joint_names));
+                      ": " + detail::join_or_none(r.joint_names) + "; " +
+                      detail::join_or_none(recordings.front().joint_names));
   AuditReport report;
   AuditContext context(recordings, limits, report);
   context.joints = joints_of(recordings.front(), limits);

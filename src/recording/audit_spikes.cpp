@@ -68,7 +68,8 @@ void audit_spikes(AuditContext& c) {
         }
         break;
       }
-    if (count == 0 || static_cast<double>(count) > kFewSpikes * static_cast<double>(x.size())) return;
+    if (count == 0 || static_cast<double>(count) > kFewSpikes * static_cast<double>(x.size()))
+      return;
     ChannelFault f = make_fault("spike", view.where, view.channel, highest, view.unit);
     f.std = usual / 2.3;  // of what the rows about show: their 99 % is 2.3 standard deviations
     f.significance = std::abs(highest) / f.std;

@@ -55,7 +55,8 @@ BlockFit fit_in_blocks(const MatX<double>& x, const VecX<double>& y,
   const VecX<double> size =
       x.colwise().norm().transpose().cwiseMax(std::numeric_limits<double>::min());
   const MatX<double> unit = x * size.cwiseInverse().asDiagonal();
-  const Eigen::CompleteOrthogonalDecomposition<MatX<double>> gram(MatX<double>(unit.transpose() * unit));
+  const Eigen::CompleteOrthogonalDecomposition<MatX<double>> gram(
+      MatX<double>(unit.transpose() * unit));
   BlockFit out;
   const VecX<double> b = gram.solve(VecX<double>(unit.transpose() * y));
   out.residual = y - unit * b;

@@ -137,12 +137,12 @@ struct LoggedTorque {
   std::vector<Coefficient> jump, viscous, inertia;  ///< by joint, as in `measured`
 };
 
-LoggedTorque fit_channel(const AuditContext& c, const BlackBox& box, const std::vector<int>& measured,
-                    int joint) {
+LoggedTorque fit_channel(const AuditContext& c, const BlackBox& box,
+                         const std::vector<int>& measured, int joint) {
   const std::size_t num = measured.size();
   const long m = static_cast<long>(box.moving.size());
   LoggedTorque out{std::vector<Coefficient>(num), std::vector<Coefficient>(num),
-              std::vector<Coefficient>(num)};
+                   std::vector<Coefficient>(num)};
   VecX<double> tau(box.x.rows());
   for (long i = 0; i < tau.size(); ++i)
     tau[i] = c.stretches[box.rows.at[i].first].tau(box.rows.at[i].second, joint);

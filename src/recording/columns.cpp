@@ -233,7 +233,8 @@ Columns parse_header(std::string_view line, const std::string& where, const Reco
     if (name.starts_with("q_") && name.size() > 2) out.joint_names.push_back(name.substr(2));
   }
   if (std::ranges::find(names, "time") == names.end())
-    throw DataError(where + ":1: there is no column `time` [s]; columns: " + detail::join_or_none(names));
+    throw DataError(where +
+                    ":1: there is no column `time` [s]; columns: " + detail::join_or_none(names));
 
   out.has_tau.assign(out.joint_names.size(), false);
   std::array<std::array<bool, 3>, 2> axes{};
@@ -248,7 +249,8 @@ Columns parse_header(std::string_view line, const std::string& where, const Reco
       const auto it = std::ranges::find(out.joint_names, *joint);
       if (it == out.joint_names.end())
         fail(k, "'" + names[k] + "' has no 'q_" + *joint +
-                    "' (a joint's position is always needed); joints: " + detail::join_or_none(out.joint_names));
+                    "' (a joint's position is always needed); joints: " +
+                    detail::join_or_none(out.joint_names));
       c.channel = channel;
       c.index = static_cast<int>(it - out.joint_names.begin());
       if (channel == Channel::kTau) out.has_tau[c.index] = true;

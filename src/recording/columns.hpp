@@ -48,5 +48,4 @@ const char* channel_name(Channel channel);
 /// joint's, which hold units. @throws DataError that begins with `what`
 void require_plain_name(const std::string& what, const std::string& name, bool of_joint);
 
-
 }  // namespace diffnea::detail

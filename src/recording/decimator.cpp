@@ -14,7 +14,7 @@ namespace diffnea {
 namespace {
 
 constexpr int kMostTaps = 1 << 24;  ///< 134 MB; 1 mHz at 4 kHz
-constexpr long kFewColumns = 8;            ///< columns: each by itself runs on SIMD registers
+constexpr long kFewColumns = 8;     ///< columns: each by itself runs on SIMD registers
 
 }  // namespace
 

@@ -26,7 +26,8 @@ void match_joints(const std::vector<JointDescription>& joints, std::vector<Recor
                       "; leave the columns of joints out, or give the model of the robot");
     if (from.size() != wanted.size() || from.size() != r.joint_names.size())
       throw DataError(r.source + ": the joints are not the model's; recording: " +
-                      detail::join_or_none(r.joint_names) + "; model: " + detail::join_or_none(wanted));
+                      detail::join_or_none(r.joint_names) +
+                      "; model: " + detail::join_or_none(wanted));
     for (auto member :
          {&Recording::q, &Recording::qd, &Recording::qdd, &Recording::qcmd, &Recording::tau}) {
       RowMatX<double>& m = r.*member;

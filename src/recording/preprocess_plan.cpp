@@ -8,8 +8,8 @@
 #include <diffnea/recording/preprocess.hpp>
 
 #include "core/constants.hpp"
-#include "core/statistics.hpp"
 #include "core/number_text.hpp"
+#include "core/statistics.hpp"
 #include "recording/columns.hpp"
 #include "recording/gridder.hpp"
 #include "recording/spectrum.hpp"
@@ -209,7 +209,8 @@ void require_alike(const std::vector<Recording>& recordings, bool measured_veloc
   for (const Recording& r : recordings) {
     if (r.joint_names != names)
       throw DataError(r.source + ": the joints are not those of " + recordings.front().source +
-                      ": " + detail::join_or_none(r.joint_names) + "; " + detail::join_or_none(names));
+                      ": " + detail::join_or_none(r.joint_names) + "; " +
+                      detail::join_or_none(names));
     if (measured_velocity && r.qd.size() == 0)
       throw DataError(r.source +
                       ": measured velocities were asked for, but there is no column qd_<joint>");

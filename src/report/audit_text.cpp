@@ -49,7 +49,8 @@ std::string audit_text(const AuditReport& report) {
   const auto faults = static_cast<std::size_t>(
       std::ranges::count(report.faults, FaultSeverity::kFault, &ChannelFault::severity));
   const std::size_t notes = report.faults.size() - faults;
-  std::string out = faults == 0 ? "no channel fault" : counted(faults, "channel fault", "channel faults");
+  std::string out =
+      faults == 0 ? "no channel fault" : counted(faults, "channel fault", "channel faults");
   if (notes > 0) out += ", " + counted(notes, "note", "notes");
   out += " in " + std::to_string(report.rows) + " rows";
   if (report.rate_hz > 0.0) out += " at " + number(report.rate_hz) + " Hz";

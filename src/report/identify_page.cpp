@@ -43,8 +43,9 @@ std::string estimate(double prior, double value, double std) {
 }
 
 std::string error_table(const IdentifyResult& fit) {
-  const bool torque = quantity(fit) == "torque", joints =
-             !std::ranges::all_of(fit.errors, [](const JointError& e) { return is_ball(e); });
+  const bool torque = quantity(fit) == "torque",
+             joints =
+                 !std::ranges::all_of(fit.errors, [](const JointError& e) { return is_ball(e); });
   std::vector<std::vector<std::string>> rows;
   for (const JointError& e : fit.errors) {
     const double first = before(fit, e), last = after(fit, e);

@@ -27,7 +27,7 @@ struct CupPlace {
   double height, radius;
 };
 std::vector<CupPlace> places(const RowMatX<double>& ball, const RowMatX<double>& cup,
-                          const RowMatX<double>& axis) {
+                             const RowMatX<double>& axis) {
   std::vector<CupPlace> out;
   for (long k = 0; k < ball.rows(); ++k) {
     const Eigen::Vector3d off = ball.row(k) - cup.row(k), m = axis.row(k);

@@ -108,10 +108,10 @@ SimulatedRecording run_control_loop(Plant& plant, const Model& robot, const Mode
   // Two rows can be years apart; what is long and has as many rows is meant.
   if (!(duration * o.control_rate <=
         std::max(kMostRows, kMostRowsEach * static_cast<double>(trajectory.rows()))))
-    throw DataError(trajectory.source + ": lasts " + detail::number_text(duration, 6) + " s, which is " +
-                    detail::number_text(duration * o.control_rate, 6) + " rows at " +
-                    detail::number_text(o.control_rate, 6) + " Hz; the limit is " + detail::number_text(kMostRows, 6) +
-                    " (is its time in s?)");
+    throw DataError(trajectory.source + ": lasts " + detail::number_text(duration, 6) +
+                    " s, which is " + detail::number_text(duration * o.control_rate, 6) +
+                    " rows at " + detail::number_text(o.control_rate, 6) + " Hz; the limit is " +
+                    detail::number_text(kMostRows, 6) + " (is its time in s?)");
   const long rows = static_cast<long>(std::floor(duration * o.control_rate + 1e-6)) + 1;
   SimulatedRecording out;
   Recording& r = out.recording;

@@ -296,13 +296,12 @@ WorldRecording record_in_world(const WorldSpec& world, const Model& controller,
   DrawnWorld drawn = draw(world, options.seed);
   WorldRecording out{.result = {}, .truth = std::move(drawn.truth)};
   std::vector<SimulatedRecording> repetitions(static_cast<std::size_t>(world.repetitions));
-  parallel_for(repetitions.size(), static_cast<std::size_t>(threads),
-               [&](std::size_t k, std::size_t) {
-                 RecordOptions own = options;  // other noise; Rng tells neighbouring seeds apart
-                 own.seed += k * 0x9e3779b97f4a7c15ULL + noise * 0xd1b54a32d192ed03ULL;
-                 repetitions[k] =
-                     record_in_mujoco(drawn.document, out.truth, controller, trajectory, own);
-               });
+  parallel_for(
+      repetitions.size(), static_cast<std::size_t>(threads), [&](std::size_t k, std::size_t) {
+        RecordOptions own = options;  // other noise; Rng tells neighbouring seeds apart
+        own.seed += k * 0x9e3779b97f4a7c15ULL + noise * 0xd1b54a32d192ed03ULL;
+        repetitions[k] = record_in_mujoco(drawn.document, out.truth, controller, trajectory, own);
+      });
   out.result = averaged(repetitions);
   return out;
 }

@@ -1,6 +1,8 @@
 /// Columns of evidence that take a way of their own, against those of the general one; and what
 /// bounds candidates' shapes.
 
+#include "diagnose/evidence.hpp"
+
 #include <algorithm>
 #include <limits>
 #include <support/swinging.hpp>
@@ -9,7 +11,6 @@
 #include <catch2/matchers/catch_matchers_floating_point.hpp>
 
 #include "diagnose/bounds.hpp"
-#include "diagnose/evidence.hpp"
 
 namespace evidence_test {
 

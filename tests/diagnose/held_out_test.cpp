@@ -1,5 +1,7 @@
 /// What few held-out rows tell.
 
+#include "diagnose/held_out.hpp"
+
 #include <support/swinging.hpp>
 
 #include <catch2/catch_test_macros.hpp>
@@ -7,7 +9,6 @@
 
 #include <diffnea/core/error.hpp>
 
-#include "diagnose/held_out.hpp"
 #include "diagnose/rows.hpp"
 
 namespace held_out_test {

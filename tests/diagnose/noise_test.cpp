@@ -1,13 +1,13 @@
 /// Noise of known autoregressions, and what its whitener makes of it.
 
+#include "diagnose/noise.hpp"
+
 #include <numeric>
 #include <support/swinging.hpp>
 
 #include <catch2/catch_test_macros.hpp>
 #include <catch2/generators/catch_generators.hpp>
 #include <catch2/matchers/catch_matchers_floating_point.hpp>
-
-#include "diagnose/noise.hpp"
 
 namespace noise_test {
 

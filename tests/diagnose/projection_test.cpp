@@ -1,12 +1,12 @@
 /// The base projected out, against least squares of its own kind.
 
+#include "diagnose/projection.hpp"
+
 #include <support/swinging.hpp>
 
 #include <Eigen/SVD>
 #include <catch2/catch_test_macros.hpp>
 #include <catch2/matchers/catch_matchers_floating_point.hpp>
-
-#include "diagnose/projection.hpp"
 
 namespace projection_test {
 

@@ -1,10 +1,10 @@
 /// The model that effects of torque refer to, where the test's base is none that a model can hold.
 
+#include "diagnose/reference.hpp"
+
 #include <support/swinging.hpp>
 
 #include <catch2/catch_test_macros.hpp>
-
-#include "diagnose/reference.hpp"
 
 namespace reference_test {
 

@@ -1,5 +1,7 @@
 /// Which effects are taken together, and what each is said to be worth.
 
+#include "diagnose/selection.hpp"
+
 #include <algorithm>
 #include <cmath>
 #include <support/swinging.hpp>
@@ -10,8 +12,6 @@
 #include <diffnea/diagnose/diagnose.hpp>
 #include <diffnea/excite/fourier.hpp>
 #include <diffnea/sim/record.hpp>
-
-#include "diagnose/selection.hpp"
 
 namespace diffnea::selection_test {
 namespace {

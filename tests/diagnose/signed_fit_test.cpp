@@ -1,13 +1,13 @@
 /// signed_fit() against all ways to hold parameters at zero.
 
+#include "diagnose/signed_fit.hpp"
+
 #include <Eigen/QR>
 #include <catch2/catch_test_macros.hpp>
 #include <catch2/generators/catch_generators_range.hpp>
 #include <catch2/matchers/catch_matchers_floating_point.hpp>
 
 #include <diffnea/core/random.hpp>
-
-#include "diagnose/signed_fit.hpp"
 
 namespace signed_fit_test {
 

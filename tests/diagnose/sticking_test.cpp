@@ -1,5 +1,7 @@
 /// Where a joint sticks: reversals, standstills, and what noise makes of both.
 
+#include "diagnose/sticking.hpp"
+
 #include <algorithm>
 #include <cmath>
 #include <utility>
@@ -7,8 +9,6 @@
 #include <catch2/catch_test_macros.hpp>
 
 #include <diffnea/core/random.hpp>
-
-#include "diagnose/sticking.hpp"
 
 namespace sticking_test {
 

@@ -1,5 +1,7 @@
 /// Where a motion that repeats has settled, and what its other periods make of a row.
 
+#include "diagnose/stretches.hpp"
+
 #include <cmath>
 
 #include <catch2/catch_test_macros.hpp>
@@ -7,8 +9,6 @@
 #include <catch2/matchers/catch_matchers_floating_point.hpp>
 
 #include <diffnea/core/random.hpp>
-
-#include "diagnose/stretches.hpp"
 
 namespace stretches_test {
 

@@ -1,13 +1,13 @@
 /// How friction turns, against its formula's own derivatives.
 
+#include "diagnose/turns.hpp"
+
 #include <algorithm>
 #include <cmath>
 
 #include <catch2/catch_test_macros.hpp>
 
 #include <diffnea/io/model_file.hpp>
-
-#include "diagnose/turns.hpp"
 
 namespace turns_test {
 

@@ -12,9 +12,9 @@
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/core/random.hpp>
+#include <diffnea/core/text_file.hpp>
 #include <diffnea/effects/extended_tree.hpp>
 #include <diffnea/identify/identify.hpp>
-#include <diffnea/core/text_file.hpp>
 #include <diffnea/io/model_file.hpp>
 #include <diffnea/io/sidecar.hpp>
 #include <diffnea/worlds/surrogate.hpp>

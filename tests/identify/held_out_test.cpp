@@ -14,9 +14,9 @@
 #include <diffnea/core/random.hpp>
 #include <diffnea/effects/extended_tree.hpp>
 #include <diffnea/identify/identify.hpp>
-#include <diffnea/runs/result.hpp>
 #include <diffnea/report/identify_page.hpp>
 #include <diffnea/report/identify_text.hpp>
+#include <diffnea/runs/result.hpp>
 
 #include "identify/passes.hpp"
 

@@ -8,8 +8,8 @@
 #include <catch2/matchers/catch_matchers_string.hpp>
 
 #include <diffnea/core/error.hpp>
-#include <diffnea/effects/catalogue.hpp>
 #include <diffnea/core/text_file.hpp>
+#include <diffnea/effects/catalogue.hpp>
 #include <diffnea/io/model_file.hpp>
 #include <diffnea/io/model_info.hpp>
 

@@ -17,11 +17,11 @@
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/io/model_file.hpp>
-#include <diffnea/runs/result.hpp>
 #include <diffnea/io/trajectory_file.hpp>
 #include <diffnea/policy/promp.hpp>
 #include <diffnea/recording/csv.hpp>
 #include <diffnea/recording/preprocess.hpp>
+#include <diffnea/runs/result.hpp>
 
 #include "support/temporary_folder.hpp"
 

@@ -8,8 +8,8 @@
 #include <mujoco/mujoco.h>
 
 #include <diffnea/core/random.hpp>
-#include <diffnea/dynamics/rnea.hpp>
 #include <diffnea/core/text_file.hpp>
+#include <diffnea/dynamics/rnea.hpp>
 #include <diffnea/io/model_file.hpp>
 
 #include "support/matrix_near.hpp"

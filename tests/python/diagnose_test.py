@@ -222,7 +222,8 @@ except ImportError as error:
     print(error)
 """
     answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-    assert "Finding.plot needs matplotlib; install it with: pip install" in answer.stdout
+    assert "Finding.plot needs matplotlib; install it with: " in answer.stdout
+    assert "-m pip install 'matplotlib>=" in answer.stdout
 
 
 def test_progress_is_told_and_can_stop(arm, train) -> None:

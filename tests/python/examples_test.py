@@ -161,7 +161,7 @@ def test_cpp_jets(tmp_path: Path) -> None:
 
 
 def test_cpp_headers_in_two_files(tmp_path: Path) -> None:
-    """Functions that are no templates are inline: two files with the same headers make one program."""
+    """Functions that are no templates are inline: two files with the same headers link."""
     headers_alone()
     effects = sorted((ROOT / "include" / "diffnea" / "effects").glob("*.hpp"))
     names = [f"effects/{path.name}" for path in effects]

@@ -16,10 +16,10 @@
 #include <diffnea/core/error.hpp>
 #include <diffnea/excite/fourier.hpp>
 #include <diffnea/identify/source.hpp>
-#include <diffnea/runs/audit_result.hpp>
 #include <diffnea/io/model_file.hpp>
-#include <diffnea/worlds/world.hpp>
+#include <diffnea/runs/audit_result.hpp>
 #include <diffnea/sim/mujoco_world.hpp>
+#include <diffnea/worlds/world.hpp>
 
 using Catch::Matchers::ContainsSubstring;
 

@@ -11,8 +11,8 @@
 #include <diffnea/dynamics/batch.hpp>
 #include <diffnea/dynamics/kinematics.hpp>
 #include <diffnea/effects/ball_network.hpp>
-#include <diffnea/runs/ball_network_file.hpp>
 #include <diffnea/io/model_file.hpp>
+#include <diffnea/runs/ball_network_file.hpp>
 #include <diffnea/sim/model_simulator.hpp>
 
 namespace ball_network_test {

@@ -9,9 +9,9 @@
 #include <catch2/matchers/catch_matchers_string.hpp>
 
 #include <diffnea/core/error.hpp>
+#include <diffnea/core/text_file.hpp>
 #include <diffnea/dynamics/aba.hpp>
 #include <diffnea/dynamics/rnea.hpp>
-#include <diffnea/core/text_file.hpp>
 #include <diffnea/io/model_file.hpp>
 
 #include "support/matrix_near.hpp"

@@ -8,11 +8,11 @@
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/core/text_file.hpp>
+#include <diffnea/report/identify_page.hpp>
+#include <diffnea/report/identify_text.hpp>
 #include <diffnea/runs/diagnosis.hpp>
 #include <diffnea/runs/result.hpp>
 #include <diffnea/runs/result_folder.hpp>
-#include <diffnea/report/identify_page.hpp>
-#include <diffnea/report/identify_text.hpp>
 
 #include "support/ended_process.hpp"
 #include "support/temporary_folder.hpp"

@@ -13,11 +13,11 @@
 #include <mujoco/mujoco.h>
 
 #include <diffnea/core/error.hpp>
-#include <diffnea/dynamics/kinematics.hpp>
 #include <diffnea/core/text_file.hpp>
+#include <diffnea/dynamics/kinematics.hpp>
 #include <diffnea/io/model_file.hpp>
-#include <diffnea/worlds/world.hpp>
 #include <diffnea/sim/mujoco_simulator.hpp>
+#include <diffnea/worlds/world.hpp>
 
 #include "support/matrix_near.hpp"
 #include "support/temporary_folder.hpp"

@@ -9,14 +9,14 @@
 #include <catch2/matchers/catch_matchers_string.hpp>
 
 #include <diffnea/core/error.hpp>
+#include <diffnea/core/text_file.hpp>
 #include <diffnea/dynamics/mass_matrix.hpp>
 #include <diffnea/effects/extended_tree.hpp>
 #include <diffnea/excite/fourier.hpp>
-#include <diffnea/core/text_file.hpp>
 #include <diffnea/io/model_file.hpp>
 #include <diffnea/io/trajectory_file.hpp>
-#include <diffnea/worlds/world.hpp>
 #include <diffnea/model/physical.hpp>
+#include <diffnea/worlds/world.hpp>
 
 #include "support/matrix_near.hpp"
 #include "support/temporary_folder.hpp"

@@ -62,8 +62,7 @@ struct ChannelFault {
   template <class List>
   static constexpr void fields(List& list) {
     list.type("ChannelFault", "One thing that is wrong with a channel.");
-    list.field("fault", &ChannelFault::fault,
-               "Name, e.g. ``velocity_filter_lag``.");
+    list.field("fault", &ChannelFault::fault, "Name, e.g. ``velocity_filter_lag``.");
     list.field("where", &ChannelFault::where, "Joint, or ``time``, ``ball``, ``all``.");
     list.field("channel", &ChannelFault::channel, "Column, e.g. ``qd_elbow``.", {.optional = true});
     list.field("value", &ChannelFault::value, "Size of the fault.", {.unit = "unit"});
@@ -110,7 +109,8 @@ struct AuditCheck {
   static constexpr void fields(List& list) {
     list.type("AuditCheck", "What was looked at, or why it could not be.");
     list.field("name", &AuditCheck::name,
-               "Of the family, e.g. ``time``, ``spikes``, ``measured velocity``.", {.key = "check"});
+               "Of the family, e.g. ``time``, ``spikes``, ``measured velocity``.",
+               {.key = "check"});
     list.field("done", &AuditCheck::done, "False: it could not look.");
     list.field("text", &AuditCheck::text, "What it looked at, or why it could not.");
   }

@@ -58,8 +58,7 @@ struct ReadReport {
     list.field("source", &ReadReport::source, "Path of the file; of several all, with commas.");
     list.field("rows", &ReadReport::rows, "Rows read, the quarantined included.");
     list.field("quarantined", &ReadReport::quarantined, "How many of them were left out.");
-    list.field("quarantined_rows", &ReadReport::quarantined_rows,
-               "The first of each file.");
+    list.field("quarantined_rows", &ReadReport::quarantined_rows, "The first of each file.");
     list.field("extra_channels", &ReadReport::extra_channels,
                "Columns that the contract does not know, kept.");
     list.field("notes", &ReadReport::notes, "One sentence each, for people.");

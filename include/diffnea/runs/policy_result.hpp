@@ -36,7 +36,7 @@ struct TransferRun {
   /// Clauses on how the world may differ from its description; none: it is its description. Not
   /// given in files of earlier versions.
   std::optional<std::vector<std::string>> differences = {};
-  std::vector<Execution> executions = {};    ///< of the policies, without noise
+  std::vector<Execution> executions = {};  ///< of the policies, without noise
   int best = -1;  ///< of the executions: a success first, then by reward; −1: none
   std::vector<Execution> repetitions = {};  ///< of the best, with noise
   /// Of imagined and executions, as they were read; the writer computes them.

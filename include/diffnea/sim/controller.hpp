@@ -36,8 +36,8 @@ struct ControllerOptions {
     list.type("ControllerOptions", "The joint controller of a simulated robot.", {.exact = true});
     list.field("law", &ControllerOptions::law,
                "How torques follow from the desired motion, with the nominal model in g and RNEA.");
-    list.field("rate", &ControllerOptions::control_rate,
-               "Torques are held between two samples.", {.unit = "Hz", .key = "control_rate"});
+    list.field("rate", &ControllerOptions::control_rate, "Torques are held between two samples.",
+               {.unit = "Hz", .key = "control_rate"});
     list.field(
         "kp", &ControllerOptions::kp,
         "Gains per degree of freedom [N·m/rad] or [N/m]. Empty: m_j ω² with m_j = 1/(M⁻¹)_jj, the "

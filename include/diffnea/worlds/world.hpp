@@ -10,9 +10,9 @@
 #include <string>
 #include <vector>
 
-#include <diffnea/worlds/surrogate.hpp>
 #include <diffnea/sim/mujoco_simulator.hpp>
 #include <diffnea/sim/mujoco_world.hpp>
+#include <diffnea/worlds/surrogate.hpp>
 
 namespace diffnea {
 

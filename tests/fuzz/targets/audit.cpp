@@ -1,5 +1,5 @@
-#include <diffnea/runs/audit_result.hpp>
 #include <diffnea/report/audit_text.hpp>
+#include <diffnea/runs/audit_result.hpp>
 
 #include "fuzz/input_files.hpp"
 #include "fuzz/targets.hpp"

@@ -102,8 +102,7 @@ template <Scalar T, class World>
 T BallFlight<T, World>::taut_pull(const T& time, const ParticleState<T>& s) const {
   const BallSample<T> x = sample(time, s, true);
   const Vec3<T> delta = s.x - x.anchor.x, delta_d = s.v - x.anchor.v;
-  return dot(x.u, world_.acceleration(x) - x.anchor.a) +
-         dot(delta_d, delta_d) / norm(delta);
+  return dot(x.u, world_.acceleration(x) - x.anchor.a) + dot(delta_d, delta_d) / norm(delta);
 }
 
 template <Scalar T, class World>
