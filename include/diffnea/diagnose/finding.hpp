@@ -47,9 +47,12 @@ struct EnumNames<Tried> {
       {Tried::kAll, "all"}, {Tried::kSome, "some"}, {Tried::kNothing, "nothing"}};
 };
 
-/// Held-out error over the noise. Uneasy: 1.24 at most in 264 recordings that hide nothing. Far
-/// off: no verdict passes over it; 1.37 at most in 207 of 209 recordings whose cause was named.
-inline constexpr double kUneasy = 1.35, kFarOff = 3.0;
+/// Held-out error over the noise that a sentence mentions: 1.24 at most in 264 recordings that hide
+/// nothing.
+inline constexpr double kUneasy = 1.35;
+/// Held-out error over the noise that no verdict passes over: 1.37 at most in 207 of 209 recordings
+/// whose cause was named.
+inline constexpr double kFarOff = 3.0;
 
 /// One parameter of a cause with its uncertainty.
 struct CauseParameter {
@@ -393,7 +396,7 @@ struct SimulatedMotion {
     list.type("SimulatedMotion",
               "Held-out motion simulated again, each window from its measured state on.");
     list.field("driven_by", &SimulatedMotion::driven_by,
-               "``controller`` (its gains and qcmd_ are known) or ``measured torque``.",
+               "``controller`` (its gains and ``qcmd_`` are known) or ``measured torque``.",
                {.optional = true, .choices = "controller|measured torque|"});
     list.field("window", &SimulatedMotion::window, "Its length.", {.unit = "s"});
     list.field("windows", &SimulatedMotion::windows, "Tried; spread over the held-out rows.");

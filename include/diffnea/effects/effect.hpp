@@ -157,6 +157,7 @@ enum class Trait : std::uint32_t {
 class Traits {
  public:
   constexpr Traits() = default;
+  /// Holds these.
   constexpr Traits(std::initializer_list<Trait> traits) {
     for (const Trait t : traits) bits_ |= bit(t);
   }
@@ -186,6 +187,7 @@ enum class HiddenMotor {
 
 /// Place in the camera's view of a ball, from the ball to the camera.
 enum class ViewStage { kString, kScale, kRotation, kOffset };
+/// All of them, in their order.
 inline constexpr ViewStage kViewStages[] = {ViewStage::kString, ViewStage::kScale,
                                             ViewStage::kRotation, ViewStage::kOffset};
 
@@ -229,8 +231,8 @@ struct EffectInfo {
 /// Where an effect is bound. A formula that takes more from it than its parameters keeps that as
 /// data members, which `void complete(const BoundSetting&)` fills.
 struct BoundSetting {
-  const EffectSpec& spec;
-  const Model& model;
+  const EffectSpec& spec;          ///< what is bound
+  const Model& model;              ///< to which robot
   const std::vector<int>& joints;  ///< joints that it acts on
   const std::vector<int>& runs;    ///< runs of per-run parameters, ascending
   const std::string& here;         ///< begins messages

@@ -3,23 +3,31 @@
 /// for simulation, where time goes on step by step. One of
 ///
 ///  - a state z at each of its joints, which is 0 at first (JointStateEffect):
+///    @code
 ///        template <Scalar T> static StateRate<T> derivative(const T& z, const T& qd, const T* p);
 ///        template <Scalar T> static T torque(const T& z, const T& zd, const T* p);
 ///        template <Scalar T> static AtRest<T> at_rest(const T* p);
+///    @endcode
 ///    The torque is linear in z and ż. With them it is simulated, alone, in packs and in MuJoCo,
 ///    and has its torque over a stretch, which a diagnosis fits. A closed form that is better than
 ///    one step of `advanced` is optional: `static double advance(double z, const Move&, const
 ///    double*)`.
 ///  - a motor that it hides (EffectInfo::motor):
+///    @code
 ///        static MotorSpring<T> motor_spring(const T* p);                    T: double or a pack
 ///        static double transmitted(double deflection, double velocity, const double* p);
 ///        static double deflection_at(double load, const double* p);
+///    @endcode
 ///  - what a drive makes of its command:
+///    @code
 ///        template <class T> static void add_to_drive(const T* p, DrivePath<T>& path);
+///    @endcode
 ///  - what an encoder reads, a clock that is late, or a filter in the logged velocity:
+///    @code
 ///        static void add_to_encoder(const double* p, Encoder& encoder);
 ///        static double clock_shift(const double* p);                        [s]
 ///        static VecX<double> logged_velocity(const VecX<double>& qd, double dt, const double* p);
+///    @endcode
 
 #include <diffnea/core/scalar.hpp>
 
@@ -102,7 +110,8 @@ struct DrivePath {
 
 /// Reading of an encoder, (1 + scale) q + offset.
 struct Encoder {
-  double scale = 0.0, offset = 0.0;
+  double scale = 0.0;   ///< error of its scale
+  double offset = 0.0;  ///< [rad] or [m]
 };
 
 }  // namespace diffnea

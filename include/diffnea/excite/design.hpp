@@ -66,8 +66,8 @@ struct LimitUse {
     list.field("joint", &LimitUse::joint, "Of the model, with a motor.");
     list.field("position", &LimitUse::position,
                "Largest distance from the range's middle, over half of the range.");
-    list.field("velocity", &LimitUse::velocity, "Largest |q̇| over its limit.");
-    list.field("acceleration", &LimitUse::acceleration, "Largest |q̈| over its limit.");
+    list.field("velocity", &LimitUse::velocity, "Largest speed over its limit.");
+    list.field("acceleration", &LimitUse::acceleration, "Largest acceleration over its limit, without sign.");
     list.field("effort", &LimitUse::effort,
                "By the model with its effects; 0 where no limit is known.");
   }
