@@ -231,8 +231,8 @@ struct EffectInfo {
 /// Where an effect is bound. A formula that takes more from it than its parameters keeps that as
 /// data members, which `void complete(const BoundSetting&)` fills.
 struct BoundSetting {
-  const EffectSpec& spec;          ///< what is bound
-  const Model& model;              ///< to which robot
+  const EffectSpec& spec;          ///< plain data of the effect
+  const Model& model;              ///< robot that it acts on
   const std::vector<int>& joints;  ///< joints that it acts on
   const std::vector<int>& runs;    ///< runs of per-run parameters, ascending
   const std::string& here;         ///< begins messages
