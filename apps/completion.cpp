@@ -55,7 +55,7 @@ std::string shell_quoted(const std::string& text) {
   return out + "'";
 }
 
-/// What bash's function below takes: `@files`, `@number`, or the choices; nothing for a flag.
+/// Argument of bash's function below: `@files`, `@number`, or the choices; nothing for a flag.
 std::string bash_value(const OptionWords& option) {
   switch (option.value) {
     case Value::kNone:

@@ -21,8 +21,8 @@ using io::Json;
 using io::JsonObject;
 using io::number;
 
-constexpr const char* kSchema = "diffnea/identify/1";
-constexpr const char* kSeriesSchema = "diffnea/series/1";
+constexpr const char* kIdentifySchema = "diffnea/identify/1";
+constexpr const char* kIdentifySeriesSchema = "diffnea/series/1";
 
 /// Errors by joint: a key of `rmse` each.
 constexpr std::pair<const char*, double JointError::*> kErrors[] = {
@@ -155,18 +155,18 @@ RunInput describe_input(const std::string& role, const std::filesystem::path& pa
 }
 
 std::string identify_result_json(const FitRun& run) {
-  return io::file_text(kSchema, run, kInResult);
+  return io::file_text(kIdentifySchema, run, kInResult);
 }
 
 std::string series_json(const IdentifyResult& fit) {
-  return io::file_text(kSeriesSchema, fit, kInSeries);
+  return io::file_text(kIdentifySeriesSchema, fit, kInSeries);
 }
 
 FitRun read_fit_run(const std::filesystem::path& folder) {
   FitRun run;
-  io::read_file(run, folder, kSchema, kInResult);
+  io::read_file(run, folder, kIdentifySchema, kInResult);
   if (std::filesystem::exists(folder / "series.json"))
-    io::read_file(run.fit, folder, kSeriesSchema, kInSeries);
+    io::read_file(run.fit, folder, kIdentifySeriesSchema, kInSeries);
   if (const auto path = folder / "model.json"; std::filesystem::exists(path))
     run.fit.model.posterior = read_model(path).posterior;
   return run;

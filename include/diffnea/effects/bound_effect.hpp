@@ -30,7 +30,7 @@ const EffectInfo* known_effect(const std::string& name);
 /// Name of the effect that has a parameter of this native field.
 const std::string& effect_of(NativeField field);
 
-/// Whether it acts on a ball, its string or the camera that sees it, and never on joints.
+/// Tells whether it acts on a ball, its string or the camera that sees it, and never on joints.
 bool acts_on_ball(const EffectInfo& info);
 
 /// Formula of a BoundEffect that bind() has not filled: the first of the catalogue.
@@ -48,9 +48,9 @@ struct BoundEffect {
   std::vector<ParameterInfo> parameter_info;  ///< unit and initial are those of this joint's type
   std::vector<double> parameters;             ///< same order
 
-  /// Of its type: as the catalogue has it, before units and values of this joint.
+  /// Metadata of its type, as the catalogue has them, before units and values of this joint.
   const EffectInfo& info() const;
-  /// Whether the effect acts in the run of this number.
+  /// Tells whether the effect acts in the run of this number.
   bool acts_in(int run) const;
   /// Indices of the parameters that the torque is linear in.
   std::vector<int> linear_parameters() const;
@@ -60,7 +60,7 @@ struct BoundEffect {
   /// where none is linear (an encoder's offset); empty where none does (Trait::kNoAmplitude), and
   /// for saturation, which an infinite limit switches off.
   std::vector<int> amplitude_parameters() const;
-  /// Whether its torque at one instant follows from that instant: ports kJointTorque and
+  /// Tells whether its torque at one instant follows from that instant: ports kJointTorque and
   /// kLinkForce.
   bool is_local() const {
     return info().port == Port::kJointTorque || info().port == Port::kLinkForce;

@@ -45,7 +45,8 @@ double clock_shift(const BoundEffect& e);
 /// Velocities as the log has them: filtered, where the effect is such a filter.
 /// @param qd  (N), @param dt [s]
 VecX<double> logged_velocity(const BoundEffect& e, const VecX<double>& qd, double dt);
-/// Whether it is of the log alone: a clock, a filter, a camera. The motion does not know of it.
+/// Tells whether it is of the log alone: a clock, a filter, a camera. The motion does not know of
+/// it.
 bool is_of_log(const BoundEffect& e);
 
 /// Tells whether a simulation of one robot has its state or channel: every effect of
