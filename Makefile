@@ -14,6 +14,8 @@
 
 BUILD := build/release
 JOBS ?= $(shell nproc)
+# A file's tests stay in one process: they share recordings and runs.
+PYTEST = .venv/bin/python -m pytest -m "not study" --numprocesses $(JOBS) --dist loadfile
 
 .PHONY: help setup demo test docs bench peers study asan tsan coverage clean
 
@@ -29,7 +31,7 @@ demo: setup
 test:
 	.ci/setup --tests
 	ctest --test-dir $(BUILD) --parallel $(JOBS) --output-on-failure --label-exclude study
-	.venv/bin/python -m pytest -m "not study"
+	$(PYTEST)
 
 docs:
 	.ci/setup --docs
@@ -53,7 +55,6 @@ study:
 	.venv/bin/python tests/hidden_effects/study.py $(BUILD) --set report --jobs $(JOBS) -o build/study
 
 # The command's tests run the instrumented command, and the module of `make test`.
-PYTEST = .venv/bin/python -m pytest -m "not study"
 COMMAND_TESTS := $(wildcard tests/python/cli_*_test.py) tests/python/threads_test.py tests/python/killed_test.py
 
 asan tsan: export DIFFNEA_COMMAND_SECONDS = 1800

@@ -53,7 +53,7 @@ if(PROJECT_IS_TOP_LEVEL)
 endif()
 
 # Groups of a folder's files are compiled as one: what they include and instantiate is compiled once. Groups stay small,
-# because touching one file compiles its whole group: 48 kB of sources take some ten seconds. Names in anonymous
+# because touching one file compiles its whole group: 32 kB of sources take some ten seconds. Names in anonymous
 # namespaces must differ within a folder.
 function(diffnea_compile_together target)
   if(NOT DIFFNEA_UNITY)
@@ -67,7 +67,7 @@ function(diffnea_compile_together target)
     string(REPLACE "/" "_" folder "${folder}")
     file(SIZE "${CMAKE_CURRENT_SOURCE_DIR}/${source}" size)
     math(EXPR bytes "${bytes} + ${size}")
-    if(bytes GREATER 48000)
+    if(bytes GREATER 32000)
       math(EXPR group "${group} + 1")
       set(bytes ${size})
     endif()
