@@ -89,7 +89,8 @@ class InverseFit {
     FitLayout with_shapes = layout_;
     for (FitParameter& shape : layout_.shape)
       shape.fixed = true;  // no columns for them but in fit_shapes
-    Pass first = pass(layout_, false);
+    // Torques first, in any case: the forward loss is linear about a point that must not be far off.
+    Pass first = pass(layout_, false, true);
     result_.data_report = train_.report();
     result_.summary.rows = first.rows;
     training_runs_ = first.runs;
@@ -361,16 +362,36 @@ class InverseFit {
     solve(layout_);
   }
 
-  /// Robust weights, M⁻¹ of the forward loss and friction of the transmitted torque follow the
-  /// parameters: solve and read anew in turn. (The forward loss's residual is M⁻¹ times the inverse
-  /// one's; with M held at the last parameters it is linear.)
+  /// Σ n_j ln σ_j of the rows' residuals at the present point: minus the log-likelihood, noise of
+  /// each joint unknown.
+  double misfit() const {
+    double sum = 0.0;
+    for (const JointFactor& f : regression_->factors())
+      if (const double error = f.rmse(x_); error > 0.0)
+        sum += static_cast<double>(f.factor.rows()) * std::log(error);
+    return sum;
+  }
+
+  /// Robust weights, the forward loss's linearisation and friction of the transmitted torque follow
+  /// the parameters: solve and read anew in turn. A step of the forward loss, Gauss–Newton, is
+  /// halved where it does not lower the loss.
   void follow() {
     const int begin = result_.summary.passes;
+    const bool robust = options_.robust != Robust::kNone,
+               descends = options_.loss == Loss::kForward && !robust;
+    double least = std::numeric_limits<double>::infinity();
+    VecX<double> best = x_;
     settled_ = false;
     while (!settled_ && may_pass(begin, kLeastReweightings)) {
       const VecX<double> before = x_, std = fit_.std;
-      pass(layout_, options_.robust != Robust::kNone);
-      solve(layout_);
+      pass(layout_, robust);
+      if (const double now = descends ? misfit() : 0.0; descends && now > least) {
+        x_ = 0.5 * (best + before);
+      } else {
+        least = descends ? now : least;
+        best = x_;
+        solve(layout_);
+      }
       double change = 0.0;
       for (long k = 0; k < x_.size(); ++k)
         if (std[k] > 0.0) change = std::max(change, std::abs(x_[k] - before[k]) / std[k]);

@@ -159,11 +159,36 @@ void TorqueRegression::fill_row(const Preprocessed& block, long row) {
   }
   add_shape_columns(x);
   full_.col(full_.cols() - 1) = block.tau.row(row).transpose();
-  if (options_.acceleration) {
-    const MatX<double>& M =
-        mass_matrix<double, double>(tree_, block.q.row(row).transpose(), mass_ws_);
-    full_ = M.llt().solve(full_).eval();
+  if (options_.acceleration) linearise_acceleration(block.q.row(row).transpose(), x.run);
+}
+
+/// [∂τ̂/∂x | τ] becomes [J | J x − r] at the present x: r = M⁻¹(τ̂ − τ) = q̈ − f̂(x) is the error of
+/// the forward dynamics (paper, eq. 2), J = ∂r/∂x = M⁻¹(∂τ̂/∂x − ∂M/∂x r), where ∂M/∂x r is the
+/// regressor of the acceleration r at rest without gravity.
+void TorqueRegression::linearise_acceleration(const VecX<double>& q, int run) {
+  const int n = layout_.num_dofs, p = static_cast<int>(layout_.linear.size());
+  const auto M = mass_matrix<double, double>(tree_, q, mass_ws_).llt();
+  const VecX<double> r =
+      M.solve(full_.leftCols(p) * at_.linear - full_.col(full_.cols() - 1)).eval();
+  const Vec3<double> gravity = tree_.gravity;
+  tree_.gravity = {0, 0, 0};
+  const RowMatX<double>& Y =
+      torque_regressor<double, double>(tree_, q, VecX<double>::Zero(n), r, ws_);
+  tree_.gravity = gravity;
+  full_.leftCols(kThetaSize * n) -= Y;
+  for (std::size_t e = 0; e < effects_.size(); ++e) {
+    const BoundEffect& effect = effects_[e];
+    if (!effect.acts_in(run)) continue;
+    for (std::size_t k = 0; k < effect_column_[e].size(); ++k) {
+      const int c = effect_column_[e][k];
+      if (effect.info().port == Port::kModelParameter)
+        full_.col(c) -= Y.col(kThetaSize * effect.joints.at(0) + static_cast<long>(k));
+      else if (effect.info().has(Trait::kRotor))
+        full_(effect.joints.at(0), c) -= r[effect.joints.at(0)];
+    }
   }
+  full_ = M.solve(full_).eval();
+  full_.col(full_.cols() - 1) = full_.leftCols(p) * at_.linear - r;
 }
 
 /// ∂τ/∂(ln η), or ∂τ/∂η where η may be 0, by Jets through the effect's own formula; ∂τ/∂x of fixed

@@ -47,8 +47,8 @@ struct RegressionOptions {
   /// speeds v₀.
   double rest_speed = 10.0;
   double rest_share = 0.02;  ///< of the filter's weight; see `rest_speed`
-  /// Forward loss: rows times M⁻¹ at `at`, which makes their residual that of q̈ [rad/s²]. Needs the
-  /// torque of every joint.
+  /// Forward loss: rows are linear about `at` in the error of the forward dynamics, q̈ − f̂ [rad/s²].
+  /// Needs the torque of every joint.
   bool acceleration = false;
   /// Number of the source's first recording among those that effects name (`:run=K`): held-out ones
   /// come after those of the fit.
@@ -87,6 +87,7 @@ class TorqueRegression {
     std::vector<long> number = {};  // of every kept row within its run
   };
   void fill_row(const Preprocessed& block, long row);
+  void linearise_acceleration(const VecX<double>& q, int run);
   void flush(int joint, const RowMatX<double>& rows);
   void keep(int joint, long number, const double* row, double time);
   bool is_kept(int joint, int run, long number) const;
