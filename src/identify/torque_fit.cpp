@@ -89,7 +89,7 @@ class InverseFit {
     FitLayout with_shapes = layout_;
     for (FitParameter& shape : layout_.shape)
       shape.fixed = true;  // no columns for them but in fit_shapes
-    // Torques first, in any case: the forward loss is linear about a point that must not be far off.
+    // Torques first, in any case: the forward loss is linear about a point, which must be near.
     Pass first = pass(layout_, false, true);
     result_.data_report = train_.report();
     result_.summary.rows = first.rows;
