@@ -6,6 +6,7 @@
 #include "core/decompositions.hpp"
 #include "identify/ball_path.hpp"
 #include "identify/ball_world.hpp"
+#include "identify/descent.hpp"
 
 namespace diffnea {
 namespace {
@@ -121,6 +122,114 @@ std::array<T, 6> residuals(const BallWorld<T>& world, const SmoothRow& row, cons
   return out;
 }
 
+/// The parameters' descent at one sharpness of softplus.
+class ConstrainedDescent {
+ public:
+  ConstrainedDescent(const Model& model, const BallLayout& layout, const std::vector<int>& free,
+                     const std::vector<SmoothRow>& rows, const RowNoise& noise,
+                     const BallFitOptions& options, VecX<double> p)
+      : model_(model),
+        layout_(layout),
+        free_(free),
+        rows_(rows),
+        noise_(noise),
+        options_(options),
+        p_(std::move(p)) {}
+
+  const VecX<double>& p() const { return p_; }
+  /// (F, F) Jᵀ W J of the last linearisation.
+  const MatX<double>& curvature() const { return H_; }
+  void set_sharpness(double sharpness) {
+    sharpness_ = sharpness;
+    now_ = sum_at(p_);
+  }
+
+  // What descend() asks for.
+  double cost() const { return now_; }
+  void linearise();
+  double attempt(double damping);
+  void accept() {
+    p_ = tried_;
+    now_ = then_;
+  }
+  void refuse() {}
+  bool stopped() const { return false; }
+  bool settled() const { return true; }  // Huber's ρ is in the cost itself
+  void reweigh() {}
+
+ private:
+  double sum_at(const VecX<double>& p) const;
+  /// Huber's weight of a row.
+  double weight(const Eigen::Matrix<double, 6, 1>& e) const {
+    const double u = e.norm() / std::sqrt(6.0);
+    return !options_.robust || u <= 3.0 ? 1.0 : 3.0 / u;
+  }
+
+  const Model& model_;
+  const BallLayout& layout_;
+  const std::vector<int>& free_;
+  const std::vector<SmoothRow>& rows_;
+  const RowNoise& noise_;
+  const BallFitOptions& options_;
+  VecX<double> p_, tried_, g_;
+  MatX<double> H_;
+  double sharpness_ = 0.0, now_ = 0.0, then_ = 0.0;
+};
+
+double ConstrainedDescent::sum_at(const VecX<double>& p) const {
+  double sum = 0.0;
+  for (const SmoothRow& row : rows_) {
+    const BallWorld<double> world(model_, layout_, *row.hand, {p.begin(), p.end()});
+    const std::array<double, 6> r = residuals(world, row, noise_, sharpness_, options_.lambda);
+    const Eigen::Matrix<double, 6, 1> e = Eigen::Map<const Eigen::Matrix<double, 6, 1>>(r.data());
+    const double w = weight(e);
+    sum += w * (2.0 - w) * e.squaredNorm();
+  }
+  return sum;
+}
+
+void ConstrainedDescent::linearise() {
+  const auto F = static_cast<Eigen::Index>(free_.size());
+  H_ = MatX<double>::Zero(F, F);
+  g_ = VecX<double>::Zero(F);
+  for (const SmoothRow& row : rows_) {
+    MatX<double> J = MatX<double>::Zero(6, F);
+    Eigen::Matrix<double, 6, 1> e;
+    for (Eigen::Index begin = 0; begin < F; begin += kJetWidth) {
+      const Eigen::Index end = std::min<Eigen::Index>(F, begin + kJetWidth);
+      std::vector<JetD> values;
+      for (const double x : p_) values.emplace_back(x);
+      for (Eigen::Index k = begin; k < end; ++k)
+        values[free_[k]] = JetD(p_[free_[k]], static_cast<int>(k - begin));
+      const BallWorld<JetD> world(model_, layout_, *row.hand, std::move(values));
+      const std::array<JetD, 6> r = residuals(world, row, noise_, sharpness_, options_.lambda);
+      for (int i = 0; i < 6; ++i) {
+        e[i] = r[static_cast<std::size_t>(i)].a;
+        for (Eigen::Index k = begin; k < end; ++k)
+          J(i, k) = r[static_cast<std::size_t>(i)].v[k - begin];
+      }
+    }
+    const double w = weight(e);
+    H_ += w * J.transpose() * J;
+    g_ += w * J.transpose() * e;
+  }
+}
+
+double ConstrainedDescent::attempt(double damping) {
+  MatX<double> damped = H_;
+  damped.diagonal() *= 1.0 + damping;
+  damped.diagonal().array() += 1e-12;
+  const VecX<double> step = damped.ldlt().solve(-g_);
+  tried_ = p_;
+  for (Eigen::Index k = 0; k < step.size(); ++k) {
+    double& x = tried_[free_[k]];
+    x += step[k];
+    const Sign sign = layout_.parameters[free_[k]].sign;
+    if (sign != Sign::kFree) x = std::max(x, sign == Sign::kPositive ? 0.1 * p_[free_[k]] : 0.0);
+  }
+  return then_ = sum_at(tried_);
+}
+
 }  // namespace
 
 BallFit fit_ball_constrained(const Model& model, const BallLayout& layout, const BallData& data,
@@ -153,80 +262,26 @@ BallFit fit_ball_constrained(const Model& model, const BallLayout& layout, const
   const double known = std::max(out.sigma, kLeastNoise), at_length = 2.0 * length * known;
   const RowNoise noise{known * gain[2], at_length * gain[0], at_length * gain[1],
                        at_length * gain[2]};
-  const auto F = static_cast<Eigen::Index>(free.size());
-  MatX<double> H(F, F);
-  VecX<double> g(F);
-  const auto cost = [&](const VecX<double>& p, double sharpness, bool slopes) {
-    double sum = 0.0;
-    H.setZero();
-    g.setZero();
-    for (const SmoothRow& row : rows) {
-      MatX<double> J = MatX<double>::Zero(6, F);
-      Eigen::Matrix<double, 6, 1> e;
-      if (!slopes) {
-        const BallWorld<double> world(model, layout, *row.hand, {p.begin(), p.end()});
-        const std::array<double, 6> r = residuals(world, row, noise, sharpness, options.lambda);
-        e = Eigen::Map<const Eigen::Matrix<double, 6, 1>>(r.data());
-      }
-      for (Eigen::Index begin = 0; slopes && begin < F; begin += kJetWidth) {
-        std::vector<JetD> values;
-        for (const double x : p) values.emplace_back(x);
-        for (Eigen::Index k = begin; k < std::min<Eigen::Index>(F, begin + kJetWidth); ++k)
-          values[free[k]] = JetD(p[free[k]], static_cast<int>(k - begin));
-        const BallWorld<JetD> world(model, layout, *row.hand, std::move(values));
-        const std::array<JetD, 6> r = residuals(world, row, noise, sharpness, options.lambda);
-        for (int i = 0; i < 6; ++i) {
-          e[i] = r[static_cast<std::size_t>(i)].a;
-          for (Eigen::Index k = begin; k < std::min<Eigen::Index>(F, begin + kJetWidth); ++k)
-            J(i, k) = r[static_cast<std::size_t>(i)].v[k - begin];
-        }
-      }
-      const double u = e.norm() / std::sqrt(6.0);
-      const double w = !options.robust || u <= 3.0 ? 1.0 : 3.0 / u;
-      sum += w * (2.0 - w) * e.squaredNorm();  // Huber's ρ
-      H += w * J.transpose() * J;
-      g += w * J.transpose() * e;
-    }
-    return sum;
-  };
+  ConstrainedDescent descent(model, layout, free, rows, noise, options, out.p);
   std::vector<double> rounds(kSharpness.begin(), kSharpness.end());
   while (std::log(2.0) / rounds.back() > kSoftest * noise.g) rounds.push_back(3.0 * rounds.back());
+  DescentEnd end = DescentEnd::kConverged;
   for (const double sharpness : rounds) {
-    double now = cost(out.p, sharpness, true), damping = 1e-3;
-    for (int i = 0; i < options.max_iterations; ++i, ++out.iterations) {
-      const MatX<double> H0 = H;
-      const VecX<double> g0 = g;
-      MatX<double> damped = H0;
-      damped.diagonal() *= 1.0 + damping;
-      damped.diagonal().array() += 1e-12;
-      const VecX<double> step = damped.ldlt().solve(-g0);
-      VecX<double> p = out.p;
-      for (Eigen::Index k = 0; k < F; ++k) {
-        p[free[k]] += step[k];
-        if (layout.parameters[free[k]].sign != Sign::kFree)
-          p[free[k]] = std::max(p[free[k]], layout.parameters[free[k]].sign == Sign::kPositive
-                                                ? 0.1 * out.p[free[k]]
-                                                : 0.0);
-      }
-      const double then = cost(p, sharpness, false);
-      if (!(then < now)) {
-        H = H0;
-        g = g0;
-        damping *= 10.0;
-        if (damping > 1e8) break;
-        continue;
-      }
-      const bool done = now - then < options.tolerance * now;
-      out.p = p;
-      damping = std::max(1e-9, 0.1 * damping);
-      now = cost(out.p, sharpness, true);
-      if (done) break;
-    }
-    out.chi2 = now;
+    descent.set_sharpness(sharpness);
+    end = descend(descent, {options.max_iterations, options.tolerance}, out.iterations);
   }
+  out.p = descent.p();
+  out.chi2 = descent.cost();
+  out.converged = end != DescentEnd::kLimit;
+  out.termination = end == DescentEnd::kLimit
+                        ? "the largest number of iterations is reached at the greatest sharpness"
+                    : end == DescentEnd::kNoStep
+                        ? "no step makes it better at the greatest sharpness"
+                        : "the last step at the greatest sharpness gained less than the tolerance";
   out.samples = 3 * static_cast<long>(rows.size());
-  out.converged = true;
-  out.termination = "the last step at the greatest sharpness gained less than the tolerance";
+  descent.linearise();
+  const auto F = static_cast<Eigen::Index>(free.size());
+  MatX<double> H = descent.curvature();
   H.diagonal().array() += 1e-12;
   const MatX<double> C = H.ldlt().solve(MatX<double>::Identity(F, F)) *
                          static_cast<double>(2 * half + 1);  // neighbours share rows

@@ -7,14 +7,13 @@
 #include "identify/ball_cost.hpp"
 #include "identify/ball_path.hpp"
 #include "identify/ball_world.hpp"
+#include "identify/descent.hpp"
 
 namespace diffnea {
 namespace {
 
 /// Of a state's step, tried in turn where the whole one makes its window worse.
 constexpr std::array kShares{0.25, 0.0625, 0.0};
-/// Of the step's damping: beyond, nothing makes it better.
-constexpr double kMostDamping = 1e8;
 
 /// Of states alone, whose errors are asked for and not they: stop when a step would gain a smaller
 /// share of the cost.
@@ -44,7 +43,7 @@ double allowed(const BallParameter& p, double value, double step) {
 
 using States = std::vector<ParticleState<double>>;  ///< of the windows
 
-/// Levenberg–Marquardt in the parameters; each window's state follows.
+/// A descent in the parameters; each window's state follows.
 class BallDescent {
  public:
   BallDescent(const Model& model, const BallLayout& layout, BallData& data,
@@ -62,6 +61,26 @@ class BallDescent {
   }
   BallFit fit();
 
+  // What descend() asks for.
+  double cost() { return now_ = cost(out_.p); }
+  void linearise() { at_ = linearise_ball(model_, layout_, out_.p, data_, out_.sigma, options_); }
+  double attempt(double damping) {
+    before_ = states();
+    tried_ = stepped(at_, damping);
+    return move_states(at_, tried_, now_);
+  }
+  void refuse() { set_states(before_); }
+  void accept() {
+    out_.p = tried_;
+    seen_ = noise();
+  }
+  bool stopped();
+  bool settled() {
+    const bool switched = mark_taut(seen_);
+    return !switched && std::abs(seen_ - out_.sigma) < 1e-3 * out_.sigma;
+  }
+  void reweigh() { out_.sigma = seen_; }
+
  private:
   void run();
   void run_anew();
@@ -72,7 +91,6 @@ class BallDescent {
   double usual_cost(double sigma) const;
   double noise() const;
   bool mark_taut(double sigma);
-  bool stopped(double sigma);
   VecX<double> stepped(const BallLinearisation& at, double damping) const;
   double move_states(const BallLinearisation& at, const VecX<double>& p, double now);
   double cost_of(const VecX<double>& p, const BallWindow& window, double sigma) const {
@@ -90,6 +108,11 @@ class BallDescent {
   const std::function<bool(int, double)>& progress_;
   const States begun_;  ///< that the fit began with
   BallFit out_;
+  double now_ = 0.0;   ///< cost at the present point
+  double seen_ = 0.0;  ///< noise at the present point, not in use yet [m]
+  BallLinearisation at_;
+  VecX<double> tried_;  ///< parameters of the last attempt
+  States before_;       ///< before it
 };
 
 States BallDescent::states() const {
@@ -134,8 +157,8 @@ bool BallDescent::mark_taut(double sigma) {
   return changed;
 }
 
-bool BallDescent::stopped(double sigma) {
-  if (!progress_ || progress_(out_.iterations, sigma)) return false;
+bool BallDescent::stopped() {
+  if (!progress_ || progress_(out_.iterations, seen_)) return false;
   out_.interrupted = true;
   out_.termination = "stopped by the caller";
   return true;
@@ -212,44 +235,24 @@ void BallDescent::run() {
   if (out_.interrupted) return;
   const double tolerance =
       free_.empty() ? std::max(kStatesTolerance, options_.tolerance) : options_.tolerance;
-  double now = cost(out_.p), damping = 1e-3;
-  BallLinearisation at;
-  bool fresh = false;
+  seen_ = out_.sigma;
   out_.converged = false;
-  out_.termination = "the largest number of iterations is reached";
-  for (int k = 0; k < options_.max_iterations; ++k, ++out_.iterations) {
-    if (!fresh) at = linearise_ball(model_, layout_, out_.p, data_, out_.sigma, options_);
-    fresh = true;
-    const States before = states();
-    const VecX<double> p = stepped(at, damping);
-    const double then = move_states(at, p, now);
-    if (!(then < now)) {
-      set_states(before);
-      damping *= 10.0;
-      if (damping > kMostDamping) {
-        out_.converged = std::isfinite(now);
-        out_.termination = out_.converged
-                               ? "no step makes it better"
-                               : "the ball's simulation blows up, and no step makes it better";
-        return;
-      }
-      if (stopped(out_.sigma)) return;
-      continue;
-    }
-    const bool done = now - then < tolerance * now;
-    out_.p = p;
-    damping = std::max(1e-9, damping * 0.1);
-    fresh = false;
-    const double sigma = noise();
-    if (stopped(sigma)) return;
-    const bool switched = mark_taut(sigma);
-    if (done && !switched && std::abs(sigma - out_.sigma) < 1e-3 * out_.sigma) {
+  switch (descend(*this, {options_.max_iterations, tolerance}, out_.iterations)) {
+    case DescentEnd::kConverged:
       out_.converged = true;
       out_.termination = "the last step gained less than the tolerance";
-      return;
-    }
-    out_.sigma = sigma;
-    now = cost(out_.p);
+      break;
+    case DescentEnd::kNoStep:
+      out_.converged = std::isfinite(now_);
+      out_.termination = out_.converged
+                             ? "no step makes it better"
+                             : "the ball's simulation blows up, and no step makes it better";
+      break;
+    case DescentEnd::kLimit:
+      out_.termination = "the largest number of iterations is reached";
+      break;
+    case DescentEnd::kStopped:
+      break;
   }
 }
 

@@ -96,7 +96,7 @@ struct BallFit {
   double chi2 = 0.0;         ///< at p, with sigma
   long samples = 0;          ///< numbers compared, 3 a row
   int iterations = 0;        ///< Levenberg–Marquardt steps, refused ones included
-  bool converged = false;    ///< no step is worth more than the tolerance; constrained loss: true
+  bool converged = false;    ///< no step is worth more than the tolerance
   bool interrupted = false;  ///< the callback said so; p is the best until then
   std::string termination;   ///< why it ended, in words
 };
