@@ -144,7 +144,7 @@ class ConstrainedDescent {
     now_ = sum_at(p_);
   }
 
-  // What descend() asks for.
+  // Steps, for descend().
   double cost() const { return now_; }
   void linearise();
   double attempt(double damping);

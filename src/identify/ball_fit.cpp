@@ -61,7 +61,7 @@ class BallDescent {
   }
   BallFit fit();
 
-  // What descend() asks for.
+  // Steps, for descend().
   double cost() { return now_ = cost(out_.p); }
   void linearise() { at_ = linearise_ball(model_, layout_, out_.p, data_, out_.sigma, options_); }
   double attempt(double damping) {

@@ -12,14 +12,14 @@ namespace diffnea {
 enum class DescentEnd {
   kConverged,  ///< the last step gained less than the tolerance, and weights have settled
   kNoStep,     ///< no step makes it better, however short
-  kLimit,      ///< as many steps as may be made
+  kLimit,      ///< the largest number of steps is reached
   kStopped     ///< the caller said so
 };
 
 struct DescentOptions {
   int max_steps = 100;      ///< refused ones included
   double tolerance = 1e-8;  ///< share of the cost that a last step gains
-  double damping = 1e-3;    ///< of the first step, relative to the curvature
+  double damping = 1e-3;    ///< relative to the curvature, of the first step
 };
 
 /// Descends from the problem's present point to a minimum near it. A problem has

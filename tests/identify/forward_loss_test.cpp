@@ -41,7 +41,7 @@ TorqueRegression regress(const FitLayout& layout, const PreprocessPlan& plan, co
   return out;
 }
 
-/// What the rows of joint j leave at x.
+/// Residual of the rows of joint j at x.
 VecX<double> residual(const TorqueRegression& of, int j, const VecX<double>& x) {
   const auto rows = of.kept()[static_cast<std::size_t>(j)].rows();
   return rows.leftCols(rows.cols() - 1) * x - rows.rightCols(1);
