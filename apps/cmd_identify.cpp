@@ -42,6 +42,11 @@ void refuse_without_effect(const IdentifyCommand& c, const CLI::App& command, co
     refuse("--robust", "the trajectory loss has no weights to lose; use --loss inverse or forward");
   if (trajectory && c.prior != "none")
     refuse("--prior", "the trajectory loss has none; use --loss inverse or forward");
+  const bool virtual_ = c.options.linear.parameters == FitParameters::kVirtual;
+  if (trajectory && virtual_)
+    refuse("--parameters", "the trajectory loss has convex ones; use --loss inverse or forward");
+  if (virtual_ && c.prior != "none")
+    refuse("--parameters", "virtual parameters have no entropic prior; leave --prior out");
   if (!trajectory && given("--window"))
     refuse("--window", "is of --loss trajectory (of a ball: --ball-window)");
   if (!constrained && given("--lambda")) refuse("--lambda", "is of --loss constrained");

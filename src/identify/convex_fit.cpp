@@ -8,6 +8,7 @@
 #include <diffnea/model/physical.hpp>
 
 #include "core/decompositions.hpp"
+#include "identify/convex_bounds.hpp"
 
 namespace diffnea {
 namespace {
@@ -137,35 +138,6 @@ class Barrier {
   MatX<double> H_data_;
 };
 
-void check(const ConvexFitProblem& p) {
-  const long n = p.start.size();
-  require_size("solve_convex_fit: columns of R", p.R.cols(), n, "parameter");
-  require_size("solve_convex_fit: d", p.d.size(), p.R.rows(), "row of R");
-  if (p.prior_information.size() > 0) {
-    require_size("solve_convex_fit: rows of prior_information", p.prior_information.rows(), n,
-                 "parameter");
-    require_size("solve_convex_fit: columns of prior_information", p.prior_information.cols(), n,
-                 "parameter");
-  }
-  const auto is_fixed = [&](int k) {
-    return std::find(p.fixed.begin(), p.fixed.end(), k) != p.fixed.end();
-  };
-  const auto held = [&](int body) {  // nothing of it moves: it may be what it is
-    for (int k = body; k < body + kThetaSize; ++k)
-      if (!is_fixed(k)) return false;
-    return true;
-  };
-  for (std::size_t b = 0; b < p.bodies.size(); ++b)
-    if (!held(p.bodies[b]) && !std::isfinite(log_det(pseudo_inertia_at(p.start, p.bodies[b]))))
-      throw ModelError("solve_convex_fit: body " + std::to_string(b) +
-                       " of the start is not strictly physically consistent (its pseudo-inertia is "
-                       "not positive definite)");
-  for (const int k : p.nonnegative)
-    if (!(p.start[k] > 0.0) && !is_fixed(k))
-      throw ModelError("solve_convex_fit: parameter " + std::to_string(k) + " starts at " +
-                       std::to_string(p.start[k]) + ", expected > 0");
-}
-
 /// ½‖Rx − d‖² of plain least squares over the free parameters.
 double unconstrained_objective(const ConvexFitProblem& p, const std::vector<int>& free) {
   VecX<double> d = p.d;
@@ -182,8 +154,60 @@ double unconstrained_objective(const ConvexFitProblem& p, const std::vector<int>
 
 }  // namespace
 
+void check_convex_problem(const ConvexFitProblem& p) {
+  const long n = p.start.size();
+  require_size("convex fit: columns of R", p.R.cols(), n, "parameter");
+  require_size("convex fit: d", p.d.size(), p.R.rows(), "row of R");
+  if (p.prior_information.size() > 0) {
+    require_size("convex fit: rows of prior_information", p.prior_information.rows(), n,
+                 "parameter");
+    require_size("convex fit: columns of prior_information", p.prior_information.cols(), n,
+                 "parameter");
+  }
+  const auto is_fixed = [&](int k) {
+    return std::find(p.fixed.begin(), p.fixed.end(), k) != p.fixed.end();
+  };
+  const auto held = [&](int body) {  // nothing of it moves: it may be what it is
+    for (int k = body; k < body + kThetaSize; ++k)
+      if (!is_fixed(k)) return false;
+    return true;
+  };
+  for (std::size_t b = 0; b < p.bodies.size(); ++b)
+    if (!held(p.bodies[b]) && !std::isfinite(log_det(pseudo_inertia_at(p.start, p.bodies[b]))))
+      throw ModelError("convex fit: body " + std::to_string(b) +
+                       " of the start is not strictly physically consistent (its pseudo-inertia is "
+                       "not positive definite)");
+  for (const int k : p.nonnegative)
+    if (!(p.start[k] > 0.0) && !is_fixed(k))
+      throw ModelError("convex fit: parameter " + std::to_string(k) + " starts at " +
+                       std::to_string(p.start[k]) + ", expected > 0");
+}
+
+void describe_optimum(const ConvexFitProblem& problem, ConvexFitResult& result) {
+  const Barrier barrier(problem);
+  const VecX<double>& x = result.x;
+  result.objective = 0.5 * (problem.R * x - problem.d).squaredNorm();
+  result.consistency_cost =
+      std::max(0.0, result.objective - unconstrained_objective(problem, barrier.free()));
+  // At the boundary an eigenvalue is μ/z with a multiplier z that the data press with; inside, it
+  // is of the order of the body itself.
+  constexpr double kBoundary = 1e-4;
+  for (const int b : barrier.bodies()) {
+    const Matrix4 Pi = pseudo_inertia_at(x, problem.bodies[b]);
+    const Matrix4 Pi0 = pseudo_inertia_at(problem.start, problem.bodies[b]);
+    const Eigen::GeneralizedSelfAdjointEigenSolver<Matrix4> relative(Pi, Pi0,
+                                                                     Eigen::EigenvaluesOnly);
+    if (relative.eigenvalues()[0] < kBoundary) result.active_bodies.push_back(b);
+  }
+  for (const int k : barrier.bounds()) {
+    const double data_scale = 1.0 / std::max(problem.R.col(k).norm(), 1e-300);  // σ of x_k alone
+    if (x[k] < 0.1 * data_scale || x[k] < kBoundary * problem.start[k])
+      result.active_nonnegative.push_back(k);
+  }
+}
+
 ConvexFitResult solve_convex_fit(const ConvexFitProblem& problem, const ConvexFitOptions& options) {
-  check(problem);
+  check_convex_problem(problem);
   const Barrier barrier(problem);
   ConvexFitResult result;
   VecX<double> x = problem.start;
@@ -233,25 +257,7 @@ ConvexFitResult solve_convex_fit(const ConvexFitProblem& problem, const ConvexFi
     }
   }
   result.x = x;
-  result.objective = 0.5 * (problem.R * x - problem.d).squaredNorm();
-  result.consistency_cost =
-      std::max(0.0, result.objective - unconstrained_objective(problem, barrier.free()));
-
-  // At the boundary an eigenvalue is μ/z with a multiplier z that the data press with; inside, it
-  // is of the order of the body itself.
-  constexpr double kBoundary = 1e-4;
-  for (const int b : barrier.bodies()) {
-    const Matrix4 Pi = pseudo_inertia_at(x, problem.bodies[b]);
-    const Matrix4 Pi0 = pseudo_inertia_at(problem.start, problem.bodies[b]);
-    const Eigen::GeneralizedSelfAdjointEigenSolver<Matrix4> relative(Pi, Pi0,
-                                                                     Eigen::EigenvaluesOnly);
-    if (relative.eigenvalues()[0] < kBoundary) result.active_bodies.push_back(b);
-  }
-  for (const int k : barrier.bounds()) {
-    const double data_scale = 1.0 / std::max(problem.R.col(k).norm(), 1e-300);  // σ of x_k alone
-    if (x[k] < 0.1 * data_scale || x[k] < kBoundary * problem.start[k])
-      result.active_nonnegative.push_back(k);
-  }
+  describe_optimum(problem, result);
   return result;
 }
 

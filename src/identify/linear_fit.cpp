@@ -5,6 +5,7 @@
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/identify/linear_fit.hpp>
+#include <diffnea/identify/virtual_fit.hpp>
 #include <diffnea/model/physical.hpp>
 
 #include "core/decompositions.hpp"
@@ -105,7 +106,8 @@ LinearFit fit_linear(const FitLayout& layout, const std::vector<JointFactor>& fa
     StackedFactors rows_of_all = stacked(factors, fit.sigma, p, has_torque ? &at : nullptr);
     problem.R = std::move(rows_of_all.R);
     problem.d = std::move(rows_of_all.d);
-    fit.solver = solve_convex_fit(problem);
+    fit.solver = options.parameters == FitParameters::kVirtual ? solve_virtual_fit(problem)
+                                                               : solve_convex_fit(problem);
     fit.x = fit.solver.x;
     double change = 0.0;
     for (long j = 0; j < n; ++j) {

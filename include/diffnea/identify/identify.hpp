@@ -109,6 +109,9 @@ struct IdentifyOptions {
                 "forearm.*; at another: NAME=VALUE");
     list.option(nullptr, "entropic_prior", linear.entropic_prior,
                 "pull of every inertia to the model's [units of χ²/2], 0: none");
+    list.option("--parameters", "parameters", linear.parameters,
+                "of inertias: convex, or virtual (the paper's; the same optimum by a descent, for "
+                "comparison)");
     list.option(nullptr, "physical", linear.physical,
                 "False leaves inertias free (least squares), for comparison");
     list.option("--filter", "filter_hz", preprocess.filter_hz,

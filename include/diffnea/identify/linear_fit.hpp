@@ -50,8 +50,20 @@ struct BaseParameter {
   }
 };
 
+/// Coordinates in which inertias are fitted: their own, where the problem is convex, or the paper's
+/// virtual ones, for comparison.
+enum class FitParameters { kConvex, kVirtual };
+/// Names in options.
+template <>
+struct EnumNames<FitParameters> {
+  /// All of them.
+  static constexpr NamedValue<FitParameters> list[] = {{FitParameters::kConvex, "convex"},
+                                                       {FitParameters::kVirtual, "virtual"}};
+};
+
 /// Priors and consistency of a linear fit.
 struct LinearFitOptions {
+  FitParameters parameters = FitParameters::kConvex;
   bool physical = true;         ///< false: inertias are free (least squares), for comparison
   double entropic_prior = 0.0;  ///< γ of solve_convex_fit
   /// Parameters the data say nothing of stay at the prior: a Gaussian this many times as wide as
