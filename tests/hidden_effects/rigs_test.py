@@ -35,7 +35,9 @@ def made(rigs: Path, family: str, seed: int, folder: Path, *options: str) -> dic
 
 
 def families(rigs: Path) -> list[str]:
-    return subprocess.run([rigs, "--list"], capture_output=True, text=True, check=True).stdout.split()
+    return subprocess.run(
+        [rigs, "--list"], capture_output=True, text=True, check=True
+    ).stdout.split()
 
 
 @pytest.fixture(scope="module")
@@ -57,9 +59,9 @@ def contents(folder: Path) -> dict[str, bytes]:
 
 def test_every_joint_effect_of_the_catalogue_is_a_family(rigs: Path) -> None:
     listed = json.loads(done("effects", "--json"))["effects"]
-    of_joints = {
-        e["effect"] for e in listed if e["place"] not in ("ball", "string", "camera")
-    } - {"residual"}
+    of_joints = {e["effect"] for e in listed if e["place"] not in ("ball", "string", "camera")} - {
+        "residual"
+    }
     assert of_joints <= set(families(rigs))
 
 
@@ -135,8 +137,9 @@ def test_a_seed_makes_the_same_case_again_and_another_seed_another(
     for name, seed in (("first", 3), ("again", 3), ("other", 4)):
         made(rigs, "viscous_friction", seed, tmp_path / name, *OPTIONS)
     assert contents(tmp_path / "first") == contents(tmp_path / "again")
-    assert contents(tmp_path / "first")["seen/train.csv"] != (
-        contents(tmp_path / "other")["seen/train.csv"]
+    assert (
+        contents(tmp_path / "first")["seen/train.csv"]
+        != (contents(tmp_path / "other")["seen/train.csv"])
     )
 
 

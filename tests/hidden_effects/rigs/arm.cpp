@@ -119,7 +119,8 @@ Arm draw_arm(const std::string& kind, int num_joints, bool level, Draw& draw) {
     for (int i = 0; i < 3; ++i) along[i] += 0.08 * length * draw.normal();
     const double thick = scale * draw.uniform(0.03, 0.08);
     Vector3d half = Vector3d::Constant(thick), centre = draw.uniform(0.3, 0.6) * along;
-    for (int i = 0; i < 3; ++i) half[i] *= draw.uniform(0.7, 1.3), centre[i] += 0.3 * thick * draw.normal();
+    for (int i = 0; i < 3; ++i)
+      half[i] *= draw.uniform(0.7, 1.3), centre[i] += 0.3 * thick * draw.normal();
     half[forward] += 0.5 * length;
     const double mass = heaviest * scale * scale * std::pow(thinning, j) * draw.uniform(0.7, 1.3) *
                         (gantry ? 3.0 : 1.0);
@@ -153,17 +154,19 @@ Arm misjudged(const Arm& arm, double low, double high, Draw& draw) {
 }
 
 std::string to_mjcf(const Arm& arm, bool as_nominal) {
-  std::string out = "<mujoco model=\"machine\">\n <compiler angle=\"radian\"/>\n <option gravity=\"" +
-                    triple(arm.gravity) + "\"/>\n <worldbody>\n";
+  std::string out =
+      "<mujoco model=\"machine\">\n <compiler angle=\"radian\"/>\n <option gravity=\"" +
+      triple(arm.gravity) + "\"/>\n <worldbody>\n";
   for (const Joint& joint : arm.joints) {
     const Body body = body_of(joint.pseudo);
     const Matrix3d& I = body.inertia;
     out += text("  <body name=\"link_%s\" pos=\"%s\">\n", joint.name.c_str(),
                 triple(joint.offset).c_str());
-    out += text("   <inertial pos=\"%s\" mass=\"%.12g\" fullinertia=\"%.12g %.12g %.12g %.12g %.12g "
-                "%.12g\"/>\n",
-                triple(body.centre).c_str(), body.mass, I(0, 0), I(1, 1), I(2, 2), I(0, 1), I(0, 2),
-                I(1, 2));
+    out += text(
+        "   <inertial pos=\"%s\" mass=\"%.12g\" fullinertia=\"%.12g %.12g %.12g %.12g %.12g "
+        "%.12g\"/>\n",
+        triple(body.centre).c_str(), body.mass, I(0, 0), I(1, 1), I(2, 2), I(0, 1), I(0, 2),
+        I(1, 2));
     out += text("   <joint name=\"%s\" type=\"%s\" axis=\"%s\"", joint.name.c_str(),
                 joint.slide ? "slide" : "hinge", triple(joint.axis).c_str());
     if (as_nominal) {
@@ -193,35 +196,41 @@ std::string to_urdf(const Arm& arm) {
   const Matrix3d R = to_world(arm.gravity);
   if (!R.isIdentity(1e-12)) {
     const double pitch = std::asin(-R(2, 0));
-    out = "<?xml version=\"1.0\"?>\n<robot name=\"machine\">\n <link name=\"room\"/>\n"
-          " <link name=\"base\"/>\n <joint name=\"mounting\" type=\"fixed\">\n"
-          "  <parent link=\"room\"/><child link=\"base\"/>\n  <origin xyz=\"0 0 0\" rpy=\"" +
-          triple({std::atan2(R(2, 1), R(2, 2)), pitch, std::atan2(R(1, 0), R(0, 0))}) +
-          "\"/>\n </joint>\n";
+    out =
+        "<?xml version=\"1.0\"?>\n<robot name=\"machine\">\n <link name=\"room\"/>\n"
+        " <link name=\"base\"/>\n <joint name=\"mounting\" type=\"fixed\">\n"
+        "  <parent link=\"room\"/><child link=\"base\"/>\n  <origin xyz=\"0 0 0\" rpy=\"" +
+        triple({std::atan2(R(2, 1), R(2, 2)), pitch, std::atan2(R(1, 0), R(0, 0))}) +
+        "\"/>\n </joint>\n";
   }
   for (const Joint& joint : arm.joints) {
     const Body body = body_of(joint.pseudo);
     const Matrix3d& I = body.inertia;
     const char* name = joint.name.c_str();
-    out += text(" <link name=\"link_%s\"><inertial>\n  <origin xyz=\"%s\" rpy=\"0 0 0\"/>"
-                "<mass value=\"%.12g\"/>\n",
-                name, triple(body.centre).c_str(), body.mass);
-    out += text("  <inertia ixx=\"%.12g\" ixy=\"%.12g\" ixz=\"%.12g\" iyy=\"%.12g\" iyz=\"%.12g\" "
-                "izz=\"%.12g\"/>\n </inertial></link>\n",
-                I(0, 0), I(0, 1), I(0, 2), I(1, 1), I(1, 2), I(2, 2));
-    out += text(" <joint name=\"%s\" type=\"%s\">\n  <parent link=\"%s\"/><child "
-                "link=\"link_%s\"/>\n  <origin xyz=\"%s\" rpy=\"0 0 0\"/><axis xyz=\"%s\"/>\n",
-                name, joint.slide ? "prismatic" : "continuous", parent.c_str(), name,
-                triple(joint.offset).c_str(), triple(joint.axis).c_str());
+    out += text(
+        " <link name=\"link_%s\"><inertial>\n  <origin xyz=\"%s\" rpy=\"0 0 0\"/>"
+        "<mass value=\"%.12g\"/>\n",
+        name, triple(body.centre).c_str(), body.mass);
+    out += text(
+        "  <inertia ixx=\"%.12g\" ixy=\"%.12g\" ixz=\"%.12g\" iyy=\"%.12g\" iyz=\"%.12g\" "
+        "izz=\"%.12g\"/>\n </inertial></link>\n",
+        I(0, 0), I(0, 1), I(0, 2), I(1, 1), I(1, 2), I(2, 2));
+    out += text(
+        " <joint name=\"%s\" type=\"%s\">\n  <parent link=\"%s\"/><child "
+        "link=\"link_%s\"/>\n  <origin xyz=\"%s\" rpy=\"0 0 0\"/><axis xyz=\"%s\"/>\n",
+        name, joint.slide ? "prismatic" : "continuous", parent.c_str(), name,
+        triple(joint.offset).c_str(), triple(joint.axis).c_str());
     if (joint.slide) out += "  <limit lower=\"-5\" upper=\"5\" effort=\"0\" velocity=\"0\"/>\n";
     if (joint.viscous > 0.0 || joint.coulomb > 0.0)
-      out += text("  <dynamics damping=\"%.6g\" friction=\"%.6g\"/>\n", joint.viscous, joint.coulomb);
+      out +=
+          text("  <dynamics damping=\"%.6g\" friction=\"%.6g\"/>\n", joint.viscous, joint.coulomb);
     out += " </joint>\n";
     parent = "link_" + joint.name;
   }
-  out += text(" <link name=\"tip\"/>\n <joint name=\"tip_mount\" type=\"fixed\">\n  <parent "
-              "link=\"%s\"/><child link=\"tip\"/>\n  <origin xyz=\"%s\" rpy=\"0 0 0\"/>\n </joint>\n",
-              parent.c_str(), triple(arm.tip).c_str());
+  out += text(
+      " <link name=\"tip\"/>\n <joint name=\"tip_mount\" type=\"fixed\">\n  <parent "
+      "link=\"%s\"/><child link=\"tip\"/>\n  <origin xyz=\"%s\" rpy=\"0 0 0\"/>\n </joint>\n",
+      parent.c_str(), triple(arm.tip).c_str());
   return out + "</robot>\n";
 }
 
@@ -266,9 +275,8 @@ MatrixXd regressor(const Arm& arm, const VectorXd& q, const VectorXd& qd, const 
       }
       for (int j = 0; j <= b; ++j) {
         const auto at = static_cast<std::size_t>(j);
-        out(j, 10 * b + i) = arm.joints[at].slide
-                                 ? axes[at].dot(f)
-                                 : axes[at].dot(m + (p - origins[at]).cross(f));
+        out(j, 10 * b + i) =
+            arm.joints[at].slide ? axes[at].dot(f) : axes[at].dot(m + (p - origins[at]).cross(f));
       }
     }
   }

@@ -24,8 +24,8 @@ struct Joint {
 struct Arm {
   std::string kind;  ///< "arm", "gantry" or "pendulum"
   std::vector<Joint> joints;
-  Eigen::Vector3d tip;                                ///< in the last link's frame [m]
-  Eigen::Vector3d gravity = {0.0, 0.0, -9.81};        ///< in the base's frame [m/s²]
+  Eigen::Vector3d tip;                          ///< in the last link's frame [m]
+  Eigen::Vector3d gravity = {0.0, 0.0, -9.81};  ///< in the base's frame [m/s²]
   int size() const { return static_cast<int>(joints.size()); }
   bool first_is_upright() const;  ///< joint 1 turns about the direction of gravity
 };

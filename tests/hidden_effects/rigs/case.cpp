@@ -37,10 +37,10 @@ bool needs_rotor(const std::string& effect) {
 
 std::string draw_kind(const std::string& effect, Draw& draw) {
   const double u = draw.uniform();
-  if (any(effect, {"encoder_offset", "encoder_scale", "base_tilt", "tip_force", "payload",
-                   "torque_gain", "time_shift", "armature", "cable_differential_friction",
-                   "transmission_coupling", "outside/hose_drag", "outside/hose_twist",
-                   "outside/eccentric_encoder"}))
+  if (any(effect,
+          {"encoder_offset", "encoder_scale", "base_tilt", "tip_force", "payload", "torque_gain",
+           "time_shift", "armature", "cable_differential_friction", "transmission_coupling",
+           "outside/hose_drag", "outside/hose_twist", "outside/eccentric_encoder"}))
     return "arm";
   if (any(effect, {"", "coulomb_friction", "viscous_friction", "quadratic_friction"}) && u < 0.12)
     return "pendulum";
@@ -110,7 +110,8 @@ Usual usual_of(const Case& c, std::uint64_t seed) {
   const auto count = static_cast<double>(q.size());
   out.centre /= count;
   for (const VectorXd& x : q) out.spread += (x - out.centre).cwiseAbs2();
-  for (VectorXd* x : {&out.torque, &out.speed, &out.push, &out.spread}) *x = (*x / count).cwiseSqrt();
+  for (VectorXd* x : {&out.torque, &out.speed, &out.push, &out.spread})
+    *x = (*x / count).cwiseSqrt();
   out.balance = (total / count).cwiseAbs().cwiseQuotient(out.torque.cwiseMax(1e-12));
   out.high_torque.setZero(n);
   for (Index j = 0; j < n; ++j) {
@@ -123,7 +124,8 @@ Usual usual_of(const Case& c, std::uint64_t seed) {
     // It is not led: a swing of half a radian about where it hangs.
     Eigen::VectorXd away = out.centre;
     away[j] += 0.5;
-    out.torque[j] = std::abs(rigid.torque(away, VectorXd::Zero(n), VectorXd::Zero(n))[j]) / std::sqrt(2.0);
+    out.torque[j] =
+        std::abs(rigid.torque(away, VectorXd::Zero(n), VectorXd::Zero(n))[j]) / std::sqrt(2.0);
     out.speed[j] = 1.0, out.push[j] = 5.0, out.spread[j] = 0.35;
   }
   rigid.evaluate(out.centre, VectorXd::Zero(n));
@@ -166,10 +168,12 @@ void draw_motion(Case& c, const std::string& effect, const CaseOptions& o, Draw&
   p.push = fast ? draw.uniform(15.0, 40.0) : draw.uniform(5.0, 20.0);
   p.speed = draw.uniform(1.0, 3.0);
   p.reach = draw.uniform(0.4, 1.2);
+  p.smooth = draw.chance(0.6);
   const int n = c.rig.arm.size();
   p.centre.resize(n);
   for (int j = 0; j < n; ++j)
-    p.centre[j] = c.rig.arm.joints[static_cast<std::size_t>(j)].slide ? 0.0 : draw.uniform(-1.2, 1.2);
+    p.centre[j] =
+        c.rig.arm.joints[static_cast<std::size_t>(j)].slide ? 0.0 : draw.uniform(-1.2, 1.2);
   if (c.rig.arm.kind == "pendulum") p.centre[1] = hanging(c.rig.arm);
   const std::vector<double> rates = fast || effect.starts_with("presliding")
                                         ? std::vector<double>{250.0, 500.0, 1000.0}
@@ -209,7 +213,8 @@ void draw_sensors(Case& c, const std::string& effect, const CaseOptions& o, Draw
     s.position_step[j] = unit * step;
     s.position_noise[j] = noise * unit * step;
   }
-  if (!fast && draw.chance(0.12)) (draw.chance(0.5) ? s.slow_positions : s.slow_torques) = 2 + draw.index(3);
+  if (!fast && draw.chance(0.12))
+    (draw.chance(0.5) ? s.slow_positions : s.slow_torques) = 2 + draw.index(3);
   if (draw.chance(0.2)) s.jitter = draw.uniform(0.01, 0.06);
   if (draw.chance(0.2)) {
     s.constant.resize(n);
@@ -290,7 +295,7 @@ Rig with_effects(const Case& c) {
   return out;
 }
 
-MatrixXd at_50_hz(const Recording& recording, MatrixXd Track::*series) {
+MatrixXd at_50_hz(const Recording& recording, MatrixXd Track::* series) {
   const Index every = std::lround(0.02 / kBin);
   Index rows = 0;
   for (const Track& t : recording.tracks) rows += (t.*series).rows() / every;
@@ -330,7 +335,9 @@ Recording record(const Case& c, bool is_test) {
       const double late = std::clamp(c.sensors.jitter * instants.normal(), -0.3, 0.3);
       s.times.push_back(s.period * std::max(0.0, static_cast<double>(k) + late));
     }
-    out.tracks.push_back(simulate(rig, motion, static_cast<int>(r), 0.0, c.runs[r], s,
+    // Another recording has other offsets of its sessions.
+    const std::size_t session = is_test ? (r + 1) % c.runs.size() : r;
+    out.tracks.push_back(simulate(rig, motion, static_cast<int>(session), 0.0, c.runs[r], s,
                                   Draw(c.seed, own + 8 + kStreams * r)));
     out.samplings.push_back(s);
   }
@@ -367,8 +374,8 @@ Case draw_case(std::uint64_t seed, int attempt, const std::string& given, const 
     }
   } else if (c.family == "absorbed") {
     c.kind = "absorbed";
-    names = {draw.pick(std::vector<std::string>{"armature", "encoder_offset", "payload",
-                                                "torque_gain"})};
+    names = {draw.pick(
+        std::vector<std::string>{"armature", "encoder_offset", "payload", "torque_gain"})};
   } else if (c.family == "outside") {
     c.kind = "unknown";
     names = {draw.pick(outside_effects())};
@@ -410,7 +417,7 @@ Case draw_case(std::uint64_t seed, int attempt, const std::string& given, const 
   std::vector<int> joints;
   for (const std::string& name : names) {
     int j = draw_joint(name, c, joints, draw);
-    if (absorbed) j = name == "encoder_offset" && draw.chance(0.5) ? arm.size() - 1 : 0;
+    if (absorbed) j = name == "encoder_offset" ? arm.size() - 1 : 0;
     joints.push_back(j);
     Joint& joint = arm.joints[static_cast<std::size_t>(j)];
     if (any(name, {"stribeck_friction", "load_friction"}) && joint.coulomb == 0.0)

@@ -28,9 +28,9 @@ struct Case {
   Arm nominal;
   bool urdf = false;
   MotionPlan plan;
-  std::string layout;          ///< "one", "several", "heap" of runs
-  std::vector<double> runs;    ///< length of each [s]
-  double rate = 500.0;         ///< of the log [Hz]
+  std::string layout;        ///< "one", "several", "heap" of runs
+  std::vector<double> runs;  ///< length of each [s]
+  double rate = 500.0;       ///< of the log [Hz]
   Sensors sensors;
   Usual usual;
   std::vector<Effect> effects;
@@ -38,9 +38,9 @@ struct Case {
 };
 
 struct CaseOptions {
-  double noise = 0.0;     ///< of the torque, share; 0: drawn
-  double duration = 0.0;  ///< of a recording in one run [s]; 0: drawn
-  bool repeats = true;    ///< motions may be periodic
+  double noise = 0.0;                      ///< of the torque, share; 0: drawn
+  double duration = 0.0;                   ///< of a recording in one run [s]; 0: drawn
+  bool repeats = true;                     ///< motions may be periodic
   double smallest = 0.003, largest = 0.1;  ///< RMS of an effect over that of its joint's torque
 };
 
@@ -64,7 +64,7 @@ Recording record(const Case& c, bool is_test);
 Rig with_effects(const Case& c);
 
 /// Means over 20 ms of one of a track's series, all runs below each other.
-Eigen::MatrixXd at_50_hz(const Recording& recording, Eigen::MatrixXd Track::*series);
+Eigen::MatrixXd at_50_hz(const Recording& recording, Eigen::MatrixXd Track::* series);
 Eigen::VectorXd root_mean_square(const Eigen::MatrixXd& x);
 /// RMS of the hidden torque over that of the logged one, per joint; of a joint without a drive over
 /// what gravity asks of it.

@@ -208,7 +208,9 @@ void transmission_effect(Effect& e, int j, Scene& s) {
   if (e.name == "joint_elasticity") {
     const double ratio = s.draw.ratio(0.01, 0.15);
     const auto damping = [=](double x) { return 2.0 * ratio * std::sqrt(inertia / x); };
-    const auto softness = [=](double hertz) { return 1.0 / (inertia * std::pow(kTurn * hertz, 2)); };
+    const auto softness = [=](double hertz) {
+      return 1.0 / (inertia * std::pow(kTurn * hertz, 2));
+    };
     e.start = softness(18.0);
     e.limit = softness(6.5);
     e.act = [=](double x, Rig& rig) {
@@ -221,9 +223,7 @@ void transmission_effect(Effect& e, int j, Scene& s) {
     const double back = s.draw.uniform(0.05, 0.5);
     e.start = 0.01 * slide(s, j);
     e.limit = 0.06 * slide(s, j);
-    e.act = [=](double x, Rig& rig) {
-      rig.physics.transmission = {j, true, 0.0, 0.0, x, back};
-    };
+    e.act = [=](double x, Rig& rig) { rig.physics.transmission = {j, true, 0.0, 0.0, x, back}; };
     e.parameters = [=](double x) {
       return Json{{"gap", x}, {"motor_inertia", rotor}, {"restitution", back}};
     };
@@ -318,8 +318,7 @@ void body_effect(Effect& e, Scene& s) {
   const double spread = s.draw.uniform(5e-4, 3e-3);  // ∫ x² dm/m [m²]
   const auto body = [=](double mass) {
     Eigen::Matrix4d out;
-    out.topLeftCorner<3, 3>() =
-        mass * (at * at.transpose() + spread * Eigen::Matrix3d::Identity());
+    out.topLeftCorner<3, 3>() = mass * (at * at.transpose() + spread * Eigen::Matrix3d::Identity());
     out.topRightCorner<3, 1>() = mass * at;
     out.bottomLeftCorner<1, 3>() = mass * at.transpose();
     out(3, 3) = mass;
@@ -401,9 +400,7 @@ void outside_effect(Effect& e, int j, Scene& s) {
     e.variables = {"time"};
   } else {
     const double turn = kTurn * s.draw.ratio(1.5, 8.0), phase = s.draw.uniform(0.0, kTurn);
-    opposes([=](double time, const auto&, const auto&) {
-      return std::sin(turn * time + phase);
-    });
+    opposes([=](double time, const auto&, const auto&) { return std::sin(turn * time + phase); });
     e.variables = {"time"};
   }
 }
@@ -450,9 +447,10 @@ const std::vector<std::string>& catalogue() {
 }
 
 const std::vector<std::string>& outside_effects() {
-  static const std::vector<std::string> kAll{
-      "outside/speed_ripple", "outside/hose_drag", "outside/magnet",      "outside/hose_twist",
-      "outside/soft_stops",   "outside/drift",     "outside/mains_ripple", "outside/eccentric_encoder"};
+  static const std::vector<std::string> kAll{"outside/speed_ripple", "outside/hose_drag",
+                                             "outside/magnet",       "outside/hose_twist",
+                                             "outside/soft_stops",   "outside/drift",
+                                             "outside/mains_ripple", "outside/eccentric_encoder"};
   return kAll;
 }
 

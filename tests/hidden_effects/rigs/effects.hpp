@@ -16,11 +16,11 @@ using Json = nlohmann::ordered_json;
 
 /// What the machine does in its motion while nothing is hidden, per joint.
 struct Usual {
-  Eigen::VectorXd torque, speed, push;     ///< root mean squares; torque of gravity and inertia
+  Eigen::VectorXd torque, speed, push;       ///< root mean squares; torque of gravity and inertia
   Eigen::VectorXd high_torque, peak_torque;  ///< exceeded in a sixth of the time, never
-  Eigen::VectorXd balance;                 ///< |mean| of the torque over its root mean square
-  Eigen::VectorXd centre, spread;          ///< of the position; root mean square about the centre
-  Eigen::VectorXd inertia;                 ///< that a joint moves while the others are free
+  Eigen::VectorXd balance;                   ///< |mean| of the torque over its root mean square
+  Eigen::VectorXd centre, spread;            ///< of the position; root mean square about the centre
+  Eigen::VectorXd inertia;                   ///< that a joint moves while the others are free
 };
 
 struct Effect {

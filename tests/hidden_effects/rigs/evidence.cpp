@@ -153,22 +153,21 @@ VectorXd simple(const std::string& effect, Index j, const Motion50& x) {
   return rate;
 }
 
-const std::vector<std::vector<std::string>> kRivals{
-    {"coulomb_friction"},
-    {"viscous_friction"},
-    {"quadratic_friction"},
-    {"sublinear_friction"},
-    {"torque_offset"},
-    {"joint_spring", "torque_offset"},
-    {"armature"},
-    {"torque_gain"},
-    {"load_friction"},
-    {"actuator_lag"},
-    {"coulomb_friction", "viscous_friction"},
-    {"coulomb_friction", "torque_offset"},
-    {"viscous_friction", "torque_offset"},
-    {"sublinear_friction", "viscous_friction"},
-    {"viscous_friction", "quadratic_friction"}};
+const std::vector<std::vector<std::string>> kRivals{{"coulomb_friction"},
+                                                    {"viscous_friction"},
+                                                    {"quadratic_friction"},
+                                                    {"sublinear_friction"},
+                                                    {"torque_offset"},
+                                                    {"joint_spring", "torque_offset"},
+                                                    {"armature"},
+                                                    {"torque_gain"},
+                                                    {"load_friction"},
+                                                    {"actuator_lag"},
+                                                    {"coulomb_friction", "viscous_friction"},
+                                                    {"coulomb_friction", "torque_offset"},
+                                                    {"viscous_friction", "torque_offset"},
+                                                    {"sublinear_friction", "viscous_friction"},
+                                                    {"viscous_friction", "quadratic_friction"}};
 
 std::vector<Noise> noises(const Case& c, const Recording& recording) {
   const Index n = c.rig.arm.size();
@@ -178,8 +177,7 @@ std::vector<Noise> noises(const Case& c, const Recording& recording) {
   VectorXd alias = VectorXd::Zero(n);
   for (const Track& t : recording.tracks)
     alias += t.alias / static_cast<double>(recording.tracks.size());
-  const VectorXd variance =
-      s.position_noise.cwiseAbs2() + s.position_step.cwiseAbs2() / 12.0;
+  const VectorXd variance = s.position_noise.cwiseAbs2() + s.position_step.cwiseAbs2() / 12.0;
   Rigid rigid(c.rig.arm);
   rigid.evaluate(q.colwise().mean(), VectorXd::Zero(n));
   const VectorXd moving = rigid.inertia().cwiseAbs2() * variance;
@@ -189,7 +187,7 @@ std::vector<Noise> noises(const Case& c, const Recording& recording) {
     const double sensor = s.torque_noise * torque[j];
     // Where no torque is measured there is that of what the links are not.
     const double floor = passive ? 2e-3 * c.usual.torque[j] : 1e-6 * torque[j];
-    Noise noise{sensor * sensor, s.corner, std::pow(c.rig.motor_noise[j], 2),
+    Noise noise{sensor * sensor,        s.corner,  std::pow(c.rig.motor_noise[j], 2),
                 c.rig.motor_noise_band, moving[j], c.rate};
     noise.sensor += floor * floor;
     if (s.corner == 0.0) noise.sensor += alias[j];
@@ -224,9 +222,8 @@ std::vector<Evidence> evidence(const Case& c, const Recording& recording) {
     const double low = mine.at(0.0) * kBin / 0.02;
     sigma[j] = std::sqrt(std::min(low, mine.sensor + mine.motor));
   }
-  const MatrixXd base = c.base == "fixed"
-                            ? MatrixXd(hidden.size(), 0)
-                            : basis_of(base_columns(c.rig.arm, x, sigma));
+  const MatrixXd base =
+      c.base == "fixed" ? MatrixXd(hidden.size(), 0) : basis_of(base_columns(c.rig.arm, x, sigma));
 
   const std::size_t count = c.effects.size();
   std::vector<Evidence> out(count);

@@ -50,7 +50,8 @@ void write_log(const std::filesystem::path& stem, const Case& c, const Recording
   text += "\n";
 
   Draw draw(c.seed, c.stream + (is_test ? 13 : 12));
-  const double colour = s.corner > 0.0 ? std::exp(-2.0 * std::numbers::pi * s.corner / c.rate) : 0.0;
+  const double colour =
+      s.corner > 0.0 ? std::exp(-2.0 * std::numbers::pi * s.corner / c.rate) : 0.0;
   const double keep = lag > 0.0 ? std::exp(-1.0 / (c.rate * lag)) : 0.0;
   VectorXd noise(n), q(n), tau(n), filtered;
   for (Index j = 0; j < n; ++j) noise[j] = draw.normal();
@@ -59,19 +60,21 @@ void write_log(const std::filesystem::path& stem, const Case& c, const Recording
     filtered = track.qd.row(0);
     for (Index k = 0; k < track.q.rows(); ++k) {
       char time[40];
-      std::snprintf(time, sizeof time, "%.6f", recording.samplings[r].times[static_cast<std::size_t>(k)]);
+      std::snprintf(time, sizeof time, "%.6f",
+                    recording.samplings[r].times[static_cast<std::size_t>(k)]);
       text += time;
       if (many) text += "," + std::to_string(r);
       for (Index j = 0; j < n; ++j) {
         noise[j] = colour * noise[j] + std::sqrt(1.0 - colour * colour) * draw.normal();
-        filtered[j] = j == lag_joint ? keep * filtered[j] + (1.0 - keep) * track.qd(k, j)
-                                     : track.qd(k, j);
+        filtered[j] =
+            j == lag_joint ? keep * filtered[j] + (1.0 - keep) * track.qd(k, j) : track.qd(k, j);
         const double position = track.q(k, j) + s.position_noise[j] * draw.normal();
         if (k % s.slow_positions == 0) q[j] = rounded(position, s.position_step[j]);
         const bool passive = arm.joints[static_cast<std::size_t>(j)].passive;
         const double torque =
             passive ? 0.0 : track.tau(k, j) + s.torque_noise * torque_rms[j] * noise[j];
-        if (k % s.slow_torques == 0) tau[j] = currents && !passive ? torque / s.constant[j] : torque;
+        if (k % s.slow_torques == 0)
+          tau[j] = currents && !passive ? torque / s.constant[j] : torque;
       }
       for (Index j = 0; j < n; ++j) append(text, q[j]);
       for (Index j = 0; j < n; ++j) append(text, tau[j]);

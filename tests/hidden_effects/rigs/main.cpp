@@ -32,40 +32,42 @@ struct Made {
   std::vector<Evidence> shown;
 };
 
+/// What to multiply an effect by, so that it has its size in the whole recording: 1 if it nearly
+/// has.
+double correction(const Case& c, const Recording& train) {
+  const Effect& e = c.effects[0];
+  const Eigen::VectorXd share = effect_share(c, train);
+  double size = 0.0;
+  for (const int j : e.joints) size = std::max(size, share[j]);
+  const double by = c.targets[0] / std::max(size, 1e-12);
+  if (by < 0.75) return std::max(by, 0.3);
+  return by > 1.4 && e.strength < 0.99 * e.limit ? std::min({by, 2.0, e.limit / e.strength}) : 1.0;
+}
+
 /// Records, with less of the effects where the machine cannot bear them.
-Made made(Case c, const CaseOptions& o) {
+Made made(Case c) {
   Made out;
-  const auto both = [&] {
-    out.train = record(c, false);
-    out.test = record(c, true);
-  };
-  bool rescaled = c.effects.size() != 1 || c.kind == "audit";
-  for (int i = 0; i < 8; ++i) {
+  int corrections = c.effects.size() == 1 && c.kind != "audit" ? 3 : 0;
+  for (int i = 0; i < 10; ++i) {
     try {
-      if (!rescaled) {
-        out.train = record(c, false);
-        const Eigen::VectorXd share = effect_share(c, out.train);
-        Effect& e = c.effects[0];
-        double size = 0.0;
-        for (const int j : e.joints) size = std::max(size, share[j]);
-        const bool small = size < c.targets[0] && e.strength < 0.99 * e.limit;
-        if (size < o.smallest ? small : size > 1.4 * c.targets[0] || (size < 0.7 * c.targets[0] && small)) {
-          e.strength = std::min(e.limit, e.strength * c.targets[0] / std::max(size, 1e-9));
-        }
-        rescaled = true;
+      out.train = record(c, false);
+      const double by = corrections-- > 0 ? correction(c, out.train) : 1.0;
+      if (by != 1.0) {
+        c.effects[0].strength *= by;
+        continue;
       }
-      both();
+      out.test = record(c, true);
       break;
     } catch (const std::runtime_error&) {
-      if (i == 7) throw;
+      if (i == 9) throw;
+      corrections = 0;
       // The controller of another motion bears less; without effects it is too fast.
       if (c.effects.empty()) c.rig.control.bandwidth *= 0.8;
       for (Effect& e : c.effects) e.strength *= 0.6;
     }
   }
   out.shown = evidence(c, out.train);
-  if (c.kind == "named" &&
-      std::ranges::all_of(out.shown, [](const Evidence& e) {
+  if (c.kind == "named" && std::ranges::all_of(out.shown, [](const Evidence& e) {
         return e.visible_share < 0.01 && e.expected_lm < kVisible;
       }))
     c.kind = "absorbed";
@@ -138,7 +140,9 @@ Json truth_of(const Made& m) {
             {"slow_positions", s.slow_positions},
             {"slow_torques", s.slow_torques},
             {"jitter", s.jitter},
-            {"torque_instant", s.middle ? "middle" : s.centred ? "row" : "start"},
+            {"torque_instant", s.middle    ? "middle"
+                               : s.centred ? "row"
+                                           : "start"},
             {"encoders", c.rig.motor_encoder ? "motor" : "link"}}},
           {"control",
            {{"law", control.computed_torque ? "computed torque" : "cascade"},
@@ -157,7 +161,7 @@ void generate(std::uint64_t seed, const std::string& family, const CaseOptions& 
   double seen_best = -1.0;
   for (int attempt = 0; attempt < kAttempts; ++attempt) {
     try {
-      Made m = made(draw_case(seed, attempt, family, options), options);
+      Made m = made(draw_case(seed, attempt, family, options));
       double weakest = 1e300;
       for (const Evidence& e : m.shown) weakest = std::min(weakest, e.reachable_lm);
       const bool enough = can_be_seen(m);
@@ -193,9 +197,11 @@ int main(int argc, char** argv) {
   bool list = false;
   app.add_option("--seed", seed, "of everything that is drawn")->capture_default_str();
   app.add_option("--family", family, "what is hidden; drawn if not given");
-  app.add_option("--noise", options.noise, "torque noise, share of each joint's torque RMS; 0: drawn")
+  app.add_option("--noise", options.noise,
+                 "torque noise, share of each joint's torque RMS; 0: drawn")
       ->check(CLI::NonNegativeNumber);
-  app.add_option("--smallest", options.smallest, "size of an effect, share of its joint's torque RMS")
+  app.add_option("--smallest", options.smallest,
+                 "size of an effect, share of its joint's torque RMS")
       ->check(CLI::Range(1e-5, 0.5))
       ->capture_default_str();
   app.add_option("--largest", options.largest, "the size is drawn between these two")

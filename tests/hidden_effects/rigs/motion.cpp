@@ -18,7 +18,7 @@ double unit(const Joint& joint) { return joint.passive ? 0.0 : joint.slide ? kSl
 }  // namespace
 
 Motion::Motion(const Arm& arm, const MotionPlan& plan, double seconds, Draw draw)
-    : centre_(plan.centre), seconds_(seconds) {
+    : centre_(plan.centre), seconds_(seconds), smooth_(plan.smooth) {
   const int n = arm.size();
   for (int j = 0; j < n; ++j)
     centre_[j] += 0.3 * plan.reach * unit(arm.joints[static_cast<std::size_t>(j)]) * draw.normal();
@@ -41,20 +41,20 @@ Motion::Motion(const Arm& arm, const MotionPlan& plan, double seconds, Draw draw
       }
       // Peaks of sums with random phases: about twice their root mean square.
       const double peak = std::sqrt(2.0);
-      const double size = unit(arm.joints[static_cast<std::size_t>(j)]) * draw.uniform(0.6, 1.0) *
-                          std::min({plan.reach / (peak * std::sqrt(way)),
-                                    plan.speed / (peak * std::sqrt(speed)),
-                                    plan.push / (peak * std::sqrt(push))});
+      const double size =
+          unit(arm.joints[static_cast<std::size_t>(j)]) * draw.uniform(0.6, 1.0) *
+          std::min({plan.reach / (peak * std::sqrt(way)), plan.speed / (peak * std::sqrt(speed)),
+                    plan.push / (peak * std::sqrt(push))});
       for (Wave& wave : mine) wave.size *= size;
       waves_.push_back(mine);
     }
   } else if (plan.kind == "chirp") {
     for (int j = 0; j < n; ++j) {
-      const double u =
-          unit(arm.joints[static_cast<std::size_t>(j)]) * draw.uniform(0.6, 1.0);
+      const double u = unit(arm.joints[static_cast<std::size_t>(j)]) * draw.uniform(0.6, 1.0);
       const double spread = draw.uniform(0.7, 1.0);
-      sweeps_.push_back({plan.reach * u, plan.speed * u, plan.push * u, 0.1 * draw.uniform(0.7, 1.5),
-                         spread * plan.fastest, draw.uniform(-std::numbers::pi, std::numbers::pi)});
+      sweeps_.push_back({plan.reach * u, plan.speed * u, plan.push * u,
+                         0.1 * draw.uniform(0.7, 1.5), spread * plan.fastest,
+                         draw.uniform(-std::numbers::pi, std::numbers::pi)});
     }
   } else {
     double time = -2.0;
@@ -119,10 +119,25 @@ Desired Motion::at(double time) const {
   const double t = std::clamp(time - leg.start, 0.0, leg.whole), back = leg.whole - t;
   const double push = 1.0 / (leg.ramp * (leg.whole - leg.ramp));  // of a way of 1
   double s = 0.0, sd = 0.0, sdd = 0.0;
+  // Way, speed, acceleration of a ramp after a time: constant, or as sin² with the same end.
+  const auto ramp = [&](double x, double& way, double& speed, double& acceleration) {
+    if (smooth_) {
+      const double turn = kTurn / leg.ramp;
+      acceleration = push * (1.0 - std::cos(turn * x));
+      speed = push * (x - std::sin(turn * x) / turn);
+      way = push * (0.5 * x * x - (1.0 - std::cos(turn * x)) / (turn * turn));
+    } else {
+      acceleration = push;
+      speed = push * x;
+      way = 0.5 * push * x * x;
+    }
+  };
   if (t < leg.ramp) {
-    s = 0.5 * push * t * t, sd = push * t, sdd = push;
+    ramp(t, s, sd, sdd);
   } else if (back < leg.ramp) {
-    s = 1.0 - 0.5 * push * back * back, sd = push * back, sdd = -push;
+    ramp(back, s, sd, sdd);
+    s = 1.0 - s;
+    sdd = -sdd;
   } else {
     s = push * leg.ramp * (t - 0.5 * leg.ramp), sd = push * leg.ramp;
   }

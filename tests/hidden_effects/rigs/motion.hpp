@@ -17,14 +17,15 @@ struct Desired {
 
 /// How the motions of one case are made; each of its runs draws its own.
 struct MotionPlan {
-  std::string kind;       ///< "multisine", "points", "chirp"
-  double period = 0.0;    ///< of a multisine that repeats [s]; 0: none
-  int waves = 5;          ///< of a multisine
-  double fastest = 1.5;   ///< [Hz]
-  double speed = 2.0;     ///< peak [rad/s]
-  double push = 12.0;     ///< peak acceleration [rad/s²]
+  std::string kind;      ///< "multisine", "points", "chirp"
+  double period = 0.0;   ///< of a multisine that repeats [s]; 0: none
+  int waves = 5;         ///< of a multisine
+  double fastest = 1.5;  ///< [Hz]
+  double speed = 2.0;    ///< peak [rad/s]
+  double push = 12.0;    ///< peak acceleration [rad/s²]
   Eigen::VectorXd centre;
-  double reach = 0.8;     ///< largest way from the centre [rad]
+  double reach = 0.8;   ///< largest way from the centre [rad]
+  bool smooth = false;  ///< legs between points begin and end without a jump of acceleration
 };
 
 class Motion {
@@ -48,6 +49,7 @@ class Motion {
 
   Eigen::VectorXd centre_;
   double seconds_;
+  bool smooth_;
   std::vector<std::vector<Wave>> waves_;
   std::vector<Sweep> sweeps_;
   std::vector<Leg> legs_;

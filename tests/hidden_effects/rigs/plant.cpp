@@ -24,10 +24,10 @@ constexpr double kCorrection = 0.2;
 
 /// λ ∈ [low, high] along `row`, until the velocity along it is `target`.
 struct Bound {
-  int a = 0, b = -1;          ///< degrees of freedom; b: none
-  double gear = 0.0;          ///< of b
+  int a = 0, b = -1;  ///< degrees of freedom; b: none
+  double gear = 0.0;  ///< of b
   double low = 0.0, high = 0.0, target = 0.0, lambda = 0.0;
-  int dry_joint = -1;         ///< whose dry friction it is
+  int dry_joint = -1;  ///< whose dry friction it is
   double along(const VectorXd& v) const { return v[a] + (b < 0 ? 0.0 : gear * v[b]); }
 };
 
@@ -58,7 +58,8 @@ void solve(std::vector<Bound>& bounds, const MatrixXd& inverse, double h, Vector
 /// What a series with a step every kStep was a time ago, between its values.
 class Past {
  public:
-  Past(double longest, Index n) : size_(static_cast<Index>(longest / kStep) + 3), values_(n, size_) {}
+  Past(double longest, Index n)
+      : size_(static_cast<Index>(longest / kStep) + 3), values_(n, size_) {}
   void push(const VectorXd& x) {
     if (count_ == 0) values_.colwise() = x;
     values_.col(count_++ % size_) = x;
@@ -153,9 +154,10 @@ double smooth_friction(const Physics& p, Index j, double v, double time) {
 
 Physics::Physics(int n) {
   for (VectorXd* x :
-       {&coulomb_plus, &coulomb_minus, &sublinear, &load, &stribeck, &viscous_plus, &viscous_minus,
-        &quadratic, &warm, &rotor, &spring, &rest, &ripple_sine, &ripple_cosine, &offset, &gain,
-        &delay, &lag, &encoder_offset, &wobble, &wobble_phase, &late})
+       {&coulomb_plus,   &coulomb_minus, &sublinear,    &load,  &stribeck, &viscous_plus,
+        &viscous_minus,  &quadratic,     &warm,         &rotor, &spring,   &rest,
+        &ripple_sine,    &ripple_cosine, &offset,       &gain,  &delay,    &lag,
+        &encoder_offset, &wobble,        &wobble_phase, &late})
     x->setZero(n);
   for (VectorXd* x : {&load_braking, &stribeck_speed, &warm_time, &ripple_cycles, &encoder_scale})
     x->setOnes(n);
@@ -183,7 +185,8 @@ Track simulate(const Rig& rig, const Motion& motion, int run, double begin, doub
   const auto bin_steps = std::lround(kBin / kStep);
   const Index before = std::lround(kRunIn / kStep);
   const Index bins = std::lround(seconds / kBin);
-  const Index steps = before + bins * bin_steps + 2 * ticks + std::lround(sampling.period / kStep) + 2;
+  const Index steps =
+      before + bins * bin_steps + 2 * ticks + std::lround(sampling.period / kStep) + 2;
   const auto rows = static_cast<Index>(sampling.times.size());
 
   Track out;
@@ -269,8 +272,8 @@ Track simulate(const Rig& rig, const Motion& motion, int run, double begin, doub
       const double hill = p.stribeck[j] * std::exp(-std::pow(v[m] / p.stribeck_speed[j], 2));
       const double load = p.load[j] * std::abs(transmitted[j]) *
                           (transmitted[j] * v[m] < 0.0 ? p.load_braking[j] : 1.0);
-      const double both = joint(j).coulomb + hill + load +
-                          p.sublinear[j] * std::sqrt(std::abs(v[m]));
+      const double both =
+          joint(j).coulomb + hill + load + p.sublinear[j] * std::sqrt(std::abs(v[m]));
       const double plus = both + p.coulomb_plus[j], minus = both + p.coulomb_minus[j];
       if (plus == 0.0 && minus == 0.0) continue;
       if (p.bristle_width > 0.0) {
@@ -291,7 +294,8 @@ Track simulate(const Rig& rig, const Motion& motion, int run, double begin, doub
     if (p.bristles.joint >= 0) {
       const Bristles& b = p.bristles;
       const Index m = motor(b.joint);
-      const double g = b.coulomb + (b.stiction - b.coulomb) * std::exp(-std::pow(v[m] / b.speed, 2));
+      const double g =
+          b.coulomb + (b.stiction - b.coulomb) * std::exp(-std::pow(v[m] / b.speed, 2));
       const double bend = v[m] - b.stiffness * std::abs(v[m]) * z / g;
       f[m] -= b.stiffness * z + b.damping * bend;
     }
@@ -397,7 +401,8 @@ Track simulate(const Rig& rig, const Motion& motion, int run, double begin, doub
       out.mean_qdd.row(bin) += reported_a;
     }
     torque_log.row(k) = command;
-    for (; next_row < rows && sampling.times[static_cast<std::size_t>(next_row)] < time + 0.5 * kStep;
+    for (;
+         next_row < rows && sampling.times[static_cast<std::size_t>(next_row)] < time + 0.5 * kStep;
          ++next_row) {
       const double by = sampling.times[static_cast<std::size_t>(next_row)] - time;
       out.q.row(next_row) = reported + by * reported_v + 0.5 * by * by * reported_a;
@@ -415,9 +420,10 @@ Track simulate(const Rig& rig, const Motion& motion, int run, double begin, doub
     if (p.bristles.joint >= 0) {
       const Bristles& b = p.bristles;
       const double w = way[motor(b.joint)], s = sign(w);
-      const double g = b.coulomb + (b.stiction - b.coulomb) *
-                                       std::exp(-std::pow(w / kStep / b.speed, 2));
-      z = s * g / b.stiffness + (z - s * g / b.stiffness) * std::exp(-std::abs(w) * b.stiffness / g);
+      const double g =
+          b.coulomb + (b.stiction - b.coulomb) * std::exp(-std::pow(w / kStep / b.speed, 2));
+      z = s * g / b.stiffness +
+          (z - s * g / b.stiffness) * std::exp(-std::abs(w) * b.stiffness / g);
     }
     q += way;
     half = next;
@@ -442,8 +448,8 @@ Track simulate(const Rig& rig, const Motion& motion, int run, double begin, doub
     out.tau.row(r) = sampling.centred
                          ? Eigen::RowVectorXd(0.5 * (torque_log.row(at) + torque_log.row(at - 1)))
                          : Eigen::RowVectorXd(torque_log.row(at));
-    const Index from = std::clamp<Index>(
-        sampling.centred || sampling.middle ? at - length / 2 : at, 0, steps - length);
+    const Index from = std::clamp<Index>(sampling.centred || sampling.middle ? at - length / 2 : at,
+                                         0, steps - length);
     const Eigen::RowVectorXd mean =
         (total.row(from + length) - total.row(from)) / static_cast<double>(length);
     out.alias += (out.tau.row(r) - mean).cwiseAbs2().transpose() / static_cast<double>(rows);

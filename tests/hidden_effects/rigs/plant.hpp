@@ -50,14 +50,14 @@ struct Physics {
   Eigen::VectorXd viscous_plus, viscous_minus, quadratic, warm, warm_time;
   Eigen::VectorXd rotor;  ///< over what the model declares [kg·m²]
   Eigen::VectorXd spring, rest, ripple_sine, ripple_cosine, ripple_cycles;
-  Eigen::VectorXd offset, gain, delay, lag, limit;       ///< of the drive
-  std::vector<Eigen::VectorXd> session;                  ///< offset of run k, or empty
+  Eigen::VectorXd offset, gain, delay, lag, limit;  ///< of the drive
+  std::vector<Eigen::VectorXd> session;             ///< offset of run k, or empty
   Bristles bristles;
   Transmission transmission;
   std::vector<Shaft> shafts;
-  Eigen::Vector3d tip_force = Eigen::Vector3d::Zero();   ///< in the base's frame [N]
+  Eigen::Vector3d tip_force = Eigen::Vector3d::Zero();     ///< in the base's frame [N]
   Eigen::Vector3d more_gravity = Eigen::Vector3d::Zero();  ///< [m/s²]
-  Eigen::Matrix4d payload = Eigen::Matrix4d::Zero();     ///< pseudo-inertia added to the last link
+  Eigen::Matrix4d payload = Eigen::Matrix4d::Zero();  ///< pseudo-inertia added to the last link
   Eigen::VectorXd encoder_offset, encoder_scale, wobble, wobble_phase, late;  ///< late [s]
   double torque_late = 0.0;  ///< of the logged torques against the positions [s]
   /// Torque that opposes joint `outside_joint`.
@@ -72,10 +72,10 @@ struct Physics {
 struct Control {
   bool computed_torque = false;  ///< else a cascade: position P, velocity PI, maybe gravity
   bool knows_gravity = true;
-  double rate = 1000.0;       ///< [Hz]
-  double bandwidth = 12.0;    ///< of the position loop [rad/s]
+  double rate = 1000.0;           ///< [Hz]
+  double bandwidth = 12.0;        ///< of the position loop [rad/s]
   double velocity_filter = 40.0;  ///< [Hz]
-  double resolution = 2e-6;   ///< of the motors' encoders [rad]
+  double resolution = 2e-6;       ///< of the motors' encoders [rad]
 };
 
 struct Rig {
@@ -83,8 +83,8 @@ struct Rig {
   Arm controller;  ///< the model of computed torque
   Physics physics;
   Control control;
-  bool motor_encoder = false;  ///< positions are logged at the motor, where there is a difference
-  Eigen::VectorXd motor_noise;   ///< deviation per joint [N·m], unlogged
+  bool motor_encoder = false;   ///< positions are logged at the motor, where there is a difference
+  Eigen::VectorXd motor_noise;  ///< deviation per joint [N·m], unlogged
   double motor_noise_band = 20.0;  ///< [Hz]
 };
 
@@ -93,7 +93,7 @@ struct Sampling {
   std::vector<double> times;  ///< of the rows, ascending [s]
   double period = 0.002;      ///< nominal [s]
   bool middle = false;        ///< torque of the interval's middle; else of its start
-  bool centred = false;       ///< torque of the row's instant: mean of what was held before and after
+  bool centred = false;  ///< torque of the row's instant: mean of what was held before and after
 };
 
 /// Length of the means that evidence is made of [s].
@@ -104,8 +104,8 @@ struct Track {
   Eigen::MatrixXd q, qd, tau, qcmd;
   /// Variance of tau against its mean over the row: control that is faster than the log.
   Eigen::VectorXd alias;
-  // Means over kBin, (bins, n): motion as reported, torque without the hidden effects, hidden torque,
-  // declared friction as it acted (as if of size 1), logged torque.
+  // Means over kBin, (bins, n): motion as reported, torque without the hidden effects, hidden
+  // torque, declared friction as it acted (as if of size 1), logged torque.
   Eigen::MatrixXd mean_q, mean_qd, mean_qdd, needed, hidden, dry, mean_tau;
 };
 

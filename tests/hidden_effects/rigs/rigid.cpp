@@ -48,8 +48,7 @@ VectorXd Rigid::pulled(const Eigen::Vector3d& force, const Eigen::Vector3d& poin
   const mjModel* m = model_.get();
   const int body = m->nbody - 1;
   const Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>> R(data_->xmat + 9 * body);
-  const Eigen::Vector3d at =
-      Eigen::Map<const Eigen::Vector3d>(data_->xpos + 3 * body) + R * point;
+  const Eigen::Vector3d at = Eigen::Map<const Eigen::Vector3d>(data_->xpos + 3 * body) + R * point;
   Eigen::Matrix<double, 3, Eigen::Dynamic, Eigen::RowMajor> jacobian(3, m->nv);
   mj_jac(m, data_.get(), jacobian.data(), nullptr, at.data(), body);
   return jacobian.transpose() * force;
