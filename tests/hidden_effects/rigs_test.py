@@ -20,7 +20,7 @@ SMALLEST, LARGEST = 0.003, 0.1
 SIZE_TOLERANCE = 1.5
 # Leapfrog without an effect: forces and accelerations balance to rounding.
 ROUNDING = 1e-9
-# What one may not exceed: stable springs, gaps that are none any more, torques of a fifth.
+# Effects whose strength ends before the size does: the machine bears no more.
 LIMITED = {"joint_elasticity", "backlash", "actuator_lag", "actuator_delay", "saturation"}
 LIMITED |= {"time_shift", "encoder_offset", "encoder_scale", "base_tilt", "load_friction"}
 
@@ -144,7 +144,7 @@ def test_a_seed_makes_the_same_case_again_and_another_seed_another(
 
 
 def test_drawn_conventions_differ_from_case_to_case(rigs: Path, tmp_path: Path) -> None:
-    """Of 12 cases without an option: several rates, layouts, motions, laws of control, formats."""
+    """Twelve cases have several rates, layouts, motions, laws of control, formats."""
 
     def one(seed: int) -> dict[str, Any]:
         return made(rigs, "none", seed, tmp_path / str(seed))

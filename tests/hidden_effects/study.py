@@ -6,10 +6,10 @@
 BUILD holds the generators and the command. One folder a case; what is finished is not done again,
 so the study can be stopped and resumed. A case is made again from its name:
 hidden_effects_generate with its group's options, seed and family. `--generator rigs` takes the
-cases from the second generator, which shares nothing with the first; give it a folder of its own. Thresholds are tuned on the
-seeds of `tune` and reported on those of `report`. `--table` only writes the table anew,
-`--rescore` judges the stored results anew. `--oracle` diagnoses each case of named effects again
-with those as the only candidates, finished cases as well.
+cases from the second generator, which shares nothing with the first; give it a folder of its own.
+Thresholds are tuned on the seeds of `tune` and reported on those of `report`. `--table` only
+writes the table anew, `--rescore` judges the stored results anew. `--oracle` diagnoses each case
+of named effects again with those as the only candidates, finished cases as well.
 """
 
 import argparse

@@ -239,7 +239,7 @@ MatrixXd regressor(const Arm& arm, const VectorXd& q, const VectorXd& qd, const 
   MatrixXd out = MatrixXd::Zero(n, 10 * n);
   std::vector<Vector3d> axes, origins;
   Matrix3d R = Matrix3d::Identity();
-  Vector3d p = Vector3d::Zero(), w = p, dw = p, a = -arm.gravity;  // of the frame's origin
+  Vector3d p = Vector3d::Zero(), w = p, dw = p, a = -arm.gravity;  // motion of the frame's origin
   for (int b = 0; b < n; ++b) {
     const Joint& joint = arm.joints[static_cast<std::size_t>(b)];
     const Vector3d z = R * joint.axis;

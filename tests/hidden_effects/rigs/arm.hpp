@@ -18,7 +18,7 @@ struct Joint {
   /// Pseudo-inertia about the joint's frame, (∫ x xᵀ dm, ∫ x dm; ·, m): positive definite for every
   /// possible body, and only for those.
   Eigen::Matrix4d pseudo;
-  double coulomb = 0.0, viscous = 0.0, rotor = 0.0;  ///< that the model declares
+  double coulomb = 0.0, viscous = 0.0, rotor = 0.0;  ///< declared by the model
 };
 
 struct Arm {
@@ -47,7 +47,7 @@ std::string to_urdf(const Arm& arm);
 /// (n, 10 n), by Newton and Euler outward in the base's frame.
 Eigen::MatrixXd regressor(const Arm& arm, const Eigen::VectorXd& q, const Eigen::VectorXd& qd,
                           const Eigen::VectorXd& qdd);
-/// Those numbers, (10 n).
+/// Inertial numbers of all links, (10 n).
 Eigen::VectorXd inertial_parameters(const Arm& arm);
 
 }  // namespace rigs

@@ -3,21 +3,13 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
-#include <numeric>
 #include <stdexcept>
+
+#include "effects_detail.hpp"
 
 namespace rigs {
 namespace {
 
-constexpr double kTurn = 2.0 * std::numbers::pi;
-
-std::vector<int> every(int n) {
-  std::vector<int> out(static_cast<std::size_t>(n));
-  std::iota(out.begin(), out.end(), 0);
-  return out;
-}
-
-const Joint& joint_of(const Scene& s, int j) { return s.arm.joints[static_cast<std::size_t>(j)]; }
 double slide(const Scene& s, int j) { return joint_of(s, j).slide ? 0.2 : 1.0; }
 
 /// Motor and link that swing against each other.
@@ -249,162 +241,6 @@ void shaft_effect(Effect& e, int j, Scene& s) {
   };
 }
 
-void sensor_effect(Effect& e, int j, Scene& s) {
-  const double sign = s.draw.sign();
-  e.joints = every(s.arm.size());
-  if (e.name == "encoder_offset") {
-    e.start = 0.03;
-    e.limit = 0.3;
-    e.act = [=](double x, Rig& rig) { rig.physics.encoder_offset[j] = sign * x; };
-    e.parameters = [=](double x) { return Json{{"offset", sign * x}}; };
-  } else if (e.name == "encoder_scale") {
-    e.start = 0.03;
-    e.limit = 0.2;
-    e.act = [=](double x, Rig& rig) { rig.physics.encoder_scale[j] = 1.0 + sign * x; };
-    e.parameters = [=](double x) { return Json{{"scale_error", sign * x}}; };
-  } else if (e.name == "time_shift") {
-    const bool all = s.draw.chance(0.7), early = all && sign < 0.0;
-    if (all) e.where = "all";
-    e.start = 0.004;
-    e.limit = 0.03;
-    const int n = s.arm.size();
-    e.act = [=](double x, Rig& rig) {
-      if (early)
-        rig.physics.torque_late = x;
-      else if (all)
-        rig.physics.late.setConstant(n, x);
-      else
-        rig.physics.late[j] = x;
-    };
-    e.parameters = [=](double x) { return Json{{"shift", early ? -x : x}}; };
-  } else {
-    e.velocity_lag = s.draw.ratio(0.004, 0.03);
-    e.start = e.limit = 0.0;
-    e.act = [](double, Rig&) {};
-    e.parameters = [lag = e.velocity_lag](double) { return Json{{"lag", lag}}; };
-  }
-}
-
-void body_effect(Effect& e, Scene& s) {
-  e.joints = every(s.arm.size());
-  if (e.name == "base_tilt") {
-    const double to = s.draw.uniform(-std::numbers::pi, std::numbers::pi);
-    e.where = "base";
-    e.start = 0.02;
-    e.limit = 0.3;
-    const auto more = [=](double x) {
-      return Eigen::Vector3d(9.81 * std::sin(x) * std::cos(to), 9.81 * std::sin(x) * std::sin(to),
-                             9.81 * (1.0 - std::cos(x)));
-    };
-    e.act = [=](double x, Rig& rig) { rig.physics.more_gravity = more(x); };
-    e.parameters = [=](double x) {
-      return Json{{"gravity_x", more(x)[0]}, {"gravity_y", more(x)[1]}};
-    };
-    return;
-  }
-  e.where = "tip";
-  if (e.name == "tip_force") {
-    Eigen::Vector3d to(s.draw.normal(), s.draw.normal(), s.draw.normal());
-    to.normalize();
-    e.start = 0.05 * s.usual.torque.maxCoeff();
-    e.act = [=](double x, Rig& rig) { rig.physics.tip_force = x * to; };
-    e.parameters = [=](double x) {
-      return Json{{"force_x", x * to[0]}, {"force_y", x * to[1]}, {"force_z", x * to[2]}};
-    };
-    return;
-  }
-  Eigen::Vector3d at = s.arm.tip;
-  for (int i = 0; i < 3; ++i) at[i] += s.draw.uniform(-0.04, 0.04);
-  const double spread = s.draw.uniform(5e-4, 3e-3);  // ∫ x² dm/m [m²]
-  const auto body = [=](double mass) {
-    Eigen::Matrix4d out;
-    out.topLeftCorner<3, 3>() = mass * (at * at.transpose() + spread * Eigen::Matrix3d::Identity());
-    out.topRightCorner<3, 1>() = mass * at;
-    out.bottomLeftCorner<1, 3>() = mass * at.transpose();
-    out(3, 3) = mass;
-    return out;
-  };
-  e.start = 0.05 * s.arm.joints.back().pseudo(3, 3);
-  e.act = [=](double x, Rig& rig) { rig.physics.payload = body(x); };
-  e.parameters = [=](double x) {
-    return Json{{"mass", x}, {"hx", x * at[0]}, {"hy", x * at[1]}, {"hz", x * at[2]}};
-  };
-}
-
-void outside_effect(Effect& e, int j, Scene& s) {
-  const std::string kind = e.name.substr(e.name.find('/') + 1);
-  const Joint& joint = joint_of(s, j);
-  const double torque = s.usual.torque[j], speed = s.usual.speed[j];
-  const double centre = s.usual.centre[j], spread = s.usual.spread[j];
-  const int n = s.arm.size(), other = (j + 1 + s.draw.index(n - 1)) % n;
-  const std::string its_name = joint_of(s, other).name;
-  const double its_centre = s.usual.centre[other], its_spread = s.usual.spread[other],
-               its_speed = s.usual.speed[other];
-  e.start = 0.03 * torque;
-  using Law = std::function<double(double, const Eigen::VectorXd&, const Eigen::VectorXd&)>;
-  const auto opposes = [&](const Law& law) {
-    e.act = [=](double x, Rig& rig) {
-      rig.physics.outside_joint = j;
-      rig.physics.outside = [=](double time, const Eigen::VectorXd& q, const Eigen::VectorXd& qd) {
-        return x * law(time, q, qd);
-      };
-    };
-    e.parameters = [](double x) { return Json{{"torque", x}}; };
-  };
-  if (kind == "eccentric_encoder") {
-    const double phase = s.draw.uniform(0.0, kTurn);
-    e.joints = every(n);
-    e.start = 0.03;
-    e.limit = 0.2;
-    e.act = [=](double x, Rig& rig) {
-      rig.physics.wobble[j] = x;
-      rig.physics.wobble_phase[j] = phase;
-    };
-    e.parameters = [=](double x) { return Json{{"wobble", x}, {"phase", phase}}; };
-    e.variables = {"q_" + joint.name};
-  } else if (kind == "speed_ripple") {
-    const double cycles = s.draw.uniform(2.0, 4.0) / spread, phase = s.draw.uniform(0.0, kTurn);
-    opposes([=](double, const auto& q, const auto& qd) {
-      return qd[j] / speed * std::sin(cycles * q[j] + phase);
-    });
-    e.variables = {"q_" + joint.name, "qd_" + joint.name};
-  } else if (kind == "hose_drag") {
-    opposes([=](double, const auto&, const auto& qd) { return qd[other] / its_speed; });
-    e.variables = {"qd_" + its_name};
-  } else if (kind == "magnet") {
-    const double at = centre + s.draw.uniform(-1.0, 1.0) * spread,
-                 width = s.draw.uniform(0.15, 0.4) * spread;
-    opposes([=](double, const auto& q, const auto&) {
-      const double r = (q[j] - at) / width;
-      return 2.0 * r / ((1.0 + r * r) * (1.0 + r * r));
-    });
-    e.variables = {"q_" + joint.name};
-  } else if (kind == "hose_twist") {
-    opposes([=](double, const auto& q, const auto&) {
-      const double mine = (q[j] - centre) / spread, its = (q[other] - its_centre) / its_spread;
-      return std::tanh(mine * its);
-    });
-    e.variables = {"q_" + joint.name, "q_" + its_name};
-  } else if (kind == "soft_stops") {
-    const double room = s.draw.uniform(0.5, 0.9) * spread;
-    opposes([=](double, const auto& q, const auto&) {
-      const double r = q[j] - centre, in = std::max(0.0, std::abs(r) - room) / spread;
-      return std::copysign(in * in, r);
-    });
-    e.variables = {"q_" + joint.name};
-  } else if (kind == "drift") {
-    const double seconds = s.seconds, bend = s.draw.uniform(0.5, 3.0);
-    opposes([=](double time, const auto&, const auto&) {
-      return std::pow(std::clamp(time / seconds, 0.0, 1.0), bend);
-    });
-    e.variables = {"time"};
-  } else {
-    const double turn = kTurn * s.draw.ratio(1.5, 8.0), phase = s.draw.uniform(0.0, kTurn);
-    opposes([=](double time, const auto&, const auto&) { return std::sin(turn * time + phase); });
-    e.variables = {"time"};
-  }
-}
-
 bool any(const std::string& name, std::initializer_list<const char*> list) {
   return std::ranges::any_of(list, [&](const char* item) { return name == item; });
 }
@@ -443,14 +279,6 @@ const std::vector<std::string>& catalogue() {
                                              "velocity_filter_lag",
                                              "viscous_friction",
                                              "warm_up"};
-  return kAll;
-}
-
-const std::vector<std::string>& outside_effects() {
-  static const std::vector<std::string> kAll{"outside/speed_ripple", "outside/hose_drag",
-                                             "outside/magnet",       "outside/hose_twist",
-                                             "outside/soft_stops",   "outside/drift",
-                                             "outside/mains_ripple", "outside/eccentric_encoder"};
   return kAll;
 }
 

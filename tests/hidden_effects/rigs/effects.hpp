@@ -1,5 +1,5 @@
 #pragma once
-/// What can be hidden in a rig: every joint effect of the catalogue, and others outside of it.
+/// Effects to hide in a rig: every joint effect of the catalogue, and others outside of it.
 
 #include <functional>
 #include <limits>
@@ -14,17 +14,17 @@ namespace rigs {
 
 using Json = nlohmann::ordered_json;
 
-/// What the machine does in its motion while nothing is hidden, per joint.
+/// Usual course of a motion in which nothing is hidden, per joint.
 struct Usual {
   Eigen::VectorXd torque, speed, push;       ///< root mean squares; torque of gravity and inertia
   Eigen::VectorXd high_torque, peak_torque;  ///< exceeded in a sixth of the time, never
   Eigen::VectorXd balance;                   ///< |mean| of the torque over its root mean square
-  Eigen::VectorXd centre, spread;            ///< of the position; root mean square about the centre
-  Eigen::VectorXd inertia;                   ///< that a joint moves while the others are free
+  Eigen::VectorXd centre, spread;            ///< position: mean, root mean square about it
+  Eigen::VectorXd inertia;                   ///< moved by a joint while the others are free
 };
 
 struct Effect {
-  std::string name;         ///< of the catalogue, or "outside/…"
+  std::string name;         ///< name of the catalogue, or "outside/…"
   std::string where;        ///< joint, "a,b", "base", "tip" or "all"
   std::vector<int> joints;  ///< whose torques it shows in
   double strength = 0.0;    ///< its size grows with it
@@ -32,14 +32,14 @@ struct Effect {
   std::function<void(double strength, Rig&)> act;
   std::function<Json(double strength)> parameters;  ///< names of the catalogue, SI
   std::vector<std::string> variables;               ///< channels, outside the catalogue
-  double velocity_lag = 0.0;                        ///< of the logged velocities [s]
+  double velocity_lag = 0.0;                        ///< filter of the logged velocities [s]
 };
 
 struct Scene {
   const Arm& arm;
   const Usual& usual;
-  double seconds;  ///< of a run
-  int runs;        ///< of the recording
+  double seconds;  ///< length of a run
+  int runs;        ///< number of runs
   Draw& draw;
 };
 

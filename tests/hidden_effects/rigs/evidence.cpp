@@ -32,7 +32,7 @@ MatrixXd basis_of(MatrixXd columns) {
          values.tail(rank).cwiseSqrt().cwiseInverse().asDiagonal();
 }
 
-/// What a basis leaves; twice, since the basis is orthonormal to a few digits only.
+/// Rest that a basis leaves; twice, since the basis is orthonormal to a few digits only.
 MatrixXd rest(const MatrixXd& basis, MatrixXd x) {
   if (basis.cols() == 0) return x;
   for (int i = 0; i < 2; ++i) x -= basis * (basis.transpose() * x);
@@ -148,7 +148,7 @@ VectorXd simple(const std::string& effect, Index j, const Motion50& x) {
   if (effect == "armature") return x.qdd.col(j);
   if (effect == "torque_gain") return tau;
   if (effect == "load_friction") return tau.abs() * sign;
-  VectorXd rate = VectorXd::Zero(v.size());  // of the torque: a lag's, a delay's
+  VectorXd rate = VectorXd::Zero(v.size());  // torque's rate: a lag's, a delay's
   for (Index k = 1; k + 1 < rate.size(); ++k) rate[k] = (tau[k + 1] - tau[k - 1]) / 0.04;
   return rate;
 }
@@ -216,7 +216,7 @@ std::vector<Evidence> evidence(const Case& c, const Recording& recording) {
   const MatrixXd hidden = at_50_hz(recording, &Track::hidden);
   const VectorXd share = effect_share(c, recording);
   const std::vector<Noise> noise = noises(c, recording);
-  VectorXd sigma(n);  // of means over 20 ms, by the density at low frequency
+  VectorXd sigma(n);  // deviation of means over 20 ms, by the density at low frequency
   for (Index j = 0; j < n; ++j) {
     const Noise& mine = noise[static_cast<std::size_t>(j)];
     const double low = mine.at(0.0) * kBin / 0.02;

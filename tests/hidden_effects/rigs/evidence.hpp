@@ -11,7 +11,7 @@ struct Rival {
   double lm_beyond = 0.0;  ///< LM that they leave of it
 };
 
-/// As truth.json has it: the README explains the keys.
+/// Keys of truth.json; the README explains them.
 struct Evidence {
   double size = 0.0, raw_lm = 0.0, expected_lm = 0.0, reachable_lm = 0.0, visible_share = 0.0;
   std::vector<Rival> rivals;

@@ -1,5 +1,5 @@
 #pragma once
-/// What is written down of a recording.
+/// Files of a recording.
 
 #include <filesystem>
 #include <string>

@@ -32,7 +32,7 @@ struct Made {
   std::vector<Evidence> shown;
 };
 
-/// What to multiply an effect by, so that it has its size in the whole recording: 1 if it nearly
+/// Factor on an effect, so that it has its size in the whole recording: 1 if it nearly
 /// has.
 double correction(const Case& c, const Recording& train) {
   const Effect& e = c.effects[0];
@@ -61,8 +61,8 @@ Made made(Case c) {
     } catch (const std::runtime_error&) {
       if (i == 9) throw;
       corrections = 0;
-      // The controller of another motion bears less; without effects it is too fast.
-      if (c.effects.empty()) c.rig.control.bandwidth *= 0.8;
+      // Another motion bears less of an effect, or a slower controller.
+      c.rig.control.bandwidth *= 0.85;
       for (Effect& e : c.effects) e.strength *= 0.6;
     }
   }

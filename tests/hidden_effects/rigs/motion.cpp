@@ -117,7 +117,7 @@ Desired Motion::at(double time) const {
       std::ranges::upper_bound(legs_, time, {}, [](const Leg& leg) { return leg.start; });
   const Leg& leg = after == legs_.begin() ? legs_.front() : *(after - 1);
   const double t = std::clamp(time - leg.start, 0.0, leg.whole), back = leg.whole - t;
-  const double push = 1.0 / (leg.ramp * (leg.whole - leg.ramp));  // of a way of 1
+  const double push = 1.0 / (leg.ramp * (leg.whole - leg.ramp));  // acceleration over a way of 1
   double s = 0.0, sd = 0.0, sdd = 0.0;
   // Way, speed, acceleration of a ramp after a time: constant, or as sin² with the same end.
   const auto ramp = [&](double x, double& way, double& speed, double& acceleration) {

@@ -18,8 +18,8 @@ struct Desired {
 /// How the motions of one case are made; each of its runs draws its own.
 struct MotionPlan {
   std::string kind;      ///< "multisine", "points", "chirp"
-  double period = 0.0;   ///< of a multisine that repeats [s]; 0: none
-  int waves = 5;         ///< of a multisine
+  double period = 0.0;   ///< repeat of a multisine [s]; 0: none
+  int waves = 5;         ///< number in a multisine
   double fastest = 1.5;  ///< [Hz]
   double speed = 2.0;    ///< peak [rad/s]
   double push = 12.0;    ///< peak acceleration [rad/s²]

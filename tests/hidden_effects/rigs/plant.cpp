@@ -7,6 +7,8 @@
 
 #include <Eigen/Cholesky>
 
+#include "controller.hpp"
+
 namespace rigs {
 namespace {
 
@@ -25,7 +27,7 @@ constexpr double kCorrection = 0.2;
 /// λ ∈ [low, high] along `row`, until the velocity along it is `target`.
 struct Bound {
   int a = 0, b = -1;  ///< degrees of freedom; b: none
-  double gear = 0.0;  ///< of b
+  double gear = 0.0;  ///< ratio of b
   double low = 0.0, high = 0.0, target = 0.0, lambda = 0.0;
   int dry_joint = -1;  ///< whose dry friction it is
   double along(const VectorXd& v) const { return v[a] + (b < 0 ? 0.0 : gear * v[b]); }
@@ -55,7 +57,7 @@ void solve(std::vector<Bound>& bounds, const MatrixXd& inverse, double h, Vector
   }
 }
 
-/// What a series with a step every kStep was a time ago, between its values.
+/// Series with a step every kStep, read a time ago, between its values.
 class Past {
  public:
   Past(double longest, Index n)
@@ -80,61 +82,6 @@ class Past {
 };
 
 double sign(double x) { return x > 0.0 ? 1.0 : x < 0.0 ? -1.0 : 0.0; }
-
-/// Cascade or computed torque, at its own ticks.
-class Controller {
- public:
-  Controller(const Rig& rig, const VectorXd& middle)
-      : rig_(rig), model_(rig.controller), sum_(VectorXd::Zero(middle.size())) {
-    model_.evaluate(middle, sum_);
-    inertia_ = model_.inertia().diagonal();
-    for (Index j = 0; j < inertia_.size(); ++j) {
-      const Joint& joint = rig.controller.joints[static_cast<std::size_t>(j)];
-      inertia_[j] += joint.rotor;
-    }
-  }
-
-  VectorXd torque(const VectorXd& position, const Desired& wanted) {
-    const Control& c = rig_.control;
-    const double dt = 1.0 / c.rate;
-    const Index n = position.size();
-    VectorXd q(n);
-    for (Index j = 0; j < n; ++j) q[j] = c.resolution * std::round(position[j] / c.resolution);
-    if (before_.size() == 0) {
-      before_ = q;
-      speed_ = wanted.qd;
-    }
-    const double keep = std::exp(-2.0 * std::numbers::pi * c.velocity_filter * dt);
-    speed_ = keep * speed_ + (1.0 - keep) * (q - before_) / dt;
-    before_ = q;
-    const VectorXd error = wanted.q - q;
-    VectorXd out;
-    if (c.computed_torque) {
-      const double w = c.bandwidth;
-      const VectorXd push = wanted.qdd + 1.8 * w * (wanted.qd - speed_) + w * w * error;
-      out = model_.torque(q, speed_, push);
-      for (Index j = 0; j < n; ++j)
-        out[j] += rig_.controller.joints[static_cast<std::size_t>(j)].rotor * push[j];
-    } else {
-      const VectorXd slip = c.bandwidth * error + wanted.qd - speed_;
-      const double fast = 2.5 * c.bandwidth;
-      sum_ += 0.3 * c.bandwidth * dt * slip;
-      out = fast * inertia_.cwiseProduct(slip + sum_);
-      if (c.knows_gravity) {
-        model_.evaluate(q, VectorXd::Zero(n));
-        out += model_.bias();
-      }
-    }
-    for (Index j = 0; j < n; ++j)
-      if (rig_.arm.joints[static_cast<std::size_t>(j)].passive) out[j] = 0.0;
-    return out;
-  }
-
- private:
-  const Rig& rig_;
-  Rigid model_;
-  VectorXd inertia_, sum_, before_, speed_;
-};
 
 Arm changed(const Rig& rig) {
   Arm out = rig.arm;
@@ -209,7 +156,7 @@ Track simulate(const Rig& rig, const Motion& motion, int run, double begin, doub
   Past past_q(p.late.maxCoeff(), n), past_v(p.late.maxCoeff(), n), past_a(p.late.maxCoeff(), n);
   MatrixXd torque_log(steps, n);
   VectorXd bristle = VectorXd::Zero(n), transmitted = VectorXd::Zero(n);
-  double z = 0.0;  // of presliding [rad]
+  double z = 0.0;  // bend of the presliding bristles [rad]
   std::vector<double> previous(static_cast<std::size_t>(2 * n + 8), 0.0);
   std::vector<Bound> bounds;
   VectorXd applied(n), needed(n), mass_bias(n), reported(n), reported_v(n), reported_a(n);

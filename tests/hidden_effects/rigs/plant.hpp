@@ -29,8 +29,8 @@ struct Bristles {
 struct Transmission {
   int joint = -1;
   bool gap = false;
-  double stiffness = 0.0, damping = 0.0;  ///< of the spring
-  double width = 0.0, restitution = 0.0;  ///< of the gap
+  double stiffness = 0.0, damping = 0.0;  ///< spring
+  double width = 0.0, restitution = 0.0;  ///< gap
 };
 
 /// Shaft that turns with q̇_first + ratio q̇_second.
@@ -50,7 +50,7 @@ struct Physics {
   Eigen::VectorXd viscous_plus, viscous_minus, quadratic, warm, warm_time;
   Eigen::VectorXd rotor;  ///< over what the model declares [kg·m²]
   Eigen::VectorXd spring, rest, ripple_sine, ripple_cosine, ripple_cycles;
-  Eigen::VectorXd offset, gain, delay, lag, limit;  ///< of the drive
+  Eigen::VectorXd offset, gain, delay, lag, limit;  ///< drive
   std::vector<Eigen::VectorXd> session;             ///< offset of run k, or empty
   Bristles bristles;
   Transmission transmission;
@@ -59,7 +59,7 @@ struct Physics {
   Eigen::Vector3d more_gravity = Eigen::Vector3d::Zero();  ///< [m/s²]
   Eigen::Matrix4d payload = Eigen::Matrix4d::Zero();  ///< pseudo-inertia added to the last link
   Eigen::VectorXd encoder_offset, encoder_scale, wobble, wobble_phase, late;  ///< late [s]
-  double torque_late = 0.0;  ///< of the logged torques against the positions [s]
+  double torque_late = 0.0;  ///< lateness of the logged torques [s]
   /// Torque that opposes joint `outside_joint`.
   std::function<double(double time, const Eigen::VectorXd& q, const Eigen::VectorXd& qd)> outside;
   int outside_joint = -1;
@@ -73,9 +73,9 @@ struct Control {
   bool computed_torque = false;  ///< else a cascade: position P, velocity PI, maybe gravity
   bool knows_gravity = true;
   double rate = 1000.0;           ///< [Hz]
-  double bandwidth = 12.0;        ///< of the position loop [rad/s]
+  double bandwidth = 12.0;        ///< position loop [rad/s]
   double velocity_filter = 40.0;  ///< [Hz]
-  double resolution = 2e-6;       ///< of the motors' encoders [rad]
+  double resolution = 2e-6;       ///< motors' encoders [rad]
 };
 
 struct Rig {
@@ -90,7 +90,7 @@ struct Rig {
 
 /// When rows are taken: their times, and whether a torque is that of the row's start.
 struct Sampling {
-  std::vector<double> times;  ///< of the rows, ascending [s]
+  std::vector<double> times;  ///< instants of the rows, ascending [s]
   double period = 0.002;      ///< nominal [s]
   bool middle = false;        ///< torque of the interval's middle; else of its start
   bool centred = false;  ///< torque of the row's instant: mean of what was held before and after
