@@ -183,7 +183,10 @@ void draw_control(Case& c, const std::string& effect, Draw& draw) {
   Control& control = c.rig.control;
   control.computed_torque = draw.chance(0.4) && c.rig.arm.kind != "pendulum";
   control.knows_gravity = draw.chance(0.7) && c.rig.arm.kind != "pendulum";
-  control.rate = draw.pick({200.0, 250.0, 500.0, 1000.0, 1000.0});
+  // A command that changes within a row would be logged too early: ticks are whole rows, or
+  // shorter.
+  do control.rate = draw.pick({200.0, 250.0, 500.0, 1000.0, 1000.0});
+  while (control.rate < c.rate && std::fmod(c.rate, control.rate) != 0.0);
   control.bandwidth = draw.uniform(8.0, 20.0);
   control.velocity_filter = draw.uniform(30.0, 60.0);
   if (is_fast(effect)) control.bandwidth = draw.uniform(8.0, 14.0);
@@ -192,7 +195,7 @@ void draw_control(Case& c, const std::string& effect, Draw& draw) {
   c.rig.controller = misjudged(c.rig.arm, 0.05, 0.25, draw);
   const bool ticks_between_rows = control.rate > 1.01 * c.rate;
   c.sensors.middle = ticks_between_rows && draw.chance(0.5);
-  c.sensors.centred = ticks_between_rows && !c.sensors.middle;
+  c.sensors.centred = ticks_between_rows;
 }
 
 void draw_sensors(Case& c, const std::string& effect, const CaseOptions& o, Draw& draw) {

@@ -90,7 +90,7 @@ void write_log(const std::filesystem::path& stem, const Case& c, const Recording
 
   Json sidecar{{"schema", "diffnea/recording/1"},
                {"torque_side", "motor"},
-               {"torque_sampling", s.centred ? "instant" : "hold"}};
+               {"torque_sampling", s.centred && !s.middle ? "instant" : "hold"}};
   if (c.plan.period > 0.0) sidecar["period"] = c.plan.period;
   for (Index j = 0; j < n; ++j) {
     const Joint& joint = arm.joints[static_cast<std::size_t>(j)];

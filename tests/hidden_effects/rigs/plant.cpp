@@ -390,7 +390,7 @@ Track simulate(const Rig& rig, const Motion& motion, int run, double begin, doub
   for (Index r = 0; r < rows; ++r) {
     const double shift = (sampling.middle ? 0.5 * sampling.period : 0.0) - p.torque_late;
     const double exact =
-        (sampling.times[static_cast<std::size_t>(r)] + shift) / kStep + static_cast<double>(before);
+        (static_cast<double>(r) * sampling.period + shift) / kStep + static_cast<double>(before);
     const Index at = std::clamp<Index>(static_cast<Index>(std::floor(exact + 1e-6)), 1, steps - 1);
     out.tau.row(r) = sampling.centred
                          ? Eigen::RowVectorXd(0.5 * (torque_log.row(at) + torque_log.row(at - 1)))

@@ -88,12 +88,14 @@ struct Rig {
   double motor_noise_band = 20.0;  ///< [Hz]
 };
 
-/// When rows are taken: their times, and whether a torque is that of the row's start.
+/// When rows are taken. Positions are those of `times`; torques belong to the drives' own cycle and
+/// are taken at whole periods.
 struct Sampling {
   std::vector<double> times;  ///< instants of the rows, ascending [s]
   double period = 0.002;      ///< nominal [s]
   bool middle = false;        ///< torque of the interval's middle; else of its start
-  bool centred = false;  ///< torque of the row's instant: mean of what was held before and after
+  /// Torque of an instant: mean of the commands before and after. Else the command from then on.
+  bool centred = false;
 };
 
 /// Length of the means that evidence is made of [s].
