@@ -187,11 +187,13 @@ void drive_effect(Effect& e, int j, Scene& s) {
     e.act = [=](double x, Rig& rig) { rig.physics.delay[j] = x; };
     e.parameters = [](double x) { return Json{{"delay", x}}; };
   } else {
-    const double peak = s.usual.peak_torque[j];
-    e.start = std::max(0.02, 0.4 * (1.0 - s.usual.high_torque[j] / peak));
-    e.limit = std::max(0.02, 1.0 - s.usual.high_torque[j] / peak);
-    e.act = [=](double x, Rig& rig) { rig.physics.limit[j] = peak * (1.0 - x); };
-    e.parameters = [=](double x) { return Json{{"limit", peak * (1.0 - x)}}; };
+    // A strength of 1 limits at what the motion asks for at most; feedback asks for more.
+    const double peak = s.usual.peak_torque[j], high = s.usual.high_torque[j];
+    const auto limit = [=](double x) { return peak * std::pow(x, -0.25); };
+    e.start = std::pow(peak / (0.4 * high + 0.6 * peak), 4.0);
+    e.limit = std::pow(peak / high, 4.0);
+    e.act = [=](double x, Rig& rig) { rig.physics.limit[j] = limit(x); };
+    e.parameters = [=](double x) { return Json{{"limit", limit(x)}}; };
   }
 }
 

@@ -45,7 +45,7 @@ double correction(const Case& c, const Recording& train) {
 }
 
 /// Records, with less of the effects where the machine cannot bear them.
-Made made(Case c) {
+Made made(Case c, double largest) {
   Made out;
   int corrections = c.effects.size() == 1 && c.kind != "audit" ? 3 : 0;
   for (int i = 0; i < 10; ++i) {
@@ -66,6 +66,8 @@ Made made(Case c) {
       for (Effect& e : c.effects) e.strength *= 0.6;
     }
   }
+  if (c.kind != "audit" && effect_share(c, out.train).maxCoeff() > 2.0 * largest)
+    throw std::runtime_error("effects are larger than was asked for");
   out.shown = evidence(c, out.train);
   if (c.kind == "named" && std::ranges::all_of(out.shown, [](const Evidence& e) {
         return e.visible_share < 0.01 && e.expected_lm < kVisible;
@@ -161,7 +163,7 @@ void generate(std::uint64_t seed, const std::string& family, const CaseOptions& 
   double seen_best = -1.0;
   for (int attempt = 0; attempt < kAttempts; ++attempt) {
     try {
-      Made m = made(draw_case(seed, attempt, family, options));
+      Made m = made(draw_case(seed, attempt, family, options), options.largest);
       double weakest = 1e300;
       for (const Evidence& e : m.shown) weakest = std::min(weakest, e.reachable_lm);
       const bool enough = can_be_seen(m);

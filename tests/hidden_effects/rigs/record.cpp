@@ -41,7 +41,7 @@ double size_of(const Case& c, const Effect& e) {
   return out;
 }
 
-/// Whether drives swing from tick to tick.
+/// True where drives swing from tick to tick.
 bool chatters(const Case& c, const Recording& recording) {
   VectorXd squares = VectorXd::Zero(c.rig.arm.size());
   double rows = 0.0;
