@@ -216,6 +216,8 @@ void draw_sensors(Case& c, const std::string& effect, const CaseOptions& o, Draw
   }
   if (!fast && draw.chance(0.12))
     (draw.chance(0.5) ? s.slow_positions : s.slow_torques) = 2 + draw.index(3);
+  // Values of 30 ms ago and more are another fault than a slow sensor.
+  if (c.rate < 250.0) s.slow_positions = s.slow_torques = 1;
   if (draw.chance(0.2)) s.jitter = draw.uniform(0.01, 0.06);
   if (draw.chance(0.2)) {
     s.constant.resize(n);
