@@ -1,4 +1,4 @@
-"""The generator, built with the C++ tests."""
+"""The generators, built with the C++ tests."""
 
 import json
 import os
@@ -13,6 +13,10 @@ from cli import ROOT
 GENERATOR = Path(
     os.environ.get("DIFFNEA_HIDDEN_EFFECTS")
     or ROOT / "build/release/tests/hidden_effects/hidden_effects_generate"
+)
+RIGS = Path(
+    os.environ.get("DIFFNEA_HIDDEN_EFFECTS_RIGS")
+    or GENERATOR.parent / "rigs" / "hidden_effects_rigs"
 )
 
 Generate = Callable[..., tuple[Path, dict[str, Any]]]
@@ -36,3 +40,10 @@ def generate(generator: Path, tmp_path_factory: pytest.TempPathFactory) -> Gener
         return folder, json.loads((folder / "truth/truth.json").read_text(encoding="utf-8"))
 
     return make
+
+
+@pytest.fixture(scope="session")
+def rigs() -> Path:
+    if not RIGS.exists():
+        pytest.fail(f"{RIGS} is not built: make test, or name it in DIFFNEA_HIDDEN_EFFECTS_RIGS")
+    return RIGS

@@ -174,16 +174,21 @@ def test_a_family_that_there_is_not_is_answered_with_those_there_are(
     assert not (tmp_path / "case").exists()
 
 
-def test_the_generator_is_independent_of_the_library() -> None:
-    allowed = re.compile(r"<(CLI|Eigen|mujoco|nlohmann)/[\w./]+>|<\w+>|\"\w+\.hpp\"")
-    sources = [*HERE.glob("*.cpp"), *HERE.glob("*.hpp")]
+@pytest.mark.parametrize("folder", [HERE, HERE / "rigs"])
+def test_the_generators_are_independent_of_the_library_and_of_each_other(folder: Path) -> None:
+    allowed = re.compile(r"<(CLI|Eigen|catch2|mujoco|nlohmann)/[\w./]+>|<\w+>|\"\w+\.hpp\"")
+    sources = [*folder.glob("*.cpp"), *folder.glob("*.hpp")]
     assert len(sources) > 10
     for path in sources:
         for included in re.findall(r"#\s*include\s*(\S+)", path.read_text()):
             assert allowed.fullmatch(included), f"{path.name} includes {included}"
             if included.startswith('"'):
-                assert (HERE / included.strip('"')).exists()
-    assert "diffnea::" not in (HERE / "CMakeLists.txt").read_text()
+                assert (folder / included.strip('"')).exists()
+        if path.parent.name == "rigs":
+            assert "hidden::" not in path.read_text()
+    lists = (folder / "CMakeLists.txt").read_text()
+    assert "diffnea::" not in lists
+    assert "../" not in lists
 
 
 def test_aperiodic_motions_repeat_nowhere(generate: Generate) -> None:

@@ -3,12 +3,13 @@
     python3 study.py build/release --set report -o build/study
     python3 study.py build/release --set tune --count 5 --family coulomb_friction -o build/tune
 
-BUILD holds the generator and the command. One folder a case; what is finished is not done again,
+BUILD holds the generators and the command. One folder a case; what is finished is not done again,
 so the study can be stopped and resumed. A case is made again from its name:
-hidden_effects_generate with its group's options, seed and family. Thresholds are tuned on the
-seeds of `tune` and reported on those of `report`. `--table` only writes the table anew,
-`--rescore` judges the stored results anew. `--oracle` diagnoses each case of named effects again
-with those as the only candidates, finished cases as well.
+hidden_effects_generate with its group's options, seed and family. `--generator rigs` takes the
+cases from the second generator, which shares nothing with the first; give it a folder of its own.
+Thresholds are tuned on the seeds of `tune` and reported on those of `report`. `--table` only
+writes the table anew, `--rescore` judges the stored results anew. `--oracle` diagnoses each case
+of named effects again with those as the only candidates, finished cases as well.
 """
 
 import argparse
@@ -29,6 +30,11 @@ import score as scoring
 
 # The first seed of each set; a set holds less than FIRST_SEED["report"] - FIRST_SEED["tune"] seeds.
 FIRST_SEED = {"tune": 1_000, "report": 1_000_000}
+# Programs that make the cases, below BUILD.
+GENERATORS = {
+    "first": Path("tests/hidden_effects/hidden_effects_generate"),
+    "rigs": Path("tests/hidden_effects/rigs/hidden_effects_rigs"),
+}
 TIMEOUT = 600  # [s] for one diagnosis
 NEXT_PERIOD = 10  # [s] of the motion that a diagnosis proposes
 
@@ -44,7 +50,7 @@ class Group:
 
     def chosen(self, every: list[str]) -> list[str]:
         if self.families:
-            return list(self.families)
+            return [f for f in self.families if f in every]
         return [f for f in every if f.startswith("ball_") == self.ball and not is_none(f)]
 
 
@@ -197,7 +203,7 @@ def diagnose(
 ) -> tuple[str, scoring.Json | None]:
     """What went wrong, or nothing, and the result."""
     seen = home / "seen"
-    model = next(seen.glob("model.*"))  # .xml, of the ball .json
+    model = next(seen.glob("model.*"))  # .xml or .urdf, of the ball .json
     look: list[Any] = [command, "diagnose", model, seen / "train.csv"]
     look += ["--base", base, "-o", home / run, *map(str, options), "--quiet", "--threads", "1"]
     try:
@@ -264,6 +270,7 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("build", type=Path, help="build folder with the generator and the command")
+    parser.add_argument("--generator", choices=GENERATORS, default="first")
     parser.add_argument("--set", choices=FIRST_SEED, default="tune", help="which seeds")
     parser.add_argument("--count", type=int, default=20, help="cases a family and group")
     parser.add_argument("--none", type=int, default=400, help="cases that hide nothing")
@@ -277,7 +284,7 @@ def main() -> None:
     parser.add_argument("-o", dest="folder", type=Path, required=True, help="folder of the study")
     args = parser.parse_args()
 
-    generator = (args.build / "tests/hidden_effects/hidden_effects_generate").resolve()
+    generator = (args.build / GENERATORS[args.generator]).resolve()
     command = (args.build / "apps/diffnea").resolve()
     tools = Tools(generator, command, args.keep, args.oracle)
     cases = plan(args, families(generator))
@@ -295,7 +302,7 @@ def main() -> None:
             if (args.folder / case.name / "score.json").exists():
                 rescore(args.folder / case.name)
     first = FIRST_SEED[args.set]
-    title = f"Hidden effects, set `{args.set}` (seeds from {first})"
+    title = f"Hidden effects, generator `{args.generator}`, set `{args.set}` (seeds from {first})"
     text = figures.table(stored(cases, args.folder), title)
     (args.folder / f"{args.set}.md").write_text(text, encoding="utf-8")
     print(text)
