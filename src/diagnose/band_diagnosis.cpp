@@ -24,6 +24,9 @@ namespace {
 /// 139 recordings that hide nothing.
 constexpr double kLeft = 1.3;
 
+/// Lateness of torques that is worth a word [samples].
+constexpr double kWorthASample = 0.2;
+
 /// Adds the time that it lived.
 class Timer {
  public:
@@ -93,11 +96,11 @@ std::vector<std::string> BandDiagnosis::without_turns(
 void BandDiagnosis::select() {
   const int most = case_.options.max_causes > 0 ? case_.options.max_causes
                                                 : std::max(8, 3 * case_.layout.num_dofs);
-  Selection selection(
-      *case_.search, case_.candidates, *case_.held_out,
-      {case_.options.accept_delta_bic, most, case_.period, [this](const std::vector<Term>& terms) {
-         return case_.reference->rebase(case_.search->projection(), terms);
-       }});
+  Selection selection(*case_.search, case_.candidates, *case_.held_out,
+                      {case_.options.accept_delta_bic, most, case_.period, case_.options.seed,
+                       [this](const std::vector<Term>& terms) {
+                         return case_.reference->rebase(case_.search->projection(), terms);
+                       }});
   first_scores_ = case_.search->scores({});
   level_sum_ = case_.search->residual_sum();
   terms_ = selection.run([this](const FitProgress& progress) {
@@ -146,6 +149,16 @@ void BandDiagnosis::note_friction() {
         ", which every drive has: `diffnea identify` fits it with the rest. Diagnose what it "
         "writes; friction that a fit knows of hides other effects less, and less of it is taken "
         "for another friction");
+}
+
+void BandDiagnosis::note_instant() {
+  const double late = case_.search->late(terms_);
+  if (!(std::abs(late) > kWorthASample)) return;
+  const double ms = 1e3 * late * case_.finding.plan.dt;
+  case_.finding.notes.push_back(
+      "the torques act " + format_number(std::abs(late)) + " samples (" +
+      format_number(std::abs(ms)) + " ms) " + (late > 0.0 ? "later" : "earlier") +
+      " than `torque_sampling` says: no more than how a drive samples and holds them, so no delay");
 }
 
 void BandDiagnosis::describe() {
@@ -214,6 +227,7 @@ void BandDiagnosis::complete() {
   }
   add_series(e0, e1, case_);
   note_offsets(e1, case_);
+  note_instant();
   note_uneven(case_);
   LinearFit fit;
   const VecX<double> x = final_base(case_.base, case_.layout, *case_.search, *case_.train, terms_,

@@ -35,6 +35,8 @@ class BandDiagnosis {
   void select();
   /// That a base whose drives have no dry friction is better identified first.
   void note_friction();
+  /// Says where torques act at other instants than the sidecar tells.
+  void note_instant();
   void describe();
   void judge();
   /// Errors, parameters and motion of the extended model.

@@ -10,6 +10,8 @@ namespace {
 
 /// Of ln v₀: what is nearer, the base's columns follow where the evidence is.
 constexpr double kFar = 0.1;
+/// One over the standard deviation of the torque's instant [1/sample]: of a uniform distribution.
+const double kInstant = std::sqrt(12.0) / kInstants;
 
 /// Factors of the linear parameters alone.
 std::vector<JointFactor> linear_factors(const Evidence& evidence, const FitLayout& layout) {
@@ -39,7 +41,7 @@ BasePrior base_prior(Base base, const Model& model, const FitLayout& layout,
                      const Evidence& evidence) {
   BasePrior out;
   const long linear = static_cast<long>(layout.linear.size());
-  const long turns = evidence.base().cols() - linear;
+  const long turns = evidence.base().cols() - linear;  // and the torque's instant
   out.x0 = VecX<double>::Zero(linear + turns);
   out.x0.head(linear) = layout.prior();
   // The rows of passive joints are linear about x₀ (Projection).
@@ -48,6 +50,7 @@ BasePrior base_prior(Base base, const Model& model, const FitLayout& layout,
   if (base == Base::kFixed) {  // how sharply friction turns is no claim of the model
     for (long s = 0; s < turns; ++s) out.free.push_back(static_cast<int>(linear + s));
     out.root = MatX<double>::Identity(turns, turns);
+    out.root(turns - 1, turns - 1) = kInstant;
     return out;
   }
   for (std::size_t k = 0; k < layout.linear.size(); ++k)
@@ -56,6 +59,7 @@ BasePrior base_prior(Base base, const Model& model, const FitLayout& layout,
   VecX<double> scale(linear + turns);
   scale << parameter_scales(layout, linear_factors(evidence, layout)),
       VecX<double>::Constant(turns, 1.0 / width);  // a factor of e, 1 ms
+  scale[linear + turns - 1] = 1.0 / (kInstant * width);
   for (long s = 0; s < turns; ++s) out.free.push_back(static_cast<int>(linear + s));
   const long p = static_cast<long>(out.free.size());
   MatX<double> weak = MatX<double>::Zero(p, p);

@@ -57,9 +57,32 @@ Evidence::Evidence(const Model& model, const FitLayout& layout, const RecordingS
   const MatX<double> turns_of_base = turns(layout);
   for (MatX<double>* base : {&base_, &averaged_base_}) {
     if (base->size() == 0) continue;
-    base->conservativeResize(Eigen::NoChange, base->cols() + turns_of_base.cols());
-    base->rightCols(turns_of_base.cols()) = turns_of_base;
+    base->conservativeResize(Eigen::NoChange, base->cols() + turns_of_base.cols() + 1);
+    base->middleCols(base->cols() - turns_of_base.cols() - 1, turns_of_base.cols()) = turns_of_base;
   }
+  // Gridder places held torques half a sample late already.
+  if (source.sample().front().info.torque_sampling == TorqueSampling::kHold)
+    earliest_instant_ -= 0.5;
+  has_instant_ = true;
+  set_instant();
+}
+
+void Evidence::set_instant() {
+  const MatX<double> rate = filtered([](const JointSeries& s) {  // torque of a sample
+    const long n = s.total.rows();
+    RowMatX<double> out = RowMatX<double>::Zero(n, s.total.cols());
+    for (long i = 0; i < n && n > 1; ++i) {
+      const long before = std::max(i - 1, 0L), after = std::min(i + 1, n - 1);
+      out.row(i) = (s.total.row(after) - s.total.row(before)) / static_cast<double>(after - before);
+    }
+    return out;
+  });
+  VecX<double> column = VecX<double>::Zero(rows());
+  for (std::size_t k = 0; k < joints_.size(); ++k)
+    if (!passive_[k])
+      column.segment(static_cast<long>(k) * times(), times()) = rate.col(joints_[k]);
+  base_.rightCols(1) = column;
+  if (averaged_) averaged_base_.rightCols(1) = column;
 }
 
 void Evidence::take_series(Stretches& collector, const PreprocessPlan& plan, double period) {
@@ -313,6 +336,7 @@ double Evidence::set_reference(const Model& fitted) {
                   .squaredNorm()
                   .transpose();
   }
+  if (has_instant_) set_instant();
   return std::sqrt((change.array() / size.array().max(1e-300)).maxCoeff());
 }
 

@@ -19,6 +19,10 @@
 
 namespace diffnea {
 
+/// Range of a torque's instant [samples]: a mean over the sample before the position, or held for
+/// one after it and computed for half of one.
+inline constexpr double kInstants = 1.5;
+
 /// Of the autoregression that whitens rows: what a row needs before it.
 inline constexpr int kNoiseOrder = 8;
 
@@ -58,13 +62,19 @@ class Evidence {
   /// Whether nothing drives the k-th of joints(): its torque is 0, or a ball's pull.
   bool passive(long k) const { return passive_[static_cast<std::size_t>(k)]; }
   /// Columns of the layout's linear parameters, then ∂τ/∂ln v₀ of the base's smoothed friction,
-  /// then turn_columns() of each: how it turns is not known.
+  /// then turn_columns() of each: how it turns is not known; the last, by how many samples the
+  /// torque is logged late.
   const MatX<double>& base() const { return base_; }
   /// The same of the averaged motion (series()): what of a candidate's columns the base takes over.
   /// As base() where motion does not repeat.
   const MatX<double>& averaged_base() const { return averaged_ ? averaged_base_ : base_; }
   /// Those of base()'s columns that are dry friction's.
   const std::vector<int>& dry_columns() const { return dry_columns_; }
+
+  /// A torque is sampled, computed and held within a sample before or after the positions beside
+  /// it, in a way that no log tells: how late it may be without a delay [samples].
+  double earliest_instant() const { return earliest_instant_; }
+  double latest_instant() const { return earliest_instant_ + kInstants; }
 
   // Of each instant, (times()).
   const std::vector<double>& time() const { return time_; }
@@ -154,12 +164,16 @@ class Evidence {
   MatX<double> stacked_base(const TorqueRegression& regression, long p) const;
   /// turn_columns() of every friction of the layout, (rows(), kTurnColumns · frictions).
   MatX<double> turns(const FitLayout& layout) const;
+  /// Writes the base's last column, by the present reference.
+  void set_instant();
   /// Filters and decimates series of the recording's rate, one matrix for each stretch.
   MatX<double> decimate(const std::vector<RowMatX<double>>& stretches) const;
   const ExtendedTree& reference(const JointSeries& s) const { return references_.at(s.run); }
 
   int num_dofs_ = 0, first_run_ = 0;
   double cut_off_ = 0.0;
+  double earliest_instant_ = -0.5;
+  bool has_instant_ = false;
   std::vector<double> turns_per_second_, late_;
   bool averaged_ = false;
   std::vector<int> joints_, dry_columns_, sticking_;

@@ -11,10 +11,38 @@ Search::Search(const Evidence& evidence, const std::vector<Candidate>& candidate
                const BasePrior& prior, const std::vector<bool>& used, double table_bytes)
     : evidence_(evidence),
       candidates_(candidates),
-      prior_(prior),
+      moving_(prior),
+      held_(prior),
       used_(used),
       table_(evidence, candidates, table_bytes) {
   if (used_.empty()) used_.assign(static_cast<std::size_t>(evidence.rows()), true);
+  const int last = static_cast<int>(evidence.base().cols()) - 1;
+  if (const auto at = std::ranges::find(held_.free, last); at != held_.free.end()) {
+    const long k = at - held_.free.begin(), after = held_.root.cols() - k - 1;
+    held_.root.middleCols(k, after) = held_.root.rightCols(after).eval();
+    held_.root.conservativeResize(Eigen::NoChange, held_.root.cols() - 1);
+    held_.free.erase(at);
+  }
+}
+
+void Search::set_projection(std::vector<Term>& terms) {
+  for (const bool moving : {true, false}) {
+    instant_ = moving;
+    projection_.reset();
+    projection_ = std::make_unique<Projection>(evidence_, *whitener_, prior());
+    for (Term& t : terms) set_columns(t);
+    fit(terms);
+    if (const double by = late(terms);
+        by > evidence_.earliest_instant() && by < evidence_.latest_instant())
+      return;
+  }
+}
+
+double Search::late(const std::vector<Term>& terms) const {
+  VecX<double> effects = VecX<double>::Zero(evidence_.rows());
+  for (const Term& t : terms) effects += t.torque();
+  const VecX<double> x = projection_->parameters(effects);
+  return x[x.size() - 1];
 }
 
 Term Search::term_of(const Score& score) const {
@@ -59,7 +87,7 @@ void Search::refresh(double period, std::vector<Term>& terms) {
       left = residual(terms);
     } else {
       whitener_ = std::make_unique<Whitener>(evidence_, white_noise(evidence_), used_);
-      projection_ = std::make_unique<Projection>(evidence_, *whitener_, prior_);
+      set_projection(terms);
       left = residual(terms);
     }
     std::vector<bool> rows = used_;
@@ -81,7 +109,7 @@ void Search::refresh(double period, std::vector<Term>& terms) {
       const double fitted = static_cast<double>(projection_->rank() + num_parameters(terms)) /
                             static_cast<double>(evidence_.joints().size());
       Smoothed smoothed =
-          beside_smooth_functions(evidence_, prior_.free, prior_.x0, left, rows, fitted);
+          beside_smooth_functions(evidence_, prior().free, prior().x0, left, rows, fitted);
       noise = std::move(smoothed.left);
       lost = std::move(smoothed.lost);
       blind_ = std::move(smoothed.blind);
@@ -89,9 +117,7 @@ void Search::refresh(double period, std::vector<Term>& terms) {
     std::vector<JointNoise> estimate = estimate_noise(evidence_, noise, rows, lost);
     projection_.reset();
     whitener_ = std::make_unique<Whitener>(evidence_, std::move(estimate), used_);
-    projection_ = std::make_unique<Projection>(evidence_, *whitener_, prior_);
-    for (Term& t : terms) set_columns(t);
-    fit(terms);
+    set_projection(terms);
   }
   table_.measure(*whitener_, *projection_);
 }
@@ -131,10 +157,10 @@ int Search::num_parameters(const std::vector<Term>& terms) const {
   return out;
 }
 
-double Search::cost(double chi2) const {
-  const double n = static_cast<double>(rows());
+double Search::cost(double chi2, double share) const {
+  const double n = share * static_cast<double>(rows());
   if (repeatable_ && chi2 < n) return std::max(chi2, 0.0) - n;
-  const double all = chi2 + (repeatable_ ? 0.0 : whitener_->assumed_sum());
+  const double all = chi2 + (repeatable_ ? 0.0 : share * whitener_->assumed_sum());
   return n * std::log(std::max(all, 1e-300) / n);
 }
 

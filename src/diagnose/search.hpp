@@ -46,9 +46,12 @@ class Search {
   /// there, 0 … 1.
   double replaced_share(const Term& term, const Term& by, const std::vector<Term>& beside) const;
 
-  /// What a fit costs, −2 ln of its likelihood but for a constant: n ln χ², the noise as large as
+  /// Cost of a fit, −2 ln of its likelihood but for a constant: n ln χ², the noise as large as
   /// what is left and what is assumed; where repeats have told the noise and no more is left, χ².
-  double cost(double chi2) const;
+  /// @param share  of the rows that it is of
+  double cost(double chi2, double share = 1.0) const;
+  /// What the best of a candidate's starts is worth less for being the best of many (Bonferroni).
+  double looked_elsewhere(int candidate) const;
 
   const Evidence& evidence() const { return evidence_; }
   const std::vector<Candidate>& candidates() const { return candidates_; }
@@ -64,6 +67,10 @@ class Search {
   /// The residual of torque at the base that goes with the terms, (rows()).
   VecX<double> residual(const std::vector<Term>& terms) const;
 
+  /// By how many samples the torque acts later than its rows say, as the base beside the terms has
+  /// it; 0 where it lies beyond a sample, and is left to the causes.
+  double late(const std::vector<Term>& terms) const;
+
   /// What is left beside base and terms at their values, whitened.
   VecX<double> left_by(const std::vector<Term>& terms) const;
 
@@ -71,11 +78,15 @@ class Search {
   double torque_share(const Term& term) const;
 
  private:
-  /// What the best of a candidate's starts is worth less for being the best of many (Bonferroni).
-  double looked_elsewhere(int candidate) const;
   const Evidence& evidence_;
   const std::vector<Candidate>& candidates_;
-  const BasePrior& prior_;
+  /// The torque's instant moves with the base where the recording has it within a sample. Where it
+  /// lies beyond, something is late, and the base does not move it.
+  const BasePrior& prior() const { return instant_ ? moving_ : held_; }
+  void set_projection(std::vector<Term>& terms);
+
+  BasePrior moving_, held_;  ///< with and without the torque's instant
+  bool instant_ = true;
   std::vector<bool> used_;
   ScoreTable table_;
   std::unique_ptr<Whitener> whitener_;

@@ -7,6 +7,7 @@
 #include "diagnose/cause_sizes.hpp"
 #include "diagnose/inexact.hpp"
 #include "diagnose/refine.hpp"
+#include "diagnose/stability.hpp"
 
 namespace diffnea {
 namespace {
@@ -18,6 +19,9 @@ constexpr double kNoWorse = 2.0;     ///< ΔBIC, not worth mentioning (Kass and 
 /// ΔBIC of a cause whose size the recording does not tell, at least: any noise has some shape.
 constexpr double kSizeless = 50.0;
 constexpr const char* kImpossible = "comes to a size that no robot has, beside the others";
+/// Share of the halves in which a rival is chosen, to be of the class of a cause that is not chosen
+/// in most of them.
+constexpr double kSomeHalves = 0.1;
 constexpr double kChild = 0.98;  ///< of a cause's column that a more general effect reproduces
 
 std::vector<Term> without(const std::vector<Term>& terms, std::size_t i) {
@@ -327,7 +331,47 @@ std::vector<Term> Selection::run(const std::function<bool(const FitProgress&)>& 
       break;
     }
   }
+  drop_unstable(terms);
   return terms;
+}
+
+void Selection::drop_unstable(std::vector<Term>& terms) {
+  while (!terms.empty()) {
+    std::vector<Contender> contenders;
+    std::vector<std::size_t> stands_for;  // index of a term
+    std::set<int> named = names(terms);
+    for (std::size_t i = 0; i < terms.size(); ++i) {
+      contenders.push_back({terms[i]});
+      stands_for.push_back(i);
+    }
+    for (std::size_t i = 0; i < terms.size(); ++i) {
+      if (stays(terms[i])) continue;
+      for (Offer& offer : offers(without(terms, i), kRefined + 2))
+        if (named.insert(offer.term.candidate).second) {
+          contenders.push_back({std::move(offer.term)});
+          stands_for.push_back(i);
+        }
+    }
+    if (!choose_on_halves(search_, options_.accept, options_.seed, contenders)) return;
+    std::vector<double> together(terms.size(), 0.0);
+    chosen_.clear();
+    for (std::size_t c = 0; c < contenders.size(); ++c) {
+      together[stands_for[c]] += contenders[c].chosen;
+      chosen_[contenders[c].term.candidate] = contenders[c].chosen;
+    }
+    std::size_t drop = terms.size();
+    double least = kMostHalves;
+    for (std::size_t i = 0; i < terms.size(); ++i)
+      if (!stays(terms[i]) && together[i] < least) least = together[i], drop = i;
+    if (drop == terms.size()) return;
+    const Candidate& c = candidates_[static_cast<std::size_t>(terms[drop].candidate)];
+    const std::vector<Term> rest = without(terms, drop);
+    refused_.push_back(
+        {c.effect.info().name, c.effect.where, "chosen on too few halves of the recording",
+         search_.bic(search_.gain_of(rest), rest) - search_.bic(search_.gain_of(terms), terms)});
+    terms = rest;
+    search_.fit(terms);
+  }
 }
 
 void Selection::add_rivals(const std::vector<Term>& terms, std::size_t which, Cause& cause) const {
@@ -349,7 +393,11 @@ void Selection::add_rivals(const std::vector<Term>& terms, std::size_t which, Ca
     const bool child = offer.term.num_parameters() > own &&
                        c.effect.info().port != Port::kModelParameter &&
                        search_.replaced_share(terms[which], offer.term, rest) > kChild;
-    (rival.delta_bic < kSameClass && !child ? cause.members : cause.rivals).push_back(rival);
+    const auto halves = chosen_.find(offer.term.candidate);
+    const bool instead =
+        cause.stability < kMostHalves && halves != chosen_.end() && halves->second > kSomeHalves;
+    ((rival.delta_bic < kSameClass || instead) && !child ? cause.members : cause.rivals)
+        .push_back(rival);
   }
   for (auto* list : {&cause.members, &cause.rivals})
     std::ranges::sort(*list, {}, &Rival::delta_bic);
@@ -374,6 +422,8 @@ std::vector<Cause> Selection::causes(const std::vector<Term>& terms) const {
     const HeldOutChange held = change(rest, terms);
     cause.gain = {std::sqrt(held.before), std::sqrt(held.after), 0.0, 0.0, held.low, held.high};
     cause.gain.explained_share = held.before > 0.0 ? 1.0 - held.after / held.before : 0.0;
+    if (const auto at = chosen_.find(t.candidate); at != chosen_.end())
+      cause.stability = at->second;
     add_rivals(terms, i, cause);
     cause.verdict = cause.members.empty() ? Verdict::kNamed : Verdict::kClass;
     out.push_back(std::move(cause));

@@ -3,6 +3,7 @@
 /// elimination, then what else could stand in each one's place. Internal to diagnose/.
 
 #include <algorithm>
+#include <map>
 
 #include <diffnea/diagnose/finding.hpp>
 
@@ -14,6 +15,7 @@ struct SelectionOptions {
   double accept = 10.0;  ///< ΔBIC
   int max_terms = 8;
   double period = 0.0;  ///< [s]
+  std::uint64_t seed = 0;
   /// Refits the model that columns refer to beside the terms; whether that moved its torques.
   std::function<bool(const std::vector<Term>&)> rebase;
 };
@@ -58,6 +60,9 @@ class Selection {
   bool simplify(std::vector<Term>& terms) const;
   /// Either, if all that is put there stays once the base has been fitted beside it.
   bool put_simpler(std::vector<Term>& terms);
+  /// Drops causes that, together with what may stand for them, most halves of the recording do not
+  /// choose.
+  void drop_unstable(std::vector<Term>& terms);
   /// What `with` is worth on held-out data beside `without`, each of them fitted.
   HeldOutChange change(std::vector<Term> without, std::vector<Term> with) const;
   void add_rivals(const std::vector<Term>& terms, std::size_t which, Cause& cause) const;
@@ -68,7 +73,8 @@ class Selection {
   SelectionOptions options_;
   std::vector<Refusal> refused_;
   std::vector<int> refused_candidates_;
-  std::vector<int> impossible_;  ///< candidates
+  std::vector<int> impossible_;   ///< candidates
+  std::map<int, double> chosen_;  ///< share of halves that choose a candidate; empty: not asked
 };
 
 }  // namespace diffnea

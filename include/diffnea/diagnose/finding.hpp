@@ -134,6 +134,7 @@ struct Cause {
   double lm = 0.0;
   double visible_share = 0.0;
   double torque_share = 0.0;
+  double stability = std::numeric_limits<double>::quiet_NaN();
   std::vector<Rival> members;
   std::vector<Rival> rivals;
   Gain gain;
@@ -157,6 +158,10 @@ struct Cause {
                "Of its torque: what the base parameters cannot take over.");
     list.field("torque_share", &Cause::torque_share,
                "Root mean square of its torque over that of its joint's torque.");
+    list.field("stability", &Cause::stability,
+               "Share of random halves of the recording on which it is chosen among itself and its "
+               "rivals; NaN: not asked.",
+               {.optional = true});
     list.field("members", &Cause::members,
                "Its class without itself: effects that this recording cannot tell from it; a list "
                "of :class:`Rival`.",
