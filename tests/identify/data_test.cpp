@@ -105,9 +105,9 @@ TEST_CASE("free pendulum: Coulomb and viscous friction over 45 s in one window",
   ReadOptions read;
   read.info.passive = {"pendulum"};
   IdentifyOptions options;
-  options.loss = Loss::kTrajectory;
+  options.loss = Loss::kMotion;
   options.choice.effects = std::vector<std::string>{"viscous_friction", "coulomb_friction"};
-  options.trajectory.window = 45.0;
+  options.motion.horizon = 45.2;
   const Recording all = read_recordings(folder / "free_swing.csv", read).at(0);
   const IdentifyResult result =
       identify(own_model("pendulum.json"), {between(all, 20.0, 65.2)}, {}, options);

@@ -100,8 +100,8 @@ def test_runs_of_one_file_share_what_columns_cannot_hold(tmp_path: Path, name: s
 @pytest.mark.parametrize(
     ("words", "option"),
     [
-        (("--loss", "trajectory", "--robust", "huber"), "--robust"),
-        (("--loss", "trajectory", "--prior", "entropic=1"), "--prior"),
+        (("--loss", "motion", "--robust", "huber"), "--robust"),
+        (("--loss", "motion", "--prior", "entropic=1"), "--prior"),
         (("--loss", "constrained"), "--loss"),
         (("--window", 0.2), "--window"),
         (("--lambda", "1,1,1"), "--lambda"),
