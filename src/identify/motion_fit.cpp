@@ -288,6 +288,19 @@ void MotionFitter::fit_states(std::vector<MotionWindow>& windows) const {
   });
 }
 
+double MotionFitter::best_cost(std::vector<MotionWindow> windows) const {
+  fit_states(windows);
+  Workers simulators = workers_at(now_.x, now_.shape, {});
+  std::vector<double> parts(windows.size());
+  parallel_for(windows.size(), simulators.size(), [&](std::size_t i, std::size_t t) {
+    parts[i] =
+        simulators[t]->cost(problem_.stretches[windows[i].stretch], windows[i], problem_.sigma);
+  });
+  double out = 0.0;
+  for (const double c : parts) out += c;
+  return out;
+}
+
 double MotionFitter::coordinate(long column, const VecX<double>& x,
                                 const VecX<double>& shape) const {
   const long p = x.size();

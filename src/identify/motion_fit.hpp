@@ -61,6 +61,10 @@ class MotionFitter {
   Workers workers() const { return workers_at(now_.x, now_.shape, free_); }
   /// The present point.
   const MotionFit& now() const { return now_; }
+  /// Goes on from these linear parameters, strictly consistent; the prior stays where it is.
+  void begin_at(const VecX<double>& x) { now_.x = x; }
+  /// χ²/2 of these windows at the present point, each at its best state; +∞ if one blows up.
+  double best_cost(std::vector<MotionWindow> windows) const;
   /// Goes back to an earlier one.
   void restore(MotionFit earlier) { now_ = std::move(earlier); }
 

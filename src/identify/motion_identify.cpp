@@ -149,6 +149,10 @@ class MotionIdentification {
           "identify: every parameter is held, nothing is left to fit; groups of fit: "
           "inertia, armature, effects, shapes");
     scale_ = parameter_scales(layout_, factors);
+    // Horizon 0: torques of one instant. A robot that nothing drives has none to fit.
+    const bool driven = std::ranges::any_of(
+        stretches_, [](const MotionStretch& s) { return s.u.cwiseAbs().maxCoeff() > 0.0; });
+    if (driven) guess_ = inverse_guess(factors);
     start_ = consistent_start(layout_, scale_);
     for (std::size_t k = 0; k < layout_.linear.size(); ++k)
       if (layout_.linear[k].fixed) start_[static_cast<long>(k)] = layout_.linear[k].prior;
@@ -176,6 +180,25 @@ class MotionIdentification {
     }
   }
 
+  /// Linear parameters that fit the torques of one instant; empty where these are too few.
+  VecX<double> inverse_guess(const std::vector<JointFactor>& factors) const {
+    try {
+      return fit_linear(layout_, factors).x;
+    } catch (const DataError&) {
+      return {};
+    }
+  }
+
+  /// Starts at what simulates the shortest windows best: the model, or the torques of one instant.
+  void begin() {
+    if (guess_.size() == 0) return;
+    std::vector<MotionWindow> windows = cut_windows(stretches_, ladder_.front());
+    set_measured_states(stretches_, ladder_.front(), windows);
+    const double of_model = fitter_->best_cost(windows);
+    fitter_->begin_at(guess_);
+    if (!(fitter_->best_cost(windows) < of_model)) fitter_->begin_at(start_);
+  }
+
   /// From horizon to horizon, as far as windows hold together.
   void climb() {
     const MotionProblem problem{model_, layout_, stretches_, runs_, noise_.position, scale_};
@@ -189,6 +212,7 @@ class MotionIdentification {
         MotionProblem{model_, layout_, held_out_, runs_, noise_.position, scale_});
     nominal_fitter_.emplace(*problem_, options_.motion, layout_.prior(), shape_);
     const double first = ladder_.front();
+    begin();
     for (const double horizon : ladder_) {
       const auto start = std::chrono::steady_clock::now();
       Ladder next = fitted_;
@@ -455,6 +479,7 @@ class MotionIdentification {
   std::vector<double> ladder_;
   VecX<double> limit_;  ///< (n) error beyond which a window is apart
   VecX<double> scale_, start_, shape_;
+  VecX<double> guess_;  ///< linear parameters from torques of one instant; may be empty
   std::optional<MotionProblem> problem_, held_problem_;
   std::optional<MotionFitter> fitter_, nominal_fitter_;
   Ladder fitted_, nominal_, test_fitted_, test_nominal_;

@@ -36,9 +36,6 @@ IdentifyOptions friction_alone() {
 double coulomb(const IdentifyResult& r) {
   return find(r, "pendulum.coulomb_friction.coulomb").value;
 }
-double quadratic(const IdentifyResult& r) {
-  return find(r, "pendulum.quadratic_friction.quadratic").value;
-}
 
 std::string note_with(const IdentifyResult& r, const std::string& text) {
   const auto it =
