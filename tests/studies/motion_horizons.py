@@ -1,4 +1,3 @@
-# ruff: noqa: E501
 """Error over horizon on measured robots, and the motion loss beside the inverse one.
 
     python tests/studies/motion_horizons.py PROGRAM [pendulum double emps ur10e panda]
@@ -13,7 +12,7 @@ import json
 import tempfile
 from pathlib import Path
 
-from real_robots import DATA, MODELS, Bench, Json, read_rows, split, write_rows
+from real_robots import DATA, MODELS, Bench, Json, print_values, read_rows, split, write_rows
 
 LADDER = (1.0, 4.0, 12.0, 26.0, 54.0)
 FRICTION = {
@@ -59,9 +58,7 @@ def pendulum(bench: Bench) -> None:
             )
             cells.append(cell(r))
             of_friction = [
-                p
-                for p in r["parameters"]
-                if p["name"].startswith("pendulum.") and not p["fixed"]
+                p for p in r["parameters"] if p["name"].startswith("pendulum.") and not p["fixed"]
             ]
             found.append("  ".join(f"{p['name'][9:]} {p['value']:.4g}" for p in of_friction))
             print(f"  {cells[-1]} mrad, {r['summary']['seconds']:.1f} s; {found[-1]}", flush=True)
@@ -70,58 +67,54 @@ def pendulum(bench: Bench) -> None:
     print("\n".join(lines))
 
 
+def show(what: str, result: Json, key: str) -> None:
+    for h in result["horizons"]:
+        error = h[key] if h[key] is not None else float("nan")
+        print(f"  {what}: T {h['horizon']:6.2f} s  {h['joint']:<22} held out {1e3 * error:9.3f}")
+
+
 def beside(
-    bench: Bench, title: str, model: Path, train: list[Path], test: list[Path], *options: object
+    bench: Bench,
+    title: str,
+    model: Path,
+    train: list[Path],
+    test: list[Path],
+    effects: str,
+    horizon: float,
 ) -> None:
-    """Both losses on one split: simulated error by horizon, torque error of both models."""
+    """Both losses on one split: simulated error by horizon, torque error of both models.
+
+    A model is judged by the other loss as its model before the fit.
+    """
     data = [*train, "--test", *test]
+    by_motion = ["--loss", "motion", "--horizon", horizon]
+    held = ["--effects", "none", "--fit", "inertia"]
     run, motion = bench.run(
-        f"{title}, motion loss", "identify", model, *data, "--loss", "motion", *options
+        f"{title}, motion loss", "identify", model, *data, *by_motion, "--effects", effects
     )
-    for h in motion["horizons"]:
-        print(
-            f"  T {h['horizon']:6.2f} s  {h['joint']:<22} train {1e3 * h['train']:9.3f}"
-            f"  held out {1e3 * h['test']:9.3f}  before {1e3 * (h['nominal_test'] or float('nan')):9.3f}"
-            f"  apart {h['test_apart']} of {h['test_windows']}"
-        )
+    show("motion", motion, "test")
     print(f"  {motion['summary']['seconds']:.1f} s; {motion['summary']['termination']}")
     for note in motion["notes"]:
         if "apart" in note or "noise of" in note:
             print(f"  {note}")
-    inverse_options = [o for k, o in enumerate(options) if "--horizon" not in options[max(k - 1, 0) : k + 1]]
-    other, inverse = bench.run(f"{title}, inverse loss", "identify", model, *data, *inverse_options)
-    torque = lambda r, which: {j: r["rmse"][which][j] for j in r["rmse"][which]}  # noqa: E731
-    print(f"  torque error held out, inverse: {torque(inverse, 'test')}")
-    # The model that the motion loss found, judged as the inverse loss is: everything held.
-    _, judged = bench.run(
-        f"{title}, torque error of the model of the motion loss",
-        "identify",
-        run / "model.json",
-        *data,
-        "--effects",
-        "none",
-        *[o for o in inverse_options if o not in ("--effects", *_effects_of(inverse_options))],
+    other, inverse = bench.run(
+        f"{title}, inverse loss", "identify", model, *data, "--effects", effects
     )
-    print(f"  torque error held out, motion:  {torque(judged, 'nominal_test')}")
     _, simulated = bench.run(
-        f"{title}, simulated error of the model of the inverse loss",
+        f"{title}, the inverse loss' model simulated",
         "identify",
         other / "model.json",
         *data,
-        "--loss",
-        "motion",
-        "--effects",
-        "none",
-        *[o for o in options if o not in ("--effects", *_effects_of(options))],
+        *by_motion,
+        *held,
     )
-    for h in simulated["horizons"]:
-        print(
-            f"  T {h['horizon']:6.2f} s  {h['joint']:<22} held out, inverse {1e3 * (h['nominal_test'] or float('nan')):9.3f}"
-        )
-
-
-def _effects_of(options: tuple[object, ...] | list[object]) -> list[object]:
-    return [options[k + 1] for k, o in enumerate(options[:-1]) if o == "--effects"]
+    show("inverse", simulated, "nominal_test")
+    _, judged = bench.run(
+        f"{title}, torques of the motion loss' model", "identify", run / "model.json", *data, *held
+    )
+    print_values("torque held out, inverse", inverse["rmse"]["test"], 1, ".4g")
+    print_values("torque held out, motion", judged["rmse"]["nominal_test"], 1, ".4g")
+    print_values("torque itself", inverse["rmse"]["torque_rms"], 1, ".4g")
 
 
 def double(bench: Bench) -> None:
@@ -132,10 +125,8 @@ def double(bench: Bench) -> None:
         MODELS / "double_pendulum.urdf",
         [d / f"record_0{k}.csv" for k in range(5)],
         [d / f"record_{k}.csv" for k in ("05", "11", "12", "13")],
-        "--horizon",
-        0.4,
-        "--effects",
         "viscous_friction,coulomb_friction,armature",
+        0.4,
     )
 
 
@@ -147,8 +138,8 @@ def emps(bench: Bench) -> None:
         MODELS / "emps.urdf",
         [d / "train.csv"],
         [d / "test.csv"],
-        "--effects",
         "asymmetric_viscous,coulomb_friction,torque_offset",
+        0.0,
     )
 
 
@@ -160,8 +151,8 @@ def ur10e(bench: Bench) -> None:
         d / "ur10e.urdf",
         [d / "id_50s_12harm.csv"],
         [d / "val_ptp_10_points.csv"],
-        "--effects",
         "armature,viscous_friction,coulomb_friction,torque_offset",
+        0.24,
     )
 
 
@@ -177,8 +168,8 @@ def panda(bench: Bench) -> None:
         MODELS / "panda.urdf",
         [first],
         [rest],
-        "--effects",
         "armature,viscous_friction,coulomb_friction,torque_offset",
+        0.24,
     )
 
 
