@@ -401,7 +401,8 @@ class MotionIdentification {
     s.fitted_rows = fit.samples;
     s.horizon = reached_;
     result_.notes.push_back(
-        std::to_string(fitted_.windows.size()) + " windows of " + format_number(reached_) +
+        std::to_string(fitted_.windows.size()) +
+        (fitted_.windows.size() == 1 ? " window of " : " windows of ") + format_number(reached_) +
         " s; errors are of positions, each window from its own estimated initial state (test_raw: "
         "from the measured one)");
     if (!fitted_.errors.apart.empty() && whole_)
