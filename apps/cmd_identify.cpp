@@ -36,19 +36,19 @@ void refuse_without_effect(const IdentifyCommand& c, const CLI::App& command, co
     throw CLI::ValidationError(option, why);
   };
   const auto given = [&](const char* option) { return command.count(option) > 0; };
-  const bool trajectory = c.options.loss == Loss::kTrajectory;
+  const bool motion = c.options.loss == Loss::kMotion;
   const bool constrained = c.options.ball.loss == BallLoss::kConstrained;
-  if (trajectory && c.options.robust != Robust::kNone)
-    refuse("--robust", "the trajectory loss has no weights to lose; use --loss inverse or forward");
-  if (trajectory && c.prior != "none")
-    refuse("--prior", "the trajectory loss has none; use --loss inverse or forward");
+  if (motion && c.options.robust != Robust::kNone)
+    refuse("--robust", "the motion loss has no weights to lose; use --loss inverse or forward");
+  if (motion && c.prior != "none")
+    refuse("--prior", "the motion loss has none; use --loss inverse or forward");
   const bool virtual_ = c.options.linear.parameters == FitParameters::kVirtual;
-  if (trajectory && virtual_)
-    refuse("--parameters", "the trajectory loss has convex ones; use --loss inverse or forward");
+  if (motion && virtual_)
+    refuse("--parameters", "the motion loss has convex ones; use --loss inverse or forward");
   if (virtual_ && c.prior != "none")
     refuse("--parameters", "virtual parameters have no entropic prior; leave --prior out");
-  if (!trajectory && given("--window"))
-    refuse("--window", "is of --loss trajectory (of a ball: --ball-window)");
+  if (!motion && given("--horizon"))
+    refuse("--horizon", "is of --loss motion (of a ball: --ball-window)");
   if (!constrained && given("--lambda")) refuse("--lambda", "is of --loss constrained");
   if (model.ball) return;
   const std::string none = "is of a ball, and " + c.model + " has none";
@@ -72,7 +72,7 @@ void run_identify(IdentifyCommand c, const CLI::App& command) {
   c.recording.quiet = c.common.quiet;
   set_prior(c.prior, c.options);
   if (c.options.choice.effects) c.options.choice.effects = with_pairs(*c.options.choice.effects);
-  c.options.trajectory.threads = threads_of(c.common);
+  c.options.motion.threads = threads_of(c.common);
   check_run_folder(c.out, "identify");
   const Model model = read_model(c.model);
   refuse_without_effect(c, command, model);

@@ -58,6 +58,7 @@ void bind_fit_parts(py::module_& m) {
   value_type<FitProgress>(m);
   value_type<ParameterEstimate>(m);
   value_type<BaseParameter>(m);
+  value_type<HorizonError>(m);
   value_type<JointError>(m);
   auto torque = value_type<TorqueSeries>(m);
   def_to_frame(torque, "The series as a pandas data frame, a row an instant.");

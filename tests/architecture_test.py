@@ -12,7 +12,8 @@ import pytest
 ROOT = Path(__file__).resolve().parent.parent
 
 EFFECTS_AND_BELOW = ("core", "lie", "model", "dynamics", "effects")
-IDENTIFY_AND_BELOW = (*EFFECTS_AND_BELOW, "recording", "identify")
+MOTION_AND_BELOW = (*EFFECTS_AND_BELOW, "recording", "motion")
+IDENTIFY_AND_BELOW = (*MOTION_AND_BELOW, "identify")
 PIPELINE = (*IDENTIFY_AND_BELOW, "excite", "diagnose", "sim", "policy")
 
 # What each folder of include/diffnea/ and src/ may include besides itself: folders or headers. A
@@ -24,7 +25,8 @@ MAY_INCLUDE: dict[str, tuple[str, ...]] = {
     "dynamics": ("core", "lie", "model"),
     "effects": ("core", "lie", "model", "dynamics"),
     "recording": ("core",),
-    "identify": (*EFFECTS_AND_BELOW, "recording"),
+    "motion": (*EFFECTS_AND_BELOW, "recording"),
+    "identify": MOTION_AND_BELOW,
     "excite": IDENTIFY_AND_BELOW,
     "diagnose": (*IDENTIFY_AND_BELOW, "excite", "sim/replay.hpp"),
     "sim": (*EFFECTS_AND_BELOW, "recording"),

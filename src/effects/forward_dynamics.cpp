@@ -109,7 +109,7 @@ void ForwardDynamics::linearise(const double* q, const double* qd, const double*
     if (reads_acceleration(e) || reads_time(e) || e.info().port == Port::kLinkForce)
       throw ModelError(
           "forward dynamics: " + e.info().name + " at '" + e.where +
-          "' has no derivatives here, so the trajectory loss cannot have it; the inverse loss "
+          "' has no derivatives here, so the motion loss cannot have it; the inverse loss "
           "or `diffnea diagnose` can");
   tau_.setZero();
   effect_torques(q, qd, run, tau_.data());

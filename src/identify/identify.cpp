@@ -157,8 +157,8 @@ IdentifyResult identify(const Model& model, const RecordingSource& train,
   const RecordingSource& fitted = arm_train ? *arm_train : train;
   const RecordingSource* held_out = arm_test ? arm_test.get() : test;
   IdentifyResult result = ball.alone ? without_arm(model, train, choice.arm)
-                          : options.loss == Loss::kTrajectory
-                              ? identify_by_trajectory(model, fitted, held_out, arm)
+                          : options.loss == Loss::kMotion
+                              ? identify_by_motion(model, fitted, held_out, arm)
                               : identify_by_torque(model, fitted, held_out, arm);
   if (arm_train) {
     result.data_report = train.report();

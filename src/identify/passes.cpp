@@ -1,10 +1,10 @@
 #include "identify/passes.hpp"
 
 #include <algorithm>
-#include <limits>
 #include <numeric>
 
 #include "core/c_numbers.hpp"
+#include "core/constants.hpp"
 #include "identify/run_effects.hpp"
 
 namespace diffnea {
@@ -102,7 +102,6 @@ std::string unit_of_joint(const Model& model, int j, bool of_torque) {
 }
 
 JointError blank_error(const Model& model, int j, bool of_torque) {
-  constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
   JointError e;
   e.joint = joint_names(model)[static_cast<std::size_t>(j)];
   e.unit = unit_of_joint(model, j, of_torque);

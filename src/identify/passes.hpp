@@ -64,7 +64,7 @@ JointError blank_error(const Model& model, int j, bool of_torque);
 /// The losses.
 IdentifyResult identify_by_torque(const Model& model, const RecordingSource& train,
                                   const RecordingSource* test, const IdentifyOptions& options);
-IdentifyResult identify_by_trajectory(const Model& model, const RecordingSource& train,
-                                      const RecordingSource* test, const IdentifyOptions& options);
+IdentifyResult identify_by_motion(const Model& model, const RecordingSource& train,
+                                  const RecordingSource* test, const IdentifyOptions& options);
 
 }  // namespace diffnea

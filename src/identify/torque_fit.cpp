@@ -112,7 +112,7 @@ class InverseFit {
       throw DataError(
           train_.sample().front().source +
           ": no joint has a measured torque, so that any multiple of the model fits; use the "
-          "trajectory loss, which holds what cannot be seen at the model's values");
+          "motion loss, which holds what cannot be seen at the model's values");
 
     for (const int c : absorbed_by_links(layout_, regression_->factors())) {
       if (gains_.owns(c)) continue;

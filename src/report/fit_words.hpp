@@ -15,7 +15,7 @@ bool has_test(const IdentifyResult& fit);
 bool is_ball(const JointError& error);
 /// What a number of this error is multiplied by, and its unit then: a ball's errors are in mm.
 std::pair<double, std::string> shown_unit(const JointError& error);
-/// "torque", or "position" for the trajectory loss and for a ball alone.
+/// "torque", or "position" for the motion loss and for a ball alone.
 std::string quantity(const IdentifyResult& fit);
 /// Error of the model before the fit and after it: held out, or of the training data without a test
 /// set.

@@ -120,6 +120,41 @@ std::string base_table(const IdentifyResult& fit) {
          html_table({"combination", "value"}, rows, {"wrap", "n"}) + "</details>\n";
 }
 
+/// Error over the length of the simulated windows: how long the simulation follows the robot.
+std::string horizon_section(const IdentifyResult& fit) {
+  if (fit.horizons.empty()) return "";
+  const bool held_out = has_test(fit);
+  std::vector<std::string> joints;
+  std::vector<std::vector<std::string>> rows;
+  for (const HorizonError& e : fit.horizons) {
+    if (std::ranges::find(joints, e.joint) == joints.end()) joints.push_back(e.joint);
+    const int windows = held_out ? e.test_windows : e.windows;
+    const int apart = held_out ? e.test_apart : e.apart;
+    rows.push_back({number(e.horizon, 3), escape(e.joint), escape(unit(e.unit)),
+                    number(held_out ? e.nominal_test : e.nominal_train, 3),
+                    "<b>" + number(held_out ? e.test : e.train, 3) + "</b>", number(e.train, 3),
+                    std::to_string(apart) + " of " + std::to_string(windows)});
+  }
+  std::string drawings;
+  for (const std::string& joint : joints)
+    drawings += "<figure><figcaption>" + escape(joint) +
+                " <small>error over horizon, before and after</small></figcaption>" +
+                drawing("horizon", {{"joint", joint}, {"set", held_out ? "test" : "train"}}) +
+                "</figure>\n";
+  return element("h2", std::string("Error over horizon") + (held_out ? ", held out" : "")) +
+         element("p",
+                 "The simulation follows the robot over windows of up to " +
+                     number(fit.summary.horizon, 3) +
+                     " s. Each window starts from a first state of its own, which is estimated.",
+                 "faint") +
+         "<div class='evidence'>\n" + drawings +
+         "</div>\n<details><summary>The figures</summary>\n" +
+         html_table({"horizon [s]", "joint", "unit", "before", "after", "after, training data",
+                     "windows that fall apart"},
+                    rows, {"n", "", "", "n", "n", "n", "n"}) +
+         "</details>\n";
+}
+
 std::string data_notes(const IdentifyResult& fit) {
   std::vector<std::string> items;
   items.push_back(rows_text(fit));
@@ -168,7 +203,7 @@ std::string identify_page(const FitRun& run) {
   std::string body = element("h1", "Identification of " + name);
   body += element("p", identify_headline(run), "headline") + warnings(fit);
   body += element("h2", "Error of the " + what + (held_out ? " on held-out data" : ""));
-  body += error_table(fit);
+  body += error_table(fit) + horizon_section(fit);
   if (fit.ball) body += ball_section(*fit.ball, {});
   if (fit.test_series.empty() && fit.train_series.empty() && !fit.ball)
     body +=

@@ -122,7 +122,9 @@ std::string position_sentence(const IdentifyResult& fit) {
   std::string out;
   for (const JointError& e : fit.errors)
     if (std::isfinite(after(fit, e)) && !is_ball(e))
-      out += (out.empty() ? "error of simulated positions " : ", ") +
+      out += (out.empty()
+                  ? "error of positions simulated for " + number(fit.summary.horizon, 3) + " s "
+                  : std::string(", ")) +
              from_to(number(before(fit, e), 3), number(after(fit, e), 3),
                      after(fit, e) > before(fit, e), " " + e.unit + " (" + e.joint + ")");
   return out.empty() ? out : out + ".";

@@ -104,7 +104,10 @@ std::string page_data(const FitRun& run) {
   shown.train_series = thinned(run.fit.train_series);
   shown.test_series = thinned(run.fit.test_series);
   shown.ball = run.fit.ball;
-  return data({{"ball", io::json_of(run.fit.ball, kInResult)}}, series_json(shown));
+  Json horizons = Json::array();
+  for (const HorizonError& e : run.fit.horizons) horizons.push_back(io::fields_json(e, kInResult));
+  return data({{"ball", io::json_of(run.fit.ball, kInResult)}, {"horizons", horizons}},
+              series_json(shown));
 }
 
 std::string page_data(const DiagnoseRun& run) {

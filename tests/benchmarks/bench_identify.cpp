@@ -1,7 +1,7 @@
 /// Time and memory of whole identifications: `make bench`. Wall-clock medians of several runs.
 ///
 ///     diffnea_bench_identify                 all of it
-///     diffnea_bench_identify --trajectory    the trajectory loss alone
+///     diffnea_bench_identify --motion    the motion loss alone
 ///     diffnea_bench_identify --once FILE     one identification of FILE, which a process of its
 ///     own measures
 
@@ -20,8 +20,8 @@
 #include <diffnea/core/error.hpp>
 #include <diffnea/identify/torque_regression.hpp>
 #include <diffnea/io/model_file.hpp>
-#include <diffnea/worlds/surrogate.hpp>
 #include <diffnea/recording/csv.hpp>
+#include <diffnea/worlds/surrogate.hpp>
 
 #include "support/temporary_folder.hpp"
 #include "support/wam_study.hpp"
@@ -198,7 +198,7 @@ void bench_wam() {
               small[0].iterations);
 }
 
-void bench_trajectory() {
+void bench_motion() {
   const Model model = read_model(std::string(DIFFNEA_SOURCE_DIR) + "/models/panda.urdf");
   const Model truth = perturbed(model, surrogate_a(), 1);
   FourierOptions motion;
@@ -214,8 +214,8 @@ void bench_trajectory() {
     threads.push_back(all);
   for (const int n : threads) {
     IdentifyOptions options = wam_options();
-    options.loss = Loss::kTrajectory;
-    options.trajectory.threads = n;
+    options.loss = Loss::kMotion;
+    options.motion.threads = n;
     IdentifyResult result;
     std::vector<double> total, fitting;
     for (int k = 0; k < 3; ++k) {
@@ -231,10 +231,10 @@ void bench_trajectory() {
     double error = 0.0, floor = RecordOptions{}.position_noise;
     for (const JointError& e : result.errors) error = std::max(error, e.train);
     std::printf(
-        "\nPanda, %ld rows of 10 s, trajectory loss, windows of %.1f s, %d parameters (%d free), "
+        "\nPanda, %ld rows of 10 s, motion loss, windows of up to %.1f s, %d parameters (%d free), "
         "%d "
         "thread%s\n",
-        r.rows(), options.trajectory.window, linear, free, n, n == 1 ? "" : "s");
+        r.rows(), result.summary.horizon, linear, free, n, n == 1 ? "" : "s");
     std::printf("  total                          %7.2f s    (target 10), of it the fit %.2f s\n",
                 median(total), median(fitting));
     std::printf("  %s after %d steps; largest position error %.3g rad (noise %.3g)\n",
@@ -247,9 +247,9 @@ void bench_trajectory() {
 
 int main(int argc, char** argv) {
   if (argc == 3 && std::string(argv[1]) == "--once") return once(argv[2]);
-  if (argc == 2 && std::string(argv[1]) == "--trajectory") return bench_trajectory(), 0;
+  if (argc == 2 && std::string(argv[1]) == "--motion") return bench_motion(), 0;
   std::printf("%s, %u cores\n", processor().c_str(), std::thread::hardware_concurrency());
   bench_wam();
   std::fflush(stdout);
-  bench_trajectory();
+  bench_motion();
 }

@@ -100,18 +100,24 @@ TEST_CASE("UR10e: held-out motion of another kind", "[data]") {
   }
 }
 
-TEST_CASE("free pendulum: Coulomb and viscous friction over 45 s in one window", "[data]") {
+TEST_CASE("free pendulum: dry friction and quadratic drag, no viscous, over 54 s", "[data]") {
   const auto folder = test::data_folder() / "pendulum_free_swing";
   ReadOptions read;
   read.info.passive = {"pendulum"};
   IdentifyOptions options;
-  options.loss = Loss::kTrajectory;
-  options.choice.effects = std::vector<std::string>{"viscous_friction", "coulomb_friction"};
-  options.trajectory.window = 45.0;
+  options.loss = Loss::kMotion;
+  options.choice.effects = {{"viscous_friction", "coulomb_friction", "quadratic_friction"}};
   const Recording all = read_recordings(folder / "free_swing.csv", read).at(0);
-  const IdentifyResult result =
-      identify(own_model("pendulum.json"), {between(all, 20.0, 65.2)}, {}, options);
-  CHECK(result.errors[0].train < 1.5e-3);  // [rad]; 1.44 mrad in the literature's ladder
+  const IdentifyResult result = identify(own_model("pendulum.json"), {between(all, 8.0, 62.0)},
+                                         {between(all, 62.0, 115.0)}, options);
+  CHECK(result.summary.converged);
+  CHECK(result.summary.horizon > 53.0);
+  CHECK(result.errors[0].train < 1.8e-3);  // [rad]; 1.75 mrad, the encoder's step is 0.44
+  CHECK(result.errors[0].test < 7.5e-3);   // 25 mrad with viscous and Coulomb friction
+  const auto viscous = std::ranges::find(result.parameters, "pendulum.viscous_friction.viscous",
+                                         &ParameterEstimate::name);
+  REQUIRE(viscous != result.parameters.end());
+  CHECK(viscous->at_bound);
 }
 
 }  // namespace data_test

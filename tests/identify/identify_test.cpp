@@ -242,7 +242,7 @@ TEST_CASE("identify: nothing left to fit, or no band to fit in, is refused", "[i
   options.choice.fix = {"*"};
   CHECK_THROWS_WITH(identify(draw().nominal, {draw().train}, {}, options),
                     ContainsSubstring("nothing is left"));
-  options.loss = Loss::kTrajectory;
+  options.loss = Loss::kMotion;
   CHECK_THROWS_WITH(identify(draw().nominal, {draw().train}, {}, options),
                     ContainsSubstring("nothing is left"));
   options = {};

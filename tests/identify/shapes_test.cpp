@@ -129,10 +129,10 @@ TEST_CASE("identify: a base that tilted between two recordings", "[identify]") {
   check_found(result, "base:run=1.base_tilt.gravity_y", 0.2, 0.1);
 }
 
-TEST_CASE("identify: the trajectory loss holds a tilt, and says so where it cannot", "[identify]") {
+TEST_CASE("identify: the motion loss holds a tilt, and says so where it cannot", "[identify]") {
   const Recording data = recorded(wam({tilt(0.5, -0.3)}), 3, 5.0);
   IdentifyOptions options = with({"effects"}, {});
-  options.loss = Loss::kTrajectory;
+  options.loss = Loss::kMotion;
   CHECK_THROWS_WITH(
       identify(wam({tilt(0.5, -0.3)}), {data}, {}, options),
       ContainsSubstring("does not fit base.base_tilt.gravity_x") && ContainsSubstring("--fix"));

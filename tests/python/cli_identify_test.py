@@ -215,7 +215,7 @@ def test_a_joint_may_have_a_colon_in_its_name_and_no_comma(tmp_path: Path) -> No
         ("--prior", "entropic=-1", "-o", "run"),
         ("--filter", "-3", "-o", "run"),
         ("--filter", "inf", "-o", "run"),
-        ("--window", "0", "-o", "run"),
+        ("--horizon", "-1", "-o", "run"),
         ("--loss", "0", "-o", "run"),
         ("--prior", "entropic=inf", "-o", "run"),
         ("--prior", "entropic=1e300", "-o", "run"),

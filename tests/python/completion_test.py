@@ -41,12 +41,12 @@ def test_bash_completes_commands_options_choices_and_files(tmp_path: Path) -> No
     assert in_bash(tmp_path, "iden") == ["identify"]
     assert set(in_bash(tmp_path, "")) == set(commands())
     assert in_bash(tmp_path, "identify", "--lo") == ["--loss"]
-    assert in_bash(tmp_path, "identify", "--loss", "tra") == ["trajectory"]
+    assert in_bash(tmp_path, "identify", "--loss", "mot") == ["motion"]
     assert in_bash(tmp_path, "identify", "--loss", "=", "in") == ["inverse"]
     assert in_bash(tmp_path, "identify", "--loss", "=") == [
         "inverse",
         "forward",
-        "trajectory",
+        "motion",
         "constrained",
     ]
     assert in_bash(tmp_path, "identify", "a") == ["arm.csv", "arm.urdf"]

@@ -100,10 +100,10 @@ def test_runs_of_one_file_share_what_columns_cannot_hold(tmp_path: Path, name: s
 @pytest.mark.parametrize(
     ("words", "option"),
     [
-        (("--loss", "trajectory", "--robust", "huber"), "--robust"),
-        (("--loss", "trajectory", "--prior", "entropic=1"), "--prior"),
+        (("--loss", "motion", "--robust", "huber"), "--robust"),
+        (("--loss", "motion", "--prior", "entropic=1"), "--prior"),
         (("--loss", "constrained"), "--loss"),
-        (("--window", 0.2), "--window"),
+        (("--horizon", 0.2), "--horizon"),
         (("--lambda", "1,1,1"), "--lambda"),
         (("--ball-window", 0.2), "--ball-window"),
     ],

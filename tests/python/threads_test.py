@@ -58,13 +58,13 @@ def motion(tmp_path_factory: pytest.TempPathFactory) -> Path:
     "words",
     [
         ("identify", PENDULUM, "{train}", "--test", "{test}", "--robust", "huber"),
-        ("identify", PENDULUM, "{train}", "--loss", "trajectory", "--window", 0.5),
+        ("identify", PENDULUM, "{train}", "--loss", "motion", "--horizon", 0.5),
         ("diagnose", PENDULUM, "{train}", "--test", "{test}"),
         ("transfer", "{learned}", "--world", WORLD, "--repetitions", 3, "--record"),
         ("learn", "ball-in-cup", BALL, "--samples", 24, "--iterations", 5),
         ("learn", "ball-in-cup", BALL, "--samples", 16, "--iterations", 4, "--seeds", 3),
     ],
-    ids=["identify", "trajectory", "diagnose", "transfer", "rollouts", "seeds"],
+    ids=["identify", "motion", "diagnose", "transfer", "rollouts", "seeds"],
 )
 def test_a_command_leaves_the_same_files(
     words: tuple[object, ...], recordings: Path, learned: Path, tmp_path: Path

@@ -167,14 +167,14 @@ def double_pendulum(bench: Bench) -> None:
     test = [d / f"record_{k}.csv" for k in ("05", "11", "12", "13")]
     r = identify(
         bench,
-        "Double pendulum, trajectory loss",
+        "Double pendulum, motion loss",
         MODELS / "double_pendulum.urdf",
         train,
         "--test",
         *test,
         "--loss",
-        "trajectory",
-        "--window",
+        "motion",
+        "--horizon",
         0.4,
         "--effects",
         "viscous_friction,coulomb_friction,armature",

@@ -91,13 +91,13 @@ def diagnosis(rng: np.random.Generator) -> Json:
 
 def identification(rng: np.random.Generator, *, ball: bool) -> Json:
     """Options that act: another one is wrong usage."""
-    losses = ["inverse", "forward", "trajectory", "constrained"]
+    losses = ["inverse", "forward", "motion", "constrained"]
     loss = str(rng.choice(losses, p=[0.5, 0.2, 0.2, 0.1]))
     if loss == "constrained" and not ball:
         loss = "inverse"
     out: Json = {"loss": loss}
-    if loss == "trajectory":
-        out["window"] = float(rng.choice([0.01, 0.2, 0.5, 100.0]))
+    if loss == "motion":
+        out["horizon"] = float(rng.choice([0.0, 0.01, 0.2, 0.5, 100.0]))
     else:
         out["robust"] = str(rng.choice(["none", "huber", "cauchy"]))
         if rng.random() < 0.2:

@@ -55,7 +55,7 @@ struct LeftOver {
     list.type("LeftOver", "What each of two fits leaves of its own recording at one joint.");
     list.field("joint", &LeftOver::joint, "Its name, or ``ball``.");
     list.field("unit", &LeftOver::unit,
-               "``N*m``, ``N``; trajectory loss: ``rad``, ``m``; of ``ball``: ``m``.");
+               "``N*m``, ``N``; motion loss: ``rad``, ``m``; of ``ball``: ``m``.");
     list.field("before", &LeftOver::before, "RMS of the series that was fitted, by the first fit.");
     list.field("after", &LeftOver::after, "By the second.");
   }

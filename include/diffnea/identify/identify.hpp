@@ -12,25 +12,27 @@
 /// global. Robust losses, shape parameters (v₀, Stribeck velocity …) and friction by the
 /// transmitted torque take one more pass for each re-weighting or step.
 
+#include <limits>
+
 #include <diffnea/core/fields.hpp>
 #include <diffnea/core/options.hpp>
 #include <diffnea/identify/ball_options.hpp>
 #include <diffnea/identify/ball_series.hpp>
 #include <diffnea/identify/linear_fit.hpp>
 #include <diffnea/identify/source.hpp>
-#include <diffnea/identify/trajectory_fit.hpp>
+#include <diffnea/motion/horizon.hpp>
 #include <diffnea/recording/preprocess.hpp>
 
 namespace diffnea {
 
 /// What is compared: torques, accelerations, or positions of simulated windows.
-enum class Loss { kInverse, kForward, kTrajectory };
+enum class Loss { kInverse, kForward, kMotion };
 /// Names in options.
 template <>
 struct EnumNames<Loss> {
   /// All losses of the arm.
   static constexpr NamedValue<Loss> list[] = {
-      {Loss::kInverse, "inverse"}, {Loss::kForward, "forward"}, {Loss::kTrajectory, "trajectory"}};
+      {Loss::kInverse, "inverse"}, {Loss::kForward, "forward"}, {Loss::kMotion, "motion"}};
 };
 
 /// Weights of rows with large residuals (Holland, Welsch 1977).
@@ -68,7 +70,7 @@ struct IdentifyOptions {
   FitChoice choice;               ///< parameters and effects that may move, and those that are held
   PreprocessOptions preprocess;   ///< filters and rates of the joints' channels
   LinearFitOptions linear;        ///< of the inverse and the forward loss
-  TrajectoryOptions trajectory;   ///< of the trajectory loss
+  MotionOptions motion;           ///< of the motion loss
   BallFitOptions ball;            ///< where the model and the recordings have one
   /// Over the data, of robust losses, of shape parameters and of effects that hang on the torque of
   /// the links; what follows the shapes gets five in any case. A fit that would need more has not
@@ -89,8 +91,9 @@ struct IdentifyOptions {
           ball.loss = word == "constrained" ? BallLoss::kConstrained : BallLoss::kTrajectory;
           loss = word == "constrained" ? Loss::kInverse : value_of<Loss>(word, "loss");
         },
-        "of torque (inverse), acceleration (forward), or trajectory; constrained: of a ball's "
-        "acceleration and its string, where otherwise its trajectory is fitted");
+        "of torque (inverse), acceleration (forward), or simulated motion; constrained: of a "
+        "ball's "
+        "acceleration and its string, where otherwise its path is fitted");
     list.option("--robust", "robust", robust, "weights that outliers lose by");
     list.option("--fit", "fit", choice.fit,
                 "what may move: inertia, armature, effects, string (of a ball: its length and "
@@ -118,8 +121,10 @@ struct IdentifyOptions {
                 "low-pass of the positions [Hz], 0: chosen", {.least = 0.0});
     list.option("--decimate", "decimate_to_hz", preprocess.decimate_to_hz,
                 "rate of the fit [Hz], 0: chosen", {.least = 0.0});
-    list.option("--window", "window", trajectory.window,
-                "trajectory loss: length of a simulated window [s]", {.least = 0.0, .above = true});
+    list.option("--horizon", "horizon", motion.horizon,
+                "motion loss: longest simulated window [s], 0: whole runs, or until windows fall "
+                "apart",
+                {.least = 0.0});
     list.option("--ball-window", "ball_window", ball.window,
                 "ball: length of a simulated window [s], at most; each starts from a state of its "
                 "own, which is estimated",
@@ -130,7 +135,7 @@ struct IdentifyOptions {
                 {.least = 0.0, .by_commas = true});
     list.option(nullptr, "max_passes", max_passes,
                 "over the data, of robust losses and shape parameters");
-    list.option(nullptr, "threads", trajectory.threads, "of the trajectory loss");
+    list.option(nullptr, "threads", motion.threads, "of the motion loss");
   }
 };
 
@@ -167,8 +172,8 @@ struct ParameterEstimate {
 };
 
 /// Root mean square of one joint's torque error, four times over [N·m] or [N]; of joint `ball`: of
-/// its position along one axis [m], with torque_rms of the position about its mean. Trajectory
-/// loss: of the joint's position [rad] or [m], without torque_rms. All NaN: its torque is not
+/// its position along one axis [m], with torque_rms of the position about its mean. Motion loss:
+/// of the joint's position [rad] or [m], without torque_rms. All NaN: its torque is not
 /// known. Those of the held-out set NaN: it holds no row that counts (a note says why).
 struct JointError {
   std::string joint;
@@ -184,13 +189,13 @@ struct JointError {
   template <class List>
   static constexpr void fields(List& list) {
     list.type("JointError",
-              "Root mean square of one joint's torque error [N·m] or [N]; with the trajectory loss "
+              "Root mean square of one joint's torque error [N·m] or [N]; with the motion loss "
               "of its position's [rad] or [m]; of ``ball``: of its position's along one axis [m].");
     list.field("joint", &JointError::joint, "The joint's name, or ``ball``.");
     list.field("unit", &JointError::unit,
-               "``N*m`` or ``N``; trajectory loss: ``rad`` or ``m``; of ``ball``: ``m``.");
+               "``N*m`` or ``N``; motion loss: ``rad`` or ``m``; of ``ball``: ``m``.");
     list.field("torque_rms", &JointError::torque_rms,
-               "Of the measured torque: held out, else of the training data. Trajectory loss: NaN; "
+               "Of the measured torque: held out, else of the training data. Motion loss: NaN; "
                "of ``ball``: of its position about its mean.");
     list.field("train", &JointError::train, "Of the filtered, decimated series that was fitted.");
     list.field("nominal_train", &JointError::nominal_train, "The model before the fit.");
@@ -199,7 +204,7 @@ struct JointError {
     list.field("test_all", &JointError::test_all,
                "Held out, samples at which the joint rests included.");
     list.field("test_raw", &JointError::test_raw,
-               "Held out, of the unfiltered torque. Trajectory loss: each window from its measured "
+               "Held out, of the unfiltered torque. Motion loss: each window from its measured "
                "state; of ``ball``: with rows that the fit's path contradicts.");
   }
 };
@@ -207,7 +212,7 @@ struct JointError {
 inline constexpr std::size_t kMaxSeriesRows = 4000;  ///< of each joint, see TorqueSeries
 
 /// Torque of one joint over time, for plots; rows of the filtered, decimated series, the first
-/// kMaxSeriesRows, those of several recordings one after the other. Trajectory loss: positions,
+/// kMaxSeriesRows, those of several recordings one after the other. Motion loss: positions,
 /// simulated window by window. All empty: its torque is not known.
 struct TorqueSeries {
   std::string joint;
@@ -221,18 +226,56 @@ struct TorqueSeries {
   template <class List>
   static constexpr void fields(List& list) {
     list.type("TorqueSeries",
-              "Torque of one joint over time, filtered and decimated; with the trajectory loss its "
+              "Torque of one joint over time, filtered and decimated; with the motion loss its "
               "position, simulated window by window.",
               {.columns = true});
     list.field("joint", &TorqueSeries::joint, "Its name in the model.");
-    list.field("unit", &TorqueSeries::unit, "``N*m`` or ``N``; trajectory loss: ``rad`` or ``m``.");
+    list.field("unit", &TorqueSeries::unit, "``N*m`` or ``N``; motion loss: ``rad`` or ``m``.");
     list.field("time", &TorqueSeries::time, "Of the recording.", {.unit = "s"});
-    list.field("measured", &TorqueSeries::measured, "Low-passed; trajectory loss: as recorded.");
+    list.field("measured", &TorqueSeries::measured, "Low-passed; motion loss: as recorded.");
     list.field("fitted", &TorqueSeries::fitted, "(M,) of the model as fitted.");
     list.field("nominal", &TorqueSeries::nominal, "(M,) of the model before the fit.");
     list.field("velocity", &TorqueSeries::velocity,
-               "(M,) of the joint [rad/s] or [m/s]; empty with the trajectory loss.",
+               "(M,) of the joint [rad/s] or [m/s]; empty with the motion loss.",
                {.optional = true});
+  }
+};
+
+/// How far the simulated positions of one joint are from the measured ones at one horizon, root
+/// mean square [rad] or [m]: of the model that was fitted to windows of that length, and of the
+/// model before the fit, each window from a first state that is estimated for that model.
+struct HorizonError {
+  double horizon = 0.0;
+  std::string joint;
+  std::string unit;
+  double train = 0.0;
+  double nominal_train = 0.0;
+  double test = 0.0;
+  double nominal_test = 0.0;
+  int windows = 0;
+  int apart = 0;
+  int test_windows = 0;
+  int test_apart = 0;
+
+  template <class List>
+  static constexpr void fields(List& list) {
+    list.type("HorizonError",
+              "How far simulated positions of a joint are from the measured ones at one horizon, "
+              "root mean square.");
+    list.field("horizon", &HorizonError::horizon, "Length of the simulated windows.",
+               {.unit = "s"});
+    list.field("joint", &HorizonError::joint, "Its name in the model.");
+    list.field("unit", &HorizonError::unit, "``rad`` or ``m``.");
+    list.field("train", &HorizonError::train, "Of the model fitted to windows of this length.");
+    list.field("nominal_train", &HorizonError::nominal_train, "The model before the fit.");
+    list.field("test", &HorizonError::test, "Held out; NaN without a test set.");
+    list.field("nominal_test", &HorizonError::nominal_test, "Held out, the model before the fit.");
+    list.field("windows", &HorizonError::windows, "Number of windows.");
+    list.field("apart", &HorizonError::apart,
+               "Windows that fall apart: the error is more than half of the joint's motion about "
+               "its mean.");
+    list.field("test_windows", &HorizonError::test_windows, "Number of windows held out.");
+    list.field("test_apart", &HorizonError::test_apart, "Of these, windows that fall apart.");
   }
 };
 
@@ -268,6 +311,7 @@ struct FitSummary {
   long fitted_rows = 0;
   double seconds = 0.0;
   double seconds_fitting = 0.0;
+  double horizon = std::numeric_limits<double>::quiet_NaN();
 
   template <class List>
   static constexpr void fields(List& list) {
@@ -286,6 +330,9 @@ struct FitSummary {
     list.field("seconds", &FitSummary::seconds, "In all.", {.unit = "s"});
     list.field("seconds_fitting", &FitSummary::seconds_fitting,
                "Of these, before the errors are computed [s]; reading counts.");
+    list.field("horizon", &FitSummary::horizon,
+               "Motion loss: longest windows that the simulation follows; NaN with other losses.",
+               {.unit = "s"});
   }
 };
 
@@ -299,6 +346,7 @@ struct IdentifyResult {
   std::vector<BaseParameter> base_parameters;
   std::vector<TorqueConstant> torque_constants;
   std::vector<JointError> errors;
+  std::vector<HorizonError> horizons;
   std::vector<std::string> boundary;
   double consistency_cost = 0.0;
   bool physically_consistent = false;
@@ -340,6 +388,9 @@ struct IdentifyResult {
                 "out), ``test_raw`` (against the unfiltered torque), ``torque_rms`` (of the "
                 "held-out torque, or of the training data without one), and ``relative``: ``of`` "
                 "(``test`` or ``train``), ``fitted`` and ``nominal`` as shares of ``torque_rms``.");
+    list.field(
+        "horizons", &IdentifyResult::horizons,
+        "Motion loss: error over horizon, a list of :class:`HorizonError`; otherwise empty.");
     list.field("train_series", &IdentifyResult::train_series,
                "Measured and predicted torque, a list of :class:`TorqueSeries`.",
                {.key = "train", .files = kInSeries});

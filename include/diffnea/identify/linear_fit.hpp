@@ -3,9 +3,9 @@
 /// consistent optimum, what the data see and what they do not.
 
 #include <diffnea/core/fields.hpp>
+#include <diffnea/core/triangular_factor.hpp>
 #include <diffnea/identify/convex_fit.hpp>
 #include <diffnea/identify/layout.hpp>
-#include <diffnea/identify/triangular_factor.hpp>
 
 namespace diffnea {
 

@@ -1,6 +1,8 @@
 /// Output error on simulated double pendulums: exact data come back exactly, and derivatives are
 /// right.
 
+#include "identify/motion_fit.hpp"
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -17,7 +19,7 @@
 
 #include "support/found.hpp"
 
-namespace trajectory_fit_test {
+namespace motion_fit_test {
 
 using namespace diffnea;
 using Catch::Approx;
@@ -47,23 +49,23 @@ Recording swing(const Model& model, double noise, unsigned seed = 4) {
   return record_model(model, model, random_fourier(model, motion), options).recording;
 }
 
-IdentifyOptions trajectory_options() {
+IdentifyOptions motion_options() {
   IdentifyOptions options;
-  options.loss = Loss::kTrajectory;
+  options.loss = Loss::kMotion;
   options.choice.effects = std::vector<std::string>{};
-  options.trajectory.window = 0.4;
+  options.motion.horizon = 0.4;
   return options;
 }
 
 }  // namespace
 
-TEST_CASE("trajectory fit: noise-free windows are reproduced, friction and inertia found",
+TEST_CASE("motion fit: noise-free windows are reproduced, friction and inertia found",
           "[identify]") {
   const Model truth = pendulum_with_friction(0.12, 0.05);
   Model start = pendulum_with_friction(0.05, 0.02);
   for (ModelLink& link : start.links) link.inertia.h = link.inertia.h * 1.1;
   const Recording data = swing(truth, 0.0);
-  const IdentifyResult result = identify(start, {data}, {}, trajectory_options());
+  const IdentifyResult result = identify(start, {data}, {}, motion_options());
   CHECK(result.summary.converged);
   // Friction is what torque and motion show together; 1 % is the integrators' difference at 2 ms.
   CHECK(find(result, "elbow.coulomb_friction.coulomb").value == Approx(0.12).epsilon(0.02));
@@ -76,28 +78,28 @@ TEST_CASE("trajectory fit: noise-free windows are reproduced, friction and inert
   for (const TorqueSeries& s : result.train_series) CHECK(s.time.size() == kMaxSeriesRows);
 }
 
-TEST_CASE("trajectory fit: with encoder noise the residual is the noise", "[identify]") {
+TEST_CASE("motion fit: with encoder noise the residual is the noise", "[identify]") {
   const Model truth = pendulum_with_friction(0.12, 0.05);
   const IdentifyResult result =
-      identify(pendulum_with_friction(0.05, 0.02), {swing(truth, 1e-3)}, {}, trajectory_options());
+      identify(pendulum_with_friction(0.05, 0.02), {swing(truth, 1e-3)}, {}, motion_options());
   for (const JointError& e : result.errors) CHECK(e.train == Approx(1e-3).epsilon(0.05));
   const ParameterEstimate& coulomb = find(result, "elbow.coulomb_friction.coulomb");
   REQUIRE(coulomb.std > 0.0);
   CHECK(std::abs(coulomb.value - 0.12) < 4.0 * coulomb.std + 0.002);
 }
 
-TEST_CASE("trajectory fit: the result does not depend on the number of threads",
+TEST_CASE("motion fit: the result does not depend on the number of threads",
           "[identify][threads]") {
   const Recording data = swing(pendulum_with_friction(0.12, 0.05), 1e-3);
-  IdentifyOptions one = trajectory_options(), two = trajectory_options();
-  two.trajectory.threads = 2;
+  IdentifyOptions one = motion_options(), two = motion_options();
+  two.motion.threads = 2;
   const Model start = pendulum_with_friction(0.05, 0.02);
   const IdentifyResult a = identify(start, {data}, {}, one), b = identify(start, {data}, {}, two);
   for (std::size_t k = 0; k < a.parameters.size(); ++k)
     CHECK(a.parameters[k].value == b.parameters[k].value);
 }
 
-TEST_CASE("trajectory fit: torques of drives whose constants are known to be off", "[identify]") {
+TEST_CASE("motion fit: torques of drives whose constants are known to be off", "[identify]") {
   const auto with_gain = [](Model model) {
     model.effects.push_back({"torque_gain", "shoulder", {{"gain_error", 0.2, ""}}});
     model.effects.push_back({"torque_gain", "elbow", {{"gain_error", -0.1, ""}}});
@@ -105,7 +107,7 @@ TEST_CASE("trajectory fit: torques of drives whose constants are known to be off
   };
   const Recording data = swing(with_gain(pendulum_with_friction(0.12, 0.05)), 0.0);
   const Model start = pendulum_with_friction(0.05, 0.02);
-  IdentifyOptions options = trajectory_options();
+  IdentifyOptions options = motion_options();
   CHECK_THROWS_WITH(identify(with_gain(start), {data}, {}, options),
                     ContainsSubstring("does not fit torque gains") && ContainsSubstring("--fix"));
   options.choice.fix = {"*torque_gain*"};
@@ -134,14 +136,14 @@ TEST_CASE("identify: a passive joint is fitted, not wished away", "[identify]") 
   CHECK(find(result, "lower.hz").value == Approx(h).epsilon(0.05));
 }
 
-TEST_CASE("trajectory fit: a window in which a hand moved the joint is named", "[identify]") {
+TEST_CASE("motion fit: a window in which a hand moved the joint is named", "[identify]") {
   const Model truth = pendulum_with_friction(0.12, 0.05);
   Recording data = swing(truth, 1e-5);
   // From 6.0 to 6.4 s the elbow is led along another way; no torque tells of it.
   for (long k = 0; k < data.rows(); ++k)
     if (const double t = data.time[k]; t > 6.0 && t < 6.4)
       data.q(k, 1) += 0.05 * std::pow(std::sin((t - 6.0) / 0.4 * 3.14159265358979), 4);
-  const IdentifyResult result = identify(truth, {data}, {}, trajectory_options());
+  const IdentifyResult result = identify(truth, {data}, {}, motion_options());
   const auto named = [](const IdentifyResult& r) {
     const auto it = std::ranges::find_if(
         r.notes, [](const std::string& n) { return n.find("does not reproduce") != n.npos; });
@@ -152,21 +154,30 @@ TEST_CASE("trajectory fit: a window in which a hand moved the joint is named", "
   CHECK(note.find("elbow from ") != note.npos);
   // Windows are 0.4 s long and begin with the first filtered row.
   CHECK((note.find(" 5.") != note.npos || note.find(" 6.") != note.npos));
-  CHECK(named(identify(truth, {swing(truth, 1e-5)}, {}, trajectory_options())).empty());
+  CHECK(named(identify(truth, {swing(truth, 1e-5)}, {}, motion_options())).empty());
 }
 
-TEST_CASE("trajectory fit: a window that blows up holds up no other", "[identify]") {
+TEST_CASE("motion fit: a window that blows up holds up no other", "[identify]") {
   const Model truth = pendulum_with_friction(0.12, 0.05);
   Recording data = swing(truth, 0.0);
   // A torque that no step of the integrator survives, whatever the parameters are.
   data.tau(data.rows() / 2, 1) = 1e160;
   const Model model = pendulum_with_friction(0.05, 0.02);
-  std::vector<ShootingWindow> windows = make_windows(data, 0.4, 0.0, {});
+  const SensorNoise noise = sensor_noise({data}, {false, false});
+  const std::vector<MotionStretch> whole = motion_stretches(data, noise, {false, false});
+  std::vector<MotionWindow> windows = cut_windows(whole, 0.4);
+  set_measured_states(whole, 0.1, windows);
   FitChoice choice;
   choice.effects = std::vector<std::string>{};
   const FitLayout layout = make_layout(model, choice, {0});
-  const VecX<double> from = layout.prior(), scale = from.cwiseAbs().cwiseMax(0.1);
-  const TrajectoryFit fit = fit_trajectories(model, layout, from, scale, windows, {});
+  VecX<double> shape(static_cast<long>(layout.shape.size()));
+  for (long s = 0; s < shape.size(); ++s)
+    shape[s] = layout.shape[static_cast<std::size_t>(s)].prior;
+  const MotionProblem problem{model, layout,         whole,
+                              {0},   noise.position, layout.prior().cwiseAbs().cwiseMax(0.1)};
+  MotionFitter fitter(problem, {}, layout.prior(), shape);
+  fitter.fit(windows, 1e-5);
+  const MotionFit& fit = fitter.now();
   CHECK_FALSE(fit.converged);
   CHECK_THAT(fit.termination, ContainsSubstring("1 of " + std::to_string(windows.size())));
   CHECK(std::isfinite(fit.objective));
@@ -175,18 +186,20 @@ TEST_CASE("trajectory fit: a window that blows up holds up no other", "[identify
       CHECK(fit.x[static_cast<long>(c)] == Approx(0.12).epsilon(0.05));
 }
 
-TEST_CASE("trajectory fit: a joint without a drive has the torque that is known of it, or none",
+TEST_CASE("motion fit: a joint without a drive has the torque that is known of it, or none",
           "[identify]") {
   Recording data = swing(pendulum_with_friction(0.12, 0.05), 0.0);
   data.tau.col(1).setConstant(0.3);  // a ball pulls
   data.tau(data.rows() / 2, 1) = std::nan("");
+  const SensorNoise noise = sensor_noise({data}, {false, true});
   long none = 0, pulled = 0;
-  for (const ShootingWindow& w : make_windows(data, 0.4, 0.0, {false, true}))
-    for (long k = 0; k < w.u.rows(); ++k) (w.u(k, 1) == 0.3 ? pulled : none) += 1;
+  for (const MotionStretch& s : motion_stretches(data, noise, {false, true}))
+    for (long k = 0; k < s.u.rows(); ++k) (s.u(k, 1) == 0.3 ? pulled : none) += 1;
   CHECK(none == 1);
-  CHECK(pulled > data.rows() / 2);
-  CHECK(make_windows(data, 0.4, 0.0, {false, false}).size() + 1 ==
-        make_windows(data, 0.4, 0.0, {false, true}).size());
+  CHECK(pulled == data.rows() - 1);
+  CHECK(motion_stretches(data, noise, {false, true}).size() == 1);
+  CHECK(motion_stretches(data, noise, {false, false}).size() ==
+        2);  // the row without a torque ends one
 }
 
 TEST_CASE("window errors: those whose simulation blows up leave the errors of the others",
@@ -204,17 +217,18 @@ TEST_CASE("window errors: those whose simulation blows up leave the errors of th
   CHECK(errors.rmse().array().isNaN().all());  // no error, not one of 0
 }
 
-TEST_CASE(
-    "trajectory fit: held-out windows that blow up are told, and the errors are of the others",
-    "[identify]") {
+TEST_CASE("motion fit: held-out windows that blow up are told, and the errors are of the others",
+          "[identify]") {
   const Model truth = pendulum_with_friction(0.12, 0.05);
   const Recording train = swing(truth, 0.0);
   Recording test = swing(truth, 0.0, /*seed=*/5);
-  const std::string windows = std::to_string(make_windows(test, 0.4, 0.0, {}).size());
+  const SensorNoise noise = sensor_noise({test}, {false, false});
+  const std::string windows =
+      std::to_string(cut_windows(motion_stretches(test, noise, {false, false}), 0.4).size());
   // No step of the integrator survives it.
   const auto burst = [&](long from, long rows) {
     test.tau.col(1).segment(from, rows).setConstant(1e30);
-    return identify(truth, {train}, {test}, trajectory_options());
+    return identify(truth, {train}, {test}, motion_options());
   };
   const auto told = [](const IdentifyResult& result) {
     const auto it = std::ranges::find_if(
@@ -242,10 +256,8 @@ TEST_CASE(
   }
 }
 
-TEST_CASE(
-    "trajectory fit: recordings are whole, however they are streamed, and a brief one is left"
-    " out",
-    "[identify]") {
+TEST_CASE("motion fit: recordings are whole, however they are streamed, and brief ones count",
+          "[identify]") {
   const Model truth = pendulum_with_friction(0.12, 0.05);
   const Recording data = swing(truth, 1e-4);
   // As a source of blocks gives it: pieces of one run, the last one shorter than any window.
@@ -278,22 +290,28 @@ TEST_CASE(
     Recording recording_;
   };
   const Model start = pendulum_with_friction(0.05, 0.02);
-  const IdentifyResult whole = identify(start, {data}, {}, trajectory_options());
-  const IdentifyResult streamed =
-      identify(start, Blocks(start, data), nullptr, trajectory_options());
+  const IdentifyResult whole = identify(start, {data}, {}, motion_options());
+  const IdentifyResult streamed = identify(start, Blocks(start, data), nullptr, motion_options());
   for (std::size_t k = 0; k < whole.parameters.size(); ++k)
     CHECK(streamed.parameters[k].value == whole.parameters[k].value);
 
-  Recording brief = data;
-  brief.source = "brief";
-  brief.time = VecX<double>(data.time.head(60));
-  for (auto member :
-       {&Recording::q, &Recording::qd, &Recording::qdd, &Recording::qcmd, &Recording::tau})
-    if ((brief.*member).size() > 0) brief.*member = RowMatX<double>((data.*member).topRows(60));
-  const IdentifyResult two = identify(start, {data, brief}, {}, trajectory_options());
-  CHECK(std::ranges::any_of(two.notes,
-                            [](const std::string& n) { return n.find("left out: brief") == 0; }));
-  CHECK_THROWS_AS(identify(start, {brief}, {}, trajectory_options()), DataError);
+  // Sixty rows are a window like any other; two say nothing.
+  const auto first = [&](long rows) {
+    Recording brief = data;
+    brief.source = "brief";
+    brief.time = VecX<double>(data.time.head(rows));
+    for (auto member :
+         {&Recording::q, &Recording::qd, &Recording::qdd, &Recording::qcmd, &Recording::tau})
+      if ((brief.*member).size() > 0) brief.*member = RowMatX<double>((data.*member).topRows(rows));
+    return brief;
+  };
+  const auto left_out = [](const IdentifyResult& r) {
+    return std::ranges::any_of(r.notes,
+                               [](const std::string& n) { return n.find("left out: brief") == 0; });
+  };
+  CHECK_FALSE(left_out(identify(start, {data, first(60)}, {}, motion_options())));
+  CHECK(left_out(identify(start, {data, first(2)}, {}, motion_options())));
+  CHECK_THROWS_AS(identify(start, {first(2)}, {}, motion_options()), DataError);
 }
 
-}  // namespace trajectory_fit_test
+}  // namespace motion_fit_test

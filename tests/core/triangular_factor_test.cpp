@@ -3,7 +3,7 @@
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/core/random.hpp>
-#include <diffnea/identify/triangular_factor.hpp>
+#include <diffnea/core/triangular_factor.hpp>
 
 namespace triangular_factor_test {
 

@@ -1,7 +1,7 @@
 #include <algorithm>
 
 #include <diffnea/core/error.hpp>
-#include <diffnea/identify/triangular_factor.hpp>
+#include <diffnea/core/triangular_factor.hpp>
 
 #include "core/decompositions.hpp"
 

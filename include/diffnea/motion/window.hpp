@@ -1,0 +1,61 @@
+#pragma once
+/// Stretches of recordings in which all torques are known, and the windows that they are cut into:
+/// each is simulated in one go from a first state of its own.
+
+#include <string>
+#include <vector>
+
+#include <diffnea/motion/sensor_noise.hpp>
+
+namespace diffnea {
+
+/// Consecutive rows between which a simulation can go on. Rows may lie at any times. m rows, n
+/// joints.
+struct MotionStretch {
+  int run = 0;               ///< number of its recording
+  std::vector<double> time;  ///< (m) [s]
+  RowMatX<double> q;         ///< (m, n) positions; NaN: not measured, or the sensor's old value
+  RowMatX<double> u;         ///< (m, n) torque that acts from row k to k+1
+  RowMatX<double> u_end;     ///< (m, n) torque at the end of that step (u if held)
+
+  /// Time from the first row to the last [s].
+  double length() const { return time.back() - time.front(); }
+};
+
+/// Rows of one stretch that are simulated in one go.
+struct MotionWindow {
+  std::size_t stretch = 0;  ///< index among the stretches
+  long first = 0;           ///< first row in the stretch
+  long rows = 0;            ///< number of rows
+  VecX<double> state;       ///< (2n) q, q̇ at the first row: estimate
+};
+
+/// Stretches of one recording. Where torque drives, a pause of more than five periods and a row
+/// without a torque end a stretch; a robot that nothing drives goes on through both.
+/// @param noise    of the sensors: what was not refreshed does not count
+/// @param passive  (n) joints whose torque is 0 where none is given
+std::vector<MotionStretch> motion_stretches(const Recording& recording, const SensorNoise& noise,
+                                            const std::vector<bool>& passive);
+
+/// Windows of that length, the last one of a stretch as long as is left. First states are those of
+/// `measured_state` over `first_horizon`.
+/// @param horizon  [s]
+std::vector<MotionWindow> cut_windows(const std::vector<MotionStretch>& stretches, double horizon);
+
+/// Local motion of a stretch: a cubic in time through the positions (of lower degree where rows are
+/// few).
+struct LocalMotion {
+  VecX<double> q;    ///< (n) [rad] or [m]
+  VecX<double> qd;   ///< (n) [rad/s] or [m/s]
+  VecX<double> qdd;  ///< (n) [rad/s²] or [m/s²]
+};
+/// @param at    time [s] to which the motion belongs
+/// @param from  first of the rows that count
+/// @param rows  number of these, at least one
+LocalMotion local_motion(const MotionStretch& stretch, double at, long from, long rows);
+
+/// Root mean square of the positions about their mean in each stretch, (n) [rad] or [m]: error of a
+/// simulation that knows no more than where the joint is.
+VecX<double> motion_size(const std::vector<MotionStretch>& stretches);
+
+}  // namespace diffnea

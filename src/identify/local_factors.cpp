@@ -1,0 +1,66 @@
+#include "identify/local_factors.hpp"
+
+#include <diffnea/dynamics/regressor.hpp>
+#include <diffnea/effects/extended_tree.hpp>
+
+namespace diffnea {
+
+std::vector<JointFactor> local_factors(const Model& model, const FitLayout& layout,
+                                       const std::vector<MotionStretch>& stretches,
+                                       const std::vector<MotionWindow>& windows) {
+  const int n = layout.num_dofs;
+  const long p = static_cast<long>(layout.linear.size());
+  const Tree<double> tree = make_tree(model);
+  std::vector<JointFactor> out(static_cast<std::size_t>(n));
+  for (int j = 0; j < n; ++j) {
+    out[static_cast<std::size_t>(j)].columns = layout.columns_of_joint(tree, j);
+    out[static_cast<std::size_t>(j)].factor =
+        TriangularFactor(static_cast<int>(out[static_cast<std::size_t>(j)].columns.size()));
+  }
+  RegressorWorkspace<double, double> ws;
+  RowMatX<double> Y(n, p + 1);
+  std::vector<double> scratch;
+  for (const MotionWindow& w : windows) {
+    const MotionStretch& s = stretches[w.stretch];
+    const long middle = w.first + w.rows / 2;
+    const LocalMotion at =
+        local_motion(s, s.time[static_cast<std::size_t>(middle)], w.first, w.rows);
+    Y.setZero();
+    const RowMatX<double>& links = torque_regressor<double, double>(tree, at.q, at.qd, at.qdd, ws);
+    JointSample<double> x;
+    x.run = s.run;
+    x.q = at.q.data();
+    x.qd = at.qd.data();
+    x.qdd = x.tau = at.qdd.data();
+    std::vector<std::size_t> next(layout.effects.size(), 0);  // linear parameter of each effect
+    for (long c = 0; c < p; ++c) {
+      const FitParameter& def = layout.linear[static_cast<std::size_t>(c)];
+      if (def.effect < 0) {
+        Y.col(c) = links.col(kThetaSize * def.dof + def.theta);
+        continue;
+      }
+      const BoundEffect& e = layout.effects[static_cast<std::size_t>(def.effect)];
+      if (e.info().port == Port::kModelParameter) {
+        Y.col(c) = links.col(kThetaSize * e.joints.at(0) + def.theta);
+        continue;
+      }
+      const std::size_t k = next[static_cast<std::size_t>(def.effect)]++;
+      scratch.resize(e.linear_parameters().size() * static_cast<std::size_t>(n));
+      linear_columns(e, x, scratch.data());
+      Y.col(c) =
+          Eigen::Map<const VecX<double>>(scratch.data() + k * static_cast<std::size_t>(n), n);
+    }
+    Y.col(p) = s.u.row(middle).transpose();
+    for (int j = 0; j < n; ++j) {
+      JointFactor& f = out[static_cast<std::size_t>(j)];
+      RowMatX<double> row(1, static_cast<long>(f.columns.size()) + 1);
+      for (std::size_t k = 0; k < f.columns.size(); ++k)
+        row(0, static_cast<long>(k)) = Y(j, f.columns[k]);
+      row(0, row.cols() - 1) = Y(j, p);
+      f.factor.add(row);
+    }
+  }
+  return out;
+}
+
+}  // namespace diffnea

@@ -1,0 +1,16 @@
+#pragma once
+/// Torques of one instant in each of many short windows, from a polynomial through the positions:
+/// no filter, hence of runs of any length. Good for scales and for what the links' inertia absorbs,
+/// not for a fit. Internal to identify/.
+
+#include <diffnea/identify/linear_fit.hpp>
+#include <diffnea/motion/window.hpp>
+
+namespace diffnea {
+
+/// Factors of [Y τ], one a joint, of one row a window.
+std::vector<JointFactor> local_factors(const Model& model, const FitLayout& layout,
+                                       const std::vector<MotionStretch>& stretches,
+                                       const std::vector<MotionWindow>& windows);
+
+}  // namespace diffnea

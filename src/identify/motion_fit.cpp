@@ -1,0 +1,460 @@
+#include "identify/motion_fit.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include <diffnea/core/parallel.hpp>
+
+#include "core/constants.hpp"
+#include "core/decompositions.hpp"
+
+namespace diffnea {
+namespace {
+
+/// Scale of a shape: ten times that, by the weak prior, is an e-fold, or 1 rad or m.
+constexpr double kShapeScale = 0.1;
+/// Residuals this far below the noise hold nothing more, share of χ²/2 that noise would leave.
+constexpr double kBelowNoise = 1e-3;
+
+/// Share of the objective that a linearisation promises and need not keep: friction has corners.
+constexpr double kUnkept = 1e-3;
+/// Steps without a gain, though one is promised, that are enough.
+constexpr int kStalls = 5;
+
+/// What a set of windows costs: first those whose simulation blows up, whatever the others gain.
+struct Cost {
+  long blown_up = 0;
+  double sum = 0.0;  ///< of the others
+
+  bool operator<(const Cost& other) const {
+    return blown_up < other.blown_up || (blown_up == other.blown_up && sum < other.sum);
+  }
+};
+
+Cost total(const std::vector<double>& parts) {
+  Cost out;
+  for (const double c : parts) {
+    if (std::isfinite(c))
+      out.sum += c;
+    else
+      ++out.blown_up;
+  }
+  return out;
+}
+
+std::vector<VecX<double>> states_of(const std::vector<MotionWindow>& windows) {
+  std::vector<VecX<double>> out;
+  for (const MotionWindow& w : windows) out.push_back(w.state);
+  return out;
+}
+
+void set_states(const std::vector<VecX<double>>& states, std::vector<MotionWindow>& windows) {
+  for (std::size_t i = 0; i < windows.size(); ++i) windows[i].state = states[i];
+}
+
+long samples_of(const std::vector<MotionStretch>& stretches,
+                const std::vector<MotionWindow>& windows) {
+  long out = 0;
+  for (const MotionWindow& w : windows)
+    for (const double q : stretches[w.stretch].q.middleRows(w.first, w.rows).reshaped())
+      out += std::isnan(q) ? 0 : 1;
+  return out;
+}
+
+/// 1 + 2 Σ |ρ_l| of a series: how many of its rows say what one independent row does. Signs are
+/// left out: where a residual swings, so does what a parameter does there. The sum ends where
+/// correlations are noise for half as long as it is.
+double correlation_time(const std::vector<double>& r) {
+  const long n = static_cast<long>(r.size());
+  double mean_square = 0.0;
+  for (const double x : r) mean_square += x * x;
+  if (!(mean_square > 0.0)) return 1.0;
+  const double noise = 2.0 / std::sqrt(static_cast<double>(n));
+  double sum = 0.0;
+  long last = 0;  // lag of the last correlation beyond noise
+  for (long l = 1; l < n / 2 && l < last + 10 + last / 2; ++l) {
+    double c = 0.0;
+    for (long k = 0; k + l < n; ++k)
+      c += r[static_cast<std::size_t>(k)] * r[static_cast<std::size_t>(k + l)];
+    const double rho = std::abs(c / mean_square);
+    if (rho < noise) continue;
+    sum += rho;
+    last = l;
+  }
+  return 1.0 + 2.0 * sum;
+}
+
+}  // namespace
+
+MotionFitter::MotionFitter(const MotionProblem& problem, const MotionOptions& options,
+                           VecX<double> start, VecX<double> shape,
+                           std::function<bool(int, double)> progress)
+    : problem_(problem),
+      options_(options),
+      start_(std::move(start)),
+      start_shape_(std::move(shape)),
+      progress_(std::move(progress)) {
+  const FitLayout& layout = problem.layout;
+  for (std::size_t c = 0; c < layout.linear.size(); ++c)
+    if (!layout.linear[c].fixed) free_.push_back(static_cast<int>(c));
+  for (std::size_t s = 0; s < layout.shape.size(); ++s)
+    if (!layout.shape[s].fixed) free_.push_back(static_cast<int>(layout.linear.size() + s));
+  now_.x = start_;
+  now_.shape = start_shape_;
+}
+
+Workers MotionFitter::workers_at(const VecX<double>& x, const VecX<double>& shape,
+                                 const std::vector<int>& free) const {
+  const FitLayout& layout = problem_.layout;
+  std::vector<BoundEffect> effects = layout.effects;
+  const auto set = [&](const FitParameter& p, double value) {
+    if (p.effect >= 0)
+      effects[static_cast<std::size_t>(p.effect)].parameters[static_cast<std::size_t>(p.index)] =
+          value;
+  };
+  const long p = static_cast<long>(layout.linear.size());
+  for (long c = 0; c < p; ++c) set(layout.linear[static_cast<std::size_t>(c)], x[c]);
+  for (std::size_t s = 0; s < layout.shape.size(); ++s)
+    set(layout.shape[s], shape[static_cast<long>(s)]);
+  std::vector<MotionParameter> parameters;
+  for (const int c : free) {
+    const FitParameter& from = c < p ? layout.linear[static_cast<std::size_t>(c)]
+                                     : layout.shape[static_cast<std::size_t>(c - p)];
+    parameters.push_back(
+        {from.dof, from.theta, from.effect, from.index, c >= p && from.logarithmic});
+  }
+  const ExtendedTree tree = extend(apply_fit(problem_.model, layout, x, shape), problem_.runs);
+  Workers out;
+  for (int t = 0; t < std::max(options_.threads, 1); ++t)
+    out.push_back(std::make_unique<JointWindows>(tree, effects, parameters, options_.stepping));
+  return out;
+}
+
+std::vector<ReducedWindow> MotionFitter::linearise(Workers& workers,
+                                                   const std::vector<MotionWindow>& windows,
+                                                   int free) const {
+  std::vector<ReducedWindow> out(windows.size());
+  parallel_for(windows.size(), workers.size(), [&](std::size_t i, std::size_t t) {
+    const int states = workers[t]->states();
+    TriangularFactor rows(states + free);
+    const bool finite = workers[t]->linearise(problem_.stretches[windows[i].stretch], windows[i],
+                                              problem_.sigma, rows);
+    out[i] = eliminate(rows, states, finite);
+  });
+  return out;
+}
+
+/// Costs of all windows, each from the best of its states along the Gauss–Newton step: a window
+/// near an unstable equilibrium must not hold back the others.
+/// @param windows  with the states where the step begins
+/// @param to       states where it ends; moved back where that is worse
+/// @param before   costs at the beginning; shorter steps are tried only where the full one is worse
+std::vector<double> MotionFitter::costs(Workers& workers, const std::vector<MotionWindow>& windows,
+                                        std::vector<VecX<double>>& to,
+                                        const std::vector<double>& before) const {
+  std::vector<double> out(windows.size());
+  parallel_for(windows.size(), workers.size(), [&](std::size_t i, std::size_t t) {
+    JointWindows& simulator = *workers[t];
+    const MotionStretch& stretch = problem_.stretches[windows[i].stretch];
+    MotionWindow w = windows[i];
+    const VecX<double> from = w.state, full = to[i] - from;
+    w.state = to[i];
+    out[i] = simulator.cost(stretch, w, problem_.sigma);
+    for (const double share : {0.5, 0.2, 0.05, 0.0}) {
+      if (out[i] <= before[i]) break;
+      w.state = from + share * full;
+      const double c = simulator.cost(stretch, w, problem_.sigma);
+      if (c < out[i]) {
+        out[i] = c;
+        to[i] = w.state;
+      }
+    }
+  });
+  return out;
+}
+
+void MotionFitter::fit(std::vector<MotionWindow>& windows, double tolerance) {
+  const int f = static_cast<int>(free_.size());
+  const long p = static_cast<long>(problem_.layout.linear.size());
+  const long columns = p + static_cast<long>(problem_.layout.shape.size());
+  now_.samples = samples_of(problem_.stretches, windows);
+  const double noise = 0.5 * static_cast<double>(now_.samples);
+  Workers simulators = workers();
+  std::vector<VecX<double>> states = states_of(windows);
+  std::vector<double> parts =
+      costs(simulators, windows, states, std::vector<double>(windows.size(), kInfinity));
+  Cost now = total(parts);
+  now_.objective = now.sum;
+  double damping = 1e-4;
+  int stalls = 0;
+  now_.converged = false;
+  now_.termination = "iteration limit";
+  for (int iteration = 0; iteration < options_.max_iterations; ++iteration) {
+    const std::vector<ReducedWindow> reduced = linearise(simulators, windows, f);
+    TriangularFactor whole(f);
+    for (const ReducedWindow& r : reduced)
+      if (r.finite) whole.add(r.rows);
+    const MatX<double> R = whole.R();
+    now_.R = MatX<double>::Zero(f, columns);
+    VecX<double> at(f);
+    for (int k = 0; k < f; ++k) {
+      now_.R.col(free_[static_cast<std::size_t>(k)]) = R.col(k);
+      at[k] = coordinate(free_[static_cast<std::size_t>(k)], now_.x, now_.shape);
+    }
+    const VecX<double> d = R * at - whole.d();  // R (x_new − x) = −r
+
+    bool accepted = false;
+    double gained = 0.0;
+    for (int attempt = 0; attempt < 8 && !accepted; ++attempt) {
+      VecX<double> x_new, shape_new, dx(f);
+      step(d, damping, x_new, shape_new);
+      for (int k = 0; k < f; ++k)
+        dx[k] = coordinate(free_[static_cast<std::size_t>(k)], x_new, shape_new) - at[k];
+      std::vector<VecX<double>> next = states_of(windows);
+      for (std::size_t i = 0; i < windows.size(); ++i)
+        if (reduced[i].finite) next[i] += reduced[i].state_step(dx);
+      Workers tried = workers_at(x_new, shape_new, free_);
+      std::vector<double> parts_new = costs(tried, windows, next, parts);
+      const Cost after = total(parts_new);
+      if (after < now) {
+        gained = after.blown_up < now.blown_up ? kInfinity : now.sum - after.sum;
+        now = after;
+        parts = std::move(parts_new);
+        simulators = std::move(tried);
+        now_.x = x_new;
+        now_.shape = shape_new;
+        set_states(next, windows);
+        damping = std::max(damping * 0.2, 1e-9);
+        accepted = true;
+      } else {
+        damping *= 10.0;
+      }
+    }
+    ++now_.iterations;
+    now_.objective = now.sum;
+    if (progress_ && !progress_(now_.iterations, now.sum)) {
+      now_.interrupted = true;
+      now_.termination = "interrupted";
+      return;
+    }
+    const bool exact = now.sum < kBelowNoise * noise;
+    if (accepted && gained >= tolerance * now.sum && !exact) continue;
+    // A small gain may be that of a small step: what would a long one gain?
+    const bool nothing_left = exact || promise(reduced, d) < kUnkept * now.sum;
+    if (accepted && !nothing_left) {
+      damping = std::min(damping, 1.0);
+      if (++stalls < kStalls) continue;
+    }
+    now_.converged = nothing_left && now.blown_up == 0;
+    now_.termination = nothing_left ? "gain below tolerance" : "no lower point along the step";
+    break;
+  }
+  if (now.blown_up > 0)
+    now_.termination += "; the simulation of " + std::to_string(now.blown_up) + " of " +
+                        std::to_string(windows.size()) + " windows blows up";
+}
+
+void MotionFitter::fit_states(std::vector<MotionWindow>& windows) const {
+  Workers simulators = workers_at(now_.x, now_.shape, {});
+  // Windows know nothing of each other: each goes its own way.
+  parallel_for(windows.size(), simulators.size(), [&](std::size_t i, std::size_t t) {
+    JointWindows& simulator = *simulators[t];
+    const MotionStretch& stretch = problem_.stretches[windows[i].stretch];
+    MotionWindow& w = windows[i];
+    const double noise =
+        0.5 * static_cast<double>(w.rows) * static_cast<double>(problem_.sigma.size());
+    double now = simulator.cost(stretch, w, problem_.sigma);
+    for (int iteration = 0; iteration < options_.max_iterations; ++iteration) {
+      TriangularFactor rows(simulator.states());
+      const bool finite = simulator.linearise(stretch, w, problem_.sigma, rows);
+      const ReducedWindow reduced = eliminate(rows, simulator.states(), finite);
+      if (!reduced.finite) return;
+      const VecX<double> from = w.state, full = reduced.state_step(VecX<double>(0));
+      double best = now;
+      VecX<double> best_state = from;
+      for (const double share : {1.0, 0.5, 0.2, 0.05, 0.01}) {
+        w.state = from + share * full;
+        const double c = simulator.cost(stretch, w, problem_.sigma);
+        if (!(c < best)) continue;
+        best = c;
+        best_state = w.state;
+        break;
+      }
+      w.state = best_state;
+      const double gained = now - best;
+      now = best;
+      if (!(gained > options_.tolerance * now) || now < kBelowNoise * noise) return;
+    }
+  });
+}
+
+double MotionFitter::best_cost(std::vector<MotionWindow> windows) const {
+  fit_states(windows);
+  Workers simulators = workers_at(now_.x, now_.shape, {});
+  std::vector<double> parts(windows.size());
+  parallel_for(windows.size(), simulators.size(), [&](std::size_t i, std::size_t t) {
+    parts[i] =
+        simulators[t]->cost(problem_.stretches[windows[i].stretch], windows[i], problem_.sigma);
+  });
+  double out = 0.0;
+  for (const double c : parts) out += c;
+  return out;
+}
+
+double MotionFitter::coordinate(long column, const VecX<double>& x,
+                                const VecX<double>& shape) const {
+  const long p = x.size();
+  if (column < p) return x[column];
+  const bool logarithmic = problem_.layout.shape[static_cast<std::size_t>(column - p)].logarithmic;
+  return logarithmic ? std::log(shape[column - p]) : shape[column - p];
+}
+
+double MotionFitter::scale_of(long column) const {
+  return column < problem_.scale.size() ? problem_.scale[column] : kShapeScale;
+}
+
+/// Gain of an undamped step by the linearised windows [χ²/2].
+double MotionFitter::promise(const std::vector<ReducedWindow>& reduced,
+                             const VecX<double>& d) const {
+  const int f = static_cast<int>(free_.size());
+  VecX<double> x, shape, dx(f);
+  step(d, 0.0, x, shape);
+  for (int k = 0; k < f; ++k)
+    dx[k] = coordinate(free_[static_cast<std::size_t>(k)], x, shape) -
+            coordinate(free_[static_cast<std::size_t>(k)], now_.x, now_.shape);
+  double out = 0.0;
+  for (const ReducedWindow& r : reduced) {
+    if (!r.finite) continue;
+    const VecX<double> left = r.rows.col(f) + r.rows.leftCols(f) * dx;
+    out += 0.5 * (r.top.col(f).squaredNorm() + r.rows.col(f).squaredNorm() - left.squaredNorm());
+  }
+  return out;
+}
+
+/// Root mean square of the residuals in units of the noise; 1 where they are less.
+double MotionFitter::misfit() const {
+  return std::sqrt(
+      std::max(2.0 * now_.objective / static_cast<double>(std::max(now_.samples, 1L)), 1.0));
+}
+
+/// Levenberg–Marquardt step as a convex fit: consistency exact, damping and prior as Gaussians.
+void MotionFitter::step(const VecX<double>& d, double damping, VecX<double>& x,
+                        VecX<double>& shape) const {
+  constexpr double kLongest = 0.7;  // step of a shape: a factor of two, or 0.7 rad or m
+  const FitLayout& layout = problem_.layout;
+  const long p = static_cast<long>(layout.linear.size());
+  const long columns = p + static_cast<long>(layout.shape.size()), f = now_.R.rows();
+  ConvexFitProblem problem;
+  problem.R = MatX<double>::Zero(f + columns, columns);
+  problem.d = VecX<double>::Zero(f + columns);
+  problem.R.topRows(f) = now_.R;
+  problem.d.head(f) = d;
+  problem.start.resize(columns);
+  for (long c = 0; c < columns; ++c) problem.start[c] = coordinate(c, now_.x, now_.shape);
+  problem.bodies = layout.bodies();
+  problem.prior_information = MatX<double>::Zero(columns, columns);
+  std::vector<char> is_free(static_cast<std::size_t>(columns), 0);
+  for (const int c : free_) {
+    is_free[static_cast<std::size_t>(c)] = 1;
+    // A parameter that the data do not tell stays where the fit began; they tell it no better than
+    // the model describes them.
+    const double weak = misfit() / (10.0 * scale_of(c));
+    problem.R(f + c, c) = weak;
+    problem.d[f + c] = weak * coordinate(c, start_, start_shape_);
+  }
+  for (long c = 0; c < columns; ++c) {
+    const double curvature = now_.R.col(c).squaredNorm() + std::pow(0.1 / scale_of(c), 2);
+    problem.prior_information(c, c) = damping * curvature;
+    if (is_free[static_cast<std::size_t>(c)] == 0)
+      problem.fixed.push_back(static_cast<int>(c));
+    else if (c < p && layout.linear[static_cast<std::size_t>(c)].sign != Sign::kFree)
+      problem.nonnegative.push_back(static_cast<int>(c));
+  }
+  const VecX<double> out = solve_convex_fit(problem).x;
+  x = out.head(p);
+  shape = now_.shape;
+  for (long s = 0; s < shape.size(); ++s) {
+    if (is_free[static_cast<std::size_t>(p + s)] == 0) continue;
+    const FitParameter& def = layout.shape[static_cast<std::size_t>(s)];
+    const double move = std::clamp(out[p + s] - problem.start[p + s], -kLongest, kLongest);
+    shape[s] = def.logarithmic ? shape[s] * std::exp(move) : shape[s] + move;
+    if (!def.logarithmic && def.sign != Sign::kFree) shape[s] = std::max(shape[s], 0.0);
+  }
+}
+
+/// Variance of what is left over that of the noise, times its correlation time.
+double MotionFitter::correlation(const std::vector<MotionWindow>& windows) const {
+  const long n = problem_.sigma.size();
+  Workers simulators = workers_at(now_.x, now_.shape, {});
+  std::vector<double> sum(windows.size(), 0.0), rows(windows.size(), 0.0);
+  parallel_for(windows.size(), simulators.size(), [&](std::size_t i, std::size_t t) {
+    const MotionWindow& w = windows[i];
+    const MotionStretch& stretch = problem_.stretches[w.stretch];
+    const RowMatX<double> q = simulators[t]->positions(stretch, w);
+    for (long j = 0; j < n; ++j) {
+      std::vector<double> r;
+      double squares = 0.0;
+      for (long k = 0; k < w.rows; ++k) {
+        const double e = (q(k, j) - stretch.q(w.first + k, j)) / problem_.sigma[j];
+        if (!std::isfinite(e)) continue;
+        r.push_back(e);
+        squares += e * e;
+      }
+      sum[i] += squares * correlation_time(r);
+      rows[i] += static_cast<double>(r.size());
+    }
+  });
+  double all = 0.0, count = 0.0;
+  for (std::size_t i = 0; i < windows.size(); ++i) {
+    all += sum[i];
+    count += rows[i];
+  }
+  return all / std::max(count, 1.0);
+}
+
+void MotionFitter::set_covariance(const std::vector<MotionWindow>& windows) {
+  // Fewer clusters make a sandwich of too low a rank.
+  constexpr std::size_t kClusters = 5;  // a parameter
+  const int f = static_cast<int>(free_.size());
+  const long columns =
+      static_cast<long>(problem_.layout.linear.size() + problem_.layout.shape.size());
+  Workers simulators = workers();
+  // (H + Λ) = R̃ᵀR̃: directions that only the prior holds are beyond what H itself resolves.
+  TriangularFactor whole(f);
+  std::vector<VecX<double>> scores;
+  for (const ReducedWindow& r : linearise(simulators, windows, f)) {
+    if (!r.finite) continue;
+    whole.add(r.rows);
+    scores.push_back(r.rows.leftCols(f).transpose() * r.rows.col(f));
+  }
+  RowMatX<double> prior = RowMatX<double>::Zero(f, f + 1);
+  for (int k = 0; k < f; ++k)
+    prior(k, k) = misfit() / (10.0 * scale_of(free_[static_cast<std::size_t>(k)]));
+  whole.add(prior);
+  const MatX<double> R = whole.R();
+  const auto over_information = [&](const MatX<double>& G) -> MatX<double> {
+    const MatX<double> half = R.transpose().triangularView<Eigen::Lower>().solve(G);
+    return R.triangularView<Eigen::Upper>().solve(half);
+  };
+  MatX<double> of_free;
+  if (scores.size() < kClusters * static_cast<std::size_t>(f)) {
+    of_free = std::max(correlation(windows), 1.0) * over_information(MatX<double>::Identity(f, f));
+  } else {
+    const long w = static_cast<long>(scores.size());
+    MatX<double> G = MatX<double>::Zero(f, w + f);
+    for (long k = 0; k < w; ++k) G.col(k) = scores[static_cast<std::size_t>(k)];
+    G.rightCols(f) = misfit() * prior.leftCols(f);
+    const MatX<double> X = over_information(G);
+    of_free = X * X.transpose();
+  }
+  now_.covariance = MatX<double>::Zero(columns, columns);
+  now_.covariance(free_, free_) = of_free;
+  const long p = static_cast<long>(problem_.layout.linear.size());
+  for (long c = p; c < columns; ++c)
+    if (problem_.layout.shape[static_cast<std::size_t>(c - p)].logarithmic) {
+      now_.covariance.row(c) *= now_.shape[c - p];
+      now_.covariance.col(c) *= now_.shape[c - p];
+    }
+}
+
+}  // namespace diffnea

@@ -1,0 +1,93 @@
+#pragma once
+/// Output error: simulated windows of a recording against measured positions (multiple shooting;
+/// Bock 1983). Needs no velocity, acceleration or filter, hence no bias from them.
+///
+/// Each window has its own first state, eliminated by a QR of its rows, so that a Gauss–Newton step
+/// costs one small convex problem (solve_convex_fit), in which physical consistency holds exactly.
+/// Internal to identify/.
+
+#include <functional>
+
+#include <diffnea/identify/convex_fit.hpp>
+#include <diffnea/identify/layout.hpp>
+
+#include "motion/continuation.hpp"
+
+namespace diffnea {
+
+/// Where a fit to windows stands.
+struct MotionFit {
+  VecX<double> x;            ///< (p) linear parameters of the layout
+  VecX<double> shape;        ///< (s) its shape parameters
+  MatX<double> R;            ///< (f, p + s) factor of the last linearisation, in units of sigma
+  MatX<double> covariance;   ///< (p + s, p + s) of both, shapes in their own unit
+  long samples = 0;          ///< positions compared
+  double objective = 0.0;    ///< χ²/2 of the windows whose simulation does not blow up
+  int iterations = 0;        ///< Gauss–Newton steps, of all horizons
+  bool converged = false;    ///< the last fit met its stop rule, and no window blows up
+  bool interrupted = false;  ///< the callback said so; what is here is the best until then
+  std::string termination;   ///< why the last fit ended, in words
+};
+
+/// Data and scales of a fit, which outlive it.
+struct MotionProblem {
+  const Model& model;
+  const FitLayout& layout;
+  const std::vector<MotionStretch>& stretches;
+  std::vector<int> runs;  ///< of the recordings, ascending
+  VecX<double> sigma;     ///< (n) noise of the positions [rad] or [m]
+  VecX<double> scale;     ///< (p) how far a parameter may well be from where it starts
+};
+
+/// A fit that goes on from horizon to horizon.
+class MotionFitter {
+ public:
+  /// @param start, shape  (p), (s) where to begin; what the data cannot tell stays there
+  /// @param progress      called after every step with (iteration, objective); false stops
+  /// @throws ModelError if an effect has no forward form
+  MotionFitter(const MotionProblem& problem, const MotionOptions& options, VecX<double> start,
+               VecX<double> shape, std::function<bool(int, double)> progress = {});
+
+  /// Fits parameters and the states of these windows.
+  /// @param tolerance  stop when a step gains a smaller share of the objective
+  void fit(std::vector<MotionWindow>& windows, double tolerance);
+  /// Fits the states alone.
+  void fit_states(std::vector<MotionWindow>& windows) const;
+  /// Standard errors at the present point: windows as clusters (Liang, Zeger 1986) where these are
+  /// many, otherwise independent residuals times what their autocorrelation makes of them.
+  void set_covariance(const std::vector<MotionWindow>& windows);
+
+  /// Simulators at the present point, one a thread.
+  Workers workers() const { return workers_at(now_.x, now_.shape, free_); }
+  /// The present point.
+  const MotionFit& now() const { return now_; }
+  /// Goes on from these linear parameters, strictly consistent; the prior stays where it is.
+  void begin_at(const VecX<double>& x) { now_.x = x; }
+  /// χ²/2 of these windows at the present point, each at its best state; +∞ if one blows up.
+  double best_cost(std::vector<MotionWindow> windows) const;
+  /// Goes back to an earlier one.
+  void restore(MotionFit earlier) { now_ = std::move(earlier); }
+
+ private:
+  Workers workers_at(const VecX<double>& x, const VecX<double>& shape,
+                     const std::vector<int>& free) const;
+  std::vector<ReducedWindow> linearise(Workers& workers, const std::vector<MotionWindow>& windows,
+                                       int free) const;
+  std::vector<double> costs(Workers& workers, const std::vector<MotionWindow>& windows,
+                            std::vector<VecX<double>>& to, const std::vector<double>& before) const;
+  void step(const VecX<double>& d, double damping, VecX<double>& x, VecX<double>& shape) const;
+  double promise(const std::vector<ReducedWindow>& reduced, const VecX<double>& d) const;
+  double misfit() const;
+  double coordinate(long column, const VecX<double>& x, const VecX<double>& shape) const;
+  double scale_of(long column) const;
+  double correlation(const std::vector<MotionWindow>& windows) const;
+
+  const MotionProblem& problem_;
+  MotionOptions options_;
+  VecX<double> start_, start_shape_;
+  std::function<bool(int, double)> progress_;
+  std::vector<int> free_;  ///< columns that are fitted: linear ones, then p + index of the shapes
+  MotionFit now_;
+};
+
+}  // namespace diffnea

@@ -1,0 +1,498 @@
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <numeric>
+
+#include <diffnea/core/error.hpp>
+#include <diffnea/identify/posterior.hpp>
+
+#include "core/constants.hpp"
+#include "core/decompositions.hpp"
+#include "core/statistics.hpp"
+#include "identify/local_factors.hpp"
+#include "identify/motion_fit.hpp"
+#include "identify/passes.hpp"
+#include "identify/whole_runs.hpp"
+
+namespace diffnea {
+namespace {
+
+std::vector<bool> passive_joints(const Recording& recording) {
+  std::vector<bool> out;
+  for (const std::string& joint : recording.joint_names)
+    out.push_back(std::ranges::find(recording.info.passive, joint) != recording.info.passive.end());
+  return out;
+}
+
+/// Recordings of a source, whole, with numbers from `first_run` on.
+std::vector<Recording> whole_runs(const RecordingSource& source, int first_run) {
+  std::vector<Recording> out;
+  for_each_run(
+      source, [](const Recording&) { return true; },
+      [&](const Recording& r) {
+        out.push_back(r);
+        out.back().run += first_run;
+      });
+  return out;
+}
+
+/// Recordings cut into stretches; what has none is noted.
+std::vector<MotionStretch> stretches_of(const std::vector<Recording>& recordings,
+                                        const SensorNoise& noise, std::vector<std::string>& notes) {
+  std::vector<MotionStretch> out;
+  for (const Recording& r : recordings) {
+    std::vector<MotionStretch> of_run = motion_stretches(r, noise, passive_joints(r));
+    if (of_run.empty())
+      notes.push_back("left out: " + r.source +
+                      " has no three rows on end with a torque of every "
+                      "joint");
+    std::ranges::move(of_run, std::back_inserter(out));
+  }
+  if (out.empty() && !recordings.empty())
+    throw DataError(recordings.front().source +
+                    ": no three rows on end have a torque of every joint, so nothing can be "
+                    "simulated; declare joints without a drive passive (sidecar, or --passive)");
+  return out;
+}
+
+/// Windows of one set of data under one model, from horizon to horizon.
+struct Ladder {
+  std::vector<MotionWindow> windows;
+  WindowErrors errors;
+
+  /// Windows of the next horizon, from states of the present ones.
+  void next(Workers workers, const std::vector<MotionStretch>& stretches, double horizon,
+            double first) {
+    if (!windows.empty()) {
+      windows = continued(workers, stretches, windows, horizon, first);
+      return;
+    }
+    windows = cut_windows(stretches, horizon);
+    set_measured_states(stretches, first, windows);
+  }
+};
+
+/// The output-error loss, from data to numbers.
+class MotionIdentification {
+ public:
+  MotionIdentification(const Model& model, const RecordingSource& train,
+                       const RecordingSource* test, const IdentifyOptions& options)
+      : model_(model), train_(train), test_(test), options_(options) {}
+
+  IdentifyResult run() {
+    const auto start = std::chrono::steady_clock::now();
+    prepare();
+    climb();
+    result_.summary.seconds_fitting = fitting_;
+    evaluate();
+    result_.summary.seconds =
+        std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    return std::move(result_);
+  }
+
+ private:
+  void require_derivatives() const {
+    for (const BoundEffect& e : layout_.effects)
+      if (!e.runs.empty())
+        throw ModelError("identify: " + e.info().name + "@" + e.where +
+                         " acts in some recordings only, which the motion loss does not know; use "
+                         "the inverse loss");
+    for (const FitParameter& s : layout_.shape) {
+      const bool of_tree =
+          s.effect < 0 ||
+          layout_.effects[static_cast<std::size_t>(s.effect)].info().port == Port::kModelParameter;
+      if (!s.fixed && of_tree)
+        throw ModelError("identify: the motion loss does not fit " + s.name +
+                         "; fit it with the inverse loss first, then hold it (--fix \"" + s.name +
+                         "\")");
+    }
+    for (const FitParameter& p : layout_.linear)
+      if (!p.fixed && p.effect >= 0 && layout_.effects[p.effect].info().has(Trait::kGain))
+        throw ModelError(
+            "identify: the motion loss does not fit torque gains; fit torque_gain with the "
+            "inverse loss first, then hold it (--fix \"*torque_gain*\")");
+  }
+
+  void prepare() {
+    const auto start = std::chrono::steady_clock::now();
+    layout_ = layout_for(model_, train_, test_, options_.choice, result_.notes);
+    require_derivatives();
+    const std::vector<Recording> fitted = whole_runs(train_, 0);
+    noise_ = sensor_noise(fitted, passive_joints(fitted.front()));
+    stretches_ = stretches_of(fitted, noise_, result_.notes);
+    if (test_)
+      held_out_ = stretches_of(whole_runs(*test_, static_cast<int>(train_.runs().size())), noise_,
+                               result_.notes);
+    result_.data_report = train_.report();
+    for (const Recording& r : fitted) result_.summary.rows += r.rows();
+    result_.summary.passes = 1;
+    ladder_ = horizons(stretches_, noise_, options_.motion);
+    limit_ = (kApart * motion_size(stretches_)).cwiseMax(kFarBeyondNoise * noise_.position);
+    describe_noise();
+
+    shape_.resize(static_cast<long>(layout_.shape.size()));
+    for (std::size_t s = 0; s < layout_.shape.size(); ++s)
+      shape_[static_cast<long>(s)] = layout_.shape[s].prior;
+    const std::vector<JointFactor> factors =
+        local_factors(model_, layout_, stretches_, cut_windows(stretches_, ladder_.front()));
+    for (const int c : absorbed_by_links(layout_, factors)) {
+      layout_.linear[static_cast<std::size_t>(c)].fixed = true;
+      layout_.linear[static_cast<std::size_t>(c)].absorbed = true;
+      result_.notes.push_back(
+          layout_.linear[static_cast<std::size_t>(c)].name +
+          " cannot be told from the links' inertia, which absorbs it: held at " +
+          format_number(layout_.linear[static_cast<std::size_t>(c)].prior));
+    }
+    const auto fixed = [](const FitParameter& p) { return p.fixed; };
+    if (std::ranges::all_of(layout_.linear, fixed) && std::ranges::all_of(layout_.shape, fixed))
+      throw ModelError(
+          "identify: every parameter is held, nothing is left to fit; groups of fit: "
+          "inertia, armature, effects, shapes");
+    scale_ = parameter_scales(layout_, factors);
+    // Horizon 0: torques of one instant. A robot that nothing drives has none to fit.
+    const bool driven = std::ranges::any_of(
+        stretches_, [](const MotionStretch& s) { return s.u.cwiseAbs().maxCoeff() > 0.0; });
+    if (driven) guess_ = inverse_guess(factors);
+    start_ = consistent_start(layout_, scale_);
+    for (std::size_t k = 0; k < layout_.linear.size(); ++k)
+      if (layout_.linear[k].fixed) start_[static_cast<long>(k)] = layout_.linear[k].prior;
+    runs_.resize(train_.runs().size() + (test_ ? test_->runs().size() : 0));
+    std::iota(runs_.begin(), runs_.end(), 0);
+    fitting_ = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  }
+
+  /// Notes on sensors: slow ones, and those that show no noise.
+  void describe_noise() {
+    PreprocessPlan& plan = result_.plan;
+    plan.dt = noise_.period.minCoeff();
+    plan.q_noise.assign(noise_.position.data(), noise_.position.data() + noise_.position.size());
+    plan.tau_noise.assign(noise_.torque.data(), noise_.torque.data() + noise_.torque.size());
+    const std::vector<std::string> names = joint_names(model_);
+    for (std::size_t j = 0; j < names.size(); ++j) {
+      if (noise_.refresh[j] > 1)
+        result_.notes.push_back(names[j] + ": its sensor has a new position every " +
+                                std::to_string(noise_.refresh[j]) +
+                                " rows; the others do not "
+                                "count");
+      if (noise_.position[static_cast<long>(j)] <= kPositionFloor)
+        result_.notes.push_back(names[j] + ": its position shows no noise; " +
+                                format_number(kPositionFloor) + " is taken as its least");
+    }
+  }
+
+  /// Linear parameters that fit the torques of one instant; empty where these are too few.
+  VecX<double> inverse_guess(const std::vector<JointFactor>& factors) const {
+    try {
+      return fit_linear(layout_, factors).x;
+    } catch (const DataError&) {
+      return {};
+    }
+  }
+
+  /// Starts at what simulates the shortest windows best: the model, or the torques of one instant.
+  void begin() {
+    if (guess_.size() == 0) return;
+    std::vector<MotionWindow> windows = cut_windows(stretches_, ladder_.front());
+    set_measured_states(stretches_, ladder_.front(), windows);
+    const double of_model = fitter_->best_cost(windows);
+    fitter_->begin_at(guess_);
+    if (!(fitter_->best_cost(windows) < of_model)) fitter_->begin_at(start_);
+  }
+
+  /// From horizon to horizon, as far as windows hold together.
+  void climb() {
+    const MotionProblem problem{model_, layout_, stretches_, runs_, noise_.position, scale_};
+    fitter_.emplace(
+        problem_.emplace(problem), options_.motion, start_, shape_,
+        [this](int iteration, double objective) {
+          return !options_.progress ||
+                 options_.progress({"simulating", iteration, result_.summary.rows, objective});
+        });
+    held_problem_.emplace(
+        MotionProblem{model_, layout_, held_out_, runs_, noise_.position, scale_});
+    nominal_fitter_.emplace(*problem_, options_.motion, layout_.prior(), shape_);
+    const double first = ladder_.front();
+    begin();
+    for (const double horizon : ladder_) {
+      const auto start = std::chrono::steady_clock::now();
+      Ladder next = fitted_;
+      next.next(fitter_->workers(), stretches_, horizon, first);
+      if (horizon > first && drowned(next, horizon)) break;
+      const MotionFit before = fitter_->now();
+      // Where the next horizon goes on, this one need not be exact.
+      fitter_->fit(next.windows, horizon == ladder_.back() ? options_.motion.tolerance : kOnTheWay);
+      Workers workers = fitter_->workers();
+      next.errors = window_errors(workers, stretches_, next.windows, limit_);
+      fitting_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+      const bool apart = 2 * next.errors.apart.size() >= next.windows.size();
+      if (apart) say_apart(next, horizon, horizon > first);
+      if (apart && horizon > first && !fitter_->now().interrupted) {
+        MotionFit back = before;
+        back.iterations = fitter_->now().iterations;
+        fitter_->restore(back);
+        break;
+      }
+      fitted_ = std::move(next);
+      reached_ = horizon;
+      whole_ = !apart;
+      measure(horizon);
+      if (apart || fitter_->now().interrupted) break;
+    }
+    if (reached_ < ladder_.back() && !fitter_->now().interrupted) finish();
+  }
+
+  /// Fits the horizon that turned out to be the last one exactly.
+  void finish() {
+    const auto start = std::chrono::steady_clock::now();
+    fitter_->fit(fitted_.windows, options_.motion.tolerance);
+    Workers workers = fitter_->workers();
+    fitted_.errors = window_errors(workers, stretches_, fitted_.windows, limit_);
+    fitting_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    result_.horizons.resize(result_.horizons.size() - static_cast<std::size_t>(layout_.num_dofs));
+    measure(reached_);
+  }
+
+  bool drowned(const Ladder& next, double horizon) {
+    Workers workers = fitter_->workers();
+    const double share =
+        torque_noise_share(*workers.front(), stretches_, next.windows, noise_.density, limit_);
+    if (share <= 1.0) return false;
+    result_.notes.push_back("windows end at " + format_number(reached_) + " s: over " +
+                            format_number(horizon) +
+                            " s noise of the measured torques would move the robot by " +
+                            format_number(100.0 * kApart * share) + " % of its motion");
+    return true;
+  }
+
+  /// @param earlier  a shorter horizon holds together
+  void say_apart(const Ladder& at, double horizon, bool earlier) {
+    const Apart& a = at.errors.apart[at.errors.apart.size() / 2];
+    const MotionWindow& w = at.windows[a.window];
+    const MotionStretch& s = stretches_[w.stretch];
+    std::vector<double> after;
+    for (const Apart& each : at.errors.apart) after.push_back(each.after);
+    result_.notes.push_back(
+        std::string(earlier ? "" : kWarning) + "the simulation falls apart at a horizon of " +
+        format_number(horizon) + " s: in " + std::to_string(at.errors.apart.size()) + " of " +
+        std::to_string(at.windows.size()) + " windows, after " + format_number(median(after)) +
+        " s (median), e.g. " + joint_names(model_)[static_cast<std::size_t>(a.joint)] + " at " +
+        format_number(s.time[static_cast<std::size_t>(w.first)] + a.after) + " s" +
+        (s.run > 0 ? " of run " + std::to_string(s.run) : "") +
+        "; the model lacks something that acts within that time" +
+        (earlier ? ", and the result is that of " + format_number(reached_) + " s" : ""));
+  }
+
+  /// Errors of this horizon: held out, and of the model before the fit.
+  void measure(double horizon) {
+    const double first = ladder_.front();
+    const auto of_model = [&](const MotionFitter& fitter,
+                              const std::vector<MotionStretch>& stretches, Ladder& ladder) {
+      ladder.next(fitter.workers(), stretches, horizon, first);
+      fitter.fit_states(ladder.windows);
+      Workers workers = fitter.workers();
+      ladder.errors = window_errors(workers, stretches, ladder.windows, limit_);
+    };
+    of_model(*nominal_fitter_, stretches_, nominal_);
+    VecX<double> test = VecX<double>::Constant(layout_.num_dofs, kNaN), nominal_test = test;
+    if (test_) {
+      const MotionFitter fitter(*held_problem_, options_.motion, fitter_->now().x,
+                                fitter_->now().shape);
+      const MotionFitter before(*held_problem_, options_.motion, layout_.prior(), shape_);
+      of_model(fitter, held_out_, test_fitted_);
+      of_model(before, held_out_, test_nominal_);
+      test = test_fitted_.errors.rmse();
+      nominal_test = test_nominal_.errors.rmse();
+    }
+    const VecX<double> train = fitted_.errors.rmse(), nominal = nominal_.errors.rmse();
+    const std::vector<std::string> names = joint_names(model_);
+    for (int j = 0; j < layout_.num_dofs; ++j) {
+      HorizonError e;
+      e.horizon = horizon;
+      e.joint = names[static_cast<std::size_t>(j)];
+      e.unit = unit_of_joint(model_, j, false);
+      e.train = train[j];
+      e.nominal_train = nominal[j];
+      e.test = test[j];
+      e.nominal_test = nominal_test[j];
+      e.windows = static_cast<int>(fitted_.windows.size());
+      e.apart = static_cast<int>(fitted_.errors.apart.size());
+      e.test_windows = static_cast<int>(test_fitted_.windows.size());
+      e.test_apart = static_cast<int>(test_fitted_.errors.apart.size());
+      result_.horizons.push_back(e);
+    }
+  }
+
+  void evaluate() {
+    fitter_->set_covariance(fitted_.windows);
+    const MotionFit& fit = fitter_->now();
+    const long p = fit.x.size();
+    result_.model = apply_fit(model_, layout_, fit.x, fit.shape);
+    VecX<double> std = VecX<double>::Zero(p), shape_std = VecX<double>::Zero(fit.shape.size());
+    std::vector<bool> identifiable(static_cast<std::size_t>(p), false);
+    std::vector<int> at_bound;
+    const auto error_of = [&](long k) {
+      return fit.R.col(k).norm() > 0.0 ? std::sqrt(std::max(fit.covariance(k, k), 0.0)) : kNaN;
+    };
+    for (long k = 0; k < p; ++k) {
+      const FitParameter& def = layout_.linear[static_cast<std::size_t>(k)];
+      if (def.fixed) continue;
+      const double s = error_of(k);
+      identifiable[static_cast<std::size_t>(k)] = s < scale_[k];
+      std[k] = identifiable[static_cast<std::size_t>(k)] ? s : kNaN;
+      if (def.sign != Sign::kFree && fit.x[k] < 1e-4 * scale_[k])
+        at_bound.push_back(static_cast<int>(k));
+    }
+    for (long k = 0; k < shape_std.size(); ++k) {
+      const FitParameter& def = layout_.shape[static_cast<std::size_t>(k)];
+      if (def.fixed) continue;
+      const double s = error_of(p + k);
+      // Known to a factor of e, or to 1 rad or m, as in the inverse loss.
+      shape_std[k] = s < (def.logarithmic ? fit.shape[k] : 1.0) ? s : kNaN;
+    }
+    result_.parameters =
+        parameter_estimates(layout_, fit.x, fit.shape, std, identifiable, at_bound, shape_std);
+    const Posterior arm = posterior_of(layout_, fit.x, information(fit), train_);
+    result_.model.posterior = joined(&arm, model_.posterior ? &*model_.posterior : nullptr);
+    result_.physically_consistent = true;
+    add_errors();
+    summarise(fit);
+  }
+
+  /// Errors at the longest horizon; test_raw from states that the positions alone give.
+  void add_errors() {
+    VecX<double> raw = VecX<double>::Constant(layout_.num_dofs, kNaN);
+    if (test_) {
+      std::vector<MotionWindow> measured = test_fitted_.windows;
+      set_measured_states(held_out_, ladder_.front(), measured);
+      Workers workers = fitter_->workers();
+      raw = window_errors(workers, held_out_, measured, limit_).rmse();
+      const long blown = test_fitted_.errors.blown_up();
+      if (blown > 0)
+        result_.notes.push_back(
+            "the simulation of " + std::to_string(blown) + " of " +
+            std::to_string(test_fitted_.windows.size()) +
+            " held-out windows blows up; the errors are of the others" +
+            (test_fitted_.errors.rmse().array().isNaN().all() ? ", and there is none" : ""));
+      Workers before = nominal_fitter_->workers();
+      result_.test_series = series(held_out_, test_fitted_, workers, test_nominal_, before);
+    }
+    Workers after = fitter_->workers(), before = nominal_fitter_->workers();
+    result_.train_series = series(stretches_, fitted_, after, nominal_, before);
+    const std::size_t n = static_cast<std::size_t>(layout_.num_dofs);
+    for (std::size_t j = 0; j < n; ++j) {
+      const HorizonError& at = result_.horizons[result_.horizons.size() - n + j];
+      JointError e = blank_error(model_, static_cast<int>(j), false);
+      e.train = at.train;
+      e.nominal_train = at.nominal_train;
+      e.test = e.test_all = at.test;
+      e.nominal_test = at.nominal_test;
+      e.test_raw = raw[static_cast<long>(j)];
+      result_.errors.push_back(e);
+    }
+  }
+
+  void summarise(const MotionFit& fit) {
+    FitSummary& s = result_.summary;
+    s.converged = fit.converged && whole_;
+    s.interrupted = fit.interrupted;
+    s.termination = fit.termination;
+    if (!whole_) s.termination += "; windows fall apart at the shortest horizon";
+    s.iterations = fit.iterations;
+    s.fitted_rows = fit.samples;
+    s.horizon = reached_;
+    result_.notes.push_back(
+        std::to_string(fitted_.windows.size()) +
+        (fitted_.windows.size() == 1 ? " window of " : " windows of ") + format_number(reached_) +
+        " s; errors are of positions, each window from its own estimated initial state (test_raw: "
+        "from the measured one)");
+    if (!fitted_.errors.apart.empty() && whole_)
+      result_.notes.push_back(
+          std::to_string(fitted_.errors.apart.size()) + " of " +
+          std::to_string(fitted_.windows.size()) + " windows of " + format_number(reached_) +
+          " s fall apart: there the error is more than half of a joint's motion about its mean");
+    if (std::string text =
+            unlike_the_others(fitted_.errors, stretches_, fitted_.windows, joint_names(model_));
+        !text.empty())
+      result_.notes.push_back(std::move(text));
+  }
+
+  MatX<double> information(const MotionFit& fit) const {
+    const long p = fit.x.size();
+    MatX<double> out = MatX<double>::Zero(p, p);
+    std::vector<int> free;
+    for (long k = 0; k < p; ++k)
+      if (!layout_.linear[static_cast<std::size_t>(k)].fixed) free.push_back(static_cast<int>(k));
+    MatX<double> c = fit.covariance(free, free);
+    const VecX<double> s = c.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
+    c = s.asDiagonal() * c * s.asDiagonal();
+    c.diagonal().array() += 1e-10;  // clusters fewer than parameters leave it singular
+    out(free, free) = s.asDiagonal() *
+                      c.ldlt().solve(MatX<double>(MatX<double>::Identity(c.rows(), c.cols()))) *
+                      s.asDiagonal();
+    return out;
+  }
+
+  std::vector<TorqueSeries> series(const std::vector<MotionStretch>& stretches,
+                                   const Ladder& fitted, Workers& after, const Ladder& nominal,
+                                   Workers& before) const {
+    std::vector<TorqueSeries> out;
+    for (const JointDescription& j : describe_joints(model_)) {
+      TorqueSeries s;
+      s.joint = j.name;
+      s.unit = j.prismatic ? "m" : "rad";
+      out.push_back(s);
+    }
+    for (std::size_t i = 0; i < fitted.windows.size() && out[0].time.size() < kMaxSeriesRows; ++i) {
+      const MotionWindow& w = fitted.windows[i];
+      const MotionStretch& stretch = stretches[w.stretch];
+      const RowMatX<double> a = after.front()->positions(stretch, w);
+      const RowMatX<double> b = before.front()->positions(stretch, nominal.windows[i]);
+      const long room = static_cast<long>(kMaxSeriesRows - out[0].time.size());
+      for (long k = 0; k < std::min<long>(a.rows(), room); ++k)
+        for (std::size_t j = 0; j < out.size(); ++j) {
+          const long column = static_cast<long>(j);
+          out[j].time.push_back(stretch.time[static_cast<std::size_t>(w.first + k)]);
+          out[j].measured.push_back(stretch.q(w.first + k, column));
+          out[j].fitted.push_back(a(k, column));
+          out[j].nominal.push_back(b(k, column));
+        }
+    }
+    return out;
+  }
+
+  /// Error over a joint's motion, both root mean squares, beyond which a simulation is apart: it
+  /// explains less than three quarters of the motion's variance.
+  static constexpr double kApart = 0.5;
+  /// Share of the objective that a step gains at least before the next horizon is tried.
+  static constexpr double kOnTheWay = 1e-3;
+  /// Noise over which an error is one of the model [standard deviations].
+  static constexpr double kFarBeyondNoise = 10.0;
+
+  const Model& model_;
+  const RecordingSource& train_;
+  const RecordingSource* test_;
+  const IdentifyOptions& options_;
+  IdentifyResult result_;
+  FitLayout layout_;
+  SensorNoise noise_;
+  std::vector<MotionStretch> stretches_, held_out_;
+  std::vector<int> runs_;
+  std::vector<double> ladder_;
+  VecX<double> limit_;  ///< (n) error beyond which a window is apart
+  VecX<double> scale_, start_, shape_;
+  VecX<double> guess_;  ///< linear parameters from torques of one instant; may be empty
+  std::optional<MotionProblem> problem_, held_problem_;
+  std::optional<MotionFitter> fitter_, nominal_fitter_;
+  Ladder fitted_, nominal_, test_fitted_, test_nominal_;
+  double reached_ = 0.0, fitting_ = 0.0;
+  bool whole_ = true;  ///< windows of the horizon that was reached hold together
+};
+
+}  // namespace
+
+IdentifyResult identify_by_motion(const Model& model, const RecordingSource& train,
+                                  const RecordingSource* test, const IdentifyOptions& options) {
+  return MotionIdentification(model, train, test, options).run();
+}
+
+}  // namespace diffnea

@@ -1,0 +1,57 @@
+#include "motion/path.hpp"
+
+#include <limits>
+
+namespace diffnea {
+
+MotionPath::MotionPath(ExtendedTree model, const SteppingOptions& options)
+    : options_(options), dynamics_(std::move(model)), n_(dynamics_.num_dofs()) {
+  for (const BoundEffect& e : dynamics_.model().effects)
+    dry_ = dry_ || e.info().reads != Reads::kNothing;
+  damping_ = moving_ = resting_ = probe_ = still_ = VecX<double>::Zero(n_);
+}
+
+/// Torques of the effects of one instant, over the gains.
+void MotionPath::friction(const double* q, const double* qd, int run, VecX<double>& tau) {
+  tau.setZero();
+  JointSample<double> x;
+  x.run = run;
+  x.q = q;
+  x.qd = qd;
+  x.qdd = x.tau = q;  // unread: what reads them is left out
+  for (const BoundEffect& e : dynamics_.model().effects)
+    if (!reads_acceleration(e))
+      add_torque(e, dynamics_.model().tree, x, e.parameters.data(), tau.data());
+  tau.array() /= dynamics_.gains().array();
+}
+
+/// Bound on the rate of friction at rest, where dry friction is steepest [1/s]; sets the longest
+/// step that the motion allows, too.
+double MotionPath::finest_rate(const MotionStretch& stretch, const MotionWindow& window) {
+  const VecX<double> q = window.state.head(n_), rest = VecX<double>::Zero(n_);
+  const VecX<double> u = stretch.u.row(window.first).transpose();
+  dynamics_.linearise(q.data(), rest.data(), u.data(), stretch.run);
+  const double frequency = std::sqrt(dynamics_.dqdd_dq().cwiseAbs().rowwise().sum().maxCoeff());
+  longest_ =
+      frequency > 0.0 ? options_.max_phase / frequency : std::numeric_limits<double>::infinity();
+  return dry_ ? dynamics_.dqdd_dqd().cwiseAbs().rowwise().sum().maxCoeff() : 0.0;
+}
+
+/// Rate at which friction brakes the joints here [1/s]; leaves mass matrix and D.
+double MotionPath::friction_rate(const MatX<double>& A, int run) {
+  constexpr double kSlow = 1e-6;  // [rad/s] or [m/s]: a secant from there is the slope at rest
+  const double* q = A.data();
+  const double* qd = A.data() + n_;
+  for (int j = 0; j < n_; ++j)
+    probe_[j] = std::abs(qd[j]) > kSlow ? qd[j] : std::copysign(kSlow, qd[j]);
+  friction(q, probe_.data(), run, moving_);
+  friction(q, still_.data(), run, resting_);
+  damping_ = (moving_ - resting_).cwiseQuotient(probe_).cwiseMax(0.0);
+  mass_ = mass_matrix<double, double>(dynamics_.model().tree, Eigen::Map<const VecX<double>>(q, n_),
+                                      mass_ws_);
+  factor_.compute(mass_);
+  rates_ = factor_.solve(MatX<double>(damping_.asDiagonal()));
+  return rates_.cwiseAbs().rowwise().sum().maxCoeff();
+}
+
+}  // namespace diffnea

@@ -1,0 +1,145 @@
+#pragma once
+/// A stretch of motion, integrated with the torques that were measured. Shared by plain simulation
+/// and by sensitivities. Internal to the library.
+///
+/// Runge–Kutta 4 in even steps wherever few of them are stable. Where dry friction is steeper,
+/// steps follow the speed: explicit ones that a constant friction stops at rest, and where that is
+/// within a fraction of a row, and they would chatter, a Rosenbrock–Wanner method of order 2 (ROS2:
+/// Verwer, Spee, Blom, Hundsdorfer 1999) treats the friction as the damper D = τ_f(q̇)/q̇, its secant
+/// through 0. Any matrix keeps the order of a W method, the secant keeps a joint from being pushed
+/// through rest.
+
+#include <algorithm>
+#include <cmath>
+
+#include <diffnea/dynamics/integrators.hpp>
+#include <diffnea/effects/forward_dynamics.hpp>
+#include <diffnea/motion/stepping.hpp>
+#include <diffnea/motion/window.hpp>
+
+#include "core/decompositions.hpp"
+
+namespace diffnea {
+
+/// Integrator of one model. Not thread-safe; no allocation after the first window.
+class MotionPath {
+ public:
+  /// @throws ModelError for effects with memory or of a measurement channel
+  MotionPath(ExtendedTree model, const SteppingOptions& options);
+
+  ForwardDynamics& dynamics() { return dynamics_; }
+  /// Numbers of a first state: q and q̇ of every joint.
+  int states() const { return 2 * n_; }
+
+  /// Integrates the columns of A = [state | sensitivities] (2n, …) over a window.
+  /// @param slope   slope(u, A, dA)
+  /// @param at_row  called with (k, A) at every row k of the window, from 0
+  /// @return rows that were reached before the state blew up; all of them: it did not
+  template <class Slope, class AtRow>
+  long integrate(const MotionStretch& stretch, const MotionWindow& window, MatX<double>& A,
+                 const Slope& slope, const AtRow& at_row) {
+    const double finest = finest_rate(stretch, window);
+    const std::size_t first = static_cast<std::size_t>(window.first);
+    for (long k = 0; k < window.rows; ++k) {
+      at_row(k, A);
+      if (k + 1 == window.rows) break;
+      const std::size_t row = first + static_cast<std::size_t>(k);
+      const double h = stretch.time[row + 1] - stretch.time[row];
+      // Even steps, wherever the joints are, keep what is simulated a smooth function of them.
+      const double even = finest > 0.0 ? options_.max_step / finest : h;
+      const bool steep = h > kMostEven * even;
+      const double longest = std::min({longest_, h, steep ? h : even});
+      const auto f = [&](double t, const MatX<double>& at, MatX<double>& d) {
+        const double a = t / h;
+        u_ = ((1 - a) * stretch.u.row(static_cast<long>(row)) +
+              a * stretch.u_end.row(static_cast<long>(row)))
+                 .transpose();
+        slope(u_, at, d);
+      };
+      for (double t = 0.0; t < h * (1.0 - 1e-12);) {
+        // Equal parts of what is left, so that no sliver remains.
+        double step = (h - t) / std::ceil((h - t) / longest * (1.0 - 1e-12));
+        bool stiff = false;
+        if (steep) {
+          const double rate = friction_rate(A, stretch.run);
+          if (step * rate > kStops) {
+            stiff = kStops < kFinest * h * rate;
+            step = stiff ? std::min(step, h * kStiff) : kStops / rate;
+          }
+        }
+        const auto at_share = [&](double share, const MatX<double>& at, MatX<double>& d) {
+          f(t + share * step, at, d);
+        };
+        if (stiff)
+          implicit_step(at_share, step, A);
+        else
+          rk_.step(at_share, step, A);
+        t += step;
+        if (!(A.col(0).cwiseAbs().maxCoeff() < kBlowUp)) return k + 1;
+      }
+    }
+    return window.rows;
+  }
+
+  /// Simulates a window: at_row(k, z) with z (2n, 1).
+  template <class AtRow>
+  long simulate(const MotionStretch& stretch, const MotionWindow& window, const AtRow& at_row) {
+    state_ = window.state;
+    return integrate(
+        stretch, window, state_,
+        [&](const VecX<double>& u, const MatX<double>& z, MatX<double>& dz) {
+          dz.resize(2 * n_, 1);
+          dz.topRows(n_) = z.bottomRows(n_);
+          dynamics_.acceleration(z.data(), z.data() + n_, u.data(), stretch.run, dz.data() + n_);
+        },
+        at_row);
+  }
+
+ private:
+  /// State beyond which a simulation has blown up, whatever the robot [rad, rad/s or m, m/s].
+  static constexpr double kBlowUp = 1e6;
+  /// Even steps within a row, at most.
+  static constexpr double kMostEven = 8.0;
+  /// Step times the rate of friction that brings a joint to rest within the step and no further.
+  static constexpr double kStops = 1.0;
+  /// Explicit step over the row's that is not worth its time.
+  static constexpr double kFinest = 1.0 / 16.0;
+  /// Implicit step over the row's.
+  static constexpr double kStiff = 1.0 / 8.0;
+
+  double finest_rate(const MotionStretch& stretch, const MotionWindow& window);
+  double friction_rate(const MatX<double>& A, int run);
+  void friction(const double* q, const double* qd, int run, VecX<double>& tau);
+
+  template <class Slope>
+  void implicit_step(const Slope& slope, double h, MatX<double>& A) {
+    static constexpr double kGamma = 1.7071067811865476;  // 1 + 1/√2: monotone with any D above
+    W_ = mass_;
+    W_.diagonal() += kGamma * h * damping_;
+    factor_.compute(W_);
+    const auto damped = [&](MatX<double>& slope_of) {
+      rates_.noalias() = mass_ * slope_of.bottomRows(n_);
+      slope_of.bottomRows(n_) = factor_.solve(rates_);
+    };
+    slope(0.0, A, first_);
+    damped(first_);
+    stage_ = A + h * first_;
+    slope(1.0, stage_, second_);
+    second_ -= 2.0 * first_;
+    damped(second_);
+    A += 1.5 * h * first_ + 0.5 * h * second_;
+  }
+
+  SteppingOptions options_;
+  ForwardDynamics dynamics_;
+  int n_;
+  bool dry_ = false;      ///< some effect's torque reads the velocity
+  double longest_ = 0.0;  ///< step that the motion itself allows [s]
+  RungeKutta4<MatX<double>> rk_;
+  MassMatrixWorkspace<double, double> mass_ws_;
+  MatX<double> state_, mass_, W_, first_, second_, stage_, rates_;
+  Eigen::LLT<MatX<double>> factor_;
+  VecX<double> u_, damping_, moving_, resting_, probe_, still_;
+};
+
+}  // namespace diffnea

@@ -1,0 +1,80 @@
+#pragma once
+/// Simulated windows of a robot's joints: output errors, and their sensitivities to the first state
+/// and to free parameters. Internal to the library.
+
+#include <vector>
+
+#include <diffnea/dynamics/regressor.hpp>
+
+#include "motion/first_states.hpp"
+#include "motion/path.hpp"
+
+namespace diffnea {
+
+/// A parameter that windows are differentiated by: one of a link, or one of an effect.
+struct MotionParameter {
+  int dof = -1;              ///< degree of freedom of the link, or −1
+  int theta = -1;            ///< index in θ of a link
+  int effect = -1;           ///< index among the effects, or −1
+  int index = -1;            ///< index into the effect's parameters
+  bool logarithmic = false;  ///< derivative is by its logarithm
+};
+
+/// The model at given parameters. Not thread-safe; no allocation after the first window.
+class JointWindows {
+ public:
+  /// @param model    at these parameters
+  /// @param effects  with these values; those that `parameters` name
+  /// @throws ModelError if an effect has no forward form, or a parameter no derivative
+  JointWindows(ExtendedTree model, std::vector<BoundEffect> effects,
+               const std::vector<MotionParameter>& parameters, const SteppingOptions& options);
+
+  MotionPath& path() { return path_; }
+  /// Numbers of a first state.
+  int states() const { return 2 * n_; }
+
+  /// Factor of the rows (q̂ − q)/σ of a window: [J_state | J_parameters | residual].
+  /// @return whether the simulation reached the window's end
+  bool linearise(const MotionStretch& stretch, const MotionWindow& window,
+                 const VecX<double>& sigma, TriangularFactor& rows);
+
+  /// ½ Σ (residual/σ)²; +∞ if it blew up.
+  double cost(const MotionStretch& stretch, const MotionWindow& window, const VecX<double>& sigma);
+
+  /// Positions, (rows, n); NaN from a blow-up on.
+  RowMatX<double> positions(const MotionStretch& stretch, const MotionWindow& window);
+
+  /// State at a row of the window, (2n); false if the simulation blew up before.
+  bool state_at(const MotionStretch& stretch, const MotionWindow& window, long row,
+                VecX<double>& out);
+
+  /// Standard deviation of the positions at the window's end that noise of the torque alone makes,
+  /// (n). @param density  (n) of the torque's noise
+  VecX<double> torque_noise_reach(const MotionStretch& stretch, const MotionWindow& window,
+                                  const VecX<double>& density);
+
+ private:
+  void slope(int run, const VecX<double>& u, const MatX<double>& A, MatX<double>& dA);
+  void columns(int run, const MatX<double>& A);
+
+  MotionPath path_;
+  Tree<double> geometry_;
+  int n_, f_;
+  std::vector<BoundEffect> effects_;
+  struct OfEffect {
+    std::vector<int> slot;                    // per linear parameter: free column, or −1
+    std::vector<std::pair<int, int>> shapes;  // index of the parameter, free column
+    bool linear = false;
+  };
+  std::vector<OfEffect> of_effect_;
+  std::vector<std::pair<int, int>> of_link_;  // column of the regressor, free column
+  std::vector<char> logarithmic_;             // per free column
+  RegressorWorkspace<double, double> ws_;
+  MatX<double> A_, C_;
+  VecX<double> q_, qd_;
+  RowMatX<double> block_;
+  std::vector<double> scratch_;
+  std::vector<JetD> jet_q_, jet_qd_, jet_qdd_, jet_p_, jet_tau_;
+};
+
+}  // namespace diffnea

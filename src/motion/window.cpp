@@ -1,0 +1,132 @@
+#include <algorithm>
+#include <cmath>
+
+#include <diffnea/motion/window.hpp>
+
+#include "core/decompositions.hpp"
+#include "core/statistics.hpp"
+
+namespace diffnea {
+namespace {
+
+/// Time between two rows over the median one across which no held torque is believed.
+constexpr double kPause = 5.0;
+/// Degree of the polynomial of a local motion.
+constexpr long kDegree = 3;
+
+}  // namespace
+
+std::vector<MotionStretch> motion_stretches(const Recording& recording, const SensorNoise& noise,
+                                            const std::vector<bool>& passive) {
+  const int n = recording.num_joints();
+  const bool hold = recording.info.torque_sampling == TorqueSampling::kHold;
+  const bool driven = std::ranges::any_of(passive, [](bool p) { return !p; });
+  std::vector<double> periods;
+  for (long k = 1; k < recording.rows(); ++k)
+    periods.push_back(recording.time[k] - recording.time[k - 1]);
+  const double pause = periods.empty() ? 0.0 : kPause * median(periods);
+  RowMatX<double> u = recording.tau, q = recording.q;
+  for (int j = 0; j < n; ++j) {
+    if (passive[static_cast<std::size_t>(j)])  // 0, or a ball's pull where that is known
+      for (long k = 0; k < u.rows(); ++k)
+        if (std::isnan(u(k, j))) u(k, j) = 0.0;
+    const std::vector<bool> counts =
+        refreshed(q.col(j), noise.refresh[static_cast<std::size_t>(j)]);
+    for (long k = 0; k < q.rows(); ++k)
+      if (!counts[static_cast<std::size_t>(k)]) q(k, j) = std::nan("");
+  }
+  std::vector<MotionStretch> out;
+  for (long from = 0; from < recording.rows();) {
+    if (!u.row(from).allFinite() || q.row(from).array().isNaN().all()) {
+      ++from;
+      continue;
+    }
+    long to = from + 1;
+    while (to < recording.rows() && u.row(to).allFinite() &&
+           !(driven && recording.time[to] - recording.time[to - 1] > pause))
+      ++to;
+    const long m = to - from;
+    MotionStretch s;
+    s.run = recording.run;
+    s.time.assign(recording.time.data() + from, recording.time.data() + to);
+    s.q = q.middleRows(from, m);
+    s.u = u.middleRows(from, m);
+    s.u_end = s.u;
+    if (!hold) s.u_end.topRows(m - 1) = s.u.bottomRows(m - 1);
+    // A state has two numbers a joint: what has no more rows says nothing of the model.
+    if (m > 2) out.push_back(std::move(s));
+    from = to;
+  }
+  return out;
+}
+
+std::vector<MotionWindow> cut_windows(const std::vector<MotionStretch>& stretches, double horizon) {
+  std::vector<MotionWindow> out;
+  for (std::size_t s = 0; s < stretches.size(); ++s) {
+    const std::vector<double>& t = stretches[s].time;
+    const long m = static_cast<long>(t.size());
+    for (long from = 0; from < m;) {
+      const double end = t[static_cast<std::size_t>(from)] + horizon * (1.0 + 1e-9);
+      const long to = std::upper_bound(t.begin() + from, t.end(), end) - t.begin();
+      if (to - from > 2) out.push_back({s, from, to - from, {}});
+      from = to;
+    }
+  }
+  return out;
+}
+
+LocalMotion local_motion(const MotionStretch& stretch, double at, long from, long rows) {
+  const long n = stretch.q.cols();
+  LocalMotion out{VecX<double>::Zero(n), VecX<double>::Zero(n), VecX<double>::Zero(n)};
+  const long m = static_cast<long>(stretch.time.size());
+  for (long j = 0; j < n; ++j) {
+    std::vector<double> t, y;
+    // A sensor that is slow, or was covered, says something later.
+    for (long k = from; k < m && (k < from + rows || t.size() < 2); ++k)
+      if (!std::isnan(stretch.q(k, j))) {
+        t.push_back(stretch.time[static_cast<std::size_t>(k)] - at);
+        y.push_back(stretch.q(k, j));
+      }
+    if (t.empty())
+      for (long k = from; k-- > 0 && t.empty();)
+        if (!std::isnan(stretch.q(k, j))) {
+          t.push_back(0.0);
+          y.push_back(stretch.q(k, j));
+        }
+    if (t.empty()) continue;
+    const long count = static_cast<long>(t.size());
+    // Two rows an unknown: fewer would differentiate the noise.
+    const long unknowns = std::clamp<long>(count / 2, std::min<long>(count, 2), kDegree + 1);
+    const double unit = std::max(std::abs(t.front()), std::abs(t.back()));
+    MatX<double> A(count, unknowns);
+    for (long k = 0; k < count; ++k)
+      for (long d = 0; d < unknowns; ++d)
+        A(k, d) = std::pow(t[static_cast<std::size_t>(k)] / std::max(unit, 1e-12), d);
+    const VecX<double> b = Eigen::Map<const VecX<double>>(y.data(), count);
+    const VecX<double> c = Eigen::ColPivHouseholderQR<MatX<double>>(A).solve(b);
+    out.q[j] = c[0];
+    if (unknowns > 1) out.qd[j] = c[1] / unit;
+    if (unknowns > 2) out.qdd[j] = 2.0 * c[2] / (unit * unit);
+  }
+  return out;
+}
+
+VecX<double> motion_size(const std::vector<MotionStretch>& stretches) {
+  const long n = stretches.empty() ? 0 : stretches.front().q.cols();
+  VecX<double> squares = VecX<double>::Zero(n), count = squares;
+  for (const MotionStretch& s : stretches)
+    for (long j = 0; j < n; ++j) {
+      double sum = 0.0, rows = 0.0;
+      for (const double q : s.q.col(j))
+        if (!std::isnan(q)) {
+          sum += q;
+          ++rows;
+        }
+      for (const double q : s.q.col(j))
+        if (!std::isnan(q)) squares[j] += std::pow(q - sum / rows, 2);
+      count[j] += rows;
+    }
+  return squares.cwiseQuotient(count.cwiseMax(1.0)).cwiseSqrt();
+}
+
+}  // namespace diffnea
