@@ -133,6 +133,7 @@ TEST_CASE("identify: the motion loss holds a tilt, and says so where it cannot",
   const Recording data = recorded(wam({tilt(0.5, -0.3)}), 3, 5.0);
   IdentifyOptions options = with({"effects"}, {});
   options.loss = Loss::kMotion;
+  options.motion.horizon = 0.5;
   CHECK_THROWS_WITH(
       identify(wam({tilt(0.5, -0.3)}), {data}, {}, options),
       ContainsSubstring("does not fit base.base_tilt.gravity_x") && ContainsSubstring("--fix"));
