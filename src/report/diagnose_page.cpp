@@ -184,12 +184,12 @@ std::string candidates(const Finding& f) {
   std::vector<std::vector<std::string>> rows;
   for (const Cause& c : f.causes)
     rows.push_back({"<b>" + escape(at(c.effect, c.where)) + "</b>", number(c.delta_bic, 3),
-                    percent(c.visible_share), escape(rival_list(c.members, c.members.size())),
-                    escape(rival_list(c.rivals))});
-  out += html_table(
-      {"cause", "ΔBIC of leaving it out", "visible beside the base", "cannot be told from (ΔBIC)",
-       "rivals in its place (worse by ΔBIC; below 0: more general)"},
-      rows, {"", "n", "n", "wrap", "wrap"});
+                    percent(c.visible_share), std::isnan(c.stability) ? "" : percent(c.stability),
+                    escape(rival_list(c.members, c.members.size())), escape(rival_list(c.rivals))});
+  out += html_table({"cause", "ΔBIC of leaving it out", "visible beside the base",
+                     "chosen on halves of the recording", "cannot be told from (ΔBIC)",
+                     "rivals in its place (worse by ΔBIC; below 0: more general)"},
+                    rows, {"", "n", "n", "n", "wrap", "wrap"});
   return out;
 }
 
