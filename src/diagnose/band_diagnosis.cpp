@@ -237,13 +237,19 @@ void BandDiagnosis::complete() {
         parameter_estimates(case_.layout, fit.x, shapes_at(case_.layout, x, terms_), fit.std,
                             fit.identifiable, fit.solver.active_nonnegative);
   }
+  // Base alone: before columns follow the extended model.
+  LinearFit of_base;
+  const VecX<double> alone =
+      terms_.empty() && grey_.joints.empty()
+          ? x
+          : final_base(case_.base, case_.layout, *case_.search, *case_.train, {}, {}, of_base);
   case_.reference->set(x, terms_);
   case_.finding.model = case_.reference->extended();
   for (const Remainder& r : grey_.joints) case_.finding.model.effects.push_back(to_spec(r.effect));
-  if (!case_.finding.interrupted) simulate(x);
+  if (!case_.finding.interrupted) simulate(alone);
 }
 
-void BandDiagnosis::simulate(const VecX<double>& x) {
+void BandDiagnosis::simulate(const VecX<double>& alone) {
   for (const Term& t : terms_)
     if (t.effect.own) {
       case_.finding.simulated.reason =
@@ -253,11 +259,6 @@ void BandDiagnosis::simulate(const VecX<double>& x) {
                                     ": model files hold effects of the catalogue alone");
     }
   if (!case_.finding.simulated.reason.empty()) return;
-  LinearFit fit;
-  const VecX<double> alone =
-      terms_.empty() && grey_.joints.empty()
-          ? x
-          : final_base(case_.base, case_.layout, *case_.search, *case_.train, {}, {}, fit);
   case_.finding.simulated = simulate_held_out(
       base_at(case_.model, case_.layout, alone, {}), case_.finding.model,
       case_.test ? *case_.test_source : case_.train_source, case_.held_out->evidence(),

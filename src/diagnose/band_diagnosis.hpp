@@ -41,8 +41,8 @@ class BandDiagnosis {
   void judge();
   /// Errors, parameters and motion of the extended model.
   void complete();
-  /// @param x  the base parameters that go with the causes
-  void simulate(const VecX<double>& x);
+  /// @param alone  the base's parameters without causes
+  void simulate(const VecX<double>& alone);
   /// Only where something is left to tell apart: it takes a few seconds.
   void plan_next();
   void add_grey_box();

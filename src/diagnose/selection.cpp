@@ -337,32 +337,30 @@ std::vector<Term> Selection::run(const std::function<bool(const FitProgress&)>& 
 
 void Selection::drop_unstable(std::vector<Term>& terms) {
   while (!terms.empty()) {
-    std::vector<Contender> contenders;
-    std::vector<std::size_t> stands_for;  // index of a term
-    std::set<int> named = names(terms);
+    std::vector<Term> contenders = terms;
+    std::vector<std::vector<int>> stand_for(terms.size());  // contenders, by index
     for (std::size_t i = 0; i < terms.size(); ++i) {
-      contenders.push_back({terms[i]});
-      stands_for.push_back(i);
-    }
-    for (std::size_t i = 0; i < terms.size(); ++i) {
+      stand_for[i].push_back(static_cast<int>(i));
       if (stays(terms[i])) continue;
-      for (Offer& offer : offers(without(terms, i), kRefined + 2))
-        if (named.insert(offer.term.candidate).second) {
-          contenders.push_back({std::move(offer.term)});
-          stands_for.push_back(i);
-        }
+      for (Offer& offer : offers(without(terms, i), kRefined + 2)) {
+        const auto at = std::ranges::find(contenders, offer.term.candidate, &Term::candidate);
+        const auto index = at - contenders.begin();
+        if (index >= static_cast<long>(terms.size()))
+          stand_for[i].push_back(static_cast<int>(index));
+        if (at == contenders.end()) contenders.push_back(std::move(offer.term));
+      }
     }
-    if (!choose_on_halves(search_, options_.accept, options_.seed, contenders)) return;
-    std::vector<double> together(terms.size(), 0.0);
+    const std::vector<std::vector<int>> halves =
+        choose_on_halves(search_, contenders, options_.accept, options_.seed);
+    if (halves.empty()) return;
     chosen_.clear();
-    for (std::size_t c = 0; c < contenders.size(); ++c) {
-      together[stands_for[c]] += contenders[c].chosen;
-      chosen_[contenders[c].term.candidate] = contenders[c].chosen;
-    }
+    for (std::size_t c = 0; c < contenders.size(); ++c)
+      chosen_[contenders[c].candidate] = share_of(halves, {static_cast<int>(c)});
     std::size_t drop = terms.size();
     double least = kMostHalves;
     for (std::size_t i = 0; i < terms.size(); ++i)
-      if (!stays(terms[i]) && together[i] < least) least = together[i], drop = i;
+      if (const double share = share_of(halves, stand_for[i]); !stays(terms[i]) && share < least)
+        least = share, drop = i;
     if (drop == terms.size()) return;
     const Candidate& c = candidates_[static_cast<std::size_t>(terms[drop].candidate)];
     const std::vector<Term> rest = without(terms, drop);

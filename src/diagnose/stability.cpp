@@ -71,7 +71,7 @@ class Half {
       for (const int other : offsets) left += K_(o, other);
     }
     left -= signed_fit(K_(linear, linear), b, signs).gain;
-    return search_.cost(left, share_) + parameters * std::log(rows_) + penalty;
+    return search_.cost(left, share_) + 0.5 * (parameters * std::log(rows_ / share_) + penalty);
   }
 
   /// Contenders that a selection chooses: forward by ΔBIC, and out again what it no longer needs.
@@ -129,30 +129,30 @@ std::vector<std::vector<long>> blocks_of(const Evidence& evidence, double second
 
 }  // namespace
 
-bool choose_on_halves(const Search& search, double accept, std::uint64_t seed,
-                      std::vector<Contender>& contenders) {
+std::vector<std::vector<int>> choose_on_halves(const Search& search,
+                                               const std::vector<Term>& contenders, double accept,
+                                               std::uint64_t seed) {
   const Evidence& evidence = search.evidence();
   const Projection& projection = search.projection();
   const long base = projection.rank(), m = evidence.times(), n = evidence.rows();
   std::vector<Slot> slots;
   long width = base;
-  for (const Contender& c : contenders) {
+  for (const Term& c : contenders) {
     Slot slot;
-    for (long k = 0; k < c.term.width(); ++k)
-      slot.linear.push_back(static_cast<int>(width - base + k));
-    width += c.term.width();
-    if (c.term.has_offset()) slot.offset = static_cast<int>(width++ - base);
-    slot.signs = signs(c.term.effect, c.term.linear);
-    slot.parameters = c.term.num_parameters();
-    slot.penalty = search.looked_elsewhere(c.term.candidate);
+    for (long k = 0; k < c.width(); ++k) slot.linear.push_back(static_cast<int>(width - base + k));
+    width += c.width();
+    if (c.has_offset()) slot.offset = static_cast<int>(width++ - base);
+    slot.signs = signs(c.effect, c.linear);
+    slot.parameters = c.num_parameters();
+    slot.penalty = search.looked_elsewhere(c.candidate);
     slots.push_back(std::move(slot));
   }
   MatX<double> all(projection.residual().size(), width + 1);
   all.leftCols(base) = projection.basis();
   long at = base;
-  for (const Contender& c : contenders) {
-    all.middleCols(at, c.term.projected.cols()) = c.term.projected;
-    at += c.term.projected.cols();
+  for (const Term& c : contenders) {
+    all.middleCols(at, c.projected.cols()) = c.projected;
+    at += c.projected.cols();
   }
   all.col(width) = projection.residual();
 
@@ -167,7 +167,7 @@ bool choose_on_halves(const Search& search, double accept, std::uint64_t seed,
   };
   std::vector<Products> blocks;
   for (double seconds = kBlockSeconds; blocks.size() < kFewestToHalve; seconds *= 0.5) {
-    if (seconds < 0.25 * kBlockSeconds) return false;
+    if (seconds < 0.25 * kBlockSeconds) return {};
     blocks.clear();
     for (const std::vector<long>& instants : blocks_of(evidence, seconds))
       if (Products of = products(instants); of.rows > 0.0) blocks.push_back(std::move(of));
@@ -178,7 +178,7 @@ bool choose_on_halves(const Search& search, double accept, std::uint64_t seed,
   Rng rng(seed + 0x57ab);
   std::vector<std::size_t> order(blocks.size());
   std::iota(order.begin(), order.end(), 0);
-  std::vector<int> counts(contenders.size(), 0);
+  std::vector<std::vector<int>> out;
   for (int pair = 0; pair < kPairs; ++pair) {
     for (std::size_t i = order.size(); i-- > 1;)  // Fisher, Yates
       std::swap(order[i],
@@ -189,13 +189,18 @@ bool choose_on_halves(const Search& search, double accept, std::uint64_t seed,
         sum.K += blocks[order[i]].K;
         sum.rows += blocks[order[i]].rows;
       }
-      for (const int c : Half(sum, base, search, slots).select(0.5 * accept))
-        ++counts[static_cast<std::size_t>(c)];
+      out.push_back(Half(sum, base, search, slots).select(0.5 * accept));
     }
   }
-  for (std::size_t c = 0; c < contenders.size(); ++c)
-    contenders[c].chosen = counts[c] / (2.0 * kPairs);
-  return true;
+  return out;
+}
+
+double share_of(const std::vector<std::vector<int>>& halves, const std::vector<int>& any) {
+  const auto chooses = [&](const std::vector<int>& half) {
+    return std::ranges::any_of(half, [&](int c) { return std::ranges::find(any, c) != any.end(); });
+  };
+  return static_cast<double>(std::ranges::count_if(halves, chooses)) /
+         static_cast<double>(std::max<std::size_t>(halves.size(), 1));
 }
 
 }  // namespace diffnea

@@ -15,16 +15,17 @@ namespace diffnea {
 /// thm. 1): with 100 candidates and two causes, a fifth of one.
 inline constexpr double kMostHalves = 0.6;
 
-/// Causes and their rivals, each at its shapes, and how often each one is chosen.
-struct Contender {
-  Term term;
-  double chosen = 0.0;  ///< share of the halves
-};
+/// Contenders that each half chooses, by index: of the selection repeated among them, base
+/// refitted, on random halves of the blocks. A contender is chosen on a half where it is worth half
+/// of what it must be worth on the whole.
+/// @param contenders  causes and their rivals, each at its shapes
+/// @param accept      ΔBIC of a cause on the whole recording
+/// @return (halves); empty where there are too few blocks to halve
+std::vector<std::vector<int>> choose_on_halves(const Search& search,
+                                               const std::vector<Term>& contenders, double accept,
+                                               std::uint64_t seed);
 
-/// Repeats the selection among the contenders, base refitted, on random halves of the blocks.
-/// @param accept  ΔBIC of a cause on the whole recording; half of it on a half
-/// @return false, and nothing else, where there are too few blocks to halve
-bool choose_on_halves(const Search& search, double accept, std::uint64_t seed,
-                      std::vector<Contender>& contenders);
+/// Share of the halves that choose one of `any`, at least.
+double share_of(const std::vector<std::vector<int>>& halves, const std::vector<int>& any);
 
 }  // namespace diffnea

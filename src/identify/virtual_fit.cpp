@@ -12,10 +12,10 @@
 namespace diffnea {
 namespace {
 
-/// Steps of a descent, and the share of the cost that a last one gains: far below one unit of χ²/2
-/// for any cost that a recording has.
+/// Steps of a descent, and the share of the cost that a last one gains: below a thousandth of χ²/2
+/// for a cost of 10⁶.
 constexpr int kMostSteps = 2000;
-constexpr double kTolerance = 1e-12;
+constexpr double kTolerance = 1e-9;
 
 /// Least squares in the virtual parameters φ: x(φ) is θ(φ) of bodies, φ² of non-negative
 /// parameters, φ of the others.
