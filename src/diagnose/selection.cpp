@@ -350,16 +350,18 @@ void Selection::drop_unstable(std::vector<Term>& terms) {
         if (at == contenders.end()) contenders.push_back(std::move(offer.term));
       }
     }
-    const std::vector<std::vector<int>> halves =
+    const std::vector<HalfChoice> halves =
         choose_on_halves(search_, contenders, options_.accept, options_.seed);
     if (halves.empty()) return;
     chosen_.clear();
     for (std::size_t c = 0; c < contenders.size(); ++c)
-      chosen_[contenders[c].candidate] = share_of(halves, {static_cast<int>(c)});
+      chosen_[contenders[c].candidate] =
+          share_of(halves, static_cast<int>(c), {static_cast<int>(c)});
     std::size_t drop = terms.size();
     double least = kMostHalves;
     for (std::size_t i = 0; i < terms.size(); ++i)
-      if (const double share = share_of(halves, stand_for[i]); !stays(terms[i]) && share < least)
+      if (const double share = share_of(halves, static_cast<int>(i), stand_for[i]);
+          !stays(terms[i]) && share < least)
         least = share, drop = i;
     if (drop == terms.size()) return;
     const Candidate& c = candidates_[static_cast<std::size_t>(terms[drop].candidate)];

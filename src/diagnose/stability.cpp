@@ -19,6 +19,9 @@ constexpr double kBlockSeconds = 1.0;
 /// Blocks below which a half is no sample of the motion.
 constexpr std::size_t kFewestToHalve = 8;
 
+/// Share of a contender's square that a half must have, to show it.
+constexpr double kShown = 0.25;
+
 /// Columns [basis of the base | contenders | residual], their products over a set of blocks.
 struct Products {
   MatX<double> K;
@@ -72,6 +75,14 @@ class Half {
     }
     left -= signed_fit(K_(linear, linear), b, signs).gain;
     return search_.cost(left, share_) + 0.5 * (parameters * std::log(rows_ / share_) + penalty);
+  }
+
+  /// Square of a contender's torque at these values.
+  double square(const Slot& slot, const VecX<double>& values) const {
+    double out = values.dot(K_(slot.linear, slot.linear) * values);
+    if (slot.offset >= 0)
+      out += 2.0 * values.dot(K_(slot.linear, slot.offset)) + K_(slot.offset, slot.offset);
+    return std::max(out, 0.0);
   }
 
   /// Contenders that a selection chooses: forward by ΔBIC, and out again what it no longer needs.
@@ -129,9 +140,8 @@ std::vector<std::vector<long>> blocks_of(const Evidence& evidence, double second
 
 }  // namespace
 
-std::vector<std::vector<int>> choose_on_halves(const Search& search,
-                                               const std::vector<Term>& contenders, double accept,
-                                               std::uint64_t seed) {
+std::vector<HalfChoice> choose_on_halves(const Search& search, const std::vector<Term>& contenders,
+                                         double accept, std::uint64_t seed) {
   const Evidence& evidence = search.evidence();
   const Projection& projection = search.projection();
   const long base = projection.rank(), m = evidence.times(), n = evidence.rows();
@@ -178,7 +188,7 @@ std::vector<std::vector<int>> choose_on_halves(const Search& search,
   Rng rng(seed + 0x57ab);
   std::vector<std::size_t> order(blocks.size());
   std::iota(order.begin(), order.end(), 0);
-  std::vector<std::vector<int>> out;
+  std::vector<HalfChoice> out;
   for (int pair = 0; pair < kPairs; ++pair) {
     for (std::size_t i = order.size(); i-- > 1;)  // Fisher, Yates
       std::swap(order[i],
@@ -189,18 +199,26 @@ std::vector<std::vector<int>> choose_on_halves(const Search& search,
         sum.K += blocks[order[i]].K;
         sum.rows += blocks[order[i]].rows;
       }
-      out.push_back(Half(sum, base, search, slots).select(0.5 * accept));
+      const Half of(sum, base, search, slots);
+      out.push_back({of.select(0.5 * accept), {}});
+      for (std::size_t c = 0; c < contenders.size(); ++c)
+        out.back().square.push_back(of.square(slots[c], contenders[c].values()));
     }
   }
   return out;
 }
 
-double share_of(const std::vector<std::vector<int>>& halves, const std::vector<int>& any) {
-  const auto chooses = [&](const std::vector<int>& half) {
-    return std::ranges::any_of(half, [&](int c) { return std::ranges::find(any, c) != any.end(); });
-  };
-  return static_cast<double>(std::ranges::count_if(halves, chooses)) /
-         static_cast<double>(std::max<std::size_t>(halves.size(), 1));
+double share_of(const std::vector<HalfChoice>& halves, int contender, const std::vector<int>& any) {
+  double shown = 0.0, chosen = 0.0;
+  const std::size_t c = static_cast<std::size_t>(contender);
+  for (std::size_t h = 0; h < halves.size(); ++h) {
+    const double own = halves[h].square[c], other = halves[h ^ 1].square[c];
+    if (!(own > kShown * (own + other))) continue;
+    shown += 1.0;
+    chosen += std::ranges::any_of(halves[h].chosen,
+                                  [&](int k) { return std::ranges::find(any, k) != any.end(); });
+  }
+  return shown > 0.0 ? chosen / shown : 0.0;
 }
 
 }  // namespace diffnea

@@ -15,17 +15,22 @@ namespace diffnea {
 /// thm. 1): with 100 candidates and two causes, a fifth of one.
 inline constexpr double kMostHalves = 0.6;
 
-/// Contenders that each half chooses, by index: of the selection repeated among them, base
-/// refitted, on random halves of the blocks. A contender is chosen on a half where it is worth half
-/// of what it must be worth on the whole.
-/// @param contenders  causes and their rivals, each at its shapes
-/// @param accept      ΔBIC of a cause on the whole recording
-/// @return (halves); empty where there are too few blocks to halve
-std::vector<std::vector<int>> choose_on_halves(const Search& search,
-                                               const std::vector<Term>& contenders, double accept,
-                                               std::uint64_t seed);
+/// One half of the blocks; the next or the one before is the other.
+struct HalfChoice {
+  std::vector<int> chosen;     ///< contenders, by index
+  std::vector<double> square;  ///< (contenders) of the whitened torque that the base leaves
+};
 
-/// Share of the halves that choose one of `any`, at least.
-double share_of(const std::vector<std::vector<int>>& halves, const std::vector<int>& any);
+/// Repeats the selection among the contenders, base refitted, on random halves of the blocks. A
+/// contender is chosen on a half where it is worth half of what it must be worth on the whole.
+/// @param contenders  causes and their rivals, each at its shapes and values
+/// @param accept      ΔBIC of a cause on the whole recording
+/// @return halves in pairs; empty where there are too few blocks to halve
+std::vector<HalfChoice> choose_on_halves(const Search& search, const std::vector<Term>& contenders,
+                                         double accept, std::uint64_t seed);
+
+/// Share of the halves that choose one of `any`, of those that a contender shows in: a limit that
+/// is met once says nothing on the half that does not meet it.
+double share_of(const std::vector<HalfChoice>& halves, int contender, const std::vector<int>& any);
 
 }  // namespace diffnea

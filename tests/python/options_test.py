@@ -26,7 +26,7 @@ def test_defaults_are_those_of_the_library() -> None:
     assert defaults["fit"] == ("inertia", "armature", "effects", "string")
     assert defaults["effects"] is None
     assert defaults["fix"] == ()
-    assert defaults["window"] == 0.5
+    assert defaults["horizon"] == 0.0
     assert defaults["ball_lambda"] == (1.0, 1.0, 1.0)
     assert defaults["threads"] == 1
     parameters = inspect.signature(diffnea.diagnose).parameters
@@ -36,7 +36,7 @@ def test_defaults_are_those_of_the_library() -> None:
 
 
 def test_the_defaults_can_be_given(arm, train) -> None:
-    names = ("loss", "fit", "effects", "fix", "window", "ball_lambda", "filter_hz", "physical")
+    names = ("loss", "fit", "effects", "fix", "horizon", "ball_lambda", "filter_hz", "physical")
     parameters = inspect.signature(diffnea.identify).parameters
     given = diffnea.identify(arm, train, **{name: parameters[name].default for name in names})
     assert given.to_dict()["parameters"] == diffnea.identify(arm, train).to_dict()["parameters"]
