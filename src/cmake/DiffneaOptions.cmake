@@ -53,9 +53,9 @@ if(PROJECT_IS_TOP_LEVEL)
 endif()
 
 # Groups of a folder's files are compiled as one: what they include and instantiate is compiled once. Groups stay small,
-# because touching one file compiles its whole group: 32 kB of sources take some ten seconds. Names in anonymous
-# namespaces must differ within a folder.
-function(diffnea_compile_together target)
+# because touching one file compiles its whole group: 32 kB of sources take some ten seconds, of bindings thrice that.
+# Names in anonymous namespaces must differ within a folder.
+function(diffnea_compile_together target most_bytes)
   if(NOT DIFFNEA_UNITY)
     return()
   endif()
@@ -67,7 +67,7 @@ function(diffnea_compile_together target)
     string(REPLACE "/" "_" folder "${folder}")
     file(SIZE "${CMAKE_CURRENT_SOURCE_DIR}/${source}" size)
     math(EXPR bytes "${bytes} + ${size}")
-    if(bytes GREATER 32000)
+    if(bytes GREATER most_bytes)
       math(EXPR group "${group} + 1")
       set(bytes ${size})
     endif()
