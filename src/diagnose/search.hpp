@@ -50,7 +50,7 @@ class Search {
   /// what is left and what is assumed; where repeats have told the noise and no more is left, χ².
   /// @param share  of the rows that it is of
   double cost(double chi2, double share = 1.0) const;
-  /// What the best of a candidate's starts is worth less for being the best of many (Bonferroni).
+  /// Penalty of the best of a candidate's starts for being the best of many (Bonferroni).
   double looked_elsewhere(int candidate) const;
 
   const Evidence& evidence() const { return evidence_; }

@@ -21,7 +21,7 @@ constexpr double kUnkept = 1e-3;
 /// Steps without a gain, though one is promised, that are enough.
 constexpr int kStalls = 5;
 
-/// What a set of windows costs: first those whose simulation blows up, whatever the others gain.
+/// Cost of a set of windows: first those whose simulation blows up, whatever the others gain.
 struct Cost {
   long blown_up = 0;
   double sum = 0.0;  ///< of the others
