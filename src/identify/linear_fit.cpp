@@ -35,6 +35,18 @@ std::vector<bool> seen_alone(const FitLayout& layout, const LinearFit& fit) {
   return out;
 }
 
+/// @throws ModelError naming the link if some but not all of its inertia is held
+void require_whole(const FitLayout& layout, int b) {
+  const auto first = layout.linear.begin() + b;
+  const auto held = std::count_if(first, first + kThetaSize, [](const auto& p) { return p.fixed; });
+  if (held == 0 || held == kThetaSize) return;
+  throw ModelError(first->name.substr(0, first->name.rfind('.')) + ": " + std::to_string(held) +
+                   " of its ten inertial parameters are held, and each virtual parameter moves "
+                   "several of them; hold all ten (--fix \"" +
+                   first->name.substr(0, first->name.rfind('.')) +
+                   ".*\") or none, or fit convex parameters");
+}
+
 /// Held values that no body has would leave the barrier nothing to start from.
 void require_consistent(const FitLayout& layout, int b, const VecX<double>& x) {
   Theta<double> t;
@@ -85,6 +97,8 @@ LinearFit fit_linear(const FitLayout& layout, const std::vector<JointFactor>& fa
       problem.start[k] = layout.linear[k].prior;
     }
   for (const int b : problem.bodies) require_consistent(layout, b, problem.start);
+  if (options.parameters == FitParameters::kVirtual)
+    for (const int b : problem.bodies) require_whole(layout, b);
   problem.entropic_prior = options.entropic_prior;
   VecX<double> weak = VecX<double>::Zero(p);
   for (const int k : free) weak[k] = 1.0 / std::pow(options.prior_width * scale[k], 2);

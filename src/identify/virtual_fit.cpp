@@ -28,10 +28,7 @@ class VirtualDescent {
     for (const int b : p.bodies) {
       const auto held = std::count(fixed.begin() + b, fixed.begin() + b + kThetaSize, true);
       if (held != 0 && held != kThetaSize)
-        throw ModelError(
-            "virtual parameters: " + std::to_string(held) +
-            " of the ten inertial parameters of a body are held, and each virtual parameter moves "
-            "several of them; hold all ten or none, or fit convex parameters");
+        throw ModelError("virtual parameters of a body: hold all ten or none");
       if (held != 0) continue;
       bodies_.push_back(b);
       std::fill_n(is_body_.begin() + b, kThetaSize, true);

@@ -102,4 +102,14 @@ TEST_CASE("virtual fit: what virtual parameters cannot express is refused", "[id
   CHECK_THROWS_WITH(solve_virtual_fit(problem), ContainsSubstring("entropic prior"));
 }
 
+TEST_CASE("virtual fit: a link that is held in part is refused by name", "[identify]") {
+  const test::WamDraw draw = test::draw_wam(300, 10.0);
+  IdentifyOptions options;
+  options.linear.parameters = FitParameters::kVirtual;
+  options.choice.fix = {"forearm.mass"};
+  CHECK_THROWS_WITH(
+      identify(draw.nominal, {draw.train}, {}, options),
+      ContainsSubstring("forearm: 1 of its ten") && ContainsSubstring("--fix \"forearm.*\""));
+}
+
 }  // namespace virtual_fit_test
