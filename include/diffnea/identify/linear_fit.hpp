@@ -63,7 +63,7 @@ struct EnumNames<FitParameters> {
 
 /// Priors and consistency of a linear fit.
 struct LinearFitOptions {
-  FitParameters parameters = FitParameters::kConvex;
+  FitParameters parameters = FitParameters::kConvex;  ///< coordinates of the inertias
   bool physical = true;         ///< false: inertias are free (least squares), for comparison
   double entropic_prior = 0.0;  ///< γ of solve_convex_fit
   /// Parameters the data say nothing of stay at the prior: a Gaussian this many times as wide as
