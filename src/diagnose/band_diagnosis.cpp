@@ -45,9 +45,9 @@ class Timer {
 }  // namespace
 
 BandDiagnosis::BandDiagnosis(const Model& model, const RecordingSource& train,
-                             const RecordingSource* test, Band band, Turns turns,
+                             const RecordingSource* test, Turns turns,
                              const DiagnoseOptions& options)
-    : case_{model, train, test, band, turns, options} {
+    : case_{model, train, test, turns, options} {
   if (options.progress)
     case_.options.progress = [this, told = options.progress](const FitProgress& progress) {
       const bool go_on = told(progress);

@@ -12,7 +12,7 @@ class BandDiagnosis {
  public:
   /// @param test  null: rows of `train` are held out
   BandDiagnosis(const Model& model, const RecordingSource& train, const RecordingSource* test,
-                Band band, Turns turns, const DiagnoseOptions& options);
+                Turns turns, const DiagnoseOptions& options);
   BandDiagnosis(const BandDiagnosis&) = delete;
   BandDiagnosis& operator=(const BandDiagnosis&) = delete;
 
@@ -22,11 +22,6 @@ class BandDiagnosis {
   const Finding& finding() const { return case_.finding; }
 
   Finding finish();
-
-  /// Whether there are frequencies beyond those that were looked at.
-  bool wider() const { return case_.wider; }
-  /// Whether some joint has too few rows to tell noise from what the model lacks.
-  bool blind() const { return !case_.search->blind().empty(); }
 
   /// Those of `effects` that are candidates at a joint whose turns were left out, "effect@joint".
   std::vector<std::string> without_turns(const std::vector<std::string>& effects) const;

@@ -10,8 +10,6 @@ namespace {
 
 /// Of ln v₀: what is nearer, the base's columns follow where the evidence is.
 constexpr double kFar = 0.1;
-/// One over the standard deviation of the torque's instant [1/sample]: of a uniform distribution.
-const double kInstant = std::sqrt(12.0) / kInstants;
 
 /// Factors of the linear parameters alone.
 std::vector<JointFactor> linear_factors(const Evidence& evidence, const FitLayout& layout) {
@@ -42,6 +40,9 @@ BasePrior base_prior(Base base, const Model& model, const FitLayout& layout,
   BasePrior out;
   const long linear = static_cast<long>(layout.linear.size());
   const long turns = evidence.base().cols() - linear;  // and the torque's instant
+  // One over its standard deviation [1/sample]: of a uniform distribution.
+  const double instant =
+      std::sqrt(12.0) / (evidence.latest_instant() - evidence.earliest_instant());
   out.x0 = VecX<double>::Zero(linear + turns);
   out.x0.head(linear) = layout.prior();
   // The rows of passive joints are linear about x₀ (Projection).
@@ -50,7 +51,7 @@ BasePrior base_prior(Base base, const Model& model, const FitLayout& layout,
   if (base == Base::kFixed) {  // how sharply friction turns is no claim of the model
     for (long s = 0; s < turns; ++s) out.free.push_back(static_cast<int>(linear + s));
     out.root = MatX<double>::Identity(turns, turns);
-    out.root(turns - 1, turns - 1) = kInstant;
+    out.root(turns - 1, turns - 1) = instant;
     return out;
   }
   for (std::size_t k = 0; k < layout.linear.size(); ++k)
@@ -59,7 +60,7 @@ BasePrior base_prior(Base base, const Model& model, const FitLayout& layout,
   VecX<double> scale(linear + turns);
   scale << parameter_scales(layout, linear_factors(evidence, layout)),
       VecX<double>::Constant(turns, 1.0 / width);  // a factor of e, 1 ms
-  scale[linear + turns - 1] = 1.0 / (kInstant * width);
+  scale[linear + turns - 1] = 1.0 / (instant * width);
   for (long s = 0; s < turns; ++s) out.free.push_back(static_cast<int>(linear + s));
   const long p = static_cast<long>(out.free.size());
   MatX<double> weak = MatX<double>::Zero(p, p);
@@ -90,7 +91,7 @@ BasePrior base_prior(Base base, const Model& model, const FitLayout& layout,
 }
 
 std::string hold_scale(const Evidence& evidence, FitLayout& layout) {
-  if (!evidence.torque().isZero(0.0)) return "";
+  if (evidence.driven()) return "";
   FitParameter* largest = nullptr;
   double most = 0.0;
   for (std::size_t k = 0; k < layout.linear.size(); ++k) {

@@ -5,6 +5,8 @@
 #include <limits>
 #include <numbers>
 
+#include "core/constants.hpp"
+
 namespace diffnea {
 namespace {
 
@@ -79,15 +81,29 @@ void bound_stribeck(const FitLayout& layout, Candidate& c) {
   if (c.grid.empty()) c.grid = {{least}};
 }
 
+/// Positions that a joint's lie between.
+std::pair<double, double> range_of(const Evidence& evidence, int joint) {
+  std::pair<double, double> out{kInfinity, -kInfinity};
+  for (const JointSeries& s : evidence.series()) {
+    out.first = std::min(out.first, s.q.col(joint).minCoeff());
+    out.second = std::max(out.second, s.q.col(joint).maxCoeff());
+  }
+  return out;
+}
+
 /// A ripple is one if the motion runs through it twice; below, it is any smooth function of the
 /// position. And at the joint's RMS velocity the rows must follow it; beyond, it is left of it
 /// what happens at reversals alone. Between, the grid is even (Evidence::ripples()).
 void bound_cogging(const Evidence& evidence, Candidate& c) {
   const int j = c.effect.joints[0];
-  const VecX<double> q = evidence.q().col(j);
-  const double range = q.maxCoeff() - q.minCoeff(), pi = std::numbers::pi;
-  const double speed =
-      std::sqrt(evidence.qd().col(j).squaredNorm() / static_cast<double>(evidence.times()));
+  const auto [low, high] = range_of(evidence, j);
+  const double range = high - low, pi = std::numbers::pi;
+  double squares = 0.0, samples = 0.0;
+  for (const JointSeries& s : evidence.series()) {
+    squares += s.qd.col(j).squaredNorm();
+    samples += static_cast<double>(s.rows());
+  }
+  const double speed = std::sqrt(squares / samples);
   c.grid.clear();
   if (!(range > 0.0) || !(speed > 0.0)) return;
   const double lowest = 4.0 * pi / range, step = 4.0 * kRippleMiss / range;
@@ -101,9 +117,9 @@ void bound_cogging(const Evidence& evidence, Candidate& c) {
 /// Bristles that bend by less than the positions' noise do not show: what is left is Coulomb's.
 void bound_presliding(const Evidence& evidence, const std::vector<double>& q_noise, Candidate& c) {
   const std::size_t joint = static_cast<std::size_t>(c.effect.joints[0]);
-  const VecX<double> q = evidence.q().col(c.effect.joints[0]);
+  const auto [low, high] = range_of(evidence, c.effect.joints[0]);
   const double least = joint < q_noise.size() ? kPreslidingNoises * q_noise[joint] : 0.0;
-  const double most = kPreslidingRange * (q.maxCoeff() - q.minCoeff());
+  const double most = kPreslidingRange * (high - low);
   std::erase_if(c.grid, [&](const std::vector<double>& g) { return g[0] < least || g[0] > most; });
   c.shape_low = {least};
   c.shape_high = {std::max(most, least)};

@@ -36,9 +36,9 @@ void add_series(const VecX<double>& e0, const VecX<double>& e1, JointCase& c) {
       s.measured.push_back(measured);
       s.base.push_back(measured - e0[row]);
       s.extended.push_back(measured - e1[row]);
-      s.q.push_back(e.q()(i, j));
-      s.qd.push_back(e.qd()(i, j));
-      s.qdd.push_back(e.qdd()(i, j));
+      s.q.push_back(e.q(static_cast<long>(k))(i, j));
+      s.qd.push_back(e.qd(static_cast<long>(k))(i, j));
+      s.qdd.push_back(e.qdd(static_cast<long>(k))(i, j));
       if (any && !counts[static_cast<std::size_t>(row)]) continue;
       g.torque_rms += measured * measured;
       g.base += e0[row] * e0[row];

@@ -6,8 +6,12 @@
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/dynamics/batch.hpp>
-#include <diffnea/recording/butterworth.hpp>
+#include <diffnea/dynamics/mass_matrix.hpp>
+#include <diffnea/recording/refresh.hpp>
 
+#include "core/constants.hpp"
+#include "core/statistics.hpp"
+#include "diagnose/noise.hpp"
 #include "diagnose/thresholds.hpp"
 
 namespace diffnea {
@@ -19,11 +23,43 @@ constexpr double kRestShare = 0.01;
 /// Of the filter's weight on samples in which a joint rests, or sticks.
 constexpr double kMostRest = 0.3, kMostStuck = 0.02;
 
-/// Of a disturbance at the end of a recording.
-constexpr double kRemembered = 0.01;
-/// Of a recording, that its ends may be: longer, they stay. Of motions that do not repeat, every
-/// row counts.
-constexpr double kMostEnds = 1.0 / 3.0, kMostEndsOnce = 0.1;
+/// Rows of the base that are made at once.
+constexpr long kChunk = 2048;
+
+/// Share of the links' torques that rounding leaves at a joint that nothing drives: its motion
+/// tells of its whole run, however long.
+constexpr double kRounding = 1e-8;
+
+/// Whether a joint's torque is known: measured, or passive and hence zero.
+bool known(const Preprocessed& about, const JointSeries& s, int j) {
+  return about.has_tau[static_cast<std::size_t>(j)] ||
+         (s.rows() > 0 && !std::isnan(s.logged(0, j)));
+}
+
+/// Mean squares of the torques by which noise is told from nothing: as logged, or, of a joint that
+/// nothing drives, what its links take one by one, (n).
+VecX<double> torque_squares(const Tree<double>& tree, const JointSeries& s,
+                            const std::vector<bool>& driven) {
+  const long n = s.q.cols();
+  VecX<double> out = VecX<double>::Zero(n);
+  const VecX<double> still = VecX<double>::Zero(n);
+  RneaWorkspace<double, double> ws;
+  MassMatrixWorkspace<double, double> mass;
+  for (long i = 0; i < s.rows(); ++i) {
+    VecX<double> gravity;
+    for (long j = 0; j < n; ++j) {
+      if (driven[static_cast<std::size_t>(j)]) {
+        out[j] += s.logged(i, j) * s.logged(i, j);
+        continue;
+      }
+      const VecX<double> q = s.q.row(i).transpose();
+      if (gravity.size() == 0) gravity = rnea<double, double>(tree, q, still, still, ws);
+      const double inertia = mass_matrix<double, double>(tree, q, mass)(j, j) * s.qdd(i, j);
+      out[j] += gravity[j] * gravity[j] + inertia * inertia;
+    }
+  }
+  return out;
+}
 
 }  // namespace
 
@@ -32,26 +68,24 @@ Evidence::Evidence(const Model& model, const FitLayout& layout, const RecordingS
                    Turns at_turns, int first_run, const Evidence* fitted)
     : num_dofs_(layout.num_dofs),
       first_run_(first_run),
-      cut_off_(plan.filter_hz),
       runs_(source.runs()),
-      filter_(plan.decimator) {
+      every_(plan.decimator.factor) {
   Stretches collector(first_run);
   for_each_block(source, plan, "reading", 0, options,
                  [&](const Preprocessed& block) { collector.add(block); });
-  take_series(collector, plan, period);
-  FitLayout held = layout;
-  for (FitParameter& s : held.shape) s.fixed = !is_smoothing(s);
-  const TorqueRegression measured = regress(model, held, plan, collector, collector.series());
-  for (int j = 0; j < num_dofs_; ++j)
-    if (!measured.kept()[static_cast<std::size_t>(j)].time.empty()) joints_.push_back(j);
+  take_series(collector, period);
+  take_joints(collector, joint_names(model));
   if (joints_.empty())
     throw DataError(source.sample().front().source +
-                    ": diagnose: no joint moves, no stretch of the recording is long enough for "
-                    "the filter, or no joint has a torque; record longer than " +
-                    format_number(2.0 * plan.min_segment) + " s");
-  take_rows(measured, layout, joint_names(model), source.sample().front().source);
+                    ": diagnose: no stretch of the recording has " + std::to_string(every_) +
+                    " rows in a row, or no joint has a torque; record a motion, e.g. one of "
+                    "`diffnea excite`");
+  take_filters(model, plan, collector);
+  FitLayout held = layout;
+  for (FitParameter& s : held.shape) s.fixed = !is_smoothing(s);
+  take_rows(model, held, plan, collector);
   if (averaged_)
-    averaged_base_ = stacked_base(regress(model, held, plan, collector, series_), base_.cols());
+    averaged_base_ = regress(model, held, plan, collector, series_, nullptr);
   take_motion(layout, plan, collector.positions(), at_turns, fitted);
   set_reference(model);
   const MatX<double> turns_of_base = turns(layout);
@@ -62,46 +96,127 @@ Evidence::Evidence(const Model& model, const FitLayout& layout, const RecordingS
   }
   // Gridder places held torques half a sample late already.
   if (source.sample().front().info.torque_sampling == TorqueSampling::kHold)
-    earliest_instant_ -= 0.5;
+    earliest_instant_ -= 0.5, latest_instant_ -= 0.5;
+  const std::vector<int> held_rows = refresh_rows(source.sample(), &Recording::tau);
+  earliest_instant_ -= 0.5 * (*std::ranges::max_element(held_rows) - 1);
   has_instant_ = true;
   set_instant();
 }
 
 void Evidence::set_instant() {
-  const MatX<double> rate = filtered([](const JointSeries& s) {  // torque of a sample
-    const long n = s.total.rows();
-    RowMatX<double> out = RowMatX<double>::Zero(n, s.total.cols());
-    for (long i = 0; i < n && n > 1; ++i) {
-      const long before = std::max(i - 1, 0L), after = std::min(i + 1, n - 1);
-      out.row(i) = (s.total.row(after) - s.total.row(before)) / static_cast<double>(after - before);
-    }
-    return out;
-  });
   VecX<double> column = VecX<double>::Zero(rows());
-  for (std::size_t k = 0; k < joints_.size(); ++k)
-    if (!passive_[k])
-      column.segment(static_cast<long>(k) * times(), times()) = rate.col(joints_[k]);
+  for (std::size_t k = 0; k < joints_.size(); ++k) {
+    if (passive_[k]) continue;
+    const int j = joints_[k];
+    column.segment(static_cast<long>(k) * times(), times()) =
+        rows_of(static_cast<long>(k), [j](const JointSeries& s) {  // torque of a sample
+          const long n = s.total.rows();
+          RowMatX<double> out = RowMatX<double>::Zero(n, 1);
+          for (long i = 0; i < n && n > 1; ++i) {
+            const long before = std::max(i - 1, 0L), after = std::min(i + 1, n - 1);
+            out(i, 0) =
+                (s.total(after, j) - s.total(before, j)) / static_cast<double>(after - before);
+          }
+          return out;
+        });
+  }
   base_.rightCols(1) = column;
   if (averaged_) averaged_base_.rightCols(1) = column;
 }
 
-void Evidence::take_series(Stretches& collector, const PreprocessPlan& plan, double period) {
-  // Where a recording begins and ends, its filter still remembers how it was continued beyond.
-  // Averaged, that would reach the rows of other periods, too.
-  collector.trim(Butterworth(plan.order, plan.filter_hz, 1.0 / plan.dt).memory(kRemembered),
-                 period > 0.0 ? kMostEnds : kMostEndsOnce);
+void Evidence::take_series(Stretches& collector, double period) {
+  collector.drop_shorter(every_);
   for (std::size_t i = 0; period > 0.0 && i < collector.series().size(); ++i)
     collector.drop_first(i, settling_rows(period, collector.series()[i]));
   series_ = collector.series();
   averaged_ = period > 0.0 && !series_.empty();
   for (JointSeries& s : series_) averaged_ = averaged_ && average_other_periods(period, s);
-  if (averaged_) return;
-  series_ = collector.series();
+  if (!averaged_) series_ = collector.series();
 }
 
-TorqueRegression Evidence::regress(const Model& model, const FitLayout& layout,
-                                   const PreprocessPlan& plan, const Stretches& collector,
-                                   const std::vector<JointSeries>& series) const {
+void Evidence::take_joints(const Stretches& collector, const std::vector<std::string>& names) {
+  for (std::size_t i = 0; i < series_.size(); ++i)
+    for (int j = 0; j < num_dofs_; ++j) {
+      const bool is_known = known(collector.about(i), series_[i], j);
+      if (i == 0 && is_known) joints_.push_back(j);
+      if (is_known != (std::ranges::find(joints_, j) != joints_.end()))
+        throw DataError(collector.about(i).source + ": diagnose: the torque of " +
+                        names[static_cast<std::size_t>(j)] +
+                        " is known in some of the recordings alone; expected recordings that all "
+                        "have the torques (or `passive`) of the same joints: leave the column out "
+                        "of all of them, or diagnose them one by one");
+    }
+  std::size_t row = 0;
+  for (std::size_t i = 0; i < series_.size(); ++i) {
+    const JointSeries& s = series_[i];
+    step_ = s.dt * every_;
+    for (long m = 0; m < s.rows() / every_; ++m, ++row) {
+      stretch_.push_back(static_cast<int>(i));
+      time_.push_back(collector.about(i).time[0] + s.dt * (static_cast<double>(m) + 0.5) * every_);
+    }
+  }
+}
+
+void Evidence::take_filters(const Model& model, const PreprocessPlan& plan,
+                            const Stretches& collector) {
+  const std::vector<JointSeries>& own = collector.series();
+  std::vector<bool> driven;
+  for (int j = 0; j < num_dofs_; ++j) driven.push_back(collector.about(0).has_tau[j]);
+  for (const int j : joints_) passive_.push_back(!driven[static_cast<std::size_t>(j)]);
+  std::map<int, Tree<double>> trees;
+  VecX<double> squares = VecX<double>::Zero(num_dofs_);
+  double samples = 0.0;
+  for (const JointSeries& s : own) {
+    if (!trees.contains(s.run)) trees.emplace(s.run, extend(model, runs_, s.run).tree);
+    squares += torque_squares(trees.at(s.run), s, driven);
+    samples += static_cast<double>(s.rows());
+  }
+  SignalNoise noise{VecX<double>(num_dofs_), VecX<double>(num_dofs_)};
+  for (int j = 0; j < num_dofs_; ++j) {
+    const std::size_t k = static_cast<std::size_t>(j);
+    const double torque = k < plan.tau_noise.size() ? plan.tau_noise[k] : 0.0;
+    // Between two new positions there is none.
+    const double rows = k < plan.refresh.size() ? plan.refresh[k] : 1;
+    noise.position[j] = std::max(k < plan.q_noise.size() ? std::sqrt(rows) * plan.q_noise[k] : 0.0,
+                                 kLeastPosition);
+    noise.density[j] = plan.dt * (std::pow(torque > 0.0 ? torque : 0.0, 2) +
+                                  std::pow(driven[k] ? kLeastNoise : kRounding, 2) *
+                                      std::max(squares[j] / samples, 1e-300));
+  }
+  constant_.assign(joints_.size(), MatX<double>(times(), 1));
+  std::vector<std::vector<double>> settled(joints_.size());
+  long row = 0;
+  cut_off_.assign(joints_.size(), 0.0);
+  for (const JointSeries& s : own) {
+    std::vector<TorqueFilter> of;
+    const std::vector<JointEquation> equations =
+        joint_equations(trees.at(s.run), s, joints_, noise, plan.filter_hz, every_);
+    const RowMatX<double> one = RowMatX<double>::Ones(s.rows(), 1);
+    for (std::size_t k = 0; k < joints_.size(); ++k) {
+      of.emplace_back(equations[k], s.dt, every_);
+      constant_[k].middleRows(row, of.back().rows()) = of.back()(one);
+      for (const double of_one : constant_[k].col(0).segment(row, of.back().rows()))
+        settled[k].push_back(of_one);
+      const JointEquation& e = equations[k];
+      const long at = s.rows() / 2;
+      cut_off_[k] = std::max(cut_off_[k],
+                             std::pow(e.density[at] / (std::pow(e.inertia[at], 2) *
+                                                       e.variance[at] * s.dt), 0.25) /
+                                 (2.0 * kPi));
+    }
+    row += of.front().rows();
+    filters_.push_back(std::move(of));
+  }
+  unit_.resize(static_cast<long>(joints_.size()));
+  for (std::size_t k = 0; k < joints_.size(); ++k) {
+    unit_[static_cast<long>(k)] = 1.0 / median(settled[k]);
+    constant_[k] *= unit_[static_cast<long>(k)];
+  }
+}
+
+MatX<double> Evidence::regress(const Model& model, const FitLayout& layout,
+                               const PreprocessPlan& plan, const Stretches& collector,
+                               const std::vector<JointSeries>& series, VecX<double>* torque) {
   VecX<double> shape(static_cast<long>(layout.shape.size()));
   for (std::size_t s = 0; s < layout.shape.size(); ++s)
     shape[static_cast<long>(s)] = layout.shape[s].prior;
@@ -109,39 +224,74 @@ TorqueRegression Evidence::regress(const Model& model, const FitLayout& layout,
   all.keep_bytes = std::numeric_limits<long>::max() / 2;
   all.rest_speed = 0.0;
   all.rest_share = 2.0;
+  all.factored = false;
   all.first_run = first_run_;
-  TorqueRegression out(model, layout, plan, {layout.prior(), shape}, all);
-  for (std::size_t i = 0; i < series.size(); ++i) out.add(collector.rows_of(i, series[i]));
+  PreprocessPlan every_sample = plan;
+  every_sample.decimator = {.rate_hz = 1.0 / plan.dt};
+  TorqueRegression samples(model, layout, every_sample, {layout.prior(), shape}, all);
+  const long p = static_cast<long>(layout.linear.size()) +
+                 std::ranges::count_if(layout.shape, is_smoothing);
+  MatX<double> out = MatX<double>::Zero(times() * static_cast<long>(joints_.size()), p);
+  long row = 0;
+  for (std::size_t i = 0; i < series.size(); ++i) {
+    const long count = series[i].rows(), of_stretch = count / every_;
+    std::vector<TorqueFilter::State> states(joints_.size());
+    std::vector<RowMatX<double>> waiting(joints_.size());  // for the sample after them
+    std::vector<MatX<double>> rows(joints_.size());
+    for (long from = 0; from < count; from += kChunk) {
+      samples.add(collector.rows_of(i, series[i], from, std::min(kChunk, count - from)));
+      for (std::size_t k = 0; k < joints_.size(); ++k) {
+        const auto now = samples.kept()[static_cast<std::size_t>(joints_[k])].rows();
+        if (from == 0) rows[k].resize(of_stretch, now.cols());
+        if (from > 0) filters_[i][k].push(waiting[k], now.row(0).data(), states[k], rows[k]);
+        waiting[k] = now;
+      }
+      samples.forget();
+    }
+    for (std::size_t k = 0; k < joints_.size(); ++k) {
+      filters_[i][k].push(waiting[k], nullptr, states[k], rows[k]);
+      rows[k] *= unit_[static_cast<long>(k)];
+      const long at = static_cast<long>(k) * times() + row;
+      const std::vector<int>& columns =
+          samples.factors()[static_cast<std::size_t>(joints_[k])].columns;
+      for (std::size_t c = 0; c < columns.size(); ++c)
+        out.col(columns[c]).segment(at, of_stretch) = rows[k].col(static_cast<long>(c));
+      if (torque) torque->segment(at, of_stretch) = rows[k].rightCols(1);
+    }
+    row += of_stretch;
+  }
+  if (torque) factors_ = samples.factors();
   return out;
 }
 
-void Evidence::take_rows(const TorqueRegression& measured, const FitLayout& layout,
-                         const std::vector<std::string>& names, const std::string& source) {
+void Evidence::take_rows(const Model& model, const FitLayout& layout, const PreprocessPlan& plan,
+                         const Stretches& collector) {
   for (std::size_t c = 0; c < layout.linear.size(); ++c)
     if (std::ranges::any_of(layout.shape, [&](const FitParameter& s) {
           return is_smoothing(s) && s.effect == layout.linear[c].effect;
         }))
       dry_columns_.push_back(static_cast<int>(c));
-  factors_ = measured.factors();
-  const JointRows& first = measured.kept()[static_cast<std::size_t>(joints_[0])];
-  time_ = first.time;
-  for (const int j : joints_)  // row m of each is one instant
-    if (const JointRows& kept = measured.kept()[static_cast<std::size_t>(j)];
-        kept.time != first.time || kept.run != first.run)
-      throw DataError(source + ": diagnose: the torques of " +
-                      names[static_cast<std::size_t>(joints_[0])] + " and " +
-                      names[static_cast<std::size_t>(j)] +
-                      " are not known at the same instants; expected recordings that all have the "
-                      "torques (or `passive`) of the same joints: leave the column out of all of "
-                      "them, or diagnose them one by one");
   const long m = times(), linear = static_cast<long>(layout.linear.size());
   torque_.resize(m * static_cast<long>(joints_.size()));
+  base_ = regress(model, layout, plan, collector, collector.series(), &torque_);
   for (std::size_t k = 0; k < joints_.size(); ++k) {
-    const JointRows& kept = measured.kept()[static_cast<std::size_t>(joints_[k])];
-    torque_.segment(static_cast<long>(k) * m, m) = kept.rows().col(kept.width - 1);
-    passive_.push_back(measured.factors()[static_cast<std::size_t>(joints_[k])].inertia.size() > 0);
+    long row = static_cast<long>(k) * m;
+    for (std::size_t i = 0; i < filters_.size(); ++i) {
+      const int j = joints_[k];
+      const VecX<double> beside =
+          collector.positions()[i].col(j) - collector.series()[i].q.col(j);
+      torque_.segment(row, filters_[i][k].rows()) +=
+          unit_[static_cast<long>(k)] * filters_[i][k].shown(beside);
+      row += filters_[i][k].rows();
+    }
+    JointFactor& f = factors_[static_cast<std::size_t>(joints_[k])];
+    RowMatX<double> rows(m, static_cast<long>(f.columns.size()) + 1);
+    for (std::size_t c = 0; c < f.columns.size(); ++c)
+      rows.col(static_cast<long>(c)) =
+          base_.col(f.columns[c]).segment(static_cast<long>(k) * m, m);
+    rows.rightCols(1) = torque_.segment(static_cast<long>(k) * m, m);
+    f.factor.add(rows);
   }
-  base_ = stacked_base(measured, linear + std::ranges::count_if(layout.shape, is_smoothing));
   const VecX<double> of_model = base_.leftCols(linear) * layout.prior();
   for (long k = 0; k < static_cast<long>(joints_.size()); ++k) {
     const double rows = std::sqrt(static_cast<double>(m));
@@ -211,42 +361,38 @@ long Evidence::rows_between(long k) const {
 }
 
 void Evidence::take_states(const std::map<int, StuckRows>& stuck, const VecX<double>& speed) {
-  const long n = num_dofs_, known = static_cast<long>(joints_.size()), m = times();
-  stretch_.assign(time_.size(), 0);
-  std::vector<RowMatX<double>> states;  // [q | q̇ | q̈ | rests | sticks]
-  long row = 0;
-  for (std::size_t i = 0; i < series_.size(); ++i) {
-    const JointSeries& s = series_[i];
-    const long outputs = s.q.rows() < 2 * filter_.half_length() + 1
-                             ? 0
-                             : (s.q.rows() - 2 * filter_.half_length() - 1) / filter_.factor() + 1;
-    for (long k = 0; k < outputs && row < m; ++k)
-      stretch_[static_cast<std::size_t>(row++)] = static_cast<int>(i);
-    step_ = s.dt * filter_.factor();
-    RowMatX<double> state(s.q.rows(), 3 * n + 2 * known);
-    state << s.q, s.qd, s.qdd, RowMatX<double>::Zero(s.q.rows(), 2 * known);
-    for (long k = 0; k < known; ++k) {
-      const int j = joints_[static_cast<std::size_t>(k)];
-      state.col(3 * n + k) =
-          (s.qd.col(j).array().abs() < kRestShare * speed[j]).cast<double>().matrix();
-      if (!stuck.contains(j)) continue;
-      const std::vector<bool>& rows = stuck.at(j).rows[i];
-      for (std::size_t at = 0; at < rows.size(); ++at)
-        state(static_cast<long>(at), 3 * n + known + k) = rows[at];
+  const long n = num_dofs_;
+  states_.clear();
+  rests_.resize(times(), static_cast<long>(joints_.size()));
+  sticks_.resize(times(), static_cast<long>(joints_.size()));
+  for (long k = 0; k < static_cast<long>(joints_.size()); ++k) {
+    const int j = joints_[static_cast<std::size_t>(k)];
+    std::vector<RowMatX<double>> of_k;  // [q | q̇ | q̈ | rests | sticks]
+    for (std::size_t i = 0; i < series_.size(); ++i) {
+      const JointSeries& s = series_[i];
+      RowMatX<double> state(s.q.rows(), 3 * n + 2);
+      state << s.q, s.qd, s.qdd,
+          (s.qd.col(j).array().abs() < kRestShare * speed[j]).cast<double>().matrix(),
+          VecX<double>::Zero(s.q.rows());
+      if (stuck.contains(j)) {
+        const std::vector<bool>& rows = stuck.at(j).rows[i];
+        for (std::size_t at = 0; at < rows.size(); ++at)
+          state(static_cast<long>(at), 3 * n + 1) = rows[at];
+      }
+      of_k.push_back(std::move(state));
     }
-    states.push_back(std::move(state));
+    const MatX<double> means = means_of(k, of_k);
+    states_.push_back(means.leftCols(3 * n));
+    sticks_.col(k) = means.col(3 * n + 1).array().abs() > kMostStuck;  // of either sign
+    rests_.col(k) = means.col(3 * n).array() > kMostRest || sticks_.col(k);
   }
-  const MatX<double> decimated = decimate(states);
-  if (row != m || decimated.rows() != m)
-    throw DataError("diagnose: torques are known at " + std::to_string(m) + " of " +
-                    std::to_string(decimated.rows()) +
-                    " instants; expected recordings that all have the torques of the same joints: "
-                    "leave out those that have none");
-  q_ = decimated.leftCols(n);
-  qd_ = decimated.middleCols(n, n);
-  qdd_ = decimated.middleCols(2 * n, n);
-  sticks_ = decimated.rightCols(known).array().abs() > kMostStuck;  // of either sign
-  rests_ = decimated.middleCols(3 * n, known).array() > kMostRest || sticks_;
+}
+
+bool Evidence::begins(long instant, long k) const {
+  const std::size_t stretch = static_cast<std::size_t>(stretch_[static_cast<std::size_t>(instant)]);
+  const auto first = std::ranges::lower_bound(stretch_, static_cast<int>(stretch));
+  return instant - (first - stretch_.begin()) <
+         filters_[stretch][static_cast<std::size_t>(k)].settled();
 }
 
 MatX<double> Evidence::without_scale(long k, const Eigen::Ref<const MatX<double>>& rows,
@@ -273,52 +419,45 @@ MatX<double> Evidence::turns(const FitLayout& layout) const {
   for (const FitParameter& shape : layout.shape) {
     if (!is_smoothing(shape)) continue;
     const BoundEffect friction = friction_of(layout, shape);
-    std::vector<RowMatX<double>> stretches;
-    for (const JointSeries& s : series_) {
-      const auto columns = turn_columns(friction, shape.index, reference(s), s);
-      stretches.emplace_back(s.rows(), kTurnColumns * num_dofs_);
-      for (int c = 0; c < kTurnColumns; ++c)
-        stretches.back().middleCols(c * num_dofs_, num_dofs_) =
-            columns[static_cast<std::size_t>(c)];
-    }
-    const MatX<double> d = decimate(stretches);
     out.conservativeResize(Eigen::NoChange, out.cols() + kTurnColumns);
-    for (int c = 0; c < kTurnColumns; ++c)
-      for (std::size_t k = 0; k < joints_.size(); ++k)
-        out.col(out.cols() - kTurnColumns + c).segment(static_cast<long>(k) * times(), times()) =
-            d.col(c * num_dofs_ + joints_[k]);
+    out.rightCols(kTurnColumns).setZero();
+    for (std::size_t k = 0; k < joints_.size(); ++k)
+      if (std::ranges::find(friction.joints, joints_[k]) != friction.joints.end())
+        out.block(static_cast<long>(k) * times(), out.cols() - kTurnColumns, times(),
+                  kTurnColumns) =
+            rows_of(static_cast<long>(k), [&](const JointSeries& s) {
+              const auto columns = turn_columns(friction, shape.index, reference(s), s);
+              RowMatX<double> own(s.rows(), kTurnColumns);
+              for (int c = 0; c < kTurnColumns; ++c)
+                own.col(c) = columns[static_cast<std::size_t>(c)].col(joints_[k]);
+              return own;
+            });
   }
   return out;
 }
 
-MatX<double> Evidence::stacked_base(const TorqueRegression& regression, long p) const {
-  MatX<double> out = MatX<double>::Zero(rows(), p);
-  for (std::size_t k = 0; k < joints_.size(); ++k) {
-    const std::size_t j = static_cast<std::size_t>(joints_[k]);
-    const auto rows = regression.kept()[j].rows();
-    const std::vector<int>& columns = regression.factors()[j].columns;
-    for (std::size_t c = 0; c < columns.size(); ++c)
-      out.col(columns[c]).segment(static_cast<long>(k) * times(), times()) =
-          rows.col(static_cast<long>(c));
+MatX<double> Evidence::rows_of(long k, const std::vector<RowMatX<double>>& stretches) const {
+  MatX<double> out(times(), stretches.empty() ? 0 : stretches[0].cols());
+  long row = 0;
+  for (std::size_t i = 0; i < stretches.size(); ++i) {
+    const TorqueFilter& filter = filters_[i][static_cast<std::size_t>(k)];
+    out.middleRows(row, filter.rows()) = unit_[k] * filter(stretches[i]);
+    row += filter.rows();
   }
   return out;
 }
 
-MatX<double> Evidence::decimate(const std::vector<RowMatX<double>>& stretches) const {
-  std::vector<RowMatX<double>> parts;
-  long rows = 0;
-  Decimator filter = filter_;
-  for (const RowMatX<double>& s : stretches) {
-    filter.reset();
-    parts.push_back(filter.push(s));
-    rows += parts.back().rows();
-  }
-  MatX<double> out(rows, stretches.empty() ? 0 : stretches[0].cols());
-  rows = 0;
-  for (const RowMatX<double>& part : parts) {
-    if (part.rows() > 0) out.middleRows(rows, part.rows()) = part;
-    rows += part.rows();
-  }
+MatX<double> Evidence::means_of(long k, const std::vector<RowMatX<double>>& stretches) const {
+  MatX<double> out = rows_of(k, stretches);
+  const MatX<double>& weight = constant_[static_cast<std::size_t>(k)];
+  long row = 0;
+  for (std::size_t i = 0; i < stretches.size(); ++i)
+    for (long m = 0; m < stretches[i].rows() / every_; ++m, ++row)
+      // A first row knows nothing yet.
+      if (std::abs(weight(row, 0)) > 1e-3)
+        out.row(row) /= weight(row, 0);
+      else
+        out.row(row) = stretches[i].middleRows(m * every_, every_).colwise().mean();
   return out;
 }
 
@@ -352,9 +491,12 @@ void Evidence::set_tilt(const Vec3<double>& more, const VecX<double>& x) {
       const RowMatX<double> Y = regressor_batch(tree, s.q, still, still);
       stretches.push_back(Eigen::Map<const RowMatX<double>>(Y.data(), s.rows(), num_dofs_ * p));
     }
-    const MatX<double> d = decimate(stretches);
-    for (std::size_t k = 0; k < joints_.size(); ++k)
-      now.middleRows(static_cast<long>(k) * m, m) = d.middleCols(joints_[k] * p, p);
+    for (std::size_t k = 0; k < joints_.size(); ++k) {
+      std::vector<RowMatX<double>> of_k;
+      for (const RowMatX<double>& all : stretches)
+        of_k.push_back(all.middleCols(joints_[k] * p, p));
+      now.middleRows(static_cast<long>(k) * m, m) = rows_of(static_cast<long>(k), of_k);
+    }
   }
   const MatX<double> change = tilted_.size() > 0 ? MatX<double>(now - tilted_) : now;
   base_.leftCols(p) += change;

@@ -1,6 +1,7 @@
 #pragma once
-/// Recordings as a diagnosis sees them: filtered, decimated rows of measured torque, of the base
-/// model's columns, and of the columns of any effect, on demand. Internal to diagnose/.
+/// Recordings as a diagnosis sees them: rows of measured torque, of the base model's columns, and
+/// of the columns of any effect, on demand, each as it shows beside the noise of its joint's
+/// signals (torque_filter.hpp), on the scale of a torque that is constant. Internal to diagnose/.
 ///
 /// Rows of the joints whose torque is known are stacked: row m of the k-th such joint is row
 /// k·times() + m. All matrices here are (rows(), columns).
@@ -14,14 +15,11 @@
 #include "diagnose/candidates.hpp"
 #include "diagnose/sticking.hpp"
 #include "diagnose/stretches.hpp"
+#include "diagnose/torque_filter.hpp"
 #include "diagnose/turns.hpp"
 #include "identify/passes.hpp"
 
 namespace diffnea {
-
-/// Range of a torque's instant [samples]: a mean over the sample before the position, or held for
-/// one after it and computed for half of one.
-inline constexpr double kInstants = 1.5;
 
 /// Of the autoregression that whitens rows: what a row needs before it.
 inline constexpr int kNoiseOrder = 8;
@@ -61,6 +59,14 @@ class Evidence {
   bool has_passive_beside_torques() const;
   /// Whether nothing drives the k-th of joints(): its torque is 0, or a ball's pull.
   bool passive(long k) const { return passive_[static_cast<std::size_t>(k)]; }
+  /// Whether a row of the k-th of joints() still hangs on how its stretch begins.
+  bool begins(long instant, long k) const;
+  /// Whether some torque is not 0.
+  bool driven() const {
+    return std::ranges::any_of(series_, [&](const JointSeries& s) {
+      return std::ranges::any_of(joints_, [&](int j) { return !s.logged.col(j).isZero(0.0); });
+    });
+  }
   /// Columns of the layout's linear parameters, then ∂τ/∂ln v₀ of the base's smoothed friction,
   /// then turn_columns() of each: how it turns is not known; the last, by how many samples the
   /// torque is logged late.
@@ -72,9 +78,11 @@ class Evidence {
   const std::vector<int>& dry_columns() const { return dry_columns_; }
 
   /// A torque is sampled, computed and held within a sample before or after the positions beside
-  /// it, in a way that no log tells: how late it may be without a delay [samples].
+  /// it, in a way that no log tells: how late it may be without a delay [samples], from a mean over
+  /// the sample before the position to one that is held for a sample and computed for half of one.
+  /// One that is logged less often than the rest may be the last one known, or held for so long.
   double earliest_instant() const { return earliest_instant_; }
-  double latest_instant() const { return earliest_instant_ + kInstants; }
+  double latest_instant() const { return latest_instant_; }
 
   // Of each instant, (times()).
   const std::vector<double>& time() const { return time_; }
@@ -87,16 +95,25 @@ class Evidence {
   bool sticks(long instant, long k) const { return sticks_(instant, k); }
   /// Degrees of freedom that stick wherever they turn back: their turns are left out.
   const std::vector<int>& sticking() const { return sticking_; }
-  /// Cut-off of the filter that positions have passed [Hz].
-  double cut_off() const { return cut_off_; }
+  /// Frequency up to which rows tell something of the k-th of joints() [Hz].
+  double cut_off(long k) const { return cut_off_[static_cast<std::size_t>(k)]; }
+  /// Noise that the signals give a row of the k-th of joints() [N·m] or [N].
+  double signal_noise(long k) const { return unit_[k]; }
   /// How often the k-th of joints() turns back [1/s].
   double turns_per_second(long k) const { return turns_per_second_[static_cast<std::size_t>(k)]; }
   /// How long it sticks meanwhile [s], RMS, where it does at each of its turns; of Turns::kKept.
   double late(long k) const { return late_[static_cast<std::size_t>(k)]; }
-  /// Filtered positions, velocities, accelerations, (times(), num_dofs()).
-  const MatX<double>& q() const { return q_; }
-  const MatX<double>& qd() const { return qd_; }
-  const MatX<double>& qdd() const { return qdd_; }
+  /// Positions, velocities, accelerations that go with rows of the k-th of joints(), (times(),
+  /// num_dofs()): weighed means of the past, as the rows are.
+  ///@{
+  auto q(long k) const { return states_[static_cast<std::size_t>(k)].leftCols(num_dofs_); }
+  auto qd(long k) const {
+    return states_[static_cast<std::size_t>(k)].middleCols(num_dofs_, num_dofs_);
+  }
+  auto qdd(long k) const {
+    return states_[static_cast<std::size_t>(k)].middleCols(2 * num_dofs_, num_dofs_);
+  }
+  ///@}
   /// Step between instants of one stretch [s].
   double step() const { return step_; }
   /// Whether effects' columns are those of the motion averaged over periods.
@@ -123,33 +140,36 @@ class Evidence {
 
   /// ∂τ/∂p of chosen parameters of an effect, (rows(), which.size()).
   MatX<double> columns(const TriedEffect& effect, const std::vector<int>& which) const;
-  /// sin nq and cos nq of a joint for `count` n from `first` on, `step` apart, filtered like the
-  /// rest: hands each k < count and its (times(), 2) matrix to `visit`, in order. By the sum of
+  /// sin nq and cos nq of a joint for `count` n from `first` on, `step` apart, as rows of its torque:
+  /// hands each k < count and its (times(), 2) matrix to `visit`, in order. By the sum of
   /// angles: a tenth of the time of as many columns().
   void ripples(int joint, double first, double step, int count,
                const std::function<void(int, MatX<double>)>& visit) const;
-  /// Any series of the motion at the recording's rate, a column each, filtered like the rest,
-  /// (times(), columns).
-  MatX<double> filtered(const std::function<RowMatX<double>(const JointSeries&)>& columns) const;
+  /// Any torques of the k-th of joints() at the recording's rate, a column each, as rows, (times(),
+  /// columns).
+  MatX<double> rows_of(long k,
+                       const std::function<RowMatX<double>(const JointSeries&)>& columns) const;
   /// The effect's own torque at its parameters, (rows()).
   VecX<double> torque_of(const TriedEffect& effect) const;
   /// Computes an own candidate's columns, once and for all: they depend on the motion alone.
   /// @throws DataError naming the candidate if they are not (N, parameters) finite numbers
-  void evaluate(const TriedEffect::Own& own);
+  void evaluate(const TriedEffect& effect);
 
  private:
   // What the constructor does, in this order.
   /// The stretches of the recordings, averaged where the motion repeats.
-  void take_series(Stretches& collector, const PreprocessPlan& plan, double period);
-  /// All rows of the base's columns and of the torque, at one motion.
-  /// @param layout  outlives what is returned
-  TorqueRegression regress(const Model& model, const FitLayout& layout, const PreprocessPlan& plan,
-                           const Stretches& collector,
-                           const std::vector<JointSeries>& series) const;
+  void take_series(Stretches& collector, double period);
+  /// Joints whose torque is known throughout. @param names  of the degrees of freedom
+  void take_joints(const Stretches& collector, const std::vector<std::string>& names);
+  /// A filter for every joint and stretch.
+  void take_filters(const Model& model, const PreprocessPlan& plan, const Stretches& collector);
+  /// Rows of the base's columns at one motion. @param torque  if not null: of the torque, too
+  MatX<double> regress(const Model& model, const FitLayout& layout, const PreprocessPlan& plan,
+                       const Stretches& collector, const std::vector<JointSeries>& series,
+                       VecX<double>* torque);
   /// Torques, base columns and their instants.
-  /// @param names  of the degrees of freedom  @param source  of the recordings, for messages
-  void take_rows(const TorqueRegression& measured, const FitLayout& layout,
-                 const std::vector<std::string>& names, const std::string& source);
+  void take_rows(const Model& model, const FitLayout& layout, const PreprocessPlan& plan,
+                 const Stretches& collector);
   /// States of these instants; where joints rest, stick and turn.
   /// @param positions  as logged, a matrix for each stretch
   void take_motion(const FitLayout& layout, const PreprocessPlan& plan,
@@ -160,26 +180,28 @@ class Evidence {
   /// Rows of the k-th of joints() that whitening has enough rows before.
   long rows_between(long k) const;
 
-  /// One column for each of the base's, (rows(), p).
-  MatX<double> stacked_base(const TorqueRegression& regression, long p) const;
   /// turn_columns() of every friction of the layout, (rows(), kTurnColumns · frictions).
   MatX<double> turns(const FitLayout& layout) const;
   /// Writes the base's last column, by the present reference.
   void set_instant();
-  /// Filters and decimates series of the recording's rate, one matrix for each stretch.
-  MatX<double> decimate(const std::vector<RowMatX<double>>& stretches) const;
+  /// Rows of the k-th of joints(), of torques at the recording's rate, a matrix for each stretch.
+  MatX<double> rows_of(long k, const std::vector<RowMatX<double>>& stretches) const;
+  /// The same of means, not of sums.
+  MatX<double> means_of(long k, const std::vector<RowMatX<double>>& stretches) const;
   const ExtendedTree& reference(const JointSeries& s) const { return references_.at(s.run); }
 
   int num_dofs_ = 0, first_run_ = 0;
-  double cut_off_ = 0.0;
-  double earliest_instant_ = -0.5;
+  double earliest_instant_ = -0.5, latest_instant_ = 1.0;
   bool has_instant_ = false;
-  std::vector<double> turns_per_second_, late_;
+  std::vector<double> turns_per_second_, late_, cut_off_;
   bool averaged_ = false;
   std::vector<int> joints_, dry_columns_, sticking_;
   std::vector<JointSeries> series_;
   std::vector<int> runs_;
-  Decimator filter_;
+  std::vector<std::vector<TorqueFilter>> filters_;  ///< by stretch and joint
+  VecX<double> unit_;                               ///< a constant torque of 1 over its row
+  std::vector<MatX<double>> constant_;  ///< by joint: rows of a constant torque of 1, one column
+  int every_ = 1;                       ///< samples of a row
   std::vector<JointFactor> factors_;
   std::map<std::pair<std::string, std::string>, MatX<double>> own_;  ///< by name and place
   std::map<int, ExtendedTree> references_;  ///< by run: a body may be held in some of them
@@ -190,7 +212,8 @@ class Evidence {
   MatX<double> tilted_;  ///< what set_tilt() has added to the base's first columns
   std::vector<double> size_, scale_;
   std::vector<bool> passive_;  ///< as recorded: set_tilt() shifts torque_
-  MatX<double> base_, averaged_base_, q_, qd_, qdd_;
+  MatX<double> base_, averaged_base_;
+  std::vector<MatX<double>> states_;  ///< by joint: [q | q̇ | q̈]
   Eigen::Array<bool, Eigen::Dynamic, Eigen::Dynamic> rests_,
       sticks_;  ///< (times(), joints().size())
 };

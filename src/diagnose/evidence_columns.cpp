@@ -11,14 +11,15 @@
 
 namespace diffnea {
 
-MatX<double> Evidence::filtered(
-    const std::function<RowMatX<double>(const JointSeries&)>& columns) const {
+MatX<double> Evidence::rows_of(
+    long k, const std::function<RowMatX<double>(const JointSeries&)>& columns) const {
   std::vector<RowMatX<double>> stretches;
   for (const JointSeries& s : series_) stretches.push_back(columns(s));
-  return decimate(stretches);
+  return rows_of(k, stretches);
 }
 
-void Evidence::evaluate(const TriedEffect::Own& own) {
+void Evidence::evaluate(const TriedEffect& effect) {
+  const TriedEffect::Own& own = *effect.own;
   const long width = static_cast<long>(own.parameters.size());
   std::vector<RowMatX<double>> stretches;
   for (const JointSeries& s : series_) {
@@ -36,7 +37,9 @@ void Evidence::evaluate(const TriedEffect::Own& own) {
                         own.parameters[static_cast<std::size_t>(k)].name +
                         "' holds NaN or infinity; expected finite torques at every instant");
   }
-  own_[{own.name, own.where}] = decimate(stretches);
+  const auto at = std::ranges::find(joints_, effect.joints[0]);
+  if (at != joints_.end())
+    own_[{own.name, own.where}] = rows_of(at - joints_.begin(), stretches);
 }
 
 MatX<double> Evidence::columns(const TriedEffect& effect, const std::vector<int>& which) const {
@@ -44,9 +47,10 @@ MatX<double> Evidence::columns(const TriedEffect& effect, const std::vector<int>
   MatX<double> out = MatX<double>::Zero(rows(), width);
   if (which.empty()) return out;
   if (effect.own) {
-    const MatX<double>& of = own_.at({effect.own->name, effect.where});
     const auto at = std::ranges::find(joints_, effect.joints[0]);
-    if (at != joints_.end()) out.middleRows((at - joints_.begin()) * m, m) = of(Eigen::all, which);
+    if (at != joints_.end())
+      out.middleRows((at - joints_.begin()) * m, m) =
+          own_.at({effect.own->name, effect.where})(Eigen::all, which);
     return out;
   }
   // Joint torques of one joint reach that joint alone: the others' columns need no filter.
@@ -57,22 +61,19 @@ MatX<double> Evidence::columns(const TriedEffect& effect, const std::vector<int>
     if (!local || std::ranges::find(effect.joints, joints_[k]) != effect.joints.end())
       reached.push_back(static_cast<long>(k));
   if (reached.empty()) return out;
-  std::vector<RowMatX<double>> stretches;
+  std::vector<std::vector<RowMatX<double>>> stretches(reached.size());
   for (const JointSeries& s : series_) {
     const std::vector<RowMatX<double>> c =
         series_columns(effect, reference(s), s, effect.parameters.data(), which);
-    RowMatX<double> block(s.q.rows(), width * static_cast<long>(reached.size()));
-    for (long w = 0; w < width; ++w)
-      for (std::size_t r = 0; r < reached.size(); ++r)
-        block.col(w * static_cast<long>(reached.size()) + static_cast<long>(r)) =
-            c[static_cast<std::size_t>(w)].col(joints_[static_cast<std::size_t>(reached[r])]);
-    stretches.push_back(std::move(block));
+    for (std::size_t r = 0; r < reached.size(); ++r) {
+      RowMatX<double>& block = stretches[r].emplace_back(s.q.rows(), width);
+      for (long w = 0; w < width; ++w)
+        block.col(w) = c[static_cast<std::size_t>(w)].col(
+            joints_[static_cast<std::size_t>(reached[r])]);
+    }
   }
-  const MatX<double> d = decimate(stretches);
-  for (long w = 0; w < width; ++w)
-    for (std::size_t r = 0; r < reached.size(); ++r)
-      out.col(w).segment(reached[r] * m, m) =
-          d.col(w * static_cast<long>(reached.size()) + static_cast<long>(r));
+  for (std::size_t r = 0; r < reached.size(); ++r)
+    out.middleRows(reached[r] * m, m) = rows_of(reached[r], stretches[r]);
   return out;
 }
 
@@ -86,6 +87,7 @@ void Evidence::ripples(int joint, double first, double step, int count,
     out.imag() = angle.sin();
     return out;
   };
+  const long of = std::ranges::find(joints_, joint) - joints_.begin();
   std::vector<Phasors> at, by;
   for (const JointSeries& s : series_) {
     at.push_back(turns(s, first));
@@ -98,7 +100,7 @@ void Evidence::ripples(int joint, double first, double step, int count,
       stretches.back() << at[i].imag(), at[i].real();
       at[i] *= by[i];
     }
-    visit(k, decimate(stretches));
+    visit(k, rows_of(of, stretches));
   }
 }
 
@@ -110,13 +112,16 @@ VecX<double> Evidence::torque_of(const TriedEffect& effect) const {
            Eigen::Map<const VecX<double>>(effect.parameters.data(),
                                           static_cast<long>(effect.parameters.size()));
   }
-  std::vector<RowMatX<double>> stretches;
+  std::vector<RowMatX<double>> all;
   for (const JointSeries& s : series_)
-    stretches.push_back(series_torque(effect, reference(s), s, effect.parameters.data()));
-  const MatX<double> d = decimate(stretches);
+    all.push_back(series_torque(effect, reference(s), s, effect.parameters.data()));
   VecX<double> out(rows());
-  for (std::size_t k = 0; k < joints_.size(); ++k)
-    out.segment(static_cast<long>(k) * times(), times()) = d.col(joints_[k]);
+  for (std::size_t k = 0; k < joints_.size(); ++k) {
+    std::vector<RowMatX<double>> stretches;
+    for (const RowMatX<double>& s : all) stretches.emplace_back(s.col(joints_[k]));
+    out.segment(static_cast<long>(k) * times(), times()) =
+        rows_of(static_cast<long>(k), stretches);
+  }
   return out;
 }
 

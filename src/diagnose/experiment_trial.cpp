@@ -56,12 +56,9 @@ std::vector<JointNoise> noise(const ExperimentContext& c, const Evidence& eviden
     throw ModelError("not every joint of the recording moves in the planned motion");
   std::vector<JointNoise> out = c.noise;
   if (!too_slow(c, fastest_hz)) return out;
-  const double wider = std::sqrt(Decimator(plan(c, fastest_hz).decimator).noise_gain() /
-                                 Decimator(c.plan.decimator).noise_gain());
-  for (JointNoise& n : out) {
-    n.a.assign(n.a.size(), 0.0);
-    n.sigma = n.rms = n.rms * wider;
-  }
+  const double wider = std::sqrt(static_cast<double>(c.plan.decimator.factor) /
+                                 static_cast<double>(plan(c, fastest_hz).decimator.factor));
+  for (JointNoise& n : out) n = white(n.rms * wider);
   return out;
 }
 
@@ -76,7 +73,7 @@ ExperimentTrial::ExperimentTrial(const ExperimentContext& c, const Trajectory& m
       seconds_(motion.time[motion.rows() - 1] - motion.time[0]) {
   evidence_.set_reference(c.reference);
   for (const Candidate& candidate : c.candidates)
-    if (candidate.effect.own) evidence_.evaluate(*candidate.effect.own);
+    if (candidate.effect.own) evidence_.evaluate(candidate.effect);
 }
 
 double ExperimentTrial::separation(const CausePair& pair, double duration) {

@@ -16,11 +16,11 @@ namespace {
 constexpr long kLeastRowsOfJoint = 8;
 constexpr int kDrawn = 41, kDrawnOfPair = 25;
 
-/// Values of a table's variables at the decimated instants, (times(), variables).
-MatX<double> states(const Evidence& e, const Axes& axes) {
+/// Values of a table's variables that go with rows of the k-th joint, (times(), variables).
+MatX<double> states(const Evidence& e, long of, const Axes& axes) {
   MatX<double> out(e.times(), static_cast<long>(axes.size()));
   for (std::size_t k = 0; k < axes.size(); ++k)
-    out.col(static_cast<long>(k)) = (axes[k].velocity ? e.qd() : e.q()).col(axes[k].joint);
+    out.col(static_cast<long>(k)) = axes[k].velocity ? e.qd(of).col(axes[k].joint) : e.q(of).col(axes[k].joint);
   return out;
 }
 
@@ -91,7 +91,7 @@ class Trial {
     BumpTable table;
     table.variables = variables;
     const Axes axes = Residual::from(table, names_, "diagnose").axes;
-    const MatX<double> x = states(evidence_, axes);
+    const MatX<double> x = states(evidence_, joint, axes);
     const std::vector<bool>& kept = search_.whitener().kept();
     const std::vector<bool> used(kept.begin() + joint * m, kept.begin() + (joint + 1) * m);
     if (std::ranges::count(used, true) < kLeastRowsOfJoint) return std::nullopt;
@@ -103,7 +103,7 @@ class Trial {
     table.variables = variables;
     // Widths are chosen on decimated rows; the fit itself sees the recording's rate.
     const BumpWeights fit =
-        rows.fit(evidence_.filtered([&](const JointSeries& s) -> RowMatX<double> {
+        rows.fit(evidence_.rows_of(joint, [&](const JointSeries& s) -> RowMatX<double> {
           MatX<double> of(s.rows(), static_cast<long>(axes.size()));
           for (std::size_t k = 0; k < axes.size(); ++k)
             of.col(static_cast<long>(k)) = (axes[k].velocity ? s.qd : s.q).col(axes[k].joint);

@@ -34,13 +34,11 @@ long block_of(const Evidence& evidence, long instants) {
 }  // namespace
 
 void require_blocks(const Evidence& test, const std::string& source) {
-  const long least =
-      static_cast<long>(kFewestBlocks) * shortest_block(test) + kNoiseOrder;  // whitening takes
+  const long least = static_cast<long>(kFewestBlocks) * shortest_block(test);
   if (test.times() >= least) return;
   throw DataError(
       source + ": diagnose: " + format_number(static_cast<double>(test.times()) * test.step()) +
-      " s of held-out rows, without the ends that the filter needs, cannot tell whether a cause "
-      "helps; expected " +
+      " s of held-out rows cannot tell whether a cause helps; expected " +
       format_number(static_cast<double>(least) * test.step()) + " s or more: record longer");
 }
 

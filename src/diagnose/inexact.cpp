@@ -68,7 +68,7 @@ VecX<double> inexact_friction(const Search& search, const std::vector<Term>& ter
     if (of_late_turns || evidence.late(k) > 0.0) {
       const double late = std::max(kLateTurn, evidence.late(k));
       share =
-          std::max(share, 4.0 * late * late * evidence.cut_off() * evidence.turns_per_second(k));
+          std::max(share, 4.0 * late * late * evidence.cut_off(k) * evidence.turns_per_second(k));
     }
     out[k] = share * friction.segment(k * m, m).squaredNorm();
   }

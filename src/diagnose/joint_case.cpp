@@ -92,9 +92,7 @@ void prepare(JointCase& c) {
   if (c.period <= 0.0 && !report.periods.empty()) c.period = report.periods.front().seconds;
   if (c.options.whole_catalogue() || !c.options.effects.empty())
     c.candidates = make_candidates(c.model, c.options.effects, c.train_source.runs(), c.link_side);
-  const RowsPlan rows = plan_rows(c.model, sample, c.period, c.band, c.options.preprocess);
-  c.finding.plan = rows.plan;
-  c.wider = rows.wider;
+  c.finding.plan = plan_rows(c.model, sample, c.period, c.options.preprocess);
   c.finding.data_report = c.train_source.report();
   c.period = c.finding.plan.dt * std::round(c.period / c.finding.plan.dt);
   const auto read_train = [&] {
@@ -136,7 +134,7 @@ void prepare(JointCase& c) {
   for (const Candidate& tried : c.candidates)
     if (tried.effect.own)
       for (Evidence* e : {c.train.get(), c.test.get()})
-        if (e) e->evaluate(*tried.effect.own);
+        if (e) e->evaluate(tried.effect);
   c.finding.refused =
       bound_shapes(*c.train, c.layout, c.finding.plan,
                    c.train->averaged() && (!c.test || c.test->averaged()), c.candidates);

@@ -18,12 +18,10 @@ struct JointCase {
   const Model& model;
   const RecordingSource& train_source;
   const RecordingSource* test_source;  ///< null: rows of `train` are held out
-  Band band;
   Turns turns;
   DiagnoseOptions options;
   Finding finding = {};
 
-  bool wider = false;  ///< whether there are frequencies beyond those that are looked at
   Base base = Base::kRefit;
   FitLayout layout = {};
   BasePrior prior = {};

@@ -19,12 +19,6 @@ std::vector<std::string> effects_with(Trait trait) {
   return out;
 }
 
-/// Tells whether an effect, as `diagnose --effects` names it, is looked for beyond the first band.
-bool is_in_wide_band(const std::string& effect) {
-  const EffectInfo* info = known_effect(effect.substr(0, effect.find('@')));
-  return info && info->has(Trait::kInWideBand);
-}
-
 /// What is looked at, and the seconds of looks that are not shown.
 struct Question {
   const Model& model;
@@ -44,32 +38,6 @@ bool came_to_its_end(BandDiagnosis& second, Question& of, Finding& first) {
   of.spent += second.finding().seconds;
   first.interrupted |= second.finding().interrupted;
   return !second.finding().interrupted;
-}
-
-/// Where nothing was found, a gap is looked for in the wider band: there the positions' noise, as a
-/// torque, drowns any smooth effect, but a step of a position has as wide a spectrum. It has to be
-/// the only cause, beside all candidates.
-Finding with_gap_beyond(Question& of, Finding narrow) {
-  if (narrow.interrupted) return narrow;
-  DiagnoseOptions gaps = of.options;
-  gaps.candidates.clear();
-  if (of.options.whole_catalogue()) gaps.effects = effects_with(Trait::kInWideBand);
-  std::erase_if(gaps.effects, [](const std::string& e) { return !is_in_wide_band(e); });
-  if (gaps.effects.empty()) return narrow;
-  gaps.grey_box = false;
-  BandDiagnosis screen(of.model, of.train, of.test, Band::kWide, Turns::kLeftOut, gaps);
-  if (!came_to_its_end(screen, of, narrow) || screen.finding().causes.empty()) return narrow;
-  BandDiagnosis again(of.model, of.train, of.test, Band::kWide, Turns::kLeftOut, of.options);
-  if (!came_to_its_end(again, of, narrow) || again.finding().causes.empty() ||
-      std::ranges::any_of(again.finding().causes,
-                          [](const Cause& c) { return !is_in_wide_band(c.effect); }))
-    return narrow;
-  of.spent += narrow.seconds - again.finding().seconds;
-  Finding wide = again.finish();
-  wide.notes.push_back("up to " + format_number(narrow.plan.filter_hz) +
-                       " Hz nothing was left to explain: the gap shows up to " +
-                       format_number(wide.plan.filter_hz) + " Hz");
-  return wide;
 }
 
 bool same(const Cause& a, const Cause& b) { return a.effect == b.effect && a.where == b.where; }
@@ -120,10 +88,10 @@ std::optional<Finding> with_turns(Question& of, BandDiagnosis& narrow, Finding& 
                              [&](const OwnCandidate& own) { return own.name == c.effect; }))
       few.effects.push_back(c.effect + "@" + c.where);
   few.grey_box = false;
-  BandDiagnosis screen(of.model, of.train, of.test, Band::kInformative, Turns::kKept, few);
+  BandDiagnosis screen(of.model, of.train, of.test, Turns::kKept, few);
   if (!came_to_its_end(screen, of, first) || adds_at_turns(first, screen.finding(), stuck).empty())
     return std::nullopt;
-  BandDiagnosis again(of.model, of.train, of.test, Band::kInformative, Turns::kKept, of.options);
+  BandDiagnosis again(of.model, of.train, of.test, Turns::kKept, of.options);
   if (!came_to_its_end(again, of, first) || again.finding().verdict == Verdict::kUnknown)
     return std::nullopt;
   const std::vector<std::string> at = adds_at_turns(first, again.finding(), stuck);
@@ -139,35 +107,11 @@ std::optional<Finding> with_turns(Question& of, BandDiagnosis& narrow, Finding& 
 }
 
 Finding look(Question& of) {
-  BandDiagnosis narrow(of.model, of.train, of.test, Band::kInformative, Turns::kLeftOut,
-                       of.options);
+  BandDiagnosis narrow(of.model, of.train, of.test, Turns::kLeftOut, of.options);
   Finding& first = narrow.examine();
   if (!first.interrupted)
     if (std::optional<Finding> more = with_turns(of, narrow, first)) return *std::move(more);
-  if (first.interrupted || !narrow.wider()) return narrow.finish();
-  const bool nothing = first.verdict == Verdict::kNone,
-             named_first = !nothing && first.verdict != Verdict::kUnknown;
-  if (nothing && !(first.gain.before > kUneasy) && !narrow.blind())
-    return with_gap_beyond(of, narrow.finish());
-  if (named_first && !(first.gain.after > kUneasy)) return narrow.finish();
-  // A stiff loop keeps what is fast out of the positions, not out of the torques.
-  BandDiagnosis wide(of.model, of.train, of.test, Band::kWide, Turns::kLeftOut, of.options);
-  if (!came_to_its_end(wide, of, first)) return narrow.finish();
-  const Finding& second = wide.finding();
-  const bool named = second.verdict == Verdict::kNamed || second.verdict == Verdict::kClass;
-  if (nothing && !named) return with_gap_beyond(of, narrow.finish());
-  if (named_first && !(named && second.gain.after < kUneasy)) return narrow.finish();
-  const bool says_more = second.verdict != Verdict::kUnknown ||
-                         (first.witness.empty() && !second.witness.empty()) ||
-                         second.gain.explained_share > first.gain.explained_share;
-  if (!says_more) return narrow.finish();
-  of.spent += first.seconds - second.seconds;
-  Finding finding = wide.finish();
-  finding.notes.push_back("up to " + format_number(first.plan.filter_hz) +
-                          " Hz no effect that was tried explained " +
-                          (named_first ? "the whole error" : "the error") + ": looked at up to " +
-                          format_number(finding.plan.filter_hz) + " Hz");
-  return finding;
+  return narrow.finish();
 }
 
 }  // namespace

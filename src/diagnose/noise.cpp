@@ -15,20 +15,23 @@ constexpr int kOrder = kNoiseOrder;
 /// Levinson–Durbin recursion. @param r  autocovariances r_0 … r_order
 JointNoise levinson(const std::vector<double>& r) {
   JointNoise out;
-  out.a.assign(r.size() - 1, 0.0);
   out.rms = std::sqrt(r[0]);
+  std::vector<double> a;
   double error = r[0];
-  for (std::size_t k = 1; k < r.size() && error > 1e-12 * r[0]; ++k) {
-    double reflection = r[k];
-    for (std::size_t i = 1; i < k; ++i) reflection -= out.a[i - 1] * r[k - i];
-    reflection /= error;
-    const std::vector<double> before = out.a;
-    out.a[k - 1] = reflection;
-    for (std::size_t i = 1; i < k; ++i)
-      out.a[i - 1] = before[i - 1] - reflection * before[k - i - 1];
+  out.orders.push_back({a, out.rms});
+  for (std::size_t k = 1; k < r.size(); ++k) {
+    double reflection = 0.0;
+    if (error > 1e-12 * r[0]) {
+      reflection = r[k];
+      for (std::size_t i = 1; i < k; ++i) reflection -= a[i - 1] * r[k - i];
+      reflection /= error;
+    }
+    const std::vector<double> before = a;
+    a.push_back(reflection);
+    for (std::size_t i = 1; i < k; ++i) a[i - 1] = before[i - 1] - reflection * before[k - i - 1];
     error *= 1.0 - reflection * reflection;
+    out.orders.push_back({a, std::sqrt(std::max(error, 1e-12 * r[0]))});
   }
-  out.sigma = std::sqrt(std::max(error, 1e-12 * r[0]));
   return out;
 }
 
@@ -37,12 +40,17 @@ constexpr int kKnots = 16, kLeastKnots = 4;
 
 }  // namespace
 
+JointNoise white(double rms) {
+  JointNoise out;
+  out.rms = rms;
+  out.orders = {{{}, rms}};
+  return out;
+}
+
 std::vector<JointNoise> white_noise(const Evidence& evidence) {
-  std::vector<JointNoise> out(evidence.joints().size());
-  for (std::size_t k = 0; k < out.size(); ++k) {
-    out[k].a.assign(kOrder, 0.0);
-    out[k].sigma = out[k].rms = std::max(evidence.size(static_cast<long>(k)), 1e-12);
-  }
+  std::vector<JointNoise> out;
+  for (long k = 0; k < static_cast<long>(evidence.joints().size()); ++k)
+    out.push_back(white(std::max(evidence.size(k), 1e-12)));
   return out;
 }
 
@@ -98,7 +106,9 @@ Smoothed beside_smooth_functions(const Evidence& e, const std::vector<int>& free
       if (used[static_cast<std::size_t>(begin + i)]) rows.push_back(i);
     const long m = static_cast<long>(rows.size());
     if (m == 0) continue;
-    const VecX<double> q = e.q().col(e.joints()[k])(rows), qd = e.qd().col(e.joints()[k])(rows);
+    const long own = static_cast<long>(k);
+    const VecX<double> q = e.q(own).col(e.joints()[k])(rows),
+                       qd = e.qd(own).col(e.joints()[k])(rows);
     const MatX<double> base = e.without_scale(
         static_cast<long>(k), e.base().middleRows(begin, e.times()), x0)(rows, free);
     const long rank = base.cols() ? Eigen::ColPivHouseholderQR<MatX<double>>(base).rank() : 0;
@@ -138,9 +148,12 @@ VecX<double> repeatable_noise(const Evidence& evidence, const VecX<double>& resi
         std::abs(steps - static_cast<double>(p)) * static_cast<double>(n / std::max(p, 1L)) < 0.05;
     for (std::size_t k = 0; whole && k < evidence.joints().size(); ++k)
       for (long phase = 0; phase < std::min(p, n); ++phase) {
-        const long first = static_cast<long>(k) * m + begin + phase,
-                   repeats = (n - 1 - phase) / p + 1;
-        if (repeats < 2) continue;
+        // A stretch's first rows are others than those a period later.
+        const long own = static_cast<long>(k),
+                   late = evidence.begins(begin + phase, own) ? p : 0;
+        const long first = own * m + begin + phase + late,
+                   repeats = (n - 1 - phase - late) / p + 1;
+        if (n <= phase + late || repeats < 2) continue;
         any = true;
         double mean = 0.0;
         for (long c = 0; c < repeats; ++c) mean += residual[first + c * p];
@@ -159,6 +172,7 @@ Whitener::Whitener(const Evidence& evidence, std::vector<JointNoise> noise,
                    const std::vector<bool>& used)
     : noise_(std::move(noise)), times_(evidence.times()) {
   kept_.assign(static_cast<std::size_t>(evidence.rows()), false);
+  before_.assign(kept_.size(), -1);
   for (std::size_t k = 0; k < evidence.joints().size(); ++k) {
     long since = 0;  // usable rows in a row
     for (long i = 0; i < times_; ++i) {
@@ -167,7 +181,10 @@ Whitener::Whitener(const Evidence& evidence, std::vector<JointNoise> noise,
                                         evidence.stretch()[static_cast<std::size_t>(i - 1)];
       const bool may = used.empty() || used[row];
       since = !may || evidence.sticks(i, static_cast<long>(k)) ? 0 : follows ? since + 1 : 1;
-      kept_[row] = since > kOrder && !evidence.rests(i, static_cast<long>(k));
+      kept_[row] = since > 0 && !evidence.rests(i, static_cast<long>(k));
+      if (kept_[row])
+        before_[row] =
+            static_cast<int>(std::min<long>(since, static_cast<long>(noise_[k].orders.size()))) - 1;
       used_rows_ += kept_[row];
       assumed_sum_ += kept_[row] ? noise_[k].assumed : 0.0;
     }
@@ -185,15 +202,16 @@ MatX<double> Whitener::operator()(const MatX<double>& rows) const {
 MatX<double> Whitener::joint(long k, const Eigen::Ref<const MatX<double>>& rows) const {
   MatX<double> out = MatX<double>::Zero(rows.rows(), rows.cols());
   const JointNoise& noise = noise_[static_cast<std::size_t>(k)];
-  const double scale = 1.0 / noise.sigma;
   for (long c = 0; c < rows.cols(); ++c) {
     if (rows.col(c).isZero(0.0)) continue;
-    for (long i = kOrder; i < times_; ++i) {
-      if (!kept_[static_cast<std::size_t>(k * times_ + i)]) continue;
+    for (long i = 0; i < times_; ++i) {
+      const int before = before_[static_cast<std::size_t>(k * times_ + i)];
+      if (before < 0) continue;
+      const JointNoise::Prediction& from = noise.orders[static_cast<std::size_t>(before)];
       double e = rows(i, c);
-      for (int l = 0; l < kOrder; ++l)
-        e -= noise.a[static_cast<std::size_t>(l)] * rows(i - 1 - l, c);
-      out(i, c) = scale * e;
+      for (int l = 0; l < before; ++l)
+        e -= from.a[static_cast<std::size_t>(l)] * rows(i - 1 - l, c);
+      out(i, c) = e / from.sigma;
     }
   }
   return out;

@@ -1,6 +1,7 @@
 #pragma once
-/// Noise of every joint's filtered, decimated torque: an autoregression of order 8 (Ljung 1999,
-/// sec. 4.2), and the filter that makes rows independent of equal variance. Internal to diagnose/.
+/// Noise of every joint's rows: an autoregression of order 8 (Ljung 1999, sec. 4.2), and the filter
+/// that makes rows independent of equal variance. White where the signals' noise is all there is.
+/// Internal to diagnose/.
 
 #include "diagnose/evidence.hpp"
 
@@ -12,11 +13,18 @@ namespace diffnea {
 inline constexpr double kLeastNoise = 1e-4;
 
 struct JointNoise {
-  std::vector<double> a;  ///< e_m = Σ a_k e_{m−k} + innovation
-  double sigma = 1.0;     ///< of the innovations [N·m] or [N]
-  double rms = 1.0;       ///< of the noise itself [N·m] or [N]
-  double assumed = 0.0;   ///< share of its variance that is kLeastNoise's, and in no residual
+  /// Best prediction from the rows before: e_m = Σ a_k e_{m−k} + innovation.
+  struct Prediction {
+    std::vector<double> a;
+    double sigma = 1.0;  ///< of the innovations [N·m] or [N]
+  };
+  std::vector<Prediction> orders;  ///< from none of them, from one, …: a stretch begins with these
+  double rms = 1.0;                ///< of the noise itself [N·m] or [N]
+  double assumed = 0.0;  ///< share of its variance that is kLeastNoise's, and in no residual
 };
+
+/// White noise. @param rms  [N·m] or [N]
+JointNoise white(double rms);
 
 /// From residuals, (rows()), and kLeastNoise; rows that are not in `used` are gaps.
 /// @param lost  (joints) degrees of freedom that the fit took of each joint's rows; empty: none
@@ -27,6 +35,7 @@ std::vector<JointNoise> estimate_noise(const Evidence& evidence, const VecX<doub
 /// What changes from one period of the motion to the next is noise, whatever the model lacks:
 /// differences to the mean over periods, scaled by √(R/(R−1)).
 /// @param period  [s]
+/// Rows that hang on how their stretch begins have none.
 /// @return (rows()) noise; empty unless a period is a whole number of rows and a stretch holds
 /// three of them
 VecX<double> repeatable_noise(const Evidence& evidence, const VecX<double>& residual,
@@ -53,8 +62,7 @@ Smoothed beside_smooth_functions(const Evidence& evidence, const std::vector<int
 /// Before any noise is known: white, of the size of each joint's torque.
 std::vector<JointNoise> white_noise(const Evidence& evidence);
 
-/// Rows that tests use: not at rest, and with a whole filter's length of rows before them in their
-/// stretch.
+/// Rows that tests use, those at rest left out, each beside the rows before it in its stretch.
 class Whitener {
  public:
   /// @param used  (rows()) which rows may be used at all; empty: all
@@ -73,6 +81,7 @@ class Whitener {
  private:
   std::vector<JointNoise> noise_;
   std::vector<bool> kept_;
+  std::vector<int> before_;  ///< rows before each one that predict it; −1: it is not used
   long times_ = 0, used_rows_ = 0;
   double assumed_sum_ = 0.0;
 };

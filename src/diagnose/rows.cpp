@@ -7,44 +7,41 @@
 #include <diffnea/core/error.hpp>
 #include <diffnea/dynamics/mass_matrix.hpp>
 
+#include "core/constants.hpp"
+
 namespace diffnea {
 namespace {
 
-/// Where torques are compared, positions must not be attenuated: the order of their low-pass. (At
-/// order 4, 14 % of an acceleration are missing at 0.8 of the cut-off, which looks like an elastic
-/// joint.)
-constexpr int kSteepFilter = 8;
-constexpr double kLeastFilterHz = 5.0;
-
-/// Of the frequency up to which positions tell something; of the recording's rate.
-constexpr double kWide = 8.0, kWideShare = 0.05;
+/// Rows a second, over the frequency up to which they tell something: what lies beyond half of it
+/// is a hundredth of that.
+constexpr double kRowsOverCutOff = 8.0;
+constexpr double kLeastRows = 10.0;  ///< a second
 
 /// What a joint that moves goes through, in standard deviations of its position's noise.
 constexpr double kMoves = 20.0;
 
+/// Stretches of which every other one is held out: each half is then a sample of the motion.
+constexpr int kManyStretches = 8;
 /// Of the blocks that are held out [s]; where there are two of them only, they may be shorter.
 constexpr double kLeastBlock = 4.0, kShortestBlock = 3.5;
 
-/// Where the positions' noise, as an acceleration of the joint's own inertia, becomes four times
-/// the torque's: beyond, rows tell little, and columns of accelerations are mostly noise. Median
-/// over the joints.
-double informative_hz(const Model& model, const PreprocessPlan& plan) {
+/// The highest frequency at which the positions' noise, as a torque of a joint's own inertia, is
+/// still below the torque's: beyond, rows tell little (torque_filter.hpp). 0: not known.
+double telling_hz(const Model& model, const PreprocessPlan& plan) {
   const Tree<double> tree = make_tree(model);
   MassMatrixWorkspace<double, double> ws;
   const MatX<double>& M =
       mass_matrix<double, double>(tree, VecX<double>::Zero(tree.num_dofs()), ws);
-  std::vector<double> hz;
+  double out = 0.0;
   for (int j = 0; j < tree.num_dofs(); ++j) {
     const std::size_t k = static_cast<std::size_t>(j);
-    if (k >= plan.q_noise.size() || k >= plan.tau_noise.size() || !(plan.q_noise[k] > 0.0) ||
-        !(plan.tau_noise[k] > 0.0) || !(M(j, j) > 0.0))
+    if (k >= plan.q_noise.size() || k >= plan.tau_noise.size() || !(plan.tau_noise[k] > 0.0))
       continue;
-    hz.push_back(std::sqrt(4.0 * plan.tau_noise[k] / (M(j, j) * plan.q_noise[k])) /
-                 (2.0 * std::numbers::pi));
+    if (!(plan.q_noise[k] > 0.0) || !(M(j, j) > 0.0)) return 0.0;
+    out = std::max(out, std::sqrt(plan.tau_noise[k] / (M(j, j) * plan.q_noise[k])) /
+                            (2.0 * std::numbers::pi));
   }
-  if (hz.empty()) return plan.filter_hz;
-  std::ranges::nth_element(hz, hz.begin() + static_cast<long>(hz.size() / 2));
-  return std::max(hz[hz.size() / 2], kLeastFilterHz);
+  return out;
 }
 
 /// Rows of a period must be a whole number, so that its repeats can be compared.
@@ -61,32 +58,26 @@ void fit_rows_to_period(double period, PreprocessPlan& plan) {
 
 }  // namespace
 
-RowsPlan plan_rows(const Model& model, const std::vector<Recording>& sample, double period,
-                   Band band, const PreprocessOptions& options) {
-  PreprocessOptions steep = options;
-  steep.order = kSteepFilter;
-  RowsPlan out{plan_preprocess(sample, steep)};
-  if (options.filter_hz == 0.0) {
-    const double moving = std::min(out.plan.filter_hz, informative_hz(model, out.plan));
-    const double wide = std::min(kWide * moving, kWideShare / out.plan.dt);
-    out.wider = wide > 1.5 * moving;
-    steep.filter_hz = band == Band::kWide ? std::max(wide, moving) : moving;
-    if (steep.filter_hz != out.plan.filter_hz) out.plan = plan_preprocess(sample, steep);
+PreprocessPlan plan_rows(const Model& model, const std::vector<Recording>& sample, double period,
+                         const PreprocessOptions& options) {
+  PreprocessOptions any = options;
+  any.min_segment = 0.0;
+  PreprocessPlan out = plan_preprocess(sample, any);
+  if (const double hz = telling_hz(model, out); options.decimate_to_hz == 0.0 && hz > 0.0) {
+    const double rows = std::max(kRowsOverCutOff * hz, kLeastRows);
+    out.decimator.factor =
+        std::max(out.decimator.factor, static_cast<int>(std::lround(1.0 / (out.dt * rows))));
   }
-  fit_rows_to_period(period, out.plan);
-  // Beyond what the rows hold, positions bring noise alone, folded back by friction's turns.
-  if (options.filter_hz == 0.0)
-    out.plan.filter_hz =
-        std::min(out.plan.filter_hz, 0.5 / (out.plan.dt * out.plan.decimator.factor));
+  fit_rows_to_period(period, out);
   return out;
 }
 
 PreprocessPlan plan_held_out(const std::vector<Recording>& sample, const PreprocessPlan& fitted,
                              const PreprocessOptions& options) {
-  PreprocessOptions same = options;
-  same.order = kSteepFilter;
-  same.filter_hz = fitted.filter_hz;
   PreprocessPlan out = plan_like(fitted, sample);
+  PreprocessOptions same = options;
+  same.filter_hz = fitted.filter_hz;
+  same.min_segment = 0.0;
   const PreprocessPlan own = plan_preprocess(sample, same);  // for the noise of its sensors
   out.q_noise = own.q_noise;
   out.tau_noise = own.tau_noise;
@@ -96,8 +87,13 @@ PreprocessPlan plan_held_out(const std::vector<Recording>& sample, const Preproc
 void require_motion(const Evidence& evidence, const PreprocessPlan& plan,
                     const std::string& source) {
   for (const int j : evidence.joints()) {
-    const VecX<double> q = evidence.q().col(j);
-    if (q.maxCoeff() - q.minCoeff() > kMoves * plan.q_noise.at(static_cast<std::size_t>(j))) return;
+    double low = kInfinity, high = -kInfinity;
+    for (const JointSeries& s : evidence.series()) {
+      low = std::min(low, s.q.col(j).minCoeff());
+      high = std::max(high, s.q.col(j).maxCoeff());
+    }
+    const double noise = std::max(plan.q_noise.at(static_cast<std::size_t>(j)), kLeastPosition);
+    if (high - low > kMoves * noise) return;
   }
   throw DataError(source +
                   ": diagnose: no joint whose torque is recorded moves; record a motion, e.g. one "
@@ -107,22 +103,24 @@ void require_motion(const Evidence& evidence, const PreprocessPlan& plan,
 void split_in_time(const Evidence& evidence, std::vector<bool>& fitted, std::vector<bool>& held) {
   fitted.assign(static_cast<std::size_t>(evidence.rows()), false);
   held = fitted;
-  const long m = evidence.times(),
-             block = std::max<long>(m / 10,
-                                    std::min(std::lround(kLeastBlock / evidence.step()), m / 2));
-  if (static_cast<double>(m) * evidence.step() < 2.0 * kShortestBlock)
-    throw DataError(
-        "diagnose: " + format_number(static_cast<double>(m) * evidence.step()) +
-        " s, without the ends that the filter needs, are too short to hold blocks of time out; " +
-        "record " + format_number(2.5 * kLeastBlock) + " s or more, or give --test");
-  const long guard = std::lround(1.0 / evidence.step());
-  for (long i = 0; i < m; ++i) {
-    const long inside = std::min(i % block, block - 1 - i % block);
-    if (inside < guard / 2) continue;
-    std::vector<bool>& which = (i / block) % 2 == 0 ? fitted : held;
+  const long m = evidence.times();
+  const auto put = [&](long i, bool hold) {
     for (std::size_t k = 0; k < evidence.joints().size(); ++k)
-      which[k * static_cast<std::size_t>(m) + static_cast<std::size_t>(i)] = true;
+      (hold ? held : fitted)[k * static_cast<std::size_t>(m) + static_cast<std::size_t>(i)] = true;
+  };
+  if (evidence.stretch().back() + 1 >= kManyStretches) {
+    for (long i = 0; i < m; ++i) put(i, evidence.stretch()[static_cast<std::size_t>(i)] % 2 == 1);
+    return;
   }
+  const long block = std::max<long>(
+      m / 10, std::min(std::lround(kLeastBlock / evidence.step()), m / 2));
+  if (static_cast<double>(m) * evidence.step() < 2.0 * kShortestBlock)
+    throw DataError("diagnose: " + format_number(static_cast<double>(m) * evidence.step()) +
+                    " s are too short to hold blocks of time out; record " +
+                    format_number(2.5 * kLeastBlock) + " s or more, or give --test");
+  const long guard = std::lround(1.0 / evidence.step());
+  for (long i = 0; i < m; ++i)
+    if (std::min(i % block, block - 1 - i % block) >= guard / 2) put(i, (i / block) % 2 == 1);
 }
 
 }  // namespace diffnea

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <set>
 
+#include <diffnea/effects/stepping.hpp>
+
 #include "diagnose/cause_sizes.hpp"
 #include "diagnose/inexact.hpp"
 #include "diagnose/refine.hpp"
@@ -33,6 +35,24 @@ std::vector<Term> without(const std::vector<Term>& terms, std::size_t i) {
 /// Accepted, a tilt is in the base's columns, too: without it, they would be those of no model.
 bool stays(const Term& term) { return term.effect.info().has(Trait::kGravity); }
 
+/// Whether a clock that the last of the terms shifts is, with all that shifts it, where a drive that
+/// samples and holds its torques may have it: then the term says nothing of it.
+bool is_no_shift(const Search& search, const std::vector<Term>& terms) {
+  const auto shift = [](const Term& t) {
+    return t.effect.own ? 0.0 : clock_shift(t.effect);
+  };
+  if (shift(terms.back()) == 0.0) return false;
+  const Evidence& evidence = search.evidence();
+  const double late = search.late(terms), sample = evidence.series().front().dt;
+  return std::ranges::all_of(terms.back().effect.joints, [&](int j) {
+    double in_all = late;
+    for (const Term& t : terms)
+      if (std::ranges::find(t.effect.joints, j) != t.effect.joints.end())
+        in_all += shift(t) / sample;
+    return in_all > evidence.earliest_instant() && in_all < evidence.latest_instant();
+  });
+}
+
 std::set<int> names(const std::vector<Term>& terms) {
   std::set<int> out;
   for (const Term& t : terms) out.insert(t.candidate);
@@ -55,6 +75,7 @@ std::vector<Selection::Offer> Selection::offers(const std::vector<Term>& terms,
     with.push_back(refined(search_, s, terms));
     const double gain = search_.fit(with);
     if (!plausible(search_, with.back()) || with.back().visible_share() < kAbsorbed) continue;
+    if (is_no_shift(search_, with)) continue;
     out.push_back({with.back(), before - search_.bic(gain, with)});
   }
   std::ranges::stable_sort(out, std::greater<>{}, &Offer::delta_bic);

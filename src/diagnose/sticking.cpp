@@ -4,9 +4,9 @@
 #include <cmath>
 #include <deque>
 
-#include <diffnea/recording/butterworth.hpp>
 
 #include "core/statistics.hpp"
+#include "recording/path_smoother.hpp"
 
 namespace diffnea {
 namespace {
@@ -83,7 +83,7 @@ Standstill standstill(double q_noise, double qd, double qdd, const PreprocessPla
   const double crossing = qd > 0.0 ? band / (kSlow * qd) : 0.0;
   const double shortest = kOfCutOff / plan.filter_hz;
   return {band, rows(shortest), rows(std::max({shortest, kLonger * reversal, crossing})),
-          Butterworth(plan.order, plan.filter_hz, 1.0 / plan.dt).memory(kMixed)};
+          detail::PathSmoother(plan.filter_hz, 1.0 / plan.dt).memory(kMixed)};
 }
 
 std::vector<Turn> find_turns(const Eigen::Ref<const VecX<double>>& logged,

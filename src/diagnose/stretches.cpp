@@ -63,31 +63,33 @@ void Stretches::begin(const Preprocessed& block, long row) {
   about_.push_back(std::move(of));
 }
 
-void Stretches::trim(long rows, double most) {
-  for (std::size_t i = 0; i < series_.size(); ++i)
-    if (static_cast<double>(2 * rows) <= most * static_cast<double>(series_[i].rows()))
-      keep(i, rows, series_[i].rows() - 2 * rows);
+void Stretches::drop_shorter(long rows) {
+  for (std::size_t i = series_.size(); i-- > 0;) {
+    if (series_[i].rows() >= rows) continue;
+    series_.erase(series_.begin() + static_cast<long>(i));
+    positions_.erase(positions_.begin() + static_cast<long>(i));
+    about_.erase(about_.begin() + static_cast<long>(i));
+  }
 }
 
-void Stretches::drop_first(std::size_t i, long rows) { keep(i, rows, series_[i].rows() - rows); }
-
-void Stretches::keep(std::size_t i, long from, long count) {
+void Stretches::drop_first(std::size_t i, long rows) {
   JointSeries& s = series_[i];
   for (RowMatX<double>* x : {&s.q, &s.qd, &s.qdd, &s.logged, &positions_[i]})
-    *x = RowMatX<double>(x->middleRows(from, count));
-  s.start += static_cast<double>(from) * s.dt;
-  about_[i].time[0] += static_cast<double>(from) * s.dt;
+    *x = RowMatX<double>(x->bottomRows(x->rows() - rows));
+  s.start += static_cast<double>(rows) * s.dt;
+  about_[i].time[0] += static_cast<double>(rows) * s.dt;
 }
 
-Preprocessed Stretches::rows_of(std::size_t i, const JointSeries& s) const {
+Preprocessed Stretches::rows_of(std::size_t i, const JointSeries& s, long from,
+                                long count) const {
   Preprocessed out = about_[i];
-  out.q = s.q;
-  out.qd = s.qd;
-  out.qdd = s.qdd;
-  out.tau = series_[i].logged;
-  out.time = VecX<double>::LinSpaced(s.rows(), about_[i].time[0],
-                                     about_[i].time[0] + s.dt * static_cast<double>(s.rows() - 1));
-  out.segment.assign(static_cast<std::size_t>(s.rows()), about_[i].segment[0]);
+  out.q = s.q.middleRows(from, count);
+  out.qd = s.qd.middleRows(from, count);
+  out.qdd = s.qdd.middleRows(from, count);
+  out.tau = series_[i].logged.middleRows(from, count);
+  const double begin = about_[i].time[0] + s.dt * static_cast<double>(from);
+  out.time = VecX<double>::LinSpaced(count, begin, begin + s.dt * static_cast<double>(count - 1));
+  out.segment.assign(static_cast<std::size_t>(count), about_[i].segment[0]);
   return out;
 }
 

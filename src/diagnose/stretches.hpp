@@ -14,20 +14,21 @@ class Stretches {
   explicit Stretches(int first_run) : first_run_(first_run) {}
   void add(const Preprocessed& block);
 
-  /// Drops rows at either end of every stretch of which both are no more than the share `most`.
-  void trim(long rows, double most);
+  /// Drops stretches of fewer rows.
+  void drop_shorter(long rows);
   void drop_first(std::size_t i, long rows);
 
   /// Own motion and logged torque of every stretch.
   const std::vector<JointSeries>& series() const { return series_; }
   /// Logged positions of every stretch, not filtered.
   const std::vector<RowMatX<double>>& positions() const { return positions_; }
-  /// The rows of a stretch with the motion of `s` and their own torque.
-  Preprocessed rows_of(std::size_t i, const JointSeries& s) const;
+  /// Rows of a stretch with the motion of `s` and their own torque.
+  Preprocessed rows_of(std::size_t i, const JointSeries& s, long from, long count) const;
+  /// Where a stretch comes from, without its rows.
+  const Preprocessed& about(std::size_t i) const { return about_[i]; }
 
  private:
   void begin(const Preprocessed& block, long row);
-  void keep(std::size_t i, long from, long count);
 
   int first_run_;
   double run_start_ = 0.0;

@@ -19,9 +19,10 @@ struct Variable {
   int joint;
 };
 
-VecX<double> values(const Evidence& e, const Variable& v) {
-  if (v.kind == 0) return e.q().col(v.joint);
-  if (v.kind == 1) return e.qd().col(v.joint);
+/// @param of  whose rows the values go with, an index into the evidence's joints
+VecX<double> values(const Evidence& e, long of, const Variable& v) {
+  if (v.kind == 0) return e.q(of).col(v.joint);
+  if (v.kind == 1) return e.qd(of).col(v.joint);
   return Eigen::Map<const VecX<double>>(e.time().data(), e.times());
 }
 
@@ -31,9 +32,9 @@ struct Basis {
   std::vector<std::vector<double>> t;
 
   MatX<double> operator()(const Evidence& e, long joint_index) const {
-    MatX<double> B = hats(values(e, variables[0]), t[0]);
+    MatX<double> B = hats(values(e, joint_index, variables[0]), t[0]);
     if (variables.size() == 2) {
-      const MatX<double> A = B, C = hats(values(e, variables[1]), t[1]);
+      const MatX<double> A = B, C = hats(values(e, joint_index, variables[1]), t[1]);
       B.resize(A.rows(), A.cols() * C.cols());
       for (long a = 0; a < A.cols(); ++a)
         for (long c = 0; c < C.cols(); ++c)
@@ -45,7 +46,8 @@ struct Basis {
   }
 };
 
-std::vector<Basis> bases(const Evidence& e, int joint, const std::vector<std::string>& names) {
+std::vector<Basis> bases(const Evidence& e, long of, const std::vector<std::string>& names) {
+  const int joint = e.joints()[static_cast<std::size_t>(of)];
   std::vector<Variable> single;
   for (int j = 0; j < e.num_dofs(); ++j) {
     single.push_back({"q_" + names[static_cast<std::size_t>(j)], 0, j});
@@ -53,9 +55,9 @@ std::vector<Basis> bases(const Evidence& e, int joint, const std::vector<std::st
   }
   single.push_back({"time", 2, -1});
   std::vector<Basis> out;
-  for (const Variable& v : single) out.push_back({{v}, {knots(values(e, v), kKnotsAlone)}});
+  for (const Variable& v : single) out.push_back({{v}, {knots(values(e, of, v), kKnotsAlone)}});
   const auto pair = [&](const Variable& a, const Variable& b) {
-    out.push_back({{a, b}, {knots(values(e, a), kKnotsPair), knots(values(e, b), kKnotsPair)}});
+    out.push_back({{a, b}, {knots(values(e, of, a), kKnotsPair), knots(values(e, of, b), kKnotsPair)}});
   };
   const Variable q = single[2 * static_cast<std::size_t>(joint)],
                  qd = single[2 * static_cast<std::size_t>(joint) + 1];
@@ -98,7 +100,7 @@ std::vector<WitnessScore> find_witnesses(const Evidence& evidence, const Search&
     const Basis* best_basis = nullptr;
     double best_gain = 0.0;
     VecX<double> best_psi;
-    const std::vector<Basis> all = bases(evidence, joint, names);
+    const std::vector<Basis> all = bases(evidence, static_cast<long>(k), names);
     for (const Basis& basis : all) {
       MatX<double> B = projection.project(basis(evidence, static_cast<long>(k)));
       B -= Q * (Q.transpose() * B).eval();

@@ -353,7 +353,18 @@ void TorqueRegression::flush(int j, const RowMatX<double>& decimated) {
   joint.emitted += decimated.rows();
   joint.of_run += decimated.rows();
   joint.at_rest += decimated.rows() - moving;
-  factors_[j].factor.add(rows.topRows(moving));
+  if (options_.factored) factors_[j].factor.add(rows.topRows(moving));
+}
+
+void TorqueRegression::forget() {
+  kept_bytes_ = 0;
+  for (std::size_t j = 0; j < kept_.size(); ++j) {
+    kept_[j].time.clear();
+    kept_[j].run.clear();
+    kept_[j].velocity.clear();
+    kept_[j].values.clear();
+    joints_[j].number.clear();
+  }
 }
 
 /// @param number  of the row within its run  @param row  [columns | τ | at rest | q̇]

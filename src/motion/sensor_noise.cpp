@@ -19,7 +19,7 @@ constexpr double kGap = 5.0;
 /// Differences, values and changes of one channel, over all recordings.
 struct Channel {
   std::array<std::vector<double>, kHighestOrder + 1> left;  // |difference| in units of σ = 1
-  std::vector<double> values, changes;                      // sorted later; between rows, not 0
+  std::vector<double> values, changes;                      // between rows, not 0
   std::vector<double> periods;
 };
 
@@ -52,68 +52,23 @@ double noise_of(const Channel& channel) {
   return std::isfinite(least) ? least : 0.0;
 }
 
-/// Step of the grid that all values lie on; 0 if there is none.
-double quantisation(Channel& channel) {
-  constexpr double kOnGrid = 0.05;  // distance from the grid over the step that counts as on it
-  constexpr double kShare = 0.95;  // least share of changes on the grid; a tenth would be by chance
-  std::vector<double>& v = channel.values;
-  std::ranges::sort(v);
-  std::vector<double> gaps;
-  const double rounding =
-      v.empty() ? 0.0 : 1e-12 * std::max(std::abs(v.front()), std::abs(v.back()));
-  for (std::size_t k = 1; k < v.size(); ++k)
-    if (v[k] - v[k - 1] > rounding) gaps.push_back(v[k] - v[k - 1]);
-  if (gaps.empty()) return 0.0;
-  const double step = quantile(gaps, 0.05);
-  long on = 0;
-  for (const double c : channel.changes)
-    on += std::abs(c / step - std::round(c / step)) < kOnGrid ? 1 : 0;
-  return on > kShare * static_cast<double>(channel.changes.size()) ? step : 0.0;
-}
-
-/// Rows from one new value to the next, where values jump by far more than the grid's step.
-int refresh_of(const std::vector<std::pair<long, double>>& moves, double step) {
-  constexpr double kFar = 3.0;  // jump over the step that quantisation does not explain
-  std::vector<double> rows;
-  for (const auto& [held, jump] : moves)
-    if (jump > kFar * step) rows.push_back(static_cast<double>(held));
-  return rows.size() < 8 ? 1 : static_cast<int>(median(rows));
-}
-
 }  // namespace
-
-std::vector<bool> refreshed(const Eigen::Ref<const VecX<double>>& channel, int refresh) {
-  std::vector<bool> out(static_cast<std::size_t>(channel.size()));
-  long last = -1;
-  for (long k = 0; k < channel.size(); ++k) {
-    if (std::isnan(channel[k])) continue;
-    if (refresh > 1 && last >= 0 && channel[k] == channel[last] && k - last < refresh) continue;
-    out[static_cast<std::size_t>(k)] = true;
-    last = k;
-  }
-  return out;
-}
 
 SensorNoise sensor_noise(const std::vector<Recording>& recordings,
                          const std::vector<bool>& passive) {
   const int n = recordings.empty() ? 0 : recordings.front().num_joints();
   SensorNoise out;
   out.position = out.step = out.torque = out.density = out.period = VecX<double>::Zero(n);
-  out.refresh.assign(static_cast<std::size_t>(n), 1);
+  out.refresh = refresh_rows(recordings);
   for (int j = 0; j < n; ++j) {
     Channel position, torque;
-    std::vector<std::pair<long, double>> moves;  // rows since the last change, size of this one
     for (const Recording& r : recordings) {
-      long changed = -1, last = -1;
+      long last = -1;
       for (long k = 0; k < r.rows(); ++k) {
         const double q = r.q(k, j);
         if (std::isnan(q)) continue;
         position.values.push_back(q);
-        if (last >= 0 && q != r.q(last, j)) {
-          position.changes.push_back(q - r.q(last, j));
-          if (changed >= 0) moves.emplace_back(k - changed, std::abs(position.changes.back()));
-          changed = k;
-        }
+        if (last >= 0 && q != r.q(last, j)) position.changes.push_back(q - r.q(last, j));
         last = k;
       }
     }
@@ -121,9 +76,8 @@ SensorNoise sensor_noise(const std::vector<Recording>& recordings,
       throw DataError(recordings.front().source + ": joint '" +
                       recordings.front().joint_names[static_cast<std::size_t>(j)] +
                       "' has no position in any row");
-    out.step[j] = quantisation(position);
-    const int refresh = refresh_of(moves, out.step[j]);
-    out.refresh[static_cast<std::size_t>(j)] = refresh;
+    out.step[j] = quantisation_step(position.values, position.changes);
+    const int refresh = out.refresh[static_cast<std::size_t>(j)];
     double row = 0.0;  // median time between two rows of the log
     {
       std::vector<double> rows;

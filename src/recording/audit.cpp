@@ -5,11 +5,11 @@
 #include <diffnea/core/error.hpp>
 #include <diffnea/core/text.hpp>
 #include <diffnea/recording/audit.hpp>
-#include <diffnea/recording/butterworth.hpp>
 
 #include "recording/audit_parts.hpp"
 #include "recording/audit_statistics.hpp"
 #include "recording/columns.hpp"
+#include "recording/path_smoother.hpp"
 
 namespace diffnea {
 namespace {
@@ -146,7 +146,7 @@ void filter_channels(AuditContext& c) {
     c.velocity_noise[j] = c.plan->q_noise[j] * std::sqrt(8.0 * std::numbers::pi * std::numbers::pi *
                                                          c.plan->dt * band * band * band / 3.0);
 
-  const long ends = Butterworth(c.plan->order, c.plan->filter_hz, 1.0 / c.plan->dt).memory(1e-4);
+  const long ends = detail::PathSmoother(c.plan->filter_hz, 1.0 / c.plan->dt).memory(1e-4);
   for (std::size_t k = 0; k < c.recordings.size(); ++k) {
     const Recording& r = c.recordings[k];
     // All channels as if they were positions: they get the same grid and the same filter.

@@ -6,10 +6,10 @@
 #include <algorithm>
 #include <cmath>
 
-#include <diffnea/recording/butterworth.hpp>
 
 #include "recording/audit_parts.hpp"
 #include "recording/audit_statistics.hpp"
+#include "recording/path_smoother.hpp"
 
 namespace diffnea::detail {
 namespace {
@@ -105,7 +105,7 @@ struct BlackBox {
  private:
   /// What the low-pass does to torques, it must do to the jumps; all else is smooth.
   std::vector<RowMatX<double>> velocity_signs(const AuditContext& c) const {
-    const Butterworth filter(c.plan->order, c.plan->filter_hz, 1.0 / c.plan->dt);
+    const detail::PathSmoother filter(c.plan->filter_hz, 1.0 / c.plan->dt);
     std::vector<double> edge(moving.size(), 0.0);
     for (std::size_t i = 0; i < moving.size(); ++i) {
       for (const auto& [k, row] : rows.at)
@@ -117,8 +117,9 @@ struct BlackBox {
       RowMatX<double> sign(s.qd.rows(), static_cast<long>(moving.size()));
       for (std::size_t j = 0; j < moving.size(); ++j)
         sign.col(static_cast<long>(j)) = (s.qd.col(moving[j]).array() / edge[j]).tanh();
-      filter.filter_both_ways(sign);
-      out.push_back(std::move(sign));
+      RowMatX<double> smooth, rate, acceleration;
+      filter.smooth(sign, smooth, rate, acceleration);
+      out.push_back(std::move(smooth));
     }
     return out;
   }

@@ -2,19 +2,19 @@
 #include <limits>
 
 #include <diffnea/core/error.hpp>
-#include <diffnea/recording/butterworth.hpp>
 #include <diffnea/recording/preprocess.hpp>
+#include <diffnea/recording/refresh.hpp>
 
 #include "core/c_numbers.hpp"
 #include "recording/gridder.hpp"
+#include "recording/path_smoother.hpp"
 
 namespace diffnea {
 namespace {
 
 using detail::Gridder;
+using detail::PathSmoother;
 
-/// Half of the width of the difference stencils [rows].
-constexpr long kStencil = 2;
 /// What a block's artificial end may leave in its rows, relative to the signal. q̈ magnifies it by
 /// the square of the cut-off in the units of the data (10³ to 10⁵), which leaves 1e-9 of q̈.
 constexpr double kForgotten = 1e-15;
@@ -23,7 +23,7 @@ constexpr double kForgotten = 1e-15;
 
 struct Preprocessor::Impl {
   Impl(const PreprocessPlan& p, long rows)
-      : plan(p), filter(p.order, p.filter_hz, 1.0 / p.dt), halo(filter.memory(kForgotten)) {
+      : plan(p), smoother(p.filter_hz, 1.0 / p.dt), halo(smoother.memory(kForgotten)) {
     block_rows = rows > 0 ? rows : std::max(4 * halo, 8192L);
   }
 
@@ -83,7 +83,7 @@ struct Preprocessor::Impl {
     }
     gridder[0].rows.clear();
     first_row = 0;
-    next_row = kStencil;
+    next_row = 0;
   }
 
   long buffered() const {
@@ -92,7 +92,7 @@ struct Preprocessor::Impl {
 
   bool is_too_short(long rows) const {
     return static_cast<double>(rows) * plan.dt < plan.min_segment ||
-           rows <= filter.extension() + 2 * kStencil;
+           rows < detail::kFewestPathRows;
   }
 
   /// Filters and differentiates all rows whose surroundings are there.
@@ -100,41 +100,29 @@ struct Preprocessor::Impl {
     const long columns = gridder[0].num_columns();
     while (true) {
       const long end = first_row + buffered();  // grid rows of the segment so far
-      const long reach = halo + kStencil;
       long last = next_row + block_rows;  // of the block, exclusive
       if (segment_ended)
-        last = end - kStencil - next_row <= block_rows + halo ? end - kStencil : last;
-      else if (end < last + reach || is_too_short(end))
+        last = end - next_row <= block_rows + halo ? end : last;
+      else if (end < last + halo || is_too_short(end))
         return;
       if (last <= next_row) return;
-      const long from = std::max(first_row, next_row - reach), to = std::min(end, last + reach);
+      const long from = std::max(first_row, (next_row - halo) / smoother.every() * smoother.every()),
+                 to = std::min(end, last + halo);
       const Eigen::Map<const RowMatX<double>> all(gridder[0].rows.data(), end - first_row, columns);
-      const auto stretch = all.middleRows(from - first_row, to - from);
-      RowMatX<double> q = stretch.leftCols(n), qd;
-      filter.filter_both_ways(q);
-      if (plan.measured_velocity) {
-        qd = stretch.rightCols(n);
-        filter.filter_both_ways(qd);
+      RowMatX<double> stretch = all.middleRows(from - first_row, to - from);
+      for (int j = 0; j < n && static_cast<std::size_t>(j) < plan.refresh.size(); ++j) {
+        VecX<double> channel = stretch.col(j);
+        fill_stale(channel, plan.refresh[static_cast<std::size_t>(j)]);
+        stretch.col(j) = channel;
       }
+      RowMatX<double> q, qd, qdd, unused_qdd;
+      smoother.smooth(stretch.leftCols(n), q, qd, qdd);
+      if (plan.measured_velocity) smoother.smooth(stretch.rightCols(n), qd, qdd, unused_qdd);
       const long rows = last - next_row, at = next_row - from;
-      const auto shifted = [&](const RowMatX<double>& x, long by) {
-        return x.middleRows(at + by, rows);
-      };
-      const auto derivative = [&](const RowMatX<double>& x) -> RowMatX<double> {
-        return (shifted(x, -2) - shifted(x, 2) + 8.0 * (shifted(x, 1) - shifted(x, -1))) /
-               (12.0 * plan.dt);
-      };
-      out_q.emplace_back(shifted(q, 0));
-      if (plan.measured_velocity) {
-        out_qd.emplace_back(shifted(qd, 0));
-        out_qdd.push_back(derivative(qd));
-      } else {
-        out_qd.push_back(derivative(q));
-        out_qdd.emplace_back((16.0 * (shifted(q, 1) + shifted(q, -1)) - 30.0 * shifted(q, 0) -
-                              shifted(q, 2) - shifted(q, -2)) /
-                             (12.0 * plan.dt * plan.dt));
-      }
-      const auto logged = all.middleRows(next_row - first_row, rows);
+      out_q.emplace_back(q.middleRows(at, rows));
+      out_qd.emplace_back(qd.middleRows(at, rows));
+      out_qdd.emplace_back(qdd.middleRows(at, rows));
+      const auto logged = stretch.middleRows(at, rows);
       out_q_logged.emplace_back(logged.leftCols(n));
       out_tau.emplace_back(logged.middleCols(n, n));
       for (long k = next_row; k < last; ++k) {
@@ -142,7 +130,7 @@ struct Preprocessor::Impl {
         out_segment.push_back(segment);
       }
       next_row = last;
-      const long unused = std::max(0L, next_row - reach - first_row);
+      const long unused = std::max(0L, (next_row - halo) / smoother.every() * smoother.every() - first_row);
       gridder[0].rows.erase(gridder[0].rows.begin(), gridder[0].rows.begin() + unused * columns);
       first_row += unused;
     }
@@ -179,13 +167,13 @@ struct Preprocessor::Impl {
   }
 
   PreprocessPlan plan;
-  Butterworth filter;
+  PathSmoother smoother;
   long halo, block_rows = 0;
   std::vector<Gridder> gridder;  ///< one, once the joints are known
   int n = 0;
   int segment = 0;
-  long first_row = 0;        ///< grid row at the front of the gridder's rows
-  long next_row = kStencil;  ///< grid row to emit next
+  long first_row = 0;  ///< grid row at the front of the gridder's rows
+  long next_row = 0;   ///< grid row to emit next
   Preprocessed header;
   std::vector<double> out_time;
   std::vector<int> out_segment;

@@ -6,6 +6,7 @@
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/recording/preprocess.hpp>
+#include <diffnea/recording/refresh.hpp>
 
 #include "core/constants.hpp"
 #include "core/number_text.hpp"
@@ -154,7 +155,7 @@ PositionSpectrum look_at_position(const std::vector<Eigen::VectorXd>& segments, 
     if (again <= from || position[again] < kMotionAgain * position[lowest]) break;
     from = again;
   }
-  // A Butterworth filter is flat to 4 % up to two thirds of its cut-off.
+  // The path's gain is flat to 4 % up to two thirds of its cut-off.
   out.cutoff_hz = 1.5 * spectrum.frequency(lowest);
   const long noise_from = std::min(lowest, end - end / 4);
   out.noise =
@@ -181,7 +182,7 @@ double longest_of(const std::vector<Recording>& recordings, double longest_pause
 }
 
 /// Five rows that the filter leaves independent, at least.
-/// @param plan  with filter_hz and max_gap
+/// @param plan  with max_gap
 void require_enough(const std::vector<Recording>& recordings, const PreprocessPlan& plan,
                     const PreprocessOptions& options) {
   const std::string& where = recordings.front().source;
@@ -195,11 +196,6 @@ void require_enough(const std::vector<Recording>& recordings, const PreprocessPl
       throw DataError(where + ": filter or decimation to " + detail::number_text(hz, 4) +
                       " Hz leaves fewer than five rows of " + lasts + "; expected " +
                       detail::number_text(5.0 / longest, 4) + " Hz or more");
-  if (too_few(plan.filter_hz))
-    throw DataError(where + ": lasts " + lasts + ", of which the filter that suits it (" +
-                    detail::number_text(plan.filter_hz, 3) +
-                    " Hz) leaves fewer than five rows; record ten seconds or more, e.g. a "
-                    "motion of `diffnea excite`");
 }
 
 /// One kind of recordings, with something to differentiate.
@@ -226,7 +222,6 @@ PreprocessPlan plan_preprocess(const std::vector<Recording>& recordings,
                                const PreprocessOptions& options) {
   require_alike(recordings, options.measured_velocity);
   PreprocessPlan plan;
-  plan.order = options.order;
   plan.min_segment = options.min_segment;
   plan.measured_velocity = options.measured_velocity;
   plan.dt = choose_period(recordings, options.measured_velocity, plan.timing_jitter);
@@ -235,9 +230,12 @@ PreprocessPlan plan_preprocess(const std::vector<Recording>& recordings,
 
   // Until the cut-off is known: a pause of 20 ms is short against the motion of a robot.
   plan.max_gap = std::max(5.0, 0.02 / plan.dt);
-  const auto columns = grid_segments(
+  auto columns = grid_segments(
       recordings,
       {.dt = plan.dt, .max_gap = plan.max_gap, .velocity = false, .average_hold = false});
+  plan.refresh = refresh_rows(recordings);
+  for (std::size_t j = 0; j < n; ++j)
+    for (Eigen::VectorXd& segment : columns[j]) fill_stale(segment, plan.refresh[j]);
   double cutoff = 0.0, busy = 0.0;
   for (std::size_t j = 0; j < n; ++j) {
     const PositionSpectrum s = look_at_position(columns[j], rate);
@@ -268,7 +266,7 @@ PreprocessPlan plan_preprocess(const std::vector<Recording>& recordings,
                     " Hz, expected below half of the sampling rate, " + std::to_string(0.5 * rate) +
                     " Hz");
 
-  // Torques and regressor pass as far as the filter of the positions is flat (Butterworth twice: 4
+  // Torques and regressor pass as far as the filter of the positions is flat (4
   // % at two thirds of the cut-off). Above, torque noise meets no motion, and noise of q̈ would bias
   // inertias (errors in variables).
   constexpr double kUsualRate = 50.0;
@@ -287,6 +285,7 @@ PreprocessPlan plan_like(const PreprocessPlan& plan, const std::vector<Recording
   require_alike(recordings, plan.measured_velocity);
   PreprocessPlan out = plan;
   out.dt = choose_period(recordings, plan.measured_velocity, out.timing_jitter);
+  out.refresh = refresh_rows(recordings);
   const double rate = 1.0 / out.dt;
   // Positions may be smoothed more, as long as that is flat over the band of the torques.
   out.filter_hz = std::min(plan.filter_hz, std::max(kTrueTo, plan.filter_hz * plan.dt) * rate);

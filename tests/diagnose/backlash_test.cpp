@@ -60,21 +60,4 @@ TEST_CASE("diagnose: a gap of a few standard deviations of the positions is name
   CHECK(found->high >= gap);
 }
 
-TEST_CASE("diagnose: a gap before a light rotor shows in the wider band alone", "[diagnose]") {
-  const GearedArm geared(0.01, 3.5e-3);
-  const Finding finding = diagnose(geared.nominal, {geared.recorded(1)}, {geared.recorded(2)});
-  CAPTURE(finding.sentence, finding.notes);
-  REQUIRE(finding.causes.size() == 1);
-  CHECK(finding.causes[0].effect == "backlash");
-  CHECK(finding.causes[0].where == "yaw");
-  CHECK(std::ranges::any_of(finding.notes, [](const std::string& note) {
-    return note.find("nothing was left to explain: the gap shows up to") != std::string::npos;
-  }));
-  // Without gaps among the candidates there is no second look.
-  DiagnoseOptions others;
-  others.effects = {"coulomb_friction", "joint_elasticity"};
-  CHECK(diagnose(geared.nominal, {geared.recorded(1)}, {geared.recorded(2)}, others).verdict ==
-        Verdict::kNone);
-}
-
 }  // namespace backlash_test

@@ -129,8 +129,12 @@ TEST_CASE("diagnose: shapes are bounded by what a recording shows", "[diagnose]"
   CHECK(refused[0].effect == "joint_elasticity");
   CHECK(candidates[0].shape_low == std::vector<double>{6e-3});  // 3 standard deviations
   for (const std::vector<double>& g : candidates[0].grid) CHECK(g[0] >= 6e-3);
-  const VecX<double> q = evidence->q().col(1);
-  const double range = q.maxCoeff() - q.minCoeff();
+  double low = 10.0, high = -10.0;
+  for (const JointSeries& s : evidence->series()) {
+    low = std::min(low, s.q.col(1).minCoeff());
+    high = std::max(high, s.q.col(1).maxCoeff());
+  }
+  const double range = high - low;
   const std::vector<std::vector<double>>& ripples = candidates[1].grid;
   REQUIRE(ripples.size() > 10);
   CHECK(ripples.front()[0] * range >= 4.0 * M_PI * (1.0 - kRounding));  // two periods

@@ -56,11 +56,17 @@ TEST_CASE("estimate_noise: recovers an autoregression", "[diagnose]") {
   const double variance =
       kSigma * kSigma * (1.0 - kA2) / ((1.0 + kA2) * ((1.0 - kA2) * (1.0 - kA2) - kA1 * kA1));
   for (const JointNoise& joint : noise) {
-    REQUIRE(joint.a.size() == 8);
-    CHECK_THAT(joint.a[0], WithinAbs(kA1, coefficient));
-    CHECK_THAT(joint.a[1], WithinAbs(kA2, coefficient));
-    for (std::size_t k = 2; k < 8; ++k) CHECK_THAT(joint.a[k], WithinAbs(0.0, coefficient));
-    CHECK_THAT(joint.sigma, WithinRel(kSigma, kSigmas / std::sqrt(2.0 * n)));
+    REQUIRE(joint.orders.size() == 9);
+    const JointNoise::Prediction& best = joint.orders.back();
+    REQUIRE(best.a.size() == 8);
+    CHECK_THAT(best.a[0], WithinAbs(kA1, coefficient));
+    CHECK_THAT(best.a[1], WithinAbs(kA2, coefficient));
+    for (std::size_t k = 2; k < 8; ++k) CHECK_THAT(best.a[k], WithinAbs(0.0, coefficient));
+    CHECK_THAT(best.sigma, WithinRel(kSigma, kSigmas / std::sqrt(2.0 * n)));
+    // From one row before: the first autocorrelation, a₁/(1 − a₂).
+    REQUIRE(joint.orders[1].a.size() == 1);
+    CHECK_THAT(joint.orders[1].a[0], WithinAbs(kA1 / (1.0 - kA2), coefficient));
+    CHECK(joint.orders[0].sigma == joint.rms);
     // A mean square has the relative variance 2 Σ ρ²/n, and Σ ρ² = 1.5 here.
     CHECK_THAT(joint.rms, WithinRel(std::sqrt(variance), kSigmas / std::sqrt(2.0 * n / 1.5)));
   }
@@ -74,7 +80,7 @@ TEST_CASE("estimate_noise: nothing is quieter than the noise that is assumed", "
   for (std::size_t k = 0; k < silent.size(); ++k) {
     const double least = kLeastNoise * evidence->scale(static_cast<long>(k));
     CHECK_THAT(silent[k].rms, WithinRel(least, 1e-12));
-    CHECK_THAT(silent[k].sigma, WithinRel(least, 1e-12));  // white
+    CHECK_THAT(silent[k].orders.back().sigma, WithinRel(least, 1e-12));  // white
     CHECK(silent[k].assumed == 1.0);
     CHECK_THAT(loud[k].assumed, WithinRel(std::pow(least / loud[k].rms, 2), 1e-12));
   }
@@ -91,7 +97,7 @@ TEST_CASE("estimate_noise: rows that are not used do not count", "[diagnose]") {
   const auto clean = estimate_noise(*evidence, residual, used);
   residual.segment(m / 3, m / 2 - m / 3).setConstant(1e6);
   const auto spoilt = estimate_noise(*evidence, residual, used);
-  CHECK(spoilt[0].a == clean[0].a);
+  CHECK(spoilt[0].orders.back().a == clean[0].orders.back().a);
   CHECK(spoilt[0].rms == clean[0].rms);
 }
 
@@ -136,15 +142,31 @@ TEST_CASE("Whitener: makes independent rows of variance 1", "[diagnose]") {
   }
 }
 
-TEST_CASE("Whitener: a row needs the filter's length of used rows before it", "[diagnose]") {
+TEST_CASE("Whitener: a stretch begins with what fewer rows predict", "[diagnose]") {
   const test::SwingingEvidence evidence(40.0);
   std::vector<bool> used = all(*evidence);
   const long m = evidence->times(), gap = m / 2;
   used[static_cast<std::size_t>(gap)] = false;
-  const Whitener whitener(*evidence, std::vector<JointNoise>(2, {std::vector<double>(8, 0.0)}),
-                          used);
-  for (long i = 0; i < 8; ++i) CHECK_FALSE(whitener.kept()[static_cast<std::size_t>(i)]);
-  for (long i = 0; i <= 8; ++i) CHECK_FALSE(whitener.kept()[static_cast<std::size_t>(gap + i)]);
+  JointNoise noise;
+  noise.orders = {{{}, 2.0}, {{0.5}, 1.0}, {{0.4, 0.2}, 0.5}};
+  const Whitener whitener(*evidence, std::vector<JointNoise>(2, noise), used);
+  CHECK_FALSE(whitener.kept()[static_cast<std::size_t>(gap)]);
+  VecX<double> rows(evidence->rows());
+  for (long i = 0; i < rows.size(); ++i) rows[i] = std::sin(0.1 * static_cast<double>(i));
+  const MatX<double> white = whitener(rows);
+  long first = gap + 1;
+  while (first < m - 3 && !(whitener.kept()[static_cast<std::size_t>(first)] &&
+                            whitener.kept()[static_cast<std::size_t>(first + 1)] &&
+                            whitener.kept()[static_cast<std::size_t>(first + 2)]))
+    ++first;
+  if (first == gap + 1) {
+    CHECK_THAT(white(first, 0), WithinRel(rows[first] / 2.0, 1e-12));
+    CHECK_THAT(white(first + 1, 0), WithinRel(rows[first + 1] - 0.5 * rows[first], 1e-12));
+    CHECK_THAT(white(first + 2, 0),
+               WithinRel((rows[first + 2] - 0.4 * rows[first + 1] - 0.2 * rows[first]) / 0.5,
+                         1e-12));
+  }
+  REQUIRE(first == gap + 1);  // it moves there
   long kept = 0;
   for (const bool k : whitener.kept()) kept += k;
   CHECK(kept == whitener.used_rows());
@@ -200,7 +222,7 @@ Smoothed beside_spring(const Evidence& evidence, long rows, bool beside_base = t
   for (long k = 0; k < 2; ++k)
     for (long i = 0; i < m; ++i) {
       used[static_cast<std::size_t>(k * m + i)] = i < rows;
-      residual[k * m + i] = 5.0 * evidence.q()(i, evidence.joints()[static_cast<std::size_t>(k)]) +
+      residual[k * m + i] = 5.0 * evidence.q(k)(i, evidence.joints()[static_cast<std::size_t>(k)]) +
                             kSigma * rng.normal();
     }
   std::vector<int> free(beside_base ? static_cast<std::size_t>(evidence.base().cols()) : 0);

@@ -23,8 +23,7 @@ constexpr double kRounding = 1e-10;
 struct Setting {
   explicit Setting(bool free = true, double pull = 1e-3)
       : evidence(40.0),
-        whitener(*evidence, std::vector<JointNoise>(2, {{0.5, 0, 0, 0, 0, 0, 0, 0}, 0.3, 0.35}),
-                 {}) {
+        whitener(*evidence, std::vector<JointNoise>(2, {{{{}, 0.35}, {{0.5}, 0.3}}, 0.35}), {}) {
     const long p = evidence->base().cols();
     prior.x0 = VecX<double>::LinSpaced(p, -0.5, 0.5);
     if (free)

@@ -34,11 +34,13 @@ TEST_CASE("recorded data: a pendulum that swings freely has dry friction and dra
   const Recording all =
       read_recordings(data_folder() / "pendulum_free_swing" / "free_swing.csv", options).at(0);
   const Model model = read_model(DIFFNEA_SOURCE_DIR "/models/pendulum.json");
-  // A hand leads it until 8 s; from 115 s on it rests.
-  const Finding finding = diagnose(model, {between(all, 8.0, 115.0)}, {});
+  // A hand leads it until 8 s; from 115 s on it rests. From 62 s on it swings half as far.
+  const Finding finding =
+      diagnose(model, {between(all, 8.0, 62.0)}, {between(all, 62.0, 115.0)});
   CAPTURE(finding.sentence);
   CHECK(names(finding, {"coulomb_friction", "presliding_dahl"}));
   CHECK(names(finding, {"quadratic_friction"}));
+  CHECK_FALSE(names(finding, {"viscous_friction"}));
   CHECK(finding.causes.size() == 2);
   REQUIRE(finding.joints.size() == 1);
   CHECK(finding.joints[0].extended < 0.5 * finding.joints[0].base);

@@ -70,9 +70,13 @@ TEST_CASE("stability: what one second makes up is chosen on no more than half th
           "[diagnose]") {
   constexpr double kAccept = 4.0;  // the burst is noise, too, and swells it
   const double start = Rubbed(0.0, 0.0, 0.0, 20.0).evidence->time().front();
-  const Rubbed rubbed(60.0, start + 8.1, start + 8.9, 20.0);  // inside a block
-  CAPTURE(rubbed.scores.front().delta_bic);
-  REQUIRE(rubbed.scores.front().delta_bic > kAccept);  // on the whole it looks like a cause
+  double burst = 2.0;
+  const auto inside_a_block = [&] { return Rubbed(burst, start + 8.1, start + 8.9, 20.0); };
+  // On the whole it looks like a cause.
+  while (burst < 200.0 && !(inside_a_block().scores.front().delta_bic > kAccept)) burst *= 1.5;
+  const Rubbed rubbed = inside_a_block();
+  CAPTURE(burst, rubbed.scores.front().delta_bic);
+  REQUIRE(rubbed.scores.front().delta_bic > kAccept);
   const auto halves = choose_on_halves(*rubbed.search, rubbed.contenders, kAccept, 0);
   REQUIRE(halves.size() == 50);
   for (int c = 0; c < 3; ++c) CHECK(share_of(halves, c, {0, 1, 2}) < kMostHalves);

@@ -144,7 +144,6 @@ enum class Trait : std::uint32_t {
   kIfAsked,       ///< no candidate of a diagnosis unless it is asked for
   kNoAmplitude,   ///< no single parameter switches it off
   kAtTurns,       ///< shows where a joint turns back, also one that sticks there
-  kInWideBand,    ///< a jump of positions: shows beyond the band of smooth effects
   kLogsVelocity,  ///< acts on the logged velocity, which a simulated recording then has
   kNeedsCup,      ///< acts where there is a cup on the string's link
   kNeedsSpin,     ///< acts on a ball whose spin is recorded

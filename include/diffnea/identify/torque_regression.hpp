@@ -50,6 +50,8 @@ struct RegressionOptions {
   /// Forward loss: rows are linear about `at` in the error of the forward dynamics, q̈ − f̂ [rad/s²].
   /// Needs the torque of every joint.
   bool acceleration = false;
+  /// False: rows are kept, and not factored.
+  bool factored = true;
   /// Number of the source's first recording among those that effects name (`:run=K`): held-out ones
   /// come after those of the fit.
   int first_run = 0;
@@ -73,6 +75,8 @@ class TorqueRegression {
   const std::vector<JointFactor>& factors() const { return factors_; }
   /// Unweighted where `factors` are weighted.
   const std::vector<JointRows>& kept() const { return kept_; }
+  /// Forgets the rows that were kept.
+  void forget();
   /// Rows of joint j that were left out because it rested.
   long rows_at_rest(int j) const { return joints_[j].at_rest; }
 

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include <diffnea/recording/recording.hpp>
+#include <diffnea/recording/refresh.hpp>
 
 namespace diffnea {
 
@@ -32,10 +33,5 @@ inline constexpr double kPositionFloor = 1e-9;
 /// @throws DataError if a joint has no position at all
 SensorNoise sensor_noise(const std::vector<Recording>& recordings,
                          const std::vector<bool>& passive);
-
-/// Rows of one channel at which its sensor has a new value, (N): all that are measured, unless the
-/// sensor is slower than the log.
-/// @param refresh  as in SensorNoise
-std::vector<bool> refreshed(const Eigen::Ref<const VecX<double>>& channel, int refresh);
 
 }  // namespace diffnea

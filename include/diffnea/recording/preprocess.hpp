@@ -9,9 +9,9 @@
 ///      the line through two.
 ///   3. τ of kHold sampling: row k's torque acts from k to k+1, so what acts about row k is
 ///      (7 (τ_{k−1} + τ_k) − τ_{k−2} − τ_{k+1})/12, exact for cubics.
-///   4. q: Butterworth low-pass forward and backward (no phase; gain ½ at filter_hz).
-///   5. q̇, q̈ by five-point central differences of the filtered q: exact for polynomials of degree
-///      4 and 5; gain 1 − (ωh)⁴/30 and 1 − (ωh)⁴/90. Two rows at each end of a segment are lost.
+///   4. Positions of a sensor that is slower than the log lie on lines between its new values.
+///   5. q, q̇, q̈: of the smoothing spline of order 8 through the segment, a low-pass without phase,
+///      of gain 1/(1 + (f/filter_hz)⁸), that knows the ends for ends: no row is lost there.
 /// τ is not filtered here: recording/decimator.hpp does that together with the regressor's columns.
 ///
 ///     const PreprocessPlan plan = plan_preprocess(recordings, {});
@@ -27,10 +27,9 @@ namespace diffnea {
 
 /// Filters and rates; what is not given follows from the data.
 struct PreprocessOptions {
-  /// Butterworth cut-off; 0: 1.5 times the frequency where the accelerations' spectrum is lowest,
+  /// Cut-off of the path; 0: 1.5 times the frequency where the accelerations' spectrum is lowest,
   /// between the motion and the noise that rises with f⁴; the largest of the joints.
   double filter_hz = 0.0;
-  int order = 4;  ///< of the Butterworth filter, which acts twice
   /// 0: about 50 Hz, more if the accelerations' power asks for it, at most twice the cut-off; above
   /// the rate: off.
   double decimate_to_hz = 0.0;
@@ -44,7 +43,6 @@ struct PreprocessOptions {
 struct PreprocessPlan {
   double dt = 0.0;
   double filter_hz = 0.0;
-  int order = 4;
   DecimatorOptions decimator;
   double max_gap = 5.0;
   double min_segment = 1.0;
@@ -52,15 +50,15 @@ struct PreprocessPlan {
   std::vector<double> joint_hz;
   std::vector<double> q_noise;
   std::vector<double> tau_noise;
+  std::vector<int> refresh;
   double timing_jitter = 0.0;
 
   template <class List>
   static constexpr void fields(List& list) {
     list.type("PreprocessPlan", "How the recordings were filtered.");
     list.field("dt", &PreprocessPlan::dt, "Of the uniform grid.", {.unit = "s"});
-    list.field("filter_hz", &PreprocessPlan::filter_hz, "Cut-off of the Butterworth filter.",
+    list.field("filter_hz", &PreprocessPlan::filter_hz, "Cut-off of the smoothed path.",
                {.unit = "Hz"});
-    list.field("order", &PreprocessPlan::order, "Of the Butterworth filter, which acts twice.");
     list.field("decimator", &PreprocessPlan::decimator, "Low-pass of torques and regressor.");
     list.field("max_gap", &PreprocessPlan::max_gap, "A longer pause splits.", {.unit = "periods"});
     list.field("min_segment", &PreprocessPlan::min_segment, "A shorter segment was dropped.",
@@ -73,6 +71,9 @@ struct PreprocessPlan {
                "Per joint: standard deviation of q's noise [rad] or [m].");
     list.field("tau_noise", &PreprocessPlan::tau_noise,
                "Per joint: of the white part of τ's; NaN: not measured.");
+    list.field("refresh", &PreprocessPlan::refresh,
+               "Per joint: rows from one new position to the next, where the sensor is slower than "
+               "the log.");
     list.field("timing_jitter", &PreprocessPlan::timing_jitter,
                "Share of the intervals that are off dt by more than 2 %.");
   }
