@@ -1,5 +1,6 @@
 #pragma once
-/// The verdict of a diagnosis as a sentence with numbers.
+/// What a diagnosis comes to: for how long the simulation follows the robot, then the verdict, with
+/// numbers.
 
 #include <string>
 
