@@ -121,10 +121,10 @@ RowMatX<double> ReplayedWindows::positions(const MotionStretch& stretch,
   const long n = stretch.q.cols();
   RowMatX<double> on_grid =
       replay(model_, g.motion, g.torque, g.begin, g.end, &window.state, stretch.run);
-  for (long j = 0; j < n; ++j)  // rows before a late clock's first: on with the first velocity
-    for (long k = std::min<long>(kMargin, on_grid.rows()) - 1; k-- > 0;)
+  for (long j = 0; j < n; ++j)  // rows before a late clock's first: a parabola goes on
+    for (long k = std::min<long>(kMargin, on_grid.rows() - 3); k-- > 0;)
       if (std::isnan(on_grid(k, j)))
-        on_grid(k, j) = on_grid(k + 1, j) - window.state[n + j] * g.motion.dt;
+        on_grid(k, j) = on_grid(k + 3, j) + 3.0 * (on_grid(k + 1, j) - on_grid(k + 2, j));
   RowMatX<double> out(window.rows, n);
   for (long k = 0; k < window.rows; ++k) {
     const double at =

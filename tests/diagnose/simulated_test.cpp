@@ -89,7 +89,7 @@ TEST_CASE("diagnose: windows are spread over all stretches, bounded, and grow wh
   // Where there are too many rows, windows are fewer; that which can become the longest stays.
   const std::vector<MotionWindow> all = spread_windows(motion.stretches, 0.25, 24);
   const std::vector<MotionWindow> few = lengthened(motion.stretches, all, 0.25, 100.0);
-  CHECK(few.size() == 4);  // of 25 or 26 rows
+  CHECK(few.size() == 3);  // of 26 rows
   CHECK(std::ranges::any_of(
       few, [](const MotionWindow& w) { return w.stretch == 1 && w.first == 0; }));
 }
@@ -144,19 +144,11 @@ TEST_CASE("diagnose: the right friction follows a pendulum to its end, a wrong o
 
 TEST_CASE("diagnose: windows that fall apart are reported with model, joint, time and horizon",
           "[diagnose]") {
-  // At 10 s the pendulum is pushed, of which nothing tells.
+  // From 10 to 13 s a hand holds the pendulum, of which nothing tells.
   const FreeSwing swing;
-  FreeSwing pushed = swing;
-  pushed.q0 = -0.9;
-  Recording data = free_swing(swing, even_times(0.0, 10.0, 100.0));
-  const Recording more = free_swing(pushed, even_times(10.01, 10.0, 100.0));
-  const long rows = data.rows(), m = more.rows();
-  data.time.conservativeResize(rows + m);
-  data.q.conservativeResize(rows + m, 1);
-  data.tau.conservativeResize(rows + m, 1);
-  data.time.tail(m) = more.time;
-  data.q.bottomRows(m) = more.q;
-  data.tau.bottomRows(m).setZero();
+  Recording data = free_swing(swing, even_times(0.0, 20.0, 100.0));
+  for (long k = 0; k < data.rows(); ++k)
+    if (data.time[k] > 10.0 && data.time[k] < 13.0) data.q(k, 0) = 0.9;
   const Model right = swing_with(swing.coulomb);
   const SimulatedMotion motion =
       simulate_held_out(right, right, true, motion_of({data}), {}, kGoOn);
@@ -171,14 +163,18 @@ TEST_CASE("diagnose: windows that fall apart are reported with model, joint, tim
   REQUIRE(h != motion.horizons.end());
   CHECK(h->base_apart == std::ssize(motion.apart));
   CHECK(h->base > 1.0);
-  CHECK(std::abs(at.time - 10.0) < at.horizon);
+  for (const ApartWindow& a : motion.apart) {
+    CHECK(a.time > 10.0 - a.horizon);
+    CHECK(a.time < 13.0 + a.horizon);
+    CHECK(a.horizon == at.horizon);
+  }
   CHECK(motion.base_follows < at.horizon);
 }
 
-TEST_CASE("diagnose: a simulation that blows up ends the ladder, its error is the motion's size",
+TEST_CASE("diagnose: a simulation that runs away ends the ladder, its error is the motion's size",
           "[diagnose]") {
   Model wild = swing_with(0.0);
-  wild.effects = {{"viscous_friction", "pendulum", {{"viscous", -0.5, ""}}}};  // e-fold in 15 ms
+  wild.links.at(0).inertia.h.z *= -1.0;  // upside down: away from 0 by e in a sixth of a second
   const FreeSwing truth;
   const HeldOutMotion held = motion_of({free_swing(truth, even_times(0.0, 40.0, 100.0))});
   const SimulatedMotion motion = simulate_held_out(wild, wild, true, held, {}, kGoOn);
@@ -206,14 +202,15 @@ TEST_CASE("diagnose: effects without derivatives are replayed, on any clock, fro
   window.state << at.q, at.qd;
   JointWindows exact(extend(model), {}, {}, SteppingOptions{});
   ReplayedWindows replayed(extend(model), 50.0);
+  // 2 % of the tolerance: steps over a reversal differ.
   CHECK((replayed.positions(motion.stretches[0], window) -
          exact.positions(motion.stretches[0], window))
             .cwiseAbs()
-            .maxCoeff() < 2e-5);
+            .maxCoeff() < 2e-4);
   MotionWindow a = window, b = window;
   fit_state(exact, motion.stretches[0], a, motion.tolerance, {});
   fit_state(replayed, motion.stretches[0], b, motion.tolerance, {});
-  CHECK((a.state - b.state).cwiseAbs().maxCoeff() < 1e-4);
+  CHECK((a.state - b.state).cwiseAbs().maxCoeff() < 2e-3);
 
   CHECK_FALSE(needs_replay(extend(model)));
   Model late = model;
