@@ -226,10 +226,14 @@ class Both {
     draw();
   }
 
-  /// Draws the first horizon that the base model does not follow, else the last one.
+  /// Draws the first horizon that the base model does not follow, else the last one; of longer ones
+  /// those that the extended model follows, while the base's windows hold together.
   void draw() {
     std::size_t shown = 0;
     while (shown + 1 < kept_[0].size() && out_.horizons[shown].base <= 1.0) ++shown;
+    while (shown + 1 < kept_[0].size() && out_.horizons[shown + 1].extended <= 1.0 &&
+           out_.horizons[shown + 1].base_apart == 0)
+      ++shown;
     const SimulatedHorizon& h = out_.horizons[shown];
     out_.window = h.horizon;
     const std::vector<MotionWindow>& of_base = kept_[0][shown];

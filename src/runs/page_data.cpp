@@ -138,7 +138,10 @@ std::string page_data(const DiagnoseRun& run) {
   Json grey_box = Json::array();
   for (const GreyBox& g : f.grey_box) grey_box.push_back({{"unit", g.unit}});
   return data({{"ball", io::json_of(f.ball, kInResult)},
-               {"simulated", {{"horizons", horizons}, {"joints", joints}}},
+               {"simulated",
+                {{"window", number(f.simulated.window)},
+                 {"horizons", horizons},
+                 {"joints", joints}}},
                {"grey_box", grey_box}},
               diagnose_series_json(shown));
 }
