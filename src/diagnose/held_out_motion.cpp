@@ -86,7 +86,7 @@ VecX<double> range_of(const std::vector<MotionStretch>& stretches) {
 
 /// Rows of which the shortest window still has enough: others cost time and tell nothing new.
 std::size_t kept_of(const std::vector<MotionStretch>& stretches, const SensorNoise& noise) {
-  constexpr double kRows = 12.0;  // of the shortest window: a state is two numbers
+  constexpr double kRows = 12.0;  // rows of the shortest window: a state is two numbers
   const double shortest = horizons(stretches, noise, {}).front();
   const bool slow = std::ranges::any_of(noise.refresh, [](int rows) { return rows > 1; });
   const double every = std::floor(shortest / (kRows * noise.period.maxCoeff()) * (1.0 + 1e-9));
@@ -132,8 +132,8 @@ HeldOutMotion motion_of(const std::vector<Recording>& parts) {
           "the torque of " + joint + " was not recorded: its motion is an input, not a result";
     for (long j = 0; j < r.q.cols(); ++j)
       if (r.q.col(j).array().isNaN().all())
-        out.reason = "the position of " + r.joint_names[static_cast<std::size_t>(j)] +
-                     " was not recorded";
+        out.reason =
+            "the position of " + r.joint_names[static_cast<std::size_t>(j)] + " was not recorded";
     if (!out.reason.empty()) return out;
   }
   out.noise = sensor_noise(parts, passive);

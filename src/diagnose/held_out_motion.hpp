@@ -15,11 +15,11 @@ namespace diffnea {
 struct HeldOutMotion {
   /// Runs are numbered as the evidence's; of fast logs, some of the rows.
   std::vector<MotionStretch> stretches;
-  std::map<int, double> begins;          ///< time of the first row of each run [s]
-  SensorNoise noise;                     ///< as logged
-  VecX<double> size;       ///< (n) motion_size()
-  VecX<double> tolerance;  ///< (n) error within which a simulation follows [rad] or [m]
-  std::string reason;      ///< why nothing can be simulated; empty: something can
+  std::map<int, double> begins;  ///< time of the first row of each run [s]
+  SensorNoise noise;             ///< sensors' noise, of all rows that were logged
+  VecX<double> size;             ///< (n) motion_size()
+  VecX<double> tolerance;        ///< (n) error within which a simulation follows [rad] or [m]
+  std::string reason;            ///< why nothing can be simulated; empty: something can
 };
 
 /// Recordings of the same joints, or parts of them, as motion.

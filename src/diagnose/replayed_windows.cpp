@@ -86,8 +86,8 @@ void ReplayedWindows::set_grid(const MotionStretch& stretch, const MotionWindow&
                    static_cast<long>(std::floor((from - stretch.time.front()) / dt)));
   const long inside = static_cast<long>(std::ceil((to - from) / dt - 1e-6)) + 1;
   Grid& g = grid_;
-  g = {&stretch, window.first, window.rows, {}, {}, before, before + inside + kMargin, from, {}, {},
-       {}};
+  g = {&stretch, window.first, window.rows, {}, {}, before, before + inside + kMargin,
+       from,     {},           {},          {}};
   const long rows = g.end + 1, n = stretch.q.cols();
   const double start = from - static_cast<double>(before) * dt;
   g.motion.dt = dt;
@@ -159,7 +159,7 @@ double ReplayedWindows::cost(const MotionStretch& stretch, const MotionWindow& w
 
 void ReplayedWindows::differentiate(const MotionStretch& stretch, const MotionWindow& window,
                                     const VecX<double>& sigma) {
-  constexpr double kStep = 1e-2;  // of what moves the error by σ: beyond rounding, within a corner
+  constexpr double kStep = 1e-2;  // share of a move by σ: beyond rounding, within a corner
   const RowMatX<double>& q = simulated(stretch, window);
   const long n = q.cols();
   const double seconds = stretch.time[static_cast<std::size_t>(window.first + window.rows - 1)] -

@@ -9,11 +9,11 @@
 
 namespace diffnea {
 
-/// Whether JointWindows cannot simulate and differentiate the model.
+/// Tells whether JointWindows cannot simulate and differentiate the model.
 bool needs_replay(const ExtendedTree& model);
 
-/// Simulates by replay() on an even grid. Derivatives by the first state are finite differences, made
-/// once for each window: what they are later costs more than it gains.
+/// Simulates by replay() on an even grid. Derivatives by the first state are finite differences,
+/// made once for each window: what they are later costs more than it gains.
 class ReplayedWindows : public WindowSimulator {
  public:
   /// @param begin  time of the run's first row [s]
@@ -31,14 +31,14 @@ class ReplayedWindows : public WindowSimulator {
   /// A window with what is around it, on an even grid.
   struct Grid {
     const MotionStretch* stretch = nullptr;
-    long first = -1, rows = 0;  ///< of the window
+    long first = -1, rows = 0;  ///< first row and rows of the window
     JointSeries motion;
     RowMatX<double> torque;
-    long begin = 0, end = 0;  ///< rows of the grid that are simulated
-    double start = 0.0;       ///< time of row `begin` [s]
-    VecX<double> state;       ///< first state that was simulated last
-    RowMatX<double> simulated;                  ///< (window's rows, n) positions from it
-    std::vector<RowMatX<double>> by_state;      ///< (window's rows, n) ∂q/∂ each number of a state
+    long begin = 0, end = 0;                ///< rows of the grid that are simulated
+    double start = 0.0;                     ///< time of row `begin` [s]
+    VecX<double> state;                     ///< first state that was simulated last
+    RowMatX<double> simulated;              ///< (window's rows, n) positions from it
+    std::vector<RowMatX<double>> by_state;  ///< (window's rows, n) ∂q/∂ each number of a state
   };
   const RowMatX<double>& simulated(const MotionStretch& stretch, const MotionWindow& window);
   void differentiate(const MotionStretch& stretch, const MotionWindow& window,
@@ -47,7 +47,7 @@ class ReplayedWindows : public WindowSimulator {
 
   ExtendedTree model_;
   double begin_;
-  Grid grid_;  ///< of the last window
+  Grid grid_;  ///< last window
 };
 
 }  // namespace diffnea

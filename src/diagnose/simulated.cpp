@@ -33,7 +33,7 @@ constexpr std::size_t kMostPoints = 3000;  ///< of a joint that are kept
 struct Left {
   std::size_t window = 0;
   int joint = 0;
-  double time = 0.0;  ///< of the recording [s]
+  double time = 0.0;  ///< instant of the recording [s]
 };
 
 struct HorizonErrors {
@@ -91,8 +91,7 @@ class Climb {
       const VecX<double> most = count.cwiseProduct(motion_.size.cwiseAbs2());
       const bool apart = !(of_window.array() <= most.array()).all();
       if (apart && first) out.left.push_back(*first);
-      for (long j = 0; j < n; ++j)
-        squares[j] += of_window[j] <= most[j] ? of_window[j] : most[j];
+      for (long j = 0; j < n; ++j) squares[j] += of_window[j] <= most[j] ? of_window[j] : most[j];
       rows += count;
     }
     out.rmse = squares.cwiseQuotient(rows.cwiseMax(1.0)).cwiseSqrt();
@@ -156,8 +155,8 @@ class Both {
     }
     if (out_.horizons.empty()) {
       out_.joints.clear();
-      out_.reason =
-          windows.empty() ? "no held-out stretch is long enough for a window" : "it was interrupted";
+      out_.reason = windows.empty() ? "no held-out stretch is long enough for a window"
+                                    : "it was interrupted";
     } else {
       conclude();
     }
@@ -271,7 +270,7 @@ class Both {
   std::array<Climb, 2> climbs_;
   double most_;  ///< work at a horizon
   std::array<bool, 2> goes_on_{true, true}, reported_{};
-  std::array<std::vector<std::vector<MotionWindow>>, 2> kept_;  ///< of each horizon
+  std::array<std::vector<std::vector<MotionWindow>>, 2> kept_;  ///< windows of each horizon
   SimulatedMotion out_;
 };
 
@@ -339,8 +338,7 @@ std::vector<MotionWindow> lengthened(const std::vector<MotionStretch>& stretches
     const bool overlaps = !out.empty() && out.back().stretch == from.stretch &&
                           from.first < out.back().first + out.back().rows - 1;
     if (overlaps) continue;
-    const MotionWindow w =
-        window_from(stretches[from.stretch], from.stretch, from.first, horizon);
+    const MotionWindow w = window_from(stretches[from.stretch], from.stretch, from.first, horizon);
     if (w.rows > 0) out.push_back(w);
   }
   long rows = 0;

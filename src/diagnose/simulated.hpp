@@ -20,7 +20,7 @@ double follows(const std::vector<double>& horizons, const std::vector<double>& e
 /// @param most  number of windows, where stretches are no more
 std::vector<MotionWindow> spread_windows(const std::vector<MotionStretch>& stretches,
                                          double horizon, std::size_t most);
-/// Those of the windows that can be as long, made so, and none begins before another has ended.
+/// Lengthens the windows that can be as long; none begins before another has ended.
 /// @param most  rows of all of them times the square of the joints; one window may have more
 std::vector<MotionWindow> lengthened(const std::vector<MotionStretch>& stretches,
                                      const std::vector<MotionWindow>& windows, double horizon,

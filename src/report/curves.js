@@ -103,14 +103,14 @@ const Curves = (() => {
     return svg("band", ...size, out);
   }
 
-  // Of an identification: a curve a model.
+  // An identification: a curve a model.
   function horizon(d, page) {
     const rows = page.result.horizons.filter((h) => h.joint === d.joint);
     const curves = [["nominal", "nominal_" + d.set], ["fitted", d.set]].map(([css, key]) => [css, rows.map((h) => h[key])]);
     return overHorizon(rows.map((h) => h.horizon), curves, `error [${unit(rows[0].unit)}]`, NaN);
   }
 
-  // Of a diagnosis: of one joint, or of the worst of all.
+  // A diagnosis: one joint, or the worst of all.
   function follows(d, page) {
     const { horizons, joints } = page.result.simulated, j = Number(d.joint), all = d.joint === "all";
     const of = (model) => horizons.map((h) => (all ? h[model] : 1e3 * (h[model + "_rmse"][j] ?? NaN)));

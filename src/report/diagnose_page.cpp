@@ -83,9 +83,7 @@ std::string head(const Finding& f, const std::string& name) {
     out += element("p", follows, "verdict");
   out += "<p class='verdict'>" + badge(f.verdict) + escape(unit(verdict_sentence(f))) + "</p>\n";
   const std::string ball = f.ball ? ball_sentence(*f.ball, f.causes.empty()) : "";
-  out += element("p",
-                 gained(f) + (ball.empty() ? "" : " " + capital(ball) + "."),
-                 "gained");
+  out += element("p", gained(f) + (ball.empty() ? "" : " " + capital(ball) + "."), "gained");
   for (const std::string& text : reservations(f)) out += element("p", text, "warning");
   return out + causes_at_once(f);
 }

@@ -37,8 +37,7 @@ std::string follows_table(const Finding& f) {
   std::vector<std::vector<std::string>> rows;
   for (const SimulatedSeries& s : m.joints) {
     std::vector<std::string> row{
-        escape(s.joint),
-        in_thousandths(s.tolerance, s.unit) + (is_of_noise(s) ? " (noise)" : ""),
+        escape(s.joint), in_thousandths(s.tolerance, s.unit) + (is_of_noise(s) ? " (noise)" : ""),
         follows_cell(m, s.base_follows)};
     if (!one) row.push_back("<b>" + follows_cell(m, s.extended_follows) + "</b>");
     row.push_back(in_thousandths(s.base_rmse, s.unit));
@@ -66,10 +65,9 @@ std::string pictures(const Finding& f, const std::vector<std::size_t>& open,
     return figure(escape(f.simulated.joints[j].joint) + " <small>error over horizon</small>",
                   std::to_string(j));
   };
-  std::string out =
-      "<p class='faint'><span class='key nominal'></span>base model" +
-      std::string(one ? "" : "<span class='key fitted'></span>extended model") +
-      "<span class='key bound'></span>tolerance</p>\n<div class='evidence'>\n";
+  std::string out = "<p class='faint'><span class='key nominal'></span>base model" +
+                    std::string(one ? "" : "<span class='key fitted'></span>extended model") +
+                    "<span class='key bound'></span>tolerance</p>\n<div class='evidence'>\n";
   if (f.simulated.joints.size() > 1)
     out += figure("all joints <small>largest error over its tolerance</small>", "all");
   for (const std::size_t j : open) out += of_joint(j);
@@ -116,10 +114,10 @@ std::string follows_section(const Finding& f) {
     out += element("p", apart + " There the error exceeds the joint's own motion.", "warning");
   const std::vector<ShownSeries> all = shown(m.joints);
   if (std::ranges::any_of(all, &ShownSeries::measured))
-    out += element("h3", "Motion in windows of " + in_seconds(m.window)) +
-           element("p", "The windows are spread over the recording and drawn side by side.",
-                   "faint") +
-           open_and_folded("simulated", all, open, folded, "position", names_of(f));
+    out +=
+        element("h3", "Motion in windows of " + in_seconds(m.window)) +
+        element("p", "The windows are spread over the recording and drawn side by side.", "faint") +
+        open_and_folded("simulated", all, open, folded, "position", names_of(f));
   if (const std::string joints = farther(f); !joints.empty())
     out += element("p",
                    "The extended model's torque fits better, but its motion of " + joints +

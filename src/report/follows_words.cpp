@@ -26,7 +26,8 @@ std::string tolerances(const std::vector<SimulatedSeries>& joints) {
       }
     if (!(high > 0.0)) continue;
     const std::string least = rounded(1e3 * low), most = rounded(1e3 * high);
-    out += (out.empty() ? "" : " and ") + (least == most ? "" : least + " to ") + most + " m" + unit;
+    out +=
+        (out.empty() ? "" : " and ") + (least == most ? "" : least + " to ") + most + " m" + unit;
   }
   return out;
 }
@@ -60,31 +61,33 @@ std::string followed(const SimulatedMotion& m, double t) {
 
 std::string follows_sentence(const Finding& f) {
   const SimulatedMotion& m = f.simulated;
-  const bool of_joints = std::ranges::any_of(f.joints, [](const JointGain& j) { return !is_ball(j); });
+  const bool of_joints =
+      std::ranges::any_of(f.joints, [](const JointGain& j) { return !is_ball(j); });
   if (!m.reason.empty())
-    return of_joints ? "For how long your simulation follows the robot is not known: " + m.reason + "."
-                     : "";
+    return of_joints
+               ? "For how long your simulation follows the robot is not known: " + m.reason + "."
+               : "";
   if (m.horizons.empty() || m.joints.empty() || std::isnan(m.base_follows)) return "";
   const std::string shortest = in_seconds(m.horizons.front().horizon);
   const double before = m.base_follows, after = m.extended_follows;
   std::string out = before > 0.0 ? "Your simulation follows the robot for " + followed(m, before) +
                                        " " + within(m.joints)
-                                 : "Your simulation does not follow the robot for even " + shortest +
-                                       " " + within(m.joints);
+                                 : "Your simulation does not follow the robot for even " +
+                                       shortest + " " + within(m.joints);
   if (f.causes.empty()) return out + ".";
   const std::string with = "; " + with_causes(f);
   if (before > 0.0)
     out += after > 0.0 ? with + ", for " + followed(m, after) : with + ", not for even " + shortest;
   else
-    out += after > 0.0 ? with + " it does, for " + followed(m, after) : with + " it does not either";
+    out +=
+        after > 0.0 ? with + " it does, for " + followed(m, after) : with + " it does not either";
   return out + ".";
 }
 
 std::string verdict_sentence(const Finding& f) {
   const std::string first = follows_sentence(f);
-  return !first.empty() && f.sentence.starts_with(first + " ")
-             ? f.sentence.substr(first.size() + 1)
-             : f.sentence;
+  return !first.empty() && f.sentence.starts_with(first + " ") ? f.sentence.substr(first.size() + 1)
+                                                               : f.sentence;
 }
 
 std::string apart_sentence(const Finding& f) {

@@ -18,7 +18,7 @@ std::string apart_sentence(const Finding& finding);
 std::string in_seconds(double t);
 /// "1.5 s", "at least 40 s" where nothing longer was simulated.
 std::string followed(const SimulatedMotion& motion, double t);
-/// Whether the tolerance is that of the sensor's noise, not of the motion.
+/// Tells whether the tolerance is that of the sensor's noise, not of the motion.
 bool is_of_noise(const SimulatedSeries& joint);
 
 }  // namespace diffnea::report

@@ -1,6 +1,6 @@
 #pragma once
-/// What a diagnosis comes to: for how long the simulation follows the robot, then the verdict, with
-/// numbers.
+/// A diagnosis in words with numbers: for how long the simulation follows the robot, then the
+/// verdict.
 
 #include <string>
 

@@ -137,13 +137,12 @@ std::string page_data(const DiagnoseRun& run) {
     joints.push_back({{"unit", s.unit}, {"tolerance", number(s.tolerance)}});
   Json grey_box = Json::array();
   for (const GreyBox& g : f.grey_box) grey_box.push_back({{"unit", g.unit}});
-  return data({{"ball", io::json_of(f.ball, kInResult)},
-               {"simulated",
-                {{"window", number(f.simulated.window)},
-                 {"horizons", horizons},
-                 {"joints", joints}}},
-               {"grey_box", grey_box}},
-              diagnose_series_json(shown));
+  return data(
+      {{"ball", io::json_of(f.ball, kInResult)},
+       {"simulated",
+        {{"window", number(f.simulated.window)}, {"horizons", horizons}, {"joints", joints}}},
+       {"grey_box", grey_box}},
+      diagnose_series_json(shown));
 }
 
 std::string page_data(const LearnRun& run, const std::vector<int>& shown) {

@@ -1,5 +1,7 @@
 /// For how long a simulation follows held-out motion, without and with what a diagnosis names.
 
+#include "diagnose/simulated.hpp"
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -12,7 +14,6 @@
 #include <diffnea/report/diagnose_text.hpp>
 
 #include "diagnose/replayed_windows.hpp"
-#include "diagnose/simulated.hpp"
 #include "motion/free_swing.hpp"
 #include "motion/sensitivities.hpp"
 #include "support/three_links.hpp"
@@ -48,7 +49,7 @@ TEST_CASE("diagnose: a horizon ends where the error crosses its tolerance", "[di
   // A power law: error ∝ T, from a quarter to four times the tolerance.
   CHECK(follows({1.0, 16.0}, {0.25, 4.0}) == Approx(4.0));
   CHECK(follows({1.0, 2.0, 4.0}, {0.1, 0.5, 2.0}) == Approx(2.0 * std::sqrt(2.0)));
-  CHECK(follows({1.0, 2.0}, {1.1, 0.5}) == 0.0);         // not even the shortest
+  CHECK(follows({1.0, 2.0}, {1.1, 0.5}) == 0.0);            // not even the shortest
   CHECK(follows({1.0, 2.0, 5.0}, {0.1, 0.2, 1.0}) == 5.0);  // all of it
   CHECK(follows({1.0, 2.0, 4.0}, {0.5, 2.0, 0.5}) == Approx(std::sqrt(2.0)));  // the first crossing
   CHECK(follows({1.0, 2.0, 4.0}, {0.5, 0.6, kNaN}) == 2.0);
@@ -89,9 +90,9 @@ TEST_CASE("diagnose: windows are spread over all stretches, bounded, and grow wh
   // Where there are too many rows, windows are fewer; that which can become the longest stays.
   const std::vector<MotionWindow> all = spread_windows(motion.stretches, 0.25, 24);
   const std::vector<MotionWindow> few = lengthened(motion.stretches, all, 0.25, 100.0);
-  CHECK(few.size() == 3);  // of 26 rows
-  CHECK(std::ranges::any_of(
-      few, [](const MotionWindow& w) { return w.stretch == 1 && w.first == 0; }));
+  CHECK(few.size() == 3);  // windows of 26 rows
+  CHECK(std::ranges::any_of(few,
+                            [](const MotionWindow& w) { return w.stretch == 1 && w.first == 0; }));
 }
 
 TEST_CASE("diagnose: of a fast log some rows are simulated, and all of the torque", "[diagnose]") {
@@ -197,8 +198,7 @@ TEST_CASE("diagnose: effects without derivatives are replayed, on any clock, fro
   const HeldOutMotion motion = motion_of({free_swing(truth, times)});
   const Model model = swing_with(truth.coulomb);
   MotionWindow window{0, 100, 300, VecX<double>::Zero(2)};
-  const LocalMotion at =
-      local_motion(motion.stretches[0], motion.stretches[0].time[100], 100, 12);
+  const LocalMotion at = local_motion(motion.stretches[0], motion.stretches[0].time[100], 100, 12);
   window.state << at.q, at.qd;
   JointWindows exact(extend(model), {}, {}, SteppingOptions{});
   ReplayedWindows replayed(extend(model), 50.0);

@@ -292,7 +292,7 @@ def test_how_long_the_simulation_follows_before_and_after(finding, tmp_path: Pat
     shoulder, elbow = motion.joints
     assert (shoulder.joint, elbow.joint, elbow.unit) == ("shoulder", "elbow", "rad")
     assert elbow.extended_follows > elbow.base_follows
-    # Of all joints the first to leave its tolerance.
+    # The first joint to leave its tolerance decides.
     assert motion.base_follows == pytest.approx(min(s.base_follows for s in motion.joints))
     lengths = [h.horizon for h in motion.horizons]
     assert lengths == sorted(lengths)

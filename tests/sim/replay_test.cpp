@@ -65,7 +65,8 @@ double error(const Model& model, const JointSeries& x, const RowMatX<double>& to
 }
 
 /// The motion is some 0.5 rad, its velocity 1 rad/s. What differs between replay and plant is the
-/// first velocity: a few times 1e-5 rad after half a second. An effect that is left out costs 100 times that.
+/// first velocity: a few times 1e-5 rad after half a second. An effect that is left out costs 100
+/// times that.
 constexpr double kSame = 5e-4;
 
 }  // namespace
@@ -121,7 +122,7 @@ TEST_CASE("replay: a first state that is given counts, the measured one does not
   other.qd.row(begin).array() += 1.0;
   CHECK(replay(extend(wam()), other, r.tau, begin, end, &first) ==
         replay(extend(wam()), x, r.tau, begin, end));
-  first[n] += 0.5;  // of the first joint's velocity [rad/s]
+  first[n] += 0.5;  // velocity of the first joint [rad/s]
   const RowMatX<double> faster = replay(extend(wam()), x, r.tau, begin, end, &first);
   CHECK(faster(end - begin - 1, 0) - x.q(end - 1, 0) > 0.02);
 }

@@ -383,10 +383,11 @@ struct SimulatedSeries {
     list.field("noise", &SimulatedSeries::noise,
                "Standard deviation of its sensor's noise, quantisation included.",
                {.unit = "unit", .files = kInResult});
-    list.field("tolerance", &SimulatedSeries::tolerance,
-               "Error within which a simulation follows: three times the noise, or 1 % of the range "
-               "of the held-out motion, whichever is more.",
-               {.unit = "unit", .files = kInResult});
+    list.field(
+        "tolerance", &SimulatedSeries::tolerance,
+        "Error within which a simulation follows: three times the noise, or 1 % of the range "
+        "of the held-out motion, whichever is more.",
+        {.unit = "unit", .files = kInResult});
     list.field("base_follows", &SimulatedSeries::base_follows,
                "How long the base model follows this joint; 0: not even for the shortest horizon.",
                {.unit = "s", .key = "follows.base", .files = kInResult});
@@ -424,14 +425,16 @@ struct SimulatedHorizon {
               {.files = kInResult});
     list.field("horizon", &SimulatedHorizon::horizon, "Length of the windows.", {.unit = "s"});
     list.field("windows", &SimulatedHorizon::windows, "Number of windows.");
-    list.field("base_apart", &SimulatedHorizon::base_apart,
-               "Windows in which the base model's simulation falls apart: it blows up, or its error "
-               "exceeds the joint's motion about its mean.",
-               {.key = "apart.base"});
+    list.field(
+        "base_apart", &SimulatedHorizon::base_apart,
+        "Windows in which the base model's simulation falls apart: it blows up, or its error "
+        "exceeds the joint's motion about its mean.",
+        {.key = "apart.base"});
     list.field("extended_apart", &SimulatedHorizon::extended_apart,
                "The same of the extended model.", {.key = "apart.extended"});
-    list.field("base", &SimulatedHorizon::base,
-               "Largest of all joints' errors over their tolerance, base model; NaN: not simulated.");
+    list.field(
+        "base", &SimulatedHorizon::base,
+        "Largest of all joints' errors over their tolerance, base model; NaN: not simulated.");
     list.field("extended", &SimulatedHorizon::extended, "The same of the extended model.");
     list.field("base_rmse", &SimulatedHorizon::base_rmse,
                "Root mean square error of each of ``joints``, base model.");
