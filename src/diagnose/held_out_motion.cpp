@@ -15,8 +15,8 @@ namespace {
 constexpr double kNoises = 3.0;
 /// Error over the range of motion that counts as following: a line's width in a plot of it.
 constexpr double kOfRange = 0.01;
-/// Rows of all recordings that are kept: an hour at 1 kHz.
-constexpr long kMostRows = 3'600'000;
+/// Rows of all recordings after which no other is read: a quarter of an hour at 1 kHz.
+constexpr long kMostRows = 1'000'000;
 
 /// Part of a recording that is held out [s].
 struct Span {

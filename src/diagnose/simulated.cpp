@@ -12,7 +12,6 @@
 #include "diagnose/replayed_windows.hpp"
 #include "identify/passes.hpp"
 #include "motion/continuation.hpp"
-#include "motion/sensitivities.hpp"
 
 namespace diffnea {
 namespace {
@@ -25,8 +24,8 @@ constexpr double kMostWork = 48'000.0;
 constexpr double kMostReplayed = 24'000.0;
 /// Shortest of the windows over the horizon.
 constexpr double kNearly = 0.9;
-/// An error's tenth of a per cent does not show.
-constexpr StateFitOptions kStateFit{.max_iterations = 10, .tolerance = 1e-3};
+/// Half a per cent of an error, a per cent of its square, does not show.
+constexpr StateFitOptions kStateFit{.max_iterations = 10, .tolerance = 1e-2};
 constexpr std::size_t kMostPoints = 3000;  ///< of a joint that are kept
 
 /// Windows of one model that a simulation leaves.
@@ -109,8 +108,7 @@ class Climb {
     if (needs_replay(tree))
       out = std::make_unique<ReplayedWindows>(std::move(tree), motion_.begins.at(run));
     else
-      out = std::make_unique<JointWindows>(std::move(tree), std::vector<BoundEffect>{},
-                                           std::vector<MotionParameter>{}, SteppingOptions{});
+      out = std::make_unique<PathWindows>(std::move(tree));
     return *out;
   }
 

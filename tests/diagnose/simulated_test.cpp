@@ -201,15 +201,18 @@ TEST_CASE("diagnose: effects without derivatives are replayed, on any clock, fro
   const LocalMotion at = local_motion(motion.stretches[0], motion.stretches[0].time[100], 100, 12);
   window.state << at.q, at.qd;
   JointWindows exact(extend(model), {}, {}, SteppingOptions{});
+  PathWindows path(extend(model));
   ReplayedWindows replayed(extend(model), 50.0);
   // 2 % of the tolerance: steps over a reversal differ.
   CHECK((replayed.positions(motion.stretches[0], window) -
          exact.positions(motion.stretches[0], window))
             .cwiseAbs()
             .maxCoeff() < 2e-4);
-  MotionWindow a = window, b = window;
+  MotionWindow a = window, b = window, c = window;
   fit_state(exact, motion.stretches[0], a, motion.tolerance, {});
   fit_state(replayed, motion.stretches[0], b, motion.tolerance, {});
+  fit_state(path, motion.stretches[0], c, motion.tolerance, {});
+  CHECK((a.state - c.state).cwiseAbs().maxCoeff() < 1e-4);
   CHECK((a.state - b.state).cwiseAbs().maxCoeff() < 2e-3);
 
   CHECK_FALSE(needs_replay(extend(model)));
