@@ -166,9 +166,11 @@ class Both {
     SimulatedHorizon h;
     h.horizon = horizon;
     h.windows = static_cast<int>(windows.size());
+    const std::array<bool, 2> goes_on = goes_on_;
+    for (std::size_t m = 0; m < (alike_ ? 1 : 2); ++m)
+      if (goes_on[m] && !climbs_[m].rise(windows, first)) return false;
     for (std::size_t m = 0; m < (alike_ ? 1 : 2); ++m) {
-      if (!goes_on_[m]) continue;
-      if (!climbs_[m].rise(windows, first)) return false;
+      if (!goes_on[m]) continue;
       const HorizonErrors errors = climbs_[m].errors();
       const int apart = static_cast<int>(errors.left.size());
       (m == 0 ? h.base : h.extended) = errors.rmse.cwiseQuotient(motion_.tolerance).maxCoeff();

@@ -38,7 +38,7 @@ TEST_CASE("report: pages of many joints stay below 5 MB", "[report]") {
   FitRun fit;
   DiagnoseRun diagnosis;
   Finding& f = diagnosis.finding;
-  f.simulated.horizons.push_back({.horizon = 0.1, .windows = 24});
+  f.simulated.horizons.emplace_back().horizon = 0.1;
   for (int j = 0; j < kJoints; ++j) {
     const std::string joint = "joint" + std::to_string(j);
     const TorqueSeries series{joint,           "N*m",           times(4000),    column(4000, j),
