@@ -5,8 +5,8 @@
 
 namespace diffnea {
 
-/// Derivatives by the first state are finite differences, made once for each window: what they are
-/// at later states costs more than it gains.
+/// Derivatives by the first state are finite differences. They cost as much as all that follows,
+/// and are made again only where those of an earlier state still promise much.
 class DifferencedWindows : public WindowSimulator {
  public:
   bool linearise(const MotionStretch& stretch, const MotionWindow& window,
@@ -18,6 +18,8 @@ class DifferencedWindows : public WindowSimulator {
   const RowMatX<double>& simulated(const MotionStretch& stretch, const MotionWindow& window);
   void differentiate(const MotionStretch& stretch, const MotionWindow& window,
                      const VecX<double>& sigma);
+  RowMatX<double> rows_of(const MotionStretch& stretch, const MotionWindow& window,
+                          const VecX<double>& sigma) const;
 
   /// The last window.
   struct {
@@ -26,6 +28,7 @@ class DifferencedWindows : public WindowSimulator {
     VecX<double> state;                     ///< first state that was simulated last
     RowMatX<double> simulated;              ///< (rows, n) positions from it
     std::vector<RowMatX<double>> by_state;  ///< (rows, n) ∂q/∂ each number of a state
+    int differences = 0;                    ///< times that they were made
   } last_;
 };
 
