@@ -10,17 +10,16 @@
 namespace diffnea::report {
 namespace {
 
-constexpr std::size_t kOpen = 2;  ///< joints whose motion is open: of causes, or that gain most
+constexpr std::size_t kOpen =
+    2;  ///< joints whose motion is open: of causes, or that are left first
 
-/// Indices of the joints: those of causes, in their order, then the others by how much their error
-/// falls.
+/// Indices of the joints: those of causes, in their order, then the others, those first that the
+/// extended model leaves first.
 std::vector<std::size_t> by_interest(const Finding& f) {
   const std::vector<SimulatedSeries>& joints = f.simulated.joints;
   std::vector<std::size_t> out(joints.size());
   for (std::size_t j = 0; j < out.size(); ++j) out[j] = j;
-  std::ranges::stable_sort(out, {}, [&](std::size_t j) {
-    return joints[j].base_rmse > 0.0 ? joints[j].extended_rmse / joints[j].base_rmse : 1.0;
-  });
+  std::ranges::stable_sort(out, {}, [&](std::size_t j) { return joints[j].extended_follows; });
   std::ranges::stable_sort(out, {}, [&](std::size_t j) {
     return std::ranges::find(f.causes, joints[j].joint, &Cause::where) - f.causes.begin();
   });
