@@ -15,17 +15,6 @@ namespace diffnea {
 /// @param errors    over the tolerance; NaN ends them
 double follows(const std::vector<double>& horizons, const std::vector<double>& errors);
 
-/// Windows that start evenly spread over the stretches, at their first rows among others, each as
-/// long as the shortest horizon.
-/// @param most  number of windows, where stretches are no more
-std::vector<MotionWindow> spread_windows(const std::vector<MotionStretch>& stretches,
-                                         double horizon, std::size_t most);
-/// Lengthens the windows that can be as long; none begins before another has ended.
-/// @param most  rows of all of them times the square of the joints; one window may have more
-std::vector<MotionWindow> lengthened(const std::vector<MotionStretch>& stretches,
-                                     const std::vector<MotionWindow>& windows, double horizon,
-                                     double most);
-
 /// Simulates windows of growing length from estimated first states, until both models fall apart.
 /// Takes a bounded number of windows.
 /// @param runs   numbers of the recordings, as the models' effects know them

@@ -1,6 +1,7 @@
 /// For how long a simulation follows held-out motion, without and with what a diagnosis names.
 
 #include "diagnose/simulated.hpp"
+#include "diagnose/spread_windows.hpp"
 
 #include <algorithm>
 #include <cmath>
