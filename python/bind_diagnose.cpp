@@ -116,6 +116,8 @@ void bind_finding_parts(py::module_& m) {
   def_to_frame(residual, kSeries);
   auto simulated = value_type<SimulatedSeries>(m);
   def_to_frame(simulated, kSeries);
+  value_type<SimulatedHorizon>(m);
+  value_type<ApartWindow>(m);
   auto motion = value_type<SimulatedMotion>(m);
   def_to_frame(motion, "The series of all joints, told apart by a column ``joint``.");
 }

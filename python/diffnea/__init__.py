@@ -19,6 +19,7 @@ from . import models, style
 from ._audit import audit
 from ._core import (
     Absorbed,
+    ApartWindow,
     AuditCheck,
     AuditReport,
     BallFlag,
@@ -79,6 +80,7 @@ from ._core import (
     Rival,
     RunInput,
     ShapeError,
+    SimulatedHorizon,
     SimulatedMotion,
     SimulatedSeries,
     Simulation,
@@ -129,6 +131,7 @@ from ._transfer import Execution, TransferResult, animate, transfer
 
 __all__ = [
     "Absorbed",
+    "ApartWindow",
     "AuditCheck",
     "AuditReport",
     "BallFlag",
@@ -201,6 +204,7 @@ __all__ = [
     "Rollouts",
     "RunInput",
     "ShapeError",
+    "SimulatedHorizon",
     "SimulatedMotion",
     "SimulatedSeries",
     "Simulation",

@@ -154,7 +154,7 @@ def finding_html(finding: Finding) -> str:
     ]
     head = ["cause", "where", "parameters ± std", "ΔBIC", "held-out error² explained", "or"]
     return (
-        f"<p><b>{finding.verdict}</b>: {text.escape(finding.sentence)}</p>"
+        f"<p>{text.escape(finding.sentence)} <b>{finding.verdict}</b></p>"
         + (_table(head, causes) if causes else "")
         + f"<p>rms torque error, held out ({text.escape(finding.held_out)})</p>"
         + _table(["joint", "unit", "torque", "before", "after", "noise"], joints)

@@ -259,11 +259,14 @@ void BandDiagnosis::simulate(const VecX<double>& alone) {
                                     ": model files hold effects of the catalogue alone");
     }
   if (!case_.finding.simulated.reason.empty()) return;
+  const RecordingSource& source = case_.test ? *case_.test_source : case_.train_source;
+  const auto go_on = [&] {
+    return !case_.options.progress || case_.options.progress({"simulating", 0, 0, 0.0});
+  };
   case_.finding.simulated = simulate_held_out(
       base_at(case_.model, case_.layout, alone, {}), case_.finding.model,
-      case_.test ? *case_.test_source : case_.train_source, case_.held_out->evidence(),
-      case_.held_rows, case_.test ? case_.test_plan : case_.finding.plan,
-      reading_options(case_.options));
+      terms_.empty() && grey_.joints.empty(),
+      held_out_motion(source, case_.held_out->evidence(), case_.held_rows), source.runs(), go_on);
 }
 
 void BandDiagnosis::plan_next() {

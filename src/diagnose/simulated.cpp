@@ -2,271 +2,306 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
+#include <memory>
+#include <optional>
 
 #include <diffnea/core/error.hpp>
-#include <diffnea/sim/replay.hpp>
+#include <diffnea/motion/horizon.hpp>
 
 #include "core/constants.hpp"
+#include "diagnose/replayed_windows.hpp"
+#include "diagnose/spread_windows.hpp"
+#include "identify/passes.hpp"
+#include "motion/continuation.hpp"
 
 namespace diffnea {
 namespace {
 
-constexpr double kBefore = 0.5;            ///< [s] that effects with memory look back
-constexpr double kInLoop = 4.0;            ///< [s] of a window; the controller holds it together
-constexpr double kByTorque = 0.5;          ///< [s]; beyond, errors of the first velocity take over
-constexpr double kMostSeconds = 10.0;      ///< of all windows
-constexpr double kMostInLoop = 24.0;       ///< the same with the controller
+/// Windows at a horizon, at most: they tell an error to a seventh (1/√(2·24)).
+constexpr std::size_t kMostWindows = 24;
+/// Rows of all windows at a horizon times the square of the joints, which a row costs.
+constexpr double kMostWork = 36'000.0;
+/// The same where a model is replayed, which costs more.
+constexpr double kMostReplayed = 18'000.0;
+/// Half a per cent of an error, a per cent of its square, does not show.
+constexpr StateFitOptions kStateFit{.max_iterations = 20, .tolerance = 1e-2};
 constexpr std::size_t kMostPoints = 3000;  ///< of a joint that are kept
 
-/// A stretch that is simulated: the rows from `begin` to `end` of `x`, others around it.
-struct Window {
-  int run = 0;
-  double first = 0.0, last = 0.0;  ///< [s]
-  int segment = -1;
-  double start = kNaN;  ///< of the rows below [s]
-  std::vector<RowMatX<double>> parts;
-  JointSeries x;
-  long begin = 0, end = 0;
+/// Windows of one model that a simulation leaves.
+struct Left {
+  std::size_t window = 0;
+  int joint = 0;
+  double time = 0.0;  ///< instant of the recording [s]
 };
 
-std::optional<Feedback> feedback_of(const Recording& recording) {
-  if (recording.qcmd.size() == 0) return {};
-  const int n = recording.num_joints();
-  Feedback out{VecX<double>::Zero(n), VecX<double>::Zero(n),
-               VecX<double>::Constant(n, std::numeric_limits<double>::infinity())};
-  for (int j = 0; j < n; ++j) {
-    bool known = !recording.has_tau[static_cast<std::size_t>(j)];
-    for (const JointValue& v : recording.info.controller) {
-      if (v.joint != recording.joint_names[static_cast<std::size_t>(j)]) continue;
-      known |= v.name == "kp";
-      if (v.name == "kp") out.kp[j] = v.value;
-      if (v.name == "kd") out.kd[j] = v.value;
-      if (v.name == "limit") out.limit[j] = v.value;
-    }
-    if (!known) return {};
-  }
-  return out;
-}
+struct HorizonErrors {
+  VecX<double> rmse;  ///< (n)
+  std::vector<Left> left;
+};
 
-/// That of all recordings, if they have one and the same.
-std::optional<Feedback> common_feedback(const std::vector<Recording>& recordings) {
-  const std::optional<Feedback> first = feedback_of(recordings.front());
-  for (const Recording& r : recordings) {
-    const std::optional<Feedback> own = feedback_of(r);
-    if (!first || !own || own->kp != first->kp || own->kd != first->kd) return {};
-  }
-  return first;
-}
-
-/// All windows of that length that fit into held-out stretches, one after the other.
-std::vector<Window> possible_windows(const Evidence& evidence, const std::vector<bool>& held,
-                                     double seconds) {
-  std::vector<Window> out;
-  const auto counts = [&](long i) { return held.empty() || held[static_cast<std::size_t>(i)]; };
-  const std::vector<double>& time = evidence.time();
-  for (long i = 0; i < evidence.times();) {
-    if (!counts(i)) {
-      ++i;
-      continue;
-    }
-    const int stretch = evidence.stretch()[static_cast<std::size_t>(i)];
-    long end = i;
-    while (end < evidence.times() && counts(end) &&
-           evidence.stretch()[static_cast<std::size_t>(end)] == stretch)
-      ++end;
-    const double last = time[static_cast<std::size_t>(end - 1)];
-    for (double t = time[static_cast<std::size_t>(i)]; t + seconds <= last; t += seconds) {
-      out.emplace_back();
-      out.back().run = evidence.series()[static_cast<std::size_t>(stretch)].run;
-      out.back().first = t;
-      out.back().last = t + seconds;
-    }
-    i = end;
-  }
-  return out;
-}
-
-std::vector<Window> spread(std::vector<Window> all, std::size_t most) {
-  if (all.size() <= most) return all;
-  std::vector<Window> out;
-  for (std::size_t i = 0; i < most; ++i) out.push_back(std::move(all[i * all.size() / most]));
-  return out;
-}
-
-/// Takes the block's rows that belong to the window, [q q̇ q̈ τ].
-void collect(const Preprocessed& block, double run_start, Window& w) {
-  const double from = w.first - kBefore - 0.5 * block.dt, to = w.last + 1.5 * block.dt;
-  const double* time = block.time.data();
-  const long n = block.q.cols();
-  for (long k = std::lower_bound(time, time + block.rows(), from) - time;
-       k < block.rows() && time[k] < to; ++k) {
-    const int segment = block.segment[static_cast<std::size_t>(k)];
-    if (segment != w.segment) {
-      if (time[k] > w.first) return;
-      w.parts.clear();
-      w.segment = segment;
-      w.start = time[k] - run_start;
-      w.x.dt = block.dt;
-      w.begin = w.end = 0;
-    }
-    RowMatX<double> row(1, 4 * n);
-    row << block.q.row(k), block.qd.row(k), block.qdd.row(k), block.tau.row(k);
-    w.parts.push_back(std::move(row));
-    if (time[k] < w.first - 0.5 * block.dt) ++w.begin;
-    if (time[k] < w.last - 0.5 * block.dt) ++w.end;
-  }
-}
-
-/// @return false if rows around the window are missing
-bool finish(Window& w) {
-  const long rows = static_cast<long>(w.parts.size());
-  if (w.begin < 1 || w.end <= w.begin + 8 || w.end >= rows) return false;
-  const long n = w.parts.front().cols() / 4;
-  for (RowMatX<double>* m : {&w.x.q, &w.x.qd, &w.x.qdd, &w.x.logged}) m->resize(rows, n);
-  for (long k = 0; k < rows; ++k) {
-    const RowMatX<double>& row = w.parts[static_cast<std::size_t>(k)];
-    w.x.q.row(k) = row.leftCols(n);
-    w.x.qd.row(k) = row.middleCols(n, n);
-    w.x.qdd.row(k) = row.middleCols(2 * n, n);
-    w.x.logged.row(k) = row.rightCols(n);
-  }
-  w.parts.clear();
-  w.x.run = w.run;
-  w.x.start = w.start;
-  return true;
-}
-
-/// @return the windows with their rows; those that lack some are left out
-std::vector<Window> read_windows(std::vector<Window> windows, const RecordingSource& source,
-                                 const PreprocessPlan& plan, const IdentifyOptions& reading,
-                                 int first_run) {
-  int run = -1;
-  double run_start = 0.0;
-  for_each_block(source, plan, "simulating", 0, reading, [&](const Preprocessed& block) {
-    if (block.run != run) run_start = block.time[0];
-    run = block.run;
-    for (Window& w : windows)
-      if (w.run == first_run + run) collect(block, run_start, w);
-  });
-  std::erase_if(windows, [](Window& w) { return !finish(w); });
-  return windows;
-}
-
-/// Simulates windows by one model, in each run with the effects that act there.
-class Replayed {
+/// One model's way up the horizons.
+class Climb {
  public:
-  Replayed(const Model& model, const std::vector<int>& runs) : model_(model), runs_(runs) {}
+  Climb(const Model& model, const HeldOutMotion& motion, const std::vector<int>& runs,
+        const std::function<bool()>& go_on)
+      : model_(model), motion_(motion), runs_(runs), go_on_(go_on) {}
 
-  RowMatX<double> operator()(const Window& w, const Feedback* feedback) {
-    const auto [at, is_new] = trees_.try_emplace(w.run);
-    if (is_new) at->second = extend(model_, runs_, w.run);
-    return replay(at->second, w.x, w.begin, w.end, feedback, w.run);
+  /// Estimates the states of windows, which begin where some of the last ones did.
+  /// @return whether nobody has stopped it
+  bool rise(const std::vector<MotionWindow>& windows, double first_horizon) {
+    std::vector<MotionWindow> next = windows;
+    set_measured_states(motion_.stretches, first_horizon, next);
+    for (MotionWindow& w : next) {
+      for (const MotionWindow& from : windows_)
+        if (from.stretch == w.stretch && from.first == w.first) w.state = from.state;
+      if (!go_on_()) return false;
+      fit_state(simulator(w), motion_.stretches[w.stretch], w, motion_.tolerance, kStateFit);
+    }
+    windows_ = std::move(next);
+    return true;
+  }
+
+  RowMatX<double> positions(const MotionWindow& w) {
+    return simulator(w).positions(motion_.stretches[w.stretch], w);
+  }
+
+  HorizonErrors errors() {
+    const long n = motion_.tolerance.size();
+    VecX<double> squares = VecX<double>::Zero(n), rows = squares;
+    HorizonErrors out;
+    for (std::size_t i = 0; i < windows_.size(); ++i) {
+      const MotionWindow& w = windows_[i];
+      const MotionStretch& s = motion_.stretches[w.stretch];
+      const RowMatX<double> q = positions(w);
+      VecX<double> of_window = VecX<double>::Zero(n), count = of_window;
+      std::optional<Left> first;
+      for (long k = 0; k < w.rows; ++k)
+        for (int j = 0; j < n; ++j) {
+          const double error = q(k, j) - s.q(w.first + k, j);
+          const bool measured = !std::isnan(s.q(w.first + k, j));
+          if (measured) {
+            of_window[j] += error * error;
+            count[j] += 1.0;
+          }
+          if (!first && (std::isnan(q(k, j)) || (measured && std::abs(error) > motion_.size[j])))
+            first = Left{i, j, s.time[static_cast<std::size_t>(w.first + k)]};
+        }
+      const VecX<double> most = count.cwiseProduct(motion_.size.cwiseAbs2());
+      const bool apart = !(of_window.array() <= most.array()).all();
+      if (apart && first) out.left.push_back(*first);
+      for (long j = 0; j < n; ++j) squares[j] += of_window[j] <= most[j] ? of_window[j] : most[j];
+      rows += count;
+    }
+    out.rmse = squares.cwiseQuotient(rows.cwiseMax(1.0)).cwiseSqrt();
+    return out;
+  }
+
+  const std::vector<MotionWindow>& windows() const { return windows_; }
+
+ private:
+  WindowSimulator& simulator(const MotionWindow& w) {
+    const int run = motion_.stretches[w.stretch].run;
+    std::unique_ptr<WindowSimulator>& out = of_run_[run];
+    if (out) return *out;
+    ExtendedTree tree = extend(model_, runs_, run);
+    if (needs_replay(tree))
+      out = std::make_unique<ReplayedWindows>(std::move(tree), motion_.begins.at(run));
+    else
+      out = std::make_unique<PathWindows>(std::move(tree));
+    return *out;
+  }
+
+  const Model& model_;
+  const HeldOutMotion& motion_;
+  const std::vector<int>& runs_;
+  const std::function<bool()>& go_on_;
+  std::map<int, std::unique_ptr<WindowSimulator>> of_run_;
+  std::vector<MotionWindow> windows_;  ///< with their states
+};
+
+/// Both models, the base's windows and the extended one's.
+class Both {
+ public:
+  Both(const Model& base, const Model& extended, bool alike, const HeldOutMotion& motion,
+       const std::vector<int>& runs, const std::function<bool()>& go_on)
+      : names_(joint_names(base)),
+        motion_(motion),
+        alike_(alike),
+        climbs_{Climb(base, motion, runs, go_on), Climb(extended, motion, runs, go_on)},
+        most_(needs_replay(extend(base, runs)) || needs_replay(extend(extended, runs))
+                  ? kMostReplayed
+                  : kMostWork) {
+    for (std::size_t j = 0; j < names_.size(); ++j) {
+      SimulatedSeries s;
+      s.joint = names_[j];
+      s.unit = unit_of_joint(base, static_cast<int>(j), false);
+      s.noise = motion.noise.position[static_cast<long>(j)];
+      s.tolerance = motion.tolerance[static_cast<long>(j)];
+      out_.joints.push_back(s);
+    }
+  }
+
+  SimulatedMotion run() {
+    const std::vector<double> ladder = horizons(motion_.stretches, motion_.noise, {});
+    std::vector<MotionWindow> windows =
+        spread_windows(motion_.stretches, ladder.front(), kMostWindows);
+    for (const double horizon : ladder) {
+      windows = lengthened(motion_.stretches, windows, horizon, most_);
+      if (windows.empty() || !at(horizon, windows, ladder.front())) break;
+      if (!goes_on_[0] && !goes_on_[1]) break;
+    }
+    if (out_.horizons.empty()) {
+      out_.joints.clear();
+      out_.reason = windows.empty() ? "no held-out stretch is long enough for a window"
+                                    : "it was interrupted";
+    } else {
+      conclude();
+    }
+    return std::move(out_);
   }
 
  private:
-  const Model& model_;
-  std::vector<int> runs_;
-  std::map<int, ExtendedTree> trees_;
-};
+  bool at(double horizon, const std::vector<MotionWindow>& windows, double first) {
+    SimulatedHorizon h;
+    h.horizon = horizon;
+    h.windows = static_cast<int>(windows.size());
+    const std::array<bool, 2> goes_on = goes_on_;
+    for (std::size_t m = 0; m < (alike_ ? 1 : 2); ++m)
+      if (goes_on[m] && !climbs_[m].rise(windows, first)) return false;
+    for (std::size_t m = 0; m < (alike_ ? 1 : 2); ++m) {
+      if (!goes_on[m]) continue;
+      const HorizonErrors errors = climbs_[m].errors();
+      const int apart = static_cast<int>(errors.left.size());
+      (m == 0 ? h.base : h.extended) = errors.rmse.cwiseQuotient(motion_.tolerance).maxCoeff();
+      (m == 0 ? h.base_rmse : h.extended_rmse).assign(errors.rmse.begin(), errors.rmse.end());
+      (m == 0 ? h.base_apart : h.extended_apart) = apart;
+      report(m, errors.left, horizon);
+      // Where half of the windows fall apart, longer ones would say nothing new.
+      goes_on_[m] = 2 * errors.left.size() < windows.size();
+      kept_[m].push_back(climbs_[m].windows());
+    }
+    if (alike_) {
+      h.extended = h.base;
+      h.extended_rmse = h.base_rmse;
+      h.extended_apart = h.base_apart;
+      goes_on_[1] = false;
+    }
+    out_.horizons.push_back(std::move(h));
+    return true;
+  }
 
-/// Whether it stopped early; the clock of a log may cost a few rows at the ends.
-bool blew_up(const RowMatX<double>& q) {
-  constexpr double kFinished = 0.9;
-  const long finite = q.array().isFinite().rowwise().all().count();
-  return static_cast<double>(finite) < kFinished * static_cast<double>(q.rows());
-}
-
-void compare(const std::vector<Window>& windows, const std::vector<RowMatX<double>>& base,
-             const std::vector<RowMatX<double>>& extended, SimulatedMotion& out) {
-  long rows = 0;
-  for (const Window& w : windows) rows += w.end - w.begin;
-  const long stride = 1 + (rows - 1) / static_cast<long>(kMostPoints);
-  std::vector<double> count(out.joints.size(), 0.0);
-  for (std::size_t i = 0; i < windows.size(); ++i) {
-    const Window& w = windows[i];
-    const bool finished = !blew_up(base[i]) && !blew_up(extended[i]);
-    out.base_failed += blew_up(base[i]);
-    out.extended_failed += blew_up(extended[i]);
-    const long length = w.end - w.begin;
-    for (std::size_t j = 0; j < out.joints.size(); ++j) {
-      SimulatedSeries& s = out.joints[j];
-      for (long k = 0; k < length; ++k) {
-        const long c = static_cast<long>(j);
-        const double measured = w.x.q(w.begin + k, c), q0 = base[i](k, c), q1 = extended[i](k, c);
-        if (finished && std::isfinite(q0) && std::isfinite(q1)) {
-          s.base_rmse += (q0 - measured) * (q0 - measured);
-          s.extended_rmse += (q1 - measured) * (q1 - measured);
-          ++count[j];
-        }
-        if (k % stride != 0) continue;
-        const bool ends = k + stride >= length;
-        s.time.push_back(w.first + static_cast<double>(k) * w.x.dt);
-        s.measured.push_back(measured);
-        s.base.push_back(ends ? kNaN : q0);
-        s.extended.push_back(ends ? kNaN : q1);
-      }
+  /// Names the windows of the first horizon at which some fall apart.
+  void report(std::size_t m, const std::vector<Left>& left, double horizon) {
+    if (reported_[m] || left.empty()) return;
+    reported_[m] = true;
+    for (const Left& l : left) {
+      const MotionWindow& w = climbs_[m].windows()[l.window];
+      out_.apart.push_back({m == 0 ? "base" : "extended", names_[static_cast<std::size_t>(l.joint)],
+                            motion_.stretches[w.stretch].run - first_run(), l.time, horizon});
     }
   }
-  for (std::size_t j = 0; j < out.joints.size(); ++j)
-    for (double* e : {&out.joints[j].base_rmse, &out.joints[j].extended_rmse})
-      *e = count[j] > 0.0 ? std::sqrt(*e / count[j]) : kNaN;
-}
+
+  int first_run() const { return motion_.begins.begin()->first; }
+
+  void conclude() {
+    std::vector<double> length;
+    for (const SimulatedHorizon& h : out_.horizons) length.push_back(h.horizon);
+    const auto over = [&](const auto& error) {
+      std::vector<double> errors;
+      for (const SimulatedHorizon& h : out_.horizons) errors.push_back(error(h));
+      return follows(length, errors);
+    };
+    out_.base_follows = over([](const SimulatedHorizon& h) { return h.base; });
+    out_.extended_follows = over([](const SimulatedHorizon& h) { return h.extended; });
+    for (std::size_t j = 0; j < out_.joints.size(); ++j) {
+      SimulatedSeries& s = out_.joints[j];
+      const auto of = [&](const std::vector<double>& rmse) {
+        return rmse.empty() ? kNaN : rmse[j] / s.tolerance;
+      };
+      s.base_follows = over([&](const SimulatedHorizon& h) { return of(h.base_rmse); });
+      s.extended_follows = over([&](const SimulatedHorizon& h) { return of(h.extended_rmse); });
+    }
+    draw();
+  }
+
+  /// Draws the first horizon that the base model does not follow, else the last one; of longer ones
+  /// those that the extended model follows, while the base's windows hold together.
+  void draw() {
+    std::size_t shown = 0;
+    while (shown + 1 < kept_[0].size() && out_.horizons[shown].base <= 1.0) ++shown;
+    while (shown + 1 < kept_[0].size() && out_.horizons[shown + 1].extended <= 1.0 &&
+           out_.horizons[shown + 1].base_apart == 0)
+      ++shown;
+    const SimulatedHorizon& h = out_.horizons[shown];
+    out_.window = h.horizon;
+    const std::vector<MotionWindow>& of_base = kept_[0][shown];
+    const std::size_t second = alike_ ? 0 : 1;
+    const bool both = shown < kept_[second].size();
+    long rows = 0;
+    for (const MotionWindow& w : of_base) rows += w.rows;
+    const long stride = 1 + (rows - 1) / static_cast<long>(kMostPoints);
+    for (std::size_t i = 0; i < of_base.size(); ++i) {
+      const MotionWindow& w = of_base[i];
+      const MotionStretch& stretch = motion_.stretches[w.stretch];
+      const RowMatX<double> q0 = climbs_[0].positions(w);
+      const RowMatX<double> q1 = both ? climbs_[second].positions(kept_[second][shown][i]) : q0;
+      for (std::size_t j = 0; j < out_.joints.size(); ++j) {
+        SimulatedSeries& s = out_.joints[j];
+        const long c = static_cast<long>(j);
+        for (long k = 0; k < w.rows; k += stride) {
+          const bool ends = k + stride >= w.rows;
+          s.time.push_back(stretch.time[static_cast<std::size_t>(w.first + k)]);
+          s.measured.push_back(stretch.q(w.first + k, c));
+          s.base.push_back(ends ? kNaN : q0(k, c));
+          s.extended.push_back(ends || !both ? kNaN : q1(k, c));
+        }
+      }
+    }
+    for (std::size_t j = 0; j < out_.joints.size(); ++j) {
+      out_.joints[j].base_rmse = h.base_rmse.empty() ? kNaN : h.base_rmse[j];
+      out_.joints[j].extended_rmse = h.extended_rmse.empty() ? kNaN : h.extended_rmse[j];
+    }
+  }
+
+  std::vector<std::string> names_;
+  const HeldOutMotion& motion_;
+  bool alike_;
+  std::array<Climb, 2> climbs_;
+  double most_;  ///< work at a horizon
+  std::array<bool, 2> goes_on_{true, true}, reported_{};
+  std::array<std::vector<std::vector<MotionWindow>>, 2> kept_;  ///< windows of each horizon
+  SimulatedMotion out_;
+};
 
 }  // namespace
 
-SimulatedMotion simulate_held_out(const Model& base, const Model& extended,
-                                  const RecordingSource& source, const Evidence& evidence,
-                                  const std::vector<bool>& held, const PreprocessPlan& plan,
-                                  const IdentifyOptions& reading) {
+double follows(const std::vector<double>& horizons, const std::vector<double>& errors) {
+  double out = 0.0;
+  for (std::size_t k = 0; k < horizons.size() && !std::isnan(errors[k]); ++k) {
+    if (errors[k] <= 1.0) {
+      out = horizons[k];
+      continue;
+    }
+    if (k == 0) return 0.0;
+    // An error of 0 is within any tolerance, but no point of a scale of ratios.
+    const double before = std::log(std::max(errors[k - 1], 1e-12)), after = std::log(errors[k]);
+    const double share = before < 0.0 ? -before / (after - before) : 0.0;
+    return horizons[k - 1] * std::pow(horizons[k] / horizons[k - 1], share);
+  }
+  return out;
+}
+
+SimulatedMotion simulate_held_out(const Model& base, const Model& extended, bool alike,
+                                  const HeldOutMotion& motion, const std::vector<int>& runs,
+                                  const std::function<bool()>& go_on) {
   SimulatedMotion out;
-  const std::vector<Recording> sample = source.sample();
-  const std::optional<Feedback> feedback = common_feedback(sample);
-  out.driven_by = feedback ? "controller" : "measured torque";
-  out.window = feedback ? kInLoop : kByTorque;
-  const Recording& first = sample.front();
-  for (int j = 0; j < first.num_joints(); ++j)
-    if (first.rows() > 0 && !first.has_tau[static_cast<std::size_t>(j)] &&
-        std::isnan(first.tau(0, j))) {
-      out.reason = "the torque of " + first.joint_names[static_cast<std::size_t>(j)] +
-                   " was not recorded: its motion is an input, not a result";
-      return out;
-    }
-  std::vector<Window> windows = possible_windows(evidence, held, out.window);
-  if (windows.empty()) {  // a short recording, or short blocks
-    out.window = kByTorque;
-    windows = possible_windows(evidence, held, out.window);
-  }
-  const double most = (feedback ? kMostInLoop : kMostSeconds) / out.window;
-  windows = read_windows(spread(std::move(windows), static_cast<std::size_t>(most)), source, plan,
-                         reading, evidence.first_run());
-  out.windows = static_cast<int>(windows.size());
-  if (windows.empty()) {
-    out.reason = "no held-out stretch lasts " + format_number(out.window) + " s";
-    return out;
-  }
-  std::vector<RowMatX<double>> q0, q1;
+  out.reason = motion.reason;
+  if (!out.reason.empty()) return out;
   try {
-    Replayed by_base(base, source.runs()), by_extended(extended, source.runs());
-    for (const Window& w : windows) {
-      q0.push_back(by_base(w, feedback ? &*feedback : nullptr));
-      q1.push_back(by_extended(w, feedback ? &*feedback : nullptr));
-    }
+    out = Both(base, extended, alike, motion, runs, go_on).run();
   } catch (const Error& e) {
     out.reason = e.what();
-    return out;
   }
-  const std::vector<std::string> names = joint_names(base);
-  for (std::size_t j = 0; j < names.size(); ++j) {
-    out.joints.emplace_back();
-    out.joints.back().joint = names[j];
-    out.joints.back().unit = unit_of_joint(base, static_cast<int>(j), false);
-  }
-  compare(windows, q0, q1, out);
-  if (out.base_failed == out.windows || out.extended_failed == out.windows)
-    out.reason = std::string("the simulation with the ") +
-                 (out.base_failed == out.windows ? "base" : "extended") +
-                 " model was tried and blew up in every window";
   return out;
 }
 

@@ -1,19 +1,28 @@
 #pragma once
-/// Held-out motion simulated again by the base and by the extended model. Internal to diagnose/.
+/// For how long the base and the extended model follow held-out motion. Internal to diagnose/.
+
+#include <functional>
 
 #include <diffnea/diagnose/finding.hpp>
 
-#include "diagnose/evidence.hpp"
+#include "diagnose/held_out_motion.hpp"
 
 namespace diffnea {
 
-/// A few windows spread over the held-out rows: a second of computing is too much.
-/// @param evidence  of the held-out recordings, which `source` holds
-/// @param held      (evidence.rows()) rows that are held out; empty: all
-/// @param plan      that the evidence was filtered by
-SimulatedMotion simulate_held_out(const Model& base, const Model& extended,
-                                  const RecordingSource& source, const Evidence& evidence,
-                                  const std::vector<bool>& held, const PreprocessPlan& plan,
-                                  const IdentifyOptions& reading);
+/// Longest horizon within the tolerance, on straight lines between points in scales of equal
+/// ratios: the first crossing. 0: the first point is beyond; the last horizon: none is.
+/// @param horizons  ascending [s]
+/// @param errors    over the tolerance; NaN ends them
+double follows(const std::vector<double>& horizons, const std::vector<double>& errors);
+
+/// Simulates windows of growing length from estimated first states, until both models fall apart.
+/// Takes a bounded number of windows.
+/// @param runs   numbers of the recordings, as the models' effects know them
+/// @param alike  the models are the same
+/// @param go_on  asked before every window; false ends it with what there is
+/// @return without `joints` where there is a reason
+SimulatedMotion simulate_held_out(const Model& base, const Model& extended, bool alike,
+                                  const HeldOutMotion& motion, const std::vector<int>& runs,
+                                  const std::function<bool()>& go_on);
 
 }  // namespace diffnea

@@ -258,33 +258,11 @@ void MotionFitter::fit_states(std::vector<MotionWindow>& windows) const {
   Workers simulators = workers_at(now_.x, now_.shape, {});
   // Windows know nothing of each other: each goes its own way.
   parallel_for(windows.size(), simulators.size(), [&](std::size_t i, std::size_t t) {
-    JointWindows& simulator = *simulators[t];
-    const MotionStretch& stretch = problem_.stretches[windows[i].stretch];
     MotionWindow& w = windows[i];
     const double noise =
         0.5 * static_cast<double>(w.rows) * static_cast<double>(problem_.sigma.size());
-    double now = simulator.cost(stretch, w, problem_.sigma);
-    for (int iteration = 0; iteration < options_.max_iterations; ++iteration) {
-      TriangularFactor rows(simulator.states());
-      const bool finite = simulator.linearise(stretch, w, problem_.sigma, rows);
-      const ReducedWindow reduced = eliminate(rows, simulator.states(), finite);
-      if (!reduced.finite) return;
-      const VecX<double> from = w.state, full = reduced.state_step(VecX<double>(0));
-      double best = now;
-      VecX<double> best_state = from;
-      for (const double share : {1.0, 0.5, 0.2, 0.05, 0.01}) {
-        w.state = from + share * full;
-        const double c = simulator.cost(stretch, w, problem_.sigma);
-        if (!(c < best)) continue;
-        best = c;
-        best_state = w.state;
-        break;
-      }
-      w.state = best_state;
-      const double gained = now - best;
-      now = best;
-      if (!(gained > options_.tolerance * now) || now < kBelowNoise * noise) return;
-    }
+    fit_state(*simulators[t], problem_.stretches[w.stretch], w, problem_.sigma,
+              {options_.max_iterations, options_.tolerance, kBelowNoise * noise});
   });
 }
 

@@ -8,6 +8,7 @@
 
 #include "motion/first_states.hpp"
 #include "motion/path.hpp"
+#include "motion/window_simulator.hpp"
 
 namespace diffnea {
 
@@ -21,7 +22,7 @@ struct MotionParameter {
 };
 
 /// The model at given parameters. Not thread-safe; no allocation after the first window.
-class JointWindows {
+class JointWindows : public WindowSimulator {
  public:
   /// @param model    at these parameters
   /// @param effects  with these values; those that `parameters` name
@@ -30,19 +31,12 @@ class JointWindows {
                const std::vector<MotionParameter>& parameters, const SteppingOptions& options);
 
   MotionPath& path() { return path_; }
-  /// Numbers of a first state.
-  int states() const { return 2 * n_; }
-
-  /// Factor of the rows (q̂ − q)/σ of a window: [J_state | J_parameters | residual].
-  /// @return whether the simulation reached the window's end
+  int states() const override { return 2 * n_; }
   bool linearise(const MotionStretch& stretch, const MotionWindow& window,
-                 const VecX<double>& sigma, TriangularFactor& rows);
-
-  /// ½ Σ (residual/σ)²; +∞ if it blew up.
-  double cost(const MotionStretch& stretch, const MotionWindow& window, const VecX<double>& sigma);
-
-  /// Positions, (rows, n); NaN from a blow-up on.
-  RowMatX<double> positions(const MotionStretch& stretch, const MotionWindow& window);
+                 const VecX<double>& sigma, TriangularFactor& rows) override;
+  double cost(const MotionStretch& stretch, const MotionWindow& window,
+              const VecX<double>& sigma) override;
+  RowMatX<double> positions(const MotionStretch& stretch, const MotionWindow& window) override;
 
   /// State at a row of the window, (2n); false if the simulation blew up before.
   bool state_at(const MotionStretch& stretch, const MotionWindow& window, long row,

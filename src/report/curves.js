@@ -86,20 +86,36 @@ const Curves = (() => {
     return bandChart(p.x, curves, [withUnit(p.x_name, p.x_unit), withUnit(p.y_name, p.y_unit)], p.mark);
   }
 
-  // Error of simulated positions over the length of the windows, both on scales of equal ratios: a curve a model.
-  function horizon(d, page) {
-    const rows = page.result.horizons.filter((h) => h.joint === d.joint), size = [450, 230];
-    const x = rows.map((h) => Math.log10(h.horizon)), of = (key) => rows.map((h) => (h[key] > 0 ? Math.log10(h[key]) : NaN));
-    const curves = [["nominal", of("nominal_" + d.set)], ["fitted", of(d.set)]];
-    const rx = widened(rangeOf(x), 0.04), ry = widened(rangeOf(curves.flatMap((c) => c[1].filter(finite))), 0.08);
+  // Error over the length of simulated windows, both on scales of equal ratios. @param curves  [css, y]
+  // @param level  a tolerance, drawn across
+  function overHorizon(horizons, curves, title, level) {
+    const size = [450, 230], log = (v) => (v > 0 ? Math.log10(v) : NaN), across = log(level);
+    const x = horizons.map(log), all = curves.map(([css, y]) => [css, y.map(log)]);
+    const rx = widened(rangeOf(x), 0.04), ry = widened(rangeOf(...all.map((c) => c[1].filter(finite)), finite(across) ? [across] : []), 0.08);
     const at = frame(rx, ry, size, [52, 8, 20, 38]);
-    const decades = (r) => Array.from({ length: Math.floor(r[1]) - Math.floor(r[0]) + 1 }, (_, k) => Math.floor(r[0]) + k).flatMap((k) => [1, 2, 5].map((m) => k + Math.log10(m))).filter((t) => t > r[0] && t < r[1]);
+    const decades = (r) => Array.from({ length: Math.floor(r[1]) - Math.floor(r[0]) + 1 }, (_, k) => Math.floor(r[0]) + k).flatMap((k) => (width(r) > 2.5 ? [1] : [1, 2, 5]).map((m) => k + Math.log10(m))).filter((t) => t > r[0] && t < r[1]);
     let out = "";
     for (const t of decades(ry)) out += segment("grid", at.left, at.y(t), at.right, at.y(t)) + text(at.left - 5, at.y(t) + 4, "end", number(10 ** t));
     for (const t of decades(rx)) out += segment("grid", at.x(t), at.bottom, at.x(t), at.bottom + 4) + text(at.x(t), at.bottom + 16, "middle", number(10 ** t));
-    out += text((at.left + size[0]) / 2, size[1] - 4, "middle", "horizon [s]") + text(4, at.top - 8, "start", `error [${unit(rows[0].unit)}]`);
-    for (const [css, y] of curves) out += `<path class="${css}" d="${path(x, y, at, 1e-6)}"/>` + y.map((v, k) => (finite(v) ? disc(css, [at.x(x[k]), at.y(v)], 2.5) : "")).join("");
+    out += text((at.left + size[0]) / 2, size[1] - 4, "middle", "horizon [s]") + text(4, at.top - 8, "start", title);
+    if (finite(across)) out += segment("mark", at.left, at.y(across), at.right, at.y(across));
+    for (const [css, y] of all) out += `<path class="${css}" d="${path(x, y, at, 1e-6)}"/>` + y.map((v, k) => (finite(v) ? disc(css, [at.x(x[k]), at.y(v)], 2.5) : "")).join("");
     return svg("band", ...size, out);
+  }
+
+  // An identification: a curve a model.
+  function horizon(d, page) {
+    const rows = page.result.horizons.filter((h) => h.joint === d.joint);
+    const curves = [["nominal", "nominal_" + d.set], ["fitted", d.set]].map(([css, key]) => [css, rows.map((h) => h[key])]);
+    return overHorizon(rows.map((h) => h.horizon), curves, `error [${unit(rows[0].unit)}]`, NaN);
+  }
+
+  // A diagnosis: one joint, or the worst of all.
+  function follows(d, page) {
+    const { horizons, joints } = page.result.simulated, j = Number(d.joint), all = d.joint === "all";
+    const of = (model) => horizons.map((h) => (all ? h[model] : 1e3 * (h[model + "_rmse"][j] ?? NaN)));
+    const curves = ("one" in d ? [["nominal", "base"]] : [["nominal", "base"], ["fitted", "extended"]]).map(([css, model]) => [css, of(model)]);
+    return overHorizon(horizons.map((h) => h.horizon), curves, all ? "error over tolerance" : `error [m${joints[j].unit}]`, all ? 1 : 1e3 * joints[j].tolerance);
   }
 
   // --- a learned torque over one variable, or over two
@@ -177,5 +193,5 @@ const Curves = (() => {
     return svg("scatter", left + side + 12, size, out);
   }
 
-  return { velocity, evidence, horizon, greyBox, bars, estimate, curve, scatter };
+  return { velocity, evidence, horizon, follows, greyBox, bars, estimate, curve, scatter };
 })();

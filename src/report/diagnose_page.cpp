@@ -8,6 +8,7 @@
 #include "report/ball_section.hpp"
 #include "report/diagnose_sections.hpp"
 #include "report/diagnose_words.hpp"
+#include "report/follows_words.hpp"
 #include "report/format.hpp"
 #include "report/html.hpp"
 
@@ -78,13 +79,11 @@ std::string causes_at_once(const Finding& f) {
 
 std::string head(const Finding& f, const std::string& name) {
   std::string out = element("h1", "Diagnosis of " + name);
-  out += "<p class='verdict'>" + badge(f.verdict) + escape(unit(f.sentence)) + "</p>\n";
-  const std::string simulated = simulated_gain(f);
+  if (const std::string follows = follows_sentence(f); !follows.empty())
+    out += element("p", follows, "verdict");
+  out += "<p class='verdict'>" + badge(f.verdict) + escape(unit(verdict_sentence(f))) + "</p>\n";
   const std::string ball = f.ball ? ball_sentence(*f.ball, f.causes.empty()) : "";
-  out += element("p",
-                 gained(f) + (simulated.empty() ? "" : " " + simulated) +
-                     (ball.empty() ? "" : " " + capital(ball) + "."),
-                 "gained");
+  out += element("p", gained(f) + (ball.empty() ? "" : " " + capital(ball) + "."), "gained");
   for (const std::string& text : reservations(f)) out += element("p", text, "warning");
   return out + causes_at_once(f);
 }
@@ -315,7 +314,7 @@ std::string diagnose_page(const DiagnoseRun& run) {
   const std::string ball = f.ball ? ball_section(*f.ball, names_of(f)) : "";
   const bool of_ball =
       std::ranges::any_of(f.causes, [](const Cause& c) { return at_ball(c.where); });
-  const std::string body = head(f, name) + (of_ball ? ball : "") + simulated_section(f) +
+  const std::string body = head(f, name) + (of_ball ? ball : "") + follows_section(f) +
                            over_time(f) + (of_ball ? "" : ball) + evidence(f) +
                            grey_box_section(f) + candidates(f) + left_open(f) + gain_section(f) +
                            parameters(f) + data(f) + reproduce(run.reproduce);

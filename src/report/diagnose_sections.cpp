@@ -12,39 +12,6 @@
 namespace diffnea::report {
 namespace {
 
-constexpr std::size_t kOpen =
-    2;  ///< joints whose motion is open: of causes, or as it improves most
-
-std::string failures(const SimulatedMotion& m) {
-  if (m.base_failed + m.extended_failed == 0) return "";
-  return " The simulation was tried and blew up in " + std::to_string(m.base_failed) + " of " +
-         std::to_string(m.windows) + " windows with the base model, in " +
-         std::to_string(m.extended_failed) + " with the extended one; errors are over the others.";
-}
-
-std::string motion_table(const Finding& f) {
-  std::vector<std::vector<std::string>> rows;
-  for (const SimulatedSeries& s : f.simulated.joints) {
-    rows.push_back({escape(s.joint), in_thousandths(s.base_rmse, s.unit)});
-    if (!f.causes.empty())
-      rows.back().push_back("<b>" + in_thousandths(s.extended_rmse, s.unit) + "</b>");
-  }
-  std::vector<std::string> titles{"rms position error", "base model"};
-  if (!f.causes.empty()) titles.push_back("extended");
-  return html_table(titles, rows, {"", "n", "n"});
-}
-
-/// Joints of causes whose motion the extension makes worse.
-std::string farther(const Finding& f) {
-  std::string out;
-  for (const Cause& c : f.causes)
-    for (const SimulatedSeries& s : f.simulated.joints)
-      if (s.joint == c.where && s.extended_rmse > s.base_rmse &&
-          out.find(s.joint) == std::string::npos)
-        out += (out.empty() ? "" : ", ") + s.joint;
-  return out;
-}
-
 /// Whether the series file holds what the drawing needs.
 bool is_drawn(const GreyBox& g) {
   std::size_t points = 1;
@@ -118,39 +85,6 @@ std::string joint_table(const Finding& f) {
 ChartNames names_of(const Finding& f) {
   const bool one = f.causes.empty();
   return {"base model", one ? "base model" : "extended model", true, one};
-}
-
-std::string simulated_section(const Finding& f) {
-  const SimulatedMotion& m = f.simulated;
-  if (m.driven_by.empty() && m.reason.empty()) return "";  // written before there was one
-  std::string out = element("h2", "Motion on held-out data, measured and simulated");
-  if (!m.reason.empty())
-    return out + element("p", "No simulated motion is shown: " + m.reason + ".", "faint");
-  out += element("p",
-                 "Each of " + std::to_string(m.windows) + " windows of " + number(m.window, 2) +
-                     " s begins in the measured state; then the simulation runs by itself, " +
-                     (m.driven_by == "controller"
-                          ? "with the recording's controller in the loop (its gains are known)"
-                          : "driven by the measured torque alone") +
-                     ". The windows are spread over the recording and drawn side by side." +
-                     failures(m),
-                 "faint");
-  const std::vector<std::size_t> order = motions_by_interest(f);
-  const auto middle = order.begin() + static_cast<long>(std::min(kOpen, order.size()));
-  std::vector<std::size_t> open(order.begin(), middle), folded(middle, order.end());
-  std::ranges::sort(open);
-  std::ranges::sort(folded);
-  const std::vector<ShownSeries> all = shown(m.joints);
-  if (std::ranges::any_of(all, &ShownSeries::measured))
-    out += open_and_folded("simulated", all, open, folded, "position", names_of(f));
-  out += motion_table(f);
-  if (const std::string joints = farther(f); !joints.empty())
-    out += element("p",
-                   "The extended model's torque fits better, but its motion of " + joints +
-                       " does not: take its parameters there with care (of a hidden motor, torque "
-                       "alone shows a ratio).",
-                   "warning");
-  return out;
 }
 
 std::string grey_box_section(const Finding& f) {

@@ -5,6 +5,7 @@
 
 #include "report/ball_section.hpp"
 #include "report/diagnose_words.hpp"
+#include "report/follows_words.hpp"
 #include "report/format.hpp"
 
 namespace diffnea {
@@ -117,10 +118,10 @@ std::string rest_text(const Finding& f) {
 
 std::string diagnose_text(const DiagnoseRun& run) {
   const Finding& f = run.finding;
-  const std::string simulated = simulated_gain(f);
-  return plain(name_of(f.verdict)) + ": " + unit(f.sentence) + "\n\n" + faults_text(f) +
-         causes_text(f) + joints_text(f) + (simulated.empty() ? "" : "\n" + simulated + "\n") +
-         ball_text(f) + rest_text(f);
+  const std::string follows = follows_sentence(f), apart = apart_sentence(f);
+  return (follows.empty() ? "" : follows + "\n\n") + plain(name_of(f.verdict)) + ": " +
+         unit(verdict_sentence(f)) + "\n\n" + faults_text(f) + causes_text(f) + joints_text(f) +
+         (apart.empty() ? "" : "\n" + apart + "\n") + ball_text(f) + rest_text(f);
 }
 
 }  // namespace diffnea

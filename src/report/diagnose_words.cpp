@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cctype>
 #include <cmath>
-#include <numeric>
 
 #include "core/number_text.hpp"
 #include "report/format.hpp"
@@ -105,35 +104,6 @@ std::string in_thousandths(double value, const std::string& of) {
   return number(1e3 * value, 3) + " m" + of;
 }
 
-std::vector<std::size_t> motions_by_interest(const Finding& f) {
-  const std::vector<SimulatedSeries>& joints = f.simulated.joints;
-  std::vector<std::size_t> out(joints.size());
-  std::iota(out.begin(), out.end(), 0);
-  std::ranges::stable_sort(out, {}, [&](std::size_t j) {
-    return joints[j].base_rmse > 0.0 ? joints[j].extended_rmse / joints[j].base_rmse : 1.0;
-  });
-  std::ranges::stable_sort(out, {}, [&](std::size_t j) {
-    return std::ranges::find(f.causes, joints[j].joint, &Cause::where) - f.causes.begin();
-  });
-  return out;
-}
-
-std::string simulated_gain(const Finding& f) {
-  const SimulatedMotion& m = f.simulated;
-  if (m.joints.empty() || !m.reason.empty()) return "";
-  const SimulatedSeries& s = m.joints[motions_by_interest(f).front()];
-  if (!std::isfinite(s.base_rmse)) return "";
-  const std::string how = m.driven_by == "controller" ? "Simulated in its control loop"
-                                                      : "Simulated from the measured torque";
-  const std::string windows = " over windows of " + number(m.window, 2) + " s";
-  if (f.causes.empty())
-    return how + ", " + s.joint + " misses the measured motion by " +
-           in_thousandths(s.base_rmse, s.unit) + windows + " (rms).";
-  return how + ", the motion of " + s.joint + " misses the measured one by " +
-         in_thousandths(s.base_rmse, s.unit) + " before and by " +
-         in_thousandths(s.extended_rmse, s.unit) + " after" + windows + " (rms).";
-}
-
 std::vector<std::string> fault_warnings(const Finding& f) {
   std::vector<std::string> out;
   for (const ChannelFault& a : f.audit)
@@ -146,7 +116,7 @@ std::vector<std::string> fault_warnings(const Finding& f) {
 std::vector<std::string> reservations(const Finding& f) {
   std::vector<std::string> out = fault_warnings(f);
   for (const SimulatedSeries& s : f.simulated.joints)
-    if (!f.causes.empty() && s.extended_rmse > kMotionWorse * s.base_rmse)
+    if (!f.causes.empty() && s.extended_rmse > std::max(kMotionWorse * s.base_rmse, s.tolerance))
       out.push_back("Simulated, the motion of " + s.joint +
                     " is further from the measured one with the extension than without (" +
                     number(s.extended_rmse, 3) + " against " + number(s.base_rmse, 3) + " " +

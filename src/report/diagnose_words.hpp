@@ -33,11 +33,6 @@ std::string meaning(Verdict verdict);
 std::string value_and_interval(const CauseParameter& parameter);
 /// "12 mm", "3.4 mrad". @param value  [m] or [rad], as `unit` says
 std::string in_thousandths(double value, const std::string& unit);
-/// Indices of the simulated joints: those of causes, in their order, then the others by how much
-/// their error falls.
-std::vector<std::size_t> motions_by_interest(const Finding& finding);
-/// One sentence: by how much the simulated motion came closer; empty if there is none.
-std::string simulated_gain(const Finding& finding);
 /// What ended early, or is weaker than it should be.
 std::vector<std::string> reservations(const Finding& finding);
 

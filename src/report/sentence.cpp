@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "report/diagnose_words.hpp"
+#include "report/follows_words.hpp"
 #include "report/format.hpp"
 
 namespace diffnea::report {
@@ -145,13 +146,11 @@ std::string nothing_words(const Finding& f) {
   return "Nothing was tried: the effects that were asked for cannot act on what is recorded here.";
 }
 
-}  // namespace
-
-std::string sentence(const Finding& f) {
+std::string verdict_words(const Finding& f) {
   if (f.interrupted) {
     Finding rest = f;
     rest.interrupted = false;
-    return "Interrupted before all was tried, rivals among it: " + sentence(rest);
+    return "Interrupted before all was tried, rivals among it: " + verdict_words(rest);
   }
   switch (f.verdict) {
     case Verdict::kNone:
@@ -199,6 +198,13 @@ std::string sentence(const Finding& f) {
            ", " + at(next->effect, next->where) + ", is worse by " + number(next->delta_bic) +
            " in BIC";
   return out + ".";
+}
+
+}  // namespace
+
+std::string sentence(const Finding& f) {
+  const std::string first = follows_sentence(f);
+  return (first.empty() ? "" : first + " ") + verdict_words(f);
 }
 
 }  // namespace diffnea::report

@@ -1,5 +1,6 @@
 #pragma once
-/// The verdict of a diagnosis as a sentence with numbers.
+/// A diagnosis in words with numbers: for how long the simulation follows the robot, then the
+/// verdict.
 
 #include <string>
 

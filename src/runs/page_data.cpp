@@ -130,12 +130,19 @@ std::string page_data(const DiagnoseRun& run) {
   shown.grey_box = f.grey_box;
   shown.plots = f.plots;
   shown.ball = f.ball;
+  Json horizons = Json::array(), joints = Json::array();
+  for (const SimulatedHorizon& h : f.simulated.horizons)
+    horizons.push_back(io::fields_json(h, kInResult));
+  for (const SimulatedSeries& s : f.simulated.joints)
+    joints.push_back({{"unit", s.unit}, {"tolerance", number(s.tolerance)}});
   Json grey_box = Json::array();
   for (const GreyBox& g : f.grey_box) grey_box.push_back({{"unit", g.unit}});
-  return data({{"ball", io::json_of(f.ball, kInResult)},
-               {"simulated", {{"window", number(f.simulated.window)}}},
-               {"grey_box", grey_box}},
-              diagnose_series_json(shown));
+  return data(
+      {{"ball", io::json_of(f.ball, kInResult)},
+       {"simulated",
+        {{"window", number(f.simulated.window)}, {"horizons", horizons}, {"joints", joints}}},
+       {"grey_box", grey_box}},
+      diagnose_series_json(shown));
 }
 
 std::string page_data(const LearnRun& run, const std::vector<int>& shown) {

@@ -21,12 +21,14 @@ VecX<double> clock_shifts(const ExtendedTree& model) {
   return out;
 }
 
-void check(const ExtendedTree& model, const JointSeries& x, long begin, long end) {
+void check(const ExtendedTree& model, const JointSeries& x, const RowMatX<double>& torque,
+           long begin, long end, const VecX<double>* first) {
   const long n = model.tree.num_dofs();
-  for (const RowMatX<double>* m : {&x.q, &x.qd, &x.qdd, &x.logged}) {
+  for (const RowMatX<double>* m : {&x.q, &x.qd, &x.qdd, &torque}) {
     require_size("replay: columns", m->cols(), n, "joint");
     require_size("replay: rows", m->rows(), x.rows(), "row of q");
   }
+  if (first) require_size("replay: first", first->size(), 2 * n, "q and q̇ of every joint");
   if (begin < 1 || end <= begin || end >= x.rows())
     throw ShapeError("replay: got rows " + std::to_string(begin) + " to " + std::to_string(end) +
                      ", expected at least one of the " + std::to_string(x.rows()) +
@@ -35,9 +37,10 @@ void check(const ExtendedTree& model, const JointSeries& x, long begin, long end
 
 }  // namespace
 
-RowMatX<double> replay(const ExtendedTree& model, const JointSeries& x, long begin, long end,
-                       const Feedback* feedback, int run) {
-  check(model, x, begin, end);
+RowMatX<double> replay(const ExtendedTree& model, const JointSeries& x,
+                       const RowMatX<double>& torque, long begin, long end,
+                       const VecX<double>* first, int run) {
+  check(model, x, torque, begin, end, first);
   const long n = x.q.cols();
   const VecX<double> shift = clock_shifts(model);
   JointSeries truth = x;  // on the torque's clock
@@ -45,26 +48,18 @@ RowMatX<double> replay(const ExtendedTree& model, const JointSeries& x, long beg
     if (shift[j] != 0.0)
       for (RowMatX<double>* m : {&truth.q, &truth.qd, &truth.qdd})
         m->col(j) = shifted(m->col(j), x.dt, shift[j]);
-  RowMatX<double> torque(x.rows(), n);  // from row k to k+1
-  torque.topRows(x.rows() - 1) =
-      0.5 * (x.logged.topRows(x.rows() - 1) + x.logged.bottomRows(x.rows() - 1));
-  torque.bottomRows(1) = x.logged.bottomRows(1);
-
+  if (first) {
+    truth.q.row(begin) = first->head(n).transpose();
+    truth.qd.row(begin) = first->tail(n).transpose();
+  }
   sim::ModelPlant plant(model, x.dt, x.dt, run);
   plant.start(truth, torque, begin);
   RowMatX<double> out = RowMatX<double>::Constant(end - begin, n, kNaN);
-  VecX<double> u(n);
   for (long k = begin; k < end; ++k) {
     const VecX<double> q = plant.q();
     if (!(q.cwiseAbs().maxCoeff() < kBlowUp)) break;
     out.row(k - begin) = q.transpose();
-    u = torque.row(k).transpose();
-    if (feedback)
-      u = (u + feedback->kp.cwiseProduct(truth.q.row(k).transpose() - q) +
-           feedback->kd.cwiseProduct(truth.qd.row(k).transpose() - plant.qd()))
-              .cwiseMin(feedback->limit)
-              .cwiseMax(-feedback->limit);
-    if (!plant.step(u).empty()) break;
+    if (!plant.step(torque.row(k).transpose()).empty()) break;
   }
   for (long j = 0; j < n; ++j) {
     if (shift[j] == 0.0) continue;

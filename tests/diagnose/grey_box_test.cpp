@@ -86,8 +86,9 @@ TEST_CASE("grey box: what no candidate explains is learned, and stays without a 
   CHECK(without.grey_box.empty());
   // The base that is simulated is that without anything beside it.
   REQUIRE(with.simulated.joints.size() == without.simulated.joints.size());
-  for (std::size_t k = 0; k < with.simulated.joints.size(); ++k)
-    CHECK(with.simulated.joints[k].base_rmse == without.simulated.joints[k].base_rmse);
+  REQUIRE_FALSE(with.simulated.horizons.empty());
+  CHECK(with.simulated.horizons.front().base_rmse == without.simulated.horizons.front().base_rmse);
+  CHECK(with.simulated.base_follows == without.simulated.base_follows);
   CHECK(with.verdict == Verdict::kUnknown);
   REQUIRE(with.grey_box.size() == 1);
   const GreyBox& box = with.grey_box.front();

@@ -70,7 +70,8 @@ def test_json_prints_the_result_and_nothing_else(rubbing: Path, tmp_path: Path) 
 def test_the_extended_model_has_nothing_left_to_explain(rubbing: Path, tmp_path: Path) -> None:
     train, test, run = rubbing / "train.csv", rubbing / "test.csv", tmp_path / "run"
     text = done("diagnose", PENDULUM, train, "--test", test, "-o", run)
-    assert text.startswith("NAMED: ")
+    assert text.startswith("Your simulation follows ")
+    assert "\n\nNAMED: " in text
     assert "coulomb friction" in text
     again = tmp_path / "again"
     done("diagnose", run / "model.json", train, "--test", test, "-o", again, "--base", "refit")

@@ -111,11 +111,7 @@ def test_arrays_frames_and_files_give_the_numbers_of_the_command(
     for one in found:
         got = one.to_dict()
         assert got.keys() == expected.keys()
-        if one not in found[:2]:  # a frame does not know the controller's gains
-            assert got.pop("simulated")["driven_by"] == "measured torque"
-            assert expected["simulated"]["driven_by"] == "controller"
-        wanted = {key: value for key, value in expected.items() if key in got}
-        assert without_time(got) == without_time(wanted)
+        assert without_time(got) == without_time(expected)
     assert [item["role"] for item in found[1].to_dict()["reproduce"]["inputs"]] == [
         "model",
         "data",
@@ -285,20 +281,31 @@ def test_other_threads_run_meanwhile(arm, train) -> None:
     assert ticks > 5  # with the lock held there would be none
 
 
-def test_the_motion_is_simulated_before_and_after(finding, tmp_path: Path) -> None:
+def test_how_long_the_simulation_follows_before_and_after(finding, tmp_path: Path) -> None:
     motion = finding.simulated
     assert motion.reason == ""
-    assert motion.driven_by == "controller"
-    assert (motion.base_failed, motion.extended_failed) == (0, 0)
+    assert motion.extended_follows > motion.base_follows
     shoulder, elbow = motion.joints
     assert (shoulder.joint, elbow.joint, elbow.unit) == ("shoulder", "elbow", "rad")
-    assert elbow.extended_rmse < 0.3 * elbow.base_rmse
+    assert elbow.extended_follows > elbow.base_follows
+    # The first joint to leave its tolerance decides.
+    assert motion.base_follows == pytest.approx(min(s.base_follows for s in motion.joints))
+    lengths = [h.horizon for h in motion.horizons]
+    assert lengths == sorted(lengths)
+    first = motion.horizons[0]
+    assert first.base == pytest.approx(
+        max(e / s.tolerance for e, s in zip(first.base_rmse, motion.joints, strict=True))
+    )
+    assert finding.sentence.startswith("Your simulation ")
+    assert str(finding).startswith(finding.sentence.split(". ")[0])
     finite = np.isfinite(elbow.base)
     error = np.sqrt(np.mean((elbow.measured - elbow.base)[finite] ** 2))
     # Thinned, and without the last value of each window.
     assert error == pytest.approx(elbow.base_rmse, rel=0.1)
     stored = finding.to_dict()["simulated"]
     assert stored["joints"][1]["rmse_base"] == pytest.approx(elbow.base_rmse)
+    assert stored["follows"]["base"] == pytest.approx(motion.base_follows)
+    assert [h["horizon"] for h in stored["horizons"]] == lengths
     finding.save(tmp_path / "run")
     series = json.loads((tmp_path / "run/series.json").read_text())["simulated"]
     assert [s["joint"] for s in series] == ["shoulder", "elbow"]

@@ -95,6 +95,14 @@ def test_every_place_of_a_diagnosis_page_is_drawn(tmp_path: Path) -> None:
     plot = {"kind": "velocity", "joint": "hinge", "effect": None, "mark": None, "x": [0.0, 1.0]}
     plot |= {"x_name": "velocity", "x_unit": "rad/s", "y_name": "error", "y_unit": "N*m"}
     motion = {"joint": "hinge", "unit": "rad"}
+    of_motion = {"noise": 1e-4, "tolerance": 0.07, "rmse_base": 0.1, "rmse_extended": 0.05}
+    of_motion |= {"follows": {"base": 0.1, "extended": 0.2}}
+    horizons = [
+        {"horizon": t, "windows": 1, "apart": {"base": 0, "extended": 0}}
+        | {"base": t / 0.14, "extended": t / 0.28}
+        | {"base_rmse": [0.5 * t], "extended_rmse": [0.25 * t]}
+        for t in (0.1, 0.2)
+    ]
     rows = {"time": [0.0, 0.1, 0.2], "measured": [0.0, 1.0, 2.0], "base": [0.0, 1.0, None]}
     flag = {"run": 1, "time": 0.5, "channel": "ball", "reason": "off"}
     extra: dict[str, dict[str, Any]] = {
@@ -106,9 +114,8 @@ def test_every_place_of_a_diagnosis_page_is_drawn(tmp_path: Path) -> None:
                 {**box, "unit": "N*m", "bumps": 9, "effective_parameters": 5.0, "bound": 1.0}
                 | {"torque_rms": 0.5, "before": 1.0, "after": 0.5}
             ],
-            "simulated": {"driven_by": "controller", "window": 0.2, "windows": 1}
-            | {"failed": {"base": 0, "extended": 0}, "reason": None}
-            | {"joints": [{**motion, "rmse_base": 0.1, "rmse_extended": 0.05}]},
+            "simulated": {"follows": {"base": 0.1, "extended": 0.2}, "window": 0.2, "reason": None}
+            | {"apart": [], "horizons": horizons, "joints": [motion | of_motion]},
         },
         "series.json": {
             "ball": ball["series"]["ball"],
@@ -128,11 +135,12 @@ def test_every_place_of_a_diagnosis_page_is_drawn(tmp_path: Path) -> None:
     # The joint's torque and motion, the string's length with its error, errors along x, y, z.
     assert Counter(kind for kind, _ in drawn) == {
         **{"time": 2 + 2 + 2 + 3, "space": 1, "sphere": 1, "evidence": 1, "greyBox": 1},
-        **{"bars": 2},
+        **{"bars": 2, "follows": 1},
     }
     said = {kind: [text.text or "" for text in drawing.iter("text")] for kind, drawing in drawn}
     assert "learned [N·m]" in said["greyBox"]
     assert "noise floor" in said["bars"]
+    assert {"horizon [s]", "error [mrad]"} <= set(said["follows"])
 
 
 def test_recordings_follow_each_other_with_gaps() -> None:

@@ -38,7 +38,7 @@ TEST_CASE("report: pages of many joints stay below 5 MB", "[report]") {
   FitRun fit;
   DiagnoseRun diagnosis;
   Finding& f = diagnosis.finding;
-  f.simulated.driven_by = "controller";
+  f.simulated.horizons.emplace_back().horizon = 0.1;
   for (int j = 0; j < kJoints; ++j) {
     const std::string joint = "joint" + std::to_string(j);
     const TorqueSeries series{joint,           "N*m",           times(4000),    column(4000, j),
@@ -47,8 +47,12 @@ TEST_CASE("report: pages of many joints stay below 5 MB", "[report]") {
     fit.fit.test_series.push_back(series);
     f.series.push_back({joint, "N*m", times(4000), column(4000, j), column(4000, 1),
                         column(4000, 2), column(4000, 3), column(4000, 4), column(4000, 5)});
-    f.simulated.joints.push_back(
-        {joint, "rad", times(3000), column(3000, j), column(3000, 1), column(3000, 2), 0.1, 0.05});
+    f.simulated.joints.push_back({.joint = joint,
+                                  .unit = "rad",
+                                  .time = times(3000),
+                                  .measured = column(3000, j),
+                                  .base = column(3000, 1),
+                                  .extended = column(3000, 2)});
   }
   CHECK(identify_page(fit).size() < kMost);
   const std::string page = diagnose_page(diagnosis);
@@ -60,8 +64,12 @@ TEST_CASE("report: a thinned motion keeps the ends of its windows", "[report]") 
   constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
   DiagnoseRun run;
   for (int j = 0; j < 20; ++j) {
-    SimulatedSeries s{"joint",         "rad",           times(3000), column(3000, j),
-                      column(3000, 1), column(3000, 2), 0.1,         0.05};
+    SimulatedSeries s{.joint = "joint",
+                      .unit = "rad",
+                      .time = times(3000),
+                      .measured = column(3000, j),
+                      .base = column(3000, 1),
+                      .extended = column(3000, 2)};
     for (std::size_t k = 500; k < 3000; k += 500) s.base[k] = s.extended[k] = kNaN;
     run.finding.simulated.joints.push_back(s);
   }

@@ -25,8 +25,9 @@ def print_cause(cause: Json) -> None:
 
 
 def print_finding(result: Json) -> None:
-    """Verdict, causes, held-out torque error (all joints in units of their noise, then each), simulated motion."""
+    """First sentence, verdict, causes, held-out torque error (all joints in units of their noise, then each)."""
     gain = result["gain"]
+    print(f"  {result['sentence'].split('. ')[0]}")
     print(f"  {result['verdict']}, {len(result['causes'])} causes")
     for cause in result["causes"]:
         print_cause(cause)
@@ -44,10 +45,10 @@ def print_finding(result: Json) -> None:
         share = {j["joint"]: 100 * j[what] / j["torque_rms"] for j in joints if j["torque_rms"]}
         if share:
             print_values(f"{what}, of the torque [%]", share, 1, ".2f")
-    for j in result["simulated"]["joints"]:
+    for h in result["simulated"]["horizons"]:
         print(
-            f"  simulated {j['joint']}: {1e3 * j['rmse_base']:.2f} -> "
-            f"{1e3 * j['rmse_extended']:.2f} m{j['unit']}"
+            f"  {h['horizon']:.3g} s: error over tolerance {h['base']} -> {h['extended']}, "
+            f"apart {h['apart']} of {h['windows']}"
         )
     print(f"  {result['summary']['seconds']:.1f} s")
 

@@ -46,8 +46,8 @@ enum RunFile : unsigned {
 
 /// Traits of a field besides its name and meaning.
 struct FieldTraits {
-  const char* unit = "";      ///< SI; "unit": that of the struct's field `unit`
-  const char* key = nullptr;  ///< in files, if not the name: "class", "failed.base", "ci95[0]"
+  const char* unit = "";            ///< SI; "unit": that of the struct's field `unit`
+  const char* key = nullptr;        ///< in files, if not the name: "class", "apart.base", "ci95[0]"
   RunFile files = kWhereItsTypeIs;  ///< files that hold it
   bool optional = false;            ///< earlier versions of the file lack it
   bool empty_is_null = false;       ///< an empty text, or a number that is not above 0, is null

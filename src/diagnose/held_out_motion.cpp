@@ -1,0 +1,179 @@
+#include "diagnose/held_out_motion.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include <diffnea/motion/horizon.hpp>
+
+#include "core/constants.hpp"
+#include "identify/whole_runs.hpp"
+
+namespace diffnea {
+namespace {
+
+/// Error over the sensor's noise, standard deviations, that noise alone hardly ever makes (0.3 %).
+constexpr double kNoises = 3.0;
+/// Error over the range of motion that counts as following: a line's width in a plot of it.
+constexpr double kOfRange = 0.01;
+/// Rows of all recordings after which no other is read: a quarter of an hour at 1 kHz.
+constexpr long kMostRows = 1'000'000;
+
+/// Part of a recording that is held out [s].
+struct Span {
+  int run;
+  double first, last;
+};
+
+std::vector<Span> held_out_spans(const Evidence& evidence, const std::vector<bool>& held) {
+  std::vector<Span> out;
+  int of = -1;  // stretch of the span that goes on
+  for (long i = 0; i < evidence.times(); ++i) {
+    const std::size_t at = static_cast<std::size_t>(i);
+    const int stretch = held[at] ? evidence.stretch()[at] : -1;
+    if (stretch >= 0 && stretch != of)
+      out.push_back({evidence.series()[static_cast<std::size_t>(stretch)].run, evidence.time()[at],
+                     evidence.time()[at]});
+    if (stretch >= 0) out.back().last = evidence.time()[at];
+    of = stretch;
+  }
+  return out;
+}
+
+/// Rows from one time to another; of the channels, those that a simulation reads.
+Recording part_of(const Recording& r, double first, double last) {
+  const double* time = r.time.data();
+  const long from = std::lower_bound(time, time + r.rows(), first) - time,
+             rows = std::upper_bound(time, time + r.rows(), last) - time - from;
+  Recording out;
+  out.source = r.source;
+  out.run = r.run;
+  out.joint_names = r.joint_names;
+  out.has_tau = r.has_tau;
+  out.info = r.info;
+  out.time = r.time.segment(from, rows);
+  out.q = r.q.middleRows(from, rows);
+  out.tau = r.tau.middleRows(from, rows);
+  return out;
+}
+
+std::vector<bool> passive_joints(const Recording& r) {
+  std::vector<bool> out;
+  for (const std::string& joint : r.joint_names)
+    out.push_back(std::ranges::find(r.info.passive, joint) != r.info.passive.end());
+  return out;
+}
+
+/// First joint that moves by what nobody has recorded; empty if there is none.
+std::string prescribed_joint(const Recording& r, const std::vector<bool>& passive) {
+  for (std::size_t j = 0; j < passive.size(); ++j)
+    if (!passive[j] && !r.has_tau[j] && r.tau.col(static_cast<long>(j)).array().isNaN().all())
+      return r.joint_names[j];
+  return "";
+}
+
+VecX<double> range_of(const std::vector<MotionStretch>& stretches) {
+  const long n = stretches.front().q.cols();
+  VecX<double> low = VecX<double>::Constant(n, kInfinity), high = -low;
+  for (const MotionStretch& s : stretches)
+    for (long j = 0; j < n; ++j)
+      for (const double q : s.q.col(j))
+        if (!std::isnan(q)) {
+          low[j] = std::min(low[j], q);
+          high[j] = std::max(high[j], q);
+        }
+  return (high - low).cwiseMax(0.0);
+}
+
+/// Rows of which the shortest window still has enough: others cost time and tell nothing new.
+std::size_t kept_of(const std::vector<MotionStretch>& stretches, const SensorNoise& noise) {
+  constexpr double kRows = 12.0;  // rows of the shortest window: a state is two numbers
+  const double shortest = horizons(stretches, noise, {}).front();
+  const bool slow = std::ranges::any_of(noise.refresh, [](int rows) { return rows > 1; });
+  const double every = std::floor(shortest / (kRows * noise.period.maxCoeff()) * (1.0 + 1e-9));
+  return slow || !(every > 1.0) ? 1 : static_cast<std::size_t>(every);
+}
+
+/// Every so many rows, with the mean of the torques between them.
+MotionStretch thinned(const MotionStretch& s, std::size_t every) {
+  const std::size_t m = s.time.size();
+  MotionStretch out;
+  out.run = s.run;
+  std::vector<long> kept;
+  for (std::size_t k = 0; k < m; k += every) kept.push_back(static_cast<long>(k));
+  if (kept.back() != static_cast<long>(m) - 1) kept.push_back(static_cast<long>(m) - 1);
+  for (const long k : kept) out.time.push_back(s.time[static_cast<std::size_t>(k)]);
+  out.q = s.q(kept, Eigen::all);
+  out.u = s.u(kept, Eigen::all);
+  for (std::size_t i = 0; i + 1 < kept.size(); ++i) {
+    Eigen::RowVectorXd sum = Eigen::RowVectorXd::Zero(s.u.cols());
+    for (long k = kept[i]; k < kept[i + 1]; ++k) {
+      const std::size_t at = static_cast<std::size_t>(k);
+      sum += 0.5 * (s.time[at + 1] - s.time[at]) * (s.u.row(k) + s.u_end.row(k));
+    }
+    out.u.row(static_cast<long>(i)) = sum / (out.time[i + 1] - out.time[i]);
+  }
+  out.u_end = out.u;
+  return out;
+}
+
+}  // namespace
+
+HeldOutMotion motion_of(const std::vector<Recording>& parts) {
+  HeldOutMotion out;
+  if (parts.empty()) {
+    out.reason = "no row is held out";
+    return out;
+  }
+  const std::vector<bool> passive = passive_joints(parts.front());
+  for (const Recording& r : parts) {
+    out.begins.try_emplace(r.run, r.rows() > 0 ? r.time[0] : 0.0);
+    if (const std::string joint = prescribed_joint(r, passive); !joint.empty())
+      out.reason =
+          "the torque of " + joint + " was not recorded: its motion is an input, not a result";
+    for (long j = 0; j < r.q.cols(); ++j)
+      if (r.q.col(j).array().isNaN().all())
+        out.reason =
+            "the position of " + r.joint_names[static_cast<std::size_t>(j)] + " was not recorded";
+    if (!out.reason.empty()) return out;
+  }
+  out.noise = sensor_noise(parts, passive);
+  for (const Recording& r : parts)
+    std::ranges::move(motion_stretches(r, out.noise, passive), std::back_inserter(out.stretches));
+  if (out.stretches.empty()) {
+    out.reason = "no three held-out rows on end have a torque of every joint";
+    return out;
+  }
+  out.size = motion_size(out.stretches).cwiseMax(kNoises * out.noise.position);
+  out.tolerance = (kNoises * out.noise.position).cwiseMax(kOfRange * range_of(out.stretches));
+  if (const std::size_t every = kept_of(out.stretches, out.noise); every > 1)
+    for (MotionStretch& s : out.stretches) s = thinned(s, every);
+  return out;
+}
+
+HeldOutMotion held_out_motion(const RecordingSource& source, const Evidence& evidence,
+                              const std::vector<bool>& held) {
+  std::vector<Recording> parts;
+  std::map<int, double> begins;
+  const std::vector<Span> spans =
+      held.empty() ? std::vector<Span>{} : held_out_spans(evidence, held);
+  long rows = 0;
+  for_each_run(
+      source, [&](const Recording&) { return rows < kMostRows; },
+      [&](const Recording& r) {
+        const int run = evidence.first_run() + r.run;
+        begins[run] = r.time[0];
+        const auto keep = [&](double first, double last) {
+          parts.push_back(part_of(r, first, last));
+          parts.back().run = run;
+          rows += parts.back().rows();
+        };
+        if (held.empty()) keep(-kInfinity, kInfinity);
+        for (const Span& s : spans)
+          if (s.run == run) keep(s.first, s.last);
+      });
+  HeldOutMotion out = motion_of(parts);
+  out.begins = std::move(begins);
+  return out;
+}
+
+}  // namespace diffnea
