@@ -30,7 +30,7 @@ constexpr long kChunk = 2048;
 /// tells of its whole run, however long.
 constexpr double kRounding = 1e-8;
 
-/// Whether a joint's torque is known: measured, or passive and hence zero.
+/// Tells whether a joint's torque is known: measured, or passive and hence zero.
 bool known(const Preprocessed& about, const JointSeries& s, int j) {
   return about.has_tau[static_cast<std::size_t>(j)] ||
          (s.rows() > 0 && !std::isnan(s.logged(0, j)));

@@ -59,9 +59,9 @@ class Evidence {
   bool has_passive_beside_torques() const;
   /// Whether nothing drives the k-th of joints(): its torque is 0, or a ball's pull.
   bool passive(long k) const { return passive_[static_cast<std::size_t>(k)]; }
-  /// Whether a row of the k-th of joints() still hangs on how its stretch begins.
+  /// Tells whether a row of the k-th of joints() still hangs on how its stretch begins.
   bool begins(long instant, long k) const;
-  /// Whether some torque is not 0.
+  /// Tells whether some torque is not 0.
   bool driven() const {
     return std::ranges::any_of(series_, [&](const JointSeries& s) {
       return std::ranges::any_of(joints_, [&](int j) { return !s.logged.col(j).isZero(0.0); });

@@ -32,10 +32,10 @@ std::vector<JointNoise> estimate_noise(const Evidence& evidence, const VecX<doub
                                        const std::vector<bool>& used,
                                        const std::vector<double>& lost = {});
 
-/// What changes from one period of the motion to the next is noise, whatever the model lacks:
+/// Noise is what changes from one period of the motion to the next, whatever the model lacks:
 /// differences to the mean over periods, scaled by √(R/(R−1)).
-/// @param period  [s]
 /// Rows that hang on how their stretch begins have none.
+/// @param period  [s]
 /// @return (rows()) noise; empty unless a period is a whole number of rows and a stretch holds
 /// three of them
 VecX<double> repeatable_noise(const Evidence& evidence, const VecX<double>& residual,

@@ -35,7 +35,7 @@ std::vector<Term> without(const std::vector<Term>& terms, std::size_t i) {
 /// Accepted, a tilt is in the base's columns, too: without it, they would be those of no model.
 bool stays(const Term& term) { return term.effect.info().has(Trait::kGravity); }
 
-/// Whether a clock that the last of the terms shifts is, with all that shifts it, where a drive that
+/// Tells whether a clock that the last of the terms shifts is, with all that shifts it, where a drive that
 /// samples and holds its torques may have it: then the term says nothing of it.
 bool is_no_shift(const Search& search, const std::vector<Term>& terms) {
   const auto shift = [](const Term& t) {

@@ -75,10 +75,10 @@ class TorqueFilter {
 
  private:
   struct Gain {
-    double a00, a10, f01, f11;  ///< of the update and the step after it
-    double now, next;           ///< of the torques at either end of the step, on position
-    double speed;               ///< of either, on velocity
-    double update0, update1;    ///< of what is shown
+    double a00, a10, f01, f11;  ///< step from updated to next state
+    double now, next;           ///< torque at either end of the step, on position
+    double speed;               ///< torque at either end, on velocity
+    double update0, update1;    ///< position that is shown, on both
     double weight;              ///< 1/√(innovation's variance · every)
   };
   std::vector<Gain> gain_;

@@ -11,11 +11,11 @@
 namespace diffnea::detail {
 namespace {
 
-/// Of the rate of what is smoothed over the cut-off: above, rounding shows in accelerations.
+/// Rate of what is smoothed, over the cut-off: above the first, rounding shows in accelerations.
 constexpr double kMostRate = 100.0, kRateOfMeans = 50.0;
 /// Change from one step to the next that is rounding.
 constexpr double kSettled = 1e-13;
-/// What an end may leave in the steps that are taken for alike.
+/// Share of an end that may be left in the steps that are taken for alike.
 constexpr double kForgotten = 1e-12;
 
 double binomial(int n, int k) {
@@ -38,7 +38,7 @@ PathSmoother::PathSmoother(double cutoff_hz, double rate_hz, long every)
   const double m = static_cast<double>(every);
   shown_ << 1.0, 0.0, (1.0 - 1.0 / (m * m)) / 12.0, 0.0;
   const double h = 2.0 * kPi * cutoff_hz_ / rate_hz_;
-  Square covariance;  // of white d⁴q/dt⁴ over a step, over h⁸/36
+  Square covariance;  // noise of white d⁴q/dt⁴ over a step, over h⁸/36
   for (int i = 0; i < 4; ++i)
     for (int j = 0; j < 4; ++j) {
       advance_(i, j) = binomial(j, i);
@@ -83,7 +83,7 @@ PathSmoother::Step PathSmoother::eliminate(const Square* before) const {
   out.solved = out.inverse * q.transpose().block<4, 5>(0, 4);
   out.information = q.transpose().block<4, 5>(4, 4);
   out.root = R.bottomRightCorner<4, 4>();
-  for (int i = 0; i < 4; ++i)  // of either sign; the steps are alike only if it is always the same
+  for (int i = 0; i < 4; ++i)  // rows have either sign; the steps are alike only if it is always the same
     if (out.root(i, i) < 0.0) {
       out.root.row(i) *= -1.0;
       out.information.row(i) *= -1.0;

@@ -58,12 +58,12 @@ class PathSmoother {
     const std::size_t k = static_cast<std::size_t>(row);
     return k < steps_.size() ? steps_[k] : steps_.back();
   }
-  /// Of the last row: what is known of it and its own position. R, of R z = Q [b; y].
+  /// Factor of the last row: what is known of it and its own position. R, of R z = Q [b; y].
   Square last(long row, Eigen::Matrix<double, 4, 5>& q) const;
 
   double cutoff_hz_, rate_hz_;  ///< rate of the means
   long every_;
-  Eigen::RowVector4d shown_;  ///< what a mean shows of the state
+  Eigen::RowVector4d shown_;  ///< row of a mean in the state
   Square advance_, weight_;  ///< z⁺ = F z + noise; root of that noise's inverse covariance
   std::vector<Step> steps_;  ///< until they no longer change
 };

@@ -48,7 +48,7 @@ TEST_CASE("diagnose: stopped while it tests or while it simulates, it goes no fu
   REQUIRE(first + 1 < static_cast<std::ptrdiff_t>(whole.size()));
   for (const std::size_t stop_at : {static_cast<std::size_t>(first) + 1, whole.size()}) {
     CAPTURE(stop_at);
-    CHECK(stages(stop_at).size() <= stop_at + 1);  // what was begun may say that it ends
+    CHECK(stages(stop_at).size() <= stop_at + 1);  // a stage that was begun may say that it ends
   }
 }
 

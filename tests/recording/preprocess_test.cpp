@@ -118,7 +118,7 @@ TEST_CASE("preprocess: derivatives are those of the path", "[recording]") {
   const Recording r = sampled(uniform_times(2001, dt), [&](double t) { return std::sin(w * t); });
   const PreprocessPlan plan = plan_preprocess({r}, {.filter_hz = 10.0});
   const Preprocessed p = preprocess(r, plan);
-  // Of samples far apart against the sine's period, the spline's gain is a little below.
+  // Samples far apart against the sine's period lower the spline's gain a little.
   const double gain = 1.0 / (1.0 + std::pow(hz / 10.0, 8));
   const double off = hz < 5.0 ? 1e-5 : 0.02;
   for (long k = 900; k < 1100; ++k) {
