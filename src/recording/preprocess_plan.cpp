@@ -182,7 +182,7 @@ double longest_of(const std::vector<Recording>& recordings, double longest_pause
 }
 
 /// Five rows that the filter leaves independent, at least.
-/// @param plan  with max_gap
+/// @param plan  with filter_hz, max_gap and min_segment
 void require_enough(const std::vector<Recording>& recordings, const PreprocessPlan& plan,
                     const PreprocessOptions& options) {
   const std::string& where = recordings.front().source;
@@ -196,6 +196,13 @@ void require_enough(const std::vector<Recording>& recordings, const PreprocessPl
       throw DataError(where + ": filter or decimation to " + detail::number_text(hz, 4) +
                       " Hz leaves fewer than five rows of " + lasts + "; expected " +
                       detail::number_text(5.0 / longest, 4) + " Hz or more");
+  // Where any stretch will do, a path needs five rows of it alone.
+  if (plan.min_segment > 0.0 && too_few(plan.filter_hz))
+    throw DataError(where + ": lasts " + lasts + ", of which the filter that suits it (" +
+                    detail::number_text(plan.filter_hz, 3) +
+                    " Hz) leaves fewer than five rows; record ten seconds or more, e.g. a "
+                    "motion of `diffnea excite`, or have runs of any length simulated (`--loss "
+                    "motion`)");
 }
 
 /// One kind of recordings, with something to differentiate.

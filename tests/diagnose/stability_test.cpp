@@ -66,22 +66,6 @@ TEST_CASE("stability: halves choose what is there all the time, and nothing else
   CHECK(rubbed.share(halves, "viscous_friction", "shoulder") < 0.1);
 }
 
-TEST_CASE("stability: what one second makes up is chosen on no more than half the halves",
-          "[diagnose]") {
-  constexpr double kAccept = 4.0;  // the burst is noise, too, and swells it
-  const double start = Rubbed(0.0, 0.0, 0.0, 20.0).evidence->time().front();
-  double burst = 2.0;
-  const auto inside_a_block = [&] { return Rubbed(burst, start + 8.1, start + 8.9, 20.0); };
-  // On the whole it looks like a cause.
-  while (burst < 200.0 && !(inside_a_block().scores.front().delta_bic > kAccept)) burst *= 1.5;
-  const Rubbed rubbed = inside_a_block();
-  CAPTURE(burst, rubbed.scores.front().delta_bic);
-  REQUIRE(rubbed.scores.front().delta_bic > kAccept);
-  const auto halves = choose_on_halves(*rubbed.search, rubbed.contenders, kAccept, 0);
-  REQUIRE(halves.size() == 50);
-  for (int c = 0; c < 3; ++c) CHECK(share_of(halves, c, {0, 1, 2}) < kMostHalves);
-}
-
 TEST_CASE("stability: a half that a cause does not show in says nothing of it", "[diagnose]") {
   const std::vector<HalfChoice> halves{{{0}, {9.0}}, {{}, {1.0}}, {{0}, {5.0}}, {{}, {5.0}}};
   CHECK(share_of(halves, 0, {0}) == 2.0 / 3.0);

@@ -313,6 +313,7 @@ TEST_CASE("preprocess: what cannot be done is said", "[recording]") {
   CHECK_THROWS_WITH(plan_preprocess({good}, {.measured_velocity = true}),
                     ContainsSubstring("no column qd_<joint>"));
   const Recording brief = sampled(uniform_times(20, 0.01), [](double t) { return std::sin(t); });
+  CHECK_THROWS_WITH(plan_preprocess({brief}), ContainsSubstring("lasts 0.19 s"));
   CHECK(preprocess(brief, plan_preprocess({brief}, {.min_segment = 0.0})).rows() == 20);
   CHECK_THROWS_WITH(plan_preprocess({brief}, {.filter_hz = 10.0}),
                     ContainsSubstring("10 Hz leaves fewer than five rows of 0.19 s") &&
