@@ -28,7 +28,8 @@ void predict(const ExtendedTree& base, JointSeries& x);
 ///  - kMeasurement: the sign equation at the true motion minus the same at the logged one, all
 ///  joints
 ///  - kMemory: torque of the series; a hidden motor angle θ also moves the friction of `base` on
-///  the motor's side from q̇ to θ̇, and that on the link's side winds its spring up
+///  the motor's side from q̇ to θ̇, and that on the link's side winds its spring up; where θ is
+///  logged, RNEA at the links' motion, which starts without swinging, minus that at θ, all joints
 /// @param base  the model it is added to; a Tree is one without effects
 /// @param x     x.tau may be empty: it is then computed; x.total, where it is there, is that of
 /// `base`
