@@ -285,16 +285,24 @@ Rows torque_of(const BoundEffect& effect, const ExtendedTree& base, const JointS
   return out;
 }
 
+/// Whether the log has the motor's angle: no linear parameter counts.
+bool reads_motor(const BoundEffect& effect, const double* p) {
+  return visit_formula(effect, [&](const auto& formula) {
+    if constexpr (requires { formula.encoder_at_motor(p); }) return formula.encoder_at_motor(p);
+    return false;
+  });
+}
+
 /// One unit of linear parameter k, the other linear ones 0.
 Rows unit_column(const BoundEffect& effect, const ExtendedTree& base, const JointSeries& x,
                  std::vector<double> p, int k) {
   for (const int i : effect.linear_parameters()) p[static_cast<std::size_t>(i)] = 0.0;
+  if (reads_motor(effect, p.data())) return Rows::Zero(x.rows(), x.q.cols());
   const std::vector<double> none = p;
   p[static_cast<std::size_t>(k)] = 1.0;
   Rows out = torque_of(effect, base, x, p.data());
-  // Friction that follows a hidden motor stays where the rotor has no inertia, and so does what a
-  // hidden link needs.
-  if (effect.info().motor != HiddenMotor::kNone)
+  // Friction that follows a hidden motor stays where the rotor has no inertia.
+  if (effect.info().port == Port::kMemory && !base.effects.empty())
     out -= torque_of(effect, base, x, none.data());
   return out;
 }
