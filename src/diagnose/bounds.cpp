@@ -124,18 +124,6 @@ void bound_backlash(const std::vector<double>& q_noise, Candidate& c) {
     c.grid.push_back({least * std::pow(most / least, static_cast<double>(k) / steps)});
 }
 
-/// Leaves of a spring's grid the encoder at the motor. @return whether there is such a choice
-bool hold_encoder_at_motor(Candidate& c) {
-  std::vector<ParameterInfo>& info = c.effect.parameter_info;
-  const auto side = std::ranges::find(info, "encoder_side", &ParameterInfo::name);
-  if (side == info.end()) return false;
-  const auto at = std::ranges::find(c.choices, static_cast<int>(side - info.begin()));
-  const auto k = c.shapes.size() + static_cast<std::size_t>(at - c.choices.begin());
-  side->choices = {1.0};
-  std::erase_if(c.grid, [&](const std::vector<double>& g) { return g[k] != 1.0; });
-  return true;
-}
-
 /// Whether all joints of an effect are known to have no torque.
 bool is_passive(const Evidence& evidence, const BoundEffect& effect) {
   return std::ranges::all_of(effect.joints, [&](int j) {
@@ -156,15 +144,14 @@ std::vector<Refusal> bound_shapes(const Evidence& evidence, const FitLayout& lay
     const EffectInfo& info = c.effect.info();
     if (info.has(Trait::kOfDrive) && is_passive(evidence, c.effect)) continue;
     // Columns of fourth derivatives share the noise of what they are to explain, unless both come
-    // from other periods. Read at the motor, a spring that this noise would show is softer than
-    // none.
+    // from other periods.
     if (!repeats && info.motor != HiddenMotor::kNone) {
       if (std::ranges::none_of(refused, [&](const Refusal& r) { return r.effect == info.name; }))
         refused.push_back(
             {info.name, "all",
              "not tried: needs a motion that repeats, two periods or more, and so of held-out data",
              0.0});
-      if (!hold_encoder_at_motor(c)) continue;
+      continue;
     }
     std::string none;
     switch (c.bound()) {

@@ -285,7 +285,7 @@ Rows torque_of(const BoundEffect& effect, const ExtendedTree& base, const JointS
   return out;
 }
 
-/// Whether the log has the motor's angle: no linear parameter counts.
+/// True where the log has the motor's angle: no linear parameter counts.
 bool reads_motor(const BoundEffect& effect, const double* p) {
   return visit_formula(effect, [&](const auto& formula) {
     if constexpr (requires { formula.encoder_at_motor(p); }) return formula.encoder_at_motor(p);

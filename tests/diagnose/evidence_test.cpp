@@ -124,11 +124,7 @@ TEST_CASE("diagnose: shapes are bounded by what a recording shows", "[diagnose]"
                                     candidate(evidence.model, "joint_elasticity", "elbow")};
   const std::vector<Refusal> refused =
       bound_shapes(*evidence, evidence.layout, noise_of({1e-3, 2e-3}), false, candidates);
-  REQUIRE(candidates.size() == 3);
-  // Its motor hidden, a spring needs a motion that repeats.
-  CHECK(candidates[2].grid.size() == 2 * candidates[2].effect.parameter_info[0].search.size());
-  for (const std::vector<double>& g : candidates[2].grid) CHECK(g.back() == 1.0);
-  CHECK(candidates[2].effect.parameter_info[4].choices == std::vector<double>{1.0});
+  REQUIRE(candidates.size() == 2);  // a spring needs a motion that repeats
   REQUIRE(refused.size() == 1);
   CHECK(refused[0].effect == "joint_elasticity");
   CHECK(candidates[0].shape_low == std::vector<double>{6e-3});  // 3 standard deviations

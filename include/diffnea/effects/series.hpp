@@ -22,7 +22,7 @@ namespace diffnea {
 /// @param base  the model without the effect in question; its effects count in x.total
 void predict(const ExtendedTree& base, JointSeries& x);
 
-/// What the logged torque has in addition because of `effect`, (N, n) [N·m] or [N].
+/// Torque that the log has in addition because of `effect`, (N, n) [N·m] or [N].
 ///  - kJointTorque, kLinkForce: the effect's torque at every instant, at x.tau
 ///  - kModelParameter: RNEA of the changed tree minus that of the tree
 ///  - kMeasurement: the sign equation at the true motion minus the same at the logged one, all
