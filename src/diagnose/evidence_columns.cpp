@@ -6,6 +6,7 @@
 #include <numeric>
 
 #include <diffnea/core/error.hpp>
+#include <diffnea/effects/stepping.hpp>
 
 #include "diagnose/evidence.hpp"
 
@@ -56,7 +57,8 @@ MatX<double> Evidence::columns(const TriedEffect& effect, const std::vector<int>
   // Joint torques of one joint reach that joint alone: the others' columns need no filter.
   std::vector<long> reached;  // index into joints_
   const Port port = effect.info().port;
-  const bool local = port == Port::kJointTorque || port == Port::kMemory;
+  const bool local =
+      port == Port::kJointTorque || (port == Port::kMemory && !encoder_at_motor(effect));
   for (std::size_t k = 0; k < joints_.size(); ++k)
     if (!local || std::ranges::find(effect.joints, joints_[k]) != effect.joints.end())
       reached.push_back(static_cast<long>(k));

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include <diffnea/effects/stepping.hpp>
+
 namespace diffnea {
 namespace {
 
@@ -37,7 +39,8 @@ double inexact_at(const Search& search, const Term& term, const std::vector<Term
   const VecX<double> unknown = inexact_friction(search, terms, is_like_friction(term.effect));
   const long m = evidence.times();
   const Port port = term.effect.info().port;
-  const bool local = port == Port::kJointTorque || port == Port::kMemory;
+  const bool local =
+      port == Port::kJointTorque || (port == Port::kMemory && !encoder_at_motor(term.effect));
   double out = 0.0;
   for (std::size_t k = 0; k < evidence.joints().size(); ++k) {
     if (local &&

@@ -111,6 +111,7 @@ void hold_rotor(const Search& search, Term& term) {
   const Candidate& c = search.candidates()[static_cast<std::size_t>(term.candidate)];
   double* p = term.effect.parameters.data();  // stiffness, damping, inertia
   if (!(c.rotor > 0.0) || term.shapes.size() >= c.shapes.size() || !(p[2] > 0.0)) return;
+  if (encoder_at_motor(term.effect)) return;  // the link's inertia over the stiffness shows
   const double by = c.rotor / p[2];
   for (int k = 0; k < 3; ++k) p[k] *= by;
   search.set_columns(term);
@@ -156,14 +157,17 @@ bool impossible(const Term& term) {
 }
 
 bool plausible(const Search& search, const Term& term) {
-  // A rotor that its spring's damper does not let swing is a lag by another name.
-  if (!term.effect.own && hides_motor(term.effect)) {
+  // A rotor that its spring's damper does not let swing is a lag by another name; a rotor that the
+  // encoder sees is none.
+  const bool hidden =
+      !term.effect.own && hides_motor(term.effect) && !encoder_at_motor(term.effect);
+  if (hidden) {
     const MotorSpring<double> s = motor_spring(term.effect);
     if (s.damping * s.damping > 4.0 * s.stiffness * s.inertia) return false;
   }
   // A hidden rotor without inertia only bends the friction that turns with it.
   for (const int k : term.linear)
-    if (term.effect.parameter_info[static_cast<std::size_t>(k)].name == "motor_inertia" &&
+    if (hidden && term.effect.parameter_info[static_cast<std::size_t>(k)].name == "motor_inertia" &&
         !(term.effect.parameters[static_cast<std::size_t>(k)] > 0.0))
       return false;
   // At the least distance that shows, bristles are Coulomb friction; at the largest, a spring.

@@ -3,6 +3,7 @@
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/dynamics/batch.hpp>
+#include <diffnea/dynamics/mass_matrix.hpp>
 #include <diffnea/effects/catalogue.hpp>
 #include <diffnea/effects/hidden_motor.hpp>
 #include <diffnea/effects/series.hpp>
@@ -99,6 +100,83 @@ Rows moved_friction(const ExtendedTree& base, const JointSeries& x, int joint,
   return out;
 }
 
+/// θ − q of M δ̈ + D δ̇ + K δ = f, f and M straight between the rows: a link on its spring, which its
+/// motor swings. By backward differences of order two, which follow what a step resolves and damp
+/// the rest; begins where f would hold it if it went on so.
+VecX<double> swung(const VecX<double>& f, const VecX<double>& inertia, double dt,
+                   const MotorSpring<double>& spring) {
+  constexpr int kSubsteps = 4;
+  const double K = spring.stiffness, D = spring.damping, h = dt / kSubsteps, c = 1.5 / h;
+  const VecX<double> rate = derivative(f, dt), bend = derivative(rate, dt);
+  VecX<double> out(f.size());
+  const double a = bend[0] / K;
+  double v = rate[0] / K, v_before = v - h * a;
+  double at = (f[0] - inertia[0] * a - D * v) / K, before = at - h * (v - 0.5 * h * a);
+  out[0] = at;
+  for (long k = 1; k < f.size(); ++k) {
+    for (int i = 1; i <= kSubsteps; ++i) {
+      const double share = static_cast<double>(i) / kSubsteps;
+      const double M = (1.0 - share) * inertia[k - 1] + share * inertia[k];
+      const double push = (1.0 - share) * f[k - 1] + share * f[k];
+      // δ̇ = c δ + r, δ̈ = c δ̇ + s at the end of the step.
+      const double r = (before - 4.0 * at) / (2.0 * h), s = (v_before - 4.0 * v) / (2.0 * h);
+      const double next = (push - M * (c * r + s) - D * r) / ((M * c + D) * c + K);
+      before = at, at = next;
+      v_before = v, v = c * at + r;
+    }
+    out[k] = at;
+  }
+  return out;
+}
+
+/// Inertia of the links at every row, as `joint` alone feels it.
+VecX<double> link_inertia(const Tree<double>& tree, const JointSeries& x, int joint) {
+  MassMatrixWorkspace<double, double> ws;
+  VecX<double> out(x.rows());
+  for (long k = 0; k < x.rows(); ++k) {
+    const VecX<double> q = x.q.row(k).transpose();
+    out[k] = mass_matrix<double, double>(tree, q, ws)(joint, joint);
+  }
+  return out.array() - tree.links[static_cast<std::size_t>(joint)].armature;
+}
+
+/// Motion of the links where the log has the motor's at `joint`. The second round takes what hangs
+/// on the link where it is, not where its motor is.
+JointSeries behind_encoder(const MotorSpring<double>& spring, const ExtendedTree& base,
+                           const JointSeries& x, int joint) {
+  constexpr int kRounds = 2;
+  const VecX<double> inertia = link_inertia(base.tree, x, joint);
+  JointSeries links = x;
+  for (int round = 0; round < kRounds; ++round) {
+    const VecX<double> ahead = (x.qdd - links.qdd).col(joint);
+    const VecX<double> load = load_on_spring(base, links, joint, spring.friction_share);
+    const VecX<double> wound = swung(load + inertia.cwiseProduct(ahead), inertia, x.dt, spring);
+    const VecX<double> speed = derivative(wound, x.dt);
+    links.q.col(joint) = x.q.col(joint) - wound;
+    links.qd.col(joint) = x.qd.col(joint) - speed;
+    links.qdd.col(joint) = x.qdd.col(joint) - derivative(speed, x.dt);
+    links.tau = link_torque(base.tree, links);
+  }
+  return links;
+}
+
+/// Torque in addition at all joints because the links do not move as the log has it; the joint's
+/// armature does.
+Rows moved_links(const MotorSpring<double>& spring, const ExtendedTree& base, const JointSeries& x,
+                 int joint) {
+  const JointSeries links = behind_encoder(spring, base, x, joint);
+  Rows out = links.tau - x.tau;
+  for (const BoundEffect& e : base.effects) {
+    const double at_motor = acts_on(e, joint) ? motor_share(e.info(), spring.friction_share) : 0.0;
+    if (at_motor == 1.0) continue;
+    Rows there = Rows::Zero(x.rows(), x.q.cols()), here = there;
+    add_local(e, base.tree, links, e.parameters.data(), there);
+    add_local(e, base.tree, x, e.parameters.data(), here);
+    out += (1.0 - at_motor) * (there - here);
+  }
+  return out;
+}
+
 /// Torque of a state along the motion, the velocity straight between the rows.
 template <JointStateEffect E>
 VecX<double> state_series(const JointSeries& x, int joint, const double* p) {
@@ -122,6 +200,11 @@ Rows memory_torque(const BoundEffect& effect, const ExtendedTree& base, const Jo
   Rows out = Rows::Zero(x.rows(), x.q.cols());
   visit_formula(effect, [&]<class E>(const E& formula) {
     for (const int j : effect.joints) {
+      if constexpr (requires { formula.encoder_at_motor(p); })
+        if (formula.encoder_at_motor(p)) {
+          out += moved_links(formula.motor_spring(p), base, x, j);
+          continue;
+        }
       if constexpr (requires { formula.torque_series(x, j, p); })
         out.col(j) += formula.torque_series(x, j, p);
       else if constexpr (JointStateEffect<E>)
@@ -202,10 +285,19 @@ Rows torque_of(const BoundEffect& effect, const ExtendedTree& base, const JointS
   return out;
 }
 
+/// True where the log has the motor's angle: no linear parameter counts.
+bool reads_motor(const BoundEffect& effect, const double* p) {
+  return visit_formula(effect, [&](const auto& formula) {
+    if constexpr (requires { formula.encoder_at_motor(p); }) return formula.encoder_at_motor(p);
+    return false;
+  });
+}
+
 /// One unit of linear parameter k, the other linear ones 0.
 Rows unit_column(const BoundEffect& effect, const ExtendedTree& base, const JointSeries& x,
                  std::vector<double> p, int k) {
   for (const int i : effect.linear_parameters()) p[static_cast<std::size_t>(i)] = 0.0;
+  if (reads_motor(effect, p.data())) return Rows::Zero(x.rows(), x.q.cols());
   const std::vector<double> none = p;
   p[static_cast<std::size_t>(k)] = 1.0;
   Rows out = torque_of(effect, base, x, p.data());

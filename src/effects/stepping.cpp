@@ -59,6 +59,14 @@ AtRest<double> at_rest(const BoundEffect& e) {
 
 bool hides_motor(const BoundEffect& e) { return e.info().motor != HiddenMotor::kNone; }
 
+bool encoder_at_motor(const BoundEffect& e) {
+  return visit_formula(e, [&](const auto& formula) {
+    const double* p = e.parameters.data();
+    if constexpr (requires { formula.encoder_at_motor(p); }) return formula.encoder_at_motor(p);
+    return false;
+  });
+}
+
 MotorSpring<double> motor_spring(const BoundEffect& e) {
   return visit_formula(e, [&]<class E>(const E&) -> MotorSpring<double> {
     const double* p = e.parameters.data();

@@ -82,7 +82,7 @@ std::vector<DrawnEffects> drawn_effects(const std::vector<Model>& draws) {
     d.tree = extend(model, {0});
     for (const BoundEffect& e : d.tree.series) {
       check_delay(model, e);
-      if (is_of_drives(e))
+      if (is_of_drives(e) && !encoder_at_motor(e))
         d.drives.push_back(e);
       else if (!is_of_log(e) && !acts_on_ball(e.info()))
         refuse(model, e);

@@ -24,15 +24,19 @@ double ModelPlant::JointState::torque(double at, double velocity) const {
 void ModelPlant::hide_motors(Tree<double>& tree) {
   for (const BoundEffect& e : series_) {
     if (!hides_motor(e)) continue;
-    const double inertia = motor_spring(e).inertia;
+    const bool encoder = encoder_at_motor(e);
     for (const int j : e.joints) {
+      double& armature = tree.links[static_cast<std::size_t>(j)].armature;
+      const double inertia = encoder ? armature : motor_spring(e).inertia;
+      if (encoder && !(inertia > 0.0))
+        throw ModelError("simulate: " + e.info().name + " at '" + e.where +
+                         "': the joint has no armature, which an encoder at the motor needs");
       if (!(inertia > 0.0)) continue;  // without a rotor nothing moves behind the spring
       if (std::ranges::find(motors_, j, &Motor::joint) != motors_.end())
         throw ModelError(
             "simulate: " + e.info().name + " at '" + e.where +
             "': the joint has a hidden motor already; one elasticity or backlash a joint");
-      double& armature = tree.links[static_cast<std::size_t>(j)].armature;
-      motors_.push_back({&e, j, inertia, armature - inertia});
+      motors_.push_back({&e, j, inertia, armature - inertia, encoder});
       armature = 0.0;
     }
   }
@@ -87,6 +91,15 @@ int ModelPlant::position_of(const JointState& b) const {
 
 int ModelPlant::velocity_of(const JointState& b) const {
   return b.motor < 0 ? n_ + b.joint : 2 * n_ + static_cast<int>(motors_.size()) + b.motor;
+}
+
+VecX<double> ModelPlant::at_encoders(int order) const {
+  const int m = static_cast<int>(motors_.size());
+  VecX<double> out = z_.segment(order * n_, n_);
+  for (int k = 0; k < m; ++k)
+    if (const Motor& motor = motors_[static_cast<std::size_t>(k)]; motor.encoder)
+      out[motor.joint] = z_[2 * n_ + order * m + k];
+  return out;
 }
 
 ModelPlant::ModelPlant(const Model& model, const RecordOptions& options)
@@ -189,10 +202,15 @@ void ModelPlant::start(const JointSeries& x, const RowMatX<double>& torque, long
     for (int k = 0; k < m; ++k) {
       const Motor& motor = motors_[static_cast<std::size_t>(k)];
       const int j = motor.joint;
-      z_[2 * n_ + k] = q(1, j) + deflection_at(*motor.effect, load(1, j));
-      z_[2 * n_ + m + k] = qd(1, j) + (deflection_at(*motor.effect, load(2, j)) -
-                                       deflection_at(*motor.effect, load(0, j))) /
-                                          (2.0 * x.dt);
+      const double wound = deflection_at(*motor.effect, load(1, j));
+      const double rate = (deflection_at(*motor.effect, load(2, j)) -
+                           deflection_at(*motor.effect, load(0, j))) /
+                          (2.0 * x.dt);
+      z_[2 * n_ + k] = q(1, j) + (motor.encoder ? 0.0 : wound);
+      z_[2 * n_ + m + k] = qd(1, j) + (motor.encoder ? 0.0 : rate);
+      if (!motor.encoder) continue;  // read is the motor; the link is behind it
+      z_[j] -= wound;
+      z_[n_ + j] -= rate;
     }
   }
   drives_.reset();
@@ -208,17 +226,24 @@ void ModelPlant::start(const JointSeries& x, const RowMatX<double>& torque, long
 }
 
 void ModelPlant::reset(const VecX<double>& reading) {
-  const VecX<double> q = encoders_.truth(reading);
+  const VecX<double> read = encoders_.truth(reading);
   const int m = static_cast<int>(motors_.size());
   z_ = VecX<double>::Zero(2 * n_ + 2 * m);
-  z_.head(n_) = q;
-  // Hidden motors start where their springs hold the links against gravity.
+  VecX<double> q = read;
+  // Springs hold the links against gravity: hidden motors start beyond them, links whose motors are
+  // read behind these.
   RneaWorkspace<double, double> ws;
-  const VecX<double> hold = gravity_torques<double, double>(dynamics_.model().tree, q, ws);
-  for (int k = 0; k < m; ++k) {
-    const Motor& motor = motors_[static_cast<std::size_t>(k)];
-    z_[2 * n_ + k] = q[motor.joint] + deflection_at(*motor.effect, hold[motor.joint]);
+  const int rounds = std::ranges::any_of(motors_, &Motor::encoder) ? 5 : 1;
+  for (int round = 0; round < rounds; ++round) {
+    const VecX<double> hold = gravity_torques<double, double>(dynamics_.model().tree, q, ws);
+    for (int k = 0; k < m; ++k) {
+      const Motor& motor = motors_[static_cast<std::size_t>(k)];
+      const double wound = deflection_at(*motor.effect, hold[motor.joint]);
+      if (motor.encoder) q[motor.joint] = read[motor.joint] - wound;
+      z_[2 * n_ + k] = read[motor.joint] + (motor.encoder ? 0.0 : wound);
+    }
   }
+  z_.head(n_) = q;
   for (JointState& b : states_) b.state = 0.0;
   drives_.reset();
   time_ = 0.0;

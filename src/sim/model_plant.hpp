@@ -32,8 +32,8 @@ class ModelPlant : public Plant {
   /// @param torque  (N, n) that acts from row k to k+1
   /// @param row     where it starts, 1 … N−2
   void start(const JointSeries& x, const RowMatX<double>& torque, long row);
-  VecX<double> q() const override { return encoders_.read(z_.head(n_)); }
-  VecX<double> qd() const override { return encoders_.read_velocity(z_.segment(n_, n_)); }
+  VecX<double> q() const override { return encoders_.read(at_encoders(0)); }
+  VecX<double> qd() const override { return encoders_.read_velocity(at_encoders(1)); }
   std::string step(const VecX<double>& torque) override;
 
  private:
@@ -54,6 +54,7 @@ class ModelPlant : public Plant {
     int joint;
     double inertia;
     double shared_armature;  ///< of the joint, what turns with the link's acceleration in the model
+    bool encoder;            ///< positions are read here
   };
 
   ExtendedTree take_apart(ExtendedTree model);
@@ -61,6 +62,8 @@ class ModelPlant : public Plant {
   void place_states();
   int position_of(const JointState& state) const;
   int velocity_of(const JointState& state) const;
+  /// Positions (`order` 0) or velocities (1) of what the encoders sit at.
+  VecX<double> at_encoders(int order) const;
   int steps_for_stiffness(const VecX<double>& q) const;
   int steps_for_friction(const VecX<double>& q);
   void slope(double share, const VecX<double>& z, VecX<double>& dz);

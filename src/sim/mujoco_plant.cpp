@@ -133,21 +133,26 @@ void MujocoRobot::tie_rotor(const BoundEffect& elasticity, const Model& truth) {
   const MotorSpring<double> held = motor_spring(elasticity);
   const std::string what = "MuJoCo world: " + elasticity.info().name + " at '";
   const std::vector<std::string> joints = joint_names(truth);
+  const Tree<double> tree = make_tree(truth);
   for (const int j : elasticity.joints) {
     const std::string& name = joints[static_cast<std::size_t>(j)];
     const int rotor = mj_name2id(&m, mjOBJ_JOINT, rotor_name(name).c_str()),
               spring = mj_name2id(&m, mjOBJ_TENDON, spring_name(name).c_str());
     if (rotor < 0 || spring < 0)
       throw ModelError(what + name + "': the document has no rotor there; with_rotors adds it");
-    if (rotor_at(j) || !(held.inertia > 0.0))
-      throw ModelError(what + name + "': one spring a joint, with a motor_inertia above 0");
+    const bool encoder = encoder_at_motor(elasticity);
+    const double inertia =
+        encoder ? tree.links[static_cast<std::size_t>(j)].armature : held.inertia;
+    if (rotor_at(j) || !(inertia > 0.0))
+      throw ModelError(what + name + "': one spring a joint, with a " +
+                       (encoder ? "armature" : "motor_inertia") + " above 0");
     const int dof = m.jnt_dofadr[rotor];
-    rotors_.push_back({j, m.jnt_qposadr[rotor], dof, held.stiffness});
+    rotors_.push_back({j, m.jnt_qposadr[rotor], dof, held.stiffness, encoder});
     shares_[static_cast<std::size_t>(j)] = held.friction_share;
     m.tendon_stiffness[spring] = held.stiffness;
     m.tendon_damping[spring] = held.damping;
     m.tendon_lengthspring[spring] = 0.0;
-    m.dof_armature[dof] = held.inertia;
+    m.dof_armature[dof] = inertia;
     m.dof_solref[mjNREF * dof] = kFrictionTime;
     m.dof_solimp[mjNIMP * dof] = m.dof_solimp[mjNIMP * dof + 1] = kImpedance;
   }
@@ -275,11 +280,34 @@ void MujocoPlant::reset(const VecX<double>& reading) {
   for (std::size_t j = 0; j < robot_->qpos_.size(); ++j) data_->qpos[robot_->qpos_[j]] = q[j];
   for (const MujocoRobot::Rotor& r : robot_->rotors_) data_->qpos[r.qpos] = q[r.joint];
   hang_ball();
-  if (robot_->rotors_.empty()) return;
-  for (const MujocoRobot::Rotor& r : robot_->rotors_)  // wound up by what the links weigh
-    data_->qpos[r.qpos] += data_->qfrc_bias[robot_->dof_[r.joint]] / r.stiffness;
-  mj_forward(model(), data_.get());
+  // Springs are wound up by what the links weigh; links whose motors are read, where that is so.
+  const int rounds = std::ranges::any_of(robot_->rotors_, &MujocoRobot::Rotor::encoder) ? 5 : 1;
+  for (int round = 0; round < rounds && !robot_->rotors_.empty(); ++round) {
+    for (const MujocoRobot::Rotor& r : robot_->rotors_) {
+      const auto j = static_cast<std::size_t>(r.joint);
+      const double wound = data_->qfrc_bias[robot_->dof_[j]] / r.stiffness;
+      if (r.encoder)
+        data_->qpos[robot_->qpos_[j]] = q[r.joint] - wound;
+      else
+        data_->qpos[r.qpos] = q[r.joint] + wound;
+    }
+    mj_forward(model(), data_.get());
+  }
   read_state();
+}
+
+VecX<double> MujocoPlant::q() const {
+  VecX<double> seen = q_;
+  for (const MujocoRobot::Rotor& r : robot_->rotors_)
+    if (r.encoder) seen[r.joint] = data_->qpos[r.qpos];
+  return encoders_.read(seen);
+}
+
+VecX<double> MujocoPlant::qd() const {
+  VecX<double> seen = qd_;
+  for (const MujocoRobot::Rotor& r : robot_->rotors_)
+    if (r.encoder) seen[r.joint] = data_->qvel[r.dof];
+  return encoders_.read_velocity(seen);
 }
 
 void MujocoPlant::hang_ball() {

@@ -34,6 +34,7 @@ class MujocoRobot {
     int joint;  ///< degree of freedom of the model
     int qpos, dof;
     double stiffness;
+    bool encoder;  ///< positions are read here
     double stiction = 0.0, stribeck = 1.0;  ///< more at rest [N·m], fades with [rad/s]
   };
   /// State of an effect with memory, at a joint or its rotor.
@@ -74,8 +75,8 @@ class MujocoPlant : public Plant {
   void reset(const VecX<double>& reading) override;
   /// Lets the ball hang at rest again, whatever it did.
   void hang_ball();
-  VecX<double> q() const override { return encoders_.read(q_); }
-  VecX<double> qd() const override { return encoders_.read_velocity(qd_); }
+  VecX<double> q() const override;
+  VecX<double> qd() const override;
   /// Position and velocity W [m, m/s] are those that the camera shows, as late as it is.
   std::optional<Vec3<double>> ball() const override;
   std::string step(const VecX<double>& torque) override;

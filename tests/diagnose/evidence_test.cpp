@@ -198,18 +198,21 @@ TEST_CASE("diagnose: a tilt leaves a joint without torque what it is", "[diagnos
   CHECK_FALSE(s->passive(0));
 }
 
-TEST_CASE("diagnose: friction of an elastic joint is tried on either side at every stiffness",
-          "[diagnose]") {
+TEST_CASE(
+    "diagnose: friction and encoder of an elastic joint are tried on either side at every "
+    "stiffness",
+    "[diagnose]") {
   const test::SwingingEvidence evidence(20.0);
   const Candidate c = candidate(evidence.model, "joint_elasticity", "elbow");
   REQUIRE(c.shapes == std::vector<int>{0});
-  REQUIRE(c.choices == std::vector<int>{3});
-  CHECK(c.grid.size() == 2 * c.effect.parameter_info[0].search.size());
+  REQUIRE(c.choices == std::vector<int>{3, 4});
+  CHECK(c.grid.size() == 4 * c.effect.parameter_info[0].search.size());
   BoundEffect effect = c.effect;
   for (std::size_t k = 0; k < c.grid.size(); ++k) {
     c.set(c.grid[k], effect);
-    CHECK(effect.parameters[0] == c.effect.parameter_info[0].search[k / 2]);
-    CHECK(effect.parameters[3] == (k % 2 == 0 ? 1.0 : 0.0));
+    CHECK(effect.parameters[0] == c.effect.parameter_info[0].search[k / 4]);
+    CHECK(effect.parameters[3] == (k / 2 % 2 == 0 ? 1.0 : 0.0));
+    CHECK(effect.parameters[4] == (k % 2 == 0 ? 0.0 : 1.0));
   }
 }
 

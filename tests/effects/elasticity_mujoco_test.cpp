@@ -40,7 +40,7 @@ std::string mjcf(double share) {
          "</mujoco>";
 }
 
-Model pendulum(double share) {
+Model pendulum(double share, bool at_motor) {
   Model m;
   m.name = "pendulum";
   m.gravity = {0.0, 0.0, -9.81};
@@ -58,16 +58,17 @@ Model pendulum(double share) {
                 {{"stiffness", kStiffness, ""},
                  {"damping", kDamping, ""},
                  {"motor_inertia", kRotor, ""},
-                 {"friction_share", share, ""}}}};
+                 {"friction_share", share, ""},
+                 {"encoder_side", at_motor ? 1.0 : 0.0, ""}}}};
   return m;
 }
 
-/// Positions of the link every period over 2 s.
-VecX<double> simulated(double share) {
+/// Positions of the link, or of its motor, every period over 2 s.
+VecX<double> simulated(double share, bool at_motor) {
   RecordOptions options;
   options.control_rate = 1.0 / kPeriod;
   options.physics_step = kStep;
-  sim::ModelPlant plant(pendulum(share), options);
+  sim::ModelPlant plant(pendulum(share, at_motor), options);
   plant.reset(VecX<double>::Zero(1));
   VecX<double> out(1000);
   for (long k = 0; k < out.size(); ++k) {
@@ -87,14 +88,17 @@ TEST_CASE("joint_elasticity: motor and link move as two bodies in MuJoCo, fricti
   sim::MujocoFiles files;
   const sim::MujocoModel model = sim::compile_mujoco(mjcf(share), files, "elasticity");
   const sim::MujocoData data(mj_makeData(model.get()));
-  VecX<double> theirs(1000);
+  VecX<double> theirs(1000), motor(1000);
   for (long k = 0; k < theirs.size(); ++k) {
     data->qfrc_applied[1] = torque_at(kPeriod * static_cast<double>(k));
     for (int i = 0; i < std::lround(kPeriod / kStep); ++i) mj_step(model.get(), data.get());
     theirs[k] = data->qpos[0];
+    motor[k] = data->qpos[1];
   }
-  CHECK((simulated(share) - theirs).cwiseAbs().maxCoeff() < kSame);
-  CHECK((simulated(share > 0.5 ? 0.0 : 1.0) - theirs).cwiseAbs().maxCoeff() > 1e4 * kSame);
+  CHECK((simulated(share, false) - theirs).cwiseAbs().maxCoeff() < kSame);
+  CHECK((simulated(share, true) - motor).cwiseAbs().maxCoeff() < kSame);
+  CHECK((motor - theirs).cwiseAbs().maxCoeff() > 1e4 * kSame);
+  CHECK((simulated(share > 0.5 ? 0.0 : 1.0, false) - theirs).cwiseAbs().maxCoeff() > 1e4 * kSame);
 }
 
 }  // namespace elasticity_mujoco_test

@@ -1,6 +1,7 @@
 /// What turns behind the encoder: a rotor on its spring, or in the gap of its gear, in closed form.
 
 #include <cmath>
+#include <complex>
 #include <numbers>
 
 #include <catch2/catch_test_macros.hpp>
@@ -34,6 +35,29 @@ TEST_CASE("joint_elasticity: rotor on a damped spring, in closed form", "[effect
   CHECK(expected.cwiseAbs().maxCoeff() > 2.0);
   CHECK_THAT(torque.bottomRows(kRows - first).topRows(kRows - first - 3).eval(),
              MatrixNear(expected.bottomRows(kRows - first).topRows(kRows - first - 3), 2e-3));
+}
+
+TEST_CASE("joint_elasticity: a link behind its motor's encoder, in closed form", "[effects]") {
+  // θ = A sin ωt is logged: q = A Re[−i e^{iωt} (K + iωD)/(K + iωD − M ω²)].
+  const double K = 4000.0, D = 100.0, M = 2.0, A = 0.2, w = 25.0;
+  const std::complex<double> spring(K, w * D), link = A * spring / (spring - M * w * w);
+  const JointSeries x = rail_series([=](double t) { return A * std::sin(w * t); },
+                                    [=](double t) { return A * w * std::cos(w * t); },
+                                    [=](double t) { return -A * w * w * std::sin(w * t); });
+  const RowMatX<double> expected = sampled(
+      [=](double t) { return -M * w * w * std::imag((link - A) * std::polar(1.0, w * t)); });
+  const double inertia = GENERATE(0.0, 0.3);  // the motor's moves as logged
+  const RowMatX<double> torque = torque_on_rail({"joint_elasticity",
+                                                 "slide",
+                                                 {{"stiffness", K, "N/m"},
+                                                  {"damping", D, "N*s/m"},
+                                                  {"motor_inertia", inertia, "kg"},
+                                                  {"encoder_side", 1.0, "1"}}},
+                                                x);
+  const long edge = 600;  // how it swings at first fades by e^−15
+  CHECK(expected.cwiseAbs().maxCoeff() > 50.0);  // [N], not far from the spring's frequency
+  CHECK_THAT(torque.middleRows(edge, kRows - 2 * edge).eval(),
+             MatrixNear(expected.middleRows(edge, kRows - 2 * edge).eval(), 0.05));
 }
 
 TEST_CASE("backlash: the rotor flies across the gap and comes to rest at the other flank",

@@ -87,6 +87,30 @@ TEST_CASE(
         1.0);
 }
 
+TEST_CASE("series_columns: a spring behind its motor's encoder moves all links", "[effects]") {
+  Model model = wam();
+  model.effects = {{"joint_spring", "joint2", {{"stiffness", 30.0, ""}}}};
+  const ExtendedTree base = extend(model);
+  JointSeries x = waves();
+  predict(base, x);
+  const BoundEffect e = bind(
+      {"joint_elasticity", "joint2", {{"stiffness", 1e7, ""}, {"encoder_side", 1.0, ""}}}, model);
+  const double* p = e.parameters.data();
+  const RowMatX<double> torque = series_torque(e, base, x, p);
+  const std::vector<RowMatX<double>> columns = series_columns(e, base, x, p, {0, 2});
+  const long edge = 200, rows = kRows - 2 * edge;  // how it swings at first fades by then
+  for (int j = 0; j < 4; ++j) {
+    const VecX<double> of_torque = torque.col(j).segment(edge, rows);
+    const double size = of_torque.cwiseAbs().maxCoeff();
+    CAPTURE(j, size);
+    CHECK(size > 1e-6);  // [N·m]
+    // In proportion to 1/K, but for the motion's frequency over the spring's, squared: 1e-4.
+    CHECK_THAT(columns[0].col(j).segment(edge, rows).eval(),
+               MatrixNear((-of_torque).eval(), 1e-3 * size));
+  }
+  CHECK(columns[1].isZero(0.0));  // the motor moves as the log has it
+}
+
 TEST_CASE("series_columns: a limit takes all that is beyond it, and nothing of the rest",
           "[effects]") {
   JointSeries x = rail_at_rest();

@@ -283,6 +283,9 @@ TEST_CASE("pack drives: what is left is refused by name", "[sim]") {
     add(model, effect, "joint2", {});
     CHECK_THROWS_WITH(ModelSimulator({model}, nominal), ContainsSubstring(effect));
   }
+  Model read_at_motor = nominal;
+  add(read_at_motor, "joint_elasticity", "joint2", {{"motor_inertia", 0.1}, {"encoder_side", 1.0}});
+  CHECK_THROWS_WITH(ModelSimulator({read_at_motor}, nominal), ContainsSubstring("encoders"));
   Model twice = nominal;
   for (int k = 0; k < 2; ++k)
     add(twice, "joint_elasticity", "joint2", {{"stiffness", 1e3}, {"motor_inertia", 0.1}});

@@ -90,7 +90,13 @@ TEST_CASE("replay: every kind of effect, driven by the recorded torque, repeats 
                  {{"stiffness", 200.0, ""},
                   {"damping", 1.0, ""},
                   {"motor_inertia", 0.05, ""},
-                  {"friction_share", 0.0, ""}}});
+                  {"friction_share", 0.0, ""}}},
+      EffectSpec{"joint_elasticity",
+                 "joint4",
+                 {{"stiffness", 200.0, ""},
+                  {"damping", 1.0, ""},
+                  {"motor_inertia", 0.05, ""},
+                  {"encoder_side", 1.0, ""}}});
   CAPTURE(effect.effect);
   Model robot = wam(), rigid = wam();
   rigid.effects = {{"armature", "joint4", {{"armature", 0.05, ""}}},  // that the spring turns

@@ -5,6 +5,7 @@
 
 #include <Eigen/Eigenvalues>
 #include <catch2/catch_test_macros.hpp>
+#include <catch2/generators/catch_generators.hpp>
 #include <catch2/matchers/catch_matchers_string.hpp>
 
 #include <diffnea/core/error.hpp>
@@ -181,6 +182,7 @@ TEST_CASE("surrogate: what is wrong in a file is named", "[io]") {
 TEST_CASE("MuJoCo world: rotors of its own move links as the reference plant's motors do",
           "[sim][mujoco]") {
   // Without dry friction, which MuJoCo softens: viscous friction on the rotors, springs, a delay.
+  const double encoder = GENERATE(0.0, 1.0);
   const Model nominal = read_model(kWam);
   Model truth = nominal;
   const double stiffness[] = {3000.0, 2500.0, 900.0, 1400.0};
@@ -192,7 +194,8 @@ TEST_CASE("MuJoCo world: rotors of its own move links as the reference plant's m
         {{"stiffness", stiffness[j - 1]},
          {"damping", 1.5e-3 * stiffness[j - 1]},
          {"motor_inertia", value_of(nominal, "armature", joint, "armature")},
-         {"friction_share", 0.7}});
+         {"friction_share", 0.7},
+         {"encoder_side", encoder}});
   }
   add(truth, "actuator_delay", "all", {{"delay", 2.5e-3}});
   const Trajectory t = swing(nominal, 1.5);

@@ -14,6 +14,8 @@ namespace diffnea {
 /// that armature behind the spring (all of it, in a drive). θ − q is τ_s/K through a first-order
 /// lag D/K (Spong 1987 for D = 0 and a friction_share of 1). Without damping and friction the
 /// torque tells J_m/K alone: hold one of the two.
+/// With `encoder_side` 1 the log has θ, and the link is hidden: θ swings it on its spring, and all
+/// joints feel that. All of the armature turns as logged; J_m does not count.
 struct JointElasticity {
   static const EffectInfo& info() {
     static const EffectInfo kInfo{
@@ -46,7 +48,14 @@ struct JointElasticity {
                         .linear = false,
                         .initial = 1.0,
                         .most = 1.0,
-                        .choices = {1.0, 0.0}}},
+                        .choices = {1.0, 0.0}},
+                       {.name = "encoder_side",
+                        .unit = "1",
+                        .unit_prismatic = "1",
+                        .sign = Sign::kNonNegative,
+                        .linear = false,
+                        .most = 1.0,
+                        .choices = {0.0, 1.0}}},
         .motor_side = true,
         .traits = {Trait::kOfDrive, Trait::kAtTurns},
         .motor = HiddenMotor::kSpring,
@@ -58,6 +67,7 @@ struct JointElasticity {
   static MotorSpring<T> motor_spring(const T* p) {
     return {p[0], p[1], p[2], p[3]};
   }
+  static bool encoder_at_motor(const double* p) { return p[4] > 0.5; }
   static double transmitted(double deflection, double velocity, const double* p) {
     return p[0] * deflection + p[1] * velocity;
   }

@@ -17,6 +17,7 @@
 ///        static MotorSpring<T> motor_spring(const T* p);                    T: double or a pack
 ///        static double transmitted(double deflection, double velocity, const double* p);
 ///        static double deflection_at(double load, const double* p);
+///        static bool encoder_at_motor(const double* p);                     optional
 ///    @endcode
 ///  - what a drive makes of its command:
 ///    @code

@@ -22,13 +22,14 @@ namespace diffnea {
 /// @param base  the model without the effect in question; its effects count in x.total
 void predict(const ExtendedTree& base, JointSeries& x);
 
-/// What the logged torque has in addition because of `effect`, (N, n) [N·m] or [N].
+/// Torque that the log has in addition because of `effect`, (N, n) [N·m] or [N].
 ///  - kJointTorque, kLinkForce: the effect's torque at every instant, at x.tau
 ///  - kModelParameter: RNEA of the changed tree minus that of the tree
 ///  - kMeasurement: the sign equation at the true motion minus the same at the logged one, all
 ///  joints
 ///  - kMemory: torque of the series; a hidden motor angle θ also moves the friction of `base` on
-///  the motor's side from q̇ to θ̇, and that on the link's side winds its spring up
+///  the motor's side from q̇ to θ̇, and that on the link's side winds its spring up; where θ is
+///  logged, RNEA at the links' motion, which starts without swinging, minus that at θ, all joints
 /// @param base  the model it is added to; a Tree is one without effects
 /// @param x     x.tau may be empty: it is then computed; x.total, where it is there, is that of
 /// `base`

@@ -24,6 +24,8 @@ AtRest<double> at_rest(const BoundEffect& e);
 
 /// Tells whether it hides a motor (EffectInfo::motor).
 bool hides_motor(const BoundEffect& e);
+/// Tells whether positions are logged at the motor, so that the link's angle is what is hidden.
+bool encoder_at_motor(const BoundEffect& e);
 /// Spring of the hidden motor.
 MotorSpring<double> motor_spring(const BoundEffect& e);
 /// Torque that a hidden motor transmits, by its angle and velocity beyond the link's.
