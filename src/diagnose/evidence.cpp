@@ -186,7 +186,7 @@ void Evidence::take_filters(const Model& model, const PreprocessPlan& plan,
   constant_.assign(joints_.size(), MatX<double>(times(), 1));
   std::vector<std::vector<double>> settled(joints_.size());
   long row = 0;
-  cut_off_.assign(joints_.size(), 0.0);
+  cut_off_.assign(joints_.size(), plan.filter_hz);
   for (const JointSeries& s : own) {
     std::vector<TorqueFilter> of;
     const std::vector<JointEquation> equations =

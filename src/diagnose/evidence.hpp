@@ -95,7 +95,7 @@ class Evidence {
   bool sticks(long instant, long k) const { return sticks_(instant, k); }
   /// Degrees of freedom that stick wherever they turn back: their turns are left out.
   const std::vector<int>& sticking() const { return sticking_; }
-  /// Frequency up to which rows tell something of the k-th of joints() [Hz].
+  /// Frequency up to which the path or the rows of the k-th of joints() hold something [Hz].
   double cut_off(long k) const { return cut_off_[static_cast<std::size_t>(k)]; }
   /// Noise that the signals give a row of the k-th of joints() [N·m] or [N].
   double signal_noise(long k) const { return unit_[k]; }

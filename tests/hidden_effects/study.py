@@ -182,11 +182,6 @@ def ask_oracle(case: Case, home: Path, tools: Tools) -> str:
     }
     options: list[Any] = ["--test", home / "seen" / "test.csv", "--effects", ",".join(effects)]
     message, oracle = diagnose(tools.command, home, truth["base"], *options, run="oracle")
-    rows = read(home / "result.json")["preprocessing"]
-    if oracle is not None and oracle["preprocessing"]["filter_hz"] != rows["filter_hz"]:
-        # One of the two looked a second time, at higher frequencies.
-        options += ["--filter", rows["filter_hz"], "--decimate", rows["decimated_to_hz"]]
-        message, oracle = diagnose(tools.command, home, truth["base"], *options, run="oracle")
     if oracle is not None:
         shutil.copy(home / "oracle" / "result.json", home / "oracle.json")
         rescore(home)
