@@ -20,11 +20,11 @@ namespace {
 /// Windows at a horizon, at most: they tell an error to a seventh (1/√(2·24)).
 constexpr std::size_t kMostWindows = 24;
 /// Rows of all windows at a horizon times the square of the joints, which a row costs.
-constexpr double kMostWork = 36'000.0;
+constexpr double kMostWork = 12'000.0;
 /// The same where a model is replayed, which costs more.
-constexpr double kMostReplayed = 18'000.0;
+constexpr double kMostReplayed = 6'000.0;
 /// Half a per cent of an error, a per cent of its square, does not show.
-constexpr StateFitOptions kStateFit{.max_iterations = 20, .tolerance = 1e-2};
+constexpr StateFitOptions kStateFit{.max_iterations = 10, .tolerance = 1e-2};
 constexpr std::size_t kMostPoints = 3000;  ///< of a joint that are kept
 
 /// Windows of one model that a simulation leaves.

@@ -67,6 +67,7 @@ struct JointElasticity {
   static MotorSpring<T> motor_spring(const T* p) {
     return {p[0], p[1], p[2], p[3]};
   }
+  /// Tells whether the log's positions are the motor's. @param p  parameters
   static bool encoder_at_motor(const double* p) { return p[4] > 0.5; }
   static double transmitted(double deflection, double velocity, const double* p) {
     return p[0] * deflection + p[1] * velocity;

@@ -133,9 +133,9 @@ class FreeRun:
     time: Array
     """(T,) since it is free [s]."""
     position_error: Array
-    """(windows, T), ‖x_B − measured x_B‖ [m]; NaN where the camera saw nothing."""
+    """(W, T) of W windows, ‖x_B − measured x_B‖ [m]; NaN where the camera saw nothing."""
     length_error: Array
-    """(windows, T), ‖x_B − x_S‖ − r, x_S and r the model's knot and string [m]: what a string that
+    """(W, T), ‖x_B − x_S‖ − r, x_S and r the model's knot and string [m]: what a string that
     is taut would hold at 0."""
 
     def at(self, time: float) -> dict[str, float]:
