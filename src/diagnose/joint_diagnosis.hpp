@@ -5,7 +5,7 @@
 
 namespace diffnea {
 
-/// As diagnose(), of the torques alone; with a second look at the turns of joints that stick.
+/// Diagnoses the torques alone; looks again at the turns of joints that stick.
 Finding diagnose_joints(const Model& model, const RecordingSource& train,
                         const RecordingSource* test, const DiagnoseOptions& options);
 
