@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <map>
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/core/random.hpp>
@@ -12,9 +14,8 @@
 namespace diffnea {
 namespace {
 
-/// Of a block: errors hang together for as long as a motion takes. Shorter ones where there would
-/// be fewer than kBlocks.
-constexpr double kBlockSeconds = 1.0, kShortestBlockSeconds = 0.5;
+/// Of a block, shorter than kBlockSeconds where there would be fewer than kBlocks.
+constexpr double kShortestBlockSeconds = 0.5;
 constexpr long kBlocks = 8;
 
 /// Standard errors of an offset that is beyond doubt; of the error's mean square, to be worth a
@@ -48,6 +49,30 @@ VecX<double> HeldOut::errors(const Search& search, const std::vector<Term>& term
                      VecX<double>::Zero(evidence_.rows()));
 }
 
+void HeldOut::take_means(int joint, VecX<double>& errors) const {
+  const long m = evidence_.times();
+  const auto at = std::ranges::find(evidence_.joints(), joint);
+  if (at == evidence_.joints().end()) return;
+  const long k = at - evidence_.joints().begin();
+  const MatX<double> one = evidence_.rows_of(
+      k, [](const JointSeries& s) { return RowMatX<double>::Ones(s.rows(), 1).eval(); });
+  const auto run_of = [&](long i) {
+    return evidence_.series()[static_cast<std::size_t>(evidence_.stretch()[static_cast<std::size_t>(i)])]
+        .run;
+  };
+  std::map<int, std::pair<double, double>> runs;  // products with the error, and of itself
+  for (long i = 0; i < m; ++i) {
+    if (!used_.empty() && !used_[static_cast<std::size_t>(k * m + i)]) continue;
+    if (evidence_.rests(i, k)) continue;
+    auto& [error, square] = runs[run_of(i)];
+    error += one(i, 0) * errors[k * m + i];
+    square += one(i, 0) * one(i, 0);
+  }
+  for (long i = 0; i < m; ++i)
+    if (const auto [error, square] = runs[run_of(i)]; square > 0.0)
+      errors[k * m + i] -= one(i, 0) * error / square;
+}
+
 VecX<double> HeldOut::errors_with(const Search& search, const std::vector<Term>& terms,
                                   VecX<double> there, VecX<double> here) const {
   for (const Term& t : terms) {
@@ -55,12 +80,54 @@ VecX<double> HeldOut::errors_with(const Search& search, const std::vector<Term>&
     here += evidence_.torque_of(t.effect);
   }
   // The base that goes with them on the fitted rows.
-  return evidence_.torque() - here - evidence_.base() * search.projection().parameters(there);
+  VecX<double> out =
+      evidence_.torque() - here - evidence_.base() * search.projection().parameters(there);
+  for (const Term& t : terms)
+    if (is_of_runs(t.effect))
+      for (const int joint : t.effect.joints) take_means(joint, out);
+  return out;
 }
 
 VecX<double> HeldOut::whitened(const Search& search, const VecX<double>& errors) const {
   const Whitener whitener(evidence_, search.whitener().noise(), used_);
   return whitener(errors);
+}
+
+std::vector<std::pair<std::size_t, double>> HeldOut::shares(const Search& search,
+                                                            const std::vector<Term>& terms) const {
+  const VecX<double> none = errors(search, {});
+  VecX<double> left = whitened(search, none);
+  const VecX<double> before = left;
+  const auto relative = [&](VecX<double> error) {  // to that of its joint
+    for (long k = 0, m = evidence_.times(); k * m < error.size(); ++k)
+      error.segment(k * m, m) /= std::max(before.segment(k * m, m).norm(), 1e-300);
+    return error;
+  };
+  left = relative(left);
+  std::vector<VecX<double>> removes;  // the base is linear in what stands beside it
+  VecX<double> after = left;
+  for (const Term& t : terms) {
+    removes.push_back(relative(whitened(search, none - errors(search, {t}))));
+    after -= removes.back();
+  }
+  const double all = left.squaredNorm() - after.squaredNorm();
+  std::vector<std::pair<std::size_t, double>> out;
+  std::vector<bool> taken(terms.size(), false);
+  for (std::size_t step = 0; step < terms.size(); ++step) {
+    const double now = left.squaredNorm();
+    std::size_t best = terms.size();
+    double least = 0.0;
+    for (std::size_t i = 0; i < terms.size(); ++i) {
+      if (taken[i]) continue;
+      const double with = (left - removes[i]).squaredNorm();
+      if (best == terms.size() || with < least) least = with, best = i;
+    }
+    taken[best] = true;
+    left -= removes[best];
+    out.emplace_back(best, all > 0.0 ? (now - least) / all
+                                     : std::numeric_limits<double>::quiet_NaN());
+  }
+  return out;
 }
 
 std::vector<HeldOutOffset> HeldOut::offsets(const VecX<double>& errors) const {

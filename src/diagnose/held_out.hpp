@@ -31,7 +31,7 @@ class HeldOut {
       : evidence_(evidence), used_(std::move(used)), seed_(seed) {}
 
   /// Torque error of the model with `terms`, base and terms as fitted by `search`, (rows()) [N·m]
-  /// or [N].
+  /// or [N]; what a term has of its own in each run is fitted here.
   VecX<double> errors(const Search& search, const std::vector<Term>& terms) const;
   /// The same with another torque beside the terms: `there` on the fitted rows, `here` on these.
   VecX<double> errors_with(const Search& search, const std::vector<Term>& terms, VecX<double> there,
@@ -44,6 +44,12 @@ class HeldOut {
   /// than kFewestBlocks the interval holds 0.
   HeldOutChange compare(const VecX<double>& before, const VecX<double>& after) const;
 
+  /// The terms in an order in which each removes most of the mean square that those before it leave,
+  /// that of each joint counting alike, with its share of what all of them remove; NaN where they
+  /// remove nothing.
+  std::vector<std::pair<std::size_t, double>> shares(const Search& search,
+                                                     const std::vector<Term>& terms) const;
+
   /// Joints whose error, while they move, has a mean that is beyond doubt and a good part of it.
   std::vector<HeldOutOffset> offsets(const VecX<double>& errors) const;
 
@@ -51,6 +57,9 @@ class HeldOut {
   const std::vector<bool>& used() const { return used_; }
 
  private:
+  /// Takes each run's mean out of a joint's errors.
+  void take_means(int joint, VecX<double>& errors) const;
+
   const Evidence& evidence_;
   std::vector<bool> used_;
   std::uint64_t seed_;

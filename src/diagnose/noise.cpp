@@ -35,6 +35,24 @@ JointNoise levinson(const std::vector<double>& r) {
   return out;
 }
 
+/// A column for each run but the first: its constant beside that of the others.
+MatX<double> sessions(const Evidence& e, const std::vector<long>& rows) {
+  std::vector<int> runs;
+  const auto run_of = [&](long row) {
+    return e.series()[static_cast<std::size_t>(e.stretch()[static_cast<std::size_t>(row)])].run;
+  };
+  for (const long i : rows)
+    if (runs.empty() || runs.back() != run_of(i)) runs.push_back(run_of(i));
+  const long m = static_cast<long>(rows.size()), count = std::max<long>(std::ssize(runs) - 1, 0);
+  MatX<double> out = MatX<double>::Zero(m, count);
+  long at = 0;
+  for (long i = 0; i < m; ++i) {
+    while (run_of(rows[static_cast<std::size_t>(i)]) != runs[static_cast<std::size_t>(at)]) ++at;
+    if (at > 0) out(i, at - 1) = 1.0;
+  }
+  return out;
+}
+
 /// Of a function of one variable that what is missing may be; fewer where there are few rows.
 constexpr int kKnots = 16, kLeastKnots = 4;
 
@@ -119,8 +137,10 @@ Smoothed beside_smooth_functions(const Evidence& e, const std::vector<int>& free
       continue;
     }
     const MatX<double> of_q = hats(q, knots(q, count)), of_qd = hats(qd, knots(qd, count));
-    MatX<double> A(m, base.cols() + of_q.cols() + of_qd.cols());
-    A << base, of_q, of_qd;
+    MatX<double> of_run = sessions(e, rows);
+    if ((rank + 2 * count + of_run.cols()) * kRowsAColumn > m) of_run.resize(m, 0);
+    MatX<double> A(m, base.cols() + of_q.cols() + of_qd.cols() + of_run.cols());
+    A << base, of_q, of_qd, of_run;
     const Eigen::ColPivHouseholderQR<MatX<double>> qr(A);
     const VecX<double> r = residual.segment(begin, e.times())(rows);
     out.left.segment(begin, e.times())(rows) = r - A * qr.solve(r);

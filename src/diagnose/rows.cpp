@@ -15,7 +15,8 @@ namespace {
 /// Rows a second, over the frequency up to which they tell something: what lies beyond half of it
 /// is a hundredth of that.
 constexpr double kRowsOverCutOff = 8.0;
-constexpr double kLeastRows = 10.0;  ///< a second
+/// Of them, a second: turns of a motion are told apart; no joint's light side makes all slow.
+constexpr double kLeastRows = 10.0, kMostRows = 50.0;
 
 /// What a joint that moves goes through, in standard deviations of its position's noise.
 constexpr double kMoves = 20.0;
@@ -64,9 +65,8 @@ PreprocessPlan plan_rows(const Model& model, const std::vector<Recording>& sampl
   any.min_segment = 0.0;
   PreprocessPlan out = plan_preprocess(sample, any);
   if (const double hz = telling_hz(model, out); options.decimate_to_hz == 0.0 && hz > 0.0) {
-    const double rows = std::max(kRowsOverCutOff * hz, kLeastRows);
-    out.decimator.factor =
-        std::max(out.decimator.factor, static_cast<int>(std::lround(1.0 / (out.dt * rows))));
+    const double rows = std::clamp(kRowsOverCutOff * hz, kLeastRows, kMostRows);
+    out.decimator.factor = std::max(1, static_cast<int>(std::lround(1.0 / (out.dt * rows))));
   }
   fit_rows_to_period(period, out);
   return out;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/decompositions.hpp"
 #include "diagnose/signed_fit.hpp"
 
 namespace diffnea {
@@ -204,6 +205,18 @@ double Search::replaced_share(const Term& term, const Term& by,
   for (const bool s : signs(by.effect, by.linear)) nonnegative.push_back(s);
   if (by.has_offset()) y -= by.projected.col(by.width());
   return alone > 0.0 ? 1.0 - left_of(G, nonnegative, y) / alone : 0.0;
+}
+
+double Search::visible_beyond(const Term& more, const Term& less) const {
+  const auto beyond = [](const MatX<double>& all, const MatX<double>& of) {
+    const Eigen::HouseholderQR<MatX<double>> qr(of);
+    const MatX<double> Q = columns_of_q(qr.householderQ(), of.rows(), of.cols());
+    return (all - Q * (Q.transpose() * all)).norm();
+  };
+  const double whole = beyond((*whitener_)(more.columns), (*whitener_)(less.columns));
+  return whole > 0.0 ? beyond(more.projected.leftCols(more.width()),
+                              less.projected.leftCols(less.width())) / whole
+                     : 0.0;
 }
 
 VecX<double> Search::residual(const std::vector<Term>& terms) const {

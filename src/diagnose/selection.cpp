@@ -9,6 +9,7 @@
 #include "diagnose/cause_sizes.hpp"
 #include "diagnose/inexact.hpp"
 #include "diagnose/refine.hpp"
+#include "diagnose/sessions.hpp"
 #include "diagnose/stability.hpp"
 
 namespace diffnea {
@@ -17,13 +18,14 @@ namespace {
 constexpr int kRefined = 5;          ///< candidates whose shapes are refined at each step
 constexpr int kMostParts = 4;        ///< simple effects in the place of a compound one
 constexpr double kSameClass = 10.0;  ///< ΔBIC
-constexpr double kNoWorse = 2.0;     ///< ΔBIC, not worth mentioning (Kass and Raftery 1995)
+constexpr double kNoWorse = 6.0;     ///< ΔBIC, no strong evidence yet (Kass and Raftery 1995)
 /// ΔBIC of a cause whose size the recording does not tell, at least: any noise has some shape.
 constexpr double kSizeless = 50.0;
 constexpr const char* kImpossible = "comes to a size that no robot has, beside the others";
 /// Share of the halves in which a rival is chosen, to be of the class of a cause that is not chosen
 /// in most of them.
 constexpr double kSomeHalves = 0.1;
+constexpr double kByChance = 0.005;  ///< of runs that differ, where nothing but chance tells it
 constexpr double kChild = 0.98;  ///< of a cause's column that a more general effect reproduces
 
 std::vector<Term> without(const std::vector<Term>& terms, std::size_t i) {
@@ -99,6 +101,30 @@ HeldOutChange Selection::change(std::vector<Term> without, std::vector<Term> wit
   return held_out_.compare(errors(without), errors(with));
 }
 
+bool Selection::helps(const std::vector<Term>& without, const std::vector<Term>& with) const {
+  const std::vector<int>& joints = search_.evidence().joints();
+  // A constant for each run always helps there: runs must differ beyond chance as well.
+  for (const Term& t : with)
+    if (is_of_runs(t.effect) &&
+        std::ranges::find(without, t.candidate, &Term::candidate) == without.end())
+      if (const auto joint = std::ranges::find(joints, t.effect.joints.front());
+          joint == joints.end() ||
+          sessions_alike(search_.evidence(), search_.residual(without), search_.whitener().kept(),
+                         joint - joints.begin(), options_.seed) > kByChance)
+        return false;
+  return change(without, with).helps();
+}
+
+bool Selection::tilt_helps(const std::vector<Term>& rest, std::vector<Term>& terms) {
+  std::vector<Term> level = rest;
+  renew(level);
+  const VecX<double> without = held_out_.errors(search_, level);
+  renew(terms);
+  const VecX<double> with = held_out_.errors(search_, terms);
+  return held_out_.compare(held_out_.whitened(search_, without), held_out_.whitened(search_, with))
+      .helps();
+}
+
 void Selection::renew(std::vector<Term>& terms) {
   if (options_.rebase && options_.rebase(terms)) search_.recompute();
   search_.refresh(options_.period, terms);
@@ -119,7 +145,7 @@ bool Selection::add_one(std::vector<Term>& terms) {
     with.push_back(offer.term);
     const double gain = search_.fit(with) - search_.gain_of(terms);
     if (gain < inexact_at(search_, offer.term, terms)) continue;
-    if (change(terms, with).helps()) {
+    if (helps(terms, with)) {
       terms = std::move(with);
       refused_candidates_.clear();  // beside another set it may help
       return true;
@@ -189,7 +215,7 @@ bool Selection::exchange(std::vector<Term>& terms) const {
       if (child && base - offer.delta_bic > now - kSameClass) continue;
       std::vector<Term> with = rest;
       with.push_back(offer.term);
-      if (!change(rest, with).helps()) continue;
+      if (!helps(rest, with)) continue;
       search_.fit(with);
       terms = std::move(with);
       return true;
@@ -209,7 +235,8 @@ bool Selection::merge(std::vector<Term>& terms) const {
         if (offer.term.effect.joints != terms[i].effect.joints) continue;
         std::vector<Term> with = rest;
         with.push_back(offer.term);
-        if (search_.bic(search_.fit(with), with) > now + kNoWorse) continue;
+        if (search_.bic(search_.fit(with), with) > now + kNoWorse && !sharpen(with)) continue;
+        if (search_.bic(search_.gain_of(with), with) > now + kNoWorse) continue;
         terms = std::move(with);
         return true;
       }
@@ -299,7 +326,7 @@ bool Selection::split(std::vector<Term>& terms) const {
       best = search_.bic(search_.fit(with), with);
     }
     if (best > now - (compound ? 0.0 : options_.accept) || with.size() < terms.size()) continue;
-    if (!change(without(terms, i), with).helps()) continue;
+    if (!helps(without(terms, i), with)) continue;
     terms = std::move(with);
     return true;
   }
@@ -337,7 +364,8 @@ std::vector<Term> Selection::run(const std::function<bool(const FitProgress&)>& 
       const bool vague = !has_size(c, terms[i]) && worse < kSizeless;
       const bool hidden = terms[i].visible_share() < kAbsorbed, tilt = stays(terms[i]);
       const bool too_large = impossible(terms[i]);
-      if (tilt ? worse > 0.0 : !vague && !hidden && !too_large && change(rest, terms).helps())
+      if (tilt ? tilt_helps(rest, terms)
+               : !vague && !hidden && !too_large && helps(rest, terms))
         continue;
       refused_.push_back({c.effect.info().name, c.effect.where,
                           too_large ? kImpossible
@@ -345,8 +373,13 @@ std::vector<Term> Selection::run(const std::function<bool(const FitProgress&)>& 
                           : hidden  ? "hardly visible beside the base parameters"
                                     : "does not help on held-out data beside the others",
                           too_large || vague || hidden ? worse : 0.0});
+      if (tilt) {  // the base's columns as they were; another may stand where it stood
+        std::vector<Term> none;
+        renew(none);
+        impossible_.push_back(terms[i].candidate);
+        return run(progress);
+      }
       terms = rest;
-      if (tilt) renew(terms);  // the base's columns as they were
       search_.fit(terms);
       dropped = true;
       break;
@@ -408,16 +441,19 @@ void Selection::add_rivals(const std::vector<Term>& terms, std::size_t which, Ca
       std::vector<Term> with = rest;
       with.push_back(offer.term);
       search_.fit(with);
-      if (!change(rest, with).helps()) continue;
+      if (!helps(rest, with)) continue;
     }
     // A body in the hand is no more general kind of force, however well it does its work.
+    // Nor is one that has more, if the base hides what it has more.
     const bool child = offer.term.num_parameters() > own &&
                        c.effect.info().port != Port::kModelParameter &&
-                       search_.replaced_share(terms[which], offer.term, rest) > kChild;
+                       search_.replaced_share(terms[which], offer.term, rest) > kChild &&
+                       search_.visible_beyond(offer.term, terms[which]) > kAbsorbed;
     const auto halves = chosen_.find(offer.term.candidate);
     const bool instead =
         cause.stability < kMostHalves && halves != chosen_.end() && halves->second > kSomeHalves;
-    ((rival.delta_bic < kSameClass || instead) && !child ? cause.members : cause.rivals)
+    const bool alike = child ? rival.delta_bic < 0.0 : rival.delta_bic < kSameClass || instead;
+    (alike ? cause.members : cause.rivals)
         .push_back(rival);
   }
   for (auto* list : {&cause.members, &cause.rivals})
@@ -428,10 +464,11 @@ std::vector<Cause> Selection::causes(const std::vector<Term>& terms) const {
   std::vector<Cause> out;
   const std::vector<MatX<double>> covariances = diffnea::covariances(search_, terms);
   const double all = search_.gain_of(terms);
-  for (std::size_t i = 0; i < terms.size(); ++i) {
+  for (const auto& [i, share] : held_out_.shares(search_, terms)) {
     const Term& t = terms[i];
     const std::vector<Term> rest = without(terms, i);
     Cause cause;
+    cause.share = share;
     cause.effect = t.effect.info().name;
     cause.where = t.effect.where;
     const double gain_without = search_.gain_of(rest);
@@ -449,7 +486,6 @@ std::vector<Cause> Selection::causes(const std::vector<Term>& terms) const {
     cause.verdict = cause.members.empty() ? Verdict::kNamed : Verdict::kClass;
     out.push_back(std::move(cause));
   }
-  std::ranges::sort(out, std::greater<>{}, &Cause::lm);
   return out;
 }
 

@@ -8,14 +8,13 @@
 
 #include "core/decompositions.hpp"
 #include "diagnose/signed_fit.hpp"
+#include "diagnose/thresholds.hpp"
 
 namespace diffnea {
 namespace {
 
 /// Pairs of halves: shares are then known to 0.07 (binomial).
 constexpr int kPairs = 25;
-/// Seconds of a block, over which errors hang together; half as long where there are few.
-constexpr double kBlockSeconds = 1.0;
 /// Blocks below which a half is no sample of the motion.
 constexpr std::size_t kFewestToHalve = 8;
 

@@ -86,6 +86,10 @@ bool is_like_friction(const TriedEffect& effect) {
   return info.port == Port::kJointTorque || info.has(Trait::kFriction);
 }
 
+bool is_of_runs(const TriedEffect& effect) {
+  return std::ranges::any_of(effect.info().parameters, &ParameterInfo::per_run);
+}
+
 bool is_dry(const TriedEffect& effect) {
   if (!effect.own && hides_motor(effect)) return motor_spring(effect).friction_share < 1.0;
   return std::ranges::find(effect.parameter_info, "smoothing", &ParameterInfo::name) !=

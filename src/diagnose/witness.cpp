@@ -31,6 +31,7 @@ struct Basis {
   std::vector<Variable> variables;
   std::vector<std::vector<double>> t;
 
+  /// In the rows of that joint, (times(), functions).
   MatX<double> operator()(const Evidence& e, long joint_index) const {
     MatX<double> B = hats(values(e, joint_index, variables[0]), t[0]);
     if (variables.size() == 2) {
@@ -40,8 +41,12 @@ struct Basis {
         for (long c = 0; c < C.cols(); ++c)
           B.col(a * C.cols() + c) = A.col(a).cwiseProduct(C.col(c));
     }
-    MatX<double> out = MatX<double>::Zero(e.rows(), B.cols());
-    out.middleRows(joint_index * e.times(), e.times()) = B;
+    return B;
+  }
+  /// The torque with these weights, (rows()).
+  VecX<double> torque(const Evidence& e, long joint_index, const VecX<double>& weights) const {
+    VecX<double> out = VecX<double>::Zero(e.rows());
+    out.segment(joint_index * e.times(), e.times()) = (*this)(e, joint_index) * weights;
     return out;
   }
 };
@@ -100,33 +105,37 @@ std::vector<WitnessScore> find_witnesses(const Evidence& evidence, const Search&
     const Basis* best_basis = nullptr;
     double best_gain = 0.0;
     VecX<double> best_psi;
-    const std::vector<Basis> all = bases(evidence, static_cast<long>(k), names);
+    const long own = static_cast<long>(k), m = evidence.times();
+    // Of an orthonormal basis of all that is fitted, this joint's rows: no other meets its torque.
+    MatX<double> fitted(m, projection.rank() + Q.cols());
+    fitted << projection.basis().middleRows(own * m, m), Q.middleRows(own * m, m);
+    const std::vector<Basis> all = bases(evidence, own, names);
     for (const Basis& basis : all) {
-      MatX<double> B = projection.project(basis(evidence, static_cast<long>(k)));
-      B -= Q * (Q.transpose() * B).eval();
-      MatX<double> K = B.transpose() * B;
+      const MatX<double> B = search.whitener().joint(own, basis(evidence, own));
+      const MatX<double> in_fitted = fitted.transpose() * B;
+      MatX<double> K = B.transpose() * B - in_fitted.transpose() * in_fitted;
       const double ridge = 1e-6 * std::max(K.diagonal().maxCoeff(), 1e-300);
       K.diagonal().array() += ridge;
-      const VecX<double> b = B.transpose() * r;
+      const VecX<double> b = B.transpose() * r.segment(own * m, m);
       const VecX<double> psi = K.ldlt().solve(b);
       const double gain = 2.0 * b.dot(psi) - psi.dot(K * psi);
       const double delta = search.cost(chi2) - search.cost(chi2 - gain) -
-                           static_cast<double>(B.cols()) * std::log(n);
+                           static_cast<double>(b.size()) * std::log(n);
       if (best_basis && delta <= best.delta_bic) continue;
       best.delta_bic = delta;
       best_basis = &basis;
       best_gain = gain;
       best_psi = psi;
       const double joint_chi2 =
-          r.segment(static_cast<long>(k) * evidence.times(), evidence.times()).squaredNorm();
+          r.segment(own * m, m).squaredNorm();
       best.share = joint_chi2 > 0.0 ? std::min(gain / joint_chi2, 1.0) : 0.0;
     }
-    if (!best_basis || best.delta_bic <= accept || best_gain < inexact[static_cast<long>(k)])
+    if (!best_basis || best.delta_bic <= accept || best_gain < inexact[own])
       continue;
     for (const Variable& v : best_basis->variables) best.variables.push_back(v.name);
     // Held out: the base gives way to the function on the fitted rows as it did above.
-    VecX<double> there = (*best_basis)(evidence, static_cast<long>(k)) * best_psi;
-    const VecX<double> here = (*best_basis)(held_out.evidence(), static_cast<long>(k)) * best_psi;
+    const VecX<double> there = best_basis->torque(evidence, own, best_psi);
+    const VecX<double> here = best_basis->torque(held_out.evidence(), own, best_psi);
     const VecX<double> after =
         held_out.whitened(search, held_out.errors_with(search, terms, there, here));
     best.held_out = held_out.compare(before, after);

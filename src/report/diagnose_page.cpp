@@ -67,12 +67,11 @@ std::string causes_at_once(const Finding& f) {
               (p.unit == "1" ? "" : " " + unit(p.unit));
     }
     rows.push_back({"<b>" + escape(at(c.effect, c.where)) + "</b>", escape(size),
-                    percent(1.0 - std::pow(c.gain.after / c.gain.before, 2)),
-                    number(c.delta_bic, 3), escape(rival_list(c.members, 2))});
+                    removes(c), number(c.delta_bic, 3), escape(rival_list(c.members, 2))});
   }
   const bool named =
       std::ranges::all_of(f.causes, [](const Cause& c) { return c.members.empty(); });
-  return html_table({"cause", "size and its 95 % interval", "of the held-out error² it removes",
+  return html_table({"cause", "size and its 95 % interval", "of the held-out error² that all remove",
                      "evidence (ΔBIC)", "cannot be told from"},
                     rows, {"wrap", "wrap", "n", "n", named ? "" : "wrap"});
 }

@@ -30,8 +30,7 @@ std::string causes_text(const Finding& f) {
   std::vector<std::vector<std::string>> rows, values;
   for (const Cause& c : f.causes) {
     rows.push_back({at(c.effect, c.where), number(c.delta_bic, 3),
-                    percent(1.0 - std::pow(c.gain.after / c.gain.before, 2)),
-                    percent(c.visible_share), listed(c.members, c.where)});
+                    removes(c), percent(c.visible_share), listed(c.members, c.where)});
     std::size_t shown = 0;
     for (const CauseParameter& parameter : c.parameters) {
       const CauseParameter p = as_read(c.effect, parameter);
@@ -44,7 +43,7 @@ std::string causes_text(const Finding& f) {
       values.push_back(
           {"", "and " + std::to_string(shown - kMostParameters) + " more", "in result.json", ""});
   }
-  return table({"cause", "ΔBIC", "of the error²", "visible", "<or"}, rows) + "\n" +
+  return table({"cause", "ΔBIC", "removes", "visible", "<or"}, rows) + "\n" +
          table({"parameter", "<", "<value and its 95 % interval", "<"}, values) + "\n";
 }
 

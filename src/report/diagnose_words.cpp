@@ -58,6 +58,11 @@ CauseParameter as_read(const std::string& effect, CauseParameter p) {
   return p;
 }
 
+std::string removes(const Cause& cause) {
+  return percent(std::isnan(cause.share) ? 1.0 - std::pow(cause.gain.after / cause.gain.before, 2)
+                                         : cause.share);
+}
+
 bool is_ball(const JointGain& joint) { return joint.joint == "ball" && joint.unit == "m"; }
 
 std::string error_of(const Finding& f) {

@@ -135,6 +135,7 @@ struct Cause {
   double visible_share = 0.0;
   double torque_share = 0.0;
   double stability = std::numeric_limits<double>::quiet_NaN();
+  double share = std::numeric_limits<double>::quiet_NaN();
   std::vector<Rival> members;
   std::vector<Rival> rivals;
   Gain gain;
@@ -161,6 +162,10 @@ struct Cause {
     list.field("stability", &Cause::stability,
                "Share of random halves of the recording on which it is chosen among itself and its "
                "rivals; NaN: not asked.",
+               {.optional = true});
+    list.field("share", &Cause::share,
+               "Of the held-out error² that all causes remove, each joint's counting alike, what it "
+               "removes beside those before it; each is the next that removes most. NaN: not asked.",
                {.optional = true});
     list.field("members", &Cause::members,
                "Its class without itself: effects that this recording cannot tell from it; a list "
