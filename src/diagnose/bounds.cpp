@@ -151,7 +151,7 @@ bool is_passive(const Evidence& evidence, const BoundEffect& effect) {
 }  // namespace
 
 std::vector<Refusal> bound_shapes(const Evidence& evidence, const FitLayout& layout,
-                                  const PreprocessPlan& plan, bool repeats,
+                                  const PreprocessPlan& plan, bool repeats, bool apart,
                                   std::vector<Candidate>& candidates) {
   const std::vector<double>& q_noise = plan.q_noise;
   std::vector<Refusal> refused;
@@ -159,13 +159,14 @@ std::vector<Refusal> bound_shapes(const Evidence& evidence, const FitLayout& lay
   for (Candidate& c : candidates) {
     const EffectInfo& info = c.effect.info();
     if (info.has(Trait::kOfDrive) && is_passive(evidence, c.effect)) continue;
-    // Columns of fourth derivatives share the noise of what they are to explain, unless both come
-    // from other periods.
-    if (!repeats && info.motor != HiddenMotor::kNone) {
+    // Columns of fourth derivatives share the noise of what they are to explain, unless they come
+    // from other periods or samples.
+    if (!apart && info.motor != HiddenMotor::kNone) {
       if (std::ranges::none_of(refused, [&](const Refusal& r) { return r.effect == info.name; }))
         refused.push_back(
             {info.name, "all",
-             "not tried: needs a motion that repeats, two periods or more, and so of held-out data",
+             "not tried: needs a motion that repeats, two periods or more, or a log of five times "
+             "its cut-off, and so of held-out data",
              0.0});
       continue;
     }

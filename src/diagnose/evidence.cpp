@@ -11,6 +11,7 @@
 
 #include "core/constants.hpp"
 #include "core/statistics.hpp"
+#include "diagnose/halves.hpp"
 #include "diagnose/noise.hpp"
 #include "diagnose/thresholds.hpp"
 
@@ -74,6 +75,8 @@ Evidence::Evidence(const Model& model, const FitLayout& layout, const RecordingS
   for_each_block(source, plan, "reading", 0, options,
                  [&](const Preprocessed& block) { collector.add(block); });
   take_series(collector, period);
+  const std::vector<RowMatX<double>> positions = collector.positions();
+  if (!averaged_ && !series_.empty()) take_halves(collector, plan);
   take_joints(collector, joint_names(model));
   if (joints_.empty())
     throw DataError(source.sample().front().source +
@@ -84,12 +87,12 @@ Evidence::Evidence(const Model& model, const FitLayout& layout, const RecordingS
   FitLayout held = layout;
   for (FitParameter& s : held.shape) s.fixed = !is_smoothing(s);
   take_rows(model, held, plan, collector);
-  if (averaged_)
-    averaged_base_ = regress(model, held, plan, collector, series_, nullptr);
-  take_motion(layout, plan, collector.positions(), at_turns, fitted);
+  if (apart_)
+    seen_base_ = regress(model, held, plan, collector, series_, nullptr);
+  take_motion(layout, plan, positions, at_turns, fitted);
   set_reference(model);
   const MatX<double> turns_of_base = turns(layout);
-  for (MatX<double>* base : {&base_, &averaged_base_}) {
+  for (MatX<double>* base : {&base_, &seen_base_}) {
     if (base->size() == 0) continue;
     base->conservativeResize(Eigen::NoChange, base->cols() + turns_of_base.cols() + 1);
     base->middleCols(base->cols() - turns_of_base.cols() - 1, turns_of_base.cols()) = turns_of_base;
@@ -121,7 +124,7 @@ void Evidence::set_instant() {
         });
   }
   base_.rightCols(1) = column;
-  if (averaged_) averaged_base_.rightCols(1) = column;
+  if (apart_) seen_base_.rightCols(1) = column;
 }
 
 void Evidence::take_series(Stretches& collector, double period) {
@@ -132,6 +135,16 @@ void Evidence::take_series(Stretches& collector, double period) {
   averaged_ = period > 0.0 && !series_.empty();
   for (JointSeries& s : series_) averaged_ = averaged_ && average_other_periods(period, s);
   if (!averaged_) series_ = collector.series();
+  apart_ = averaged_;
+}
+
+void Evidence::take_halves(Stretches& collector, const PreprocessPlan& plan) {
+  const std::vector<bool>& driven = collector.about(0).has_tau;
+  apart_ = halves_suffice(plan) && std::ranges::find(driven, true) != driven.end();
+  for (std::size_t i = 0; apart_ && i < series_.size(); ++i) {
+    set_path(half_of(collector.positions()[i], plan, false), plan, series_[i]);
+    collector.set_positions(i, half_of(collector.positions()[i], plan, true), plan);
+  }
 }
 
 void Evidence::take_joints(const Stretches& collector, const std::vector<std::string>& names) {
@@ -176,7 +189,7 @@ void Evidence::take_filters(const Model& model, const PreprocessPlan& plan,
     const std::size_t k = static_cast<std::size_t>(j);
     const double torque = k < plan.tau_noise.size() ? plan.tau_noise[k] : 0.0;
     // Between two new positions there is none.
-    const double rows = k < plan.refresh.size() ? plan.refresh[k] : 1;
+    const int rows = (k < plan.refresh.size() ? plan.refresh[k] : 1) * (halved() ? 2 : 1);
     noise.position[j] = std::max(k < plan.q_noise.size() ? std::sqrt(rows) * plan.q_noise[k] : 0.0,
                                  kLeastPosition);
     noise.density[j] = plan.dt * (std::pow(torque > 0.0 ? torque : 0.0, 2) +
@@ -500,7 +513,7 @@ void Evidence::set_tilt(const Vec3<double>& more, const VecX<double>& x) {
   }
   const MatX<double> change = tilted_.size() > 0 ? MatX<double>(now - tilted_) : now;
   base_.leftCols(p) += change;
-  if (averaged_) averaged_base_.leftCols(p) += change;
+  if (apart_) seen_base_.leftCols(p) += change;
   if (shift_.size() > 0) torque_ -= shift_;
   shift_ = now * x.head(p);
   torque_ += shift_;

@@ -71,9 +71,9 @@ class Evidence {
   /// then turn_columns() of each: how it turns is not known; the last, by how many samples the
   /// torque is logged late.
   const MatX<double>& base() const { return base_; }
-  /// The same of the averaged motion (series()): what of a candidate's columns the base takes over.
-  /// As base() where motion does not repeat.
-  const MatX<double>& averaged_base() const { return averaged_ ? averaged_base_ : base_; }
+  /// The same of the motion that effects see (series()): what of a candidate's columns the base
+  /// takes over.
+  const MatX<double>& seen_base() const { return apart_ ? seen_base_ : base_; }
   /// Those of base()'s columns that are dry friction's.
   const std::vector<int>& dry_columns() const { return dry_columns_; }
 
@@ -118,10 +118,13 @@ class Evidence {
   double step() const { return step_; }
   /// Whether effects' columns are those of the motion averaged over periods.
   bool averaged() const { return averaged_; }
+  /// Tells whether the noise of the motion that effects see is another than that of the rows.
+  bool apart() const { return apart_; }
   /// Samples at the recording's rate, as effects see them. Where the motion repeats, each period
   /// holds the mean of the other periods: its noise is neither that of the torque beside it, which
   /// a controller has made of its own position's noise, nor that of the base's columns. Columns of
-  /// high derivatives would find both. Then `logged` is that mean too.
+  /// high derivatives would find both. Then `logged` is that mean too. Where it does not, rows are
+  /// those of the path through the even samples, and effects see that through the odd ones.
   const std::vector<JointSeries>& series() const { return series_; }
 
   /// Factors of the base columns, unwhitened, all rows.
@@ -149,6 +152,9 @@ class Evidence {
   /// columns).
   MatX<double> rows_of(long k,
                        const std::function<RowMatX<double>(const JointSeries&)>& columns) const;
+  /// Second and third derivatives of the torque that the base predicts for the k-th of joints(),
+  /// which a motor behind a spring shows, (times(), 2).
+  MatX<double> curvature(long k) const;
   /// The effect's own torque at its parameters, (rows()).
   VecX<double> torque_of(const TriedEffect& effect) const;
   /// Computes an own candidate's columns, once and for all: they depend on the motion alone.
@@ -156,9 +162,14 @@ class Evidence {
   void evaluate(const TriedEffect& effect);
 
  private:
+  bool halved() const { return apart_ && !averaged_; }
+
   // What the constructor does, in this order.
   /// The stretches of the recordings, averaged where the motion repeats.
   void take_series(Stretches& collector, double period);
+  /// Two paths of each, one for the rows and one for effects; where nothing is driven, no motor is
+  /// hidden, and rows that remember the whole run want every sample.
+  void take_halves(Stretches& collector, const PreprocessPlan& plan);
   /// Joints whose torque is known throughout. @param names  of the degrees of freedom
   void take_joints(const Stretches& collector, const std::vector<std::string>& names);
   /// A filter for every joint and stretch.
@@ -194,7 +205,7 @@ class Evidence {
   double earliest_instant_ = -0.5, latest_instant_ = 1.0;
   bool has_instant_ = false;
   std::vector<double> turns_per_second_, late_, cut_off_;
-  bool averaged_ = false;
+  bool averaged_ = false, apart_ = false;
   std::vector<int> joints_, dry_columns_, sticking_;
   std::vector<JointSeries> series_;
   std::vector<int> runs_;
@@ -212,7 +223,7 @@ class Evidence {
   MatX<double> tilted_;  ///< what set_tilt() has added to the base's first columns
   std::vector<double> size_, scale_;
   std::vector<bool> passive_;  ///< as recorded: set_tilt() shifts torque_
-  MatX<double> base_, averaged_base_;
+  MatX<double> base_, seen_base_;
   std::vector<MatX<double>> states_;  ///< by joint: [q | q̇ | q̈]
   Eigen::Array<bool, Eigen::Dynamic, Eigen::Dynamic> rests_,
       sticks_;  ///< (times(), joints().size())

@@ -106,6 +106,16 @@ void Evidence::ripples(int joint, double first, double step, int count,
   }
 }
 
+MatX<double> Evidence::curvature(long k) const {
+  const int j = joints_[static_cast<std::size_t>(k)];
+  return rows_of(k, [j](const JointSeries& s) {
+    RowMatX<double> out(s.rows(), 2);
+    out.col(0) = derivative(derivative(s.total.col(j), s.dt), s.dt);
+    out.col(1) = derivative(out.col(0), s.dt);
+    return out;
+  });
+}
+
 VecX<double> Evidence::torque_of(const TriedEffect& effect) const {
   if (effect.own) {
     std::vector<int> all(effect.parameters.size());

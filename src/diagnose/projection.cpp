@@ -19,9 +19,9 @@ Projection::Projection(const Evidence& evidence, const Whitener& whitener, const
       return columns_of_q(f.qr.householderQ(), n + l, f.qr.rank());
     };
     own_ = factor(evidence.base());
-    seen_ = evidence.averaged() ? factor(evidence.averaged_base()) : own_;
+    seen_ = evidence.apart() ? factor(evidence.seen_base()) : own_;
     const MatX<double> own = basis(own_);
-    Q_ = evidence.averaged() ? basis(seen_) : own;
+    Q_ = evidence.apart() ? basis(seen_) : own;
     y -= own * (own.transpose() * y).eval();
   }
   residual_ = y - Q_ * (Q_.transpose() * y).eval();

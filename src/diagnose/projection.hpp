@@ -6,7 +6,7 @@
 /// Pereyra 1973): with A = [W X; L] and its orthonormal basis Q, G⊥ = (I − QQᵀ)[W G; 0] and r = (I
 /// − QQᵀ)[W(τ − X x₀); 0]. Rows of a passive joint are those of M_jj(x₀)/M_jj(x) times its torque,
 /// linear about x₀: torque that is zero fits any multiple of x, and the smallest would leave the
-/// least. Where effects see the averaged motion, their Q is that motion's.
+/// least. Where effects see a motion of their own (Evidence::apart()), their Q is that motion's.
 
 #include "core/decompositions.hpp"
 #include "diagnose/noise.hpp"

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "recording/path_smoother.hpp"
+
 namespace diffnea {
 namespace {
 
@@ -80,6 +82,12 @@ void Stretches::drop_first(std::size_t i, long rows) {
   about_[i].time[0] += static_cast<double>(rows) * s.dt;
 }
 
+void Stretches::set_positions(std::size_t i, RowMatX<double> positions,
+                              const PreprocessPlan& plan) {
+  set_path(positions, plan, series_[i]);
+  positions_[i] = std::move(positions);
+}
+
 Preprocessed Stretches::rows_of(std::size_t i, const JointSeries& s, long from,
                                 long count) const {
   Preprocessed out = about_[i];
@@ -91,6 +99,10 @@ Preprocessed Stretches::rows_of(std::size_t i, const JointSeries& s, long from,
   out.time = VecX<double>::LinSpaced(count, begin, begin + s.dt * static_cast<double>(count - 1));
   out.segment.assign(static_cast<std::size_t>(count), about_[i].segment[0]);
   return out;
+}
+
+void set_path(const RowMatX<double>& positions, const PreprocessPlan& plan, JointSeries& s) {
+  detail::PathSmoother(plan.filter_hz, 1.0 / s.dt).smooth(positions, s.q, s.qd, s.qdd);
 }
 
 long settling_rows(double period, const JointSeries& s) {

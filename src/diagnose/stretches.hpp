@@ -17,6 +17,8 @@ class Stretches {
   /// Drops stretches of fewer rows.
   void drop_shorter(long rows);
   void drop_first(std::size_t i, long rows);
+  /// Other positions of a stretch, with their path.
+  void set_positions(std::size_t i, RowMatX<double> positions, const PreprocessPlan& plan);
 
   /// Own motion and logged torque of every stretch.
   const std::vector<JointSeries>& series() const { return series_; }
@@ -36,6 +38,9 @@ class Stretches {
   std::vector<RowMatX<double>> positions_;
   std::vector<Preprocessed> about_;  ///< of each stretch: all but its rows
 };
+
+/// Sets the plan's path through positions, (rows(), n).
+void set_path(const RowMatX<double>& positions, const PreprocessPlan& plan, JointSeries& s);
 
 /// Rows until the motion repeats, within its first period: a loop that starts at rest catches up.
 /// Of two periods, at most a third of the first; 0 with less.

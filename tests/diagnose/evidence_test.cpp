@@ -56,7 +56,7 @@ TEST_CASE("diagnose: ripples by sums of angles are the effect's columns", "[diag
 }
 
 TEST_CASE("diagnose: under a tilt the base's columns are those of a tilted robot", "[diagnose]") {
-  test::SwingingEvidence level(20.0);
+  test::SwingingEvidence level(20.0, false, 1, "viscous_friction", test::slow_down);
   const Vec3<double> more{0.4, 0.0, 0.0};
   Model tilted_model = level.model;
   tilted_model.gravity = tilted_model.gravity + more;
@@ -123,8 +123,8 @@ TEST_CASE("diagnose: shapes are bounded by what a recording shows", "[diagnose]"
                                     candidate(evidence.model, "cogging", "elbow"),
                                     candidate(evidence.model, "joint_elasticity", "elbow")};
   const std::vector<Refusal> refused =
-      bound_shapes(*evidence, evidence.layout, noise_of({1e-3, 2e-3}), false, candidates);
-  REQUIRE(candidates.size() == 2);  // a spring needs a motion that repeats
+      bound_shapes(*evidence, evidence.layout, noise_of({1e-3, 2e-3}), false, false, candidates);
+  REQUIRE(candidates.size() == 2);  // a spring needs two motions
   REQUIRE(refused.size() == 1);
   CHECK(refused[0].effect == "joint_elasticity");
   CHECK(candidates[0].shape_low == std::vector<double>{6e-3});  // 3 standard deviations
@@ -155,7 +155,7 @@ TEST_CASE("diagnose: limits are tried in one motion alone if the torque is clear
     CAPTURE(noise, repeats);
     std::vector<Candidate> limits{candidate(evidence.model, "saturation", "elbow")};
     const std::vector<Refusal> refused = bound_shapes(
-        *evidence, evidence.layout, noise_of({1.0, 1.0}, {1.0, noise}), repeats, limits);
+        *evidence, evidence.layout, noise_of({1.0, 1.0}, {1.0, noise}), repeats, true, limits);
     CHECK(limits.size() == (tried ? 1 : 0));
     CHECK(refused.size() == (tried ? 0 : 1));
   }
@@ -166,7 +166,7 @@ TEST_CASE("diagnose: gaps are tried down to what the positions' noise hides", "[
   const double most = 0.1;  // [rad], the catalogue's
   for (const double noise : {2e-5, 4e-4, 1e-2}) {
     std::vector<Candidate> gaps{candidate(evidence.model, "backlash", "elbow")};
-    bound_shapes(*evidence, evidence.layout, noise_of({1.0, noise}), true, gaps);
+    bound_shapes(*evidence, evidence.layout, noise_of({1.0, noise}), true, true, gaps);
     REQUIRE(gaps.size() == 1);
     const std::vector<std::vector<double>>& grid = gaps[0].grid;
     CAPTURE(noise, grid.size());
@@ -178,7 +178,7 @@ TEST_CASE("diagnose: gaps are tried down to what the positions' noise hides", "[
   }
   std::vector<Candidate> none{candidate(evidence.model, "backlash", "elbow")};
   const std::vector<Refusal> refused =
-      bound_shapes(*evidence, evidence.layout, noise_of({1.0, 0.6 * most}), true, none);
+      bound_shapes(*evidence, evidence.layout, noise_of({1.0, 0.6 * most}), true, true, none);
   CHECK(none.empty());
   REQUIRE(refused.size() == 1);
   CHECK(refused[0].effect == "backlash");

@@ -155,7 +155,7 @@ TEST_CASE("grey box: a named effect beside it keeps its estimate, the truth in i
 TEST_CASE("grey box: fitted with it at once, base and effects as before, effects are the same",
           "[diagnose]") {
   // Random torques: everything finds something, nothing has a truth to hide behind.
-  const test::SwingingEvidence evidence(40.0);
+  const test::SwingingEvidence evidence(40.0, false, 1, "viscous_friction", test::slow_down);
   const std::vector<Candidate> candidates =
       make_candidates(evidence.model, {"coulomb_friction"}, {0}, false);
   const long p = evidence->base().cols();

@@ -22,7 +22,7 @@ constexpr double kRounding = 1e-10;
 /// All base parameters free, or none; noise of an autoregression, so that whitening shows.
 struct Setting {
   explicit Setting(bool free = true, double pull = 1e-3)
-      : evidence(40.0),
+      : evidence(40.0, false, 1, "viscous_friction", test::slow_down),
         whitener(*evidence, std::vector<JointNoise>(2, {{{{}, 0.35}, {{0.5}, 0.3}}, 0.35}), {}) {
     const long p = evidence->base().cols();
     prior.x0 = VecX<double>::LinSpaced(p, -0.5, 0.5);

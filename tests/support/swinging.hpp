@@ -42,6 +42,14 @@ inline Recording swinging(const Model& model, double seconds, bool repeats, unsi
   return r;
 }
 
+/// Keeps every third row: a log too slow for two paths, so that effects see what rows hold.
+inline void slow_down(Recording& r) {
+  const auto rows = Eigen::seq(0, r.rows() - 1, 3);
+  const RowMatX<double> q = r.q(rows, Eigen::all), tau = r.tau(rows, Eigen::all);
+  const VecX<double> time = r.time(rows);
+  r.q = q, r.tau = tau, r.time = time;
+}
+
 /// Everything that evidence refers to, kept alive.
 struct SwingingEvidence {
   explicit SwingingEvidence(double seconds, bool repeats = false, unsigned seed = 1,
