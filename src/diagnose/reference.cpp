@@ -11,8 +11,9 @@ namespace {
 /// How far ln v₀ of the base's friction is followed from where it was read; beside a spring, which
 /// the friction's jumps may wind up: their second derivative needs a v₀ that is no extrapolation.
 constexpr double kMostTurn = 1.5, kMostTurnAtSpring = 0.7;
-/// A reference whose torque moves by less leaves the candidates' columns as they are.
-constexpr double kMoved = 0.003;
+/// A reference whose torque has moved by less leaves the candidates' columns as they are: no better
+/// do they have the shape of what they stand for (inexact.cpp).
+constexpr double kMoved = 0.02;
 /// Of what the recording cannot tell apart, the least change is taken.
 constexpr double kRidge = 1e-9;
 
@@ -92,12 +93,15 @@ double Reference::set(const VecX<double>& x, const std::vector<Term>& terms) {
   return moved;
 }
 
-bool Reference::rebase(const Projection& projection, const std::vector<Term>& terms) {
+bool Reference::rebase(const Projection& projection, const std::vector<Term>& terms,
+                       bool at_last) {
   VecX<double> effects = VecX<double>::Zero(train_.rows());
   for (const Term& t : terms) effects += t.torque();
   const VecX<double> x = projection.reference(effects);
-  const bool moved = set(x, terms) > kMoved;
-  return set_tilt(x, terms) || moved;
+  moved_ += set(x, terms);
+  if (!set_tilt(x, terms) && !(moved_ > (at_last ? 0.0 : kMoved))) return false;
+  moved_ = 0.0;
+  return true;
 }
 
 /// Under a tilt that is among the causes, the base's columns are those of the tilted base.

@@ -28,8 +28,9 @@ class Reference {
 
   /// The reference beside the causes so far. A delay is a share of the torque that the model
   /// predicts: it is as wrong as that torque.
+  /// @param at_last  however little it moved since
   /// @return whether the candidates' columns are others now
-  bool rebase(const Projection& projection, const std::vector<Term>& terms);
+  bool rebase(const Projection& projection, const std::vector<Term>& terms, bool at_last);
 
   /// The base and all causes that a model can hold.
   const Model& extended() const { return extended_; }
@@ -44,6 +45,7 @@ class Reference {
   Evidence* test_;
   Model extended_;
   bool tilted_ = false;
+  double moved_ = 0.0;  ///< since the candidates' columns were made
 };
 
 }  // namespace diffnea

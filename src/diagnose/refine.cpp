@@ -106,6 +106,7 @@ Term descended(const Search& search, Term term, const std::vector<Term>& terms) 
   return all.back();
 }
 
+
 /// Where stiffness and rotor of a spring show as their ratio alone: the rotor as declared.
 void hold_rotor(const Search& search, Term& term) {
   const Candidate& c = search.candidates()[static_cast<std::size_t>(term.candidate)];
@@ -119,8 +120,10 @@ void hold_rotor(const Search& search, Term& term) {
 
 }  // namespace
 
-Term refined(const Search& search, const Score& score, const std::vector<Term>& terms) {
-  return refined(search, search.term_of(score), terms);
+Term with_shapes_refined(const Search& search, Term term, const std::vector<Term>& terms) {
+  Term out = descended(search, std::move(term), terms);
+  hold_rotor(search, out);
+  return out;
 }
 
 Term refined(const Search& search, Term term, const std::vector<Term>& terms) {

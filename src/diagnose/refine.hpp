@@ -6,10 +6,10 @@
 
 namespace diffnea {
 
-/// The candidate of a score, its shapes refined beside `terms` (Gauss–Newton in their logarithms),
-/// with the best of its choices.
-Term refined(const Search& search, const Score& score, const std::vector<Term>& terms);
-/// The same from a term's own shapes.
+/// A term with its shapes moved from where they are to where they explain most beside `terms`
+/// (Gauss–Newton in their logarithms), its choices as they are.
+Term with_shapes_refined(const Search& search, Term term, const std::vector<Term>& terms);
+/// The same with the best of its choices, each with the shapes that suit it.
 Term refined(const Search& search, Term term, const std::vector<Term>& terms);
 
 /// Of a size that no robot has, whatever stands beside it: a torque constant off by half.

@@ -63,6 +63,28 @@ std::set<int> names(const std::vector<Term>& terms) {
 
 }  // namespace
 
+Term Selection::offered(const Score& score, const std::vector<Term>& terms) const {
+  const auto gain = [&](const Term& t) {
+    std::vector<Term> with = terms;
+    with.push_back(t);
+    return search_.fit(with);
+  };
+  Term out = search_.term_of(score);
+  if (const auto before = refined_.find(score.candidate); before != refined_.end()) {
+    Term from = out;
+    from.shapes = before->second.shapes;
+    from.effect.parameters = before->second.effect.parameters;
+    search_.set_columns(from);
+    if (gain(from) > gain(out)) out = std::move(from);
+  }
+  out = with_shapes_refined(search_, std::move(out), terms);
+  if (out.shapes.empty()) return out;
+  Term& kept = refined_[score.candidate];
+  kept.shapes = out.shapes;
+  kept.effect.parameters = out.effect.parameters;
+  return out;
+}
+
 std::vector<Selection::Offer> Selection::offers(const std::vector<Term>& terms,
                                                 int how_many) const {
   std::vector<Offer> out;
@@ -74,7 +96,7 @@ std::vector<Selection::Offer> Selection::offers(const std::vector<Term>& terms,
       break;
     if (present.contains(s.candidate) || is_impossible(s.candidate)) continue;
     std::vector<Term> with = terms;
-    with.push_back(refined(search_, s, terms));
+    with.push_back(offered(s, terms));
     const double gain = search_.fit(with);
     if (!plausible(search_, with.back()) || with.back().visible_share() < kAbsorbed) continue;
     if (is_no_shift(search_, with)) continue;
@@ -125,8 +147,8 @@ bool Selection::tilt_helps(const std::vector<Term>& rest, std::vector<Term>& ter
       .helps();
 }
 
-void Selection::renew(std::vector<Term>& terms) {
-  if (options_.rebase && options_.rebase(terms)) search_.recompute();
+void Selection::renew(std::vector<Term>& terms, bool at_last) {
+  if (options_.rebase && options_.rebase(terms, at_last)) search_.recompute();
   search_.refresh(options_.period, terms);
   // Beside its spring, a joint's friction is another: which side of it, and how stiff, is asked
   // anew.
@@ -322,7 +344,7 @@ bool Selection::split(std::vector<Term>& terms) const {
                !names(with).contains(s.candidate);
       });
       if (next == scores.end()) break;
-      with.push_back(refined(search_, *next, with));
+      with.push_back(offered(*next, with));
       best = search_.bic(search_.fit(with), with);
     }
     if (best > now - (compound ? 0.0 : options_.accept) || with.size() < terms.size()) continue;
@@ -350,6 +372,7 @@ std::vector<Term> Selection::run(const std::function<bool(const FitProgress&)>& 
     if (drop_impossible(terms)) continue;  // beside what is left, another may help now
     if (!seen.insert(names(terms)).second) break;
   }
+  if (!terms.empty()) renew(terms, true);
   for (int i = 0; i < options_.max_terms; ++i)
     if (!put_simpler(terms)) break;
   drop_impossible(terms);

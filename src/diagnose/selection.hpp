@@ -17,7 +17,7 @@ struct SelectionOptions {
   double period = 0.0;  ///< [s]
   std::uint64_t seed = 0;
   /// Refits the model that columns refer to beside the terms; whether that moved its torques.
-  std::function<bool(const std::vector<Term>&)> rebase;
+  std::function<bool(const std::vector<Term>&, bool at_last)> rebase;
 };
 
 class Selection {
@@ -37,11 +37,14 @@ class Selection {
     Term term;
     double delta_bic;
   };
+  /// A score's candidate refined beside `terms`: from its grid, or from where it was before, if
+  /// that is better.
+  Term offered(const Score& score, const std::vector<Term>& terms) const;
   /// The best candidates beside `terms`, shapes refined, best first.
   std::vector<Offer> offers(const std::vector<Term>& terms, int how_many) const;
   bool add_one(std::vector<Term>& terms);
   /// Model, columns and noise that go with the terms.
-  void renew(std::vector<Term>& terms);
+  void renew(std::vector<Term>& terms, bool at_last = false);
   bool eliminate(std::vector<Term>& terms) const;
   bool is_impossible(int candidate) const {
     return std::ranges::find(impossible_, candidate) != impossible_.end();
@@ -78,6 +81,7 @@ class Selection {
   std::vector<Refusal> refused_;
   std::vector<int> refused_candidates_;
   std::vector<int> impossible_;   ///< candidates
+  mutable std::map<int, Term> refined_;  ///< shapes and parameters, where they were last
   std::map<int, double> chosen_;  ///< share of halves that choose a candidate; empty: not asked
 };
 

@@ -3,7 +3,6 @@
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/dynamics/batch.hpp>
-#include <diffnea/dynamics/mass_matrix.hpp>
 #include <diffnea/effects/catalogue.hpp>
 #include <diffnea/effects/hidden_motor.hpp>
 #include <diffnea/effects/series.hpp>
@@ -131,13 +130,13 @@ VecX<double> swung(const VecX<double>& f, const VecX<double>& inertia, double dt
 
 /// Inertia of the links at every row, as `joint` alone feels it.
 VecX<double> link_inertia(const Tree<double>& tree, const JointSeries& x, int joint) {
-  MassMatrixWorkspace<double, double> ws;
-  VecX<double> out(x.rows());
-  for (long k = 0; k < x.rows(); ++k) {
-    const VecX<double> q = x.q.row(k).transpose();
-    out[k] = mass_matrix<double, double>(tree, q, ws)(joint, joint);
-  }
-  return out.array() - tree.links[static_cast<std::size_t>(joint)].armature;
+  Tree<double> floating = tree;  // nothing but an acceleration of 1
+  floating.gravity = {0.0, 0.0, 0.0};
+  const Rows still = Rows::Zero(x.rows(), x.q.cols());
+  Rows one = still;
+  one.col(joint).setOnes();
+  return rnea_batch(floating, x.q, still, one).col(joint).array() -
+         tree.links[static_cast<std::size_t>(joint)].armature;
 }
 
 /// Motion of the links where the log has the motor's at `joint`. The second round takes what hangs
