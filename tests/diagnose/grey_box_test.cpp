@@ -165,7 +165,7 @@ TEST_CASE("grey box: fitted with it at once, base and effects as before, effects
   std::vector<Term> terms;
   search.refresh(0.0, terms);
   const std::vector<Score> scores = search.scores(terms);
-  terms.push_back(refined(search, scores.front(), terms));
+  terms.push_back(refined(search, search.term_of(scores.front()), terms));
   search.fit(terms);
 
   const HeldOut held_out(*evidence, {}, 0);

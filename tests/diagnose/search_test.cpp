@@ -36,8 +36,8 @@ TEST_CASE("Search: ripples that are made anew score as those that are kept", "[d
       CHECK(a[i].variant == b[i].variant);
       CHECK(a[i].delta_bic == b[i].delta_bic);
     }
-    terms_kept.push_back(refined(kept, a.front(), terms_kept));
-    terms_anew.push_back(refined(anew, b.front(), terms_anew));
+    terms_kept.push_back(refined(kept, kept.term_of(a.front()), terms_kept));
+    terms_anew.push_back(refined(anew, anew.term_of(b.front()), terms_anew));
   }
 }
 

@@ -6,6 +6,7 @@
 
 #include <catch2/catch_test_macros.hpp>
 
+#include "diagnose/held_out.hpp"
 #include "diagnose/refine.hpp"
 
 namespace diffnea::stability_test {
@@ -34,7 +35,7 @@ struct Rubbed {
     std::vector<Term> none;
     search->refresh(0.0, none);
     for (const Score& s : search->scores({})) {
-      contenders.push_back(refined(*search, s, {}));
+      contenders.push_back(refined(*search, search->term_of(s), {}));
       scores.push_back(s);
     }
   }
@@ -69,6 +70,19 @@ TEST_CASE("stability: halves choose what is there all the time, and nothing else
 TEST_CASE("stability: a half that a cause does not show in says nothing of it", "[diagnose]") {
   const std::vector<HalfChoice> halves{{{0}, {9.0}}, {{}, {1.0}}, {{0}, {5.0}}, {{}, {5.0}}};
   CHECK(share_of(halves, 0, {0}) == 2.0 / 3.0);
+}
+
+TEST_CASE("HeldOut: shares of causes, the one that removes most first, are a whole", "[diagnose]") {
+  const Rubbed rubbed(1.0, 0.0, 40.0);
+  std::vector<Term> terms(rubbed.contenders.begin(), rubbed.contenders.begin() + 2);
+  std::ranges::reverse(terms);
+  rubbed.search->fit(terms);
+  const HeldOut held_out(*rubbed.evidence, {}, 0);
+  const auto shares = held_out.shares(*rubbed.search, terms);
+  REQUIRE(shares.size() == 2);
+  CHECK(terms[shares[0].first].effect.info().name == "viscous_friction");
+  CHECK(shares[0].second > 0.95);
+  CHECK(std::abs(shares[0].second + shares[1].second - 1.0) < 1e-9);
 }
 
 TEST_CASE("stability: the same seed draws the same halves", "[diagnose]") {

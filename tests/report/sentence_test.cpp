@@ -49,6 +49,37 @@ TEST_CASE("sentence: where few effects were tried, it speaks of those", "[report
   CHECK(sentence(finding) == "Nothing was tried: joint elasticity needs a motion that repeats.");
 }
 
+TEST_CASE("sentence: one effect at many joints is one word, and small causes are counted",
+          "[report]") {
+  Finding finding;
+  finding.verdict = Verdict::kNamed;
+  const auto friction = [](const char* where, double size, double share) {
+    Cause out = cause("coulomb_friction", where, {});
+    CauseParameter force;
+    force.name = "coulomb";
+    force.unit = "N*m";
+    force.value = size;
+    force.std = 0.01;
+    force.low = size - 0.02;
+    force.high = size + 0.02;
+    out.parameters = {force};
+    out.share = share;
+    return out;
+  };
+  finding.causes = {friction("base", 0.5, 0.5), friction("elbow", 0.125, 0.3),
+                    friction("wrist", 0.25, 0.15), cause("torque_gain", "elbow", {}),
+                    cause("cogging", "elbow", {})};
+  finding.causes[3].share = 0.04;
+  finding.causes[4].share = 0.01;
+  CHECK_THAT(sentence(finding),
+             ContainsSubstring("The model lacks coulomb friction at base, elbow and wrist "
+                               "(coulomb 0.125 to 0.5 N·m) and 2 small ones, together 5 %."));
+  finding.causes[1].members = {{"sublinear_friction", "elbow", 3.0}};
+  CHECK_THAT(sentence(finding), ContainsSubstring("[at 1 of them this recording cannot tell it"));
+  finding.causes = {friction("base", 0.5, 0.9), friction("elbow", 0.125, 0.1)};
+  CHECK_THAT(sentence(finding), ContainsSubstring("coulomb friction at base (coulomb 0.500 ± 0.02"));
+}
+
 TEST_CASE("sentence: the closest rival of all causes, and whose it is", "[report]") {
   Finding finding;
   finding.verdict = Verdict::kNamed;

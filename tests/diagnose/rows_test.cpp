@@ -1,0 +1,34 @@
+/// How many rows a second a diagnosis makes of a recording.
+
+#include "diagnose/rows.hpp"
+
+#include <support/swinging.hpp>
+
+#include <catch2/catch_test_macros.hpp>
+
+namespace diffnea::rows_test {
+namespace {
+
+/// Rows a second of the double pendulum, of a slow motion whose path is cut off at 2 Hz or so.
+/// @param q_noise [rad] @param tau_noise [N·m]
+double rows_a_second(double q_noise, double tau_noise) {
+  const Model model = read_model(DIFFNEA_SOURCE_DIR "/models/double_pendulum.urdf");
+  Recording r = test::swinging(model, 60.0, false, 1);
+  Rng rng(5);
+  for (double& q : r.q.reshaped()) q += q_noise * rng.normal();
+  for (double& tau : r.tau.reshaped()) tau *= tau_noise;  // was of size 1
+  const PreprocessPlan plan = plan_rows(model, {r}, 0.0, {});
+  return 1.0 / (plan.dt * plan.decimator.factor);
+}
+
+}  // namespace
+
+TEST_CASE("plan_rows: as fast as torques tell, however slow the path", "[diagnose]") {
+  // A quieter position tells of faster torques: the frequency is √(σ_τ/(M σ_q))/2π.
+  const double coarse = rows_a_second(1e-2, 1e-2), fine = rows_a_second(1e-3, 1e-2);
+  CHECK(coarse >= 10.0);
+  CHECK(fine > coarse);
+  CHECK(rows_a_second(1e-5, 1.0) <= 50.0 + 1e-9);  // no faster than that
+}
+
+}  // namespace diffnea::rows_test
