@@ -151,7 +151,8 @@ bool is_passive(const Evidence& evidence, const BoundEffect& effect) {
 }  // namespace
 
 std::vector<Refusal> bound_shapes(const Evidence& evidence, const FitLayout& layout,
-                                  const PreprocessPlan& plan, bool apart, std::vector<Candidate>& candidates) {
+                                  const PreprocessPlan& plan, bool apart,
+                                  std::vector<Candidate>& candidates) {
   const std::vector<double>& q_noise = plan.q_noise;
   std::vector<Refusal> refused;
   std::vector<Candidate> kept;

@@ -13,6 +13,7 @@ namespace diffnea {
 /// @param apart  whether effects see other noise than rows hold, in held-out data too
 /// @return those that were dropped for want of it, or for too much noise
 std::vector<Refusal> bound_shapes(const Evidence& evidence, const FitLayout& layout,
-                                  const PreprocessPlan& plan, bool apart, std::vector<Candidate>& candidates);
+                                  const PreprocessPlan& plan, bool apart,
+                                  std::vector<Candidate>& candidates);
 
 }  // namespace diffnea
