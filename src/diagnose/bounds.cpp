@@ -21,8 +21,8 @@ constexpr double kPreslidingNoises = 3.0;
 /// Of the range of the motion: bristles that bend by more hardly slide, and are a spring.
 constexpr double kPreslidingRange = 0.25;
 
-/// The same, below which no gap of a gear is told from none: averaged over periods, a step of the
-/// link's position that is seen.
+/// The same, below which no gap of a gear is told from none: a step of the link's position that is
+/// seen.
 constexpr double kGapNoises = 2.0;
 /// From one gap of the grid to the next: midway the pulses are 1.25 times too large, and so long.
 constexpr double kGapStep = 1.6;
@@ -49,7 +49,7 @@ void bound_saturation(const Evidence& evidence, Candidate& c) {
 }
 
 /// Drops limits of which the column's own noise, that of the torque beyond them, would be taken for
-/// as much as the effect is: it is that of the torque beside it, unless both are of other periods.
+/// as much as the effect is: it is that of the torque beside it.
 void drop_noisy_limits(const Evidence& evidence, double tau_noise, Candidate& c) {
   const auto shared = [&](double limit) {
     double beyond = 0.0, squares = 0.0;
@@ -151,7 +151,7 @@ bool is_passive(const Evidence& evidence, const BoundEffect& effect) {
 }  // namespace
 
 std::vector<Refusal> bound_shapes(const Evidence& evidence, const FitLayout& layout,
-                                  const PreprocessPlan& plan, bool repeats, bool apart,
+                                  const PreprocessPlan& plan, bool apart,
                                   std::vector<Candidate>& candidates) {
   const std::vector<double>& q_noise = plan.q_noise;
   std::vector<Refusal> refused;
@@ -160,13 +160,12 @@ std::vector<Refusal> bound_shapes(const Evidence& evidence, const FitLayout& lay
     const EffectInfo& info = c.effect.info();
     if (info.has(Trait::kOfDrive) && is_passive(evidence, c.effect)) continue;
     // Columns of fourth derivatives share the noise of what they are to explain, unless they come
-    // from other periods or samples.
+    // from other samples.
     if (!apart && info.motor != HiddenMotor::kNone) {
       if (std::ranges::none_of(refused, [&](const Refusal& r) { return r.effect == info.name; }))
         refused.push_back(
             {info.name, "all",
-             "not tried: needs a motion that repeats, two periods or more, or a log of five times "
-             "its cut-off, and so of held-out data",
+             "not tried: needs a log of five times the path's cut-off, and so of held-out data",
              0.0});
       continue;
     }
@@ -177,13 +176,11 @@ std::vector<Refusal> bound_shapes(const Evidence& evidence, const FitLayout& lay
       case SearchBound::kTorque: {
         bound_saturation(evidence, c);
         const std::size_t joint = static_cast<std::size_t>(c.effect.joints[0]);
-        if (!repeats)
-          drop_noisy_limits(evidence,
-                            joint < plan.tau_noise.size()
-                                ? plan.tau_noise[joint]
-                                : std::numeric_limits<double>::quiet_NaN(),
-                            c);
-        none = "not tried: the torque's noise is too large for a motion that does not repeat";
+        drop_noisy_limits(evidence,
+                          joint < plan.tau_noise.size() ? plan.tau_noise[joint]
+                                                        : std::numeric_limits<double>::quiet_NaN(),
+                          c);
+        none = "not tried: the torque's noise is too large";
         break;
       }
       case SearchBound::kRipple:

@@ -9,12 +9,11 @@
 namespace diffnea {
 
 /// Bounds the grids of candidates to what the recording can show, and drops those that it cannot.
-/// @param plan     knows the noise of each joint's positions and torque, as read
-/// @param repeats  whether the motion repeats, in held-out data too
-/// @param apart    whether effects see other noise than rows hold, in held-out data too
-/// @return those that were dropped for want of either
+/// @param plan   knows the noise of each joint's positions and torque, as read
+/// @param apart  whether effects see other noise than rows hold, in held-out data too
+/// @return those that were dropped for want of it, or for too much noise
 std::vector<Refusal> bound_shapes(const Evidence& evidence, const FitLayout& layout,
-                                  const PreprocessPlan& plan, bool repeats, bool apart,
+                                  const PreprocessPlan& plan, bool apart,
                                   std::vector<Candidate>& candidates);
 
 }  // namespace diffnea

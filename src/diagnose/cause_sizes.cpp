@@ -15,8 +15,8 @@ namespace {
 constexpr double kSigmas = 1.96;  ///< of a 95 % interval
 
 /// Of a parameter, beside what noise leaves: as well as filters and the reference model let an
-/// effect's column be known. Of one motion alone, the positions' noise shrinks it: 8 % observed.
-constexpr double kColumnError = 0.01, kColumnErrorOnce = 0.04;
+/// effect's column be known, and its angle. The positions' noise shrinks it: 8 % observed.
+constexpr double kColumnError = 0.04, kAngleError = 0.01;
 
 /// χ² over its degrees of freedom beyond which what is left goes with the motion; rows of so long
 /// [s], in every period, are one then.
@@ -145,14 +145,13 @@ std::vector<CauseParameter> sizes(const Search& search, const std::vector<Term>&
                                   std::size_t which, const MatX<double>& covariance, double lm) {
   const Term& t = terms[which];
   const Candidate& c = search.candidates()[static_cast<std::size_t>(t.candidate)];
-  const double column = search.evidence().averaged() ? kColumnError : kColumnErrorOnce;
   const bool shapes_show = t.shapes.size() >= c.shapes.size();
   // Where stiffness and rotor show as their ratio alone, they are as good as the declared rotor.
   const bool by_rotor = has_size(c, t) && !shapes_show;
   const double of_word = c.rotor > 0.0 && shapes_show ? 0.0 : c.held;
   const double late = late_turns(search, t, terms);
   const double inexact =
-      std::hypot(column, late > 0.0 ? std::sqrt(late / std::max(late, lm)) / kSigmas : 0.0);
+      std::hypot(kColumnError, late > 0.0 ? std::sqrt(late / std::max(late, lm)) / kSigmas : 0.0);
   const std::vector<bool> nonnegative = signs(t.effect, t.linear);
   const auto by_noise = [&](long at) { return std::sqrt(covariance(at, at)); };
   std::vector<CauseParameter> out;
@@ -175,10 +174,10 @@ std::vector<CauseParameter> sizes(const Search& search, const std::vector<Term>&
         set_interval(p, std::hypot(noise, inexact * p.value));
       else  // noise makes a ripple's column smaller, not its angles
         set_log_interval(p,
-                         std::hypot(noise, info.name == "cycles" ? kColumnError : inexact, of_word),
+                         std::hypot(noise, info.name == "cycles" ? kAngleError : inexact, of_word),
                          info.most);
     } else if (by_rotor && info.name == "stiffness") {
-      set_log_interval(p, std::hypot(column, of_word), info.most);
+      set_log_interval(p, std::hypot(kColumnError, of_word), info.most);
     }
     out.push_back(p);
   }

@@ -76,7 +76,7 @@ Evidence::Evidence(const Model& model, const FitLayout& layout, const RecordingS
                  [&](const Preprocessed& block) { collector.add(block); });
   take_series(collector, period);
   const std::vector<RowMatX<double>> positions = collector.positions();
-  if (!averaged_ && !series_.empty()) take_halves(collector, plan);
+  if (!series_.empty()) take_halves(collector, plan);
   take_joints(collector, joint_names(model));
   if (joints_.empty())
     throw DataError(source.sample().front().source +
@@ -132,10 +132,9 @@ void Evidence::take_series(Stretches& collector, double period) {
   for (std::size_t i = 0; period > 0.0 && i < collector.series().size(); ++i)
     collector.drop_first(i, settling_rows(period, collector.series()[i]));
   series_ = collector.series();
-  averaged_ = period > 0.0 && !series_.empty();
-  for (JointSeries& s : series_) averaged_ = averaged_ && average_other_periods(period, s);
-  if (!averaged_) series_ = collector.series();
-  apart_ = averaged_;
+  repeats_ = !series_.empty() && std::ranges::all_of(series_, [&](const JointSeries& s) {
+    return diffnea::repeats(period, s);
+  });
 }
 
 void Evidence::take_halves(Stretches& collector, const PreprocessPlan& plan) {
@@ -189,7 +188,7 @@ void Evidence::take_filters(const Model& model, const PreprocessPlan& plan,
     const std::size_t k = static_cast<std::size_t>(j);
     const double torque = k < plan.tau_noise.size() ? plan.tau_noise[k] : 0.0;
     // Between two new positions there is none.
-    const int rows = (k < plan.refresh.size() ? plan.refresh[k] : 1) * (halved() ? 2 : 1);
+    const int rows = (k < plan.refresh.size() ? plan.refresh[k] : 1) * (apart_ ? 2 : 1);
     noise.position[j] = std::max(k < plan.q_noise.size() ? std::sqrt(rows) * plan.q_noise[k] : 0.0,
                                  kLeastPosition);
     noise.density[j] = plan.dt * (std::pow(torque > 0.0 ? torque : 0.0, 2) +

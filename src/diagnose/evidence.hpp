@@ -116,15 +116,14 @@ class Evidence {
   ///@}
   /// Step between instants of one stretch [s].
   double step() const { return step_; }
-  /// Whether effects' columns are those of the motion averaged over periods.
-  bool averaged() const { return averaged_; }
+  /// Tells whether the motion is the same in every period.
+  bool repeats() const { return repeats_; }
   /// Tells whether the noise of the motion that effects see is another than that of the rows.
   bool apart() const { return apart_; }
-  /// Samples at the recording's rate, as effects see them. Where the motion repeats, each period
-  /// holds the mean of the other periods: its noise is neither that of the torque beside it, which
-  /// a controller has made of its own position's noise, nor that of the base's columns. Columns of
-  /// high derivatives would find both. Then `logged` is that mean too. Where it does not, rows are
-  /// those of the path through the even samples, and effects see that through the odd ones.
+  /// Samples at the recording's rate, as effects see them. Where the log is fast enough, rows are
+  /// those of the path through the even samples, and effects see that through the odd ones: its
+  /// noise is neither that of the torque, which a controller has made of its positions' noise, nor
+  /// that of the base's columns. Columns of high derivatives would find both.
   const std::vector<JointSeries>& series() const { return series_; }
 
   /// Factors of the base columns, unwhitened, all rows.
@@ -162,10 +161,8 @@ class Evidence {
   void evaluate(const TriedEffect& effect);
 
  private:
-  bool halved() const { return apart_ && !averaged_; }
-
-  // What the constructor does, in this order.
-  /// The stretches of the recordings, averaged where the motion repeats.
+  // Steps of the constructor, in this order.
+  /// The stretches of the recordings; of motions that repeat, once they have settled.
   void take_series(Stretches& collector, double period);
   /// Two paths of each, one for the rows and one for effects; where nothing is driven, no motor is
   /// hidden, and rows that remember the whole run want every sample.
@@ -205,7 +202,7 @@ class Evidence {
   double earliest_instant_ = -0.5, latest_instant_ = 1.0;
   bool has_instant_ = false;
   std::vector<double> turns_per_second_, late_, cut_off_;
-  bool averaged_ = false, apart_ = false;
+  bool repeats_ = false, apart_ = false;
   std::vector<int> joints_, dry_columns_, sticking_;
   std::vector<JointSeries> series_;
   std::vector<int> runs_;

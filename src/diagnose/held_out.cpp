@@ -14,7 +14,7 @@
 namespace diffnea {
 namespace {
 
-/// Of a block, shorter than kBlockSeconds where there would be fewer than kBlocks.
+/// Length of a block, shorter than kBlockSeconds where there would be fewer than kBlocks.
 constexpr double kShortestBlockSeconds = 0.5;
 constexpr long kBlocks = 8;
 

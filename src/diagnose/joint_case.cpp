@@ -112,7 +112,7 @@ void prepare(JointCase& c) {
                               " sticks wherever it turns back: its turns are left out, and what "
                               "shows there alone (Stribeck friction, gaps, springs that friction "
                               "winds up), which is looked for once more with them, may be missed");
-  if (!c.train->averaged()) c.period = 0.0;  // does not repeat well enough
+  if (!c.train->repeats()) c.period = 0.0;  // does not repeat well enough
   if (c.test_source) {
     const std::vector<Recording> held = c.test_source->sample();
     c.test_plan = plan_held_out(held, c.finding.plan, c.options.preprocess);
@@ -137,7 +137,6 @@ void prepare(JointCase& c) {
         if (e) e->evaluate(tried.effect);
   c.finding.refused =
       bound_shapes(*c.train, c.layout, c.finding.plan,
-                   c.train->averaged() && (!c.test || c.test->averaged()),
                    c.train->apart() && (!c.test || c.test->apart()), c.candidates);
   c.prior = base_prior(c.base, c.model, c.layout, *c.train);
   const Whitener white(*c.train, white_noise(*c.train), c.fitted_rows);

@@ -74,7 +74,8 @@ std::vector<JointNoise> white_noise(const Evidence& evidence) {
 
 std::vector<JointNoise> estimate_noise(const Evidence& evidence, const VecX<double>& residual,
                                        const std::vector<bool>& used,
-                                       const std::vector<double>& lost) {
+                                       const std::vector<double>& lost,
+                                       const std::vector<double>& least) {
   const long m = evidence.times();
   std::vector<JointNoise> out;
   for (std::size_t k = 0; k < evidence.joints().size(); ++k) {
@@ -104,11 +105,25 @@ std::vector<JointNoise> estimate_noise(const Evidence& evidence, const VecX<doub
     // Bartlett's weights keep the sequence positive definite where rows are missing.
     for (int lag = 0; lag <= kOrder; ++lag)
       r[static_cast<std::size_t>(lag)] *= freedom / n * (lag ? 1.0 - 1e-6 : 1.0);
-    const double least = kLeastNoise * evidence.scale(static_cast<long>(k));
-    const double assumed = std::max(least * least, 1e-300);
-    r[0] = std::max(r[0], 0.0) + assumed;
+    const double rounding = kLeastNoise * evidence.scale(static_cast<long>(k));
+    const double assumed = std::max(rounding * rounding, 1e-300);
+    r[0] = std::max(r[0], least.empty() ? 0.0 : least[k] * least[k]) + assumed;
     out.push_back(levinson(r));
     out.back().assumed = assumed / r[0];
+  }
+  return out;
+}
+
+std::vector<double> signals_noise(const Evidence& evidence, const VecX<double>& left,
+                                  const std::vector<bool>& used) {
+  const long m = evidence.times();
+  std::vector<double> out;
+  for (std::size_t k = 0; k < evidence.joints().size(); ++k) {
+    double squares = 0.0, rows = 0.0;
+    for (long row = static_cast<long>(k) * m; row < static_cast<long>(k + 1) * m; ++row)
+      if (used[static_cast<std::size_t>(row)]) squares += left[row] * left[row], ++rows;
+    out.push_back(std::min(evidence.signal_noise(static_cast<long>(k)),
+                           std::sqrt(squares / std::max(rows, 1.0))));
   }
   return out;
 }

@@ -27,10 +27,17 @@ struct JointNoise {
 JointNoise white(double rms);
 
 /// From residuals, (rows()), and kLeastNoise; rows that are not in `used` are gaps.
-/// @param lost  (joints) degrees of freedom that the fit took of each joint's rows; empty: none
+/// @param lost   (joints) degrees of freedom that the fit took of each joint's rows; empty: none
+/// @param least  (joints) noise that the residual may lack, RMS; empty: none
 std::vector<JointNoise> estimate_noise(const Evidence& evidence, const VecX<double>& residual,
                                        const std::vector<bool>& used,
-                                       const std::vector<double>& lost = {});
+                                       const std::vector<double>& lost = {},
+                                       const std::vector<double>& least = {});
+
+/// Noise that the signals give the rows `used`, at most what is left of them, RMS, (joints): of a
+/// coarse encoder it is the same in every period.
+std::vector<double> signals_noise(const Evidence& evidence, const VecX<double>& left,
+                                  const std::vector<bool>& used);
 
 /// Noise is what changes from one period of the motion to the next, whatever the model lacks:
 /// differences to the mean over periods, scaled by √(R/(R−1)).
@@ -48,10 +55,10 @@ struct Smoothed {
   std::vector<long> blind;   ///< joints (of evidence.joints()) that have too few rows for any
 };
 
-/// What no function of a joint's own position plus one of its velocity plus a constant of each run
-/// can explain, beside the base's free columns, over the rows `used`; joints with too few of them, and all other rows, keep
-/// their residual. Without repeats, what the model lacks is not to be taken for noise: whitened
-/// away, it would stay hidden.
+/// Leaves what no function of a joint's position plus one of its velocity plus a constant of each
+/// run can explain, beside the base's free columns, over the rows `used`; joints with too few of
+/// them, and all other rows, keep their residual. Without repeats, what the model lacks is not to
+/// be taken for noise: whitened away, it would stay hidden.
 /// @param x0    about which rows of passive joints are linear: their residual, X x, is a
 ///              combination of the columns of X as they are
 /// @param lost  degrees of freedom that the fit took of each joint's rows already

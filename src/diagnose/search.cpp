@@ -100,12 +100,13 @@ void Search::refresh(double period, std::vector<Term>& terms) {
               false;
     VecX<double> noise = period > 0.0 ? repeatable_noise(evidence_, left, period) : VecX<double>();
     repeatable_ = noise.size() > 0;
-    std::vector<double> lost;
+    std::vector<double> lost, least;
     blind_.clear();
     if (repeatable_) {
       for (long i = 0; i < noise.size(); ++i)
         rows[static_cast<std::size_t>(i)] =
             rows[static_cast<std::size_t>(i)] && std::isfinite(noise[i]);
+      least = signals_noise(evidence_, left, rows);
     } else {
       const double fitted = static_cast<double>(projection_->rank() + num_parameters(terms)) /
                             static_cast<double>(evidence_.joints().size());
@@ -115,7 +116,7 @@ void Search::refresh(double period, std::vector<Term>& terms) {
       lost = std::move(smoothed.lost);
       blind_ = std::move(smoothed.blind);
     }
-    std::vector<JointNoise> estimate = estimate_noise(evidence_, noise, rows, lost);
+    std::vector<JointNoise> estimate = estimate_noise(evidence_, noise, rows, lost, least);
     projection_.reset();
     whitener_ = std::make_unique<Whitener>(evidence_, std::move(estimate), used_);
     set_projection(terms);

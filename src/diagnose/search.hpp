@@ -46,7 +46,7 @@ class Search {
   /// there, 0 … 1.
   double replaced_share(const Term& term, const Term& by, const std::vector<Term>& beside) const;
 
-  /// Of what `more` can do and `less` cannot: the share that the base leaves, 0 … 1.
+  /// Share that the base leaves of what `more` can do and `less` cannot, 0 … 1.
   double visible_beyond(const Term& more, const Term& less) const;
 
   /// Cost of a fit, −2 ln of its likelihood but for a constant: n ln χ², the noise as large as

@@ -25,7 +25,7 @@ constexpr const char* kImpossible = "comes to a size that no robot has, beside t
 /// Share of the halves in which a rival is chosen, to be of the class of a cause that is not chosen
 /// in most of them.
 constexpr double kSomeHalves = 0.1;
-constexpr double kByChance = 0.005;  ///< of runs that differ, where nothing but chance tells it
+constexpr double kByChance = 0.005;  ///< share of runs that differ, told by chance alone
 constexpr double kChild = 0.98;  ///< of a cause's column that a more general effect reproduces
 
 std::vector<Term> without(const std::vector<Term>& terms, std::size_t i) {

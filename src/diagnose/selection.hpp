@@ -68,7 +68,7 @@ class Selection {
   void drop_unstable(std::vector<Term>& terms);
   /// What `with` is worth on held-out data beside `without`, each of them fitted.
   HeldOutChange change(std::vector<Term> without, std::vector<Term> with) const;
-  /// Whether that is certain.
+  /// Tells whether that is certain.
   bool helps(const std::vector<Term>& without, const std::vector<Term>& with) const;
   /// The same of a tilt beside the rest: without it the base's columns are others.
   bool tilt_helps(const std::vector<Term>& rest, std::vector<Term>& terms);

@@ -1,5 +1,5 @@
 #pragma once
-/// Whether runs differ by more than what hangs together within one. Internal to diagnose/.
+/// Test whether runs differ by more than what hangs together within one. Internal to diagnose/.
 
 #include <cstdint>
 #include <vector>

@@ -126,35 +126,21 @@ long settling_rows(double period, const JointSeries& s) {
   return 0;
 }
 
-bool average_other_periods(double period, JointSeries& s) {
+bool repeats(double period, const JointSeries& s) {
   const double steps = period / s.dt;
   const long p = std::lround(steps), n = s.rows();
   if (p < 1 || p > n || std::abs(steps - static_cast<double>(p)) * static_cast<double>(n / p) > 0.5)
     return false;
   const long covered = n >= 2 * p ? n : 2 * std::max(0L, n - p);
   if (static_cast<double>(covered) < kCovered * static_cast<double>(n)) return false;
-  const auto sum_of = [&](const RowMatX<double>& x) {
-    RowMatX<double> sum = RowMatX<double>::Zero(p, x.cols());
-    for (long i = 0; i < n; ++i) sum.row(i % p) += x.row(i);
-    return sum;
-  };
-  const auto repeats = [&](long i) { return (n - 1 - i % p) / p + 1; };
-  const RowMatX<double> sum = sum_of(s.q);
   for (long j = 0; j < s.q.cols(); ++j) {
     const VecX<double> q = s.q.col(j);
-    const double motion = (q.array() - q.mean()).matrix().norm();
     double change = 0.0;
-    for (long i = 0; i < n; ++i) {
-      const double d = q[i] - sum(i % p, j) / static_cast<double>(repeats(i));
-      change += d * d;
+    for (long phase = 0; phase < p; ++phase) {
+      const auto of_phase = q(Eigen::seq(phase, n - 1, p)).array();
+      change += (of_phase - of_phase.mean()).square().sum();
     }
-    if (std::sqrt(change) > kRepeats * motion) return false;
-  }
-  for (RowMatX<double>* x : {&s.q, &s.qd, &s.qdd, &s.logged}) {
-    const RowMatX<double> all = sum_of(*x), own = *x;
-    for (long i = 0; i < n; ++i)
-      if (const long c = repeats(i); c > 1)
-        x->row(i) = (all.row(i % p) - own.row(i)) / static_cast<double>(c - 1);
+    if (std::sqrt(change) > kRepeats * (q.array() - q.mean()).matrix().norm()) return false;
   }
   return true;
 }

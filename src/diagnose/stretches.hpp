@@ -1,6 +1,5 @@
 #pragma once
-/// A recording as whole stretches, and the mean of the periods of a motion that repeats. Internal
-/// to diagnose/.
+/// A recording as whole stretches, and whether their motion repeats. Internal to diagnose/.
 
 #include <diffnea/effects/joint_series.hpp>
 #include <diffnea/recording/preprocess.hpp>
@@ -46,9 +45,8 @@ void set_path(const RowMatX<double>& positions, const PreprocessPlan& plan, Join
 /// Of two periods, at most a third of the first; 0 with less.
 long settling_rows(double period, const JointSeries& s);
 
-/// Replaces every row by the mean of the rows whole periods away from it; the few that have none
-/// stay. @return false, and nothing is changed, if too many have none, a period is no whole number
-/// of samples, or the motion does not repeat
-bool average_other_periods(double period, JointSeries& s);
+/// Tells whether every period of the motion is as the others, but for noise; not if few rows have
+/// another one at their phase, or a period is no whole number of samples.
+bool repeats(double period, const JointSeries& s);
 
 }  // namespace diffnea

@@ -66,7 +66,7 @@ std::vector<bool> signs(const std::vector<Term>& terms);
 Scale scale_of(const Term& term, int parameter);
 /// A torque that follows from position and velocity alone, or friction before it slides.
 bool is_like_friction(const TriedEffect& effect);
-/// Whether it has a size in each run, which tells nothing of another run.
+/// Tells whether it has a size in each run, which tells nothing of another run.
 bool is_of_runs(const TriedEffect& effect);
 /// Dry friction, or a spring that its jumps wind up.
 bool is_dry(const TriedEffect& effect);

@@ -106,7 +106,7 @@ std::vector<WitnessScore> find_witnesses(const Evidence& evidence, const Search&
     double best_gain = 0.0;
     VecX<double> best_psi;
     const long own = static_cast<long>(k), m = evidence.times();
-    // Of an orthonormal basis of all that is fitted, this joint's rows: no other meets its torque.
+    // Rows of this joint in an orthonormal basis of all that is fitted: no other meets its torque.
     MatX<double> fitted(m, projection.rank() + Q.cols());
     fitted << projection.basis().middleRows(own * m, m), Q.middleRows(own * m, m);
     const std::vector<Basis> all = bases(evidence, own, names);

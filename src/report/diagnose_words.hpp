@@ -21,7 +21,7 @@ bool at_ball(const std::string& where);
 std::string capital(std::string text);
 /// A parameter as people say it: a camera's delay in ms, a string's mass in % of the ball's.
 CauseParameter as_read(const std::string& effect, CauseParameter parameter);
-/// Of the held-out error² that all causes remove, or, where that was not asked, of all of it: "12 %"
+/// Share of the held-out error² that all causes remove, or, where that was not asked, of all: "12 %"
 std::string removes(const Cause& cause);
 /// Whether an error is the ball's [m], not a joint's.
 bool is_ball(const JointGain& joint);

@@ -48,7 +48,7 @@ std::string cause_words(const Cause& cause) {
 
 bool is_named(const Cause& cause) { return cause.verdict != Verdict::kUnknown; }
 
-/// Of the held-out error that all causes remove: less is no word in a sentence.
+/// Share of the held-out error that all causes remove: less is no word in a sentence.
 constexpr double kWorthWords = 0.05;
 
 /// "coulomb friction at elbow, wrist and tool (coulomb 0.12 to 0.53 N·m)"
@@ -76,7 +76,7 @@ std::string alike_words(const std::vector<const Cause*>& alike) {
   return out;
 }
 
-/// What removes most, one effect at several joints in one word; all stand in the table. What has no
+/// Causes that remove most, one effect at several joints in one word; all stand in the table. What has no
 /// name is not among them.
 std::string causes_words(const Finding& f) {
   constexpr std::size_t kAlike = 3;  // from which on their sizes are a range

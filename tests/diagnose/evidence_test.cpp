@@ -123,8 +123,8 @@ TEST_CASE("diagnose: shapes are bounded by what a recording shows", "[diagnose]"
                                     candidate(evidence.model, "cogging", "elbow"),
                                     candidate(evidence.model, "joint_elasticity", "elbow")};
   const std::vector<Refusal> refused =
-      bound_shapes(*evidence, evidence.layout, noise_of({1e-3, 2e-3}), false, false, candidates);
-  REQUIRE(candidates.size() == 2);  // a spring needs two motions
+      bound_shapes(*evidence, evidence.layout, noise_of({1e-3, 2e-3}), false, candidates);
+  REQUIRE(candidates.size() == 2);  // a spring needs two paths
   REQUIRE(refused.size() == 1);
   CHECK(refused[0].effect == "joint_elasticity");
   CHECK(candidates[0].shape_low == std::vector<double>{6e-3});  // 3 standard deviations
@@ -144,18 +144,15 @@ TEST_CASE("diagnose: shapes are bounded by what a recording shows", "[diagnose]"
   }
 }
 
-TEST_CASE("diagnose: limits are tried in one motion alone if the torque is clear of its noise",
-          "[diagnose]") {
+TEST_CASE("diagnose: limits are tried if the torque is clear of its noise", "[diagnose]") {
   const test::SwingingEvidence evidence(20.0);  // torques of 1 N·m, white
-  for (const auto& [noise, repeats, tried] :
-       {std::tuple{0.01, false, true},
-        {1.0, false, false},
-        {1.0, true, true},
-        {std::numeric_limits<double>::quiet_NaN(), false, false}}) {
-    CAPTURE(noise, repeats);
+  for (const auto& [noise, tried] : {std::pair{0.01, true},
+                                     {1.0, false},
+                                     {std::numeric_limits<double>::quiet_NaN(), false}}) {
+    CAPTURE(noise);
     std::vector<Candidate> limits{candidate(evidence.model, "saturation", "elbow")};
     const std::vector<Refusal> refused = bound_shapes(
-        *evidence, evidence.layout, noise_of({1.0, 1.0}, {1.0, noise}), repeats, true, limits);
+        *evidence, evidence.layout, noise_of({1.0, 1.0}, {1.0, noise}), true, limits);
     CHECK(limits.size() == (tried ? 1 : 0));
     CHECK(refused.size() == (tried ? 0 : 1));
   }
@@ -166,7 +163,7 @@ TEST_CASE("diagnose: gaps are tried down to what the positions' noise hides", "[
   const double most = 0.1;  // [rad], the catalogue's
   for (const double noise : {2e-5, 4e-4, 1e-2}) {
     std::vector<Candidate> gaps{candidate(evidence.model, "backlash", "elbow")};
-    bound_shapes(*evidence, evidence.layout, noise_of({1.0, noise}), true, true, gaps);
+    bound_shapes(*evidence, evidence.layout, noise_of({1.0, noise}), true, gaps);
     REQUIRE(gaps.size() == 1);
     const std::vector<std::vector<double>>& grid = gaps[0].grid;
     CAPTURE(noise, grid.size());
@@ -178,7 +175,7 @@ TEST_CASE("diagnose: gaps are tried down to what the positions' noise hides", "[
   }
   std::vector<Candidate> none{candidate(evidence.model, "backlash", "elbow")};
   const std::vector<Refusal> refused =
-      bound_shapes(*evidence, evidence.layout, noise_of({1.0, 0.6 * most}), true, true, none);
+      bound_shapes(*evidence, evidence.layout, noise_of({1.0, 0.6 * most}), true, none);
   CHECK(none.empty());
   REQUIRE(refused.size() == 1);
   CHECK(refused[0].effect == "backlash");

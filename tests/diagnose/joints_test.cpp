@@ -62,9 +62,9 @@ TEST_CASE("diagnose: fitted recordings know the torques of the same joints", "[d
 TEST_CASE("diagnose: where nothing could be tried, nothing is said of the recording",
           "[diagnose]") {
   DiagnoseOptions options;
-  options.effects = {"backlash"};  // needs a motion that repeats
+  options.effects = {"backlash"};  // needs two paths
   const Finding finding = diagnose(arm(), {swing(1)}, {swing(2)}, options);
-  CHECK_THAT(finding.sentence, ContainsSubstring("Nothing was tried: backlash needs a motion"));
+  CHECK_THAT(finding.sentence, ContainsSubstring("Nothing was tried: backlash needs a log"));
   CHECK(finding.lack_of_fit_p == 1.0);
 }
 

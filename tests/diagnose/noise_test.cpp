@@ -88,6 +88,28 @@ TEST_CASE("estimate_noise: nothing is quieter than the noise that is assumed", "
   CHECK_THAT(quiet.assumed_sum(), WithinRel(static_cast<double>(quiet.used_rows()), 1e-12));
 }
 
+TEST_CASE("estimate_noise: what repeats of the signals' noise counts as far as it is left",
+          "[diagnose]") {
+  const test::SwingingEvidence evidence(80.0);
+  const VecX<double> silent = VecX<double>::Zero(evidence->rows());
+  for (const double share : {0.3, 1.0, 10.0}) {  // left, over the signals' noise
+    VecX<double> left(evidence->rows());
+    for (long k = 0; k < 2; ++k)
+      left.segment(k * evidence->times(), evidence->times())
+          .setConstant(share * evidence->signal_noise(k));
+    const auto noise = estimate_noise(*evidence, silent, all(*evidence), {},
+                                      signals_noise(*evidence, left, all(*evidence)));
+    for (std::size_t k = 0; k < noise.size(); ++k) {
+      CAPTURE(share, k);
+      const double least = kLeastNoise * evidence->scale(static_cast<long>(k));
+      CHECK_THAT(noise[k].rms,
+                 WithinRel(std::hypot(std::min(share, 1.0) *
+                                          evidence->signal_noise(static_cast<long>(k)), least),
+                           1e-12));
+    }
+  }
+}
+
 TEST_CASE("estimate_noise: rows that are not used do not count", "[diagnose]") {
   const test::SwingingEvidence evidence(80.0);
   VecX<double> residual = autoregression(*evidence, 2);

@@ -1,4 +1,4 @@
-/// Where a motion that repeats has settled, and what its other periods make of a row.
+/// Where a motion that repeats has settled, and whether it repeats.
 
 #include "diagnose/stretches.hpp"
 
@@ -56,16 +56,12 @@ TEST_CASE("settling_rows: a loop that starts at rest is left out until it follow
   CHECK_THAT(end, WithinAbs(1.69, 0.15));
 }
 
-TEST_CASE("average_other_periods: two periods are enough once what settles is left out",
-          "[diagnose]") {
-  JointSeries raw = swinging(20.0, 0.3);
-  CHECK_FALSE(average_other_periods(kPeriod, raw));
-  JointSeries s = settled(20.0, 0.3);
-  const RowMatX<double> measured = s.q;
-  REQUIRE(average_other_periods(kPeriod, s));
-  const long p = std::lround(kPeriod / kStep);
-  CHECK_THAT(s.q(0, 0), WithinAbs(measured(p, 0), 1e-12));  // rounding of (a + b) - b
-  CHECK_THAT(s.q(p, 0), WithinAbs(measured(0, 0), 1e-12));
+TEST_CASE("repeats: two periods are enough once what settles is left out", "[diagnose]") {
+  CHECK_FALSE(repeats(kPeriod, swinging(20.0, 0.3)));
+  CHECK(repeats(kPeriod, settled(20.0, 0.3)));
+  CHECK_FALSE(repeats(kPeriod, swinging(13.0, 0.0)));  // four seconds of ten have no other
+  CHECK_FALSE(repeats(0.9 * kPeriod, swinging(20.0, 0.0)));
+  CHECK_FALSE(repeats(0.0, swinging(20.0, 0.0)));
 }
 
 TEST_CASE("settling_rows: nothing is left out of less than two periods", "[diagnose]") {

@@ -44,9 +44,9 @@ TEST_CASE("sentence: where few effects were tried, it speaks of those", "[report
                                     !ContainsSubstring("catalogue"));
   finding.verdict = Verdict::kNotIdentifiable;
   CHECK_THAT(sentence(finding), ContainsSubstring("absorbed by the base"));
-  finding.refused = {{"joint_elasticity", "all", "not tried: needs a motion that repeats", 0.0}};
+  finding.refused = {{"joint_elasticity", "all", "not tried: needs a faster log", 0.0}};
   finding.tried = Tried::kNothing;
-  CHECK(sentence(finding) == "Nothing was tried: joint elasticity needs a motion that repeats.");
+  CHECK(sentence(finding) == "Nothing was tried: joint elasticity needs a faster log.");
 }
 
 TEST_CASE("sentence: one effect at many joints is one word, and small causes are counted",
