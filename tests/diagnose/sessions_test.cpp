@@ -69,7 +69,7 @@ TEST_CASE("sessions: an error that hangs together is no offset of a run", "[diag
   constexpr int kSeeds = 100;
   for (unsigned seed = 1; seed <= kSeeds; ++seed)
     below += sessions_alike(*runs.evidence, runs.errors(0.0, seed), runs.all(), kElbow, seed) < 0.05;
-  // Of 100 draws 5 are expected, and 16 in one of 10^5 (binomial); blocks of a second still hang
+  // Five of 100 draws are expected, 16 in one of 10^5 (binomial); blocks of a second still hang
   // together a little, which doubles the rate.
   CHECK(below < 20);
 }
