@@ -37,11 +37,14 @@ std::vector<Term> without(const std::vector<Term>& terms, std::size_t i) {
 /// Accepted, a tilt is in the base's columns, too: without it, they would be those of no model.
 bool stays(const Term& term) { return term.effect.info().has(Trait::kGravity); }
 
-/// Tells whether a clock that the last of the terms shifts is, with all that shifts it, where a drive that
-/// samples and holds its torques may have it: then the term says nothing of it.
+/// Tells whether a clock that the last of the terms shifts, or a torque that it makes late, is with
+/// all that shifts it where a drive that samples and holds its torques may have it.
 bool is_no_shift(const Search& search, const std::vector<Term>& terms) {
   const auto shift = [](const Term& t) {
-    return t.effect.own ? 0.0 : clock_shift(t.effect);
+    if (t.effect.own) return 0.0;
+    DrivePath<double> path{0.0, 0.0, 0.0};
+    add_to_drive(t.effect, path);
+    return clock_shift(t.effect) + path.delay;
   };
   if (shift(terms.back()) == 0.0) return false;
   const Evidence& evidence = search.evidence();
