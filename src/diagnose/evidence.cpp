@@ -473,7 +473,7 @@ MatX<double> Evidence::means_of(long k, const std::vector<RowMatX<double>>& stre
   return out;
 }
 
-double Evidence::set_reference(const Model& fitted) {
+VecX<double> Evidence::set_reference(const Model& fitted) {
   references_.clear();
   VecX<double> change = VecX<double>::Zero(num_dofs_), size = change;
   for (JointSeries& s : series_) {
@@ -488,7 +488,7 @@ double Evidence::set_reference(const Model& fitted) {
                   .transpose();
   }
   if (has_instant_) set_instant();
-  return std::sqrt((change.array() / size.array().max(1e-300)).maxCoeff());
+  return (change.array() / size.array().max(1e-300)).sqrt();
 }
 
 void Evidence::set_tilt(const Vec3<double>& more, const VecX<double>& x) {

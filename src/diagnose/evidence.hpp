@@ -130,8 +130,8 @@ class Evidence {
   const std::vector<JointFactor>& factors() const { return factors_; }
 
   /// The model that effects of torque refer to: what the links transmit, what the drives give.
-  /// @return the change of its torque, the largest of all joints' [share of the RMS]
-  double set_reference(const Model& fitted);
+  /// @return the change of each joint's torque, (num_dofs()) [share of the RMS]
+  VecX<double> set_reference(const Model& fitted);
 
   /// The base's columns of its inertias become those under `more` gravity, for base parameters near
   /// `x`: what only a tilted base shows of the links may then move. (Y(g+δ)π + C(π̂)δ̃ in the place

@@ -77,7 +77,7 @@ Model base_at(const Model& model, const FitLayout& layout, const VecX<double>& x
   return apply_fit(model, layout, physical, shapes_at(layout, x, terms));
 }
 
-double Reference::set(const VecX<double>& x, const std::vector<Term>& terms) {
+VecX<double> Reference::set(const VecX<double>& x, const std::vector<Term>& terms) {
   Model reference = base_at(model_, layout_, within_signs(layout_, train_, x), terms);
   extended_ = reference;
   for (const Term& t : terms) {
@@ -88,20 +88,28 @@ double Reference::set(const VecX<double>& x, const std::vector<Term>& terms) {
     if (t.effect.is_local() || t.effect.info().has(Trait::kGravity))
       reference.effects.push_back(to_spec(t.effect));
   }
-  const double moved = train_.set_reference(reference);
+  const VecX<double> moved = train_.set_reference(reference);
   if (test_) test_->set_reference(reference);
   return moved;
 }
 
-bool Reference::rebase(const Projection& projection, const std::vector<Term>& terms,
-                       bool at_last) {
+std::vector<bool> Reference::rebase(const Projection& projection, const std::vector<Term>& terms,
+                                    bool at_last) {
   VecX<double> effects = VecX<double>::Zero(train_.rows());
   for (const Term& t : terms) effects += t.torque();
   const VecX<double> x = projection.reference(effects);
-  moved_ += set(x, terms);
-  if (!set_tilt(x, terms) && !(moved_ > (at_last ? 0.0 : kMoved))) return false;
-  moved_ = 0.0;
-  return true;
+  const VecX<double> by = set(x, terms);
+  if (moved_.size() == 0) moved_ = VecX<double>::Zero(by.size());
+  moved_ += by;
+  const bool tilted = set_tilt(x, terms);
+  std::vector<bool> out(static_cast<std::size_t>(by.size()), false);
+  for (long j = 0; j < by.size(); ++j) {
+    if (!tilted && !(moved_[j] > (at_last ? 0.0 : kMoved))) continue;
+    out[static_cast<std::size_t>(j)] = true;
+    moved_[j] = 0.0;
+  }
+  if (std::ranges::find(out, true) == out.end()) out.clear();
+  return out;
 }
 
 /// Under a tilt that is among the causes, the base's columns are those of the tilted base.

@@ -23,14 +23,15 @@ class Reference {
       : model_(model), layout_(layout), train_(train), test_(test) {}
 
   /// Base parameters x and the causes so far.
-  /// @return by which share a joint's torque moved, the largest of all
-  double set(const VecX<double>& x, const std::vector<Term>& terms);
+  /// @return by which share each joint's torque moved, (joints)
+  VecX<double> set(const VecX<double>& x, const std::vector<Term>& terms);
 
   /// The reference beside the causes so far. A delay is a share of the torque that the model
   /// predicts: it is as wrong as that torque.
   /// @param at_last  however little it moved since
-  /// @return whether the candidates' columns are others now
-  bool rebase(const Projection& projection, const std::vector<Term>& terms, bool at_last);
+  /// @return joints whose candidates have other columns now; empty: none
+  std::vector<bool> rebase(const Projection& projection, const std::vector<Term>& terms,
+                           bool at_last);
 
   /// The base and all causes that a model can hold.
   const Model& extended() const { return extended_; }
@@ -45,7 +46,7 @@ class Reference {
   Evidence* test_;
   Model extended_;
   bool tilted_ = false;
-  double moved_ = 0.0;  ///< since the candidates' columns were made
+  VecX<double> moved_;  ///< by joint, since its candidates' columns were made
 };
 
 }  // namespace diffnea

@@ -65,7 +65,9 @@ PreprocessPlan plan_rows(const Model& model, const std::vector<Recording>& sampl
   any.min_segment = 0.0;
   PreprocessPlan out = plan_preprocess(sample, any);
   if (const double hz = telling_hz(model, out); options.decimate_to_hz == 0.0 && hz > 0.0) {
-    const double rows = std::clamp(kRowsOverCutOff * hz, kLeastRows, kMostRows);
+    const double of_motion = 1.0 / (out.dt * out.decimator.factor);
+    const double rows =
+        std::clamp(kRowsOverCutOff * hz, kLeastRows, std::max(kMostRows, of_motion));
     out.decimator.factor = std::max(1, static_cast<int>(std::lround(1.0 / (out.dt * rows))));
   }
   fit_rows_to_period(period, out);

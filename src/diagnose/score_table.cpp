@@ -89,9 +89,14 @@ void ScoreTable::fill(Variant& v) const {
     v.raw.middleRows(static_cast<long>(i) * m, m) = both.middleRows(v.joints[i] * m, m);
 }
 
-void ScoreTable::recompute() {
-  for (Variant& v : variants_)
-    if (candidates_[static_cast<std::size_t>(v.candidate)].of_reference) fill(v);
+void ScoreTable::recompute(const std::vector<bool>& joints) {
+  for (Variant& v : variants_) {
+    const Candidate& c = candidates_[static_cast<std::size_t>(v.candidate)];
+    const bool moved = c.effect.joints.empty() || std::ranges::any_of(c.effect.joints, [&](int j) {
+                         return joints[static_cast<std::size_t>(j)];
+                       });
+    if (c.of_reference && moved) fill(v);
+  }
 }
 
 void ScoreTable::measure(const Whitener& whitener, const Projection& projection) {

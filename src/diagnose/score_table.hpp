@@ -31,8 +31,8 @@ class ScoreTable {
   ScoreTable(const Evidence& evidence, const std::vector<Candidate>& candidates,
              double table_bytes);
 
-  /// The columns of candidates that refer to the model, after the evidence's reference has moved.
-  void recompute();
+  /// The columns of candidates that refer to the model, at joints whose reference has moved.
+  void recompute(const std::vector<bool>& joints);
   /// Whitens all columns, and keeps what the base leaves of them and their share of its residual.
   void measure(const Whitener& whitener, const Projection& projection);
 

@@ -20,8 +20,8 @@ class Search {
   /// Noise from `period` where the motion repeats, else from what base and terms leave; whitens and
   /// projects anew.
   void refresh(double period, std::vector<Term>& terms);
-  /// The candidates' columns, after the evidence's reference has moved; refresh() next.
-  void recompute() { table_.recompute(); }
+  /// The columns of candidates at these joints, whose reference has moved; refresh() next.
+  void recompute(const std::vector<bool>& joints) { table_.recompute(joints); }
 
   /// Every candidate beside `terms`, best first; of those that are not wanted nothing but their
   /// index.

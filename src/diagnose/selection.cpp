@@ -151,7 +151,9 @@ bool Selection::tilt_helps(const std::vector<Term>& rest, std::vector<Term>& ter
 }
 
 void Selection::renew(std::vector<Term>& terms, bool at_last) {
-  if (options_.rebase && options_.rebase(terms, at_last)) search_.recompute();
+  if (options_.rebase)
+    if (const std::vector<bool> moved = options_.rebase(terms, at_last); !moved.empty())
+      search_.recompute(moved);
   search_.refresh(options_.period, terms);
   // Beside its spring, a joint's friction is another: which side of it, and how stiff, is asked
   // anew.
@@ -478,7 +480,8 @@ void Selection::add_rivals(const std::vector<Term>& terms, std::size_t which, Ca
     const auto halves = chosen_.find(offer.term.candidate);
     const bool instead =
         cause.stability < kMostHalves && halves != chosen_.end() && halves->second > kSomeHalves;
-    const bool alike = child ? rival.delta_bic < 0.0 : rival.delta_bic < kSameClass || instead;
+    const bool alike =
+        child ? rival.delta_bic < -kNoWorse : rival.delta_bic < kSameClass || instead;
     (alike ? cause.members : cause.rivals)
         .push_back(rival);
   }

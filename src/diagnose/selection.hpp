@@ -16,8 +16,8 @@ struct SelectionOptions {
   int max_terms = 8;
   double period = 0.0;  ///< [s]
   std::uint64_t seed = 0;
-  /// Refits the model that columns refer to beside the terms; whether that moved its torques.
-  std::function<bool(const std::vector<Term>&, bool at_last)> rebase;
+  /// Refits the model that columns refer to beside the terms; joints whose torques that moved.
+  std::function<std::vector<bool>(const std::vector<Term>&, bool at_last)> rebase;
 };
 
 class Selection {

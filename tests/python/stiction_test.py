@@ -94,8 +94,8 @@ def test_a_spring_that_gravity_hides_is_found(mast: Path, tmp_path: Path, rows: 
     assert cause["visible_share"] < 0.2
     low, high = cause["parameters"][0]["ci95"]
     assert low < 3.0 < high
-    tried = all(refusal["where"] != "all" for refusal in finding["refused"])
-    assert tried == (rows == 0)  # two periods are enough for gaps and elasticities
+    # Gaps and elasticities are tried, whether or not the motion repeats.
+    assert all(refusal["where"] != "all" for refusal in finding["refused"])
 
 
 def test_a_spring_is_found_beside_what_identify_fits(mast: Path, tmp_path: Path) -> None:
