@@ -15,7 +15,8 @@ namespace {
 /// Rows a second, over the frequency up to which they tell something: what lies beyond half of it
 /// is a hundredth of that.
 constexpr double kRowsOverCutOff = 8.0;
-/// Rows a second: turns of a motion are told apart; no joint's light side makes all slow.
+/// Rows a second: the fewest that tell turns of a motion apart; as many as a fit usually has, which
+/// bounds the cost where one light joint would ask for more.
 constexpr double kLeastRows = 10.0, kMostRows = 50.0;
 
 /// What a joint that moves goes through, in standard deviations of its position's noise.

@@ -25,7 +25,8 @@ constexpr const char* kImpossible = "comes to a size that no robot has, beside t
 /// Share of the halves in which a rival is chosen, to be of the class of a cause that is not chosen
 /// in most of them.
 constexpr double kSomeHalves = 0.1;
-constexpr double kByChance = 0.005;  ///< share of runs that differ, told by chance alone
+/// Chance at which runs that differ no more than their blocks would still be called different.
+constexpr double kByChance = 0.005;
 constexpr double kChild = 0.98;  ///< of a cause's column that a more general effect reproduces
 
 std::vector<Term> without(const std::vector<Term>& terms, std::size_t i) {
@@ -397,10 +398,11 @@ std::vector<Term> Selection::run(const std::function<bool(const FitProgress&)>& 
         continue;
       refused_.push_back({c.effect.info().name, c.effect.where,
                           too_large ? kImpossible
+                          : tilt    ? "does not help on held-out data beside the others"
                           : vague   ? "of no size that this recording tells, and of little evidence"
                           : hidden  ? "hardly visible beside the base parameters"
                                     : "does not help on held-out data beside the others",
-                          too_large || vague || hidden ? worse : 0.0});
+                          too_large || tilt || vague || hidden ? worse : 0.0});
       if (tilt) {  // the base's columns as they were; another may stand where it stood
         std::vector<Term> none;
         renew(none);

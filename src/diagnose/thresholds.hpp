@@ -7,7 +7,7 @@ inline constexpr double kToldApart = 10.0;   ///< ΔBIC from which two effects a
 inline constexpr double kExplained = 0.8;    ///< explained share below which a cause is unknown
 inline constexpr double kExperiment = 40.0;  ///< length of the next experiment [s]
 inline constexpr int kResamples = 1000;      ///< draws of a bootstrap interval
-/// Of a block that is drawn as one [s]: errors hang together for as long as a motion takes.
+/// Length of a block that is drawn as one [s]: errors hang together for as long as a motion takes.
 inline constexpr double kBlockSeconds = 1.0;
 /// Fewest rows for each column that acts on a joint: with fewer, smooth functions explain noise.
 inline constexpr long kRowsAColumn = 4;

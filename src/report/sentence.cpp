@@ -59,7 +59,8 @@ std::string alike_words(const std::vector<const Cause*>& alike) {
   for (const Cause* c : alike) {
     where.push_back(c->where);
     const double size = std::abs(c->parameters.front().value);
-    sized = sized && !std::isnan(c->parameters.front().std);
+    sized = sized && !std::isnan(c->parameters.front().std) &&
+            c->parameters.front().unit == alike.front()->parameters.front().unit;
     low = std::min(low, size);
     high = std::max(high, size);
   }

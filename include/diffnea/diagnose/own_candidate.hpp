@@ -26,8 +26,7 @@ struct OwnCandidate {
   std::vector<ParameterInfo> parameters;
   /// (N, parameters) torque [N·m] or [N] at that joint for one unit of each parameter. Called once
   /// for every uninterrupted stretch of the recordings, with the filtered motion of all joints
-  /// (where it repeats, the mean of other periods, else of every other sample), at the recording's
-  /// rate; and along the motions that are tried as a next experiment.
+  /// (through every other sample, where the log is fast enough), at the recording's rate; and along the motions that are tried as a next experiment.
   std::function<RowMatX<double>(const JointSeries&)> columns;
 };
 
