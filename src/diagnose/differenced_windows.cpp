@@ -6,11 +6,27 @@
 #include "core/constants.hpp"
 
 namespace diffnea {
+namespace {
+
+/// What of a model ForwardDynamics has derivatives of.
+ExtendedTree of_one_instant(ExtendedTree model) {
+  model.series.clear();
+  std::erase_if(model.effects, [](const BoundEffect& e) {
+    return !e.is_local() || e.info().port == Port::kLinkForce || reads_acceleration(e) ||
+           reads_time(e);
+  });
+  return model;
+}
+
+}  // namespace
+
+DifferencedWindows::DifferencedWindows(const ExtendedTree& model)
+    : dynamics_(of_one_instant(model)) {}
 
 const RowMatX<double>& DifferencedWindows::simulated(const MotionStretch& stretch,
                                                      const MotionWindow& window) {
   if (last_.stretch != &stretch || last_.first != window.first || last_.rows != window.rows)
-    last_ = {&stretch, window.first, window.rows, {}, {}, {}, 0};
+    last_ = {&stretch, window.first, window.rows, {}, {}, {}, false};
   if (last_.state.size() == 0 || last_.state != window.state) {
     last_.simulated = positions(stretch, window);
     last_.state = window.state;
@@ -39,7 +55,6 @@ void DifferencedWindows::differentiate(const MotionStretch& stretch, const Motio
   const double seconds = stretch.time[static_cast<std::size_t>(window.first + window.rows - 1)] -
                          stretch.time[static_cast<std::size_t>(window.first)];
   last_.by_state.clear();
-  ++last_.differences;
   for (long c = 0; c < 2 * n; ++c) {
     const double step = kStep * sigma[c % n] / (c < n ? 1.0 : std::max(seconds, 1e-3));
     MotionWindow moved = window;
@@ -66,23 +81,50 @@ RowMatX<double> DifferencedWindows::rows_of(const MotionStretch& stretch,
   return out.topRows(filled);
 }
 
+/// Backward Euler in the velocities, at the rows: steep friction forgets within one.
+void DifferencedWindows::follow(const MotionStretch& stretch, const MotionWindow& window) {
+  const RowMatX<double>& q = simulated(stretch, window);
+  const long n = q.cols(), m = window.rows;
+  last_.by_state.assign(static_cast<std::size_t>(2 * n), RowMatX<double>::Constant(m, n, kNaN));
+  const MatX<double> one = MatX<double>::Identity(n, n);
+  MatX<double> position = MatX<double>::Zero(n, 2 * n), velocity = position;
+  position.leftCols(n) = one;
+  velocity.rightCols(n) = one;
+  const auto time = [&](long k) { return stretch.time[static_cast<std::size_t>(window.first + k)]; };
+  for (long k = 0; k < m; ++k) {
+    for (long c = 0; c < 2 * n; ++c)
+      last_.by_state[static_cast<std::size_t>(c)].row(k) = position.col(c).transpose();
+    if (k + 1 == m) break;
+    const long before = std::max<long>(k - 1, 0), after = k + 1;
+    const VecX<double> at = q.row(k).transpose(), u = stretch.u.row(window.first + k).transpose(),
+                       speed =
+                           k == 0 ? VecX<double>(window.state.tail(n))
+                                  : VecX<double>((q.row(after) - q.row(before)).transpose() /
+                                                 (time(after) - time(before)));
+    if (!at.allFinite() || !speed.allFinite()) return;
+    dynamics_.linearise(at.data(), speed.data(), u.data(), stretch.run);
+    const double h = time(k + 1) - time(k);
+    const MatX<double> W = one - h * dynamics_.dqdd_dqd();
+    velocity += h * (dynamics_.dqdd_dq() * position);
+    velocity = W.partialPivLu().solve(velocity);
+    position += h * velocity;
+  }
+}
+
+bool DifferencedWindows::sharpen() {
+  const bool may = !last_.differences;
+  last_.differences = true;
+  return may;
+}
+
 bool DifferencedWindows::linearise(const MotionStretch& stretch, const MotionWindow& window,
                                    const VecX<double>& sigma, TriangularFactor& rows) {
-  constexpr double kStale = 0.1;  // share of the cost that old differences promise to remove
-  constexpr int kMost = 6;        // differences of a window
   simulated(stretch, window);
-  const bool old = !last_.by_state.empty();
-  if (!old) differentiate(stretch, window, sigma);
-  RowMatX<double> block = rows_of(stretch, window, sigma);
-  const int width = static_cast<int>(block.cols()) - 1;
-  if (old && last_.differences < kMost && block.allFinite()) {
-    TriangularFactor factor(width);
-    factor.add(block);
-    if (factor.d().squaredNorm() > kStale * block.col(width).squaredNorm()) {
-      differentiate(stretch, window, sigma);
-      block = rows_of(stretch, window, sigma);
-    }
-  }
+  if (last_.differences)
+    differentiate(stretch, window, sigma);
+  else
+    follow(stretch, window);
+  const RowMatX<double> block = rows_of(stretch, window, sigma);
   if (!block.allFinite()) return false;
   rows.add(block);
   return true;

@@ -5,19 +5,24 @@
 
 namespace diffnea {
 
-/// Derivatives by the first state are finite differences. They cost as much as all that follows,
-/// and are made again only where those of an earlier state still promise much.
+/// Derivatives by the first state are those of the effects of one instant along the simulated path,
+/// row by row; where these lead nowhere, finite differences, which cost as many simulations as a
+/// state has numbers.
 class DifferencedWindows : public WindowSimulator {
  public:
+  explicit DifferencedWindows(const ExtendedTree& model);
+
   bool linearise(const MotionStretch& stretch, const MotionWindow& window,
                  const VecX<double>& sigma, TriangularFactor& rows) override;
   double cost(const MotionStretch& stretch, const MotionWindow& window,
               const VecX<double>& sigma) override;
+  bool sharpen() override;
 
  private:
   const RowMatX<double>& simulated(const MotionStretch& stretch, const MotionWindow& window);
   void differentiate(const MotionStretch& stretch, const MotionWindow& window,
                      const VecX<double>& sigma);
+  void follow(const MotionStretch& stretch, const MotionWindow& window);
   RowMatX<double> rows_of(const MotionStretch& stretch, const MotionWindow& window,
                           const VecX<double>& sigma) const;
 
@@ -28,14 +33,16 @@ class DifferencedWindows : public WindowSimulator {
     VecX<double> state;                     ///< first state that was simulated last
     RowMatX<double> simulated;              ///< (rows, n) positions from it
     std::vector<RowMatX<double>> by_state;  ///< (rows, n) ∂q/∂ each number of a state
-    int differences = 0;                    ///< times that they were made
+    bool differences = false;               ///< whether they are, from now on
   } last_;
+  ForwardDynamics dynamics_;  ///< with the effects that it has derivatives of
 };
 
 /// Effects of one instant: integrated from row to row.
 class PathWindows : public DifferencedWindows {
  public:
-  explicit PathWindows(ExtendedTree model) : windows_(std::move(model), {}, {}, {}) {}
+  explicit PathWindows(ExtendedTree model)
+      : DifferencedWindows(model), windows_(std::move(model), {}, {}, {}) {}
 
   int states() const override { return windows_.states(); }
   RowMatX<double> positions(const MotionStretch& stretch, const MotionWindow& window) override {

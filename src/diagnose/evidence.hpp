@@ -141,7 +141,9 @@ class Evidence {
   const VecX<double>& shift() const { return shift_; }
 
   /// ∂τ/∂p of chosen parameters of an effect, (rows(), which.size()).
-  MatX<double> columns(const TriedEffect& effect, const std::vector<int>& which) const;
+  /// @param torque  if not null: the effect's own torque at its parameters, too, (rows())
+  MatX<double> columns(const TriedEffect& effect, const std::vector<int>& which,
+                       VecX<double>* torque = nullptr) const;
   /// sin nq and cos nq of a joint for `count` n from `first` on, `step` apart, as rows of its torque:
   /// hands each k < count and its (times(), 2) matrix to `visit`, in order. By the sum of
   /// angles: a tenth of the time of as many columns().

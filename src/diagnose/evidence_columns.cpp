@@ -43,17 +43,20 @@ void Evidence::evaluate(const TriedEffect& effect) {
     own_[{own.name, own.where}] = rows_of(at - joints_.begin(), stretches);
 }
 
-MatX<double> Evidence::columns(const TriedEffect& effect, const std::vector<int>& which) const {
+MatX<double> Evidence::columns(const TriedEffect& effect, const std::vector<int>& which,
+                               VecX<double>* torque) const {
   const long m = times(), width = static_cast<long>(which.size());
   MatX<double> out = MatX<double>::Zero(rows(), width);
-  if (which.empty()) return out;
+  if (torque) *torque = VecX<double>::Zero(rows());
   if (effect.own) {
+    if (torque) *torque = torque_of(effect);
     const auto at = std::ranges::find(joints_, effect.joints[0]);
     if (at != joints_.end())
       out.middleRows((at - joints_.begin()) * m, m) =
           own_.at({effect.own->name, effect.where})(Eigen::all, which);
     return out;
   }
+  if (which.empty() && !torque) return out;
   // Joint torques of one joint reach that joint alone: the others' columns need no filter.
   std::vector<long> reached;  // index into joints_
   const Port port = effect.info().port;
@@ -63,19 +66,26 @@ MatX<double> Evidence::columns(const TriedEffect& effect, const std::vector<int>
     if (!local || std::ranges::find(effect.joints, joints_[k]) != effect.joints.end())
       reached.push_back(static_cast<long>(k));
   if (reached.empty()) return out;
+  const long all = width + (torque ? 1 : 0);
   std::vector<std::vector<RowMatX<double>>> stretches(reached.size());
   for (const JointSeries& s : series_) {
-    const std::vector<RowMatX<double>> c =
-        series_columns(effect, reference(s), s, effect.parameters.data(), which);
+    RowMatX<double> at;
+    std::vector<RowMatX<double>> c = series_columns(effect, reference(s), s,
+                                                    effect.parameters.data(), which,
+                                                    torque ? &at : nullptr);
+    if (torque) c.push_back(std::move(at));
     for (std::size_t r = 0; r < reached.size(); ++r) {
-      RowMatX<double>& block = stretches[r].emplace_back(s.q.rows(), width);
-      for (long w = 0; w < width; ++w)
+      RowMatX<double>& block = stretches[r].emplace_back(s.q.rows(), all);
+      for (long w = 0; w < all; ++w)
         block.col(w) = c[static_cast<std::size_t>(w)].col(
             joints_[static_cast<std::size_t>(reached[r])]);
     }
   }
-  for (std::size_t r = 0; r < reached.size(); ++r)
-    out.middleRows(reached[r] * m, m) = rows_of(reached[r], stretches[r]);
+  for (std::size_t r = 0; r < reached.size(); ++r) {
+    const MatX<double> of = rows_of(reached[r], stretches[r]);
+    out.middleRows(reached[r] * m, m) = of.leftCols(width);
+    if (torque) torque->segment(reached[r] * m, m) = of.col(width);
+  }
   return out;
 }
 
@@ -124,16 +134,8 @@ VecX<double> Evidence::torque_of(const TriedEffect& effect) const {
            Eigen::Map<const VecX<double>>(effect.parameters.data(),
                                           static_cast<long>(effect.parameters.size()));
   }
-  std::vector<RowMatX<double>> all;
-  for (const JointSeries& s : series_)
-    all.push_back(series_torque(effect, reference(s), s, effect.parameters.data()));
-  VecX<double> out(rows());
-  for (std::size_t k = 0; k < joints_.size(); ++k) {
-    std::vector<RowMatX<double>> stretches;
-    for (const RowMatX<double>& s : all) stretches.emplace_back(s.col(joints_[k]));
-    out.segment(static_cast<long>(k) * times(), times()) =
-        rows_of(static_cast<long>(k), stretches);
-  }
+  VecX<double> out;
+  columns(effect, {}, &out);
   return out;
 }
 

@@ -16,7 +16,8 @@ bool needs_replay(const ExtendedTree& model);
 class ReplayedWindows : public DifferencedWindows {
  public:
   /// @param begin  time of the run's first row [s]
-  ReplayedWindows(ExtendedTree model, double begin) : model_(std::move(model)), begin_(begin) {}
+  ReplayedWindows(ExtendedTree model, double begin)
+      : DifferencedWindows(model), model_(std::move(model)), begin_(begin) {}
 
   int states() const override { return 2 * model_.tree.num_dofs(); }
   /// @throws ModelError if effects cannot act together

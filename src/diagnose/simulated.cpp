@@ -148,7 +148,7 @@ class Both {
     for (const double horizon : ladder) {
       windows = lengthened(motion_.stretches, windows, horizon, most_);
       if (windows.empty() || !at(horizon, windows, ladder.front())) break;
-      if (!goes_on_[0] && !goes_on_[1]) break;
+      if (ends_[0] && ends_[1]) break;  // how long they follow is known
     }
     if (out_.horizons.empty()) {
       out_.joints.clear();
@@ -178,6 +178,7 @@ class Both {
       report(m, errors.left, horizon);
       // Where half of the windows fall apart, longer ones would say nothing new.
       goes_on_[m] = 2 * errors.left.size() < windows.size();
+      ends_[m] = ends_[m] || !goes_on_[m] || (m == 0 ? h.base : h.extended) > 1.0;
       kept_[m].push_back(climbs_[m].windows());
     }
     if (alike_) {
@@ -185,6 +186,7 @@ class Both {
       h.extended_rmse = h.base_rmse;
       h.extended_apart = h.base_apart;
       goes_on_[1] = false;
+      ends_[1] = ends_[0];
     }
     out_.horizons.push_back(std::move(h));
     return true;
@@ -268,7 +270,7 @@ class Both {
   bool alike_;
   std::array<Climb, 2> climbs_;
   double most_;  ///< work at a horizon
-  std::array<bool, 2> goes_on_{true, true}, reported_{};
+  std::array<bool, 2> goes_on_{true, true}, ends_{}, reported_{};
   std::array<std::vector<std::vector<MotionWindow>>, 2> kept_;  ///< windows of each horizon
   SimulatedMotion out_;
 };

@@ -45,9 +45,13 @@ Term term_at(const Candidate& c, int index, const std::vector<double>& point) {
 }
 
 void set_torque(const Evidence& evidence, const Candidate& candidate, Term& term) {
-  term.columns = evidence.columns(term.effect, term.linear);
-  if (candidate.nonlinear)
-    term.offset = evidence.torque_of(term.effect) - term.columns * term.values();
+  if (!candidate.nonlinear) {
+    term.columns = evidence.columns(term.effect, term.linear);
+    return;
+  }
+  VecX<double> torque;
+  term.columns = evidence.columns(term.effect, term.linear, &torque);
+  term.offset = torque - term.columns * term.values();
 }
 
 Stack stack(const std::vector<Term>& terms, long rows) {

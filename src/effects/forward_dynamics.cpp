@@ -33,6 +33,8 @@ ForwardDynamics::ForwardDynamics(ExtendedTree model)
       tau_(n_),
       q_(n_),
       qd_(n_),
+      qdd_(n_),
+      links_(n_),
       effect_tau_(n_),
       dtau_dq_(n_, n_),
       dtau_dqd_(n_, n_) {
@@ -61,38 +63,67 @@ void ForwardDynamics::effect_torques(const double* q, const double* qd, int run,
 /// M q̈ + c + E(q̈) = u by Newton's method, from the q̈ without the implicit effects E. E is linear in
 /// q̈ and in the transmitted torque but for the signs of load friction, so two or three steps end
 /// it.
-void ForwardDynamics::solve_implicit(const double* q, const double* qd, int run, double* qdd) {
+/// @param tau  what reaches the links less the explicit effects, (n)
+void ForwardDynamics::solve_implicit(const double* q, const double* qd, const VecX<double>& tau,
+                                     int run, double* qdd) {
   const Eigen::Map<const VecX<double>> q_map(q, n_), qd_map(qd, n_);
   const MatX<double> M = mass_matrix<double, double>(model_.tree, q_map, mass_ws_);
   const VecX<double> bias =
       rnea<double, double>(model_.tree, q_map, qd_map, VecX<double>::Zero(n_), rnea_ws_);
   MatX<double> M_links = M;
   for (int j = 0; j < n_; ++j) M_links(j, j) -= model_.tree.links[j].armature;
-  const auto effects = [&](const VecX<double>& a) {
-    const VecX<double> links = M_links * a + bias;
-    VecX<double> out = VecX<double>::Zero(n_);
-    const JointSample<double> x{time_, run, q, qd, a.data(), links.data()};
-    for (const BoundEffect& e : implicit_) add_torque(e, x, e.parameters.data(), out.data());
-    out.array() /= gains_.array();
-    return out;
-  };
-  Eigen::Map<VecX<double>> at(qdd, n_);
-  VecX<double> a = at;
-  const VecX<double> free = M * a;  // u − c − explicit effects
-  for (int step = 0; step < 20; ++step) {
-    const VecX<double> here = effects(a);
-    const VecX<double> off = M * a + here - free;
-    if (!(off.cwiseAbs().maxCoeff() > 1e-10 * (1.0 + free.cwiseAbs().maxCoeff()))) break;
-    MatX<double> slope = M;
-    constexpr double kStep = 1e-6;
+  const VecX<double> free = tau - bias;
+  Eigen::Map<VecX<double>> a(qdd, n_);
+  a = M.llt().solve(free);
+  for (int j = 0; j < n_; ++j) {
+    q_[j] = JetD(q[j]);
+    qd_[j] = JetD(qd[j]);
+  }
+  // ∂E/∂q̈ and ∂E/∂τ by Jets, as in linearise(): directions 2i and 2i+1 belong to the effect's i-th
+  // joint, all joints at once where uncoupled.
+  MatX<double> by_qdd(n_, n_), by_links(n_, n_);
+  VecX<double> effects(n_);
+  const auto differentiate = [&](const BoundEffect& e, const VecX<double>& links) {
+    const std::vector<int> reads = joints_read(e);
+    const bool coupled = e.info().place == Place::kJointPair || reads != e.joints;
     for (int j = 0; j < n_; ++j) {
-      VecX<double> moved = a;
-      moved[j] += kStep;
-      slope.col(j) += (effects(moved) - here) / kStep;
+      qdd_[j] = JetD(a[j]);
+      links_[j] = JetD(links[j]);
     }
+    for (std::size_t i = 0; i < reads.size(); ++i) {
+      const long slot = coupled ? 2 * static_cast<long>(i) : 0;
+      qdd_[reads[i]].v[slot] = 1.0;
+      links_[reads[i]].v[slot + 1] = 1.0;
+    }
+    std::fill(effect_tau_.begin(), effect_tau_.end(), JetD(0.0));
+    parameters_.clear();
+    for (const double p : e.parameters) parameters_.emplace_back(p);
+    const JointSample<JetD> x{time_, run, q_.data(), qd_.data(), qdd_.data(), links_.data()};
+    add_torque(e, x, parameters_.data(), effect_tau_.data());
+    for (std::size_t i = 0; i < e.joints.size(); ++i) {
+      const int row = e.joints[i];
+      effects[row] += effect_tau_[row].a;
+      for (std::size_t k = 0; k < reads.size(); ++k) {
+        if (!coupled && k != i) continue;
+        const long slot = coupled ? 2 * static_cast<long>(k) : 0;
+        by_qdd(row, reads[k]) += effect_tau_[row].v[slot];
+        by_links(row, reads[k]) += effect_tau_[row].v[slot + 1];
+      }
+    }
+  };
+  for (int step = 0; step < 20; ++step) {
+    const VecX<double> links = M_links * a + bias;
+    effects.setZero();
+    by_qdd.setZero();
+    by_links.setZero();
+    for (const BoundEffect& e : implicit_) differentiate(e, links);
+    const VecX<double> off = M * a + effects.cwiseQuotient(gains_) - free;
+    if (!(off.cwiseAbs().maxCoeff() > 1e-10 * (1.0 + free.cwiseAbs().maxCoeff()))) break;
+    MatX<double> slope = by_qdd;
+    slope.noalias() += by_links * M_links;
+    slope = M + gains_.cwiseInverse().asDiagonal() * slope;
     a -= slope.partialPivLu().solve(off);
   }
-  at = a;
 }
 
 void ForwardDynamics::acceleration(const double* q, const double* qd, const double* u, int run,
@@ -100,8 +131,10 @@ void ForwardDynamics::acceleration(const double* q, const double* qd, const doub
   tau_.setZero();
   effect_torques(q, qd, run, tau_.data());
   for (int j = 0; j < n_; ++j) tau_[j] = (u[j] - tau_[j]) / gains_[j];
-  detail::aba(model_.tree, q, qd, tau_.data(), aba_ws_, qdd);
-  if (!implicit_.empty()) solve_implicit(q, qd, run, qdd);
+  if (implicit_.empty())
+    detail::aba(model_.tree, q, qd, tau_.data(), aba_ws_, qdd);
+  else
+    solve_implicit(q, qd, tau_, run, qdd);
 }
 
 void ForwardDynamics::linearise(const double* q, const double* qd, const double* u, int run) {

@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <deque>
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/dynamics/batch.hpp>
@@ -39,6 +40,31 @@ void add_local(const BoundEffect& effect, const Tree<double>& tree, const JointS
   visit_formula(effect, [&](const auto& formula) {
     for (long k = 0; k < x.rows(); ++k)
       detail::add_torque(formula, effect, &tree, sample(x, k), p, out.row(k).data());
+  });
+}
+
+/// The same with one joint moving as told, the others as in the series.
+struct Moved {
+  int joint;
+  const VecX<double>&q, &qd, &qdd;
+};
+void add_local(const BoundEffect& effect, const Tree<double>& tree, const JointSeries& x,
+               const Moved& moved, const double* p, Rows& out) {
+  VecX<double> q(x.q.cols()), qd = q, qdd = q;
+  visit_formula(effect, [&](const auto& formula) {
+    for (long k = 0; k < x.rows(); ++k) {
+      q = x.q.row(k).transpose();
+      qd = x.qd.row(k).transpose();
+      qdd = x.qdd.row(k).transpose();
+      q[moved.joint] = moved.q[k];
+      qd[moved.joint] = moved.qd[k];
+      qdd[moved.joint] = moved.qdd[k];
+      JointSample<double> at = sample(x, k);
+      at.q = q.data();
+      at.qd = qd.data();
+      at.qdd = qdd.data();
+      detail::add_torque(formula, effect, &tree, at, p, out.row(k).data());
+    }
   });
 }
 
@@ -82,17 +108,15 @@ VecX<double> load_on_spring(const ExtendedTree& base, const JointSeries& x, int 
 /// What friction on the motor's side changes because it turns at θ̇, not q̇.
 Rows moved_friction(const ExtendedTree& base, const JointSeries& x, int joint,
                     const VecX<double>& deflection, double friction_share) {
-  JointSeries motor = x;
   const VecX<double> speed = derivative(deflection, x.dt);
-  motor.q.col(joint) += deflection;
-  motor.qd.col(joint) += speed;
-  motor.qdd.col(joint) += derivative(speed, x.dt);
+  const VecX<double> q = x.q.col(joint) + deflection, qd = x.qd.col(joint) + speed,
+                     qdd = x.qdd.col(joint) + derivative(speed, x.dt);
   Rows out = Rows::Zero(x.rows(), x.q.cols());
   for (const BoundEffect& e : base.effects) {
     const double share = motor_share(e.info(), friction_share);
     if (share == 0.0 || !e.info().motor_side || !acts_on(e, joint)) continue;
     Rows there = Rows::Zero(x.rows(), x.q.cols()), here = there;
-    add_local(e, base.tree, motor, e.parameters.data(), there);
+    add_local(e, base.tree, x, {joint, q, qd, qdd}, e.parameters.data(), there);
     add_local(e, base.tree, x, e.parameters.data(), here);
     out += share * (there - here);
   }
@@ -144,7 +168,8 @@ VecX<double> link_inertia(const Tree<double>& tree, const JointSeries& x, int jo
 JointSeries behind_encoder(const MotorSpring<double>& spring, const ExtendedTree& base,
                            const JointSeries& x, int joint) {
   constexpr int kRounds = 2;
-  const VecX<double> inertia = link_inertia(base.tree, x, joint);
+  const VecX<double> inertia = x.inertia.size() > 0 ? VecX<double>(x.inertia.col(joint))
+                                                    : link_inertia(base.tree, x, joint);
   JointSeries links = x;
   for (int round = 0; round < kRounds; ++round) {
     const VecX<double> ahead = (x.qdd - links.qdd).col(joint);
@@ -292,18 +317,34 @@ bool reads_motor(const BoundEffect& effect, const double* p) {
   });
 }
 
+/// Torques at parameters, each computed once.
+class Torques {
+ public:
+  Torques(const BoundEffect& effect, const ExtendedTree& base, const JointSeries& x)
+      : effect_(effect), base_(base), x_(x) {}
+  const Rows& operator()(const std::vector<double>& p) {
+    for (const auto& [at, torque] : known_)
+      if (at == p) return torque;
+    return known_.emplace_back(p, torque_of(effect_, base_, x_, p.data())).second;
+  }
+
+ private:
+  const BoundEffect& effect_;
+  const ExtendedTree& base_;
+  const JointSeries& x_;
+  std::deque<std::pair<std::vector<double>, Rows>> known_;
+};
+
 /// One unit of linear parameter k, the other linear ones 0.
 Rows unit_column(const BoundEffect& effect, const ExtendedTree& base, const JointSeries& x,
-                 std::vector<double> p, int k) {
+                 std::vector<double> p, int k, Torques& torque) {
   for (const int i : effect.linear_parameters()) p[static_cast<std::size_t>(i)] = 0.0;
   if (reads_motor(effect, p.data())) return Rows::Zero(x.rows(), x.q.cols());
   const std::vector<double> none = p;
   p[static_cast<std::size_t>(k)] = 1.0;
-  Rows out = torque_of(effect, base, x, p.data());
   // Friction that follows a hidden motor stays where the rotor has no inertia.
-  if (effect.info().port == Port::kMemory && !base.effects.empty())
-    out -= torque_of(effect, base, x, none.data());
-  return out;
+  if (effect.info().port == Port::kMemory && !base.effects.empty()) return torque(p) - torque(none);
+  return torque(p);
 }
 
 /// Shape parameter k of an effect of one instant, by Jets through its formula.
@@ -336,23 +377,24 @@ Rows jet_column(const BoundEffect& effect, const ExtendedTree& base, const Joint
   return out;
 }
 
-/// Shape parameter k by differences of order two; from one side where a parameter must not fall
-/// below 0.
-Rows difference_column(const BoundEffect& effect, const ExtendedTree& base, const JointSeries& x,
-                       const std::vector<double>& p, int k) {
+/// Shape parameter k by differences of order two; of order one, from one side, where a parameter
+/// must not fall below 0.
+Rows difference_column(const BoundEffect& effect, const std::vector<double>& p, int k,
+                       Torques& torque) {
   const auto at = static_cast<std::size_t>(k);
   const ParameterInfo& info = effect.parameter_info[at];
   const bool log = scale(info) == Scale::kLog;
   // Cuts the error of the difference, of order h², to 1e-8 and leaves rounding at 1e-16/h.
-  const double h = log ? 1e-4 : 1e-5 * std::max(1.0, std::abs(p[at]));
-  const auto torque = [&](double step) {
-    std::vector<double> moved = p;
-    moved[at] = log ? p[at] * std::exp(step) : p[at] + step;
-    return torque_of(effect, base, x, moved.data());
+  const double size = std::max(1.0, std::abs(p[at])), h = log ? 1e-4 : 1e-5 * size,
+               one_sided = 1e-6 * size;
+  const auto moved = [&](double step) {
+    std::vector<double> to = p;
+    to[at] = log ? p[at] * std::exp(step) : p[at] + step;
+    return to;
   };
   if (info.sign == Sign::kNonNegative && p[at] < h)
-    return (4.0 * torque(h) - torque(2.0 * h) - 3.0 * torque(0.0)) / (2.0 * h);
-  return (torque(h) - torque(-h)) / (2.0 * h);
+    return (torque(moved(one_sided)) - torque(p)) / one_sided;
+  return (torque(moved(h)) - torque(moved(-h))) / (2.0 * h);
 }
 
 }  // namespace
@@ -360,6 +402,8 @@ Rows difference_column(const BoundEffect& effect, const ExtendedTree& base, cons
 void predict(const ExtendedTree& base, JointSeries& x) {
   x.tau = link_torque(base.tree, x);
   x.total = local_total(base, x);
+  x.inertia.resize(x.rows(), x.q.cols());
+  for (int j = 0; j < x.q.cols(); ++j) x.inertia.col(j) = link_inertia(base.tree, x, j);
 }
 
 Rows series_torque(const BoundEffect& effect, const ExtendedTree& base, const JointSeries& x,
@@ -373,22 +417,24 @@ Rows series_torque(const BoundEffect& effect, const Tree<double>& tree, const Jo
 
 std::vector<Rows> series_columns(const BoundEffect& effect, const ExtendedTree& base,
                                  const JointSeries& x, const double* p,
-                                 const std::vector<int>& which) {
+                                 const std::vector<int>& which, Rows* at_p) {
   const Complete complete(effect, base, x);
   const JointSeries& full = *complete;
   const std::vector<double> at(p, p + effect.parameters.size());
+  Torques torque(effect, base, full);
   std::vector<Rows> out;
   for (const int k : which) {
     if (k < 0 || k >= static_cast<int>(at.size()))
       throw ShapeError("series_columns: parameter " + std::to_string(k) + " of " +
                        effect.info().name + ", which has " + std::to_string(at.size()));
     if (effect.parameter_info[static_cast<std::size_t>(k)].linear)
-      out.push_back(unit_column(effect, base, full, at, k));
+      out.push_back(unit_column(effect, base, full, at, k, torque));
     else if (effect.is_local())
       out.push_back(jet_column(effect, base, full, at, k));
     else
-      out.push_back(difference_column(effect, base, full, at, k));
+      out.push_back(difference_column(effect, at, k, torque));
   }
+  if (at_p) *at_p = torque(at);
   return out;
 }
 std::vector<Rows> series_columns(const BoundEffect& effect, const Tree<double>& tree,

@@ -26,7 +26,11 @@ void fit_state(WindowSimulator& simulator, const MotionStretch& stretch, MotionW
     window.state = best_state;
     const double gained = now - best;
     now = best;
-    if (!(gained > options.tolerance * now) || now < options.enough) return;
+    if (now < options.enough) return;
+    if (gained > options.tolerance * now) continue;
+    constexpr double kMuch = 0.1;  // of the cost: what inexact rows promise and do not keep
+    const double promised = 0.5 * reduced.top.col(0).squaredNorm();
+    if (!(promised > kMuch * now) || !simulator.sharpen()) return;
   }
 }
 

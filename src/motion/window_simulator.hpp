@@ -21,6 +21,8 @@ class WindowSimulator {
   /// ½ Σ (residual/σ)²; +∞ if it blew up.
   virtual double cost(const MotionStretch& stretch, const MotionWindow& window,
                       const VecX<double>& sigma) = 0;
+  /// Makes the next rows of the last window exact. @return whether they were not
+  virtual bool sharpen() { return false; }
   /// Positions, (rows, n); NaN from a blow-up on.
   virtual RowMatX<double> positions(const MotionStretch& stretch, const MotionWindow& window) = 0;
 };

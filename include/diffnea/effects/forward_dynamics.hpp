@@ -60,7 +60,8 @@ class ForwardDynamics {
 
  private:
   void effect_torques(const double* q, const double* qd, int run, double* tau);
-  void solve_implicit(const double* q, const double* qd, int run, double* qdd);
+  void solve_implicit(const double* q, const double* qd, const VecX<double>& tau, int run,
+                      double* qdd);
 
   ExtendedTree model_;
   std::vector<BoundEffect>
@@ -73,7 +74,7 @@ class ForwardDynamics {
   AbaWorkspace<double, double> aba_ws_;
   AbaDerivatives aba_;
   VecX<double> tau_;
-  std::vector<JetD> q_, qd_, parameters_, effect_tau_;
+  std::vector<JetD> q_, qd_, qdd_, links_, parameters_, effect_tau_;
   RowMatX<double> dtau_dq_, dtau_dqd_;
 };
 

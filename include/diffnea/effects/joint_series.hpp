@@ -21,6 +21,8 @@ struct JointSeries {
   RowMatX<double> tau;
   /// (N, n) torque that the base model predicts for the log, with all its effects; empty: as tau.
   RowMatX<double> total;
+  /// (N, n) inertia of the links about each joint alone, the base model's; may be empty.
+  RowMatX<double> inertia;
   /// (N, n) logged torque; may be empty: saturation and backlash alone read it.
   RowMatX<double> logged;
 

@@ -18,7 +18,7 @@
 
 namespace diffnea {
 
-/// Fills x.tau and x.total from x.q, x.qd, x.qdd.
+/// Fills x.tau, x.total and x.inertia from x.q, x.qd, x.qdd.
 /// @param base  the model without the effect in question; its effects count in x.total
 void predict(const ExtendedTree& base, JointSeries& x);
 
@@ -45,10 +45,12 @@ RowMatX<double> series_torque(const BoundEffect& effect, const Tree<double>& tre
 /// ∂ of it with respect to the parameters `which` at p, one (N, n) matrix each, on the scale of the
 /// parameter: Scale::kLinear and kPlain ∂/∂p, kLog ∂/∂ln p. For a linear one that is the torque of
 /// one unit of it. Exact for linear parameters and for the port kJointTorque (Jets), else
-/// differences good to six digits.
+/// differences good to six digits (five at 0, below which there is none).
+/// @param torque  if not null: the torque itself, which the columns of memory effects need anyway
 std::vector<RowMatX<double>> series_columns(const BoundEffect& effect, const ExtendedTree& base,
                                             const JointSeries& x, const double* p,
-                                            const std::vector<int>& which);
+                                            const std::vector<int>& which,
+                                            RowMatX<double>* torque = nullptr);
 /// Derivatives of that torque by the parameters asked for, (rows, joints) each.
 std::vector<RowMatX<double>> series_columns(const BoundEffect& effect, const Tree<double>& tree,
                                             const JointSeries& x, const double* p,
