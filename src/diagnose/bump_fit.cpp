@@ -35,9 +35,10 @@ BumpRows::BumpRows(const Evidence& evidence, const Search& search, const std::ve
     C.rightCols(columns.cols()) = columns;
   };
   for (const Term& t : terms) {
-    left_ -= t.projected.leftCols(t.width()) * t.values();
-    if (t.has_offset()) left_ -= t.projected.col(t.width());
-    add(t.projected.leftCols(t.width()));
+    const MatX<double> columns = projection.expanded(t.beside);
+    left_ -= columns.leftCols(t.width()) * t.values();
+    if (t.has_offset()) left_ -= columns.col(t.width());
+    add(columns.leftCols(t.width()));
     if (!t.shapes.empty()) add(projection.project(evidence.columns(t.effect, t.shapes)));
   }
   const auto of_joint = [&](const MatX<double>& rows) {

@@ -84,13 +84,12 @@ void set_log_interval(CauseParameter& p, double log_std, double most) {
 }  // namespace
 
 std::vector<MatX<double>> covariances(const Search& search, const std::vector<Term>& terms) {
-  std::vector<MatX<double>> columns;
+  std::vector<Beside> columns;
   std::vector<bool> at_bound;
   long width = 0;
   for (const Term& t : terms) {
-    MatX<double> J(t.projected.rows(), t.width() + static_cast<long>(t.shapes.size()));
-    J << t.projected.leftCols(t.width()),
-        search.projection().project(search.evidence().columns(t.effect, t.shapes));
+    MatX<double> J(search.evidence().rows(), t.width() + static_cast<long>(t.shapes.size()));
+    J << t.columns, search.evidence().columns(t.effect, t.shapes);
     const std::vector<bool> nonnegative = signs(t.effect, t.linear);
     for (long k = 0; k < t.width(); ++k) {
       at_bound.push_back(nonnegative[static_cast<std::size_t>(k)] && t.values()[k] == 0.0);
@@ -98,15 +97,16 @@ std::vector<MatX<double>> covariances(const Search& search, const std::vector<Te
     }
     at_bound.resize(at_bound.size() + t.shapes.size(), false);
     width += J.cols();
-    columns.push_back(std::move(J));
+    columns.push_back(search.projection().beside(J));
   }
-  MatX<double> J(search.projection().residual().size(), width);
-  width = 0;
-  for (const MatX<double>& c : columns) {
-    J.middleCols(width, c.cols()) = c;
-    width += c.cols();
+  MatX<double> K(width, width);
+  for (long row = 0; const Beside& a : columns) {
+    for (long column = 0; const Beside& b : columns) {
+      K.block(row, column, a.cols(), b.cols()) = product(a, b);
+      column += b.cols();
+    }
+    row += a.cols();
   }
-  MatX<double> K = J.transpose() * J;
   VecX<double> scale = K.diagonal().cwiseSqrt().cwiseMax(1e-300).cwiseInverse();
   K = scale.asDiagonal() * K * scale.asDiagonal();
   const std::vector<long> held = held_at_bounds(K, at_bound);
@@ -123,14 +123,20 @@ std::vector<MatX<double>> covariances(const Search& search, const std::vector<Te
                       static_cast<double>(std::max<long>(search.rows() - width, 1));
   C = scale.asDiagonal() * C * scale.asDiagonal();
   VecX<double> more = VecX<double>::Constant(width, std::max(1.0, chi2));
-  if (chi2 > kMisfit)
+  if (chi2 > kMisfit) {
+    MatX<double> J(search.projection().residual().size(), width);
+    for (long at = 0; const Beside& c : columns) {
+      J.middleCols(at, c.cols()) = search.projection().expanded(c);
+      at += c.cols();
+    }
     more = more.cwiseMax(clustered(search, C * J.transpose(), search.left_by(terms))
                              .cwiseQuotient(C.diagonal().cwiseMax(1e-300)));
+  }
   more = more.cwiseSqrt();
   C = more.asDiagonal() * C * more.asDiagonal();
   std::vector<MatX<double>> out;
   long at = 0;
-  for (const MatX<double>& c : columns) {
+  for (const Beside& c : columns) {
     out.push_back(C.block(at, at, c.cols(), c.cols()));
     at += c.cols();
   }

@@ -27,19 +27,47 @@ Projection::Projection(const Evidence& evidence, const Whitener& whitener, const
   residual_ = y - Q_ * (Q_.transpose() * y).eval();
 }
 
-MatX<double> Projection::project(const MatX<double>& columns) const {
-  return project_whitened(whitener_(columns));
+Beside Projection::beside(const MatX<double>& columns) const {
+  const long m = evidence_.times();
+  std::vector<long> joints;
+  for (long k = 0; k < evidence_.rows() / m; ++k)
+    if (columns.cols() > 0 && !columns.middleRows(k * m, m).isZero(0.0)) joints.push_back(k);
+  MatX<double> rows(m * static_cast<long>(joints.size()), columns.cols());
+  for (std::size_t i = 0; i < joints.size(); ++i)
+    rows.middleRows(static_cast<long>(i) * m, m) = columns.middleRows(joints[i] * m, m);
+  return beside(std::move(joints), rows);
 }
 
-MatX<double> Projection::project_whitened(MatX<double> columns) const {
-  const long n = columns.rows();
-  columns.conservativeResize(n + prior_.root.rows(), Eigen::NoChange);
-  if (columns.cols() == 0) return columns;
-  columns.bottomRows(prior_.root.rows()).setZero();
-  if (Q_.cols() > 0)
-    for (int twice = 0; twice < 2; ++twice)  // once more: orthogonal to rounding (Kahan, Parlett)
-      columns.noalias() -= Q_ * (Q_.transpose() * columns).eval();
-  return columns;
+Beside Projection::beside(std::vector<long> joints, const MatX<double>& rows) const {
+  const long m = evidence_.times();
+  Beside out{std::move(joints), MatX<double>(rows.rows(), rows.cols()),
+             MatX<double>::Zero(Q_.cols(), rows.cols())};
+  for (std::size_t i = 0; i < out.joints.size(); ++i) {
+    auto block = out.whitened.middleRows(static_cast<long>(i) * m, m);
+    block = whitener_.joint(out.joints[i], rows.middleRows(static_cast<long>(i) * m, m));
+    if (Q_.cols() > 0)
+      out.onto.noalias() += Q_.middleRows(out.joints[i] * m, m).transpose() * block;
+  }
+  return out;
+}
+
+VecX<double> Projection::with_residual(const Beside& columns) const {
+  const long m = evidence_.times();
+  VecX<double> out = VecX<double>::Zero(columns.cols());
+  for (std::size_t i = 0; i < columns.joints.size(); ++i)
+    out.noalias() += columns.of(i).transpose() * residual_.segment(columns.joints[i] * m, m);
+  return out;
+}
+
+MatX<double> Projection::expanded(const Beside& columns) const {
+  const long m = evidence_.times();
+  MatX<double> out = MatX<double>::Zero(residual_.size(), columns.cols());
+  for (std::size_t i = 0; i < columns.joints.size(); ++i)
+    out.middleRows(columns.joints[i] * m, m) = columns.of(i);
+  if (columns.cols() == 0 || Q_.cols() == 0) return out;
+  out.noalias() -= Q_ * columns.onto;
+  out.noalias() -= Q_ * (Q_.transpose() * out).eval();  // orthogonal to rounding (Kahan, Parlett)
+  return out;
 }
 
 Projection::Factor Projection::factor(const MatX<double>& base) const {

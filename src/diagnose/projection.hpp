@@ -9,6 +9,7 @@
 /// least. Where effects see a motion of their own (Evidence::apart()), their Q is that motion's.
 
 #include "core/decompositions.hpp"
+#include "diagnose/beside.hpp"
 #include "diagnose/noise.hpp"
 
 namespace diffnea {
@@ -24,10 +25,17 @@ class Projection {
  public:
   Projection(const Evidence& evidence, const Whitener& whitener, const BasePrior& prior);
 
-  /// Columns of a candidate, whitened and projected, (rows() + prior rows, k).
-  MatX<double> project(const MatX<double>& columns) const;
-  /// The same for columns that are whitened already.
-  MatX<double> project_whitened(MatX<double> columns) const;
+  /// Columns of a candidate, whitened, beside the base.
+  /// @param columns  (rows(), k)
+  Beside beside(const MatX<double>& columns) const;
+  /// The same of columns that reach some joints alone.
+  /// @param rows  (joints · times(), k)
+  Beside beside(std::vector<long> joints, const MatX<double>& rows) const;
+  /// Products of what the base leaves of columns with its residual, (k).
+  VecX<double> with_residual(const Beside& columns) const;
+  /// What the base leaves of columns, written out, (rows() + prior rows, k).
+  MatX<double> expanded(const Beside& columns) const;
+  MatX<double> project(const MatX<double>& columns) const { return expanded(beside(columns)); }
   const VecX<double>& residual() const { return residual_; }
   /// Base parameters that go with `effects`, the torque of all effects (rows()).
   VecX<double> parameters(const VecX<double>& effects) const { return solve(own_, effects); }

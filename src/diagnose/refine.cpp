@@ -5,7 +5,7 @@
 
 #include <diffnea/effects/stepping.hpp>
 
-#include "core/decompositions.hpp"
+#include "diagnose/signed_fit.hpp"
 
 namespace diffnea {
 namespace {
@@ -23,67 +23,91 @@ constexpr double kMostGainError = 0.5;  ///< beyond, no torque constant is off
 /// Of a shape in one step: of its logarithm; of a ratio, which is about 1.
 constexpr double kMostLog = 0.7, kMostPlain = 0.3;
 
-/// Drops shapes whose derivatives D the columns G reproduce. @return whether there were any
-bool drop_redundant(const MatX<double>& G, const MatX<double>& D, Term& term) {
-  const Eigen::HouseholderQR<MatX<double>> qr(G);
-  const MatX<double> Q = columns_of_q(qr.householderQ(), G.rows(), G.cols());
+/// Drops shapes whose derivatives D the columns before them reproduce.
+/// @param K  products of [columns | D]  @return whether there were any
+bool drop_redundant(const MatX<double>& K, Term& term) {
+  const long columns = K.cols() - static_cast<long>(term.shapes.size());
   std::vector<int> kept;
-  for (long s = 0; s < D.cols(); ++s) {
-    const double left = (D.col(s) - Q * (Q.transpose() * D.col(s))).norm();
-    if (left > kRedundant * D.col(s).norm())
-      kept.push_back(term.shapes[static_cast<std::size_t>(s)]);
-  }
+  for (long s = columns; s < K.cols(); ++s)
+    if (left_beside(K.topLeftCorner(columns, columns), K.col(s).head(columns), K(s, s)) >
+        kRedundant * kRedundant * K(s, s))
+      kept.push_back(term.shapes[static_cast<std::size_t>(s - columns)]);
   const bool dropped = kept.size() < term.shapes.size();
   term.shapes = std::move(kept);
   return dropped;
 }
 
+/// Normal equations of linear parameters and shapes of the last of some terms.
+NormalEquations with_shapes(const Search& search, const std::vector<const Term*>& terms,
+                           const Beside& D) {
+  NormalEquations out = search.normal(terms);
+  const long before = out.b.size(), all = before + D.cols();
+  out.K.conservativeResize(all, all);
+  out.b.conservativeResize(all);
+  out.K.bottomRightCorner(D.cols(), D.cols()) = product(D, D);
+  out.b.tail(D.cols()) = search.projection().with_residual(D);
+  for (long at = 0; const Term* t : terms) {
+    const MatX<double> both = product(t->beside, D);
+    const long k = t->width();
+    out.K.block(at, before, k, D.cols()) = both.topRows(k);
+    out.K.block(before, at, D.cols(), k) = both.topRows(k).transpose();
+    if (t->has_offset()) out.b.tail(D.cols()) -= both.row(k).transpose();
+    at += k;
+  }
+  return out;
+}
+
 /// Its shapes refined, its choices as they are.
 Term descended(const Search& search, Term term, const std::vector<Term>& terms) {
   const Candidate& c = search.candidates()[static_cast<std::size_t>(term.candidate)];
-  std::vector<Term> all = terms;
-  all.push_back(std::move(term));
-  double gain = search.fit(all);
+  std::vector<const Term*> all;
+  for (const Term& t : terms) all.push_back(&t);
+  all.push_back(&term);
+  VecX<double> x;  // linear parameters of all, as they are
+  const auto best = [&](const NormalEquations& n) { return signed_fit(n.K, n.b, n.sign); };
+  const auto removed = [&](const NormalEquations& n, const VecX<double>& at) {
+    return 2.0 * n.b.dot(at) - at.dot(n.K * at) + search.residual_sum() - n.left;
+  };
+  const auto set = [](Term& t, const VecX<double>& values) {
+    for (std::size_t k = 0; k < t.linear.size(); ++k)
+      t.effect.parameters[static_cast<std::size_t>(t.linear[k])] = values[static_cast<long>(k)];
+  };
+  const NormalEquations at_start = search.normal(all);
+  x = best(at_start).x;
+  set(term, x.tail(term.width()));
+  double gain = removed(at_start, x);
   if (c.nonlinear) {  // the torque at the fitted values instead of its straight line
-    search.set_columns(all.back());
-    gain = std::max(search.gain_at(all), 0.0);
+    search.set_columns(term);
+    gain = std::max(removed(search.normal(all), x), 0.0);
   }
   double shrink = 1.0;
-  for (int step = 0; step < 12 && (!all.back().shapes.empty() || c.nonlinear); ++step) {
-    const Stack S = stack(all, search.projection().residual().size());
-    const MatX<double> D = search.projection().project(
-        search.evidence().columns(all.back().effect, all.back().shapes));
-    if (step == 0 && drop_redundant(S.G, D, all.back())) {
-      if (all.back().shapes.empty() && !c.nonlinear) break;
+  for (int step = 0; step < 12 && (!term.shapes.empty() || c.nonlinear); ++step) {
+    const Beside D =
+        search.projection().beside(search.evidence().columns(term.effect, term.shapes));
+    const NormalEquations n = with_shapes(search, all, D);
+    if (step == 0 && drop_redundant(n.K, term)) {
+      if (term.shapes.empty() && !c.nonlinear) break;
       continue;
     }
-    const long shapes = D.cols();
-    MatX<double> J(S.G.rows(), S.G.cols() + shapes);
-    J << S.G, D;
-    MatX<double> K = J.transpose() * J;
-    VecX<double> scale = K.diagonal().cwiseSqrt().cwiseMax(1e-300).cwiseInverse();
-    K = scale.asDiagonal() * K * scale.asDiagonal();
+    const long shapes = D.cols(), linear = n.b.size() - shapes;
+    VecX<double> scale = n.K.diagonal().cwiseSqrt().cwiseMax(1e-300).cwiseInverse();
+    MatX<double> K = scale.asDiagonal() * n.K * scale.asDiagonal();
     K.diagonal().array() += 1e-6;
-    const VecX<double> rhs =
-        scale.cwiseProduct(J.transpose() * (search.projection().residual() - S.offset));
-    const VecX<double> x = scale.cwiseProduct(K.ldlt().solve(rhs));
-    const VecX<double> now_values = all.back().values();
-    std::vector<Term> fitted = all;
-    search.fit(fitted);
-    const VecX<double> target = fitted.back().values();
+    const VecX<double> move = scale.cwiseProduct(K.ldlt().solve(scale.cwiseProduct(n.b)));
+    const VecX<double> now_values = term.values();
+    const VecX<double> target =
+        signed_fit(n.K.topLeftCorner(linear, linear), n.b.head(linear), n.sign)
+            .x.tail(term.width());
     bool better = false;
     const double before = gain;
     for (; shrink > 0.02 && !better; shrink *= better ? 1.0 : 0.3) {
-      std::vector<Term> trial = all;
-      Term& moved = trial.back();
-      for (std::size_t k = 0; k < moved.linear.size(); ++k)
-        moved.effect.parameters[static_cast<std::size_t>(moved.linear[k])] =
-            now_values[static_cast<long>(k)] + shrink * (target - now_values)[static_cast<long>(k)];
+      Term moved = term;
+      set(moved, now_values + shrink * (target - now_values));
       for (long s = 0; s < shapes; ++s) {
         const std::size_t k = static_cast<std::size_t>(moved.shapes[static_cast<std::size_t>(s)]);
         const auto at = std::ranges::find(c.shapes, static_cast<int>(k));
         double& value = moved.effect.parameters[k];
-        const double by = shrink * x[S.G.cols() + s];
+        const double by = shrink * move[linear + s];
         if (scale_of(moved, static_cast<int>(k)) == Scale::kLog)
           value *= std::exp(std::clamp(by, -kMostLog, kMostLog));
         else
@@ -93,19 +117,25 @@ Term descended(const Search& search, Term term, const std::vector<Term>& terms) 
         value = std::clamp(value, c.shape_low[bound], c.shape_high[bound]);
       }
       search.set_columns(moved);
-      const double now = c.nonlinear ? search.gain_at(trial) : search.fit(trial);
-      if (now > gain) {
-        gain = now;
-        all = std::move(trial);
-        better = true;
-      }
+      all.back() = &moved;
+      const NormalEquations there = search.normal(all);
+      VecX<double> at = x;
+      at.tail(moved.width()) = moved.values();
+      if (!c.nonlinear) at = best(there).x;
+      const double now = removed(there, at);
+      all.back() = &term;
+      if (!(now > gain)) continue;
+      gain = now;
+      x = at;
+      set(moved, x.tail(moved.width()));
+      term = std::move(moved);
+      better = true;
     }
     shrink = std::min(1.0, 3.0 * shrink);
     if (!better || gain - before < 0.02) break;  // far inside one unit of χ²
   }
-  return all.back();
+  return term;
 }
-
 
 /// Where stiffness and rotor of a spring show as their ratio alone: the rotor as declared.
 void hold_rotor(const Search& search, Term& term) {

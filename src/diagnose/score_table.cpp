@@ -99,31 +99,20 @@ void ScoreTable::recompute(const std::vector<bool>& joints) {
   }
 }
 
-void ScoreTable::measure(const Whitener& whitener, const Projection& projection) {
+void ScoreTable::measure(const Projection& projection) {
   for (Variant& v : variants_)
-    if (v.kept) measure(v, v.raw, whitener, projection);
+    if (v.kept) measure(v, v.raw, projection);
   sweep({}, [&](std::size_t i, const MatX<double>& raw) {
-    measure(variants_[i], raw, whitener, projection);
-    variants_[i].whitened.resize(0, 0);
+    measure(variants_[i], raw, projection);
+    variants_[i].beside.whitened.resize(0, 0);
   });
 }
 
-void ScoreTable::measure(Variant& v, const MatX<double>& raw, const Whitener& whitener,
-                         const Projection& projection) const {
-  const long m = evidence_.times();
-  const MatX<double>& Q = projection.basis();
-  v.whitened.resize(raw.rows(), raw.cols());
-  MatX<double> onto_base = MatX<double>::Zero(Q.cols(), raw.cols());
-  v.onto = VecX<double>::Zero(raw.cols());
-  for (std::size_t i = 0; i < v.joints.size(); ++i) {
-    auto block = v.whitened.middleRows(static_cast<long>(i) * m, m);
-    block = whitener.joint(v.joints[i], raw.middleRows(static_cast<long>(i) * m, m));
-    if (Q.cols() > 0) onto_base.noalias() += Q.middleRows(v.joints[i] * m, m).transpose() * block;
-    v.onto.noalias() += block.transpose() * projection.residual().segment(v.joints[i] * m, m);
-  }
-  const MatX<double> whole = v.whitened.transpose() * v.whitened;
-  v.norms = whole.diagonal().cwiseSqrt();
-  v.gram = whole - onto_base.transpose() * onto_base;
+void ScoreTable::measure(Variant& v, const MatX<double>& raw, const Projection& projection) const {
+  v.beside = projection.beside(v.joints, raw);
+  v.with_residual = projection.with_residual(v.beside);
+  v.norms = v.beside.whitened.colwise().norm().transpose();
+  v.gram = product(v.beside, v.beside);
 }
 
 const std::vector<double>& ScoreTable::point_of(const Score& score) const {
@@ -137,21 +126,17 @@ Term ScoreTable::term_of(const Score& score) const {
                  point_of(score));
 }
 
-std::vector<Score> ScoreTable::scores(const std::vector<Term>& terms, const Whitener& whitener,
+std::vector<Score> ScoreTable::scores(const std::vector<Term>& terms,
+                                      const NormalEquations& of_terms,
                                       const Projection& projection, const Wanted& wanted) const {
-  const Stack S = stack(terms, projection.residual().size());
-  const VecX<double> r = projection.residual() - S.offset;
-  const MatX<double> SS = S.G.transpose() * S.G;
-  const VecX<double> Sr = S.G.transpose() * r;
-  const std::vector<bool> s_signs = signs(terms);
-  const SignedFit before = signed_fit(SS, Sr, s_signs);
-  const long m = evidence_.times();
+  const long s = of_terms.b.size();
+  const SignedFit before = signed_fit(of_terms.K, of_terms.b, of_terms.sign);
   std::vector<Score> best(candidates_.size());
   for (std::size_t c = 0; c < candidates_.size(); ++c) best[c].candidate = static_cast<int>(c);
-  const auto consider = [&](std::size_t i, const MatX<double>& whitened) {
+  const auto consider = [&](std::size_t i, const Beside& beside) {
     const Variant& v = variants_[i];
     const Candidate& c = candidates_[static_cast<std::size_t>(v.candidate)];
-    const long k = v.width(), s = S.G.cols();
+    const long k = v.width();
     double visible = 0.0, whole = 0.0;
     long rank = 0;
     for (long w = 0; w < k + v.offset; ++w) {
@@ -164,25 +149,25 @@ std::vector<Score> ScoreTable::scores(const std::vector<Term>& terms, const Whit
     Score& b = best[static_cast<std::size_t>(v.candidate)];
     b.visible_share = std::max(b.visible_share, share);
     if (share < kInvisible) return;
-    MatX<double> SG = MatX<double>::Zero(s, k + v.offset);  // terms are beside the base: SᵀG⊥ = SᵀG
-    VecX<double> Gr = v.onto;
-    // Without terms that is all there is to know.
-    for (std::size_t j = 0; !terms.empty() && j < v.joints.size(); ++j) {
-      const auto block = whitened.middleRows(static_cast<long>(j) * m, m);
-      if (s > 0) SG.noalias() += S.G.middleRows(v.joints[j] * m, m).transpose() * block;
-      Gr.noalias() -= block.transpose() * S.offset.segment(v.joints[j] * m, m);
+    MatX<double> SG(s, k + v.offset);
+    VecX<double> Gr = v.with_residual;
+    for (long at = 0; const Term& t : terms) {
+      const MatX<double> both = product(t.beside, beside);
+      SG.middleRows(at, t.width()) = both.topRows(t.width());
+      if (t.has_offset()) Gr -= both.row(t.width()).transpose();
+      at += t.width();
     }
     MatX<double> K(s + k, s + k);
-    K << SS, SG.leftCols(k), SG.leftCols(k).transpose(), v.gram.topLeftCorner(k, k);
+    K << of_terms.K, SG.leftCols(k), SG.leftCols(k).transpose(), v.gram.topLeftCorner(k, k);
     VecX<double> rhs(s + k);
-    rhs << Sr, Gr.head(k);
+    rhs << of_terms.b, Gr.head(k);
     double gain = -before.gain;
     if (v.offset) {
       rhs.head(s) -= SG.col(k);
       rhs.tail(k) -= v.gram.block(0, k, k, 1);
       gain += 2.0 * Gr[k] - v.gram(k, k);
     }
-    std::vector<bool> sign = s_signs;
+    std::vector<bool> sign = of_terms.sign;
     for (const bool x : signs(c.effect, c.linear)) sign.push_back(x);
     VecX<double> start = VecX<double>::Zero(s + k);
     start.head(s) = before.x;
@@ -194,10 +179,10 @@ std::vector<Score> ScoreTable::scores(const std::vector<Term>& terms, const Whit
   };
   for (std::size_t i = 0; i < variants_.size(); ++i)
     if ((variants_[i].kept || terms.empty()) && (!wanted || wanted(variants_[i].candidate)))
-      consider(i, variants_[i].whitened);
+      consider(i, variants_[i].beside);
   if (!terms.empty())
     sweep(wanted, [&](std::size_t i, const MatX<double>& raw) {
-      consider(i, whitener.joint(variants_[i].joints[0], raw));
+      consider(i, projection.beside(variants_[i].joints, raw));
     });
   return best;
 }

@@ -34,11 +34,11 @@ class ScoreTable {
   /// The columns of candidates that refer to the model, at joints whose reference has moved.
   void recompute(const std::vector<bool>& joints);
   /// Whitens all columns, and keeps what the base leaves of them and their share of its residual.
-  void measure(const Whitener& whitener, const Projection& projection);
+  void measure(const Projection& projection);
 
   /// The best variant of each candidate, in their order, without ΔBIC; as of the last measure().
   /// @param wanted  the others have no variant; nothing: all
-  std::vector<Score> scores(const std::vector<Term>& terms, const Whitener& whitener,
+  std::vector<Score> scores(const std::vector<Term>& terms, const NormalEquations& of_terms,
                             const Projection& projection, const Wanted& wanted) const;
   /// Where on its candidate's grid a score is: values of its shapes, then of its choices.
   const std::vector<double>& point_of(const Score& score) const;
@@ -53,12 +53,12 @@ class ScoreTable {
     int point;
     bool offset;
     std::vector<long> joints;  ///< indices into evidence.joints()
-    bool kept = true;          ///< `raw` and `whitened`; else they are made anew by sweep()
+    bool kept = true;          ///< `raw` and the whitened columns; else sweep() makes them anew
     MatX<double> raw;          ///< (joints · times(), width + offset)
-    MatX<double> whitened;
-    VecX<double> norms;  ///< of whitened columns
-    MatX<double> gram;   ///< of the projected ones
-    VecX<double> onto;   ///< projected columns times the residual
+    Beside beside;
+    VecX<double> norms;          ///< of whitened columns
+    MatX<double> gram;           ///< of what the base leaves of them
+    VecX<double> with_residual;  ///< that times the base's residual
 
     long width() const { return gram.cols() - offset; }
   };
@@ -68,8 +68,7 @@ class ScoreTable {
   /// `visit`.
   void sweep(const Wanted& wanted,
              const std::function<void(std::size_t, const MatX<double>&)>& visit) const;
-  void measure(Variant& variant, const MatX<double>& raw, const Whitener& whitener,
-               const Projection& projection) const;
+  void measure(Variant& variant, const MatX<double>& raw, const Projection& projection) const;
 
   const Evidence& evidence_;
   const std::vector<Candidate>& candidates_;

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/decompositions.hpp"
 #include "diagnose/signed_fit.hpp"
 
 namespace diffnea {
@@ -53,7 +52,7 @@ Term Search::term_of(const Score& score) const {
 }
 
 std::vector<Score> Search::scores(const std::vector<Term>& terms, const Wanted& wanted) const {
-  std::vector<Score> out = table_.scores(terms, *whitener_, *projection_, wanted);
+  std::vector<Score> out = table_.scores(terms, normal(terms), *projection_, wanted);
   const double left = residual_sum() - gain_of(terms), n = static_cast<double>(rows());
   for (Score& s : out)
     s.delta_bic = s.variant < 0 ? -1e9
@@ -71,12 +70,12 @@ void Search::set_columns(Term& term) const {
     both.conservativeResize(Eigen::NoChange, term.width() + 1);
     both.col(term.width()) = term.offset;
   }
-  const MatX<double> whitened = (*whitener_)(both);
-  const VecX<double> whole = whitened.colwise().norm().transpose();
-  term.projected = projection_->project_whitened(whitened);
+  term.beside = projection_->beside(both);
+  const MatX<double> left = product(term.beside, term.beside);
   term.shares.clear();
   for (long k = 0; k < term.width(); ++k)
-    term.shares.push_back(term.projected.col(k).norm() / std::max(whole[k], 1e-300));
+    term.shares.push_back(std::sqrt(std::max(left(k, k), 0.0)) /
+                          std::max(term.beside.whitened.col(k).norm(), 1e-300));
 }
 
 void Search::refresh(double period, std::vector<Term>& terms) {
@@ -121,36 +120,64 @@ void Search::refresh(double period, std::vector<Term>& terms) {
     whitener_ = std::make_unique<Whitener>(evidence_, std::move(estimate), used_);
     set_projection(terms);
   }
-  table_.measure(*whitener_, *projection_);
+  table_.measure(*projection_);
+}
+
+NormalEquations Search::normal(const std::vector<const Term*>& terms) const {
+  long width = 0;
+  for (const Term* t : terms) width += t->width();
+  NormalEquations out{MatX<double>(width, width), VecX<double>(width), residual_sum(), {}};
+  long row = 0;
+  for (std::size_t i = 0; i < terms.size(); ++i) {
+    const Term& a = *terms[i];
+    const long k = a.width();
+    VecX<double> with = projection_->with_residual(a.beside);
+    if (a.has_offset()) out.left -= 2.0 * with[k];
+    out.b.segment(row, k) = with.head(k);
+    for (const bool sign : signs(a.effect, a.linear)) out.sign.push_back(sign);
+    row += k;
+  }
+  row = 0;
+  for (std::size_t i = 0; i < terms.size(); ++i) {
+    const Term& a = *terms[i];
+    const long k = a.width();
+    long column = 0;
+    for (std::size_t j = 0; j <= i; ++j) {
+      const Term& b = *terms[j];
+      const long l = b.width();
+      const MatX<double> both = product(a.beside, b.beside);
+      out.K.block(row, column, k, l) = both.topLeftCorner(k, l);
+      if (j < i) out.K.block(column, row, l, k) = both.topLeftCorner(k, l).transpose();
+      if (b.has_offset()) out.b.segment(row, k) -= both.col(l).head(k);
+      if (a.has_offset() && j < i) out.b.segment(column, l) -= both.row(k).head(l).transpose();
+      if (a.has_offset() && b.has_offset()) out.left += (j < i ? 2.0 : 1.0) * both(k, l);
+      column += l;
+    }
+    row += k;
+  }
+  return out;
+}
+
+NormalEquations Search::normal(const std::vector<Term>& terms) const {
+  std::vector<const Term*> all;
+  for (const Term& t : terms) all.push_back(&t);
+  return normal(all);
 }
 
 double Search::fit(std::vector<Term>& terms) const {
   if (terms.empty()) return 0.0;
-  const Stack S = stack(terms, projection_->residual().size());
-  const VecX<double> r = projection_->residual() - S.offset;
-  const SignedFit f = signed_fit(S.G.transpose() * S.G, S.G.transpose() * r, signs(terms));
+  const NormalEquations n = normal(terms);
+  const SignedFit f = signed_fit(n.K, n.b, n.sign);
   long at = 0;
-  for (Term& t : terms) {
+  for (Term& t : terms)
     for (const int k : t.linear) t.effect.parameters[static_cast<std::size_t>(k)] = f.x[at++];
-    t.norm = (*whitener_)(t.torque()).norm();
-  }
-  return f.gain + residual_sum() - r.squaredNorm();
-}
-
-double Search::gain_at(const std::vector<Term>& terms) const {
-  const Stack S = stack(terms, projection_->residual().size());
-  VecX<double> x(S.G.cols());
-  long at = 0;
-  for (const Term& t : terms) {
-    x.segment(at, t.width()) = t.values();
-    at += t.width();
-  }
-  return residual_sum() - (projection_->residual() - S.offset - S.G * x).squaredNorm();
+  return f.gain + residual_sum() - n.left;
 }
 
 double Search::gain_of(const std::vector<Term>& terms) const {
-  std::vector<Term> copy = terms;
-  return fit(copy);
+  if (terms.empty()) return 0.0;
+  const NormalEquations n = normal(terms);
+  return signed_fit(n.K, n.b, n.sign).gain + residual_sum() - n.left;
 }
 
 int Search::num_parameters(const std::vector<Term>& terms) const {
@@ -179,45 +206,60 @@ double Search::looked_elsewhere(int candidate) const {
 }
 
 VecX<double> Search::left_by(const std::vector<Term>& terms) const {
-  const Stack S = stack(terms, projection_->residual().size());
-  VecX<double> out = projection_->residual() - S.offset;
-  long at = 0;
-  for (const Term& t : terms) {
-    out -= S.G.middleCols(at, t.width()) * t.values();
-    at += t.width();
-  }
+  VecX<double> out = projection_->residual();
+  for (const Term& t : terms) out -= projection_->expanded(t.torque_beside());
   return out;
 }
 
 double Search::replaced_share(const Term& term, const Term& by,
                               const std::vector<Term>& beside) const {
-  VecX<double> y = term.projected.leftCols(term.width()) * term.values();
-  if (term.has_offset()) y += term.projected.col(term.width());
-  const Stack rest = stack(beside, y.size());
-  const auto left_of = [&](const MatX<double>& G, const std::vector<bool>& nonnegative,
-                           const VecX<double>& target) {
-    return target.squaredNorm() -
-           signed_fit(G.transpose() * G, G.transpose() * target, nonnegative).gain;
+  const Beside torque = term.torque_beside();
+  std::vector<const Term*> all;
+  for (const Term& t : beside) all.push_back(&t);
+  const auto left_of = [&](bool free) {
+    NormalEquations n = normal(all);
+    double square = product(torque, torque)(0, 0);
+    long at = 0;
+    for (const Term* t : all) {  // the torque in the place of the residual, and of all but `by`
+      const VecX<double> with = product(t->beside, torque).col(0);
+      n.b.segment(at, t->width()) = with.head(t->width());
+      at += t->width();
+    }
+    if (!free && by.has_offset()) {
+      const MatX<double> own = product(by.beside, by.beside);
+      const long k = by.width();
+      square += own(k, k) - 2.0 * product(by.beside, torque)(k, 0);
+      at = 0;
+      for (const Term* t : all) {
+        n.b.segment(at, t->width()) -= product(t->beside, by.beside).col(k).head(t->width());
+        at += t->width();
+      }
+    }
+    for (std::size_t k = 0; k < n.sign.size(); ++k)
+      n.sign[k] = n.sign[k] && !free && static_cast<long>(k) >= n.b.size() - by.width();
+    return square - signed_fit(n.K, n.b, n.sign).gain;
   };
-  std::vector<bool> nonnegative(static_cast<std::size_t>(rest.G.cols()), false);
-  const double alone = left_of(rest.G, nonnegative, y);
-  MatX<double> G(y.size(), rest.G.cols() + by.width());
-  G << rest.G, by.projected.leftCols(by.width());
-  for (const bool s : signs(by.effect, by.linear)) nonnegative.push_back(s);
-  if (by.has_offset()) y -= by.projected.col(by.width());
-  return alone > 0.0 ? 1.0 - left_of(G, nonnegative, y) / alone : 0.0;
+  const double alone = left_of(true);
+  all.push_back(&by);
+  return alone > 0.0 ? 1.0 - left_of(false) / alone : 0.0;
 }
 
 double Search::visible_beyond(const Term& more, const Term& less) const {
-  const auto beyond = [](const MatX<double>& all, const MatX<double>& of) {
-    const Eigen::HouseholderQR<MatX<double>> qr(of);
-    const MatX<double> Q = columns_of_q(qr.householderQ(), of.rows(), of.cols());
-    return (all - Q * (Q.transpose() * all)).norm();
+  const auto beyond = [&](bool beside_base) {
+    Beside all = more.beside, of = less.beside;
+    if (!beside_base) {
+      all.onto.setZero();
+      of.onto.setZero();
+    }
+    const MatX<double> square = product(all, all), with = product(of, all), own = product(of, of);
+    double out = 0.0;
+    const long k = less.width();
+    for (long c = 0; c < more.width(); ++c)
+      out += left_beside(own.topLeftCorner(k, k), with.col(c).head(k), square(c, c));
+    return std::sqrt(out);
   };
-  const double whole = beyond((*whitener_)(more.columns), (*whitener_)(less.columns));
-  return whole > 0.0 ? beyond(more.projected.leftCols(more.width()),
-                              less.projected.leftCols(less.width())) / whole
-                     : 0.0;
+  const double whole = beyond(false);
+  return whole > 0.0 ? beyond(true) / whole : 0.0;
 }
 
 VecX<double> Search::residual(const std::vector<Term>& terms) const {

@@ -36,8 +36,9 @@ class Search {
   /// Linear parameters of all terms together; sets their values. @return what they remove from χ²
   double fit(std::vector<Term>& terms) const;
   double gain_of(const std::vector<Term>& terms) const;
-  /// The same at the parameters as they are.
-  double gain_at(const std::vector<Term>& terms) const;
+
+  NormalEquations normal(const std::vector<const Term*>& terms) const;
+  NormalEquations normal(const std::vector<Term>& terms) const;
   /// BIC of a gain, lower is better, relative to the base alone.
   double bic(double gain, const std::vector<Term>& terms) const;
   int num_parameters(const std::vector<Term>& terms) const;

@@ -160,8 +160,9 @@ std::vector<HalfChoice> choose_on_halves(const Search& search, const std::vector
   all.leftCols(base) = projection.basis();
   long at = base;
   for (const Term& c : contenders) {
-    all.middleCols(at, c.projected.cols()) = c.projected;
-    at += c.projected.cols();
+    const MatX<double> columns = projection.expanded(c.beside);
+    all.middleCols(at, columns.cols()) = columns;
+    at += columns.cols();
   }
   all.col(width) = projection.residual();
 

@@ -1,6 +1,7 @@
 #include "diagnose/term.hpp"
 
 #include <algorithm>
+#include <cmath>
 
 #include <diffnea/effects/stepping.hpp>
 
@@ -19,10 +20,16 @@ VecX<double> Term::torque() const {
   return out;
 }
 
+Beside Term::torque_beside() const {
+  VecX<double> weights = VecX<double>::Ones(beside.cols());
+  weights.head(width()) = values();
+  return combined(beside, weights);
+}
+
 double Term::visible_share() const {
-  VecX<double> seen = projected.leftCols(width()) * values();
-  if (has_offset()) seen += projected.col(width());
-  return norm > 0.0 ? seen.norm() / norm : 0.0;
+  const Beside torque = torque_beside();
+  const double whole = torque.whitened.squaredNorm();
+  return whole > 0.0 ? std::sqrt(std::max(product(torque, torque)(0, 0), 0.0) / whole) : 0.0;
 }
 
 Term term_at(const Candidate& c, int index, const std::vector<double>& point) {
@@ -52,19 +59,6 @@ void set_torque(const Evidence& evidence, const Candidate& candidate, Term& term
   VecX<double> torque;
   term.columns = evidence.columns(term.effect, term.linear, &torque);
   term.offset = torque - term.columns * term.values();
-}
-
-Stack stack(const std::vector<Term>& terms, long rows) {
-  long columns = 0;
-  for (const Term& t : terms) columns += t.width();
-  Stack out{MatX<double>(rows, columns), VecX<double>::Zero(rows)};
-  columns = 0;
-  for (const Term& t : terms) {
-    out.G.middleCols(columns, t.width()) = t.projected.leftCols(t.width());
-    if (t.has_offset()) out.offset += t.projected.col(t.width());
-    columns += t.width();
-  }
-  return out;
 }
 
 std::vector<bool> signs(const BoundEffect& effect, const std::vector<int>& linear) {

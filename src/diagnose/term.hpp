@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "diagnose/candidates.hpp"
+#include "diagnose/beside.hpp"
 #include "diagnose/evidence.hpp"
 
 namespace diffnea {
@@ -22,10 +23,9 @@ struct Term {
   TriedEffect effect;
   std::vector<int> linear,
       shapes;  ///< as the candidate's; without shapes that the linear parameters stand in for
-  MatX<double> columns;    ///< (rows(), linear) ∂τ/∂p
-  VecX<double> offset;     ///< (rows()); empty where the torque is linear in p
-  MatX<double> projected;  ///< whitened, beside the base: [columns | offset]
-  double norm = 0.0;       ///< of the torque, whitened
+  MatX<double> columns;  ///< (rows(), linear) ∂τ/∂p
+  VecX<double> offset;   ///< (rows()); empty where the torque is linear in p
+  Beside beside;         ///< [columns | offset] beside the base
 
   std::vector<double> shares;  ///< of each of `columns`, whitened, what the base leaves
 
@@ -41,6 +41,8 @@ struct Term {
   bool has_offset() const { return offset.size() > 0; }
   VecX<double> values() const;
   VecX<double> torque() const;
+  /// The torque beside the base.
+  Beside torque_beside() const;
   /// Of the torque's whitened norm, what the base leaves.
   double visible_share() const;
 };
@@ -51,12 +53,13 @@ Term term_at(const Candidate& candidate, int index, const std::vector<double>& p
 /// Sets the columns, and the offset where the torque is not linear in the parameters.
 void set_torque(const Evidence& evidence, const Candidate& candidate, Term& term);
 
-/// Columns of all terms, whitened and beside the base, and the sum of their offsets.
-struct Stack {
-  MatX<double> G;
-  VecX<double> offset;
+/// Of the linear parameters of several terms together, the base eliminated.
+struct NormalEquations {
+  MatX<double> K;          ///< (k, k)
+  VecX<double> b;          ///< (k)
+  double left = 0.0;       ///< χ² at p = 0: what the base and the terms' offsets leave
+  std::vector<bool> sign;  ///< parameters that may not be negative
 };
-Stack stack(const std::vector<Term>& terms, long rows);
 
 /// Whether each linear parameter may not be negative.
 std::vector<bool> signs(const BoundEffect& effect, const std::vector<int>& linear);

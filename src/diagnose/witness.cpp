@@ -87,8 +87,9 @@ std::vector<WitnessScore> find_witnesses(const Evidence& evidence, const Search&
   VecX<double> left = projection.residual();
   for (const Term& t : terms) {
     S.conservativeResize(Eigen::NoChange, S.cols() + t.width());
-    S.rightCols(t.width()) = t.projected.leftCols(t.width());
-    if (t.has_offset()) left -= t.projected.col(t.width());
+    const MatX<double> columns = projection.expanded(t.beside);
+    S.rightCols(t.width()) = columns.leftCols(t.width());
+    if (t.has_offset()) left -= columns.col(t.width());
   }
   const Eigen::HouseholderQR<MatX<double>> qr(S);
   const MatX<double> Q = columns_of_q(qr.householderQ(), S.rows(), S.cols());

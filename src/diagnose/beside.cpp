@@ -1,0 +1,33 @@
+#include "diagnose/beside.hpp"
+
+#include <algorithm>
+
+namespace diffnea {
+
+MatX<double> product(const Beside& a, const Beside& b) {
+  MatX<double> out = -a.onto.transpose() * b.onto;
+  for (std::size_t i = 0, j = 0; i < a.joints.size() && j < b.joints.size();) {
+    if (a.joints[i] < b.joints[j])
+      ++i;
+    else if (a.joints[i] > b.joints[j])
+      ++j;
+    else
+      out.noalias() += a.of(i++).transpose() * b.of(j++);
+  }
+  return out;
+}
+
+Beside combined(const Beside& a, const VecX<double>& weights) {
+  return {a.joints, a.whitened * weights, a.onto * weights};
+}
+
+double left_beside(const MatX<double>& products, const VecX<double>& with, double square) {
+  if (with.size() == 0) return std::max(square, 0.0);
+  const VecX<double> unit = products.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
+  MatX<double> K = unit.asDiagonal() * products * unit.asDiagonal();
+  K.diagonal().array() += 1e-10;
+  const VecX<double> b = unit.cwiseProduct(with);
+  return std::max(square - b.dot(K.ldlt().solve(b)), 0.0);
+}
+
+}  // namespace diffnea
