@@ -98,9 +98,8 @@ void BandDiagnosis::select() {
                                                 : std::max(8, 3 * case_.layout.num_dofs);
   Selection selection(*case_.search, case_.candidates, *case_.held_out,
                       {case_.options.accept_delta_bic, most, case_.period, case_.options.seed,
-                       [this](const std::vector<Term>& terms, bool at_last) {
-                         return case_.reference->rebase(case_.search->projection(), terms,
-                                                        at_last);
+                       [this](const std::vector<Term>& terms) {
+                         return case_.reference->rebase(case_.search->projection(), terms);
                        }});
   first_scores_ = case_.search->scores({});
   level_sum_ = case_.search->residual_sum();

@@ -156,6 +156,8 @@ class Evidence {
   /// Second and third derivatives of the torque that the base predicts for the k-th of joints(),
   /// which a motor behind a spring shows, (times(), 2).
   MatX<double> curvature(long k) const;
+  /// Tells whether the model that effects refer to has friction at a joint.
+  bool has_friction(int joint) const;
   /// The effect's own torque at its parameters, (rows()).
   VecX<double> torque_of(const TriedEffect& effect) const;
   /// Computes an own candidate's columns, once and for all: they depend on the motion alone.

@@ -126,6 +126,13 @@ MatX<double> Evidence::curvature(long k) const {
   });
 }
 
+bool Evidence::has_friction(int joint) const {
+  return std::ranges::any_of(references_.begin()->second.effects, [&](const BoundEffect& e) {
+    return e.info().motor_side && !e.info().has(Trait::kAtMotor) &&
+           std::ranges::find(e.joints, joint) != e.joints.end();
+  });
+}
+
 VecX<double> Evidence::torque_of(const TriedEffect& effect) const {
   if (effect.own) {
     std::vector<int> all(effect.parameters.size());

@@ -39,15 +39,48 @@ Beside Projection::beside(const MatX<double>& columns) const {
 }
 
 Beside Projection::beside(std::vector<long> joints, const MatX<double>& rows) const {
+  return std::move(beside({{std::move(joints), &rows}}).front());
+}
+
+std::vector<Beside> Projection::beside(
+    const std::vector<std::pair<std::vector<long>, const MatX<double>*>>& columns) const {
+  constexpr long kAtOnce = 256;  // columns: enough to read the basis once for many
   const long m = evidence_.times();
-  Beside out{std::move(joints), MatX<double>(rows.rows(), rows.cols()),
-             MatX<double>::Zero(Q_.cols(), rows.cols())};
-  for (std::size_t i = 0; i < out.joints.size(); ++i) {
-    auto block = out.whitened.middleRows(static_cast<long>(i) * m, m);
-    block = whitener_.joint(out.joints[i], rows.middleRows(static_cast<long>(i) * m, m));
-    if (Q_.cols() > 0)
-      out.onto.noalias() += Q_.middleRows(out.joints[i] * m, m).transpose() * block;
+  std::vector<Beside> out;
+  std::vector<std::vector<std::pair<std::size_t, long>>> of_joint(
+      static_cast<std::size_t>(evidence_.rows() / m));  // index into columns, first row
+  for (std::size_t c = 0; c < columns.size(); ++c) {
+    const auto& [joints, rows] = columns[c];
+    out.push_back({joints, MatX<double>(rows->rows(), rows->cols()),
+                   MatX<double>::Zero(Q_.cols(), rows->cols())});
+    for (std::size_t i = 0; i < joints.size(); ++i)
+      of_joint[static_cast<std::size_t>(joints[i])].emplace_back(c, static_cast<long>(i) * m);
   }
+  for (std::size_t k = 0; k < of_joint.size(); ++k)
+    for (std::size_t first = 0; first < of_joint[k].size();) {
+      std::size_t end = first;
+      long width = 0;
+      for (; end < of_joint[k].size() && width < kAtOnce; ++end)
+        width += out[of_joint[k][end].first].cols();
+      MatX<double> block(m, width);
+      width = 0;
+      for (std::size_t i = first; i < end; ++i) {
+        const auto& [c, row] = of_joint[k][i];
+        const long w = out[c].cols();
+        block.middleCols(width, w) =
+            whitener_.joint(static_cast<long>(k), columns[c].second->middleRows(row, m));
+        out[c].whitened.middleRows(row, m) = block.middleCols(width, w);
+        width += w;
+      }
+      const MatX<double> onto = Q_.middleRows(static_cast<long>(k) * m, m).transpose() * block;
+      width = 0;
+      for (std::size_t i = first; i < end; ++i) {
+        Beside& of = out[of_joint[k][i].first];
+        of.onto += onto.middleCols(width, of.cols());
+        width += of.cols();
+      }
+      first = end;
+    }
   return out;
 }
 
@@ -64,9 +97,7 @@ MatX<double> Projection::expanded(const Beside& columns) const {
   MatX<double> out = MatX<double>::Zero(residual_.size(), columns.cols());
   for (std::size_t i = 0; i < columns.joints.size(); ++i)
     out.middleRows(columns.joints[i] * m, m) = columns.of(i);
-  if (columns.cols() == 0 || Q_.cols() == 0) return out;
-  out.noalias() -= Q_ * columns.onto;
-  out.noalias() -= Q_ * (Q_.transpose() * out).eval();  // orthogonal to rounding (Kahan, Parlett)
+  if (columns.cols() > 0 && Q_.cols() > 0) out.noalias() -= Q_ * columns.onto;
   return out;
 }
 

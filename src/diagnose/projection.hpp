@@ -31,6 +31,9 @@ class Projection {
   /// The same of columns that reach some joints alone.
   /// @param rows  (joints · times(), k)
   Beside beside(std::vector<long> joints, const MatX<double>& rows) const;
+  /// The same of many, in one pass over the basis.
+  std::vector<Beside> beside(const std::vector<std::pair<std::vector<long>, const MatX<double>*>>&
+                                 columns) const;
   /// Products of what the base leaves of columns with its residual, (k).
   VecX<double> with_residual(const Beside& columns) const;
   /// What the base leaves of columns, written out, (rows() + prior rows, k).

@@ -11,9 +11,9 @@ namespace {
 /// How far ln v₀ of the base's friction is followed from where it was read; beside a spring, which
 /// the friction's jumps may wind up: their second derivative needs a v₀ that is no extrapolation.
 constexpr double kMostTurn = 1.5, kMostTurnAtSpring = 0.7;
-/// A reference whose torque has moved by less leaves the candidates' columns as they are: no better
-/// do they have the shape of what they stand for (inexact.cpp).
-constexpr double kMoved = 0.02;
+/// A reference whose torque has moved by less leaves the candidates' columns as they are. A column
+/// that is wrong by a tenth loses a hundredth of its gain, and what is offered has it made anew.
+constexpr double kMoved = 0.1;
 /// Of what the recording cannot tell apart, the least change is taken.
 constexpr double kRidge = 1e-9;
 
@@ -93,8 +93,8 @@ VecX<double> Reference::set(const VecX<double>& x, const std::vector<Term>& term
   return moved;
 }
 
-std::vector<bool> Reference::rebase(const Projection& projection, const std::vector<Term>& terms,
-                                    bool at_last) {
+std::vector<bool> Reference::rebase(const Projection& projection,
+                                    const std::vector<Term>& terms) {
   VecX<double> effects = VecX<double>::Zero(train_.rows());
   for (const Term& t : terms) effects += t.torque();
   const VecX<double> x = projection.reference(effects);
@@ -104,7 +104,7 @@ std::vector<bool> Reference::rebase(const Projection& projection, const std::vec
   const bool tilted = set_tilt(x, terms);
   std::vector<bool> out(static_cast<std::size_t>(by.size()), false);
   for (long j = 0; j < by.size(); ++j) {
-    if (!tilted && !(moved_[j] > (at_last ? 0.0 : kMoved))) continue;
+    if (!tilted && !(moved_[j] > kMoved)) continue;
     out[static_cast<std::size_t>(j)] = true;
     moved_[j] = 0.0;
   }

@@ -28,10 +28,8 @@ class Reference {
 
   /// The reference beside the causes so far. A delay is a share of the torque that the model
   /// predicts: it is as wrong as that torque.
-  /// @param at_last  however little it moved since
   /// @return joints whose candidates have other columns now; empty: none
-  std::vector<bool> rebase(const Projection& projection, const std::vector<Term>& terms,
-                           bool at_last);
+  std::vector<bool> rebase(const Projection& projection, const std::vector<Term>& terms);
 
   /// The base and all causes that a model can hold.
   const Model& extended() const { return extended_; }

@@ -75,6 +75,13 @@ void ScoreTable::fill(Variant& v) const {
   const long m = evidence_.times();
   const Candidate& c = candidates_[static_cast<std::size_t>(v.candidate)];
   Term term = term_at(c, v.candidate, c.grid[static_cast<std::size_t>(v.point)]);
+  if (!term.effect.own && hides_motor(term.effect) && is_dry(term.effect) &&
+      !evidence_.has_friction(term.effect.joints.front())) {
+    v.joints.clear();  // friction on either side of its spring, of which there is none
+    v.offset = false;
+    v.raw.resize(0, 0);
+    return;
+  }
   set_torque(evidence_, c, term);
   // Most begin at no torque; a limit does not.
   v.offset = term.has_offset() && !term.offset.isZero(0.0);
@@ -100,16 +107,21 @@ void ScoreTable::recompute(const std::vector<bool>& joints) {
 }
 
 void ScoreTable::measure(const Projection& projection) {
+  std::vector<std::pair<std::vector<long>, const MatX<double>*>> raw;
+  for (const Variant& v : variants_)
+    if (v.kept) raw.emplace_back(v.joints, &v.raw);
+  std::vector<Beside> beside = projection.beside(raw);
+  auto next = beside.begin();
   for (Variant& v : variants_)
-    if (v.kept) measure(v, v.raw, projection);
-  sweep({}, [&](std::size_t i, const MatX<double>& raw) {
-    measure(variants_[i], raw, projection);
+    if (v.kept) measure(v, std::move(*next++), projection);
+  sweep({}, [&](std::size_t i, const MatX<double>& columns) {
+    measure(variants_[i], projection.beside(variants_[i].joints, columns), projection);
     variants_[i].beside.whitened.resize(0, 0);
   });
 }
 
-void ScoreTable::measure(Variant& v, const MatX<double>& raw, const Projection& projection) const {
-  v.beside = projection.beside(v.joints, raw);
+void ScoreTable::measure(Variant& v, Beside beside, const Projection& projection) const {
+  v.beside = std::move(beside);
   v.with_residual = projection.with_residual(v.beside);
   v.norms = v.beside.whitened.colwise().norm().transpose();
   v.gram = product(v.beside, v.beside);

@@ -68,7 +68,7 @@ class ScoreTable {
   /// `visit`.
   void sweep(const Wanted& wanted,
              const std::function<void(std::size_t, const MatX<double>&)>& visit) const;
-  void measure(Variant& variant, const MatX<double>& raw, const Projection& projection) const;
+  void measure(Variant& variant, Beside beside, const Projection& projection) const;
 
   const Evidence& evidence_;
   const std::vector<Candidate>& candidates_;

@@ -206,8 +206,16 @@ double Search::looked_elsewhere(int candidate) const {
 }
 
 VecX<double> Search::left_by(const std::vector<Term>& terms) const {
+  VecX<double> onto = VecX<double>::Zero(projection_->rank());
   VecX<double> out = projection_->residual();
-  for (const Term& t : terms) out -= projection_->expanded(t.torque_beside());
+  const long m = evidence_.times();
+  for (const Term& t : terms) {
+    const Beside torque = t.torque_beside();
+    for (std::size_t i = 0; i < torque.joints.size(); ++i)
+      out.segment(torque.joints[i] * m, m) -= torque.of(i);
+    onto += torque.onto;
+  }
+  if (!terms.empty()) out.noalias() += projection_->basis() * onto;
   return out;
 }
 

@@ -151,9 +151,9 @@ bool Selection::tilt_helps(const std::vector<Term>& rest, std::vector<Term>& ter
       .helps();
 }
 
-void Selection::renew(std::vector<Term>& terms, bool at_last) {
+void Selection::renew(std::vector<Term>& terms) {
   if (options_.rebase)
-    if (const std::vector<bool> moved = options_.rebase(terms, at_last); !moved.empty())
+    if (const std::vector<bool> moved = options_.rebase(terms); !moved.empty())
       search_.recompute(moved);
   search_.refresh(options_.period, terms);
   // Beside its spring, a joint's friction is another: which side of it, and how stiff, is asked
@@ -378,7 +378,7 @@ std::vector<Term> Selection::run(const std::function<bool(const FitProgress&)>& 
     if (drop_impossible(terms)) continue;  // beside what is left, another may help now
     if (!seen.insert(names(terms)).second) break;
   }
-  if (!terms.empty()) renew(terms, true);
+  if (!terms.empty()) renew(terms);
   for (int i = 0; i < options_.max_terms; ++i)
     if (!put_simpler(terms)) break;
   drop_impossible(terms);

@@ -17,7 +17,7 @@ struct SelectionOptions {
   double period = 0.0;  ///< [s]
   std::uint64_t seed = 0;
   /// Refits the model that columns refer to beside the terms; joints whose torques that moved.
-  std::function<std::vector<bool>(const std::vector<Term>&, bool at_last)> rebase;
+  std::function<std::vector<bool>(const std::vector<Term>&)> rebase;
 };
 
 class Selection {
@@ -44,7 +44,7 @@ class Selection {
   std::vector<Offer> offers(const std::vector<Term>& terms, int how_many) const;
   bool add_one(std::vector<Term>& terms);
   /// Model, columns and noise that go with the terms.
-  void renew(std::vector<Term>& terms, bool at_last = false);
+  void renew(std::vector<Term>& terms);
   bool eliminate(std::vector<Term>& terms) const;
   bool is_impossible(int candidate) const {
     return std::ranges::find(impossible_, candidate) != impossible_.end();
