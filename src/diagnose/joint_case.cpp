@@ -97,7 +97,7 @@ void prepare(JointCase& c) {
   c.period = c.finding.plan.dt * std::round(c.period / c.finding.plan.dt);
   const auto read_train = [&] {
     c.train = std::make_unique<Evidence>(c.model, c.layout, c.train_source, c.finding.plan,
-                                         c.period, reading, c.turns);
+                                         c.period, reading);
   };
   read_train();
   require_motion(*c.train, c.finding.plan, sample.front().source);
@@ -122,7 +122,7 @@ void prepare(JointCase& c) {
     const double dt = c.test_plan.dt;
     c.test = std::make_unique<Evidence>(
         c.model, c.layout, *c.test_source, c.test_plan, dt * std::round(period / dt), reading,
-        c.turns, static_cast<int>(c.train_source.runs().size()), c.train.get());
+        Turns::kLeftOut, static_cast<int>(c.train_source.runs().size()), c.train.get());
     require_same_joints(joint_names(c.model), *c.train, *c.test, held.front().source);
     require_blocks(*c.test, held.front().source);
     c.finding.held_out = "test recording";

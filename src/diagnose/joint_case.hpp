@@ -18,7 +18,6 @@ struct JointCase {
   const Model& model;
   const RecordingSource& train_source;
   const RecordingSource* test_source;  ///< null: rows of `train` are held out
-  Turns turns;
   DiagnoseOptions options;
   Finding finding = {};
 
@@ -38,7 +37,7 @@ struct JointCase {
 
 /// Fills in what does not depend on causes. The finding is told of the data and of candidates that
 /// are refused.
-/// @param c  model, sources, band and options are given
+/// @param c  model, sources and options are given
 void prepare(JointCase& c);
 
 IdentifyOptions reading_options(const DiagnoseOptions& options);

@@ -5,7 +5,8 @@
 
 namespace diffnea {
 
-/// Diagnoses the torques alone; looks again at the turns of joints that stick.
+/// Diagnoses the torques alone.
+/// @param test  null: rows of `train` are held out
 Finding diagnose_joints(const Model& model, const RecordingSource& train,
                         const RecordingSource* test, const DiagnoseOptions& options);
 

@@ -119,7 +119,7 @@ double score(unsigned seed) {
   search.refresh(0.0, none);
   Term spring = term_at(candidates[0], 0, {100.0, 1.0, 0.0});
   search.set_columns(spring);  // by its damping and its rotor
-  const VecX<double> column = spring.projected.col(1);
+  const VecX<double> column = search.projection().expanded(spring.beside).col(1);
   return column.dot(search.projection().residual()) / column.norm();
 }
 

@@ -57,10 +57,30 @@ TEST_CASE("Projection: columns are orthogonal to the base", "[diagnose]") {
   const MatX<double> base = s.stacked().colwise().normalized();
   CHECK((base.transpose() * columns.colwise().normalized()).cwiseAbs().maxCoeff() < kRounding);
   CHECK((base.transpose() * projection.residual().normalized()).cwiseAbs().maxCoeff() < kRounding);
-  // What is orthogonal stays.
-  MatX<double> again = columns.topRows(s.evidence->rows());
-  again = projection.project_whitened(again);
-  CHECK_THAT(again.norm(), WithinRel(columns.norm(), 1e-3));  // but for the prior's rows
+}
+
+TEST_CASE("Projection: products need no columns written out", "[diagnose]") {
+  const Setting s;
+  const Projection projection(*s.evidence, s.whitener, s.prior);
+  const long m = s.evidence->times();
+  MatX<double> a = s.random(3), b = s.random(2);
+  a.topRows(m).setZero();  // reaches the second joint alone
+  const Beside of_a = projection.beside(a), of_b = projection.beside(b);
+  CHECK(of_a.joints == std::vector<long>{1});
+  CHECK(of_a.whitened.rows() == m);
+  const MatX<double> A = projection.expanded(of_a), B = projection.expanded(of_b);
+  const double size = A.norm() * B.norm();
+  CHECK((product(of_a, of_b) - A.transpose() * B).cwiseAbs().maxCoeff() < kRounding * size);
+  CHECK((projection.with_residual(of_a) - A.transpose() * projection.residual())
+            .cwiseAbs()
+            .maxCoeff() < kRounding * A.norm() * projection.residual().norm());
+  const VecX<double> weights = VecX<double>::LinSpaced(3, -1.0, 2.0);
+  CHECK((projection.expanded(combined(of_a, weights)) - A * weights).norm() <
+        kRounding * A.norm() * weights.norm());
+  // Least squares of one column by the others.
+  const VecX<double> y = B.col(0), x = A.colPivHouseholderQr().solve(y);
+  CHECK_THAT(left_beside(product(of_a, of_a), product(of_a, of_b).col(0), y.squaredNorm()),
+             WithinRel((y - A * x).squaredNorm(), 1e-8));
 }
 
 TEST_CASE("Projection: of a column of the base only the prior's pull is left", "[diagnose]") {

@@ -52,7 +52,7 @@ struct Backlash {
                         .initial = 0.5,
                         .most = 0.99}},
         .motor_side = true,
-        .traits = {Trait::kOfDrive, Trait::kAtTurns},
+        .traits = {Trait::kOfDrive},
         .motor = HiddenMotor::kOther,
         .shown_over = {ShownOver::kTorqueReversals, ShownOver::kReversals}};
     return kInfo;

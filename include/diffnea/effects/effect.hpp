@@ -143,7 +143,6 @@ enum class Trait : std::uint32_t {
   kShared,        ///< a diagnosis tries it at `all` besides: one clock, one bus, one scale
   kIfAsked,       ///< no candidate of a diagnosis unless it is asked for
   kNoAmplitude,   ///< no single parameter switches it off
-  kAtTurns,       ///< shows where a joint turns back, also one that sticks there
   kLogsVelocity,  ///< acts on the logged velocity, which a simulated recording then has
   kNeedsCup,      ///< acts where there is a cup on the string's link
   kNeedsSpin,     ///< acts on a ball whose spin is recorded

@@ -57,7 +57,7 @@ struct JointElasticity {
                         .most = 1.0,
                         .choices = {0.0, 1.0}}},
         .motor_side = true,
-        .traits = {Trait::kOfDrive, Trait::kAtTurns},
+        .traits = {Trait::kOfDrive},
         .motor = HiddenMotor::kSpring,
         .shown_over = {ShownOver::kCorrelation, ShownOver::kAcceleration}};
     return kInfo;

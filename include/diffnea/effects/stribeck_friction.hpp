@@ -31,7 +31,6 @@ struct StribeckFriction {
                         .native = NativeField::kStribeckVelocity},
                        smoothing_parameter()},
         .motor_side = true,
-        .traits = {Trait::kAtTurns},
         .reads = Reads::kSpeed,
         .shown_over = {ShownOver::kVelocity, ShownOver::kReversals}};
     return kInfo;
