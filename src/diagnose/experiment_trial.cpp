@@ -89,14 +89,18 @@ double ExperimentTrial::separation(const CausePair& pair, double duration) {
   return n * std::log1p(left / n) + (size(*pair.rival) - size(cause)) * std::log(n);
 }
 
-MatX<double> ExperimentTrial::basis_without(std::size_t term) const {
+MatX<double> ExperimentTrial::basis_without(std::size_t term) {
   MatX<double> all(projection_.residual().size(), 0);
   for (std::size_t i = 0; i < context_.terms.size(); ++i) {
     if (i == term) continue;
-    const Term& t = context_.terms[i];
-    std::vector<int> which = t.linear;
-    which.insert(which.end(), t.shapes.begin(), t.shapes.end());
-    const MatX<double> columns = projection_.project(evidence_.columns(t.effect, which));
+    if (columns_.empty()) columns_.resize(context_.terms.size());
+    MatX<double>& columns = columns_[i];
+    if (columns.size() == 0) {
+      const Term& t = context_.terms[i];
+      std::vector<int> which = t.linear;
+      which.insert(which.end(), t.shapes.begin(), t.shapes.end());
+      columns = projection_.project(evidence_.columns(t.effect, which));
+    }
     const long before = all.cols();
     all.conservativeResize(Eigen::NoChange, before + columns.cols());
     all.rightCols(columns.cols()) = columns;

@@ -27,7 +27,7 @@ class ExperimentTrial {
 
  private:
   /// Orthonormal basis of what the other causes may take: their columns, shapes too.
-  MatX<double> basis_without(std::size_t term) const;
+  MatX<double> basis_without(std::size_t term);
   /// Whitened, beside the base and the other causes.
   MatX<double> beside(const MatX<double>& columns) const;
   /// ‖g − rival‖² at the rival's best parameters.
@@ -42,7 +42,8 @@ class ExperimentTrial {
   Whitener whitener_;
   Projection projection_;
   double seconds_;       ///< of the motion
-  MatX<double> others_;  ///< basis of what the other causes may take
+  std::vector<MatX<double>> columns_;  ///< of each cause, beside the base, once asked for
+  MatX<double> others_;                ///< basis of what the other causes may take
 };
 
 }  // namespace diffnea

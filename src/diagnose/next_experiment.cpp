@@ -69,7 +69,10 @@ std::string label(const std::string& effect, const std::string& where) {
 class Proposal {
  public:
   explicit Proposal(const ExperimentContext& c) : c_(c), effort_(c.reference) {
+    const bool all_small =
+        std::ranges::none_of(c.causes, [](const Cause& x) { return x.share >= kWorthWords; });
     for (std::size_t i = 0; i < c.causes.size(); ++i) {
+      if (!all_small && !(c.causes[i].share >= kWorthWords)) continue;
       const auto term = std::ranges::find_if(c.terms, [&](const Term& t) {
         return t.effect.info().name == c.causes[i].effect && t.effect.where == c.causes[i].where;
       });

@@ -180,6 +180,20 @@ double Search::gain_of(const std::vector<Term>& terms) const {
   return signed_fit(n.K, n.b, n.sign).gain + residual_sum() - n.left;
 }
 
+double Search::gain_by_shape(const std::vector<Term>& terms, std::size_t which, int shape) const {
+  const Beside D = projection_->beside(evidence_.columns(terms[which].effect, {shape}));
+  const VecX<double> left = left_by(terms);
+  const NormalEquations n = normal(terms);
+  VecX<double> with(n.b.size());
+  for (long at = 0; const Term& t : terms) {
+    with.segment(at, t.width()) = product(t.beside, D).col(0).head(t.width());
+    at += t.width();
+  }
+  const double square = left_beside(n.K, with, product(D, D)(0, 0));
+  const double onto = projection_->expanded(D).col(0).dot(left);
+  return square > 0.0 ? onto * onto / square : 0.0;
+}
+
 int Search::num_parameters(const std::vector<Term>& terms) const {
   int out = 0;
   for (const Term& t : terms) out += t.num_parameters();

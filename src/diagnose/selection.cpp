@@ -16,11 +16,15 @@ namespace diffnea {
 namespace {
 
 constexpr int kRefined = 5;          ///< candidates whose shapes are refined at each step
+constexpr int kRivals = 7;           ///< the same in the place of a cause
+constexpr int kInPlaceOfTwo = 3;     ///< candidates that are refined instead of two causes
 constexpr int kMostParts = 4;        ///< simple effects in the place of a compound one
 constexpr double kSameClass = 10.0;  ///< ΔBIC
 constexpr double kNoWorse = 6.0;     ///< ΔBIC, no strong evidence yet (Kass and Raftery 1995)
 /// ΔBIC of a cause whose size the recording does not tell, at least: any noise has some shape.
 constexpr double kSizeless = 50.0;
+/// Of what a shape must gain, what its derivative must promise before it is refined.
+constexpr double kPromise = 0.5;
 constexpr const char* kImpossible = "comes to a size that no robot has, beside the others";
 /// Share of the halves in which a rival is chosen, to be of the class of a cause that is not chosen
 /// in most of them.
@@ -89,12 +93,25 @@ Term Selection::offered(const Score& score, const std::vector<Term>& terms) cons
   return out;
 }
 
-std::vector<Selection::Offer> Selection::offers(const std::vector<Term>& terms,
-                                                int how_many) const {
+const std::vector<Selection::Offer>& Selection::rivals(const std::vector<Term>& terms) const {
+  std::vector<double> key;
+  for (const Term& t : terms) {
+    key.push_back(t.candidate);
+    for (std::size_t k = 0; k < t.effect.parameters.size(); ++k)
+      if (t.has_offset() || std::ranges::find(t.linear, static_cast<int>(k)) == t.linear.end())
+        key.push_back(t.effect.parameters[k]);
+  }
+  const auto known = rivals_.find(key);
+  return known != rivals_.end() ? known->second
+                                : rivals_.emplace(key, offers(terms, kRivals)).first->second;
+}
+
+std::vector<Selection::Offer> Selection::offers(const std::vector<Term>& terms, int how_many,
+                                                const Wanted& wanted) const {
   std::vector<Offer> out;
   const std::set<int> present = names(terms);
   const double before = search_.bic(search_.gain_of(terms), terms);
-  for (const Score& s : search_.scores(terms)) {
+  for (const Score& s : search_.scores(terms, wanted)) {
     if (static_cast<int>(out.size()) >= how_many || s.variant < 0 ||
         s.delta_bic < -3.0 * options_.accept)
       break;
@@ -155,6 +172,7 @@ void Selection::renew(std::vector<Term>& terms) {
   if (options_.rebase)
     if (const std::vector<bool> moved = options_.rebase(terms); !moved.empty())
       search_.recompute(moved);
+  rivals_.clear();
   search_.refresh(options_.period, terms);
   // Beside its spring, a joint's friction is another: which side of it, and how stiff, is asked
   // anew.
@@ -259,8 +277,10 @@ bool Selection::merge(std::vector<Term>& terms) const {
       if (stays(terms[i]) || stays(terms[j])) continue;
       if (terms[i].effect.joints != terms[j].effect.joints) continue;
       const std::vector<Term> rest = without(without(terms, i), j);
-      for (const Offer& offer : offers(rest, kRefined)) {
-        if (offer.term.effect.joints != terms[i].effect.joints) continue;
+      const auto at_its_joints = [&](int c) {
+        return candidates_[static_cast<std::size_t>(c)].effect.joints == terms[i].effect.joints;
+      };
+      for (const Offer& offer : offers(rest, kInPlaceOfTwo, at_its_joints)) {
         std::vector<Term> with = rest;
         with.push_back(offer.term);
         if (search_.bic(search_.fit(with), with) > now + kNoWorse && !sharpen(with)) continue;
@@ -278,7 +298,13 @@ bool Selection::simplify(std::vector<Term>& terms) const {
     if (stays(terms[i])) continue;
     const std::vector<Term> rest = without(terms, i);
     const double base = search_.bic(search_.gain_of(rest), rest);
-    for (const Offer& offer : offers(rest, kRefined + 2)) {
+    const auto simpler = [&](int candidate) {
+      const Candidate& c = candidates_[static_cast<std::size_t>(candidate)];
+      return std::ranges::any_of(terms[i].effect.joints, [&](int j) {
+        return std::ranges::find(c.effect.joints, j) != c.effect.joints.end();
+      });
+    };
+    for (const Offer& offer : offers(rest, kRivals, simpler)) {
       if (offer.term.num_parameters() >= terms[i].num_parameters() ||
           base - offer.delta_bic > now + kSameClass ||
           search_.replaced_share(offer.term, terms[i], rest) < kChild)
@@ -316,6 +342,7 @@ bool Selection::sharpen(std::vector<Term>& terms) const {
     const std::vector<Term> rest = without(terms, i);
     Term moved = terms[i];
     moved.shapes.push_back(k);
+    if (search_.gain_by_shape(terms, i, k) < kPromise * options_.accept) continue;
     std::vector<Term> with = rest;
     with.push_back(refined(search_, std::move(moved), rest));
     if (search_.bic(search_.fit(with), with) >
@@ -426,12 +453,12 @@ void Selection::drop_unstable(std::vector<Term>& terms) {
     for (std::size_t i = 0; i < terms.size(); ++i) {
       stand_for[i].push_back(static_cast<int>(i));
       if (stays(terms[i])) continue;
-      for (Offer& offer : offers(without(terms, i), kRefined + 2)) {
+      for (const Offer& offer : rivals(without(terms, i))) {
         const auto at = std::ranges::find(contenders, offer.term.candidate, &Term::candidate);
         const auto index = at - contenders.begin();
         if (index >= static_cast<long>(terms.size()))
           stand_for[i].push_back(static_cast<int>(index));
-        if (at == contenders.end()) contenders.push_back(std::move(offer.term));
+        if (at == contenders.end()) contenders.push_back(offer.term);
       }
     }
     const std::vector<HalfChoice> halves =
@@ -463,7 +490,7 @@ void Selection::add_rivals(const std::vector<Term>& terms, std::size_t which, Ca
   const double best = search_.bic(search_.gain_of(terms), terms);
   const double base = search_.bic(search_.gain_of(rest), rest);
   const int own = terms[which].num_parameters();
-  for (const Offer& offer : offers(rest, kRefined + 2)) {
+  for (const Offer& offer : rivals(rest)) {
     if (offer.term.candidate == terms[which].candidate) continue;
     const Candidate& c = candidates_[static_cast<std::size_t>(offer.term.candidate)];
     const Rival rival{c.effect.info().name, c.effect.where, base - offer.delta_bic - best};

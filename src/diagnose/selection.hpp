@@ -41,7 +41,11 @@ class Selection {
   /// that is better.
   Term offered(const Score& score, const std::vector<Term>& terms) const;
   /// The best candidates beside `terms`, shapes refined, best first.
-  std::vector<Offer> offers(const std::vector<Term>& terms, int how_many) const;
+  /// @param wanted  of which; nothing: of all
+  std::vector<Offer> offers(const std::vector<Term>& terms, int how_many,
+                            const Wanted& wanted = {}) const;
+  /// The same of all candidates, remembered until the base moves.
+  const std::vector<Offer>& rivals(const std::vector<Term>& terms) const;
   bool add_one(std::vector<Term>& terms);
   /// Model, columns and noise that go with the terms.
   void renew(std::vector<Term>& terms);
@@ -82,6 +86,8 @@ class Selection {
   std::vector<int> refused_candidates_;
   std::vector<int> impossible_;   ///< candidates
   mutable std::map<int, Term> refined_;  ///< shapes and parameters, where they were last
+  /// By candidates and parameters of the terms beside them.
+  mutable std::map<std::vector<double>, std::vector<Offer>> rivals_;
   std::map<int, double> chosen_;  ///< share of halves that choose a candidate; empty: not asked
 };
 

@@ -48,9 +48,6 @@ std::string cause_words(const Cause& cause) {
 
 bool is_named(const Cause& cause) { return cause.verdict != Verdict::kUnknown; }
 
-/// Share of the held-out error that all causes remove: less is no word in a sentence.
-constexpr double kWorthWords = 0.05;
-
 /// "coulomb friction at elbow, wrist and tool (coulomb 0.12 to 0.53 N·m)"
 std::string alike_words(const std::vector<const Cause*>& alike) {
   std::vector<std::string> where;

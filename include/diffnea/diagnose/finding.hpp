@@ -124,6 +124,10 @@ struct Gain {
   }
 };
 
+/// Share of the held-out error that all causes remove: a cause with less is no word in a sentence,
+/// and worth no experiment.
+inline constexpr double kWorthWords = 0.05;
+
 /// An effect that the model lacks.
 struct Cause {
   std::string effect;
