@@ -55,7 +55,9 @@ class Climb {
       for (const MotionWindow& from : windows_)
         if (from.stretch == w.stretch && from.first == w.first) w.state = from.state;
       if (!go_on_()) return false;
-      fit_state(simulator(w), motion_.stretches[w.stretch], w, motion_.tolerance, kStateFit);
+      StateFitOptions options = kStateFit;  // beyond the tolerance, by how much is of no interest
+      options.hopeless = 0.5 * static_cast<double>(w.rows * motion_.tolerance.size());
+      fit_state(simulator(w), motion_.stretches[w.stretch], w, motion_.tolerance, options);
     }
     windows_ = std::move(next);
     return true;
@@ -148,7 +150,7 @@ class Both {
     for (const double horizon : ladder) {
       windows = lengthened(motion_.stretches, windows, horizon, most_);
       if (windows.empty() || !at(horizon, windows, ladder.front())) break;
-      if (ends_[0] && ends_[1]) break;  // how long they follow is known
+      if (!goes_on_[0] && !goes_on_[1]) break;
     }
     if (out_.horizons.empty()) {
       out_.joints.clear();
@@ -178,7 +180,6 @@ class Both {
       report(m, errors.left, horizon);
       // Where half of the windows fall apart, longer ones would say nothing new.
       goes_on_[m] = 2 * errors.left.size() < windows.size();
-      ends_[m] = ends_[m] || !goes_on_[m] || (m == 0 ? h.base : h.extended) > 1.0;
       kept_[m].push_back(climbs_[m].windows());
     }
     if (alike_) {
@@ -186,7 +187,6 @@ class Both {
       h.extended_rmse = h.base_rmse;
       h.extended_apart = h.base_apart;
       goes_on_[1] = false;
-      ends_[1] = ends_[0];
     }
     out_.horizons.push_back(std::move(h));
     return true;
@@ -270,7 +270,7 @@ class Both {
   bool alike_;
   std::array<Climb, 2> climbs_;
   double most_;  ///< work at a horizon
-  std::array<bool, 2> goes_on_{true, true}, ends_{}, reported_{};
+  std::array<bool, 2> goes_on_{true, true}, reported_{};
   std::array<std::vector<std::vector<MotionWindow>>, 2> kept_;  ///< windows of each horizon
   SimulatedMotion out_;
 };

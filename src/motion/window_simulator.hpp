@@ -2,6 +2,8 @@
 /// A model that simulates windows from first states: what estimating these states needs of it.
 /// Internal to the library.
 
+#include <limits>
+
 #include <diffnea/core/triangular_factor.hpp>
 #include <diffnea/motion/window.hpp>
 
@@ -32,6 +34,8 @@ struct StateFitOptions {
   int max_iterations = 50;  ///< Gauss–Newton steps
   double tolerance = 1e-5;  ///< stop when a step gains a smaller share of the cost
   double enough = 0.0;      ///< cost that leaves nothing to gain
+  /// Cost that no better state is worth exact rows for, where they promise no less.
+  double hopeless = std::numeric_limits<double>::infinity();
 };
 
 /// Estimates the first state of one window, from the one that it has.
