@@ -148,16 +148,13 @@ bool has_size(const Candidate& c, const Term& term) {
 }
 
 std::vector<CauseParameter> sizes(const Search& search, const std::vector<Term>& terms,
-                                  std::size_t which, const MatX<double>& covariance, double lm) {
+                                  std::size_t which, const MatX<double>& covariance) {
   const Term& t = terms[which];
   const Candidate& c = search.candidates()[static_cast<std::size_t>(t.candidate)];
   const bool shapes_show = t.shapes.size() >= c.shapes.size();
   // Where stiffness and rotor show as their ratio alone, they are as good as the declared rotor.
   const bool by_rotor = has_size(c, t) && !shapes_show;
   const double of_word = c.rotor > 0.0 && shapes_show ? 0.0 : c.held;
-  const double late = late_turns(search, t, terms);
-  const double inexact =
-      std::hypot(kColumnError, late > 0.0 ? std::sqrt(late / std::max(late, lm)) / kSigmas : 0.0);
   const std::vector<bool> nonnegative = signs(t.effect, t.linear);
   const auto by_noise = [&](long at) { return std::sqrt(covariance(at, at)); };
   std::vector<CauseParameter> out;
@@ -168,7 +165,7 @@ std::vector<CauseParameter> sizes(const Search& search, const std::vector<Term>&
     const auto shape = std::ranges::find(t.shapes, static_cast<int>(k));
     if (linear != t.linear.end()) {
       const long at = linear - t.linear.begin();
-      double std = std::hypot(by_noise(at), inexact * p.value);
+      double std = std::hypot(by_noise(at), kColumnError * p.value);
       if (by_rotor) std = std::hypot(std, of_word * p.value);
       // It hangs on a shape that does not show; or the base hides it, as an offset a spring's rest.
       if ((!by_rotor && !shapes_show) || t.shares[static_cast<std::size_t>(at)] < kAbsorbed)
@@ -177,10 +174,10 @@ std::vector<CauseParameter> sizes(const Search& search, const std::vector<Term>&
     } else if (shape != t.shapes.end()) {
       const double noise = by_noise(t.width() + (shape - t.shapes.begin()));
       if (scale(info) == Scale::kPlain)
-        set_interval(p, std::hypot(noise, inexact * p.value));
+        set_interval(p, std::hypot(noise, kColumnError * p.value));
       else  // noise makes a ripple's column smaller, not its angles
         set_log_interval(p,
-                         std::hypot(noise, info.name == "cycles" ? kAngleError : inexact, of_word),
+                         std::hypot(noise, info.name == "cycles" ? kAngleError : kColumnError, of_word),
                          info.most);
     } else if (by_rotor && info.name == "stiffness") {
       set_log_interval(p, std::hypot(kColumnError, of_word), info.most);

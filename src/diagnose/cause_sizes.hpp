@@ -16,8 +16,8 @@ std::vector<MatX<double>> covariances(const Search& search, const std::vector<Te
 bool has_size(const Candidate& candidate, const Term& term);
 
 /// The parameters of a term with their 95 % intervals; NaN: held, or not told.
-/// @param covariance  of terms[which]; `lm` is what it removes from χ²
+/// @param covariance  of terms[which]
 std::vector<CauseParameter> sizes(const Search& search, const std::vector<Term>& terms,
-                                  std::size_t which, const MatX<double>& covariance, double lm);
+                                  std::size_t which, const MatX<double>& covariance);
 
 }  // namespace diffnea

@@ -66,7 +66,7 @@ VecX<double> torque_squares(const Tree<double>& tree, const JointSeries& s,
 
 Evidence::Evidence(const Model& model, const FitLayout& layout, const RecordingSource& source,
                    const PreprocessPlan& plan, double period, const IdentifyOptions& options,
-                   Turns at_turns, int first_run, const Evidence* fitted)
+                   int first_run, const Evidence* fitted)
     : num_dofs_(layout.num_dofs),
       first_run_(first_run),
       runs_(source.runs()),
@@ -89,7 +89,7 @@ Evidence::Evidence(const Model& model, const FitLayout& layout, const RecordingS
   take_rows(model, held, plan, collector);
   if (apart_)
     seen_base_ = regress(model, held, plan, collector, series_, nullptr);
-  take_motion(layout, plan, positions, at_turns, fitted);
+  take_motion(layout, plan, positions, fitted);
   set_reference(model);
   const MatX<double> turns_of_base = turns(layout);
   for (MatX<double>* base : {&base_, &seen_base_}) {
@@ -315,7 +315,7 @@ void Evidence::take_rows(const Model& model, const FitLayout& layout, const Prep
 }
 
 void Evidence::take_motion(const FitLayout& layout, const PreprocessPlan& plan,
-                           const std::vector<RowMatX<double>>& positions, Turns at_turns,
+                           const std::vector<RowMatX<double>>& positions,
                            const Evidence* fitted) {
   VecX<double> speed = VecX<double>::Zero(num_dofs_), acceleration = speed;
   long samples = 0;
@@ -335,7 +335,7 @@ void Evidence::take_motion(const FitLayout& layout, const PreprocessPlan& plan,
   std::map<int, StuckRows> stuck;
   for (const int j : dry_joints(layout))
     if (static_cast<std::size_t>(j) < plan.q_noise.size())
-      stuck[j] = stuck_at(j, !fitted                                    ? at_turns
+      stuck[j] = stuck_at(j, !fitted                                    ? Turns::kLeftOut
                              : std::ranges::count(fitted->sticking_, j) ? Turns::kAllLeftOut
                                                                         : Turns::kKept);
   take_states(stuck, speed);
@@ -355,10 +355,8 @@ void Evidence::take_motion(const FitLayout& layout, const PreprocessPlan& plan,
   if (again) take_states(stuck, speed);
   for (const auto& [j, rows] : stuck)
     if (rows.everywhere) sticking_.push_back(j);
-  for (const int j : joints_) {
+  for (const int j : joints_)
     turns_per_second_.push_back(turn_rate(series_, j, kRestShare * speed[j]));
-    late_.push_back(stuck.contains(j) ? plan.dt * stuck[j].late : 0.0);
-  }
 }
 
 long Evidence::rows_between(long k) const {

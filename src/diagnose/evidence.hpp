@@ -28,7 +28,6 @@ class Evidence {
  public:
   /// @param layout     of the base model
   /// @param period     of the motion [s]; 0: not periodic
-  /// @param at_turns   of joints that stick at each of them
   /// @param first_run  number of the source's first recording among all that the layout knows
   /// @param fitted     of a held-out recording, that of the fitted one: turns of the same joints
   /// are
@@ -37,7 +36,7 @@ class Evidence {
   ///   alone
   Evidence(const Model& model, const FitLayout& layout, const RecordingSource& source,
            const PreprocessPlan& plan, double period, const IdentifyOptions& options,
-           Turns at_turns = Turns::kLeftOut, int first_run = 0, const Evidence* fitted = nullptr);
+           int first_run = 0, const Evidence* fitted = nullptr);
 
   long rows() const { return torque_.size(); }
   /// Rows of one joint; the same instants for all.
@@ -101,8 +100,6 @@ class Evidence {
   double signal_noise(long k) const { return unit_[k]; }
   /// How often the k-th of joints() turns back [1/s].
   double turns_per_second(long k) const { return turns_per_second_[static_cast<std::size_t>(k)]; }
-  /// How long it sticks meanwhile [s], RMS, where it does at each of its turns; of Turns::kKept.
-  double late(long k) const { return late_[static_cast<std::size_t>(k)]; }
   /// Positions, velocities, accelerations that go with rows of the k-th of joints(), (times(),
   /// num_dofs()): weighed means of the past, as the rows are.
   ///@{
@@ -185,8 +182,7 @@ class Evidence {
   /// States of these instants; where joints rest, stick and turn.
   /// @param positions  as logged, a matrix for each stretch
   void take_motion(const FitLayout& layout, const PreprocessPlan& plan,
-                   const std::vector<RowMatX<double>>& positions, Turns at_turns,
-                   const Evidence* fitted);
+                   const std::vector<RowMatX<double>>& positions, const Evidence* fitted);
   /// @param stuck  by joint  @param speed  RMS, (num_dofs())
   void take_states(const std::map<int, StuckRows>& stuck, const VecX<double>& speed);
   /// Rows of the k-th of joints() that whitening has enough rows before.
@@ -205,7 +201,7 @@ class Evidence {
   int num_dofs_ = 0, first_run_ = 0;
   double earliest_instant_ = -0.5, latest_instant_ = 1.0;
   bool has_instant_ = false;
-  std::vector<double> turns_per_second_, late_, cut_off_;
+  std::vector<double> turns_per_second_, cut_off_;
   bool repeats_ = false, apart_ = false;
   std::vector<int> joints_, dry_columns_, sticking_;
   std::vector<JointSeries> series_;

@@ -68,25 +68,11 @@ VecX<double> inexact_friction(const Search& search, const std::vector<Term>& ter
   VecX<double> out(static_cast<long>(evidence.joints().size()));
   for (long k = 0; k < out.size(); ++k) {
     double share = kBaseDryAccuracy * kBaseDryAccuracy;
-    if (of_late_turns || evidence.late(k) > 0.0) {
-      const double late = std::max(kLateTurn, evidence.late(k));
-      share =
-          std::max(share, 4.0 * late * late * evidence.cut_off(k) * evidence.turns_per_second(k));
-    }
+    if (of_late_turns)
+      share = std::max(share, 4.0 * kLateTurn * kLateTurn * evidence.cut_off(k) *
+                                  evidence.turns_per_second(k));
     out[k] = share * friction.segment(k * m, m).squaredNorm();
   }
-  return out;
-}
-
-double late_turns(const Search& search, const Term& term, const std::vector<Term>& terms) {
-  const Evidence& evidence = search.evidence();
-  const VecX<double> unknown = inexact_friction(search, terms, true);
-  double out = 0.0;
-  for (long k = 0; k < unknown.size(); ++k)
-    if (const int j = evidence.joints()[static_cast<std::size_t>(k)];
-        evidence.late(k) > 0.0 &&
-        std::ranges::find(term.effect.joints, j) != term.effect.joints.end())
-      out += unknown[k];
   return out;
 }
 

@@ -14,13 +14,8 @@ double inexact_at(const Search& search, const Term& term, const std::vector<Term
 
 /// χ² that the base leaves at each of evidence().joints() because the torque of its dry friction is
 /// not exact: no function of the motion tells it.
-/// @param of_late_turns  what passes for other functions of the velocity is more; where turns are
-///   kept at which the joint sticks, all of it
+/// @param of_late_turns  what passes for other functions of the velocity is more
 VecX<double> inexact_friction(const Search& search, const std::vector<Term>& terms,
                               bool of_late_turns);
-
-/// That of late turns at the joints of a term, where they stick and their turns are kept: so much
-/// of what the term removes may be none of its.
-double late_turns(const Search& search, const Term& term, const std::vector<Term>& terms);
 
 }  // namespace diffnea

@@ -111,7 +111,7 @@ void prepare(JointCase& c) {
     c.finding.notes.push_back(joint_names(c.model)[static_cast<std::size_t>(j)] +
                               " sticks wherever it turns back: its turns are left out, and what "
                               "shows there alone (Stribeck friction, gaps, springs that friction "
-                              "winds up), which is looked for once more with them, may be missed");
+                              "winds up) may be missed");
   if (!c.train->repeats()) c.period = 0.0;  // does not repeat well enough
   if (c.test_source) {
     const std::vector<Recording> held = c.test_source->sample();
@@ -122,7 +122,7 @@ void prepare(JointCase& c) {
     const double dt = c.test_plan.dt;
     c.test = std::make_unique<Evidence>(
         c.model, c.layout, *c.test_source, c.test_plan, dt * std::round(period / dt), reading,
-        Turns::kLeftOut, static_cast<int>(c.train_source.runs().size()), c.train.get());
+        static_cast<int>(c.train_source.runs().size()), c.train.get());
     require_same_joints(joint_names(c.model), *c.train, *c.test, held.front().source);
     require_blocks(*c.test, held.front().source);
     c.finding.held_out = "test recording";

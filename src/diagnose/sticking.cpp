@@ -46,20 +46,6 @@ bool stands(const Turn& turn, const Standstill& still) {
   return turn.rows() >= still.lasting || (turn.rows() >= still.rows && turn.rest > kRests);
 }
 
-/// Of a joint that sticks at its turns, those that are no standstills: how much longer they take,
-/// RMS.
-double late_rows(const std::vector<Turn>& turns, const Standstill& still) {
-  double sum = 0.0;
-  long kept = 0;
-  for (const Turn& t : turns) {
-    if (t.rest < kTurns || stands(t, still)) continue;
-    const double late = static_cast<double>(t.rows()) * std::max(0.0, 1.0 - 1.0 / t.rest);
-    sum += late * late;
-    ++kept;
-  }
-  return kept ? std::sqrt(sum / static_cast<double>(kept)) : 0.0;
-}
-
 /// Rows [first, last], between `low` and `high`.
 Turn turn_of(const VecX<double>& q, long first, long last, double low, double high, double band) {
   const double top = low + kWider * band, bottom = high - kWider * band;
@@ -153,12 +139,7 @@ StuckRows stuck_rows(const std::vector<VecX<double>>& positions, const Standstil
     return out;
   };
   if (what == Turns::kAllLeftOut) return leave_out(true);
-  if (!sticks_at_turns(all)) return leave_out(false);
-  if (what == Turns::kKept) {
-    StuckRows out = leave_out(false);
-    out.late = late_rows(all, still);
-    return out;
-  }
+  if (what == Turns::kKept || !sticks_at_turns(all)) return leave_out(false);
   StuckRows out = leave_out(true);
   long left_out = 0, rows = 0;
   for (const std::vector<bool>& stretch : out.rows) {

@@ -57,7 +57,6 @@ enum class Turns {
 struct StuckRows {
   std::vector<std::vector<bool>> rows;
   bool everywhere = false;  ///< all turns are left out
-  double late = 0.0;  ///< how much longer than without sticking they take [rows], RMS; of kKept
 };
 
 /// @param positions  logged, of one joint, a stretch each

@@ -107,7 +107,7 @@ def plan(args: argparse.Namespace, all_families: list[str]) -> list[Case]:
             count = args.none if is_none(family) else args.count
             if args.family and family not in args.family:
                 continue
-            first = FIRST_SEED[args.set]
+            first = FIRST_SEED[args.set] + args.skip
             cases += [Case(group, family, first + i) for i in range(count)]
     # Spread over the families, so that what is finished is always a fair sample.
     return sorted(cases, key=lambda c: (c.seed, c.name))
@@ -269,6 +269,9 @@ def main() -> None:
     parser.add_argument("--set", choices=FIRST_SEED, default="tune", help="which seeds")
     parser.add_argument("--count", type=int, default=20, help="cases a family and group")
     parser.add_argument("--none", type=int, default=400, help="cases that hide nothing")
+    parser.add_argument(
+        "--skip", type=int, default=0, help="seeds of each family that were looked at"
+    )
     parser.add_argument("--family", action="append", help="only this one; may be repeated")
     parser.add_argument("--group", action="append", choices=[g.name for g in GROUPS])
     parser.add_argument("--jobs", type=int, default=os.cpu_count())
@@ -296,7 +299,7 @@ def main() -> None:
         for case in cases:
             if (args.folder / case.name / "score.json").exists():
                 rescore(args.folder / case.name)
-    first = FIRST_SEED[args.set]
+    first = FIRST_SEED[args.set] + args.skip
     title = f"Hidden effects, generator `{args.generator}`, set `{args.set}` (seeds from {first})"
     text = figures.table(stored(cases, args.folder), title)
     (args.folder / f"{args.set}.md").write_text(text, encoding="utf-8")
