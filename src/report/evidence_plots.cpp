@@ -32,8 +32,10 @@ class Plots {
 
   std::vector<EvidencePlot> run() {
     for (const Cause* c : causes_) add(*c);
-    for (const Witness& w : finding_.witness)
+    for (const Witness& w : finding_.witness) {
       for (const std::string& variable : w.variables) add_witness(w.where, variable);
+      if (const ResidualSeries* s = series(w.where)) time(*s);
+    }
     if (plots_.empty()) overview();
     if (plots_.size() > kMostPlots) plots_.resize(kMostPlots);
     return std::move(plots_);

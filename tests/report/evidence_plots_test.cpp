@@ -66,5 +66,16 @@ TEST_CASE("evidence plots: friction is shown over velocity, before and after", "
   }
 }
 
+TEST_CASE("evidence plots: a witness is seen over what it depends on and over time, with its band",
+          "[report]") {
+  Finding finding = rubbing();
+  finding.witness = {{"elbow", {"qd_elbow"}, 0.9, 100.0}};
+  const std::vector<EvidencePlot> plots = evidence_plots(finding);
+  REQUIRE(plots.size() == 2);
+  CHECK(plots[0].kind == "velocity");
+  CHECK(plots[1].kind == "time");
+  for (const EvidencePlot& p : plots) CHECK(p.curves[0].low.size() == p.x.size());
+}
+
 }  // namespace
 }  // namespace diffnea::evidence_plots_test
