@@ -8,7 +8,7 @@
 namespace diffnea {
 namespace {
 
-/// What of a model ForwardDynamics has derivatives of.
+/// The part of a model that ForwardDynamics has derivatives of.
 ExtendedTree of_one_instant(ExtendedTree model) {
   model.series.clear();
   std::erase_if(model.effects, [](const BoundEffect& e) {

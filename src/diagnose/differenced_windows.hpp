@@ -33,7 +33,7 @@ class DifferencedWindows : public WindowSimulator {
     VecX<double> state;                     ///< first state that was simulated last
     RowMatX<double> simulated;              ///< (rows, n) positions from it
     std::vector<RowMatX<double>> by_state;  ///< (rows, n) ∂q/∂ each number of a state
-    bool differences = false;               ///< whether they are, from now on
+    bool differences = false;               ///< makes them by differences from now on
   } last_;
   ForwardDynamics dynamics_;  ///< with the effects that it has derivatives of
 };

@@ -42,7 +42,7 @@ class ExperimentTrial {
   Whitener whitener_;
   Projection projection_;
   double seconds_;       ///< of the motion
-  std::vector<MatX<double>> columns_;  ///< of each cause, beside the base, once asked for
+  std::vector<MatX<double>> columns_;  ///< one for each cause, beside the base, once asked for
   MatX<double> others_;                ///< basis of what the other causes may take
 };
 

@@ -36,7 +36,7 @@ class Projection {
                                  columns) const;
   /// Products of what the base leaves of columns with its residual, (k).
   VecX<double> with_residual(const Beside& columns) const;
-  /// What the base leaves of columns, written out, (rows() + prior rows, k).
+  /// Columns beside the base, written out, (rows() + prior rows, k).
   MatX<double> expanded(const Beside& columns) const;
   MatX<double> project(const MatX<double>& columns) const { return expanded(beside(columns)); }
   const VecX<double>& residual() const { return residual_; }

@@ -58,7 +58,7 @@ class ScoreTable {
     Beside beside;
     VecX<double> norms;          ///< of whitened columns
     MatX<double> gram;           ///< of what the base leaves of them
-    VecX<double> with_residual;  ///< that times the base's residual
+    VecX<double> with_residual;  ///< products of the same with its residual
 
     long width() const { return gram.cols() - offset; }
   };

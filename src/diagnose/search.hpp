@@ -36,7 +36,7 @@ class Search {
   /// Linear parameters of all terms together; sets their values. @return what they remove from χ²
   double fit(std::vector<Term>& terms) const;
   double gain_of(const std::vector<Term>& terms) const;
-  /// What a shape of one of the terms would remove from χ² if all were linear in it.
+  /// Gain of a shape of one of the terms, if all were linear in it.
   double gain_by_shape(const std::vector<Term>& terms, std::size_t which, int shape) const;
 
   NormalEquations normal(const std::vector<const Term*>& terms) const;

@@ -23,7 +23,7 @@ constexpr double kSameClass = 10.0;  ///< ΔBIC
 constexpr double kNoWorse = 6.0;     ///< ΔBIC, no strong evidence yet (Kass and Raftery 1995)
 /// ΔBIC of a cause whose size the recording does not tell, at least: any noise has some shape.
 constexpr double kSizeless = 50.0;
-/// Of what a shape must gain, what its derivative must promise before it is refined.
+/// Promise of a shape's derivative, over the gain that it needs, from which it is refined.
 constexpr double kPromise = 0.5;
 constexpr const char* kImpossible = "comes to a size that no robot has, beside the others";
 /// Share of the halves in which a rival is chosen, to be of the class of a cause that is not chosen

@@ -53,7 +53,7 @@ Term term_at(const Candidate& candidate, int index, const std::vector<double>& p
 /// Sets the columns, and the offset where the torque is not linear in the parameters.
 void set_torque(const Evidence& evidence, const Candidate& candidate, Term& term);
 
-/// Of the linear parameters of several terms together, the base eliminated.
+/// Normal equations of the linear parameters of several terms, the base eliminated.
 struct NormalEquations {
   MatX<double> K;          ///< (k, k)
   VecX<double> b;          ///< (k)

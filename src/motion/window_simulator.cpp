@@ -28,7 +28,7 @@ void fit_state(WindowSimulator& simulator, const MotionStretch& stretch, MotionW
     now = best;
     if (now < options.enough) return;
     if (gained > options.tolerance * now) continue;
-    constexpr double kMuch = 0.1;  // of the cost: what inexact rows promise and do not keep
+    constexpr double kMuch = 0.1;  // share of the cost that inexact rows promise and do not keep
     const double promised = 0.5 * reduced.top.col(0).squaredNorm();
     if (!(promised > kMuch * now) || now - promised > options.hopeless || !simulator.sharpen())
       return;

@@ -253,7 +253,7 @@ class Plots {
     const ResidualSeries *of = series(where), *by = series(channel.substr(bar + 1));
     const std::string what = channel.substr(0, bar);
     if (!of || !by || of->time.size() != by->time.size()) return;
-    const std::string unit = position_unit(*by), at = " of " + by->joint;
+    const std::string unit = position_unit(*by), at = by == of ? "" : " of " + by->joint;
     if (what == "q") over("position", *of, by->q, "position" + at, unit);
     if (what == "qd") over("velocity", *of, by->qd, "velocity" + at, unit + "/s");
     if (what == "qdd") over("acceleration", *of, by->qdd, "acceleration" + at, unit + "/s^2");
