@@ -42,7 +42,7 @@ RowMatX<double> series_torque(const BoundEffect& effect, const ExtendedTree& bas
 RowMatX<double> series_torque(const BoundEffect& effect, const Tree<double>& tree,
                               const JointSeries& x, const double* p);
 
-/// ∂ of it with respect to the parameters `which` at p, one (N, n) matrix each, on the scale of the
+/// Derivatives of it by the parameters `which` at p, one (N, n) matrix each, on the scale of the
 /// parameter: Scale::kLinear and kPlain ∂/∂p, kLog ∂/∂ln p. For a linear one that is the torque of
 /// one unit of it. Exact for linear parameters and for the port kJointTorque (Jets), else
 /// differences good to six digits (five at 0, below which there is none).
