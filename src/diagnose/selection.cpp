@@ -31,7 +31,7 @@ constexpr const char* kImpossible = "comes to a size that no robot has, beside t
 constexpr double kSomeHalves = 0.1;
 /// Chance at which runs that differ no more than their blocks would still be called different.
 constexpr double kByChance = 0.005;
-constexpr double kStandsIn = 0.5;  ///< of a cause's torque that a rival can take over, at least
+constexpr double kStandsIn = 0.5;  ///< share of a cause's torque that a rival takes over, at least
 constexpr double kChild = 0.98;  ///< of a cause's column that a more general effect reproduces
 
 std::vector<Term> without(const std::vector<Term>& terms, std::size_t i) {
@@ -493,7 +493,7 @@ void Selection::add_rivals(const std::vector<Term>& terms, std::size_t which, Ca
   const int own = terms[which].num_parameters();
   for (const Offer& offer : rivals(rest)) {
     if (offer.term.candidate == terms[which].candidate) continue;
-    // What does something else is no rival, however much the model lacks it.
+    // An effect that does something else is no rival, however much the model lacks it.
     const double alike_share = search_.replaced_share(terms[which], offer.term, rest);
     if (alike_share < kStandsIn) continue;
     const Candidate& c = candidates_[static_cast<std::size_t>(offer.term.candidate)];
