@@ -41,7 +41,7 @@ class JointDiagnosis {
 
  private:
   void select();
-  /// That a base whose drives have no dry friction is better identified first.
+  /// Says that a base whose drives have no dry friction is better identified first.
   void note_friction();
   /// Says where torques act at other instants than the sidecar tells.
   void note_instant();

@@ -254,7 +254,7 @@ void require_shapes(const BoundEffect& effect, const ExtendedTree& base, const J
   }
   if (!(x.dt > 0.0))
     throw ShapeError("series: dt = " + std::to_string(x.dt) + " s, expected above 0");
-  for (const Rows* m : {&x.tau, &x.total, &x.logged}) {
+  for (const Rows* m : {&x.tau, &x.total, &x.logged, &x.inertia}) {
     if (m->size() == 0) continue;
     require_size("series: columns of the torque", m->cols(), n, "joint");
     require_size("series: rows of the torque", m->rows(), x.rows(), "row of q");

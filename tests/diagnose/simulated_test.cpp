@@ -228,6 +228,29 @@ TEST_CASE("diagnose: effects without derivatives are replayed, on any clock, fro
   CHECK(both.horizons.back().extended == Approx(both.horizons.back().base).epsilon(0.05));
 }
 
+TEST_CASE("diagnose: derivatives along the path are those of its first state", "[diagnose]") {
+  const FreeSwing truth;
+  const HeldOutMotion motion = motion_of({free_swing(truth, even_times(0.0, 6.0, 200.0))});
+  const Model model = swing_with(truth.coulomb);
+  MotionWindow window{0, 100, 200, VecX<double>::Zero(2)};
+  const LocalMotion at = local_motion(motion.stretches[0], motion.stretches[0].time[100], 100, 12);
+  window.state << at.q, at.qd;
+  JointWindows exact(extend(model), {}, {}, SteppingOptions{});
+  PathWindows path(extend(model));
+  TriangularFactor of_exact(2), of_path(2);
+  REQUIRE(exact.linearise(motion.stretches[0], window, motion.tolerance, of_exact));
+  REQUIRE(path.linearise(motion.stretches[0], window, motion.tolerance, of_path));
+  const MatX<double> R = of_exact.R(), S = of_path.R();
+  // Steps of a row, of order one: 2 % of each column over a second.
+  CHECK((R.transpose() * R - S.transpose() * S).norm() < 0.05 * (R.transpose() * R).norm());
+  REQUIRE(path.sharpen());
+  CHECK_FALSE(path.sharpen());
+  TriangularFactor of_differences(2);
+  REQUIRE(path.linearise(motion.stretches[0], window, motion.tolerance, of_differences));
+  const MatX<double> D = of_differences.R();
+  CHECK((R.transpose() * R - D.transpose() * D).norm() < 0.01 * (R.transpose() * R).norm());
+}
+
 TEST_CASE("diagnose: whoever interrupts a simulation waits for one window at most", "[diagnose]") {
   const HeldOutMotion motion = motion_of({free_swing({}, even_times(0.0, 40.0, 100.0))});
   for (const int allowed : {0, 5, 40, 77}) {  // 24 windows a model and horizon

@@ -281,6 +281,8 @@ def main() -> None:
     parser.add_argument("--table", action="store_true", help="only write the table")
     parser.add_argument("-o", dest="folder", type=Path, required=True, help="folder of the study")
     args = parser.parse_args()
+    if args.skip < 0:
+        parser.error(f"--skip: got {args.skip}, expected how many seeds of a family to leave out")
 
     generator = (args.build / GENERATORS[args.generator]).resolve()
     command = (args.build / "apps/diffnea").resolve()

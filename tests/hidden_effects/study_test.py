@@ -1,5 +1,6 @@
 """The study's figures against published or exact ones, and its way through the cases."""
 
+import argparse
 import json
 import random
 import subprocess
@@ -43,6 +44,13 @@ def test_size_named_in_finds_the_curve_it_was_drawn_from() -> None:
 def test_the_sets_share_no_seed() -> None:
     tune, report = study.FIRST_SEED["tune"], study.FIRST_SEED["report"]
     assert report - tune > 100_000
+
+
+def test_seeds_that_were_looked_at_are_left_out() -> None:
+    words = {"group": ["main"], "family": None, "count": 2, "none": 0, "set": "report"}
+    planned = study.plan(argparse.Namespace(**words, skip=5), ["cogging"])
+    first = study.FIRST_SEED["report"]
+    assert [case.seed for case in planned] == [first + 5, first + 6]
 
 
 @pytest.fixture
