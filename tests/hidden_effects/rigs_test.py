@@ -14,6 +14,7 @@ from cli import done
 # The shortest recordings in which one effect in two is seen at the first draw.
 OPTIONS = ("--duration", "8", "--noise", "0.003")
 SEED = 7
+LATE_SEED = 3
 
 SMALLEST, LARGEST = 0.003, 0.1
 # Effects are scaled along a part of their motion, with other effects away; what is beyond twice
@@ -104,6 +105,17 @@ def test_other_joints_stay_as_they_are(cases: Cases) -> None:
         hidden = {e["where"] for e in truth["effects"]}
         for joint, share in zip(joints, truth["effect_share"], strict=True):
             assert (share > SMALLEST / SIZE_TOLERANCE) if joint in hidden else (share < ROUNDING)
+
+
+def test_a_late_velocity_is_that_of_the_joint_it_says(rigs: Path, tmp_path: Path) -> None:
+    """The velocity of that joint alone lags behind dq/dt."""
+    truth = made(rigs, "velocity_filter_lag", LATE_SEED, tmp_path / "late", *OPTIONS)
+    (effect,) = truth["effects"]
+    joints = [item["joint"] for item in truth["machine"]["joints"]]
+    assert effect["where"] != joints[0]  # of this seed: else any mistake would pass
+    found = json.loads(done("audit", tmp_path / "late/seen/train.csv", "--json"))
+    late = [f["where"] for f in found["audit"] if f["fault"] == "velocity_filter_lag"]
+    assert late == [effect["where"]]
 
 
 def test_absorbed_effects_are_absorbed(cases: Cases) -> None:

@@ -32,7 +32,8 @@ struct Effect {
   std::function<void(double strength, Rig&)> act;
   std::function<Json(double strength)> parameters;  ///< names of the catalogue, SI
   std::vector<std::string> variables;               ///< channels, outside the catalogue
-  double velocity_lag = 0.0;                        ///< filter of the logged velocities [s]
+  double velocity_lag = 0.0;                        ///< filter of a joint's logged velocity [s]
+  int late_joint = -1;                              ///< whose velocity that is
 };
 
 struct Scene {

@@ -37,7 +37,7 @@ void write_log(const std::filesystem::path& stem, const Case& c, const Recording
   double lag = 0.0;
   Index lag_joint = -1;
   for (const Effect& e : c.effects)
-    if (e.velocity_lag > 0.0) lag = e.velocity_lag, lag_joint = e.joints[0];
+    if (e.velocity_lag > 0.0) lag = e.velocity_lag, lag_joint = e.late_joint;
   std::string text = "time";
   if (many) text += ",run";
   for (const Joint& joint : arm.joints) text += ",q_" + joint.name;

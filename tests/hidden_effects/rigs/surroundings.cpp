@@ -41,6 +41,7 @@ void sensor_effect(Effect& e, int j, Scene& s) {
     e.parameters = [=](double x) { return Json{{"shift", early ? -x : x}}; };
   } else {
     e.velocity_lag = s.draw.ratio(0.004, 0.03);
+    e.late_joint = j;
     e.start = e.limit = 0.0;
     e.act = [](double, Rig&) {};
     e.parameters = [lag = e.velocity_lag](double) { return Json{{"lag", lag}}; };
