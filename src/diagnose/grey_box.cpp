@@ -171,8 +171,8 @@ class Trial {
       return held_out_.errors_with(search_, terms_, with.there, with.here);
     };
     const VecX<double> without = errors(beside), with = errors(out.torque);
-    const HeldOutChange change =
-        held_out_.compare(held_out_.whitened(search_, without), held_out_.whitened(search_, with));
+    const HeldOutChange change = held_out_.compare(held_out_.predicted(search_, without),
+                                                   held_out_.predicted(search_, with));
     out.cause.gain = {
         std::sqrt(change.before), std::sqrt(change.after), 0.0, 0.0, change.low, change.high};
     if (change.before > 0.0) out.cause.gain.explained_share = 1.0 - change.after / change.before;

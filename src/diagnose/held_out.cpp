@@ -93,6 +93,42 @@ VecX<double> HeldOut::whitened(const Search& search, const VecX<double>& errors)
   return whitener(errors);
 }
 
+const HeldOut::Known& HeldOut::known(const Search& search) const {
+  if (known_.revision == search.revision()) return known_;
+  const BasePrior& prior = search.projection().prior();
+  const long n = evidence_.rows(), m = evidence_.times(), p = static_cast<long>(prior.free.size());
+  MatX<double> rows(n, p);
+  for (long k = 0; k < n / m; ++k)
+    rows.middleRows(k * m, m) = evidence_.without_scale(
+        k, evidence_.base().middleRows(k * m, m), prior.x0)(Eigen::all, prior.free);
+  known_.columns = Whitener(evidence_, search.whitener().noise(), used_)(rows);
+  known_.root = search.projection().root();
+  MatX<double> both(known_.root.rows() + n, p);
+  both << known_.root, known_.columns;
+  known_.scale = both.colwise().norm().transpose();
+  for (double& s : known_.scale) s = s > 0.0 ? 1.0 / s : 1.0;
+  known_.both.setThreshold(kRankTolerance);
+  known_.both.compute(both * known_.scale.asDiagonal());
+  known_.revision = search.revision();
+  return known_;
+}
+
+Prediction HeldOut::predicted(const Search& search, const std::vector<Term>& terms) const {
+  return predicted(search, errors(search, terms));
+}
+
+Prediction HeldOut::predicted(const Search& search, const VecX<double>& errors) const {
+  Prediction out{whitened(search, errors)};
+  if (search.projection().prior().free.empty()) return out;
+  const Known& k = known(search);
+  VecX<double> y = VecX<double>::Zero(k.root.rows() + out.left.size());
+  y.tail(out.left.size()) = out.left;
+  const VecX<double> move = k.scale.cwiseProduct(k.both.solve(y));
+  out.left -= k.columns * move;
+  out.moved = (k.root * move).squaredNorm();
+  return out;
+}
+
 std::vector<std::pair<std::size_t, double>> HeldOut::shares(const Search& search,
                                                             const std::vector<Term>& terms) const {
   const VecX<double> none = errors(search, {});
@@ -164,7 +200,8 @@ std::vector<HeldOutOffset> HeldOut::offsets(const VecX<double>& errors) const {
   return out;
 }
 
-HeldOutChange HeldOut::compare(const VecX<double>& before, const VecX<double>& after) const {
+HeldOutChange HeldOut::compare(const Prediction& without, const Prediction& with) const {
+  const VecX<double>&before = without.left, &after = with.left;
   const long m = evidence_.times();
   long instants = 0;  // that count
   for (long i = 0; i < m; ++i) {
@@ -190,12 +227,15 @@ HeldOutChange HeldOut::compare(const VecX<double>& before, const VecX<double>& a
     square.push_back(s);
     removed.push_back(d);
   }
+  const double blocks = static_cast<double>(square.size());
+  for (double& s : square) s += without.moved / blocks;
+  for (double& d : removed) d += (without.moved - with.moved) / blocks;
   HeldOutChange out;
   long rows = 0;
   for (long i = 0; i < before.size(); ++i) rows += before[i] != 0.0 || after[i] != 0.0;
   if (square.empty() || rows == 0) return out;
-  out.before = before.squaredNorm() / static_cast<double>(rows);
-  out.after = after.squaredNorm() / static_cast<double>(rows);
+  out.before = (before.squaredNorm() + without.moved) / static_cast<double>(rows);
+  out.after = (after.squaredNorm() + with.moved) / static_cast<double>(rows);
   Rng rng(seed_ + 0x9e37);
   std::vector<double> shares(kResamples);
   for (double& share : shares) {

@@ -1,5 +1,11 @@
 #pragma once
 /// What terms are worth on rows that no fit has seen. Internal to diagnose/.
+///
+/// The fitted rows know the base parameters within errors, and another motion makes more of these
+/// than of the noise. A prediction e = y − X x̂ has the covariance I + X P Xᵀ, P that of x̂, so that
+/// its likelihood is eᵀ(I + X P Xᵀ)⁻¹e = min over δ of ‖e − X δ‖² + δᵀP⁻¹δ: base parameters that
+/// suit both, at what that costs on the fitted rows (Gelman et al. 2013, sec. 14.3). With x̂ as it
+/// is, what a cause removes drowns in what the base is wrong by, or what it adds hides there.
 
 #include <cstdint>
 #include <string>
@@ -24,6 +30,12 @@ struct HeldOutOffset {
   double share = 0.0;            ///< of the mean square error of rows in which it moves
 };
 
+/// A model on held-out rows, at the base parameters that suit these and the fitted rows.
+struct Prediction {
+  VecX<double> left;   ///< (rows()) errors in units of noise; 0 in rows that do not count
+  double moved = 0.0;  ///< χ² that it costs on the fitted rows
+};
+
 class HeldOut {
  public:
   /// @param used  (rows()) rows that are held out; empty: all
@@ -39,10 +51,14 @@ class HeldOut {
   /// Errors in units of noise; 0 in rows that do not count.
   VecX<double> whitened(const Search& search, const VecX<double>& errors) const;
 
+  /// The model with `terms`, of which errors() are.
+  Prediction predicted(const Search& search, const std::vector<Term>& terms) const;
+  Prediction predicted(const Search& search, const VecX<double>& errors) const;
+
   /// Blocks of consecutive instants are drawn with replacement (Künsch 1989), all joints together:
   /// of a second, or of half a second and more where there are less than eight seconds. Of fewer
-  /// than kFewestBlocks the interval holds 0.
-  HeldOutChange compare(const VecX<double>& before, const VecX<double>& after) const;
+  /// than kFewestBlocks the interval holds 0. What moving the base costs, all blocks pay alike.
+  HeldOutChange compare(const Prediction& before, const Prediction& after) const;
 
   /// The terms in an order in which each removes most of the mean square that those before it leave,
   /// that of each joint counting alike, with its share of what all of them remove; NaN where they
@@ -60,9 +76,20 @@ class HeldOut {
   /// Takes each run's mean out of a joint's errors.
   void take_means(int joint, VecX<double>& errors) const;
 
+  /// What fitted and held-out rows know of the free base parameters.
+  struct Known {
+    long revision = -1;                             ///< of the search's projection
+    MatX<double> root;                              ///< of the fitted rows
+    MatX<double> columns;                           ///< of the held-out rows, whitened
+    VecX<double> scale;                             ///< of both, to columns of length 1
+    Eigen::ColPivHouseholderQR<MatX<double>> both;  ///< [root; columns] · scale
+  };
+  const Known& known(const Search& search) const;
+
   const Evidence& evidence_;
   std::vector<bool> used_;
   std::uint64_t seed_;
+  mutable Known known_;
 };
 
 }  // namespace diffnea

@@ -193,10 +193,9 @@ void JointDiagnosis::describe() {
     case_.finding.witness.push_back(
         {names[static_cast<std::size_t>(w.joint)], w.variables, w.share, w.delta_bic});
 
-  const VecX<double> e0 = case_.held_out->errors(*case_.search, {}),
-                     e1 = case_.held_out->errors(*case_.search, terms_);
-  const HeldOutChange change = case_.held_out->compare(case_.held_out->whitened(*case_.search, e0),
-                                                       case_.held_out->whitened(*case_.search, e1));
+  const HeldOutChange change =
+      case_.held_out->compare(case_.held_out->predicted(*case_.search, std::vector<Term>{}),
+                              case_.held_out->predicted(*case_.search, terms_));
   double more = 0.0;  // that smooth functions of the motion would still remove
   for (const WitnessScore& w : witness_)
     more += std::max(0.0, w.held_out.before - w.held_out.after);
@@ -224,8 +223,9 @@ void JointDiagnosis::complete() {
                                                              grey_.torque.there, grey_.torque.here)
                                : case_.held_out->errors(*case_.search, terms_);
   if (grey) {
-    const HeldOutChange change = case_.held_out->compare(
-        case_.held_out->whitened(*case_.search, e0), case_.held_out->whitened(*case_.search, e1));
+    const HeldOutChange change =
+        case_.held_out->compare(case_.held_out->predicted(*case_.search, e0),
+                                case_.held_out->predicted(*case_.search, e1));
     const double floor = case_.finding.gain.noise_floor * case_.finding.gain.noise_floor;
     case_.finding.gain = gain_of(change, std::min(floor, change.after));
   }

@@ -1,13 +1,6 @@
 #include "diagnose/projection.hpp"
 
 namespace diffnea {
-namespace {
-
-/// Directions of the base below this share of the largest are dependent on the others to rounding.
-constexpr double kRankTolerance = 1e-10;
-
-}  // namespace
-
 Projection::Projection(const Evidence& evidence, const Whitener& whitener, const BasePrior& prior)
     : evidence_(evidence), whitener_(whitener), prior_(prior) {
   const long n = evidence.rows(), p = static_cast<long>(prior.free.size()), l = prior.root.rows();
@@ -117,6 +110,13 @@ Projection::Factor Projection::factor(const MatX<double>& base) const {
   out.qr.setThreshold(kRankTolerance);
   out.qr.compute(A);
   return out;
+}
+
+MatX<double> Projection::root() const {
+  if (prior_.free.empty()) return {};
+  MatX<double> out = own_.qr.matrixR().topRows(own_.qr.rank()).triangularView<Eigen::Upper>();
+  out = out * own_.qr.colsPermutation().transpose();
+  return out * own_.scale.cwiseInverse().asDiagonal();
 }
 
 VecX<double> Projection::solve(const Factor& of, const VecX<double>& effects) const {

@@ -14,6 +14,9 @@
 
 namespace diffnea {
 
+/// Directions of the base below this share of the largest are dependent on the others to rounding.
+inline constexpr double kRankTolerance = 1e-10;
+
 /// What the base may do: Gaussian of the free parameters about x₀.
 struct BasePrior {
   VecX<double> x0;        ///< (p)
@@ -45,6 +48,10 @@ class Projection {
   /// The same of the motion that effects see. Its noise does not shrink them, as that of own
   /// accelerations does: they are what effects refer to.
   VecX<double> reference(const VecX<double>& effects) const { return solve(seen_, effects); }
+  /// Root of what the fitted rows and the prior know of the free base parameters, (rank, free):
+  /// moving by δ from where they have them costs ‖root δ‖².
+  MatX<double> root() const;
+  const BasePrior& prior() const { return prior_; }
   /// Orthonormal basis of the base as effects see it, (rows() + prior rows, rank).
   const MatX<double>& basis() const { return Q_; }
   /// Rank of the base.

@@ -29,6 +29,7 @@ void Search::set_projection(std::vector<Term>& terms) {
   for (const bool moving : {true, false}) {
     instant_ = moving;
     projection_.reset();
+    ++revision_;
     projection_ = std::make_unique<Projection>(evidence_, *whitener_, prior());
     for (Term& t : terms) set_columns(t);
     fit(terms);

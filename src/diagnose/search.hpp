@@ -62,6 +62,8 @@ class Search {
   const Evidence& evidence() const { return evidence_; }
   const std::vector<Candidate>& candidates() const { return candidates_; }
   const Projection& projection() const { return *projection_; }
+  /// Counts projections: what was made with one holds until the next.
+  long revision() const { return revision_; }
   const Whitener& whitener() const { return *whitener_; }
   double residual_sum() const { return projection_->residual().squaredNorm(); }
   long rows() const { return projection_->rows(); }
@@ -97,6 +99,7 @@ class Search {
   ScoreTable table_;
   std::unique_ptr<Whitener> whitener_;
   std::unique_ptr<Projection> projection_;
+  long revision_ = 0;
   double period_ = 0.0;  ///< [s]
   bool repeatable_ = false;
   std::vector<long> blind_;

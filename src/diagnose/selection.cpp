@@ -138,11 +138,10 @@ std::vector<Selection::Offer> Selection::offers(const std::vector<Term>& terms, 
 }
 
 HeldOutChange Selection::change(std::vector<Term> without, std::vector<Term> with) const {
-  const auto errors = [&](std::vector<Term>& terms) {
-    search_.fit(terms);  // without one of them, the others take over what they can
-    return held_out_.whitened(search_, held_out_.errors(search_, terms));
-  };
-  return held_out_.compare(errors(without), errors(with));
+  search_.fit(without);  // without one of them, the others take over what they can
+  search_.fit(with);
+  return held_out_.compare(held_out_.predicted(search_, without),
+                           held_out_.predicted(search_, with));
 }
 
 bool Selection::helps(const std::vector<Term>& without, const std::vector<Term>& with) const {
@@ -162,11 +161,9 @@ bool Selection::helps(const std::vector<Term>& without, const std::vector<Term>&
 bool Selection::tilt_helps(const std::vector<Term>& rest, std::vector<Term>& terms) {
   std::vector<Term> level = rest;
   renew(level);
-  const VecX<double> without = held_out_.errors(search_, level);
+  const Prediction without = held_out_.predicted(search_, level);
   renew(terms);
-  const VecX<double> with = held_out_.errors(search_, terms);
-  return held_out_.compare(held_out_.whitened(search_, without), held_out_.whitened(search_, with))
-      .helps();
+  return held_out_.compare(without, held_out_.predicted(search_, terms)).helps();
 }
 
 void Selection::renew(std::vector<Term>& terms) {

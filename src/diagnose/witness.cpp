@@ -96,8 +96,7 @@ std::vector<WitnessScore> find_witnesses(const Evidence& evidence, const Search&
   const VecX<double> r = left - Q * (Q.transpose() * left);
   const double chi2 = r.squaredNorm();
   const VecX<double> inexact = inexact_friction(search, terms, true);
-  const VecX<double> base_errors = held_out.errors(search, terms);
-  const VecX<double> before = held_out.whitened(search, base_errors);
+  const Prediction before = held_out.predicted(search, terms);
   std::vector<WitnessScore> out;
   for (std::size_t k = 0; k < evidence.joints().size(); ++k) {
     const int joint = evidence.joints()[k];
@@ -137,9 +136,8 @@ std::vector<WitnessScore> find_witnesses(const Evidence& evidence, const Search&
     // Held out: the base gives way to the function on the fitted rows as it did above.
     const VecX<double> there = best_basis->torque(evidence, own, best_psi);
     const VecX<double> here = best_basis->torque(held_out.evidence(), own, best_psi);
-    const VecX<double> after =
-        held_out.whitened(search, held_out.errors_with(search, terms, there, here));
-    best.held_out = held_out.compare(before, after);
+    best.held_out = held_out.compare(
+        before, held_out.predicted(search, held_out.errors_with(search, terms, there, here)));
     if (best.held_out.helps()) out.push_back(best);
   }
   std::ranges::sort(out, std::greater<>{}, &WitnessScore::delta_bic);

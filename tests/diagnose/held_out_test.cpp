@@ -4,7 +4,9 @@
 
 #include <support/swinging.hpp>
 
+#include <Eigen/QR>
 #include <catch2/catch_test_macros.hpp>
+#include <catch2/matchers/catch_matchers_floating_point.hpp>
 #include <catch2/matchers/catch_matchers_string.hpp>
 
 #include <diffnea/core/error.hpp>
@@ -22,7 +24,7 @@ TEST_CASE("HeldOut: one block of held-out rows is no interval", "[diagnose]") {
   const auto worth = [&](long from, long instants) {  // a quarter of the mean square is left
     VecX<double> before = VecX<double>::Zero(evidence->rows());
     before.segment(from, instants).setOnes();
-    return held_out.compare(before, 0.5 * before);
+    return held_out.compare({before}, {0.5 * before});
   };
   const HeldOutChange little = worth(0, second / 2);
   CHECK(little.before == 1.0);
@@ -30,6 +32,49 @@ TEST_CASE("HeldOut: one block of held-out rows is no interval", "[diagnose]") {
   CHECK(little.low <= 0.0);
   CHECK_FALSE(little.helps());
   CHECK(worth(0, 4 * second).helps());  // the same in eight blocks of half a second
+}
+
+TEST_CASE("HeldOut: a prediction costs what a fit of all rows costs more than one of the fitted",
+          "[diagnose]") {
+  // Random torques, and few fitted rows: the base is known badly.
+  const test::SwingingEvidence fitted(8.0, false, 1, "viscous_friction", test::slow_down),
+      held(20.0, false, 2, "viscous_friction", test::slow_down);
+  const std::vector<Candidate> candidates =
+      make_candidates(fitted.model, {"coulomb_friction"}, {0}, false);
+  const long p = fitted->base().cols();
+  BasePrior prior{VecX<double>::Zero(p), {}, 1e-3 * MatX<double>::Identity(p, p)};
+  for (int k = 0; k < p; ++k) prior.free.push_back(k);
+  Search search(*fitted, candidates, prior, {});
+  std::vector<Term> none;
+  search.refresh(0.0, none);
+  const HeldOut held_out(*held, {}, 0);
+  const Prediction of = held_out.predicted(search, none);
+
+  const Whitener& here = search.whitener();
+  const Whitener there(*held, here.noise(), {});
+  const auto left = [](const MatX<double>& A, const VecX<double>& y) {
+    const VecX<double> x = A.completeOrthogonalDecomposition().solve(y);
+    return (y - A * x).squaredNorm();
+  };
+  const long n = fitted->rows(), m = held->rows();
+  MatX<double> A(n + p + m, p);
+  A << here(fitted->base()), prior.root, there(held->base());
+  VecX<double> y(n + p + m);
+  y << here(fitted->torque()), VecX<double>::Zero(p), there(held->torque());
+  const double more = left(A, y) - left(A.topRows(n + p), y.head(n + p));
+  CHECK_THAT(of.left.squaredNorm() + of.moved, Catch::Matchers::WithinRel(more, 1e-6));
+  CHECK(of.moved > 1.0);
+  CHECK(of.left.norm() < held_out.whitened(search, held_out.errors(search, none)).norm());
+}
+
+TEST_CASE("HeldOut: what the base pays in one of two models counts against it", "[diagnose]") {
+  const test::SwingingEvidence evidence(20.0);
+  const HeldOut held_out(*evidence, {}, 0);
+  const VecX<double> ones = VecX<double>::Ones(evidence->rows());
+  const double rows = static_cast<double>(evidence->rows());
+  const HeldOutChange change = held_out.compare({ones}, {0.5 * ones, 0.75 * rows});
+  CHECK_THAT(change.after, Catch::Matchers::WithinRel(1.0, 1e-12));
+  CHECK_FALSE(change.helps());
 }
 
 TEST_CASE("HeldOut: a recording of fewer blocks is refused, with what is needed", "[diagnose]") {
