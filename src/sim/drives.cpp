@@ -1,5 +1,6 @@
 #include "sim/drives.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -35,16 +36,30 @@ void Drives::command(double time, const VecX<double>& torque) {
 void Drives::begin_step(double time, double h) {
   h_ = h;
   input_ = commands_.front().torque;
-  for (long j = 0; j < input_.size(); ++j)
-    for (const Command& c : commands_)
-      if (c.time <= time + 0.5 * h - delay_[j]) input_[j] = c.torque[j];
+  for (long j = 0; j < input_.size(); ++j) {
+    const double end = time + h - delay_[j];
+    for (std::size_t k = 1; k < commands_.size(); ++k) {  // each takes over what is left of the step
+      const double left = std::clamp((end - commands_[k].time) / h, 0.0, 1.0);
+      input_[j] += left * (commands_[k].torque[j] - commands_[k - 1].torque[j]);
+    }
+  }
 }
 
 VecX<double> Drives::applied(double share) const {
   VecX<double> out = input_;
   for (long j = 0; j < out.size(); ++j)
-    if (lag_[j] > 0.0) out[j] += (state_[j] - input_[j]) * std::exp(-share * h_ / lag_[j]);
+    if (lag_[j] > 0.0)
+      out[j] += (state_[j] - input_[j]) *
+                (lag_[j] < h_ ? -std::expm1(-h_ / lag_[j]) * lag_[j] / h_
+                              : std::exp(-share * h_ / lag_[j]));
   return out;
+}
+
+void Drives::end_step() {
+  VecX<double> out = input_;
+  for (long j = 0; j < out.size(); ++j)
+    if (lag_[j] > 0.0) out[j] += (state_[j] - input_[j]) * std::exp(-h_ / lag_[j]);
+  state_ = out;
 }
 
 Encoders::Encoders(const std::vector<BoundEffect>& effects, int num_dofs)

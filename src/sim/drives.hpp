@@ -17,11 +17,13 @@ class Drives {
   void reset();
   /// Torque that is commanded from `time` [s] on. The first one counts as held since ever.
   void command(double time, const VecX<double>& torque);
-  /// Begins a step of `h` seconds, within which the input of the lag counts as constant.
+  /// Begins a step of `h` seconds, within which the input of the lag counts as constant: as the mean
+  /// of what was commanded a delay ago.
   void begin_step(double time, double h);
-  /// Torque that acts after `share` of the step, (n).
+  /// Torque that acts after `share` of the step, (n); where a lag is over within it, its mean, which
+  /// no few points of a step have.
   VecX<double> applied(double share) const;
-  void end_step() { state_ = applied(1.0); }
+  void end_step();
 
  private:
   struct Command {

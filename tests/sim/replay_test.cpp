@@ -114,6 +114,45 @@ TEST_CASE("replay: every kind of effect, driven by the recorded torque, repeats 
   CHECK(without > 5.0 * own);
 }
 
+TEST_CASE("replay: lags and delays below a row of the grid are as long as they are", "[replay]") {
+  Model rigid = wam();
+  rigid.effects = {{"viscous_friction", "joint4", {{"viscous", 0.5, ""}}}};
+  const Recording r = recorded(rigid);
+  const JointSeries fine = series_of(r);
+  constexpr long kEvery = 8;
+  const auto kept = Eigen::seq(0, r.rows() / kEvery * kEvery - kEvery, kEvery);
+  JointSeries coarse = fine;
+  coarse.dt = kEvery * fine.dt;
+  for (RowMatX<double>* m : {&coarse.q, &coarse.qd, &coarse.qdd}) {
+    const RowMatX<double> of_kept = (*m)(kept, Eigen::all);
+    *m = of_kept;
+  }
+  RowMatX<double> torque(coarse.q.rows(), r.tau.cols());  // of each row, the mean until the next
+  for (long k = 0; k < torque.rows(); ++k)
+    torque.row(k) = r.tau.middleRows(k * kEvery, kEvery).colwise().mean();
+  const long begin = std::lround(1.0 / coarse.dt), end = begin + std::lround(0.5 / coarse.dt);
+  const auto late_by = [&](const char* effect, const char* name, double seconds) {
+    Model late = rigid;
+    if (seconds > 0.0) late.effects.push_back({effect, "joint2", {{name, seconds, ""}}});
+    return replay(extend(late), coarse, torque, begin, end);
+  };
+  const auto apart = [](const RowMatX<double>& a, const RowMatX<double>& b) {
+    return (a - b).cwiseAbs().maxCoeff();
+  };
+  // A millisecond moves joint 2 by some tenths of a milliradian; with a sixth of a row (1.3 ms) more,
+  // the shortest would.
+  const RowMatX<double> none = late_by("", "", 0.0);
+  const RowMatX<double> lag = late_by("actuator_lag", "time_constant", 1e-3),
+                        delay = late_by("actuator_delay", "delay", 1e-3);
+  const double moved = apart(none, delay);
+  REQUIRE(moved > 1e-5);
+  CHECK(apart(none, late_by("actuator_lag", "time_constant", 1e-8)) < 1e-3 * moved);
+  CHECK(apart(none, late_by("actuator_delay", "delay", 1e-8)) < 1e-3 * moved);
+  CHECK(apart(lag, delay) < 0.1 * moved);
+  CHECK(apart(none, late_by("actuator_delay", "delay", 2e-3)) < 2.2 * moved);
+  CHECK(apart(none, late_by("actuator_delay", "delay", 2e-3)) > 1.8 * moved);
+}
+
 TEST_CASE("replay: a first state that is given counts, the measured one does not", "[replay]") {
   const Recording r = recorded(wam());
   const JointSeries x = series_of(r);
