@@ -56,6 +56,20 @@ Recording part_of(const Recording& r, double first, double last) {
   return out;
 }
 
+/// Torques as they act, on lines between those that were logged; at the end the last one stays.
+void act_late(Recording& r, double late) {
+  if (late == 0.0) return;
+  const RowMatX<double> logged = r.tau;
+  long before = 0;  // row at or before the instant
+  for (long k = 0; k < r.rows(); ++k) {
+    const double at = r.time[k] - late;
+    while (before + 2 < r.rows() && r.time[before + 1] <= at) ++before;
+    const double step = r.rows() > 1 ? r.time[before + 1] - r.time[before] : 0.0;
+    const double share = step > 0.0 ? std::clamp((at - r.time[before]) / step, 0.0, 1.0) : 0.0;
+    r.tau.row(k) = share > 0.0 ? ((1.0 - share) * logged.row(before) + share * logged.row(before + 1)).eval() : logged.row(before).eval();
+  }
+}
+
 std::vector<bool> passive_joints(const Recording& r) {
   std::vector<bool> out;
   for (const std::string& joint : r.joint_names)
@@ -151,7 +165,7 @@ HeldOutMotion motion_of(const std::vector<Recording>& parts) {
 }
 
 HeldOutMotion held_out_motion(const RecordingSource& source, const Evidence& evidence,
-                              const std::vector<bool>& held) {
+                              const std::vector<bool>& held, double late) {
   std::vector<Recording> parts;
   std::map<int, double> begins;
   const std::vector<Span> spans =
@@ -164,6 +178,7 @@ HeldOutMotion held_out_motion(const RecordingSource& source, const Evidence& evi
         begins[run] = r.time[0];
         const auto keep = [&](double first, double last) {
           parts.push_back(part_of(r, first, last));
+          act_late(parts.back(), late);
           parts.back().run = run;
           rows += parts.back().rows();
         };

@@ -27,7 +27,8 @@ HeldOutMotion motion_of(const std::vector<Recording>& parts);
 
 /// @param evidence  of the held-out recordings, which `source` holds
 /// @param held      (evidence.rows()) rows that are held out; empty: whole recordings
+/// @param late      by how much torques act later than their rows say [s]
 HeldOutMotion held_out_motion(const RecordingSource& source, const Evidence& evidence,
-                              const std::vector<bool>& held);
+                              const std::vector<bool>& held, double late);
 
 }  // namespace diffnea

@@ -49,8 +49,10 @@ class JointDiagnosis {
   void judge();
   /// Errors, parameters and motion of the extended model.
   void complete();
-  /// @param alone  the base's parameters without causes
-  void simulate(const VecX<double>& alone);
+  /// Leaves out causes with which a simulation follows the robot less well, the least first.
+  void follow(std::vector<Refusal>& refused);
+  /// Simulates held-out motion with base and extended model. @return whether the latter loses
+  bool simulate(const Model& extended);
   /// Only where something is left to tell apart: it takes a few seconds.
   void plan_next();
   void add_grey_box();
@@ -62,6 +64,8 @@ class JointDiagnosis {
   std::vector<Term> terms_;
   std::vector<WitnessScore> witness_;
   GreyBoxResult grey_;
+  VecX<double> alone_, beside_;  ///< base parameters, without the causes and with them
+  LinearFit fit_;                ///< of the latter
 };
 
 
@@ -110,11 +114,13 @@ void JointDiagnosis::select() {
   terms_ = selection.run([this](const FitProgress& progress) {
     return !case_.options.progress || case_.options.progress(progress);
   });
+  std::vector<Refusal> refused = selection.refused();
+  follow(refused);
   if (static_cast<int>(terms_.size()) >= most)
     case_.finding.notes.push_back("stopped at " + std::to_string(most) +
                                   " causes; the model may lack more");
   for (const Refusal& r :
-       selection.refused()) {  // the last word on each that was not accepted after all
+       refused) {  // the last word on each that was not accepted after all
     const auto same = [&](const auto& other) {
       return other.effect == r.effect && other.where == r.where;
     };
@@ -128,6 +134,26 @@ void JointDiagnosis::select() {
   if (!terms_.empty()) {
     case_.finding.causes = selection.causes(terms_);
     note_friction();
+  }
+}
+
+void JointDiagnosis::follow(std::vector<Refusal>& refused) {
+  LinearFit of_base;
+  alone_ = final_base(case_.base, case_.layout, *case_.search, *case_.train, {}, {}, of_base);
+  for (;;) {
+    beside_ = final_base(case_.base, case_.layout, *case_.search, *case_.train, terms_, {}, fit_);
+    const bool loses = !case_.finding.interrupted &&
+                       simulate(case_.reference->extended(beside_, terms_));
+    // What fitted runs have of their own, no model has in others.
+    const auto of_runs = [](const Term& t) { return is_of_runs(t.effect); };
+    if (!loses || terms_.empty() || std::ranges::any_of(terms_, of_runs)) return;
+    const auto least =
+        terms_.begin() +
+        static_cast<long>(case_.held_out->shares(*case_.search, terms_).back().first);
+    refused.push_back({least->effect.info().name, least->effect.where,
+                       "with it, a simulation follows held-out motion less well", 0.0});
+    terms_.erase(least);
+    case_.search->fit(terms_);
   }
 }
 
@@ -233,27 +259,21 @@ void JointDiagnosis::complete() {
   note_offsets(e1, case_);
   note_instant();
   note_uneven(case_);
-  LinearFit fit;
-  const VecX<double> x = final_base(case_.base, case_.layout, *case_.search, *case_.train, terms_,
-                                    grey_.torque.there, fit);
+  if (grey)
+    beside_ = final_base(case_.base, case_.layout, *case_.search, *case_.train, terms_,
+                         grey_.torque.there, fit_);
   if (case_.base == Base::kRefit) {
     case_.finding.parameters =
-        parameter_estimates(case_.layout, fit.x, shapes_at(case_.layout, x, terms_), fit.std,
-                            fit.identifiable, fit.solver.active_nonnegative);
+        parameter_estimates(case_.layout, fit_.x, shapes_at(case_.layout, beside_, terms_),
+                            fit_.std, fit_.identifiable, fit_.solver.active_nonnegative);
   }
-  // Base alone: before columns follow the extended model.
-  LinearFit of_base;
-  const VecX<double> alone =
-      terms_.empty() && grey_.joints.empty()
-          ? x
-          : final_base(case_.base, case_.layout, *case_.search, *case_.train, {}, {}, of_base);
-  case_.reference->set(x, terms_);
-  case_.finding.model = case_.reference->extended();
+  case_.finding.model = case_.reference->extended(beside_, terms_);
   for (const Remainder& r : grey_.joints) case_.finding.model.effects.push_back(to_spec(r.effect));
-  if (!case_.finding.interrupted) simulate(alone);
+  if (grey && !case_.finding.interrupted) simulate(case_.finding.model);
 }
 
-void JointDiagnosis::simulate(const VecX<double>& alone) {
+bool JointDiagnosis::simulate(const Model& extended) {
+  if (!case_.finding.simulated.reason.empty()) return false;
   for (const Term& t : terms_)
     if (t.effect.own) {
       case_.finding.simulated.reason =
@@ -262,15 +282,23 @@ void JointDiagnosis::simulate(const VecX<double>& alone) {
                                     t.effect.where +
                                     ": model files hold effects of the catalogue alone");
     }
-  if (!case_.finding.simulated.reason.empty()) return;
+  if (!case_.finding.simulated.reason.empty()) return false;
   const RecordingSource& source = case_.test ? *case_.test_source : case_.train_source;
   const auto go_on = [&] {
     return !case_.options.progress || case_.options.progress({"simulating", 0, 0, 0.0});
   };
-  case_.finding.simulated = simulate_held_out(
-      base_at(case_.model, case_.layout, alone, {}), case_.finding.model,
+  // Torques act when the fits have them act.
+  const auto motion = [&](const std::vector<Term>& terms) {
+    const double late = case_.search->late(terms) * case_.train->series().front().dt;
+    return held_out_motion(source, case_.held_out->evidence(), case_.held_rows, late);
+  };
+  const HeldOutMotion plain = motion({});
+  HeldOutSimulation out = simulate_held_out(
+      base_at(case_.model, case_.layout, alone_, {}), extended,
       terms_.empty() && grey_.joints.empty(),
-      held_out_motion(source, case_.held_out->evidence(), case_.held_rows), source.runs(), go_on);
+      {plain, terms_.empty() ? plain : motion(terms_)}, source.runs(), go_on);
+  case_.finding.simulated = std::move(out.motion);
+  return out.loses;
 }
 
 void JointDiagnosis::plan_next() {

@@ -79,18 +79,21 @@ Model base_at(const Model& model, const FitLayout& layout, const VecX<double>& x
 
 VecX<double> Reference::set(const VecX<double>& x, const std::vector<Term>& terms) {
   Model reference = base_at(model_, layout_, within_signs(layout_, train_, x), terms);
-  extended_ = reference;
-  for (const Term& t : terms) {
-    if (t.effect.own) continue;  // no model can hold it
-    extended_.effects.push_back(to_spec(t.effect));
-    // Those that change the tree or the channels are columns of their own on top of it; under a
-    // tilt are the base's columns, too.
-    if (t.effect.is_local() || t.effect.info().has(Trait::kGravity))
+  // Those that change the tree or the channels are columns of their own on top of it; under a
+  // tilt are the base's columns, too.
+  for (const Term& t : terms)
+    if (!t.effect.own && (t.effect.is_local() || t.effect.info().has(Trait::kGravity)))
       reference.effects.push_back(to_spec(t.effect));
-  }
   const VecX<double> moved = train_.set_reference(reference);
   if (test_) test_->set_reference(reference);
   return moved;
+}
+
+Model Reference::extended(const VecX<double>& x, const std::vector<Term>& terms) const {
+  Model out = base_at(model_, layout_, within_signs(layout_, train_, x), terms);
+  for (const Term& t : terms)
+    if (!t.effect.own) out.effects.push_back(to_spec(t.effect));
+  return out;
 }
 
 std::vector<bool> Reference::rebase(const Projection& projection,

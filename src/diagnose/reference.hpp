@@ -31,8 +31,8 @@ class Reference {
   /// @return joints whose candidates have other columns now; empty: none
   std::vector<bool> rebase(const Projection& projection, const std::vector<Term>& terms);
 
-  /// The base and all causes that a model can hold.
-  const Model& extended() const { return extended_; }
+  /// The base at parameters x and all causes that a model can hold.
+  Model extended(const VecX<double>& x, const std::vector<Term>& terms) const;
   bool is_tilted() const { return tilted_; }
 
  private:
@@ -42,7 +42,6 @@ class Reference {
   const FitLayout& layout_;
   Evidence& train_;
   Evidence* test_;
-  Model extended_;
   bool tilted_ = false;
   VecX<double> moved_;  ///< by joint, since its candidates' columns were made
 };

@@ -21,10 +21,13 @@ constexpr int kInPlaceOfTwo = 3;     ///< candidates that are refined instead of
 constexpr int kMostParts = 4;        ///< simple effects in the place of a compound one
 constexpr double kSameClass = 10.0;  ///< ΔBIC
 constexpr double kNoWorse = 6.0;     ///< ΔBIC, no strong evidence yet (Kass and Raftery 1995)
-/// ΔBIC of a cause whose size the recording does not tell, at least: any noise has some shape.
-constexpr double kSizeless = 50.0;
 /// Promise of a shape's derivative, over the gain that it needs, from which it is refined.
 constexpr double kPromise = 0.5;
+/// ΔBIC of a cause whose size the recording does not tell, at least: any noise has some shape. A
+/// motor behind a spring of any stiffness has that of whatever is late.
+constexpr double kLeastSizeless = 50.0;
+constexpr const char* kSizeless = "of no size that this recording tells";
+constexpr const char* kHelpsNot = "does not help on held-out data beside the others";
 constexpr const char* kImpossible = "comes to a size that no robot has, beside the others";
 /// Share of the halves in which a rival is chosen, to be of the class of a cause that is not chosen
 /// in most of them.
@@ -185,6 +188,11 @@ bool Selection::add_one(std::vector<Term>& terms) {
     if (offer.delta_bic <= options_.accept) continue;  // a parent that went first; its child may
     if (std::ranges::find(refused_candidates_, offer.term.candidate) != refused_candidates_.end())
       continue;
+    const Candidate& c = candidates_[static_cast<std::size_t>(offer.term.candidate)];
+    if (c.effect.info().motor != HiddenMotor::kNone && !has_size(c, offer.term)) {
+      note_refusal(c, kSizeless, offer.delta_bic);
+      continue;
+    }
     std::vector<Term> with = terms;
     with.push_back(offer.term);
     const double gain = search_.fit(with) - search_.gain_of(terms);
@@ -194,12 +202,14 @@ bool Selection::add_one(std::vector<Term>& terms) {
       refused_candidates_.clear();  // beside another set it may help
       return true;
     }
-    const Candidate& c = candidates_[static_cast<std::size_t>(offer.term.candidate)];
     refused_candidates_.push_back(offer.term.candidate);
-    refused_.push_back(
-        {c.effect.info().name, c.effect.where, "does not help on held-out data", offer.delta_bic});
+    note_refusal(c, "does not help on held-out data", offer.delta_bic);
   }
   return false;
+}
+
+void Selection::note_refusal(const Candidate& c, const char* why, double delta_bic) {
+  refused_.push_back({c.effect.info().name, c.effect.where, why, delta_bic});
 }
 
 bool Selection::eliminate(std::vector<Term>& terms) const {
@@ -236,7 +246,7 @@ bool Selection::drop_impossible(std::vector<Term>& terms) {
     const double worse =
         search_.bic(search_.gain_of(rest), rest) - search_.bic(search_.gain_of(terms), terms);
     impossible_.push_back(at->candidate);
-    refused_.push_back({c.effect.info().name, c.effect.where, kImpossible, worse});
+    note_refusal(c, kImpossible, worse);
     terms = rest;
     renew(terms);
     any = true;
@@ -415,19 +425,21 @@ std::vector<Term> Selection::run(const std::function<bool(const FitProgress&)>& 
       const Candidate& c = candidates_[static_cast<std::size_t>(terms[i].candidate)];
       const double worse =
           search_.bic(search_.gain_of(rest), rest) - search_.bic(search_.gain_of(terms), terms);
-      const bool vague = !has_size(c, terms[i]) && worse < kSizeless;
+      const bool vague =
+          !has_size(c, terms[i]) &&
+          (c.effect.info().motor != HiddenMotor::kNone || worse < kLeastSizeless);
       const bool hidden = terms[i].visible_share() < kAbsorbed, tilt = stays(terms[i]);
       const bool too_large = impossible(terms[i]);
       if (tilt ? tilt_helps(rest, terms)
                : !vague && !hidden && !too_large && helps(rest, terms))
         continue;
-      refused_.push_back({c.effect.info().name, c.effect.where,
-                          too_large ? kImpossible
-                          : tilt    ? "does not help on held-out data beside the others"
-                          : vague   ? "of no size that this recording tells, and of little evidence"
-                          : hidden  ? "hardly visible beside the base parameters"
-                                    : "does not help on held-out data beside the others",
-                          too_large || tilt || vague || hidden ? worse : 0.0});
+      note_refusal(c,
+                   too_large ? kImpossible
+                   : tilt    ? kHelpsNot
+                   : vague   ? kSizeless
+                   : hidden  ? "hardly visible beside the base parameters"
+                             : kHelpsNot,
+                   too_large || tilt || vague || hidden ? worse : 0.0);
       if (tilt) {  // the base's columns as they were; another may stand where it stood
         std::vector<Term> none;
         renew(none);
@@ -475,9 +487,9 @@ void Selection::drop_unstable(std::vector<Term>& terms) {
     if (drop == terms.size()) return;
     const Candidate& c = candidates_[static_cast<std::size_t>(terms[drop].candidate)];
     const std::vector<Term> rest = without(terms, drop);
-    refused_.push_back(
-        {c.effect.info().name, c.effect.where, "chosen on too few halves of the recording",
-         search_.bic(search_.gain_of(rest), rest) - search_.bic(search_.gain_of(terms), terms)});
+    note_refusal(
+        c, "chosen on too few halves of the recording",
+        search_.bic(search_.gain_of(rest), rest) - search_.bic(search_.gain_of(terms), terms));
     terms = rest;
     search_.fit(terms);
   }

@@ -76,6 +76,7 @@ class Selection {
   bool helps(const std::vector<Term>& without, const std::vector<Term>& with) const;
   /// The same of a tilt beside the rest: without it the base's columns are others.
   bool tilt_helps(const std::vector<Term>& rest, std::vector<Term>& terms);
+  void note_refusal(const Candidate& c, const char* why, double delta_bic);
   void add_rivals(const std::vector<Term>& terms, std::size_t which, Cause& cause) const;
 
   Search& search_;

@@ -9,6 +9,7 @@
 #include <diffnea/motion/horizon.hpp>
 
 #include "core/constants.hpp"
+#include "diagnose/held_out.hpp"
 #include "diagnose/replayed_windows.hpp"
 #include "diagnose/spread_windows.hpp"
 #include "identify/passes.hpp"
@@ -25,6 +26,8 @@ constexpr double kMostWork = 12'000.0;
 constexpr double kMostReplayed = 6'000.0;
 /// Half a per cent of an error, a per cent of its square, does not show.
 constexpr StateFitOptions kStateFit{.max_iterations = 10, .tolerance = 1e-2};
+/// Standard errors of a mean over windows. Of its square, an error that is known to a seventh.
+constexpr double kCertain = 2.0, kVisibly = 0.3;
 constexpr std::size_t kMostPoints = 3000;  ///< of a joint that are kept
 
 /// Windows of one model that a simulation leaves.
@@ -35,7 +38,8 @@ struct Left {
 };
 
 struct HorizonErrors {
-  VecX<double> rmse;  ///< (n)
+  VecX<double> rmse;        ///< (n)
+  VecX<double> of_windows;  ///< mean squares over the tolerance, summed over the joints
   std::vector<Left> left;
 };
 
@@ -71,6 +75,7 @@ class Climb {
     const long n = motion_.tolerance.size();
     VecX<double> squares = VecX<double>::Zero(n), rows = squares;
     HorizonErrors out;
+    out.of_windows.resize(static_cast<long>(windows_.size()));
     for (std::size_t i = 0; i < windows_.size(); ++i) {
       const MotionWindow& w = windows_[i];
       const MotionStretch& s = motion_.stretches[w.stretch];
@@ -91,7 +96,12 @@ class Climb {
       const VecX<double> most = count.cwiseProduct(motion_.size.cwiseAbs2());
       const bool apart = !(of_window.array() <= most.array()).all();
       if (apart && first) out.left.push_back(*first);
-      for (long j = 0; j < n; ++j) squares[j] += of_window[j] <= most[j] ? of_window[j] : most[j];
+      for (long j = 0; j < n; ++j)
+        if (!(of_window[j] <= most[j])) of_window[j] = most[j];
+      out.of_windows[static_cast<long>(i)] =
+          of_window.cwiseQuotient(count.cwiseMax(1.0).cwiseProduct(motion_.tolerance.cwiseAbs2()))
+              .sum();
+      squares += of_window;
       rows += count;
     }
     out.rmse = squares.cwiseQuotient(rows.cwiseMax(1.0)).cwiseSqrt();
@@ -124,12 +134,12 @@ class Climb {
 /// Both models, the base's windows and the extended one's.
 class Both {
  public:
-  Both(const Model& base, const Model& extended, bool alike, const HeldOutMotion& motion,
-       const std::vector<int>& runs, const std::function<bool()>& go_on)
+  Both(const Model& base, const Model& extended, bool alike,
+       const std::array<HeldOutMotion, 2>& motions, const std::vector<int>& runs, const std::function<bool()>& go_on)
       : names_(joint_names(base)),
-        motion_(motion),
+        motion_(motions[0]),
         alike_(alike),
-        climbs_{Climb(base, motion, runs, go_on), Climb(extended, motion, runs, go_on)},
+        climbs_{Climb(base, motions[0], runs, go_on), Climb(extended, motions[1], runs, go_on)},
         most_(needs_replay(extend(base, runs)) || needs_replay(extend(extended, runs))
                   ? kMostReplayed
                   : kMostWork) {
@@ -137,13 +147,13 @@ class Both {
       SimulatedSeries s;
       s.joint = names_[j];
       s.unit = unit_of_joint(base, static_cast<int>(j), false);
-      s.noise = motion.noise.position[static_cast<long>(j)];
-      s.tolerance = motion.tolerance[static_cast<long>(j)];
+      s.noise = motion_.noise.position[static_cast<long>(j)];
+      s.tolerance = motion_.tolerance[static_cast<long>(j)];
       out_.joints.push_back(s);
     }
   }
 
-  SimulatedMotion run() {
+  HeldOutSimulation run() {
     const std::vector<double> ladder = horizons(motion_.stretches, motion_.noise, {});
     std::vector<MotionWindow> windows =
         spread_windows(motion_.stretches, ladder.front(), kMostWindows);
@@ -159,7 +169,7 @@ class Both {
     } else {
       conclude();
     }
-    return std::move(out_);
+    return {std::move(out_), worse_ && !better_};
   }
 
  private:
@@ -168,11 +178,13 @@ class Both {
     h.horizon = horizon;
     h.windows = static_cast<int>(windows.size());
     const std::array<bool, 2> goes_on = goes_on_;
+    std::array<VecX<double>, 2> of_windows;
     for (std::size_t m = 0; m < (alike_ ? 1 : 2); ++m)
       if (goes_on[m] && !climbs_[m].rise(windows, first)) return false;
     for (std::size_t m = 0; m < (alike_ ? 1 : 2); ++m) {
       if (!goes_on[m]) continue;
       const HorizonErrors errors = climbs_[m].errors();
+      of_windows[m] = errors.of_windows;
       const int apart = static_cast<int>(errors.left.size());
       (m == 0 ? h.base : h.extended) = errors.rmse.cwiseQuotient(motion_.tolerance).maxCoeff();
       (m == 0 ? h.base_rmse : h.extended_rmse).assign(errors.rmse.begin(), errors.rmse.end());
@@ -189,7 +201,20 @@ class Both {
       goes_on_[1] = false;
     }
     out_.horizons.push_back(std::move(h));
+    if (of_windows[0].size() > 0 && of_windows[1].size() > 0) weigh(of_windows[0], of_windows[1]);
     return true;
+  }
+
+  /// Compares the two models window by window.
+  void weigh(const VecX<double>& base, const VecX<double>& extended) {
+    const long windows = base.size();
+    if (windows < static_cast<long>(kFewestBlocks)) return;
+    const VecX<double> more = extended - base;
+    const double mean = more.mean(), count = static_cast<double>(windows);
+    const double std =
+        std::sqrt((more.array() - mean).square().sum() / (count * (count - 1.0)));
+    better_ = better_ || mean < 0.0;
+    worse_ = worse_ || (mean > kCertain * std && mean > kVisibly * base.mean());
   }
 
   /// Names the windows of the first horizon at which some fall apart.
@@ -271,6 +296,7 @@ class Both {
   std::array<Climb, 2> climbs_;
   double most_;  ///< work at a horizon
   std::array<bool, 2> goes_on_{true, true}, reported_{};
+  bool better_ = false, worse_ = false;  ///< the extended model at a horizon
   std::array<std::vector<std::vector<MotionWindow>>, 2> kept_;  ///< windows of each horizon
   SimulatedMotion out_;
 };
@@ -293,16 +319,17 @@ double follows(const std::vector<double>& horizons, const std::vector<double>& e
   return out;
 }
 
-SimulatedMotion simulate_held_out(const Model& base, const Model& extended, bool alike,
-                                  const HeldOutMotion& motion, const std::vector<int>& runs,
-                                  const std::function<bool()>& go_on) {
-  SimulatedMotion out;
-  out.reason = motion.reason;
-  if (!out.reason.empty()) return out;
+HeldOutSimulation simulate_held_out(const Model& base, const Model& extended, bool alike,
+                                    const std::array<HeldOutMotion, 2>& motion,
+                                    const std::vector<int>& runs,
+                                    const std::function<bool()>& go_on) {
+  HeldOutSimulation out;
+  out.motion.reason = motion[0].reason;
+  if (!out.motion.reason.empty()) return out;
   try {
     out = Both(base, extended, alike, motion, runs, go_on).run();
   } catch (const Error& e) {
-    out.reason = e.what();
+    out.motion.reason = e.what();
   }
   return out;
 }

@@ -1,6 +1,7 @@
 #pragma once
 /// For how long the base and the extended model follow held-out motion. Internal to diagnose/.
 
+#include <array>
 #include <functional>
 
 #include <diffnea/diagnose/finding.hpp>
@@ -15,14 +16,22 @@ namespace diffnea {
 /// @param errors    over the tolerance; NaN ends them
 double follows(const std::vector<double>& horizons, const std::vector<double>& errors);
 
+struct HeldOutSimulation {
+  SimulatedMotion motion;
+  /// At no horizon does the extended model follow better, and at one it is worse for certain.
+  bool loses = false;
+};
+
 /// Simulates windows of growing length from estimated first states, until both models fall apart.
 /// Takes a bounded number of windows.
+/// @param motion  of either model, with the torques that drive it; rows and sensors are the same
 /// @param runs   numbers of the recordings, as the models' effects know them
 /// @param alike  the models are the same
 /// @param go_on  asked before every window; false ends it with what there is
 /// @return without `joints` where there is a reason
-SimulatedMotion simulate_held_out(const Model& base, const Model& extended, bool alike,
-                                  const HeldOutMotion& motion, const std::vector<int>& runs,
-                                  const std::function<bool()>& go_on);
+HeldOutSimulation simulate_held_out(const Model& base, const Model& extended, bool alike,
+                                    const std::array<HeldOutMotion, 2>& motion,
+                                    const std::vector<int>& runs,
+                                    const std::function<bool()>& go_on);
 
 }  // namespace diffnea

@@ -30,13 +30,12 @@ TEST_CASE("Reference: a rotor below 0 is taken over by the link that it turns", 
              inertia = index_of(s.layout, "upper.Iyy");
   x[rotor] = -0.05;  // [kg m²]
   x[inertia] += 0.05;
-  Reference reference(s.model, s.layout, *s.evidence, nullptr);
-  reference.set(x, {});
+  const Reference reference(s.model, s.layout, *s.evidence, nullptr);
   std::vector<std::string> notes;
   FitChoice choice;
   choice.effects = std::vector<std::string>{"armature"};
   const VecX<double> held =
-      layout_for(reference.extended(), *s.source, nullptr, choice, notes).prior();
+      layout_for(reference.extended(x, {}), *s.source, nullptr, choice, notes).prior();
   REQUIRE(held.size() == p);
   CHECK(held[rotor] >= 0.0);
   const MatX<double> A = s->base().leftCols(p);

@@ -38,6 +38,12 @@ Model swing_with(double coulomb) {
   return out;
 }
 
+HeldOutSimulation simulated(const Model& base, const Model& extended, bool alike,
+                            const HeldOutMotion& motion,
+                            const std::function<bool()>& go_on = kGoOn) {
+  return simulate_held_out(base, extended, alike, {motion, motion}, {}, go_on);
+}
+
 /// Ends of windows [s], stretch by stretch.
 double end_of(const std::vector<MotionStretch>& all, const MotionWindow& w) {
   return all[w.stretch].time[static_cast<std::size_t>(w.first + w.rows - 1)];
@@ -120,7 +126,7 @@ TEST_CASE("diagnose: the right friction follows a pendulum to its end, a wrong o
   CHECK(motion.noise.position[0] == Approx(truth.noise).epsilon(0.1));
   CHECK(motion.tolerance[0] == Approx(0.011).epsilon(0.1));  // 1 % of ± 0.6 rad, less what it loses
   const Model wrong = swing_with(0.0), right = swing_with(truth.coulomb);
-  const SimulatedMotion m = simulate_held_out(wrong, right, false, motion, {}, kGoOn);
+  const SimulatedMotion m = simulated(wrong, right, false, motion).motion;
   CAPTURE(m.reason, m.base_follows, m.extended_follows);
   REQUIRE(m.reason.empty());
   CHECK(m.horizons.back().horizon == Approx(40.0));
@@ -140,8 +146,17 @@ TEST_CASE("diagnose: the right friction follows a pendulum to its end, a wrong o
   CHECK(m.joints[0].time.size() == m.joints[0].extended.size());
   CHECK(m.joints[0].time.size() > 500);
   CHECK(m.joints[0].time.size() <= 3001);
-  const SimulatedMotion same = simulate_held_out(wrong, wrong, true, motion, {}, kGoOn);
+  const SimulatedMotion same = simulated(wrong, wrong, true, motion).motion;
   CHECK(same.extended_follows == m.base_follows);
+}
+
+TEST_CASE("diagnose: a cause with which a simulation follows less well is told", "[diagnose]") {
+  const FreeSwing truth;
+  const HeldOutMotion motion = motion_of({free_swing(truth, even_times(0.0, 40.0, 100.0))});
+  const Model right = swing_with(truth.coulomb), wrong = swing_with(2.0 * truth.coulomb);
+  CHECK(simulated(right, wrong, false, motion).loses);
+  CHECK_FALSE(simulated(wrong, right, false, motion).loses);
+  CHECK_FALSE(simulated(right, right, false, motion).loses);
 }
 
 TEST_CASE("diagnose: windows that fall apart are reported with model, joint, time and horizon",
@@ -153,7 +168,7 @@ TEST_CASE("diagnose: windows that fall apart are reported with model, joint, tim
     if (data.time[k] > 10.0 && data.time[k] < 13.0) data.q(k, 0) = 0.9;
   const Model right = swing_with(swing.coulomb);
   const SimulatedMotion motion =
-      simulate_held_out(right, right, true, motion_of({data}), {}, kGoOn);
+      simulated(right, right, true, motion_of({data})).motion;
   CAPTURE(motion.reason, motion.base_follows);
   REQUIRE_FALSE(motion.apart.empty());
   const ApartWindow& at = motion.apart.front();
@@ -179,7 +194,7 @@ TEST_CASE("diagnose: a simulation that runs away ends the ladder, its error is t
   wild.links.at(0).inertia.h.z *= -1.0;  // upside down: away from 0 by e in a sixth of a second
   const FreeSwing truth;
   const HeldOutMotion held = motion_of({free_swing(truth, even_times(0.0, 40.0, 100.0))});
-  const SimulatedMotion motion = simulate_held_out(wild, wild, true, held, {}, kGoOn);
+  const SimulatedMotion motion = simulated(wild, wild, true, held).motion;
   CAPTURE(motion.reason);
   REQUIRE_FALSE(motion.horizons.empty());
   const SimulatedHorizon& last = motion.horizons.back();
@@ -221,7 +236,7 @@ TEST_CASE("diagnose: effects without derivatives are replayed, on any clock, fro
   late.effects.push_back({"time_shift", "all", {{"shift", 0.05, ""}}});
   REQUIRE(needs_replay(extend(late)));
   // The pendulum's clock alone shifts nothing that a state does not take over.
-  const SimulatedMotion both = simulate_held_out(model, late, false, motion, {}, kGoOn);
+  const SimulatedMotion both = simulated(model, late, false, motion).motion;
   CAPTURE(both.reason);
   REQUIRE(both.reason.empty());
   CHECK(both.extended_follows == both.base_follows);
@@ -255,8 +270,10 @@ TEST_CASE("diagnose: whoever interrupts a simulation waits for one window at mos
   const HeldOutMotion motion = motion_of({free_swing({}, even_times(0.0, 40.0, 100.0))});
   for (const int allowed : {0, 5, 40, 77}) {  // 24 windows a model and horizon
     int asked = 0;
-    const SimulatedMotion m = simulate_held_out(swing_with(0.0), swing_with(1e-4), false, motion,
-                                                {}, [&] { return asked++ < allowed; });
+    const SimulatedMotion m =
+        simulated(swing_with(0.0), swing_with(1e-4), false, motion, [&] {
+          return asked++ < allowed;
+        }).motion;
     CHECK(asked == allowed + 1);
     CHECK(m.horizons.empty() != (m.reason.empty()));
     CHECK(m.horizons.size() == (allowed < 48 ? 0 : 1));
