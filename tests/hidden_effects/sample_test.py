@@ -1,14 +1,13 @@
-"""A fixed sample of the study on every commit: the rates of `diffnea diagnose` do not fall.
+"""Every family of both generators and of the ball hidden once, on seeds that nobody tuned on.
 
-Seeds of the set that thresholds are tuned on, half of the study's duration and rate. The whole
-study is `make study`.
+What is hidden must be named, or stand in the class that is reported, and remove held-out error;
+another name is a failure, also where the catalogue has none. The whole study is `make study`.
 """
 
-import math
 import os
 import shutil
-from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,103 +15,84 @@ import pytest
 import study
 from cli import COMMAND, load
 
-GROUP = study.Group("sample", ("--duration", "20", "--rate", "250"))
-FIRST = study.FIRST_SEED["tune"]
+SEED = study.FIRST_SEED["suite"]
+SETS = {
+    # Half of the study's duration and rate.
+    "first": study.Group("first", ("--duration", "20", "--rate", "250")),
+    "rigs": study.Group("rigs"),
+    "ball": study.Group("ball", ball=True),
+}
+FEWEST = {"first": 30, "rigs": 30, "ball": 14}  # families: a list that came out empty would pass
+# Known to be missed: faults of the method, not of these cases (docs/diagnosis.md, Known limits).
+# Who mends one takes it off this list.
+MISSED: dict[tuple[str, str], str] = {}
+EXPLAINED = 0.8  # of the held-out error that can be removed: less is called UNKNOWN
+COVERED = 0.8  # least share of 95 % intervals that hold the truth, of some hundred: 4 σ below
 
-NONE = [("none", k) for k in range(8)]
-SINGLE = [
-    (family, k)
-    for family in (
-        "coulomb_friction",
-        "viscous_friction",
-        "quadratic_friction",
-        "asymmetric_viscous",
-        "torque_offset",
-        "cogging",
-        "armature",
-    )
-    for k in range(2)
-]
-ABSORBED = [("absorbed", k) for k in range(3)]
-OUTSIDE = [("outside", k) for k in range(2)]
-TWO = [("two", k) for k in range(2)]
-
-# What share of the cases must come out: measured on seeds FIRST to FIRST + 5 of the same families
-# and options.
-RIGHT_SINGLE = 0.9
-COVERED = 0.8
-
-Scores = dict[tuple[str, int], dict[str, Any]]
+Scores = dict[tuple[str, str], dict[str, Any]]
 
 
-def least(rate: float, n: int, chance: float = 0.01) -> int:
-    """Hits of n that a rate falls below with at most this chance (binomial)."""
-    total = 0.0
-    for hits in range(n + 1):
-        total += math.comb(n, hits) * rate**hits * (1 - rate) ** (n - hits)
-        if total > chance:
-            return hits
-    return n
+@dataclass(frozen=True)
+class Programs:
+    """What makes the cases of each set."""
+
+    first: Path
+    rigs: Path
+
+    def of(self, name: str) -> Path:
+        return self.rigs if name == "rigs" else self.first
+
+
+def families(programs: Programs, name: str) -> list[str]:
+    every = study.families(programs.of(name))
+    return [f for f in every if f.startswith("ball_") == (name == "ball")]
 
 
 @pytest.fixture(scope="module")
-def scores(generator: Path, tmp_path_factory: pytest.TempPathFactory) -> Scores:
+def scores(generator: Path, rigs: Path, tmp_path_factory: pytest.TempPathFactory) -> Scores:
     command = Path(COMMAND if Path(COMMAND).exists() else shutil.which(COMMAND) or COMMAND)
     folder = tmp_path_factory.mktemp("sample")
-    keys = NONE + SINGLE + ABSORBED + OUTSIDE + TWO
+    programs = Programs(generator, rigs)
+    keys = [(name, family) for name in SETS for family in families(programs, name)]
 
-    def score(key: tuple[str, int]) -> dict[str, Any]:
-        case = study.Case(GROUP, key[0], FIRST + key[1])
-        problem = study.run_case(case, folder, study.Tools(generator, command))
+    def score(key: tuple[str, str]) -> dict[str, Any]:
+        name, family = key
+        case = study.Case(SETS[name], family, SEED)
+        problem = study.run_case(case, folder, study.Tools(programs.of(name), command))
         assert problem is None, problem
-        found: dict[str, Any] = load(folder / case.name / "score.json")
-        return found
+        home = folder / case.name
+        return {**load(home / "score.json"), "result": load(home / "result.json")}
 
     with ThreadPoolExecutor(min(2, os.cpu_count() or 1)) as pool:
         return dict(zip(keys, pool.map(score, keys), strict=True))
 
 
-def shown(scores: Scores, keys: Iterable[tuple[str, int]]) -> str:
-    lines = [f"{key}: {scores[key]['outcome']}, named {scores[key]['named']}" for key in keys]
-    return "\n".join(lines)
+def outcome(score: dict[str, Any]) -> str:
+    return f"{score['outcome']}: {score['verdict']}, named {score['named']}, is {score['truth']}"
 
 
-def test_least_is_the_lower_bound_of_a_binomial() -> None:
-    # P(X < 6) = 0.0064 and P(X < 7) = 0.0321 for 9 of 10 wanted with 0.9 (tables).
-    assert least(1.0, 8) == 8
-    assert least(0.5, 4) == 0
-    n, rate = 14, 0.9
-    below = sum(math.comb(n, k) * rate**k * (1 - rate) ** (n - k) for k in range(least(rate, n)))
-    assert below <= 0.01
+@pytest.mark.parametrize("name", SETS)
+def test_what_is_hidden_is_named_and_nothing_else(scores: Scores, name: str) -> None:
+    mine = {family: score for (of, family), score in scores.items() if of == name}
+    assert len(mine) >= FEWEST[name]
+    bad = {f: outcome(s) for f, s in mine.items() if s["outcome"] not in study.scoring.GOOD}
+    missed = {family for of, family in MISSED if of == name}
+    assert set(bad) == missed, "\n".join(f"{f}: {text}" for f, text in bad.items())
 
 
-def test_nothing_is_named_where_nothing_is_hidden(scores: Scores) -> None:
-    # At the goal of 1 % false alarms, one in 8 cases would be bad luck of 8 %: the seeds are fixed.
-    assert [scores[key]["outcome"] for key in NONE] == ["right"] * len(NONE), shown(scores, NONE)
-
-
-def test_effects_are_named_at_their_joints(scores: Scores) -> None:
-    right = sum(scores[key]["outcome"] == "right" for key in SINGLE)
-    assert right >= least(RIGHT_SINGLE, len(SINGLE)), shown(scores, SINGLE)
-    assert not [key for key in SINGLE if scores[key]["outcome"] == "failed"]
+def test_what_is_named_removes_held_out_error(scores: Scores) -> None:
+    for key, score in scores.items():
+        if not score["named"] or score["outcome"] not in study.scoring.GOOD:
+            continue
+        gain = score["result"]["gain"]
+        assert gain["test_rmse_after"] < gain["test_rmse_before"], key
+        if score["verdict"] != "UNKNOWN":
+            assert gain["explained_share"] >= EXPLAINED, key
+        for cause in score["result"]["causes"]:
+            assert cause["gain"]["ci95"][0] > 0.0, (key, cause["effect"])
 
 
 def test_the_truth_lies_in_its_interval(scores: Scores) -> None:
-    covered = [inside for key in SINGLE for inside in scores[key]["covered"]]
-    assert len(covered) >= least(RIGHT_SINGLE, len(SINGLE))
-    assert sum(covered) >= least(COVERED, len(covered)), shown(scores, SINGLE)
-
-
-def test_what_the_base_absorbs_is_not_named(scores: Scores) -> None:
-    outcomes = [scores[key]["outcome"] for key in ABSORBED]
-    assert outcomes == ["right"] * len(ABSORBED), shown(scores, ABSORBED)
-
-
-def test_two_effects_are_both_found(scores: Scores) -> None:
-    assert sum(scores[key]["outcome"] in study.scoring.GOOD for key in TWO) >= 1, shown(scores, TWO)
-
-
-def test_what_is_outside_the_catalogue_is_seen(scores: Scores) -> None:
-    # A name is wrong there; silence would be, too.
-    for key in OUTSIDE:
-        assert scores[key]["outcome"] != "missed", shown(scores, OUTSIDE)
+    covered = [inside for score in scores.values() for inside in score["covered"]]
+    assert len(covered) > 80
+    assert sum(covered) >= COVERED * len(covered)
