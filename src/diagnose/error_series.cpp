@@ -66,7 +66,7 @@ void note_offsets(const VecX<double>& errors, JointCase& c) {
 }
 
 void note_uneven(JointCase& c) {
-  if (!c.test) return;
+  if (!c.test || c.drowned) return;
   for (std::size_t k = 0; k < c.search->whitener().noise().size(); ++k) {
     const JointGain& g = c.finding.joints[k];
     const double assumed = c.search->whitener().noise()[k].assumed,
@@ -78,6 +78,20 @@ void note_uneven(JointCase& c) {
           " times what is left of the held-out one: a torque at its limit, a touch, or spikes, at "
           "some instants of it only; they pass for noise, in which smaller effects stay hidden");
   }
+}
+
+void note_floors(JointCase& c) {
+  std::string joints;
+  for (std::size_t k = 0; k < c.search->whitener().noise().size(); ++k) {
+    const JointNoise& noise = c.search->whitener().noise()[k];
+    const JointGain& g = c.finding.joints[k];
+    if (noise.assumed > 0.5)
+      joints += (joints.empty() ? "" : ", ") + g.joint + " " + format_number(noise.rms) + " " + g.unit;
+  }
+  if (!joints.empty())
+    c.finding.notes.push_back("what is left shows less noise than any sensor (a simulation?): " +
+                              joints + " is taken as the least, " + format_number(kLeastNoise) +
+                              " of the torque");
 }
 
 }  // namespace diffnea

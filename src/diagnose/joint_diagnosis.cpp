@@ -233,6 +233,7 @@ void JointDiagnosis::complete() {
   note_offsets(e1, case_);
   note_instant();
   note_uneven(case_);
+  note_floors(case_);
   LinearFit fit;
   const VecX<double> x = final_base(case_.base, case_.layout, *case_.search, *case_.train, terms_,
                                     grey_.torque.there, fit);
@@ -305,7 +306,10 @@ void JointDiagnosis::judge() {
   Finding& f = case_.finding;
   const bool ambiguous =
       std::ranges::any_of(f.causes, [](const Cause& c) { return c.verdict == Verdict::kClass; });
-  if ((misfit_ || !f.witness.empty()) && f.gain.explained_share < kExplained)
+  const bool says_nothing = case_.drowned && f.causes.empty() && f.witness.empty();
+  if (says_nothing)
+    f.verdict = Verdict::kNotIdentifiable;
+  else if ((misfit_ || !f.witness.empty()) && f.gain.explained_share < kExplained)
     f.verdict = Verdict::kUnknown;
   else if (f.causes.empty())
     f.verdict = f.candidates.empty() ? Verdict::kNotIdentifiable : Verdict::kNone;

@@ -13,6 +13,7 @@
 #include "core/statistics.hpp"
 #include "recording/columns.hpp"
 #include "recording/gridder.hpp"
+#include "recording/overlap.hpp"
 #include "recording/spectrum.hpp"
 
 namespace diffnea {
@@ -41,9 +42,8 @@ double choose_period(const std::vector<Recording>& recordings, bool measured_vel
       if (!detail::is_gap(r, i, measured_velocity) && !detail::is_gap(r, i - 1, measured_velocity))
         steps.push_back(r.time[i] - r.time[i - 1]);
   if (steps.empty())
-    throw DataError((recordings.empty() ? std::string("preprocess") : recordings.front().source) +
-                    ": no two rows without a gap follow each other, so there is nothing to "
-                    "differentiate");
+    throw DataError(recordings.front().source + ": " + detail::why_no_rows(recordings, 2) +
+                    ", so there is nothing to differentiate");
   const double middle = median(steps);
   double sum = 0.0, count = 0.0;
   for (const double s : steps)
@@ -205,6 +205,20 @@ void require_enough(const std::vector<Recording>& recordings, const PreprocessPl
                     "motion`)");
 }
 
+/// Rows a thousand, a million times as far apart as those that were fitted are in another unit.
+void require_unit_of_time(const std::vector<Recording>& recordings, double fitted, double held_out) {
+  for (const auto& [times, unit] : {std::pair{1e3, "ms"}, {1e6, "us"}, {1e9, "ns"}})
+    for (const bool here : {true, false}) {
+      const double share = here ? held_out / (times * fitted) : fitted / (times * held_out);
+      if (!(std::abs(std::log(share)) < std::numbers::ln2)) continue;
+      throw DataError(recordings.front().source + ": its rows are " +
+                      detail::number_text(held_out, 4) + " s apart, those that were fitted " +
+                      detail::number_text(fitted, 4) + " s: is the time of " +
+                      (here ? "this one" : "the fitted recording") + " in " + unit +
+                      "? Then name its column `time [" + unit + "]`");
+    }
+}
+
 /// One kind of recordings, with something to differentiate.
 void require_alike(const std::vector<Recording>& recordings, bool measured_velocity) {
   if (recordings.empty()) throw DataError("preprocess: got no recording, expected one or more");
@@ -292,6 +306,7 @@ PreprocessPlan plan_like(const PreprocessPlan& plan, const std::vector<Recording
   require_alike(recordings, plan.measured_velocity);
   PreprocessPlan out = plan;
   out.dt = choose_period(recordings, plan.measured_velocity, out.timing_jitter);
+  require_unit_of_time(recordings, plan.dt, out.dt);
   out.refresh = refresh_rows(recordings);
   const double rate = 1.0 / out.dt;
   // Positions may be smoothed more, as long as that is flat over the band of the torques.
