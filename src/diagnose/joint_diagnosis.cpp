@@ -306,8 +306,13 @@ void JointDiagnosis::judge() {
   Finding& f = case_.finding;
   const bool ambiguous =
       std::ranges::any_of(f.causes, [](const Cause& c) { return c.verdict == Verdict::kClass; });
-  const bool says_nothing = case_.drowned && f.causes.empty() && f.witness.empty();
-  if (says_nothing)
+  // Nothing found says nothing where a channel cannot tell.
+  const auto tells_nothing = [](const ChannelFault& fault) {
+    return (fault.fault == "dead_channel" || fault.fault == "frozen_channel") &&
+           (fault.channel.starts_with("tau_") || fault.channel.starts_with("q_"));
+  };
+  if (f.causes.empty() && f.witness.empty() &&
+      (case_.drowned || std::ranges::any_of(f.audit, tells_nothing)))
     f.verdict = Verdict::kNotIdentifiable;
   else if ((misfit_ || !f.witness.empty()) && f.gain.explained_share < kExplained)
     f.verdict = Verdict::kUnknown;

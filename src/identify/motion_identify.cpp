@@ -39,7 +39,7 @@ std::vector<Recording> whole_runs(const RecordingSource& source, int first_run) 
   return out;
 }
 
-/// What to do about joints that nobody has measured the torque of; empty if there is none.
+/// Words on joints that nobody has measured the torque of; empty if there is none.
 std::string without_torque(const Recording& r) {
   std::vector<std::string> joints;
   const std::vector<bool> passive = passive_joints(r);
@@ -66,6 +66,14 @@ std::vector<MotionStretch> stretches_of(const std::vector<Recording>& recordings
   if (out.empty() && !recordings.empty())
     throw DataError(recordings.front().source + ": " + detail::why_no_rows(recordings, 3) +
                     ", so nothing can be simulated" + without_torque(recordings.front()));
+  for (long j = 0; !out.empty() && j < noise.position.size(); ++j)
+    if (std::ranges::all_of(out, [&](const MotionStretch& s) {
+          return s.q.col(j).array().isNaN().all();
+        }))
+      throw DataError(recordings.front().source + ": joint '" +
+                      recordings.front().joint_names[static_cast<std::size_t>(j)] +
+                      "' has no position in rows in which all torques are known: " +
+                      detail::uneven_columns(recordings));
   return out;
 }
 
@@ -189,9 +197,6 @@ class MotionIdentification {
           low[j] = std::min(low[j], q);
           high[j] = std::max(high[j], q);
         }
-    hold_motionless(
-        motionless_joints(low, high, {noise_.position.begin(), noise_.position.end()}),
-        joint_names(model_), source, layout_, result_.notes);
     const auto is_free = [](const FitParameter& p) { return !p.fixed; };
     const long states = static_cast<long>(2 * n * stretches_.size()),
                parameters = std::ranges::count_if(layout_.linear, is_free) +
@@ -200,6 +205,9 @@ class MotionIdentification {
       throw DataError(source + ": " + std::to_string(positions) + " positions for " +
                       std::to_string(states) + " initial states and " + std::to_string(parameters) +
                       " parameters; record longer, or fix parameters");
+    hold_motionless(
+        motionless_joints(low, high, {noise_.position.begin(), noise_.position.end()}),
+        joint_names(model_), source, layout_, result_.notes);
   }
 
   /// Notes on sensors: slow ones, and those that show no noise.

@@ -1,7 +1,6 @@
 #pragma once
-/// What the columns of a recording hold from its first row to its last: values that are missing,
-/// positions without a value,
-/// torques that are zero throughout. Internal.
+/// Contents of the columns of a recording from its first row to its last: values that are missing,
+/// positions without any, torques that are zero throughout. Internal.
 
 #include <vector>
 
@@ -14,7 +13,7 @@ namespace diffnea::detail {
 struct ColumnCensus {
   long rows = 0;                    ///< that were counted
   std::vector<long> gaps;           ///< per column: rows without a value
-  std::vector<long> before, after;  ///< of them: those before the first value, after the last
+  std::vector<long> before, after;  ///< gaps before the first value, after the last
   std::vector<double> first, last;  ///< per column: times of the first and the last value [s]
   std::vector<double> largest_tau;  ///< per joint, −1: no value yet
   std::size_t time_column = 0;

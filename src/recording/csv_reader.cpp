@@ -95,7 +95,8 @@ struct RecordingReader::Impl {
         const bool before_is_wrong =
             rows_in_run > 1 && step > 0.0 && jump > 100.0 * last_step && step < 10.0 * last_step;
         repeated += now == before ? 1 : 0;
-        if (now < before && !(jump > kLate * last_step)) refuse_set_back(before, now);
+        if ((now < before || row.line == behind_line + 1) && !(jump > kLate * last_step))
+          refuse_set_back(before, now);
         rows.quarantine(before_is_wrong ? pending.line : row.line,
                         before_is_wrong
                             ? "time jumps ahead to " + number_text(before, 6) + " and back"
@@ -214,7 +215,7 @@ struct RecordingReader::Impl {
   long rows_in_run = 0;
   double committed_time = 0.0, last_step = 0.0;
   long repeated = 0;                        ///< rows with the time of the row before
-  long behind_line = 0, first_behind = 0;  ///< of rows behind the clock: the last, the first
+  long behind_line = 0, first_behind = 0;  ///< last and first row behind the clock
   double behind_time = 0.0;
   std::set<int> runs_seen;
 };

@@ -21,7 +21,7 @@ struct ValueSpan {
   double first = kInfinity, last = -kInfinity;  ///< times of its first and its last value [s]
 };
 
-/// Of the columns without which a row does not count.
+/// Columns without which a row does not count.
 std::vector<ValueSpan> value_spans(const Recording& r) {
   std::vector<ValueSpan> out;
   const auto add = [&](const std::string& column, const auto& values) {

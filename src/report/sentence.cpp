@@ -212,7 +212,7 @@ std::string verdict_words(const Finding& f) {
       return std::string("This recording cannot show what the model lacks: ") +
              (f.candidates.empty()
                   ? "every candidate is absorbed by the base parameters or never excited."
-                  : "most of a joint's torque follows no motion; the warnings name the joint.");
+                  : "a channel is mostly noise, or at fault; the warnings name it.");
     case Verdict::kUnknown: {
       std::string out =
           (f.tried == Tried::kAll ? "The cause is not in the catalogue: "

@@ -1,10 +1,11 @@
 """Recordings that are spoiled: what `diagnose` and `identify` say of them, fitted and held out."""
 
-import math
 import random
 import re
+import shutil
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 from cli import PENDULUM, Table, column, diffnea, done, edited, load, refused
@@ -12,26 +13,29 @@ from cli import PENDULUM, Table, column, diffnea, done, edited, load, refused
 FITTED, HELD_OUT = "train", "test"
 Spoil = Callable[[Table], Table | None]
 
-# --- what can be wrong
+# --- ways to spoil a recording
 
 
 def cut(rows: int) -> Spoil:
     return lambda table: table[: rows + 1]
 
 
-def runs(rows: int, *, every: bool = False) -> Spoil:
-    """A run of so many rows among good ones, or of nothing else."""
+def runs(rows: int, *, only: bool = False) -> Spoil:
+    """A run of so many rows among good ones, or nothing but such runs."""
 
     def split(table: Table) -> Table:
         half = len(table) // 2
-        run = (lambda k: k // rows) if every else (lambda k: (k >= half) + (k >= half + rows))
+
+        def run(k: int) -> int:
+            return k // rows if only else (k >= half) + (k >= half + rows)
+
         return [[*row, "run" if k == 0 else str(run(k - 1))] for k, row in enumerate(table)]
 
     return split
 
 
-def column_of(name: str, value: str, first: float = 0.0, last: float = 1.0) -> Spoil:
-    """One value from one part of the rows to another."""
+def cells(name: str, value: str, first: float = 0.0, last: float = 1.0) -> Spoil:
+    """One value in a column, from one share of the rows to another."""
 
     def fill(table: Table) -> None:
         rows = len(table) - 1
@@ -43,16 +47,16 @@ def column_of(name: str, value: str, first: float = 0.0, last: float = 1.0) -> S
 
 def still(table: Table) -> None:
     for name in ("q_shoulder", "q_elbow"):
-        column_of(name, table[1][column(table, name)])(table)
+        cells(name, table[1][column(table, name)])(table)
 
 
-def shared_by_none(table: Table) -> None:
-    column_of("q_elbow", "", 0.5, 1.0)(table)
-    column_of("tau_elbow", "", 0.0, 0.5)(table)
+def share_no_row(table: Table) -> None:
+    cells("q_elbow", "", 0.5, 1.0)(table)
+    cells("tau_elbow", "", 0.0, 0.5)(table)
 
 
 def clock(change: Callable[[int, float], float]) -> Spoil:
-    """Time stamps of rows, counted from 0."""
+    """Another stamp of each row, counted from 0."""
 
     def turn(table: Table) -> None:
         for k, row in enumerate(table[1:]):
@@ -61,7 +65,7 @@ def clock(change: Callable[[int, float], float]) -> Spoil:
     return turn
 
 
-def noise(*columns: str, size: float) -> Spoil:
+def noise(size: float, *columns: str) -> Spoil:
     def add(table: Table) -> None:
         rng = random.Random(1)
         for row in table[1:]:
@@ -72,57 +76,222 @@ def noise(*columns: str, size: float) -> Spoil:
     return add
 
 
-def set_back(by: float) -> Spoil:
-    return clock(lambda k, t: t - (by if k >= 5000 else 0.0))
+def shift(seconds: float) -> Spoil:
+    """A clock that is set anew after half of the rows."""
+    return clock(lambda k, t: t + (seconds if k >= 5000 else 0.0))
 
 
-ROW = "it has 1 row, expected the rows of a motion"
-SHORT = r"\.csv: .*[Rr]ecord"
-STILL = r"no joint.* moves \(shoulder, elbow\)"
-ENDS = "'tau_elbow' ends at 0.038 s"
-BACK = r"spoiled\.csv:\d+: the clock is set back, from .* in a column `run`"
+def arguments(rubbing: Path, folder: Path, role: str, spoil: Spoil) -> list[object]:
+    """Model, recording and held-out recording; one of these is spoiled."""
+    files = {name: rubbing / f"{name}.csv" for name in (FITTED, HELD_OUT)}
+    bad = edited(files[role], folder / "spoiled.csv", spoil)
+    shutil.copy(files[role].with_suffix(".json"), bad.with_suffix(".json"))
+    files[role] = bad
+    return [PENDULUM, files[FITTED], "--test", files[HELD_OUT]]
+
+
+# --- recordings that are refused
+
+RECORD = r"spoiled\.csv.*expected the rows of a motion"
+STILL = r"spoiled\.csv: .*no joint.* moves \(shoulder, elbow\)"
+BACK = r"spoiled\.csv:5002: the clock is set back, from 9.998 to .* in a column `run`"
 REPEATS = r"line 3: time repeats \(0\).*write `time` with more digits"
-NO_ROW = "'q_elbow' ends at 9.998 s, 'tau_elbow' begins at 10 s"
+REFUSED = {
+    "one row": (cut(1), r"spoiled\.csv: .*it has 1 row, expected"),
+    "three rows": (cut(3), RECORD),
+    "runs of three rows": (runs(3, only=True), RECORD),
+    "0.2 s": (cut(100), r"spoiled\.csv: diagnose: 0\.\d* s of (fitted|held-out) rows"),
+    "all positions equal": (still, STILL),
+    "torque that ends": (cells("tau_elbow", "", 0.002), "'tau_elbow' ends at 0.038 s"),
+    "torque that begins": (cells("tau_elbow", "NaN", 0.0, 0.998), "'tau_elbow' begins at 19.96"),
+    "no torque": (cells("tau_elbow", ""), "column 'tau_elbow' has no value"),
+    "no position": (cells("q_elbow", ""), "column 'q_elbow' has no value"),
+    "no row": (share_no_row, "'q_elbow' ends at 9.998 s, 'tau_elbow' begins at 10 s"),
+    "clock 10 ms back": (shift(-0.01), BACK),
+    "clock a minute back": (shift(-60.0), BACK),
+    "stamps twice": (clock(lambda k, t: t - 0.002 * (k % 2)), REPEATS),
+    "stamps of 10 ms": (clock(lambda _, t: round(t, 2)), REPEATS),
+    "milliseconds": (clock(lambda _, t: 1e3 * t), r"apart.* in ms\? Then name its column"),
+    "noise": (noise(50.0, "tau_shoulder", "tau_elbow"), r"noise is more than half.*spoiled\.csv"),
+}
 
 
-def spoiled(rubbing: Path, folder: Path, role: str, spoil: Spoil) -> tuple[Path, ...]:
-    """Arguments of model, recordings and held-out ones, one of which is spoiled."""
-    bad = edited(rubbing / f"{role}.csv", folder / "spoiled.csv", spoil)
-    (folder / "spoiled.json").write_bytes((rubbing / f"{role}.json").read_bytes())
-    files = {name: rubbing / f"{name}.csv" for name in (FITTED, HELD_OUT)} | {role: bad}
-    return PENDULUM, files[FITTED], Path("--test"), files[HELD_OUT]
+@pytest.mark.parametrize("case", REFUSED)
+@pytest.mark.parametrize("role", [FITTED, HELD_OUT])
+def test_diagnose_refuses(rubbing: Path, tmp_path: Path, role: str, case: str) -> None:
+    spoil, words = REFUSED[case]
+    message = refused(
+        tmp_path / "run", *arguments(rubbing, tmp_path, role, spoil), command="diagnose"
+    )
+    assert re.search(words, message), message
+    assert "millisecond" not in message
 
 
 @pytest.mark.parametrize(
-    ("spoil", "roles", "words"),
+    ("case", "words"),
     [
-        pytest.param(cut(1), "both", ROW, id="one row"),
-        pytest.param(cut(3), "both", SHORT, id="three rows"),
-        pytest.param(runs(3, every=True), "both", SHORT, id="runs of three rows"),
-        pytest.param(still, "both", STILL, id="all positions equal"),
-        pytest.param(column_of("tau_elbow", "", 0.002), "both", ENDS, id="torque ends at once"),
-        pytest.param(column_of("tau_elbow", ""), "both", "'tau_elbow' has no value", id="no torque"),
-        pytest.param(column_of("q_elbow", ""), "both", "'q_elbow' has no value", id="no position"),
-        pytest.param(shared_by_none, "both", NO_ROW, id="columns that share no row"),
-        pytest.param(set_back(0.01), "both", BACK, id="clock set back by 10 ms"),
-        pytest.param(set_back(60.0), "both", BACK, id="clock set back by a minute"),
-        pytest.param(clock(lambda k, t: t - 0.002 * (k % 2)), "both", REPEATS, id="stamps twice"),
-        pytest.param(clock(lambda k, t: round(t, 2)), "both", REPEATS, id="stamps of 10 ms"),
-        pytest.param(clock(lambda k, t: 1e3 * t), "both", r"in ms\?", id="milliseconds"),
-        pytest.param(cut(100), "both", r"0\.2 s of (fitted|held-out) rows", id="0.2 s"),
-        pytest.param(
-            noise("tau_shoulder", "tau_elbow", size=50.0),
-            "both",
-            "noise is more than half of the torque's power",
-            id="torque that is noise",
-        ),
+        ("one row", "it has 1 row"),
+        ("three rows", "6 positions for 4 initial states"),
+        ("all positions equal", STILL),
+        ("no position", "'q_elbow' has no value"),
+        ("no row", "'q_elbow' ends at 9.998 s, 'tau_elbow' begins at 10 s"),
+        ("clock 10 ms back", BACK),
+        ("stamps twice", REPEATS),
     ],
 )
-@pytest.mark.parametrize("role", [FITTED, HELD_OUT])
-def test_diagnose_refuses(
-    rubbing: Path, tmp_path: Path, role: str, spoil: Spoil, roles: str, words: str
-) -> None:
-    arguments = spoiled(rubbing, tmp_path, role, spoil)
-    message = refused(tmp_path / "run", *arguments, command="diagnose")
+def test_the_motion_loss_refuses(rubbing: Path, tmp_path: Path, case: str, words: str) -> None:
+    model, data, *_ = arguments(rubbing, tmp_path, FITTED, REFUSED[case][0])
+    message = refused(tmp_path / "run", model, data, "--loss", "motion")
     assert re.search(words, message), message
-    assert "ms" in words or "milli" not in message
+
+
+@pytest.mark.parametrize("case", ["all positions equal", "one row", "no row"])
+def test_identify_refuses(rubbing: Path, tmp_path: Path, case: str) -> None:
+    spoil, words = REFUSED[case]
+    model, data, *_ = arguments(rubbing, tmp_path, FITTED, spoil)
+    message = refused(tmp_path / "run", model, data)
+    assert re.search(words, message), message
+    assert "millisecond" not in message
+
+
+# --- recordings that are not
+
+
+def diagnosed(rubbing: Path, folder: Path, role: str, spoil: Spoil) -> tuple[Any, str]:
+    """Result and text."""
+    run = folder / "run"
+    text = done("diagnose", *arguments(rubbing, folder, role, spoil), "-o", run, "--quiet")
+    return load(run / "result.json"), text
+
+
+def causes(result: Any) -> list[tuple[str, str]]:
+    return [(cause["effect"], cause["where"]) for cause in result["causes"]]
+
+
+NOTHING = r"\ANAMED"
+HARMLESS = {
+    "a run of three rows": (runs(3), NOTHING),
+    "a run of one row": (runs(1), NOTHING),
+    "torque that ends early": (cells("tau_elbow", "", 0.7), r"'tau_elbow' in .*ends at 14 s"),
+    "torque that begins late": (cells("tau_elbow", "NaN", 0, 0.3), r"'tau_elbow' in .*begins at 6"),
+    "position that ends early": (cells("q_elbow", "", 0.7), r"'q_elbow' in .*ends at 14 s"),
+    "clock a minute ahead": (shift(60.0), NOTHING),
+    "a stamp that repeats": (clock(lambda k, t: t - 0.002 * (k % 250 == 50)), "quarantined"),
+    "a stamp a minute ahead": (clock(lambda k, t: t + 60.0 * (k == 5000)), "quarantined"),
+    "clock a ms ahead": (clock(lambda k, t: t + 0.001 * (k // 400)), NOTHING),
+    "stamps a ms late": (clock(lambda k, t: t + 0.001 * (k % 97 == 50)), NOTHING),
+}
+
+
+@pytest.mark.parametrize("case", HARMLESS)
+@pytest.mark.parametrize("role", [FITTED, HELD_OUT])
+def test_diagnose_names_the_cause_all_the_same(
+    rubbing: Path, tmp_path: Path, role: str, case: str
+) -> None:
+    spoil, words = HARMLESS[case]
+    result, text = diagnosed(rubbing, tmp_path, role, spoil)
+    assert result["verdict"] == "NAMED"
+    assert causes(result) == [("coulomb_friction", "elbow")]
+    low, high = result["causes"][0]["parameters"][0]["ci95"]
+    assert low <= 0.05 <= high
+    assert "WARNING" not in text
+    if words != NOTHING:
+        assert re.search(words, text), text
+        notes = " ".join(result["preprocessing"]["notes"])
+        assert re.search(words, notes), notes
+        assert ("held-out data: " in notes) == (role == HELD_OUT)
+
+
+@pytest.mark.parametrize("role", [FITTED, HELD_OUT])
+@pytest.mark.parametrize(
+    ("spoil", "warning"),
+    [
+        (cells("tau_elbow", "0", 0.7), "tau_elbow is at fault.* last 3000 rows, from t = 14.002 s"),
+        (cells("tau_elbow", "0.2", 0, 0.3), "tau_elbow is at fault.* first 3000 rows"),
+        (cells("tau_elbow", "0.2"), "tau_elbow is at fault.* stays 0.2 N"),
+        (cells("q_elbow", "0.2"), "q_elbow is at fault.* stays 0.2 rad"),
+        (noise(10.0, "tau_elbow"), r"noise is more than half.*elbow: noise of 3.*spoiled\.csv"),
+    ],
+    ids=["zero at the end", "held at the start", "held", "dead encoder", "noise"],
+)
+def test_a_channel_that_says_nothing_is_named_first(
+    rubbing: Path, tmp_path: Path, role: str, spoil: Spoil, warning: str
+) -> None:
+    result, text = diagnosed(rubbing, tmp_path, role, spoil)
+    assert result["verdict"] not in ("NONE", "NAMED", "CLASS")
+    assert re.search("WARNING: " + warning, text), text
+    assert text.index("WARNING: ") < text.index("torque error on held-out data")
+
+
+def test_floors_of_a_simulation_without_noise_are_said(tmp_path: Path) -> None:
+    for seed, name in enumerate((FITTED, HELD_OUT), start=1):
+        motion, out = tmp_path / "motion.csv", tmp_path / f"{name}.csv"
+        done("excite", PENDULUM, "--duration", 10, "-o", motion, "--seed", seed, "--quiet")
+        done("simulate", PENDULUM, "--trajectory", motion, "-o", out, "--noise", 0, "--quiet")
+    files = (tmp_path / "train.csv", "--test", tmp_path / "test.csv")
+    text = done("diagnose", PENDULUM, *files, "-o", tmp_path / "run", "--quiet")
+    result = load(tmp_path / "run" / "result.json")
+    assert result["verdict"] == "NONE"
+    note = next(note for note in result["notes"] if "less noise than any sensor" in note)
+    assert "shoulder" in note
+    assert "elbow" in note
+    assert note in text
+
+
+def test_a_drive_at_its_limit_all_the_time_is_no_fault(tmp_path: Path) -> None:
+    """Torques that are measured at the limit are the torques."""
+    rubs = PENDULUM.read_text().replace(
+        '<joint name="elbow" type="continuous">',
+        '<joint name="elbow" type="continuous"><dynamics friction="0.05"/>',
+    )
+    at = rubs.index('effort="12"', rubs.index('<joint name="elbow"'))
+    weak = tmp_path / "weak.urdf"
+    weak.write_text(rubs[:at] + 'effort="0.25"' + rubs[at + len('effort="12"') :])
+    for seed, name in enumerate((FITTED, HELD_OUT), start=1):
+        motion, out = tmp_path / "motion.csv", tmp_path / f"{name}.csv"
+        common = ("--seed", seed, "--quiet")
+        done("excite", PENDULUM, "--duration", 10, "-o", motion, *common)
+        done("simulate", weak, "--trajectory", motion, "-o", out, "--noise", 1, *common)
+    files = (tmp_path / "train.csv", "--test", tmp_path / "test.csv")
+    done("diagnose", PENDULUM, *files, "-o", tmp_path / "run", "--quiet")
+    result = load(tmp_path / "run" / "result.json")
+    assert result["verdict"] == "NAMED"
+    assert causes(result) == [("coulomb_friction", "elbow")]
+
+
+def test_windows_that_fall_apart_are_counted_with_time_joint_and_horizon(
+    rubbing: Path, tmp_path: Path
+) -> None:
+    result, text = diagnosed(rubbing, tmp_path, HELD_OUT, cut(10000))
+    apart = result["simulated"]["apart"]
+    of_base = [a for a in apart if a["model"] == "base"]
+    horizon = next(
+        h for h in result["simulated"]["horizons"] if h["horizon"] == of_base[0]["horizon"]
+    )
+    assert len(of_base) == horizon["apart"]["base"] <= horizon["windows"]
+    first = of_base[0]
+    assert first["joint"] in ("shoulder", "elbow")
+    assert 0.0 <= first["time"] <= 20.0
+    words = rf"with the base model from windows of .* s on, {len(of_base)} of {horizon['windows']}"
+    assert re.search(rf"{words}: {first['joint']} at [\d.]+ s", text), text
+
+
+def test_held_out_windows_that_fall_apart_are_no_wrong_sign(rubbing: Path, tmp_path: Path) -> None:
+    """A wrong unit of held-out torques: the motion loss says what it sees, and blames nothing."""
+
+    def scale(table: Table) -> Table:
+        k = column(table, "tau_elbow")
+        for row in table[1:]:
+            row[k] = repr(3.0 * float(row[k]))
+        return [table[0], *table[1:2001:5]]
+
+    thin = edited(rubbing / "train.csv", tmp_path / "thin.csv", lambda t: [t[0], *t[1:2001:5]])
+    shutil.copy(rubbing / "train.json", tmp_path / "thin.json")
+    bad = edited(rubbing / "test.csv", tmp_path / "bad.csv", scale)
+    shutil.copy(rubbing / "test.json", tmp_path / "bad.json")
+    run = tmp_path / "run"
+    text = diffnea("identify", PENDULUM, thin, "--test", bad, "--loss", "motion", "-o", run).stdout
+    note = next(n for n in load(run / "result.json")["notes"] if "of held-out data falls" in n)
+    assert re.search(r"horizon of .* s: in 1 of 1 windows, after .* e\.g\. \w+ at [\d.]+ s", note)
+    assert note in text
+    assert "same signs" not in text

@@ -88,7 +88,7 @@ TEST_CASE("csv: a clock that is set back and goes on is refused where it was set
                           ContainsSubstring("in a column `run`"));
   }
   ReadOptions all;
-  all.max_quarantined_share = 1.0;  // of an audit, which has its own word for it
+  all.max_quarantined_share = 1.0;  // an audit has its own word for it
   ReadReport report;
   CHECK(read(set_back(100), all, &report)[0].rows() == 500);
   CHECK(report.quarantined == 100);
