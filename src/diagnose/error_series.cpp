@@ -66,7 +66,7 @@ void note_offsets(const VecX<double>& errors, JointCase& c) {
 }
 
 void note_uneven(JointCase& c) {
-  if (!c.test || c.drowned) return;
+  if (!c.test) return;
   for (std::size_t k = 0; k < c.search->whitener().noise().size(); ++k) {
     const JointGain& g = c.finding.joints[k];
     const double assumed = c.search->whitener().noise()[k].assumed,

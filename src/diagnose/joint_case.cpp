@@ -98,8 +98,8 @@ void require_torque(JointCase& c) {
   const std::string why =
       "noise is more than half of the torque's power, so that nothing can be said of it: " +
       detail::join(drowned, "; ") +
-      ". Noise is what neither the model nor any smooth function of the motion explains; is the "
-      "torque's column right, and in N*m? Else record faster motion, or with less noise";
+      ". Neither the model nor any smooth function of the motion explains it: is the column the "
+      "torque, true all along (no limit, no touch, no drive switched off)? Else record faster motion";
   if (drowned.size() == driven)
     throw DataError((of_fitted > 0 ? fitted : held_out) + ": diagnose: " + why);
   c.drowned = true;
