@@ -16,6 +16,7 @@
 #include "identify/passes.hpp"
 #include "identify/whole_runs.hpp"
 #include "recording/overlap.hpp"
+#include "recording/time_unit.hpp"
 
 namespace diffnea {
 namespace {
@@ -63,6 +64,8 @@ std::vector<MotionStretch> stretches_of(const std::vector<Recording>& recordings
                       "joint");
     std::ranges::move(of_run, std::back_inserter(out));
   }
+  if (const std::string question = detail::time_unit_question(recordings); !question.empty())
+    throw DataError(recordings.front().source + ": " + question);
   if (out.empty() && !recordings.empty())
     throw DataError(recordings.front().source + ": " + detail::why_no_rows(recordings, 3) +
                     ", so nothing can be simulated" + without_torque(recordings.front()));
@@ -149,6 +152,9 @@ class MotionIdentification {
     for (const Recording& r : fitted) result_.summary.rows += r.rows();
     result_.summary.passes = 1;
     require_motion(fitted.front().source);
+    if (test_ && still(held_out_).size() == static_cast<std::size_t>(layout_.num_dofs))
+      throw DataError(test_->sample().front().source + ": held-out data: no joint moves (" +
+                      detail::join(joint_names(model_)) + ")");
     ladder_ = horizons(stretches_, noise_, options_.motion);
     limit_ = (kApart * motion_size(stretches_)).cwiseMax(kFarBeyondNoise * noise_.position);
     describe_noise();
@@ -184,19 +190,24 @@ class MotionIdentification {
     fitting_ = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   }
 
+  /// Joints that no stretch moves.
+  std::vector<int> still(const std::vector<MotionStretch>& stretches) const {
+    VecX<double> low = VecX<double>::Constant(layout_.num_dofs, kInfinity), high = -low;
+    for (const MotionStretch& s : stretches)
+      for (long j = 0; j < s.q.cols(); ++j)
+        for (const double q : s.q.col(j))
+          if (!std::isnan(q)) {
+            low[j] = std::min(low[j], q);
+            high[j] = std::max(high[j], q);
+          }
+    return motionless_joints(low, high, {noise_.position.begin(), noise_.position.end()});
+  }
+
   /// @throws DataError if no joint moves, or there are fewer positions than numbers to fit to them
   void require_motion(const std::string& source) {
     const std::size_t n = static_cast<std::size_t>(layout_.num_dofs);
-    VecX<double> low = VecX<double>::Constant(layout_.num_dofs, kInfinity), high = -low;
     long positions = 0;
-    for (const MotionStretch& s : stretches_)
-      for (long j = 0; j < s.q.cols(); ++j)
-        for (const double q : s.q.col(j)) {
-          if (std::isnan(q)) continue;
-          ++positions;
-          low[j] = std::min(low[j], q);
-          high[j] = std::max(high[j], q);
-        }
+    for (const MotionStretch& s : stretches_) positions += (s.q.array() == s.q.array()).count();
     const auto is_free = [](const FitParameter& p) { return !p.fixed; };
     const long states = static_cast<long>(2 * n * stretches_.size()),
                parameters = std::ranges::count_if(layout_.linear, is_free) +
@@ -205,9 +216,7 @@ class MotionIdentification {
       throw DataError(source + ": " + std::to_string(positions) + " positions for " +
                       std::to_string(states) + " initial states and " + std::to_string(parameters) +
                       " parameters; record longer, or fix parameters");
-    hold_motionless(
-        motionless_joints(low, high, {noise_.position.begin(), noise_.position.end()}),
-        joint_names(model_), source, layout_, result_.notes);
+    hold_motionless(still(stretches_), joint_names(model_), source, layout_, result_.notes);
   }
 
   /// Notes on sensors: slow ones, and those that show no noise.

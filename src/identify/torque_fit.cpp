@@ -16,6 +16,7 @@
 #include "identify/shape_steps.hpp"
 #include "identify/torque_errors.hpp"
 #include "identify/torque_notes.hpp"
+#include "recording/time_unit.hpp"
 
 namespace diffnea {
 namespace {
@@ -101,6 +102,11 @@ class InverseFit {
     std::vector<std::string> said;
     hold_motionless(still, joint_names(model_), source, layout_, result_.notes);
     hold_motionless(still, joint_names(model_), source, with_shapes, said);
+    if (const std::string question = detail::time_unit_question(train_.sample());
+        !question.empty() && std::ranges::all_of(regression_->factors(), [](const JointFactor& f) {
+          return f.factor.rows() == 0;
+        }))
+      throw DataError(source + ": no torque sample is left after filtering; " + question);
     bool torque = false;
     for (const JointFactor& f : regression_->factors()) {
       result_.summary.fitted_rows += f.factor.rows();

@@ -5,14 +5,13 @@
 
 #include "recording/audit_parts.hpp"
 #include "recording/audit_statistics.hpp"
+#include "recording/time_unit.hpp"
 
 namespace diffnea::detail {
 namespace {
 
 /// From here on rows are missing, not late: an interval that could hold two more rows [intervals].
 constexpr double kGap = 2.5;
-/// Rows so far apart may be in another unit [s], unless the recording would be too short in it [s].
-constexpr double kSlowest = 0.2, kShortest = 1.0;
 /// Jitter below is no concern: at f = rate/10 it is noise of 0.6 % of the motion.
 constexpr double kSmallJitter = 0.02;
 /// Of the mean interval; below, masses and frictions move by less than their usual errors.
@@ -142,13 +141,11 @@ void find_rate_change(const AuditContext& c, const Recording& r,
 
 /// Rows of a robot are milliseconds apart.
 void find_unit(AuditContext& c, const Recording& r, double dt) {
-  if (dt < kSlowest || 1e-3 * (r.time[r.rows() - 1] - r.time[0]) < kShortest) return;
+  std::string question = time_unit_question(r.time, dt);
+  if (question.empty()) return;
   ChannelFault f = make_fault("time_unit", "time", "time", dt, "s");
   f.source = r.source;
-  f.evidence = format(
-      "rows are %.4g s apart, which makes %.4g h of this recording: is the time in milliseconds? "
-      "Name the column time [ms]",
-      dt, (r.time[r.rows() - 1] - r.time[0]) / 3600.0);
+  f.evidence = std::move(question);
   c.add(std::move(f));
 }
 

@@ -15,6 +15,7 @@
 #include "recording/gridder.hpp"
 #include "recording/overlap.hpp"
 #include "recording/spectrum.hpp"
+#include "recording/time_unit.hpp"
 
 namespace diffnea {
 namespace {
@@ -205,20 +206,6 @@ void require_enough(const std::vector<Recording>& recordings, const PreprocessPl
                     "motion`)");
 }
 
-/// Rows a thousand, a million times as far apart as those that were fitted are in another unit.
-void require_unit_of_time(const std::vector<Recording>& recordings, double fitted, double held_out) {
-  for (const auto& [times, unit] : {std::pair{1e3, "ms"}, {1e6, "us"}, {1e9, "ns"}})
-    for (const bool here : {true, false}) {
-      const double share = here ? held_out / (times * fitted) : fitted / (times * held_out);
-      if (!(std::abs(std::log(share)) < std::numbers::ln2)) continue;
-      throw DataError(recordings.front().source + ": its rows are " +
-                      detail::number_text(held_out, 4) + " s apart, those that were fitted " +
-                      detail::number_text(fitted, 4) + " s: is the time of " +
-                      (here ? "this one" : "the fitted recording") + " in " + unit +
-                      "? Then name its column `time [" + unit + "]`");
-    }
-}
-
 /// One kind of recordings, with something to differentiate.
 void require_alike(const std::vector<Recording>& recordings, bool measured_velocity) {
   if (recordings.empty()) throw DataError("preprocess: got no recording, expected one or more");
@@ -306,7 +293,7 @@ PreprocessPlan plan_like(const PreprocessPlan& plan, const std::vector<Recording
   require_alike(recordings, plan.measured_velocity);
   PreprocessPlan out = plan;
   out.dt = choose_period(recordings, plan.measured_velocity, out.timing_jitter);
-  require_unit_of_time(recordings, plan.dt, out.dt);
+  detail::require_unit_of_time(recordings, plan.dt, out.dt);
   out.refresh = refresh_rows(recordings);
   const double rate = 1.0 / out.dt;
   // Positions may be smoothed more, as long as that is flat over the band of the torques.

@@ -137,6 +137,7 @@ def test_diagnose_refuses(rubbing: Path, tmp_path: Path, role: str, case: str) -
         ("no row", "'q_elbow' ends at 9.998 s, 'tau_elbow' begins at 10 s"),
         ("clock 10 ms back", BACK),
         ("stamps twice", REPEATS),
+        ("milliseconds", r"rows are 2 s apart, .* time \[ms\]"),
     ],
 )
 def test_the_motion_loss_refuses(rubbing: Path, tmp_path: Path, case: str, words: str) -> None:
@@ -145,11 +146,20 @@ def test_the_motion_loss_refuses(rubbing: Path, tmp_path: Path, case: str, words
     assert re.search(words, message), message
 
 
-@pytest.mark.parametrize("case", ["all positions equal", "one row", "no row"])
+def test_the_motion_loss_refuses_held_out_rows_that_stand_still(
+    rubbing: Path, tmp_path: Path
+) -> None:
+    message = refused(
+        tmp_path / "run", *arguments(rubbing, tmp_path, HELD_OUT, still), "--loss", "motion"
+    )
+    assert re.search(STILL, message), message
+
+
+@pytest.mark.parametrize("case", ["all positions equal", "one row", "no row", "milliseconds"])
 def test_identify_refuses(rubbing: Path, tmp_path: Path, case: str) -> None:
     spoil, words = REFUSED[case]
-    model, data, *_ = arguments(rubbing, tmp_path, FITTED, spoil)
-    message = refused(tmp_path / "run", model, data)
+    model, data, *rest = arguments(rubbing, tmp_path, FITTED, spoil)
+    message = refused(tmp_path / "run", model, data, *(rest if case == "milliseconds" else ()))
     assert re.search(words, message), message
     assert "millisecond" not in message
 
