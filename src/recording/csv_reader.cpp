@@ -63,13 +63,14 @@ struct RecordingReader::Impl {
 
   /// Two rows behind the clock that follow each other: it goes on from there, and what it had
   /// counted lies on both sides. Stitched together, the motion would jump.
-  /// @throws DataError unless every row may be impossible
-  void refuse_set_back(double before, double now) {
+  /// @return whether it is so
+  /// @throws DataError if it is, unless every row may be impossible
+  bool refuse_set_back(double before, double now) {
     const bool goes_on = behind_line + 1 == row.line && behind_time < now;
     if (!goes_on) {
       behind_line = first_behind = row.line;
       behind_time = now;
-      return;
+      return false;
     }
     if (options.max_quarantined_share < 1.0)
       throw DataError(
@@ -79,6 +80,7 @@ struct RecordingReader::Impl {
           "from this line on another number in a column `run`, or leave them out");
     behind_line = row.line;
     behind_time = now;
+    return true;
   }
 
   /// Weighs `row` against the row before it. One row waits, because time that jumps ahead shows as
@@ -95,11 +97,13 @@ struct RecordingReader::Impl {
         const bool before_is_wrong =
             rows_in_run > 1 && step > 0.0 && jump > 100.0 * last_step && step < 10.0 * last_step;
         repeated += now == before ? 1 : 0;
-        if ((now < before || row.line == behind_line + 1) && !(jump > kLate * last_step))
-          refuse_set_back(before, now);
+        const bool set_back = (now < before || row.line == behind_line + 1) &&
+                              !(jump > kLate * last_step) && refuse_set_back(before, now);
         rows.quarantine(before_is_wrong ? pending.line : row.line,
                         before_is_wrong
                             ? "time jumps ahead to " + number_text(before, 6) + " and back"
+                        : set_back ? detail::kSetBack + number_text(before, 6) + " to " +
+                                         number_text(now, 6)
                         : now == before ? "time repeats (" + number_text(now, 6) + ")"
                                         : "time runs backward, from " + number_text(before, 6) +
                                               " to " + number_text(now, 6));

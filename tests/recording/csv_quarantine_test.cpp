@@ -3,6 +3,7 @@
 #include <catch2/catch_test_macros.hpp>
 #include <catch2/matchers/catch_matchers_string.hpp>
 
+#include <diffnea/recording/audit.hpp>
 #include <diffnea/recording/csv.hpp>
 
 #include "support/csv_file.hpp"
@@ -92,6 +93,10 @@ TEST_CASE("csv: a clock that is set back and goes on is refused where it was set
   ReadReport report;
   CHECK(read(set_back(100), all, &report)[0].rows() == 500);
   CHECK(report.quarantined == 100);
+  AuditReport audited;
+  add_reading(report, audited);
+  REQUIRE(audited.faults.size() == 1);
+  CHECK(audited.faults[0].severity == FaultSeverity::kFault);
   // Rows that come in another order are late, one by one.
   CHECK(read(header + good_rows(300) + good_rows(1, 302) + good_rows(2, 300) + good_rows(100, 303),
              {}, &report)[0]
