@@ -80,4 +80,18 @@ void note_uneven(JointCase& c) {
   }
 }
 
+void note_floors(JointCase& c) {
+  std::string joints;
+  for (std::size_t k = 0; k < c.search->whitener().noise().size(); ++k) {
+    const JointNoise& noise = c.search->whitener().noise()[k];
+    const JointGain& g = c.finding.joints[k];
+    if (noise.assumed > 0.5)
+      joints += (joints.empty() ? "" : ", ") + g.joint + " " + format_number(noise.rms) + " " + g.unit;
+  }
+  if (!joints.empty())
+    c.finding.notes.push_back("what is left shows less noise than any sensor (a simulation?): " +
+                              joints + " is taken as the least, " + format_number(kLeastNoise) +
+                              " of the torque");
+}
+
 }  // namespace diffnea

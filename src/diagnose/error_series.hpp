@@ -13,5 +13,7 @@ void add_series(const VecX<double>& e0, const VecX<double>& e1, JointCase& c);
 void note_offsets(const VecX<double>& errors, JointCase& c);
 /// What the fitted recording alone holds, so much that nothing else would show: a note.
 void note_uneven(JointCase& c);
+/// Joints whose noise is assumed, for they show none: a note.
+void note_floors(JointCase& c);
 
 }  // namespace diffnea

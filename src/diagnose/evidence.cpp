@@ -14,6 +14,7 @@
 #include "diagnose/halves.hpp"
 #include "diagnose/noise.hpp"
 #include "diagnose/thresholds.hpp"
+#include "recording/overlap.hpp"
 
 namespace diffnea {
 namespace {
@@ -78,11 +79,13 @@ Evidence::Evidence(const Model& model, const FitLayout& layout, const RecordingS
   const std::vector<RowMatX<double>> positions = collector.positions();
   if (!series_.empty()) take_halves(collector, plan);
   take_joints(collector, joint_names(model));
+  if (series_.empty())
+    throw DataError(source.sample().front().source + ": diagnose: " +
+                    detail::why_no_rows(source.sample(), every_) +
+                    "; record a motion, e.g. one of `diffnea excite`");
   if (joints_.empty())
     throw DataError(source.sample().front().source +
-                    ": diagnose: no stretch of the recording has " + std::to_string(every_) +
-                    " rows in a row, or no joint has a torque; record a motion, e.g. one of "
-                    "`diffnea excite`");
+                    ": diagnose: no joint has a torque (tau_<joint>), and none is declared passive");
   take_filters(model, plan, collector);
   FitLayout held = layout;
   for (FitParameter& s : held.shape) s.fixed = !is_smoothing(s);

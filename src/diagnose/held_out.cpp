@@ -10,6 +10,7 @@
 
 #include "diagnose/thresholds.hpp"
 #include "identify/passes.hpp"
+#include "recording/overlap.hpp"
 
 namespace diffnea {
 namespace {
@@ -17,6 +18,8 @@ namespace {
 /// Length of a block, shorter than kBlockSeconds where there would be fewer than kBlocks.
 constexpr double kShortestBlockSeconds = 0.5;
 constexpr long kBlocks = 8;
+/// Rows of a run that are worth their seconds in a message: an acceleration takes three.
+constexpr int kLeastRows = 4;
 
 /// Standard errors of an offset that is beyond doubt; of the error's mean square, to be worth a
 /// word.
@@ -27,6 +30,15 @@ long shortest_block(const Evidence& evidence) {
   return std::max<long>(std::lround(kShortestBlockSeconds / evidence.step()), kNoiseOrder);
 }
 
+[[noreturn]] void refuse_short(double seconds, double least, const std::vector<Recording>& sample) {
+  const std::string lost = detail::uneven_columns(sample);
+  throw DataError(sample.front().source + ": diagnose: " + format_number(seconds) +
+                  " s of held-out rows" +
+                  (lost.empty() ? "" : " in which every column has a value (" + lost + ")") +
+                  " cannot tell whether a cause helps; expected " + format_number(least) +
+                  " s or more: record longer");
+}
+
 long block_of(const Evidence& evidence, long instants) {
   const long second = std::lround(kBlockSeconds / evidence.step());
   return std::max(std::min(second, instants / kBlocks), shortest_block(evidence));
@@ -34,13 +46,25 @@ long block_of(const Evidence& evidence, long instants) {
 
 }  // namespace
 
-void require_blocks(const Evidence& test, const std::string& source) {
+void require_blocks(const std::vector<Recording>& sample) {
+  double seconds = 0.0;
+  long longest = 0;
+  for (const Recording& r : sample) {
+    if (r.rows() > 1) seconds += r.time[r.rows() - 1] - r.time[0];
+    longest = std::max(longest, r.rows());
+  }
+  if (longest < kLeastRows)
+    throw DataError(sample.front().source + ": diagnose: held-out data: " +
+                    detail::why_no_rows(sample, kLeastRows));
+  const double least = static_cast<double>(kFewestBlocks) * kShortestBlockSeconds;
+  if (seconds < least) refuse_short(seconds, least, sample);
+}
+
+void require_blocks(const Evidence& test, const std::vector<Recording>& sample) {
   const long least = static_cast<long>(kFewestBlocks) * shortest_block(test);
-  if (test.times() >= least) return;
-  throw DataError(
-      source + ": diagnose: " + format_number(static_cast<double>(test.times()) * test.step()) +
-      " s of held-out rows cannot tell whether a cause helps; expected " +
-      format_number(static_cast<double>(least) * test.step()) + " s or more: record longer");
+  if (test.times() < least)
+    refuse_short(static_cast<double>(test.times()) * test.step(),
+                 static_cast<double>(least) * test.step(), sample);
 }
 
 VecX<double> HeldOut::errors(const Search& search, const std::vector<Term>& terms) const {

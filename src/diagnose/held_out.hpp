@@ -19,9 +19,13 @@ namespace diffnea {
 /// end by itself; one alone would be both ends.
 inline constexpr std::size_t kFewestBlocks = 4;
 
-/// @param test  held-out rows
+/// @param sample  of held-out recordings
+/// @throws DataError if they are shorter than so many blocks
+void require_blocks(const std::vector<Recording>& sample);
+/// @param test    held-out rows
+/// @param sample  what they are of
 /// @throws DataError if they hold fewer blocks than that
-void require_blocks(const Evidence& test, const std::string& source);
+void require_blocks(const Evidence& test, const std::vector<Recording>& sample);
 
 /// A joint whose torque is off by a constant on held-out rows.
 struct HeldOutOffset {

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include <diffnea/core/error.hpp>
+#include <diffnea/core/text.hpp>
 #include <diffnea/identify/posterior.hpp>
 #include <diffnea/recording/audit.hpp>
 
@@ -11,6 +12,7 @@
 #include "diagnose/bounds.hpp"
 #include "identify/fingerprint.hpp"
 #include "identify/passes.hpp"
+#include "identify/torque_notes.hpp"
 
 namespace diffnea {
 namespace {
@@ -38,6 +40,70 @@ void require_same_joints(const std::vector<std::string>& names, const Evidence& 
     throw DataError(source + ": the held-out torques are those of " + known(test) +
                     ", expected those of the fitted recording: " + known(train) +
                     "; give both the same `tau_` columns and the same `passive` joints");
+}
+
+/// Faults of held-out channels bias what is said of them; there is no end of notes on clocks.
+void audit_held_out(const std::vector<Recording>& sample, JointCase& c) {
+  for (ChannelFault& fault : audit(sample, {.joints = describe_joints(c.model)}).faults) {
+    if (fault.severity != FaultSeverity::kFault) continue;
+    fault.evidence.insert(0, "held-out data: ");
+    c.finding.audit.push_back(std::move(fault));
+  }
+}
+
+/// Root mean square of a joint's rows that count.
+double rms_of(const Evidence& e, const std::vector<bool>& counts, std::size_t k,
+              const VecX<double>& rows) {
+  double squares = 0.0, count = 0.0;
+  for (long row = static_cast<long>(k) * e.times(); row < static_cast<long>(k + 1) * e.times();
+       ++row)
+    if (counts[static_cast<std::size_t>(row)]) squares += rows[row] * rows[row], ++count;
+  return std::sqrt(squares / std::max(count, 1.0));
+}
+
+/// Where noise is more than half of a torque's power, nothing that is left of it says anything.
+/// @throws DataError if it is so at every joint
+void require_torque(JointCase& c) {
+  const Evidence& held = c.held_out->evidence();
+  const std::vector<JointNoise>& noises = c.search->whitener().noise();
+  const std::vector<bool> of_held = Whitener(held, noises, c.held_out->used()).kept();
+  const VecX<double> left = c.held_out->errors(*c.search, {});
+  const std::vector<std::string> units = units_of(c.model);
+  const std::string fitted = c.train_source.sample().front().source,
+                    held_out = c.test ? c.test_source->sample().front().source : fitted;
+  std::vector<std::string> drowned;
+  std::size_t driven = 0, of_fitted = 0;
+  for (std::size_t k = 0; k < noises.size(); ++k) {
+    if (c.train->passive(static_cast<long>(k))) continue;
+    ++driven;
+    const std::size_t j = static_cast<std::size_t>(c.train->joints()[k]);
+    const auto look = [&](double noise, double torque, const std::string& rows) {
+      if (!(torque > 0.0) || !(2.0 * noise * noise > torque * torque)) return false;
+      drowned.push_back(joint_names(c.model)[j] + ": noise of " + format_number(noise) + " " +
+                        units[j] + " in a torque of " + format_number(torque) + " " + units[j] +
+                        " (" + rows + ")");
+      return true;
+    };
+    const double of_signals =
+        c.test ? std::min(held.signal_noise(static_cast<long>(k)), rms_of(held, of_held, k, left))
+               : 0.0;
+    if (look(noises[k].rms, rms_of(*c.train, c.search->whitener().kept(), k, c.train->torque()),
+             "fitted rows of " + fitted))
+      ++of_fitted;
+    else
+      look(std::max(noises[k].rms, of_signals), rms_of(held, of_held, k, held.torque()),
+           "held-out rows of " + held_out);
+  }
+  if (drowned.empty()) return;
+  const std::string why =
+      "noise is more than half of the torque's power, so that nothing can be said of it: " +
+      detail::join(drowned, "; ") +
+      ". Neither the model nor any smooth function of the motion explains it: is the column the "
+      "torque, true all along (no limit, no touch, no drive switched off)? Else record faster motion";
+  if (drowned.size() == driven)
+    throw DataError((of_fitted > 0 ? fitted : held_out) + ": diagnose: " + why);
+  c.drowned = true;
+  c.finding.notes.push_back(kWarning + why);
 }
 
 }  // namespace
@@ -100,7 +166,7 @@ void prepare(JointCase& c) {
                                          c.period, reading);
   };
   read_train();
-  require_motion(*c.train, c.finding.plan, sample.front().source);
+  require_motion(*c.train, c.finding.plan, sample);
   if (const std::string held = c.base == Base::kRefit ? hold_scale(*c.train, c.layout) : "";
       !held.empty())
     c.finding.notes.push_back("All torques are zero, which leaves the scale of all masses open: " +
@@ -115,6 +181,8 @@ void prepare(JointCase& c) {
   if (!c.train->repeats()) c.period = 0.0;  // does not repeat well enough
   if (c.test_source) {
     const std::vector<Recording> held = c.test_source->sample();
+    require_blocks(held);
+    audit_held_out(held, c);
     c.test_plan = plan_held_out(held, c.finding.plan, c.options.preprocess);
     double period = held.front().info.period;
     if (period <= 0.0) period = detect_period(held.front()).seconds;
@@ -124,7 +192,11 @@ void prepare(JointCase& c) {
         c.model, c.layout, *c.test_source, c.test_plan, dt * std::round(period / dt), reading,
         static_cast<int>(c.train_source.runs().size()), c.train.get());
     require_same_joints(joint_names(c.model), *c.train, *c.test, held.front().source);
-    require_blocks(*c.test, held.front().source);
+    require_blocks(*c.test, held);
+    require_motion(*c.test, c.test_plan, held);
+    note_band(c.finding.plan, c.test_plan, c.finding.notes);
+    for (const std::string& note : c.test_source->report().notes)
+      c.finding.data_report.notes.push_back("held-out data: " + note);
     c.finding.held_out = "test recording";
   } else {
     split_in_time(*c.train, c.fitted_rows, c.held_rows);
@@ -147,6 +219,12 @@ void prepare(JointCase& c) {
   c.search = std::make_unique<Search>(*c.train, c.candidates, c.prior, c.fitted_rows);
   std::vector<Term> none;
   c.search->refresh(c.period, none);
+  if (c.search->blind().size() == c.train->joints().size())
+    throw DataError(sample.front().source + ": diagnose: " +
+                    format_number(static_cast<double>(c.train->times()) * c.train->step()) +
+                    " s of fitted rows are too few to tell noise from what the model lacks, at "
+                    "every joint; record ten seconds or more, or a motion that repeats");
+  require_torque(c);
   for (const long k : c.search->blind())
     c.finding.notes.push_back(
         joint_names(

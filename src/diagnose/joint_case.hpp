@@ -27,6 +27,7 @@ struct JointCase {
   double period = 0.0;  ///< of the motion [s]; 0: it does not repeat
   PreprocessPlan test_plan = {};
   bool link_side = false;
+  bool drowned = false;  ///< more than half of some joint's torque is noise
   std::vector<bool> fitted_rows = {}, held_rows = {};
   std::unique_ptr<Evidence> train = {}, test = {};
   std::vector<Candidate> candidates = {};

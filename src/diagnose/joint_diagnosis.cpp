@@ -26,6 +26,9 @@ namespace {
 /// 139 recordings that hide nothing.
 constexpr double kLeft = 1.3;
 
+/// Value over the lowest that is looked for, up to which a descent has ended there.
+constexpr double kAtBound = 1.05;
+
 /// Lateness of torques that is worth a word [samples].
 constexpr double kWorthASample = 0.2;
 
@@ -43,6 +46,8 @@ class JointDiagnosis {
   void select();
   /// Says that a base whose drives have no dry friction is better identified first.
   void note_friction();
+  /// Says where a drive is at its limit more often than a limit is looked for.
+  void note_limits();
   /// Says where torques act at other instants than the sidecar tells.
   void note_instant();
   void describe();
@@ -134,6 +139,20 @@ void JointDiagnosis::select() {
   if (!terms_.empty()) {
     case_.finding.causes = selection.causes(terms_);
     note_friction();
+    note_limits();
+  }
+}
+
+void JointDiagnosis::note_limits() {
+  for (const Term& t : terms_) {
+    const Candidate& c = case_.candidates[static_cast<std::size_t>(t.candidate)];
+    const auto at = [&] { return t.effect.parameters[static_cast<std::size_t>(c.shapes.front())]; };
+    if (c.bound() == SearchBound::kTorque && at() < kAtBound * c.shape_low.front())
+      case_.finding.notes.push_back(
+          kWarning + t.effect.where +
+          ": its drive is at its limit in a quarter of the rows and more, and no lower limit is "
+          "looked for: the limit, and what else is named there, may be wrong; record a motion that "
+          "needs less torque");
   }
 }
 
@@ -259,6 +278,7 @@ void JointDiagnosis::complete() {
   note_offsets(e1, case_);
   note_instant();
   note_uneven(case_);
+  note_floors(case_);
   if (grey)
     beside_ = final_base(case_.base, case_.layout, *case_.search, *case_.train, terms_,
                          grey_.torque.there, fit_);
@@ -333,7 +353,15 @@ void JointDiagnosis::judge() {
   Finding& f = case_.finding;
   const bool ambiguous =
       std::ranges::any_of(f.causes, [](const Cause& c) { return c.verdict == Verdict::kClass; });
-  if ((misfit_ || !f.witness.empty()) && f.gain.explained_share < kExplained)
+  // Nothing found says nothing where a channel cannot tell.
+  const auto tells_nothing = [](const ChannelFault& fault) {
+    return (fault.fault == "dead_channel" || fault.fault == "frozen_channel") &&
+           (fault.channel.starts_with("tau_") || fault.channel.starts_with("q_"));
+  };
+  if (f.causes.empty() && f.witness.empty() &&
+      (case_.drowned || std::ranges::any_of(f.audit, tells_nothing)))
+    f.verdict = Verdict::kNotIdentifiable;
+  else if ((misfit_ || !f.witness.empty()) && f.gain.explained_share < kExplained)
     f.verdict = Verdict::kUnknown;
   else if (f.causes.empty())
     f.verdict = f.candidates.empty() ? Verdict::kNotIdentifiable : Verdict::kNone;

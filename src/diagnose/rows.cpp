@@ -5,9 +5,11 @@
 #include <numbers>
 
 #include <diffnea/core/error.hpp>
+#include <diffnea/core/text.hpp>
 #include <diffnea/dynamics/mass_matrix.hpp>
 
 #include "core/constants.hpp"
+#include "recording/overlap.hpp"
 
 namespace diffnea {
 namespace {
@@ -78,18 +80,19 @@ PreprocessPlan plan_rows(const Model& model, const std::vector<Recording>& sampl
 PreprocessPlan plan_held_out(const std::vector<Recording>& sample, const PreprocessPlan& fitted,
                              const PreprocessOptions& options) {
   PreprocessPlan out = plan_like(fitted, sample);
-  PreprocessOptions same = options;
-  same.filter_hz = fitted.filter_hz;
-  same.min_segment = 0.0;
-  const PreprocessPlan own = plan_preprocess(sample, same);  // for the noise of its sensors
+  PreprocessOptions any = options;
+  any.min_segment = any.filter_hz = any.decimate_to_hz = 0.0;
+  const PreprocessPlan own = plan_preprocess(sample, any);  // for the noise of its sensors
   out.q_noise = own.q_noise;
   out.tau_noise = own.tau_noise;
   return out;
 }
 
 void require_motion(const Evidence& evidence, const PreprocessPlan& plan,
-                    const std::string& source) {
+                    const std::vector<Recording>& sample) {
+  std::vector<std::string> still;
   for (const int j : evidence.joints()) {
+    still.push_back(sample.front().joint_names.at(static_cast<std::size_t>(j)));
     double low = kInfinity, high = -kInfinity;
     for (const JointSeries& s : evidence.series()) {
       low = std::min(low, s.q.col(j).minCoeff());
@@ -98,9 +101,15 @@ void require_motion(const Evidence& evidence, const PreprocessPlan& plan,
     const double noise = std::max(plan.q_noise.at(static_cast<std::size_t>(j)), kLeastPosition);
     if (high - low > kMoves * noise) return;
   }
-  throw DataError(source +
-                  ": diagnose: no joint whose torque is recorded moves; record a motion, e.g. one "
-                  "of `diffnea excite`");
+  const std::string lost = detail::uneven_columns(sample);
+  throw DataError(sample.front().source + ": diagnose: no joint whose torque is recorded moves (" +
+                  detail::join(still) + ")" +
+                  (lost.empty() ? std::string()
+                                : " in the " +
+                                      format_number(static_cast<double>(evidence.times()) *
+                                                    evidence.step()) +
+                                      " s in which every column has a value (" + lost + ")") +
+                  "; record a motion, e.g. one of `diffnea excite`");
 }
 
 void split_in_time(const Evidence& evidence, std::vector<bool>& fitted, std::vector<bool>& held) {

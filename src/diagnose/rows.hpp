@@ -14,9 +14,10 @@ PreprocessPlan plan_rows(const Model& model, const std::vector<Recording>& sampl
 PreprocessPlan plan_held_out(const std::vector<Recording>& sample, const PreprocessPlan& fitted,
                              const PreprocessOptions& options);
 
+/// @param sample  what the rows are of
 /// @throws DataError if no joint whose torque is known moves by more than its position's noise
 void require_motion(const Evidence& evidence, const PreprocessPlan& plan,
-                    const std::string& source);
+                    const std::vector<Recording>& sample);
 
 /// Every other stretch is held out; of few stretches, every other tenth of the time, a second apart
 /// from what is fitted.

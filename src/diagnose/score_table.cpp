@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include <diffnea/effects/stepping.hpp>
+
 #include "diagnose/signed_fit.hpp"
 
 namespace diffnea {

@@ -25,13 +25,15 @@ void add_warnings(const Model& model, const RecordingSource& train, const Record
         first.push_back((source == test ? "held-out data: " : "") + w.joint + ": " + w.text);
   for (const ModelIssue& issue : check_model(model))
     first.push_back("the model before the fit looks wrong: " + issue.link + ": " + issue.text);
+  // Windows that fall apart are a finding of their own.
+  const bool apart = !result.horizons.empty() && result.horizons.back().test_apart > 0;
   for (const JointError& e : result.errors) {
     if (e.train > 1.02 * e.nominal_train)
       first.push_back(e.joint + " is reproduced worse than by the model before the fit (" +
                       format_number(e.train) + " against " + format_number(e.nominal_train) + " " +
                       e.unit +
                       "): look for bad stretches of data, or for an effect that the fit lacks");
-    else if (e.test > 2.0 * e.nominal_test)
+    else if (!apart && e.test > 2.0 * e.nominal_test)
       first.push_back(
           e.joint + " is reproduced worse on held-out data than by the model before the fit (" +
           format_number(e.test) + " against " + format_number(e.nominal_test) + " " + e.unit +

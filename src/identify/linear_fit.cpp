@@ -73,9 +73,8 @@ LinearFit fit_linear(const FitLayout& layout, const std::vector<JointFactor>& fa
   if (rows == 0)
     throw DataError(
         "identify: no torque sample is left after filtering: no joint with a torque moves, or no "
-        "stretch is long enough for the filter; record a motion, e.g. one of `diffnea excite`. "
-        "Where "
-        "rows are seconds apart, is the time in milliseconds? Name the column time [ms]");
+        "stretch is long enough for the filter; record a motion, e.g. one of `diffnea excite` "
+        "(`diffnea audit` looks at clock and channels)");
   if (free.empty())
     throw ModelError(
         "identify: every parameter is held, nothing is left to fit; groups of fit: inertia, "

@@ -5,11 +5,18 @@
 
 namespace diffnea {
 
-/// A joint whose filtered position stays within what its noise explains tells nothing of its own
-/// motion.
-std::vector<int> motionless_joints(const Pass& pass, const PreprocessPlan& plan);
+/// A joint whose position stays within what its noise explains tells nothing of its own motion.
+/// @param lowest, highest  (n) of the position [rad] or [m]
+/// @param noise            (n) of its sensor; may be shorter
+std::vector<int> motionless_joints(const VecX<double>& lowest, const VecX<double>& highest,
+                                   const std::vector<double>& noise);
 
-/// What a motionless joint's recording cannot tell: all its effects but a constant torque.
-void hold_motionless(const std::vector<int>& joints, FitLayout& layout);
+/// Holds what a motionless joint's recording cannot tell: all its effects but a constant torque.
+/// @param names   of all joints
+/// @param source  of the recording, for messages
+/// @param notes   gets a line for each
+/// @throws DataError if no joint moves
+void hold_motionless(const std::vector<int>& joints, const std::vector<std::string>& names,
+                     const std::string& source, FitLayout& layout, std::vector<std::string>& notes);
 
 }  // namespace diffnea

@@ -16,6 +16,7 @@
 #include "identify/shape_steps.hpp"
 #include "identify/torque_errors.hpp"
 #include "identify/torque_notes.hpp"
+#include "recording/time_unit.hpp"
 
 namespace diffnea {
 namespace {
@@ -95,14 +96,17 @@ class InverseFit {
     result_.summary.rows = first.rows;
     training_runs_ = first.runs;
     result_.notes.insert(result_.notes.end(), first.notes.begin(), first.notes.end());
-    const std::vector<int> still = motionless_joints(first, result_.plan);
-    const std::vector<std::string> names = joint_names(model_);
-    for (const int j : still)
-      result_.notes.push_back(names[j] +
-                              " never moves: its friction, armature and springs are held at "
-                              "the model's values");
-    hold_motionless(still, layout_);
-    hold_motionless(still, with_shapes);
+    const std::vector<int> still =
+        motionless_joints(first.lowest, first.highest, result_.plan.q_noise);
+    const std::string source = train_.sample().front().source;
+    std::vector<std::string> said;
+    hold_motionless(still, joint_names(model_), source, layout_, result_.notes);
+    hold_motionless(still, joint_names(model_), source, with_shapes, said);
+    if (const std::string question = detail::time_unit_question(train_.sample());
+        !question.empty() && std::ranges::all_of(regression_->factors(), [](const JointFactor& f) {
+          return f.factor.rows() == 0;
+        }))
+      throw DataError(source + ": no torque sample is left after filtering; " + question);
     bool torque = false;
     for (const JointFactor& f : regression_->factors()) {
       result_.summary.fitted_rows += f.factor.rows();

@@ -9,6 +9,7 @@
 #include "recording/audit_parts.hpp"
 #include "recording/audit_statistics.hpp"
 #include "recording/columns.hpp"
+#include "recording/credible_rows.hpp"
 #include "recording/path_smoother.hpp"
 
 namespace diffnea {
@@ -240,13 +241,16 @@ AuditReport audit(const std::vector<Recording>& recordings, const AuditLimits& l
 }
 
 void add_reading(const ReadReport& reading, AuditReport& report) {
-  long repeated = 0, impossible = 0;
+  long repeated = 0, impossible = 0, set_back = 0;
   std::string first_repeated, first_impossible;
   for (const QuarantinedRow& row : reading.quarantined_rows) {
     const bool repeats = row.reason.starts_with("time repeats");
+    const bool sets = row.reason.starts_with(detail::kSetBack);
+    set_back += sets ? 1 : 0;
     (repeats ? repeated : impossible)++;
     std::string& first = repeats ? first_repeated : first_impossible;
-    if (first.empty()) first = "line " + std::to_string(row.line) + ": " + row.reason;
+    if (first.empty() || (sets && set_back == 1))
+      first = "line " + std::to_string(row.line) + ": " + row.reason;
   }
   // Those that are not listed are of the kind that is.
   (impossible == 0 ? repeated : impossible) += reading.quarantined - repeated - impossible;
@@ -254,7 +258,8 @@ void add_reading(const ReadReport& reading, AuditReport& report) {
     if (count == 0) return;
     const double share = static_cast<double>(count) / static_cast<double>(reading.rows);
     ChannelFault f = make_fault(name, "time", "time", static_cast<double>(count), "rows");
-    f.severity = share > 0.01 ? FaultSeverity::kFault : FaultSeverity::kNote;
+    const bool refused = share > 0.01 || (set_back > 0 && count == impossible);
+    f.severity = refused ? FaultSeverity::kFault : FaultSeverity::kNote;
     f.source = reading.source;
     f.evidence = format("%ld of %ld rows were left out (%.2g %%); the first: %s", count,
                         reading.rows, 100.0 * share, first.c_str());

@@ -70,7 +70,7 @@ void audit_dead(AuditContext& c) {
       const bool other = c.recordings.front().rows() > 0;
       // A joint without a motor has no command.
       const bool no_motor = range.joint >= 0 && !c.recordings.front().has_tau[range.joint];
-      if (!other || range.kind == 'q' || (range.kind == 'c' && no_motor)) continue;
+      if (!other || (range.kind == 'c' && no_motor)) continue;
       f.value = 0.0;
       f.evidence = format("all %ld rows are empty", range.rows);
       c.add(std::move(f));

@@ -16,6 +16,10 @@ namespace {
 constexpr double kMovingSteps = 5.0;
 /// Repeats below this share of the moving rows change nothing that a fit would see.
 constexpr double kSmallShare = 0.002;
+/// Rows of one value that are no chance, and the share of its range that a joint goes through
+/// meanwhile, which no torque that is measured lasts through.
+constexpr long kLeastRows = 10;
+constexpr double kHalf = 0.5;
 
 /// Steps from row to row; NaN across a gap in time or values.
 std::vector<double> steps_of(const VecX<double>& x, const VecX<double>& time, double dt) {
@@ -88,6 +92,45 @@ std::vector<long> repeated_rows(const std::vector<double>& d, double quantum, do
   return found ? zero : std::vector<long>{};
 }
 
+/// A torque that begins or ends with rows of one value, while its joint goes through half of its
+/// range: the drive's log starts late or stops early.
+void find_half_logged(const AuditContext& c, const ChannelView& view) {
+  if (view.kind != 't') return;
+  const Recording& r = c.recordings[view.recording];
+  const VecX<double>& x = view.values;
+  const auto extremes = [](const auto& values) {
+    double low = std::numeric_limits<double>::infinity(), high = -low;
+    for (const double v : values)
+      if (std::isfinite(v)) low = std::min(low, v), high = std::max(high, v);
+    return std::pair(low, high);
+  };
+  const auto range_of = [&](long from, long rows) {
+    const auto [low, high] = extremes(r.q.col(view.joint).segment(from, rows));
+    return high > low ? high - low : 0.0;
+  };
+  const auto [low, high] = extremes(x);
+  for (const bool ends : {false, true}) {
+    const long edge = ends ? x.size() - 1 : 0, step = ends ? -1 : 1;
+    long rows = 1;
+    while (rows < x.size() && x[edge + step * rows] == x[edge]) ++rows;
+    if (rows < kLeastRows || rows == x.size()) continue;
+    const long from = ends ? x.size() - rows : 0;
+    // A drive at its limit says so, which is no fault of the log.
+    if (x[edge] != 0.0 && (x[edge] == low || x[edge] == high)) continue;
+    const double moves = range_of(from, rows);
+    if (!(moves > kHalf * range_of(0, x.size()))) continue;
+    ChannelFault f = make_fault("frozen_channel", view.where, view.channel,
+                                r.time[from + rows - 1] - r.time[from], "s");
+    f.source = r.source;
+    f.evidence = format(
+        "stays %.6g %s in the %s %ld rows, %s t = %.6g s, while the joint moves by %.3g %s: leave "
+        "these cells empty if the torque was not recorded there",
+        x[edge], view.unit.c_str(), ends ? "last" : "first", rows, ends ? "from" : "up to",
+        r.time[ends ? from : rows - 1], moves, c.position_unit(view.joint).c_str());
+    c.add(std::move(f));
+  }
+}
+
 void find_frozen(const AuditContext& c, const ChannelView& view, const std::vector<double>& d) {
   std::vector<double> sizes, runs;
   for (const double x : d)
@@ -158,6 +201,7 @@ void audit_stuck(AuditContext& c) {
       return;
     }
     find_frozen(c, view, d);
+    find_half_logged(c, view);
     long moving = 0;
     const std::vector<long> rows = repeated_rows(d, quantum, c.limits.significance, moving);
     if (rows.empty()) return;

@@ -5,14 +5,13 @@
 
 #include "recording/audit_parts.hpp"
 #include "recording/audit_statistics.hpp"
+#include "recording/time_unit.hpp"
 
 namespace diffnea::detail {
 namespace {
 
 /// From here on rows are missing, not late: an interval that could hold two more rows [intervals].
 constexpr double kGap = 2.5;
-/// No recording of a robot has rows so far apart [s].
-constexpr double kSlowest = 0.2;
 /// Jitter below is no concern: at f = rate/10 it is noise of 0.6 % of the motion.
 constexpr double kSmallJitter = 0.02;
 /// Of the mean interval; below, masses and frictions move by less than their usual errors.
@@ -20,26 +19,36 @@ constexpr double kSmallRateChange = 0.003;
 
 void find_gaps(const AuditContext& c, const Recording& r, const std::vector<double>& steps,
                double dt) {
-  long gaps = 0, missing = 0;
+  // Longer pauses are cut out, which costs their surroundings and nothing else; shorter ones are
+  // interpolated.
+  const double cut = c.plan ? c.plan->max_gap * c.plan->dt : 5.0 * dt;
+  long gaps = 0, missing = 0, bridged = 0, cuts = 0;
   double longest = 0.0, at = 0.0;
   for (std::size_t i = 0; i < steps.size(); ++i) {
     if (steps[i] < kGap * dt) continue;
     ++gaps;
-    missing += std::lround(steps[i] / dt) - 1;
+    const long rows = std::lround(steps[i] / dt) - 1;
+    missing += rows;
+    if (steps[i] > cut)
+      ++cuts;
+    else
+      bridged += rows;
     if (steps[i] <= longest) continue;
     longest = steps[i];
     at = r.time[static_cast<long>(i)];
   }
   if (gaps == 0) return;
   ChannelFault f = make_fault("time_gap", "time", "time", longest, "s");
-  const double share = static_cast<double>(missing) / static_cast<double>(r.rows() + missing);
-  // Pauses are cut out, which costs their surroundings and nothing else.
+  const double share = static_cast<double>(bridged) / static_cast<double>(r.rows() + bridged);
   f.severity = share > 0.05 ? FaultSeverity::kFault : FaultSeverity::kNote;
   f.source = r.source;
   f.evidence = format(
-      "%ld pause%s where about %ld rows of %.4g ms are missing (%.2g %%); the "
-      "longest, %.4g s, follows t = %.6g s",
-      gaps, gaps == 1 ? "" : "s", missing, 1e3 * dt, 100.0 * share, longest, at);
+      "%ld pause%s where about %ld rows of %.4g ms are missing, or the clock jumps; the "
+      "longest, %.4g s, follows t = %.6g s; ",
+      gaps, gaps == 1 ? "" : "s", missing, 1e3 * dt, longest, at);
+  f.evidence += cuts == gaps ? std::string("the motion is cut there")
+                             : format("%ld of them are interpolated, %.2g %% of the rows",
+                                      gaps - cuts, 100.0 * share);
   c.add(std::move(f));
 }
 
@@ -132,13 +141,11 @@ void find_rate_change(const AuditContext& c, const Recording& r,
 
 /// Rows of a robot are milliseconds apart.
 void find_unit(AuditContext& c, const Recording& r, double dt) {
-  if (dt < kSlowest) return;
+  std::string question = time_unit_question(r.time, dt);
+  if (question.empty()) return;
   ChannelFault f = make_fault("time_unit", "time", "time", dt, "s");
   f.source = r.source;
-  f.evidence = format(
-      "rows are %.4g s apart, which makes %.4g h of this recording: is the time in milliseconds? "
-      "Name the column time [ms]",
-      dt, (r.time[r.rows() - 1] - r.time[0]) / 3600.0);
+  f.evidence = std::move(question);
   c.add(std::move(f));
 }
 

@@ -18,6 +18,17 @@ bool never_seen(const ColumnCensus& census, const Columns& header) {
   return false;
 }
 
+/// Where most of a column's gaps are, if it ends early or begins late.
+std::string where_text(const ColumnCensus& census, std::size_t k) {
+  const long before = census.before[k], after = census.after[k];
+  if (census.gaps[k] == census.rows || 2 * (before + after) < census.gaps[k]) return "";
+  std::string out;
+  if (before > 1) out += "begins at " + number_text(census.first[k], 6) + " s";
+  if (after > 1)
+    out += (out.empty() ? "" : ", ") + ("ends at " + number_text(census.last[k], 6) + " s");
+  return out.empty() ? "" : " (it " + out + ")";
+}
+
 /// Columns of joints that lack values in some rows, each with their number.
 std::string gaps_text(const ColumnCensus& census, const Columns& header) {
   std::string out;
@@ -25,7 +36,7 @@ std::string gaps_text(const ColumnCensus& census, const Columns& header) {
     const Channel channel = header.columns[k].channel;
     if (census.gaps[k] > 0 && (channel == Channel::kQ || channel == Channel::kTau))
       out += (out.empty() ? "'" : ", '") + header.columns[k].name + "' in " +
-             std::to_string(census.gaps[k]);
+             std::to_string(census.gaps[k]) + where_text(census, k);
   }
   return out;
 }
@@ -34,8 +45,19 @@ std::string gaps_text(const ColumnCensus& census, const Columns& header) {
 
 void ColumnCensus::count(const std::vector<double>& row, const Columns& header) {
   ++rows;
+  const double time = row[time_column];
   for (std::size_t k = 0; k < row.size(); ++k) {
-    gaps[k] += std::isnan(row[k]) ? 1 : 0;
+    if (std::isnan(row[k])) {
+      ++gaps[k];
+      ++after[k];
+    } else {
+      if (gaps[k] + 1 == rows) {  // the first
+        before[k] = gaps[k];
+        first[k] = time;
+      }
+      after[k] = 0;
+      last[k] = time;
+    }
     if (header.columns[k].channel == Channel::kTau) {
       double& largest = largest_tau[header.columns[k].index];
       largest = std::max(largest, std::isnan(row[k]) ? -1.0 : std::abs(row[k]));
@@ -45,6 +67,11 @@ void ColumnCensus::count(const std::vector<double>& row, const Columns& header) 
 
 void check_measured(const ColumnCensus& census, const Columns& header, const ReadOptions& options,
                     ReadReport& report) {
+  for (std::size_t k = 0; k < census.gaps.size(); ++k)
+    if (options.refuse_silent_torque && header.columns[k].channel == Channel::kQ &&
+        census.gaps[k] == census.rows)
+      throw DataError(report.source + ": column '" + header.columns[k].name +
+                      "' has no value; a joint's position is always needed");
   for (std::size_t j = 0; j < header.joint_names.size(); ++j) {
     const std::string column = "'tau_" + header.joint_names[j] + "'";
     if (!header.has_tau[j]) continue;
@@ -79,7 +106,7 @@ void note_gaps(const ColumnCensus& census, const Columns& header,
   if (const std::string missing = gaps_text(census, header); !missing.empty())
     report.notes.push_back("values are missing: " + missing + " of " + std::to_string(report.rows) +
                            " rows; a short gap is bridged by interpolation, a long one splits "
-                           "the recording");
+                           "the recording; rows count where all these columns have a value");
   for (std::size_t i = 0; i < text_cells.size(); ++i)
     if (text_cells[i] > 0)
       report.notes.push_back("extra channel '" + header.extra_names[i] + "' holds " +

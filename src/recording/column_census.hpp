@@ -1,6 +1,6 @@
 #pragma once
-/// What the columns of a recording hold from its first row to its last: values that are missing,
-/// torques that are zero throughout. Internal.
+/// Contents of the columns of a recording from its first row to its last: values that are missing,
+/// positions without any, torques that are zero throughout. Internal.
 
 #include <vector>
 
@@ -13,18 +13,27 @@ namespace diffnea::detail {
 struct ColumnCensus {
   long rows = 0;                    ///< that were counted
   std::vector<long> gaps;           ///< per column: rows without a value
+  std::vector<long> before, after;  ///< gaps before the first value, after the last
+  std::vector<double> first, last;  ///< per column: times of the first and the last value [s]
   std::vector<double> largest_tau;  ///< per joint, −1: no value yet
+  std::size_t time_column = 0;
 
   explicit ColumnCensus(const Columns& header)
-      : gaps(header.columns.size(), 0), largest_tau(header.joint_names.size(), -1.0) {}
+      : gaps(header.columns.size(), 0),
+        before(gaps),
+        after(gaps),
+        first(gaps.size(), 0.0),
+        last(first),
+        largest_tau(header.joint_names.size(), -1.0),
+        time_column(static_cast<std::size_t>(header.find(Channel::kTime))) {}
 
   void count(const std::vector<double>& row, const Columns& header);
 };
 
 /// Notes what is measured and cannot be used.
 /// @param report  its `source` is read, its notes are added to
-/// @throws DataError for a torque that is zero or empty throughout at a joint that nobody declared
-///         passive, a file in which nothing was measured
+/// @throws DataError for a position without any value, a torque that is zero or empty throughout at
+///         a joint that nobody declared passive, a file in which nothing was measured
 void check_measured(const ColumnCensus& census, const Columns& header, const ReadOptions& options,
                     ReadReport& report);
 

@@ -15,6 +15,9 @@
 
 namespace diffnea::detail {
 
+/// Beginning of the reason against rows behind a clock that was set back and goes on from there.
+inline const std::string kSetBack = "the clock is set back, from ";
+
 /// A row of the file in SI.
 struct Row {
   long line = 0;               ///< in the file, 1 is the header

@@ -15,6 +15,9 @@ using detail::Channel;
 using detail::number_text;
 using detail::Row;
 
+/// Step over the one before it from which a row came early, and those behind it are not late.
+constexpr double kLate = 1.5;
+
 /// Runs, the clock, and blocks of rows: what needs more than one row to be seen.
 struct RecordingReader::Impl {
   Impl(const std::filesystem::path& path, const ReadOptions& opt)
@@ -58,6 +61,28 @@ struct RecordingReader::Impl {
     has_pending = false;
   }
 
+  /// Two rows behind the clock that follow each other: it goes on from there, and what it had
+  /// counted lies on both sides. Stitched together, the motion would jump.
+  /// @return whether it is so
+  /// @throws DataError if it is, unless every row may be impossible
+  bool refuse_set_back(double before, double now) {
+    const bool goes_on = behind_line + 1 == row.line && behind_time < now;
+    if (!goes_on) {
+      behind_line = first_behind = row.line;
+      behind_time = now;
+      return false;
+    }
+    if (options.max_quarantined_share < 1.0)
+      throw DataError(
+          name + ":" + std::to_string(first_behind) + ": the clock is set back, from " +
+          number_text(before, 6) + " to " + number_text(behind_time, 6) +
+          " s, and goes on from there: what is before and after is no one motion; give the rows "
+          "from this line on another number in a column `run`, or leave them out");
+    behind_line = row.line;
+    behind_time = now;
+    return true;
+  }
+
   /// Weighs `row` against the row before it. One row waits, because time that jumps ahead shows as
   /// wrong only when it jumps back.
   void offer_row() {
@@ -71,9 +96,14 @@ struct RecordingReader::Impl {
         const double jump = before - committed_time, step = now - committed_time;
         const bool before_is_wrong =
             rows_in_run > 1 && step > 0.0 && jump > 100.0 * last_step && step < 10.0 * last_step;
+        repeated += now == before ? 1 : 0;
+        const bool set_back = (now < before || row.line == behind_line + 1) &&
+                              !(jump > kLate * last_step) && refuse_set_back(before, now);
         rows.quarantine(before_is_wrong ? pending.line : row.line,
                         before_is_wrong
                             ? "time jumps ahead to " + number_text(before, 6) + " and back"
+                        : set_back ? detail::kSetBack + number_text(before, 6) + " to " +
+                                         number_text(now, 6)
                         : now == before ? "time repeats (" + number_text(now, 6) + ")"
                                         : "time runs backward, from " + number_text(before, 6) +
                                               " to " + number_text(now, 6));
@@ -165,8 +195,12 @@ struct RecordingReader::Impl {
     for (std::size_t i = 0; i < std::min<std::size_t>(3, report.quarantined_rows.size()); ++i)
       message += (i == 0 ? " line " : "; line ") + std::to_string(report.quarantined_rows[i].line) +
                  ": " + report.quarantined_rows[i].reason;
-    throw DataError(
-        message + (run_column < 0 ? " (several recordings in one file need a column `run`)" : ""));
+    if (2 * repeated > report.quarantined)
+      message += " (stamps that are coarser than the rows: write `time` with more digits, or keep "
+                 "one row of each time)";
+    else if (run_column < 0)
+      message += " (several recordings in one file need a column `run`)";
+    throw DataError(message);
   }
 
   std::string name;
@@ -184,6 +218,9 @@ struct RecordingReader::Impl {
   int present_run = 0;
   long rows_in_run = 0;
   double committed_time = 0.0, last_step = 0.0;
+  long repeated = 0;                        ///< rows with the time of the row before
+  long behind_line = 0, first_behind = 0;  ///< last and first row behind the clock
+  double behind_time = 0.0;
   std::set<int> runs_seen;
 };
 

@@ -1,12 +1,12 @@
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/core/text.hpp>
 #include <diffnea/recording/joints.hpp>
 
 #include "core/c_numbers.hpp"
+#include "core/constants.hpp"
 #include "recording/columns.hpp"
 #include "recording/torque_spikes.hpp"
 
@@ -50,7 +50,6 @@ void match_joints(const std::vector<JointDescription>& joints, std::vector<Recor
 
 std::vector<ChannelWarning> find_degrees(const std::vector<JointDescription>& joints,
                                          const std::vector<Recording>& recordings) {
-  constexpr double kPi = std::numbers::pi;
   std::vector<ChannelWarning> out;
   for (std::size_t j = 0; j < joints.size(); ++j) {
     const JointDescription& joint = joints[j];

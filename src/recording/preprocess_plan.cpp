@@ -13,7 +13,9 @@
 #include "core/statistics.hpp"
 #include "recording/columns.hpp"
 #include "recording/gridder.hpp"
+#include "recording/overlap.hpp"
 #include "recording/spectrum.hpp"
+#include "recording/time_unit.hpp"
 
 namespace diffnea {
 namespace {
@@ -41,9 +43,8 @@ double choose_period(const std::vector<Recording>& recordings, bool measured_vel
       if (!detail::is_gap(r, i, measured_velocity) && !detail::is_gap(r, i - 1, measured_velocity))
         steps.push_back(r.time[i] - r.time[i - 1]);
   if (steps.empty())
-    throw DataError((recordings.empty() ? std::string("preprocess") : recordings.front().source) +
-                    ": no two rows without a gap follow each other, so there is nothing to "
-                    "differentiate");
+    throw DataError(recordings.front().source + ": " + detail::why_no_rows(recordings, 2) +
+                    ", so there is nothing to differentiate");
   const double middle = median(steps);
   double sum = 0.0, count = 0.0;
   for (const double s : steps)
@@ -292,6 +293,7 @@ PreprocessPlan plan_like(const PreprocessPlan& plan, const std::vector<Recording
   require_alike(recordings, plan.measured_velocity);
   PreprocessPlan out = plan;
   out.dt = choose_period(recordings, plan.measured_velocity, out.timing_jitter);
+  detail::require_unit_of_time(recordings, plan.dt, out.dt);
   out.refresh = refresh_rows(recordings);
   const double rate = 1.0 / out.dt;
   // Positions may be smoothed more, as long as that is flat over the band of the torques.

@@ -73,6 +73,8 @@ std::string ball_text(const Finding& f) {
 std::string faults_text(const Finding& f) {
   std::string out;
   for (const std::string& warning : fault_warnings(f)) out += warning + "\n";
+  for (const std::string& note : f.notes)
+    if (note.starts_with(kWarning)) out += note + "\n";
   return out.empty() ? "" : out + "\n";
 }
 
@@ -109,7 +111,9 @@ std::string rest_text(const Finding& f) {
     if (a.severity == FaultSeverity::kNote) out += a.channel + ": " + a.evidence + "\n";
   for (const std::string& text : reservations(f))
     if (!text.starts_with(kWarning)) out += "note: " + text + "\n";
-  for (const std::string& note : f.notes) out += "note: " + note + "\n";
+  for (const std::string& note : f.notes)
+    if (!note.starts_with(kWarning)) out += "note: " + note + "\n";
+  for (const std::string& note : f.data_report.notes) out += "note: " + note + "\n";
   return out.empty() ? "" : "\n" + out;
 }
 

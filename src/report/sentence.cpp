@@ -209,9 +209,10 @@ std::string verdict_words(const Finding& f) {
       return none_words(f);
     case Verdict::kNotIdentifiable:
       if (f.tried == Tried::kNothing) return nothing_words(f);
-      return "This recording cannot show what the model lacks: every candidate is absorbed by the "
-             "base parameters or "
-             "never excited.";
+      return std::string("This recording cannot show what the model lacks: ") +
+             (f.candidates.empty()
+                  ? "every candidate is absorbed by the base parameters or never excited."
+                  : "a channel is mostly noise, or at fault; the warnings name it.");
     case Verdict::kUnknown: {
       std::string out =
           (f.tried == Tried::kAll ? "The cause is not in the catalogue: "
@@ -222,7 +223,7 @@ std::string verdict_words(const Finding& f) {
                share_of(named_share(f)) + " of the held-out error that can be removed";
       }
       if (!f.grey_box.empty()) out += ". " + grey_words(f);
-      return out + ".";
+      return out.ends_with("?") ? out : out + ".";
     }
     case Verdict::kNamed:
     case Verdict::kClass:

@@ -7,6 +7,7 @@
 #include <catch2/generators/catch_generators.hpp>
 #include <catch2/matchers/catch_matchers_string.hpp>
 
+#include <diffnea/core/random.hpp>
 #include <diffnea/diagnose/diagnose.hpp>
 #include <diffnea/sim/record.hpp>
 
@@ -82,6 +83,33 @@ TEST_CASE("diagnose: what the fitted recording alone holds at some instants is t
   CAPTURE(finding.sentence, finding.notes);
   CHECK(std::ranges::any_of(finding.notes, [](const std::string& note) {
     return note.starts_with("elbow: what is left of the fitted recording");
+  }));
+  // The blows are above the torque, so that what is not found there says nothing.
+  CHECK(finding.verdict == Verdict::kNotIdentifiable);
+}
+
+TEST_CASE("diagnose: a torque that is noise is refused in words, never NONE", "[diagnose]") {
+  const auto noisy = [](const char* where, unsigned seed) {
+    Recording r = arm().recorded({}, seed);
+    Rng rng(seed);
+    for (std::size_t j = 0; j < r.joint_names.size(); ++j)
+      for (double& tau : r.tau.col(static_cast<long>(j)))
+        if (where == std::string("all") || r.joint_names[j] == where) tau += 100.0 * rng.normal();
+    return r;
+  };
+  const Recording train = arm().recorded({}, 1), test = arm().recorded({}, 2);
+  const auto refused = [&](const Recording& fitted, const Recording& held, const char* rows) {
+    CHECK_THROWS_WITH(diagnose(arm().nominal, {fitted}, {held}),
+                      ContainsSubstring("noise is more than half of the torque's power") &&
+                          ContainsSubstring("elbow: noise of ") && ContainsSubstring(rows));
+  };
+  refused(noisy("all", 1), test, "fitted rows");
+  refused(train, noisy("all", 2), "held-out rows");
+  const Finding one = diagnose(arm().nominal, {train}, {noisy("elbow", 2)});
+  CAPTURE(one.sentence, one.notes);
+  CHECK(one.verdict == Verdict::kNotIdentifiable);
+  CHECK(std::ranges::any_of(one.notes, [](const std::string& note) {
+    return note.starts_with("WARNING: noise is more than half");
   }));
 }
 

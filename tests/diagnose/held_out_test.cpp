@@ -2,6 +2,7 @@
 
 #include "diagnose/held_out.hpp"
 
+#include <cmath>
 #include <support/swinging.hpp>
 
 #include <Eigen/QR>
@@ -16,6 +17,7 @@
 namespace held_out_test {
 
 using namespace diffnea;
+using Catch::Matchers::ContainsSubstring;
 
 TEST_CASE("HeldOut: one block of held-out rows is no interval", "[diagnose]") {
   const test::SwingingEvidence evidence(20.0);
@@ -79,10 +81,36 @@ TEST_CASE("HeldOut: what the base pays in one of two models counts against it", 
 
 TEST_CASE("HeldOut: a recording of fewer blocks is refused, with what is needed", "[diagnose]") {
   const test::SwingingEvidence enough(20.0), few(1.9);
-  require_blocks(*enough, "enough.csv");
-  CHECK_THROWS_WITH(require_blocks(*few, "few.csv"),
-                    Catch::Matchers::ContainsSubstring("few.csv: diagnose: ") &&
-                        Catch::Matchers::ContainsSubstring(" s or more"));
+  require_blocks(*enough, enough.source->sample());
+  require_blocks(enough.source->sample());
+  CHECK_THROWS_WITH(require_blocks(*few, few.source->sample()),
+                    ContainsSubstring("swinging: diagnose: ") && ContainsSubstring(" s or more"));
+  CHECK_THROWS_WITH(require_blocks(few.source->sample()), ContainsSubstring("1.89 s"));
+}
+
+TEST_CASE("HeldOut: a torque that ends early is named where too few rows are left", "[diagnose]") {
+  const test::SwingingEvidence early(20.0, false, 1, "viscous_friction", [](Recording& r) {
+    r.tau.col(1).bottomRows(r.rows() - 150).setConstant(std::nan(""));
+  });
+  CHECK_THROWS_WITH(require_blocks(*early, early.source->sample()),
+                    ContainsSubstring("'tau_elbow' ends at 1.49 s"));
+}
+
+TEST_CASE("HeldOut: rows a thousand times as far apart are in another unit", "[diagnose]") {
+  const Model model = read_model(DIFFNEA_SOURCE_DIR "/models/double_pendulum.urdf");
+  const Recording seconds = test::swinging(model, 20.0, false, 1);
+  Recording milliseconds = seconds;
+  milliseconds.time *= 1e3;
+  const auto planned = [&](const Recording& train, const Recording& test) {
+    return plan_held_out({test}, plan_rows(model, {train}, 0.0, {}), {});
+  };
+  CHECK_THROWS_WITH(planned(seconds, milliseconds),
+                    ContainsSubstring("is the time of this one in ms?"));
+  CHECK_THROWS_WITH(planned(milliseconds, seconds),
+                    ContainsSubstring("is the time of the fitted recording in ms?"));
+  Recording slow = seconds;
+  slow.time *= 40.0;
+  CHECK(planned(seconds, slow).dt > 0.39);  // and no error
 }
 
 TEST_CASE("HeldOut: rows of another rate are as far apart as those that were fitted",

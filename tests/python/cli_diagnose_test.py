@@ -16,25 +16,6 @@ import diffnea as python
 TRUTH = {"effect": "coulomb_friction", "where": "elbow"}
 
 
-@pytest.fixture(scope="session")
-def rubbing(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Recordings of a double pendulum with Coulomb friction in its elbow: train.csv, test.csv."""
-    folder = tmp_path_factory.mktemp("rubbing")
-    joint = '<joint name="elbow" type="continuous">'
-    text = PENDULUM.read_text()
-    assert text.count(joint) == 1
-    rubs = text.replace(joint, joint + '\n    <dynamics friction="0.05"/>')
-    (folder / "truth.urdf").write_text(rubs)
-    for seed, name in enumerate(("train", "test"), start=1):
-        motion = folder / "motion.csv"
-        common = ("--seed", seed, "--quiet")
-        done("excite", PENDULUM, "--duration", 20, "-o", motion, *common)
-        out = folder / f"{name}.csv"
-        truth = folder / "truth.urdf"
-        done("simulate", truth, "--trajectory", motion, "--noise", 1, "-o", out, *common)
-    return folder
-
-
 refused = partial(cli.refused, command="diagnose")
 
 

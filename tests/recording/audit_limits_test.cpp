@@ -98,6 +98,21 @@ TEST_CASE("audit: dead, coarse, slow and stuck channels", "[audit]") {
   }
 }
 
+TEST_CASE("audit: a torque whose log ends early, or begins late", "[audit]") {
+  const bool ends = GENERATE(true, false);
+  const double held = GENERATE(0.0, 0.7);
+  CAPTURE(ends, held);
+  const auto spoiled = [&](long rows) {
+    Recording r = clean_arm(2).recording;
+    (ends ? r.tau.col(2).tail(rows) : r.tau.col(2).head(rows)).setConstant(held);
+    return found(r);
+  };
+  const ChannelFault f = only(spoiled(3000), "frozen_channel", "tau_wrist");
+  CHECK(std::abs(f.value - 0.004 * 2999) < 1e-9);
+  CHECK_THAT(f.evidence, ContainsSubstring("3000 rows") && ContainsSubstring("the joint moves by"));
+  CHECK(names(spoiled(9)).empty());
+}
+
 TEST_CASE("audit: clipping, limits and units", "[audit]") {
   const unsigned seed = GENERATE(range(0u, 6u));
   CAPTURE(seed);

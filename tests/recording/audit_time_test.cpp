@@ -78,6 +78,37 @@ TEST_CASE("audit: a time in milliseconds", "[audit]") {
   CHECK(std::ranges::count(found(r), "time_unit", &ChannelFault::fault) == 0);
 }
 
+TEST_CASE("audit: a slow log is not one in milliseconds", "[audit]") {
+  Recording r = clean_arm(1).recording;  // 40 s, which as milliseconds would be nothing
+  const auto rows = Eigen::seq(0, r.rows() - 1, 100);
+  r.time = VecX<double>(r.time(rows));
+  for (auto member : {&Recording::q, &Recording::qd, &Recording::qcmd, &Recording::tau})
+    r.*member = RowMatX<double>((r.*member)(rows, Eigen::all));
+  CHECK(std::ranges::count(found(r), "time_unit", &ChannelFault::fault) == 0);
+}
+
+TEST_CASE("audit: pauses that are cut out are no fault, rows that are interpolated are",
+          "[audit]") {
+  Recording r = clean_arm(1).recording;
+  const long half = r.rows() / 2;
+  r.time.tail(half).array() += 60.0;
+  const ChannelFault pause = only(found(r), "time_gap", "time");
+  CHECK(pause.severity == FaultSeverity::kNote);
+  CHECK_THAT(pause.evidence, ContainsSubstring("1 pause") && ContainsSubstring("cut there"));
+  Recording lossy = clean_arm(1).recording;
+  std::vector<long> kept;  // two of twelve rows are lost
+  for (long i = 0; i < lossy.rows(); ++i)
+    if (i % 12 > 1) kept.push_back(i);
+  lossy.time = VecX<double>(lossy.time(kept));
+  for (auto member : {&Recording::q, &Recording::qd, &Recording::qcmd, &Recording::tau})
+    lossy.*member = RowMatX<double>((lossy.*member)(kept, Eigen::all));
+  const std::vector<ChannelFault> faults = found(lossy);
+  INFO(names(faults));
+  const auto gap = std::ranges::find(faults, "time_gap", &ChannelFault::fault);
+  REQUIRE(gap != faults.end());
+  CHECK(gap->severity == FaultSeverity::kFault);
+}
+
 TEST_CASE("audit: rows that are not listed are of the kind that is", "[audit]") {
   ReadReport reading;
   reading.rows = 100;

@@ -3,6 +3,7 @@
 #include <catch2/catch_test_macros.hpp>
 #include <catch2/matchers/catch_matchers_string.hpp>
 
+#include <diffnea/recording/audit.hpp>
 #include <diffnea/recording/csv.hpp>
 
 #include "support/csv_file.hpp"
@@ -76,6 +77,41 @@ TEST_CASE("csv: a file with more than 1 % of impossible rows is refused", "[reco
       ContainsSubstring("2 of 100 rows cannot be true, expected at most 1 %: line 100: time "
                         "runs backward") &&
           ContainsSubstring("need a column `run`"));
+}
+
+TEST_CASE("csv: a clock that is set back and goes on is refused where it was set", "[recording]") {
+  const std::string header = "time,q_a,tau_a\n";
+  const auto set_back = [&](int rows) { return header + good_rows(300) + good_rows(300, 300 - rows); };
+  for (const int rows : {2, 100, 300}) {
+    CAPTURE(rows);
+    CHECK_THROWS_WITH(read(set_back(rows)),
+                      ContainsSubstring("arm.csv:302: the clock is set back, from 2.99 to ") &&
+                          ContainsSubstring("in a column `run`"));
+  }
+  ReadOptions all;
+  all.max_quarantined_share = 1.0;  // an audit has its own word for it
+  ReadReport report;
+  CHECK(read(set_back(100), all, &report)[0].rows() == 500);
+  CHECK(report.quarantined == 100);
+  AuditReport audited;
+  add_reading(report, audited);
+  REQUIRE(audited.faults.size() == 1);
+  CHECK(audited.faults[0].severity == FaultSeverity::kFault);
+  // Rows that come in another order are late, one by one.
+  CHECK(read(header + good_rows(300) + good_rows(1, 302) + good_rows(2, 300) + good_rows(100, 303),
+             {}, &report)[0]
+            .rows() == 401);
+  CHECK(report.quarantined == 2);
+}
+
+TEST_CASE("csv: stamps that are coarser than the rows are told from a clock that runs backward",
+          "[recording]") {
+  std::string text = "time,q_a,tau_a\n";
+  for (int i = 0; i < 400; ++i) text += std::to_string(0.01 * (i / 2)) + ",0.1,1.5\n";
+  CHECK_THROWS_WITH(read(text), ContainsSubstring("200 of 400 rows cannot be true") &&
+                                    ContainsSubstring("line 3: time repeats (0)") &&
+                                    ContainsSubstring("write `time` with more digits") &&
+                                    !ContainsSubstring("`run`"));
 }
 
 TEST_CASE("csv: a short burst of absurd torque is left out, wherever it stands", "[recording]") {
