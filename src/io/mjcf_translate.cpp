@@ -5,8 +5,11 @@
 #include <sstream>
 
 #include <diffnea/core/error.hpp>
+#include <diffnea/model/physical.hpp>
 
 #include "io/mjcf_generated.hpp"
+#include "io/mjcf_inertial.hpp"
+#include "io/mjcf_pose.hpp"
 #include "io/mjcf_versions.hpp"
 
 namespace diffnea::io {
@@ -37,6 +40,24 @@ void apply_defaults_of_today(XmlElement& root) {
     for (const char* name : {"fusestatic", "discardvisual"}) c.DeleteAttribute(name);
   });
   if (!says) child(root, "compiler").SetAttribute("autolimits", "true");
+}
+
+/// Inertias about axes of their own: MuJoCo would find these to 1e-7 only. What no body can have is
+/// left to MuJoCo to refuse.
+void find_principal_axes(XmlElement& root) {
+  walk(root, [](XmlElement& body) {
+    XmlElement* inertial = body.FirstChildElement("inertial");
+    if (!is(body, "body") || !inertial) return;
+    const std::vector<double> I = mjcf_numbers(attribute(*inertial, "fullinertia")),
+                              m = mjcf_numbers(attribute(*inertial, "mass"));
+    if (I.size() != 6 || m.size() != 1 || !(m[0] > 0.0)) return;
+    for (const char* name : {"quat", "axisangle", "euler", "xyaxes", "zaxis"})
+      if (inertial->Attribute(name)) return;
+    const SpatialInertia<double> b =
+        inertia_from_com<double>(m[0], mjcf_vec3(attribute(*inertial, "pos"), {0, 0, 0}),
+                                 {I[0], I[3], I[4], I[1], I[5], I[2]});
+    if (triangle_margin(b) > 0.0) write_mjcf_inertial(body, b);
+  });
 }
 
 /// Lines of the table by tag.
@@ -180,6 +201,7 @@ void translate_mjcf(XmlElement& root, const Mjcf& mjcf, LostShape lost,
   Translator translator(mjcf, notes);
   for_each_child(root, nullptr, [&](XmlElement& section) { translator.translate(section); });
   translator.write_notes();
+  find_principal_axes(root);
 }
 
 }  // namespace diffnea::io

@@ -395,6 +395,16 @@ TEST_CASE("mjcf: replicas stand where each step takes them, with numbered names"
              ContainsSubstring("line 2: <replicate> has count = '1e9'"));
 }
 
+TEST_CASE("mjcf: principal axes of a full tensor are exact", "[io]") {
+  const Model m = model_of(
+      "<mujoco><worldbody><body><joint/><inertial pos='.1 .2 .3' mass='2' "
+      "fullinertia='.3 .2 .25 .01 -.02 .03'/></body></worldbody></mujoco>");
+  const SpatialInertia<double> expected =
+      inertia_from_com<double>(2.0, {.1, .2, .3}, {.3, .01, -.02, .2, .03, .25});
+  const Theta<double> s = m.links[0].inertia.theta(), t = expected.theta();
+  for (int k = 0; k < kThetaSize; ++k) CHECK(std::abs(s[k] - t[k]) <= kPoseTol);
+}
+
 TEST_CASE("mjcf: a floating base is fixed where the file has it, if asked", "[io]") {
   const TemporaryFolder folder;
   const std::string text =
