@@ -21,9 +21,9 @@ MjcfDefaults::MjcfDefaults(XmlElement& root) {
 }
 
 void MjcfDefaults::add(XmlElement& section, const std::string& name, const std::string& parent) {
-  Class& c = classes_[name];
-  c.parent = parent;
-  c.sections.push_back(&section);
+  const auto [c, is_new] = classes_.try_emplace(name);
+  if (is_new) c->second.parent = parent;  // one that was there before: no circles
+  c->second.sections.push_back(&section);
   for_each_child(section, "default",
                  [&](XmlElement& below) { add(below, io::attribute(below, "class"), name); });
 }
@@ -38,7 +38,7 @@ std::string MjcfDefaults::attribute(const XmlElement& element, const char* name)
       for_each_child(*section, element.Name(), [&](XmlElement& e) {
         if (e.Attribute(name)) found = io::attribute(e, name);
       });
-    if (!found.empty()) return found;
+    if (!found.empty() || c->first == kMain) return found;
   }
   return "";
 }

@@ -20,10 +20,17 @@ constexpr const char* kReferences[] = {
     "target", "slidersite",   "sidesite"};
 constexpr const char* kSectionsThatRefer[] = {"actuator", "contact", "equality", "tendon"};
 
+/// Number of elements, itself among them.
+double elements_in(XmlElement& e) {
+  double out = 0.0;
+  walk(e, [&](XmlElement&) { ++out; });
+  return out;
+}
+
 class Expansion {
  public:
-  Expansion(XmlElement& root, const std::string& where)
-      : root_(root), where_(where), defaults_(root), angles_(root) {}
+  Expansion(XmlElement& root, const Mjcf& mjcf)
+      : root_(root), mjcf_(mjcf), defaults_(root), angles_(root) {}
 
   /// Innermost first.
   void expand(XmlElement& parent) {
@@ -38,7 +45,16 @@ class Expansion {
 
  private:
   std::string line(const XmlElement& e) const {
-    return where_ + ": line " + std::to_string(place_of(e).line) + ": ";
+    return mjcf_.where + ": " + mjcf_.line(e) + ": ";
+  }
+
+  /// Counts what is generated, before it is.
+  void generate(const XmlElement& replicate, double elements) {
+    generated_ += elements;
+    if (!(generated_ <= kMaxMjcfElements))
+      throw ModelError(line(replicate) + "<replicate> has count = '" +
+                       attribute(replicate, "count") + "'; the limit is " +
+                       std::to_string(kMaxMjcfElements) + " elements together");
   }
 
   /// Moves the children of a frame before it, to where it has them, and takes the frame out.
@@ -89,13 +105,10 @@ class Expansion {
   void replicate(XmlElement& parent, XmlElement& e) {
     const std::vector<double> said = mjcf_numbers(attribute(e, "count"));
     const double count = said.empty() ? 0.0 : said[0];
-    long elements = 0;
-    walk(e, [&](XmlElement&) { ++elements; });
-    generated_ += count * static_cast<double>(elements);
-    if (!(count >= 1.0 && generated_ <= kMaxMjcfElements))
+    if (!(count >= 1.0))
       throw ModelError(line(e) + "<replicate> has count = '" + attribute(e, "count") +
-                       "', expected 1 or more, of at most " + std::to_string(kMaxMjcfElements) +
-                       " elements together");
+                       "', expected 1 or more");
+    generate(e, count * elements_in(e));
     Pose<double> step = mjcf_pose(e, defaults_, angles_);
     step.p = mjcf_vec3(attribute(e, "offset"), {0, 0, 0});
     std::set<std::string> names;
@@ -121,7 +134,7 @@ class Expansion {
       after = parent.InsertAfterChild(after, copy);
       X = X * step;
     }
-    replicate_references(names, suffixes);
+    replicate_references(e, names, suffixes);
     std::vector<XmlElement*> frames;
     XmlElement* frame = e.NextSiblingElement();
     for (std::size_t k = 0; k < suffixes.size(); ++k, frame = frame->NextSiblingElement())
@@ -131,7 +144,7 @@ class Expansion {
   }
 
   /// Copies elements that name one which is there several times, as often.
-  void replicate_references(const std::set<std::string>& names,
+  void replicate_references(const XmlElement& replicated, const std::set<std::string>& names,
                             const std::vector<std::string>& suffixes) {
     const auto refer = [&](XmlElement& e, const std::string& suffix) {
       bool found = false;
@@ -150,6 +163,8 @@ class Expansion {
       for_each_child(root_, section, [&](XmlElement& s) {
         for_each_child(s, nullptr, [&](XmlElement& e) {
           if (!refer(e, "")) return;
+          const double copies = static_cast<double>(suffixes.size());
+          generate(replicated, copies * elements_in(e));
           tinyxml2::XMLNode* after = &e;
           for (const std::string& suffix : suffixes) {
             XmlElement* copy = clone_with_places(e, *e.GetDocument());
@@ -162,7 +177,7 @@ class Expansion {
   }
 
   XmlElement& root_;
-  const std::string& where_;
+  const Mjcf& mjcf_;
   MjcfDefaults defaults_;
   MjcfAngles angles_;
   double generated_ = 0.0;
@@ -170,8 +185,8 @@ class Expansion {
 
 }  // namespace
 
-void expand_generated(XmlElement& root, const std::string& where) {
-  Expansion expansion(root, where);
+void expand_generated(XmlElement& root, const Mjcf& mjcf) {
+  Expansion expansion(root, mjcf);
   for_each_child(root, "worldbody", [&](XmlElement& world) { expansion.expand(world); });
 }
 

@@ -9,6 +9,7 @@
 
 #include "io/mjcf_generated.hpp"
 #include "io/mjcf_inertial.hpp"
+#include "io/mjcf_limits.hpp"
 #include "io/mjcf_pose.hpp"
 #include "io/mjcf_versions.hpp"
 
@@ -175,7 +176,7 @@ void fix_base(XmlElement& root, const Mjcf& mjcf, std::vector<std::string>& note
       if (!is_free_base(c)) return;
       fixed = true;
       notes.push_back("body '" + attribute(e, "name") + "' floats (" + mjcf.line(c) +
-                      "): fixed where the file has it, as asked");
+                      "): fixed where the file has it, as asked; keyframes are left out");
       e.DeleteChild(&c);
     });
   });
@@ -195,7 +196,8 @@ void translate_mjcf(XmlElement& root, const Mjcf& mjcf, LostShape lost,
                     std::vector<std::string>& notes) {
   remove_unused(root);
   apply_defaults_of_today(root);
-  expand_generated(root, mjcf.where);
+  expand_generated(root, mjcf);
+  check_mjcf(root, mjcf.where);  // once more: with what was generated and turned
   if (mjcf.reading.fix_base) fix_base(root, mjcf, notes);
   strip_looks(root, mjcf, inertia_from_geoms(root), lost, notes);
   Translator translator(mjcf, notes);

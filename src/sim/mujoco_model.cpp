@@ -29,11 +29,11 @@ const bool kQuiet = [] {
 
 /// MuJoCo's words with the lines' names in place of its numbers: `line 3`, `line = 3, column = 4`.
 std::string with_line_names(const std::string& reason, const LineName& line_name) {
-  static const std::regex kLine(R"(,? ?line (= )?(\d+)(, column (= )?-?\d+)?)");
+  static const std::regex kLine(R"(,? ?line (?:= )?(\d{1,9})(?:, column (?:= )?-?\d+)?$)");
   std::smatch found;
   if (!line_name || !std::regex_search(reason, found, kLine)) return reason;
-  const std::string name = line_name(std::stoi(found[2]));
-  return found.prefix().str() + (name.empty() ? "" : ", " + name) + found.suffix().str();
+  const std::string name = line_name(std::stoi(found[1]));
+  return found.prefix().str() + (name.empty() ? "" : ", " + name);
 }
 
 }  // namespace

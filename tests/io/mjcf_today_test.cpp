@@ -1,20 +1,18 @@
-/// MJCF of versions after MuJoCo 2.2: every line of the table of later words, and what it means for
-/// a tree; places in the user's files; bases that float, loops, meshes that are missing.
+/// MJCF of versions after MuJoCo 2.2: its meaning for a tree; places in the user's files; bases
+/// that float, loops, meshes that are missing.
 
 #include <algorithm>
-#include <sstream>
+#include <limits>
 
 #include <catch2/catch_test_macros.hpp>
 #include <catch2/generators/catch_generators.hpp>
-#include <catch2/generators/catch_generators_range.hpp>
 #include <catch2/matchers/catch_matchers_string.hpp>
 
-#include <diffnea/core/error.hpp>
 #include <diffnea/core/text_file.hpp>
 #include <diffnea/io/model_file.hpp>
 
-#include "io/mjcf_versions.hpp"
 #include "support/matrix_near.hpp"
+#include "support/mjcf_text.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace mjcf_today_test {
@@ -23,187 +21,17 @@ using namespace diffnea;
 using namespace diffnea::test;
 using Catch::Matchers::ContainsSubstring;
 using Catch::Matchers::StartsWith;
-using io::LaterMeans;
-using io::LaterWord;
 
 namespace {
 
 /// Poses are turned and added in another order than the compiler's: rounding of numbers of order 1.
 constexpr double kPoseTol = 1e-14;
 
-constexpr const char* kInertial = "<inertial pos='0 0 .1' mass='1' diaginertia='.1 .1 .1'/>";
-
-Model model_of(const TemporaryFolder& folder, const std::string& text,
-               const ModelReading& reading = {}) {
-  write_file_atomically(folder.path() / "robot.xml", text);
-  return read_model(folder.path() / "robot.xml", reading);
-}
-Model model_of(const std::string& text, const ModelReading& reading = {}) {
-  const TemporaryFolder folder;
-  return model_of(folder, text, reading);
-}
-
-/// Reader's words for a text that it refuses.
-std::string refusal(const TemporaryFolder& folder, const std::string& text,
-                    const ModelReading& reading = {}) {
-  try {
-    model_of(folder, text, reading);
-  } catch (const Error& error) {
-    return error.what();
-  }
-  return "was read";
-}
-std::string refusal(const std::string& text, const ModelReading& reading = {}) {
-  const TemporaryFolder folder;
-  return refusal(folder, text, reading);
-}
-
-std::string notes_of(const Model& m) {
-  std::string out;
-  for (const std::string& note : m.notes) out += note + "\n";
-  return out;
-}
-
 const ModelLink& link_of(const Model& m, const std::string& joint) {
   return *std::ranges::find(m.links, joint, &ModelLink::joint);
 }
 
-/// One joint `j` on body `a`; the rest goes where its name says.
-struct Parts {
-  std::string head = {}, joint = {}, in_body = {}, tail = {}, in_world = {};
-};
-std::string one_joint(const Parts& p) {
-  return "<mujoco>" + p.head + "<worldbody>" + p.in_world + "<body name='a'>" + kInertial +
-         "<joint name='j' " + p.joint + "/>" + p.in_body + "<site name='s'/></body></worldbody>" +
-         p.tail + "</mujoco>";
-}
-
-std::vector<std::string> words_of(const char* text) {
-  std::istringstream in(text ? text : "");
-  return {std::istream_iterator<std::string>(in), {}};
-}
-
-/// A value that MuJoCo 2.2 does not read, or that says something.
-std::string later_value(const std::string& tag, const std::string& attribute) {
-  if (attribute == "integrator") return "implicitfast";
-  if (attribute == "dyntype") return "filterexact";
-  if (attribute == "gaintype" || attribute == "biastype") return "dcmotor";
-  if (attribute == "type") return tag == "geom" ? "sdf" : tag == "site" ? "mesh" : "cable";
-  if (attribute == "damping" || attribute == "stiffness" || attribute == "springlength")
-    return "1 2";
-  if (attribute == "actuatorfrcrange" || attribute == "actuatorforcerange") return "-2 3";
-  if (attribute.starts_with("site")) return "s";
-  if (attribute == "inertia") return "exact";
-  return "1";
-}
-
-/// A document that has the element in its place, with the attribute if there is one.
-std::string document_with(const std::string& where, const std::string& attribute,
-                          const std::string& value) {
-  const std::size_t slash = where.find('/');
-  const std::string parent = slash == where.npos ? "" : where.substr(0, slash),
-                    tag = slash == where.npos ? where : where.substr(slash + 1),
-                    said = attribute.empty() ? "" : " " + attribute + "='" + value + "'";
-  const auto element = [&](const std::string& rest, const std::string& inside = "") {
-    return "<" + tag + said + rest + ">" + inside + "</" + tag + ">";
-  };
-  const std::string pair = " geom1='g' geom2='h'",
-                    tendon = "<site site='s'/><site site='t'/>",
-                    in_body = "<geom name='g' size='.1'/>",
-                    in_world = "<geom name='h' size='.1'/><site name='t'/>",
-                    shape = "<asset><mesh name='m' vertex='0 0 0 1 0 0 0 1 0 0 0 1'";
-  const auto weighed = [&](const std::string& assets) {
-    return "<mujoco>" + assets + "<worldbody><body><joint/><geom type='mesh' mesh='m'/></body>" +
-           "</worldbody></mujoco>";
-  };
-  if (parent == "default") return one_joint({"<default>" + element("") + "</default>"});
-  if (where == "mesh/plugin") return weighed(shape + "><plugin/></mesh></asset>");
-  if (parent == "asset") return one_joint({"<asset>" + element("") + "</asset>"});
-  if (parent == "worldbody") return one_joint({.in_world = element("")});
-  if (where == "geom/plugin") return one_joint({.in_body = "<geom size='1'><plugin/></geom>"});
-  if (where == "composite/plugin") return refusal("");  // only below composites that are refused
-  if (parent == "actuator")
-    return one_joint({.tail = "<actuator>" + element(" joint='j'") + "</actuator>"});
-  if (parent == "equality") return one_joint({.tail = "<equality>" + element("") + "</equality>"});
-  if (tag == "plugin" || tag == "attach" || tag == "flexcomp" || tag == "frame")
-    return one_joint({.in_body = element("")});
-  if (tag == "replicate") return one_joint({.in_body = element(" count='2'")});
-  if (tag == "composite")
-    return one_joint({.in_body = element(attribute == "type" ? "" : " type='grid'")});
-  if (tag == "option" || tag == "compiler" || tag == "extension" || tag == "deformable")
-    return one_joint({element("")});
-  if (tag == "flag") return one_joint({"<option>" + element("") + "</option>"});
-  if (tag == "body") return one_joint({.in_body = element("")});
-  if (tag == "joint")
-    return "<mujoco><compiler autolimits='true'/><worldbody><body>" + std::string(kInertial) +
-           element(" name='j'") + "</body></worldbody></mujoco>";
-  if (tag == "freejoint")
-    return "<mujoco><worldbody><body name='ball'>" + std::string(kInertial) + element("") +
-           "</body></worldbody></mujoco>";
-  if (tag == "geom") return one_joint({.in_body = element(" size='.1'")});
-  if (tag == "site") return one_joint({.in_body = element("")});
-  if (tag == "mesh") return weighed(shape + said + "/></asset>");
-  if (tag == "pair")
-    return one_joint({.in_body = in_body,
-                      .tail = "<contact>" + element(pair) + "</contact>",
-                      .in_world = in_world});
-  if (tag == "spatial")
-    return one_joint(
-        {.tail = "<tendon>" + element("", tendon) + "</tendon>", .in_world = in_world});
-  if (tag == "fixed")
-    return one_joint(
-        {.tail = "<tendon>" + element("", "<joint joint='j' coef='1'/>") + "</tendon>"});
-  if (tag == "tendon") return one_joint({"<default>" + element("") + "</default>"});
-  if (tag == "connect" || tag == "weld")
-    return one_joint({.tail = "<equality>" + element(attribute == "site1" ? " site2='t'"
-                                                                          : " site1='t'") +
-                              "</equality>",
-                      .in_world = in_world});
-  if (tag == "key") return one_joint({.tail = "<keyframe>" + element("") + "</keyframe>"});
-  if (tag == "adhesion")
-    return one_joint({.tail = "<actuator>" + element(" body='a' ctrlrange='0 1'") + "</actuator>"});
-  if (tag == "muscle" || tag == "general" || tag == "motor" || tag == "position" ||
-      tag == "velocity" || tag == "intvelocity" || tag == "damper" || tag == "cylinder") {
-    const bool needs = tag == "intvelocity" || tag == "damper";
-    const std::string range = tag == "damper" ? " ctrlrange='0 1'" : " actrange='0 1'";
-    return one_joint({.tail = "<actuator>" + element(" joint='j'" + (needs ? range : "")) +
-                              "</actuator>"});
-  }
-  FAIL("the test draws no <" << where << ">");
-  return "";
-}
-
 }  // namespace
-
-TEST_CASE("mjcf: every later word is left out with a note, mapped, or refused with its line",
-          "[io]") {
-  const auto lines = io::later_words();
-  const LaterWord& word = lines[GENERATE_REF(range(std::size_t(0), lines.size()))];
-  for (const std::string& element : words_of(word.elements)) {
-    if (element == "composite/plugin" || element == "worldbody/plugin") continue;
-    for (const std::string& attribute :
-         word.attributes ? words_of(word.attributes) : std::vector<std::string>{""}) {
-      const std::size_t slash = element.find('/');
-      const std::string tag = slash == element.npos ? element : element.substr(slash + 1);
-      std::string value = later_value(tag, attribute);
-      if (word.excepts && word.excepts(value)) value = tag == "joint" ? "1 0" : "0";
-      const std::string text = document_with(element, attribute, value);
-      CAPTURE(text, word.text, word.since);
-      const ModelReading reading{.open_loops = true};
-      if (word.means == LaterMeans::kRefused) {
-        const std::string said = refusal(text, reading);
-        CHECK_THAT(said, ContainsSubstring(word.text) && ContainsSubstring("line 1: <" + tag) &&
-                             ContainsSubstring(std::string("(MuJoCo ") + word.since + ")"));
-      } else {
-        const std::string notes = notes_of(model_of(text, reading));
-        const std::string said = tag + (attribute.empty() ? "" : " " + attribute) + " (";
-        const bool left_out = word.means == LaterMeans::kLeftOut;
-        CHECK((notes.find(said) != notes.npos) == left_out);
-        if (left_out) CHECK_THAT(notes, ContainsSubstring(word.text));
-      }
-    }
-  }
-}
 
 TEST_CASE("mjcf: equal notes are one, with how often and the first line", "[io]") {
   const Model m = model_of(
@@ -392,7 +220,28 @@ TEST_CASE("mjcf: replicas stand where each step takes them, with numbered names"
   CHECK(m.frames.back().name == "s10");
   CHECK_THAT(refusal("<mujoco><worldbody>\n<replicate count='1e9'><geom size='1'/></replicate>"
                      "</worldbody></mujoco>"),
-             ContainsSubstring("line 2: <replicate> has count = '1e9'"));
+             ContainsSubstring("line 2: <replicate> has count = '1e9'; the limit is 5000"));
+}
+
+TEST_CASE("mjcf: classes in circles, numbers in names and endless copies end", "[io]") {
+  const std::string body = "<body><joint/><geom size='1'/></body></worldbody></mujoco>";
+  const std::string twice =
+      "<body name='line 99999999999999999999'><joint/><geom size='1'/></body>";
+  CHECK_THAT(refusal("<mujoco><default><default class='a'><default class='b'><default class='a'/>"
+                     "</default></default></default><worldbody><frame childclass='b'>" +
+                     twice + "</frame></worldbody></mujoco>"),
+             ContainsSubstring("repeated default class"));
+  CHECK_THAT(refusal("<mujoco><worldbody>" + twice + twice + body),
+             ContainsSubstring("= line 99999999999999999999, id = 2, line 1"));
+  std::string motors;
+  for (int i = 0; i < 60; ++i) motors += "<motor joint='j'/>";
+  CHECK_THAT(refusal("<mujoco><worldbody>\n<replicate count='90'><body><joint name='j'/>"
+                     "<geom size='1'/></body></replicate></worldbody><actuator>" +
+                     motors + "</actuator></mujoco>"),
+             ContainsSubstring("line 2: <replicate> has count = '90'; the limit is 5000"));
+  CHECK_THAT(refusal("<mujoco><worldbody><frame pos='0 0 1'><body pos='1e999 0 0'><joint/>"
+                     "<geom size='1'/></body></frame></worldbody></mujoco>"),
+             !StartsWith("was read"));
 }
 
 TEST_CASE("mjcf: principal axes of a full tensor are exact", "[io]") {
@@ -470,7 +319,7 @@ TEST_CASE("mjcf: files outside the model's folder are read if asked", "[io]") {
   const TemporaryFolder folder;
   std::filesystem::create_directories(folder.path() / "robot");
   write_file_atomically(folder.path() / "arm.xml",
-                        "<mujoco><body name='a'><joint name='j'/><geom size='.1'/></body></mujoco>");
+                        "<mujoco><body name='a'><joint/><geom size='.1'/></body></mujoco>");
   const std::filesystem::path robot = folder.path() / "robot" / "m.xml";
   write_file_atomically(robot,
                         "<mujoco><worldbody><include file='../arm.xml'/></worldbody></mujoco>");
