@@ -9,6 +9,7 @@
 #include <diffnea/core/text_file.hpp>
 
 #include "io/mjcf.hpp"
+#include "io/mjcf_attach.hpp"
 #include "io/mjcf_limits.hpp"
 #include "io/mjcf_meshes.hpp"
 #include "io/mjcf_parts.hpp"
@@ -22,27 +23,43 @@ namespace {
 /// Includes in includes; a chain this long is a mistake or an attack.
 constexpr int kMaxIncludeDepth = 16;
 
-void expand(XmlElement& element, Mjcf& mjcf, std::set<std::filesystem::path>& seen, int depth) {
+/// @param from  folder of the file that the element is of, in the model's
+void expand(XmlElement& element, Mjcf& mjcf, const std::filesystem::path& from,
+            std::set<std::filesystem::path>& seen, int depth) {
   if (depth > kMaxIncludeDepth) throw ModelError(mjcf.where + ": includes are nested too deeply");
   for_each_child(element, nullptr, [&](XmlElement& e) {
-    if (std::strcmp(e.Name(), "include") != 0) return expand(e, mjcf, seen, depth);
+    if (std::strcmp(e.Name(), "include") != 0) return expand(e, mjcf, from, seen, depth);
     const std::string name = attribute(e, "file"),
                       here = mjcf.where + ": " + mjcf.line(e) + ": <include>";
     if (name.empty()) throw ModelError(here + " names no file");
     const std::filesystem::path path =
-        confined_path(mjcf.folder, name, mjcf.reading.allow_outside, here);
+        confined_path(mjcf.folder, (from / name).string(), mjcf.reading.allow_outside, here);
     if (!seen.insert(path).second)  // MuJoCo's own rule
       throw ModelError(here + " names '" + name + "', which is included more than once");
     const std::unique_ptr<XmlDocument> included = parse_xml(read_text_file(path), path.string());
     set_places(*included->RootElement(), static_cast<int>(mjcf.files.size()));
     mjcf.files.push_back(name);
-    expand(*included->RootElement(), mjcf, seen, depth + 1);
+    expand(*included->RootElement(), mjcf, from, seen, depth + 1);
     tinyxml2::XMLNode* after = &e;
     for (XmlElement* c = included->RootElement()->FirstChildElement(); c;
          c = c->NextSiblingElement())
       after = element.InsertAfterChild(after, clone_with_places(*c, *element.GetDocument()));
     element.DeleteChild(&e);
   });
+}
+
+AttachedFile read_attached(const XmlElement& model, Mjcf& mjcf) {
+  const std::filesystem::path file = attribute(model, "file");
+  const std::filesystem::path path =
+      confined_path(mjcf.folder, file.string(), mjcf.reading.allow_outside,
+                    mjcf.where + ": " + mjcf.line(model) + ": <model>");
+  AttachedFile out{parse_xml(read_text_file(path), path.string()),
+                   mjcf.folder / file.parent_path()};
+  set_places(*out.document->RootElement(), static_cast<int>(mjcf.files.size()));
+  mjcf.files.push_back(file.string());
+  std::set<std::filesystem::path> seen{path};
+  expand(*out.document->RootElement(), mjcf, file.parent_path(), seen, 1);
+  return out;
 }
 
 /// The compiler would simulate an actuator to learn its length, for as long as the document says.
@@ -85,8 +102,9 @@ Mjcf expand_mjcf(const std::string& text, const std::filesystem::path& folder,
            .files = {where}};
   set_places(*out.document->RootElement(), 0);
   std::set<std::filesystem::path> seen;
-  expand(*out.document->RootElement(), out, seen, 0);
+  expand(*out.document->RootElement(), out, "", seen, 0);
   check_mjcf(*out.document->RootElement(), where);
+  attach_models(out, [&](const XmlElement& model) { return read_attached(model, out); });
   return out;
 }
 

@@ -7,18 +7,12 @@
 
 #include "io/mjcf_defaults.hpp"
 #include "io/mjcf_limits.hpp"
+#include "io/mjcf_parts.hpp"
 #include "io/mjcf_pose.hpp"
 #include "io/model_parts.hpp"
 
 namespace diffnea::io {
 namespace {
-
-/// Attributes by which elements outside of bodies name elements in them.
-constexpr const char* kReferences[] = {
-    "joint", "jointinparent", "joint1", "joint2",   "body",    "body1",  "body2",  "geom",
-    "geom1", "geom2",         "site",   "refsite",  "site1",   "site2",  "tendon", "cranksite",
-    "target", "slidersite",   "sidesite"};
-constexpr const char* kSectionsThatRefer[] = {"actuator", "contact", "equality", "tendon"};
 
 /// Number of elements, itself among them.
 double elements_in(XmlElement& e) {

@@ -138,8 +138,7 @@ constexpr LaterWord kWords[] = {
     // Bodies that are generated, or stand in another frame: before all else.
     {"frame", nullptr, "3.1", kMapped, "poses in the body around it"},
     {"replicate", nullptr, "3.1", kMapped, "the bodies that it stands for"},
-    {"attach asset/model", nullptr, "3.2", kRefused,
-     "models inside models are not read: let a current MuJoCo write one file (mj_saveLastXML)"},
+    {"attach asset/model", nullptr, "3.2", kMapped, "the bodies of the model, with their drives"},
     {"composite", "type", "2.3", kRefused, kCables, old_composite},
     {"composite", "curve initial flat vertex size face quat", "2.3", kRefused, kCables},
 

@@ -27,7 +27,7 @@ struct LaterWord {
   /// True for a value to which the line does not apply; nullptr: it applies to all.
   bool (*excepts)(const std::string& value) = nullptr;
   /// Says it in words of MuJoCo 2.2 and takes the word out, for kMapped; nullptr: done before
-  /// (mjcf_generated.hpp).
+  /// (mjcf_generated.hpp, mjcf_attach.hpp).
   void (*map)(XmlElement& element, const char* attribute) = nullptr;
 };
 

@@ -24,13 +24,6 @@ using Catch::Matchers::StartsWith;
 
 namespace {
 
-/// Poses are turned and added in another order than the compiler's: rounding of numbers of order 1.
-constexpr double kPoseTol = 1e-14;
-
-const ModelLink& link_of(const Model& m, const std::string& joint) {
-  return *std::ranges::find(m.links, joint, &ModelLink::joint);
-}
-
 }  // namespace
 
 TEST_CASE("mjcf: equal notes are one, with how often and the first line", "[io]") {
@@ -126,29 +119,6 @@ TEST_CASE("mjcf: a drive of a later kind drives its joint, with its range of for
   CHECK(m.links[0].passive);
   CHECK_FALSE(m.links[1].passive);
   CHECK(m.links[1].limits.effort == 6.0);
-}
-
-/// Same links, joints, frames and inertias.
-void check_same(const Model& a, const Model& b) {
-  REQUIRE(a.links.size() == b.links.size());
-  const auto near = [](const Pose<double>& x, const Pose<double>& y) {
-    CHECK_THAT(to_eigen(x.p), MatrixNear(to_eigen(y.p), kPoseTol));
-    CHECK_THAT(to_eigen(x.R), MatrixNear(to_eigen(y.R), kPoseTol));
-  };
-  for (std::size_t i = 0; i < a.links.size(); ++i) {
-    const ModelLink &x = a.links[i], &y = b.links[i];
-    CAPTURE(x.name, y.name);
-    CHECK(x.name == y.name);
-    CHECK(x.joint == y.joint);
-    CHECK(x.parent == y.parent);
-    near(x.X_PJ, y.X_PJ);
-    CHECK_THAT(to_eigen(x.axis), MatrixNear(to_eigen(y.axis), kPoseTol));
-    const Theta<double> s = x.inertia.theta(), t = y.inertia.theta();
-    for (int k = 0; k < kThetaSize; ++k)
-      CHECK(std::abs(s[k] - t[k]) <= kPoseTol * std::max(1.0, t[0]));  // mass, poses of 1 m
-  }
-  REQUIRE(a.frames.size() == b.frames.size());
-  for (std::size_t i = 0; i < a.frames.size(); ++i) near(a.frames[i].X_LF, b.frames[i].X_LF);
 }
 
 TEST_CASE("mjcf: what stands in frames stands where they have it", "[io]") {
