@@ -3,8 +3,8 @@
 
 #include <diffnea/excite/design.hpp>
 #include <diffnea/io/model_file.hpp>
-#include <diffnea/runs/simulate_result.hpp>
 #include <diffnea/io/trajectory_file.hpp>
+#include <diffnea/runs/simulate_result.hpp>
 
 #include "common.hpp"
 #include "options.hpp"

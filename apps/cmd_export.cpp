@@ -1,7 +1,7 @@
 #include <cstdio>
 
-#include <diffnea/runs/export_result.hpp>
 #include <diffnea/io/model_file.hpp>
+#include <diffnea/runs/export_result.hpp>
 
 #include "common.hpp"
 #include "options.hpp"

@@ -10,8 +10,8 @@
 #include <diffnea/worlds/world.hpp>
 
 #include "common.hpp"
-#include "outputs.hpp"
 #include "options.hpp"
+#include "outputs.hpp"
 #include "robots.hpp"
 
 namespace diffnea::apps {

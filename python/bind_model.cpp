@@ -269,15 +269,14 @@ void bind_model(py::module_& m) {
           "The model as dict, schema ``diffnea/model/1``.")
       .def_static("from_dict", &from_dict, "data"_a, "The inverse of :meth:`to_dict`.")
       .def(
-           "save", [](const Model& x, const std::filesystem::path& path) {
-             return write_model(x, path);
-           },
-           "path"_a, py::call_guard<py::gil_scoped_release>(),
-           "Write ``.json`` (all of it), ``.urdf`` or ``.xml``: the document that the model was "
-           "read "
-           "from with its values put\n"
-           "in place, or, where it came in another form, a new one without looks. Return what the "
-           "format cannot hold, one phrase each.")
+          "save",
+          [](const Model& x, const std::filesystem::path& path) { return write_model(x, path); },
+          "path"_a, py::call_guard<py::gil_scoped_release>(),
+          "Write ``.json`` (all of it), ``.urdf`` or ``.xml``: the document that the model was "
+          "read "
+          "from with its values put\n"
+          "in place, or, where it came in another form, a new one without looks. Return what the "
+          "format cannot hold, one phrase each.")
       .def("__repr__", &model_repr)
       .def("__eq__",
            [](const Model& a, const py::object& other) {
@@ -298,9 +297,8 @@ void bind_model(py::module_& m) {
   m.def(
       "_read_model",
       [](const std::filesystem::path& path, bool fix_base, bool open_loops, bool allow_outside) {
-        return read_model_or_run(path, {.fix_base = fix_base,
-                                        .open_loops = open_loops,
-                                        .allow_outside = allow_outside});
+        return read_model_or_run(
+            path, {.fix_base = fix_base, .open_loops = open_loops, .allow_outside = allow_outside});
       },
       "path"_a, "fix_base"_a = false, "open_loops"_a = false, "allow_outside"_a = false,
       py::call_guard<py::gil_scoped_release>());

@@ -107,8 +107,7 @@ ModelLink joint_link(const mjModel& m, int j, const Pose<double>& X_PB, const Mj
     const std::string body = body_name(m, m.jnt_bodyid[j]);
     throw ModelError(
         mjcf.where + ": joint '" + link.joint + "' of body '" + body + "'" +
-        mjcf.line_of("body", body) + " is a " +
-        (m.jnt_type[j] == mjJNT_FREE ? "free" : "ball") +
+        mjcf.line_of("body", body) + " is a " + (m.jnt_type[j] == mjJNT_FREE ? "free" : "ball") +
         " joint: only robots whose base is fixed and whose joints have one degree of freedom are "
         "supported; types: hinge, slide. A ball joint can be drawn as three hinges at one point, "
         "with massless bodies between");

@@ -57,7 +57,6 @@ Model model_from_mjcf(const std::string& text, const std::filesystem::path& fold
 
 /// The original document, includes resolved, with the values of `model` in place.
 /// @param notes  what an MJCF cannot express  @throws ModelError if the document has other bodies
-std::string mjcf_with_values(const Mjcf& mjcf, const Model& model,
-                             std::vector<std::string>& notes);
+std::string mjcf_with_values(const Mjcf& mjcf, const Model& model, std::vector<std::string>& notes);
 
 }  // namespace diffnea::io

@@ -19,9 +19,9 @@ namespace diffnea::io {
 namespace {
 
 /// Attributes of <compiler> that have to be those of the document around it.
-constexpr const char* kCommonOptions[] = {
-    "autolimits",     "coordinate", "inertiafromgeom", "inertiagrouprange",
-    "balanceinertia", "boundmass",  "boundinertia",    "settotalmass"};
+constexpr const char* kCommonOptions[] = {"autolimits",        "coordinate",     "inertiafromgeom",
+                                          "inertiagrouprange", "balanceinertia", "boundmass",
+                                          "boundinertia",      "settotalmass"};
 /// Attributes besides kReferences that hold a name.
 constexpr const char* kOtherNames[] = {"name", "class", "childclass", "mesh", "hfield"};
 
@@ -236,8 +236,8 @@ void attach_models(Mjcf& mjcf, const ReadAttached& read) {
     XmlElement* found = nullptr;
     for_each_child(root, "asset", [&](XmlElement& asset) {
       for_each_child(asset, "model", [&](XmlElement& model) {
-        const std::string own =
-            model.Attribute("name") ? attribute(model, "name")
+        const std::string own = model.Attribute("name")
+                                    ? attribute(model, "name")
                                     : attribute(*read(model).document->RootElement(), "model");
         if (own == name) found = &model;
       });

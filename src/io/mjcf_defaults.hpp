@@ -20,7 +20,7 @@ class MjcfDefaults {
 
  private:
   struct Class {
-    std::string parent;                  ///< empty: none
+    std::string parent;                 ///< empty: none
     std::vector<XmlElement*> sections;  ///< <default> elements, a later one overrules
   };
   void add(XmlElement& section, const std::string& name, const std::string& parent);

@@ -38,9 +38,7 @@ class Expansion {
   }
 
  private:
-  std::string line(const XmlElement& e) const {
-    return mjcf_.where + ": " + mjcf_.line(e) + ": ";
-  }
+  std::string line(const XmlElement& e) const { return mjcf_.where + ": " + mjcf_.line(e) + ": "; }
 
   /// Counts what is generated, before it is.
   void generate(const XmlElement& replicate, double elements) {
@@ -86,8 +84,9 @@ class Expansion {
                                    .c_str());
     } else if (is(e, "body") || is(e, "geom") || is(e, "site") || is(e, "inertial")) {
       if (e.Attribute("fullinertia"))
-        throw ModelError(line(e) + "<inertial> in a <frame> states fullinertia, expected "
-                                   "diaginertia with quat, or no frame around it");
+        throw ModelError(line(e) +
+                         "<inertial> in a <frame> states fullinertia, expected "
+                         "diaginertia with quat, or no frame around it");
       set_mjcf_pose(e, X * mjcf_pose(e, defaults_, angles_));
     } else if (is(e, "composite")) {
       throw ModelError(line(e) + "<composite> in a <frame> is not read: draw its bodies out");

@@ -169,8 +169,8 @@ void strip_looks(XmlElement& root, const Mjcf& mjcf, bool weigh_all, LostShape l
     });
   });
   if (!weighed.empty())
-    notes.push_back("meshes give " + joined(weighed) +
-                    " their inertia, by the rule of MuJoCo " + mj_versionString() +
+    notes.push_back("meshes give " + joined(weighed) + " their inertia, by the rule of MuJoCo " +
+                    mj_versionString() +
                     " (2.2 counts the volume of a concave mesh too large, unless it says "
                     "inertia=\"exact\"); versions differ, by up to a half of the mass: state "
                     "<inertial>");

@@ -27,8 +27,8 @@ SpatialInertia<double> body_inertia(const mjModel& m, int b);
 
 /// Attributes by which elements outside of bodies name bodies, and elements on them.
 inline constexpr const char* kReferences[] = {
-    "joint",  "jointinparent", "joint1", "joint2",  "body",    "body1",     "body2",
-    "geom",   "geom1",         "geom2",  "site",    "refsite", "site1",     "site2",
+    "joint",  "jointinparent", "joint1",  "joint2", "body",     "body1",     "body2",
+    "geom",   "geom1",         "geom2",   "site",   "refsite",  "site1",     "site2",
     "tendon", "tendon1",       "tendon2", "target", "sidesite", "cranksite", "slidersite"};
 /// Sections of such elements.
 inline constexpr const char* kSectionsThatRefer[] = {"actuator", "contact", "equality", "tendon"};

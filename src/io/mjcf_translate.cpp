@@ -18,8 +18,8 @@ namespace {
 
 /// Sections and elements of any version that no body moves by.
 constexpr const char* kUnusedSections[] = {"visual", "statistic", "size", "sensor"};
-constexpr const char* kUnusedElements[] = {"camera", "light", "material", "texture", "skin",
-                                           "text",   "tuple"};
+constexpr const char* kUnusedElements[] = {"camera", "light", "material", "texture",
+                                           "skin",   "text",  "tuple"};
 
 void remove_unused(XmlElement& root) {
   for (const char* name : kUnusedSections) remove_children(root, name);

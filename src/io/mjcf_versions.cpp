@@ -97,9 +97,8 @@ void sites_to_bodies(XmlElement& constraint, const char* name) {
     if (!site) site = find_named(world, "site", attribute(constraint, name));
   });
   const XmlElement* carrier = site ? site->Parent()->ToElement() : nullptr;
-  constraint.SetAttribute(body, carrier && is(*carrier, "body")
-                                    ? attribute(*carrier, "name").c_str()
-                                    : "world");
+  constraint.SetAttribute(
+      body, carrier && is(*carrier, "body") ? attribute(*carrier, "name").c_str() : "world");
   constraint.DeleteAttribute(name);
   if (is(constraint, "connect")) constraint.SetAttribute("anchor", "0 0 0");
 }

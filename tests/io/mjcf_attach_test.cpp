@@ -62,9 +62,10 @@ std::string cell(const std::string& head, const std::string& attach) {
 
 TEST_CASE("mjcf: a model inside a model is what it is alone, with a prefix", "[io]") {
   const Folder folder;
-  const Model m = folder.read(cell("", "<frame pos='0 1 0' euler='0 0 90'>"
-                                       "<attach model='arm' body='base' prefix='l_'/></frame>"
-                                       "<attach model='arm' body='base' prefix='r_'/>"));
+  const Model m = folder.read(cell("",
+                                   "<frame pos='0 1 0' euler='0 0 90'>"
+                                   "<attach model='arm' body='base' prefix='l_'/></frame>"
+                                   "<attach model='arm' body='base' prefix='r_'/>"));
   const auto arm = [](const std::string& p, const std::string& place) {
     return "<body name='" + p + "base' " + place + "><geom size='.1'/><body name='" + p +
            "a'><joint name='" + p +
@@ -101,10 +102,12 @@ TEST_CASE("mjcf: a model inside a model is what it is alone, with a prefix", "[i
 TEST_CASE("mjcf: values go into one document that needs no other model", "[io]") {
   const TemporaryFolder folder;
   write_file_atomically(folder.path() / "arm.xml",
-                        "<mujoco model='arm'><worldbody><body name='a'><joint name='j' damping='1'/>"
+                        "<mujoco model='arm'><worldbody><body name='a'>"
+                        "<joint name='j' damping='1'/>"
                         "<geom size='.1'/></body></worldbody></mujoco>");
-  Model m = model_of(folder, "<mujoco><asset><model file='arm.xml'/></asset><worldbody>"
-                             "<attach model='arm' prefix='p_'/></worldbody></mujoco>");
+  Model m = model_of(folder,
+                     "<mujoco><asset><model file='arm.xml'/></asset><worldbody>"
+                     "<attach model='arm' prefix='p_'/></worldbody></mujoco>");
   REQUIRE(m.effects.size() == 1);
   m.effects[0].parameters[0].value = 2.0;
   CHECK(write_model(m, folder.path() / "out.xml").empty());
@@ -118,8 +121,7 @@ TEST_CASE("mjcf: without a body all of the model's world is attached", "[io]") {
   CHECK(joint_names(m) == std::vector<std::string>{"x_j", "x_s", "x_l", "x_o"});
 }
 
-TEST_CASE("mjcf: a model that cannot be put into the document is refused, with the line",
-          "[io]") {
+TEST_CASE("mjcf: a model that cannot be put into the document is refused, with the line", "[io]") {
   struct Case {
     std::string head, attach, says;
   };

@@ -22,9 +22,7 @@ using namespace diffnea::test;
 using Catch::Matchers::ContainsSubstring;
 using Catch::Matchers::StartsWith;
 
-namespace {
-
-}  // namespace
+namespace {}  // namespace
 
 TEST_CASE("mjcf: equal notes are one, with how often and the first line", "[io]") {
   const Model m = model_of(
@@ -109,12 +107,12 @@ TEST_CASE("mjcf: the range of force of all drives of a joint limits its effort",
 }
 
 TEST_CASE("mjcf: a drive of a later kind drives its joint, with its range of force", "[io]") {
-  const std::string drive = GENERATE("plugin plugin='mujoco.pid' actdim='1'",
-                                     "dcmotor resistance='1'", "pid kp='1'");
-  const Model m = model_of(
-      "<mujoco><worldbody><body>" + std::string(kInertial) + "<joint name='j'/><body>" + kInertial +
-      "<joint name='k'/></body></body></worldbody><actuator><" + drive +
-      " joint='k' gear='2' forcerange='-3 3'/></actuator></mujoco>");
+  const std::string drive =
+      GENERATE("plugin plugin='mujoco.pid' actdim='1'", "dcmotor resistance='1'", "pid kp='1'");
+  const Model m =
+      model_of("<mujoco><worldbody><body>" + std::string(kInertial) + "<joint name='j'/><body>" +
+               kInertial + "<joint name='k'/></body></body></worldbody><actuator><" + drive +
+               " joint='k' gear='2' forcerange='-3 3'/></actuator></mujoco>");
   CAPTURE(drive);
   CHECK(m.links[0].passive);
   CHECK_FALSE(m.links[1].passive);
@@ -231,8 +229,8 @@ TEST_CASE("mjcf: a floating base is fixed where the file has it, if asked", "[io
       std::string(kInertial) + "<body name='leg' pos='0 .1 0'>" + kInertial +
       "<joint name='hip' damping='1'/></body></body></worldbody>"
       "<keyframe><key name='home' qpos='0 0 1 1 0 0 0 .3'/></keyframe></mujoco>";
-  CHECK_THAT(refusal(folder, text), ContainsSubstring("body 'trunk' (line 3) is free") &&
-                                        ContainsSubstring("--fix-base"));
+  CHECK_THAT(refusal(folder, text),
+             ContainsSubstring("body 'trunk' (line 3) is free") && ContainsSubstring("--fix-base"));
   const ModelReading fixed{.fix_base = true};
   Model m = model_of(folder, text, fixed);
   REQUIRE(m.links.size() == 2);
@@ -265,14 +263,14 @@ TEST_CASE("mjcf: a constraint is refused by line and objects, or left out if ask
   struct Case {
     std::string constraint, says;
   };
-  const Case c = GENERATE(
-      Case{"<joint joint1='j' joint2='k'/>", "(line 3) couples joints 'j' and 'k'"},
-      Case{"<joint name='e' joint1='j'/>", "constraint 'e' (line 3) locks joint 'j'"},
-      Case{"<connect body1='a' body2='b' anchor='0 0 0'/>",
-           "(line 3) holds bodies 'a' and 'b' together at a point"},
-      Case{"<connect site1='s' site2='t'/>", "(line 3) holds bodies 'a' and 'b'"},
-      Case{"<weld body1='b'/>", "(line 3) welds bodies 'b'"},
-      Case{"<tendon tendon1='p'/>", "(line 3) couples tendons 'p'"});
+  const Case c =
+      GENERATE(Case{"<joint joint1='j' joint2='k'/>", "(line 3) couples joints 'j' and 'k'"},
+               Case{"<joint name='e' joint1='j'/>", "constraint 'e' (line 3) locks joint 'j'"},
+               Case{"<connect body1='a' body2='b' anchor='0 0 0'/>",
+                    "(line 3) holds bodies 'a' and 'b' together at a point"},
+               Case{"<connect site1='s' site2='t'/>", "(line 3) holds bodies 'a' and 'b'"},
+               Case{"<weld body1='b'/>", "(line 3) welds bodies 'b'"},
+               Case{"<tendon tendon1='p'/>", "(line 3) couples tendons 'p'"});
   const std::string text =
       "<mujoco>\n<worldbody><body name='a'>" + std::string(kInertial) +
       "<joint name='j'/><site name='s'/><body name='b'>" + kInertial +

@@ -1,5 +1,7 @@
 /// Every line of the table of words that are later than MuJoCo 2.2, by documents that have them.
 
+#include "io/mjcf_versions.hpp"
+
 #include <iterator>
 #include <sstream>
 
@@ -8,7 +10,6 @@
 #include <catch2/generators/catch_generators_range.hpp>
 #include <catch2/matchers/catch_matchers_string.hpp>
 
-#include "io/mjcf_versions.hpp"
 #include "support/mjcf_text.hpp"
 
 namespace mjcf_versions_test {
@@ -50,8 +51,7 @@ std::string document_with(const std::string& where, const std::string& attribute
   const auto element = [&](const std::string& rest, const std::string& inside = "") {
     return "<" + tag + said + rest + ">" + inside + "</" + tag + ">";
   };
-  const std::string pair = " geom1='g' geom2='h'",
-                    tendon = "<site site='s'/><site site='t'/>",
+  const std::string pair = " geom1='g' geom2='h'", tendon = "<site site='s'/><site site='t'/>",
                     in_body = "<geom name='g' size='.1'/>",
                     in_world = "<geom name='h' size='.1'/><site name='t'/>",
                     shape = "<asset><mesh name='m' vertex='0 0 0 1 0 0 0 1 0 0 0 1'";
@@ -98,8 +98,8 @@ std::string document_with(const std::string& where, const std::string& attribute
         {.tail = "<tendon>" + element("", "<joint joint='j' coef='1'/>") + "</tendon>"});
   if (tag == "tendon") return one_joint({"<default>" + element("") + "</default>"});
   if (tag == "connect" || tag == "weld")
-    return one_joint({.tail = "<equality>" + element(attribute == "site1" ? " site2='t'"
-                                                                          : " site1='t'") +
+    return one_joint({.tail = "<equality>" +
+                              element(attribute == "site1" ? " site2='t'" : " site1='t'") +
                               "</equality>",
                       .in_world = in_world});
   if (tag == "key") return one_joint({.tail = "<keyframe>" + element("") + "</keyframe>"});
@@ -109,8 +109,8 @@ std::string document_with(const std::string& where, const std::string& attribute
       tag == "velocity" || tag == "intvelocity" || tag == "damper" || tag == "cylinder") {
     const bool needs = tag == "intvelocity" || tag == "damper";
     const std::string range = tag == "damper" ? " ctrlrange='0 1'" : " actrange='0 1'";
-    return one_joint({.tail = "<actuator>" + element(" joint='j'" + (needs ? range : "")) +
-                              "</actuator>"});
+    return one_joint(
+        {.tail = "<actuator>" + element(" joint='j'" + (needs ? range : "")) + "</actuator>"});
   }
   FAIL("the test draws no <" << where << ">");
   return "";

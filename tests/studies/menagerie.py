@@ -28,10 +28,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import diffnea
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
+
+import diffnea
 
 SOURCE = Path(__file__).resolve().parents[2]
 CORPUS = Path(os.environ.get("DIFFNEA_CORPUS", SOURCE.parent / "shared" / "corpus"))
@@ -134,7 +135,9 @@ class Theirs:
 
     def ranges(self) -> list[Range]:
         m = self.model
-        return [tuple(np.round(m.jnt_range[j], 12)) if m.jnt_limited[j] else () for j in range(m.njnt)]
+        return [
+            tuple(np.round(m.jnt_range[j], 12)) if m.jnt_limited[j] else () for j in range(m.njnt)
+        ]
 
     def set(self, q: Array, qd: Array) -> None:
         self.data.qpos[:], self.data.qvel[:] = q, qd
@@ -268,11 +271,15 @@ def print_summary(robots: list[Robot]) -> None:
     for k, way in enumerate(WAYS):
         read = [r for r in robots if r.read and r.way in WAYS[: k + 1]]
         inside = {r.name.split("/")[0] for r in read}
-        print(f"{' '.join(way) or 'as it is':<28} {len(read):3} files, {len(inside)} of {len(folders)} folders")
+        print(
+            f"{' '.join(way) or 'as it is':<28} {len(read):3} files, {len(inside)} of {len(folders)} folders"
+        )
     for name in ("rnea", "M", "aba"):
         compared = [(r.differences[name], r.name) for r in robots if r.differences]
         if compared:
-            print(f"{name}: at most {max(compared)[0]:.1e} ({max(compared)[1]}), {len(compared)} robots")
+            print(
+                f"{name}: at most {max(compared)[0]:.1e} ({max(compared)[1]}), {len(compared)} robots"
+            )
 
 
 if __name__ == "__main__":

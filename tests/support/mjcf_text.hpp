@@ -19,7 +19,7 @@ namespace diffnea::test {
 inline constexpr const char* kInertial = "<inertial pos='0 0 .1' mass='1' diaginertia='.1 .1 .1'/>";
 
 inline Model model_of(const TemporaryFolder& folder, const std::string& text,
-               const ModelReading& reading = {}) {
+                      const ModelReading& reading = {}) {
   write_file_atomically(folder.path() / "robot.xml", text);
   return read_model(folder.path() / "robot.xml", reading);
 }
@@ -30,7 +30,7 @@ inline Model model_of(const std::string& text, const ModelReading& reading = {})
 
 /// Reader's words for a text that it refuses.
 inline std::string refusal(const TemporaryFolder& folder, const std::string& text,
-                    const ModelReading& reading = {}) {
+                           const ModelReading& reading = {}) {
   try {
     model_of(folder, text, reading);
   } catch (const Error& error) {
