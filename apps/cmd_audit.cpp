@@ -6,6 +6,7 @@
 #include <diffnea/runs/audit_result.hpp>
 
 #include "common.hpp"
+#include "options.hpp"
 #include "robots.hpp"
 
 namespace diffnea::apps {
@@ -13,6 +14,7 @@ namespace {
 
 struct AuditCommand {
   CommonOptions common;
+  ModelReading reading;
   std::string model;
   std::vector<std::string> data, passive;
   AuditLimits limits;
@@ -21,7 +23,7 @@ struct AuditCommand {
 void run_audit(AuditCommand c) {
   AuditRun run{.report = {}, .data = c.data, .model = ""};
   if (!c.model.empty()) {
-    const Model model = read_model(c.model);
+    const Model model = read_model(c.model, c.reading);
     run.model = model.name;
     c.limits.joints = describe_joints(model);
   }
@@ -49,6 +51,7 @@ void add_audit(CLI::App& app) {
                    "robot description, for limits of position and torque: URDF, MJCF or JSON; or "
                    "the name of one that comes along")
       ->transform(robot_file);
+  add_options(*command, c->reading);
   command->add_option("--passive", c->passive, "joints whose torque is known to be zero");
   command
       ->add_option("--significance", c->limits.significance,

@@ -20,6 +20,7 @@ namespace {
 
 struct DiagnoseCommand {
   CommonOptions common;
+  ModelReading reading;
   RecordingOptions recording;
   std::vector<std::string> command_line;
   std::string model, out;
@@ -33,7 +34,7 @@ void run_diagnose(DiagnoseCommand c) {
   c.options.seed = c.common.seed;
   c.options.effects = with_pairs(c.options.effects);
   check_run_folder(c.out, "diagnose");
-  const Model model = read_model(c.model);
+  const Model model = read_model(c.model, c.reading);
   ResultFolder folder(c.out);  // cannot be written: better known now
 
   const Interruptible interruptible(folder.leftovers(kRunFiles));
@@ -84,6 +85,7 @@ void add_diagnose(CLI::App& app, const std::vector<std::string>& command_line) {
       "diagnose",
       "Name the effects that a model lacks, with evidence, rivals and the gain on held-out data.");
   add_robot(*command, c->model);
+  add_options(*command, c->reading);
   command
       ->add_option("data", c->data,
                    "recordings (.csv): time, q_*, tau_*; or ball_x, ball_y, ball_z")

@@ -3,10 +3,11 @@
 
 #include <diffnea/excite/design.hpp>
 #include <diffnea/io/model_file.hpp>
-#include <diffnea/runs/simulate_result.hpp>
 #include <diffnea/io/trajectory_file.hpp>
+#include <diffnea/runs/simulate_result.hpp>
 
 #include "common.hpp"
+#include "options.hpp"
 #include "outputs.hpp"
 #include "progress.hpp"
 #include "robots.hpp"
@@ -16,6 +17,7 @@ namespace {
 
 struct ExciteOptions {
   CommonOptions common;
+  ModelReading reading;
   std::string model, out;
   std::vector<std::string> position, velocity, acceleration, torque;
   DesignOptions design;
@@ -85,7 +87,7 @@ void run_excite(ExciteOptions options) {
   design.limits = {ranges(options.position), limits(options.velocity), limits(options.acceleration),
                    limits(options.torque)};
   check_output(options.out, {options.model});
-  const Model model = read_model(options.model);
+  const Model model = read_model(options.model, options.reading);
   check_trajectory_names(joint_names(model));
   const Interruptible interruptible;
   ProgressLine line(options.common.quiet);
@@ -121,6 +123,7 @@ void add_excite(CLI::App& app) {
       "(or 0) at up to 2 rad/s or 0.3 m/s; without an effort limit (or 0) torque is not looked at; "
       "a range of zero width holds it.");
   add_robot(*command, options->model);
+  add_options(*command, options->reading);
   command->add_option("-o,--output", options->out, "trajectory (.csv)")->required();
   command->add_option("--duration", f.duration, "whole periods that cover this [s]")
       ->check(at_least(0.0, true))

@@ -1,9 +1,10 @@
 #include <cstdio>
 
-#include <diffnea/runs/export_result.hpp>
 #include <diffnea/io/model_file.hpp>
+#include <diffnea/runs/export_result.hpp>
 
 #include "common.hpp"
+#include "options.hpp"
 #include "outputs.hpp"
 #include "robots.hpp"
 
@@ -12,14 +13,15 @@ namespace {
 
 struct ExportCommand {
   CommonOptions common;
+  ModelReading reading;
   std::string model, out;
 };
 
 void run_export(const ExportCommand& c) {
   check_output(c.out, {c.model});
-  const Model model = read_model_or_run(c.model);
+  const Model model = read_model_or_run(c.model, c.reading);
   check_output(c.out, {model.source});
-  const std::vector<std::string> left_out = write_model(model, c.out);
+  const std::vector<std::string> left_out = write_model(model, c.out, c.reading);
   if (c.common.json) {
     std::fputs(export_result_json(c.model, c.out, left_out).c_str(), stdout);
     return;
@@ -48,6 +50,7 @@ void add_export(CLI::App& app) {
       ->transform(robot_file);
   command->add_option("-o,--output", c->out, "file to write: .urdf, .xml (MJCF) or .json")
       ->required();
+  add_options(*command, c->reading);
   add_common(*command, c->common);
   command->callback([c] { run_export(*c); });
 }

@@ -23,6 +23,7 @@ constexpr double kStrongestPrior = 1e9;
 
 struct IdentifyCommand {
   CommonOptions common;
+  ModelReading reading;
   std::vector<std::string> command_line;
   RecordingOptions recording;
   std::string model, out, prior = "none";
@@ -74,7 +75,7 @@ void run_identify(IdentifyCommand c, const CLI::App& command) {
   if (c.options.choice.effects) c.options.choice.effects = with_pairs(*c.options.choice.effects);
   c.options.motion.threads = threads_of(c.common);
   check_run_folder(c.out, "identify");
-  const Model model = read_model(c.model);
+  const Model model = read_model(c.model, c.reading);
   refuse_without_effect(c, command, model);
   ResultFolder folder(c.out);  // cannot be written: better known now
 
@@ -123,6 +124,7 @@ void add_identify(CLI::App& app, const std::vector<std::string>& command_line) {
       "identify",
       "Fit a model's parameters to recordings; physically consistent, with uncertainties.");
   add_robot(*command, c->model);
+  add_options(*command, c->reading);
   command
       ->add_option("data", c->data,
                    "recordings (.csv): time, q_*, tau_*; or ball_x, ball_y, ball_z")

@@ -4,6 +4,7 @@
 #include <diffnea/io/model_info.hpp>
 
 #include "common.hpp"
+#include "options.hpp"
 #include "robots.hpp"
 
 namespace diffnea::apps {
@@ -11,11 +12,12 @@ namespace {
 
 struct InfoOptions {
   CommonOptions common;
+  ModelReading reading;
   std::string model;
 };
 
 void run_info(const InfoOptions& options) {
-  const Model model = read_model(options.model);
+  const Model model = read_model(options.model, options.reading);
   const std::string text = options.common.json ? model_info_json(model) : model_info_text(model);
   std::fwrite(text.data(), 1, text.size(), stdout);
 }
@@ -27,6 +29,7 @@ void add_info(CLI::App& app) {
   CLI::App* command = app.add_subcommand(
       "info", "Show a robot description as it is understood, and what looks wrong with it.");
   add_robot(*command, options->model);
+  add_options(*command, options->reading);
   add_common(*command, options->common);
   command->callback([options] { run_info(*options); });
 }

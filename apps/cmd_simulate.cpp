@@ -10,6 +10,7 @@
 #include <diffnea/worlds/world.hpp>
 
 #include "common.hpp"
+#include "options.hpp"
 #include "outputs.hpp"
 #include "robots.hpp"
 
@@ -18,6 +19,7 @@ namespace {
 
 struct SimulateOptions {
   CommonOptions common;
+  ModelReading reading;
   std::string model, trajectory, world, out, truth;
   std::optional<double> noise;
   std::vector<double> kp, kd;
@@ -48,7 +50,7 @@ void run_simulate(SimulateOptions options) {
   check_output(std::filesystem::path(options.out).replace_extension(".json").string(), inputs);
   check_outputs({options.out, sidecar_path(options.out).string(), options.truth}, inputs);
   if (!options.truth.empty()) check_model_path(options.truth);
-  const Model model = read_model(options.model);
+  const Model model = read_model(options.model, options.reading);
   const Trajectory trajectory = read_trajectory(options.trajectory);
   options.record.kp = vector_of(options.kp);
   options.record.kd = vector_of(options.kd);
@@ -88,6 +90,7 @@ void add_simulate(CLI::App& app) {
       "Without --world the robot is the model itself, without noise; with a MuJoCo world it "
       "differs from it, and its sensors are noisy.");
   add_robot(*command, options->model);
+  add_options(*command, options->reading);
   command->add_option("--trajectory", options->trajectory, "time, qcmd_*, qdcmd_*, qddcmd_* (.csv)")
       ->required();
   command->add_option(

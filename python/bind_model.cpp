@@ -268,12 +268,15 @@ void bind_model(py::module_& m) {
           "to_dict", [](const Model& x) { return parse_json(model_to_json(x)); },
           "The model as dict, schema ``diffnea/model/1``.")
       .def_static("from_dict", &from_dict, "data"_a, "The inverse of :meth:`to_dict`.")
-      .def("save", &write_model, "path"_a, py::call_guard<py::gil_scoped_release>(),
-           "Write ``.json`` (all of it), ``.urdf`` or ``.xml``: the document that the model was "
-           "read "
-           "from with its values put\n"
-           "in place, or, where it came in another form, a new one without looks. Return what the "
-           "format cannot hold, one phrase each.")
+      .def(
+          "save",
+          [](const Model& x, const std::filesystem::path& path) { return write_model(x, path); },
+          "path"_a, py::call_guard<py::gil_scoped_release>(),
+          "Write ``.json`` (all of it), ``.urdf`` or ``.xml``: the document that the model was "
+          "read "
+          "from with its values put\n"
+          "in place, or, where it came in another form, a new one without looks. Return what the "
+          "format cannot hold, one phrase each.")
       .def("__repr__", &model_repr)
       .def("__eq__",
            [](const Model& a, const py::object& other) {
@@ -291,7 +294,14 @@ void bind_model(py::module_& m) {
                       }));
   model.attr("__module__") = "diffnea";
 
-  m.def("_read_model", &read_model_or_run, "path"_a, py::call_guard<py::gil_scoped_release>());
+  m.def(
+      "_read_model",
+      [](const std::filesystem::path& path, bool fix_base, bool open_loops, bool allow_outside) {
+        return read_model_or_run(
+            path, {.fix_base = fix_base, .open_loops = open_loops, .allow_outside = allow_outside});
+      },
+      "path"_a, "fix_base"_a = false, "open_loops"_a = false, "allow_outside"_a = false,
+      py::call_guard<py::gil_scoped_release>());
   m.def("_find_model_file", &find_model_file, "name"_a, "extensions"_a);
   m.def("effects", &effect_catalogue,
         "The effects there are: a list of dicts, those of ``diffnea effects --json``: effect, "

@@ -39,16 +39,32 @@ class Recordings(list[Recording]):
         self.report = report
 
 
-def load_model(path: StrPath) -> Model:
+def load_model(
+    path: StrPath,
+    *,
+    fix_base: bool = False,
+    open_loops: bool = False,
+    allow_outside: bool = False,
+) -> Model:
     """Read a robot description: URDF, MJCF or the project's JSON; the content decides.
 
     A name without a file of that name is looked up among the models that come with diffnea:
     ``load_model("wam4")``. Of the folder of a run it is the model that was fitted or extended.
+
+    Args:
+        path: a file, a name, or the folder of a run.
+        fix_base: fix a floating base where the file has it, as if the robot hung there.
+        open_loops: leave out an MJCF's equality constraints and a URDF's mimic tags: coupled
+            joints move alone, and the forces of the coupling are missing.
+        allow_outside: let an MJCF name files outside its folder.
+
     """
     name = os.fspath(path)
     if not Path(name).exists() and os.sep not in name:
         path = models.path(name)
-    return _read_model(Path(path))
+    return _read_model(
+        Path(path), fix_base=fix_base, open_loops=open_loops, allow_outside=allow_outside
+    )
 
 
 def import_pandas(purpose: str) -> Any:

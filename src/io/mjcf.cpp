@@ -2,10 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
+#include <limits>
 
 #include <diffnea/core/error.hpp>
 
 #include "io/mjcf_ball.hpp"
+#include "io/mjcf_constraints.hpp"
 #include "io/mjcf_cup.hpp"
 #include "io/mjcf_limits.hpp"
 #include "io/mjcf_parts.hpp"
@@ -16,11 +19,6 @@ namespace {
 
 Pose<double> pose(const mjtNum* p, const mjtNum* quat) {
   return {rotation_from_quaternion(quat[0], quat[1], quat[2], quat[3]), {p[0], p[1], p[2]}};
-}
-
-const char* object_name(const mjModel& m, mjtObj type, int id, const char* fallback) {
-  const char* name = mj_id2name(&m, type, id);
-  return name ? name : fallback;
 }
 
 /// Joints that an actuator moves which acts on no single one: those of its tendon; where it pulls
@@ -91,26 +89,6 @@ std::vector<Actuation> actuation(const mjModel& m, std::vector<std::string>& not
   return m.nu > 0 ? out : std::vector<Actuation>{};
 }
 
-void refuse_closed_loops(const mjModel& m, const std::vector<bool>& left_out,
-                         const std::string& where) {
-  for (int e = 0; e < m.neq; ++e) {
-#if mjVERSION_HEADER >= 300
-    if (!m.eq_active0[e]) continue;
-#else
-    if (!m.eq_active[e]) continue;
-#endif
-    const int type = m.eq_type[e], a = m.eq_obj1id[e], b = m.eq_obj2id[e];
-    if ((type == mjEQ_CONNECT || type == mjEQ_WELD) &&
-        ((a >= 0 && left_out[a]) || (b >= 0 && left_out[b])))
-      continue;
-    throw ModelError(
-        where + ": equality constraint '" +
-        object_name(m, mjOBJ_EQUALITY, e, ("number " + std::to_string(e)).c_str()) +
-        "' couples joints or closes a loop; a robot must be a tree of independent joints: "
-        "remove it, or make one of the joints fixed");
-  }
-}
-
 void note_what_is_left_out(const mjModel& m, std::vector<std::string>& notes) {
   for (int t = 0; t < m.ntendon; ++t)
     if (m.tendon_stiffness[t] != 0 || m.tendon_damping[t] != 0 || m.tendon_frictionloss[t] != 0)
@@ -122,15 +100,18 @@ void note_what_is_left_out(const mjModel& m, std::vector<std::string>& notes) {
 
 /// Joint `j`'s link: its frame sits at the joint's anchor with the body's axes, turned back by
 /// `ref`.
-ModelLink joint_link(const mjModel& m, int j, const Pose<double>& X_PB, const std::string& where) {
+ModelLink joint_link(const mjModel& m, int j, const Pose<double>& X_PB, const Mjcf& mjcf) {
   ModelLink link;
   link.joint = joint_name(m, j);
-  if (m.jnt_type[j] != mjJNT_HINGE && m.jnt_type[j] != mjJNT_SLIDE)
+  if (m.jnt_type[j] != mjJNT_HINGE && m.jnt_type[j] != mjJNT_SLIDE) {
+    const std::string body = body_name(m, m.jnt_bodyid[j]);
     throw ModelError(
-        where + ": joint '" + link.joint + "' of body '" + body_name(m, m.jnt_bodyid[j]) +
-        "' is a " + (m.jnt_type[j] == mjJNT_FREE ? "free" : "ball") +
+        mjcf.where + ": joint '" + link.joint + "' of body '" + body + "'" +
+        mjcf.line_of("body", body) + " is a " + (m.jnt_type[j] == mjJNT_FREE ? "free" : "ball") +
         " joint: only robots whose base is fixed and whose joints have one degree of freedom are "
-        "supported; types: hinge, slide (a free body named 'ball' is a ball)");
+        "supported; types: hinge, slide. A ball joint can be drawn as three hinges at one point, "
+        "with massless bodies between");
+  }
   link.type = m.jnt_type[j] == mjJNT_HINGE ? ModelJoint::kRevolute : ModelJoint::kPrismatic;
   link.axis = vec(m.jnt_axis + 3 * j);
   const double ref = m.qpos0[m.jnt_qposadr[j]];
@@ -144,6 +125,14 @@ ModelLink joint_link(const mjModel& m, int j, const Pose<double>& X_PB, const st
     link.limits.upper = m.jnt_range[2 * j + 1];
   }
   return link;
+}
+
+/// Largest force that all drives of a joint can have together; infinite if it has no such limit.
+double largest_drive_force(const mjModel& m, int j) {
+  const double none = std::numeric_limits<double>::infinity();
+  if (m.nuser_jnt < 2) return none;
+  const mjtNum* range = m.jnt_user + static_cast<std::ptrdiff_t>(m.nuser_jnt) * j;
+  return range[0] < range[1] ? std::max(std::abs(range[0]), std::abs(range[1])) : none;
 }
 
 JointTerms mujoco_terms(const mjModel& m, int j) {
@@ -175,13 +164,14 @@ std::string joint_name(const mjModel& m, int joint) {
   return object_name(m, mjOBJ_JOINT, joint, ("joint" + std::to_string(joint)).c_str());
 }
 
-Model model_from_mujoco(const mjModel& m, const std::string& where) {
+Model model_from_mujoco(const mjModel& m, const Mjcf& mjcf) {
+  const std::string& where = mjcf.where;
   Model model;
   model.name = m.names;
   model.source = where;
   model.gravity = m.opt.disableflags & mjDSBL_GRAVITY ? Vec3<double>{} : vec(m.opt.gravity);
-  const std::vector<bool> left_out = left_out_bodies(m, where);
-  refuse_closed_loops(m, left_out, where);
+  const std::vector<bool> left_out = left_out_bodies(m, mjcf);
+  look_for_closed_loops(m, left_out, mjcf, model.notes);
   const std::optional<MjcfBall> ball = find_ball(m, where, model.notes);
   note_what_is_left_out(m, model.notes);
   const std::vector<Actuation> actuators = actuation(m, model.notes);
@@ -208,13 +198,15 @@ Model model_from_mujoco(const mjModel& m, const std::string& where) {
     }
     for (int k = 0; k < m.body_jntnum[b]; ++k) {
       const int j = m.body_jntadr[b] + k;
-      ModelLink link = joint_link(m, j, X_PB, where);
+      ModelLink link = joint_link(m, j, X_PB, mjcf);
       const bool last = k + 1 == m.body_jntnum[b];
       link.name = body_name(m, b) + (last ? "" : "/" + link.joint);
       if (!actuators.empty()) {
         link.passive = !actuators[j].acts;
         if (actuators[j].acts) link.limits.effort = actuators[j].limit;
       }
+      if (!link.passive)
+        link.limits.effort = std::min(link.limits.effort, largest_drive_force(m, j));
       add_joint_terms(model, link, mujoco_terms(m, j));
       append(link);
       if (home >= 0) model.home.push_back(m.key_qpos[home * m.nq + m.jnt_qposadr[j]]);
@@ -242,8 +234,13 @@ Model model_from_mujoco(const mjModel& m, const std::string& where) {
 }
 
 Model model_from_mjcf(const std::string& text, const std::filesystem::path& folder,
-                      const std::string& where) {
-  return model_from_mujoco(*compile_mjcf(expand_mjcf(text, folder, where)), where);
+                      const std::string& where, const ModelReading& reading) {
+  const Mjcf mjcf = expand_mjcf(text, folder, where, reading);
+  std::vector<std::string> notes;
+  const MujocoModel m = compile_mjcf(mjcf, &notes);
+  Model model = model_from_mujoco(*m, mjcf);
+  model.notes.insert(model.notes.begin(), notes.begin(), notes.end());
+  return model;
 }
 
 }  // namespace diffnea::io

@@ -90,17 +90,18 @@ XmlElement* find_spatial_string(XmlElement& root) {
 
 }  // namespace
 
-std::vector<bool> left_out_bodies(const mjModel& m, const std::string& where) {
+std::vector<bool> left_out_bodies(const mjModel& m, const Mjcf& mjcf) {
   std::vector<bool> out(static_cast<std::size_t>(m.nbody));
   for (int b = 1; b < m.nbody; ++b) {
     if (out[m.body_parentid[b]]) {
       out[b] = true;
     } else if (is_free(m, b)) {
-      if (body_name(m, b) != "ball")
+      if (const std::string name = body_name(m, b); name != "ball")
         throw ModelError(
-            where + ": body '" + body_name(m, b) +
-            "' is free: only robots whose base is fixed are supported; remove its free joint (a "
-            "free body named 'ball' is a ball beside the robot)");
+            mjcf.where + ": body '" + name + "'" + mjcf.line_of("body", name) +
+            " is free: only robots whose base is fixed are supported; --fix-base "
+            "(fix_base=True) reads it as fixed where the file has it, as if hung there (a free "
+            "body named 'ball' is a ball beside the robot)");
       out[b] = true;
     }
   }

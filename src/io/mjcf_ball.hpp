@@ -11,6 +11,7 @@
 
 #include <diffnea/model/model.hpp>
 
+#include "io/mjcf.hpp"
 #include "io/xml.hpp"
 
 namespace diffnea::io {
@@ -25,7 +26,7 @@ struct MjcfBall {
 
 /// Bodies of the free ball and what hangs on it: not part of the robot.
 /// @throws ModelError if another body is free
-std::vector<bool> left_out_bodies(const mjModel& m, const std::string& where);
+std::vector<bool> left_out_bodies(const mjModel& m, const Mjcf& mjcf);
 
 /// @param notes  gets what looks like a ball or string and is none, and what the ball loses
 /// @return nothing if no free body is named `ball`

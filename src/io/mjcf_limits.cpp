@@ -13,8 +13,6 @@
 namespace diffnea::io {
 namespace {
 
-/// MuJoCo 2.2.2 compiles so many in seconds; its time grows with their square.
-constexpr long kMaxMjcfElements = 5000;
 constexpr double kMaxBodies = 1000.0;
 constexpr double kMaxUserData = 1000.0;  ///< numbers of a sensor of the user's
 

@@ -8,6 +8,10 @@
 
 namespace diffnea::io {
 
+/// Elements that a document may have: MuJoCo 2.2.2 compiles so many in seconds; its time grows with
+/// their square.
+inline constexpr long kMaxMjcfElements = 5000;
+
 /// @param root  of a document whose includes are resolved
 /// @throws ModelError `where: …` if it has too many elements or bodies (generated ones counted),
 /// sizes that no robot needs, or numbers that are NaN

@@ -166,41 +166,62 @@ void check_content(std::string_view content, const std::string& extension,
   if (extension == ".msh") check_msh(content, where);
 }
 
-/// Of the meshes of the document; taken out, since all files are found in memory afterwards.
-std::filesystem::path take_mesh_folder(XmlElement& root) {
-  std::string folder;
-  for_each_child(root, "compiler", [&](XmlElement& c) {
-    for (const char* name : {"assetdir", "meshdir"})
-      if (c.Attribute(name)) folder = attribute(c, name);
-    for (const char* name : {"assetdir", "meshdir", "texturedir"}) c.DeleteAttribute(name);
+/// Body whose mass the mesh is part of, for a message; empty if there is none.
+std::string weighed_by(XmlElement& root, const std::string& mesh, const Mjcf& mjcf) {
+  std::string out;
+  walk(root, [&](XmlElement& geom) {
+    if (!out.empty() || !is(geom, "geom") || attribute(geom, "mesh") != mesh) return;
+    const XmlElement& body = *geom.Parent()->ToElement();
+    out = "body '" + attribute(body, "name") + "' (" + mjcf.line(body) + ")";
   });
-  return folder;
+  return out;
 }
 
 }  // namespace
 
-void add_meshes(XmlElement& root, const std::filesystem::path& folder, const std::string& where,
-                sim::MujocoFiles& files) {
-  const std::filesystem::path mesh_folder = take_mesh_folder(root);
+std::filesystem::path mesh_folder(XmlElement& root) {
+  std::string folder;
+  for_each_child(root, "compiler", [&](XmlElement& c) {
+    for (const char* name : {"assetdir", "meshdir"})
+      if (c.Attribute(name)) folder = attribute(c, name);
+  });
+  return folder;
+}
+
+std::string mesh_name(const XmlElement& mesh) {
+  const std::string name = attribute(mesh, "name");
+  return name.empty() ? std::filesystem::path(attribute(mesh, "file")).stem().string() : name;
+}
+
+void add_meshes(XmlElement& root, const Mjcf& mjcf, sim::MujocoFiles& files) {
+  const std::filesystem::path folder = mesh_folder(root);
+  for_each_child(root, "compiler", [](XmlElement& c) {  // all files are found in memory
+    for (const char* name : {"meshdir", "texturedir"}) c.DeleteAttribute(name);
+  });
   int count = 0;
   walk(root, [&](XmlElement& mesh) {
     if (!is(mesh, "mesh")) return;
     const std::filesystem::path file = attribute(mesh, "file");
-    if (mesh.Attribute("file") && !mesh.Attribute("name"))
-      mesh.SetAttribute("name", file.stem().string().c_str());
-    const std::string here = where + ": mesh '" + attribute(mesh, "name") + "'";
+    if (mesh.Attribute("file")) mesh.SetAttribute("name", mesh_name(mesh).c_str());
+    const std::string name = attribute(mesh, "name"), here = mjcf.where + ": mesh '" + name + "'";
     const bool stated = mesh.Attribute("vertex") || mesh.Attribute("face");
     if (stated) check_inline(mesh, here);
     if (!mesh.Attribute("file")) return;
     if (stated)
       throw ModelError(here + ": names a file and states vertices or faces, expected one of both");
-    const std::filesystem::path path = confined_path(folder, (mesh_folder / file).string(), here);
+    std::filesystem::path path;
+    try {
+      path = confined_path(mjcf.folder, (folder / file).string(), mjcf.reading.allow_outside, here);
+    } catch (const FileError& error) {
+      throw FileError(std::string(error.what()) + "; it gives " + weighed_by(root, name, mjcf) +
+                      " mass: put it there, or state the body's <inertial>");
+    }
     const std::string extension = path.extension().string(), kind = lower(extension);
     std::string content = read_text_file(path);
     check_content(content, kind, here + " (" + file.string() + ")");
     if (kind == ".obj") content = shape_of_obj(content);
     const std::string flat = "mesh" + std::to_string(count++) + extension;
-    files.add(flat, content, where);
+    files.add(flat, content, mjcf.where);
     mesh.SetAttribute("file", flat.c_str());
   });
 }

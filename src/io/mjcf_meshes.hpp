@@ -5,17 +5,21 @@
 #include <filesystem>
 #include <string>
 
+#include "io/mjcf.hpp"
 #include "io/xml.hpp"
 #include "sim/mujoco_model.hpp"
 
 namespace diffnea::io {
 
-/// Checks the meshes below `root`, loads those that are files, and gives these flat names in
-/// memory.
-/// @param folder  of the model; files lie there or below
+/// Folder of the meshes, as the document's <compiler> says it; in the model's folder if relative.
+std::filesystem::path mesh_folder(XmlElement& root);
+/// Name of a mesh: its own, or its file's without folder and ending.
+std::string mesh_name(const XmlElement& mesh);
+
+/// Checks the meshes below `root`, the translation of `mjcf`, loads those that are files, and gives
+/// these flat names in memory.
 /// @throws ModelError `where: mesh '…': …` for a file that is outside, not to be read, empty or
 /// larger than a file may be; fewer than four vertices; faces of vertices that there are not
-void add_meshes(XmlElement& root, const std::filesystem::path& folder, const std::string& where,
-                sim::MujocoFiles& files);
+void add_meshes(XmlElement& root, const Mjcf& mjcf, sim::MujocoFiles& files);
 
 }  // namespace diffnea::io

@@ -77,10 +77,10 @@ std::string difference(const Model& model, const Model& read) {
 
 }  // namespace
 
-void require_it_says(const mjModel& written, const Model& model, const std::string& where) {
-  const std::string what = difference(model, model_from_mujoco(written, where));
+void require_it_says(const mjModel& written, const Model& model, const Mjcf& mjcf) {
+  const std::string what = difference(model, model_from_mujoco(written, mjcf));
   if (!what.empty())
-    throw ModelError(where + ": " + what +
+    throw ModelError(mjcf.where + ": " + what +
                      " would read back as another value than the one put there, which something "
                      "else in the document overrules; write the model as .json");
 }

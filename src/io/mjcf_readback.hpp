@@ -2,11 +2,11 @@
 /// Whether an MJCF that values were put into says them: defaults, options of the compiler and
 /// whatever comes with MuJoCo's next version may overrule what an element states.
 
-#include <string>
-
 #include <mujoco/mujoco.h>
 
 #include <diffnea/model/model.hpp>
+
+#include "io/mjcf.hpp"
 
 namespace diffnea::io {
 
@@ -14,7 +14,8 @@ namespace diffnea::io {
 /// ball with its string.
 /// @param written  compiled from what is to be kept
 /// @param model  what it is to say; a range that no MJCF can say is none
+/// @param mjcf  the document that holds the values
 /// @throws ModelError `where: …` naming the first value that is another
-void require_it_says(const mjModel& written, const Model& model, const std::string& where);
+void require_it_says(const mjModel& written, const Model& model, const Mjcf& mjcf);
 
 }  // namespace diffnea::io

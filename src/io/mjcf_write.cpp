@@ -11,6 +11,7 @@
 #include "io/mjcf_joint.hpp"
 #include "io/mjcf_parts.hpp"
 #include "io/mjcf_readback.hpp"
+#include "io/mjcf_translate.hpp"
 #include "io/model_parts.hpp"
 
 namespace diffnea::io {
@@ -23,20 +24,21 @@ struct Elements {
 
   /// A body's own joints come before those of the bodies in it, wherever they stand. A <frame>
   /// is no body.
-  void add_joints_of(XmlElement& body) {
+  void add_joints_of(XmlElement& body, bool fix_base) {
     for_each_child(body, nullptr, [&](XmlElement& e) {
-      if (is(e, "joint") || is(e, "freejoint")) joints.push_back(&e);
-      if (is(e, "frame")) add_joints_of(e);
+      if ((is(e, "joint") || is(e, "freejoint")) && !(fix_base && is_free_base(e)))
+        joints.push_back(&e);
+      if (is(e, "frame")) add_joints_of(e, fix_base);
     });
   }
 };
-Elements find_elements(XmlElement& root, const mjModel& m, const std::string& where) {
+Elements find_elements(XmlElement& root, const mjModel& m, const Mjcf& mjcf) {
   Elements out;
   for_each_child(root, "worldbody", [&](XmlElement& world) {
     walk(world, [&](XmlElement& e) {
       if (!is(e, "body")) return;
       out.bodies.push_back(&e);
-      out.add_joints_of(e);
+      out.add_joints_of(e, mjcf.reading.fix_base);
     });
   });
   const auto named = [](const XmlElement& e, const std::string& name) {
@@ -48,7 +50,7 @@ Elements find_elements(XmlElement& root, const mjModel& m, const std::string& wh
   for (int j = 0; ok && j < m.njnt; ++j) ok = named(*out.joints[j], joint_name(m, j));
   if (!ok)
     throw ModelError(
-        where +
+        mjcf.where +
         ": its bodies are generated (composite, replicate): values cannot be written in "
         "place; write the model as .json");
   return out;
@@ -158,15 +160,14 @@ void write_joint(XmlElement& e, const ModelLink& now, const ModelLink& then, con
 
 }  // namespace
 
-std::string mjcf_with_values(const std::string& original, const std::filesystem::path& folder,
-                             const std::string& where, const Model& model,
+std::string mjcf_with_values(const Mjcf& mjcf, const Model& model,
                              std::vector<std::string>& notes) {
-  const Mjcf mjcf = expand_mjcf(original, folder, where);
+  const std::string& where = mjcf.where;
   const MujocoModel m = compile_mjcf(mjcf);
-  const Model before = model_from_mujoco(*m, where);
+  const Model before = model_from_mujoco(*m, mjcf);
   XmlElement& root = *mjcf.document->RootElement();
   refuse_global_coordinates(root, where);
-  const Elements elements = find_elements(root, *m, where);
+  const Elements elements = find_elements(root, *m, mjcf);
   const bool degrees = angles_in_degrees(root), state_springs = has_spring_dampers(root);
 
   const auto alike = [](const ModelLink& a, const ModelLink& b) {
@@ -181,7 +182,7 @@ std::string mjcf_with_values(const std::string& original, const std::filesystem:
   int link = 0;
   std::vector<bool> states_inertia(static_cast<std::size_t>(m->nbody));
   write_ball(root, elements, *m, where, model, before, written, states_inertia, notes);
-  const std::vector<bool> left_out = left_out_bodies(*m, where);
+  const std::vector<bool> left_out = left_out_bodies(*m, mjcf);
   for (int b = 1; b < m->nbody; ++b) {
     if (left_out[b]) continue;
     for (int k = 0; k < std::max(1, m->body_jntnum[b]); ++k, ++link) {
@@ -224,24 +225,24 @@ std::string mjcf_with_values(const std::string& original, const std::filesystem:
   for (const EffectSpec& e : model.effects)
     if (!is_joint_term(model, e)) notes.push_back(e.effect + " at " + e.where);
   if (model.posterior) notes.emplace_back("the posterior of the parameters");
-  require_it_says(*compile_mjcf(mjcf), written, where);
+  require_it_says(*compile_mjcf(mjcf), written, mjcf);
   return xml_text(*mjcf.document);
 }
 
 std::string self_contained_mjcf(const Mjcf& mjcf) {
-  XmlDocument document;
-  mjcf.document->DeepCopy(&document);
-  XmlElement& root = *document.RootElement();
-  strip_looks(root, inertia_from_geoms(root), LostShape::kGone);
+  const std::unique_ptr<XmlDocument> document = copy_with_places(*mjcf.document);
+  XmlElement& root = *document->RootElement();
+  std::vector<std::string> left_out;
+  translate_mjcf(root, mjcf, LostShape::kGone, left_out);
   bool meshes = false;
   walk(root, [&](XmlElement& e) { meshes |= is(e, "mesh"); });
-  if (!meshes) return xml_text(document);
+  if (!meshes) return xml_text(*document);
   const MujocoModel m = compile_mjcf(mjcf);
-  const Elements elements = find_elements(root, *m, mjcf.where);
+  const Elements elements = find_elements(root, *m, mjcf);
   for (int b = 1; b < m->nbody; ++b) write_mjcf_inertial(*elements.bodies[b], body_inertia(*m, b));
   trust_stated_inertias(root);
-  strip_looks(root, false, LostShape::kGone);
-  return xml_text(document);
+  strip_looks(root, mjcf, false, LostShape::kGone, left_out);
+  return xml_text(*document);
 }
 
 }  // namespace diffnea::io

@@ -56,26 +56,36 @@ void require_masses(const Model& model, const std::string& where) {
 
 /// What reading a document again brings up; empty if it can be read where it lies now: a run's copy
 /// is not beside the original's meshes.
-std::string why_unreadable(const std::filesystem::path& document) {
+std::string why_unreadable(const std::filesystem::path& document, const ModelReading& reading) {
   try {
-    read_model(document);
+    read_model(document, reading);
     return "";
   } catch (const Error& error) {
     return error.what();
   }
 }
 
+/// Permissions that a model's document must have been read with: where it floats or has loops, they
+/// were left out.
+ModelReading reading_of(ModelReading reading) {
+  reading.fix_base = reading.open_loops = true;
+  return reading;
+}
+
 /// In the document that the model was read from, if that has the form; else drawn anew.
 std::string text_in_form(const Model& model, Format form, const std::string& where,
-                         std::vector<std::string>& notes) {
+                         const ModelReading& reading, std::vector<std::string>& notes) {
   const std::optional<Original> original = original_of(model);
   std::string unreadable;
-  if (original && original->format == form) unreadable = why_unreadable(model.source);
+  if (original && original->format == form)
+    unreadable = why_unreadable(model.source, reading_of(reading));
   if (original && original->format == form && unreadable.empty()) {
     const std::filesystem::path folder = std::filesystem::path(model.source).parent_path();
     return form == Format::kUrdf
                ? io::urdf_with_values(original->text, model.source, model, notes)
-               : io::mjcf_with_values(original->text, folder, model.source, model, notes);
+               : io::mjcf_with_values(
+                     io::expand_mjcf(original->text, folder, model.source, reading_of(reading)),
+                     model, notes);
   }
   io::validate(model, where);
   require_masses(model, where);
@@ -90,21 +100,21 @@ std::string text_in_form(const Model& model, Format form, const std::string& whe
 
 }  // namespace
 
-Model read_model(const std::filesystem::path& path) {
+Model read_model(const std::filesystem::path& path, const ModelReading& reading) {
   const std::string text = read_text_file(path), where = path.string();
   switch (format_of(text, where)) {
     case Format::kUrdf:
-      return io::model_from_urdf(text, where);
+      return io::model_from_urdf(text, where, reading);
     case Format::kMjcf:
-      return io::model_from_mjcf(text, path.parent_path(), where);
+      return io::model_from_mjcf(text, path.parent_path(), where, reading);
     case Format::kJson:
       break;
   }
   return model_from_json(text, where);
 }
 
-Model read_model_or_run(const std::filesystem::path& path) {
-  if (!std::filesystem::is_directory(path)) return read_model(path);
+Model read_model_or_run(const std::filesystem::path& path, const ModelReading& reading) {
+  if (!std::filesystem::is_directory(path)) return read_model(path, reading);
   const std::filesystem::path fitted = path / "model.json";
   if (!std::filesystem::is_regular_file(fitted))
     throw FileError(path.string() + ": is a folder without model.json, so no run of a robot");
@@ -138,7 +148,8 @@ void check_model_path(const std::filesystem::path& path) {
                      ": its extension names no format; choices: .json, .urdf, .xml");
 }
 
-std::vector<std::string> write_model(const Model& model, const std::filesystem::path& path) {
+std::vector<std::string> write_model(const Model& model, const std::filesystem::path& path,
+                                     const ModelReading& reading) {
   check_model_path(path);
   const std::string extension = path.extension().string();
   std::vector<std::string> notes;
@@ -147,7 +158,7 @@ std::vector<std::string> write_model(const Model& model, const std::filesystem::
     return notes;
   }
   const Format wanted = extension == ".urdf" ? Format::kUrdf : Format::kMjcf;
-  write_file_atomically(path, text_in_form(model, wanted, path.string(), notes));
+  write_file_atomically(path, text_in_form(model, wanted, path.string(), reading, notes));
   return notes;
 }
 

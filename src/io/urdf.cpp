@@ -130,15 +130,21 @@ SpatialInertia<double> inertia(const urdf::Inertial& i) {
   return inertia_from_com(i.mass, X_LC.p, rotate(X_LC.R, I_C));
 }
 
-void read_joint(const urdf::Joint& joint, const std::string& where, Model& model, ModelLink& link) {
+void read_joint(const urdf::Joint& joint, const std::string& where, const ModelReading& reading,
+                Model& model, ModelLink& link) {
   const std::string what = where + ": joint '" + joint.name + "'";
   link.joint = joint.name;
   link.X_PJ = pose(joint.parent_to_joint_origin_transform);
-  if (joint.mimic)
+  if (joint.mimic && !reading.open_loops)
     throw ModelError(
         what + " mimics '" + joint.mimic->joint_name +
         "': coupled joints are not supported; make it fixed, or remove <mimic> if it has its "
-        "own actuator");
+        "own actuator; --open-loops (open_loops=True) reads it as a joint of its own, without the "
+        "forces of the coupling");
+  if (joint.mimic)
+    model.notes.push_back("joint '" + joint.name + "' mimics '" + joint.mimic->joint_name +
+                          "': a joint of its own here, as asked; the coupling's forces are missing "
+                          "from the model");
   switch (joint.type) {
     case urdf::Joint::FIXED:
       return;
@@ -150,11 +156,18 @@ void read_joint(const urdf::Joint& joint, const std::string& where, Model& model
       link.type = ModelJoint::kPrismatic;
       break;
     case urdf::Joint::FLOATING:
+      if (!reading.fix_base)
+        throw ModelError(what +
+                         " is floating: only robots whose base is fixed are supported; --fix-base "
+                         "(fix_base=True) reads it as fixed where the file has it");
+      model.notes.push_back("joint '" + joint.name +
+                            "' is floating: fixed where the file has it, as asked");
+      return;
     case urdf::Joint::PLANAR:
       throw ModelError(
-          what + " is " + (joint.type == urdf::Joint::PLANAR ? "planar" : "floating") +
-          ": only robots whose base is fixed and whose joints have one degree of freedom are "
-          "supported; types: revolute, continuous, prismatic, fixed");
+          what +
+          " is planar: only robots whose base is fixed and whose joints have one degree of freedom "
+          "are supported; types: revolute, continuous, prismatic, fixed");
     default:
       throw ModelError(what + " has no known type");
   }
@@ -181,7 +194,8 @@ void read_joint(const urdf::Joint& joint, const std::string& where, Model& model
 
 }  // namespace
 
-Model model_from_urdf(const std::string& text, const std::string& where) {
+Model model_from_urdf(const std::string& text, const std::string& where,
+                      const ModelReading& reading) {
   const std::unique_ptr<XmlDocument> document = parse_xml(text, where);
   XmlElement& robot = *document->RootElement();
   check_tree(robot, where);
@@ -210,7 +224,7 @@ Model model_from_urdf(const std::string& text, const std::string& where) {
     link.name = source->name;
     link.parent = visit.parent;
     if (source->inertial) link.inertia = inertia(*source->inertial);
-    if (visit.joint) read_joint(*visit.joint, where, model, link);
+    if (visit.joint) read_joint(*visit.joint, where, reading, model, link);
     const int index = static_cast<int>(model.links.size());
     model.links.push_back(link);
     const std::vector<std::string>& below = children[visit.link];
@@ -225,7 +239,7 @@ Model model_from_urdf(const std::string& text, const std::string& where) {
 
 std::string urdf_with_values(const std::string& original, const std::string& where,
                              const Model& model, std::vector<std::string>& notes) {
-  const Model before = model_from_urdf(original, where);
+  const Model before = model_from_urdf(original, where, {.fix_base = true, .open_loops = true});
   const std::unique_ptr<XmlDocument> document = parse_xml(original, where);
   XmlElement& robot = *document->RootElement();
   std::map<std::string, XmlElement*> links, joints;

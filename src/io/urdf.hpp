@@ -4,12 +4,14 @@
 #include <string>
 #include <vector>
 
+#include <diffnea/io/model_file.hpp>
 #include <diffnea/model/model.hpp>
 
 namespace diffnea::io {
 
 /// @throws ModelError
-Model model_from_urdf(const std::string& text, const std::string& where);
+Model model_from_urdf(const std::string& text, const std::string& where,
+                      const ModelReading& reading);
 
 /// The original document with the values of `model` in place. @param notes  what a URDF cannot
 /// express

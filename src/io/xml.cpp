@@ -1,6 +1,7 @@
 #include "io/xml.hpp"
 
 #include <algorithm>
+#include <cstdint>
 #include <cstring>
 
 #include <diffnea/core/error.hpp>
@@ -86,6 +87,50 @@ std::string xml_text(const XmlDocument& document) {
   return printer.CStr();
 }
 
+// An element's user data are its place: a file's number above a line's.
+namespace {
+
+constexpr int kLineBits = 32;
+static_assert(sizeof(std::uintptr_t) * 8 > kLineBits);
+
+void copy_places(const XmlElement& from, XmlElement& to) {
+  to.SetUserData(from.GetUserData());
+  XmlElement* t = to.FirstChildElement();
+  for (const XmlElement* f = from.FirstChildElement(); f; f = f->NextSiblingElement()) {
+    copy_places(*f, *t);
+    t = t->NextSiblingElement();
+  }
+}
+
+}  // namespace
+
+XmlPlace place_of(const XmlElement& element) {
+  const auto data = reinterpret_cast<std::uintptr_t>(element.GetUserData());
+  return {static_cast<int>(data >> kLineBits),
+          static_cast<int>(data & ((std::uintptr_t(1) << kLineBits) - 1))};
+}
+
+void set_places(XmlElement& element, int file) {
+  walk(element, [&](XmlElement& e) {
+    const auto data = (static_cast<std::uintptr_t>(file) << kLineBits) |
+                      static_cast<std::uintptr_t>(e.GetLineNum());
+    e.SetUserData(reinterpret_cast<void*>(data));
+  });
+}
+
+XmlElement* clone_with_places(const XmlElement& element, XmlDocument& document) {
+  XmlElement* out = element.DeepClone(&document)->ToElement();
+  copy_places(element, *out);
+  return out;
+}
+
+std::unique_ptr<XmlDocument> copy_with_places(const XmlDocument& document) {
+  auto out = std::make_unique<XmlDocument>();
+  document.DeepCopy(out.get());
+  copy_places(*document.RootElement(), *out->RootElement());
+  return out;
+}
+
 std::string attribute(const XmlElement& element, const char* name) {
   const char* value = element.Attribute(name);
   return value ? value : "";
@@ -109,16 +154,19 @@ void remove_children(XmlElement& element, const char* name) {
 }
 
 std::filesystem::path confined_path(const std::filesystem::path& folder,
-                                    const std::string& relative, const std::string& where) {
+                                    const std::string& relative, bool allow_outside,
+                                    const std::string& where) {
   std::error_code error;
   const std::filesystem::path base = std::filesystem::canonical(folder, error);
   if (error) throw FileError(folder.string() + ": cannot be read (" + error.message() + ")");
   // Weakly: a file that does not exist must not tell whether its folder does.
   const std::filesystem::path target = std::filesystem::weakly_canonical(base / relative, error);
   const auto [end, unused] = std::mismatch(base.begin(), base.end(), target.begin(), target.end());
-  if (error || end != base.end())
+  if (error || (end != base.end() && !allow_outside))
     throw ModelError(where + ": names the file '" + relative + "' outside the model's folder " +
-                     base.string() + "; files must lie in that folder or below");
+                     base.string() +
+                     "; files must lie in that folder or below, unless --allow-outside "
+                     "(allow_outside=True) says that they need not");
   if (!std::filesystem::is_regular_file(target, error))
     throw FileError(where + ": names the file '" + relative + "', which is not there");
   return target;

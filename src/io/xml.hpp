@@ -20,6 +20,18 @@ using XmlElement = tinyxml2::XMLElement;
 std::unique_ptr<XmlDocument> parse_xml(std::string_view text, const std::string& where);
 std::string xml_text(const XmlDocument& document);
 
+/// Where an element was read from; copies of a document know it, too.
+struct XmlPlace {
+  int file = 0;  ///< number of the file, for whoever reads several into one document
+  int line = 0;  ///< from 1; 0: of no file
+};
+XmlPlace place_of(const XmlElement& element);
+/// Gives the element and all below it the lines that they were parsed from.
+void set_places(XmlElement& element, int file);
+/// A copy with the places, not yet part of `document`'s tree.
+XmlElement* clone_with_places(const XmlElement& element, XmlDocument& document);
+std::unique_ptr<XmlDocument> copy_with_places(const XmlDocument& document);
+
 /// Attribute, or an empty string.
 std::string attribute(const XmlElement& element, const char* name);
 /// First child of that name, created (as last child) if there is none.
@@ -49,8 +61,10 @@ void walk(XmlElement& element, F&& f) {
 inline bool is(const XmlElement& e, const char* name) { return std::strcmp(e.Name(), name) == 0; }
 
 /// A file below `folder`, however `relative` is written and wherever links point.
+/// @param allow_outside  it may lie anywhere
 /// @throws ModelError if it lies elsewhere; FileError if it does not exist
 std::filesystem::path confined_path(const std::filesystem::path& folder,
-                                    const std::string& relative, const std::string& where);
+                                    const std::string& relative, bool allow_outside,
+                                    const std::string& where);
 
 }  // namespace diffnea::io

@@ -5,6 +5,7 @@
 #include <cstdlib>
 #include <cstring>
 #include <mutex>
+#include <regex>
 
 #include <diffnea/core/error.hpp>
 
@@ -26,6 +27,15 @@ const bool kQuiet = [] {
   return true;
 }();
 
+/// MuJoCo's words with the lines' names in place of its numbers: `line 3`, `line = 3, column = 4`.
+std::string with_line_names(const std::string& reason, const LineName& line_name) {
+  static const std::regex kLine(R"(,? ?line (?:= )?(\d{1,9})(?:, column (?:= )?-?\d+)?$)");
+  std::smatch found;
+  if (!line_name || !std::regex_search(reason, found, kLine)) return reason;
+  const std::string name = line_name(std::stoi(found[1]));
+  return found.prefix().str() + (name.empty() ? "" : ", " + name);
+}
+
 }  // namespace
 
 MujocoFiles::MujocoFiles() : vfs_(std::make_unique<mjVFS>()) { mj_defaultVFS(vfs_.get()); }
@@ -44,7 +54,8 @@ void MujocoFiles::add(const std::string& name, std::string_view content, const s
   if (status != 0) throw ModelError(where + ": names too many files");
 }
 
-MujocoModel compile_mujoco(std::string_view mjcf, MujocoFiles& files, const std::string& where) {
+MujocoModel compile_mujoco(std::string_view mjcf, MujocoFiles& files, const std::string& where,
+                           const LineName& line_name) {
   static_cast<void>(kQuiet);
   static std::mutex one_at_a_time;  // the compiler keeps the last document in a global
   const std::scoped_lock lock(one_at_a_time);
@@ -61,8 +72,8 @@ MujocoModel compile_mujoco(std::string_view mjcf, MujocoFiles& files, const std:
   std::string reason = error;
   std::ranges::replace(reason, '\n', ' ');
   while (!reason.empty() && reason.back() == ' ') reason.pop_back();
-  throw ModelError(where +
-                   ": MuJoCo cannot compile it: " + (reason.empty() ? "no reason given" : reason));
+  throw ModelError(where + ": MuJoCo cannot compile it: " +
+                   (reason.empty() ? "no reason given" : with_line_names(reason, line_name)));
 }
 
 }  // namespace diffnea::sim

@@ -2,6 +2,7 @@
 /// MuJoCo's objects as values that free themselves, and its compiler fed from memory: MuJoCo opens
 /// no file of its own accord.
 
+#include <functional>
 #include <memory>
 #include <string>
 #include <string_view>
@@ -35,9 +36,14 @@ class MujocoFiles {
   std::unique_ptr<mjVFS> vfs_;
 };
 
+/// Name of a line of the document in messages; empty: none.
+using LineName = std::function<std::string(int line)>;
+
 /// Compiles an MJCF document.
 /// @param files  what the document names; the document itself is added
+/// @param line_name  of the document's lines; by default their numbers
 /// @throws ModelError `where: …` with MuJoCo's words
-MujocoModel compile_mujoco(std::string_view mjcf, MujocoFiles& files, const std::string& where);
+MujocoModel compile_mujoco(std::string_view mjcf, MujocoFiles& files, const std::string& where,
+                           const LineName& line_name = {});
 
 }  // namespace diffnea::sim

@@ -77,6 +77,8 @@ MujocoRobot::MujocoRobot(const std::string& mjcf, const Model& truth, double rat
   // Semi-implicit Euler moves the robot half a step early: a quarter of a millisecond, which a
   // diagnosis finds.
   m.opt.integrator = mjINT_RK4;
+  // Torques come from the controller: the document's own servos would hold the robot at zero.
+  m.opt.disableflags |= mjDSBL_ACTUATION;
   const Vec3<double>& g = truth.gravity;
   const double gravity[3] = {g.x, g.y, g.z};
   std::copy_n(gravity, 3, m.opt.gravity);

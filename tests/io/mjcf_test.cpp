@@ -24,6 +24,8 @@ namespace {
 
 /// Torques of order 10 to 100 from two algorithms: 1e-13 observed.
 constexpr double kTorqueTol = 1e-10;
+/// Torques of order 10 where MuJoCo 2.2 finds the principal axes of a full tensor: 2e-8 observed.
+constexpr double kPrincipalAxesTol = 1e-7;
 
 /// Everything that a joint can be: several a body, anchors off the origin, references, slides,
 /// branches, bodies without joints below and between, principal axes that are not the body's.
@@ -90,7 +92,7 @@ VecX<double> random_vector(Rng& rng, int n, double size) {
   return v;
 }
 
-void check_torques(const std::string& path) {
+void check_torques(const std::string& path, double tolerance = kTorqueTol) {
   const Tree<double> tree = make_tree(read_model(path));
   Inverse inverse(path);
   RneaWorkspace<double, double> ws;
@@ -101,7 +103,7 @@ void check_torques(const std::string& path) {
     const VecX<double> q = random_vector(rng, n, 2), qd = random_vector(rng, n, 3),
                        qdd = random_vector(rng, n, 10);
     CHECK_THAT(rnea(tree, VecIn<double>(q), VecIn<double>(qd), VecIn<double>(qdd), ws),
-               MatrixNear(inverse(q, qd, qdd), kTorqueTol));
+               MatrixNear(inverse(q, qd, qdd), tolerance));
   }
 }
 
@@ -111,7 +113,7 @@ TEST_CASE("mjcf: torques of the tree read from it are MuJoCo's, fixed links lump
   const TemporaryFolder folder;
   write_file_atomically(folder.path() / "awkward.xml", kAwkward);
   check_torques((folder.path() / "awkward.xml").string());
-  check_torques(DIFFNEA_SOURCE_DIR "/models/wam4.xml");
+  check_torques(DIFFNEA_SOURCE_DIR "/models/wam4.xml", kPrincipalAxesTol);
   check_torques(DIFFNEA_SOURCE_DIR "/models/cart_pole.xml");
   check_torques(DIFFNEA_SOURCE_DIR "/models/furuta.xml");
 }

@@ -324,7 +324,7 @@ TEST_CASE("reading: a wrong file is named, with the reason", "[io]") {
       Case{"a.xml",
            "<mujoco><worldbody><body name='b'><freejoint/><geom "
            "size='1'/></body></worldbody></mujoco>",
-           "body 'b' is free"},
+           "body 'b' (line 1) is free"},
       Case{"a.xml", "<mujoco><include file='/etc/passwd'/></mujoco>", "outside the model's folder"},
       Case{"a.xml", "<mujoco><include file='../x.xml'/></mujoco>", "outside the model's folder"},
       Case{"a.xml", "<mujoco><include file='a.xml'/></mujoco>", "more than once"},

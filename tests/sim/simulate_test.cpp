@@ -76,6 +76,21 @@ TEST_CASE("record: MuJoCo with the truth written over it moves as the truth's ow
   }
 }
 
+TEST_CASE("record: servos that a document draws do not pull in its world", "[sim]") {
+  const TemporaryFolder folder;
+  const auto recorded = [&](const std::string& drive) {
+    const std::filesystem::path file = folder.path() / "arm.xml";
+    write_file_atomically(file,
+                          "<mujoco><worldbody><body><joint name='j' axis='0 1 0' damping='.1'/>"
+                          "<geom size='.1' pos='0 0 .3'/></body></worldbody><actuator>" +
+                              drive + "</actuator></mujoco>");
+    const Model model = read_model(file);
+    return record_in_mujoco(read_mjcf(file), model, model, motion(model, 1), without_noise())
+        .recording.q;
+  };
+  CHECK(recorded("<position joint='j' kp='100' kv='3'/>") == recorded("<motor joint='j'/>"));
+}
+
 TEST_CASE("record: the recorded torques are those the truth needs for the recorded motion",
           "[sim]") {
   const Model nominal = read_model(kWam);

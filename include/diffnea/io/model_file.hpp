@@ -22,23 +22,43 @@
 
 namespace diffnea {
 
+/// Permissions of a reader: which parts of a robot description that no model holds it may leave
+/// out, and where the description's files may lie.
+struct ModelReading {
+  bool fix_base = false;       ///< a floating base is fixed where the file has it
+  bool open_loops = false;     ///< equality constraints, mimic tags are left out, and noted
+  bool allow_outside = false;  ///< files that an MJCF names need not lie in its folder or below
+
+  template <class List>
+  void options(List& list) {
+    list.option("--fix-base", "fix_base", fix_base,
+                "fix a floating base where the file has it, as if the robot hung there");
+    list.option("--open-loops", "open_loops", open_loops,
+                "leave out an MJCF's equality constraints and a URDF's mimic tags: coupled joints "
+                "move alone, and the forces of the coupling are missing");
+    list.option("--allow-outside", "allow_outside", allow_outside,
+                "let an MJCF name files outside its folder");
+  }
+};
+
 /// Reads a robot description. The content decides: `<robot>` is URDF, `<mujoco>` is MJCF, `{` the
 /// project's JSON. Meshes of a URDF are never opened. A model whose inertias cannot be true is
 /// read; check_model says what is wrong with it. (MuJoCo's compiler refuses such an MJCF, in its
-/// words.) Files that an MJCF includes must lie in its folder or below.
+/// words.) Files that an MJCF includes must lie in its folder or below, unless `reading` says that
+/// they need not.
 /// @throws FileError if a file cannot be read
 /// @throws ModelError naming file and reason if it cannot be understood, or if it holds what a tree
 /// of
 ///         revolute, prismatic and fixed joints cannot: mimic, floating and planar joints, ball
 ///         joints, free bodies (but the one named `ball`, which is Model::ball), equality
 ///         constraints
-Model read_model(const std::filesystem::path& path);
+Model read_model(const std::filesystem::path& path, const ModelReading& reading = {});
 
 /// Reads a robot description, or of a folder that a run left its model.json: the model as fitted or
 /// extended. `source` is then the model.urdf or model.xml beside it, so that write_model keeps that
 /// document.
 /// @throws FileError if a folder holds no model.json; else as read_model
-Model read_model_or_run(const std::filesystem::path& path);
+Model read_model_or_run(const std::filesystem::path& path, const ModelReading& reading = {});
 
 /// The form of the document that the model was read from, which write_model keeps: `.urdf`, `.xml`;
 /// empty for JSON, or if it is not there any more.
@@ -61,13 +81,15 @@ void check_model_path(const std::filesystem::path& path);
 /// Of any other model, and of one whose document cannot be read where it lies, a new document is
 /// drawn, without looks: in a URDF frames become links, in an MJCF they become sites, and joints
 /// that are not passive get a motor.
+/// @param reading  of the original document; a floating base counts as fixed, loops as open
 /// @return what the format cannot express, one phrase each, for the user
 /// @throws FileError if the original cannot be read or the file not be written
 /// @throws ModelError if the original has other links, positions in global coordinates, or
 ///         something that overrules what is put into it; if the extension names no format, a link
 ///         has an inertia without mass, or MuJoCo refuses the document (an inertia that no body
 ///         can have)
-std::vector<std::string> write_model(const Model& model, const std::filesystem::path& path);
+std::vector<std::string> write_model(const Model& model, const std::filesystem::path& path,
+                                     const ModelReading& reading = {});
 
 /// The project's JSON, schema "diffnea/model/1". Doubles come back bit by bit.
 /// @throws ModelError if a number is not finite where the schema has no word for it

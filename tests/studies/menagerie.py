@@ -1,0 +1,286 @@
+# ruff: noqa: E501
+"""Read public MJCF robots and compare their dynamics with those of a current MuJoCo; figures of docs/models.md.
+
+    python3 tests/studies/menagerie.py build/release/apps/diffnea [--corpus FOLDER] [--no-meshes] [ROBOT …]
+
+FOLDER holds MuJoCo Menagerie, a folder a robot; meshes may be missing. By default it is `menagerie_xml` in
+DIFFNEA_CORPUS, else in ../shared/corpus beside the project. It is copied, and boxes stand in for meshes that are
+missing, for both readers alike; with --no-meshes they stay missing.
+
+A robot is read as it is, then with --fix-base, then with --open-loops, too. At random states rnea, mass matrix and aba
+are compared with MuJoCo's, without contacts, constraints, drives and passive forces; an error is relative to the
+largest torque, entry or acceleration of the state. Needs the Python module of diffnea, numpy, and `pip install mujoco`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import re
+import shutil
+import struct
+import subprocess
+import tempfile
+import zlib
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+import diffnea
+
+SOURCE = Path(__file__).resolve().parents[2]
+CORPUS = Path(os.environ.get("DIFFNEA_CORPUS", SOURCE.parent / "shared" / "corpus"))
+WAYS = ((), ("--fix-base",), ("--fix-base", "--open-loops"))
+STATES = 20
+SIZE = 0.05  # half an edge of a mesh that stands in, at most [m]
+# Parts of others: what includes them is read.
+NO_ROBOT = re.compile(r"^(scene|keyframe|mjx_scene|mjx_single_cube|filtered_|joint_position_)")
+
+Array = NDArray[np.float64]
+Range = tuple[float, ...]
+
+
+def box(half: Array) -> list[tuple[Array, Array, Array]]:
+    """Triangles of a box, seen from outside."""
+    out = []
+    for axis in range(3):
+        u, v = np.eye(3)[(axis + 1) % 3] * half, np.eye(3)[(axis + 2) % 3] * half
+        for side in (1.0, -1.0):
+            c = np.eye(3)[axis] * half * side
+            a, b = (u, v) if side > 0 else (v, u)
+            out += [(c - a - b, c + a - b, c + a + b), (c - a - b, c + a + b, c - a + b)]
+    return out
+
+
+def write_mesh(path: Path, scale: float) -> None:
+    """Write a box of a shape that follows from the file's name."""
+    shape = np.random.default_rng(zlib.crc32(path.name.encode())).uniform(0.5, 1.0, 3)
+    triangles = box(shape * SIZE / scale)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if path.suffix.lower() == ".obj":
+        corners = [corner for triangle in triangles for corner in triangle]
+        lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in (map(float, c) for c in corners)]
+        lines += [f"f {i + 1} {i + 2} {i + 3}" for i in range(0, len(corners), 3)]
+        path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+        return
+    data = b"\0" * 80 + struct.pack("<I", len(triangles))
+    for triangle in triangles:
+        data += struct.pack("<12fH", 0, 0, 0, *np.concatenate(triangle), 0)
+    path.write_bytes(data)
+
+
+def stand_in(folder: Path) -> None:
+    """Put boxes where the folder's files name meshes that are missing."""
+    for file in folder.glob("*.xml"):
+        text = re.sub(r"<!--.*?-->", "", file.read_text(encoding="utf-8"), flags=re.DOTALL)
+        compiler = re.search(r'(?:meshdir|assetdir)="([^"]*)"', text)
+        default = re.search(r'<default.*?<mesh[^>]*\bscale="([\d.e-]+)', text, re.DOTALL)
+        for mesh in re.findall(r"<mesh\b[^>]*>", text):
+            name = re.search(r'\bfile="([^"]*)"', mesh)
+            if not name:
+                continue
+            scale = re.search(r'\bscale="([\d.e-]+)', mesh) or default
+            path = folder / (compiler[1] if compiler else "") / name[1]
+            if not path.exists():
+                write_mesh(path, float(scale[1]) if scale else 1.0)
+
+
+def without_base(spec: Any) -> None:
+    """Take free joints and keyframes out."""
+    for body in spec.bodies:
+        for joint in list(body.joints):
+            if joint.type == mujoco.mjtJoint.mjJNT_FREE:
+                spec.delete(joint)
+    for key in list(spec.keys):
+        spec.delete(key)
+
+
+def ranges(links: list[dict[str, Any]]) -> list[Range]:
+    """Ranges of the moving joints of a model's JSON; without a limit: nothing."""
+    out: list[Range] = []
+    for link in links:
+        joint = link.get("joint") or {"type": "fixed"}
+        if joint["type"] != "fixed":
+            limits = joint.get("limits") or {}
+            ends = [limits[k] for k in ("lower", "upper") if limits.get(k) is not None]
+            out.append(tuple(np.round(ends, 12)))
+    return out
+
+
+class Theirs:
+    """MuJoCo's dynamics of the bare tree."""
+
+    def __init__(self, path: Path, fix_base: bool) -> None:
+        spec = mujoco.MjSpec.from_file(str(path))
+        for material in spec.materials:
+            material.textures = [""] * len(material.textures)
+        for looks in [*spec.textures, *spec.skins]:
+            spec.delete(looks)
+        if fix_base:
+            without_base(spec)
+        self.model = m = spec.compile()
+        flags = mujoco.mjtDisableBit
+        for flag in ("CONSTRAINT", "ACTUATION", "SPRING", "DAMPER"):
+            m.opt.disableflags |= int(getattr(flags, f"mjDSBL_{flag}"))
+        m.opt.density = m.opt.viscosity = 0.0
+        m.body_gravcomp[:] = 0.0
+        self.data = mujoco.MjData(m)
+        self.names = [m.joint(j).name for j in range(m.njnt)]
+
+    def ranges(self) -> list[Range]:
+        m = self.model
+        return [
+            tuple(np.round(m.jnt_range[j], 12)) if m.jnt_limited[j] else () for j in range(m.njnt)
+        ]
+
+    def set(self, q: Array, qd: Array) -> None:
+        self.data.qpos[:], self.data.qvel[:] = q, qd
+
+    def rnea(self, q: Array, qd: Array, qdd: Array) -> Array:
+        self.set(q, qd)
+        self.data.qacc[:] = qdd
+        mujoco.mj_inverse(self.model, self.data)
+        return self.data.qfrc_inverse.copy()
+
+    def mass_matrix(self, q: Array) -> Array:
+        self.set(q, 0 * q)
+        mujoco.mj_forward(self.model, self.data)
+        out = np.zeros((self.model.nv, self.model.nv))
+        mujoco.mj_fullM(self.model, self.data, out)
+        return out
+
+    def aba(self, q: Array, qd: Array, tau: Array) -> Array:
+        self.set(q, qd)
+        self.data.qfrc_applied[:] = tau
+        mujoco.mj_forward(self.model, self.data)
+        return self.data.qacc.copy()
+
+
+def relative(ours: Array, theirs: Array) -> float:
+    return float(np.max(np.abs(ours - theirs)) / np.max(np.abs(theirs)))
+
+
+def largest_differences(ours: diffnea.Model, theirs: Theirs) -> dict[str, float]:
+    rng = np.random.default_rng(0)
+    worst: Counter[str] = Counter()
+    n = len(ours.joint_names)
+    for _ in range(STATES):
+        q, qd, qdd, tau = (rng.uniform(-s, s, n) for s in (2, 3, 10, 10))
+        pairs = {
+            "rnea": (diffnea.rnea(ours, q=q, qd=qd, qdd=qdd), theirs.rnea(q, qd, qdd)),
+            "M": (diffnea.mass_matrix(ours, q=q), theirs.mass_matrix(q)),
+            "aba": (diffnea.aba(ours, q=q, qd=qd, tau=tau), theirs.aba(q, qd, tau)),
+        }
+        for name, pair in pairs.items():
+            worst[name] = max(worst[name], relative(*pair))
+    return dict(worst)
+
+
+@dataclass
+class Robot:
+    name: str
+    way: tuple[str, ...] = ()
+    read: bool = False
+    reason: str = ""  # why it was not read, or not compared
+    dofs: int = 0
+    ranges: bool = True  # equal to MuJoCo's
+    differences: dict[str, float] | None = None
+
+
+def study(program: Path, file: Path, bench: Path) -> Robot:
+    out = Robot(f"{file.parent.name}/{file.name}")
+    exported = bench / "robot.json"
+    for way in WAYS:
+        done = subprocess.run(
+            [program, "export", file, *way, "-o", exported, "--quiet"],
+            capture_output=True,
+            text=True,
+        )
+        out.way = way
+        if done.returncode == 0:
+            out.reason = ""
+            break
+        out.reason = done.stderr.strip().replace(f"{file}: ", "").removeprefix("error: ")
+    else:
+        return out
+    ours = diffnea.load_model(exported)
+    out.read, out.dofs = True, len(ours.joint_names)
+    try:
+        theirs = Theirs(file, "--fix-base" in out.way)
+    except ValueError as error:
+        out.reason = f"MuJoCo cannot read it: {error}".replace("\n", " ")
+        return out
+    named = [a == b for a, b in zip(ours.joint_names, theirs.names, strict=True) if b]
+    if not all(named):
+        raise ValueError(f"{file}: other joints: {ours.joint_names}, {theirs.names}")
+    limits = json.loads(exported.read_text(encoding="utf-8"))["links"]
+    out.ranges = ranges(limits) == theirs.ranges()
+    if out.dofs:
+        out.differences = largest_differences(ours, theirs)
+    return out
+
+
+def show(robot: Robot) -> None:
+    if robot.differences is not None:
+        text = "  ".join(f"{name} {x:.0e}" for name, x in robot.differences.items())
+        text += "" if robot.ranges else "  OTHER RANGES"
+    else:
+        text = robot.reason or "no joints"
+    way = " ".join(robot.way) if robot.read else "refused"
+    print(f"{robot.name:<46} {robot.dofs:3} {way:<24} {text}", flush=True)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("program", type=Path, help="the command diffnea")
+    parser.add_argument("robots", nargs="*", metavar="ROBOT", help="folders; all")
+    parser.add_argument("--corpus", type=Path, default=CORPUS / "menagerie_xml")
+    parser.add_argument("--no-meshes", action="store_true", help="no boxes for missing meshes")
+    args = parser.parse_intermixed_args()
+    if not args.corpus.is_dir():
+        print(f"no public robots at {args.corpus}; --corpus or DIFFNEA_CORPUS may name them")
+        return
+    robots = []
+    with tempfile.TemporaryDirectory() as name:
+        bench = Path(name)
+        for folder in sorted(p for p in args.corpus.iterdir() if p.is_dir()):
+            if args.robots and folder.name not in args.robots:
+                continue
+            copy = bench / folder.name
+            shutil.copytree(folder, copy)
+            if not args.no_meshes:
+                stand_in(copy)
+            for file in sorted(copy.glob("*.xml")):
+                if not NO_ROBOT.match(file.name):
+                    robots.append(study(args.program.resolve(), file, bench))
+                    show(robots[-1])
+    print_summary(robots)
+
+
+def print_summary(robots: list[Robot]) -> None:
+    print(f"\nmujoco {mujoco.__version__}, {len(robots)} files")
+    folders = {r.name.split("/")[0] for r in robots}
+    for k, way in enumerate(WAYS):
+        read = [r for r in robots if r.read and r.way in WAYS[: k + 1]]
+        inside = {r.name.split("/")[0] for r in read}
+        print(
+            f"{' '.join(way) or 'as it is':<28} {len(read):3} files, {len(inside)} of {len(folders)} folders"
+        )
+    for name in ("rnea", "M", "aba"):
+        compared = [(r.differences[name], r.name) for r in robots if r.differences]
+        if compared:
+            print(
+                f"{name}: at most {max(compared)[0]:.1e} ({max(compared)[1]}), {len(compared)} robots"
+            )
+
+
+if __name__ == "__main__":
+    main()
