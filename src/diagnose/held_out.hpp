@@ -80,12 +80,12 @@ class HeldOut {
   /// Takes each run's mean out of a joint's errors.
   void take_means(int joint, VecX<double>& errors) const;
 
-  /// What fitted and held-out rows know of the free base parameters.
+  /// Knowledge of the free base parameters in fitted and held-out rows.
   struct Known {
-    long revision = -1;                             ///< of the search's projection
+    long revision = -1;                             ///< search's projection that it belongs to
     MatX<double> root;                              ///< of the fitted rows
-    MatX<double> columns;                           ///< of the held-out rows, whitened
-    VecX<double> scale;                             ///< of both, to columns of length 1
+    MatX<double> columns;                           ///< held-out rows, whitened
+    VecX<double> scale;                             ///< makes columns of both one long
     Eigen::ColPivHouseholderQR<MatX<double>> both;  ///< [root; columns] · scale
   };
   const Known& known(const Search& search) const;

@@ -163,7 +163,7 @@ void JointDiagnosis::follow(std::vector<Refusal>& refused) {
     beside_ = final_base(case_.base, case_.layout, *case_.search, *case_.train, terms_, {}, fit_);
     const bool loses = !case_.finding.interrupted &&
                        simulate(case_.reference->extended(beside_, terms_));
-    // What fitted runs have of their own, no model has in others.
+    // No model has in others what fitted runs have of their own.
     const auto of_runs = [](const Term& t) { return is_of_runs(t.effect); };
     if (!loses || terms_.empty() || std::ranges::any_of(terms_, of_runs)) return;
     const auto least =

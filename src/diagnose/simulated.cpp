@@ -213,7 +213,7 @@ class Both {
     const double mean = more.mean(), count = static_cast<double>(windows);
     const double std =
         std::sqrt((more.array() - mean).square().sum() / (count * (count - 1.0)));
-    better_ = better_ || mean < 0.0;
+    better_ = better_ || mean < -kCertain * std;
     worse_ = worse_ || (mean > kCertain * std && mean > kVisibly * base.mean());
   }
 

@@ -6,6 +6,7 @@
 
 #include "core/number_text.hpp"
 #include "report/format.hpp"
+#include "report/sentence.hpp"
 
 namespace diffnea::report {
 
@@ -78,7 +79,7 @@ std::string gained(const Finding& f) {
            " times the noise.";
   std::string out = "On held-out data (" + f.held_out + ") the " + error_of(f) + " falls from " +
                     number(g.before, 3) + " to " + number(g.after, 3) +
-                    " times the noise: " + percent(g.explained_share) + " of what can be removed";
+                    " times the noise: " + percent(beyond_noise(g)) + " of what is not noise";
   if (std::isfinite(g.low) && std::isfinite(g.high))
     out += "; of the mean square " + percent(1.0 - std::pow(g.after / g.before, 2)) +
            " (95 %: " + percent(g.low) + " to " + percent(g.high) + ")";

@@ -230,8 +230,8 @@ std::string verdict_words(const Finding& f) {
       break;
   }
   std::string out = "The model lacks " + causes_words(f) + ". The extension removes " +
-                    share_of(f.gain.explained_share) +
-                    " of the held-out error that can be removed (error " + number(f.gain.before) +
+                    share_of(beyond_noise(f.gain)) +
+                    " of the held-out error that is not noise (error " + number(f.gain.before) +
                     " to " + number(f.gain.after) + " times the noise" +
                     (f.gain.after > kUneasy ? "; nothing that was tried explains the rest)" : ")");
   const auto of_ball = [](const Cause& c) { return at_ball(c.where); };
@@ -254,6 +254,12 @@ std::string verdict_words(const Finding& f) {
 }
 
 }  // namespace
+
+double beyond_noise(const Gain& gain) {
+  const double before = gain.before * gain.before;
+  const double removed = before - gain.after * gain.after;
+  return removed > 0.0 ? removed / std::max(before - 1.0, removed) : 0.0;
+}
 
 std::string sentence(const Finding& f) {
   const std::string first = follows_sentence(f);

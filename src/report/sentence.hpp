@@ -9,5 +9,7 @@
 namespace diffnea::report {
 
 std::string sentence(const Finding& finding);
+/// Share of the held-out mean square beyond that of the noise, 1, that is removed: 0 … 1.
+double beyond_noise(const Gain& gain);
 
 }  // namespace diffnea::report

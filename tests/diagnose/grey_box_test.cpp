@@ -138,9 +138,9 @@ TEST_CASE("grey box: not offered where a candidate explains the data, nor where 
 TEST_CASE("grey box: a named effect beside it keeps its estimate, the truth in its interval",
           "[diagnose]") {
   DiagnoseOptions options = frictions();
-  const Finding with = diagnosed({kCoulomb}, 1.6, options);
+  const Finding with = diagnosed({kCoulomb}, 1.3, options);
   options.grey_box = false;
-  const Finding without = diagnosed({kCoulomb}, 1.6, options);
+  const Finding without = diagnosed({kCoulomb}, 1.3, options);
   CAPTURE(with.sentence, without.sentence);
   REQUIRE(with.verdict == Verdict::kUnknown);
   REQUIRE_FALSE(with.grey_box.empty());

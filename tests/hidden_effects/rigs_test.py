@@ -112,7 +112,7 @@ def test_a_late_velocity_is_that_of_the_joint_it_says(rigs: Path, tmp_path: Path
     truth = made(rigs, "velocity_filter_lag", LATE_SEED, tmp_path / "late", *OPTIONS)
     (effect,) = truth["effects"]
     joints = [item["joint"] for item in truth["machine"]["joints"]]
-    assert effect["where"] != joints[0]  # of this seed: else any mistake would pass
+    assert effect["where"] != joints[0]  # else any mistake would pass
     found = json.loads(done("audit", tmp_path / "late/seen/train.csv", "--json"))
     late = [f["where"] for f in found["audit"] if f["fault"] == "velocity_filter_lag"]
     assert late == [effect["where"]]

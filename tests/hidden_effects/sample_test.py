@@ -37,7 +37,7 @@ MISSED = {
     ("rigs", "time_shift"): "its expected LM is 37",
     ("rigs", "torque_offset"): "its expected LM is 35",
 }
-EXPLAINED = 0.8  # of an arm's held-out error that can be removed: less is called UNKNOWN
+EXPLAINED = 0.8  # share of an arm's held-out error that can be removed: less is UNKNOWN
 COVERED = 0.8  # least share of 95 % intervals that hold the truth, of some hundred: 4 σ below
 
 Scores = dict[tuple[str, str], dict[str, Any]]
@@ -45,7 +45,7 @@ Scores = dict[tuple[str, str], dict[str, Any]]
 
 @dataclass(frozen=True)
 class Programs:
-    """What makes the cases of each set."""
+    """Makers of the cases of each set."""
 
     first: Path
     rigs: Path

@@ -127,7 +127,7 @@ TEST_CASE("replay: lags and delays below a row of the grid are as long as they a
     const RowMatX<double> of_kept = (*m)(kept, Eigen::all);
     *m = of_kept;
   }
-  RowMatX<double> torque(coarse.q.rows(), r.tau.cols());  // of each row, the mean until the next
+  RowMatX<double> torque(coarse.q.rows(), r.tau.cols());  // means from each row to the next
   for (long k = 0; k < torque.rows(); ++k)
     torque.row(k) = r.tau.middleRows(k * kEvery, kEvery).colwise().mean();
   const long begin = std::lround(1.0 / coarse.dt), end = begin + std::lround(0.5 / coarse.dt);
