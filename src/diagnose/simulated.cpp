@@ -28,6 +28,8 @@ constexpr double kMostReplayed = 6'000.0;
 constexpr StateFitOptions kStateFit{.max_iterations = 10, .tolerance = 1e-2};
 /// Standard errors of a mean over windows. Of its square, an error that is known to a seventh.
 constexpr double kCertain = 2.0, kVisibly = 0.3;
+/// Of a mean square, what the noise of some hundred rows makes it differ by.
+constexpr double kByNoise = 0.05;
 constexpr std::size_t kMostPoints = 3000;  ///< of a joint that are kept
 
 /// Windows of one model that a simulation leaves.
@@ -213,7 +215,7 @@ class Both {
     const double mean = more.mean(), count = static_cast<double>(windows);
     const double std =
         std::sqrt((more.array() - mean).square().sum() / (count * (count - 1.0)));
-    better_ = better_ || mean < -kCertain * std;
+    better_ = better_ || mean < -kByNoise * base.mean();
     worse_ = worse_ || (mean > kCertain * std && mean > kVisibly * base.mean());
   }
 

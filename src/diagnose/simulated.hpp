@@ -18,7 +18,7 @@ double follows(const std::vector<double>& horizons, const std::vector<double>& e
 
 struct HeldOutSimulation {
   SimulatedMotion motion;
-  /// At no horizon is the extended model better for certain, and at one it is worse.
+  /// At no horizon is the extended model better, and at one it is worse for certain.
   bool loses = false;
 };
 

@@ -55,6 +55,7 @@ def recordings(draw: st.DrawFn, names: st.SearchStrategy[str] = NAMES) -> diffne
     tau = series(1e3, gaps=True)
     tau[0] = draw(st.floats(0.5, 2.0))  # a torque that is 0 or missing throughout is refused
     q = series(1e3, gaps=True)
+    q[0] = draw(st.floats(-1.0, 1.0))  # a position that is missing throughout, too
     optional: dict[str, Any] = {}
     for name in ("qd", "qdd", "qcmd"):
         if draw(st.booleans()):
