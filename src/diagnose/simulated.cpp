@@ -28,7 +28,7 @@ constexpr double kMostReplayed = 6'000.0;
 constexpr StateFitOptions kStateFit{.max_iterations = 10, .tolerance = 1e-2};
 /// Standard errors of a mean over windows. Of its square, an error that is known to a seventh.
 constexpr double kCertain = 2.0, kVisibly = 0.3;
-/// Of a mean square, what the noise of some hundred rows makes it differ by.
+/// Share of a mean square by which the noise of some hundred rows makes it differ.
 constexpr double kByNoise = 0.05;
 constexpr std::size_t kMostPoints = 3000;  ///< of a joint that are kept
 
