@@ -28,7 +28,7 @@ struct ModelReading {
   bool fix_base = false;       ///< a floating base is fixed where the file has it
   bool open_loops = false;     ///< equality constraints, mimic tags are left out, and noted
   bool allow_outside = false;  ///< files that an MJCF names need not lie in its folder or below
-
+  /// Names and texts (core/options.hpp).
   template <class List>
   void options(List& list) {
     list.option("--fix-base", "fix_base", fix_base,
