@@ -66,7 +66,8 @@ void act_late(Recording& r, double late) {
     while (before + 2 < r.rows() && r.time[before + 1] <= at) ++before;
     const double step = r.rows() > 1 ? r.time[before + 1] - r.time[before] : 0.0;
     const double share = step > 0.0 ? std::clamp((at - r.time[before]) / step, 0.0, 1.0) : 0.0;
-    r.tau.row(k) = share > 0.0 ? ((1.0 - share) * logged.row(before) + share * logged.row(before + 1)).eval() : logged.row(before).eval();
+    r.tau.row(k) = logged.row(before);
+    if (share > 0.0) r.tau.row(k) += share * (logged.row(before + 1) - logged.row(before));
   }
 }
 

@@ -55,7 +55,7 @@ class JointDiagnosis {
   /// Errors, parameters and motion of the extended model.
   void complete();
   /// Leaves out causes with which a simulation follows the robot less well, the least first.
-  void follow(std::vector<Refusal>& refused);
+  void follow(Selection& selection, std::vector<Refusal>& refused);
   /// Simulates held-out motion with base and extended model. @return whether the latter loses
   bool simulate(const Model& extended);
   /// Only where something is left to tell apart: it takes a few seconds.
@@ -120,7 +120,7 @@ void JointDiagnosis::select() {
     return !case_.options.progress || case_.options.progress(progress);
   });
   std::vector<Refusal> refused = selection.refused();
-  follow(refused);
+  follow(selection, refused);
   if (static_cast<int>(terms_.size()) >= most)
     case_.finding.notes.push_back("stopped at " + std::to_string(most) +
                                   " causes; the model may lack more");
@@ -156,7 +156,7 @@ void JointDiagnosis::note_limits() {
   }
 }
 
-void JointDiagnosis::follow(std::vector<Refusal>& refused) {
+void JointDiagnosis::follow(Selection& selection, std::vector<Refusal>& refused) {
   LinearFit of_base;
   alone_ = final_base(case_.base, case_.layout, *case_.search, *case_.train, {}, {}, of_base);
   for (;;) {
@@ -172,7 +172,7 @@ void JointDiagnosis::follow(std::vector<Refusal>& refused) {
     refused.push_back({least->effect.info().name, least->effect.where,
                        "with it, a simulation follows held-out motion less well", 0.0});
     terms_.erase(least);
-    case_.search->fit(terms_);
+    selection.renew(terms_);
   }
 }
 

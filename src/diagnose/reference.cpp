@@ -79,8 +79,8 @@ Model base_at(const Model& model, const FitLayout& layout, const VecX<double>& x
 
 VecX<double> Reference::set(const VecX<double>& x, const std::vector<Term>& terms) {
   Model reference = base_at(model_, layout_, within_signs(layout_, train_, x), terms);
-  // Those that change the tree or the channels are columns of their own on top of it; under a
-  // tilt are the base's columns, too.
+  // Columns on top of it hold those that change the tree or the channels; a tilt changes the base's
+  // columns, too.
   for (const Term& t : terms)
     if (!t.effect.own && (t.effect.is_local() || t.effect.info().has(Trait::kGravity)))
       reference.effects.push_back(to_spec(t.effect));

@@ -31,6 +31,8 @@ class Selection {
   /// Evidence, rivals and gain of each accepted term.
   std::vector<Cause> causes(const std::vector<Term>& terms) const;
   const std::vector<Refusal>& refused() const { return refused_; }
+  /// Model, columns and noise that go with the terms.
+  void renew(std::vector<Term>& terms);
 
  private:
   struct Offer {
@@ -47,8 +49,6 @@ class Selection {
   /// The same of all candidates, remembered until the base moves.
   const std::vector<Offer>& rivals(const std::vector<Term>& terms) const;
   bool add_one(std::vector<Term>& terms);
-  /// Model, columns and noise that go with the terms.
-  void renew(std::vector<Term>& terms);
   bool eliminate(std::vector<Term>& terms) const;
   bool is_impossible(int candidate) const {
     return std::ranges::find(impossible_, candidate) != impossible_.end();

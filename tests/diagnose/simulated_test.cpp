@@ -17,6 +17,7 @@
 #include "diagnose/replayed_windows.hpp"
 #include "motion/free_swing.hpp"
 #include "motion/sensitivities.hpp"
+#include "support/swinging.hpp"
 #include "support/three_links.hpp"
 
 namespace simulated_test {
@@ -148,6 +149,24 @@ TEST_CASE("diagnose: the right friction follows a pendulum to its end, a wrong o
   CHECK(m.joints[0].time.size() <= 3001);
   const SimulatedMotion same = simulated(wrong, wrong, true, motion).motion;
   CHECK(same.extended_follows == m.base_follows);
+}
+
+TEST_CASE("diagnose: torques drive a simulation when they act", "[diagnose]") {
+  const SwingingEvidence evidence(20.0);
+  const double row = 0.01;
+  const HeldOutMotion logged = held_out_motion(*evidence.source, *evidence, {}, 0.0),
+                      late = held_out_motion(*evidence.source, *evidence, {}, 2.0 * row),
+                      half = held_out_motion(*evidence.source, *evidence, {}, 0.5 * row);
+  const RowMatX<double>&u = logged.stretches[0].u, &v = late.stretches[0].u,
+                       &w = half.stretches[0].u;
+  REQUIRE(logged.stretches[0].time[1] - logged.stretches[0].time[0] == Approx(row));
+  REQUIRE(u.rows() > 100);
+  const auto apart = [](const auto& a, const auto& b) {
+    return (a - b).cwiseAbs().maxCoeff();
+  };
+  CHECK(apart(v.middleRows(10, 80), u.middleRows(8, 80)) < 1e-9);
+  CHECK(apart(w.middleRows(10, 80), 0.5 * (u.middleRows(10, 80) + u.middleRows(9, 80))) < 1e-9);
+  CHECK(apart(v.middleRows(10, 80), u.middleRows(10, 80)) > 0.1);
 }
 
 TEST_CASE("diagnose: a cause with which a simulation follows less well is told", "[diagnose]") {

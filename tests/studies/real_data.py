@@ -14,7 +14,7 @@ from pathlib import Path
 import real_ball
 import real_diagnose
 import real_identify
-from real_robots import DATA, Bench
+from real_robots import Bench, robots_asked_for
 
 STUDIES = {"identify": real_identify, "diagnose": real_diagnose, "ball": real_ball}
 ROBOTS = ("emps", "panda", "ur10e", "payload", "double_pendulum", "pendulum", "table_tennis")
@@ -24,16 +24,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("program", type=Path, help="the command diffnea")
-    parser.add_argument("robots", nargs="*", metavar="ROBOT", help=f"of {', '.join(ROBOTS)}; all")
     parser.add_argument("--only", choices=STUDIES, help="do not do the other")
-    args = parser.parse_intermixed_args()
-    if unknown := set(args.robots) - set(ROBOTS):
-        parser.error(f"no robot {', '.join(sorted(unknown))}; there are {', '.join(ROBOTS)}")
-    if not DATA.is_dir():
-        print(f"no measured recordings at {DATA}; DIFFNEA_DATA may name their folder")
-        return
-    for robot in args.robots or ROBOTS:
+    args, robots = robots_asked_for(parser, ROBOTS)
+    for robot in robots:
         for name, studies in STUDIES.items():
             study = getattr(studies, robot, None)  # no torque of the pendulum to identify from
             if study and args.only in (None, name):

@@ -1,10 +1,11 @@
 """What the studies of the measured robots share: their files, and commands that are printed."""
 
+import argparse
 import csv
 import json
 import os
 import subprocess
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -38,6 +39,21 @@ class Bench:
             print(f"  exit code {done.returncode}: {done.stderr.strip()}")
         result: Json = json.loads((run / "result.json").read_text(encoding="utf-8"))
         return run, result
+
+
+def robots_asked_for(
+    parser: argparse.ArgumentParser, known: Collection[str]
+) -> tuple[argparse.Namespace, list[str]]:
+    """Arguments, and the robots among them; none where there are no recordings, which it says."""
+    parser.add_argument("program", type=Path, help="the command diffnea")
+    parser.add_argument("robots", nargs="*", metavar="ROBOT", help=f"of {', '.join(known)}; all")
+    args = parser.parse_intermixed_args()
+    if unknown := set(args.robots) - set(known):
+        parser.error(f"no robot {', '.join(sorted(unknown))}; there are {', '.join(known)}")
+    if not DATA.is_dir():
+        print(f"no measured recordings at {DATA}; DIFFNEA_DATA may name their folder")
+        return args, []
+    return args, args.robots or list(known)
 
 
 def print_values(what: str, values: Mapping[str, float | None], scale: float, digits: str) -> None:

@@ -16,7 +16,7 @@ from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 
-from real_robots import DATA, MODELS, Bench, Json, Row, read_rows, write_rows
+from real_robots import DATA, MODELS, Bench, Json, Row, read_rows, robots_asked_for, write_rows
 
 SPLITS, PIECES, FITTED = 5, 10, 0.6
 OFTEN = 4  # splits
@@ -114,15 +114,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("program", type=Path, help="the command diffnea")
-    parser.add_argument("robots", nargs="*", metavar="ROBOT", help=f"of {', '.join(ROBOTS)}; all")
-    args = parser.parse_args()
-    if unknown := set(args.robots) - set(ROBOTS):
-        parser.error(f"no robot {', '.join(sorted(unknown))}; there are {', '.join(ROBOTS)}")
-    if not DATA.is_dir():
-        print(f"no measured recordings at {DATA}; DIFFNEA_DATA may name their folder")
-        return
-    for robot in args.robots or ROBOTS:
+    args, robots = robots_asked_for(parser, ROBOTS)
+    for robot in robots:
         print(f"\n== {robot}", flush=True)
         with tempfile.TemporaryDirectory() as folder:
             ROBOTS[robot](Bench(args.program.resolve(), Path(folder)))
