@@ -147,6 +147,17 @@ bool has_size(const Candidate& c, const Term& term) {
   return c.rotor > 0.0 || term.shapes.size() >= c.shapes.size();
 }
 
+bool may_be_nothing(const Term& term, const std::vector<CauseParameter>& sizes) {
+  long told = 0, zero = 0;
+  for (const int k : term.linear) {
+    const CauseParameter& p = sizes[static_cast<std::size_t>(k)];
+    if (!std::isfinite(p.std)) continue;
+    ++told;
+    zero += p.low <= 0.0 && p.high >= 0.0;
+  }
+  return told > 0 && zero == told;
+}
+
 std::vector<CauseParameter> sizes(const Search& search, const std::vector<Term>& terms,
                                   std::size_t which, const MatX<double>& covariance) {
   const Term& t = terms[which];

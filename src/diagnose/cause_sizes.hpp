@@ -15,6 +15,10 @@ std::vector<MatX<double>> covariances(const Search& search, const std::vector<Te
 /// beside which they do.
 bool has_size(const Candidate& candidate, const Term& term);
 
+/// Tells whether zero is in every interval of the parameters that a cause is proportional to.
+/// @param sizes  of the term
+bool may_be_nothing(const Term& term, const std::vector<CauseParameter>& sizes);
+
 /// The parameters of a term with their 95 % intervals; NaN: held, or not told.
 /// @param covariance  of terms[which]
 std::vector<CauseParameter> sizes(const Search& search, const std::vector<Term>& terms,

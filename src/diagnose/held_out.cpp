@@ -156,7 +156,7 @@ Prediction HeldOut::predicted(const Search& search, const VecX<double>& errors) 
 std::vector<std::pair<std::size_t, double>> HeldOut::shares(const Search& search,
                                                             const std::vector<Term>& terms) const {
   const VecX<double> none = errors(search, {});
-  VecX<double> left = whitened(search, none);
+  VecX<double> left = predicted(search, none).left;
   const VecX<double> before = left;
   const auto relative = [&](VecX<double> error) {  // to that of its joint
     for (long k = 0, m = evidence_.times(); k * m < error.size(); ++k)
@@ -167,7 +167,7 @@ std::vector<std::pair<std::size_t, double>> HeldOut::shares(const Search& search
   std::vector<VecX<double>> removes;  // the base is linear in what stands beside it
   VecX<double> after = left;
   for (const Term& t : terms) {
-    removes.push_back(relative(whitened(search, none - errors(search, {t}))));
+    removes.push_back(relative(predicted(search, none - errors(search, {t})).left));
     after -= removes.back();
   }
   const double all = left.squaredNorm() - after.squaredNorm();

@@ -194,10 +194,10 @@ void JointDiagnosis::note_friction() {
   }
   if (!lack.empty())
     case_.finding.notes.push_back(
-        "the base has no dry friction at " + lack +
+        kWarning + ("the base has no dry friction at " + lack +
         ", which every drive has: `diffnea identify` fits it with the rest. Diagnose what it "
         "writes; friction that a fit knows of hides other effects less, and less of it is taken "
-        "for another friction");
+        "for another friction"));
 }
 
 void JointDiagnosis::note_instant() {

@@ -5,6 +5,7 @@
 
 #include <diffnea/effects/stepping.hpp>
 
+#include "core/constants.hpp"
 #include "diagnose/signed_fit.hpp"
 
 namespace diffnea {
@@ -19,7 +20,11 @@ constexpr double kSideShows = 1.0;
 /// hides. Of a force in plain sight (share of its torque that the base leaves), like a spring that
 /// carries a weight, it may be any.
 constexpr double kWhole = 0.95, kPlainSight = 0.02;
-constexpr double kMostGainError = 0.5;  ///< beyond, no torque constant is off
+/// Beyond, no torque constant is off.
+constexpr double kMostGainError = 0.5;
+/// Beyond, a spring pulls alike wherever the joint is, and is an offset: five turns of a joint, or
+/// what no slide is long [rad, m].
+constexpr double kMostRest = 30.0;
 /// Of a shape in one step: of its logarithm; of a ratio, which is about 1.
 constexpr double kMostLog = 0.7, kMostPlain = 0.3;
 
@@ -183,10 +188,12 @@ Term refined(const Search& search, Term term, const std::vector<Term>& terms) {
 }
 
 bool impossible(const Term& term) {
-  return std::ranges::any_of(term.linear, [&](int k) {
-    return term.effect.parameter_info[static_cast<std::size_t>(k)].name == "gain_error" &&
-           std::abs(term.effect.parameters[static_cast<std::size_t>(k)]) > kMostGainError;
-  });
+  for (std::size_t k = 0; k < term.effect.parameter_info.size(); ++k) {
+    const std::string& name = term.effect.parameter_info[k].name;
+    const double most = name == "gain_error" ? kMostGainError : name == "rest" ? kMostRest : kInfinity;
+    if (std::abs(term.effect.parameters[k]) > most) return true;
+  }
+  return false;
 }
 
 bool plausible(const Search& search, const Term& term) {

@@ -28,6 +28,8 @@ constexpr double kPromise = 0.5;
 constexpr double kLeastSizeless = 50.0;
 constexpr const char* kSizeless = "of no size that this recording tells";
 constexpr const char* kHelpsNot = "does not help on held-out data beside the others";
+constexpr const char* kHidden = "hardly visible beside the base parameters";
+constexpr const char* kMayBeNothing = "may be of size zero beside the others";
 constexpr const char* kImpossible = "comes to a size that no robot has, beside the others";
 /// Share of the halves in which a rival is chosen, to be of the class of a cause that is not chosen
 /// in most of them.
@@ -398,6 +400,18 @@ bool Selection::split(std::vector<Term>& terms) const {
 
 std::vector<Term> Selection::run(const std::function<bool(const FitProgress&)>& progress) {
   std::vector<Term> terms;
+  do {
+    grow(terms, progress);
+    for (int i = 0; i < options_.max_terms; ++i)
+      if (!put_simpler(terms)) break;
+    drop_impossible(terms);
+  } while (drop_needless(terms));  // beside what is left, another may help now
+  drop_unstable(terms);
+  return terms;
+}
+
+void Selection::grow(std::vector<Term>& terms,
+                     const std::function<bool(const FitProgress&)>& progress) {
   std::set<std::set<int>> seen;
   for (int step = 0;
        step < 3 * options_.max_terms && static_cast<int>(terms.size()) < options_.max_terms;
@@ -414,46 +428,43 @@ std::vector<Term> Selection::run(const std::function<bool(const FitProgress&)>& 
     if (!seen.insert(names(terms)).second) break;
   }
   if (!terms.empty()) renew(terms);
-  for (int i = 0; i < options_.max_terms; ++i)
-    if (!put_simpler(terms)) break;
-  drop_impossible(terms);
-  // What does not help on data that no fit has seen goes, the least first.
-  for (bool dropped = true; dropped && !terms.empty();) {
-    dropped = false;
-    for (std::size_t i = terms.size(); i-- > 0;) {
-      const std::vector<Term> rest = without(terms, i);
-      const Candidate& c = candidates_[static_cast<std::size_t>(terms[i].candidate)];
-      const double worse =
-          search_.bic(search_.gain_of(rest), rest) - search_.bic(search_.gain_of(terms), terms);
-      const bool vague =
-          !has_size(c, terms[i]) &&
-          (c.effect.info().motor != HiddenMotor::kNone || worse < kLeastSizeless);
-      const bool hidden = terms[i].visible_share() < kAbsorbed, tilt = stays(terms[i]);
-      const bool too_large = impossible(terms[i]);
-      if (tilt ? tilt_helps(rest, terms)
-               : !vague && !hidden && !too_large && helps(rest, terms))
-        continue;
-      note_refusal(c,
-                   too_large ? kImpossible
-                   : tilt    ? kHelpsNot
-                   : vague   ? kSizeless
-                   : hidden  ? "hardly visible beside the base parameters"
-                             : kHelpsNot,
-                   too_large || tilt || vague || hidden ? worse : 0.0);
-      if (tilt) {  // the base's columns as they were; another may stand where it stood
-        std::vector<Term> none;
-        renew(none);
-        impossible_.push_back(terms[i].candidate);
-        return run(progress);
-      }
-      terms = rest;
-      search_.fit(terms);
-      dropped = true;
-      break;
+}
+
+bool Selection::drop_needless(std::vector<Term>& terms) {
+  bool anew = false;
+  for (std::size_t i = terms.size(); i-- > 0;) {
+    const std::vector<Term> rest = without(terms, i);
+    const Candidate& c = candidates_[static_cast<std::size_t>(terms[i].candidate)];
+    const double worse =
+        search_.bic(search_.gain_of(rest), rest) - search_.bic(search_.gain_of(terms), terms);
+    if (stays(terms[i])) {
+      if (tilt_helps(rest, terms)) continue;
+      note_refusal(c, kHelpsNot, worse);
+      impossible_.push_back(terms[i].candidate);
+      terms.clear();  // the base's columns as they were; another may stand where it stood
+      renew(terms);
+      return true;
     }
+    const bool vague = !has_size(c, terms[i]) &&
+                       (c.effect.info().motor != HiddenMotor::kNone || worse < kLeastSizeless);
+    const char* why = impossible(terms[i])                        ? kImpossible
+                      : vague                                     ? kSizeless
+                      : terms[i].visible_share() < kAbsorbed      ? kHidden
+                      : may_be_nothing(terms[i], sizes(search_, terms, i, covariances(search_, terms)[i]))
+                          ? kMayBeNothing
+                      : helps(rest, terms) ? nullptr
+                                           : kHelpsNot;
+    if (!why) continue;
+    note_refusal(c, why, why == kHelpsNot ? 0.0 : worse);
+    if (why == kMayBeNothing) {
+      impossible_.push_back(terms[i].candidate);
+      anew = true;
+    }
+    terms = rest;
+    search_.fit(terms);
+    i = terms.size();  // the others, beside what is left
   }
-  drop_unstable(terms);
-  return terms;
+  return anew;
 }
 
 void Selection::drop_unstable(std::vector<Term>& terms) {
@@ -506,7 +517,7 @@ void Selection::add_rivals(const std::vector<Term>& terms, std::size_t which, Ca
     const double alike_share = search_.replaced_share(terms[which], offer.term, rest);
     if (alike_share < kStandsIn) continue;
     const Candidate& c = candidates_[static_cast<std::size_t>(offer.term.candidate)];
-    const Rival rival{c.effect.info().name, c.effect.where, base - offer.delta_bic - best};
+    Rival rival{c.effect.info().name, c.effect.where, base - offer.delta_bic - best};
     if (rival.delta_bic < 0.0) {  // better here, but not where it was not fitted
       std::vector<Term> with = rest;
       with.push_back(offer.term);
@@ -515,15 +526,14 @@ void Selection::add_rivals(const std::vector<Term>& terms, std::size_t which, Ca
     }
     // A body in the hand is no more general kind of force, however well it does its work.
     // Nor is one that has more, if the base hides what it has more.
-    const bool child = offer.term.num_parameters() > own &&
-                       c.effect.info().port != Port::kModelParameter &&
-                       alike_share > kChild &&
-                       search_.visible_beyond(offer.term, terms[which]) > kAbsorbed;
-    const auto halves = chosen_.find(offer.term.candidate);
-    const bool instead =
-        cause.stability < kMostHalves && halves != chosen_.end() && halves->second > kSomeHalves;
+    rival.more_general = offer.term.num_parameters() > own &&
+                         c.effect.info().port != Port::kModelParameter && alike_share > kChild &&
+                         search_.visible_beyond(offer.term, terms[which]) > kAbsorbed;
+    if (const auto at = chosen_.find(offer.term.candidate); at != chosen_.end())
+      rival.stability = at->second;
+    const bool instead = cause.stability < kMostHalves && rival.stability > kSomeHalves;
     const bool alike =
-        child ? rival.delta_bic < -kNoWorse : rival.delta_bic < kSameClass || instead;
+        rival.more_general ? rival.delta_bic < -kNoWorse : rival.delta_bic < kSameClass || instead;
     (alike ? cause.members : cause.rivals)
         .push_back(rival);
   }

@@ -48,6 +48,8 @@ class Selection {
                             const Wanted& wanted = {}) const;
   /// The same of all candidates, remembered until the base moves.
   const std::vector<Offer>& rivals(const std::vector<Term>& terms) const;
+  /// Adds causes while one is found that helps, and improves what is there.
+  void grow(std::vector<Term>& terms, const std::function<bool(const FitProgress&)>& progress);
   bool add_one(std::vector<Term>& terms);
   bool eliminate(std::vector<Term>& terms) const;
   bool is_impossible(int candidate) const {
@@ -67,6 +69,9 @@ class Selection {
   bool simplify(std::vector<Term>& terms) const;
   /// Either, if all that is put there stays once the base has been fitted beside it.
   bool put_simpler(std::vector<Term>& terms);
+  /// Drops what does not help on data that no fit has seen, or may be nothing, the least first.
+  /// @return whether another may stand where one stood
+  bool drop_needless(std::vector<Term>& terms);
   /// Drops causes that, together with what may stand for them, most halves of the recording do not
   /// choose.
   void drop_unstable(std::vector<Term>& terms);

@@ -147,7 +147,8 @@ const Curves = (() => {
   // Bars below each other: rows of {css, label, text, from, to}. @param knee  equal steps for equal ratios far above
   // it, for equal differences below it (asinh); a line marks it
   function bars(d) {
-    const knee = Number(d.knee), row = 22, [labels, wide] = [300, 900];
+    const knee = Number(d.knee), row = 22, wide = 900;
+    const labels = Math.min(0.55 * wide, 16 + 6.6 * Math.max(...d.rows.map((r) => r.label.length)));
     const scaled = (v) => (knee ? Math.asinh(v / knee) : v);
     const range = rangeOf([0, knee ? scaled(2 * knee) : 0], d.rows.flatMap((r) => [scaled(r.from), scaled(r.to)]));
     if (!(range[1] > range[0])) range[1] = range[0] + 1;

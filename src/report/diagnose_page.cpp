@@ -40,15 +40,16 @@ std::string badge(Verdict verdict) {
                     : verdict == Verdict::kUnknown ? "unknown"
                                                    : "none";
   std::string text = name_of(verdict);
-  return std::string("<span class='badge ") + css + "'>" + escape(plain(text)) + "</span>";
+  return std::string("<span class='badge ") + css + "' title='" + escape(meaning(verdict)) + "'>" +
+         escape(plain(text)) + "</span>";
 }
 
 /// @param most  that are listed, nearest first
-std::string rival_list(const std::vector<Rival>& rivals, std::size_t most = kMostRivals) {
+std::string rival_list(const std::vector<Rival>& rivals, const std::string& where,
+                       std::size_t most = kMostRivals) {
   std::string out;
   for (std::size_t k = 0; k < std::min(most, rivals.size()); ++k)
-    out += (k > 0 ? ", " : "") + at(rivals[k].effect, rivals[k].where) + " (" +
-           number(rivals[k].delta_bic, 3) + ")";
+    out += (k > 0 ? ", " : "") + rival_words(rivals[k], where);
   if (rivals.size() > most) out += " and " + std::to_string(rivals.size() - most) + " more";
   return out.empty() ? "none" : out;
 }
@@ -67,13 +68,18 @@ std::string causes_at_once(const Finding& f) {
               (p.unit == "1" ? "" : " " + unit(p.unit));
     }
     rows.push_back({"<b>" + escape(at(c.effect, c.where)) + "</b>", escape(size),
-                    removes(c), number(c.delta_bic, 3), escape(rival_list(c.members, 2))});
+                    removes(c), number(c.delta_bic, 3), escape(rival_list(c.members, c.where, 2))});
   }
   const bool named =
       std::ranges::all_of(f.causes, [](const Cause& c) { return c.members.empty(); });
-  return html_table({"cause", "size and its 95 % interval", "of the held-out error² that all remove",
-                     "evidence (ΔBIC)", "cannot be told from"},
-                    rows, {"wrap", "wrap", "n", "n", named ? "" : "wrap"});
+  return html_table({"cause", "size and its 95 % interval", "removes, of what all remove held out",
+                     "evidence (ΔBIC)", named ? "" : "cannot be told from"},
+                    rows, {"wrap", "wrap", "n", "n", named ? "" : "wrap"}) +
+         element("p",
+                 "In the order in which each removes most of what those above it leave. ΔBIC: how "
+                 "much worse the model is without the cause, and with another in its place; above "
+                 "10 is decisive.",
+                 "faint");
 }
 
 std::string head(const Finding& f, const std::string& name) {
@@ -183,11 +189,17 @@ std::string candidates(const Finding& f) {
   for (const Cause& c : f.causes)
     rows.push_back({"<b>" + escape(at(c.effect, c.where)) + "</b>", number(c.delta_bic, 3),
                     percent(c.visible_share), std::isnan(c.stability) ? "" : percent(c.stability),
-                    escape(rival_list(c.members, c.members.size())), escape(rival_list(c.rivals))});
+                    escape(rival_list(c.members, c.where, c.members.size())),
+                    escape(rival_list(c.rivals, c.where))});
   out += html_table({"cause", "ΔBIC of leaving it out", "visible beside the base",
-                     "chosen on halves of the recording", "cannot be told from (ΔBIC)",
-                     "rivals in its place (worse by ΔBIC; below 0: more general)"},
-                    rows, {"", "n", "n", "n", "wrap", "wrap"});
+                     "chosen on halves of the recording", "cannot be told from", "rivals in its place"},
+                    rows, {"", "n", "n", "n", "wrap", "wrap"}) +
+         element("p",
+                 "Visible: the share of the cause's torque that the base parameters cannot take "
+                 "over. Halves: the choice among a cause and its rivals is repeated on 50 random "
+                 "halves of the recording; what most of them do not choose is one of a class. A "
+                 "rival is better or worse by that ΔBIC in the cause's place.",
+                 "faint");
   return out;
 }
 
@@ -213,7 +225,7 @@ std::string left_open(const Finding& f) {
   for (const Cause& c : f.causes)
     if (!c.members.empty())
       items.push_back(at(c.effect, c.where) + " cannot be told from " +
-                      rival_list(c.members, c.members.size()) + " with this recording.");
+                      rival_list(c.members, c.where, c.members.size()) + " with this recording.");
   for (const Witness& w : f.witness) {
     std::string variables;
     for (const std::string& v : w.variables) variables += (variables.empty() ? "" : ", ") + v;

@@ -89,9 +89,7 @@ std::string rest_text(const Finding& f) {
   for (const Cause& c : f.causes)
     if (!c.rivals.empty())
       out += "next rival of " + at(c.effect, c.where) + ": " +
-             at(c.rivals.front().effect, c.rivals.front().where) +
-             (c.rivals.front().delta_bic < 0.0 ? ", more general, better by " : ", worse by ") +
-             number(std::abs(c.rivals.front().delta_bic), 3) + " in BIC\n";
+             rival_words(c.rivals.front(), c.where) + " in BIC\n";
   for (const Refusal& r : f.refused)
     out += "refused: " + at(r.effect, r.where) + ": " + r.reason + "\n";
   std::string absorbed;

@@ -4,12 +4,16 @@
 #include <cctype>
 #include <cmath>
 
+#include <diffnea/effects/bound_effect.hpp>
+
 #include "core/number_text.hpp"
 #include "report/format.hpp"
 #include "report/sentence.hpp"
 
 namespace diffnea::report {
 
+/// ΔBIC that tells apart, and that a candidate needs.
+constexpr double kSameClass = 10.0;
 /// What windows and states leave to chance.
 constexpr double kMotionWorse = 1.5;
 
@@ -59,9 +63,28 @@ CauseParameter as_read(const std::string& effect, CauseParameter p) {
   return p;
 }
 
+bool is_dry_friction(const std::string& effect) {
+  const auto info = std::ranges::find(catalogue(), effect, &EffectInfo::name);
+  return info != catalogue().end() &&
+         std::ranges::find(info->parameters, "smoothing", &ParameterInfo::name) !=
+             info->parameters.end();
+}
+
 std::string removes(const Cause& cause) {
   return percent(std::isnan(cause.share) ? 1.0 - std::pow(cause.gain.after / cause.gain.before, 2)
                                          : cause.share);
+}
+
+std::string rival_words(const Rival& rival, const std::string& where) {
+  const std::string name =
+      rival.where == where ? plain(rival.effect) : at(rival.effect, rival.where);
+  if (rival.delta_bic < 0.0)
+    return name + " (" + (rival.more_general ? "more general, " : "") + "better by " +
+           number(-rival.delta_bic, 3) + ")";
+  if (rival.delta_bic > kSameClass && rival.stability > 0.0)
+    return name + " (chosen on " + percent(rival.stability) + " of the halves)";
+  return name + " (" + (rival.more_general ? "more general, " : "") + "worse by " +
+         number(rival.delta_bic, 3) + ")";
 }
 
 bool is_ball(const JointGain& joint) { return joint.joint == "ball" && joint.unit == "m"; }
@@ -79,10 +102,14 @@ std::string gained(const Finding& f) {
            " times the noise.";
   std::string out = "On held-out data (" + f.held_out + ") the " + error_of(f) + " falls from " +
                     number(g.before, 3) + " to " + number(g.after, 3) +
-                    " times the noise: " + percent(beyond_noise(g)) + " of what is not noise";
+                    " times the noise: " + percent(beyond_noise(g)) +
+                    " of the mean square that is not noise";
+  // The same of the ends of the interval, which are of the whole mean square.
+  const double removed = 1.0 - std::pow(g.after / g.before, 2),
+               scale = removed > 0.0 ? beyond_noise(g) / removed : 1.0;
   if (std::isfinite(g.low) && std::isfinite(g.high))
-    out += "; of the mean square " + percent(1.0 - std::pow(g.after / g.before, 2)) +
-           " (95 %: " + percent(g.low) + " to " + percent(g.high) + ")";
+    out += " (95 %: " + percent(scale * g.low) + " to " + percent(std::min(scale * g.high, 1.0)) +
+           ")";
   return out + ".";
 }
 

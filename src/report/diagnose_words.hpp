@@ -23,6 +23,10 @@ std::string capital(std::string text);
 CauseParameter as_read(const std::string& effect, CauseParameter parameter);
 /// Share of the held-out error² that all causes remove, or, where that was not asked, of all: "12 %"
 std::string removes(const Cause& cause);
+/// Tells whether an effect is a kind of dry friction.
+bool is_dry_friction(const std::string& effect);
+/// "stribeck friction (worse by 3.2)": in the place of a cause at `where`, by ΔBIC.
+std::string rival_words(const Rival& rival, const std::string& where);
 /// Whether an error is the ball's [m], not a joint's.
 bool is_ball(const JointGain& joint);
 /// "torque error", "error of the ball's position", or "error" where both were measured.

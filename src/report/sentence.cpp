@@ -4,6 +4,7 @@
 #include <cmath>
 #include <iterator>
 #include <limits>
+#include <map>
 
 #include "report/diagnose_words.hpp"
 #include "report/follows_words.hpp"
@@ -34,27 +35,46 @@ std::string listed(const std::vector<std::string>& items, const std::string& las
   return out;
 }
 
+/// Tells whether its class is of dry friction at its joint, and only the kind is open.
+bool is_dry_class(const Cause& cause) {
+  return is_dry_friction(cause.effect) && !cause.members.empty() &&
+         std::ranges::all_of(cause.members, [&](const Rival& r) {
+           return r.where == cause.where && is_dry_friction(r.effect);
+         });
+}
+
+/// Name of a cause for a reader who asks for no kind.
+std::string kin(const Cause& cause) {
+  return is_dry_friction(cause.effect) ? "dry_friction" : cause.effect;
+}
+
 std::string cause_words(const Cause& cause) {
   const std::string sizes = values(cause);
-  std::string out =
-      at(cause.effect, cause.where) +
-      (sizes.empty() ? " (of no size that this recording tells)" : " (" + sizes + ")");
-  if (cause.members.empty()) return out;
+  std::string out = sizes.empty() ? "of no size that this recording tells" : sizes;
   std::vector<std::string> others;
   for (const Rival& r : cause.members)
     others.push_back(r.where == cause.where ? plain(r.effect) : at(r.effect, r.where));
-  return out + " [which this recording cannot tell from " + listed(others, " or ") + "]";
+  if (is_dry_class(cause))
+    return at("dry_friction", cause.where) + " (" + plain(cause.effect) + ": " + out +
+           "; this recording cannot tell it from " + listed(others, " or ") + ")";
+  out = at(cause.effect, cause.where) + " (" + out + ")";
+  return others.empty() ? out
+                        : out + " [which this recording cannot tell from " +
+                              listed(others, " or ") + "]";
 }
 
 bool is_named(const Cause& cause) { return cause.verdict != Verdict::kUnknown; }
 
-/// "coulomb friction at elbow, wrist and tool (coulomb 0.12 to 0.53 N·m)"
+/// "coulomb friction at elbow, wrist and tool (coulomb 0.12 to 0.53 N·m)", "dry friction at elbow,
+/// wrist and tool (coulomb friction at 2 of them, sublinear friction at 1)"
 std::string alike_words(const std::vector<const Cause*>& alike) {
   std::vector<std::string> where;
+  std::map<std::string, int> kinds;
   double low = std::numeric_limits<double>::infinity(), high = 0.0;
   bool sized = true;
   for (const Cause* c : alike) {
     where.push_back(c->where);
+    ++kinds[c->effect];
     const double size = std::abs(c->parameters.front().value);
     sized = sized && !std::isnan(c->parameters.front().std) &&
             c->parameters.front().unit == alike.front()->parameters.front().unit;
@@ -62,16 +82,25 @@ std::string alike_words(const std::vector<const Cause*>& alike) {
     high = std::max(high, size);
   }
   const CauseParameter& first = alike.front()->parameters.front();
-  std::string out = at(alike.front()->effect, listed(where, " and "));
-  if (sized)
+  std::string out = at(kinds.size() > 1 ? kin(*alike.front()) : alike.front()->effect,
+                       listed(where, " and "));
+  if (kinds.size() > 1) {
+    std::vector<std::string> words;
+    for (const auto& [effect, count] : kinds)
+      words.push_back(plain(effect) + " at " + std::to_string(count));
+    out += " (as " + listed(words, " and ") + ")";
+  } else if (sized) {
     out += " (" + plain(first.name) + " " + number(low, 3) + " to " + number(high, 3) +
            (first.unit == "1" ? "" : " " + unit(first.unit)) + ")";
-  const auto one_of_a_class =
+  }
+  const auto of_a_class =
       std::ranges::count_if(alike, [](const Cause* c) { return !c->members.empty(); });
-  if (one_of_a_class > 0)
-    out += " [at " + (one_of_a_class == std::ssize(alike) ? "each" : std::to_string(one_of_a_class)) +
-           " of them this recording cannot tell it from others]";
-  return out;
+  if (of_a_class == 0) return out;
+  const bool kind_alone = std::ranges::all_of(
+      alike, [](const Cause* c) { return c->members.empty() || is_dry_class(*c); });
+  return out + " [at " + (of_a_class == std::ssize(alike) ? "each" : std::to_string(of_a_class)) +
+         " of them this recording cannot tell " +
+         (kind_alone ? "which kind of dry friction]" : "it from others]");
 }
 
 /// Causes that remove most, one effect at several joints in one word; all stand in the table. What has no
@@ -94,12 +123,12 @@ std::string causes_words(const Finding& f) {
   for (const Cause* c : worth) {
     std::vector<const Cause*> alike;
     std::ranges::copy_if(worth, std::back_inserter(alike), [&](const Cause* other) {
-      return other->effect == c->effect && !c->parameters.empty();
+      return kin(*other) == kin(*c) && !other->parameters.empty();
     });
     if (alike.size() < kAlike) {
       words.push_back(cause_words(*c));
-    } else if (std::ranges::find(done, c->effect) == done.end()) {
-      done.push_back(c->effect);
+    } else if (std::ranges::find(done, kin(*c)) == done.end()) {
+      done.push_back(kin(*c));
       words.push_back(alike_words(alike));
     }
   }

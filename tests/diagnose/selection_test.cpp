@@ -108,4 +108,30 @@ TEST_CASE("Selection: a cause's held-out gain is over the others as they fit wit
   CHECK_THAT(quadratic->gain.before, Catch::Matchers::WithinRel(one.gain.after, 0.2));
 }
 
+TEST_CASE("Selection: a spring that rests turns away is an offset, and not named", "[diagnose]") {
+  const Model nominal = read_model(DIFFNEA_SOURCE_DIR "/models/double_pendulum.urdf");
+  Model truth = nominal;
+  truth.effects = {{"torque_offset", "elbow", {{"offset", 1.0, ""}}}};
+  const auto record = [&](unsigned seed) {
+    FourierOptions motion;
+    motion.seed = seed;
+    motion.duration = 10.0;
+    motion.period = 5.0;
+    RecordOptions options;
+    options.seed = seed;
+    options.period = 5.0;
+    return record_model(truth, nominal, random_fourier(nominal, motion), options).recording;
+  };
+  DiagnoseOptions options;
+  options.effects = {"joint_spring@elbow"};
+  const Finding alone = diagnose(nominal, {record(1)}, {record(2)}, options);
+  CAPTURE(alone.sentence);
+  CHECK(std::ranges::find(alone.causes, "joint_spring", &Cause::effect) == alone.causes.end());
+  options.effects.push_back("torque_offset@elbow");
+  const Finding both = diagnose(nominal, {record(1)}, {record(2)}, options);
+  CAPTURE(both.sentence);
+  REQUIRE(both.causes.size() == 1);
+  CHECK(both.causes[0].effect == "torque_offset");
+}
+
 }  // namespace diffnea::selection_test

@@ -1,12 +1,16 @@
 #include "report/sentence.hpp"
 
+
 #include <catch2/catch_test_macros.hpp>
 #include <catch2/matchers/catch_matchers_string.hpp>
+
+#include "report/diagnose_words.hpp"
 
 namespace diffnea::sentence_test {
 namespace {
 
 using Catch::Matchers::ContainsSubstring;
+using report::rival_words;
 using report::sentence;
 
 Cause cause(const char* effect, const char* where, std::vector<Rival> rivals) {
@@ -75,9 +79,30 @@ TEST_CASE("sentence: one effect at many joints is one word, and small causes are
              ContainsSubstring("The model lacks coulomb friction at base, elbow and wrist "
                                "(coulomb 0.125 to 0.5 N·m) and 2 small ones, together 5 %."));
   finding.causes[1].members = {{"sublinear_friction", "elbow", 3.0}};
+  CHECK_THAT(sentence(finding),
+             ContainsSubstring("[at 1 of them this recording cannot tell which kind of dry fric"));
+  finding.causes[1].members = {{"viscous_friction", "elbow", 3.0}};
   CHECK_THAT(sentence(finding), ContainsSubstring("[at 1 of them this recording cannot tell it"));
+  finding.causes[1] = friction("elbow", 0.125, 0.3);
+  finding.causes[1].effect = "sublinear_friction";
+  CHECK_THAT(sentence(finding),
+             ContainsSubstring("dry friction at base, elbow and wrist (as coulomb friction at 2 and "
+                               "sublinear friction at 1)"));
   finding.causes = {friction("base", 0.5, 0.9), friction("elbow", 0.125, 0.1)};
   CHECK_THAT(sentence(finding), ContainsSubstring("coulomb friction at base (coulomb 0.500 ± 0.02"));
+}
+
+TEST_CASE("rivals: how much worse, more general, or chosen elsewhere", "[report]") {
+  Rival rival{"stribeck_friction", "elbow", 3.0};
+  CHECK(rival_words(rival, "elbow") == "stribeck friction (worse by 3)");
+  CHECK(rival_words(rival, "wrist") == "stribeck friction at elbow (worse by 3)");
+  rival.more_general = true;
+  CHECK(rival_words(rival, "elbow") == "stribeck friction (more general, worse by 3)");
+  rival.delta_bic = -7.0;
+  CHECK(rival_words(rival, "elbow") == "stribeck friction (more general, better by 7)");
+  rival = {"stribeck_friction", "elbow", 1500.0};
+  rival.stability = 0.25;
+  CHECK(rival_words(rival, "elbow") == "stribeck friction (chosen on 25.0 % of the halves)");
 }
 
 TEST_CASE("sentence: the closest rival of all causes, and whose it is", "[report]") {

@@ -83,6 +83,8 @@ struct Rival {
   std::string effect;
   std::string where;
   double delta_bic = 0.0;
+  bool more_general = false;
+  double stability = std::numeric_limits<double>::quiet_NaN();
 
   template <class List>
   static constexpr void fields(List& list) {
@@ -90,6 +92,12 @@ struct Rival {
     list.field("effect", &Rival::effect, "Name, as of a cause.");
     list.field("where", &Rival::where, "Joint, pair of joints, ``tip``, ``base`` or ``all``.");
     list.field("delta_bic", &Rival::delta_bic, "How much worse the fit is with the rival instead.");
+    list.field("more_general", &Rival::more_general,
+               "Whether it has the cause as a special case: the simpler one is named unless it is "
+               "better by far.");
+    list.field("stability", &Rival::stability,
+               "Share of random halves of the recording on which it is chosen; NaN: not asked.",
+               {.optional = true});
   }
 };
 
