@@ -34,7 +34,7 @@ void run_diagnose(DiagnoseCommand c) {
   c.options.seed = c.common.seed;
   c.options.effects = with_pairs(c.options.effects);
   check_run_folder(c.out, "diagnose");
-  const Model model = read_model(c.model, c.reading);
+  Model model = read_model(c.model, c.reading);
   ResultFolder folder(c.out);  // cannot be written: better known now
 
   const Interruptible interruptible(folder.leftovers(kRunFiles));
@@ -52,11 +52,13 @@ void run_diagnose(DiagnoseCommand c) {
   };
   try {
     line.show({"opening", 0, 0, 0.0});
-    const std::unique_ptr<RecordingSource> train =
-        open_recordings(model, c.data, c.recording, line);
+    const RecordingFiles data(c.data, c.recording, line), held_out(c.test, c.recording, line);
+    const std::string note = serve_joints_of(data, held_out, c.recording, model, line);
+    const std::unique_ptr<RecordingSource> train = data.open(model);
     std::unique_ptr<RecordingSource> test;
-    if (!c.test.empty()) test = open_recordings(model, c.test, c.recording, line);
+    if (!c.test.empty()) test = held_out.open(model);
     run.finding = diagnose(model, *train, test.get(), c.options);
+    if (!note.empty()) run.finding.notes.insert(run.finding.notes.begin(), note);
   } catch (const Error&) {  // of the part that had been read
     if (!Interruptible::requested()) throw;
     nothing_found();
@@ -88,7 +90,8 @@ void add_diagnose(CLI::App& app, const std::vector<std::string>& command_line) {
   add_options(*command, c->reading);
   command
       ->add_option("data", c->data,
-                   "recordings (.csv): time, q_*, tau_*; or ball_x, ball_y, ball_z")
+                   "recordings: time, q_*, tau_*; or ball_x, ball_y, ball_z; CSV or another format "
+                   "(docs/recordings.md)")
       ->required();
   command->add_option("--test", c->test,
                       "held-out recordings (.csv); without them blocks of time are held out");

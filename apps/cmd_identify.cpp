@@ -75,7 +75,7 @@ void run_identify(IdentifyCommand c, const CLI::App& command) {
   if (c.options.choice.effects) c.options.choice.effects = with_pairs(*c.options.choice.effects);
   c.options.motion.threads = threads_of(c.common);
   check_run_folder(c.out, "identify");
-  const Model model = read_model(c.model, c.reading);
+  Model model = read_model(c.model, c.reading);
   refuse_without_effect(c, command, model);
   ResultFolder folder(c.out);  // cannot be written: better known now
 
@@ -90,11 +90,13 @@ void run_identify(IdentifyCommand c, const CLI::App& command) {
   run.reproduce.command = c.command_line;
   try {
     line.show({"opening", 0, 0, 0.0});
-    const std::unique_ptr<RecordingSource> train =
-        open_recordings(model, c.data, c.recording, line);
+    const RecordingFiles data(c.data, c.recording, line), held_out(c.test, c.recording, line);
+    const std::string note = serve_joints_of(data, held_out, c.recording, model, line);
+    const std::unique_ptr<RecordingSource> train = data.open(model);
     std::unique_ptr<RecordingSource> test;
-    if (!c.test.empty()) test = open_recordings(model, c.test, c.recording, line);
+    if (!c.test.empty()) test = held_out.open(model);
     run.fit = identify(model, *train, test.get(), c.options);
+    if (!note.empty()) run.fit.notes.insert(run.fit.notes.begin(), note);
   } catch (const Error&) {
     if (!Interruptible::requested()) throw;
     line.clear();
@@ -127,7 +129,8 @@ void add_identify(CLI::App& app, const std::vector<std::string>& command_line) {
   add_options(*command, c->reading);
   command
       ->add_option("data", c->data,
-                   "recordings (.csv): time, q_*, tau_*; or ball_x, ball_y, ball_z")
+                   "recordings: time, q_*, tau_*; or ball_x, ball_y, ball_z; CSV or another format "
+                   "(docs/recordings.md)")
       ->required();
   command->add_option("--test", c->test, "held-out recordings (.csv), never fitted");
   command->add_option("-o,--output", c->out, "folder for the results")->required();

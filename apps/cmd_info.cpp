@@ -5,6 +5,7 @@
 
 #include "common.hpp"
 #include "options.hpp"
+#include "recordings.hpp"
 #include "robots.hpp"
 
 namespace diffnea::apps {
@@ -14,10 +15,14 @@ struct InfoOptions {
   CommonOptions common;
   ModelReading reading;
   std::string model;
+  JointChoice choice;
 };
 
 void run_info(const InfoOptions& options) {
-  const Model model = read_model(options.model, options.reading);
+  ServedModel served = serve_joints(read_model(options.model, options.reading),
+                                    std::vector<std::string>{}, options.choice);
+  Model& model = served.model;
+  if (!served.note.empty()) model.notes.push_back(served.note);
   const std::string text = options.common.json ? model_info_json(model) : model_info_text(model);
   std::fwrite(text.data(), 1, text.size(), stdout);
 }
@@ -30,6 +35,7 @@ void add_info(CLI::App& app) {
       "info", "Show a robot description as it is understood, and what looks wrong with it.");
   add_robot(*command, options->model);
   add_options(*command, options->reading);
+  add_joint_options(*command, options->choice);
   add_common(*command, options->common);
   command->callback([options] { run_info(*options); });
 }

@@ -12,6 +12,7 @@
 #include "common.hpp"
 #include "options.hpp"
 #include "outputs.hpp"
+#include "recordings.hpp"
 #include "robots.hpp"
 
 namespace diffnea::apps {
@@ -24,6 +25,7 @@ struct SimulateOptions {
   std::optional<double> noise;
   std::vector<double> kp, kd;
   RecordOptions record;
+  JointChoice choice;
 };
 
 /// Says which joints do not make the motion that was asked for: a recording tells less then than it
@@ -44,14 +46,34 @@ void tell_who_lags(const Recording& r, const std::string& file) {
   }
 }
 
+/// Keeps the columns of the joints that move.
+void leave_out_others(const std::vector<std::string>& joints, Trajectory& trajectory) {
+  std::vector<int> kept;
+  std::vector<std::string> names;
+  for (int j = 0; j < trajectory.num_joints(); ++j)
+    if (std::ranges::find(joints, trajectory.joint_names[static_cast<std::size_t>(j)]) !=
+        joints.end()) {
+      kept.push_back(j);
+      names.push_back(trajectory.joint_names[static_cast<std::size_t>(j)]);
+    }
+  if (kept.size() == trajectory.joint_names.size()) return;
+  trajectory.joint_names = names;
+  for (auto member : {&Trajectory::q, &Trajectory::qd, &Trajectory::qdd})
+    trajectory.*member = RowMatX<double>((trajectory.*member)(Eigen::all, kept));
+}
+
 void run_simulate(SimulateOptions options) {
   const std::vector<std::string> inputs{options.model, options.trajectory};
   // An input that lies where the sidecar would is told before it is asked whose that file is.
   check_output(std::filesystem::path(options.out).replace_extension(".json").string(), inputs);
   check_outputs({options.out, sidecar_path(options.out).string(), options.truth}, inputs);
   if (!options.truth.empty()) check_model_path(options.truth);
-  const Model model = read_model(options.model, options.reading);
-  const Trajectory trajectory = read_trajectory(options.trajectory);
+  Trajectory trajectory = read_trajectory(options.trajectory);
+  ServedModel served = serve_joints(read_model(options.model, options.reading),
+                                    trajectory.joint_names, options.choice);
+  if (!served.note.empty()) std::fprintf(stderr, "%s\n", served.note.c_str());
+  const Model& model = served.model;
+  leave_out_others(joint_names(model), trajectory);
   options.record.kp = vector_of(options.kp);
   options.record.kd = vector_of(options.kd);
   options.record.seed = options.common.seed;
@@ -91,6 +113,7 @@ void add_simulate(CLI::App& app) {
       "differs from it, and its sensors are noisy.");
   add_robot(*command, options->model);
   add_options(*command, options->reading);
+  add_joint_options(*command, options->choice);
   command->add_option("--trajectory", options->trajectory, "time, qcmd_*, qdcmd_*, qddcmd_* (.csv)")
       ->required();
   command->add_option(

@@ -1,12 +1,16 @@
 /// Faults of the channels of a recording.
 
+#include <optional>
+
 #include <pybind11/stl/filesystem.h>
 
-#include <diffnea/identify/source.hpp>
+#include <diffnea/identify/audit_limits.hpp>
+#include <diffnea/identify/joint_choice.hpp>
 #include <diffnea/report/audit_text.hpp>
 #include <diffnea/runs/audit_result.hpp>
 
 #include "bindings.hpp"
+#include "recording_info.hpp"
 #include "value_type.hpp"
 
 namespace diffnea::python {
@@ -16,9 +20,8 @@ using namespace pybind11::literals;
 
 std::string name_of(const Model* model) { return model != nullptr ? model->name : ""; }
 
-AuditLimits limits_of(const Model* model, double significance) {
-  AuditLimits limits;
-  if (model != nullptr) limits.joints = describe_joints(*model);
+AuditLimits limits_of(const std::optional<Model>& model, double significance) {
+  AuditLimits limits = model ? audit_limits(*model) : AuditLimits{};
   limits.significance = significance;
   return limits;
 }
@@ -26,13 +29,23 @@ AuditLimits limits_of(const Model* model, double significance) {
 AuditRun audit_paths(const std::vector<std::filesystem::path>& files, const Model* model,
                      double significance, const std::vector<std::string>& passive) {
   std::vector<std::string> data;
-  for (const std::filesystem::path& file : files) data.push_back(file.string());
-  return {audit_files(files, limits_of(model, significance), passive), std::move(data),
+  std::vector<ReadOptions> options;
+  for (const std::filesystem::path& file : files) {
+    data.push_back(file.string());
+    options.emplace_back();
+    options.back().info = described_info(file, std::nullopt, std::nullopt, passive, std::nullopt);
+  }
+  const std::optional<Model> served =
+      model != nullptr ? std::optional(serve_joints(*model, files, options, {}).model)
+                       : std::nullopt;
+  return {audit_files(files, limits_of(served, significance), options), std::move(data),
           name_of(model)};
 }
 
 AuditRun audit_arrays(std::vector<Recording> recordings, const Model* model, double significance) {
-  const AuditLimits limits = limits_of(model, significance);
+  const std::optional<Model> served =
+      model != nullptr ? std::optional(serve_joints(*model, recordings, {}).model) : std::nullopt;
+  const AuditLimits limits = limits_of(served, significance);
   if (model != nullptr) match_joints(limits.joints, recordings);
   std::vector<std::string> data;
   for (const Recording& r : recordings) data.push_back(r.source);

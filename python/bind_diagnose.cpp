@@ -69,7 +69,9 @@ OwnCandidate own_candidate(const py::handle& item) {
 DiagnoseRun diagnose_python(const Model& model, const py::list& train_items,
                             const py::list& test_items, const py::list& candidates,
                             const py::dict& given, const std::optional<std::string>& torque_side,
-                            const std::vector<std::string>& passive, const py::object& progress) {
+                            const std::vector<std::string>& passive,
+                            const std::vector<std::string>& joints,
+                            const std::vector<std::string>& lock, const py::object& progress) {
   DiagnoseOptions options;
   set_options(options, "diagnose", given);
   for (const py::handle c : candidates) options.candidates.push_back(own_candidate(c));
@@ -80,11 +82,11 @@ DiagnoseRun diagnose_python(const Model& model, const py::list& train_items,
   DiagnoseRun run;
   run.reproduce.version = version();
   run.reproduce.command = {"diffnea.diagnose"};
-  run.finding =
-      on_recordings(model, train, test, {torque_side, passive}, supervisor, run.reproduce.inputs,
-                    [&](const RecordingSource& data, const RecordingSource* held_out) {
-                      return diagnose(model, data, held_out, options);
-                    });
+  run.finding = on_recordings(
+      model, train, test, {torque_side, passive, {joints, lock}}, supervisor, run.reproduce.inputs,
+      [&](const Model& served, const RecordingSource& data, const RecordingSource* held_out) {
+        return diagnose(served, data, held_out, options);
+      });
   return run;
 }
 
@@ -174,7 +176,7 @@ void bind_diagnose(py::module_& m) {
   bind_finding_parts(m);
   bind_finding(m);
   m.def("_diagnose", &diagnose_python, "model"_a, "train"_a, "test"_a, "candidates"_a, "options"_a,
-        "torque_side"_a, "passive"_a, "progress"_a);
+        "torque_side"_a, "passive"_a, "joints"_a, "lock"_a, "progress"_a);
   m.def("_diagnose_options", &list_options<DiagnoseOptions>);
 }
 

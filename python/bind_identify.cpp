@@ -29,7 +29,9 @@ namespace fs = std::filesystem;
 
 FitRun identify_python(const Model& model, const py::list& train_items, const py::list& test_items,
                        const py::dict& given, const std::optional<std::string>& torque_side,
-                       const std::vector<std::string>& passive, const py::object& progress) {
+                       const std::vector<std::string>& passive,
+                       const std::vector<std::string>& joints, const std::vector<std::string>& lock,
+                       const py::object& progress) {
   IdentifyOptions options;
   set_options(options, "identify", given);
   Supervisor supervisor(progress);
@@ -39,11 +41,11 @@ FitRun identify_python(const Model& model, const py::list& train_items, const py
   FitRun run;
   run.reproduce.version = version();
   run.reproduce.command = {"diffnea.identify"};
-  run.fit =
-      on_recordings(model, train, test, {torque_side, passive}, supervisor, run.reproduce.inputs,
-                    [&](const RecordingSource& data, const RecordingSource* held_out) {
-                      return identify(model, data, held_out, options);
-                    });
+  run.fit = on_recordings(
+      model, train, test, {torque_side, passive, {joints, lock}}, supervisor, run.reproduce.inputs,
+      [&](const Model& served, const RecordingSource& data, const RecordingSource* held_out) {
+        return identify(served, data, held_out, options);
+      });
   return run;
 }
 
@@ -152,7 +154,7 @@ void bind_identify(py::module_& m) {
   bind_result(m);
   bind_compare(m);
   m.def("_identify", &identify_python, "model"_a, "data"_a, "test"_a, "options"_a, "torque_side"_a,
-        "passive"_a, "progress"_a);
+        "passive"_a, "joints"_a, "lock"_a, "progress"_a);
   m.def("_identify_options", &list_options<IdentifyOptions>);
   m.def("read_result", &read_fit_run, "folder"_a, py::call_guard<py::gil_scoped_release>(),
         "Read the result that a run left in a folder: that of ``diffnea identify -o``, or of "

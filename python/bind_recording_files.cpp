@@ -2,11 +2,14 @@
 
 #include <filesystem>
 #include <optional>
+#include <utility>
+#include <variant>
 
 #include <pybind11/stl.h>
 #include <pybind11/stl/filesystem.h>
 
 #include <diffnea/core/error.hpp>
+#include <diffnea/io/column_map.hpp>
 #include <diffnea/io/sidecar.hpp>
 #include <diffnea/recording/csv.hpp>
 
@@ -20,6 +23,8 @@ namespace {
 using namespace pybind11::literals;
 namespace fs = std::filesystem;
 
+using Names = std::vector<std::pair<std::string, std::string>>;
+
 /// Reads one file; what is not given comes from the sidecar of `described_by`.
 /// @param name  what to call the data, where the file is not the user's own
 /// @param notes  of whoever made the file; they come first in the report
@@ -27,6 +32,7 @@ py::tuple read_file(const fs::path& path, const std::string& name, const fs::pat
                     const std::optional<std::string>& torque_side,
                     const std::optional<std::string>& torque_sampling,
                     const std::vector<std::string>& passive, std::optional<double> period,
+                    const std::variant<std::string, Names>& columns,
                     const std::vector<std::string>& notes) {
   ReadReport report;
   std::vector<Recording> runs;
@@ -34,15 +40,13 @@ py::tuple read_file(const fs::path& path, const std::string& name, const fs::pat
     const py::gil_scoped_release release;
     ReadOptions options;
     options.info = described_info(described_by, torque_side, torque_sampling, passive, period);
+    options.name = name;
+    options.notes = notes;
+    if (const std::string* text = std::get_if<std::string>(&columns))
+      options.columns = parse_column_map(*text);
+    else
+      for (const auto& [from, to] : std::get<Names>(columns)) options.columns.push_back({from, to});
     runs = read_recordings(path, options, &report);
-    const auto rename = [&, file = path.string()](std::string& text) {
-      if (const std::size_t at = text.find(file); at != text.npos)
-        text.replace(at, file.size(), name);
-    };
-    for (Recording& r : runs) rename(r.source);
-    rename(report.source);
-    for (std::string& note : report.notes) rename(note);
-    report.notes.insert(report.notes.begin(), notes.begin(), notes.end());
   }
   return py::make_tuple(runs, report);
 }
@@ -110,7 +114,7 @@ void bind_recording_files(py::module_& m) {
   value_type<QuarantinedRow>(m);
   value_type<ReadReport>(m);
   m.def("_read_recordings", &read_file, "path"_a, "name"_a, "described_by"_a, "torque_side"_a,
-        "torque_sampling"_a, "passive"_a, "period"_a, "notes"_a);
+        "torque_sampling"_a, "passive"_a, "period"_a, "columns"_a, "notes"_a);
   m.def("_write_recordings", &write_files, "recordings"_a, "path"_a);
   m.def("_check_sidecar", &check_sidecar, "recordings"_a, "path"_a);
   m.def("_write_sidecar", &write_sidecar_of, "recording"_a, "path"_a);

@@ -10,6 +10,7 @@
 #include <pybind11/stl/filesystem.h>
 
 #include <diffnea/core/error.hpp>
+#include <diffnea/identify/joint_choice.hpp>
 #include <diffnea/identify/source.hpp>
 #include <diffnea/io/model_file.hpp>
 #include <diffnea/runs/result.hpp>
@@ -37,20 +38,43 @@ struct Data {
   bool empty() const { return files.empty() && recordings.empty(); }
 };
 
-/// Of files, over what their sidecars say.
+/// Overrides of what the sidecars of files say, and which joints take part.
 struct FileOptions {
   std::optional<std::string> torque_side;
   std::vector<std::string> passive;
+  JointChoice choice = {};
 };
+
+inline std::vector<ReadOptions> read_options(const Data& data, const FileOptions& options) {
+  std::vector<ReadOptions> out;
+  for (const std::filesystem::path& file : data.files) {
+    out.emplace_back();
+    out.back().info =
+        described_info(file, options.torque_side, std::nullopt, options.passive, std::nullopt);
+  }
+  return out;
+}
+
+/// The model whose joints are those of all data.
+inline ServedModel serve(const Model& model, const Data& train, const Data& test,
+                         const FileOptions& options) {
+  if (train.files.empty() && test.files.empty()) {
+    std::vector<Recording> all = train.recordings;
+    all.insert(all.end(), test.recordings.begin(), test.recordings.end());
+    return serve_joints(model, all, options.choice);
+  }
+  if (train.files.empty()) return serve_joints(model, train.recordings, options.choice);
+  std::vector<std::filesystem::path> files = train.files;
+  std::vector<ReadOptions> read = read_options(train, options);
+  for (ReadOptions& one : read_options(test, options)) read.push_back(std::move(one));
+  files.insert(files.end(), test.files.begin(), test.files.end());
+  return serve_joints(model, files, read, options.choice);
+}
 
 inline std::unique_ptr<RecordingSource> open(const Model& model, const Data& data,
                                              const FileOptions& options) {
   if (data.files.empty()) return recordings_in_memory(model, data.recordings);
-  std::vector<RecordingInfo> info;
-  for (const std::filesystem::path& file : data.files)
-    info.push_back(
-        described_info(file, options.torque_side, std::nullopt, options.passive, std::nullopt));
-  return recordings_in_files(model, data.files, info);
+  return recordings_in_files(model, data.files, read_options(data, options));
 }
 
 /// The file that holds the model, as an input of a run: its source, or model.json beside it where
@@ -78,18 +102,23 @@ inline std::vector<RunInput> describe_inputs(const Model& model, const Data& tra
   return out;
 }
 
-/// work(train, test) on the opened recordings (test is null without any), under supervision.
+/// work(model, train, test) on the opened recordings (test is null without any), under supervision;
+/// the model is the one whose joints are logged.
 /// @param inputs  set to the files, as they were before the work
+/// @return what work returned, with a note of what was locked among its notes
 template <typename Work>
 auto on_recordings(const Model& model, const Data& train, const Data& test,
                    const FileOptions& options, Supervisor& supervisor,
                    std::vector<RunInput>& inputs, Work work) {
   return supervisor.run([&] {
-    const std::unique_ptr<RecordingSource> train_source = open(model, train, options);
+    const ServedModel served = serve(model, train, test, options);
+    const std::unique_ptr<RecordingSource> train_source = open(served.model, train, options);
     std::unique_ptr<RecordingSource> test_source;
-    if (!test.empty()) test_source = open(model, test, options);
+    if (!test.empty()) test_source = open(served.model, test, options);
     inputs = describe_inputs(model, train, test);
-    return work(*train_source, test_source.get());
+    auto out = work(served.model, *train_source, test_source.get());
+    if (!served.note.empty()) out.notes.insert(out.notes.begin(), served.note);
+    return out;
   });
 }
 

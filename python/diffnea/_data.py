@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -35,3 +35,11 @@ def items(data: Data, torque_side: str | None, passive: Sequence[str]) -> list[R
         else:
             recordings.extend(read_recordings(x, torque_side=torque_side, passive=passive))
     return recordings
+
+
+def locks(lock: Mapping[str, float | None] | None) -> list[str]:
+    """Return locks as the compiled part takes them: ``JOINT=VALUE``, or ``JOINT`` alone."""
+    return [
+        joint if value is None else f"{joint}={float(value)!r}"
+        for joint, value in (lock or {}).items()
+    ]

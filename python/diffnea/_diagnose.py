@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Unpack
 
 from ._core import Error, Finding, FitProgress, Model, _diagnose, _diagnose_options
-from ._data import items
+from ._data import items, locks
 from ._files import StrPath, load_model
 from ._options import with_options
 
@@ -71,6 +71,8 @@ def diagnose(
     candidates: Sequence[Candidate] = (),
     torque_side: str | None = None,
     passive: Sequence[str] = (),
+    joints: Sequence[str] = (),
+    lock: Mapping[str, float | None] | None = None,
     progress: Callable[[FitProgress], bool | None] | None = None,
     **options: Unpack[_DiagnoseOptions],
 ) -> Finding:
@@ -85,6 +87,10 @@ def diagnose(
         torque_side: where torque was measured, ``motor`` or ``link``; for files, over what the
             file says.
         passive: for files: joints whose torque is known to be zero.
+        joints: these alone move; the others of the model are locked, and their columns left out.
+            Without a choice those that are logged move.
+        lock: joints that do not move, and where [rad, m]; ``None``: at the median of their
+            column, or where the model rests.
         progress: called before each step. Return ``False`` to stop and have what was found until
             then (``finding.interrupted``). Ctrl-C raises ``KeyboardInterrupt``.
         **options: of the search.
@@ -106,5 +112,7 @@ def diagnose(
         dict(options),
         torque_side,
         list(passive),
+        list(joints),
+        locks(lock),
         progress,
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -82,13 +82,16 @@ def read_recordings(
     topic: str | None = None,
     clock: str = "header",
     joints: Sequence[str] = (),
+    command_topic: str | None = None,
+    columns: Mapping[str, str] | str = "",
 ) -> Recordings:
     """Read all runs of a recording: a list of :class:`Recording` with a ``report``.
 
     Args:
-        source: a file, the folder of a ROS 2 bag, or a data frame with the columns of a recording
-            file. Files are CSV, Parquet (``.parquet``), NPZ, MATLAB (``.mat``), or ROS bags
-            (``.mcap``, ``.db3``, ``.bag``) with messages of type ``sensor_msgs/JointState``.
+        source: a file, the folder of a ROS 2 bag or of a LeRobot data set, or a data frame with the
+            columns of a recording file. Files are CSV, Parquet (``.parquet``), NPZ, MATLAB
+            (``.mat``), BAM's ``.json``, or ROS bags (``.mcap``, ``.db3``, ``.bag``) with messages
+            of type ``sensor_msgs/JointState``.
         torque_side: ``motor`` or ``link``. This and the next three are what columns cannot hold:
             they go before the JSON file beside the recording, which is read, too.
         torque_sampling: ``hold`` or ``instant``.
@@ -98,14 +101,19 @@ def read_recordings(
         clock: of a ROS bag: ``header`` takes the stamps of the messages, ``receive`` the times at
             which they were recorded.
         joints: of a ROS bag: only these, in this order.
+        command_topic: of a ROS bag: the topic of the desired positions (``JointState`` or
+            ``JointTrajectory``); each is held until the next.
+        columns: columns by other names, ``{"gripper.pos": "q_gripper [deg]"}``, an empty name
+            leaves one out; or the text or JSON file of the command's ``--map``.
 
     Raises:
         FileError, DataError: where the file is at fault; the message says what to do.
         ImportError: if the package that reads a format is missing; the message says which.
 
     """
-    selection = Selection(topic, clock, joints)
-    asked = (torque_side, torque_sampling, list(passive), period)
+    selection = Selection(topic, clock, joints, command_topic)
+    names = columns if isinstance(columns, str) else list(columns.items())
+    asked = (torque_side, torque_sampling, list(passive), period, names)
     if not isinstance(source, str | os.PathLike):
         if not hasattr(source, "to_csv"):
             raise TypeError(f"got {type(source).__name__}, expected a path or a pandas data frame")
@@ -127,6 +135,8 @@ def read_recording(
     topic: str | None = None,
     clock: str = "header",
     joints: Sequence[str] = (),
+    command_topic: str | None = None,
+    columns: Mapping[str, str] | str = "",
 ) -> Recording:
     """Read a recording of one run; the arguments are those of :func:`read_recordings`."""
     runs = read_recordings(
@@ -138,6 +148,8 @@ def read_recording(
         topic=topic,
         clock=clock,
         joints=joints,
+        command_topic=command_topic,
+        columns=columns,
     )
     if len(runs) != 1:
         raise DataError(
@@ -193,6 +205,7 @@ def _through_csv(
     torque_sampling: str | None,
     passive: list[str],
     period: float | None,
+    names: str | list[tuple[str, str]],
 ) -> Recordings:
     """Through the CSV reader, so that units, gaps, runs and every check are those of a file."""
     with tempfile.TemporaryDirectory(prefix="diffnea-") as folder:
@@ -207,6 +220,7 @@ def _through_csv(
                 torque_sampling,
                 passive,
                 period,
+                names,
                 table.notes,
             )
         except (DataError, FileError) as error:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Unpack
 
 from ._core import FitProgress, IdentifyResult, Model, _identify, _identify_options
-from ._data import items
+from ._data import items, locks
 from ._files import StrPath, load_model
 from ._options import with_options
 
@@ -23,6 +23,8 @@ def identify(
     test: Data | None = None,
     torque_side: str | None = None,
     passive: Sequence[str] = (),
+    joints: Sequence[str] = (),
+    lock: Mapping[str, float | None] | None = None,
     progress: Callable[[FitProgress], bool | None] | None = None,
     **options: Unpack[_IdentifyOptions],
 ) -> IdentifyResult:
@@ -36,6 +38,10 @@ def identify(
         torque_side: where torque was measured, ``motor`` or ``link``; for files, over what the
             file says.
         passive: for files: joints whose torque is known to be zero.
+        joints: these alone move; the others of the model are locked, and their columns left out.
+            Without a choice those that are logged move.
+        lock: joints that do not move, and where [rad, m]; ``None``: at the median of their
+            column, or where the model rests.
         progress: called as the fit goes. Return ``False`` to stop it and have what was found
             until then (``result.summary.interrupted``). Ctrl-C raises ``KeyboardInterrupt``.
         **options: of the fit.
@@ -54,5 +60,7 @@ def identify(
         dict(options),
         torque_side,
         list(passive),
+        list(joints),
+        locks(lock),
         progress,
     )

@@ -1,4 +1,4 @@
-"""Turn a recording of another format into CSV, which the command ``diffnea`` reads.
+"""Turn a recording of another format into CSV.
 
 python -m diffnea.convert log.mcap -o log.csv
 python -m diffnea.convert log.mcap --list
@@ -14,7 +14,7 @@ from pathlib import Path
 
 from ._core import Error, FileError
 from ._files import read_recordings, write_recording
-from ._readers import ros
+from ._readers import Selection, read_table, ros
 
 _TEXT = """
 reads:
@@ -22,12 +22,18 @@ reads:
   .bag                                       ROS 1 bags   needs rosbags
   .mat                                       MATLAB       needs h5py and SciPy
   .parquet                                   Parquet      needs pandas and pyarrow
+  a folder with meta/info.json               LeRobot      needs pandas and pyarrow
+  .json with entries                         BAM
   .npz, .csv
 
+`diffnea` reads all of them itself, through this module. Write CSV where a log is read often, or
+where no Python is at hand.
+
 Of a bag the messages of one topic of type sensor_msgs/JointState are read: position becomes
-q_JOINT, velocity qd_JOINT, effort tau_JOINT; time starts at 0. MATLAB and NPZ files hold arrays
-time (N,), q and tau (N, n), joint_names; or the columns by their names. What cannot be true is
-left out, as with CSV files, and said.
+q_JOINT, velocity qd_JOINT, effort tau_JOINT; time starts at 0. Commands of another topic
+(--command-topic, JointState or JointTrajectory) become qcmd_JOINT, held until the next. MATLAB
+and NPZ files hold arrays time (N,), q and tau (N, n), joint_names; or the columns by their
+names. What cannot be true is left out, as with CSV files, and said.
 
 What columns cannot hold (is torque measured at the motor or the link? which joints are passive?)
 goes into a JSON file beside the output, from the options below and from the file LOG.json beside
@@ -36,6 +42,7 @@ the input, if there is one.
 examples:
   python -m diffnea.convert log.mcap --list
   python -m diffnea.convert log.mcap --topic /arm/joint_states --torque-side link -o log.csv
+  python -m diffnea.convert episodes/ --map "action.gripper.pos=" -o log.csv
   diffnea identify arm.urdf log.csv -o run
 """
 
@@ -43,15 +50,23 @@ examples:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="python -m diffnea.convert",
-        description="Turn a recording of another format into CSV, which `diffnea` reads.",
+        description="Turn a recording of another format into CSV.",
         epilog=_TEXT,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("log", type=Path, help="the recording: a file, or the folder of a bag")
     what = parser.add_mutually_exclusive_group(required=True)
     what.add_argument("-o", "--output", type=Path, help="file to write: .csv or .parquet")
+    what.add_argument("--columns-into", type=Path, help=argparse.SUPPRESS)  # of the command
     what.add_argument("--list", action="store_true", help="list the topics of a bag, and stop")
     parser.add_argument("--topic", help="of a bag, where several have joint states")
+    parser.add_argument("--command-topic", help="of a bag: the topic of commands")
+    parser.add_argument(
+        "--map",
+        default="",
+        metavar="COLUMN=NAME",
+        help='columns by other names, "gripper.pos=q_gripper [deg],extra=", or a JSON file',
+    )
     parser.add_argument(
         "--clock",
         choices=ros.CLOCKS,
@@ -79,6 +94,16 @@ def _list_topics(log: Path) -> None:
         print(f"{topic}  {count} messages")
 
 
+def _write_columns(options: argparse.Namespace) -> None:
+    """Write the columns as the reader has them, and its notes; the command checks them itself."""
+    selection = Selection(options.topic, options.clock, options.joints, options.command_topic)
+    table = read_table(options.log, selection)
+    options.columns_into.mkdir()
+    table.write(options.columns_into / "columns.csv")
+    notes = "".join(f"{' '.join(note.split())}\n" for note in table.notes)
+    (options.columns_into / "notes.txt").write_text(notes, encoding="utf-8")
+
+
 def _convert(options: argparse.Namespace) -> None:
     output: Path = options.output
     beside = output.with_suffix(".json")
@@ -101,6 +126,8 @@ def _convert(options: argparse.Namespace) -> None:
         topic=options.topic,
         clock=options.clock,
         joints=options.joints,
+        command_topic=options.command_topic,
+        columns=options.map,
     )
     if not output.parent.is_dir():
         raise FileError(f"{output.parent}: there is no such folder")
@@ -124,6 +151,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         if options.list:
             _list_topics(options.log)
+        elif options.columns_into:
+            _write_columns(options)
         else:
             _convert(options)
     except (Error, ImportError) as error:

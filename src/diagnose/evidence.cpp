@@ -7,6 +7,7 @@
 #include <diffnea/core/error.hpp>
 #include <diffnea/dynamics/batch.hpp>
 #include <diffnea/dynamics/mass_matrix.hpp>
+#include <diffnea/recording/commands.hpp>
 #include <diffnea/recording/refresh.hpp>
 
 #include "core/constants.hpp"
@@ -80,18 +81,17 @@ Evidence::Evidence(const Model& model, const FitLayout& layout, const RecordingS
   if (!series_.empty()) take_halves(collector, plan);
   take_joints(collector, joint_names(model));
   if (series_.empty())
-    throw DataError(source.sample().front().source + ": diagnose: " +
-                    detail::why_no_rows(source.sample(), every_) +
+    throw DataError(source.sample().front().source +
+                    ": diagnose: " + detail::why_no_rows(source.sample(), every_) +
                     "; record a motion, e.g. one of `diffnea excite`");
   if (joints_.empty())
     throw DataError(source.sample().front().source +
-                    ": diagnose: no joint has a torque (tau_<joint>), and none is declared passive");
+                    ": diagnose: " + why_no_torque(source.sample()));
   take_filters(model, plan, collector);
   FitLayout held = layout;
   for (FitParameter& s : held.shape) s.fixed = !is_smoothing(s);
   take_rows(model, held, plan, collector);
-  if (apart_)
-    seen_base_ = regress(model, held, plan, collector, series_, nullptr);
+  if (apart_) seen_base_ = regress(model, held, plan, collector, series_, nullptr);
   take_motion(layout, plan, positions, fitted);
   set_reference(model);
   const MatX<double> turns_of_base = turns(layout);
@@ -192,8 +192,8 @@ void Evidence::take_filters(const Model& model, const PreprocessPlan& plan,
     const double torque = k < plan.tau_noise.size() ? plan.tau_noise[k] : 0.0;
     // Between two new positions there is none.
     const int rows = (k < plan.refresh.size() ? plan.refresh[k] : 1) * (apart_ ? 2 : 1);
-    noise.position[j] = std::max(k < plan.q_noise.size() ? std::sqrt(rows) * plan.q_noise[k] : 0.0,
-                                 kLeastPosition);
+    noise.position[j] =
+        std::max(k < plan.q_noise.size() ? std::sqrt(rows) * plan.q_noise[k] : 0.0, kLeastPosition);
     noise.density[j] = plan.dt * (std::pow(torque > 0.0 ? torque : 0.0, 2) +
                                   std::pow(driven[k] ? kLeastNoise : kRounding, 2) *
                                       std::max(squares[j] / samples, 1e-300));
@@ -214,10 +214,10 @@ void Evidence::take_filters(const Model& model, const PreprocessPlan& plan,
         settled[k].push_back(of_one);
       const JointEquation& e = equations[k];
       const long at = s.rows() / 2;
-      cut_off_[k] = std::max(cut_off_[k],
-                             std::pow(e.density[at] / (std::pow(e.inertia[at], 2) *
-                                                       e.variance[at] * s.dt), 0.25) /
-                                 (2.0 * kPi));
+      cut_off_[k] = std::max(
+          cut_off_[k],
+          std::pow(e.density[at] / (std::pow(e.inertia[at], 2) * e.variance[at] * s.dt), 0.25) /
+              (2.0 * kPi));
     }
     row += of.front().rows();
     filters_.push_back(std::move(of));
@@ -244,8 +244,8 @@ MatX<double> Evidence::regress(const Model& model, const FitLayout& layout,
   PreprocessPlan every_sample = plan;
   every_sample.decimator = {.rate_hz = 1.0 / plan.dt};
   TorqueRegression samples(model, layout, every_sample, {layout.prior(), shape}, all);
-  const long p = static_cast<long>(layout.linear.size()) +
-                 std::ranges::count_if(layout.shape, is_smoothing);
+  const long p =
+      static_cast<long>(layout.linear.size()) + std::ranges::count_if(layout.shape, is_smoothing);
   MatX<double> out = MatX<double>::Zero(times() * static_cast<long>(joints_.size()), p);
   long row = 0;
   for (std::size_t i = 0; i < series.size(); ++i) {
@@ -293,8 +293,7 @@ void Evidence::take_rows(const Model& model, const FitLayout& layout, const Prep
     long row = static_cast<long>(k) * m;
     for (std::size_t i = 0; i < filters_.size(); ++i) {
       const int j = joints_[k];
-      const VecX<double> beside =
-          collector.positions()[i].col(j) - collector.series()[i].q.col(j);
+      const VecX<double> beside = collector.positions()[i].col(j) - collector.series()[i].q.col(j);
       torque_.segment(row, filters_[i][k].rows()) +=
           unit_[static_cast<long>(k)] * filters_[i][k].shown(beside);
       row += filters_[i][k].rows();
@@ -302,8 +301,7 @@ void Evidence::take_rows(const Model& model, const FitLayout& layout, const Prep
     JointFactor& f = factors_[static_cast<std::size_t>(joints_[k])];
     RowMatX<double> rows(m, static_cast<long>(f.columns.size()) + 1);
     for (std::size_t c = 0; c < f.columns.size(); ++c)
-      rows.col(static_cast<long>(c)) =
-          base_.col(f.columns[c]).segment(static_cast<long>(k) * m, m);
+      rows.col(static_cast<long>(c)) = base_.col(f.columns[c]).segment(static_cast<long>(k) * m, m);
     rows.rightCols(1) = torque_.segment(static_cast<long>(k) * m, m);
     f.factor.add(rows);
   }
@@ -318,8 +316,7 @@ void Evidence::take_rows(const Model& model, const FitLayout& layout, const Prep
 }
 
 void Evidence::take_motion(const FitLayout& layout, const PreprocessPlan& plan,
-                           const std::vector<RowMatX<double>>& positions,
-                           const Evidence* fitted) {
+                           const std::vector<RowMatX<double>>& positions, const Evidence* fitted) {
   VecX<double> speed = VecX<double>::Zero(num_dofs_), acceleration = speed;
   long samples = 0;
   for (const JointSeries& s : series_) {
@@ -437,14 +434,13 @@ MatX<double> Evidence::turns(const FitLayout& layout) const {
     for (std::size_t k = 0; k < joints_.size(); ++k)
       if (std::ranges::find(friction.joints, joints_[k]) != friction.joints.end())
         out.block(static_cast<long>(k) * times(), out.cols() - kTurnColumns, times(),
-                  kTurnColumns) =
-            rows_of(static_cast<long>(k), [&](const JointSeries& s) {
-              const auto columns = turn_columns(friction, shape.index, reference(s), s);
-              RowMatX<double> own(s.rows(), kTurnColumns);
-              for (int c = 0; c < kTurnColumns; ++c)
-                own.col(c) = columns[static_cast<std::size_t>(c)].col(joints_[k]);
-              return own;
-            });
+                  kTurnColumns) = rows_of(static_cast<long>(k), [&](const JointSeries& s) {
+          const auto columns = turn_columns(friction, shape.index, reference(s), s);
+          RowMatX<double> own(s.rows(), kTurnColumns);
+          for (int c = 0; c < kTurnColumns; ++c)
+            own.col(c) = columns[static_cast<std::size_t>(c)].col(joints_[k]);
+          return own;
+        });
   }
   return out;
 }

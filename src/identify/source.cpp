@@ -1,14 +1,19 @@
 #include <algorithm>
+#include <cmath>
 #include <numeric>
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/identify/source.hpp>
+#include <diffnea/recording/commands.hpp>
 #include <diffnea/recording/position_warnings.hpp>
 
 #include "identify/fingerprint.hpp"
+#include "recording/unwrapper.hpp"
 
 namespace diffnea {
 namespace {
+
+using detail::Unwrapper;
 
 /// Rows that are read at once when a file is streamed, and that filters are chosen from.
 constexpr long kBlockRows = 16384;
@@ -17,7 +22,8 @@ constexpr long kSampleRows = 4 * kBlockRows;
 std::vector<ChannelWarning> find_warnings(const std::vector<JointDescription>& joints,
                                           const std::vector<Recording>& recordings) {
   std::vector<ChannelWarning> out = find_degrees(joints, recordings);
-  for (auto find : {find_other_lengths, find_wrapped, find_excess_torque})
+  for (auto find : {find_other_lengths, find_wrapped, find_excess_torque, find_early_responses,
+                    find_twos_complement_torque})
     for (ChannelWarning& w : find(joints, recordings)) out.push_back(std::move(w));
   return out;
 }
@@ -27,6 +33,15 @@ void add_passive(const std::vector<JointDescription>& joints, RecordingInfo& inf
   for (const JointDescription& j : joints)
     if (j.passive && std::ranges::find(info.passive, j.name) == info.passive.end())
       info.passive.push_back(j.name);
+}
+
+/// Knowledge of a file: the caller's word, and the model's joints.
+ReadOptions options_of(const std::vector<ReadOptions>& options, std::size_t file,
+                       const std::vector<JointDescription>& joints) {
+  ReadOptions out = options.empty() ? ReadOptions{} : options[options.size() == 1 ? 0 : file];
+  add_passive(joints, out.info);
+  out.joints = joints;
+  return out;
 }
 
 class InMemory : public RecordingSource {
@@ -41,6 +56,9 @@ class InMemory : public RecordingSource {
       of.add(r);
       runs_.push_back({r.source, r.info, of.motion(), of.rows()});
     }
+    Unwrapper unwrapper(joints, recordings_);
+    for (Recording& r : recordings_) unwrapper.apply(r);
+    if (const std::string note = unwrapper.note(); !note.empty()) report_.notes.push_back(note);
     for (std::string& note : blank_absurd_torque(joints, recordings_))
       report_.notes.push_back(std::move(note));
     warnings_ = find_warnings(joints, recordings_);
@@ -73,9 +91,13 @@ class InMemory : public RecordingSource {
 class InFiles : public RecordingSource {
  public:
   InFiles(const Model& model, std::vector<std::filesystem::path> paths,
-          std::vector<RecordingInfo> info)
-      : joints_(describe_joints(model)), paths_(std::move(paths)), info_(std::move(info)) {
-    sample_ = first_rows();
+          std::vector<ReadOptions> options)
+      : joints_(describe_joints(model)), paths_(std::move(paths)) {
+    for (std::size_t f = 0; f < paths_.size(); ++f)
+      options_.push_back(options_of(options, f, joints_));
+    measured_ = first_rows();
+    sample_ = measured_;
+    Unwrapper(joints_, measured_).apply(sample_[0]);
     warnings_ = find_warnings(joints_, sample_);
   }
   void for_each(const std::function<bool(const Recording&)>& use) const override {
@@ -85,8 +107,9 @@ class InFiles : public RecordingSource {
     std::vector<RunDescription> described;
     std::vector<Fingerprint> prints;
     const bool first = runs_.empty();
+    Unwrapper unwrapper(joints_, measured_);
     for (std::size_t f = 0; f < paths_.size(); ++f) {
-      RecordingReader reader(paths_[f], options(f));
+      RecordingReader reader(paths_[f], options_[f]);
       std::vector<Recording> block(1);
       int run_in_file = -1;
       while (reader.next(block[0], kBlockRows)) {
@@ -100,6 +123,7 @@ class InFiles : public RecordingSource {
           prints.emplace_back();
         }
         if (first) prints.back().add(block[0]);
+        unwrapper.apply(block[0]);
         if (!use(block[0])) return;
       }
       report.add(reader.report());
@@ -110,6 +134,7 @@ class InFiles : public RecordingSource {
       described[k].rows = prints[k].rows();
     }
     report_ = std::move(report);
+    if (const std::string note = unwrapper.note(); !note.empty()) report_.notes.push_back(note);
     runs_ = std::move(described);
   }
   std::vector<Recording> sample() const override { return sample_; }
@@ -123,23 +148,17 @@ class InFiles : public RecordingSource {
     return runs_;
   }
   bool holds_payload() const override {
-    return std::ranges::any_of(info_, [](const RecordingInfo& i) { return i.payload.has_value(); });
+    return std::ranges::any_of(options_,
+                               [](const ReadOptions& o) { return o.info.payload.has_value(); });
   }
   const ReadReport& report() const override { return report_; }
   const std::vector<ChannelWarning>& warnings() const override { return warnings_; }
 
  private:
-  ReadOptions options(std::size_t file) const {
-    ReadOptions out;
-    if (!info_.empty()) out.info = info_[info_.size() == 1 ? 0 : file];
-    add_passive(joints_, out.info);
-    out.joints = joints_;
-    return out;
-  }
   /// The first rows, the blocks of one run joined.
   std::vector<Recording> first_rows() const {
     std::vector<Recording> out;
-    RecordingReader reader(paths_.front(), options(0));
+    RecordingReader reader(paths_.front(), options_[0]);
     std::vector<Recording> block(1);
     if (!reader.next(block[0], kSampleRows)) throw DataError(paths_.front().string() + ": no rows");
     match_joints(joints_, block);
@@ -150,8 +169,8 @@ class InFiles : public RecordingSource {
 
   std::vector<JointDescription> joints_;
   std::vector<std::filesystem::path> paths_;
-  std::vector<RecordingInfo> info_;
-  std::vector<Recording> sample_;
+  std::vector<ReadOptions> options_;
+  std::vector<Recording> measured_, sample_;  ///< the first rows; with whole turns added
   /// Of the first pass that came to the end; later ones read the same.
   ///@{
   mutable ReadReport report_;
@@ -166,7 +185,9 @@ std::vector<JointDescription> describe_joints(const Model& model) {
   std::vector<JointDescription> out;
   for (const int i : moving_links(model)) {
     const ModelLink& l = model.links[i];
-    out.push_back({l.joint, l.type == ModelJoint::kPrismatic, l.passive, l.limits.lower,
+    const bool endless =
+        l.type == ModelJoint::kRevolute && std::isinf(l.limits.lower) && std::isinf(l.limits.upper);
+    out.push_back({l.joint, l.type == ModelJoint::kPrismatic, l.passive, endless, l.limits.lower,
                    l.limits.upper, l.limits.velocity, l.limits.effort});
   }
   return out;
@@ -180,7 +201,7 @@ std::unique_ptr<RecordingSource> recordings_in_memory(const Model& model,
 
 std::unique_ptr<RecordingSource> recordings_in_files(
     const Model& model, const std::vector<std::filesystem::path>& paths,
-    const std::vector<RecordingInfo>& info, long keep_bytes) {
+    const std::vector<ReadOptions>& options, long keep_bytes) {
   if (paths.empty()) throw DataError("recordings: got no file, expected at least one");
   long bytes = 0;
   for (const auto& path : paths) {
@@ -188,17 +209,14 @@ std::unique_ptr<RecordingSource> recordings_in_files(
     const auto size = std::filesystem::file_size(path, error);
     if (!error) bytes += static_cast<long>(size);
   }
-  if (bytes > keep_bytes) return std::make_unique<InFiles>(model, paths, info);
+  if (bytes > keep_bytes) return std::make_unique<InFiles>(model, paths, options);
   const std::vector<JointDescription> joints = describe_joints(model);
   std::vector<Recording> all;
   ReadReport report;
   for (std::size_t f = 0; f < paths.size(); ++f) {
-    ReadOptions options;
-    if (!info.empty()) options.info = info[info.size() == 1 ? 0 : f];
-    add_passive(joints, options.info);
-    options.joints = joints;
     ReadReport one;
-    for (Recording& r : read_recordings(paths[f], options, &one)) all.push_back(std::move(r));
+    for (Recording& r : read_recordings(paths[f], options_of(options, f, joints), &one))
+      all.push_back(std::move(r));
     report.add(one);
   }
   return std::make_unique<InMemory>(model, std::move(all), report);

@@ -6,6 +6,7 @@
 #include <diffnea/core/error.hpp>
 #include <diffnea/identify/posterior.hpp>
 #include <diffnea/identify/torque_regression.hpp>
+#include <diffnea/recording/commands.hpp>
 
 #include "core/decompositions.hpp"
 #include "identify/gains.hpp"
@@ -87,6 +88,8 @@ class InverseFit {
   }
 
   void fit() {
+    if (const std::string why = why_no_torque(train_.sample()); !why.empty())
+      throw DataError(train_.sample().front().source + ": " + why);
     FitLayout with_shapes = layout_;
     for (FitParameter& shape : layout_.shape)
       shape.fixed = true;  // no columns for them but in fit_shapes
@@ -102,7 +105,7 @@ class InverseFit {
     std::vector<std::string> said;
     hold_motionless(still, joint_names(model_), source, layout_, result_.notes);
     hold_motionless(still, joint_names(model_), source, with_shapes, said);
-    if (const std::string question = detail::time_unit_question(train_.sample());
+    if (const std::string question = detail::slow_rows(train_.sample());
         !question.empty() && std::ranges::all_of(regression_->factors(), [](const JointFactor& f) {
           return f.factor.rows() == 0;
         }))

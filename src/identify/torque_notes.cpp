@@ -52,7 +52,8 @@ void note_torque_scale(const Model& model, const FitLayout& layout, const Torque
   notes.push_back(
       std::string(kWarning) + "the torques are " + format_number(scale->factor) +
       " times what the model's links need before the fit, alike at several joints (" + list +
-      "): another unit, gear ratio or torque constant of the columns, masses of the model "
+      "): a current, another unit, gear ratio or torque constant of the columns, masses of the "
+      "model "
       "that are wrong by one factor, or a body in the hand that it does not have. Torques "
       "alone cannot tell these apart: what is fitted predicts the recorded torques, and "
       "its masses are so many times those of the model");

@@ -10,8 +10,11 @@ namespace {
 
 constexpr double kLeast = 1.25;      ///< smaller factors are those of masses and gears
 constexpr double kAgreement = 1.15;  ///< of the joints, about their median
-constexpr double kMajority = 0.8;    ///< light links' masses are often off by more
-constexpr double kErrorLeft = 0.5;   ///< of the error without the factor
+/// The same as a share of the factor's logarithm: torque constants of an arm's drives differ, 12
+/// and 9 N·m/A, by less than an ampere does from a newton metre.
+constexpr double kSpread = 1.0 / 3.0;
+constexpr double kMajority = 0.8;   ///< light links' masses are often off by more
+constexpr double kErrorLeft = 0.5;  ///< of the error without the factor
 
 /// The factor of one joint's torque.
 struct JointScale {
@@ -72,8 +75,9 @@ std::optional<TorqueScale> common_torque_scale(const FitLayout& layout,
   TorqueScale out;
   out.factor = sorted[sorted.size() / 2];
   if (!(out.factor > 0.0) || std::abs(std::log(out.factor)) < std::log(kLeast)) return std::nullopt;
+  const double agreement = std::max(std::log(kAgreement), kSpread * std::abs(std::log(out.factor)));
   for (const auto& [joint, scale] : told)
-    if (scale.needed && std::abs(std::log(scale.factor / out.factor)) < std::log(kAgreement))
+    if (scale.needed && std::abs(std::log(scale.factor / out.factor)) < agreement)
       out.of_joint.emplace_back(joint, scale.factor);
   if (out.of_joint.size() < 2 ||
       static_cast<double>(out.of_joint.size()) < kMajority * static_cast<double>(told.size()))

@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <optional>
 
 #include <diffnea/core/error.hpp>
@@ -72,12 +73,22 @@ ModelReading reading_of(ModelReading reading) {
   return reading;
 }
 
+/// Tells whether joints of an MJCF were made fixed since it was read: its bodies would have to take
+/// other poses, its actuators and key frames other sizes.
+bool has_locked_joints(const Model& model) {
+  return std::ranges::any_of(model.links, [](const ModelLink& link) {
+    return link.type == ModelJoint::kFixed && !link.joint.empty();
+  });
+}
+
 /// In the document that the model was read from, if that has the form; else drawn anew.
 std::string text_in_form(const Model& model, Format form, const std::string& where,
                          const ModelReading& reading, std::vector<std::string>& notes) {
   const std::optional<Original> original = original_of(model);
   std::string unreadable;
-  if (original && original->format == form)
+  if (original && original->format == form && form == Format::kMjcf && has_locked_joints(model))
+    unreadable = "joints of it were locked";
+  else if (original && original->format == form)
     unreadable = why_unreadable(model.source, reading_of(reading));
   if (original && original->format == form && unreadable.empty()) {
     const std::filesystem::path folder = std::filesystem::path(model.source).parent_path();
@@ -91,7 +102,7 @@ std::string text_in_form(const Model& model, Format form, const std::string& whe
   require_masses(model, where);
   if (original && original->format != Format::kJson)
     notes.push_back("looks and shapes of the original document" +
-                    (unreadable.empty() ? "" : ", which cannot be read (" + unreadable + ")"));
+                    (unreadable.empty() ? "" : ", which cannot be kept (" + unreadable + ")"));
   if (form == Format::kUrdf) return io::draw_urdf(model, notes);
   const std::string text = io::draw_mjcf(model, notes);
   io::compile_mjcf(io::expand_mjcf(text, "", where));  // MuJoCo refuses inertias that cannot be

@@ -246,11 +246,14 @@ std::string urdf_with_values(const std::string& original, const std::string& whe
   for_each_child(robot, "link", [&](XmlElement& e) { links[attribute(e, "name")] = &e; });
   for_each_child(robot, "joint", [&](XmlElement& e) { joints[attribute(e, "name")] = &e; });
 
+  const auto locked = [&](std::size_t i) {  // a joint that was made fixed since
+    return model.links[i].type == ModelJoint::kFixed && before.links[i].type != ModelJoint::kFixed;
+  };
   for (std::size_t i = 0; i < std::max(model.links.size(), before.links.size()); ++i)
     if (i >= model.links.size() || i >= before.links.size() ||
         model.links[i].name != before.links[i].name ||
         model.links[i].joint != before.links[i].joint ||
-        model.links[i].type != before.links[i].type)
+        (model.links[i].type != before.links[i].type && !locked(i)))
       throw ModelError(where + ": its links are not those of the model '" + model.name +
                        "'; write the model as .json");
   for (std::size_t i = 0; i < model.links.size(); ++i) {
@@ -263,6 +266,11 @@ std::string urdf_with_values(const std::string& original, const std::string& whe
     }
     XmlElement& joint = *joints.at(now.joint);
     if (!same(now.X_PJ, then.X_PJ)) set_xyz_rpy(child(joint, "origin"), now.X_PJ);
+    if (locked(i)) {
+      joint.SetAttribute("type", "fixed");
+      for (const char* moving : {"axis", "limit", "dynamics", "mimic", "safety_controller"})
+        remove_children(joint, moving);
+    }
     if (now.type == ModelJoint::kFixed) continue;
     if (now.axis.x != then.axis.x || now.axis.y != then.axis.y || now.axis.z != then.axis.z)
       child(joint, "axis").SetAttribute("xyz", exact(now.axis).c_str());

@@ -232,6 +232,8 @@ AuditReport audit(const std::vector<Recording>& recordings, const AuditLimits& l
   audit_limits(context);
   audit_velocity(context);
   audit_torque(context);
+  audit_effort(context);
+  audit_command(context);
   audit_period(context);
   merge_recordings(report.faults, recordings.size());
   std::ranges::stable_sort(report.faults, [](const ChannelFault& a, const ChannelFault& b) {
@@ -309,6 +311,11 @@ std::vector<std::pair<std::string, std::string>> audit_fault_names() {
       {"torque_sign",
        "torque drops where its joint's velocity turns positive, or falls as it accelerates"},
       {"torque_swapped", "torque jumps at the reversals of another joint"},
+      {"effort_is_current", "torques are another multiple of what the model's links need"},
+      {"twos_complement", "negative numbers of a drive were read as large positive ones"},
+      {"command_swapped", "the desired position follows the position: the columns are exchanged"},
+      {"command_late", "the desired position is stamped later than what it brings about"},
+      {"one_time_stamp", "commands and positions of several drives share one stamp a row"},
       {"period", "the period that the sidecar states is not that of the motion"},
   };
 }

@@ -74,6 +74,8 @@ void audit_spikes(AuditContext& context);
 void audit_limits(AuditContext& context);
 void audit_velocity(AuditContext& context);
 void audit_torque(AuditContext& context);
+void audit_effort(AuditContext& context);
+void audit_command(AuditContext& context);
 void audit_period(AuditContext& context);
 
 }  // namespace diffnea::detail

@@ -14,78 +14,11 @@
 namespace diffnea::detail {
 namespace {
 
-struct Unit {
-  const char* name;
-  double scale;
-};
-constexpr Unit kTimeUnits[] = {{"s", 1.0}, {"ms", 1e-3}, {"us", 1e-6}, {"ns", 1e-9}};
-constexpr Unit kPositionUnits[] = {{"rad", 1.0},     {"deg", kPi / 180}, {"mrad", 1e-3},
-                                   {"rev", 2 * kPi}, {"m", 1.0},         {"cm", 1e-2},
-                                   {"mm", 1e-3}};
-constexpr Unit kVelocityUnits[] = {{"rad/s", 1.0},    {"deg/s", kPi / 180}, {"mrad/s", 1e-3},
-                                   {"rpm", kPi / 30}, {"rev/s", 2 * kPi},   {"m/s", 1.0},
-                                   {"cm/s", 1e-2},    {"mm/s", 1e-3}};
-constexpr Unit kAccelerationUnits[] = {
-    {"rad/s^2", 1.0}, {"deg/s^2", kPi / 180}, {"m/s^2", 1.0}, {"mm/s^2", 1e-3}};
-constexpr Unit kTorqueUnits[] = {{"N*m", 1.0}, {"Nm", 1.0},    {"mN*m", 1e-3}, {"mNm", 1e-3},
-                                 {"N", 1.0},   {"kN", 1000.0}, {"mN", 1e-3}};
-constexpr Unit kLengthUnits[] = {{"m", 1.0}, {"cm", 1e-2}, {"mm", 1e-3}};
-constexpr Unit kSpinUnits[] = {
-    {"rad/s", 1.0}, {"deg/s", kPi / 180}, {"rpm", kPi / 30}, {"rev/s", 2 * kPi}};
-
-std::span<const Unit> units_of(Channel channel) {
-  switch (channel) {
-    case Channel::kTime:
-      return kTimeUnits;
-    case Channel::kQ:
-    case Channel::kQcmd:
-      return kPositionUnits;
-    case Channel::kQd:
-      return kVelocityUnits;
-    case Channel::kQdd:
-      return kAccelerationUnits;
-    case Channel::kTau:
-      return kTorqueUnits;
-    case Channel::kBall:
-      return kLengthUnits;
-    case Channel::kSpin:
-      return kSpinUnits;
-    case Channel::kRun:
-    case Channel::kExtra:
-      break;
-  }
-  return {};
-}
-
 std::string_view trim(std::string_view s) {
   const auto is_space = [](char c) { return c == ' ' || c == '\t' || c == '\r'; };
   while (!s.empty() && is_space(s.front())) s.remove_prefix(1);
   while (!s.empty() && is_space(s.back())) s.remove_suffix(1);
   return s;
-}
-
-/// "N·m" → "N*m", "rad/s²" → "rad/s^2", "°" → "deg", "µs" → "us".
-std::string plain_unit(std::string_view unit) {
-  constexpr std::pair<const char*, const char*> kReplace[] = {
-      {"\u00b7", "*"}, {"\u22c5", "*"},   {"\u00b2", "^2"}, {"\u00b5", "u"},
-      {"\u03bc", "u"}, {"\u00b0", "deg"}, {" ", ""},        {"**", "^"}};
-  std::string out(unit);
-  for (const auto& [from, to] : kReplace)
-    for (std::size_t at; (at = out.find(from)) != std::string::npos;)
-      out.replace(at, std::string_view(from).size(), to);
-  return out;
-}
-
-/// A unit of turning ("deg/s", "N*m"), of sliding ("mm", "N"), or of neither ("A").
-enum class Motion { kTurns, kSlides, kEither };
-
-Motion motion_of(Channel channel, const std::string& unit) {
-  if (channel == Channel::kTau) {
-    if (unit == "A") return Motion::kEither;
-    return unit.ends_with('m') ? Motion::kTurns : Motion::kSlides;
-  }
-  const std::string length = unit.substr(0, unit.find('/'));
-  return length == "m" || length == "cm" || length == "mm" ? Motion::kSlides : Motion::kTurns;
 }
 
 bool is_of_joint(Channel channel) {
@@ -131,6 +64,97 @@ std::optional<std::string> joint_of(const std::string& name, Channel& channel) {
   return std::nullopt;
 }
 
+/// Headers as the user calls them: "observation.state.0" becomes "q_gripper [deg]".
+/// @throws DataError for a column that is not there
+void rename_columns(std::vector<std::string>& cells, const std::string& where,
+                    const std::vector<ColumnName>& columns, std::vector<bool>& left_out) {
+  const std::vector<std::string> before = cells;
+  const auto without_unit = [](const std::string& cell) {
+    return std::string(trim(std::string_view(cell).substr(0, cell.rfind('['))));
+  };
+  for (const ColumnName& c : columns) {
+    auto it = std::ranges::find(before, c.from);
+    const bool whole = it != before.end();
+    if (!whole)
+      it = std::ranges::find_if(before, [&](const auto& b) { return without_unit(b) == c.from; });
+    if (it == before.end())
+      throw DataError(where + ":1: map: there is no column '" + c.from +
+                      "'; columns: " + detail::join_or_none(before));
+    const std::size_t k = static_cast<std::size_t>(it - before.begin());
+    if (c.to.empty()) {
+      left_out[k] = true;
+      continue;
+    }
+    const std::size_t unit = whole ? std::string::npos : before[k].rfind('[');
+    cells[k] = c.to;
+    if (unit != std::string::npos && c.to.find('[') == std::string::npos)
+      cells[k] += " " + before[k].substr(unit);
+  }
+}
+
+/// Worth of one unit of a drive's: the sidecar's torque_constant.
+double worth_of(const Column& column, const UnitOfColumn& unit, const std::string& joint,
+                const RecordingInfo& info) {
+  const auto constant =
+      std::ranges::find(info.torque_constant, joint, &std::pair<std::string, double>::first);
+  if (constant != info.torque_constant.end()) return constant->second;
+  const std::string per = unit.unit == "mA" ? "A" : unit.unit;
+  const std::string what = per == "A"   ? "a current [" + unit.unit + "]"
+                           : per == "V" ? "a voltage [V]"
+                                        : "in per cent";
+  throw DataError(
+      "'" + column.name + "' is " + what + ", not a torque: give its torque_constant [N*m/" + per +
+      "] in the file's .json, or the law as its unit, tau_" + joint +
+      " [0.5*N*m] if one is worth 0.5 N*m, or call it by a name that is no torque's, "
+      "drive_" +
+      joint + " [" + unit.unit +
+      "] (--map renames columns); units of torque: " + detail::join(unit_names(Channel::kTau)));
+}
+
+/// The joints whose columns stay: all, unless the model's are all there; then these alone.
+std::vector<std::string> wanted_joints(const std::vector<std::string>& logged,
+                                       const std::vector<JointDescription>& joints) {
+  std::vector<std::string> out;
+  for (const std::string& name : logged)
+    if (std::ranges::find(joints, name, &JointDescription::name) != joints.end())
+      out.push_back(name);
+  return out.size() == joints.size() && !joints.empty() ? out : logged;
+}
+
+/// Sets how a column's cells become SI; a refusal goes to `fail`.
+template <class Fail>
+void set_unit(Column& c, const std::string& text, Columns& out, const RecordingInfo& info,
+              const std::vector<JointDescription>& joints, const Fail& fail) {
+  try {
+    const UnitOfColumn unit = parse_unit(c.channel, text);
+    c.conversion = unit.conversion;
+    const std::string joint = is_of_joint(c.channel) ? out.joint_names[c.index] : "";
+    if (unit.of_drive) {
+      const double worth = worth_of(c, unit, joint, info);
+      c.conversion.scale *= worth;
+      c.conversion.offset *= worth;
+      const std::string per = unit.unit == "mA" ? "A" : unit.unit;
+      out.notes.push_back("'" + c.name + "' was converted from " +
+                          (per == "A"   ? "current"
+                           : per == "V" ? "voltage"
+                                        : "per cent") +
+                          " with " + std::to_string(worth) + " N*m/" + per);
+    }
+    const auto known = std::ranges::find(joints, joint, &JointDescription::name);
+    if (joint.empty() || known == joints.end() ||
+        unit.motion != (known->prismatic ? Motion::kTurns : Motion::kSlides))
+      return;
+    throw DataError("unit '" + unit.unit + "' cannot be that of '" + joint + "', which " +
+                    (known->prismatic ? "slides (prismatic)" : "turns (revolute)") +
+                    " in the model; expected " +
+                    (c.channel == Channel::kTau ? (known->prismatic ? "N" : "N*m")
+                                                : (known->prismatic ? "m" : "rad")) +
+                    " or another unit of that kind");
+  } catch (const DataError& error) {
+    fail(error.what());
+  }
+}
+
 }  // namespace
 
 void require_plain_name(const std::string& what, const std::string& name, bool of_joint) {
@@ -140,32 +164,6 @@ void require_plain_name(const std::string& what, const std::string& name, bool o
     throw DataError(what + ": a column cannot be named '" + name +
                     "', expected a name without commas, quotes, line ends and spaces about it; of "
                     "a joint without brackets");
-}
-
-const char* channel_name(Channel channel) {
-  switch (channel) {
-    case Channel::kTime:
-      return "time";
-    case Channel::kRun:
-      return "run";
-    case Channel::kQ:
-      return "position";
-    case Channel::kQd:
-      return "velocity";
-    case Channel::kQdd:
-      return "acceleration";
-    case Channel::kQcmd:
-      return "desired position";
-    case Channel::kTau:
-      return "torque";
-    case Channel::kBall:
-      return "ball position";
-    case Channel::kSpin:
-      return "spin";
-    case Channel::kExtra:
-      return "extra channel";
-  }
-  return "";
 }
 
 double largest_credible(Channel channel) {
@@ -188,6 +186,7 @@ double largest_credible(Channel channel) {
     case Channel::kSpin:
       return 1e5;
     case Channel::kExtra:
+    case Channel::kLeftOut:
       break;
   }
   return std::numeric_limits<double>::infinity();
@@ -198,10 +197,11 @@ long Columns::find(Channel channel) const {
   return it == columns.end() ? -1 : it - columns.begin();
 }
 
-Columns parse_header(std::string_view line, const std::string& where, const RecordingInfo& info,
-                     const std::vector<JointDescription>& joints) {
+Columns parse_header(std::string_view line, const std::string& where, const ReadOptions& options) {
+  const RecordingInfo& info = options.info;
+  const std::vector<JointDescription>& joints = options.joints;
   if (line.starts_with("\xef\xbb\xbf")) line.remove_prefix(3);
-  const std::vector<std::string> cells = split_header(line);
+  std::vector<std::string> cells = split_header(line);
   const auto fail = [&](std::size_t column, const std::string& what) -> void {
     throw DataError(where + ":1:" + std::to_string(column + 1) + ": " + what);
   };
@@ -215,8 +215,11 @@ Columns parse_header(std::string_view line, const std::string& where, const Reco
       }))
     fail(0, "got numbers in the first row, expected a header (time, q_<joint>, tau_<joint>, …)");
 
+  std::vector<bool> left_out(cells.size(), false);
+  rename_columns(cells, where, options.columns, left_out);
+
   Columns out;
-  std::vector<std::string> names, units;
+  std::vector<std::string> names, units, logged;
   for (std::size_t k = 0; k < cells.size(); ++k) {
     std::string name = cells[k], unit;
     if (name.empty()) fail(k, "the column has no name");
@@ -225,27 +228,41 @@ Columns parse_header(std::string_view line, const std::string& where, const Reco
       unit = plain_unit(std::string_view(name).substr(bracket + 1, name.size() - bracket - 2));
       name = std::string(trim(std::string_view(name).substr(0, bracket)));
     }
-    if (const auto it = std::ranges::find(names, name); it != names.end())
+    if (const auto it = std::ranges::find(names, name); it != names.end() && !left_out[k])
       fail(k, "column '" + name + "' comes twice, first as column " +
                   std::to_string(it - names.begin() + 1));
     names.push_back(name);
     units.push_back(unit);
-    if (name.starts_with("q_") && name.size() > 2) out.joint_names.push_back(name.substr(2));
+    if (left_out[k]) names.back() = "";  // nobody's
+    if (names.back().starts_with("q_") && name.size() > 2) logged.push_back(name.substr(2));
   }
   if (std::ranges::find(names, "time") == names.end())
-    throw DataError(where +
-                    ":1: there is no column `time` [s]; columns: " + detail::join_or_none(names));
+    throw DataError(where + ":1: there is no column `time` [s]; columns: " +
+                    detail::join_or_none(cells) + "; --map \"COLUMN=time [s]\" names it");
+  out.joint_names = wanted_joints(logged, joints);
+  std::vector<std::string> strangers;
+  for (const std::string& joint : logged)
+    if (std::ranges::find(out.joint_names, joint) == out.joint_names.end())
+      strangers.push_back(joint);
+  if (!strangers.empty())
+    out.notes.push_back("columns of joints that the model does not have are left out: " +
+                        detail::join(strangers));
 
   out.has_tau.assign(out.joint_names.size(), false);
   std::array<std::array<bool, 3>, 2> axes{};
   for (std::size_t k = 0; k < names.size(); ++k) {
-    Column c{.channel = Channel::kExtra, .index = 0, .scale = 1.0, .name = cells[k]};
+    Column c{.channel = Channel::kExtra, .index = 0, .conversion = {}, .name = cells[k]};
     Channel channel = Channel::kExtra;
-    if (names[k] == "time") {
+    if (left_out[k]) {
+      c.channel = Channel::kLeftOut;
+    } else if (names[k] == "time") {
       c.channel = Channel::kTime;
     } else if (names[k] == "run") {
       c.channel = Channel::kRun;
-    } else if (const std::optional<std::string> joint = joint_of(names[k], channel)) {
+    } else if (const std::optional<std::string> joint = joint_of(names[k], channel);
+               joint && std::ranges::find(strangers, *joint) != strangers.end()) {
+      c.channel = Channel::kLeftOut;
+    } else if (joint) {
       const auto it = std::ranges::find(out.joint_names, *joint);
       if (it == out.joint_names.end())
         fail(k, "'" + names[k] + "' has no 'q_" + *joint +
@@ -266,44 +283,8 @@ Columns parse_header(std::string_view line, const std::string& where, const Reco
     if (c.channel == Channel::kExtra) {
       c.index = static_cast<int>(out.extra_names.size());
       out.extra_names.push_back(cells[k]);
-    } else if (!units[k].empty()) {
-      const std::span<const Unit> known = units_of(c.channel);
-      const auto it =
-          std::ranges::find_if(known, [&](const Unit& u) { return u.name == units[k]; });
-      if (it != known.end()) {
-        c.scale = it->scale;
-        const auto joint =
-            is_of_joint(c.channel)
-                ? std::ranges::find(joints, out.joint_names[c.index], &JointDescription::name)
-                : joints.end();
-        if (joint != joints.end()) {
-          const Motion motion = motion_of(c.channel, units[k]);
-          if (motion == (joint->prismatic ? Motion::kTurns : Motion::kSlides))
-            fail(k, "unit '" + units[k] + "' cannot be that of '" + joint->name + "', which " +
-                        (joint->prismatic ? "slides (prismatic)" : "turns (revolute)") +
-                        " in the model; expected " +
-                        (c.channel == Channel::kTau ? (joint->prismatic ? "N" : "N*m")
-                                                    : (joint->prismatic ? "m" : "rad")) +
-                        " or another unit of that kind");
-        }
-      } else {
-        const std::string joint = c.channel == Channel::kTau ? out.joint_names[c.index] : "";
-        const auto constant =
-            std::ranges::find(info.torque_constant, joint, &std::pair<std::string, double>::first);
-        std::vector<std::string> choices;
-        for (const Unit& u : known) choices.emplace_back(u.name);
-        if (units[k] != "A" || joint.empty())
-          fail(k, "unit '" + units[k] + "' is not known for a " + channel_name(c.channel) +
-                      "; units: " + detail::join_or_none(choices));
-        if (constant == info.torque_constant.end())
-          fail(k, "'" + names[k] +
-                      "' is a current [A]: give its torque_constant [N*m/A] in the file's "
-                      ".json, or convert it; units: " +
-                      detail::join_or_none(choices));
-        c.scale = constant->second;
-        out.notes.push_back("'" + names[k] + "' was converted from current with " +
-                            std::to_string(c.scale) + " N*m/A");
-      }
+    } else if (!units[k].empty() && c.channel != Channel::kLeftOut) {
+      set_unit(c, units[k], out, info, joints, [&](const std::string& what) { fail(k, what); });
     }
     out.columns.push_back(c);
   }
@@ -315,11 +296,12 @@ Columns parse_header(std::string_view line, const std::string& where, const Reco
                       "z some are missing; all three are needed");
   }
   if (out.joint_names.empty() && !out.has(Channel::kBall))
-    throw DataError(where +
-                    ":1: there is neither a joint (q_<joint>) nor a ball (ball_x, ball_y, ball_z)" +
-                    "; columns: " + detail::join_or_none(names));
+    throw DataError(
+        where + ":1: there is neither a joint (q_<joint>) nor a ball (ball_x, ball_y, ball_z)" +
+        "; columns: " + detail::join_or_none(names) + "; --map \"COLUMN=q_JOINT [deg]\" names one" +
+        (options.notes.empty() ? "" : ". " + detail::join(options.notes, ". ")));
   for (const std::string& joint : info.passive)
-    if (std::ranges::find(out.joint_names, joint) == out.joint_names.end())
+    if (std::ranges::find(logged, joint) == logged.end())
       throw DataError(where + ": the passive joint '" + joint +
                       "' has no column; joints: " + detail::join_or_none(out.joint_names));
   for (const std::string& joint : out.joint_names)

@@ -6,18 +6,17 @@
 #include <string_view>
 #include <vector>
 
-#include <diffnea/recording/joints.hpp>
-#include <diffnea/recording/recording.hpp>
+#include <diffnea/recording/csv.hpp>
+
+#include "recording/column_units.hpp"
 
 namespace diffnea::detail {
 
-enum class Channel { kTime, kRun, kQ, kQd, kQdd, kQcmd, kTau, kBall, kSpin, kExtra };
-
 struct Column {
   Channel channel = Channel::kExtra;
-  int index = 0;       ///< joint, axis, or number of the extra channel
-  double scale = 1.0;  ///< to SI
-  std::string name;    ///< as in the header
+  int index = 0;          ///< joint, axis, or number of the extra channel
+  Conversion conversion;  ///< to SI
+  std::string name;       ///< name in the header, or as mapped
 };
 
 struct Columns {
@@ -32,17 +31,14 @@ struct Columns {
   bool has(Channel channel) const { return find(channel) >= 0; }
 };
 
-/// @param where   file name, for messages
-/// @param joints  of the model, where it is known: its slides have no angles, its hinges no lengths
+/// @param where    file name, for messages
+/// @param options  of its joints, where the model is known: slides have no angles, hinges no
+///                 lengths; other joints are left out if all of the model's are there
 /// @throws DataError `file:1:column: …`
-Columns parse_header(std::string_view line, const std::string& where, const RecordingInfo& info,
-                     const std::vector<JointDescription>& joints = {});
+Columns parse_header(std::string_view line, const std::string& where, const ReadOptions& options);
 
 /// No measured value of this channel is larger, in SI; infinite: anything goes.
 double largest_credible(Channel channel);
-
-/// What to call the channel in a message.
-const char* channel_name(Channel channel);
 
 /// A header has no way to say commas, quotes, line ends and spaces about a name, nor brackets in a
 /// joint's, which hold units. @throws DataError that begins with `what`

@@ -4,10 +4,10 @@
 #include <cmath>
 
 #include <diffnea/core/error.hpp>
+#include <diffnea/recording/foreign_file.hpp>
 
 #include "core/number_text.hpp"
 #include "recording/csv_row.hpp"
-#include "recording/foreign_file.hpp"
 
 namespace diffnea::detail {
 namespace {
@@ -22,13 +22,15 @@ const std::filesystem::path& of_csv(const std::filesystem::path& path) {
 
 CredibleRows::CredibleRows(const std::filesystem::path& path, const ReadOptions& options,
                            ReadReport& report)
-    : report_(report), max_listed_(options.max_listed), lines_(of_csv(path)) {
+    : report_(report),
+      max_listed_(options.max_listed),
+      lines_(of_csv(path), "recording", options.name) {
   std::string_view line;
   do {
     if (!lines_.next(line))
       throw DataError(lines_.name() + ": the file is empty, expected a header and rows");
   } while (line.find_first_not_of(" \t") == line.npos);
-  header_ = parse_header(line, lines_.name(), options.info, options.joints);
+  header_ = parse_header(line, lines_.name(), options);
   time_column_ = static_cast<std::size_t>(header_.find(Channel::kTime));
   run_column_ = header_.find(Channel::kRun);
   for (const Column& c : header_.columns) limits_.push_back(largest_credible(c.channel));

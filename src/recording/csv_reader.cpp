@@ -21,9 +21,10 @@ constexpr double kLate = 1.5;
 /// Runs, the clock, and blocks of rows: what needs more than one row to be seen.
 struct RecordingReader::Impl {
   Impl(const std::filesystem::path& path, const ReadOptions& opt)
-      : name(path.string()), options(opt), rows(path, opt, report) {
+      : name(opt.name.empty() ? path.string() : opt.name), options(opt), rows(path, opt, report) {
     report.source = name;
-    report.notes = header.notes;
+    report.notes = options.notes;
+    report.notes.insert(report.notes.end(), header.notes.begin(), header.notes.end());
     report.extra_channels = header.extra_names;
     if (!header.extra_names.empty())
       report.notes.push_back("columns that are not of the format are kept as extra channels: " +
@@ -99,14 +100,13 @@ struct RecordingReader::Impl {
         repeated += now == before ? 1 : 0;
         const bool set_back = (now < before || row.line == behind_line + 1) &&
                               !(jump > kLate * last_step) && refuse_set_back(before, now);
-        rows.quarantine(before_is_wrong ? pending.line : row.line,
-                        before_is_wrong
-                            ? "time jumps ahead to " + number_text(before, 6) + " and back"
-                        : set_back ? detail::kSetBack + number_text(before, 6) + " to " +
-                                         number_text(now, 6)
-                        : now == before ? "time repeats (" + number_text(now, 6) + ")"
-                                        : "time runs backward, from " + number_text(before, 6) +
-                                              " to " + number_text(now, 6));
+        rows.quarantine(
+            before_is_wrong ? pending.line : row.line,
+            before_is_wrong ? "time jumps ahead to " + number_text(before, 6) + " and back"
+            : set_back ? detail::kSetBack + number_text(before, 6) + " to " + number_text(now, 6)
+            : now == before ? "time repeats (" + number_text(now, 6) + ")"
+                            : "time runs backward, from " + number_text(before, 6) + " to " +
+                                  number_text(now, 6));
         if (!before_is_wrong) return;
       }
     }
@@ -196,8 +196,9 @@ struct RecordingReader::Impl {
       message += (i == 0 ? " line " : "; line ") + std::to_string(report.quarantined_rows[i].line) +
                  ": " + report.quarantined_rows[i].reason;
     if (2 * repeated > report.quarantined)
-      message += " (stamps that are coarser than the rows: write `time` with more digits, or keep "
-                 "one row of each time)";
+      message +=
+          " (stamps that are coarser than the rows: write `time` with more digits, or keep "
+          "one row of each time)";
     else if (run_column < 0)
       message += " (several recordings in one file need a column `run`)";
     throw DataError(message);
@@ -218,7 +219,7 @@ struct RecordingReader::Impl {
   int present_run = 0;
   long rows_in_run = 0;
   double committed_time = 0.0, last_step = 0.0;
-  long repeated = 0;                        ///< rows with the time of the row before
+  long repeated = 0;                       ///< rows with the time of the row before
   long behind_line = 0, first_behind = 0;  ///< last and first row behind the clock
   double behind_time = 0.0;
   std::set<int> runs_seen;
@@ -231,6 +232,9 @@ RecordingReader::RecordingReader(RecordingReader&&) noexcept = default;
 RecordingReader& RecordingReader::operator=(RecordingReader&&) noexcept = default;
 
 bool RecordingReader::next(Recording& block, long max_rows) { return impl_->next(block, max_rows); }
+const std::vector<std::string>& RecordingReader::joint_names() const {
+  return impl_->header.joint_names;
+}
 const ReadReport& RecordingReader::report() const { return impl_->report; }
 
 }  // namespace diffnea

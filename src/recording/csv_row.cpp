@@ -66,16 +66,16 @@ bool parse_row(std::string_view line, const LineSource& lines, const Columns& he
         // "1e", "-" at the very end of the file: the beginning of a number.
         const bool is_beginning = cell.find_first_not_of("0123456789+-.eE") == cell.npos;
         if (!lines.terminated() && cell_end == end && is_beginning) return false;
-        if (c.channel != Channel::kExtra)
+        if (c.channel != Channel::kExtra && c.channel != Channel::kLeftOut)
           fail(lines, k,
                "'" + std::string(cell.substr(0, 40)) + "' in column '" + c.name +
                    "' is no number; an empty cell or NaN marks a gap");
-        ++text_cells[c.index];
+        if (c.channel == Channel::kExtra) ++text_cells[c.index];
         x = kNaN;
       }
       p = cell_end;
     }
-    row[k] = x * header.columns[k].scale;
+    row[k] = header.columns[k].conversion(x);
     ++k;
     if (p == end || k == num_columns) break;
     ++p;  // the comma

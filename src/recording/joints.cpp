@@ -9,6 +9,7 @@
 #include "core/constants.hpp"
 #include "recording/columns.hpp"
 #include "recording/torque_spikes.hpp"
+#include "recording/twos_complement.hpp"
 
 namespace diffnea {
 
@@ -24,10 +25,11 @@ void match_joints(const std::vector<JointDescription>& joints, std::vector<Recor
       throw DataError(r.source + ": the model has no joint, the recording has " +
                       detail::join_or_none(r.joint_names) +
                       "; leave the columns of joints out, or give the model of the robot");
-    if (from.size() != wanted.size() || from.size() != r.joint_names.size())
+    if (from.size() != wanted.size())
       throw DataError(r.source + ": the joints are not the model's; recording: " +
                       detail::join_or_none(r.joint_names) +
-                      "; model: " + detail::join_or_none(wanted));
+                      "; model: " + detail::join_or_none(wanted) +
+                      "; --lock JOINT=VALUE (lock=) holds a joint of the model that is not logged");
     for (auto member :
          {&Recording::q, &Recording::qd, &Recording::qdd, &Recording::qcmd, &Recording::tau}) {
       RowMatX<double>& m = r.*member;
@@ -115,6 +117,22 @@ std::vector<std::string> blank_absurd_torque(const std::vector<JointDescription>
                     joints[j].name.c_str(), value, r.time[first], suspect.than.c_str(), blanked,
                     blanked == 1 ? "value is" : "values are");
       out.push_back((r.source.empty() ? "" : r.source + ": ") + text);
+    }
+  return out;
+}
+
+std::vector<ChannelWarning> find_twos_complement_torque(const std::vector<JointDescription>& joints,
+                                                        const std::vector<Recording>& recordings) {
+  std::vector<ChannelWarning> out;
+  for (std::size_t j = 0; j < joints.size(); ++j)
+    for (const Recording& r : recordings) {
+      if (j >= r.has_tau.size() || !r.has_tau[j]) continue;
+      const auto found = detail::find_twos_complement(r.tau.col(static_cast<long>(j)));
+      if (!found) continue;
+      const std::string channel = "tau_" + joints[j].name;
+      out.push_back(
+          {joints[j].name, channel + ": " + detail::twos_complement_text(*found, channel, true)});
+      break;
     }
   return out;
 }

@@ -6,8 +6,9 @@
 
 namespace diffnea::detail {
 
-LineSource::LineSource(const std::filesystem::path& path, const std::string& what)
-    : name_(path.string()) {
+LineSource::LineSource(const std::filesystem::path& path, const std::string& what,
+                       const std::string& name)
+    : name_(name.empty() ? path.string() : name) {
   std::error_code ignored;
   file_.reset(std::filesystem::is_directory(path, ignored) ? nullptr
                                                            : std::fopen(path.c_str(), "rb"));

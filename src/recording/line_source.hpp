@@ -17,8 +17,10 @@ inline constexpr std::size_t kMaxLine = std::size_t{1} << 20;  // [bytes]
 class LineSource {
  public:
   /// @param what  the file is, for messages
+  /// @param name  to call it by in messages; empty: the path
   /// @throws FileError if the file cannot be opened
-  explicit LineSource(const std::filesystem::path& path, const std::string& what = "recording");
+  explicit LineSource(const std::filesystem::path& path, const std::string& what = "recording",
+                      const std::string& name = "");
 
   /// @param line  without its end, valid until the next call  @return false at the end of the file
   /// @throws DataError if the line is longer than kMaxLine: the file is of another kind

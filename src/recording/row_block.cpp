@@ -34,6 +34,7 @@ Recording recording_of_rows(std::span<const double> values, const Columns& heade
         r.time = x;
         break;
       case Channel::kRun:
+      case Channel::kLeftOut:
         break;
       case Channel::kQ:
         r.q.col(c.index) = x;

@@ -15,6 +15,10 @@ std::string time_unit_question(const VecX<double>& time, double dt);
 /// The same of the first of the recordings that it is asked of.
 std::string time_unit_question(const std::vector<Recording>& recordings);
 
+/// Says that rows are too far apart to see a robot's dynamics, and that their time may be in
+/// another unit, where it may. Empty: they are not.
+std::string slow_rows(const std::vector<Recording>& recordings);
+
 /// Rows a thousand, a million times as far apart as those that were fitted are in another unit.
 /// @param fitted    interval of the fitted recordings [s]
 /// @param held_out  interval of these [s]

@@ -24,7 +24,7 @@ void collect(std::string_view line, const Columns& header,
       double x = 0.0;
       if (std::from_chars(cell.data(), cell.data() + cell.size(), x).ec == std::errc() &&
           std::isfinite(x))
-        sizes[k].push_back(std::abs(x * column.scale));
+        sizes[k].push_back(std::abs(column.conversion(x)));
     }
     if (comma == std::string_view::npos) return;
     line.remove_prefix(comma + 1);

@@ -7,17 +7,16 @@
 
 namespace diffnea {
 AuditReport audit_files(const std::vector<std::filesystem::path>& files, const AuditLimits& limits,
-                        const std::vector<std::string>& passive) {
+                        const std::vector<ReadOptions>& given) {
   if (files.empty()) throw DataError("audit: got no file, expected one or more");
   std::vector<Recording> recordings;
   ReadReport reading;
-  for (const std::filesystem::path& file : files) {
-    ReadOptions options;
+  for (std::size_t f = 0; f < files.size(); ++f) {
+    ReadOptions options = given.empty() ? with_sidecar(files[f]) : given[f];
     options.max_quarantined_share = 1.0;
     options.refuse_silent_torque = false;
-    options.info.passive = passive;
     ReadReport one;
-    for (Recording& r : read_recordings(file, with_sidecar(file, options), &one))
+    for (Recording& r : read_recordings(files[f], options, &one))
       recordings.push_back(std::move(r));
     reading.add(one);
   }

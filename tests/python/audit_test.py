@@ -117,12 +117,12 @@ def test_python_says_what_the_command_says(tmp_path: Path) -> None:
 
 def test_what_cannot_be_audited_says_why(tmp_path: Path, arm) -> None:
     arm.save(tmp_path / "arm.json")
-    data = columns()
-    del data["q_elbow"], data["qd_elbow"], data["tau_elbow"]
+    data = {name.replace("elbow", "elbw"): values for name, values in columns().items()}
     path = write(tmp_path / "one.csv", data)
     answer = diffnea("audit", path, "--model", tmp_path / "arm.json")
     assert answer.returncode == BAD_INPUT
     assert "the joints are not the model's" in answer.stderr
+    assert '--map "q_elbw=q_elbow"' in answer.stderr
     assert diffnea("audit", tmp_path / "nowhere.csv").returncode == BAD_INPUT
     answer = diffnea("audit", tmp_path / "arm.json", path)  # as the other commands have it
     assert answer.returncode == BAD_INPUT

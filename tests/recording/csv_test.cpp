@@ -207,8 +207,8 @@ TEST_CASE("csv: what the format does not allow is refused, with file, line and c
       {"time,q_a [grad]\n0,1\n", "unit 'grad' is not known for a position; units: rad, deg"},
       {"time [min],q_a\n0,1\n", "unit 'min' is not known for a time; units: s, ms"},
       {"time,q_a,tau_a [A]\n0,1,1\n",
-       "arm.csv:1:3: 'tau_a' is a current [A]: give its torque_constant"},
-      {"time,q_a,tau_a [V]\n0,1,1\n", "unit 'V' is not known for a torque; units: N*m"},
+       "arm.csv:1:3: 'tau_a [A]' is a current [A], not a torque: give its torque_constant [N*m/A]"},
+      {"time,q_a,tau_a [W]\n0,1,1\n", "unit 'W' is not known for a torque; units: N*m"},
       {"time,q_a [deg\n0,1\n", "opens a unit that it does not close"},
       {"time,q_a\n0,1\n0.1,1.2.3\n", "arm.csv:3:2: '1.2.3' in column 'q_a' is no number"},
       {"time,q_a\n0,1\n0.1,off\n", "arm.csv:3:2: 'off' in column 'q_a' is no number"},
@@ -274,6 +274,21 @@ TEST_CASE("csv: a current is read with its torque constant", "[recording]") {
   ReadOptions options;
   options.info.torque_constant = {{"a", 0.5}};
   CHECK(read("time,q_a,tau_a [A]\n0,1,3\n", options)[0].tau(0, 0) == 1.5);
+}
+
+TEST_CASE("csv: columns of joints that the model does not have are left out, with a note",
+          "[recording]") {
+  ReadOptions options;
+  options.joints = {{.name = "a"}};
+  ReadReport report;
+  // The wheel's torque, zero throughout, would be refused, and its word, too.
+  const std::string text = "time,q_wheel,q_a,tau_wheel,tau_a\n0,off,1,0,3\n1,1,2,0,4\n";
+  const Recording r = read(text, options, &report)[0];
+  CHECK(r.joint_names == std::vector<std::string>{"a"});
+  CHECK(r.tau(1, 0) == 4.0);
+  CHECK(report.notes.at(0) == "columns of joints that the model does not have are left out: wheel");
+  options.joints = {{.name = "a"}, {.name = "b"}};  // which of them is meant, is not known
+  CHECK_THROWS_AS(read(text, options), DataError);
 }
 
 TEST_CASE("csv: an extra channel that holds words is kept as gaps, with a note", "[recording]") {

@@ -46,11 +46,18 @@ TEST_CASE("joints: a joint that the model calls passive has torque zero", "[reco
   CHECK(all[0].info.passive == std::vector<std::string>{"a"});
 }
 
-TEST_CASE("joints: another set of joints is refused, both sets named", "[recording]") {
+TEST_CASE("joints: columns of other joints are left out", "[recording]") {
+  std::vector<Recording> all = {recording()};
+  match_joints({{.name = "b"}}, all);
+  CHECK(all[0].joint_names == std::vector<std::string>{"b"});
+  CHECK(all[0].q.cols() == 1);
+  CHECK(all[0].q(2, 0) == 30.0);
+}
+
+TEST_CASE("joints: a joint without columns is refused, both sets named", "[recording]") {
   std::vector<Recording> all = {recording()};
   for (const std::vector<JointDescription>& joints :
-       {std::vector<JointDescription>{{.name = "a"}},
-        std::vector<JointDescription>{{.name = "a"}, {.name = "c"}},
+       {std::vector<JointDescription>{{.name = "a"}, {.name = "c"}},
         std::vector<JointDescription>{{.name = "a"}, {.name = "b"}, {.name = "c"}}})
     CHECK_THROWS_WITH(
         match_joints(joints, all),

@@ -45,17 +45,20 @@ class RecordingSource {
   virtual const std::vector<ChannelWarning>& warnings() const = 0;
 };
 
-/// Recordings in memory. @throws DataError if their joints are not the model's (both sets listed)
+/// Recordings in memory; columns of joints that the model does not have are left out, and
+/// continuous joints unwrapped. @throws DataError if joints of the model are missing (both sets
+/// listed)
 std::unique_ptr<RecordingSource> recordings_in_memory(const Model& model,
                                                       std::vector<Recording> recordings);
 
 /// Files. Small ones are read once and kept; above `keep_bytes` in all they are streamed at every
 /// pass.
-/// @param info  of each file (sidecar); one for all if its size is 1
+/// @param options  of each file (name, columns, sidecar); one for all if its size is 1; joints are
+///                 the model's
 /// @throws FileError, DataError (recording/csv.hpp), naming file, line and column
 std::unique_ptr<RecordingSource> recordings_in_files(
     const Model& model, const std::vector<std::filesystem::path>& paths,
-    const std::vector<RecordingInfo>& info, long keep_bytes = 64L << 20);
+    const std::vector<ReadOptions>& options, long keep_bytes = 64L << 20);
 
 /// The model's joints as recording/ wants them.
 std::vector<JointDescription> describe_joints(const Model& model);

@@ -12,6 +12,7 @@
 /// correlation in time), and large enough to matter. Works on recordings in memory; the scratch is
 /// of their size.
 
+#include <functional>
 #include <limits>
 #include <string>
 #include <utility>
@@ -30,6 +31,11 @@ struct AuditLimits {
   /// matched by name, others are ignored.
   std::vector<JointDescription> joints;
   double significance = 5.0;  ///< least size of a fault over its standard error
+  /// Torques that the model needs for a motion of `joints`, in their order (rows × n): q, q̇, q̈
+  /// [rad, rad/s, rad/s²] → τ [N·m]. Empty: the size of torques is not checked.
+  std::function<RowMatX<double>(const RowMatX<double>&, const RowMatX<double>&,
+                                const RowMatX<double>&)>
+      model_torque = {};
 };
 
 /// Whether a finding biases what is fitted, or is worth knowing.

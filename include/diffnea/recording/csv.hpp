@@ -15,11 +15,21 @@
 
 namespace diffnea {
 
+/// A column by another name than the file's.
+struct ColumnName {
+  std::string from;  ///< name in the file, with or without its unit
+  std::string to;    ///< name of the format, "q_gripper [deg]"; empty: left out
+};
+
 /// What is known of a recording besides its file.
 struct ReadOptions {
-  RecordingInfo info;  ///< what columns cannot hold (sidecar, command line)
-  /// Of the model, where it is known: a unit that a joint cannot have is refused, and effort limits
-  /// help to tell which torques are absurd.
+  std::string name;                 ///< file's name in messages; empty: its path
+  std::vector<ColumnName> columns;  ///< columns with other names in the file
+  std::vector<std::string> notes;   ///< first of the report: what a converter said
+  RecordingInfo info;               ///< what columns cannot hold (sidecar, command line)
+  /// Model's, where it is known: a unit that a joint cannot have is refused, effort limits
+  /// help to tell which torques are absurd, and columns of other joints are left out if all of the
+  /// model's are there.
   std::vector<JointDescription> joints;
   double max_quarantined_share = 0.01;  ///< above this share of the rows the file is refused
   /// A torque that is zero or empty throughout at a joint that nobody declared passive is refused.
@@ -89,6 +99,9 @@ class RecordingReader {
   ///         and, since only the end tells, with the last block: too many quarantined rows, a
   ///         torque that is zero throughout at a joint that nobody declared passive
   bool next(Recording& block, long max_rows);
+
+  /// Joints of the columns that are read, in the file's order.
+  const std::vector<std::string>& joint_names() const;
 
   /// Complete once next() has returned false.
   const ReadReport& report() const;

@@ -11,12 +11,12 @@ namespace diffnea {
 
 /// Reads recordings of one robot with their sidecars, and audits them. What other readers refuse, a
 /// torque that is zero throughout and many rows that cannot be true, is a fault here.
-/// @param passive  joints whose torque is known to be zero, beside those of the sidecars and limits
+/// @param options  of each file; none: what their sidecars say
 /// @throws FileError, DataError if a file cannot be read; DataError if its joints are not those of
 ///         limits.joints (where there are any)
 AuditReport audit_files(const std::vector<std::filesystem::path>& files,
                         const AuditLimits& limits = {},
-                        const std::vector<std::string>& passive = {});
+                        const std::vector<ReadOptions>& options = {});
 
 /// An audit as `diffnea audit` prints it.
 struct AuditRun {

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from .._core import FileError
-from . import matlab, npz, parquet, ros
+from . import bam, lerobot, matlab, npz, parquet, ros
 from .table import Selection, Table
 
 __all__ = ["READERS", "Reader", "Selection", "Table", "is_foreign", "read_table"]
@@ -36,13 +36,23 @@ READERS = {
     ".mcap": Reader("ROS 2 bag", ros.read),
     ".db3": Reader("ROS 2 bag", ros.read),
     ".bag": Reader("ROS 1 bag", ros.read),
+    ".json": Reader("BAM log", bam.read),
 }
-FOLDER = Reader("ROS 2 bag", ros.read)
+BAG_FOLDER = Reader("ROS 2 bag", ros.read)
+DATA_SET = Reader("LeRobot data set", lerobot.read)
 
 
 def is_foreign(path: Path) -> bool:
-    """Whether a file is not for the reader of CSV files; a folder is a ROS 2 bag."""
+    """Whether a file is not for the reader of CSV files, or is a folder."""
     return path.suffix not in TEXT or path.is_dir()
+
+
+def _reader_of(path: Path) -> Reader | None:
+    if path.is_dir():
+        return DATA_SET if lerobot.is_data_set(path) else BAG_FOLDER
+    if path.suffix == ".json" and path.is_file() and not bam.is_log(path):
+        return None
+    return READERS.get(path.suffix)
 
 
 def read_table(path: Path, selection: Selection) -> Table:
@@ -54,11 +64,11 @@ def read_table(path: Path, selection: Selection) -> Table:
         ImportError: if the package that reads it is missing; the message says how to install it.
 
     """
-    reader = FOLDER if path.is_dir() else READERS.get(path.suffix)
+    reader = _reader_of(path)
     if reader is None:
         raise FileError(
-            f"{path}: {path.suffix} files are not read; choices: .csv, {', '.join(READERS)}, "
-            "the folder of a ROS 2 bag, or a pandas data frame"
+            f"{path}: {path.suffix} files are not read; choices: .csv, {', '.join(READERS)} "
+            "(of BAM), the folder of a ROS 2 bag or of a LeRobot data set, or a pandas data frame"
         )
     if not path.exists():
         raise FileError(f"{path}: there is no such file")

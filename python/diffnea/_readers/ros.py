@@ -2,12 +2,13 @@
 
 Of ROS 2 a folder with its ``metadata.yaml``, or a single ``.mcap`` or ``.db3``; of ROS 1 a
 ``.bag``. Message definitions that a file brings along are not used: they would be turned into code.
+Commands may come on a topic of their own (:mod:`.ros_commands`).
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._core import DataError, Error, FileError
+from . import ros_commands
 from .packages import import_package
 from .table import Selection, Table, table_of_columns
 
@@ -50,10 +52,31 @@ def read(path: Path, selection: Selection) -> Table:
     if selection.clock not in CLOCKS:
         raise DataError(f"clock: got {selection.clock!r}; choices: {', '.join(CLOCKS)}")
     with _Bag(path) as bag:
-        topic = _choose(path, bag.topics(), selection.topic)
+        states = bag.topics()
+        if selection.command_topic is not None:
+            states.pop(selection.command_topic, None)
+        topic = _choose(path, states, selection.topic)
         where = f"{path}: topic {topic}"
         messages = _collect(where, bag.messages(topic), selection)
-    return _table(where, messages, selection)
+        commands = _commands(path, bag, selection)
+    return _table(where, messages, selection, commands)
+
+
+def _commands(path: Path, bag: _Bag, selection: Selection) -> list[tuple[int, dict[str, float]]]:
+    """Return the commands of the topic that was asked for; none if none was."""
+    asked = selection.command_topic
+    if asked is None:
+        return []
+    there = bag.topics(ros_commands.TYPES)
+    if asked not in there:
+        listed = ", ".join(f"{name} ({count} messages)" for name, count in there.items())
+        raise DataError(
+            f"{path}: command_topic: got {asked!r}; topics of commands: {listed or 'none'}"
+        )
+    message_type = bag.type_of(asked)
+    return ros_commands.collect(
+        f"{path}: topic {asked}", bag.messages(asked, message_type), message_type, selection.clock
+    )
 
 
 def _choose(path: Path, there: dict[str, int], asked: str | None) -> str:
@@ -63,7 +86,10 @@ def _choose(path: Path, there: dict[str, int], asked: str | None) -> str:
     if asked is not None and asked not in there:
         raise DataError(f"{path}: topic: got {asked!r}; topics of joint states: {listed}")
     if asked is None and len(there) > 1:
-        raise DataError(f"{path}: has several topics of joint states: {listed}; choose with topic=")
+        raise DataError(
+            f"{path}: has several topics of joint states: {listed}; choose with topic= (--topic), "
+            "and command_topic= (--command-topic) if one of them holds the commands"
+        )
     return asked or next(iter(there))
 
 
@@ -94,7 +120,12 @@ def _collect(where: str, source: Iterator[tuple[str, int, Any]], selection: Sele
     return out
 
 
-def _table(where: str, messages: Messages, selection: Selection) -> Table:
+def _table(
+    where: str,
+    messages: Messages,
+    selection: Selection,
+    commands: list[tuple[int, dict[str, float]]],
+) -> Table:
     joints = _joints(where, messages, selection)
     _refuse_rivals(where, messages, joints)
     column = {joint: j for j, joint in enumerate(joints)}
@@ -135,12 +166,20 @@ def _table(where: str, messages: Messages, selection: Selection) -> Table:
                 columns[f"{key}_{joint}"] = measured[rows, j]
             elif key == "tau":
                 silent.append(joint)
+    desired = ros_commands.held(commands, joints, stamps[rows])
+    columns |= {f"qcmd_{joint}": values for joint, values in desired.items()}
     notes = [
         f"{where}: {len(rows)} rows of {len(messages.stamps)} messages; time 0 is "
         f"{first // 10**9}.{first % 10**9:09d} s of the {selection.clock}'s clock"
     ]
     if messages.skipped:
         notes.append(f"{messages.skipped} messages without a position are left out")
+    if commands:
+        without = [joint for joint in joints if joint not in desired]
+        notes.append(
+            f"{len(commands)} commands of topic {selection.command_topic}, each held until the next"
+            + (f"; none is of {', '.join(without)}" if without else "")
+        )
     if silent:
         notes.append(f"no effort is given of {', '.join(silent)}: prescribed, with unknown torque")
     return table_of_columns(where, columns, notes)
@@ -225,23 +264,29 @@ class _Bag:
     def _broken(self, error: Exception) -> FileError:
         return FileError(f"{self.path}: cannot be read as a ROS bag ({error})")
 
-    def topics(self) -> dict[str, int]:
+    def topics(self, types: Sequence[str] = (JOINT_STATE,)) -> dict[str, int]:
         out: Counter[str] = Counter()
         for connection in self.reader.connections:
-            if connection.msgtype == JOINT_STATE:
+            if connection.msgtype in types:
                 out[connection.topic] += connection.msgcount
         return dict(sorted(out.items()))
 
-    def messages(self, topic: str) -> Iterator[tuple[str, int, Any]]:
+    def type_of(self, topic: str) -> str:
+        """Type of a topic's messages."""
+        return str(next(c.msgtype for c in self.reader.connections if c.topic == topic))
+
+    def messages(
+        self, topic: str, message_type: str = JOINT_STATE
+    ) -> Iterator[tuple[str, int, Any]]:
         """Sender (empty where it is not known), time of reception [ns], message."""
         wanted = [
-            c for c in self.reader.connections if c.topic == topic and c.msgtype == JOINT_STATE
+            c for c in self.reader.connections if c.topic == topic and c.msgtype == message_type
         ]
         decode = self.types.deserialize_ros1 if self.is_ros1 else self.types.deserialize_cdr
         try:
             for connection, received, raw in self.reader.messages(wanted):
                 sender = getattr(connection.ext, "callerid", None) or ""
-                yield sender, received, decode(raw, JOINT_STATE)
+                yield sender, received, decode(raw, message_type)
         except Error:
             raise
         except Exception as error:

@@ -24,10 +24,15 @@ class Selection:
     topic: str | None = None
     clock: str = "header"
     joints: Sequence[str] = ()
+    command_topic: str | None = None
 
     def refuse(self, path: Path, format_name: str) -> None:
         """Raise DataError if something was selected that the format does not have."""
-        given = {"topic": self.topic, "joints": self.joints}
+        given = {
+            "topic": self.topic,
+            "command_topic": self.command_topic,
+            "joints": self.joints,
+        }
         asked = [name for name, value in given.items() if value]
         asked += ["clock"] if self.clock != "header" else []
         if asked:

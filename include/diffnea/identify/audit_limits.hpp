@@ -1,0 +1,12 @@
+#pragma once
+/// What an audit may know of a model.
+
+#include <diffnea/model/model.hpp>
+#include <diffnea/recording/audit.hpp>
+
+namespace diffnea {
+
+/// Joints, limits and the torques that the model's links need; `significance` as it is by default.
+AuditLimits audit_limits(const Model& model);
+
+}  // namespace diffnea

@@ -1,0 +1,27 @@
+#pragma once
+/// Commands as the input of a drive: what must hold before a drive is fitted to them.
+
+#include <vector>
+
+#include <diffnea/recording/joints.hpp>
+#include <diffnea/recording/recording.hpp>
+
+namespace diffnea {
+
+/// Joints whose position comes before its command, by more than a row and five standard errors: the
+/// columns are exchanged, or the command is stamped too late.
+/// @param joints  in the order of the columns
+std::vector<ChannelWarning> find_early_responses(const std::vector<JointDescription>& joints,
+                                                 const std::vector<Recording>& recordings);
+
+/// Refuses recordings of which nothing can be said of a drive: rows too far apart to see it,
+/// degrees where radians are expected, positions that come before their commands.
+/// @throws DataError naming the recording, the joint and what to do
+void require_commands(const std::vector<JointDescription>& joints,
+                      const std::vector<Recording>& recordings);
+
+/// What there is instead, where no joint of the recordings has a torque: one sentence with the
+/// columns. Empty: some joint has one, or all are passive.
+std::string why_no_torque(const std::vector<Recording>& recordings);
+
+}  // namespace diffnea

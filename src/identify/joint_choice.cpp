@@ -1,0 +1,239 @@
+#include <algorithm>
+#include <cctype>
+#include <charconv>
+#include <cmath>
+#include <limits>
+#include <map>
+
+#include <diffnea/core/error.hpp>
+#include <diffnea/core/text.hpp>
+#include <diffnea/identify/joint_choice.hpp>
+#include <diffnea/model/lock.hpp>
+
+#include "core/edit_distance.hpp"
+#include "core/statistics.hpp"
+
+namespace diffnea {
+namespace {
+
+using Names = std::vector<std::string>;
+
+/// Rows of a file that tell where a joint was held.
+constexpr long kLookedAt = 16384;
+
+bool has(const Names& names, const std::string& name) {
+  return std::ranges::find(names, name) != names.end();
+}
+
+Names without(const Names& names, const Names& others) {
+  Names out;
+  for (const std::string& name : names)
+    if (!has(others, name)) out.push_back(name);
+  return out;
+}
+
+/// A number that is all of the text.
+std::optional<double> to_number(const std::string& text) {
+  double x = 0.0;
+  const auto [last, error] = std::from_chars(text.data(), text.data() + text.size(), x);
+  if (error != std::errc() || last != text.data() + text.size()) return std::nullopt;
+  return x;
+}
+
+/// The positions that the choice states; NaN: a lock without one.
+std::map<std::string, double> stated_positions(const JointChoice& choice) {
+  std::map<std::string, double> out;
+  for (const std::string& lock : choice.lock) {
+    const std::size_t equal = lock.find('=');
+    const std::string joint = lock.substr(0, equal);
+    double value = std::numeric_limits<double>::quiet_NaN();
+    if (equal != std::string::npos) {
+      const std::optional<double> read = to_number(lock.substr(equal + 1));
+      if (!read || !std::isfinite(*read))
+        throw ModelError("lock: got '" + lock +
+                         "', expected JOINT or JOINT=VALUE with a number in rad or m");
+      value = *read;
+    }
+    if (!out.emplace(joint, value).second) throw ModelError("lock: " + joint + " is named twice");
+  }
+  return out;
+}
+
+void require_joints(const Model& model, const Names& names, const char* option) {
+  const Names moving = joint_names(model);
+  for (const std::string& name : names)
+    if (!has(moving, name))
+      throw ModelError(std::string(option) + ": the model has no moving joint '" + name +
+                       "'; joints: " + detail::join_or_none(moving));
+}
+
+/// "; is q_elbw that of elbow?": names that differ by a letter or two, or by their case.
+std::string likely_pairs(const Names& strangers, const Names& missing) {
+  const auto plain = [](std::string name) {
+    std::erase_if(name, [](char c) { return c == '_' || c == '-' || c == '.'; });
+    std::ranges::transform(name, name.begin(), [](unsigned char c) { return std::tolower(c); });
+    return name;
+  };
+  Names pairs;
+  for (const std::string& m : missing)
+    for (const std::string& s : strangers)
+      if (edit_distance(plain(m), plain(s)) <= 2) pairs.push_back("q_" + s + "=q_" + m);
+  return pairs.empty() ? "" : "; are they the same, --map \"" + detail::join(pairs, ",") + "\"?";
+}
+
+/// @throws DataError if names may be spelt in two ways, or nothing would hold what is not logged
+void require_clear(const Model& model, const Names& logged, const Names& missing,
+                   const Names& strangers) {
+  if (missing.empty()) return;
+  const Names moving = joint_names(model);
+  if (!strangers.empty() || missing.size() == moving.size())
+    throw DataError(
+        "the joints are not the model's; only in the recording: " +
+        detail::join_or_none(strangers) + "; only in the model: " + detail::join(missing) +
+        likely_pairs(strangers, missing) +
+        "; --lock JOINT=VALUE holds a joint of the model that is not logged, --joints " +
+        detail::join(without(moving, missing), ",") + " all of them" +
+        (missing.size() == moving.size() ? "" : ", and what the model lacks is left out then"));
+  for (const int i : moving_links(model)) {
+    const ModelLink& link = model.links[static_cast<std::size_t>(i)];
+    if (link.passive && has(missing, link.joint))
+      throw DataError(
+          "the passive joint '" + link.joint +
+          "' is not logged, and nothing holds it; recording: " + detail::join_or_none(logged) +
+          "; --lock " + link.joint + "=VALUE if it was held");
+  }
+}
+
+std::optional<LoggedPosition> position_of(const Recording& r, const std::string& joint) {
+  const auto it = std::ranges::find(r.joint_names, joint);
+  if (it == r.joint_names.end()) return std::nullopt;
+  std::vector<double> values;
+  for (const double q : r.q.col(it - r.joint_names.begin()))
+    if (std::isfinite(q)) values.push_back(q);
+  if (values.empty()) return std::nullopt;
+  const auto [low, high] = std::ranges::minmax(values);
+  return LoggedPosition{median(std::move(values)), low, high};
+}
+
+/// "a, b at 0 rad; c at 0.2 m"
+std::string listed(const std::vector<std::pair<std::string, std::string>>& at) {
+  std::vector<std::pair<std::string, Names>> groups;
+  for (const auto& [joint, where] : at) {
+    const auto it = std::ranges::find(groups, where, &std::pair<std::string, Names>::first);
+    if (it == groups.end())
+      groups.push_back({where, {joint}});
+    else
+      it->second.push_back(joint);
+  }
+  Names out;
+  for (const auto& [where, joints] : groups) out.push_back(detail::join(joints) + " at " + where);
+  return detail::join(out, "; ");
+}
+
+}  // namespace
+
+ServedModel serve_joints(
+    const Model& model, const Names& logged, const JointChoice& choice,
+    const std::function<std::optional<LoggedPosition>(const std::string&)>& position) {
+  const std::map<std::string, double> stated = stated_positions(choice);
+  Names locked;
+  for (const auto& [joint, value] : stated) locked.push_back(joint);
+  require_joints(model, locked, "lock");
+  require_joints(model, choice.joints, "joints");
+  const Names moving = joint_names(model);
+  if (!choice.joints.empty()) {
+    for (const std::string& joint : without(moving, choice.joints))
+      if (!has(locked, joint)) locked.push_back(joint);
+    if (const Names lost = without(choice.joints, logged); !lost.empty() && !logged.empty())
+      throw DataError("joints: " + detail::join(lost) +
+                      " is asked for and not logged; recording: " + detail::join_or_none(logged));
+  }
+  Names of_model;  // a fixed joint's column is no stranger's: it may have been locked before
+  for (const ModelLink& link : model.links)
+    if (!link.joint.empty()) of_model.push_back(link.joint);
+  const Names missing = logged.empty() ? Names{} : without(without(moving, logged), locked);
+  const Names strangers = without(logged, of_model);
+  require_clear(model, logged, missing, strangers);
+
+  ServedModel out{.model = model, .note = ""};
+  std::vector<std::pair<std::string, std::string>> at;
+  Names gone;
+  for (const std::string& joint : moving) {  // in the model's order
+    if (!has(locked, joint) && !has(missing, joint)) continue;
+    const auto said = stated.find(joint);
+    double value = said == stated.end() ? std::numeric_limits<double>::quiet_NaN() : said->second;
+    std::string why;
+    const bool is_logged = has(logged, joint);
+    if (const std::optional<LoggedPosition> was =
+            is_logged && position ? position(joint) : std::nullopt) {
+      if (std::isnan(value)) value = was->median;
+      why = " (logged from " + detail::number_text(was->lowest, 3) + " to " +
+            detail::number_text(was->highest, 3) + ")";
+    }
+    if (std::isnan(value)) value = resting_position(out.model, joint);
+    const auto link =
+        std::ranges::find_if(out.model.links, [&](const ModelLink& l) { return l.joint == joint; });
+    const char* unit = link->type == ModelJoint::kPrismatic ? " m" : " rad";
+    at.emplace_back(joint, detail::number_text(value) + unit + why);
+    for (const std::string& effect : lock_joint(out.model, joint, value))
+      if (const std::string name = effect.substr(0, effect.find(" at ")); !has(gone, name))
+        gone.push_back(name);
+  }
+  if (!at.empty()) out.note = "locked: " + listed(at);
+  if (!missing.empty())
+    out.note += ", since the recordings do not have " +
+                std::string(missing.size() == 1 ? "it" : "them") + " (--lock JOINT=VALUE)";
+  if (!gone.empty()) out.note += "; gone with their motion: " + detail::join(gone);
+  if (const Names left_out = without(logged, joint_names(out.model)); !left_out.empty())
+    out.note += (out.note.empty() ? "" : "; ") + std::string("columns left out: those of ") +
+                detail::join(left_out);
+  return out;
+}
+
+ServedModel serve_joints(const Model& model, const std::vector<std::filesystem::path>& files,
+                         const std::vector<ReadOptions>& options, const JointChoice& choice) {
+  const auto options_of = [&](std::size_t file) {
+    ReadOptions out = options.empty() ? ReadOptions{} : options[options.size() == 1 ? 0 : file];
+    out.joints.clear();  // all that are logged
+    return out;
+  };
+  Names logged;
+  for (std::size_t f = 0; f < files.size(); ++f) {
+    const Names here = RecordingReader(files[f], options_of(f)).joint_names();
+    if (f == 0)
+      logged = here;
+    else
+      std::erase_if(logged, [&](const std::string& joint) { return !has(here, joint); });
+  }
+  std::optional<Recording> first;
+  const auto position = [&](const std::string& joint) -> std::optional<LoggedPosition> {
+    if (!first) {
+      RecordingReader reader(files.front(), options_of(0));
+      first.emplace();
+      if (!reader.next(*first, kLookedAt)) return std::nullopt;
+    }
+    return position_of(*first, joint);
+  };
+  try {
+    return serve_joints(model, logged, choice, position);
+  } catch (const DataError& error) {
+    throw DataError(files.front().string() + ": " + error.what());
+  }
+}
+
+ServedModel serve_joints(const Model& model, const std::vector<Recording>& recordings,
+                         const JointChoice& choice) {
+  if (recordings.empty()) return {.model = model, .note = ""};
+  Names logged = recordings.front().joint_names;
+  for (const Recording& r : recordings)
+    std::erase_if(logged, [&](const std::string& joint) { return !has(r.joint_names, joint); });
+  try {
+    return serve_joints(model, logged, choice, [&](const std::string& joint) {
+      return position_of(recordings.front(), joint);
+    });
+  } catch (const DataError& error) {
+    throw DataError(recordings.front().source + ": " + error.what());
+  }
+}
+
+}  // namespace diffnea

@@ -1,0 +1,110 @@
+#include "recording/command_lag.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "core/statistics.hpp"
+#include "recording/audit_statistics.hpp"
+
+namespace diffnea::detail {
+namespace {
+
+/// Longest lag that is looked for, either way [s]: a soft hobby servo lags by 0.15 s.
+constexpr double kLongest = 0.4;
+/// Length of a block: more than the lags that are looked for, both ways [s].
+constexpr double kBlock = 1.0;
+constexpr int kFewestBlocks = 5;
+/// Correlation from which a position follows its command at all.
+constexpr double kFollows = 0.5;
+/// Share of what a lag leaves unexplained that an earlier position must leave: periodic motions
+/// correlate a period earlier as well.
+constexpr double kExplains = 0.5;
+
+/// Correlation of y against x, y taken `shift` rows later, over rows [from, to).
+double correlation(const VecX<double>& x, const VecX<double>& y, long from, long to, long shift) {
+  const VecX<double> a = x.segment(from, to - from), b = y.segment(from + shift, to - from);
+  const VecX<double> da = a.array() - a.mean(), db = b.array() - b.mean();
+  const double size = da.norm() * db.norm();
+  return size > 0.0 ? da.dot(db) / size : 0.0;
+}
+
+/// Lag of one block in rows, to a fraction by a parabola; none if nothing follows.
+std::optional<double> lag_of_block(const VecX<double>& command, const VecX<double>& position,
+                                   long from, long to, long most) {
+  std::vector<double> by_shift;
+  for (long shift = -most; shift <= most; ++shift)
+    by_shift.push_back(correlation(command, position, from, to, shift));
+  const auto causal = by_shift.begin() + most - 1;  // a row early is none
+  const auto after = std::max_element(causal, by_shift.end());
+  const auto before = std::max_element(by_shift.begin(), causal);
+  const bool is_early =
+      *before > *after && 1.0 - *before * *before < kExplains * (1.0 - *after * *after);
+  const auto best = is_early ? before : after;
+  const long k = best - by_shift.begin();
+  if (!(*best > kFollows) || k == 0 || k == 2 * most) return std::nullopt;
+  const double left = by_shift[static_cast<std::size_t>(k - 1)],
+               right = by_shift[static_cast<std::size_t>(k + 1)];
+  const double curve = left - 2.0 * *best + right;
+  const double part = curve < 0.0 ? 0.5 * (left - right) / curve : 0.0;
+  return static_cast<double>(k - most) + part;
+}
+
+}  // namespace
+
+std::optional<CommandLag> find_command_lag(const std::vector<Recording>& recordings, int joint) {
+  std::vector<double> steps, lags;
+  double rough_q = 0.0, rough_command = 0.0;
+  for (const Recording& r : recordings)
+    for (long i = 1; i < r.rows(); ++i) steps.push_back(r.time[i] - r.time[i - 1]);
+  CommandLag out;
+  out.dt = median(steps);
+  if (!(out.dt > 0.0) || out.dt > kLongest) return std::nullopt;
+  const long most = std::max(2L, std::lround(kLongest / out.dt));
+  const long length = std::max(2 * most, std::lround(kBlock / out.dt));
+  for (const Recording& r : recordings) {
+    if (r.qcmd.cols() <= joint || r.q.cols() <= joint || r.rows() < 2 * most + length) continue;
+    // Centred differences over two rows: the rate, whatever the offset between both.
+    const long n = r.rows() - 2;
+    const VecX<double> q = r.q.col(joint), command = r.qcmd.col(joint);
+    if (!command.array().isFinite().any()) continue;
+    VecX<double> rate_q = q.tail(n) - q.head(n), rate_command = command.tail(n) - command.head(n);
+    for (VecX<double>* rate : {&rate_q, &rate_command})
+      for (double& x : *rate)
+        if (!std::isfinite(x)) x = 0.0;
+    for (long i = 1; i < n; ++i) {
+      rough_q += std::pow(rate_q[i] - rate_q[i - 1], 2);
+      rough_command += std::pow(rate_command[i] - rate_command[i - 1], 2);
+    }
+    for (long from = most; from + length + most <= n; from += length)
+      if (const auto lag = lag_of_block(rate_command, rate_q, from, from + length, most))
+        lags.push_back(*lag);
+  }
+  if (static_cast<int>(lags.size()) < kFewestBlocks) return std::nullopt;
+  const double blocks = static_cast<double>(lags.size());
+  double sum = 0.0, square = 0.0;
+  for (const double lag : lags) sum += lag;
+  for (const double lag : lags) square += std::pow(lag - sum / blocks, 2);
+  out.seconds = out.dt * sum / blocks;
+  out.std = out.dt * std::sqrt(square / (blocks * (blocks - 1.0)));
+  out.roughness = rough_command > 0.0 ? std::sqrt(rough_q / rough_command)
+                                      : std::numeric_limits<double>::infinity();
+  return out;
+}
+
+std::string early_text(const CommandLag& lag, const std::string& joint) {
+  const char* name = joint.c_str();
+  if (lag.is_swapped())
+    return format(
+        "q_%s moves %.3g ± %.2g ms before qcmd_%s and is the rougher of both (%.3g times, "
+        "by second differences), while a drive smooths what it is told: the columns are "
+        "exchanged; --map \"q_%s=qcmd_%s,qcmd_%s=q_%s\" puts them right",
+        name, -1e3 * lag.seconds, 1e3 * lag.std, name, lag.roughness, name, name, name, name);
+  return format(
+      "q_%s moves %.3g ± %.2g ms before qcmd_%s: no drive answers what it is not told "
+      "yet; the command is stamped too late, or the columns are exchanged (then --map "
+      "\"q_%s=qcmd_%s,qcmd_%s=q_%s\")",
+      name, -1e3 * lag.seconds, 1e3 * lag.std, name, name, name, name, name);
+}
+
+}  // namespace diffnea::detail

@@ -1,0 +1,75 @@
+#include <algorithm>
+#include <cmath>
+
+#include <diffnea/core/error.hpp>
+#include <diffnea/core/text.hpp>
+#include <diffnea/recording/commands.hpp>
+
+#include "recording/command_lag.hpp"
+#include "recording/time_unit.hpp"
+
+namespace diffnea {
+namespace {
+
+constexpr double kSignificance = 5.0;  // standard errors, as of an audit's faults
+
+bool is_there(const RowMatX<double>& m, long joint) {
+  return joint < m.cols() && m.col(joint).array().isFinite().any();
+}
+
+}  // namespace
+
+std::vector<ChannelWarning> find_early_responses(const std::vector<JointDescription>& joints,
+                                                 const std::vector<Recording>& recordings) {
+  std::vector<ChannelWarning> out;
+  for (std::size_t j = 0; j < joints.size(); ++j) {
+    const bool has_torque = std::ranges::any_of(
+        recordings, [&](const Recording& r) { return j < r.has_tau.size() && r.has_tau[j]; });
+    if (has_torque || joints[j].passive) continue;  // its command is not used
+    const auto lag = detail::find_command_lag(recordings, static_cast<int>(j));
+    if (lag && lag->is_early(kSignificance))
+      out.push_back({joints[j].name, detail::early_text(*lag, joints[j].name)});
+  }
+  return out;
+}
+
+void require_commands(const std::vector<JointDescription>& joints,
+                      const std::vector<Recording>& recordings) {
+  if (recordings.empty()) return;
+  const std::string& source = recordings.front().source;
+  if (const std::string slow = detail::slow_rows(recordings); !slow.empty())
+    throw DataError(source + ": " + slow);
+  for (const auto find : {find_degrees, find_early_responses})
+    if (const std::vector<ChannelWarning> found = find(joints, recordings); !found.empty())
+      throw DataError(source + ": " + found.front().text);
+}
+
+std::string why_no_torque(const std::vector<Recording>& recordings) {
+  std::vector<std::string> q, qd, command, extra;
+  bool driven = false;
+  for (const Recording& r : recordings) {
+    const auto add = [](std::vector<std::string>& list, const std::string& name) {
+      if (std::ranges::find(list, name) == list.end()) list.push_back(name);
+    };
+    for (std::size_t j = 0; j < r.joint_names.size(); ++j) {
+      const std::string& name = r.joint_names[j];
+      if (r.has_tau[j]) return "";
+      driven = driven || std::ranges::find(r.info.passive, name) == r.info.passive.end();
+      add(q, name);
+      if (is_there(r.qd, static_cast<long>(j))) add(qd, name);
+      if (is_there(r.qcmd, static_cast<long>(j))) add(command, name);
+    }
+    for (const ExtraChannel& e : r.extra) add(extra, e.name);
+  }
+  if (!driven) return "";
+  std::string out =
+      "no joint has a torque column (tau_JOINT), so there is no torque to explain; "
+      "there are positions (q_) of " +
+      detail::join(q);
+  if (!qd.empty()) out += "; velocities (qd_) of " + detail::join(qd);
+  if (!command.empty()) out += "; desired positions (qcmd_) of " + detail::join(command);
+  if (!extra.empty()) out += "; extra channels " + detail::join(extra);
+  return out;
+}
+
+}  // namespace diffnea

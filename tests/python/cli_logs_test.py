@@ -1,0 +1,158 @@
+"""Logs whose joints, columns or units are not the model's: what the command makes of them."""
+
+import csv
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cli import BAD_INPUT, MODELS, PENDULUM, diffnea, done, load, refused
+
+import diffnea as module
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A recording of the double pendulum, 20 s at 500 Hz."""
+    folder = tmp_path_factory.mktemp("logs")
+    motion, data = folder / "motion.csv", folder / "arm.csv"
+    done("excite", PENDULUM, "-o", motion, "--seed", 1, "--quiet")
+    done("simulate", PENDULUM, "--trajectory", motion, "--noise", 1, "-o", data, "--quiet")
+    return data
+
+
+def table(path: Path) -> dict[str, np.ndarray]:
+    with path.open() as file:
+        rows = list(csv.reader(file))
+    values = np.array(rows[1:], dtype=float)
+    return {name: values[:, k] for k, name in enumerate(rows[0])}
+
+
+def write(path: Path, columns: dict[str, np.ndarray]) -> Path:
+    with path.open("w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(columns)
+        writer.writerows(zip(*columns.values(), strict=True))
+    return path
+
+
+def of(data: dict[str, np.ndarray], *names: str) -> dict[str, np.ndarray]:
+    return {name: data[name] for name in names}
+
+
+def test_a_joint_that_is_not_logged_is_locked(tmp_path: Path, log: Path) -> None:
+    one = write(tmp_path / "one.csv", of(table(log), "time", "q_shoulder", "tau_shoulder"))
+    answer = diffnea("identify", PENDULUM, one, "-o", tmp_path / "run")
+    line = "locked: elbow at 0 rad, since the recordings do not have it (--lock JOINT=VALUE)"
+    assert line in answer.stderr
+    result = load(tmp_path / "run" / "result.json")
+    assert result["notes"][0] == line
+    assert list(result["rmse"]["train"]) == ["shoulder"]
+    # What it wrote has the joint fixed, and is read again beside the same recording.
+    assert 'type="fixed"' in (tmp_path / "run" / "model.urdf").read_text()
+    for model in ("model.json", "model.urdf"):
+        info = json.loads(done("info", tmp_path / "run" / model, "--json"))
+        assert [joint["name"] for joint in info["joints"]] == ["shoulder"]
+        assert "locked" not in diffnea("audit", log, "--model", tmp_path / "run" / model).stderr
+
+
+def test_a_locked_joint_is_where_it_was_said(tmp_path: Path, log: Path) -> None:
+    one = write(tmp_path / "one.csv", of(table(log), "time", "q_shoulder", "tau_shoulder"))
+    bent = f"elbow={math.pi / 2}"
+    done("identify", PENDULUM, one, "--lock", bent, "-o", tmp_path / "run", "--quiet")
+    pose = load(tmp_path / "run" / "model.json")
+    lower = next(link for link in pose["links"] if link["joint"]["name"] == "elbow")
+    assert lower["joint"]["type"] == "fixed"
+    run = module.identify(PENDULUM, one, lock={"elbow": math.pi / 2})
+    assert run.notes[0] == "locked: elbow at 1.571 rad"
+    message = refused(tmp_path / "no", PENDULUM, one, "--lock", "elbw=0")
+    assert "the model has no moving joint 'elbw'; joints: shoulder, elbow" in message
+
+
+def test_columns_of_other_joints_are_left_out(tmp_path: Path, log: Path) -> None:
+    data = table(log)
+    data |= {"q_wheel": data["time"], "tau_wheel": 0 * data["time"]}
+    more = write(tmp_path / "more.csv", data)
+    answer = diffnea("identify", PENDULUM, more, "-o", tmp_path / "more")
+    assert "columns left out: those of wheel" in answer.stderr
+    done("identify", PENDULUM, log, "-o", tmp_path / "plain")
+    a, b = (load(tmp_path / x / "result.json")["parameters"] for x in ("more", "plain"))
+    assert a == b
+
+
+def test_names_in_two_spellings_are_asked_about(tmp_path: Path, log: Path) -> None:
+    data = {name.replace("elbow", "Elbow_"): x for name, x in table(log).items()}
+    other = write(tmp_path / "other.csv", data)
+    message = refused(tmp_path / "run", PENDULUM, other)
+    assert '--map "q_Elbow_=q_elbow"' in message
+    names = ",".join(f"{name}={name.replace('Elbow_', 'elbow')}" for name in data if "Elb" in name)
+    done("identify", PENDULUM, other, "--map", names, "-o", tmp_path / "run", "--quiet")
+    (tmp_path / "names.json").write_text(
+        json.dumps({name: name.replace("Elbow_", "elbow") for name in data if "Elb" in name})
+    )
+    done("audit", other, "--model", PENDULUM, "--map", tmp_path / "names.json")
+
+
+def test_a_log_without_torque_is_told_so(tmp_path: Path, log: Path) -> None:
+    data = of(table(log), "time", "q_shoulder", "q_elbow", "qcmd_shoulder", "qcmd_elbow")
+    blind = write(tmp_path / "blind.csv", data)
+    for command in ("identify", "diagnose"):
+        message = refused(tmp_path / "run", PENDULUM, blind, command=command)
+        assert "no joint has a torque column (tau_JOINT)" in message
+        assert "desired positions (qcmd_) of shoulder, elbow" in message
+        assert "milliseconds" not in message
+
+
+def test_a_continuous_joint_is_unwrapped(tmp_path: Path) -> None:
+    description = (MODELS / "double_pendulum.urdf").read_text()
+    assert "revolute" in description or "continuous" in description
+    model = tmp_path / "wheel.urdf"
+    model.write_text(
+        '<robot name="wheel"><link name="base"/><link name="wheel"><inertial><mass value="1"/>'
+        '<origin xyz="0.1 0 0"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/>'
+        '</inertial></link><joint name="hub" type="continuous"><parent link="base"/>'
+        '<child link="wheel"/><axis xyz="0 1 0"/></joint></robot>'
+    )
+    time = np.arange(8000) / 200.0
+    q = 8 * np.sin(0.9 * time) + 3 * np.sin(2.3 * time)
+    qd = 7.2 * np.cos(0.9 * time) + 6.9 * np.cos(2.3 * time)
+    qdd = -6.48 * np.sin(0.9 * time) - 15.87 * np.sin(2.3 * time)
+    # (0.02 + izz) q̈ − m g l cos(q) about y, and friction.
+    noise = np.random.default_rng(0).normal(scale=0.01, size=len(q))
+    tau = 0.02 * qdd - 9.81 * 0.1 * np.cos(q) + 0.05 * np.tanh(qd / 0.01) + noise
+    free = write(tmp_path / "free.csv", {"time": time, "q_hub": q, "tau_hub": tau})
+    turn = (q + np.pi) % (2 * np.pi) - np.pi
+    wrapped = write(tmp_path / "wrapped.csv", {"time": time, "q_hub": turn, "tau_hub": tau})
+    fits = {}
+    for name, data in (("free", free), ("wrapped", wrapped)):
+        done("identify", model, data, "-o", tmp_path / name, "--quiet")
+        fits[name] = load(tmp_path / name / "result.json")
+    notes = fits["wrapped"]["preprocessing"]["notes"]
+    assert any("unwrapped: q_hub (" in note for note in notes)
+    for a, b in zip(fits["free"]["parameters"], fits["wrapped"]["parameters"], strict=True):
+        assert a["value"] == pytest.approx(b["value"], rel=1e-6, abs=1e-9)
+
+
+def test_an_effort_that_is_a_current_is_named(tmp_path: Path, log: Path) -> None:
+    data = table(log)
+    data["tau_shoulder"] = data["tau_shoulder"] / 12.0
+    data["tau_elbow"] = data["tau_elbow"] / 9.0
+    amps = write(tmp_path / "amps.csv", data)
+    report = json.loads(done("audit", amps, "--model", PENDULUM, "--json"))
+    (fault,) = (f for f in report["audit"] if f["fault"] == "effort_is_current")
+    assert "torque_constant" in fault["evidence"]
+    assert fault["value"] == pytest.approx(1 / 10.5, rel=0.3)
+    plain = json.loads(done("audit", log, "--model", PENDULUM, "--json"))
+    assert "effort_is_current" not in [f["fault"] for f in plain["audit"]]
+
+
+def test_bad_maps_are_refused(tmp_path: Path, log: Path) -> None:
+    for text, message in (
+        ("q_elbow", "expected COLUMN=NAME"),
+        ("nothing=q_elbow", "map: there is no column 'nothing'"),
+        (tmp_path / "no.json", "no.json"),
+    ):
+        answer = diffnea("audit", log, "--map", text)
+        assert answer.returncode == BAD_INPUT
+        assert message in answer.stderr
