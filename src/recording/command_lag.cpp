@@ -14,6 +14,8 @@ namespace {
 constexpr double kLongest = 0.4;
 /// Length of a block: more than the lags that are looked for, both ways [s].
 constexpr double kBlock = 1.0;
+/// Time over which rates are taken [s].
+constexpr double kRate = 0.1;
 constexpr int kFewestBlocks = 5;
 /// Correlation from which a position follows its command at all.
 constexpr double kFollows = 0.5;
@@ -64,8 +66,8 @@ std::optional<CommandLag> find_command_lag(const std::vector<Recording>& recordi
   const long length = std::max(2 * most, std::lround(kBlock / out.dt));
   for (const Recording& r : recordings) {
     if (r.qcmd.cols() <= joint || r.q.cols() <= joint || r.rows() < 2 * most + length) continue;
-    // Centred differences over two rows: the rate, whatever the offset between both.
-    const long n = r.rows() - 2;
+    // The rate, whatever the offset between both; over as long as a drive takes to follow a step.
+    const long n = r.rows() - std::max(2L, std::lround(kRate / out.dt));
     const VecX<double> q = r.q.col(joint), command = r.qcmd.col(joint);
     if (!command.array().isFinite().any()) continue;
     VecX<double> rate_q = q.tail(n) - q.head(n), rate_command = command.tail(n) - command.head(n);

@@ -1,8 +1,11 @@
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <map>
+#include <string>
 #include <string_view>
 #include <utility>
+#include <vector>
 
 #include <diffnea/core/text_file.hpp>
 #include <diffnea/io/model_file.hpp>
@@ -142,12 +145,36 @@ static void read_custom(IdentifyResult& fit, std::string_view key, JsonObject& r
     io::read_ball_columns(root, fit.ball);
 }
 
+namespace {
+
+constexpr std::uintmax_t kLargestHashed = std::uintmax_t{64} << 20;  // a third of a second
+
+/// A bag or a data set: bytes of all files; the hash is of their names and hashes, in order.
+void describe_folder(const std::filesystem::path& folder, RunInput& out) {
+  std::vector<std::filesystem::path> files;
+  for (const auto& entry : std::filesystem::recursive_directory_iterator(folder))
+    if (entry.is_regular_file()) files.push_back(entry.path());
+  std::ranges::sort(files);
+  for (const std::filesystem::path& file : files) out.bytes += std::filesystem::file_size(file);
+  if (out.bytes > kLargestHashed) return;
+  std::string list;
+  for (const std::filesystem::path& file : files)
+    list +=
+        file.lexically_relative(folder).string() + "\n" + io::sha256(read_text_file(file)) + "\n";
+  out.sha256 = io::sha256(list);
+}
+
+}  // namespace
+
 RunInput describe_input(const std::string& role, const std::filesystem::path& path) {
-  constexpr std::uintmax_t kLargestHashed = std::uintmax_t{64} << 20;  // a third of a second
   RunInput out;
   out.role = role;
   out.path = path.string();
   std::error_code error;
+  if (std::filesystem::is_directory(path, error)) {
+    describe_folder(path, out);
+    return out;
+  }
   out.bytes = std::filesystem::file_size(path, error);
   if (error) throw FileError(path.string() + ": cannot be read (" + error.message() + ")");
   if (out.bytes <= kLargestHashed) out.sha256 = io::sha256(read_text_file(path));
