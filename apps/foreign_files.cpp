@@ -22,7 +22,7 @@ namespace fs = std::filesystem;
 
 struct Ended {
   int status = 0;      ///< exit status; −1: it did not start, or was ended by a signal
-  std::string errors;  ///< what it said on standard error
+  std::string errors;  ///< text on standard error
 };
 
 /// Runs a program to its end; its standard output goes nowhere.

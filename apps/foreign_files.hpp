@@ -8,7 +8,7 @@
 
 namespace diffnea::apps {
 
-/// What to take of a ROS bag.
+/// Topics and clock of a ROS bag.
 struct BagOptions {
   std::string topic, command_topic, clock;
 };

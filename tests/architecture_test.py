@@ -74,6 +74,7 @@ LIBRARIES: dict[str, tuple[str, ...]] = {
     "fcntl.h": ("src/core", "apps"),
     "locale.h": ("src/core",),
     "sys/": ("src/core", "apps"),
+    "spawn.h": ("apps",),  # Python, which reads other formats
     "unistd.h": ("src/core", "src/runs", "apps"),
 }
 

@@ -11,7 +11,8 @@ namespace {
 /// Calibrations differ from a description by that much of the joint's range, and no more.
 constexpr double kBeyond = 0.05;
 
-/// Whether an effect acts at a joint, alone or in a pair; its runs, behind a colon, do not matter.
+/// Tells whether an effect acts at a joint, alone or in a pair; its runs, behind a colon, do not
+/// matter.
 bool acts_at(const EffectSpec& effect, const std::string& joint) {
   std::string rest = effect.where.substr(0, effect.where.find(':'));
   while (true) {

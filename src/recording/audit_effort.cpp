@@ -1,4 +1,4 @@
-/// What a torque channel holds instead of a torque: a current, told by the torques that the model's
+/// Torque channels that hold something else: a current, told by the torques that the model's
 /// links need; counts of a signed number that were read as unsigned.
 
 #include <algorithm>

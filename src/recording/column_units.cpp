@@ -30,7 +30,7 @@ constexpr Unit kAccelerationUnits[] = {
     {"rad/s^2", 1.0}, {"deg/s^2", kPi / 180}, {"m/s^2", 1.0}, {"mm/s^2", 1e-3}};
 constexpr Unit kTorqueUnits[] = {{"N*m", 1.0}, {"Nm", 1.0},    {"mN*m", 1e-3}, {"mNm", 1e-3},
                                  {"N", 1.0},   {"kN", 1000.0}, {"mN", 1e-3}};
-/// What drives report instead: a torque by the sidecar's torque_constant, per A, V or %.
+/// Units that drives report instead: a torque by the sidecar's torque_constant, per A, V or %.
 constexpr Unit kDriveUnits[] = {{"A", 1.0}, {"mA", 1e-3}, {"V", 1.0}, {"%", 1.0}};
 constexpr Unit kLengthUnits[] = {{"m", 1.0}, {"cm", 1e-2}, {"mm", 1e-3}};
 constexpr Unit kSpinUnits[] = {

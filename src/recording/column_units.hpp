@@ -28,7 +28,7 @@ struct Conversion {
 /// A unit of turning ("deg/s", "N*m"), of sliding ("mm", "N"), or of neither ("A").
 enum class Motion { kTurns, kSlides, kEither };
 
-/// What stands in brackets, understood.
+/// Meaning of what stands in brackets.
 struct UnitOfColumn {
   std::string unit;       ///< plain, without the law: "deg"
   Conversion conversion;  ///< but for what a drive's unit is worth in N·m

@@ -12,7 +12,7 @@ namespace diffnea::detail {
 /// How one joint's position follows its command.
 struct CommandLag {
   double seconds = 0.0;  ///< the position is that much later; negative: earlier
-  double std = 0.0;      ///< of the blocks' mean [s]
+  double std = 0.0;      ///< standard error from the spread of blocks [s]
   double dt = 0.0;       ///< usual interval [s]
   /// Rms of the second difference, position over command: a drive smooths its command, so that of
   /// exchanged columns the ratio is large.

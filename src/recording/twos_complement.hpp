@@ -13,8 +13,8 @@ struct TwosComplement {
   int bits = 16;
   double modulus = 65536.0;                          ///< 2^bits, in the channel's unit
   double quantum = 1.0;                              ///< a count, in the channel's unit
-  double negative_least = 0.0, negative_most = 0.0;  ///< what stands for negative numbers
-  long rows = 0;                                     ///< of those
+  double negative_least = 0.0, negative_most = 0.0;  ///< range that stands for negative numbers
+  long rows = 0;                                     ///< number in that range
 };
 
 /// A channel of multiples of one quantum, none negative, that has values just below 2^8, 2^16 or

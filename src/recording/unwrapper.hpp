@@ -23,9 +23,9 @@ class Unwrapper {
 
  private:
   struct Column {
-    double last = 0.0;   ///< as measured [rad]
+    double last = 0.0;   ///< value as measured [rad]
     double turns = 0.0;  ///< added [rad]
-    bool any = false;    ///< whether there was a row
+    bool any = false;    ///< true after the first row
   };
   void unwrap(RowMatX<double>& values, std::vector<Column>& columns, std::vector<long>* wraps);
 
@@ -33,7 +33,7 @@ class Unwrapper {
   std::vector<bool> wraps_at_a_turn_;  ///< per joint
   std::vector<Column> q_, qcmd_;
   std::vector<long> wraps_;  ///< per joint, of its position
-  std::string source_;       ///< of the run at hand
+  std::string source_;       ///< file of the run at hand
   int run_ = -1;
 };
 

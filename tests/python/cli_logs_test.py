@@ -49,7 +49,7 @@ def test_a_joint_that_is_not_logged_is_locked(tmp_path: Path, log: Path) -> None
     result = load(tmp_path / "run" / "result.json")
     assert result["notes"][0] == line
     assert list(result["rmse"]["train"]) == ["shoulder"]
-    # What it wrote has the joint fixed, and is read again beside the same recording.
+    # The written model has the joint fixed, and is read again beside the same recording.
     assert 'type="fixed"' in (tmp_path / "run" / "model.urdf").read_text()
     for model in ("model.json", "model.urdf"):
         info = json.loads(done("info", tmp_path / "run" / model, "--json"))

@@ -1,5 +1,5 @@
 #pragma once
-/// What an audit may know of a model.
+/// Knowledge that an audit may have of a model.
 
 #include <diffnea/model/model.hpp>
 #include <diffnea/recording/audit.hpp>

@@ -17,7 +17,7 @@
 
 namespace diffnea {
 
-/// What a user says of the joints.
+/// Joints as a user chooses them.
 struct JointChoice {
   std::vector<std::string> joints;  ///< these alone move; empty: those that are logged
   std::vector<std::string> lock;    ///< JOINT or JOINT=VALUE [rad, m]: does not move
@@ -31,7 +31,7 @@ struct LoggedPosition {
 /// A model whose moving joints are those of the recordings.
 struct ServedModel {
   Model model;
-  std::string note;  ///< what was locked, where, and what was left out; empty: nothing
+  std::string note;  ///< joints locked, where, and columns left out; empty: none
 };
 
 /// Locks the joints that are not logged, and those that the choice does not let move: at the stated

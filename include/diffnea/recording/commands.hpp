@@ -20,8 +20,8 @@ std::vector<ChannelWarning> find_early_responses(const std::vector<JointDescript
 void require_commands(const std::vector<JointDescription>& joints,
                       const std::vector<Recording>& recordings);
 
-/// What there is instead, where no joint of the recordings has a torque: one sentence with the
-/// columns. Empty: some joint has one, or all are passive.
+/// Says that no joint of the recordings has a torque, and lists the columns that there are: one
+/// sentence. Empty: some joint has one, or all are passive.
 std::string why_no_torque(const std::vector<Recording>& recordings);
 
 }  // namespace diffnea

@@ -29,7 +29,7 @@ _COLUMNS = {
 
 
 def is_log(path: Path) -> bool:
-    """Whether a JSON file looks like a log; one of ours or a robot has no entries."""
+    """Tell whether a JSON file looks like a log; one of ours or a robot has no entries."""
     with path.open("rb") as file:
         return b'"entries"' in file.read(4096)
 

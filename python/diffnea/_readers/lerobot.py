@@ -30,7 +30,7 @@ _IN_DEGREES = ("so100", "so101", "so_follower", "koch", "moss", "omx", "lekiwi")
 
 
 def is_data_set(path: Path) -> bool:
-    """Whether a folder is a data set."""
+    """Tell whether a folder is a data set."""
     return (path / "meta" / "info.json").is_file()
 
 
