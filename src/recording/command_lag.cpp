@@ -19,6 +19,9 @@ constexpr double kRate = 0.1;
 constexpr int kFewestBlocks = 5;
 /// Correlation from which a position follows its command at all.
 constexpr double kFollows = 0.5;
+/// Standard error of a median, times √n, over the median deviation: 1.253 · 1.483, of normal
+/// numbers.
+constexpr double kMedianStd = 1.858;
 /// Share of what a lag leaves unexplained that an earlier position must leave: periodic motions
 /// correlate a period earlier as well.
 constexpr double kExplains = 0.5;
@@ -31,25 +34,42 @@ double correlation(const VecX<double>& x, const VecX<double>& y, long from, long
   return size > 0.0 ? da.dot(db) / size : 0.0;
 }
 
-/// Lag of one block in rows, to a fraction by a parabola; none if nothing follows.
+/// A shift with its correlation.
+struct Peak {
+  double shift = 0.0;  ///< [rows]
+  double correlation = -1.0;
+  bool inside = false;  ///< between its neighbours, not at the end of the range
+};
+
+/// The largest of equidistant correlations, to a fraction of a row by a parabola: a row beside the
+/// peak of a fast motion explains less than the peak.
+Peak peak_of(const std::vector<double>& c, long from, long to, long zero) {
+  const auto best = std::max_element(c.begin() + from, c.begin() + to);
+  const long k = best - c.begin();
+  Peak out{static_cast<double>(k - zero), *best, k > 0 && k + 1 < static_cast<long>(c.size())};
+  if (!out.inside) return out;
+  const double left = *(best - 1), right = *(best + 1), curve = left - 2.0 * *best + right;
+  if (!(curve < 0.0) || left > *best || right > *best) return out;
+  out.shift += 0.5 * (left - right) / curve;
+  out.correlation -= 0.125 * (left - right) * (left - right) / curve;
+  return out;
+}
+
+/// Lag of one block in rows; none if nothing follows.
 std::optional<double> lag_of_block(const VecX<double>& command, const VecX<double>& position,
                                    long from, long to, long most) {
   std::vector<double> by_shift;
   for (long shift = -most; shift <= most; ++shift)
     by_shift.push_back(correlation(command, position, from, to, shift));
-  const auto causal = by_shift.begin() + most - 1;  // a row early is none
-  const auto after = std::max_element(causal, by_shift.end());
-  const auto before = std::max_element(by_shift.begin(), causal);
-  const bool is_early =
-      *before > *after && 1.0 - *before * *before < kExplains * (1.0 - *after * *after);
-  const auto best = is_early ? before : after;
-  const long k = best - by_shift.begin();
-  if (!(*best > kFollows) || k == 0 || k == 2 * most) return std::nullopt;
-  const double left = by_shift[static_cast<std::size_t>(k - 1)],
-               right = by_shift[static_cast<std::size_t>(k + 1)];
-  const double curve = left - 2.0 * *best + right;
-  const double part = curve < 0.0 ? 0.5 * (left - right) / curve : 0.0;
-  return static_cast<double>(k - most) + part;
+  const long causal = most - 1;  // a row early is none
+  const Peak after = peak_of(by_shift, causal, 2 * most + 1, most),
+             before = peak_of(by_shift, 0, causal, most);
+  const auto unexplained = [](const Peak& p) { return 1.0 - p.correlation * p.correlation; };
+  const bool is_early = before.correlation > after.correlation &&
+                        unexplained(before) < kExplains * unexplained(after);
+  const Peak& best = is_early ? before : after;
+  if (!(best.correlation > kFollows) || !best.inside) return std::nullopt;
+  return best.shift;
 }
 
 }  // namespace
@@ -83,12 +103,11 @@ std::optional<CommandLag> find_command_lag(const std::vector<Recording>& recordi
         lags.push_back(*lag);
   }
   if (static_cast<int>(lags.size()) < kFewestBlocks) return std::nullopt;
-  const double blocks = static_cast<double>(lags.size());
-  double sum = 0.0, square = 0.0;
-  for (const double lag : lags) sum += lag;
-  for (const double lag : lags) square += std::pow(lag - sum / blocks, 2);
-  out.seconds = out.dt * sum / blocks;
-  out.std = out.dt * std::sqrt(square / (blocks * (blocks - 1.0)));
+  // The median: a fast motion correlates as well a period off, in some blocks.
+  const double blocks = static_cast<double>(lags.size()), middle = median(lags);
+  for (double& lag : lags) lag = std::abs(lag - middle);
+  out.seconds = out.dt * middle;
+  out.std = out.dt * kMedianStd * median(std::move(lags)) / std::sqrt(blocks);
   out.roughness = rough_command > 0.0 ? std::sqrt(rough_q / rough_command)
                                       : std::numeric_limits<double>::infinity();
   return out;

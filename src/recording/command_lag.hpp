@@ -12,7 +12,7 @@ namespace diffnea::detail {
 /// How one joint's position follows its command.
 struct CommandLag {
   double seconds = 0.0;  ///< the position is that much later; negative: earlier
-  double std = 0.0;      ///< standard error from the spread of blocks [s]
+  double std = 0.0;      ///< standard error, from the spread of the blocks [s]
   double dt = 0.0;       ///< usual interval [s]
   /// Rms of the second difference, position over command: a drive smooths its command, so that of
   /// exchanged columns the ratio is large.
@@ -24,8 +24,8 @@ struct CommandLag {
   bool is_swapped() const { return roughness > 2.0; }
 };
 
-/// The shift between the rates of position and command with the largest correlation, block by block
-/// of a second and more.
+/// The shift between the rates of position and command with the largest correlation: the median over
+/// blocks of a second and more.
 /// @param joint  column
 /// @return none if the command is not logged, or fewer than five blocks move
 std::optional<CommandLag> find_command_lag(const std::vector<Recording>& recordings, int joint);
