@@ -86,14 +86,14 @@ void require_clear(const Model& model, const Names& logged, const Names& missing
                    const Names& strangers) {
   if (missing.empty()) return;
   const Names moving = joint_names(model);
-  if (!strangers.empty() || missing.size() == moving.size())
-    throw DataError(
-        "the joints are not the model's; only in the recording: " +
-        detail::join_or_none(strangers) + "; only in the model: " + detail::join(missing) +
-        likely_pairs(strangers, missing) +
-        "; --lock JOINT=VALUE holds a joint of the model that is not logged, --joints " +
-        detail::join(without(moving, missing), ",") + " all of them" +
-        (missing.size() == moving.size() ? "" : ", and what the model lacks is left out then"));
+  const bool none_is_shared = missing.size() == moving.size();
+  const std::string differ =
+      "the joints are not the model's; only in the recording: " + detail::join_or_none(strangers) +
+      "; only in the model: " + detail::join(missing) + likely_pairs(strangers, missing);
+  if (none_is_shared) throw DataError(differ + "; --map \"q_NAME=q_JOINT\" names columns");
+  if (!strangers.empty())
+    throw DataError(differ + "; --joints " + detail::join(without(moving, missing), ",") +
+                    " leaves these out and locks those, --lock JOINT=VALUE says where");
   for (const int i : moving_links(model)) {
     const ModelLink& link = model.links[static_cast<std::size_t>(i)];
     if (link.passive && has(missing, link.joint))

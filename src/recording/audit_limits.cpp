@@ -109,6 +109,9 @@ void audit_limits(AuditContext& c) {
       ChannelFault f = make_fault(name, warning.joint, "q_" + warning.joint,
                                   std::max(std::abs(low), std::abs(high)), unit);
       f.evidence = warning.text;
+      const auto joint = std::ranges::find(c.joints, warning.joint, &JointDescription::name);
+      if (f.fault == "position_wrapped" && joint != c.joints.end() && joint->continuous)
+        f.severity = FaultSeverity::kNote;
       explained.push_back(warning.joint);
       c.add(std::move(f));
     }

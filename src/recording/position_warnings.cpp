@@ -58,10 +58,13 @@ std::vector<ChannelWarning> find_wrapped(const std::vector<JointDescription>& jo
     for (const Recording& r : recordings) count_wraps(r, static_cast<long>(j), found);
     if (found.count == 0) continue;
     char text[320];
-    detail::print(text, sizeof text,
-                  "q_%s jumps by a whole turn %ld time%s, first at t = %.6g s: the encoder wraps. "
-                  "Unwrap it (numpy.unwrap) before it is used; every jump passes for motion",
-                  joints[j].name.c_str(), found.count, found.count == 1 ? "" : "s", found.first);
+    detail::print(
+        text, sizeof text,
+        "q_%s jumps by a whole turn %ld time%s, first at t = %.6g s: the encoder wraps. %s",
+        joints[j].name.c_str(), found.count, found.count == 1 ? "" : "s", found.first,
+        joints[j].continuous
+            ? "Fits unwrap it: the joint has no limits"
+            : "Unwrap it (numpy.unwrap) before it is used; every jump passes for motion");
     out.push_back({joints[j].name, text});
   }
   return out;

@@ -203,7 +203,11 @@ def test_what_is_wrong_with_a_channel_is_a_warning_of_the_fit(
 
     held_out = edited(recordings / "test.csv", tmp_path / "data.csv", edit)
     train = recordings / "train.csv"
-    words = (PENDULUM, train, "--test", held_out, "-o", tmp_path / "run", "--quiet")
+    # A joint without limits would be unwrapped.
+    model = tmp_path / "limited.urdf"
+    limited = PENDULUM.read_text().replace('type="continuous"', 'type="revolute"')
+    model.write_text(limited.replace("<limit ", '<limit lower="-9" upper="9" '))
+    words = (model, train, "--test", held_out, "-o", tmp_path / "run", "--quiet")
     text = diffnea("identify", *words).stdout
     assert re.search(rf"WARNING: .*elbow.*{warning}", text), text
 

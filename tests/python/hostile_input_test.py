@@ -43,7 +43,7 @@ def refused(*arguments: object, cwd: Path) -> str:
 
 def one_line(path: Path) -> None:
     with path.open("wb") as file:  # sparse: 4 GB that take no disk
-        file.write(b"time,q_a,qcmd_a,tau_a\n")
+        file.write(b"time,q_shoulder,q_elbow,qcmd_elbow,tau_elbow\n")
         file.truncate(4 << 30)
 
 

@@ -52,13 +52,13 @@ def read(path: Path, selection: Selection) -> Table:
     if selection.clock not in CLOCKS:
         raise DataError(f"clock: got {selection.clock!r}; choices: {', '.join(CLOCKS)}")
     with _Bag(path) as bag:
+        commands = _commands(path, bag, selection)
         states = bag.topics()
         if selection.command_topic is not None:
             states.pop(selection.command_topic, None)
         topic = _choose(path, states, selection.topic)
         where = f"{path}: topic {topic}"
         messages = _collect(where, bag.messages(topic), selection)
-        commands = _commands(path, bag, selection)
     return _table(where, messages, selection, commands)
 
 
