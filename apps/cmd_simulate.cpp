@@ -69,8 +69,12 @@ void run_simulate(SimulateOptions options) {
   check_outputs({options.out, sidecar_path(options.out).string(), options.truth}, inputs);
   if (!options.truth.empty()) check_model_path(options.truth);
   Trajectory trajectory = read_trajectory(options.trajectory);
-  ServedModel served = serve_joints(read_model(options.model, options.reading),
-                                    trajectory.joint_names, options.choice);
+  const Model described = read_model(options.model, options.reading);
+  std::vector<std::string> moved = trajectory.joint_names;
+  for (const JointDescription& joint : describe_joints(described))
+    if (joint.passive && std::ranges::find(moved, joint.name) == moved.end())
+      moved.push_back(joint.name);  // by the others
+  ServedModel served = serve_joints(described, moved, options.choice);
   if (!served.note.empty()) std::fprintf(stderr, "%s\n", served.note.c_str());
   const Model& model = served.model;
   leave_out_others(joint_names(model), trajectory);

@@ -40,7 +40,7 @@ def test_bash_completes_commands_options_choices_and_files(tmp_path: Path) -> No
     (tmp_path / "arm.csv").write_text("")
     assert in_bash(tmp_path, "iden") == ["identify"]
     assert set(in_bash(tmp_path, "")) == set(commands())
-    assert in_bash(tmp_path, "identify", "--lo") == ["--loss"]
+    assert in_bash(tmp_path, "identify", "--los") == ["--loss"]
     assert in_bash(tmp_path, "identify", "--loss", "mot") == ["motion"]
     assert in_bash(tmp_path, "identify", "--loss", "=", "in") == ["inverse"]
     assert in_bash(tmp_path, "identify", "--loss", "=") == [
