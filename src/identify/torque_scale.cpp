@@ -10,9 +10,10 @@ namespace {
 
 constexpr double kLeast = 1.25;      ///< smaller factors are those of masses and gears
 constexpr double kAgreement = 1.15;  ///< of the joints, about their median
-/// The same as a share of the factor's logarithm: torque constants of an arm's drives differ, 12
-/// and 9 N·m/A, by less than an ampere does from a newton metre.
-constexpr double kSpread = 1.0 / 3.0;
+/// From this factor on it is the log's unit: masses of descriptions are seldom off by as much. Then
+/// a third of the factor's logarithm is agreement enough: torque constants of an arm's drives
+/// differ, 12 and 9 N·m/A, by less than an ampere does from a newton metre.
+constexpr double kUnit = 3.0, kSpread = 1.0 / 3.0;
 constexpr double kMajority = 0.8;   ///< light links' masses are often off by more
 constexpr double kErrorLeft = 0.5;  ///< of the error without the factor
 
@@ -75,7 +76,8 @@ std::optional<TorqueScale> common_torque_scale(const FitLayout& layout,
   TorqueScale out;
   out.factor = sorted[sorted.size() / 2];
   if (!(out.factor > 0.0) || std::abs(std::log(out.factor)) < std::log(kLeast)) return std::nullopt;
-  const double agreement = std::max(std::log(kAgreement), kSpread * std::abs(std::log(out.factor)));
+  const double size = std::abs(std::log(out.factor));
+  const double agreement = size < std::log(kUnit) ? std::log(kAgreement) : kSpread * size;
   for (const auto& [joint, scale] : told)
     if (scale.needed && std::abs(std::log(scale.factor / out.factor)) < agreement)
       out.of_joint.emplace_back(joint, scale.factor);

@@ -19,7 +19,7 @@ struct TorqueScale {
 };
 
 /// A factor that two joints or more, and four fifths of those that determine one, agree on (to 15
-/// %, or to a third of the factor's own logarithm, if that is more), and that is none of chance:
+/// %; from a factor of 3 on, to a third of its logarithm), and that is none of chance:
 /// beyond 1.25 either way, with an error below half of that without it at each of these joints.
 /// Masses that are wrong link by link agree on none.
 /// @param factors  of the inverse loss, in torques, one a joint

@@ -85,12 +85,13 @@ bool has_locked_joints(const Model& model) {
 std::string text_in_form(const Model& model, Format form, const std::string& where,
                          const ModelReading& reading, std::vector<std::string>& notes) {
   const std::optional<Original> original = original_of(model);
-  std::string unreadable;
+  std::string lost;  // why the document cannot be kept
   if (original && original->format == form && form == Format::kMjcf && has_locked_joints(model))
-    unreadable = "joints of it were locked";
+    lost = ", in which joints were locked";
   else if (original && original->format == form)
-    unreadable = why_unreadable(model.source, reading_of(reading));
-  if (original && original->format == form && unreadable.empty()) {
+    if (const std::string why = why_unreadable(model.source, reading_of(reading)); !why.empty())
+      lost = ", which cannot be read (" + why + ")";
+  if (original && original->format == form && lost.empty()) {
     const std::filesystem::path folder = std::filesystem::path(model.source).parent_path();
     return form == Format::kUrdf
                ? io::urdf_with_values(original->text, model.source, model, notes)
@@ -101,8 +102,7 @@ std::string text_in_form(const Model& model, Format form, const std::string& whe
   io::validate(model, where);
   require_masses(model, where);
   if (original && original->format != Format::kJson)
-    notes.push_back("looks and shapes of the original document" +
-                    (unreadable.empty() ? "" : ", which cannot be kept (" + unreadable + ")"));
+    notes.push_back("looks and shapes of the original document" + lost);
   if (form == Format::kUrdf) return io::draw_urdf(model, notes);
   const std::string text = io::draw_mjcf(model, notes);
   io::compile_mjcf(io::expand_mjcf(text, "", where));  // MuJoCo refuses inertias that cannot be

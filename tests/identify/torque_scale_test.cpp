@@ -51,6 +51,9 @@ TEST_CASE("identify: a factor is common to the joints, or it is none", "[identif
   REQUIRE(all);
   CHECK(std::abs(all->factor - 2.0) < 0.11);
   CHECK(all->of_joint.size() == 4);
+  // Currents of drives of 12 and 9 N·m/A, against masses that are wrong by up to 3.
+  CHECK(scale({1 / 12.0, 1 / 12.0, 1 / 9.0, 1 / 9.0}, 1e-3)->of_joint.size() == 4);
+  CHECK_FALSE(scale({3.0, 3.0, 6.0, 9.0}, 0.01));
   CHECK_FALSE(scale({2.0, 2.1, 1.9, 1.0}, 0.01));  // three of four
   CHECK_FALSE(scale({2.0, 2.5, 3.0, 2.2}, 0.01));  // of no one size
   CHECK_FALSE(scale({1.1, 1.1, 1.1, 1.1}, 0.01));  // small

@@ -70,6 +70,21 @@ def test_a_locked_joint_is_where_it_was_said(tmp_path: Path, log: Path) -> None:
     assert "the model has no moving joint 'elbw'; joints: shoulder, elbow" in message
 
 
+def test_an_mjcf_with_a_locked_joint_is_drawn_anew(tmp_path: Path) -> None:
+    motion, data = tmp_path / "motion.csv", tmp_path / "data.csv"
+    done("excite", "wam4", "-o", motion, "--seed", 1, "--quiet")
+    words = ("wam4", "--trajectory", motion, "--lock", "joint4=0.5", "-o", data)
+    answer = diffnea("simulate", *words)
+    assert "locked: joint4 at 0.5 rad" in answer.stderr
+    assert "q_joint4" not in data.read_text().splitlines()[0]
+    done("identify", "wam4", data, "--lock", "joint4=0.5", "-o", tmp_path / "run", "--quiet")
+    notes = " ".join(load(tmp_path / "run" / "result.json")["notes"])
+    assert "original document, in which joints were locked" in notes
+    for model in ("model.json", "model.xml"):
+        info = json.loads(done("info", tmp_path / "run" / model, "--json"))
+        assert info["joints"] == ["joint1", "joint2", "joint3"]
+
+
 def test_columns_of_other_joints_are_left_out(tmp_path: Path, log: Path) -> None:
     data = table(log)
     data |= {"q_wheel": data["time"], "tau_wheel": 0 * data["time"]}
