@@ -84,9 +84,11 @@ Evidence::Evidence(const Model& model, const FitLayout& layout, const RecordingS
     throw DataError(source.sample().front().source +
                     ": diagnose: " + detail::why_no_rows(source.sample(), every_) +
                     "; record a motion, e.g. one of `diffnea excite`");
-  if (joints_.empty())
+  if (joints_.empty()) {
+    require_torque(describe_joints(model), source.sample());
     throw DataError(source.sample().front().source +
-                    ": diagnose: " + why_no_torque(source.sample()));
+                    ": diagnose: no joint has a torque (tau_<joint>), and none is declared passive");
+  }
   take_filters(model, plan, collector);
   FitLayout held = layout;
   for (FitParameter& s : held.shape) s.fixed = !is_smoothing(s);

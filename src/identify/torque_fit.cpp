@@ -88,8 +88,7 @@ class InverseFit {
   }
 
   void fit() {
-    if (const std::string why = why_no_torque(train_.sample()); !why.empty())
-      throw DataError(train_.sample().front().source + ": " + why);
+    require_torque(describe_joints(model_), train_.sample());
     FitLayout with_shapes = layout_;
     for (FitParameter& shape : layout_.shape)
       shape.fixed = true;  // no columns for them but in fit_shapes

@@ -72,4 +72,12 @@ std::string why_no_torque(const std::vector<Recording>& recordings) {
   return out;
 }
 
+void require_torque(const std::vector<JointDescription>& joints,
+                    const std::vector<Recording>& recordings) {
+  const std::string why = why_no_torque(recordings);
+  if (why.empty()) return;
+  require_commands(joints, recordings);
+  throw DataError(recordings.front().source + ": " + why);
+}
+
 }  // namespace diffnea

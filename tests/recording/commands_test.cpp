@@ -136,8 +136,14 @@ TEST_CASE("commands: a missing torque is said, with what there is", "[recording]
   CHECK(why_no_torque({r}) ==
         "no joint has a torque column (tau_JOINT), so there is no torque to explain; there are "
         "positions (q_) of servo; desired positions (qcmd_) of servo; extra channels load_raw");
+  CHECK_THROWS_WITH(require_torque(kServo, {r}),
+                    ContainsSubstring("servo.csv: no joint has a torque column"));
+  Recording exchanged = r;
+  std::swap(exchanged.q, exchanged.qcmd);
+  CHECK_THROWS_WITH(require_torque(kServo, {exchanged}), ContainsSubstring("are exchanged;"));
   Recording measured = r;
   measured.has_tau = {true};
+  CHECK_NOTHROW(require_torque(kServo, {measured}));
   CHECK(why_no_torque({r, measured}).empty());
   r.info.passive = {"servo"};
   CHECK(why_no_torque({r}).empty());

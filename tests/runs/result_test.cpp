@@ -380,6 +380,20 @@ TEST_CASE("result: inputs carry their SHA-256", "[io]") {
   CHECK_THROWS_AS(describe_input("data", folder.path() / "nothing"), FileError);
 }
 
+TEST_CASE("result: of a folder the names and contents of its files count", "[io]") {
+  const test::TemporaryFolder folder;
+  const std::filesystem::path bag = folder.path() / "bag";
+  std::filesystem::create_directories(bag / "data");
+  write_file_atomically(bag / "metadata.yaml", "abc");
+  write_file_atomically(bag / "data" / "log.mcap", "12345");
+  const RunInput before = describe_input("data", bag);
+  CHECK(before.bytes == 8);
+  CHECK(before.sha256.size() == 64);
+  CHECK(describe_input("data", bag).sha256 == before.sha256);
+  std::filesystem::rename(bag / "data" / "log.mcap", bag / "data" / "other.mcap");
+  CHECK(describe_input("data", bag).sha256 != before.sha256);
+}
+
 TEST_CASE("result folder: files appear together, and leftovers of an earlier run go", "[io]") {
   const test::TemporaryFolder folder;
   const fs::path path = folder.path() / "a" / "run";

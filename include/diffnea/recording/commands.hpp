@@ -24,4 +24,10 @@ void require_commands(const std::vector<JointDescription>& joints,
 /// sentence. Empty: some joint has one, or all are passive.
 std::string why_no_torque(const std::vector<Recording>& recordings);
 
+/// Refuses recordings without any torque, for work that explains torques: says first what would be
+/// wrong with them for drives, too (require_commands), then why_no_torque.
+/// @throws DataError as require_commands; naming the recording and its columns
+void require_torque(const std::vector<JointDescription>& joints,
+                    const std::vector<Recording>& recordings);
+
 }  // namespace diffnea
