@@ -130,6 +130,54 @@ std::string listed(const std::vector<std::pair<std::string, std::string>>& at) {
   return detail::join(out, "; ");
 }
 
+/// A recording's joints.
+struct Log {
+  std::string source;  ///< file and run, for messages
+  Names joints;
+};
+
+/// Joints of the model that a recording has, but for those that the choice locks.
+Names free_joints(const Model& model, const Log& log, const JointChoice& choice) {
+  Names out;
+  for (const std::string& joint : joint_names(model)) {
+    const bool is_locked = std::ranges::any_of(choice.lock, [&](const std::string& lock) {
+      return lock.substr(0, lock.find('=')) == joint;
+    });
+    if (!is_locked && (choice.joints.empty() || has(choice.joints, joint)) &&
+        has(log.joints, joint))
+      out.push_back(joint);
+  }
+  return out;
+}
+
+/// One model serves all recordings: what moves in one of them, moves in all.
+/// @throws DataError naming the first recording that differs
+void require_alike(const Model& model, const std::vector<Log>& logs, const JointChoice& choice) {
+  const Names there = free_joints(model, logs.front(), choice);
+  for (const Log& log : logs) {
+    const Names here = free_joints(model, log, choice), lacks = without(there, here),
+                adds = without(here, there);
+    if (lacks.empty() && adds.empty()) continue;
+    throw DataError(log.source + ": its joints are not those of " + logs.front().source +
+                    "; only here: " + detail::join_or_none(without(log.joints, there)) +
+                    "; only there: " + detail::join_or_none(lacks) +
+                    likely_pairs(without(log.joints, there), lacks) +
+                    "; --lock JOINT=VALUE holds a joint in all of them");
+  }
+}
+
+/// All recordings alike, the first tells.
+ServedModel serve_logs(
+    const Model& model, const std::vector<Log>& logs, const JointChoice& choice,
+    const std::function<std::optional<LoggedPosition>(const std::string&)>& position) {
+  require_alike(model, logs, choice);
+  try {
+    return serve_joints(model, logs.front().joints, choice, position);
+  } catch (const DataError& error) {
+    throw DataError(logs.front().source + ": " + error.what());
+  }
+}
+
 }  // namespace
 
 ServedModel serve_joints(
@@ -192,48 +240,36 @@ ServedModel serve_joints(
 
 ServedModel serve_joints(const Model& model, const std::vector<std::filesystem::path>& files,
                          const std::vector<ReadOptions>& options, const JointChoice& choice) {
+  if (files.empty()) return {.model = model, .note = ""};
   const auto options_of = [&](std::size_t file) {
     ReadOptions out = options.empty() ? ReadOptions{} : options[options.size() == 1 ? 0 : file];
     out.joints.clear();  // all that are logged
     return out;
   };
-  Names logged;
+  std::vector<Log> logs;
   for (std::size_t f = 0; f < files.size(); ++f) {
-    const Names here = RecordingReader(files[f], options_of(f)).joint_names();
-    if (f == 0)
-      logged = here;
-    else
-      std::erase_if(logged, [&](const std::string& joint) { return !has(here, joint); });
+    const ReadOptions read = options_of(f);
+    logs.push_back({read.name.empty() ? files[f].string() : read.name,
+                    RecordingReader(files[f], read).joint_names()});
   }
   std::optional<Recording> first;
-  const auto position = [&](const std::string& joint) -> std::optional<LoggedPosition> {
+  return serve_logs(model, logs, choice, [&](const std::string& joint) {
     if (!first) {
       RecordingReader reader(files.front(), options_of(0));
-      first.emplace();
-      if (!reader.next(*first, kLookedAt)) return std::nullopt;
+      reader.next(first.emplace(), kLookedAt);
     }
     return position_of(*first, joint);
-  };
-  try {
-    return serve_joints(model, logged, choice, position);
-  } catch (const DataError& error) {
-    throw DataError(files.front().string() + ": " + error.what());
-  }
+  });
 }
 
 ServedModel serve_joints(const Model& model, const std::vector<Recording>& recordings,
                          const JointChoice& choice) {
   if (recordings.empty()) return {.model = model, .note = ""};
-  Names logged = recordings.front().joint_names;
-  for (const Recording& r : recordings)
-    std::erase_if(logged, [&](const std::string& joint) { return !has(r.joint_names, joint); });
-  try {
-    return serve_joints(model, logged, choice, [&](const std::string& joint) {
-      return position_of(recordings.front(), joint);
-    });
-  } catch (const DataError& error) {
-    throw DataError(recordings.front().source + ": " + error.what());
-  }
+  std::vector<Log> logs;
+  for (const Recording& r : recordings) logs.push_back({r.source, r.joint_names});
+  return serve_logs(model, logs, choice, [&](const std::string& joint) {
+    return position_of(recordings.front(), joint);
+  });
 }
 
 }  // namespace diffnea

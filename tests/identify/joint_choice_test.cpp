@@ -104,4 +104,21 @@ TEST_CASE("joint choice: a lock without a value is where the file has the joint"
   CHECK_THAT(source->report().notes.at(0), ContainsSubstring("are left out: grip"));
 }
 
+TEST_CASE("joint choice: what moves in one recording, moves in all", "[recording]") {
+  const Model model = model_of({"a", "b"});
+  Recording both, one;
+  both.source = "both.csv";
+  both.joint_names = {"a", "b"};
+  one.source = "one.csv";
+  one.joint_names = {"a"};
+  for (const auto& order : {std::vector{both, one}, std::vector{one, both}})
+    CHECK_THROWS_WITH(
+        serve_joints(model, order, JointChoice{}),
+        ContainsSubstring(order[1].source + ": its joints are not those of " + order[0].source) &&
+            ContainsSubstring("b"));
+  const ServedModel served =
+      serve_joints(model, std::vector{one, both}, {.joints = {}, .lock = {"b=0"}});
+  CHECK(joint_names(served.model) == Names{"a"});
+}
+
 }  // namespace diffnea::joint_choice_test

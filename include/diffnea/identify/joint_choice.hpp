@@ -48,8 +48,9 @@ ServedModel serve_joints(
     const Model& model, const std::vector<std::string>& logged, const JointChoice& choice,
     const std::function<std::optional<LoggedPosition>(const std::string&)>& position = nullptr);
 
-/// The same of files: joints that all of them have are logged.
+/// The same of files, which must have the same joints of the model.
 /// @param options  of each file; one for all if its size is 1
+/// @throws DataError also naming the file whose joints are not the first one's
 ServedModel serve_joints(const Model& model, const std::vector<std::filesystem::path>& files,
                          const std::vector<ReadOptions>& options, const JointChoice& choice);
 
