@@ -1,7 +1,5 @@
 /// Dynamics and kinematics of one state or of many, one a row.
 
-#include <algorithm>
-
 #include <diffnea/core/error.hpp>
 #include <diffnea/dynamics/batch.hpp>
 #include <diffnea/dynamics/derivatives.hpp>
@@ -20,10 +18,7 @@ namespace {
 
 using namespace pybind11::literals;
 
-long dofs(const Model& model) {
-  return std::ranges::count_if(
-      model.links, [](const ModelLink& link) { return link.type != ModelJoint::kFixed; });
-}
+long dofs(const Model& model) { return static_cast<long>(moving_links(model).size()); }
 
 py::array inverse(const Model& model, const py::object& q, const py::object& qd,
                   const py::object& qdd, bool effects, int threads) {
@@ -74,7 +69,7 @@ py::array torque_regressor_of(const Model& model, const py::object& q, const py:
     Y = regressor_batch(make_tree(model), s.values[0], s.values[1], s.values[2],
                         {.num_threads = threads, .instruction_set = ""});
   }
-  return s.shaped(std::move(Y), {n, kThetaSize * n});
+  return s.shaped(std::move(Y), {n, kThetaSize * static_cast<long>(tree_links(model).size())});
 }
 
 py::array mass_matrix_of(const Model& model, const py::object& q) {
@@ -261,7 +256,8 @@ void bind_dynamics(py::module_& m) {
         "offsets of the model act too.");
   m.def("regressor", &torque_regressor_of, "model"_a, py::kw_only(), "q"_a, "qd"_a, "qdd"_a,
         "threads"_a = 1,
-        "Y(q, qd, qdd), (n, 10 n) or (T, n, 10 n): ``rnea`` = Y @ model.inertial_parameters + "
+        "Y(q, qd, qdd), (n, 10 links) or (T, n, 10 links): ``rnea`` = Y @ "
+        "model.inertial_parameters + "
         "armature * qdd.\n\n"
         "Row units [N·m] per [kg, kg·m, kg·m²]. Reads the tree's geometry, not its inertias.");
   m.def("mass_matrix", &mass_matrix_of, "model"_a, py::kw_only(), "q"_a,

@@ -103,6 +103,17 @@ std::string model_repr(const Model& model) {
          "], gravity " + std::string(gravity) + ")";
 }
 
+/// Chains are resolved: every follower follows a degree of freedom.
+py::dict followers(const Model& model) {
+  const std::vector<std::string> joints = joint_names(model);
+  py::dict out;
+  for (const TreeJoint& j : tree_joints(model))
+    if (j.follows)
+      out[py::str(j.name)] = py::dict("joint"_a = joints[static_cast<std::size_t>(j.drive.dof)],
+                                      "ratio"_a = j.drive.ratio, "offset"_a = j.drive.offset);
+  return out;
+}
+
 Model from_dict(const py::object& dict) {
   const std::string text = py::cast<std::string>(python_function("json", "dumps")(dict));
   return model_from_json(text, "Model.from_dict");
@@ -228,9 +239,13 @@ void bind_model(py::module_& m) {
                     "What that file says and this model leaves out, one sentence each.")
       .def_property_readonly(
           "num_joints", [](const Model& x) { return moving_links(x).size(); },
-          "Number n of moving joints, which is that of degrees of freedom.")
+          "Number n of degrees of freedom: moving joints that follow no other.")
       .def_property_readonly("joint_names", &joint_names,
-                             "Names of the moving joints; arrays (…, n) have this order.")
+                             "Names of those joints; arrays (…, n) have this order.")
+      .def_property_readonly("followers", &followers,
+                             "Joints that follow others (mimic joints, joint equalities), by name: "
+                             "``{\"joint\": ..., \"ratio\": ..., \"offset\": ...}`` with\n"
+                             "q = ratio q_joint + offset.")
       .def_property_readonly("links", &links, "All links, parents before children.")
       .def_property_readonly(
           "frame_names",
@@ -249,7 +264,8 @@ void bind_model(py::module_& m) {
       .def_property_readonly(
           "inertial_parameters",
           [](const Model& x) { return array_out(inertial_parameters(make_tree(x))); },
-          "(10 n,) per moving link, with all that is fixed to it: m, hx, hy, hz, Ixx, Ixy, Ixz, "
+          "(10 links,) per moving link, with all that is fixed to it: m, hx, hy, hz, Ixx, Ixy, "
+          "Ixz, "
           "Iyy, Iyz, Izz;\n"
           "h first moment [kg·m], I about the link's origin [kg·m²]. What :func:`regressor` "
           "multiplies.")
@@ -259,7 +275,8 @@ void bind_model(py::module_& m) {
             set_inertial_parameters(x, vector_in("with_inertial_parameters: pi", pi));
             return x;
           },
-          "pi"_a, "A copy with other inertias, (10 n,) in the order of ``inertial_parameters``.")
+          "pi"_a,
+          "A copy with other inertias, (10 links,) in the order of ``inertial_parameters``.")
       .def("with_effects", &with_effects, "effects"_a,
            "A copy with these effects in place of its own; names, places and signs are checked.")
       .def("issues", &model_issues, "What looks wrong, as a list of :class:`Issue`.")

@@ -42,9 +42,7 @@ void add_shape(Candidate& c, int parameter) {
 constexpr double kRotorKnown = 0.3;  ///< relative: as well as models state rotors
 constexpr double kRotorShare = 0.3;  ///< of a joint's inertia, where no model says
 
-double declared_rotor(const Model& model, int joint) {
-  return make_tree(model).links[static_cast<std::size_t>(joint)].armature;
-}
+double declared_rotor(const Model& model, int joint) { return make_tree(model).armature(joint); }
 
 /// The rotor before a gap: the armature that the model declares, else a share of the joint's
 /// inertia. (Behind a spring it is fitted.)

@@ -491,7 +491,8 @@ VecX<double> Evidence::set_reference(const Model& fitted) {
 }
 
 void Evidence::set_tilt(const Vec3<double>& more, const VecX<double>& x) {
-  const long p = static_cast<long>(kThetaSize) * num_dofs_, m = times();
+  const long p = kThetaSize * static_cast<long>(reference(series_.front()).tree.links.size()),
+             m = times();
   MatX<double> now = MatX<double>::Zero(rows(), p);
   if (dot(more, more) > 0.0) {
     std::vector<RowMatX<double>> stretches;

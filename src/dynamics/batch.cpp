@@ -145,7 +145,7 @@ void regressor_batch(const Tree<double>& tree, const RowMatX<double>& Q, const R
     Y = torque_regressor<double, double>(tree, q, qd, qdd, ws);
   };
   run_rows("regressor_batch", &Kernels::regressor, of_one_row, tree, Q, Qd, "Qdd", Qdd, n,
-           kThetaSize * n, Y, options);
+           kThetaSize * tree.num_links(), Y, options);
 }
 
 RowMatX<double> regressor_batch(const Tree<double>& tree, const RowMatX<double>& Q,

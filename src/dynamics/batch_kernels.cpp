@@ -45,17 +45,17 @@ void for_each_pack(const Tree<double>& tree, const Rows& rows, const Compute& co
   }
 }
 
-/// (n × 10n) packs to one such matrix a lane; a block is zero unless its row's joint carries its
-/// link.
+/// (n × 10 links) packs to one such matrix a lane; a block is zero unless its row's joint carries
+/// its link, or one that follows it does.
 void store_regressors(const Tree<double>& tree, const std::vector<Pack>& Y, long begin, long end,
                       double* out) {
-  const int n = tree.num_dofs(), columns = kThetaSize * n;
+  const int n = tree.num_dofs(), columns = kThetaSize * tree.num_links();
   const int lanes = static_cast<int>(std::min<long>(kPackWidth, end - begin));
   alignas(Pack) double block[kThetaSize][kPackWidth];
   std::fill_n(out + begin * n * columns, static_cast<long>(lanes) * n * columns, 0.0);
-  for (int k = 0; k < n; ++k) {
+  for (int k = 0; k < tree.num_links(); ++k) {
     for (int i = k; i >= 0; i = tree.links[i].parent) {
-      const long offset = static_cast<long>(i) * columns + kThetaSize * k;
+      const long offset = static_cast<long>(tree.drive(i).dof) * columns + kThetaSize * k;
       for (int c = 0; c < kThetaSize; ++c)
         Y[offset + c].copy_to(block[c], std::experimental::vector_aligned);
       for (int lane = 0; lane < lanes; ++lane) {
@@ -89,7 +89,7 @@ void aba(const Tree<double>& tree, const Rows& rows) {
 }
 
 void regressor(const Tree<double>& tree, const Rows& rows) {
-  const int n = tree.num_dofs(), columns = kThetaSize * n;
+  const int n = tree.num_dofs(), columns = kThetaSize * tree.num_links();
   std::vector<RegressorLinkMotion<Pack>> ws;
   std::vector<Pack> Y(static_cast<std::size_t>(n) * columns);
   for_each_pack(tree, rows, [&](const Pack* q, const Pack* qd, const Pack* qdd, long begin) {

@@ -90,12 +90,14 @@ std::string names_of_places(Place place) {
   return "";
 }
 
-int find_joint_or_throw(const std::string& here, const std::string& name, const Model& model) {
-  const std::vector<std::string> names = joint_names(model);
-  const auto it = std::ranges::find(names, name);
-  if (it == names.end())
-    throw ModelError(here + ": there is no moving joint '" + name + "'; " + choices(name, names));
-  return static_cast<int>(it - names.begin());
+/// A joint by name: a degree of freedom, or one that follows another.
+TreeJoint find_joint_or_throw(const std::string& here, const std::string& name,
+                              const std::vector<TreeJoint>& joints) {
+  const auto it = std::ranges::find(joints, name, &TreeJoint::name);
+  if (it != joints.end()) return *it;
+  std::vector<std::string> names;
+  for (const TreeJoint& j : joints) names.push_back(j.name);
+  throw ModelError(here + ": there is no moving joint '" + name + "'; " + choices(name, names));
 }
 
 std::string trimmed(const std::string& s) {
@@ -103,12 +105,10 @@ std::string trimmed(const std::string& s) {
   return first == std::string::npos ? "" : s.substr(first, last - first + 1);
 }
 
-std::vector<int> resolve_where(const std::string& here, const EffectInfo& info,
-                               const std::string& where, const Model& model) {
-  const std::vector<std::string> joints = joint_names(model);
-  const int n = static_cast<int>(joints.size());
-  std::vector<int> all(n);
-  std::iota(all.begin(), all.end(), 0);
+/// Joints that `where` names; empty for what acts on a ball.
+std::vector<TreeJoint> resolve_where(const std::string& here, const EffectInfo& info,
+                                     const std::string& where, const Model& model,
+                                     const std::vector<TreeJoint>& joints) {
   const std::string expected = "; expected " + names_of_places(info.place);
   if (acts_on_ball(info)) {
     const std::vector<std::string> there = places(info, model);
@@ -121,32 +121,52 @@ std::vector<int> resolve_where(const std::string& here, const EffectInfo& info,
     if (where != there.front()) throw ModelError(here + ": got '" + where + "'" + expected);
     return {};
   }
-  if (n == 0) throw ModelError(here + ": the model has no moving joint to act on");
+  if (joints.empty()) throw ModelError(here + ": the model has no moving joint to act on");
   if (where.empty()) throw ModelError(here + ": it is not said where it acts" + expected);
 
   const bool acts_on_all = info.place == Place::kJoint || info.place == Place::kAllJoints;
-  const bool is_joint = std::ranges::find(joints, where) != joints.end();
+  const bool is_joint = std::ranges::find(joints, where, &TreeJoint::name) != joints.end();
+  std::vector<TreeJoint> all = joints;
+  std::erase_if(all, [](const TreeJoint& j) { return j.follows; });
   if (where == "all" && acts_on_all && is_joint)
     throw ModelError(here +
                      ": a joint of the model is named 'all', which here means every joint; " +
                      "give that joint another name");
   if (where == "all" && acts_on_all) return all;
-  if (where == "tip" && info.place == Place::kTip) return {n - 1};
+  if (where == "tip" && info.place == Place::kTip) return {joints.back()};
   if (where == "base" && info.place == Place::kBase) return all;
   const std::size_t comma = where.find(',');
   if (info.place == Place::kJointPair) {
     if (comma == std::string::npos || where.find(',', comma + 1) != std::string::npos)
       throw ModelError(here + ": got '" + where + "'" + expected);
-    const int first = find_joint_or_throw(here, trimmed(where.substr(0, comma)), model);
-    const int second = find_joint_or_throw(here, trimmed(where.substr(comma + 1)), model);
-    if (first == second)
+    const TreeJoint first = find_joint_or_throw(here, trimmed(where.substr(0, comma)), joints);
+    const TreeJoint second = find_joint_or_throw(here, trimmed(where.substr(comma + 1)), joints);
+    if (first.link == second.link)
       throw ModelError(here + ": both joints of the pair are the same" + expected);
     return {first, second};
   }
   const bool names_place = !is_joint && (where == "all" || where == "tip" || where == "base");
   if (names_place || info.place == Place::kBase || info.place == Place::kAllJoints)
     throw ModelError(here + ": got '" + where + "'" + expected);
-  return {find_joint_or_throw(here, where, model)};
+  return {find_joint_or_throw(here, where, joints)};
+}
+
+/// Fills joints, links and, at joints that follow others, how they do.
+/// @throws ModelError for an effect that such a joint cannot have
+void place_at(const std::vector<TreeJoint>& joints, const std::string& here, BoundEffect& out) {
+  const EffectInfo& info = out.info();
+  for (const TreeJoint& j : joints) {
+    out.joints.push_back(j.drive.dof);
+    out.links.push_back(j.link);
+    if (!j.follows || info.place == Place::kTip) continue;
+    const bool one_instant = info.port == Port::kJointTorque && info.place == Place::kJoint;
+    if (!one_instant || info.has(Trait::kGain) || info.has(Trait::kFollowsLoad) ||
+        (info.has(Trait::kReadsAcceleration) && !info.has(Trait::kRotor)))
+      throw ModelError(here + ": joint '" + j.name +
+                       "' follows another; only friction, springs and rotors can act at such a "
+                       "joint, bind it to the joint that is followed");
+    out.follows.push_back(j.drive);
+  }
 }
 
 /// Run of a per-run parameter's name: "offset_3" gives 3.
@@ -184,13 +204,16 @@ void check_value(const std::string& here, const ParameterInfo& info, double valu
 
 /// Joints and their parents, of one type: a shaft's torque is [N·m] at both or [N] at both.
 std::vector<std::string> joint_pairs(const Model& model) {
-  const std::vector<std::string> names = joint_names(model);
+  const std::vector<TreeJoint> joints = tree_joints(model);
   const Tree<double> tree = make_tree(model);
   std::vector<std::string> out;
-  for (std::size_t j = 0; j < names.size(); ++j)
-    if (const int parent = tree.links[j].parent;
-        parent >= 0 && tree.links[j].type == tree.links[static_cast<std::size_t>(parent)].type)
-      out.push_back(names[static_cast<std::size_t>(parent)] + "," + names[j]);
+  for (std::size_t j = 0; j < joints.size(); ++j) {
+    const int parent = tree.links[j].parent;
+    if (parent < 0 || tree.links[j].type != tree.links[static_cast<std::size_t>(parent)].type)
+      continue;
+    const TreeJoint& carrier = joints[static_cast<std::size_t>(parent)];
+    if (!carrier.follows && !joints[j].follows) out.push_back(carrier.name + "," + joints[j].name);
+  }
   return out;
 }
 
@@ -316,19 +339,19 @@ BoundEffect bind(const EffectSpec& spec, const Model& model, const std::vector<i
   out.where = spec.where;
   const EffectInfo& info = out.info();
   const std::string here = model.name + ": " + spec.effect + " at '" + spec.where + "'";
-  const std::vector<int> moving = moving_links(model);
-  out.num_joints = static_cast<int>(moving.size());
+  const std::vector<int> moving = tree_links(model);
+  out.num_joints = static_cast<int>(moving_links(model).size());
   const RunPlace place = split_where(spec.where);
   out.runs = place.runs;
-  out.joints = resolve_where(here, info, place.place, model);
+  place_at(resolve_where(here, info, place.place, model, tree_joints(model)), here, out);
   if (!out.runs.empty() && info.has(Trait::kOfRobot))
     throw ModelError(here +
                      ": it belongs to the robot and acts in every recording; leave out ':run='");
 
   // Units: those of the joints' type, which must be one where the unit depends on it.
   int num_prismatic = 0;
-  for (const int j : out.joints)
-    num_prismatic += model.links[moving[j]].type == ModelJoint::kPrismatic ? 1 : 0;
+  for (const int link : out.links)
+    num_prismatic += model.links[moving[link]].type == ModelJoint::kPrismatic ? 1 : 0;
   const bool prismatic = num_prismatic > 0;
   const bool mixed = prismatic && num_prismatic < static_cast<int>(out.joints.size());
 
@@ -339,7 +362,7 @@ BoundEffect bind(const EffectSpec& spec, const Model& model, const std::vector<i
       if (int run = 0; i.per_run && parse_run(p.name, i.name, run)) all_runs.push_back(run);
   std::ranges::sort(all_runs);
   all_runs.erase(std::ranges::unique(all_runs).begin(), all_runs.end());
-  out.type = completed(out.type, {spec, model, out.joints, all_runs, here});
+  out.type = completed(out.type, {spec, model, out.joints, out.links, all_runs, here});
   const bool has_table =
       visit_formula(out, [](const auto& formula) { return requires { formula.table; }; });
   if (spec.table && !has_table)

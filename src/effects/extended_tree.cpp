@@ -42,12 +42,13 @@ RowMatX<double> inverse_dynamics(const ExtendedTree& model,
                        "the time of each row, or a model without such effects");
   RowMatX<double> tau(q.rows(), n);
   RneaWorkspace<double, double> ws;
-  VecX<double> links(n);
+  VecX<double> links(n), armature(n);
+  for (int j = 0; j < n; ++j) armature[j] = model.tree.armature(j);
   for (long k = 0; k < q.rows(); ++k) {
     links = rnea<double, double>(model.tree, q.row(k).transpose(), qd.row(k).transpose(),
                                  qdd.row(k).transpose(), ws);
     tau.row(k) = links.transpose();
-    for (int j = 0; j < n; ++j) links[j] -= model.tree.links[j].armature * qdd(k, j);
+    for (int j = 0; j < n; ++j) links[j] -= armature[j] * qdd(k, j);
     JointSample<double> x;
     x.time = time ? (*time)[k] : 0.0;
     x.run = run;

@@ -44,7 +44,8 @@ ForwardDynamics::ForwardDynamics(ExtendedTree model)
                      "' depends on the past or on how the motion is measured, not on one instant; "
                      "`diffnea simulate` integrates it");
   std::erase_if(model_.effects, [](const BoundEffect& e) { return e.info().has(Trait::kGain); });
-  for (int j = 0; j < n_; ++j) model_.tree.links[j].armature /= gains_[j];
+  for (int i = 0; i < model_.tree.num_links(); ++i)
+    model_.tree.links[i].armature /= gains_[model_.tree.drive(i).dof];
   for (const BoundEffect& e : model_.effects)
     if (reads_acceleration(e)) implicit_.push_back(e);
 }
@@ -71,7 +72,7 @@ void ForwardDynamics::solve_implicit(const double* q, const double* qd, const Ve
   const VecX<double> bias =
       rnea<double, double>(model_.tree, q_map, qd_map, VecX<double>::Zero(n_), rnea_ws_);
   MatX<double> M_links = M;
-  for (int j = 0; j < n_; ++j) M_links(j, j) -= model_.tree.links[j].armature;
+  for (int j = 0; j < n_; ++j) M_links(j, j) -= model_.tree.armature(j);
   const VecX<double> free = tau - bias;
   Eigen::Map<VecX<double>> a(qdd, n_);
   a = M.llt().solve(free);

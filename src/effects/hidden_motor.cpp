@@ -14,7 +14,11 @@ std::vector<BoundEffect> parts_at_motors(const BoundEffect& effect, const MotorS
       effect.joints, [&](int j) { return shares[static_cast<std::size_t>(j)] >= 0.0; });
   if (!at_motor || effect.info().place != Place::kJoint) return {effect};
   std::vector<BoundEffect> out(effect.joints.size(), effect);
-  for (std::size_t k = 0; k < out.size(); ++k) out[k].joints = {effect.joints[k]};
+  for (std::size_t k = 0; k < out.size(); ++k) {
+    out[k].joints = {effect.joints[k]};
+    out[k].links = {effect.links[k]};
+    if (!effect.follows.empty()) out[k].follows = {effect.follows[k]};
+  }
   return out;
 }
 

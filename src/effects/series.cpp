@@ -16,8 +16,7 @@ using Rows = RowMatX<double>;
 /// Torque that rotors need at every row.
 Rows rotor_torque(const Tree<double>& tree, const JointSeries& x) {
   Rows out(x.rows(), tree.num_dofs());
-  for (int j = 0; j < tree.num_dofs(); ++j)
-    out.col(j) = tree.links[static_cast<std::size_t>(j)].armature * x.qdd.col(j);
+  for (int j = 0; j < tree.num_dofs(); ++j) out.col(j) = tree.armature(j) * x.qdd.col(j);
   return out;
 }
 
@@ -159,8 +158,7 @@ VecX<double> link_inertia(const Tree<double>& tree, const JointSeries& x, int jo
   const Rows still = Rows::Zero(x.rows(), x.q.cols());
   Rows one = still;
   one.col(joint).setOnes();
-  return rnea_batch(floating, x.q, still, one).col(joint).array() -
-         tree.links[static_cast<std::size_t>(joint)].armature;
+  return rnea_batch(floating, x.q, still, one).col(joint).array() - tree.armature(joint);
 }
 
 /// Motion of the links where the log has the motor's at `joint`. The second round takes what hangs
@@ -168,8 +166,8 @@ VecX<double> link_inertia(const Tree<double>& tree, const JointSeries& x, int jo
 JointSeries behind_encoder(const MotorSpring<double>& spring, const ExtendedTree& base,
                            const JointSeries& x, int joint) {
   constexpr int kRounds = 2;
-  const VecX<double> inertia = x.inertia.size() > 0 ? VecX<double>(x.inertia.col(joint))
-                                                    : link_inertia(base.tree, x, joint);
+  const VecX<double> inertia =
+      x.inertia.size() > 0 ? VecX<double>(x.inertia.col(joint)) : link_inertia(base.tree, x, joint);
   JointSeries links = x;
   for (int round = 0; round < kRounds; ++round) {
     const VecX<double> ahead = (x.qdd - links.qdd).col(joint);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include <diffnea/core/error.hpp>
 
@@ -23,6 +24,25 @@ template <class T>
 void check_names(const Model& model, const std::map<std::string, T>& values) {
   for (const auto& [joint, value] : values)
     if (!joint.empty()) find_joint(model, joint);
+}
+
+/// Narrows the limits of a degree of freedom to what the joints that follow it can move along.
+void keep_followers_inside(const Model& model, int dof, JointLimits& limits) {
+  const std::vector<int> links = tree_links(model);
+  for (const TreeJoint& j : tree_joints(model)) {
+    if (!j.follows || j.drive.dof != dof || j.drive.ratio == 0.0) continue;
+    const JointLimits& of = model.links[static_cast<std::size_t>(links[j.link])].limits;
+    double low = (of.lower - j.drive.offset) / j.drive.ratio,
+           high = (of.upper - j.drive.offset) / j.drive.ratio;
+    if (low > high) std::swap(low, high);
+    low = std::max(limits.lower, low);
+    high = std::min(limits.upper, high);
+    if (low < high) {  // else the file's own limits contradict its coupling
+      limits.lower = low;
+      limits.upper = high;
+    }
+    limits.velocity = std::min(limits.velocity, of.velocity / std::abs(j.drive.ratio));
+  }
 }
 
 }  // namespace
@@ -78,6 +98,7 @@ std::vector<JointRange> joint_ranges(const Model& model, const FourierOptions& o
   bool driven = false, moves = false;
   for (const int i : moving_links(model)) {
     ModelLink link = model.links[static_cast<std::size_t>(i)];
+    keep_followers_inside(model, static_cast<int>(out.size()), link.limits);
     if (const auto* p = find(limits.position, link.joint)) {
       link.limits.lower = p->first;
       link.limits.upper = p->second;

@@ -67,19 +67,19 @@ Start at_start(const Model& model, const VecX<double>& q0) {
 /// that are parallel.
 std::vector<std::string> plane_joints(const Model& model, const Start& start) {
   constexpr double kAligned = 0.1;  // [rad]
-  const std::vector<std::string> names = joint_names(model);
+  const std::vector<TreeJoint> joints = tree_joints(model);
   std::vector<std::pair<int, Vec3<double>>> level;
   for (int i = start.cup_link; i >= 0; i = start.tree.links[i].parent) {
     const Link<double>& link = start.tree.links[i];
     const Vec3<double> axis = start.links.links[i].X_WL.R * link.axis;
-    if (link.type == JointType::kRevolute && std::abs(axis.z) < kAligned)
+    if (link.type == JointType::kRevolute && std::abs(axis.z) < kAligned && !joints[i].follows)
       level.emplace_back(i, axis);
   }
   std::vector<std::string> best;
   for (const auto& [i, axis] : level) {
     std::vector<std::string> parallel;
     for (const auto& [j, other] : level)
-      if (std::abs(dot(axis, other)) > std::cos(kAligned)) parallel.push_back(names[j]);
+      if (std::abs(dot(axis, other)) > std::cos(kAligned)) parallel.push_back(joints[j].name);
     if (parallel.size() > best.size()) best = parallel;
   }
   std::ranges::reverse(best);

@@ -88,7 +88,9 @@ std::unique_ptr<RecordingSource> without_ball_pull(const Model& model,
         const auto& L = tree.links[static_cast<std::size_t>(i)];
         const Pose<double>& X_WL = kinematics.links[static_cast<std::size_t>(i)].X_WL;
         const Vec3<double> axis = X_WL.R * L.axis;
-        r.tau(row, i) +=
+        const JointDrive d = tree.drive(i);
+        r.tau(row, d.dof) +=
+            d.ratio *
             dot(L.type == JointType::kPrismatic ? axis : cross(axis, point - X_WL.p), force);
       }
     }

@@ -55,10 +55,10 @@ double length_scale(const SpatialInertia<double>& b) {
 
 void add_inertias(const Model& model, bool fixed, FitLayout& layout) {
   const Tree<double> tree = make_tree(model);
-  const std::vector<int> moving = moving_links(model);
+  const std::vector<int> moving = tree_links(model);
   double total = 0.0;
   for (const Link<double>& l : tree.links) total += std::max(l.inertia.m, 0.0);
-  for (int i = 0; i < tree.num_dofs(); ++i) {
+  for (int i = 0; i < tree.num_links(); ++i) {
     const SpatialInertia<double>& b = tree.links[i].inertia;
     const Theta<double> theta = b.theta();
     const double m = std::max({b.m, 0.02 * total, 1e-3}), length = length_scale(b);
@@ -115,9 +115,8 @@ void require_fittable(const BoundEffect& effect) {
       "; `diffnea diagnose` fits it");
 }
 
-/// The fixed transform of one joint.
-void add_kinematics(const Model& model, int dof, FitLayout& layout) {
-  const std::string& joint = model.links[moving_links(model)[static_cast<std::size_t>(dof)]].joint;
+/// The fixed transform of the joint that moves a link of the tree.
+void add_kinematics(const std::string& joint, int dof, FitLayout& layout) {
   for (int k = 0; k < 6; ++k) {
     FitParameter p;
     p.name = joint + ".kinematics." + kKinematicNames[static_cast<std::size_t>(k)];
@@ -150,9 +149,10 @@ std::vector<int> FitLayout::bodies() const {
 }
 
 std::vector<int> FitLayout::columns_of_joint(const Tree<double>& tree, int joint) const {
-  std::vector<bool> carried(num_dofs, false);
-  for (int i = joint; i < num_dofs; ++i)
-    carried[i] = i == joint || (tree.links[i].parent >= 0 && carried[tree.links[i].parent]);
+  std::vector<bool> carried(tree.links.size(), false);  // moved by the coordinate
+  for (int i = 0; i < tree.num_links(); ++i)
+    carried[i] =
+        tree.drive(i).dof == joint || (tree.links[i].parent >= 0 && carried[tree.links[i].parent]);
   std::vector<int> out;
   for (std::size_t c = 0; c < linear.size(); ++c) {
     const FitParameter& p = linear[c];
@@ -162,7 +162,7 @@ std::vector<int> FitLayout::columns_of_joint(const Tree<double>& tree, int joint
     }
     const BoundEffect& e = effects[p.effect];
     const bool acts = e.info().port == Port::kModelParameter
-                          ? carried[e.joints.at(0)]
+                          ? carried[e.links.at(0)]
                           : std::ranges::find(e.joints, joint) != e.joints.end();
     if (acts) out.push_back(static_cast<int>(c));
   }
@@ -216,13 +216,14 @@ FitLayout make_layout(const Model& model, const FitChoice& choice, const std::ve
     for (const std::string& w : where)
       if (!contains(present, name + "@" + w)) add({name, w, {}});
   }
-  const std::vector<std::string> joints = joint_names(model);
-  for (int dof = 0; dof < layout.num_dofs; ++dof)
-    if (contains(choice.fit, "kinematics") ||
-        contains(choice.fit, "kinematics@" + joints[static_cast<std::size_t>(dof)]))
-      add_kinematics(model, dof, layout);
+  const std::vector<TreeJoint> joints = tree_joints(model);
+  for (const TreeJoint& j : joints)
+    if (contains(choice.fit, "kinematics") || contains(choice.fit, "kinematics@" + j.name))
+      add_kinematics(j.name, j.link, layout);
   for (const std::string& group : choice.fit)
-    if (group.starts_with("kinematics@")) find_joint(model, group.substr(11));
+    if (group.starts_with("kinematics@") &&
+        std::ranges::find(joints, group.substr(11), &TreeJoint::name) == joints.end())
+      find_joint(model, group.substr(11));  // throws, with the choices
   for (const std::string& entry : choice.fix) hold(entry, layout);
   return layout;
 }
@@ -230,7 +231,7 @@ FitLayout make_layout(const Model& model, const FitChoice& choice, const std::ve
 std::vector<Mat3<double>> joint_carriers(const Model& model) {
   const TreeMap map = map_to_tree(model);
   std::vector<Mat3<double>> out;
-  for (const int i : moving_links(model)) {
+  for (const int i : tree_links(model)) {
     const int parent = model.links[static_cast<std::size_t>(i)].parent;
     out.push_back(parent < 0 ? Mat3<double>::identity()
                              : map.X_LF[static_cast<std::size_t>(parent)].R);
@@ -245,9 +246,9 @@ Model apply_fit(const Model& model, const FitLayout& layout, const VecX<double>&
   require_size("apply_fit: shape", shape.size(), static_cast<long>(layout.shape.size()),
                "shape parameter");
   Model out = model;
-  VecX<double> pi(kThetaSize * layout.num_dofs);
+  const std::vector<int> moving = tree_links(model);
+  VecX<double> pi(kThetaSize * static_cast<long>(moving.size()));
   std::vector<BoundEffect> effects = layout.effects;
-  const std::vector<int> moving = moving_links(model);
   const auto set = [&](const FitParameter& p, double value) {
     if (p.kinematic >= 0) return;
     if (p.dof >= 0)

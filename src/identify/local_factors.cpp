@@ -41,7 +41,7 @@ std::vector<JointFactor> local_factors(const Model& model, const FitLayout& layo
       }
       const BoundEffect& e = layout.effects[static_cast<std::size_t>(def.effect)];
       if (e.info().port == Port::kModelParameter) {
-        Y.col(c) = links.col(kThetaSize * e.joints.at(0) + def.theta);
+        Y.col(c) = links.col(kThetaSize * e.links.at(0) + def.theta);
         continue;
       }
       const std::size_t k = next[static_cast<std::size_t>(def.effect)]++;

@@ -49,7 +49,8 @@ class InMemory : public RecordingSource {
   InMemory(const Model& model, std::vector<Recording> recordings, ReadReport report = {})
       : recordings_(std::move(recordings)), report_(std::move(report)) {
     const std::vector<JointDescription> joints = describe_joints(model);
-    match_joints(joints, recordings_);
+    std::vector<ChannelWarning> deviations;
+    match_joints(joints, recordings_, &deviations);
     for (std::size_t k = 0; k < recordings_.size(); ++k) recordings_[k].run = static_cast<int>(k);
     for (const Recording& r : recordings_) {  // as streamed files, before torques are looked at
       Fingerprint of;
@@ -62,6 +63,7 @@ class InMemory : public RecordingSource {
     for (std::string& note : blank_absurd_torque(joints, recordings_))
       report_.notes.push_back(std::move(note));
     warnings_ = find_warnings(joints, recordings_);
+    warnings_.insert(warnings_.end(), deviations.begin(), deviations.end());
   }
   void for_each(const std::function<bool(const Recording&)>& use) const override {
     for (const Recording& r : recordings_)
@@ -95,10 +97,12 @@ class InFiles : public RecordingSource {
       : joints_(describe_joints(model)), paths_(std::move(paths)) {
     for (std::size_t f = 0; f < paths_.size(); ++f)
       options_.push_back(options_of(options, f, joints_));
-    measured_ = first_rows();
+    std::vector<ChannelWarning> deviations;
+    measured_ = first_rows(deviations);
     sample_ = measured_;
     Unwrapper(joints_, measured_).apply(sample_[0]);
     warnings_ = find_warnings(joints_, sample_);
+    warnings_.insert(warnings_.end(), deviations.begin(), deviations.end());
   }
   void for_each(const std::function<bool(const Recording&)>& use) const override {
     int run = -1;
@@ -156,12 +160,12 @@ class InFiles : public RecordingSource {
 
  private:
   /// The first rows, the blocks of one run joined.
-  std::vector<Recording> first_rows() const {
+  std::vector<Recording> first_rows(std::vector<ChannelWarning>& deviations) const {
     std::vector<Recording> out;
     RecordingReader reader(paths_.front(), options_[0]);
     std::vector<Recording> block(1);
     if (!reader.next(block[0], kSampleRows)) throw DataError(paths_.front().string() + ": no rows");
-    match_joints(joints_, block);
+    match_joints(joints_, block, &deviations);
     block[0].run = 0;
     out.push_back(block[0]);
     return out;
@@ -190,6 +194,8 @@ std::vector<JointDescription> describe_joints(const Model& model) {
     out.push_back({l.joint, l.type == ModelJoint::kPrismatic, l.passive, endless, l.limits.lower,
                    l.limits.upper, l.limits.velocity, l.limits.effort});
   }
+  for (const TreeJoint& j : tree_joints(model))
+    if (j.follows) out[j.drive.dof].followers.push_back({j.name, j.drive.ratio, j.drive.offset});
   return out;
 }
 

@@ -125,8 +125,8 @@ void TorqueRegression::fill_row(const Preprocessed& block, long row) {
   const RowMatX<double>& Y = torque_regressor<double, double>(tree_, block.q.row(row).transpose(),
                                                               block.qd.row(row).transpose(),
                                                               block.qdd.row(row).transpose(), ws_);
-  full_.leftCols(kThetaSize * n) = Y;  // inertial parameters come first in a layout
-  links_.noalias() = Y * at_.linear.head(kThetaSize * n);
+  full_.leftCols(Y.cols()) = Y;  // inertial parameters come first in a layout
+  links_.noalias() = Y * at_.linear.head(Y.cols());
   JointSample<double> x;
   x.time = block.time[row] - run_start_;
   x.run = block.run + options_.first_run;
@@ -141,7 +141,7 @@ void TorqueRegression::fill_row(const Preprocessed& block, long row) {
       const int c = effect_column_[e][k];
       full_.col(c).setZero();
       if (!effect.acts_in(x.run)) continue;
-      full_.col(c) = Y.col(kThetaSize * effect.joints.at(0) + static_cast<long>(k));
+      full_.col(c) = Y.col(kThetaSize * effect.links.at(0) + static_cast<long>(k));
       links_ += at_.linear[c] * full_.col(c);
     }
   }
@@ -175,16 +175,18 @@ void TorqueRegression::linearise_acceleration(const VecX<double>& q, int run) {
   const RowMatX<double>& Y =
       torque_regressor<double, double>(tree_, q, VecX<double>::Zero(n), r, ws_);
   tree_.gravity = gravity;
-  full_.leftCols(kThetaSize * n) -= Y;
+  full_.leftCols(Y.cols()) -= Y;
   for (std::size_t e = 0; e < effects_.size(); ++e) {
     const BoundEffect& effect = effects_[e];
     if (!effect.acts_in(run)) continue;
     for (std::size_t k = 0; k < effect_column_[e].size(); ++k) {
       const int c = effect_column_[e][k];
       if (effect.info().port == Port::kModelParameter)
-        full_.col(c) -= Y.col(kThetaSize * effect.joints.at(0) + static_cast<long>(k));
-      else if (effect.info().has(Trait::kRotor))
-        full_(effect.joints.at(0), c) -= r[effect.joints.at(0)];
+        full_.col(c) -= Y.col(kThetaSize * effect.links.at(0) + static_cast<long>(k));
+      else if (effect.info().has(Trait::kRotor)) {
+        const double ratio = effect.follows.empty() ? 1.0 : effect.follows[0].ratio;
+        full_(effect.joints.at(0), c) -= ratio * ratio * r[effect.joints.at(0)];
+      }
     }
   }
   full_ = M.solve(full_).eval();

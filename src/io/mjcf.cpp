@@ -146,6 +146,32 @@ JointTerms mujoco_terms(const mjModel& m, int j) {
   return t;
 }
 
+/// Turns a joint into a fixed one where it would be at q.
+void lock(ModelLink& link, double q) {
+  Link<double> joint;
+  joint.type = link.type == ModelJoint::kRevolute ? JointType::kRevolute : JointType::kPrismatic;
+  joint.axis = link.axis;
+  joint.X_PJ = link.X_PJ;
+  link.X_PJ = joint_pose(joint, q);
+  link.type = ModelJoint::kFixed;
+  link.limits = {};
+  link.passive = false;
+}
+
+/// Lets a joint have the drives of those that follow it: actuators may sit at any of them.
+void share_drives(Model& model) {
+  const std::vector<TreeJoint> joints = tree_joints(model);
+  const std::vector<int> links = tree_links(model), moving = moving_links(model);
+  for (const TreeJoint& j : joints) {
+    const ModelLink& follower = model.links[links[j.link]];
+    if (!j.follows || follower.passive || j.drive.ratio == 0.0) continue;
+    ModelLink& leader = model.links[moving[j.drive.dof]];
+    const double effort = std::abs(j.drive.ratio) * follower.limits.effort;
+    leader.limits.effort = leader.passive ? effort : leader.limits.effort + effort;
+    leader.passive = false;
+  }
+}
+
 }  // namespace
 
 /// About the body's origin, in the body.
@@ -171,7 +197,7 @@ Model model_from_mujoco(const mjModel& m, const Mjcf& mjcf) {
   model.source = where;
   model.gravity = m.opt.disableflags & mjDSBL_GRAVITY ? Vec3<double>{} : vec(m.opt.gravity);
   const std::vector<bool> left_out = left_out_bodies(m, mjcf);
-  look_for_closed_loops(m, left_out, mjcf, model.notes);
+  const std::vector<JointCoupling> couplings = joint_couplings(m, left_out, mjcf, model.notes);
   const std::optional<MjcfBall> ball = find_ball(m, where, model.notes);
   note_what_is_left_out(m, model.notes);
   const std::vector<Actuation> actuators = actuation(m, model.notes);
@@ -207,9 +233,18 @@ Model model_from_mujoco(const mjModel& m, const Mjcf& mjcf) {
       }
       if (!link.passive)
         link.limits.effort = std::min(link.limits.effort, largest_drive_force(m, j));
-      add_joint_terms(model, link, mujoco_terms(m, j));
+      if (couplings[j].locked_at) {
+        lock(link, *couplings[j].locked_at);
+        model.notes.push_back("joint '" + link.joint +
+                              "' is locked by an equality constraint, at " +
+                              exact(*couplings[j].locked_at));
+      } else {
+        add_joint_terms(model, link, mujoco_terms(m, j));
+      }
+      link.follows = couplings[j].follows;
       append(link);
-      if (home >= 0) model.home.push_back(m.key_qpos[home * m.nq + m.jnt_qposadr[j]]);
+      if (home >= 0 && link.type != ModelJoint::kFixed && !link.follows)
+        model.home.push_back(m.key_qpos[home * m.nq + m.jnt_qposadr[j]]);
       at.X_LB = X_PB = shift(-vec(m.jnt_pos + 3 * j));
     }
     bodies[b] = at;
@@ -226,6 +261,7 @@ Model model_from_mujoco(const mjModel& m, const Mjcf& mjcf) {
     const BodyAt at = ball->tendon < 0 ? BodyAt{} : bodies[m.site_bodyid[ball->anchor]];
     model.ball = ball_spec(m, *ball, at.link, at.X_LB);
   }
+  share_drives(model);
   model.cup = find_cup(m, where);
   if (ball && model.cup)
     model.obstacles = find_obstacles(m, ball->body, bodies, left_out, model.notes);

@@ -1,5 +1,7 @@
 #include "io/mjcf_constraints.hpp"
 
+#include <cstddef>
+
 #include <diffnea/core/error.hpp>
 
 #include "io/mjcf_parts.hpp"
@@ -41,10 +43,42 @@ std::string constraint_text(const mjModel& m, int e) {
   }
 }
 
+/// Couples the two joints of a constraint, q₁ − q₁₀ = c₀ + c₁ (q₂ − q₂₀).
+/// @return why it cannot; empty: it did
+std::string couple(const mjModel& m, int e, std::vector<JointCoupling>& joints) {
+  const mjtNum* c = m.eq_data + static_cast<std::ptrdiff_t>(mjNEQDATA) * e;
+  const auto rest = [&](int j) { return m.qpos0[m.jnt_qposadr[j]]; };
+  const auto free = [&](int j) { return !joints[j].follows && !joints[j].locked_at; };
+  const auto follow = [&](int j, int leader, double ratio, double offset) {
+    joints[j].follows = Follow{joint_name(m, leader), ratio, offset};
+  };
+  const int a = m.eq_obj1id[e], b = m.eq_obj2id[e];
+  if (b < 0) {
+    if (!free(a)) return "its joint is held by another constraint as well";
+    joints[a].locked_at = rest(a) + c[0];
+    return "";
+  }
+  if (c[2] != 0 || c[3] != 0 || c[4] != 0)
+    return "it is a polynomial of degree " +
+           std::to_string(c[4] != 0   ? 4
+                          : c[3] != 0 ? 3
+                                      : 2) +
+           ", and only a straight line, of degree 1, is supported";
+  const double offset = rest(a) + c[0] - c[1] * rest(b);
+  if (free(a))
+    follow(a, b, c[1], offset);
+  else if (free(b) && c[1] != 0)
+    follow(b, a, 1.0 / c[1], -offset / c[1]);
+  else
+    return "both joints are held by other constraints as well";
+  return "";
+}
+
 }  // namespace
 
-void look_for_closed_loops(const mjModel& m, const std::vector<bool>& left_out, const Mjcf& mjcf,
-                           std::vector<std::string>& notes) {
+std::vector<JointCoupling> joint_couplings(const mjModel& m, const std::vector<bool>& left_out,
+                                           const Mjcf& mjcf, std::vector<std::string>& notes) {
+  std::vector<JointCoupling> out(static_cast<std::size_t>(m.njnt));
   for (int e = 0; e < m.neq; ++e) {
 #if mjVERSION_HEADER >= 300
     if (!m.eq_active0[e]) continue;
@@ -63,11 +97,16 @@ void look_for_closed_loops(const mjModel& m, const std::vector<bool>& left_out, 
       notes.push_back(what + ": left out, as asked; its forces are missing from the model");
       continue;
     }
-    throw ModelError(mjcf.where + ": " + what +
-                     "; a robot must be a tree of independent joints: make one of the joints "
-                     "fixed, or read the tree without its constraints (--open-loops, "
-                     "open_loops=True), whose forces then are missing");
+    std::string reason = "loops are not supported";
+    if (type == mjEQ_JOINT) {
+      reason = couple(m, e, out);
+      if (reason.empty()) continue;
+    }
+    throw ModelError(mjcf.where + ": " + what + ": " + reason +
+                     "; make one of the joints fixed, or read the tree without its constraints "
+                     "(--open-loops, open_loops=True), whose forces then are missing");
   }
+  return out;
 }
 
 }  // namespace diffnea::io

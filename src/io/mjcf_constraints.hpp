@@ -1,6 +1,8 @@
 #pragma once
-/// Equality constraints of an MJCF, of which a tree of independent joints has none.
+/// Equality constraints of an MJCF. Those between two joints, straight lines, are what a tree can
+/// have: one joint follows the other.
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -10,10 +12,17 @@
 
 namespace diffnea::io {
 
-/// Refuses constraints between links, or notes them where loops may stay open.
+/// Effect of the constraints on a joint.
+struct JointCoupling {
+  std::optional<Follow> follows;    ///< another joint
+  std::optional<double> locked_at;  ///< a position that it keeps [rad, m]
+};
+
+/// Couplings, one per joint of `m`. Other constraints are refused, or noted where loops may stay
+/// open: then all of them are left out.
 /// @param left_out  bodies that are no links: what holds these does not matter
 /// @throws ModelError naming constraint, line, and what to do
-void look_for_closed_loops(const mjModel& m, const std::vector<bool>& left_out, const Mjcf& mjcf,
-                           std::vector<std::string>& notes);
+std::vector<JointCoupling> joint_couplings(const mjModel& m, const std::vector<bool>& left_out,
+                                           const Mjcf& mjcf, std::vector<std::string>& notes);
 
 }  // namespace diffnea::io

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <set>
 
 #include <Eigen/Geometry>
@@ -42,6 +43,7 @@ class MjcfDrawing {
     for (const ModelFrame& frame : model_.frames) draw_frame(frame);
     for (const CapsuleSpec& obstacle : model_.obstacles) draw_obstacle(obstacle);
     if (model_.ball) draw_ball(*root);
+    draw_couplings(*root);
     draw_motors(*root);
     if (model_.cup) draw_cup(*root);
     if (!model_.home.empty()) draw_home(*root);
@@ -178,7 +180,8 @@ class MjcfDrawing {
     for (const ModelLink& link : model_.links) {
       if (link.type == ModelJoint::kFixed) continue;
       if (link.passive) {
-        if (!any) notes_.push_back("whether joint '" + link.joint + "' is passive");
+        if (!any && !link.follows)
+          notes_.push_back("whether joint '" + link.joint + "' is passive");
         continue;
       }
       XmlElement& motor = *child(root, "actuator").InsertNewChildElement("motor");
@@ -190,6 +193,19 @@ class MjcfDrawing {
       motor.SetAttribute("ctrllimited", "true");
       motor.SetAttribute("ctrlrange",
                          (exact(-link.limits.effort) + " " + exact(link.limits.effort)).c_str());
+    }
+  }
+
+  /// Joints that follow others.
+  void draw_couplings(XmlElement& root) {
+    for (const ModelLink& link : model_.links) {
+      if (!link.follows) continue;
+      XmlElement& e = *child(root, "equality").InsertNewChildElement("joint");
+      e.SetAttribute("joint1", link.joint.c_str());
+      e.SetAttribute("joint2", link.follows->leader.c_str());
+      e.SetAttribute(
+          "polycoef",
+          (exact(link.follows->offset) + " " + exact(link.follows->ratio) + " 0 0 0").c_str());
     }
   }
 
@@ -205,14 +221,15 @@ class MjcfDrawing {
   /// Joints in the order of the document, which goes down each branch before it takes the next; the
   /// ball, where there is one, comes last.
   void draw_home(XmlElement& root) {
-    std::vector<int> dof(model_.links.size(), -1);
-    const std::vector<int> moving = moving_links(model_);
-    for (std::size_t i = 0; i < moving.size(); ++i) dof[moving[i]] = static_cast<int>(i);
+    std::vector<std::optional<double>> at(model_.links.size());
+    const std::vector<int> moving = tree_links(model_);
+    for (const TreeJoint& j : tree_joints(model_))
+      at[moving[j.link]] = j.drive.ratio * model_.home[j.drive.dof] + j.drive.offset;
     std::string qpos;
     const auto visit = [&](const auto& self, int parent) -> void {
       for (std::size_t i = 0; i < model_.links.size(); ++i) {
         if (model_.links[i].parent != parent) continue;
-        if (dof[i] >= 0) qpos += (qpos.empty() ? "" : " ") + exact(model_.home[dof[i]]);
+        if (at[i]) qpos += (qpos.empty() ? "" : " ") + exact(*at[i]);
         self(self, static_cast<int>(i));
       }
     };

@@ -65,6 +65,9 @@ std::string difference(const Model& model, const Model& read) {
     const JointLimits range = mjcf_range(a.limits);
     if (!near(range.lower, b.limits.lower, 1.0) || !near(range.upper, b.limits.upper, 1.0))
       return "the range of joint '" + a.joint + "'";
+    const Follow none, f = a.follows.value_or(none), g = b.follows.value_or(none);
+    if (f.leader != g.leader || !near(f.ratio, g.ratio) || !near(f.offset, g.offset, 1.0))
+      return "the coupling of joint '" + a.joint + "'";
     const std::string term = difference(joint_terms(model, a.joint), joint_terms(read, b.joint));
     if (!term.empty()) return "the " + term + " of joint '" + a.joint + "'";
   }

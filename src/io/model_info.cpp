@@ -25,6 +25,16 @@ std::string bound(const char* what, double x, const char* unit) {
   return std::isfinite(x) ? std::string(", ") + what + detail::number_text(x) + " " + unit : "";
 }
 
+/// ", = 0.5 knuckle + 0.1" of a joint that follows another.
+std::string follow_text(const ModelLink& link) {
+  if (!link.follows) return "";
+  const Follow& f = *link.follows;
+  std::string out = ", = " + (f.ratio == 1.0 ? "" : detail::number_text(f.ratio) + " ") + f.leader;
+  if (f.offset != 0.0)
+    out += (f.offset < 0.0 ? " - " : " + ") + detail::number_text(std::abs(f.offset));
+  return out;
+}
+
 std::string joint_text(const ModelLink& link) {
   if (link.type == ModelJoint::kFixed)
     return link.joint.empty() ? "" : " (fixed: " + link.joint + ")";
@@ -33,7 +43,8 @@ std::string joint_text(const ModelLink& link) {
   return " (" + link.joint + ": " + (turns ? "revolute" : "prismatic") +
          range(l.lower, l.upper, turns ? "rad" : "m") +
          bound("≤ ", l.velocity, turns ? "rad/s" : "m/s") +
-         bound("≤ ", l.effort, turns ? "N·m" : "N") + (link.passive ? ", passive" : "") + ")";
+         bound("≤ ", l.effort, turns ? "N·m" : "N") + follow_text(link) +
+         (link.passive && !link.follows ? ", passive" : "") + ")";
 }
 
 std::string position_text(const Vec3<double>& p) {
@@ -187,6 +198,7 @@ std::string model_info_text(const Model& model) {
 std::string model_info_json(const Model& model) {
   static constexpr const char* kTypes[] = {"fixed", "revolute", "prismatic"};
   const TreeMap map = map_to_tree(model);
+  const std::vector<TreeJoint> joints = tree_joints(model);
   Json out;
   out["schema"] = "diffnea/info/1";
   out["name"] = model.name;
@@ -203,7 +215,11 @@ std::string model_info_json(const Model& model) {
     l["parent"] = link_or_null(model, link.parent);
     l["joint"] = link.joint.empty() ? Json() : Json(link.joint);
     l["type"] = kTypes[static_cast<std::size_t>(link.type)];
-    l["dof"] = link.type == ModelJoint::kFixed ? Json() : Json(map.dof[i]);
+    l["dof"] = link.type == ModelJoint::kFixed ? Json() : Json(joints[map.dof[i]].drive.dof);
+    if (link.follows)
+      l["follows"] = {{"joint", link.follows->leader},
+                      {"ratio", link.follows->ratio},
+                      {"offset", link.follows->offset}};
     l["passive"] = link.passive;
     l["limits"] = {{"lower", finite_or_null(link.limits.lower)},
                    {"upper", finite_or_null(link.limits.upper)},

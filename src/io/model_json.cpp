@@ -122,6 +122,13 @@ void joint_from(const Json& value, const std::string& where, ModelLink& link) {
   if (const Json* axis = o.optional("axis")) link.axis = axis_from(*axis, o.at("axis"));
   if (const Json* pose = o.optional("pose")) link.X_PJ = pose_from(*pose, o.at("pose"));
   link.passive = o.boolean_or("passive", false);
+  if (const Json* follows = o.optional("follows")) {
+    JsonObject f(*follows, o.at("follows"));
+    link.follows = Follow{f.string("joint"), f.number_or("ratio", 1.0), f.number_or("offset", 0.0)};
+    f.finish();
+    if (link.type == ModelJoint::kFixed)
+      throw ModelError(o.at("follows") + ": a fixed joint follows none");
+  }
   if (const Json* limits = o.optional("limits")) {
     JsonObject l(*limits, o.at("limits"));
     const JointLimits none;
@@ -147,6 +154,10 @@ Json joint_to_json(const ModelLink& link) {
   if (std::isfinite(link.limits.effort)) limits["effort"] = link.limits.effort;
   if (!limits.empty()) joint["limits"] = limits;
   if (link.passive) joint["passive"] = true;
+  if (link.follows)
+    joint["follows"] = {{"joint", link.follows->leader},
+                        {"ratio", link.follows->ratio},
+                        {"offset", link.follows->offset}};
   return joint;
 }
 

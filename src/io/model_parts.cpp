@@ -128,9 +128,10 @@ JointTerms joint_terms(const Model& model, const std::string& joint) {
 bool is_joint_term(const Model& model, const EffectSpec& effect) {
   const EffectInfo* info = known_effect(effect.effect);
   JointTerms terms;
-  const std::vector<std::string> joints = joint_names(model);
-  return info && std::ranges::find(joints, effect.where) != joints.end() &&
-         std::ranges::any_of(info->parameters, [&](const ParameterInfo& p) {
+  const bool at_joint = std::ranges::any_of(model.links, [&](const ModelLink& link) {
+    return link.type != ModelJoint::kFixed && link.joint == effect.where;
+  });
+  return info && at_joint && std::ranges::any_of(info->parameters, [&](const ParameterInfo& p) {
            return term_of(p.native, terms) != nullptr;
          });
 }
@@ -162,6 +163,10 @@ void validate(const Model& model, const std::string& where) {
         throw ModelError(what + ": axis of joint '" + link.joint + "' has length " + exact(norm) +
                          ", expected 1");
     }
+    if (link.follows &&
+        !(std::isfinite(link.follows->ratio) && std::isfinite(link.follows->offset)))
+      throw ModelError(what + ": joint '" + link.joint + "' follows '" + link.follows->leader +
+                       "' by numbers that are not finite");
     if (!link.joint.empty() && !joints.insert(link.joint).second)
       throw ModelError(where + ": there are two joints named '" + link.joint + "'");
     check_pose(link.X_PJ, what);
@@ -172,6 +177,7 @@ void validate(const Model& model, const std::string& where) {
       throw ModelError(what + ": limits of joint '" + link.joint +
                        "' must be numbers, those of velocity and effort not negative");
   }
+  tree_joints(model);  // throws for a joint that follows none
   for (const ModelFrame& f : model.frames) {
     const std::string what = where + ": frame '" + f.name + "'";
     if (f.name.empty() || !frames.insert(f.name).second)

@@ -135,16 +135,14 @@ void read_joint(const urdf::Joint& joint, const std::string& where, const ModelR
   const std::string what = where + ": joint '" + joint.name + "'";
   link.joint = joint.name;
   link.X_PJ = pose(joint.parent_to_joint_origin_transform);
-  if (joint.mimic && !reading.open_loops)
-    throw ModelError(
-        what + " mimics '" + joint.mimic->joint_name +
-        "': coupled joints are not supported; make it fixed, or remove <mimic> if it has its "
-        "own actuator; --open-loops (open_loops=True) reads it as a joint of its own, without the "
-        "forces of the coupling");
-  if (joint.mimic)
+  if (joint.mimic && !reading.open_loops && joint.type != urdf::Joint::FIXED) {
+    link.follows = Follow{joint.mimic->joint_name, joint.mimic->multiplier, joint.mimic->offset};
+    link.passive = true;  // moved by the joint that it mimics
+  } else if (joint.mimic && joint.type != urdf::Joint::FIXED) {
     model.notes.push_back("joint '" + joint.name + "' mimics '" + joint.mimic->joint_name +
                           "': a joint of its own here, as asked; the coupling's forces are missing "
                           "from the model");
+  }
   switch (joint.type) {
     case urdf::Joint::FIXED:
       return;
@@ -199,9 +197,9 @@ Model model_from_urdf(const std::string& text, const std::string& where,
   const std::unique_ptr<XmlDocument> document = parse_xml(text, where);
   XmlElement& robot = *document->RootElement();
   check_tree(robot, where);
+  Model model;
   const urdf::ModelInterfaceSharedPtr urdf = parse(*document, where);
 
-  Model model;
   model.name = urdf->getName();
   model.source = where;
   // Joints in the order of the document: urdfdom sorts them by name.
@@ -290,7 +288,7 @@ std::string urdf_with_values(const std::string& original, const std::string& whe
     limit("upper", now.limits.upper, then.limits.upper);
     limit("velocity", now.limits.velocity, then.limits.velocity);
     limit("effort", now.limits.effort, then.limits.effort);
-    if (now.passive) notes.push_back("joint '" + now.joint + "' is passive");
+    if (now.passive && !now.follows) notes.push_back("joint '" + now.joint + "' is passive");
   }
   for (const EffectSpec& e : model.effects)
     if (!is_joint_term(model, e)) notes.push_back(e.effect + " at " + e.where);

@@ -100,7 +100,13 @@ class UrdfDrawing {
     if (terms.armature != 0.0)
       notes_.push_back("armature at " + link.joint + " = " + exact(terms.armature));
     if (terms.stiffness != 0.0) notes_.push_back("joint_spring at " + link.joint);
-    if (link.passive) notes_.push_back("joint '" + link.joint + "' is passive");
+    if (link.follows) {
+      XmlElement& mimic = child(joint, "mimic");
+      mimic.SetAttribute("joint", link.follows->leader.c_str());
+      set_number(mimic, "multiplier", link.follows->ratio);
+      set_number(mimic, "offset", link.follows->offset);
+    }
+    if (link.passive && !link.follows) notes_.push_back("joint '" + link.joint + "' is passive");
   }
 
   /// 0 for effort and velocity: not known, as exporters write it.

@@ -72,6 +72,14 @@ std::vector<std::string> lock_joint(Model& model, const std::string& joint, doub
   link.type = ModelJoint::kFixed;
   link.limits = {};
   link.passive = false;
+  for (ModelLink& other : model.links) {  // what follows it stands still, too
+    if (!other.follows || other.follows->leader != joint) continue;
+    const double there = other.follows->ratio * position + other.follows->offset;
+    other.follows.reset();
+    other.limits = {};
+    const std::vector<std::string> more = lock_joint(model, other.joint, there);
+    gone.insert(gone.end(), more.begin(), more.end());
+  }
   return gone;
 }
 

@@ -34,7 +34,7 @@ JointWindows::JointWindows(ExtendedTree model, std::vector<BoundEffect> effects,
     if (effect.info().port == Port::kModelParameter) {
       if (p.theta < 0)
         throw ModelError("motion: a window has no derivative by " + effect.info().name);
-      of_link_.emplace_back(kThetaSize * effect.joints.at(0) + p.theta, k);
+      of_link_.emplace_back(kThetaSize * effect.links.at(0) + p.theta, k);
       continue;
     }
     const std::vector<int> linear = effect.linear_parameters();

@@ -65,6 +65,13 @@ void ColumnCensus::count(const std::vector<double>& row, const Columns& header) 
   }
 }
 
+/// Tells whether a joint follows another: it may well have no drive.
+bool follows(const std::vector<JointDescription>& joints, const std::string& name) {
+  return std::ranges::any_of(joints, [&](const JointDescription& j) {
+    return std::ranges::find(j.followers, name, &FollowerDescription::name) != j.followers.end();
+  });
+}
+
 void check_measured(const ColumnCensus& census, const Columns& header, const ReadOptions& options,
                     ReadReport& report) {
   for (std::size_t k = 0; k < census.gaps.size(); ++k)
@@ -79,7 +86,7 @@ void check_measured(const ColumnCensus& census, const Columns& header, const Rea
       if (census.largest_tau[j] > 0.0)
         report.notes.push_back("the joint is declared passive, so its " + column + " (up to " +
                                number_text(census.largest_tau[j], 6) + ") is not used");
-    } else if (!options.refuse_silent_torque) {
+    } else if (!options.refuse_silent_torque || follows(options.joints, header.joint_names[j])) {
       continue;
     } else if (census.largest_tau[j] < 0.0) {
       throw DataError(

@@ -13,7 +13,9 @@
 
 namespace diffnea {
 
-void match_joints(const std::vector<JointDescription>& joints, std::vector<Recording>& recordings) {
+void match_joints(const std::vector<JointDescription>& joints, std::vector<Recording>& recordings,
+                  std::vector<ChannelWarning>* deviations) {
+  for (Recording& r : recordings) merge_followers(joints, r, deviations);
   std::vector<std::string> wanted;
   for (const JointDescription& j : joints) wanted.push_back(j.name);
   for (Recording& r : recordings) {

@@ -25,8 +25,9 @@ void ModelPlant::hide_motors(Tree<double>& tree) {
   for (const BoundEffect& e : series_) {
     if (!hides_motor(e)) continue;
     const bool encoder = encoder_at_motor(e);
-    for (const int j : e.joints) {
-      double& armature = tree.links[static_cast<std::size_t>(j)].armature;
+    for (std::size_t k = 0; k < e.joints.size(); ++k) {
+      const int j = e.joints[k];
+      double& armature = tree.links[static_cast<std::size_t>(e.links[k])].armature;
       const double inertia = encoder ? armature : motor_spring(e).inertia;
       if (encoder && !(inertia > 0.0))
         throw ModelError("simulate: " + e.info().name + " at '" + e.where +
@@ -203,9 +204,9 @@ void ModelPlant::start(const JointSeries& x, const RowMatX<double>& torque, long
       const Motor& motor = motors_[static_cast<std::size_t>(k)];
       const int j = motor.joint;
       const double wound = deflection_at(*motor.effect, load(1, j));
-      const double rate = (deflection_at(*motor.effect, load(2, j)) -
-                           deflection_at(*motor.effect, load(0, j))) /
-                          (2.0 * x.dt);
+      const double rate =
+          (deflection_at(*motor.effect, load(2, j)) - deflection_at(*motor.effect, load(0, j))) /
+          (2.0 * x.dt);
       z_[2 * n_ + k] = q(1, j) + (motor.encoder ? 0.0 : wound);
       z_[2 * n_ + m + k] = qd(1, j) + (motor.encoder ? 0.0 : rate);
       if (!motor.encoder) continue;  // read is the motor; the link is behind it

@@ -83,6 +83,7 @@ MujocoRobot::MujocoRobot(const std::string& mjcf, const Model& truth, double rat
   const double gravity[3] = {g.x, g.y, g.z};
   std::copy_n(gravity, 3, m.opt.gravity);
   for (const ModelLink& link : truth.links) apply(link);
+  tie_followers(truth);
   shares_.assign(dof_.size(), -1.0);
   for (const EffectSpec& effect : truth.effects)
     if (find_effect(effect.effect).motor == HiddenMotor::kSpring)
@@ -109,13 +110,15 @@ void MujocoRobot::apply(const ModelLink& link) {
   Vec3<double> anchor;
   if (link.type != ModelJoint::kFixed) {
     const int joint = find(m, mjOBJ_JOINT, link.joint, "joint");
-    qpos_.push_back(m.jnt_qposadr[joint]);
-    dof_.push_back(m.jnt_dofadr[joint]);
-    joint_.push_back(joint);
+    if (!link.follows) {
+      qpos_.push_back(m.jnt_qposadr[joint]);
+      dof_.push_back(m.jnt_dofadr[joint]);
+      joint_.push_back(joint);
+    }
     anchor = {m.jnt_pos[3 * joint], m.jnt_pos[3 * joint + 1], m.jnt_pos[3 * joint + 2]};
     for (const Field field :
          {&mjModel::dof_armature, &mjModel::dof_damping, &mjModel::dof_frictionloss})
-      (m.*field)[dof_.back()] = 0.0;
+      (m.*field)[m.jnt_dofadr[joint]] = 0.0;
     m.jnt_stiffness[joint] = 0.0;
   }
   if (of_body)
@@ -136,7 +139,8 @@ void MujocoRobot::tie_rotor(const BoundEffect& elasticity, const Model& truth) {
   const std::string what = "MuJoCo world: " + elasticity.info().name + " at '";
   const std::vector<std::string> joints = joint_names(truth);
   const Tree<double> tree = make_tree(truth);
-  for (const int j : elasticity.joints) {
+  for (std::size_t k = 0; k < elasticity.joints.size(); ++k) {
+    const int j = elasticity.joints[k];
     const std::string& name = joints[static_cast<std::size_t>(j)];
     const int rotor = mj_name2id(&m, mjOBJ_JOINT, rotor_name(name).c_str()),
               spring = mj_name2id(&m, mjOBJ_TENDON, spring_name(name).c_str());
@@ -144,7 +148,7 @@ void MujocoRobot::tie_rotor(const BoundEffect& elasticity, const Model& truth) {
       throw ModelError(what + name + "': the document has no rotor there; with_rotors adds it");
     const bool encoder = encoder_at_motor(elasticity);
     const double inertia =
-        encoder ? tree.links[static_cast<std::size_t>(j)].armature : held.inertia;
+        encoder ? tree.links[static_cast<std::size_t>(elasticity.links[k])].armature : held.inertia;
     if (rotor_at(j) || !(inertia > 0.0))
       throw ModelError(what + name + "': one spring a joint, with a " +
                        (encoder ? "armature" : "motor_inertia") + " above 0");
@@ -193,7 +197,9 @@ void MujocoRobot::apply(const EffectSpec& effect, const Model& truth) {
   BoundEffect bound = bind(effect, truth);
   const EffectInfo& info = bound.info();
   if (info.motor == HiddenMotor::kSpring) return;  // tied before
-  if (const Field field = dof_field(native_field(bound))) {
+  if (!bound.follows.empty() && native_field(bound) != NativeField::kNone) {
+    apply_to_follower(bound);
+  } else if (const Field field = dof_field(native_field(bound))) {
     for (const int j : bound.joints) {
       const Rotor* rotor = info.has(Trait::kRotor) ? nullptr : rotor_at(j);
       const double share = rotor ? shares_[static_cast<std::size_t>(j)] : 0.0;
@@ -223,6 +229,42 @@ void MujocoRobot::apply(const EffectSpec& effect, const Model& truth) {
     series_.push_back(std::move(bound));  // drives, encoders; the control loop has the rest
   } else {
     throw ModelError("MuJoCo world: effect '" + info.name + "' cannot act in MuJoCo");
+  }
+}
+
+/// Friction, rotor or spring of a joint that follows another.
+void MujocoRobot::apply_to_follower(const BoundEffect& effect) {
+  mjModel& m = *model_;
+  const int joint = find(m, mjOBJ_JOINT, split_where(effect.where).place, "joint");
+  if (const Field field = dof_field(native_field(effect))) {
+    (m.*field)[m.jnt_dofadr[joint]] += effect.parameters[0];
+  } else {
+    m.jnt_stiffness[joint] = effect.parameters[0];
+    m.qpos_spring[m.jnt_qposadr[joint]] = effect.parameters[1];
+  }
+}
+
+/// Holds joints to those that they follow as tightly as the steps allow: MuJoCo's own default gives
+/// way over 20 ms.
+void MujocoRobot::tie_followers(const Model& truth) {
+  constexpr double kImpedance = 0.9999;  // 1: rigid
+  mjModel& m = *model_;
+  for (const TreeJoint& j : tree_joints(truth)) {
+    if (!j.follows) continue;
+    const int joint = find(m, mjOBJ_JOINT, j.name, "joint");
+    followers_.push_back({m.jnt_qposadr[joint], j.drive});
+    bool tied = false;
+    for (int e = 0; e < m.neq; ++e) {
+      if (m.eq_type[e] != mjEQ_JOINT || (m.eq_obj1id[e] != joint && m.eq_obj2id[e] != joint))
+        continue;
+      tied = true;
+      m.eq_solref[mjNREF * e] = 2.0 * m.opt.timestep;
+      m.eq_solimp[mjNIMP * e] = m.eq_solimp[mjNIMP * e + 1] = kImpedance;
+    }
+    if (!tied)
+      throw ModelError("MuJoCo world: joint '" + j.name +
+                       "' follows another in the model, and moves alone in the document; expected "
+                       "an <equality> of both joints");
   }
 }
 
@@ -280,6 +322,8 @@ void MujocoPlant::reset(const VecX<double>& reading) {
   std::ranges::fill(states_, 0.0);
   mj_resetData(model(), data_.get());
   for (std::size_t j = 0; j < robot_->qpos_.size(); ++j) data_->qpos[robot_->qpos_[j]] = q[j];
+  for (const MujocoRobot::Follower& f : robot_->followers_)
+    data_->qpos[f.qpos] = f.drive.ratio * q[f.drive.dof] + f.drive.offset;
   for (const MujocoRobot::Rotor& r : robot_->rotors_) data_->qpos[r.qpos] = q[r.joint];
   hang_ball();
   // Springs are wound up by what the links weigh; links whose motors are read, where that is so.

@@ -34,7 +34,7 @@ class MujocoRobot {
     int joint;  ///< degree of freedom of the model
     int qpos, dof;
     double stiffness;
-    bool encoder;  ///< positions are read here
+    bool encoder;                           ///< positions are read here
     double stiction = 0.0, stribeck = 1.0;  ///< more at rest [N·m], fades with [rad/s]
   };
   /// State of an effect with memory, at a joint or its rotor.
@@ -43,12 +43,19 @@ class MujocoRobot {
     int joint, dof;
     double share;  ///< of the effect's torque
   };
+  /// A joint that follows a degree of freedom, by an equality constraint of the document.
+  struct Follower {
+    int qpos;
+    JointDrive drive;
+  };
+  void tie_followers(const Model& truth);
   void tie_rotor(const BoundEffect& elasticity, const Model& truth);
   void place_states(BoundEffect effect);
   void turn(const BoundEffect& effect);
   Rotor* rotor_at(int joint);
   void apply(const ModelLink& link);
   void apply(const EffectSpec& effect, const Model& truth);
+  void apply_to_follower(const BoundEffect& effect);
   void apply_gains();
   void place_cup(const Model& truth);
 
@@ -56,7 +63,8 @@ class MujocoRobot {
   MujocoBall ball_;
   int cup_ = -1;  ///< site; −1: none
   int substeps_ = 1;
-  std::vector<int> joint_, qpos_, dof_;
+  std::vector<int> joint_, qpos_, dof_;  ///< one a degree of freedom
+  std::vector<Follower> followers_;
   std::vector<Rotor> rotors_;
   MotorShares shares_;
   double camera_delay_ = 0.0;

@@ -126,6 +126,10 @@ PackSpec pack_spec(const std::vector<Model>& draws, const Model& controller,
   if (joint_names(first) != joint_names(controller))
     throw ModelError(controller.source + ": its joints are not those of the robot, " +
                      first.source);
+  if (const std::vector<std::string> followers = follower_names(first); !followers.empty())
+    throw ModelError(first.source + ": joint '" + followers.front() +
+                     "' follows another; many robots are simulated at once only where every joint "
+                     "moves by itself: make it fixed");
   PackSpec out;
   out.joints = static_cast<int>(joint_names(first).size());
   out.period = 1.0 / o.controller.control_rate;

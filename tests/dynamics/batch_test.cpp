@@ -8,7 +8,7 @@
 #include <diffnea/dynamics/rnea.hpp>
 
 #include "support/matrix_near.hpp"
-#include "support/random_arm.hpp"
+#include "support/random_followers.hpp"
 
 namespace batch_test {
 
@@ -76,6 +76,39 @@ TEST_CASE("batch: a wrong shape and an unknown instruction set are refused by na
   CHECK_THROWS_AS(aba_batch(arm.tree, good, good, short_), ShapeError);
   CHECK_THROWS_AS(regressor_batch(arm.tree, narrow, good, good), ShapeError);
   CHECK_THROWS_AS(rnea_batch(arm.tree, good, good, good, {.instruction_set = "abacus"}), Error);
+}
+
+TEST_CASE("batch: where joints follow others, too, it gives the scalar results",
+          "[dynamics][threads]") {
+  const unsigned seed = GENERATE(range(0u, 8u));
+  CAPTURE(seed);
+  const RandomFollowers c(seed);
+  const int n = c.tree.num_dofs(), rows = 21;
+  Rng rng(seed + 100);
+  RowMatX<double> Y(rows, n), Yd(rows, n), X(rows, n), tau(rows, n), qdd(rows, n),
+      regressor(rows * n, 10 * c.tree.num_links());
+  RneaWorkspace<double, double> rnea_ws;
+  AbaWorkspace<double, double> aba_ws;
+  RegressorWorkspace<double, double> regressor_ws;
+  for (int k = 0; k < rows; ++k) {
+    Y.row(k) = random_vector(rng, n, 1.5);
+    Yd.row(k) = random_vector(rng, n, 2.0);
+    X.row(k) = random_vector(rng, n, 5.0);
+    const VecX<double> y = Y.row(k), yd = Yd.row(k), x = X.row(k);
+    tau.row(k) = rnea(c.tree, y, yd, x, rnea_ws);
+    qdd.row(k) = aba(c.tree, y, yd, x, aba_ws);
+    regressor.middleRows(k * n, n) = torque_regressor(c.tree, y, yd, x, regressor_ws);
+  }
+  const auto near = [](const RowMatX<double>& truth, double relative) {
+    return MatrixNear(truth, relative * (1.0 + truth.cwiseAbs().maxCoeff()));
+  };
+  for (const std::string& name : batch_instruction_sets()) {
+    CAPTURE(name);
+    const BatchOptions options{.num_threads = 1, .instruction_set = name};
+    CHECK_THAT(rnea_batch(c.tree, Y, Yd, X, options), near(tau, 1e-12));
+    CHECK_THAT(aba_batch(c.tree, Y, Yd, X, options), near(qdd, 1e-10));
+    CHECK_THAT(regressor_batch(c.tree, Y, Yd, X, options), near(regressor, 1e-12));
+  }
 }
 
 }  // namespace batch_test

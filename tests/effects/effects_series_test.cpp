@@ -245,7 +245,7 @@ TEST_CASE("tip_force: minus MuJoCo's Jacobian times the force", "[effects]") {
   const int n = arm.tree.num_dofs();
   BoundEffect e;
   e.num_joints = n;
-  e.joints = {n - 1};
+  e.joints = e.links = {n - 1};
   e.type = std::make_shared<const AnyEffect>(TipForce{.p_LF = {0.1, -0.2, 0.3}});
   e.parameter_info = TipForce::info().parameters;
   e.parameters = {3.0, -1.0, 2.0};

@@ -2,7 +2,7 @@
 /// Forward dynamics: the articulated-body algorithm in Lie-group form (paper, Algorithm 1,
 /// corrected).
 
-#include <diffnea/dynamics/rnea.hpp>
+#include <diffnea/dynamics/mass_matrix.hpp>
 
 namespace diffnea {
 
@@ -19,6 +19,8 @@ struct AbaStates : LinkStates<P, S> {
     R psi;                    ///< Ψ = (sᵀ M̂ s + I_r)⁻¹
   };
   std::vector<Articulated> articulated;  ///< (n), one per link
+  CompositeStates<P, S> composite;       ///< where joints follow others, else unused
+  std::vector<R> M;                      ///< (n × n) of the coordinates, likewise
 };
 
 /// Scratch and result of `aba`.
@@ -27,7 +29,8 @@ struct AbaWorkspace : AbaStates<P, S> {
   VecX<Prod<P, S>> qdd;  ///< q̈, (n) [rad/s²], [m/s²] if prismatic
 };
 
-/// Joint accelerations q̈ [rad/s²], (n), under torques u at (q, q̇): O(n). Passive torques of effects
+/// Joint accelerations q̈ [rad/s²], (n), under torques u at (q, q̇): O(n); where joints follow others
+/// by the mass matrix, O(n³), which leaves `articulated` as it was. Passive torques of effects
 /// (friction, springs) are the caller's: pass u − τ_effects.
 /// Corrected against the print: the bias force holds the link's own inertia M̄, not M̂; q̈ takes +f_b;
 /// the base accelerates by −g; the rotor inertia I_r enters Ψ.

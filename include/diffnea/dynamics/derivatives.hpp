@@ -36,7 +36,8 @@ struct WorldStates {
     Wrench<double> F;          ///< of the link, then of its subtree, f̄ᶜ
     Wrench<double> U;          ///< M̄ᶜ s
   };
-  std::vector<State> links;  ///< (n), one per link
+  std::vector<State> links;             ///< one per link
+  JointScratch<double, double> joints;  ///< where joints follow others, else unused
 };
 
 /// Derivatives of inverse dynamics, and the scratch they are made in.
@@ -79,15 +80,15 @@ void aba_derivatives(const Tree<double>& tree, VecIn<double> q, VecIn<double> qd
 /// Scratch and result of the derivatives by parameters.
 struct ParameterJacobianWorkspace {
   VecX<double> qdd;                                 ///< (n) [rad/s²]
-  RowMatX<double> dqdd_dpi;                         ///< (n × 10n)
+  RowMatX<double> dqdd_dpi;                         ///< (n × 10 links)
   RowMatX<double> L;                                ///< (n × n) as in AbaDerivatives
   VecX<double> bias;                                ///< c(q, q̇), torque at q̈ = 0
   WorldStates scratch;                              ///< of all links, at q̈ = 0; ψ̈ is not set
   std::vector<RegressorLinkMotion<double>> motion;  ///< (n), one per link, at q̈
 };
 
-/// ∂q̈/∂π = −M⁻¹ Y(q, q̇, q̈), (n × 10n), at q̈ = aba(q, q̇, tau): exact, because τ = Y π + I_r q̈ is
-/// linear in the inertial parameters π.
+/// ∂q̈/∂π = −M⁻¹ Y(q, q̇, q̈), (n × 10 links), at q̈ = aba(q, q̇, tau): exact, because τ = Y π + I_r q̈
+/// is linear in the inertial parameters π.
 /// @param q, qd, tau  (n) position [rad], velocity [rad/s], joint torque [N·m]; [m …] if prismatic
 /// @param ws  scratch, overwritten; no allocation once it has seen this tree
 /// @return ws.dqdd_dpi, order of π as in torque_regressor

@@ -5,14 +5,20 @@
 
 namespace diffnea {
 
-/// Scratch and result of `mass_matrix`.
+/// Scratch of the composite recursion.
 template <Scalar P, Scalar S>
-struct MassMatrixWorkspace {
+struct CompositeStates {
   /// Scalar of a product of parameter and state.
   using R = Prod<P, S>;
   std::vector<Pose<R>> X_PL;                 ///< pose of every link in its parent
   std::vector<SpatialInertia<R>> composite;  ///< inertia of the link and all that hangs on it, in L
-  MatX<R> M;                                 ///< M(q), (n × n), both triangles
+  JointScratch<S, R> joints;                 ///< where joints follow others, else unused
+};
+
+/// Scratch and result of `mass_matrix`.
+template <Scalar P, Scalar S>
+struct MassMatrixWorkspace : CompositeStates<P, S> {
+  MatX<Prod<P, S>> M;  ///< M(q), (n × n), both triangles
 };
 
 /// M(q), (n × n), symmetric, rotor inertia I_r on the diagonal: τ = M q̈ + c(q, q̇). [kg·m², kg·m,

@@ -18,11 +18,11 @@ struct RegressorLinkMotion {
 template <Scalar P, Scalar S>
 struct RegressorWorkspace {
   std::vector<RegressorLinkMotion<Prod<P, S>>> links;  ///< (n), one per link
-  RowMatX<Prod<P, S>> Y;                               ///< (n × 10n)
+  RowMatX<Prod<P, S>> Y;                               ///< (n × 10 links)
 };
 
-/// Y(q, q̇, q̈), (n × 10n), with τ = Y π + I_r q̈: π stacks θ = [m, h, I] of the links in the order of
-/// the degrees of freedom (lie/inertia.hpp; model/model.hpp, inertial_parameters). Rotor inertia is
+/// Y(q, q̇, q̈), (n × 10 links), with τ = Y π + I_r q̈: π stacks θ = [m, h, I] of the links in the
+/// order of the tree (lie/inertia.hpp; model/model.hpp, inertial_parameters). Rotor inertia is
 /// not in π. Column block k of row i is sᵢᵀ ∂f̄ₖ/∂θₖ, zero unless joint i carries link k. Only the
 /// tree's geometry is read, not its inertias. (Atkeson, An, Hollerbach 1986; here each sᵢ
 /// moves to link k, which is a twist, where they move the 6×10 matrix of link k.)

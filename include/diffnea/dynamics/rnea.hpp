@@ -19,7 +19,8 @@ struct LinkStates {
     Twist<R> A;   ///< its spatial acceleration minus gravity (base acceleration a₀ = [0; −g]), in L
     Wrench<R> F;  ///< wrench that the parent transmits through the joint, about L's origin, in L
   };
-  std::vector<State> links;  ///< (n), one per link
+  std::vector<State> links;   ///< one per link
+  JointScratch<S, R> joints;  ///< where joints follow others: all of them, else unused
 };
 
 /// Scratch and result of `rnea`.

@@ -43,6 +43,10 @@ struct BoundEffect {
   std::string where;  ///< as in the EffectSpec
   /// Degrees of freedom it acts on; at `all` and `base`: every one; of ball, string, camera: none.
   std::vector<int> joints;
+  std::vector<int> links;  ///< tree links, one a joint: the one it moves
+  /// How the joints follow these degrees of freedom, for an effect bound at joints that follow
+  /// others; empty: they are the degrees of freedom.
+  std::vector<JointDrive> follows;
   std::vector<int> runs;                      ///< recordings it acts in; empty: all of them
   int num_joints = 0;                         ///< of the model
   std::vector<ParameterInfo> parameter_info;  ///< unit and initial are those of this joint's type
@@ -117,7 +121,7 @@ void add_to_tree(const BoundEffect& effect, const P* p, Tree<P>& tree);
 ///                 columns[k·num_joints + j] is the torque of joint j for one unit of parameter
 ///                 linear_parameters()[k]
 /// @throws ModelError if the port is not kJointTorque: series_columns (effects/series.hpp) has them
-/// for any port; a payload's are those that the torque regressor has for the link effect.joints[0]
+/// for any port; a payload's are those that the torque regressor has for effect.links[0]
 void linear_columns(const BoundEffect& effect, const JointSample<double>& x, double* columns);
 
 /// Scalars compiled into the library; for another scalar include effects/catalogue.hpp.

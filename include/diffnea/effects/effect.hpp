@@ -231,7 +231,8 @@ struct EffectInfo {
 struct BoundSetting {
   const EffectSpec& spec;          ///< plain data of the effect
   const Model& model;              ///< robot that it acts on
-  const std::vector<int>& joints;  ///< joints that it acts on
+  const std::vector<int>& joints;  ///< degrees of freedom that it acts on
+  const std::vector<int>& links;   ///< links of the tree that those joints move
   const std::vector<int>& runs;    ///< runs of per-run parameters, ascending
   const std::string& here;         ///< begins messages
 };

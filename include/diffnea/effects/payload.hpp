@@ -31,9 +31,9 @@ struct Payload {
   }
 
   template <Scalar P>
-  void add_to_tree(const int* joint, const P* p, Tree<P>& tree) const {
+  void add_to_tree(const int* links, const P* p, Tree<P>& tree) const {
     const Theta<P> theta{p[0], p[1], p[2], p[3], p[4], p[5], p[6], p[7], p[8], p[9]};
-    SpatialInertia<P>& link = tree.links[*joint].inertia;
+    SpatialInertia<P>& link = tree.links[*links].inertia;
     link = link + SpatialInertia<P>::from_theta(theta);
   }
 };

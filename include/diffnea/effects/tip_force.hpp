@@ -31,37 +31,38 @@ struct TipForce {
 
   /// Where it pulls on that model.
   void complete(const BoundSetting& setting) {
-    p_LF = point_of(setting.model, setting.joints.at(0));
+    p_LF = point_of(setting.model, setting.links.at(0));
   }
 
   template <Scalar T>
-  void add_torque(const Tree<double>& tree, const JointSample<T>& x, const int* joint, const T* p,
+  void add_torque(const Tree<double>& tree, const JointSample<T>& x, const int* tip, const T* p,
                   T* tau) const {
     const int n = tree.num_dofs();
     LinkKinematics<T> kinematics;
     forward_kinematics<double, T>(tree, Eigen::Map<const VecX<T>>(x.q, n), kinematics);
     const Vec3<T> force{p[0], p[1], p[2]};
-    const Pose<T>& X_WT = kinematics.links[*joint].X_WL;
+    const Pose<T>& X_WT = kinematics.links[*tip].X_WL;
     const Vec3<T> point = X_WT.p + X_WT.R * p_LF;
-    for (int i = *joint; i >= 0; i = tree.links[i].parent) {  // columns of J
+    for (int i = *tip; i >= 0; i = tree.links[i].parent) {  // columns of J
       const Pose<T>& X_WL = kinematics.links[i].X_WL;
       const Vec3<T> axis = X_WL.R * tree.links[i].axis;
       const Vec3<T> column =
           tree.links[i].type == JointType::kPrismatic ? axis : cross(axis, point - X_WL.p);
-      tau[i] = tau[i] - dot(column, force);
+      const JointDrive d = tree.drive(i);
+      tau[d.dof] = tau[d.dof] - dot(column, force) * d.ratio;
     }
   }
 
  private:
-  static Vec3<double> point_of(const Model& model, int joint) {
+  static Vec3<double> point_of(const Model& model, int tree_link) {
     const TreeMap map = map_to_tree(model);
     const ModelFrame* frame = nullptr;
     for (const ModelFrame& f : model.frames)
-      if (f.link >= 0 && map.dof[static_cast<std::size_t>(f.link)] == joint &&
+      if (f.link >= 0 && map.dof[static_cast<std::size_t>(f.link)] == tree_link &&
           (!frame || frame->name != "tip"))
         frame = &f;
     if (frame) return (map.X_LF[static_cast<std::size_t>(frame->link)] * frame->X_LF).p;
-    const auto outermost = std::ranges::find(map.dof.rbegin(), map.dof.rend(), joint);
+    const auto outermost = std::ranges::find(map.dof.rbegin(), map.dof.rend(), tree_link);
     const auto link = map.dof.rend() - outermost - 1;
     if (model.links[static_cast<std::size_t>(link)].type == ModelJoint::kFixed)
       return map.X_LF[static_cast<std::size_t>(link)].p;

@@ -26,7 +26,7 @@ struct FitParameter {
   double scale = std::numeric_limits<double>::quiet_NaN();
   bool fixed = false;     ///< held at `prior`
   bool absorbed = false;  ///< fixed because the links' inertia absorbs it (absorbed_by_links)
-  int dof = -1;           ///< of a link: the degree of freedom that moves it, else −1
+  int dof = -1;           ///< index of a link in the tree, else −1
   int theta = -1;         ///< of a link or payload: index in θ, else −1
   int effect = -1;        ///< of an effect: index into FitLayout::effects, else −1
   int index = -1;         ///< of an effect: index into its parameters

@@ -49,7 +49,7 @@ struct ModelReading {
 /// @throws FileError if a file cannot be read
 /// @throws ModelError naming file and reason if it cannot be understood, or if it holds what a tree
 /// of
-///         revolute, prismatic and fixed joints cannot: mimic, floating and planar joints, ball
+///         revolute, prismatic and fixed joints cannot: loops, floating and planar joints, ball
 ///         joints, free bodies (but the one named `ball`, which is Model::ball), equality
 ///         constraints
 Model read_model(const std::filesystem::path& path, const ModelReading& reading = {});

@@ -53,6 +53,14 @@ struct JointLimits {
 /// How a link hangs on its parent.
 enum class ModelJoint { kFixed, kRevolute, kPrismatic };
 
+/// A joint that follows another: q = ratio · q_leader + offset (URDF's <mimic>, a joint equality of
+/// an MJCF).
+struct Follow {
+  std::string leader;   ///< joint that it follows, which may follow another
+  double ratio = 1.0;   ///< [rad/rad, m/rad …]; 0: it never moves
+  double offset = 0.0;  ///< [rad, m]
+};
+
 /// A link and the joint that carries it.
 struct ModelLink {
   std::string name;   ///< no other link has it
@@ -65,6 +73,7 @@ struct ModelLink {
       inertia;           ///< about the link's origin, in the link; zero if the file gives none
   JointLimits limits;    ///< of that joint
   bool passive = false;  ///< torque known to be zero
+  std::optional<Follow> follows = {};  ///< none: the joint is a degree of freedom of its own
 };
 
 /// A named frame F that is fixed to a link: X_LF. Sites of an MJCF, e.g. `cup`, `string`.
@@ -103,10 +112,25 @@ struct Model {
       notes;  ///< what that file says and this model leaves out, one sentence each
 };
 
-/// Indices of the moving links in the order of the degrees of freedom.
+/// Indices of the links whose joint is a degree of freedom, in their order: of all that move,
+/// unless joints follow others.
 std::vector<int> moving_links(const Model& model);
-/// Names of the moving joints in the order of the degrees of freedom.
+/// Indices of all links that move, in the order of the tree's links.
+std::vector<int> tree_links(const Model& model);
+/// Names of the joints that are degrees of freedom, in their order.
 std::vector<std::string> joint_names(const Model& model);
+/// Names of the joints that follow others.
+std::vector<std::string> follower_names(const Model& model);
+/// A joint of the tree: the link that it moves, and how it follows its coordinate.
+struct TreeJoint {
+  std::string name;
+  int link = -1;         ///< index of the tree link that it moves
+  JointDrive drive;      ///< ratio 1 and offset 0 unless it follows another
+  bool follows = false;  ///< the coordinate is another joint's
+};
+/// All joints that move, in the order of the tree's links; chains of followers are resolved.
+/// @throws ModelError if a joint follows one that is not there or is fixed, or follows itself
+std::vector<TreeJoint> tree_joints(const Model& model);
 /// @return index of the degree of freedom
 /// @throws ModelError naming the joints there are
 int find_joint(const Model& model, const std::string& joint);
@@ -132,17 +156,17 @@ std::optional<Pose<double>> cup_at_string(const Model& model);
 
 /// The numbers: fixed links lumped into the moving link (or the world) that carries them, effects
 /// named `armature` as rotor inertia.
-/// @throws ModelError if a parent does not precede its child, an axis is not a unit vector, or an
-///         armature effect names no joint
+/// @throws ModelError if a parent does not precede its child, an axis is not a unit vector, a joint
+///         follows none that moves, or an armature effect names no joint
 Tree<double> make_tree(const Model& model);
 
 /// Ten inertial parameters of every moving link with all that is fixed to it, in the order of the
-/// degrees of freedom: the π that torques are linear in, (10 n).
+/// tree's links: the π that torques are linear in, (10 links).
 VecX<double> inertial_parameters(const Tree<double>& tree);
 
 /// Writes identified parameters back. The moving link takes the whole of its lump; links fixed to
 /// it keep their frames and lose their inertia (how a lump divides cannot be identified).
-/// @param pi (10 n), see inertial_parameters  @throws ShapeError
+/// @param pi (10 links), see inertial_parameters  @throws ShapeError
 void set_inertial_parameters(Model& model, const VecX<double>& pi);
 
 /// Something about a model that looks wrong, in words for a person.

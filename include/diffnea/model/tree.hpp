@@ -9,6 +9,7 @@
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/lie/axis.hpp>
+#include <diffnea/model/coordinates.hpp>
 
 namespace diffnea {
 
@@ -27,20 +28,42 @@ struct Link {
   P armature{};                           ///< reflected rotor inertia I_r [kg·m², kg]
 };
 
-/// Kinematic tree with one degree of freedom a joint; degree of freedom i moves link i.
+/// Kinematic tree with one joint a link. Degree of freedom i moves link i, unless joints follow
+/// others: `coordinates` then says which coordinate moves which joint. State and torques are those
+/// of the coordinates.
 template <Scalar P>
 struct Tree {
   std::vector<Link<P>> links;                 ///< parents before their children
   Vec3<P> gravity{P(0.0), P(0.0), P(-9.81)};  ///< in W [m/s²]
+  Coordinates coordinates{};                  ///< plain unless joints follow others
 
-  /// Number of joints that move.
-  int num_dofs() const { return static_cast<int>(links.size()); }
+  /// Number of links, each with its joint.
+  int num_links() const { return static_cast<int>(links.size()); }
+  /// Number of coordinates, n.
+  int num_dofs() const { return coordinates.plain() ? num_links() : coordinates.count; }
+
+  /// How the joint of a link follows its coordinate.
+  JointDrive drive(int link) const {
+    return coordinates.plain() ? JointDrive{link, 1.0, 0.0} : coordinates.joints[link];
+  }
+
+  /// Rotor inertia that a coordinate feels: Σ ratio² I_r of the joints that follow it.
+  P armature(int dof) const {
+    if (coordinates.plain()) return links[dof].armature;
+    P sum(0.0);
+    for (int i = 0; i < num_links(); ++i) {
+      const JointDrive d = drive(i);
+      if (d.dof == dof) sum = sum + links[i].armature * (d.ratio * d.ratio);
+    }
+    return sum;
+  }
 
   /// The same tree in another parameter scalar.
   template <class Q>
   Tree<Q> cast() const {
     Tree<Q> out;
     out.gravity = gravity.template cast<Q>();
+    out.coordinates = coordinates;
     out.links.reserve(links.size());
     for (const Link<P>& l : links) {
       const SpatialInertia<P>& b = l.inertia;
@@ -55,7 +78,7 @@ struct Tree {
   }
 };
 
-/// Appends a link; the tree's next degree of freedom moves it.
+/// Appends a link to a tree in which no joint follows another; the next degree of freedom moves it.
 ///
 ///     Tree<double> tree;
 ///     const int upper = add_link(tree, {.axis = {0, 1, 0}, .inertia = body});
@@ -65,7 +88,7 @@ struct Tree {
 /// @throws ModelError if the parent is not there or the axis is not a unit vector
 template <Scalar P>
 int add_link(Tree<P>& tree, const std::type_identity_t<Link<P>>& link) {
-  const int index = tree.num_dofs();
+  const int index = tree.num_links();
   const std::string here = "add_link: link " + std::to_string(index);
   if (link.parent < -1 || link.parent >= index)
     throw ModelError(here + ": got the parent " + std::to_string(link.parent) +

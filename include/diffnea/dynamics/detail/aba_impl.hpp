@@ -10,7 +10,7 @@ namespace detail {
 template <Scalar P, Scalar S>
 void aba_outward(const Tree<P>& tree, const S* q, const S* qd, AbaStates<P, S>& ws) {
   using R = Prod<P, S>;
-  const int n = tree.num_dofs();
+  const int n = tree.num_links();
   ws.links.resize(n);
   ws.articulated.resize(n);
 
@@ -34,7 +34,7 @@ template <Scalar P, Scalar S>
 void aba_accelerations(const Tree<P>& tree, const S* qd, const S* u, AbaStates<P, S>& ws,
                        Prod<P, S>* qdd) {
   using R = Prod<P, S>;
-  const int n = tree.num_dofs();
+  const int n = tree.num_links();
   for (int i = n - 1; i >= 0; --i) {
     const Link<P>& link = tree.links[i];
     const auto& l = ws.links[i];
@@ -66,9 +66,53 @@ void aba_accelerations(const Tree<P>& tree, const S* qd, const S* u, AbaStates<P
   }
 }
 
+/// x ← M⁻¹ x, M (n × n) symmetric and positive definite, overwritten: M = L D Lᵀ without roots.
+template <class R>
+void solve_symmetric(int n, R* M, R* x) {
+  for (int j = 0; j < n; ++j) {
+    for (int k = 0; k < j; ++k)
+      M[j * n + j] = M[j * n + j] - M[j * n + k] * M[j * n + k] * M[k * n + k];
+    for (int i = j + 1; i < n; ++i) {
+      for (int k = 0; k < j; ++k)
+        M[i * n + j] = M[i * n + j] - M[i * n + k] * M[j * n + k] * M[k * n + k];
+      M[i * n + j] = M[i * n + j] / M[j * n + j];
+    }
+  }
+  for (int i = 0; i < n; ++i)
+    for (int k = 0; k < i; ++k) x[i] = x[i] - M[i * n + k] * x[k];
+  for (int i = n - 1; i >= 0; --i) {
+    x[i] = x[i] / M[i * n + i];
+    for (int k = i + 1; k < n; ++k) x[i] = x[i] - M[k * n + i] * x[k];
+  }
+}
+
+/// Where joints follow others no joint's acceleration is its own matter: q̈ = M⁻¹(u − c) of the
+/// coordinates, then Algorithm 2 for twists, accelerations and wrenches of the links. Not inlined:
+/// the recursion of a plain tree shall not grow by it.
+template <Scalar P, Scalar S>
+[[gnu::noinline]] void aba_of_followers(const Tree<P>& tree, const S* y, const S* yd, const S* u,
+                                        AbaStates<P, S>& ws, Prod<P, S>* ydd) {
+  using R = Prod<P, S>;
+  const Coordinates& c = tree.coordinates;
+  const std::size_t links = tree.links.size();
+  const S* q = c.of_joints(y, true, ws.joints.q);
+  const S* qd = c.of_joints(yd, false, ws.joints.qd);
+  ws.M.resize(static_cast<std::size_t>(c.count * c.count));
+  mass_matrix(tree, y, ws.composite, ws.M.data());
+  ws.joints.tau.assign(links, R(0.0));
+  const std::vector<R> at_rest(links, R(0.0));
+  rnea_of_joints(tree, q, qd, at_rest.data(), ws, ws.joints.tau.data());
+  c.gather(ws.joints.tau.data(), ydd);
+  for (int i = 0; i < c.count; ++i) ydd[i] = u[i] - ydd[i];
+  solve_symmetric(c.count, ws.M.data(), ydd);
+  rnea_of_joints(tree, q, qd, c.of_joints(ydd, false, ws.composite.joints.tau), ws,
+                 ws.joints.tau.data());
+}
+
 template <Scalar P, Scalar S>
 void aba(const Tree<P>& tree, const S* q, const S* qd, const S* u, AbaStates<P, S>& ws,
          Prod<P, S>* qdd) {
+  if (!tree.coordinates.plain()) return aba_of_followers(tree, q, qd, u, ws, qdd);
   aba_outward(tree, q, qd, ws);
   aba_accelerations(tree, qd, u, ws, qdd);
 }
@@ -83,8 +127,14 @@ const VecX<Prod<P, S>>& aba(const Tree<P>& tree, VecIn<S> q, VecIn<S> qd, VecIn<
   require_size("aba: qd", qd.size(), n, "joint");
   require_size("aba: u", u.size(), n, "joint");
   ws.qdd.resize(n);
-  call_inlined<Prod<P, S>>(
-      [&] { detail::aba(tree, q.data(), qd.data(), u.data(), ws, ws.qdd.data()); });
+  if (!tree.coordinates.plain()) {
+    detail::aba_of_followers(tree, q.data(), qd.data(), u.data(), ws, ws.qdd.data());
+    return ws.qdd;
+  }
+  call_inlined<Prod<P, S>>([&] {
+    detail::aba_outward(tree, q.data(), qd.data(), ws);
+    detail::aba_accelerations(tree, qd.data(), u.data(), ws, ws.qdd.data());
+  });
   return ws.qdd;
 }
 

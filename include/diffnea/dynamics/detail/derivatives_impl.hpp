@@ -31,8 +31,8 @@ inline Vec3<double> transpose_times_B(const WorldStates::State& l, const Twist<d
 /// Poses, axes, twists, ψ̇, inertias and Coriolis terms of every link, in W.
 inline void velocity_pass(const Tree<double>& tree, const double* q, const double* qd,
                           States& links) {
-  links.resize(tree.num_dofs());
-  for (int i = 0; i < tree.num_dofs(); ++i) {
+  links.resize(tree.num_links());
+  for (int i = 0; i < tree.num_links(); ++i) {
     const Link<double>& link = tree.links[i];
     WorldStates::State& l = links[i];
     with_axis(link, [&](const auto& s_L) {
@@ -57,7 +57,7 @@ inline void velocity_pass(const Tree<double>& tree, const double* q, const doubl
 /// Accelerations under q̈, wrenches, and the torques that they need.
 inline void force_pass(const Tree<double>& tree, const double* qd, const double* qdd, States& links,
                        double* tau) {
-  const int n = tree.num_dofs();
+  const int n = tree.num_links();
   const Twist<double> A0 = base_acceleration<double, double>(tree);
   for (int i = 0; i < n; ++i) {
     WorldStates::State& l = links[i];
@@ -74,7 +74,7 @@ inline void force_pass(const Tree<double>& tree, const double* qd, const double*
 
 /// Sums inertias and Coriolis terms over subtrees; mass matrix, (n × n) row-major.
 inline void composite_pass(const Tree<double>& tree, States& links, RowMatX<double>& M) {
-  const int n = tree.num_dofs();
+  const int n = tree.num_links();
   M.setZero(n, n);
   for (int i = 0; i < n; ++i) links[i].M_c = links[i].M;
   for (int i = n - 1; i >= 0; --i) {
@@ -95,7 +95,7 @@ inline void composite_pass(const Tree<double>& tree, States& links, RowMatX<doub
 /// The four formulas of the header.
 inline void derivative_pass(const Tree<double>& tree, States& links, RowMatX<double>& dtau_dq,
                             RowMatX<double>& dtau_dqd) {
-  const int n = tree.num_dofs();
+  const int n = tree.num_links();
   const Twist<double> A0 = base_acceleration<double, double>(tree);
   dtau_dq.setZero(n, n);
   dtau_dqd.setZero(n, n);
@@ -135,15 +135,51 @@ inline void minus_product(const RowMatX<double>& A, const RowMatX<double>& B,
   }
 }
 
+/// Gᵀ A G, A with a row and a column a joint.
+inline void project(const Coordinates& c, RowMatX<double>& A) {
+  if (c.plain()) return;
+  const RowMatX<double> of_joints = A;
+  A.setZero(c.count, c.count);
+  for (std::size_t i = 0; i < c.joints.size(); ++i)
+    for (std::size_t j = 0; j < c.joints.size(); ++j)
+      A(c.joints[i].dof, c.joints[j].dof) += c.joints[i].ratio * c.joints[j].ratio *
+                                             of_joints(static_cast<long>(i), static_cast<long>(j));
+}
+
+/// Motion of all joints, from that of the coordinates.
+class JointMotion {
+ public:
+  JointMotion(const Tree<double>& tree, const double* y, const double* yd,
+              JointScratch<double, double>& scratch)
+      : c_(tree.coordinates),
+        scratch_(scratch),
+        q_(c_.of_joints(y, true, scratch.q)),
+        qd_(c_.of_joints(yd, false, scratch.qd)) {}
+  const double* q() const { return q_; }
+  const double* qd() const { return qd_; }
+
+  /// force_pass under accelerations of the coordinates, τ_y into `tau`.
+  void forces(const Tree<double>& tree, const double* ydd, States& links, double* tau) const {
+    force_pass(tree, qd_, c_.of_joints(ydd, false, scratch_.qdd), links, scratch_.torques(c_, tau));
+    if (!c_.plain()) c_.gather(scratch_.tau.data(), tau);
+  }
+
+ private:
+  const Coordinates& c_;
+  JointScratch<double, double>& scratch_;
+  const double *q_, *qd_;
+};
+
 /// q̈ = M⁻¹(τ − c) after a velocity pass; leaves M's factor in `L`, and accelerations in `links`.
-inline void solve_forward(const Tree<double>& tree, const double* qd, const double* tau,
+inline void solve_forward(const Tree<double>& tree, const JointMotion& motion, const double* tau,
                           States& links, RowMatX<double>& L, VecX<double>& qdd,
                           VecX<double>& bias) {
   const int n = tree.num_dofs();
   composite_pass(tree, links, L);
+  project(tree.coordinates, L);
   qdd.setZero(n);
   bias.resize(n);
-  force_pass(tree, qd, qdd.data(), links, bias.data());
+  motion.forces(tree, qdd.data(), links, bias.data());
   for (int i = 0; i < n; ++i) qdd[i] = tau[i] - bias[i];
   factor_ltl(tree, L);
   solve_ltl(tree, L, qdd.data(), 1);
@@ -160,11 +196,14 @@ DIFFNEA_INLINE void rnea_derivatives(const Tree<double>& tree, VecIn<double> q, 
   detail::States& links = out.scratch.links;
   out.tau.resize(n);
   call_inlined<double>([&] {
-    detail::velocity_pass(tree, q.data(), qd.data(), links);
-    detail::force_pass(tree, qd.data(), qdd.data(), links, out.tau.data());
+    const detail::JointMotion motion(tree, q.data(), qd.data(), out.scratch.joints);
+    detail::velocity_pass(tree, motion.q(), motion.qd(), links);
+    motion.forces(tree, qdd.data(), links, out.tau.data());
     detail::composite_pass(tree, links, out.M);
     detail::derivative_pass(tree, links, out.dtau_dq, out.dtau_dqd);
   });
+  for (RowMatX<double>* A : {&out.M, &out.dtau_dq, &out.dtau_dqd})
+    detail::project(tree.coordinates, *A);
 }
 
 DIFFNEA_INLINE void aba_derivatives(const Tree<double>& tree, VecIn<double> q, VecIn<double> qd,
@@ -175,11 +214,13 @@ DIFFNEA_INLINE void aba_derivatives(const Tree<double>& tree, VecIn<double> q, V
   require_size("aba_derivatives: tau", tau.size(), n, "joint");
   detail::States& links = out.scratch.links;
   call_inlined<double>([&] {
-    detail::velocity_pass(tree, q.data(), qd.data(), links);
-    detail::solve_forward(tree, qd.data(), tau.data(), links, out.L, out.qdd, out.tau);
-    detail::force_pass(tree, qd.data(), out.qdd.data(), links, out.tau.data());
+    const detail::JointMotion motion(tree, q.data(), qd.data(), out.scratch.joints);
+    detail::velocity_pass(tree, motion.q(), motion.qd(), links);
+    detail::solve_forward(tree, motion, tau.data(), links, out.L, out.qdd, out.tau);
+    motion.forces(tree, out.qdd.data(), links, out.tau.data());
     detail::derivative_pass(tree, links, out.dtau_dq, out.dtau_dqd);
   });
+  for (RowMatX<double>* A : {&out.dtau_dq, &out.dtau_dqd}) detail::project(tree.coordinates, *A);
   out.dqdd_dtau.setIdentity(n, n);
   detail::solve_ltl(tree, out.L, out.dqdd_dtau.data(), n);
   detail::minus_product(out.dqdd_dtau, out.dtau_dq, out.dqdd_dq);
@@ -193,11 +234,12 @@ DIFFNEA_INLINE const RowMatX<double>& forward_dynamics_parameter_jacobian(
   require_size("forward_dynamics_parameter_jacobian: q", q.size(), n, "joint");
   require_size("forward_dynamics_parameter_jacobian: qd", qd.size(), n, "joint");
   require_size("forward_dynamics_parameter_jacobian: tau", tau.size(), n, "joint");
-  const int columns = kThetaSize * n;
+  const int columns = kThetaSize * tree.num_links();
   ws.dqdd_dpi.resize(n, columns);
   call_inlined<double>([&] {
-    detail::velocity_pass(tree, q.data(), qd.data(), ws.scratch.links);
-    detail::solve_forward(tree, qd.data(), tau.data(), ws.scratch.links, ws.L, ws.qdd, ws.bias);
+    const detail::JointMotion motion(tree, q.data(), qd.data(), ws.scratch.joints);
+    detail::velocity_pass(tree, motion.q(), motion.qd(), ws.scratch.links);
+    detail::solve_forward(tree, motion, tau.data(), ws.scratch.links, ws.L, ws.qdd, ws.bias);
     detail::torque_regressor(tree, q.data(), qd.data(), ws.qdd.data(), ws.motion,
                              ws.dqdd_dpi.data(), columns);
   });

@@ -6,15 +6,19 @@
 namespace diffnea {
 
 template <Scalar P, Scalar S>
-void forward_kinematics(const Tree<P>& tree, VecIn<S> q, VecIn<S> qd, VecIn<S> qdd,
+void forward_kinematics(const Tree<P>& tree, VecIn<S> y, VecIn<S> yd, VecIn<S> ydd,
                         LinkKinematics<Prod<P, S>>& out) {
   using R = Prod<P, S>;
   const int n = tree.num_dofs();
-  require_size("forward_kinematics: q", q.size(), n, "joint");
-  require_size("forward_kinematics: qd", qd.size(), n, "joint");
-  require_size("forward_kinematics: qdd", qdd.size(), n, "joint");
-  out.links.resize(n);
-  for (int i = 0; i < n; ++i) {
+  require_size("forward_kinematics: q", y.size(), n, "joint");
+  require_size("forward_kinematics: qd", yd.size(), n, "joint");
+  require_size("forward_kinematics: qdd", ydd.size(), n, "joint");
+  JointScratch<S, S> joints;
+  const S* q = tree.coordinates.of_joints(y.data(), true, joints.q);
+  const S* qd = tree.coordinates.of_joints(yd.data(), false, joints.qd);
+  const S* qdd = tree.coordinates.of_joints(ydd.data(), false, joints.qdd);
+  out.links.resize(tree.num_links());
+  for (int i = 0; i < tree.num_links(); ++i) {
     const Link<P>& link = tree.links[i];
     auto& l = out.links[i];
     const Twist<double> s = joint_twist(link);
@@ -33,11 +37,12 @@ void forward_kinematics(const Tree<P>& tree, VecIn<S> q, VecIn<S> qd, VecIn<S> q
 }
 
 template <Scalar P, Scalar S>
-void forward_kinematics(const Tree<P>& tree, VecIn<S> q, LinkKinematics<Prod<P, S>>& out) {
-  const int n = tree.num_dofs();
-  require_size("forward_kinematics: q", q.size(), n, "joint");
-  out.links.resize(n);
-  for (int i = 0; i < n; ++i) {
+void forward_kinematics(const Tree<P>& tree, VecIn<S> y, LinkKinematics<Prod<P, S>>& out) {
+  require_size("forward_kinematics: q", y.size(), tree.num_dofs(), "joint");
+  std::vector<S> joints;
+  const S* q = tree.coordinates.of_joints(y.data(), true, joints);
+  out.links.resize(tree.num_links());
+  for (int i = 0; i < tree.num_links(); ++i) {
     const Link<P>& link = tree.links[i];
     const Pose<Prod<P, S>> X_PL = joint_pose(link, S(q[i]));
     out.links[i].X_WL = link.parent < 0 ? X_PL : out.links[link.parent].X_WL * X_PL;
@@ -48,8 +53,8 @@ template <Scalar P, Scalar S>
 void forward_kinematics(const Tree<P>& tree, const LinkStates<P, S>& states,
                         LinkKinematics<Prod<P, S>>& out) {
   using R = Prod<P, S>;
-  const int n = tree.num_dofs();
-  require_size("forward_kinematics: states", static_cast<long>(states.links.size()), n, "joint");
+  const int n = tree.num_links();
+  require_size("forward_kinematics: states", static_cast<long>(states.links.size()), n, "link");
   out.links.resize(n);
   for (int i = 0; i < n; ++i) {
     const auto& state = states.links[i];
@@ -102,8 +107,9 @@ void frame_jacobian(const Tree<P>& tree, const LinkKinematics<T>& kinematics, in
     const Twist<double> s = joint_twist(tree.links[i]);
     const Vec3<T> w = X_WL.R * s.angular;
     const Vec3<R> v = X_WL.R * s.linear + cross(w, p_WF - X_WL.p);
-    J(0, i) = R(w.x), J(1, i) = R(w.y), J(2, i) = R(w.z);
-    J(3, i) = v.x, J(4, i) = v.y, J(5, i) = v.z;
+    const R column[6] = {R(w.x), R(w.y), R(w.z), v.x, v.y, v.z};
+    const JointDrive d = tree.drive(i);
+    for (int r = 0; r < 6; ++r) J(r, d.dof) = J(r, d.dof) + column[r] * d.ratio;
   }
 }
 

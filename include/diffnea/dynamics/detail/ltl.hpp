@@ -1,6 +1,7 @@
 #pragma once
 /// M = LᵀL of a mass matrix, L lower triangular with the tree's pattern: entry (i, j) can only be
 /// nonzero if j carries i (Featherstone 2008, §6.5). Rows of branches that do not meet never mix.
+/// Where joints follow others, every coordinate may mix with every one before it.
 
 #include <cmath>
 
@@ -8,14 +9,19 @@
 
 namespace diffnea::detail {
 
+/// The next coordinate that coordinate i may mix with, −1 after the last.
+inline int next_mixed(const Tree<double>& tree, int i) {
+  return tree.coordinates.plain() ? tree.links[i].parent : i - 1;
+}
+
 /// Overwrites the lower triangle of M, (n × n) row-major, by L. The diagonal holds 1/L_ii.
 inline void factor_ltl(const Tree<double>& tree, RowMatX<double>& M) {
   for (int k = tree.num_dofs() - 1; k >= 0; --k) {
     const double inverse = 1.0 / std::sqrt(M(k, k));
     M(k, k) = inverse;
-    for (int i = tree.links[k].parent; i >= 0; i = tree.links[i].parent) M(k, i) *= inverse;
-    for (int i = tree.links[k].parent; i >= 0; i = tree.links[i].parent)
-      for (int j = i; j >= 0; j = tree.links[j].parent) M(i, j) -= M(k, i) * M(k, j);
+    for (int i = next_mixed(tree, k); i >= 0; i = next_mixed(tree, i)) M(k, i) *= inverse;
+    for (int i = next_mixed(tree, k); i >= 0; i = next_mixed(tree, i))
+      for (int j = i; j >= 0; j = next_mixed(tree, j)) M(i, j) -= M(k, i) * M(k, j);
   }
 }
 
@@ -33,10 +39,10 @@ inline void solve_ltl(const Tree<double>& tree, const RowMatX<double>& L, double
   };
   for (int i = n - 1; i >= 0; --i) {  // Lᵀ Y = B
     scale(i, L(i, i));
-    for (int j = tree.links[i].parent; j >= 0; j = tree.links[j].parent) subtract(j, i, L(i, j));
+    for (int j = next_mixed(tree, i); j >= 0; j = next_mixed(tree, j)) subtract(j, i, L(i, j));
   }
   for (int i = 0; i < n; ++i) {  // L X = Y
-    for (int j = tree.links[i].parent; j >= 0; j = tree.links[j].parent) subtract(i, j, L(i, j));
+    for (int j = next_mixed(tree, i); j >= 0; j = next_mixed(tree, j)) subtract(i, j, L(i, j));
     scale(i, L(i, i));
   }
 }

@@ -48,13 +48,14 @@ struct BodyRegressor {
   }
 };
 
-/// Fills n rows of 10n numbers, row i beginning at Y + i·row_stride. `links` is scratch.
+/// Fills one row a joint with ten numbers a link, row i beginning at Y + i·row_stride. `links` is
+/// scratch.
 template <Scalar P, Scalar S>
-void torque_regressor(const Tree<P>& tree, const S* q, const S* qd, const S* qdd,
-                      std::vector<RegressorLinkMotion<Prod<P, S>>>& links, Prod<P, S>* Y,
-                      std::ptrdiff_t row_stride) {
+void regressor_of_joints(const Tree<P>& tree, const S* q, const S* qd, const S* qdd,
+                         std::vector<RegressorLinkMotion<Prod<P, S>>>& links, Prod<P, S>* Y,
+                         std::ptrdiff_t row_stride) {
   using R = Prod<P, S>;
-  const int n = tree.num_dofs();
+  const int n = tree.num_links();
   links.resize(n);
   const Twist<R> A0 = base_acceleration<P, R>(tree);
   for (int k = 0; k < n; ++k) {
@@ -86,6 +87,30 @@ void torque_regressor(const Tree<P>& tree, const S* q, const S* qd, const S* qdd
   }
 }
 
+/// The same with one row a coordinate, Gᵀ times the rows of the joints.
+template <Scalar P, Scalar S>
+void torque_regressor(const Tree<P>& tree, const S* y, const S* yd, const S* ydd,
+                      std::vector<RegressorLinkMotion<Prod<P, S>>>& links, Prod<P, S>* Y,
+                      std::ptrdiff_t row_stride) {
+  using R = Prod<P, S>;
+  const Coordinates& c = tree.coordinates;
+  const int columns = kThetaSize * tree.num_links();
+  JointScratch<S, R> joints;
+  if (!c.plain()) joints.tau.resize(static_cast<std::size_t>(columns * tree.num_links()));
+  regressor_of_joints(tree, c.of_joints(y, true, joints.q), c.of_joints(yd, false, joints.qd),
+                      c.of_joints(ydd, false, joints.qdd), links, c.plain() ? Y : joints.tau.data(),
+                      c.plain() ? row_stride : columns);
+  if (c.plain()) return;
+  for (int row = 0; row < c.count; ++row)
+    for (int k = 0; k < columns; ++k) Y[row * row_stride + k] = R(0.0);
+  for (int i = 0; i < tree.num_links(); ++i) {
+    const JointDrive d = tree.drive(i);
+    R* row = Y + d.dof * row_stride;
+    const R* of_joint = joints.tau.data() + i * columns;
+    for (int k = 0; k < columns; ++k) row[k] = row[k] + of_joint[k] * d.ratio;
+  }
+}
+
 }  // namespace detail
 
 template <Scalar P, Scalar S>
@@ -95,7 +120,7 @@ const RowMatX<Prod<P, S>>& torque_regressor(const Tree<P>& tree, VecIn<S> q, Vec
   require_size("torque_regressor: q", q.size(), n, "joint");
   require_size("torque_regressor: qd", qd.size(), n, "joint");
   require_size("torque_regressor: qdd", qdd.size(), n, "joint");
-  ws.Y.resize(n, kThetaSize * n);
+  ws.Y.resize(n, kThetaSize * tree.num_links());
   call_inlined<Prod<P, S>>([&] {
     detail::torque_regressor(tree, q.data(), qd.data(), qdd.data(), ws.links, ws.Y.data(),
                              ws.Y.outerStride());

@@ -17,13 +17,12 @@ Twist<R> zero_twist() {
   return {{R(0.0), R(0.0), R(0.0)}, {R(0.0), R(0.0), R(0.0)}};
 }
 
-/// Paper, Algorithm 2, on plain arrays of length n. `tau` may be any of the inputs' scalars'
-/// product.
-template <Scalar P, Scalar S>
-void rnea(const Tree<P>& tree, const S* q, const S* qd, const S* qdd, LinkStates<P, S>& ws,
-          Prod<P, S>* tau) {
+/// Paper, Algorithm 2, on plain arrays, one number a joint. A: scalar of the accelerations.
+template <Scalar P, Scalar S, Scalar A>
+void rnea_of_joints(const Tree<P>& tree, const S* q, const S* qd, const A* qdd,
+                    LinkStates<P, S>& ws, Prod<P, S>* tau) {
   using R = Prod<P, S>;
-  const int n = tree.num_dofs();
+  const int n = tree.num_links();
   ws.links.resize(n);
   const Twist<R> A0 = base_acceleration<P, R>(tree);
 
@@ -53,20 +52,32 @@ void rnea(const Tree<P>& tree, const S* q, const S* qd, const S* qdd, LinkStates
   }
 }
 
+/// The same of the coordinates, on arrays of length n.
+template <Scalar P, Scalar S>
+void rnea(const Tree<P>& tree, const S* y, const S* yd, const S* ydd, LinkStates<P, S>& ws,
+          Prod<P, S>* tau) {
+  const Coordinates& c = tree.coordinates;
+  rnea_of_joints(tree, c.of_joints(y, true, ws.joints.q), c.of_joints(yd, false, ws.joints.qd),
+                 c.of_joints(ydd, false, ws.joints.qdd), ws, ws.joints.torques(c, tau));
+  if (!c.plain()) c.gather(ws.joints.tau.data(), tau);
+}
+
 /// X_PL alone.
 template <Scalar P, Scalar S>
-void joint_poses(const Tree<P>& tree, const S* q, LinkStates<P, S>& ws) {
-  ws.links.resize(tree.num_dofs());
-  for (int i = 0; i < tree.num_dofs(); ++i)
+void joint_poses(const Tree<P>& tree, const S* y, LinkStates<P, S>& ws) {
+  const S* q = tree.coordinates.of_joints(y, true, ws.joints.q);
+  ws.links.resize(tree.num_links());
+  for (int i = 0; i < tree.num_links(); ++i)
     with_axis(tree.links[i],
               [&](const auto& s) { ws.links[i].X_PL = joint_pose(tree.links[i], s, q[i]); });
 }
 
 /// Algorithm 2 at rest, with the poses X_PL of `ws`: ā = Ad ā_λ has no angular part, f̄ = M̄ ā.
 template <Scalar P, Scalar S>
-void gravity_torques(const Tree<P>& tree, LinkStates<P, S>& ws, Prod<P, S>* tau) {
+void gravity_torques(const Tree<P>& tree, LinkStates<P, S>& ws, Prod<P, S>* tau_y) {
   using R = Prod<P, S>;
-  const int n = tree.num_dofs();
+  const int n = tree.num_links();
+  R* tau = ws.joints.torques(tree.coordinates, tau_y);
   const Vec3<R> a0 = (-tree.gravity).template cast<R>();
   for (int i = 0; i < n; ++i) {
     const Link<P>& link = tree.links[i];
@@ -83,6 +94,7 @@ void gravity_torques(const Tree<P>& tree, LinkStates<P, S>& ws, Prod<P, S>* tau)
       F_P = F_P + to_parent(l.X_PL, l.F);
     }
   }
+  if (!tree.coordinates.plain()) tree.coordinates.gather(tau, tau_y);
 }
 
 }  // namespace detail

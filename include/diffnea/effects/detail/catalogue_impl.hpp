@@ -6,6 +6,24 @@ namespace diffnea {
 
 namespace detail {
 
+/// A formula's torque at joints that follow others: evaluated along their own motion, and felt by
+/// the coordinates by Gᵀ. bind() lets no formula be here that reads transmitted torque.
+template <class E, Scalar T>
+void add_torque_of_followers(const E& formula, const BoundEffect& effect, const JointSample<T>& x,
+                             const T* p, T* tau) {
+  for (const JointDrive& d : effect.follows) {
+    const auto moved = [&](const T* y, double offset) {
+      return y ? y[d.dof] * d.ratio + T(offset) : T(0.0);
+    };
+    const T q = moved(x.q, d.offset), qd = moved(x.qd, 0.0), qdd = moved(x.qdd, 0.0);
+    const JointSample<T> own{x.time, x.run, &q, &qd, &qdd, nullptr};
+    const int joint[2] = {0, 0};  // pairs are compiled here and never bound
+    T torque(0.0);
+    formula.add_torque(own, joint, p, &torque);
+    tau[d.dof] = tau[d.dof] + torque * d.ratio;
+  }
+}
+
 /// A formula's torque at one instant, at each of its joints; forces on links only where a tree is
 /// given.
 template <class E, Scalar T>
@@ -13,12 +31,14 @@ void add_torque(const E& formula, const BoundEffect& effect, const Tree<double>*
                 const JointSample<T>& x, const T* p, T* tau) {
   const int* joints = effect.joints.data();
   if constexpr (requires { formula.add_torque(x, joints, p, tau); }) {
-    if (E::info().place == Place::kJoint)
+    if (!effect.follows.empty())
+      add_torque_of_followers(formula, effect, x, p, tau);
+    else if (E::info().place == Place::kJoint)
       for (const int& joint : effect.joints) formula.add_torque(x, &joint, p, tau);
     else
       formula.add_torque(x, joints, p, tau);
   } else if constexpr (requires { formula.add_torque(*tree, x, joints, p, tau); }) {
-    if (tree) formula.add_torque(*tree, x, joints, p, tau);
+    if (tree) formula.add_torque(*tree, x, effect.links.data(), p, tau);
   }
 }
 
@@ -41,8 +61,8 @@ void add_torque(const BoundEffect& effect, const Tree<double>& tree, const Joint
 template <Scalar P>
 void add_to_tree(const BoundEffect& effect, const P* p, Tree<P>& tree) {
   visit_formula(effect, [&](const auto& formula) {
-    if constexpr (requires(const int* j) { formula.add_to_tree(j, p, tree); })
-      formula.add_to_tree(effect.joints.data(), p, tree);
+    if constexpr (requires(const int* link) { formula.add_to_tree(link, p, tree); })
+      formula.add_to_tree(effect.links.data(), p, tree);
   });
 }
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 
 #include <diffnea/core/compiled.hpp>
 #include <diffnea/core/error.hpp>
@@ -18,11 +19,17 @@ inline bool has_inertia(const SpatialInertia<double>& b) {
 
 }  // namespace detail
 
-DIFFNEA_INLINE std::vector<int> moving_links(const Model& model) {
+DIFFNEA_INLINE std::vector<int> tree_links(const Model& model) {
   std::vector<int> out;
   out.reserve(model.links.size());
   for (std::size_t i = 0; i < model.links.size(); ++i)
     if (model.links[i].type != ModelJoint::kFixed) out.push_back(static_cast<int>(i));
+  return out;
+}
+
+DIFFNEA_INLINE std::vector<int> moving_links(const Model& model) {
+  std::vector<int> out = tree_links(model);
+  std::erase_if(out, [&](int i) { return model.links[i].follows.has_value(); });
   return out;
 }
 
@@ -32,15 +39,60 @@ DIFFNEA_INLINE std::vector<std::string> joint_names(const Model& model) {
   return out;
 }
 
+DIFFNEA_INLINE std::vector<std::string> follower_names(const Model& model) {
+  std::vector<std::string> out;
+  for (const int i : tree_links(model))
+    if (model.links[i].follows) out.push_back(model.links[i].joint);
+  return out;
+}
+
 DIFFNEA_INLINE int find_joint(const Model& model, const std::string& joint) {
-  int dof = 0;
-  for (const ModelLink& link : model.links) {
-    if (link.type == ModelJoint::kFixed) continue;
-    if (link.joint == joint) return dof;
-    ++dof;
-  }
+  const std::vector<std::string> names = joint_names(model);
+  const auto at = std::ranges::find(names, joint);
+  if (at != names.end()) return static_cast<int>(at - names.begin());
+  for (const ModelLink& link : model.links)
+    if (link.joint == joint && link.follows)
+      throw ModelError(model.name + ": joint '" + joint + "' follows '" + link.follows->leader +
+                       "', and is no degree of freedom; these are: " + detail::join_or_none(names));
   throw ModelError(model.name + ": there is no moving joint '" + joint +
-                   "'; joints: " + detail::join_or_none(joint_names(model)));
+                   "'; joints: " + detail::join_or_none(names));
+}
+
+DIFFNEA_INLINE std::vector<TreeJoint> tree_joints(const Model& model) {
+  const std::vector<int> links = tree_links(model);
+  std::vector<TreeJoint> out(links.size());
+  std::map<std::string, std::size_t> named;
+  int dofs = 0;
+  for (std::size_t k = 0; k < links.size(); ++k) {
+    const ModelLink& link = model.links[static_cast<std::size_t>(links[k])];
+    out[k] = {link.joint, static_cast<int>(k), {}, link.follows.has_value()};
+    if (!link.follows) out[k].drive.dof = dofs++;
+    named.emplace(link.joint, k);
+  }
+  for (std::size_t k = 0; k < links.size(); ++k) {
+    std::size_t at = k;
+    for (std::size_t steps = 0; out[at].follows; ++steps) {
+      const Follow& f = *model.links[static_cast<std::size_t>(links[at])].follows;
+      const std::string here = (model.source.empty() ? model.name : model.source) + ": joint '" +
+                               out[at].name + "' follows '" + f.leader + "'";
+      const auto leader = named.find(f.leader);
+      if (leader == named.end()) {
+        const bool fixed =
+            std::ranges::find(model.links, f.leader, &ModelLink::joint) != model.links.end();
+        throw ModelError(here + (fixed ? ", which is fixed; make it fixed, too"
+                                       : ", which is no joint of the model; joints: " +
+                                             detail::join_or_none(joint_names(model))));
+      }
+      if (steps > links.size() || leader->second == k)
+        throw ModelError(here + ", which follows it in turn; one of them must move by itself");
+      // q_k = r (f.ratio q + f.offset) + o
+      out[k].drive.offset += out[k].drive.ratio * f.offset;
+      out[k].drive.ratio *= f.ratio;
+      at = leader->second;
+    }
+    out[k].drive.dof = out[at].drive.dof;
+  }
+  return out;
 }
 
 DIFFNEA_INLINE TreeMap map_to_tree(const Model& model) {
@@ -106,19 +158,26 @@ DIFFNEA_INLINE Tree<double> make_tree(const Model& model) {
     }
     tree.links.push_back(l);
   }
+  const std::vector<TreeJoint> joints = tree_joints(model);
+  if (std::ranges::any_of(joints, &TreeJoint::follows)) {
+    for (const TreeJoint& j : joints) tree.coordinates.joints.push_back(j.drive);
+    tree.coordinates.count = static_cast<int>(moving_links(model).size());
+  }
   for (const EffectSpec& e : model.effects) {
     if (e.effect != "armature") continue;
     if (e.parameters.size() != 1 || e.parameters[0].name != "armature")
       throw ModelError(model.name + ": armature at " + e.where +
                        " takes one parameter, 'armature'");
-    tree.links[find_joint(model, e.where)].armature += e.parameters[0].value;
+    const auto joint = std::ranges::find(joints, e.where, &TreeJoint::name);
+    if (joint == joints.end()) find_joint(model, e.where);  // throws, with the choices
+    tree.links[joint->link].armature += e.parameters[0].value;
   }
   return tree;
 }
 
 DIFFNEA_INLINE VecX<double> inertial_parameters(const Tree<double>& tree) {
-  VecX<double> pi(kThetaSize * tree.num_dofs());
-  for (int i = 0; i < tree.num_dofs(); ++i) {
+  VecX<double> pi(kThetaSize * tree.num_links());
+  for (int i = 0; i < tree.num_links(); ++i) {
     const Theta<double> t = tree.links[i].inertia.theta();
     std::ranges::copy(t, pi.data() + kThetaSize * i);
   }
@@ -126,7 +185,7 @@ DIFFNEA_INLINE VecX<double> inertial_parameters(const Tree<double>& tree) {
 }
 
 DIFFNEA_INLINE void set_inertial_parameters(Model& model, const VecX<double>& pi) {
-  const std::vector<int> moving = moving_links(model);
+  const std::vector<int> moving = tree_links(model);
   require_size("set_inertial_parameters: pi", pi.size(),
                kThetaSize * static_cast<long>(moving.size()),
                "inertial parameter of a moving link");
@@ -160,14 +219,14 @@ DIFFNEA_INLINE std::vector<ModelIssue> check_model(const Model& model) {
                                        detail::number_text(link.limits.upper)});
   }
   const Tree<double> tree = make_tree(model);
-  const std::vector<int> moving = moving_links(model);
+  const std::vector<int> moving = tree_links(model);
   std::vector<bool> carries(tree.links.size());  // inertia, its own or of a link that it moves
-  for (int i = tree.num_dofs() - 1; i >= 0; --i) {
+  for (int i = tree.num_links() - 1; i >= 0; --i) {
     const Link<double>& link = tree.links[i];
     if (detail::has_inertia(link.inertia) || link.armature > 0.0) carries[i] = true;
     if (carries[i] && link.parent >= 0) carries[link.parent] = true;
   }
-  for (int i = 0; i < tree.num_dofs(); ++i)
+  for (int i = 0; i < tree.num_links(); ++i)
     if (!carries[i])
       issues.push_back({model.links[moving[i]].name,
                         "moving link has no inertia, nor has anything that it carries"});
