@@ -184,6 +184,7 @@ IdentifyResult identify(const Model& model, const RecordingSource& train,
     result.notes.push_back("held-out data: " + std::to_string(test->report().quarantined) + " of " +
                            std::to_string(test->report().rows) +
                            " recorded rows cannot be true and were quarantined");
+  for (const std::string& note : model.notes) result.notes.push_back("the description: " + note);
   return result;
 }
 

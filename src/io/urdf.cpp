@@ -11,8 +11,10 @@
 
 #include <diffnea/core/error.hpp>
 
+#include "io/inertia_start.hpp"
 #include "io/model_parts.hpp"
 #include "io/urdf_elements.hpp"
+#include "io/urdf_repairs.hpp"
 #include "io/xml.hpp"
 
 namespace diffnea::io {
@@ -198,6 +200,7 @@ Model model_from_urdf(const std::string& text, const std::string& where,
   XmlElement& robot = *document->RootElement();
   check_tree(robot, where);
   Model model;
+  repair_urdf(robot, where, model.notes);
   const urdf::ModelInterfaceSharedPtr urdf = parse(*document, where);
 
   model.name = urdf->getName();
@@ -232,6 +235,7 @@ Model model_from_urdf(const std::string& text, const std::string& where,
     }
   }
   validate(model, where);
+  start_from_geometry(model);
   return model;
 }
 

@@ -71,6 +71,7 @@ void check_xml_limits(std::string_view text, const std::string& where) {
 }  // namespace
 
 std::unique_ptr<XmlDocument> parse_xml(std::string_view text, const std::string& where) {
+  while (text.ends_with('\0')) text.remove_suffix(1);  // the end of a text in C, written with it
   check_xml_limits(text, where);
   auto document = std::make_unique<XmlDocument>();
   document->Parse(text.data(), text.size());

@@ -256,7 +256,7 @@ TEST_CASE("urdf: a floating joint is fixed, a mimic joint moves alone, if asked"
   CHECK(joint_names(model_of(text, {.fix_base = true})) == std::vector<std::string>{"j"});
   const Model m = model_of(text, {.fix_base = true, .open_loops = true});
   CHECK(joint_names(m) == std::vector<std::string>{"j", "k"});
-  CHECK(m.notes.size() == 2);
+  CHECK(m.notes.size() == 3);  // both, and that no link states an inertia
 }
 
 TEST_CASE("mjcf: a constraint is refused by line and objects, or left out if asked", "[io]") {
