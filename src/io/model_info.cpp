@@ -10,6 +10,7 @@
 #include "io/effect_json.hpp"
 #include "io/json.hpp"
 #include "io/model_parts.hpp"
+#include "io/model_sanity.hpp"
 
 namespace diffnea {
 namespace {
@@ -155,6 +156,7 @@ std::vector<ModelIssue> model_issues(const Model& model) {
   std::vector<ModelIssue> issues;
   try {
     issues = check_model(model);
+    for (ModelIssue& doubt : io::doubtful_inertias(model)) issues.push_back(std::move(doubt));
   } catch (const ModelError& error) {
     issues.push_back({model.name, error.what()});
   }
