@@ -82,28 +82,34 @@ void run_simulate(SimulateOptions options) {
   options.record.kd = vector_of(options.kd);
   options.record.seed = options.common.seed;
   SimulatedRecording result;
+  Model truth = model;
   if (options.world.empty()) {
     options.record.scale_noise(options.noise.value_or(0.0));
     result = record_model(model, model, trajectory, options.record);
-    if (!options.truth.empty()) write_model(model, options.truth);
   } else {
     const WorldSpec world = parse_world(options.world);
     options.record.scale_noise(options.noise.value_or(world.noise));
     WorldRecording recorded = record_in_world(world, model, trajectory, options.record,
                                               options.common.seed, threads_of(options.common));
     result = std::move(recorded.result);
-    if (!options.truth.empty()) write_model(recorded.truth, options.truth);
+    truth = std::move(recorded.truth);
   }
+  const auto print = [&] {
+    if (options.common.json) std::fputs(simulate_result_json(result, options.out).c_str(), stdout);
+  };
+  if (!result.failure.empty()) {
+    print();
+    stop(kNoUsableResult,
+         options.out + ": the simulation ended early, nothing was written: " + result.failure);
+  }
+  if (!options.truth.empty()) write_model(truth, options.truth);
   write_recording(result.recording, options.out);
   write_sidecar(result.recording.info, options.out);
-  if (options.common.json)
-    std::fputs(simulate_result_json(result, options.out).c_str(), stdout);
-  else if (!options.common.quiet)
+  print();
+  if (!options.common.json && !options.common.quiet)
     std::fprintf(stderr, "%s: %ld rows, %ld with a torque at its limit\n", options.out.c_str(),
                  result.recording.rows(), result.saturated);
   tell_who_lags(result.recording, options.out);
-  if (!result.failure.empty())
-    stop(kNoUsableResult, options.out + ": the simulation ended early: " + result.failure);
 }
 
 }  // namespace
@@ -137,9 +143,13 @@ void add_simulate(CLI::App& app) {
   command
       ->add_option("--period", options->record.period, "of the desired motion [s], if it has one")
       ->check(at_least(0.0));
-  command->add_option("--kp", options->kp, "gain per joint [N*m/rad]; default: from the model")
+  command
+      ->add_option("--kp", options->kp,
+                   "gain per joint [N*m/rad]; default: from the model and the motion")
       ->check(at_least(0.0));
-  command->add_option("--kd", options->kd, "gain per joint [N*m*s/rad]; default: from the model")
+  command
+      ->add_option("--kd", options->kd,
+                   "gain per joint [N*m*s/rad]; default: from the model and the motion")
       ->check(at_least(0.0));
   command->add_option("--rate", options->record.control_rate, "of control and rows [Hz]")
       ->check(at_least(0.0, true))

@@ -56,6 +56,10 @@ py::array forward(const Model& model, const py::object& q, const py::object& qd,
                       {.num_threads = threads, .instruction_set = ""});
     }
   }
+  if (!qdd.allFinite())
+    for (const ModelIssue& issue : check_model(model))
+      if (issue.text.find("no inertia") != std::string::npos)
+        throw ModelError("aba: link '" + issue.link + "': " + issue.text);
   return s.shaped(std::move(qdd), {n});
 }
 

@@ -15,6 +15,18 @@ VecX<double> given_or(const VecX<double>& given, const VecX<double>& derived, co
   return given;
 }
 
+/// @throws ModelError naming a joint that moves nothing: its acceleration would be infinite
+void require_inertia(const Model& model, const MatX<double>& M) {
+  const std::vector<int> moving = moving_links(model);
+  for (std::size_t j = 0; j < moving.size(); ++j) {
+    const ModelLink& link = model.links[static_cast<std::size_t>(moving[j])];
+    if (!(M(static_cast<long>(j), static_cast<long>(j)) > 0.0))
+      throw ModelError(model.source + ": joint '" + link.joint + "' moves link '" + link.name +
+                       "', which has no inertia, nor has anything that it carries: nothing can be "
+                       "simulated; state its inertia or an armature, or make the joint fixed");
+  }
+}
+
 }  // namespace
 
 JointGains joint_gains(const Model& nominal, const ControllerOptions& o, const VecX<double>& q0) {
@@ -24,7 +36,9 @@ JointGains joint_gains(const Model& nominal, const ControllerOptions& o, const V
     // What a joint feels while the others move freely, 1/(M⁻¹)_jj: with it the sampled loop is
     // stable however the joints are coupled; M_jj can be a hundred times that.
     MassMatrixWorkspace<double, double> ws;
-    const MatX<double> inverse = MatX<double>(mass_matrix(tree, VecIn<double>(q0), ws)).inverse();
+    const MatX<double> M = mass_matrix(tree, VecIn<double>(q0), ws);
+    require_inertia(nominal, M);
+    const MatX<double> inverse = M.inverse();
     inertia = inverse.diagonal().cwiseInverse();
   }
   return {given_or(o.kp, inertia * (o.bandwidth * o.bandwidth), "controller: kp"),
