@@ -81,6 +81,7 @@ void run_simulate(SimulateOptions options) {
   options.record.kp = vector_of(options.kp);
   options.record.kd = vector_of(options.kd);
   options.record.seed = options.common.seed;
+  options.record.follow = true;
   SimulatedRecording result;
   Model truth = model;
   if (options.world.empty()) {

@@ -51,6 +51,7 @@ Simulation simulate(const Model& model, const Trajectory& trajectory,
   options.gravity_compensation = gravity_compensation;
   options.period = period.value_or(0.0);
   options.seed = seed.value_or(0);
+  options.follow = true;
 
   const py::gil_scoped_release release;
   Simulation out;

@@ -40,7 +40,7 @@ def simulate(
             otherwise.
         rate: of the control and of the rows [Hz].
         kp: gains (n,) [N·m/rad] or [N/m]; default: from the model by ``bandwidth`` [rad/s] and
-            ``damping``.
+            ``damping``, raised where a joint would miss its motion by more than 10 %.
         kd: gains (n,) [N·m·s/rad] or [N·s/m].
         bandwidth: of the gains that are derived [rad/s].
         damping: of the gains that are derived.

@@ -10,6 +10,7 @@
 
 #include "core/constants.hpp"
 #include "core/number_text.hpp"
+#include "sim/following_gains.hpp"
 #include "sim/joint_controller.hpp"
 
 namespace diffnea::sim {
@@ -102,7 +103,13 @@ SimulatedRecording run_control_loop(Plant& plant, const Model& robot, const Mode
   const double start = trajectory.time[0];
   reference.sample(start, qcmd, qdcmd);
   const VecX<double> q0 = qcmd.array().isNaN().select(0.0, qcmd);
-  JointController control(controller, robot, o, q0);
+  ControllerOptions law = o;
+  if (o.follow) {
+    const JointGains gains = following_gains(robot, controller, trajectory, o, q0);
+    law.kp = gains.kp;
+    law.kd = gains.kd;
+  }
+  JointController control(controller, robot, law, q0);
 
   const double duration = trajectory.time[trajectory.rows() - 1] - start;
   // Two rows can be years apart; what is long and has as many rows is meant.

@@ -25,6 +25,9 @@ struct RecordOptions : ControllerOptions {
   double period =
       0.0;  ///< of the desired motion [s], for the recording's information; 0: not periodic
   std::uint64_t seed = 0;  ///< of the noise
+  /// Gains that are not given are raised until every joint follows its motion to 10 %, as far as
+  /// the rate of control lets them: for light joints, and those with much friction.
+  bool follow = false;
 
   /// Standard deviations of what is recorded times `factor`; actuation_noise is the robot's own.
   void scale_noise(double factor);
