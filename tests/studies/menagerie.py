@@ -9,7 +9,7 @@ missing, for both readers alike; with --no-meshes they stay missing.
 
 A robot is read as it is, then with --fix-base, then with --open-loops, too. At random states rnea, mass matrix and aba
 are compared with MuJoCo's, without contacts, constraints, drives and passive forces; an error is relative to the
-largest torque, entry or acceleration of the state. Needs the Python module of diffnea, numpy, and `pip install mujoco`.
+largest torque, entry or acceleration of the state. Where joints follow others, MuJoCo's full tree is projected. Needs the Python module of diffnea, numpy, and `pip install mujoco`.
 """
 
 from __future__ import annotations
@@ -131,31 +131,56 @@ class Theirs:
         m.opt.density = m.opt.viscosity = 0.0
         m.body_gravcomp[:] = 0.0
         self.data = mujoco.MjData(m)
-        self.names = [m.joint(j).name for j in range(m.njnt)]
+        self.names = [m.joint(j).name or f"joint{j}" for j in range(m.njnt)]
+        self.couplings: tuple[Array, Array] = (np.eye(m.nv), np.zeros(m.nv))
+        self.locked: list[int] = []
+
+    def couple(self, ours: diffnea.Model) -> None:
+        """Move as our model does: q = G y + g0, of joints that follow others or are locked."""
+        m = self.model
+        mixing, offset = np.zeros((m.nv, ours.num_joints)), np.zeros(m.nv)
+        for j, name in enumerate(self.names):
+            if name in ours.joint_names:
+                mixing[j, ours.joint_names.index(name)] = 1.0
+            elif name in ours.followers:
+                follower = ours.followers[name]
+                mixing[j, ours.joint_names.index(follower["joint"])] = follower["ratio"]
+                offset[j] = follower["offset"]
+            else:
+                self.locked.append(j)
+        for e in range(m.neq):
+            if m.eq_type[e] == mujoco.mjtEq.mjEQ_JOINT and m.eq_obj1id[e] in self.locked:
+                offset[m.eq_obj1id[e]] = m.qpos0[m.eq_obj1id[e]] + m.eq_data[e, 0]
+        self.couplings = mixing, offset
 
     def ranges(self) -> list[Range]:
         m = self.model
         return [
-            tuple(np.round(m.jnt_range[j], 12)) if m.jnt_limited[j] else () for j in range(m.njnt)
+            tuple(np.round(m.jnt_range[j], 12)) if m.jnt_limited[j] else ()
+            for j in range(m.njnt)
+            if j not in self.locked
         ]
 
-    def set(self, q: Array, qd: Array) -> None:
-        self.data.qpos[:], self.data.qvel[:] = q, qd
+    def set(self, y: Array, yd: Array) -> None:
+        mixing, offset = self.couplings
+        self.data.qpos[:], self.data.qvel[:] = mixing @ y + offset, mixing @ yd
 
     def rnea(self, q: Array, qd: Array, qdd: Array) -> Array:
         self.set(q, qd)
-        self.data.qacc[:] = qdd
+        self.data.qacc[:] = self.couplings[0] @ qdd
         mujoco.mj_inverse(self.model, self.data)
-        return self.data.qfrc_inverse.copy()
+        return np.asarray(self.couplings[0].T @ self.data.qfrc_inverse)
 
     def mass_matrix(self, q: Array) -> Array:
         self.set(q, 0 * q)
         mujoco.mj_forward(self.model, self.data)
         out = np.zeros((self.model.nv, self.model.nv))
         mujoco.mj_fullM(self.model, self.data, out)
-        return out
+        return np.asarray(self.couplings[0].T @ out @ self.couplings[0])
 
     def aba(self, q: Array, qd: Array, tau: Array) -> Array:
+        if len(q) < self.model.nv:
+            return np.linalg.solve(self.mass_matrix(q), tau - self.rnea(q, qd, 0 * qd))
         self.set(q, qd)
         self.data.qfrc_applied[:] = tau
         mujoco.mj_forward(self.model, self.data)
@@ -216,9 +241,9 @@ def study(program: Path, file: Path, bench: Path) -> Robot:
     except ValueError as error:
         out.reason = f"MuJoCo cannot read it: {error}".replace("\n", " ")
         return out
-    named = [a == b for a, b in zip(ours.joint_names, theirs.names, strict=True) if b]
-    if not all(named):
-        raise ValueError(f"{file}: other joints: {ours.joint_names}, {theirs.names}")
+    if unknown := {*ours.joint_names, *ours.followers} - {*theirs.names}:
+        raise ValueError(f"{file}: other joints: {unknown}, {theirs.names}")
+    theirs.couple(ours)
     limits = json.loads(exported.read_text(encoding="utf-8"))["links"]
     out.ranges = ranges(limits) == theirs.ranges()
     if out.dofs:
