@@ -99,7 +99,8 @@ void require_torque(JointCase& c) {
       "noise is more than half of the torque's power, so that nothing can be said of it: " +
       detail::join(drowned, "; ") +
       ". Neither the model nor any smooth function of the motion explains it: is the column the "
-      "torque, true all along (no limit, no touch, no drive switched off)? Else record faster motion";
+      "torque, true all along (no limit, no touch, no drive switched off)? Else record faster "
+      "motion";
   if (drowned.size() == driven)
     throw DataError((of_fitted > 0 ? fitted : held_out) + ": diagnose: " + why);
   c.drowned = true;
@@ -173,6 +174,9 @@ void prepare(JointCase& c) {
                               held + " is held at the model's value.");
   for (int pass = 0; pass < kTurnPasses && fit_turns(c.base, *c.train, c.layout); ++pass)
     read_train();
+  const std::vector<std::string> followers = follower_names(c.model);
+  for (const ChannelWarning& w : c.train_source.warnings())  // others are the audit's
+    if (std::ranges::find(followers, w.joint) != followers.end()) c.finding.notes.push_back(w.text);
   for (const int j : c.train->sticking())
     c.finding.notes.push_back(joint_names(c.model)[static_cast<std::size_t>(j)] +
                               " sticks wherever it turns back: its turns are left out, and what "
@@ -207,9 +211,8 @@ void prepare(JointCase& c) {
     if (tried.effect.own)
       for (Evidence* e : {c.train.get(), c.test.get()})
         if (e) e->evaluate(tried.effect);
-  c.finding.refused =
-      bound_shapes(*c.train, c.layout, c.finding.plan,
-                   c.train->apart() && (!c.test || c.test->apart()), c.candidates);
+  c.finding.refused = bound_shapes(*c.train, c.layout, c.finding.plan,
+                                   c.train->apart() && (!c.test || c.test->apart()), c.candidates);
   c.prior = base_prior(c.base, c.model, c.layout, *c.train);
   const Whitener white(*c.train, white_noise(*c.train), c.fitted_rows);
   c.reference = std::make_unique<Reference>(c.model, c.layout, *c.train, c.test.get());
