@@ -232,7 +232,9 @@ ServedModel serve_joints(
     out.note += ", since the recordings do not have " +
                 std::string(missing.size() == 1 ? "it" : "them") + " (--lock JOINT=VALUE)";
   if (!gone.empty()) out.note += "; gone with their motion: " + detail::join(gone);
-  if (const Names left_out = without(logged, joint_names(out.model)); !left_out.empty())
+  if (const Names left_out =
+          without(without(logged, joint_names(out.model)), follower_names(out.model));
+      !left_out.empty())
     out.note += (out.note.empty() ? "" : "; ") + std::string("columns left out: those of ") +
                 detail::join(left_out);
   return out;

@@ -72,7 +72,7 @@ std::vector<std::string> lock_joint(Model& model, const std::string& joint, doub
   link.type = ModelJoint::kFixed;
   link.limits = {};
   link.passive = false;
-  for (ModelLink& other : model.links) {  // what follows it stands still, too
+  for (ModelLink& other : model.links) {  // followers stand still with it
     if (!other.follows || other.follows->leader != joint) continue;
     const double there = other.follows->ratio * position + other.follows->offset;
     other.follows.reset();

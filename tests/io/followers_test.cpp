@@ -7,9 +7,11 @@
 #include <catch2/generators/catch_generators.hpp>
 #include <catch2/matchers/catch_matchers_string.hpp>
 
+#include <diffnea/dynamics/kinematics.hpp>
 #include <diffnea/effects/extended_tree.hpp>
 #include <diffnea/identify/source.hpp>
 #include <diffnea/io/model_info.hpp>
+#include <diffnea/model/lock.hpp>
 
 #include "support/mjcf_text.hpp"
 
@@ -183,6 +185,20 @@ TEST_CASE("followers: columns of theirs are merged, and checked", "[io]") {
     REQUIRE(source->warnings().size() == 1);
     CHECK_THAT(source->warnings()[0].text, ContainsSubstring("q_k is not -2 q_j + 0.5"));
   }
+}
+
+TEST_CASE("followers: those of a joint that is locked stand still with it", "[io]") {
+  Model m = model_of(urdf("<mimic joint='l' multiplier='-0.5' offset='0.1'/>",
+                          "<mimic joint='j' multiplier='2' offset='-0.3'/>"));
+  lock_joint(m, "j", 0.4);  // l = 0.5, k = -0.15
+  CHECK(joint_names(m).empty());
+  CHECK(follower_names(m).empty());
+  const Model open = model_of(urdf("", ""));
+  LinkKinematics<double> kinematics;
+  forward_kinematics<double, double>(make_tree(open), vec({0.4, -0.15, 0.5}), kinematics);
+  const TreeMap map = map_to_tree(m);
+  const Vec3<double> off = kinematics.links[2].X_WL.p - map.X_LF.back().p;
+  CHECK(std::sqrt(dot(off, off)) < kRoundingTol);
 }
 
 TEST_CASE("followers: info says what they follow, effects other than friction are refused",
