@@ -257,9 +257,29 @@ def residual(name: str) -> list[Panel]:
     return Signature({}, "position").drawn(log.time, log, smooth(log.error[:, 3]))
 
 
+def position_servo(_: str) -> list[Panel]:
+    """Draw the law: setpoint over time, torque over error. No torque is logged."""
+    stiffness, reach, dead_band, speed, delay = 10.0, 0.2, 0.02, 2.0, 0.1
+    time = np.linspace(0.0, SHOWN, 801)
+    command = np.where(time < 0.5, 0.0, np.where(time < 2.0, 1.0, 0.3))
+    setpoint = np.zeros_like(time)
+    most = speed * (time[1] - time[0])
+    for k in range(1, len(time)):
+        setpoint[k] = setpoint[k - 1] + np.clip(command[k] - setpoint[k - 1], -most, most)
+    setpoint = np.interp(time - delay, time, setpoint)
+    error = np.linspace(-0.4, 0.4, 401)
+    beyond = np.sign(error) * np.maximum(np.abs(error) - dead_band, 0.0)
+    torque = stiffness * np.clip(beyond, -reach, reach)
+    return [
+        Panel(time, setpoint, "time [s]", "setpoint [rad]", grey=command),
+        Panel(error, torque, "error of the position [rad]", "torque [N·m]"),
+    ]
+
+
 OTHERS: dict[str, Callable[[str], list[Panel]]] = {
     "session_offset": session_offset,
     "velocity_filter_lag": velocity_filter_lag,
+    "position_servo": position_servo,
     "residual": residual,
 }
 

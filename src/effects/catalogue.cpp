@@ -422,6 +422,13 @@ EffectSpec to_spec(const BoundEffect& effect) {
   return spec;
 }
 
+void lead_command(const BoundEffect& effect, CommandPath& path) {
+  visit_formula(effect, [&](const auto& formula) {
+    if constexpr (requires { formula.lead(0, effect.parameters.data(), path); })
+      for (const int j : effect.joints) formula.lead(j, effect.parameters.data(), path);
+  });
+}
+
 void linear_columns(const BoundEffect& effect, const JointSample<double>& x, double* columns) {
   const EffectInfo& info = effect.info();
   if (info.port != Port::kJointTorque)

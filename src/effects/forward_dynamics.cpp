@@ -57,6 +57,7 @@ void ForwardDynamics::effect_torques(const double* q, const double* qd, int run,
   x.q = q;
   x.qd = qd;
   x.qdd = x.tau = q;  // unread: what reads them is implicit
+  x.command = command_;
   for (const BoundEffect& e : model_.effects)
     if (!reads_acceleration(e)) add_torque(e, model_.tree, x, e.parameters.data(), tau);
 }
@@ -99,7 +100,8 @@ void ForwardDynamics::solve_implicit(const double* q, const double* qd, const Ve
     std::fill(effect_tau_.begin(), effect_tau_.end(), JetD(0.0));
     parameters_.clear();
     for (const double p : e.parameters) parameters_.emplace_back(p);
-    const JointSample<JetD> x{time_, run, q_.data(), qd_.data(), qdd_.data(), links_.data()};
+    const JointSample<JetD> x{time_,       run,           q_.data(), qd_.data(),
+                              qdd_.data(), links_.data(), command_};
     add_torque(e, x, parameters_.data(), effect_tau_.data());
     for (std::size_t i = 0; i < e.joints.size(); ++i) {
       const int row = e.joints[i];
@@ -171,7 +173,8 @@ void ForwardDynamics::linearise(const double* q, const double* qd, const double*
     std::fill(effect_tau_.begin(), effect_tau_.end(), JetD(0.0));
     parameters_.clear();
     for (const double p : e.parameters) parameters_.emplace_back(p);
-    const JointSample<JetD> x{0.0, run, q_.data(), qd_.data(), qd_.data(), qd_.data()};
+    const JointSample<JetD> x{time_,      run,        q_.data(), qd_.data(),
+                              qd_.data(), qd_.data(), command_};
     add_torque(e, x, parameters_.data(), effect_tau_.data());
     for (std::size_t i = 0; i < e.joints.size(); ++i) {
       const int row = e.joints[i];

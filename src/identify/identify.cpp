@@ -6,6 +6,7 @@
 
 #include "identify/ball_identify.hpp"
 #include "identify/ball_pull.hpp"
+#include "identify/drives.hpp"
 #include "identify/passes.hpp"
 
 namespace diffnea {
@@ -156,12 +157,15 @@ IdentifyResult identify(const Model& model, const RecordingSource& train,
     arm_train = without_ball_pull(model, train, options.ball, options.preprocess);
     if (test) arm_test = without_ball_pull(model, *test, options.ball, options.preprocess);
   }
+  std::vector<std::string> of_drives;
+  if (!ball.alone) fit_drives(model, train, arm, of_drives);
   const RecordingSource& fitted = arm_train ? *arm_train : train;
   const RecordingSource* held_out = arm_test ? arm_test.get() : test;
   IdentifyResult result = ball.alone ? without_arm(model, train, choice.arm)
-                          : options.loss == Loss::kMotion
+                          : arm.loss == Loss::kMotion
                               ? identify_by_motion(model, fitted, held_out, arm)
                               : identify_by_torque(model, fitted, held_out, arm);
+  result.notes.insert(result.notes.begin(), of_drives.begin(), of_drives.end());
   if (arm_train) {
     result.data_report = train.report();
     result.notes.push_back(ball_pull_note(train));

@@ -88,7 +88,7 @@ void add_effect(const BoundEffect& effect, bool fixed, bool fix_shapes, double p
     p.unit = info.unit;
     p.sign = info.sign;
     p.prior = effect.parameters[k];
-    p.fixed = info.linear ? fixed : fixed || fix_shapes;
+    p.fixed = info.linear ? fixed : fixed || (fix_shapes && !effect.info().has(Trait::kReadsCommand));
     p.effect = e;
     p.index = static_cast<int>(k);
     p.logarithmic = scale(info) == Scale::kLog;

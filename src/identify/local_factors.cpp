@@ -20,6 +20,8 @@ std::vector<JointFactor> local_factors(const Model& model, const FitLayout& layo
   RegressorWorkspace<double, double> ws;
   RowMatX<double> Y(n, p + 1);
   std::vector<double> scratch;
+  std::shared_ptr<const CommandPath> told;  // commands of the run
+  CommandPath led;                          // these, as the drives lead them
   for (const MotionWindow& w : windows) {
     const MotionStretch& s = stretches[w.stretch];
     const long middle = w.first + w.rows / 2;
@@ -28,6 +30,13 @@ std::vector<JointFactor> local_factors(const Model& model, const FitLayout& layo
     Y.setZero();
     const RowMatX<double>& links = torque_regressor<double, double>(tree, at.q, at.qd, at.qdd, ws);
     JointSample<double> x;
+    x.time = s.time[static_cast<std::size_t>(middle)];
+    if (s.command && s.command != told) {
+      told = s.command;
+      led = *told;
+      for (const BoundEffect& e : layout.effects) lead_command(e, led);
+    }
+    x.command = s.command ? &led : nullptr;
     x.run = s.run;
     x.q = at.q.data();
     x.qd = at.qd.data();
@@ -40,6 +49,7 @@ std::vector<JointFactor> local_factors(const Model& model, const FitLayout& layo
         continue;
       }
       const BoundEffect& e = layout.effects[static_cast<std::size_t>(def.effect)];
+      if (!e.acts_in(s.run)) continue;
       if (e.info().port == Port::kModelParameter) {
         Y.col(c) = links.col(kThetaSize * e.links.at(0) + def.theta);
         continue;

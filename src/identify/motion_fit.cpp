@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 
 #include <diffnea/core/parallel.hpp>
 
@@ -103,6 +104,19 @@ MotionFitter::MotionFitter(const MotionProblem& problem, const MotionOptions& op
   now_.shape = start_shape_;
 }
 
+std::vector<ModelOfRuns> MotionFitter::models_of(const Model& model) const {
+  std::map<std::vector<bool>, std::vector<int>> alike;  // runs by the effects that act in them
+  for (const int run : problem_.runs) {
+    std::vector<bool> acts;
+    for (const BoundEffect& e : problem_.layout.effects) acts.push_back(e.acts_in(run));
+    alike[acts].push_back(run);
+  }
+  std::vector<ModelOfRuns> out;
+  for (const auto& [acts, runs] : alike)
+    out.push_back({runs, extend(model, problem_.runs, runs.front())});
+  return out;
+}
+
 Workers MotionFitter::workers_at(const VecX<double>& x, const VecX<double>& shape,
                                  const std::vector<int>& free) const {
   const FitLayout& layout = problem_.layout;
@@ -123,10 +137,10 @@ Workers MotionFitter::workers_at(const VecX<double>& x, const VecX<double>& shap
     parameters.push_back(
         {from.dof, from.theta, from.effect, from.index, c >= p && from.logarithmic});
   }
-  const ExtendedTree tree = extend(apply_fit(problem_.model, layout, x, shape), problem_.runs);
+  const std::vector<ModelOfRuns> models = models_of(apply_fit(problem_.model, layout, x, shape));
   Workers out;
   for (int t = 0; t < std::max(options_.threads, 1); ++t)
-    out.push_back(std::make_unique<JointWindows>(tree, effects, parameters, options_.stepping));
+    out.push_back(std::make_unique<JointWindows>(models, effects, parameters, options_.stepping));
   return out;
 }
 

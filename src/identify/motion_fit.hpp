@@ -69,6 +69,8 @@ class MotionFitter {
   void restore(MotionFit earlier) { now_ = std::move(earlier); }
 
  private:
+  /// The model in the runs, those alike together.
+  std::vector<ModelOfRuns> models_of(const Model& model) const;
   Workers workers_at(const VecX<double>& x, const VecX<double>& shape,
                      const std::vector<int>& free) const;
   std::vector<ReducedWindow> linearise(Workers& workers, const std::vector<MotionWindow>& windows,

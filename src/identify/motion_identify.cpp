@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <functional>
 #include <numeric>
 
 #include <diffnea/core/error.hpp>
@@ -10,6 +11,7 @@
 #include "core/constants.hpp"
 #include "core/decompositions.hpp"
 #include "core/statistics.hpp"
+#include "identify/drives.hpp"
 #include "identify/local_factors.hpp"
 #include "identify/motion_fit.hpp"
 #include "identify/motionless.hpp"
@@ -53,11 +55,14 @@ std::string without_torque(const Recording& r) {
 }
 
 /// Recordings cut into stretches; what has none is noted.
+/// @param commanded  (n) joints that drives of the model lead
 std::vector<MotionStretch> stretches_of(const std::vector<Recording>& recordings,
-                                        const SensorNoise& noise, std::vector<std::string>& notes) {
+                                        const SensorNoise& noise,
+                                        const std::vector<bool>& commanded,
+                                        std::vector<std::string>& notes) {
   std::vector<MotionStretch> out;
   for (const Recording& r : recordings) {
-    std::vector<MotionStretch> of_run = motion_stretches(r, noise, passive_joints(r));
+    std::vector<MotionStretch> of_run = motion_stretches(r, noise, passive_joints(r), commanded);
     if (of_run.empty())
       notes.push_back("left out: " + r.source +
                       " has no three rows on end with a torque of every "
@@ -117,11 +122,6 @@ class MotionIdentification {
 
  private:
   void require_derivatives() const {
-    for (const BoundEffect& e : layout_.effects)
-      if (!e.runs.empty())
-        throw ModelError("identify: " + e.info().name + "@" + e.where +
-                         " acts in some recordings only, which the motion loss does not know; use "
-                         "the inverse loss");
     for (const FitParameter& s : layout_.shape) {
       const bool of_tree =
           s.effect < 0 ||
@@ -144,10 +144,11 @@ class MotionIdentification {
     require_derivatives();
     const std::vector<Recording> fitted = whole_runs(train_, 0);
     noise_ = sensor_noise(fitted, passive_joints(fitted.front()));
-    stretches_ = stretches_of(fitted, noise_, result_.notes);
+    const std::vector<bool> commanded = commanded_joints(layout_);
+    stretches_ = stretches_of(fitted, noise_, commanded, result_.notes);
     if (test_)
       held_out_ = stretches_of(whole_runs(*test_, static_cast<int>(train_.runs().size())), noise_,
-                               result_.notes);
+                               commanded, result_.notes);
     result_.data_report = train_.report();
     for (const Recording& r : fitted) result_.summary.rows += r.rows();
     result_.summary.passes = 1;
@@ -162,6 +163,8 @@ class MotionIdentification {
     shape_.resize(static_cast<long>(layout_.shape.size()));
     for (std::size_t s = 0; s < layout_.shape.size(); ++s)
       shape_[static_cast<long>(s)] = layout_.shape[s].prior;
+    if (std::ranges::any_of(commanded, std::identity()))
+      guess_drives(model_, stretches_, cut_windows(stretches_, ladder_.front()), layout_, shape_);
     const std::vector<JointFactor> factors =
         local_factors(model_, layout_, stretches_, cut_windows(stretches_, ladder_.front()));
     for (const int c : absorbed_by_links(layout_, factors)) {
@@ -180,7 +183,7 @@ class MotionIdentification {
     scale_ = parameter_scales(layout_, factors);
     // Horizon 0: torques of one instant. A robot that nothing drives has none to fit.
     const bool driven = std::ranges::any_of(
-        stretches_, [](const MotionStretch& s) { return s.u.cwiseAbs().maxCoeff() > 0.0; });
+        stretches_, [](const MotionStretch& s) { return s.command || s.u.cwiseAbs().maxCoeff() > 0.0; });
     if (driven) guess_ = inverse_guess(factors);
     start_ = consistent_start(layout_, scale_);
     for (std::size_t k = 0; k < layout_.linear.size(); ++k)

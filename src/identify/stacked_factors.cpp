@@ -37,7 +37,7 @@ double link_torque(const FitLayout& layout, const JointFactor& f, const VecX<dou
   VecX<double> links = VecX<double>::Zero(R.cols());
   for (std::size_t k = 0; k < f.columns.size(); ++k)
     if (f.columns[k] < static_cast<int>(layout.linear.size()) &&
-        layout.linear[f.columns[k]].dof >= 0)
+        layout.linear[f.columns[k]].theta >= 0)  // payloads are links, too
       links[static_cast<long>(k)] = x[f.columns[k]];
   return (R * links).norm() / std::sqrt(static_cast<double>(std::max<long>(f.factor.rows(), 1)));
 }

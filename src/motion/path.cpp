@@ -15,7 +15,9 @@ MotionPath::MotionPath(ExtendedTree model, const SteppingOptions& options)
 void MotionPath::friction(const double* q, const double* qd, int run, VecX<double>& tau) {
   tau.setZero();
   JointSample<double> x;
+  x.time = dynamics_.time();
   x.run = run;
+  x.command = dynamics_.command();
   x.q = q;
   x.qd = qd;
   x.qdd = x.tau = q;  // unread: what reads them is left out
@@ -25,11 +27,23 @@ void MotionPath::friction(const double* q, const double* qd, int run, VecX<doubl
   tau.array() /= dynamics_.gains().array();
 }
 
+const CommandPath* MotionPath::led(const std::shared_ptr<const CommandPath>& command) {
+  if (!command) return nullptr;
+  if (told_ != command) {
+    led_ = *command;
+    for (const BoundEffect& e : dynamics_.model().effects) lead_command(e, led_);
+    told_ = command;
+  }
+  return &led_;
+}
+
 /// Bound on the rate of friction at rest, where dry friction is steepest [1/s]; sets the longest
 /// step that the motion allows, too.
 double MotionPath::finest_rate(const MotionStretch& stretch, const MotionWindow& window) {
   const VecX<double> q = window.state.head(n_), rest = VecX<double>::Zero(n_);
   const VecX<double> u = stretch.u.row(window.first).transpose();
+  dynamics_.set_command(led(stretch.command));
+  dynamics_.set_time(stretch.time[static_cast<std::size_t>(window.first)]);
   dynamics_.linearise(q.data(), rest.data(), u.data(), stretch.run);
   const double frequency = std::sqrt(dynamics_.dqdd_dq().cwiseAbs().rowwise().sum().maxCoeff());
   longest_ =

@@ -51,6 +51,7 @@ class MotionPath {
       const double longest = std::min({longest_, h, steep ? h : even});
       const auto f = [&](double t, const MatX<double>& at, MatX<double>& d) {
         const double a = t / h;
+        dynamics_.set_time(stretch.time[row] + t);
         u_ = ((1 - a) * stretch.u.row(static_cast<long>(row)) +
               a * stretch.u_end.row(static_cast<long>(row)))
                  .transpose();
@@ -61,6 +62,7 @@ class MotionPath {
         double step = (h - t) / std::ceil((h - t) / longest * (1.0 - 1e-12));
         bool stiff = false;
         if (steep) {
+          dynamics_.set_time(stretch.time[row] + t);
           const double rate = friction_rate(A, stretch.run);
           if (step * rate > kStops) {
             stiff = kStops < kFinest * h * rate;
@@ -107,6 +109,8 @@ class MotionPath {
   /// Implicit step over the row's.
   static constexpr double kStiff = 1.0 / 8.0;
 
+  /// Commands of the run as the model's drives lead them; null if there are none.
+  const CommandPath* led(const std::shared_ptr<const CommandPath>& command);
   double finest_rate(const MotionStretch& stretch, const MotionWindow& window);
   double friction_rate(const MatX<double>& A, int run);
   void friction(const double* q, const double* qd, int run, VecX<double>& tau);
@@ -139,6 +143,8 @@ class MotionPath {
   MassMatrixWorkspace<double, double> mass_ws_;
   MatX<double> state_, mass_, W_, first_, second_, stage_, rates_;
   Eigen::LLT<MatX<double>> factor_;
+  std::shared_ptr<const CommandPath> told_;  ///< commands that `led_` is of
+  CommandPath led_;
   VecX<double> u_, damping_, moving_, resting_, probe_, still_;
 };
 

@@ -9,15 +9,19 @@
 
 namespace diffnea {
 
-JointWindows::JointWindows(ExtendedTree model, std::vector<BoundEffect> effects,
+JointWindows::JointWindows(std::vector<ModelOfRuns> models, std::vector<BoundEffect> effects,
                            const std::vector<MotionParameter>& parameters,
                            const SteppingOptions& options)
-    : path_(std::move(model), options),
-      geometry_(path_.dynamics().model().tree),
-      n_(path_.dynamics().num_dofs()),
+    : acting_(effects.size(), 1),
+      n_(models.front().model.tree.num_dofs()),
       f_(static_cast<int>(parameters.size())),
       effects_(std::move(effects)),
       of_effect_(effects_.size()) {
+  for (ModelOfRuns& m : models) {
+    MotionPath path(std::move(m.model), options);
+    Tree<double> geometry = path.dynamics().model().tree;
+    models_.push_back({std::move(m.runs), std::move(path), std::move(geometry)});
+  }
   for (std::size_t e = 0; e < effects_.size(); ++e)
     of_effect_[e].slot.assign(effects_[e].linear_parameters().size(), -1);
   for (int k = 0; k < f_; ++k) {
@@ -26,7 +30,7 @@ JointWindows::JointWindows(ExtendedTree model, std::vector<BoundEffect> effects,
     if (p.effect < 0) {
       if (p.dof < 0 || p.theta < 0)
         throw ModelError("motion: a window has no derivative by a fixed transform");
-      of_link_.emplace_back(kThetaSize * p.dof + p.theta, k);
+      of_link_.push_back({kThetaSize * p.dof + p.theta, k});
       continue;
     }
     const BoundEffect& effect = effects_[static_cast<std::size_t>(p.effect)];
@@ -34,7 +38,7 @@ JointWindows::JointWindows(ExtendedTree model, std::vector<BoundEffect> effects,
     if (effect.info().port == Port::kModelParameter) {
       if (p.theta < 0)
         throw ModelError("motion: a window has no derivative by " + effect.info().name);
-      of_link_.emplace_back(kThetaSize * effect.links.at(0) + p.theta, k);
+      of_link_.push_back({kThetaSize * effect.links.at(0) + p.theta, k, p.effect});
       continue;
     }
     const std::vector<int> linear = effect.linear_parameters();
@@ -53,6 +57,18 @@ JointWindows::JointWindows(ExtendedTree model, std::vector<BoundEffect> effects,
   jet_tau_.resize(n);
 }
 
+MotionPath& JointWindows::enter(int run) {
+  const auto at = std::ranges::find_if(models_, [run](const OfRuns& m) {
+    return std::ranges::find(m.runs, run) != m.runs.end();
+  });
+  const auto rest = std::ranges::find_if(models_, [](const OfRuns& m) { return m.runs.empty(); });
+  now_ = static_cast<std::size_t>((at != models_.end() ? at : rest) - models_.begin());
+  if (now_ == models_.size())
+    throw ModelError("motion: there is no model of run " + std::to_string(run));
+  for (std::size_t e = 0; e < effects_.size(); ++e) acting_[e] = effects_[e].acts_in(run) ? 1 : 0;
+  return models_[now_].path;
+}
+
 bool JointWindows::linearise(const MotionStretch& stretch, const MotionWindow& window,
                              const VecX<double>& sigma, TriangularFactor& rows) {
   constexpr long kBlock = 256;  // rows of the stretch that are handed to the factor at once
@@ -62,7 +78,7 @@ bool JointWindows::linearise(const MotionStretch& stretch, const MotionWindow& w
   A_.middleCols(1, 2 * n_).setIdentity();
   block_.resize(kBlock * n_, width + 1);
   long filled = 0;
-  const long reached = path_.integrate(
+  const long reached = enter(stretch.run).integrate(
       stretch, window, A_,
       [&](const VecX<double>& u, const MatX<double>& at, MatX<double>& d) {
         slope(stretch.run, u, at, d);
@@ -86,7 +102,7 @@ bool JointWindows::linearise(const MotionStretch& stretch, const MotionWindow& w
 double JointWindows::cost(const MotionStretch& stretch, const MotionWindow& window,
                           const VecX<double>& sigma) {
   double sum = 0.0;
-  const long reached = path_.simulate(stretch, window, [&](long k, const MatX<double>& z) {
+  const long reached = enter(stretch.run).simulate(stretch, window, [&](long k, const MatX<double>& z) {
     for (int j = 0; j < n_; ++j) {
       const double q = stretch.q(window.first + k, j);
       if (!std::isnan(q)) sum += 0.5 * std::pow((z(j, 0) - q) / sigma[j], 2);
@@ -97,8 +113,9 @@ double JointWindows::cost(const MotionStretch& stretch, const MotionWindow& wind
 
 RowMatX<double> JointWindows::positions(const MotionStretch& stretch, const MotionWindow& window) {
   RowMatX<double> q = RowMatX<double>::Constant(window.rows, n_, kNaN);
-  path_.simulate(stretch, window,
-                 [&](long k, const MatX<double>& z) { q.row(k) = z.col(0).head(n_).transpose(); });
+  enter(stretch.run).simulate(stretch, window, [&](long k, const MatX<double>& z) {
+    q.row(k) = z.col(0).head(n_).transpose();
+  });
   return q;
 }
 
@@ -106,7 +123,7 @@ bool JointWindows::state_at(const MotionStretch& stretch, const MotionWindow& wi
                             VecX<double>& out) {
   MotionWindow until = window;
   until.rows = row + 1;
-  return path_.simulate(stretch, until, [&](long k, const MatX<double>& z) {
+  return enter(stretch.run).simulate(stretch, until, [&](long k, const MatX<double>& z) {
     if (k == row) out = z.col(0);
   }) == row + 1;
 }
@@ -114,10 +131,11 @@ bool JointWindows::state_at(const MotionStretch& stretch, const MotionWindow& wi
 VecX<double> JointWindows::torque_noise_reach(const MotionStretch& stretch,
                                               const MotionWindow& window,
                                               const VecX<double>& density) {
-  ForwardDynamics& dynamics = path_.dynamics();
+  MotionPath& path = enter(stretch.run);
+  ForwardDynamics& dynamics = path.dynamics();
   MatX<double> P = MatX<double>::Zero(2 * n_, 2 * n_), F(2 * n_, 2 * n_), B(n_, n_);
   VecX<double> u(n_);
-  path_.simulate(stretch, window, [&](long k, const MatX<double>& z) {
+  path.simulate(stretch, window, [&](long k, const MatX<double>& z) {
     if (k + 1 >= window.rows) return;
     const std::size_t row = static_cast<std::size_t>(window.first + k);
     const double h = stretch.time[row + 1] - stretch.time[row];
@@ -140,7 +158,7 @@ VecX<double> JointWindows::torque_noise_reach(const MotionStretch& stretch,
 
 /// d/dt [z | Z]: Z̈_q = ∂q̈/∂q Z_q + ∂q̈/∂q̇ Z_q̇ − M⁻¹ C in the parameters' columns.
 void JointWindows::slope(int run, const VecX<double>& u, const MatX<double>& A, MatX<double>& dA) {
-  ForwardDynamics& dynamics = path_.dynamics();
+  ForwardDynamics& dynamics = models_[now_].path.dynamics();
   dynamics.linearise(A.data(), A.data() + n_, u.data(), run);
   columns(run, A);
   dA.resize(A.rows(), A.cols());
@@ -155,15 +173,20 @@ void JointWindows::slope(int run, const VecX<double>& u, const MatX<double>& A, 
 void JointWindows::columns(int run, const MatX<double>& A) {
   C_.setZero(n_, f_);
   if (f_ == 0) return;
-  const VecX<double>& qdd = path_.dynamics().qdd();
-  const VecX<double>& gains = path_.dynamics().gains();
+  const ForwardDynamics& dynamics = models_[now_].path.dynamics();
+  const VecX<double>& qdd = dynamics.qdd();
+  const VecX<double>& gains = dynamics.gains();
   q_ = A.col(0).head(n_);
   qd_ = A.col(0).tail(n_);
   if (!of_link_.empty()) {
-    const RowMatX<double>& Y = torque_regressor<double, double>(geometry_, q_, qd_, qdd, ws_);
-    for (const auto& [column, k] : of_link_) C_.col(k) = Y.col(column);
+    const RowMatX<double>& Y = torque_regressor<double, double>(models_[now_].geometry, q_, qd_, qdd, ws_);
+    for (const OfLink& of : of_link_)
+      if (of.effect < 0 || acting_[static_cast<std::size_t>(of.effect)] != 0)
+        C_.col(of.free) = Y.col(of.column);
   }
   JointSample<double> x;
+  x.time = dynamics.time();
+  x.command = dynamics.command();
   x.run = run;
   x.q = q_.data();
   x.qd = qd_.data();
@@ -171,6 +194,7 @@ void JointWindows::columns(int run, const MatX<double>& A) {
   x.tau = qdd.data();
   for (std::size_t e = 0; e < effects_.size(); ++e) {
     const OfEffect& of = of_effect_[e];
+    if (acting_[e] == 0) continue;
     if (of.linear) {
       scratch_.resize(of.slot.size() * static_cast<std::size_t>(n_));
       linear_columns(effects_[e], x, scratch_.data());
@@ -189,6 +213,8 @@ void JointWindows::columns(int run, const MatX<double>& A) {
     jet_p_.clear();
     for (const double p : effects_[e].parameters) jet_p_.emplace_back(p);
     JointSample<JetD> jets;
+    jets.time = x.time;
+    jets.command = x.command;
     jets.run = run;
     jets.q = jet_q_.data();
     jets.qd = jet_qd_.data();

@@ -21,16 +21,25 @@ struct MotionParameter {
   bool logarithmic = false;  ///< derivative is by its logarithm
 };
 
+/// The model as it is in some recordings: with what the robot held there.
+struct ModelOfRuns {
+  std::vector<int> runs;  ///< empty: in all others
+  ExtendedTree model;
+};
+
 /// The model at given parameters. Not thread-safe; no allocation after the first window.
 class JointWindows : public WindowSimulator {
  public:
-  /// @param model    at these parameters
+  JointWindows(ExtendedTree model, std::vector<BoundEffect> effects,
+               const std::vector<MotionParameter>& parameters, const SteppingOptions& options)
+      : JointWindows(std::vector<ModelOfRuns>{{{}, std::move(model)}}, std::move(effects),
+                     parameters, options) {}
+  /// @param models   at these parameters, one at least, of as many joints
   /// @param effects  with these values; those that `parameters` name
   /// @throws ModelError if an effect has no forward form, or a parameter no derivative
-  JointWindows(ExtendedTree model, std::vector<BoundEffect> effects,
+  JointWindows(std::vector<ModelOfRuns> models, std::vector<BoundEffect> effects,
                const std::vector<MotionParameter>& parameters, const SteppingOptions& options);
 
-  MotionPath& path() { return path_; }
   int states() const override { return 2 * n_; }
   bool linearise(const MotionStretch& stretch, const MotionWindow& window,
                  const VecX<double>& sigma, TriangularFactor& rows) override;
@@ -48,11 +57,19 @@ class JointWindows : public WindowSimulator {
                                   const VecX<double>& density);
 
  private:
+  /// Takes the model of that run.
+  MotionPath& enter(int run);
   void slope(int run, const VecX<double>& u, const MatX<double>& A, MatX<double>& dA);
   void columns(int run, const MatX<double>& A);
 
-  MotionPath path_;
-  Tree<double> geometry_;
+  struct OfRuns {
+    std::vector<int> runs;
+    MotionPath path;
+    Tree<double> geometry;
+  };
+  std::vector<OfRuns> models_;
+  std::size_t now_ = 0;       ///< of the models
+  std::vector<char> acting_;  ///< per effect, in the present run
   int n_, f_;
   std::vector<BoundEffect> effects_;
   struct OfEffect {
@@ -61,7 +78,11 @@ class JointWindows : public WindowSimulator {
     bool linear = false;
   };
   std::vector<OfEffect> of_effect_;
-  std::vector<std::pair<int, int>> of_link_;  // column of the regressor, free column
+  struct OfLink {
+    int column = 0, free = 0;  // indices in the regressor, among the free parameters
+    int effect = -1;           // owner; a link's own: −1
+  };
+  std::vector<OfLink> of_link_;
   std::vector<char> logarithmic_;             // per free column
   RegressorWorkspace<double, double> ws_;
   MatX<double> A_, C_;

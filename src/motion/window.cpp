@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <functional>
 
 #include <diffnea/motion/window.hpp>
 
@@ -14,10 +15,29 @@ constexpr double kPause = 5.0;
 /// Degree of the polynomial of a local motion.
 constexpr long kDegree = 3;
 
+/// Column that says whether the drives are on, of all of them or with a joint's name.
+constexpr const char* kEnable = "torque_enable";
+
 }  // namespace
 
+CommandPath command_path(const Recording& r) {
+  RowMatX<double> q = r.qcmd;
+  VecX<double> gain = VecX<double>::Ones(r.num_joints());
+  for (long j = 0; j < q.cols(); ++j) {
+    const std::string& joint = r.joint_names[static_cast<std::size_t>(j)];
+    for (const ExtraChannel& channel : r.extra)
+      if (channel.name == kEnable || channel.name == std::string(kEnable) + "_" + joint)
+        for (long k = 0; k < q.rows(); ++k)
+          if (!(channel.values[k] > 0.0)) q(k, j) = std::nan("");
+    for (const JointValue& c : r.info.controller)
+      if (c.joint == joint && c.name == "gain") gain[j] = c.value;
+  }
+  return {std::vector<double>(r.time.begin(), r.time.end()), std::move(q), std::move(gain)};
+}
+
 std::vector<MotionStretch> motion_stretches(const Recording& recording, const SensorNoise& noise,
-                                            const std::vector<bool>& passive) {
+                                            const std::vector<bool>& passive,
+                                            const std::vector<bool>& commanded) {
   const int n = recording.num_joints();
   const bool hold = recording.info.torque_sampling == TorqueSampling::kHold;
   const bool driven = std::ranges::any_of(passive, [](bool p) { return !p; });
@@ -27,6 +47,7 @@ std::vector<MotionStretch> motion_stretches(const Recording& recording, const Se
   const double pause = periods.empty() ? 0.0 : kPause * median(periods);
   RowMatX<double> u = recording.tau, q = recording.q;
   for (int j = 0; j < n; ++j) {
+    if (!commanded.empty() && commanded[static_cast<std::size_t>(j)]) u.col(j).setZero();
     if (passive[static_cast<std::size_t>(j)])  // 0, or a ball's pull where that is known
       for (long k = 0; k < u.rows(); ++k)
         if (std::isnan(u(k, j))) u(k, j) = 0.0;
@@ -35,6 +56,9 @@ std::vector<MotionStretch> motion_stretches(const Recording& recording, const Se
     for (long k = 0; k < q.rows(); ++k)
       if (!counts[static_cast<std::size_t>(k)]) q(k, j) = std::nan("");
   }
+  std::shared_ptr<const CommandPath> command;
+  if (std::ranges::any_of(commanded, std::identity()))
+    command = std::make_shared<const CommandPath>(command_path(recording));
   std::vector<MotionStretch> out;
   for (long from = 0; from < recording.rows();) {
     if (!u.row(from).allFinite() || q.row(from).array().isNaN().all()) {
@@ -48,6 +72,7 @@ std::vector<MotionStretch> motion_stretches(const Recording& recording, const Se
     const long m = to - from;
     MotionStretch s;
     s.run = recording.run;
+    s.command = command;
     s.time.assign(recording.time.data() + from, recording.time.data() + to);
     s.q = q.middleRows(from, m);
     s.u = u.middleRows(from, m);

@@ -67,7 +67,9 @@ std::string why_no_torque(const std::vector<Recording>& recordings) {
       "there are positions (q_) of " +
       detail::join(q);
   if (!qd.empty()) out += "; velocities (qd_) of " + detail::join(qd);
-  if (!command.empty()) out += "; desired positions (qcmd_) of " + detail::join(command);
+  if (!command.empty())
+    out += "; desired positions (qcmd_) of " + detail::join(command) +
+           ", to which `diffnea identify` fits drives";
   if (!extra.empty()) out += "; extra channels " + detail::join(extra);
   return out;
 }

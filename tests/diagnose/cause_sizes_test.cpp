@@ -1,4 +1,4 @@
-/// What is said of the size of a cause.
+/// Sizes of causes, and whether they may be zero.
 
 #include "diagnose/cause_sizes.hpp"
 

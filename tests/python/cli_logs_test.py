@@ -112,11 +112,16 @@ def test_names_in_two_spellings_are_asked_about(tmp_path: Path, log: Path) -> No
 def test_a_log_without_torque_is_told_so(tmp_path: Path, log: Path) -> None:
     data = of(table(log), "time", "q_shoulder", "q_elbow", "qcmd_shoulder", "qcmd_elbow")
     blind = write(tmp_path / "blind.csv", data)
-    for command in ("identify", "diagnose"):
-        message = refused(tmp_path / "run", PENDULUM, blind, command=command)
-        assert "no joint has a torque column (tau_JOINT)" in message
-        assert "desired positions (qcmd_) of shoulder, elbow" in message
-        assert "milliseconds" not in message
+    message = refused(tmp_path / "run", PENDULUM, blind, command="diagnose")
+    assert "no joint has a torque column (tau_JOINT)" in message
+    assert "desired positions (qcmd_) of shoulder, elbow, to which `diffnea identify`" in message
+    assert "milliseconds" not in message
+    told = done("identify", PENDULUM, blind, "-o", tmp_path / "run", "--quiet")
+    assert "no torque was recorded at shoulder, elbow" in told
+    blinder = write(tmp_path / "blinder.csv", of(data, "time", "q_shoulder", "q_elbow"))
+    message = refused(tmp_path / "run", PENDULUM, blinder)
+    assert "no joint has a torque column (tau_JOINT)" in message
+    assert "milliseconds" not in message
 
 
 def test_a_continuous_joint_is_unwrapped(tmp_path: Path) -> None:

@@ -135,7 +135,8 @@ TEST_CASE("commands: a missing torque is said, with what there is", "[recording]
   r.extra.push_back({"load_raw", VecX<double>::Zero(r.rows())});
   CHECK(why_no_torque({r}) ==
         "no joint has a torque column (tau_JOINT), so there is no torque to explain; there are "
-        "positions (q_) of servo; desired positions (qcmd_) of servo; extra channels load_raw");
+        "positions (q_) of servo; desired positions (qcmd_) of servo, to which "
+        "`diffnea identify` fits drives; extra channels load_raw");
   CHECK_THROWS_WITH(require_torque(kServo, {r}),
                     ContainsSubstring("servo.csv: no joint has a torque column"));
   Recording exchanged = r;

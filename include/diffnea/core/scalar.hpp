@@ -33,6 +33,15 @@ inline constexpr int kJetWidth = 8;
 /// A Jet of the width that the library is compiled for.
 using JetD = ceres::Jet<double, kJetWidth>;
 
+/// The value without its derivatives.
+///@{
+inline double value_part(double x) { return x; }
+template <int N>
+double value_part(const ceres::Jet<double, N>& x) {
+  return x.a;
+}
+///@}
+
 /// Pairs (parameter scalar, state scalar) that are compiled into the library; any other pair
 /// compiles in the user's file from the same templates.
 #define DIFFNEA_FOR_EACH_SCALAR(X) \

@@ -111,6 +111,10 @@ template <Scalar T>
 void add_torque(const BoundEffect& effect, const Tree<double>& tree, const JointSample<T>& x,
                 const T* p, T* tau);
 
+/// Leads the commands of one run as a drive of Trait::kReadsCommand does, at its parameters; other
+/// effects leave them.
+void lead_command(const BoundEffect& effect, CommandPath& path);
+
 /// Adds an effect of the port kModelParameter to the link tree; others leave it.
 /// @param p  parameters in the order of effect.parameter_info
 template <Scalar P>

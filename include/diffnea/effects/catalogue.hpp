@@ -31,6 +31,7 @@
 #include <diffnea/effects/load_friction.hpp>
 #include <diffnea/effects/magnus.hpp>
 #include <diffnea/effects/payload.hpp>
+#include <diffnea/effects/position_servo.hpp>
 #include <diffnea/effects/presliding_dahl.hpp>
 #include <diffnea/effects/presliding_lugre.hpp>
 #include <diffnea/effects/quadratic_drag.hpp>
@@ -87,6 +88,7 @@ using EffectVariant = std::variant<  //
     LoadFriction,                    //
     Magnus,                          //
     Payload,                         //
+    PositionServo,                   //
     PreslidingDahl,                  //
     PreslidingLugre,                 //
     QuadraticDrag,                   //

@@ -33,6 +33,7 @@ namespace diffnea {
 
 struct EffectSpec;
 struct Model;
+class CommandPath;
 
 /// Which sign a parameter can have.
 enum class Sign { kFree, kNonNegative, kPositive };
@@ -129,6 +130,7 @@ enum class Port {
 
 /// Property of an effect that other parts ask for.
 enum class Trait : std::uint32_t {
+  kReadsCommand,       ///< it reads x.command: without it there is no torque
   kReadsTime,          ///< the torque changes with x.time: without the rows' time there is none
   kReadsAcceleration,  ///< it reads x.qdd or x.tau: in simulation q̈ is the solution of an equation
   kFollowsLoad,        ///< it reads x.tau, and not in proportion: columns change with the fit
@@ -247,6 +249,7 @@ struct JointSample {
   const T* qd = nullptr;   ///< velocities
   const T* qdd = nullptr;  ///< accelerations
   const T* tau = nullptr;  ///< torque that the links transmit, without effects and rotor inertia
+  const CommandPath* command = nullptr;  ///< of the run
 };
 
 /// The shape parameter v₀ of s = tanh(q̇/v₀), which stands for sign(q̇) in every dry friction. Its

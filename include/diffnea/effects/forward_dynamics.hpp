@@ -37,6 +37,11 @@ class ForwardDynamics {
 
   /// Time since the run began [s], which warm_up reads.
   void set_time(double time) { time_ = time; }
+  double time() const { return time_; }
+  /// Commands of the run, which outlive it; null: none, so that drives with a loop of their own are
+  /// off.
+  void set_command(const CommandPath* command) { command_ = command; }
+  const CommandPath* command() const { return command_; }
 
   /// 1 + ε, (n): ∂q̈/∂u is M⁻¹ over it.
   const VecX<double>& gains() const { return gains_; }
@@ -69,6 +74,7 @@ class ForwardDynamics {
   int n_ = 0;
   VecX<double> gains_;
   double time_ = 0.0;
+  const CommandPath* command_ = nullptr;
   MassMatrixWorkspace<double, double> mass_ws_;
   RneaWorkspace<double, double> rnea_ws_;
   AbaWorkspace<double, double> aba_ws_;

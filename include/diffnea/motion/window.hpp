@@ -2,9 +2,11 @@
 /// Stretches of recordings in which all torques are known, and the windows that they are cut into:
 /// each is simulated in one go from a first state of its own.
 
+#include <memory>
 #include <string>
 #include <vector>
 
+#include <diffnea/effects/command.hpp>
 #include <diffnea/motion/sensor_noise.hpp>
 
 namespace diffnea {
@@ -17,6 +19,8 @@ struct MotionStretch {
   RowMatX<double> q;         ///< (m, n) positions; NaN: not measured, or the sensor's old value
   RowMatX<double> u;         ///< (m, n) torque that acts from row k to k+1
   RowMatX<double> u_end;     ///< (m, n) torque at the end of that step (u if held)
+  /// Commands of the run's drives, where these have loops of their own; else null.
+  std::shared_ptr<const CommandPath> command;
 
   /// Time from the first row to the last [s].
   double length() const { return time.back() - time.front(); }
@@ -30,12 +34,19 @@ struct MotionWindow {
   VecX<double> state;       ///< (2n) q, q̇ at the first row: estimate
 };
 
+/// Commands of a recording's drives; off where no position is commanded, or the column
+/// `torque_enable` (of one joint: with `_<joint>`) is not above 0. Gains are those of its sidecar.
+CommandPath command_path(const Recording& recording);
+
 /// Stretches of one recording. Where torque drives, a pause of more than five periods and a row
 /// without a torque end a stretch; a robot that nothing drives goes on through both.
 /// @param noise    of the sensors: what was not refreshed does not count
-/// @param passive  (n) joints whose torque is 0 where none is given
+/// @param passive    (n) joints whose torque is 0 where none is given
+/// @param commanded  (n) joints that the model's own drives lead; what is logged of their torque is
+///                   not used
 std::vector<MotionStretch> motion_stretches(const Recording& recording, const SensorNoise& noise,
-                                            const std::vector<bool>& passive);
+                                            const std::vector<bool>& passive,
+                                            const std::vector<bool>& commanded = {});
 
 /// Windows of that length, the last one of a stretch as long as is left. First states are those of
 /// `measured_state` over `first_horizon`.

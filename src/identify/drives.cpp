@@ -1,0 +1,186 @@
+#include "identify/drives.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+
+#include <diffnea/core/text.hpp>
+#include <diffnea/recording/commands.hpp>
+
+#include "core/constants.hpp"
+#include "identify/ball_identify.hpp"
+#include "identify/local_factors.hpp"
+
+namespace diffnea {
+namespace {
+
+/// Delays of a position loop that are looked at [s]: radio and bus included, no operator.
+constexpr double kMostDelay = 0.2;
+constexpr int kDelays = 41;
+/// Shares of the largest error, or rate, of a command at which a bound is tried.
+constexpr double kShares[] = {0.9, 0.75, 0.6, 0.45, 0.3, 0.2};
+/// No bound, as the effect has it.
+constexpr double kNone = 1e3;
+/// ΔBIC of a bound.
+constexpr double kClear = 10.0;
+
+/// Delay and bounds of a drive.
+struct Bounds {
+  double delay = 0.0, speed = kNone, reach = kNone;
+};
+
+/// Where a drive's fit may begin.
+struct Guess {
+  std::size_t effect = 0;
+  double most_error = 0.0, most_rate = 0.0;  // of its commands
+  Bounds best = {};
+  double left = kInfinity;  // Σ e² of its joint there
+};
+
+bool has_command(const Recording& r, long joint) {
+  return r.qcmd.size() > 0 && (r.qcmd.col(joint).array() == r.qcmd.col(joint).array()).any();
+}
+
+/// Tells whether the joint's drive is off at times.
+bool is_off(const Recording& r, int joint) {
+  const CommandPath path = command_path(r);
+  return std::ranges::any_of(r.time, [&](double t) { return std::isnan(path.at(joint, t).q); });
+}
+
+/// Largest s |c − q| of a joint.
+double largest_error(const std::vector<MotionStretch>& stretches, int joint) {
+  double most = 0.0;
+  for (const MotionStretch& s : stretches)
+    for (std::size_t k = 0; s.command && k < s.time.size(); ++k) {
+      const double error = s.command->gain(joint) *
+                           std::abs(s.command->at(joint, s.time[k]).q - s.q(static_cast<long>(k), joint));
+      if (error > most) most = error;
+    }
+  return most;
+}
+
+/// Largest rate of a joint's command, over the drive's delays that are looked at: a step of the
+/// command is no rate.
+double largest_rate(const std::vector<MotionStretch>& stretches, int joint) {
+  double most = 0.0;
+  for (const MotionStretch& s : stretches)
+    for (const double t : s.time) {
+      const double rate = (s.command->at(joint, t).q - s.command->at(joint, t - kMostDelay).q) / kMostDelay;
+      if (std::abs(rate) > most) most = std::abs(rate);
+    }
+  return most;
+}
+
+}  // namespace
+
+std::vector<bool> commanded_joints(const FitLayout& layout) {
+  std::vector<bool> out(static_cast<std::size_t>(layout.num_dofs), false);
+  for (const BoundEffect& e : layout.effects)
+    if (e.info().has(Trait::kReadsCommand))
+      for (const int j : e.joints) out[static_cast<std::size_t>(j)] = true;
+  return out;
+}
+
+bool fit_drives(const Model& model, const RecordingSource& train, IdentifyOptions& options,
+                std::vector<std::string>& notes) {
+  const std::vector<Recording> sample = train.sample();
+  const std::vector<std::string> joints = joint_names(model);
+  std::vector<std::string> led, effects;
+  // Beside a torque that is known, a joint without one is prescribed.
+  if (has_torque(train) || std::ranges::any_of(sample, [](const Recording& r) {
+        return !r.info.passive.empty();
+      }))
+    return false;
+  for (std::size_t j = 0; j < joints.size(); ++j) {
+    const auto is_led = [&](const Recording& r) {
+      return has_command(r, static_cast<long>(j));
+    };
+    if (!std::ranges::any_of(sample, is_led)) continue;
+    led.push_back(joints[j]);
+    // Beside a drive that is always on, viscous friction is one with what the motor brakes.
+    if (std::ranges::any_of(sample, [&](const Recording& r) {
+          return is_led(r) && is_off(r, static_cast<int>(j));
+        }))
+      effects.push_back("viscous_friction@" + joints[j]);
+    for (const char* effect : {"position_servo", "armature", "coulomb_friction", "torque_offset"})
+      effects.push_back(std::string(effect) + "@" + joints[j]);
+  }
+  if (led.empty()) return false;
+  require_commands(describe_joints(model), sample);
+  options.loss = Loss::kMotion;
+  if (!options.choice.effects) options.choice.effects = effects;
+  if (options.choice.fit == FitChoice{}.fit) std::erase(options.choice.fit, "inertia");
+  notes.push_back("no torque was recorded at " + detail::join(led) +
+                  ", commanded positions were: their drives are fitted as position servos, by the "
+                  "motion they make. The links' inertias, which the model has, set the scale: were "
+                  "all of them twice as large, so would be gains, friction and rotors");
+  return true;
+}
+
+void guess_drives(const Model& model, const std::vector<MotionStretch>& stretches,
+                  const std::vector<MotionWindow>& windows, FitLayout& layout,
+                  VecX<double>& shape) {
+  std::vector<Guess> drives;
+  for (std::size_t e = 0; e < layout.effects.size(); ++e)
+    if (layout.effects[e].info().has(Trait::kReadsCommand))
+      drives.push_back({e, largest_error(stretches, layout.effects[e].joints.front()),
+                        largest_rate(stretches, layout.effects[e].joints.front())});
+  const auto set = [&](std::size_t e, const char* name, double value) {
+    const std::vector<ParameterInfo>& info = layout.effects[e].parameter_info;
+    const int index = static_cast<int>(
+        std::ranges::find(info, name, &ParameterInfo::name) - info.begin());
+    for (std::size_t s = 0; s < layout.shape.size(); ++s) {
+      const FitParameter& p = layout.shape[s];
+      if (p.effect != static_cast<int>(e) || p.index != index || p.fixed) continue;
+      layout.effects[e].parameters[static_cast<std::size_t>(index)] = value;
+      shape[static_cast<long>(s)] = value;
+    }
+  };
+  const auto set_all = [&](const Guess& g, const Bounds& b) {
+    set(g.effect, "delay", b.delay);
+    set(g.effect, "speed", b.speed);
+    set(g.effect, "reach", b.reach);
+  };
+  // Rows of one instant count as one; a bound is there if they are the better for it.
+  const double clearly = std::exp(2.0 * kClear / static_cast<double>(windows.size()));
+  const auto attempt = [&](const std::function<Bounds(const Guess&)>& bounds, bool bound) {
+    for (const Guess& g : drives) set_all(g, bounds(g));
+    const std::vector<JointFactor> factors = local_factors(model, layout, stretches, windows);
+    const VecX<double> x = fit_linear(layout, factors).x;
+    for (Guess& g : drives) {
+      double left = 0.0;
+      for (const int j : layout.effects[g.effect].joints)
+        left += factors[static_cast<std::size_t>(j)].sum_of_squares(x);
+      if (!(left * (bound ? clearly : 1.0) < g.left)) continue;
+      g.left = left;
+      g.best = bounds(g);
+    }
+  };
+  const auto delays = [&](double speed_share) {
+    for (int k = 0; k < kDelays; ++k) {
+      const double delay = kMostDelay * k / (kDelays - 1);
+      attempt(
+          [&](const Guess& g) {
+            return Bounds{delay, speed_share < 1.0 ? speed_share * g.most_rate : kNone, kNone};
+          },
+          false);
+    }
+  };
+  delays(1.0);
+  for (const double share : kShares) {
+    std::vector<Guess> before = drives;
+    for (Guess& g : drives) g.left = kInfinity;
+    delays(share);
+    for (std::size_t d = 0; d < drives.size(); ++d)
+      if (!(drives[d].left * clearly < before[d].left)) drives[d] = before[d];
+  }
+  for (const double share : kShares)
+    attempt(
+        [&](const Guess& g) {
+          return Bounds{g.best.delay, g.best.speed, share * g.most_error};
+        },
+        true);
+  for (const Guess& g : drives) set_all(g, g.best);
+}
+
+}  // namespace diffnea

@@ -1,0 +1,29 @@
+#pragma once
+/// Robots whose log has commanded positions and no torque: drives with a loop of their own make the
+/// torque, and their laws are fitted with the rest. Internal to identify/.
+
+#include <diffnea/identify/identify.hpp>
+
+#include "motion/continuation.hpp"
+
+namespace diffnea {
+
+/// Joints that a drive of the layout leads by commanded positions, (n).
+std::vector<bool> commanded_joints(const FitLayout& layout);
+
+/// Fits the laws of drives where a recording has commands and no torque: by the motion that they
+/// make, links' inertias as the model has them, for without a torque only ratios to these are told.
+/// @param notes  what was chosen, and why
+/// @return whether anything was changed
+/// @throws DataError for commands that can be of no drive (require_commands)
+bool fit_drives(const Model& model, const RecordingSource& train, IdentifyOptions& options,
+                std::vector<std::string>& notes);
+
+/// Where a fit of drives may begin: the delay at which the torques of one instant balance best, and
+/// errors up to which no drive saturates.
+/// @param windows  short ones
+/// @param shape    (s) values to begin at, written
+void guess_drives(const Model& model, const std::vector<MotionStretch>& stretches,
+                  const std::vector<MotionWindow>& windows, FitLayout& layout, VecX<double>& shape);
+
+}  // namespace diffnea

@@ -1,0 +1,101 @@
+/// A drive that follows commanded positions by itself: its law, and what it makes of its commands.
+
+#include <diffnea/effects/position_servo.hpp>
+
+#include <catch2/catch_test_macros.hpp>
+#include <catch2/matchers/catch_matchers_floating_point.hpp>
+
+#include <diffnea/effects/bound_effect.hpp>
+
+namespace diffnea::position_servo_test {
+namespace {
+
+using Catch::Matchers::WithinAbs;
+using Catch::Matchers::WithinRel;
+
+const double kOff = std::numeric_limits<double>::quiet_NaN();
+
+CommandPath commands(std::vector<double> time, std::vector<double> q, double gain = 1.0) {
+  RowMatX<double> column(static_cast<long>(q.size()), 1);
+  std::ranges::copy(q, column.data());
+  return CommandPath(std::move(time), std::move(column), VecX<double>::Constant(1, gain));
+}
+
+/// Torque that the drive adds to the right-hand side at a time.
+template <class T>
+T added(const CommandPath& path, double time, T q, T qd, const std::vector<T>& p) {
+  JointSample<T> x;
+  x.time = time;
+  x.q = &q;
+  x.qd = &qd;
+  x.command = &path;
+  const int joint = 0;
+  T tau(0.0);
+  PositionServo{}.add_torque(x, &joint, p.data(), &tau);
+  return tau;
+}
+
+}  // namespace
+
+TEST_CASE("CommandPath: straight lines between rows, ends that hold, and gaps", "[effects]") {
+  const CommandPath path = commands({0.0, 1.0, 2.0, 3.0}, {0.0, 2.0, kOff, 4.0});
+  CHECK(path.at(0, -1.0).q == 0.0);
+  CHECK_THAT(path.at(0, 0.25).q, WithinAbs(0.5, 1e-15));
+  CHECK_THAT(path.at(0, 0.25).rate, WithinAbs(2.0, 1e-15));
+  CHECK(path.at(0, 1.5).q == 2.0);       // not switched off before the row that says so
+  CHECK(std::isnan(path.at(0, 2.5).q));  // nor on
+  CHECK(path.at(0, 9.0).q == 4.0);
+}
+
+TEST_CASE("CommandPath: a setpoint that moves no faster than its speed", "[effects]") {
+  const std::vector<double> time{0.0, 0.1, 0.2, 0.3, 0.4, 0.5}, step{0.0, 1.0, 1.0, 1.0, 1.0, 1.0};
+  const auto led = [&](double speed) {
+    CommandPath path = commands(time, step);
+    path.limit_speed(0, speed);
+    return path;
+  };
+  CHECK_THAT(led(3.0).at(0, 0.2).q, WithinAbs(0.6, 1e-12));
+  CHECK_THAT(led(3.0).at(0, 0.45).q, WithinAbs(1.0, 1e-12));
+  for (const double t : {0.05, 0.25, 0.32, 0.5})
+    CHECK_THAT(led(3.0).at(0, t).by_speed,
+               WithinAbs((led(3.0 + 1e-6).at(0, t).q - led(3.0 - 1e-6).at(0, t).q) / 2e-6, 1e-6));
+  CHECK(led(100.0).at(0, 0.1).q == 1.0);
+}
+
+TEST_CASE("position_servo: dead band, reach, gain, and a drive that is off", "[effects]") {
+  const CommandPath path = commands({0.0, 1.0}, {1.0, 1.0}), twice = commands({0.0, 1.0}, {1.0, 1.0}, 2.0);
+  const std::vector<double> p{10.0, 0.5, 0.0, 0.3, 0.1, 1e3};
+  CHECK_THAT(added(path, 0.5, 0.8, 0.0, p), WithinAbs(-10.0 * (0.2 - 0.1), 1e-12));
+  CHECK_THAT(added(path, 0.5, 0.95, 0.4, p), WithinAbs(0.5 * 0.4, 1e-12));  // within the dead band
+  CHECK_THAT(added(path, 0.5, -1.0, 0.0, p), WithinAbs(-10.0 * 0.3, 1e-12));
+  CHECK_THAT(added(path, 0.5, 3.0, 0.0, p), WithinAbs(10.0 * 0.3, 1e-12));
+  CHECK_THAT(added(twice, 0.5, 0.9, 0.0, p), WithinAbs(-10.0 * (2.0 * 0.1 - 0.1), 1e-12));
+  CHECK(added(commands({0.0, 1.0}, {kOff, kOff}), 0.5, 0.0, 1.0, p) == 0.0);
+}
+
+TEST_CASE("position_servo: derivatives by its delay, its speed and its bounds", "[effects]") {
+  const std::vector<double> time{0.0, 0.1, 0.2, 0.3, 0.4}, ramp{0.0, 0.1, 0.9, 1.0, 1.1};
+  const auto at = [&](const std::vector<double>& p) {
+    CommandPath path = commands(time, ramp);
+    path.limit_speed(0, p[5]);
+    return added(path, 0.33, 0.2, 0.3, p);
+  };
+  for (const double reach : {0.25, 5.0}) {
+    const std::vector<double> p{10.0, 0.5, 0.02, reach, 0.05, 2.5};
+    CommandPath path = commands(time, ramp);
+    path.limit_speed(0, p[5]);
+    std::vector<JetD> jets(p.begin(), p.end());
+    for (std::size_t k = 0; k < p.size(); ++k) jets[k].v[static_cast<long>(k)] = 1.0;
+    const JetD tau = added<JetD>(path, 0.33, JetD(0.2), JetD(0.3), jets);
+    CHECK_THAT(tau.a, WithinRel(at(p), 1e-12));
+    for (std::size_t k = 0; k < p.size(); ++k) {
+      std::vector<double> more = p, less = p;
+      more[k] += 1e-6;
+      less[k] -= 1e-6;
+      CAPTURE(reach, k);
+      CHECK_THAT(tau.v[static_cast<long>(k)], WithinAbs((at(more) - at(less)) / 2e-6, 1e-5));
+    }
+  }
+}
+
+}  // namespace diffnea::position_servo_test

@@ -1,0 +1,119 @@
+/// Drives that follow commands by themselves, fitted to logs without a torque.
+
+#include <cmath>
+
+#include <catch2/catch_test_macros.hpp>
+#include <catch2/matchers/catch_matchers_string.hpp>
+
+#include <diffnea/core/error.hpp>
+#include <diffnea/identify/identify.hpp>
+#include <diffnea/io/model_file.hpp>
+
+namespace diffnea::drives_test {
+namespace {
+
+/// A pendulum on a servo, by its own equation: none of the library's dynamics.
+struct Bench {
+  double mass = 0.5, length = 0.1, inertia = 0.001;  // about the center of mass
+  double stiffness = 12.0, damping = 0.5, delay = 0.02, reach = 0.25, speed = 4.0;
+  double armature = 0.02, coulomb = 0.08;
+
+  Model model() const {
+    Model out;
+    out.name = "bench";
+    out.source = "bench";
+    out.links.resize(2);
+    out.links[0].name = "base";
+    ModelLink& arm = out.links[1];
+    arm.name = "arm";
+    arm.joint = "servo";
+    arm.parent = 0;
+    arm.type = ModelJoint::kRevolute;
+    arm.axis = {0, 1, 0};
+    arm.inertia = SpatialInertia<double>::from_theta(
+        {mass, 0, 0, -mass * length, inertia + mass * length * length, 0, 0,
+         inertia + mass * length * length, 0, inertia});
+    return out;
+  }
+
+  /// 100 Hz, encoder of 12 bits, friction that holds: velocity stops where friction can stop it.
+  /// @param gain  over the model's
+  Recording record(double amplitude, double rate, double gain, double seconds, int run) const {
+    constexpr int kFine = 100;  // steps a row
+    const double row = 0.01, h = row / kFine;
+    const long rows = std::lround(seconds / row);
+    Recording r;
+    r.source = "bench, run " + std::to_string(run);
+    r.run = run;
+    r.joint_names = {"servo"};
+    r.has_tau = {false};
+    r.time.resize(rows);
+    r.q.resize(rows, 1);
+    r.qcmd.resize(rows, 1);
+    r.tau = RowMatX<double>::Constant(rows, 1, std::nan(""));
+    r.info.controller = {{"servo", "gain", gain}};
+    const auto told = [&](double t) {
+      if (t < 0.5) return 0.0;
+      return amplitude * (t < 0.6 * seconds ? std::sin(rate * (t - 0.5) * (t - 0.5))
+                                            : (std::fmod(t, 1.6) < 0.8 ? 1.0 : -0.4));
+    };
+    const double step = 2.0 * M_PI / 4096.0, J = inertia + mass * length * length + armature;
+    double q = 0.0, v = 0.0, setpoint = 0.0;
+    std::vector<double> past(static_cast<std::size_t>(std::lround(delay / h)), 0.0);
+    std::size_t oldest = 0;
+    for (long k = 0; k < rows; ++k) {
+      const double t = row * static_cast<double>(k), c = told(t);
+      r.time[k] = t;
+      r.q(k, 0) = step * std::round(q / step);
+      r.qcmd(k, 0) = c;
+      const double next = told(t + row);
+      for (int i = 0; i < kFine; ++i) {
+        const double line = c + (next - c) * i / kFine;
+        setpoint += std::clamp(line - setpoint, -speed * h, speed * h);
+        const double late = past[oldest];
+        past[oldest] = setpoint;
+        oldest = (oldest + 1) % past.size();
+        const double drive = stiffness * std::clamp(gain * (late - q), -reach, reach) - damping * v;
+        const double pull = -mass * 9.81 * length * std::sin(q);
+        const double free = v + h * (drive + pull) / J, stop = h * coulomb / J;
+        v = std::abs(free) <= stop ? 0.0 : free - std::copysign(stop, free);
+        q += h * v;
+      }
+    }
+    return r;
+  }
+};
+
+double value(const IdentifyResult& result, const std::string& end) {
+  for (const ParameterEstimate& p : result.parameters)
+    if (p.name.ends_with(end)) return p.value;
+  FAIL("no parameter " << end);
+  return 0.0;
+}
+
+}  // namespace
+
+TEST_CASE("identify: a servo's law from commands and positions alone, runs of two gains",
+          "[identify]") {
+  const Bench bench;
+  IdentifyOptions options;
+  const IdentifyResult result =
+      identify(bench.model(),
+               {bench.record(1.0, 1.5, 1.0, 6.0, 0), bench.record(0.7, 3.0, 2.0, 6.0, 1)},
+               {bench.record(0.9, 2.2, 1.5, 6.0, 0)}, options);
+  const std::vector<std::pair<const char*, double>> truth{
+      {"position_servo.stiffness", bench.stiffness}, {"position_servo.delay", bench.delay},
+      {"position_servo.reach", bench.reach},         {"position_servo.speed", bench.speed},
+      {"position_servo.damping", bench.damping},
+      {"armature.armature", bench.armature}, {"coulomb_friction.coulomb", bench.coulomb}};
+  for (const auto& [name, is] : truth) {
+    CAPTURE(name, is, value(result, name));
+    CHECK(std::abs(value(result, name) - is) < 0.1 * is);
+  }
+  REQUIRE(result.errors.size() == 1);
+  CHECK(result.errors[0].test < 2e-3);  // the encoder has steps of 1.5 mrad
+  CHECK(result.errors[0].nominal_test > 0.1);
+  CHECK(result.notes.front().find("no torque was recorded at servo") != std::string::npos);
+}
+
+}  // namespace diffnea::drives_test
