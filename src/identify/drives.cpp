@@ -17,13 +17,11 @@ namespace {
 /// Delays of a position loop that are looked at [s]: radio and bus included, no operator.
 constexpr double kMostDelay = 0.2;
 constexpr int kDelays = 41;
-/// Shares of the largest error, or rate, of a command at which a bound is tried.
-constexpr double kShares[] = {0.9, 0.75, 0.6, 0.45, 0.3, 0.2};
+/// Largest error of a command over the reach that a fit begins with, so that the recording tells of
+/// it.
+constexpr double kInside = 0.9;
 /// No bound, as the effect has it.
 constexpr double kNone = 1e3;
-/// ΔBIC of a bound.
-constexpr double kClear = 10.0;
-
 /// Delay and bounds of a drive.
 struct Bounds {
   double delay = 0.0, speed = kNone, reach = kNone;
@@ -32,7 +30,7 @@ struct Bounds {
 /// Where a drive's fit may begin.
 struct Guess {
   std::size_t effect = 0;
-  double most_error = 0.0, most_rate = 0.0;  // of its commands
+  double most_rate = 0.0;  // of its commands
   Bounds best = {};
   double left = kInfinity;  // Σ e² of its joint there
 };
@@ -47,15 +45,19 @@ bool is_off(const Recording& r, int joint) {
   return std::ranges::any_of(r.time, [&](double t) { return std::isnan(path.at(joint, t).q); });
 }
 
-/// Largest s |c − q| of a joint.
-double largest_error(const std::vector<MotionStretch>& stretches, int joint) {
+/// Largest s |c − q| that the drive itself sees: of its setpoint, a delay ago.
+double largest_error(const std::vector<MotionStretch>& stretches, int joint, const Bounds& at) {
   double most = 0.0;
-  for (const MotionStretch& s : stretches)
-    for (std::size_t k = 0; s.command && k < s.time.size(); ++k) {
-      const double error = s.command->gain(joint) *
-                           std::abs(s.command->at(joint, s.time[k]).q - s.q(static_cast<long>(k), joint));
+  for (const MotionStretch& s : stretches) {
+    CommandPath led = *s.command;
+    led.limit_speed(joint, at.speed);
+    for (std::size_t k = 0; k < s.time.size(); ++k) {
+      const double error =
+          led.gain(joint) *
+          std::abs(led.at(joint, s.time[k] - at.delay).q - s.q(static_cast<long>(k), joint));
       if (error > most) most = error;
     }
+  }
   return most;
 }
 
@@ -118,13 +120,12 @@ bool fit_drives(const Model& model, const RecordingSource& train, IdentifyOption
 }
 
 void guess_drives(const Model& model, const std::vector<MotionStretch>& stretches,
-                  const std::vector<MotionWindow>& windows, FitLayout& layout,
-                  VecX<double>& shape) {
+                  const std::vector<MotionWindow>& windows, double speed_share,
+                  FitLayout& layout, VecX<double>& shape) {
   std::vector<Guess> drives;
   for (std::size_t e = 0; e < layout.effects.size(); ++e)
     if (layout.effects[e].info().has(Trait::kReadsCommand))
-      drives.push_back({e, largest_error(stretches, layout.effects[e].joints.front()),
-                        largest_rate(stretches, layout.effects[e].joints.front())});
+      drives.push_back({e, largest_rate(stretches, layout.effects[e].joints.front())});
   const auto set = [&](std::size_t e, const char* name, double value) {
     const std::vector<ParameterInfo>& info = layout.effects[e].parameter_info;
     const int index = static_cast<int>(
@@ -141,9 +142,11 @@ void guess_drives(const Model& model, const std::vector<MotionStretch>& stretche
     set(g.effect, "speed", b.speed);
     set(g.effect, "reach", b.reach);
   };
-  // Rows of one instant count as one; a bound is there if they are the better for it.
-  const double clearly = std::exp(2.0 * kClear / static_cast<double>(windows.size()));
-  const auto attempt = [&](const std::function<Bounds(const Guess&)>& bounds, bool bound) {
+  for (int k = 0; k < kDelays; ++k) {
+    const double delay = kMostDelay * k / (kDelays - 1);
+    const auto bounds = [&](const Guess& g) {
+      return Bounds{delay, speed_share < 1.0 ? speed_share * g.most_rate : kNone};
+    };
     for (const Guess& g : drives) set_all(g, bounds(g));
     const std::vector<JointFactor> factors = local_factors(model, layout, stretches, windows);
     const VecX<double> x = fit_linear(layout, factors).x;
@@ -151,36 +154,17 @@ void guess_drives(const Model& model, const std::vector<MotionStretch>& stretche
       double left = 0.0;
       for (const int j : layout.effects[g.effect].joints)
         left += factors[static_cast<std::size_t>(j)].sum_of_squares(x);
-      if (!(left * (bound ? clearly : 1.0) < g.left)) continue;
+      if (!(left < g.left)) continue;
       g.left = left;
       g.best = bounds(g);
     }
-  };
-  const auto delays = [&](double speed_share) {
-    for (int k = 0; k < kDelays; ++k) {
-      const double delay = kMostDelay * k / (kDelays - 1);
-      attempt(
-          [&](const Guess& g) {
-            return Bounds{delay, speed_share < 1.0 ? speed_share * g.most_rate : kNone, kNone};
-          },
-          false);
-    }
-  };
-  delays(1.0);
-  for (const double share : kShares) {
-    std::vector<Guess> before = drives;
-    for (Guess& g : drives) g.left = kInfinity;
-    delays(share);
-    for (std::size_t d = 0; d < drives.size(); ++d)
-      if (!(drives[d].left * clearly < before[d].left)) drives[d] = before[d];
   }
-  for (const double share : kShares)
-    attempt(
-        [&](const Guess& g) {
-          return Bounds{g.best.delay, g.best.speed, share * g.most_error};
-        },
-        true);
-  for (const Guess& g : drives) set_all(g, g.best);
+  for (Guess& g : drives) {
+    g.best.reach =
+        kInside * largest_error(stretches, layout.effects[g.effect].joints.front(), g.best);
+    if (!(g.best.reach > 0.0)) g.best.reach = kNone;
+    set_all(g, g.best);
+  }
 }
 
 }  // namespace diffnea

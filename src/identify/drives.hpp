@@ -19,11 +19,18 @@ std::vector<bool> commanded_joints(const FitLayout& layout);
 bool fit_drives(const Model& model, const RecordingSource& train, IdentifyOptions& options,
                 std::vector<std::string>& notes);
 
+/// Speeds of a setpoint from which fits are begun, over the largest one of the commands; 1: none.
+/// Torques of one instant do not tell which is right, and a fit that begins without a bound never
+/// finds one: the best of them after a short horizon goes on.
+inline constexpr double kSpeedShares[] = {1.0, 0.6, 0.3};
+
 /// Where a fit of drives may begin: the delay at which the torques of one instant balance best, and
-/// errors up to which no drive saturates.
-/// @param windows  short ones
-/// @param shape    (s) values to begin at, written
+/// an error at which drives saturate that the recording reaches.
+/// @param windows      short ones
+/// @param speed_share  one of kSpeedShares
+/// @param shape        (s) values to begin at, written
 void guess_drives(const Model& model, const std::vector<MotionStretch>& stretches,
-                  const std::vector<MotionWindow>& windows, FitLayout& layout, VecX<double>& shape);
+                  const std::vector<MotionWindow>& windows, double speed_share, FitLayout& layout,
+                  VecX<double>& shape);
 
 }  // namespace diffnea

@@ -85,6 +85,10 @@ std::vector<MotionStretch> stretches_of(const std::vector<Recording>& recordings
   return out;
 }
 
+/// Horizon over which fits of drives compete for the right to go on [s]: some delays and swings of
+/// a servo.
+constexpr double kTrial = 1.0;
+
 /// Windows of one set of data under one model, from horizon to horizon.
 struct Ladder {
   std::vector<MotionWindow> windows;
@@ -108,6 +112,19 @@ class MotionIdentification {
   MotionIdentification(const Model& model, const RecordingSource& train,
                        const RecordingSource* test, const IdentifyOptions& options)
       : model_(model), train_(train), test_(test), options_(options) {}
+
+  /// Begins drives at a share of their commands' largest speed (kSpeedShares).
+  void begin_drives_at(double speed_share) { speed_share_ = speed_share; }
+
+  /// Fits as far as the options' horizon. @return χ²/2 a position there; infinite: falls apart
+  double trial() {
+    prepare();
+    climb();
+    const MotionFit& fit = fitter_->now();
+    return whole_ && reached_ == ladder_.back()
+               ? fit.objective / static_cast<double>(std::max<long>(fit.samples, 1))
+               : kInfinity;
+  }
 
   IdentifyResult run() {
     const auto start = std::chrono::steady_clock::now();
@@ -164,7 +181,8 @@ class MotionIdentification {
     for (std::size_t s = 0; s < layout_.shape.size(); ++s)
       shape_[static_cast<long>(s)] = layout_.shape[s].prior;
     if (std::ranges::any_of(commanded, std::identity()))
-      guess_drives(model_, stretches_, cut_windows(stretches_, ladder_.front()), layout_, shape_);
+      guess_drives(model_, stretches_, cut_windows(stretches_, ladder_.front()), speed_share_,
+                   layout_, shape_);
     const std::vector<JointFactor> factors =
         local_factors(model_, layout_, stretches_, cut_windows(stretches_, ladder_.front()));
     for (const int c : absorbed_by_links(layout_, factors)) {
@@ -558,7 +576,7 @@ class MotionIdentification {
   std::optional<MotionProblem> problem_, held_problem_;
   std::optional<MotionFitter> fitter_, nominal_fitter_;
   Ladder fitted_, nominal_, test_fitted_, test_nominal_;
-  double reached_ = 0.0, fitting_ = 0.0;
+  double reached_ = 0.0, fitting_ = 0.0, speed_share_ = 1.0;
   bool whole_ = true;  ///< windows of the horizon that was reached hold together
 };
 
@@ -566,7 +584,26 @@ class MotionIdentification {
 
 IdentifyResult identify_by_motion(const Model& model, const RecordingSource& train,
                                   const RecordingSource* test, const IdentifyOptions& options) {
-  return MotionIdentification(model, train, test, options).run();
+  MotionIdentification whole(model, train, test, options);
+  std::vector<std::string> unused;
+  const std::vector<bool> commanded =
+      commanded_joints(layout_for(model, train, test, options.choice, unused));
+  if (std::ranges::any_of(commanded, std::identity())) {
+    IdentifyOptions brief = options;
+    brief.motion.horizon = options.motion.horizon > 0.0 ? std::min(kTrial, options.motion.horizon)
+                                                        : kTrial;
+    double best = kInfinity;
+    for (const double share : kSpeedShares) {
+      MotionIdentification some(model, train, nullptr, brief);
+      some.begin_drives_at(share);
+      const double cost = some.trial();
+      if (cost < best) {
+        best = cost;
+        whole.begin_drives_at(share);
+      }
+    }
+  }
+  return whole.run();
 }
 
 }  // namespace diffnea

@@ -304,10 +304,6 @@ TEST_CASE("payload: recordings that do not exist, and places that say nothing, a
   CHECK_THROWS_WITH(fit("payload@tip:run=1", "*payload.mass=-1"),
                     ContainsSubstring("not negative"));
   CHECK_THROWS_WITH(fit("payload@tip:run=1", "*payload.Ixx"), ContainsSubstring("no body has"));
-  IdentifyOptions motion = with_effects({"payload@tip:run=1"});
-  motion.loss = Loss::kMotion;
-  CHECK_THROWS_WITH(identify(draw().nominal, {draw().empty, draw().loaded}, {}, motion),
-                    ContainsSubstring("use the inverse loss"));
   IdentifyOptions forward = with_effects({"torque_gain"});
   forward.loss = Loss::kForward;
   CHECK_THROWS_WITH(identify(draw().nominal, {draw().empty}, {}, forward),

@@ -69,7 +69,7 @@ std::string json_with(const std::string& links, const std::string& ball) {
 
 constexpr const char* kLink =
     R"({"name": "hand", "joint": {"name": "j", "type": "revolute", "axis": [0, 0, 1]},
-        "inertia": {"mass": 1, "about_com": [1, 0, 0, 1, 0, 1]}})";
+        "inertia": {"mass": 1, "about_com": [0.01, 0, 0, 0.01, 0, 0.01]}})";
 
 }  // namespace
 
