@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <functional>
 
 #include <diffnea/core/text.hpp>
 #include <diffnea/recording/commands.hpp>
