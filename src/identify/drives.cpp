@@ -21,6 +21,7 @@ constexpr int kDelays = 41;
 constexpr double kInside = 0.9;
 /// No bound, as the effect has it.
 constexpr double kNone = 1e3;
+
 /// Delay and bounds of a drive.
 struct Bounds {
   double delay = 0.0, speed = kNone, reach = kNone;
@@ -103,6 +104,10 @@ bool fit_drives(const Model& model, const RecordingSource& train, IdentifyOption
           return is_led(r) && is_off(r, static_cast<int>(j));
         }))
       effects.push_back("viscous_friction@" + joints[j]);
+    else if (std::ranges::any_of(model.effects, [&](const EffectSpec& e) {
+               return e.effect == "viscous_friction" && e.where == joints[j];
+             }))
+      options.choice.fix.push_back(joints[j] + ".viscous_friction.viscous");
     for (const char* effect : {"position_servo", "armature", "coulomb_friction", "torque_offset"})
       effects.push_back(std::string(effect) + "@" + joints[j]);
   }

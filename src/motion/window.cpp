@@ -2,9 +2,11 @@
 #include <cmath>
 #include <functional>
 
+#include <diffnea/core/error.hpp>
 #include <diffnea/motion/window.hpp>
 
 #include "core/decompositions.hpp"
+#include "core/number_text.hpp"
 #include "core/statistics.hpp"
 
 namespace diffnea {
@@ -30,7 +32,14 @@ CommandPath command_path(const Recording& r) {
         for (long k = 0; k < q.rows(); ++k)
           if (!(channel.values[k] > 0.0)) q(k, j) = std::nan("");
     for (const JointValue& c : r.info.controller)
-      if (c.joint == joint && c.name == "gain") gain[j] = c.value;
+      if (c.joint == joint && c.name == "gain") {
+        if (!(c.value > 0.0))
+          throw DataError(r.source + ": controller." + joint + ".gain of its sidecar is " +
+                          detail::number_text(c.value) +
+                          ", expected above 0: a drive without gain follows no command; say that "
+                          "it is off by a column torque_enable of 0");
+        gain[j] = c.value;
+      }
   }
   return {std::vector<double>(r.time.begin(), r.time.end()), std::move(q), std::move(gain)};
 }

@@ -46,7 +46,7 @@ std::vector<std::string> unit_names(Channel channel);
 /// @throws DataError that begins with "unit '…'" and lists what is known
 UnitOfColumn parse_unit(Channel channel, const std::string& text);
 
-/// What to call the channel in a message.
+/// Name of the channel in a message.
 const char* channel_name(Channel channel);
 
 }  // namespace diffnea::detail

@@ -124,4 +124,11 @@ TEST_CASE("identify: a servo's law from commands and positions alone, runs of tw
   CHECK(result.notes.front().find("no torque was recorded at servo") != std::string::npos);
 }
 
+TEST_CASE("identify: a drive without gain is refused, with what to do", "[identify]") {
+  const Bench bench;
+  CHECK_THROWS_WITH(identify(bench.model(), {bench.record(1.0, 1.5, 0.0, 1.0, 0)}, {}, {}),
+                    Catch::Matchers::ContainsSubstring("controller.servo.gain") &&
+                        Catch::Matchers::ContainsSubstring("torque_enable"));
+}
+
 }  // namespace diffnea::drives_test

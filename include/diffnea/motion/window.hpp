@@ -36,6 +36,7 @@ struct MotionWindow {
 
 /// Commands of a recording's drives; off where no position is commanded, or the column
 /// `torque_enable` (of one joint: with `_<joint>`) is not above 0. Gains are those of its sidecar.
+/// @throws DataError for a gain that is not above 0
 CommandPath command_path(const Recording& recording);
 
 /// Stretches of one recording. Where torque drives, a pause of more than five periods and a row
