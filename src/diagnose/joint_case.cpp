@@ -162,6 +162,7 @@ void prepare(JointCase& c) {
   c.finding.plan = plan_rows(c.model, sample, c.period, c.options.preprocess);
   c.finding.data_report = c.train_source.report();
   c.period = c.finding.plan.dt * std::round(c.period / c.finding.plan.dt);
+  for (std::size_t s = 0; s < c.widths.size(); ++s) c.layout.shape[s].prior = c.widths[s];
   const auto read_train = [&] {
     c.train = std::make_unique<Evidence>(c.model, c.layout, c.train_source, c.finding.plan,
                                          c.period, reading);
@@ -172,7 +173,8 @@ void prepare(JointCase& c) {
       !held.empty())
     c.finding.notes.push_back("All torques are zero, which leaves the scale of all masses open: " +
                               held + " is held at the model's value.");
-  for (int pass = 0; pass < kTurnPasses && fit_turns(c.base, *c.train, c.layout); ++pass)
+  for (int pass = 0;
+       pass < kTurnPasses && c.widths.empty() && fit_turns(c.base, *c.train, c.layout); ++pass)
     read_train();
   const std::vector<std::string> followers = follower_names(c.model);
   for (const ChannelWarning& w : c.train_source.warnings())  // others are the audit's

@@ -32,18 +32,25 @@ constexpr double kAtBound = 1.05;
 /// Lateness of torques that is worth a word [samples].
 constexpr double kWorthASample = 0.2;
 
+/// How often the base's dry friction is read beside what was named.
+constexpr int kWidthPasses = 2;
+
 class JointDiagnosis {
  public:
   /// @param test  null: rows of `train` are held out
+  /// @param widths  of the base's dry friction; empty: as the base alone reads them
   JointDiagnosis(const Model& model, const RecordingSource& train, const RecordingSource* test,
-                 const DiagnoseOptions& options);
+                 const DiagnoseOptions& options, std::vector<double> widths);
   JointDiagnosis(const JointDiagnosis&) = delete;
   JointDiagnosis& operator=(const JointDiagnosis&) = delete;
 
-  Finding run();
+  void select();
+  /// Widths at which what is named of the base's own dry friction goes: beside other causes the
+  /// base's is another than alone. Empty: nothing of it is named.
+  std::vector<double> widths_beside_causes() const;
+  Finding finding();
 
  private:
-  void select();
   /// Says that a base whose drives have no dry friction is better identified first.
   void note_friction();
   /// Says where a drive is at its limit more often than a limit is looked for.
@@ -75,8 +82,9 @@ class JointDiagnosis {
 
 
 JointDiagnosis::JointDiagnosis(const Model& model, const RecordingSource& train,
-                               const RecordingSource* test, const DiagnoseOptions& options)
-    : case_{model, train, test, options} {
+                               const RecordingSource* test, const DiagnoseOptions& options,
+                               std::vector<double> widths)
+    : case_{model, train, test, options, std::move(widths)} {
   if (options.progress)
     case_.options.progress = [this, told = options.progress](const FitProgress& progress) {
       const bool go_on = told(progress);
@@ -85,10 +93,24 @@ JointDiagnosis::JointDiagnosis(const Model& model, const RecordingSource& train,
     };
 }
 
-Finding JointDiagnosis::run() {
-  const auto start = std::chrono::steady_clock::now();
-  prepare(case_);
-  select();
+std::vector<double> JointDiagnosis::widths_beside_causes() const {
+  if (case_.finding.interrupted) return {};
+  std::vector<double> out;
+  bool named = false;
+  for (const FitParameter& shape : case_.layout.shape) {
+    out.push_back(shape.prior);
+    if (!is_smoothing(shape)) continue;
+    const BoundEffect own = friction_of(case_.layout, shape);
+    for (const Term& t : terms_) {
+      if (&t.effect.info() != &own.info() || t.effect.joints != own.joints) continue;
+      out.back() = t.effect.parameters[static_cast<std::size_t>(shape.index)];
+      named = true;
+    }
+  }
+  return named ? out : std::vector<double>{};
+}
+
+Finding JointDiagnosis::finding() {
   describe();
   judge();
   if (case_.finding.verdict == Verdict::kUnknown && case_.options.grey_box &&
@@ -101,12 +123,11 @@ Finding JointDiagnosis::run() {
   case_.finding.tried = case_.candidates.empty()          ? Tried::kNothing
                         : case_.options.whole_catalogue() ? Tried::kAll
                                                           : Tried::kSome;
-  case_.finding.seconds =
-      std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return std::move(case_.finding);
 }
 
 void JointDiagnosis::select() {
+  prepare(case_);
   const int most = case_.options.max_causes > 0 ? case_.options.max_causes
                                                 : std::max(8, 3 * case_.layout.num_dofs);
   Selection selection(*case_.search, case_.candidates, *case_.held_out,
@@ -373,7 +394,17 @@ void JointDiagnosis::judge() {
 
 Finding diagnose_joints(const Model& model, const RecordingSource& train,
                         const RecordingSource* test, const DiagnoseOptions& options) {
-  return JointDiagnosis(model, train, test, options).run();
+  const auto start = std::chrono::steady_clock::now();
+  std::vector<double> widths;
+  for (int passes = kWidthPasses;; --passes) {
+    JointDiagnosis diagnosis(model, train, test, options, widths);
+    diagnosis.select();
+    widths = passes > 0 ? diagnosis.widths_beside_causes() : std::vector<double>{};
+    if (!widths.empty()) continue;
+    Finding out = diagnosis.finding();
+    out.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    return out;
+  }
 }
 
 }  // namespace diffnea

@@ -470,17 +470,21 @@ bool Selection::drop_needless(std::vector<Term>& terms) {
 void Selection::drop_unstable(std::vector<Term>& terms) {
   while (!terms.empty()) {
     std::vector<Term> contenders = terms;
+    for (std::size_t i = 0; i < terms.size(); ++i) {
+      if (stays(terms[i])) continue;
+      for (const Offer& offer : rivals(without(terms, i)))
+        if (std::ranges::find(contenders, offer.term.candidate, &Term::candidate) ==
+            contenders.end())
+          contenders.push_back(offer.term);
+    }
+    // Whoever offered it: a spring that came in the place of a rotor may do an offset's work.
     std::vector<std::vector<int>> stand_for(terms.size());  // contenders, by index
     for (std::size_t i = 0; i < terms.size(); ++i) {
       stand_for[i].push_back(static_cast<int>(i));
-      if (stays(terms[i])) continue;
-      for (const Offer& offer : rivals(without(terms, i))) {
-        const auto at = std::ranges::find(contenders, offer.term.candidate, &Term::candidate);
-        const auto index = at - contenders.begin();
-        if (index >= static_cast<long>(terms.size()))
-          stand_for[i].push_back(static_cast<int>(index));
-        if (at == contenders.end()) contenders.push_back(offer.term);
-      }
+      const std::vector<Term> rest = without(terms, i);
+      for (std::size_t c = terms.size(); c < contenders.size(); ++c)
+        if (search_.replaced_share(terms[i], contenders[c], rest) > kStandsIn)
+          stand_for[i].push_back(static_cast<int>(c));
     }
     const std::vector<HalfChoice> halves =
         choose_on_halves(search_, contenders, options_.accept, options_.seed);
