@@ -57,6 +57,10 @@ class MotionFitter {
   /// many, otherwise independent residuals times what their autocorrelation makes of them.
   void set_covariance(const std::vector<MotionWindow>& windows);
 
+  /// Columns that are fitted: linear parameters of the layout, then their number + index of shapes.
+  const std::vector<int>& free() const { return free_; }
+  /// [J | r] of all windows whose simulation does not blow up, first states eliminated.
+  TriangularFactor factor(const std::vector<MotionWindow>& windows) const;
   /// Simulators at the present point, one a thread.
   Workers workers() const { return workers_at(now_.x, now_.shape, free_); }
   /// The present point.
@@ -88,7 +92,7 @@ class MotionFitter {
   MotionOptions options_;
   VecX<double> start_, start_shape_;
   std::function<bool(int, double)> progress_;
-  std::vector<int> free_;  ///< columns that are fitted: linear ones, then p + index of the shapes
+  std::vector<int> free_;
   MotionFit now_;
 };
 
