@@ -147,7 +147,7 @@ std::vector<WindowScore> BallSearch::scores(const BallSolution& at,
   std::vector<WindowScore> out;
   for (const EffectSpec& c : candidates)
     if (!holds_effect(terms, c))
-      out.push_back({c, 0.0, 0.0, 0.0, {}});
+      out.push_back({.effect = c});
   for (const WindowScore& s : out) terms.push_back(s.effect);
   const BallLayout layout = layout_of(terms);
   VecX<double> p = layout.values();
@@ -184,6 +184,7 @@ std::vector<WindowScore> BallSearch::scores(const BallSolution& at,
     s.lm = std::max(0.0, d.squaredNorm() - (d - g * s.values).squaredNorm());
     s.delta_bic = window_delta_bic(at.cost, std::max(1e-9 * at.cost, at.cost - s.lm), n,
                                    correlated, static_cast<double>(k));
+    s.promise = s.delta_bic;
   }
   std::ranges::stable_sort(out, std::ranges::greater{}, &WindowScore::delta_bic);
   return out;

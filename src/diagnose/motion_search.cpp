@@ -148,7 +148,7 @@ std::vector<WindowScore> MotionSearch::scores(const MotionSolution& at,
   for (const Candidate& c : candidates_) {
     const EffectSpec spec{c.effect.info().name, c.effect.where, {}};
     if (holds_effect(at.terms, spec) || !holds_effect(candidates, spec)) continue;
-    out.push_back({spec, 0.0, -kInfinity, 0.0, VecX<double>::Zero(1)});
+    out.push_back({.effect = spec, .delta_bic = -kInfinity, .promise = -kInfinity});
     for (std::size_t g = 0; g < c.grid.size(); ++g) {
       BoundEffect effect = c.effect;
       c.set(c.grid[g], effect);
@@ -162,7 +162,7 @@ std::vector<WindowScore> MotionSearch::scores(const MotionSolution& at,
     if (progress_ && !progress_("testing", 0)) return {};
     score(at, pass, together, out);
   }
-  std::ranges::stable_sort(out, std::ranges::greater{}, &WindowScore::delta_bic);
+  std::ranges::stable_sort(out, std::ranges::greater{}, &WindowScore::promise);
   return out;
 }
 
@@ -240,11 +240,13 @@ void MotionSearch::score(const MotionSolution& at, const std::vector<Variant>& v
                   .parameter_info[static_cast<std::size_t>(s.index)]
                   .search.empty();
     });
-    const double delta_bic =
-        window_delta_bic(at.cost, at.cost - lm, static_cast<double>(samples_), correlation,
-                         static_cast<double>(left.rows() + shapes));
-    if (!(delta_bic > best.delta_bic)) continue;
-    best.delta_bic = delta_bic;
+    const auto better = [&](double together) {
+      return window_delta_bic(at.cost, at.cost - lm, static_cast<double>(samples_), together,
+                              static_cast<double>(left.rows() + shapes));
+    };
+    if (!(better(correlation) > best.delta_bic)) continue;
+    best.delta_bic = better(correlation);
+    best.promise = better(1.0);  // once it is there, what is left may hang together no more
     best.lm = lm;
     best.values = fit.x;
     best.effect = variants[v].spec;

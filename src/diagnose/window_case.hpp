@@ -16,7 +16,8 @@ namespace diffnea {
 struct WindowScore {
   EffectSpec effect;
   double lm = 0.0;
-  double delta_bic = 0.0;
+  double delta_bic = 0.0;  ///< if what is left hung together as it does without the candidate
+  double promise = 0.0;    ///< ΔBIC that a fit may come to, at most
   double visible_share = 0.0;
   VecX<double> values;  ///< that it would take
 };

@@ -126,7 +126,7 @@ void select_windows(
     windows::Tried<Search> tried;
     for (const WindowScore& s : scores) {
       if (!c.go_on()) break;
-      const bool linear = s.delta_bic >= c.options.accept_delta_bic &&
+      const bool linear = s.promise >= c.options.accept_delta_bic &&
                           static_cast<int>(tried.size()) < windows::kRefitted;
       if (!linear &&
           !(s.visible_share > kAbsorbedMotion && c.search->is_far_from_linear(s.effect)))
