@@ -152,17 +152,25 @@ Finding diagnose_drives(const Model& model, const RecordingSource& train,
                                : std::max<std::size_t>(8, 3 * commanded.size());
   if (c.go_on()) select_windows(c, most);
 
+  // What is left in the end tells how much of it hangs together by itself.
+  const double together = c.search->correlation(c.best);
   for (const WindowScore& s : c.first_scores) {
+    const double better = window_delta_bic(c.base.cost, c.base.cost - s.lm, c.search->samples(),
+                                           together, s.parameters);
+    finding.lack_of_fit_p =
+        std::min(finding.lack_of_fit_p,
+                 static_cast<double>(c.first_scores.size()) *
+                     chi_square_tail(s.lm / together, static_cast<int>(s.parameters)));
     if (s.visible_share < kAbsorbedMotion)
       finding.absorbed.push_back({s.effect.effect, s.effect.where, s.visible_share});
     else
       finding.candidates.push_back(
-          {s.effect.effect, s.effect.where, s.delta_bic, s.lm, s.visible_share, {}});
+          {s.effect.effect, s.effect.where, better, s.lm, s.visible_share, {}});
   }
   const HeldOutChange change = c.search->held_out(c.base, c.best, options.seed);
   const double floor = std::min(1.0, change.after);
   finding.gain = gain_of(change, floor);
-  finding.lack_of_fit = c.base.cost / static_cast<double>(std::max(c.search->samples(), 1L));
+  finding.lack_of_fit = c.base.cost / std::max(c.search->samples(), 1.0);
   for (const EffectSpec& t : c.best.terms) {
     const MotionSolution less = c.search->solve(without_effect(c.best.terms, t), &c.best);
     Cause cause = window_cause(c, t, less);

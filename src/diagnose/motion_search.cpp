@@ -240,13 +240,14 @@ void MotionSearch::score(const MotionSolution& at, const std::vector<Variant>& v
                   .parameter_info[static_cast<std::size_t>(s.index)]
                   .search.empty();
     });
+    const double parameters = static_cast<double>(left.rows() + shapes), n = samples();
     const auto better = [&](double together) {
-      return window_delta_bic(at.cost, at.cost - lm, static_cast<double>(samples_), together,
-                              static_cast<double>(left.rows() + shapes));
+      return window_delta_bic(at.cost, at.cost - lm, n, together, parameters);
     };
     if (!(better(correlation) > best.delta_bic)) continue;
     best.delta_bic = better(correlation);
     best.promise = better(1.0);  // once it is there, what is left may hang together no more
+    best.parameters = parameters;
     best.lm = lm;
     best.values = fit.x;
     best.effect = variants[v].spec;
@@ -276,7 +277,7 @@ double MotionSearch::correlation(const MotionSolution& at) const {
 }
 
 double MotionSearch::delta_bic(const MotionSolution& a, const MotionSolution& b) const {
-  return window_delta_bic(a.cost, b.cost, static_cast<double>(samples_), correlation(b),
+  return window_delta_bic(a.cost, b.cost, samples(), correlation(b),
                           static_cast<double>(free_count(b.layout) - free_count(a.layout)));
 }
 
@@ -366,7 +367,7 @@ double MotionSearch::share_of_motion(double lm) const {
   const VecX<double> size = motion_size(data_.data.train).cwiseQuotient(data_.data.noise.position);
   const double motion = size.norm() / std::sqrt(static_cast<double>(size.size()));
   return motion > 0.0
-             ? std::sqrt(std::max(0.0, lm) / static_cast<double>(samples_)) / motion
+             ? std::sqrt(std::max(0.0, lm) / samples()) / motion
              : 0.0;
 }
 

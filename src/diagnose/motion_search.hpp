@@ -55,7 +55,9 @@ class MotionSearch {
   /// Errors of the held-out positions over their noise, per window (m, n).
   std::vector<RowMatX<double>> held_out_errors(const MotionSolution& at) const;
   /// Positions that are compared, in all windows of the fit.
-  long samples() const { return samples_; }
+  double samples() const { return static_cast<double>(samples_); }
+  /// Positions that count as one, of what a solution leaves.
+  double correlation(const MotionSolution& at) const;
   /// Held-out stretches.
   const std::vector<MotionStretch>& held_out_stretches() const { return held_; }
 
@@ -66,7 +68,6 @@ class MotionSearch {
   MotionProblem problem(const Model& model, const FitLayout& layout) const;
   void score(const MotionSolution& at, const std::vector<Variant>& variants, double correlation,
              std::vector<WindowScore>& out) const;
-  double correlation(const MotionSolution& at) const;
   std::vector<RowMatX<double>> errors(const MotionSolution& at,
                                       const std::vector<MotionStretch>& stretches,
                                       std::vector<MotionWindow> windows, bool fit_states) const;

@@ -18,6 +18,7 @@ struct WindowScore {
   double lm = 0.0;
   double delta_bic = 0.0;  ///< if what is left hung together as it does without the candidate
   double promise = 0.0;    ///< ΔBIC that a fit may come to, at most
+  double parameters = 1.0;  ///< that it adds
   double visible_share = 0.0;
   VecX<double> values;  ///< that it would take
 };
