@@ -37,7 +37,12 @@ ForwardDynamics::ForwardDynamics(ExtendedTree model)
       links_(n_),
       effect_tau_(n_),
       dtau_dq_(n_, n_),
-      dtau_dqd_(n_, n_) {
+      dtau_dqd_(n_, n_),
+      implicit_tau_(n_),
+      still_(VecX<double>::Zero(n_)),
+      solution_(n_),
+      by_qdd_(n_, n_),
+      by_links_(n_, n_) {
   aba_ws_.qdd.resize(n_);
   for (const BoundEffect& e : model_.series)
     throw ModelError("forward dynamics: " + e.info().name + " at '" + e.where +
@@ -62,70 +67,70 @@ void ForwardDynamics::effect_torques(const double* q, const double* qd, int run,
     if (!reads_acceleration(e)) add_torque(e, model_.tree, x, e.parameters.data(), tau);
 }
 
+/// Adds E of one effect at q̈ and at the torque transmitted there, with ∂E/∂q̈ and ∂E/∂τ by Jets:
+/// directions 2i and 2i+1 belong to the effect's i-th joint, all joints at once where uncoupled.
+void ForwardDynamics::add_implicit(const BoundEffect& e, const double* qdd, int run) {
+  const std::vector<int> reads = joints_read(e);
+  const bool coupled = e.info().place == Place::kJointPair || reads != e.joints;
+  for (int j = 0; j < n_; ++j) {
+    qdd_[j] = JetD(qdd[j]);
+    links_[j] = JetD(transmitted_[j]);
+  }
+  for (std::size_t i = 0; i < reads.size(); ++i) {
+    const long slot = coupled ? 2 * static_cast<long>(i) : 0;
+    qdd_[reads[i]].v[slot] = 1.0;
+    links_[reads[i]].v[slot + 1] = 1.0;
+  }
+  std::fill(effect_tau_.begin(), effect_tau_.end(), JetD(0.0));
+  parameters_.clear();
+  for (const double p : e.parameters) parameters_.emplace_back(p);
+  const JointSample<JetD> x{time_,       run,           q_.data(), qd_.data(),
+                            qdd_.data(), links_.data(), command_};
+  add_torque(e, x, parameters_.data(), effect_tau_.data());
+  for (std::size_t i = 0; i < e.joints.size(); ++i) {
+    const int row = e.joints[i];
+    implicit_tau_[row] += effect_tau_[row].a;
+    for (std::size_t k = 0; k < reads.size(); ++k) {
+      if (!coupled && k != i) continue;
+      const long slot = coupled ? 2 * static_cast<long>(k) : 0;
+      by_qdd_(row, reads[k]) += effect_tau_[row].v[slot];
+      by_links_(row, reads[k]) += effect_tau_[row].v[slot + 1];
+    }
+  }
+}
+
 /// M q̈ + c + E(q̈) = u by Newton's method, from the q̈ without the implicit effects E. E is linear in
 /// q̈ and in the transmitted torque but for the signs of load friction, so two or three steps end
-/// it.
+/// it. Leaves E, its slopes and S.
 /// @param tau  what reaches the links less the explicit effects, (n)
 void ForwardDynamics::solve_implicit(const double* q, const double* qd, const VecX<double>& tau,
                                      int run, double* qdd) {
   const Eigen::Map<const VecX<double>> q_map(q, n_), qd_map(qd, n_);
-  const MatX<double> M = mass_matrix<double, double>(model_.tree, q_map, mass_ws_);
-  const VecX<double> bias =
-      rnea<double, double>(model_.tree, q_map, qd_map, VecX<double>::Zero(n_), rnea_ws_);
-  MatX<double> M_links = M;
-  for (int j = 0; j < n_; ++j) M_links(j, j) -= model_.tree.armature(j);
-  const VecX<double> free = tau - bias;
+  mass_ = mass_matrix<double, double>(model_.tree, q_map, mass_ws_);
+  bias_ = rnea<double, double>(model_.tree, q_map, qd_map, still_, rnea_ws_);
+  links_mass_ = mass_;
+  for (int j = 0; j < n_; ++j) links_mass_(j, j) -= model_.tree.armature(j);
+  free_ = tau - bias_;
   Eigen::Map<VecX<double>> a(qdd, n_);
-  a = M.llt().solve(free);
+  a = mass_.llt().solve(free_);
   for (int j = 0; j < n_; ++j) {
     q_[j] = JetD(q[j]);
     qd_[j] = JetD(qd[j]);
   }
-  // ∂E/∂q̈ and ∂E/∂τ by Jets, as in linearise(): directions 2i and 2i+1 belong to the effect's i-th
-  // joint, all joints at once where uncoupled.
-  MatX<double> by_qdd(n_, n_), by_links(n_, n_);
-  VecX<double> effects(n_);
-  const auto differentiate = [&](const BoundEffect& e, const VecX<double>& links) {
-    const std::vector<int> reads = joints_read(e);
-    const bool coupled = e.info().place == Place::kJointPair || reads != e.joints;
-    for (int j = 0; j < n_; ++j) {
-      qdd_[j] = JetD(a[j]);
-      links_[j] = JetD(links[j]);
-    }
-    for (std::size_t i = 0; i < reads.size(); ++i) {
-      const long slot = coupled ? 2 * static_cast<long>(i) : 0;
-      qdd_[reads[i]].v[slot] = 1.0;
-      links_[reads[i]].v[slot + 1] = 1.0;
-    }
-    std::fill(effect_tau_.begin(), effect_tau_.end(), JetD(0.0));
-    parameters_.clear();
-    for (const double p : e.parameters) parameters_.emplace_back(p);
-    const JointSample<JetD> x{time_,       run,           q_.data(), qd_.data(),
-                              qdd_.data(), links_.data(), command_};
-    add_torque(e, x, parameters_.data(), effect_tau_.data());
-    for (std::size_t i = 0; i < e.joints.size(); ++i) {
-      const int row = e.joints[i];
-      effects[row] += effect_tau_[row].a;
-      for (std::size_t k = 0; k < reads.size(); ++k) {
-        if (!coupled && k != i) continue;
-        const long slot = coupled ? 2 * static_cast<long>(k) : 0;
-        by_qdd(row, reads[k]) += effect_tau_[row].v[slot];
-        by_links(row, reads[k]) += effect_tau_[row].v[slot + 1];
-      }
-    }
-  };
   for (int step = 0; step < 20; ++step) {
-    const VecX<double> links = M_links * a + bias;
-    effects.setZero();
-    by_qdd.setZero();
-    by_links.setZero();
-    for (const BoundEffect& e : implicit_) differentiate(e, links);
-    const VecX<double> off = M * a + effects.cwiseQuotient(gains_) - free;
-    if (!(off.cwiseAbs().maxCoeff() > 1e-10 * (1.0 + free.cwiseAbs().maxCoeff()))) break;
-    MatX<double> slope = by_qdd;
-    slope.noalias() += by_links * M_links;
-    slope = M + gains_.cwiseInverse().asDiagonal() * slope;
-    a -= slope.partialPivLu().solve(off);
+    transmitted_ = bias_;
+    transmitted_.noalias() += links_mass_ * a;
+    implicit_tau_.setZero();
+    by_qdd_.setZero();
+    by_links_.setZero();
+    for (const BoundEffect& e : implicit_) add_implicit(e, qdd, run);
+    slope_ = by_qdd_;
+    slope_.noalias() += by_links_ * links_mass_;
+    slope_ = mass_ + gains_.cwiseInverse().asDiagonal() * slope_;
+    off_ = implicit_tau_.cwiseQuotient(gains_) - free_;
+    off_.noalias() += mass_ * a;
+    if (!(off_.cwiseAbs().maxCoeff() > 1e-10 * (1.0 + free_.cwiseAbs().maxCoeff()))) break;
+    a -= slope_.partialPivLu().solve(off_);
   }
 }
 
@@ -142,7 +147,7 @@ void ForwardDynamics::acceleration(const double* q, const double* qd, const doub
 
 void ForwardDynamics::linearise(const double* q, const double* qd, const double* u, int run) {
   for (const BoundEffect& e : model_.effects)
-    if (reads_acceleration(e) || reads_time(e) || e.info().port == Port::kLinkForce)
+    if (reads_time(e) || e.info().port == Port::kLinkForce)
       throw ModelError(
           "forward dynamics: " + e.info().name + " at '" + e.where +
           "' has no derivatives here, so the motion loss cannot have it; the inverse loss "
@@ -151,6 +156,14 @@ void ForwardDynamics::linearise(const double* q, const double* qd, const double*
   effect_torques(q, qd, run, tau_.data());
   for (int j = 0; j < n_; ++j) tau_[j] = (u[j] - tau_[j]) / gains_[j];
   const Eigen::Map<const VecX<double>> q_map(q, n_), qd_map(qd, n_);
+  if (is_implicit()) {
+    solve_implicit(q, qd, tau_, run, solution_.data());
+    tau_ -= implicit_tau_.cwiseQuotient(gains_);
+    for (int j = 0; j < n_; ++j) {
+      qdd_[j] = JetD(solution_[j]);
+      links_[j] = JetD(transmitted_[j]);
+    }
+  }
   aba_derivatives(model_.tree, q_map, qd_map, tau_, aba_);
 
   // ∂τ_effects/∂(q, q̇) by Jets. A joint's torque depends on that joint alone, or on the few an
@@ -173,8 +186,8 @@ void ForwardDynamics::linearise(const double* q, const double* qd, const double*
     std::fill(effect_tau_.begin(), effect_tau_.end(), JetD(0.0));
     parameters_.clear();
     for (const double p : e.parameters) parameters_.emplace_back(p);
-    const JointSample<JetD> x{time_,      run,        q_.data(), qd_.data(),
-                              qd_.data(), qd_.data(), command_};
+    const JointSample<JetD> x{time_,       run,           q_.data(), qd_.data(),
+                              qdd_.data(), links_.data(), command_};
     add_torque(e, x, parameters_.data(), effect_tau_.data());
     for (std::size_t i = 0; i < e.joints.size(); ++i) {
       const int row = e.joints[i];
@@ -192,8 +205,19 @@ void ForwardDynamics::linearise(const double* q, const double* qd, const double*
   }
   dtau_dq_ = gains_.cwiseInverse().asDiagonal() * dtau_dq_;
   dtau_dqd_ = gains_.cwiseInverse().asDiagonal() * dtau_dqd_;
-  aba_.dqdd_dq.noalias() -= aba_.dqdd_dtau * dtau_dq_;
-  aba_.dqdd_dqd.noalias() -= aba_.dqdd_dtau * dtau_dqd_;
+  if (!is_implicit()) {
+    aba_.dqdd_dq.noalias() -= aba_.dqdd_dtau * dtau_dq_;
+    aba_.dqdd_dqd.noalias() -= aba_.dqdd_dtau * dtau_dqd_;
+    return;
+  }
+  // S ∂q̈ = −(1 + ∂E/∂τ) ∂(M q̈ + c) − ∂E, the latter two at this q̈.
+  link_share_ = gains_.cwiseInverse().asDiagonal() * by_links_;
+  link_share_.diagonal().array() += 1.0;
+  aba_.dqdd_dtau = slope_.partialPivLu().inverse();
+  dtau_dq_.noalias() += link_share_ * aba_.dtau_dq;
+  dtau_dqd_.noalias() += link_share_ * aba_.dtau_dqd;
+  aba_.dqdd_dq.noalias() = -aba_.dqdd_dtau * dtau_dq_;
+  aba_.dqdd_dqd.noalias() = -aba_.dqdd_dtau * dtau_dqd_;
 }
 
 }  // namespace diffnea

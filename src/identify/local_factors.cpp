@@ -21,6 +21,8 @@ std::vector<JointFactor> local_factors(const Model& model, const FitLayout& layo
   }
   RegressorWorkspace<double, double> ws;
   RowMatX<double> Y(n, p + 1);
+  const VecX<double> prior = layout.prior();
+  VecX<double> transmitted(n);
   std::vector<double> scratch;
   std::shared_ptr<const CommandPath> told;  // commands of the run
   CommandPath led;                          // these, as the drives lead them
@@ -42,20 +44,25 @@ std::vector<JointFactor> local_factors(const Model& model, const FitLayout& layo
     x.run = s.run;
     x.q = at.q.data();
     x.qd = at.qd.data();
-    x.qdd = x.tau = at.qdd.data();
+    const auto is_absent = [&](const FitParameter& def) {
+      return def.effect >= 0 && !layout.effects[static_cast<std::size_t>(def.effect)].acts_in(s.run);
+    };
+    for (long c = 0; c < p; ++c) {
+      const FitParameter& def = layout.linear[static_cast<std::size_t>(c)];
+      if (def.theta < 0 || is_absent(def)) continue;
+      const int link = def.effect < 0
+                           ? def.dof
+                           : layout.effects[static_cast<std::size_t>(def.effect)].links.at(0);
+      Y.col(c) = links.col(kThetaSize * link + def.theta);
+    }
+    transmitted = Y.leftCols(p) * prior;  // nothing but links so far
+    x.qdd = at.qdd.data();
+    x.tau = transmitted.data();
     std::vector<std::size_t> next(layout.effects.size(), 0);  // linear parameter of each effect
     for (long c = 0; c < p; ++c) {
       const FitParameter& def = layout.linear[static_cast<std::size_t>(c)];
-      if (def.effect < 0) {
-        Y.col(c) = links.col(kThetaSize * def.dof + def.theta);
-        continue;
-      }
+      if (def.theta >= 0 || is_absent(def)) continue;
       const BoundEffect& e = layout.effects[static_cast<std::size_t>(def.effect)];
-      if (!e.acts_in(s.run)) continue;
-      if (e.info().port == Port::kModelParameter) {
-        Y.col(c) = links.col(kThetaSize * e.links.at(0) + def.theta);
-        continue;
-      }
       const std::size_t k = next[static_cast<std::size_t>(def.effect)]++;
       scratch.resize(e.linear_parameters().size() * static_cast<std::size_t>(n));
       linear_columns(e, x, scratch.data());

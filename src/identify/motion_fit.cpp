@@ -320,6 +320,7 @@ double MotionFitter::misfit() const {
 void MotionFitter::step(const VecX<double>& d, double damping, VecX<double>& x,
                         VecX<double>& shape) const {
   constexpr double kLongest = 0.7;  // step of a shape: a factor of two, or 0.7 rad or m
+  constexpr double kInside = 0.01;  // of a scale: where the search for a step begins, off the bound
   const FitLayout& layout = problem_.layout;
   const long p = static_cast<long>(layout.linear.size());
   const long columns = p + static_cast<long>(layout.shape.size()), f = now_.R.rows();
@@ -332,6 +333,11 @@ void MotionFitter::step(const VecX<double>& d, double damping, VecX<double>& x,
   for (long c = 0; c < columns; ++c) problem.start[c] = coordinate(c, now_.x, now_.shape);
   problem.bodies = layout.bodies();
   problem.prior_information = MatX<double>::Zero(columns, columns);
+  const auto nonnegative = [&](long c) {  // a logarithm is free
+    if (c < p) return layout.linear[static_cast<std::size_t>(c)].sign != Sign::kFree;
+    const FitParameter& def = layout.shape[static_cast<std::size_t>(c - p)];
+    return def.sign != Sign::kFree && !def.logarithmic;
+  };
   std::vector<char> is_free(static_cast<std::size_t>(columns), 0);
   for (const int c : free_) {
     is_free[static_cast<std::size_t>(c)] = 1;
@@ -346,18 +352,21 @@ void MotionFitter::step(const VecX<double>& d, double damping, VecX<double>& x,
     problem.prior_information(c, c) = damping * curvature;
     if (is_free[static_cast<std::size_t>(c)] == 0)
       problem.fixed.push_back(static_cast<int>(c));
-    else if (c < p && layout.linear[static_cast<std::size_t>(c)].sign != Sign::kFree)
+    else if (nonnegative(c))
       problem.nonnegative.push_back(static_cast<int>(c));
+    if (nonnegative(c)) problem.start[c] = std::max(problem.start[c], kInside * scale_of(c));
   }
-  const VecX<double> out = solve_convex_fit(problem).x;
-  x = out.head(p);
+  VecX<double> move = solve_convex_fit(problem).x;
+  for (long c = 0; c < columns; ++c) move[c] -= coordinate(c, now_.x, now_.shape);
+  // Shorter as a whole: a part of it alone would leave the descent's direction.
+  const double longest = p < columns ? move.tail(columns - p).cwiseAbs().maxCoeff() : 0.0;
+  if (longest > kLongest) move *= kLongest / longest;
+  x = now_.x + move.head(p);
   shape = now_.shape;
   for (long s = 0; s < shape.size(); ++s) {
     if (is_free[static_cast<std::size_t>(p + s)] == 0) continue;
-    const FitParameter& def = layout.shape[static_cast<std::size_t>(s)];
-    const double move = std::clamp(out[p + s] - problem.start[p + s], -kLongest, kLongest);
-    shape[s] = def.logarithmic ? shape[s] * std::exp(move) : shape[s] + move;
-    if (!def.logarithmic && def.sign != Sign::kFree) shape[s] = std::max(shape[s], 0.0);
+    const bool logarithmic = layout.shape[static_cast<std::size_t>(s)].logarithmic;
+    shape[s] = logarithmic ? shape[s] * std::exp(move[p + s]) : shape[s] + move[p + s];
   }
 }
 

@@ -8,10 +8,11 @@ MotionPath::MotionPath(ExtendedTree model, const SteppingOptions& options)
     : options_(options), dynamics_(std::move(model)), n_(dynamics_.num_dofs()) {
   for (const BoundEffect& e : dynamics_.model().effects)
     dry_ = dry_ || e.info().reads != Reads::kNothing;
-  damping_ = moving_ = resting_ = probe_ = still_ = VecX<double>::Zero(n_);
+  damping_ = moving_ = resting_ = probe_ = still_ = qdd_ = VecX<double>::Zero(n_);
 }
 
-/// Torques of the effects of one instant, over the gains.
+/// Torques of the effects of one instant, over the gains; of those that read q̈ or the transmitted
+/// torque, at the present ones.
 void MotionPath::friction(const double* q, const double* qd, int run, VecX<double>& tau) {
   tau.setZero();
   JointSample<double> x;
@@ -20,10 +21,10 @@ void MotionPath::friction(const double* q, const double* qd, int run, VecX<doubl
   x.command = dynamics_.command();
   x.q = q;
   x.qd = qd;
-  x.qdd = x.tau = q;  // unread: what reads them is left out
+  x.qdd = qdd_.data();
+  x.tau = dynamics_.is_implicit() ? dynamics_.transmitted().data() : q;  // else unread
   for (const BoundEffect& e : dynamics_.model().effects)
-    if (!reads_acceleration(e))
-      add_torque(e, dynamics_.model().tree, x, e.parameters.data(), tau.data());
+    add_torque(e, dynamics_.model().tree, x, e.parameters.data(), tau.data());
   tau.array() /= dynamics_.gains().array();
 }
 
@@ -52,12 +53,13 @@ double MotionPath::finest_rate(const MotionStretch& stretch, const MotionWindow&
 }
 
 /// Rate at which friction brakes the joints here [1/s]; leaves mass matrix and D.
-double MotionPath::friction_rate(const MatX<double>& A, int run) {
+double MotionPath::friction_rate(const MatX<double>& A, const VecX<double>& u, int run) {
   constexpr double kSlow = 1e-6;  // [rad/s] or [m/s]: a secant from there is the slope at rest
   const double* q = A.data();
   const double* qd = A.data() + n_;
   for (int j = 0; j < n_; ++j)
     probe_[j] = std::abs(qd[j]) > kSlow ? qd[j] : std::copysign(kSlow, qd[j]);
+  if (dynamics_.is_implicit()) dynamics_.acceleration(q, qd, u.data(), run, qdd_.data());
   friction(q, probe_.data(), run, moving_);
   friction(q, still_.data(), run, resting_);
   damping_ = (moving_ - resting_).cwiseQuotient(probe_).cwiseMax(0.0);

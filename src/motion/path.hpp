@@ -47,14 +47,18 @@ class MotionPath {
       const double h = stretch.time[row + 1] - stretch.time[row];
       // Even steps, wherever the joints are, keep what is simulated a smooth function of them.
       const double even = finest > 0.0 ? options_.max_step / finest : h;
-      const bool steep = h > kMostEven * even;
+      // Friction that follows the load has no rate that holds for all of a window.
+      const bool steep = h > kMostEven * even || dynamics_.is_implicit();
       const double longest = std::min({longest_, h, steep ? h : even});
-      const auto f = [&](double t, const MatX<double>& at, MatX<double>& d) {
+      const auto enter = [&](double t) {
         const double a = t / h;
         dynamics_.set_time(stretch.time[row] + t);
         u_ = ((1 - a) * stretch.u.row(static_cast<long>(row)) +
               a * stretch.u_end.row(static_cast<long>(row)))
                  .transpose();
+      };
+      const auto f = [&](double t, const MatX<double>& at, MatX<double>& d) {
+        enter(t);
         slope(u_, at, d);
       };
       for (double t = 0.0; t < h * (1.0 - 1e-12);) {
@@ -62,8 +66,8 @@ class MotionPath {
         double step = (h - t) / std::ceil((h - t) / longest * (1.0 - 1e-12));
         bool stiff = false;
         if (steep) {
-          dynamics_.set_time(stretch.time[row] + t);
-          const double rate = friction_rate(A, stretch.run);
+          enter(t);
+          const double rate = friction_rate(A, u_, stretch.run);
           if (step * rate > kStops) {
             stiff = kStops < kFinest * h * rate;
             step = stiff ? std::min(step, h * kStiff) : kStops / rate;
@@ -112,7 +116,7 @@ class MotionPath {
   /// Commands of the run as the model's drives lead them; null if there are none.
   const CommandPath* led(const std::shared_ptr<const CommandPath>& command);
   double finest_rate(const MotionStretch& stretch, const MotionWindow& window);
-  double friction_rate(const MatX<double>& A, int run);
+  double friction_rate(const MatX<double>& A, const VecX<double>& u, int run);
   void friction(const double* q, const double* qd, int run, VecX<double>& tau);
 
   template <class Slope>
@@ -145,7 +149,7 @@ class MotionPath {
   Eigen::LLT<MatX<double>> factor_;
   std::shared_ptr<const CommandPath> told_;  ///< commands that `led_` is of
   CommandPath led_;
-  VecX<double> u_, damping_, moving_, resting_, probe_, still_;
+  VecX<double> u_, damping_, moving_, resting_, probe_, still_, qdd_;
 };
 
 }  // namespace diffnea

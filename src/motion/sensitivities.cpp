@@ -54,6 +54,7 @@ JointWindows::JointWindows(std::vector<ModelOfRuns> models, std::vector<BoundEff
   jet_q_.resize(n);
   jet_qd_.resize(n);
   jet_qdd_.resize(n);
+  jet_load_.resize(n);
   jet_tau_.resize(n);
 }
 
@@ -169,7 +170,7 @@ void JointWindows::slope(int run, const VecX<double>& u, const MatX<double>& A, 
   dA.col(0).tail(n_) = dynamics.qdd();
 }
 
-/// C = ∂τ/∂x at q̈, at the links (armature and friction over 1 + ε): ∂q̈/∂x = −M⁻¹ C.
+/// C = ∂τ/∂x at q̈, at the links (armature and friction over 1 + ε): ∂q̈/∂x = −M⁻¹ C, or −S⁻¹ C.
 void JointWindows::columns(int run, const MatX<double>& A) {
   C_.setZero(n_, f_);
   if (f_ == 0) return;
@@ -183,6 +184,7 @@ void JointWindows::columns(int run, const MatX<double>& A) {
     for (const OfLink& of : of_link_)
       if (of.effect < 0 || acting_[static_cast<std::size_t>(of.effect)] != 0)
         C_.col(of.free) = Y.col(of.column);
+    if (dynamics.is_implicit()) C_ = (dynamics.link_share() * C_).eval();
   }
   JointSample<double> x;
   x.time = dynamics.time();
@@ -191,7 +193,7 @@ void JointWindows::columns(int run, const MatX<double>& A) {
   x.q = q_.data();
   x.qd = qd_.data();
   x.qdd = qdd.data();
-  x.tau = qdd.data();
+  x.tau = dynamics.is_implicit() ? dynamics.transmitted().data() : qdd.data();  // else unread
   for (std::size_t e = 0; e < effects_.size(); ++e) {
     const OfEffect& of = of_effect_[e];
     if (acting_[e] == 0) continue;
@@ -209,6 +211,7 @@ void JointWindows::columns(int run, const MatX<double>& A) {
       jet_q_[j] = JetD(q_[static_cast<long>(j)]);
       jet_qd_[j] = JetD(qd_[static_cast<long>(j)]);
       jet_qdd_[j] = JetD(qdd[static_cast<long>(j)]);
+      jet_load_[j] = JetD(x.tau[j]);
     }
     jet_p_.clear();
     for (const double p : effects_[e].parameters) jet_p_.emplace_back(p);
@@ -218,15 +221,25 @@ void JointWindows::columns(int run, const MatX<double>& A) {
     jets.run = run;
     jets.q = jet_q_.data();
     jets.qd = jet_qd_.data();
-    jets.qdd = jets.tau = jet_qdd_.data();
-    // Directions of a Jet are fewer than a table has shapes: one after the other.
-    for (const auto& [index, k] : of.shapes) {
-      JetD& p = jet_p_[static_cast<std::size_t>(index)];
-      p.v[0] = logarithmic_[static_cast<std::size_t>(k)] != 0 ? p.a : 1.0;
+    jets.qdd = jet_qdd_.data();
+    jets.tau = jet_load_.data();
+    // Directions of a Jet may be fewer than a table has shapes.
+    for (std::size_t first = 0; first < of.shapes.size(); first += kJetWidth) {
+      const std::size_t count = std::min<std::size_t>(of.shapes.size() - first, kJetWidth);
+      for (std::size_t i = 0; i < count; ++i) {
+        const auto& [index, k] = of.shapes[first + i];
+        JetD& p = jet_p_[static_cast<std::size_t>(index)];
+        p.v.setZero();
+        p.v[static_cast<long>(i)] = logarithmic_[static_cast<std::size_t>(k)] != 0 ? p.a : 1.0;
+      }
       std::ranges::fill(jet_tau_, JetD(0.0));
       add_torque(effects_[e], jets, jet_p_.data(), jet_tau_.data());
-      p.v.setZero();
-      for (int j = 0; j < n_; ++j) C_(j, k) = jet_tau_[static_cast<std::size_t>(j)].v[0] / gains[j];
+      for (std::size_t i = 0; i < count; ++i) {
+        const auto& [index, k] = of.shapes[first + i];
+        jet_p_[static_cast<std::size_t>(index)].v.setZero();
+        for (int j = 0; j < n_; ++j)
+          C_(j, k) = jet_tau_[static_cast<std::size_t>(j)].v[static_cast<long>(i)] / gains[j];
+      }
     }
   }
 }

@@ -89,7 +89,7 @@ class JointWindows : public WindowSimulator {
   VecX<double> q_, qd_;
   RowMatX<double> block_;
   std::vector<double> scratch_;
-  std::vector<JetD> jet_q_, jet_qd_, jet_qdd_, jet_p_, jet_tau_;
+  std::vector<JetD> jet_q_, jet_qd_, jet_qdd_, jet_load_, jet_p_, jet_tau_;
 };
 
 }  // namespace diffnea

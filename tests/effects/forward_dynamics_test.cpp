@@ -37,6 +37,18 @@ Model calibrated() {
   return m;
 }
 
+/// Friction that follows the load, at a joint with rotor and gain and one without a rotor.
+Model loaded() {
+  Model m = calibrated();
+  m.effects.push_back({"load_friction",
+                       "joint2",
+                       {{"mu", 0.1, ""}, {"braking_ratio", 0.6, ""}, {"smoothing", 0.5, ""}}});
+  m.effects.push_back({"load_friction",
+                       "joint3",
+                       {{"mu", 0.3, ""}, {"braking_ratio", 0.4, ""}, {"smoothing", 0.5, ""}}});
+  return m;
+}
+
 VecX<double> draw(Rng& rng, double size) {
   VecX<double> out(kJoints);
   for (double& x : out) x = rng.uniform(-size, size);
@@ -61,11 +73,8 @@ VecX<double> acceleration(ForwardDynamics& dynamics, const State& s) {
 
 TEST_CASE("forward dynamics: inverse dynamics gives the recorded torque back", "[dynamics]") {
   const unsigned seed = GENERATE(range(0u, 5u));
-  const bool loaded = GENERATE(false, true);
-  CAPTURE(seed, loaded);
-  Model model = calibrated();
-  if (loaded)  // reads the transmitted torque, hence an equation for the acceleration
-    model.effects.push_back({"load_friction", "joint2", {{"mu", 0.1, ""}, {"smoothing", 0.5, ""}}});
+  const Model model = GENERATE(true, false) ? calibrated() : loaded();
+  CAPTURE(seed, model.effects.size());
   ForwardDynamics dynamics(extend(model));
   const State s = draw_state(seed);
   const VecX<double> qdd = acceleration(dynamics, s);
@@ -74,33 +83,39 @@ TEST_CASE("forward dynamics: inverse dynamics gives the recorded torque back", "
   CHECK((tau.row(0).transpose() - s.u).cwiseAbs().maxCoeff() < kInverseTol);
 }
 
-TEST_CASE("forward dynamics: derivatives with a torque gain match central differences",
+TEST_CASE("forward dynamics: derivatives match central differences, with gains and with load",
           "[dynamics]") {
-  const unsigned seed = GENERATE(range(0u, 5u));
-  CAPTURE(seed);
-  ForwardDynamics dynamics(extend(calibrated()));
-  const State s = draw_state(seed);
-  dynamics.linearise(s.q.data(), s.qd.data(), s.u.data(), 0);
-  const RowMatX<double> dq = dynamics.dqdd_dq(), dqd = dynamics.dqdd_dqd();
-  const RowMatX<double> du =
-      dynamics.inverse_mass_matrix() * dynamics.gains().cwiseInverse().asDiagonal();
-  CHECK((dynamics.qdd() - acceleration(dynamics, s)).norm() < kInverseTol);
-  const auto check = [&](VecX<double> State::* x, const RowMatX<double>& derivative) {
-    constexpr double kStep = 1e-6;
-    for (int k = 0; k < kJoints; ++k) {
-      State up = s, down = s;
-      (up.*x)[k] += kStep;
-      (down.*x)[k] -= kStep;
-      const VecX<double> difference =
-          (acceleration(dynamics, up) - acceleration(dynamics, down)) / (2.0 * kStep);
-      CAPTURE(k);
-      CHECK((difference - derivative.col(k)).cwiseAbs().maxCoeff() <
-            kDifferenceTol * (1.0 + derivative.col(k).cwiseAbs().maxCoeff()));
-    }
-  };
-  check(&State::q, dq);
-  check(&State::qd, dqd);
-  check(&State::u, du);
+  const bool follows_load = GENERATE(false, true);
+  int motoring = 0, braking = 0;  // joints with load friction, states of these kinds
+  for (unsigned seed = 0; seed < 5; ++seed) {
+    CAPTURE(follows_load, seed);
+    ForwardDynamics dynamics(extend(follows_load ? loaded() : calibrated()));
+    const State s = draw_state(seed);
+    dynamics.linearise(s.q.data(), s.qd.data(), s.u.data(), 0);
+    const RowMatX<double> dq = dynamics.dqdd_dq(), dqd = dynamics.dqdd_dqd();
+    const RowMatX<double> du =
+        dynamics.inverse_mass_matrix() * dynamics.gains().cwiseInverse().asDiagonal();
+    CHECK((dynamics.qdd() - acceleration(dynamics, s)).norm() < kInverseTol);
+    if (follows_load)
+      for (const int j : {1, 2}) ++(dynamics.transmitted()[j] * s.qd[j] > 0.0 ? motoring : braking);
+    const auto check = [&](VecX<double> State::* x, const RowMatX<double>& derivative) {
+      constexpr double kStep = 1e-6;
+      for (int k = 0; k < kJoints; ++k) {
+        State up = s, down = s;
+        (up.*x)[k] += kStep;
+        (down.*x)[k] -= kStep;
+        const VecX<double> difference =
+            (acceleration(dynamics, up) - acceleration(dynamics, down)) / (2.0 * kStep);
+        CAPTURE(k);
+        CHECK((difference - derivative.col(k)).cwiseAbs().maxCoeff() <
+              kDifferenceTol * (1.0 + derivative.col(k).cwiseAbs().maxCoeff()));
+      }
+    };
+    check(&State::q, dq);
+    check(&State::qd, dqd);
+    check(&State::u, du);
+  }
+  CHECK((!follows_load || (motoring > 0 && braking > 0)));
 }
 
 TEST_CASE("forward dynamics: a gain that turns the torque around is refused", "[dynamics]") {

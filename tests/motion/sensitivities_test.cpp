@@ -47,6 +47,29 @@ MotionStretch stretch_of(const Model& model) {
   return motion_stretches(r, sensor_noise({r}, {false, false}), {false, false}).at(0);
 }
 
+/// Compares the rows that a simulator gives, by their Gram matrix, with residuals moved by ±1e-5.
+/// @param moved  moved(column, by): residuals with one of the columns moved; column −1: none
+template <class Moved>
+void check_rows(const TriangularFactor& rows, int columns, const Moved& moved) {
+  const VecX<double> at = moved(-1, 0.0);
+  MatX<double> J(at.size(), columns + 1);
+  for (int c = 0; c < columns; ++c) J.col(c) = (moved(c, 1e-5) - moved(c, -1e-5)) / 2e-5;
+  J.col(columns) = at;
+  MatX<double> R = MatX<double>::Zero(columns + 1, columns + 1);
+  R.topLeftCorner(columns, columns) = rows.R();
+  R.topRightCorner(columns, 1) = rows.d();
+  R(columns, columns) = std::sqrt(rows.residual_sum_of_squares());
+  const MatX<double> gram = R.transpose() * R, expected = J.transpose() * J;
+  /// Central difference, h = 1e-5: h² of the third derivative, 1e-7 of a column (observed).
+  constexpr double kTol = 1e-5;
+  for (int i = 0; i <= columns; ++i)
+    for (int k = 0; k <= columns; ++k) {
+      CAPTURE(i, k);
+      CHECK(std::abs(gram(i, k) - expected(i, k)) <
+            kTol * std::sqrt(expected(i, i) * expected(k, k)));
+    }
+}
+
 /// Residuals of a window, one after the other.
 VecX<double> residuals(const Model& model, const MotionStretch& s, const MotionWindow& w) {
   JointWindows simulator(extend(model), bound(model), {}, {});
@@ -71,11 +94,10 @@ TEST_CASE("sensitivities: first state, inertia, friction and its shape, by centr
   JointWindows simulator(extend(model), bound(model), free, {});
   TriangularFactor rows(9);
   REQUIRE(simulator.linearise(s, w, VecX<double>::Ones(2), rows));
-  MatX<double> J(2 * w.rows, 10);
-  const auto moved = [&](int column, double by) {
+  check_rows(rows, 9, [&](int column, double by) {
     Model m = model;
     MotionWindow at = w;
-    if (column < 4) at.state[column] += by;
+    if (column >= 0 && column < 4) at.state[column] += by;
     ModelLink& lower = m.links[static_cast<std::size_t>(moving_links(m)[1])];
     if (column == 4) lower.inertia.m += by;
     if (column == 5) lower.inertia.h.z += by;
@@ -83,24 +105,82 @@ TEST_CASE("sensitivities: first state, inertia, friction and its shape, by centr
     if (column == 7) m.effects[0].parameters[1].value *= std::exp(by);
     if (column == 8) m.effects[3].parameters[0].value += by;
     return residuals(m, s, at);
-  };
-  for (int c = 0; c < 9; ++c) J.col(c) = (moved(c, 1e-5) - moved(c, -1e-5)) / 2e-5;
-  J.col(9) = residuals(model, s, w);
-  // The factor is of the same rows: Gram matrices are equal.
-  MatX<double> R(10, 10);
-  R.setZero();
-  R.topLeftCorner(9, 9) = rows.R();
-  R.topRightCorner(9, 1) = rows.d();
-  R(9, 9) = std::sqrt(rows.residual_sum_of_squares());
-  const MatX<double> gram = R.transpose() * R, expected = J.transpose() * J;
-  /// Central difference, h = 1e-5: h² of the third derivative, 1e-7 of a column (observed).
-  constexpr double kTol = 1e-5;
-  for (int i = 0; i < 10; ++i)
-    for (int k = 0; k < 10; ++k) {
-      CAPTURE(i, k);
-      CHECK(std::abs(gram(i, k) - expected(i, k)) <
-            kTol * std::sqrt(expected(i, i) * expected(k, k)));
-    }
+  });
+}
+
+TEST_CASE("sensitivities: a servo whose friction follows its load, by central differences",
+          "[motion]") {
+  Model model = test::swing_model();
+  const std::string joint = "pendulum";
+  model.effects = {{"position_servo", joint, {{"stiffness", 3.0, ""}, {"damping", 0.1, ""}}},
+                   {"load_friction",
+                    joint,
+                    {{"mu", 0.3, ""}, {"braking_ratio", 0.6, ""}, {"smoothing", 0.5, ""}}},
+                   {"armature", joint, {{"armature", 0.004, ""}}}};
+  MotionStretch s;
+  const long n = 200;
+  RowMatX<double> command(n, 1);
+  for (long k = 0; k < n; ++k) {
+    const double t = 0.01 * static_cast<double>(k);
+    s.time.push_back(t);
+    command(k, 0) = std::sin(4.0 * t * t);
+  }
+  s.q = RowMatX<double>::Zero(n, 1);
+  s.u = s.u_end = RowMatX<double>::Zero(n, 1);
+  s.command = std::make_shared<const CommandPath>(s.time, command, VecX<double>::Ones(1));
+  MotionWindow w{0, 0, n, VecX<double>(2)};
+  w.state << 0.2, -0.3;
+  const std::vector<MotionParameter> free{{.dof = 0, .theta = 0},
+                                          {.dof = 0, .theta = 3},
+                                          {.effect = 0, .index = 0},
+                                          {.effect = 1, .index = 0},
+                                          {.effect = 1, .index = 1, .logarithmic = true},
+                                          {.effect = 1, .index = 2, .logarithmic = true},
+                                          {.effect = 2, .index = 0}};
+  JointWindows simulator(extend(model), bound(model), free, {});
+  TriangularFactor rows(9);
+  REQUIRE(simulator.linearise(s, w, VecX<double>::Ones(1), rows));
+  check_rows(rows, 9, [&](int column, double by) {
+    Model m = model;
+    MotionWindow at = w;
+    if (column == 0 || column == 1) at.state[column] += by;
+    ModelLink& link = m.links[static_cast<std::size_t>(moving_links(m)[0])];
+    if (column == 2) link.inertia.m += by;
+    if (column == 3) link.inertia.h.z += by;
+    if (column == 4) m.effects[0].parameters[0].value += by;
+    if (column == 5) m.effects[1].parameters[0].value += by;
+    if (column == 6 || column == 7)
+      m.effects[1].parameters[static_cast<std::size_t>(column - 5)].value *= std::exp(by);
+    if (column == 8) m.effects[2].parameters[0].value += by;
+    return residuals(m, s, at);
+  });
+}
+
+TEST_CASE("path: a gear that locks itself stays where it comes to rest", "[motion]") {
+  // mu > 1; no friction at all where the pendulum hangs, and far too steep a one elsewhere.
+  Model model = test::swing_model();
+  const std::string joint = "pendulum";
+  model.effects = {{"load_friction", joint, {{"mu", 1.3, ""}, {"smoothing", 1e-4, ""}}},
+                   {"armature", joint, {{"armature", 0.01, ""}}}};
+  const Recording r = test::free_swing({}, test::even_times(0.0, 5.0, 100.0));
+  const MotionStretch s = motion_stretches(r, sensor_noise({r}, {true}), {true}).at(0);
+  MotionWindow w{0, 0, static_cast<long>(s.time.size()), VecX<double>(2)};
+  JointWindows simulator(extend(model), bound(model), {}, {});
+  w.state << 1.0, 0.0;
+  const RowMatX<double> held = simulator.positions(s, w);
+  REQUIRE(held.allFinite());
+  // It creeps at the speed where 1.3 tanh(q̇/v₀) = 1.
+  CHECK(std::abs(held(held.rows() - 1, 0) - 1.0) < 1.1 * 1e-4 * std::atanh(1.0 / 1.3) * 5.0);
+  w.state << 0.0, 3.0;
+  const RowMatX<double> thrown = simulator.positions(s, w);
+  REQUIRE(thrown.allFinite());
+  // Going up, (J_a + 2.3 J) q̈ = −2.3 g sin q until it stops.
+  const double J = test::kSwingInertia, top = 1.0 - (0.01 + 2.3 * J) * 4.5 / (2.3 * test::kSwingGravity);
+  CHECK(thrown.maxCoeff() == Approx(std::acos(top)).epsilon(1e-3));
+  CHECK(std::abs(thrown(thrown.rows() - 1, 0) - thrown.maxCoeff()) < 1e-3);
+  TriangularFactor rows(2);
+  CHECK(simulator.linearise(s, w, VecX<double>::Ones(1), rows));
+  CHECK(rows.R().allFinite());
 }
 
 TEST_CASE(

@@ -19,8 +19,9 @@ bool reads_acceleration(const BoundEffect& e);
 /// @throws ModelError if it is not above 0: no drive pulls against its own command
 VecX<double> torque_gains(const std::vector<BoundEffect>& effects, int num_dofs);
 
-/// q̈ = M⁻¹(u − c(q, q̇) − τ_effects(q, q̇)) with derivatives. Evaluates one state at a time; not
-/// thread-safe.
+/// q̈ = M⁻¹(u − c(q, q̇) − τ_effects(q, q̇)) with derivatives; where effects read q̈ or the torque
+/// τ = M_links q̈ + c that the links transmit, q̈ solves that equation. Evaluates one state at a time;
+/// not thread-safe.
 class ForwardDynamics {
  public:
   /// Torque gains leave the list of effects, and the tree's armature is over 1 + ε.
@@ -50,9 +51,10 @@ class ForwardDynamics {
   /// the transmitted torque leaves no solution
   void acceleration(const double* q, const double* qd, const double* u, int run, double* qdd);
 
-  /// Also ∂q̈/∂q, ∂q̈/∂q̇ and M⁻¹, effects included; read them from the accessors.
-  /// @throws ModelError for effects that it has no derivatives of: those that need q̈, the
-  /// transmitted torque, the time or the place of a link
+  /// Also ∂q̈/∂q, ∂q̈/∂q̇ and M⁻¹, effects included; read them from the accessors. Effects E that read
+  /// q̈ or τ make S = M + ∂E/∂q̈ + ∂E/∂τ M_links of M.
+  /// @throws ModelError for effects that it has no derivatives of: those that need the time or the
+  /// place of a link
   void linearise(const double* q, const double* qd, const double* u, int run);
   /// (n) accelerations of the last call [rad/s²].
   const VecX<double>& qdd() const { return aba_.qdd; }
@@ -60,13 +62,21 @@ class ForwardDynamics {
   const RowMatX<double>& dqdd_dq() const { return aba_.dqdd_dq; }
   /// (n, n), of the last call.
   const RowMatX<double>& dqdd_dqd() const { return aba_.dqdd_dqd; }
-  /// (n, n) ∂q̈/∂τ, of the last call.
+  /// (n, n) M⁻¹ or S⁻¹ of the last call: ∂q̈ over a torque at the links.
   const RowMatX<double>& inverse_mass_matrix() const { return aba_.dqdd_dtau; }
+
+  /// Whether an effect reads q̈ or the transmitted torque.
+  bool is_implicit() const { return !implicit_.empty(); }
+  /// (n) torque that the links transmit at the q̈ of the last call, where is_implicit().
+  const VecX<double>& transmitted() const { return transmitted_; }
+  /// (n, n) 1 + ∂E/∂τ of the last linearise(), where is_implicit(): what a torque of the links takes.
+  const RowMatX<double>& link_share() const { return link_share_; }
 
  private:
   void effect_torques(const double* q, const double* qd, int run, double* tau);
   void solve_implicit(const double* q, const double* qd, const VecX<double>& tau, int run,
                       double* qdd);
+  void add_implicit(const BoundEffect& e, const double* qdd, int run);
 
   ExtendedTree model_;
   std::vector<BoundEffect>
@@ -82,6 +92,9 @@ class ForwardDynamics {
   VecX<double> tau_;
   std::vector<JetD> q_, qd_, qdd_, links_, parameters_, effect_tau_;
   RowMatX<double> dtau_dq_, dtau_dqd_;
+  VecX<double> transmitted_, implicit_tau_, still_, solution_, free_, bias_, off_;
+  MatX<double> mass_, links_mass_, by_qdd_, by_links_, slope_;
+  RowMatX<double> link_share_;
 };
 
 }  // namespace diffnea
