@@ -32,7 +32,7 @@ struct MotionCase : WindowCase<MotionSearch> {
 bool can_be_simulated(const Candidate& c) {
   const EffectInfo& info = c.effect.info();
   return info.port == Port::kJointTorque && !info.has(Trait::kReadsCommand) &&
-         !info.has(Trait::kGain) && !info.has(Trait::kRotor) && !reads_acceleration(c.effect) &&
+         !info.has(Trait::kGain) && !info.has(Trait::kRotor) &&
          !reads_time(c.effect) && c.choices.empty() && !c.linear.empty();
 }
 
@@ -58,6 +58,23 @@ double horizon_of(double reached, const MotionData& data, bool has_test) {
   double seconds = 0.0;
   for (const MotionStretch& s : data.train) seconds += s.length();
   return std::min(reached, seconds / kFewestWindows);
+}
+
+/// Leaves out causes that may be of size zero; they are not tried again.
+void drop_nothing(MotionCase& c) {
+  for (bool dropped = true; dropped && c.go_on();) {
+    dropped = false;
+    for (const EffectSpec& t : c.best.terms) {
+      if (!c.search->may_be_nothing(c.best, t)) continue;
+      MotionSolution less = c.search->solve(without_effect(c.best.terms, t), &c.best);
+      windows::refuse(c, t, "may be of size zero beside the others",
+                      c.search->delta_bic(less, c.best));
+      c.candidates = without_effect(c.candidates, t);
+      c.best = std::move(less);
+      dropped = true;
+      break;
+    }
+  }
 }
 
 void note_parameters(const MotionSolution& best, Finding& f) {
@@ -150,7 +167,8 @@ Finding diagnose_drives(const Model& model, const RecordingSource& train,
   const std::size_t most = options.max_causes > 0
                                ? static_cast<std::size_t>(options.max_causes)
                                : std::max<std::size_t>(8, 3 * commanded.size());
-  if (c.go_on()) select_windows(c, most);
+  if (c.go_on()) select_windows(c, most, [&c] { drop_nothing(c); });
+  if (c.go_on()) c.best = c.search->with_told_sizes(c.best);
 
   // What is left in the end tells how much of it hangs together by itself.
   const double together = c.search->correlation(c.best);

@@ -5,6 +5,7 @@
 
 #include "core/constants.hpp"
 #include "core/statistics.hpp"
+#include "diagnose/chi_square.hpp"
 #include "diagnose/signed_fit.hpp"
 #include "diagnose/thresholds.hpp"
 #include "identify/local_factors.hpp"
@@ -17,6 +18,8 @@ namespace {
 /// Every which window is held out where there is no test recording.
 constexpr std::size_t kHeldOutWindow = 4;
 constexpr double kNormal95 = 1.96;
+/// Chance that nothing at all looks like a size.
+constexpr double kChance = 0.05;
 /// Of what the recording cannot tell apart, the least change is taken.
 constexpr double kRidge = 1e-9;
 
@@ -81,10 +84,12 @@ MotionSearch::MotionSearch(Model base, const MotionSearchData& data,
   samples_ = count(data.data.train, windows_);
 }
 
-FitLayout MotionSearch::layout_of(const Model& model, const std::vector<EffectSpec>& terms) const {
+FitLayout MotionSearch::layout_of(const Model& model, const std::vector<EffectSpec>& terms,
+                                  const std::vector<std::string>& held) const {
   std::vector<std::string> unsaid;
   FitChoice choice = data_.choice;
   choice.effects = std::vector<std::string>{};
+  choice.fix.insert(choice.fix.end(), held.begin(), held.end());
   FitLayout out = layout_for(model, data_.train, data_.test, choice, unsaid);
   hold_motionless(still_joints(data_.data.train, data_.data.noise), joint_names(model), "", out,
                   unsaid);
@@ -92,10 +97,11 @@ FitLayout MotionSearch::layout_of(const Model& model, const std::vector<EffectSp
   for (const EffectSpec& t : terms) {
     const int e = index_of(out, t);
     for (FitParameter& s : out.shape)
-      if (e >= 0 && s.effect == e)
-        s.fixed = out.effects[static_cast<std::size_t>(e)]
-                      .parameter_info[static_cast<std::size_t>(s.index)]
-                      .search.empty();
+      if (e >= 0 && s.effect == e) {
+        const ParameterInfo& info = out.effects[static_cast<std::size_t>(e)]
+                                        .parameter_info[static_cast<std::size_t>(s.index)];
+        s.fixed = info.search.empty() || std::isfinite(info.most);
+      }
   }
   return out;
 }
@@ -106,16 +112,33 @@ MotionProblem MotionSearch::problem(const Model& model, const FitLayout& layout)
 
 MotionSolution MotionSearch::solve(const std::vector<EffectSpec>& terms,
                                    const MotionSolution* start) const {
+  MotionSolution from;
+  if (start) {
+    from = *start;
+    for (const EffectSpec& t : start->terms)
+      if (!holds_effect(terms, t)) {
+        std::erase_if(from.model.effects, [&](const EffectSpec& e) { return same_effect(e, t); });
+        std::erase_if(from.held, [&](const std::string& pattern) {
+          return pattern.starts_with(t.where + "." + t.effect + ".");
+        });
+      }
+  } else {
+    from.model = base_;
+    from.windows = windows_;
+  }
+  return solved(std::move(from), terms);
+}
+
+MotionSolution MotionSearch::solved(MotionSolution from,
+                                    const std::vector<EffectSpec>& terms) const {
   MotionSolution out;
   out.terms = terms;
-  Model model = start ? start->model : base_;
-  if (start)
-    for (const EffectSpec& t : start->terms)
-      if (!holds_effect(terms, t))
-        std::erase_if(model.effects, [&](const EffectSpec& e) { return same_effect(e, t); });
+  out.held = std::move(from.held);
+  out.windows = std::move(from.windows);
+  Model model = std::move(from.model);
   for (const EffectSpec& t : terms)
     if (!holds_effect(model.effects, t)) model.effects.push_back(filled(t, model));
-  out.layout = layout_of(model, terms);
+  out.layout = layout_of(model, terms, out.held);
   std::vector<std::string> unsaid;
   const double first = horizons(data_.data.train, data_.data.noise, data_.options).front();
   MotionProblem of = problem(model, out.layout);
@@ -132,7 +155,6 @@ MotionSolution MotionSearch::solve(const std::vector<EffectSpec>& terms,
   MotionFitter fitter(of, data_.options, x, shape, [&](int, double) {
     return !progress_ || progress_("simulating", 1);
   });
-  out.windows = start ? start->windows : windows_;
   fitter.fit(out.windows, data_.options.tolerance);
   fitter.set_covariance(out.windows);
   out.fit = fitter.now();
@@ -170,7 +192,7 @@ void MotionSearch::score(const MotionSolution& at, const std::vector<Variant>& v
                          double correlation, std::vector<WindowScore>& out) const {
   Model model = at.model;
   for (const Variant& v : variants) model.effects.push_back(v.spec);
-  FitLayout layout = layout_of(model, at.terms);
+  FitLayout layout = layout_of(model, at.terms, at.held);
   const auto of_variant = [&](const FitParameter& p) {
     for (std::size_t v = 0; p.effect >= 0 && v < variants.size(); ++v)
       if (index_of(layout, variants[v].spec) == p.effect) return static_cast<int>(v);
@@ -369,6 +391,43 @@ double MotionSearch::share_of_motion(double lm) const {
   return motion > 0.0
              ? std::sqrt(std::max(0.0, lm) / samples()) / motion
              : 0.0;
+}
+
+std::vector<long> MotionSearch::sizes_of(const MotionSolution& at, const EffectSpec& term) const {
+  std::vector<long> out;
+  const int e = index_of(at.layout, term);
+  for (std::size_t c = 0; c < at.layout.linear.size(); ++c)
+    if (at.layout.linear[c].effect == e && !at.layout.linear[c].fixed)
+      out.push_back(static_cast<long>(c));
+  return out;
+}
+
+bool MotionSearch::may_be_nothing(const MotionSolution& at, const EffectSpec& term) const {
+  const std::vector<long> sizes = sizes_of(at, term);
+  if (sizes.empty()) return false;
+  const VecX<double> x = at.fit.x(sizes);
+  MatX<double> C = at.fit.covariance(sizes, sizes);
+  C.diagonal() *= 1.0 + kRidge;
+  const double square = x.dot(C.ldlt().solve(x));
+  return chi_square_tail(square, static_cast<int>(sizes.size())) > kChance;
+}
+
+MotionSolution MotionSearch::with_told_sizes(const MotionSolution& at) const {
+  MotionSolution out = at;
+  for (const EffectSpec& t : at.terms) {
+    const std::vector<long> sizes = sizes_of(out, t);
+    const bool untold =
+        sizes.size() > 1 && std::ranges::all_of(sizes, [&](long c) {
+          return out.fit.x[c] < kNormal95 * std::sqrt(out.fit.covariance(c, c)) &&
+                 out.layout.linear[static_cast<std::size_t>(c)].sign != Sign::kFree;
+        });
+    if (!untold || may_be_nothing(out, t)) continue;
+    const long least =
+        *std::ranges::min_element(sizes, {}, [&](long c) { return out.fit.x[c]; });
+    out.held.push_back(out.layout.linear[static_cast<std::size_t>(least)].name + "=0");
+    out = solved(std::move(out), at.terms);
+  }
+  return out;
 }
 
 }  // namespace diffnea

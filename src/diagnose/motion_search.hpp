@@ -15,6 +15,7 @@ namespace diffnea {
 /// The model of the robot with some effects beyond the base, fitted.
 struct MotionSolution {
   std::vector<EffectSpec> terms;
+  std::vector<std::string> held;  ///< patterns of parameters of terms, with their values
   Model model;  ///< with the terms, fitted
   FitLayout layout;
   MotionFit fit;
@@ -51,6 +52,11 @@ class MotionSearch {
   bool is_far_from_linear(const EffectSpec&) const { return false; }
   std::vector<CauseParameter> parameters_of(const MotionSolution& at, const EffectSpec& term) const;
   double share_of_motion(double lm) const;
+  /// Tells whether zero is in the 95 % region of what a term's torque is proportional to, together.
+  bool may_be_nothing(const MotionSolution& at, const EffectSpec& term) const;
+  /// Where the base takes over what a term's sizes have in common, as a servo's damping does of two
+  /// sides of a friction, only their difference is told: the smallest is then held at zero.
+  MotionSolution with_told_sizes(const MotionSolution& at) const;
 
   /// Errors of the held-out positions over their noise, per window (m, n).
   std::vector<RowMatX<double>> held_out_errors(const MotionSolution& at) const;
@@ -64,7 +70,11 @@ class MotionSearch {
  private:
   struct Variant;  // of a candidate: one point of its grid
 
-  FitLayout layout_of(const Model& model, const std::vector<EffectSpec>& terms) const;
+  FitLayout layout_of(const Model& model, const std::vector<EffectSpec>& terms,
+                      const std::vector<std::string>& held) const;
+  MotionSolution solved(MotionSolution from, const std::vector<EffectSpec>& terms) const;
+  /// Columns of a term's linear parameters that are fitted.
+  std::vector<long> sizes_of(const MotionSolution& at, const EffectSpec& term) const;
   MotionProblem problem(const Model& model, const FitLayout& layout) const;
   void score(const MotionSolution& at, const std::vector<Variant>& variants, double correlation,
              std::vector<WindowScore>& out) const;

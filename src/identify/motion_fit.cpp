@@ -370,7 +370,6 @@ void MotionFitter::step(const VecX<double>& d, double damping, VecX<double>& x,
   }
 }
 
-/// Variance of what is left over that of the noise, times its correlation time.
 double MotionFitter::correlation(const std::vector<MotionWindow>& windows) const {
   const long n = problem_.sigma.size();
   Workers simulators = workers_at(now_.x, now_.shape, {});

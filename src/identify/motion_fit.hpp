@@ -67,6 +67,8 @@ class MotionFitter {
   const MotionFit& now() const { return now_; }
   /// Goes on from these linear parameters, strictly consistent; the prior stays where it is.
   void begin_at(const VecX<double>& x) { now_.x = x; }
+  /// Variance of what is left over that of the noise, times its correlation time.
+  double correlation(const std::vector<MotionWindow>& windows) const;
   /// χ²/2 of these windows at the present point, each at its best state; +∞ if one blows up.
   double best_cost(std::vector<MotionWindow> windows) const;
   /// Goes back to an earlier one.
@@ -86,7 +88,6 @@ class MotionFitter {
   double misfit() const;
   double coordinate(long column, const VecX<double>& x, const VecX<double>& shape) const;
   double scale_of(long column) const;
-  double correlation(const std::vector<MotionWindow>& windows) const;
 
   const MotionProblem& problem_;
   MotionOptions options_;

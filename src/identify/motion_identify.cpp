@@ -65,6 +65,7 @@ class MotionIdentification {
     const auto start = std::chrono::steady_clock::now();
     prepare();
     climb();
+    if (whole_ && !fitter_->now().interrupted) release_bounds();
     result_.summary.seconds_fitting = fitting_;
     evaluate();
     result_.summary.seconds =
@@ -185,15 +186,21 @@ class MotionIdentification {
     if (!(fitter_->best_cost(windows) < of_model)) fitter_->begin_at(start_);
   }
 
+  /// @param iterations  that were made before
+  void begin_fitter(const VecX<double>& x, const VecX<double>& shape, int iterations) {
+    fitter_.emplace(*problem_, options_.motion, x, shape,
+                    [this, iterations](int iteration, double objective) {
+                      return !options_.progress ||
+                             options_.progress({"simulating", iterations + iteration,
+                                                result_.summary.rows, objective});
+                    });
+  }
+
   /// From horizon to horizon, as far as windows hold together.
   void climb() {
     const MotionProblem problem{model_, layout_, data_.train, data_.runs, data_.noise.position, scale_};
-    fitter_.emplace(
-        problem_.emplace(problem), options_.motion, start_, shape_,
-        [this](int iteration, double objective) {
-          return !options_.progress ||
-                 options_.progress({"simulating", iteration, result_.summary.rows, objective});
-        });
+    problem_.emplace(problem);
+    begin_fitter(start_, shape_, 0);
     held_problem_.emplace(
         MotionProblem{model_, layout_, data_.test, data_.runs, data_.noise.position, scale_});
     nominal_fitter_.emplace(*problem_, options_.motion, layout_.prior(), shape_);
@@ -225,6 +232,43 @@ class MotionIdentification {
       if (apart || fitter_->now().interrupted) break;
     }
     if (reached_ < ladder_.back() && !fitter_->now().interrupted) finish();
+  }
+
+  /// Leaves out bounds of drives that the recordings do not need, at no bound at all: at the edge
+  /// of what was seen they would hold back motion that was not.
+  void release_bounds() {
+    const auto is_bound = [&](const FitParameter& s) {
+      return !s.fixed && s.effect >= 0 &&
+             layout_.effects[static_cast<std::size_t>(s.effect)].info().has(Trait::kReadsCommand) &&
+             s.name.substr(s.name.rfind('.') + 1) != "delay";
+    };
+    const MotionFit at = fitter_->now();
+    const double n = static_cast<double>(std::max(at.samples, 1L)), cost = at.objective,
+                 together = std::max(fitter_->correlation(fitted_.windows) * n / (2.0 * cost), 1.0);
+    VecX<double> shape = at.shape;
+    std::vector<std::string> left_out;
+    for (std::size_t k = 0; k < layout_.shape.size(); ++k) {
+      FitParameter& s = layout_.shape[k];
+      if (!is_bound(s)) continue;
+      const double none = layout_.effects[static_cast<std::size_t>(s.effect)]
+                              .parameter_info[static_cast<std::size_t>(s.index)]
+                              .initial;
+      VecX<double> without = shape;
+      without[static_cast<long>(k)] = none;
+      const MotionFitter tried(*problem_, options_.motion, at.x, without);
+      // BIC, of rows that count as one together
+      if (!(n / together * std::log(tried.best_cost(fitted_.windows) / cost) < std::log(n)))
+        continue;
+      shape = without;
+      s.fixed = true;
+      s.prior = none;
+      left_out.push_back(s.name);
+    }
+    if (left_out.empty()) return;
+    result_.notes.push_back("left at no bound, which the recording does not need: " +
+                            detail::join(left_out));
+    begin_fitter(at.x, shape, at.iterations);
+    finish();
   }
 
   /// Fits the horizon that turned out to be the last one exactly.
