@@ -37,7 +37,7 @@ struct Bench {
     return out;
   }
 
-  /// 100 Hz, encoder of 12 bits, friction that holds: velocity stops where friction can stop it.
+  /// 100 Hz, commands that are held, encoder of 12 bits, friction that holds: velocity stops where friction can stop it.
   /// @param gain  over the model's
   Recording record(double amplitude, double rate, double gain, double seconds, int run) const {
     constexpr int kFine = 100;  // steps a row
@@ -67,10 +67,8 @@ struct Bench {
       r.time[k] = t;
       r.q(k, 0) = step * std::round(q / step);
       r.qcmd(k, 0) = c;
-      const double next = told(row * static_cast<double>(k + 1));
       for (int i = 0; i < kFine; ++i) {
-        const double line = c + (next - c) * i / kFine;
-        setpoint += std::clamp(line - setpoint, -speed * h, speed * h);
+        setpoint += std::clamp(c - setpoint, -speed * h, speed * h);
         const double late = past[oldest];
         past[oldest] = setpoint;
         oldest = (oldest + 1) % past.size();
