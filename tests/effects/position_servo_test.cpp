@@ -42,7 +42,7 @@ TEST_CASE("CommandPath: commands that are held, ends, gaps, and a switch that no
   const CommandPath path = commands({0.0, 1.0, 2.0, 3.0}, {0.0, 2.0, kOff, 4.0});
   CHECK(path.at(0, -1.0, 0.0).q == 0.0);
   CHECK(path.at(0, 0.25, 0.0).q == 0.0);
-  CHECK_THAT(path.at(0, 0.75, 0.0).q, WithinAbs(0.5, 1e-15));  // of the step at 1 s, smeared
+  CHECK_THAT(path.at(0, 0.75, 0.0).q, WithinAbs(0.5, 1e-15));  // half way of the step at 1 s
   CHECK_THAT(path.at(0, 0.75, 0.0).rate, WithinAbs(2.0, 1e-15));
   CHECK_THAT(path.at(0, 1.75, 1.0).q, WithinAbs(0.5, 1e-15));
   CHECK(path.at(0, 1.99, 0.0).q == 2.0);

@@ -47,10 +47,10 @@ class CommandPath {
   /// setpoint from where it is to where it is told. It begins at the first command.
   void limit_speed(int joint, double speed) {
     if (q_.rows() == 0) return;
-    double setpoint = q_(0, joint), by_speed = 0.0;  // as the period begins
+    double setpoint = q_(0, joint), by_speed = 0.0;  // where the period begins
     for (long k = 0; k < q_.rows(); ++k) {
       const double way = q_(k, joint) - setpoint, reach = speed * period(static_cast<std::size_t>(k));
-      const double share = reach > 0.0 ? std::abs(way) / reach : 1.0;  // of the period, on its way
+      const double share = reach > 0.0 ? std::abs(way) / reach : 1.0;  // period that the way takes
       if (share > 1.0) {
         const double step = way > 0.0 ? reach : -reach;
         q_(k, joint) = setpoint + 0.5 * step;
@@ -66,8 +66,8 @@ class CommandPath {
     }
   }
 
-  /// What a drive acts on at a time [s]: the command of a delay ago [s], unless it is off by now. The
-  /// first and the last command hold beyond the ends.
+  /// Command of a delay ago [s], which a drive acts on at a time [s] unless it is off by then. The
+  /// first and the last one hold beyond the ends.
   Sample at(int joint, double time, double delay) const {
     if (time_.empty()) return {};
     const auto now = std::upper_bound(time_.begin(), time_.end(), time);
