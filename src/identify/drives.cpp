@@ -42,7 +42,7 @@ bool has_command(const Recording& r, long joint) {
 /// Tells whether the joint's drive is off at times.
 bool is_off(const Recording& r, int joint) {
   const CommandPath path = command_path(r);
-  return std::ranges::any_of(r.time, [&](double t) { return std::isnan(path.at(joint, t).q); });
+  return std::ranges::any_of(r.time, [&](double t) { return std::isnan(path.at(joint, t, 0.0).q); });
 }
 
 /// Largest s |c − q| that the drive itself sees: of its setpoint, a delay ago.
@@ -54,7 +54,7 @@ double largest_error(const std::vector<MotionStretch>& stretches, int joint, con
     for (std::size_t k = 0; k < s.time.size(); ++k) {
       const double error =
           led.gain(joint) *
-          std::abs(led.at(joint, s.time[k] - at.delay).q - s.q(static_cast<long>(k), joint));
+          std::abs(led.at(joint, s.time[k], at.delay).q - s.q(static_cast<long>(k), joint));
       if (error > most) most = error;
     }
   }
@@ -67,7 +67,7 @@ double largest_rate(const std::vector<MotionStretch>& stretches, int joint) {
   double most = 0.0;
   for (const MotionStretch& s : stretches)
     for (const double t : s.time) {
-      const double rate = (s.command->at(joint, t).q - s.command->at(joint, t - kMostDelay).q) / kMostDelay;
+      const double rate = (s.command->at(joint, t, 0.0).q - s.command->at(joint, t, kMostDelay).q) / kMostDelay;
       if (std::abs(rate) > most) most = std::abs(rate);
     }
   return most;

@@ -4,6 +4,7 @@
 #include <functional>
 
 #include <diffnea/core/error.hpp>
+#include <diffnea/core/random.hpp>
 #include <diffnea/core/text.hpp>
 #include <diffnea/identify/posterior.hpp>
 
@@ -51,8 +52,10 @@ class MotionIdentification {
   /// Begins drives at a share of their commands' largest speed (kSpeedShares).
   void begin_drives_at(double speed_share) { speed_share_ = speed_share; }
 
-  /// Fits as far as the options' horizon. @return χ²/2 a position there; infinite: falls apart
+  /// Fits some stretches as far as the options' horizon. @return χ²/2 a position there; infinite:
+  /// falls apart
   double trial() {
+    brief_ = true;
     prepare();
     climb();
     const MotionFit& fit = fitter_->now();
@@ -105,6 +108,7 @@ class MotionIdentification {
       throw DataError(test_->sample().front().source + ": held-out data: no joint moves (" +
                       detail::join(joint_names(model_)) + ")");
     ladder_ = horizons(data_.train, data_.noise, options_.motion);
+    if (brief_) thin_out();
     limit_ = apart_limit(data_);
     describe_noise();
 
@@ -130,6 +134,24 @@ class MotionIdentification {
     for (std::size_t k = 0; k < layout_.linear.size(); ++k)
       if (layout_.linear[k].fixed) start_[static_cast<long>(k)] = layout_.linear[k].prior;
     fitting_ = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  }
+
+  /// Leaves stretches drawn at random, as many as have windows enough for every parameter.
+  void thin_out() {
+    constexpr double kWindows = 5.0;  // a parameter, as clusters of a covariance
+    const auto is_free = [](const FitParameter& p) { return !p.fixed; };
+    const double parameters = static_cast<double>(std::ranges::count_if(layout_.linear, is_free) +
+                                                  std::ranges::count_if(layout_.shape, is_free));
+    Rng rng(1);
+    double windows = 0.0;
+    std::size_t kept = 0;
+    while (kept < data_.train.size() && windows < kWindows * parameters) {
+      const std::size_t left = data_.train.size() - kept;
+      const std::size_t drawn = kept + static_cast<std::size_t>(rng.next() % left);
+      std::swap(data_.train[kept], data_.train[drawn]);
+      windows += data_.train[kept++].length() / ladder_.back();
+    }
+    data_.train.resize(kept);
   }
 
   /// @throws DataError if no joint moves, or there are fewer positions than numbers to fit to them
@@ -521,7 +543,8 @@ class MotionIdentification {
   std::optional<MotionFitter> fitter_, nominal_fitter_;
   Ladder fitted_, nominal_, test_fitted_, test_nominal_;
   double reached_ = 0.0, fitting_ = 0.0, speed_share_ = 1.0;
-  bool whole_ = true;  ///< windows of the horizon that was reached hold together
+  bool brief_ = false;  ///< a trial
+  bool whole_ = true;   ///< windows of the horizon that was reached hold together
 };
 
 }  // namespace

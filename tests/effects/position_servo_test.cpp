@@ -37,14 +37,19 @@ T added(const CommandPath& path, double time, T q, T qd, const std::vector<T>& p
 
 }  // namespace
 
-TEST_CASE("CommandPath: straight lines between rows, ends that hold, and gaps", "[effects]") {
+TEST_CASE("CommandPath: commands that are held, ends, gaps, and a switch that no delay holds back",
+          "[effects]") {
   const CommandPath path = commands({0.0, 1.0, 2.0, 3.0}, {0.0, 2.0, kOff, 4.0});
-  CHECK(path.at(0, -1.0).q == 0.0);
-  CHECK_THAT(path.at(0, 0.25).q, WithinAbs(0.5, 1e-15));
-  CHECK_THAT(path.at(0, 0.25).rate, WithinAbs(2.0, 1e-15));
-  CHECK(path.at(0, 1.5).q == 2.0);       // not switched off before the row that says so
-  CHECK(std::isnan(path.at(0, 2.5).q));  // nor on
-  CHECK(path.at(0, 9.0).q == 4.0);
+  CHECK(path.at(0, -1.0, 0.0).q == 0.0);
+  CHECK(path.at(0, 0.25, 0.0).q == 0.0);
+  CHECK_THAT(path.at(0, 0.75, 0.0).q, WithinAbs(0.5, 1e-15));  // half way of the step at 1 s
+  CHECK_THAT(path.at(0, 0.75, 0.0).rate, WithinAbs(2.0, 1e-15));
+  CHECK_THAT(path.at(0, 1.75, 1.0).q, WithinAbs(0.5, 1e-15));
+  CHECK(path.at(0, 1.99, 0.0).q == 2.0);
+  CHECK(std::isnan(path.at(0, 2.5, 0.0).q));
+  CHECK(std::isnan(path.at(0, 2.5, 1.0).q));  // off is off, whatever was told before
+  CHECK(path.at(0, 3.2, 1.0).q == 2.0);
+  CHECK(path.at(0, 9.0, 0.0).q == 4.0);
 }
 
 TEST_CASE("CommandPath: a setpoint that moves no faster than its speed", "[effects]") {
@@ -54,12 +59,15 @@ TEST_CASE("CommandPath: a setpoint that moves no faster than its speed", "[effec
     path.limit_speed(0, speed);
     return path;
   };
-  CHECK_THAT(led(3.0).at(0, 0.2).q, WithinAbs(0.6, 1e-12));
-  CHECK_THAT(led(3.0).at(0, 0.45).q, WithinAbs(1.0, 1e-12));
-  for (const double t : {0.05, 0.25, 0.32, 0.5})
-    CHECK_THAT(led(3.0).at(0, t).by_speed,
-               WithinAbs((led(3.0 + 1e-6).at(0, t).q - led(3.0 - 1e-6).at(0, t).q) / 2e-6, 1e-6));
-  CHECK(led(100.0).at(0, 0.1).q == 1.0);
+  CHECK_THAT(led(3.0).at(0, 0.2, 0.0).q, WithinAbs(0.3, 1e-12));  // told at 0.1 s
+  CHECK_THAT(led(3.0).at(0, 0.35, 0.0).q, WithinAbs(0.75, 1e-12));
+  CHECK_THAT(led(3.0).at(0, 0.45, 0.0).q, WithinAbs(1.0 - 0.1 / 6.0, 1e-12));  // there at 0.433 s
+  CHECK_THAT(led(3.0).at(0, 0.55, 0.0).q, WithinAbs(1.0, 1e-12));
+  for (const double t : {0.12, 0.25, 0.42, 0.5})
+    CHECK_THAT(led(3.0).at(0, t, 0.0).by_speed,
+               WithinAbs((led(3.0 + 1e-6).at(0, t, 0.0).q - led(3.0 - 1e-6).at(0, t, 0.0).q) / 2e-6,
+                         1e-6));
+  CHECK_THAT(led(1e6).at(0, 0.15, 0.0).q, WithinAbs(1.0, 1e-5));
 }
 
 TEST_CASE("position_servo: dead band, reach, gain, and a drive that is off", "[effects]") {

@@ -130,7 +130,7 @@ TEST_CASE("sensitivities: a servo whose friction follows its load, by central di
   s.command = std::make_shared<const CommandPath>(s.time, command, VecX<double>::Ones(1));
   MotionWindow w{0, 0, n, VecX<double>(2)};
   w.state << 0.2, -0.3;
-  const std::vector<MotionParameter> free{{.dof = 0, .theta = 0},
+  const std::vector<MotionParameter> free{{.dof = 0, .theta = 7},
                                           {.dof = 0, .theta = 3},
                                           {.effect = 0, .index = 0},
                                           {.effect = 1, .index = 0},
@@ -145,7 +145,7 @@ TEST_CASE("sensitivities: a servo whose friction follows its load, by central di
     MotionWindow at = w;
     if (column == 0 || column == 1) at.state[column] += by;
     ModelLink& link = m.links[static_cast<std::size_t>(moving_links(m)[0])];
-    if (column == 2) link.inertia.m += by;
+    if (column == 2) link.inertia.I.yy += by;
     if (column == 3) link.inertia.h.z += by;
     if (column == 4) m.effects[0].parameters[0].value += by;
     if (column == 5) m.effects[1].parameters[0].value += by;

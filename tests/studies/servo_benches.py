@@ -1,6 +1,6 @@
 """Servos on benches that others measured, from commands and positions alone.
 
-    python tests/studies/servo_benches.py PROGRAM SERVO_RUNS [kscale]
+    python tests/studies/servo_benches.py PROGRAM SERVO_RUNS
 
 PROGRAM is the command diffnea, SERVO_RUNS the study of that name beside this file. A drive is fitted
 to the training runs; then whole runs of each split are simulated in closed loop from their first
@@ -64,7 +64,9 @@ def kscale(folder: Path) -> dict[str, list[Path]]:
             "com": [0.0, 0.0, -length],
             "about_com": [about, 0.0, 0.0, about, 0.0, 1e-7],
         }
-        out = write_rows(folder / source.name, without_spikes(read_rows(source)))
+        split = folder / run["split"]
+        split.mkdir(exist_ok=True)
+        out = write_rows(split / source.name, without_spikes(read_rows(source)))
         sidecar = {
             "schema": "diffnea/recording/1",
             "payload": body,

@@ -9,8 +9,9 @@
 
 namespace diffnea {
 
-/// Straight lines between the rows of a log. What holds each command for a period lags them by half
-/// of it, which is part of a drive's delay. Where no position was commanded (NaN) the drive is off.
+/// A drive holds each command until the next one, and is off in rows without one (NaN). Paths are
+/// straight lines through the mean of every period, at its middle: steps would leave no derivative
+/// by a delay.
 class CommandPath {
  public:
   /// One position, and what it changes with.
@@ -25,9 +26,19 @@ class CommandPath {
   /// @param gain  (n) of the run's drives, in the unit of the model's
   CommandPath(std::vector<double> time, RowMatX<double> q, VecX<double> gain)
       : time_(std::move(time)),
+        is_on_(q.array() == q.array()),
         q_(std::move(q)),
         by_speed_(RowMatX<double>::Zero(q_.rows(), q_.cols())),
-        gain_(std::move(gain)) {}
+        gain_(std::move(gain)) {
+    for (std::size_t k = 0; k < time_.size(); ++k) middle_.push_back(time_[k] + 0.5 * period(k));
+    // While it is off, a drive keeps its last command; before the first one, that.
+    for (long j = 0; j < q_.cols(); ++j) {
+      for (long k = 1; k < q_.rows(); ++k)
+        if (!is_on_(k, j)) q_(k, j) = q_(k - 1, j);
+      for (long k = q_.rows() - 1; k-- > 0;)
+        if (!(q_(k, j) == q_(k, j))) q_(k, j) = q_(k + 1, j);
+    }
+  }
 
   /// Gain of the run's drive, as its sidecar has it; 1 where nothing is said.
   double gain(int joint) const { return gain_[joint]; }
@@ -35,32 +46,53 @@ class CommandPath {
   /// Lets a joint's command move at most so fast [rad/s] or [m/s], as a drive does that leads its
   /// setpoint from where it is to where it is told. It begins at the first command.
   void limit_speed(int joint, double speed) {
-    for (long k = 1; k < q_.rows(); ++k) {
-      const double h = time_[static_cast<std::size_t>(k)] - time_[static_cast<std::size_t>(k - 1)];
-      const double step = q_(k, joint) - q_(k - 1, joint);  // NaN: switched on or off
-      if (!(std::abs(step) > speed * h)) continue;
-      const double sign = step > 0.0 ? 1.0 : -1.0;
-      q_(k, joint) = q_(k - 1, joint) + sign * speed * h;
-      by_speed_(k, joint) = by_speed_(k - 1, joint) + sign * h;
+    if (q_.rows() == 0) return;
+    double setpoint = q_(0, joint), by_speed = 0.0;  // where the period begins
+    for (long k = 0; k < q_.rows(); ++k) {
+      const double way = q_(k, joint) - setpoint, reach = speed * period(static_cast<std::size_t>(k));
+      const double share = reach > 0.0 ? std::abs(way) / reach : 1.0;  // period that the way takes
+      if (share > 1.0) {
+        const double step = way > 0.0 ? reach : -reach;
+        q_(k, joint) = setpoint + 0.5 * step;
+        by_speed_(k, joint) = by_speed + 0.5 * step / speed;
+        setpoint += step;
+        by_speed += step / speed;
+      } else {
+        setpoint = q_(k, joint);
+        q_(k, joint) -= 0.5 * share * way;
+        by_speed_(k, joint) = share * (by_speed + 0.5 * way / speed);
+        by_speed = 0.0;
+      }
     }
   }
 
-  /// The command of a joint at a time [s]; the first and the last one hold beyond the ends.
-  Sample at(int joint, double time) const {
+  /// Command of a delay ago [s], which a drive acts on at a time [s] unless it is off by then. The
+  /// first and the last one hold beyond the ends.
+  Sample at(int joint, double time, double delay) const {
     if (time_.empty()) return {};
-    const auto next = std::upper_bound(time_.begin(), time_.end(), time);
-    const long k = std::max<long>(next - time_.begin() - 1, 0);
+    const auto now = std::upper_bound(time_.begin(), time_.end(), time);
+    if (!is_on_(std::max<long>(now - time_.begin() - 1, 0), joint)) return {};
+    const double then = time - delay;
+    const auto next = std::upper_bound(middle_.begin(), middle_.end(), then);
+    const long k = std::max<long>(next - middle_.begin() - 1, 0);
     const Sample here{q_(k, joint), 0.0, by_speed_(k, joint)};
-    if (next == time_.begin() || next == time_.end()) return here;
-    const double from = time_[static_cast<std::size_t>(k)], h = *next - from;
+    if (next == middle_.begin() || next == middle_.end()) return here;
+    const double from = middle_[static_cast<std::size_t>(k)], h = *next - from;
     const double rate = (q_(k + 1, joint) - q_(k, joint)) / h;
-    if (!(rate == rate)) return here;  // switched on or off within it
-    return {here.q + rate * (time - from), rate,
-            here.by_speed + (by_speed_(k + 1, joint) - here.by_speed) * (time - from) / h};
+    return {here.q + rate * (then - from), rate,
+            here.by_speed + (by_speed_(k + 1, joint) - here.by_speed) * (then - from) / h};
   }
 
  private:
-  std::vector<double> time_;
+  /// Time that the command of row k is held [s].
+  double period(std::size_t k) const {
+    if (time_.size() < 2) return 0.0;
+    const std::size_t from = std::min(k, time_.size() - 2);
+    return time_[from + 1] - time_[from];
+  }
+
+  std::vector<double> time_, middle_;
+  Eigen::Array<bool, Eigen::Dynamic, Eigen::Dynamic> is_on_;
   RowMatX<double> q_, by_speed_;
   VecX<double> gain_;
 };

@@ -66,7 +66,7 @@ struct PositionServo {
       if (!x.command) return;
       const int j = *joint;
       const double delay = value_part(p[2]);
-      const CommandPath::Sample c = x.command->at(j, x.time - delay);
+      const CommandPath::Sample c = x.command->at(j, x.time, delay);
       if (!(c.q == c.q)) return;  // switched off
       // c has the speed p[5] already (led); a change of the delay moves the command along its rate.
       const T command = T(c.q) - T(c.rate) * (p[2] - T(delay)) +
