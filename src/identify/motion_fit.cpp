@@ -320,7 +320,7 @@ double MotionFitter::misfit() const {
 void MotionFitter::step(const VecX<double>& d, double damping, VecX<double>& x,
                         VecX<double>& shape) const {
   constexpr double kLongest = 0.7;  // step of a shape: a factor of two, or 0.7 rad or m
-  constexpr double kInside = 0.01;  // of a scale: where the search for a step begins, off the bound
+  constexpr double kInside = 0.01;  // share of a scale: where the search for a step begins, off the bound
   const FitLayout& layout = problem_.layout;
   const long p = static_cast<long>(layout.linear.size());
   const long columns = p + static_cast<long>(layout.shape.size()), f = now_.R.rows();

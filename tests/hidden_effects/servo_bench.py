@@ -13,13 +13,13 @@ from pathlib import Path
 import numpy as np
 
 STEP = 1e-4
-"""Of the simulation [s]."""
+"""Step of the simulation [s]."""
 RATE = 100.0
-"""Of the log, and of the commands, which the bus holds in between [Hz]."""
+"""Rate of the log, and of the commands, which the bus holds in between [Hz]."""
 COUNTS = 4096
-"""Of the encoder, a turn."""
+"""Counts of the encoder, a turn."""
 NOISE = 0.3
-"""Of the encoder [counts]."""
+"""Noise of the encoder [counts]."""
 GRAVITY = 9.81
 
 SIZES = {
@@ -31,7 +31,7 @@ SIZES = {
     "joint_spring": 0.6,
     "cogging": 0.06,
 }
-"""Of what can be hidden, in SI: one that a user would see, times 0.5 to 2."""
+"""Sizes of what can be hidden, in SI: one that a user would see, times 0.5 to 2."""
 
 URDF = """<robot name="bench">
   <link name="base"/>

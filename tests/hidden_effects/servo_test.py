@@ -24,7 +24,7 @@ def test_a_servo_that_lacks_nothing(tmp_path: Path) -> None:
     assert finding["verdict"] == "NONE", finding["sentence"]
     assert finding["causes"] == []
     assert "your simulation is off by" in finding["sentence"]
-    # What needs states of its own was not tried, and a reader is told.
+    # Effects with states of their own were not tried, and a reader is told.
     assert {r["effect"] for r in finding["refused"]} >= {"backlash", "joint_elasticity"}
 
 
