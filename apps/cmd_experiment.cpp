@@ -119,7 +119,7 @@ class Experiment {
     line_.show(std::string("recording ") + name, "");
     RecordOptions options;
     options.scale_noise(world.noise);
-    options.follow = true;  // as `simulate` does
+    options.follow = true;  // like `simulate`
     const SimulatedRecording r =
         record_in_world(world, nominal_, motion, options, c_.common.seed, threads_of(c_.common))
             .result;

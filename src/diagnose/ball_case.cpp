@@ -45,12 +45,6 @@ void add_candidates(const BallData& data, BallCase& c) {
 
 }  // namespace
 
-bool BallCase::tell(const std::string& stage, int more_steps) {
-  steps += more_steps;
-  if (options.progress && !options.progress({stage, steps, 0, 0.0})) finding.interrupted = true;
-  return go_on();
-}
-
 void BallCase::search_on(BallData fitted, BallData held_out) {
   search = std::make_unique<BallSearch>(
       model, known, fit_string, std::move(fitted), std::move(held_out), fit,
@@ -97,21 +91,6 @@ void prepare(const std::vector<Recording>& train, const std::vector<Recording>& 
                               "half a second");
   c.search_on(fitted, held_out);
   add_candidates(fitted, c);
-}
-
-bool same_effect(const EffectSpec& a, const EffectSpec& b) {
-  return a.effect == b.effect && a.where == b.where;
-}
-bool holds_effect(const std::vector<EffectSpec>& terms, const EffectSpec& e) {
-  return std::ranges::any_of(terms, [&](const EffectSpec& t) { return same_effect(t, e); });
-}
-std::vector<EffectSpec> with_effect(std::vector<EffectSpec> terms, const EffectSpec& more) {
-  terms.push_back(more);
-  return terms;
-}
-std::vector<EffectSpec> without_effect(std::vector<EffectSpec> terms, const EffectSpec& less) {
-  std::erase_if(terms, [&](const EffectSpec& t) { return same_effect(t, less); });
-  return terms;
 }
 
 }  // namespace diffnea

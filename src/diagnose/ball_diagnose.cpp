@@ -10,6 +10,7 @@
 #include "diagnose/ball_witness.hpp"
 #include "diagnose/chi_square.hpp"
 #include "diagnose/thresholds.hpp"
+#include "diagnose/window_selection.hpp"
 #include "identify/ball_identify.hpp"
 
 namespace diffnea {
@@ -17,9 +18,6 @@ namespace {
 
 /// Mean square of what is left over the camera's noise, beyond which something is left.
 constexpr double kBallLeft = 1.15;
-constexpr double kRefitWithin = 30.0;  ///< ΔBIC behind the best that a rival is refitted from
-constexpr std::size_t kMostRivals = 6;
-constexpr double kNormal95 = 1.96;
 
 /// What all causes are worth on held-out windows.
 struct Worth {
@@ -53,48 +51,7 @@ double std_of(const BallCase& c, Eigen::Index k) {
 
 Cause cause_of(const BallCase& c, double floor, const EffectSpec& t) {
   const BallSolution less = c.search->solve(without_effect(c.best.terms, t), &c.best);
-  Cause out;
-  out.effect = t.effect;
-  out.where = t.where;
-  const std::vector<BallScore> rivals = c.search->scores(less, c.candidates);
-  const bool whole = c.go_on();  // stopped, the fit without it says nothing: what it scored first
-  for (const BallScore& s : whole ? rivals : c.first_scores)
-    if (same_effect(s.effect, t)) {
-      out.visible_share = s.visible_share;
-      out.delta_bic = whole ? c.search->delta_bic(less, c.best) : s.delta_bic;
-      out.lm = whole ? less.cost - c.best.cost : s.lm;
-    }
-  out.torque_share = std::sqrt(std::max(0.0, out.lm) / static_cast<double>(c.search->samples())) *
-                     c.fit.sigma / path_spread(c.search->train());
-  for (std::size_t k = 0; k < c.best.ball.layout.parameters.size(); ++k) {
-    const BallParameter& p = c.best.ball.layout.parameters[k];
-    if (p.effect < 0) continue;
-    const BoundEffect& e = c.best.ball.layout.effects[static_cast<std::size_t>(p.effect)];
-    if (e.info().name != t.effect || e.where != t.where) continue;
-    const auto i = static_cast<Eigen::Index>(k);
-    const double value = c.best.ball.p[i], std = std_of(c, i);
-    out.parameters.push_back(
-        {e.parameter_info[static_cast<std::size_t>(p.index)].name, p.unit, value, std,
-         p.sign == Sign::kFree ? value - kNormal95 * std : std::max(0.0, value - kNormal95 * std),
-         value + kNormal95 * std});
-  }
-  double best_linear = -INFINITY;
-  for (const BallScore& s : rivals) best_linear = std::max(best_linear, s.delta_bic);
-  for (const BallScore& s : rivals) {
-    if (same_effect(s.effect, t) || !c.go_on() || !(s.lm > 0.0)) continue;
-    if (holds_effect(c.best.terms, s.effect)) continue;
-    double behind = best_linear - s.delta_bic;
-    if (behind < kRefitWithin)
-      behind =
-          c.search->delta_bic(c.search->solve(with_effect(less.terms, s.effect), &less), c.best);
-    if (behind < c.options.accept_delta_bic)
-      out.members.push_back({s.effect.effect, s.effect.where, behind});
-    else if (out.rivals.size() < kMostRivals)
-      out.rivals.push_back({s.effect.effect, s.effect.where, behind});
-  }
-  std::ranges::stable_sort(out.members, {}, &Rival::delta_bic);
-  std::ranges::stable_sort(out.rivals, {}, &Rival::delta_bic);
-  if (!out.members.empty()) out.verdict = Verdict::kClass;
+  Cause out = window_cause(c, t, less);
   out.gain = gain_of(change_from(c, less), floor);
   return out;
 }
@@ -117,8 +74,8 @@ void add_series(BallCase& c, double floor) {
 Worth describe(BallCase& c) {
   Finding& f = c.finding;
   std::vector<CandidateScore> table;
-  for (const BallScore& s : c.first_scores) {
-    if (s.visible_share < kAbsorbedPath)
+  for (const WindowScore& s : c.first_scores) {
+    if (s.visible_share < kAbsorbedMotion)
       f.absorbed.push_back({s.effect.effect, s.effect.where, s.visible_share});
     else
       table.push_back({s.effect.effect, s.effect.where, s.delta_bic, s.lm, s.visible_share, {}});
@@ -181,7 +138,7 @@ void judge(const Worth& worth, BallCase& c) {
     f.lack_of_fit = over_noise(c) * c.base.cost /
                     std::max(1.0, n - 6.0 * static_cast<double>(c.search->train().windows.size()));
     const double together = c.search->correlation(c.base);  // rows that count as one
-    for (const BallScore& s : c.first_scores)
+    for (const WindowScore& s : c.first_scores)
       f.lack_of_fit_p = std::min(
           f.lack_of_fit_p, static_cast<double>(c.first_scores.size()) *
                                chi_square_tail(s.lm / together, static_cast<int>(s.values.size())));
@@ -200,7 +157,7 @@ bool fits_string(const Model& model, Base base) {
 
 void diagnose_ball(const std::vector<Recording>& train, const std::vector<Recording>& test,
                    const DiagnoseOptions& options, Base base, Finding& finding) {
-  BallCase c{options, finding, fits_string(finding.model, base), finding.model};
+  BallCase c(options, finding, fits_string(finding.model, base), finding.model);
   prepare(train, test, c);
   select_causes(c);
   judge(describe(c), c);

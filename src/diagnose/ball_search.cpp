@@ -14,10 +14,7 @@ namespace {
 constexpr int kLags = 40;  ///< rows over which what is left may hang together
 /// A column that the others leave less of than this is theirs.
 constexpr double kSameColumn = 1e-6;
-
-bool same(const EffectSpec& a, const EffectSpec& b) {
-  return a.effect == b.effect && a.where == b.where;
-}
+constexpr double kNormal95 = 1.96;
 
 long count(const BallData& data) {
   long out = 0;
@@ -141,17 +138,17 @@ double BallSearch::delta_bic(const BallSolution& a, const BallSolution& b) const
     return static_cast<double>(std::ranges::count_if(
         s.ball.layout.parameters, [](const BallParameter& p) { return !p.fixed; }));
   };
-  return n / correlation(b) * std::log(a.cost / b.cost) - (size(b) - size(a)) * std::log(n);
+  return window_delta_bic(a.cost, b.cost, n, correlation(b), size(b) - size(a));
 }
 
-std::vector<BallScore> BallSearch::scores(const BallSolution& at,
+std::vector<WindowScore> BallSearch::scores(const BallSolution& at,
                                           const std::vector<EffectSpec>& candidates) const {
   std::vector<EffectSpec> terms = at.terms;
-  std::vector<BallScore> out;
+  std::vector<WindowScore> out;
   for (const EffectSpec& c : candidates)
-    if (std::ranges::none_of(terms, [&](const EffectSpec& t) { return same(t, c); }))
-      out.push_back({c, 0.0, 0.0, 0.0, {}});
-  for (const BallScore& s : out) terms.push_back(s.effect);
+    if (!holds_effect(terms, c))
+      out.push_back({.effect = c});
+  for (const WindowScore& s : out) terms.push_back(s.effect);
   const BallLayout layout = layout_of(terms);
   VecX<double> p = layout.values();
   p.head(at.ball.p.size()) = at.ball.p;
@@ -171,7 +168,7 @@ std::vector<BallScore> BallSearch::scores(const BallSolution& at,
   const auto n = static_cast<double>(samples_);
   const double correlated = correlation(at);
   long column = 0;
-  for (BallScore& s : out) {
+  for (WindowScore& s : out) {
     const auto k = static_cast<long>(bind(s.effect, model_).parameters.size());
     const MatX<double> g = G.middleCols(column, k);
     const VecX<double> norms = linear.norms.segment(known + column, k);
@@ -185,10 +182,11 @@ std::vector<BallScore> BallSearch::scores(const BallSolution& at,
     s.values = g.colPivHouseholderQr().solve(d);
     if (k == 1 && sign != Sign::kFree && s.values[0] < 0.0) s.values.setZero();
     s.lm = std::max(0.0, d.squaredNorm() - (d - g * s.values).squaredNorm());
-    s.delta_bic = -n / correlated * std::log(std::max(1e-9, 1.0 - s.lm / at.cost)) -
-                  static_cast<double>(k) * std::log(n);
+    s.delta_bic = window_delta_bic(at.cost, std::max(1e-9 * at.cost, at.cost - s.lm), n,
+                                   correlated, static_cast<double>(k));
+    s.promise = s.delta_bic;
   }
-  std::ranges::stable_sort(out, std::ranges::greater{}, &BallScore::delta_bic);
+  std::ranges::stable_sort(out, std::ranges::greater{}, &WindowScore::delta_bic);
   return out;
 }
 
@@ -207,27 +205,36 @@ HeldOutChange BallSearch::held_out(const BallSolution& a, const BallSolution& b,
     }
     return out;
   };
-  const std::vector<double> ea = errors(a), eb = errors(b);
-  const auto n = static_cast<double>(count(test_));
-  HeldOutChange out;
-  for (const double e : ea) out.before += e / n;
-  for (const double e : eb) out.after += e / n;
-  Rng rng(seed);
-  std::vector<double> shares;
-  for (int i = 0; i < kResamples; ++i) {
-    double before = 0.0, after = 0.0;
-    for (std::size_t w = 0; w < ea.size(); ++w) {
-      const auto pick = std::min(
-          ea.size() - 1, static_cast<std::size_t>(rng.uniform() * static_cast<double>(ea.size())));
-      before += ea[pick];
-      after += eb[pick];
-    }
-    shares.push_back((before - after) / std::max(before, 1e-300));
+  return change_over_blocks(errors(a), errors(b), static_cast<double>(count(test_)), seed);
+}
+
+bool BallSearch::is_far_from_linear(const EffectSpec& e) const {
+  return std::ranges::any_of(find_effect(e.effect).parameters,
+                             [](const ParameterInfo& p) { return !p.search.empty(); });
+}
+
+std::vector<CauseParameter> BallSearch::parameters_of(const BallSolution& at,
+                                                      const EffectSpec& term) const {
+  std::vector<CauseParameter> out;
+  const double together = correlation(at);
+  for (std::size_t k = 0; k < at.ball.layout.parameters.size(); ++k) {
+    const BallParameter& p = at.ball.layout.parameters[k];
+    if (p.effect < 0) continue;
+    const BoundEffect& e = at.ball.layout.effects[static_cast<std::size_t>(p.effect)];
+    if (e.info().name != term.effect || e.where != term.where) continue;
+    const auto i = static_cast<Eigen::Index>(k);
+    const double value = at.ball.p[i], std = std::sqrt(at.fit.covariance(i, i) * together);
+    out.push_back(
+        {e.parameter_info[static_cast<std::size_t>(p.index)].name, p.unit, value, std,
+         p.sign == Sign::kFree ? value - kNormal95 * std : std::max(0.0, value - kNormal95 * std),
+         value + kNormal95 * std});
   }
-  std::ranges::sort(shares);
-  out.low = shares[static_cast<std::size_t>(0.025 * kResamples)];
-  out.high = shares[static_cast<std::size_t>(0.975 * kResamples)];
   return out;
+}
+
+double BallSearch::share_of_motion(double lm) const {
+  return std::sqrt(std::max(0.0, lm) / static_cast<double>(samples_)) * options_.sigma /
+         path_spread(train_);
 }
 
 }  // namespace diffnea

@@ -4,7 +4,7 @@
 
 #include <cstdint>
 
-#include "diagnose/gain.hpp"
+#include "diagnose/window_case.hpp"
 #include "identify/ball_path.hpp"
 
 namespace diffnea {
@@ -17,17 +17,10 @@ struct BallSolution {
   double cost = 0.0;  ///< Σ ρ(e/σ₀)
 };
 
-/// What a candidate would gain, to first order.
-struct BallScore {
-  EffectSpec effect;
-  double lm = 0.0;
-  double delta_bic = 0.0;
-  double visible_share = 0.0;
-  VecX<double> values;  ///< that it would take
-};
-
 class BallSearch {
  public:
+  using Solution = BallSolution;
+
   /// @param train, test  windows; @param options  with the noise, sigma > 0
   /// @param base  effects of the model  @param fit_base  false: the model stands as it is
   BallSearch(const Model& model, std::vector<EffectSpec> base, bool fit_base, BallData train,
@@ -38,14 +31,19 @@ class BallSearch {
   /// that a search begins.
   BallSolution solve(const std::vector<EffectSpec>& terms, const BallSolution* start) const;
   /// Best first. Those of `candidates` that are terms already are left out. Nothing: stopped.
-  std::vector<BallScore> scores(const BallSolution& at,
-                                const std::vector<EffectSpec>& candidates) const;
+  std::vector<WindowScore> scores(const BallSolution& at,
+                                  const std::vector<EffectSpec>& candidates) const;
   /// How much better b is than a, BIC; n counts numbers that are independent of each other.
   double delta_bic(const BallSolution& a, const BallSolution& b) const;
   /// Rows that count as one, of what a solution leaves; outliers are held at 4 σ.
   double correlation(const BallSolution& at) const;
   /// In units of the noise; bootstrap over windows.
   HeldOutChange held_out(const BallSolution& a, const BallSolution& b, std::uint64_t seed) const;
+  /// Tells whether it has starts of its own.
+  bool is_far_from_linear(const EffectSpec& e) const;
+  /// With standard errors for which rows that hang together count as one.
+  std::vector<CauseParameter> parameters_of(const BallSolution& at, const EffectSpec& term) const;
+  double share_of_motion(double lm) const;
 
   const BallFitOptions& options() const { return options_; }
   const BallData& train() const { return train_; }

@@ -25,6 +25,11 @@ constexpr double kMisfit = 1.3, kMisfitBlock = 1.0;
 /// Eigenvalue of columns of length 1, below which no row tells of their combination.
 constexpr double kUntold = 1e-6;
 
+/// What is known of a shape beforehand: its logarithm to 1, as of the base's friction. One that no
+/// row tells must not make a size look like none: of a gear that never brakes, the losses when it
+/// brakes.
+double shape_information(const ParameterInfo& p) { return scale(p) == Scale::kLog ? 1.0 : 0.0; }
+
 /// Parameters at their bounds that no row tells, or only with others: a half of an asymmetric
 /// friction beside the base's, which has what both have in common.
 /// @param K  (parameters, parameters) products of columns of length 1; of length 0 if untold alone
@@ -106,6 +111,11 @@ std::vector<MatX<double>> covariances(const Search& search, const std::vector<Te
       column += b.cols();
     }
     row += a.cols();
+  }
+  for (long at = 0; const Term& t : terms) {
+    at += t.width();
+    for (const int k : t.shapes)
+      K(at, at) += shape_information(t.effect.parameter_info[static_cast<std::size_t>(k)]), ++at;
   }
   VecX<double> scale = K.diagonal().cwiseSqrt().cwiseMax(1e-300).cwiseInverse();
   K = scale.asDiagonal() * K * scale.asDiagonal();

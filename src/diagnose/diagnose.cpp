@@ -6,6 +6,7 @@
 
 #include "diagnose/ball_diagnose.hpp"
 #include "diagnose/joint_diagnosis.hpp"
+#include "diagnose/motion_diagnosis.hpp"
 #include "identify/ball_identify.hpp"
 #include "identify/ball_pull.hpp"
 #include "identify/passes.hpp"
@@ -37,6 +38,8 @@ Finding find_causes(const Model& model, const RecordingSource& train, const Reco
                     (model.ball ? "no recording shows it; expected columns ball_x, ball_y, ball_z "
                                   "[m] in the world's frame"
                                 : "the model has none"));
+  if (balls.empty() && has_commands_alone(model, train))
+    return diagnose_drives(model, train, test, options);
   if (balls.empty()) {
     Finding finding = diagnose_joints(model, train, test, options);
     if (const std::string note = ball_note(model, train); !note.empty())

@@ -128,10 +128,27 @@ MotionStretch thinned(const MotionStretch& s, std::size_t every) {
     out.u.row(static_cast<long>(i)) = sum / (out.time[i + 1] - out.time[i]);
   }
   out.u_end = out.u;
+  out.command = s.command;
   return out;
 }
 
 }  // namespace
+
+HeldOutMotion motion_of_stretches(std::vector<MotionStretch> stretches, const SensorNoise& noise) {
+  HeldOutMotion out;
+  out.noise = noise;
+  out.stretches = std::move(stretches);
+  if (out.stretches.empty()) {
+    out.reason = "no three held-out rows on end have a torque of every joint";
+    return out;
+  }
+  for (const MotionStretch& s : out.stretches) out.begins.try_emplace(s.run, s.time.front());
+  out.size = motion_size(out.stretches).cwiseMax(kNoises * noise.position);
+  out.tolerance = (kNoises * noise.position).cwiseMax(kOfRange * range_of(out.stretches));
+  if (const std::size_t every = kept_of(out.stretches, noise); every > 1)
+    for (MotionStretch& s : out.stretches) s = thinned(s, every);
+  return out;
+}
 
 HeldOutMotion motion_of(const std::vector<Recording>& parts) {
   HeldOutMotion out;
@@ -151,18 +168,13 @@ HeldOutMotion motion_of(const std::vector<Recording>& parts) {
             "the position of " + r.joint_names[static_cast<std::size_t>(j)] + " was not recorded";
     if (!out.reason.empty()) return out;
   }
-  out.noise = sensor_noise(parts, passive);
+  const SensorNoise noise = sensor_noise(parts, passive);
+  std::vector<MotionStretch> stretches;
   for (const Recording& r : parts)
-    std::ranges::move(motion_stretches(r, out.noise, passive), std::back_inserter(out.stretches));
-  if (out.stretches.empty()) {
-    out.reason = "no three held-out rows on end have a torque of every joint";
-    return out;
-  }
-  out.size = motion_size(out.stretches).cwiseMax(kNoises * out.noise.position);
-  out.tolerance = (kNoises * out.noise.position).cwiseMax(kOfRange * range_of(out.stretches));
-  if (const std::size_t every = kept_of(out.stretches, out.noise); every > 1)
-    for (MotionStretch& s : out.stretches) s = thinned(s, every);
-  return out;
+    std::ranges::move(motion_stretches(r, noise, passive), std::back_inserter(stretches));
+  HeldOutMotion simulated = motion_of_stretches(std::move(stretches), noise);
+  simulated.begins = std::move(out.begins);
+  return simulated;
 }
 
 HeldOutMotion held_out_motion(const RecordingSource& source, const Evidence& evidence,

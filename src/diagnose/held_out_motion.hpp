@@ -22,6 +22,9 @@ struct HeldOutMotion {
   std::string reason;            ///< why nothing can be simulated; empty: something can
 };
 
+/// Stretches of the same joints as motion; runs begin with their first rows.
+HeldOutMotion motion_of_stretches(std::vector<MotionStretch> stretches, const SensorNoise& noise);
+
 /// Recordings of the same joints, or parts of them, as motion.
 HeldOutMotion motion_of(const std::vector<Recording>& parts);
 

@@ -19,7 +19,7 @@ struct JointCase {
   const RecordingSource& train_source;
   const RecordingSource* test_source;  ///< null: rows of `train` are held out
   DiagnoseOptions options;
-  /// Of the base's dry friction, by the layout's shapes; empty: as the base alone reads them.
+  /// Widths of the base's dry friction, by the layout's shapes; empty: as the base alone has them.
   std::vector<double> widths = {};
   Finding finding = {};
 

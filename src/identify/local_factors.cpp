@@ -3,6 +3,8 @@
 #include <diffnea/dynamics/regressor.hpp>
 #include <diffnea/effects/extended_tree.hpp>
 
+#include "identify/passes.hpp"
+
 namespace diffnea {
 
 std::vector<JointFactor> local_factors(const Model& model, const FitLayout& layout,
@@ -76,6 +78,21 @@ std::vector<JointFactor> local_factors(const Model& model, const FitLayout& layo
       row(0, row.cols() - 1) = Y(j, p);
       f.factor.add(row);
     }
+  }
+  return out;
+}
+
+std::vector<JointFactor> hold_absorbed(const Model& model,
+                                       const std::vector<MotionStretch>& stretches,
+                                       const std::vector<MotionWindow>& windows, FitLayout& layout,
+                                       std::vector<std::string>& notes) {
+  std::vector<JointFactor> out = local_factors(model, layout, stretches, windows);
+  for (const int c : absorbed_by_links(layout, out)) {
+    FitParameter& p = layout.linear[static_cast<std::size_t>(c)];
+    p.fixed = true;
+    p.absorbed = true;
+    notes.push_back(p.name + " cannot be told from the links' inertia, which absorbs it: held at " +
+                    format_number(p.prior));
   }
   return out;
 }

@@ -13,4 +13,12 @@ std::vector<JointFactor> local_factors(const Model& model, const FitLayout& layo
                                        const std::vector<MotionStretch>& stretches,
                                        const std::vector<MotionWindow>& windows);
 
+/// Holds what the links' inertia absorbs at the model's value.
+/// @param notes  one for each
+/// @return local_factors()
+std::vector<JointFactor> hold_absorbed(const Model& model,
+                                       const std::vector<MotionStretch>& stretches,
+                                       const std::vector<MotionWindow>& windows, FitLayout& layout,
+                                       std::vector<std::string>& notes);
+
 }  // namespace diffnea

@@ -8,6 +8,7 @@
 
 #include "core/constants.hpp"
 #include "core/decompositions.hpp"
+#include "core/statistics.hpp"
 
 namespace diffnea {
 namespace {
@@ -60,29 +61,6 @@ long samples_of(const std::vector<MotionStretch>& stretches,
     for (const double q : stretches[w.stretch].q.middleRows(w.first, w.rows).reshaped())
       out += std::isnan(q) ? 0 : 1;
   return out;
-}
-
-/// 1 + 2 Σ |ρ_l| of a series: how many of its rows say what one independent row does. Signs are
-/// left out: where a residual swings, so does what a parameter does there. The sum ends where
-/// correlations are noise for half as long as it is.
-double correlation_time(const std::vector<double>& r) {
-  const long n = static_cast<long>(r.size());
-  double mean_square = 0.0;
-  for (const double x : r) mean_square += x * x;
-  if (!(mean_square > 0.0)) return 1.0;
-  const double noise = 2.0 / std::sqrt(static_cast<double>(n));
-  double sum = 0.0;
-  long last = 0;  // lag of the last correlation beyond noise
-  for (long l = 1; l < n / 2 && l < last + 10 + last / 2; ++l) {
-    double c = 0.0;
-    for (long k = 0; k + l < n; ++k)
-      c += r[static_cast<std::size_t>(k)] * r[static_cast<std::size_t>(k + l)];
-    const double rho = std::abs(c / mean_square);
-    if (rho < noise) continue;
-    sum += rho;
-    last = l;
-  }
-  return 1.0 + 2.0 * sum;
 }
 
 }  // namespace
@@ -268,6 +246,15 @@ void MotionFitter::fit(std::vector<MotionWindow>& windows, double tolerance) {
                         std::to_string(windows.size()) + " windows blows up";
 }
 
+TriangularFactor MotionFitter::factor(const std::vector<MotionWindow>& windows) const {
+  const int f = static_cast<int>(free_.size());
+  Workers simulators = workers();
+  TriangularFactor out(f);
+  for (const ReducedWindow& r : linearise(simulators, windows, f))
+    if (r.finite) out.add(r.rows);
+  return out;
+}
+
 void MotionFitter::fit_states(std::vector<MotionWindow>& windows) const {
   Workers simulators = workers_at(now_.x, now_.shape, {});
   // Windows know nothing of each other: each goes its own way.
@@ -383,7 +370,6 @@ void MotionFitter::step(const VecX<double>& d, double damping, VecX<double>& x,
   }
 }
 
-/// Variance of what is left over that of the noise, times its correlation time.
 double MotionFitter::correlation(const std::vector<MotionWindow>& windows) const {
   const long n = problem_.sigma.size();
   Workers simulators = workers_at(now_.x, now_.shape, {});

@@ -57,12 +57,18 @@ class MotionFitter {
   /// many, otherwise independent residuals times what their autocorrelation makes of them.
   void set_covariance(const std::vector<MotionWindow>& windows);
 
+  /// Columns that are fitted: linear parameters of the layout, then their number + index of shapes.
+  const std::vector<int>& free() const { return free_; }
+  /// [J | r] of all windows whose simulation does not blow up, first states eliminated.
+  TriangularFactor factor(const std::vector<MotionWindow>& windows) const;
   /// Simulators at the present point, one a thread.
   Workers workers() const { return workers_at(now_.x, now_.shape, free_); }
   /// The present point.
   const MotionFit& now() const { return now_; }
   /// Goes on from these linear parameters, strictly consistent; the prior stays where it is.
   void begin_at(const VecX<double>& x) { now_.x = x; }
+  /// Variance of what is left over that of the noise, times its correlation time.
+  double correlation(const std::vector<MotionWindow>& windows) const;
   /// χ²/2 of these windows at the present point, each at its best state; +∞ if one blows up.
   double best_cost(std::vector<MotionWindow> windows) const;
   /// Goes back to an earlier one.
@@ -82,13 +88,12 @@ class MotionFitter {
   double misfit() const;
   double coordinate(long column, const VecX<double>& x, const VecX<double>& shape) const;
   double scale_of(long column) const;
-  double correlation(const std::vector<MotionWindow>& windows) const;
 
   const MotionProblem& problem_;
   MotionOptions options_;
   VecX<double> start_, start_shape_;
   std::function<bool(int, double)> progress_;
-  std::vector<int> free_;  ///< columns that are fitted: linear ones, then p + index of the shapes
+  std::vector<int> free_;
   MotionFit now_;
 };
 

@@ -2,7 +2,6 @@
 #include <chrono>
 #include <cmath>
 #include <functional>
-#include <numeric>
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/core/random.hpp>
@@ -14,77 +13,13 @@
 #include "core/statistics.hpp"
 #include "identify/drives.hpp"
 #include "identify/local_factors.hpp"
+#include "identify/motion_data.hpp"
 #include "identify/motion_fit.hpp"
 #include "identify/motionless.hpp"
 #include "identify/passes.hpp"
-#include "identify/whole_runs.hpp"
-#include "recording/overlap.hpp"
-#include "recording/time_unit.hpp"
 
 namespace diffnea {
 namespace {
-
-std::vector<bool> passive_joints(const Recording& recording) {
-  std::vector<bool> out;
-  for (const std::string& joint : recording.joint_names)
-    out.push_back(std::ranges::find(recording.info.passive, joint) != recording.info.passive.end());
-  return out;
-}
-
-/// Recordings of a source, whole, with numbers from `first_run` on.
-std::vector<Recording> whole_runs(const RecordingSource& source, int first_run) {
-  std::vector<Recording> out;
-  for_each_run(
-      source, [](const Recording&) { return true; },
-      [&](const Recording& r) {
-        out.push_back(r);
-        out.back().run += first_run;
-      });
-  return out;
-}
-
-/// Words on joints that nobody has measured the torque of; empty if there is none.
-std::string without_torque(const Recording& r) {
-  std::vector<std::string> joints;
-  const std::vector<bool> passive = passive_joints(r);
-  for (std::size_t j = 0; j < passive.size(); ++j)
-    if (!r.has_tau[j] && !passive[j]) joints.push_back(r.joint_names[j]);
-  return joints.empty() ? ""
-                        : "; of " + detail::join(joints) +
-                              " no torque is known: declare joints without a drive passive "
-                              "(sidecar, or --passive)";
-}
-
-/// Recordings cut into stretches; what has none is noted.
-/// @param commanded  (n) joints that drives of the model lead
-std::vector<MotionStretch> stretches_of(const std::vector<Recording>& recordings,
-                                        const SensorNoise& noise,
-                                        const std::vector<bool>& commanded,
-                                        std::vector<std::string>& notes) {
-  std::vector<MotionStretch> out;
-  for (const Recording& r : recordings) {
-    std::vector<MotionStretch> of_run = motion_stretches(r, noise, passive_joints(r), commanded);
-    if (of_run.empty())
-      notes.push_back("left out: " + r.source +
-                      " has no three rows on end with a torque of every "
-                      "joint");
-    std::ranges::move(of_run, std::back_inserter(out));
-  }
-  if (const std::string question = detail::time_unit_question(recordings); !question.empty())
-    throw DataError(recordings.front().source + ": " + question);
-  if (out.empty() && !recordings.empty())
-    throw DataError(recordings.front().source + ": " + detail::why_no_rows(recordings, 3) +
-                    ", so nothing can be simulated" + without_torque(recordings.front()));
-  for (long j = 0; !out.empty() && j < noise.position.size(); ++j)
-    if (std::ranges::all_of(out, [&](const MotionStretch& s) {
-          return s.q.col(j).array().isNaN().all();
-        }))
-      throw DataError(recordings.front().source + ": joint '" +
-                      recordings.front().joint_names[static_cast<std::size_t>(j)] +
-                      "' has no position in rows in which all torques are known: " +
-                      detail::uneven_columns(recordings));
-  return out;
-}
 
 /// Horizon over which fits of drives compete for the right to go on [s]: some delays and swings of
 /// a servo.
@@ -133,6 +68,7 @@ class MotionIdentification {
     const auto start = std::chrono::steady_clock::now();
     prepare();
     climb();
+    if (whole_ && !fitter_->now().interrupted) release_bounds();
     result_.summary.seconds_fitting = fitting_;
     evaluate();
     result_.summary.seconds =
@@ -162,41 +98,28 @@ class MotionIdentification {
     const auto start = std::chrono::steady_clock::now();
     layout_ = layout_for(model_, train_, test_, options_.choice, result_.notes);
     require_derivatives();
-    const std::vector<Recording> fitted = whole_runs(train_, 0);
-    noise_ = sensor_noise(fitted, passive_joints(fitted.front()));
     const std::vector<bool> commanded = commanded_joints(layout_);
-    stretches_ = stretches_of(fitted, noise_, commanded, result_.notes);
-    if (test_)
-      held_out_ = stretches_of(whole_runs(*test_, static_cast<int>(train_.runs().size())), noise_,
-                               commanded, result_.notes);
+    data_ = motion_data(train_, test_, commanded, result_.notes);
     result_.data_report = train_.report();
-    for (const Recording& r : fitted) result_.summary.rows += r.rows();
+    result_.summary.rows = data_.rows;
     result_.summary.passes = 1;
-    require_motion(fitted.front().source);
-    if (test_ && still(held_out_).size() == static_cast<std::size_t>(layout_.num_dofs))
+    require_motion(train_.sample().front().source);
+    if (test_ && still_joints(data_.test, data_.noise).size() == static_cast<std::size_t>(layout_.num_dofs))
       throw DataError(test_->sample().front().source + ": held-out data: no joint moves (" +
                       detail::join(joint_names(model_)) + ")");
-    ladder_ = horizons(stretches_, noise_, options_.motion);
+    ladder_ = horizons(data_.train, data_.noise, options_.motion);
     if (brief_) thin_out();
-    limit_ = (kApart * motion_size(stretches_)).cwiseMax(kFarBeyondNoise * noise_.position);
+    limit_ = apart_limit(data_);
     describe_noise();
 
     shape_.resize(static_cast<long>(layout_.shape.size()));
     for (std::size_t s = 0; s < layout_.shape.size(); ++s)
       shape_[static_cast<long>(s)] = layout_.shape[s].prior;
     if (std::ranges::any_of(commanded, std::identity()))
-      guess_drives(model_, stretches_, cut_windows(stretches_, ladder_.front()), speed_share_,
+      guess_drives(model_, data_.train, cut_windows(data_.train, ladder_.front()), speed_share_,
                    layout_, shape_);
-    const std::vector<JointFactor> factors =
-        local_factors(model_, layout_, stretches_, cut_windows(stretches_, ladder_.front()));
-    for (const int c : absorbed_by_links(layout_, factors)) {
-      layout_.linear[static_cast<std::size_t>(c)].fixed = true;
-      layout_.linear[static_cast<std::size_t>(c)].absorbed = true;
-      result_.notes.push_back(
-          layout_.linear[static_cast<std::size_t>(c)].name +
-          " cannot be told from the links' inertia, which absorbs it: held at " +
-          format_number(layout_.linear[static_cast<std::size_t>(c)].prior));
-    }
+    const std::vector<JointFactor> factors = hold_absorbed(
+        model_, data_.train, cut_windows(data_.train, ladder_.front()), layout_, result_.notes);
     const auto fixed = [](const FitParameter& p) { return p.fixed; };
     if (std::ranges::all_of(layout_.linear, fixed) && std::ranges::all_of(layout_.shape, fixed))
       throw ModelError(
@@ -205,13 +128,11 @@ class MotionIdentification {
     scale_ = parameter_scales(layout_, factors);
     // Horizon 0: torques of one instant. A robot that nothing drives has none to fit.
     const bool driven = std::ranges::any_of(
-        stretches_, [](const MotionStretch& s) { return s.command || s.u.cwiseAbs().maxCoeff() > 0.0; });
+        data_.train, [](const MotionStretch& s) { return s.command || s.u.cwiseAbs().maxCoeff() > 0.0; });
     if (driven) guess_ = inverse_guess(factors);
     start_ = consistent_start(layout_, scale_);
     for (std::size_t k = 0; k < layout_.linear.size(); ++k)
       if (layout_.linear[k].fixed) start_[static_cast<long>(k)] = layout_.linear[k].prior;
-    runs_.resize(train_.runs().size() + (test_ ? test_->runs().size() : 0));
-    std::iota(runs_.begin(), runs_.end(), 0);
     fitting_ = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   }
 
@@ -224,58 +145,45 @@ class MotionIdentification {
     Rng rng(1);
     double windows = 0.0;
     std::size_t kept = 0;
-    while (kept < stretches_.size() && windows < kWindows * parameters) {
-      const std::size_t left = stretches_.size() - kept;
+    while (kept < data_.train.size() && windows < kWindows * parameters) {
+      const std::size_t left = data_.train.size() - kept;
       const std::size_t drawn = kept + static_cast<std::size_t>(rng.next() % left);
-      std::swap(stretches_[kept], stretches_[drawn]);
-      windows += stretches_[kept++].length() / ladder_.back();
+      std::swap(data_.train[kept], data_.train[drawn]);
+      windows += data_.train[kept++].length() / ladder_.back();
     }
-    stretches_.resize(kept);
-  }
-
-  /// Joints that no stretch moves.
-  std::vector<int> still(const std::vector<MotionStretch>& stretches) const {
-    VecX<double> low = VecX<double>::Constant(layout_.num_dofs, kInfinity), high = -low;
-    for (const MotionStretch& s : stretches)
-      for (long j = 0; j < s.q.cols(); ++j)
-        for (const double q : s.q.col(j))
-          if (!std::isnan(q)) {
-            low[j] = std::min(low[j], q);
-            high[j] = std::max(high[j], q);
-          }
-    return motionless_joints(low, high, {noise_.position.begin(), noise_.position.end()});
+    data_.train.resize(kept);
   }
 
   /// @throws DataError if no joint moves, or there are fewer positions than numbers to fit to them
   void require_motion(const std::string& source) {
     const std::size_t n = static_cast<std::size_t>(layout_.num_dofs);
     long positions = 0;
-    for (const MotionStretch& s : stretches_) positions += (s.q.array() == s.q.array()).count();
+    for (const MotionStretch& s : data_.train) positions += (s.q.array() == s.q.array()).count();
     const auto is_free = [](const FitParameter& p) { return !p.fixed; };
-    const long states = static_cast<long>(2 * n * stretches_.size()),
+    const long states = static_cast<long>(2 * n * data_.train.size()),
                parameters = std::ranges::count_if(layout_.linear, is_free) +
                             std::ranges::count_if(layout_.shape, is_free);
     if (positions < states + parameters)
       throw DataError(source + ": " + std::to_string(positions) + " positions for " +
                       std::to_string(states) + " initial states and " + std::to_string(parameters) +
                       " parameters; record longer, or fix parameters");
-    hold_motionless(still(stretches_), joint_names(model_), source, layout_, result_.notes);
+    hold_motionless(still_joints(data_.train, data_.noise), joint_names(model_), source, layout_, result_.notes);
   }
 
   /// Notes on sensors: slow ones, and those that show no noise.
   void describe_noise() {
     PreprocessPlan& plan = result_.plan;
-    plan.dt = noise_.period.minCoeff();
-    plan.q_noise.assign(noise_.position.data(), noise_.position.data() + noise_.position.size());
-    plan.tau_noise.assign(noise_.torque.data(), noise_.torque.data() + noise_.torque.size());
+    plan.dt = data_.noise.period.minCoeff();
+    plan.q_noise.assign(data_.noise.position.data(), data_.noise.position.data() + data_.noise.position.size());
+    plan.tau_noise.assign(data_.noise.torque.data(), data_.noise.torque.data() + data_.noise.torque.size());
     const std::vector<std::string> names = joint_names(model_);
     for (std::size_t j = 0; j < names.size(); ++j) {
-      if (noise_.refresh[j] > 1)
+      if (data_.noise.refresh[j] > 1)
         result_.notes.push_back(names[j] + ": its sensor has a new position every " +
-                                std::to_string(noise_.refresh[j]) +
+                                std::to_string(data_.noise.refresh[j]) +
                                 " rows; the others do not "
                                 "count");
-      if (noise_.position[static_cast<long>(j)] <= kPositionFloor)
+      if (data_.noise.position[static_cast<long>(j)] <= kPositionFloor)
         result_.notes.push_back(names[j] + ": its position shows no noise; " +
                                 format_number(kPositionFloor) + " is taken as its least");
     }
@@ -293,37 +201,43 @@ class MotionIdentification {
   /// Starts at what simulates the shortest windows best: the model, or the torques of one instant.
   void begin() {
     if (guess_.size() == 0) return;
-    std::vector<MotionWindow> windows = cut_windows(stretches_, ladder_.front());
-    set_measured_states(stretches_, ladder_.front(), windows);
+    std::vector<MotionWindow> windows = cut_windows(data_.train, ladder_.front());
+    set_measured_states(data_.train, ladder_.front(), windows);
     const double of_model = fitter_->best_cost(windows);
     fitter_->begin_at(guess_);
     if (!(fitter_->best_cost(windows) < of_model)) fitter_->begin_at(start_);
   }
 
+  /// @param iterations  that were made before
+  void begin_fitter(const VecX<double>& x, const VecX<double>& shape, int iterations) {
+    fitter_.emplace(*problem_, options_.motion, x, shape,
+                    [this, iterations](int iteration, double objective) {
+                      return !options_.progress ||
+                             options_.progress({"simulating", iterations + iteration,
+                                                result_.summary.rows, objective});
+                    });
+  }
+
   /// From horizon to horizon, as far as windows hold together.
   void climb() {
-    const MotionProblem problem{model_, layout_, stretches_, runs_, noise_.position, scale_};
-    fitter_.emplace(
-        problem_.emplace(problem), options_.motion, start_, shape_,
-        [this](int iteration, double objective) {
-          return !options_.progress ||
-                 options_.progress({"simulating", iteration, result_.summary.rows, objective});
-        });
+    const MotionProblem problem{model_, layout_, data_.train, data_.runs, data_.noise.position, scale_};
+    problem_.emplace(problem);
+    begin_fitter(start_, shape_, 0);
     held_problem_.emplace(
-        MotionProblem{model_, layout_, held_out_, runs_, noise_.position, scale_});
+        MotionProblem{model_, layout_, data_.test, data_.runs, data_.noise.position, scale_});
     nominal_fitter_.emplace(*problem_, options_.motion, layout_.prior(), shape_);
     const double first = ladder_.front();
     begin();
     for (const double horizon : ladder_) {
       const auto start = std::chrono::steady_clock::now();
       Ladder next = fitted_;
-      next.next(fitter_->workers(), stretches_, horizon, first);
+      next.next(fitter_->workers(), data_.train, horizon, first);
       if (horizon > first && drowned(next, horizon)) break;
       const MotionFit before = fitter_->now();
       // Where the next horizon goes on, this one need not be exact.
       fitter_->fit(next.windows, horizon == ladder_.back() ? options_.motion.tolerance : kOnTheWay);
       Workers workers = fitter_->workers();
-      next.errors = window_errors(workers, stretches_, next.windows, limit_);
+      next.errors = window_errors(workers, data_.train, next.windows, limit_);
       fitting_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
       const bool apart = 2 * next.errors.apart.size() >= next.windows.size();
       if (apart) say_apart(next, horizon, horizon > first);
@@ -342,12 +256,49 @@ class MotionIdentification {
     if (reached_ < ladder_.back() && !fitter_->now().interrupted) finish();
   }
 
+  /// Leaves out bounds of drives that the recordings do not need, at no bound at all: at the edge
+  /// of what was seen they would hold back motion that was not.
+  void release_bounds() {
+    const auto is_bound = [&](const FitParameter& s) {
+      return !s.fixed && s.effect >= 0 &&
+             layout_.effects[static_cast<std::size_t>(s.effect)].info().has(Trait::kReadsCommand) &&
+             s.name.substr(s.name.rfind('.') + 1) != "delay";
+    };
+    const MotionFit at = fitter_->now();
+    const double n = static_cast<double>(std::max(at.samples, 1L)), cost = at.objective,
+                 together = std::max(fitter_->correlation(fitted_.windows) * n / (2.0 * cost), 1.0);
+    VecX<double> shape = at.shape;
+    std::vector<std::string> left_out;
+    for (std::size_t k = 0; k < layout_.shape.size(); ++k) {
+      FitParameter& s = layout_.shape[k];
+      if (!is_bound(s)) continue;
+      const double none = layout_.effects[static_cast<std::size_t>(s.effect)]
+                              .parameter_info[static_cast<std::size_t>(s.index)]
+                              .initial;
+      VecX<double> without = shape;
+      without[static_cast<long>(k)] = none;
+      const MotionFitter tried(*problem_, options_.motion, at.x, without);
+      // BIC, of rows that count as one together
+      if (!(n / together * std::log(tried.best_cost(fitted_.windows) / cost) < std::log(n)))
+        continue;
+      shape = without;
+      s.fixed = true;
+      s.prior = none;
+      left_out.push_back(s.name);
+    }
+    if (left_out.empty()) return;
+    result_.notes.push_back("left at no bound, which the recording does not need: " +
+                            detail::join(left_out));
+    begin_fitter(at.x, shape, at.iterations);
+    finish();
+  }
+
   /// Fits the horizon that turned out to be the last one exactly.
   void finish() {
     const auto start = std::chrono::steady_clock::now();
     fitter_->fit(fitted_.windows, options_.motion.tolerance);
     Workers workers = fitter_->workers();
-    fitted_.errors = window_errors(workers, stretches_, fitted_.windows, limit_);
+    fitted_.errors = window_errors(workers, data_.train, fitted_.windows, limit_);
     fitting_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     result_.horizons.resize(result_.horizons.size() - static_cast<std::size_t>(layout_.num_dofs));
     measure(reached_);
@@ -356,7 +307,7 @@ class MotionIdentification {
   bool drowned(const Ladder& next, double horizon) {
     Workers workers = fitter_->workers();
     const double share =
-        torque_noise_share(*workers.front(), stretches_, next.windows, noise_.density, limit_);
+        torque_noise_share(*workers.front(), data_.train, next.windows, data_.noise.density, limit_);
     if (share <= 1.0) return false;
     result_.notes.push_back("windows end at " + format_number(reached_) + " s: over " +
                             format_number(horizon) +
@@ -385,7 +336,7 @@ class MotionIdentification {
   void say_apart(const Ladder& at, double horizon, bool earlier) {
     result_.notes.push_back(
         std::string(earlier ? "" : kWarning) + "the simulation " +
-        apart_words(at, stretches_, horizon, 0) +
+        apart_words(at, data_.train, horizon, 0) +
         "; the model lacks something that acts within that time" +
         (earlier ? ", and the result is that of " + format_number(reached_) + " s" : ""));
   }
@@ -400,14 +351,14 @@ class MotionIdentification {
       Workers workers = fitter.workers();
       ladder.errors = window_errors(workers, stretches, ladder.windows, limit_);
     };
-    of_model(*nominal_fitter_, stretches_, nominal_);
+    of_model(*nominal_fitter_, data_.train, nominal_);
     VecX<double> test = VecX<double>::Constant(layout_.num_dofs, kNaN), nominal_test = test;
     if (test_) {
       const MotionFitter fitter(*held_problem_, options_.motion, fitter_->now().x,
                                 fitter_->now().shape);
       const MotionFitter before(*held_problem_, options_.motion, layout_.prior(), shape_);
-      of_model(fitter, held_out_, test_fitted_);
-      of_model(before, held_out_, test_nominal_);
+      of_model(fitter, data_.test, test_fitted_);
+      of_model(before, data_.test, test_nominal_);
       test = test_fitted_.errors.rmse();
       nominal_test = test_nominal_.errors.rmse();
     }
@@ -471,13 +422,13 @@ class MotionIdentification {
     VecX<double> raw = VecX<double>::Constant(layout_.num_dofs, kNaN);
     if (test_) {
       std::vector<MotionWindow> measured = test_fitted_.windows;
-      set_measured_states(held_out_, ladder_.front(), measured);
+      set_measured_states(data_.test, ladder_.front(), measured);
       Workers workers = fitter_->workers();
-      raw = window_errors(workers, held_out_, measured, limit_).rmse();
+      raw = window_errors(workers, data_.test, measured, limit_).rmse();
       if (!test_fitted_.errors.apart.empty())
         result_.notes.push_back(
             kWarning + ("the simulation of held-out data " +
-                        apart_words(test_fitted_, held_out_, reached_,
+                        apart_words(test_fitted_, data_.test, reached_,
                                     static_cast<int>(train_.runs().size()))) +
             "; the held-out errors above say no more than that");
       const long blown = test_fitted_.errors.blown_up();
@@ -488,10 +439,10 @@ class MotionIdentification {
             " held-out windows blows up; the errors are of the others" +
             (test_fitted_.errors.rmse().array().isNaN().all() ? ", and there is none" : ""));
       Workers before = nominal_fitter_->workers();
-      result_.test_series = series(held_out_, test_fitted_, workers, test_nominal_, before);
+      result_.test_series = series(data_.test, test_fitted_, workers, test_nominal_, before);
     }
     Workers after = fitter_->workers(), before = nominal_fitter_->workers();
-    result_.train_series = series(stretches_, fitted_, after, nominal_, before);
+    result_.train_series = series(data_.train, fitted_, after, nominal_, before);
     const std::size_t n = static_cast<std::size_t>(layout_.num_dofs);
     for (std::size_t j = 0; j < n; ++j) {
       const HorizonError& at = result_.horizons[result_.horizons.size() - n + j];
@@ -525,7 +476,7 @@ class MotionIdentification {
           std::to_string(fitted_.windows.size()) + " windows of " + format_number(reached_) +
           " s fall apart: there the error is more than half of a joint's motion about its mean");
     if (std::string text =
-            unlike_the_others(fitted_.errors, stretches_, fitted_.windows, joint_names(model_));
+            unlike_the_others(fitted_.errors, data_.train, fitted_.windows, joint_names(model_));
         !text.empty())
       result_.notes.push_back(std::move(text));
   }
@@ -574,13 +525,8 @@ class MotionIdentification {
     return out;
   }
 
-  /// Error over a joint's motion, both root mean squares, beyond which a simulation is apart: it
-  /// explains less than three quarters of the motion's variance.
-  static constexpr double kApart = 0.5;
   /// Share of the objective that a step gains at least before the next horizon is tried.
   static constexpr double kOnTheWay = 1e-3;
-  /// Noise over which an error is one of the model [standard deviations].
-  static constexpr double kFarBeyondNoise = 10.0;
 
   const Model& model_;
   const RecordingSource& train_;
@@ -588,9 +534,7 @@ class MotionIdentification {
   const IdentifyOptions& options_;
   IdentifyResult result_;
   FitLayout layout_;
-  SensorNoise noise_;
-  std::vector<MotionStretch> stretches_, held_out_;
-  std::vector<int> runs_;
+  MotionData data_;
   std::vector<double> ladder_;
   VecX<double> limit_;  ///< (n) error beyond which a window is apart
   VecX<double> scale_, start_, shape_;

@@ -13,21 +13,27 @@ namespace {
 constexpr int kLowestOrder = 2, kHighestOrder = 6;
 /// Standard deviation over the median of |x| of a Gaussian.
 constexpr double kOverMedian = 1.4826;
+constexpr double kGolden = 0.6180339887498949;
 /// Time between rows over the median one that no difference is taken across.
 constexpr double kGap = 5.0;
 
 /// Differences, values and changes of one channel, over all recordings.
 struct Channel {
-  std::array<std::vector<double>, kHighestOrder + 1> left;  // |difference| in units of σ = 1
+  double step = 0.0;  // quantisation
+  std::array<std::vector<double>, kHighestOrder + 1> left;  // |difference| over its weights' norm
   std::vector<double> values, changes;                      // between rows, not 0
   std::vector<double> periods;
 };
 
-/// |Divided differences| over the noise that they would have of noise 1.
+/// |Divided differences| over the noise that they would have of noise 1. Those of a quantised
+/// channel are multiples of its step, and so would be their median: each is spread evenly over a
+/// step (a golden sequence), which noise_of() takes out again.
 void add_differences(const std::vector<double>& t, const std::vector<double>& y, double period,
                      Channel& out) {
   const long n = static_cast<long>(t.size());
-  for (int d = kLowestOrder; d <= kHighestOrder; ++d)
+  double factorial = 1.0;
+  for (int d = kLowestOrder; d <= kHighestOrder; ++d) {
+    factorial *= d;
     for (long k = 0; k + d < n; ++k) {
       bool gap = false;
       for (int i = 0; i < d; ++i) gap = gap || t[k + i + 1] - t[k + i] > kGap * period;
@@ -40,15 +46,25 @@ void add_differences(const std::vector<double>& t, const std::vector<double>& y,
         sum += w * (y[k + i] - y[k]);  // weights add up to 0; less rounding
         squares += w * w;
       }
-      out.left[static_cast<std::size_t>(d)].push_back(std::abs(sum) / std::sqrt(squares));
+      std::vector<double>& left = out.left[static_cast<std::size_t>(d)];
+      const double at = kGolden * static_cast<double>(left.size());
+      sum += out.step / factorial * (at - std::floor(at) - 0.5);
+      left.push_back(std::abs(sum) / std::sqrt(squares));
     }
+  }
 }
 
 double noise_of(const Channel& channel) {
   double least = std::numeric_limits<double>::infinity();
-  for (int d = kLowestOrder; d <= kHighestOrder; ++d)
-    if (const auto& left = channel.left[static_cast<std::size_t>(d)]; !left.empty())
-      least = std::min(least, kOverMedian * median(left));
+  double squares = 2.0;  // of the weights, C(2d, d)
+  for (int d = kLowestOrder; d <= kHighestOrder; ++d) {
+    squares *= 2.0 * (2.0 * d - 1.0) / d;
+    const auto& left = channel.left[static_cast<std::size_t>(d)];
+    if (left.empty()) continue;
+    const double all = kOverMedian * median(left),
+                 spread = channel.step * channel.step / (12.0 * squares);
+    least = std::min(least, std::sqrt(std::max(all * all - spread, 0.0)));
+  }
   return std::isfinite(least) ? least : 0.0;
 }
 
@@ -77,6 +93,7 @@ SensorNoise sensor_noise(const std::vector<Recording>& recordings,
                       recordings.front().joint_names[static_cast<std::size_t>(j)] +
                       "' has no position in any row");
     out.step[j] = quantisation_step(position.values, position.changes);
+    position.step = out.step[j];
     const int refresh = out.refresh[static_cast<std::size_t>(j)];
     double row = 0.0;  // median time between two rows of the log
     {

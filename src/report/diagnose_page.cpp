@@ -127,7 +127,7 @@ std::pair<std::vector<std::size_t>, std::vector<std::size_t>> affected(const Fin
 }
 
 std::string over_time(const Finding& f) {
-  if (f.series.empty() && f.ball) return "";
+  if (f.series.empty() && (f.ball || follows_commands(f))) return "";
   if (f.series.empty())
     return element("p", "The folder holds no series.json, so that no chart can be drawn.", "faint");
   const auto [open, folded] = affected(f);
@@ -185,20 +185,33 @@ std::string candidates(const Finding& f) {
         bars(list, kSameClass);
   }
   if (f.causes.empty()) return out;
+  const bool halves =
+      std::ranges::any_of(f.causes, [](const Cause& c) { return !std::isnan(c.stability); });
   std::vector<std::vector<std::string>> rows;
-  for (const Cause& c : f.causes)
+  for (const Cause& c : f.causes) {
     rows.push_back({"<b>" + escape(at(c.effect, c.where)) + "</b>", number(c.delta_bic, 3),
-                    percent(c.visible_share), std::isnan(c.stability) ? "" : percent(c.stability),
-                    escape(rival_list(c.members, c.where, c.members.size())),
-                    escape(rival_list(c.rivals, c.where))});
-  out += html_table({"cause", "ΔBIC of leaving it out", "visible beside the base",
-                     "chosen on halves of the recording", "cannot be told from", "rivals in its place"},
-                    rows, {"", "n", "n", "n", "wrap", "wrap"}) +
+                    percent(c.visible_share)});
+    if (halves) rows.back().push_back(std::isnan(c.stability) ? "" : percent(c.stability));
+    rows.back().push_back(escape(rival_list(c.members, c.where, c.members.size())));
+    rows.back().push_back(escape(rival_list(c.rivals, c.where)));
+  }
+  std::vector<std::string> titles{"cause", "ΔBIC of leaving it out", "visible beside the base"};
+  std::vector<const char*> kinds{"", "n", "n"};
+  if (halves) {
+    titles.push_back("chosen on halves of the recording");
+    kinds.push_back("n");
+  }
+  titles.insert(titles.end(), {"cannot be told from", "rivals in its place"});
+  kinds.insert(kinds.end(), {"wrap", "wrap"});
+  out += html_table(titles, rows, kinds) +
          element("p",
-                 "Visible: the share of the cause's torque that the base parameters cannot take "
-                 "over. Halves: the choice among a cause and its rivals is repeated on 50 random "
-                 "halves of the recording; what most of them do not choose is one of a class. A "
-                 "rival is better or worse by that ΔBIC in the cause's place.",
+                 "Visible: the share of what the cause does that the base parameters cannot take "
+                 "over. " +
+                     std::string(halves ? "Halves: the choice among a cause and its rivals is "
+                                          "repeated on 50 random halves of the recording; what "
+                                          "most of them do not choose is one of a class. "
+                                        : "") +
+                     "A rival is better or worse by that ΔBIC in the cause's place.",
                  "faint");
   return out;
 }

@@ -52,16 +52,18 @@ std::string waterfall(const Finding& f) {
 
 std::string joint_table(const Finding& f) {
   const bool one = f.causes.empty();
-  const bool torque = std::ranges::any_of(f.joints, [](const JointGain& j) { return !is_ball(j); });
+  const bool motion = follows_commands(f);
+  const bool size = motion || !std::ranges::all_of(f.joints, is_ball);
   std::vector<std::vector<std::string>> rows;
   for (const JointGain& j : f.joints) {
     const bool ball = is_ball(j);
-    const double scale = ball ? 1e3 : 1.0;
-    std::vector<std::string> row{escape(j.joint), ball ? "mm" : escape(unit(j.unit))};
+    const double scale = is_of_positions(j) ? 1e3 : 1.0;
+    std::vector<std::string> row{escape(j.joint),
+                                 is_of_positions(j) ? "m" + j.unit : escape(unit(j.unit))};
     const auto put_share = [&](double x) {
-      if (torque) row.push_back(ball ? "" : percent(x / j.torque_rms));
+      if (size) row.push_back(ball ? "" : percent(x / j.torque_rms));
     };
-    if (torque) row.push_back(ball ? "" : number(j.torque_rms, 3));
+    if (size) row.push_back(ball ? "" : number(scale * j.torque_rms, 3));
     row.push_back(number(scale * j.noise_floor, 3));
     row.push_back(number(scale * j.base, 3));
     put_share(j.base);
@@ -72,11 +74,12 @@ std::string joint_table(const Finding& f) {
     rows.push_back(row);
   }
   std::vector<std::string> titles{"joint", "unit"};
-  if (torque) titles.push_back("rms torque");
+  const std::string share = motion ? "of motion" : "of torque";
+  if (size) titles.push_back(motion ? "rms motion" : "rms torque");
   titles.insert(titles.end(), {"noise", "base model"});
-  if (torque) titles.push_back("of torque");
+  if (size) titles.push_back(share);
   if (!one) titles.push_back("extended");
-  if (!one && torque) titles.push_back("of torque");
+  if (!one && size) titles.push_back(share);
   return html_table(titles, rows, {"", "", "n", "n", "n", "n", "n", "n"});
 }
 

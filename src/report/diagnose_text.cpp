@@ -51,16 +51,19 @@ std::string joints_text(const Finding& f) {
   std::vector<std::vector<std::string>> rows;
   bool torque = false;
   for (const JointGain& j : f.joints) {
-    const bool ball = is_ball(j);
-    const double scale = ball ? 1e3 : 1.0;
-    torque = torque || !ball;
-    rows.push_back({j.joint, ball ? "mm" : unit(j.unit), ball ? "" : number(j.torque_rms, 3),
+    const bool position = is_of_positions(j);
+    const double scale = position ? 1e3 : 1.0;
+    torque = torque || !position;
+    rows.push_back({j.joint, position ? "m" + j.unit : unit(j.unit),
+                    is_ball(j) ? "" : number(scale * j.torque_rms, 3),
                     number(scale * j.base, 3), number(scale * j.extended, 3),
                     number(scale * j.noise_floor, 3)});
   }
   return error_of(f) + " on held-out data (" + f.held_out + ")" +
          (torque ? ", filtered and decimated\n" : "\n") +
-         table({"", "<", torque ? "torque" : "", "base model", "extended", "noise"}, rows);
+         table({"", "<", torque ? "torque" : follows_commands(f) ? "motion" : "", "base model",
+                "extended", "noise"},
+               rows);
 }
 
 std::string ball_text(const Finding& f) {

@@ -89,7 +89,17 @@ std::string rival_words(const Rival& rival, const std::string& where) {
 
 bool is_ball(const JointGain& joint) { return joint.joint == "ball" && joint.unit == "m"; }
 
+bool is_of_positions(const JointGain& joint) {
+  return joint.unit == "m" || joint.unit == "rad";
+}
+
+bool follows_commands(const Finding& f) {
+  return std::ranges::any_of(f.joints, [](const JointGain& j) { return !is_ball(j); }) &&
+         std::ranges::all_of(f.joints, is_of_positions);
+}
+
 std::string error_of(const Finding& f) {
+  if (follows_commands(f)) return "position error";
   const auto balls = std::ranges::count_if(f.joints, [](const JointGain& j) { return is_ball(j); });
   if (balls == 0) return "torque error";
   return balls == std::ssize(f.joints) ? "error of the ball's position" : "error";

@@ -29,7 +29,11 @@ bool is_dry_friction(const std::string& effect);
 std::string rival_words(const Rival& rival, const std::string& where);
 /// Whether an error is the ball's [m], not a joint's.
 bool is_ball(const JointGain& joint);
-/// "torque error", "error of the ball's position", or "error" where both were measured.
+/// Whether errors are of positions, in rad or m: those of a ball, or of joints that commands lead.
+bool is_of_positions(const JointGain& joint);
+/// Whether all errors of joints are of positions, and there are some.
+bool follows_commands(const Finding& finding);
+/// "torque error", "position error", "error of the ball's position", or "error" where both were measured.
 std::string error_of(const Finding& finding);
 /// What was gained on held-out data, in one line.
 std::string gained(const Finding& finding);

@@ -101,7 +101,9 @@ std::string follows_section(const Finding& f) {
   out += element("p",
                  "Root mean square error of simulated positions on held-out data, in windows of "
                  "growing length. Each window begins in a state that is estimated from it; then "
-                 "the measured torque alone drives the simulation.",
+                 "the " +
+                     std::string(follows_commands(f) ? "commands drive" : "measured torque alone drives") +
+                     " the simulation.",
                  "faint");
   const std::vector<std::size_t> order = by_interest(f);
   const auto middle = order.begin() + static_cast<long>(std::min(kOpen, order.size()));

@@ -43,6 +43,26 @@ std::string within(const std::vector<SimulatedSeries>& joints) {
   return "within " + what + " (" + tolerances(joints) + ")";
 }
 
+/// "0.66 mrad", "1.2 to 7 mrad": of the joints' root mean square errors, those of one unit.
+std::string errors(const Finding& f, double JointGain::* of) {
+  double low = INFINITY, high = 0.0;
+  for (const JointGain& j : f.joints)
+    if (j.unit == f.joints.front().unit) {
+      low = std::min(low, j.*of);
+      high = std::max(high, j.*of);
+    }
+  const std::string least = number(1e3 * low, 2), most = number(1e3 * high, 2);
+  return (least == most ? "" : least + " to ") + most + " m" + f.joints.front().unit;
+}
+
+/// A loop holds every simulation together: what counts is how far it is off.
+std::string off_sentence(const Finding& f, const std::string& with) {
+  const std::string over = in_seconds(f.simulated.horizons.back().horizon);
+  std::string out = "Over " + over + " your simulation is off by " + errors(f, &JointGain::base);
+  if (!f.causes.empty()) out += "; " + with + ", by " + errors(f, &JointGain::extended);
+  return out + " (root mean square, held out).";
+}
+
 std::string with_causes(const Finding& f) {
   if (std::ranges::all_of(f.causes, [](const Cause& c) { return c.effect == "residual"; }))
     return "with what was learned";
@@ -70,6 +90,8 @@ std::string follows_sentence(const Finding& f) {
   if (m.horizons.empty() || m.joints.empty() || std::isnan(m.base_follows)) return "";
   const std::string shortest = in_seconds(m.horizons.front().horizon);
   const double before = m.base_follows, after = m.extended_follows;
+  if (follows_commands(f) && before >= m.horizons.back().horizon)
+    return off_sentence(f, with_causes(f));
   std::string out = before > 0.0 ? "Your simulation follows the robot for " + followed(m, before) +
                                        " " + within(m.joints)
                                  : "Your simulation does not follow the robot for even " +

@@ -84,6 +84,13 @@ TEST_CASE("sensor noise: a quantisation step is seen, and is a floor", "[motion]
   CHECK(sensor_noise({recorded({.noise = 1e-4})}, {false}).step[0] == 0.0);
 }
 
+TEST_CASE("sensor noise: of a fraction of a step it is told as well", "[motion]") {
+  const double step = 1e-3, noise = GENERATE(0.2e-3, 0.3e-3, 0.5e-3, 1e-3);
+  CAPTURE(noise);
+  const SensorNoise seen = sensor_noise({recorded({.noise = noise, .step = step})}, {false});
+  CHECK(seen.position[0] == Approx(std::hypot(noise, step / std::sqrt(12.0))).epsilon(0.06));
+}
+
 TEST_CASE("sensor noise: rows of a slow sensor count when it has a new value", "[motion]") {
   const Recording slow = recorded({.noise = 3e-4, .refresh = 4});
   const SensorNoise noise = sensor_noise({slow}, {false});

@@ -1,0 +1,232 @@
+#include "diagnose/motion_diagnosis.hpp"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+
+#include <diffnea/core/error.hpp>
+#include <diffnea/recording/audit.hpp>
+
+#include "core/constants.hpp"
+#include "diagnose/chi_square.hpp"
+#include "diagnose/motion_search.hpp"
+#include "diagnose/simulated.hpp"
+#include "diagnose/thresholds.hpp"
+#include "diagnose/window_selection.hpp"
+#include "identify/drives.hpp"
+#include "identify/passes.hpp"
+
+namespace diffnea {
+namespace {
+
+/// Mean square of what is left over the sensors' noise, beyond which something is left.
+constexpr double kLeft = 1.3;
+/// Windows below which some cannot be held out and the rest tell anything.
+constexpr double kFewestWindows = 8.0;
+
+struct MotionCase : WindowCase<MotionSearch> {
+  using WindowCase::WindowCase;
+};
+
+/// Tells whether simulated runs have derivatives by it.
+bool can_be_simulated(const Candidate& c) {
+  const EffectInfo& info = c.effect.info();
+  return info.port == Port::kJointTorque && !info.has(Trait::kReadsCommand) &&
+         !info.has(Trait::kGain) && !info.has(Trait::kRotor) &&
+         !reads_time(c.effect) && c.choices.empty() && !c.linear.empty();
+}
+
+/// What is tried beside the base; the rest is refused by name, once.
+std::vector<Candidate> candidates_beside(const Model& base, const DiagnoseOptions& options,
+                                         Finding& finding) {
+  std::vector<Candidate> out;
+  for (Candidate& c : make_candidates(base, options.effects, {0}, /*link_side=*/false)) {
+    const EffectSpec spec{c.effect.info().name, c.effect.where, {}};
+    if (holds_effect(base.effects, spec)) continue;
+    if (can_be_simulated(c))
+      out.push_back(std::move(c));
+    else if (c.effect.info().port == Port::kMemory || !options.effects.empty())
+      finding.refused.push_back(
+          {spec.effect, spec.where, "not tried: simulated runs have no derivative by it", 0.0});
+  }
+  return out;
+}
+
+/// Horizon that leaves enough windows to hold some out [s].
+double horizon_of(double reached, const MotionData& data, bool has_test) {
+  if (has_test) return reached;
+  double seconds = 0.0;
+  for (const MotionStretch& s : data.train) seconds += s.length();
+  return std::min(reached, seconds / kFewestWindows);
+}
+
+/// Leaves out causes that may be of size zero; they are not tried again.
+void drop_nothing(MotionCase& c) {
+  for (bool dropped = true; dropped && c.go_on();) {
+    dropped = false;
+    for (const EffectSpec& t : c.best.terms) {
+      if (!c.search->may_be_nothing(c.best, t)) continue;
+      MotionSolution less = c.search->solve(without_effect(c.best.terms, t), &c.best);
+      windows::refuse(c, t, "may be of size zero beside the others",
+                      c.search->delta_bic(less, c.best));
+      c.candidates = without_effect(c.candidates, t);
+      c.best = std::move(less);
+      dropped = true;
+      break;
+    }
+  }
+}
+
+void note_parameters(const MotionSolution& best, Finding& f) {
+  const long p = best.fit.x.size();
+  const auto add = [&](const std::vector<FitParameter>& list, const VecX<double>& values,
+                       long from) {
+    for (std::size_t k = 0; k < list.size(); ++k) {
+      const FitParameter& q = list[k];
+      if (q.effect >= 0 &&
+          holds_effect(best.terms,
+                       {best.layout.effects[static_cast<std::size_t>(q.effect)].info().name,
+                        best.layout.effects[static_cast<std::size_t>(q.effect)].where,
+                        {}}))
+        continue;
+      const long c = from + static_cast<long>(k);
+      const double std = std::sqrt(std::max(best.fit.covariance(c, c), 0.0));
+      f.parameters.push_back({q.name, q.unit, values[static_cast<long>(k)], q.fixed ? 0.0 : std,
+                              q.prior, !q.fixed, q.fixed, false});
+    }
+  };
+  add(best.layout.linear, best.fit.x, 0);
+  add(best.layout.shape, best.fit.shape, p);
+}
+
+/// Held-out positions, of both models, over their joints' noise.
+void note_joints(const MotionCase& c, const MotionSearchData& of, double floor, Finding& f) {
+  const std::vector<RowMatX<double>> before = c.search->held_out_errors(c.base),
+                                     after = c.search->held_out_errors(c.best);
+  const VecX<double> size = motion_size(c.search->held_out_stretches());
+  const std::vector<std::string> names = joint_names(f.model);
+  for (std::size_t j = 0; j < names.size(); ++j) {
+    const long column = static_cast<long>(j);
+    const auto rms = [&](const std::vector<RowMatX<double>>& errors) {
+      double sum = 0.0, n = 0.0;
+      for (const RowMatX<double>& e : errors)
+        for (const double x : e.col(column))
+          if (std::isfinite(x)) sum += x * x, n += 1.0;
+      return of.data.noise.position[column] * std::sqrt(sum / std::max(n, 1.0));
+    };
+    f.joints.push_back({names[j], unit_of_joint(f.model, static_cast<int>(j), false),
+                        size[column], rms(before), rms(after),
+                        std::sqrt(floor) * of.data.noise.position[column]});
+  }
+}
+
+}  // namespace
+
+bool has_commands_alone(const Model& model, const RecordingSource& train) {
+  IdentifyOptions options;
+  std::vector<std::string> unsaid;
+  return fit_drives(model, train, options, unsaid);
+}
+
+Finding diagnose_drives(const Model& model, const RecordingSource& train,
+                        const RecordingSource* test, const DiagnoseOptions& options) {
+  const auto start = std::chrono::steady_clock::now();
+  Finding finding;
+  finding.held_out = test ? "test recording" : "time blocks";
+  finding.base = "refit";
+  finding.audit = audit(train.sample(), {.joints = describe_joints(model)}).faults;
+
+  IdentifyOptions fit;
+  fit.progress = options.progress;
+  fit_drives(model, train, fit, finding.notes);
+  IdentifyResult base = identify_by_motion(model, train, test, fit);
+  finding.interrupted = base.summary.interrupted;
+  finding.plan = base.plan;
+  finding.data_report = base.data_report;
+  finding.model = base.model;
+
+  MotionSearchData of{train, test, fit.choice, fit.motion, {}, 0.0};
+  std::vector<bool> commanded(joint_names(model).size(), false);
+  for (const EffectSpec& e : base.model.effects)
+    if (find_effect(e.effect).has(Trait::kReadsCommand))
+      commanded[static_cast<std::size_t>(find_joint(base.model, e.where))] = true;
+  std::vector<std::string> unsaid;
+  of.data = motion_data(train, test, commanded, unsaid);
+  of.horizon = horizon_of(base.summary.horizon, of.data, test != nullptr);
+  for (const double noise : of.data.noise.position) finding.noise.push_back(noise);
+
+  MotionCase c(options, finding);
+  std::vector<Candidate> candidates = candidates_beside(base.model, options, finding);
+  for (const Candidate& one : candidates)
+    c.candidates.push_back({one.effect.info().name, one.effect.where, {}});
+  c.search = std::make_unique<MotionSearch>(
+      base.model, of, std::move(candidates),
+      [&c](const std::string& stage, int more) { return c.tell(stage, more); });
+  c.base = c.best = c.search->solve({}, nullptr);
+  if (c.go_on()) c.first_scores = c.search->scores(c.base, c.candidates);
+  const std::size_t most = options.max_causes > 0
+                               ? static_cast<std::size_t>(options.max_causes)
+                               : std::max<std::size_t>(8, 3 * commanded.size());
+  if (c.go_on()) select_windows(c, most, [&c] { drop_nothing(c); });
+  if (c.go_on()) c.best = c.search->with_told_sizes(c.best);
+
+  // What is left in the end tells how much of it hangs together by itself.
+  const double together = c.search->correlation(c.best);
+  for (const WindowScore& s : c.first_scores) {
+    const double better = window_delta_bic(c.base.cost, c.base.cost - s.lm, c.search->samples(),
+                                           together, s.parameters);
+    finding.lack_of_fit_p =
+        std::min(finding.lack_of_fit_p,
+                 static_cast<double>(c.first_scores.size()) *
+                     chi_square_tail(s.lm / together, static_cast<int>(s.parameters)));
+    if (s.visible_share < kAbsorbedMotion)
+      finding.absorbed.push_back({s.effect.effect, s.effect.where, s.visible_share});
+    else
+      finding.candidates.push_back(
+          {s.effect.effect, s.effect.where, better, s.lm, s.visible_share, {}});
+  }
+  const HeldOutChange change = c.search->held_out(c.base, c.best, options.seed);
+  const double floor = std::min(1.0, change.after);
+  finding.gain = gain_of(change, floor);
+  finding.lack_of_fit = c.base.cost / std::max(c.search->samples(), 1.0);
+  for (const EffectSpec& t : c.best.terms) {
+    const MotionSolution less = c.search->solve(without_effect(c.best.terms, t), &c.best);
+    Cause cause = window_cause(c, t, less);
+    cause.gain = gain_of(c.search->held_out(less, c.best, options.seed), floor);
+    finding.causes.push_back(std::move(cause));
+  }
+  std::ranges::stable_sort(finding.causes, std::ranges::greater{}, &Cause::delta_bic);
+  double all = 0.0;
+  for (const Cause& cause : finding.causes) all += cause.lm;
+  for (Cause& cause : finding.causes) cause.share = all > 0.0 ? cause.lm / all : 0.0;
+  note_parameters(c.best, finding);
+  note_joints(c, of, floor, finding);
+
+  const bool left = change.after > kLeft;
+  if (left && finding.gain.explained_share < kExplained)
+    finding.verdict = Verdict::kUnknown;
+  else if (finding.causes.empty())
+    finding.verdict = finding.candidates.empty() ? Verdict::kNotIdentifiable : Verdict::kNone;
+  else
+    finding.verdict = std::ranges::any_of(finding.causes, [](const Cause& x) {
+                        return x.verdict == Verdict::kClass;
+                      })
+                          ? Verdict::kClass
+                          : Verdict::kNamed;
+
+  const Model before = c.base.model;
+  finding.model = c.best.model;
+  HeldOutMotion motion = motion_of_stretches(c.search->held_out_stretches(), of.data.noise);
+  finding.simulated = simulate_held_out(before, finding.model, c.best.terms.empty(),
+                                        {motion, motion}, of.data.runs,
+                                        [&] { return c.tell("simulating", 0); })
+                          .motion;
+  finding.notes.insert(finding.notes.end(), base.notes.begin(), base.notes.end());
+  finding.tried = c.candidates.empty()        ? Tried::kNothing
+                  : options.whole_catalogue() ? Tried::kAll
+                                              : Tried::kSome;
+  finding.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  return finding;
+}
+
+}  // namespace diffnea

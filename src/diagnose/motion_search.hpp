@@ -1,0 +1,94 @@
+#pragma once
+/// Which effect a robot lacks whose drives follow commands by laws of their own: fits of simulated
+/// runs, score tests about them, held-out runs. Internal to diagnose/.
+
+#include <cstdint>
+#include <functional>
+
+#include "diagnose/candidates.hpp"
+#include "diagnose/window_case.hpp"
+#include "identify/motion_data.hpp"
+#include "identify/motion_fit.hpp"
+
+namespace diffnea {
+
+/// The model of the robot with some effects beyond the base, fitted.
+struct MotionSolution {
+  std::vector<EffectSpec> terms;
+  std::vector<std::string> held;  ///< patterns of parameters of terms, with their values
+  Model model;  ///< with the terms, fitted
+  FitLayout layout;
+  MotionFit fit;
+  std::vector<MotionWindow> windows;  ///< with their states
+  double cost = 0.0;                  ///< Σ (e/σ)² over the windows
+};
+
+/// What a search works on, which outlives it.
+struct MotionSearchData {
+  const RecordingSource& train;
+  const RecordingSource* test;  ///< null: blocks of `train` are held out
+  FitChoice choice;             ///< of the base
+  MotionOptions options;
+  MotionData data;
+  double horizon = 0.0;  ///< of the windows [s]
+};
+
+class MotionSearch {
+ public:
+  using Solution = MotionSolution;
+
+  /// @param base      fitted; its parameters move with the terms
+  /// @param progress  told of every step; false stops
+  MotionSearch(Model base, const MotionSearchData& data, std::vector<Candidate> candidates,
+               std::function<bool(const std::string&, int)> progress);
+
+  MotionSolution solve(const std::vector<EffectSpec>& terms, const MotionSolution* start) const;
+  std::vector<WindowScore> scores(const MotionSolution& at,
+                                  const std::vector<EffectSpec>& candidates) const;
+  double delta_bic(const MotionSolution& a, const MotionSolution& b) const;
+  HeldOutChange held_out(const MotionSolution& a, const MotionSolution& b,
+                         std::uint64_t seed) const;
+  /// Tells nothing: candidates are scored at all points of their grids.
+  bool is_far_from_linear(const EffectSpec&) const { return false; }
+  std::vector<CauseParameter> parameters_of(const MotionSolution& at, const EffectSpec& term) const;
+  double share_of_motion(double lm) const;
+  /// Tells whether zero is in the 95 % region of what a term's torque is proportional to, together.
+  bool may_be_nothing(const MotionSolution& at, const EffectSpec& term) const;
+  /// Where the base takes over what a term's sizes have in common, as a servo's damping does of two
+  /// sides of a friction, only their difference is told: the smallest is then held at zero.
+  MotionSolution with_told_sizes(const MotionSolution& at) const;
+
+  /// Errors of the held-out positions over their noise, per window (m, n).
+  std::vector<RowMatX<double>> held_out_errors(const MotionSolution& at) const;
+  /// Positions that are compared, in all windows of the fit.
+  double samples() const { return static_cast<double>(samples_); }
+  /// Positions that count as one, of what a solution leaves.
+  double correlation(const MotionSolution& at) const;
+  /// Held-out stretches.
+  const std::vector<MotionStretch>& held_out_stretches() const { return held_; }
+
+ private:
+  struct Variant;  // of a candidate: one point of its grid
+
+  FitLayout layout_of(const Model& model, const std::vector<EffectSpec>& terms,
+                      const std::vector<std::string>& held) const;
+  MotionSolution solved(MotionSolution from, const std::vector<EffectSpec>& terms) const;
+  /// Columns of a term's linear parameters that are fitted.
+  std::vector<long> sizes_of(const MotionSolution& at, const EffectSpec& term) const;
+  MotionProblem problem(const Model& model, const FitLayout& layout) const;
+  void score(const MotionSolution& at, const std::vector<Variant>& variants, double correlation,
+             std::vector<WindowScore>& out) const;
+  std::vector<RowMatX<double>> errors(const MotionSolution& at,
+                                      const std::vector<MotionStretch>& stretches,
+                                      std::vector<MotionWindow> windows, bool fit_states) const;
+
+  Model base_;
+  const MotionSearchData& data_;
+  std::vector<Candidate> candidates_;
+  std::function<bool(const std::string&, int)> progress_;
+  std::vector<MotionStretch> held_;                    ///< whole, or the blocks that are held out
+  std::vector<MotionWindow> windows_, held_windows_;  ///< as measured
+  long samples_ = 0;
+};
+
+}  // namespace diffnea
