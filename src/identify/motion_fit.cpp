@@ -354,8 +354,8 @@ void MotionFitter::step(const VecX<double>& d, double damping, VecX<double>& x,
       problem.fixed.push_back(static_cast<int>(c));
     else if (nonnegative(c))
       problem.nonnegative.push_back(static_cast<int>(c));
-    if (is_free[static_cast<std::size_t>(c)] != 0 && nonnegative(c))
-      problem.start[c] = std::max(problem.start[c], kInside * scale_of(c));
+    if (is_free[static_cast<std::size_t>(c)] != 0 && nonnegative(c) && !(problem.start[c] > 0.0))
+      problem.start[c] = kInside * scale_of(c);
   }
   VecX<double> move = solve_convex_fit(problem).x;
   for (long c = 0; c < columns; ++c) move[c] -= coordinate(c, now_.x, now_.shape);

@@ -154,6 +154,7 @@ TEST_CASE("motion: windows that fall apart are reported with joint, time, horizo
   CHECK(r.horizons.back().horizon == r.summary.horizon);
   // The result is that of the last horizon that held: no window of ten seconds is without a push.
   CHECK(r.summary.horizon < 10.0);
+  CAPTURE(r.summary.termination);
   CHECK(r.summary.converged);
 }
 

@@ -102,7 +102,7 @@ def main() -> None:
                 f"kscale_sts3215_12v, {title}", "identify", model, *train, "--effects", effects
             )
             for p in result["parameters"]:
-                if p["std"] is not None:
+                if p["std"]:
                     print(f"  {p['name']:<40} {p['value']:.5g} ± {p['std']:.2g} {p['unit']}")
             errors = (
                 f"{split} {mean_error(args.servo_runs, run / 'model.json', runs):.1f}"
