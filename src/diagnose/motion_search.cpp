@@ -97,11 +97,10 @@ FitLayout MotionSearch::layout_of(const Model& model, const std::vector<EffectSp
   for (const EffectSpec& t : terms) {
     const int e = index_of(out, t);
     for (FitParameter& s : out.shape)
-      if (e >= 0 && s.effect == e) {
-        const ParameterInfo& info = out.effects[static_cast<std::size_t>(e)]
-                                        .parameter_info[static_cast<std::size_t>(s.index)];
-        s.fixed = info.search.empty() || std::isfinite(info.most);
-      }
+      if (e >= 0 && s.effect == e)
+        s.fixed = out.effects[static_cast<std::size_t>(e)]
+                      .parameter_info[static_cast<std::size_t>(s.index)]
+                      .search.empty();
   }
   return out;
 }

@@ -357,7 +357,26 @@ void MotionFitter::step(const VecX<double>& d, double damping, VecX<double>& x,
     if (is_free[static_cast<std::size_t>(c)] != 0 && nonnegative(c) && !(problem.start[c] > 0.0))
       problem.start[c] = kInside * scale_of(c);
   }
+  const auto most = [&](long c) {
+    if (c < p || is_free[static_cast<std::size_t>(c)] == 0) return kInfinity;
+    const FitParameter& def = layout.shape[static_cast<std::size_t>(c - p)];
+    if (def.effect < 0) return kInfinity;
+    const double bound = layout.effects[static_cast<std::size_t>(def.effect)]
+                             .parameter_info[static_cast<std::size_t>(def.index)]
+                             .most;
+    return def.logarithmic ? std::log(bound) : bound;
+  };
   VecX<double> move = solve_convex_fit(problem).x;
+  for (bool beyond = true; beyond;) {  // a shape beyond its largest value is held there
+    beyond = false;
+    for (long c = p; c < columns; ++c)
+      if (move[c] > most(c) + 1e-12) {
+        problem.start[c] = most(c);
+        problem.fixed.push_back(static_cast<int>(c));
+        beyond = true;
+      }
+    if (beyond) move = solve_convex_fit(problem).x;
+  }
   for (long c = 0; c < columns; ++c) move[c] -= coordinate(c, now_.x, now_.shape);
   // Shorter as a whole: a part of it alone would leave the descent's direction.
   const double longest = p < columns ? move.tail(columns - p).cwiseAbs().maxCoeff() : 0.0;
@@ -368,6 +387,8 @@ void MotionFitter::step(const VecX<double>& d, double damping, VecX<double>& x,
     if (is_free[static_cast<std::size_t>(p + s)] == 0) continue;
     const bool logarithmic = layout.shape[static_cast<std::size_t>(s)].logarithmic;
     shape[s] = logarithmic ? shape[s] * std::exp(move[p + s]) : shape[s] + move[p + s];
+    const double bound = most(p + s);  // but for rounding
+    shape[s] = std::min(shape[s], logarithmic ? std::exp(bound) : bound);
   }
 }
 

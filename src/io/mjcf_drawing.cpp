@@ -9,6 +9,7 @@
 
 #include "io/mjcf_inertial.hpp"
 #include "io/mjcf_joint.hpp"
+#include "io/mjcf_servo.hpp"
 #include "io/model_parts.hpp"
 
 namespace diffnea::io {
@@ -30,7 +31,9 @@ void set_pose(XmlElement& element, const Pose<double>& X) {
 
 class MjcfDrawing {
  public:
-  MjcfDrawing(const Model& model, std::vector<std::string>& notes) : model_(model), notes_(notes) {}
+  MjcfDrawing(const Model& model, const std::vector<ServoActuator>& servos,
+              std::vector<std::string>& notes)
+      : model_(model), servos_(servos), notes_(notes) {}
 
   std::string text() {
     XmlElement* root = document_.NewElement("mujoco");
@@ -45,6 +48,7 @@ class MjcfDrawing {
     if (model_.ball) draw_ball(*root);
     draw_couplings(*root);
     draw_motors(*root);
+    write_servos(*root, servos_);
     if (model_.cup) draw_cup(*root);
     if (!model_.home.empty()) draw_home(*root);
     note_the_rest();
@@ -184,6 +188,7 @@ class MjcfDrawing {
           notes_.push_back("whether joint '" + link.joint + "' is passive");
         continue;
       }
+      if (std::ranges::find(servos_, link.joint, &ServoActuator::joint) != servos_.end()) continue;
       XmlElement& motor = *child(root, "actuator").InsertNewChildElement("motor");
       motor.SetAttribute("name", link.joint.c_str());
       motor.SetAttribute("joint", link.joint.c_str());
@@ -247,6 +252,7 @@ class MjcfDrawing {
   }
 
   const Model& model_;
+  const std::vector<ServoActuator>& servos_;
   std::vector<std::string>& notes_;
   XmlDocument document_;
   XmlElement* world_ = nullptr;
@@ -256,7 +262,9 @@ class MjcfDrawing {
 }  // namespace
 
 std::string draw_mjcf(const Model& model, std::vector<std::string>& notes) {
-  return MjcfDrawing(model, notes).text();
+  Model native = model;
+  const std::vector<ServoActuator> servos = take_servos(native, notes);
+  return MjcfDrawing(native, servos, notes).text();
 }
 
 }  // namespace diffnea::io

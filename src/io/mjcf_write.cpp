@@ -11,6 +11,7 @@
 #include "io/mjcf_joint.hpp"
 #include "io/mjcf_parts.hpp"
 #include "io/mjcf_readback.hpp"
+#include "io/mjcf_servo.hpp"
 #include "io/mjcf_translate.hpp"
 #include "io/model_parts.hpp"
 
@@ -160,8 +161,10 @@ void write_joint(XmlElement& e, const ModelLink& now, const ModelLink& then, con
 
 }  // namespace
 
-std::string mjcf_with_values(const Mjcf& mjcf, const Model& model,
+std::string mjcf_with_values(const Mjcf& mjcf, const Model& with_servos,
                              std::vector<std::string>& notes) {
+  Model model = with_servos;
+  const std::vector<ServoActuator> servos = take_servos(model, notes);
   const std::string& where = mjcf.where;
   const MujocoModel m = compile_mjcf(mjcf);
   const Model before = model_from_mujoco(*m, mjcf);
@@ -225,6 +228,7 @@ std::string mjcf_with_values(const Mjcf& mjcf, const Model& model,
   for (const EffectSpec& e : model.effects)
     if (!is_joint_term(model, e)) notes.push_back(e.effect + " at " + e.where);
   if (model.posterior) notes.emplace_back("the posterior of the parameters");
+  write_servos(root, servos);
   require_it_says(*compile_mjcf(mjcf), written, mjcf);
   return xml_text(*mjcf.document);
 }

@@ -1,0 +1,124 @@
+#include "io/mjcf_servo.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include <diffnea/effects/bound_effect.hpp>
+
+#include "io/model_parts.hpp"
+
+namespace diffnea::io {
+namespace {
+
+const std::string kPositionServo = "position_servo";
+
+/// A servo's parameter that has no effect.
+double none_of(const std::string& name) {
+  for (const ParameterInfo& p : find_effect(kPositionServo).parameters)
+    if (p.name == name) return p.initial;
+  return 0.0;
+}
+
+/// A parameter of an effect, or what it is where it is absent.
+double value_of(const EffectSpec& effect, const std::string& name) {
+  for (const EffectParameter& p : effect.parameters)
+    if (p.name == name) return p.value;
+  return none_of(name);
+}
+
+}  // namespace
+
+std::vector<ServoActuator> take_servos(Model& model, std::vector<std::string>& notes) {
+  std::vector<ServoActuator> out;
+  std::vector<EffectSpec> rest;
+  for (const EffectSpec& e : model.effects) {
+    const auto link = std::ranges::find_if(model.links, [&](const ModelLink& l) {
+      return l.type != ModelJoint::kFixed && l.joint == e.where;
+    });
+    if (e.effect != kPositionServo || link == model.links.end()) {
+      rest.push_back(e);
+      continue;
+    }
+    const double kp = value_of(e, "stiffness"), reach = value_of(e, "reach");
+    const bool bounded = reach < none_of("reach");
+    out.push_back({e.where, kp, bounded ? kp * reach : std::numeric_limits<double>::infinity()});
+    for (const char* name : {"delay", "dead_band", "speed"})
+      if (value_of(e, name) != none_of(name))
+        notes.push_back(std::string(name) + " of the position servo at " + e.where + " = " +
+                        exact(value_of(e, name)));
+    const std::string unit = link->type == ModelJoint::kPrismatic ? "N*s/m" : "N*m*s/rad";
+    rest.push_back(
+        {"viscous_friction", e.where, {{"viscous", value_of(e, "damping"), unit}}});
+  }
+  model.effects = std::move(rest);
+  return out;
+}
+
+namespace {
+
+/// Makes an actuator, of any kind, the servo; its name, joint and range of commands stay. Its class
+/// says nothing that is not overruled.
+void write_servo(XmlElement& actuator, const ServoActuator& servo) {
+  const auto text = [&](const char* name) {
+    const char* value = actuator.Attribute(name);
+    return std::string(value ? value : "");
+  };
+  const std::string name = text("name"), range = text("ctrlrange"), limited = text("ctrllimited"),
+                    of_class = text("class");
+  const bool was_position = std::string(actuator.Name()) == "position";
+  while (const tinyxml2::XMLAttribute* a = actuator.FirstAttribute())
+    actuator.DeleteAttribute(a->Name());
+  actuator.DeleteChildren();
+  // `general` says all of it in every version; `position` would take kv from its class.
+  actuator.SetName("general");
+  actuator.SetAttribute("name", name.empty() ? servo.joint.c_str() : name.c_str());
+  if (!of_class.empty()) actuator.SetAttribute("class", of_class.c_str());
+  actuator.SetAttribute("joint", servo.joint.c_str());
+  actuator.SetAttribute("gear", "1");
+  actuator.SetAttribute("dyntype", "none");
+  actuator.SetAttribute("gaintype", "fixed");
+  actuator.SetAttribute("gainprm", (exact(servo.kp) + " 0 0").c_str());
+  actuator.SetAttribute("biastype", "affine");
+  actuator.SetAttribute("biasprm", ("0 " + exact(-servo.kp) + " 0").c_str());
+  actuator.SetAttribute("forcelimited", std::isfinite(servo.force) ? "true" : "false");
+  if (std::isfinite(servo.force))
+    actuator.SetAttribute("forcerange", (exact(-servo.force) + " " + exact(servo.force)).c_str());
+  // A range of torques is none of positions.
+  if (was_position && !range.empty()) {
+    actuator.SetAttribute("ctrllimited", limited.empty() ? "true" : limited.c_str());
+    actuator.SetAttribute("ctrlrange", range.c_str());
+  } else {
+    actuator.SetAttribute("ctrllimited", "false");
+  }
+}
+
+void add_servo(XmlElement& section, const ServoActuator& servo) {
+  XmlElement& actuator = *section.InsertNewChildElement("position");
+  actuator.SetAttribute("name", servo.joint.c_str());
+  actuator.SetAttribute("joint", servo.joint.c_str());
+  actuator.SetAttribute("kp", exact(servo.kp).c_str());
+  if (!std::isfinite(servo.force)) return;
+  actuator.SetAttribute("forcelimited", "true");
+  actuator.SetAttribute("forcerange", (exact(-servo.force) + " " + exact(servo.force)).c_str());
+}
+
+}  // namespace
+
+void write_servos(XmlElement& root, const std::vector<ServoActuator>& servos) {
+  for (const ServoActuator& servo : servos) {
+    XmlElement* found = nullptr;
+    for_each_child(root, "actuator", [&](XmlElement& section) {
+      for_each_child(section, nullptr, [&](XmlElement& e) {
+        const char* joint = e.Attribute("joint");
+        if (!found && joint && servo.joint == joint) found = &e;
+      });
+    });
+    if (found)
+      write_servo(*found, servo);
+    else
+      add_servo(child(root, "actuator"), servo);
+  }
+}
+
+}  // namespace diffnea::io

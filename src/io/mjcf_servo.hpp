@@ -1,0 +1,29 @@
+#pragma once
+/// Position servos as the `position` actuators of MuJoCo. Internal to io/.
+
+#include <string>
+#include <vector>
+
+#include <diffnea/model/model.hpp>
+
+#include "io/xml.hpp"
+
+namespace diffnea::io {
+
+/// force = clip(kp (command − q), ± force)
+struct ServoActuator {
+  std::string joint;
+  double kp = 0.0;     ///< [N·m/rad] or [N/m]
+  double force = 0.0;  ///< [N·m] or [N]; infinite: no bound
+};
+
+/// Takes the position servos out of a model. What they brake adds to their joints' damping, which
+/// acts beside the bound of the force, as the servo's does.
+/// @param notes  gains what no actuator has: delay, dead band, speed of the setpoint
+std::vector<ServoActuator> take_servos(Model& model, std::vector<std::string>& notes);
+
+/// Writes servos into a document's actuators: in the place of the first at that joint, else beside
+/// the others.
+void write_servos(XmlElement& root, const std::vector<ServoActuator>& servos);
+
+}  // namespace diffnea::io
