@@ -25,7 +25,7 @@ constexpr double kMisfit = 1.3, kMisfitBlock = 1.0;
 /// Eigenvalue of columns of length 1, below which no row tells of their combination.
 constexpr double kUntold = 1e-6;
 
-/// What is known of a shape beforehand: its logarithm to 1, as of the base's friction. One that no
+/// Information on a shape beforehand: its logarithm is known to 1, as of the base's friction. One that no
 /// row tells must not make a size look like none: of a gear that never brakes, the losses when it
 /// brakes.
 double shape_information(const ParameterInfo& p) { return scale(p) == Scale::kLog ? 1.0 : 0.0; }

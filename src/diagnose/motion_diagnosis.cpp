@@ -36,7 +36,7 @@ bool can_be_simulated(const Candidate& c) {
          !reads_time(c.effect) && c.choices.empty() && !c.linear.empty();
 }
 
-/// What is tried beside the base; the rest is refused by name, once.
+/// Candidates beside the base; the rest is refused by name, once.
 std::vector<Candidate> candidates_beside(const Model& base, const DiagnoseOptions& options,
                                          Finding& finding) {
   std::vector<Candidate> out;
@@ -170,7 +170,7 @@ Finding diagnose_drives(const Model& model, const RecordingSource& train,
   if (c.go_on()) select_windows(c, most, [&c] { drop_nothing(c); });
   if (c.go_on()) c.best = c.search->with_told_sizes(c.best);
 
-  // What is left in the end tells how much of it hangs together by itself.
+  // The rest in the end tells how much of it hangs together by itself.
   const double together = c.search->correlation(c.best);
   for (const WindowScore& s : c.first_scores) {
     const double better = window_delta_bic(c.base.cost, c.base.cost - s.lm, c.search->samples(),

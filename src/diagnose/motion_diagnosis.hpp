@@ -6,7 +6,7 @@
 
 namespace diffnea {
 
-/// Whether the recordings have commands that drives of the model could follow, and no torque.
+/// Tells whether the recordings have commands that drives of the model could follow, and no torque.
 bool has_commands_alone(const Model& model, const RecordingSource& train);
 
 /// Identifies the drives first, then looks for what they and the joints lack.

@@ -219,7 +219,7 @@ void MotionSearch::score(const MotionSolution& at, const std::vector<Variant>& v
   const TriangularFactor factor = fitter.factor(at.windows);
   const MatX<double> R = factor.R();
   const MatX<double> K = R.transpose() * R;
-  const VecX<double> slope = R.transpose() * factor.d();  // of [J | r]: a step is −K⁻¹ slope
+  const VecX<double> slope = R.transpose() * factor.d();  // gradient of [J | r]: a step is −K⁻¹ slope
 
   const long p = static_cast<long>(layout.linear.size());
   std::vector<int> base;
@@ -254,7 +254,7 @@ void MotionSearch::score(const MotionSolution& at, const std::vector<Variant>& v
     MatX<double> A = left;
     A.diagonal() += kRidge * alone.diagonal() + VecX<double>::Constant(A.rows(), 1e-300);
     const SignedFit fit = signed_fit(A, b, signs[v]);
-    // What is linear promises no more than all that is left.
+    // A linear model may promise more than all that is left.
     const double lm = std::clamp(fit.gain, 0.0, (1.0 - 1e-9) * at.cost);
     const long shapes = std::ranges::count_if(layout.shape, [&](const FitParameter& s) {
       return of_variant(s) == static_cast<int>(v) &&

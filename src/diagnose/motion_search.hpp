@@ -23,7 +23,7 @@ struct MotionSolution {
   double cost = 0.0;                  ///< Σ (e/σ)² over the windows
 };
 
-/// What a search works on, which outlives it.
+/// Data of a search, which outlive it.
 struct MotionSearchData {
   const RecordingSource& train;
   const RecordingSource* test;  ///< null: blocks of `train` are held out
@@ -68,7 +68,7 @@ class MotionSearch {
   const std::vector<MotionStretch>& held_out_stretches() const { return held_; }
 
  private:
-  struct Variant;  // of a candidate: one point of its grid
+  struct Variant;  // a candidate at one point of its grid
 
   FitLayout layout_of(const Model& model, const std::vector<EffectSpec>& terms,
                       const std::vector<std::string>& held) const;
@@ -87,7 +87,7 @@ class MotionSearch {
   std::vector<Candidate> candidates_;
   std::function<bool(const std::string&, int)> progress_;
   std::vector<MotionStretch> held_;                    ///< whole, or the blocks that are held out
-  std::vector<MotionWindow> windows_, held_windows_;  ///< as measured
+  std::vector<MotionWindow> windows_, held_windows_;  ///< with measured states
   long samples_ = 0;
 };
 

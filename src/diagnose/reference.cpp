@@ -14,7 +14,7 @@ constexpr double kMostTurn = 1.5, kMostTurnAtSpring = 0.7;
 /// A reference whose torque has moved by less leaves the candidates' columns as they are. A column
 /// that is wrong by a tenth loses a hundredth of its gain, and what is offered has it made anew.
 constexpr double kMoved = 0.1;
-/// Of what the recording cannot tell apart, the least change is taken.
+/// Weight of the least change, where the recording tells no other.
 constexpr double kRidge = 1e-9;
 
 /// A model can hold no rotor and no friction below 0, the test's base can: what they have there,

@@ -1,6 +1,6 @@
 #pragma once
-/// What a diagnosis by simulated windows works on, of a ball or of joints: candidates, and the best
-/// solution so far. Internal to diagnose/.
+/// A diagnosis by simulated windows, of a ball or of joints: candidates, and the best solution so
+/// far. Internal to diagnose/.
 
 #include <memory>
 #include <string>
@@ -18,7 +18,7 @@ struct WindowScore {
   double lm = 0.0;
   double delta_bic = 0.0;  ///< if what is left hung together as it does without the candidate
   double promise = 0.0;    ///< ΔBIC that a fit may come to, at most
-  double parameters = 1.0;  ///< that it adds
+  double parameters = 1.0;  ///< number that it adds
   double visible_share = 0.0;
   VecX<double> values;  ///< that it would take
 };

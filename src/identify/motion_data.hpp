@@ -15,7 +15,7 @@ inline constexpr double kApart = 0.5;
 /// Stretches of n joints.
 struct MotionData {
   std::vector<MotionStretch> train, test;
-  SensorNoise noise;      ///< of the sensors that `train` is of
+  SensorNoise noise;      ///< sensors' of `train`
   std::vector<int> runs;  ///< numbers of all recordings, those of the fit first
   long rows = 0;          ///< of the recordings of the fit
 };

@@ -320,7 +320,7 @@ double MotionFitter::misfit() const {
 void MotionFitter::step(const VecX<double>& d, double damping, VecX<double>& x,
                         VecX<double>& shape) const {
   constexpr double kLongest = 0.7;  // step of a shape: a factor of two, or 0.7 rad or m
-  constexpr double kInside = 0.01;  // of a scale: where the search for a step begins, off the bound
+  constexpr double kInside = 0.01;  // share of a scale: where the search for a step begins, off the bound
   const FitLayout& layout = problem_.layout;
   const long p = static_cast<long>(layout.linear.size());
   const long columns = p + static_cast<long>(layout.shape.size()), f = now_.R.rows();
@@ -354,7 +354,8 @@ void MotionFitter::step(const VecX<double>& d, double damping, VecX<double>& x,
       problem.fixed.push_back(static_cast<int>(c));
     else if (nonnegative(c))
       problem.nonnegative.push_back(static_cast<int>(c));
-    if (nonnegative(c) && !(problem.start[c] > 0.0)) problem.start[c] = kInside * scale_of(c);
+    if (is_free[static_cast<std::size_t>(c)] != 0 && nonnegative(c) && !(problem.start[c] > 0.0))
+      problem.start[c] = kInside * scale_of(c);
   }
   VecX<double> move = solve_convex_fit(problem).x;
   for (long c = 0; c < columns; ++c) move[c] -= coordinate(c, now_.x, now_.shape);

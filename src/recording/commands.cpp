@@ -69,7 +69,7 @@ std::string why_no_torque(const std::vector<Recording>& recordings) {
   if (!qd.empty()) out += "; velocities (qd_) of " + detail::join(qd);
   if (!command.empty())
     out += "; desired positions (qcmd_) of " + detail::join(command) +
-           ", to which `diffnea identify` fits drives";
+           ", to which `diffnea identify` and `diffnea diagnose` fit drives";
   if (!extra.empty()) out += "; extra channels " + detail::join(extra);
   return out;
 }

@@ -29,9 +29,9 @@ bool is_dry_friction(const std::string& effect);
 std::string rival_words(const Rival& rival, const std::string& where);
 /// Whether an error is the ball's [m], not a joint's.
 bool is_ball(const JointGain& joint);
-/// Whether errors are of positions, in rad or m: those of a ball, or of joints that commands lead.
+/// Tells whether errors are of positions, in rad or m: those of a ball, or of joints that commands lead.
 bool is_of_positions(const JointGain& joint);
-/// Whether all errors of joints are of positions, and there are some.
+/// Tells whether all errors of joints are of positions, and there are some.
 bool follows_commands(const Finding& finding);
 /// "torque error", "position error", "error of the ball's position", or "error" where both were measured.
 std::string error_of(const Finding& finding);

@@ -65,7 +65,7 @@ class ForwardDynamics {
   /// (n, n) M⁻¹ or S⁻¹ of the last call: ∂q̈ over a torque at the links.
   const RowMatX<double>& inverse_mass_matrix() const { return aba_.dqdd_dtau; }
 
-  /// Whether an effect reads q̈ or the transmitted torque.
+  /// Tells whether an effect reads q̈ or the transmitted torque.
   bool is_implicit() const { return !implicit_.empty(); }
   /// (n) torque that the links transmit at the q̈ of the last call, where is_implicit().
   const VecX<double>& transmitted() const { return transmitted_; }

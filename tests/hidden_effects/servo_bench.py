@@ -1,0 +1,148 @@
+"""A pendulum behind a position servo: commands and encoder counts, as a bus logs them, no torque.
+
+Euler at 10 kHz with true sticking; nothing of the library. What is hidden is drawn from the effect
+and the seed, the servo and the pendulum from the seed.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+
+STEP = 1e-4
+"""Step of the simulation [s]."""
+RATE = 100.0
+"""Rate of the log, and of the commands, which the bus holds in between [Hz]."""
+COUNTS = 4096
+"""Counts of the encoder, a turn."""
+NOISE = 0.3
+"""Noise of the encoder [counts]."""
+GRAVITY = 9.81
+
+SIZES = {
+    "none": 0.0,
+    "quadratic_friction": 0.03,
+    "stribeck_friction": 0.08,
+    "asymmetric_viscous": 0.06,
+    "load_friction": 0.2,
+    "joint_spring": 0.6,
+    "cogging": 0.06,
+}
+"""Sizes of what can be hidden, in SI: one that a user would see, times 0.5 to 2."""
+
+URDF = """<robot name="bench">
+  <link name="base"/>
+  <link name="arm"><inertial><origin xyz="0 0 {com}"/><mass value="{mass}"/>
+    <inertia ixx="0.001" iyy="0.001" izz="0.001" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="servo" type="continuous"><parent link="base"/><child link="arm"/>
+    <axis xyz="0 1 0"/></joint>
+</robot>
+"""
+
+
+@dataclass(frozen=True)
+class Bench:
+    """A servo and what it carries."""
+
+    mass: float
+    com: float
+    stiffness: float
+    damping: float
+    delay: float
+    armature: float
+    coulomb: float
+    offset: float
+    effect: str
+    size: float
+
+    @property
+    def inertia(self) -> float:
+        return 0.001 + self.mass * self.com**2
+
+    @property
+    def weight(self) -> float:
+        return self.mass * GRAVITY * self.com
+
+
+def draw(effect: str, seed: int) -> Bench:
+    """Draw a bench; its effect is of the size that SIZES has, times 0.5 to 2."""
+    of_bench = np.random.default_rng(seed)
+    of_effect = np.random.default_rng([seed, sorted(SIZES).index(effect)])
+    return Bench(
+        mass=of_bench.uniform(0.3, 1.2),
+        com=of_bench.uniform(0.08, 0.15),
+        stiffness=of_bench.uniform(8.0, 25.0),
+        damping=of_bench.uniform(0.2, 0.8),
+        delay=of_bench.uniform(0.0, 0.03),
+        armature=of_bench.uniform(0.01, 0.04),
+        coulomb=of_bench.uniform(0.03, 0.1),
+        offset=of_bench.uniform(-0.02, 0.02),
+        effect=effect,
+        size=SIZES[effect] * 2.0 ** of_effect.uniform(-1.0, 1.0),
+    )
+
+
+def record(bench: Bench, seconds: float, rng: np.random.Generator) -> np.ndarray:
+    """Record one motion: rows of time, position, command."""
+    held = round(1.0 / RATE / STEP)
+    time = np.arange(round(seconds / STEP)) * STEP
+    command = np.zeros_like(time)
+    for _ in range(4):
+        amplitude, rate, phase = rng.uniform(0.2, 0.9), rng.uniform(0.7, 6.0), rng.uniform(0, 6.28)
+        command += amplitude * np.sin(rate * time + phase)
+    command = (command - command[0]) * np.minimum(1.0, 2.0 * time)
+    command = np.repeat(command[::held], held)[: len(time)]
+    late = round(bench.delay / STEP)
+    total = bench.inertia + bench.armature
+    count = 2.0 * np.pi / COUNTS
+    q = v = acceleration = 0.0
+    seen = []
+    for k in range(len(time)):
+        if k % held == 0:
+            seen.append(count * np.round(q / count + rng.normal(0.0, NOISE)))
+        pull = bench.weight * np.sin(q)
+        tau = bench.stiffness * (command[max(k - late, 0)] - q) - bench.damping * v
+        tau += bench.offset - pull
+        dry = bench.coulomb
+        if bench.effect == "quadratic_friction":
+            tau -= bench.size * v * abs(v)
+        elif bench.effect == "stribeck_friction":
+            dry += bench.size * np.exp(-((v / 0.3) ** 2))
+        elif bench.effect == "asymmetric_viscous":
+            tau -= bench.size * abs(v)
+        elif bench.effect == "load_friction":
+            dry += bench.size * abs(pull + bench.inertia * acceleration)
+        elif bench.effect == "joint_spring":
+            tau -= bench.size * (q - 0.2)
+        elif bench.effect == "cogging":
+            tau -= bench.size * np.sin(6.0 * q + 0.4)
+        free = v + STEP * tau / total
+        stop = STEP * dry / total
+        before, v = v, 0.0 if abs(free) <= stop else free - np.copysign(stop, free)
+        # Friction that follows the load needs q̈, which it changes: over half a millisecond.
+        acceleration += 0.2 * ((v - before) / STEP - acceleration)
+        q += STEP * v
+    return np.column_stack([time[::held], seen, command[::held]])
+
+
+def write_case(folder: Path, effect: str, seed: int, seconds: float = 10.0) -> Bench:
+    """Write `bench.urdf`, `train.csv`, `test.csv`, and `truth.json` for the judge."""
+    bench = draw(effect, seed)
+    rng = np.random.default_rng([seed, 1])
+    folder.mkdir(parents=True, exist_ok=True)
+    for name in ("train", "test"):
+        np.savetxt(
+            folder / f"{name}.csv",
+            record(bench, seconds, rng),
+            delimiter=",",
+            header="time,q_servo,qcmd_servo",
+            comments="",
+            fmt="%.9g",
+        )
+    urdf = URDF.format(mass=bench.mass, com=-bench.com)
+    (folder / "bench.urdf").write_text(urdf, encoding="utf-8")
+    (folder / "truth.json").write_text(json.dumps(asdict(bench)), encoding="utf-8")
+    return bench

@@ -1,0 +1,46 @@
+"""Effects hidden in a servo, of which commands and positions are logged and no torque."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from cli import done, load
+from servo_bench import SIZES, Bench, write_case
+
+SEED = 2001
+
+
+def diagnosed(effect: str, folder: Path) -> tuple[Bench, Any]:
+    bench = write_case(folder, effect, SEED)
+    done(
+        *("diagnose", folder / "bench.urdf", folder / "train.csv", "--test", folder / "test.csv"),
+        *("-o", folder / "run", "--quiet"),
+    )
+    return bench, load(folder / "run/result.json")
+
+
+def test_a_servo_that_lacks_nothing(tmp_path: Path) -> None:
+    _, finding = diagnosed("none", tmp_path)
+    assert finding["verdict"] == "NONE", finding["sentence"]
+    assert finding["causes"] == []
+    assert "your simulation is off by" in finding["sentence"]
+    # Effects with states of their own were not tried, and a reader is told.
+    assert {r["effect"] for r in finding["refused"]} >= {"backlash", "joint_elasticity"}
+
+
+@pytest.mark.parametrize("effect", sorted(set(SIZES) - {"none"}))
+def test_it_is_named(effect: str, tmp_path: Path) -> None:
+    bench, finding = diagnosed(effect, tmp_path)
+    (cause,) = finding["causes"]
+    assert (cause["effect"], cause["where"]) == (effect, "servo"), finding["sentence"]
+    size = cause["parameters"][0]
+    if effect == "cogging":  # a sine and a cosine
+        value = (size["value"] ** 2 + cause["parameters"][1]["value"] ** 2) ** 0.5
+        assert value == pytest.approx(bench.size, rel=0.05)
+    elif effect == "asymmetric_viscous":  # the servo's damping takes over what both sides have
+        assert size["value"] == pytest.approx(2.0 * bench.size, rel=0.05)
+    else:
+        assert size["value"] == pytest.approx(bench.size, rel=0.15)
+    # On held-out motion nothing is left but the encoder.
+    (joint,) = finding["joints"]
+    assert joint["extended"] < min(1.5 * joint["noise_floor"], joint["base"])
