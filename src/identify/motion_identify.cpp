@@ -210,12 +210,13 @@ class MotionIdentification {
 
   /// @param iterations  that were made before
   void begin_fitter(const VecX<double>& x, const VecX<double>& shape, int iterations) {
-    fitter_.emplace(*problem_, options_.motion, x, shape,
-                    [this, iterations](int iteration, double objective) {
-                      return !options_.progress ||
-                             options_.progress({"simulating", iterations + iteration,
-                                                result_.summary.rows, objective});
-                    });
+    fitter_.emplace(*problem_, options_.motion, x, shape, [this](int iteration, double objective) {
+      return !options_.progress ||
+             options_.progress({"simulating", iteration, result_.summary.rows, objective});
+    });
+    MotionFit from = fitter_->now();
+    from.iterations = iterations;
+    fitter_->restore(std::move(from));
   }
 
   /// From horizon to horizon, as far as windows hold together.
