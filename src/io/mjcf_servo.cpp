@@ -93,6 +93,7 @@ void write_servo(XmlElement& actuator, const ServoActuator& servo) {
   }
 }
 
+/// Adds a servo the way a user would write it, where no class has its own idea of a `position`.
 void add_servo(XmlElement& section, const ServoActuator& servo) {
   XmlElement& actuator = *section.InsertNewChildElement("position");
   actuator.SetAttribute("name", servo.joint.c_str());
@@ -114,10 +115,12 @@ void write_servos(XmlElement& root, const std::vector<ServoActuator>& servos) {
         if (!found && joint && servo.joint == joint) found = &e;
       });
     });
-    if (found)
-      write_servo(*found, servo);
-    else
+    if (!found && !root.FirstChildElement("default")) {
       add_servo(child(root, "actuator"), servo);
+      continue;
+    }
+    if (!found) found = child(root, "actuator").InsertNewChildElement("general");
+    write_servo(*found, servo);
   }
 }
 
