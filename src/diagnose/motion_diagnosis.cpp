@@ -222,9 +222,7 @@ Finding diagnose_drives(const Model& model, const RecordingSource& train,
                                         [&] { return c.tell("simulating", 0); })
                           .motion;
   finding.notes.insert(finding.notes.end(), base.notes.begin(), base.notes.end());
-  finding.tried = c.candidates.empty()        ? Tried::kNothing
-                  : options.whole_catalogue() ? Tried::kAll
-                                              : Tried::kSome;
+  finding.tried = c.candidates.empty() ? Tried::kNothing : Tried::kSome;  // none with states
   finding.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return finding;
 }

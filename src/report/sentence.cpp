@@ -176,6 +176,10 @@ bool is_of_ball(const Finding& f, double left_of_arm) {
 
 std::string witness_words(const Finding& f) {
   const double left = std::sqrt(left_by(f).first);
+  if (f.witness.empty() && follows_commands(f))
+    return "an error of " + number(left) +
+           " times the encoders' noise is left on held-out data, and no effect that was tried "
+           "explains it; gaps, springs and lags of drives are not tried";
   if (f.witness.empty() && is_of_ball(f, left))
     return "an error of " +
            number(f.series.empty() ? f.gain.after : f.ball->extended_rms / f.ball->sigma) +
