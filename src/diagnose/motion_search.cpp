@@ -46,6 +46,9 @@ int index_of(const FitLayout& layout, const EffectSpec& spec) {
   return -1;
 }
 
+/// Tells whether a shape has one of some values, within bounds: what a gear loses when it brakes.
+bool is_chosen(const ParameterInfo& p) { return !p.search.empty() && std::isfinite(p.most); }
+
 long free_count(const FitLayout& layout) {
   const auto is_free = [](const FitParameter& p) { return !p.fixed; };
   return std::ranges::count_if(layout.linear, is_free) +
@@ -97,10 +100,11 @@ FitLayout MotionSearch::layout_of(const Model& model, const std::vector<EffectSp
   for (const EffectSpec& t : terms) {
     const int e = index_of(out, t);
     for (FitParameter& s : out.shape)
-      if (e >= 0 && s.effect == e)
-        s.fixed = out.effects[static_cast<std::size_t>(e)]
-                      .parameter_info[static_cast<std::size_t>(s.index)]
-                      .search.empty();
+      if (e >= 0 && s.effect == e) {
+        const ParameterInfo& info = out.effects[static_cast<std::size_t>(e)]
+                                        .parameter_info[static_cast<std::size_t>(s.index)];
+        s.fixed = info.search.empty() || is_chosen(info);
+      }
   }
   return out;
 }
@@ -414,6 +418,23 @@ bool MotionSearch::may_be_nothing(const MotionSolution& at, const EffectSpec& te
 MotionSolution MotionSearch::with_told_sizes(const MotionSolution& at) const {
   MotionSolution out = at;
   for (const EffectSpec& t : at.terms) {
+    for (const ParameterInfo& p : find_effect(t.effect).parameters) {
+      if (!is_chosen(p)) continue;
+      const auto with = [&](double value) {
+        MotionSolution other = out;
+        for (EffectSpec& e : other.model.effects)
+          for (EffectParameter& of : e.parameters)
+            if (same_effect(e, t) && of.name == p.name) of.value = value;
+        return solved(std::move(other), at.terms);
+      };
+      // First order chose one. The plain one stays, unless the fits tell another apart from it.
+      MotionSolution best = with(p.initial);
+      for (const double value : p.search)
+        if (value != p.initial)
+          if (MotionSolution other = with(value); delta_bic(best, other) > kToldApart)
+            best = std::move(other);
+      out = std::move(best);
+    }
     const std::vector<long> sizes = sizes_of(out, t);
     const bool untold =
         sizes.size() > 1 && std::ranges::all_of(sizes, [&](long c) {

@@ -54,8 +54,9 @@ class MotionSearch {
   double share_of_motion(double lm) const;
   /// Tells whether zero is in the 95 % region of what a term's torque is proportional to, together.
   bool may_be_nothing(const MotionSolution& at, const EffectSpec& term) const;
-  /// Where the base takes over what a term's sizes have in common, as a servo's damping does of two
-  /// sides of a friction, only their difference is told: the smallest is then held at zero.
+  /// Fits shapes that have one of some values at each of them. Where the base takes over what a
+  /// term's sizes have in common, as a servo's damping does of two sides of a friction, only their
+  /// difference is told: the smallest is then held at zero.
   MotionSolution with_told_sizes(const MotionSolution& at) const;
 
   /// Errors of the held-out positions over their noise, per window (m, n).

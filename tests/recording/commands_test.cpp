@@ -136,7 +136,7 @@ TEST_CASE("commands: a missing torque is said, with what there is", "[recording]
   CHECK(why_no_torque({r}) ==
         "no joint has a torque column (tau_JOINT), so there is no torque to explain; there are "
         "positions (q_) of servo; desired positions (qcmd_) of servo, to which "
-        "`diffnea identify` fits drives; extra channels load_raw");
+        "`diffnea identify` and `diffnea diagnose` fit drives; extra channels load_raw");
   CHECK_THROWS_WITH(require_torque(kServo, {r}),
                     ContainsSubstring("servo.csv: no joint has a torque column"));
   Recording exchanged = r;
