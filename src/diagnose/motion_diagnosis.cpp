@@ -100,7 +100,8 @@ void note_parameters(const MotionSolution& best, Finding& f) {
 }
 
 /// Held-out positions, of both models, over their joints' noise.
-void note_joints(const MotionCase& c, const MotionSearchData& of, double floor, Finding& f) {
+void note_joints(MotionCase& c, const MotionSearchData& of) {
+  Finding& f = c.finding;
   const std::vector<RowMatX<double>> before = c.search->held_out_errors(c.base),
                                      after = c.search->held_out_errors(c.best);
   const VecX<double> size = motion_size(c.search->held_out_stretches());
@@ -116,8 +117,105 @@ void note_joints(const MotionCase& c, const MotionSearchData& of, double floor, 
     };
     f.joints.push_back({names[j], unit_of_joint(f.model, static_cast<int>(j), false),
                         size[column], rms(before), rms(after),
-                        std::sqrt(floor) * of.data.noise.position[column]});
+                        f.gain.noise_floor * of.data.noise.position[column]});
   }
+}
+
+/// @throws ModelError for what has no meaning where drives make the torque
+void require_own_base(const DiagnoseOptions& options) {
+  if (options.base == Base::kPrior || options.base == Base::kFixed)
+    throw ModelError("--base: got " +
+                     std::string(options.base == Base::kPrior ? "prior" : "fixed") +
+                     "; where no torque was recorded, drives are fitted with the causes: expected "
+                     "refit or auto");
+  if (!options.candidates.empty())
+    throw ModelError("diagnose: got candidate '" + options.candidates.front().name +
+                     "'; where no torque was recorded, only effects of the catalogue are tried");
+}
+
+std::vector<bool> led_joints(const Model& model) {
+  std::vector<bool> out(joint_names(model).size(), false);
+  for (const EffectSpec& e : model.effects)
+    if (find_effect(e.effect).has(Trait::kReadsCommand))
+      out[static_cast<std::size_t>(find_joint(model, e.where))] = true;
+  return out;
+}
+
+/// Fits the base, and what it lacks.
+void search(MotionCase& c, const Model& base, const MotionSearchData& of) {
+  std::vector<Candidate> candidates = candidates_beside(base, c.options, c.finding);
+  for (const Candidate& one : candidates)
+    c.candidates.push_back({one.effect.info().name, one.effect.where, {}});
+  c.search = std::make_unique<MotionSearch>(
+      base, of, std::move(candidates),
+      [&c](const std::string& stage, int more) { return c.tell(stage, more); });
+  c.base = c.best = c.search->solve({}, nullptr);
+  if (c.go_on()) c.first_scores = c.search->scores(c.base, c.candidates);
+  const std::size_t joints = joint_names(base).size(),
+                    most = c.options.max_causes > 0
+                               ? static_cast<std::size_t>(c.options.max_causes)
+                               : std::max<std::size_t>(8, 3 * joints);
+  if (c.go_on()) select_windows(c, most, [&c] { drop_nothing(c); });
+  if (c.go_on()) c.best = c.search->with_told_sizes(c.best);
+}
+
+void describe_candidates(MotionCase& c) {
+  Finding& f = c.finding;
+  // The rest in the end tells how much of it hangs together by itself.
+  const double together = c.search->correlation(c.best), n = c.search->samples();
+  for (const WindowScore& s : c.first_scores) {
+    const double better =
+        window_delta_bic(c.base.cost, c.base.cost - s.lm, n, together, s.parameters);
+    f.lack_of_fit_p =
+        std::min(f.lack_of_fit_p,
+                 static_cast<double>(c.first_scores.size()) *
+                     chi_square_tail(s.lm / together, static_cast<int>(s.parameters)));
+    if (s.visible_share < kAbsorbedMotion)
+      f.absorbed.push_back({s.effect.effect, s.effect.where, s.visible_share});
+    else
+      f.candidates.push_back({s.effect.effect, s.effect.where, better, s.lm, s.visible_share, {}});
+  }
+  f.lack_of_fit = c.base.cost / std::max(n, 1.0);
+}
+
+void describe_causes(MotionCase& c) {
+  Finding& f = c.finding;
+  const HeldOutChange change = c.search->held_out(c.base, c.best, c.options.seed);
+  const double floor = std::min(1.0, change.after);
+  f.gain = gain_of(change, floor);
+  double all = 0.0;
+  for (const EffectSpec& t : c.best.terms) {
+    const MotionSolution less = c.search->solve(without_effect(c.best.terms, t), &c.best);
+    Cause cause = window_cause(c, t, less);
+    cause.gain = gain_of(c.search->held_out(less, c.best, c.options.seed), floor);
+    all += cause.lm;
+    f.causes.push_back(std::move(cause));
+  }
+  for (Cause& cause : f.causes) cause.share = all > 0.0 ? cause.lm / all : 0.0;
+  std::ranges::stable_sort(f.causes, std::ranges::greater{}, &Cause::delta_bic);
+}
+
+void judge(MotionCase& c) {
+  Finding& f = c.finding;
+  const auto is_class = [](const Cause& x) { return x.verdict == Verdict::kClass; };
+  if (f.gain.after * f.gain.after > kLeft && f.gain.explained_share < kExplained)
+    f.verdict = Verdict::kUnknown;
+  else if (f.causes.empty())
+    f.verdict = f.candidates.empty() ? Verdict::kNotIdentifiable : Verdict::kNone;
+  else
+    f.verdict = std::ranges::any_of(f.causes, is_class) ? Verdict::kClass : Verdict::kNamed;
+}
+
+/// Held-out runs by both models; the finding's model is the extended one then.
+void simulate(MotionCase& c, const MotionSearchData& of) {
+  const Model before = c.base.model;
+  c.finding.model = c.best.model;
+  const HeldOutMotion motion =
+      motion_of_stretches(c.search->held_out_stretches(), of.data.noise);
+  c.finding.simulated = simulate_held_out(before, c.best.model, c.best.terms.empty(),
+                                          {motion, motion}, of.data.runs,
+                                          [&] { return c.tell("simulating", 0); })
+                            .motion;
 }
 
 }  // namespace
@@ -131,6 +229,7 @@ bool has_commands_alone(const Model& model, const RecordingSource& train) {
 Finding diagnose_drives(const Model& model, const RecordingSource& train,
                         const RecordingSource* test, const DiagnoseOptions& options) {
   const auto start = std::chrono::steady_clock::now();
+  require_own_base(options);
   Finding finding;
   finding.held_out = test ? "test recording" : "time blocks";
   finding.base = "refit";
@@ -139,89 +238,27 @@ Finding diagnose_drives(const Model& model, const RecordingSource& train,
   IdentifyOptions fit;
   fit.progress = options.progress;
   fit_drives(model, train, fit, finding.notes);
-  IdentifyResult base = identify_by_motion(model, train, test, fit);
+  const IdentifyResult base = identify_by_motion(model, train, test, fit);
   finding.interrupted = base.summary.interrupted;
   finding.plan = base.plan;
   finding.data_report = base.data_report;
   finding.model = base.model;
+  finding.notes.insert(finding.notes.end(), base.notes.begin(), base.notes.end());
 
   MotionSearchData of{train, test, fit.choice, fit.motion, {}, 0.0};
-  std::vector<bool> commanded(joint_names(model).size(), false);
-  for (const EffectSpec& e : base.model.effects)
-    if (find_effect(e.effect).has(Trait::kReadsCommand))
-      commanded[static_cast<std::size_t>(find_joint(base.model, e.where))] = true;
-  std::vector<std::string> unsaid;
-  of.data = motion_data(train, test, commanded, unsaid);
+  std::vector<std::string> said_already;
+  of.data = motion_data(train, test, led_joints(base.model), said_already);
   of.horizon = horizon_of(base.summary.horizon, of.data, test != nullptr);
   for (const double noise : of.data.noise.position) finding.noise.push_back(noise);
 
   MotionCase c(options, finding);
-  std::vector<Candidate> candidates = candidates_beside(base.model, options, finding);
-  for (const Candidate& one : candidates)
-    c.candidates.push_back({one.effect.info().name, one.effect.where, {}});
-  c.search = std::make_unique<MotionSearch>(
-      base.model, of, std::move(candidates),
-      [&c](const std::string& stage, int more) { return c.tell(stage, more); });
-  c.base = c.best = c.search->solve({}, nullptr);
-  if (c.go_on()) c.first_scores = c.search->scores(c.base, c.candidates);
-  const std::size_t most = options.max_causes > 0
-                               ? static_cast<std::size_t>(options.max_causes)
-                               : std::max<std::size_t>(8, 3 * commanded.size());
-  if (c.go_on()) select_windows(c, most, [&c] { drop_nothing(c); });
-  if (c.go_on()) c.best = c.search->with_told_sizes(c.best);
-
-  // The rest in the end tells how much of it hangs together by itself.
-  const double together = c.search->correlation(c.best);
-  for (const WindowScore& s : c.first_scores) {
-    const double better = window_delta_bic(c.base.cost, c.base.cost - s.lm, c.search->samples(),
-                                           together, s.parameters);
-    finding.lack_of_fit_p =
-        std::min(finding.lack_of_fit_p,
-                 static_cast<double>(c.first_scores.size()) *
-                     chi_square_tail(s.lm / together, static_cast<int>(s.parameters)));
-    if (s.visible_share < kAbsorbedMotion)
-      finding.absorbed.push_back({s.effect.effect, s.effect.where, s.visible_share});
-    else
-      finding.candidates.push_back(
-          {s.effect.effect, s.effect.where, better, s.lm, s.visible_share, {}});
-  }
-  const HeldOutChange change = c.search->held_out(c.base, c.best, options.seed);
-  const double floor = std::min(1.0, change.after);
-  finding.gain = gain_of(change, floor);
-  finding.lack_of_fit = c.base.cost / std::max(c.search->samples(), 1.0);
-  for (const EffectSpec& t : c.best.terms) {
-    const MotionSolution less = c.search->solve(without_effect(c.best.terms, t), &c.best);
-    Cause cause = window_cause(c, t, less);
-    cause.gain = gain_of(c.search->held_out(less, c.best, options.seed), floor);
-    finding.causes.push_back(std::move(cause));
-  }
-  std::ranges::stable_sort(finding.causes, std::ranges::greater{}, &Cause::delta_bic);
-  double all = 0.0;
-  for (const Cause& cause : finding.causes) all += cause.lm;
-  for (Cause& cause : finding.causes) cause.share = all > 0.0 ? cause.lm / all : 0.0;
+  search(c, base.model, of);
+  describe_candidates(c);
+  describe_causes(c);
   note_parameters(c.best, finding);
-  note_joints(c, of, floor, finding);
-
-  const bool left = change.after > kLeft;
-  if (left && finding.gain.explained_share < kExplained)
-    finding.verdict = Verdict::kUnknown;
-  else if (finding.causes.empty())
-    finding.verdict = finding.candidates.empty() ? Verdict::kNotIdentifiable : Verdict::kNone;
-  else
-    finding.verdict = std::ranges::any_of(finding.causes, [](const Cause& x) {
-                        return x.verdict == Verdict::kClass;
-                      })
-                          ? Verdict::kClass
-                          : Verdict::kNamed;
-
-  const Model before = c.base.model;
-  finding.model = c.best.model;
-  HeldOutMotion motion = motion_of_stretches(c.search->held_out_stretches(), of.data.noise);
-  finding.simulated = simulate_held_out(before, finding.model, c.best.terms.empty(),
-                                        {motion, motion}, of.data.runs,
-                                        [&] { return c.tell("simulating", 0); })
-                          .motion;
-  finding.notes.insert(finding.notes.end(), base.notes.begin(), base.notes.end());
+  note_joints(c, of);
+  judge(c);
+  simulate(c, of);
   finding.tried = c.candidates.empty() ? Tried::kNothing : Tried::kSome;  // none with states
   finding.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return finding;
