@@ -8,6 +8,7 @@
 #include "diagnose/chi_square.hpp"
 #include "diagnose/signed_fit.hpp"
 #include "diagnose/thresholds.hpp"
+#include "identify/drives.hpp"
 #include "identify/local_factors.hpp"
 #include "identify/motionless.hpp"
 #include "identify/passes.hpp"
@@ -96,6 +97,8 @@ FitLayout MotionSearch::layout_of(const Model& model, const std::vector<EffectSp
   FitLayout out = layout_for(model, data_.train, data_.test, choice, unsaid);
   hold_motionless(still_joints(data_.data.train, data_.data.noise), joint_names(model), "", out,
                   unsaid);
+  for (FitParameter& s : out.shape)  // the base has no such bound
+    s.fixed = s.fixed || (is_bound_of_drive(out, s) && s.prior == no_bound(out, s));
   // A term's shapes move with it: those that have starts of their own.
   for (const EffectSpec& t : terms) {
     const int e = index_of(out, t);

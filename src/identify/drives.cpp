@@ -83,6 +83,17 @@ std::vector<bool> commanded_joints(const FitLayout& layout) {
   return out;
 }
 
+bool is_bound_of_drive(const FitLayout& layout, const FitParameter& shape) {
+  return shape.effect >= 0 && !shape.name.ends_with(".delay") &&
+         layout.effects[static_cast<std::size_t>(shape.effect)].info().has(Trait::kReadsCommand);
+}
+
+double no_bound(const FitLayout& layout, const FitParameter& shape) {
+  return layout.effects[static_cast<std::size_t>(shape.effect)]
+      .parameter_info[static_cast<std::size_t>(shape.index)]
+      .initial;
+}
+
 bool fit_drives(const Model& model, const RecordingSource& train, IdentifyOptions& options,
                 std::vector<std::string>& notes) {
   const std::vector<Recording> sample = train.sample();

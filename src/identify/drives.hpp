@@ -11,6 +11,11 @@ namespace diffnea {
 /// Joints that a drive of the layout leads by commanded positions, (n).
 std::vector<bool> commanded_joints(const FitLayout& layout);
 
+/// Tells whether a shape bounds what a drive of the layout does: it is no delay.
+bool is_bound_of_drive(const FitLayout& layout, const FitParameter& shape);
+/// Value of the shape where it bounds nothing.
+double no_bound(const FitLayout& layout, const FitParameter& shape);
+
 /// Fits the laws of drives where a recording has commands and no torque: by the motion that they
 /// make, links' inertias as the model has them, for without a torque only ratios to these are told.
 /// @param notes  what was chosen, and why

@@ -260,11 +260,6 @@ class MotionIdentification {
   /// Leaves out bounds of drives that the recordings do not need, at no bound at all: at the edge
   /// of what was seen they would hold back motion that was not.
   void release_bounds() {
-    const auto is_bound = [&](const FitParameter& s) {
-      return !s.fixed && s.effect >= 0 &&
-             layout_.effects[static_cast<std::size_t>(s.effect)].info().has(Trait::kReadsCommand) &&
-             s.name.substr(s.name.rfind('.') + 1) != "delay";
-    };
     const MotionFit at = fitter_->now();
     const double n = static_cast<double>(std::max(at.samples, 1L)), cost = at.objective,
                  together = std::max(fitter_->correlation(fitted_.windows) * n / (2.0 * cost), 1.0);
@@ -272,10 +267,8 @@ class MotionIdentification {
     std::vector<std::string> left_out;
     for (std::size_t k = 0; k < layout_.shape.size(); ++k) {
       FitParameter& s = layout_.shape[k];
-      if (!is_bound(s)) continue;
-      const double none = layout_.effects[static_cast<std::size_t>(s.effect)]
-                              .parameter_info[static_cast<std::size_t>(s.index)]
-                              .initial;
+      if (s.fixed || !is_bound_of_drive(layout_, s)) continue;
+      const double none = no_bound(layout_, s);
       VecX<double> without = shape;
       without[static_cast<long>(k)] = none;
       const MotionFitter tried(*problem_, options_.motion, at.x, without);

@@ -24,6 +24,11 @@ def test_a_servo_that_lacks_nothing(tmp_path: Path) -> None:
     assert finding["verdict"] == "NONE", finding["sentence"]
     assert finding["causes"] == []
     assert "your simulation is off by" in finding["sentence"]
+    # No run needs a bound of the drive: at the edge of what was seen, it would hold others back.
+    effects = load(tmp_path / "run/model.json")["effects"]
+    (servo,) = (e for e in effects if e["effect"] == "position_servo")
+    values = {p["name"]: p["value"] for p in servo["parameters"]}
+    assert (values["reach"], values["speed"], values["dead_band"]) == (1000.0, 1000.0, 0.0)
     # Effects with states of their own were not tried, and a reader is told.
     assert {r["effect"] for r in finding["refused"]} >= {"backlash", "joint_elasticity"}
 
