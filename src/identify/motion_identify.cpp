@@ -263,27 +263,48 @@ class MotionIdentification {
     const MotionFit at = fitter_->now();
     const double n = static_cast<double>(std::max(at.samples, 1L)), cost = at.objective,
                  together = std::max(fitter_->correlation(fitted_.windows) * n / (2.0 * cost), 1.0);
-    VecX<double> shape = at.shape;
+    // BIC, of rows that count as one together
+    const auto is_enough = [&](double objective, double bounds) {
+      return n / together * std::log(objective / cost) < bounds * std::log(n);
+    };
+    std::vector<std::size_t> bounds;
+    for (std::size_t k = 0; k < layout_.shape.size(); ++k)
+      if (!layout_.shape[k].fixed && is_bound_of_drive(layout_, layout_.shape[k]))
+        bounds.push_back(k);
+    if (bounds.empty()) return;
+    VecX<double> x = at.x, shape = at.shape;
     std::vector<std::string> left_out;
-    for (std::size_t k = 0; k < layout_.shape.size(); ++k) {
+    const auto leave_out = [&](std::size_t k) {
       FitParameter& s = layout_.shape[k];
-      if (s.fixed || !is_bound_of_drive(layout_, s)) continue;
-      const double none = no_bound(layout_, s);
-      VecX<double> without = shape;
-      without[static_cast<long>(k)] = none;
-      const MotionFitter tried(*problem_, options_.motion, at.x, without);
-      // BIC, of rows that count as one together
-      if (!(n / together * std::log(tried.best_cost(fitted_.windows) / cost) < std::log(n)))
-        continue;
-      shape = without;
       s.fixed = true;
-      s.prior = none;
+      s.prior = shape[static_cast<long>(k)] = no_bound(layout_, s);
       left_out.push_back(s.name);
+    };
+    // All at once, the others fitted beside: a delay makes up for a speed that hardly shows.
+    const FitLayout with_bounds = layout_;
+    for (const std::size_t k : bounds) leave_out(k);
+    MotionFitter without(*problem_, options_.motion, x, shape);
+    std::vector<MotionWindow> windows = fitted_.windows;
+    without.fit(windows, kOnTheWay);
+    if (is_enough(without.now().objective, static_cast<double>(bounds.size()))) {
+      x = without.now().x;
+      shape = without.now().shape;
+      fitted_.windows = std::move(windows);
+    } else {
+      layout_ = with_bounds;
+      left_out.clear();
+      shape = at.shape;
+      for (const std::size_t k : bounds) {
+        VecX<double> one = shape;
+        one[static_cast<long>(k)] = no_bound(layout_, layout_.shape[k]);
+        const MotionFitter tried(*problem_, options_.motion, x, one);
+        if (is_enough(tried.best_cost(fitted_.windows), 1.0)) leave_out(k);
+      }
     }
     if (left_out.empty()) return;
     result_.notes.push_back("left at no bound, which the recording does not need: " +
                             detail::join(left_out));
-    begin_fitter(at.x, shape, at.iterations);
+    begin_fitter(x, shape, at.iterations);
     finish();
   }
 
