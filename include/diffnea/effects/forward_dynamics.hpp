@@ -38,10 +38,12 @@ class ForwardDynamics {
 
   /// Time since the run began [s], which warm_up reads.
   void set_time(double time) { time_ = time; }
+  /// Time that was set [s].
   double time() const { return time_; }
   /// Commands of the run, which outlive it; null: none, so that drives with a loop of their own are
   /// off.
   void set_command(const CommandPath* command) { command_ = command; }
+  /// Commands as they were set; null: none.
   const CommandPath* command() const { return command_; }
 
   /// 1 + ε, (n): ∂q̈/∂u is M⁻¹ over it.

@@ -25,12 +25,14 @@ struct JointChoice {
 
 /// Where a logged joint was.
 struct LoggedPosition {
-  double median = 0.0, lowest = 0.0, highest = 0.0;  ///< [rad, m]
+  double median = 0.0;   ///< of all rows [rad, m]
+  double lowest = 0.0;   ///< of all rows [rad, m]
+  double highest = 0.0;  ///< of all rows [rad, m]
 };
 
 /// A model whose moving joints are those of the recordings.
 struct ServedModel {
-  Model model;
+  Model model;       ///< with the others locked
   std::string note;  ///< joints locked, where, and columns left out; empty: none
 };
 

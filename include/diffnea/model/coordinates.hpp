@@ -50,8 +50,10 @@ struct Coordinates {
 /// by a plain tree.
 template <class S, class R>
 struct JointScratch {
-  std::vector<S> q, qd, qdd;  ///< motion of every joint
-  std::vector<R> tau;         ///< torque of every joint τ_q; τ_y = Gᵀ τ_q
+  std::vector<S> q;    ///< position of every joint
+  std::vector<S> qd;   ///< its velocity
+  std::vector<S> qdd;  ///< its acceleration
+  std::vector<R> tau;  ///< torque of every joint τ_q; τ_y = Gᵀ τ_q
 
   /// Torques to write, one a joint: `tau_y` itself where plain.
   R* torques(const Coordinates& c, R* tau_y) {

@@ -53,7 +53,7 @@ struct JointLimits {
 /// How a link hangs on its parent.
 enum class ModelJoint { kFixed, kRevolute, kPrismatic };
 
-/// A joint that follows another: q = ratio · q_leader + offset (URDF's <mimic>, a joint equality of
+/// A joint that follows another: q = ratio · q_leader + offset (URDF's `mimic`, a joint equality of
 /// an MJCF).
 struct Follow {
   std::string leader;   ///< joint that it follows, which may follow another
@@ -123,7 +123,7 @@ std::vector<std::string> joint_names(const Model& model);
 std::vector<std::string> follower_names(const Model& model);
 /// A joint of the tree: the link that it moves, and how it follows its coordinate.
 struct TreeJoint {
-  std::string name;
+  std::string name;      ///< as the model has it
   int link = -1;         ///< index of the tree link that it moves
   JointDrive drive;      ///< ratio 1 and offset 0 unless it follows another
   bool follows = false;  ///< the coordinate is another joint's

@@ -14,7 +14,7 @@ namespace diffnea {
 /// A joint that follows another: q = ratio · q_leader + offset. It is no joint of a recording,
 /// which may have columns of it all the same.
 struct FollowerDescription {
-  std::string name;
+  std::string name;     ///< as the model has it
   double ratio = 1.0;   ///< [rad/rad, m/rad …]
   double offset = 0.0;  ///< [rad, m]
 };
