@@ -25,9 +25,9 @@ struct JointChoice {
 
 /// Where a logged joint was.
 struct LoggedPosition {
-  double median = 0.0;   ///< of all rows [rad, m]
-  double lowest = 0.0;   ///< of all rows [rad, m]
-  double highest = 0.0;  ///< of all rows [rad, m]
+  double median = 0.0;   ///< middle of all rows [rad, m]
+  double lowest = 0.0;   ///< least of all rows [rad, m]
+  double highest = 0.0;  ///< largest of all rows [rad, m]
 };
 
 /// A model whose moving joints are those of the recordings.
