@@ -5,14 +5,13 @@
 
 #include <diffnea/core/error.hpp>
 
+#include "diagnose/thresholds.hpp"
 #include "identify/ball_flags.hpp"
 #include "identify/ball_identify.hpp"
 
 namespace diffnea {
 namespace {
 
-/// Every which window is held out where there is no test recording.
-constexpr std::size_t kHeldOutWindow = 4;
 
 void add_candidates(const BallData& data, BallCase& c) {
   const auto needs_spin = [](const std::string& entry) {

@@ -14,7 +14,6 @@ namespace {
 constexpr int kLags = 40;  ///< rows over which what is left may hang together
 /// A column that the others leave less of than this is theirs.
 constexpr double kSameColumn = 1e-6;
-constexpr double kNormal95 = 1.96;
 
 long count(const BallData& data) {
   long out = 0;

@@ -8,11 +8,10 @@
 #include "core/constants.hpp"
 #include "core/decompositions.hpp"
 #include "diagnose/inexact.hpp"
+#include "diagnose/thresholds.hpp"
 
 namespace diffnea {
 namespace {
-
-constexpr double kSigmas = 1.96;  ///< of a 95 % interval
 
 /// Of a parameter, beside what noise leaves: as well as filters and the reference model let an
 /// effect's column be known, and its angle. The positions' noise shrinks it: 8 % observed.
@@ -73,15 +72,15 @@ VecX<double> clustered(const Search& search, const MatX<double>& influence,
 /// value ± std; no less than 0 where the sign is known.
 void set_interval(CauseParameter& p, double std, bool nonnegative = false) {
   p.std = std;
-  p.low = p.value - kSigmas * std;
-  p.high = p.value + kSigmas * std;
+  p.low = p.value - kNormal95 * std;
+  p.high = p.value + kNormal95 * std;
   if (nonnegative && p.value >= 0.0) p.low = std::max(p.low, 0.0);
 }
 
 /// value · exp(± std of the logarithm)
 void set_log_interval(CauseParameter& p, double log_std, double most) {
   p.std = std::abs(p.value) * log_std;
-  const double reach = std::exp(std::min(kSigmas * log_std, 20.0));
+  const double reach = std::exp(std::min(kNormal95 * log_std, 20.0));
   p.low = std::min(p.value / reach, p.value * reach);
   p.high = std::min(std::max(p.value / reach, p.value * reach), most);
 }

@@ -86,19 +86,6 @@ std::string prescribed_joint(const Recording& r, const std::vector<bool>& passiv
   return "";
 }
 
-VecX<double> range_of(const std::vector<MotionStretch>& stretches) {
-  const long n = stretches.front().q.cols();
-  VecX<double> low = VecX<double>::Constant(n, kInfinity), high = -low;
-  for (const MotionStretch& s : stretches)
-    for (long j = 0; j < n; ++j)
-      for (const double q : s.q.col(j))
-        if (!std::isnan(q)) {
-          low[j] = std::min(low[j], q);
-          high[j] = std::max(high[j], q);
-        }
-  return (high - low).cwiseMax(0.0);
-}
-
 /// Rows of which the shortest window still has enough: others cost time and tell nothing new.
 std::size_t kept_of(const std::vector<MotionStretch>& stretches, const SensorNoise& noise) {
   constexpr double kRows = 12.0;  // rows of the shortest window: a state is two numbers
@@ -144,7 +131,8 @@ HeldOutMotion motion_of_stretches(std::vector<MotionStretch> stretches, const Se
   }
   for (const MotionStretch& s : out.stretches) out.begins.try_emplace(s.run, s.time.front());
   out.size = motion_size(out.stretches).cwiseMax(kNoises * noise.position);
-  out.tolerance = (kNoises * noise.position).cwiseMax(kOfRange * range_of(out.stretches));
+  const PositionRange range = position_range(out.stretches, noise.position.size());
+  out.tolerance = (kNoises * noise.position).cwiseMax(kOfRange * (range.high - range.low).cwiseMax(0.0));
   if (const std::size_t every = kept_of(out.stretches, noise); every > 1)
     for (MotionStretch& s : out.stretches) s = thinned(s, every);
   return out;

@@ -19,8 +19,6 @@
 namespace diffnea {
 namespace {
 
-/// Mean square of what is left over the sensors' noise, beyond which something is left.
-constexpr double kLeft = 1.3;
 /// Windows below which some cannot be held out and the rest tell anything.
 constexpr double kFewestWindows = 8.0;
 

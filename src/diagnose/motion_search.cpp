@@ -16,12 +16,9 @@
 namespace diffnea {
 namespace {
 
-/// Every which window is held out where there is no test recording.
-constexpr std::size_t kHeldOutWindow = 4;
-constexpr double kNormal95 = 1.96;
 /// Chance that nothing at all looks like a size.
 constexpr double kChance = 0.05;
-/// Of what the recording cannot tell apart, the least change is taken.
+/// Weight of the least change, where the recording tells no other.
 constexpr double kRidge = 1e-9;
 
 long count(const std::vector<MotionStretch>& stretches, const std::vector<MotionWindow>& windows) {
@@ -33,13 +30,7 @@ long count(const std::vector<MotionStretch>& stretches, const std::vector<Motion
   return out;
 }
 
-/// With all parameters, those that are not given as the catalogue has them.
-EffectSpec filled(const EffectSpec& spec, const Model& model) {
-  EffectSpec out = to_spec(bind(spec, model));
-  return out;
-}
-
-/// The terms among the layout's effects, in their order; −1: none.
+/// Index among the layout's effects; −1: it is not there.
 int index_of(const FitLayout& layout, const EffectSpec& spec) {
   for (std::size_t e = 0; e < layout.effects.size(); ++e)
     if (layout.effects[e].info().name == spec.effect && layout.effects[e].where == spec.where)
@@ -143,7 +134,7 @@ MotionSolution MotionSearch::solved(MotionSolution from,
   out.windows = std::move(from.windows);
   Model model = std::move(from.model);
   for (const EffectSpec& t : terms)
-    if (!holds_effect(model.effects, t)) model.effects.push_back(filled(t, model));
+    if (!holds_effect(model.effects, t)) model.effects.push_back(to_spec(bind(t, model)));
   out.layout = layout_of(model, terms, out.held);
   std::vector<std::string> unsaid;
   const double first = horizons(data_.data.train, data_.data.noise, data_.options).front();
@@ -164,7 +155,8 @@ MotionSolution MotionSearch::solved(MotionSolution from,
   fitter.fit(out.windows, data_.options.tolerance);
   fitter.set_covariance(out.windows);
   out.fit = fitter.now();
-  out.cost = 2.0 * out.fit.objective;
+  // A model under which some run blows up explains nothing, however well it does the others.
+  out.cost = out.fit.blown_up > 0 ? kInfinity : 2.0 * out.fit.objective;
   out.model = apply_fit(model, out.layout, out.fit.x, out.fit.shape);
   return out;
 }
@@ -335,6 +327,11 @@ std::vector<RowMatX<double>> MotionSearch::held_out_errors(const MotionSolution&
 HeldOutChange MotionSearch::held_out(const MotionSolution& a, const MotionSolution& b,
                                      std::uint64_t seed) const {
   const std::vector<RowMatX<double>> of_a = held_out_errors(a), of_b = held_out_errors(b);
+  // Beyond all of a joint's motion, or blown up, an error counts as that motion.
+  const VecX<double> most = motion_size(held_).cwiseQuotient(data_.data.noise.position);
+  const auto square = [](double error, double limit) {
+    return std::isfinite(error) ? std::min(error * error, limit * limit) : limit * limit;
+  };
   std::vector<double> before, after;
   double n = 0.0;
   for (std::size_t i = 0; i < of_a.size(); ++i) {
@@ -349,10 +346,9 @@ HeldOutChange MotionSearch::held_out(const MotionSolution& a, const MotionSoluti
         ends = t + kBlockSeconds;
       }
       for (long j = 0; j < of_a[i].cols(); ++j) {
-        const double ea = of_a[i](k, j), eb = of_b[i](k, j);
-        if (!std::isfinite(ea) || !std::isfinite(eb)) continue;
-        before.back() += ea * ea;
-        after.back() += eb * eb;
+        if (std::isnan(s.q(w.first + k, j))) continue;
+        before.back() += square(of_a[i](k, j), most[j]);
+        after.back() += square(of_b[i](k, j), most[j]);
         n += 1.0;
       }
     }

@@ -12,7 +12,7 @@
 
 namespace diffnea {
 
-/// What a candidate would gain, to first order.
+/// Gain of a candidate, to first order.
 struct WindowScore {
   EffectSpec effect;
   double lm = 0.0;
@@ -20,10 +20,10 @@ struct WindowScore {
   double promise = 0.0;    ///< ΔBIC that a fit may come to, at most
   double parameters = 1.0;  ///< number that it adds
   double visible_share = 0.0;
-  VecX<double> values;  ///< that it would take
+  VecX<double> values = {};  ///< that it would take
 };
 
-/// Of one kind, at one place.
+/// Tells whether effects are of one kind, at one place.
 bool same_effect(const EffectSpec& a, const EffectSpec& b);
 bool holds_effect(const std::vector<EffectSpec>& terms, const EffectSpec& e);
 std::vector<EffectSpec> with_effect(std::vector<EffectSpec> terms, const EffectSpec& more);

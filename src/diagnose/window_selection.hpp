@@ -13,7 +13,7 @@
 
 namespace diffnea {
 
-/// Of a candidate's motion that the base leaves: below, the base takes it over.
+/// Share of a candidate's motion that the base leaves: below, the base takes it over.
 inline constexpr double kAbsorbedMotion = 0.01;
 
 namespace windows {
@@ -152,7 +152,7 @@ void select_windows(
       windows::drop_redundant(c);
       windows::exchange(c);
       settle();
-      // Of fewer rows, one may not be needed any more.
+      // Fewer rows may not need one any more.
       windows::drop_redundant(c);
     } else if (!resorted && c.go_on()) {
       resorted = true;

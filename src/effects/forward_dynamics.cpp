@@ -67,6 +67,16 @@ void ForwardDynamics::effect_torques(const double* q, const double* qd, int run,
     if (!reads_acceleration(e)) add_torque(e, model_.tree, x, e.parameters.data(), tau);
 }
 
+/// Torque of one effect at the Jets that q_, qd_, qdd_ and links_ hold, into effect_tau_.
+void ForwardDynamics::torque_by_jets(const BoundEffect& e, int run) {
+  std::fill(effect_tau_.begin(), effect_tau_.end(), JetD(0.0));
+  parameters_.clear();
+  for (const double p : e.parameters) parameters_.emplace_back(p);
+  const JointSample<JetD> x{time_,       run,           q_.data(), qd_.data(),
+                            qdd_.data(), links_.data(), command_};
+  add_torque(e, x, parameters_.data(), effect_tau_.data());
+}
+
 /// Adds E of one effect at q̈ and at the torque transmitted there, with ∂E/∂q̈ and ∂E/∂τ by Jets:
 /// directions 2i and 2i+1 belong to the effect's i-th joint, all joints at once where uncoupled.
 void ForwardDynamics::add_implicit(const BoundEffect& e, const double* qdd, int run) {
@@ -81,12 +91,7 @@ void ForwardDynamics::add_implicit(const BoundEffect& e, const double* qdd, int 
     qdd_[reads[i]].v[slot] = 1.0;
     links_[reads[i]].v[slot + 1] = 1.0;
   }
-  std::fill(effect_tau_.begin(), effect_tau_.end(), JetD(0.0));
-  parameters_.clear();
-  for (const double p : e.parameters) parameters_.emplace_back(p);
-  const JointSample<JetD> x{time_,       run,           q_.data(), qd_.data(),
-                            qdd_.data(), links_.data(), command_};
-  add_torque(e, x, parameters_.data(), effect_tau_.data());
+  torque_by_jets(e, run);
   for (std::size_t i = 0; i < e.joints.size(); ++i) {
     const int row = e.joints[i];
     implicit_tau_[row] += effect_tau_[row].a;
@@ -183,12 +188,7 @@ void ForwardDynamics::linearise(const double* q, const double* qd, const double*
       q_[reads[i]].v[static_cast<long>(slot)] = 1.0;
       qd_[reads[i]].v[static_cast<long>(slot) + 1] = 1.0;
     }
-    std::fill(effect_tau_.begin(), effect_tau_.end(), JetD(0.0));
-    parameters_.clear();
-    for (const double p : e.parameters) parameters_.emplace_back(p);
-    const JointSample<JetD> x{time_,       run,           q_.data(), qd_.data(),
-                              qdd_.data(), links_.data(), command_};
-    add_torque(e, x, parameters_.data(), effect_tau_.data());
+    torque_by_jets(e, run);
     for (std::size_t i = 0; i < e.joints.size(); ++i) {
       const int row = e.joints[i];
       for (std::size_t k = 0; k < reads.size(); ++k) {

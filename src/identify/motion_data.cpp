@@ -100,16 +100,9 @@ MotionData motion_data(const RecordingSource& train, const RecordingSource* test
 
 std::vector<int> still_joints(const std::vector<MotionStretch>& stretches,
                               const SensorNoise& noise) {
-  const long n = noise.position.size();
-  VecX<double> low = VecX<double>::Constant(n, kInfinity), high = -low;
-  for (const MotionStretch& s : stretches)
-    for (long j = 0; j < n; ++j)
-      for (const double q : s.q.col(j))
-        if (!std::isnan(q)) {
-          low[j] = std::min(low[j], q);
-          high[j] = std::max(high[j], q);
-        }
-  return motionless_joints(low, high, {noise.position.begin(), noise.position.end()});
+  const PositionRange range = position_range(stretches, noise.position.size());
+  return motionless_joints(range.low, range.high,
+                           {noise.position.begin(), noise.position.end()});
 }
 
 VecX<double> apart_limit(const MotionData& data) {

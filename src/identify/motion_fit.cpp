@@ -227,6 +227,7 @@ void MotionFitter::fit(std::vector<MotionWindow>& windows, double tolerance) {
     if (progress_ && !progress_(now_.iterations, now.sum)) {
       now_.interrupted = true;
       now_.termination = "interrupted";
+      now_.blown_up = now.blown_up;
       return;
     }
     const bool exact = now.sum < kBelowNoise * noise;
@@ -241,6 +242,7 @@ void MotionFitter::fit(std::vector<MotionWindow>& windows, double tolerance) {
     now_.termination = nothing_left ? "gain below tolerance" : "no lower point along the step";
     break;
   }
+  now_.blown_up = now.blown_up;
   if (now.blown_up > 0)
     now_.termination += "; the simulation of " + std::to_string(now.blown_up) + " of " +
                         std::to_string(windows.size()) + " windows blows up";

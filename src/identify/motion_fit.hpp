@@ -23,6 +23,7 @@ struct MotionFit {
   MatX<double> covariance;   ///< (p + s, p + s) of both, shapes in their own unit
   long samples = 0;          ///< positions compared
   double objective = 0.0;    ///< χ²/2 of the windows whose simulation does not blow up
+  long blown_up = 0;         ///< number of the others
   int iterations = 0;        ///< Gauss–Newton steps, of all horizons
   bool converged = false;    ///< the last fit met its stop rule, and no window blows up
   bool interrupted = false;  ///< the callback said so; what is here is the best until then

@@ -5,6 +5,7 @@
 #include <diffnea/core/error.hpp>
 #include <diffnea/motion/window.hpp>
 
+#include "core/constants.hpp"
 #include "core/decompositions.hpp"
 #include "core/number_text.hpp"
 #include "core/statistics.hpp"
@@ -142,6 +143,20 @@ LocalMotion local_motion(const MotionStretch& stretch, double at, long from, lon
     if (unknowns > 1) out.qd[j] = c[1] / unit;
     if (unknowns > 2) out.qdd[j] = 2.0 * c[2] / (unit * unit);
   }
+  return out;
+}
+
+PositionRange position_range(const std::vector<MotionStretch>& stretches, long joints) {
+  PositionRange out;
+  out.low = VecX<double>::Constant(joints, kInfinity);
+  out.high = -out.low;
+  for (const MotionStretch& s : stretches)
+    for (long j = 0; j < joints; ++j)
+      for (const double q : s.q.col(j))
+        if (!std::isnan(q)) {
+          out.low[j] = std::min(out.low[j], q);
+          out.high[j] = std::max(out.high[j], q);
+        }
   return out;
 }
 

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from cli import done, load
+from cli import done, load, refused
 from servo_bench import SIZES, Bench, write_case
 
 SEED = 2001
@@ -31,6 +31,14 @@ def test_a_servo_that_lacks_nothing(tmp_path: Path) -> None:
     assert (values["reach"], values["speed"], values["dead_band"]) == (1000.0, 1000.0, 0.0)
     # Effects with states of their own were not tried, and a reader is told.
     assert {r["effect"] for r in finding["refused"]} >= {"backlash", "joint_elasticity"}
+
+
+def test_bases_that_drives_cannot_have_are_refused(tmp_path: Path) -> None:
+    write_case(tmp_path, "none", SEED, seconds=2.0)
+    bench, data = tmp_path / "bench.urdf", tmp_path / "train.csv"
+    message = refused(tmp_path / "run", bench, data, "--base", "fixed", command="diagnose")
+    assert "--base: got fixed" in message
+    assert "expected refit or auto" in message
 
 
 @pytest.mark.parametrize("effect", sorted(set(SIZES) - {"none"}))

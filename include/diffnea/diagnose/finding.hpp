@@ -328,15 +328,16 @@ struct JointGain {
 
   template <class List>
   static constexpr void fields(List& list) {
-    list.type("JointGain", "Root mean square of one joint's held-out torque error [N·m] or [N].");
+    list.type("JointGain", "Root mean square of one joint's held-out error: of its torque [N·m] or [N]; where commands "
+              "lead it and no torque was recorded, of its position [rad] or [m].");
     list.field("joint", &JointGain::joint, "Its name, or ``ball``.");
-    list.field("unit", &JointGain::unit, "Of all four: ``N*m``, ``N``; of ``ball``: ``m``.");
+    list.field("unit", &JointGain::unit, "Of all four: ``N*m``, ``N``; of positions ``rad``, ``m``.");
     list.field("torque_rms", &JointGain::torque_rms,
-               "Of the measured torque; ``ball``: of its position about its mean.");
+               "Of the measured torque; of a position, about its mean.");
     list.field("base", &JointGain::base, "Of the base model, refitted as ``base`` allows.");
     list.field("extended", &JointGain::extended, "With all causes.");
     list.field("noise_floor", &JointGain::noise_floor,
-               "Of the torque's noise; ``ball``: what nothing removes.");
+               "Of the torque's or the encoder's noise; ``ball``: what nothing removes.");
   }
 };
 
@@ -713,7 +714,8 @@ struct Finding {
     list.field("plots", &Finding::plots, "Evidence to draw, a list of :class:`EvidencePlot`.",
                {.files = kInSeries});
     list.field("noise", &Finding::noise,
-               "Root mean square of the noise of each joint's filtered, decimated torque.",
+               "Root mean square of the noise of each joint's filtered, decimated torque; of its "
+               "position where no torque was recorded.",
                {.optional = true});
     list.field("lack_of_fit", &Finding::lack_of_fit,
                "χ² of the base model over its degrees of freedom; 1: noise alone.",

@@ -78,6 +78,7 @@ class ForwardDynamics {
   void effect_torques(const double* q, const double* qd, int run, double* tau);
   void solve_implicit(const double* q, const double* qd, const VecX<double>& tau, int run,
                       double* qdd);
+  void torque_by_jets(const BoundEffect& e, int run);
   void add_implicit(const BoundEffect& e, const double* qdd, int run);
 
   ExtendedTree model_;

@@ -66,6 +66,13 @@ struct LocalMotion {
 /// @param rows  number of these, at least one
 LocalMotion local_motion(const MotionStretch& stretch, double at, long from, long rows);
 
+/// Least and largest position of each joint, (n) [rad] or [m]; +∞ and −∞ where none was measured.
+struct PositionRange {
+  VecX<double> low;   ///< least
+  VecX<double> high;  ///< largest
+};
+PositionRange position_range(const std::vector<MotionStretch>& stretches, long joints);
+
 /// Root mean square of the positions about their mean in each stretch, (n) [rad] or [m]: error of a
 /// simulation that knows no more than where the joint is.
 VecX<double> motion_size(const std::vector<MotionStretch>& stretches);
