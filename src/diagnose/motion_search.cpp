@@ -308,7 +308,7 @@ std::vector<RowMatX<double>> MotionSearch::errors(const MotionSolution& at,
   MotionProblem of{at.model,       at.layout,  stretches, data_.data.runs, data_.data.noise.position,
                    VecX<double>::Ones(static_cast<long>(at.layout.linear.size()))};
   const MotionFitter fitter(of, data_.options, at.fit.x, at.fit.shape);
-  if (fit_states) fitter.fit_states(windows);
+  if (fit_states) fitter.fit_states(windows, data_.options.tolerance);
   Workers workers = fitter.workers();
   std::vector<RowMatX<double>> out;
   for (const MotionWindow& w : windows) {

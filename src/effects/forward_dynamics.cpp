@@ -51,8 +51,13 @@ ForwardDynamics::ForwardDynamics(ExtendedTree model)
   std::erase_if(model_.effects, [](const BoundEffect& e) { return e.info().has(Trait::kGain); });
   for (int i = 0; i < model_.tree.num_links(); ++i)
     model_.tree.links[i].armature /= gains_[model_.tree.drive(i).dof];
-  for (const BoundEffect& e : model_.effects)
-    if (reads_acceleration(e)) implicit_.push_back(e);
+  for (std::size_t k = 0; k < model_.effects.size(); ++k) {
+    const BoundEffect& e = model_.effects[k];
+    if (reads_acceleration(e)) implicit_.push_back(k);
+    Reads reads{joints_read(e)};
+    reads.coupled = e.info().place == Place::kJointPair || reads.joints != e.joints;
+    reads_.push_back(std::move(reads));
+  }
 }
 
 void ForwardDynamics::effect_torques(const double* q, const double* qd, int run, double* tau) {
@@ -69,7 +74,7 @@ void ForwardDynamics::effect_torques(const double* q, const double* qd, int run,
 
 /// Torque of one effect at the Jets that q_, qd_, qdd_ and links_ hold, into effect_tau_.
 void ForwardDynamics::torque_by_jets(const BoundEffect& e, int run) {
-  std::fill(effect_tau_.begin(), effect_tau_.end(), JetD(0.0));
+  for (const int j : e.joints) effect_tau_[static_cast<std::size_t>(j)] = JetD(0.0);
   parameters_.clear();
   for (const double p : e.parameters) parameters_.emplace_back(p);
   const JointSample<JetD> x{time_,       run,           q_.data(), qd_.data(),
@@ -79,9 +84,9 @@ void ForwardDynamics::torque_by_jets(const BoundEffect& e, int run) {
 
 /// Adds E of one effect at q̈ and at the torque transmitted there, with ∂E/∂q̈ and ∂E/∂τ by Jets:
 /// directions 2i and 2i+1 belong to the effect's i-th joint, all joints at once where uncoupled.
-void ForwardDynamics::add_implicit(const BoundEffect& e, const double* qdd, int run) {
-  const std::vector<int> reads = joints_read(e);
-  const bool coupled = e.info().place == Place::kJointPair || reads != e.joints;
+void ForwardDynamics::add_implicit(std::size_t effect, const double* qdd, int run) {
+  const BoundEffect& e = model_.effects[effect];
+  const auto& [reads, coupled] = reads_[effect];
   for (int j = 0; j < n_; ++j) {
     qdd_[j] = JetD(qdd[j]);
     links_[j] = JetD(transmitted_[j]);
@@ -128,7 +133,7 @@ void ForwardDynamics::solve_implicit(const double* q, const double* qd, const Ve
     implicit_tau_.setZero();
     by_qdd_.setZero();
     by_links_.setZero();
-    for (const BoundEffect& e : implicit_) add_implicit(e, qdd, run);
+    for (const std::size_t k : implicit_) add_implicit(k, qdd, run);
     slope_ = by_qdd_;
     slope_.noalias() += by_links_ * links_mass_;
     slope_ = mass_ + gains_.cwiseInverse().asDiagonal() * slope_;
@@ -180,9 +185,9 @@ void ForwardDynamics::linearise(const double* q, const double* qd, const double*
     q_[j] = JetD(q[j]);
     qd_[j] = JetD(qd[j]);
   }
-  for (const BoundEffect& e : model_.effects) {
-    const std::vector<int> reads = joints_read(e);
-    const bool coupled = e.info().place == Place::kJointPair || reads != e.joints;
+  for (std::size_t effect = 0; effect < model_.effects.size(); ++effect) {
+    const BoundEffect& e = model_.effects[effect];
+    const auto& [reads, coupled] = reads_[effect];
     for (std::size_t i = 0; i < reads.size(); ++i) {
       const std::size_t slot = coupled ? 2 * i : 0;
       q_[reads[i]].v[static_cast<long>(slot)] = 1.0;

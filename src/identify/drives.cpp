@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 
 #include <diffnea/core/text.hpp>
 #include <diffnea/recording/commands.hpp>
@@ -14,17 +15,13 @@ namespace diffnea {
 namespace {
 
 /// Delays of a position loop that are looked at [s]: radio and bus included, no operator.
-constexpr double kMostDelay = 0.2;
-constexpr int kDelays = 41;
+constexpr double kMostDelay = 0.2, kDelayStep = 0.02, kFinestDelay = 4e-3;
 /// Largest error of a command over the reach that a fit begins with, so that the recording tells of
 /// it.
 constexpr double kInside = 0.9;
-/// No bound, as the effect has it.
-constexpr double kNone = 1e3;
-
 /// Delay and bounds of a drive.
 struct Bounds {
-  double delay = 0.0, speed = kNone, reach = kNone;
+  double delay = 0.0, speed = kNoBound, reach = kNoBound;
 };
 
 /// Where a drive's fit may begin.
@@ -45,34 +42,6 @@ bool is_off(const Recording& r, int joint) {
   return std::ranges::any_of(r.time, [&](double t) { return std::isnan(path.at(joint, t, 0.0).q); });
 }
 
-/// Largest s |c − q| that the drive itself sees: of its setpoint, a delay ago.
-double largest_error(const std::vector<MotionStretch>& stretches, int joint, const Bounds& at) {
-  double most = 0.0;
-  for (const MotionStretch& s : stretches) {
-    CommandPath led = *s.command;
-    led.limit_speed(joint, at.speed);
-    for (std::size_t k = 0; k < s.time.size(); ++k) {
-      const double error =
-          led.gain(joint) *
-          std::abs(led.at(joint, s.time[k], at.delay).q - s.q(static_cast<long>(k), joint));
-      if (error > most) most = error;
-    }
-  }
-  return most;
-}
-
-/// Largest rate of a joint's command, over the drive's delays that are looked at: a step of the
-/// command is no rate.
-double largest_rate(const std::vector<MotionStretch>& stretches, int joint) {
-  double most = 0.0;
-  for (const MotionStretch& s : stretches)
-    for (const double t : s.time) {
-      const double rate = (s.command->at(joint, t, 0.0).q - s.command->at(joint, t, kMostDelay).q) / kMostDelay;
-      if (std::abs(rate) > most) most = std::abs(rate);
-    }
-  return most;
-}
-
 }  // namespace
 
 std::vector<bool> commanded_joints(const FitLayout& layout) {
@@ -81,6 +50,29 @@ std::vector<bool> commanded_joints(const FitLayout& layout) {
     if (e.info().has(Trait::kReadsCommand))
       for (const int j : e.joints) out[static_cast<std::size_t>(j)] = true;
   return out;
+}
+
+double largest_error(const MotionStretch& stretch, int joint, double delay, double speed) {
+  CommandPath led = *stretch.command;
+  led.limit_speed(joint, speed);
+  double most = 0.0;
+  for (std::size_t k = 0; k < stretch.time.size(); ++k) {
+    const double error = led.gain(joint) * std::abs(led.at(joint, stretch.time[k], delay).q -
+                                                    stretch.q(static_cast<long>(k), joint));
+    if (error > most) most = error;  // none where the drive is off
+  }
+  return most;
+}
+
+double largest_rate(const MotionStretch& stretch, int joint) {
+  double most = 0.0;
+  for (const double t : stretch.time) {
+    const double rate =
+        (stretch.command->at(joint, t, 0.0).q - stretch.command->at(joint, t, kMostDelay).q) /
+        kMostDelay;
+    if (std::abs(rate) > most) most = std::abs(rate);
+  }
+  return most;
 }
 
 bool is_bound_of_drive(const FitLayout& layout, const FitParameter& shape) {
@@ -137,10 +129,15 @@ bool fit_drives(const Model& model, const RecordingSource& train, IdentifyOption
 void guess_drives(const Model& model, const std::vector<MotionStretch>& stretches,
                   const std::vector<MotionWindow>& windows, double speed_share,
                   FitLayout& layout, VecX<double>& shape) {
+  const auto most_of = [&](const auto& value, int joint) {
+    double most = 0.0;
+    for (const MotionStretch& s : stretches) most = std::max(most, value(s, joint));
+    return most;
+  };
   std::vector<Guess> drives;
   for (std::size_t e = 0; e < layout.effects.size(); ++e)
     if (layout.effects[e].info().has(Trait::kReadsCommand))
-      drives.push_back({e, largest_rate(stretches, layout.effects[e].joints.front())});
+      drives.push_back({e, most_of(largest_rate, layout.effects[e].joints.front())});
   const auto set = [&](std::size_t e, const char* name, double value) {
     const std::vector<ParameterInfo>& info = layout.effects[e].parameter_info;
     const int index = static_cast<int>(
@@ -157,27 +154,46 @@ void guess_drives(const Model& model, const std::vector<MotionStretch>& stretche
     set(g.effect, "speed", b.speed);
     set(g.effect, "reach", b.reach);
   };
-  for (int k = 0; k < kDelays; ++k) {
-    const double delay = kMostDelay * k / (kDelays - 1);
+  const std::vector<LocalMotion> motions = middle_motions(stretches, windows);
+  const auto try_delays = [&](const std::function<double(const Guess&)>& delay) {
     const auto bounds = [&](const Guess& g) {
-      return Bounds{delay, speed_share < 1.0 ? speed_share * g.most_rate : kNone};
+      return Bounds{delay(g), speed_share < 1.0 ? speed_share * g.most_rate : kNoBound};
     };
-    for (const Guess& g : drives) set_all(g, bounds(g));
-    const std::vector<JointFactor> factors = local_factors(model, layout, stretches, windows);
+    std::vector<Bounds> tried;
+    for (const Guess& g : drives) {
+      tried.push_back(bounds(g));
+      set_all(g, tried.back());
+    }
+    const std::vector<JointFactor> factors =
+        local_factors(model, layout, stretches, windows, motions);
     const VecX<double> x = fit_linear(layout, factors).x;
-    for (Guess& g : drives) {
+    for (std::size_t k = 0; k < drives.size(); ++k) {
+      Guess& g = drives[k];
       double left = 0.0;
       for (const int j : layout.effects[g.effect].joints)
         left += factors[static_cast<std::size_t>(j)].sum_of_squares(x);
       if (!(left < g.left)) continue;
       g.left = left;
-      g.best = bounds(g);
+      g.best = tried[k];
     }
+  };
+  for (double delay = 0.0; delay < kMostDelay + 1e-9; delay += kDelayStep)
+    try_delays([&](const Guess&) { return delay; });
+  // Nearer, each drive about its own.
+  for (double step = 0.5 * kDelayStep; step > kFinestDelay; step *= 0.5) {
+    std::vector<double> about;
+    for (const Guess& g : drives) about.push_back(g.best.delay);
+    for (const double side : {-step, step})
+      try_delays([&](const Guess& g) {
+        return std::max(about[static_cast<std::size_t>(&g - drives.data())] + side, 0.0);
+      });
   }
   for (Guess& g : drives) {
-    g.best.reach =
-        kInside * largest_error(stretches, layout.effects[g.effect].joints.front(), g.best);
-    if (!(g.best.reach > 0.0)) g.best.reach = kNone;
+    const auto error = [&](const MotionStretch& s, int joint) {
+      return largest_error(s, joint, g.best.delay, g.best.speed);
+    };
+    g.best.reach = kInside * most_of(error, layout.effects[g.effect].joints.front());
+    if (!(g.best.reach > 0.0)) g.best.reach = kNoBound;
     set_all(g, g.best);
   }
 }

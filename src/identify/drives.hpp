@@ -24,6 +24,15 @@ double no_bound(const FitLayout& layout, const FitParameter& shape);
 bool fit_drives(const Model& model, const RecordingSource& train, IdentifyOptions& options,
                 std::vector<std::string>& notes);
 
+/// No bound, as the effect has it.
+inline constexpr double kNoBound = 1e3;
+
+/// Largest error of a joint's command that its drive sees, its gain included [rad] or [m].
+/// @param speed  of its setpoint at most
+double largest_error(const MotionStretch& stretch, int joint, double delay, double speed);
+/// Largest rate of a joint's command, over the delays that a drive may have: a step is no rate.
+double largest_rate(const MotionStretch& stretch, int joint);
+
 /// Speeds of a setpoint from which fits are begun, over the largest one of the commands; 1: none.
 /// Torques of one instant do not tell which is right, and a fit that begins without a bound never
 /// finds one: the best of them after a short horizon goes on.

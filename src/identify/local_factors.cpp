@@ -6,10 +6,28 @@
 #include "identify/passes.hpp"
 
 namespace diffnea {
+namespace {
+
+double middle_time(const MotionStretch& stretch, const MotionWindow& window) {
+  return stretch.time[static_cast<std::size_t>(window.first + window.rows / 2)];
+}
+
+}  // namespace
+
+std::vector<LocalMotion> middle_motions(const std::vector<MotionStretch>& stretches,
+                                        const std::vector<MotionWindow>& windows) {
+  std::vector<LocalMotion> out;
+  for (const MotionWindow& w : windows) {
+    const MotionStretch& s = stretches[w.stretch];
+    out.push_back(local_motion(s, middle_time(s, w), w.first, w.rows));
+  }
+  return out;
+}
 
 std::vector<JointFactor> local_factors(const Model& model, const FitLayout& layout,
                                        const std::vector<MotionStretch>& stretches,
-                                       const std::vector<MotionWindow>& windows) {
+                                       const std::vector<MotionWindow>& windows,
+                                       const std::vector<LocalMotion>& motions) {
   const int n = layout.num_dofs;
   const long p = static_cast<long>(layout.linear.size());
   const Tree<double> tree = make_tree(model);
@@ -26,15 +44,14 @@ std::vector<JointFactor> local_factors(const Model& model, const FitLayout& layo
   std::vector<double> scratch;
   std::shared_ptr<const CommandPath> told;  // commands of the run
   CommandPath led;                          // these, as the drives lead them
-  for (const MotionWindow& w : windows) {
+  for (std::size_t i = 0; i < windows.size(); ++i) {
+    const MotionWindow& w = windows[i];
     const MotionStretch& s = stretches[w.stretch];
-    const long middle = w.first + w.rows / 2;
-    const LocalMotion at =
-        local_motion(s, s.time[static_cast<std::size_t>(middle)], w.first, w.rows);
+    const LocalMotion& at = motions[i];
     Y.setZero();
     const RowMatX<double>& links = torque_regressor<double, double>(tree, at.q, at.qd, at.qdd, ws);
     JointSample<double> x;
-    x.time = s.time[static_cast<std::size_t>(middle)];
+    x.time = middle_time(s, w);
     if (s.command && s.command != told) {
       told = s.command;
       led = *told;
@@ -69,7 +86,7 @@ std::vector<JointFactor> local_factors(const Model& model, const FitLayout& layo
       Y.col(c) =
           Eigen::Map<const VecX<double>>(scratch.data() + k * static_cast<std::size_t>(n), n);
     }
-    Y.col(p) = s.u.row(middle).transpose();
+    Y.col(p) = s.u.row(w.first + w.rows / 2).transpose();
     for (int j = 0; j < n; ++j) {
       JointFactor& f = out[static_cast<std::size_t>(j)];
       RowMatX<double> row(1, static_cast<long>(f.columns.size()) + 1);
@@ -86,7 +103,8 @@ std::vector<JointFactor> hold_absorbed(const Model& model,
                                        const std::vector<MotionStretch>& stretches,
                                        const std::vector<MotionWindow>& windows, FitLayout& layout,
                                        std::vector<std::string>& notes) {
-  std::vector<JointFactor> out = local_factors(model, layout, stretches, windows);
+  std::vector<JointFactor> out = local_factors(model, layout, stretches, windows,
+                                               middle_motions(stretches, windows));
   for (const int c : absorbed_by_links(layout, out)) {
     FitParameter& p = layout.linear[static_cast<std::size_t>(c)];
     p.fixed = true;

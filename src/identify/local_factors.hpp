@@ -8,10 +8,16 @@
 
 namespace diffnea {
 
+/// Local motion in the middle of each window.
+std::vector<LocalMotion> middle_motions(const std::vector<MotionStretch>& stretches,
+                                        const std::vector<MotionWindow>& windows);
+
 /// Factors of [Y τ], one a joint, of one row a window.
+/// @param motions  of these windows (middle_motions)
 std::vector<JointFactor> local_factors(const Model& model, const FitLayout& layout,
                                        const std::vector<MotionStretch>& stretches,
-                                       const std::vector<MotionWindow>& windows);
+                                       const std::vector<MotionWindow>& windows,
+                                       const std::vector<LocalMotion>& motions);
 
 /// Holds what the links' inertia absorbs at the model's value.
 /// @param notes  one for each

@@ -23,6 +23,9 @@ constexpr double kUnkept = 1e-3;
 /// Steps without a gain, though one is promised, that are enough.
 constexpr int kStalls = 5;
 
+/// Steps like the last one that a fit may need to catch up with its rival.
+constexpr double kPatience = 10.0;
+
 /// Cost of a set of windows: first those whose simulation blows up, whatever the others gain.
 struct Cost {
   long blown_up = 0;
@@ -165,7 +168,7 @@ std::vector<double> MotionFitter::costs(Workers& workers, const std::vector<Moti
   return out;
 }
 
-void MotionFitter::fit(std::vector<MotionWindow>& windows, double tolerance) {
+void MotionFitter::fit(std::vector<MotionWindow>& windows, double tolerance, double to_beat) {
   const int f = static_cast<int>(free_.size());
   const long p = static_cast<long>(problem_.layout.linear.size());
   const long columns = p + static_cast<long>(problem_.layout.shape.size());
@@ -230,6 +233,10 @@ void MotionFitter::fit(std::vector<MotionWindow>& windows, double tolerance) {
       now_.blown_up = now.blown_up;
       return;
     }
+    if (now.sum - kPatience * gained > to_beat) {
+      now_.termination = "another fit is out of reach";
+      break;
+    }
     const bool exact = now.sum < kBelowNoise * noise;
     if (accepted && gained >= tolerance * now.sum && !exact) continue;
     // A small gain may be that of a small step: what would a long one gain?
@@ -257,7 +264,7 @@ TriangularFactor MotionFitter::factor(const std::vector<MotionWindow>& windows) 
   return out;
 }
 
-void MotionFitter::fit_states(std::vector<MotionWindow>& windows) const {
+void MotionFitter::fit_states(std::vector<MotionWindow>& windows, double tolerance) const {
   Workers simulators = workers_at(now_.x, now_.shape, {});
   // Windows know nothing of each other: each goes its own way.
   parallel_for(windows.size(), simulators.size(), [&](std::size_t i, std::size_t t) {
@@ -265,12 +272,12 @@ void MotionFitter::fit_states(std::vector<MotionWindow>& windows) const {
     const double noise =
         0.5 * static_cast<double>(w.rows) * static_cast<double>(problem_.sigma.size());
     fit_state(*simulators[t], problem_.stretches[w.stretch], w, problem_.sigma,
-              {options_.max_iterations, options_.tolerance, kBelowNoise * noise});
+              {options_.max_iterations, tolerance, kBelowNoise * noise});
   });
 }
 
-double MotionFitter::best_cost(std::vector<MotionWindow> windows) const {
-  fit_states(windows);
+double MotionFitter::best_cost(std::vector<MotionWindow> windows, double tolerance) const {
+  fit_states(windows, tolerance);
   Workers simulators = workers_at(now_.x, now_.shape, {});
   std::vector<double> parts(windows.size());
   parallel_for(windows.size(), simulators.size(), [&](std::size_t i, std::size_t t) {

@@ -7,6 +7,7 @@
 /// Internal to identify/.
 
 #include <functional>
+#include <limits>
 
 #include <diffnea/identify/convex_fit.hpp>
 #include <diffnea/identify/layout.hpp>
@@ -51,9 +52,11 @@ class MotionFitter {
 
   /// Fits parameters and the states of these windows.
   /// @param tolerance  stop when a step gains a smaller share of the objective
-  void fit(std::vector<MotionWindow>& windows, double tolerance);
-  /// Fits the states alone.
-  void fit_states(std::vector<MotionWindow>& windows) const;
+  /// @param to_beat    objective of a rival; stop where many steps like the last one would not come
+  ///                   below it
+  void fit(std::vector<MotionWindow>& windows, double tolerance, double to_beat = kNoRival);
+  /// Fits the states alone. @param tolerance  as for fit()
+  void fit_states(std::vector<MotionWindow>& windows, double tolerance) const;
   /// Standard errors at the present point: windows as clusters (Liang, Zeger 1986) where these are
   /// many, otherwise independent residuals times what their autocorrelation makes of them.
   void set_covariance(const std::vector<MotionWindow>& windows);
@@ -71,11 +74,14 @@ class MotionFitter {
   /// Variance of what is left over that of the noise, times its correlation time.
   double correlation(const std::vector<MotionWindow>& windows) const;
   /// χ²/2 of these windows at the present point, each at its best state; +∞ if one blows up.
-  double best_cost(std::vector<MotionWindow> windows) const;
+  /// @param tolerance  as for fit()
+  double best_cost(std::vector<MotionWindow> windows, double tolerance) const;
   /// Goes back to an earlier one.
   void restore(MotionFit earlier) { now_ = std::move(earlier); }
 
  private:
+  static constexpr double kNoRival = std::numeric_limits<double>::infinity();
+
   /// The model in the runs, those alike together.
   std::vector<ModelOfRuns> models_of(const Model& model) const;
   Workers workers_at(const VecX<double>& x, const VecX<double>& shape,

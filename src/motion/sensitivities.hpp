@@ -7,6 +7,7 @@
 #include <diffnea/dynamics/regressor.hpp>
 
 #include "motion/first_states.hpp"
+#include "motion/limbs.hpp"
 #include "motion/path.hpp"
 #include "motion/window_simulator.hpp"
 
@@ -57,6 +58,19 @@ class JointWindows : public WindowSimulator {
                                   const VecX<double>& density);
 
  private:
+  /// A limb's part of [z | Z]: no other column moves it.
+  struct Part {
+    Limb limb;
+    int column = 0;           // first of its columns in A: of q, of q̇, of its parameters
+    int parameter = 0;        // first of these among the columns of C
+    int parameters = 0;       // number of these
+    std::vector<int> to;      // of each column: where it stands in the rows that are handed on
+    RowMatX<double> block;    // rows that wait for the factor
+    long filled = 0;          // of these
+    int width() const { return static_cast<int>(to.size()); }
+  };
+  void divide(const std::vector<MotionParameter>& parameters);
+  void add_parameter(const MotionParameter& p, int column);
   /// Takes the model of that run.
   MotionPath& enter(int run);
   void slope(int run, const VecX<double>& u, const MatX<double>& A, MatX<double>& dA);
@@ -73,21 +87,20 @@ class JointWindows : public WindowSimulator {
   int n_, f_;
   std::vector<BoundEffect> effects_;
   struct OfEffect {
-    std::vector<int> slot;                    // per linear parameter: free column, or −1
-    std::vector<std::pair<int, int>> shapes;  // index of the parameter, free column
-    bool linear = false;
+    std::vector<std::pair<int, int>> linear, shapes;  // index of the parameter, column of C
+    std::vector<double> off;  // parameters, the linear ones 0
   };
   std::vector<OfEffect> of_effect_;
   struct OfLink {
-    int column = 0, free = 0;  // indices in the regressor, among the free parameters
+    int column = 0, free = 0;  // columns of the regressor, of C
     int effect = -1;           // owner; a link's own: −1
   };
   std::vector<OfLink> of_link_;
-  std::vector<char> logarithmic_;             // per free column
+  std::vector<char> logarithmic_;  // per column of C
+  std::vector<Part> parts_;
   RegressorWorkspace<double, double> ws_;
   MatX<double> A_, C_;
   VecX<double> q_, qd_;
-  RowMatX<double> block_;
   std::vector<double> scratch_;
   std::vector<JetD> jet_q_, jet_qd_, jet_qdd_, jet_load_, jet_p_, jet_tau_;
 };

@@ -108,6 +108,56 @@ TEST_CASE("sensitivities: first state, inertia, friction and its shape, by centr
   });
 }
 
+TEST_CASE("sensitivities: limbs that nothing ties together, each with columns of its own",
+          "[motion]") {
+  // Two arms on one stand; names of the second one's end with a 2.
+  Model model = arm(0.2);
+  const int links = static_cast<int>(model.links.size());
+  for (int i = 1; i < links; ++i) {
+    ModelLink link = model.links[static_cast<std::size_t>(i)];
+    link.name += "2";
+    link.joint += "2";
+    if (link.parent > 0) link.parent += links - 1;
+    model.links.push_back(link);
+  }
+  const std::size_t effects = model.effects.size();
+  for (std::size_t e = 0; e < effects; ++e) {
+    EffectSpec spec = model.effects[e];
+    spec.where += "2";
+    spec.parameters[0].value *= 2.0;
+    model.effects.push_back(spec);
+  }
+  const std::vector<Limb> apart = limbs(extend(model), bound(model));
+  REQUIRE(apart.size() == 2);
+  CHECK((apart[0].first == 0 && apart[0].count == 2));
+  CHECK((apart[1].first == 2 && apart[1].count == 2));
+  Model tied = model;
+  tied.effects.push_back({"transmission_coupling", "elbow,shoulder2", {}});
+  CHECK(limbs(extend(tied), bound(tied)).size() == 1);
+
+  const MotionStretch s = stretch_of(model);
+  MotionWindow w{0, 40, 100, VecX<double>(8)};
+  w.state << s.q.row(40).transpose(), 0.3, -0.2, 0.1, 0.4;
+  // One of the second arm first: columns come in the order of the parameters.
+  const std::vector<MotionParameter> free{{.dof = 3, .theta = 0},
+                                          {.effect = 0, .index = 0},
+                                          {.effect = 4, .index = 1, .logarithmic = true},
+                                          {.effect = 3, .index = 0}};
+  JointWindows simulator(extend(model), bound(model), free, {});
+  TriangularFactor rows(12);
+  REQUIRE(simulator.linearise(s, w, VecX<double>::Ones(4), rows));
+  check_rows(rows, 12, [&](int column, double by) {
+    Model m = model;
+    MotionWindow at = w;
+    if (column >= 0 && column < 8) at.state[column] += by;
+    if (column == 8) m.links.back().inertia.m += by;
+    if (column == 9) m.effects[0].parameters[0].value += by;
+    if (column == 10) m.effects[4].parameters[1].value *= std::exp(by);
+    if (column == 11) m.effects[3].parameters[0].value += by;
+    return residuals(m, s, at);
+  });
+}
+
 TEST_CASE("sensitivities: a servo whose friction follows its load, by central differences",
           "[motion]") {
   Model model = test::swing_model();

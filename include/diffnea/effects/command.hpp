@@ -70,20 +70,36 @@ class CommandPath {
   /// first and the last one hold beyond the ends.
   Sample at(int joint, double time, double delay) const {
     if (time_.empty()) return {};
-    const auto now = std::upper_bound(time_.begin(), time_.end(), time);
-    if (!is_on_(std::max<long>(now - time_.begin() - 1, 0), joint)) return {};
+    if (!is_on_(std::max(beyond(time_, time) - 1, 0L), joint)) return {};
     const double then = time - delay;
-    const auto next = std::upper_bound(middle_.begin(), middle_.end(), then);
-    const long k = std::max<long>(next - middle_.begin() - 1, 0);
+    const long next = beyond(middle_, then), k = std::max(next - 1, 0L);
     const Sample here{q_(k, joint), 0.0, by_speed_(k, joint)};
-    if (next == middle_.begin() || next == middle_.end()) return here;
-    const double from = middle_[static_cast<std::size_t>(k)], h = *next - from;
+    if (next == 0 || next == q_.rows()) return here;
+    const double from = middle_[static_cast<std::size_t>(k)],
+                 h = middle_[static_cast<std::size_t>(next)] - from;
     const double rate = (q_(k + 1, joint) - q_(k, joint)) / h;
     return {here.q + rate * (then - from), rate,
             here.by_speed + (by_speed_(k + 1, joint) - here.by_speed) * (then - from) / h};
   }
 
  private:
+  /// Index of the first instant beyond t: that where it would be if rows were even, or next to it;
+  /// else searched for.
+  static long beyond(const std::vector<double>& at, double t) {
+    const long last = static_cast<long>(at.size()) - 1;
+    const auto is_it = [&](long k) {
+      return (k == 0 || at[static_cast<std::size_t>(k - 1)] <= t) &&
+             (k > last || t < at[static_cast<std::size_t>(k)]);
+    };
+    const double share = (t - at.front()) / (at.back() - at.front());
+    if (share >= 0.0 && share <= 1.0) {
+      const long even = static_cast<long>(share * static_cast<double>(last)) + 1;
+      for (const long k : {even, even + 1, even - 1})
+        if (k <= last + 1 && is_it(k)) return k;
+    }
+    return std::upper_bound(at.begin(), at.end(), t) - at.begin();
+  }
+
   /// Time that the command of row k is held [s].
   double period(std::size_t k) const {
     if (time_.size() < 2) return 0.0;

@@ -79,11 +79,16 @@ class ForwardDynamics {
   void solve_implicit(const double* q, const double* qd, const VecX<double>& tau, int run,
                       double* qdd);
   void torque_by_jets(const BoundEffect& e, int run);
-  void add_implicit(const BoundEffect& e, const double* qdd, int run);
+  void add_implicit(std::size_t effect, const double* qdd, int run);
 
   ExtendedTree model_;
-  std::vector<BoundEffect>
-      implicit_;  ///< of the model's effects, those that read q̈ or the transmitted torque
+  /// What an effect of the model depends on.
+  struct Reads {
+    std::vector<int> joints;
+    bool coupled = false;  ///< one joint's torque depends on another
+  };
+  std::vector<Reads> reads_;
+  std::vector<std::size_t> implicit_;  ///< effects that read q̈ or the transmitted torque
   int n_ = 0;
   VecX<double> gains_;
   double time_ = 0.0;

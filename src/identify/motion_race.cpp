@@ -1,0 +1,233 @@
+#include "identify/motion_race.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <memory>
+#include <ranges>
+#include <set>
+
+#include <diffnea/core/error.hpp>
+#include <diffnea/core/random.hpp>
+
+#include "core/constants.hpp"
+#include "identify/drives.hpp"
+#include "identify/local_factors.hpp"
+
+namespace diffnea {
+namespace {
+
+/// Horizon up to which beginnings compete [s]: some delays and swings of a servo.
+constexpr double kTrial = 1.0;
+/// ΔBIC that is very strong evidence (Kass, Raftery 1995).
+constexpr double kVeryStrong = 10.0;
+
+/// BIC of fits to the same positions.
+/// @param independent  errors among them
+double bic(double objective, double free, double independent) {
+  return independent * std::log(objective) + free * std::log(independent);
+}
+
+double count_free(const FitLayout& layout) {
+  const auto is_free = [](const FitParameter& p) { return !p.fixed; };
+  return static_cast<double>(std::ranges::count_if(layout.linear, is_free) +
+                             std::ranges::count_if(layout.shape, is_free));
+}
+
+/// Stretches that show what drives do at their bounds: of each joint, the one with its largest error
+/// and the one with its fastest command.
+std::set<std::size_t> stretches_at_bounds(const std::vector<MotionStretch>& stretches,
+                                          const std::vector<bool>& commanded) {
+  std::set<std::size_t> out;
+  for (std::size_t j = 0; j < commanded.size(); ++j) {
+    if (!commanded[j]) continue;
+    const auto largest = [&](const std::function<double(const MotionStretch&)>& of) {
+      return static_cast<std::size_t>(std::ranges::max_element(stretches, {}, of) -
+                                      stretches.begin());
+    };
+    const int joint = static_cast<int>(j);
+    out.insert(largest([&](const MotionStretch& s) { return largest_error(s, joint, 0.0, kNoBound); }));
+    out.insert(largest([&](const MotionStretch& s) { return largest_rate(s, joint); }));
+  }
+  return out;
+}
+
+/// Leaves stretches drawn at random, as many as have windows enough for every parameter, and those
+/// in which bounds act most.
+MotionData thinned_out(const MotionData& data, const FitLayout& layout, double horizon) {
+  constexpr double kWindows = 5.0;  // a parameter, as clusters of a covariance
+  MotionData out = data;
+  Rng rng(1);
+  double windows = 0.0;
+  std::size_t kept = 0;
+  const auto keep = [&](std::size_t k) {
+    std::swap(out.train[kept], out.train[k]);
+    windows += out.train[kept++].length() / horizon;
+  };
+  for (const std::size_t k : stretches_at_bounds(data.train, commanded_joints(layout))) keep(k);
+  while (kept < out.train.size() && windows < kWindows * count_free(layout))
+    keep(kept + static_cast<std::size_t>(rng.next() % (out.train.size() - kept)));
+  out.train.resize(kept);
+  return out;
+}
+
+/// Linear parameters that fit the torques of one instant; empty where these are too few.
+VecX<double> inverse_guess(const FitLayout& layout, const std::vector<JointFactor>& factors) {
+  try {
+    return fit_linear(layout, factors).x;
+  } catch (const DataError&) {
+    return {};
+  }
+}
+
+void hold_bounds_off(FitLayout& layout, VecX<double>& shape) {
+  for (std::size_t k = 0; k < layout.shape.size(); ++k) {
+    FitParameter& s = layout.shape[k];
+    if (s.fixed || !is_bound_of_drive(layout, s)) continue;
+    s.fixed = true;
+    s.prior = shape[static_cast<long>(k)] = no_bound(layout, s);
+  }
+}
+
+/// @param speed_share  of kSpeedShares; none: no bounds at all
+MotionBeginning beginning(const Model& model, const MotionData& data, const FitLayout& layout,
+                          double first, std::optional<double> speed_share) {
+  MotionBeginning out;
+  out.layout = layout;
+  out.shape.resize(static_cast<long>(layout.shape.size()));
+  for (std::size_t s = 0; s < layout.shape.size(); ++s)
+    out.shape[static_cast<long>(s)] = layout.shape[s].prior;
+  const std::vector<MotionWindow> windows = cut_windows(data.train, first);
+  const std::vector<bool> commanded = commanded_joints(layout);
+  if (!speed_share) hold_bounds_off(out.layout, out.shape);
+  if (std::ranges::any_of(commanded, std::identity()))
+    guess_drives(model, data.train, windows, speed_share.value_or(1.0), out.layout, out.shape);
+  const std::vector<JointFactor> factors =
+      hold_absorbed(model, data.train, windows, out.layout, out.notes);
+  if (count_free(out.layout) == 0.0)
+    throw ModelError(
+        "identify: every parameter is held, nothing is left to fit; groups of fit: "
+        "inertia, armature, effects, shapes");
+  out.scale = parameter_scales(out.layout, factors);
+  // Horizon 0: torques of one instant. A robot that nothing drives has none to fit.
+  const bool driven = std::ranges::any_of(data.train, [](const MotionStretch& s) {
+    return s.command || s.u.cwiseAbs().maxCoeff() > 0.0;
+  });
+  if (driven) out.guess = inverse_guess(out.layout, factors);
+  out.start = consistent_start(out.layout, out.scale);
+  for (std::size_t k = 0; k < layout.linear.size(); ++k)
+    if (out.layout.linear[k].fixed) out.start[static_cast<long>(k)] = out.layout.linear[k].prior;
+  return out;
+}
+
+}  // namespace
+
+std::vector<MotionBeginning> beginnings(const Model& model, const MotionData& data,
+                                        const FitLayout& layout, double first) {
+  std::vector<MotionBeginning> out;
+  out.push_back(beginning(model, data, layout, first, std::nullopt));
+  if (std::ranges::none_of(layout.shape, [&](const FitParameter& s) {
+        return !s.fixed && is_bound_of_drive(layout, s);
+      }))
+    return out;
+  for (const double share : kSpeedShares)
+    out.push_back(beginning(model, data, layout, first, share));
+  return out;
+}
+
+MotionBeginning best_beginning(const Model& model, const MotionData& data,
+                               std::vector<MotionBeginning> from, const std::vector<double>& ladder,
+                               const MotionOptions& options,
+                               const std::function<bool(int, double)>& progress) {
+  if (from.size() == 1) return std::move(from.front());
+  const double first = ladder.front();
+  const MotionData some = thinned_out(data, from.back().layout, std::min(kTrial, ladder.back()));
+  const VecX<double> limit = apart_limit(some);
+  std::vector<std::unique_ptr<MotionClimb>> fits;
+  for (MotionBeginning& b : from) {
+    fits.push_back(
+        std::make_unique<MotionClimb>(model, some, std::move(b), limit, options, progress));
+    fits.back()->begin(first);
+  }
+  for (const double horizon : ladder) {
+    if (horizon > kTrial || fits.size() == 1) break;
+    std::vector<std::unique_ptr<MotionClimb>> up;
+    const auto cost = [](const auto& f) { return f->fitter().now().objective; };
+    double independent = 1.0, best = kInfinity;
+    const auto of = [&](const auto& f) {
+      return bic(cost(f), count_free(f->layout()), independent);
+    };
+    for (std::unique_ptr<MotionClimb>& f : fits) {
+      // Objective at which this one would still be in the race.
+      const double to_beat =
+          std::exp((best + kVeryStrong - bic(1.0, count_free(f->layout()), independent)) / independent);
+      if (f->advance(horizon, kOnTheWay, to_beat) != Rung::kReached || !f->whole() ||
+          f->fitter().now().blown_up > 0)
+        continue;
+      if (up.empty() || cost(f) < cost(up.front())) {
+        independent = f->independent();
+        up.insert(up.begin(), std::move(f));
+      } else {
+        up.push_back(std::move(f));
+      }
+      best = std::ranges::min(up | std::views::transform(of));
+      if (up.front()->fitter().now().interrupted) break;
+    }
+    if (up.empty()) break;  // none holds together for so long
+    std::erase(fits, nullptr);
+    fits = std::move(up);
+    std::ranges::sort(fits, {}, of);
+    std::erase_if(fits, [&](const auto& f) { return of(f) > best + kVeryStrong; });
+    if (fits.front()->fitter().now().interrupted) break;
+  }
+  MotionBeginning out = fits.front()->beginning();
+  out.start = fits.front()->fitter().now().x;
+  out.shape = fits.front()->fitter().now().shape;
+  out.guess = {};
+  out.fitted_to = fits.front()->reached();
+  return out;
+}
+
+std::vector<std::string> release_bounds(const Model& model, const MotionData& data,
+                                        const MotionOptions& options, MotionClimb& climb) {
+  const MotionFit at = climb.fitter().now();
+  const double independent = climb.independent();
+  const auto is_enough = [&](double objective, double bounds) {
+    return bic(objective, 0.0, independent) < bic(at.objective, bounds, independent);
+  };
+  FitLayout layout = climb.layout();
+  std::vector<std::size_t> bounds;
+  for (std::size_t k = 0; k < layout.shape.size(); ++k)
+    if (!layout.shape[k].fixed && is_bound_of_drive(layout, layout.shape[k])) bounds.push_back(k);
+  if (bounds.empty()) return {};
+  // All at once, the others fitted beside: a delay makes up for a speed that hardly shows.
+  VecX<double> x = at.x, shape = at.shape;
+  std::vector<MotionWindow> windows = climb.at().windows;
+  hold_bounds_off(layout, shape);
+  const MotionProblem problem{model, layout, data.train, data.runs, data.noise.position,
+                              climb.beginning().scale};
+  MotionFitter without(problem, options, x, shape);
+  without.fit(windows, kOnTheWay);
+  std::vector<std::string> left_out;
+  if (is_enough(without.now().objective, static_cast<double>(bounds.size()))) {
+    for (const std::size_t k : bounds) left_out.push_back(layout.shape[k].name);
+    climb.change(layout, without.now().x, without.now().shape, std::move(windows));
+  } else {
+    layout = climb.layout();
+    shape = at.shape;
+    for (const std::size_t k : bounds) {
+      VecX<double> one = shape;
+      one[static_cast<long>(k)] = no_bound(layout, layout.shape[k]);
+      const MotionFitter tried(problem, options, x, one);
+      if (!is_enough(tried.best_cost(climb.at().windows, kOnTheWay), 1.0)) continue;
+      layout.shape[k].fixed = true;
+      layout.shape[k].prior = shape[static_cast<long>(k)] = one[static_cast<long>(k)];
+      left_out.push_back(layout.shape[k].name);
+    }
+    if (!left_out.empty()) climb.change(layout, x, shape, climb.at().windows);
+  }
+  if (!left_out.empty()) climb.finish(options.tolerance);
+  return left_out;
+}
+
+}  // namespace diffnea

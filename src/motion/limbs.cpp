@@ -1,0 +1,40 @@
+#include "motion/limbs.hpp"
+
+#include <algorithm>
+
+#include <diffnea/effects/stepping.hpp>
+
+namespace diffnea {
+
+std::vector<Limb> limbs(const ExtendedTree& model, const std::vector<BoundEffect>& effects) {
+  const Tree<double>& tree = model.tree;
+  // Last degree of freedom that each is tied to; a limb ends where none reaches further.
+  std::vector<int> last(static_cast<std::size_t>(tree.num_dofs()));
+  for (std::size_t j = 0; j < last.size(); ++j) last[j] = static_cast<int>(j);
+  const auto tie = [&](const std::vector<int>& joints) {
+    if (joints.empty()) return;
+    const auto [low, high] = std::ranges::minmax(joints);
+    int& reach = last[static_cast<std::size_t>(low)];
+    reach = std::max(reach, high);
+  };
+  for (int i = 0; i < tree.num_links(); ++i)
+    if (const int parent = tree.links[static_cast<std::size_t>(i)].parent; parent >= 0)
+      tie({tree.drive(parent).dof, tree.drive(i).dof});
+  const auto tie_effect = [&](const BoundEffect& e) {
+    std::vector<int> all = joints_read(e);
+    all.insert(all.end(), e.joints.begin(), e.joints.end());
+    for (const int link : e.links) all.push_back(tree.drive(link).dof);
+    tie(all);
+  };
+  for (const BoundEffect& e : model.effects) tie_effect(e);
+  for (const BoundEffect& e : effects) tie_effect(e);
+  std::vector<Limb> out;
+  for (int first = 0, end = 0; first < tree.num_dofs(); first = end) {
+    end = last[static_cast<std::size_t>(first)] + 1;
+    for (int j = first; j < end; ++j) end = std::max(end, last[static_cast<std::size_t>(j)] + 1);
+    out.push_back({first, end - first});
+  }
+  return out;
+}
+
+}  // namespace diffnea
