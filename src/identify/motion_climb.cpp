@@ -56,10 +56,9 @@ void MotionClimb::begin(double first_horizon) {
   if (from_.guess.size() == 0) return;
   std::vector<MotionWindow> windows = cut_windows(data_.train, first_);
   set_measured_states(data_.train, first_, windows);
-  constexpr double kRoughly = 0.1;  // one of them is no beginning at all, as a rule
-  const double of_model = fitter_->best_cost(windows, kRoughly);
+  const double of_model = fitter_->cost(windows);
   fitter_->begin_at(from_.guess);
-  if (!(fitter_->best_cost(windows, kRoughly) < of_model)) fitter_->begin_at(from_.start);
+  if (!(fitter_->cost(windows) < of_model)) fitter_->begin_at(from_.start);
 }
 
 Rung MotionClimb::advance(double horizon, double tolerance, double to_beat) {

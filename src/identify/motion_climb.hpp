@@ -19,7 +19,7 @@ struct Ladder {
             double first);
 };
 
-/// What a fit moves, and where it begins.
+/// Parameters that a fit moves, and where it begins.
 struct MotionBeginning {
   FitLayout layout;
   VecX<double> scale;  ///< (p) how far a parameter may well be from its start

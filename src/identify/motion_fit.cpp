@@ -24,7 +24,7 @@ constexpr double kUnkept = 1e-3;
 constexpr int kStalls = 5;
 
 /// Steps like the last one that a fit may need to catch up with its rival.
-constexpr double kPatience = 10.0;
+constexpr double kPatience = 3.0;
 
 /// Cost of a set of windows: first those whose simulation blows up, whatever the others gain.
 struct Cost {
@@ -276,8 +276,7 @@ void MotionFitter::fit_states(std::vector<MotionWindow>& windows, double toleran
   });
 }
 
-double MotionFitter::best_cost(std::vector<MotionWindow> windows, double tolerance) const {
-  fit_states(windows, tolerance);
+double MotionFitter::cost(const std::vector<MotionWindow>& windows) const {
   Workers simulators = workers_at(now_.x, now_.shape, {});
   std::vector<double> parts(windows.size());
   parallel_for(windows.size(), simulators.size(), [&](std::size_t i, std::size_t t) {

@@ -73,9 +73,8 @@ class MotionFitter {
   void begin_at(const VecX<double>& x) { now_.x = x; }
   /// Variance of what is left over that of the noise, times its correlation time.
   double correlation(const std::vector<MotionWindow>& windows) const;
-  /// χ²/2 of these windows at the present point, each at its best state; +∞ if one blows up.
-  /// @param tolerance  as for fit()
-  double best_cost(std::vector<MotionWindow> windows, double tolerance) const;
+  /// χ²/2 of these windows at the present point and their states; +∞ if one blows up.
+  double cost(const std::vector<MotionWindow>& windows) const;
   /// Goes back to an earlier one.
   void restore(MotionFit earlier) { now_ = std::move(earlier); }
 

@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <functional>
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/core/text.hpp>
@@ -28,6 +29,10 @@ class MotionIdentification {
     const auto start = std::chrono::steady_clock::now();
     prepare();
     climb();
+    if (!climb_->whole() && ladder_.front() > first_) {
+      ladder_ = horizons(data_.train, data_.noise, options_.motion);
+      climb();
+    }
     if (climb_->whole() && !fit().interrupted) leave_out_bounds();
     result_.summary.seconds_fitting = fitting_ + climb_->seconds();
     evaluate();
@@ -59,7 +64,8 @@ class MotionIdentification {
     FitLayout layout = layout_for(model_, train_, test_, options_.choice, result_.notes);
     require_derivatives(layout);
     n_ = layout.num_dofs;
-    data_ = motion_data(train_, test_, commanded_joints(layout), result_.notes);
+    const std::vector<bool> commanded = commanded_joints(layout);
+    data_ = motion_data(train_, test_, commanded, result_.notes);
     result_.data_report = train_.report();
     result_.summary.rows = data_.rows;
     result_.summary.passes = 1;
@@ -68,18 +74,18 @@ class MotionIdentification {
       throw DataError(test_->sample().front().source + ": held-out data: no joint moves (" +
                       detail::join(joint_names(model_)) + ")");
     ladder_ = horizons(data_.train, data_.noise, options_.motion);
+    first_ = ladder_.front();
     limit_ = apart_limit(data_);
     describe_noise();
-    const auto progress = [this](int iteration, double objective) {
+    progress_ = [this](int iteration, double objective) {
       return !options_.progress ||
              options_.progress({"simulating", iteration, result_.summary.rows, objective});
     };
-    MotionBeginning from =
-        best_beginning(model_, data_, beginnings(model_, data_, layout, ladder_.front()), ladder_,
-                       options_.motion, progress);
-    result_.notes.insert(result_.notes.end(), from.notes.begin(), from.notes.end());
-    nominal_shape_ = from.shape;
-    climb_.emplace(model_, data_, std::move(from), limit_, options_.motion, progress);
+    from_ = best_beginning(model_, data_, layout, ladder_, options_.motion, progress_);
+    // A loop that is closed holds motion together: nothing adds up from horizon to horizon.
+    if (from_.fitted_to > 0.0 && std::ranges::all_of(commanded, std::identity()))
+      ladder_ = {ladder_.back()};
+    result_.notes.insert(result_.notes.end(), from_.notes.begin(), from_.notes.end());
     fitting_ = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   }
 
@@ -121,13 +127,16 @@ class MotionIdentification {
 
   /// From horizon to horizon, as far as windows hold together.
   void climb() {
+    result_.horizons.clear();
+    nominal_ = test_fitted_ = test_nominal_ = {};
+    climb_.emplace(model_, data_, from_, limit_, options_.motion, progress_);
     held_problem_.emplace(MotionProblem{model_, climb_->layout(), data_.test, data_.runs,
                                         data_.noise.position, climb_->beginning().scale});
     nominal_problem_.emplace(MotionProblem{model_, climb_->layout(), data_.train, data_.runs,
                                            data_.noise.position, climb_->beginning().scale});
     nominal_fitter_.emplace(*nominal_problem_, options_.motion, climb_->layout().prior(),
-                            nominal_shape_);
-    climb_->begin(ladder_.front());
+                            from_.shape);
+    climb_->begin(first_);
     for (const double horizon : ladder_) {
       const bool first = horizon == ladder_.front(), last = horizon == ladder_.back();
       // Where the next horizon goes on, this one need not be exact.
@@ -193,10 +202,9 @@ class MotionIdentification {
   /// Errors of this horizon: held out, and of the model before the fit.
   void measure(double horizon) {
     constexpr double kRoughly = 1e-2;  // half a percent of an error that is large
-    const double first = ladder_.front();
     const auto of_model = [&](const MotionFitter& fitter, double tolerance,
                               const std::vector<MotionStretch>& stretches, Ladder& ladder) {
-      ladder.next(fitter.workers(), stretches, horizon, first);
+      ladder.next(fitter.workers(), stretches, horizon, first_);
       fitter.fit_states(ladder.windows, tolerance);
       Workers workers = fitter.workers();
       ladder.errors = window_errors(workers, stretches, ladder.windows, limit_);
@@ -206,7 +214,7 @@ class MotionIdentification {
     if (test_) {
       const MotionFitter fitter(*held_problem_, options_.motion, fit().x, fit().shape);
       const MotionFitter before(*held_problem_, options_.motion, climb_->layout().prior(),
-                                nominal_shape_);
+                                from_.shape);
       of_model(fitter, kOnTheWay, data_.test, test_fitted_);
       of_model(before, kRoughly, data_.test, test_nominal_);
       test = test_fitted_.errors.rmse();
@@ -275,7 +283,7 @@ class MotionIdentification {
     VecX<double> raw = VecX<double>::Constant(n_, kNaN);
     if (test_) {
       std::vector<MotionWindow> measured = test_fitted_.windows;
-      set_measured_states(data_.test, ladder_.front(), measured);
+      set_measured_states(data_.test, first_, measured);
       Workers workers = climb_->fitter().workers();
       raw = window_errors(workers, data_.test, measured, limit_).rmse();
       if (!test_fitted_.errors.apart.empty())
@@ -392,8 +400,10 @@ class MotionIdentification {
   int n_ = 0;
   MotionData data_;
   std::vector<double> ladder_;
-  VecX<double> limit_;          ///< (n) error beyond which a window is apart
-  VecX<double> nominal_shape_;  ///< where shapes began
+  double first_ = 0.0;  ///< shortest horizon [s]
+  VecX<double> limit_;  ///< (n) error beyond which a window is apart
+  std::function<bool(int, double)> progress_;
+  MotionBeginning from_;
   std::optional<MotionClimb> climb_;
   std::optional<MotionProblem> held_problem_, nominal_problem_;
   std::optional<MotionFitter> nominal_fitter_;

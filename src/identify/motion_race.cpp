@@ -52,22 +52,30 @@ std::set<std::size_t> stretches_at_bounds(const std::vector<MotionStretch>& stre
   return out;
 }
 
-/// Leaves stretches drawn at random, as many as have windows enough for every parameter, and those
-/// in which bounds act most.
-MotionData thinned_out(const MotionData& data, const FitLayout& layout, double horizon) {
-  constexpr double kWindows = 5.0;  // a parameter, as clusters of a covariance
-  MotionData out = data;
+/// Pieces of the horizon's length: those in which bounds act most, and others drawn at random, as
+/// many as each of a joint's parameters needs.
+MotionData pieces_of(const MotionData& data, const FitLayout& layout, double horizon) {
+  constexpr double kPieces = 5.0;  // a parameter, as clusters of a covariance
+  std::vector<MotionStretch> all;
+  for (const MotionWindow& w : cut_windows(data.train, horizon)) {
+    const MotionStretch& s = data.train[w.stretch];
+    const auto time = s.time.begin() + w.first;
+    all.push_back({s.run,
+                   {time, time + w.rows},
+                   s.q.middleRows(w.first, w.rows),
+                   s.u.middleRows(w.first, w.rows),
+                   s.u_end.middleRows(w.first, w.rows),
+                   s.command});
+  }
+  const double needed = kPieces * count_free(layout) / layout.num_dofs;
+  if (static_cast<double>(all.size()) <= needed) return data;
+  std::set<std::size_t> drawn = stretches_at_bounds(all, commanded_joints(layout));
   Rng rng(1);
-  double windows = 0.0;
-  std::size_t kept = 0;
-  const auto keep = [&](std::size_t k) {
-    std::swap(out.train[kept], out.train[k]);
-    windows += out.train[kept++].length() / horizon;
-  };
-  for (const std::size_t k : stretches_at_bounds(data.train, commanded_joints(layout))) keep(k);
-  while (kept < out.train.size() && windows < kWindows * count_free(layout))
-    keep(kept + static_cast<std::size_t>(rng.next() % (out.train.size() - kept)));
-  out.train.resize(kept);
+  while (static_cast<double>(drawn.size()) < needed)
+    drawn.insert(static_cast<std::size_t>(rng.next() % all.size()));
+  MotionData out = data;
+  out.train.clear();
+  for (const std::size_t k : drawn) out.train.push_back(std::move(all[k]));
   return out;
 }
 
@@ -120,37 +128,33 @@ MotionBeginning beginning(const Model& model, const MotionData& data, const FitL
   return out;
 }
 
-}  // namespace
-
-std::vector<MotionBeginning> beginnings(const Model& model, const MotionData& data,
-                                        const FitLayout& layout, double first) {
-  std::vector<MotionBeginning> out;
-  out.push_back(beginning(model, data, layout, first, std::nullopt));
-  if (std::ranges::none_of(layout.shape, [&](const FitParameter& s) {
-        return !s.fixed && is_bound_of_drive(layout, s);
-      }))
-    return out;
-  for (const double share : kSpeedShares)
-    out.push_back(beginning(model, data, layout, first, share));
+/// No bounds at all, and bounds at each share of the commands' speed.
+std::vector<std::optional<double>> speed_shares() {
+  std::vector<std::optional<double>> out{std::nullopt};
+  out.insert(out.end(), std::begin(kSpeedShares), std::end(kSpeedShares));
   return out;
 }
 
-MotionBeginning best_beginning(const Model& model, const MotionData& data,
-                               std::vector<MotionBeginning> from, const std::vector<double>& ladder,
-                               const MotionOptions& options,
+}  // namespace
+
+MotionBeginning best_beginning(const Model& model, const MotionData& data, const FitLayout& layout,
+                               const std::vector<double>& ladder, const MotionOptions& options,
                                const std::function<bool(int, double)>& progress) {
-  if (from.size() == 1) return std::move(from.front());
   const double first = ladder.front();
-  const MotionData some = thinned_out(data, from.back().layout, std::min(kTrial, ladder.back()));
+  if (std::ranges::none_of(layout.shape, [&](const FitParameter& s) {
+        return !s.fixed && is_bound_of_drive(layout, s);
+      }))
+    return beginning(model, data, layout, first, std::nullopt);
+  const MotionData some = pieces_of(data, layout, std::min(kTrial, ladder.back()));
   const VecX<double> limit = apart_limit(some);
   std::vector<std::unique_ptr<MotionClimb>> fits;
-  for (MotionBeginning& b : from) {
-    fits.push_back(
-        std::make_unique<MotionClimb>(model, some, std::move(b), limit, options, progress));
+  for (const std::optional<double> share : speed_shares()) {
+    fits.push_back(std::make_unique<MotionClimb>(
+        model, some, beginning(model, some, layout, first, share), limit, options, progress));
     fits.back()->begin(first);
   }
   for (const double horizon : ladder) {
-    if (horizon > kTrial || fits.size() == 1) break;
+    if (horizon > kTrial) break;
     std::vector<std::unique_ptr<MotionClimb>> up;
     const auto cost = [](const auto& f) { return f->fitter().now().objective; };
     double independent = 1.0, best = kInfinity;
@@ -219,7 +223,9 @@ std::vector<std::string> release_bounds(const Model& model, const MotionData& da
       VecX<double> one = shape;
       one[static_cast<long>(k)] = no_bound(layout, layout.shape[k]);
       const MotionFitter tried(problem, options, x, one);
-      if (!is_enough(tried.best_cost(climb.at().windows, kOnTheWay), 1.0)) continue;
+      std::vector<MotionWindow> at_best = climb.at().windows;
+      tried.fit_states(at_best, kOnTheWay);
+      if (!is_enough(tried.cost(at_best), 1.0)) continue;
       layout.shape[k].fixed = true;
       layout.shape[k].prior = shape[static_cast<long>(k)] = one[static_cast<long>(k)];
       left_out.push_back(layout.shape[k].name);

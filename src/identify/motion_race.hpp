@@ -8,19 +8,14 @@
 
 namespace diffnea {
 
-/// Beginnings of a fit to these data: one, where no drive has a loop of its own.
-/// @param layout  what the fit may move
-/// @param first   shortest horizon [s]
-std::vector<MotionBeginning> beginnings(const Model& model, const MotionData& data,
-                                        const FitLayout& layout, double first);
-
-/// The beginning that goes on, at where it came to: fits climb together, and one that another beats
-/// beyond doubt at a horizon drops out.
+/// The beginning that goes on. Without drives that have a loop of their own there is one; else fits
+/// climb together as far as their motion shows them, over pieces of the recordings, and one that
+/// another beats beyond doubt at a horizon drops out.
+/// @param layout    parameters that the fit may move
 /// @param ladder    horizons, ascending
 /// @param progress  as for MotionFitter
-MotionBeginning best_beginning(const Model& model, const MotionData& data,
-                               std::vector<MotionBeginning> from, const std::vector<double>& ladder,
-                               const MotionOptions& options,
+MotionBeginning best_beginning(const Model& model, const MotionData& data, const FitLayout& layout,
+                               const std::vector<double>& ladder, const MotionOptions& options,
                                const std::function<bool(int, double)>& progress);
 
 /// Leaves out bounds of drives that the recordings do not need, and fits the rest anew: at the edge

@@ -9,7 +9,7 @@ namespace diffnea {
 /// Consecutive degrees of freedom that move without regard to all others.
 struct Limb {
   int first = 0;  ///< degree of freedom
-  int count = 0;  ///< of degrees of freedom
+  int count = 0;  ///< number of degrees of freedom
 };
 
 /// All degrees of freedom, in order. Those that a link, a follower or an effect ties together are of

@@ -64,7 +64,7 @@ class JointWindows : public WindowSimulator {
     int column = 0;           // first of its columns in A: of q, of q̇, of its parameters
     int parameter = 0;        // first of these among the columns of C
     int parameters = 0;       // number of these
-    std::vector<int> to;      // of each column: where it stands in the rows that are handed on
+    std::vector<int> to;      // for each column, where it stands in the rows that are handed on
     RowMatX<double> block;    // rows that wait for the factor
     long filled = 0;          // of these
     int width() const { return static_cast<int>(to.size()); }

@@ -82,7 +82,7 @@ class ForwardDynamics {
   void add_implicit(std::size_t effect, const double* qdd, int run);
 
   ExtendedTree model_;
-  /// What an effect of the model depends on.
+  /// Joints that an effect of the model depends on.
   struct Reads {
     std::vector<int> joints;
     bool coupled = false;  ///< one joint's torque depends on another
