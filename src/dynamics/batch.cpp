@@ -7,6 +7,7 @@
 #include <diffnea/dynamics/regressor.hpp>
 #include <diffnea/dynamics/rnea.hpp>
 #include <diffnea/lie/inertia.hpp>
+#include <diffnea/model/free_base.hpp>
 
 #include "dynamics/batch_kernels.hpp"
 
@@ -76,11 +77,24 @@ void run(batch::Kernel* kernel, const Tree<double>& tree, const batch::Rows& all
 }
 
 void require_shape(const char* where, const char* name, const RowMatX<double>& M, long rows,
-                   int columns) {
+                   int columns, const char* behind) {
   if (M.rows() == rows && M.cols() == columns) return;
   throw ShapeError(std::string(where) + ": " + name + " is " + std::to_string(M.rows()) + "x" +
                    std::to_string(M.cols()) + ", expected " + std::to_string(rows) + "x" +
-                   std::to_string(columns) + " (one row per state, one column per joint)");
+                   std::to_string(columns) + " (one row per state, one column per joint" + behind +
+                   ")");
+}
+
+void require_shapes(const char* where, const Tree<double>& tree, const RowMatX<double>& Q,
+                    const RowMatX<double>& Qd, const char* name_x, const RowMatX<double>& X) {
+  const bool floats = tree.free_base;
+  require_shape(where, "Q", Q, Q.rows(), tree.num_positions(), floats ? " behind a pose of 7" : "");
+  for (const auto& [name, M] : {std::pair("Qd", &Qd), std::pair(name_x, &X)})
+    require_shape(where, name, *M, Q.rows(), tree.num_velocities(),
+                  floats ? " behind a twist of 6" : "");
+  for (long k = 0; floats && k < Q.rows(); ++k)
+    require_unit_quaternion((std::string(where) + ": row " + std::to_string(k) + " of Q").c_str(),
+                            Q(k, 3), Q(k, 4), Q(k, 5), Q(k, 6));
 }
 
 /// @param of_one_row  computes a single state without packs: a register that holds one row costs
@@ -90,10 +104,7 @@ void run_rows(const char* where, batch::Kernel* Kernels::* kernel, const OneRow&
               const Tree<double>& tree, const RowMatX<double>& Q, const RowMatX<double>& Qd,
               const char* name_x, const RowMatX<double>& X, long out_rows_per_state,
               long out_columns, RowMatX<double>& out, const BatchOptions& options) {
-  const int n = tree.num_dofs();
-  require_shape(where, "Q", Q, Q.rows(), n);
-  require_shape(where, "Qd", Qd, Q.rows(), n);
-  require_shape(where, name_x, X, Q.rows(), n);
+  require_shapes(where, tree, Q, Qd, name_x, X);
   out.resize(Q.rows() * out_rows_per_state, out_columns);
   if (Q.rows() == 1 && options.instruction_set.empty())
     of_one_row(Q.row(0).transpose(), Qd.row(0).transpose(), X.row(0).transpose());
@@ -119,8 +130,8 @@ RowMatX<double> rnea_batch(const Tree<double>& tree, const RowMatX<double>& Q,
     RneaWorkspace<double, double> ws;
     tau.row(0) = rnea<double, double>(tree, q, qd, qdd, ws);
   };
-  run_rows("rnea_batch", &Kernels::rnea, of_one_row, tree, Q, Qd, "Qdd", Qdd, 1, tree.num_dofs(),
-           tau, options);
+  run_rows("rnea_batch", &Kernels::rnea, of_one_row, tree, Q, Qd, "Qdd", Qdd, 1,
+           tree.num_velocities(), tau, options);
   return tau;
 }
 
@@ -132,14 +143,14 @@ RowMatX<double> aba_batch(const Tree<double>& tree, const RowMatX<double>& Q,
     AbaWorkspace<double, double> ws;
     qdd.row(0) = aba<double, double>(tree, q, qd, tau, ws);
   };
-  run_rows("aba_batch", &Kernels::aba, of_one_row, tree, Q, Qd, "Tau", Tau, 1, tree.num_dofs(), qdd,
-           options);
+  run_rows("aba_batch", &Kernels::aba, of_one_row, tree, Q, Qd, "Tau", Tau, 1,
+           tree.num_velocities(), qdd, options);
   return qdd;
 }
 
 void regressor_batch(const Tree<double>& tree, const RowMatX<double>& Q, const RowMatX<double>& Qd,
                      const RowMatX<double>& Qdd, RowMatX<double>& Y, const BatchOptions& options) {
-  const int n = tree.num_dofs();
+  const int n = tree.num_velocities();
   const auto of_one_row = [&](VecIn<double> q, VecIn<double> qd, VecIn<double> qdd) {
     RegressorWorkspace<double, double> ws;
     Y = torque_regressor<double, double>(tree, q, qd, qdd, ws);

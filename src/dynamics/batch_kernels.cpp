@@ -35,10 +35,10 @@ void store(const std::vector<Pack>& in, long begin, long end, int n, double* row
 /// Calls compute(q, qd, x, first row) for every pack of rows.
 template <class Compute>
 void for_each_pack(const Tree<double>& tree, const Rows& rows, const Compute& compute) {
-  const int n = tree.num_dofs();
-  std::vector<Pack> q(n), qd(n), x(n);
+  const int n = tree.num_velocities();
+  std::vector<Pack> q(tree.num_positions()), qd(n), x(n);
   for (long begin = rows.begin; begin < rows.end; begin += kPackWidth) {
-    load(rows.q, begin, rows.end, n, q);
+    load(rows.q, begin, rows.end, tree.num_positions(), q);
     load(rows.qd, begin, rows.end, n, qd);
     load(rows.x, begin, rows.end, n, x);
     compute(q.data(), qd.data(), x.data(), begin);
@@ -49,20 +49,23 @@ void for_each_pack(const Tree<double>& tree, const Rows& rows, const Compute& co
 /// its link, or one that follows it does.
 void store_regressors(const Tree<double>& tree, const std::vector<Pack>& Y, long begin, long end,
                       double* out) {
-  const int n = tree.num_dofs(), columns = kThetaSize * tree.num_links();
+  const int n = tree.num_velocities(), columns = kThetaSize * tree.num_links();
+  const int base = n - tree.num_dofs(), first = tree.first_joint();
   const int lanes = static_cast<int>(std::min<long>(kPackWidth, end - begin));
   alignas(Pack) double block[kThetaSize][kPackWidth];
   std::fill_n(out + begin * n * columns, static_cast<long>(lanes) * n * columns, 0.0);
-  for (int k = 0; k < tree.num_links(); ++k) {
-    for (int i = k; i >= 0; i = tree.links[i].parent) {
-      const long offset = static_cast<long>(tree.drive(i).dof) * columns + kThetaSize * k;
-      for (int c = 0; c < kThetaSize; ++c)
-        Y[offset + c].copy_to(block[c], std::experimental::vector_aligned);
-      for (int lane = 0; lane < lanes; ++lane) {
-        double* target = out + (begin + lane) * n * columns + offset;
-        for (int c = 0; c < kThetaSize; ++c) target[c] = block[c][lane];
-      }
+  const auto store_block = [&](int row, int k) {
+    const long offset = static_cast<long>(row) * columns + kThetaSize * k;
+    for (int c = 0; c < kThetaSize; ++c)
+      Y[offset + c].copy_to(block[c], std::experimental::vector_aligned);
+    for (int lane = 0; lane < lanes; ++lane) {
+      double* target = out + (begin + lane) * n * columns + offset;
+      for (int c = 0; c < kThetaSize; ++c) target[c] = block[c][lane];
     }
+  };
+  for (int k = 0; k < tree.num_links(); ++k) {
+    for (int row = 0; row < base; ++row) store_block(row, k);
+    for (int i = k; i >= first; i = tree.links[i].parent) store_block(base + tree.drive(i).dof, k);
   }
 }
 
@@ -72,24 +75,24 @@ namespace DIFFNEA_ISA {
 
 void rnea(const Tree<double>& tree, const Rows& rows) {
   LinkStates<double, Pack> ws;
-  std::vector<Pack> tau(tree.num_dofs());
+  std::vector<Pack> tau(tree.num_velocities());
   for_each_pack(tree, rows, [&](const Pack* q, const Pack* qd, const Pack* qdd, long begin) {
     call_inlined<Pack>([&] { detail::rnea(tree, q, qd, qdd, ws, tau.data()); });
-    store(tau, begin, rows.end, tree.num_dofs(), rows.out);
+    store(tau, begin, rows.end, tree.num_velocities(), rows.out);
   });
 }
 
 void aba(const Tree<double>& tree, const Rows& rows) {
   AbaStates<double, Pack> ws;
-  std::vector<Pack> qdd(tree.num_dofs());
+  std::vector<Pack> qdd(tree.num_velocities());
   for_each_pack(tree, rows, [&](const Pack* q, const Pack* qd, const Pack* tau, long begin) {
     call_inlined<Pack>([&] { detail::aba(tree, q, qd, tau, ws, qdd.data()); });
-    store(qdd, begin, rows.end, tree.num_dofs(), rows.out);
+    store(qdd, begin, rows.end, tree.num_velocities(), rows.out);
   });
 }
 
 void regressor(const Tree<double>& tree, const Rows& rows) {
-  const int n = tree.num_dofs(), columns = kThetaSize * tree.num_links();
+  const int n = tree.num_velocities(), columns = kThetaSize * tree.num_links();
   std::vector<RegressorLinkMotion<Pack>> ws;
   std::vector<Pack> Y(static_cast<std::size_t>(n) * columns);
   for_each_pack(tree, rows, [&](const Pack* q, const Pack* qd, const Pack* qdd, long begin) {

@@ -6,12 +6,13 @@
 
 namespace diffnea::batch {
 
-/// Rows begin ≤ k < end of (N × n) row-major arrays. The last lanes repeat the last row.
+/// Rows begin ≤ k < end of (N × n) row-major arrays, q of tree.num_positions() columns, the others
+/// of tree.num_velocities(). The last lanes repeat the last row.
 struct Rows {
   const double* q;
   const double* qd;
   const double* x;  ///< q̈ for rnea and regressor, torque for aba
-  double* out;      ///< (N × n), for the regressor (N·n × 10n)
+  double* out;      ///< (N × n), for the regressor (N·n × 10 links)
   long begin, end;
 };
 

@@ -40,7 +40,7 @@ struct PackArm {
     const int n = static_cast<int>(q.size());
     X_WL.resize(q.size());
     call_inlined<Pack>([&] {
-      diffnea::detail::aba_outward(tree, q.data(), qd.data(), ws);
+      diffnea::detail::aba_outward(std::false_type{}, tree, q.data(), qd.data(), ws);
       for (int i = 0; i < n; ++i) {
         const int parent = tree.links[i].parent;
         X_WL[i] = parent < 0 ? ws.links[i].X_PL : X_WL[parent] * ws.links[i].X_PL;

@@ -173,8 +173,8 @@ class World : public PackWorld {
                      arm_.tree);
     ball_.pull_at(arm_, state_.ball);
     call_inlined<Pack>([&] {
-      diffnea::detail::aba_accelerations(arm_.tree, state_.qd.data(), u_step_.data(), arm_.ws,
-                                         state_.qdd.data());
+      diffnea::detail::aba_accelerations(std::false_type{}, arm_.tree, state_.qd.data(),
+                                         u_step_.data(), arm_.ws, state_.qdd.data());
     });
     if (drives_.any()) drives_.advance(h, state_.qd, state_.qdd, arm_.tree, arm_.ws, state_.drives);
     for (int j = 0; j < n_; ++j) {

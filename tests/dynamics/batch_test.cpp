@@ -1,5 +1,7 @@
 #include <catch2/catch_test_macros.hpp>
 #include <catch2/generators/catch_generators_range.hpp>
+#include <catch2/matchers/catch_matchers_exception.hpp>
+#include <catch2/matchers/catch_matchers_string.hpp>
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/dynamics/aba.hpp>
@@ -8,6 +10,7 @@
 #include <diffnea/dynamics/rnea.hpp>
 
 #include "support/matrix_near.hpp"
+#include "support/random_floating.hpp"
 #include "support/random_followers.hpp"
 
 namespace batch_test {
@@ -109,6 +112,49 @@ TEST_CASE("batch: where joints follow others, too, it gives the scalar results",
     CHECK_THAT(aba_batch(c.tree, Y, Yd, X, options), near(qdd, 1e-10));
     CHECK_THAT(regressor_batch(c.tree, Y, Yd, X, options), near(regressor, 1e-12));
   }
+}
+
+TEST_CASE("batch: with a free base, too, it gives the scalar results", "[dynamics][threads]") {
+  const unsigned seed = GENERATE(range(0u, 8u));
+  const bool follows = seed % 2 == 1;
+  CAPTURE(seed);
+  RandomFloating s(seed, {.num_dofs = 2 + static_cast<int>(seed)});
+  if (follows)  // the last joint moves with the first
+    for (int j = 0; j < 2 + static_cast<int>(seed); ++j)
+      s.tree.coordinates.joints.push_back(j <= static_cast<int>(seed)
+                                              ? JointDrive{s.tree.coordinates.count++, 1.0, 0.0}
+                                              : JointDrive{0, -0.5, 0.2});
+  const int n = s.tree.num_velocities(), rows = 21;
+  Rng rng(seed + 100);
+  RowMatX<double> Q(rows, s.tree.num_positions()), V(rows, n), X(rows, n), tau(rows, n),
+      vd(rows, n), regressor(rows * n, 10 * s.tree.num_links());
+  RneaWorkspace<double, double> rnea_ws;
+  AbaWorkspace<double, double> aba_ws;
+  RegressorWorkspace<double, double> regressor_ws;
+  for (int k = 0; k < rows; ++k) {
+    const VecX<double> q = random_positions(rng, s.tree), v = random_vector(rng, n, 2.0),
+                       x = random_vector(rng, n, 5.0);
+    Q.row(k) = q;
+    V.row(k) = v;
+    X.row(k) = x;
+    tau.row(k) = rnea(s.tree, q, v, x, rnea_ws);
+    vd.row(k) = aba(s.tree, q, v, x, aba_ws);
+    regressor.middleRows(k * n, n) = torque_regressor(s.tree, q, v, x, regressor_ws);
+  }
+  const auto near = [](const RowMatX<double>& truth, double relative) {
+    return MatrixNear(truth, relative * (1.0 + truth.cwiseAbs().maxCoeff()));
+  };
+  for (const std::string& name : batch_instruction_sets()) {
+    CAPTURE(name);
+    const BatchOptions options{.num_threads = 1, .instruction_set = name};
+    CHECK_THAT(rnea_batch(s.tree, Q, V, X, options), near(tau, 1e-12));
+    CHECK_THAT(aba_batch(s.tree, Q, V, X, options), near(vd, 1e-10));
+    CHECK_THAT(regressor_batch(s.tree, Q, V, X, options), near(regressor, 1e-12));
+  }
+  Q(7, 3) += 1e-3;
+  CHECK_THROWS_MATCHES(
+      rnea_batch(s.tree, Q, V, X), DataError,
+      Catch::Matchers::MessageMatches(Catch::Matchers::ContainsSubstring("row 7")));
 }
 
 }  // namespace batch_test

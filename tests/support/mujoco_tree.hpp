@@ -47,16 +47,19 @@ inline std::string inertial(const SpatialInertia<double>& b) {
 
 inline std::string bodies(const Tree<double>& tree, int parent) {
   std::string out;
-  for (int i = 0; i < tree.num_dofs(); ++i) {
+  for (int i = 0; i < tree.num_links(); ++i) {
     const Link<double>& link = tree.links[i];
     if (link.parent != parent) continue;
     const Vec3<double>&p = link.X_PJ.p, &a = link.axis;
     const std::string number = std::to_string(i);
+    const std::string joint = "<joint name='j" + number + "' type='" +
+                              (link.type == JointType::kRevolute ? "hinge" : "slide") + "' axis='" +
+                              numbers({a.x, a.y, a.z}) + "' armature='" + numbers({link.armature}) +
+                              "'/>";
     out += "<body name='b" + number + "' pos='" + numbers({p.x, p.y, p.z}) + "' quat='" +
-           quaternion(to_eigen(link.X_PJ.R)) + "'><joint name='j" + number + "' type='" +
-           (link.type == JointType::kRevolute ? "hinge" : "slide") + "' axis='" +
-           numbers({a.x, a.y, a.z}) + "' armature='" + numbers({link.armature}) + "'/>" +
-           inertial(link.inertia) + bodies(tree, i) + "</body>";
+           quaternion(to_eigen(link.X_PJ.R)) + "'>" +
+           (tree.free_base && i == 0 ? "<freejoint/>" : joint) + inertial(link.inertia) +
+           bodies(tree, i) + "</body>";
   }
   return out;
 }
@@ -74,13 +77,16 @@ struct Mujoco {
     model.reset(mj_loadXML(path.c_str(), nullptr, error, sizeof error));
     if (!model) throw std::runtime_error(error);
     data.reset(mj_makeData(model.get()));
-    for (int i = 0; i < tree.num_dofs(); ++i)
-      dof.push_back(mj_name2id(model.get(), mjOBJ_JOINT, ("j" + std::to_string(i)).c_str()));
+    const int base = tree.free_base ? kBaseVelocities : 0;
+    for (int i = tree.first_joint(); i < tree.num_links(); ++i) {
+      const int joint = mj_name2id(model.get(), mjOBJ_JOINT, ("j" + std::to_string(i)).c_str());
+      dof.push_back(model->jnt_dofadr[joint] - base);
+    }
   }
 
   /// Our tree with the inertia that MuJoCo has compiled.
   Tree<double> with_compiled_inertia(Tree<double> tree) const {
-    for (int i = 0; i < tree.num_dofs(); ++i) {
+    for (int i = 0; i < tree.num_links(); ++i) {
       const int body = mj_name2id(model.get(), mjOBJ_BODY, ("b" + std::to_string(i)).c_str());
       const mjtNum *p = model->body_ipos + 3 * body, *q = model->body_iquat + 4 * body,
                    *moments = model->body_inertia + 3 * body;
@@ -102,7 +108,8 @@ struct Mujoco {
 
   std::unique_ptr<mjModel, decltype(&mj_deleteModel)> model{nullptr, mj_deleteModel};
   std::unique_ptr<mjData, decltype(&mj_deleteData)> data{nullptr, mj_deleteData};
-  std::vector<int> dof;  ///< MuJoCo's index of our degree of freedom; one number a joint
+  /// MuJoCo's index of our degree of freedom, behind those of a free base; one number a joint.
+  std::vector<int> dof;
 };
 
 }  // namespace diffnea::test

@@ -18,7 +18,7 @@ struct AbaStates : LinkStates<P, S> {
     Wrench<R> U;              ///< M̂ s
     R psi;                    ///< Ψ = (sᵀ M̂ s + I_r)⁻¹
   };
-  std::vector<Articulated> articulated;  ///< (n), one per link
+  std::vector<Articulated> articulated;  ///< one per link
   CompositeStates<P, S> composite;       ///< where joints follow others, else unused
   std::vector<R> M;                      ///< (n × n) of the coordinates, likewise
 };
@@ -33,14 +33,16 @@ struct AbaWorkspace : AbaStates<P, S> {
 /// by the mass matrix, O(n³), which leaves `articulated` as it was. Passive torques of effects
 /// (friction, springs) are the caller's: pass u − τ_effects.
 /// Corrected against the print: the bias force holds the link's own inertia M̄, not M̂; q̈ takes +f_b;
-/// the base accelerates by −g; the rotor inertia I_r enters Ψ.
+/// the world accelerates by −g; the rotor inertia I_r enters Ψ. With a free base, lengths are those
+/// of rnea: the wrench on the base leads u (zero in the air), V̇ = M̂⁻¹(F − f_b) of the base leads q̈
+/// (model/tree.hpp).
 /// @param q, qd, u  (n) position [rad], velocity [rad/s], joint torque [N·m]; [m, m/s, N] if
 /// prismatic
 /// @param ws  scratch, overwritten: every link's twist, acceleration and wrench stay readable
 /// there;
 ///            no allocation once it has seen this tree
 /// @return ws.qdd
-/// @throws ShapeError if a length differs from tree.num_dofs()
+/// @throws as rnea
 template <Scalar P, Scalar S>
 const VecX<Prod<P, S>>& aba(const Tree<P>& tree, VecIn<S> q, VecIn<S> qd, VecIn<S> u,
                             AbaWorkspace<P, S>& ws);

@@ -21,10 +21,13 @@ struct BatchOptions {
 /// Instruction sets that this build holds and this processor has, best first.
 std::vector<std::string> batch_instruction_sets();
 
-/// τ [N·m], (N × n): rnea of every row.
+/// τ [N·m], (N × n): rnea of every row. With a free base Q is (N × (7 + n)), and all others are
+/// (N × (6 + n)) (model/tree.hpp), in all functions of this header.
 /// @param Q, Qd, Qdd  (N × n) positions [rad], velocities [rad/s], accelerations [rad/s²]; [m …] if
 /// prismatic
-/// @throws ShapeError if shapes differ or columns are not tree.num_dofs()
+/// @throws ShapeError if shapes differ or columns are not tree.num_positions(),
+/// tree.num_velocities()
+/// @throws DataError naming a row whose quaternion of a free base is not unit
 /// @throws Error naming the instruction sets there are if options ask for another
 RowMatX<double> rnea_batch(const Tree<double>& tree, const RowMatX<double>& Q,
                            const RowMatX<double>& Qd, const RowMatX<double>& Qdd,
@@ -38,8 +41,8 @@ RowMatX<double> aba_batch(const Tree<double>& tree, const RowMatX<double>& Q,
                           const RowMatX<double>& Qd, const RowMatX<double>& Tau,
                           const BatchOptions& options = {});
 
-/// Torque regressors of all rows, stacked: (N·n × 10n), rows k·n … k·n + n − 1 are those of state
-/// k.
+/// Torque regressors of all rows, stacked: (N·n × 10 links), rows k·n … k·n + n − 1 are those of
+/// state k; with a free base 6 + n in place of n.
 /// @param Q, Qd, Qdd  (N × n) as for rnea_batch
 /// @throws as rnea_batch
 RowMatX<double> regressor_batch(const Tree<double>& tree, const RowMatX<double>& Q,

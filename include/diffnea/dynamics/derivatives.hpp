@@ -14,6 +14,10 @@
 /// Theirs is a 6×6 B̄. Summed over the points r of a body, which move at ẋ, it is the map
 ///   B̄ [w; u] = Σ m [r×(w×ẋ); w×ẋ],
 /// which does not see u and holds 12 numbers: the momentum Σ m ẋ and G = Σ m r ẋᵀ.
+///
+/// A free base has six columns s, those of its twist in W. Derivatives by its pose are those by the
+/// v of q ⊕ v (model/free_base.hpp), six as well. There ψ̇ = 0, ψ̈ = ā₀ × s, s moves with all else
+/// (no s ×* f̄ᶜ), and in the derivatives by its twist ṡ = v̄ × s stands in place of 2ψ̇.
 
 #include <diffnea/dynamics/regressor.hpp>
 
@@ -36,13 +40,20 @@ struct WorldStates {
     Wrench<double> F;          ///< of the link, then of its subtree, f̄ᶜ
     Wrench<double> U;          ///< M̄ᶜ s
   };
+  /// A column of a free base.
+  struct BaseColumn {
+    Twist<double> s,  ///< Ad_{X_WB} e
+        sd,           ///< ṡ
+        psidd;        ///< ψ̈
+  };
   std::vector<State> links;             ///< one per link
+  BaseColumn base[kBaseVelocities];     ///< columns of a free base, else unused
   JointScratch<double, double> joints;  ///< where joints follow others, else unused
 };
 
 /// Derivatives of inverse dynamics, and the scratch they are made in.
 struct RneaDerivatives {
-  VecX<double> tau;          ///< (n) [N·m]
+  VecX<double> tau;          ///< (n) [N·m]; n is tree.num_velocities() here and below
   RowMatX<double> dtau_dq;   ///< (n × n) [N·m/rad], row: torque, column: joint
   RowMatX<double> dtau_dqd;  ///< (n × n) [N·m·s/rad]
   RowMatX<double> M;         ///< (n × n) ∂τ/∂q̈, rotor inertia included
@@ -53,7 +64,7 @@ struct RneaDerivatives {
 /// @param q, qd, qdd  (n) position [rad], velocity [rad/s], acceleration [rad/s²]; [m …] if
 /// prismatic
 /// @param out  overwritten; no allocation once it has seen this tree
-/// @throws ShapeError if a length differs from tree.num_dofs()
+/// @throws as rnea
 void rnea_derivatives(const Tree<double>& tree, VecIn<double> q, VecIn<double> qd,
                       VecIn<double> qdd, RneaDerivatives& out);
 
@@ -73,7 +84,7 @@ struct AbaDerivatives {
 /// q̈ under torques tau and its derivatives with respect to q, q̇, tau. q̈ = M⁻¹(τ − c): equals aba.
 /// @param q, qd, tau  (n) position [rad], velocity [rad/s], joint torque [N·m]; [m …] if prismatic
 /// @param out  overwritten; no allocation once it has seen this tree
-/// @throws ShapeError if a length differs from tree.num_dofs()
+/// @throws as rnea
 void aba_derivatives(const Tree<double>& tree, VecIn<double> q, VecIn<double> qd, VecIn<double> tau,
                      AbaDerivatives& out);
 
@@ -92,7 +103,7 @@ struct ParameterJacobianWorkspace {
 /// @param q, qd, tau  (n) position [rad], velocity [rad/s], joint torque [N·m]; [m …] if prismatic
 /// @param ws  scratch, overwritten; no allocation once it has seen this tree
 /// @return ws.dqdd_dpi, order of π as in torque_regressor
-/// @throws ShapeError if a length differs from tree.num_dofs()
+/// @throws as rnea
 const RowMatX<double>& forward_dynamics_parameter_jacobian(const Tree<double>& tree,
                                                            VecIn<double> q, VecIn<double> qd,
                                                            VecIn<double> tau,

@@ -16,7 +16,7 @@ struct LinkKinematics {
     Twist<T> A;    ///< its spatial acceleration, in L; the linear part is not ẍ of the origin (see
                    ///< FrameMotion)
   };
-  std::vector<LinkMotion> links;  ///< (n), one per link of the tree
+  std::vector<LinkMotion> links;  ///< one per link of the tree
 };
 
 /// Motion of a frame F against W in the terms of a measurement: everything expressed in W.
@@ -31,9 +31,9 @@ struct FrameMotion {
 
 /// Poses, twists and accelerations of all links.
 /// @param q, qd, qdd  (n) position [rad], velocity [rad/s], acceleration [rad/s²]; [m …] if
-/// prismatic
+/// prismatic; with a free base as for rnea
 /// @param out  overwritten; no allocation once it has seen this tree
-/// @throws ShapeError if a length differs from tree.num_dofs()
+/// @throws as rnea
 template <Scalar P, Scalar S>
 void forward_kinematics(const Tree<P>& tree, VecIn<S> q, VecIn<S> qd, VecIn<S> qdd,
                         LinkKinematics<Prod<P, S>>& out);
@@ -55,7 +55,8 @@ template <Scalar T, Scalar F>
 FrameMotion<Prod<T, F>> frame_motion(const LinkKinematics<T>& kinematics, int link,
                                      const Pose<F>& X_LF);
 
-/// J, (6 × n), with [ω; ẋ_F] = J q̇ expressed in W: geometric Jacobian of F's origin.
+/// J, (6 × n), with [ω; ẋ_F] = J q̇ expressed in W: geometric Jacobian of F's origin. With a free
+/// base (6 × (6 + n)): six columns of its twist lead.
 /// @param kinematics  poses at q
 /// @param J  overwritten, resized if need be
 template <Scalar P, Scalar T, Scalar F>

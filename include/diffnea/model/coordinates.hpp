@@ -17,7 +17,7 @@ struct JointDrive {
 /// G and g₀ of a tree. Empty: joint i is coordinate i, and nothing is copied.
 struct Coordinates {
   int count = 0;                   ///< number of coordinates y
-  std::vector<JointDrive> joints;  ///< one a link
+  std::vector<JointDrive> joints;  ///< one a joint, in the order of the links they move
 
   /// Tells whether every joint is a coordinate of its own.
   bool plain() const { return joints.empty(); }

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include <diffnea/core/error.hpp>
+#include <diffnea/core/inlined.hpp>
 #include <diffnea/lie/axis.hpp>
 #include <diffnea/model/coordinates.hpp>
 
@@ -17,7 +18,8 @@ namespace diffnea {
 enum class JointType { kRevolute, kPrismatic };
 
 /// One moving link L and the joint J that moves it against its parent P: X_PL(q) = X_PJ · X_JL(q),
-/// with X_JL(0) = 1. Joint and link frame coincide at q = 0.
+/// with X_JL(0) = 1. Joint and link frame coincide at q = 0. Of a free base the inertia alone is
+/// read.
 template <Scalar P>
 struct Link {
   int parent = -1;  ///< index of the parent link, −1 for the world; always below the own index
@@ -28,30 +30,54 @@ struct Link {
   P armature{};                           ///< reflected rotor inertia I_r [kg·m², kg]
 };
 
+/// Numbers of a free base that lead positions q, [x y z qx qy qz qw], and velocities, [ω; v].
+///@{
+inline constexpr int kBasePositions = 7;
+inline constexpr int kBaseVelocities = 6;
+///@}
+
 /// Kinematic tree with one joint a link. Degree of freedom i moves link i, unless joints follow
 /// others: `coordinates` then says which coordinate moves which joint. State and torques are those
 /// of the coordinates.
+///
+/// With a free base, link 0 is the base B and carries all others. Its pose and twist lead those of
+/// the n joints (model/free_base.hpp):
+///
+///     q   = [x y z qx qy qz qw | joints]   (7 + n)   p_WB [m] and the unit quaternion of R_WB
+///     v   = [ω; v | joints]                (6 + n)   twist of B against W, in B [rad/s, m/s]
+///     v̇   = [ω̇; v̇ | joints]                (6 + n)   its derivative; v̇ is not ẍ of the origin
+///     τ   = [τ_B; f_B | joints]            (6 + n)   wrench on B about its origin, in B [N·m, N]
 template <Scalar P>
 struct Tree {
   std::vector<Link<P>> links;                 ///< parents before their children
   Vec3<P> gravity{P(0.0), P(0.0), P(-9.81)};  ///< in W [m/s²]
   Coordinates coordinates{};                  ///< plain unless joints follow others
+  bool free_base = false;  ///< links[0] floats, and only its inertia is read: no joint moves it
 
-  /// Number of links, each with its joint.
+  /// Number of links.
   int num_links() const { return static_cast<int>(links.size()); }
-  /// Number of coordinates, n.
-  int num_dofs() const { return coordinates.plain() ? num_links() : coordinates.count; }
+  /// Index of the first link that a joint moves: 1 with a free base, else 0.
+  int first_joint() const { return free_base ? 1 : 0; }
+  /// Number of joints: one a link, but for a free base.
+  int num_joints() const { return num_links() - first_joint(); }
+  /// Number of coordinates of the joints, n.
+  int num_dofs() const { return coordinates.plain() ? num_joints() : coordinates.count; }
+  /// Length of q: n, and with a free base 7 more.
+  int num_positions() const { return num_dofs() + (free_base ? kBasePositions : 0); }
+  /// Length of velocities, accelerations and torques: n, and with a free base 6 more.
+  int num_velocities() const { return num_dofs() + (free_base ? kBaseVelocities : 0); }
 
-  /// How the joint of a link follows its coordinate.
+  /// How the joint of a link follows its coordinate, of n.
   JointDrive drive(int link) const {
-    return coordinates.plain() ? JointDrive{link, 1.0, 0.0} : coordinates.joints[link];
+    const int joint = link - first_joint();
+    return coordinates.plain() ? JointDrive{joint, 1.0, 0.0} : coordinates.joints[joint];
   }
 
-  /// Rotor inertia that a coordinate feels: Σ ratio² I_r of the joints that follow it.
+  /// Rotor inertia that a coordinate, of n, feels: Σ ratio² I_r of the joints that follow it.
   P armature(int dof) const {
-    if (coordinates.plain()) return links[dof].armature;
+    if (coordinates.plain()) return links[dof + first_joint()].armature;
     P sum(0.0);
-    for (int i = 0; i < num_links(); ++i) {
+    for (int i = first_joint(); i < num_links(); ++i) {
       const JointDrive d = drive(i);
       if (d.dof == dof) sum = sum + links[i].armature * (d.ratio * d.ratio);
     }
@@ -64,6 +90,7 @@ struct Tree {
     Tree<Q> out;
     out.gravity = gravity.template cast<Q>();
     out.coordinates = coordinates;
+    out.free_base = free_base;
     out.links.reserve(links.size());
     for (const Link<P>& l : links) {
       const SpatialInertia<P>& b = l.inertia;
@@ -90,16 +117,49 @@ template <Scalar P>
 int add_link(Tree<P>& tree, const std::type_identity_t<Link<P>>& link) {
   const int index = tree.num_links();
   const std::string here = "add_link: link " + std::to_string(index);
-  if (link.parent < -1 || link.parent >= index)
-    throw ModelError(here + ": got the parent " + std::to_string(link.parent) +
-                     ", expected -1 (the world) or a link that is there, below " +
-                     std::to_string(index));
+  const int first = tree.free_base ? 0 : -1;
+  if (link.parent < first || link.parent >= index)
+    throw ModelError(here + ": got the parent " + std::to_string(link.parent) + ", expected " +
+                     (tree.free_base ? "0 (the base)" : "-1 (the world)") +
+                     " or a link that is there, below " + std::to_string(index));
   const double squared = dot(link.axis, link.axis);
   if (!(std::abs(squared - 1.0) < 2e-9))
     throw ModelError(here + ": axis has length " + std::to_string(std::sqrt(squared)) +
                      ", expected 1");
   tree.links.push_back(link);
   return index;
+}
+
+/// A tree of a free base alone, for add_link to hang links on: their parents are 0, the base, or
+/// links that are there.
+/// @param base  its inertia about B's origin, in B
+template <Scalar P>
+Tree<P> free_base_tree(const SpatialInertia<P>& base) {
+  Tree<P> tree;
+  tree.free_base = true;
+  tree.links.push_back({.inertia = base});
+  return tree;
+}
+
+namespace detail {
+template <class R, class F>
+[[gnu::noinline]] void call_apart(const F& f) {
+  call_inlined<R>([&] { f(std::true_type{}); });
+}
+}  // namespace detail
+
+/// Calls f(floats), floats telling whether the base is free: a recursion over both is one text. For
+/// numbers and packs it is a constant, and that of a free base a function of its own: of a fixed
+/// base the code is as fast as it would be alone. For Jets, whose code is large, it is a bool.
+/// @tparam R  scalar of the results
+template <class R, Scalar P, class F>
+void with_base(const Tree<P>& tree, const F& f) {
+  if constexpr (kIsJet<R>)
+    f(tree.free_base);
+  else if (tree.free_base)
+    detail::call_apart<R>(f);
+  else
+    f(std::false_type{});
 }
 
 /// The joint's motion subspace s, in L.

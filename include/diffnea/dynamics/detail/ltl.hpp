@@ -1,7 +1,8 @@
 #pragma once
 /// M = LᵀL of a mass matrix, L lower triangular with the tree's pattern: entry (i, j) can only be
 /// nonzero if j carries i (Featherstone 2008, §6.5). Rows of branches that do not meet never mix.
-/// Where joints follow others, every coordinate may mix with every one before it.
+/// Where joints follow others, every coordinate may mix with every one before it; so may the six of
+/// a free base, which come first and carry all others.
 
 #include <cmath>
 
@@ -9,14 +10,18 @@
 
 namespace diffnea::detail {
 
-/// The next coordinate that coordinate i may mix with, −1 after the last.
+/// The next coordinate, of tree.num_velocities(), that coordinate i may mix with, −1 after the
+/// last.
 inline int next_mixed(const Tree<double>& tree, int i) {
-  return tree.coordinates.plain() ? tree.links[i].parent : i - 1;
+  if (!tree.coordinates.plain()) return i - 1;
+  if (!tree.free_base) return tree.links[i].parent;
+  constexpr int kShift = kBaseVelocities - 1;  // coordinate of a link's joint against its index
+  return i < kBaseVelocities ? i - 1 : tree.links[i - kShift].parent + kShift;
 }
 
 /// Overwrites the lower triangle of M, (n × n) row-major, by L. The diagonal holds 1/L_ii.
 inline void factor_ltl(const Tree<double>& tree, RowMatX<double>& M) {
-  for (int k = tree.num_dofs() - 1; k >= 0; --k) {
+  for (int k = tree.num_velocities() - 1; k >= 0; --k) {
     const double inverse = 1.0 / std::sqrt(M(k, k));
     M(k, k) = inverse;
     for (int i = next_mixed(tree, k); i >= 0; i = next_mixed(tree, i)) M(k, i) *= inverse;
@@ -27,7 +32,7 @@ inline void factor_ltl(const Tree<double>& tree, RowMatX<double>& M) {
 
 /// B ← M⁻¹ B, B (n × columns) row-major.
 inline void solve_ltl(const Tree<double>& tree, const RowMatX<double>& L, double* B, int columns) {
-  const int n = tree.num_dofs();
+  const int n = tree.num_velocities();
   const auto scale = [&](int i, double factor) {
     double* row = B + static_cast<long>(i) * columns;
     for (int c = 0; c < columns; ++c) row[c] *= factor;
