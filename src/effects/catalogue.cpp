@@ -207,12 +207,13 @@ std::vector<std::string> joint_pairs(const Model& model) {
   const std::vector<TreeJoint> joints = tree_joints(model);
   const Tree<double> tree = make_tree(model);
   std::vector<std::string> out;
-  for (std::size_t j = 0; j < joints.size(); ++j) {
-    const int parent = tree.links[j].parent;
-    if (parent < 0 || tree.links[j].type != tree.links[static_cast<std::size_t>(parent)].type)
+  for (const TreeJoint& joint : joints) {
+    const Link<double>& link = tree.links[static_cast<std::size_t>(joint.link)];
+    const int carrier = link.parent - tree.first_joint();  // joint of the parent
+    if (carrier < 0 || link.type != tree.links[static_cast<std::size_t>(link.parent)].type)
       continue;
-    const TreeJoint& carrier = joints[static_cast<std::size_t>(parent)];
-    if (!carrier.follows && !joints[j].follows) out.push_back(carrier.name + "," + joints[j].name);
+    const TreeJoint& before = joints[static_cast<std::size_t>(carrier)];
+    if (!before.follows && !joint.follows) out.push_back(before.name + "," + joint.name);
   }
   return out;
 }

@@ -4,6 +4,7 @@
 namespace diffnea {
 
 ExtendedTree extend(const Model& model, const std::vector<int>& runs, int run) {
+  require_fixed_base("effects", model);
   ExtendedTree out{make_tree(model), {}, {}};  // make_tree takes the armature
   for (const EffectSpec& spec : model.effects) {
     if (find_effect(spec.effect).has(Trait::kRotor)) continue;

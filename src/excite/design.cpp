@@ -336,6 +336,7 @@ class Design {
 }  // namespace
 
 Excitation design_excitation(const Model& model, const DesignOptions& options) {
+  require_fixed_base("excite", model);
   check(options);
   return Design(model, options).run();
 }

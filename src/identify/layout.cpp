@@ -88,7 +88,8 @@ void add_effect(const BoundEffect& effect, bool fixed, bool fix_shapes, double p
     p.unit = info.unit;
     p.sign = info.sign;
     p.prior = effect.parameters[k];
-    p.fixed = info.linear ? fixed : fixed || (fix_shapes && !effect.info().has(Trait::kReadsCommand));
+    p.fixed =
+        info.linear ? fixed : fixed || (fix_shapes && !effect.info().has(Trait::kReadsCommand));
     p.effect = e;
     p.index = static_cast<int>(k);
     p.logarithmic = scale(info) == Scale::kLog;
@@ -176,6 +177,7 @@ VecX<double> FitLayout::prior() const {
 }
 
 FitLayout make_layout(const Model& model, const FitChoice& choice, const std::vector<int>& runs) {
+  require_fixed_base("fit", model);
   for (const std::string& group : choice.fit)
     if (!contains(kGroups, group) && !group.starts_with("kinematics@"))
       throw ModelError("fit: there is no group '" + group + "'; groups: " + detail::join(kGroups) +

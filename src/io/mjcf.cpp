@@ -103,14 +103,14 @@ void note_what_is_left_out(const mjModel& m, std::vector<std::string>& notes) {
 ModelLink joint_link(const mjModel& m, int j, const Pose<double>& X_PB, const Mjcf& mjcf) {
   ModelLink link;
   link.joint = joint_name(m, j);
-  if (m.jnt_type[j] != mjJNT_HINGE && m.jnt_type[j] != mjJNT_SLIDE) {
+  if (m.jnt_type[j] == mjJNT_BALL) {
     const std::string body = body_name(m, m.jnt_bodyid[j]);
     throw ModelError(
         mjcf.where + ": joint '" + link.joint + "' of body '" + body + "'" +
-        mjcf.line_of("body", body) + " is a " + (m.jnt_type[j] == mjJNT_FREE ? "free" : "ball") +
-        " joint: only robots whose base is fixed and whose joints have one degree of freedom are "
-        "supported; types: hinge, slide. A ball joint can be drawn as three hinges at one point, "
-        "with massless bodies between");
+        mjcf.line_of("body", body) +
+        " is a ball joint: only joints of one degree of freedom are supported, and a free base; "
+        "types: hinge, slide. A ball joint can be drawn as three hinges at one point, with "
+        "massless bodies between");
   }
   link.type = m.jnt_type[j] == mjJNT_HINGE ? ModelJoint::kRevolute : ModelJoint::kPrismatic;
   link.axis = vec(m.jnt_axis + 3 * j);
@@ -183,6 +183,34 @@ SpatialInertia<double> body_inertia(const mjModel& m, int b) {
   return to_parent(pose(m.body_ipos + 3 * b, m.body_iquat + 4 * b), M_C);
 }
 
+/// Link of a body that floats: the robot's base.
+ModelLink base_link(const mjModel& m, int b, const Pose<double>& X_WB,
+                    std::vector<std::string>& notes) {
+  const int j = m.body_jntadr[b], dof = m.jnt_dofadr[j];
+  ModelLink link;
+  link.name = body_name(m, b);
+  link.joint = object_name(m, mjOBJ_JOINT, j, "");
+  link.X_PJ = X_WB;
+  const auto any = [&](const mjtNum* of_dofs) {
+    return std::any_of(of_dofs + dof, of_dofs + dof + 6, [](double x) { return x != 0.0; });
+  };
+  if (any(m.dof_damping) || any(m.dof_armature) || any(m.dof_frictionloss) ||
+      m.jnt_stiffness[j] != 0.0)
+    notes.push_back("damping, friction, armature and stiffness of the free joint of body '" +
+                    link.name + "' are left out: its base floats without");
+  return link;
+}
+
+/// Bodies that stand beside a robot that floats.
+void note_what_stands(const mjModel& m, const std::vector<bool>& left_out,
+                      std::vector<std::string>& notes) {
+  std::string names;
+  for (int b = 1; b < m.nbody; ++b)
+    if (left_out[b] && m.body_parentid[b] == 0 && !is_free(m, b))
+      names += (names.empty() ? "'" : ", '") + body_name(m, b) + "'";
+  if (!names.empty()) notes.push_back("bodies that stand beside the robot are left out: " + names);
+}
+
 std::string body_name(const mjModel& m, int body) {
   return object_name(m, mjOBJ_BODY, body, ("body" + std::to_string(body)).c_str());
 }
@@ -200,6 +228,7 @@ Model model_from_mujoco(const mjModel& m, const Mjcf& mjcf) {
   const std::vector<JointCoupling> couplings = joint_couplings(m, left_out, mjcf, model.notes);
   const std::optional<MjcfBall> ball = find_ball(m, where, model.notes);
   note_what_is_left_out(m, model.notes);
+  note_what_stands(m, left_out, model.notes);
   const std::vector<Actuation> actuators = actuation(m, model.notes);
   const int home = mj_name2id(&m, mjOBJ_KEY, "home");
 
@@ -222,7 +251,12 @@ Model model_from_mujoco(const mjModel& m, const Mjcf& mjcf) {
       append(link);
       at.X_LB = Pose<double>::identity();
     }
-    for (int k = 0; k < m.body_jntnum[b]; ++k) {
+    if (is_free(m, b)) {
+      model.free_base = true;
+      append(base_link(m, b, X_PB, model.notes));
+      at.X_LB = Pose<double>::identity();
+    }
+    for (int k = 0; k < m.body_jntnum[b] && !is_free(m, b); ++k) {
       const int j = m.body_jntadr[b] + k;
       ModelLink link = joint_link(m, j, X_PB, mjcf);
       const bool last = k + 1 == m.body_jntnum[b];
@@ -275,6 +309,10 @@ Model model_from_mjcf(const std::string& text, const std::filesystem::path& fold
   std::vector<std::string> notes;
   const MujocoModel m = compile_mjcf(mjcf, &notes);
   Model model = model_from_mujoco(*m, mjcf);
+  if (reading.free_base && !model.free_base)
+    throw ModelError(where +
+                     ": its base is fixed: --free-base (free_base=True) frees that of a URDF "
+                     "or JSON; put a <freejoint/> into its uppermost body");
   model.notes.insert(model.notes.begin(), notes.begin(), notes.end());
   return model;
 }

@@ -17,10 +17,6 @@ constexpr const char* kExpected =
     "; expected <spatial name='string' limited='true' range='0 LENGTH'> with two sites: one on the "
     "arm (or the world), one on the free body 'ball'";
 
-bool is_free(const mjModel& m, int body) {
-  return m.body_jntnum[body] == 1 && m.jnt_type[m.body_jntadr[body]] == mjJNT_FREE;
-}
-
 std::string site_name(const mjModel& m, int site) {
   const char* name = mj_id2name(&m, mjOBJ_SITE, site);
   return name ? name : "site" + std::to_string(site);
@@ -90,20 +86,36 @@ XmlElement* find_spatial_string(XmlElement& root) {
 
 }  // namespace
 
+bool is_free(const mjModel& m, int body) {
+  return m.body_jntnum[body] == 1 && m.jnt_type[m.body_jntadr[body]] == mjJNT_FREE;
+}
+
 std::vector<bool> left_out_bodies(const mjModel& m, const Mjcf& mjcf) {
   std::vector<bool> out(static_cast<std::size_t>(m.nbody));
+  const auto is_ball = [&](int b) { return is_free(m, b) && body_name(m, b) == "ball"; };
+  int base = -1;                                               // body on which the robot floats
+  std::vector<bool> moves(static_cast<std::size_t>(m.nbody));  // it, or something on it
+  for (int b = m.nbody - 1; b > 0; --b) {
+    if (m.body_jntnum[b] > 0) moves[b] = true;
+    if (moves[b]) moves[m.body_parentid[b]] = true;
+  }
   for (int b = 1; b < m.nbody; ++b) {
-    if (out[m.body_parentid[b]]) {
-      out[b] = true;
-    } else if (is_free(m, b)) {
-      if (const std::string name = body_name(m, b); name != "ball")
-        throw ModelError(
-            mjcf.where + ": body '" + name + "'" + mjcf.line_of("body", name) +
-            " is free: only robots whose base is fixed are supported; --fix-base "
-            "(fix_base=True) reads it as fixed where the file has it, as if hung there (a free "
-            "body named 'ball' is a ball beside the robot)");
-      out[b] = true;
+    if (!is_free(m, b) || is_ball(b)) continue;
+    if (base >= 0) {
+      const std::string first = body_name(m, base), second = body_name(m, b);
+      throw ModelError(
+          mjcf.where + ": bodies '" + first + "'" + mjcf.line_of("body", first) + " and '" +
+          second + "'" + mjcf.line_of("body", second) +
+          " are free: a robot floats on one base; --fix-base (fix_base=True) reads them as fixed "
+          "where the file has them, as if hung there (a free body named 'ball' is a ball beside "
+          "the robot)");
     }
+    base = b;
+  }
+  for (int b = 1; b < m.nbody; ++b) {
+    const int parent = m.body_parentid[b];
+    const bool stands = base >= 0 && parent == 0 && !moves[b];
+    out[b] = (parent > 0 && out[parent]) || is_ball(b) || stands;
   }
   return out;
 }

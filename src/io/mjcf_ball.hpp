@@ -24,8 +24,12 @@ struct MjcfBall {
   double offset = 0.0;  ///< from the site on the ball to the ball's centre, part of the length [m]
 };
 
-/// Bodies of the free ball and what hangs on it: not part of the robot.
-/// @throws ModelError if another body is free
+/// Tells whether the body floats, by a free joint.
+bool is_free(const mjModel& m, int body);
+
+/// Bodies of the free ball and what hangs on it: not part of the robot. Nor are bodies that stand
+/// in the world beside a robot that floats.
+/// @throws ModelError if several bodies are free beside the ball
 std::vector<bool> left_out_bodies(const mjModel& m, const Mjcf& mjcf);
 
 /// @param notes  gets what looks like a ball or string and is none, and what the ball loses

@@ -69,7 +69,8 @@ class MjcfDrawing {
 
   void draw_link(const ModelLink& link) {
     const bool is_world = link.name == "world";  // MuJoCo's name of what everything stands on
-    if (is_world && link.type == ModelJoint::kFixed && link.parent < 0 &&
+    const bool floats = model_.free_base && link.parent < 0;
+    if (is_world && link.type == ModelJoint::kFixed && link.parent < 0 && !floats &&
         same(link.X_PJ, Pose<double>::identity())) {
       bodies_.push_back(world_);
       return;
@@ -79,7 +80,7 @@ class MjcfDrawing {
     e.SetAttribute("name", is_world ? "world_" : link.name.c_str());
     set_pose(e, link.X_PJ);
     bodies_.push_back(&e);
-    if (link.type != ModelJoint::kFixed && !has_mass(bodies_.size() - 1)) {
+    if ((link.type != ModelJoint::kFixed || floats) && !has_mass(bodies_.size() - 1)) {
       write_mjcf_inertial(e, inertia_from_com<double>(kLeastMass, {}, {}), kLeastMoment);
       notes_.push_back("that link '" + link.name + "' has no inertia (written as " +
                        exact(kLeastMass) + " kg)");
@@ -87,6 +88,9 @@ class MjcfDrawing {
       write_mjcf_inertial(e, link.inertia, kLeastMoment);
     }
     if (link.type != ModelJoint::kFixed) draw_joint(e, link);
+    if (!floats) return;
+    XmlElement& joint = *e.InsertNewChildElement("freejoint");
+    if (!link.joint.empty()) joint.SetAttribute("name", link.joint.c_str());
   }
 
   void draw_joint(XmlElement& e, const ModelLink& link) {
@@ -231,6 +235,11 @@ class MjcfDrawing {
     for (const TreeJoint& j : tree_joints(model_))
       at[moving[j.link]] = j.drive.ratio * model_.home[j.drive.dof] + j.drive.offset;
     std::string qpos;
+    if (model_.free_base) {
+      const Pose<double>& X = model_.links[0].X_PJ;
+      const Eigen::Quaterniond turn(to_eigen(X.R));
+      qpos = exact(X.p) + " " + exact(turn.w()) + " " + exact(vec3<double>(turn.vec()));
+    }
     const auto visit = [&](const auto& self, int parent) -> void {
       for (std::size_t i = 0; i < model_.links.size(); ++i) {
         if (model_.links[i].parent != parent) continue;

@@ -57,6 +57,7 @@ std::string difference(const Model& model, const Model& read) {
     return a.name == b.name && a.joint == b.joint && a.type == b.type && a.parent == b.parent;
   };
   if (!std::ranges::equal(model.links, read.links, alike)) return "the tree of links";
+  if (model.free_base != read.free_base) return "whether the base floats";
   for (std::size_t i = 0; i < model.links.size(); ++i) {
     const ModelLink &a = model.links[i], &b = read.links[i];
     if (!near(a.X_PJ, b.X_PJ)) return "the pose of '" + a.name + "'";

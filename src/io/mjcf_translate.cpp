@@ -21,14 +21,23 @@ constexpr const char* kUnusedSections[] = {"visual", "statistic", "size", "senso
 constexpr const char* kUnusedElements[] = {"camera", "light", "material", "texture",
                                            "skin",   "text",  "tuple"};
 
+/// Takes blanks from the end of a list of numbers: MuJoCo 2.2 takes them for one more.
+void trim_end(XmlElement& e, const char* name) {
+  std::string numbers = attribute(e, name);
+  numbers.erase(numbers.find_last_not_of(" \t\r\n") + 1);
+  e.SetAttribute(name, numbers.c_str());
+}
+
 void remove_unused(XmlElement& root) {
   for (const char* name : kUnusedSections) remove_children(root, name);
   walk(root, [](XmlElement& e) {
     for (const char* name : kUnusedElements) remove_children(e, name);
     e.DeleteAttribute("material");
     if (is(e, "joint")) e.DeleteAttribute(kForceRange);  // the user's own numbers
-    if (is(e, "key"))
+    if (is(e, "key")) {
       for (const char* name : {"act", "ctrl"}) e.DeleteAttribute(name);
+      if (e.Attribute("qpos")) trim_end(e, "qpos");
+    }
   });
 }
 

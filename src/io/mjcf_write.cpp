@@ -204,7 +204,7 @@ std::string mjcf_with_values(const Mjcf& mjcf, const Model& with_servos,
       }
       if (!same(now.X_PJ, then.X_PJ)) notes.push_back("the changed pose of '" + now.name + "'");
       written.links[link].X_PJ = then.X_PJ;
-      if (m->body_jntnum[b] == 0) continue;
+      if (m->body_jntnum[b] == 0 || is_free(*m, b)) continue;
       XmlElement& joint = *elements.joints[m->body_jntadr[b] + k];
       write_joint(joint, now, then, joint_terms(model, now.joint), joint_terms(before, now.joint),
                   degrees, state_springs, notes);

@@ -66,18 +66,21 @@ std::string why_unreadable(const std::filesystem::path& document, const ModelRea
   }
 }
 
-/// Permissions that a model's document must have been read with: where it floats or has loops, they
-/// were left out.
-ModelReading reading_of(ModelReading reading) {
-  reading.fix_base = reading.open_loops = true;
+/// Permissions that a model's document must have been read with: a base that floats there is fixed
+/// or free as the model's is; where it has loops, they were left out.
+ModelReading reading_of(ModelReading reading, const Model& model) {
+  reading.fix_base = !model.free_base;
+  reading.free_base = model.free_base;
+  reading.open_loops = true;
   return reading;
 }
 
 /// Tells whether joints of an MJCF were made fixed since it was read: its bodies would have to take
 /// other poses, its actuators and key frames other sizes.
 bool has_locked_joints(const Model& model) {
-  return std::ranges::any_of(model.links, [](const ModelLink& link) {
-    return link.type == ModelJoint::kFixed && !link.joint.empty();
+  return std::ranges::any_of(model.links, [&](const ModelLink& link) {
+    const bool floats = model.free_base && &link == &model.links[0];
+    return link.type == ModelJoint::kFixed && !link.joint.empty() && !floats;
   });
 }
 
@@ -89,15 +92,16 @@ std::string text_in_form(const Model& model, Format form, const std::string& whe
   if (original && original->format == form && form == Format::kMjcf && has_locked_joints(model))
     lost = ", in which joints were locked";
   else if (original && original->format == form)
-    if (const std::string why = why_unreadable(model.source, reading_of(reading)); !why.empty())
+    if (const std::string why = why_unreadable(model.source, reading_of(reading, model));
+        !why.empty())
       lost = ", which cannot be read (" + why + ")";
   if (original && original->format == form && lost.empty()) {
     const std::filesystem::path folder = std::filesystem::path(model.source).parent_path();
     return form == Format::kUrdf
                ? io::urdf_with_values(original->text, model.source, model, notes)
-               : io::mjcf_with_values(
-                     io::expand_mjcf(original->text, folder, model.source, reading_of(reading)),
-                     model, notes);
+               : io::mjcf_with_values(io::expand_mjcf(original->text, folder, model.source,
+                                                      reading_of(reading, model)),
+                                      model, notes);
   }
   io::validate(model, where);
   require_masses(model, where);
@@ -113,6 +117,10 @@ std::string text_in_form(const Model& model, Format form, const std::string& whe
 
 Model read_model(const std::filesystem::path& path, const ModelReading& reading) {
   const std::string text = read_text_file(path), where = path.string();
+  if (reading.fix_base && reading.free_base)
+    throw ModelError(where +
+                     ": --fix-base (fix_base=True) and --free-base (free_base=True) "
+                     "contradict each other; choose one");
   switch (format_of(text, where)) {
     case Format::kUrdf:
       return io::model_from_urdf(text, where, reading);
@@ -121,7 +129,14 @@ Model read_model(const std::filesystem::path& path, const ModelReading& reading)
     case Format::kJson:
       break;
   }
-  return model_from_json(text, where);
+  Model model = model_from_json(text, where);
+  if (reading.free_base) let_base_float(model, where);
+  if (reading.fix_base && model.free_base) {
+    model.free_base = false;
+    model.notes.push_back("base '" + model.links[0].name +
+                          "' floats: fixed where the file has it, as asked");
+  }
+  return model;
 }
 
 Model read_model_or_run(const std::filesystem::path& path, const ModelReading& reading) {
@@ -129,7 +144,7 @@ Model read_model_or_run(const std::filesystem::path& path, const ModelReading& r
   const std::filesystem::path fitted = path / "model.json";
   if (!std::filesystem::is_regular_file(fitted))
     throw FileError(path.string() + ": is a folder without model.json, so no run of a robot");
-  Model model = read_model(fitted);
+  Model model = read_model(fitted, reading);
   for (const char* name : {"model.urdf", "model.xml"}) {
     const std::filesystem::path document = path / name;
     if (std::filesystem::is_regular_file(document)) model.source = document.string();

@@ -36,7 +36,8 @@ std::string follow_text(const ModelLink& link) {
   return out;
 }
 
-std::string joint_text(const ModelLink& link) {
+std::string joint_text(const ModelLink& link, bool floats) {
+  if (floats) return " (floating" + (link.joint.empty() ? "" : ": " + link.joint) + ")";
   if (link.type == ModelJoint::kFixed)
     return link.joint.empty() ? "" : " (fixed: " + link.joint + ")";
   const bool turns = link.type == ModelJoint::kRevolute;
@@ -66,7 +67,8 @@ void append_tree(const Model& model, int parent, const std::string& indent, std:
   for (const int i : children) {
     const bool last = i == children.back();
     out += "  " + indent + (last ? "└─ " : "├─ ") + model.links[i].name +
-           joint_text(model.links[i]) + inertia_text(model.links[i].inertia) + "\n";
+           joint_text(model.links[i], model.free_base && i == 0) +
+           inertia_text(model.links[i].inertia) + "\n";
     append_tree(model, i, indent + (last ? "   " : "│  "), out);
   }
 }
@@ -85,9 +87,11 @@ std::string headline(const Model& model) {
   const std::string name = model.name.empty() ? "(no name)" : model.name;
   if (model.links.empty()) return name + (model.ball ? ": a ball, no links" : ": no links");
   const std::size_t n = moving_links(model).size();
-  return name + ": " + std::to_string(n) + (n == 1 ? " degree" : " degrees") + " of freedom, " +
-         std::to_string(model.links.size()) + " links, " + detail::number_text(total_mass(model)) +
-         " kg" + (model.ball ? ", and a ball" : "");
+  const std::string joints = std::to_string(n) + (n == 1 ? " degree" : " degrees") + " of freedom";
+  return name + ": " +
+         (model.free_base ? "a free base" + (n > 0 ? " and joints of " + joints : "") : joints) +
+         ", " + std::to_string(model.links.size()) + " links, " +
+         detail::number_text(total_mass(model)) + " kg" + (model.ball ? ", and a ball" : "");
 }
 
 std::string ball_text(const Model& model) {
@@ -200,6 +204,7 @@ std::string model_info_text(const Model& model) {
 std::string model_info_json(const Model& model) {
   static constexpr const char* kTypes[] = {"fixed", "revolute", "prismatic"};
   const TreeMap map = map_to_tree(model);
+  const int first = model.free_base ? 1 : 0;  // tree link of the first joint
   const std::vector<TreeJoint> joints = tree_joints(model);
   Json out;
   out["schema"] = "diffnea/info/1";
@@ -207,6 +212,7 @@ std::string model_info_json(const Model& model) {
   out["source"] = model.source;
   out["dofs"] = moving_links(model).size();
   out["joints"] = joint_names(model);
+  out["free_base"] = model.free_base ? Json(model.links[0].name) : Json();
   out["mass"] = total_mass(model);
   out["gravity"] = triple(model.gravity);
   out["links"] = Json::array();
@@ -216,8 +222,10 @@ std::string model_info_json(const Model& model) {
     l["name"] = link.name;
     l["parent"] = link_or_null(model, link.parent);
     l["joint"] = link.joint.empty() ? Json() : Json(link.joint);
-    l["type"] = kTypes[static_cast<std::size_t>(link.type)];
-    l["dof"] = link.type == ModelJoint::kFixed ? Json() : Json(joints[map.dof[i]].drive.dof);
+    l["type"] =
+        model.free_base && i == 0 ? "floating" : kTypes[static_cast<std::size_t>(link.type)];
+    l["dof"] =
+        link.type == ModelJoint::kFixed ? Json() : Json(joints[map.dof[i] - first].drive.dof);
     if (link.follows)
       l["follows"] = {{"joint", link.follows->leader},
                       {"ratio", link.follows->ratio},

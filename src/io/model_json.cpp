@@ -19,6 +19,7 @@ using io::JsonObject;
 
 constexpr const char* kModelSchema = "diffnea/model/1";
 constexpr std::array<const char*, 3> kTypes{"fixed", "revolute", "prismatic"};
+constexpr const char* kFloating = "floating";  // of a free base
 
 const Json& units() {
   static const Json kUnits{{"length", "m"}, {"mass", "kg"}, {"angle", "rad"},
@@ -111,13 +112,17 @@ SpatialInertia<double> inertia_from(const Json& value, const std::string& where)
   return b;
 }
 
-void joint_from(const Json& value, const std::string& where, ModelLink& link) {
+/// @return whether it is that of a free base
+bool joint_from(const Json& value, const std::string& where, ModelLink& link) {
   JsonObject o(value, where);
   link.joint = o.string_or("name", "");
-  const std::string type = o.string("type");
+  const std::string named = o.string("type");
+  const bool floats = named == kFloating;
+  const std::string type = floats ? kTypes[0] : named;
   const auto it = std::ranges::find(kTypes, type);
   if (it == kTypes.end())
-    throw ModelError(o.at("type") + ": got '" + type + "', expected fixed, revolute or prismatic");
+    throw ModelError(o.at("type") + ": got '" + type +
+                     "', expected fixed, revolute, prismatic or floating");
   link.type = static_cast<ModelJoint>(it - kTypes.begin());
   if (const Json* axis = o.optional("axis")) link.axis = axis_from(*axis, o.at("axis"));
   if (const Json* pose = o.optional("pose")) link.X_PJ = pose_from(*pose, o.at("pose"));
@@ -139,12 +144,17 @@ void joint_from(const Json& value, const std::string& where, ModelLink& link) {
     l.finish();
   }
   o.finish();
+  if (floats && link.parent >= 0)
+    throw ModelError(where + ".type: link '" + link.name +
+                     "' hangs on another and cannot float; the first link can, and carries all "
+                     "others");
+  return floats;
 }
 
-Json joint_to_json(const ModelLink& link) {
+Json joint_to_json(const ModelLink& link, bool floats) {
   Json joint;
   if (!link.joint.empty()) joint["name"] = link.joint;
-  joint["type"] = kTypes[static_cast<std::size_t>(link.type)];
+  joint["type"] = floats ? kFloating : kTypes[static_cast<std::size_t>(link.type)];
   if (link.type != ModelJoint::kFixed) joint["axis"] = to_json(link.axis);
   joint["pose"] = to_json(link.X_PJ);
   Json limits = Json::object();
@@ -302,7 +312,7 @@ std::string model_to_json(const Model& model) {
     Json l;
     l["name"] = link.name;
     l["parent"] = name_of(link.parent);
-    l["joint"] = joint_to_json(link);
+    l["joint"] = joint_to_json(link, model.free_base && link.parent < 0);
     if (!io::is_zero(link.inertia)) l["inertia"] = to_json(link.inertia);
     out["links"].push_back(l);
   }
@@ -367,7 +377,8 @@ Model model_from_json(std::string_view text, const std::string& where) {
     ModelLink link;
     link.name = l.string("name");
     link.parent = link_index(index, l.optional("parent"), l.at("parent"));
-    if (const Json* joint = l.optional("joint")) joint_from(*joint, l.at("joint"), link);
+    if (const Json* joint = l.optional("joint"))
+      model.free_base |= joint_from(*joint, l.at("joint"), link);
     if (const Json* inertia = l.optional("inertia"))
       link.inertia = inertia_from(*inertia, l.at("inertia"));
     l.finish();

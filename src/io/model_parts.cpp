@@ -177,6 +177,14 @@ void validate(const Model& model, const std::string& where) {
       throw ModelError(what + ": limits of joint '" + link.joint +
                        "' must be numbers, those of velocity and effort not negative");
   }
+  if (model.free_base) {
+    Model floats = model;
+    let_base_float(floats, where);  // throws for links beside the base
+    if (model.ball || model.cup || !model.obstacles.empty())
+      throw ModelError(where +
+                       ": has a ball beside a base that floats; --fix-base "
+                       "(fix_base=True) reads the base as fixed where the file has it");
+  }
   tree_joints(model);  // throws for a joint that follows none
   for (const ModelFrame& f : model.frames) {
     const std::string what = where + ": frame '" + f.name + "'";

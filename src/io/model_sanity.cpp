@@ -128,7 +128,9 @@ void doubt_loads(const Model& model, std::vector<ModelIssue>& out) {
   RneaWorkspace<double, double> ws;
   Rng rng(1);
   RowMatX<double> load(kPostures, n);
-  VecX<double> q(n);
+  VecX<double> q = VecX<double>::Zero(tree.num_positions());
+  if (tree.free_base) q[6] = 1.0;  // hung upright
+  const long first = q.size() - n;
   for (int k = 0; k < kPostures; ++k) {
     for (int j = 0; j < n; ++j) {
       const ModelLink& link = model.links[moving[j]];
@@ -137,9 +139,10 @@ void doubt_loads(const Model& model, std::vector<ModelIssue>& out) {
       const bool limited = std::isfinite(link.limits.lower) && std::isfinite(link.limits.upper) &&
                            link.limits.lower <= link.limits.upper &&
                            link.limits.upper - link.limits.lower <= 1e3;
-      q[j] = limited ? rng.uniform(link.limits.lower, link.limits.upper) : rng.uniform(-far, far);
+      q[first + j] =
+          limited ? rng.uniform(link.limits.lower, link.limits.upper) : rng.uniform(-far, far);
     }
-    load.row(k) = gravity_torques<double, double>(tree, q, ws).transpose().cwiseAbs();
+    load.row(k) = gravity_torques<double, double>(tree, q, ws).tail(n).transpose().cwiseAbs();
   }
   for (int j = 0; j < n; ++j) {
     const ModelLink& link = model.links[moving[j]];
@@ -163,7 +166,8 @@ void doubt_loads(const Model& model, std::vector<ModelIssue>& out) {
 
 std::vector<ModelIssue> doubtful_inertias(const Model& model) {
   std::vector<ModelIssue> out;
-  const double size = robot_size(model);
+  // A body that floats alone may be larger than its one link tells.
+  const double size = model.free_base && moving_links(model).empty() ? 0.0 : robot_size(model);
   for (const ModelLink& link : model.links) doubt_body(link, size, out);
   doubt_massless(model, out);
   doubt_loads(model, out);

@@ -132,6 +132,26 @@ SpatialInertia<double> inertia(const urdf::Inertial& i) {
   return inertia_from_com(i.mass, X_LC.p, rotate(X_LC.R, I_C));
 }
 
+/// Lets the robot float on a link of a floating joint: the root, which carries it alone, was the
+/// world.
+/// @param carrier  parent of the joint
+/// @throws ModelError if the root is more than that, or the joint is not at it
+void float_base(const urdf::Link& carrier, const std::string& where, Model& model,
+                ModelLink& link) {
+  const char* why = link.parent != 0                   ? "which is not the root"
+                    : carrier.child_joints.size() != 1 ? "which carries other links, too"
+                    : !is_zero(model.links[0].inertia) ? "which has a mass"
+                                                       : nullptr;
+  if (why)
+    throw ModelError(where + ": joint '" + link.joint + "' is floating, on link '" + carrier.name +
+                     "', " + why +
+                     ": only a whole robot may float, on a root without mass; --fix-base "
+                     "(fix_base=True) reads the joint as fixed where the file has it");
+  model.links.clear();
+  model.free_base = true;
+  link.parent = -1;
+}
+
 void read_joint(const urdf::Joint& joint, const std::string& where, const ModelReading& reading,
                 Model& model, ModelLink& link) {
   const std::string what = where + ": joint '" + joint.name + "'";
@@ -156,18 +176,15 @@ void read_joint(const urdf::Joint& joint, const std::string& where, const ModelR
       link.type = ModelJoint::kPrismatic;
       break;
     case urdf::Joint::FLOATING:
-      if (!reading.fix_base)
-        throw ModelError(what +
-                         " is floating: only robots whose base is fixed are supported; --fix-base "
-                         "(fix_base=True) reads it as fixed where the file has it");
+      if (!reading.fix_base) return;  // float_base
       model.notes.push_back("joint '" + joint.name +
                             "' is floating: fixed where the file has it, as asked");
       return;
     case urdf::Joint::PLANAR:
       throw ModelError(
           what +
-          " is planar: only robots whose base is fixed and whose joints have one degree of freedom "
-          "are supported; types: revolute, continuous, prismatic, fixed");
+          " is planar: only joints of one degree of freedom are supported, and a floating base; "
+          "types: revolute, continuous, prismatic, fixed, floating");
     default:
       throw ModelError(what + " has no known type");
   }
@@ -226,6 +243,8 @@ Model model_from_urdf(const std::string& text, const std::string& where,
     link.parent = visit.parent;
     if (source->inertial) link.inertia = inertia(*source->inertial);
     if (visit.joint) read_joint(*visit.joint, where, reading, model, link);
+    if (visit.joint && visit.joint->type == urdf::Joint::FLOATING && !reading.fix_base)
+      float_base(*urdf->getLink(visit.joint->parent_link_name), where, model, link);
     const int index = static_cast<int>(model.links.size());
     model.links.push_back(link);
     const std::vector<std::string>& below = children[visit.link];
@@ -234,6 +253,7 @@ Model model_from_urdf(const std::string& text, const std::string& where,
       stack.push_back({j->child_link_name, j, index});
     }
   }
+  if (reading.free_base) let_base_float(model, where);
   validate(model, where);
   start_from_geometry(model);
   return model;
@@ -241,7 +261,9 @@ Model model_from_urdf(const std::string& text, const std::string& where,
 
 std::string urdf_with_values(const std::string& original, const std::string& where,
                              const Model& model, std::vector<std::string>& notes) {
-  const Model before = model_from_urdf(original, where, {.fix_base = true, .open_loops = true});
+  const Model before = model_from_urdf(
+      original, where,
+      {.fix_base = !model.free_base, .free_base = model.free_base, .open_loops = true});
   const std::unique_ptr<XmlDocument> document = parse_xml(original, where);
   XmlElement& robot = *document->RootElement();
   std::map<std::string, XmlElement*> links, joints;

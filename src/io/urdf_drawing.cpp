@@ -45,7 +45,8 @@ class UrdfDrawing {
     for (const ModelLink& link : model_.links)
       if (link.parent < 0) {
         ++roots;
-        elsewhere |= link.type != ModelJoint::kFixed || !same(link.X_PJ, Pose<double>::identity());
+        elsewhere |= model_.free_base || link.type != ModelJoint::kFixed ||
+                     !same(link.X_PJ, Pose<double>::identity());
       }
     return roots != 1 || elsewhere;
   }
@@ -79,9 +80,11 @@ class UrdfDrawing {
     write_urdf_inertial(add_link(link.name), link.inertia);
     if (link.parent < 0 && world_.empty()) return;  // the root
     if (link.type == ModelJoint::kFixed) {
-      const std::string name =
-          link.joint.empty() ? unused(joints_, link.name + "_mount") : link.joint;
-      add_joint(name, "fixed", name_of(link.parent), link.name, link.X_PJ);
+      const bool floats = model_.free_base && link.parent < 0;
+      const std::string name = link.joint.empty()
+                                   ? unused(joints_, link.name + (floats ? "_floating" : "_mount"))
+                                   : link.joint;
+      add_joint(name, floats ? "floating" : "fixed", name_of(link.parent), link.name, link.X_PJ);
       return;
     }
     const JointLimits& limits = link.limits;
@@ -129,6 +132,10 @@ class UrdfDrawing {
   void draw_frame(const ModelFrame& frame) {
     if (!links_.insert(frame.name).second) {
       notes_.push_back("frame '" + frame.name + "', whose name a link has");
+      return;
+    }
+    if (model_.free_base && frame.link < 0) {  // the base is the only child of the root
+      notes_.push_back("frame '" + frame.name + "', which stands in the world");
       return;
     }
     add_link(frame.name);

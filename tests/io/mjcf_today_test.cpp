@@ -229,8 +229,6 @@ TEST_CASE("mjcf: a floating base is fixed where the file has it, if asked", "[io
       std::string(kInertial) + "<body name='leg' pos='0 .1 0'>" + kInertial +
       "<joint name='hip' damping='1'/></body></body></worldbody>"
       "<keyframe><key name='home' qpos='0 0 1 1 0 0 0 .3'/></keyframe></mujoco>";
-  CHECK_THAT(refusal(folder, text),
-             ContainsSubstring("body 'trunk' (line 3) is free") && ContainsSubstring("--fix-base"));
   const ModelReading fixed{.fix_base = true};
   Model m = model_of(folder, text, fixed);
   REQUIRE(m.links.size() == 2);
@@ -252,7 +250,8 @@ TEST_CASE("urdf: a floating joint is fixed, a mimic joint moves alone, if asked"
       "<joint name='j' type='continuous'><parent link='b'/><child link='c'/></joint>"
       "<joint name='k' type='continuous'><parent link='c'/><child link='d'/><mimic joint='j'/>"
       "</joint></robot>";
-  CHECK_THAT(refusal(text), ContainsSubstring("--fix-base"));
+  CHECK(model_of(text).free_base);
+  CHECK_FALSE(model_of(text, {.fix_base = true}).free_base);
   CHECK(joint_names(model_of(text, {.fix_base = true})) == std::vector<std::string>{"j"});
   const Model m = model_of(text, {.fix_base = true, .open_loops = true});
   CHECK(joint_names(m) == std::vector<std::string>{"j", "k"});

@@ -289,9 +289,9 @@ TEST_CASE("reading: a wrong file is named, with the reason", "[io]") {
           "<robot name='x'><link name='a'><inertial><mass value='nan1'/></inertial></link></robot>",
           "not a valid URDF"},
       Case{"a.urdf",
-           "<robot name='x'><link name='a'/><link name='b'/><joint name='j' "
-           "type='floating'><parent link='a'/>"
-           "<child link='b'/></joint></robot>",
+           "<robot name='x'><link name='a'/><link name='b'/><link name='c'/>"
+           "<joint name='i' type='fixed'><parent link='a'/><child link='b'/></joint>"
+           "<joint name='j' type='floating'><parent link='b'/><child link='c'/></joint></robot>",
            "is floating"},
       Case{"a.urdf",
            "<robot name='x'><link name='a'/><link name='b'/>"
@@ -316,9 +316,9 @@ TEST_CASE("reading: a wrong file is named, with the reason", "[io]") {
            "size='1'/></body></worldbody></mujoco>",
            "ball joint"},
       Case{"a.xml",
-           "<mujoco><worldbody><body name='b'><freejoint/><geom "
-           "size='1'/></body></worldbody></mujoco>",
-           "body 'b' (line 1) is free"},
+           "<mujoco><worldbody><body name='b'><freejoint/><geom size='1'/></body>"
+           "<body name='c'><freejoint/><geom size='1'/></body></worldbody></mujoco>",
+           "bodies 'b' (line 1) and 'c' (line 1) are free"},
       Case{"a.xml", "<mujoco><include file='/etc/passwd'/></mujoco>", "outside the model's folder"},
       Case{"a.xml", "<mujoco><include file='../x.xml'/></mujoco>", "outside the model's folder"},
       Case{"a.xml", "<mujoco><include file='a.xml'/></mujoco>", "more than once"},
@@ -357,7 +357,7 @@ TEST_CASE("reading: a wrong file is named, with the reason", "[io]") {
            "two links of this name"},
       Case{"a.json",
            R"({"schema":"diffnea/model/1","links":[{"name":"a","joint":{"type":"hinge"}}]})",
-           "expected fixed, revolute or prismatic"},
+           "expected fixed, revolute, prismatic or floating"},
       Case{"a.json", R"({"schema":"diffnea/model/1","gravity":[0,0,1e999],"links":[]})",
            "number overflow"},
       Case{"a.json",

@@ -1,15 +1,17 @@
 # ruff: noqa: E501
 """Read public MJCF robots and compare their dynamics with those of a current MuJoCo; figures of docs/models.md.
 
-    python3 tests/studies/menagerie.py build/release/apps/diffnea [--corpus FOLDER] [--no-meshes] [ROBOT …]
+    python3 tests/studies/menagerie.py build/release/apps/diffnea [--corpus FOLDER] [--no-meshes] [--fix-base] [ROBOT …]
 
 FOLDER holds MuJoCo Menagerie, a folder a robot; meshes may be missing. By default it is `menagerie_xml` in
 DIFFNEA_CORPUS, else in ../shared/corpus beside the project. It is copied, and boxes stand in for meshes that are
 missing, for both readers alike; with --no-meshes they stay missing.
 
-A robot is read as it is, then with --fix-base, then with --open-loops, too. At random states rnea, mass matrix and aba
-are compared with MuJoCo's, without contacts, constraints, drives and passive forces; an error is relative to the
-largest torque, entry or acceleration of the state. Where joints follow others, MuJoCo's full tree is projected. Needs the Python module of diffnea, numpy, and `pip install mujoco`.
+A robot is read as it is, then with --open-loops, or, if asked, both with --fix-base. At random states rnea, mass matrix
+and aba are compared with MuJoCo's, without contacts, constraints, drives and passive forces; an error is relative to
+the largest torque, entry or acceleration of the state. Where joints follow others, MuJoCo's full tree is projected;
+where a base floats, its twist and wrench are turned into MuJoCo's. Needs the Python module of diffnea, numpy, and
+`pip install mujoco`.
 """
 
 from __future__ import annotations
@@ -36,7 +38,7 @@ import diffnea
 
 SOURCE = Path(__file__).resolve().parents[2]
 CORPUS = Path(os.environ.get("DIFFNEA_CORPUS", SOURCE.parent / "shared" / "corpus"))
-WAYS = ((), ("--fix-base",), ("--fix-base", "--open-loops"))
+WAYS = ((), ("--open-loops",))
 STATES = 20
 SIZE = 0.05  # half an edge of a mesh that stands in, at most [m]
 # Parts of others: what includes them is read.
@@ -106,7 +108,7 @@ def ranges(links: list[dict[str, Any]]) -> list[Range]:
     out: list[Range] = []
     for link in links:
         joint = link.get("joint") or {"type": "fixed"}
-        if joint["type"] != "fixed":
+        if joint["type"] not in ("fixed", "floating"):
             limits = joint.get("limits") or {}
             ends = [limits[k] for k in ("lower", "upper") if limits.get(k) is not None]
             out.append(tuple(np.round(ends, 12)))
@@ -131,14 +133,23 @@ class Theirs:
         m.opt.density = m.opt.viscosity = 0.0
         m.body_gravcomp[:] = 0.0
         self.data = mujoco.MjData(m)
-        self.names = [m.joint(j).name or f"joint{j}" for j in range(m.njnt)]
-        self.couplings: tuple[Array, Array] = (np.eye(m.nv), np.zeros(m.nv))
+        # A free joint comes first, and what it has of its own is left out.
+        self.floats = m.njnt > 0 and m.jnt_type[0] == mujoco.mjtJoint.mjJNT_FREE
+        if self.floats:
+            m.dof_armature[:6] = 0.0
+        self.first = int(self.floats)  # joint of one degree of freedom
+        joints = range(self.first, m.njnt)
+        self.names = [m.joint(j).name or f"joint{j}" for j in joints]
+        self.couplings: tuple[Array, Array] = (np.eye(len(joints)), np.zeros(len(joints)))
         self.locked: list[int] = []
 
     def couple(self, ours: diffnea.Model) -> None:
         """Move as our model does: q = G y + g0, of joints that follow others or are locked."""
         m = self.model
-        mixing, offset = np.zeros((m.nv, ours.num_joints)), np.zeros(m.nv)
+        if self.floats != (ours.free_base is not None):
+            raise ValueError("one of the two floats")
+        n = len(self.names)
+        mixing, offset = np.zeros((n, ours.num_joints)), np.zeros(n)
         for j, name in enumerate(self.names):
             if name in ours.joint_names:
                 mixing[j, ours.joint_names.index(name)] = 1.0
@@ -149,42 +160,56 @@ class Theirs:
             else:
                 self.locked.append(j)
         for e in range(m.neq):
-            if m.eq_type[e] == mujoco.mjtEq.mjEQ_JOINT and m.eq_obj1id[e] in self.locked:
-                offset[m.eq_obj1id[e]] = m.qpos0[m.eq_obj1id[e]] + m.eq_data[e, 0]
+            j = m.eq_obj1id[e] - self.first
+            if m.eq_type[e] == mujoco.mjtEq.mjEQ_JOINT and j in self.locked:
+                offset[j] = m.qpos0[m.jnt_qposadr[m.eq_obj1id[e]]] + m.eq_data[e, 0]
         self.couplings = mixing, offset
 
     def ranges(self) -> list[Range]:
         m = self.model
         return [
             tuple(np.round(m.jnt_range[j], 12)) if m.jnt_limited[j] else ()
-            for j in range(m.njnt)
-            if j not in self.locked
+            for j in range(self.first, m.njnt)
+            if j - self.first not in self.locked
         ]
 
     def set(self, y: Array, yd: Array) -> None:
+        """Take a state of ours, and find T: MuJoCo's velocities are T times ours."""
         mixing, offset = self.couplings
-        self.data.qpos[:], self.data.qvel[:] = mixing @ y + offset, mixing @ yd
+        base_q, base_v = (7, 6) if self.floats else (0, 0)
+        self.T = np.zeros((self.model.nv, base_v + mixing.shape[1]))
+        self.T[base_v:, base_v:] = mixing
+        self.data.qpos[base_q:] = mixing @ y[base_q:] + offset
+        self.bias = np.zeros(self.model.nv)  # accelerations are T times ours and this
+        if self.floats:
+            self.data.qpos[:7] = y[[0, 1, 2, 6, 3, 4, 5]]
+            turn = np.zeros(9)
+            mujoco.mju_quat2Mat(turn, self.data.qpos[3:7])
+            self.T[:3, 3:6] = turn.reshape(3, 3)
+            self.T[3:6, :3] = np.eye(3)
+            self.bias[:3] = turn.reshape(3, 3) @ np.cross(yd[:3], yd[3:6])
+        self.data.qvel[:] = self.T @ yd
 
     def rnea(self, q: Array, qd: Array, qdd: Array) -> Array:
         self.set(q, qd)
-        self.data.qacc[:] = self.couplings[0] @ qdd
+        self.data.qacc[:] = self.T @ qdd + self.bias
         mujoco.mj_inverse(self.model, self.data)
-        return np.asarray(self.couplings[0].T @ self.data.qfrc_inverse)
+        return np.asarray(self.T.T @ self.data.qfrc_inverse)
 
     def mass_matrix(self, q: Array) -> Array:
-        self.set(q, 0 * q)
+        self.set(q, np.zeros(len(q) - int(self.floats)))
         mujoco.mj_forward(self.model, self.data)
         out = np.zeros((self.model.nv, self.model.nv))
         mujoco.mj_fullM(self.model, self.data, out)
-        return np.asarray(self.couplings[0].T @ out @ self.couplings[0])
+        return np.asarray(self.T.T @ out @ self.T)
 
     def aba(self, q: Array, qd: Array, tau: Array) -> Array:
-        if len(q) < self.model.nv:
+        if len(qd) < self.model.nv:
             return np.linalg.solve(self.mass_matrix(q), tau - self.rnea(q, qd, 0 * qd))
         self.set(q, qd)
-        self.data.qfrc_applied[:] = tau
+        self.data.qfrc_applied[:] = np.linalg.solve(self.T.T, tau)
         mujoco.mj_forward(self.model, self.data)
-        return self.data.qacc.copy()
+        return np.linalg.solve(self.T, self.data.qacc - self.bias)
 
 
 def relative(ours: Array, theirs: Array) -> float:
@@ -194,9 +219,12 @@ def relative(ours: Array, theirs: Array) -> float:
 def largest_differences(ours: diffnea.Model, theirs: Theirs) -> dict[str, float]:
     rng = np.random.default_rng(0)
     worst: Counter[str] = Counter()
-    n = len(ours.joint_names)
+    n = ours.num_velocities
     for _ in range(STATES):
-        q, qd, qdd, tau = (rng.uniform(-s, s, n) for s in (2, 3, 10, 10))
+        q = rng.uniform(-2, 2, ours.num_positions)
+        if ours.free_base is not None:
+            q[3:7] /= np.linalg.norm(q[3:7])
+        qd, qdd, tau = (rng.uniform(-s, s, n) for s in (3, 10, 10))
         pairs = {
             "rnea": (diffnea.rnea(ours, q=q, qd=qd, qdd=qdd), theirs.rnea(q, qd, qdd)),
             "M": (diffnea.mass_matrix(ours, q=q), theirs.mass_matrix(q)),
@@ -213,21 +241,23 @@ class Robot:
     way: tuple[str, ...] = ()
     read: bool = False
     reason: str = ""  # why it was not read, or not compared
-    dofs: int = 0
+    dofs: int = 0  # of the joints
+    floats: bool = False
     ranges: bool = True  # equal to MuJoCo's
     differences: dict[str, float] | None = None
 
 
-def study(program: Path, file: Path, bench: Path) -> Robot:
+def study(program: Path, file: Path, bench: Path, fix_base: bool) -> Robot:
     out = Robot(f"{file.parent.name}/{file.name}")
     exported = bench / "robot.json"
-    for way in WAYS:
+    for more in WAYS:
+        way = (*(["--fix-base"] if fix_base else []), *more)
         done = subprocess.run(
             [program, "export", file, *way, "-o", exported, "--quiet"],
             capture_output=True,
             text=True,
         )
-        out.way = way
+        out.way = more
         if done.returncode == 0:
             out.reason = ""
             break
@@ -235,9 +265,9 @@ def study(program: Path, file: Path, bench: Path) -> Robot:
     else:
         return out
     ours = diffnea.load_model(exported)
-    out.read, out.dofs = True, len(ours.joint_names)
+    out.read, out.dofs, out.floats = True, ours.num_joints, ours.free_base is not None
     try:
-        theirs = Theirs(file, "--fix-base" in out.way)
+        theirs = Theirs(file, fix_base)
     except ValueError as error:
         out.reason = f"MuJoCo cannot read it: {error}".replace("\n", " ")
         return out
@@ -246,7 +276,7 @@ def study(program: Path, file: Path, bench: Path) -> Robot:
     theirs.couple(ours)
     limits = json.loads(exported.read_text(encoding="utf-8"))["links"]
     out.ranges = ranges(limits) == theirs.ranges()
-    if out.dofs:
+    if ours.num_velocities:
         out.differences = largest_differences(ours, theirs)
     return out
 
@@ -258,7 +288,8 @@ def show(robot: Robot) -> None:
     else:
         text = robot.reason or "no joints"
     way = " ".join(robot.way) if robot.read else "refused"
-    print(f"{robot.name:<46} {robot.dofs:3} {way:<24} {text}", flush=True)
+    dofs = f"6+{robot.dofs}" if robot.floats else f"{robot.dofs}"
+    print(f"{robot.name:<46} {dofs:>5} {way:<12} {text}", flush=True)
 
 
 def main() -> None:
@@ -269,6 +300,7 @@ def main() -> None:
     parser.add_argument("robots", nargs="*", metavar="ROBOT", help="folders; all")
     parser.add_argument("--corpus", type=Path, default=CORPUS / "menagerie_xml")
     parser.add_argument("--no-meshes", action="store_true", help="no boxes for missing meshes")
+    parser.add_argument("--fix-base", action="store_true", help="bases that float are fixed")
     args = parser.parse_intermixed_args()
     if not args.corpus.is_dir():
         print(f"no public robots at {args.corpus}; --corpus or DIFFNEA_CORPUS may name them")
@@ -285,13 +317,14 @@ def main() -> None:
                 stand_in(copy)
             for file in sorted(copy.glob("*.xml")):
                 if not NO_ROBOT.match(file.name):
-                    robots.append(study(args.program.resolve(), file, bench))
+                    robots.append(study(args.program.resolve(), file, bench, args.fix_base))
                     show(robots[-1])
     print_summary(robots)
 
 
 def print_summary(robots: list[Robot]) -> None:
-    print(f"\nmujoco {mujoco.__version__}, {len(robots)} files")
+    floating = sum(r.floats for r in robots)
+    print(f"\nmujoco {mujoco.__version__}, {len(robots)} files, {floating} on a free base")
     folders = {r.name.split("/")[0] for r in robots}
     for k, way in enumerate(WAYS):
         read = [r for r in robots if r.read and r.way in WAYS[: k + 1]]

