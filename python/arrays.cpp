@@ -30,8 +30,9 @@ Numbers numbers_in(const py::handle& x) {
                        ", expected an array of real numbers");
 }
 
-bool same_shape(const py::array& a, const py::array& b) {
-  return a.ndim() == b.ndim() && std::equal(a.shape(), a.shape() + a.ndim(), b.shape());
+/// Tells whether both hold a single state, or both as many, one a row.
+bool as_many_states(const py::array& a, const py::array& b) {
+  return a.ndim() == b.ndim() && (a.ndim() == 1 || a.shape(0) == b.shape(0));
 }
 
 }  // namespace
@@ -123,16 +124,21 @@ States states_in(const char* where, long n, std::initializer_list<NamedArray> ar
   for (const NamedArray& argument : arrays) {
     const Numbers a = numbers_in(argument.array);
     if (!a) throw_not_numbers(what(argument), argument.array);
-    if ((a.ndim() != 1 && a.ndim() != 2) || a.shape(a.ndim() - 1) != n)
+    const long columns = argument.columns < 0 ? n : argument.columns;
+    if ((a.ndim() != 1 && a.ndim() != 2) || a.shape(a.ndim() - 1) != columns)
       throw ShapeError(what(argument) + ": got shape " + shape_text(a) + ", expected (" +
-                       std::to_string(n) + ",) or (T, " + std::to_string(n) +
-                       "), one value per joint");
+                       std::to_string(columns) + ",) or (T, " + std::to_string(columns) + "), " +
+                       argument.what);
     if (out.values.empty())
       first = a;
-    else if (!same_shape(a, first))
-      throw ShapeError(what(argument) + ": got shape " + shape_text(a) + ", expected " +
-                       shape_text(first) + ", that of " + arrays.begin()->name);
-    out.values.push_back(copy(a, a.ndim() == 1 ? 1 : a.shape(0), n));
+    else if (!as_many_states(a, first))
+      throw ShapeError(
+          what(argument) + ": got shape " + shape_text(a) + ", expected " +
+          (first.ndim() == 1 ? "(" : "(" + std::to_string(first.shape(0)) + ", ") +
+          std::to_string(columns) + (first.ndim() == 1 ? ",)" : ")") +
+          (columns == first.shape(first.ndim() - 1) ? ", that of " : ", as many states as ") +
+          arrays.begin()->name);
+    out.values.push_back(copy(a, a.ndim() == 1 ? 1 : a.shape(0), columns));
   }
   out.single = first.ndim() == 1;
   return out;

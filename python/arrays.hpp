@@ -48,9 +48,11 @@ void require_names(const char* where, const std::vector<std::string>& names, lon
 struct NamedArray {
   const char* name;
   const py::object& array;
+  long columns = -1;  ///< numbers of a state; negative: those of the call
+  const char* what = "one value per joint";
 };
 
-/// Arguments of one shape: (n,), a single state, or (T, n), one state a row.
+/// Arguments of a single state, (n,), or of many, (T, n), one a row.
 struct States {
   std::vector<RowMatX<double>> values;  ///< (T, n) each; T = 1 for a single state
   bool single = false;
@@ -60,8 +62,9 @@ struct States {
   py::array_t<double> shaped(RowMatX<double>&& rows, const std::vector<py::ssize_t>& inner) const;
 };
 
-/// @param where  the function, for messages  @param n  joints
-/// @throws ShapeError if an array is neither (n,) nor (T, n), or if their shapes differ
+/// @param where  the function, for messages
+/// @param n  numbers of a state, in arrays that state none of their own
+/// @throws ShapeError if an array is neither (n,) nor (T, n), or if their states differ in number
 States states_in(const char* where, long n, std::initializer_list<NamedArray> arrays);
 
 }  // namespace diffnea::python

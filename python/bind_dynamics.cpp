@@ -7,6 +7,7 @@
 #include <diffnea/dynamics/mass_matrix.hpp>
 #include <diffnea/effects/extended_tree.hpp>
 #include <diffnea/effects/forward_dynamics.hpp>
+#include <diffnea/model/free_base.hpp>
 #include <diffnea/model/model.hpp>
 
 #include "arrays.hpp"
@@ -18,12 +19,55 @@ namespace {
 
 using namespace pybind11::literals;
 
-long dofs(const Model& model) { return static_cast<long>(moving_links(model).size()); }
+/// Lengths of positions and of all else: with a free base its pose and its twist come first.
+struct Lengths {
+  explicit Lengths(const Model& model)
+      : floats(model.free_base),
+        q(static_cast<long>(moving_links(model).size()) + (floats ? kBasePositions : 0)),
+        v(static_cast<long>(moving_links(model).size()) + (floats ? kBaseVelocities : 0)) {}
+  NamedArray positions(const char* name, const py::object& array) const {
+    return {name, array, q, floats ? "the base's pose of 7, then one value per joint" : kPerJoint};
+  }
+  NamedArray velocities(const char* name, const py::object& array) const {
+    return {name, array, v, floats ? "6 of the base, then one value per joint" : kPerJoint};
+  }
+  static constexpr const char* kPerJoint = "one value per joint";
+  bool floats;
+  long q, v;
+};
+
+/// Positions one step on, of a free base on the manifold of poses.
+py::array integrate_of(const Model& model, const py::object& q, const py::object& v) {
+  const Lengths n(model);
+  const States s = states_in("integrate", n.v, {n.positions("q", q), n.velocities("v", v)});
+  RowMatX<double> out(s.rows(), n.q);
+  {
+    const py::gil_scoped_release release;
+    const Tree<double> tree = make_tree(model);
+    for (long k = 0; k < s.rows(); ++k)
+      out.row(k) = integrate<double, double>(tree, s.values[0].row(k), s.values[1].row(k));
+  }
+  return s.shaped(std::move(out), {n.q});
+}
+
+py::array difference_of(const Model& model, const py::object& from, const py::object& to) {
+  const Lengths n(model);
+  const States s = states_in("difference", n.v, {n.positions("q0", from), n.positions("q1", to)});
+  RowMatX<double> out(s.rows(), n.v);
+  {
+    const py::gil_scoped_release release;
+    const Tree<double> tree = make_tree(model);
+    for (long k = 0; k < s.rows(); ++k)
+      out.row(k) = difference<double, double>(tree, s.values[0].row(k), s.values[1].row(k));
+  }
+  return s.shaped(std::move(out), {n.v});
+}
 
 py::array inverse(const Model& model, const py::object& q, const py::object& qd,
                   const py::object& qdd, bool effects, int threads) {
-  const long n = dofs(model);
-  const States s = states_in("rnea", n, {{"q", q}, {"qd", qd}, {"qdd", qdd}});
+  const Lengths n(model);
+  const States s = states_in(
+      "rnea", n.v, {n.positions("q", q), n.velocities("qd", qd), n.velocities("qdd", qdd)});
   RowMatX<double> tau;
   {
     const py::gil_scoped_release release;
@@ -31,14 +75,15 @@ py::array inverse(const Model& model, const py::object& q, const py::object& qd,
                   : rnea_batch(make_tree(model), s.values[0], s.values[1], s.values[2],
                                {.num_threads = threads, .instruction_set = ""});
   }
-  return s.shaped(std::move(tau), {n});
+  return s.shaped(std::move(tau), {n.v});
 }
 
 py::array forward(const Model& model, const py::object& q, const py::object& qd,
                   const py::object& tau, bool effects, int threads) {
-  const long n = dofs(model);
-  const States s = states_in("aba", n, {{"q", q}, {"qd", qd}, {"tau", tau}});
-  RowMatX<double> qdd(s.rows(), n);
+  const Lengths n(model);
+  const States s = states_in(
+      "aba", n.v, {n.positions("q", q), n.velocities("qd", qd), n.velocities("tau", tau)});
+  RowMatX<double> qdd(s.rows(), n.v);
   {
     const py::gil_scoped_release release;
     if (effects) {
@@ -60,25 +105,27 @@ py::array forward(const Model& model, const py::object& q, const py::object& qd,
     for (const ModelIssue& issue : check_model(model))
       if (issue.text.find("no inertia") != std::string::npos)
         throw ModelError("aba: link '" + issue.link + "': " + issue.text);
-  return s.shaped(std::move(qdd), {n});
+  return s.shaped(std::move(qdd), {n.v});
 }
 
 py::array torque_regressor_of(const Model& model, const py::object& q, const py::object& qd,
                               const py::object& qdd, int threads) {
-  const long n = dofs(model);
-  const States s = states_in("regressor", n, {{"q", q}, {"qd", qd}, {"qdd", qdd}});
+  const Lengths n(model);
+  const States s = states_in(
+      "regressor", n.v, {n.positions("q", q), n.velocities("qd", qd), n.velocities("qdd", qdd)});
   RowMatX<double> Y;
   {
     const py::gil_scoped_release release;
     Y = regressor_batch(make_tree(model), s.values[0], s.values[1], s.values[2],
                         {.num_threads = threads, .instruction_set = ""});
   }
-  return s.shaped(std::move(Y), {n, kThetaSize * static_cast<long>(tree_links(model).size())});
+  return s.shaped(std::move(Y), {n.v, kThetaSize * static_cast<long>(tree_links(model).size())});
 }
 
 py::array mass_matrix_of(const Model& model, const py::object& q) {
-  const long n = dofs(model);
-  const States s = states_in("mass_matrix", n, {{"q", q}});
+  const Lengths lengths(model);
+  const long n = lengths.v;
+  const States s = states_in("mass_matrix", n, {lengths.positions("q", q)});
   RowMatX<double> out(s.rows() * n, n);
   {
     const py::gil_scoped_release release;
@@ -92,8 +139,9 @@ py::array mass_matrix_of(const Model& model, const py::object& q) {
 }
 
 py::array gravity_torques_of(const Model& model, const py::object& q) {
-  const long n = dofs(model);
-  const States s = states_in("gravity_torques", n, {{"q", q}});
+  const Lengths lengths(model);
+  const long n = lengths.v;
+  const States s = states_in("gravity_torques", n, {lengths.positions("q", q)});
   RowMatX<double> tau;
   {
     const py::gil_scoped_release release;
@@ -105,8 +153,11 @@ py::array gravity_torques_of(const Model& model, const py::object& q) {
 
 py::tuple inverse_derivatives(const Model& model, const py::object& q, const py::object& qd,
                               const py::object& qdd) {
-  const long n = dofs(model);
-  const States s = states_in("rnea_derivatives", n, {{"q", q}, {"qd", qd}, {"qdd", qdd}});
+  const Lengths lengths(model);
+  const long n = lengths.v;
+  const States s = states_in(
+      "rnea_derivatives", n,
+      {lengths.positions("q", q), lengths.velocities("qd", qd), lengths.velocities("qdd", qdd)});
   RowMatX<double> dq(s.rows() * n, n), dqd(s.rows() * n, n), M(s.rows() * n, n);
   {
     const py::gil_scoped_release release;
@@ -159,7 +210,7 @@ void write_pose(const Pose<double>& X, double* out) {
 
 py::array frame_pose_of(const Model& model, const std::string& frame, const py::object& q) {
   const FramePlace place = find_frame(model, frame);
-  const States s = states_in("frame_pose", dofs(model), {{"q", q}});
+  const States s = states_in("frame_pose", -1, {Lengths(model).positions("q", q)});
   RowMatX<double> out(s.rows(), 16);
   {
     const py::gil_scoped_release release;
@@ -195,7 +246,9 @@ struct FrameMotionArrays {
 FrameMotionArrays frame_motion_of(const Model& model, const std::string& frame, const py::object& q,
                                   const py::object& qd, const py::object& qdd) {
   const FramePlace place = find_frame(model, frame);
-  const States s = states_in("frame_motion", dofs(model), {{"q", q}, {"qd", qd}, {"qdd", qdd}});
+  const Lengths n(model);
+  const States s = states_in(
+      "frame_motion", n.v, {n.positions("q", q), n.velocities("qd", qd), n.velocities("qdd", qdd)});
   RowMatX<double> pose(s.rows(), 16), v(s.rows(), 3), w(s.rows(), 3), a(s.rows(), 3),
       alpha(s.rows(), 3);
   {
@@ -221,8 +274,9 @@ FrameMotionArrays frame_motion_of(const Model& model, const std::string& frame, 
 
 py::array frame_jacobian_of(const Model& model, const std::string& frame, const py::object& q) {
   const FramePlace place = find_frame(model, frame);
-  const long n = dofs(model);
-  const States s = states_in("frame_jacobian", n, {{"q", q}});
+  const Lengths lengths(model);
+  const long n = lengths.v;
+  const States s = states_in("frame_jacobian", n, {lengths.positions("q", q)});
   RowMatX<double> out(s.rows() * 6, n);
   {
     const py::gil_scoped_release release;
@@ -241,37 +295,66 @@ py::array frame_jacobian_of(const Model& model, const std::string& frame, const 
 }  // namespace
 
 void bind_dynamics(py::module_& m) {
-  m.def("rnea", &inverse, "model"_a, py::kw_only(), "q"_a, "qd"_a, "qdd"_a, "effects"_a = false,
-        "threads"_a = 1,
-        "Joint torques [N·m] that produce ``qdd`` at ``(q, qd)``: inverse dynamics, rotor inertia "
-        "included.\n\n"
-        "``q`` [rad], ``qd`` [rad/s], ``qdd`` [rad/s²] ([m …] and [N] where prismatic): (n,), or "
-        "(T, n) with one\n"
-        "state a row; the result has the same shape. ``effects=True`` adds friction, springs, "
-        "offsets and payloads\n"
-        "of the model: what the drives' sensors read. ``threads``: rows are divided among as many "
-        "(without effects).");
-  m.def("aba", &forward, "model"_a, py::kw_only(), "q"_a, "qd"_a, "tau"_a, "effects"_a = false,
-        "threads"_a = 1,
-        "Joint accelerations [rad/s²] under torques ``tau`` [N·m] at ``(q, qd)``: forward "
-        "dynamics.\n\n"
-        "Shapes (n,) or (T, n), as for :func:`rnea`, whose inverse it is. ``effects=True``: "
-        "friction, springs and\n"
-        "offsets of the model act too.");
-  m.def("regressor", &torque_regressor_of, "model"_a, py::kw_only(), "q"_a, "qd"_a, "qdd"_a,
-        "threads"_a = 1,
-        "Y(q, qd, qdd), (n, 10 links) or (T, n, 10 links): ``rnea`` = Y @ "
-        "model.inertial_parameters + "
-        "armature * qdd.\n\n"
-        "Row units [N·m] per [kg, kg·m, kg·m²]. Reads the tree's geometry, not its inertias.");
-  m.def("mass_matrix", &mass_matrix_of, "model"_a, py::kw_only(), "q"_a,
-        "M(q), (n, n) or (T, n, n), rotor inertia on the diagonal [kg·m²; kg where prismatic].");
+  m.def(
+      "rnea", &inverse, "model"_a, py::kw_only(), "q"_a, "qd"_a, "qdd"_a, "effects"_a = false,
+      "threads"_a = 1,
+      "Joint torques [N·m] that produce ``qdd`` at ``(q, qd)``: inverse dynamics, rotor inertia "
+      "included.\n\n"
+      "``q`` [rad], ``qd`` [rad/s], ``qdd`` [rad/s²] ([m …] and [N] where prismatic): (n,), or "
+      "(T, n) with one\n"
+      "state a row; the result has the same shape. ``effects=True`` adds friction, springs, "
+      "offsets and payloads\n"
+      "of the model: what the drives' sensors read. ``threads``: rows are divided among as many "
+      "(without effects).\n\n"
+      "With a free base (``model.free_base``) ``q`` is (7 + n,): the base's position [m] and its "
+      "unit quaternion\n"
+      "``[x y z qx qy qz qw]``, then the joints. ``qd``, ``qdd`` and the result are (6 + n,): the "
+      "base's twist\n"
+      "``[ω; v]`` [rad/s, m/s], its derivative and the wrench ``[τ; f]`` [N·m, N] that it needs, "
+      "all about the\n"
+      "base's origin in the base's axes, then the joints. (ẍ of that origin is R (v̇ + ω×v).) "
+      "Effects are not\n"
+      "served there.");
+  m.def(
+      "aba", &forward, "model"_a, py::kw_only(), "q"_a, "qd"_a, "tau"_a, "effects"_a = false,
+      "threads"_a = 1,
+      "Joint accelerations [rad/s²] under torques ``tau`` [N·m] at ``(q, qd)``: forward "
+      "dynamics.\n\n"
+      "Shapes (n,) or (T, n), as for :func:`rnea`, whose inverse it is; the wrench on a free base "
+      "is zero in the air.\n"
+      "``effects=True``: friction, springs and offsets of the model act too.");
+  m.def(
+      "regressor", &torque_regressor_of, "model"_a, py::kw_only(), "q"_a, "qd"_a, "qdd"_a,
+      "threads"_a = 1,
+      "Y(q, qd, qdd), (n, 10 links) or (T, n, 10 links): ``rnea`` = Y @ "
+      "model.inertial_parameters + "
+      "armature * qdd.\n\n"
+      "Row units [N·m] per [kg, kg·m, kg·m²]. Reads the tree's geometry, not its inertias. With a "
+      "free base\n(6 + n, 10 links): rows of the wrench on it and columns of its inertia come "
+      "first.");
+  m.def(
+      "mass_matrix", &mass_matrix_of, "model"_a, py::kw_only(), "q"_a,
+      "M(q), (n, n) or (T, n, n), rotor inertia on the diagonal [kg·m²; kg where prismatic]. With "
+      "a free base\n(6 + n, 6 + n), its twist first.");
   m.def("gravity_torques", &gravity_torques_of, "model"_a, py::kw_only(), "q"_a,
-        "Torques [N·m] that hold the robot still at ``q``: (n,) or (T, n).");
+        "Torques [N·m] that hold the robot still at ``q``: (n,) or (T, n); of a free base the "
+        "wrench first, (6 + n,).");
+  m.def(
+      "integrate", &integrate_of, "model"_a, py::kw_only(), "q"_a, "v"_a,
+      "Positions after a step ``v`` = velocity times duration: q + v, and of a free base the pose "
+      "X exp(V).\n\n"
+      "``q``: (n,) or (T, n), with a free base (7 + n,); ``v``: (n,), with a free base (6 + n,). "
+      "Returns the shape\nof ``q``, the quaternion with norm 1.");
+  m.def("difference", &difference_of, "model"_a, py::kw_only(), "q0"_a, "q1"_a,
+        "The ``v`` with ``integrate(model, q=q0, v=v) == q1``: (n,) or (T, n), with a free base "
+        "(6 + n,); turns by\nat most π.");
   m.def("rnea_derivatives", &inverse_derivatives, "model"_a, py::kw_only(), "q"_a, "qd"_a, "qdd"_a,
         "Derivatives of :func:`rnea` with respect to q [N·m/rad], qd [N·m·s/rad] and qdd (the mass "
         "matrix).\n\n"
-        "Three arrays (n, n) or (T, n, n); row: torque, column: joint. Effects are not in them.");
+        "Three arrays (n, n) or (T, n, n); row: torque, column: joint. Effects are not in them. "
+        "With a "
+        "free base\n(6 + n, 6 + n); derivatives by the base's pose are those by the ``v`` of "
+        ":func:`integrate`.");
   value_type<FrameMotionArrays>(m);
   m.def("frame_pose", &frame_pose_of, "model"_a, "frame"_a, py::kw_only(), "q"_a,
         "Pose of a frame or link in the world, (4, 4) or (T, 4, 4); position [m].");
@@ -281,7 +364,7 @@ void bind_dynamics(py::module_& m) {
         "not in them.");
   m.def("frame_jacobian", &frame_jacobian_of, "model"_a, "frame"_a, py::kw_only(), "q"_a,
         "J, (6, n) or (T, 6, n), with [angular velocity; velocity of the origin] = J qd, in the "
-        "world.");
+        "world; (6, 6 + n) with\na free base.");
 }
 
 }  // namespace diffnea::python

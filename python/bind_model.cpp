@@ -37,7 +37,8 @@ struct LinkView {
     list.field("name", &LinkView::name, "The link's name.");
     list.field("parent", &LinkView::parent, "Name of the parent link; empty: the ground.");
     list.field("joint", &LinkView::joint, "Name of the joint to the parent.");
-    list.field("type", &LinkView::type, "``revolute``, ``prismatic`` or ``fixed``.");
+    list.field("type", &LinkView::type,
+               "``revolute``, ``prismatic`` or ``fixed``; ``floating`` of a free base.");
     list.field("passive", &LinkView::passive, "The joint's torque is known to be zero.");
     list.field("mass", &LinkView::mass, "Of the link.", {.unit = "kg"});
     list.field("com", &LinkView::com, "(3,) centre of mass in the link's frame.", {.unit = "m"});
@@ -53,11 +54,12 @@ struct LinkView {
 /// Inertia about the centre of mass: I_c = I_o − m (|c|² 1 − c cᵀ).
 LinkView view(const Model& model, const ModelLink& link) {
   static constexpr const char* kTypes[] = {"fixed", "revolute", "prismatic"};
+  const bool floats = model.free_base && &link == &model.links[0];
   LinkView out;
   out.name = link.name;
   out.parent = link.parent < 0 ? "" : model.links[static_cast<std::size_t>(link.parent)].name;
   out.joint = link.joint;
-  out.type = kTypes[static_cast<std::size_t>(link.type)];
+  out.type = floats ? "floating" : kTypes[static_cast<std::size_t>(link.type)];
   out.passive = link.passive;
   const SpatialInertia<double>& b = link.inertia;
   out.mass = b.m;
@@ -97,8 +99,8 @@ std::string model_repr(const Model& model) {
   const py::str gravity =
       py::repr(py::make_tuple(model.gravity.x, model.gravity.y, model.gravity.z));
   return "Model(" + std::string(py::repr(py::str(model.name))) + ": " +
-         std::to_string(joints.size()) + " joints [" + list(joints) + "], " +
-         std::to_string(model.links.size()) + " links, " +
+         (model.free_base ? "free base, " : "") + std::to_string(joints.size()) + " joints [" +
+         list(joints) + "], " + std::to_string(model.links.size()) + " links, " +
          std::string(py::str("{:.4g}").format(mass)) + " kg, effects [" + list(counted) +
          "], gravity " + std::string(gravity) + ")";
 }
@@ -240,6 +242,25 @@ void bind_model(py::module_& m) {
       .def_property_readonly(
           "num_joints", [](const Model& x) { return moving_links(x).size(); },
           "Number n of degrees of freedom: moving joints that follow no other.")
+      .def_property_readonly(
+          "free_base",
+          [](const Model& x) -> py::object {
+            return x.free_base ? py::object(py::str(x.links[0].name)) : py::none();
+          },
+          "Name of the link that the robot floats on; None where the base is fixed.")
+      .def_property_readonly(
+          "num_positions",
+          [](const Model& x) {
+            return moving_links(x).size() + (x.free_base ? kBasePositions : 0);
+          },
+          "Length of ``q``: n; with a free base 7 + n, its pose ``[x y z qx qy qz qw]`` first.")
+      .def_property_readonly(
+          "num_velocities",
+          [](const Model& x) {
+            return moving_links(x).size() + (x.free_base ? kBaseVelocities : 0);
+          },
+          "Length of ``qd``, ``qdd`` and ``tau``: n; with a free base 6 + n, its twist ``[ω; v]``, "
+          "in its own\nframe, first.")
       .def_property_readonly("joint_names", &joint_names,
                              "Names of those joints; arrays (…, n) have this order.")
       .def_property_readonly("followers", &followers,
@@ -313,12 +334,15 @@ void bind_model(py::module_& m) {
 
   m.def(
       "_read_model",
-      [](const std::filesystem::path& path, bool fix_base, bool open_loops, bool allow_outside) {
-        return read_model_or_run(
-            path, {.fix_base = fix_base, .open_loops = open_loops, .allow_outside = allow_outside});
+      [](const std::filesystem::path& path, bool fix_base, bool free_base, bool open_loops,
+         bool allow_outside) {
+        return read_model_or_run(path, {.fix_base = fix_base,
+                                        .free_base = free_base,
+                                        .open_loops = open_loops,
+                                        .allow_outside = allow_outside});
       },
-      "path"_a, "fix_base"_a = false, "open_loops"_a = false, "allow_outside"_a = false,
-      py::call_guard<py::gil_scoped_release>());
+      "path"_a, "fix_base"_a = false, "free_base"_a = false, "open_loops"_a = false,
+      "allow_outside"_a = false, py::call_guard<py::gil_scoped_release>());
   m.def("_find_model_file", &find_model_file, "name"_a, "extensions"_a);
   m.def("effects", &effect_catalogue,
         "The effects there are: a list of dicts, those of ``diffnea effects --json``: effect, "

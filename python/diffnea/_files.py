@@ -43,6 +43,7 @@ def load_model(
     path: StrPath,
     *,
     fix_base: bool = False,
+    free_base: bool = False,
     open_loops: bool = False,
     allow_outside: bool = False,
 ) -> Model:
@@ -54,6 +55,8 @@ def load_model(
     Args:
         path: a file, a name, or the folder of a run.
         fix_base: fix a floating base where the file has it, as if the robot hung there.
+        free_base: let the root of a URDF or JSON float, which most descriptions of legged robots
+            leave to the user.
         open_loops: leave out an MJCF's equality constraints and a URDF's mimic tags: coupled
             joints move alone, and the forces of the coupling are missing.
         allow_outside: let an MJCF name files outside its folder.
@@ -63,7 +66,11 @@ def load_model(
     if not Path(name).exists() and os.sep not in name:
         path = models.path(name)
     return _read_model(
-        Path(path), fix_base=fix_base, open_loops=open_loops, allow_outside=allow_outside
+        Path(path),
+        fix_base=fix_base,
+        free_base=free_base,
+        open_loops=open_loops,
+        allow_outside=allow_outside,
     )
 
 
