@@ -7,6 +7,9 @@
 #include <cstdio>
 #include <fstream>
 #include <functional>
+#include <initializer_list>
+#include <memory>
+#include <stdexcept>
 #include <string>
 #include <time.h>
 #include <vector>
@@ -22,7 +25,7 @@
 #include "benchmarks/pinocchio_peer.hpp"
 #endif
 #include "support/mujoco_tree.hpp"
-#include "support/random_arm.hpp"
+#include "support/random_floating.hpp"
 
 using namespace diffnea;
 using namespace diffnea::test;
@@ -56,6 +59,61 @@ void run_round(Timed& timed) {
   for (int k = 0; k < calls; ++k) timed.call(k % kStates);
   timed.rounds.push_back((thread_seconds() - begin) * 1e9 / (calls * timed.states_per_call));
 }
+
+/// A robot on a free base, its limbs as chains of joints about z: one entry a limb, its joints.
+struct Floating {
+  Floating(Rng& rng, std::initializer_list<int> limbs) : tree(free_base_tree(random_inertia(rng))) {
+    tree.gravity = {0, 0, -9.81};
+    for (const int joints : limbs)
+      for (int k = 0; k < joints; ++k)
+        add_link(tree, {.parent = k == 0 ? 0 : tree.num_links() - 1,
+                        .X_PJ = random_pose(rng),
+                        .inertia = random_inertia(rng),
+                        .armature = 0.1});
+    for (int k = 0; k < kStates; ++k) {
+      const int n = tree.num_velocities();
+      q.push_back(random_positions(rng, tree));
+      v.push_back(random_vector(rng, n));
+      vd.push_back(random_vector(rng, n, 5.0));
+      tau.push_back(random_vector(rng, n, 10.0));
+    }
+  }
+  Tree<double> tree;
+  std::vector<VecX<double>> q, v, vd, tau;
+  RneaWorkspace<double, double> rnea_ws;
+  AbaWorkspace<double, double> aba_ws;
+};
+
+#ifdef DIFFNEA_HAS_PINOCCHIO
+PinocchioPeer peer_of(const Tree<double>& tree) {
+  std::vector<PeerLink> links;
+  for (const Link<double>& link : tree.links) {
+    const Vec3<double> p = link.X_PJ.p, c = link.inertia.h * (1.0 / link.inertia.m);
+    const Mat3<double> Rt = transpose(link.X_PJ.R), I = full(inertia_about_com(link.inertia));
+    PeerLink peer{link.parent,     {}, {p.x, p.y, p.z}, link.inertia.m,
+                  {c.x, c.y, c.z}, {}, link.armature};
+    for (int k = 0; k < 3; ++k) {
+      std::ranges::copy(std::array{Rt.col[k].x, Rt.col[k].y, Rt.col[k].z}, peer.R_PJ + 3 * k);
+      std::ranges::copy(std::array{I.col[k].x, I.col[k].y, I.col[k].z}, peer.I_com + 3 * k);
+    }
+    links.push_back(peer);
+  }
+  return PinocchioPeer(links, tree.free_base);
+}
+
+/// Halves of the base's six numbers exchanged: Pinocchio has the linear one first.
+VecX<double> linear_first(VecX<double> x) {
+  x.head<3>().swap(x.segment<3>(3));
+  return x;
+}
+
+/// A comparison of times means something if the numbers are the same.
+void require_same(const VecX<double>& ours, const double* theirs) {
+  const Eigen::Map<const VecX<double>> other(theirs, ours.size());
+  if (!((ours - other).norm() < 1e-9 * other.norm()))
+    throw std::runtime_error("the peer computes something else");
+}
+#endif
 
 std::string processor() {
   std::ifstream file("/proc/cpuinfo");
@@ -142,28 +200,11 @@ int main() {
   }
 
 #ifdef DIFFNEA_HAS_PINOCCHIO
-  std::vector<PeerLink> peer_links;
-  for (const Link<double>& link : tree.links) {
-    const Vec3<double> p = link.X_PJ.p, c = link.inertia.h * (1.0 / link.inertia.m);
-    const Mat3<double> Rt = transpose(link.X_PJ.R), I = full(inertia_about_com(link.inertia));
-    PeerLink peer{link.parent,     {}, {p.x, p.y, p.z}, link.inertia.m,
-                  {c.x, c.y, c.z}, {}, link.armature};
-    for (int k = 0; k < 3; ++k) {
-      std::ranges::copy(std::array{Rt.col[k].x, Rt.col[k].y, Rt.col[k].z}, peer.R_PJ + 3 * k);
-      std::ranges::copy(std::array{I.col[k].x, I.col[k].y, I.col[k].z}, peer.I_com + 3 * k);
-    }
-    peer_links.push_back(peer);
-  }
-  PinocchioPeer peer(peer_links);
+  PinocchioPeer peer = peer_of(tree);
   const std::string by = std::string("Pinocchio ") + PinocchioPeer::version();
-  for (int k = 0; k < kStates;
-       ++k) {  // a comparison of times means something if the numbers are the same
-    const Eigen::Map<const VecX<double>> their_qdd(
-        peer.aba(q[k].data(), qd[k].data(), tau[k].data()), kJoints);
-    const double error =
-        (aba(tree, q[k], qd[k], tau[k], aba_ws) - their_qdd).norm() / their_qdd.norm();
-    if (!(error < 1e-9)) throw std::runtime_error("the peer computes something else");
-  }
+  for (int k = 0; k < kStates; ++k)
+    require_same(aba(tree, q[k], qd[k], tau[k], aba_ws),
+                 peer.aba(q[k].data(), qd[k].data(), tau[k].data()));
   add("RNEA", by, [&](int k) { peer.rnea(q[k].data(), qd[k].data(), qdd[k].data()); });
   add("ABA", by, [&](int k) { peer.aba(q[k].data(), qd[k].data(), tau[k].data()); });
   add("mass matrix", by, [&](int k) { peer.mass_matrix(q[k].data()); });
@@ -175,6 +216,41 @@ int main() {
       [&](int k) { peer.torque_regressor(q[k].data(), qd[k].data(), qdd[k].data()); });
 #endif
 
+  // Legs, arms, waist and head; and four legs.
+  Floating humanoid(rng, {6, 6, 7, 7, 3, 1}), quadruped(rng, {3, 3, 3, 3});
+  const std::pair<std::string, Floating*> floating[] = {{"humanoid, 6 + 30", &humanoid},
+                                                        {"quadruped, 6 + 12", &quadruped}};
+  for (const auto& [name, robot] : floating) {
+    add("RNEA, " + name, "diffnea",
+        [r = robot](int k) { rnea(r->tree, r->q[k], r->v[k], r->vd[k], r->rnea_ws); });
+    add("ABA, " + name, "diffnea",
+        [r = robot](int k) { aba(r->tree, r->q[k], r->v[k], r->tau[k], r->aba_ws); });
+  }
+#ifdef DIFFNEA_HAS_PINOCCHIO
+  std::vector<std::shared_ptr<PinocchioPeer>> peers;
+  std::vector<std::shared_ptr<Floating>> theirs;  // the same states in its order
+  for (const auto& [name, robot] : floating) {
+    peers.emplace_back(new PinocchioPeer(peer_of(robot->tree)));
+    theirs.push_back(std::make_shared<Floating>(*robot));
+    Floating& r = *theirs.back();
+    PinocchioPeer& p = *peers.back();
+    for (auto* list : {&r.v, &r.vd, &r.tau})
+      for (VecX<double>& x : *list) x = linear_first(x);
+    for (int k = 0; k < kStates; ++k) {
+      require_same(
+          linear_first(aba(robot->tree, robot->q[k], robot->v[k], robot->tau[k], robot->aba_ws)),
+          p.aba(r.q[k].data(), r.v[k].data(), r.tau[k].data()));
+      require_same(
+          linear_first(rnea(robot->tree, robot->q[k], robot->v[k], robot->vd[k], robot->rnea_ws)),
+          p.rnea(r.q[k].data(), r.v[k].data(), r.vd[k].data()));
+    }
+    add("RNEA, " + name, by,
+        [&r, &p](int k) { p.rnea(r.q[k].data(), r.v[k].data(), r.vd[k].data()); });
+    add("ABA, " + name, by,
+        [&r, &p](int k) { p.aba(r.q[k].data(), r.v[k].data(), r.tau[k].data()); });
+  }
+#endif
+
   for (int round = 0; round < kRounds; ++round)
     for (Timed& timed : table) run_round(timed);
 
@@ -182,12 +258,12 @@ int main() {
       "%s; MuJoCo %s; %d joints; median of %d rounds, thread CPU time; ratio to diffnea's scalar "
       "call\n",
       processor().c_str(), mj_versionString(), kJoints, kRounds);
-  std::printf("%-18s %-26s %10s %8s\n", "call", "by", "ns", "ratio");
+  std::printf("%-23s %-26s %10s %8s\n", "call", "by", "ns", "ratio");
   for (const Timed& ours : table) {
     if (ours.name != "diffnea") continue;
     for (const Timed& other : table)
       if (other.group == ours.group)
-        std::printf("%-18s %-26s %10.0f %8.2f\n", other.group.c_str(), other.name.c_str(),
+        std::printf("%-23s %-26s %10.0f %8.2f\n", other.group.c_str(), other.name.c_str(),
                     other.median(), other.median() / ours.median());
   }
 }

@@ -22,24 +22,28 @@ struct PinocchioPeer::Impl {
   pinocchio::Data data;
   Vector q, qd, x;
 
-  static pinocchio::Model build(const std::vector<PeerLink>& links) {
+  static pinocchio::Model build(const std::vector<PeerLink>& links, bool free_base) {
     pinocchio::Model model;
     for (std::size_t i = 0; i < links.size(); ++i) {
       const PeerLink& l = links[i];
       const pinocchio::SE3 placement(Eigen::Map<const Row3>(l.R_PJ),
                                      Eigen::Map<const Eigen::Vector3d>(l.p_PJ));
-      const auto id = model.addJoint(static_cast<pinocchio::JointIndex>(l.parent + 1),
-                                     pinocchio::JointModelRZ(), placement, "j" + std::to_string(i));
+      const auto parent = static_cast<pinocchio::JointIndex>(l.parent + 1);
+      const std::string name = "j" + std::to_string(i);
+      const auto id =
+          free_base && i == 0
+              ? model.addJoint(parent, pinocchio::JointModelFreeFlyer(), placement, name)
+              : model.addJoint(parent, pinocchio::JointModelRZ(), placement, name);
       model.appendBodyToJoint(id,
                               pinocchio::Inertia(l.mass, Eigen::Map<const Eigen::Vector3d>(l.p_com),
                                                  Eigen::Map<const Row3>(l.I_com)));
     }
-    for (std::size_t i = 0; i < links.size(); ++i)
-      model.armature[static_cast<Eigen::Index>(i)] = links[i].armature;
+    for (std::size_t i = free_base ? 1 : 0; i < links.size(); ++i)
+      model.armature[model.joints[i + 1].idx_v()] = links[i].armature;
     return model;
   }
-  explicit Impl(const std::vector<PeerLink>& links)
-      : model(build(links)), data(model), q(model.nq), qd(model.nv), x(model.nv) {}
+  Impl(const std::vector<PeerLink>& links, bool free_base)
+      : model(build(links, free_base)), data(model), q(model.nq), qd(model.nv), x(model.nv) {}
 
   void set(const double* q_in, const double* qd_in, const double* x_in) {
     q = Eigen::Map<const Vector>(q_in, model.nq);
@@ -48,7 +52,8 @@ struct PinocchioPeer::Impl {
   }
 };
 
-PinocchioPeer::PinocchioPeer(const std::vector<PeerLink>& links) : impl_(new Impl(links)) {}
+PinocchioPeer::PinocchioPeer(const std::vector<PeerLink>& links, bool free_base)
+    : impl_(new Impl(links, free_base)) {}
 PinocchioPeer::~PinocchioPeer() = default;
 
 const double* PinocchioPeer::rnea(const double* q, const double* qd, const double* qdd) {

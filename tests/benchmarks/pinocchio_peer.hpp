@@ -6,7 +6,7 @@
 
 namespace diffnea::test {
 
-/// One link of a chain or tree whose joints all turn about z.
+/// One link of a chain or tree whose joints all turn about z, but for a free base.
 struct PeerLink {
   int parent;
   double R_PJ[9], p_PJ[3];  ///< row-major
@@ -15,7 +15,9 @@ struct PeerLink {
 
 class PinocchioPeer {
  public:
-  explicit PinocchioPeer(const std::vector<PeerLink>& links);  ///< gravity −9.81 along z
+  /// Gravity −9.81 along z. @param free_base  link 0 floats: q as ours, its twist and wrench with
+  /// the linear half first
+  explicit PinocchioPeer(const std::vector<PeerLink>& links, bool free_base = false);
   ~PinocchioPeer();
   /// Results stay readable until the next call.
   const double* rnea(const double* q, const double* qd, const double* qdd);
