@@ -1,5 +1,6 @@
 #include <diffnea/core/error.hpp>
 #include <diffnea/effects/extended_tree.hpp>
+#include <diffnea/model/free_base.hpp>
 
 namespace diffnea {
 
@@ -26,6 +27,7 @@ RowMatX<double> inverse_dynamics(const ExtendedTree& model,
                                  const Eigen::Ref<const RowMatX<double>>& qdd, int run,
                                  const VecX<double>* time) {
   const int n = model.tree.num_dofs();
+  require_fixed_base("inverse_dynamics", model.tree);
   require_size("inverse_dynamics: columns of q", q.cols(), n, "joint");
   for (const auto* m : {&qd, &qdd}) {
     require_size("inverse_dynamics: columns", m->cols(), n, "joint");

@@ -3,6 +3,7 @@
 #include <diffnea/core/error.hpp>
 #include <diffnea/effects/forward_dynamics.hpp>
 #include <diffnea/effects/stepping.hpp>
+#include <diffnea/model/free_base.hpp>
 
 #include "core/decompositions.hpp"
 
@@ -43,6 +44,7 @@ ForwardDynamics::ForwardDynamics(ExtendedTree model)
       solution_(n_),
       by_qdd_(n_, n_),
       by_links_(n_, n_) {
+  require_fixed_base("forward dynamics with effects", model_.tree);
   aba_ws_.qdd.resize(n_);
   for (const BoundEffect& e : model_.series)
     throw ModelError("forward dynamics: " + e.info().name + " at '" + e.where +

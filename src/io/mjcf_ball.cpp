@@ -114,6 +114,13 @@ std::vector<bool> left_out_bodies(const mjModel& m, const Mjcf& mjcf) {
   }
   for (int b = 1; b < m.nbody; ++b) {
     const int parent = m.body_parentid[b];
+    if (base >= 0 && parent == 0 && b != base && moves[b] && !is_ball(b)) {
+      const std::string floats = body_name(m, base), beside = body_name(m, b);
+      throw ModelError(mjcf.where + ": body '" + floats + "'" + mjcf.line_of("body", floats) +
+                       " is free, and '" + beside + "'" + mjcf.line_of("body", beside) +
+                       " moves beside it: a robot that floats hangs on one base; --fix-base "
+                       "(fix_base=True) reads what is free as fixed where the file has it");
+    }
     const bool stands = base >= 0 && parent == 0 && !moves[b];
     out[b] = (parent > 0 && out[parent]) || is_ball(b) || stands;
   }

@@ -154,7 +154,8 @@ TEST_CASE("free base: what floats elsewhere, or beside others, is refused by nam
       Case{floating("<inertial><mass value='1'/><inertia ixx='1' iyy='1' izz='1' ixy='0' ixz='0' "
                     "iyz='0'/></inertial>"),
            "has a mass"},
-      Case{mjcf("<body name='door'><joint/><geom size='1'/></body>"), "'door'"},
+      Case{mjcf("<body name='door'><joint/><geom size='1'/></body>"),
+           "body 'trunk' (line 2) is free, and 'door' (line 2) moves beside it"},
       Case{mjcf("<body name='cart'><freejoint/><geom size='1'/></body>"),
            "bodies 'cart' (line 2) and 'trunk' (line 2) are free"},
       Case{mjcf("<body name='ball'><freejoint/><geom size='.1'/></body>"), "ball"},

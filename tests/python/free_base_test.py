@@ -171,6 +171,47 @@ def test_a_step_and_its_difference(walker: package.Model) -> None:
     assert np.array_equal(package.integrate(hinge, q=x, v=x + 1), x + 1)
 
 
+def flight(walker: package.Model, seed: int) -> tuple[np.ndarray, ...]:
+    """Tumble through the air with the joints driven: states, accelerations, and torques."""
+    rng = np.random.default_rng(seed)
+    q, v = states(1)[0][0], rng.normal(size=9)
+    amplitude, rate, phase = rng.normal(size=3), rng.uniform(5, 20, 3), rng.uniform(0, 6, 3)
+    step, rows = 2e-3, []
+    for k in range(300):
+        force = np.zeros(9)
+        force[6:] = amplitude * np.sin(rate * k * step + phase)
+
+        def slope(x: np.ndarray, force: np.ndarray = force, v0: np.ndarray = q) -> np.ndarray:
+            turned = package.integrate(walker, q=v0, v=x[:9])
+            return package.aba(walker, q=turned, qd=x[9:], tau=force)
+
+        a = package.aba(walker, q=q, qd=v, tau=force)
+        rows.append((q, v, a, force))
+        middle = slope(np.concatenate([0.5 * step * v, v + 0.5 * step * a]))
+        q = package.integrate(walker, q=q, v=step * (v + 0.5 * step * a))
+        v = v + step * middle
+    return tuple(np.array(x) for x in zip(*rows, strict=True))
+
+
+def test_inertias_are_fitted_to_flights_without_a_wrench(walker: package.Model) -> None:
+    def stacked(seed: int) -> tuple[np.ndarray, np.ndarray]:
+        q, qd, qdd, tau = flight(walker, seed)
+        columns = package.regressor(walker, q=q, qd=qd, qdd=qdd)
+        return columns.reshape(-1, 40), tau.reshape(-1)
+
+    columns, tau = (np.concatenate(x) for x in zip(*map(stacked, range(4)), strict=True))
+    fitted = np.linalg.lstsq(columns, tau, rcond=1e-10)[0]
+    held_out, expected = stacked(9)
+    np.testing.assert_allclose(held_out @ fitted, expected, atol=1e-6)
+    joints = np.arange(len(expected)) % 9 >= 6
+    assert np.all(expected[~joints] == 0)  # the six rows of the base
+    # Their columns see what the joints' rows do not, the inertia of the base among it.
+    rows = np.arange(len(tau)) % 9 >= 6
+    rank = [np.linalg.matrix_rank(x, tol=1e-6) for x in (columns[rows], columns)]
+    assert rank[1] > rank[0]
+    assert abs(fitted[:40:10].sum() - MASS) < 1e-4
+
+
 def test_what_is_no_state_is_named(walker: package.Model) -> None:
     q, qd, qdd = states(4)
     with pytest.raises(package.ShapeError, match=r"rnea: q: got shape \(4, 9\), expected \(10,\)"):
