@@ -131,6 +131,17 @@ TEST_CASE("free base: dynamics are those of a base that six joints carry", "[dyn
   LinkKinematics<double> kinematics, carried;
   forward_kinematics<double, double>(robot.tree, s.free_q, s.free_v, s.free_vd, kinematics);
   forward_kinematics<double, double>(s.carried.tree, s.q, s.qd, s.qdd, carried);
+  LinkKinematics<double> from_rnea;  // whose accelerations hold gravity
+  rnea(robot.tree, s.free_q, s.free_v, s.free_vd, ws);
+  forward_kinematics<double, double>(robot.tree, ws, from_rnea);
+  for (int i = 0; i < robot.tree.num_links(); ++i) {
+    const auto &a = from_rnea.links[i], &b = kinematics.links[i];
+    CHECK_THAT(eigen(a.X_WL.p), MatrixNear(eigen(b.X_WL.p), kRoundingTol));
+    CHECK_THAT(stacked(a.V.angular, a.V.linear),
+               MatrixNear(stacked(b.V.angular, b.V.linear), kRoundingTol));
+    CHECK_THAT(stacked(a.A.angular, a.A.linear),
+               MatrixNear(stacked(b.A.angular, b.A.linear), kRoundingTol));
+  }
   const int tip = robot.tree.num_links() - 1, carried_tip = tip + OnSixJoints::kBase;
   const Pose<double> X_LF{Mat3<double>::identity(), {0.1, -0.2, 0.3}};
   const FrameMotion<double> here = frame_motion(kinematics, tip, X_LF),
