@@ -313,8 +313,8 @@ void bind_dynamics(py::module_& m) {
       "``[ω; v]`` [rad/s, m/s], its derivative and the wrench ``[τ; f]`` [N·m, N] that it needs, "
       "all about the\n"
       "base's origin in the base's axes, then the joints. (ẍ of that origin is R (v̇ + ω×v).) "
-      "Effects are not\n"
-      "served there.");
+      "Effects act at\n"
+      "its joints; those on links are refused.");
   m.def(
       "aba", &forward, "model"_a, py::kw_only(), "q"_a, "qd"_a, "tau"_a, "effects"_a = false,
       "threads"_a = 1,

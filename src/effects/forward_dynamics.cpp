@@ -31,7 +31,7 @@ ForwardDynamics::ForwardDynamics(ExtendedTree model)
     : model_(std::move(model)),
       n_(model_.tree.num_dofs()),
       gains_(torque_gains(model_.effects, n_)),
-      tau_(n_),
+      tau_(model_.tree.num_velocities()),
       q_(n_),
       qd_(n_),
       qdd_(n_),
@@ -44,14 +44,13 @@ ForwardDynamics::ForwardDynamics(ExtendedTree model)
       solution_(n_),
       by_qdd_(n_, n_),
       by_links_(n_, n_) {
-  require_fixed_base("forward dynamics with effects", model_.tree);
-  aba_ws_.qdd.resize(n_);
+  aba_ws_.qdd.resize(model_.tree.num_velocities());
   for (const BoundEffect& e : model_.series)
     throw ModelError("forward dynamics: " + e.info().name + " at '" + e.where +
                      "' depends on the past or on how the motion is measured, not on one instant; "
                      "`diffnea simulate` integrates it");
   std::erase_if(model_.effects, [](const BoundEffect& e) { return e.info().has(Trait::kGain); });
-  for (int i = 0; i < model_.tree.num_links(); ++i)
+  for (int i = model_.tree.first_joint(); i < model_.tree.num_links(); ++i)
     model_.tree.links[i].armature /= gains_[model_.tree.drive(i).dof];
   for (std::size_t k = 0; k < model_.effects.size(); ++k) {
     const BoundEffect& e = model_.effects[k];
@@ -60,6 +59,12 @@ ForwardDynamics::ForwardDynamics(ExtendedTree model)
     reads.coupled = e.info().place == Place::kJointPair || reads.joints != e.joints;
     reads_.push_back(std::move(reads));
   }
+  if (!model_.tree.free_base) return;
+  for (const BoundEffect& e : model_.effects)
+    if (reads_acceleration(e) || e.info().port != Port::kJointTorque)
+      throw ModelError("forward dynamics: " + e.info().name + " at '" + e.where +
+                       "' is not served on a robot that floats yet; --fix-base (fix_base=True) "
+                       "reads the base as fixed where the file has it");
 }
 
 void ForwardDynamics::effect_torques(const double* q, const double* qd, int run, double* tau) {
@@ -148,9 +153,11 @@ void ForwardDynamics::solve_implicit(const double* q, const double* qd, const Ve
 
 void ForwardDynamics::acceleration(const double* q, const double* qd, const double* u, int run,
                                    double* qdd) {
+  const long base = tau_.size() - n_;  // numbers of a free base, which lead
   tau_.setZero();
-  effect_torques(q, qd, run, tau_.data());
-  for (int j = 0; j < n_; ++j) tau_[j] = (u[j] - tau_[j]) / gains_[j];
+  effect_torques(q + model_.tree.num_positions() - n_, qd + base, run, tau_.data() + base);
+  for (long j = 0; j < base; ++j) tau_[j] = u[j];
+  for (int j = 0; j < n_; ++j) tau_[base + j] = (u[base + j] - tau_[base + j]) / gains_[j];
   if (implicit_.empty())
     detail::aba(model_.tree, q, qd, tau_.data(), aba_ws_, qdd);
   else
@@ -158,6 +165,7 @@ void ForwardDynamics::acceleration(const double* q, const double* qd, const doub
 }
 
 void ForwardDynamics::linearise(const double* q, const double* qd, const double* u, int run) {
+  require_fixed_base("forward dynamics with effects, linearised", model_.tree);
   for (const BoundEffect& e : model_.effects)
     if (reads_time(e) || e.info().port == Port::kLinkForce)
       throw ModelError(

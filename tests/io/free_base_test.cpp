@@ -8,6 +8,7 @@
 #include <diffnea/dynamics/aba.hpp>
 #include <diffnea/dynamics/mass_matrix.hpp>
 #include <diffnea/effects/extended_tree.hpp>
+#include <diffnea/effects/forward_dynamics.hpp>
 #include <diffnea/excite/fourier.hpp>
 #include <diffnea/identify/identify.hpp>
 #include <diffnea/io/model_info.hpp>
@@ -230,9 +231,25 @@ TEST_CASE("free base: what does not serve it yet refuses it, and names --fix-bas
     CHECK_THROWS_WITH(call(), ContainsSubstring("'trunk'") && ContainsSubstring("--fix-base"));
   };
   refuses([&] { identify(m, std::vector<Recording>{}, std::vector<Recording>{}, {}); });
-  refuses([&] { extend(m); });
   refuses([&] { random_fourier(m, {}); });
-  CHECK_NOTHROW(extend(model_of(mjcf(), {.fix_base = true})));
+  // Friction of its joints is served, what acts on links is not.
+  const ExtendedTree rubbing = extend(m);
+  Rng rng(1);
+  const RowMatX<double> q = random_positions(rng, rubbing.tree).transpose(),
+                        v = random_vector(rng, 7).transpose(), a = v;
+  RneaWorkspace<double, double> ws;
+  VecX<double> tau = rnea<double, double>(rubbing.tree, q.row(0), v.row(0), a.row(0), ws);
+  tau[6] += 1.0 * v(0, 6);  // damping of the hip
+  const RowMatX<double> with_effects = inverse_dynamics(rubbing, q, v, a);
+  CHECK_THAT(with_effects.transpose(), MatrixNear(tau, kRoundTripTol));
+  ForwardDynamics dynamics(rubbing);
+  VecX<double> found(7);
+  dynamics.acceleration(q.data(), v.data(), with_effects.data(), 0, found.data());
+  CHECK_THAT(found, MatrixNear(a.transpose(), 1e-10));
+  Model pushed = m;
+  pushed.effects.push_back(to_spec(bind({"tip_force", "tip", {}}, m)));
+  CHECK_THROWS_WITH(inverse_dynamics(extend(pushed), q, v, a), ContainsSubstring("--fix-base"));
+  CHECK_THROWS_WITH(ForwardDynamics(extend(pushed)), ContainsSubstring("--fix-base"));
 }
 
 }  // namespace io_free_base_test

@@ -26,7 +26,7 @@ ExtendedTree extend(const Model& model, const std::vector<int>& runs = {}, int r
 bool reads_time(const BoundEffect& e);
 
 /// Joint torques with all effects, one row a sample: what the sensors of the drives would read.
-/// @param q, qd, qdd  (N, n) [rad, rad/s, rad/s²] or [m …]
+/// @param q, qd, qdd  (N, n) [rad, rad/s, rad/s²] or [m …]; with a free base as for rnea_batch
 /// @param run         recording the rows belong to
 /// @param time        (N) since it began [s], for effects that read it; null: not known
 /// @return (N, n) [N·m] or [N]
