@@ -316,6 +316,9 @@ std::string urdf_with_values(const std::string& original, const std::string& whe
     limit("effort", now.limits.effort, then.limits.effort);
     if (now.passive && !now.follows) notes.push_back("joint '" + now.joint + "' is passive");
   }
+  if (model.free_base && model.links[0].joint.empty())
+    notes.push_back("that base '" + model.links[0].name +
+                    "' floats: --free-base (free_base=True) reads it so");
   for (const EffectSpec& e : model.effects)
     if (!is_joint_term(model, e)) notes.push_back(e.effect + " at " + e.where);
   for (const ModelFrame& f : model.frames) notes.push_back("frame '" + f.name + "'");

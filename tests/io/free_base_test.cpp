@@ -192,7 +192,9 @@ TEST_CASE("free base: written in any form and read back, the dynamics are the sa
   }
   // A root that was let float only floats where the document says so: a URDF keeps its own.
   const Model freed = model_of(folder, urdf(), {.free_base = true});
-  write_model(freed, folder.path() / "freed.urdf");
+  const std::vector<std::string> lost = write_model(freed, folder.path() / "freed.urdf");
+  REQUIRE(lost.size() == 1);
+  CHECK_THAT(lost[0], ContainsSubstring("'trunk' floats: --free-base"));
   CHECK_FALSE(read_model(folder.path() / "freed.urdf").free_base);
   CHECK(read_model(folder.path() / "freed.urdf", {.free_base = true}).free_base);
   write_model(freed, folder.path() / "freed.json");
