@@ -9,6 +9,7 @@
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/core/random.hpp>
+#include <diffnea/dynamics/mass_matrix.hpp>
 
 #include "core/constants.hpp"
 #include "identify/drives.hpp"
@@ -97,9 +98,31 @@ void hold_bounds_off(FitLayout& layout, VecX<double>& shape) {
   }
 }
 
-/// @param speed_share  of kSpeedShares; none: no bounds at all
+/// The layout with rotors that rule what the joints feel: behind a high gear they do. What no
+/// torque tells is begun at from the links, and from there.
+FitLayout with_heavy_rotors(FitLayout layout, const Model& model, const PositionRange& range) {
+  constexpr double kHeavy = 10.0;  // over the inertia that the links have about the joint
+  const VecX<double> q = 0.5 * (range.low + range.high);
+  MassMatrixWorkspace<double, double> ws;
+  const MatX<double> M = mass_matrix<double, double>(make_tree(model), q, ws);
+  for (FitParameter& p : layout.linear) {
+    if (p.fixed || p.effect < 0) continue;
+    const BoundEffect& e = layout.effects[static_cast<std::size_t>(p.effect)];
+    if (e.info().name != "armature") continue;
+    p.fixed = true;
+    p.prior = std::max(p.prior, kHeavy * M(e.joints.front(), e.joints.front()));
+  }
+  return layout;
+}
+
+/// Where a fit of drives begins.
+struct Start {
+  std::optional<double> speed_share{};  ///< of kSpeedShares; none: no bounds at all
+  bool heavy_rotors = false;
+};
+
 MotionBeginning beginning(const Model& model, const MotionData& data, const FitLayout& layout,
-                          double first, std::optional<double> speed_share) {
+                          double first, const Start& from) {
   MotionBeginning out;
   out.layout = layout;
   out.shape.resize(static_cast<long>(layout.shape.size()));
@@ -107,9 +130,9 @@ MotionBeginning beginning(const Model& model, const MotionData& data, const FitL
     out.shape[static_cast<long>(s)] = layout.shape[s].prior;
   const std::vector<MotionWindow> windows = cut_windows(data.train, first);
   const std::vector<bool> commanded = commanded_joints(layout);
-  if (!speed_share) hold_bounds_off(out.layout, out.shape);
+  if (!from.speed_share) hold_bounds_off(out.layout, out.shape);
   if (std::ranges::any_of(commanded, std::identity()))
-    guess_drives(model, data.train, windows, speed_share.value_or(1.0), out.layout, out.shape);
+    guess_drives(model, data.train, windows, from.speed_share.value_or(1.0), out.layout, out.shape);
   const std::vector<JointFactor> factors =
       hold_absorbed(model, data.train, windows, out.layout, out.notes);
   if (count_free(out.layout) == 0.0)
@@ -121,17 +144,15 @@ MotionBeginning beginning(const Model& model, const MotionData& data, const FitL
   const bool driven = std::ranges::any_of(data.train, [](const MotionStretch& s) {
     return s.command || s.u.cwiseAbs().maxCoeff() > 0.0;
   });
-  if (driven) out.guess = inverse_guess(out.layout, factors);
+  if (driven)
+    out.guess = inverse_guess(
+        from.heavy_rotors
+            ? with_heavy_rotors(out.layout, model, position_range(data.train, layout.num_dofs))
+            : out.layout,
+        factors);
   out.start = consistent_start(out.layout, out.scale);
   for (std::size_t k = 0; k < layout.linear.size(); ++k)
     if (out.layout.linear[k].fixed) out.start[static_cast<long>(k)] = out.layout.linear[k].prior;
-  return out;
-}
-
-/// No bounds at all, and bounds at each share of the commands' speed.
-std::vector<std::optional<double>> speed_shares() {
-  std::vector<std::optional<double>> out{std::nullopt};
-  out.insert(out.end(), std::begin(kSpeedShares), std::end(kSpeedShares));
   return out;
 }
 
@@ -144,13 +165,15 @@ MotionBeginning best_beginning(const Model& model, const MotionData& data, const
   if (std::ranges::none_of(layout.shape, [&](const FitParameter& s) {
         return !s.fixed && is_bound_of_drive(layout, s);
       }))
-    return beginning(model, data, layout, first, std::nullopt);
+    return beginning(model, data, layout, first, {});
   const MotionData some = pieces_of(data, layout, std::min(kTrial, ladder.back()));
   const VecX<double> limit = apart_limit(some);
   std::vector<std::unique_ptr<MotionClimb>> fits;
-  for (const std::optional<double> share : speed_shares()) {
+  std::vector<Start> starts{{}, {.heavy_rotors = true}};
+  for (const double share : kSpeedShares) starts.push_back({.speed_share = share});
+  for (const Start& start : starts) {
     fits.push_back(std::make_unique<MotionClimb>(
-        model, some, beginning(model, some, layout, first, share), limit, options, progress));
+        model, some, beginning(model, some, layout, first, start), limit, options, progress));
     fits.back()->begin(first);
   }
   for (const double horizon : ladder) {
