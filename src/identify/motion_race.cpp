@@ -117,7 +117,7 @@ FitLayout with_heavy_rotors(FitLayout layout, const Model& model, const Position
 
 /// Where a fit of drives begins.
 struct Start {
-  std::optional<double> speed_share{};  ///< of kSpeedShares; none: no bounds at all
+  std::optional<double> speed_share{};  ///< one of kSpeedShares; none: no bounds at all
   bool heavy_rotors = false;
 };
 
