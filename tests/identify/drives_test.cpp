@@ -146,7 +146,7 @@ TEST_CASE("identify: a servo's law from commands and positions alone, runs of tw
 }
 
 TEST_CASE("identify: a rotor that rules what the joint feels", "[identify]") {
-  Bench bench;  // of a wrist: next to nothing hangs on the gear
+  Bench bench;  // A wrist: next to nothing hangs on its gear.
   bench.mass = 0.01;
   bench.length = 0.02;
   bench.inertia = 2e-6;
