@@ -27,7 +27,7 @@ Pose<S> base_pose(const S* q) {
           {q[0], q[1], q[2]}};
 }
 
-/// @param q  x y z qx qy qz qw  @throws DataError naming the norm unless the quaternion is unit
+/// @param x, y, z, w  of the base's quaternion  @throws DataError naming the norm unless it is unit
 inline void require_unit_quaternion(const char* where, double x, double y, double z, double w) {
   const double norm = std::sqrt(x * x + y * y + z * z + w * w);
   if (std::abs(norm - 1.0) < kUnitQuaternionTol) return;

@@ -71,6 +71,7 @@ struct PositionRange {
   VecX<double> low;   ///< least
   VecX<double> high;  ///< largest
 };
+/// Range of all rows of the stretches. @param joints  number of them
 PositionRange position_range(const std::vector<MotionStretch>& stretches, long joints);
 
 /// Root mean square of the positions about their mean in each stretch, (n) [rad] or [m]: error of a
