@@ -53,8 +53,12 @@ std::vector<bool> commanded_joints(const FitLayout& layout) {
 }
 
 double largest_error(const MotionStretch& stretch, int joint, double delay, double speed) {
-  CommandPath led = *stretch.command;
-  led.limit_speed(joint, speed);
+  CommandPath limited;
+  if (speed < kNoBound) {
+    limited = *stretch.command;
+    limited.limit_speed(joint, speed);
+  }
+  const CommandPath& led = speed < kNoBound ? limited : *stretch.command;
   double most = 0.0;
   for (std::size_t k = 0; k < stretch.time.size(); ++k) {
     const double error = led.gain(joint) * std::abs(led.at(joint, stretch.time[k], delay).q -

@@ -111,7 +111,8 @@ void MotionClimb::change(FitLayout layout, const VecX<double>& x, const VecX<dou
 double MotionClimb::independent() const {
   const MotionFit& fit = fitter_->now();
   const double n = static_cast<double>(std::max(fit.samples, 1L));
-  return std::min(2.0 * fit.objective / fitter_->correlation(at_.windows), n);
+  if (!(fit.objective > 0.0)) return n;  // an exact fit
+  return std::clamp(2.0 * fit.objective / fitter_->correlation(at_.windows), 1.0, n);
 }
 
 }  // namespace diffnea

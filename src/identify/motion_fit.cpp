@@ -24,7 +24,7 @@ constexpr double kUnkept = 1e-3;
 constexpr int kStalls = 5;
 
 /// Steps like the last one that a fit may need to catch up with its rival.
-constexpr double kPatience = 3.0;
+constexpr double kPatience = 10.0;
 
 /// Cost of a set of windows: first those whose simulation blows up, whatever the others gain.
 struct Cost {

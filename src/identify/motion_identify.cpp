@@ -29,7 +29,7 @@ class MotionIdentification {
     const auto start = std::chrono::steady_clock::now();
     prepare();
     climb();
-    if (!climb_->whole() && ladder_.front() > first_) {
+    if (straight_to_whole_runs() && !climb_->whole() && !fit().interrupted) {
       ladder_ = horizons(data_.train, data_.noise, options_.motion);
       climb();
     }
@@ -125,6 +125,9 @@ class MotionIdentification {
     }
   }
 
+  /// Tells whether no horizon comes before the last one; where that falls apart, all are tried.
+  bool straight_to_whole_runs() const { return ladder_.front() > first_; }
+
   /// From horizon to horizon, as far as windows hold together.
   void climb() {
     result_.horizons.clear();
@@ -148,7 +151,8 @@ class MotionIdentification {
             format_number(100.0 * kApart * climb_->drowned()) + " % of its motion");
         break;
       }
-      if (rung == Rung::kFellBack || !climb_->whole()) say_apart(climb_->apart(), horizon, !first);
+      if ((rung == Rung::kFellBack || !climb_->whole()) && !straight_to_whole_runs())
+        say_apart(climb_->apart(), horizon, !first);
       if (rung == Rung::kFellBack) break;
       measure(horizon);
       if (!climb_->whole() || fit().interrupted) break;

@@ -236,7 +236,9 @@ std::vector<std::string> release_bounds(const Model& model, const MotionData& da
   MotionFitter without(problem, options, x, shape);
   without.fit(windows, kOnTheWay);
   std::vector<std::string> left_out;
-  if (is_enough(without.now().objective, static_cast<double>(bounds.size()))) {
+  // Runs that blow up are not in the objective: without them it would look better.
+  if (without.now().blown_up <= at.blown_up &&
+      is_enough(without.now().objective, static_cast<double>(bounds.size()))) {
     for (const std::size_t k : bounds) left_out.push_back(layout.shape[k].name);
     climb.change(layout, without.now().x, without.now().shape, std::move(windows));
   } else {
