@@ -113,6 +113,7 @@ from ._core import (
     rnea_derivatives,
 )
 from ._diagnose import Candidate, diagnose
+from ._drive import Drive
 from ._files import (
     Recordings,
     load_model,
@@ -152,6 +153,7 @@ __all__ = [
     "Constraint",
     "DataError",
     "DecimatorOptions",
+    "Drive",
     "Effect",
     "Ereps",
     "ErepsOptions",

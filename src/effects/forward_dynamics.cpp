@@ -75,6 +75,7 @@ void ForwardDynamics::effect_torques(const double* q, const double* qd, int run,
   x.qd = qd;
   x.qdd = x.tau = q;  // unread: what reads them is implicit
   x.command = command_;
+  x.step = step_;
   for (const BoundEffect& e : model_.effects)
     if (!reads_acceleration(e)) add_torque(e, model_.tree, x, e.parameters.data(), tau);
 }
@@ -85,7 +86,7 @@ void ForwardDynamics::torque_by_jets(const BoundEffect& e, int run) {
   parameters_.clear();
   for (const double p : e.parameters) parameters_.emplace_back(p);
   const JointSample<JetD> x{time_,       run,           q_.data(), qd_.data(),
-                            qdd_.data(), links_.data(), command_};
+                            qdd_.data(), links_.data(), command_,  step_};
   add_torque(e, x, parameters_.data(), effect_tau_.data());
 }
 

@@ -58,6 +58,8 @@ std::vector<JointFactor> local_factors(const Model& model, const FitLayout& layo
       for (const BoundEffect& e : layout.effects) lead_command(e, led);
     }
     x.command = s.command ? &led : nullptr;
+    const double period = s.length() / static_cast<double>(s.time.size() - 1);
+    x.step = {x.time - 0.5 * period, x.time + 0.5 * period};
     x.run = s.run;
     x.q = at.q.data();
     x.qd = at.qd.data();

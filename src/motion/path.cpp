@@ -19,6 +19,7 @@ void MotionPath::friction(const double* q, const double* qd, int run, VecX<doubl
   x.time = dynamics_.time();
   x.run = run;
   x.command = dynamics_.command();
+  x.step = dynamics_.step();
   x.q = q;
   x.qd = qd;
   x.qdd = qdd_.data();

@@ -49,39 +49,41 @@ class MotionPath {
       const double even = finest > 0.0 ? options_.max_step / finest : h;
       // Friction that follows the load has no rate that holds for all of a window.
       const bool steep = h > kMostEven * even || dynamics_.is_implicit();
+      // Commands are taken over parts of the row that depend on no motion within it.
       const double longest = std::min({longest_, h, steep ? h : even});
-      const auto enter = [&](double t) {
-        const double a = t / h;
-        dynamics_.set_time(stretch.time[row] + t);
-        u_ = ((1 - a) * stretch.u.row(static_cast<long>(row)) +
-              a * stretch.u_end.row(static_cast<long>(row)))
-                 .transpose();
-      };
-      const auto f = [&](double t, const MatX<double>& at, MatX<double>& d) {
-        enter(t);
-        slope(u_, at, d);
-      };
-      for (double t = 0.0; t < h * (1.0 - 1e-12);) {
-        // Equal parts of what is left, so that no sliver remains.
-        double step = (h - t) / std::ceil((h - t) / longest * (1.0 - 1e-12));
-        bool stiff = false;
-        if (steep) {
-          enter(t);
-          const double rate = friction_rate(A, u_, stretch.run);
-          if (step * rate > kStops) {
-            stiff = kStops < kFinest * h * rate;
-            step = stiff ? std::min(step, h * kStiff) : kStops / rate;
-          }
-        }
-        const auto at_share = [&](double share, const MatX<double>& at, MatX<double>& d) {
-          f(t + share * step, at, d);
+      const double parts = std::min(std::ceil(h / longest * (1.0 - 1e-12)), kMostParts);
+      for (double i = 0.0; i < parts; ++i) {
+        const double begin = h * i / parts, end = h * (i + 1.0) / parts;
+        const SimulationStep part{stretch.time[row] + begin, stretch.time[row] + end};
+        const auto enter = [&](double t) {
+          const double a = t / h;
+          dynamics_.set_time(stretch.time[row] + t, part);
+          u_ = ((1 - a) * stretch.u.row(static_cast<long>(row)) +
+                a * stretch.u_end.row(static_cast<long>(row)))
+                   .transpose();
         };
-        if (stiff)
-          implicit_step(at_share, step, A);
-        else
-          rk_.step(at_share, step, A);
-        t += step;
-        if (!(A.col(0).cwiseAbs().maxCoeff() < kBlowUp)) return k + 1;
+        for (double t = begin; t < end - 1e-12 * h;) {
+          double step = end - t;
+          bool stiff = false;
+          if (steep) {
+            enter(t);
+            const double rate = friction_rate(A, u_, stretch.run);
+            if (step * rate > kStops) {
+              stiff = kStops < kFinest * h * rate;
+              step = stiff ? std::min(step, h * kStiff) : kStops / rate;
+            }
+          }
+          const auto at_share = [&](double share, const MatX<double>& at, MatX<double>& d) {
+            enter(t + share * step);
+            slope(u_, at, d);
+          };
+          if (stiff)
+            implicit_step(at_share, step, A);
+          else
+            rk_.step(at_share, step, A);
+          t += step;
+          if (!(A.col(0).cwiseAbs().maxCoeff() < kBlowUp)) return k + 1;
+        }
       }
     }
     return window.rows;
@@ -108,6 +110,8 @@ class MotionPath {
   static constexpr double kMostEven = 8.0;
   /// Step times the rate of friction that brings a joint to rest within the step and no further.
   static constexpr double kStops = 1.0;
+  /// Parts of a row: beyond, a simulation blows up within them.
+  static constexpr double kMostParts = 1e9;
   /// Explicit step over the row's that is not worth its time.
   static constexpr double kFinest = 1.0 / 16.0;
   /// Implicit step over the row's.

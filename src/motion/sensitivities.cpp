@@ -259,6 +259,7 @@ void JointWindows::columns(int run, const MatX<double>& A) {
   JointSample<double> x;
   x.time = dynamics.time();
   x.command = dynamics.command();
+  x.step = dynamics.step();
   x.run = run;
   x.q = q_.data();
   x.qd = qd_.data();
@@ -267,6 +268,7 @@ void JointWindows::columns(int run, const MatX<double>& A) {
   JointSample<JetD> jets;
   jets.time = x.time;
   jets.command = x.command;
+  jets.step = x.step;
   jets.run = run;
   jets.q = jet_q_.data();
   jets.qd = jet_qd_.data();

@@ -29,6 +29,7 @@ T added(const CommandPath& path, double time, T q, T qd, const std::vector<T>& p
   x.q = &q;
   x.qd = &qd;
   x.command = &path;
+  x.step = {time - 0.03, time + 0.04};
   const int joint = 0;
   T tau(0.0);
   PositionServo{}.add_torque(x, &joint, p.data(), &tau);
@@ -41,15 +42,40 @@ TEST_CASE("CommandPath: commands that are held, ends, gaps, and a switch that no
           "[effects]") {
   const CommandPath path = commands({0.0, 1.0, 2.0, 3.0}, {0.0, 2.0, kOff, 4.0});
   CHECK(path.at(0, -1.0, 0.0).q == 0.0);
-  CHECK(path.at(0, 0.25, 0.0).q == 0.0);
-  CHECK_THAT(path.at(0, 0.75, 0.0).q, WithinAbs(0.5, 1e-15));  // half way of the step at 1 s
-  CHECK_THAT(path.at(0, 0.75, 0.0).rate, WithinAbs(2.0, 1e-15));
-  CHECK_THAT(path.at(0, 1.75, 1.0).q, WithinAbs(0.5, 1e-15));
-  CHECK(path.at(0, 1.99, 0.0).q == 2.0);
+  CHECK(path.at(0, 0.99, 0.0).q == 0.0);
+  CHECK(path.at(0, 1.0, 0.0).q == 2.0);
+  CHECK(path.at(0, 1.99, 1.0).q == 0.0);
   CHECK(std::isnan(path.at(0, 2.5, 0.0).q));
   CHECK(std::isnan(path.at(0, 2.5, 1.0).q));  // off is off, whatever was told before
   CHECK(path.at(0, 3.2, 1.0).q == 2.0);
   CHECK(path.at(0, 9.0, 0.0).q == 4.0);
+}
+
+TEST_CASE("CommandPath: over a step, a mass goes where the jumps within it would bring it",
+          "[effects]") {
+  const CommandPath path = commands({0.0, 1.0, 2.0}, {0.0, 2.0, -1.0});
+  for (const SimulationStep step : {SimulationStep{0.2, 0.9}, {0.7, 1.5}, {0.5, 2.5}, {-1.0, 0.4}}) {
+    const double delay = 0.25, h = step.to - step.from;
+    // ∫ c dt and ∫ (to − t) c dt: of what is held by a fine sum, of the line at Gauss's points.
+    double speed = 0.0, way = 0.0;
+    const int parts = 70000;
+    for (int i = 0; i < parts; ++i) {
+      const double t = step.from + h * (i + 0.5) / parts, q = path.at(0, t, delay).q;
+      speed += q * h / parts;
+      way += (step.to - t) * q * h / parts;
+    }
+    double line_speed = 0.0, line_way = 0.0;
+    for (const double side : {-1.0, 1.0}) {
+      const double t = step.from + h * (0.5 + side * 0.5 / std::sqrt(3.0));
+      const CommandPath::Sample c = path.at(0, t, delay, step);
+      line_speed += 0.5 * h * c.q;
+      line_way += 0.5 * h * (step.to - t) * c.q;
+      CHECK_THAT(c.by_delay, WithinAbs((path.at(0, t, delay + 1e-6, step).q -
+                                        path.at(0, t, delay - 1e-6, step).q) / 2e-6, 1e-5));
+    }
+    CHECK_THAT(line_speed, WithinAbs(speed, 1e-4));
+    CHECK_THAT(line_way, WithinAbs(way, 1e-4));
+  }
 }
 
 TEST_CASE("CommandPath: a setpoint that moves no faster than its speed", "[effects]") {
@@ -61,12 +87,16 @@ TEST_CASE("CommandPath: a setpoint that moves no faster than its speed", "[effec
   };
   CHECK_THAT(led(3.0).at(0, 0.2, 0.0).q, WithinAbs(0.3, 1e-12));  // told at 0.1 s
   CHECK_THAT(led(3.0).at(0, 0.35, 0.0).q, WithinAbs(0.75, 1e-12));
-  CHECK_THAT(led(3.0).at(0, 0.45, 0.0).q, WithinAbs(1.0 - 0.1 / 6.0, 1e-12));  // there at 0.433 s
-  CHECK_THAT(led(3.0).at(0, 0.55, 0.0).q, WithinAbs(1.0, 1e-12));
+  CHECK_THAT(led(3.0).at(0, 0.43, 0.0).q, WithinAbs(0.99, 1e-12));  // there at 0.433 s
+  CHECK_THAT(led(3.0).at(0, 0.44, 0.0).q, WithinAbs(1.0, 1e-12));
+  const SimulationStep across{0.35, 0.47};
+  // Mean, in the middle: from 0.75 on for 0.0833 s, then 1.
+  CHECK_THAT(led(3.0).at(0, 0.41, 0.0, across).q, WithinAbs(1.0 - 0.125 * (0.25 / 3.0) / 0.12, 1e-12));
   for (const double t : {0.12, 0.25, 0.42, 0.5})
-    CHECK_THAT(led(3.0).at(0, t, 0.0).by_speed,
-               WithinAbs((led(3.0 + 1e-6).at(0, t, 0.0).q - led(3.0 - 1e-6).at(0, t, 0.0).q) / 2e-6,
-                         1e-6));
+    for (const SimulationStep& over : {SimulationStep{}, {t - 0.03, t + 0.06}})
+      CHECK_THAT(led(3.0).at(0, t, 0.0, over).by_speed,
+                 WithinAbs((led(3.0 + 1e-6).at(0, t, 0.0, over).q -
+                            led(3.0 - 1e-6).at(0, t, 0.0, over).q) / 2e-6, 1e-6));
   CHECK_THAT(led(1e6).at(0, 0.15, 0.0).q, WithinAbs(1.0, 1e-5));
 }
 

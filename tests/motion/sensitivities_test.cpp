@@ -47,20 +47,21 @@ MotionStretch stretch_of(const Model& model) {
   return motion_stretches(r, sensor_noise({r}, {false, false}), {false, false}).at(0);
 }
 
-/// Compares the rows that a simulator gives, by their Gram matrix, with residuals moved by ±1e-5.
+/// Compares the rows that a simulator gives, by their Gram matrix, with residuals moved by ±1e-7.
 /// @param moved  moved(column, by): residuals with one of the columns moved; column −1: none
 template <class Moved>
 void check_rows(const TriangularFactor& rows, int columns, const Moved& moved) {
   const VecX<double> at = moved(-1, 0.0);
   MatX<double> J(at.size(), columns + 1);
-  for (int c = 0; c < columns; ++c) J.col(c) = (moved(c, 1e-5) - moved(c, -1e-5)) / 2e-5;
+  for (int c = 0; c < columns; ++c) J.col(c) = (moved(c, 1e-7) - moved(c, -1e-7)) / 2e-7;
   J.col(columns) = at;
   MatX<double> R = MatX<double>::Zero(columns + 1, columns + 1);
   R.topLeftCorner(columns, columns) = rows.R();
   R.topRightCorner(columns, 1) = rows.d();
   R(columns, columns) = std::sqrt(rows.residual_sum_of_squares());
   const MatX<double> gram = R.transpose() * R, expected = J.transpose() * J;
-  /// Central difference, h = 1e-5: h² of the third derivative, 1e-7 of a column (observed).
+  /// Central difference, h = 1e-7: what positions of 15 digits leave. A larger h would move kinks of
+  /// friction across stages of the steps.
   constexpr double kTol = 1e-5;
   for (int i = 0; i <= columns; ++i)
     for (int k = 0; k <= columns; ++k) {

@@ -199,7 +199,7 @@ NOT_RUN = {
     "docs/guide/start.md": 1,
     "docs/models.md": 4,
     "docs/policy.md": 2,
-    "docs/python.md": 1,
+    "docs/python.md": 2,
     "docs/recordings.md": 3,
     "docs/reproduce.md": 2,
     "docs/systems.md": 1,

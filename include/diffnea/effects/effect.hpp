@@ -28,12 +28,12 @@
 #include <vector>
 
 #include <diffnea/core/scalar.hpp>
+#include <diffnea/effects/command.hpp>
 
 namespace diffnea {
 
 struct EffectSpec;
 struct Model;
-class CommandPath;
 
 /// Which sign a parameter can have.
 enum class Sign { kFree, kNonNegative, kPositive };
@@ -250,6 +250,7 @@ struct JointSample {
   const T* qdd = nullptr;  ///< accelerations
   const T* tau = nullptr;  ///< torque that the links transmit, without effects and rotor inertia
   const CommandPath* command = nullptr;  ///< of the run
+  SimulationStep step = {};              ///< that the instant lies in
 };
 
 /// The shape parameter v₀ of s = tanh(q̇/v₀), which stands for sign(q̇) in every dry friction. Its

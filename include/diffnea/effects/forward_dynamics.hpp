@@ -36,10 +36,16 @@ class ForwardDynamics {
   /// Tree and effects.
   const ExtendedTree& model() const { return model_; }
 
-  /// Time since the run began [s], which warm_up reads.
-  void set_time(double time) { time_ = time; }
+  /// Time since the run began [s], which warm_up reads, and the step of a simulation that it lies in,
+  /// over which commands are taken.
+  void set_time(double time, const SimulationStep& step = {}) {
+    time_ = time;
+    step_ = step;
+  }
   /// Time that was set [s].
   double time() const { return time_; }
+  /// Step that was set.
+  const SimulationStep& step() const { return step_; }
   /// Commands of the run, which outlive it; null: none, so that drives with a loop of their own are
   /// off.
   void set_command(const CommandPath* command) { command_ = command; }
@@ -92,6 +98,7 @@ class ForwardDynamics {
   int n_ = 0;
   VecX<double> gains_;
   double time_ = 0.0;
+  SimulationStep step_;
   const CommandPath* command_ = nullptr;
   MassMatrixWorkspace<double, double> mass_ws_;
   RneaWorkspace<double, double> rnea_ws_;

@@ -1,0 +1,176 @@
+"""Drives of an identified model inside the loop of another simulator."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ._core import Effect, Model, ModelError
+from ._files import StrPath, load_model
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import ArrayLike, NDArray
+
+_SERVO = "position_servo"
+
+
+class Drive:
+    """Torques of a model's position servos, with all that robot descriptions have no place for.
+
+    The law is that of the effect ``position_servo``: a setpoint that moves no faster than the
+    drive's speed, a delay, a dead band, a reach, and the motor's braking. A robot description
+    holds stiffness, damping and the largest torque alone (``model.save("robot.xml")``).
+
+        >>> drive = diffnea.Drive("run")
+        >>> data.qfrc_applied[:] = drive(data.time, command, data.qpos, data.qvel)
+
+    Arrays are ``(…, n)``, n the joints of ``joint_names``: leading axes are robots that run at
+    once. A held command counts from the call that first gives it.
+
+    Args:
+        model: the model, a file of it or a run that fitted it.
+        joints: which joints, in the order of the arrays. Default: all that have a servo, in the
+            model's order.
+        gain: gain of the firmware in the unit of the recordings' sidecars, one or (n,).
+        damping: whether the torque has the motor's braking. False where the simulator has it
+            already, as joint damping of an exported description.
+
+    Raises:
+        ModelError: for a joint without a servo, or a model without one.
+
+    """
+
+    def __init__(
+        self,
+        model: Model | StrPath,
+        joints: Sequence[str] | None = None,
+        *,
+        gain: ArrayLike = 1.0,
+        damping: bool = True,
+    ) -> None:
+        if not isinstance(model, Model):
+            model = load_model(model)
+        effects = {(e.effect, e.where): e for e in model.effects}
+        have = [name for name in model.joint_names if (_SERVO, name) in effects]
+        if not have:
+            raise ModelError(
+                "Drive: the model has no position servo; `diffnea identify` fits them to logs of "
+                "commands and positions"
+            )
+        #: Names of the joints, in the order of the arrays.
+        self.joint_names: list[str] = have if joints is None else list(joints)
+        missing = [name for name in self.joint_names if name not in have]
+        if missing:
+            raise ModelError(
+                f"Drive: no position servo at {', '.join(missing)}; there are at {', '.join(have)}"
+            )
+        servos = [effects[_SERVO, name] for name in self.joint_names]
+
+        def of(name: str) -> NDArray[np.float64]:
+            return np.array([servo.parameters[name] for servo in servos])
+
+        self._stiffness, self._reach, self._dead_band = of("stiffness"), of("reach"), of("dead_band")
+        self._damping = of("damping") if damping else np.zeros(len(servos))
+        self._speed = of("speed")
+        # Stamps of a log may be late; what is not told yet nobody can act on.
+        self._delay = np.maximum(of("delay"), 0.0)
+        self._gain = np.broadcast_to(np.asarray(gain, float), (len(servos),))
+        self._friction = [_Friction(effects, name) for name in self.joint_names]
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the commands: the next call begins a run."""
+        self._told: deque[tuple[float, NDArray[np.float64]]] = deque()
+
+    def __call__(
+        self, time: float, command: ArrayLike, q: ArrayLike, qd: ArrayLike
+    ) -> NDArray[np.float64]:
+        """Torque of the drives at one instant, (…, n) [N·m] or [N].
+
+        Args:
+            time: of the instant [s], not before that of the last call since ``reset``.
+            command: positions (…, n) [rad] or [m]; NaN: the drive is off.
+            q: positions (…, n) [rad] or [m].
+            qd: velocities (…, n) [rad/s] or [m/s].
+
+        """
+        wanted, q, qd = np.broadcast_arrays(
+            np.asarray(command, float), np.asarray(q, float), np.asarray(qd, float)
+        )
+        if wanted.shape[-1:] != (len(self.joint_names),):
+            raise ValueError(
+                f"Drive: got arrays of shape {wanted.shape}, expected (…, "
+                f"{len(self.joint_names)}): {', '.join(self.joint_names)}"
+            )
+        setpoint = self._delayed(time, self._led(time, wanted))
+        error = self._gain * (setpoint - q)
+        error = np.sign(error) * np.maximum(np.abs(error) - self._dead_band, 0.0)
+        error = np.clip(error, -self._reach, self._reach)
+        torque = self._stiffness * error - self._damping * qd
+        return np.where(np.isnan(wanted), 0.0, torque)
+
+    def frictionloss(self, qd: ArrayLike, load: ArrayLike = 0.0) -> NDArray[np.float64]:
+        """Size of the joints' dry friction now, (…, n) [N·m] or [N].
+
+        What a simulator that treats dry friction as a constraint takes anew in each step
+        (``mujoco.MjModel.dof_frictionloss``): Coulomb friction, Stribeck's excess at low speed,
+        and what grows with the load.
+
+        Args:
+            qd: velocities (…, n) [rad/s] or [m/s].
+            load: torque that the joints transmit (…, n) [N·m] or [N], without rotor and friction.
+
+        """
+        qd, load = np.broadcast_arrays(np.asarray(qd, float), np.asarray(load, float))
+        parts = [f(qd[..., j], load[..., j]) for j, f in enumerate(self._friction)]
+        return np.stack(parts, axis=-1)
+
+    def _led(self, time: float, wanted: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Setpoint that follows what was wanted since the last call, no faster than its speed."""
+        if not self._told:
+            return wanted
+        last, before = self._told[-1]
+        if time < last:
+            raise ValueError(
+                f"Drive: got time {time} after {last}, expected it to ascend; reset() begins anew"
+            )
+        kept = np.where(np.isnan(wanted), before, wanted)
+        most = self._speed * (time - last)
+        led = before + np.clip(kept - before, -most, most)
+        return np.where(np.isnan(before), kept, led)
+
+    def _delayed(self, time: float, setpoint: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Setpoints of a delay ago."""
+        if self._told and self._told[-1][0] == time:
+            self._told.pop()
+        self._told.append((time, setpoint))
+        # One that is older than all delays stays: it is what holds there.
+        while len(self._told) > 1 and self._told[1][0] <= time - self._delay.max():
+            self._told.popleft()
+        times = np.array([t for t, _ in self._told])
+        at = np.maximum(np.searchsorted(times, time - self._delay + 1e-12, side="right") - 1, 0)
+        return np.stack([self._told[k][1][..., j] for j, k in enumerate(at)], axis=-1)
+
+
+class _Friction:
+    """Size of one joint's dry friction."""
+
+    def __init__(self, effects: dict[tuple[str, str], Effect], joint: str) -> None:
+        def of(effect: str, name: str, absent: float = 0.0) -> float:
+            found = effects.get((effect, joint))
+            return absent if found is None else found.parameters[name]
+
+        self._coulomb = of("coulomb_friction", "coulomb")
+        self._excess = of("stribeck_friction", "stiction_excess")
+        self._speed = of("stribeck_friction", "stribeck_velocity", 1.0)
+        self._mu = of("load_friction", "mu")
+        self._braking = of("load_friction", "braking_ratio", 1.0)
+
+    def __call__(self, qd: NDArray[np.float64], load: NDArray[np.float64]) -> NDArray[np.float64]:
+        at_low_speed = self._excess * np.exp(-((qd / self._speed) ** 2))
+        of_load = self._mu * np.abs(load) * np.where(load * qd < 0.0, self._braking, 1.0)
+        return self._coulomb + at_low_speed + of_load
