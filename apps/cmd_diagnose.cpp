@@ -32,6 +32,7 @@ void run_diagnose(DiagnoseCommand c) {
   refuse_repeated_files(c.data, c.test);
   c.recording.quiet = c.common.quiet;
   c.options.seed = c.common.seed;
+  c.options.threads = threads_of(c.common);
   c.options.effects = with_pairs(c.options.effects);
   check_run_folder(c.out, "diagnose");
   Model model = read_model(c.model, c.reading);

@@ -50,8 +50,10 @@ std::vector<Candidate> candidates_beside(const Model& base, const DiagnoseOption
   return out;
 }
 
-/// Horizon that leaves enough windows to hold some out [s].
+/// Horizon of the search [s]: what a closed loop remembers, or less, where that leaves enough windows
+/// to hold some out.
 double horizon_of(double reached, const MotionData& data, bool has_test) {
+  reached = std::min(reached, kForgets);
   if (has_test) return reached;
   double seconds = 0.0;
   for (const MotionStretch& s : data.train) seconds += s.length();
@@ -235,6 +237,7 @@ Finding diagnose_drives(const Model& model, const RecordingSource& train,
 
   IdentifyOptions fit;
   fit.progress = options.progress;
+  fit.motion.threads = options.threads;
   fit_drives(model, train, fit, finding.notes);
   const IdentifyResult base = identify_by_motion(model, train, test, fit);
   finding.interrupted = base.summary.interrupted;

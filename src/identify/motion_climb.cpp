@@ -77,9 +77,22 @@ Rung MotionClimb::advance(double horizon, double tolerance, double to_beat) {
     fitter_->fit_states(next.windows, tolerance);
   else
     fitter_->fit(next.windows, tolerance, to_beat);
+  return settle(horizon, std::move(next), before);
+}
+
+Rung MotionClimb::follow(double horizon, double tolerance) {
+  const Stopwatch watch(seconds_);
+  Ladder next = at_;
+  next.next(fitter_->workers(), data_.train, horizon, first_);
+  fitter_->fit_states(next.windows, tolerance);
+  return settle(horizon, std::move(next), fitter_->now());
+}
+
+Rung MotionClimb::settle(double horizon, Ladder next, const MotionFit& before) {
   Workers workers = fitter_->workers();
   next.errors = window_errors(workers, data_.train, next.windows, limit_);
-  const bool apart = 2 * next.errors.apart.size() >= next.windows.size();
+  const bool shortest = at_.windows.empty(),
+             apart = 2 * next.errors.apart.size() >= next.windows.size();
   if (apart) apart_ = next;
   if (apart && !shortest && !fitter_->now().interrupted) {
     MotionFit back = before;

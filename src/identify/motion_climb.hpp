@@ -56,6 +56,8 @@ class MotionClimb {
   /// Fits the windows of a horizon, their states alone where the beginning has seen longer ones.
   /// @param tolerance, to_beat  as for MotionFitter::fit
   Rung advance(double horizon, double tolerance, double to_beat = kInfinity);
+  /// Goes on to a longer horizon with the parameters as they are: states alone are fitted.
+  Rung follow(double horizon, double tolerance);
   /// Fits the horizon that was reached anew.
   void finish(double tolerance);
   /// Goes on from a layout that holds other shapes, at these values and with these windows.
@@ -80,6 +82,8 @@ class MotionClimb {
   double independent() const;
 
  private:
+  /// Windows that have been fitted take the place of the last ones, unless they fall apart.
+  Rung settle(double horizon, Ladder next, const MotionFit& before);
   void begin_fitter(const VecX<double>& x, const VecX<double>& shape, int iterations);
 
   const Model& model_;

@@ -18,10 +18,14 @@ constexpr double kShapeScale = 0.1;
 /// Residuals this far below the noise hold nothing more, share of χ²/2 that noise would leave.
 constexpr double kBelowNoise = 1e-3;
 
+/// Share of a window's excess that half a step of its state must change for others to be tried.
+constexpr double kMatters = 0.1;
 /// Share of the objective that a linearisation promises and need not keep: friction has corners.
 constexpr double kUnkept = 1e-3;
-/// Steps without a gain, though one is promised, that are enough.
+/// Steps without a gain, though one is promised, that are enough; and what may be promised then by a
+/// fit that has converged: half of that share of an error.
 constexpr int kStalls = 5;
+constexpr double kUnkeptAtLast = 0.05;
 
 /// Steps like the last one that a fit may need to catch up with its rival.
 constexpr double kPatience = 10.0;
@@ -158,11 +162,13 @@ std::vector<double> MotionFitter::costs(Workers& workers, const std::vector<Moti
     for (const double share : {0.5, 0.2, 0.05, 0.0}) {
       if (out[i] <= before[i]) break;
       w.state = from + share * full;
-      const double c = simulator.cost(stretch, w, problem_.sigma);
+      const double c = simulator.cost(stretch, w, problem_.sigma), excess = out[i] - before[i];
       if (c < out[i]) {
         out[i] = c;
         to[i] = w.state;
       }
+      // A loop that is closed forgets its first state: none would make up for the parameters.
+      if (std::abs(out[i] - before[i] - excess) < kMatters * excess) break;
     }
   });
   return out;
@@ -240,13 +246,14 @@ void MotionFitter::fit(std::vector<MotionWindow>& windows, double tolerance, dou
     const bool exact = now.sum < kBelowNoise * noise;
     if (accepted && gained >= tolerance * now.sum && !exact) continue;
     // A small gain may be that of a small step: what would a long one gain?
-    const bool nothing_left = exact || promise(reduced, d) < kUnkept * now.sum;
+    const double promised = exact ? 0.0 : promise(reduced, d);
+    const bool nothing_left = promised < kUnkept * now.sum;
     if (accepted && !nothing_left) {
       damping = std::min(damping, 1.0);
       if (++stalls < kStalls) continue;
     }
-    now_.converged = nothing_left && now.blown_up == 0;
-    now_.termination = nothing_left ? "gain below tolerance" : "no lower point along the step";
+    now_.converged = promised < kUnkeptAtLast * now.sum && now.blown_up == 0;
+    now_.termination = now_.converged ? "gain below tolerance" : "no lower point along the step";
     break;
   }
   now_.blown_up = now.blown_up;

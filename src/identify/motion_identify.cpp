@@ -29,11 +29,13 @@ class MotionIdentification {
     const auto start = std::chrono::steady_clock::now();
     prepare();
     climb();
-    if (straight_to_whole_runs() && !climb_->whole() && !fit().interrupted) {
+    if (closed_loop_ && !climb_->whole() && !fit().interrupted) {
+      closed_loop_ = false;
       ladder_ = horizons(data_.train, data_.noise, options_.motion);
       climb();
     }
-    if (climb_->whole() && !fit().interrupted) leave_out_bounds();
+    climb_->set_covariance();
+    if (closed_loop_) follow_whole_runs();
     result_.summary.seconds_fitting = fitting_ + climb_->seconds();
     evaluate();
     result_.summary.seconds =
@@ -83,8 +85,9 @@ class MotionIdentification {
     };
     from_ = best_beginning(model_, data_, layout, ladder_, options_.motion, progress_);
     // A loop that is closed holds motion together: nothing adds up from horizon to horizon.
-    if (from_.fitted_to > 0.0 && std::ranges::all_of(commanded, std::identity()))
-      ladder_ = {ladder_.back()};
+    closed_loop_ = std::ranges::all_of(commanded, std::identity());
+    longest_ = ladder_.back();
+    if (closed_loop_) ladder_ = {std::min(kForgets, longest_)};
     result_.notes.insert(result_.notes.end(), from_.notes.begin(), from_.notes.end());
     fitting_ = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   }
@@ -125,8 +128,14 @@ class MotionIdentification {
     }
   }
 
-  /// Tells whether no horizon comes before the last one; where that falls apart, all are tried.
-  bool straight_to_whole_runs() const { return ladder_.front() > first_; }
+  /// Whole runs by what windows of them have told.
+  void follow_whole_runs() {
+    if (!climb_->whole() || climb_->reached() >= longest_ || fit().interrupted) return;
+    if (climb_->follow(longest_, kOnTheWay) == Rung::kFellBack)
+      say_apart(climb_->apart(), longest_, true);
+    else
+      measure(longest_);
+  }
 
   /// From horizon to horizon, as far as windows hold together.
   void climb() {
@@ -151,7 +160,7 @@ class MotionIdentification {
             format_number(100.0 * kApart * climb_->drowned()) + " % of its motion");
         break;
       }
-      if ((rung == Rung::kFellBack || !climb_->whole()) && !straight_to_whole_runs())
+      if ((rung == Rung::kFellBack || !climb_->whole()) && !closed_loop_)
         say_apart(climb_->apart(), horizon, !first);
       if (rung == Rung::kFellBack) break;
       measure(horizon);
@@ -161,15 +170,6 @@ class MotionIdentification {
       climb_->finish(options_.motion.tolerance);
       measure_anew();
     }
-  }
-
-  void leave_out_bounds() {
-    const std::vector<std::string> names =
-        release_bounds(model_, data_, options_.motion, *climb_);
-    if (names.empty()) return;
-    result_.notes.push_back("left at no bound, which the recording does not need: " +
-                            detail::join(names));
-    measure_anew();
   }
 
   /// Errors of the horizon that was reached, which has been fitted again.
@@ -245,7 +245,6 @@ class MotionIdentification {
   }
 
   void evaluate() {
-    climb_->set_covariance();
     const MotionFit& fit = this->fit();
     const FitLayout& layout = climb_->layout();
     const VecX<double>& scale = climb_->beginning().scale;
@@ -404,7 +403,9 @@ class MotionIdentification {
   int n_ = 0;
   MotionData data_;
   std::vector<double> ladder_;
-  double first_ = 0.0;  ///< shortest horizon [s]
+  double first_ = 0.0;    ///< shortest horizon [s]
+  double longest_ = 0.0;  ///< whole runs, or as long as asked for [s]
+  bool closed_loop_ = false;  ///< drives of the model lead all joints
   VecX<double> limit_;  ///< (n) error beyond which a window is apart
   std::function<bool(int, double)> progress_;
   MotionBeginning from_;

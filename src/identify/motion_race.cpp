@@ -4,11 +4,13 @@
 #include <cmath>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <ranges>
 #include <set>
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/core/random.hpp>
+#include <diffnea/core/text.hpp>
 #include <diffnea/dynamics/mass_matrix.hpp>
 
 #include "core/constants.hpp"
@@ -18,8 +20,14 @@
 namespace diffnea {
 namespace {
 
-/// Horizon up to which beginnings compete [s]: some delays and swings of a servo.
+/// Windows in which beginnings compete [s]: some delays and swings of a servo. In shorter ones, whose
+/// first states are free, wrong bounds win.
 constexpr double kTrial = 1.0;
+/// Pieces for each of a joint's parameters: as clusters of a covariance while beginnings compete, and
+/// for the one that goes on, so that few steps are left for all of a long recording.
+constexpr double kPieces = 5.0, kMorePieces = 20.0;
+/// Scales at which a joint's drive is looked for, over where a fit has found it.
+constexpr double kScales[] = {0.1, 3.0, 10.0, 30.0, 100.0, 1000.0};
 /// ΔBIC that is very strong evidence (Kass, Raftery 1995).
 constexpr double kVeryStrong = 10.0;
 
@@ -53,10 +61,9 @@ std::set<std::size_t> stretches_at_bounds(const std::vector<MotionStretch>& stre
   return out;
 }
 
-/// Pieces of the horizon's length: those in which bounds act most, and others drawn at random, as
-/// many as each of a joint's parameters needs.
-MotionData pieces_of(const MotionData& data, const FitLayout& layout, double horizon) {
-  constexpr double kPieces = 5.0;  // a parameter, as clusters of a covariance
+/// Pieces of the horizon's length: those in which bounds act most, and others drawn at random.
+/// @param each  how many for each of a joint's parameters
+MotionData pieces_of(const MotionData& data, const FitLayout& layout, double horizon, double each) {
   std::vector<MotionStretch> all;
   for (const MotionWindow& w : cut_windows(data.train, horizon)) {
     const MotionStretch& s = data.train[w.stretch];
@@ -68,7 +75,7 @@ MotionData pieces_of(const MotionData& data, const FitLayout& layout, double hor
                    s.u_end.middleRows(w.first, w.rows),
                    s.command});
   }
-  const double needed = kPieces * count_free(layout) / layout.num_dofs;
+  const double needed = each * count_free(layout) / layout.num_dofs;
   if (static_cast<double>(all.size()) <= needed) return data;
   std::set<std::size_t> drawn = stretches_at_bounds(all, commanded_joints(layout));
   Rng rng(1);
@@ -156,65 +163,9 @@ MotionBeginning beginning(const Model& model, const MotionData& data, const FitL
   return out;
 }
 
-}  // namespace
-
-MotionBeginning best_beginning(const Model& model, const MotionData& data, const FitLayout& layout,
-                               const std::vector<double>& ladder, const MotionOptions& options,
-                               const std::function<bool(int, double)>& progress) {
-  const double first = ladder.front();
-  if (std::ranges::none_of(layout.shape, [&](const FitParameter& s) {
-        return !s.fixed && is_bound_of_drive(layout, s);
-      }))
-    return beginning(model, data, layout, first, {});
-  const MotionData some = pieces_of(data, layout, std::min(kTrial, ladder.back()));
-  const VecX<double> limit = apart_limit(some);
-  std::vector<std::unique_ptr<MotionClimb>> fits;
-  std::vector<Start> starts{{}, {.heavy_rotors = true}};
-  for (const double share : kSpeedShares) starts.push_back({.speed_share = share});
-  for (const Start& start : starts) {
-    fits.push_back(std::make_unique<MotionClimb>(
-        model, some, beginning(model, some, layout, first, start), limit, options, progress));
-    fits.back()->begin(first);
-  }
-  for (const double horizon : ladder) {
-    if (horizon > kTrial) break;
-    std::vector<std::unique_ptr<MotionClimb>> up;
-    const auto cost = [](const auto& f) { return f->fitter().now().objective; };
-    double independent = 1.0, best = kInfinity;
-    const auto of = [&](const auto& f) {
-      return bic(cost(f), count_free(f->layout()), independent);
-    };
-    for (std::unique_ptr<MotionClimb>& f : fits) {
-      // Objective at which this one would still be in the race.
-      const double to_beat =
-          std::exp((best + kVeryStrong - bic(1.0, count_free(f->layout()), independent)) / independent);
-      if (f->advance(horizon, kOnTheWay, to_beat) != Rung::kReached || !f->whole() ||
-          f->fitter().now().blown_up > 0)
-        continue;
-      if (up.empty() || cost(f) < cost(up.front())) {
-        independent = f->independent();
-        up.insert(up.begin(), std::move(f));
-      } else {
-        up.push_back(std::move(f));
-      }
-      best = std::ranges::min(up | std::views::transform(of));
-      if (up.front()->fitter().now().interrupted) break;
-    }
-    if (up.empty()) break;  // none holds together for so long
-    std::erase(fits, nullptr);
-    fits = std::move(up);
-    std::ranges::sort(fits, {}, of);
-    std::erase_if(fits, [&](const auto& f) { return of(f) > best + kVeryStrong; });
-    if (fits.front()->fitter().now().interrupted) break;
-  }
-  MotionBeginning out = fits.front()->beginning();
-  out.start = fits.front()->fitter().now().x;
-  out.shape = fits.front()->fitter().now().shape;
-  out.guess = {};
-  out.fitted_to = fits.front()->reached();
-  return out;
-}
-
+/// Leaves out bounds of drives that the recordings do not need, and fits the rest anew: at the edge
+/// of what was seen they would hold back motion that was not.
+/// @return their names
 std::vector<std::string> release_bounds(const Model& model, const MotionData& data,
                                         const MotionOptions& options, MotionClimb& climb) {
   const MotionFit at = climb.fitter().now();
@@ -257,8 +208,127 @@ std::vector<std::string> release_bounds(const Model& model, const MotionData& da
     }
     if (!left_out.empty()) climb.change(layout, x, shape, climb.at().windows);
   }
-  if (!left_out.empty()) climb.finish(options.tolerance);
+  if (!left_out.empty()) climb.finish(kOnTheWay);
   return left_out;
+}
+
+/// A beginning at the point of a fit.
+MotionBeginning where_it_is(const MotionClimb& fit, double fitted_to) {
+  MotionBeginning out = fit.beginning();
+  out.start = fit.fitter().now().x;
+  out.shape = fit.fitter().now().shape;
+  out.guess = {};
+  out.fitted_to = fitted_to;
+  return out;
+}
+
+/// All that a joint's drive does times a factor: what links that weigh little hardly tell, and a
+/// step from where the fit is does not show.
+void scale_drive(const FitLayout& layout, const BoundEffect& drive, double by, VecX<double>& x) {
+  for (std::size_t k = 0; k < layout.linear.size(); ++k) {
+    const FitParameter& p = layout.linear[k];
+    if (p.fixed || p.effect < 0 || p.theta >= 0 || p.unit == "1") continue;
+    if (layout.effects[static_cast<std::size_t>(p.effect)].joints == drive.joints)
+      x[static_cast<long>(k)] *= by;
+  }
+}
+
+/// The beginning with drives, rotors and friction of each joint at the scale that simulates the
+/// windows best; empty: they are there.
+std::optional<MotionBeginning> at_other_scales(const Model& model, const MotionData& data,
+                                               const MotionOptions& options,
+                                               const MotionClimb& fit, double fitted_to) {
+  MotionBeginning out = where_it_is(fit, fitted_to);
+  const MotionProblem problem{model, fit.layout(), data.train, data.runs, data.noise.position,
+                              out.scale};
+  const auto cost = [&](const VecX<double>& x) {
+    const MotionFitter at(problem, options, x, out.shape);
+    const double c = at.cost(fit.at().windows);
+    return std::isfinite(c) ? c : kInfinity;
+  };
+  double least = cost(out.start);
+  bool moved = false;
+  for (const BoundEffect& e : fit.layout().effects) {
+    if (!e.info().has(Trait::kReadsCommand)) continue;
+    const VecX<double> from = out.start;
+    double best = 1.0;
+    for (const double by : kScales) {
+      VecX<double> x = from;
+      scale_drive(fit.layout(), e, by, x);
+      if (const double c = cost(x); c < least) {
+        least = c;
+        best = by;
+        out.start = x;
+        moved = true;
+      }
+    }
+    scale_drive(fit.layout(), e, std::max(best, 1.0), out.scale);
+  }
+  return moved ? std::optional(out) : std::nullopt;
+}
+
+}  // namespace
+
+MotionBeginning best_beginning(const Model& model, const MotionData& data, const FitLayout& layout,
+                               const std::vector<double>& ladder, const MotionOptions& options,
+                               const std::function<bool(int, double)>& progress) {
+  const double first = ladder.front(), trial = std::min(kTrial, ladder.back());
+  if (std::ranges::none_of(layout.shape, [&](const FitParameter& s) {
+        return !s.fixed && is_bound_of_drive(layout, s);
+      }))
+    return beginning(model, data, layout, first, {});
+  const MotionData some = pieces_of(data, layout, trial, kPieces);
+  const VecX<double> limit = apart_limit(some);
+  std::vector<std::unique_ptr<MotionClimb>> fits;
+  std::vector<Start> starts{{}, {.heavy_rotors = true}};
+  for (const double share : kSpeedShares) starts.push_back({.speed_share = share});
+  for (const Start& start : starts) {
+    fits.push_back(std::make_unique<MotionClimb>(
+        model, some, beginning(model, some, layout, first, start), limit, options, progress));
+    fits.back()->begin(first);
+  }
+  const auto cost = [](const auto& f) { return f->fitter().now().objective; };
+  double independent = 1.0, least = kInfinity;
+  const auto of = [&](const auto& f) {
+    return bic(cost(f), count_free(f->layout()), independent);
+  };
+  MotionClimb* best = fits.front().get();
+  for (const std::unique_ptr<MotionClimb>& f : fits) {
+    // Objective at which this one would still be in the race.
+    const double to_beat =
+        std::exp((least + kVeryStrong - bic(1.0, count_free(f->layout()), independent)) / independent);
+    f->advance(trial, kOnTheWay, to_beat);
+    if (f->fitter().now().blown_up == 0 && (least == kInfinity || of(f) < least)) {
+      if (least == kInfinity) independent = f->independent();
+      best = f.get();
+      least = of(f);
+    }
+    if (f->fitter().now().interrupted) break;
+  }
+  std::vector<std::string> notes;
+  std::optional<MotionClimb> scaled;
+  if (!best->fitter().now().interrupted)
+    if (std::optional<MotionBeginning> at =
+            at_other_scales(model, some, options, *best, trial)) {
+      scaled.emplace(model, some, std::move(*at), limit, options, progress);
+      scaled->begin(first);
+      scaled->advance(trial, kOnTheWay);
+      if (scaled->fitter().now().blown_up == 0 && cost(&*scaled) < cost(best)) best = &*scaled;
+    }
+  if (!best->fitter().now().interrupted)
+    if (const auto released = release_bounds(model, some, options, *best); !released.empty())
+      notes.push_back("left at no bound, which the recording does not need: " +
+                      detail::join(released));
+  MotionBeginning out = where_it_is(*best, trial);
+  if (const MotionData more = pieces_of(data, out.layout, trial, kMorePieces);
+      more.train.size() > some.train.size() && !best->fitter().now().interrupted) {
+    MotionClimb next(model, more, out, limit, options, progress);
+    next.begin(first);
+    next.advance(trial, kOnTheWay);
+    if (next.fitter().now().blown_up == 0) out = where_it_is(next, trial);
+  }
+  out.notes.insert(out.notes.end(), notes.begin(), notes.end());
+  return out;
 }
 
 }  // namespace diffnea

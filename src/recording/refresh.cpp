@@ -30,7 +30,20 @@ double quantisation_step(std::vector<double> v, const std::vector<double>& chang
   for (std::size_t k = 1; k < v.size(); ++k)
     if (v[k] - v[k - 1] > rounding) gaps.push_back(v[k] - v[k - 1]);
   if (gaps.empty()) return 0.0;
-  const double step = quantile(gaps, 0.05);
+  double step = quantile(gaps, 0.05);
+  // A log of few digits rounds each step: changes of more and more steps tell it better.
+  for (double most = 4.0; most < 1e4; most *= 2.0) {
+    double sum = 0.0, squares = 0.0, largest = 0.0;
+    for (const double c : changes) {
+      const double steps = std::round(std::abs(c) / step);
+      largest = std::max(largest, steps);
+      if (steps > most) continue;
+      sum += std::abs(c) * steps;
+      squares += steps * steps;
+    }
+    if (squares > 0.0) step = sum / squares;
+    if (most >= largest) break;
+  }
   long on = 0;
   for (const double c : changes)
     on += std::abs(c / step - std::round(c / step)) < kOnGrid ? 1 : 0;

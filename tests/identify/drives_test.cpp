@@ -150,20 +150,21 @@ TEST_CASE("identify: a rotor that rules what the joint feels", "[identify]") {
   bench.mass = 0.01;
   bench.length = 0.02;
   bench.inertia = 2e-6;
-  bench.reach = bench.speed = 100.0;
+  bench.reach = 100.0;
+  bench.speed = 1e4;
   bench.damping = 1.5;
   bench.coulomb = 0.01;  // friction that sticks holds an encoder step
-  const IdentifyResult result = identify(bench.model(), {bench.record(0.2, 1.5, 1.0, 6.0, 0)},
-                                         {bench.record(0.15, 2.2, 1.0, 6.0, 0)}, {});
+  const IdentifyResult result = identify(bench.model(), {bench.record(0.6, 1.5, 1.0, 6.0, 0)},
+                                         {bench.record(0.45, 2.2, 1.0, 6.0, 0)}, {});
   CHECK(result.errors[0].test < 1.5e-3);  // an encoder's step
-  // The links tell no scale, the motion what is over what.
+  // The links' weight moves it by 0.1 mrad and hardly tells the scale, the motion what is over what.
   const double rotor = value(result, "armature.armature");
   CAPTURE(rotor);
-  CHECK(rotor > 100.0 * bench.inertia);
+  CHECK(rotor > 1000.0 * bench.inertia);
   CHECK(std::abs(value(result, "position_servo.stiffness") / rotor -
-                 bench.stiffness / bench.armature) < 0.05 * bench.stiffness / bench.armature);
+                 bench.stiffness / bench.armature) < 0.02 * bench.stiffness / bench.armature);
   CHECK(std::abs(value(result, "position_servo.damping") / rotor -
-                 bench.damping / bench.armature) < 0.05 * bench.damping / bench.armature);
+                 bench.damping / bench.armature) < 0.02 * bench.damping / bench.armature);
 }
 
 TEST_CASE("identify: a drive without gain is refused, with what to do", "[identify]") {

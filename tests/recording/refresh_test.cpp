@@ -35,6 +35,18 @@ TEST_CASE("refresh: a sensor that is slower than the log is told from a coarse o
   CHECK(refresh_rows({slow(1, 5e-2)}) == std::vector<int>{1});
 }
 
+TEST_CASE("refresh: the step of an encoder, by a log of few digits and fast motion", "[recording]") {
+  const double step = 2.0 * 3.14159265358979 / 4096.0;
+  VecX<double> q(600), changes(599);
+  for (long k = 0; k < q.size(); ++k) {
+    const double ticks = std::round(1.2 * std::sin(0.02 * static_cast<double>(k)) / step);
+    q[k] = std::round(1e5 * ticks * step) * 1e-5;
+    if (k > 0) changes[k - 1] = q[k] - q[k - 1];
+  }
+  const double found = quantisation_step({q.begin(), q.end()}, {changes.begin(), changes.end()});
+  CHECK(std::abs(found - step) < 1e-3 * step);
+}
+
 TEST_CASE("refresh: between two new values lies the line through them", "[recording]") {
   VecX<double> channel(8);
   channel << 1.0, 1.0, 3.0, 3.0, 7.0, 7.0, 9.0, 9.0;

@@ -48,15 +48,28 @@ def without_spikes(rows: list[Row]) -> list[Row]:
     return out
 
 
-def kscale(folder: Path) -> dict[str, list[Path]]:
+def kscale(run: Row) -> tuple[float, float, float]:
+    """Mass, length of the arm and inertia about its own center; the arm included."""
+    mass = float(run["mass_kg"])
+    length = float(run["mgl_Nm"]) / (GRAVITY * mass)
+    return mass, length, float(run["inertia_total_kgm2"]) - mass * length * length
+
+
+def bam(run: Row) -> tuple[float, float, float]:
+    """The same; the data know a point mass."""
+    return float(run["mass_kg"]), float(run["length_m"]), 0.0
+
+
+BENCHES = {"kscale_sts3215_12v": kscale, "bam_xl330": bam}
+
+
+def recordings(bench: str, folder: Path) -> dict[str, list[Path]]:
     """The runs of each split, with the gain of their drive and what it carries as sidecars."""
-    bench = DATA / "kscale_sts3215_12v"
     splits: dict[str, list[Path]] = {}
-    for run in read_rows(bench / "index.csv"):
-        source = bench / run["file"]
-        mass, inertia = float(run["mass_kg"]), float(run["inertia_total_kgm2"])
-        length = float(run["mgl_Nm"]) / (GRAVITY * mass)
-        about = max(inertia - mass * length * length, 1e-7)
+    for run in read_rows(DATA / bench / "index.csv"):
+        source = DATA / bench / run["file"]
+        mass, length, inertia = BENCHES[bench](run)
+        about = max(inertia, 1e-7)
         body = {
             "name": f"{run['mass_kg']} kg at {run['length_m']} m",
             "where": "servo",
@@ -64,8 +77,8 @@ def kscale(folder: Path) -> dict[str, list[Path]]:
             "com": [0.0, 0.0, -length],
             "about_com": [about, 0.0, 0.0, about, 0.0, 1e-7],
         }
-        split = folder / run["split"]
-        split.mkdir(exist_ok=True)
+        split = folder / bench / run["split"]
+        split.mkdir(parents=True, exist_ok=True)
         out = write_rows(split / source.name, without_spikes(read_rows(source)))
         sidecar = {
             "schema": "diffnea/recording/1",
@@ -89,27 +102,33 @@ def main() -> None:
     parser.add_argument("program", type=Path, help="the command diffnea")
     parser.add_argument("servo_runs", type=Path, help="the study that simulates whole runs")
     parser.add_argument("--every", type=int, default=1, help="fit every so manyth training run")
+    parser.add_argument("--only", choices=BENCHES, nargs="+", default=list(BENCHES))
     args = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        splits = kscale(folder)
         model = folder / "bench.urdf"
         model.write_text(ARM, encoding="utf-8")
         bench = Bench(args.program, folder)
-        train = splits["train"][:: args.every]
-        for title, effects in SETS.items():
-            run, result = bench.run(
-                f"kscale_sts3215_12v, {title}", "identify", model, *train, "--effects", effects
-            )
-            for p in result["parameters"]:
-                if p["std"]:
-                    print(f"  {p['name']:<40} {p['value']:.5g} ± {p['std']:.2g} {p['unit']}")
-            errors = (
-                f"{split} {mean_error(args.servo_runs, run / 'model.json', runs):.1f}"
-                for split, runs in splits.items()
-            )
-            print(f"  mean absolute error [mrad]: {', '.join(errors)}", flush=True)
-            print(f"  {result['summary']['seconds']:.0f} s, {result['summary']['termination']}")
+        for data in args.only:
+            splits = recordings(data, folder)
+            for title, effects in SETS.items():
+                run, result = bench.run(
+                    f"{data}, {title}",
+                    "identify",
+                    model,
+                    *splits["train"][:: args.every],
+                    "--effects",
+                    effects,
+                )
+                for p in result["parameters"]:
+                    if p["std"]:
+                        print(f"  {p['name']:<40} {p['value']:.5g} ± {p['std']:.2g} {p['unit']}")
+                errors = (
+                    f"{split} {mean_error(args.servo_runs, run / 'model.json', runs):.1f}"
+                    for split, runs in splits.items()
+                )
+                print(f"  mean absolute error [mrad]: {', '.join(errors)}", flush=True)
+                print(f"  {result['summary']['seconds']:.0f} s, {result['summary']['termination']}")
 
 
 if __name__ == "__main__":
