@@ -170,8 +170,10 @@ std::vector<std::string> release_bounds(const Model& model, const MotionData& da
                                         const MotionOptions& options, MotionClimb& climb) {
   const MotionFit at = climb.fitter().now();
   const double independent = climb.independent();
+  // A bound that is not there holds back what was not seen: it must be beyond doubt.
   const auto is_enough = [&](double objective, double bounds) {
-    return bic(objective, 0.0, independent) < bic(at.objective, bounds, independent);
+    return bic(objective, 0.0, independent) <
+           bic(at.objective, bounds, independent) + kVeryStrong;
   };
   FitLayout layout = climb.layout();
   std::vector<std::size_t> bounds;
@@ -289,21 +291,23 @@ MotionBeginning best_beginning(const Model& model, const MotionData& data, const
   }
   const auto cost = [](const auto& f) { return f->fitter().now().objective; };
   double independent = 1.0, least = kInfinity;
-  const auto of = [&](const auto& f) {
-    return bic(cost(f), count_free(f->layout()), independent);
-  };
   MotionClimb* best = fits.front().get();
-  for (const std::unique_ptr<MotionClimb>& f : fits) {
+  for (std::size_t k = 0; k < fits.size(); ++k) {
+    MotionClimb& f = *fits[k];
+    const auto bic_of = [&](double objective) {  // of bounds that must be beyond doubt
+      return bic(objective, count_free(f.layout()), independent) +
+             (starts[k].speed_share ? kVeryStrong : 0.0);
+    };
     // Objective at which this one would still be in the race.
-    const double to_beat =
-        std::exp((least + kVeryStrong - bic(1.0, count_free(f->layout()), independent)) / independent);
-    f->advance(trial, kOnTheWay, to_beat);
-    if (f->fitter().now().blown_up == 0 && (least == kInfinity || of(f) < least)) {
-      if (least == kInfinity) independent = f->independent();
-      best = f.get();
-      least = of(f);
+    const double to_beat = std::exp((least + kVeryStrong - bic_of(1.0)) / independent);
+    f.advance(trial, kOnTheWay, to_beat);
+    if (f.fitter().now().blown_up == 0 &&
+        (least == kInfinity || bic_of(cost(&f)) < least)) {
+      if (least == kInfinity) independent = f.independent();
+      best = &f;
+      least = bic_of(cost(&f));
     }
-    if (f->fitter().now().interrupted) break;
+    if (f.fitter().now().interrupted) break;
   }
   std::vector<std::string> notes;
   std::optional<MotionClimb> scaled;

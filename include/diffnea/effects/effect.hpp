@@ -250,7 +250,7 @@ struct JointSample {
   const T* qdd = nullptr;  ///< accelerations
   const T* tau = nullptr;  ///< torque that the links transmit, without effects and rotor inertia
   const CommandPath* command = nullptr;  ///< of the run
-  SimulationStep step = {};              ///< that the instant lies in
+  SimulationStep step = {};              ///< stretch that commands are taken over
 };
 
 /// The shape parameter v₀ of s = tanh(q̇/v₀), which stands for sign(q̇) in every dry friction. Its
