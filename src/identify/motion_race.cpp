@@ -294,7 +294,7 @@ MotionBeginning best_beginning(const Model& model, const MotionData& data, const
   MotionClimb* best = fits.front().get();
   for (std::size_t k = 0; k < fits.size(); ++k) {
     MotionClimb& f = *fits[k];
-    const auto bic_of = [&](double objective) {  // of bounds that must be beyond doubt
+    const auto bic_of = [&](double objective) {  // bounds must be beyond doubt
       return bic(objective, count_free(f.layout()), independent) +
              (starts[k].speed_share ? kVeryStrong : 0.0);
     };
