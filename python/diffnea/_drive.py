@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
 _SERVO = "position_servo"
+# Value of a speed that is no bound, as the effect has it.
+_NO_BOUND = 1e3
 
 
 class Drive:
@@ -29,7 +31,8 @@ class Drive:
         >>> data.qfrc_applied[:] = drive(data.time, command, data.qpos, data.qvel)
 
     Arrays are ``(…, n)``, n the joints of ``joint_names``: leading axes are robots that run at
-    once. A held command counts from the call that first gives it.
+    once. A command holds, and counts, from the call that first gives it. A negative delay, which
+    stamps of a log can leave, is none: nobody acts on what is not told yet.
 
     Args:
         model: the model, a file of it or a run that fitted it.
@@ -41,6 +44,7 @@ class Drive:
 
     Raises:
         ModelError: for a joint without a servo, or a model without one.
+        ValueError: for a gain that is not above 0.
 
     """
 
@@ -75,16 +79,21 @@ class Drive:
 
         self._stiffness, self._reach, self._dead_band = of("stiffness"), of("reach"), of("dead_band")
         self._damping = of("damping") if damping else np.zeros(len(servos))
-        self._speed = of("speed")
-        # Stamps of a log may be late; what is not told yet nobody can act on.
+        speed = of("speed")
+        self._speed = np.where(speed < _NO_BOUND, speed, np.inf)
         self._delay = np.maximum(of("delay"), 0.0)
         self._gain = np.broadcast_to(np.asarray(gain, float), (len(servos),))
+        if not (self._gain > 0.0).all():
+            raise ValueError(
+                f"Drive: got gain {gain}, expected above 0; a drive that is off has commands of NaN"
+            )
         self._friction = [_Friction(effects, name) for name in self.joint_names]
         self.reset()
 
     def reset(self) -> None:
         """Forget the commands: the next call begins a run."""
-        self._told: deque[tuple[float, NDArray[np.float64]]] = deque()
+        self._told = np.empty(0)
+        self._setpoints: deque[tuple[float, NDArray[np.float64]]] = deque()
 
     def __call__(
         self, time: float, command: ArrayLike, q: ArrayLike, qd: ArrayLike
@@ -118,7 +127,7 @@ class Drive:
 
         What a simulator that treats dry friction as a constraint takes anew in each step
         (``mujoco.MjModel.dof_frictionloss``): Coulomb friction, Stribeck's excess at low speed,
-        and what grows with the load.
+        and what grows with the load. Other friction of the model is not in it.
 
         Args:
             qd: velocities (…, n) [rad/s] or [m/s].
@@ -130,30 +139,33 @@ class Drive:
         return np.stack(parts, axis=-1)
 
     def _led(self, time: float, wanted: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Setpoint that follows what was wanted since the last call, no faster than its speed."""
-        if not self._told:
+        """Setpoint now, which since the last call moved to what was told then."""
+        if not self._setpoints:
+            self._told = wanted
             return wanted
-        last, before = self._told[-1]
+        last, before = self._setpoints[-1]
         if time < last:
             raise ValueError(
                 f"Drive: got time {time} after {last}, expected it to ascend; reset() begins anew"
             )
-        kept = np.where(np.isnan(wanted), before, wanted)
-        most = self._speed * (time - last)
-        led = before + np.clip(kept - before, -most, most)
-        return np.where(np.isnan(before), kept, led)
+        way = self._told - before
+        at_once = np.isinf(self._speed)
+        most = np.where(at_once, 0.0, self._speed) * (time - last)
+        led = before + np.clip(way, -most, most)
+        self._told = np.where(np.isnan(wanted), self._told, wanted)
+        return np.where(at_once | np.isnan(before), self._told, led)
 
     def _delayed(self, time: float, setpoint: NDArray[np.float64]) -> NDArray[np.float64]:
         """Setpoints of a delay ago."""
-        if self._told and self._told[-1][0] == time:
-            self._told.pop()
-        self._told.append((time, setpoint))
+        if self._setpoints and self._setpoints[-1][0] == time:
+            self._setpoints.pop()
+        self._setpoints.append((time, setpoint))
         # One that is older than all delays stays: it is what holds there.
-        while len(self._told) > 1 and self._told[1][0] <= time - self._delay.max():
-            self._told.popleft()
-        times = np.array([t for t, _ in self._told])
+        while len(self._setpoints) > 1 and self._setpoints[1][0] <= time - self._delay.max():
+            self._setpoints.popleft()
+        times = np.array([t for t, _ in self._setpoints])
         at = np.maximum(np.searchsorted(times, time - self._delay + 1e-12, side="right") - 1, 0)
-        return np.stack([self._told[k][1][..., j] for j, k in enumerate(at)], axis=-1)
+        return np.stack([self._setpoints[k][1][..., j] for j, k in enumerate(at)], axis=-1)
 
 
 class _Friction:

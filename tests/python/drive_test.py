@@ -4,6 +4,7 @@ from pathlib import Path
 
 import diffnea
 import numpy as np
+import pytest
 from numpy.testing import assert_allclose
 
 NAN = float("nan")
@@ -43,10 +44,26 @@ def test_a_delay_and_a_speed(tmp_path: Path) -> None:
     assert told == [0.0, 0.0, 0.0, 1.0, 1.0]
     slow = diffnea.Drive(swing(tmp_path, speed=5.0))
     slow(0.0, [0.0], [0.0], [0.0])
-    led = [slow(0.1 * k, [1.2], [0.0], [0.0])[0] / 4.0 for k in range(1, 4)]
-    assert_allclose(led, [0.5, 1.0, 1.2])
+    led = [slow(0.1 * k, [1.2], [0.0], [0.0])[0] / 4.0 for k in range(1, 5)]
+    assert_allclose(led, [0.0, 0.5, 1.0, 1.2])  # told at 0.1 s
     slow.reset()
     assert_allclose(slow(0.0, [1.2], [0.0], [0.0]), [4.8])
+
+
+def test_what_a_drive_refuses(tmp_path: Path) -> None:
+    model = swing(tmp_path)
+    with pytest.raises(diffnea.ModelError, match="no position servo"):
+        diffnea.Drive(model.with_effects([]))
+    with pytest.raises(diffnea.ModelError, match="no position servo at elbow; there are at servo"):
+        diffnea.Drive(model, ["elbow"])
+    with pytest.raises(ValueError, match="gain"):
+        diffnea.Drive(model, gain=0.0)
+    drive = diffnea.Drive(model)
+    with pytest.raises(ValueError, match=r"shape \(2,\)"):
+        drive(0.0, [0.0, 0.0], [0.0, 0.0], [0.0, 0.0])
+    drive(0.1, [0.0], [0.0], [0.0])
+    with pytest.raises(ValueError, match="expected it to ascend"):
+        drive(0.0, [0.0], [0.0], [0.0])
 
 
 def test_robots_at_once_are_as_one_by_one(tmp_path: Path) -> None:
