@@ -9,6 +9,7 @@
 #include "core/constants.hpp"
 #include "core/decompositions.hpp"
 #include "core/statistics.hpp"
+#include "identify/passes.hpp"
 
 namespace diffnea {
 namespace {
@@ -22,8 +23,8 @@ constexpr double kBelowNoise = 1e-3;
 constexpr double kMatters = 0.1;
 /// Share of the objective that a linearisation promises and need not keep: friction has corners.
 constexpr double kUnkept = 1e-3;
-/// Steps without a gain, though one is promised, that are enough; and what may be promised then by a
-/// fit that has converged: half of that share of an error.
+/// Steps without a gain, though one is promised, that are enough; and what may be promised then by
+/// a fit that has converged (SciPy's xtol, whose steps come to nothing): half of that of an error.
 constexpr int kStalls = 5;
 constexpr double kUnkeptAtLast = 0.05;
 
@@ -253,7 +254,10 @@ void MotionFitter::fit(std::vector<MotionWindow>& windows, double tolerance, dou
       if (++stalls < kStalls) continue;
     }
     now_.converged = promised < kUnkeptAtLast * now.sum && now.blown_up == 0;
-    now_.termination = now_.converged ? "gain below tolerance" : "no lower point along the step";
+    now_.termination = nothing_left
+                           ? "gain below tolerance"
+                           : "no lower point along the step, which promises " +
+                                 format_number(100.0 * promised / now.sum) + " % of the objective";
     break;
   }
   now_.blown_up = now.blown_up;

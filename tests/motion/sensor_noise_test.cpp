@@ -84,6 +84,12 @@ TEST_CASE("sensor noise: a quantisation step is seen, and is a floor", "[motion]
   CHECK(sensor_noise({recorded({.noise = 1e-4})}, {false}).step[0] == 0.0);
 }
 
+TEST_CASE("sensor noise: a joint that rests in most rows has the noise of the others", "[motion]") {
+  Recording still = recorded({.noise = 3e-4});
+  still.q.bottomRows(3000).setConstant(still.q(999, 0));
+  CHECK(sensor_noise({still}, {false}).position[0] == Approx(3e-4).epsilon(0.1));
+}
+
 TEST_CASE("sensor noise: of a fraction of a step it is told as well", "[motion]") {
   const double step = 1e-3, noise = GENERATE(0.2e-3, 0.3e-3, 0.5e-3, 1e-3);
   CAPTURE(noise);
