@@ -50,8 +50,8 @@ std::vector<Candidate> candidates_beside(const Model& base, const DiagnoseOption
   return out;
 }
 
-/// Horizon of the search [s]: what a closed loop remembers, or less, where that leaves enough windows
-/// to hold some out.
+/// Horizon of the search [s]: what a closed loop remembers, or less, where that leaves enough
+/// windows to hold some out.
 double horizon_of(double reached, const MotionData& data, bool has_test) {
   reached = std::min(reached, kForgets);
   if (has_test) return reached;

@@ -27,8 +27,8 @@ bool fit_drives(const Model& model, const RecordingSource& train, IdentifyOption
 /// No bound, as the effect has it.
 inline constexpr double kNoBound = 1e3;
 
-/// Windows of robots whose drives close a loop [s]: many times what it remembers, and many of them in
-/// a long run, so that they are fitted side by side.
+/// Windows of robots whose drives close a loop [s]: many times what it remembers, and many of them
+/// in a long run, so that they are fitted side by side.
 inline constexpr double kForgets = 10.0;
 
 /// Largest error of a joint's command that its drive sees, its gain included [rad] or [m].

@@ -403,8 +403,8 @@ class MotionIdentification {
   int n_ = 0;
   MotionData data_;
   std::vector<double> ladder_;
-  double first_ = 0.0;    ///< shortest horizon [s]
-  double longest_ = 0.0;  ///< whole runs, or as long as asked for [s]
+  double first_ = 0.0;        ///< shortest horizon [s]
+  double longest_ = 0.0;      ///< whole runs, or as long as asked for [s]
   bool closed_loop_ = false;  ///< drives of the model lead all joints
   VecX<double> limit_;  ///< (n) error beyond which a window is apart
   std::function<bool(int, double)> progress_;

@@ -20,11 +20,11 @@
 namespace diffnea {
 namespace {
 
-/// Windows in which beginnings compete [s]: some delays and swings of a servo. In shorter ones, whose
-/// first states are free, wrong bounds win.
+/// Windows in which beginnings compete [s]: some delays and swings of a servo. In shorter ones,
+/// whose first states are free, wrong bounds win.
 constexpr double kTrial = 1.0;
-/// Pieces for each of a joint's parameters: as clusters of a covariance while beginnings compete, and
-/// for the one that goes on, so that few steps are left for all of a long recording.
+/// Pieces for each of a joint's parameters: as clusters of a covariance while beginnings compete,
+/// and for the one that goes on, so that few steps are left for all of a long recording.
 constexpr double kPieces = 5.0, kMorePieces = 20.0;
 /// Scales at which a joint's drive is looked for, over where a fit has found it.
 constexpr double kScales[] = {0.1, 3.0, 10.0, 30.0, 100.0, 1000.0};
@@ -172,8 +172,7 @@ std::vector<std::string> release_bounds(const Model& model, const MotionData& da
   const double independent = climb.independent();
   // A bound that is not there holds back what was not seen: it must be beyond doubt.
   const auto is_enough = [&](double objective, double bounds) {
-    return bic(objective, 0.0, independent) <
-           bic(at.objective, bounds, independent) + kVeryStrong;
+    return bic(objective, 0.0, independent) < bic(at.objective, bounds, independent) + kVeryStrong;
   };
   FitLayout layout = climb.layout();
   std::vector<std::size_t> bounds;
@@ -238,11 +237,11 @@ void scale_drive(const FitLayout& layout, const BoundEffect& drive, double by, V
 /// The beginning with drives, rotors and friction of each joint at the scale that simulates the
 /// windows best; empty: they are there.
 std::optional<MotionBeginning> at_other_scales(const Model& model, const MotionData& data,
-                                               const MotionOptions& options,
-                                               const MotionClimb& fit, double fitted_to) {
+                                               const MotionOptions& options, const MotionClimb& fit,
+                                               double fitted_to) {
   MotionBeginning out = where_it_is(fit, fitted_to);
-  const MotionProblem problem{model, fit.layout(), data.train, data.runs, data.noise.position,
-                              out.scale};
+  const MotionProblem problem{model,     fit.layout(),        data.train,
+                              data.runs, data.noise.position, out.scale};
   const auto cost = [&](const VecX<double>& x) {
     const MotionFitter at(problem, options, x, out.shape);
     const double c = at.cost(fit.at().windows);
@@ -301,8 +300,7 @@ MotionBeginning best_beginning(const Model& model, const MotionData& data, const
     // Objective at which this one would still be in the race.
     const double to_beat = std::exp((least + kVeryStrong - bic_of(1.0)) / independent);
     f.advance(trial, kOnTheWay, to_beat);
-    if (f.fitter().now().blown_up == 0 &&
-        (least == kInfinity || bic_of(cost(&f)) < least)) {
+    if (f.fitter().now().blown_up == 0 && (least == kInfinity || bic_of(cost(&f)) < least)) {
       if (least == kInfinity) independent = f.independent();
       best = &f;
       least = bic_of(cost(&f));
@@ -312,8 +310,7 @@ MotionBeginning best_beginning(const Model& model, const MotionData& data, const
   std::vector<std::string> notes;
   std::optional<MotionClimb> scaled;
   if (!best->fitter().now().interrupted)
-    if (std::optional<MotionBeginning> at =
-            at_other_scales(model, some, options, *best, trial)) {
+    if (std::optional<MotionBeginning> at = at_other_scales(model, some, options, *best, trial)) {
       scaled.emplace(model, some, std::move(*at), limit, options, progress);
       scaled->begin(first);
       scaled->advance(trial, kOnTheWay);

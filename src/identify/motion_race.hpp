@@ -9,9 +9,9 @@
 namespace diffnea {
 
 /// The beginning that goes on. Without drives that have a loop of their own there is one; else fits
-/// compete over pieces of the recordings, and one that cannot catch up drops out. The best leaves out
-/// bounds that the recordings do not need: at the edge of what was seen they would hold back motion
-/// that was not.
+/// compete over pieces of the recordings, and one that cannot catch up drops out. The best leaves
+/// out bounds that the recordings do not need: at the edge of what was seen they would hold back
+/// motion that was not.
 /// @param layout    parameters that the fit may move
 /// @param ladder    horizons, ascending
 /// @param progress  as for MotionFitter

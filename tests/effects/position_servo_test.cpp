@@ -54,7 +54,8 @@ TEST_CASE("CommandPath: commands that are held, ends, gaps, and a switch that no
 TEST_CASE("CommandPath: over a step, a mass goes where the jumps within it would bring it",
           "[effects]") {
   const CommandPath path = commands({0.0, 1.0, 2.0}, {0.0, 2.0, -1.0});
-  for (const SimulationStep step : {SimulationStep{0.2, 0.9}, {0.7, 1.5}, {0.5, 2.5}, {-1.0, 0.4}}) {
+  for (const SimulationStep step :
+       {SimulationStep{0.2, 0.9}, {0.7, 1.5}, {0.5, 2.5}, {-1.0, 0.4}}) {
     const double delay = 0.25, h = step.to - step.from;
     // ∫ c dt and ∫ (to − t) c dt: of what is held by a fine sum, of the line at Gauss's points.
     double speed = 0.0, way = 0.0;
@@ -70,8 +71,11 @@ TEST_CASE("CommandPath: over a step, a mass goes where the jumps within it would
       const CommandPath::Sample c = path.at(0, t, delay, step);
       line_speed += 0.5 * h * c.q;
       line_way += 0.5 * h * (step.to - t) * c.q;
-      CHECK_THAT(c.by_delay, WithinAbs((path.at(0, t, delay + 1e-6, step).q -
-                                        path.at(0, t, delay - 1e-6, step).q) / 2e-6, 1e-5));
+      CHECK_THAT(
+          c.by_delay,
+          WithinAbs(
+              (path.at(0, t, delay + 1e-6, step).q - path.at(0, t, delay - 1e-6, step).q) / 2e-6,
+              1e-5));
     }
     CHECK_THAT(line_speed, WithinAbs(speed, 1e-4));
     CHECK_THAT(line_way, WithinAbs(way, 1e-4));
@@ -91,12 +95,15 @@ TEST_CASE("CommandPath: a setpoint that moves no faster than its speed", "[effec
   CHECK_THAT(led(3.0).at(0, 0.44, 0.0).q, WithinAbs(1.0, 1e-12));
   const SimulationStep across{0.35, 0.47};
   // Mean, in the middle: from 0.75 on for 0.0833 s, then 1.
-  CHECK_THAT(led(3.0).at(0, 0.41, 0.0, across).q, WithinAbs(1.0 - 0.125 * (0.25 / 3.0) / 0.12, 1e-12));
+  CHECK_THAT(led(3.0).at(0, 0.41, 0.0, across).q,
+             WithinAbs(1.0 - 0.125 * (0.25 / 3.0) / 0.12, 1e-12));
   for (const double t : {0.12, 0.25, 0.42, 0.5})
     for (const SimulationStep& over : {SimulationStep{}, {t - 0.03, t + 0.06}})
       CHECK_THAT(led(3.0).at(0, t, 0.0, over).by_speed,
                  WithinAbs((led(3.0 + 1e-6).at(0, t, 0.0, over).q -
-                            led(3.0 - 1e-6).at(0, t, 0.0, over).q) / 2e-6, 1e-6));
+                            led(3.0 - 1e-6).at(0, t, 0.0, over).q) /
+                               2e-6,
+                           1e-6));
   CHECK_THAT(led(1e6).at(0, 0.15, 0.0).q, WithinAbs(1.0, 1e-5));
 }
 

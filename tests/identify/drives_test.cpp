@@ -157,14 +157,15 @@ TEST_CASE("identify: a rotor that rules what the joint feels", "[identify]") {
   const IdentifyResult result = identify(bench.model(), {bench.record(0.6, 1.5, 1.0, 6.0, 0)},
                                          {bench.record(0.45, 2.2, 1.0, 6.0, 0)}, {});
   CHECK(result.errors[0].test < 1.5e-3);  // an encoder's step
-  // The links' weight moves it by 0.1 mrad and hardly tells the scale, the motion what is over what.
+  // The links' weight moves it by 0.1 mrad and hardly tells the scale, the motion what is over
+  // what.
   const double rotor = value(result, "armature.armature");
   CAPTURE(rotor);
   CHECK(rotor > 1000.0 * bench.inertia);
   CHECK(std::abs(value(result, "position_servo.stiffness") / rotor -
                  bench.stiffness / bench.armature) < 0.02 * bench.stiffness / bench.armature);
-  CHECK(std::abs(value(result, "position_servo.damping") / rotor -
-                 bench.damping / bench.armature) < 0.02 * bench.damping / bench.armature);
+  CHECK(std::abs(value(result, "position_servo.damping") / rotor - bench.damping / bench.armature) <
+        0.02 * bench.damping / bench.armature);
 }
 
 TEST_CASE("identify: a drive without gain is refused, with what to do", "[identify]") {

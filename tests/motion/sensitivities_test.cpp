@@ -60,8 +60,8 @@ void check_rows(const TriangularFactor& rows, int columns, const Moved& moved) {
   R.topRightCorner(columns, 1) = rows.d();
   R(columns, columns) = std::sqrt(rows.residual_sum_of_squares());
   const MatX<double> gram = R.transpose() * R, expected = J.transpose() * J;
-  /// Central difference, h = 1e-7: what positions of 15 digits leave. A larger h would move kinks of
-  /// friction across stages of the steps.
+  /// Central difference, h = 1e-7: what positions of 15 digits leave. A larger h would move kinks
+  /// of friction across stages of the steps.
   constexpr double kTol = 1e-5;
   for (int i = 0; i <= columns; ++i)
     for (int k = 0; k <= columns; ++k) {

@@ -35,7 +35,8 @@ TEST_CASE("refresh: a sensor that is slower than the log is told from a coarse o
   CHECK(refresh_rows({slow(1, 5e-2)}) == std::vector<int>{1});
 }
 
-TEST_CASE("refresh: the step of an encoder, by a log of few digits and fast motion", "[recording]") {
+TEST_CASE("refresh: the step of an encoder, by a log of few digits and fast motion",
+          "[recording]") {
   const double step = 2.0 * 3.14159265358979 / 4096.0;
   VecX<double> q(600), changes(599);
   for (long k = 0; k < q.size(); ++k) {

@@ -52,7 +52,7 @@ struct DiagnoseOptions {
   double accept_delta_bic = 10.0;  ///< ΔBIC that a cause must exceed
   int max_causes = 0;              ///< 0: three for each joint, at least eight
   std::uint64_t seed = 0;          ///< of the bootstrap
-  int threads = 1;  ///< shares of simulated runs; the finding does not depend on it
+  int threads = 1;                 ///< shares of simulated runs; the finding does not depend on it
   /// Called as the search goes on; returns false: stop with the causes found so far. May be empty.
   std::function<bool(const FitProgress&)> progress;
 

@@ -18,15 +18,15 @@ struct SimulationStep {
 };
 
 /// A drive holds each command until the next one, and is off in rows without one (NaN). What a
-/// simulation takes of it over one of its steps is the straight line with the same mean and the same
-/// first moment: it brings a mass to where the jumps within that step would, and has a derivative by
-/// the delay.
+/// simulation takes of it over one of its steps is the straight line with the same mean and the
+/// same first moment: it brings a mass to where the jumps within that step would, and has a
+/// derivative by the delay.
 class CommandPath {
  public:
   /// One position, and what it changes with.
   struct Sample {
     double q = std::numeric_limits<double>::quiet_NaN();  ///< [rad] or [m]; NaN: the drive is off
-    double by_delay = 0.0;  ///< over the delay [rad/s] or [m/s]
+    double by_delay = 0.0;                                ///< over the delay [rad/s] or [m/s]
     double by_speed = 0.0;  ///< over the largest speed [s]
   };
 
@@ -87,7 +87,8 @@ class CommandPath {
     long k = row(from);
     const double first = setpoint(k, joint, from).q;
     for (double begin = from; begin < to; ++k) {
-      const double end = k + 1 < told_.rows() ? std::min(to, time_[static_cast<std::size_t>(k + 1)]) : to;
+      const double end =
+          k + 1 < told_.rows() ? std::min(to, time_[static_cast<std::size_t>(k + 1)]) : to;
       const double arrival = time_[static_cast<std::size_t>(k)] + way(k, joint).takes;
       const double stop = std::clamp(arrival, begin, end);
       add(k, joint, begin, stop, middle, area, moment);

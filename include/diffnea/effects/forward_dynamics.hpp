@@ -36,8 +36,8 @@ class ForwardDynamics {
   /// Tree and effects.
   const ExtendedTree& model() const { return model_; }
 
-  /// Time since the run began [s], which warm_up reads, and the step of a simulation that it lies in,
-  /// over which commands are taken.
+  /// Time since the run began [s], which warm_up reads, and the step of a simulation that it lies
+  /// in, over which commands are taken.
   void set_time(double time, const SimulationStep& step = {}) {
     time_ = time;
     step_ = step;

@@ -69,8 +69,8 @@ struct PositionServo {
       const CommandPath::Sample c = x.command->at(j, x.time, delay, x.step);
       if (!(c.q == c.q)) return;  // switched off
       // c has the delay p[2] and the speed p[5] (led); T may be a Jet.
-      const T command = T(c.q) + T(c.by_delay) * (p[2] - T(delay)) +
-                        T(c.by_speed) * (p[5] - T(value_part(p[5])));
+      const T command =
+          T(c.q) + T(c.by_delay) * (p[2] - T(delay)) + T(c.by_speed) * (p[5] - T(value_part(p[5])));
       T error = T(x.command->gain(j)) * (command - x.q[j]);
       const T dead = select(error > p[4], p[4], select(error < -p[4], T(-p[4]), error));
       error = error - dead;
