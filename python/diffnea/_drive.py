@@ -85,7 +85,8 @@ class Drive:
         self._gain = np.broadcast_to(np.asarray(gain, float), (len(servos),))
         if not (self._gain > 0.0).all():
             raise ValueError(
-                f"Drive: got gain {gain}, expected above 0; a drive that is off has commands of NaN"
+                f"Drive: got gain {self._gain}, expected above 0; "
+                "a drive that is off has commands of NaN"
             )
         self._friction = [_Friction(effects, name) for name in self.joint_names]
         self.reset()
