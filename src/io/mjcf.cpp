@@ -7,6 +7,7 @@
 
 #include <diffnea/core/error.hpp>
 
+#include "io/mjcf_versions.hpp"
 #include "io/mjcf_ball.hpp"
 #include "io/mjcf_constraints.hpp"
 #include "io/mjcf_cup.hpp"
@@ -52,11 +53,33 @@ std::vector<int> moved_joints(const mjModel& m, int actuator) {
   return out;
 }
 
-/// Largest torque that the actuators can put on a joint; infinite if one is not limited.
+/// What the actuators of a joint do together.
 struct Actuation {
   bool acts = false;
-  double limit = 0.0;
+  double limit = 0.0;  ///< largest torque; infinite if one is not limited
+  std::optional<ServoGains> servo = {};  ///< of one that stands alone
 };
+
+/// Gains of an actuator that pulls a joint to a position; none of another kind.
+std::optional<ServoGains> servo_gains(const mjModel& m, int a) {
+  constexpr double kSame = 1e-9;  // of one number, written twice
+  const mjtNum *gain = m.actuator_gainprm + mjNGAIN * a, *bias = m.actuator_biasprm + mjNBIAS * a;
+  const bool filters = m.actuator_dyntype[a] == mjDYN_NONE || m.actuator_dyntype[a] == mjDYN_FILTER;
+  if (!filters || m.actuator_gaintype[a] != mjGAIN_FIXED || m.actuator_biastype[a] != mjBIAS_AFFINE)
+    return std::nullopt;
+  const double kp = gain[0], gear = m.actuator_gear[6 * a];
+  if (!(kp > 0.0) || gear == 0.0 || std::abs(bias[1] + kp) > kSame * kp) return std::nullopt;
+  double kd = std::max(-bias[2], 0.0);
+  if (m.nuser_actuator > kDampingRatio) {
+    const mjtNum* later = m.actuator_user + static_cast<std::ptrdiff_t>(m.nuser_actuator) * a;
+    // What the drive feels where all other joints are free, (M⁻¹)_jj, in the file's posture.
+    const double mobility =
+        gear * gear * m.dof_invweight0[m.jnt_dofadr[m.actuator_trnid[2 * a]]];
+    kd += later[kDriveDamping] + 2.0 * later[kDampingRatio] * std::sqrt(kp / mobility);
+  }
+  return ServoGains{gear * gear * kp, gear * gear * kd};
+}
+
 /// One entry a joint; empty if the file has no actuators.
 std::vector<Actuation> actuation(const mjModel& m, std::vector<std::string>& notes) {
   constexpr double kNoLimit = std::numeric_limits<double>::infinity();
@@ -80,6 +103,7 @@ std::vector<Actuation> actuation(const mjModel& m, std::vector<std::string>& not
         m.actuator_biastype[a] == mjBIAS_NONE && m.actuator_dyntype[a] == mjDYN_NONE)
       limit = std::min(
           limit, gear * std::abs(m.actuator_gainprm[mjNGAIN * a]) * largest(m.actuator_ctrlrange));
+    joint.servo = joint.acts ? std::nullopt : servo_gains(m, a);
     joint.acts = true;
     joint.limit += limit;
   }
@@ -156,6 +180,7 @@ void lock(ModelLink& link, double q) {
   link.type = ModelJoint::kFixed;
   link.limits = {};
   link.passive = false;
+  link.servo.reset();
 }
 
 /// Lets a joint have the drives of those that follow it: actuators may sit at any of them.
@@ -264,6 +289,7 @@ Model model_from_mujoco(const mjModel& m, const Mjcf& mjcf) {
       if (!actuators.empty()) {
         link.passive = !actuators[j].acts;
         if (actuators[j].acts) link.limits.effort = actuators[j].limit;
+        link.servo = actuators[j].servo;
       }
       if (!link.passive)
         link.limits.effort = std::min(link.limits.effort, largest_drive_force(m, j));

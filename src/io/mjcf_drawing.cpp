@@ -272,7 +272,8 @@ class MjcfDrawing {
 
 std::string draw_mjcf(const Model& model, std::vector<std::string>& notes) {
   Model native = model;
-  const std::vector<ServoActuator> servos = take_servos(native, notes);
+  std::vector<ServoActuator> servos = take_servos(native, notes);
+  add_file_servos(native, servos);
   return MjcfDrawing(native, servos, notes).text();
 }
 

@@ -11,7 +11,7 @@
 namespace diffnea::io {
 namespace {
 
-const std::string kPositionServo = "position_servo";
+const std::string kPositionServo = "position_servo", kOffset = "torque_offset";
 
 /// A servo's parameter that has no effect.
 double none_of(const std::string& name) {
@@ -42,7 +42,8 @@ std::vector<ServoActuator> take_servos(Model& model, std::vector<std::string>& n
     }
     const double kp = value_of(e, "stiffness"), reach = value_of(e, "reach");
     const bool bounded = reach < none_of("reach");
-    out.push_back({e.where, kp, bounded ? kp * reach : std::numeric_limits<double>::infinity()});
+    out.push_back(
+        {e.where, kp, 0.0, bounded ? kp * reach : std::numeric_limits<double>::infinity(), 0.0});
     for (const char* name : {"delay", "dead_band", "speed"})
       if (value_of(e, name) != none_of(name))
         notes.push_back(std::string(name) + " of the position servo at " + e.where + " = " +
@@ -52,10 +53,31 @@ std::vector<ServoActuator> take_servos(Model& model, std::vector<std::string>& n
         {"viscous_friction", e.where, {{"viscous", value_of(e, "damping"), unit}}});
   }
   model.effects = std::move(rest);
+  for (ServoActuator& servo : out) {  // an offset is what the drive gives beyond its motion's need
+    const auto offset = std::ranges::find_if(model.effects, [&](const EffectSpec& e) {
+      return e.effect == kOffset && e.where == servo.joint && e.parameters.size() == 1;
+    });
+    if (offset == model.effects.end()) continue;
+    servo.bias = -offset->parameters.front().value;
+    model.effects.erase(offset);
+  }
   return out;
 }
 
+void add_file_servos(const Model& model, std::vector<ServoActuator>& servos) {
+  for (const ModelLink& link : model.links)
+    if (link.servo && std::ranges::find(servos, link.joint, &ServoActuator::joint) == servos.end())
+      servos.push_back({link.joint, link.servo->kp, link.servo->kd, link.limits.effort, 0.0});
+}
+
 namespace {
+
+bool is_bounded(const ServoActuator& servo) {  // no range of MuJoCo's is empty
+  return std::isfinite(servo.force) && servo.force > 0.0;
+}
+std::string force_range(const ServoActuator& servo) {
+  return exact(servo.bias - servo.force) + " " + exact(servo.bias + servo.force);
+}
 
 /// Makes an actuator, of any kind, the servo; its name, joint and range of commands stay. Its class
 /// says nothing that is not overruled.
@@ -80,10 +102,11 @@ void write_servo(XmlElement& actuator, const ServoActuator& servo) {
   actuator.SetAttribute("gaintype", "fixed");
   actuator.SetAttribute("gainprm", (exact(servo.kp) + " 0 0").c_str());
   actuator.SetAttribute("biastype", "affine");
-  actuator.SetAttribute("biasprm", ("0 " + exact(-servo.kp) + " 0").c_str());
-  actuator.SetAttribute("forcelimited", std::isfinite(servo.force) ? "true" : "false");
-  if (std::isfinite(servo.force))
-    actuator.SetAttribute("forcerange", (exact(-servo.force) + " " + exact(servo.force)).c_str());
+  actuator.SetAttribute("biasprm",
+                        (exact(servo.bias) + " " + exact(-servo.kp) + " " + exact(-servo.kd)).c_str());
+  actuator.SetAttribute("forcelimited", is_bounded(servo) ? "true" : "false");
+  if (is_bounded(servo))
+    actuator.SetAttribute("forcerange", force_range(servo).c_str());
   // A range of torques is none of positions.
   if (was_position && !range.empty()) {
     actuator.SetAttribute("ctrllimited", limited.empty() ? "true" : limited.c_str());
@@ -99,9 +122,9 @@ void add_servo(XmlElement& section, const ServoActuator& servo) {
   actuator.SetAttribute("name", servo.joint.c_str());
   actuator.SetAttribute("joint", servo.joint.c_str());
   actuator.SetAttribute("kp", exact(servo.kp).c_str());
-  if (!std::isfinite(servo.force)) return;
+  if (!is_bounded(servo)) return;
   actuator.SetAttribute("forcelimited", "true");
-  actuator.SetAttribute("forcerange", (exact(-servo.force) + " " + exact(servo.force)).c_str());
+  actuator.SetAttribute("forcerange", force_range(servo).c_str());
 }
 
 }  // namespace
@@ -115,7 +138,8 @@ void write_servos(XmlElement& root, const std::vector<ServoActuator>& servos) {
         if (!found && joint && servo.joint == joint) found = &e;
       });
     });
-    if (!found && !root.FirstChildElement("default")) {
+    if (!found && !root.FirstChildElement("default") && servo.kd == 0.0 &&
+        servo.bias == 0.0) {
       add_servo(child(root, "actuator"), servo);
       continue;
     }

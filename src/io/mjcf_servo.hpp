@@ -10,17 +10,23 @@
 
 namespace diffnea::io {
 
-/// force = clip(kp (command − q), ± force)
+/// bias + clip(kp (command − q) − kd q̇, ± force)
 struct ServoActuator {
   std::string joint;
   double kp = 0.0;     ///< [N·m/rad] or [N/m]
+  double kd = 0.0;     ///< [N·m·s/rad] or [N·s/m]
   double force = 0.0;  ///< [N·m] or [N]; infinite: no bound
+  double bias = 0.0;   ///< [N·m] or [N]
 };
 
 /// Takes the position servos out of a model. What they brake adds to their joints' damping, which
-/// acts beside the bound of the force, as the servo's does.
+/// acts beside the bound of the force, as the servo's does; a constant torque at the same joint goes
+/// with the servo.
 /// @param notes  gains what no actuator has: delay, dead band, speed of the setpoint
 std::vector<ServoActuator> take_servos(Model& model, std::vector<std::string>& notes);
+
+/// Adds those that the model's file had at other joints.
+void add_file_servos(const Model& model, std::vector<ServoActuator>& servos);
 
 /// Writes servos into a document's actuators: in the place of the first at that joint, else beside
 /// the others.

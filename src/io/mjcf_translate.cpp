@@ -33,7 +33,10 @@ void remove_unused(XmlElement& root) {
   walk(root, [](XmlElement& e) {
     for (const char* name : kUnusedElements) remove_children(e, name);
     e.DeleteAttribute("material");
-    if (is(e, "joint")) e.DeleteAttribute(kForceRange);  // the user's own numbers
+    for (const char* name : {kForceRange, kDriveBrakes})
+      e.DeleteAttribute(name);  // the user's own numbers
+    if (is(e, "size"))
+      for (const char* name : {"nuser_jnt", "nuser_actuator"}) e.DeleteAttribute(name);
     if (is(e, "key")) {
       for (const char* name : {"act", "ctrl"}) e.DeleteAttribute(name);
       if (e.Attribute("qpos")) trim_end(e, "qpos");

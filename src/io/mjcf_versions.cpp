@@ -75,6 +75,15 @@ void force_limited(XmlElement& joint, const char* name) {
   joint.DeleteAttribute(name);
 }
 
+void drive_damping(XmlElement& drive, const char* name) {
+  drive.SetAttribute(kDriveBrakes, (attribute(drive, name) + " 0").c_str());
+  drive.DeleteAttribute(name);
+}
+void drive_damping_ratio(XmlElement& drive, const char* name) {
+  drive.SetAttribute(kDriveBrakes, ("0 " + attribute(drive, name)).c_str());
+  drive.DeleteAttribute(name);
+}
+
 /// An actuator of a later kind as one that pulls at the same place with the same range of force.
 void as_general(XmlElement& actuator, const char*) {
   actuator.SetName("general");
@@ -221,8 +230,13 @@ constexpr LaterWord kWords[] = {
     {"general", "biastype", "3.7", kLeftOut, kDrives, old_bias},
     {"muscle", "tausmooth", "2.3", kLeftOut, kDrives},
     {"general", "actearly", "3.0", kLeftOut, kDrives},
-    {"position intvelocity", "kv inheritrange", "3.1", kLeftOut, kDrives},
-    {"position intvelocity", "dampratio timeconst", "3.2", kLeftOut, kDrives},
+    {"position", "kv", "3.1", kMapped, "what the joint's drive brakes", nullptr, drive_damping},
+    {"position", "dampratio", "3.2", kMapped, "what the joint's drive brakes", nullptr,
+     drive_damping_ratio},
+    {"intvelocity", "kv", "3.1", kLeftOut, kDrives},
+    {"intvelocity", "dampratio", "3.2", kLeftOut, kDrives},
+    {"position intvelocity", "inheritrange", "3.1", kLeftOut, kDrives},
+    {"position intvelocity", "timeconst", "3.2", kLeftOut, kDrives},
     {kAllDrives, "nsample interp delay", "3.5", kLeftOut, kDrives},
     {kAllDrives, "damping armature", "3.7", kMapped, "nothing, where it is 0", is_not_zero,
      take_out},

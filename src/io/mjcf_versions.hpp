@@ -36,6 +36,11 @@ inline constexpr const char* kLatestMjcf = "4.0";
 
 std::span<const LaterWord> later_words();
 
+/// Attribute `user` of an actuator, by which what a position drive brakes passes through the
+/// compiler: two numbers, at kDriveDamping the damping, at kDampingRatio its ratio to the critical.
+inline constexpr const char* kDriveBrakes = "user";
+inline constexpr int kDriveDamping = 0, kDampingRatio = 1;
+
 /// Attribute `user` of a joint, by which the range of force that its drives can have in all passes
 /// through the compiler: two numbers, equal ones where there is no limit.
 inline constexpr const char* kForceRange = "user";

@@ -36,6 +36,15 @@ std::string follow_text(const ModelLink& link) {
   return out;
 }
 
+std::string servo_text(const ModelLink& link) {
+  if (!link.servo) return "";
+  const bool turns = link.type == ModelJoint::kRevolute;
+  return ", servo " + detail::number_text(link.servo->kp) + (turns ? " N·m/rad" : " N/m") +
+         (link.servo->kd > 0.0
+              ? " and " + detail::number_text(link.servo->kd) + (turns ? " N·m·s/rad" : " N·s/m")
+              : "");
+}
+
 std::string joint_text(const ModelLink& link, bool floats) {
   if (floats) return " (floating" + (link.joint.empty() ? "" : ": " + link.joint) + ")";
   if (link.type == ModelJoint::kFixed)
@@ -46,7 +55,7 @@ std::string joint_text(const ModelLink& link, bool floats) {
          range(l.lower, l.upper, turns ? "rad" : "m") +
          bound("≤ ", l.velocity, turns ? "rad/s" : "m/s") +
          bound("≤ ", l.effort, turns ? "N·m" : "N") + follow_text(link) +
-         (link.passive && !link.follows ? ", passive" : "") + ")";
+         servo_text(link) + (link.passive && !link.follows ? ", passive" : "") + ")";
 }
 
 std::string position_text(const Vec3<double>& p) {
@@ -231,6 +240,7 @@ std::string model_info_json(const Model& model) {
                       {"ratio", link.follows->ratio},
                       {"offset", link.follows->offset}};
     l["passive"] = link.passive;
+    if (link.servo) l["servo"] = {{"kp", link.servo->kp}, {"kd", link.servo->kd}};
     l["limits"] = {{"lower", finite_or_null(link.limits.lower)},
                    {"upper", finite_or_null(link.limits.upper)},
                    {"velocity", finite_or_null(link.limits.velocity)},

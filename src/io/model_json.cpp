@@ -127,6 +127,13 @@ bool joint_from(const Json& value, const std::string& where, ModelLink& link) {
   if (const Json* axis = o.optional("axis")) link.axis = axis_from(*axis, o.at("axis"));
   if (const Json* pose = o.optional("pose")) link.X_PJ = pose_from(*pose, o.at("pose"));
   link.passive = o.boolean_or("passive", false);
+  if (const Json* servo = o.optional("servo")) {
+    JsonObject s(*servo, o.at("servo"));
+    link.servo = ServoGains{s.number("kp"), s.number_or("kd", 0.0)};
+    s.finish();
+    if (!(link.servo->kp > 0.0) || !(link.servo->kd >= 0.0))
+      throw ModelError(o.at("servo") + ": expected kp above 0 and kd of 0 or above");
+  }
   if (const Json* follows = o.optional("follows")) {
     JsonObject f(*follows, o.at("follows"));
     link.follows = Follow{f.string("joint"), f.number_or("ratio", 1.0), f.number_or("offset", 0.0)};
@@ -164,6 +171,7 @@ Json joint_to_json(const ModelLink& link, bool floats) {
   if (std::isfinite(link.limits.effort)) limits["effort"] = link.limits.effort;
   if (!limits.empty()) joint["limits"] = limits;
   if (link.passive) joint["passive"] = true;
+  if (link.servo) joint["servo"] = {{"kp", link.servo->kp}, {"kd", link.servo->kd}};
   if (link.follows)
     joint["follows"] = {{"joint", link.follows->leader},
                         {"ratio", link.follows->ratio},

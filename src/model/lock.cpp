@@ -72,6 +72,7 @@ std::vector<std::string> lock_joint(Model& model, const std::string& joint, doub
   link.type = ModelJoint::kFixed;
   link.limits = {};
   link.passive = false;
+  link.servo.reset();
   for (ModelLink& other : model.links) {  // followers stand still with it
     if (!other.follows || other.follows->leader != joint) continue;
     const double there = other.follows->ratio * position + other.follows->offset;

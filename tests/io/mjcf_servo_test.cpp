@@ -22,7 +22,8 @@ using Catch::Approx;
 namespace {
 
 constexpr double kMass = 0.5, kCom = 0.1, kInertia = 0.001, kRotor = 0.02, kGravity = 9.81;
-constexpr double kStiffness = 9.0, kDamping = 0.4, kReach = 0.2, kCommand = 0.9;
+constexpr double kStiffness = 9.0, kDamping = 0.4, kReach = 0.2, kCommand = 0.9,
+                 kOffset = 0.3;
 
 /// A pendulum that swings about y, with a servo.
 Model bench(double reach) {
@@ -43,7 +44,8 @@ Model bench(double reach) {
                 {{"stiffness", kStiffness, "N*m/rad"},
                  {"damping", kDamping, "N*m*s/rad"},
                  {"delay", 0.02, "s"},
-                 {"reach", reach, "rad"}}}};
+                 {"reach", reach, "rad"}}},
+               {"torque_offset", "servo", {{"offset", kOffset, "N*m"}}}};
   return m;
 }
 
@@ -53,7 +55,7 @@ double swung(double reach) {
   double q = 0.0, v = 0.0;
   for (int k = 0; k < 50'000; ++k) {
     const double error = std::clamp(kCommand - q, -reach, reach);
-    const double tau = kStiffness * error - (kDamping + 0.1) * v -
+    const double tau = kStiffness * error - kOffset - (kDamping + 0.1) * v -
                        kMass * kGravity * kCom * std::sin(q);
     v += kStep * tau / (kInertia + kMass * kCom * kCom + kRotor);
     q += kStep * v;
@@ -97,6 +99,26 @@ TEST_CASE("servo: MuJoCo's actuator moves as the law says", "[io][mujoco]") {
   CHECK(lost.size() == 1);
   // Euler's steps of 0.1 ms are off by about their length times the rate of 10 rad/s.
   CHECK(simulated(folder.path() / "bench.xml") == Approx(swung(reach)).epsilon(2e-3));
+  const Model again = read_model(folder.path() / "bench.xml");
+  REQUIRE(again.links[0].servo);
+  CHECK(again.links[0].servo->kp == kStiffness);
+}
+
+TEST_CASE("servo: the drive that a file has comes back", "[io][mujoco]") {
+  Model model = bench(kReach);
+  model.effects.clear();
+  model.links[0].servo = ServoGains{7.0, 0.3};
+  model.links[0].limits.effort = 2.0;
+  const TemporaryFolder folder;
+  for (const char* name : {"bench.xml", "bench.json"}) {
+    CAPTURE(name);
+    write_model(model, folder.path() / name);
+    const ModelLink link = read_model(folder.path() / name).links[0];
+    REQUIRE(link.servo);
+    CHECK(link.servo->kp == 7.0);
+    CHECK(link.servo->kd == 0.3);
+    CHECK(link.limits.effort == 2.0);
+  }
 }
 
 TEST_CASE("servo: an actuator in place becomes the servo", "[io][mujoco]") {

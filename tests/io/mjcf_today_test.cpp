@@ -2,13 +2,16 @@
 /// that float, loops, meshes that are missing.
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 
+#include <catch2/catch_approx.hpp>
 #include <catch2/catch_test_macros.hpp>
 #include <catch2/generators/catch_generators.hpp>
 #include <catch2/matchers/catch_matchers_string.hpp>
 
 #include <diffnea/core/text_file.hpp>
+#include <diffnea/dynamics/mass_matrix.hpp>
 #include <diffnea/io/model_file.hpp>
 
 #include "support/matrix_near.hpp"
@@ -19,6 +22,7 @@ namespace mjcf_today_test {
 
 using namespace diffnea;
 using namespace diffnea::test;
+using Catch::Approx;
 using Catch::Matchers::ContainsSubstring;
 using Catch::Matchers::StartsWith;
 
@@ -28,11 +32,12 @@ TEST_CASE("mjcf: equal notes are one, with how often and the first line", "[io]"
   const Model m = model_of(
       "<mujoco>\n<option ls_iterations='3'>\n<flag eulerdamp='disable'/></option>\n<worldbody>"
       "<body><joint name='j'/><geom size='1'/></body></worldbody>\n<actuator>\n"
-      "<position joint='j' kv='1'/>\n<position joint='j' kv='2'/></actuator></mujoco>");
+      "<position joint='j' timeconst='1'/>\n<position joint='j' timeconst='2'/></actuator>"
+      "</mujoco>");
   CHECK_THAT(notes_of(m),
              ContainsSubstring("settings of a simulation are left out: option ls_iterations "
                                "(line 2), flag eulerdamp (line 3)\n"));
-  CHECK_THAT(notes_of(m), ContainsSubstring("position kv (2 times, first in line 6)\n"));
+  CHECK_THAT(notes_of(m), ContainsSubstring("position timeconst (2 times, first in line 6)\n"));
 }
 
 TEST_CASE("mjcf: messages name the line of the user's file, included ones by name", "[io]") {
@@ -117,6 +122,36 @@ TEST_CASE("mjcf: a drive of a later kind drives its joint, with its range of for
   CHECK(m.links[0].passive);
   CHECK_FALSE(m.links[1].passive);
   CHECK(m.links[1].limits.effort == 6.0);
+}
+
+TEST_CASE("mjcf: a joint's position drive is read with its gains", "[io]") {
+  const auto servo = [](const std::string& classes, const std::string& drives) {
+    return model_of("<mujoco><default>" + classes + "</default><worldbody><body>" +
+                    std::string(kInertial) + "<joint name='j' armature='.2'/></body></worldbody>" +
+                    "<actuator>" + drives + "</actuator></mujoco>")
+        .links[0]
+        .servo;
+  };
+  const auto is = [](const std::optional<ServoGains>& gains, double kp, double kd) {
+    CHECK(gains.has_value());
+    CHECK(gains.value_or(ServoGains{}).kp == Approx(kp));
+    CHECK(gains.value_or(ServoGains{}).kd == Approx(kd).margin(1e-12));
+  };
+  is(servo("", "<position joint='j' kp='20' gear='3'/>"), 180.0, 0.0);  // g² of both
+  is(servo("<position kp='20' kv='1'/>", "<position joint='j' gear='3'/>"), 180.0, 9.0);
+  is(servo("", "<general joint='j' gainprm='5' biastype='affine' biasprm='1 -5 -.3'/>"), 5.0, 0.3);
+  // Half of the critical damping of kp and the inertia about the joint.
+  const Model m = model_of("<mujoco><worldbody><body>" + std::string(kInertial) +
+                           "<joint name='j' armature='.2'/></body></worldbody></mujoco>");
+  MassMatrixWorkspace<double, double> ws;
+  const double inertia =
+      mass_matrix<double, double>(make_tree(m), VecX<double>::Zero(1), ws)(0, 0);
+  is(servo("", "<position joint='j' kp='20' dampratio='.5'/>"), 20.0, std::sqrt(20.0 * inertia));
+  CHECK_FALSE(servo("", "<motor joint='j'/>"));
+  CHECK_FALSE(servo("", "<velocity joint='j' kv='1'/>"));
+  CHECK_FALSE(servo("", "<position joint='j' kp='1'/><position joint='j' kp='2'/>"));
+  CHECK_FALSE(servo("", "<motor joint='j' user='3 4'/>"));
+  is(servo("", "<position joint='j' kp='1' user='3 4'/>"), 1.0, 0.0);  // the user's own numbers
 }
 
 TEST_CASE("mjcf: what stands in frames stands where they have it", "[io]") {

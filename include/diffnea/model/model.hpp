@@ -50,6 +50,14 @@ struct JointLimits {
   double effort = std::numeric_limits<double>::infinity();    ///< largest |τ| of its drive [N·m, N]
 };
 
+/// A joint's drive that follows commanded positions, as the file has it:
+/// τ = kp (command − q) − kd q̇, within JointLimits::effort. What the robot's own drive does is for
+/// `identify` to find; this is where it begins.
+struct ServoGains {
+  double kp = 0.0;  ///< [N·m/rad, N/m]
+  double kd = 0.0;  ///< [N·m·s/rad, N·s/m]
+};
+
 /// How a link hangs on its parent.
 enum class ModelJoint { kFixed, kRevolute, kPrismatic };
 
@@ -74,6 +82,7 @@ struct ModelLink {
       inertia;           ///< about the link's origin, in the link; zero if the file gives none
   JointLimits limits;    ///< of that joint
   bool passive = false;  ///< torque known to be zero
+  std::optional<ServoGains> servo = {};  ///< none: the file has no position drive at that joint
   std::optional<Follow> follows = {};  ///< none: the joint is a degree of freedom of its own
 };
 
