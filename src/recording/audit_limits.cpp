@@ -22,7 +22,9 @@ struct FlatTop {
 };
 
 /// A plateau at the largest value of `x`, entered with speed (a joint at rest is none).
-FlatTop find_flat_top(const VecX<double>& x, double sign, double quantum) {
+/// @param command  of the same rows; empty: none. Where it stands still, so may a joint
+FlatTop find_flat_top(const VecX<double>& x, const VecX<double>& command, double sign,
+                      double quantum) {
   FlatTop out;
   double high = -std::numeric_limits<double>::infinity(), low = -high;
   for (const double v : x)
@@ -36,23 +38,35 @@ FlatTop find_flat_top(const VecX<double>& x, double sign, double quantum) {
   const double same = std::max(0.5 * quantum, 1e-9 * range);
   long below = 0, run = 0, top = 0;
   double entry = 0.0, typical_entry = 0.0;
+  const auto is_led = [&](long end) {
+    if (command.size() == 0 || run < 2) return true;
+    const auto told = command.segment(end - run, run);
+    return told.maxCoeff() - told.minCoeff() > 2.0 * step;
+  };
+  const auto leave = [&](long end) {
+    if (run > 0 && is_led(end)) {
+      top += run;
+      out.longest = std::max(out.longest, run);
+      if (run >= 3) {
+        ++out.tops;
+        typical_entry = std::max(typical_entry, entry);
+      }
+    }
+    run = 0;
+  };
   for (long i = 0; i < x.size(); ++i) {
     const double depth = high - sign * x[i];
     if (depth > same && depth <= same + 3.0 * step) ++below;
     if (depth <= same) {
       if (run == 0) entry = i > 0 ? std::abs(x[i] - x[i - 1]) : 0.0;
       ++run;
-      ++top;
-      out.longest = std::max(out.longest, run);
     } else {
-      if (run >= 3) {
-        ++out.tops;
-        typical_entry = std::max(typical_entry, entry);
-      }
-      run = 0;
+      leave(i);
     }
   }
-  if (run >= 3) ++out.tops;
+  const double before = typical_entry;  // the last one has no other side
+  leave(x.size());
+  typical_entry = before;
   out.at = sign * high;
   out.rows = top;
   const bool flat = top >= 10 && out.longest >= 4 && out.tops >= 1 &&
@@ -66,8 +80,11 @@ void find_clipping(const AuditContext& c, const ChannelView& view) {
   if (view.kind != 't' && view.kind != 'q') return;
   const double quantum = find_quantum(view.values);
   const Recording& r = c.recordings[view.recording];
+  VecX<double> command;
+  if (view.kind == 'q' && view.joint >= 0 && r.qcmd.size() > 0)
+    command = r.qcmd.col(view.joint);
   for (const double sign : {1.0, -1.0}) {
-    const FlatTop top = find_flat_top(view.values, sign, quantum);
+    const FlatTop top = find_flat_top(view.values, command, sign, quantum);
     if (top.rows == 0) continue;
     const double share = static_cast<double>(top.rows) / static_cast<double>(r.rows());
     const bool torque = view.kind == 't';

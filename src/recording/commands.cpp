@@ -70,6 +70,8 @@ std::string why_no_torque(const std::vector<Recording>& recordings) {
   if (!command.empty())
     out += "; desired positions (qcmd_) of " + detail::join(command) +
            ", to which `diffnea identify` and `diffnea diagnose` fit drives";
+  else
+    out += "; positions that were commanded (columns qcmd_JOINT) would do as well";
   if (!extra.empty()) out += "; extra channels " + detail::join(extra);
   return out;
 }

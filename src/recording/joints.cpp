@@ -52,37 +52,57 @@ void match_joints(const std::vector<JointDescription>& joints, std::vector<Recor
   }
 }
 
+namespace {
+
+/// One sentence on positions of a joint that leave its range and would fit as degrees; empty: none.
+/// @param column   as the log names it
+/// @param channel  Recording::q or Recording::qcmd
+std::string degrees_text(const JointDescription& joint, const std::string& column, long j,
+                         const std::vector<Recording>& recordings,
+                         RowMatX<double> Recording::*channel) {
+  double low = std::numeric_limits<double>::infinity(), high = -low;
+  for (const Recording& r : recordings) {
+    if (j >= (r.*channel).cols()) continue;
+    for (const double q : (r.*channel).col(j)) {
+      if (std::isnan(q)) continue;
+      low = std::min(low, q);
+      high = std::max(high, q);
+    }
+  }
+  if (!(low <= high)) return "";
+  const bool limited = std::isfinite(joint.lower) && std::isfinite(joint.upper);
+  const double lower = limited ? joint.lower : -2.0 * kPi,
+               upper = limited ? joint.upper : 2.0 * kPi;
+  // Out of the range by half of its width is no calibration error; a twentieth of a radian in
+  // degrees would be no motion at all.
+  const double slack = 0.5 * (upper - lower), to_rad = kPi / 180.0;
+  const bool leaves = high > upper + slack || low < lower - slack;
+  const bool fits = high * to_rad <= upper + 0.05 && low * to_rad >= lower - 0.05;
+  if (!leaves || !fits) return "";
+  char text[280];
+  detail::print(text, sizeof text,
+                "%s runs from %.4g to %.4g rad, outside %s %.3g to %.3g rad, and would fit as "
+                "degrees; if so, name the column `%s [deg]`",
+                column.c_str(), low, high, limited ? "its limits" : "the usual", lower, upper,
+                column.c_str());
+  return text;
+}
+
+}  // namespace
+
 std::vector<ChannelWarning> find_degrees(const std::vector<JointDescription>& joints,
                                          const std::vector<Recording>& recordings) {
   std::vector<ChannelWarning> out;
   for (std::size_t j = 0; j < joints.size(); ++j) {
-    const JointDescription& joint = joints[j];
-    if (joint.prismatic) continue;
-    double low = std::numeric_limits<double>::infinity(), high = -low;
-    for (const Recording& r : recordings)
-      for (long i = 0; i < r.rows(); ++i) {
-        const double q = r.q(i, static_cast<long>(j));
-        if (std::isnan(q)) continue;
-        low = std::min(low, q);
-        high = std::max(high, q);
-      }
-    if (!(low <= high)) continue;
-    const bool limited = std::isfinite(joint.lower) && std::isfinite(joint.upper);
-    const double lower = limited ? joint.lower : -2.0 * kPi,
-                 upper = limited ? joint.upper : 2.0 * kPi;
-    // Out of the range by half of its width is no calibration error; a twentieth of a radian in
-    // degrees would be no motion at all.
-    const double slack = 0.5 * (upper - lower), to_rad = kPi / 180.0;
-    const bool leaves = high > upper + slack || low < lower - slack;
-    const bool fits = high * to_rad <= upper + 0.05 && low * to_rad >= lower - 0.05;
-    if (!leaves || !fits) continue;
-    char text[240];
-    detail::print(text, sizeof text,
-                  "q_%s runs from %.4g to %.4g rad, outside %s %.3g to %.3g rad, and would fit as "
-                  "degrees; if so, name the column `q_%s [deg]`",
-                  joint.name.c_str(), low, high, limited ? "its limits" : "the usual", lower, upper,
-                  joint.name.c_str());
-    out.push_back({joint.name, text});
+    if (joints[j].prismatic) continue;
+    for (const auto& [prefix, channel] :
+         {std::pair("q_", &Recording::q), std::pair("qcmd_", &Recording::qcmd)}) {
+      const std::string text = degrees_text(joints[j], prefix + joints[j].name,
+                                            static_cast<long>(j), recordings, channel);
+      if (text.empty()) continue;
+      out.push_back({joints[j].name, text});
+      break;
+    }
   }
   return out;
 }

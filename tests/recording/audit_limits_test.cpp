@@ -127,12 +127,18 @@ TEST_CASE("audit: clipping, limits and units", "[audit]") {
   }
   SECTION("a position at the end of its sensor") {
     const double limit = 0.8 * r.q.col(1).maxCoeff() + 0.2 * r.q.col(1).mean();
+    const RowMatX<double> motion = r.q;
     r.q.col(1) = r.q.col(1).cwiseMin(limit);
-    const std::vector<ChannelFault> faults = found(r);
-    INFO(names(faults));
-    CHECK(std::ranges::any_of(faults, [](const ChannelFault& f) {
-      return f.fault == "position_clipped" && f.channel == "q_elbow";
-    }));
+    const auto is_clipped = [&] {
+      return std::ranges::any_of(found(r), [](const ChannelFault& f) {
+        return f.fault == "position_clipped" && f.channel == "q_elbow";
+      });
+    };
+    CHECK(is_clipped());
+    r.qcmd = motion;  // it was sent further
+    CHECK(is_clipped());
+    r.qcmd = r.q;  // it was to stay there
+    CHECK_FALSE(is_clipped());
   }
   SECTION("spikes") {
     const long count = GENERATE(1, 20);

@@ -107,7 +107,9 @@ TEST_CASE("commands: rows too far apart, and degrees, are refused", "[recording]
   degrees.q *= 57.3;
   degrees.qcmd *= 57.3;
   const std::vector<JointDescription> limited{{.name = "servo", .lower = -1.0, .upper = 1.0}};
-  CHECK_THROWS_WITH(require_commands(limited, {degrees}), ContainsSubstring("q_servo [deg]"));
+  CHECK_THROWS_WITH(require_commands(limited, {degrees}), ContainsSubstring("`q_servo [deg]`"));
+  degrees.q /= 57.3;
+  CHECK_THROWS_WITH(require_commands(limited, {degrees}), ContainsSubstring("`qcmd_servo [deg]`"));
 }
 
 TEST_CASE("commands: several drives under one stamp are a note, with their lags", "[audit]") {
