@@ -221,9 +221,10 @@ void simulate(MotionCase& c, const MotionSearchData& of) {
 }  // namespace
 
 bool has_commands_alone(const Model& model, const RecordingSource& train) {
+  Model begun = model;
   IdentifyOptions options;
   std::vector<std::string> unsaid;
-  return fit_drives(model, train, options, unsaid);
+  return fit_drives(begun, train, options, unsaid);
 }
 
 Finding diagnose_drives(const Model& model, const RecordingSource& train,
@@ -238,8 +239,9 @@ Finding diagnose_drives(const Model& model, const RecordingSource& train,
   IdentifyOptions fit;
   fit.progress = options.progress;
   fit.motion.threads = options.threads;
-  fit_drives(model, train, fit, finding.notes);
-  const IdentifyResult base = identify_by_motion(model, train, test, fit);
+  Model begun = model;
+  fit_drives(begun, train, fit, finding.notes);
+  const IdentifyResult base = identify_by_motion(begun, train, test, fit);
   finding.interrupted = base.summary.interrupted;
   finding.plan = base.plan;
   finding.data_report = base.data_report;

@@ -47,6 +47,41 @@ long free_count(const FitLayout& layout) {
          std::ranges::count_if(layout.shape, is_free);
 }
 
+/// All that a joint's drive, rotor and friction do times a factor.
+void scale_drive(Model& model, const std::string& joint, double by) {
+  for (EffectSpec& e : model.effects) {
+    if (e.where != joint) continue;
+    for (const ParameterInfo& info : find_effect(e.effect).parameters)
+      if (info.linear && info.unit != "1")
+        for (EffectParameter& p : e.parameters)
+          if (p.name == info.name) p.value *= by;
+  }
+}
+
+/// Scales of its joint's drive at which a cause may have to be looked for: where the model lacks the
+/// cause, no sag and no swing may have said that the drive is as strong as any.
+std::vector<double> other_scales(const MotionSolution& at, const EffectSpec& cause) {
+  constexpr double kNear = 3.0;  // a fit finds what is within this factor
+  constexpr double kFar[] = {0.1, 0.01};
+  for (std::size_t k = 0; k < at.layout.linear.size(); ++k) {
+    const FitParameter& p = at.layout.linear[k];
+    if (p.fixed || p.effect < 0 || !p.name.ends_with(".stiffness")) continue;
+    const BoundEffect& drive = at.layout.effects[static_cast<std::size_t>(p.effect)];
+    if (!drive.info().has(Trait::kReadsCommand) || drive.where != cause.where) continue;
+    const long column = static_cast<long>(k);
+    const double gain = at.fit.x[column];
+    const auto link = std::ranges::find(at.model.links, drive.where, &ModelLink::joint);
+    if (link->servo) {
+      const double to_file = link->servo->kp / gain;
+      if (to_file > kNear || to_file < 1.0 / kNear) return {to_file};
+      return {};
+    }
+    if (std::sqrt(std::max(at.fit.covariance(column, column), 0.0)) < gain) return {};
+    return {std::begin(kFar), std::end(kFar)};
+  }
+  return {};
+}
+
 }  // namespace
 
 struct MotionSearch::Variant {
@@ -86,6 +121,7 @@ FitLayout MotionSearch::layout_of(const Model& model, const std::vector<EffectSp
   choice.effects = std::vector<std::string>{};
   choice.fix.insert(choice.fix.end(), held.begin(), held.end());
   FitLayout out = layout_for(model, data_.train, data_.test, choice, unsaid);
+  bound_delays(data_.data.noise.period, out);
   hold_motionless(still_joints(data_.data.train, data_.data.noise), joint_names(model), "", out,
                   unsaid);
   for (FitParameter& s : out.shape)  // the base has no such bound
@@ -123,7 +159,18 @@ MotionSolution MotionSearch::solve(const std::vector<EffectSpec>& terms,
     from.model = base_;
     from.windows = windows_;
   }
-  return solved(std::move(from), terms);
+  std::vector<MotionSolution> begun;
+  for (const EffectSpec& t : terms)
+    if (start && !holds_effect(start->terms, t))
+      for (const double by : other_scales(*start, t)) {
+        begun.push_back(from);
+        scale_drive(begun.back().model, t.where, by);
+      }
+  MotionSolution best = solved(std::move(from), terms);
+  for (MotionSolution& other : begun)
+    if (MotionSolution fit = solved(std::move(other), terms); fit.cost < best.cost)
+      best = std::move(fit);
+  return best;
 }
 
 MotionSolution MotionSearch::solved(MotionSolution from,

@@ -36,10 +36,66 @@ bool has_command(const Recording& r, long joint) {
   return r.qcmd.size() > 0 && (r.qcmd.col(joint).array() == r.qcmd.col(joint).array()).any();
 }
 
-/// Tells whether the joint's drive is off at times.
-bool is_off(const Recording& r, int joint) {
+/// Rows in which the joint's drive is off.
+std::size_t count_off(const Recording& r, int joint) {
   const CommandPath path = command_path(r);
-  return std::ranges::any_of(r.time, [&](double t) { return std::isnan(path.at(joint, t, 0.0).q); });
+  return static_cast<std::size_t>(std::ranges::count_if(
+      r.time, [&](double t) { return std::isnan(path.at(joint, t, 0.0).q); }));
+}
+
+/// @throws DataError for a joint with commands whose drive is off in every row
+void require_a_drive_that_is_on(const std::vector<Recording>& recordings, int joint,
+                                const std::string& name) {
+  const bool off = std::ranges::all_of(recordings, [&](const Recording& r) {
+    return count_off(r, joint) == r.time.size();
+  });
+  if (off)
+    throw DataError(recordings.front().source + ": the drive of '" + name +
+                    "' is off in every row (torque_enable), so that nothing tells of it; to fit "
+                    "friction to its swing, name it passive (--passive " + name + ")");
+}
+
+/// The joint's drive as an effect of the model: as a fit has left it there, else as the file has
+/// it, else one that does nothing.
+EffectSpec& drive_at(Model& model, const std::string& joint) {
+  for (EffectSpec& e : model.effects)
+    if (e.where == joint && find_effect(e.effect).has(Trait::kReadsCommand)) return e;
+  EffectSpec servo{"position_servo", joint, {{"stiffness", 0.0, ""}, {"damping", 0.0, ""}}};
+  const ModelLink& link = *std::ranges::find(model.links, joint, &ModelLink::joint);
+  if (link.servo) {
+    servo.parameters = {{"stiffness", link.servo->kp, ""}, {"damping", link.servo->kd, ""}};
+    if (std::isfinite(link.limits.effort) && link.limits.effort > 0.0)
+      servo.parameters.push_back({"reach", link.limits.effort / link.servo->kp, ""});
+  }
+  model.effects.push_back(std::move(servo));
+  return model.effects.back();
+}
+
+bool is_asked_for(const FitChoice& choice, const std::string& effect) {
+  const auto names = [&](const std::string& entry) { return entry.find(effect) != entry.npos; };
+  return (choice.effects && std::ranges::any_of(*choice.effects, names)) ||
+         std::ranges::any_of(choice.fix, names);
+}
+
+/// Beside a drive that is always on, viscous friction is one with what the motor brakes: held
+/// beside it, it would bound the sum from below.
+/// @return whether the model had some
+bool give_friction_to_drive(Model& model, const std::string& joint) {
+  double viscous = 0.0;
+  const std::size_t there = model.effects.size();
+  std::erase_if(model.effects, [&](const EffectSpec& e) {
+    if (e.effect != "viscous_friction" || e.where != joint) return false;
+    for (const EffectParameter& p : e.parameters) viscous += p.value;
+    return true;
+  });
+  if (model.effects.size() == there) return false;
+  EffectSpec& drive = drive_at(model, joint);
+  const auto damping = std::ranges::find(drive.parameters, "damping", &EffectParameter::name);
+  if (damping != drive.parameters.end())
+    damping->value += viscous;
+  else
+    drive.parameters.push_back({"damping", viscous, ""});
+  return true;
 }
 
 }  // namespace
@@ -90,11 +146,40 @@ double no_bound(const FitLayout& layout, const FitParameter& shape) {
       .initial;
 }
 
-bool fit_drives(const Model& model, const RecordingSource& train, IdentifyOptions& options,
+void require_a_scale(const std::vector<MotionStretch>& stretches, const FitLayout& layout) {
+  const FitParameter *gain = nullptr, *mass = nullptr;
+  for (const FitParameter& p : layout.linear)
+    if (!p.fixed && p.name.ends_with(".stiffness") && p.effect >= 0 &&
+        layout.effects[static_cast<std::size_t>(p.effect)].info().has(Trait::kReadsCommand))
+      gain = &p;
+  const auto is_unknown = [&](const MotionStretch& s) {
+    return std::ranges::any_of(layout.linear, [&](const FitParameter& p) {
+      if (p.fixed || p.theta != 0 || p.effect < 0) return false;
+      mass = &p;
+      const std::vector<int>& runs = layout.effects[static_cast<std::size_t>(p.effect)].runs;
+      return runs.empty() || std::ranges::find(runs, s.run) != runs.end();
+    });
+  };
+  if (gain && std::ranges::all_of(stretches, is_unknown) && mass)
+    throw ModelError("identify: " + mass->name + " and " + gain->name +
+                     " are both unknown in all recordings, and without a torque only their ratio "
+                     "is told. Give one: --fix \"" + mass->name + "=KG\" (a sidecar's payload, "
+                     "weighed), --fix \"" + gain->name + "=K\", or a recording without a payload");
+}
+
+void bound_delays(const VecX<double>& period, FitLayout& layout) {
+  for (FitParameter& s : layout.shape) {
+    if (s.effect < 0 || !s.name.ends_with(".delay")) continue;
+    const BoundEffect& e = layout.effects[static_cast<std::size_t>(s.effect)];
+    if (e.info().has(Trait::kReadsCommand)) s.least = -period[e.joints.front()];
+  }
+}
+
+bool fit_drives(Model& model, const RecordingSource& train, IdentifyOptions& options,
                 std::vector<std::string>& notes) {
   const std::vector<Recording> sample = train.sample();
   const std::vector<std::string> joints = joint_names(model);
-  std::vector<std::string> led, effects;
+  std::vector<std::string> led, effects, damped;
   // Beside a torque that is known, a joint without one is prescribed.
   if (has_torque(train) || std::ranges::any_of(sample, [](const Recording& r) {
         return !r.info.passive.empty();
@@ -105,28 +190,39 @@ bool fit_drives(const Model& model, const RecordingSource& train, IdentifyOption
       return has_command(r, static_cast<long>(j));
     };
     if (!std::ranges::any_of(sample, is_led)) continue;
+    require_a_drive_that_is_on(sample, static_cast<int>(j), joints[j]);
     led.push_back(joints[j]);
-    // Beside a drive that is always on, viscous friction is one with what the motor brakes.
+    if (std::ranges::find(model.links, joints[j], &ModelLink::joint)->servo)
+      drive_at(model, joints[j]);
     if (std::ranges::any_of(sample, [&](const Recording& r) {
-          return is_led(r) && is_off(r, static_cast<int>(j));
+          return is_led(r) && count_off(r, static_cast<int>(j)) > 0;
         }))
       effects.push_back("viscous_friction@" + joints[j]);
-    else if (std::ranges::any_of(model.effects, [&](const EffectSpec& e) {
-               return e.effect == "viscous_friction" && e.where == joints[j];
-             }))
-      options.choice.fix.push_back(joints[j] + ".viscous_friction.viscous");
+    else if (!is_asked_for(options.choice, "viscous_friction") && give_friction_to_drive(model, joints[j]))
+      damped.push_back(joints[j]);
     for (const char* effect : {"position_servo", "armature", "coulomb_friction", "torque_offset"})
       effects.push_back(std::string(effect) + "@" + joints[j]);
   }
   if (led.empty()) return false;
   require_commands(describe_joints(model), sample);
+  if (!damped.empty())
+    notes.push_back("viscous friction of the description at " + detail::join(damped) +
+                    " is where the damping of the drives there begins: a drive that is always on "
+                    "does not tell the two apart");
   options.loss = Loss::kMotion;
   if (!options.choice.effects) options.choice.effects = effects;
   if (options.choice.fit == FitChoice{}.fit) std::erase(options.choice.fit, "inertia");
+  const bool holds_gains = std::ranges::any_of(options.choice.fix, [](const std::string& entry) {
+    return entry.find(".stiffness") != entry.npos;
+  });
   notes.push_back("no torque was recorded at " + detail::join(led) +
                   ", commanded positions were: their drives are fitted as position servos, by the "
-                  "motion they make. The links' inertias, which the model has, set the scale: were "
-                  "all of them twice as large, so would be gains, friction and rotors");
+                  "motion they make. " +
+                  (holds_gains
+                       ? "The gains that are held and the links' inertias, which the model has, "
+                         "set the scale of friction and rotors"
+                       : "The links' inertias, which the model has, set the scale: were all of "
+                         "them twice as large, so would be gains, friction and rotors"));
   return true;
 }
 
@@ -161,7 +257,8 @@ void guess_drives(const Model& model, const std::vector<MotionStretch>& stretche
   const std::vector<LocalMotion> motions = middle_motions(stretches, windows);
   const auto try_delays = [&](const std::function<double(const Guess&)>& delay) {
     const auto bounds = [&](const Guess& g) {
-      return Bounds{delay(g), speed_share < 1.0 ? speed_share * g.most_rate : kNoBound};
+      const bool is_slow = speed_share < 1.0 && g.most_rate > 0.0;  // a constant command has none
+      return Bounds{delay(g), is_slow ? speed_share * g.most_rate : kNoBound};
     };
     std::vector<Bounds> tried;
     for (const Guess& g : drives) {

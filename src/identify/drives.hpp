@@ -18,11 +18,20 @@ double no_bound(const FitLayout& layout, const FitParameter& shape);
 
 /// Fits the laws of drives where a recording has commands and no torque: by the motion that they
 /// make, links' inertias as the model has them, for without a torque only ratios to these are told.
+/// @param model  gains the drives that its file has, which are where a fit begins
 /// @param notes  what was chosen, and why
 /// @return whether anything was changed
 /// @throws DataError for commands that can be of no drive (require_commands)
-bool fit_drives(const Model& model, const RecordingSource& train, IdentifyOptions& options,
+bool fit_drives(Model& model, const RecordingSource& train, IdentifyOptions& options,
                 std::vector<std::string>& notes);
+
+/// @throws ModelError if neither drives' gains nor what is carried are known in any recording:
+///         positions tell their ratio alone
+void require_a_scale(const std::vector<MotionStretch>& stretches, const FitLayout& layout);
+
+/// Lets no drive act before it is told, but for what the rows of a log leave open: one of them.
+/// @param period  (n) between rows [s]
+void bound_delays(const VecX<double>& period, FitLayout& layout);
 
 /// No bound, as the effect has it.
 inline constexpr double kNoBound = 1e3;

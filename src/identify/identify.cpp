@@ -159,12 +159,13 @@ IdentifyResult identify(const Model& model, const RecordingSource& train,
     if (test) arm_test = without_ball_pull(model, *test, options.ball, options.preprocess);
   }
   std::vector<std::string> of_drives;
-  if (!ball.alone) fit_drives(model, train, arm, of_drives);
+  Model begun = model;
+  if (!ball.alone) fit_drives(begun, train, arm, of_drives);
   const RecordingSource& fitted = arm_train ? *arm_train : train;
   const RecordingSource* held_out = arm_test ? arm_test.get() : test;
   IdentifyResult result = ball.alone ? without_arm(model, train, choice.arm)
                           : arm.loss == Loss::kMotion
-                              ? identify_by_motion(model, fitted, held_out, arm)
+                              ? identify_by_motion(begun, fitted, held_out, arm)
                               : identify_by_torque(model, fitted, held_out, arm);
   result.notes.insert(result.notes.begin(), of_drives.begin(), of_drives.end());
   if (arm_train) {

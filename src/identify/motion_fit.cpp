@@ -376,21 +376,23 @@ void MotionFitter::step(const VecX<double>& d, double damping, VecX<double>& x,
     if (is_free[static_cast<std::size_t>(c)] != 0 && nonnegative(c) && !(problem.start[c] > 0.0))
       problem.start[c] = kInside * scale_of(c);
   }
-  const auto most = [&](long c) {
-    if (c < p || is_free[static_cast<std::size_t>(c)] == 0) return kInfinity;
+  const auto within = [&](long c, double value) {
+    if (c < p || is_free[static_cast<std::size_t>(c)] == 0) return value;
     const FitParameter& def = layout.shape[static_cast<std::size_t>(c - p)];
-    if (def.effect < 0) return kInfinity;
-    const double bound = layout.effects[static_cast<std::size_t>(def.effect)]
-                             .parameter_info[static_cast<std::size_t>(def.index)]
-                             .most;
-    return def.logarithmic ? std::log(bound) : bound;
+    double most = kInfinity;
+    if (def.effect >= 0)
+      most = layout.effects[static_cast<std::size_t>(def.effect)]
+                 .parameter_info[static_cast<std::size_t>(def.index)]
+                 .most;
+    if (def.logarithmic) most = std::log(most);
+    return std::min(std::max(value, def.logarithmic ? -kInfinity : def.least), most);
   };
   VecX<double> move = solve_convex_fit(problem).x;
-  for (bool beyond = true; beyond;) {  // a shape beyond its largest value is held there
+  for (bool beyond = true; beyond;) {  // a shape beyond its bounds is held there
     beyond = false;
     for (long c = p; c < columns; ++c)
-      if (move[c] > most(c) + 1e-12) {
-        problem.start[c] = most(c);
+      if (const double bound = within(c, move[c]); std::abs(bound - move[c]) > 1e-12) {
+        problem.start[c] = bound;
         problem.fixed.push_back(static_cast<int>(c));
         beyond = true;
       }
@@ -405,9 +407,9 @@ void MotionFitter::step(const VecX<double>& d, double damping, VecX<double>& x,
   for (long s = 0; s < shape.size(); ++s) {
     if (is_free[static_cast<std::size_t>(p + s)] == 0) continue;
     const bool logarithmic = layout.shape[static_cast<std::size_t>(s)].logarithmic;
-    shape[s] = logarithmic ? shape[s] * std::exp(move[p + s]) : shape[s] + move[p + s];
-    const double bound = most(p + s);  // but for rounding
-    shape[s] = std::min(shape[s], logarithmic ? std::exp(bound) : bound);
+    const double moved = (logarithmic ? std::log(shape[s]) : shape[s]) + move[p + s];
+    const double inside = within(p + s, moved);  // but for rounding
+    shape[s] = logarithmic ? std::exp(inside) : inside;
   }
 }
 

@@ -65,9 +65,14 @@ class MotionIdentification {
     const auto start = std::chrono::steady_clock::now();
     FitLayout layout = layout_for(model_, train_, test_, options_.choice, result_.notes);
     require_derivatives(layout);
+    nominal_shape_.resize(static_cast<long>(layout.shape.size()));
+    for (std::size_t k = 0; k < layout.shape.size(); ++k)
+      nominal_shape_[static_cast<long>(k)] = layout.shape[k].prior;
     n_ = layout.num_dofs;
     const std::vector<bool> commanded = commanded_joints(layout);
     data_ = motion_data(train_, test_, commanded, result_.notes);
+    bound_delays(data_.noise.period, layout);
+    require_a_scale(data_.train, layout);
     result_.data_report = train_.report();
     result_.summary.rows = data_.rows;
     result_.summary.passes = 1;
@@ -147,7 +152,7 @@ class MotionIdentification {
     nominal_problem_.emplace(MotionProblem{model_, climb_->layout(), data_.train, data_.runs,
                                            data_.noise.position, climb_->beginning().scale});
     nominal_fitter_.emplace(*nominal_problem_, options_.motion, climb_->layout().prior(),
-                            from_.shape);
+                            nominal_shape_);
     climb_->begin(first_);
     for (const double horizon : ladder_) {
       const bool first = horizon == ladder_.front(), last = horizon == ladder_.back();
@@ -218,7 +223,7 @@ class MotionIdentification {
     if (test_) {
       const MotionFitter fitter(*held_problem_, options_.motion, fit().x, fit().shape);
       const MotionFitter before(*held_problem_, options_.motion, climb_->layout().prior(),
-                                from_.shape);
+                                nominal_shape_);
       of_model(fitter, kOnTheWay, data_.test, test_fitted_);
       of_model(before, kRoughly, data_.test, test_nominal_);
       test = test_fitted_.errors.rmse();
@@ -265,6 +270,7 @@ class MotionIdentification {
       if (def.sign != Sign::kFree && fit.x[k] < 1e-4 * scale[k])
         at_bound.push_back(static_cast<int>(k));
     }
+    hide_ratios(fit.x, std, identifiable);
     for (long k = 0; k < shape_std.size(); ++k) {
       const FitParameter& def = layout.shape[static_cast<std::size_t>(k)];
       if (def.fixed) continue;
@@ -274,11 +280,51 @@ class MotionIdentification {
     }
     result_.parameters =
         parameter_estimates(layout, fit.x, fit.shape, std, identifiable, at_bound, shape_std);
+    for (std::size_t k = 0; k < layout.shape.size(); ++k)
+      if (const FitParameter& s = layout.shape[k];
+          !s.fixed && fit.shape[static_cast<long>(k)] <= s.least)
+        result_.notes.push_back(s.name + " is held at " + format_number(s.least) + " " + s.unit +
+                                ", one row early: no drive acts before it is told");
     const Posterior arm = posterior_of(layout, fit.x, information(), train_);
     result_.model.posterior = joined(&arm, model_.posterior ? &*model_.posterior : nullptr);
     result_.physically_consistent = true;
     add_errors();
     summarise();
+  }
+
+  /// A drive that follows has some gain: where its error is as large, links do not tell the scale of
+  /// what it, its rotor and its friction do, only ratios.
+  void hide_ratios(const VecX<double>& x, VecX<double>& std, std::vector<bool>& identifiable) {
+    const FitLayout& layout = climb_->layout();
+    std::vector<int> untold;  // joints
+    std::vector<std::string> at;
+    for (std::size_t k = 0; k < layout.linear.size(); ++k) {
+      const FitParameter& p = layout.linear[k];
+      if (p.fixed || p.effect < 0 || !p.name.ends_with(".stiffness")) continue;
+      const BoundEffect& e = layout.effects[static_cast<std::size_t>(p.effect)];
+      const long column = static_cast<long>(k);
+      if (!e.info().has(Trait::kReadsCommand) || (identifiable[k] && std[column] < x[column]))
+        continue;
+      constexpr double kNear = 3.0;
+      const bool is_near =
+          p.prior > 0.0 && x[column] < kNear * p.prior && x[column] > p.prior / kNear;
+      untold.push_back(e.joints.front());
+      at.push_back(e.where + " (" + format_number(x[column]) + " " + p.unit +
+                   (is_near ? ", near that of the description)" : ")"));
+    }
+    if (untold.empty()) return;
+    for (std::size_t k = 0; k < layout.linear.size(); ++k) {
+      const FitParameter& p = layout.linear[k];
+      const long column = static_cast<long>(k);
+      if (p.fixed || p.effect < 0 || std[column] < std::abs(x[column])) continue;
+      const std::vector<int>& joints = layout.effects[static_cast<std::size_t>(p.effect)].joints;
+      if (joints.empty() || std::ranges::find(untold, joints.front()) == untold.end()) continue;
+      identifiable[k] = false;
+      std[column] = kNaN;
+    }
+    result_.notes.push_back(
+        "the links do not tell how large the gain of the drive is at " + detail::join(at) +
+        "; ratios to it are told. To set it: --fix \"JOINT.position_servo.stiffness=K\"");
   }
 
   /// Errors at the longest horizon; test_raw from states that the positions alone give.
@@ -410,6 +456,7 @@ class MotionIdentification {
   std::function<bool(int, double)> progress_;
   MotionBeginning from_;
   std::optional<MotionClimb> climb_;
+  VecX<double> nominal_shape_;  ///< (s) as the model has them
   std::optional<MotionProblem> held_problem_, nominal_problem_;
   std::optional<MotionFitter> nominal_fitter_;
   Ladder nominal_, test_fitted_, test_nominal_;

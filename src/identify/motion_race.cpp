@@ -105,27 +105,45 @@ void hold_bounds_off(FitLayout& layout, VecX<double>& shape) {
   }
 }
 
-/// The layout with rotors that rule what the joints feel: behind a high gear they do. What no
-/// torque tells is begun at from the links, and from there.
-FitLayout with_heavy_rotors(FitLayout layout, const Model& model, const PositionRange& range) {
-  constexpr double kHeavy = 10.0;  // over the inertia that the links have about the joint
+/// Inertias that the links alone have about their joints in the middle of the motion, (n).
+VecX<double> link_inertias(Model model, const PositionRange& range) {
+  model.effects.clear();
   const VecX<double> q = 0.5 * (range.low + range.high);
   MassMatrixWorkspace<double, double> ws;
-  const MatX<double> M = mass_matrix<double, double>(make_tree(model), q, ws);
+  return mass_matrix<double, double>(make_tree(model), q, ws).diagonal();
+}
+
+bool is_rotor(const FitLayout& layout, const FitParameter& p) {
+  return p.effect >= 0 &&
+         layout.effects[static_cast<std::size_t>(p.effect)].info().name == "armature";
+}
+
+/// The layout with rotors that rule what the joints feel: behind a high gear they do. What no
+/// torque tells is begun at from the links, and from there.
+FitLayout with_heavy_rotors(FitLayout layout, const VecX<double>& inertia) {
+  constexpr double kHeavy = 10.0;  // over the inertia that the links have about the joint
   for (FitParameter& p : layout.linear) {
-    if (p.fixed || p.effect < 0) continue;
-    const BoundEffect& e = layout.effects[static_cast<std::size_t>(p.effect)];
-    if (e.info().name != "armature") continue;
+    if (p.fixed || !is_rotor(layout, p)) continue;
+    const int joint = layout.effects[static_cast<std::size_t>(p.effect)].joints.front();
     p.fixed = true;
-    p.prior = std::max(p.prior, kHeavy * M(e.joints.front(), e.joints.front()));
+    p.prior = std::max(p.prior, kHeavy * inertia[joint]);
   }
   return layout;
+}
+
+/// Tells whether the model has gains of drives: its file's, or those of an earlier fit.
+bool has_gains(const FitLayout& layout) {
+  return std::ranges::any_of(layout.linear, [&](const FitParameter& p) {
+    return p.effect >= 0 && p.prior > 0.0 &&
+           layout.effects[static_cast<std::size_t>(p.effect)].info().has(Trait::kReadsCommand);
+  });
 }
 
 /// Where a fit of drives begins.
 struct Start {
   std::optional<double> speed_share{};  ///< one of kSpeedShares; none: no bounds at all
   bool heavy_rotors = false;
+  bool at_file = false;  ///< at the gains that the model has, whatever torques of one instant say
 };
 
 MotionBeginning beginning(const Model& model, const MotionData& data, const FitLayout& layout,
@@ -151,10 +169,11 @@ MotionBeginning beginning(const Model& model, const MotionData& data, const FitL
   const bool driven = std::ranges::any_of(data.train, [](const MotionStretch& s) {
     return s.command || s.u.cwiseAbs().maxCoeff() > 0.0;
   });
-  if (driven)
+  if (driven && !from.at_file)
     out.guess = inverse_guess(
         from.heavy_rotors
-            ? with_heavy_rotors(out.layout, model, position_range(data.train, layout.num_dofs))
+            ? with_heavy_rotors(out.layout, link_inertias(model, position_range(data.train,
+                                                                                layout.num_dofs)))
             : out.layout,
         factors);
   out.start = consistent_start(out.layout, out.scale);
@@ -213,58 +232,100 @@ std::vector<std::string> release_bounds(const Model& model, const MotionData& da
   return left_out;
 }
 
+/// Scales are those of the links' torques, which a drive with a rotor of its own is beyond: its
+/// parameters may well be as far off as they are large.
+void widen_scales(const FitLayout& layout, const VecX<double>& x, VecX<double>& scale) {
+  for (std::size_t k = 0; k < layout.linear.size(); ++k)
+    if (const FitParameter& p = layout.linear[k]; !p.fixed && p.effect >= 0 && p.theta < 0)
+      scale[static_cast<long>(k)] =
+          std::max(scale[static_cast<long>(k)], std::abs(x[static_cast<long>(k)]));
+}
+
 /// A beginning at the point of a fit.
 MotionBeginning where_it_is(const MotionClimb& fit, double fitted_to) {
   MotionBeginning out = fit.beginning();
   out.start = fit.fitter().now().x;
+  widen_scales(out.layout, out.start, out.scale);
   out.shape = fit.fitter().now().shape;
   out.guess = {};
   out.fitted_to = fitted_to;
   return out;
 }
 
-/// All that a joint's drive does times a factor: what links that weigh little hardly tell, and a
-/// step from where the fit is does not show.
-void scale_drive(const FitLayout& layout, const BoundEffect& drive, double by, VecX<double>& x) {
+/// All that a joint's drive does times a factor, and the inertia that it moves with it: what links
+/// that weigh little hardly tell, and a step from where the fit is does not show.
+/// @param inertia  (n) of the links, which stay
+void scale_drive(const FitLayout& layout, const BoundEffect& drive, const VecX<double>& inertia,
+                 double by, VecX<double>& x) {
   for (std::size_t k = 0; k < layout.linear.size(); ++k) {
     const FitParameter& p = layout.linear[k];
     if (p.fixed || p.effect < 0 || p.theta >= 0 || p.unit == "1") continue;
-    if (layout.effects[static_cast<std::size_t>(p.effect)].joints == drive.joints)
-      x[static_cast<long>(k)] *= by;
+    if (layout.effects[static_cast<std::size_t>(p.effect)].joints != drive.joints) continue;
+    double& value = x[static_cast<long>(k)];
+    const double links = is_rotor(layout, p) ? inertia[drive.joints.front()] : 0.0;
+    value = links > 0.0 ? std::max(by * (value + links) - links, 0.0) : by * value;
   }
 }
 
-/// The beginning with drives, rotors and friction of each joint at the scale that simulates the
-/// windows best; empty: they are there.
+/// Stiffness of a drive; −1: it is held.
+int free_stiffness(const FitLayout& layout, std::size_t drive) {
+  for (std::size_t k = 0; k < layout.linear.size(); ++k) {
+    const FitParameter& p = layout.linear[k];
+    if (p.effect == static_cast<int>(drive) && !p.fixed && p.name.ends_with(".stiffness"))
+      return static_cast<int>(k);
+  }
+  return -1;
+}
+
+/// The beginning with drives, rotors and friction of each joint at the scale of the model's gains,
+/// unless the windows speak against it beyond doubt; at another one for which they speak as
+/// strongly. Empty: they are there.
 std::optional<MotionBeginning> at_other_scales(const Model& model, const MotionData& data,
                                                const MotionOptions& options, const MotionClimb& fit,
                                                double fitted_to) {
   MotionBeginning out = where_it_is(fit, fitted_to);
-  const MotionProblem problem{model,     fit.layout(),        data.train,
+  const FitLayout& layout = fit.layout();
+  const MotionProblem problem{model,     layout,              data.train,
                               data.runs, data.noise.position, out.scale};
-  const auto cost = [&](const VecX<double>& x) {
+  const double independent = fit.independent();
+  const auto misfit = [&](const VecX<double>& x) {  // −2 ln of its likelihood
     const MotionFitter at(problem, options, x, out.shape);
     const double c = at.cost(fit.at().windows);
-    return std::isfinite(c) ? c : kInfinity;
+    return std::isfinite(c) ? bic(c, 0.0, independent) : kInfinity;
   };
-  double least = cost(out.start);
+  const VecX<double> inertia =
+      link_inertias(model, position_range(data.train, layout.num_dofs));
+  double least = misfit(out.start);
   bool moved = false;
-  for (const BoundEffect& e : fit.layout().effects) {
-    if (!e.info().has(Trait::kReadsCommand)) continue;
-    const VecX<double> from = out.start;
-    double best = 1.0;
-    for (const double by : kScales) {
-      VecX<double> x = from;
-      scale_drive(fit.layout(), e, by, x);
-      if (const double c = cost(x); c < least) {
-        least = c;
-        best = by;
-        out.start = x;
+  for (std::size_t e = 0; e < layout.effects.size(); ++e) {
+    const BoundEffect& drive = layout.effects[e];
+    const int stiffness = free_stiffness(layout, e);
+    if (!drive.info().has(Trait::kReadsCommand) || stiffness < 0) continue;
+    const auto scaled = [&](double by) {
+      VecX<double> x = out.start;
+      scale_drive(layout, drive, inertia, by, x);
+      return x;
+    };
+    const double prior = layout.linear[static_cast<std::size_t>(stiffness)].prior,
+                 to_model = prior / out.start[stiffness];
+    if (prior > 0.0 && std::isfinite(to_model))
+      if (const double there = misfit(scaled(to_model)); there < least + kVeryStrong) {
+        out.start = scaled(to_model);
+        least = there;
         moved = true;
       }
-    }
-    scale_drive(fit.layout(), e, std::max(best, 1.0), out.scale);
+    double best = 1.0, lower = prior > 0.0 ? least - kVeryStrong : least;
+    for (const double by : kScales)
+      if (const double there = misfit(scaled(by)); there < lower) {
+        lower = there;
+        best = by;
+      }
+    if (best == 1.0) continue;
+    out.start = scaled(best);
+    least = lower;
+    moved = true;
   }
+  widen_scales(layout, out.start, out.scale);
   return moved ? std::optional(out) : std::nullopt;
 }
 
@@ -282,6 +343,7 @@ MotionBeginning best_beginning(const Model& model, const MotionData& data, const
   const VecX<double> limit = apart_limit(some);
   std::vector<std::unique_ptr<MotionClimb>> fits;
   std::vector<Start> starts{{}, {.heavy_rotors = true}};
+  if (has_gains(layout)) starts.push_back({.at_file = true});
   for (const double share : kSpeedShares) starts.push_back({.speed_share = share});
   for (const Start& start : starts) {
     fits.push_back(std::make_unique<MotionClimb>(
@@ -314,7 +376,9 @@ MotionBeginning best_beginning(const Model& model, const MotionData& data, const
       scaled.emplace(model, some, std::move(*at), limit, options, progress);
       scaled->begin(first);
       scaled->advance(trial, kOnTheWay);
-      if (scaled->fitter().now().blown_up == 0 && cost(&*scaled) < cost(best)) best = &*scaled;
+      if (scaled->fitter().now().blown_up == 0 &&
+          bic(cost(&*scaled), 0.0, independent) < bic(cost(best), 0.0, independent) + kVeryStrong)
+        best = &*scaled;
     }
   if (!best->fitter().now().interrupted)
     if (const auto released = release_bounds(model, some, options, *best); !released.empty())

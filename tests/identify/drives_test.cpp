@@ -168,6 +168,69 @@ TEST_CASE("identify: a rotor that rules what the joint feels", "[identify]") {
         0.02 * bench.damping / bench.armature);
 }
 
+TEST_CASE("identify: friction and gains that the description has are where a drive's fit begins",
+          "[identify]") {
+  const Bench bench;
+  Model model = bench.model();
+  model.links[1].servo = ServoGains{30.0, 0.0};
+  model.effects = {{"viscous_friction", "servo", {{"viscous", 0.9, "N*m*s/rad"}}}};
+  const IdentifyResult result =
+      identify(model, {bench.record(1.0, 1.5, 1.0, 6.0, 0)}, {bench.record(0.9, 2.2, 1.0, 6.0, 0)}, {});
+  const auto prior = [&](const char* end) {
+    for (const ParameterEstimate& p : result.parameters)
+      if (p.name.ends_with(end)) return p.prior;
+    return -1.0;
+  };
+  CHECK(prior("position_servo.stiffness") == 30.0);
+  CHECK(prior("position_servo.damping") == 0.9);
+  CHECK(prior("viscous_friction.viscous") == -1.0);  // one with the drive's
+  CHECK(std::abs(value(result, "position_servo.stiffness") - bench.stiffness) < 0.05 * bench.stiffness);
+  CHECK(std::abs(value(result, "position_servo.damping") - bench.damping) < 0.05 * bench.damping);
+  CHECK(result.errors[0].test < 1.5e-3);
+}
+
+TEST_CASE("identify: where links tell no scale, the description's gain sets it", "[identify]") {
+  Bench bench;  // a wrist that nothing hangs on, its axis upright
+  bench.mass = 0.01;
+  bench.length = 0.0;
+  bench.inertia = 2e-6;
+  bench.reach = 100.0;
+  bench.speed = 1e4;
+  bench.damping = 1.5;
+  bench.coulomb = 0.01;
+  Model model = bench.model();
+  model.links[1].servo = ServoGains{30.0, 1.0};
+  const IdentifyResult result = identify(model, {bench.record(0.6, 1.5, 1.0, 6.0, 0)}, {}, {});
+  const double stiffness = value(result, "position_servo.stiffness");
+  CAPTURE(stiffness);
+  CHECK(stiffness > 10.0);
+  CHECK(stiffness < 90.0);
+  CHECK(std::abs(value(result, "position_servo.damping") / stiffness -
+                 bench.damping / bench.stiffness) < 0.03 * bench.damping / bench.stiffness);
+  for (const ParameterEstimate& p : result.parameters)
+    if (p.name.ends_with("stiffness")) {
+      CAPTURE(p.std);
+      CHECK_FALSE(p.identifiable);
+    }
+  CHECK(std::ranges::any_of(result.notes, [](const std::string& note) {
+    return note.find("the links do not tell how large the gain") != std::string::npos;
+  }));
+}
+
+TEST_CASE("identify: what positions cannot tell of a drive is refused, with what to do",
+          "[identify]") {
+  using Catch::Matchers::ContainsSubstring;
+  const Bench bench;
+  Recording unknown = bench.record(1.0, 1.5, 1.0, 3.0, 0);
+  unknown.info.payload = HeldBody{"", "servo", {}, {}, {}};
+  CHECK_THROWS_WITH(identify(bench.model(), {unknown}, {}, {}),
+                    ContainsSubstring("payload.mass") && ContainsSubstring("only their ratio"));
+  Recording off = bench.record(1.0, 1.5, 1.0, 3.0, 0);
+  off.extra.push_back({"torque_enable", VecX<double>::Zero(off.rows())});
+  CHECK_THROWS_WITH(identify(bench.model(), {off}, {}, {}),
+                    ContainsSubstring("off in every row") && ContainsSubstring("--passive servo"));
+}
+
 TEST_CASE("identify: a drive without gain is refused, with what to do", "[identify]") {
   const Bench bench;
   CHECK_THROWS_WITH(identify(bench.model(), {bench.record(1.0, 1.5, 0.0, 1.0, 0)}, {}, {}),

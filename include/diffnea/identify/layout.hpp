@@ -30,6 +30,8 @@ struct FitParameter {
   int theta = -1;         ///< of a link or payload: index in θ, else −1
   int effect = -1;        ///< of an effect: index into FitLayout::effects, else −1
   int index = -1;         ///< of an effect: index into its parameters
+  /// Of a shape that a motion fit moves: smallest value that it takes.
+  double least = -std::numeric_limits<double>::infinity();
   bool logarithmic =
       false;  ///< of a shape: it moves by a factor, a step is one of ln η (Scale::kLog)
   /// Of a joint's fixed transform (dof is set too): 0–2 roll, pitch, yaw of a rotation after the
