@@ -124,7 +124,8 @@ class Drive:
         error = np.sign(error) * np.maximum(np.abs(error) - self._dead_band, 0.0)
         error = np.clip(error, -self._reach, self._reach)
         torque = self._stiffness * error - self._damping * qd
-        return np.where(np.isnan(wanted), 0.0, torque) - self._offset
+        told: NDArray[np.float64] = np.where(np.isnan(wanted), 0.0, torque) - self._offset
+        return told
 
     def frictionloss(self, qd: ArrayLike, load: ArrayLike = 0.0) -> NDArray[np.float64]:
         """Size of the joints' dry friction now, (…, n) [N·m] or [N].
