@@ -24,8 +24,9 @@ class Drive:
     """Torques of a model's position servos, with all that robot descriptions have no place for.
 
     The law is that of the effect ``position_servo``: a setpoint that moves no faster than the
-    drive's speed, a delay, a dead band, a reach, and the motor's braking. A robot description
-    holds stiffness, damping and the largest torque alone (``model.save("robot.xml")``).
+    drive's speed, a delay, a dead band, a reach, and the motor's braking; less the joint's
+    ``torque_offset``, which acts in a drive that is off, too. A robot description holds
+    stiffness, damping and the largest torque alone (``model.save("robot.xml")``).
 
         >>> drive = diffnea.Drive("run")
         >>> data.qfrc_applied[:] = drive(data.time, command, data.qpos, data.qvel)
@@ -88,6 +89,8 @@ class Drive:
                 f"Drive: got gain {self._gain}, expected above 0; "
                 "a drive that is off has commands of NaN"
             )
+        offsets = [effects.get(("torque_offset", name)) for name in self.joint_names]
+        self._offset = np.array([e.parameters["offset"] if e else 0.0 for e in offsets])
         self._friction = [_Friction(effects, name) for name in self.joint_names]
         self.reset()
 
@@ -121,7 +124,8 @@ class Drive:
         error = np.sign(error) * np.maximum(np.abs(error) - self._dead_band, 0.0)
         error = np.clip(error, -self._reach, self._reach)
         torque = self._stiffness * error - self._damping * qd
-        return np.where(np.isnan(wanted), 0.0, torque)
+        told: NDArray[np.float64] = np.where(np.isnan(wanted), 0.0, torque) - self._offset
+        return told
 
     def frictionloss(self, qd: ArrayLike, load: ArrayLike = 0.0) -> NDArray[np.float64]:
         """Size of the joints' dry friction now, (…, n) [N·m] or [N].

@@ -38,6 +38,14 @@ def test_law_of_the_servo(tmp_path: Path) -> None:
     assert_allclose(without(0.0, [0.3], [0.1], [7.0]), [4.0 * 2.0 * 0.2])
 
 
+def test_an_offset_acts_whether_the_drive_is_on_or_off(tmp_path: Path) -> None:
+    model = swing(tmp_path)
+    offset = diffnea.Effect("torque_offset", model.joint_names[0], {"offset": 0.3})
+    drive = diffnea.Drive(model.with_effects([*model.effects, offset]), damping=False)
+    assert_allclose(drive(0.0, [0.5], [0.0], [0.0]), [4.0 * 0.5 - 0.3])
+    assert_allclose(drive(0.1, [NAN], [0.0], [0.0]), [-0.3])
+
+
 def test_a_delay_and_a_speed(tmp_path: Path) -> None:
     late = diffnea.Drive(swing(tmp_path, delay=0.02))
     told = [late(0.01 * k, [1.0 if k > 0 else 0.0], [0.0], [0.0])[0] / 4.0 for k in range(5)]

@@ -108,6 +108,17 @@ def test_per_cent_of_a_calibrated_range_is_no_angle(tmp_path: Path) -> None:
     np.testing.assert_allclose(run.q[:, 0], 0.02 * state[:40, 1] + 0.1, atol=1e-6)
 
 
+def test_a_file_without_names_whose_columns_end_at_100_is_not_called_degrees(
+    tmp_path: Path,
+) -> None:
+    state, action = motion()
+    action[7, 1] = 100.0
+    folder = data_set(tmp_path / "ds", state, action, names=ARM, robot="so101", version=3)
+    (folder / "meta" / "info.json").unlink()
+    with pytest.raises(diffnea.DataError, match=r"rad\+0\.1\]\"; positions end at exactly 100"):
+        diffnea.read_recordings(folder / "data" / "chunk-000" / "file-000.parquet")
+
+
 def test_radians_stay_radians(tmp_path: Path) -> None:
     state, action = motion()
     names = ARM

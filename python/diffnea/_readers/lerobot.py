@@ -151,10 +151,20 @@ def _unit(
         return None, []
     example = f"{there[0]}.{names[there[0]][0]}"
     if all(label.isdigit() for name in there for label in names[name]):
-        return None, [
+        # The last column is where a gripper stands, which is in per cent beside degrees, too.
+        arm = [vectors[name][:, k] for name in there for k in range(len(names[name]) - 1)]
+        full = any(abs(float(np.nanmax(np.abs(x))) - 100.0) < 1e-6 for x in arm)
+        unit = "0.0175*rad+0.1" if full else "deg"
+        note = (
             "whose columns they are is not said (there is no meta/info.json with names): "
-            f'name them, e.g. --map "{example}=q_shoulder_pan [deg]"'
-        ]
+            f'name them, e.g. --map "{example}=q_shoulder_pan [{unit}]"'
+        )
+        if full:
+            note += (
+                "; positions end at exactly 100: per cent of each joint's calibrated range, where "
+                "a per cent is so many rad (here 0.0175) and 0 is at an angle (here 0.1 rad)"
+            )
+        return None, [note]
     arm = [
         vectors[name][:, k]
         for name in there
