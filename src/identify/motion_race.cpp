@@ -182,54 +182,68 @@ MotionBeginning beginning(const Model& model, const MotionData& data, const FitL
   return out;
 }
 
-/// Leaves out bounds of drives that the recordings do not need, and fits the rest anew: at the edge
-/// of what was seen they would hold back motion that was not.
-/// @return their names
-std::vector<std::string> release_bounds(const Model& model, const MotionData& data,
-                                        const MotionOptions& options, MotionClimb& climb) {
-  const MotionFit at = climb.fitter().now();
-  const double independent = climb.independent();
-  // A bound that is not there holds back what was not seen: it must be beyond doubt.
-  const auto is_enough = [&](double objective, double bounds) {
-    return bic(objective, 0.0, independent) < bic(at.objective, bounds, independent) + kVeryStrong;
-  };
-  FitLayout layout = climb.layout();
-  std::vector<std::size_t> bounds;
+/// Bounds of drives that the fit moves, as indices of shapes.
+std::vector<std::size_t> free_bounds(const FitLayout& layout) {
+  std::vector<std::size_t> out;
   for (std::size_t k = 0; k < layout.shape.size(); ++k)
-    if (!layout.shape[k].fixed && is_bound_of_drive(layout, layout.shape[k])) bounds.push_back(k);
-  if (bounds.empty()) return {};
-  // All at once, the others fitted beside: a delay makes up for a speed that hardly shows.
-  VecX<double> x = at.x, shape = at.shape;
-  std::vector<MotionWindow> windows = climb.at().windows;
-  hold_bounds_off(layout, shape);
+    if (!layout.shape[k].fixed && is_bound_of_drive(layout, layout.shape[k])) out.push_back(k);
+  return out;
+}
+
+/// Leaves bounds out and fits the rest anew: a delay makes up for a speed that hardly shows. A bound
+/// that is not there holds back what was not seen: it must be beyond doubt.
+/// @return whether the windows do without them
+bool leave_out(const std::vector<std::size_t>& bounds, const Model& model, const MotionData& data,
+               const MotionOptions& options, MotionClimb& climb) {
+  const MotionFit at = climb.fitter().now();
+  FitLayout layout = climb.layout();
+  VecX<double> shape = at.shape;
+  for (const std::size_t k : bounds) {
+    layout.shape[k].fixed = true;
+    layout.shape[k].prior = shape[static_cast<long>(k)] = no_bound(layout, layout.shape[k]);
+  }
   const MotionProblem problem{model, layout, data.train, data.runs, data.noise.position,
                               climb.beginning().scale};
-  MotionFitter without(problem, options, x, shape);
+  MotionFitter without(problem, options, at.x, shape);
+  std::vector<MotionWindow> windows = climb.at().windows;
   without.fit(windows, kOnTheWay);
-  std::vector<std::string> left_out;
+  const MotionFit& fit = without.now();
+  const double independent = climb.independent();
   // Runs that blow up are not in the objective: without them it would look better.
-  if (without.now().blown_up <= at.blown_up &&
-      is_enough(without.now().objective, static_cast<double>(bounds.size()))) {
-    for (const std::size_t k : bounds) left_out.push_back(layout.shape[k].name);
-    climb.change(layout, without.now().x, without.now().shape, std::move(windows));
-  } else {
-    layout = climb.layout();
-    shape = at.shape;
-    for (const std::size_t k : bounds) {
-      VecX<double> one = shape;
-      one[static_cast<long>(k)] = no_bound(layout, layout.shape[k]);
-      const MotionFitter tried(problem, options, x, one);
-      std::vector<MotionWindow> at_best = climb.at().windows;
-      tried.fit_states(at_best, kOnTheWay);
-      if (!is_enough(tried.cost(at_best), 1.0)) continue;
-      layout.shape[k].fixed = true;
-      layout.shape[k].prior = shape[static_cast<long>(k)] = one[static_cast<long>(k)];
-      left_out.push_back(layout.shape[k].name);
-    }
-    if (!left_out.empty()) climb.change(layout, x, shape, climb.at().windows);
+  if (fit.blown_up > at.blown_up ||
+      bic(fit.objective, 0.0, independent) >
+          bic(at.objective, static_cast<double>(bounds.size()), independent) + kVeryStrong)
+    return false;
+  climb.change(layout, fit.x, fit.shape, std::move(windows));
+  climb.finish(kOnTheWay);
+  return true;
+}
+
+/// Leaves out bounds of drives that the recordings do not need: at the edge of what was seen they
+/// would hold back motion that was not. All of them, or those that may as well be none.
+/// @param all  whether all of them are tried
+/// @return their names
+std::vector<std::string> release_bounds(const Model& model, const MotionData& data,
+                                        const MotionOptions& options, bool all,
+                                        MotionClimb& climb) {
+  std::vector<std::size_t> bounds = free_bounds(climb.layout());
+  const auto is_left_out = [&] {
+    return !bounds.empty() && leave_out(bounds, model, data, options, climb);
+  };
+  if (!all || !is_left_out()) {
+    climb.set_covariance();
+    const MotionFit& fit = climb.fitter().now();
+    const double sure = kVeryStrong + std::log(climb.independent());  // squared, in its error
+    std::erase_if(bounds, [&](std::size_t k) {
+      const long column = fit.x.size() + static_cast<long>(k);
+      const double value = fit.shape[static_cast<long>(k)];
+      return value * value > sure * fit.covariance(column, column);
+    });
+    if (!is_left_out()) return {};
   }
-  if (!left_out.empty()) climb.finish(kOnTheWay);
-  return left_out;
+  std::vector<std::string> names;
+  for (const std::size_t k : bounds) names.push_back(climb.layout().shape[k].name);
+  return names;
 }
 
 /// Scales are those of the links' torques, which a drive with a rotor of its own is beyond: its
@@ -369,7 +383,7 @@ MotionBeginning best_beginning(const Model& model, const MotionData& data, const
     }
     if (f.fitter().now().interrupted) break;
   }
-  std::vector<std::string> notes;
+  std::vector<std::string> released;
   std::optional<MotionClimb> scaled;
   if (!best->fitter().now().interrupted)
     if (std::optional<MotionBeginning> at = at_other_scales(model, some, options, *best, trial)) {
@@ -381,18 +395,22 @@ MotionBeginning best_beginning(const Model& model, const MotionData& data, const
         best = &*scaled;
     }
   if (!best->fitter().now().interrupted)
-    if (const auto released = release_bounds(model, some, options, *best); !released.empty())
-      notes.push_back("left at no bound, which the recording does not need: " +
-                      detail::join(released));
+    released = release_bounds(model, some, options, true, *best);
   MotionBeginning out = where_it_is(*best, trial);
   if (const MotionData more = pieces_of(data, out.layout, trial, kMorePieces);
       more.train.size() > some.train.size() && !best->fitter().now().interrupted) {
     MotionClimb next(model, more, out, limit, options, progress);
     next.begin(first);
     next.advance(trial, kOnTheWay);
-    if (next.fitter().now().blown_up == 0) out = where_it_is(next, trial);
+    if (next.fitter().now().blown_up == 0) {
+      for (std::string& name : release_bounds(model, more, options, false, next))
+        released.push_back(std::move(name));
+      out = where_it_is(next, trial);
+    }
   }
-  out.notes.insert(out.notes.end(), notes.begin(), notes.end());
+  if (!released.empty())
+    out.notes.push_back("left at no bound, which the recording does not need: " +
+                        detail::join(released));
   return out;
 }
 
