@@ -58,8 +58,8 @@ void scale_drive(Model& model, const std::string& joint, double by) {
   }
 }
 
-/// Scales of its joint's drive at which a cause may have to be looked for: where the model lacks the
-/// cause, no sag and no swing may have said that the drive is as strong as any.
+/// Scales of its joint's drive at which a cause may have to be looked for: where the model lacks
+/// the cause, no sag and no swing may have said that the drive is as strong as any.
 std::vector<double> other_scales(const MotionSolution& at, const EffectSpec& cause) {
   constexpr double kNear = 3.0;  // a fit finds what is within this factor
   constexpr double kFar[] = {0.1, 0.01};

@@ -46,13 +46,13 @@ std::size_t count_off(const Recording& r, int joint) {
 /// @throws DataError for a joint with commands whose drive is off in every row
 void require_a_drive_that_is_on(const std::vector<Recording>& recordings, int joint,
                                 const std::string& name) {
-  const bool off = std::ranges::all_of(recordings, [&](const Recording& r) {
-    return count_off(r, joint) == r.time.size();
-  });
+  const bool off = std::ranges::all_of(
+      recordings, [&](const Recording& r) { return count_off(r, joint) == r.time.size(); });
   if (off)
     throw DataError(recordings.front().source + ": the drive of '" + name +
                     "' is off in every row (torque_enable), so that nothing tells of it; to fit "
-                    "friction to its swing, name it passive (--passive " + name + ")");
+                    "friction to its swing, name it passive (--passive " +
+                    name + ")");
 }
 
 /// The joint's drive as an effect of the model: as a fit has left it there, else as the file has
@@ -163,8 +163,11 @@ void require_a_scale(const std::vector<MotionStretch>& stretches, const FitLayou
   if (gain && std::ranges::all_of(stretches, is_unknown) && mass)
     throw ModelError("identify: " + mass->name + " and " + gain->name +
                      " are both unknown in all recordings, and without a torque only their ratio "
-                     "is told. Give one: --fix \"" + mass->name + "=KG\" (a sidecar's payload, "
-                     "weighed), --fix \"" + gain->name + "=K\", or a recording without a payload");
+                     "is told. Give one: --fix \"" +
+                     mass->name +
+                     "=KG\" (a sidecar's payload, "
+                     "weighed), --fix \"" +
+                     gain->name + "=K\", or a recording without a payload");
 }
 
 void bound_delays(const VecX<double>& period, FitLayout& layout) {
@@ -198,7 +201,8 @@ bool fit_drives(Model& model, const RecordingSource& train, IdentifyOptions& opt
           return is_led(r) && count_off(r, static_cast<int>(j)) > 0;
         }))
       effects.push_back("viscous_friction@" + joints[j]);
-    else if (!is_asked_for(options.choice, "viscous_friction") && give_friction_to_drive(model, joints[j]))
+    else if (!is_asked_for(options.choice, "viscous_friction") &&
+             give_friction_to_drive(model, joints[j]))
       damped.push_back(joints[j]);
     for (const char* effect : {"position_servo", "armature", "coulomb_friction", "torque_offset"})
       effects.push_back(std::string(effect) + "@" + joints[j]);

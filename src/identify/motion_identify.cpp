@@ -292,8 +292,8 @@ class MotionIdentification {
     summarise();
   }
 
-  /// A drive that follows has some gain: where its error is as large, links do not tell the scale of
-  /// what it, its rotor and its friction do, only ratios.
+  /// A drive that follows has some gain: where its error is as large, links do not tell the scale
+  /// of what it, its rotor and its friction do, only ratios.
   void hide_ratios(const VecX<double>& x, VecX<double>& std, std::vector<bool>& identifiable) {
     const FitLayout& layout = climb_->layout();
     std::vector<int> untold;  // joints

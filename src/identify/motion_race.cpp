@@ -172,8 +172,8 @@ MotionBeginning beginning(const Model& model, const MotionData& data, const FitL
   if (driven && !from.at_file)
     out.guess = inverse_guess(
         from.heavy_rotors
-            ? with_heavy_rotors(out.layout, link_inertias(model, position_range(data.train,
-                                                                                layout.num_dofs)))
+            ? with_heavy_rotors(out.layout,
+                                link_inertias(model, position_range(data.train, layout.num_dofs)))
             : out.layout,
         factors);
   out.start = consistent_start(out.layout, out.scale);
@@ -190,8 +190,8 @@ std::vector<std::size_t> free_bounds(const FitLayout& layout) {
   return out;
 }
 
-/// Leaves bounds out and fits the rest anew: a delay makes up for a speed that hardly shows. A bound
-/// that is not there holds back what was not seen: it must be beyond doubt.
+/// Leaves bounds out and fits the rest anew: a delay makes up for a speed that hardly shows. A
+/// bound that is not there holds back what was not seen: it must be beyond doubt.
 /// @return whether the windows do without them
 bool leave_out(const std::vector<std::size_t>& bounds, const Model& model, const MotionData& data,
                const MotionOptions& options, MotionClimb& climb) {
@@ -299,16 +299,14 @@ std::optional<MotionBeginning> at_other_scales(const Model& model, const MotionD
                                                double fitted_to) {
   MotionBeginning out = where_it_is(fit, fitted_to);
   const FitLayout& layout = fit.layout();
-  const MotionProblem problem{model,     layout,              data.train,
-                              data.runs, data.noise.position, out.scale};
+  const MotionProblem problem{model, layout, data.train, data.runs, data.noise.position, out.scale};
   const double independent = fit.independent();
   const auto misfit = [&](const VecX<double>& x) {  // −2 ln of its likelihood
     const MotionFitter at(problem, options, x, out.shape);
     const double c = at.cost(fit.at().windows);
     return std::isfinite(c) ? bic(c, 0.0, independent) : kInfinity;
   };
-  const VecX<double> inertia =
-      link_inertias(model, position_range(data.train, layout.num_dofs));
+  const VecX<double> inertia = link_inertias(model, position_range(data.train, layout.num_dofs));
   double least = misfit(out.start);
   bool moved = false;
   for (std::size_t e = 0; e < layout.effects.size(); ++e) {

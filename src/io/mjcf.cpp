@@ -7,12 +7,12 @@
 
 #include <diffnea/core/error.hpp>
 
-#include "io/mjcf_versions.hpp"
 #include "io/mjcf_ball.hpp"
 #include "io/mjcf_constraints.hpp"
 #include "io/mjcf_cup.hpp"
 #include "io/mjcf_limits.hpp"
 #include "io/mjcf_parts.hpp"
+#include "io/mjcf_versions.hpp"
 #include "io/model_parts.hpp"
 
 namespace diffnea::io {
@@ -53,16 +53,16 @@ std::vector<int> moved_joints(const mjModel& m, int actuator) {
   return out;
 }
 
-/// What the actuators of a joint do together.
+/// Sum of what the actuators of a joint do.
 struct Actuation {
   bool acts = false;
-  double limit = 0.0;  ///< largest torque; infinite if one is not limited
-  std::optional<ServoGains> servo = {};  ///< of one that stands alone
+  double limit = 0.0;                    ///< largest torque; infinite if one is not limited
+  std::optional<ServoGains> servo = {};  ///< none, unless one stands alone
 };
 
 /// Gains of an actuator that pulls a joint to a position; none of another kind.
 std::optional<ServoGains> servo_gains(const mjModel& m, int a) {
-  constexpr double kSame = 1e-9;  // of one number, written twice
+  constexpr double kSame = 1e-9;  // rounding of a number written twice
   const mjtNum *gain = m.actuator_gainprm + mjNGAIN * a, *bias = m.actuator_biasprm + mjNBIAS * a;
   const bool filters = m.actuator_dyntype[a] == mjDYN_NONE || m.actuator_dyntype[a] == mjDYN_FILTER;
   if (!filters || m.actuator_gaintype[a] != mjGAIN_FIXED || m.actuator_biastype[a] != mjBIAS_AFFINE)
@@ -72,9 +72,8 @@ std::optional<ServoGains> servo_gains(const mjModel& m, int a) {
   double kd = std::max(-bias[2], 0.0);
   if (m.nuser_actuator > kDampingRatio) {
     const mjtNum* later = m.actuator_user + static_cast<std::ptrdiff_t>(m.nuser_actuator) * a;
-    // What the drive feels where all other joints are free, (M⁻¹)_jj, in the file's posture.
-    const double mobility =
-        gear * gear * m.dof_invweight0[m.jnt_dofadr[m.actuator_trnid[2 * a]]];
+    // Mobility (M⁻¹)_jj where all other joints are free, in the file's posture.
+    const double mobility = gear * gear * m.dof_invweight0[m.jnt_dofadr[m.actuator_trnid[2 * a]]];
     kd += later[kDriveDamping] + 2.0 * later[kDampingRatio] * std::sqrt(kp / mobility);
   }
   return ServoGains{gear * gear * kp, gear * gear * kd};

@@ -102,11 +102,10 @@ void write_servo(XmlElement& actuator, const ServoActuator& servo) {
   actuator.SetAttribute("gaintype", "fixed");
   actuator.SetAttribute("gainprm", (exact(servo.kp) + " 0 0").c_str());
   actuator.SetAttribute("biastype", "affine");
-  actuator.SetAttribute("biasprm",
-                        (exact(servo.bias) + " " + exact(-servo.kp) + " " + exact(-servo.kd)).c_str());
+  actuator.SetAttribute(
+      "biasprm", (exact(servo.bias) + " " + exact(-servo.kp) + " " + exact(-servo.kd)).c_str());
   actuator.SetAttribute("forcelimited", is_bounded(servo) ? "true" : "false");
-  if (is_bounded(servo))
-    actuator.SetAttribute("forcerange", force_range(servo).c_str());
+  if (is_bounded(servo)) actuator.SetAttribute("forcerange", force_range(servo).c_str());
   // A range of torques is none of positions.
   if (was_position && !range.empty()) {
     actuator.SetAttribute("ctrllimited", limited.empty() ? "true" : limited.c_str());
@@ -138,8 +137,7 @@ void write_servos(XmlElement& root, const std::vector<ServoActuator>& servos) {
         if (!found && joint && servo.joint == joint) found = &e;
       });
     });
-    if (!found && !root.FirstChildElement("default") && servo.kd == 0.0 &&
-        servo.bias == 0.0) {
+    if (!found && !root.FirstChildElement("default") && servo.kd == 0.0 && servo.bias == 0.0) {
       add_servo(child(root, "actuator"), servo);
       continue;
     }

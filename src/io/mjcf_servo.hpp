@@ -20,8 +20,8 @@ struct ServoActuator {
 };
 
 /// Takes the position servos out of a model. What they brake adds to their joints' damping, which
-/// acts beside the bound of the force, as the servo's does; a constant torque at the same joint goes
-/// with the servo.
+/// acts beside the bound of the force, as the servo's does; a constant torque at the same joint
+/// goes with the servo.
 /// @param notes  gains what no actuator has: delay, dead band, speed of the setpoint
 std::vector<ServoActuator> take_servos(Model& model, std::vector<std::string>& notes);
 

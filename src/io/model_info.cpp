@@ -54,8 +54,8 @@ std::string joint_text(const ModelLink& link, bool floats) {
   return " (" + link.joint + ": " + (turns ? "revolute" : "prismatic") +
          range(l.lower, l.upper, turns ? "rad" : "m") +
          bound("≤ ", l.velocity, turns ? "rad/s" : "m/s") +
-         bound("≤ ", l.effort, turns ? "N·m" : "N") + follow_text(link) +
-         servo_text(link) + (link.passive && !link.follows ? ", passive" : "") + ")";
+         bound("≤ ", l.effort, turns ? "N·m" : "N") + follow_text(link) + servo_text(link) +
+         (link.passive && !link.follows ? ", passive" : "") + ")";
 }
 
 std::string position_text(const Vec3<double>& p) {

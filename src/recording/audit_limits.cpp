@@ -81,8 +81,7 @@ void find_clipping(const AuditContext& c, const ChannelView& view) {
   const double quantum = find_quantum(view.values);
   const Recording& r = c.recordings[view.recording];
   VecX<double> command;
-  if (view.kind == 'q' && view.joint >= 0 && r.qcmd.size() > 0)
-    command = r.qcmd.col(view.joint);
+  if (view.kind == 'q' && view.joint >= 0 && r.qcmd.size() > 0) command = r.qcmd.col(view.joint);
   for (const double sign : {1.0, -1.0}) {
     const FlatTop top = find_flat_top(view.values, command, sign, quantum);
     if (top.rows == 0) continue;

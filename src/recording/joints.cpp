@@ -59,7 +59,7 @@ namespace {
 /// @param channel  Recording::q or Recording::qcmd
 std::string degrees_text(const JointDescription& joint, const std::string& column, long j,
                          const std::vector<Recording>& recordings,
-                         RowMatX<double> Recording::*channel) {
+                         RowMatX<double> Recording::* channel) {
   double low = std::numeric_limits<double>::infinity(), high = -low;
   for (const Recording& r : recordings) {
     if (j >= (r.*channel).cols()) continue;

@@ -174,8 +174,8 @@ TEST_CASE("identify: friction and gains that the description has are where a dri
   Model model = bench.model();
   model.links[1].servo = ServoGains{30.0, 0.0};
   model.effects = {{"viscous_friction", "servo", {{"viscous", 0.9, "N*m*s/rad"}}}};
-  const IdentifyResult result =
-      identify(model, {bench.record(1.0, 1.5, 1.0, 6.0, 0)}, {bench.record(0.9, 2.2, 1.0, 6.0, 0)}, {});
+  const IdentifyResult result = identify(model, {bench.record(1.0, 1.5, 1.0, 6.0, 0)},
+                                         {bench.record(0.9, 2.2, 1.0, 6.0, 0)}, {});
   const auto prior = [&](const char* end) {
     for (const ParameterEstimate& p : result.parameters)
       if (p.name.ends_with(end)) return p.prior;
@@ -184,7 +184,8 @@ TEST_CASE("identify: friction and gains that the description has are where a dri
   CHECK(prior("position_servo.stiffness") == 30.0);
   CHECK(prior("position_servo.damping") == 0.9);
   CHECK(prior("viscous_friction.viscous") == -1.0);  // one with the drive's
-  CHECK(std::abs(value(result, "position_servo.stiffness") - bench.stiffness) < 0.05 * bench.stiffness);
+  CHECK(std::abs(value(result, "position_servo.stiffness") - bench.stiffness) <
+        0.05 * bench.stiffness);
   CHECK(std::abs(value(result, "position_servo.damping") - bench.damping) < 0.05 * bench.damping);
   CHECK(result.errors[0].test < 1.5e-3);
 }

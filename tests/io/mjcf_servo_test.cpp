@@ -22,8 +22,7 @@ using Catch::Approx;
 namespace {
 
 constexpr double kMass = 0.5, kCom = 0.1, kInertia = 0.001, kRotor = 0.02, kGravity = 9.81;
-constexpr double kStiffness = 9.0, kDamping = 0.4, kReach = 0.2, kCommand = 0.9,
-                 kOffset = 0.3;
+constexpr double kStiffness = 9.0, kDamping = 0.4, kReach = 0.2, kCommand = 0.9, kOffset = 0.3;
 
 /// A pendulum that swings about y, with a servo.
 Model bench(double reach) {
@@ -55,8 +54,8 @@ double swung(double reach) {
   double q = 0.0, v = 0.0;
   for (int k = 0; k < 50'000; ++k) {
     const double error = std::clamp(kCommand - q, -reach, reach);
-    const double tau = kStiffness * error - kOffset - (kDamping + 0.1) * v -
-                       kMass * kGravity * kCom * std::sin(q);
+    const double tau =
+        kStiffness * error - kOffset - (kDamping + 0.1) * v - kMass * kGravity * kCom * std::sin(q);
     v += kStep * tau / (kInertia + kMass * kCom * kCom + kRotor);
     q += kStep * v;
   }

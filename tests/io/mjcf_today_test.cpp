@@ -144,8 +144,7 @@ TEST_CASE("mjcf: a joint's position drive is read with its gains", "[io]") {
   const Model m = model_of("<mujoco><worldbody><body>" + std::string(kInertial) +
                            "<joint name='j' armature='.2'/></body></worldbody></mujoco>");
   MassMatrixWorkspace<double, double> ws;
-  const double inertia =
-      mass_matrix<double, double>(make_tree(m), VecX<double>::Zero(1), ws)(0, 0);
+  const double inertia = mass_matrix<double, double>(make_tree(m), VecX<double>::Zero(1), ws)(0, 0);
   is(servo("", "<position joint='j' kp='20' dampratio='.5'/>"), 20.0, std::sqrt(20.0 * inertia));
   CHECK_FALSE(servo("", "<motor joint='j'/>"));
   CHECK_FALSE(servo("", "<velocity joint='j' kv='1'/>"));

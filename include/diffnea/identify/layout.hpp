@@ -30,7 +30,7 @@ struct FitParameter {
   int theta = -1;         ///< of a link or payload: index in θ, else −1
   int effect = -1;        ///< of an effect: index into FitLayout::effects, else −1
   int index = -1;         ///< of an effect: index into its parameters
-  /// Of a shape that a motion fit moves: smallest value that it takes.
+  /// Smallest value that a shape takes in a motion fit.
   double least = -std::numeric_limits<double>::infinity();
   bool logarithmic =
       false;  ///< of a shape: it moves by a factor, a step is one of ln η (Scale::kLog)
