@@ -145,7 +145,7 @@ void refuse_same_recording(const RecordingSource& train, const RecordingSource& 
 
 IdentifyResult identify(const Model& model, const RecordingSource& train,
                         const RecordingSource* test, const IdentifyOptions& options) {
-  require_fixed_base("identify", model);
+  require_plain_tree("identify", model);
   if (test) refuse_same_recording(train, *test);
   refuse_ball_alone(model, train);
   DividedChoice choice = divide_choice(model, options.choice);
@@ -195,7 +195,7 @@ IdentifyResult identify(const Model& model, const RecordingSource& train,
 
 IdentifyResult identify(const Model& model, const std::vector<Recording>& train,
                         const std::vector<Recording>& test, const IdentifyOptions& options) {
-  require_fixed_base("identify", model);
+  require_plain_tree("identify", model);
   const auto source = recordings_in_memory(model, train);
   std::unique_ptr<RecordingSource> held_out;
   if (!test.empty()) held_out = recordings_in_memory(model, test);

@@ -177,7 +177,7 @@ VecX<double> FitLayout::prior() const {
 }
 
 FitLayout make_layout(const Model& model, const FitChoice& choice, const std::vector<int>& runs) {
-  require_fixed_base("fit", model);
+  require_plain_tree("fit", model);
   for (const std::string& group : choice.fit)
     if (!contains(kGroups, group) && !group.starts_with("kinematics@"))
       throw ModelError("fit: there is no group '" + group + "'; groups: " + detail::join(kGroups) +
