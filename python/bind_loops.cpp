@@ -16,7 +16,7 @@ namespace {
 
 using namespace pybind11::literals;
 
-/// What constrained_forward_dynamics returns.
+/// Result of constrained_forward_dynamics.
 struct ConstrainedStates {
   py::array_t<double> qdd, force, multiplier, residual;
   std::vector<std::string> rows;

@@ -1,5 +1,5 @@
 #pragma once
-/// What `info` says about a model's constraints: how far its reference posture is from meeting
+/// Report of `info` on a model's constraints: how far its reference posture is from meeting
 /// them, and the motions that they leave.
 
 #include <vector>
@@ -18,10 +18,10 @@ struct ConstraintGap {
 /// the limit next to it, and the base where its file has it.
 struct LoopReport {
   std::vector<ConstraintGap> gaps;  ///< one per constraint
-  int coordinates = 0;              ///< that the tree has, the base's six among them
-  int left = 0;           ///< that constraints leave: less their rank where they are closed
-  bool closes = false;    ///< Gauss–Newton from the reference posture closes all of them
-  double remains = 0.0;   ///< largest residual that it leaves, in the constraints' units
+  int coordinates = 0;              ///< number of them in the tree, the base's six among them
+  int left = 0;                     ///< number that constraints leave, where they are closed
+  bool closes = false;              ///< Gauss–Newton from the reference posture closes all of them
+  double remains = 0.0;             ///< largest residual that it leaves, in the constraints' units
   double farthest = 0.0;  ///< largest change of a coordinate to where they are closed [rad, m]
 };
 

@@ -97,7 +97,7 @@ struct RandomLoops {
     Rng rng(seed + 40);
     test::RandomArmOptions options;
     options.num_dofs = 7;
-    options.branching = floats;  // of a branch that stands on the world, all its joints are held
+    options.branching = floats;  // a branch on the world may be held whole
     tree = floats ? test::random_floating_tree(rng, options) : test::random_tree(rng, options);
     if (!floats)  // joint 3 follows joint 1
       tree.coordinates = {6, {{0}, {1}, {2}, {1, -0.7, 0.2}, {3}, {4}, {5}}};
@@ -164,7 +164,7 @@ TEST_CASE("constrained tree: rows are derivatives of g along the tree's motion",
     CAPTURE(r);
     const ConstraintRow<double>& row = at.rows[r];
     const double first = (plus.rows[r].g - minus.rows[r].g) / (2 * h);
-    // Of a free base a step at constant twist has no acceleration either. O(h²), as are all here.
+    // A step of a free base at constant twist has no acceleration either. O(h²), as are all here.
     if (row.of_velocity) {
       CHECK_THAT(at.bias[r], WithinAbs(first, 1e-5));
       for (int c = 0; c < x.v.size(); ++c) {

@@ -93,7 +93,7 @@ TEST_CASE("driven torques: they are those that moved the bodies in maximal coord
   RneaWorkspace<double, double> ws;
   const VecX<double> tree = rnea<double, double>(loop.tree, loop.q, loop.qd, qdd, ws);
   CHECK_THAT(D * tree, MatrixNear(loop.tau.head(D.rows()), kIdentityTol));
-  // What the open tree would need is something else.
+  // The open tree would need something else.
   CHECK((tree.head(D.rows()) - loop.tau.head(D.rows())).norm() > 1e-2);
 }
 

@@ -270,10 +270,11 @@ TEST_CASE("loops: what does not serve constraints says so", "[io][loops]") {
   const Model model = model_of(four_bar(kPinOfSites));
   CHECK_THROWS_WITH(random_fourier(model, {}), ContainsSubstring("has constraints, 'pin'") &&
                                                    ContainsSubstring("--open-loops"));
-  CHECK_THROWS_WITH(
-      identify(model, std::vector<Recording>{}, {}, {}),
-      ContainsSubstring("identify: '") && ContainsSubstring("has constraints, 'pin'"));
-  // As asked, the tree is read without.
+  IdentifyOptions by_motion;
+  by_motion.loss = Loss::kMotion;
+  CHECK_THROWS_WITH(identify(model, std::vector<Recording>{}, {}, by_motion),
+                    ContainsSubstring("by this loss") && ContainsSubstring("constraints, 'pin'"));
+  // The tree is read without if asked.
   const Model open = model_of(four_bar(kPinOfSites), {.open_loops = true});
   CHECK(open.constraints.empty());
   CHECK_THAT(notes_of(open), ContainsSubstring("'pin'") && ContainsSubstring("left out, as asked"));

@@ -127,7 +127,7 @@ def test_a_batch_is_its_rows_and_accelerations_project_to_themselves(tmp_path: P
 
 
 def test_refusals(tmp_path: Path) -> None:
-    """What leaves the constraint out is refused, and so is a posture that nothing closes."""
+    """Open-chain dynamics are refused, and so is a posture that nothing closes."""
     path = four_bar(tmp_path)
     model = package.load_model(path)
     zero = np.zeros(3)

@@ -34,9 +34,9 @@ template <Scalar P, Scalar S>
 struct ConstrainedTreeWorkspace {
   /// Scalar of a product of parameter and state.
   using R = Prod<P, S>;
-  RneaWorkspace<P, S> rnea;         ///< of v̇ = 0
+  RneaWorkspace<P, S> rnea;         ///< state at v̇ = 0
   MassMatrixWorkspace<P, S> mass;   ///< M(q)
-  LinkKinematics<R> kinematics;     ///< of v̇ = 0
+  LinkKinematics<R> kinematics;     ///< motion at v̇ = 0
   std::vector<BodyState<R>> links;  ///< pose in W and twist in L of every link
   TreeRows<R> constraints;          ///< their rows at the state
   VecX<R> qdd,                      ///< v̇, (n_v) [rad/s², m/s²]

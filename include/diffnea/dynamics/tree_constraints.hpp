@@ -46,8 +46,8 @@ struct TreeConstraints {
   }
 };
 
-/// Those of the model, on the links of make_tree(model). A wheel that rolls is two: it touches, and
-/// it does not slip.
+/// Constraints of the model, on the links of make_tree(model). A wheel that rolls is two: it
+/// touches, and it does not slip.
 inline TreeConstraints<double> tree_constraints(const Model& model) {
   const TreeMap map = map_to_tree(model);
   TreeConstraints<double> out;

@@ -28,7 +28,7 @@ struct ConstraintSpec {
   ConstraintKind kind = ConstraintKind::kConnect;
   ConstraintEnd first;   ///< J; of a wheel not read
   ConstraintEnd second;  ///< K; of a wheel its centre, z along the axle
-  double radius = 0.0;   ///< of a wheel [m]
+  double radius = 0.0;   ///< wheel's [m]
 };
 
 }  // namespace diffnea
