@@ -5,7 +5,7 @@
 namespace diffnea {
 
 AuditLimits audit_limits(const Model& model) {
-  require_plain_tree("audit", model);
+  require_fixed_base("audit", model);
   AuditLimits out;
   out.joints = describe_joints(model);
   const Tree<double> tree = make_tree(model);

@@ -30,7 +30,7 @@ class LoopRows {
  private:
   TreeConstraints<double> constraints_;
   std::vector<std::string> joints_;
-  Tree<double> tree_;  ///< of the model, to count motions
+  Tree<double> tree_;  ///< the model's, to count motions
   std::vector<int> driven_;
   VecX<double> still_;
   std::string source_;

@@ -80,7 +80,7 @@ def test_torques_of_the_drives_are_lagrange_s(linkage: Linkage, tmp_path: Path) 
 
 @pytest.mark.parametrize("linkage", [FOUR_BAR, FIVE_BAR], ids=["four-bar", "five-bar"])
 def test_base_parameters_lie_in_their_intervals(linkage: Linkage, tmp_path: Path) -> None:
-    """Of 20 recordings, 90 to 98 % of the 95 % intervals hold the truth."""
+    """Truth lies in 90 to 98 % of the 95 % intervals of 20 recordings."""
     truth, wrong = models(tmp_path, linkage)
     value = dict(
         zip(
@@ -152,3 +152,10 @@ def test_refusals(tmp_path: Path) -> None:
     said = diffnea("diagnose", tmp_path / "wrong.xml", tmp_path / "train.csv", "-o", tmp_path / "d")
     assert said.returncode == BAD_INPUT
     assert "has constraints, 'pin'" in said.stderr
+
+
+def test_an_audit_knows_the_limits_of_a_loop_s_joints(tmp_path: Path) -> None:
+    """It looks at channels alone, whatever holds the links together."""
+    models(tmp_path, FOUR_BAR)
+    package.write_recording(moves(FOUR_BAR, 1), tmp_path / "log.csv")
+    done("audit", tmp_path / "log.csv", "--model", tmp_path / "truth.xml")
