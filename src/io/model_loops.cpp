@@ -68,7 +68,8 @@ LoopReport report_loops(const Model& model) {
   const ProjectedPositions closed = project_positions(tree, constraints, q);
   out.closes = closed.residual <= kClosed;
   out.remains = closed.residual;
-  out.farthest = difference<double, double>(tree, q, closed.q).cwiseAbs().maxCoeff();
+  for (const double x : difference<double, double>(tree, q, closed.q))
+    out.farthest = std::max(out.farthest, std::abs(x));
   const VecX<double> still = VecX<double>::Zero(tree.num_velocities());
   out.coordinates = tree.num_velocities();
   out.left = static_cast<int>(

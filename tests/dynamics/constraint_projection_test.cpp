@@ -82,6 +82,8 @@ TEST_CASE("constraint projection: a loop leaves the motions that it has", "[cons
   const MatX<double> N = constraint_null_space(J);
   CHECK(N.cols() == bars - 2);  // 1 of a four-bar, 2 of a five-bar
   CHECK_THAT(J * N, MatrixNear(MatX<double>::Zero(J.rows(), N.cols()), 1e-12));
+  const auto none = [](const auto&, auto&) {};
+  CHECK(project_velocities(loop.tree, none, loop.q, loop.qd) == loop.qd);
   CHECK_THAT(N.transpose() * N, MatrixNear(MatX<double>::Identity(N.cols(), N.cols()), 1e-12));
 }
 

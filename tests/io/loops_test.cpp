@@ -266,6 +266,18 @@ TEST_CASE("loops: info says how far the reference posture is from closing", "[io
   CHECK_THAT(model_info_text(never), ContainsSubstring("no posture near the reference closes"));
 }
 
+TEST_CASE("loops: info of links that cannot move says whether they are closed", "[io][loops]") {
+  const std::string head = R"({"schema":"diffnea/model/1","links":[{"name":"a"}],"constraints":[)";
+  const std::string weld = R"({"name":"c","kind":"weld","first":{},"second":{"link":"a")";
+  const Model closed = model_from_json(head + weld + "}}]}", "m.json");
+  CHECK_THAT(model_info_text(closed),
+             ContainsSubstring("closed\n  they leave 0 of 0 degrees of freedom"));
+  const Model apart =
+      model_from_json(head + weld + R"(,"pose":{"position":[0,0,0.1]}}}]})", "m.json");
+  CHECK_THAT(model_info_text(apart), ContainsSubstring("apart by 100 mm") &&
+                                         ContainsSubstring("no posture near the reference"));
+}
+
 TEST_CASE("loops: what does not serve constraints says so", "[io][loops]") {
   const Model model = model_of(four_bar(kPinOfSites));
   CHECK_THROWS_WITH(random_fourier(model, {}), ContainsSubstring("has constraints, 'pin'") &&

@@ -20,6 +20,7 @@ inline VecX<double> shortest(const MatX<double>& J, const VecX<double>& b,
                        " is held, expected 0 to " + std::to_string(J.cols() - 1));
     free.col(c).setZero();
   }
+  if (J.size() == 0) return VecX<double>::Zero(J.cols());
   Eigen::CompleteOrthogonalDecomposition<MatX<double>> solver;
   solver.setThreshold(kRankTol);
   return solver.compute(free).solve(b);
@@ -116,7 +117,7 @@ VecX<double> project_accelerations(const Tree<double>& tree, const Constraints& 
 
 inline MatX<double> constraint_null_space(const MatX<double>& J) {
   const Eigen::Index n = J.cols();
-  if (J.rows() == 0) return MatX<double>::Identity(n, n);
+  if (J.size() == 0) return MatX<double>::Identity(n, n);
   Eigen::JacobiSVD<MatX<double>> svd(J, Eigen::ComputeFullV);
   svd.setThreshold(kRankTol);
   return svd.matrixV().rightCols(n - svd.rank());
