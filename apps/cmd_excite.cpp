@@ -88,7 +88,7 @@ void run_excite(ExciteOptions options) {
                    limits(options.torque)};
   check_output(options.out, {options.model});
   const Model model = read_model(options.model, options.reading);
-  require_fixed_base("excite", model);
+  require_plain_tree("excite", model);
   check_trajectory_names(joint_names(model));
   const Interruptible interruptible;
   ProgressLine line(options.common.quiet);

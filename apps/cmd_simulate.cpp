@@ -70,7 +70,7 @@ void run_simulate(SimulateOptions options) {
   if (!options.truth.empty()) check_model_path(options.truth);
   Trajectory trajectory = read_trajectory(options.trajectory);
   const Model described = read_model(options.model, options.reading);
-  require_fixed_base("simulate", described);
+  require_plain_tree("simulate", described);
   std::vector<std::string> moved = trajectory.joint_names;
   for (const JointDescription& joint : describe_joints(described))
     if (joint.passive && std::ranges::find(moved, joint.name) == moved.end())

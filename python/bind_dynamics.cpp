@@ -12,29 +12,13 @@
 
 #include "arrays.hpp"
 #include "bindings.hpp"
+#include "state_arrays.hpp"
 #include "value_type.hpp"
 
 namespace diffnea::python {
 namespace {
 
 using namespace pybind11::literals;
-
-/// Lengths of positions and of all else: with a free base its pose and its twist come first.
-struct Lengths {
-  explicit Lengths(const Model& model)
-      : floats(model.free_base),
-        q(static_cast<long>(moving_links(model).size()) + (floats ? kBasePositions : 0)),
-        v(static_cast<long>(moving_links(model).size()) + (floats ? kBaseVelocities : 0)) {}
-  NamedArray positions(const char* name, const py::object& array) const {
-    return {name, array, q, floats ? "the base's pose of 7, then one value per joint" : kPerJoint};
-  }
-  NamedArray velocities(const char* name, const py::object& array) const {
-    return {name, array, v, floats ? "6 of the base, then one value per joint" : kPerJoint};
-  }
-  static constexpr const char* kPerJoint = "one value per joint";
-  bool floats;
-  long q, v;
-};
 
 /// Positions one step on, of a free base on the manifold of poses.
 py::array integrate_of(const Model& model, const py::object& q, const py::object& v) {
@@ -80,6 +64,10 @@ py::array inverse(const Model& model, const py::object& q, const py::object& qd,
 
 py::array forward(const Model& model, const py::object& q, const py::object& qd,
                   const py::object& tau, bool effects, int threads) {
+  if (!model.constraints.empty())
+    throw ModelError("aba: '" + model.name +
+                     "' has constraints, whose forces aba leaves out; "
+                     "constrained_forward_dynamics takes them");
   const Lengths n(model);
   const States s = states_in(
       "aba", n.v, {n.positions("q", q), n.velocities("qd", qd), n.velocities("tau", tau)});
@@ -314,7 +302,8 @@ void bind_dynamics(py::module_& m) {
       "all about the\n"
       "base's origin in the base's axes, then the joints. (ẍ of that origin is R (v̇ + ω×v).) "
       "Effects act at\n"
-      "its joints; those on links are refused.");
+      "its joints; those on links are refused.\n\n"
+      "Of a model with constraints these are the torques of its tree: constraints add Jᵀλ.");
   m.def(
       "aba", &forward, "model"_a, py::kw_only(), "q"_a, "qd"_a, "tau"_a, "effects"_a = false,
       "threads"_a = 1,
@@ -322,7 +311,8 @@ void bind_dynamics(py::module_& m) {
       "dynamics.\n\n"
       "Shapes (n,) or (T, n), as for :func:`rnea`, whose inverse it is; the wrench on a free base "
       "is zero in the air.\n"
-      "``effects=True``: friction, springs and offsets of the model act too.");
+      "``effects=True``: friction, springs and offsets of the model act too. A model with "
+      "constraints is refused:\n:func:`constrained_forward_dynamics` takes it.");
   m.def(
       "regressor", &torque_regressor_of, "model"_a, py::kw_only(), "q"_a, "qd"_a, "qdd"_a,
       "threads"_a = 1,

@@ -249,6 +249,14 @@ void bind_model(py::module_& m) {
           },
           "Name of the link that the robot floats on; None where the base is fixed.")
       .def_property_readonly(
+          "constraints",
+          [](const Model& x) {
+            std::vector<std::string> names;
+            for (const ConstraintSpec& c : x.constraints) names.push_back(c.name);
+            return names;
+          },
+          "Names of the constraints that close loops of the tree; `to_dict` has them whole.")
+      .def_property_readonly(
           "num_positions",
           [](const Model& x) {
             return moving_links(x).size() + (x.free_base ? kBasePositions : 0);

@@ -8,6 +8,7 @@ namespace diffnea::python {
 void bind_model(pybind11::module_& m);
 void bind_dynamics(pybind11::module_& m);
 void bind_constraints(pybind11::module_& m);
+void bind_loops(pybind11::module_& m);
 void bind_recording(pybind11::module_& m);
 void bind_recording_files(pybind11::module_& m);
 void bind_trajectory(pybind11::module_& m);

@@ -48,6 +48,7 @@ PYBIND11_MODULE(_core, m) {
   diffnea::python::bind_model(m);
   diffnea::python::bind_dynamics(m);
   diffnea::python::bind_constraints(m);
+  diffnea::python::bind_loops(m);
   diffnea::python::bind_recording(m);
   diffnea::python::bind_recording_files(m);
   diffnea::python::bind_trajectory(m);

@@ -27,7 +27,7 @@ std::vector<std::string> asked_for(const DiagnoseOptions& options, bool of_ball)
 
 Finding find_causes(const Model& model, const RecordingSource& train, const RecordingSource* test,
                     const DiagnoseOptions& options) {
-  require_fixed_base("diagnose", model);
+  require_plain_tree("diagnose", model);
   if (test) refuse_same_recording(train, *test);
   refuse_ball_alone(model, train);
   const std::vector<Recording> balls =
@@ -89,7 +89,7 @@ Finding find_causes(const Model& model, const RecordingSource& train, const Reco
 
 Finding diagnose(const Model& model, const std::vector<Recording>& train,
                  const std::vector<Recording>& test, const DiagnoseOptions& options) {
-  require_fixed_base("diagnose", model);
+  require_plain_tree("diagnose", model);
   const auto source = recordings_in_memory(model, train);
   std::unique_ptr<RecordingSource> held_out;
   if (!test.empty()) held_out = recordings_in_memory(model, test);

@@ -336,7 +336,7 @@ class Design {
 }  // namespace
 
 Excitation design_excitation(const Model& model, const DesignOptions& options) {
-  require_fixed_base("excite", model);
+  require_plain_tree("excite", model);
   check(options);
   return Design(model, options).run();
 }

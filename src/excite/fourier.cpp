@@ -57,7 +57,7 @@ double effort_share(const Tree<double>& tree, const std::vector<JointRange>& ran
 }  // namespace
 
 Trajectory random_fourier(const Model& model, const FourierOptions& o) {
-  require_fixed_base("excite", model);
+  require_plain_tree("excite", model);
   require(o.harmonics >= 3, "harmonics must be at least 3");
   require(o.period > 0 && o.duration > 0 && o.rate > 0,
           "period, duration and rate must be positive");

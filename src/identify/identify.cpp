@@ -134,6 +134,13 @@ void refuse_ball_alone(const Model& model, const RecordingSource& train) {
                      "and a string if it hangs on one (docs/models.md)");
 }
 
+/// Constraints are served by the inverse loss, of the arm alone.
+void require_served(const Model& model, const IdentifyOptions& options) {
+  require_fixed_base("identify", model);
+  if (model.ball) require_no_constraints("identify with a ball", model);
+  if (options.loss != Loss::kInverse) require_no_constraints("identify by this loss", model);
+}
+
 void refuse_same_recording(const RecordingSource& train, const RecordingSource& test) {
   const std::vector<RunDescription> fitted = train.describe_runs();
   for (const RunDescription& b : test.describe_runs())
@@ -145,7 +152,7 @@ void refuse_same_recording(const RecordingSource& train, const RecordingSource& 
 
 IdentifyResult identify(const Model& model, const RecordingSource& train,
                         const RecordingSource* test, const IdentifyOptions& options) {
-  require_fixed_base("identify", model);
+  require_served(model, options);
   if (test) refuse_same_recording(train, *test);
   refuse_ball_alone(model, train);
   DividedChoice choice = divide_choice(model, options.choice);
@@ -160,7 +167,7 @@ IdentifyResult identify(const Model& model, const RecordingSource& train,
   }
   std::vector<std::string> of_drives;
   Model begun = model;
-  if (!ball.alone) fit_drives(begun, train, arm, of_drives);
+  if (!ball.alone && model.constraints.empty()) fit_drives(begun, train, arm, of_drives);
   const RecordingSource& fitted = arm_train ? *arm_train : train;
   const RecordingSource* held_out = arm_test ? arm_test.get() : test;
   IdentifyResult result = ball.alone ? without_arm(model, train, choice.arm)
@@ -196,7 +203,7 @@ IdentifyResult identify(const Model& model, const RecordingSource& train,
 
 IdentifyResult identify(const Model& model, const std::vector<Recording>& train,
                         const std::vector<Recording>& test, const IdentifyOptions& options) {
-  require_fixed_base("identify", model);
+  require_served(model, options);
   const auto source = recordings_in_memory(model, train);
   std::unique_ptr<RecordingSource> held_out;
   if (!test.empty()) held_out = recordings_in_memory(model, test);

@@ -135,6 +135,15 @@ std::vector<std::string> places_asked(const EffectInfo& info, const Model& model
                    info.name + "@" + joint_names(model).front() + "," + joint_names(model).back());
 }
 
+/// Tells whether a joint of a loop has no drive, and so neither a rotor nor a sensor of torque:
+/// default effects leave these out there. Its friction counts.
+bool lacks_drive_for(const EffectInfo& info, const std::string& joint, const Model& model) {
+  if (model.constraints.empty() || !(info.has(Trait::kRotor) || info.name == "torque_offset"))
+    return false;
+  const auto link = std::ranges::find(model.links, joint, &ModelLink::joint);
+  return link != model.links.end() && link->passive;
+}
+
 std::vector<std::string> default_effects(bool link_side) {
   if (link_side) return {"torque_offset"};
   return {"armature", "viscous_friction", "coulomb_friction", "torque_offset"};
@@ -216,7 +225,9 @@ FitLayout make_layout(const Model& model, const FitChoice& choice, const std::ve
                                                ? places_asked(effect_info, model)
                                                : std::vector<std::string>{entry.substr(at + 1)};
     for (const std::string& w : where)
-      if (!contains(present, name + "@" + w)) add({name, w, {}});
+      if (!contains(present, name + "@" + w) &&
+          (choice.effects || !lacks_drive_for(effect_info, w, model)))
+        add({name, w, {}});
   }
   const std::vector<TreeJoint> joints = tree_joints(model);
   for (const TreeJoint& j : joints)

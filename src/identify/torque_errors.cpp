@@ -3,11 +3,13 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <optional>
 
 #include <diffnea/effects/extended_tree.hpp>
 
 #include "core/constants.hpp"
 #include "identify/gains.hpp"
+#include "identify/loop_rows.hpp"
 
 namespace diffnea {
 namespace {
@@ -94,6 +96,8 @@ void set_torque_errors(const TorqueFit& fit, const RecordingSource& train,
       double start = 0.0;
     };
     std::map<int, Run> runs;
+    std::optional<LoopRows> loops;
+    if (!result.model.constraints.empty()) loops.emplace(result.model);
     VecX<double> sum = VecX<double>::Zero(fit.layout.num_dofs);
     long rows = 0;
     const Pass raw_pass =
@@ -101,8 +105,16 @@ void set_torque_errors(const TorqueFit& fit, const RecordingSource& train,
           const int number = fit.training_runs + b.run;
           if (!runs.contains(number)) runs[number] = {extend(result.model, {}, number), b.time[0]};
           const VecX<double> time = b.time.array() - runs[number].start;
-          const RowMatX<double> tau =
+          RowMatX<double> tau =
               inverse_dynamics(runs[number].model, b.q, b.qd, b.qdd, number, &time);
+          if (loops) {
+            loops->choose(b);
+            for (long k = 0; k < b.rows(); ++k) {
+              RowMatX<double> of_row = tau.row(k).transpose();
+              loops->eliminate(runs[number].model.tree, b.q.row(k).transpose(), b.time[k], of_row);
+              tau.row(k) = of_row.transpose();
+            }
+          }
           sum += (tau - b.tau).colwise().squaredNorm().transpose();
           rows += b.rows();
         });

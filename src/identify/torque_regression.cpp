@@ -7,6 +7,8 @@
 #include <diffnea/identify/torque_regression.hpp>
 
 #include "core/decompositions.hpp"
+#include "identify/loop_rows.hpp"
+#include "identify/passes.hpp"
 
 namespace diffnea {
 namespace {
@@ -44,6 +46,14 @@ TorqueRegression::TorqueRegression(const Model& model, const FitLayout& layout,
   }
   for (const BoundEffect& e : effects_)
     tree_of_run_ = tree_of_run_ || (!e.runs.empty() && e.info().port == Port::kModelParameter);
+  if (!model.constraints.empty()) {
+    const std::string here = "identify: '" + model.name + "' has constraints, beside which ";
+    if (!moved_shape_.empty()) throw ModelError(here + "fixed transforms are not fitted");
+    if (reads_links(layout))
+      throw ModelError(here + "effects that follow the transmitted torque are not fitted");
+    if (options.acceleration) throw ModelError(here + "the forward loss is not served");
+    loops_ = std::make_shared<LoopRows>(model);
+  }
   enter_run(-1);
   full_ = RowMatX<double>::Zero(n, p + static_cast<int>(free_shapes_.size()) + 1);
   links_.resize(n);
@@ -56,7 +66,7 @@ TorqueRegression::TorqueRegression(const Model& model, const FitLayout& layout,
               effects_[shape.effect].joints.end())
         columns.push_back(p + static_cast<int>(s));
     }
-    if (options.acceleration) {  // M⁻¹ mixes the joints
+    if (options.acceleration || loops_) {  // M⁻¹, or the loop, mixes the joints
       columns.resize(full_.cols() - 1);
       std::iota(columns.begin(), columns.end(), 0);
     }
@@ -158,6 +168,9 @@ void TorqueRegression::fill_row(const Preprocessed& block, long row) {
     }
   }
   add_shape_columns(x);
+  if (loops_)
+    loops_->eliminate(tree_, block.q.row(row).transpose(), block.time[row],
+                      full_.leftCols(full_.cols() - 1));
   full_.col(full_.cols() - 1) = block.tau.row(row).transpose();
   if (options_.acceleration) linearise_acceleration(block.q.row(row).transpose(), x.run);
 }
@@ -283,16 +296,22 @@ bool torque_known(const Preprocessed& block, int joint) {
   return block.has_tau[joint] || (block.rows() > 0 && !std::isnan(block.tau(0, joint)));
 }
 
+/// Tells whether a joint has rows: of a loop the driven ones alone.
+bool TorqueRegression::is_fitted(const Preprocessed& block, int joint) const {
+  return loops_ ? static_cast<bool>(block.has_tau[joint]) : torque_known(block, joint);
+}
+
 void TorqueRegression::add(const Preprocessed& block) {
   const int n = layout_.num_dofs;
   long row = 0;
+  if (loops_) loops_->choose(block);
   dt_ = block.dt;
   for (int j = 0; options_.acceleration && j < n; ++j)
     if (!torque_known(block, j))
       throw DataError(block.source + ": the forward loss needs the torque of every joint, and " +
                       block.joint_names[static_cast<std::size_t>(j)] +
                       " has none; use the inverse loss, or declare the joint passive");
-  for (int j = 0; !options_.acceleration && block.rows() > 0 && j < n; ++j)
+  for (int j = 0; !options_.acceleration && !loops_ && block.rows() > 0 && j < n; ++j)
     if (!block.has_tau[j] && torque_known(block, j) && factors_[j].inertia.size() == 0)
       factors_[j].inertia = inertia_columns(j, block.q.row(0).transpose());
   while (row < block.rows()) {
@@ -318,7 +337,7 @@ void TorqueRegression::add(const Preprocessed& block) {
     for (long r = row; r < end; ++r) {
       fill_row(block, r);
       for (int j = 0; j < n; ++j) {
-        if (!torque_known(block, j)) continue;
+        if (!is_fitted(block, j)) continue;
         Joint& joint = joints_[j];
         const long width = static_cast<long>(joint.columns.size());
         double* out = joint.block.row(r - row).data();
@@ -329,7 +348,7 @@ void TorqueRegression::add(const Preprocessed& block) {
       }
     }
     for (int j = 0; j < n; ++j)
-      if (torque_known(block, j)) flush(j, joints_[j].decimator.push(joints_[j].block));
+      if (is_fitted(block, j)) flush(j, joints_[j].decimator.push(joints_[j].block));
     row = end;
   }
 }

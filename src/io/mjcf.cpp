@@ -11,6 +11,7 @@
 #include "io/mjcf_constraints.hpp"
 #include "io/mjcf_cup.hpp"
 #include "io/mjcf_limits.hpp"
+#include "io/mjcf_loops.hpp"
 #include "io/mjcf_parts.hpp"
 #include "io/mjcf_versions.hpp"
 #include "io/model_parts.hpp"
@@ -316,6 +317,11 @@ Model model_from_mujoco(const mjModel& m, const Mjcf& mjcf) {
     model.frames.push_back(
         {name, bodies[b].link, bodies[b].X_LB * pose(m.site_pos + 3 * s, m.site_quat + 4 * s)});
   }
+  if (!mjcf.reading.open_loops)
+    model.constraints = loop_constraints(m, left_out, [&](int b) {
+      return b <= 0 ? std::pair{-1, Pose<double>::identity()}
+                    : std::pair{bodies[b].link, bodies[b].X_LB};
+    });
   if (ball) {
     const BodyAt at = ball->tendon < 0 ? BodyAt{} : bodies[m.site_bodyid[ball->anchor]];
     model.ball = ball_spec(m, *ball, at.link, at.X_LB);

@@ -86,9 +86,10 @@ std::vector<JointCoupling> joint_couplings(const mjModel& m, const std::vector<b
     if (!m.eq_active[e]) continue;
 #endif
     const int type = m.eq_type[e], a = m.eq_obj1id[e], b = m.eq_obj2id[e];
-    if ((type == mjEQ_CONNECT || type == mjEQ_WELD) &&
-        ((a >= 0 && left_out[a]) || (b >= 0 && left_out[b])))
-      continue;
+    if (type == mjEQ_CONNECT || type == mjEQ_WELD) {
+      if (!mjcf.reading.open_loops) continue;  // see mjcf_loops.hpp
+      if ((a >= 0 && left_out[a]) || (b >= 0 && left_out[b])) continue;
+    }
     const std::string place = place_of_constraint(mjcf, e),
                       name = object_name(m, mjOBJ_EQUALITY, e, ""),
                       what = "equality constraint " + (name.empty() ? "" : "'" + name + "' ") +
@@ -97,7 +98,7 @@ std::vector<JointCoupling> joint_couplings(const mjModel& m, const std::vector<b
       notes.push_back(what + ": left out, as asked; its forces are missing from the model");
       continue;
     }
-    std::string reason = "loops are not supported";
+    std::string reason = "joints, points and welds are supported, and these are not";
     if (type == mjEQ_JOINT) {
       reason = couple(m, e, out);
       if (reason.empty()) continue;

@@ -9,6 +9,7 @@
 
 #include "io/mjcf_inertial.hpp"
 #include "io/mjcf_joint.hpp"
+#include "io/mjcf_loops.hpp"
 #include "io/mjcf_servo.hpp"
 #include "io/model_parts.hpp"
 
@@ -29,6 +30,15 @@ void set_pose(XmlElement& element, const Pose<double>& X) {
   element.SetAttribute("quat", (exact(q.w()) + " " + exact(vec3<double>(q.vec()))).c_str());
 }
 
+/// Poses of the links in the world where every joint's number is 0.
+std::vector<Pose<double>> link_poses_at_zero(const Model& model) {
+  std::vector<Pose<double>> out;
+  for (const ModelLink& link : model.links)
+    out.push_back(link.parent < 0 ? link.X_PJ
+                                  : out[static_cast<std::size_t>(link.parent)] * link.X_PJ);
+  return out;
+}
+
 class MjcfDrawing {
  public:
   MjcfDrawing(const Model& model, const std::vector<ServoActuator>& servos,
@@ -47,6 +57,7 @@ class MjcfDrawing {
     for (const CapsuleSpec& obstacle : model_.obstacles) draw_obstacle(obstacle);
     if (model_.ball) draw_ball(*root);
     draw_couplings(*root);
+    draw_constraints(*root);
     draw_motors(*root);
     write_servos(*root, servos_);
     if (model_.cup) draw_cup(*root);
@@ -215,6 +226,28 @@ class MjcfDrawing {
       e.SetAttribute(
           "polycoef",
           (exact(link.follows->offset) + " " + exact(link.follows->ratio) + " 0 0 0").c_str());
+    }
+  }
+
+  /// Constraints between bodies where these coincide at q = 0, as MuJoCo has them, else between
+  /// sites.
+  void draw_constraints(XmlElement& root) {
+    constexpr double kTogether = 1e-12;  // [m]
+    const std::vector<Pose<double>> at = link_poses_at_zero(model_);
+    const auto in_world = [&](const ConstraintEnd& end) {
+      return end.link < 0 ? end.X_LF : at[static_cast<std::size_t>(end.link)] * end.X_LF;
+    };
+    for (const ConstraintSpec& c : model_.constraints) {
+      const Pose<double> J = in_world(c.first), K = in_world(c.second);
+      const Vec3<double> apart = J.p - K.p, turned = J.R.col[2] - K.R.col[2];
+      const bool together =
+          dot(apart, apart) < kTogether * kTogether &&
+          (c.kind != ConstraintKind::kHinge || dot(turned, turned) < kTogether * kTogether);
+      if (!write_constraint(root, c, bodies_, !together))
+        notes_.push_back("constraint '" + c.name + "', a wheel that rolls");
+      if (c.kind == ConstraintKind::kHinge)
+        notes_.push_back("that constraint '" + c.name +
+                         "' is a hinge (written as two points of its axis)");
     }
   }
 

@@ -9,6 +9,9 @@
 
 #include <mujoco/mujoco.h>
 
+#include "io/mjcf_defaults.hpp"
+#include "io/mjcf_loops.hpp"
+
 namespace diffnea::io {
 namespace {
 
@@ -97,19 +100,24 @@ void as_general(XmlElement& actuator, const char*) {
   for (const std::string& name : gone) actuator.DeleteAttribute(name.c_str());
 }
 
-/// Bodies in place of the sites on them: whether a loop is closed is all that is asked.
+/// Bodies in place of the sites on them, which are remembered; the anchor is the first site.
 void sites_to_bodies(XmlElement& constraint, const char* name) {
   XmlElement* root = constraint.GetDocument()->RootElement();
-  const char* body = std::strcmp(name, "site1") == 0 ? "body1" : "body2";
+  const bool first = std::strcmp(name, "site1") == 0;
+  const std::string named = attribute(constraint, name);
   XmlElement* site = nullptr;
   for_each_child(*root, "worldbody", [&](XmlElement& world) {
-    if (!site) site = find_named(world, "site", attribute(constraint, name));
+    if (!site) site = find_named(world, "site", named);
   });
   const XmlElement* carrier = site ? site->Parent()->ToElement() : nullptr;
-  constraint.SetAttribute(
-      body, carrier && is(*carrier, "body") ? attribute(*carrier, "name").c_str() : "world");
+  constraint.SetAttribute(first ? "body1" : "body2", carrier && is(*carrier, "body")
+                                                         ? attribute(*carrier, "name").c_str()
+                                                         : "world");
   constraint.DeleteAttribute(name);
-  if (is(constraint, "connect")) constraint.SetAttribute("anchor", "0 0 0");
+  if (site) remember_site(constraint, name, named);
+  if (!is(constraint, "connect") || !(first || !constraint.Attribute("anchor"))) return;
+  const std::string at = first && site ? MjcfDefaults(*root).attribute(*site, "pos") : "";
+  constraint.SetAttribute("anchor", at.empty() ? "0 0 0" : at.c_str());
 }
 
 /// The compiler of MuJoCo 2.2 has one rule for all meshes.
@@ -211,8 +219,8 @@ constexpr LaterWord kWords[] = {
     {"spatial fixed tendon", "springyield", "4.0", kLeftOut, kTendons},
     {"spatial fixed tendon", "stiffness damping springlength", "2.3", kMapped, "its first number",
      is_one_number, keep_first_number},
-    {"connect weld", "site1 site2", "3.2", kMapped, "the bodies of the sites", nullptr,
-     sites_to_bodies},
+    {"connect weld", "site1 site2", "3.2", kMapped, "the same between the bodies of the sites",
+     nullptr, sites_to_bodies},
     {"pair", "solreffriction", "2.3", kLeftOut, kContacts},
     {"pair", "adhesion", "3.11", kLeftOut, kContacts},
     {"key", "plastic", "4.0", kLeftOut, kSimulation},

@@ -94,6 +94,15 @@ bool same_surroundings(const Model& a, const Model& b) {
          std::ranges::equal(a.obstacles, b.obstacles, same_obstacle);
 }
 
+bool same_constraints(const Model& a, const Model& b) {
+  return std::ranges::equal(
+      a.constraints, b.constraints, [](const ConstraintSpec& x, const ConstraintSpec& y) {
+        return x.kind == y.kind && x.radius == y.radius && x.first.link == y.first.link &&
+               x.second.link == y.second.link && same(x.first.X_LF, y.first.X_LF) &&
+               same(x.second.X_LF, y.second.X_LF);
+      });
+}
+
 /// Takes out what would overrule the inertias written here.
 /// @return whether there was any: bodies whose inertia is not stated, as compiled, change then
 bool trust_stated_inertias(XmlElement& root) {
@@ -225,6 +234,7 @@ std::string mjcf_with_values(const Mjcf& mjcf, const Model& with_servos,
   if (dot(g, g) != 0.0) child(root, "option").SetAttribute("gravity", exact(model.gravity).c_str());
   if (!same_surroundings(model, before))
     notes.emplace_back("the changed cup or obstacles of the ball");
+  if (!same_constraints(model, before)) notes.emplace_back("the changed constraints");
   for (const EffectSpec& e : model.effects)
     if (!is_joint_term(model, e)) notes.push_back(e.effect + " at " + e.where);
   if (model.posterior) notes.emplace_back("the posterior of the parameters");

@@ -67,11 +67,11 @@ std::string why_unreadable(const std::filesystem::path& document, const ModelRea
 }
 
 /// Permissions that a model's document must have been read with: a base that floats there is fixed
-/// or free as the model's is; where it has loops, they were left out.
+/// or free as the model's is; constraints that the model has not were left out.
 ModelReading reading_of(ModelReading reading, const Model& model) {
   reading.fix_base = !model.free_base;
   reading.free_base = model.free_base;
-  reading.open_loops = true;
+  reading.open_loops = model.constraints.empty();
   return reading;
 }
 

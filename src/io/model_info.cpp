@@ -9,6 +9,7 @@
 
 #include "io/effect_json.hpp"
 #include "io/json.hpp"
+#include "io/model_loops.hpp"
 #include "io/model_parts.hpp"
 #include "io/model_sanity.hpp"
 
@@ -133,12 +134,74 @@ std::string obstacles_text(const Model& model) {
   return out;
 }
 
+constexpr const char* kConstraintKinds[] = {"connect", "weld", "hinge", "rolling"};
+
+/// Length in mm, or in µm and nm as "closed".
+std::string gap_text(const io::ConstraintGap& gap) {
+  constexpr double kClosed = 1e-6;  // [m, rad]
+  if (gap.apart <= kClosed && gap.turned <= kClosed) return "closed";
+  std::string out = "apart by " + detail::number_text(1e3 * gap.apart) + " mm";
+  if (gap.turned > kClosed) out += ", turned by " + detail::number_text(gap.turned) + " rad";
+  return out;
+}
+
+std::string constraints_text(const Model& model) {
+  const io::LoopReport report = io::report_loops(model);
+  std::string out = "\nconstraints, at the reference posture\n";
+  for (std::size_t i = 0; i < model.constraints.size(); ++i) {
+    const ConstraintSpec& c = model.constraints[i];
+    const std::string second =
+        link_name(model, c.second.link) + " at " + position_text(c.second.X_LF.p);
+    out += "  " + c.name + ": ";
+    if (c.kind == ConstraintKind::kRolling)
+      out += "a wheel of " + second + ", radius " + detail::number_text(c.radius) +
+             " m, rolls on the plane z = 0";
+    else
+      out += std::string(kConstraintKinds[static_cast<std::size_t>(c.kind)]) + " of " +
+             link_name(model, c.first.link) + " at " + position_text(c.first.X_LF.p) + " and " +
+             second;
+    out += ", " + gap_text(report.gaps[i]) + "\n";
+  }
+  out += "  they leave " + std::to_string(report.left) + " of " +
+         std::to_string(report.coordinates) + (report.coordinates == 1 ? " degree" : " degrees") +
+         " of freedom\n";
+  if (!report.closes)
+    out += "  no posture near the reference closes them: " + detail::number_text(report.remains) +
+           " m or rad remain\n";
+  else if (report.farthest > 1e-6)
+    out += "  they close where joints move by at most " + detail::number_text(report.farthest) +
+           " rad or m\n";
+  return out;
+}
+
 Json finite_or_null(double x) { return std::isfinite(x) ? Json(x) : Json(); }
 
 Json triple(const Vec3<double>& v) { return Json::array({v.x, v.y, v.z}); }
 
 Json link_or_null(const Model& model, int link) {
   return link < 0 ? Json() : Json(model.links[link].name);
+}
+
+Json constraints_json(const Model& model) {
+  Json out{{"list", Json::array()}};
+  if (model.constraints.empty()) return {};
+  const io::LoopReport report = io::report_loops(model);
+  for (std::size_t i = 0; i < model.constraints.size(); ++i) {
+    const ConstraintSpec& c = model.constraints[i];
+    const bool wheel = c.kind == ConstraintKind::kRolling;
+    out["list"].push_back({{"name", c.name},
+                           {"kind", kConstraintKinds[static_cast<std::size_t>(c.kind)]},
+                           {"first", wheel ? Json() : link_or_null(model, c.first.link)},
+                           {"second", link_or_null(model, c.second.link)},
+                           {"radius", wheel ? Json(c.radius) : Json()},
+                           {"apart", report.gaps[i].apart},
+                           {"turned", report.gaps[i].turned}});
+  }
+  out["dofs_left"] = report.left;
+  out["closes"] = report.closes;
+  out["remains"] = report.remains;
+  out["farthest"] = report.farthest;
+  return out;
 }
 
 Json ball_json(const Model& model) {
@@ -202,6 +265,7 @@ std::string model_info_text(const Model& model) {
   for (const ModelFrame& f : model.frames)
     out +=
         "  " + f.name + " on " + link_name(model, f.link) + " at " + position_text(f.X_LF.p) + "\n";
+  if (!model.constraints.empty()) out += constraints_text(model);
   if (!model.notes.empty()) out += "\nnotes\n";
   for (const std::string& note : model.notes) out += "  " + note + "\n";
   const std::vector<ModelIssue> issues = model_issues(model);
@@ -258,6 +322,7 @@ std::string model_info_json(const Model& model) {
   for (const ModelFrame& f : model.frames)
     out["frames"].push_back(
         {{"name", f.name}, {"link", link_or_null(model, f.link)}, {"position", triple(f.X_LF.p)}});
+  out["constraints"] = constraints_json(model);
   out["ball"] = ball_json(model);
   out["cup"] = cup_json(model);
   out["obstacles"] = Json::array();

@@ -280,6 +280,36 @@ CapsuleSpec obstacle_from(const Json& value, const std::string& where,
   return out;
 }
 
+constexpr std::array<const char*, 4> kConstraintKinds{"connect", "weld", "hinge", "rolling"};
+
+ConstraintSpec constraint_from(const Json& value, const std::string& where,
+                               const std::map<std::string, int>& links) {
+  JsonObject o(value, where);
+  ConstraintSpec out;
+  out.name = o.string("name");
+  const std::string kind = o.string("kind");
+  const auto it = std::ranges::find(kConstraintKinds, kind);
+  if (it == kConstraintKinds.end())
+    throw ModelError(o.at("kind") + ": got '" + kind +
+                     "', expected connect, weld, hinge or rolling");
+  out.kind = static_cast<ConstraintKind>(it - kConstraintKinds.begin());
+  const auto end_from = [&](const Json& end, const std::string& here) {
+    JsonObject e(end, here);
+    ConstraintEnd at;
+    at.link = any_link(links, e.optional("link"), e.at("link"));
+    if (const Json* pose = e.optional("pose")) at.X_LF = pose_from(*pose, e.at("pose"));
+    e.finish();
+    return at;
+  };
+  if (out.kind == ConstraintKind::kRolling)
+    out.radius = o.number("radius");
+  else
+    out.first = end_from(o.required("first"), o.at("first"));
+  out.second = end_from(o.required("second"), o.at("second"));
+  o.finish();
+  return out;
+}
+
 /// Index of the link that `name` names, −1 (the ground) if it is missing or null.
 int link_index(const std::map<std::string, int>& index, const Json* name,
                const std::string& where) {
@@ -328,6 +358,19 @@ std::string model_to_json(const Model& model) {
   for (const ModelFrame& f : model.frames)
     out["frames"].push_back(
         {{"name", f.name}, {"link", name_of(f.link)}, {"pose", to_json(f.X_LF)}});
+  for (const ConstraintSpec& c : model.constraints) {
+    const auto end = [&](const ConstraintEnd& e) {
+      return Json{{"link", name_of(e.link)}, {"pose", to_json(e.X_LF)}};
+    };
+    Json constraint{{"name", c.name},
+                    {"kind", kConstraintKinds[static_cast<std::size_t>(c.kind)]},
+                    {"second", end(c.second)}};
+    if (c.kind == ConstraintKind::kRolling)
+      constraint["radius"] = c.radius;
+    else
+      constraint["first"] = end(c.first);
+    out["constraints"].push_back(constraint);
+  }
   out["effects"] = Json::array();
   for (const EffectSpec& e : model.effects) out["effects"].push_back(io::effect_to_json(e));
   if (model.ball) {
@@ -404,6 +447,12 @@ Model model_from_json(std::string_view text, const std::string& where) {
       f.finish();
       model.frames.push_back(frame);
     }
+  }
+  if (const Json* constraints = o.optional("constraints")) {
+    io::json_array(*constraints, o.at("constraints"));
+    for (std::size_t i = 0; i < constraints->size(); ++i)
+      model.constraints.push_back(constraint_from(
+          (*constraints)[i], o.at("constraints") + "[" + std::to_string(i) + "]", index));
   }
   if (const Json* effects = o.optional("effects")) {
     io::json_array(*effects, o.at("effects"));

@@ -72,6 +72,21 @@ void check_obstacle(const CapsuleSpec& o, std::size_t num_links, const std::stri
                      exact(o.radius) + " m");
 }
 
+void check_constraint(const ConstraintSpec& c, std::size_t num_links, const std::string& what) {
+  for (const ConstraintEnd* end : {&c.first, &c.second}) {
+    if (end->link < -1 || end->link >= static_cast<int>(num_links))
+      throw ModelError(what + ": acts at no link of the model");
+    check_pose(end->X_LF, what);
+  }
+  if (c.kind == ConstraintKind::kRolling) {
+    if (!(std::isfinite(c.radius) && c.radius > 0.0))
+      throw ModelError(what + ": the wheel's radius is " + exact(c.radius) + " m, expected > 0");
+    if (c.second.link < 0) throw ModelError(what + ": the wheel is no link, expected one");
+  } else if (c.first.link == c.second.link) {
+    throw ModelError(what + ": both of its ends are on one link, expected two links");
+  }
+}
+
 double largest(const Theta<double>& t) {
   double m = 0.0;
   for (const double x : t) m = std::max(m, std::abs(x));
@@ -193,6 +208,16 @@ void validate(const Model& model, const std::string& where) {
     if (f.link < -1 || f.link >= static_cast<int>(model.links.size()))
       throw ModelError(what + ": names no link");
     check_pose(f.X_LF, what);
+  }
+  std::set<std::string> constraints;
+  if (model.constraints.size() > kMaxLinks)
+    throw ModelError(where + ": has " + std::to_string(model.constraints.size()) +
+                     " constraints; the limit is " + std::to_string(kMaxLinks));
+  for (const ConstraintSpec& c : model.constraints) {
+    const std::string what = where + ": constraint '" + c.name + "'";
+    if (c.name.empty() || !constraints.insert(c.name).second)
+      throw ModelError(what + ": a constraint needs a name of its own");
+    check_constraint(c, model.links.size(), what);
   }
   for (const EffectSpec& e : model.effects)
     for (const EffectParameter& p : e.parameters)

@@ -321,6 +321,8 @@ std::string urdf_with_values(const std::string& original, const std::string& whe
                     "' floats: --free-base (free_base=True) reads it so");
   for (const EffectSpec& e : model.effects)
     if (!is_joint_term(model, e)) notes.push_back(e.effect + " at " + e.where);
+  for (const ConstraintSpec& c : model.constraints)
+    notes.push_back("constraint '" + c.name + "': a URDF is a tree");
   for (const ModelFrame& f : model.frames) notes.push_back("frame '" + f.name + "'");
   const Vec3<double> g = model.gravity - before.gravity;
   if (dot(g, g) != 0.0) notes.push_back("gravity " + exact(model.gravity));

@@ -146,6 +146,8 @@ class UrdfDrawing {
   void note_the_rest() {
     for (const EffectSpec& e : model_.effects)
       if (!is_joint_term(model_, e)) notes_.push_back(e.effect + " at " + e.where);
+    for (const ConstraintSpec& c : model_.constraints)
+      notes_.push_back("constraint '" + c.name + "': a URDF is a tree");
     const Vec3<double> g = model_.gravity - Model{}.gravity;
     if (dot(g, g) != 0.0) notes_.push_back("gravity " + exact(model_.gravity));
     if (model_.ball) notes_.emplace_back("the ball");

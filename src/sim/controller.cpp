@@ -30,7 +30,7 @@ void require_inertia(const Model& model, const MatX<double>& M) {
 }  // namespace
 
 JointGains joint_gains(const Model& nominal, const ControllerOptions& o, const VecX<double>& q0) {
-  require_fixed_base("controller", nominal);
+  require_plain_tree("controller", nominal);
   const Tree<double> tree = make_tree(nominal);
   VecX<double> inertia = VecX<double>::Ones(tree.num_dofs());
   if (o.law == ControlLaw::kPd) {

@@ -77,7 +77,7 @@ void refuse(const Model& model, const BoundEffect& e) {
 std::vector<DrawnEffects> drawn_effects(const std::vector<Model>& draws) {
   std::vector<DrawnEffects> drawn;
   for (const Model& model : draws) {
-    require_fixed_base("simulator", model);
+    require_plain_tree("simulator", model);
     DrawnEffects& d = drawn.emplace_back();
     d.model = model;
     d.tree = extend(model, {0});

@@ -43,7 +43,7 @@ Motion desired(const Trajectory& t, const std::vector<std::string>& joints) {
 /// Torque that the motion takes beside the compensation of gravity.
 RowMatX<double> feedback(const Model& robot, const Model& controller, const Motion& m,
                          bool compensates) {
-  require_fixed_base("simulate", robot);
+  require_plain_tree("simulate", robot);
   ExtendedTree truth = extend(robot, {0});
   truth.series.clear();  // drives, encoders and springs: small beside what is looked for
   std::erase_if(truth.effects, reads_time);

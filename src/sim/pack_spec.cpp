@@ -140,7 +140,7 @@ PackSpec pack_spec(const std::vector<Model>& draws, const Model& controller,
   out.least_upright = o.least_upright;
   out.law = o.controller.law;
   out.gravity_compensation = o.controller.gravity_compensation;
-  require_fixed_base("simulator", controller);
+  require_plain_tree("simulator", controller);
   out.nominal = extend(controller).tree;
   if (!out.gravity_compensation) out.nominal.gravity = {0, 0, 0};
   for (Link<double>& link : out.nominal.links)

@@ -69,6 +69,28 @@ struct Hinge {
   }
 };
 
+/// Frames J of A and K of B coincide. The rows of the turn are those of sin(θ) a, θ a the turn of K
+/// against J: zero at half a turn as well.
+template <class P>
+struct Weld {
+  static constexpr int kBodies = 2,  ///< A, B
+      kRows = 6;                     ///< Δ of K's origin against J's, in W, then the turn, in J
+  static constexpr Relation kRelation = Relation::kEqual;  ///< g = 0
+  Pose<P> X_AJ,                                            ///< J in A
+      X_BK;                                                ///< K in B
+
+  /// g [m, m, m, 1, 1, 1] at X = {X_WA, X_WB}.
+  template <class T>
+  std::array<T, 6> operator()(const std::array<Pose<T>, 2>& X) const {
+    const Pose<T> X_WJ = X[0] * X_AJ.template cast<T>(), X_WK = X[1] * X_BK.template cast<T>();
+    const Vec3<T> delta = X_WK.p - X_WJ.p;
+    const auto turn = [&](std::size_t i, std::size_t j) {  // (R_ji − R_ij)/2 of R_JK
+      return (dot(X_WJ.R.col[j], X_WK.R.col[i]) - dot(X_WJ.R.col[i], X_WK.R.col[j])) * T(0.5);
+    };
+    return {delta.x, delta.y, delta.z, turn(1, 2), turn(2, 0), turn(0, 1)};
+  }
+};
+
 /// Lowest point of a thin wheel against its centre, in W: r (e_z − (a·e_z) a)/√(1 − (a·e_z)²) down,
 /// a the axle. Undefined for a wheel that lies flat.
 template <class T>

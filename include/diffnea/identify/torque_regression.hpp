@@ -5,6 +5,7 @@
 
 #include <functional>
 #include <map>
+#include <memory>
 
 #include <diffnea/dynamics/mass_matrix.hpp>
 #include <diffnea/dynamics/regressor.hpp>
@@ -12,6 +13,8 @@
 #include <diffnea/recording/preprocess.hpp>
 
 namespace diffnea {
+
+class LoopRows;
 
 /// Where the regression stands: what it is linearised about.
 struct RegressionPoint {
@@ -64,7 +67,10 @@ struct RegressionOptions {
 class TorqueRegression {
  public:
   /// Columns are those of the layout, then one for each free shape parameter: ∂τ/∂(ln η) of
-  /// logarithmic ones, ∂τ/∂η of others, ∂τ/∂x of fixed transforms, at `at`.
+  /// logarithmic ones, ∂τ/∂η of others, ∂τ/∂x of fixed transforms, at `at`. Of a model with
+  /// constraints, rows are those of the driven joints with the constraints' forces eliminated.
+  /// @throws ModelError if constraints meet free transforms or effects that read the torque that
+  ///         links transmit
   TorqueRegression(const Model& model, const FitLayout& layout, const PreprocessPlan& plan,
                    const RegressionPoint& at, const RegressionOptions& options = {});
 
@@ -91,6 +97,7 @@ class TorqueRegression {
     std::vector<long> number = {};  // of every kept row within its run
   };
   void fill_row(const Preprocessed& block, long row);
+  bool is_fitted(const Preprocessed& block, int joint) const;
   void linearise_acceleration(const VecX<double>& q, int run);
   void flush(int joint, const RowMatX<double>& rows);
   void keep(int joint, long number, const double* row, double time);
@@ -105,8 +112,9 @@ class TorqueRegression {
   VecX<double> inertia_columns(int joint, const VecX<double>& q);
 
   Model model_;
-  Tree<double> tree_;              // at the point and of this run: transforms, inertias, armature
-  std::vector<Tree<JetD>> moved_;  // per joint with free transform: its six directions seeded
+  std::shared_ptr<LoopRows> loops_;  // null: no constraints
+  Tree<double> tree_;                // at the point and of this run: transforms, inertias, armature
+  std::vector<Tree<JetD>> moved_;    // per joint with free transform: its six directions seeded
   std::map<int, Tree<JetD>> changed_;  // per free shape that changes the tree: seeded
   std::vector<int> moved_shape_;       // index of the first of the six in the layout's shapes
   RneaWorkspace<JetD, double> jet_ws_;

@@ -11,6 +11,7 @@
 
 #include <diffnea/core/fields.hpp>
 #include <diffnea/model/ball.hpp>
+#include <diffnea/model/constraint_spec.hpp>
 #include <diffnea/model/tree.hpp>
 
 namespace diffnea {
@@ -106,10 +107,11 @@ struct Posterior {
 /// A robot: links, effects, where relevant a ball; a value, with names and units, from which trees
 /// are made.
 struct Model {
-  std::string name;                ///< of the robot, for messages and reports
-  std::vector<ModelLink> links;    ///< parents before their children
-  bool free_base = false;          ///< links[0] floats, and carries all others
-  std::vector<ModelFrame> frames;  ///< found by name, e.g. `cup`, `tip`
+  std::string name;                         ///< of the robot, for messages and reports
+  std::vector<ModelLink> links;             ///< parents before their children
+  bool free_base = false;                   ///< links[0] floats, and carries all others
+  std::vector<ModelFrame> frames;           ///< found by name, e.g. `cup`, `tip`
+  std::vector<ConstraintSpec> constraints;  ///< ties that close loops, wheels that roll
   std::vector<EffectSpec>
       effects;  ///< armature, friction, springs … of the base model and found later
   Vec3<double> gravity{0, 0, -9.81};   ///< acceleration of free fall, in W [m/s²]
@@ -181,6 +183,11 @@ void let_base_float(Model& model, const std::string& where);
 /// @param what  serves no free base yet, e.g. `identify`
 /// @throws ModelError if the base floats, in a sentence that names --fix-base
 void require_fixed_base(const char* what, const Model& model);
+/// @param what  serves no constraints yet, e.g. `diagnose`
+/// @throws ModelError naming the model's constraints, in a sentence that names --open-loops
+void require_no_constraints(const char* what, const Model& model);
+/// Both: a tree on a fixed base, and nothing else.
+void require_plain_tree(const char* what, const Model& model);
 
 /// Ten inertial parameters of every moving link with all that is fixed to it, in the order of the
 /// tree's links: the π that torques are linear in, (10 links).

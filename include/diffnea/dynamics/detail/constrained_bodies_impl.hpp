@@ -1,6 +1,7 @@
 #pragma once
 
 #include <algorithm>
+#include <optional>
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/dynamics/constrained_bodies.hpp>
@@ -167,6 +168,16 @@ T along(const ConstraintRow<T>& row, const std::vector<Twist<T>>& V) {
   return sum;
 }
 
+/// g̈*, or ġ* of velocities; none where an inequality is not tight.
+template <class T>
+std::optional<T> target_of(const ConstraintRow<T>& row, const Stabilisation& stabilisation) {
+  const T target = row.of_velocity ? row.g * T(-stabilisation.kd)
+                                   : row.g * T(-stabilisation.kp) + row.gd * T(-stabilisation.kd);
+  if (row.relation == Relation::kEqual) return target;
+  if (value(row.g) < -kTouching) return std::nullopt;
+  return value(target) > 0.0 ? T(0.0) : target;
+}
+
 template <class T>
 void check_rows(const std::vector<ConstraintRow<T>>& rows, std::size_t bodies) {
   for (const ConstraintRow<T>& row : rows)
@@ -229,13 +240,9 @@ ConstrainedAcceleration<T> constrained_acceleration(const std::vector<FreeBody<T
   std::vector<int> candidates;
   for (Eigen::Index i = 0; i < m; ++i) {
     const ConstraintRow<T>& row = rows[i];
-    T target = row.of_velocity ? row.g * T(-stabilisation.kd)
-                               : row.g * T(-stabilisation.kp) + row.gd * T(-stabilisation.kd);
-    if (row.relation == Relation::kAtMost) {
-      if (value(row.g) < -kTouching) continue;
-      if (value(target) > 0.0) target = T(0.0);
-    }
-    demand[i] = detail::along(row, out.Vd) + row.bias - target;
+    const std::optional<T> target = detail::target_of(row, stabilisation);
+    if (!target) continue;
+    demand[i] = detail::along(row, out.Vd) + row.bias - *target;
     candidates.push_back(static_cast<int>(i));
   }
   out.multiplier.assign(rows.size(), T(0.0));

@@ -216,6 +216,21 @@ DIFFNEA_INLINE void require_fixed_base(const char* what, const Model& model) {
                    "hung where the file has it");
 }
 
+DIFFNEA_INLINE void require_no_constraints(const char* what, const Model& model) {
+  if (model.constraints.empty()) return;
+  std::string names;
+  for (const ConstraintSpec& c : model.constraints)
+    names += (names.empty() ? "'" : ", '") + c.name + "'";
+  throw ModelError(std::string(what) + ": '" + model.name + "' has constraints, " + names +
+                   ", whose forces are not served here yet; --open-loops (open_loops=True) reads "
+                   "the tree without them, and their forces then are missing");
+}
+
+DIFFNEA_INLINE void require_plain_tree(const char* what, const Model& model) {
+  require_fixed_base(what, model);
+  require_no_constraints(what, model);
+}
+
 DIFFNEA_INLINE VecX<double> inertial_parameters(const Tree<double>& tree) {
   VecX<double> pi(kThetaSize * tree.num_links());
   for (int i = 0; i < tree.num_links(); ++i) {

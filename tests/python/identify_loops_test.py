@@ -1,0 +1,161 @@
+"""Closed linkages identified from torques of their drives; data by Lagrange's equation."""
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cli import BAD_INPUT, diffnea, done
+from planar_linkage import FIVE_BAR, FOUR_BAR, Linkage
+
+import diffnea as package
+
+NOISE = 0.05  # [N·m]
+SEEDS = 20
+
+
+def moves(linkage: Linkage, seed: int) -> package.Recording:
+    """Ten seconds of random Fourier series of the drives, with the torque they need."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(0, 10, 0.005)
+    q, qd, qdd = np.zeros((3, len(t), linkage.drives))
+    for k in range(1, 5):
+        w = 2 * np.pi * k / 5.0
+        a = rng.normal(size=(2, linkage.drives)) / k
+        s, c = np.sin(w * t)[:, None], np.cos(w * t)[:, None]
+        q += a[0] * s + a[1] * c
+        qd += w * (a[0] * c - a[1] * s)
+        qdd -= w * w * (a[0] * s + a[1] * c)
+    centre, reach = ([-1.1], 1.2) if linkage.drives == 1 else ([-1.6, 1.2], 0.3)
+    scale = reach / np.abs(q).max()
+    q, qd, qdd = centre + scale * q, scale * qd, scale * qdd
+    tau = np.zeros((len(t), len(linkage.bars)))
+    tau[:, : linkage.drives] = linkage.torques(q, qd, qdd) + NOISE * rng.normal(size=q.shape)
+    names = [f"j{i + 1}" for i in range(len(linkage.bars))]
+    return package.Recording(
+        time=t,
+        q=linkage.joints(q),
+        tau=tau,
+        joint_names=names,
+        torque_side="link",
+        passive=names[linkage.drives :],
+    )
+
+
+def models(tmp_path: Path, linkage: Linkage) -> tuple[package.Model, package.Model]:
+    """Return the truth, and a description whose masses and inertias are a quarter off."""
+    wrong = dataclasses.replace(
+        linkage,
+        bars=tuple(
+            dataclasses.replace(b, mass=1.25 * b.mass, inertia=0.8 * b.inertia)
+            for b in linkage.bars
+        ),
+    )
+    out = []
+    for name, each in (("truth", linkage), ("wrong", wrong)):
+        path = tmp_path / f"{name}.xml"
+        path.write_text(each.mjcf())
+        out.append(package.load_model(path))
+    return out[0], out[1]
+
+
+@pytest.mark.parametrize("linkage", [FOUR_BAR, FIVE_BAR], ids=["four-bar", "five-bar"])
+def test_torques_of_the_drives_are_lagrange_s(linkage: Linkage, tmp_path: Path) -> None:
+    """The library's inverse dynamics, and the generator's: no code in common."""
+    truth, _ = models(tmp_path, linkage)
+    driven = list(truth.joint_names)[: linkage.drives]
+    rng = np.random.default_rng(1)
+    n = len(linkage.bars)
+    centre = np.array([-1.1] if linkage.drives == 1 else [-1.6, 1.2])
+    q = centre + 0.2 * rng.normal(size=(20, linkage.drives))
+    qd, qdd = rng.normal(size=(2, 20, linkage.drives))
+    joints = linkage.joints(q)
+    pad = ((0, 0), (0, n - linkage.drives))
+    v = package.project_velocities(truth, q=joints, qd=np.pad(qd, pad), held=driven)
+    a = package.project_accelerations(truth, q=joints, qd=v, qdd=np.pad(qdd, pad), held=driven)
+    found = package.driven_torques(truth, q=joints, qd=v, qdd=a, driven=driven)
+    # The generator differentiates by differences: 1e-7 of torques of 20 N·m.
+    np.testing.assert_allclose(found, linkage.torques(q, qd, qdd), atol=1e-5)
+
+
+@pytest.mark.parametrize("linkage", [FOUR_BAR, FIVE_BAR], ids=["four-bar", "five-bar"])
+def test_base_parameters_lie_in_their_intervals(linkage: Linkage, tmp_path: Path) -> None:
+    """Truth lies in 90 to 98 % of the 95 % intervals of 20 recordings."""
+    truth, wrong = models(tmp_path, linkage)
+    value = dict(
+        zip(
+            (
+                f"bar{i + 1}.{name}"
+                for i in range(len(linkage.bars))
+                for name in ("mass", "hx", "hy", "hz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")
+            ),
+            truth.inertial_parameters,
+            strict=True,
+        )
+    )
+    inside = count = 0
+    for seed in range(SEEDS):
+        result = package.identify(wrong, moves(linkage, seed), effects=[])
+        assert result.summary.converged
+        names = [p.name for p in result.parameters]
+        for base in result.base_parameters:
+            true = sum(
+                c * value[names[k]] for k, c in zip(base.columns, base.coefficients, strict=True)
+            )
+            count += 1
+            inside += abs(base.value - true) <= 1.96 * base.std
+    assert count == SEEDS * (8 if linkage.drives == 1 else 11)
+    assert 0.90 <= inside / count <= 0.98
+
+
+def test_the_command_fits_a_four_bar_and_keeps_its_loop(tmp_path: Path) -> None:
+    """From CSV, with the default effects; held-out torque is known to the noise."""
+    models(tmp_path, FOUR_BAR)
+    for name, seed in (("train", 1), ("test", 2)):
+        package.write_recording(moves(FOUR_BAR, seed), tmp_path / f"{name}.csv")
+    done(
+        "identify", tmp_path / "wrong.xml", tmp_path / "train.csv", "--test",
+        tmp_path / "test.csv", "-o", tmp_path / "run",
+    )  # fmt: skip
+    result = package.read_result(tmp_path / "run")
+    error = result.errors[0]
+    assert error.joint == "j1"
+    assert error.nominal_test > 0.5
+    assert error.test < NOISE
+    assert not any("torque_offset" in p.name and "j1" not in p.name for p in result.parameters)
+    fitted = package.load_model(tmp_path / "run")
+    assert fitted.constraints == ["pin"]
+    assert package.load_model(tmp_path / "run" / "model.xml").constraints == ["pin"]
+
+
+def test_refusals(tmp_path: Path) -> None:
+    """Torques that are not as many as motions, losses that do not serve loops."""
+    _, wrong = models(tmp_path, FOUR_BAR)
+    without_drives = FOUR_BAR.mjcf().replace('<motor joint="j1"/>', "")
+    (tmp_path / "open.xml").write_text(without_drives)
+    silent = package.load_model(tmp_path / "open.xml")  # does not say which joints are passive
+    good = moves(FOUR_BAR, 1)
+    known = {"time": good.time, "q": good.q, "joint_names": good.joint_names}
+    unknown = good.tau.copy()
+    unknown[:, 1] = np.nan
+    with pytest.raises(package.DataError, match="torque of joint 'j2' in a closed loop"):
+        package.identify(silent, package.Recording(**known, tau=unknown, passive=["j3"]))
+    two = good.tau + np.random.default_rng(1).normal(size=good.tau.shape)
+    two[:, 2] = 0.0
+    with pytest.raises(package.DataError, match="leave 1 degrees of freedom, and torques of 2"):
+        package.identify(silent, package.Recording(**known, tau=two, passive=["j3"]))
+    with pytest.raises(package.ModelError, match="by this loss: 'linkage' has constraints, 'pin'"):
+        package.identify(wrong, good, loss="motion")
+    with pytest.raises(package.ModelError, match="fixed transforms are not fitted"):
+        package.identify(wrong, good, fit=["inertia", "kinematics@j2"])
+    package.write_recording(good, tmp_path / "train.csv")
+    said = diffnea("diagnose", tmp_path / "wrong.xml", tmp_path / "train.csv", "-o", tmp_path / "d")
+    assert said.returncode == BAD_INPUT
+    assert "has constraints, 'pin'" in said.stderr
+
+
+def test_an_audit_knows_the_limits_of_a_loop_s_joints(tmp_path: Path) -> None:
+    """It looks at channels alone, whatever holds the links together."""
+    models(tmp_path, FOUR_BAR)
+    package.write_recording(moves(FOUR_BAR, 1), tmp_path / "log.csv")
+    done("audit", tmp_path / "log.csv", "--model", tmp_path / "truth.xml")
