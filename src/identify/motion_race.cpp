@@ -219,8 +219,34 @@ bool leave_out(const std::vector<std::size_t>& bounds, const Model& model, const
   return true;
 }
 
+/// Tells whether windows do as well without a bound, all else as it is.
+bool is_idle(std::size_t bound, const Model& model, const MotionData& data,
+             const MotionOptions& options, const MotionClimb& climb) {
+  const MotionFit& at = climb.fitter().now();
+  const FitLayout& layout = climb.layout();
+  VecX<double> shape = at.shape;
+  shape[static_cast<long>(bound)] = no_bound(layout, layout.shape[bound]);
+  const MotionProblem problem{model, layout, data.train, data.runs, data.noise.position,
+                              climb.beginning().scale};
+  const MotionFitter without(problem, options, at.x, shape);
+  std::vector<MotionWindow> windows = climb.at().windows;
+  without.fit_states(windows, kOnTheWay);
+  const double independent = climb.independent();
+  return bic(without.cost(windows), 0.0, independent) <
+         bic(at.objective, 1.0, independent) + kVeryStrong;
+}
+
+/// Tells whether a bound is within its error of none.
+bool may_be_none(std::size_t bound, const MotionClimb& climb) {
+  const MotionFit& fit = climb.fitter().now();
+  const long column = fit.x.size() + static_cast<long>(bound);
+  const double value = fit.shape[static_cast<long>(bound)],
+               sure = kVeryStrong + std::log(climb.independent());  // squared, in its error
+  return value * value <= sure * fit.covariance(column, column);
+}
+
 /// Leaves out bounds of drives that the recordings do not need: at the edge of what was seen they
-/// would hold back motion that was not. All of them, or those that may as well be none.
+/// would hold back motion that was not. All of them, or those that are idle or may be none.
 /// @param all  whether all of them are tried
 /// @return their names
 std::vector<std::string> release_bounds(const Model& model, const MotionData& data,
@@ -232,14 +258,18 @@ std::vector<std::string> release_bounds(const Model& model, const MotionData& da
   };
   if (!all || !is_left_out()) {
     climb.set_covariance();
-    const MotionFit& fit = climb.fitter().now();
-    const double sure = kVeryStrong + std::log(climb.independent());  // squared, in its error
+    std::vector<std::size_t> idle;
     std::erase_if(bounds, [&](std::size_t k) {
-      const long column = fit.x.size() + static_cast<long>(k);
-      const double value = fit.shape[static_cast<long>(k)];
-      return value * value > sure * fit.covariance(column, column);
+      if (is_idle(k, model, data, options, climb))
+        idle.push_back(k);
+      else
+        return !may_be_none(k, climb);
+      return false;
     });
-    if (!is_left_out()) return {};
+    if (!is_left_out()) {
+      bounds = idle;
+      if (!is_left_out()) return {};
+    }
   }
   std::vector<std::string> names;
   for (const std::size_t k : bounds) names.push_back(climb.layout().shape[k].name);
