@@ -47,7 +47,8 @@ struct LinkView {
     list.field("lower", &LinkView::lower, "Smallest position [rad] or [m]; −inf: no limit.");
     list.field("upper", &LinkView::upper, "Largest position [rad] or [m]; inf: no limit.");
     list.field("velocity", &LinkView::velocity, "Largest speed [rad/s] or [m/s]; inf: no limit.");
-    list.field("effort", &LinkView::effort, "Largest torque [N·m] or force [N]; inf: no limit.");
+    list.field("effort", &LinkView::effort,
+               "Largest torque [N·m], of a slide force [N]; inf without a limit.");
   }
 };
 

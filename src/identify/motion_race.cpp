@@ -226,8 +226,8 @@ bool is_idle(std::size_t bound, const Model& model, const MotionData& data,
   const FitLayout& layout = climb.layout();
   VecX<double> shape = at.shape;
   shape[static_cast<long>(bound)] = no_bound(layout, layout.shape[bound]);
-  const MotionProblem problem{model, layout, data.train, data.runs, data.noise.position,
-                              climb.beginning().scale};
+  const MotionProblem problem{
+      model, layout, data.train, data.runs, data.noise.position, climb.beginning().scale};
   const MotionFitter without(problem, options, at.x, shape);
   std::vector<MotionWindow> windows = climb.at().windows;
   without.fit_states(windows, kOnTheWay);

@@ -28,7 +28,7 @@ struct TreeConstraint {
 /// A list of them: callable as constrained_forward_dynamics expects.
 template <class P>
 struct TreeConstraints {
-  std::vector<TreeConstraint<P>> list;
+  std::vector<TreeConstraint<P>> list;  ///< in the order of their rows
 
   /// Appends the rows of all. @throws as append_rows
   template <class T>

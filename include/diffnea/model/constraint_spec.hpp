@@ -24,11 +24,11 @@ struct ConstraintEnd {
 
 /// A constraint between two links, or a link and the world.
 struct ConstraintSpec {
-  std::string name;  ///< no other constraint has it
-  ConstraintKind kind = ConstraintKind::kConnect;
-  ConstraintEnd first;   ///< J; of a wheel not read
-  ConstraintEnd second;  ///< K; of a wheel its centre, z along the axle
-  double radius = 0.0;   ///< wheel's [m]
+  std::string name;                                ///< no other constraint has it
+  ConstraintKind kind = ConstraintKind::kConnect;  ///< its equations
+  ConstraintEnd first;                             ///< J; of a wheel not read
+  ConstraintEnd second;                            ///< K; of a wheel its centre, z along the axle
+  double radius = 0.0;                             ///< wheel's [m]
 };
 
 }  // namespace diffnea
