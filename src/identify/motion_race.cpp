@@ -134,7 +134,7 @@ FitLayout with_heavy_rotors(FitLayout layout, const VecX<double>& inertia) {
 /// Tells whether the model has gains of drives: its file's, or those of an earlier fit.
 bool has_gains(const FitLayout& layout) {
   return std::ranges::any_of(layout.linear, [&](const FitParameter& p) {
-    return p.effect >= 0 && p.prior > 0.0 &&
+    return p.effect >= 0 && p.prior > 0.0 && p.name.ends_with(".stiffness") &&
            layout.effects[static_cast<std::size_t>(p.effect)].info().has(Trait::kReadsCommand);
   });
 }
