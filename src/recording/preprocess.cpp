@@ -1,11 +1,14 @@
 #include <algorithm>
 #include <limits>
+#include <optional>
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/recording/preprocess.hpp>
 #include <diffnea/recording/refresh.hpp>
 
 #include "core/c_numbers.hpp"
+#include "recording/between.hpp"
+#include "recording/fresh_positions.hpp"
 #include "recording/gridder.hpp"
 #include "recording/path_smoother.hpp"
 
@@ -25,6 +28,7 @@ struct Preprocessor::Impl {
   Impl(const PreprocessPlan& p, long rows)
       : plan(p), smoother(p.filter_hz, 1.0 / p.dt), halo(smoother.memory(kForgotten)) {
     block_rows = rows > 0 ? rows : std::max(4 * halo, 8192L);
+    if (detail::is_slow_and_uneven(plan)) fresh.emplace(plan.refresh, /*curved=*/true);
   }
 
   void begin_recording(const Recording& r) {
@@ -50,6 +54,10 @@ struct Preprocessor::Impl {
       throw DataError(r.source + ": another recording than " + header.source +
                       " goes on; finish() ends a recording");
     if (gridder.empty()) begin_recording(r);
+    place(fresh ? fresh->push(r) : r);
+  }
+
+  void place(const Recording& r) {
     for (long i = 0; i < r.rows(); ++i)
       if (!gridder[0].push(r, i)) {
         end_segment();
@@ -59,6 +67,7 @@ struct Preprocessor::Impl {
   }
 
   Preprocessed finish() {
+    if (fresh && !gridder.empty()) place(fresh->finish());
     if (!gridder.empty()) end_segment();
     Preprocessed out = collect();
     gridder.clear();
@@ -110,13 +119,18 @@ struct Preprocessor::Impl {
                  to = std::min(end, last + halo);
       const Eigen::Map<const RowMatX<double>> all(gridder[0].rows.data(), end - first_row, columns);
       RowMatX<double> stretch = all.middleRows(from - first_row, to - from);
+      RowMatX<double> curved = stretch.leftCols(n);
       for (int j = 0; j < n && static_cast<std::size_t>(j) < plan.refresh.size(); ++j) {
+        const int refresh = plan.refresh[static_cast<std::size_t>(j)];
         VecX<double> channel = stretch.col(j);
-        fill_stale(channel, plan.refresh[static_cast<std::size_t>(j)]);
+        detail::curve_stale(channel, refresh);
+        curved.col(j) = channel;
+        channel = stretch.col(j);
+        fill_stale(channel, refresh);
         stretch.col(j) = channel;
       }
       RowMatX<double> q, qd, qdd, unused_qdd;
-      smoother.smooth(stretch.leftCols(n), q, qd, qdd);
+      smoother.smooth(curved, q, qd, qdd);
       if (plan.measured_velocity) smoother.smooth(stretch.rightCols(n), qd, qdd, unused_qdd);
       const long rows = last - next_row, at = next_row - from;
       out_q.emplace_back(q.middleRows(at, rows));
@@ -169,6 +183,7 @@ struct Preprocessor::Impl {
   PreprocessPlan plan;
   PathSmoother smoother;
   long halo, block_rows = 0;
+  std::optional<detail::FreshPositions> fresh;
   std::vector<Gridder> gridder;  ///< one, once the joints are known
   int n = 0;
   int segment = 0;

@@ -12,6 +12,7 @@
 #include "core/number_text.hpp"
 #include "core/statistics.hpp"
 #include "recording/columns.hpp"
+#include "recording/fresh_positions.hpp"
 #include "recording/gridder.hpp"
 #include "recording/overlap.hpp"
 #include "recording/spectrum.hpp"
@@ -89,6 +90,15 @@ std::vector<std::vector<Eigen::VectorXd>> grid_segments(const std::vector<Record
       }
     take();
   }
+  return out;
+}
+
+/// On lines: where polynomials have no noise, none would be found.
+std::vector<Recording> without_repeats(const std::vector<Recording>& recordings,
+                                       const std::vector<int>& refresh) {
+  std::vector<Recording> out;
+  for (const Recording& r : recordings)
+    out.push_back(detail::FreshPositions(refresh, /*curved=*/false).whole(r));
   return out;
 }
 
@@ -238,10 +248,10 @@ PreprocessPlan plan_preprocess(const std::vector<Recording>& recordings,
 
   // Until the cut-off is known: a pause of 20 ms is short against the motion of a robot.
   plan.max_gap = std::max(5.0, 0.02 / plan.dt);
-  auto columns = grid_segments(
-      recordings,
-      {.dt = plan.dt, .max_gap = plan.max_gap, .velocity = false, .average_hold = false});
   plan.refresh = refresh_rows(recordings);
+  auto columns = grid_segments(
+      detail::is_slow_and_uneven(plan) ? without_repeats(recordings, plan.refresh) : recordings,
+      {.dt = plan.dt, .max_gap = plan.max_gap, .velocity = false, .average_hold = false});
   for (std::size_t j = 0; j < n; ++j)
     for (Eigen::VectorXd& segment : columns[j]) fill_stale(segment, plan.refresh[j]);
   double cutoff = 0.0, busy = 0.0;

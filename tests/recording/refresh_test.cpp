@@ -4,11 +4,16 @@
 
 #include <catch2/catch_test_macros.hpp>
 
+#include "recording/between.hpp"
+#include "recording/fresh_positions.hpp"
+
 namespace diffnea::refresh_test {
 
 namespace {
 
-/// A sine on a grid, of which the sensor has a new value every so many rows.
+double motion(double t) { return std::sin(9.0 * t); }
+
+/// It on a grid, of which the sensor has a new value every so many rows.
 Recording slow(int every, double step) {
   Recording r;
   r.joint_names = {"one"};
@@ -18,7 +23,7 @@ Recording slow(int every, double step) {
   r.q = r.tau = RowMatX<double>::Zero(kRows, 1);
   for (long k = 0; k < kRows; ++k) {
     const double t = 0.001 * static_cast<double>(k - k % every);
-    r.q(k, 0) = std::round(std::sin(9.0 * t) / step) * step;
+    r.q(k, 0) = step > 0.0 ? std::round(motion(t) / step) * step : motion(t);
     r.tau(k, 0) = r.q(k, 0);
   }
   return r;
@@ -46,6 +51,48 @@ TEST_CASE("refresh: the step of an encoder, by a log of few digits and fast moti
   }
   const double found = quantisation_step({q.begin(), q.end()}, {changes.begin(), changes.end()});
   CHECK(std::abs(found - step) < 1e-3 * step);
+}
+
+TEST_CASE("refresh: polynomials between new values follow a motion that lines cut off",
+          "[recording]") {
+  const Recording r = slow(8, 0.0);
+  VecX<double> lines = r.q.col(0), curve = lines, truth(lines.size());
+  for (long k = 0; k < truth.size(); ++k) truth[k] = motion(0.001 * static_cast<double>(k));
+  fill_stale(lines, 8);
+  detail::curve_stale(curve, 8);
+  const auto error = [&](const VecX<double>& q) {
+    return (q - truth).segment(40, 300).cwiseAbs().maxCoeff();
+  };
+  CHECK(error(curve) < 1e-2 * error(lines));
+}
+
+TEST_CASE("refresh: rows at uneven times lose their repeats, in blocks as in one", "[recording]") {
+  constexpr int kEvery = 4;
+  Recording r = slow(kEvery, 0.0);
+  for (long k = 0; k < r.rows(); ++k)
+    r.time[k] = 0.001 * (static_cast<double>(k) + 0.2 * std::sin(static_cast<double>(k * k)));
+  for (long k = 0; k < r.rows(); ++k) r.q(k, 0) = motion(r.time[k - k % kEvery]);
+  detail::FreshPositions fresh({kEvery}, true);
+  const RowMatX<double> whole = detail::FreshPositions({kEvery}, true).whole(r).q;
+  double error = 0.0;
+  for (long k = 40; k < 340; ++k)
+    error = std::max(error, std::abs(whole(k, 0) - motion(r.time[k])));
+  CHECK(error < 1e-6);
+  long at = 0;
+  const auto same = [&](const Recording& part) {
+    for (long k = 0; k < part.rows(); ++k, ++at) CHECK(part.q(k, 0) == whole(at, 0));
+  };
+  for (long from = 0; from < r.rows(); from += 57) {
+    Recording block;
+    const long rows = std::min(57L, r.rows() - from);
+    block.joint_names = r.joint_names;
+    block.time = r.time.segment(from, rows);
+    block.q = r.q.middleRows(from, rows);
+    block.tau = r.tau.middleRows(from, rows);
+    same(fresh.push(block));
+  }
+  same(fresh.finish());
+  CHECK(at == r.rows());
 }
 
 TEST_CASE("refresh: between two new values lies the line through them", "[recording]") {
