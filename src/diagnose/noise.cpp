@@ -151,13 +151,17 @@ Smoothed beside_smooth_functions(const Evidence& e, const std::vector<int>& free
       out.blind.push_back(static_cast<long>(k));
       continue;
     }
+    const VecX<double> time = Eigen::Map<const VecX<double>>(e.time().data(), e.times())(rows);
+    MatX<double> of_time = hats(time, knots(time, count));
+    if ((rank + 3 * count) * kRowsAColumn > m) of_time.resize(m, 0);
     const MatX<double> of_q = hats(q, knots(q, count)), of_qd = hats(qd, knots(qd, count));
     const MatX<double> of_torque =
         e.passive(own) ? MatX<double>(m, 0) : MatX<double>(e.curvature(own)(rows, Eigen::all));
     MatX<double> of_run = sessions(e, rows);
-    if ((rank + 2 * count + of_run.cols()) * kRowsAColumn > m) of_run.resize(m, 0);
-    MatX<double> A(m, base.cols() + of_q.cols() + of_qd.cols() + of_torque.cols() + of_run.cols());
-    A << base, of_q, of_qd, of_torque, of_run;
+    if ((rank + 2 * count + of_time.cols() + of_run.cols()) * kRowsAColumn > m) of_run.resize(m, 0);
+    MatX<double> A(m, base.cols() + of_q.cols() + of_qd.cols() + of_torque.cols() + of_time.cols() +
+                          of_run.cols());
+    A << base, of_q, of_qd, of_torque, of_time, of_run;
     const Eigen::ColPivHouseholderQR<MatX<double>> qr(A);
     const VecX<double> r = residual.segment(begin, e.times())(rows);
     out.left.segment(begin, e.times())(rows) = r - A * qr.solve(r);

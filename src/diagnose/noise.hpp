@@ -55,10 +55,10 @@ struct Smoothed {
   std::vector<long> blind;   ///< joints (of evidence.joints()) that have too few rows for any
 };
 
-/// Leaves what no function of a joint's position plus one of its velocity plus a constant of each
-/// run can explain, beside the base's free columns, over the rows `used`; joints with too few of
-/// them, and all other rows, keep their residual. Without repeats, what the model lacks is not to
-/// be taken for noise: whitened away, it would stay hidden.
+/// Leaves what no function of a joint's position plus one of its velocity plus one of the time plus
+/// a constant of each run can explain, beside the base's free columns, over the rows `used`; joints
+/// with too few of them, and all other rows, keep their residual. Without repeats, what the model
+/// lacks is not to be taken for noise: whitened away, it would stay hidden.
 /// @param x0    about which rows of passive joints are linear: their residual, X x, is a
 ///              combination of the columns of X as they are
 /// @param lost  degrees of freedom that the fit took of each joint's rows already

@@ -11,6 +11,8 @@ namespace diffnea {
 namespace {
 
 constexpr int kKnotsAlone = 16, kKnotsPair = 6;
+/// Functions of a joint that are tried on held-out data.
+constexpr std::size_t kHeldOut = 8;
 
 /// A channel that a residual may depend on.
 struct Variable {
@@ -51,6 +53,13 @@ struct Basis {
   }
 };
 
+/// A function that fits what is left.
+struct Promise {
+  Basis basis;
+  VecX<double> weights;
+  double gain, delta_bic;
+};
+
 std::vector<Basis> bases(const Evidence& e, long of, const std::vector<std::string>& names) {
   const int joint = e.joints()[static_cast<std::size_t>(of)];
   std::vector<Variable> single;
@@ -75,6 +84,44 @@ std::vector<Basis> bases(const Evidence& e, long of, const std::vector<std::stri
   return out;
 }
 
+/// What terms leave where their linear parameters are 0, and their columns, whitened, beside the
+/// base.
+struct Columns {
+  MatX<double> S;
+  VecX<double> left;
+};
+
+Columns columns_of(const Projection& projection, const std::vector<Term>& terms) {
+  Columns out{MatX<double>(projection.residual().size(), 0), projection.residual()};
+  for (const Term& t : terms) {
+    out.S.conservativeResize(Eigen::NoChange, out.S.cols() + t.width());
+    const MatX<double> columns = projection.expanded(t.beside);
+    out.S.rightCols(t.width()) = columns.leftCols(t.width());
+    if (t.has_offset()) out.left -= columns.col(t.width());
+  }
+  return out;
+}
+
+/// The terms as they fit beside another torque: an offset takes up what is constant in a function
+/// of the time. @param torque  whitened, (rows())
+std::vector<Term> beside(const Search& search, std::vector<Term> terms,
+                         const VecX<double>& torque) {
+  constexpr int kSteps = 4;  // of a spring, whose stiffness and rest are factors
+  if (terms.empty()) return terms;
+  const bool linear = std::ranges::none_of(terms, &Term::has_offset);
+  for (int step = 0; step < (linear ? 1 : kSteps); ++step) {
+    Columns of = columns_of(search.projection(), terms);
+    of.left.head(torque.size()) -= torque;
+    const VecX<double> x = Eigen::HouseholderQR<MatX<double>>(of.S).solve(of.left);
+    long at = 0;
+    for (Term& t : terms) {
+      for (const int k : t.linear) t.effect.parameters[static_cast<std::size_t>(k)] = x[at++];
+      if (t.has_offset()) search.set_columns(t);
+    }
+  }
+  return terms;
+}
+
 }  // namespace
 
 std::vector<WitnessScore> find_witnesses(const Evidence& evidence, const Search& search,
@@ -83,14 +130,7 @@ std::vector<WitnessScore> find_witnesses(const Evidence& evidence, const Search&
   const Projection& projection = search.projection();
   const double n = static_cast<double>(search.rows());
   // The terms' columns are projected out too.
-  MatX<double> S(projection.residual().size(), 0);
-  VecX<double> left = projection.residual();
-  for (const Term& t : terms) {
-    S.conservativeResize(Eigen::NoChange, S.cols() + t.width());
-    const MatX<double> columns = projection.expanded(t.beside);
-    S.rightCols(t.width()) = columns.leftCols(t.width());
-    if (t.has_offset()) left -= columns.col(t.width());
-  }
+  const auto [S, left] = columns_of(projection, terms);
   const Eigen::HouseholderQR<MatX<double>> qr(S);
   const MatX<double> Q = columns_of_q(qr.householderQ(), S.rows(), S.cols());
   const VecX<double> r = left - Q * (Q.transpose() * left);
@@ -99,18 +139,13 @@ std::vector<WitnessScore> find_witnesses(const Evidence& evidence, const Search&
   const Prediction before = held_out.predicted(search, terms);
   std::vector<WitnessScore> out;
   for (std::size_t k = 0; k < evidence.joints().size(); ++k) {
-    const int joint = evidence.joints()[k];
-    WitnessScore best;
-    best.joint = joint;
-    const Basis* best_basis = nullptr;
-    double best_gain = 0.0;
-    VecX<double> best_psi;
     const long own = static_cast<long>(k), m = evidence.times();
     // Rows of this joint in an orthonormal basis of all that is fitted: no other meets its torque.
     MatX<double> fitted(m, projection.rank() + Q.cols());
     fitted << projection.basis().middleRows(own * m, m), Q.middleRows(own * m, m);
-    const std::vector<Basis> all = bases(evidence, own, names);
-    for (const Basis& basis : all) {
+    const double joint_chi2 = r.segment(own * m, m).squaredNorm();
+    std::vector<Promise> promises;
+    for (Basis& basis : bases(evidence, own, names)) {
       const MatX<double> B = search.whitener().joint(own, basis(evidence, own));
       const MatX<double> in_fitted = fitted.transpose() * B;
       MatX<double> K = B.transpose() * B - in_fitted.transpose() * in_fitted;
@@ -121,24 +156,32 @@ std::vector<WitnessScore> find_witnesses(const Evidence& evidence, const Search&
       const double gain = 2.0 * b.dot(psi) - psi.dot(K * psi);
       const double delta = search.cost(chi2) - search.cost(chi2 - gain) -
                            static_cast<double>(b.size()) * std::log(n);
-      if (best_basis && delta <= best.delta_bic) continue;
-      best.delta_bic = delta;
-      best_basis = &basis;
-      best_gain = gain;
-      best_psi = psi;
-      const double joint_chi2 =
-          r.segment(own * m, m).squaredNorm();
-      best.share = joint_chi2 > 0.0 ? std::min(gain / joint_chi2, 1.0) : 0.0;
+      if (delta > accept && gain >= inexact[own])
+        promises.push_back({std::move(basis), psi, gain, delta});
     }
-    if (!best_basis || best.delta_bic <= accept || best_gain < inexact[own])
-      continue;
-    for (const Variable& v : best_basis->variables) best.variables.push_back(v.name);
-    // Held out: the base gives way to the function on the fitted rows as it did above.
-    const VecX<double> there = best_basis->torque(evidence, own, best_psi);
-    const VecX<double> here = best_basis->torque(held_out.evidence(), own, best_psi);
-    best.held_out = held_out.compare(
-        before, held_out.predicted(search, held_out.errors_with(search, terms, there, here)));
-    if (best.held_out.helps()) out.push_back(best);
+    std::ranges::stable_sort(promises, std::greater<>{}, &Promise::delta_bic);
+    WitnessScore best;
+    best.joint = evidence.joints()[k];
+    // Held out: the base gives way to the function on the fitted rows as it did above. A function
+    // of two variables may fit best what one of another explains elsewhere.
+    for (std::size_t i = 0; i < promises.size() && i < kHeldOut; ++i) {
+      const Promise& p = promises[i];
+      const VecX<double> there = p.basis.torque(evidence, own, p.weights);
+      const VecX<double> here = p.basis.torque(held_out.evidence(), own, p.weights);
+      VecX<double> torque = VecX<double>::Zero(evidence.rows());
+      torque.segment(own * m, m) = search.whitener().joint(own, there.segment(own * m, m));
+      const std::vector<Term> moved = beside(search, terms, torque);
+      const HeldOutChange change = held_out.compare(
+          before, held_out.predicted(search, held_out.errors_with(search, moved, there, here)));
+      if (!change.helps() || (!best.variables.empty() && change.after >= best.held_out.after))
+        continue;
+      best.held_out = change;
+      best.delta_bic = p.delta_bic;
+      best.share = joint_chi2 > 0.0 ? std::min(p.gain / joint_chi2, 1.0) : 0.0;
+      best.variables.clear();
+      for (const Variable& v : p.basis.variables) best.variables.push_back(v.name);
+    }
+    if (!best.variables.empty()) out.push_back(best);
   }
   std::ranges::sort(out, std::greater<>{}, &WitnessScore::delta_bic);
   return out;

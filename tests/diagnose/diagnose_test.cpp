@@ -185,6 +185,29 @@ TEST_CASE("diagnose: without repeats, what the model lacks is not whitened away 
   }
 }
 
+TEST_CASE("diagnose: a drift that no cause has is unknown and goes with the time, not noise",
+          "[diagnose]") {
+  const Model nominal = read_model(DIFFNEA_SOURCE_DIR "/models/wam4.xml");
+  const auto recorded = [&](std::uint64_t seed) {
+    FourierOptions motion;
+    motion.duration = motion.period = 20.0;  // nothing repeats
+    motion.seed = seed;
+    RecordOptions options;
+    options.seed = seed;
+    options.torque_noise = 0.05;
+    Recording out =
+        record_model(nominal, nominal, random_fourier(nominal, motion), options).recording;
+    for (long i = 0; i < out.rows(); ++i)
+      out.tau(i, 1) += 0.4 * std::pow(out.time[i] / motion.duration, 2.0);
+    return out;
+  };
+  const Finding finding = diagnose(nominal, {recorded(1)}, {recorded(2)});
+  CAPTURE(finding.sentence);
+  CHECK(finding.verdict == Verdict::kUnknown);
+  REQUIRE(finding.witness.size() == 1);
+  CHECK(finding.witness[0].variables == std::vector<std::string>{"time"});
+}
+
 TEST_CASE("diagnose: a recording in which nothing moves is refused", "[diagnose]") {
   Recording still = arm().recorded({}, 1);
   still.q.rowwise() = Eigen::RowVectorXd(still.q.row(0));
