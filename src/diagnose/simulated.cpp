@@ -26,8 +26,12 @@ constexpr double kMostWork = 12'000.0;
 constexpr double kMostReplayed = 6'000.0;
 /// Half a per cent of an error, a per cent of its square, does not show.
 constexpr StateFitOptions kStateFit{.max_iterations = 10, .tolerance = 1e-2};
-/// Standard errors of a mean over windows. Of its square, an error that is known to a seventh.
-constexpr double kCertain = 2.0, kVisibly = 0.3;
+/// Standard errors of a mean over windows.
+constexpr double kCertain = 2.0;
+/// Share by which a mean square is more where the error is twice as large: a simulation then
+/// follows for half as long. Less may be the noise of the torques, which moves the wrong model less
+/// if it is the heavier one.
+constexpr double kVisibly = 3.0;
 /// Share of a mean square by which the noise of some hundred rows makes it differ.
 constexpr double kByNoise = 0.05;
 constexpr std::size_t kMostPoints = 3000;  ///< of a joint that are kept
