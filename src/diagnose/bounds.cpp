@@ -49,7 +49,7 @@ void bound_saturation(const Evidence& evidence, Candidate& c) {
 }
 
 /// Drops limits of which the column's own noise, that of the torque beyond them, would be taken for
-/// as much as the effect is: it is that of the torque beside it.
+/// as much as the effect is: it is that of the torque beside it. No search goes below the others.
 void drop_noisy_limits(const Evidence& evidence, double tau_noise, Candidate& c) {
   const auto shared = [&](double limit) {
     double beyond = 0.0, squares = 0.0;
@@ -61,8 +61,9 @@ void drop_noisy_limits(const Evidence& evidence, double tau_noise, Candidate& c)
     }
     return beyond * beyond * tau_noise * tau_noise / squares;
   };
-  std::erase_if(c.grid,
-                [&](const std::vector<double>& g) { return !(shared(g[0]) < kMostShared); });
+  if (std::erase_if(c.grid, [&](const auto& g) { return !(shared(g[0]) < kMostShared); }) > 0 &&
+      !c.grid.empty())
+    c.shape_low = std::ranges::min(c.grid);
 }
 
 /// Below a few v₀, Stribeck's curve only mends how friction turns.
