@@ -3,12 +3,16 @@
 #include <algorithm>
 #include <cmath>
 
+#include <diffnea/effects/stepping.hpp>
+
 #include "core/constants.hpp"
 #include "core/statistics.hpp"
 #include "diagnose/chi_square.hpp"
 #include "diagnose/signed_fit.hpp"
 #include "diagnose/thresholds.hpp"
+#include "diagnose/gear_offers.hpp"
 #include "identify/drives.hpp"
+#include "identify/gears.hpp"
 #include "identify/local_factors.hpp"
 #include "identify/motionless.hpp"
 #include "identify/passes.hpp"
@@ -119,6 +123,7 @@ FitLayout MotionSearch::layout_of(const Model& model, const std::vector<EffectSp
   std::vector<std::string> unsaid;
   FitChoice choice = data_.choice;
   choice.effects = std::vector<std::string>{};
+  choice.simulated = true;
   choice.fix.insert(choice.fix.end(), held.begin(), held.end());
   FitLayout out = layout_for(model, data_.train, data_.test, choice, unsaid);
   bound_delays(data_.data.noise.period, out);
@@ -133,7 +138,9 @@ FitLayout MotionSearch::layout_of(const Model& model, const std::vector<EffectSp
       if (e >= 0 && s.effect == e) {
         const ParameterInfo& info = out.effects[static_cast<std::size_t>(e)]
                                         .parameter_info[static_cast<std::size_t>(s.index)];
-        s.fixed = info.search.empty() || is_chosen(info);
+        s.fixed = hides_motor(out.effects[static_cast<std::size_t>(e)])
+                      ? !fits_of_gear(info)
+                      : info.search.empty() || is_chosen(info);
       }
   }
   return out;
@@ -165,6 +172,12 @@ MotionSolution MotionSearch::solve(const std::vector<EffectSpec>& terms,
       for (const double by : other_scales(*start, t)) {
         begun.push_back(from);
         scale_drive(begun.back().model, t.where, by);
+      }
+  for (const EffectSpec& t : terms)
+    if (start && !holds_effect(start->terms, t))
+      if (const std::optional<EffectSpec> other = other_side(t)) {
+        begun.push_back(from);
+        begun.back().model.effects.push_back(*other);
       }
   MotionSolution best = solved(std::move(from), terms);
   for (MotionSolution& other : begun)
@@ -205,6 +218,7 @@ MotionSolution MotionSearch::solved(MotionSolution from,
   // A model under which some run blows up explains nothing, however well it does the others.
   out.cost = out.fit.blown_up > 0 ? kInfinity : 2.0 * out.fit.objective;
   out.model = apply_fit(model, out.layout, out.fit.x, out.fit.shape);
+  set_rotors(out.model);
   return out;
 }
 
@@ -212,9 +226,17 @@ std::vector<WindowScore> MotionSearch::scores(const MotionSolution& at,
                                               const std::vector<EffectSpec>& candidates) const {
   std::vector<WindowScore> out;
   std::vector<std::vector<Variant>> passes;  // an effect acts once at a joint
+  const double together = correlation(at);
   for (const Candidate& c : candidates_) {
     const EffectSpec spec{c.effect.info().name, c.effect.where, {}};
     if (holds_effect(at.terms, spec) || !holds_effect(candidates, spec)) continue;
+    if (clashes(at.model, c.effect)) continue;
+    if (hides_motor(c.effect)) {
+      if (progress_ && !progress_("testing", 0)) return {};
+      if (std::optional<WindowScore> of = score_gear(at, c.effect, together))
+        out.push_back(std::move(*of));
+      continue;
+    }
     out.push_back({.effect = spec, .delta_bic = -kInfinity, .promise = -kInfinity});
     for (std::size_t g = 0; g < c.grid.size(); ++g) {
       BoundEffect effect = c.effect;
@@ -224,13 +246,55 @@ std::vector<WindowScore> MotionSearch::scores(const MotionSolution& at,
       passes[g].push_back({out.size() - 1, to_spec(effect), c.linear});
     }
   }
-  const double together = correlation(at);
   for (const std::vector<Variant>& pass : passes) {
     if (progress_ && !progress_("testing", 0)) return {};
     score(at, pass, together, out);
   }
   std::ranges::stable_sort(out, std::ranges::greater{}, &WindowScore::promise);
   return out;
+}
+
+std::optional<WindowScore> MotionSearch::score_gear(const MotionSolution& at,
+                                                    const BoundEffect& gear,
+                                                    double correlation) const {
+  std::optional<WindowScore> best;
+  MotionOptions one = data_.options;
+  one.max_iterations = 1;
+  const double n = samples();
+  for (const EffectSpec& spec : gear_offers(gear, at.layout, at.fit.x, data_.data)) {
+    Model model = at.model;
+    model.effects.push_back(spec);
+    FitLayout layout = layout_of(model, with_effect(at.terms, spec), at.held);
+    for (FitParameter& p : layout.linear) {
+      const auto known = std::ranges::find(at.layout.linear, p.name, &FitParameter::name);
+      if (known != at.layout.linear.end()) p.fixed = known->fixed;
+    }
+    VecX<double> shape(static_cast<long>(layout.shape.size()));
+    for (std::size_t s = 0; s < layout.shape.size(); ++s)
+      shape[static_cast<long>(s)] = layout.shape[s].prior;
+    MotionProblem of = problem(model, layout);
+    of.scale = VecX<double>::Ones(static_cast<long>(layout.linear.size()));
+    MotionFitter fitter(of, one, layout.prior(), shape);
+    std::vector<MotionWindow> windows = at.windows;
+    fitter.fit(windows, data_.options.tolerance);
+    const MotionFit& fit = fitter.now();
+    if (fit.blown_up > 0) continue;
+    const double lm = std::max(at.cost - 2.0 * fit.objective, 0.0),
+                 parameters = 1.0 + static_cast<double>(free_count(layout) - free_count(at.layout));
+    const auto better = [&](double together) {
+      return window_delta_bic(at.cost, at.cost - lm, n, together, parameters);
+    };
+    if (best && !(better(correlation) > best->delta_bic)) continue;
+    const Model moved = apply_fit(model, layout, fit.x, fit.shape);
+    best = {.effect = *std::ranges::find_if(
+                moved.effects, [&](const EffectSpec& e) { return same_effect(e, spec); }),
+            .lm = lm,
+            .delta_bic = better(correlation),
+            .promise = better(1.0),
+            .parameters = parameters,
+            .visible_share = 1.0};
+  }
+  return best;
 }
 
 void MotionSearch::score(const MotionSolution& at, const std::vector<Variant>& variants,
