@@ -257,44 +257,57 @@ std::vector<WindowScore> MotionSearch::scores(const MotionSolution& at,
 std::optional<WindowScore> MotionSearch::score_gear(const MotionSolution& at,
                                                     const BoundEffect& gear,
                                                     double correlation) const {
-  std::optional<WindowScore> best;
-  MotionOptions one = data_.options;
-  one.max_iterations = 1;
-  const double n = samples();
-  for (const EffectSpec& spec : gear_offers(gear, at.layout, at.fit.x, data_.data)) {
-    Model model = at.model;
-    model.effects.push_back(spec);
-    FitLayout layout = layout_of(model, with_effect(at.terms, spec), at.held);
-    for (FitParameter& p : layout.linear) {
+  constexpr std::size_t kGoOn = 3;  // offers that are more than one step worth
+  constexpr int kSteps = 4;         // that lead away from where the base has bent to
+  const auto tried = [&](const MotionSolution& from, const EffectSpec& spec, int steps) {
+    MotionSolution out = from;
+    if (!holds_effect(out.model.effects, spec)) out.model.effects.push_back(spec);
+    out.layout = layout_of(out.model, with_effect(at.terms, spec), at.held);
+    for (FitParameter& p : out.layout.linear) {
       const auto known = std::ranges::find(at.layout.linear, p.name, &FitParameter::name);
       if (known != at.layout.linear.end()) p.fixed = known->fixed;
     }
-    VecX<double> shape(static_cast<long>(layout.shape.size()));
-    for (std::size_t s = 0; s < layout.shape.size(); ++s)
-      shape[static_cast<long>(s)] = layout.shape[s].prior;
-    MotionProblem of = problem(model, layout);
-    of.scale = VecX<double>::Ones(static_cast<long>(layout.linear.size()));
-    MotionFitter fitter(of, one, layout.prior(), shape);
-    std::vector<MotionWindow> windows = at.windows;
-    fitter.fit(windows, data_.options.tolerance);
-    const MotionFit& fit = fitter.now();
-    if (fit.blown_up > 0) continue;
-    const double lm = std::max(at.cost - 2.0 * fit.objective, 0.0),
-                 parameters = 1.0 + static_cast<double>(free_count(layout) - free_count(at.layout));
-    const auto better = [&](double together) {
-      return window_delta_bic(at.cost, at.cost - lm, n, together, parameters);
-    };
-    if (best && !(better(correlation) > best->delta_bic)) continue;
-    const Model moved = apply_fit(model, layout, fit.x, fit.shape);
-    best = {.effect = *std::ranges::find_if(
-                moved.effects, [&](const EffectSpec& e) { return same_effect(e, spec); }),
-            .lm = lm,
-            .delta_bic = better(correlation),
-            .promise = better(1.0),
-            .parameters = parameters,
-            .visible_share = 1.0};
+    VecX<double> shape(static_cast<long>(out.layout.shape.size()));
+    for (std::size_t s = 0; s < out.layout.shape.size(); ++s)
+      shape[static_cast<long>(s)] = out.layout.shape[s].prior;
+    MotionProblem of = problem(out.model, out.layout);
+    of.scale = VecX<double>::Ones(static_cast<long>(out.layout.linear.size()));
+    MotionOptions few = data_.options;
+    few.max_iterations = steps;
+    MotionFitter fitter(of, few, out.layout.prior(), shape);
+    fitter.fit(out.windows, data_.options.tolerance);
+    out.fit = fitter.now();
+    out.cost = out.fit.blown_up > 0 ? kInfinity : 2.0 * out.fit.objective;
+    out.model = apply_fit(out.model, out.layout, out.fit.x, out.fit.shape);
+    return out;
+  };
+  std::vector<MotionSolution> begun;
+  for (const EffectSpec& spec : gear_offers(gear, at.layout, at.fit.x, data_.data)) {
+    begun.push_back(tried(at, spec, 1));
+    std::ranges::sort(begun, {}, &MotionSolution::cost);
+    if (begun.size() > kGoOn) begun.pop_back();
   }
-  return best;
+  const EffectSpec spec{gear.info().name, gear.where, {}};
+  const MotionSolution* best = nullptr;
+  for (MotionSolution& s : begun) {
+    if (s.cost < kInfinity) s = tried(s, spec, kSteps);
+    if (s.cost < kInfinity && (!best || s.cost < best->cost)) best = &s;
+  }
+  if (!best) return {};
+  const double lm = std::max(at.cost - best->cost, 0.0),
+               parameters = 1.0 + static_cast<double>(free_count(best->layout) -
+                                                      free_count(at.layout));
+  const auto better = [&](double together) {
+    return window_delta_bic(at.cost, at.cost - lm, samples(), together, parameters);
+  };
+  return WindowScore{
+      .effect = *std::ranges::find_if(best->model.effects,
+                                      [&](const EffectSpec& e) { return same_effect(e, spec); }),
+      .lm = lm,
+      .delta_bic = better(correlation),
+      .promise = better(1.0),
+      .parameters = parameters,
+      .visible_share = 1.0};
 }
 
 void MotionSearch::score(const MotionSolution& at, const std::vector<Variant>& variants,

@@ -78,8 +78,8 @@ class MotionSearch {
   /// Columns of a term's linear parameters that are fitted.
   std::vector<long> sizes_of(const MotionSolution& at, const EffectSpec& term) const;
   MotionProblem problem(const Model& model, const FitLayout& layout) const;
-  /// Gain of a spring or gap in a gear, which the torque is not linear in: at each of its offers,
-  /// what one step of a fit reaches. None: every simulation with it blows up.
+  /// Gain of a spring or gap in a gear, which the torque is not linear in: at its offers, what
+  /// a few steps of a fit reach. None: every simulation with it blows up.
   std::optional<WindowScore> score_gear(const MotionSolution& at, const BoundEffect& gear,
                                         double correlation) const;
   void score(const MotionSolution& at, const std::vector<Variant>& variants, double correlation,

@@ -14,8 +14,9 @@ namespace {
 /// Stiffness of flanks over the drive's: under any torque they give way by 2 % of what the drive
 /// does, whose gain a fit knows no better. Rigid ones would ring faster than any log shows.
 constexpr double kFlank = 50.0;
-/// Factor between neighbouring sizes of springs, and of gaps.
-constexpr double kSpringStep = 3.0, kGapStep = 2.0;
+/// Factor between neighbouring sizes of springs, and of gaps: teeth that meet in another order are
+/// another minimum.
+constexpr double kSpringStep = 3.0, kGapStep = 1.4142135623730951;
 /// Smallest gap over the noise of a position: its two flanks are that far apart for certain.
 constexpr double kGapNoises = 4.0;
 /// Horizon at which sizes compete [s], as beginnings of drives do; windows and steps of each.
@@ -118,6 +119,8 @@ void set_flanks(double gain, double rotor, BoundEffect& gear) {
     const ParameterInfo& p = gear.parameter_info[k];
     if (p.name == "stiffness" && gear.parameters[k] == p.initial && gain > 0.0)
       gear.parameters[k] = kFlank * gain;
+    // Bounces are over before a log shows them, and each is a kink of the run.
+    if (p.name == "restitution" && gear.parameters[k] == p.initial) gear.parameters[k] = 0.0;
     if (p.name == "motor_inertia") gear.parameters[k] = std::max(rotor, 0.0);
   }
 }

@@ -297,10 +297,10 @@ class MotionIdentification {
     result_.parameters =
         parameter_estimates(layout, fit.x, fit.shape, std, identifiable, at_bound, shape_std);
     for (const EffectSpec& e : result_.model.effects)  // of hidden motors, as set_rotors() has them
-      for (const EffectParameter& p : e.parameters)
+      for (const EffectParameter& rotor : e.parameters)
         for (ParameterEstimate& of : result_.parameters)
-          if (p.name == "motor_inertia" && of.name == e.where + "." + e.effect + "." + p.name)
-            of.value = p.value;
+          if (rotor.name == "motor_inertia" && of.name == e.where + "." + e.effect + "." + rotor.name)
+            of.value = rotor.value;
     for (std::size_t k = 0; k < layout.shape.size(); ++k)
       if (const FitParameter& s = layout.shape[k];
           !s.fixed && fit.shape[static_cast<long>(k)] <= s.least)

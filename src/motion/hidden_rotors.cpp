@@ -21,14 +21,13 @@ VecX<double> link_inertias(Tree<double> tree) {
   return mass_matrix<double, double>(tree, VecX<double>::Zero(tree.num_dofs()), ws).diagonal();
 }
 
-/// The gear between the given degrees of freedom; teeth that have no rotor of their own meet as
-/// those of this one.
+/// The gear between the given degrees of freedom. What bounces off its teeth is the inertia of both
+/// sides in series.
 BoundEffect gear_between(BoundEffect gear, std::vector<int> dofs, double inertia) {
   gear.joints = std::move(dofs);
   gear.is_gear = true;
   for (std::size_t k = 0; k < gear.parameters.size(); ++k)
-    if (gear.parameter_info[k].name == "motor_inertia" && !(gear.parameters[k] > 0.0))
-      gear.parameters[k] = inertia;
+    if (gear.parameter_info[k].name == "motor_inertia") gear.parameters[k] = inertia;
   return gear;
 }
 
@@ -43,7 +42,7 @@ HiddenRotors::HiddenRotors(ExtendedTree& model) : joints_(model.tree.num_dofs())
   for (int j = 0; j < joints_; ++j)
     for (const BoundEffect& e : model.series)
       for (std::size_t k = 0; hides_motor(e) && k < e.joints.size(); ++k)
-        if (e.joints[k] == j) add(e, k, kLight * inertia[j], model.tree);
+        if (e.joints[k] == j) add(e, k, inertia[j], model.tree);
   std::erase_if(model.series, hides_motor);
   std::vector<BoundEffect> acting;
   for (const BoundEffect& e : model.effects)
@@ -53,7 +52,7 @@ HiddenRotors::HiddenRotors(ExtendedTree& model) : joints_(model.tree.num_dofs())
   model.effects = std::move(acting);
 }
 
-void HiddenRotors::add(const BoundEffect& gear, std::size_t k, double light, Tree<double>& tree) {
+void HiddenRotors::add(const BoundEffect& gear, std::size_t k, double link, Tree<double>& tree) {
   const int joint = gear.joints[k];
   const std::string here = "motion: " + gear.info().name + " at '" + gear.where + "': ";
   if (at(joint))
@@ -68,12 +67,12 @@ void HiddenRotors::add(const BoundEffect& gear, std::size_t k, double light, Tre
   r.read = encoder_at_motor(gear);
   r.friction_share = motor_spring(gear).friction_share;
   Link<double>& carried = tree.links[static_cast<std::size_t>(gear.links[k])];
-  r.inertia = std::max(carried.armature, light);
-  r.gear = gear_between(gear, {r.joint, r.rotor}, r.inertia);
+  const double inertia = std::max(carried.armature, kLight * link);
+  r.gear = gear_between(gear, {r.joint, r.rotor}, inertia * link / (inertia + link));
   r.gear.links = {gear.links[k]};
   Link<double> rotor;
   rotor.type = carried.type;
-  rotor.armature = r.inertia;
+  rotor.armature = inertia;
   carried.armature = 0.0;
   tree.links.push_back(rotor);
   if (!tree.coordinates.plain()) {
@@ -117,14 +116,15 @@ std::vector<EffectPart> HiddenRotors::parts(const BoundEffect& whole) const {
   const bool acts = std::ranges::any_of(whole.joints, [&](int j) { return at(j); });
   if (!acts || whole.info().port == Port::kModelParameter) return {{whole}};
   if (hides_motor(whole)) {
-    BoundEffect gear = whole;
-    std::vector<int> dofs;
-    double inertia = 0.0;
+    std::vector<EffectPart> out;
     for (const int j : whole.joints) {
-      dofs.insert(dofs.end(), {j, at(j)->rotor});
-      inertia = at(j)->inertia;
+      BoundEffect gear = at(j)->gear;
+      gear.parameters = whole.parameters;
+      for (std::size_t k = 0; k < gear.parameters.size(); ++k)
+        if (!fits_of_gear(gear.parameter_info[k])) gear.parameters[k] = at(j)->gear.parameters[k];
+      out.push_back({std::move(gear)});
     }
-    return {{gear_between(std::move(gear), std::move(dofs), inertia)}};
+    return out;
   }
   const bool of_drive = whole.info().has(Trait::kRotor) || whole.info().has(Trait::kReadsCommand);
   std::vector<EffectPart> out;

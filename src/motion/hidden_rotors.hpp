@@ -18,7 +18,6 @@ struct HiddenRotor {
   int link = 0;       ///< of the tree, without mass but for the armature
   bool read = false;  ///< the joint's encoder is at the rotor
   double friction_share = 1.0;  ///< of the joint's friction, what turns with the rotor
-  double inertia = 0.0;         ///< [kg·m²] or [kg]
   BoundEffect gear;             ///< between the two
 
   /// Degree of freedom that the joint's encoder reads.
@@ -63,7 +62,7 @@ class HiddenRotors {
 
  private:
   const HiddenRotor* at(int joint) const;
-  void add(const BoundEffect& gear, std::size_t k, double light, Tree<double>& tree);
+  void add(const BoundEffect& gear, std::size_t k, double link, Tree<double>& tree);
 
   int joints_ = 0;
   std::vector<HiddenRotor> rotors_;  ///< in the order of their joints

@@ -190,10 +190,11 @@ void JointWindows::begin_hidden(const HiddenRotor& r, const Part& part) {
     if ((of.effect < 0 || acting_[static_cast<std::size_t>(of.effect)] != 0) &&
         of.free >= part.parameter && of.free < part.parameter + part.parameters)
       row[column_of(of.free)] += by_load * ws_.Y(r.joint, of.column);
-  for (std::size_t e = 0; e < effects_.size(); ++e)
-    for (const auto& [index, column] : of_effect_[e].shapes)
-      if (const BoundEffect& gear = of_effect_[e].parts.front().effect;
-          gear.is_gear && std::ranges::find(gear.joints, r.rotor) != gear.joints.end())
+  for (const OfEffect& of : of_effect_)
+    for (const auto& [index, column] : of.shapes)
+      if (std::ranges::any_of(of.parts, [&](const EffectPart& p) {
+            return p.effect.is_gear && p.effect.joints.back() == r.rotor;
+          }))
         row[column_of(column)] +=
             side * wound.v[1 + index] *
             (logarithmic_[static_cast<std::size_t>(column)] != 0

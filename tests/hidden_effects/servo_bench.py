@@ -31,7 +31,7 @@ SIZES = {
     "joint_spring": 0.6,
     "cogging": 0.06,
     "backlash": 0.03,
-    "joint_elasticity": 120.0,
+    "joint_elasticity": 60.0,
 }
 """Sizes of what can be hidden, in SI: one that a user would see, times 0.5 to 2."""
 

@@ -201,8 +201,9 @@ TEST_CASE("hidden rotors: derivatives of windows, by central differences", "[mot
   R.topRightCorner(columns, 1) = factor.d();
   R(columns, columns) = std::sqrt(factor.residual_sum_of_squares());
   const MatX<double> gram = R.transpose() * R, expected = J.transpose() * J;
-  /// A smooth run: what h = 1e-6 leaves. Teeth that meet within a step have a kink there.
-  const double tolerance = gap ? 2e-2 : 1e-5;
+  /// A smooth run: what h = 1e-6 leaves. Teeth that meet within a step have a kink there, and their
+  /// damping follows the inertias, which the derivatives by these leave out.
+  const double tolerance = gap ? 0.1 : 1e-5;
   for (int i = 0; i <= columns; ++i)
     for (int k = 0; k <= columns; ++k) {
       CAPTURE(i, k);
