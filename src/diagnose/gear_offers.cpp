@@ -8,20 +8,9 @@
 #include "identify/gears.hpp"
 
 namespace diffnea {
-namespace {
-
-constexpr const char* kSide = "encoder_side";
-
-void set(EffectSpec& spec, const std::string& name, double value) {
-  for (EffectParameter& p : spec.parameters)
-    if (p.name == name) p.value = value;
-}
-
-}  // namespace
-
-std::vector<EffectSpec> gear_offers(const BoundEffect& gear, const FitLayout& layout,
-                                    const VecX<double>& x, const MotionData& data) {
-  std::vector<EffectSpec> out;
+std::vector<std::vector<EffectSpec>> gear_offers(const BoundEffect& gear, const FitLayout& layout,
+                                                 const VecX<double>& x, const MotionData& data) {
+  std::vector<std::vector<EffectSpec>> out;
   const int joint = gear.joints.front();
   const double gain = drive_gain(layout, x, joint);
   BoundEffect at = gear;
@@ -33,25 +22,17 @@ std::vector<EffectSpec> gear_offers(const BoundEffect& gear, const FitLayout& la
     if (e.info().has(Trait::kRotor) && e.where == gear.where) rotor = x[static_cast<long>(k)];
   }
   set_flanks(gain, rotor, at);
-  for (const double side : {0.0, 1.0})
+  for (const double side : {0.0, 1.0}) {
+    out.emplace_back();
     for (const double size : gear_sizes(at, gain, data)) {
       at.parameters[gear_size(at)] = size;
       EffectSpec spec = to_spec(at);
-      set(spec, kSide, side);
-      out.push_back(std::move(spec));
+      for (EffectParameter& p : spec.parameters)
+        if (p.name == "encoder_side") p.value = side;
+      out.back().push_back(std::move(spec));
     }
+  }
   return out;
-}
-
-std::optional<EffectSpec> other_side(const EffectSpec& gear) {
-  if (find_effect(gear.effect).motor == HiddenMotor::kNone) return {};
-  EffectSpec out = gear;
-  for (EffectParameter& p : out.parameters)
-    if (p.name == kSide) {
-      p.value = p.value > 0.5 ? 0.0 : 1.0;
-      return out;
-    }
-  return {};
 }
 
 bool clashes(const Model& model, const BoundEffect& effect) {

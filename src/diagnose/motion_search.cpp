@@ -8,9 +8,9 @@
 #include "core/constants.hpp"
 #include "core/statistics.hpp"
 #include "diagnose/chi_square.hpp"
+#include "diagnose/gear_offers.hpp"
 #include "diagnose/signed_fit.hpp"
 #include "diagnose/thresholds.hpp"
-#include "diagnose/gear_offers.hpp"
 #include "identify/drives.hpp"
 #include "identify/gears.hpp"
 #include "identify/local_factors.hpp"
@@ -173,12 +173,6 @@ MotionSolution MotionSearch::solve(const std::vector<EffectSpec>& terms,
         begun.push_back(from);
         scale_drive(begun.back().model, t.where, by);
       }
-  for (const EffectSpec& t : terms)
-    if (start && !holds_effect(start->terms, t))
-      if (const std::optional<EffectSpec> other = other_side(t)) {
-        begun.push_back(from);
-        begun.back().model.effects.push_back(*other);
-      }
   MotionSolution best = solved(std::move(from), terms);
   for (MotionSolution& other : begun)
     if (MotionSolution fit = solved(std::move(other), terms); fit.cost < best.cost)
@@ -257,8 +251,7 @@ std::vector<WindowScore> MotionSearch::scores(const MotionSolution& at,
 std::optional<WindowScore> MotionSearch::score_gear(const MotionSolution& at,
                                                     const BoundEffect& gear,
                                                     double correlation) const {
-  constexpr std::size_t kGoOn = 3;  // offers that are more than one step worth
-  constexpr int kSteps = 4;         // that lead away from where the base has bent to
+  constexpr int kSteps = 4;  // that lead away from where the base has bent to
   const auto tried = [&](const MotionSolution& from, const EffectSpec& spec, int steps) {
     MotionSolution out = from;
     if (!holds_effect(out.model.effects, spec)) out.model.effects.push_back(spec);
@@ -281,11 +274,13 @@ std::optional<WindowScore> MotionSearch::score_gear(const MotionSolution& at,
     out.model = apply_fit(out.model, out.layout, out.fit.x, out.fit.shape);
     return out;
   };
-  std::vector<MotionSolution> begun;
-  for (const EffectSpec& spec : gear_offers(gear, at.layout, at.fit.x, data_.data)) {
-    begun.push_back(tried(at, spec, 1));
-    std::ranges::sort(begun, {}, &MotionSolution::cost);
-    if (begun.size() > kGoOn) begun.pop_back();
+  std::vector<MotionSolution> begun;  // the best of each side
+  for (const std::vector<EffectSpec>& side : gear_offers(gear, at.layout, at.fit.x, data_.data)) {
+    std::optional<MotionSolution> first;
+    for (const EffectSpec& spec : side)
+      if (MotionSolution s = tried(at, spec, 1); !first || s.cost < first->cost)
+        first = std::move(s);
+    if (first) begun.push_back(std::move(*first));
   }
   const EffectSpec spec{gear.info().name, gear.where, {}};
   const MotionSolution* best = nullptr;
@@ -295,8 +290,8 @@ std::optional<WindowScore> MotionSearch::score_gear(const MotionSolution& at,
   }
   if (!best) return {};
   const double lm = std::max(at.cost - best->cost, 0.0),
-               parameters = 1.0 + static_cast<double>(free_count(best->layout) -
-                                                      free_count(at.layout));
+               parameters =
+                   1.0 + static_cast<double>(free_count(best->layout) - free_count(at.layout));
   const auto better = [&](double together) {
     return window_delta_bic(at.cost, at.cost - lm, samples(), together, parameters);
   };
@@ -506,6 +501,10 @@ std::vector<CauseParameter> MotionSearch::parameters_of(const MotionSolution& at
     };
     take(at.layout.linear, at.fit.x, 0);
     take(at.layout.shape, at.fit.shape, p);
+    if (info.name == "motor_inertia")  // the joint's armature, as set_rotors() has it
+      for (const EffectSpec& spec : at.model.effects)
+        for (const EffectParameter& own : spec.parameters)
+          if (same_effect(spec, term) && own.name == info.name) of.value = own.value;
     out.push_back(of);
   }
   return out;

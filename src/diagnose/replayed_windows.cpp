@@ -71,9 +71,9 @@ double between(const Eigen::Ref<const VecX<double>>& f, double at) {
 
 bool needs_replay(const ExtendedTree& model) {
   // A replay knows no commands: what follows them is simulated as it was fitted.
-  if (std::ranges::any_of(model.effects, [](const BoundEffect& e) {
-        return e.info().has(Trait::kReadsCommand);
-      }) && std::ranges::all_of(model.series, hides_motor))
+  if (std::ranges::any_of(
+          model.effects, [](const BoundEffect& e) { return e.info().has(Trait::kReadsCommand); }) &&
+      std::ranges::all_of(model.series, hides_motor))
     return false;
   return !model.series.empty() || std::ranges::any_of(model.effects, [](const BoundEffect& e) {
     return reads_acceleration(e) || reads_time(e) || e.info().port == Port::kLinkForce;

@@ -16,7 +16,7 @@ namespace {
 constexpr double kFlank = 50.0;
 /// Factor between neighbouring sizes of springs, and of gaps: teeth that meet in another order are
 /// another minimum.
-constexpr double kSpringStep = 3.0, kGapStep = 1.4142135623730951;
+constexpr double kSpringStep = 3.0, kGapStep = 1.6;
 /// Smallest gap over the noise of a position: its two flanks are that far apart for certain.
 constexpr double kGapNoises = 4.0;
 /// Horizon at which sizes compete [s], as beginnings of drives do; windows and steps of each.
@@ -69,17 +69,14 @@ int free_size(const FitLayout& layout, std::size_t effect) {
 
 }  // namespace
 
-bool has_gears(const FitLayout& layout) {
-  return std::ranges::any_of(layout.effects, hides_motor);
-}
+bool has_gears(const FitLayout& layout) { return std::ranges::any_of(layout.effects, hides_motor); }
 
 double drive_gain(const FitLayout& layout, const VecX<double>& x, int joint) {
   for (std::size_t k = 0; k < layout.linear.size(); ++k) {
     const FitParameter& p = layout.linear[k];
     if (p.effect < 0 || !p.name.ends_with(".stiffness")) continue;
     const BoundEffect& e = layout.effects[static_cast<std::size_t>(p.effect)];
-    if (e.info().has(Trait::kReadsCommand) &&
-        std::ranges::find(e.joints, joint) != e.joints.end())
+    if (e.info().has(Trait::kReadsCommand) && std::ranges::find(e.joints, joint) != e.joints.end())
       return x[static_cast<long>(k)];
   }
   return 0.0;
@@ -176,8 +173,7 @@ MotionBeginning beginning_with_gears(const Model& model, const MotionData& data,
     return find_effect(e.effect).motor != HiddenMotor::kNone;
   });
   const LayoutPart part = without(layout, hides_motor);
-  const MotionBeginning from =
-      best_beginning(rigid, data, part.layout, ladder, options, progress);
+  const MotionBeginning from = best_beginning(rigid, data, part.layout, ladder, options, progress);
   MotionBeginning out = from;
   out.layout.effects = layout.effects;
   out.layout.shape = layout.shape;
@@ -219,8 +215,8 @@ MotionBeginning beginning_with_gears(const Model& model, const MotionData& data,
   few.max_iterations = kSteps;
   const std::vector<MotionWindow> windows =
       some_windows(data, std::min(kTrial, ladder.back()), ladder.front());
-  const MotionProblem problem{model,     out.layout, data.train, data.runs, data.noise.position,
-                              out.scale};
+  const MotionProblem problem{model,     out.layout,          data.train,
+                              data.runs, data.noise.position, out.scale};
   for (std::size_t k = 0; k < searched.size(); ++k) {
     const int shape = free_size(out.layout, searched[k]);
     MotionFit best;

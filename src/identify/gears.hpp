@@ -13,8 +13,8 @@ bool has_gears(const FitLayout& layout);
 double drive_gain(const FitLayout& layout, const VecX<double>& x, int joint);
 
 /// Values at which a gear's size is looked for, those nearest to a rigid one first. Springs: up to
-/// where the drive's largest error winds them up by less than the encoder's noise; gaps: beyond that
-/// noise. Those of the catalogue where no drive leads the joint.
+/// where the drive's largest error winds them up by less than the encoder's noise; gaps: beyond
+/// that noise. Those of the catalogue where no drive leads the joint.
 /// @param gain  of the joint's drive; 0: none
 std::vector<double> gear_sizes(const BoundEffect& gear, double gain, const MotionData& data);
 

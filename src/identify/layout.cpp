@@ -113,14 +113,15 @@ void require_fittable(const BoundEffect& effect, bool simulated) {
   const EffectInfo& info = effect.info();
   if (simulated && hides_motor(effect)) return;
   if (info.port == Port::kJointTorque || info.port == Port::kModelParameter) return;
-  throw ModelError(
-      "effects: identify cannot fit " + info.name + " at '" + effect.where +
-      "', nor a model that has it: " +
-      (info.port == Port::kMeasurement ? "it is of what is measured, and moves every column"
-       : effect.is_local()             ? "its torque is that of a force on a link, no joint's own"
-       : hides_motor(effect)           ? "it hides the motor, which runs that are simulated have (--loss motion)"
-                                       : "its torque is no function of one instant of the joints") +
-      "; `diffnea diagnose` fits it");
+  throw ModelError("effects: identify cannot fit " + info.name + " at '" + effect.where +
+                   "', nor a model that has it: " +
+                   (info.port == Port::kMeasurement
+                        ? "it is of what is measured, and moves every column"
+                    : effect.is_local() ? "its torque is that of a force on a link, no joint's own"
+                    : hides_motor(effect)
+                        ? "it hides the motor, which runs that are simulated have (--loss motion)"
+                        : "its torque is no function of one instant of the joints") +
+                   "; `diffnea diagnose` fits it");
 }
 
 /// The fixed transform of the joint that moves a link of the tree.

@@ -299,7 +299,8 @@ class MotionIdentification {
     for (const EffectSpec& e : result_.model.effects)  // of hidden motors, as set_rotors() has them
       for (const EffectParameter& rotor : e.parameters)
         for (ParameterEstimate& of : result_.parameters)
-          if (rotor.name == "motor_inertia" && of.name == e.where + "." + e.effect + "." + rotor.name)
+          if (rotor.name == "motor_inertia" &&
+              of.name == e.where + "." + e.effect + "." + rotor.name)
             of.value = rotor.value;
     for (std::size_t k = 0; k < layout.shape.size(); ++k)
       if (const FitParameter& s = layout.shape[k];

@@ -59,7 +59,8 @@ void HiddenRotors::add(const BoundEffect& gear, std::size_t k, double link, Tree
     throw ModelError(here +
                      "the joint has a hidden motor already; one elasticity or backlash a joint");
   if (!gear.runs.empty())
-    throw ModelError(here + "it belongs to the drive and acts in every recording; leave out ':run='");
+    throw ModelError(here +
+                     "it belongs to the drive and acts in every recording; leave out ':run='");
   HiddenRotor r;
   r.joint = joint;
   r.rotor = dofs();
@@ -135,8 +136,9 @@ std::vector<EffectPart> HiddenRotors::parts(const BoundEffect& whole) const {
     }
     const double share = of_drive ? 1.0 : share_at_motors(e, shares_);
     if (share > 0.0 && reads_acceleration(e) && !e.info().has(Trait::kRotor))
-      throw ModelError("motion: " + e.info().name + " at '" + e.where +
-                       "' cannot act at a joint with elasticity or backlash; leave one of them out");
+      throw ModelError(
+          "motion: " + e.info().name + " at '" + e.where +
+          "' cannot act at a joint with elasticity or backlash; leave one of them out");
     if (share < 1.0) out.push_back({e, 1.0 - share});
     if (!(share > 0.0)) continue;
     BoundEffect moved = e;

@@ -13,10 +13,10 @@ bool fits_of_gear(const ParameterInfo& p);
 
 /// A rotor that has left its joint.
 struct HiddenRotor {
-  int joint = 0;      ///< degree of freedom that is the link's now
-  int rotor = 0;      ///< its own, behind those of all joints
-  int link = 0;       ///< of the tree, without mass but for the armature
-  bool read = false;  ///< the joint's encoder is at the rotor
+  int joint = 0;                ///< degree of freedom that is the link's now
+  int rotor = 0;                ///< its own, behind those of all joints
+  int link = 0;                 ///< of the tree, without mass but for the armature
+  bool read = false;            ///< the joint's encoder is at the rotor
   double friction_share = 1.0;  ///< of the joint's friction, what turns with the rotor
   BoundEffect gear;             ///< between the two
 
@@ -35,8 +35,9 @@ struct EffectPart {
 /// What has been unfolded: n joints, and rotors behind them.
 class HiddenRotors {
  public:
-  /// Gives each motor that an effect of the model hides a degree of freedom, with all of the joint's
-  /// armature; the effects of one instant act where they belong, and the gear between the two.
+  /// Gives each motor that an effect of the model hides a degree of freedom, with all of the
+  /// joint's armature; the effects of one instant act where they belong, and the gear between the
+  /// two.
   /// @param model  without such effects afterwards
   /// @throws ModelError for a second motor at a joint, an effect that reads accelerations or the
   /// transmitted torque on the motor's side, one that acts in some runs alone

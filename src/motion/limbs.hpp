@@ -8,9 +8,9 @@ namespace diffnea {
 
 /// Consecutive joints that move without regard to all others, and their hidden rotors.
 struct Limb {
-  int first = 0;                  ///< joint
-  int count = 0;                  ///< number of joints
-  std::vector<int> rotors = {};   ///< degrees of freedom of hidden rotors, ascending
+  int first = 0;                 ///< joint
+  int count = 0;                 ///< number of joints
+  std::vector<int> rotors = {};  ///< degrees of freedom of hidden rotors, ascending
 
   /// All degrees of freedom: of joints, then of rotors.
   std::vector<int> dofs() const;

@@ -48,10 +48,11 @@ VecX<double> MotionPath::first_state(const VecX<double>& read) {
   VecX<double> out(2 * n_);
   for (const int half : {0, 1}) {
     out.segment(half * n_, n) = read.segment(half * n, n);
-    for (const HiddenRotor& r : rotors_.rotors()) out[half * n_ + r.rotor] = read[half * n + r.joint];
+    for (const HiddenRotor& r : rotors_.rotors())
+      out[half * n_ + r.rotor] = read[half * n + r.joint];
   }
-  const VecX<double> load = rnea<double, double>(dynamics_.model().tree, out.head(n_),
-                                                 out.tail(n_), still_, rnea_ws_);
+  const VecX<double> load =
+      rnea<double, double>(dynamics_.model().tree, out.head(n_), out.tail(n_), still_, rnea_ws_);
   for (const HiddenRotor& r : rotors_.rotors())
     out[r.hidden()] += (r.read ? -1.0 : 1.0) * deflection_at(r.gear, load[r.joint]);
   return out;

@@ -154,7 +154,7 @@ class MotionPath {
   SteppingOptions options_;
   HiddenRotors rotors_;
   ForwardDynamics dynamics_;
-  int n_;  ///< degrees of freedom N
+  int n_;                 ///< degrees of freedom N
   bool dry_ = false;      ///< some effect's torque reads the velocity
   double longest_ = 0.0;  ///< step that the motion itself allows [s]
   RungeKutta4<MatX<double>> rk_;

@@ -195,11 +195,10 @@ void JointWindows::begin_hidden(const HiddenRotor& r, const Part& part) {
       if (std::ranges::any_of(of.parts, [&](const EffectPart& p) {
             return p.effect.is_gear && p.effect.joints.back() == r.rotor;
           }))
-        row[column_of(column)] +=
-            side * wound.v[1 + index] *
-            (logarithmic_[static_cast<std::size_t>(column)] != 0
-                 ? r.gear.parameters[static_cast<std::size_t>(index)]
-                 : 1.0);
+        row[column_of(column)] += side * wound.v[1 + index] *
+                                  (logarithmic_[static_cast<std::size_t>(column)] != 0
+                                       ? r.gear.parameters[static_cast<std::size_t>(index)]
+                                       : 1.0);
 }
 
 bool JointWindows::linearise(const MotionStretch& stretch, const MotionWindow& window,
@@ -254,12 +253,13 @@ bool JointWindows::linearise(const MotionStretch& stretch, const MotionWindow& w
 double JointWindows::cost(const MotionStretch& stretch, const MotionWindow& window,
                           const VecX<double>& sigma) {
   double sum = 0.0;
-  const long reached = enter(stretch.run).simulate(stretch, window, [&](long k, const MatX<double>& z) {
-    for (int j = 0; j < joints_; ++j) {
-      const double q = stretch.q(window.first + k, j);
-      if (!std::isnan(q)) sum += 0.5 * std::pow((z(rotors().encoder(j), 0) - q) / sigma[j], 2);
-    }
-  });
+  const long reached =
+      enter(stretch.run).simulate(stretch, window, [&](long k, const MatX<double>& z) {
+        for (int j = 0; j < joints_; ++j) {
+          const double q = stretch.q(window.first + k, j);
+          if (!std::isnan(q)) sum += 0.5 * std::pow((z(rotors().encoder(j), 0) - q) / sigma[j], 2);
+        }
+      });
   return reached == window.rows ? sum : kInfinity;
 }
 
@@ -437,8 +437,8 @@ void JointWindows::add_columns(std::size_t e, const JointSample<double>& x,
         const auto& [index, k] = of.shapes[first + i];
         jet_p_[static_cast<std::size_t>(index)].v.setZero();
         for (const int j : effect.joints)
-          C_(j, k) += share * jet_tau_[static_cast<std::size_t>(j)].v[static_cast<long>(i)] /
-                      gains[j];
+          C_(j, k) +=
+              share * jet_tau_[static_cast<std::size_t>(j)].v[static_cast<long>(i)] / gains[j];
       }
     }
   }

@@ -78,8 +78,7 @@ class JointWindows : public WindowSimulator {
   void slope(int run, const VecX<double>& u, const MatX<double>& A, MatX<double>& dA);
   void slope_of_dofs(const Part& part, const MatX<double>& A, MatX<double>& dA);
   void columns(int run, const MatX<double>& A);
-  void add_columns(std::size_t effect, const JointSample<double>& x,
-                   const JointSample<JetD>& jets);
+  void add_columns(std::size_t effect, const JointSample<double>& x, const JointSample<JetD>& jets);
   const HiddenRotors& rotors() const { return models_[now_].path.rotors(); }
   void begin(const VecX<double>& state);
   void begin_hidden(const HiddenRotor& rotor, const Part& part);
@@ -93,7 +92,7 @@ class JointWindows : public WindowSimulator {
   std::vector<OfRuns> models_;
   std::size_t now_ = 0;       ///< of the models
   std::vector<char> acting_;  ///< per effect, in the present run
-  int joints_, n_, f_;  ///< n; N with hidden rotors; free parameters
+  int joints_, n_, f_;        ///< n; N with hidden rotors; free parameters
   std::vector<BoundEffect> effects_;
   struct OfEffect {
     std::vector<EffectPart> parts;                    // where it acts

@@ -115,7 +115,8 @@ TEST_CASE("hidden rotors: a step of torque swings two masses as the closed form 
   for (long k = 0; k < 80; ++k) {
     const double t = s.time[static_cast<std::size_t>(k)],
                  centre = 0.1 + kSpeed * t + 0.5 * kTorque / both * t * t,
-                 wound = kTorque / (kRotor * frequency * frequency) * (1.0 - std::cos(frequency * t));
+                 wound =
+                     kTorque / (kRotor * frequency * frequency) * (1.0 - std::cos(frequency * t));
     const double expected =
         side > 0.5 ? centre + kLink / both * wound : centre - kRotor / both * wound;
     // Runge–Kutta 4 at 0.3 rad a step: the phase of the swing is off by 7e-5 a radian.
@@ -134,8 +135,9 @@ TEST_CASE("hidden rotors: within its gap a rotor flies alone, beyond it takes th
   // No load: it begins in the middle. Half of the gap takes √(β J/τ) s.
   const double flight = std::sqrt(0.05 * kRotor / 0.2);
   for (long k = 0; s.time[static_cast<std::size_t>(k)] < flight; ++k)
-    CHECK(q(k, 0) ==
-          Approx(0.5 * 0.2 / kRotor * std::pow(s.time[static_cast<std::size_t>(k)], 2)).margin(1e-9));
+    CHECK(
+        q(k, 0) ==
+        Approx(0.5 * 0.2 / kRotor * std::pow(s.time[static_cast<std::size_t>(k)], 2)).margin(1e-9));
   // Bounces of a restitution of 0.3 are soon over: then the acceleration is that of both.
   const double dt = 0.1, a = (q(199, 0) - 2.0 * q(179, 0) + q(159, 0)) / (dt * dt);
   CHECK(a == Approx(0.2 / (kLink + kRotor)).epsilon(0.02));
@@ -150,9 +152,10 @@ TEST_CASE("hidden rotors: derivatives of windows, by central differences", "[mot
       {"coulomb_friction", "servo", {{"coulomb", 0.05, ""}, {"smoothing", 0.2, ""}}});
   model.effects.push_back({"joint_spring", "servo", {{"stiffness", 0.3, ""}}});
   if (servo)
-    model.effects.push_back({"position_servo",
-                             "servo",
-                             {{"stiffness", 12.0, ""}, {"damping", 0.4, ""}, {"delay", 0.011, ""}}});
+    model.effects.push_back(
+        {"position_servo",
+         "servo",
+         {{"stiffness", 12.0, ""}, {"damping", 0.4, ""}, {"delay", 0.011, ""}}});
   model.effects.push_back(gap ? backlash(0.03, side) : elasticity(60.0, 0.05, side));
   const int gear = static_cast<int>(model.effects.size()) - 1;
   const MotionStretch s =

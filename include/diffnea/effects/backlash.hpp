@@ -89,8 +89,8 @@ struct Backlash {
   }
 
   /// The same along simulated runs that are differentiated. `transmitted` jumps where the teeth
-  /// meet, and a run has no derivative across a jump: here the damping grows with the wind-up, up to
-  /// its own size at a small share of the gap (as Hunt and Crossley 1975 have it near 0).
+  /// meet, and a run has no derivative across a jump: here the damping grows with the wind-up, up
+  /// to its own size at a small share of the gap (as Hunt and Crossley 1975 have it near 0).
   template <class T>
   static T gear_torque(const T& deflection, const T& velocity, const T* p) {
     using std::sqrt;

@@ -29,8 +29,7 @@ template <class E, Scalar T>
 void add_gear_torque(const BoundEffect& effect, const JointSample<T>& x, const T* p, T* tau) {
   for (std::size_t k = 0; k + 1 < effect.joints.size(); k += 2) {
     const int link = effect.joints[k], rotor = effect.joints[k + 1];
-    const T torque =
-        E::gear_torque(T(x.q[rotor] - x.q[link]), T(x.qd[rotor] - x.qd[link]), p);
+    const T torque = E::gear_torque(T(x.q[rotor] - x.q[link]), T(x.qd[rotor] - x.qd[link]), p);
     tau[link] = tau[link] - torque;
     tau[rotor] = tau[rotor] + torque;
   }
