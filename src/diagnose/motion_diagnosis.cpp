@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include <diffnea/core/error.hpp>
+#include <diffnea/effects/stepping.hpp>
 #include <diffnea/recording/audit.hpp>
 
 #include "core/constants.hpp"
@@ -26,9 +27,20 @@ struct MotionCase : WindowCase<MotionSearch> {
   using WindowCase::WindowCase;
 };
 
+std::vector<bool> led_joints(const Model& model) {
+  std::vector<bool> out(joint_names(model).size(), false);
+  for (const EffectSpec& e : model.effects)
+    if (find_effect(e.effect).has(Trait::kReadsCommand))
+      out[static_cast<std::size_t>(find_joint(model, e.where))] = true;
+  return out;
+}
+
 /// Tells whether simulated runs have derivatives by it.
-bool can_be_simulated(const Candidate& c) {
+/// @param led  joints that drives of the model lead: others have no motor to hide
+bool can_be_simulated(const Candidate& c, const std::vector<bool>& led) {
   const EffectInfo& info = c.effect.info();
+  if (hides_motor(c.effect))
+    return c.effect.joints.size() == 1 && led[static_cast<std::size_t>(c.effect.joints.front())];
   return info.port == Port::kJointTorque && !info.has(Trait::kReadsCommand) &&
          !info.has(Trait::kGain) && !info.has(Trait::kRotor) &&
          !reads_time(c.effect) && c.choices.empty() && !c.linear.empty();
@@ -38,10 +50,11 @@ bool can_be_simulated(const Candidate& c) {
 std::vector<Candidate> candidates_beside(const Model& base, const DiagnoseOptions& options,
                                          Finding& finding) {
   std::vector<Candidate> out;
+  const std::vector<bool> led = led_joints(base);
   for (Candidate& c : make_candidates(base, options.effects, {0}, /*link_side=*/false)) {
     const EffectSpec spec{c.effect.info().name, c.effect.where, {}};
     if (holds_effect(base.effects, spec)) continue;
-    if (can_be_simulated(c))
+    if (can_be_simulated(c, led))
       out.push_back(std::move(c));
     else if (c.effect.info().port == Port::kMemory || !options.effects.empty())
       finding.refused.push_back(
@@ -131,14 +144,6 @@ void require_own_base(const DiagnoseOptions& options) {
   if (!options.candidates.empty())
     throw ModelError("diagnose: got candidate '" + options.candidates.front().name +
                      "'; where no torque was recorded, only effects of the catalogue are tried");
-}
-
-std::vector<bool> led_joints(const Model& model) {
-  std::vector<bool> out(joint_names(model).size(), false);
-  for (const EffectSpec& e : model.effects)
-    if (find_effect(e.effect).has(Trait::kReadsCommand))
-      out[static_cast<std::size_t>(find_joint(model, e.where))] = true;
-  return out;
 }
 
 /// Fits the base, and what it lacks.
@@ -262,7 +267,7 @@ Finding diagnose_drives(const Model& model, const RecordingSource& train,
   note_joints(c, of);
   judge(c);
   simulate(c, of);
-  finding.tried = c.candidates.empty() ? Tried::kNothing : Tried::kSome;  // none with states
+  finding.tried = c.candidates.empty() ? Tried::kNothing : Tried::kSome;  // no presliding
   finding.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return finding;
 }

@@ -3,12 +3,16 @@
 #include <algorithm>
 #include <cmath>
 
+#include <diffnea/effects/stepping.hpp>
+
 #include "core/constants.hpp"
 #include "core/statistics.hpp"
 #include "diagnose/chi_square.hpp"
+#include "diagnose/gear_offers.hpp"
 #include "diagnose/signed_fit.hpp"
 #include "diagnose/thresholds.hpp"
 #include "identify/drives.hpp"
+#include "identify/gears.hpp"
 #include "identify/local_factors.hpp"
 #include "identify/motionless.hpp"
 #include "identify/passes.hpp"
@@ -119,6 +123,7 @@ FitLayout MotionSearch::layout_of(const Model& model, const std::vector<EffectSp
   std::vector<std::string> unsaid;
   FitChoice choice = data_.choice;
   choice.effects = std::vector<std::string>{};
+  choice.simulated = true;
   choice.fix.insert(choice.fix.end(), held.begin(), held.end());
   FitLayout out = layout_for(model, data_.train, data_.test, choice, unsaid);
   bound_delays(data_.data.noise.period, out);
@@ -133,7 +138,9 @@ FitLayout MotionSearch::layout_of(const Model& model, const std::vector<EffectSp
       if (e >= 0 && s.effect == e) {
         const ParameterInfo& info = out.effects[static_cast<std::size_t>(e)]
                                         .parameter_info[static_cast<std::size_t>(s.index)];
-        s.fixed = info.search.empty() || is_chosen(info);
+        s.fixed = hides_motor(out.effects[static_cast<std::size_t>(e)])
+                      ? !fits_of_gear(info)
+                      : info.search.empty() || is_chosen(info);
       }
   }
   return out;
@@ -205,6 +212,7 @@ MotionSolution MotionSearch::solved(MotionSolution from,
   // A model under which some run blows up explains nothing, however well it does the others.
   out.cost = out.fit.blown_up > 0 ? kInfinity : 2.0 * out.fit.objective;
   out.model = apply_fit(model, out.layout, out.fit.x, out.fit.shape);
+  set_rotors(out.model);
   return out;
 }
 
@@ -212,9 +220,17 @@ std::vector<WindowScore> MotionSearch::scores(const MotionSolution& at,
                                               const std::vector<EffectSpec>& candidates) const {
   std::vector<WindowScore> out;
   std::vector<std::vector<Variant>> passes;  // an effect acts once at a joint
+  const double together = correlation(at);
   for (const Candidate& c : candidates_) {
     const EffectSpec spec{c.effect.info().name, c.effect.where, {}};
     if (holds_effect(at.terms, spec) || !holds_effect(candidates, spec)) continue;
+    if (clashes(at.model, c.effect)) continue;
+    if (hides_motor(c.effect)) {
+      if (progress_ && !progress_("testing", 0)) return {};
+      if (std::optional<WindowScore> of = score_gear(at, c.effect, together))
+        out.push_back(std::move(*of));
+      continue;
+    }
     out.push_back({.effect = spec, .delta_bic = -kInfinity, .promise = -kInfinity});
     for (std::size_t g = 0; g < c.grid.size(); ++g) {
       BoundEffect effect = c.effect;
@@ -224,13 +240,69 @@ std::vector<WindowScore> MotionSearch::scores(const MotionSolution& at,
       passes[g].push_back({out.size() - 1, to_spec(effect), c.linear});
     }
   }
-  const double together = correlation(at);
   for (const std::vector<Variant>& pass : passes) {
     if (progress_ && !progress_("testing", 0)) return {};
     score(at, pass, together, out);
   }
   std::ranges::stable_sort(out, std::ranges::greater{}, &WindowScore::promise);
   return out;
+}
+
+std::optional<WindowScore> MotionSearch::score_gear(const MotionSolution& at,
+                                                    const BoundEffect& gear,
+                                                    double correlation) const {
+  constexpr int kSteps = 4;  // that lead away from where the base has bent to
+  const auto tried = [&](const MotionSolution& from, const EffectSpec& spec, int steps) {
+    MotionSolution out = from;
+    if (!holds_effect(out.model.effects, spec)) out.model.effects.push_back(spec);
+    out.layout = layout_of(out.model, with_effect(at.terms, spec), at.held);
+    for (FitParameter& p : out.layout.linear) {
+      const auto known = std::ranges::find(at.layout.linear, p.name, &FitParameter::name);
+      if (known != at.layout.linear.end()) p.fixed = known->fixed;
+    }
+    VecX<double> shape(static_cast<long>(out.layout.shape.size()));
+    for (std::size_t s = 0; s < out.layout.shape.size(); ++s)
+      shape[static_cast<long>(s)] = out.layout.shape[s].prior;
+    MotionProblem of = problem(out.model, out.layout);
+    of.scale = VecX<double>::Ones(static_cast<long>(out.layout.linear.size()));
+    MotionOptions few = data_.options;
+    few.max_iterations = steps;
+    MotionFitter fitter(of, few, out.layout.prior(), shape);
+    fitter.fit(out.windows, data_.options.tolerance);
+    out.fit = fitter.now();
+    out.cost = out.fit.blown_up > 0 ? kInfinity : 2.0 * out.fit.objective;
+    out.model = apply_fit(out.model, out.layout, out.fit.x, out.fit.shape);
+    return out;
+  };
+  std::vector<MotionSolution> begun;  // the best of each side
+  for (const std::vector<EffectSpec>& side : gear_offers(gear, at.layout, at.fit.x, data_.data)) {
+    std::optional<MotionSolution> first;
+    for (const EffectSpec& spec : side)
+      if (MotionSolution s = tried(at, spec, 1); !first || s.cost < first->cost)
+        first = std::move(s);
+    if (first) begun.push_back(std::move(*first));
+  }
+  const EffectSpec spec{gear.info().name, gear.where, {}};
+  const MotionSolution* best = nullptr;
+  for (MotionSolution& s : begun) {
+    if (s.cost < kInfinity) s = tried(s, spec, kSteps);
+    if (s.cost < kInfinity && (!best || s.cost < best->cost)) best = &s;
+  }
+  if (!best) return {};
+  const double lm = std::max(at.cost - best->cost, 0.0),
+               parameters =
+                   1.0 + static_cast<double>(free_count(best->layout) - free_count(at.layout));
+  const auto better = [&](double together) {
+    return window_delta_bic(at.cost, at.cost - lm, samples(), together, parameters);
+  };
+  return WindowScore{
+      .effect = *std::ranges::find_if(best->model.effects,
+                                      [&](const EffectSpec& e) { return same_effect(e, spec); }),
+      .lm = lm,
+      .delta_bic = better(correlation),
+      .promise = better(1.0),
+      .parameters = parameters,
+      .visible_share = 1.0};
 }
 
 void MotionSearch::score(const MotionSolution& at, const std::vector<Variant>& variants,
@@ -429,6 +501,10 @@ std::vector<CauseParameter> MotionSearch::parameters_of(const MotionSolution& at
     };
     take(at.layout.linear, at.fit.x, 0);
     take(at.layout.shape, at.fit.shape, p);
+    if (info.name == "motor_inertia")  // the joint's armature, as set_rotors() has it
+      for (const EffectSpec& spec : at.model.effects)
+        for (const EffectParameter& own : spec.parameters)
+          if (same_effect(spec, term) && own.name == info.name) of.value = own.value;
     out.push_back(of);
   }
   return out;

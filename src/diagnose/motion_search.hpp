@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <optional>
 
 #include "diagnose/candidates.hpp"
 #include "diagnose/window_case.hpp"
@@ -77,6 +78,10 @@ class MotionSearch {
   /// Columns of a term's linear parameters that are fitted.
   std::vector<long> sizes_of(const MotionSolution& at, const EffectSpec& term) const;
   MotionProblem problem(const Model& model, const FitLayout& layout) const;
+  /// Gain of a spring or gap in a gear, which the torque is not linear in: at its offers, what
+  /// a few steps of a fit reach. None: every simulation with it blows up.
+  std::optional<WindowScore> score_gear(const MotionSolution& at, const BoundEffect& gear,
+                                        double correlation) const;
   void score(const MotionSolution& at, const std::vector<Variant>& variants, double correlation,
              std::vector<WindowScore>& out) const;
   std::vector<RowMatX<double>> errors(const MotionSolution& at,

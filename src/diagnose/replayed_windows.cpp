@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include <diffnea/effects/forward_dynamics.hpp>
+#include <diffnea/effects/stepping.hpp>
 #include <diffnea/sim/replay.hpp>
 
 #include "core/constants.hpp"
@@ -69,6 +70,11 @@ double between(const Eigen::Ref<const VecX<double>>& f, double at) {
 }  // namespace
 
 bool needs_replay(const ExtendedTree& model) {
+  // A replay knows no commands: what follows them is simulated as it was fitted.
+  if (std::ranges::any_of(
+          model.effects, [](const BoundEffect& e) { return e.info().has(Trait::kReadsCommand); }) &&
+      std::ranges::all_of(model.series, hides_motor))
+    return false;
   return !model.series.empty() || std::ranges::any_of(model.effects, [](const BoundEffect& e) {
     return reads_acceleration(e) || reads_time(e) || e.info().port == Port::kLinkForce;
   });

@@ -56,7 +56,7 @@ ForwardDynamics::ForwardDynamics(ExtendedTree model)
     const BoundEffect& e = model_.effects[k];
     if (reads_acceleration(e)) implicit_.push_back(k);
     Reads reads{joints_read(e)};
-    reads.coupled = e.info().place == Place::kJointPair || reads.joints != e.joints;
+    reads.coupled = e.info().place == Place::kJointPair || e.is_gear || reads.joints != e.joints;
     reads_.push_back(std::move(reads));
   }
   if (!model_.tree.free_base) return;

@@ -224,6 +224,10 @@ Rows memory_torque(const BoundEffect& effect, const ExtendedTree& base, const Jo
     for (const int j : effect.joints) {
       if constexpr (requires { formula.encoder_at_motor(p); })
         if (formula.encoder_at_motor(p)) {
+          if (E::info().motor != HiddenMotor::kSpring)
+            throw ModelError(E::info().name + " at '" + effect.where +
+                             "': with the encoder at the motor (encoder_side 1) no torque follows "
+                             "from a logged motion; simulated runs alone have it");
           out += moved_links(formula.motor_spring(p), base, x, j);
           continue;
         }

@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <limits>
 
 #include <diffnea/core/error.hpp>
@@ -25,10 +26,13 @@ constexpr bool kIsOfLoggedVelocity =
 }  // namespace
 
 std::vector<int> joints_read(const BoundEffect& e) {
-  return visit_formula(e, [&](const auto& formula) {
+  std::vector<int> out = visit_formula(e, [&](const auto& formula) {
     if constexpr (requires { formula.joints_read(); }) return formula.joints_read();
     return e.joints;
   });
+  for (const int encoder : e.encoders)
+    if (std::ranges::find(out, encoder) == out.end()) out.push_back(encoder);
+  return out;
 }
 
 bool has_state(const BoundEffect& e) {
@@ -87,6 +91,13 @@ double transmitted(const BoundEffect& e, double deflection, double velocity) {
 double deflection_at(const BoundEffect& e, double load) {
   return visit_formula(e, [&]<class E>(const E&) -> double {
     const double* p = e.parameters.data();
+    if constexpr (requires { E::deflection_at(load, p); }) return E::deflection_at(load, p);
+    lacks(e, "hidden motor");
+  });
+}
+
+JetD deflection_at(const BoundEffect& e, const JetD& load, const JetD* p) {
+  return visit_formula(e, [&]<class E>(const E&) -> JetD {
     if constexpr (requires { E::deflection_at(load, p); }) return E::deflection_at(load, p);
     lacks(e, "hidden motor");
   });

@@ -5,10 +5,12 @@
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/core/text.hpp>
+#include <diffnea/effects/stepping.hpp>
 #include <diffnea/identify/layout.hpp>
 #include <diffnea/model/physical.hpp>
 
 #include "identify/fix_pattern.hpp"
+#include "motion/hidden_rotors.hpp"
 
 namespace diffnea {
 namespace {
@@ -88,8 +90,11 @@ void add_effect(const BoundEffect& effect, bool fixed, bool fix_shapes, double p
     p.unit = info.unit;
     p.sign = info.sign;
     p.prior = effect.parameters[k];
-    p.fixed =
-        info.linear ? fixed : fixed || (fix_shapes && !effect.info().has(Trait::kReadsCommand));
+    if (hides_motor(effect))  // its size is a shape
+      p.fixed = fixed || !fits_of_gear(info);
+    else
+      p.fixed =
+          info.linear ? fixed : fixed || (fix_shapes && !effect.info().has(Trait::kReadsCommand));
     p.effect = e;
     p.index = static_cast<int>(k);
     p.logarithmic = scale(info) == Scale::kLog;
@@ -104,16 +109,19 @@ void add_effect(const BoundEffect& effect, bool fixed, bool fix_shapes, double p
 }
 
 /// @throws ModelError for effects that no loss has a column for
-void require_fittable(const BoundEffect& effect) {
+void require_fittable(const BoundEffect& effect, bool simulated) {
   const EffectInfo& info = effect.info();
+  if (simulated && hides_motor(effect)) return;
   if (info.port == Port::kJointTorque || info.port == Port::kModelParameter) return;
-  throw ModelError(
-      "effects: identify cannot fit " + info.name + " at '" + effect.where +
-      "', nor a model that has it: " +
-      (info.port == Port::kMeasurement ? "it is of what is measured, and moves every column"
-       : effect.is_local()             ? "its torque is that of a force on a link, no joint's own"
-                                       : "its torque is no function of one instant of the joints") +
-      "; `diffnea diagnose` fits it");
+  throw ModelError("effects: identify cannot fit " + info.name + " at '" + effect.where +
+                   "', nor a model that has it: " +
+                   (info.port == Port::kMeasurement
+                        ? "it is of what is measured, and moves every column"
+                    : effect.is_local() ? "its torque is that of a force on a link, no joint's own"
+                    : hides_motor(effect)
+                        ? "it hides the motor, which runs that are simulated have (--loss motion)"
+                        : "its torque is no function of one instant of the joints") +
+                   "; `diffnea diagnose` fits it");
 }
 
 /// The fixed transform of the joint that moves a link of the tree.
@@ -204,7 +212,7 @@ FitLayout make_layout(const Model& model, const FitChoice& choice, const std::ve
   std::vector<std::string> present;
   const auto add = [&](const EffectSpec& spec) {
     const BoundEffect effect = bind(spec, model, runs);
-    require_fittable(effect);
+    require_fittable(effect, choice.simulated);
     const bool fit = effect.info().has(Trait::kRotor) ? fit_armature : fit_effects;
     add_effect(effect, !fit, fix_shapes, std::max(0.1 * total_mass, 1e-3), layout);
     present.push_back(spec.effect + "@" + spec.where);

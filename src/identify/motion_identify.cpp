@@ -5,12 +5,14 @@
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/core/text.hpp>
+#include <diffnea/effects/stepping.hpp>
 #include <diffnea/identify/posterior.hpp>
 
 #include "core/constants.hpp"
 #include "core/decompositions.hpp"
 #include "core/statistics.hpp"
 #include "identify/drives.hpp"
+#include "identify/gears.hpp"
 #include "identify/motion_race.hpp"
 #include "identify/motionless.hpp"
 #include "identify/passes.hpp"
@@ -63,11 +65,13 @@ class MotionIdentification {
 
   void prepare() {
     const auto start = std::chrono::steady_clock::now();
-    FitLayout layout = layout_for(model_, train_, test_, options_.choice, result_.notes);
+    FitChoice choice = options_.choice;
+    choice.simulated = true;
+    FitLayout layout = layout_for(model_, train_, test_, choice, result_.notes);
     require_derivatives(layout);
-    nominal_shape_.resize(static_cast<long>(layout.shape.size()));
+    begun_shape_.resize(static_cast<long>(layout.shape.size()));
     for (std::size_t k = 0; k < layout.shape.size(); ++k)
-      nominal_shape_[static_cast<long>(k)] = layout.shape[k].prior;
+      begun_shape_[static_cast<long>(k)] = layout.shape[k].prior;
     n_ = layout.num_dofs;
     const std::vector<bool> commanded = commanded_joints(layout);
     data_ = motion_data(train_, test_, commanded, result_.notes);
@@ -88,7 +92,8 @@ class MotionIdentification {
       return !options_.progress ||
              options_.progress({"simulating", iteration, result_.summary.rows, objective});
     };
-    from_ = best_beginning(model_, data_, layout, ladder_, options_.motion, progress_);
+    const auto begin = has_gears(layout) ? beginning_with_gears : best_beginning;
+    from_ = begin(model_, data_, layout, ladder_, options_.motion, progress_);
     // A loop that is closed holds motion together: nothing adds up from horizon to horizon.
     closed_loop_ = std::ranges::all_of(commanded, std::identity());
     longest_ = ladder_.back();
@@ -149,10 +154,20 @@ class MotionIdentification {
     climb_.emplace(model_, data_, from_, limit_, options_.motion, progress_);
     held_problem_.emplace(MotionProblem{model_, climb_->layout(), data_.test, data_.runs,
                                         data_.noise.position, climb_->beginning().scale});
-    nominal_problem_.emplace(MotionProblem{model_, climb_->layout(), data_.train, data_.runs,
+    // A gear that is fitted beside the model is none of the model's.
+    const LayoutPart own = without(climb_->layout(), [&](const BoundEffect& e) {
+      return hides_motor(e) && std::ranges::none_of(model_.effects, [&](const EffectSpec& s) {
+               return s.effect == e.info().name && s.where == e.where;
+             });
+    });
+    nominal_layout_ = own.layout;
+    nominal_shape_ = begun_shape_(own.shapes);
+    nominal_problem_.emplace(MotionProblem{model_, nominal_layout_, data_.train, data_.runs,
                                            data_.noise.position, climb_->beginning().scale});
-    nominal_fitter_.emplace(*nominal_problem_, options_.motion, climb_->layout().prior(),
+    nominal_fitter_.emplace(*nominal_problem_, options_.motion, nominal_layout_.prior(),
                             nominal_shape_);
+    nominal_test_problem_.emplace(MotionProblem{model_, nominal_layout_, data_.test, data_.runs,
+                                                data_.noise.position, climb_->beginning().scale});
     climb_->begin(first_);
     for (const double horizon : ladder_) {
       const bool first = horizon == ladder_.front(), last = horizon == ladder_.back();
@@ -222,7 +237,7 @@ class MotionIdentification {
     VecX<double> test = VecX<double>::Constant(n_, kNaN), nominal_test = test;
     if (test_) {
       const MotionFitter fitter(*held_problem_, options_.motion, fit().x, fit().shape);
-      const MotionFitter before(*held_problem_, options_.motion, climb_->layout().prior(),
+      const MotionFitter before(*nominal_test_problem_, options_.motion, nominal_layout_.prior(),
                                 nominal_shape_);
       of_model(fitter, kOnTheWay, data_.test, test_fitted_);
       of_model(before, kRoughly, data_.test, test_nominal_);
@@ -255,6 +270,7 @@ class MotionIdentification {
     const VecX<double>& scale = climb_->beginning().scale;
     const long p = fit.x.size();
     result_.model = apply_fit(model_, layout, fit.x, fit.shape);
+    set_rotors(result_.model);
     VecX<double> std = VecX<double>::Zero(p), shape_std = VecX<double>::Zero(fit.shape.size());
     std::vector<bool> identifiable(static_cast<std::size_t>(p), false);
     std::vector<int> at_bound;
@@ -280,6 +296,12 @@ class MotionIdentification {
     }
     result_.parameters =
         parameter_estimates(layout, fit.x, fit.shape, std, identifiable, at_bound, shape_std);
+    for (const EffectSpec& e : result_.model.effects)  // of hidden motors, as set_rotors() has them
+      for (const EffectParameter& rotor : e.parameters)
+        for (ParameterEstimate& of : result_.parameters)
+          if (rotor.name == "motor_inertia" &&
+              of.name == e.where + "." + e.effect + "." + rotor.name)
+            of.value = rotor.value;
     for (std::size_t k = 0; k < layout.shape.size(); ++k)
       if (const FitParameter& s = layout.shape[k];
           !s.fixed && fit.shape[static_cast<long>(k)] <= s.least)
@@ -456,8 +478,10 @@ class MotionIdentification {
   std::function<bool(int, double)> progress_;
   MotionBeginning from_;
   std::optional<MotionClimb> climb_;
-  VecX<double> nominal_shape_;  ///< (s) as the model has them
-  std::optional<MotionProblem> held_problem_, nominal_problem_;
+  VecX<double> begun_shape_;  ///< (s) as the model has them
+  FitLayout nominal_layout_;  ///< of what the model has before the fit
+  VecX<double> nominal_shape_;
+  std::optional<MotionProblem> held_problem_, nominal_problem_, nominal_test_problem_;
   std::optional<MotionFitter> nominal_fitter_;
   Ladder nominal_, test_fitted_, test_nominal_;
   double fitting_ = 0.0;  ///< time before the climb [s]

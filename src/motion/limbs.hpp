@@ -2,19 +2,25 @@
 /// Limbs: joints whose motion no other joint has a part in. Legs of a robot that hangs by its trunk
 /// are, whatever their number. Internal to the library.
 
-#include <diffnea/effects/extended_tree.hpp>
+#include "motion/hidden_rotors.hpp"
 
 namespace diffnea {
 
-/// Consecutive degrees of freedom that move without regard to all others.
+/// Consecutive joints that move without regard to all others, and their hidden rotors.
 struct Limb {
-  int first = 0;  ///< degree of freedom
-  int count = 0;  ///< number of degrees of freedom
+  int first = 0;                 ///< joint
+  int count = 0;                 ///< number of joints
+  std::vector<int> rotors = {};  ///< degrees of freedom of hidden rotors, ascending
+
+  /// All degrees of freedom: of joints, then of rotors.
+  std::vector<int> dofs() const;
 };
 
-/// All degrees of freedom, in order. Those that a link, a follower or an effect ties together are of
-/// one limb, and so are those between them.
+/// All joints, in order. Those that a link, a follower or an effect ties together are of one limb,
+/// and so are those between them; a rotor is of its joint's.
+/// @param model    unfolded
 /// @param effects  beyond those of the model
-std::vector<Limb> limbs(const ExtendedTree& model, const std::vector<BoundEffect>& effects);
+std::vector<Limb> limbs(const ExtendedTree& model, const HiddenRotors& rotors,
+                        const std::vector<BoundEffect>& effects);
 
 }  // namespace diffnea

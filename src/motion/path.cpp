@@ -2,10 +2,12 @@
 
 #include <limits>
 
+#include <diffnea/effects/stepping.hpp>
+
 namespace diffnea {
 
 MotionPath::MotionPath(ExtendedTree model, const SteppingOptions& options)
-    : options_(options), dynamics_(std::move(model)), n_(dynamics_.num_dofs()) {
+    : options_(options), rotors_(model), dynamics_(std::move(model)), n_(dynamics_.num_dofs()) {
   for (const BoundEffect& e : dynamics_.model().effects)
     dry_ = dry_ || e.info().reads != Reads::kNothing;
   damping_ = moving_ = resting_ = probe_ = still_ = qdd_ = VecX<double>::Zero(n_);
@@ -25,7 +27,7 @@ void MotionPath::friction(const double* q, const double* qd, int run, VecX<doubl
   x.qdd = qdd_.data();
   x.tau = dynamics_.is_implicit() ? dynamics_.transmitted().data() : q;  // else unread
   for (const BoundEffect& e : dynamics_.model().effects)
-    add_torque(e, dynamics_.model().tree, x, e.parameters.data(), tau.data());
+    if (!e.is_gear) add_torque(e, dynamics_.model().tree, x, e.parameters.data(), tau.data());
   tau.array() /= dynamics_.gains().array();
 }
 
@@ -33,23 +35,61 @@ const CommandPath* MotionPath::led(const std::shared_ptr<const CommandPath>& com
   if (!command) return nullptr;
   if (told_ != command) {
     led_ = *command;
+    led_.add_copies(rotors_.joints_of_rotors());
     for (const BoundEffect& e : dynamics_.model().effects) lead_command(e, led_);
     told_ = command;
   }
   return &led_;
 }
 
+VecX<double> MotionPath::first_state(const VecX<double>& read) {
+  if (rotors_.rotors().empty()) return read;
+  const int n = rotors_.joints();
+  VecX<double> out(2 * n_);
+  for (const int half : {0, 1}) {
+    out.segment(half * n_, n) = read.segment(half * n, n);
+    for (const HiddenRotor& r : rotors_.rotors())
+      out[half * n_ + r.rotor] = read[half * n + r.joint];
+  }
+  const VecX<double> load =
+      rnea<double, double>(dynamics_.model().tree, out.head(n_), out.tail(n_), still_, rnea_ws_);
+  for (const HiddenRotor& r : rotors_.rotors())
+    out[r.hidden()] += (r.read ? -1.0 : 1.0) * deflection_at(r.gear, load[r.joint]);
+  return out;
+}
+
+/// Longest step that the gears' own swings allow [s], at the inverse mass matrix of the last
+/// linearisation.
+double MotionPath::step_of_gears() const {
+  constexpr double kPhase = 0.3;  // [rad] of a swing that no log shows, and that dies down
+  double out = std::numeric_limits<double>::infinity();
+  const RowMatX<double>& mobility = dynamics_.inverse_mass_matrix();
+  for (const HiddenRotor& r : rotors_.rotors()) {
+    const MotorSpring<double> s = motor_spring(r.gear);
+    const double light = mobility(r.joint, r.joint) + mobility(r.rotor, r.rotor);
+    out = std::min({out, kPhase / std::sqrt(s.stiffness * light),
+                    options_.max_step / std::max(s.damping * light, 1e-300)});
+  }
+  return out;
+}
+
 /// Bound on the rate of friction at rest, where dry friction is steepest [1/s]; sets the longest
 /// step that the motion allows, too.
 double MotionPath::finest_rate(const MotionStretch& stretch, const MotionWindow& window) {
-  const VecX<double> q = window.state.head(n_), rest = VecX<double>::Zero(n_);
-  const VecX<double> u = stretch.u.row(window.first).transpose();
+  const VecX<double> q = first_state(window.state).head(n_), rest = VecX<double>::Zero(n_);
+  VecX<double> u;
+  rotors_.at_drives(stretch.u.row(window.first).transpose(), u);
   dynamics_.set_command(led(stretch.command));
   dynamics_.set_time(stretch.time[static_cast<std::size_t>(window.first)]);
   dynamics_.linearise(q.data(), rest.data(), u.data(), stretch.run);
-  const double frequency = std::sqrt(dynamics_.dqdd_dq().cwiseAbs().rowwise().sum().maxCoeff());
+  // Joints and their rotors moved together: gears do not wind up.
+  MatX<double> by_joint = dynamics_.dqdd_dq().leftCols(rotors_.joints());
+  for (const HiddenRotor& r : rotors_.rotors())
+    by_joint.col(r.joint) += dynamics_.dqdd_dq().col(r.rotor);
+  const double frequency = std::sqrt(by_joint.cwiseAbs().rowwise().sum().maxCoeff());
   longest_ =
       frequency > 0.0 ? options_.max_phase / frequency : std::numeric_limits<double>::infinity();
+  longest_ = std::min(longest_, step_of_gears());
   return dry_ ? dynamics_.dqdd_dqd().cwiseAbs().rowwise().sum().maxCoeff() : 0.0;
 }
 

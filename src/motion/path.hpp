@@ -18,20 +18,27 @@
 #include <diffnea/motion/window.hpp>
 
 #include "core/decompositions.hpp"
+#include "motion/hidden_rotors.hpp"
 
 namespace diffnea {
 
 /// Integrator of one model. Not thread-safe; no allocation after the first window.
 class MotionPath {
  public:
-  /// @throws ModelError for effects with memory or of a measurement channel
+  /// @throws ModelError for effects with memory, other than a hidden motor's, or of a measurement
+  /// channel
   MotionPath(ExtendedTree model, const SteppingOptions& options);
 
+  /// Dynamics of the unfolded model: N degrees of freedom, n joints and their hidden rotors.
   ForwardDynamics& dynamics() { return dynamics_; }
-  /// Numbers of a first state: q and q̇ of every joint.
-  int states() const { return 2 * n_; }
+  const HiddenRotors& rotors() const { return rotors_; }
 
-  /// Integrates the columns of A = [state | sensitivities] (2n, …) over a window.
+  /// First state of all degrees of freedom, (2N). Hidden sides begin at rest against what gravity
+  /// and the motion of the links ask of them.
+  /// @param read  (2n) q, q̇ where encoders read
+  VecX<double> first_state(const VecX<double>& read);
+
+  /// Integrates the columns of A = [state | sensitivities] (2N, …) over a window.
   /// @param slope   slope(u, A, dA)
   /// @param at_row  called with (k, A) at every row k of the window, from 0
   /// @return rows that were reached before the state blew up; all of them: it did not
@@ -58,9 +65,10 @@ class MotionPath {
         const auto enter = [&](double t) {
           const double a = t / h;
           dynamics_.set_time(stretch.time[row] + t, part);
-          u_ = ((1 - a) * stretch.u.row(static_cast<long>(row)) +
-                a * stretch.u_end.row(static_cast<long>(row)))
-                   .transpose();
+          logged_ = ((1 - a) * stretch.u.row(static_cast<long>(row)) +
+                     a * stretch.u_end.row(static_cast<long>(row)))
+                        .transpose();
+          rotors_.at_drives(logged_, u_);
         };
         for (double t = begin; t < end - 1e-12 * h;) {
           double step = end - t;
@@ -89,10 +97,10 @@ class MotionPath {
     return window.rows;
   }
 
-  /// Simulates a window: at_row(k, z) with z (2n, 1).
+  /// Simulates a window: at_row(k, z) with z (2N, 1).
   template <class AtRow>
   long simulate(const MotionStretch& stretch, const MotionWindow& window, const AtRow& at_row) {
-    state_ = window.state;
+    state_ = first_state(window.state);
     return integrate(
         stretch, window, state_,
         [&](const VecX<double>& u, const MatX<double>& z, MatX<double>& dz) {
@@ -120,6 +128,7 @@ class MotionPath {
   /// Commands of the run as the model's drives lead them; null if there are none.
   const CommandPath* led(const std::shared_ptr<const CommandPath>& command);
   double finest_rate(const MotionStretch& stretch, const MotionWindow& window);
+  double step_of_gears() const;
   double friction_rate(const MatX<double>& A, const VecX<double>& u, int run);
   void friction(const double* q, const double* qd, int run, VecX<double>& tau);
 
@@ -143,8 +152,9 @@ class MotionPath {
   }
 
   SteppingOptions options_;
+  HiddenRotors rotors_;
   ForwardDynamics dynamics_;
-  int n_;
+  int n_;                 ///< degrees of freedom N
   bool dry_ = false;      ///< some effect's torque reads the velocity
   double longest_ = 0.0;  ///< step that the motion itself allows [s]
   RungeKutta4<MatX<double>> rk_;
@@ -153,7 +163,8 @@ class MotionPath {
   Eigen::LLT<MatX<double>> factor_;
   std::shared_ptr<const CommandPath> told_;  ///< commands that `led_` is of
   CommandPath led_;
-  VecX<double> u_, damping_, moving_, resting_, probe_, still_, qdd_;
+  RneaWorkspace<double, double> rnea_ws_;
+  VecX<double> logged_, u_, damping_, moving_, resting_, probe_, still_, qdd_;
 };
 
 }  // namespace diffnea

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include <diffnea/core/error.hpp>
+#include <diffnea/effects/stepping.hpp>
 
 #include "core/constants.hpp"
 
@@ -13,7 +14,8 @@ JointWindows::JointWindows(std::vector<ModelOfRuns> models, std::vector<BoundEff
                            const std::vector<MotionParameter>& parameters,
                            const SteppingOptions& options)
     : acting_(effects.size(), 1),
-      n_(models.front().model.tree.num_dofs()),
+      joints_(models.front().model.tree.num_dofs()),
+      n_(joints_),
       f_(static_cast<int>(parameters.size())),
       effects_(std::move(effects)),
       of_effect_(effects_.size()) {
@@ -22,7 +24,12 @@ JointWindows::JointWindows(std::vector<ModelOfRuns> models, std::vector<BoundEff
     Tree<double> geometry = path.dynamics().model().tree;
     models_.push_back({std::move(m.runs), std::move(path), std::move(geometry)});
   }
+  n_ = models_.front().path.rotors().dofs();
+  for (const OfRuns& m : models_)
+    if (m.path.rotors().joints_of_rotors() != models_.front().path.rotors().joints_of_rotors())
+      throw ModelError("motion: a motor is hidden in some runs alone");
   for (std::size_t e = 0; e < effects_.size(); ++e) {
+    of_effect_[e].parts = models_.front().path.rotors().parts(effects_[e]);
     of_effect_[e].off = effects_[e].parameters;
     for (const int k : effects_[e].linear_parameters())
       of_effect_[e].off[static_cast<std::size_t>(k)] = 0.0;
@@ -42,13 +49,18 @@ JointWindows::JointWindows(std::vector<ModelOfRuns> models, std::vector<BoundEff
 
 /// Gives each parameter a column among those of the limb that it moves.
 void JointWindows::divide(const std::vector<MotionParameter>& parameters) {
-  std::vector<BoundEffect> all = effects_;
+  std::vector<BoundEffect> all;
+  for (const OfEffect& of : of_effect_)
+    for (const EffectPart& part : of.parts) all.push_back(part.effect);
   for (OfRuns& m : models_) {
     const std::vector<BoundEffect>& of_model = m.path.dynamics().model().effects;
     all.insert(all.end(), of_model.begin(), of_model.end());
   }
-  for (const Limb& limb : limbs(models_.front().path.dynamics().model(), all))
-    parts_.emplace_back().limb = limb;
+  for (Limb& limb : limbs(models_.front().path.dynamics().model(), rotors(), all)) {
+    Part& part = parts_.emplace_back();
+    if (!limb.rotors.empty()) part.dofs = limb.dofs();
+    part.limb = std::move(limb);
+  }
   const auto moves = [&](const MotionParameter& p, const Limb& limb) {
     int dof = p.dof;  // links of one limb have degrees of freedom of that limb
     if (p.effect >= 0) {
@@ -63,13 +75,13 @@ void JointWindows::divide(const std::vector<MotionParameter>& parameters) {
   for (Part& part : parts_) {
     part.column = column;
     part.parameter = next;
-    for (const int first : {0, n_})
+    for (const int first : {0, joints_})
       for (int j = 0; j < part.limb.count; ++j) part.to.push_back(first + part.limb.first + j);
     for (int k = 0; k < f_; ++k) {
       const MotionParameter& p = parameters[static_cast<std::size_t>(k)];
       if (!moves(p, part.limb)) continue;
       add_parameter(p, next++);
-      part.to.push_back(2 * n_ + k);
+      part.to.push_back(2 * joints_ + k);
       ++part.parameters;
     }
     column += part.width();
@@ -93,6 +105,10 @@ void JointWindows::add_parameter(const MotionParameter& p, int column) {
   }
   const std::vector<int> linear = effect.linear_parameters();
   const bool is_linear = std::ranges::find(linear, p.index) != linear.end();
+  const ParameterInfo& info = effect.parameter_info[static_cast<std::size_t>(p.index)];
+  if (hides_motor(effect) && !fits_of_gear(info))
+    throw ModelError("motion: a window has no derivative by " + info.name + " of " +
+                     effect.info().name + "; hold it");
   (is_linear ? of.linear : of.shapes).emplace_back(p.index, column);
 }
 
@@ -108,22 +124,96 @@ MotionPath& JointWindows::enter(int run) {
   return models_[now_].path;
 }
 
+/// Positions and velocities that encoders read, (2n), of all degrees of freedom.
+VecX<double> JointWindows::read(const MatX<double>& z) const {
+  VecX<double> out(2 * joints_);
+  for (const int half : {0, 1})
+    for (int j = 0; j < joints_; ++j)
+      out[half * joints_ + j] = z(half * n_ + rotors().encoder(j), 0);
+  return out;
+}
+
+/// First state of a window and its sensitivities. Hidden sides move as what encoders read does, but
+/// for what gravity and the links' motion wind up.
+void JointWindows::begin(const VecX<double>& state) {
+  A_.setZero(2 * n_, 1 + 2 * joints_ + f_);
+  for (const Part& part : parts_) {
+    const auto [first, count] = std::pair{part.limb.first, part.limb.count};
+    A_.block(first, part.column, count, count).setIdentity();
+    A_.block(n_ + first, part.column + count, count, count).setIdentity();
+    for (const int half : {0, 1})
+      for (const int dof : part.limb.rotors)
+        A_.row(half * n_ + dof) = A_.row(half * n_ + rotors().joint_of(dof));
+  }
+  A_.col(0) = models_[now_].path.first_state(state);
+  if (rotors().rotors().empty()) return;
+  q_.resize(n_);
+  qd_.resize(n_);
+  for (int dof = 0; dof < n_; ++dof) {
+    q_[dof] = state[rotors().joint_of(dof)];
+    qd_[dof] = state[joints_ + rotors().joint_of(dof)];
+  }
+  const VecX<double> still = VecX<double>::Zero(n_);
+  const Tree<double>& tree = models_[now_].path.dynamics().model().tree;
+  rnea_derivatives(tree, q_, qd_, still, hanging_);
+  torque_regressor<double, double>(models_[now_].geometry, q_, qd_, still, ws_);
+  for (const Part& part : parts_)
+    for (const HiddenRotor& r : rotors().rotors())
+      if (std::ranges::find(part.limb.rotors, r.rotor) != part.limb.rotors.end())
+        begin_hidden(r, part);
+}
+
+/// Adds what winds a gear up at the beginning to the sensitivities of its hidden side.
+void JointWindows::begin_hidden(const HiddenRotor& r, const Part& part) {
+  const double side = r.read ? -1.0 : 1.0;
+  const auto [first, count] = std::pair{part.limb.first, part.limb.count};
+  jet_p_.clear();
+  for (std::size_t k = 0; k < r.gear.parameters.size(); ++k) {
+    jet_p_.emplace_back(r.gear.parameters[k]);
+    jet_p_.back().v[1 + static_cast<long>(k)] = 1.0;
+  }
+  JetD load(hanging_.tau[r.joint]);
+  load.v[0] = 1.0;
+  const JetD wound = deflection_at(r.gear, load, jet_p_.data());
+  auto row = A_.row(r.hidden());
+  const double by_load = side * wound.v[0];
+  for (int j = 0; j < count; ++j)
+    for (const int dof : part.dofs) {
+      if (rotors().joint_of(dof) != first + j) continue;
+      row[part.column + j] += by_load * hanging_.dtau_dq(r.joint, dof);
+      row[part.column + count + j] += by_load * hanging_.dtau_dqd(r.joint, dof);
+    }
+  const auto column_of = [&](int of_parameters) {  // in A
+    return part.column + 2 * count + of_parameters - part.parameter;
+  };
+  for (const OfLink& of : of_link_)
+    if ((of.effect < 0 || acting_[static_cast<std::size_t>(of.effect)] != 0) &&
+        of.free >= part.parameter && of.free < part.parameter + part.parameters)
+      row[column_of(of.free)] += by_load * ws_.Y(r.joint, of.column);
+  for (const OfEffect& of : of_effect_)
+    for (const auto& [index, column] : of.shapes)
+      if (std::ranges::any_of(of.parts, [&](const EffectPart& p) {
+            return p.effect.is_gear && p.effect.joints.back() == r.rotor;
+          }))
+        row[column_of(column)] += side * wound.v[1 + index] *
+                                  (logarithmic_[static_cast<std::size_t>(column)] != 0
+                                       ? r.gear.parameters[static_cast<std::size_t>(index)]
+                                       : 1.0);
+}
+
 bool JointWindows::linearise(const MotionStretch& stretch, const MotionWindow& window,
                              const VecX<double>& sigma, TriangularFactor& rows) {
   constexpr long kBlock = 256;  // rows of the stretch that are handed to the factor at once
-  const int width = 2 * n_ + f_;
-  A_.setZero(2 * n_, 1 + width);
-  A_.col(0) = window.state;
+  const int width = 2 * joints_ + f_;
+  MotionPath& path = enter(stretch.run);
+  begin(window.state);
   std::vector<TriangularFactor> factors;
   for (Part& part : parts_) {
-    const auto [first, count] = part.limb;
-    A_.block(first, part.column, count, count).setIdentity();
-    A_.block(n_ + first, part.column + count, count, count).setIdentity();
-    part.block.resize(kBlock * count, part.width() + 1);
+    part.block.resize(kBlock * part.limb.count, part.width() + 1);
     part.filled = 0;
     factors.emplace_back(part.width());
   }
-  const long reached = enter(stretch.run).integrate(
+  const long reached = path.integrate(
       stretch, window, A_,
       [&](const VecX<double>& u, const MatX<double>& at, MatX<double>& d) {
         slope(stretch.run, u, at, d);
@@ -131,13 +221,14 @@ bool JointWindows::linearise(const MotionStretch& stretch, const MotionWindow& w
       [&](long k, const MatX<double>& at) {
         for (std::size_t i = 0; i < parts_.size(); ++i) {
           Part& part = parts_[i];
-          const auto [first, count] = part.limb;
+          const auto [first, count] = std::pair{part.limb.first, part.limb.count};
           for (int j = first; j < first + count; ++j) {
             const double q = stretch.q(window.first + k, j);
             if (std::isnan(q)) continue;
+            const int dof = rotors().encoder(j);
             auto row = part.block.row(part.filled++);
-            row.head(part.width()) = at.row(j).segment(part.column, part.width()) / sigma[j];
-            row[part.width()] = (at(j, 0) - q) / sigma[j];
+            row.head(part.width()) = at.row(dof).segment(part.column, part.width()) / sigma[j];
+            row[part.width()] = (at(dof, 0) - q) / sigma[j];
           }
           if (part.filled + count > part.block.rows()) {
             factors[i].add(part.block.topRows(part.filled));
@@ -162,19 +253,20 @@ bool JointWindows::linearise(const MotionStretch& stretch, const MotionWindow& w
 double JointWindows::cost(const MotionStretch& stretch, const MotionWindow& window,
                           const VecX<double>& sigma) {
   double sum = 0.0;
-  const long reached = enter(stretch.run).simulate(stretch, window, [&](long k, const MatX<double>& z) {
-    for (int j = 0; j < n_; ++j) {
-      const double q = stretch.q(window.first + k, j);
-      if (!std::isnan(q)) sum += 0.5 * std::pow((z(j, 0) - q) / sigma[j], 2);
-    }
-  });
+  const long reached =
+      enter(stretch.run).simulate(stretch, window, [&](long k, const MatX<double>& z) {
+        for (int j = 0; j < joints_; ++j) {
+          const double q = stretch.q(window.first + k, j);
+          if (!std::isnan(q)) sum += 0.5 * std::pow((z(rotors().encoder(j), 0) - q) / sigma[j], 2);
+        }
+      });
   return reached == window.rows ? sum : kInfinity;
 }
 
 RowMatX<double> JointWindows::positions(const MotionStretch& stretch, const MotionWindow& window) {
-  RowMatX<double> q = RowMatX<double>::Constant(window.rows, n_, kNaN);
+  RowMatX<double> q = RowMatX<double>::Constant(window.rows, joints_, kNaN);
   enter(stretch.run).simulate(stretch, window, [&](long k, const MatX<double>& z) {
-    q.row(k) = z.col(0).head(n_).transpose();
+    q.row(k) = read(z).head(joints_).transpose();
   });
   return q;
 }
@@ -184,7 +276,7 @@ bool JointWindows::state_at(const MotionStretch& stretch, const MotionWindow& wi
   MotionWindow until = window;
   until.rows = row + 1;
   return enter(stretch.run).simulate(stretch, until, [&](long k, const MatX<double>& z) {
-    if (k == row) out = z.col(0);
+    if (k == row) out = read(z);
   }) == row + 1;
 }
 
@@ -194,12 +286,13 @@ VecX<double> JointWindows::torque_noise_reach(const MotionStretch& stretch,
   MotionPath& path = enter(stretch.run);
   ForwardDynamics& dynamics = path.dynamics();
   MatX<double> P = MatX<double>::Zero(2 * n_, 2 * n_), F(2 * n_, 2 * n_), B(n_, n_);
-  VecX<double> u(n_);
+  VecX<double> u(n_), at_drives(n_);
+  path.rotors().at_drives(density, at_drives);
   path.simulate(stretch, window, [&](long k, const MatX<double>& z) {
     if (k + 1 >= window.rows) return;
     const std::size_t row = static_cast<std::size_t>(window.first + k);
     const double h = stretch.time[row + 1] - stretch.time[row];
-    u = stretch.u.row(window.first + k).transpose();
+    path.rotors().at_drives(stretch.u.row(window.first + k).transpose(), u);
     dynamics.linearise(z.data(), z.data() + n_, u.data(), stretch.run);
     // Steep friction forgets within the row: backward Euler in the velocities.
     const MatX<double> W = MatX<double>::Identity(n_, n_) - h * dynamics.dqdd_dqd();
@@ -211,9 +304,14 @@ VecX<double> JointWindows::torque_noise_reach(const MotionStretch& stretch,
     F.topLeftCorner(n_, n_) = MatX<double>::Identity(n_, n_) + h * F.bottomLeftCorner(n_, n_);
     F.topRightCorner(n_, n_) = h * velocity;
     P = F * P * F.transpose();
-    P.bottomRightCorner(n_, n_) += h * B * density.asDiagonal() * B.transpose();
+    P.bottomRightCorner(n_, n_) += h * B * at_drives.asDiagonal() * B.transpose();
   });
-  return P.diagonal().head(n_).cwiseMax(0.0).cwiseSqrt();
+  VecX<double> out(joints_);
+  for (int j = 0; j < joints_; ++j) {
+    const int dof = path.rotors().encoder(j);
+    out[j] = std::sqrt(std::max(P(dof, dof), 0.0));
+  }
+  return out;
 }
 
 /// d/dt [z | Z]: Z̈_q = ∂q̈/∂q Z_q + ∂q̈/∂q̇ Z_q̇ − M⁻¹ C in the parameters' columns.
@@ -224,7 +322,11 @@ void JointWindows::slope(int run, const VecX<double>& u, const MatX<double>& A, 
   dA.setZero(A.rows(), A.cols());
   dA.topRows(n_) = A.bottomRows(n_);
   for (const Part& part : parts_) {
-    const auto [first, count] = part.limb;
+    if (!part.dofs.empty()) {
+      slope_of_dofs(part, A, dA);
+      continue;
+    }
+    const auto [first, count] = std::pair{part.limb.first, part.limb.count};
     const auto of_limb = [&](const auto& M) { return M.block(first, first, count, count); };
     auto out = dA.block(n_ + first, part.column, count, part.width());
     const auto rows_of = [&](const MatX<double>& M, int row) {
@@ -240,13 +342,29 @@ void JointWindows::slope(int run, const VecX<double>& u, const MatX<double>& A, 
   dA.col(0).tail(n_) = dynamics.qdd();
 }
 
+/// The same of a limb whose degrees of freedom are not on end.
+void JointWindows::slope_of_dofs(const Part& part, const MatX<double>& A, MatX<double>& dA) {
+  const ForwardDynamics& dynamics = models_[now_].path.dynamics();
+  const std::vector<int>& dofs = part.dofs;
+  const auto columns = Eigen::seqN(part.column, part.width());
+  std::vector<int> speeds;
+  for (const int dof : dofs) speeds.push_back(n_ + dof);
+  gathered_q_ = A(dofs, columns);
+  gathered_qd_ = A(speeds, columns);
+  slope_.noalias() = MatX<double>(dynamics.dqdd_dq()(dofs, dofs)).lazyProduct(gathered_q_);
+  slope_.noalias() += MatX<double>(dynamics.dqdd_dqd()(dofs, dofs)).lazyProduct(gathered_qd_);
+  slope_.rightCols(part.parameters).noalias() -=
+      MatX<double>(dynamics.inverse_mass_matrix()(dofs, dofs))
+          .lazyProduct(MatX<double>(C_(dofs, Eigen::seqN(part.parameter, part.parameters))));
+  dA(speeds, columns) = slope_;
+}
+
 /// C = ∂τ/∂x at q̈, at the links (armature and friction over 1 + ε): ∂q̈/∂x = −M⁻¹ C, or −S⁻¹ C.
 void JointWindows::columns(int run, const MatX<double>& A) {
   C_.setZero(n_, f_);
   if (f_ == 0) return;
   const ForwardDynamics& dynamics = models_[now_].path.dynamics();
   const VecX<double>& qdd = dynamics.qdd();
-  const VecX<double>& gains = dynamics.gains();
   q_ = A.col(0).head(n_);
   qd_ = A.col(0).tail(n_);
   if (!of_link_.empty()) {
@@ -281,10 +399,16 @@ void JointWindows::columns(int run, const MatX<double>& A) {
     jet_qdd_[at] = JetD(qdd[j]);
     jet_load_[at] = JetD(x.tau[j]);
   }
-  for (std::size_t e = 0; e < effects_.size(); ++e) {
-    OfEffect& of = of_effect_[e];
-    const BoundEffect& effect = effects_[e];
-    if (acting_[e] == 0) continue;
+  for (std::size_t e = 0; e < effects_.size(); ++e)
+    if (acting_[e] != 0) add_columns(e, x, jets);
+}
+
+/// Columns of one effect's parameters, where it acts.
+void JointWindows::add_columns(std::size_t e, const JointSample<double>& x,
+                               const JointSample<JetD>& jets) {
+  const VecX<double>& gains = models_[now_].path.dynamics().gains();
+  OfEffect& of = of_effect_[e];
+  for (const auto& [effect, share] : of.parts) {
     // The torque is homogeneous in the linear parameters: one of them 1, the others 0.
     for (const auto& [index, column] : of.linear) {
       for (const int j : effect.joints) scratch_[static_cast<std::size_t>(j)] = 0.0;
@@ -293,7 +417,7 @@ void JointWindows::columns(int run, const MatX<double>& A) {
       add_torque(effect, x, of.off.data(), scratch_.data());
       p = 0.0;
       for (const int j : effect.joints)
-        C_(j, column) = scratch_[static_cast<std::size_t>(j)] / gains[j];
+        C_(j, column) += share * scratch_[static_cast<std::size_t>(j)] / gains[j];
     }
     if (of.shapes.empty()) continue;
     jet_p_.clear();
@@ -313,7 +437,8 @@ void JointWindows::columns(int run, const MatX<double>& A) {
         const auto& [index, k] = of.shapes[first + i];
         jet_p_[static_cast<std::size_t>(index)].v.setZero();
         for (const int j : effect.joints)
-          C_(j, k) = jet_tau_[static_cast<std::size_t>(j)].v[static_cast<long>(i)] / gains[j];
+          C_(j, k) +=
+              share * jet_tau_[static_cast<std::size_t>(j)].v[static_cast<long>(i)] / gains[j];
       }
     }
   }

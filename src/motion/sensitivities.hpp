@@ -4,6 +4,7 @@
 
 #include <vector>
 
+#include <diffnea/dynamics/derivatives.hpp>
 #include <diffnea/dynamics/regressor.hpp>
 
 #include "motion/first_states.hpp"
@@ -41,7 +42,7 @@ class JointWindows : public WindowSimulator {
   JointWindows(std::vector<ModelOfRuns> models, std::vector<BoundEffect> effects,
                const std::vector<MotionParameter>& parameters, const SteppingOptions& options);
 
-  int states() const override { return 2 * n_; }
+  int states() const override { return 2 * joints_; }
   bool linearise(const MotionStretch& stretch, const MotionWindow& window,
                  const VecX<double>& sigma, TriangularFactor& rows) override;
   double cost(const MotionStretch& stretch, const MotionWindow& window,
@@ -61,6 +62,7 @@ class JointWindows : public WindowSimulator {
   /// A limb's part of [z | Z]: no other column moves it.
   struct Part {
     Limb limb;
+    std::vector<int> dofs;    // of the limb; empty: its joints, on end
     int column = 0;           // first of its columns in A: of q, of q̇, of its parameters
     int parameter = 0;        // first of these among the columns of C
     int parameters = 0;       // number of these
@@ -74,7 +76,13 @@ class JointWindows : public WindowSimulator {
   /// Takes the model of that run.
   MotionPath& enter(int run);
   void slope(int run, const VecX<double>& u, const MatX<double>& A, MatX<double>& dA);
+  void slope_of_dofs(const Part& part, const MatX<double>& A, MatX<double>& dA);
   void columns(int run, const MatX<double>& A);
+  void add_columns(std::size_t effect, const JointSample<double>& x, const JointSample<JetD>& jets);
+  const HiddenRotors& rotors() const { return models_[now_].path.rotors(); }
+  void begin(const VecX<double>& state);
+  void begin_hidden(const HiddenRotor& rotor, const Part& part);
+  VecX<double> read(const MatX<double>& z) const;
 
   struct OfRuns {
     std::vector<int> runs;
@@ -84,9 +92,10 @@ class JointWindows : public WindowSimulator {
   std::vector<OfRuns> models_;
   std::size_t now_ = 0;       ///< of the models
   std::vector<char> acting_;  ///< per effect, in the present run
-  int n_, f_;
+  int joints_, n_, f_;        ///< n; N with hidden rotors; free parameters
   std::vector<BoundEffect> effects_;
   struct OfEffect {
+    std::vector<EffectPart> parts;                    // where it acts
     std::vector<std::pair<int, int>> linear, shapes;  // index of the parameter, column of C
     std::vector<double> off;  // parameters, the linear ones 0
   };
@@ -99,7 +108,8 @@ class JointWindows : public WindowSimulator {
   std::vector<char> logarithmic_;  // per column of C
   std::vector<Part> parts_;
   RegressorWorkspace<double, double> ws_;
-  MatX<double> A_, C_;
+  RneaDerivatives hanging_;  ///< of the links at rest, where a window begins
+  MatX<double> A_, C_, gathered_q_, gathered_qd_, slope_;
   VecX<double> q_, qd_;
   std::vector<double> scratch_;
   std::vector<JetD> jet_q_, jet_qd_, jet_qdd_, jet_load_, jet_p_, jet_tau_;

@@ -30,8 +30,15 @@ SIZES = {
     "load_friction": 0.2,
     "joint_spring": 0.6,
     "cogging": 0.06,
+    "backlash": 0.03,
+    "joint_elasticity": 60.0,
 }
 """Sizes of what can be hidden, in SI: one that a user would see, times 0.5 to 2."""
+
+GEARS = ("backlash", "joint_elasticity")
+"""Effects that hide the rotor: by a gap [rad], and by a spring [N·m/rad]."""
+SWING = 0.05
+"""Damping ratio of the spring."""
 
 URDF = """<robot name="bench">
   <link name="base"/>
@@ -57,6 +64,7 @@ class Bench:
     offset: float
     effect: str
     size: float
+    at_motor: bool
 
     @property
     def inertia(self) -> float:
@@ -70,7 +78,9 @@ class Bench:
 def draw(effect: str, seed: int) -> Bench:
     """Draw a bench; its effect is of the size that SIZES has, times 0.5 to 2."""
     of_bench = np.random.default_rng(seed)
-    of_effect = np.random.default_rng([seed, sorted(SIZES).index(effect)])
+    families = sorted(set(SIZES) - set(GEARS)) + list(GEARS)
+    of_effect = np.random.default_rng([seed, families.index(effect)])
+    size = SIZES[effect] * 2.0 ** of_effect.uniform(-1.0, 1.0)
     return Bench(
         mass=of_bench.uniform(0.3, 1.2),
         com=of_bench.uniform(0.08, 0.15),
@@ -81,8 +91,58 @@ def draw(effect: str, seed: int) -> Bench:
         coulomb=of_bench.uniform(0.03, 0.1),
         offset=of_bench.uniform(-0.02, 0.02),
         effect=effect,
-        size=SIZES[effect] * 2.0 ** of_effect.uniform(-1.0, 1.0),
+        size=size,
+        at_motor=effect in GEARS and bool(of_effect.integers(2)),
     )
+
+
+def meet(bench: Bench, side: float, rotor: float, link: float) -> tuple[float, float, bool]:
+    """Let rigid teeth meet without a bounce, and the rotor's friction act in the same instant.
+
+    Returns the velocities after that, and whether the teeth push.
+    """
+    both = bench.armature + bench.inertia
+    free = (bench.armature * rotor + bench.inertia * link) / both
+    stop = STEP * bench.coulomb / both
+    together = 0.0 if abs(free) <= stop else free - np.copysign(stop, free)
+    if side * (together - link) >= 0.0:
+        return together, together, True
+    return rotor, link, False
+
+
+def record_gear(
+    bench: Bench, command: np.ndarray, held: int, late: int, rng: np.random.Generator
+) -> list[float]:
+    """Two masses: the servo drives and brakes the rotor, where all friction is."""
+    count = 2.0 * np.pi / COUNTS
+    reduced = 1.0 / (1.0 / bench.armature + 1.0 / bench.inertia)
+    damping = 2.0 * SWING * np.sqrt(bench.size * reduced)
+    q = v = rotor = speed = 0.0
+    seen = []
+    for k in range(len(command)):
+        read = rotor if bench.at_motor else q
+        if k % held == 0:
+            seen.append(count * np.round(read / count + rng.normal(0.0, NOISE)))
+        tau = bench.stiffness * (command[max(k - late, 0)] - read) - bench.damping * speed
+        tau += bench.offset
+        pull = bench.weight * np.sin(q)
+        wound, pushed = rotor - q, False
+        if bench.effect == "joint_elasticity":
+            gear = bench.size * wound + damping * (speed - v)
+            tau -= gear
+            pull -= gear
+        v -= STEP * pull / bench.inertia
+        free = speed + STEP * tau / bench.armature
+        if bench.effect == "backlash" and abs(wound) >= 0.5 * bench.size:
+            side = np.copysign(1.0, wound)
+            if side * (free - v) > 0.0:
+                speed, v, pushed = meet(bench, side, free, v)
+        if not pushed:
+            stop = STEP * bench.coulomb / bench.armature
+            speed = 0.0 if abs(free) <= stop else free - np.copysign(stop, free)
+        q += STEP * v
+        rotor += STEP * speed
+    return seen
 
 
 def record(bench: Bench, seconds: float, rng: np.random.Generator) -> np.ndarray:
@@ -96,6 +156,9 @@ def record(bench: Bench, seconds: float, rng: np.random.Generator) -> np.ndarray
     command = (command - command[0]) * np.minimum(1.0, 2.0 * time)
     command = np.repeat(command[::held], held)[: len(time)]
     late = round(bench.delay / STEP)
+    if bench.effect in GEARS:
+        seen = record_gear(bench, command, held, late, rng)
+        return np.column_stack([time[::held], seen, command[::held]])
     total = bench.inertia + bench.armature
     count = 2.0 * np.pi / COUNTS
     q = v = acceleration = 0.0

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 from cli import done, load, refused
-from servo_bench import SIZES, Bench, write_case
+from servo_bench import GEARS, SIZES, Bench, write_case
 
 SEED = 2001
 
@@ -29,8 +29,10 @@ def test_a_servo_that_lacks_nothing(tmp_path: Path) -> None:
     (servo,) = (e for e in effects if e["effect"] == "position_servo")
     values = {p["name"]: p["value"] for p in servo["parameters"]}
     assert (values["reach"], values["speed"], values["dead_band"]) == (1000.0, 1000.0, 0.0)
-    # Effects with states of their own were not tried, and a reader is told.
-    assert {r["effect"] for r in finding["refused"]} >= {"backlash", "joint_elasticity"}
+    # Springs and gaps in gears were tried; states of friction were not, and a reader is told.
+    tried = {c["effect"] for c in finding["candidates"]}
+    assert tried >= {"backlash", "joint_elasticity"}
+    assert "presliding_dahl" in {r["effect"] for r in finding["refused"]}
 
 
 def test_bases_that_drives_cannot_have_are_refused(tmp_path: Path) -> None:
@@ -54,6 +56,10 @@ def test_it_is_named(effect: str, tmp_path: Path) -> None:
         assert size["value"] == pytest.approx(2.0 * bench.size, rel=0.05)
     else:
         assert size["value"] == pytest.approx(bench.size, rel=0.15)
+    if effect in GEARS:
+        values = {p["name"]: p["value"] for p in cause["parameters"]}
+        assert values["encoder_side"] == bench.at_motor
+        assert values["motor_inertia"] == pytest.approx(bench.armature, rel=0.1)
     # On held-out motion nothing is left but the encoder.
     (joint,) = finding["joints"]
     assert joint["extended"] < min(1.5 * joint["noise_floor"], joint["base"])

@@ -128,13 +128,24 @@ TEST_CASE("sensitivities: limbs that nothing ties together, each with columns of
     spec.parameters[0].value *= 2.0;
     model.effects.push_back(spec);
   }
-  const std::vector<Limb> apart = limbs(extend(model), bound(model));
+  ExtendedTree plain = extend(model);
+  const std::vector<Limb> apart = limbs(plain, HiddenRotors(plain), bound(model));
   REQUIRE(apart.size() == 2);
   CHECK((apart[0].first == 0 && apart[0].count == 2));
   CHECK((apart[1].first == 2 && apart[1].count == 2));
   Model tied = model;
   tied.effects.push_back({"transmission_coupling", "elbow,shoulder2", {}});
-  CHECK(limbs(extend(tied), bound(tied)).size() == 1);
+  ExtendedTree coupled = extend(tied);
+  CHECK(limbs(coupled, HiddenRotors(coupled), bound(tied)).size() == 1);
+  // A rotor behind a spring is of its joint's limb, and ties no others.
+  Model elastic = model;
+  elastic.effects.push_back({"joint_elasticity", "elbow", {}});
+  ExtendedTree unfolded = extend(elastic);
+  const HiddenRotors rotors(unfolded);
+  const std::vector<Limb> with_rotor = limbs(unfolded, rotors, {});
+  REQUIRE(with_rotor.size() == 2);
+  CHECK(with_rotor[0].dofs() == std::vector<int>{0, 1, 4});
+  CHECK(with_rotor[1].dofs() == std::vector<int>{2, 3});
 
   const MotionStretch s = stretch_of(model);
   MotionWindow w{0, 40, 100, VecX<double>(8)};

@@ -64,13 +64,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--first", type=int, default=3000, help="first seed")
     parser.add_argument("--seeds", type=int, default=10, help="cases of each effect")
+    parser.add_argument("--effects", nargs="+", default=list(SIZES), choices=SIZES)
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("-o", type=Path, required=True, dest="folder")
     options = parser.parse_args()
     cases = [
         (effect, seed, options.folder / f"{effect}-{seed}")
         for seed in range(options.first, options.first + options.seeds)
-        for effect in SIZES
+        for effect in options.effects
     ]
     rows = []
     with ThreadPoolExecutor(options.jobs) as pool:
@@ -79,7 +80,7 @@ def main() -> None:
             print(json.dumps(row), flush=True)
     (options.folder / "rows.json").write_text(json.dumps(rows), encoding="utf-8")
     print()
-    for effect in SIZES:
+    for effect in options.effects:
         of = [row for row in rows if row["effect"] == effect]
         counts: dict[str, int] = {}
         for row in of:

@@ -50,7 +50,13 @@ struct Backlash {
                         .sign = Sign::kNonNegative,
                         .linear = false,
                         .initial = 0.5,
-                        .most = 0.99}},
+                        .most = 0.99},
+                       {.name = "encoder_side",
+                        .unit = "1",
+                        .unit_prismatic = "1",
+                        .sign = Sign::kNonNegative,
+                        .linear = false,
+                        .most = 1.0}},
         .motor_side = true,
         .traits = {Trait::kOfDrive},
         .motor = HiddenMotor::kOther,
@@ -61,9 +67,14 @@ struct Backlash {
   /// Its flanks; all friction turns with the rotor.
   static MotorSpring<double> motor_spring(const double* p) { return {p[1], 0.0, p[2], 1.0}; }
 
+  /// Tells whether the log's positions are the motor's. @param p  parameters
+  static bool encoder_at_motor(const double* p) { return p[4] > 0.5; }
+
   /// θ − q [rad] that holds the torque τ [N·m] at rest.
-  static double deflection_at(double tau, const double* p) {
-    return tau / p[1] + (tau > 0.0 ? 0.5 : tau < 0.0 ? -0.5 : 0.0) * p[0];
+  template <class T>
+  static T deflection_at(const T& tau, const T* p) {
+    const double side = value(tau) > 0.0 ? 0.5 : value(tau) < 0.0 ? -0.5 : 0.0;
+    return tau / p[1] + T(side) * p[0];
   }
 
   /// τ [N·m] at θ − q [rad] and θ̇ − q̇ [rad/s], in simulation: the flanks are springs whose damping
@@ -75,6 +86,28 @@ struct Backlash {
     const double ratio = loss / std::hypot(loss, 3.14159265358979323846);
     const double tau = p[1] * wind_up + 2.0 * ratio * std::sqrt(p[1] * p[2]) * velocity;
     return tau * wind_up > 0.0 ? tau : 0.0;
+  }
+
+  /// The same along simulated runs that are differentiated. `transmitted` jumps where the teeth
+  /// meet, and a run has no derivative across a jump: here the damping grows with the wind-up, up
+  /// to its own size at a small share of the gap (as Hunt and Crossley 1975 have it near 0).
+  template <class T>
+  static T gear_torque(const T& deflection, const T& velocity, const T* p) {
+    using std::sqrt;
+    constexpr double kSoft = 0.05;  // share of the gap; a step's flight at the loop's own speed
+    const T half = T(0.5) * p[0];
+    const double side = value(deflection) < 0.0 ? -1.0 : 1.0;
+    const T depth = T(side) * deflection - half;
+    if (!(value(depth) > 0.0)) return T(0.0);
+    T push = p[1] * depth;
+    if (value(p[2]) > 0.0) {
+      const double loss = -std::log(std::max(value(p[3]), 1e-6)),
+                   ratio = loss / std::hypot(loss, 3.14159265358979323846);
+      const T share = depth / (T(kSoft) * p[0]);
+      const T damping = T(2.0 * ratio) * sqrt(p[1] * p[2]);
+      push = push + select(value(share) < 1.0, share, T(1.0)) * damping * T(side) * velocity;
+    }
+    return select(value(push) > 0.0, T(side) * push, T(0.0));
   }
 
   /// (N) torque in addition at `joint`, between flanks that do not yield: the rotor's flight under

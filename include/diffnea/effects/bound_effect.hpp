@@ -47,6 +47,11 @@ struct BoundEffect {
   /// How the joints follow these degrees of freedom, for an effect bound at joints that follow
   /// others; empty: they are the degrees of freedom.
   std::vector<JointDrive> follows;
+  /// Degrees of freedom that drives are fed back from, one a joint; empty: their own.
+  std::vector<int> encoders;
+  /// Tells whether it acts between the two sides of a gear: `joints` are pairs of a link's degree
+  /// of freedom and that of the rotor which it hides.
+  bool is_gear = false;
   std::vector<int> runs;                      ///< recordings it acts in; empty: all of them
   int num_joints = 0;                         ///< of the model
   std::vector<ParameterInfo> parameter_info;  ///< unit and initial are those of this joint's type

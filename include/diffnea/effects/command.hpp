@@ -48,6 +48,27 @@ class CommandPath {
     }
   }
 
+  /// Appends channels that are told what these joints are, at speeds of their own.
+  void add_copies(const std::vector<int>& joints) {
+    const long n = told_.cols(), more = static_cast<long>(joints.size());
+    if (more == 0) return;
+    told_.conservativeResize(Eigen::NoChange, n + more);
+    is_on_.conservativeResize(Eigen::NoChange, n + more);
+    gain_.conservativeResize(n + more);
+    for (long k = 0; k < more; ++k) {
+      const int joint = joints[static_cast<std::size_t>(k)];
+      told_.col(n + k) = told_.col(joint);
+      is_on_.col(n + k) = is_on_.col(joint);
+      gain_[n + k] = gain_[joint];
+    }
+    std::vector<Way> ways(static_cast<std::size_t>(told_.size()));
+    for (long row = 0; row < told_.rows(); ++row)
+      for (long k = 0; k < n + more; ++k)
+        ways[static_cast<std::size_t>(row * (n + more) + k)] = way_[static_cast<std::size_t>(
+            row * n + (k < n ? k : joints[static_cast<std::size_t>(k - n)]))];
+    way_ = std::move(ways);
+  }
+
   /// Gain of the run's drive, as its sidecar has it; 1 where nothing is said.
   double gain(int joint) const { return gain_[joint]; }
 

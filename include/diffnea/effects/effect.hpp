@@ -251,6 +251,7 @@ struct JointSample {
   const T* tau = nullptr;  ///< torque that the links transmit, without effects and rotor inertia
   const CommandPath* command = nullptr;  ///< of the run
   SimulationStep step = {};              ///< stretch that commands are taken over
+  int encoder = -1;  ///< degree of freedom that a drive is fed back from; −1: its own
 };
 
 /// The shape parameter v₀ of s = tanh(q̇/v₀), which stands for sign(q̇) in every dry friction. Its

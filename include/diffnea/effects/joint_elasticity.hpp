@@ -70,9 +70,16 @@ struct JointElasticity {
   /// Tells whether the log's positions are the motor's. @param p  parameters
   static bool encoder_at_motor(const double* p) { return p[4] > 0.5; }
   static double transmitted(double deflection, double velocity, const double* p) {
+    return gear_torque(deflection, velocity, p);
+  }
+  template <class T>
+  static T gear_torque(const T& deflection, const T& velocity, const T* p) {
     return p[0] * deflection + p[1] * velocity;
   }
-  static double deflection_at(double load, const double* p) { return load / p[0]; }
+  template <class T>
+  static T deflection_at(const T& load, const T* p) {
+    return load / p[0];
+  }
 
   /// θ − q (N) [rad] under the torque τ_s (N) [N·m].
   static VecX<double> deflection(const VecX<double>& load, double dt, const double* p) {

@@ -16,7 +16,9 @@
 ///    @code
 ///        static MotorSpring<T> motor_spring(const T* p);                    T: double or a pack
 ///        static double transmitted(double deflection, double velocity, const double* p);
-///        static double deflection_at(double load, const double* p);
+///        template <class T> static T deflection_at(const T& load, const T* p);
+///        template <class T>                              along runs with derivatives: continuous
+///        static T gear_torque(const T& deflection, const T& velocity, const T* p);
 ///        static bool encoder_at_motor(const double* p);                     optional
 ///    @endcode
 ///  - what a drive makes of its command:

@@ -71,7 +71,8 @@ struct PositionServo {
       // c has the delay p[2] and the speed p[5] (led); T may be a Jet.
       const T command =
           T(c.q) + T(c.by_delay) * (p[2] - T(delay)) + T(c.by_speed) * (p[5] - T(value_part(p[5])));
-      T error = T(x.command->gain(j)) * (command - x.q[j]);
+      const T& read = x.q[x.encoder < 0 ? j : x.encoder];
+      T error = T(x.command->gain(j)) * (command - read);
       const T dead = select(error > p[4], p[4], select(error < -p[4], T(-p[4]), error));
       error = error - dead;
       error = select(error > p[3], p[3], select(error < -p[3], T(-p[3]), error));

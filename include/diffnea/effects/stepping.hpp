@@ -32,6 +32,8 @@ MotorSpring<double> motor_spring(const BoundEffect& e);
 double transmitted(const BoundEffect& e, double deflection, double velocity);
 /// Angle of the hidden motor beyond the link's that transmits `load` at rest.
 double deflection_at(const BoundEffect& e, double load);
+/// The same with derivatives. @param p  parameters in the order of e.parameter_info
+JetD deflection_at(const BoundEffect& e, const JetD& load, const JetD* p);
 
 /// Adds what the effect does between command and torque.
 /// @return whether it does anything there

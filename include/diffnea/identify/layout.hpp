@@ -73,6 +73,7 @@ struct FitChoice {
   /// that is given ("tip.payload.mass=2.8").
   std::vector<std::string> fix;
   bool link_side = false;  ///< where the torque was measured (contract, torque_side)
+  bool simulated = false;  ///< the loss simulates runs, which have hidden motors (motion loss)
 };
 
 /// @param runs  numbers of the recordings: effects with one parameter a run get one for each

@@ -24,6 +24,17 @@ void add_torque_of_followers(const E& formula, const BoundEffect& effect, const 
   }
 }
 
+/// Torque of a gear at both of its sides.
+template <class E, Scalar T>
+void add_gear_torque(const BoundEffect& effect, const JointSample<T>& x, const T* p, T* tau) {
+  for (std::size_t k = 0; k + 1 < effect.joints.size(); k += 2) {
+    const int link = effect.joints[k], rotor = effect.joints[k + 1];
+    const T torque = E::gear_torque(T(x.q[rotor] - x.q[link]), T(x.qd[rotor] - x.qd[link]), p);
+    tau[link] = tau[link] - torque;
+    tau[rotor] = tau[rotor] + torque;
+  }
+}
+
 /// A formula's torque at one instant, at each of its joints; forces on links only where a tree is
 /// given.
 template <class E, Scalar T>
@@ -34,11 +45,24 @@ void add_torque(const E& formula, const BoundEffect& effect, const Tree<double>*
     if (!effect.follows.empty())
       add_torque_of_followers(formula, effect, x, p, tau);
     else if (E::info().place == Place::kJoint)
-      for (const int& joint : effect.joints) formula.add_torque(x, &joint, p, tau);
+      for (std::size_t k = 0; k < effect.joints.size(); ++k) {
+        if (effect.encoders.empty()) {
+          formula.add_torque(x, &effect.joints[k], p, tau);
+          continue;
+        }
+        JointSample<T> read = x;
+        read.encoder = effect.encoders[k];
+        formula.add_torque(read, &effect.joints[k], p, tau);
+      }
     else
       formula.add_torque(x, joints, p, tau);
   } else if constexpr (requires { formula.add_torque(*tree, x, joints, p, tau); }) {
     if (tree) formula.add_torque(*tree, x, effect.links.data(), p, tau);
+  } else if constexpr (requires(const T& d) {
+                         value_part(d);  // packs have no gears
+                         E::gear_torque(d, d, p);
+                       }) {
+    if (effect.is_gear) add_gear_torque<E>(effect, x, p, tau);
   }
 }
 

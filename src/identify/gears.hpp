@@ -1,0 +1,49 @@
+#pragma once
+/// Springs and gaps in gears as parameters of fits that simulate runs: where they begin, and what
+/// the rest of the model is without them. Internal to identify/.
+
+#include "identify/motion_climb.hpp"
+
+namespace diffnea {
+
+/// Tells whether a layout has effects that hide a motor.
+bool has_gears(const FitLayout& layout);
+
+/// Stiffness of a joint's drive [N·m/rad] or [N/m]; 0: none leads it. @param x  linear parameters
+double drive_gain(const FitLayout& layout, const VecX<double>& x, int joint);
+
+/// Values at which a gear's size is looked for, those nearest to a rigid one first. Springs: up to
+/// where the drive's largest error winds them up by less than the encoder's noise; gaps: beyond
+/// that noise. Those of the catalogue where no drive leads the joint.
+/// @param gain  of the joint's drive; 0: none
+std::vector<double> gear_sizes(const BoundEffect& gear, double gain, const MotionData& data);
+
+/// Index of the parameter that gear_sizes() is of.
+std::size_t gear_size(const BoundEffect& gear);
+
+/// Sets what windows take for granted of a gear whose file does not say: flanks of a gap that give
+/// way little beside what the drive does, and the rotor by which teeth meet.
+/// @param gain, rotor  of the joint
+void set_flanks(double gain, double rotor, BoundEffect& gear);
+
+/// Effects of the model that hide a motor get the armature of their joint as its inertia.
+void set_rotors(Model& model);
+
+/// A layout without some of its effects.
+struct LayoutPart {
+  FitLayout layout;
+  std::vector<int> effects;  ///< for each of its effects, its index in the whole
+  std::vector<int> shapes;   ///< for each of its shapes, its index in the whole
+};
+/// @param leave_out  of none of which a linear parameter is
+LayoutPart without(const FitLayout& layout,
+                   const std::function<bool(const BoundEffect&)>& leave_out);
+
+/// As best_beginning(): with rigid gears first, then with each at the size, of those that
+/// gear_sizes() has, from which a few steps lead furthest. Sizes that the model or --fix has stay.
+MotionBeginning beginning_with_gears(const Model& model, const MotionData& data,
+                                     const FitLayout& layout, const std::vector<double>& ladder,
+                                     const MotionOptions& options,
+                                     const std::function<bool(int, double)>& progress);
+
+}  // namespace diffnea
