@@ -190,8 +190,8 @@ class Evidence {
 
   /// turn_columns() of every friction of the layout, (rows(), kTurnColumns · frictions).
   MatX<double> turns(const FitLayout& layout) const;
-  /// Of a torque that is logged less often than the rest, what a torque that was held has beyond
-  /// one that went on between: no log tells which acted. @param held_rows  (num_dofs())
+  /// Difference between a torque that was held and one that went on, where it is logged less often
+  /// than the rest: no log tells which acted. @param held_rows  (num_dofs())
   VecX<double> stairs(const std::vector<int>& held_rows) const;
   /// Writes the base's last column, by the present reference.
   void set_instant();

@@ -251,7 +251,7 @@ std::vector<WindowScore> MotionSearch::scores(const MotionSolution& at,
 std::optional<WindowScore> MotionSearch::score_gear(const MotionSolution& at,
                                                     const BoundEffect& gear,
                                                     double correlation) const {
-  constexpr int kSteps = 4;  // that lead away from where the base has bent to
+  constexpr int kSteps = 4;  // steps lead away from where the base has bent to
   const auto tried = [&](const MotionSolution& from, const EffectSpec& spec, int steps) {
     MotionSolution out = from;
     if (!holds_effect(out.model.effects, spec)) out.model.effects.push_back(spec);

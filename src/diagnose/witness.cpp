@@ -84,7 +84,7 @@ std::vector<Basis> bases(const Evidence& e, long of, const std::vector<std::stri
   return out;
 }
 
-/// What terms leave where their linear parameters are 0, and their columns, whitened, beside the
+/// Columns of terms, and what they leave where their linear parameters are 0, whitened, beside the
 /// base.
 struct Columns {
   MatX<double> S;
@@ -106,7 +106,7 @@ Columns columns_of(const Projection& projection, const std::vector<Term>& terms)
 /// of the time. @param torque  whitened, (rows())
 std::vector<Term> beside(const Search& search, std::vector<Term> terms,
                          const VecX<double>& torque) {
-  constexpr int kSteps = 4;  // of a spring, whose stiffness and rest are factors
+  constexpr int kSteps = 4;  // steps, as for a spring, whose stiffness and rest are factors
   if (terms.empty()) return terms;
   const bool linear = std::ranges::none_of(terms, &Term::has_offset);
   for (int step = 0; step < (linear ? 1 : kSteps); ++step) {

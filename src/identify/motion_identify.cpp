@@ -296,7 +296,7 @@ class MotionIdentification {
     }
     result_.parameters =
         parameter_estimates(layout, fit.x, fit.shape, std, identifiable, at_bound, shape_std);
-    for (const EffectSpec& e : result_.model.effects)  // of hidden motors, as set_rotors() has them
+    for (const EffectSpec& e : result_.model.effects)  // inertias of hidden motors, as set_rotors() has them
       for (const EffectParameter& rotor : e.parameters)
         for (ParameterEstimate& of : result_.parameters)
           if (rotor.name == "motor_inertia" &&

@@ -33,8 +33,8 @@ class FreshPositions {
   std::vector<int> refresh_;
   bool curved_;
   long margin_;        ///< rows on either side that a filled one may hang on
-  Recording kept_;     ///< as measured
-  long returned_ = 0;  ///< of these
+  Recording kept_;     ///< rows as measured
+  long returned_ = 0;  ///< number of these
 };
 
 }  // namespace diffnea::detail

@@ -136,7 +136,7 @@ TEST_CASE("identify: the spring in a drive's gear, from commands or torques, enc
   const IdentifyResult result = fitted(drive, "joint_elasticity");
   check_near(result, "joint_elasticity.stiffness", drive.spring, 0.02);
   check_near(result, "armature.armature", drive.rotor, 0.02);
-  // What other parts of the library read of the model: the rotor is that behind the spring.
+  // Other parts of the library take the rotor behind the spring from the model, too.
   CHECK(estimate(result, ".motor_inertia").value == estimate(result, "armature.armature").value);
   // In an open loop, friction that truly holds leads away from one that is smoothed.
   for (const HorizonError& e : result.horizons) CHECK(e.test < (drive.servo ? 5e-4 : 2e-3));
