@@ -67,6 +67,8 @@ void scale_drive(Model& model, const std::string& joint, double by) {
 std::vector<double> other_scales(const MotionSolution& at, const EffectSpec& cause) {
   constexpr double kNear = 3.0;  // a fit finds what is within this factor
   constexpr double kFar[] = {0.1, 0.01};
+  // Where a gear has been scored, its sizes and flanks are those of this drive.
+  if (find_effect(cause.effect).motor != HiddenMotor::kNone) return {};
   for (std::size_t k = 0; k < at.layout.linear.size(); ++k) {
     const FitParameter& p = at.layout.linear[k];
     if (p.fixed || p.effect < 0 || !p.name.ends_with(".stiffness")) continue;
