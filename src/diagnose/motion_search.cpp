@@ -67,6 +67,8 @@ void scale_drive(Model& model, const std::string& joint, double by) {
 std::vector<double> other_scales(const MotionSolution& at, const EffectSpec& cause) {
   constexpr double kNear = 3.0;  // a fit finds what is within this factor
   constexpr double kFar[] = {0.1, 0.01};
+  // Where a gear has been scored, its sizes and flanks are those of this drive.
+  if (find_effect(cause.effect).motor != HiddenMotor::kNone) return {};
   for (std::size_t k = 0; k < at.layout.linear.size(); ++k) {
     const FitParameter& p = at.layout.linear[k];
     if (p.fixed || p.effect < 0 || !p.name.ends_with(".stiffness")) continue;
@@ -251,7 +253,7 @@ std::vector<WindowScore> MotionSearch::scores(const MotionSolution& at,
 std::optional<WindowScore> MotionSearch::score_gear(const MotionSolution& at,
                                                     const BoundEffect& gear,
                                                     double correlation) const {
-  constexpr int kSteps = 4;  // steps lead away from where the base has bent to
+  constexpr int kSteps = 4;  // steps that lead away from where the base has bent to
   const auto tried = [&](const MotionSolution& from, const EffectSpec& spec, int steps) {
     MotionSolution out = from;
     if (!holds_effect(out.model.effects, spec)) out.model.effects.push_back(spec);
@@ -527,7 +529,30 @@ std::vector<long> MotionSearch::sizes_of(const MotionSolution& at, const EffectS
   return out;
 }
 
+/// Tells whether a gear may as well be rigid: its size within its own error, or where the encoder's
+/// noise hides it.
+bool MotionSearch::may_be_rigid(const MotionSolution& at, int gear) const {
+  const BoundEffect& e = at.layout.effects[static_cast<std::size_t>(gear)];
+  const std::vector<double> sizes =
+      gear_sizes(e, drive_gain(at.layout, at.fit.x, e.joints.front()), data_.data);
+  if (sizes.empty()) return true;
+  for (std::size_t s = 0; s < at.layout.shape.size(); ++s) {
+    const FitParameter& p = at.layout.shape[s];
+    if (p.effect != gear || p.index != static_cast<int>(gear_size(e)) || p.fixed) continue;
+    const long column = at.fit.x.size() + static_cast<long>(s);
+    const double size = at.fit.shape[static_cast<long>(s)],
+                 std = std::sqrt(std::max(at.fit.covariance(column, column), 0.0));
+    const bool hidden =
+        e.info().motor == HiddenMotor::kSpring ? size > sizes.front() : size < sizes.front();
+    return hidden || size < kNormal95 * std;
+  }
+  return false;
+}
+
 bool MotionSearch::may_be_nothing(const MotionSolution& at, const EffectSpec& term) const {
+  if (const int e = index_of(at.layout, term);
+      e >= 0 && hides_motor(at.layout.effects[static_cast<std::size_t>(e)]))
+    return may_be_rigid(at, e);
   const std::vector<long> sizes = sizes_of(at, term);
   if (sizes.empty()) return false;
   const VecX<double> x = at.fit.x(sizes);

@@ -75,6 +75,7 @@ class MotionSearch {
   FitLayout layout_of(const Model& model, const std::vector<EffectSpec>& terms,
                       const std::vector<std::string>& held) const;
   MotionSolution solved(MotionSolution from, const std::vector<EffectSpec>& terms) const;
+  bool may_be_rigid(const MotionSolution& at, int gear) const;
   /// Columns of a term's linear parameters that are fitted.
   std::vector<long> sizes_of(const MotionSolution& at, const EffectSpec& term) const;
   MotionProblem problem(const Model& model, const FitLayout& layout) const;

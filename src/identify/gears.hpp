@@ -39,7 +39,7 @@ struct LayoutPart {
 LayoutPart without(const FitLayout& layout,
                    const std::function<bool(const BoundEffect&)>& leave_out);
 
-/// Begins as best_beginning(): with rigid gears first, then with each at the size, of those that
+/// The best_beginning() of rigid gears, then with each at the size, of those that
 /// gear_sizes() has, from which a few steps lead furthest. Sizes that the model or --fix has stay.
 MotionBeginning beginning_with_gears(const Model& model, const MotionData& data,
                                      const FitLayout& layout, const std::vector<double>& ladder,

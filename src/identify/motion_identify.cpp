@@ -296,7 +296,7 @@ class MotionIdentification {
     }
     result_.parameters =
         parameter_estimates(layout, fit.x, fit.shape, std, identifiable, at_bound, shape_std);
-    for (const EffectSpec& e : result_.model.effects)  // inertias of hidden motors, as set_rotors() has them
+    for (const EffectSpec& e : result_.model.effects)  // rotors, as set_rotors() has them
       for (const EffectParameter& rotor : e.parameters)
         for (ParameterEstimate& of : result_.parameters)
           if (rotor.name == "motor_inertia" &&
@@ -479,7 +479,7 @@ class MotionIdentification {
   MotionBeginning from_;
   std::optional<MotionClimb> climb_;
   VecX<double> begun_shape_;  ///< (s) as the model has them
-  FitLayout nominal_layout_;  ///< of what the model has before the fit
+  FitLayout nominal_layout_;  ///< parameters that the model has before the fit
   VecX<double> nominal_shape_;
   std::optional<MotionProblem> held_problem_, nominal_problem_, nominal_test_problem_;
   std::optional<MotionFitter> nominal_fitter_;

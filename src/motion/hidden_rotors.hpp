@@ -17,7 +17,7 @@ struct HiddenRotor {
   int rotor = 0;                ///< its own, behind those of all joints
   int link = 0;                 ///< link of the tree, without mass but for the armature
   bool read = false;            ///< the joint's encoder is at the rotor
-  double friction_share = 1.0;  ///< of the joint's friction, what turns with the rotor
+  double friction_share = 1.0;  ///< part of the joint's friction that turns with the rotor
   BoundEffect gear;             ///< between the two
 
   /// Degree of freedom that the joint's encoder reads.
@@ -32,7 +32,7 @@ struct EffectPart {
   double share = 1.0;
 };
 
-/// Tree that has been unfolded: n joints, and rotors behind them.
+/// Joints, n of them, and the rotors that have been unfolded behind them.
 class HiddenRotors {
  public:
   /// Gives each motor that an effect of the model hides a degree of freedom, with all of the

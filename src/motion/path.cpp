@@ -61,7 +61,8 @@ VecX<double> MotionPath::first_state(const VecX<double>& read) {
 /// Longest step that the gears' own swings allow [s], at the inverse mass matrix of the last
 /// linearisation.
 double MotionPath::step_of_gears() const {
-  constexpr double kPhase = 0.3;  // [rad] of a swing that no log shows, and that dies down
+  // Phase of a swing that a log hardly shows and that dies down [rad]: it is off by 5e-4 of it.
+  constexpr double kPhase = 0.5;
   double out = std::numeric_limits<double>::infinity();
   const RowMatX<double>& mobility = dynamics_.inverse_mass_matrix();
   for (const HiddenRotor& r : rotors_.rotors()) {

@@ -62,7 +62,7 @@ class JointWindows : public WindowSimulator {
   /// A limb's part of [z | Z]: no other column moves it.
   struct Part {
     Limb limb;
-    std::vector<int> dofs;    // numbers of the limb; empty: its joints, on end
+    std::vector<int> dofs;    // degrees of freedom of the limb; empty: its joints, on end
     int column = 0;           // first of its columns in A: of q, of q̇, of its parameters
     int parameter = 0;        // first of these among the columns of C
     int parameters = 0;       // number of these
@@ -108,7 +108,7 @@ class JointWindows : public WindowSimulator {
   std::vector<char> logarithmic_;  // per column of C
   std::vector<Part> parts_;
   RegressorWorkspace<double, double> ws_;
-  RneaDerivatives hanging_;  ///< derivatives of the links at rest, where a window begins
+  RneaDerivatives hanging_;  ///< torques that hold the links where a window begins
   MatX<double> A_, C_, gathered_q_, gathered_qd_, slope_;
   VecX<double> q_, qd_;
   std::vector<double> scratch_;

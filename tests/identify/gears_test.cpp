@@ -68,7 +68,8 @@ struct Drive {
     double phase[3];
     for (double& p : phase) p = 6.28 * rng.uniform();
     const auto wave = [&](double t) {
-      const double wanted = 0.5 * std::sin(1.7 * t + phase[0]) + 0.3 * std::sin(4.1 * t + phase[1]) +
+      const double wanted = 0.5 * std::sin(1.7 * t + phase[0]) +
+                            0.3 * std::sin(4.1 * t + phase[1]) +
                             0.15 * std::sin(9.3 * t + phase[2]);
       return wanted * std::min(1.0, t);
     };
@@ -125,8 +126,9 @@ void check_near(const IdentifyResult& result, const std::string& end, double tru
 
 }  // namespace
 
-TEST_CASE("identify: the spring in a drive's gear, from commands or torques, encoder on either side",
-          "[identify]") {
+TEST_CASE(
+    "identify: the spring in a drive's gear, from commands or torques, encoder on either side",
+    "[identify]") {
   Drive drive;
   drive.spring = 60.0;
   drive.at_motor = GENERATE(false, true);
@@ -136,7 +138,7 @@ TEST_CASE("identify: the spring in a drive's gear, from commands or torques, enc
   const IdentifyResult result = fitted(drive, "joint_elasticity");
   check_near(result, "joint_elasticity.stiffness", drive.spring, 0.02);
   check_near(result, "armature.armature", drive.rotor, 0.02);
-  // Other parts of the library take the rotor behind the spring from the model, too.
+  // Simulators read the rotor behind the spring from the gear.
   CHECK(estimate(result, ".motor_inertia").value == estimate(result, "armature.armature").value);
   // In an open loop, friction that truly holds leads away from one that is smoothed.
   for (const HorizonError& e : result.horizons) CHECK(e.test < (drive.servo ? 5e-4 : 2e-3));

@@ -119,9 +119,9 @@ TEST_CASE("hidden rotors: a step of torque swings two masses as the closed form 
                      kTorque / (kRotor * frequency * frequency) * (1.0 - std::cos(frequency * t));
     const double expected =
         side > 0.5 ? centre + kLink / both * wound : centre - kRotor / both * wound;
-    // Runge–Kutta 4 at 0.3 rad a step: the phase of the swing is off by 7e-5 a radian.
+    // Runge–Kutta 4 at 0.5 rad a step: the phase of the swing is off by 5e-4 a radian.
     const double amplitude = kTorque / (kRotor * frequency * frequency);
-    CHECK(std::abs(q(k, 0) - expected) < 1e-4 * frequency * t * amplitude + 1e-9);
+    CHECK(std::abs(q(k, 0) - expected) < 6e-4 * frequency * t * amplitude + 1e-9);
   }
 }
 
