@@ -15,7 +15,6 @@
 #include "diagnose/halves.hpp"
 #include "diagnose/noise.hpp"
 #include "diagnose/thresholds.hpp"
-#include "recording/between.hpp"
 #include "recording/overlap.hpp"
 
 namespace diffnea {
@@ -97,40 +96,19 @@ Evidence::Evidence(const Model& model, const FitLayout& layout, const RecordingS
   if (apart_) seen_base_ = regress(model, held, plan, collector, series_, nullptr);
   take_motion(layout, plan, positions, fitted);
   set_reference(model);
-  const std::vector<int> held_rows = refresh_rows(source.sample(), &Recording::tau);
-  MatX<double> beside = turns(layout);
-  has_stairs_ = fitted ? fitted->has_stairs_
-                       : std::ranges::any_of(held_rows, [](int rows) { return rows > 1; });
-  if (has_stairs_) {
-    beside.conservativeResize(Eigen::NoChange, beside.cols() + 1);
-    beside.rightCols(1) = stairs(held_rows);
-  }
+  const MatX<double> turns_of_base = turns(layout);
   for (MatX<double>* base : {&base_, &seen_base_}) {
     if (base->size() == 0) continue;
-    base->conservativeResize(Eigen::NoChange, base->cols() + beside.cols() + 1);
-    base->middleCols(base->cols() - beside.cols() - 1, beside.cols()) = beside;
+    base->conservativeResize(Eigen::NoChange, base->cols() + turns_of_base.cols() + 1);
+    base->middleCols(base->cols() - turns_of_base.cols() - 1, turns_of_base.cols()) = turns_of_base;
   }
   // Gridder places held torques half a sample late already.
   if (source.sample().front().info.torque_sampling == TorqueSampling::kHold)
     earliest_instant_ -= 0.5, latest_instant_ -= 0.5;
+  const std::vector<int> held_rows = refresh_rows(source.sample(), &Recording::tau);
   earliest_instant_ -= 0.5 * (*std::ranges::max_element(held_rows) - 1);
   has_instant_ = true;
   set_instant();
-}
-
-VecX<double> Evidence::stairs(const std::vector<int>& held_rows) const {
-  VecX<double> out = VecX<double>::Zero(rows());
-  for (std::size_t k = 0; k < joints_.size(); ++k) {
-    const int j = joints_[k], held = held_rows[static_cast<std::size_t>(j)];
-    if (passive_[k] || held < 2) continue;
-    out.segment(static_cast<long>(k) * times(), times()) =
-        rows_of(static_cast<long>(k), [j, held](const JointSeries& s) {
-          VecX<double> smooth = s.logged.col(j);
-          detail::curve_stale(smooth, held);
-          return RowMatX<double>(s.logged.col(j) - smooth);
-        });
-  }
-  return out;
 }
 
 void Evidence::set_instant() {

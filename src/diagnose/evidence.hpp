@@ -67,8 +67,8 @@ class Evidence {
     });
   }
   /// Columns of the layout's linear parameters, then ∂τ/∂ln v₀ of the base's smoothed friction,
-  /// then turn_columns() of each: how it turns is not known; stairs(), where a torque is logged
-  /// less often than the rest; the last, by how many samples the torque is logged late.
+  /// then turn_columns() of each: how it turns is not known; the last, by how many samples the
+  /// torque is logged late.
   const MatX<double>& base() const { return base_; }
   /// The same of the motion that effects see (series()): what of a candidate's columns the base
   /// takes over.
@@ -190,9 +190,6 @@ class Evidence {
 
   /// turn_columns() of every friction of the layout, (rows(), kTurnColumns · frictions).
   MatX<double> turns(const FitLayout& layout) const;
-  /// Difference between a torque that was held and one that went on, where it is logged less often
-  /// than the rest: no log tells which acted. @param held_rows  (num_dofs())
-  VecX<double> stairs(const std::vector<int>& held_rows) const;
   /// Writes the base's last column, by the present reference.
   void set_instant();
   /// Rows of the k-th of joints(), of torques at the recording's rate, a matrix for each stretch.
@@ -203,7 +200,7 @@ class Evidence {
 
   int num_dofs_ = 0, first_run_ = 0;
   double earliest_instant_ = -0.5, latest_instant_ = 1.0;
-  bool has_instant_ = false, has_stairs_ = false;
+  bool has_instant_ = false;
   std::vector<double> turns_per_second_, cut_off_;
   bool repeats_ = false, apart_ = false;
   std::vector<int> joints_, dry_columns_, sticking_;

@@ -8,20 +8,14 @@
 #include "identify/gears.hpp"
 
 namespace diffnea {
+
 std::vector<std::vector<EffectSpec>> gear_offers(const BoundEffect& gear, const FitLayout& layout,
                                                  const VecX<double>& x, const MotionData& data) {
   std::vector<std::vector<EffectSpec>> out;
   const int joint = gear.joints.front();
   const double gain = drive_gain(layout, x, joint);
   BoundEffect at = gear;
-  double rotor = 0.0;
-  for (std::size_t k = 0; k < layout.linear.size(); ++k) {
-    const FitParameter& p = layout.linear[k];
-    if (p.effect < 0) continue;
-    const BoundEffect& e = layout.effects[static_cast<std::size_t>(p.effect)];
-    if (e.info().has(Trait::kRotor) && e.where == gear.where) rotor = x[static_cast<long>(k)];
-  }
-  set_flanks(gain, rotor, at);
+  set_flanks(gain, rotor_of(layout, x, joint), at);
   for (const double side : {0.0, 1.0}) {
     out.emplace_back();
     for (const double size : gear_sizes(at, gain, data)) {

@@ -7,6 +7,7 @@
 
 #include "core/constants.hpp"
 #include "identify/whole_runs.hpp"
+#include "recording/fresh_positions.hpp"
 
 namespace diffnea {
 namespace {
@@ -39,21 +40,12 @@ std::vector<Span> held_out_spans(const Evidence& evidence, const std::vector<boo
   return out;
 }
 
-/// Rows from one time to another; of the channels, those that a simulation reads.
+/// Rows from one time to another.
 Recording part_of(const Recording& r, double first, double last) {
   const double* time = r.time.data();
   const long from = std::lower_bound(time, time + r.rows(), first) - time,
              rows = std::upper_bound(time, time + r.rows(), last) - time - from;
-  Recording out;
-  out.source = r.source;
-  out.run = r.run;
-  out.joint_names = r.joint_names;
-  out.has_tau = r.has_tau;
-  out.info = r.info;
-  out.time = r.time.segment(from, rows);
-  out.q = r.q.middleRows(from, rows);
-  out.tau = r.tau.middleRows(from, rows);
-  return out;
+  return detail::part(r, from, rows);
 }
 
 /// Torques as they act, on lines between those that were logged; at the end the last one stays.

@@ -34,17 +34,6 @@ std::vector<MotionWindow> some_windows(const MotionData& data, double horizon, d
   return out;
 }
 
-double rotor_of(const FitLayout& layout, const VecX<double>& x, int joint) {
-  for (std::size_t k = 0; k < layout.linear.size(); ++k) {
-    const FitParameter& p = layout.linear[k];
-    if (p.effect < 0) continue;
-    const BoundEffect& e = layout.effects[static_cast<std::size_t>(p.effect)];
-    if (e.info().has(Trait::kRotor) && std::ranges::find(e.joints, joint) != e.joints.end())
-      return x[static_cast<long>(k)];
-  }
-  return 0.0;
-}
-
 /// Values of an effect's parameters into the layout and the shapes of a beginning.
 void take_shapes(std::size_t effect, MotionBeginning& of) {
   for (std::size_t s = 0; s < of.layout.shape.size(); ++s) {
@@ -77,6 +66,17 @@ double drive_gain(const FitLayout& layout, const VecX<double>& x, int joint) {
     if (p.effect < 0 || !p.name.ends_with(".stiffness")) continue;
     const BoundEffect& e = layout.effects[static_cast<std::size_t>(p.effect)];
     if (e.info().has(Trait::kReadsCommand) && std::ranges::find(e.joints, joint) != e.joints.end())
+      return x[static_cast<long>(k)];
+  }
+  return 0.0;
+}
+
+double rotor_of(const FitLayout& layout, const VecX<double>& x, int joint) {
+  for (std::size_t k = 0; k < layout.linear.size(); ++k) {
+    const FitParameter& p = layout.linear[k];
+    if (p.effect < 0) continue;
+    const BoundEffect& e = layout.effects[static_cast<std::size_t>(p.effect)];
+    if (e.info().has(Trait::kRotor) && std::ranges::find(e.joints, joint) != e.joints.end())
       return x[static_cast<long>(k)];
   }
   return 0.0;

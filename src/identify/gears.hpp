@@ -12,6 +12,9 @@ bool has_gears(const FitLayout& layout);
 /// Stiffness of a joint's drive [N·m/rad] or [N/m]; 0: none leads it. @param x  linear parameters
 double drive_gain(const FitLayout& layout, const VecX<double>& x, int joint);
 
+/// Inertia of a joint's rotor [kg·m²] or [kg]; 0: it has none. @param x  linear parameters
+double rotor_of(const FitLayout& layout, const VecX<double>& x, int joint);
+
 /// Values at which a gear's size is looked for, those nearest to a rigid one first. Springs: up to
 /// where the drive's largest error winds them up by less than the encoder's noise; gaps: beyond
 /// that noise. Those of the catalogue where no drive leads the joint.

@@ -21,7 +21,8 @@ RowMatX<double> stacked(const RowMatX<double>& a, const RowMatX<double>& b) {
   return out;
 }
 
-/// Rows of what a plan's path is made of.
+}  // namespace
+
 Recording part(const Recording& r, long from, long rows) {
   Recording out;
   out.source = r.source;
@@ -35,8 +36,6 @@ Recording part(const Recording& r, long from, long rows) {
   if (r.qd.size() > 0) out.qd = r.qd.middleRows(from, rows);
   return out;
 }
-
-}  // namespace
 
 bool is_slow_and_uneven(const PreprocessPlan& plan) {
   return plan.timing_jitter > kUneven &&

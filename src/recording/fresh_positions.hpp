@@ -9,6 +9,9 @@
 
 namespace diffnea::detail {
 
+/// Rows of a recording, of those channels that paths and simulations are made of.
+Recording part(const Recording& recording, long from, long rows);
+
 /// Tells whether some sensor is slower than a log whose rows lie off the plan's grid: repeats must
 /// go before rows are interpolated.
 bool is_slow_and_uneven(const PreprocessPlan& plan);

@@ -72,10 +72,12 @@ struct JointElasticity {
   static double transmitted(double deflection, double velocity, const double* p) {
     return gear_torque(deflection, velocity, p);
   }
+  /// Torque of the spring [N·m] at θ − q [rad] and θ̇ − q̇ [rad/s].
   template <class T>
   static T gear_torque(const T& deflection, const T& velocity, const T* p) {
     return p[0] * deflection + p[1] * velocity;
   }
+  /// θ − q [rad] that holds the load [N·m] at rest.
   template <class T>
   static T deflection_at(const T& load, const T* p) {
     return load / p[0];
