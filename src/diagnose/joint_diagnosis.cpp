@@ -167,9 +167,8 @@ void JointDiagnosis::note_limits() {
     if (c.bound() == SearchBound::kTorque && at() < kAtBound * c.shape_low.front())
       case_.finding.notes.push_back(
           kWarning + t.effect.where +
-          ": its drive is at its limit in a quarter of the rows and more, and no lower limit is "
-          "looked for: the limit, and what else is named there, may be wrong; record a motion that "
-          "needs less torque");
+          ": its limit is the lowest that is looked for: it, and what else is named there, may be "
+          "wrong; record a motion that is at the limit less often");
   }
 }
 

@@ -176,6 +176,8 @@ TEST_CASE("diagnose: a cause with which a simulation follows less well is told",
   CHECK(simulated(right, wrong, false, motion).loses);
   CHECK_FALSE(simulated(wrong, right, false, motion).loses);
   CHECK_FALSE(simulated(right, right, false, motion).loses);
+  // Half as much again of an error is none to refute by.
+  CHECK_FALSE(simulated(right, swing_with(1.05 * truth.coulomb), false, motion).loses);
 }
 
 TEST_CASE("diagnose: windows that fall apart are reported with model, joint, time and horizon",
