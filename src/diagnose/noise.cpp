@@ -152,8 +152,12 @@ Smoothed beside_smooth_functions(const Evidence& e, const std::vector<int>& free
       continue;
     }
     const VecX<double> time = Eigen::Map<const VecX<double>>(e.time().data(), e.times())(rows);
-    MatX<double> of_time = hats(time, knots(time, count));
-    if ((rank + 3 * count) * kRowsAColumn > m) of_time.resize(m, 0);
+    // A drift is slower than the motion: shorter pieces would take up noise that goes with it.
+    const int pieces =
+        static_cast<int>((time.maxCoeff() - time.minCoeff()) / (2.0 * kBlockSeconds));
+    MatX<double> of_time(m, 0);
+    if (pieces >= kLeastKnots && (rank + 3 * count) * kRowsAColumn <= m)
+      of_time = hats(time, knots(time, std::min(count, pieces)));
     const MatX<double> of_q = hats(q, knots(q, count)), of_qd = hats(qd, knots(qd, count));
     const MatX<double> of_torque =
         e.passive(own) ? MatX<double>(m, 0) : MatX<double>(e.curvature(own)(rows, Eigen::all));
