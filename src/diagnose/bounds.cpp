@@ -149,6 +149,15 @@ bool is_passive(const Evidence& evidence, const BoundEffect& effect) {
   });
 }
 
+/// Whether an effect is one of joints of which one stands still: beside that, what couples two is
+/// friction of the other, and an offset of its encoder another posture.
+bool is_of_resting(const Evidence& evidence, const BoundEffect& effect) {
+  const Place place = effect.info().place;
+  if (place != Place::kJoint && place != Place::kJointPair) return false;
+  return std::ranges::any_of(effect.joints,
+                             [&](int j) { return std::ranges::count(evidence.resting(), j) > 0; });
+}
+
 }  // namespace
 
 std::vector<Refusal> bound_shapes(const Evidence& evidence, const FitLayout& layout,
@@ -160,6 +169,7 @@ std::vector<Refusal> bound_shapes(const Evidence& evidence, const FitLayout& lay
   for (Candidate& c : candidates) {
     const EffectInfo& info = c.effect.info();
     if (info.has(Trait::kOfDrive) && is_passive(evidence, c.effect)) continue;
+    if (is_of_resting(evidence, c.effect)) continue;
     // Columns of fourth derivatives share the noise of what they are to explain, unless they come
     // from other samples.
     if (!apart && info.motor != HiddenMotor::kNone) {

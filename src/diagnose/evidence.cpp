@@ -26,6 +26,9 @@ constexpr double kRestShare = 0.01;
 /// Of the filter's weight on samples in which a joint rests, or sticks.
 constexpr double kMostRest = 0.3, kMostStuck = 0.02;
 
+/// Inertial parameters of a link, of which the torque of a joint tells something.
+constexpr long kLinkColumns = 10;
+
 /// Rows of the base that are made at once.
 constexpr long kChunk = 2048;
 
@@ -37,6 +40,14 @@ constexpr double kRounding = 1e-8;
 bool known(const Preprocessed& about, const JointSeries& s, int j) {
   return about.has_tau[static_cast<std::size_t>(j)] ||
          (s.rows() > 0 && !std::isnan(s.logged(0, j)));
+}
+
+bool contains(const std::vector<int>& joints, int j) { return std::ranges::count(joints, j) > 0; }
+
+long moving_rows(const StuckRows& stuck) {
+  long out = 0;
+  for (const std::vector<bool>& stretch : stuck.rows) out += std::ranges::count(stretch, false);
+  return out;
 }
 
 /// Mean squares of the torques by which noise is told from nothing: as logged, or, of a joint that
@@ -89,12 +100,13 @@ Evidence::Evidence(const Model& model, const FitLayout& layout, const RecordingS
     throw DataError(source.sample().front().source +
                     ": diagnose: no joint has a torque (tau_<joint>), and none is declared passive");
   }
+  take_standstills(layout, plan, collector, positions, fitted);
   take_filters(model, plan, collector);
   FitLayout held = layout;
   for (FitParameter& s : held.shape) s.fixed = !is_smoothing(s);
   take_rows(model, held, plan, collector);
   if (apart_) seen_base_ = regress(model, held, plan, collector, series_, nullptr);
-  take_motion(layout, plan, positions, fitted);
+  take_motion(plan, positions, fitted);
   set_reference(model);
   const MatX<double> turns_of_base = turns(layout);
   for (MatX<double>* base : {&base_, &seen_base_}) {
@@ -106,7 +118,9 @@ Evidence::Evidence(const Model& model, const FitLayout& layout, const RecordingS
   if (source.sample().front().info.torque_sampling == TorqueSampling::kHold)
     earliest_instant_ -= 0.5, latest_instant_ -= 0.5;
   const std::vector<int> held_rows = refresh_rows(source.sample(), &Recording::tau);
-  earliest_instant_ -= 0.5 * (*std::ranges::max_element(held_rows) - 1);
+  int slowest = 1;  // a joint that stands still has the same torque for many rows
+  for (const int j : joints_) slowest = std::max(slowest, held_rows[static_cast<std::size_t>(j)]);
+  earliest_instant_ -= 0.5 * (slowest - 1);
   has_instant_ = true;
   set_instant();
 }
@@ -317,48 +331,71 @@ void Evidence::take_rows(const Model& model, const FitLayout& layout, const Prep
   }
 }
 
-void Evidence::take_motion(const FitLayout& layout, const PreprocessPlan& plan,
-                           const std::vector<RowMatX<double>>& positions, const Evidence* fitted) {
-  VecX<double> speed = VecX<double>::Zero(num_dofs_), acceleration = speed;
+StuckRows Evidence::stuck_at(int j, Turns what, const PreprocessPlan& plan,
+                             const std::vector<RowMatX<double>>& positions) const {
+  std::vector<VecX<double>> q;
+  for (const RowMatX<double>& stretch : positions) q.emplace_back(stretch.col(j));
+  const double noise = plan.q_noise[static_cast<std::size_t>(j)];
+  return stuck_rows(q, standstill(noise, speed_[j], acceleration_[j], plan), what);
+}
+
+void Evidence::take_standstills(const FitLayout& layout, const PreprocessPlan& plan,
+                                const Stretches& collector,
+                                const std::vector<RowMatX<double>>& positions,
+                                const Evidence* fitted) {
+  speed_ = acceleration_ = VecX<double>::Zero(num_dofs_);
   long samples = 0;
   for (const JointSeries& s : series_) {
-    speed += s.qd.colwise().squaredNorm().transpose();
-    acceleration += s.qdd.colwise().squaredNorm().transpose();
+    speed_ += s.qd.colwise().squaredNorm().transpose();
+    acceleration_ += s.qdd.colwise().squaredNorm().transpose();
     samples += s.qd.rows();
   }
-  speed = (speed / static_cast<double>(samples)).cwiseSqrt();
-  acceleration = (acceleration / static_cast<double>(samples)).cwiseSqrt();
-  const auto stuck_at = [&](int j, Turns what) {
-    std::vector<VecX<double>> q;
-    for (const RowMatX<double>& stretch : positions) q.emplace_back(stretch.col(j));
-    const double noise = plan.q_noise[static_cast<std::size_t>(j)];
-    return stuck_rows(q, standstill(noise, speed[j], acceleration[j], plan), what);
-  };
-  std::map<int, StuckRows> stuck;
-  for (const int j : dry_joints(layout))
-    if (static_cast<std::size_t>(j) < plan.q_noise.size())
-      stuck[j] = stuck_at(j, !fitted                                    ? Turns::kLeftOut
-                             : std::ranges::count(fitted->sticking_, j) ? Turns::kAllLeftOut
-                                                                        : Turns::kKept);
-  take_states(stuck, speed);
+  speed_ = (speed_ / static_cast<double>(samples)).cwiseSqrt();
+  acceleration_ = (acceleration_ / static_cast<double>(samples)).cwiseSqrt();
+  const std::set<int> dry = dry_joints(layout);
+  std::vector<int> moving;
+  for (const int j : joints_) {
+    const std::size_t at = static_cast<std::size_t>(j);
+    if (at < plan.q_noise.size() && collector.about(0).has_tau[at]) {
+      stuck_[j] = stuck_at(j,
+                           !dry.contains(j)                 ? Turns::kPauses
+                           : !fitted                        ? Turns::kLeftOut
+                           : contains(fitted->sticking_, j) ? Turns::kAllLeftOut
+                                                            : Turns::kKept,
+                           plan, positions);
+      const bool rests = fitted ? contains(fitted->resting_, j)
+                                : moving_rows(stuck_[j]) < kLinkColumns * kRowsAColumn * every_;
+      if (rests) {
+        resting_.push_back(j);
+        continue;
+      }
+    }
+    moving.push_back(j);
+  }
+  if (!moving.empty()) joints_ = moving;  // else require_motion() says so
+}
+
+void Evidence::take_motion(const PreprocessPlan& plan,
+                           const std::vector<RowMatX<double>>& positions, const Evidence* fitted) {
+  take_states();
   bool again = false;
   for (std::size_t k = 0; k < joints_.size() && !fitted; ++k) {
-    const auto at = stuck.find(joints_[k]);
-    if (at == stuck.end() || !at->second.everywhere) continue;
+    const auto at = stuck_.find(joints_[k]);
+    if (at == stuck_.end() || !at->second.everywhere) continue;
     const auto column = [&](long c) {
       return !base_.col(c).segment(static_cast<long>(k) * times(), times()).isZero(0.0);
     };
     long columns = 0;
     for (long c = 0; c < base_.cols(); ++c) columns += column(c);
     if (rows_between(static_cast<long>(k)) >= kRowsAColumn * columns) continue;
-    at->second = stuck_at(at->first, Turns::kKept);
+    at->second = stuck_at(at->first, Turns::kKept, plan, positions);
     again = true;
   }
-  if (again) take_states(stuck, speed);
-  for (const auto& [j, rows] : stuck)
+  if (again) take_states();
+  for (const auto& [j, rows] : stuck_)
     if (rows.everywhere) sticking_.push_back(j);
   for (const int j : joints_)
-    turns_per_second_.push_back(turn_rate(series_, j, kRestShare * speed[j]));
+    turns_per_second_.push_back(turn_rate(series_, j, kRestShare * speed_[j]));
 }
 
 long Evidence::rows_between(long k) const {
@@ -372,7 +409,7 @@ long Evidence::rows_between(long k) const {
   return out;
 }
 
-void Evidence::take_states(const std::map<int, StuckRows>& stuck, const VecX<double>& speed) {
+void Evidence::take_states() {
   const long n = num_dofs_;
   states_.clear();
   rests_.resize(times(), static_cast<long>(joints_.size()));
@@ -384,10 +421,10 @@ void Evidence::take_states(const std::map<int, StuckRows>& stuck, const VecX<dou
       const JointSeries& s = series_[i];
       RowMatX<double> state(s.q.rows(), 3 * n + 2);
       state << s.q, s.qd, s.qdd,
-          (s.qd.col(j).array().abs() < kRestShare * speed[j]).cast<double>().matrix(),
+          (s.qd.col(j).array().abs() < kRestShare * speed_[j]).cast<double>().matrix(),
           VecX<double>::Zero(s.q.rows());
-      if (stuck.contains(j)) {
-        const std::vector<bool>& rows = stuck.at(j).rows[i];
+      if (stuck_.contains(j)) {
+        const std::vector<bool>& rows = stuck_.at(j).rows[i];
         for (std::size_t at = 0; at < rows.size(); ++at)
           state(static_cast<long>(at), 3 * n + 1) = rows[at];
       }

@@ -90,10 +90,13 @@ class Evidence {
   int first_run() const { return first_run_; }
   /// Whether the k-th of joints() hardly moves, or sticks: rows that say nothing of a model.
   bool rests(long instant, long k) const { return rests_(instant, k); }
-  /// Whether it sticks where the base has dry friction (sticking.hpp).
+  /// Whether something drives it and it stands still (sticking.hpp).
   bool sticks(long instant, long k) const { return sticks_(instant, k); }
   /// Degrees of freedom that stick wherever they turn back: their turns are left out.
   const std::vector<int>& sticking() const { return sticking_; }
+  /// Degrees of freedom that stand still all along: not among joints(), as no motion tells what
+  /// holds them.
+  const std::vector<int>& resting() const { return resting_; }
   /// Frequency up to which the path or the rows of the k-th of joints() hold something [Hz].
   double cut_off(long k) const { return cut_off_[static_cast<std::size_t>(k)]; }
   /// Noise that the signals give a row of the k-th of joints() [N·m] or [N].
@@ -179,12 +182,17 @@ class Evidence {
   /// Torques, base columns and their instants.
   void take_rows(const Model& model, const FitLayout& layout, const PreprocessPlan& plan,
                  const Stretches& collector);
-  /// States of these instants; where joints rest, stick and turn.
+  /// Where driven joints stand still; leaves out those that do all along.
   /// @param positions  as logged, a matrix for each stretch
-  void take_motion(const FitLayout& layout, const PreprocessPlan& plan,
-                   const std::vector<RowMatX<double>>& positions, const Evidence* fitted);
-  /// @param stuck  by joint  @param speed  RMS, (num_dofs())
-  void take_states(const std::map<int, StuckRows>& stuck, const VecX<double>& speed);
+  void take_standstills(const FitLayout& layout, const PreprocessPlan& plan,
+                        const Stretches& collector, const std::vector<RowMatX<double>>& positions,
+                        const Evidence* fitted);
+  StuckRows stuck_at(int joint, Turns what, const PreprocessPlan& plan,
+                     const std::vector<RowMatX<double>>& positions) const;
+  /// States of these instants; where joints rest, stick and turn.
+  void take_motion(const PreprocessPlan& plan, const std::vector<RowMatX<double>>& positions,
+                   const Evidence* fitted);
+  void take_states();
   /// Rows of the k-th of joints() that whitening has enough rows before.
   long rows_between(long k) const;
 
@@ -203,7 +211,9 @@ class Evidence {
   bool has_instant_ = false;
   std::vector<double> turns_per_second_, cut_off_;
   bool repeats_ = false, apart_ = false;
-  std::vector<int> joints_, dry_columns_, sticking_;
+  std::vector<int> joints_, dry_columns_, sticking_, resting_;
+  VecX<double> speed_, acceleration_;  ///< RMS, (num_dofs())
+  std::map<int, StuckRows> stuck_;     ///< by joint
   std::vector<JointSeries> series_;
   std::vector<int> runs_;
   std::vector<std::vector<TorqueFilter>> filters_;  ///< by stretch and joint

@@ -6,6 +6,7 @@
 #include <diffnea/motion/horizon.hpp>
 
 #include "core/constants.hpp"
+#include "diagnose/sticking.hpp"
 #include "identify/whole_runs.hpp"
 #include "recording/fresh_positions.hpp"
 
@@ -76,6 +77,27 @@ std::string prescribed_joint(const Recording& r, const std::vector<bool>& passiv
     if (!passive[j] && !r.has_tau[j] && r.tau.col(static_cast<long>(j)).array().isNaN().all())
       return r.joint_names[j];
   return "";
+}
+
+/// By run: driven joints that stand still, whatever torque holds them.
+std::map<int, std::vector<int>> resting_joints(const std::vector<MotionStretch>& stretches,
+                                               const std::vector<bool>& passive,
+                                               const SensorNoise& noise) {
+  std::map<int, std::vector<std::vector<double>>> of_run;
+  for (const MotionStretch& s : stretches) {
+    auto& joints = of_run[s.run];
+    joints.resize(passive.size());
+    for (std::size_t j = 0; j < passive.size(); ++j)
+      std::ranges::copy_if(s.q.col(static_cast<long>(j)), std::back_inserter(joints[j]),
+                           [](double q) { return !std::isnan(q); });
+  }
+  std::map<int, std::vector<int>> out;
+  for (const auto& [run, joints] : of_run)
+    for (std::size_t j = 0; j < joints.size(); ++j)
+      if (!passive[j] && !joints[j].empty() &&
+          stands_all_along(joints[j], noise.position[static_cast<long>(j)]))
+        out[run].push_back(static_cast<int>(j));
+  return out;
 }
 
 /// Rows of which the shortest window still has enough: others cost time and tell nothing new.
@@ -152,7 +174,9 @@ HeldOutMotion motion_of(const std::vector<Recording>& parts) {
   std::vector<MotionStretch> stretches;
   for (const Recording& r : parts)
     std::ranges::move(motion_stretches(r, noise, passive), std::back_inserter(stretches));
+  std::map<int, std::vector<int>> resting = resting_joints(stretches, passive, noise);
   HeldOutMotion simulated = motion_of_stretches(std::move(stretches), noise);
+  simulated.resting = std::move(resting);
   simulated.begins = std::move(out.begins);
   return simulated;
 }

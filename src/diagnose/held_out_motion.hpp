@@ -15,7 +15,8 @@ namespace diffnea {
 struct HeldOutMotion {
   /// Runs are numbered as the evidence's; of fast logs, some of the rows.
   std::vector<MotionStretch> stretches;
-  std::map<int, double> begins;  ///< time of the first row of each run [s]
+  std::map<int, std::vector<int>> resting;  ///< driven joints that stand still all along a run
+  std::map<int, double> begins;             ///< time of the first row of each run [s]
   SensorNoise noise;             ///< sensors' noise, of all rows that were logged
   VecX<double> size;             ///< (n) motion_size()
   VecX<double> tolerance;        ///< (n) error within which a simulation follows [rad] or [m]

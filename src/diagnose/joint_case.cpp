@@ -179,6 +179,10 @@ void prepare(JointCase& c) {
   const std::vector<std::string> followers = follower_names(c.model);
   for (const ChannelWarning& w : c.train_source.warnings())  // others are the audit's
     if (std::ranges::find(followers, w.joint) != followers.end()) c.finding.notes.push_back(w.text);
+  for (const int j : c.train->resting())
+    c.finding.notes.push_back(joint_names(c.model)[static_cast<std::size_t>(j)] +
+                              " stands still: friction may hold it whatever its torque is, which "
+                              "is left out, as are causes that act there");
   for (const int j : c.train->sticking())
     c.finding.notes.push_back(joint_names(c.model)[static_cast<std::size_t>(j)] +
                               " sticks wherever it turns back: its turns are left out, and what "

@@ -438,7 +438,7 @@ bool Selection::drop_needless(std::vector<Term>& terms) {
     const double worse =
         search_.bic(search_.gain_of(rest), rest) - search_.bic(search_.gain_of(terms), terms);
     if (stays(terms[i])) {
-      if (tilt_helps(rest, terms)) continue;
+      if (worse >= options_.accept && tilt_helps(rest, terms)) continue;
       note_refusal(c, kHelpsNot, worse);
       impossible_.push_back(terms[i].candidate);
       terms.clear();  // the base's columns as they were; another may stand where it stood

@@ -6,6 +6,7 @@
 #include <optional>
 
 #include <diffnea/core/error.hpp>
+#include <diffnea/dynamics/mass_matrix.hpp>
 #include <diffnea/motion/horizon.hpp>
 
 #include "core/constants.hpp"
@@ -35,6 +36,20 @@ constexpr double kVisibly = 3.0;
 /// Share of a mean square by which the noise of some hundred rows makes it differ.
 constexpr double kByNoise = 0.05;
 constexpr std::size_t kMostPoints = 3000;  ///< of a joint that are kept
+
+/// Rotor of a joint that is held, over the inertia of what it moves.
+constexpr double kHeld = 1e6;
+
+/// Keeps a joint where it is: friction of the robot may hold it whatever drives it, and no model
+/// knows by how much.
+void hold(Tree<double>& tree, const std::vector<int>& joints) {
+  MassMatrixWorkspace<double, double> ws;
+  const VecX<double> home = VecX<double>::Zero(tree.num_positions());
+  const VecX<double> inertia = mass_matrix<double, double>(tree, home, ws).diagonal();
+  for (int i = tree.first_joint(); i < tree.num_links(); ++i)
+    if (const int dof = tree.drive(i).dof; std::ranges::count(joints, dof) > 0)
+      tree.links[static_cast<std::size_t>(i)].armature += kHeld * inertia[dof];
+}
 
 /// Windows of one model that a simulation leaves.
 struct Left {
@@ -88,8 +103,10 @@ class Climb {
       const RowMatX<double> q = positions(w);
       VecX<double> of_window = VecX<double>::Zero(n), count = of_window;
       std::optional<Left> first;
+      const auto held = motion_.resting.find(s.run);
       for (long k = 0; k < w.rows; ++k)
         for (int j = 0; j < n; ++j) {
+          if (held != motion_.resting.end() && std::ranges::count(held->second, j) > 0) continue;
           const double error = q(k, j) - s.q(w.first + k, j);
           const bool measured = !std::isnan(s.q(w.first + k, j));
           if (measured) {
@@ -122,6 +139,8 @@ class Climb {
     std::unique_ptr<WindowSimulator>& out = of_run_[run];
     if (out) return *out;
     ExtendedTree tree = extend(model_, runs_, run);
+    if (const auto at = motion_.resting.find(run); at != motion_.resting.end())
+      hold(tree.tree, at->second);
     if (needs_replay(tree))
       out = std::make_unique<ReplayedWindows>(std::move(tree), motion_.begins.at(run));
     else
@@ -255,6 +274,25 @@ class Both {
       s.extended_follows = over([&](const SimulatedHorizon& h) { return of(h.extended_rmse); });
     }
     draw();
+    leave_out_held();
+  }
+
+  /// Leaves joints out that are held in all runs: they follow nothing.
+  void leave_out_held() {
+    const auto is_held = [&](int j) {
+      return std::ranges::all_of(motion_.begins, [&](const auto& run) {
+        const auto at = motion_.resting.find(run.first);
+        return at != motion_.resting.end() && std::ranges::count(at->second, j) > 0;
+      });
+    };
+    const auto drop = [](auto& of_joints, std::size_t j) {
+      if (j < of_joints.size()) of_joints.erase(of_joints.begin() + static_cast<long>(j));
+    };
+    for (std::size_t j = out_.joints.size(); j-- > 0;) {
+      if (!is_held(static_cast<int>(j))) continue;
+      drop(out_.joints, j);
+      for (SimulatedHorizon& h : out_.horizons) drop(h.base_rmse, j), drop(h.extended_rmse, j);
+    }
   }
 
   /// Draws the first horizon that the base model does not follow, else the last one; of longer ones

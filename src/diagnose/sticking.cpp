@@ -4,8 +4,8 @@
 #include <cmath>
 #include <deque>
 
-
 #include "core/statistics.hpp"
+#include "diagnose/thresholds.hpp"
 #include "recording/path_smoother.hpp"
 
 namespace diffnea {
@@ -24,6 +24,9 @@ constexpr double kRests = 1.3, kSticks = 1.1;
 constexpr double kLonger = 1.2, kSlow = 0.1;
 /// Rows of a turn, and turns, below which rests tell nothing.
 constexpr long kShortest = 5, kFewest = 4;
+/// Of a stretch's rows, within the band about their median: what moves a joint that stands beside
+/// them is a shock, and its own velocity noise.
+constexpr double kStands = 0.95;
 /// Of a joint's rows: one that turns back more often keeps its turns.
 constexpr double kMostLeftOut = 0.5;
 /// Of the filter's cut-off.
@@ -69,7 +72,14 @@ Standstill standstill(double q_noise, double qd, double qdd, const PreprocessPla
   const double crossing = qd > 0.0 ? band / (kSlow * qd) : 0.0;
   const double shortest = kOfCutOff / plan.filter_hz;
   return {band, rows(shortest), rows(std::max({shortest, kLonger * reversal, crossing})),
-          detail::PathSmoother(plan.filter_hz, 1.0 / plan.dt).memory(kMixed)};
+          detail::PathSmoother(plan.filter_hz, 1.0 / plan.dt).memory(kMixed), rows(kBlockSeconds)};
+}
+
+bool stands_all_along(std::vector<double> q, double noise) {
+  const double middle = median(q);
+  const auto within = std::ranges::count_if(
+      q, [&](double at) { return std::abs(at - middle) <= 0.5 * kPeakToPeak * noise; });
+  return static_cast<double>(within) >= kStands * static_cast<double>(q.size());
 }
 
 std::vector<Turn> find_turns(const Eigen::Ref<const VecX<double>>& logged,
@@ -132,14 +142,24 @@ StuckRows stuck_rows(const std::vector<VecX<double>>& positions, const Standstil
     turns.push_back(find_turns(q, still));
     all.insert(all.end(), turns.back().begin(), turns.back().end());
   }
+  Standstill told = still;
+  if (what == Turns::kPauses) told.rows = told.lasting = std::max(still.lasting, still.pause);
+  std::vector<bool> stands;  // all along a stretch
+  for (const VecX<double>& q : positions)
+    stands.push_back(stands_all_along({q.begin(), q.end()}, still.band / kPeakToPeak));
+  const bool never_moves = std::ranges::find(stands, false) == stands.end();
   const auto leave_out = [&](bool everywhere) {
     StuckRows out{{}, everywhere};
-    for (std::size_t i = 0; i < positions.size(); ++i)
-      out.rows.push_back(stands_still(turns[i], still, positions[i].size(), everywhere));
+    for (std::size_t i = 0; i < positions.size(); ++i) {
+      const long rows = positions[i].size();
+      out.rows.push_back(never_moves || (stands[i] && rows >= still.pause)
+                             ? std::vector<bool>(static_cast<std::size_t>(rows), true)
+                             : stands_still(turns[i], told, rows, everywhere));
+    }
     return out;
   };
   if (what == Turns::kAllLeftOut) return leave_out(true);
-  if (what == Turns::kKept || !sticks_at_turns(all)) return leave_out(false);
+  if (what != Turns::kLeftOut || !sticks_at_turns(all)) return leave_out(false);
   StuckRows out = leave_out(true);
   long left_out = 0, rows = 0;
   for (const std::vector<bool>& stretch : out.rows) {

@@ -28,12 +28,17 @@ struct Standstill {
   long rows = 1;      ///< a shorter standstill, the filter smooths as it does any reversal
   long lasting = 1;   ///< rows that no reversal takes
   long margin = 0;    ///< rows before and after it that the filter mixes with it
+  long pause = 1;     ///< rows of a standstill that is no part of a motion
 };
 
 /// @param q_noise  standard deviation of the logged position [rad] or [m]
 /// @param qd, qdd  RMS of velocity and acceleration
 /// @param plan     whose filter the velocities have passed; rows are dt apart
 Standstill standstill(double q_noise, double qd, double qdd, const PreprocessPlan& plan);
+
+/// Whether a joint stands still for as long as `q` was logged, but for shocks.
+/// @param q      at least one position  @param noise  their standard deviation
+bool stands_all_along(std::vector<double> q, double noise);
 
 /// Turns of a logged position, of means over still.rows / 2 rows of it, in order.
 std::vector<Turn> find_turns(const Eigen::Ref<const VecX<double>>& q, const Standstill& still);
@@ -50,7 +55,8 @@ std::vector<bool> stands_still(const std::vector<Turn>& turns, const Standstill&
 enum class Turns {
   kLeftOut,     ///< unless that takes more than half of the rows
   kAllLeftOut,  ///< whether or not it sticks there, and whatever that takes
-  kKept         ///< but for standstills
+  kKept,        ///< but for standstills
+  kPauses       ///< are left out alone: how its friction turns, causes have to explain
 };
 
 /// Rows in which a joint sticks, of each stretch.

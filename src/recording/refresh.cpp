@@ -18,6 +18,36 @@ int refresh_of(const std::vector<std::pair<long, double>>& moves, double step) {
   return rows.size() < 8 ? 1 : static_cast<int>(median(rows));
 }
 
+struct ChannelChanges {
+  std::vector<double> values, changes;
+  std::vector<std::pair<long, double>> moves;  ///< rows since the last change, size of this one
+};
+
+/// Of every joint, over all recordings.
+std::vector<ChannelChanges> changes_of(const std::vector<Recording>& recordings,
+                                       RowMatX<double> Recording::* channel) {
+  const int n = recordings.empty() ? 0 : recordings.front().num_joints();
+  std::vector<ChannelChanges> out(static_cast<std::size_t>(n));
+  for (int j = 0; j < n; ++j) {
+    ChannelChanges& c = out[static_cast<std::size_t>(j)];
+    for (const Recording& r : recordings) {
+      long changed = -1, last = -1;
+      for (long k = 0; k < r.rows(); ++k) {
+        const double value = (r.*channel)(k, j);
+        if (std::isnan(value)) continue;
+        c.values.push_back(value);
+        if (last >= 0 && value != (r.*channel)(last, j)) {
+          c.changes.push_back(value - (r.*channel)(last, j));
+          if (changed >= 0) c.moves.emplace_back(k - changed, std::abs(c.changes.back()));
+          changed = k;
+        }
+        last = k;
+      }
+    }
+  }
+  return out;
+}
+
 }  // namespace
 
 double quantisation_step(std::vector<double> v, const std::vector<double>& changes) {
@@ -64,27 +94,16 @@ std::vector<bool> refreshed(const Eigen::Ref<const VecX<double>>& channel, int r
 
 std::vector<int> refresh_rows(const std::vector<Recording>& recordings,
                               RowMatX<double> Recording::*channel) {
-  const int n = recordings.empty() ? 0 : recordings.front().num_joints();
   std::vector<int> out;
-  for (int j = 0; j < n; ++j) {
-    std::vector<double> values, changes;
-    std::vector<std::pair<long, double>> moves;  // rows since the last change, size of this one
-    for (const Recording& r : recordings) {
-      long changed = -1, last = -1;
-      for (long k = 0; k < r.rows(); ++k) {
-        const double value = (r.*channel)(k, j);
-        if (std::isnan(value)) continue;
-        values.push_back(value);
-        if (last >= 0 && value != (r.*channel)(last, j)) {
-          changes.push_back(value - (r.*channel)(last, j));
-          if (changed >= 0) moves.emplace_back(k - changed, std::abs(changes.back()));
-          changed = k;
-        }
-        last = k;
-      }
-    }
-    out.push_back(refresh_of(moves, quantisation_step(std::move(values), changes)));
-  }
+  for (const ChannelChanges& c : changes_of(recordings, channel))
+    out.push_back(refresh_of(c.moves, quantisation_step(c.values, c.changes)));
+  return out;
+}
+
+std::vector<double> quantisation_steps(const std::vector<Recording>& recordings) {
+  std::vector<double> out;
+  for (const ChannelChanges& c : changes_of(recordings, &Recording::q))
+    out.push_back(quantisation_step(c.values, c.changes));
   return out;
 }
 

@@ -13,6 +13,9 @@
 namespace diffnea::report {
 namespace {
 
+/// Share of an error from which causes are the answer, and what is left beside them a remark.
+constexpr double kMost = 0.5;
+
 /// "5 %", "99.9 %"
 std::string share_of(double x) { return number(std::round(1000.0 * x) / 10.0) + " %"; }
 
@@ -179,7 +182,7 @@ std::string witness_words(const Finding& f) {
   if (f.witness.empty() && follows_commands(f))
     return "an error of " + number(left) +
            " times the encoders' noise is left on held-out data, and no effect that was tried "
-           "explains it; gaps, springs and lags of drives are not tried";
+           "explains it; lags of drives are not tried";
   if (f.witness.empty() && is_of_ball(f, left))
     return "an error of " +
            number(f.series.empty() ? f.gain.after : f.ball->extended_rms / f.ball->sigma) +
@@ -247,11 +250,17 @@ std::string verdict_words(const Finding& f) {
                   ? "every candidate is absorbed by the base parameters or never excited."
                   : "a channel is mostly noise, or at fault; the warnings name it.");
     case Verdict::kUnknown: {
+      const bool any = std::ranges::any_of(f.causes, is_named);
+      const bool most = any && named_share(f) > kMost;
       std::string out =
-          (f.tried == Tried::kAll ? "The cause is not in the catalogue: "
-                                  : "The cause is none of the effects that were tried: ") +
+          (most ? "The model lacks " + causes_words(f) + "; that is " + share_of(named_share(f)) +
+                      " of the held-out error that can be removed. "
+                : std::string()) +
+          (most ? "The cause of the rest " : "The cause ") +
+          (f.tried == Tried::kAll ? "is not in the catalogue: "
+                                  : "is none of the effects that were tried: ") +
           witness_words(f);
-      if (std::ranges::any_of(f.causes, is_named)) {
+      if (any && !most) {
         out += "; the nearest effects are " + causes_words(f) + ", and they explain " +
                share_of(named_share(f)) + " of the held-out error that can be removed";
       }

@@ -48,6 +48,31 @@ Recording driven(unsigned seed) {
   return r;
 }
 
+/// The shoulder swings with dry friction; the elbow stands, in an encoder of steps of 0.1 mrad,
+/// held by a friction that takes some of what would move it.
+Recording one_joint_moves(unsigned seed) {
+  Recording r = swing(seed);
+  Rng rng(seed + 100);
+  const VecX<double> noise = r.tau.col(0);
+  for (long i = 0; i < r.rows(); ++i) r.q(i, kElbow) = 0.3 + 1e-4 * std::round(0.4 * rng.normal());
+  const Tree<double> tree = make_tree(arm());
+  RneaWorkspace<double, double> ws;
+  for (long i = 1; i + 1 < r.rows(); ++i) {
+    const double h = r.time[i + 1] - r.time[i];
+    VecX<double> q = r.q.row(i).transpose(), qd = VecX<double>::Zero(2), qdd = qd;
+    q[kElbow] = 0.3;
+    const VecX<double> shoulder = r.q.col(kShoulder).segment(i - 1, 3);
+    qd[kShoulder] = (shoulder[2] - shoulder[0]) / (2.0 * h);
+    qdd[kShoulder] = (shoulder[2] - 2.0 * shoulder[1] + shoulder[0]) / (h * h);
+    r.tau.row(i) = rnea<double, double>(tree, q, qd, qdd, ws).transpose();
+    r.tau(i, kShoulder) += 0.3 * std::tanh(qd[kShoulder] / 0.01) + 0.01 * noise[i];
+    r.tau(i, kElbow) = 0.6 * r.tau(i, kElbow) + 0.05 * std::tanh(qd[kShoulder]) + 0.01 * noise[i];
+  }
+  r.q.row(0) = r.q.row(1), r.tau.row(0) = r.tau.row(1);
+  r.tau.bottomRows(1) = r.tau.row(r.rows() - 2);
+  return r;
+}
+
 }  // namespace
 
 TEST_CASE("diagnose: held-out recordings know the torques of the fitted ones' joints",
@@ -84,6 +109,21 @@ TEST_CASE("diagnose: where nothing could be tried, nothing is said of the record
   const Finding finding = diagnose(arm(), {driven(1)}, {driven(2)}, options);
   CHECK_THAT(finding.sentence, ContainsSubstring("Nothing was tried: backlash needs a log"));
   CHECK(finding.lack_of_fit_p == 1.0);
+}
+
+TEST_CASE("diagnose: what holds a joint that stands still is no evidence", "[diagnose]") {
+  const Finding f = diagnose(arm(), {one_joint_moves(1)}, {one_joint_moves(2)});
+  const std::string elbow = joint_names(arm())[kElbow], shoulder = joint_names(arm())[kShoulder];
+  CHECK(std::ranges::any_of(
+      f.notes, [&](const std::string& note) { return note.starts_with(elbow + " stands still"); }));
+  REQUIRE_FALSE(f.causes.empty());
+  CHECK(f.causes.front().effect == "coulomb_friction");
+  for (const Cause& c : f.causes) CHECK(c.where == shoulder);
+  for (const CandidateScore& c : f.candidates) CHECK(c.where.find(elbow) == std::string::npos);
+  // A simulation holds it, too, as no torque would.
+  REQUIRE(f.simulated.joints.size() == 1);
+  CHECK(f.simulated.joints.front().joint == shoulder);
+  CHECK(f.simulated.extended_follows > 2.0 * f.simulated.base_follows);
 }
 
 }  // namespace diffnea::joints_test

@@ -10,6 +10,7 @@ namespace diffnea::sentence_test {
 namespace {
 
 using Catch::Matchers::ContainsSubstring;
+using Catch::Matchers::StartsWith;
 using report::rival_words;
 using report::sentence;
 
@@ -32,6 +33,23 @@ TEST_CASE("sentence: what fits and is refuted by parts of the same recording is 
              ContainsSubstring("cogging at elbow would explain") && ContainsSubstring("--test"));
   finding.held_out = "test recording";  // which has told
   CHECK_THAT(sentence(finding), ContainsSubstring("Nothing is left to explain"));
+}
+
+TEST_CASE("sentence: causes of most of an error come before the one that is not known",
+          "[report]") {
+  Finding finding;
+  finding.verdict = Verdict::kUnknown;
+  finding.causes = {cause("coulomb_friction", "elbow", {})};
+  finding.gain.before = 3.0;
+  finding.gain.noise_floor = 1.0;
+  finding.gain.after = 2.0;
+  CHECK_THAT(sentence(finding),
+             StartsWith("The model lacks coulomb friction at elbow") &&
+                 ContainsSubstring("; that is 62.5 % of the held-out error that can be removed. "
+                                   "The cause of the rest is not in the catalogue"));
+  finding.gain.after = 2.5;
+  CHECK_THAT(sentence(finding), StartsWith("The cause is not in the catalogue") &&
+                                    ContainsSubstring("the nearest effects are coulomb friction"));
 }
 
 TEST_CASE("sentence: where few effects were tried, it speaks of those", "[report]") {

@@ -80,6 +80,9 @@ def ur10e(bench: Bench) -> None:
         d / "ur10e.urdf",
         *(d / "id_50s_12harm.csv", "--test", d / "val_ptp_10_points.csv"),
     )
+    for joint, name in ((2, "shoulder lift"), (4, "wrist 1")):
+        title = f"UR10e, {name} moves alone"
+        diagnose(bench, title, d / "ur10e.urdf", d / f"single_joint{joint}.csv")
 
 
 def payload(bench: Bench) -> None:

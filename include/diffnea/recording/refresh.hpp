@@ -18,6 +18,10 @@ std::vector<int> refresh_rows(const std::vector<Recording>& recordings,
 /// @param values   of the channel, any order  @param changes  from one row to the next, without 0
 double quantisation_step(std::vector<double> values, const std::vector<double>& changes);
 
+/// Steps of the grids that the positions of each joint lie on, (n) [rad] or [m]; 0 if there is
+/// none.
+std::vector<double> quantisation_steps(const std::vector<Recording>& recordings);
+
 /// Rows of one channel at which its sensor has a new value, (N): all that are measured, unless the
 /// sensor is slower than the log.
 /// @param refresh  as of refresh_rows()
