@@ -149,8 +149,8 @@ bool is_passive(const Evidence& evidence, const BoundEffect& effect) {
   });
 }
 
-/// Whether an effect is one of joints of which one stands still: beside that, what couples two is
-/// friction of the other, and an offset of its encoder another posture.
+/// Tells whether an effect is one of joints of which one stands still: beside that, what couples
+/// two is friction of the other, and an offset of its encoder another posture.
 bool is_of_resting(const Evidence& evidence, const BoundEffect& effect) {
   const Place place = effect.info().place;
   if (place != Place::kJoint && place != Place::kJointPair) return false;

@@ -90,7 +90,7 @@ class Evidence {
   int first_run() const { return first_run_; }
   /// Whether the k-th of joints() hardly moves, or sticks: rows that say nothing of a model.
   bool rests(long instant, long k) const { return rests_(instant, k); }
-  /// Whether something drives it and it stands still (sticking.hpp).
+  /// Tells whether something drives it and it stands still (sticking.hpp).
   bool sticks(long instant, long k) const { return sticks_(instant, k); }
   /// Degrees of freedom that stick wherever they turn back: their turns are left out.
   const std::vector<int>& sticking() const { return sticking_; }

@@ -304,6 +304,11 @@ bool Selection::merge(std::vector<Term>& terms) const {
 
 bool Selection::simplify(std::vector<Term>& terms) const {
   const double now = search_.bic(search_.gain_of(terms), terms);
+  const auto of = [&](const Term& t) -> const Candidate& {
+    return candidates_[static_cast<std::size_t>(t.candidate)];
+  };
+  // A shape that the recording does not tell is none that makes an effect simple.
+  const auto complexity = [&](const Term& t) { return t.linear.size() + of(t).shapes.size(); };
   for (std::size_t i = 0; i < terms.size(); ++i) {
     if (stays(terms[i])) continue;
     const std::vector<Term> rest = without(terms, i);
@@ -315,9 +320,11 @@ bool Selection::simplify(std::vector<Term>& terms) const {
       });
     };
     for (const Offer& offer : offers(rest, kRivals, simpler)) {
-      if (offer.term.num_parameters() >= terms[i].num_parameters() ||
-          base - offer.delta_bic > now + kSameClass ||
-          search_.replaced_share(offer.term, terms[i], rest) < kChild)
+      const bool tells_size =
+          has_size(of(offer.term), offer.term) && !has_size(of(terms[i]), terms[i]);
+      if (complexity(offer.term) >= complexity(terms[i]) ||
+          base - offer.delta_bic > now + (tells_size ? kLeastSizeless : kSameClass) ||
+          search_.replaced_share(offer.term, terms[i], rest) < (tells_size ? kStandsIn : kChild))
         continue;
       std::vector<Term> with = rest;
       with.push_back(offer.term);

@@ -65,7 +65,8 @@ class Selection {
   bool split(std::vector<Term>& terms) const;
   /// One effect in the place of two at its joints, if it is no worse: one cause is simpler.
   bool merge(std::vector<Term>& terms) const;
-  /// A simpler effect in a term's place, if the term can be that effect and is not clearly better.
+  /// A simpler effect in a term's place, if the term can be that effect and is not clearly better,
+  /// or has no size that the recording tells.
   bool simplify(std::vector<Term>& terms) const;
   /// Either, if all that is put there stays once the base has been fitted beside it.
   bool put_simpler(std::vector<Term>& terms);

@@ -24,8 +24,8 @@ constexpr double kRests = 1.3, kSticks = 1.1;
 constexpr double kLonger = 1.2, kSlow = 0.1;
 /// Rows of a turn, and turns, below which rests tell nothing.
 constexpr long kShortest = 5, kFewest = 4;
-/// Of a stretch's rows, within the band about their median: what moves a joint that stands beside
-/// them is a shock, and its own velocity noise.
+/// Share of a stretch's rows within the band about their median: what moves a joint that stands
+/// beside them is a shock, and its own velocity noise.
 constexpr double kStands = 0.95;
 /// Of a joint's rows: one that turns back more often keeps its turns.
 constexpr double kMostLeftOut = 0.5;

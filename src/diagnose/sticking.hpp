@@ -36,7 +36,7 @@ struct Standstill {
 /// @param plan     whose filter the velocities have passed; rows are dt apart
 Standstill standstill(double q_noise, double qd, double qdd, const PreprocessPlan& plan);
 
-/// Whether a joint stands still for as long as `q` was logged, but for shocks.
+/// Tells whether a joint stands still for as long as `q` was logged, but for shocks.
 /// @param q      at least one position  @param noise  their standard deviation
 bool stands_all_along(std::vector<double> q, double noise);
 

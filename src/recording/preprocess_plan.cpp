@@ -254,7 +254,7 @@ PreprocessPlan plan_preprocess(const std::vector<Recording>& recordings,
       {.dt = plan.dt, .max_gap = plan.max_gap, .velocity = false, .average_hold = false});
   for (std::size_t j = 0; j < n; ++j)
     for (Eigen::VectorXd& segment : columns[j]) fill_stale(segment, plan.refresh[j]);
-  // Of a joint that hardly moves, rounding is no noise that a spectrum shows.
+  // Rounding of a joint that hardly moves is no noise that a spectrum shows.
   const std::vector<double> steps = quantisation_steps(recordings);
   double cutoff = 0.0, busy = 0.0;
   for (std::size_t j = 0; j < n; ++j) {

@@ -23,7 +23,7 @@ struct ChannelChanges {
   std::vector<std::pair<long, double>> moves;  ///< rows since the last change, size of this one
 };
 
-/// Of every joint, over all recordings.
+/// Changes of every joint, over all recordings.
 std::vector<ChannelChanges> changes_of(const std::vector<Recording>& recordings,
                                        RowMatX<double> Recording::* channel) {
   const int n = recordings.empty() ? 0 : recordings.front().num_joints();
