@@ -56,6 +56,10 @@ double inexact_at(const Search& search, const Term& term, const std::vector<Term
            std::max(0.0, search.projection().residual().segment(begin, m).squaredNorm() -
                              after.segment(begin, m).squaredNorm());
     out += unknown[static_cast<long>(k)];
+    // Noise that is assumed stands for errors of filters and integrators, which do not average out.
+    const std::vector<bool>& kept = search.whitener().kept();
+    const auto rows = std::count(kept.begin() + begin, kept.begin() + begin + m, true);
+    out += search.whitener().noise()[k].assumed * static_cast<double>(rows);
   }
   return out;
 }
