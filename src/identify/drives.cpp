@@ -5,6 +5,7 @@
 #include <functional>
 
 #include <diffnea/core/text.hpp>
+#include <diffnea/dynamics/mass_matrix.hpp>
 #include <diffnea/recording/commands.hpp>
 
 #include "core/constants.hpp"
@@ -14,8 +15,8 @@
 namespace diffnea {
 namespace {
 
-/// Delays of a position loop that are looked at [s]: radio and bus included, no operator.
-constexpr double kMostDelay = 0.2, kDelayStep = 0.02, kFinestDelay = 4e-3;
+/// Steps of the delays that are looked at, and the finest of them [s].
+constexpr double kDelayStep = 0.02, kFinestDelay = 4e-3;
 /// Largest error of a command over the reach that a fit begins with, so that the recording tells of
 /// it.
 constexpr double kInside = 0.9;
@@ -108,42 +109,28 @@ std::vector<bool> commanded_joints(const FitLayout& layout) {
   return out;
 }
 
-double largest_error(const MotionStretch& stretch, int joint, double delay, double speed) {
-  CommandPath limited;
-  if (speed < kNoBound) {
-    limited = *stretch.command;
-    limited.limit_speed(joint, speed);
-  }
-  const CommandPath& led = speed < kNoBound ? limited : *stretch.command;
-  double most = 0.0;
-  for (std::size_t k = 0; k < stretch.time.size(); ++k) {
-    const double error = led.gain(joint) * std::abs(led.at(joint, stretch.time[k], delay).q -
-                                                    stretch.q(static_cast<long>(k), joint));
-    if (error > most) most = error;  // none where the drive is off
-  }
-  return most;
+bool is_rotor(const FitLayout& layout, const FitParameter& p) {
+  return p.effect >= 0 &&
+         layout.effects[static_cast<std::size_t>(p.effect)].info().name == "armature";
 }
 
-double largest_rate(const MotionStretch& stretch, int joint) {
-  double most = 0.0;
-  for (const double t : stretch.time) {
-    const double rate =
-        (stretch.command->at(joint, t, 0.0).q - stretch.command->at(joint, t, kMostDelay).q) /
-        kMostDelay;
-    if (std::abs(rate) > most) most = std::abs(rate);
+VecX<double> link_inertias(Model model, const PositionRange& range) {
+  model.effects.clear();
+  const VecX<double> q = 0.5 * (range.low + range.high);
+  MassMatrixWorkspace<double, double> ws;
+  return mass_matrix<double, double>(make_tree(model), q, ws).diagonal();
+}
+
+void scale_drive(const FitLayout& layout, const BoundEffect& drive, const VecX<double>& inertia,
+                 double by, VecX<double>& x) {
+  for (std::size_t k = 0; k < layout.linear.size(); ++k) {
+    const FitParameter& p = layout.linear[k];
+    if (p.fixed || p.effect < 0 || p.theta >= 0 || p.unit == "1") continue;
+    if (layout.effects[static_cast<std::size_t>(p.effect)].joints != drive.joints) continue;
+    double& value = x[static_cast<long>(k)];
+    const double links = is_rotor(layout, p) ? inertia[drive.joints.front()] : 0.0;
+    value = links > 0.0 ? std::max(by * (value + links) - links, 0.0) : by * value;
   }
-  return most;
-}
-
-bool is_bound_of_drive(const FitLayout& layout, const FitParameter& shape) {
-  return shape.effect >= 0 && !shape.name.ends_with(".delay") &&
-         layout.effects[static_cast<std::size_t>(shape.effect)].info().has(Trait::kReadsCommand);
-}
-
-double no_bound(const FitLayout& layout, const FitParameter& shape) {
-  return layout.effects[static_cast<std::size_t>(shape.effect)]
-      .parameter_info[static_cast<std::size_t>(shape.index)]
-      .initial;
 }
 
 void require_a_scale(const std::vector<MotionStretch>& stretches, const FitLayout& layout) {
