@@ -79,7 +79,8 @@ std::optional<WindowScore> MotionSearch::score_gear(const MotionSolution& at,
     return out;
   };
   std::vector<MotionSolution> begun;  // the best of each side
-  for (const std::vector<EffectSpec>& side : gear_offers(gear, at.layout, at.fit.x, data_.data)) {
+  for (const std::vector<EffectSpec>& side :
+       gear_offers(gear, at.layout, at.fit.x, at.fit.shape, data_.data)) {
     std::optional<MotionSolution> first;
     for (const EffectSpec& spec : side)
       if (MotionSolution s = tried(at, spec, 1); !first || s.cost < first->cost)

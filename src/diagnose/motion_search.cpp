@@ -96,6 +96,7 @@ FitLayout MotionSearch::layout_of(const Model& model, const std::vector<EffectSp
   choice.fix.insert(choice.fix.end(), held.begin(), held.end());
   FitLayout out = layout_for(model, data_.train, data_.test, choice, unsaid);
   bound_delays(data_.data.noise.period, out);
+  hold_without_commands(data_.data.train, joint_names(model), out, unsaid);
   hold_motionless(still_joints(data_.data.train, data_.data.noise), joint_names(model), "", out,
                   unsaid);
   for (FitParameter& s : out.shape)  // the base has no such bound

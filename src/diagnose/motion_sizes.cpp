@@ -67,8 +67,7 @@ std::vector<long> MotionSearch::sizes_of(const MotionSolution& at, const EffectS
 /// noise hides it.
 bool MotionSearch::may_be_rigid(const MotionSolution& at, int gear) const {
   const BoundEffect& e = at.layout.effects[static_cast<std::size_t>(gear)];
-  const std::vector<double> sizes =
-      gear_sizes(e, drive_gain(at.layout, at.fit.x, e.joints.front()), data_.data);
+  const std::vector<double> sizes = gear_sizes(e, at.layout, at.fit.x, at.fit.shape, data_.data);
   if (sizes.empty()) return true;
   for (std::size_t s = 0; s < at.layout.shape.size(); ++s) {
     const FitParameter& p = at.layout.shape[s];

@@ -9,6 +9,23 @@
 namespace diffnea {
 namespace {
 
+/// Sizes of the command's error in the rows in which the drive is on and a position was measured.
+std::vector<double> errors_of(const MotionStretch& stretch, int joint, double delay, double speed) {
+  CommandPath limited;
+  if (speed < kNoBound) {
+    limited = *stretch.command;
+    limited.limit_speed(joint, speed);
+  }
+  const CommandPath& led = speed < kNoBound ? limited : *stretch.command;
+  std::vector<double> out;
+  for (std::size_t k = 0; k < stretch.time.size(); ++k) {
+    const double error = led.gain(joint) * std::abs(led.at(joint, stretch.time[k], delay).q -
+                                                    stretch.q(static_cast<long>(k), joint));
+    if (std::isfinite(error)) out.push_back(error);
+  }
+  return out;
+}
+
 /// Bounds of drives that the fit moves, as indices of shapes.
 std::vector<std::size_t> free_bounds(const FitLayout& layout) {
   std::vector<std::size_t> out;
@@ -79,19 +96,21 @@ double bic(double objective, double free, double independent) {
 }
 
 double largest_error(const MotionStretch& stretch, int joint, double delay, double speed) {
-  CommandPath limited;
-  if (speed < kNoBound) {
-    limited = *stretch.command;
-    limited.limit_speed(joint, speed);
-  }
-  const CommandPath& led = speed < kNoBound ? limited : *stretch.command;
   double most = 0.0;
-  for (std::size_t k = 0; k < stretch.time.size(); ++k) {
-    const double error = led.gain(joint) * std::abs(led.at(joint, stretch.time[k], delay).q -
-                                                    stretch.q(static_cast<long>(k), joint));
-    if (error > most) most = error;  // none where the drive is off
-  }
+  for (const double error : errors_of(stretch, joint, delay, speed)) most = std::max(most, error);
   return most;
+}
+
+double saturated_share(const std::vector<MotionStretch>& stretches, int joint, double delay,
+                       double speed, double reach) {
+  long on = 0, saturated = 0;
+  for (const MotionStretch& s : stretches) {
+    if (!s.command) continue;
+    const std::vector<double> errors = errors_of(s, joint, delay, speed);
+    on += static_cast<long>(errors.size());
+    saturated += std::ranges::count_if(errors, [&](double e) { return e >= reach; });
+  }
+  return on > 0 ? static_cast<double>(saturated) / static_cast<double>(on) : 0.0;
 }
 
 double largest_rate(const MotionStretch& stretch, int joint) {

@@ -30,6 +30,10 @@ double no_bound(const FitLayout& layout, const FitParameter& shape);
 /// Largest error of a joint's command that its drive sees, its gain included [rad] or [m].
 /// @param speed  of its setpoint at most
 double largest_error(const MotionStretch& stretch, int joint, double delay, double speed);
+/// Share of the rows with the drive on in which its error is at its reach or beyond.
+/// @param delay, speed, reach  of the drive [s], [rad/s], [rad]; of a sliding joint in m
+double saturated_share(const std::vector<MotionStretch>& stretches, int joint, double delay,
+                       double speed, double reach);
 /// Largest rate of a joint's command, over the delays that a drive may have: a step is no rate.
 double largest_rate(const MotionStretch& stretch, int joint);
 

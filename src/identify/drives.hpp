@@ -5,6 +5,7 @@
 #include <diffnea/identify/identify.hpp>
 
 #include "identify/drive_bounds.hpp"
+#include "identify/local_factors.hpp"
 
 namespace diffnea {
 
@@ -41,6 +42,12 @@ void require_a_scale(const std::vector<MotionStretch>& stretches, const FitLayou
 /// @param period  (n) between rows [s]
 void bound_delays(const VecX<double>& period, FitLayout& layout);
 
+/// Holds delay and speed of drives whose command never changes within a run, which no motion tells.
+/// @param notes  gets a line for each
+void hold_without_commands(const std::vector<MotionStretch>& stretches,
+                           const std::vector<std::string>& joints, FitLayout& layout,
+                           std::vector<std::string>& notes);
+
 /// Windows of robots whose drives close a loop [s]: many times what it remembers, and many of them
 /// in a long run, so that they are fitted side by side.
 inline constexpr double kForgets = 10.0;
@@ -50,13 +57,23 @@ inline constexpr double kForgets = 10.0;
 /// finds one: the best of them after a short horizon goes on.
 inline constexpr double kSpeedShares[] = {1.0, 0.6, 0.3};
 
+/// Largest error at which a drive saturates where a fit begins, over the largest one of the
+/// recording: the recording tells of it; or the drive is saturated but for moments.
+enum class ReachStart { kSeldom, kMostly };
+
+/// Windows over which a joint's drive pulls one way, so that a torque of one instant is that of all
+/// of it. Without a drive, all count.
+/// @param shape  (s) with the delays of the drives
+CountsFor steady_windows(const std::vector<MotionStretch>& stretches, const FitLayout& layout,
+                         const VecX<double>& shape);
+
 /// Where a fit of drives may begin: the delay at which the torques of one instant balance best, and
 /// an error at which drives saturate that the recording reaches.
 /// @param windows      short ones
 /// @param speed_share  one of kSpeedShares
 /// @param shape        (s) values to begin at, written
 void guess_drives(const Model& model, const std::vector<MotionStretch>& stretches,
-                  const std::vector<MotionWindow>& windows, double speed_share, FitLayout& layout,
-                  VecX<double>& shape);
+                  const std::vector<MotionWindow>& windows, double speed_share, ReachStart reach,
+                  FitLayout& layout, VecX<double>& shape);
 
 }  // namespace diffnea

@@ -14,7 +14,6 @@
 
 #include "core/constants.hpp"
 #include "identify/drives.hpp"
-#include "identify/local_factors.hpp"
 #include "identify/passes.hpp"
 
 namespace diffnea {
@@ -73,15 +72,6 @@ MotionData pieces_of(const MotionData& data, const FitLayout& layout, double hor
   return out;
 }
 
-/// Linear parameters that fit the torques of one instant; empty where these are too few.
-VecX<double> inverse_guess(const FitLayout& layout, const std::vector<JointFactor>& factors) {
-  try {
-    return fit_linear(layout, factors).x;
-  } catch (const DataError&) {
-    return {};
-  }
-}
-
 /// The layout with rotors that rule what the joints feel: behind a high gear they do. What no
 /// torque tells is begun at from the links, and from there.
 FitLayout with_heavy_rotors(FitLayout layout, const VecX<double>& inertia) {
@@ -107,6 +97,7 @@ bool has_gains(const FitLayout& layout) {
 struct Start {
   std::optional<double> speed_share{};  ///< one of kSpeedShares; none: no bounds at all
   bool heavy_rotors = false;
+  ReachStart reach = ReachStart::kSeldom;
   bool at_file = false;  ///< at the gains that the model has, whatever torques of one instant say
 };
 
@@ -120,9 +111,17 @@ MotionBeginning beginning(const Model& model, const MotionData& data, const FitL
   const std::vector<MotionWindow> windows = cut_windows(data.train, first);
   const std::vector<bool> commanded = commanded_joints(layout);
   if (!from.speed_share) hold_bounds_off(out.layout, out.shape);
+  if (from.reach == ReachStart::kMostly)  // dead band and speed do not show then
+    for (std::size_t k = 0; k < out.layout.shape.size(); ++k) {
+      FitParameter& s = out.layout.shape[k];
+      if (s.fixed || !is_bound_of_drive(out.layout, s) || s.name.ends_with(".reach")) continue;
+      s.fixed = true;
+      s.prior = out.shape[static_cast<long>(k)] = no_bound(out.layout, s);
+    }
   if (std::ranges::any_of(commanded, std::identity()))
-    guess_drives(model, data.train, windows, from.speed_share.value_or(1.0), out.layout, out.shape);
-  const std::vector<JointFactor> factors =
+    guess_drives(model, data.train, windows, from.speed_share.value_or(1.0), from.reach, out.layout,
+                 out.shape);
+  std::vector<JointFactor> factors =
       hold_absorbed(model, data.train, windows, out.layout, out.notes);
   if (count_free(out.layout) == 0.0)
     throw ModelError(
@@ -133,6 +132,10 @@ MotionBeginning beginning(const Model& model, const MotionData& data, const FitL
   const bool driven = std::ranges::any_of(data.train, [](const MotionStretch& s) {
     return s.command || s.u.cwiseAbs().maxCoeff() > 0.0;
   });
+  if (from.reach == ReachStart::kMostly)
+    factors =
+        local_factors(model, out.layout, data.train, windows, middle_motions(data.train, windows),
+                      steady_windows(data.train, out.layout, out.shape));
   if (driven && !from.at_file)
     out.guess = inverse_guess(
         from.heavy_rotors
@@ -242,6 +245,7 @@ MotionBeginning best_beginning(const Model& model, const MotionData& data, const
   std::vector<Start> starts{{}, {.heavy_rotors = true}};
   if (has_gains(layout)) starts.push_back({.at_file = true});
   for (const double share : kSpeedShares) starts.push_back({.speed_share = share});
+  starts.push_back({.speed_share = 1.0, .reach = ReachStart::kMostly});
   for (const Start& start : starts) {
     fits.push_back(std::make_unique<MotionClimb>(
         model, some, beginning(model, some, layout, first, start), limit, options, progress));

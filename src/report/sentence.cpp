@@ -179,7 +179,7 @@ std::string witness_words(const Finding& f) {
   if (f.witness.empty() && follows_commands(f))
     return "an error of " + number(left) +
            " times the encoders' noise is left on held-out data, and no effect that was tried "
-           "explains it; gaps, springs and lags of drives are not tried";
+           "explains it";
   if (f.witness.empty() && is_of_ball(f, left))
     return "an error of " +
            number(f.series.empty() ? f.gain.after : f.ball->extended_rms / f.ball->sigma) +
