@@ -93,6 +93,23 @@ bool has_gains(const FitLayout& layout) {
   });
 }
 
+/// Tells whether some joint is far from its commands in most rows, as behind a drive that nearly
+/// always saturates.
+bool is_far_from_commands(const std::vector<MotionStretch>& stretches,
+                          const std::vector<bool>& commanded) {
+  constexpr double kFar = 0.5, kMost = 0.5;  // share of the largest error, and of the rows
+  for (std::size_t j = 0; j < commanded.size(); ++j) {
+    if (!commanded[j]) continue;
+    const int joint = static_cast<int>(j);
+    double most = 0.0;
+    for (const MotionStretch& s : stretches)
+      most = std::max(most, largest_error(s, joint, 0.0, kNoBound));
+    if (most > 0.0 && saturated_share(stretches, joint, 0.0, kNoBound, kFar * most) > kMost)
+      return true;
+  }
+  return false;
+}
+
 /// Where a fit of drives begins.
 struct Start {
   std::optional<double> speed_share{};  ///< one of kSpeedShares; none: no bounds at all
@@ -245,7 +262,8 @@ MotionBeginning best_beginning(const Model& model, const MotionData& data, const
   std::vector<Start> starts{{}, {.heavy_rotors = true}};
   if (has_gains(layout)) starts.push_back({.at_file = true});
   for (const double share : kSpeedShares) starts.push_back({.speed_share = share});
-  starts.push_back({.speed_share = 1.0, .reach = ReachStart::kMostly});
+  if (is_far_from_commands(some.train, commanded_joints(layout)))
+    starts.push_back({.speed_share = 1.0, .reach = ReachStart::kMostly});
   for (const Start& start : starts) {
     fits.push_back(std::make_unique<MotionClimb>(
         model, some, beginning(model, some, layout, first, start), limit, options, progress));
