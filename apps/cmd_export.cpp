@@ -14,6 +14,7 @@ namespace {
 struct ExportCommand {
   CommonOptions common;
   ModelReading reading;
+  ModelWriting writing;
   std::string model, out;
 };
 
@@ -21,7 +22,7 @@ void run_export(const ExportCommand& c) {
   check_output(c.out, {c.model});
   const Model model = read_model_or_run(c.model, c.reading);
   check_output(c.out, {model.source});
-  const std::vector<std::string> left_out = write_model(model, c.out, c.reading);
+  const std::vector<std::string> left_out = write_model(model, c.out, c.reading, c.writing);
   if (c.common.json) {
     std::fputs(export_result_json(c.model, c.out, left_out).c_str(), stdout);
     return;
@@ -50,6 +51,11 @@ void add_export(CLI::App& app) {
       ->transform(robot_file);
   command->add_option("-o,--output", c->out, "file to write: .urdf, .xml (MJCF) or .json")
       ->required();
+  command
+      ->add_option("--mujoco", c->writing.mujoco,
+                   "oldest MuJoCo that has to load an MJCF: 2.2, or 3.5, whose actuators have a "
+                   "delay")
+      ->capture_default_str();
   add_options(*command, c->reading);
   add_common(*command, c->common);
   command->callback([c] { run_export(*c); });

@@ -34,6 +34,7 @@ void tell_who_lags(const Recording& r, const std::string& file) {
   constexpr double kWorthAWord = 0.2;  // of the motion, root mean square
   if (r.qcmd.rows() != r.q.rows()) return;
   for (long j = 0; j < r.q.cols(); ++j) {
+    if (!r.has_tau[static_cast<std::size_t>(j)]) continue;  // passive, or led by its own drive
     const VecX<double> wanted = r.qcmd.col(j);
     const double motion = (wanted.array() - wanted.mean()).matrix().norm();
     const double miss = (r.q.col(j) - wanted).norm() / motion;

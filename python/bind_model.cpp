@@ -317,13 +317,18 @@ void bind_model(py::module_& m) {
       .def_static("from_dict", &from_dict, "data"_a, "The inverse of :meth:`to_dict`.")
       .def(
           "save",
-          [](const Model& x, const std::filesystem::path& path) { return write_model(x, path); },
-          "path"_a, py::call_guard<py::gil_scoped_release>(),
+          [](const Model& x, const std::filesystem::path& path, const std::string& mujoco) {
+            return write_model(x, path, {}, {mujoco});
+          },
+          "path"_a, "mujoco"_a = ModelWriting{}.mujoco, py::call_guard<py::gil_scoped_release>(),
           "Write ``.json`` (all of it), ``.urdf`` or ``.xml``: the document that the model was "
           "read "
           "from with its values put\n"
           "in place, or, where it came in another form, a new one without looks. Return what the "
-          "format cannot hold, one phrase each.")
+          "format cannot hold, one phrase each. ``mujoco`` is the oldest MuJoCo that has to load "
+          "an "
+          "MJCF: 3.5 has delays of drives.\n"
+          "Raise ``ModelError`` for an extension that names no format, and for no version.")
       .def("__repr__", &model_repr)
       .def("__eq__",
            [](const Model& a, const py::object& other) {

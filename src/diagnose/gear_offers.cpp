@@ -10,15 +10,15 @@
 namespace diffnea {
 
 std::vector<std::vector<EffectSpec>> gear_offers(const BoundEffect& gear, const FitLayout& layout,
-                                                 const VecX<double>& x, const MotionData& data) {
+                                                 const VecX<double>& x, const VecX<double>& shape,
+                                                 const MotionData& data) {
   std::vector<std::vector<EffectSpec>> out;
   const int joint = gear.joints.front();
-  const double gain = drive_gain(layout, x, joint);
   BoundEffect at = gear;
-  set_flanks(gain, rotor_of(layout, x, joint), at);
+  set_flanks(drive_gain(layout, x, joint), rotor_of(layout, x, joint), at);
   for (const double side : {0.0, 1.0}) {
     out.emplace_back();
-    for (const double size : gear_sizes(at, gain, data)) {
+    for (const double size : gear_sizes(at, layout, x, shape, data)) {
       at.parameters[gear_size(at)] = size;
       EffectSpec spec = to_spec(at);
       for (EffectParameter& p : spec.parameters)

@@ -11,9 +11,10 @@
 namespace diffnea {
 
 /// A gear at each of its sizes, with the encoder at the link, then at the motor.
-/// @param layout, x  of the fit beside which it is tried: its drive sets sizes and flanks
+/// @param layout, x, shape  of the fit beside which it is tried: its drive sets sizes and flanks
 std::vector<std::vector<EffectSpec>> gear_offers(const BoundEffect& gear, const FitLayout& layout,
-                                                 const VecX<double>& x, const MotionData& data);
+                                                 const VecX<double>& x, const VecX<double>& shape,
+                                                 const MotionData& data);
 
 /// Tells whether an effect cannot act beside those of the model: a second hidden motor at a joint,
 /// or one that reads accelerations there.

@@ -24,6 +24,15 @@ struct MotionSolution {
   double cost = 0.0;                  ///< Σ (e/σ)² over the windows
 };
 
+/// Weight of the least change, where the recording tells no other.
+inline constexpr double kRidge = 1e-9;
+
+/// Index among the layout's effects; −1: it is not there.
+int index_of(const FitLayout& layout, const EffectSpec& spec);
+
+/// Tells whether a shape has one of some values, within bounds: what a gear loses when it brakes.
+bool is_chosen(const ParameterInfo& p);
+
 /// Data of a search, which outlive it.
 struct MotionSearchData {
   const RecordingSource& train;
@@ -75,6 +84,8 @@ class MotionSearch {
   FitLayout layout_of(const Model& model, const std::vector<EffectSpec>& terms,
                       const std::vector<std::string>& held) const;
   MotionSolution solved(MotionSolution from, const std::vector<EffectSpec>& terms) const;
+  /// The solution with all that a joint's drive does times a factor; not fitted.
+  MotionSolution at_scale(MotionSolution of, const std::string& joint, double by) const;
   bool may_be_rigid(const MotionSolution& at, int gear) const;
   /// Columns of a term's linear parameters that are fitted.
   std::vector<long> sizes_of(const MotionSolution& at, const EffectSpec& term) const;

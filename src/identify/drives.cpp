@@ -5,20 +5,20 @@
 #include <functional>
 
 #include <diffnea/core/text.hpp>
+#include <diffnea/dynamics/mass_matrix.hpp>
 #include <diffnea/recording/commands.hpp>
 
 #include "core/constants.hpp"
 #include "identify/ball_identify.hpp"
-#include "identify/local_factors.hpp"
 
 namespace diffnea {
 namespace {
 
-/// Delays of a position loop that are looked at [s]: radio and bus included, no operator.
-constexpr double kMostDelay = 0.2, kDelayStep = 0.02, kFinestDelay = 4e-3;
-/// Largest error of a command over the reach that a fit begins with, so that the recording tells of
-/// it.
-constexpr double kInside = 0.9;
+/// Steps of the delays that are looked at, and the finest of them [s].
+constexpr double kDelayStep = 0.02, kFinestDelay = 4e-3;
+/// Reach that a fit begins with, over the largest error of the command: where the drive saturates
+/// seldom, and where it does so but for moments.
+constexpr double kSeldom = 0.9, kMostly = 0.1;
 /// Delay and bounds of a drive.
 struct Bounds {
   double delay = 0.0, speed = kNoBound, reach = kNoBound;
@@ -27,9 +27,10 @@ struct Bounds {
 /// Where a drive's fit may begin.
 struct Guess {
   std::size_t effect = 0;
-  double most_rate = 0.0;  // of its commands
+  double most_rate = 0.0;   // largest rate of the commands [rad/s] or [m/s]
+  double most_error = 0.0;  // largest error of the position [rad] or [m]
   Bounds best = {};
-  double left = kInfinity;  // Σ e² of its joint there
+  double left = kInfinity;  // Σ e² of its joint there, or its mean
 };
 
 bool has_command(const Recording& r, long joint) {
@@ -64,7 +65,7 @@ EffectSpec& drive_at(Model& model, const std::string& joint) {
   const ModelLink& link = *std::ranges::find(model.links, joint, &ModelLink::joint);
   if (link.servo) {
     servo.parameters = {{"stiffness", link.servo->kp, ""}, {"damping", link.servo->kd, ""}};
-    if (std::isfinite(link.limits.effort) && link.limits.effort > 0.0)
+    if (std::isfinite(link.limits.effort) && link.limits.effort > 0.0 && link.servo->kp > 0.0)
       servo.parameters.push_back({"reach", link.limits.effort / link.servo->kp, ""});
   }
   model.effects.push_back(std::move(servo));
@@ -108,42 +109,28 @@ std::vector<bool> commanded_joints(const FitLayout& layout) {
   return out;
 }
 
-double largest_error(const MotionStretch& stretch, int joint, double delay, double speed) {
-  CommandPath limited;
-  if (speed < kNoBound) {
-    limited = *stretch.command;
-    limited.limit_speed(joint, speed);
-  }
-  const CommandPath& led = speed < kNoBound ? limited : *stretch.command;
-  double most = 0.0;
-  for (std::size_t k = 0; k < stretch.time.size(); ++k) {
-    const double error = led.gain(joint) * std::abs(led.at(joint, stretch.time[k], delay).q -
-                                                    stretch.q(static_cast<long>(k), joint));
-    if (error > most) most = error;  // none where the drive is off
-  }
-  return most;
+bool is_rotor(const FitLayout& layout, const FitParameter& p) {
+  return p.effect >= 0 &&
+         layout.effects[static_cast<std::size_t>(p.effect)].info().name == "armature";
 }
 
-double largest_rate(const MotionStretch& stretch, int joint) {
-  double most = 0.0;
-  for (const double t : stretch.time) {
-    const double rate =
-        (stretch.command->at(joint, t, 0.0).q - stretch.command->at(joint, t, kMostDelay).q) /
-        kMostDelay;
-    if (std::abs(rate) > most) most = std::abs(rate);
+VecX<double> link_inertias(Model model, const PositionRange& range) {
+  model.effects.clear();
+  const VecX<double> q = 0.5 * (range.low + range.high);
+  MassMatrixWorkspace<double, double> ws;
+  return mass_matrix<double, double>(make_tree(model), q, ws).diagonal();
+}
+
+void scale_drive(const FitLayout& layout, const BoundEffect& drive, const VecX<double>& inertia,
+                 double by, VecX<double>& x) {
+  for (std::size_t k = 0; k < layout.linear.size(); ++k) {
+    const FitParameter& p = layout.linear[k];
+    if (p.fixed || p.effect < 0 || p.theta >= 0 || p.unit == "1") continue;
+    if (layout.effects[static_cast<std::size_t>(p.effect)].joints != drive.joints) continue;
+    double& value = x[static_cast<long>(k)];
+    const double links = is_rotor(layout, p) ? inertia[drive.joints.front()] : 0.0;
+    value = links > 0.0 ? std::max(by * (value + links) - links, 0.0) : by * value;
   }
-  return most;
-}
-
-bool is_bound_of_drive(const FitLayout& layout, const FitParameter& shape) {
-  return shape.effect >= 0 && !shape.name.ends_with(".delay") &&
-         layout.effects[static_cast<std::size_t>(shape.effect)].info().has(Trait::kReadsCommand);
-}
-
-double no_bound(const FitLayout& layout, const FitParameter& shape) {
-  return layout.effects[static_cast<std::size_t>(shape.effect)]
-      .parameter_info[static_cast<std::size_t>(shape.index)]
-      .initial;
 }
 
 void require_a_scale(const std::vector<MotionStretch>& stretches, const FitLayout& layout) {
@@ -175,6 +162,37 @@ void bound_delays(const VecX<double>& period, FitLayout& layout) {
     if (s.effect < 0 || !s.name.ends_with(".delay")) continue;
     const BoundEffect& e = layout.effects[static_cast<std::size_t>(s.effect)];
     if (e.info().has(Trait::kReadsCommand)) s.least = -period[e.joints.front()];
+  }
+}
+
+void hold_without_commands(const std::vector<MotionStretch>& stretches,
+                           const std::vector<std::string>& joints, FitLayout& layout,
+                           std::vector<std::string>& notes) {
+  for (std::size_t e = 0; e < layout.effects.size(); ++e) {
+    const BoundEffect& drive = layout.effects[e];
+    if (!drive.info().has(Trait::kReadsCommand)) continue;
+    const int j = drive.joints.front();
+    const auto is_constant = [&](const MotionStretch& s) {
+      double low = kInfinity, high = -kInfinity;
+      for (const double t : s.time)
+        if (const double c = s.command->at(j, t, 0.0).q; std::isfinite(c)) {
+          low = std::min(low, c);
+          high = std::max(high, c);
+        }
+      return !(high > low);
+    };
+    if (!std::ranges::all_of(stretches, is_constant)) continue;
+    for (FitParameter& s : layout.shape)
+      if (s.effect == static_cast<int>(e) &&
+          (s.name.ends_with(".delay") || s.name.ends_with(".speed")))
+        s.fixed = true;
+    const std::string& name = joints[static_cast<std::size_t>(j)];
+    notes.push_back(kWarning +
+                    ("qcmd_" + name +
+                     " never changes within a run: delay and speed of the drive of " + name +
+                     " are not told and stay at the model's values; gain, damping and friction are "
+                     "told by what else moves the joint, and by nothing where it rests. Record "
+                     "waves of several speeds, then steps"));
   }
 }
 
@@ -230,18 +248,48 @@ bool fit_drives(Model& model, const RecordingSource& train, IdentifyOptions& opt
   return true;
 }
 
+CountsFor steady_windows(const std::vector<MotionStretch>& stretches, const FitLayout& layout,
+                         const VecX<double>& shape) {
+  std::vector<double> delay(static_cast<std::size_t>(layout.num_dofs), kNaN);
+  for (std::size_t s = 0; s < layout.shape.size(); ++s) {
+    const FitParameter& p = layout.shape[s];
+    if (p.effect < 0 || !p.name.ends_with(".delay")) continue;
+    const BoundEffect& e = layout.effects[static_cast<std::size_t>(p.effect)];
+    if (e.info().has(Trait::kReadsCommand))
+      delay[static_cast<std::size_t>(e.joints.front())] = shape[static_cast<long>(s)];
+  }
+  return [&stretches, delay](const MotionWindow& w, int joint) {
+    const double late = delay[static_cast<std::size_t>(joint)];
+    const MotionStretch& s = stretches[w.stretch];
+    if (std::isnan(late) || !s.command) return true;
+    bool forth = false, back = false;
+    for (long k = w.first; k < w.first + w.rows; ++k) {
+      const double error =
+          s.command->at(joint, s.time[static_cast<std::size_t>(k)], late).q - s.q(k, joint);
+      forth = forth || error > 0.0;
+      back = back || error < 0.0;
+    }
+    return !(forth && back);
+  };
+}
+
 void guess_drives(const Model& model, const std::vector<MotionStretch>& stretches,
-                  const std::vector<MotionWindow>& windows, double speed_share,
+                  const std::vector<MotionWindow>& windows, double speed_share, ReachStart reach,
                   FitLayout& layout, VecX<double>& shape) {
   const auto most_of = [&](const auto& value, int joint) {
     double most = 0.0;
     for (const MotionStretch& s : stretches) most = std::max(most, value(s, joint));
     return most;
   };
+  const auto any_error = [](const MotionStretch& s, int joint) {
+    return largest_error(s, joint, 0.0, kNoBound);
+  };
   std::vector<Guess> drives;
   for (std::size_t e = 0; e < layout.effects.size(); ++e)
-    if (layout.effects[e].info().has(Trait::kReadsCommand))
-      drives.push_back({e, most_of(largest_rate, layout.effects[e].joints.front())});
+    if (layout.effects[e].info().has(Trait::kReadsCommand)) {
+      const int joint = layout.effects[e].joints.front();
+      drives.push_back({e, most_of(largest_rate, joint), most_of(any_error, joint)});
+    }
   const auto set = [&](std::size_t e, const char* name, double value) {
     const std::vector<ParameterInfo>& info = layout.effects[e].parameter_info;
     const int index = static_cast<int>(
@@ -262,21 +310,28 @@ void guess_drives(const Model& model, const std::vector<MotionStretch>& stretche
   const auto try_delays = [&](const std::function<double(const Guess&)>& delay) {
     const auto bounds = [&](const Guess& g) {
       const bool is_slow = speed_share < 1.0 && g.most_rate > 0.0;  // a constant command has none
-      return Bounds{delay(g), is_slow ? speed_share * g.most_rate : kNoBound};
+      return Bounds{
+          delay(g), is_slow ? speed_share * g.most_rate : kNoBound,
+          reach == ReachStart::kMostly && g.most_error > 0.0 ? kMostly * g.most_error : kNoBound};
     };
     std::vector<Bounds> tried;
     for (const Guess& g : drives) {
       tried.push_back(bounds(g));
       set_all(g, tried.back());
     }
+    const CountsFor counts =
+        reach == ReachStart::kMostly ? steady_windows(stretches, layout, shape) : CountsFor{};
     const std::vector<JointFactor> factors =
-        local_factors(model, layout, stretches, windows, motions);
-    const VecX<double> x = fit_linear(layout, factors).x;
+        local_factors(model, layout, stretches, windows, motions, counts);
+    const VecX<double> x = inverse_guess(layout, factors);
+    if (x.size() == 0) return;
     for (std::size_t k = 0; k < drives.size(); ++k) {
       Guess& g = drives[k];
-      double left = 0.0;
-      for (const int j : layout.effects[g.effect].joints)
-        left += factors[static_cast<std::size_t>(j)].sum_of_squares(x);
+      const int j = layout.effects[g.effect].joints.front();
+      double left = factors[static_cast<std::size_t>(j)].sum_of_squares(x);
+      if (counts)
+        left /= static_cast<double>(
+            std::ranges::count_if(windows, [&](const MotionWindow& w) { return counts(w, j); }));
       if (!(left < g.left)) continue;
       g.left = left;
       g.best = tried[k];
@@ -297,7 +352,8 @@ void guess_drives(const Model& model, const std::vector<MotionStretch>& stretche
     const auto error = [&](const MotionStretch& s, int joint) {
       return largest_error(s, joint, g.best.delay, g.best.speed);
     };
-    g.best.reach = kInside * most_of(error, layout.effects[g.effect].joints.front());
+    if (reach == ReachStart::kSeldom)
+      g.best.reach = kSeldom * most_of(error, layout.effects[g.effect].joints.front());
     if (!(g.best.reach > 0.0)) g.best.reach = kNoBound;
     set_all(g, g.best);
   }

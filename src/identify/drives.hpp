@@ -4,17 +4,26 @@
 
 #include <diffnea/identify/identify.hpp>
 
-#include "motion/continuation.hpp"
+#include "identify/drive_bounds.hpp"
+#include "identify/local_factors.hpp"
 
 namespace diffnea {
 
 /// Joints that a drive of the layout leads by commanded positions, (n).
 std::vector<bool> commanded_joints(const FitLayout& layout);
 
-/// Tells whether a shape bounds what a drive of the layout does: it is no delay.
-bool is_bound_of_drive(const FitLayout& layout, const FitParameter& shape);
-/// Value of the shape where it bounds nothing.
-double no_bound(const FitLayout& layout, const FitParameter& shape);
+/// Tells whether a parameter is a rotor's inertia.
+bool is_rotor(const FitLayout& layout, const FitParameter& p);
+
+/// Inertias that the links alone have about their joints in the middle of the motion, (n).
+VecX<double> link_inertias(Model model, const PositionRange& range);
+
+/// All that a joint's drive does times a factor, and the inertia that it moves with it: what links
+/// that weigh little hardly tell, and a step from where the fit is does not show.
+/// @param inertia  (n) of the links, which stay
+/// @param x        (p) linear parameters; those that are held stay
+void scale_drive(const FitLayout& layout, const BoundEffect& drive, const VecX<double>& inertia,
+                 double by, VecX<double>& x);
 
 /// Fits the laws of drives where a recording has commands and no torque: by the motion that they
 /// make, links' inertias as the model has them, for without a torque only ratios to these are told.
@@ -33,23 +42,30 @@ void require_a_scale(const std::vector<MotionStretch>& stretches, const FitLayou
 /// @param period  (n) between rows [s]
 void bound_delays(const VecX<double>& period, FitLayout& layout);
 
-/// No bound, as the effect has it.
-inline constexpr double kNoBound = 1e3;
+/// Holds delay and speed of drives whose command never changes within a run, which no motion tells.
+/// @param notes  gets a line for each
+void hold_without_commands(const std::vector<MotionStretch>& stretches,
+                           const std::vector<std::string>& joints, FitLayout& layout,
+                           std::vector<std::string>& notes);
 
 /// Windows of robots whose drives close a loop [s]: many times what it remembers, and many of them
 /// in a long run, so that they are fitted side by side.
 inline constexpr double kForgets = 10.0;
 
-/// Largest error of a joint's command that its drive sees, its gain included [rad] or [m].
-/// @param speed  of its setpoint at most
-double largest_error(const MotionStretch& stretch, int joint, double delay, double speed);
-/// Largest rate of a joint's command, over the delays that a drive may have: a step is no rate.
-double largest_rate(const MotionStretch& stretch, int joint);
-
 /// Speeds of a setpoint from which fits are begun, over the largest one of the commands; 1: none.
 /// Torques of one instant do not tell which is right, and a fit that begins without a bound never
 /// finds one: the best of them after a short horizon goes on.
 inline constexpr double kSpeedShares[] = {1.0, 0.6, 0.3};
+
+/// Largest error at which a drive saturates where a fit begins, over the largest one of the
+/// recording: the recording tells of it; or the drive is saturated but for moments.
+enum class ReachStart { kSeldom, kMostly };
+
+/// Windows over which a joint's drive pulls one way, so that a torque of one instant is that of all
+/// of it. Without a drive, all count.
+/// @param shape  (s) with the delays of the drives
+CountsFor steady_windows(const std::vector<MotionStretch>& stretches, const FitLayout& layout,
+                         const VecX<double>& shape);
 
 /// Where a fit of drives may begin: the delay at which the torques of one instant balance best, and
 /// an error at which drives saturate that the recording reaches.
@@ -57,7 +73,7 @@ inline constexpr double kSpeedShares[] = {1.0, 0.6, 0.3};
 /// @param speed_share  one of kSpeedShares
 /// @param shape        (s) values to begin at, written
 void guess_drives(const Model& model, const std::vector<MotionStretch>& stretches,
-                  const std::vector<MotionWindow>& windows, double speed_share, FitLayout& layout,
-                  VecX<double>& shape);
+                  const std::vector<MotionWindow>& windows, double speed_share, ReachStart reach,
+                  FitLayout& layout, VecX<double>& shape);
 
 }  // namespace diffnea

@@ -56,6 +56,18 @@ int free_size(const FitLayout& layout, std::size_t effect) {
   return -1;
 }
 
+/// Error at which a joint's drive saturates [rad] or [m]; kNoBound: nowhere, or none leads it.
+double drive_reach(const FitLayout& layout, const VecX<double>& shape, int joint) {
+  for (std::size_t k = 0; k < layout.shape.size(); ++k) {
+    const FitParameter& p = layout.shape[k];
+    if (p.effect < 0 || !p.name.ends_with(".reach")) continue;
+    const BoundEffect& e = layout.effects[static_cast<std::size_t>(p.effect)];
+    if (e.info().has(Trait::kReadsCommand) && std::ranges::find(e.joints, joint) != e.joints.end())
+      return shape[static_cast<long>(k)];
+  }
+  return kNoBound;
+}
+
 }  // namespace
 
 bool has_gears(const FitLayout& layout) { return std::ranges::any_of(layout.effects, hides_motor); }
@@ -88,9 +100,12 @@ std::size_t gear_size(const BoundEffect& gear) {
                                   gear.parameter_info.begin());
 }
 
-std::vector<double> gear_sizes(const BoundEffect& gear, double gain, const MotionData& data) {
+std::vector<double> gear_sizes(const BoundEffect& gear, const FitLayout& layout,
+                               const VecX<double>& x, const VecX<double>& shape,
+                               const MotionData& data) {
   std::vector<double> out = gear.parameter_info[gear_size(gear)].search;
   const int joint = gear.joints.front();
+  const double gain = drive_gain(layout, x, joint);
   const double noise = data.noise.position[joint];
   const bool spring = gear.info().motor == HiddenMotor::kSpring;
   if (!spring) {
@@ -101,6 +116,7 @@ std::vector<double> gear_sizes(const BoundEffect& gear, double gain, const Motio
     double error = 0.0;
     for (const MotionStretch& s : data.train)
       if (s.command) error = std::max(error, largest_error(s, joint, 0.0, kNoBound));
+    error = std::min(error, drive_reach(layout, shape, joint));
     out.clear();
     for (double k = gain; k * noise < gain * error; k *= kSpringStep) out.push_back(k);
     std::ranges::reverse(out);
@@ -202,7 +218,7 @@ MotionBeginning beginning_with_gears(const Model& model, const MotionData& data,
     const std::size_t size = gear_size(gear);
     const bool given = gear.parameters[size] != gear.parameter_info[size].initial;
     if (!given && free_size(out.layout, e) >= 0) {
-      const std::vector<double> of = gear_sizes(gear, gain, data);
+      const std::vector<double> of = gear_sizes(gear, out.layout, out.start, out.shape, data);
       if (!of.empty()) {
         gear.parameters[size] = of.front();
         searched.push_back(e);

@@ -16,10 +16,12 @@ double drive_gain(const FitLayout& layout, const VecX<double>& x, int joint);
 double rotor_of(const FitLayout& layout, const VecX<double>& x, int joint);
 
 /// Values at which a gear's size is looked for, those nearest to a rigid one first. Springs: up to
-/// where the drive's largest error winds them up by less than the encoder's noise; gaps: beyond
+/// where the drive's largest torque winds them up by less than the encoder's noise; gaps: beyond
 /// that noise. Those of the catalogue where no drive leads the joint.
-/// @param gain  of the joint's drive; 0: none
-std::vector<double> gear_sizes(const BoundEffect& gear, double gain, const MotionData& data);
+/// @param x, shape  linear parameters and shapes of the layout: the joint's drive
+std::vector<double> gear_sizes(const BoundEffect& gear, const FitLayout& layout,
+                               const VecX<double>& x, const VecX<double>& shape,
+                               const MotionData& data);
 
 /// Index of the parameter that gear_sizes() is of.
 std::size_t gear_size(const BoundEffect& gear);

@@ -27,7 +27,8 @@ std::vector<LocalMotion> middle_motions(const std::vector<MotionStretch>& stretc
 std::vector<JointFactor> local_factors(const Model& model, const FitLayout& layout,
                                        const std::vector<MotionStretch>& stretches,
                                        const std::vector<MotionWindow>& windows,
-                                       const std::vector<LocalMotion>& motions) {
+                                       const std::vector<LocalMotion>& motions,
+                                       const CountsFor& counts) {
   const int n = layout.num_dofs;
   const long p = static_cast<long>(layout.linear.size());
   const Tree<double> tree = make_tree(model);
@@ -90,6 +91,7 @@ std::vector<JointFactor> local_factors(const Model& model, const FitLayout& layo
     }
     Y.col(p) = s.u.row(w.first + w.rows / 2).transpose();
     for (int j = 0; j < n; ++j) {
+      if (counts && !counts(w, j)) continue;
       JointFactor& f = out[static_cast<std::size_t>(j)];
       RowMatX<double> row(1, static_cast<long>(f.columns.size()) + 1);
       for (std::size_t k = 0; k < f.columns.size(); ++k)
@@ -99,6 +101,14 @@ std::vector<JointFactor> local_factors(const Model& model, const FitLayout& layo
     }
   }
   return out;
+}
+
+VecX<double> inverse_guess(const FitLayout& layout, const std::vector<JointFactor>& factors) {
+  try {
+    return fit_linear(layout, factors).x;
+  } catch (const DataError&) {
+    return {};
+  }
 }
 
 std::vector<JointFactor> hold_absorbed(const Model& model,

@@ -11,6 +11,7 @@
 #include "core/constants.hpp"
 #include "core/decompositions.hpp"
 #include "core/statistics.hpp"
+#include "identify/drive_notes.hpp"
 #include "identify/drives.hpp"
 #include "identify/gears.hpp"
 #include "identify/motion_race.hpp"
@@ -76,6 +77,7 @@ class MotionIdentification {
     const std::vector<bool> commanded = commanded_joints(layout);
     data_ = motion_data(train_, test_, commanded, result_.notes);
     bound_delays(data_.noise.period, layout);
+    hold_without_commands(data_.train, joint_names(model_), layout, result_.notes);
     require_a_scale(data_.train, layout);
     result_.data_report = train_.report();
     result_.summary.rows = data_.rows;
@@ -286,7 +288,6 @@ class MotionIdentification {
       if (def.sign != Sign::kFree && fit.x[k] < 1e-4 * scale[k])
         at_bound.push_back(static_cast<int>(k));
     }
-    hide_ratios(fit.x, std, identifiable);
     for (long k = 0; k < shape_std.size(); ++k) {
       const FitParameter& def = layout.shape[static_cast<std::size_t>(k)];
       if (def.fixed) continue;
@@ -294,6 +295,8 @@ class MotionIdentification {
       // Known to a factor of e, or to 1 rad or m, as in the inverse loss.
       shape_std[k] = s < (def.logarithmic ? fit.shape[k] : 1.0) ? s : kNaN;
     }
+    note_drives(data_, *climb_, model_, options_.motion, {std, shape_std, identifiable},
+                result_.notes);
     result_.parameters =
         parameter_estimates(layout, fit.x, fit.shape, std, identifiable, at_bound, shape_std);
     for (const EffectSpec& e : result_.model.effects)  // rotors, as set_rotors() has them
@@ -312,41 +315,6 @@ class MotionIdentification {
     result_.physically_consistent = true;
     add_errors();
     summarise();
-  }
-
-  /// A drive that follows has some gain: where its error is as large, links do not tell the scale
-  /// of what it, its rotor and its friction do, only ratios.
-  void hide_ratios(const VecX<double>& x, VecX<double>& std, std::vector<bool>& identifiable) {
-    const FitLayout& layout = climb_->layout();
-    std::vector<int> untold;  // joints
-    std::vector<std::string> at;
-    for (std::size_t k = 0; k < layout.linear.size(); ++k) {
-      const FitParameter& p = layout.linear[k];
-      if (p.fixed || p.effect < 0 || !p.name.ends_with(".stiffness")) continue;
-      const BoundEffect& e = layout.effects[static_cast<std::size_t>(p.effect)];
-      const long column = static_cast<long>(k);
-      if (!e.info().has(Trait::kReadsCommand) || (identifiable[k] && std[column] < x[column]))
-        continue;
-      constexpr double kNear = 3.0;
-      const bool is_near =
-          p.prior > 0.0 && x[column] < kNear * p.prior && x[column] > p.prior / kNear;
-      untold.push_back(e.joints.front());
-      at.push_back(e.where + " (" + format_number(x[column]) + " " + p.unit +
-                   (is_near ? ", near that of the description)" : ")"));
-    }
-    if (untold.empty()) return;
-    for (std::size_t k = 0; k < layout.linear.size(); ++k) {
-      const FitParameter& p = layout.linear[k];
-      const long column = static_cast<long>(k);
-      if (p.fixed || p.effect < 0 || std[column] < std::abs(x[column])) continue;
-      const std::vector<int>& joints = layout.effects[static_cast<std::size_t>(p.effect)].joints;
-      if (joints.empty() || std::ranges::find(untold, joints.front()) == untold.end()) continue;
-      identifiable[k] = false;
-      std[column] = kNaN;
-    }
-    result_.notes.push_back(
-        "the links do not tell how large the gain of the drive is at " + detail::join(at) +
-        "; ratios to it are told. To set it: --fix \"JOINT.position_servo.stiffness=K\"");
   }
 
   /// Errors at the longest horizon; test_raw from states that the positions alone give.

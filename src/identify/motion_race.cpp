@@ -11,11 +11,10 @@
 #include <diffnea/core/error.hpp>
 #include <diffnea/core/random.hpp>
 #include <diffnea/core/text.hpp>
-#include <diffnea/dynamics/mass_matrix.hpp>
 
 #include "core/constants.hpp"
 #include "identify/drives.hpp"
-#include "identify/local_factors.hpp"
+#include "identify/passes.hpp"
 
 namespace diffnea {
 namespace {
@@ -28,20 +27,6 @@ constexpr double kTrial = 1.0;
 constexpr double kPieces = 5.0, kMorePieces = 20.0;
 /// Scales at which a joint's drive is looked for, over where a fit has found it.
 constexpr double kScales[] = {0.1, 3.0, 10.0, 30.0, 100.0, 1000.0};
-/// ΔBIC that is very strong evidence (Kass, Raftery 1995).
-constexpr double kVeryStrong = 10.0;
-
-/// BIC of fits to the same positions.
-/// @param independent  errors among them
-double bic(double objective, double free, double independent) {
-  return independent * std::log(objective) + free * std::log(independent);
-}
-
-double count_free(const FitLayout& layout) {
-  const auto is_free = [](const FitParameter& p) { return !p.fixed; };
-  return static_cast<double>(std::ranges::count_if(layout.linear, is_free) +
-                             std::ranges::count_if(layout.shape, is_free));
-}
 
 /// Stretches that show what drives do at their bounds: of each joint, the one with its largest error
 /// and the one with its fastest command.
@@ -87,37 +72,6 @@ MotionData pieces_of(const MotionData& data, const FitLayout& layout, double hor
   return out;
 }
 
-/// Linear parameters that fit the torques of one instant; empty where these are too few.
-VecX<double> inverse_guess(const FitLayout& layout, const std::vector<JointFactor>& factors) {
-  try {
-    return fit_linear(layout, factors).x;
-  } catch (const DataError&) {
-    return {};
-  }
-}
-
-void hold_bounds_off(FitLayout& layout, VecX<double>& shape) {
-  for (std::size_t k = 0; k < layout.shape.size(); ++k) {
-    FitParameter& s = layout.shape[k];
-    if (s.fixed || !is_bound_of_drive(layout, s)) continue;
-    s.fixed = true;
-    s.prior = shape[static_cast<long>(k)] = no_bound(layout, s);
-  }
-}
-
-/// Inertias that the links alone have about their joints in the middle of the motion, (n).
-VecX<double> link_inertias(Model model, const PositionRange& range) {
-  model.effects.clear();
-  const VecX<double> q = 0.5 * (range.low + range.high);
-  MassMatrixWorkspace<double, double> ws;
-  return mass_matrix<double, double>(make_tree(model), q, ws).diagonal();
-}
-
-bool is_rotor(const FitLayout& layout, const FitParameter& p) {
-  return p.effect >= 0 &&
-         layout.effects[static_cast<std::size_t>(p.effect)].info().name == "armature";
-}
-
 /// The layout with rotors that rule what the joints feel: behind a high gear they do. What no
 /// torque tells is begun at from the links, and from there.
 FitLayout with_heavy_rotors(FitLayout layout, const VecX<double>& inertia) {
@@ -139,10 +93,28 @@ bool has_gains(const FitLayout& layout) {
   });
 }
 
+/// Tells whether some joint is far from its commands in most rows, as behind a drive that nearly
+/// always saturates.
+bool is_far_from_commands(const std::vector<MotionStretch>& stretches,
+                          const std::vector<bool>& commanded) {
+  constexpr double kFar = 0.5, kMost = 0.5;  // share of the largest error, and of the rows
+  for (std::size_t j = 0; j < commanded.size(); ++j) {
+    if (!commanded[j]) continue;
+    const int joint = static_cast<int>(j);
+    double most = 0.0;
+    for (const MotionStretch& s : stretches)
+      most = std::max(most, largest_error(s, joint, 0.0, kNoBound));
+    if (most > 0.0 && saturated_share(stretches, joint, 0.0, kNoBound, kFar * most) > kMost)
+      return true;
+  }
+  return false;
+}
+
 /// Where a fit of drives begins.
 struct Start {
   std::optional<double> speed_share{};  ///< one of kSpeedShares; none: no bounds at all
   bool heavy_rotors = false;
+  ReachStart reach = ReachStart::kSeldom;
   bool at_file = false;  ///< at the gains that the model has, whatever torques of one instant say
 };
 
@@ -156,9 +128,17 @@ MotionBeginning beginning(const Model& model, const MotionData& data, const FitL
   const std::vector<MotionWindow> windows = cut_windows(data.train, first);
   const std::vector<bool> commanded = commanded_joints(layout);
   if (!from.speed_share) hold_bounds_off(out.layout, out.shape);
+  if (from.reach == ReachStart::kMostly)  // dead band and speed do not show then
+    for (std::size_t k = 0; k < out.layout.shape.size(); ++k) {
+      FitParameter& s = out.layout.shape[k];
+      if (s.fixed || !is_bound_of_drive(out.layout, s) || s.name.ends_with(".reach")) continue;
+      s.fixed = true;
+      s.prior = out.shape[static_cast<long>(k)] = no_bound(out.layout, s);
+    }
   if (std::ranges::any_of(commanded, std::identity()))
-    guess_drives(model, data.train, windows, from.speed_share.value_or(1.0), out.layout, out.shape);
-  const std::vector<JointFactor> factors =
+    guess_drives(model, data.train, windows, from.speed_share.value_or(1.0), from.reach, out.layout,
+                 out.shape);
+  std::vector<JointFactor> factors =
       hold_absorbed(model, data.train, windows, out.layout, out.notes);
   if (count_free(out.layout) == 0.0)
     throw ModelError(
@@ -169,6 +149,10 @@ MotionBeginning beginning(const Model& model, const MotionData& data, const FitL
   const bool driven = std::ranges::any_of(data.train, [](const MotionStretch& s) {
     return s.command || s.u.cwiseAbs().maxCoeff() > 0.0;
   });
+  if (from.reach == ReachStart::kMostly)
+    factors =
+        local_factors(model, out.layout, data.train, windows, middle_motions(data.train, windows),
+                      steady_windows(data.train, out.layout, out.shape));
   if (driven && !from.at_file)
     out.guess = inverse_guess(
         from.heavy_rotors
@@ -180,100 +164,6 @@ MotionBeginning beginning(const Model& model, const MotionData& data, const FitL
   for (std::size_t k = 0; k < layout.linear.size(); ++k)
     if (out.layout.linear[k].fixed) out.start[static_cast<long>(k)] = out.layout.linear[k].prior;
   return out;
-}
-
-/// Bounds of drives that the fit moves, as indices of shapes.
-std::vector<std::size_t> free_bounds(const FitLayout& layout) {
-  std::vector<std::size_t> out;
-  for (std::size_t k = 0; k < layout.shape.size(); ++k)
-    if (!layout.shape[k].fixed && is_bound_of_drive(layout, layout.shape[k])) out.push_back(k);
-  return out;
-}
-
-/// Leaves bounds out and fits the rest anew: a delay makes up for a speed that hardly shows. A
-/// bound that is not there holds back what was not seen: it must be beyond doubt.
-/// @return whether the windows do without them
-bool leave_out(const std::vector<std::size_t>& bounds, const Model& model, const MotionData& data,
-               const MotionOptions& options, MotionClimb& climb) {
-  const MotionFit at = climb.fitter().now();
-  FitLayout layout = climb.layout();
-  VecX<double> shape = at.shape;
-  for (const std::size_t k : bounds) {
-    layout.shape[k].fixed = true;
-    layout.shape[k].prior = shape[static_cast<long>(k)] = no_bound(layout, layout.shape[k]);
-  }
-  const MotionProblem problem{model, layout, data.train, data.runs, data.noise.position,
-                              climb.beginning().scale};
-  MotionFitter without(problem, options, at.x, shape);
-  std::vector<MotionWindow> windows = climb.at().windows;
-  without.fit(windows, kOnTheWay);
-  const MotionFit& fit = without.now();
-  const double independent = climb.independent();
-  // Runs that blow up are not in the objective: without them it would look better.
-  if (fit.blown_up > at.blown_up ||
-      bic(fit.objective, 0.0, independent) >
-          bic(at.objective, static_cast<double>(bounds.size()), independent) + kVeryStrong)
-    return false;
-  climb.change(layout, fit.x, fit.shape, std::move(windows));
-  climb.finish(kOnTheWay);
-  return true;
-}
-
-/// Tells whether windows do as well without a bound, all else as it is.
-bool is_idle(std::size_t bound, const Model& model, const MotionData& data,
-             const MotionOptions& options, const MotionClimb& climb) {
-  const MotionFit& at = climb.fitter().now();
-  const FitLayout& layout = climb.layout();
-  VecX<double> shape = at.shape;
-  shape[static_cast<long>(bound)] = no_bound(layout, layout.shape[bound]);
-  const MotionProblem problem{
-      model, layout, data.train, data.runs, data.noise.position, climb.beginning().scale};
-  const MotionFitter without(problem, options, at.x, shape);
-  std::vector<MotionWindow> windows = climb.at().windows;
-  without.fit_states(windows, kOnTheWay);
-  const double independent = climb.independent();
-  return bic(without.cost(windows), 0.0, independent) <
-         bic(at.objective, 1.0, independent) + kVeryStrong;
-}
-
-/// Tells whether a bound is within its error of none.
-bool may_be_none(std::size_t bound, const MotionClimb& climb) {
-  const MotionFit& fit = climb.fitter().now();
-  const long column = fit.x.size() + static_cast<long>(bound);
-  const double value = fit.shape[static_cast<long>(bound)],
-               sure = kVeryStrong + std::log(climb.independent());  // squared, in its error
-  return value * value <= sure * fit.covariance(column, column);
-}
-
-/// Leaves out bounds of drives that the recordings do not need: at the edge of what was seen they
-/// would hold back motion that was not. All of them, or those that are idle or may be none.
-/// @param all  whether all of them are tried
-/// @return their names
-std::vector<std::string> release_bounds(const Model& model, const MotionData& data,
-                                        const MotionOptions& options, bool all,
-                                        MotionClimb& climb) {
-  std::vector<std::size_t> bounds = free_bounds(climb.layout());
-  const auto is_left_out = [&] {
-    return !bounds.empty() && leave_out(bounds, model, data, options, climb);
-  };
-  if (!all || !is_left_out()) {
-    climb.set_covariance();
-    std::vector<std::size_t> idle;
-    std::erase_if(bounds, [&](std::size_t k) {
-      if (is_idle(k, model, data, options, climb))
-        idle.push_back(k);
-      else
-        return !may_be_none(k, climb);
-      return false;
-    });
-    if (!is_left_out()) {
-      bounds = idle;
-      if (!is_left_out()) return {};
-    }
-  }
-  std::vector<std::string> names;
-  for (const std::size_t k : bounds) names.push_back(climb.layout().shape[k].name);
-  return names;
 }
 
 /// Scales are those of the links' torques, which a drive with a rotor of its own is beyond: its
@@ -294,21 +184,6 @@ MotionBeginning where_it_is(const MotionClimb& fit, double fitted_to) {
   out.guess = {};
   out.fitted_to = fitted_to;
   return out;
-}
-
-/// All that a joint's drive does times a factor, and the inertia that it moves with it: what links
-/// that weigh little hardly tell, and a step from where the fit is does not show.
-/// @param inertia  (n) of the links, which stay
-void scale_drive(const FitLayout& layout, const BoundEffect& drive, const VecX<double>& inertia,
-                 double by, VecX<double>& x) {
-  for (std::size_t k = 0; k < layout.linear.size(); ++k) {
-    const FitParameter& p = layout.linear[k];
-    if (p.fixed || p.effect < 0 || p.theta >= 0 || p.unit == "1") continue;
-    if (layout.effects[static_cast<std::size_t>(p.effect)].joints != drive.joints) continue;
-    double& value = x[static_cast<long>(k)];
-    const double links = is_rotor(layout, p) ? inertia[drive.joints.front()] : 0.0;
-    value = links > 0.0 ? std::max(by * (value + links) - links, 0.0) : by * value;
-  }
 }
 
 /// Stiffness of a drive; −1: it is held.
@@ -387,6 +262,8 @@ MotionBeginning best_beginning(const Model& model, const MotionData& data, const
   std::vector<Start> starts{{}, {.heavy_rotors = true}};
   if (has_gains(layout)) starts.push_back({.at_file = true});
   for (const double share : kSpeedShares) starts.push_back({.speed_share = share});
+  if (is_far_from_commands(some.train, commanded_joints(layout)))
+    starts.push_back({.speed_share = 1.0, .reach = ReachStart::kMostly});
   for (const Start& start : starts) {
     fits.push_back(std::make_unique<MotionClimb>(
         model, some, beginning(model, some, layout, first, start), limit, options, progress));

@@ -67,6 +67,12 @@ FitLayout layout_for(const Model& model, const RecordingSource& source, const Re
   return layout;
 }
 
+double count_free(const FitLayout& layout) {
+  const auto is_free = [](const FitParameter& p) { return !p.fixed; };
+  return static_cast<double>(std::ranges::count_if(layout.linear, is_free) +
+                             std::ranges::count_if(layout.shape, is_free));
+}
+
 bool reads_links(const FitLayout& layout) {
   return std::ranges::any_of(
       layout.effects, [](const BoundEffect& e) { return e.info().has(Trait::kFollowsLoad); });

@@ -36,6 +36,9 @@ std::string format_number(double x);
 FitLayout layout_for(const Model& model, const RecordingSource& source, const RecordingSource* test,
                      const FitChoice& choice, std::vector<std::string>& notes);
 
+/// Number of parameters that a fit moves, shapes included.
+double count_free(const FitLayout& layout);
+
 /// Whether some column hangs on the torque that the links transmit, and with it on their
 /// parameters, by a law that is not linear in it (gains are).
 bool reads_links(const FitLayout& layout);

@@ -56,7 +56,9 @@ Model model_from_mjcf(const std::string& text, const std::filesystem::path& fold
                       const std::string& where, const ModelReading& reading);
 
 /// The original document, includes resolved, with the values of `model` in place.
-/// @param notes  what an MJCF cannot express  @throws ModelError if the document has other bodies
-std::string mjcf_with_values(const Mjcf& mjcf, const Model& model, std::vector<std::string>& notes);
+/// @param delays  of drives are written, for MuJoCo 3.5
+/// @param notes   what an MJCF cannot express  @throws ModelError if the document has other bodies
+std::string mjcf_with_values(const Mjcf& mjcf, const Model& model, bool delays,
+                             std::vector<std::string>& notes);
 
 }  // namespace diffnea::io

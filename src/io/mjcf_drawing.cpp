@@ -303,9 +303,9 @@ class MjcfDrawing {
 
 }  // namespace
 
-std::string draw_mjcf(const Model& model, std::vector<std::string>& notes) {
+std::string draw_mjcf(const Model& model, bool delays, std::vector<std::string>& notes) {
   Model native = model;
-  std::vector<ServoActuator> servos = take_servos(native, notes);
+  std::vector<ServoActuator> servos = take_servos(native, delays, notes);
   add_file_servos(native, servos);
   return MjcfDrawing(native, servos, notes).text();
 }

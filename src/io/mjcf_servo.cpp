@@ -29,7 +29,7 @@ double value_of(const EffectSpec& effect, const std::string& name) {
 
 }  // namespace
 
-std::vector<ServoActuator> take_servos(Model& model, std::vector<std::string>& notes) {
+std::vector<ServoActuator> take_servos(Model& model, bool delays, std::vector<std::string>& notes) {
   std::vector<ServoActuator> out;
   std::vector<EffectSpec> rest;
   for (const EffectSpec& e : model.effects) {
@@ -44,8 +44,11 @@ std::vector<ServoActuator> take_servos(Model& model, std::vector<std::string>& n
     const bool bounded = reach < none_of("reach");
     out.push_back(
         {e.where, kp, 0.0, bounded ? kp * reach : std::numeric_limits<double>::infinity(), 0.0});
+    const double delay = value_of(e, "delay");
+    if (delays && delay > 0.0) out.back().delay = delay;  // none acts before it is told
     for (const char* name : {"delay", "dead_band", "speed"})
-      if (value_of(e, name) != none_of(name))
+      if (value_of(e, name) != none_of(name) &&
+          !(name == std::string("delay") && out.back().delay > 0.0))
         notes.push_back(std::string(name) + " of the position servo at " + e.where + " = " +
                         exact(value_of(e, name)));
     const std::string unit = link->type == ModelJoint::kPrismatic ? "N*s/m" : "N*m*s/rad";
@@ -79,6 +82,16 @@ std::string force_range(const ServoActuator& servo) {
   return exact(servo.bias - servo.force) + " " + exact(servo.bias + servo.force);
 }
 
+/// Writes a delay and the buffer of commands that it needs: one of too few steps is a shorter
+/// delay.
+void write_delay(XmlElement& actuator, double delay) {
+  constexpr double kStep = 5e-4;  // finest step of a simulation for which the buffer is enough [s]
+  if (!(delay > 0.0)) return;
+  actuator.SetAttribute("delay", exact(delay).c_str());
+  actuator.SetAttribute("nsample", static_cast<int>(std::ceil(delay / kStep)) + 1);
+  actuator.SetAttribute("interp", "linear");
+}
+
 /// Makes an actuator, of any kind, the servo; its name, joint and range of commands stay. Its class
 /// says nothing that is not overruled.
 void write_servo(XmlElement& actuator, const ServoActuator& servo) {
@@ -106,6 +119,7 @@ void write_servo(XmlElement& actuator, const ServoActuator& servo) {
       "biasprm", (exact(servo.bias) + " " + exact(-servo.kp) + " " + exact(-servo.kd)).c_str());
   actuator.SetAttribute("forcelimited", is_bounded(servo) ? "true" : "false");
   if (is_bounded(servo)) actuator.SetAttribute("forcerange", force_range(servo).c_str());
+  write_delay(actuator, servo.delay);
   // A range of torques is none of positions.
   if (was_position && !range.empty()) {
     actuator.SetAttribute("ctrllimited", limited.empty() ? "true" : limited.c_str());
@@ -121,6 +135,7 @@ void add_servo(XmlElement& section, const ServoActuator& servo) {
   actuator.SetAttribute("name", servo.joint.c_str());
   actuator.SetAttribute("joint", servo.joint.c_str());
   actuator.SetAttribute("kp", exact(servo.kp).c_str());
+  write_delay(actuator, servo.delay);
   if (!is_bounded(servo)) return;
   actuator.SetAttribute("forcelimited", "true");
   actuator.SetAttribute("forcerange", force_range(servo).c_str());

@@ -170,10 +170,10 @@ void write_joint(XmlElement& e, const ModelLink& now, const ModelLink& then, con
 
 }  // namespace
 
-std::string mjcf_with_values(const Mjcf& mjcf, const Model& with_servos,
+std::string mjcf_with_values(const Mjcf& mjcf, const Model& with_servos, bool delays,
                              std::vector<std::string>& notes) {
   Model model = with_servos;
-  const std::vector<ServoActuator> servos = take_servos(model, notes);
+  const std::vector<ServoActuator> servos = take_servos(model, delays, notes);
   const std::string& where = mjcf.where;
   const MujocoModel m = compile_mjcf(mjcf);
   const Model before = model_from_mujoco(*m, mjcf);

@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <cstdio>
 #include <optional>
 
 #include <diffnea/core/error.hpp>
@@ -84,10 +85,26 @@ bool has_locked_joints(const Model& model) {
   });
 }
 
+/// Tells whether actuators of this version of MuJoCo have a delay.
+/// @throws ModelError for what is no version from 2.2 on
+bool has_delays(const std::string& mujoco) {
+  constexpr std::pair kOldest{2, 2}, kDelays{3, 5};
+  std::pair<int, int> version{0, 0};
+  int length = 0;
+  if (std::sscanf(mujoco.c_str(), "%d.%d%n", &version.first, &version.second, &length) != 2 ||
+      version < kOldest)
+    throw ModelError("--mujoco (mujoco=): got '" + mujoco +
+                     "'; expected the oldest MuJoCo that has to load the file, e.g. 2.2 (all that "
+                     "this project writes) or 3.5 (delays of drives, too)");
+  return version >= kDelays;
+}
+
 /// In the document that the model was read from, if that has the form; else drawn anew.
 std::string text_in_form(const Model& model, Format form, const std::string& where,
-                         const ModelReading& reading, std::vector<std::string>& notes) {
+                         const ModelReading& reading, const ModelWriting& writing,
+                         std::vector<std::string>& notes) {
   const std::optional<Original> original = original_of(model);
+  const bool delays = has_delays(writing.mujoco);
   std::string lost;  // why the document cannot be kept
   if (original && original->format == form && form == Format::kMjcf && has_locked_joints(model))
     lost = ", in which joints were locked";
@@ -101,14 +118,14 @@ std::string text_in_form(const Model& model, Format form, const std::string& whe
                ? io::urdf_with_values(original->text, model.source, model, notes)
                : io::mjcf_with_values(io::expand_mjcf(original->text, folder, model.source,
                                                       reading_of(reading, model)),
-                                      model, notes);
+                                      model, delays, notes);
   }
   io::validate(model, where);
   require_masses(model, where);
   if (original && original->format != Format::kJson)
     notes.push_back("looks and shapes of the original document" + lost);
   if (form == Format::kUrdf) return io::draw_urdf(model, notes);
-  const std::string text = io::draw_mjcf(model, notes);
+  const std::string text = io::draw_mjcf(model, delays, notes);
   io::compile_mjcf(io::expand_mjcf(text, "", where));  // MuJoCo refuses inertias that cannot be
   return text;
 }
@@ -175,7 +192,7 @@ void check_model_path(const std::filesystem::path& path) {
 }
 
 std::vector<std::string> write_model(const Model& model, const std::filesystem::path& path,
-                                     const ModelReading& reading) {
+                                     const ModelReading& reading, const ModelWriting& writing) {
   check_model_path(path);
   const std::string extension = path.extension().string();
   std::vector<std::string> notes;
@@ -184,7 +201,7 @@ std::vector<std::string> write_model(const Model& model, const std::filesystem::
     return notes;
   }
   const Format wanted = extension == ".urdf" ? Format::kUrdf : Format::kMjcf;
-  write_file_atomically(path, text_in_form(model, wanted, path.string(), reading, notes));
+  write_file_atomically(path, text_in_form(model, wanted, path.string(), reading, writing, notes));
   return notes;
 }
 

@@ -54,7 +54,7 @@ class Reference {
 };
 
 struct Joint {
-  bool passive;
+  bool passive, led;  // led: by a drive with a loop of its own
   double limit, position_noise, torque_noise, actuation_noise;
 };
 
@@ -62,11 +62,27 @@ std::vector<Joint> joints_of(const Model& robot, const RecordOptions& o) {
   std::vector<Joint> out;
   for (const int i : moving_links(robot)) {
     const ModelLink& link = robot.links[i];
-    out.push_back({link.passive, link.limits.effort,
+    const bool led = std::ranges::any_of(robot.effects, [&](const EffectSpec& e) {
+      return e.where == link.joint && find_effect(e.effect).has(Trait::kReadsCommand);
+    });
+    out.push_back({link.passive, led, link.limits.effort,
                    link.type == ModelJoint::kRevolute ? o.position_noise : o.slide_noise,
                    o.torque_noise * torque_scale(link), o.actuation_noise * torque_scale(link)});
   }
   return out;
+}
+
+/// Commands of the rows, which drives with a loop of their own hold in between.
+CommandPath commands_of(Reference reference, const Trajectory& t, long rows, double rate, long n) {
+  std::vector<double> time;
+  RowMatX<double> q(rows, n);
+  VecX<double> at(n), velocity(n);
+  for (long k = 0; k < rows; ++k) {
+    time.push_back(static_cast<double>(k) / rate);
+    reference.sample(t.time[0] + time.back(), at, velocity);
+    q.row(k) = at;
+  }
+  return {std::move(time), std::move(q), VecX<double>::Ones(n)};
 }
 
 /// What the log, not the encoder, does to the motion: filtered velocities, a clock that is late.
@@ -83,6 +99,13 @@ void apply_channels(const std::vector<BoundEffect>& channels, Recording& r) {
 }
 
 }  // namespace
+
+void Plant::follow(CommandPath) {
+  throw ModelError(
+      "simulate: position_servo acts in no MuJoCo world; leave --world out, and the model itself "
+      "is "
+      "simulated");
+}
 
 SimulatedRecording run_control_loop(Plant& plant, const Model& robot, const Model& controller,
                                     const Trajectory& trajectory, const RecordOptions& o) {
@@ -132,11 +155,12 @@ SimulatedRecording run_control_loop(Plant& plant, const Model& robot, const Mode
   r.info.torque_sampling = TorqueSampling::kHold;
   r.info.period = o.period;
   for (int j = 0; j < n; ++j) {
-    r.has_tau.push_back(!joints[j].passive);
+    r.has_tau.push_back(!joints[j].passive && !joints[j].led);
     if (joints[j].passive) {
       r.info.passive.push_back(r.joint_names[j]);
       continue;
     }
+    if (joints[j].led) continue;
     if (o.law == ControlLaw::kPd) {  // the gains of other laws are no stiffness and damping
       r.info.controller.push_back({r.joint_names[j], "kp", control.gains().kp[j]});
       r.info.controller.push_back({r.joint_names[j], "kd", control.gains().kd[j]});
@@ -145,6 +169,8 @@ SimulatedRecording run_control_loop(Plant& plant, const Model& robot, const Mode
       r.info.controller.push_back({r.joint_names[j], "limit", joints[j].limit});
   }
 
+  if (std::ranges::any_of(joints, &Joint::led))
+    plant.follow(commands_of(Reference(trajectory, robot), trajectory, rows, o.control_rate, n));
   plant.reset(q0);
   // Noises of camera and drives are streams of their own: arms without them keep theirs.
   Rng camera(o.seed ^ 0x63616d657261ULL), drives(o.seed ^ 0x647269766573ULL);
@@ -157,9 +183,11 @@ SimulatedRecording run_control_loop(Plant& plant, const Model& robot, const Mode
     measured = plant.q();
     for (int j = 0; j < n; ++j) measured[j] += joints[j].position_noise * rng.normal();
     const VecX<double> velocity = plant.qd();
-    const VecX<double>& u = control.torque(measured, velocity, qcmd, qdcmd);
+    VecX<double> u = control.torque(measured, velocity, qcmd, qdcmd);
+    for (int j = 0; j < n; ++j) u[j] = joints[j].led ? 0.0 : u[j];
     for (int j = 0; j < n; ++j)
-      r.tau(row, j) = joints[j].passive ? kNaN : u[j] + joints[j].torque_noise * rng.normal();
+      r.tau(row, j) =
+          joints[j].passive || joints[j].led ? kNaN : u[j] + joints[j].torque_noise * rng.normal();
     out.saturated += control.saturated();
     r.time[row] = time;
     r.q.row(row) = measured;
@@ -172,7 +200,8 @@ SimulatedRecording run_control_loop(Plant& plant, const Model& robot, const Mode
     r.qcmd.row(row) = qcmd;
     VecX<double> acting = u;
     for (int j = 0; j < n && o.actuation_noise > 0.0; ++j)
-      if (!joints[j].passive) acting[j] += joints[j].actuation_noise * drives.normal();
+      if (!joints[j].passive && !joints[j].led)
+        acting[j] += joints[j].actuation_noise * drives.normal();
     out.failure = plant.step(acting);
     if (!out.failure.empty()) out.failure += " at t = " + detail::number_text(time) + " s";
   }

@@ -5,6 +5,7 @@
 
 #include <diffnea/core/random.hpp>
 #include <diffnea/dynamics/rnea.hpp>
+#include <diffnea/effects/command.hpp>
 #include <diffnea/sim/record.hpp>
 
 namespace diffnea::sim {
@@ -18,6 +19,9 @@ class Plant {
   virtual VecX<double> qd() const = 0;
   /// Position of the ball, W [m], if there is one.
   virtual std::optional<Vec3<double>> ball() const { return {}; }
+  /// Commands of the run, for drives that have a loop of their own.
+  /// @throws ModelError if the plant has no such drives
+  virtual void follow(CommandPath commands);
   /// Moves by one control period under constant torque.
   /// @return empty, or what went wrong
   virtual std::string step(const VecX<double>& torque) = 0;

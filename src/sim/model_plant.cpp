@@ -72,6 +72,13 @@ ExtendedTree ModelPlant::take_apart(ExtendedTree model) {
   MotorShares shares(static_cast<std::size_t>(n_), -1.0);
   for (const Motor& m : motors_)
     shares[static_cast<std::size_t>(m.joint)] = motor_spring(*m.effect).friction_share;
+  for (const BoundEffect& e : model.effects)
+    if (e.info().has(Trait::kReadsCommand)) {
+      servos_.push_back(e);
+      for (const int j : e.joints) servos_.back().encoders.push_back(n_ + j);
+    }
+  std::erase_if(model.effects,
+                [](const BoundEffect& e) { return e.info().has(Trait::kReadsCommand); });
   for (const BoundEffect& whole : model.effects)
     for (const BoundEffect& e : parts_at_motors(whole, shares)) {
       const double share = share_at_motors(e, shares);
@@ -94,12 +101,12 @@ int ModelPlant::velocity_of(const JointState& b) const {
   return b.motor < 0 ? n_ + b.joint : 2 * n_ + static_cast<int>(motors_.size()) + b.motor;
 }
 
-VecX<double> ModelPlant::at_encoders(int order) const {
+VecX<double> ModelPlant::at_encoders(const VecX<double>& z, int order) const {
   const int m = static_cast<int>(motors_.size());
-  VecX<double> out = z_.segment(order * n_, n_);
+  VecX<double> out = z.segment(order * n_, n_);
   for (int k = 0; k < m; ++k)
     if (const Motor& motor = motors_[static_cast<std::size_t>(k)]; motor.encoder)
-      out[motor.joint] = z_[2 * n_ + order * m + k];
+      out[motor.joint] = z[2 * n_ + order * m + k];
   return out;
 }
 
@@ -130,6 +137,12 @@ int ModelPlant::steps_for_stiffness(const VecX<double>& q) const {
     const MotorSpring<double> s = motor_spring(*m.effect);
     spring(s.stiffness, s.damping, mobility[m.joint] + 1.0 / m.inertia);
   }
+  for (const BoundEffect& e : servos_)
+    for (const int j : e.joints) {
+      const auto motor = std::ranges::find(motors_, j, &Motor::joint);
+      spring(e.parameters[0], e.parameters[1],
+             motor == motors_.end() ? mobility[j] : 1.0 / motor->inertia);
+    }
   for (const JointState& b : states_) {
     const AtRest<double> s = at_rest(*b.effect);
     const double inverse_inertia =
@@ -272,6 +285,15 @@ void ModelPlant::slope(double share, const VecX<double>& z, VecX<double>& dz) {
   const JointSample<double> x{time_ + h, run_, q.data(), qd.data(), q.data(), q.data()};
   for (const BoundEffect& e : motor_effects_)
     add_torque(e, x, e.parameters.data(), at_motors.data());
+  if (commands_) {
+    VecX<double> both(2 * n_);  // angles, and what encoders read of them
+    both << q, encoders_.read(at_encoders(z, 0));
+    JointSample<double> led = x;
+    led.q = both.data();
+    led.command = &*commands_;
+    led.step = {time_, time_ + step_};
+    for (const BoundEffect& e : servos_) add_torque(e, led, e.parameters.data(), at_motors.data());
+  }
   const VecX<double> torque = drives_.applied(share) - at_motors;
 
   VecX<double> transmitted = torque;
@@ -290,6 +312,11 @@ void ModelPlant::slope(double share, const VecX<double>& z, VecX<double>& dz) {
     dz[2 * n_ + m + k] =
         (torque[j] - transmitted[j] - motor.shared_armature * dz[n_ + j]) / motor.inertia;
   }
+}
+
+void ModelPlant::follow(CommandPath commands) {
+  for (const BoundEffect& e : servos_) lead_command(e, commands);
+  commands_ = std::move(commands);
 }
 
 std::string ModelPlant::step(const VecX<double>& torque) {

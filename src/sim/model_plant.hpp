@@ -34,6 +34,7 @@ class ModelPlant : public Plant {
   void start(const JointSeries& x, const RowMatX<double>& torque, long row);
   VecX<double> q() const override { return encoders_.read(at_encoders(0)); }
   VecX<double> qd() const override { return encoders_.read_velocity(at_encoders(1)); }
+  void follow(CommandPath commands) override;
   std::string step(const VecX<double>& torque) override;
 
  private:
@@ -63,7 +64,8 @@ class ModelPlant : public Plant {
   int position_of(const JointState& state) const;
   int velocity_of(const JointState& state) const;
   /// Positions (`order` 0) or velocities (1) of what the encoders sit at.
-  VecX<double> at_encoders(int order) const;
+  VecX<double> at_encoders(int order) const { return at_encoders(z_, order); }
+  VecX<double> at_encoders(const VecX<double>& z, int order) const;
   int steps_for_stiffness(const VecX<double>& q) const;
   int steps_for_friction(const VecX<double>& q);
   void slope(double share, const VecX<double>& z, VecX<double>& dz);
@@ -71,6 +73,8 @@ class ModelPlant : public Plant {
   int n_;
   std::vector<BoundEffect> series_;         ///< with memory, or of a channel
   std::vector<BoundEffect> motor_effects_;  ///< of one instant, what turns with hidden motors
+  std::vector<BoundEffect> servos_;  ///< drives with a loop of their own, fed back from encoders
+  std::optional<CommandPath> commands_;
   std::vector<JointState> states_;
   std::vector<Motor> motors_;
   ForwardDynamics dynamics_;

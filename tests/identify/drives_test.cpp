@@ -2,12 +2,14 @@
 
 #include <array>
 #include <cmath>
+#include <functional>
 
 #include <catch2/catch_test_macros.hpp>
 #include <catch2/generators/catch_generators.hpp>
 #include <catch2/matchers/catch_matchers_string.hpp>
 
 #include <diffnea/core/error.hpp>
+#include <diffnea/core/random.hpp>
 #include <diffnea/identify/identify.hpp>
 #include <diffnea/io/model_file.hpp>
 
@@ -59,6 +61,19 @@ struct Bench {
   /// 100 Hz, commands that are held, encoder of 12 bits, friction that holds: velocity stops where friction can stop it.
   /// @param gain  over the model's
   Recording record(double amplitude, double rate, double gain, double seconds, int run) const {
+    return record(
+        [&](double t) {
+          if (t < 0.5) return 0.0;
+          return amplitude * (t < 0.6 * seconds ? std::sin(rate * (t - 0.5) * (t - 0.5))
+                                                : (std::fmod(t, 1.6) < 0.8 ? 1.0 : -0.4));
+        },
+        gain, seconds, run);
+  }
+
+  /// @param told   command over time [s], [rad]
+  /// @param begin  position at rest [rad]
+  Recording record(const std::function<double(double)>& told, double gain, double seconds, int run,
+                   double begin = 0.0) const {
     constexpr int kFine = 100;  // steps a row
     const double row = 0.01, h = row / kFine;
     const long rows = std::lround(seconds / row);
@@ -72,14 +87,9 @@ struct Bench {
     r.qcmd.resize(rows, 1);
     r.tau = RowMatX<double>::Constant(rows, 1, std::nan(""));
     r.info.controller = {{"servo", "gain", gain}};
-    const auto told = [&](double t) {
-      if (t < 0.5) return 0.0;
-      return amplitude * (t < 0.6 * seconds ? std::sin(rate * (t - 0.5) * (t - 0.5))
-                                            : (std::fmod(t, 1.6) < 0.8 ? 1.0 : -0.4));
-    };
     const double step = 2.0 * M_PI / 4096.0, J = inertia + mass * length * length;
-    double q = 0.0, v = 0.0, setpoint = 0.0;
-    std::vector<double> past(static_cast<std::size_t>(std::lround(delay / h)), 0.0);
+    double q = begin, v = 0.0, setpoint = told(0.0);
+    std::vector<double> past(static_cast<std::size_t>(std::lround(delay / h)), setpoint);
     std::size_t oldest = 0;
     for (long k = 0; k < rows; ++k) {
       const double t = row * static_cast<double>(k), c = told(t);
@@ -100,11 +110,20 @@ struct Bench {
   }
 };
 
-double value(const IdentifyResult& result, const std::string& end) {
+bool says(const IdentifyResult& result, const std::string& words) {
+  return std::ranges::any_of(
+      result.notes, [&](const std::string& note) { return note.find(words) != std::string::npos; });
+}
+
+const ParameterEstimate& parameter(const IdentifyResult& result, const std::string& end) {
   for (const ParameterEstimate& p : result.parameters)
-    if (p.name.ends_with(end)) return p.value;
+    if (p.name.ends_with(end)) return p;
   FAIL("no parameter " << end);
-  return 0.0;
+  return result.parameters.front();
+}
+
+double value(const IdentifyResult& result, const std::string& end) {
+  return parameter(result, end).value;
 }
 
 }  // namespace
@@ -213,9 +232,7 @@ TEST_CASE("identify: where links tell no scale, the description's gain sets it",
       CAPTURE(p.std);
       CHECK_FALSE(p.identifiable);
     }
-  CHECK(std::ranges::any_of(result.notes, [](const std::string& note) {
-    return note.find("the links do not tell how large the gain") != std::string::npos;
-  }));
+  CHECK(says(result, "the links do not tell how large the gain"));
 }
 
 TEST_CASE("identify: what positions cannot tell of a drive is refused, with what to do",
@@ -237,6 +254,84 @@ TEST_CASE("identify: a drive without gain is refused, with what to do", "[identi
   CHECK_THROWS_WITH(identify(bench.model(), {bench.record(1.0, 1.5, 0.0, 1.0, 0)}, {}, {}),
                     Catch::Matchers::ContainsSubstring("controller.servo.gain") &&
                         Catch::Matchers::ContainsSubstring("torque_enable"));
+}
+
+TEST_CASE("identify: a drive that saturates in most rows is named, its largest torque told",
+          "[identify]") {
+  Bench bench;
+  bench.reach = 0.07;
+  bench.speed = 1e4;
+  const auto told = [](double t) { return 1.2 * std::sin(2.2 * t) + std::sin(3.7 * t); };
+  const IdentifyResult result = identify(bench.model(), {bench.record(told, 1.0, 20.0, 0)}, {}, {});
+  CHECK(says(result, "gives all that it can in "));
+  const double largest = bench.stiffness * bench.reach,
+               found = value(result, "position_servo.stiffness") *
+                       value(result, "position_servo.reach");
+  CAPTURE(found, largest);
+  CHECK(std::abs(found - largest) < 0.05 * largest);
+  for (const auto& [name, is] : {std::pair{"position_servo.damping", bench.damping},
+                                 {"armature.armature", bench.armature}}) {
+    CAPTURE(name, is, value(result, name));
+    CHECK(std::abs(value(result, name) - is) < 0.05 * is);
+  }
+}
+
+TEST_CASE("identify: a drive that saturates in every row is said to, or to reach no command",
+          "[identify]") {
+  Bench bench;
+  bench.mass = 0.85;
+  bench.length = 0.15;
+  bench.reach = 0.1;
+  bench.speed = 1e4;
+  // Steps of 1.5 rad from side to side, each before the joint is there.
+  Rng rng(5);
+  std::vector<double> turns{0.0};
+  while (turns.back() < 20.0) turns.push_back(turns.back() + rng.uniform(0.15, 0.5));
+  const auto told = [&](double t) {
+    return (std::ranges::upper_bound(turns, t) - turns.begin()) % 2 == 1 ? 1.5 : -1.5;
+  };
+  const IdentifyResult result = identify(bench.model(), {bench.record(told, 1.0, 20.0, 0)}, {}, {});
+  CHECK((says(result, "gives all that it can in 100 % of the rows") ||
+         says(result, "servo never gets near its commands")));
+}
+
+TEST_CASE("identify: a command that never changes holds the delay, and is named", "[identify]") {
+  const Bench bench;
+  const auto told = [](double) { return 0.3; };
+  const IdentifyResult result =
+      identify(bench.model(), {bench.record(told, 1.0, 4.0, 0, 1.2)}, {}, {});
+  CHECK(says(result, "qcmd_servo never changes"));
+  CHECK(parameter(result, "position_servo.delay").fixed);
+}
+
+TEST_CASE("identify: a joint that nothing drives has no gain, whatever was commanded",
+          "[identify]") {
+  Bench bench;
+  bench.stiffness = 0.0;
+  const auto told = [](double t) { return 0.5 * std::sin(2.0 * t) + 0.3 * std::sin(5.0 * t); };
+  const IdentifyResult result =
+      identify(bench.model(), {bench.record(told, 1.0, 6.0, 0, 1.0)}, {}, {});
+  CHECK(says(result, "servo moves as if nothing drove it"));
+  CHECK_FALSE(parameter(result, "position_servo.stiffness").identifiable);
+}
+
+TEST_CASE("identify: rows further apart than a drive's answer are named", "[identify]") {
+  const Bench bench;
+  const auto told = [](double t) { return 0.5 * std::sin(2.0 * t) + 0.3 * std::sin(5.0 * t); };
+  Recording all = bench.record(told, 1.0, 20.0, 0), some = all;
+  constexpr long kEvery = 20;
+  const long rows = all.rows() / kEvery;
+  some.time.resize(rows);
+  some.q.resize(rows, 1);
+  some.qcmd.resize(rows, 1);
+  some.tau = RowMatX<double>::Constant(rows, 1, std::nan(""));
+  for (long k = 0; k < rows; ++k) {
+    some.time[k] = all.time[kEvery * k];
+    some.q.row(k) = all.q.row(kEvery * k);
+    some.qcmd.row(k) = all.qcmd.row(kEvery * k);
+  }
+  CHECK(says(identify(bench.model(), {some}, {}, {}), "rows are 200 ms apart"));
+  CHECK_FALSE(says(identify(bench.model(), {all}, {}, {}), "Log faster"));
 }
 
 }  // namespace diffnea::drives_test

@@ -78,6 +78,12 @@ std::string read_mjcf(const std::filesystem::path& path);
 /// @throws ModelError if the extension names no format that write_model knows
 void check_model_path(const std::filesystem::path& path);
 
+/// Contents of a file that is written.
+struct ModelWriting {
+  /// Oldest MuJoCo that has to load an MJCF: "2.2" and later; delays of drives need "3.5".
+  std::string mujoco = "2.2";
+};
+
 /// Writes a model. `.json` holds all of it. `.urdf` and `.xml` of a model that was read from that
 /// format: its original document (model.source) is written with the changed values put in place:
 /// inertias, friction, rotor inertia, spring, limits, in a URDF the joints' poses, in an MJCF the
@@ -92,9 +98,10 @@ void check_model_path(const std::filesystem::path& path);
 /// @throws ModelError if the original has other links, positions in global coordinates, or
 ///         something that overrules what is put into it; if the extension names no format, a link
 ///         has an inertia without mass, or MuJoCo refuses the document (an inertia that no body
-///         can have)
+///         can have); if `writing` names no version of MuJoCo from 2.2 on
 std::vector<std::string> write_model(const Model& model, const std::filesystem::path& path,
-                                     const ModelReading& reading = {});
+                                     const ModelReading& reading = {},
+                                     const ModelWriting& writing = {});
 
 /// The project's JSON, schema "diffnea/model/1". Doubles come back bit by bit.
 /// @throws ModelError if a number is not finite where the schema has no word for it

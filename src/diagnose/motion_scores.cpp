@@ -1,0 +1,207 @@
+/// Scores of candidates beside a fit of simulated runs.
+
+#include <algorithm>
+#include <cmath>
+
+#include <diffnea/effects/stepping.hpp>
+
+#include "core/constants.hpp"
+#include "diagnose/gear_offers.hpp"
+#include "diagnose/motion_search.hpp"
+#include "diagnose/signed_fit.hpp"
+#include "identify/gears.hpp"
+#include "identify/passes.hpp"
+
+namespace diffnea {
+
+struct MotionSearch::Variant {
+  std::size_t score;        ///< index among the scores
+  EffectSpec spec;          ///< at this point, no torque
+  std::vector<int> linear;  ///< its parameters that a fit solves for
+};
+
+std::vector<WindowScore> MotionSearch::scores(const MotionSolution& at,
+                                              const std::vector<EffectSpec>& candidates) const {
+  std::vector<WindowScore> out;
+  std::vector<std::vector<Variant>> passes;  // an effect acts once at a joint
+  const double together = correlation(at);
+  for (const Candidate& c : candidates_) {
+    const EffectSpec spec{c.effect.info().name, c.effect.where, {}};
+    if (holds_effect(at.terms, spec) || !holds_effect(candidates, spec)) continue;
+    if (clashes(at.model, c.effect)) continue;
+    if (hides_motor(c.effect)) {
+      if (progress_ && !progress_("testing", 0)) return {};
+      if (std::optional<WindowScore> of = score_gear(at, c.effect, together))
+        out.push_back(std::move(*of));
+      continue;
+    }
+    out.push_back({.effect = spec, .delta_bic = -kInfinity, .promise = -kInfinity});
+    for (std::size_t g = 0; g < c.grid.size(); ++g) {
+      BoundEffect effect = c.effect;
+      c.set(c.grid[g], effect);
+      for (const int k : c.linear) effect.parameters[static_cast<std::size_t>(k)] = 0.0;
+      if (g >= passes.size()) passes.emplace_back();
+      passes[g].push_back({out.size() - 1, to_spec(effect), c.linear});
+    }
+  }
+  for (const std::vector<Variant>& pass : passes) {
+    if (progress_ && !progress_("testing", 0)) return {};
+    score(at, pass, together, out);
+  }
+  std::ranges::stable_sort(out, std::ranges::greater{}, &WindowScore::promise);
+  return out;
+}
+
+std::optional<WindowScore> MotionSearch::score_gear(const MotionSolution& at,
+                                                    const BoundEffect& gear,
+                                                    double correlation) const {
+  constexpr int kSteps = 4;  // steps that lead away from where the base has bent to
+  const auto tried = [&](const MotionSolution& from, const EffectSpec& spec, int steps) {
+    MotionSolution out = from;
+    if (!holds_effect(out.model.effects, spec)) out.model.effects.push_back(spec);
+    out.layout = layout_of(out.model, with_effect(at.terms, spec), at.held);
+    for (FitParameter& p : out.layout.linear) {
+      const auto known = std::ranges::find(at.layout.linear, p.name, &FitParameter::name);
+      if (known != at.layout.linear.end()) p.fixed = known->fixed;
+    }
+    VecX<double> shape(static_cast<long>(out.layout.shape.size()));
+    for (std::size_t s = 0; s < out.layout.shape.size(); ++s)
+      shape[static_cast<long>(s)] = out.layout.shape[s].prior;
+    MotionProblem of = problem(out.model, out.layout);
+    of.scale = VecX<double>::Ones(static_cast<long>(out.layout.linear.size()));
+    MotionOptions few = data_.options;
+    few.max_iterations = steps;
+    MotionFitter fitter(of, few, out.layout.prior(), shape);
+    fitter.fit(out.windows, data_.options.tolerance);
+    out.fit = fitter.now();
+    out.cost = out.fit.blown_up > 0 ? kInfinity : 2.0 * out.fit.objective;
+    out.model = apply_fit(out.model, out.layout, out.fit.x, out.fit.shape);
+    return out;
+  };
+  std::vector<MotionSolution> begun;  // the best of each side
+  for (const std::vector<EffectSpec>& side :
+       gear_offers(gear, at.layout, at.fit.x, at.fit.shape, data_.data)) {
+    std::optional<MotionSolution> first;
+    for (const EffectSpec& spec : side)
+      if (MotionSolution s = tried(at, spec, 1); !first || s.cost < first->cost)
+        first = std::move(s);
+    if (first) begun.push_back(std::move(*first));
+  }
+  const EffectSpec spec{gear.info().name, gear.where, {}};
+  const MotionSolution* best = nullptr;
+  for (MotionSolution& s : begun) {
+    if (s.cost < kInfinity) s = tried(s, spec, kSteps);
+    if (s.cost < kInfinity && (!best || s.cost < best->cost)) best = &s;
+  }
+  if (!best) return {};
+  const double lm = std::max(at.cost - best->cost, 0.0),
+               parameters = 1.0 + count_free(best->layout) - count_free(at.layout);
+  const auto better = [&](double together) {
+    return window_delta_bic(at.cost, at.cost - lm, samples(), together, parameters);
+  };
+  return WindowScore{
+      .effect = *std::ranges::find_if(best->model.effects,
+                                      [&](const EffectSpec& e) { return same_effect(e, spec); }),
+      .lm = lm,
+      .delta_bic = better(correlation),
+      .promise = better(1.0),
+      .parameters = parameters,
+      .visible_share = 1.0};
+}
+
+void MotionSearch::score(const MotionSolution& at, const std::vector<Variant>& variants,
+                         double correlation, std::vector<WindowScore>& out) const {
+  Model model = at.model;
+  for (const Variant& v : variants) model.effects.push_back(v.spec);
+  FitLayout layout = layout_of(model, at.terms, at.held);
+  const auto of_variant = [&](const FitParameter& p) {
+    for (std::size_t v = 0; p.effect >= 0 && v < variants.size(); ++v)
+      if (index_of(layout, variants[v].spec) == p.effect) return static_cast<int>(v);
+    return -1;
+  };
+  for (FitParameter& p : layout.linear) {
+    const int v = of_variant(p);
+    if (v >= 0) {
+      p.fixed = std::ranges::find(variants[static_cast<std::size_t>(v)].linear, p.index) ==
+                variants[static_cast<std::size_t>(v)].linear.end();
+      continue;
+    }
+    const auto known = std::ranges::find(at.layout.linear, p.name, &FitParameter::name);
+    if (known != at.layout.linear.end()) p.fixed = known->fixed;
+  }
+  for (FitParameter& p : layout.shape)
+    if (of_variant(p) >= 0) p.fixed = true;
+  MotionProblem of = problem(model, layout);
+  of.scale = VecX<double>::Ones(static_cast<long>(layout.linear.size()));
+  VecX<double> shape(static_cast<long>(layout.shape.size()));
+  for (std::size_t s = 0; s < layout.shape.size(); ++s)
+    shape[static_cast<long>(s)] = layout.shape[s].prior;
+  const MotionFitter fitter(of, data_.options, layout.prior(), shape);
+  const TriangularFactor factor = fitter.factor(at.windows);
+  const MatX<double> R = factor.R();
+  const MatX<double> K = R.transpose() * R;
+  const VecX<double> slope =
+      R.transpose() * factor.d();  // gradient of [J | r]: a step is −K⁻¹ slope
+
+  const long p = static_cast<long>(layout.linear.size());
+  std::vector<int> base;
+  std::vector<std::vector<int>> own(variants.size());
+  std::vector<std::vector<bool>> signs(variants.size());
+  for (std::size_t k = 0; k < fitter.free().size(); ++k) {
+    const int c = fitter.free()[k];
+    const int v = c < p ? of_variant(layout.linear[static_cast<std::size_t>(c)]) : -1;
+    if (v < 0) {
+      base.push_back(static_cast<int>(k));
+      continue;
+    }
+    own[static_cast<std::size_t>(v)].push_back(static_cast<int>(k));
+    signs[static_cast<std::size_t>(v)].push_back(layout.linear[static_cast<std::size_t>(c)].sign !=
+                                                 Sign::kFree);
+  }
+  MatX<double> B = K(base, base);
+  B.diagonal() += kRidge * B.diagonal() + VecX<double>::Constant(B.rows(), 1e-300);
+  const Eigen::LDLT<MatX<double>> solver(B);
+  for (std::size_t v = 0; v < variants.size(); ++v) {
+    if (own[v].empty()) continue;
+    const MatX<double> cross = K(base, own[v]), alone = K(own[v], own[v]),
+                       left = alone - cross.transpose() * solver.solve(cross);
+    const VecX<double> b =
+        -(slope(own[v]) - cross.transpose() * solver.solve(VecX<double>(slope(base))));
+    double visible = 0.0;
+    for (long k = 0; k < left.rows(); ++k)
+      if (alone(k, k) > 0.0)
+        visible = std::max(visible, std::sqrt(std::max(left(k, k), 0.0) / alone(k, k)));
+    WindowScore& best = out[variants[v].score];
+    best.visible_share = std::max(best.visible_share, visible);
+    MatX<double> A = left;
+    A.diagonal() += kRidge * alone.diagonal() + VecX<double>::Constant(A.rows(), 1e-300);
+    const SignedFit fit = signed_fit(A, b, signs[v]);
+    // A linear model may promise more than all that is left.
+    const double lm = std::clamp(fit.gain, 0.0, (1.0 - 1e-9) * at.cost);
+    const long shapes = std::ranges::count_if(layout.shape, [&](const FitParameter& s) {
+      return of_variant(s) == static_cast<int>(v) &&
+             !layout.effects[static_cast<std::size_t>(s.effect)]
+                  .parameter_info[static_cast<std::size_t>(s.index)]
+                  .search.empty();
+    });
+    const double parameters = static_cast<double>(left.rows() + shapes), n = samples();
+    const auto better = [&](double together) {
+      return window_delta_bic(at.cost, at.cost - lm, n, together, parameters);
+    };
+    if (!(better(correlation) > best.delta_bic)) continue;
+    best.delta_bic = better(correlation);
+    best.promise = better(1.0);  // once it is there, what is left may hang together no more
+    best.parameters = parameters;
+    best.lm = lm;
+    best.values = fit.x;
+    best.effect = variants[v].spec;
+    for (std::size_t k = 0; k < own[v].size(); ++k) {
+      const int c = fitter.free()[static_cast<std::size_t>(own[v][k])];
+      best.effect
+          .parameters[static_cast<std::size_t>(layout.linear[static_cast<std::size_t>(c)].index)]
+          .value = fit.x[static_cast<long>(k)];
+    }
+  }
+}
+
+}  // namespace diffnea

@@ -1,0 +1,174 @@
+#include "identify/drive_bounds.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/constants.hpp"
+#include "identify/passes.hpp"
+
+namespace diffnea {
+namespace {
+
+/// Sizes of the command's error in the rows in which the drive is on and a position was measured.
+std::vector<double> errors_of(const MotionStretch& stretch, int joint, double delay, double speed) {
+  CommandPath limited;
+  if (speed < kNoBound) {
+    limited = *stretch.command;
+    limited.limit_speed(joint, speed);
+  }
+  const CommandPath& led = speed < kNoBound ? limited : *stretch.command;
+  std::vector<double> out;
+  for (std::size_t k = 0; k < stretch.time.size(); ++k) {
+    const double error = led.gain(joint) * std::abs(led.at(joint, stretch.time[k], delay).q -
+                                                    stretch.q(static_cast<long>(k), joint));
+    if (std::isfinite(error)) out.push_back(error);
+  }
+  return out;
+}
+
+/// Bounds of drives that the fit moves, as indices of shapes.
+std::vector<std::size_t> free_bounds(const FitLayout& layout) {
+  std::vector<std::size_t> out;
+  for (std::size_t k = 0; k < layout.shape.size(); ++k)
+    if (!layout.shape[k].fixed && is_bound_of_drive(layout, layout.shape[k])) out.push_back(k);
+  return out;
+}
+
+/// Leaves bounds out and fits the rest anew: a delay makes up for a speed that hardly shows. A
+/// bound that is not there holds back what was not seen: it must be beyond doubt.
+/// @return whether the windows do without them
+bool leave_out(const std::vector<std::size_t>& bounds, const Model& model, const MotionData& data,
+               const MotionOptions& options, MotionClimb& climb) {
+  const MotionFit at = climb.fitter().now();
+  FitLayout layout = climb.layout();
+  VecX<double> shape = at.shape;
+  for (const std::size_t k : bounds) {
+    layout.shape[k].fixed = true;
+    layout.shape[k].prior = shape[static_cast<long>(k)] = no_bound(layout, layout.shape[k]);
+  }
+  const MotionProblem problem{
+      model, layout, data.train, data.runs, data.noise.position, climb.beginning().scale};
+  MotionFitter without(problem, options, at.x, shape);
+  std::vector<MotionWindow> windows = climb.at().windows;
+  without.fit(windows, kOnTheWay);
+  const MotionFit& fit = without.now();
+  const double independent = climb.independent();
+  // Runs that blow up are not in the objective: without them it would look better.
+  if (fit.blown_up > at.blown_up ||
+      bic(fit.objective, 0.0, independent) >
+          bic(at.objective, static_cast<double>(bounds.size()), independent) + kVeryStrong)
+    return false;
+  climb.change(layout, fit.x, fit.shape, std::move(windows));
+  climb.finish(kOnTheWay);
+  return true;
+}
+
+/// Tells whether windows do as well without a bound, all else as it is.
+bool is_idle(std::size_t bound, const Model& model, const MotionData& data,
+             const MotionOptions& options, const MotionClimb& climb) {
+  const MotionFit& at = climb.fitter().now();
+  const FitLayout& layout = climb.layout();
+  VecX<double> shape = at.shape;
+  shape[static_cast<long>(bound)] = no_bound(layout, layout.shape[bound]);
+  const MotionProblem problem{
+      model, layout, data.train, data.runs, data.noise.position, climb.beginning().scale};
+  const MotionFitter without(problem, options, at.x, shape);
+  std::vector<MotionWindow> windows = climb.at().windows;
+  without.fit_states(windows, kOnTheWay);
+  const double independent = climb.independent();
+  return bic(without.cost(windows), 0.0, independent) <
+         bic(at.objective, 1.0, independent) + kVeryStrong;
+}
+
+/// Tells whether a bound is within its error of none.
+bool may_be_none(std::size_t bound, const MotionClimb& climb) {
+  const MotionFit& fit = climb.fitter().now();
+  const long column = fit.x.size() + static_cast<long>(bound);
+  const double value = fit.shape[static_cast<long>(bound)],
+               sure = kVeryStrong + std::log(climb.independent());  // squared, in its error
+  return value * value <= sure * fit.covariance(column, column);
+}
+
+}  // namespace
+
+double bic(double objective, double free, double independent) {
+  return independent * std::log(objective) + free * std::log(independent);
+}
+
+double largest_error(const MotionStretch& stretch, int joint, double delay, double speed) {
+  double most = 0.0;
+  for (const double error : errors_of(stretch, joint, delay, speed)) most = std::max(most, error);
+  return most;
+}
+
+double saturated_share(const std::vector<MotionStretch>& stretches, int joint, double delay,
+                       double speed, double reach) {
+  long on = 0, saturated = 0;
+  for (const MotionStretch& s : stretches) {
+    if (!s.command) continue;
+    const std::vector<double> errors = errors_of(s, joint, delay, speed);
+    on += static_cast<long>(errors.size());
+    saturated += std::ranges::count_if(errors, [&](double e) { return e >= reach; });
+  }
+  return on > 0 ? static_cast<double>(saturated) / static_cast<double>(on) : 0.0;
+}
+
+double largest_rate(const MotionStretch& stretch, int joint) {
+  double most = 0.0;
+  for (const double t : stretch.time) {
+    const double rate =
+        (stretch.command->at(joint, t, 0.0).q - stretch.command->at(joint, t, kMostDelay).q) /
+        kMostDelay;
+    if (std::abs(rate) > most) most = std::abs(rate);
+  }
+  return most;
+}
+
+bool is_bound_of_drive(const FitLayout& layout, const FitParameter& shape) {
+  return shape.effect >= 0 && !shape.name.ends_with(".delay") &&
+         layout.effects[static_cast<std::size_t>(shape.effect)].info().has(Trait::kReadsCommand);
+}
+
+double no_bound(const FitLayout& layout, const FitParameter& shape) {
+  return layout.effects[static_cast<std::size_t>(shape.effect)]
+      .parameter_info[static_cast<std::size_t>(shape.index)]
+      .initial;
+}
+
+void hold_bounds_off(FitLayout& layout, VecX<double>& shape) {
+  for (std::size_t k = 0; k < layout.shape.size(); ++k) {
+    FitParameter& s = layout.shape[k];
+    if (s.fixed || !is_bound_of_drive(layout, s)) continue;
+    s.fixed = true;
+    s.prior = shape[static_cast<long>(k)] = no_bound(layout, s);
+  }
+}
+
+std::vector<std::string> release_bounds(const Model& model, const MotionData& data,
+                                        const MotionOptions& options, bool all,
+                                        MotionClimb& climb) {
+  std::vector<std::size_t> bounds = free_bounds(climb.layout());
+  const auto is_left_out = [&] {
+    return !bounds.empty() && leave_out(bounds, model, data, options, climb);
+  };
+  if (!all || !is_left_out()) {
+    climb.set_covariance();
+    std::vector<std::size_t> idle;
+    std::erase_if(bounds, [&](std::size_t k) {
+      if (is_idle(k, model, data, options, climb))
+        idle.push_back(k);
+      else
+        return !may_be_none(k, climb);
+      return false;
+    });
+    if (!is_left_out()) {
+      bounds = idle;
+      if (!is_left_out()) return {};
+    }
+  }
+  std::vector<std::string> names;
+  for (const std::size_t k : bounds) names.push_back(climb.layout().shape[k].name);
+  return names;
+}
+
+}  // namespace diffnea

@@ -1,0 +1,51 @@
+#pragma once
+/// Bounds of drives: speed of the setpoint, reach and dead band. A bound that the recording reaches
+/// is found only from where it acts; one that it does not reach is a corner at which every step of
+/// a fit stumbles, and would hold back motion that was not seen. Internal to identify/.
+
+#include "identify/motion_climb.hpp"
+
+namespace diffnea {
+
+/// No bound, as the effect has it.
+inline constexpr double kNoBound = 1e3;
+
+/// Largest delay of a position loop that is looked at [s]: radio and bus included, no operator.
+inline constexpr double kMostDelay = 0.2;
+
+/// ΔBIC that is very strong evidence (Kass, Raftery 1995).
+inline constexpr double kVeryStrong = 10.0;
+
+/// BIC of fits to the same positions.
+/// @param objective    χ²/2
+/// @param free         parameters
+/// @param independent  errors among the positions
+double bic(double objective, double free, double independent);
+
+/// Tells whether a shape bounds what a drive of the layout does: it is no delay.
+bool is_bound_of_drive(const FitLayout& layout, const FitParameter& shape);
+/// Value of the shape where it bounds nothing.
+double no_bound(const FitLayout& layout, const FitParameter& shape);
+
+/// Largest error of a joint's command that its drive sees, its gain included [rad] or [m].
+/// @param speed  of its setpoint at most
+double largest_error(const MotionStretch& stretch, int joint, double delay, double speed);
+/// Share of the rows with the drive on in which its error is at its reach or beyond.
+/// @param delay, speed, reach  of the drive [s], [rad/s], [rad]; of a sliding joint in m
+double saturated_share(const std::vector<MotionStretch>& stretches, int joint, double delay,
+                       double speed, double reach);
+/// Largest rate of a joint's command, over the delays that a drive may have: a step is no rate.
+double largest_rate(const MotionStretch& stretch, int joint);
+
+/// Holds all bounds that are free where they bound nothing.
+/// @param shape  (s) written
+void hold_bounds_off(FitLayout& layout, VecX<double>& shape);
+
+/// Leaves out bounds of drives that the recordings do not need: all of them, or those that are idle
+/// or may be none.
+/// @param all  whether all of them are tried
+/// @return their names
+std::vector<std::string> release_bounds(const Model& model, const MotionData& data,
+                                        const MotionOptions& options, bool all, MotionClimb& climb);
+
+}  // namespace diffnea
