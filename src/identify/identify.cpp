@@ -100,7 +100,7 @@ IdentifyResult without_arm(const Model& model, const RecordingSource& train, con
 
 bool has_torque(const RecordingSource& source) {
   return std::ranges::any_of(source.sample(), [](const Recording& r) {
-    return std::ranges::find(r.has_tau, true) != r.has_tau.end();
+    return std::ranges::find(r.has_tau, true) != r.has_tau.end() || r.base_wrench.size() > 0;
   });
 }
 
@@ -134,9 +134,12 @@ void refuse_ball_alone(const Model& model, const RecordingSource& train) {
                      "and a string if it hangs on one (docs/models.md)");
 }
 
-/// Constraints are served by the inverse loss, of the arm alone.
+/// Free bases and constraints are served by the inverse loss, of the robot alone, one at a time.
 void require_served(const Model& model, const IdentifyOptions& options) {
-  require_fixed_base("identify", model);
+  if (options.loss != Loss::kInverse || !model.constraints.empty())
+    require_fixed_base(
+        options.loss != Loss::kInverse ? "identify by this loss" : "identify with constraints",
+        model);
   if (model.ball) require_no_constraints("identify with a ball", model);
   if (options.loss != Loss::kInverse) require_no_constraints("identify by this loss", model);
 }
