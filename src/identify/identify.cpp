@@ -1,11 +1,13 @@
 #include <algorithm>
 #include <chrono>
 #include <memory>
+#include <optional>
 
 #include <diffnea/core/error.hpp>
 
 #include "identify/ball_identify.hpp"
 #include "identify/ball_pull.hpp"
+#include "identify/constraint_geometry.hpp"
 #include "identify/drives.hpp"
 #include "identify/passes.hpp"
 
@@ -134,12 +136,9 @@ void refuse_ball_alone(const Model& model, const RecordingSource& train) {
                      "and a string if it hangs on one (docs/models.md)");
 }
 
-/// Free bases and constraints are served by the inverse loss, of the robot alone, one at a time.
+/// Free bases and constraints are served by the inverse loss, of the robot alone.
 void require_served(const Model& model, const IdentifyOptions& options) {
-  if (options.loss != Loss::kInverse || !model.constraints.empty())
-    require_fixed_base(
-        options.loss != Loss::kInverse ? "identify by this loss" : "identify with constraints",
-        model);
+  if (options.loss != Loss::kInverse) require_fixed_base("identify by this loss", model);
   if (model.ball) require_no_constraints("identify with a ball", model);
   if (options.loss != Loss::kInverse) require_no_constraints("identify by this loss", model);
 }
@@ -172,11 +171,23 @@ IdentifyResult identify(const Model& model, const RecordingSource& train,
   Model begun = model;
   if (!ball.alone && model.constraints.empty()) fit_drives(begun, train, arm, of_drives);
   const RecordingSource& fitted = arm_train ? *arm_train : train;
+  std::optional<GeometryFit> geometry;
+  if (!model.constraints.empty() && fits_kinematics(arm.choice)) {
+    geometry = fit_geometry(model, fitted, arm.choice, arm);
+    begun = geometry->model;
+    arm.choice.fix.push_back("*.kinematics.*");
+  }
   const RecordingSource* held_out = arm_test ? arm_test.get() : test;
   IdentifyResult result = ball.alone ? without_arm(model, train, choice.arm)
                           : arm.loss == Loss::kMotion
                               ? identify_by_motion(begun, fitted, held_out, arm)
-                              : identify_by_torque(model, fitted, held_out, arm);
+                              : identify_by_torque(geometry ? begun : model, fitted, held_out, arm);
+  if (geometry) {
+    for (ParameterEstimate& p : result.parameters)
+      for (const ParameterEstimate& q : geometry->parameters)
+        if (p.name == q.name) p = q;
+    result.notes.insert(result.notes.end(), geometry->notes.begin(), geometry->notes.end());
+  }
   result.notes.insert(result.notes.begin(), of_drives.begin(), of_drives.end());
   if (arm_train) {
     result.data_report = train.report();

@@ -8,8 +8,8 @@
 #include <diffnea/effects/extended_tree.hpp>
 
 #include "core/constants.hpp"
+#include "identify/constrained_rows.hpp"
 #include "identify/gains.hpp"
-#include "identify/loop_rows.hpp"
 #include "identify/state_rows.hpp"
 
 namespace diffnea {
@@ -96,8 +96,8 @@ void set_torque_errors(const TorqueFit& fit, const RecordingSource& train,
       double start = 0.0;
     };
     std::map<int, Run> runs;
-    std::optional<LoopRows> loops;
-    if (!result.model.constraints.empty()) loops.emplace(result.model);
+    std::optional<ConstrainedRows> constraints;
+    if (!result.model.constraints.empty()) constraints.emplace(result.model);
     VecX<double> sum = VecX<double>::Zero(fit.layout.num_rows());
     long rows = 0;
     const Pass raw_pass =
@@ -106,17 +106,20 @@ void set_torque_errors(const TorqueFit& fit, const RecordingSource& train,
           if (!runs.contains(number)) runs[number] = {extend(result.model, {}, number), b.time[0]};
           const VecX<double> time = b.time.array() - runs[number].start;
           const RowsOfState state(b);
-          RowMatX<double> tau = by_row(
-              inverse_dynamics(runs[number].model, state.q, state.v, state.vd, number, &time), b);
-          if (loops) {
-            loops->choose(b);
+          RowMatX<double> error = by_row(inverse_dynamics(runs[number].model, state.q, state.v,
+                                                          state.vd, number, &time),
+                                         b) -
+                                  recorded_rows(b);
+          if (constraints) {
+            constraints->choose(b, state.q.row(0).transpose());
             for (long k = 0; k < b.rows(); ++k) {
-              RowMatX<double> of_row = tau.row(k).transpose();
-              loops->eliminate(runs[number].model.tree, b.q.row(k).transpose(), b.time[k], of_row);
-              tau.row(k) = of_row.transpose();
+              RowMatX<double> of_row = error.row(k).transpose();
+              constraints->eliminate(runs[number].model.tree, state.q.row(k).transpose(), b.time[k],
+                                     of_row);
+              error.row(k) = of_row.transpose();
             }
           }
-          sum += (tau - recorded_rows(b)).colwise().squaredNorm().transpose();
+          sum += error.colwise().squaredNorm().transpose();
           rows += b.rows();
         });
     stopped |= raw_pass.interrupted;
@@ -132,6 +135,7 @@ void set_torque_errors(const TorqueFit& fit, const RecordingSource& train,
   std::string unknown;  // joints of the fit of which the held-out data say nothing
   for (int j = 0; j < fit.layout.num_rows(); ++j) {
     const JointFactor& f = fit.rows.factors()[j];
+    if (j >= fit.layout.num_dofs && f.factor.rows() == 0) continue;  // eliminated by constraints
     const VecX<double> x = gains.effective(j, fit.x), first = gains.effective(j, fit.nominal);
     JointError e = blank_error(fit.model, j, true);
     const auto error = [j](const TorqueRegression& rows, const VecX<double>& at) {

@@ -7,7 +7,7 @@
 #include <diffnea/identify/torque_regression.hpp>
 
 #include "core/decompositions.hpp"
-#include "identify/loop_rows.hpp"
+#include "identify/constrained_rows.hpp"
 #include "identify/passes.hpp"
 #include "identify/state_rows.hpp"
 
@@ -53,7 +53,7 @@ TorqueRegression::TorqueRegression(const Model& model, const FitLayout& layout,
     if (reads_links(layout))
       throw ModelError(here + "effects that follow the transmitted torque are not fitted");
     if (options.acceleration) throw ModelError(here + "the forward loss is not served");
-    loops_ = std::make_shared<LoopRows>(model);
+    constraints_ = std::make_shared<ConstrainedRows>(model, &plan);
   }
   enter_run(-1);
   full_ = RowMatX<double>::Zero(rows, p + static_cast<int>(free_shapes_.size()) + 1);
@@ -68,7 +68,7 @@ TorqueRegression::TorqueRegression(const Model& model, const FitLayout& layout,
               effects_[shape.effect].joints.end())
         columns.push_back(p + static_cast<int>(s));
     }
-    if (options.acceleration || loops_) {  // M⁻¹, or the loop, mixes the joints
+    if (options.acceleration || constraints_) {  // M⁻¹, or D, mixes the joints
       columns.resize(full_.cols() - 1);
       std::iota(columns.begin(), columns.end(), 0);
     }
@@ -134,8 +134,9 @@ void TorqueRegression::add_moved_tree(int first_shape) {
 
 void TorqueRegression::fill_row(const Preprocessed& block, const RowsOfState& states, long row) {
   const int n = layout_.num_dofs, base = layout_.base_rows;
-  const VecX<double> q = states.q.row(row).transpose(), v = states.v.row(row).transpose(),
-                     vd = states.vd.row(row).transpose();
+  const VecX<double> q = states.q.row(row).transpose();
+  VecX<double> v = states.v.row(row).transpose(), vd = states.vd.row(row).transpose();
+  if (constraints_ && base > 0) constraints_->project(q, v, vd);
   const RowMatX<double>& Y = torque_regressor<double, double>(tree_, q, v, vd, ws_);
   const long links = Y.cols();  // inertial parameters come first in a layout
   full_.topLeftCorner(n, links) = Y.bottomRows(n);
@@ -172,11 +173,13 @@ void TorqueRegression::fill_row(const Preprocessed& block, const RowsOfState& st
     }
   }
   add_shape_columns(x, q, v, vd);
-  if (loops_)
-    loops_->eliminate(tree_, block.q.row(row).transpose(), block.time[row],
-                      full_.leftCols(full_.cols() - 1));
   full_.col(full_.cols() - 1).head(n) = block.tau.row(row).transpose();
   if (base > 0) full_.col(full_.cols() - 1).tail(base) = block.base_wrench.row(row).transpose();
+  if (constraints_) {
+    constraints_->eliminate(tree_, q, block.time[row], full_);
+    for (int r = 0; r < full_.rows(); ++r)  // rounding is no torque
+      if (constraints_->is_zero(r)) full_(r, full_.cols() - 1) = 0.0;
+  }
   if (options_.acceleration) linearise_acceleration(block.q.row(row).transpose(), x.run);
 }
 
@@ -272,13 +275,15 @@ VecX<double> TorqueRegression::torque_of_gravity(int axis, const VecX<double>& q
   return out;
 }
 
-/// What M_jj is of each of the row's columns: the torque at rest, without gravity, per unit of
-/// acceleration.
+/// Share of each of the row's columns in M_jj: the torque at rest, without gravity, per unit of
+/// acceleration, of all that moves with it where constraints tie it.
 VecX<double> TorqueRegression::inertia_columns(int j, const VecX<double>& q) {
   const int n = layout_.num_rows();
   const Vec3<double> gravity = tree_.gravity;
   tree_.gravity = {0, 0, 0};
-  const VecX<double> still = VecX<double>::Zero(n), unit = VecX<double>::Unit(n, coordinate(j));
+  const VecX<double> still = VecX<double>::Zero(n);
+  const VecX<double> unit = constraints_ ? constraints_->unit_acceleration(j, q)
+                                         : VecX<double>(VecX<double>::Unit(n, coordinate(j)));
   const RowMatX<double>& Y = torque_regressor<double, double>(tree_, q, still, unit, ws_);
   tree_.gravity = gravity;
   const std::vector<int>& columns = factors_[static_cast<std::size_t>(j)].columns;
@@ -286,12 +291,12 @@ VecX<double> TorqueRegression::inertia_columns(int j, const VecX<double>& q) {
   for (std::size_t k = 0; k < columns.size(); ++k) {
     const int c = columns[k];
     if (c < Y.cols()) {
-      out[static_cast<long>(k)] = Y(coordinate(j), c);
+      out[static_cast<long>(k)] = unit.dot(Y.col(c));
     } else if (c < static_cast<int>(layout_.linear.size()) && layout_.linear[c].effect >= 0) {
       const BoundEffect& effect = effects_[layout_.linear[c].effect];
-      const bool rotor = effect.info().has(Trait::kRotor) &&
-                         std::ranges::find(effect.joints, j) != effect.joints.end();
-      out[static_cast<long>(k)] = rotor ? 1.0 : 0.0;
+      for (const int moved : effect.joints)
+        if (effect.info().has(Trait::kRotor))
+          out[static_cast<long>(k)] += std::pow(unit[coordinate(moved)], 2);
     }
   }
   return out;
@@ -308,17 +313,16 @@ int TorqueRegression::coordinate(int row) const {
   return row < layout_.num_dofs ? layout_.base_rows + row : row - layout_.num_dofs;
 }
 
-/// Tells whether a row is fitted: of a loop those of the driven joints alone. A base's wrench is
-/// known: recorded, or zero.
+/// Tells whether a row is fitted: beside constraints those of the coordinates that were chosen. A
+/// base's wrench is known: recorded, or zero.
 bool TorqueRegression::is_fitted(const Preprocessed& block, int joint) const {
-  if (joint >= layout_.num_dofs) return true;
-  return loops_ ? static_cast<bool>(block.has_tau[joint]) : torque_known(block, joint);
+  if (constraints_) return constraints_->has(joint);
+  return joint >= layout_.num_dofs || torque_known(block, joint);
 }
 
 void TorqueRegression::add(const Preprocessed& block) {
   const int n = layout_.num_dofs;
   long row = 0;
-  if (loops_) loops_->choose(block);
   dt_ = block.dt;
   for (int j = 0; options_.acceleration && j < n; ++j)
     if (!torque_known(block, j))
@@ -327,10 +331,18 @@ void TorqueRegression::add(const Preprocessed& block) {
                       " has none; use the inverse loss, or declare the joint passive");
   const int rows = layout_.num_rows();
   const RowsOfState states(block);
+  if (constraints_ && block.rows() > 0) constraints_->choose(block, states.q.row(0).transpose());
+  if (constraints_ && constraints_->mixes())
+    for (const BoundEffect& e : effects_)
+      if (e.info().has(Trait::kGain))
+        throw ModelError("identify: " + e.info().name + " at '" + e.where +
+                         "' is not fitted where more joints are driven than constraints leave "
+                         "motions; leave it out");
   const auto is_known_zero = [&](int j) {
+    if (constraints_) return constraints_->is_zero(j);
     return j < n ? !block.has_tau[j] && torque_known(block, j) : !block.has_base_wrench;
   };
-  for (int j = 0; !options_.acceleration && !loops_ && block.rows() > 0 && j < rows; ++j)
+  for (int j = 0; !options_.acceleration && block.rows() > 0 && j < rows; ++j)
     if (is_known_zero(j) && factors_[j].inertia.size() == 0)
       factors_[j].inertia = inertia_columns(j, states.q.row(0).transpose());
   while (row < block.rows()) {

@@ -14,7 +14,7 @@
 
 namespace diffnea {
 
-class LoopRows;
+class ConstrainedRows;
 struct RowsOfState;
 
 /// Where the regression stands: what it is linearised about.
@@ -70,7 +70,8 @@ class TorqueRegression {
  public:
   /// Columns are those of the layout, then one for each free shape parameter: ∂τ/∂(ln η) of
   /// logarithmic ones, ∂τ/∂η of others, ∂τ/∂x of fixed transforms, at `at`. Of a model with
-  /// constraints, rows are those of the driven joints with the constraints' forces eliminated.
+  /// constraints, rows are those of as many coordinates as these leave motions, with the
+  /// constraints' forces eliminated: of driven joints first.
   /// @throws ModelError if constraints meet free transforms or effects that read the torque that
   ///         links transmit
   TorqueRegression(const Model& model, const FitLayout& layout, const PreprocessPlan& plan,
@@ -116,7 +117,7 @@ class TorqueRegression {
   VecX<double> inertia_columns(int joint, const VecX<double>& q);
 
   Model model_;
-  std::shared_ptr<LoopRows> loops_;  // null: no constraints
+  std::shared_ptr<ConstrainedRows> constraints_;  // null: there are none
   Tree<double> tree_;                // at the point and of this run: transforms, inertias, armature
   std::vector<Tree<JetD>> moved_;    // per joint with free transform: its six directions seeded
   std::map<int, Tree<JetD>> changed_;  // per free shape that changes the tree: seeded
