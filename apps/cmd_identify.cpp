@@ -76,7 +76,6 @@ void run_identify(IdentifyCommand c, const CLI::App& command) {
   c.options.motion.threads = threads_of(c.common);
   check_run_folder(c.out, "identify");
   Model model = read_model(c.model, c.reading);
-  require_fixed_base("identify", model);
   refuse_without_effect(c, command, model);
   ResultFolder folder(c.out);  // cannot be written: better known now
 

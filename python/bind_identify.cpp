@@ -34,7 +34,6 @@ FitRun identify_python(const Model& model, const py::list& train_items, const py
                        const py::object& progress) {
   IdentifyOptions options;
   set_options(options, "identify", given);
-  require_fixed_base("identify", model);
   Supervisor supervisor(progress);
   options.progress = [&supervisor](const FitProgress& p) { return supervisor(p); };
 

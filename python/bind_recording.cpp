@@ -106,7 +106,9 @@ py::object payload_dict(const std::optional<HeldBody>& body) {
 Recording make_recording(const py::object& time, const py::object& q, const py::object& tau,
                          std::vector<std::string> joint_names, const py::object& qd,
                          const py::object& qdd, const py::object& qcmd, const py::object& ball,
-                         const py::object& spin, const std::map<std::string, py::object>& extra,
+                         const py::object& spin, const py::object& base,
+                         const py::object& base_twist, const py::object& base_wrench,
+                         const std::map<std::string, py::object>& extra,
                          const std::string& torque_side,
                          const std::optional<std::string>& torque_sampling,
                          std::vector<std::string> passive, std::optional<double> period,
@@ -118,15 +120,21 @@ Recording make_recording(const py::object& time, const py::object& q, const py::
   require_increasing("Recording", r.time);
   const long N = r.time.size();
   if (N == 0) throw DataError("Recording: got no rows");
-  r.q = series("q", q, N, joint_names.size() == 1 ? 1 : -1);
+  const bool bare = q.is_none() && joint_names.empty() && !base.is_none();  // a body alone
+  r.q = bare ? RowMatX<double>(N, 0) : series("q", q, N, joint_names.size() == 1 ? 1 : -1);
   const long n = r.q.cols();
-  require_names("Recording", joint_names, n);
+  if (!bare) require_names("Recording", joint_names, n);
   r.joint_names = std::move(joint_names);
   r.qd = optional_series("qd", qd, N, n);
   r.qdd = optional_series("qdd", qdd, N, n);
   r.qcmd = optional_series("qcmd", qcmd, N, n);
   r.ball = optional_series("ball", ball, N, 3);
   r.spin = optional_series("spin", spin, N, 3);
+  r.base = optional_series("base", base, N, 7);
+  r.base_twist = optional_series("base_twist", base_twist, N, 6);
+  r.base_wrench = optional_series("base_wrench", base_wrench, N, 6);
+  if (r.base.size() == 0 && (r.base_twist.size() > 0 || r.base_wrench.size() > 0))
+    throw DataError("Recording: base_twist and base_wrench need the pose of the base, base=");
   r.tau = tau.is_none() ? RowMatX<double>::Constant(N, n, std::nan("")) : series("tau", tau, N, n);
   for (const auto& [name, values] : extra)
     r.extra.push_back({name, vector_in("Recording: extra['" + name + "']", values, N)});
@@ -154,7 +162,10 @@ std::string recording_repr(const Recording& r) {
                                      {"qdd", &r.qdd},
                                      {"qcmd", &r.qcmd},
                                      {"ball", &r.ball},
-                                     {"spin", &r.spin}})
+                                     {"spin", &r.spin},
+                                     {"base", &r.base},
+                                     {"base_twist", &r.base_twist},
+                                     {"base_wrench", &r.base_wrench}})
     if (values->size() > 0) channels += std::string(", ") + name;
   const long torques = std::ranges::count(r.has_tau, true);
   if (torques > 0) channels += ", tau";
@@ -176,8 +187,7 @@ Recording rows_of(const Recording& r, const py::slice& slice) {
     if (x.size() > 0) x = RowMatX<double>(x.middleRows(start, count));
   };
   out.time = VecX<double>(r.time.segment(start, count));
-  for (RowMatX<double>* x : {&out.q, &out.qd, &out.qdd, &out.qcmd, &out.tau, &out.ball, &out.spin})
-    cut(*x);
+  for (const auto member : kSeries) cut(out.*member);
   for (ExtraChannel& e : out.extra) e.values = VecX<double>(e.values.segment(start, count));
   return out;
 }
@@ -188,30 +198,37 @@ void bind_recording(py::module_& m) {
   py::class_<Recording> c(m, "Recording",
                           "Measured series of one robot, N rows and n joints, in SI units. NaN is "
                           "a gap. Never changes.");
-  c.def(py::init(&make_recording), py::kw_only(), "time"_a, "q"_a, "tau"_a = py::none(),
-        "joint_names"_a, "qd"_a = py::none(), "qdd"_a = py::none(), "qcmd"_a = py::none(),
-        "ball"_a = py::none(), "spin"_a = py::none(), "extra"_a = py::dict(),
-        "torque_side"_a = "motor", "torque_sampling"_a = py::none(),
-        "passive"_a = std::vector<std::string>{}, "period"_a = py::none(),
-        "torque_constant"_a = std::map<std::string, double>{}, "payload"_a = py::none(),
-        "source"_a = "arrays",
-        "``time``: (N,) [s], strictly increasing. ``q``, ``tau``, ``qd``, ``qdd``, ``qcmd``: (N, "
-        "n) [rad, N·m, rad/s,\n"
-        "rad/s²] or [m, N, …]. A column of ``tau`` that is NaN throughout belongs to a joint whose "
-        "motion is prescribed;\n"
-        "``passive`` names joints whose torque is known to be zero. ``ball``, ``spin``: (N, 3) "
-        "[m], [rad/s] in the\n"
-        "world. ``extra``: further channels (N,) by name. ``torque_side``: ``motor``, or ``link`` "
-        "for joint torque\n"
-        "sensors. ``torque_sampling``: ``hold`` (row k's torque acts from row k to k+1; default of "
-        "the motor side)\n"
-        "or ``instant``. ``period``: of a periodic motion [s]. ``torque_constant``: [N·m/A], by "
-        "joint, "
-        "that ``tau`` was made\n"
-        "with. ``payload``: a body that the robot held, as in a sidecar: ``mass`` [kg], ``com`` "
-        "[m], "
-        "``about_com`` [kg·m²],\n"
-        "``where``, ``name``, each left out if it is not known.")
+  c.def(
+       py::init(&make_recording), py::kw_only(), "time"_a, "q"_a = py::none(), "tau"_a = py::none(),
+       "joint_names"_a = std::vector<std::string>{}, "qd"_a = py::none(), "qdd"_a = py::none(),
+       "qcmd"_a = py::none(), "ball"_a = py::none(), "spin"_a = py::none(), "base"_a = py::none(),
+       "base_twist"_a = py::none(), "base_wrench"_a = py::none(), "extra"_a = py::dict(),
+       "torque_side"_a = "motor", "torque_sampling"_a = py::none(),
+       "passive"_a = std::vector<std::string>{}, "period"_a = py::none(),
+       "torque_constant"_a = std::map<std::string, double>{}, "payload"_a = py::none(),
+       "source"_a = "arrays",
+       "``time``: (N,) [s], strictly increasing. ``q``, ``tau``, ``qd``, ``qdd``, ``qcmd``: (N, "
+       "n) [rad, N·m, rad/s,\n"
+       "rad/s²] or [m, N, …]. A column of ``tau`` that is NaN throughout belongs to a joint whose "
+       "motion is prescribed;\n"
+       "``passive`` names joints whose torque is known to be zero. ``ball``, ``spin``: (N, 3) "
+       "[m], [rad/s] in the\n"
+       "world. ``base``: (N, 7) x y z [m] and qx qy qz qw of the link that floats, its pose in the "
+       "world.\n"
+       "``base_twist``: (N, 6) its twist [ω; v] against the world, in its own axes [rad/s, m/s]; "
+       "``base_wrench``:\n"
+       "(N, 6) the known wrench [τ; f] on it from outside, likewise [N·m, N], None: it flies. "
+       "``extra``: further channels (N,) by name. ``torque_side``: ``motor``, or ``link`` "
+       "for joint torque\n"
+       "sensors. ``torque_sampling``: ``hold`` (row k's torque acts from row k to k+1; default of "
+       "the motor side)\n"
+       "or ``instant``. ``period``: of a periodic motion [s]. ``torque_constant``: [N·m/A], by "
+       "joint, "
+       "that ``tau`` was made\n"
+       "with. ``payload``: a body that the robot held, as in a sidecar: ``mass`` [kg], ``com`` "
+       "[m], "
+       "``about_com`` [kg·m²],\n"
+       "``where``, ``name``, each left out if it is not known.")
       .def_readonly("source", &Recording::source, "Where it comes from, for messages.")
       .def_readonly("run", &Recording::run, "Number of the run in its file.")
       .def_readonly("joint_names", &Recording::joint_names,
@@ -240,6 +257,17 @@ void bind_recording(py::module_& m) {
       .def_property_readonly(
           "spin", [](const Recording& r) { return or_none(r.spin); },
           "(N, 3) [rad/s], world, or None.")
+      .def_property_readonly(
+          "base", [](const Recording& r) { return or_none(r.base); },
+          "(N, 7) x y z [m] and qx qy qz qw of the base in the world, or None: it is fixed.")
+      .def_property_readonly(
+          "base_twist", [](const Recording& r) { return or_none(r.base_twist); },
+          "(N, 6) measured [ω; v] of the base against the world, in its axes [rad/s, m/s], or "
+          "None.")
+      .def_property_readonly(
+          "base_wrench", [](const Recording& r) { return or_none(r.base_wrench); },
+          "(N, 6) known [τ; f] on the base from outside, in its axes, about its origin [N·m, N], "
+          "or None.")
       .def_property_readonly(
           "extra",
           [](const Recording& r) {
@@ -312,12 +340,13 @@ void bind_recording(py::module_& m) {
             py::list controller;
             for (const JointValue& v : r.info.controller)
               controller.append(py::make_tuple(v.joint, v.name, v.value));
-            return py::make_tuple(
-                r.source, r.run, r.joint_names, array_out(r.time), array_out(r.q), array_out(r.qd),
-                array_out(r.qdd), array_out(r.qcmd), array_out(r.tau), r.has_tau, array_out(r.ball),
-                array_out(r.spin), extra, static_cast<int>(r.info.torque_side),
-                static_cast<int>(r.info.torque_sampling), r.info.period, r.info.passive,
-                r.info.torque_constant, controller, payload_dict(r.info.payload));
+            py::list series;
+            for (const auto member : kSeries) series.append(array_out(r.*member));
+            return py::make_tuple(r.source, r.run, r.joint_names, array_out(r.time), series,
+                                  r.has_tau, extra, static_cast<int>(r.info.torque_side),
+                                  static_cast<int>(r.info.torque_sampling), r.info.period,
+                                  r.info.passive, r.info.torque_constant, controller,
+                                  payload_dict(r.info.payload));
           },
           [](const py::tuple& s) {
             Recording r;
@@ -325,24 +354,22 @@ void bind_recording(py::module_& m) {
             r.run = py::cast<int>(s[1]);
             r.joint_names = py::cast<std::vector<std::string>>(s[2]);
             r.time = py::cast<VecX<double>>(s[3]);
-            std::size_t k = 4;
-            for (RowMatX<double>* x : {&r.q, &r.qd, &r.qdd, &r.qcmd, &r.tau})
-              *x = py::cast<RowMatX<double>>(s[k++]);
-            r.has_tau = py::cast<std::vector<bool>>(s[9]);
-            r.ball = py::cast<RowMatX<double>>(s[10]);
-            r.spin = py::cast<RowMatX<double>>(s[11]);
+            const py::list series = s[4];
+            for (std::size_t k = 0; k < kSeries.size(); ++k)
+              r.*kSeries[k] = py::cast<RowMatX<double>>(series[k]);
+            r.has_tau = py::cast<std::vector<bool>>(s[5]);
             for (const auto& [name, values] :
-                 py::cast<std::vector<std::pair<std::string, VecX<double>>>>(s[12]))
+                 py::cast<std::vector<std::pair<std::string, VecX<double>>>>(s[6]))
               r.extra.push_back({name, values});
-            r.info.torque_side = static_cast<TorqueSide>(py::cast<int>(s[13]));
-            r.info.torque_sampling = static_cast<TorqueSampling>(py::cast<int>(s[14]));
-            r.info.period = py::cast<double>(s[15]);
-            r.info.passive = py::cast<std::vector<std::string>>(s[16]);
-            r.info.torque_constant = py::cast<std::vector<std::pair<std::string, double>>>(s[17]);
+            r.info.torque_side = static_cast<TorqueSide>(py::cast<int>(s[7]));
+            r.info.torque_sampling = static_cast<TorqueSampling>(py::cast<int>(s[8]));
+            r.info.period = py::cast<double>(s[9]);
+            r.info.passive = py::cast<std::vector<std::string>>(s[10]);
+            r.info.torque_constant = py::cast<std::vector<std::pair<std::string, double>>>(s[11]);
             for (const auto& [joint, name, value] :
-                 py::cast<std::vector<std::tuple<std::string, std::string, double>>>(s[18]))
+                 py::cast<std::vector<std::tuple<std::string, std::string, double>>>(s[12]))
               r.info.controller.push_back({joint, name, value});
-            r.info.payload = held_body(py::cast<std::optional<py::dict>>(s[19]));
+            r.info.payload = held_body(py::cast<std::optional<py::dict>>(s[13]));
             return r;
           }));
   c.attr("__module__") = "diffnea";

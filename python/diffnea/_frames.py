@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from ._files import import_pandas
+from ._readers.table import OF_AXES
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -25,9 +26,10 @@ def recording_frame(recording: Recording) -> pd.DataFrame:
                 columns[f"{name}_{joint}"] = values[:, j]
         if recording.has_tau[j]:
             columns[f"tau_{joint}"] = tau[:, j]
-    for name, values in (("ball", recording.ball), ("spin", recording.spin)):
+    for name, (prefix, axes) in OF_AXES.items():
+        values = getattr(recording, name)
         if values is not None:
-            columns |= {f"{name}_{axis}": values[:, k] for k, axis in enumerate("xyz")}
+            columns |= {f"{prefix}_{axis}": values[:, k] for k, axis in enumerate(axes)}
     columns |= recording.extra
     frame: pd.DataFrame = pandas.DataFrame(columns)
     return frame

@@ -33,8 +33,11 @@ void Fingerprint::add(const Recording& block) {
     if (taken_ < kMotionRows) {
       mix(motion_, block.time[i]);
       mix_row(motion_, block.q, i);
+      mix_row(motion_, block.base, i);
     }
-    for (const RowMatX<double>* m : {&block.q, &block.tau, &block.ball}) mix_row(rows_, *m, i);
+    for (const RowMatX<double>* m :
+         {&block.q, &block.tau, &block.ball, &block.base, &block.base_wrench})
+      mix_row(rows_, *m, i);
   }
 }
 

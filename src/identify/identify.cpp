@@ -1,11 +1,13 @@
 #include <algorithm>
 #include <chrono>
 #include <memory>
+#include <optional>
 
 #include <diffnea/core/error.hpp>
 
 #include "identify/ball_identify.hpp"
 #include "identify/ball_pull.hpp"
+#include "identify/constraint_geometry.hpp"
 #include "identify/drives.hpp"
 #include "identify/passes.hpp"
 
@@ -100,7 +102,7 @@ IdentifyResult without_arm(const Model& model, const RecordingSource& train, con
 
 bool has_torque(const RecordingSource& source) {
   return std::ranges::any_of(source.sample(), [](const Recording& r) {
-    return std::ranges::find(r.has_tau, true) != r.has_tau.end();
+    return std::ranges::find(r.has_tau, true) != r.has_tau.end() || r.base_wrench.size() > 0;
   });
 }
 
@@ -134,9 +136,9 @@ void refuse_ball_alone(const Model& model, const RecordingSource& train) {
                      "and a string if it hangs on one (docs/models.md)");
 }
 
-/// Constraints are served by the inverse loss, of the arm alone.
+/// Free bases and constraints are served by the inverse loss, of the robot alone.
 void require_served(const Model& model, const IdentifyOptions& options) {
-  require_fixed_base("identify", model);
+  if (options.loss != Loss::kInverse) require_fixed_base("identify by this loss", model);
   if (model.ball) require_no_constraints("identify with a ball", model);
   if (options.loss != Loss::kInverse) require_no_constraints("identify by this loss", model);
 }
@@ -169,11 +171,23 @@ IdentifyResult identify(const Model& model, const RecordingSource& train,
   Model begun = model;
   if (!ball.alone && model.constraints.empty()) fit_drives(begun, train, arm, of_drives);
   const RecordingSource& fitted = arm_train ? *arm_train : train;
+  std::optional<GeometryFit> geometry;
+  if (!model.constraints.empty() && fits_kinematics(arm.choice)) {
+    geometry = fit_geometry(model, fitted, arm.choice, arm);
+    begun = geometry->model;
+    arm.choice.fix.push_back("*.kinematics.*");
+  }
   const RecordingSource* held_out = arm_test ? arm_test.get() : test;
   IdentifyResult result = ball.alone ? without_arm(model, train, choice.arm)
                           : arm.loss == Loss::kMotion
                               ? identify_by_motion(begun, fitted, held_out, arm)
-                              : identify_by_torque(model, fitted, held_out, arm);
+                              : identify_by_torque(geometry ? begun : model, fitted, held_out, arm);
+  if (geometry) {
+    for (ParameterEstimate& p : result.parameters)
+      for (const ParameterEstimate& q : geometry->parameters)
+        if (p.name == q.name) p = q;
+    result.notes.insert(result.notes.end(), geometry->notes.begin(), geometry->notes.end());
+  }
   result.notes.insert(result.notes.begin(), of_drives.begin(), of_drives.end());
   if (arm_train) {
     result.data_report = train.report();

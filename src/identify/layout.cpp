@@ -19,6 +19,7 @@ const char* theta_unit(int k) { return k == 0 ? "kg" : k < 4 ? "kg*m" : "kg*m^2"
 
 const std::vector<std::string> kGroups{"inertia", "armature", "effects",
                                        "string",  "shapes",   "kinematics"};
+constexpr std::array<const char*, 6> kWrenchAxes{"tx", "ty", "tz", "fx", "fy", "fz"};
 const std::array<const char*, 6> kKinematicNames{"roll", "pitch", "yaw", "px", "py", "pz"};
 
 bool contains(const std::vector<std::string>& list, const std::string& item) {
@@ -166,9 +167,10 @@ std::vector<int> FitLayout::bodies() const {
   return out;
 }
 
-std::vector<int> FitLayout::columns_of_joint(const Tree<double>& tree, int joint) const {
-  std::vector<bool> carried(tree.links.size(), false);  // moved by the coordinate
-  for (int i = 0; i < tree.num_links(); ++i)
+std::vector<int> FitLayout::columns_of_row(const Tree<double>& tree, int row) const {
+  const int joint = row < num_dofs ? row : -1;
+  std::vector<bool> carried(tree.links.size(), joint < 0);  // moved by the coordinate
+  for (int i = tree.first_joint(); joint >= 0 && i < tree.num_links(); ++i)
     carried[i] =
         tree.drive(i).dof == joint || (tree.links[i].parent >= 0 && carried[tree.links[i].parent]);
   std::vector<int> out;
@@ -193,8 +195,22 @@ VecX<double> FitLayout::prior() const {
   return out;
 }
 
+std::string row_name(const Model& model, int row) {
+  const std::vector<std::string> joints = joint_names(model);
+  const std::size_t k = static_cast<std::size_t>(row);
+  return k < joints.size() ? joints[k] : "base_" + std::string(kWrenchAxes[k - joints.size()]);
+}
+
+std::string row_unit(const Model& model, int row) {
+  const std::vector<int> moving = moving_links(model);
+  const std::size_t k = static_cast<std::size_t>(row);
+  if (k < moving.size())
+    return model.links[static_cast<std::size_t>(moving[k])].type == ModelJoint::kPrismatic ? "N"
+                                                                                           : "N*m";
+  return k - moving.size() < 3 ? "N*m" : "N";
+}
+
 FitLayout make_layout(const Model& model, const FitChoice& choice, const std::vector<int>& runs) {
-  require_fixed_base("fit", model);
   for (const std::string& group : choice.fit)
     if (!contains(kGroups, group) && !group.starts_with("kinematics@"))
       throw ModelError("fit: there is no group '" + group + "'; groups: " + detail::join(kGroups) +
@@ -206,6 +222,7 @@ FitLayout make_layout(const Model& model, const FitChoice& choice, const std::ve
 
   FitLayout layout;
   layout.num_dofs = static_cast<int>(moving_links(model).size());
+  layout.base_rows = model.free_base ? kBaseVelocities : 0;
   add_inertias(model, !fit_inertia, layout);
   double total_mass = 0.0;
   for (const ModelLink& l : model.links) total_mass += std::max(l.inertia.m, 0.0);

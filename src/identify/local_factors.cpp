@@ -34,7 +34,7 @@ std::vector<JointFactor> local_factors(const Model& model, const FitLayout& layo
   const Tree<double> tree = make_tree(model);
   std::vector<JointFactor> out(static_cast<std::size_t>(n));
   for (int j = 0; j < n; ++j) {
-    out[static_cast<std::size_t>(j)].columns = layout.columns_of_joint(tree, j);
+    out[static_cast<std::size_t>(j)].columns = layout.columns_of_row(tree, j);
     out[static_cast<std::size_t>(j)].factor =
         TriangularFactor(static_cast<int>(out[static_cast<std::size_t>(j)].columns.size()));
   }

@@ -109,8 +109,8 @@ std::string unit_of_joint(const Model& model, int j, bool of_torque) {
 
 JointError blank_error(const Model& model, int j, bool of_torque) {
   JointError e;
-  e.joint = joint_names(model)[static_cast<std::size_t>(j)];
-  e.unit = unit_of_joint(model, j, of_torque);
+  e.joint = row_name(model, j);
+  e.unit = of_torque ? row_unit(model, j) : unit_of_joint(model, j, false);
   e.torque_rms = e.train = e.nominal_train = kNaN;
   e.test = e.nominal_test = e.test_all = e.test_raw = kNaN;
   return e;

@@ -8,6 +8,7 @@
 #include <diffnea/recording/position_warnings.hpp>
 
 #include "identify/fingerprint.hpp"
+#include "recording/floating_base.hpp"
 #include "recording/unwrapper.hpp"
 
 namespace diffnea {
@@ -26,6 +27,11 @@ std::vector<ChannelWarning> find_warnings(const std::vector<JointDescription>& j
                     find_twos_complement_torque})
     for (ChannelWarning& w : find(joints, recordings)) out.push_back(std::move(w));
   return out;
+}
+
+/// Name of the link that the model floats on; empty: its base is fixed.
+std::string floating_link(const Model& model) {
+  return model.free_base ? model.links[0].name : std::string();
 }
 
 /// The model's word that a joint is passive counts as much as the sidecar's.
@@ -51,6 +57,11 @@ class InMemory : public RecordingSource {
     const std::vector<JointDescription> joints = describe_joints(model);
     std::vector<ChannelWarning> deviations;
     match_joints(joints, recordings_, &deviations);
+    std::string left_out;
+    detail::match_base(floating_link(model), recordings_, &left_out);
+    if (!left_out.empty()) report_.notes.push_back(left_out);
+    for (std::string& note : detail::blank_impossible_poses(recordings_))
+      report_.notes.push_back(std::move(note));
     for (std::size_t k = 0; k < recordings_.size(); ++k) recordings_[k].run = static_cast<int>(k);
     for (const Recording& r : recordings_) {  // as streamed files, before torques are looked at
       Fingerprint of;
@@ -94,7 +105,7 @@ class InFiles : public RecordingSource {
  public:
   InFiles(const Model& model, std::vector<std::filesystem::path> paths,
           std::vector<ReadOptions> options)
-      : joints_(describe_joints(model)), paths_(std::move(paths)) {
+      : joints_(describe_joints(model)), floats_(floating_link(model)), paths_(std::move(paths)) {
     for (std::size_t f = 0; f < paths_.size(); ++f)
       options_.push_back(options_of(options, f, joints_));
     std::vector<ChannelWarning> deviations;
@@ -112,6 +123,7 @@ class InFiles : public RecordingSource {
     std::vector<Fingerprint> prints;
     const bool first = runs_.empty();
     Unwrapper unwrapper(joints_, measured_);
+    std::string left_out;
     for (std::size_t f = 0; f < paths_.size(); ++f) {
       RecordingReader reader(paths_[f], options_[f]);
       std::vector<Recording> block(1);
@@ -121,6 +133,7 @@ class InFiles : public RecordingSource {
         run_in_file = block[0].run;
         previous = paths_[f];
         match_joints(joints_, block);
+        detail::match_base(floats_, block, &left_out);
         block[0].run = run;
         if (first && run == static_cast<int>(described.size())) {
           described.push_back({block[0].source, block[0].info, {}, {}});
@@ -138,6 +151,7 @@ class InFiles : public RecordingSource {
       described[k].rows = prints[k].rows();
     }
     report_ = std::move(report);
+    if (!left_out.empty()) report_.notes.push_back(left_out);
     if (const std::string note = unwrapper.note(); !note.empty()) report_.notes.push_back(note);
     runs_ = std::move(described);
   }
@@ -166,12 +180,14 @@ class InFiles : public RecordingSource {
     std::vector<Recording> block(1);
     if (!reader.next(block[0], kSampleRows)) throw DataError(paths_.front().string() + ": no rows");
     match_joints(joints_, block, &deviations);
+    detail::match_base(floats_, block);
     block[0].run = 0;
     out.push_back(block[0]);
     return out;
   }
 
   std::vector<JointDescription> joints_;
+  std::string floats_;  ///< link that the model floats on; empty: none
   std::vector<std::filesystem::path> paths_;
   std::vector<ReadOptions> options_;
   std::vector<Recording> measured_, sample_;  ///< the first rows; with whole turns added

@@ -8,8 +8,9 @@
 #include <diffnea/effects/extended_tree.hpp>
 
 #include "core/constants.hpp"
+#include "identify/constrained_rows.hpp"
 #include "identify/gains.hpp"
-#include "identify/loop_rows.hpp"
+#include "identify/state_rows.hpp"
 
 namespace diffnea {
 namespace {
@@ -17,12 +18,11 @@ namespace {
 std::vector<TorqueSeries> make_series(const TorqueFit& fit, const TorqueRegression& regression,
                                       const TorqueRegression& before) {
   std::vector<TorqueSeries> out;
-  const std::vector<int> moving = moving_links(fit.model);
-  for (int j = 0; j < fit.layout.num_dofs; ++j) {
+  for (int j = 0; j < fit.layout.num_rows(); ++j) {
     const JointRows& kept = regression.kept()[j];
     TorqueSeries s;
-    s.joint = fit.model.links[moving[j]].joint;
-    s.unit = fit.model.links[moving[j]].type == ModelJoint::kPrismatic ? "N" : "N*m";
+    s.joint = row_name(fit.model, j);
+    s.unit = row_unit(fit.model, j);
     const std::vector<int>& columns = regression.factors()[j].columns;
     const Gains gains(fit.layout);
     const VecX<double> xj = gains.effective(j, fit.x)(columns),
@@ -73,7 +73,7 @@ void set_torque_errors(const TorqueFit& fit, const RecordingSource& train,
   const std::unique_ptr<TorqueRegression> moved =
       rows_before(fit, train, fit.plan, 0, options, stopped);
   const TorqueRegression& train_before = moved ? *moved : fit.rows;
-  VecX<double> raw = VecX<double>::Constant(fit.layout.num_dofs, kNaN);
+  VecX<double> raw = VecX<double>::Constant(fit.layout.num_rows(), kNaN);
   if (test) {
     const PreprocessPlan& plan = fit.test_plan;
     RegressionOptions after;
@@ -96,26 +96,30 @@ void set_torque_errors(const TorqueFit& fit, const RecordingSource& train,
       double start = 0.0;
     };
     std::map<int, Run> runs;
-    std::optional<LoopRows> loops;
-    if (!result.model.constraints.empty()) loops.emplace(result.model);
-    VecX<double> sum = VecX<double>::Zero(fit.layout.num_dofs);
+    std::optional<ConstrainedRows> constraints;
+    if (!result.model.constraints.empty()) constraints.emplace(result.model);
+    VecX<double> sum = VecX<double>::Zero(fit.layout.num_rows());
     long rows = 0;
     const Pass raw_pass =
         for_each_block(*test, plan, "testing", 1, options, [&](const Preprocessed& b) {
           const int number = fit.training_runs + b.run;
           if (!runs.contains(number)) runs[number] = {extend(result.model, {}, number), b.time[0]};
           const VecX<double> time = b.time.array() - runs[number].start;
-          RowMatX<double> tau =
-              inverse_dynamics(runs[number].model, b.q, b.qd, b.qdd, number, &time);
-          if (loops) {
-            loops->choose(b);
+          const RowsOfState state(b);
+          RowMatX<double> error = by_row(inverse_dynamics(runs[number].model, state.q, state.v,
+                                                          state.vd, number, &time),
+                                         b) -
+                                  recorded_rows(b);
+          if (constraints) {
+            constraints->choose(b, state.q.row(0).transpose());
             for (long k = 0; k < b.rows(); ++k) {
-              RowMatX<double> of_row = tau.row(k).transpose();
-              loops->eliminate(runs[number].model.tree, b.q.row(k).transpose(), b.time[k], of_row);
-              tau.row(k) = of_row.transpose();
+              RowMatX<double> of_row = error.row(k).transpose();
+              constraints->eliminate(runs[number].model.tree, state.q.row(k).transpose(), b.time[k],
+                                     of_row);
+              error.row(k) = of_row.transpose();
             }
           }
-          sum += (tau - b.tau).colwise().squaredNorm().transpose();
+          sum += error.colwise().squaredNorm().transpose();
           rows += b.rows();
         });
     stopped |= raw_pass.interrupted;
@@ -125,12 +129,13 @@ void set_torque_errors(const TorqueFit& fit, const RecordingSource& train,
   }
   result.train_series = make_series(fit, fit.rows, train_before);
   bool tells = false;  // whether a held-out error is known at all
-  for (int j = 0; held && j < fit.layout.num_dofs; ++j)
+  for (int j = 0; held && j < fit.layout.num_rows(); ++j)
     tells =
         tells || (fit.rows.factors()[j].factor.rows() > 0 && held->factors()[j].factor.rows() > 0);
   std::string unknown;  // joints of the fit of which the held-out data say nothing
-  for (int j = 0; j < fit.layout.num_dofs; ++j) {
+  for (int j = 0; j < fit.layout.num_rows(); ++j) {
     const JointFactor& f = fit.rows.factors()[j];
+    if (j >= fit.layout.num_dofs && f.factor.rows() == 0) continue;  // eliminated by constraints
     const VecX<double> x = gains.effective(j, fit.x), first = gains.effective(j, fit.nominal);
     JointError e = blank_error(fit.model, j, true);
     const auto error = [j](const TorqueRegression& rows, const VecX<double>& at) {

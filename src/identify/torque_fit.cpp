@@ -157,6 +157,7 @@ class InverseFit {
     if (moved_.fit.x.size() > 0) count_shapes_in();
     if (repeats) pass(layout_, false, true);  // errors are torques, of all rows
     note_rest(model_, *regression_, result_.notes);
+    note_contact(model_, layout_, *regression_, x_, result_.notes);
     if (!gains_.any()) note_torque_scale(model_, layout_, *regression_, result_.notes);
   }
 
@@ -165,7 +166,7 @@ class InverseFit {
   MatX<double> meat_of(const Gains& gains, const LinearFit& fit) const {
     const auto influence = [this](double u) { return influence_of(options_.robust, u); };
     MatX<double> meat = MatX<double>::Zero(fit.x.size(), fit.x.size());
-    for (int j = 0; j < layout_.num_dofs; ++j) {
+    for (int j = 0; j < layout_.num_rows(); ++j) {
       const JointFactor& f = regression_->factors()[j];
       const MatX<double> T =
           f.inertia.size() > 0 ? f.without_scale(fit.x) : linearisation(gains, j, f.columns);

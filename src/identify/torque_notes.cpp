@@ -1,11 +1,16 @@
 #include "identify/torque_notes.hpp"
 
 #include <algorithm>
+#include <cmath>
 
 #include "identify/torque_scale.hpp"
 
 namespace diffnea {
 namespace {
+
+/// Force that a base lacks over the robot's weight from which it cannot fly: legs that swing move
+/// less of it, and a foot on the ground bears more.
+constexpr double kContact = 0.3;
 
 void note_calibration(const FitParameter& mass, const FitLayout& layout, const Gains& gains,
                       const LinearFit& fit, std::vector<std::string>& notes) {
@@ -45,10 +50,9 @@ void note_torque_scale(const Model& model, const FitLayout& layout, const Torque
                        std::vector<std::string>& notes) {
   const std::optional<TorqueScale> scale = common_torque_scale(layout, rows.factors());
   if (!scale) return;
-  const std::vector<std::string> names = joint_names(model);
   std::string list;
-  for (const auto& [joint, factor] : scale->of_joint)
-    list += (list.empty() ? "" : ", ") + names[joint] + " " + format_number(factor);
+  for (const auto& [row, factor] : scale->of_joint)
+    list += (list.empty() ? "" : ", ") + row_name(model, row) + " " + format_number(factor);
   notes.push_back(
       std::string(kWarning) + "the torques are " + format_number(scale->factor) +
       " times what the model's links need before the fit, alike at several joints (" + list +
@@ -57,6 +61,28 @@ void note_torque_scale(const Model& model, const FitLayout& layout, const Torque
       "that are wrong by one factor, or a body in the hand that it does not have. Torques "
       "alone cannot tell these apart: what is fitted predicts the recorded torques, and "
       "its masses are so many times those of the model");
+}
+
+void note_contact(const Model& model, const FitLayout& layout, const TorqueRegression& rows,
+                  const VecX<double>& x, std::vector<std::string>& notes) {
+  if (layout.base_rows == 0) return;
+  double squares = 0.0, mass = 0.0;
+  for (int row = layout.num_rows() - 3; row < layout.num_rows(); ++row) {
+    const JointFactor& f = rows.factors()[static_cast<std::size_t>(row)];
+    squares += f.factor.rows() > 0 ? std::pow(f.rmse(x), 2) : 0.0;
+  }
+  for (const int b : layout.bodies())
+    if (layout.linear[static_cast<std::size_t>(b)].dof >= 0) mass += x[b];
+  const Tree<double> tree = make_tree(model);
+  const double left = std::sqrt(squares),
+               weight = mass * std::sqrt(dot(tree.gravity, tree.gravity));
+  if (!(left > kContact * weight) || weight == 0.0) return;
+  notes.push_back(
+      std::string(kWarning) + "the base lacks a force of " + format_number(left) + " N (rms), " +
+      format_number(100.0 * left / weight) +
+      " % of the robot's weight: something holds or touches it. Forces of contacts are "
+      "not modelled; give flights alone, record the wrench (base_tx … base_fz), or read "
+      "a base that stood still as fixed (--fix-base)");
 }
 
 void note_band(const PreprocessPlan& fitted, const PreprocessPlan& held_out,

@@ -16,6 +16,11 @@ void note_rest(const Model& model, const TorqueRegression& rows, std::vector<std
 void note_torque_scale(const Model& model, const FitLayout& layout, const TorqueRegression& rows,
                        std::vector<std::string>& notes);
 
+/// A base whose wrench is left over by much of the robot's weight: it does not fly.
+/// @param x  of the fit
+void note_contact(const Model& model, const FitLayout& layout, const TorqueRegression& rows,
+                  const VecX<double>& x, std::vector<std::string>& notes);
+
 /// Held-out data that are sampled too slowly for the band of the fit.
 void note_band(const PreprocessPlan& fitted, const PreprocessPlan& held_out,
                std::vector<std::string>& notes);

@@ -7,8 +7,9 @@
 #include <diffnea/identify/torque_regression.hpp>
 
 #include "core/decompositions.hpp"
-#include "identify/loop_rows.hpp"
+#include "identify/constrained_rows.hpp"
 #include "identify/passes.hpp"
+#include "identify/state_rows.hpp"
 
 namespace diffnea {
 namespace {
@@ -26,7 +27,7 @@ TorqueRegression::TorqueRegression(const Model& model, const FitLayout& layout,
                                    const PreprocessPlan& plan, const RegressionPoint& at,
                                    const RegressionOptions& options)
     : model_(model), layout_(layout), at_(at), options_(options), effects_(layout.effects) {
-  const int n = layout.num_dofs;
+  const int n = layout.num_dofs, rows = layout.num_rows();
   const int p = static_cast<int>(layout.linear.size());
   effect_column_.resize(effects_.size());
   for (int c = 0; c < p; ++c)
@@ -52,21 +53,22 @@ TorqueRegression::TorqueRegression(const Model& model, const FitLayout& layout,
     if (reads_links(layout))
       throw ModelError(here + "effects that follow the transmitted torque are not fitted");
     if (options.acceleration) throw ModelError(here + "the forward loss is not served");
-    loops_ = std::make_shared<LoopRows>(model);
+    constraints_ = std::make_shared<ConstrainedRows>(model, &plan);
   }
   enter_run(-1);
-  full_ = RowMatX<double>::Zero(n, p + static_cast<int>(free_shapes_.size()) + 1);
+  full_ = RowMatX<double>::Zero(rows, p + static_cast<int>(free_shapes_.size()) + 1);
   links_.resize(n);
-  for (int j = 0; j < n; ++j) {
-    std::vector<int> columns = layout.columns_of_joint(tree_, j);
+  for (int j = 0; j < rows; ++j) {
+    std::vector<int> columns = layout.columns_of_row(tree_, j);
     for (std::size_t s = 0; s < free_shapes_.size(); ++s) {
       const FitParameter& shape = layout.shape[free_shapes_[s]];
-      if (shape.kinematic >= 0 || effects_[shape.effect].info().port == Port::kModelParameter ||
+      if (shape.kinematic >= 0 || j >= n ||
+          effects_[shape.effect].info().port == Port::kModelParameter ||
           std::ranges::find(effects_[shape.effect].joints, j) !=
               effects_[shape.effect].joints.end())
         columns.push_back(p + static_cast<int>(s));
     }
-    if (options.acceleration || loops_) {  // M⁻¹, or the loop, mixes the joints
+    if (options.acceleration || constraints_) {  // M⁻¹, or D, mixes the joints
       columns.resize(full_.cols() - 1);
       std::iota(columns.begin(), columns.end(), 0);
     }
@@ -130,13 +132,16 @@ void TorqueRegression::add_moved_tree(int first_shape) {
   moved_.push_back(std::move(tree));
 }
 
-void TorqueRegression::fill_row(const Preprocessed& block, long row) {
-  const int n = layout_.num_dofs;
-  const RowMatX<double>& Y = torque_regressor<double, double>(tree_, block.q.row(row).transpose(),
-                                                              block.qd.row(row).transpose(),
-                                                              block.qdd.row(row).transpose(), ws_);
-  full_.leftCols(Y.cols()) = Y;  // inertial parameters come first in a layout
-  links_.noalias() = Y * at_.linear.head(Y.cols());
+void TorqueRegression::fill_row(const Preprocessed& block, const RowsOfState& states, long row) {
+  const int n = layout_.num_dofs, base = layout_.base_rows;
+  const VecX<double> q = states.q.row(row).transpose();
+  VecX<double> v = states.v.row(row).transpose(), vd = states.vd.row(row).transpose();
+  if (constraints_ && base > 0) constraints_->project(q, v, vd);
+  const RowMatX<double>& Y = torque_regressor<double, double>(tree_, q, v, vd, ws_);
+  const long links = Y.cols();  // inertial parameters come first in a layout
+  full_.topLeftCorner(n, links) = Y.bottomRows(n);
+  full_.bottomLeftCorner(base, links) = Y.topRows(base);
+  links_.noalias() = full_.topLeftCorner(n, links) * at_.linear.head(links);
   JointSample<double> x;
   x.time = block.time[row] - run_start_;
   x.run = block.run + options_.first_run;
@@ -151,8 +156,8 @@ void TorqueRegression::fill_row(const Preprocessed& block, long row) {
       const int c = effect_column_[e][k];
       full_.col(c).setZero();
       if (!effect.acts_in(x.run)) continue;
-      full_.col(c) = Y.col(kThetaSize * effect.links.at(0) + static_cast<long>(k));
-      links_ += at_.linear[c] * full_.col(c);
+      full_.col(c) = full_.col(kThetaSize * effect.links.at(0) + static_cast<long>(k));
+      links_ += at_.linear[c] * full_.col(c).head(n);
     }
   }
   for (std::size_t e = 0; e < effects_.size(); ++e) {
@@ -164,14 +169,17 @@ void TorqueRegression::fill_row(const Preprocessed& block, long row) {
       scratch_.resize(columns.size() * n);
       linear_columns(effect, x, scratch_.data());
       for (std::size_t k = 0; k < columns.size(); ++k)
-        full_.col(columns[k]) = Eigen::Map<const VecX<double>>(scratch_.data() + k * n, n);
+        full_.col(columns[k]).head(n) = Eigen::Map<const VecX<double>>(scratch_.data() + k * n, n);
     }
   }
-  add_shape_columns(x);
-  if (loops_)
-    loops_->eliminate(tree_, block.q.row(row).transpose(), block.time[row],
-                      full_.leftCols(full_.cols() - 1));
-  full_.col(full_.cols() - 1) = block.tau.row(row).transpose();
+  add_shape_columns(x, q, v, vd);
+  full_.col(full_.cols() - 1).head(n) = block.tau.row(row).transpose();
+  if (base > 0) full_.col(full_.cols() - 1).tail(base) = block.base_wrench.row(row).transpose();
+  if (constraints_) {
+    constraints_->eliminate(tree_, q, block.time[row], full_);
+    for (int r = 0; r < full_.rows(); ++r)  // rounding is no torque
+      if (constraints_->is_zero(r)) full_(r, full_.cols() - 1) = 0.0;
+  }
   if (options_.acceleration) linearise_acceleration(block.q.row(row).transpose(), x.run);
 }
 
@@ -209,16 +217,18 @@ void TorqueRegression::linearise_acceleration(const VecX<double>& q, int run) {
 /// ∂τ/∂(ln η), or ∂τ/∂η where η may be 0, by Jets through the effect's own formula; ∂τ/∂x of fixed
 /// transforms, and of effects that change the tree, by Jets through RNEA; ∂τ/∂g of the base's tilt,
 /// in which torque is linear.
-void TorqueRegression::add_shape_columns(const JointSample<double>& x) {
+/// @param q, v, vd  the same instant with the base, where it floats
+void TorqueRegression::add_shape_columns(const JointSample<double>& x, const VecX<double>& q,
+                                         const VecX<double>& v, const VecX<double>& vd) {
   const int n = layout_.num_dofs;
   const int p = static_cast<int>(layout_.linear.size());
   for (std::size_t m = 0; m < moved_.size(); ++m) {
-    const Eigen::Map<const VecX<double>> q(x.q, n), qd(x.qd, n), qdd(x.qdd, n);
-    const VecX<JetD>& tau = rnea<JetD, double>(moved_[m], q, qd, qdd, jet_ws_);
+    const VecX<JetD>& tau = rnea<JetD, double>(moved_[m], q, v, vd, jet_ws_);
     for (std::size_t s = 0; s < free_shapes_.size(); ++s) {
       const int k = free_shapes_[s] - moved_shape_[m];
       if (k < 0 || k > 5) continue;
-      for (int j = 0; j < n; ++j) full_(j, p + static_cast<int>(s)) = tau[j].v[k];
+      for (int j = 0; j < full_.rows(); ++j)
+        full_(j, p + static_cast<int>(s)) = tau[coordinate(j)].v[k];
     }
   }
   for (std::size_t s = 0; s < free_shapes_.size(); ++s) {
@@ -230,13 +240,13 @@ void TorqueRegression::add_shape_columns(const JointSample<double>& x) {
       continue;
     }
     if (effect.info().has(Trait::kGravity)) {
-      full_.col(p + static_cast<long>(s)) = torque_of_gravity(shape.index, x.q);
+      full_.col(p + static_cast<long>(s)) = torque_of_gravity(shape.index, q);
       continue;
     }
     if (const auto changed = changed_.find(free_shapes_[s]); changed != changed_.end()) {
-      const Eigen::Map<const VecX<double>> q(x.q, n), qd(x.qd, n), qdd(x.qdd, n);
-      const VecX<JetD>& tau = rnea<JetD, double>(changed->second, q, qd, qdd, jet_ws_);
-      for (int j = 0; j < n; ++j) full_(j, p + static_cast<int>(s)) = tau[j].v[0];
+      const VecX<JetD>& tau = rnea<JetD, double>(changed->second, q, v, vd, jet_ws_);
+      for (int j = 0; j < full_.rows(); ++j)
+        full_(j, p + static_cast<int>(s)) = tau[coordinate(j)].v[0];
       continue;
     }
     std::vector<JetD> p_jet(effect.parameters.begin(), effect.parameters.end());
@@ -255,23 +265,25 @@ void TorqueRegression::add_shape_columns(const JointSample<double>& x) {
 }
 
 /// What 1 m/s² of gravity more along the base's x (0) or y (1) asks of the joints.
-VecX<double> TorqueRegression::torque_of_gravity(int axis, const double* q) {
-  const int n = layout_.num_dofs;
+VecX<double> TorqueRegression::torque_of_gravity(int axis, const VecX<double>& q) {
   const Vec3<double> present = tree_.gravity;
   tree_.gravity = axis == 0 ? Vec3<double>{1, 0, 0} : Vec3<double>{0, 1, 0};
-  VecX<double> out =
-      gravity_torques<double, double>(tree_, Eigen::Map<const VecX<double>>(q, n), rnea_ws_);
+  const VecX<double> tau = gravity_torques<double, double>(tree_, q, rnea_ws_);
   tree_.gravity = present;
+  VecX<double> out(full_.rows());
+  for (int j = 0; j < full_.rows(); ++j) out[j] = tau[coordinate(j)];
   return out;
 }
 
-/// What M_jj is of each of the joint's columns: the torque at rest, without gravity, per unit of
-/// acceleration.
+/// Share of each of the row's columns in M_jj: the torque at rest, without gravity, per unit of
+/// acceleration, of all that moves with it where constraints tie it.
 VecX<double> TorqueRegression::inertia_columns(int j, const VecX<double>& q) {
-  const int n = layout_.num_dofs;
+  const int n = layout_.num_rows();
   const Vec3<double> gravity = tree_.gravity;
   tree_.gravity = {0, 0, 0};
-  const VecX<double> still = VecX<double>::Zero(n), unit = VecX<double>::Unit(n, j);
+  const VecX<double> still = VecX<double>::Zero(n);
+  const VecX<double> unit = constraints_ ? constraints_->unit_acceleration(j, q)
+                                         : VecX<double>(VecX<double>::Unit(n, coordinate(j)));
   const RowMatX<double>& Y = torque_regressor<double, double>(tree_, q, still, unit, ws_);
   tree_.gravity = gravity;
   const std::vector<int>& columns = factors_[static_cast<std::size_t>(j)].columns;
@@ -279,12 +291,12 @@ VecX<double> TorqueRegression::inertia_columns(int j, const VecX<double>& q) {
   for (std::size_t k = 0; k < columns.size(); ++k) {
     const int c = columns[k];
     if (c < Y.cols()) {
-      out[static_cast<long>(k)] = Y(j, c);
+      out[static_cast<long>(k)] = unit.dot(Y.col(c));
     } else if (c < static_cast<int>(layout_.linear.size()) && layout_.linear[c].effect >= 0) {
       const BoundEffect& effect = effects_[layout_.linear[c].effect];
-      const bool rotor = effect.info().has(Trait::kRotor) &&
-                         std::ranges::find(effect.joints, j) != effect.joints.end();
-      out[static_cast<long>(k)] = rotor ? 1.0 : 0.0;
+      for (const int moved : effect.joints)
+        if (effect.info().has(Trait::kRotor))
+          out[static_cast<long>(k)] += std::pow(unit[coordinate(moved)], 2);
     }
   }
   return out;
@@ -296,24 +308,43 @@ bool torque_known(const Preprocessed& block, int joint) {
   return block.has_tau[joint] || (block.rows() > 0 && !std::isnan(block.tau(0, joint)));
 }
 
-/// Tells whether a joint has rows: of a loop the driven ones alone.
+/// Index in the dynamics' velocities and torques, where the base leads.
+int TorqueRegression::coordinate(int row) const {
+  return row < layout_.num_dofs ? layout_.base_rows + row : row - layout_.num_dofs;
+}
+
+/// Tells whether a row is fitted: beside constraints those of the coordinates that were chosen. A
+/// base's wrench is known: recorded, or zero.
 bool TorqueRegression::is_fitted(const Preprocessed& block, int joint) const {
-  return loops_ ? static_cast<bool>(block.has_tau[joint]) : torque_known(block, joint);
+  if (constraints_) return constraints_->has(joint);
+  return joint >= layout_.num_dofs || torque_known(block, joint);
 }
 
 void TorqueRegression::add(const Preprocessed& block) {
   const int n = layout_.num_dofs;
   long row = 0;
-  if (loops_) loops_->choose(block);
   dt_ = block.dt;
   for (int j = 0; options_.acceleration && j < n; ++j)
     if (!torque_known(block, j))
       throw DataError(block.source + ": the forward loss needs the torque of every joint, and " +
                       block.joint_names[static_cast<std::size_t>(j)] +
                       " has none; use the inverse loss, or declare the joint passive");
-  for (int j = 0; !options_.acceleration && !loops_ && block.rows() > 0 && j < n; ++j)
-    if (!block.has_tau[j] && torque_known(block, j) && factors_[j].inertia.size() == 0)
-      factors_[j].inertia = inertia_columns(j, block.q.row(0).transpose());
+  const int rows = layout_.num_rows();
+  const RowsOfState states(block);
+  if (constraints_ && block.rows() > 0) constraints_->choose(block, states.q.row(0).transpose());
+  if (constraints_ && constraints_->mixes())
+    for (const BoundEffect& e : effects_)
+      if (e.info().has(Trait::kGain))
+        throw ModelError("identify: " + e.info().name + " at '" + e.where +
+                         "' is not fitted where more joints are driven than constraints leave "
+                         "motions; leave it out");
+  const auto is_known_zero = [&](int j) {
+    if (constraints_) return constraints_->is_zero(j);
+    return j < n ? !block.has_tau[j] && torque_known(block, j) : !block.has_base_wrench;
+  };
+  for (int j = 0; !options_.acceleration && block.rows() > 0 && j < rows; ++j)
+    if (is_known_zero(j) && factors_[j].inertia.size() == 0)
+      factors_[j].inertia = inertia_columns(j, states.q.row(0).transpose());
   while (row < block.rows()) {
     const int segment = block.segment[row];
     if (segment != segment_ || block.run != run_) {
@@ -332,22 +363,23 @@ void TorqueRegression::add(const Preprocessed& block) {
     }
     long end = row;
     while (end < block.rows() && block.segment[end] == segment && end - row < 1024) ++end;
-    for (int j = 0; j < n; ++j)
+    for (int j = 0; j < rows; ++j)
       joints_[j].block.resize(end - row, static_cast<long>(joints_[j].columns.size()) + 3);
     for (long r = row; r < end; ++r) {
-      fill_row(block, r);
-      for (int j = 0; j < n; ++j) {
+      fill_row(block, states, r);
+      for (int j = 0; j < rows; ++j) {
         if (!is_fitted(block, j)) continue;
         Joint& joint = joints_[j];
         const long width = static_cast<long>(joint.columns.size());
         double* out = joint.block.row(r - row).data();
         for (long c = 0; c < width; ++c) out[c] = full_(j, joint.columns[c]);
         out[width] = full_(j, full_.cols() - 1);
-        out[width + 1] = std::abs(block.qd(r, j)) < joint.rest_speed ? 1.0 : 0.0;
-        out[width + 2] = block.qd(r, j);
+        const double speed = states.v(r, coordinate(j));
+        out[width + 1] = std::abs(speed) < joint.rest_speed ? 1.0 : 0.0;
+        out[width + 2] = speed;
       }
     }
-    for (int j = 0; j < n; ++j)
+    for (int j = 0; j < rows; ++j)
       if (is_fitted(block, j)) flush(j, joints_[j].decimator.push(joints_[j].block));
     row = end;
   }

@@ -34,8 +34,7 @@ class Joined {
       }
     };
     stack([](Recording& r) -> VecX<double>& { return r.time; });
-    for (auto member : {&Recording::q, &Recording::qd, &Recording::qdd, &Recording::qcmd,
-                        &Recording::tau, &Recording::ball, &Recording::spin})
+    for (const auto member : kSeries)
       stack([member](Recording& r) -> RowMatX<double>& { return r.*member; });
     for (std::size_t k = 0; k < first_.extra.size(); ++k)
       stack([k](Recording& r) -> VecX<double>& { return r.extra[k].values; });

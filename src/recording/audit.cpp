@@ -8,6 +8,7 @@
 
 #include "recording/audit_parts.hpp"
 #include "recording/audit_statistics.hpp"
+#include "recording/axis_columns.hpp"
 #include "recording/columns.hpp"
 #include "recording/credible_rows.hpp"
 #include "recording/path_smoother.hpp"
@@ -103,10 +104,10 @@ void for_each_channel(const AuditContext& context,
     joints(r.qdd, "qdd_", 'a', "/s^2");
     joints(r.qcmd, "qcmd_", 'c', "");
     joints(r.tau, "tau_", 't', "");
-    for (int axis = 0; axis < r.ball.cols(); ++axis)
-      look({"ball", std::string("ball_") + "xyz"[axis], "m", 'b', -1, k, r.ball.col(axis)});
-    for (int axis = 0; axis < r.spin.cols(); ++axis)
-      look({"ball", std::string("spin_") + "xyz"[axis], "rad/s", 's', -1, k, r.spin.col(axis)});
+    for (const AxisColumns& of : kAxisColumns)
+      for (std::size_t axis = 0; (r.*of.series).size() > 0 && axis < of.axes.size(); ++axis)
+        look({std::string(of.where), of.column(axis), std::string(of.unit), 'x', -1, k,
+              (r.*of.series).col(of.first + static_cast<long>(axis))});
   }
 }
 
@@ -116,7 +117,7 @@ void filter_channels(AuditContext& c) {
   c.has_qdd.assign(n, false);
   c.has_tau.assign(n, false);
   c.velocity_noise.assign(n, 0.0);
-  if (n == 0) {
+  if (n == 0 && c.recordings.front().base.size() == 0) {
     c.unfiltered_reason = "there is no joint";
     return;
   }
@@ -139,6 +140,10 @@ void filter_channels(AuditContext& c) {
     c.plan = plan_preprocess(c.recordings, {});
   } catch (const DataError& error) {
     c.unfiltered_reason = error.what();
+    return;
+  }
+  if (n == 0) {
+    c.unfiltered_reason = "there is no joint";
     return;
   }
   // Noise of q, white up to the cut-off, as noise of q̇: its density times ω².
@@ -231,6 +236,7 @@ AuditReport audit(const std::vector<Recording>& recordings, const AuditLimits& l
   audit_spikes(context);
   audit_limits(context);
   audit_velocity(context);
+  audit_base(context);
   audit_torque(context);
   audit_effort(context);
   audit_command(context);
@@ -307,6 +313,9 @@ std::vector<std::pair<std::string, std::string>> audit_fault_names() {
       {"acceleration_offset", "as velocity_offset, for qdd and d²q/dt²"},
       {"acceleration_swapped", "as velocity_swapped, for qdd and d²q/dt²"},
       {"acceleration_unrelated", "as velocity_unrelated, for qdd and d²q/dt²"},
+      {"quaternion_norm", "quaternions of a base that floats are not unit"},
+      {"quaternion_sign", "quaternions of a base that floats change their sign"},
+      {"twist_frame", "the base's measured twist is in the world's axes"},
       {"time_shift", "a channel is a pure delay later (or earlier) than the positions"},
       {"torque_sign",
        "torque drops where its joint's velocity turns positive, or falls as it accelerates"},

@@ -122,7 +122,7 @@ void find_current(AuditContext& c, const std::vector<int>& unsigned_torques) {
 std::vector<int> find_unsigned(const AuditContext& c) {
   std::vector<int> torques;
   for_each_channel(c, [&](const ChannelView& view) {
-    if (view.kind == 'b' || view.kind == 's') return;
+    if (view.kind == 'x') return;
     const std::optional<TwosComplement> found = find_twos_complement(view.values);
     if (!found) return;
     ChannelFault f =

@@ -52,7 +52,7 @@ struct AuditContext {
 /// One column of one recording.
 struct ChannelView {
   std::string where, channel, unit;
-  char kind = 'x';  ///< q, v(elocity), a(cceleration), c(ommand), t(orque), b(all), s(pin)
+  char kind = 'x';  ///< q, v(elocity), a(cceleration), c(ommand), t(orque); x: of an axis, no joint
   int joint = -1;
   std::size_t recording = 0;
   VecX<double> values;
@@ -73,6 +73,7 @@ void audit_stuck(AuditContext& context);
 void audit_spikes(AuditContext& context);
 void audit_limits(AuditContext& context);
 void audit_velocity(AuditContext& context);
+void audit_base(AuditContext& context);
 void audit_torque(AuditContext& context);
 void audit_effort(AuditContext& context);
 void audit_command(AuditContext& context);

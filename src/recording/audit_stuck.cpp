@@ -8,6 +8,7 @@
 
 #include "recording/audit_parts.hpp"
 #include "recording/audit_statistics.hpp"
+#include "recording/axis_columns.hpp"
 
 namespace diffnea::detail {
 namespace {
@@ -232,8 +233,10 @@ void audit_stuck(AuditContext& c) {
       if (!out.empty() && out != joint) return "all";
       out = joint;
     }
-    return channels.front().starts_with("ball_") || channels.front().starts_with("spin_") ? "ball"
-                                                                                          : out;
+    for (const AxisColumns& of : kAxisColumns)
+      for (std::size_t axis = 0; axis < of.axes.size(); ++axis)
+        if (channels.front() == of.column(axis)) return std::string(of.where);
+    return out;
   };
   for (const auto& [k, by_hold] : held)
     for (const auto& [hold, channels] : by_hold) {

@@ -35,6 +35,10 @@ constexpr Unit kDriveUnits[] = {{"A", 1.0}, {"mA", 1e-3}, {"V", 1.0}, {"%", 1.0}
 constexpr Unit kLengthUnits[] = {{"m", 1.0}, {"cm", 1e-2}, {"mm", 1e-3}};
 constexpr Unit kSpinUnits[] = {
     {"rad/s", 1.0}, {"deg/s", kPi / 180}, {"rpm", kPi / 30}, {"rev/s", 2 * kPi}};
+constexpr Unit kSpeedUnits[] = {{"m/s", 1.0}, {"cm/s", 1e-2}, {"mm/s", 1e-3}};
+constexpr Unit kMomentUnits[] = {{"N*m", 1.0}, {"Nm", 1.0}, {"mN*m", 1e-3}, {"mNm", 1e-3}};
+constexpr Unit kForceUnits[] = {{"N", 1.0}, {"kN", 1000.0}, {"mN", 1e-3}};
+constexpr Unit kNoUnits[] = {{"1", 1.0}};
 
 std::span<const Unit> units_of(Channel channel) {
   switch (channel) {
@@ -50,9 +54,19 @@ std::span<const Unit> units_of(Channel channel) {
     case Channel::kTau:
       return kTorqueUnits;
     case Channel::kBall:
+    case Channel::kBasePosition:
       return kLengthUnits;
     case Channel::kSpin:
+    case Channel::kBaseTurning:
       return kSpinUnits;
+    case Channel::kBaseQuaternion:
+      return kNoUnits;
+    case Channel::kBaseVelocity:
+      return kSpeedUnits;
+    case Channel::kBaseTorque:
+      return kMomentUnits;
+    case Channel::kBaseForce:
+      return kForceUnits;
     case Channel::kRun:
     case Channel::kExtra:
     case Channel::kLeftOut:
@@ -163,6 +177,18 @@ const char* channel_name(Channel channel) {
       return "ball position";
     case Channel::kSpin:
       return "spin";
+    case Channel::kBasePosition:
+      return "base position";
+    case Channel::kBaseQuaternion:
+      return "base quaternion";
+    case Channel::kBaseTurning:
+      return "base angular velocity";
+    case Channel::kBaseVelocity:
+      return "base velocity";
+    case Channel::kBaseTorque:
+      return "torque on the base";
+    case Channel::kBaseForce:
+      return "force on the base";
     case Channel::kExtra:
       return "extra channel";
     case Channel::kLeftOut:

@@ -11,7 +11,25 @@
 
 namespace diffnea::detail {
 
-enum class Channel { kTime, kRun, kQ, kQd, kQdd, kQcmd, kTau, kBall, kSpin, kExtra, kLeftOut };
+enum class Channel {
+  kTime,
+  kRun,
+  kQ,
+  kQd,
+  kQdd,
+  kQcmd,
+  kTau,
+  kBall,
+  kSpin,
+  kBasePosition,    ///< p_WB
+  kBaseQuaternion,  ///< quaternion of R_WB
+  kBaseTurning,     ///< ω of the base's twist
+  kBaseVelocity,    ///< v of it
+  kBaseTorque,      ///< τ of the wrench on the base
+  kBaseForce,       ///< f of it
+  kExtra,
+  kLeftOut
+};
 
 /// From a cell to SI: scale · wrapped(x) + offset.
 struct Conversion {

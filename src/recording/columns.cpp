@@ -1,7 +1,6 @@
 #include "recording/columns.hpp"
 
 #include <algorithm>
-#include <array>
 #include <limits>
 #include <optional>
 #include <span>
@@ -10,6 +9,7 @@
 #include <diffnea/core/text.hpp>
 
 #include "core/constants.hpp"
+#include "recording/axis_columns.hpp"
 
 namespace diffnea::detail {
 namespace {
@@ -52,7 +52,35 @@ constexpr Prefix kJointPrefixes[] = {{"q_", Channel::kQ},
                                      {"qdd_", Channel::kQdd},
                                      {"qcmd_", Channel::kQcmd},
                                      {"tau_", Channel::kTau}};
-constexpr Prefix kAxisPrefixes[] = {{"ball_", Channel::kBall}, {"spin_", Channel::kSpin}};
+
+/// The axis that a column is of, if it is one of those. Columns of a base are such where a
+/// quaternion is among them: base_x alone may be anything.
+void set_axis(const std::string& name, bool floats, Column& column) {
+  for (const AxisColumns& of : kAxisColumns)
+    for (std::size_t axis = 0; axis < of.axes.size(); ++axis)
+      if ((floats || of.where != "base") && name == of.column(axis)) {
+        column.channel = of.channel;
+        column.index = static_cast<int>(of.first) + static_cast<int>(axis);
+      }
+}
+
+/// @throws DataError if some axes of a group are there and some are not, or a base has no pose
+void require_whole_groups(const Columns& columns, const std::string& where) {
+  for (const AxisColumns& of : kAxisColumns) {
+    const auto found =
+        static_cast<std::size_t>(std::ranges::count(columns.columns, of.channel, &Column::channel));
+    const bool needed = of.series == &Recording::base && columns.has(Channel::kBaseQuaternion);
+    const bool twin =
+        (of.series == &Recording::base_twist &&
+         (columns.has(Channel::kBaseTurning) || columns.has(Channel::kBaseVelocity))) ||
+        (of.series == &Recording::base_wrench &&
+         (columns.has(Channel::kBaseTorque) || columns.has(Channel::kBaseForce)));
+    if (found == of.axes.size() || (found == 0 && !needed && !twin)) continue;
+    throw DataError(where + ":1: of " + of.columns() + " some are missing; all " +
+                    std::to_string(of.axes.size()) + " are needed" +
+                    (of.where == "base" ? " of a base that floats (docs/recordings.md)" : ""));
+  }
+}
 
 /// The joint's name behind a prefix; nothing if the channel is none of a joint.
 std::optional<std::string> joint_of(const std::string& name, Channel& channel) {
@@ -182,9 +210,15 @@ double largest_credible(Channel channel) {
     case Channel::kTau:
       return 1e8;
     case Channel::kBall:
-      return 1e5;
+    case Channel::kBasePosition:
     case Channel::kSpin:
+    case Channel::kBaseTurning:
+    case Channel::kBaseVelocity:
       return 1e5;
+    case Channel::kBaseTorque:
+    case Channel::kBaseForce:
+      return 1e8;
+    case Channel::kBaseQuaternion:  // its norm tells
     case Channel::kExtra:
     case Channel::kLeftOut:
       break;
@@ -249,7 +283,9 @@ Columns parse_header(std::string_view line, const std::string& where, const Read
                         detail::join(strangers));
 
   out.has_tau.assign(out.joint_names.size(), false);
-  std::array<std::array<bool, 3>, 2> axes{};
+  const bool floats = std::ranges::any_of(names, [](const std::string& name) {
+    return name.size() == 7 && name.starts_with("base_q");
+  });
   for (std::size_t k = 0; k < names.size(); ++k) {
     Column c{.channel = Channel::kExtra, .index = 0, .conversion = {}, .name = cells[k]};
     Channel channel = Channel::kExtra;
@@ -272,13 +308,7 @@ Columns parse_header(std::string_view line, const std::string& where, const Read
       c.index = static_cast<int>(it - out.joint_names.begin());
       if (channel == Channel::kTau) out.has_tau[c.index] = true;
     } else {
-      for (const Prefix& p : kAxisPrefixes)
-        for (int axis = 0; axis < 3; ++axis)
-          if (names[k] == p.text + std::string(1, static_cast<char>('x' + axis))) {
-            c.channel = p.channel;
-            c.index = axis;
-            axes[p.channel == Channel::kBall ? 0 : 1][axis] = true;
-          }
+      set_axis(names[k], floats, c);
     }
     if (c.channel == Channel::kExtra) {
       c.index = static_cast<int>(out.extra_names.size());
@@ -288,16 +318,12 @@ Columns parse_header(std::string_view line, const std::string& where, const Read
     }
     out.columns.push_back(c);
   }
-  for (const Prefix& p : kAxisPrefixes) {
-    const std::array<bool, 3>& got = axes[p.channel == Channel::kBall ? 0 : 1];
-    const bool any = got[0] || got[1] || got[2], all = got[0] && got[1] && got[2];
-    if (any && !all)
-      throw DataError(where + ":1: of " + p.text + "x, " + p.text + "y, " + p.text +
-                      "z some are missing; all three are needed");
-  }
-  if (out.joint_names.empty() && !out.has(Channel::kBall))
+  require_whole_groups(out, where);
+  if (out.joint_names.empty() && !out.has(Channel::kBall) && !floats)
     throw DataError(
-        where + ":1: there is neither a joint (q_<joint>) nor a ball (ball_x, ball_y, ball_z)" +
+        where +
+        ":1: there is neither a joint (q_<joint>), a ball (ball_x, ball_y, ball_z) nor a base that "
+        "floats (base_x … base_qw)" +
         "; columns: " + detail::join_or_none(names) + "; --map \"COLUMN=q_JOINT [deg]\" names one" +
         (options.notes.empty() ? "" : ". " + detail::join(options.notes, ". ")));
   for (const std::string& joint : info.passive)

@@ -14,7 +14,7 @@ namespace diffnea::detail {
 
 struct Column {
   Channel channel = Channel::kExtra;
-  int index = 0;          ///< joint, axis, or number of the extra channel
+  int index = 0;  ///< joint, column of the series that has axes, or number of the extra channel
   Conversion conversion;  ///< to SI
   std::string name;       ///< name in the header, or as mapped
 };

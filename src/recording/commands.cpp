@@ -48,6 +48,7 @@ std::string why_no_torque(const std::vector<Recording>& recordings) {
   std::vector<std::string> q, qd, command, extra;
   bool driven = false;
   for (const Recording& r : recordings) {
+    if (r.base_wrench.size() > 0) return "";
     const auto add = [](std::vector<std::string>& list, const std::string& name) {
       if (std::ranges::find(list, name) == list.end()) list.push_back(name);
     };

@@ -8,6 +8,7 @@
 
 #include "core/number_text.hpp"
 #include "recording/csv_row.hpp"
+#include "recording/floating_base.hpp"
 
 namespace diffnea::detail {
 namespace {
@@ -34,6 +35,9 @@ CredibleRows::CredibleRows(const std::filesystem::path& path, const ReadOptions&
   time_column_ = static_cast<std::size_t>(header_.find(Channel::kTime));
   run_column_ = header_.find(Channel::kRun);
   for (const Column& c : header_.columns) limits_.push_back(largest_credible(c.channel));
+  for (std::size_t k = 0; k < header_.columns.size(); ++k)
+    if (const Column& c = header_.columns[k]; c.channel == Channel::kBaseQuaternion)
+      quaternion_[static_cast<std::size_t>(c.index - 3)] = static_cast<long>(k);
   suspect_torques_ = suspect_torques(path, header_, options.joints);
   for (std::size_t k = 0; k < header_.columns.size(); ++k)
     if (const Column& c = header_.columns[k];
@@ -56,6 +60,14 @@ std::string CredibleRows::reason_against_row(const std::vector<double>& row) con
     return "'" + header_.columns[k].name + "' is " + number_text(row[k], 6) + ", " +
            (std::isinf(size) ? "infinite" : "absurdly large");
   }
+  if (quaternion_[0] >= 0)
+    if (std::string reason =
+            reason_against_quaternion(row[static_cast<std::size_t>(quaternion_[0])],
+                                      row[static_cast<std::size_t>(quaternion_[1])],
+                                      row[static_cast<std::size_t>(quaternion_[2])],
+                                      row[static_cast<std::size_t>(quaternion_[3])]);
+        !reason.empty())
+      return reason;
   if (run_column_ >= 0 && std::nearbyint(row[run_column_]) != row[run_column_])
     return "`run` is " + number_text(row[run_column_], 6) + ", expected an integer";
   return {};

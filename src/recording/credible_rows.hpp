@@ -2,6 +2,7 @@
 /// The rows of a recording that can be true, each looked at alone: others are quarantined.
 /// Internal.
 
+#include <array>
 #include <deque>
 #include <filesystem>
 #include <string>
@@ -62,6 +63,7 @@ class CredibleRows {
   Columns header_;
   std::size_t time_column_ = 0;
   long run_column_ = -1;
+  std::array<long, 4> quaternion_{-1, -1, -1, -1};  ///< columns of x, y, z, w
   std::vector<double> limits_;                  ///< largest credible size per column
   std::vector<SuspectTorque> suspect_torques_;  ///< per column; never at a passive joint
   std::vector<long> text_cells_;

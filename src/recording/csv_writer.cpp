@@ -5,6 +5,7 @@
 #include <diffnea/core/error.hpp>
 #include <diffnea/recording/csv.hpp>
 
+#include "recording/axis_columns.hpp"
 #include "recording/columns.hpp"
 
 namespace diffnea {
@@ -35,13 +36,11 @@ std::vector<OutColumn> columns_of(const Recording& r) {
   add_joints("qdd_", r.qdd, false);
   add_joints("qcmd_", r.qcmd, false);
   add_joints("tau_", r.tau, true);
-  const auto add_axes = [&](const char* prefix, const RowMatX<double>& m) {
-    if (m.size() == 0) return;
-    for (int k = 0; k < 3; ++k)
-      out.push_back({prefix + std::string(1, static_cast<char>('x' + k)), m.data() + k, m.cols()});
-  };
-  add_axes("ball_", r.ball);
-  add_axes("spin_", r.spin);
+  for (const detail::AxisColumns& of : detail::kAxisColumns) {
+    const RowMatX<double>& m = r.*of.series;
+    for (std::size_t axis = 0; m.size() > 0 && axis < of.axes.size(); ++axis)
+      out.push_back({of.column(axis), m.data() + of.first + static_cast<long>(axis), m.cols()});
+  }
   for (const ExtraChannel& e : r.extra) out.push_back({e.name, e.values.data(), 1});
   return out;
 }

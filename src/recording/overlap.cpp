@@ -33,7 +33,8 @@ std::vector<ValueSpan> value_spans(const Recording& r) {
       }
   };
   for (std::size_t j = 0; j < r.joint_names.size(); ++j) {
-    add("'q_" + r.joint_names[j] + "'", r.q.col(static_cast<long>(j)));
+    const bool of_base = static_cast<long>(j) >= r.q.cols() - r.base.cols();  // base_x, …
+    add((of_base ? "'" : "'q_") + r.joint_names[j] + "'", r.q.col(static_cast<long>(j)));
     if (r.has_tau[j]) add("'tau_" + r.joint_names[j] + "'", r.tau.col(static_cast<long>(j)));
   }
   return out;

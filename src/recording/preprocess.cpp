@@ -8,6 +8,7 @@
 
 #include "core/c_numbers.hpp"
 #include "recording/between.hpp"
+#include "recording/floating_base.hpp"
 #include "recording/fresh_positions.hpp"
 #include "recording/gridder.hpp"
 #include "recording/path_smoother.hpp"
@@ -31,6 +32,7 @@ struct Preprocessor::Impl {
     if (detail::is_slow_and_uneven(plan)) fresh.emplace(plan.refresh, /*curved=*/true);
   }
 
+  /// @param r  with the base as positions
   void begin_recording(const Recording& r) {
     header = Preprocessed{};
     header.source = r.source;
@@ -41,7 +43,8 @@ struct Preprocessor::Impl {
     n = r.num_joints();
     if (plan.measured_velocity && r.qd.size() == 0)
       throw DataError(r.source +
-                      ": measured velocities were asked for, but there is no column qd_<joint>");
+                      ": measured velocities were asked for, but there is no column qd_<joint>" +
+                      (floats ? ", or no base_wx … base_vz" : ""));
     gridder.emplace_back(Gridder::Options{.dt = plan.dt,
                                           .max_gap = plan.max_gap,
                                           .velocity = plan.measured_velocity,
@@ -49,7 +52,10 @@ struct Preprocessor::Impl {
                          n);
   }
 
-  void take(const Recording& r) {
+  void take(const Recording& logged) {
+    if (gridder.empty()) floats = logged.base.size() > 0;
+    const Recording with_base = floats ? base.apply(logged) : Recording{};
+    const Recording& r = floats ? with_base : logged;
     if (!gridder.empty() && (r.run != header.run || r.joint_names != header.joint_names))
       throw DataError(r.source + ": another recording than " + header.source +
                       " goes on; finish() ends a recording");
@@ -69,8 +75,12 @@ struct Preprocessor::Impl {
   Preprocessed finish() {
     if (fresh && !gridder.empty()) place(fresh->finish());
     if (!gridder.empty()) end_segment();
+    if (base.flips() > 0)
+      notes.push_back(header.source + ": the base's quaternion changes its sign " +
+                      std::to_string(base.flips()) + " times; q and −q are one rotation");
     Preprocessed out = collect();
     gridder.clear();
+    base = {};
     segment = 0;
     return out;
   }
@@ -177,6 +187,7 @@ struct Preprocessor::Impl {
     out.notes.swap(notes);
     out_time.clear();
     out_segment.clear();
+    if (floats) detail::move_to_manifold(n - detail::kPose, out);
     return out;
   }
 
@@ -184,6 +195,8 @@ struct Preprocessor::Impl {
   PathSmoother smoother;
   long halo, block_rows = 0;
   std::optional<detail::FreshPositions> fresh;
+  bool floats = false;           ///< the recording has a base's pose
+  detail::BasePositions base;    ///< state of that recording
   std::vector<Gridder> gridder;  ///< one, once the joints are known
   int n = 0;
   int segment = 0;

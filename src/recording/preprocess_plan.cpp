@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <span>
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/recording/preprocess.hpp>
@@ -12,6 +13,7 @@
 #include "core/number_text.hpp"
 #include "core/statistics.hpp"
 #include "recording/columns.hpp"
+#include "recording/floating_base.hpp"
 #include "recording/fresh_positions.hpp"
 #include "recording/gridder.hpp"
 #include "recording/overlap.hpp"
@@ -117,6 +119,7 @@ struct PositionSpectrum {
   double cutoff_hz = 0.0;  ///< signal below, noise above; 0: too short to tell
   double busy_hz = 0.0;    ///< below it: 99 % of the accelerations' power
   double noise = 0.0;      ///< standard deviation of the noise of q, if it is white
+  double acceleration = 0.0;  ///< variance of q̈ below the cut-off, its mean left out
 };
 
 /// The accelerations' power falls with the motion and rises again with the noise, as f⁴: its
@@ -174,6 +177,7 @@ PositionSpectrum look_at_position(const std::vector<Eigen::VectorXd>& segments, 
 
   double total = 0.0, sum = 0.0;
   for (long k = 1; k <= lowest; ++k) total += spectrum.power[k];
+  out.acceleration = total * spectrum.frequency(1) * std::pow(rate_hz, 4);
   for (long k = 1; k <= lowest && sum < 0.99 * total; ++k) {
     sum += spectrum.power[k];
     out.busy_hz = spectrum.frequency(k);
@@ -190,6 +194,40 @@ double longest_of(const std::vector<Recording>& recordings, double longest_pause
       out = std::max(out, r.time[k] - r.time[first]);
     }
   return out;
+}
+
+/// Largest band of the rows in which the accelerations of a floating base are known well enough to
+/// be regressors [Hz]; infinite where its motion is too short to tell. White noise σ of positions
+/// has the density 2 σ² dt (2π f)⁴ as accelerations, of which the band f holds the fifth part of
+/// its end times f. All links move by it, in every row; arms hang on no such measurement.
+/// @param of_pose  spectra of x y z qx qy qz qw
+/// @param longest  stretch without a gap [s]
+double band_of_base(std::span<const PositionSpectrum> of_pose, double dt, double longest) {
+  // Variance of noise over that of motion. Errors in variables shrink parameters by as much, and
+  // standard errors of ten seconds of flight show fifty times as much. Noise grows with the fourth
+  // power of the frequency: a wider band makes standard errors larger, too.
+  constexpr double kNoiseOverMotion = 5e-5;
+  // Length of the rows' filter times the width from pass to stop (Kaiser, 60 dB): it takes half of
+  // the longest stretch at most, however still the base is.
+  constexpr double kLengthTimesWidth = 3.62;
+  const double least = 2.0 * kLengthTimesWidth / longest * kPass / (kStop - kPass);
+  double out = kInfinity;
+  for (const auto part : {of_pose.first(3), of_pose.subspan(3)}) {
+    double motion = 0.0, noise = 0.0;
+    for (const PositionSpectrum& s : part) {
+      motion = std::max(motion, s.acceleration);
+      noise = std::max(noise, s.noise);
+    }
+    const double density = 2.0 * noise * noise * dt * std::pow(2.0 * std::numbers::pi, 4);
+    if (motion > 0.0 && density > 0.0)
+      out = std::min(out, std::pow(5.0 * kNoiseOverMotion * motion / density, 0.2));
+  }
+  return std::max(out, least);
+}
+
+/// Tells whether a base's pose was logged.
+bool floats(const std::vector<Recording>& recordings) {
+  return std::ranges::any_of(recordings, [](const Recording& r) { return r.base.size() > 0; });
 }
 
 /// Five rows that the filter leaves independent, at least.
@@ -227,7 +265,8 @@ void require_alike(const std::vector<Recording>& recordings, bool measured_veloc
                       detail::join_or_none(names));
     if (measured_velocity && r.qd.size() == 0)
       throw DataError(r.source +
-                      ": measured velocities were asked for, but there is no column qd_<joint>");
+                      ": measured velocities were asked for, but there is no column qd_<joint>" +
+                      (r.base.size() > 0 ? ", or no base_wx … base_vz" : ""));
   }
   if (names.empty())
     throw DataError(recordings.front().source +
@@ -236,8 +275,11 @@ void require_alike(const std::vector<Recording>& recordings, bool measured_veloc
 
 }  // namespace
 
-PreprocessPlan plan_preprocess(const std::vector<Recording>& recordings,
+PreprocessPlan plan_preprocess(const std::vector<Recording>& logged,
                                const PreprocessOptions& options) {
+  const std::vector<Recording> with_base =
+      floats(logged) ? detail::with_base_positions(logged) : std::vector<Recording>{};
+  const std::vector<Recording>& recordings = floats(logged) ? with_base : logged;
   require_alike(recordings, options.measured_velocity);
   PreprocessPlan plan;
   plan.min_segment = options.min_segment;
@@ -257,8 +299,10 @@ PreprocessPlan plan_preprocess(const std::vector<Recording>& recordings,
   // Rounding of a joint that hardly moves is no noise that a spectrum shows.
   const std::vector<double> steps = quantisation_steps(recordings);
   double cutoff = 0.0, busy = 0.0;
+  std::vector<PositionSpectrum> spectra;
   for (std::size_t j = 0; j < n; ++j) {
     const PositionSpectrum s = look_at_position(columns[j], rate);
+    spectra.push_back(s);
     plan.joint_hz.push_back(s.cutoff_hz);
     plan.q_noise.push_back(std::max(s.noise, steps[j] / std::sqrt(12.0)));
     cutoff = std::max(cutoff, s.cutoff_hz);
@@ -290,9 +334,14 @@ PreprocessPlan plan_preprocess(const std::vector<Recording>& recordings,
   // % at two thirds of the cut-off). Above, torque noise meets no motion, and noise of q̈ would bias
   // inertias (errors in variables).
   constexpr double kUsualRate = 50.0;
-  const double wanted = options.decimate_to_hz > 0.0
-                            ? options.decimate_to_hz
-                            : std::min(std::max(kUsualRate, busy / kPass), 2.0 * plan.filter_hz);
+  const double of_base = floats(logged)
+                             ? band_of_base(std::span(spectra).last(detail::kPose), plan.dt,
+                                            longest_of(recordings, plan.max_gap * plan.dt))
+                             : kInfinity;
+  const double wanted =
+      options.decimate_to_hz > 0.0
+          ? options.decimate_to_hz
+          : std::min({std::max(kUsualRate, busy / kPass), 2.0 * plan.filter_hz, of_base / kPass});
   plan.decimator.rate_hz = rate;
   plan.decimator.factor = std::max(1, static_cast<int>(std::lround(rate / wanted)));
   const double output = rate / plan.decimator.factor;
@@ -301,7 +350,10 @@ PreprocessPlan plan_preprocess(const std::vector<Recording>& recordings,
   return plan;
 }
 
-PreprocessPlan plan_like(const PreprocessPlan& plan, const std::vector<Recording>& recordings) {
+PreprocessPlan plan_like(const PreprocessPlan& plan, const std::vector<Recording>& logged) {
+  const std::vector<Recording> with_base =
+      floats(logged) ? detail::with_base_positions(logged) : std::vector<Recording>{};
+  const std::vector<Recording>& recordings = floats(logged) ? with_base : logged;
   require_alike(recordings, plan.measured_velocity);
   PreprocessPlan out = plan;
   out.dt = choose_period(recordings, plan.measured_velocity, out.timing_jitter);

@@ -35,9 +35,7 @@ Recording concatenate(std::vector<Recording>& blocks) {
       at += b.rows();
     }
   };
-  for (auto member : {&Recording::q, &Recording::qd, &Recording::qdd, &Recording::qcmd,
-                      &Recording::tau, &Recording::ball, &Recording::spin})
-    stack(member);
+  for (const auto member : kSeries) stack(member);
   out.time.resize(rows);
   for (ExtraChannel& e : out.extra) e.values.resize(rows);
   long at = 0;

@@ -2,6 +2,8 @@
 
 #include <limits>
 
+#include "recording/axis_columns.hpp"
+
 namespace diffnea::detail {
 
 Recording recording_of_rows(std::span<const double> values, const Columns& header) {
@@ -52,11 +54,17 @@ Recording recording_of_rows(std::span<const double> values, const Columns& heade
         if (r.has_tau[c.index]) r.tau.col(c.index) = x;
         break;
       case Channel::kBall:
-        target(r.ball, 3).col(c.index) = x;
-        break;
       case Channel::kSpin:
-        target(r.spin, 3).col(c.index) = x;
+      case Channel::kBasePosition:
+      case Channel::kBaseQuaternion:
+      case Channel::kBaseTurning:
+      case Channel::kBaseVelocity:
+      case Channel::kBaseTorque:
+      case Channel::kBaseForce: {
+        const AxisColumns& of = *axis_columns(c.channel);
+        target(r.*of.series, of.width).col(c.index) = x;
         break;
+      }
       case Channel::kExtra:
         r.extra[c.index].values = x;
         break;

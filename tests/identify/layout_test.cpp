@@ -40,13 +40,13 @@ TEST_CASE("layout: links, then the model's effects, then what is asked for", "[i
 TEST_CASE("layout: a joint's torque reads the links it carries and its own effects", "[identify]") {
   const Model model = wam();
   const FitLayout layout = make_layout(model, {}, {0});
-  const std::vector<int> columns = layout.columns_of_joint(make_tree(model), 3);
+  const std::vector<int> columns = layout.columns_of_row(make_tree(model), 3);
   for (const int c : columns) {
     const FitParameter& p = layout.linear[c];
     CAPTURE(p.name);
     CHECK((p.dof == 3 || p.name.starts_with("joint4.")));
   }
-  CHECK(layout.columns_of_joint(make_tree(model), 0).size() > columns.size());
+  CHECK(layout.columns_of_row(make_tree(model), 0).size() > columns.size());
 }
 
 TEST_CASE("layout: fix holds what a pattern names", "[identify]") {

@@ -232,7 +232,9 @@ TEST_CASE("free base: what does not serve it yet refuses it, and names --fix-bas
   const auto refuses = [](const auto& call) {
     CHECK_THROWS_WITH(call(), ContainsSubstring("'trunk'") && ContainsSubstring("--fix-base"));
   };
-  refuses([&] { identify(m, std::vector<Recording>{}, std::vector<Recording>{}, {}); });
+  IdentifyOptions by_motion;
+  by_motion.loss = Loss::kMotion;
+  refuses([&] { identify(m, std::vector<Recording>{}, std::vector<Recording>{}, by_motion); });
   refuses([&] { random_fourier(m, {}); });
   // Friction of its joints is served, what acts on links is not.
   const ExtendedTree rubbing = extend(m);

@@ -241,14 +241,13 @@ def test_what_serves_no_free_base_says_so(
     refused = r"'trunk' .* floats.*--fix-base \(fix_base=True\)"
     for call in (
         lambda: package.excite(walker),
-        lambda: package.identify(walker, "nowhere.csv"),
         lambda: package.diagnose(walker, "nowhere.csv"),
     ):
         with pytest.raises(package.ModelError, match=refused):
             call()
     with pytest.raises(package.ModelError, match="contradict"):
         package.load_model(urdf, free_base=True, fix_base=True)
-    for command, *data in (("identify", "nowhere.csv"), ("diagnose", "nowhere.csv"), ("excite",)):
+    for command, *data in (("diagnose", "nowhere.csv"), ("excite",)):
         failed = diffnea(command, urdf, *data, "--free-base", "-o", "out", cwd=tmp_path)
         assert failed.returncode == BAD_INPUT
         assert "--fix-base" in failed.stderr

@@ -189,13 +189,31 @@ TEST_CASE("csv: a file that breaks off loses its last row, not itself", "[record
   CHECK(read("time,q_a,tau_a\n" + good_rows(200) + "2.00,1.0,-")[0].rows() == 200);
 }
 
+TEST_CASE("csv: a base that floats has a pose, a twist and a wrench; base_x alone is no base",
+          "[recording]") {
+  const Recording r =
+      read("time,base_x [mm],base_y,base_z,base_qx,base_qy,base_qz,base_qw,base_vx,base_vy,base_vz,"
+           "base_wx [deg/s],base_wy,base_wz,base_tx,base_ty,base_tz,base_fx,base_fy,base_fz\n"
+           "0,1000,2,3,0,0,0.6,0.8,4,5,6,180,8,9,10,11,12,13,14,15\n")
+          .front();
+  CHECK(r.num_joints() == 0);
+  CHECK(r.base == RowMatX<double>{{1, 2, 3, 0, 0, 0.6, 0.8}});
+  CHECK(r.base_twist.rightCols(5) == RowMatX<double>{{8, 9, 4, 5, 6}});
+  CHECK(std::abs(r.base_twist(0, 0) - std::numbers::pi) < 1e-15);
+  CHECK(r.base_wrench == RowMatX<double>{{10, 11, 12, 13, 14, 15}});
+  const Recording fixed = read("time,q_a,base_x\n0,1,2\n").front();
+  CHECK(fixed.base.size() == 0);
+  REQUIRE(fixed.extra.size() == 1);
+  CHECK(fixed.extra[0].name == "base_x");
+}
+
 TEST_CASE("csv: what the format does not allow is refused, with file, line and column",
           "[recording]") {
   const auto [text, message] = GENERATE(table<std::string, std::string>({
       {"", "arm.csv: the file is empty"},
       {"time,q_a\n", "arm.csv: there is a header and no row"},
       {"t,q_a\n0,1\n", "arm.csv:1: there is no column `time` [s]; columns: t, q_a"},
-      {"time,x\n0,1\n", "neither a joint (q_<joint>) nor a ball"},
+      {"time,x\n0,1\n", "neither a joint (q_<joint>), a ball"},
       {"time;q_a\n0;1\n", "header without commas"},
       {"0.0,1.5\n0.1,1.6\n", "got numbers in the first row, expected a header"},
       {"time,q_a,q_a\n0,1,1\n", "arm.csv:1:3: column 'q_a' comes twice, first as column 2"},
@@ -204,6 +222,13 @@ TEST_CASE("csv: what the format does not allow is refused, with file, line and c
       {"time,q_a,tau_b\n0,1,1\n", "arm.csv:1:3: 'tau_b' has no 'q_b'"},
       {"time,q_a,qd_b\n0,1,1\n", "arm.csv:1:3: 'qd_b' has no 'q_b'"},
       {"time,ball_x,ball_z\n0,1,1\n", "of ball_x, ball_y, ball_z some are missing"},
+      {"time,base_x,base_y,base_z,base_qx,base_qy,base_qz\n0,0,0,0,0,0,1\n",
+       "of base_qx, base_qy, base_qz, base_qw some are missing"},
+      {"time,base_qx,base_qy,base_qz,base_qw\n0,0,0,0,1\n", "of base_x, base_y, base_z some"},
+      {"time,base_x,base_y,base_z,base_qx,base_qy,base_qz,base_qw,base_fx\n0,0,0,0,0,0,0,1,2\n",
+       "of base_tx, base_ty, base_tz some are missing"},
+      {"time,base_x [deg],base_y,base_z,base_qx,base_qy,base_qz,base_qw\n0,0,0,0,0,0,0,1\n",
+       "unit 'deg' is not known for a base position; units: m, cm, mm"},
       {"time,q_a [grad]\n0,1\n", "unit 'grad' is not known for a position; units: rad, deg"},
       {"time [min],q_a\n0,1\n", "unit 'min' is not known for a time; units: s, ms"},
       {"time,q_a,tau_a [A]\n0,1,1\n",

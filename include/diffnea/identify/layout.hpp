@@ -47,12 +47,16 @@ struct FitLayout {
   std::vector<FitParameter> linear;  ///< ten of every moving link, then those of effects
   std::vector<FitParameter> shape;   ///< those of effects, then six of every free transform
   std::vector<BoundEffect> effects;  ///< those of the model first, then those asked for
-  int num_dofs = 0;                  ///< n, of the model
+  int num_dofs = 0;                  ///< n, of the model's joints
+  int base_rows = 0;                 ///< 6 where the base floats, else 0
+
+  /// Rows of one instant: the torque of each joint, then of a base that floats its wrench [τ; f].
+  int num_rows() const { return num_dofs + base_rows; }
 
   /// First column of the ten parameters of every link, and of a payload.
   std::vector<int> bodies() const;
-  /// Columns that can be nonzero in the torque of joint j, ascending.
-  std::vector<int> columns_of_joint(const Tree<double>& tree, int joint) const;
+  /// Columns that can be nonzero in one row, of num_rows(), ascending: the base carries all links.
+  std::vector<int> columns_of_row(const Tree<double>& tree, int row) const;
   /// Values of all linear parameters before the fit.
   VecX<double> prior() const;
 };
@@ -75,6 +79,11 @@ struct FitChoice {
   bool link_side = false;  ///< where the torque was measured (contract, torque_side)
   bool simulated = false;  ///< the loss simulates runs, which have hidden motors (motion loss)
 };
+
+/// Name of a row of FitLayout::num_rows(), a joint's or base_tx … base_fz.
+std::string row_name(const Model& model, int row);
+/// Its unit, N*m or N.
+std::string row_unit(const Model& model, int row);
 
 /// @param runs  numbers of the recordings: effects with one parameter a run get one for each
 /// @throws ModelError naming the choices if a group, effect, place or parameter does not exist

@@ -14,7 +14,8 @@
 
 namespace diffnea {
 
-class LoopRows;
+class ConstrainedRows;
+struct RowsOfState;
 
 /// Where the regression stands: what it is linearised about.
 struct RegressionPoint {
@@ -63,12 +64,14 @@ struct RegressionOptions {
   std::function<double(int joint, double residual)> weight;
 };
 
-/// Rows of a recording on their way into one triangular factor a joint.
+/// Rows of a recording on their way into one triangular factor a joint, and of a base that floats
+/// six more (FitLayout::num_rows): its wrench, recorded or zero.
 class TorqueRegression {
  public:
   /// Columns are those of the layout, then one for each free shape parameter: ∂τ/∂(ln η) of
   /// logarithmic ones, ∂τ/∂η of others, ∂τ/∂x of fixed transforms, at `at`. Of a model with
-  /// constraints, rows are those of the driven joints with the constraints' forces eliminated.
+  /// constraints, rows are those of as many coordinates as these leave motions, with the
+  /// constraints' forces eliminated: of driven joints first.
   /// @throws ModelError if constraints meet free transforms or effects that read the torque that
   ///         links transmit
   TorqueRegression(const Model& model, const FitLayout& layout, const PreprocessPlan& plan,
@@ -96,7 +99,8 @@ class TorqueRegression {
     long of_run = 0;                // rows of this run so far, those at rest included
     std::vector<long> number = {};  // of every kept row within its run
   };
-  void fill_row(const Preprocessed& block, long row);
+  void fill_row(const Preprocessed& block, const RowsOfState& states, long row);
+  int coordinate(int row) const;
   bool is_fitted(const Preprocessed& block, int joint) const;
   void linearise_acceleration(const VecX<double>& q, int run);
   void flush(int joint, const RowMatX<double>& rows);
@@ -105,14 +109,15 @@ class TorqueRegression {
   void thin_out();
 
   void enter_run(int run);
-  void add_shape_columns(const JointSample<double>& x);
+  void add_shape_columns(const JointSample<double>& x, const VecX<double>& q, const VecX<double>& v,
+                         const VecX<double>& vd);
   void add_moved_tree(int first_shape);
   void add_changed_tree(int shape);
-  VecX<double> torque_of_gravity(int axis, const double* q);
+  VecX<double> torque_of_gravity(int axis, const VecX<double>& q);
   VecX<double> inertia_columns(int joint, const VecX<double>& q);
 
   Model model_;
-  std::shared_ptr<LoopRows> loops_;  // null: no constraints
+  std::shared_ptr<ConstrainedRows> constraints_;  // null: there are none
   Tree<double> tree_;                // at the point and of this run: transforms, inertias, armature
   std::vector<Tree<JetD>> moved_;    // per joint with free transform: its six directions seeded
   std::map<int, Tree<JetD>> changed_;  // per free shape that changes the tree: seeded
@@ -134,7 +139,7 @@ class TorqueRegression {
   long kept_bytes_ = 0, stride_ = 1;  // one in so many stretches is kept
   int segment_ = -1, run_ = -1;
   RegressorWorkspace<double, double> ws_;
-  RowMatX<double> full_;  // (n, columns + 1) of one sample, the last column is τ
+  RowMatX<double> full_;  // (rows, columns + 1) of one sample, the last column is τ
   VecX<double> links_;    // torque that the links transmit at the point, payloads included
   std::vector<double> scratch_;
   double segment_start_ = 0.0, run_start_ = 0.0, dt_ = 0.0;

@@ -12,7 +12,9 @@
 ///   4. Positions of a sensor that is slower than the log lie on lines between its new values.
 ///   5. q, q̇, q̈: of the smoothing spline of order 8 through the segment, a low-pass without phase,
 ///      of gain 1/(1 + (f/filter_hz)⁸), that knows the ends for ends: no row is lost there.
-/// τ is not filtered here: recording/decimator.hpp does that together with the regressor's columns.
+/// The seven numbers of a base's pose are smoothed as positions, the quaternion with a unit norm
+/// and one sign; twist and acceleration are those of the smoothed pose on the manifold. τ is not
+/// filtered here: recording/decimator.hpp does that together with the regressor's columns.
 ///
 ///     const PreprocessPlan plan = plan_preprocess(recordings, {});
 ///     for (const Recording& r : recordings) use(preprocess(r, plan));
@@ -30,8 +32,9 @@ struct PreprocessOptions {
   /// Cut-off of the path; 0: 1.5 times the frequency where the accelerations' spectrum is lowest,
   /// between the motion and the noise that rises with f⁴; the largest of the joints.
   double filter_hz = 0.0;
-  /// 0: about 50 Hz, more if the accelerations' power asks for it, at most twice the cut-off; above
-  /// the rate: off.
+  /// 0: about 50 Hz, more if the accelerations' power asks for it, at most twice the cut-off, and
+  /// of a base that floats less where noise of its pose would bias what is fitted; above the rate:
+  /// off.
   double decimate_to_hz = 0.0;
   /// A longer pause splits [periods]; 0: 5, or a tenth of the cut-off's period if that is longer.
   double max_gap = 0.0;
@@ -66,13 +69,15 @@ struct PreprocessPlan {
     list.field("measured_velocity", &PreprocessPlan::measured_velocity,
                "Filtered qd and its difference, not differences of q.");
     list.field("joint_hz", &PreprocessPlan::joint_hz,
-               "Per joint: the cut-off for it alone; 0: too short to tell.");
+               "Per joint, then of a base that floats x y z qx qy qz qw: the cut-off for it alone; "
+               "0: too short to tell.");
     list.field("q_noise", &PreprocessPlan::q_noise,
-               "Per joint: standard deviation of q's noise [rad] or [m].");
+               "Likewise: standard deviation of q's noise [rad] or [m].");
     list.field("tau_noise", &PreprocessPlan::tau_noise,
-               "Per joint: of the white part of τ's; NaN: not measured.");
+               "Likewise: of the white part of τ's (of a base its wrench τ, f, and NaN); NaN: not "
+               "measured.");
     list.field("refresh", &PreprocessPlan::refresh,
-               "Per joint: rows from one new position to the next, where the sensor is slower than "
+               "Likewise: rows from one new position to the next, where the sensor is slower than "
                "the log.");
     list.field("timing_jitter", &PreprocessPlan::timing_jitter,
                "Share of the intervals that are off dt by more than 2 %.");
@@ -96,6 +101,14 @@ struct Preprocessed {
   RowMatX<double> q_logged;        ///< (N, n) not filtered
   RowMatX<double> tau;             ///< (N, n) not filtered; as in Recording where has_tau is false
   std::vector<bool> has_tau;       ///< as in Recording
+  /// Motion of a base that floats, else empty. Twists are against the world, in the base's axes.
+  ///@{
+  RowMatX<double> base;               ///< (N, 7) X_WB filtered, as in Recording, of unit quaternion
+  RowMatX<double> base_twist;         ///< (N, 6) V_WB_B of it, or the measured one filtered
+  RowMatX<double> base_acceleration;  ///< (N, 6) its derivative [rad/s², m/s²]
+  RowMatX<double> base_wrench;        ///< (N, 6) not filtered; 0 where none was recorded
+  bool has_base_wrench = false;       ///< it was recorded
+  ///@}
   std::vector<std::string> notes;  ///< segments dropped and why
 
   /// Number of rows.

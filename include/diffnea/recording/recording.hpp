@@ -71,6 +71,15 @@ struct Recording {
   std::vector<bool> has_tau;  ///< per joint: measured torque; false: prescribed motion or passive
   RowMatX<double> ball;       ///< (N, 3) [m], W; empty if not measured
   RowMatX<double> spin;       ///< (N, 3) [rad/s], W; empty if not measured
+  /// (N, 7) pose X_WB of a robot that floats, x y z of p_WB [m] and qx qy qz qw of R_WB, as a model
+  /// has it in q; norm and sign of the quaternion as logged. Empty: the base is fixed.
+  RowMatX<double> base;
+  /// (N, 6) measured twist V_WB_B = [ω; v] of the base against the world, in the base's axes, about
+  /// its origin [rad/s, m/s]; empty if not.
+  RowMatX<double> base_twist;
+  /// (N, 6) known wrench [τ; f] on the base from outside, in the base's axes, about its origin
+  /// [N·m, N]: thrust, a load cell. Empty: none acts, the robot flies.
+  RowMatX<double> base_wrench;
   std::vector<ExtraChannel> extra;  ///< in the file's order
   RecordingInfo info;               ///< what columns cannot hold
 
@@ -79,5 +88,11 @@ struct Recording {
   /// Number of joints.
   int num_joints() const { return static_cast<int>(joint_names.size()); }
 };
+
+/// Members with a row an instant, of one column a joint or axis; empty where not measured.
+inline constexpr std::array kSeries{
+    &Recording::q,          &Recording::qd,         &Recording::qdd,  &Recording::qcmd,
+    &Recording::tau,        &Recording::ball,       &Recording::spin, &Recording::base,
+    &Recording::base_twist, &Recording::base_wrench};
 
 }  // namespace diffnea

@@ -14,7 +14,14 @@ from numpy.typing import NDArray
 from .._core import DataError
 
 _OF_JOINTS = ("q", "qd", "qdd", "qcmd", "tau")
-_OF_AXES = ("ball", "spin")
+# Series with axes in place of joints: the prefix of their columns, and the axes.
+OF_AXES = {
+    "ball": ("ball", ("x", "y", "z")),
+    "spin": ("spin", ("x", "y", "z")),
+    "base": ("base", ("x", "y", "z", "qx", "qy", "qz", "qw")),
+    "base_twist": ("base", ("wx", "wy", "wz", "vx", "vy", "vz")),
+    "base_wrench": ("base", ("tx", "ty", "tz", "fx", "fy", "fz")),
+}
 
 
 @dataclass(frozen=True)
@@ -91,11 +98,11 @@ def table_of_arrays(where: object, arrays: Mapping[str, Any]) -> Table:
     columns: dict[str, NDArray[Any]] = {"time": time}
     left_out = []
     for key, values in arrays.items():
-        labels = names if key in _OF_JOINTS else list("xyz") if key in _OF_AXES else None
+        prefix, axes = OF_AXES.get(key, (key, names))
         if key == "time":
             continue
-        if labels is not None:
-            columns |= _split(where, key, np.asarray(values), labels, len(time))
+        if key in _OF_JOINTS or key in OF_AXES:
+            columns |= _split(where, key, prefix, np.asarray(values), axes, len(time))
         elif np.size(values) == len(time) and np.ndim(values) <= 2:
             columns[key] = _vector(where, key, values)
         elif np.ndim(values) == 1 and not isinstance(values, list):
@@ -117,7 +124,7 @@ def _vector(where: object, key: str, values: Any) -> NDArray[Any]:
 
 
 def _split(
-    where: object, key: str, values: NDArray[Any], labels: list[str], rows: int
+    where: object, key: str, prefix: str, values: NDArray[Any], labels: Sequence[str], rows: int
 ) -> dict[str, NDArray[Any]]:
     if len(labels) == 1 and values.size == rows:
         values = values.reshape(rows, 1)
@@ -127,4 +134,4 @@ def _split(
             f"expected numbers of shape {(rows, len(labels))}: a row for each time, "
             f"a column for each of {', '.join(labels)}"
         )
-    return {f"{key}_{label}": values[:, j] for j, label in enumerate(labels)}
+    return {f"{prefix}_{label}": values[:, j] for j, label in enumerate(labels)}
