@@ -26,9 +26,6 @@ constexpr double kRestShare = 0.01;
 /// Of the filter's weight on samples in which a joint rests, or sticks.
 constexpr double kMostRest = 0.3, kMostStuck = 0.02;
 
-/// Inertial parameters of a link, of which the torque of a joint tells something.
-constexpr long kLinkColumns = 10;
-
 /// Rows of the base that are made at once.
 constexpr long kChunk = 2048;
 
@@ -100,7 +97,14 @@ Evidence::Evidence(const Model& model, const FitLayout& layout, const RecordingS
     throw DataError(source.sample().front().source +
                     ": diagnose: no joint has a torque (tau_<joint>), and none is declared passive");
   }
-  take_standstills(layout, plan, collector, positions, fitted);
+  // Rounding of a joint that hardly moves is no noise that a spectrum shows.
+  PreprocessPlan rounded = plan;
+  const std::vector<double> steps = quantisation_steps(source.sample());
+  const std::set<int> dry = dry_joints(layout);
+  for (std::size_t j = 0; j < std::min(steps.size(), rounded.q_noise.size()); ++j)
+    if (!dry.contains(static_cast<int>(j)))
+      rounded.q_noise[j] = std::max(rounded.q_noise[j], steps[j] / std::sqrt(12.0));
+  take_standstills(layout, rounded, collector, positions, fitted);
   take_filters(model, plan, collector);
   FitLayout held = layout;
   for (FitParameter& s : held.shape) s.fixed = !is_smoothing(s);
@@ -358,13 +362,13 @@ void Evidence::take_standstills(const FitLayout& layout, const PreprocessPlan& p
     const std::size_t at = static_cast<std::size_t>(j);
     if (at < plan.q_noise.size() && collector.about(0).has_tau[at]) {
       stuck_[j] = stuck_at(j,
-                           !dry.contains(j)                 ? Turns::kPauses
+                           !dry.contains(j)                 ? Turns::kWholeStretches
                            : !fitted                        ? Turns::kLeftOut
                            : contains(fitted->sticking_, j) ? Turns::kAllLeftOut
                                                             : Turns::kKept,
                            plan, positions);
       const bool rests = fitted ? contains(fitted->resting_, j)
-                                : moving_rows(stuck_[j]) < kLinkColumns * kRowsAColumn * every_;
+                                : moving_rows(stuck_[j]) == 0;
       if (rests) {
         resting_.push_back(j);
         continue;

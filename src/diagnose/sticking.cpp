@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <deque>
+#include <limits>
 
 #include "core/statistics.hpp"
 #include "diagnose/thresholds.hpp"
@@ -76,6 +77,7 @@ Standstill standstill(double q_noise, double qd, double qdd, const PreprocessPla
 }
 
 bool stands_all_along(std::vector<double> q, double noise) {
+  if (std::ranges::min(q) == std::ranges::max(q)) return false;  // an encoder that is dead
   const double middle = median(q);
   const auto within = std::ranges::count_if(
       q, [&](double at) { return std::abs(at - middle) <= 0.5 * kPeakToPeak * noise; });
@@ -143,7 +145,7 @@ StuckRows stuck_rows(const std::vector<VecX<double>>& positions, const Standstil
     all.insert(all.end(), turns.back().begin(), turns.back().end());
   }
   Standstill told = still;
-  if (what == Turns::kPauses) told.rows = told.lasting = std::max(still.lasting, still.pause);
+  if (what == Turns::kWholeStretches) told.rows = told.lasting = std::numeric_limits<long>::max();
   std::vector<bool> stands;  // all along a stretch
   for (const VecX<double>& q : positions)
     stands.push_back(stands_all_along({q.begin(), q.end()}, still.band / kPeakToPeak));

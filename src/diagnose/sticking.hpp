@@ -28,7 +28,7 @@ struct Standstill {
   long rows = 1;      ///< a shorter standstill, the filter smooths as it does any reversal
   long lasting = 1;   ///< rows that no reversal takes
   long margin = 0;    ///< rows before and after it that the filter mixes with it
-  long pause = 1;     ///< rows of a standstill that is no part of a motion
+  long pause = 1;     ///< rows of a stretch of standing that is no part of a motion
 };
 
 /// @param q_noise  standard deviation of the logged position [rad] or [m]
@@ -56,7 +56,7 @@ enum class Turns {
   kLeftOut,     ///< unless that takes more than half of the rows
   kAllLeftOut,  ///< whether or not it sticks there, and whatever that takes
   kKept,        ///< but for standstills
-  kPauses       ///< are left out alone: how its friction turns, causes have to explain
+  kWholeStretches  ///< stretches of standing go alone: other friction, causes have to explain
 };
 
 /// Rows in which a joint sticks, of each stretch.

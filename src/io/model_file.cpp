@@ -1,5 +1,5 @@
 #include <algorithm>
-#include <cstdio>
+#include <charconv>
 #include <optional>
 
 #include <diffnea/core/error.hpp>
@@ -90,8 +90,10 @@ bool has_locked_joints(const Model& model) {
 bool has_delays(const std::string& mujoco) {
   constexpr std::pair kOldest{2, 2}, kDelays{3, 5};
   std::pair<int, int> version{0, 0};
-  int length = 0;
-  if (std::sscanf(mujoco.c_str(), "%d.%d%n", &version.first, &version.second, &length) != 2 ||
+  const char* const end = mujoco.data() + mujoco.size();
+  const auto major = std::from_chars(mujoco.data(), end, version.first);
+  const bool dot = major.ec == std::errc() && major.ptr != end && *major.ptr == '.';
+  if (!dot || std::from_chars(major.ptr + 1, end, version.second).ec != std::errc() ||
       version < kOldest)
     throw ModelError("--mujoco (mujoco=): got '" + mujoco +
                      "'; expected the oldest MuJoCo that has to load the file, e.g. 2.2 (all that "

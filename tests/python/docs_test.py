@@ -199,6 +199,7 @@ NOT_RUN = {
     "docs/guide/quadruped.md": 1,
     "docs/guide/servo_arm.md": 2,
     "docs/guide/start.md": 1,
+    "docs/identification.md": 1,
     "docs/models.md": 4,
     "docs/policy.md": 2,
     "docs/python.md": 2,
