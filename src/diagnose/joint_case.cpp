@@ -10,6 +10,7 @@
 
 #include "diagnose/base.hpp"
 #include "diagnose/bounds.hpp"
+#include "identify/ball_identify.hpp"
 #include "identify/fingerprint.hpp"
 #include "identify/passes.hpp"
 #include "identify/torque_notes.hpp"
@@ -228,7 +229,9 @@ void prepare(JointCase& c) {
   c.search = std::make_unique<Search>(*c.train, c.candidates, c.prior, c.fitted_rows);
   std::vector<Term> none;
   c.search->refresh(c.period, none);
-  if (c.search->blind().size() == c.train->joints().size())
+  // Beside a ball that was seen, an arm of which nothing can be said is no reason to stop.
+  if (c.search->blind().size() == c.train->joints().size() &&
+      (!c.model.ball || recordings_with_ball(c.train_source).empty()))
     throw DataError(sample.front().source + ": diagnose: " +
                     format_number(static_cast<double>(c.train->times()) * c.train->step()) +
                     " s of fitted rows are too few to tell noise from what the model lacks, at "
