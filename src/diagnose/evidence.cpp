@@ -97,14 +97,7 @@ Evidence::Evidence(const Model& model, const FitLayout& layout, const RecordingS
     throw DataError(source.sample().front().source +
                     ": diagnose: no joint has a torque (tau_<joint>), and none is declared passive");
   }
-  // Rounding of a joint that hardly moves is no noise that a spectrum shows.
-  PreprocessPlan rounded = plan;
-  const std::vector<double> steps = quantisation_steps(source.sample());
-  const std::set<int> dry = dry_joints(layout);
-  for (std::size_t j = 0; j < std::min(steps.size(), rounded.q_noise.size()); ++j)
-    if (!dry.contains(static_cast<int>(j)))
-      rounded.q_noise[j] = std::max(rounded.q_noise[j], steps[j] / std::sqrt(12.0));
-  take_standstills(layout, rounded, collector, positions, fitted);
+  take_standstills(layout, plan, collector, positions, fitted);
   take_filters(model, plan, collector);
   FitLayout held = layout;
   for (FitParameter& s : held.shape) s.fixed = !is_smoothing(s);

@@ -296,13 +296,15 @@ PreprocessPlan plan_preprocess(const std::vector<Recording>& logged,
       {.dt = plan.dt, .max_gap = plan.max_gap, .velocity = false, .average_hold = false});
   for (std::size_t j = 0; j < n; ++j)
     for (Eigen::VectorXd& segment : columns[j]) fill_stale(segment, plan.refresh[j]);
+  // Rounding of a joint that hardly moves is no noise that a spectrum shows.
+  const std::vector<double> steps = quantisation_steps(recordings);
   double cutoff = 0.0, busy = 0.0;
   std::vector<PositionSpectrum> spectra;
   for (std::size_t j = 0; j < n; ++j) {
     const PositionSpectrum s = look_at_position(columns[j], rate);
     spectra.push_back(s);
     plan.joint_hz.push_back(s.cutoff_hz);
-    plan.q_noise.push_back(s.noise);
+    plan.q_noise.push_back(std::max(s.noise, steps[j] / std::sqrt(12.0)));
     cutoff = std::max(cutoff, s.cutoff_hz);
     busy = std::max(busy, s.busy_hz);
     const long length = window_length(columns[n + j], plan.dt);
