@@ -122,8 +122,8 @@ MotionProblem MotionSearch::problem(const Model& model, const FitLayout& layout)
 
 MotionSolution MotionSearch::at_scale(MotionSolution of, const std::string& joint,
                                       double by) const {
-  const VecX<double> inertia =
-      link_inertias(of.model, position_range(data_.data.train, of.layout.num_dofs));
+  // A rotor of nothing, where the links alone are heavier than all of it should be, is no start.
+  const VecX<double> inertia = VecX<double>::Zero(of.layout.num_dofs);
   for (const BoundEffect& drive : of.layout.effects)
     if (drive.info().has(Trait::kReadsCommand) && drive.where == joint)
       scale_drive(of.layout, drive, inertia, by, of.fit.x);
