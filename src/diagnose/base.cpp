@@ -3,13 +3,19 @@
 #include <algorithm>
 #include <cmath>
 
+#include <diffnea/dynamics/mass_matrix.hpp>
+
 #include "core/decompositions.hpp"
+#include "diagnose/reference.hpp"
 
 namespace diffnea {
 namespace {
 
 /// Of ln v₀: what is nearer, the base's columns follow where the evidence is.
 constexpr double kFar = 0.1;
+
+/// Change of a joint's ln inertia: the band of its rows moves by half of that.
+constexpr double kHeavier = 0.2;
 
 /// Factors of the linear parameters alone.
 std::vector<JointFactor> linear_factors(const Evidence& evidence, const FitLayout& layout) {
@@ -33,6 +39,15 @@ std::vector<JointFactor> linear_factors(const Evidence& evidence, const FitLayou
   return out;
 }
 
+/// Linear parameters by the rows as they are weighed now; the model's, where these are too few.
+VecX<double> fitted(const Evidence& evidence, const FitLayout& layout) {
+  const std::vector<JointFactor> factors = linear_factors(evidence, layout);
+  long rows = 0;
+  for (const JointFactor& f : factors) rows += f.factor.rows();
+  return rows < static_cast<long>(layout.linear.size()) ? layout.prior()
+                                                        : fit_linear(layout, factors).x;
+}
+
 }  // namespace
 
 BasePrior base_prior(Base base, const Model& model, const FitLayout& layout,
@@ -45,9 +60,9 @@ BasePrior base_prior(Base base, const Model& model, const FitLayout& layout,
       std::sqrt(12.0) / (evidence.latest_instant() - evidence.earliest_instant());
   out.x0 = VecX<double>::Zero(linear + turns);
   out.x0.head(linear) = layout.prior();
-  // The rows of passive joints are linear about x₀ (Projection).
-  if (base == Base::kRefit && evidence.has_passive_beside_torques())
-    out.x0.head(linear) = fit_linear(layout, linear_factors(evidence, layout)).x;
+  // The rows of passive joints are linear about x₀ (Projection), and what no row tells is there.
+  // Where no torque tells a scale, the model's stays.
+  if (base == Base::kRefit && evidence.driven()) out.x0.head(linear) = fitted(evidence, layout);
   if (base == Base::kFixed) {  // how sharply friction turns is no claim of the model
     for (long s = 0; s < turns; ++s) out.free.push_back(static_cast<int>(linear + s));
     out.root = MatX<double>::Identity(turns, turns);
@@ -112,9 +127,7 @@ bool fit_turns(Base base, const Evidence& evidence, FitLayout& layout) {
   const long smoothing = std::ranges::count_if(layout.shape, is_smoothing);
   if (smoothing == 0) return false;
   // Joints weighted by what the fit leaves of each; a factor of e is the prior's width.
-  const VecX<double> x0 = base == Base::kRefit
-                              ? fit_linear(layout, linear_factors(evidence, layout)).x
-                              : layout.prior();
+  const VecX<double> x0 = base == Base::kRefit ? fitted(evidence, layout) : layout.prior();
   const std::vector<JointFactor>& factors = evidence.factors();
   MatX<double> K = MatX<double>::Zero(p + smoothing, p + smoothing);
   VecX<double> k = VecX<double>::Zero(p + smoothing);
@@ -156,6 +169,27 @@ bool fit_turns(Base base, const Evidence& evidence, FitLayout& layout) {
   for (FitParameter& shape : layout.shape)
     if (is_smoothing(shape)) shape.prior *= std::exp(moves[at++]);
   return true;
+}
+
+Model refitted(Base base, const Model& model, const FitLayout& layout, const Evidence& evidence) {
+  if (base != Base::kRefit) return model;
+  VecX<double> x = VecX<double>::Zero(evidence.base().cols());  // friction turns as it is read
+  x.head(static_cast<long>(layout.linear.size())) = fitted(evidence, layout);
+  return base_at(model, layout, x, {});
+}
+
+bool is_heavier(const Model& model, const Model& before, const Evidence& evidence) {
+  MassMatrixWorkspace<double, double> ws;
+  return std::ranges::any_of(evidence.series(), [&](const JointSeries& s) {
+    const VecX<double> amid = s.q.row(s.rows() / 2).transpose();
+    const auto inertias = [&](const Model& of) -> VecX<double> {
+      return mass_matrix<double, double>(extend(of, evidence.runs(), s.run).tree, amid, ws)
+          .diagonal();
+    };
+    const VecX<double> now = inertias(model), then = inertias(before);
+    return std::ranges::any_of(
+        evidence.joints(), [&](int j) { return std::abs(std::log(now[j] / then[j])) > kHeavier; });
+  });
 }
 
 VecX<double> final_base(Base base, const FitLayout& layout, const Search& search,

@@ -22,6 +22,15 @@ std::string hold_scale(const Evidence& evidence, FitLayout& layout);
 /// @return whether it has; `evidence` is then to be read anew
 bool fit_turns(Base base, const Evidence& evidence, FitLayout& layout);
 
+/// The model at the base parameters that fit the rows without any cause; as it is, unless its base
+/// is refitted.
+Model refitted(Base base, const Model& model, const FitLayout& layout, const Evidence& evidence);
+
+/// Tells whether joints are so much heavier, or lighter, than those of the model `before`, about
+/// which the filters of `evidence` were linearised, that these weigh its rows wrongly: no result
+/// hangs on the unit of the file's masses, or on rotors that it lacks.
+bool is_heavier(const Model& model, const Model& before, const Evidence& evidence);
+
 /// The base parameters that go with the causes, physically consistent where all of them may move.
 /// @param beside  a torque beside the terms, (rows()); empty: none
 /// @param fit     written with --base refit

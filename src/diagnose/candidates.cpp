@@ -40,31 +40,42 @@ void add_shape(Candidate& c, int parameter) {
 }
 
 constexpr double kRotorKnown = 0.3;  ///< relative: as well as models state rotors
-constexpr double kRotorShare = 0.3;  ///< of a joint's inertia, where no model says
+/// Share of a joint's inertia, where no model says, and error of its logarithm: from a fourteenth
+/// to all of it.
+constexpr double kRotorShare = 0.3, kRotorAssumed = 0.7;
+/// Error of a joint's ln inertia at which a model states no rotor: two of a rotor's.
+constexpr double kRefuted = 2.0 * kRotorKnown;
 
-double declared_rotor(const Model& model, int joint) { return make_tree(model).armature(joint); }
-
-/// The rotor before a gap: the armature that the model declares, else a share of the joint's
-/// inertia. (Behind a spring it is fitted.)
-double rotor_inertia(const Model& model, int joint) {
-  const double declared = declared_rotor(model, joint);
-  if (declared > 0.0) return declared;
+double joint_inertia(const Model& model, int joint) {
   const Tree<double> tree = make_tree(model);
   MassMatrixWorkspace<double, double> ws;
-  return kRotorShare *
-         mass_matrix<double, double>(tree, VecX<double>::Zero(tree.num_dofs()), ws)(joint, joint);
+  return mass_matrix<double, double>(tree, VecX<double>::Zero(tree.num_dofs()), ws)(joint, joint);
 }
 
-Candidate make_candidate(const EffectSpec& spec, const Model& model, const std::vector<int>& runs) {
+/// Rotor that the model states, and a fit does not refute; 0: none.
+double declared_rotor(const Model& model, const Model& links, int joint) {
+  const double by = joint_inertia(links, joint) / joint_inertia(model, joint);
+  return std::abs(std::log(by)) > kRefuted ? 0.0 : make_tree(model).armature(joint);
+}
+
+/// Rotor of a hidden motor: the armature that the model states, else a share of the joint's
+/// inertia, and how well it is known. (Behind a spring, it counts where both show as their ratio
+/// alone.)
+double set_rotor(const Model& model, const Model& links, Candidate& c) {
+  const int joint = c.effect.joints[0];
+  const double stated = declared_rotor(model, links, joint);
+  c.rotor_assumed = !(stated > 0.0);
+  c.held = c.rotor_assumed ? kRotorAssumed : kRotorKnown;
+  return c.rotor_assumed ? kRotorShare * joint_inertia(links, joint) : stated;
+}
+
+Candidate make_candidate(const EffectSpec& spec, const Model& model, const Model& links,
+                         const std::vector<int>& runs) {
   Candidate c;
   static_cast<BoundEffect&>(c.effect) = bind(spec, model, runs);
   const HiddenMotor motor = c.effect.info().motor;
-  const double rotor =
-      motor == HiddenMotor::kOther ? rotor_inertia(model, c.effect.joints[0]) : 0.0;
-  if (motor == HiddenMotor::kSpring) {
-    c.rotor = declared_rotor(model, c.effect.joints[0]);
-    if (c.rotor > 0.0) c.held = kRotorKnown;
-  }
+  const double rotor = motor != HiddenMotor::kNone ? set_rotor(model, links, c) : 0.0;
+  if (motor == HiddenMotor::kSpring) c.rotor = rotor;
   const Port port = c.effect.info().port;
   c.of_reference =
       (port != Port::kJointTorque && port != Port::kLinkForce) || reads_acceleration(c.effect);
@@ -74,9 +85,8 @@ Candidate make_candidate(const EffectSpec& spec, const Model& model, const std::
     const int k = static_cast<int>(i);
     const bool grid_of_plain =
         scale(p) == Scale::kPlain && !p.search.empty() && p.sign == Sign::kFree;
-    if (rotor > 0.0 && p.name == "motor_inertia") {
+    if (motor == HiddenMotor::kOther && p.name == "motor_inertia") {
       c.effect.parameters[i] = rotor;
-      c.held = kRotorKnown;
     } else if (scale(p) == Scale::kLinear) {
       c.linear.push_back(k);
     } else if (grid_of_plain) {  // a ratio of either sign
@@ -107,11 +117,12 @@ void Candidate::set(const std::vector<double>& point, BoundEffect& of) const {
   }
 }
 
-std::vector<Candidate> make_candidates(const Model& model, const std::vector<std::string>& asked,
+std::vector<Candidate> make_candidates(const Model& model, const Model& links,
+                                       const std::vector<std::string>& asked,
                                        const std::vector<int>& runs, bool link_side) {
   std::vector<Candidate> out;
   const auto add = [&](const EffectInfo& info, const std::string& where) {
-    out.push_back(make_candidate({info.name, where, {}}, model, runs));
+    out.push_back(make_candidate({info.name, where, {}}, model, links, runs));
   };
   if (asked.empty()) {
     for (const EffectInfo& info : catalogue()) {

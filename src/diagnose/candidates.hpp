@@ -29,8 +29,8 @@ struct Candidate {
                                           ///< search starts from; one empty entry if none
 
   std::vector<double> shape_low, shape_high;  ///< of `shapes`; 0, infinity: no bound
-  double rotor =
-      0.0;            ///< behind a spring, as the model declares it [kg·m²] or [kg]; 0: it does not
+  double rotor = 0.0;                         ///< behind a spring [kg·m²] or [kg]
+  bool rotor_assumed = false;                 ///< no model states it
   double held = 0.0;  ///< relative uncertainty of what is held at the model's word
   /// How recordings bound the first of `shapes`.
   SearchBound bound() const {
@@ -43,10 +43,12 @@ struct Candidate {
 };
 
 /// Every effect of the catalogue at every place it suits, or those asked for.
+/// @param links  what the joints carry by a fit; the model, where there is none
 /// @param asked  names or "name@where"; empty: all
 /// @param runs   of the recordings
 /// @throws ModelError listing the names if an effect or place does not exist
-std::vector<Candidate> make_candidates(const Model& model, const std::vector<std::string>& asked,
+std::vector<Candidate> make_candidates(const Model& model, const Model& links,
+                                       const std::vector<std::string>& asked,
                                        const std::vector<int>& runs, bool link_side);
 
 /// @throws ModelError if a name is taken or empty, a place is no joint, or parameters or columns

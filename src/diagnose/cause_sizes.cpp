@@ -186,11 +186,16 @@ std::vector<CauseParameter> sizes(const Search& search, const std::vector<Term>&
     if (linear != t.linear.end()) {
       const long at = linear - t.linear.begin();
       double std = std::hypot(by_noise(at), kColumnError * p.value);
-      if (by_rotor) std = std::hypot(std, of_word * p.value);
       // It hangs on a shape that does not show; or the base hides it, as an offset a spring's rest.
       if ((!by_rotor && !shapes_show) || t.shares[static_cast<std::size_t>(at)] < kAbsorbed)
         std = kNaN;
       set_interval(p, std, nonnegative[static_cast<std::size_t>(at)]);
+      // Whoever the rotor is, it does not make nothing of what is there.
+      if (by_rotor && p.low > 0.0)
+        set_log_interval(p, std::hypot(std / p.value, of_word), info.most);
+      else if (by_rotor)
+        set_interval(p, std::hypot(std, of_word * p.value),
+                     nonnegative[static_cast<std::size_t>(at)]);
     } else if (shape != t.shapes.end()) {
       const double noise = by_noise(t.width() + (shape - t.shapes.begin()));
       if (scale(info) == Scale::kPlain)

@@ -74,9 +74,9 @@ VecX<double> torque_squares(const Tree<double>& tree, const JointSeries& s,
 
 }  // namespace
 
-Evidence::Evidence(const Model& model, const FitLayout& layout, const RecordingSource& source,
-                   const PreprocessPlan& plan, double period, const IdentifyOptions& options,
-                   int first_run, const Evidence* fitted)
+Evidence::Evidence(const Model& model, const Model& links, const FitLayout& layout,
+                   const RecordingSource& source, const PreprocessPlan& plan, double period,
+                   const IdentifyOptions& options, int first_run, const Evidence* fitted)
     : num_dofs_(layout.num_dofs),
       first_run_(first_run),
       runs_(source.runs()),
@@ -98,7 +98,7 @@ Evidence::Evidence(const Model& model, const FitLayout& layout, const RecordingS
                     ": diagnose: no joint has a torque (tau_<joint>), and none is declared passive");
   }
   take_standstills(layout, plan, collector, positions, fitted);
-  take_filters(model, plan, collector);
+  take_filters(links, plan, collector);
   FitLayout held = layout;
   for (FitParameter& s : held.shape) s.fixed = !is_smoothing(s);
   take_rows(model, held, plan, collector);
@@ -185,7 +185,7 @@ void Evidence::take_joints(const Stretches& collector, const std::vector<std::st
   }
 }
 
-void Evidence::take_filters(const Model& model, const PreprocessPlan& plan,
+void Evidence::take_filters(const Model& links, const PreprocessPlan& plan,
                             const Stretches& collector) {
   const std::vector<JointSeries>& own = collector.series();
   std::vector<bool> driven;
@@ -195,7 +195,7 @@ void Evidence::take_filters(const Model& model, const PreprocessPlan& plan,
   VecX<double> squares = VecX<double>::Zero(num_dofs_);
   double samples = 0.0;
   for (const JointSeries& s : own) {
-    if (!trees.contains(s.run)) trees.emplace(s.run, extend(model, runs_, s.run).tree);
+    if (!trees.contains(s.run)) trees.emplace(s.run, extend(links, runs_, s.run).tree);
     squares += torque_squares(trees.at(s.run), s, driven);
     samples += static_cast<double>(s.rows());
   }

@@ -26,6 +26,8 @@ inline constexpr int kNoiseOrder = 8;
 
 class Evidence {
  public:
+  /// @param links      what the joints carry, about which the filters are linearised: the model
+  ///                   as far as it is fitted
   /// @param layout     of the base model
   /// @param period     of the motion [s]; 0: not periodic
   /// @param first_run  number of the source's first recording among all that the layout knows
@@ -34,9 +36,9 @@ class Evidence {
   ///   left out, for a base that has not seen them says nothing of them
   /// @throws DataError if no row is left, or a joint's torque is known in some of the recordings
   ///   alone
-  Evidence(const Model& model, const FitLayout& layout, const RecordingSource& source,
-           const PreprocessPlan& plan, double period, const IdentifyOptions& options,
-           int first_run = 0, const Evidence* fitted = nullptr);
+  Evidence(const Model& model, const Model& links, const FitLayout& layout,
+           const RecordingSource& source, const PreprocessPlan& plan, double period,
+           const IdentifyOptions& options, int first_run = 0, const Evidence* fitted = nullptr);
 
   long rows() const { return torque_.size(); }
   /// Rows of one joint; the same instants for all.
@@ -88,6 +90,8 @@ class Evidence {
   /// Instants with the same number follow one another at equal steps.
   const std::vector<int>& stretch() const { return stretch_; }
   int first_run() const { return first_run_; }
+  /// Numbers of the source's recordings.
+  const std::vector<int>& runs() const { return runs_; }
   /// Whether the k-th of joints() hardly moves, or sticks: rows that say nothing of a model.
   bool rests(long instant, long k) const { return rests_(instant, k); }
   /// Tells whether something drives it and it stands still (sticking.hpp).
@@ -174,7 +178,7 @@ class Evidence {
   /// Joints whose torque is known throughout. @param names  of the degrees of freedom
   void take_joints(const Stretches& collector, const std::vector<std::string>& names);
   /// A filter for every joint and stretch.
-  void take_filters(const Model& model, const PreprocessPlan& plan, const Stretches& collector);
+  void take_filters(const Model& links, const PreprocessPlan& plan, const Stretches& collector);
   /// Rows of the base's columns at one motion. @param torque  if not null: of the torque, too
   MatX<double> regress(const Model& model, const FitLayout& layout, const PreprocessPlan& plan,
                        const Stretches& collector, const std::vector<JointSeries>& series,

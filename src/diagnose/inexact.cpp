@@ -1,9 +1,12 @@
 #include "diagnose/inexact.hpp"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 
 #include <diffnea/effects/stepping.hpp>
+
+#include "recording/spectrum.hpp"
 
 namespace diffnea {
 namespace {
@@ -19,6 +22,10 @@ constexpr double kBaseDryAccuracy = 0.01;
 /// How late one of its turns may be against the others [s]: what holds a joint meanwhile is nothing
 /// that its motion tells. Each leaves 2 F for so long, which the filter spreads over 1/cut-off.
 constexpr double kLateTurn = 1.75e-3;
+/// Peak of a loop's sensitivity: what robust loops stay below (Åström and Murray 2008, sec. 12.3).
+constexpr double kSensitivity = 2.0;
+/// Rows of a spectrum's window.
+constexpr long kWindow = 128;
 
 /// The base's dry friction beside `terms`, in units of noise, (rows of the evidence).
 VecX<double> dry_friction(const Search& search, const std::vector<Term>& terms) {
@@ -31,6 +38,56 @@ VecX<double> dry_friction(const Search& search, const std::vector<Term>& terms) 
   return search.whitener()(evidence.base()(Eigen::all, dry) * x(dry));
 }
 
+/// Power of rows of the k-th joint, of those that no longer hang on how their stretch begins.
+detail::Spectrum spectrum(const Evidence& evidence, long k, const VecX<double>& rows) {
+  std::vector<VecX<double>> stretches;
+  long longest = 1;
+  for (long begin = 0, end = 0; begin < rows.size(); begin = end) {
+    const auto of = [&](long i) { return evidence.stretch()[static_cast<std::size_t>(i)]; };
+    while (end < rows.size() && of(end) == of(begin)) ++end;
+    long first = begin;
+    while (first < end && evidence.begins(first, k)) ++first;
+    stretches.emplace_back(rows.segment(first, end - first));
+    longest = std::max(longest, end - first);
+  }
+  const long window = static_cast<long>(std::bit_floor(static_cast<unsigned long>(longest)));
+  return detail::welch(stretches, 1.0 / evidence.step(), std::min(kWindow, window));
+}
+
+/// χ² that a motor behind a spring removes of noise at its joint, because noise moves the joint.
+///
+/// A torque w that a drive gives and no log has moves the joint: of the torque that the model
+/// predicts, S w is its work, S the loop's sensitivity, and what the model lacks is −w (Forssell,
+/// Ljung 1999). Of what weighs high frequencies more than the motion does, as the second derivative
+/// of that torque, most may be w's, which it then explains. At every frequency that is the column's
+/// share that noise as large as what is lacking has in the predicted torque, at the most all.
+double of_moving_noise(const Search& search, const Term& term, const std::vector<Term>& terms) {
+  const Evidence& evidence = search.evidence();
+  const int j = term.effect.joints.front();
+  const auto at = std::ranges::find(evidence.joints(), j);
+  if (at == evidence.joints().end()) return 0.0;
+  const Beside whole = term.torque_beside();
+  const double size = product(whole, whole)(0, 0);
+  if (!(size > 0.0)) return 0.0;
+  const long k = at - evidence.joints().begin(), m = evidence.times();
+  const auto of_joint = [&](const VecX<double>& rows) {
+    return spectrum(evidence, k, rows.segment(k * m, m));
+  };
+  const auto total = [j](const JointSeries& s) -> RowMatX<double> { return s.total.col(j); };
+  const detail::Spectrum left = of_joint(search.left_by(terms)),
+                         column = of_joint(search.projection().expanded(whole).col(0)),
+                         lacking = of_joint(search.residual(terms)),
+                         predicted = spectrum(evidence, k, evidence.rows_of(k, total));
+  double mean = 0.0;
+  for (std::size_t f = 0; f < left.power.size(); ++f) {
+    const double share = std::min(1.0, lacking.power[f] / std::max(predicted.power[f], 1e-300));
+    mean += (left.frequency(1) - left.frequency(0)) *
+            std::sqrt(left.power[f] * column.power[f] * share);
+  }
+  const double with = kSensitivity * static_cast<double>(m) * mean;
+  return with * with / size;
+}
+
 }  // namespace
 
 double inexact_at(const Search& search, const Term& term, const std::vector<Term>& terms) {
@@ -41,7 +98,8 @@ double inexact_at(const Search& search, const Term& term, const std::vector<Term
   const Port port = term.effect.info().port;
   const bool local =
       port == Port::kJointTorque || (port == Port::kMemory && !encoder_at_motor(term.effect));
-  double out = 0.0;
+  double out =
+      term.effect.info().motor == HiddenMotor::kSpring ? of_moving_noise(search, term, terms) : 0.0;
   for (std::size_t k = 0; k < evidence.joints().size(); ++k) {
     if (local &&
         std::ranges::find(term.effect.joints, evidence.joints()[k]) == term.effect.joints.end())

@@ -18,8 +18,8 @@
 namespace diffnea {
 namespace {
 
-/// How often the base's friction is read anew.
-constexpr int kTurnPasses = 3;
+/// How often the rows are read anew, about a better base.
+constexpr int kBasePasses = 3;
 
 /// Whether some of the recordings are among those that the posterior was made of.
 bool is_made_of(const Posterior& posterior, const RecordingSource& source) {
@@ -158,15 +158,14 @@ void prepare(JointCase& c) {
   c.finding.audit = report.faults;
   c.period = sample.front().info.period;
   if (c.period <= 0.0 && !report.periods.empty()) c.period = report.periods.front().seconds;
-  if (c.options.whole_catalogue() || !c.options.effects.empty())
-    c.candidates = make_candidates(c.model, c.options.effects, c.train_source.runs(), c.link_side);
-  c.finding.plan = plan_rows(c.model, sample, c.period, c.options.preprocess);
   c.finding.data_report = c.train_source.report();
-  c.period = c.finding.plan.dt * std::round(c.period / c.finding.plan.dt);
-  for (std::size_t s = 0; s < c.widths.size(); ++s) c.layout.shape[s].prior = c.widths[s];
+  for (std::size_t s = 0; s < c.about.widths.size(); ++s)
+    c.layout.shape[s].prior = c.about.widths[s];
   const auto read_train = [&] {
-    c.train = std::make_unique<Evidence>(c.model, c.layout, c.train_source, c.finding.plan,
-                                         c.period, reading);
+    c.finding.plan = plan_rows(c.about.links, sample, c.period, c.options.preprocess);
+    c.period = c.finding.plan.dt * std::round(c.period / c.finding.plan.dt);
+    c.train = std::make_unique<Evidence>(c.model, c.about.links, c.layout, c.train_source,
+                                         c.finding.plan, c.period, reading);
   };
   read_train();
   require_motion(*c.train, c.finding.plan, sample);
@@ -174,9 +173,17 @@ void prepare(JointCase& c) {
       !held.empty())
     c.finding.notes.push_back("All torques are zero, which leaves the scale of all masses open: " +
                               held + " is held at the model's value.");
-  for (int pass = 0;
-       pass < kTurnPasses && c.widths.empty() && fit_turns(c.base, *c.train, c.layout); ++pass)
+  for (int pass = 0; pass < kBasePasses; ++pass) {
+    bool again = false;
+    if (Model links = refitted(c.base, c.model, c.layout, *c.train);
+        !c.about.beside_causes && is_heavier(links, c.about.links, *c.train)) {
+      c.about.links = std::move(links);
+      again = true;
+    }
+    if (c.about.widths.empty() && fit_turns(c.base, *c.train, c.layout)) again = true;
+    if (!again) break;
     read_train();
+  }
   const std::vector<std::string> followers = follower_names(c.model);
   for (const ChannelWarning& w : c.train_source.warnings())  // others are the audit's
     if (std::ranges::find(followers, w.joint) != followers.end()) c.finding.notes.push_back(w.text);
@@ -200,8 +207,8 @@ void prepare(JointCase& c) {
     if (period <= 0.0) period = c.period;  // checked where it is used
     const double dt = c.test_plan.dt;
     c.test = std::make_unique<Evidence>(
-        c.model, c.layout, *c.test_source, c.test_plan, dt * std::round(period / dt), reading,
-        static_cast<int>(c.train_source.runs().size()), c.train.get());
+        c.model, c.about.links, c.layout, *c.test_source, c.test_plan, dt * std::round(period / dt),
+        reading, static_cast<int>(c.train_source.runs().size()), c.train.get());
     require_same_joints(joint_names(c.model), *c.train, *c.test, held.front().source);
     require_blocks(*c.test, held);
     require_motion(*c.test, c.test_plan, held);
@@ -213,6 +220,9 @@ void prepare(JointCase& c) {
     split_in_time(*c.train, c.fitted_rows, c.held_rows);
     c.finding.held_out = "time blocks";
   }
+  if (c.options.whole_catalogue() || !c.options.effects.empty())
+    c.candidates = make_candidates(c.model, c.about.links, c.options.effects, c.train_source.runs(),
+                                   c.link_side);
   add_own_candidates(c.options.candidates, c.model, c.candidates);
   for (const Candidate& tried : c.candidates)
     if (tried.effect.own)

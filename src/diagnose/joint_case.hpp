@@ -13,14 +13,22 @@
 
 namespace diffnea {
 
+/// Where rows are straight lines in what is fitted: told by the file, then by a fit without causes,
+/// then beside them.
+struct Linearisation {
+  Model links;  ///< how heavy the joints are
+  /// Widths of the base's dry friction, by the layout's shapes; empty: as the base alone has them.
+  std::vector<double> widths = {};
+  bool beside_causes = false;  ///< the last of these
+};
+
 /// Stays where it is: its parts refer to each other.
 struct JointCase {
   const Model& model;
   const RecordingSource& train_source;
   const RecordingSource* test_source;  ///< null: rows of `train` are held out
   DiagnoseOptions options;
-  /// Widths of the base's dry friction, by the layout's shapes; empty: as the base alone has them.
-  std::vector<double> widths = {};
+  Linearisation about;  ///< moves to the fit without causes, but for one beside them
   Finding finding = {};
 
   Base base = Base::kRefit;

@@ -3,10 +3,13 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <optional>
 #include <set>
 
 #include <diffnea/core/error.hpp>
+#include <diffnea/effects/stepping.hpp>
 
+#include "core/constants.hpp"
 #include "diagnose/base.hpp"
 #include "diagnose/chi_square.hpp"
 #include "diagnose/error_series.hpp"
@@ -28,29 +31,32 @@ constexpr double kAtBound = 1.05;
 /// Lateness of torques that is worth a word [samples].
 constexpr double kWorthASample = 0.2;
 
-/// How often the base's dry friction is read beside what was named.
-constexpr int kWidthPasses = 2;
+/// How often the rows are made about what was named.
+constexpr int kPassesBesideCauses = 2;
 
 class JointDiagnosis {
  public:
   /// @param test  null: rows of `train` are held out
-  /// @param widths  of the base's dry friction; empty: as the base alone reads them
   JointDiagnosis(const Model& model, const RecordingSource& train, const RecordingSource* test,
-                 const DiagnoseOptions& options, std::vector<double> widths);
+                 const DiagnoseOptions& options, Linearisation about);
   JointDiagnosis(const JointDiagnosis&) = delete;
   JointDiagnosis& operator=(const JointDiagnosis&) = delete;
 
   void select();
-  /// Widths at which what is named of the base's own dry friction goes: beside other causes the
-  /// base's is another than alone. Empty: nothing of it is named.
-  std::vector<double> widths_beside_causes() const;
+  /// Where the rows are to be linearised beside what is named; none: they are.
+  std::optional<Linearisation> beside_causes() const;
   Finding finding();
 
  private:
+  /// Widths at which what is named of the base's own dry friction goes: beside other causes the
+  /// base's is another than alone. Empty: nothing of it is named.
+  std::vector<double> widths_beside_causes() const;
   /// Says that a base whose drives have no dry friction is better identified first.
   void note_friction();
   /// Says where a drive is at its limit more often than a limit is looked for.
   void note_limits();
+  /// Says which springs are as stiff as a rotor is heavy that no model states.
+  void note_rotors();
   /// Says where torques act at other instants than the sidecar tells.
   void note_instant();
   void describe();
@@ -76,11 +82,10 @@ class JointDiagnosis {
   LinearFit fit_;                ///< of the latter
 };
 
-
 JointDiagnosis::JointDiagnosis(const Model& model, const RecordingSource& train,
                                const RecordingSource* test, const DiagnoseOptions& options,
-                               std::vector<double> widths)
-    : case_{model, train, test, options, std::move(widths)} {
+                               Linearisation about)
+    : case_{model, train, test, options, std::move(about)} {
   if (options.progress)
     case_.options.progress = [this, told = options.progress](const FitProgress& progress) {
       const bool go_on = told(progress);
@@ -90,7 +95,6 @@ JointDiagnosis::JointDiagnosis(const Model& model, const RecordingSource& train,
 }
 
 std::vector<double> JointDiagnosis::widths_beside_causes() const {
-  if (case_.finding.interrupted) return {};
   std::vector<double> out;
   bool named = false;
   for (const FitParameter& shape : case_.layout.shape) {
@@ -104,6 +108,16 @@ std::vector<double> JointDiagnosis::widths_beside_causes() const {
     }
   }
   return named ? out : std::vector<double>{};
+}
+
+std::optional<Linearisation> JointDiagnosis::beside_causes() const {
+  if (case_.finding.interrupted || terms_.empty()) return {};
+  Linearisation out{case_.about.links, widths_beside_causes(), true};
+  const Model named = case_.reference->extended(beside_, terms_);
+  const bool heavier =
+      case_.base == Base::kRefit && is_heavier(named, case_.about.links, *case_.train);
+  if (heavier) out.links = named;
+  return heavier || !out.widths.empty() ? std::optional(std::move(out)) : std::nullopt;
 }
 
 Finding JointDiagnosis::finding() {
@@ -157,6 +171,25 @@ void JointDiagnosis::select() {
     case_.finding.causes = selection.causes(terms_);
     note_friction();
     note_limits();
+    note_rotors();
+  }
+}
+
+void JointDiagnosis::note_rotors() {
+  for (const Term& t : terms_) {
+    const Candidate& c = case_.candidates[static_cast<std::size_t>(t.candidate)];
+    if (c.effect.info().motor != HiddenMotor::kSpring || !c.rotor_assumed ||
+        t.shapes.size() >= c.shapes.size())
+      continue;
+    const MotorSpring<double> s = motor_spring(t.effect);
+    const auto rotor =
+        std::ranges::find(t.effect.parameter_info, "motor_inertia", &ParameterInfo::name);
+    case_.finding.notes.push_back(
+        t.effect.where + ": stiffness and rotor of its spring show as their ratio alone (" +
+        format_number(std::sqrt(s.stiffness / s.inertia) / (2.0 * kPi)) +
+        " Hz while the link is held). The model states no rotor that goes with these torques: " +
+        format_number(s.inertia) + " " + rotor->unit +
+        " is assumed, within a factor of four; state `armature` to have the stiffness");
   }
 }
 
@@ -390,12 +423,14 @@ void JointDiagnosis::judge() {
 Finding diagnose_joints(const Model& model, const RecordingSource& train,
                         const RecordingSource* test, const DiagnoseOptions& options) {
   const auto start = std::chrono::steady_clock::now();
-  std::vector<double> widths;
-  for (int passes = kWidthPasses;; --passes) {
-    JointDiagnosis diagnosis(model, train, test, options, widths);
+  Linearisation about{model};
+  for (int passes = kPassesBesideCauses;; --passes) {
+    JointDiagnosis diagnosis(model, train, test, options, about);
     diagnosis.select();
-    widths = passes > 0 ? diagnosis.widths_beside_causes() : std::vector<double>{};
-    if (!widths.empty()) continue;
+    if (const auto nearer = passes > 0 ? diagnosis.beside_causes() : std::nullopt) {
+      about = *nearer;
+      continue;
+    }
     Finding out = diagnosis.finding();
     out.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     return out;

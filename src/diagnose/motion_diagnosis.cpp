@@ -51,7 +51,7 @@ std::vector<Candidate> candidates_beside(const Model& base, const DiagnoseOption
                                          Finding& finding) {
   std::vector<Candidate> out;
   const std::vector<bool> led = led_joints(base);
-  for (Candidate& c : make_candidates(base, options.effects, {0}, /*link_side=*/false)) {
+  for (Candidate& c : make_candidates(base, base, options.effects, {0}, /*link_side=*/false)) {
     const EffectSpec spec{c.effect.info().name, c.effect.where, {}};
     if (holds_effect(base.effects, spec)) continue;
     if (can_be_simulated(c, led))

@@ -31,8 +31,8 @@ constexpr double kLeastBlock = 4.0, kShortestBlock = 3.5;
 
 /// The highest frequency at which the positions' noise, as a torque of a joint's own inertia, is
 /// still below the torque's: beyond, rows tell little (torque_filter.hpp). 0: not known.
-double telling_hz(const Model& model, const PreprocessPlan& plan) {
-  const Tree<double> tree = make_tree(model);
+double telling_hz(const Model& links, const PreprocessPlan& plan) {
+  const Tree<double> tree = make_tree(links);
   MassMatrixWorkspace<double, double> ws;
   const MatX<double>& M =
       mass_matrix<double, double>(tree, VecX<double>::Zero(tree.num_dofs()), ws);
@@ -62,12 +62,12 @@ void fit_rows_to_period(double period, PreprocessPlan& plan) {
 
 }  // namespace
 
-PreprocessPlan plan_rows(const Model& model, const std::vector<Recording>& sample, double period,
+PreprocessPlan plan_rows(const Model& links, const std::vector<Recording>& sample, double period,
                          const PreprocessOptions& options) {
   PreprocessOptions any = options;
   any.min_segment = 0.0;
   PreprocessPlan out = plan_preprocess(sample, any);
-  if (const double hz = telling_hz(model, out); options.decimate_to_hz == 0.0 && hz > 0.0) {
+  if (const double hz = telling_hz(links, out); options.decimate_to_hz == 0.0 && hz > 0.0) {
     const double of_motion = 1.0 / (out.dt * out.decimator.factor);
     const double rows =
         std::clamp(kRowsOverCutOff * hz, kLeastRows, std::max(kMostRows, of_motion));

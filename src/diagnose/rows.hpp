@@ -6,9 +6,10 @@
 namespace diffnea {
 
 /// Path and rate: as many rows as tell something, and that divide a period.
+/// @param links    what the joints carry
 /// @param period   of the motion [s]; 0: none
 /// @param options  what the user fixed
-PreprocessPlan plan_rows(const Model& model, const std::vector<Recording>& sample, double period,
+PreprocessPlan plan_rows(const Model& links, const std::vector<Recording>& sample, double period,
                          const PreprocessOptions& options);
 /// The same rows for held-out data.
 PreprocessPlan plan_held_out(const std::vector<Recording>& sample, const PreprocessPlan& fitted,

@@ -23,7 +23,7 @@ namespace {
 constexpr double kRounding = 1e-9;
 
 Candidate candidate(const Model& model, const std::string& effect, const std::string& where) {
-  return make_candidates(model, {effect + "@" + where}, {0}, false).at(0);
+  return make_candidates(model, model, {effect + "@" + where}, {0}, false).at(0);
 }
 
 PreprocessPlan noise_of(std::vector<double> positions, std::vector<double> torques = {1.0, 1.0}) {
@@ -66,7 +66,8 @@ TEST_CASE("diagnose: under a tilt the base's columns are those of a tilted robot
     preprocess.decimate_to_hz = 25.0;
     return plan_preprocess(level.source->sample(), preprocess);
   }();
-  const Evidence tilted(tilted_model, level.layout, *level.source, plan, 0.0, IdentifyOptions{});
+  const Evidence tilted(tilted_model, tilted_model, level.layout, *level.source, plan, 0.0,
+                        IdentifyOptions{});
   const MatX<double> before = level->base();
   const VecX<double> torque = level->torque(), x = level.layout.prior();
   level.evidence->set_tilt(more, x);

@@ -157,7 +157,7 @@ TEST_CASE("grey box: fitted with it at once, base and effects as before, effects
   // Random torques: everything finds something, nothing has a truth to hide behind.
   const test::SwingingEvidence evidence(40.0, false, 1, "viscous_friction", test::slow_down);
   const std::vector<Candidate> candidates =
-      make_candidates(evidence.model, {"coulomb_friction"}, {0}, false);
+      make_candidates(evidence.model, evidence.model, {"coulomb_friction"}, {0}, false);
   const long p = evidence->base().cols();
   BasePrior prior{VecX<double>::Zero(p), {}, 1e-3 * MatX<double>::Identity(p, p)};
   for (int k = 0; k < p; ++k) prior.free.push_back(k);

@@ -110,7 +110,7 @@ double score(unsigned seed) {
         }
       });
   std::vector<Candidate> candidates =
-      make_candidates(evidence.model, {"joint_elasticity@elbow"}, {0}, false);
+      make_candidates(evidence.model, evidence.model, {"joint_elasticity@elbow"}, {0}, false);
   const long p = evidence->base().cols();
   BasePrior prior{VecX<double>::Zero(p), {}, MatX<double>::Zero(0, p)};
   prior.x0.head(evidence.layout.prior().size()) = evidence.layout.prior();

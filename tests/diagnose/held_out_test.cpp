@@ -42,7 +42,7 @@ TEST_CASE("HeldOut: a prediction costs what a fit of all rows costs more than on
   const test::SwingingEvidence fitted(8.0, false, 1, "viscous_friction", test::slow_down),
       held(20.0, false, 2, "viscous_friction", test::slow_down);
   const std::vector<Candidate> candidates =
-      make_candidates(fitted.model, {"coulomb_friction"}, {0}, false);
+      make_candidates(fitted.model, fitted.model, {"coulomb_friction"}, {0}, false);
   const long p = fitted->base().cols();
   BasePrior prior{VecX<double>::Zero(p), {}, 1e-3 * MatX<double>::Identity(p, p)};
   for (int k = 0; k < p; ++k) prior.free.push_back(k);

@@ -13,7 +13,7 @@ using namespace diffnea;
 TEST_CASE("Search: ripples that are made anew score as those that are kept", "[diagnose]") {
   const test::SwingingEvidence evidence(40.0);
   std::vector<Candidate> candidates =
-      make_candidates(evidence.model, {"cogging", "coulomb_friction"}, {0}, false);
+      make_candidates(evidence.model, evidence.model, {"cogging", "coulomb_friction"}, {0}, false);
   for (Candidate& c : candidates)
     if (c.effect.info().name == "cogging") {
       c.grid.clear();

@@ -28,8 +28,9 @@ struct OneSided {
                      r.tau(i, 1) += viscous * (v > 0.0 ? 1.8 : 0.2) * v;
                    }
                  }),
-        candidates(make_candidates(
-            evidence.model, {"viscous_friction@elbow", "asymmetric_viscous@elbow"}, {0}, false)),
+        candidates(make_candidates(evidence.model, evidence.model,
+                                   {"viscous_friction@elbow", "asymmetric_viscous@elbow"}, {0},
+                                   false)),
         prior{VecX<double>::Zero(evidence->base().cols()),
               {},
               1e-3 * MatX<double>::Identity(evidence->base().cols(), evidence->base().cols())} {

@@ -24,7 +24,7 @@ struct Rubbed {
                        r.tau(i, 1) += viscous * (r.q(i + 1, 1) - r.q(i - 1, 1)) / (2.0 * dt);
                  }),
         candidates(make_candidates(
-            evidence.model,
+            evidence.model, evidence.model,
             {"viscous_friction@elbow", "quadratic_friction@elbow", "viscous_friction@shoulder"},
             {0}, false)),
         prior{VecX<double>::Zero(evidence->base().cols()),
