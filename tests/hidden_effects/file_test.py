@@ -31,12 +31,14 @@ def with_torques_divided(seen: Path, folder: Path) -> None:
 def diagnosis(model: Path, recordings: Path, folder: Path) -> dict[str, Any]:
     run = ("diagnose", model, recordings / "train.csv", "--test", recordings / "test.csv")
     done(*run, "--base", "refit", "-o", folder, "--quiet")
-    return load(folder / "result.json")
+    finding: dict[str, Any] = load(folder / "result.json")
+    return finding
 
 
 def only_cause(finding: dict[str, Any]) -> dict[str, Any]:
-    (cause,) = finding["causes"]
-    return cause
+    causes: list[dict[str, Any]] = finding["causes"]
+    assert len(causes) == 1
+    return causes[0]
 
 
 @pytest.mark.parametrize(
