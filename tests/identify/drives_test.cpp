@@ -249,6 +249,33 @@ TEST_CASE("identify: a drive that saturates in most rows is named, its largest t
   }
 }
 
+TEST_CASE("identify: the gain of a drive that saturates in nine rows of ten", "[identify]") {
+  Bench bench;
+  bench.mass = 0.377;
+  bench.length = 0.097;
+  bench.stiffness = 21.6;
+  bench.delay = 0.003;
+  bench.armature = 0.023;
+  bench.coulomb = 0.064;
+  bench.reach = 0.047;
+  bench.speed = 1e4;
+  const auto wave = [](double t) {
+    return 0.528 * std::sin(3.555 * t + 4.696) + 0.666 * std::sin(5.505 * t + 3.952) +
+           0.607 * std::sin(2.442 * t + 3.681) + 0.685 * std::sin(3.464 * t + 1.804);
+  };
+  const auto told = [&](double t) { return (wave(t) - wave(0.0)) * std::min(1.0, 2.0 * t); };
+  const IdentifyResult result = identify(bench.model(), {bench.record(told, 1.0, 20.0, 0)}, {}, {});
+  for (const auto& [name, is] : {std::pair{"position_servo.stiffness", bench.stiffness},
+                                 {"position_servo.reach", bench.reach},
+                                 {"position_servo.damping", bench.damping},
+                                 {"armature.armature", bench.armature}}) {
+    CAPTURE(name, is, value(result, name));
+    CHECK(std::abs(value(result, name) - is) < 0.05 * is);
+  }
+  CHECK(says(result, "gives all that it can in "));
+  CHECK_FALSE(says(result, "not told apart"));
+}
+
 TEST_CASE("identify: a drive that saturates in every row is said to, or to reach no command",
           "[identify]") {
   Bench bench;
