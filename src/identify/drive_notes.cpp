@@ -14,8 +14,9 @@ namespace {
 
 /// Share of rows with a saturated drive from which a line says so.
 constexpr double kOften = 0.5;
-/// Share of rows from which on a drive shows its gain in the moments alone in which it turns over.
-constexpr double kNearlyAll = 0.98;
+/// Gain over the fitted one that a drive may have whose gain is not told; share of the fitted one
+/// between lower bounds that are tried.
+constexpr double kMuchStiffer = 10.0, kWeaker = 0.5;
 /// Share of rows, and of the largest error, from which on a command counts as never reached.
 constexpr double kAlways = 0.9, kFar = 0.5;
 /// Gain over that of the description, or its inverse, that is near.
@@ -46,20 +47,40 @@ FittedDrive drive_of(const FitLayout& layout, std::size_t effect) {
 /// Value of a shape; `none` where the drive has no such shape.
 double value_of(const VecX<double>& shape, long k, double none) { return k >= 0 ? shape[k] : none; }
 
+/// A fit, and what is asked of it.
+struct Fitted {
+  const MotionData& data;
+  const MotionClimb& climb;
+  const Model& model;
+  const MotionOptions& options;
+};
+
+/// Tells whether the windows do as well at other numbers.
+/// @param fewer  parameters than the fit has
+bool do_as_well(const Fitted& of, const VecX<double>& x, const VecX<double>& shape, double fewer) {
+  const MotionProblem problem{of.model,     of.climb.layout(),      of.data.train,
+                              of.data.runs, of.data.noise.position, of.climb.beginning().scale};
+  const MotionFitter other(problem, of.options, x, shape);
+  std::vector<MotionWindow> windows = of.climb.at().windows;
+  other.fit_states(windows, kOnTheWay);
+  const double independent = of.climb.independent();
+  return bic(other.cost(windows), 0.0, independent) <
+         bic(of.climb.fitter().now().objective, fewer, independent) + kVeryStrong;
+}
+
 /// Tells whether the windows would do as well without the drive's pull.
-bool is_idle(const FittedDrive& drive, const MotionData& data, const MotionClimb& climb,
-             const Model& model, const MotionOptions& options) {
-  const MotionFit& fit = climb.fitter().now();
-  VecX<double> x = fit.x;
+bool is_idle(const FittedDrive& drive, const Fitted& of) {
+  VecX<double> x = of.climb.fitter().now().x;
   x[drive.stiffness] = 0.0;
-  const MotionProblem problem{model,     climb.layout(),      data.train,
-                              data.runs, data.noise.position, climb.beginning().scale};
-  const MotionFitter without(problem, options, x, fit.shape);
-  std::vector<MotionWindow> windows = climb.at().windows;
-  without.fit_states(windows, kOnTheWay);
-  const double independent = climb.independent();
-  return bic(without.cost(windows), 0.0, independent) <
-         bic(fit.objective, 1.0, independent) + kVeryStrong;
+  return do_as_well(of, x, of.climb.fitter().now().shape, 1.0);
+}
+
+/// Tells whether a drive with that many times the gain, of the same largest torque, does as well.
+bool may_have_gain(const FittedDrive& drive, double by, const Fitted& of) {
+  VecX<double> x = of.climb.fitter().now().x, shape = of.climb.fitter().now().shape;
+  x[drive.stiffness] *= by;
+  shape[drive.reach] /= by;
+  return do_as_well(of, x, shape, 0.0);
 }
 
 /// "1.2 ± 0.01 N*m": torque of a drive at its reach.
@@ -92,6 +113,7 @@ void note_drives(const MotionData& data, const MotionClimb& climb, const Model& 
   std::vector<int> untold;  // joints
   std::vector<std::string> at;
   VecX<double> inertia;
+  const Fitted of{data, climb, model, options};
   for (std::size_t e = 0; e < layout.effects.size(); ++e) {
     if (!layout.effects[e].info().has(Trait::kReadsCommand)) continue;
     const FittedDrive drive = drive_of(layout, e);
@@ -100,7 +122,7 @@ void note_drives(const MotionData& data, const MotionClimb& climb, const Model& 
     const int joint = drive.effect.joints.front();
     const std::string& name = drive.effect.where;
     const double K = fit.x[drive.stiffness], error = errors.linear[drive.stiffness];
-    if (!gain.fixed && is_idle(drive, data, climb, model, options)) {
+    if (!gain.fixed && is_idle(drive, of)) {
       errors.identifiable[static_cast<std::size_t>(drive.stiffness)] = false;
       errors.linear[drive.stiffness] = kNaN;
       for (const long shape : {drive.delay, drive.reach, drive.speed})
@@ -123,15 +145,21 @@ void note_drives(const MotionData& data, const MotionClimb& climb, const Model& 
         reach < kNoBound ? saturated_share(data.train, joint, delay, speed, reach) : 0.0;
     bool told =
         gain.fixed || (errors.identifiable[static_cast<std::size_t>(drive.stiffness)] && error < K);
-    if (!gain.fixed && share > kNearlyAll) {
+    std::string least;
+    if (!gain.fixed && share > kOften &&
+        !layout.shape[static_cast<std::size_t>(drive.reach)].fixed &&
+        may_have_gain(drive, kMuchStiffer, of)) {
       told = false;
       errors.identifiable[static_cast<std::size_t>(drive.stiffness)] = false;
       errors.linear[drive.stiffness] = errors.shape[drive.reach] = kNaN;
+      double by = kWeaker;
+      while (may_have_gain(drive, by, of)) by *= kWeaker;  // without any it does worse: not idle
+      least = ", the gain at least " + format_number(by * K) + " " + gain.unit;
     }
     if (share > kOften)
       notes.push_back(
           "the drive of " + name + " gives all that it can in " + format_number(100.0 * share) +
-          " % of the rows: " + largest_torque(drive, layout, fit) +
+          " % of the rows: " + largest_torque(drive, layout, fit) + least +
           (told ? "" : "; its gain and its reach are not told apart, only their product") +
           ". Steps and waves that are smaller show the gain");
     double most = 0.0;

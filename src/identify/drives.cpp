@@ -16,9 +16,6 @@ namespace {
 
 /// Steps of the delays that are looked at, and the finest of them [s].
 constexpr double kDelayStep = 0.02, kFinestDelay = 4e-3;
-/// Reach that a fit begins with, over the largest error of the command: where the drive saturates
-/// seldom, and where it does so but for moments.
-constexpr double kSeldom = 0.9, kMostly = 0.1;
 /// Delay and bounds of a drive.
 struct Bounds {
   double delay = 0.0, speed = kNoBound, reach = kNoBound;
@@ -274,8 +271,9 @@ CountsFor steady_windows(const std::vector<MotionStretch>& stretches, const FitL
 }
 
 void guess_drives(const Model& model, const std::vector<MotionStretch>& stretches,
-                  const std::vector<MotionWindow>& windows, double speed_share, ReachStart reach,
+                  const std::vector<MotionWindow>& windows, double speed_share, double reach_share,
                   FitLayout& layout, VecX<double>& shape) {
+  const bool saturates = reach_share < kSeldom;
   const auto most_of = [&](const auto& value, int joint) {
     double most = 0.0;
     for (const MotionStretch& s : stretches) most = std::max(most, value(s, joint));
@@ -310,17 +308,15 @@ void guess_drives(const Model& model, const std::vector<MotionStretch>& stretche
   const auto try_delays = [&](const std::function<double(const Guess&)>& delay) {
     const auto bounds = [&](const Guess& g) {
       const bool is_slow = speed_share < 1.0 && g.most_rate > 0.0;  // a constant command has none
-      return Bounds{
-          delay(g), is_slow ? speed_share * g.most_rate : kNoBound,
-          reach == ReachStart::kMostly && g.most_error > 0.0 ? kMostly * g.most_error : kNoBound};
+      return Bounds{delay(g), is_slow ? speed_share * g.most_rate : kNoBound,
+                    saturates && g.most_error > 0.0 ? reach_share * g.most_error : kNoBound};
     };
     std::vector<Bounds> tried;
     for (const Guess& g : drives) {
       tried.push_back(bounds(g));
       set_all(g, tried.back());
     }
-    const CountsFor counts =
-        reach == ReachStart::kMostly ? steady_windows(stretches, layout, shape) : CountsFor{};
+    const CountsFor counts = saturates ? steady_windows(stretches, layout, shape) : CountsFor{};
     const std::vector<JointFactor> factors =
         local_factors(model, layout, stretches, windows, motions, counts);
     const VecX<double> x = inverse_guess(layout, factors);
@@ -352,8 +348,8 @@ void guess_drives(const Model& model, const std::vector<MotionStretch>& stretche
     const auto error = [&](const MotionStretch& s, int joint) {
       return largest_error(s, joint, g.best.delay, g.best.speed);
     };
-    if (reach == ReachStart::kSeldom)
-      g.best.reach = kSeldom * most_of(error, layout.effects[g.effect].joints.front());
+    if (!saturates)
+      g.best.reach = reach_share * most_of(error, layout.effects[g.effect].joints.front());
     if (!(g.best.reach > 0.0)) g.best.reach = kNoBound;
     set_all(g, g.best);
   }

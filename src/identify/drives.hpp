@@ -57,9 +57,9 @@ inline constexpr double kForgets = 10.0;
 /// finds one: the best of them after a short horizon goes on.
 inline constexpr double kSpeedShares[] = {1.0, 0.6, 0.3};
 
-/// Largest error at which a drive saturates where a fit begins, over the largest one of the
-/// recording: the recording tells of it; or the drive is saturated but for moments.
-enum class ReachStart { kSeldom, kMostly };
+/// Errors at which drives saturate where fits begin, over the largest one of the recording: seldom;
+/// in many rows, and in all but moments.
+inline constexpr double kSeldom = 0.9, kReachShares[] = {0.1, 0.01};
 
 /// Windows over which a joint's drive pulls one way, so that a torque of one instant is that of all
 /// of it. Without a drive, all count.
@@ -71,9 +71,10 @@ CountsFor steady_windows(const std::vector<MotionStretch>& stretches, const FitL
 /// an error at which drives saturate that the recording reaches.
 /// @param windows      short ones
 /// @param speed_share  one of kSpeedShares
+/// @param reach_share  kSeldom, or one of kReachShares
 /// @param shape        (s) values to begin at, written
 void guess_drives(const Model& model, const std::vector<MotionStretch>& stretches,
-                  const std::vector<MotionWindow>& windows, double speed_share, ReachStart reach,
+                  const std::vector<MotionWindow>& windows, double speed_share, double reach_share,
                   FitLayout& layout, VecX<double>& shape);
 
 }  // namespace diffnea

@@ -93,28 +93,11 @@ bool has_gains(const FitLayout& layout) {
   });
 }
 
-/// Tells whether some joint is far from its commands in most rows, as behind a drive that nearly
-/// always saturates.
-bool is_far_from_commands(const std::vector<MotionStretch>& stretches,
-                          const std::vector<bool>& commanded) {
-  constexpr double kFar = 0.5, kMost = 0.5;  // share of the largest error, and of the rows
-  for (std::size_t j = 0; j < commanded.size(); ++j) {
-    if (!commanded[j]) continue;
-    const int joint = static_cast<int>(j);
-    double most = 0.0;
-    for (const MotionStretch& s : stretches)
-      most = std::max(most, largest_error(s, joint, 0.0, kNoBound));
-    if (most > 0.0 && saturated_share(stretches, joint, 0.0, kNoBound, kFar * most) > kMost)
-      return true;
-  }
-  return false;
-}
-
 /// Where a fit of drives begins.
 struct Start {
   std::optional<double> speed_share{};  ///< one of kSpeedShares; none: no bounds at all
   bool heavy_rotors = false;
-  ReachStart reach = ReachStart::kSeldom;
+  double reach_share = kSeldom;  ///< or one of kReachShares
   bool at_file = false;  ///< at the gains that the model has, whatever torques of one instant say
 };
 
@@ -128,7 +111,7 @@ MotionBeginning beginning(const Model& model, const MotionData& data, const FitL
   const std::vector<MotionWindow> windows = cut_windows(data.train, first);
   const std::vector<bool> commanded = commanded_joints(layout);
   if (!from.speed_share) hold_bounds_off(out.layout, out.shape);
-  if (from.reach == ReachStart::kMostly)  // dead band and speed do not show then
+  if (from.reach_share < kSeldom)  // dead band and speed do not show then
     for (std::size_t k = 0; k < out.layout.shape.size(); ++k) {
       FitParameter& s = out.layout.shape[k];
       if (s.fixed || !is_bound_of_drive(out.layout, s) || s.name.ends_with(".reach")) continue;
@@ -136,8 +119,8 @@ MotionBeginning beginning(const Model& model, const MotionData& data, const FitL
       s.prior = out.shape[static_cast<long>(k)] = no_bound(out.layout, s);
     }
   if (std::ranges::any_of(commanded, std::identity()))
-    guess_drives(model, data.train, windows, from.speed_share.value_or(1.0), from.reach, out.layout,
-                 out.shape);
+    guess_drives(model, data.train, windows, from.speed_share.value_or(1.0), from.reach_share,
+                 out.layout, out.shape);
   std::vector<JointFactor> factors =
       hold_absorbed(model, data.train, windows, out.layout, out.notes);
   if (count_free(out.layout) == 0.0)
@@ -149,7 +132,7 @@ MotionBeginning beginning(const Model& model, const MotionData& data, const FitL
   const bool driven = std::ranges::any_of(data.train, [](const MotionStretch& s) {
     return s.command || s.u.cwiseAbs().maxCoeff() > 0.0;
   });
-  if (from.reach == ReachStart::kMostly)
+  if (from.reach_share < kSeldom)
     factors =
         local_factors(model, out.layout, data.train, windows, middle_motions(data.train, windows),
                       steady_windows(data.train, out.layout, out.shape));
@@ -262,8 +245,8 @@ MotionBeginning best_beginning(const Model& model, const MotionData& data, const
   std::vector<Start> starts{{}, {.heavy_rotors = true}};
   if (has_gains(layout)) starts.push_back({.at_file = true});
   for (const double share : kSpeedShares) starts.push_back({.speed_share = share});
-  if (is_far_from_commands(some.train, commanded_joints(layout)))
-    starts.push_back({.speed_share = 1.0, .reach = ReachStart::kMostly});
+  for (const double share : kReachShares)
+    starts.push_back({.speed_share = 1.0, .reach_share = share});
   for (const Start& start : starts) {
     fits.push_back(std::make_unique<MotionClimb>(
         model, some, beginning(model, some, layout, first, start), limit, options, progress));

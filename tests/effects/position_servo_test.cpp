@@ -105,6 +105,10 @@ TEST_CASE("CommandPath: a setpoint that moves no faster than its speed", "[effec
                                2e-6,
                            1e-6));
   CHECK_THAT(led(1e6).at(0, 0.15, 0.0).q, WithinAbs(1.0, 1e-5));
+  // Nothing leads a setpoint before the first command, which holds there.
+  for (const double t : {0.05, 0.07, 0.1})
+    for (const SimulationStep& over : {SimulationStep{0.04, 0.1}, {0.04, 0.13}})
+      CHECK_THAT(led(3.0).at(0, t, 0.1, over).q, WithinAbs(0.0, 1e-12));
 }
 
 TEST_CASE("position_servo: dead band, reach, gain, and a drive that is off", "[effects]") {

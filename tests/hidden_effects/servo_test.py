@@ -43,6 +43,21 @@ def test_bases_that_drives_cannot_have_are_refused(tmp_path: Path) -> None:
     assert "expected refit or auto" in message
 
 
+@pytest.mark.parametrize("seed", [101, 104])
+def test_a_gap_whose_rotor_begins_at_neither_flank(seed: int, tmp_path: Path) -> None:
+    # The arm hangs where no load says which flank it is: the fit's first state is at a jump.
+    bench = write_case(tmp_path, "backlash", seed)
+    effects = "position_servo,armature,coulomb_friction,torque_offset,backlash"
+    done(
+        *("identify", tmp_path / "bench.urdf", tmp_path / "train.csv"),
+        *("--effects", effects, "-o", tmp_path / "run", "--quiet"),
+    )
+    result = load(tmp_path / "run/result.json")
+    assert result["summary"]["converged"]
+    (gap,) = (p for p in result["parameters"] if p["name"].endswith("backlash.gap"))
+    assert gap["value"] == pytest.approx(bench.size, abs=3.0 * gap["std"])
+
+
 @pytest.mark.parametrize("effect", sorted(set(SIZES) - {"none"}))
 def test_it_is_named(effect: str, tmp_path: Path) -> None:
     bench, finding = diagnosed(effect, tmp_path)

@@ -8,11 +8,13 @@
 #include <catch2/matchers/catch_matchers_string.hpp>
 
 #include <diffnea/core/random.hpp>
-#include <diffnea/identify/identify.hpp>
+
+#include "support/servo_bench.hpp"
 
 namespace diffnea::gears_test {
 
 using Catch::Matchers::ContainsSubstring;
+using test::estimate;
 
 namespace {
 
@@ -26,20 +28,8 @@ struct Drive {
   bool servo = true;
 
   Model model() const {
-    Model out;
-    out.name = out.source = "drive";
-    out.links.resize(2);
-    out.links[0].name = "base";
-    ModelLink& arm = out.links[1];
-    arm.name = "arm";
-    arm.joint = "servo";
-    arm.parent = 0;
-    arm.type = ModelJoint::kRevolute;
-    arm.axis = {0, 1, 0};
     const double mass = 0.5, length = weight / (mass * 9.81);
-    arm.inertia = SpatialInertia<double>::from_theta(
-        {mass, 0, 0, -mass * length, link, 0, 0, link, 0, 0.5 * link});
-    return out;
+    return test::servo_bench(mass, length, link - mass * length * length);
   }
 
   /// Torque of the gear; teeth are stiff, push only, and hardly bounce.
@@ -96,13 +86,6 @@ struct Drive {
     return r;
   }
 };
-
-const ParameterEstimate& estimate(const IdentifyResult& result, const std::string& end) {
-  for (const ParameterEstimate& p : result.parameters)
-    if (p.name.ends_with(end)) return p;
-  FAIL("no parameter " << end);
-  return result.parameters.front();
-}
 
 IdentifyResult fitted(const Drive& drive, const std::string& effect) {
   IdentifyOptions options;

@@ -160,7 +160,8 @@ class CommandPath {
     area.by_speed += h * c.by_speed;
     moment.q += h * (centre - middle) * c.q;
     moment.by_speed += h * (centre - middle) * c.by_speed;
-    if (!(centre - time_[static_cast<std::size_t>(k)] < w.takes)) return;
+    const double since = centre - time_[static_cast<std::size_t>(k)];
+    if (!(since > 0.0 && since < w.takes)) return;  // before the first row, no command leads
     moment.q += h * h * h / 12.0 * w.rate;
     moment.by_speed += h * h * h / 12.0 * w.side;
   }
