@@ -14,17 +14,10 @@
 #include "core/statistics.hpp"
 #include "diagnose/halves.hpp"
 #include "diagnose/noise.hpp"
-#include "diagnose/thresholds.hpp"
 #include "recording/overlap.hpp"
 
 namespace diffnea {
 namespace {
-
-/// Slower than this share of a joint's RMS velocity it rests: what holds it then is not known.
-constexpr double kRestShare = 0.01;
-
-/// Of the filter's weight on samples in which a joint rests, or sticks.
-constexpr double kMostRest = 0.3, kMostStuck = 0.02;
 
 /// Rows of the base that are made at once.
 constexpr long kChunk = 2048;
@@ -37,14 +30,6 @@ constexpr double kRounding = 1e-8;
 bool known(const Preprocessed& about, const JointSeries& s, int j) {
   return about.has_tau[static_cast<std::size_t>(j)] ||
          (s.rows() > 0 && !std::isnan(s.logged(0, j)));
-}
-
-bool contains(const std::vector<int>& joints, int j) { return std::ranges::count(joints, j) > 0; }
-
-long moving_rows(const StuckRows& stuck) {
-  long out = 0;
-  for (const std::vector<bool>& stretch : stuck.rows) out += std::ranges::count(stretch, false);
-  return out;
 }
 
 /// Mean squares of the torques by which noise is told from nothing: as logged, or, of a joint that
@@ -325,112 +310,6 @@ void Evidence::take_rows(const Model& model, const FitLayout& layout, const Prep
     scale_.push_back(
         passive(k) ? (base_.block(k * m, 0, m, linear) * layout.prior().asDiagonal()).norm() / rows
                    : size_.back());
-  }
-}
-
-StuckRows Evidence::stuck_at(int j, Turns what, const PreprocessPlan& plan,
-                             const std::vector<RowMatX<double>>& positions) const {
-  std::vector<VecX<double>> q;
-  for (const RowMatX<double>& stretch : positions) q.emplace_back(stretch.col(j));
-  const double noise = plan.q_noise[static_cast<std::size_t>(j)];
-  return stuck_rows(q, standstill(noise, speed_[j], acceleration_[j], plan), what);
-}
-
-void Evidence::take_standstills(const FitLayout& layout, const PreprocessPlan& plan,
-                                const Stretches& collector,
-                                const std::vector<RowMatX<double>>& positions,
-                                const Evidence* fitted) {
-  speed_ = acceleration_ = VecX<double>::Zero(num_dofs_);
-  long samples = 0;
-  for (const JointSeries& s : series_) {
-    speed_ += s.qd.colwise().squaredNorm().transpose();
-    acceleration_ += s.qdd.colwise().squaredNorm().transpose();
-    samples += s.qd.rows();
-  }
-  speed_ = (speed_ / static_cast<double>(samples)).cwiseSqrt();
-  acceleration_ = (acceleration_ / static_cast<double>(samples)).cwiseSqrt();
-  const std::set<int> dry = dry_joints(layout);
-  std::vector<int> moving;
-  for (const int j : joints_) {
-    const std::size_t at = static_cast<std::size_t>(j);
-    if (at < plan.q_noise.size() && collector.about(0).has_tau[at]) {
-      stuck_[j] = stuck_at(j,
-                           !dry.contains(j)                 ? Turns::kWholeStretches
-                           : !fitted                        ? Turns::kLeftOut
-                           : contains(fitted->sticking_, j) ? Turns::kAllLeftOut
-                                                            : Turns::kKept,
-                           plan, positions);
-      const bool rests = fitted ? contains(fitted->resting_, j)
-                                : moving_rows(stuck_[j]) == 0;
-      if (rests) {
-        resting_.push_back(j);
-        continue;
-      }
-    }
-    moving.push_back(j);
-  }
-  if (!moving.empty()) joints_ = moving;  // else require_motion() says so
-}
-
-void Evidence::take_motion(const PreprocessPlan& plan,
-                           const std::vector<RowMatX<double>>& positions, const Evidence* fitted) {
-  take_states();
-  bool again = false;
-  for (std::size_t k = 0; k < joints_.size() && !fitted; ++k) {
-    const auto at = stuck_.find(joints_[k]);
-    if (at == stuck_.end() || !at->second.everywhere) continue;
-    const auto column = [&](long c) {
-      return !base_.col(c).segment(static_cast<long>(k) * times(), times()).isZero(0.0);
-    };
-    long columns = 0;
-    for (long c = 0; c < base_.cols(); ++c) columns += column(c);
-    if (rows_between(static_cast<long>(k)) >= kRowsAColumn * columns) continue;
-    at->second = stuck_at(at->first, Turns::kKept, plan, positions);
-    again = true;
-  }
-  if (again) take_states();
-  for (const auto& [j, rows] : stuck_)
-    if (rows.everywhere) sticking_.push_back(j);
-  for (const int j : joints_)
-    turns_per_second_.push_back(turn_rate(series_, j, kRestShare * speed_[j]));
-}
-
-long Evidence::rows_between(long k) const {
-  long out = 0, since = 0;
-  for (long i = 0; i < times(); ++i) {
-    const bool follows =
-        i > 0 && stretch_[static_cast<std::size_t>(i)] == stretch_[static_cast<std::size_t>(i - 1)];
-    since = sticks(i, k) ? 0 : follows ? since + 1 : 1;
-    out += since > kNoiseOrder && !rests(i, k);
-  }
-  return out;
-}
-
-void Evidence::take_states() {
-  const long n = num_dofs_;
-  states_.clear();
-  rests_.resize(times(), static_cast<long>(joints_.size()));
-  sticks_.resize(times(), static_cast<long>(joints_.size()));
-  for (long k = 0; k < static_cast<long>(joints_.size()); ++k) {
-    const int j = joints_[static_cast<std::size_t>(k)];
-    std::vector<RowMatX<double>> of_k;  // [q | q̇ | q̈ | rests | sticks]
-    for (std::size_t i = 0; i < series_.size(); ++i) {
-      const JointSeries& s = series_[i];
-      RowMatX<double> state(s.q.rows(), 3 * n + 2);
-      state << s.q, s.qd, s.qdd,
-          (s.qd.col(j).array().abs() < kRestShare * speed_[j]).cast<double>().matrix(),
-          VecX<double>::Zero(s.q.rows());
-      if (stuck_.contains(j)) {
-        const std::vector<bool>& rows = stuck_.at(j).rows[i];
-        for (std::size_t at = 0; at < rows.size(); ++at)
-          state(static_cast<long>(at), 3 * n + 1) = rows[at];
-      }
-      of_k.push_back(std::move(state));
-    }
-    const MatX<double> means = means_of(k, of_k);
-    states_.push_back(means.leftCols(3 * n));
-    sticks_.col(k) = means.col(3 * n + 1).array().abs() > kMostStuck;  // of either sign
-    rests_.col(k) = means.col(3 * n).array() > kMostRest || sticks_.col(k);
   }
 }
 
