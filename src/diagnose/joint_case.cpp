@@ -43,6 +43,19 @@ void require_same_joints(const std::vector<std::string>& names, const Evidence& 
                     "; give both the same `tau_` columns and the same `passive` joints");
 }
 
+/// The model at a fit of the rows: its rotors and friction, too, as `identify` fits them, which
+/// files often lack.
+Model fitted_links(const JointCase& c, const IdentifyOptions& reading) {
+  if (c.base != Base::kRefit || !c.train->driven()) return c.about.links;
+  std::vector<std::string> notes;
+  const FitLayout usual = layout_for(c.model, c.train_source, c.test_source, FitChoice{}, notes);
+  if (usual.linear.size() <= c.layout.linear.size())
+    return refitted(c.base, c.model, c.layout, *c.train);
+  return refitted(
+      c.base, c.model, usual,
+      Evidence(c.model, c.about.links, usual, c.train_source, c.finding.plan, c.period, reading));
+}
+
 /// Faults of held-out channels bias what is said of them; there is no end of notes on clocks.
 void audit_held_out(const std::vector<Recording>& sample, JointCase& c) {
   for (ChannelFault& fault : audit(sample, {.joints = describe_joints(c.model)}).faults) {
@@ -173,15 +186,11 @@ void prepare(JointCase& c) {
       !held.empty())
     c.finding.notes.push_back("All torques are zero, which leaves the scale of all masses open: " +
                               held + " is held at the model's value.");
-  for (int pass = 0; pass < kBasePasses; ++pass) {
-    bool again = false;
-    if (Model links = refitted(c.base, c.model, c.layout, *c.train);
-        !c.about.beside_causes && is_heavier(links, c.about.links, *c.train)) {
-      c.about.links = std::move(links);
-      again = true;
-    }
-    if (c.about.widths.empty() && fit_turns(c.base, *c.train, c.layout)) again = true;
-    if (!again) break;
+  for (int pass = 0; pass < kBasePasses && c.about.widths.empty(); ++pass) {
+    Model links = fitted_links(c, reading);
+    const bool heavier = is_heavier(links, c.about.links, *c.train);
+    if (heavier) c.about.links = std::move(links);
+    if (!fit_turns(c.base, *c.train, c.layout) && !heavier) break;
     read_train();
   }
   const std::vector<std::string> followers = follower_names(c.model);

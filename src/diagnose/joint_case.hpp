@@ -13,13 +13,12 @@
 
 namespace diffnea {
 
-/// Where rows are straight lines in what is fitted: told by the file, then by a fit without causes,
-/// then beside them.
+/// Where rows are straight lines in what is fitted.
 struct Linearisation {
-  Model links;  ///< how heavy the joints are
-  /// Widths of the base's dry friction, by the layout's shapes; empty: as the base alone has them.
+  Model links;  ///< how heavy the joints are: by the file, and where that is far off, by a fit
+  /// Widths of the base's dry friction beside causes, by the layout's shapes; empty: as the base
+  /// alone has them.
   std::vector<double> widths = {};
-  bool beside_causes = false;  ///< the last of these
 };
 
 /// Stays where it is: its parts refer to each other.
@@ -28,7 +27,7 @@ struct JointCase {
   const RecordingSource& train_source;
   const RecordingSource* test_source;  ///< null: rows of `train` are held out
   DiagnoseOptions options;
-  Linearisation about;  ///< moves to the fit without causes, but for one beside them
+  Linearisation about;  ///< without widths, links move to a fit
   Finding finding = {};
 
   Base base = Base::kRefit;

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <optional>
 #include <set>
 
 #include <diffnea/core/error.hpp>
@@ -43,8 +42,8 @@ class JointDiagnosis {
   JointDiagnosis& operator=(const JointDiagnosis&) = delete;
 
   void select();
-  /// Where the rows are to be linearised beside what is named; none: they are.
-  std::optional<Linearisation> beside_causes() const;
+  /// Where the rows are to be linearised beside what is named; without widths, they are.
+  Linearisation beside_causes() const;
   Finding finding();
 
  private:
@@ -95,6 +94,7 @@ JointDiagnosis::JointDiagnosis(const Model& model, const RecordingSource& train,
 }
 
 std::vector<double> JointDiagnosis::widths_beside_causes() const {
+  if (case_.finding.interrupted) return {};
   std::vector<double> out;
   bool named = false;
   for (const FitParameter& shape : case_.layout.shape) {
@@ -110,14 +110,8 @@ std::vector<double> JointDiagnosis::widths_beside_causes() const {
   return named ? out : std::vector<double>{};
 }
 
-std::optional<Linearisation> JointDiagnosis::beside_causes() const {
-  if (case_.finding.interrupted || terms_.empty()) return {};
-  Linearisation out{case_.about.links, widths_beside_causes(), true};
-  const Model named = case_.reference->extended(beside_, terms_);
-  const bool heavier =
-      case_.base == Base::kRefit && is_heavier(named, case_.about.links, *case_.train);
-  if (heavier) out.links = named;
-  return heavier || !out.widths.empty() ? std::optional(std::move(out)) : std::nullopt;
+Linearisation JointDiagnosis::beside_causes() const {
+  return {case_.about.links, widths_beside_causes()};
 }
 
 Finding JointDiagnosis::finding() {
@@ -427,10 +421,8 @@ Finding diagnose_joints(const Model& model, const RecordingSource& train,
   for (int passes = kPassesBesideCauses;; --passes) {
     JointDiagnosis diagnosis(model, train, test, options, about);
     diagnosis.select();
-    if (const auto nearer = passes > 0 ? diagnosis.beside_causes() : std::nullopt) {
-      about = *nearer;
-      continue;
-    }
+    about = diagnosis.beside_causes();
+    if (passes > 0 && !about.widths.empty()) continue;
     Finding out = diagnosis.finding();
     out.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     return out;
