@@ -24,8 +24,8 @@ constexpr double kBaseDryAccuracy = 0.01;
 constexpr double kLateTurn = 1.75e-3;
 /// Peak of a loop's sensitivity: what robust loops stay below (Åström and Murray 2008, sec. 12.3).
 constexpr double kSensitivity = 2.0;
-/// Rows of a spectrum's window.
-constexpr long kWindow = 128;
+/// Rows of a spectrum's window, at the most; with fewer than the least there is none.
+constexpr long kWindow = 128, kShortestWindow = 4;
 
 /// The base's dry friction beside `terms`, in units of noise, (rows of the evidence).
 VecX<double> dry_friction(const Search& search, const std::vector<Term>& terms) {
@@ -50,6 +50,7 @@ detail::Spectrum spectrum(const Evidence& evidence, long k, const VecX<double>& 
     stretches.emplace_back(rows.segment(first, end - first));
     longest = std::max(longest, end - first);
   }
+  if (longest < kShortestWindow) return {};
   const long window = static_cast<long>(std::bit_floor(static_cast<unsigned long>(longest)));
   return detail::welch(stretches, 1.0 / evidence.step(), std::min(kWindow, window));
 }
