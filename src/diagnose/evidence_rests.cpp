@@ -12,7 +12,7 @@ namespace {
 /// Slower than this share of a joint's RMS velocity it rests: what holds it then is not known.
 constexpr double kRestShare = 0.01;
 
-/// Of the filter's weight on samples in which a joint rests, or sticks.
+/// Share of the filter's weight on samples in which a joint rests, or sticks.
 constexpr double kMostRest = 0.3, kMostStuck = 0.02;
 
 bool contains(const std::vector<int>& joints, int j) { return std::ranges::count(joints, j) > 0; }

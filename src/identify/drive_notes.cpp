@@ -15,8 +15,8 @@ namespace {
 /// Share of rows with a saturated drive from which a line says so.
 constexpr double kOften = 0.5;
 /// Gain over the fitted one that a drive may have whose gain is not told; share of the fitted one
-/// between lower bounds that are tried.
-constexpr double kMuchStiffer = 10.0, kWeaker = 0.5;
+/// between lower bounds that are tried, and below which none is told.
+constexpr double kMuchStiffer = 10.0, kWeaker = 0.5, kNoGain = 1e-3;
 /// Share of rows, and of the largest error, from which on a command counts as never reached.
 constexpr double kAlways = 0.9, kFar = 0.5;
 /// Gain over that of the description, or its inverse, that is near.
@@ -153,8 +153,8 @@ void note_drives(const MotionData& data, const MotionClimb& climb, const Model& 
       errors.identifiable[static_cast<std::size_t>(drive.stiffness)] = false;
       errors.linear[drive.stiffness] = errors.shape[drive.reach] = kNaN;
       double by = kWeaker;
-      while (may_have_gain(drive, by, of)) by *= kWeaker;  // without any it does worse: not idle
-      least = ", the gain at least " + format_number(by * K) + " " + gain.unit;
+      while (by > kNoGain && may_have_gain(drive, by, of)) by *= kWeaker;
+      if (by > kNoGain) least = ", the gain at least " + format_number(by * K) + " " + gain.unit;
     }
     if (share > kOften)
       notes.push_back(
