@@ -57,6 +57,17 @@ VecX<double> torque_squares(const Tree<double>& tree, const JointSeries& s,
   return out;
 }
 
+/// Linear parameters: of the links as in `links`, of effects before the fit.
+VecX<double> with_inertias_of(const Model& links, const FitLayout& layout) {
+  VecX<double> out = layout.prior();
+  const Tree<double> tree = make_tree(links);
+  for (std::size_t k = 0; k < layout.linear.size(); ++k)
+    if (const FitParameter& p = layout.linear[k]; p.dof >= 0)
+      out[static_cast<long>(k)] = tree.links[static_cast<std::size_t>(p.dof)]
+                                      .inertia.theta()[static_cast<std::size_t>(p.theta)];
+  return out;
+}
+
 }  // namespace
 
 Evidence::Evidence(const Model& model, const Model& links, const FitLayout& layout,
@@ -86,7 +97,7 @@ Evidence::Evidence(const Model& model, const Model& links, const FitLayout& layo
   take_filters(links, plan, collector);
   FitLayout held = layout;
   for (FitParameter& s : held.shape) s.fixed = !is_smoothing(s);
-  take_rows(model, held, plan, collector);
+  take_rows(model, links, held, plan, collector);
   if (apart_) seen_base_ = regress(model, held, plan, collector, series_, nullptr);
   take_motion(plan, positions, fitted);
   set_reference(model);
@@ -277,8 +288,8 @@ MatX<double> Evidence::regress(const Model& model, const FitLayout& layout,
   return out;
 }
 
-void Evidence::take_rows(const Model& model, const FitLayout& layout, const PreprocessPlan& plan,
-                         const Stretches& collector) {
+void Evidence::take_rows(const Model& model, const Model& links, const FitLayout& layout,
+                         const PreprocessPlan& plan, const Stretches& collector) {
   for (std::size_t c = 0; c < layout.linear.size(); ++c)
     if (std::ranges::any_of(layout.shape, [&](const FitParameter& s) {
           return is_smoothing(s) && s.effect == layout.linear[c].effect;
@@ -303,13 +314,12 @@ void Evidence::take_rows(const Model& model, const FitLayout& layout, const Prep
     rows.rightCols(1) = torque_.segment(static_cast<long>(k) * m, m);
     f.factor.add(rows);
   }
-  const VecX<double> of_model = base_.leftCols(linear) * layout.prior();
+  const VecX<double> x = with_inertias_of(links, layout), taken = base_.leftCols(linear) * x;
   for (long k = 0; k < static_cast<long>(joints_.size()); ++k) {
     const double rows = std::sqrt(static_cast<double>(m));
-    size_.push_back((passive(k) ? of_model : torque_).segment(k * m, m).norm() / rows);
-    scale_.push_back(
-        passive(k) ? (base_.block(k * m, 0, m, linear) * layout.prior().asDiagonal()).norm() / rows
-                   : size_.back());
+    size_.push_back((passive(k) ? taken : torque_).segment(k * m, m).norm() / rows);
+    scale_.push_back(passive(k) ? (base_.block(k * m, 0, m, linear) * x.asDiagonal()).norm() / rows
+                                : size_.back());
   }
 }
 

@@ -48,7 +48,8 @@ class Evidence {
   int num_dofs() const { return num_dofs_; }
 
   const VecX<double>& torque() const { return torque_; }
-  /// RMS torque of the k-th of joints(); of a passive one, what its links take by the model.
+  /// RMS torque of the k-th of joints(); of a passive one, what its links take, by those that the
+  /// rows are linear about.
   double size(long k) const { return size_[static_cast<std::size_t>(k)]; }
   /// The same, but of a passive one, at which torques cancel, the root of their sum of squares: the
   /// base's columns one by one.
@@ -184,8 +185,8 @@ class Evidence {
                        const Stretches& collector, const std::vector<JointSeries>& series,
                        VecX<double>* torque);
   /// Torques, base columns and their instants.
-  void take_rows(const Model& model, const FitLayout& layout, const PreprocessPlan& plan,
-                 const Stretches& collector);
+  void take_rows(const Model& model, const Model& links, const FitLayout& layout,
+                 const PreprocessPlan& plan, const Stretches& collector);
   /// Where driven joints stand still; leaves out those that do all along.
   /// @param positions  as logged, a matrix for each stretch
   void take_standstills(const FitLayout& layout, const PreprocessPlan& plan,

@@ -61,6 +61,22 @@ void require_consistent(const FitLayout& layout, int b, const VecX<double>& x) {
                    "; hold a mass above 0, a center of mass, or all ten of its parameters");
 }
 
+/// By how much all parameters together are off: what measured torques say of s in s·x. A file's
+/// masses may be those of another material, and of passive joints every multiple fits.
+double torque_scale_of(const std::vector<JointFactor>& factors, const VecX<double>& sigma,
+                       const VecX<double>& x) {
+  double product = 0.0, square = 0.0;
+  for (std::size_t j = 0; j < factors.size(); ++j) {
+    const JointFactor& f = factors[j];
+    if (f.factor.rows() == 0 || f.inertia.size() > 0) continue;
+    const VecX<double> predicted = f.factor.R() * x(f.columns);
+    const double weight = 1.0 / std::pow(sigma[static_cast<long>(j)], 2);
+    product += weight * predicted.dot(f.factor.d());
+    square += weight * predicted.squaredNorm();
+  }
+  return product > 0.0 ? product / square : 1.0;
+}
+
 }  // namespace
 
 LinearFit fit_linear(const FitLayout& layout, const std::vector<JointFactor>& factors,
@@ -107,14 +123,11 @@ LinearFit fit_linear(const FitLayout& layout, const std::vector<JointFactor>& fa
   LinearFit fit;
   fit.sigma = VecX<double>::Ones(n);
   for (long j = 0; j < n; ++j)
-    if (factors[j].factor.rows() > 0) {
-      const double torque = factors[j].rmse(VecX<double>::Zero(p));
-      fit.sigma[j] =
-          std::max(torque > 0.0 ? torque : link_torque(layout, factors[j], problem.start), 1e-12);
-    }
+    if (factors[j].factor.rows() > 0)
+      fit.sigma[j] = std::max(torque_size(layout, factors[j], problem.start), 1e-12);
   const bool has_torque = std::ranges::any_of(
       factors, [&](const JointFactor& f) { return f.rmse(VecX<double>::Zero(p)) > 0.0; });
-  VecX<double> at = problem.start;
+  VecX<double> at = torque_scale_of(factors, fit.sigma, problem.start) * problem.start;
   for (int round = 0; round < options.max_reweightings; ++round) {
     StackedFactors rows_of_all = stacked(factors, fit.sigma, p, has_torque ? &at : nullptr);
     problem.R = std::move(rows_of_all.R);
@@ -130,8 +143,7 @@ LinearFit fit_linear(const FitLayout& layout, const std::vector<JointFactor>& fa
       const double dof =
           static_cast<double>(f.factor.rows()) *
           std::max(1.0 - static_cast<double>(free.size()) / static_cast<double>(rows), 0.1);
-      const double torque = f.rmse(VecX<double>::Zero(p));
-      const double size = torque > 0.0 ? torque : link_torque(layout, f, problem.start);
+      const double size = torque_size(layout, f, problem.start);
       const double next = std::max(std::sqrt(f.sum_of_squares(fit.x) / dof), 1e-9 * size + 1e-15);
       change = std::max(change, std::abs(next / fit.sigma[j] - 1.0));
       fit.sigma[j] = next;

@@ -17,10 +17,8 @@ VecX<double> parameter_scales(const FitLayout& layout, const std::vector<JointFa
   for (const JointFactor& f : factors) {
     if (f.factor.rows() == 0) continue;
     const MatX<double> R = f.factor.R();
-    double torque = std::sqrt(f.factor.sum_of_squares(VecX<double>::Zero(R.cols())));
-    if (torque == 0.0)  // a passive joint: what its links take
-      torque =
-          link_torque(layout, f, layout.prior()) * std::sqrt(static_cast<double>(f.factor.rows()));
+    const double torque =
+        torque_size(layout, f, layout.prior()) * std::sqrt(static_cast<double>(f.factor.rows()));
     for (std::size_t k = 0; k < f.columns.size(); ++k) {
       const int c = f.columns[k];
       if (!std::isnan(layout.linear[c].scale)) continue;

@@ -42,6 +42,12 @@ double link_torque(const FitLayout& layout, const JointFactor& f, const VecX<dou
   return (R * links).norm() / std::sqrt(static_cast<double>(std::max<long>(f.factor.rows(), 1)));
 }
 
+double torque_size(const FitLayout& layout, const JointFactor& f, const VecX<double>& x) {
+  const double torque = f.rmse(VecX<double>::Zero(static_cast<long>(layout.linear.size())));
+  return f.inertia.size() > 0 || !(torque > 0.0) ? std::max(torque, link_torque(layout, f, x))
+                                                 : torque;
+}
+
 StackedFactors stacked(const std::vector<JointFactor>& factors, const VecX<double>& sigma,
                        long columns, const VecX<double>* at) {
   TriangularFactor whole(static_cast<int>(columns));

@@ -13,6 +13,10 @@ std::vector<int> free_columns(const FitLayout& layout);
 /// Root mean square of the torque that the links alone take at parameters x [N·m].
 double link_torque(const FitLayout& layout, const JointFactor& f, const VecX<double>& x);
 
+/// Root mean square that a joint's errors are small or large beside [N·m]: of its torque; of a
+/// passive joint, whose torque is zero but for what filters leave, of what its links take at x.
+double torque_size(const FitLayout& layout, const JointFactor& f, const VecX<double>& x);
+
 /// ‖R x − d‖² over all columns, in units of the joints' noise.
 struct StackedFactors {
   MatX<double> R;
