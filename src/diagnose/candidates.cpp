@@ -75,7 +75,10 @@ Candidate make_candidate(const EffectSpec& spec, const Model& model, const Model
   static_cast<BoundEffect&>(c.effect) = bind(spec, model, runs);
   const HiddenMotor motor = c.effect.info().motor;
   const double rotor = motor != HiddenMotor::kNone ? set_rotor(model, links, c) : 0.0;
-  if (motor == HiddenMotor::kSpring) c.rotor = rotor;
+  if (motor == HiddenMotor::kSpring) {
+    c.rotor = rotor;
+    c.swings = joint_inertia(links, c.effect.joints[0]);
+  }
   const Port port = c.effect.info().port;
   c.of_reference =
       (port != Port::kJointTorque && port != Port::kLinkForce) || reads_acceleration(c.effect);

@@ -18,8 +18,9 @@ constexpr double kRedundant = 0.02;
 constexpr double kSideShows = 1.0;
 /// Of a joint's measured torque: more, that the base takes back, is of a candidate which the base
 /// hides. Of a force in plain sight (share of its torque that the base leaves), like a spring that
-/// carries a weight, it may be any.
-constexpr double kWhole = 0.95, kPlainSight = 0.02;
+/// carries a weight, it may be any; of what changes more than one joint's torque, like a payload
+/// beside a wrist that carries nothing else, where the base leaves most of it.
+constexpr double kWhole = 0.95, kPlainSight = 0.02, kMostlySeen = 0.5;
 /// Beyond, no torque constant is off.
 constexpr double kMostGainError = 0.5;
 /// Beyond, a spring pulls alike wherever the joint is, and is an offset: five turns of a joint, or
@@ -79,11 +80,23 @@ Term descended(const Search& search, Term term, const std::vector<Term>& terms) 
   };
   const NormalEquations at_start = search.normal(all);
   x = best(at_start).x;
-  set(term, x.tail(term.width()));
   double gain = removed(at_start, x);
   if (c.nonlinear) {  // the torque at the fitted values instead of its straight line
+    const Term from = term;
+    VecX<double> as_it_is = x;
+    as_it_is.tail(term.width()) = term.values();
+    const double stays = removed(at_start, as_it_is);
+    set(term, x.tail(term.width()));
     search.set_columns(term);
-    gain = std::max(removed(search.normal(all), x), 0.0);
+    gain = removed(search.normal(all), x);
+    if (stays > gain) {  // too far for a straight line
+      term = from;
+      x = as_it_is;
+      gain = stays;
+    }
+    gain = std::max(gain, 0.0);
+  } else {
+    set(term, x.tail(term.width()));
   }
   double shrink = 1.0;
   for (int step = 0; step < 12 && (!term.shapes.empty() || c.nonlinear); ++step) {
@@ -220,13 +233,14 @@ bool plausible(const Search& search, const Term& term) {
       return false;
   }
   if (impossible(term)) return false;
-  if (term.effect.info().port == Port::kJointTorque && term.visible_share() > kPlainSight)
-    return true;
+  const double seen = term.visible_share();
+  if (term.effect.info().port == Port::kJointTorque && seen > kPlainSight) return true;
   const VecX<double> torque = term.torque();
   const long m = search.evidence().times();
   for (long k = 0; k < static_cast<long>(search.evidence().joints().size()); ++k)
-    if (torque.segment(k * m, m).norm() >
-        kWhole * search.evidence().size(k) * std::sqrt(static_cast<double>(m)))
+    if ((seen <= kMostlySeen || search.evidence().passive(k)) &&
+        torque.segment(k * m, m).norm() >
+            kWhole * search.evidence().size(k) * std::sqrt(static_cast<double>(m)))
       return false;
   return true;
 }

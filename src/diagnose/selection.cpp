@@ -163,6 +163,17 @@ bool Selection::helps(const std::vector<Term>& without, const std::vector<Term>&
   return change(without, with).helps();
 }
 
+bool Selection::helps_anew(std::vector<Term>& terms, std::vector<Term>& with) {
+  std::vector<Term> before = terms;
+  renew(with);
+  std::vector<Term> rest = with;
+  rest.pop_back();
+  if (helps(rest, with)) return true;
+  renew(before);
+  terms = std::move(before);
+  return false;
+}
+
 bool Selection::tilt_helps(const std::vector<Term>& rest, std::vector<Term>& terms) {
   std::vector<Term> level = rest;
   renew(level);
@@ -199,13 +210,17 @@ bool Selection::add_one(std::vector<Term>& terms) {
     with.push_back(offer.term);
     const double gain = search_.fit(with) - search_.gain_of(terms);
     if (gain < inexact_at(search_, offer.term, terms)) continue;
-    if (helps(terms, with)) {
+    // The base was fitted without what swings, which bends its inertias as no other effect does.
+    const bool swings = c.swings > 0.0 && encoder_at_motor(offer.term.effect);
+    const bool helped = helps(terms, with), anew = !helped && swings;
+    if (helped || (anew && helps_anew(terms, with))) {
       terms = std::move(with);
       refused_candidates_.clear();  // beside another set it may help
       return true;
     }
     refused_candidates_.push_back(offer.term.candidate);
     note_refusal(c, "does not help on held-out data", offer.delta_bic);
+    if (anew) return add_one(terms);  // the others' columns are of another noise
   }
   return false;
 }

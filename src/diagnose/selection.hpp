@@ -80,6 +80,9 @@ class Selection {
   HeldOutChange change(std::vector<Term> without, std::vector<Term> with) const;
   /// Tells whether that is certain.
   bool helps(const std::vector<Term>& without, const std::vector<Term>& with) const;
+  /// The same of the last of `with`, beside a base that is fitted with it. If not, `terms` are as
+  /// they were.
+  bool helps_anew(std::vector<Term>& terms, std::vector<Term>& with);
   /// The same of a tilt beside the rest: without it the base's columns are others.
   bool tilt_helps(const std::vector<Term>& rest, std::vector<Term>& terms);
   void note_refusal(const Candidate& c, const char* why, double delta_bic);

@@ -6,6 +6,14 @@
 #include <diffnea/effects/stepping.hpp>
 
 namespace diffnea {
+namespace {
+
+/// Damping ratio of what swings behind its encoder, where a search starts: its resonance is then as
+/// wide as the grid's steps (a factor of 3.2 of the stiffness), and what swings freely is found
+/// from there. Without damping a column off the resonance swings where the robot does not.
+constexpr double kSwing = 0.3;
+
+}  // namespace
 
 VecX<double> Term::values() const {
   VecX<double> out(static_cast<long>(linear.size()));
@@ -48,6 +56,12 @@ Term term_at(const Candidate& c, int index, const std::vector<double>& point) {
     term.effect.parameters[static_cast<std::size_t>(k)] =
         has_rest && scale_of(term, k) == Scale::kLinear ? 1.0 : 0.0;
   c.set(point, term.effect);
+  if (c.swings > 0.0 && encoder_at_motor(term.effect)) {
+    const auto damping =
+        std::ranges::find(term.effect.parameter_info, "damping", &ParameterInfo::name);
+    term.effect.parameters[static_cast<std::size_t>(damping - term.effect.parameter_info.begin())] =
+        2.0 * kSwing * std::sqrt(motor_spring(term.effect).stiffness * c.swings);
+  }
   return term;
 }
 

@@ -1,12 +1,16 @@
 #include <algorithm>
 #include <cmath>
 #include <deque>
+#include <limits>
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/dynamics/batch.hpp>
 #include <diffnea/effects/catalogue.hpp>
 #include <diffnea/effects/hidden_motor.hpp>
 #include <diffnea/effects/series.hpp>
+
+#include "core/constants.hpp"
+#include "core/decompositions.hpp"
 
 namespace diffnea {
 namespace {
@@ -122,18 +126,22 @@ Rows moved_friction(const ExtendedTree& base, const JointSeries& x, int joint,
   return out;
 }
 
+/// θ − q of a link on its spring, and how fast it changes.
+struct Swing {
+  double at = 0.0, speed = 0.0;
+};
+
 /// θ − q of M δ̈ + D δ̇ + K δ = f, f and M straight between the rows: a link on its spring, which its
 /// motor swings. By backward differences of order two, which follow what a step resolves and damp
-/// the rest; begins where f would hold it if it went on so.
+/// the rest.
 VecX<double> swung(const VecX<double>& f, const VecX<double>& inertia, double dt,
-                   const MotorSpring<double>& spring) {
+                   const MotorSpring<double>& spring, const Swing& start) {
   constexpr int kSubsteps = 4;
   const double K = spring.stiffness, D = spring.damping, h = dt / kSubsteps, c = 1.5 / h;
-  const VecX<double> rate = derivative(f, dt), bend = derivative(rate, dt);
   VecX<double> out(f.size());
-  const double a = bend[0] / K;
-  double v = rate[0] / K, v_before = v - h * a;
-  double at = (f[0] - inertia[0] * a - D * v) / K, before = at - h * (v - 0.5 * h * a);
+  double at = start.at, v = start.speed;
+  const double a = (f[0] - D * v - K * at) / inertia[0];
+  double v_before = v - h * a, before = at - h * (v - 0.5 * h * a);
   out[0] = at;
   for (long k = 1; k < f.size(); ++k) {
     for (int i = 1; i <= kSubsteps; ++i) {
@@ -149,6 +157,36 @@ VecX<double> swung(const VecX<double>& f, const VecX<double>& inertia, double dt
     out[k] = at;
   }
   return out;
+}
+
+/// How a link on its spring begins: where f would hold it if it went on so.
+Swing led(const VecX<double>& f, const VecX<double>& inertia, double dt,
+          const MotorSpring<double>& spring) {
+  const VecX<double> rate = derivative(f, dt), bend = derivative(rate, dt);
+  const double v = rate[0] / spring.stiffness;
+  return {(f[0] - inertia[0] * bend[0] / spring.stiffness - spring.damping * v) / spring.stiffness,
+          v};
+}
+
+/// How a link on its spring begins, by the spring's torque as logged over its first period: what
+/// swings when a log begins may swing on for long, and no motion of its motor tells it.
+/// @param torque  (N) the logged torque less what the motor's side takes
+Swing started(const VecX<double>& f, const VecX<double>& torque, const VecX<double>& inertia,
+              double dt, const MotorSpring<double>& spring) {
+  constexpr double kLeastRows = 8.0;
+  const double period = 2.0 * kPi * std::sqrt(inertia[0] / spring.stiffness);
+  const long n = std::min<long>(f.size(), std::lround(std::max(period / dt, kLeastRows)));
+  const VecX<double> M = inertia.head(n), none = VecX<double>::Zero(n);
+  const auto transmitted = [&](const VecX<double>& push, const Swing& start) {
+    const VecX<double> wound = swung(push, M, dt, spring, start);
+    return VecX<double>(spring.stiffness * wound + spring.damping * derivative(wound, dt));
+  };
+  const double speed = std::sqrt(spring.stiffness / inertia[0]);  // both columns of like size
+  MatX<double> free(n, 2);
+  free << transmitted(none, {1.0, 0.0}), transmitted(none, {0.0, speed});
+  const VecX<double> x =
+      free.colPivHouseholderQr().solve(torque.head(n) - transmitted(f.head(n), {}));
+  return {x[0], speed * x[1]};
 }
 
 /// Inertia of the links at every row, as `joint` alone feels it.
@@ -169,10 +207,19 @@ JointSeries behind_encoder(const MotorSpring<double>& spring, const ExtendedTree
   const VecX<double> inertia =
       x.inertia.size() > 0 ? VecX<double>(x.inertia.col(joint)) : link_inertia(base.tree, x, joint);
   JointSeries links = x;
+  VecX<double> of_spring =
+      VecX<double>::Constant(x.rows(), std::numeric_limits<double>::quiet_NaN());
+  if (x.logged.size() > 0)  // the motor's side takes all but what the links transmit
+    of_spring = x.logged.col(joint) - x.drive().col(joint) +
+                load_on_spring(base, x, joint, spring.friction_share);
   for (int round = 0; round < kRounds; ++round) {
     const VecX<double> ahead = (x.qdd - links.qdd).col(joint);
-    const VecX<double> load = load_on_spring(base, links, joint, spring.friction_share);
-    const VecX<double> wound = swung(load + inertia.cwiseProduct(ahead), inertia, x.dt, spring);
+    const VecX<double> load = load_on_spring(base, links, joint, spring.friction_share),
+                       push = load + inertia.cwiseProduct(ahead);
+    const Swing start = of_spring.allFinite() && inertia[0] > 0.0
+                            ? started(push, of_spring, inertia, x.dt, spring)
+                            : led(push, inertia, x.dt, spring);
+    const VecX<double> wound = swung(push, inertia, x.dt, spring, start);
     const VecX<double> speed = derivative(wound, x.dt);
     links.q.col(joint) = x.q.col(joint) - wound;
     links.qd.col(joint) = x.qd.col(joint) - speed;

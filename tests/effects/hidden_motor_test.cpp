@@ -60,6 +60,35 @@ TEST_CASE("joint_elasticity: a link behind its motor's encoder, in closed form",
              MatrixNear(expected.middleRows(edge, kRows - 2 * edge).eval(), 0.05));
 }
 
+TEST_CASE("joint_elasticity: what swings behind its encoder when the log begins swings on",
+          "[effects]") {
+  // The motion above, and B e^{zt} of the spring's own, z² M + z D + K = 0, which fades by e^−1.
+  const double K = 4000.0, D = 2.0, M = 2.0, A = 0.05, B = 0.01, w = 12.0;
+  const std::complex<double> spring(K, w * D), link = A * spring / (spring - M * w * w);
+  const double fades = D / (2.0 * M);
+  const std::complex<double> z(-fades, std::sqrt(K / M - fades * fades));
+  JointSeries x = rail_series([=](double t) { return A * std::sin(w * t); },
+                              [=](double t) { return A * w * std::cos(w * t); },
+                              [=](double t) { return -A * w * w * std::sin(w * t); });
+  const RowMatX<double> expected = sampled([=](double t) {
+    return -M * (w * w * std::imag((link - A) * std::polar(1.0, w * t)) +
+                 std::real(B * z * z * std::exp(z * t)));
+  });
+  x.logged = expected + sampled([=](double t) { return -M * A * w * w * std::sin(w * t); });
+  const RowMatX<double> torque = torque_on_rail({"joint_elasticity",
+                                                 "slide",
+                                                 {{"stiffness", K, "N/m"},
+                                                  {"damping", D, "N*s/m"},
+                                                  {"encoder_side", 1.0, "1"}}},
+                                                x);
+  const double largest = expected.cwiseAbs().maxCoeff();
+  CHECK(largest > 30.0);
+  // One-sided differences at the ends, which the first state is told by as well: 2 % of it.
+  const long edge = 4;
+  CHECK_THAT(torque.middleRows(edge, kRows - 2 * edge).eval(),
+             MatrixNear(expected.middleRows(edge, kRows - 2 * edge).eval(), 0.02 * largest));
+}
+
 TEST_CASE("backlash: the rotor flies across the gap and comes to rest at the other flank",
           "[effects]") {
   const double gap = 0.02, J = 0.4, A = 20.0, w = 3.0;

@@ -23,7 +23,8 @@ struct JointSeries {
   RowMatX<double> total;
   /// (N, n) inertia of the links about each joint alone, the base model's; may be empty.
   RowMatX<double> inertia;
-  /// (N, n) logged torque; may be empty: saturation and backlash alone read it.
+  /// (N, n) logged torque; may be empty. Saturation and backlash read it, and the first swing of
+  /// links behind an encoder.
   RowMatX<double> logged;
 
   /// Number of rows.
