@@ -19,8 +19,8 @@
 /// millisecond or finer, and twice the error of a straight line between the samples, h²/8 |τ̈| with
 /// τ̈ from differences, is added.
 ///
-/// Of a robot whose constraints close loops as many joints with a motor lead as there are motions;
-/// the others follow, and what their limits leave narrows the ranges. Their positions, velocities
+/// Loops that constraints close are led by as many joints with a motor as there are motions; the
+/// others follow, and what their limits leave narrows the ranges. Their positions, velocities
 /// and accelerations are no polynomials: they are looked at on the samples, with a margin.
 
 #include <functional>
