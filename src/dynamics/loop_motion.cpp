@@ -37,6 +37,26 @@ ProjectionOptions closing(const std::vector<int>& held) {
 
 double largest(const VecX<double>& x) { return x.size() > 0 ? x.cwiseAbs().maxCoeff() : 0.0; }
 
+/// Tells whether frames of welds and axes of hinges are no half turn apart: their rows are 0 there,
+/// too (dynamics/constraints.hpp).
+bool faces(const Model& model, const Tree<double>& tree, const VecX<double>& q) {
+  const TreeMap map = map_to_tree(model);
+  LinkKinematics<double> kinematics;
+  forward_kinematics<double, double>(tree, q, kinematics);
+  const auto turn = [&](const ConstraintEnd& end) {
+    const auto [link, X_LF] = place_in_tree(map, end.link);
+    return frame_pose(kinematics, link, X_LF * end.X_LF).R;
+  };
+  return std::ranges::all_of(model.constraints, [&](const ConstraintSpec& c) {
+    if (c.kind != ConstraintKind::kWeld && c.kind != ConstraintKind::kHinge) return true;
+    const Mat3<double> J = turn(c.first), K = turn(c.second);
+    double same = dot(J.col[2], K.col[2]);
+    if (c.kind == ConstraintKind::kWeld)
+      same = std::min({same, dot(J.col[0], K.col[0]), dot(J.col[1], K.col[1])});
+    return same > 0.0;
+  });
+}
+
 }  // namespace
 
 LoopMotion::LoopMotion(std::string where, const Model& model)
@@ -89,7 +109,7 @@ void LoopMotion::find_home(const Model& model) {
       start[j] = std::clamp(rest[j] + kHomeSpread * k / kHomeTries * rng.normal(), low[j], high[j]);
     const ProjectedPositions found = project_positions(tree_, constraints_, start, closing({}));
     if (k == 0) open = found;
-    if (!(found.residual <= kClosed)) continue;
+    if (!(found.residual <= kClosed) || !faces(model, tree_, found.q)) continue;
     const VecX<double> beyond = (low - found.q).cwiseMax(found.q - high).cwiseMax(0.0);
     const MatX<double> N = constraint_null_space(jacobian(found.q));
     double firm = 0.0;

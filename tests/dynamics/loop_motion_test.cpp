@@ -156,6 +156,22 @@ TEST_CASE("loop motion: a stretched linkage is closed from elsewhere, within its
   CHECK(loop.home() == LoopMotion("test", model).home());
 }
 
+TEST_CASE("loop motion: a weld is closed where frames agree, not half a turn apart", "[loops]") {
+  Model model = linkage(4, {0});
+  model.links[3].X_PJ.p.x = 0.7;
+  // The last bar is held as a body of the ground is, turned by 40 degrees; half a turn more would
+  // satisfy the weld's rows as well.
+  ConstraintSpec& weld = model.constraints[0];
+  weld.kind = ConstraintKind::kWeld;
+  weld.first.X_LF = {rotation_about<double>({0, 1, 0}, 0.7), {0.9, 0, 0}};
+  weld.second.X_LF = Pose<double>::identity();
+  for (const double last : {0.9, 0.9 - 2.5, 0.9 + 2.5}) {
+    model.home = {-1.1, 0.8, 0.9, last};
+    const LoopMotion loop("test", model);
+    CHECK_THAT(std::cos(loop.home().sum() - 0.7), WithinAbs(1.0, 1e-9));
+  }
+}
+
 TEST_CASE("loop motion: what cannot be followed is refused by name", "[loops]") {
   Model far = linkage(3);
   far.constraints[0].first.X_LF.p.x = 3.0;

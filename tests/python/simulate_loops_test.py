@@ -105,6 +105,59 @@ def test_a_loop_that_starts_assembled_otherwise_stays_so(tmp_path: Path) -> None
     assert np.abs(above.q[:, 2] - r.q[:, 2]).min() > 0.5
 
 
+HINGE, SLIDE = 'axis="0 1 0"', 'type="slide" axis="1 0 0"'
+
+
+def body(name: str, at: float, inner: str, *, joint: str = HINGE, anchor: float = 0.0) -> str:
+    """Return a bar of an MJCF; its joint need not be at the body's origin."""
+    return (
+        f'<body name="{name}" pos="{at} 0 0"><inertial pos="0.2 0 0.01" mass="1" '
+        f'diaginertia="0.01 0.02 0.015"/><joint name="j_{name}" pos="{anchor} 0 0" '
+        f"{joint}/>{inner}</body>"
+    )
+
+
+def site(name: str, at: float, turn: float = 0.0) -> str:
+    """Return a site of an MJCF, turned about y [degrees]."""
+    return f'<site name="{name}" pos="{at} 0 0" euler="0 {turn} 0"/>'
+
+
+WELDED = (  # closed where frames agree, and not where they are half a turn apart
+    body("crank", 0.0, body("coupler", 0.3, site("a", 0.8, 30)))
+    + body("rocker", 0.9, body("cap", 0.6, site("b", 0.0, -50))),
+    '<weld name="closing" site1="a" site2="b"/>',
+    "",
+)
+SLIDER = (  # joints off their bodies' origins, and one that slides
+    body("crank", -0.1, body("rod", 0.35, site("a", 0.8), anchor=-0.05), anchor=0.1)
+    + body("piston", 0.5, site("b", 0.0), joint=SLIDE),
+    '<connect name="closing" site1="a" site2="b"/>',
+    '<keyframe><key name="home" qpos="-0.6 0.8 0.5"/></keyframe>',
+)
+
+
+@pytest.mark.parametrize("parts", [WELDED, SLIDER], ids=["weld", "slider"])
+def test_loops_of_other_joints_move_in_mujoco_as_in_the_model(
+    parts: tuple[str, str, str], tmp_path: Path
+) -> None:
+    """Two engines, one designed motion: positions and torques of the drive."""
+    links, closing, home = parts
+    path = tmp_path / "loop.xml"
+    path.write_text(
+        f'<mujoco model="loop"><worldbody>{links}</worldbody><equality>{closing}</equality>'
+        f'<actuator><motor joint="j_crank"/></actuator>{home}</mujoco>'
+    )
+    model = package.load_model(path)
+    motion = package.excite(model, duration=5, period=5, seed=1)
+    assert np.ptp(motion.q) > 0.5
+    one = package.simulate(model, motion)
+    two = package.simulate(model, motion, world=f"mujoco:{path},perturb=none,noise=0")
+    assert one.failure == two.failure == ""
+    # MuJoCo's constraints yield: 3e-6 rad and 2e-5 N·m of 4 N·m seen.
+    np.testing.assert_allclose(one.recording.q, two.recording.q, atol=5e-5)
+    np.testing.assert_allclose(one.recording.tau[:, 0], two.recording.tau[:, 0], atol=5e-4)
+
+
 def test_two_drives_of_one_motion_are_asked_for_what_agrees(tmp_path: Path) -> None:
     """A second drive follows the first, and is refused where it would work against it."""
     model = model_of(tmp_path, FOUR_BAR, ("</actuator>", '<motor joint="j3"/></actuator>'))
