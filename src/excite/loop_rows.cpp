@@ -218,8 +218,8 @@ bool LoopRows::complete(VecX<double>& q, VecX<double>& qd, VecX<double>& qdd) co
 double LoopRows::complete(MotionRows& rows, const VecX<double>& centre) const {
   const VecX<double> at_rest = posture_at(centre);
   if (at_rest.size() == 0 || !objection(at_rest).empty()) return 0.0;
-  VecX<double> posture = posture_at(rows.q.row(0).transpose());
-  if (posture.size() == 0) return kRetreat;
+  VecX<double> posture = at_rest;
+  if (!loop_.move(loop_.positions_of_leads(rows.q.row(0).transpose()), posture)) return kRetreat;
   if (loop_.follow(rows.q, rows.qd, rows.qdd, posture, kFirm) < rows.q.rows()) return kRetreat;
   double gain = 1.0;
   for (int j = 0; j < loop_.num_joints(); ++j) {
