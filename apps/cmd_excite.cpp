@@ -88,7 +88,7 @@ void run_excite(ExciteOptions options) {
                    limits(options.torque)};
   check_output(options.out, {options.model});
   const Model model = read_model(options.model, options.reading);
-  require_plain_tree("excite", model);
+  require_fixed_base("excite", model);
   check_trajectory_names(joint_names(model));
   const Interruptible interruptible;
   ProgressLine line(options.common.quiet);
@@ -122,7 +122,10 @@ void add_excite(CLI::App& app) {
       "Of the model's limits a share is kept back; limits given here are used in full. Without "
       "position limits a joint moves within 1 rad or 0.1 m of its zero; without a velocity limit "
       "(or 0) at up to 2 rad/s or 0.3 m/s; without an effort limit (or 0) torque is not looked at; "
-      "a range of zero width holds it.");
+      "a range of zero width holds it.\n"
+      "In closed loops as many driven joints lead as there are motions; ranges are narrowed to "
+      "where "
+      "the loops close.");
   add_robot(*command, options->model);
   add_options(*command, options->reading);
   command->add_option("-o,--output", options->out, "trajectory (.csv)")->required();

@@ -71,7 +71,7 @@ void run_simulate(SimulateOptions options) {
   if (!options.truth.empty()) check_model_path(options.truth);
   Trajectory trajectory = read_trajectory(options.trajectory);
   const Model described = read_model(options.model, options.reading);
-  require_plain_tree("simulate", described);
+  require_fixed_base("simulate", described);
   std::vector<std::string> moved = trajectory.joint_names;
   for (const JointDescription& joint : describe_joints(described))
     if (joint.passive && std::ranges::find(moved, joint.name) == moved.end())
@@ -123,7 +123,8 @@ void add_simulate(CLI::App& app) {
       "simulate",
       "Follow a desired motion with a controller that knows the model, and record.\n"
       "Without --world the robot is the model itself, without noise; with a MuJoCo world it "
-      "differs from it, and its sensors are noisy.");
+      "differs from it, and its sensors are noisy.\n"
+      "Joints without a motor follow in closed loops; they are logged without a torque.");
   add_robot(*command, options->model);
   add_options(*command, options->reading);
   add_joint_options(*command, options->choice);
@@ -148,11 +149,10 @@ void add_simulate(CLI::App& app) {
       ->check(at_least(0.0));
   command
       ->add_option("--kp", options->kp,
-                   "gain per joint [N*m/rad]; default: from the model and the motion")
+                   "gain per joint [N*m/rad]; default: from the model and the motion, in loops "
+                   "by computed torque")
       ->check(at_least(0.0));
-  command
-      ->add_option("--kd", options->kd,
-                   "gain per joint [N*m*s/rad]; default: from the model and the motion")
+  command->add_option("--kd", options->kd, "gain per joint [N*m*s/rad]; default: as --kp")
       ->check(at_least(0.0));
   command->add_option("--rate", options->record.control_rate, "of control and rows [Hz]")
       ->check(at_least(0.0, true))

@@ -131,7 +131,7 @@ void bind_sim(py::module_& m) {
         "half_stroke"_a = o.half_stroke, "slide_velocity"_a = o.slide_velocity,
         py::call_guard<py::gil_scoped_release>(),
         "Random periodic motion within the model's limits: a finite Fourier series per joint with "
-        "a motor.\n\n"
+        "a motor. Loops close along it.\n\n"
         "``duration``, ``period`` [s]; ``harmonics``, 3 at least; ``rate`` of the rows [Hz]; "
         "``…_share`` of the limits\n"
         "that is used. Where the model states none: ``half_range`` [rad], ``velocity`` [rad/s], "
@@ -153,7 +153,10 @@ void bind_sim(py::module_& m) {
         "``iterations`` of the\n"
         "search, 0: the best random motion. ``…_limits`` by joint, ``\"\"`` for all, in place of "
         "the model's. ``noise`` of\n"
-        "each joint's torque; ratios alone count. Ctrl-C returns the best so far.");
+        "each joint's torque; ratios alone count. Ctrl-C returns the best so far.\n\n"
+        "Of a model whose constraints close loops as many joints with a motor lead as there are "
+        "motions; ``…_limits`` by\nname hold for those that follow, too. Raises "
+        ":class:`ModelError` if the loops close nowhere within the limits.");
   m.def("_worlds", [] { return parse_json(worlds_json()); });
 }
 

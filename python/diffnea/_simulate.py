@@ -32,7 +32,8 @@ def simulate(
     Args:
         model: what the controller knows of the robot, or the path of its description.
         trajectory: the desired motion, or the path of its file; its first row is the start, at
-            rest.
+            rest. Of a model whose constraints close loops that of the joints with a motor; with
+            those of all joints, it says how the loop is assembled.
         world: the robot: ``mujoco:NAME[,key=value…]`` (see :func:`worlds`), which may differ from
             the model and has noisy sensors. Default: the model itself, without noise.
         seed: of the noise and the perturbation; the world's own ``seed=`` comes first.
@@ -40,12 +41,17 @@ def simulate(
             otherwise.
         rate: of the control and of the rows [Hz].
         kp: gains (n,) [N·m/rad] or [N/m]; default: from the model by ``bandwidth`` [rad/s] and
-            ``damping``, raised where a joint would miss its motion by more than 10 %.
+            ``damping``, raised where a joint would miss its motion by more than 10 %. Loops are
+            controlled by computed torque if neither ``kp`` nor ``kd`` is given.
         kd: gains (n,) [N·m·s/rad] or [N·s/m].
         bandwidth: of the gains that are derived [rad/s].
         damping: of the gains that are derived.
         gravity_compensation: by the model, at the measured position.
         period: of the desired motion, if it has one [s].
+
+    Raises:
+        DataError: a loop does not close along the motion, or is not held (with the time).
+        ModelError: constraints leave more motions than there are drives; the base floats.
 
     """
     if not isinstance(model, Model):

@@ -67,6 +67,17 @@ ForwardDynamics::ForwardDynamics(ExtendedTree model)
                        "reads the base as fixed where the file has it");
 }
 
+ForwardDynamics::ForwardDynamics(ExtendedTree model, TreeConstraints<double> constraints)
+    : ForwardDynamics(std::move(model)) {
+  constraints_ = std::move(constraints);
+  if (constraints_.list.empty() || implicit_.empty()) return;
+  const BoundEffect& e = model_.effects[implicit_.front()];
+  throw ModelError("forward dynamics: " + e.info().name + " at '" + e.where +
+                   "' reads the acceleration or the transmitted torque, which constraint '" +
+                   constraints_.list.front().name +
+                   "' changes, and is not served beside it; leave the effect out");
+}
+
 void ForwardDynamics::effect_torques(const double* q, const double* qd, int run, double* tau) {
   JointSample<double> x;
   x.time = time_;
@@ -159,7 +170,12 @@ void ForwardDynamics::acceleration(const double* q, const double* qd, const doub
   effect_torques(q + model_.tree.num_positions() - n_, qd + base, run, tau_.data() + base);
   for (long j = 0; j < base; ++j) tau_[j] = u[j];
   for (int j = 0; j < n_; ++j) tau_[base + j] = (u[base + j] - tau_[base + j]) / gains_[j];
-  if (implicit_.empty())
+  if (!constraints_.list.empty()) {
+    using Map = Eigen::Map<const VecX<double>>;
+    Eigen::Map<VecX<double>>(qdd, tau_.size()) = constrained_forward_dynamics<double, double>(
+        model_.tree, constraints_, Map(q, model_.tree.num_positions()), Map(qd, tau_.size()), tau_,
+        {}, constrained_ws_);
+  } else if (implicit_.empty())
     detail::aba(model_.tree, q, qd, tau_.data(), aba_ws_, qdd);
   else
     solve_implicit(q, qd, tau_, run, qdd);
@@ -167,6 +183,9 @@ void ForwardDynamics::acceleration(const double* q, const double* qd, const doub
 
 void ForwardDynamics::linearise(const double* q, const double* qd, const double* u, int run) {
   require_fixed_base("forward dynamics with effects, linearised", model_.tree);
+  if (!constraints_.list.empty())
+    throw ModelError("forward dynamics with effects, linearised: constraint '" +
+                     constraints_.list.front().name + "' has no derivatives here");
   for (const BoundEffect& e : model_.effects)
     if (reads_time(e) || e.info().port == Port::kLinkForce)
       throw ModelError(

@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <memory>
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/excite/design.hpp>
@@ -17,6 +18,8 @@ constexpr double kNoiseShare = 0.01;  ///< of an effort limit
 constexpr double kIllConditioned = 1e4;  ///< standard errors that differ by as much
 /// A trial that needs too much torque ranks behind all that do not, by how much.
 constexpr double kInfeasible = 1e6;
+constexpr int kLoopSteps = 16;        ///< in which a motion is shrunk until its loops close
+constexpr double kOutOfReach = 10.0;  ///< rank of a motion whose centre does not close
 
 void require(bool ok, const std::string& what) {
   if (!ok) throw Error("excite: " + what);
@@ -42,11 +45,14 @@ class Design {
         options_(options),
         harmonics_(options.motion.harmonics),
         ranges_(joint_ranges(model, options.motion, options.limits)),
+        loops_(model.constraints.empty()
+                   ? nullptr
+                   : std::make_unique<LoopRows>(model, options.motion, options.limits, ranges_)),
         table_(harmonics_, kSamplesPerHarmonic * harmonics_),
         rest_(harmonics_),
         rng_(options.motion.seed),
-        information_(model, ranges_, rng_),
-        effort_(model) {
+        information_(model, ranges_, rng_, loops_.get()),
+        effort_(model, loops_.get()) {
     period_ = static_cast<double>(std::lround(options.motion.period * options.motion.rate)) /
               options.motion.rate;
     for (std::size_t j = 0; j < ranges_.size(); ++j)
@@ -139,8 +145,15 @@ class Design {
   bool scale_to_effort(FourierMotion& motion, double* excess = nullptr,
                        Information::Rows* rows = nullptr) {
     VecX<double> holding;
-    for (int step = 0; step < 4; ++step) {
-      const MotionRows sampled = table_.sample(motion);
+    for (int step = 0; step < (loops_ ? kLoopSteps : 4); ++step) {
+      MotionRows sampled = table_.sample(motion);
+      if (const double size = loops_ ? loops_->complete(sampled, motion.centre) : 1.0; size < 1.0) {
+        if (excess) *excess = size > 0.0 ? 1.0 / size : kOutOfReach;
+        if (size == 0.0) return false;
+        motion.a *= size;
+        motion.b *= size;
+        continue;
+      }
       Information::Rows now = information_.rows(sampled);
       double worst = 0.0;
       for (std::size_t j = 0; j < ranges_.size(); ++j)
@@ -188,9 +201,9 @@ class Design {
     require(options_.noise.empty() || static_cast<long>(options_.noise.size()) == n,
             "got the noise of " + std::to_string(options_.noise.size()) + " joints, expected " +
                 std::to_string(n));
-    const MotionRows sampled = table_.sample(motion_of(draw_starts().front()));
+    FourierMotion motion = motion_of(draw_starts().front());
     const VecX<double> largest =
-        information_.rows(sampled).torque.cwiseAbs().colwise().maxCoeff().transpose();
+        information_.rows(closed(motion)).torque.cwiseAbs().colwise().maxCoeff().transpose();
     for (long j = 0; j < n; ++j) {
       const double effort = ranges_[static_cast<std::size_t>(j)].effort;
       noise[j] = !options_.noise.empty() ? options_.noise[static_cast<std::size_t>(j)]
@@ -201,12 +214,33 @@ class Design {
     information_.set_noise(noise);
   }
 
+  /// Samples of a motion, which shrinks until its loops close; at rest in the end.
+  MotionRows closed(FourierMotion& motion) const {
+    for (int step = 0;; ++step) {
+      MotionRows rows = table_.sample(motion);
+      const double size = loops_ ? loops_->complete(rows, motion.centre) : 1.0;
+      if (size == 1.0) return rows;
+      if (step > kLoopSteps) refuse();
+      const double gain = step < kLoopSteps ? size : 0.0;
+      motion.a *= gain;
+      motion.b *= gain;
+      for (std::size_t j = 0; j < ranges_.size() && gain == 0.0; ++j)
+        motion.centre[static_cast<long>(j)] = ranges_[j].middle;
+    }
+  }
+
   [[noreturn]] void refuse() const {
     VecX<double> centre(static_cast<long>(ranges_.size()));
     for (long j = 0; j < centre.size(); ++j)
       centre[j] = ranges_[static_cast<std::size_t>(j)].middle;
     const VecX<double> holding = effort_.holding(centre);
     const std::vector<std::string> names = joint_names(model_);
+    if (loops_ &&
+        std::ranges::none_of(ranges_, [](const JointRange& r) { return std::isfinite(r.effort); }))
+      throw ModelError("excite: " + model_.name +
+                       ": no motion that was tried keeps its loops closed, and what follows within "
+                       "its limits; allow other positions (--position-limit), or correct the "
+                       "limits");
     std::size_t worst = 0;
     const auto share = [&](std::size_t j) {
       return std::abs(holding[static_cast<long>(j)]) / ranges_[j].effort;
@@ -231,7 +265,7 @@ class Design {
     const long c = static_cast<long>(j);
     const JointRange& r = ranges_[j];
     LimitUse out;
-    if (r.moves()) {
+    if (r.moves() || r.follows) {
       out.position = (rows.q.col(c).array() - r.middle).abs().maxCoeff() * o / r.half;
       out.velocity = rows.qd.col(c).cwiseAbs().maxCoeff() * o / r.velocity;
       out.acceleration = rows.qdd.col(c).cwiseAbs().maxCoeff() * o / r.acceleration;
@@ -243,11 +277,12 @@ class Design {
 
   void describe(const FourierMotion& motion, const FourierMotion& random, Excitation& out) {
     const FourierOptions& m = options_.motion;
-    out.trajectory = to_trajectory(model_, ranges_, motion, m.duration, m.rate);
+    out.trajectory = to_trajectory(model_, ranges_, motion, m.duration, m.rate, loops_.get());
     out.period = motion.period;
     out.base_parameters = information_.num_parameters();
-    const RowMatX<double> now = information_.rows(table_.sample(motion)).columns,
-                          before = information_.rows(table_.sample(random)).columns;
+    FourierMotion this_one = motion, median = random;  // both are closed already
+    const RowMatX<double> now = information_.rows(closed(this_one)).columns,
+                          before = information_.rows(closed(median)).columns;
     out.log_det = log_det(now);
     out.random_log_det = log_det(before);
     out.condition = condition_number(now);
@@ -258,7 +293,8 @@ class Design {
     out.best_std_ratio = ratio.minCoeff();
     out.worst_std_ratio = ratio.maxCoeff();
     const HarmonicTable fine(harmonics_, 10 * table_.count());
-    const MotionRows rows = fine.sample(motion);
+    MotionRows rows = fine.sample(motion);
+    if (loops_) loops_->complete(rows, motion.centre);
     const VecX<double> torque = effort_.largest(motion);
     for (std::size_t j = 0; j < ranges_.size(); ++j)
       if (ranges_[j].driven) out.limits.push_back(use_of(j, rows, fine.overshoot(), torque));
@@ -266,6 +302,7 @@ class Design {
       out.notes.push_back("the condition number is " + short_number(out.condition) +
                           ": within these limits some parameters hardly show; allow more torque, "
                           "speed or range");
+    if (loops_) out.notes.insert(out.notes.end(), loops_->notes().begin(), loops_->notes().end());
     add_notes(out.notes);
     if (std::abs(motion.period - m.period) > 1e-9 * m.period)
       out.notes.push_back("the period is " + short_number(motion.period) +
@@ -286,7 +323,9 @@ class Design {
       if (!r.driven) continue;
       const std::string unit = link.type == ModelJoint::kRevolute ? " rad" : " m";
       const JointLimits& l = link.limits;
-      if (!(r.half > 0.0))
+      if (r.follows)
+        notes.push_back(link.joint + ": follows in its loop, and is commanded what it does there");
+      else if (!(r.half > 0.0))
         notes.push_back(link.joint + ": its limits leave no range, it is held at " +
                         short_number(r.middle) + unit);
       else if (!std::isfinite(l.lower) && !std::isfinite(l.upper) &&
@@ -295,12 +334,12 @@ class Design {
                         short_number(r.middle - r.half) + " to " + short_number(r.middle + r.half) +
                         unit);
       const double over = std::max(l.lower - (r.middle - r.half), r.middle + r.half - l.upper);
-      if (given(limits.position, link.joint) && over > 1e-9)
+      if (!r.follows && given(limits.position, link.joint) && over > 1e-9)
         notes.push_back("WARNING: " + link.joint + " is to move within " +
                         short_number(r.middle - r.half) + " to " + short_number(r.middle + r.half) +
                         unit + " as was asked, beyond the model's limits " + short_number(l.lower) +
                         " to " + short_number(l.upper));
-      if (!is_given(l.velocity) && !given(limits.velocity, link.joint))
+      if (!r.follows && !is_given(l.velocity) && !given(limits.velocity, link.joint))
         notes.push_back(link.joint + ": no velocity limit" + (l.velocity == 0.0 ? " (0)" : "") +
                         ", it moves at up to " + short_number(r.velocity) + unit + "/s");
       if (!is_given(l.effort) && !given(limits.effort, link.joint))
@@ -323,6 +362,7 @@ class Design {
   const DesignOptions& options_;
   int harmonics_;
   std::vector<JointRange> ranges_;
+  std::unique_ptr<LoopRows> loops_;  ///< null: a tree
   HarmonicTable table_;
   RestBasis rest_;
   Rng rng_;
@@ -336,7 +376,7 @@ class Design {
 }  // namespace
 
 Excitation design_excitation(const Model& model, const DesignOptions& options) {
-  require_plain_tree("excite", model);
+  require_fixed_base("excite", model);
   check(options);
   return Design(model, options).run();
 }

@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <memory>
 #include <numbers>
 
 #include <diffnea/core/error.hpp>
@@ -8,7 +9,8 @@
 #include <diffnea/dynamics/rnea.hpp>
 #include <diffnea/excite/fourier.hpp>
 
-#include "excite/limits.hpp"
+#include "core/constants.hpp"
+#include "excite/loop_rows.hpp"
 
 namespace diffnea {
 namespace {
@@ -37,13 +39,39 @@ void require(bool ok, const char* what) {
   if (!ok) throw Error(std::string("random_fourier: ") + what);
 }
 
+/// The motion scaled by `gain` about the middle posture, every `step`-th row.
+MotionRows scaled_rows(const RowMatX<double>& q, const RowMatX<double>& qd,
+                       const RowMatX<double>& qdd, const VecX<double>& middle, double gain,
+                       long step) {
+  const auto every = Eigen::seq(0, q.rows() - 1, step);
+  MotionRows out;
+  out.q =
+      (gain * (q(every, Eigen::all).rowwise() - middle.transpose())).rowwise() + middle.transpose();
+  out.qd = gain * qd(every, Eigen::all);
+  out.qdd = gain * qdd(every, Eigen::all);
+  return out;
+}
+
 /// Largest share of an effort limit that the motion needs; `gain` scales it about the middle
-/// posture.
-double effort_share(const Tree<double>& tree, const std::vector<JointRange>& ranges,
-                    const RowMatX<double>& q, const RowMatX<double>& qd, const RowMatX<double>& qdd,
+/// posture. Of a robot with loops that of its drives; infinite where the loops do not close.
+double effort_share(const Tree<double>& tree, const LoopRows* loops,
+                    const std::vector<JointRange>& ranges, const RowMatX<double>& q,
+                    const RowMatX<double>& qd, const RowMatX<double>& qdd,
                     const VecX<double>& middle, double gain, long step) {
   RneaWorkspace<double, double> ws;
   double worst = 0.0;
+  if (loops) {
+    MotionRows rows = scaled_rows(q, qd, qdd, middle, gain, step);
+    if (loops->complete(rows, middle) < 1.0) return kInfinity;
+    for (long row = 0; row < rows.q.rows(); ++row) {
+      const VecX<double> x = rows.q.row(row), v = rows.qd.row(row), a = rows.qdd.row(row);
+      const VecX<double> tau = loops->loop().at_drives(
+          x, rnea(tree, VecIn<double>(x), VecIn<double>(v), VecIn<double>(a), ws));
+      for (int j = 0; j < tau.size(); ++j)
+        worst = std::max(worst, std::abs(tau[j]) / ranges[static_cast<std::size_t>(j)].effort);
+    }
+    return worst;
+  }
   for (long row = 0; row < q.rows(); row += step) {
     const VecX<double> x = middle + gain * (q.row(row).transpose() - middle);
     const VecX<double> v = gain * qd.row(row).transpose(), a = gain * qdd.row(row).transpose();
@@ -57,7 +85,7 @@ double effort_share(const Tree<double>& tree, const std::vector<JointRange>& ran
 }  // namespace
 
 Trajectory random_fourier(const Model& model, const FourierOptions& o) {
-  require_plain_tree("excite", model);
+  require_fixed_base("excite", model);
   require(o.harmonics >= 3, "harmonics must be at least 3");
   require(o.period > 0 && o.duration > 0 && o.rate > 0,
           "period, duration and rate must be positive");
@@ -72,15 +100,24 @@ Trajectory random_fourier(const Model& model, const FourierOptions& o) {
   const long rows = periods * per_period + 1;
 
   std::vector<JointRange> ranges;
+  std::unique_ptr<LoopRows> loops;
+  if (!model.constraints.empty()) {
+    ranges = joint_ranges(model, o, {});
+    loops = std::make_unique<LoopRows>(model, o, LimitOverrides{}, ranges);
+  }
   VecX<double> middle = VecX<double>::Zero(n);
   std::vector<int> driven;
   bool may_move = false;
   RowMatX<double> q = RowMatX<double>::Zero(rows, n), qd = q, qdd = q;
   for (int j = 0; j < n; ++j) {
     const ModelLink& link = model.links[moving[j]];
-    ranges.push_back(range_of(link, o));
+    if (!loops) ranges.push_back(range_of(link, o));
     if (link.passive) {
-      ranges.back().effort = std::numeric_limits<double>::infinity();
+      ranges[static_cast<std::size_t>(j)].effort = std::numeric_limits<double>::infinity();
+      continue;
+    }
+    if (ranges[static_cast<std::size_t>(j)].follows) {
+      driven.push_back(j);
       continue;
     }
     middle[j] = ranges[j].middle;
@@ -122,14 +159,19 @@ Trajectory random_fourier(const Model& model, const FourierOptions& o) {
                      "excite; correct them, or leave them out");
 
   const long step = std::max(1L, per_period / 1000);
-  if (effort_share(tree, ranges, q.topRows(1), qd.topRows(1), qdd.topRows(1), middle, 0.0, 1) > 1.0)
+  if (effort_share(tree, loops.get(), ranges, q.topRows(1), qd.topRows(1), qdd.topRows(1), middle,
+                   0.0, 1) > 1.0)
     throw ModelError(model.name +
                      ": holding the middle of the joint ranges exceeds an effort limit; "
                      "raise effort_share or the limit");
   double gain = 1.0;
-  while (gain > 1e-3 && effort_share(tree, ranges, q.topRows(per_period), qd.topRows(per_period),
-                                     qdd.topRows(per_period), middle, gain, step) > 1.0)
+  while (gain > 1e-3 &&
+         effort_share(tree, loops.get(), ranges, q.topRows(per_period), qd.topRows(per_period),
+                      qdd.topRows(per_period), middle, gain, step) > 1.0)
     gain *= 0.9;
+  MotionRows whole = scaled_rows(q, qd, qdd, middle, gain, 1);
+  if (loops && loops->complete(whole, middle) == 0.0)
+    throw ModelError("excite: the loops of '" + model.name + "' do not close along the motion");
 
   Trajectory out;
   const long m = static_cast<long>(driven.size());
@@ -140,9 +182,9 @@ Trajectory random_fourier(const Model& model, const FourierOptions& o) {
   for (long c = 0; c < m; ++c) {
     const int j = driven[static_cast<std::size_t>(c)];
     out.joint_names.push_back(model.links[moving[j]].joint);
-    out.q.col(c) = middle[j] + gain * (q.col(j).array() - middle[j]);
-    out.qd.col(c) = gain * qd.col(j);
-    out.qdd.col(c) = gain * qdd.col(j);
+    out.q.col(c) = whole.q.col(j);
+    out.qd.col(c) = whole.qd.col(j);
+    out.qdd.col(c) = whole.qdd.col(j);
   }
   return out;
 }

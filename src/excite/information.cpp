@@ -3,12 +3,15 @@
 #include <cmath>
 #include <limits>
 
+#include <diffnea/core/error.hpp>
+
 #include "core/decompositions.hpp"
 
 namespace diffnea {
 namespace {
 
 constexpr int kStates = 200;  ///< random states that show what depends on what
+constexpr int kMostDrawn = 10 * kStates;  ///< tries of a loop, which need not close at all
 /// A column that others reproduce but for this share of its size depends on them; rounding leaves
 /// 1e-14, real dependence of states that nearly coincide 1e-4.
 constexpr double kDependent = 1e-9;
@@ -24,8 +27,11 @@ Model fitted_part(Model model) {
 
 }  // namespace
 
-Information::Information(const Model& model, const std::vector<JointRange>& ranges, Rng& rng)
-    : tree_(extend(model).tree), layout_(make_layout(fitted_part(model), FitChoice{}, {0})) {
+Information::Information(const Model& model, const std::vector<JointRange>& ranges, Rng& rng,
+                         const LoopRows* loops)
+    : tree_(extend(model).tree),
+      layout_(make_layout(fitted_part(model), FitChoice{}, {0})),
+      loops_(loops) {
   const long n = layout_.num_dofs, p = static_cast<long>(layout_.linear.size());
   links_ = inertial_parameters(tree_);
   prior_ = layout_.prior();
@@ -35,19 +41,28 @@ Information::Information(const Model& model, const std::vector<JointRange>& rang
     if (const int e = layout_.linear[static_cast<std::size_t>(c)].effect; e >= 0)
       effect_columns_[static_cast<std::size_t>(e)].push_back(static_cast<int>(c));
   for (std::size_t j = 0; j < ranges.size(); ++j)
-    if (ranges[j].driven) driven_.push_back(static_cast<int>(j));
+    if (ranges[j].driven && !ranges[j].follows) driven_.push_back(static_cast<int>(j));
 
   const long m = static_cast<long>(driven_.size());
   MatX<double> all(kStates * m, p);
   RowMatX<double> F(n, p);
-  VecX<double> q(n), qd(n), qdd(n), torque(n);
-  for (long i = 0; i < kStates; ++i) {
+  VecX<double> q = VecX<double>::Zero(n), qd = q, qdd = q, torque(n);
+  for (long i = 0, drawn = 0; i < kStates; ++i, ++drawn) {
     for (long j = 0; j < n; ++j) {
       const JointRange& r = ranges[static_cast<std::size_t>(j)];
       const double moves = r.moves() ? 1.0 : 0.0;
+      if (r.follows) continue;
       q[j] = r.middle + moves * rng.uniform(-r.half, r.half);
       qd[j] = moves * rng.uniform(-r.velocity, r.velocity);
       qdd[j] = moves * rng.uniform(-r.acceleration, r.acceleration);
+    }
+    if (loops_ && !loops_->complete(q, qd, qdd)) {
+      if (drawn > kMostDrawn)
+        throw ModelError("excite: the loops of '" + model.name +
+                         "' close at few of the postures that were drawn; narrow the ranges "
+                         "(--position-limit)");
+      --i;
+      continue;
     }
     fill(q.data(), qd.data(), qdd.data(), F, torque);
     all.middleRows(i * m, m) = F(driven_, Eigen::all);
@@ -88,6 +103,19 @@ void Information::fill(const double* q, const double* qd, const double* qdd, Row
       F.col(columns[k]) = Map(scratch_.data() + static_cast<long>(k) * n, n);
       torque += prior_[columns[k]] * F.col(columns[k]);
     }
+  }
+  if (!loops_) return;
+  const LoopMotion& loop = loops_->loop();
+  const MatX<double> D = loop.lead_map(Map(q, n));
+  const RowMatX<double> of_leads = D * F;
+  F.setZero();
+  F(loop.leads(), Eigen::all) = of_leads;
+  if (loop.drives() == loop.leads()) {
+    const VecX<double> tau = D * torque;
+    torque.setZero();
+    torque(loop.leads()) = tau;
+  } else {
+    torque = loop.at_drives(Map(q, n), torque);
   }
 }
 

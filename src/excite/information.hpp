@@ -4,17 +4,21 @@
 #include <diffnea/dynamics/regressor.hpp>
 #include <diffnea/identify/layout.hpp>
 
-#include "excite/motion.hpp"
+#include "excite/loop_rows.hpp"
 
 namespace diffnea {
 
 /// Torque is linear in the parameters of the default fit (inertias, rotors, friction, offsets, the
 /// model's own effects of one instant). Columns that random states within the limits show to be
 /// dependent on others are left out: the rest are the base parameters (pivoted QR, Gautier 1991).
+/// Of a robot with loops rows are those of the leading joints, which D maps all torques to
+/// (dynamics/driven_torques.hpp).
 class Information {
  public:
   /// Columns are scaled to a root mean square of one over those states.
-  Information(const Model& model, const std::vector<JointRange>& ranges, Rng& rng);
+  /// @param loops  of a model with constraints, which outlive it
+  Information(const Model& model, const std::vector<JointRange>& ranges, Rng& rng,
+              const LoopRows* loops = nullptr);
 
   int num_parameters() const { return static_cast<int>(base_.size()); }
   /// Of the joints' torques, (n) [N·m] or [N]; what a row of each joint is divided by.
@@ -34,6 +38,7 @@ class Information {
   Tree<double> tree_;
   FitLayout layout_;
   VecX<double> links_, prior_, noise_;
+  const LoopRows* loops_;
   std::vector<int> driven_, base_;
   VecX<double> scale_;
   std::vector<std::vector<int>> effect_columns_;

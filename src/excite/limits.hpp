@@ -12,7 +12,8 @@ struct JointRange {
   double velocity = 0.0, acceleration = 0.0;
   double effort = 0.0;  ///< infinite: not known
   bool driven = false;  ///< it has a motor
-  bool moves() const { return driven && half > 0.0; }
+  bool follows = false;  ///< a loop moves it, by other joints; its `half` may be infinite
+  bool moves() const { return driven && !follows && half > 0.0; }
 };
 
 /// A velocity or effort limit; descriptions write 0 where they know none.

@@ -4,7 +4,11 @@
 #include <cmath>
 #include <numbers>
 
+#include <diffnea/core/error.hpp>
+
+#include "core/constants.hpp"
 #include "core/decompositions.hpp"
+#include "excite/loop_rows.hpp"
 
 namespace diffnea {
 namespace {
@@ -103,13 +107,32 @@ void fill_ranges(const std::vector<JointRange>& ranges, const HarmonicTable& tab
   }
 }
 
-EffortBound::EffortBound(const Model& model) : model_(extend(model)) {}
+EffortBound::EffortBound(const Model& model, const LoopRows* loops)
+    : model_(extend(model)), loops_(loops) {
+  for (const BoundEffect& e : model_.effects)
+    if (loops_ && e.info().has(Trait::kReadsAcceleration))
+      throw ModelError("excite: " + e.info().name + " at '" + e.where +
+                       "' follows the torque that a joint transmits, which is not known in a loop; "
+                       "leave it out of the model");
+}
+
+/// Torques along a motion of all joints; of loops those that the drives give.
+RowMatX<double> EffortBound::drive_torques(JointSeries& x) const {
+  predict(model_, x);
+  RowMatX<double> out = x.drive();
+  for (long k = 0; loops_ && k < out.rows(); ++k)
+    out.row(k) =
+        loops_->loop().at_drives(x.q.row(k).transpose(), out.row(k).transpose()).transpose();
+  return out;
+}
 
 VecX<double> EffortBound::largest(const FourierMotion& motion, long count) const {
   if (count == 0)
     count = std::clamp(std::lround(std::ceil(motion.period / kFineStep)), 100L * motion.harmonics(),
                        std::max(kMostSteps, 100L * motion.harmonics()));
-  const MotionRows once = HarmonicTable(motion.harmonics(), count).sample(motion);
+  MotionRows once = HarmonicTable(motion.harmonics(), count).sample(motion);
+  if (loops_ && loops_->complete(once, motion.centre) < 1.0)
+    return VecX<double>::Constant(once.q.cols(), kInfinity);
   JointSeries x;
   x.dt = motion.period / static_cast<double>(count);
   // What has a memory begins at rest and settles in the first period.
@@ -117,8 +140,7 @@ VecX<double> EffortBound::largest(const FourierMotion& motion, long count) const
   x.q = once.q.replicate(periods, 1);
   x.qd = once.qd.replicate(periods, 1);
   x.qdd = once.qdd.replicate(periods, 1);
-  predict(model_, x);
-  const RowMatX<double>& torque = x.drive();
+  const RowMatX<double> torque = drive_torques(x);
   VecX<double> out(torque.cols());
   VecX<double> closed(torque.rows() + 2);  // the last step leads to the first row again
   for (long j = 0; j < out.size(); ++j) {
@@ -129,14 +151,13 @@ VecX<double> EffortBound::largest(const FourierMotion& motion, long count) const
 }
 
 VecX<double> EffortBound::holding(const VecX<double>& q) const {
-  RneaWorkspace<double, double> ws;
-  const VecX<double> zero = VecX<double>::Zero(q.size());
   JointSeries x;
   x.dt = 1.0;
-  x.q = q.transpose().replicate(5, 1);
+  const VecX<double> posture = loops_ ? loops_->posture_at(q) : q;
+  if (posture.size() == 0) return VecX<double>::Constant(q.size(), kInfinity);
+  x.q = posture.transpose().replicate(5, 1);
   x.qd = x.qdd = RowMatX<double>::Zero(5, q.size());
-  predict(model_, x);
-  return x.drive().row(4).transpose();
+  return drive_torques(x).row(4).transpose();
 }
 
 double fit_effort(const std::vector<JointRange>& ranges, const EffortBound& bound,
@@ -148,7 +169,9 @@ double fit_effort(const std::vector<JointRange>& ranges, const EffortBound& boun
     const VecX<double> torque = bound.largest(scaled, count);
     double worst = 0.0;
     for (long j = 0; j < torque.size(); ++j)
-      worst = std::max(worst, torque[j] / ranges[static_cast<std::size_t>(j)].effort);
+      worst = std::max(worst, std::isinf(torque[j])
+                                  ? kInfinity
+                                  : torque[j] / ranges[static_cast<std::size_t>(j)].effort);
     return worst;
   };
   double gain = 1.0, now = excess(1.0);
@@ -167,10 +190,13 @@ double fit_effort(const std::vector<JointRange>& ranges, const EffortBound& boun
 }
 
 Trajectory to_trajectory(const Model& model, const std::vector<JointRange>& ranges,
-                         const FourierMotion& motion, double duration, double rate) {
+                         const FourierMotion& motion, double duration, double rate,
+                         const LoopRows* loops) {
   const long periods = static_cast<long>(std::ceil(duration / motion.period - 1e-9));
   const long per_period = std::lround(motion.period * rate), rows = periods * per_period + 1;
-  const MotionRows once = HarmonicTable(motion.harmonics(), per_period).sample(motion);
+  MotionRows once = HarmonicTable(motion.harmonics(), per_period).sample(motion);
+  if (loops && loops->complete(once, motion.centre) == 0.0)
+    throw ModelError("excite: the loops of '" + model.name + "' do not close along the motion");
   const std::vector<std::string> names = joint_names(model);
   Trajectory out;
   std::vector<int> driven;

@@ -55,18 +55,25 @@ void draw_series(const RestBasis& basis, Rng& rng, Eigen::Ref<VecX<double>> a,
 void fill_ranges(const std::vector<JointRange>& ranges, const HarmonicTable& table,
                  const VecX<double>& share, const VecX<double>& place, FourierMotion& motion);
 
+class LoopRows;
+
 /// Torque that the model with all its effects needs, as bounds between instants too.
 class EffortBound {
  public:
-  explicit EffortBound(const Model& model);
-  /// Largest |τ_j| at any instant of the first two periods, from rest, (n) [N·m] or [N].
+  /// @param loops  of a model with constraints, which outlive it: drives give what all joints need
+  explicit EffortBound(const Model& model, const LoopRows* loops = nullptr);
+  /// Largest |τ_j| at any instant of the first two periods, from rest, (n) [N·m] or [N]; infinite
+  /// where a loop does not close, or what follows would leave its limits.
   /// @param count  samples of a period; 0: as many as make the margin small
   VecX<double> largest(const FourierMotion& motion, long count = 0) const;
   /// To hold a posture, (n).
   VecX<double> holding(const VecX<double>& q) const;
 
  private:
+  RowMatX<double> drive_torques(JointSeries& x) const;
+
   ExtendedTree model_;
+  const LoopRows* loops_;
 };
 
 /// Scales the motion about its centre until the torques meet the limits.
@@ -76,7 +83,10 @@ double fit_effort(const std::vector<JointRange>& ranges, const EffortBound& boun
 
 /// The joints with a motor over whole periods that cover `duration`; the period is a whole number
 /// of rows.
+/// @param loops  of a model with constraints
+/// @throws ModelError if a loop does not close along it
 Trajectory to_trajectory(const Model& model, const std::vector<JointRange>& ranges,
-                         const FourierMotion& motion, double duration, double rate);
+                         const FourierMotion& motion, double duration, double rate,
+                         const LoopRows* loops = nullptr);
 
 }  // namespace diffnea

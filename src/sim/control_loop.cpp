@@ -10,6 +10,7 @@
 
 #include "core/constants.hpp"
 #include "core/number_text.hpp"
+#include "sim/desired_motion.hpp"
 #include "sim/following_gains.hpp"
 #include "sim/joint_controller.hpp"
 
@@ -125,10 +126,18 @@ SimulatedRecording run_control_loop(Plant& plant, const Model& robot, const Mode
   VecX<double> qcmd(n), qdcmd(n), measured(n);
   const double start = trajectory.time[0];
   reference.sample(start, qcmd, qdcmd);
-  const VecX<double> q0 = qcmd.array().isNaN().select(0.0, qcmd);
+  VecX<double> q0 = qcmd.array().isNaN().select(0.0, qcmd);
+  if (!robot.constraints.empty()) {  // joints that follow begin where the loop closes
+    const LoopMotion loop("simulate", robot);
+    q0 = desired_motion(trajectory, joint_names(robot), &loop).q.row(0).transpose();
+  }
   ControllerOptions law = o;
   if (o.follow) {
-    const JointGains gains = following_gains(robot, controller, trajectory, o, q0);
+    // Towards a dead point a loop weighs more and more at its drives, in some directions: no gains
+    // of single joints hold it on its way.
+    if (!robot.constraints.empty() && o.kp.size() == 0 && o.kd.size() == 0)
+      law.law = ControlLaw::kComputedTorque;
+    const JointGains gains = following_gains(robot, controller, trajectory, law, q0);
     law.kp = gains.kp;
     law.kd = gains.kd;
   }
@@ -161,7 +170,7 @@ SimulatedRecording run_control_loop(Plant& plant, const Model& robot, const Mode
       continue;
     }
     if (joints[j].led) continue;
-    if (o.law == ControlLaw::kPd) {  // the gains of other laws are no stiffness and damping
+    if (law.law == ControlLaw::kPd) {  // the gains of other laws are no stiffness and damping
       r.info.controller.push_back({r.joint_names[j], "kp", control.gains().kp[j]});
       r.info.controller.push_back({r.joint_names[j], "kd", control.gains().kd[j]});
     }
@@ -184,6 +193,10 @@ SimulatedRecording run_control_loop(Plant& plant, const Model& robot, const Mode
     for (int j = 0; j < n; ++j) measured[j] += joints[j].position_noise * rng.normal();
     const VecX<double> velocity = plant.qd();
     VecX<double> u = control.torque(measured, velocity, qcmd, qdcmd);
+    if (!control.failure().empty()) {
+      out.failure = control.failure() + " at t = " + detail::number_text(time) + " s";
+      break;
+    }
     for (int j = 0; j < n; ++j) u[j] = joints[j].led ? 0.0 : u[j];
     for (int j = 0; j < n; ++j)
       r.tau(row, j) =

@@ -4,9 +4,13 @@
 #include <diffnea/sim/controller.hpp>
 
 #include "core/decompositions.hpp"
+#include "dynamics/loop_motion.hpp"
 
 namespace diffnea {
 namespace {
+
+/// Mobility of a joint, over the largest, that is rounding alone.
+constexpr double kHeld = 1e-12;
 
 /// @param given  empty, or one value per degree of freedom
 VecX<double> given_or(const VecX<double>& given, const VecX<double>& derived, const char* name) {
@@ -30,7 +34,7 @@ void require_inertia(const Model& model, const MatX<double>& M) {
 }  // namespace
 
 JointGains joint_gains(const Model& nominal, const ControllerOptions& o, const VecX<double>& q0) {
-  require_plain_tree("controller", nominal);
+  require_fixed_base("controller", nominal);
   const Tree<double> tree = make_tree(nominal);
   VecX<double> inertia = VecX<double>::Ones(tree.num_dofs());
   if (o.law == ControlLaw::kPd) {
@@ -39,8 +43,13 @@ JointGains joint_gains(const Model& nominal, const ControllerOptions& o, const V
     MassMatrixWorkspace<double, double> ws;
     const MatX<double> M = mass_matrix(tree, VecIn<double>(q0), ws);
     require_inertia(nominal, M);
-    const MatX<double> inverse = M.inverse();
-    inertia = inverse.diagonal().cwiseInverse();
+    const VecX<double> mobility = nominal.constraints.empty()
+                                      ? VecX<double>(M.inverse().diagonal())
+                                      : LoopMotion("controller", nominal).mobility(q0, M);
+    // A joint that its loop holds here, but for rounding, has no gain.
+    const double least = nominal.constraints.empty() ? 0.0 : kHeld * mobility.maxCoeff();
+    for (long j = 0; j < inertia.size(); ++j)
+      inertia[j] = mobility[j] > least ? 1.0 / mobility[j] : 0.0;
   }
   return {given_or(o.kp, inertia * (o.bandwidth * o.bandwidth), "controller: kp"),
           given_or(o.kd, inertia * (2.0 * o.damping * o.bandwidth), "controller: kd")};

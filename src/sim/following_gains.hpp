@@ -7,7 +7,8 @@
 namespace diffnea::sim {
 
 /// The gains that options ask for, raised at joints that would miss their motion: with gains of
-/// inertia alone a light joint is held by its friction, or swung by the others. Law kPd alone.
+/// inertia alone a light joint is held by its friction, or swung by the others. Law kPd, and
+/// kComputedTorque of a robot with loops.
 /// @param robot       the robot as it is: its friction counts
 /// @param controller  the model that compensates gravity
 /// @param q0          (n) where the robot starts

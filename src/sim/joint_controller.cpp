@@ -12,7 +12,15 @@ JointController::JointController(const Model& nominal, const Model& robot,
     : nominal_(nominal), options_(options), tree_(make_tree(nominal)) {
   if (joint_names(robot) != joint_names(nominal))
     throw ModelError(nominal.source + ": its joints are not those of the robot, " + robot.source);
+  if (nominal.constraints.empty() != robot.constraints.empty()) {
+    const bool open = robot.constraints.empty();
+    const Model& tied = open ? nominal : robot;
+    throw ModelError((open ? robot : nominal).source + ": it lacks constraint '" +
+                     tied.constraints.front().name + "' of " + tied.source +
+                     "; expected the loops of one robot in both");
+  }
   if (!(options.control_rate > 0.0)) throw Error("controller: control_rate must be positive");
+  if (!nominal.constraints.empty()) loop_.emplace("simulate", nominal);
   if (!options.gravity_compensation) tree_.gravity = {0, 0, 0};
   const std::vector<int> moving = moving_links(robot);
   limit_.resize(static_cast<long>(moving.size()));
@@ -31,6 +39,15 @@ void JointController::start(const VecX<double>& q0) {
 const VecX<double>& JointController::torque(const VecX<double>& q, const VecX<double>& qd,
                                             const VecX<double>& desired_q,
                                             const VecX<double>& desired_qd) {
+  failure_.clear();
+  const auto at_drives = [&](const VecX<double>& tau) -> VecX<double> {
+    if (!loop_) return tau;
+    const VecX<double> out = loop_->at_drives(q, tau);
+    if (out.size() > 0) return out;
+    failure_ = "the loop is at a dead point, where the driven joints do not hold it (" +
+               loop_->leads_text(q) + ")";
+    return VecX<double>::Zero(tau.size());
+  };
   const auto feedback = [&](long j) {
     return gains_.kp[j] * (desired_q[j] - q[j]) + gains_.kd[j] * (desired_qd[j] - qd[j]);
   };
@@ -38,10 +55,12 @@ const VecX<double>& JointController::torque(const VecX<double>& q, const VecX<do
     if (last_qd_.size() == 0) last_qd_ = desired_qd;
     qdd_ = (desired_qd - last_qd_) * options_.control_rate;
     for (long j = 0; j < qdd_.size(); ++j) qdd_[j] = passive_[j] ? 0.0 : qdd_[j] + feedback(j);
-    u_ = rnea(tree_, VecIn<double>(q), VecIn<double>(qd), VecIn<double>(qdd_), ws_);
+    VecX<double> v = qd;
+    if (loop_) loop_->follow(q, v, qdd_);  // followers do as the leading joints are to
+    u_ = at_drives(rnea(tree_, VecIn<double>(q), VecIn<double>(v), VecIn<double>(qdd_), ws_));
     last_qd_ = desired_qd;
   } else {
-    u_ = gravity_torques(tree_, VecIn<double>(q), ws_);
+    u_ = at_drives(gravity_torques(tree_, VecIn<double>(q), ws_));
     for (long j = 0; j < u_.size(); ++j) u_[j] += passive_[j] ? 0.0 : feedback(j);
   }
   saturated_ = false;

@@ -1,16 +1,21 @@
 #pragma once
-/// The torque of one robot's controller, one period after the other.
+/// The torque of one robot's controller, one period after the other. Of a robot with loops the
+/// drives give what all joints need (LoopMotion::torque_map).
+
+#include <optional>
 
 #include <diffnea/dynamics/rnea.hpp>
 #include <diffnea/sim/controller.hpp>
+
+#include "dynamics/loop_motion.hpp"
 
 namespace diffnea::sim {
 
 class JointController {
  public:
   /// @param robot  whose motors and effort limits there are; joints as in the nominal model
-  /// @throws ModelError if the joints differ; Error if the rate is not positive; ShapeError as
-  /// joint_gains
+  /// @throws ModelError if the joints differ, and as LoopMotion; Error if the rate is not positive;
+  /// ShapeError as joint_gains
   JointController(const Model& nominal, const Model& robot, const ControllerOptions& options,
                   const VecX<double>& q0);
 
@@ -22,12 +27,15 @@ class JointController {
   const VecX<double>& torque(const VecX<double>& q, const VecX<double>& qd,
                              const VecX<double>& desired_q, const VecX<double>& desired_qd);
   bool saturated() const { return saturated_; }  ///< whether a limit was met in the last call
+  /// Empty, or why the last torque is none: the drives do not hold the loop there.
+  const std::string& failure() const { return failure_; }
   const JointGains& gains() const { return gains_; }
 
  private:
   Model nominal_;
   ControllerOptions options_;
   Tree<double> tree_;
+  std::optional<LoopMotion> loop_;  ///< of a nominal model with constraints
   std::vector<bool> passive_;
   VecX<double> limit_;
   JointGains gains_;
@@ -35,6 +43,7 @@ class JointController {
   VecX<double> last_qd_;  ///< desired in the last call; empty before the first
   VecX<double> qdd_, u_;
   bool saturated_ = false;
+  std::string failure_;
 };
 
 }  // namespace diffnea::sim

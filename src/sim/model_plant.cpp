@@ -11,6 +11,15 @@
 
 namespace diffnea::sim {
 
+namespace {
+
+std::optional<LoopMotion> loop_of(const Model* model) {
+  if (!model || model->constraints.empty()) return std::nullopt;
+  return LoopMotion("simulate", *model);
+}
+
+}  // namespace
+
 /// After a step of `h` seconds at constant velocity.
 double ModelPlant::JointState::advanced(double way, double h) const {
   return h > 0.0 ? advanced_state(*effect, state, {way, way / h, h}) : state;
@@ -111,11 +120,17 @@ VecX<double> ModelPlant::at_encoders(const VecX<double>& z, int order) const {
 }
 
 ModelPlant::ModelPlant(const Model& model, const RecordOptions& options)
-    : ModelPlant(extend(model, {0}), 1.0 / options.control_rate, options.physics_step, 0) {}
+    : ModelPlant(extend(model, {0}), 1.0 / options.control_rate, options.physics_step, 0, &model) {}
 
 ModelPlant::ModelPlant(ExtendedTree model, double period, double largest_step, int run)
+    : ModelPlant(std::move(model), period, largest_step, run, nullptr) {}
+
+ModelPlant::ModelPlant(ExtendedTree model, double period, double largest_step, int run,
+                       const Model* described)
     : n_(model.tree.num_dofs()),
-      dynamics_(take_apart(std::move(model))),
+      loop_(loop_of(described)),
+      dynamics_(take_apart(std::move(model)),
+                loop_ ? loop_->constraints() : TreeConstraints<double>{}),
       drives_(series_, n_),
       encoders_(series_, n_),
       period_(period),
@@ -127,8 +142,9 @@ ModelPlant::ModelPlant(ExtendedTree model, double period, double largest_step, i
 int ModelPlant::steps_for_stiffness(const VecX<double>& q) const {
   MassMatrixWorkspace<double, double> ws;
   const ExtendedTree& model = dynamics_.model();
+  const MatX<double> M = mass_matrix<double, double>(model.tree, q, ws);
   const VecX<double> mobility =
-      MatX<double>(mass_matrix<double, double>(model.tree, q, ws)).inverse().diagonal();
+      loop_ ? loop_->mobility(q, M) : VecX<double>(M.inverse().diagonal());
   double rate = 0.0;  // [1/s], of an oscillation or a decay
   const auto spring = [&](double stiffness, double damping, double inverse_inertia) {
     rate = std::max({rate, std::sqrt(stiffness * inverse_inertia), damping * inverse_inertia});
@@ -249,13 +265,16 @@ void ModelPlant::reset(const VecX<double>& reading) {
   RneaWorkspace<double, double> ws;
   const int rounds = std::ranges::any_of(motors_, &Motor::encoder) ? 5 : 1;
   for (int round = 0; round < rounds; ++round) {
-    const VecX<double> hold = gravity_torques<double, double>(dynamics_.model().tree, q, ws);
+    VecX<double> hold = gravity_torques<double, double>(dynamics_.model().tree, q, ws);
+    if (loop_) hold = loop_->at_drives(q, hold);
     for (int k = 0; k < m; ++k) {
       const Motor& motor = motors_[static_cast<std::size_t>(k)];
       const double wound = deflection_at(*motor.effect, hold[motor.joint]);
       if (motor.encoder) q[motor.joint] = read[motor.joint] - wound;
       z_[2 * n_ + k] = read[motor.joint] + (motor.encoder ? 0.0 : wound);
     }
+    // Encoders that are off, and links behind their motors, take the followers along.
+    if (loop_) loop_->close(loop_->positions_of_leads(q), q);
   }
   z_.head(n_) = q;
   for (JointState& b : states_) b.state = 0.0;
@@ -335,6 +354,14 @@ std::string ModelPlant::step(const VecX<double>& torque) {
     if (!z_.allFinite()) return "the integration is unstable";
   }
   time_ = begin + period_;
+  return loop_ ? close_loops() : "";
+}
+
+std::string ModelPlant::close_loops() {
+  VecX<double> q = z_.head(n_), qd = z_.segment(n_, n_);
+  if (!loop_->hold(q, qd)) return "constraint " + loop_->gap_text(q) + ", the loop has opened";
+  z_.head(n_) = q;
+  z_.segment(n_, n_) = qd;
   return "";
 }
 

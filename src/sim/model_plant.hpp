@@ -1,12 +1,14 @@
 #pragma once
 /// A model with all its effects as a robot that can be stepped: those of one instant by forward
 /// dynamics, those with memory with their states (torque of the drives, states at joints, angles of
-/// hidden motors), encoders on what is read.
+/// hidden motors), encoders on what is read. Loops close: constraints act in the dynamics, and what
+/// the integration lets them drift is taken back after every period.
 
 #include <diffnea/dynamics/integrators.hpp>
 #include <diffnea/effects/forward_dynamics.hpp>
 #include <diffnea/effects/joint_series.hpp>
 
+#include "dynamics/loop_motion.hpp"
 #include "sim/control_loop.hpp"
 #include "sim/drives.hpp"
 
@@ -58,6 +60,9 @@ class ModelPlant : public Plant {
     bool encoder;            ///< positions are read here
   };
 
+  /// @param described  the model, for its constraints; null: none act
+  ModelPlant(ExtendedTree model, double period, double largest_step, int run,
+             const Model* described);
   ExtendedTree take_apart(ExtendedTree model);
   void hide_motors(Tree<double>& tree);
   void place_states();
@@ -66,11 +71,14 @@ class ModelPlant : public Plant {
   /// Positions (`order` 0) or velocities (1) of what the encoders sit at.
   VecX<double> at_encoders(int order) const { return at_encoders(z_, order); }
   VecX<double> at_encoders(const VecX<double>& z, int order) const;
+  /// Closes the loops of links again. @return empty, or which constraint is open
+  std::string close_loops();
   int steps_for_stiffness(const VecX<double>& q) const;
   int steps_for_friction(const VecX<double>& q);
   void slope(double share, const VecX<double>& z, VecX<double>& dz);
 
   int n_;
+  std::optional<LoopMotion> loop_;          ///< of a model with constraints
   std::vector<BoundEffect> series_;         ///< with memory, or of a channel
   std::vector<BoundEffect> motor_effects_;  ///< of one instant, what turns with hidden motors
   std::vector<BoundEffect> servos_;  ///< drives with a loop of their own, fed back from encoders

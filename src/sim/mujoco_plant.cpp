@@ -99,6 +99,7 @@ MujocoRobot::MujocoRobot(const std::string& mjcf, const Model& truth, double rat
   const MujocoData data(mj_makeData(&m));
   if (!data) throw ModelError(truth.source + ": MuJoCo has no memory for it");
   mj_setConst(&m, data.get());
+  tie_loops(truth);  // which mj_setConst takes from q = 0
 }
 
 void MujocoRobot::apply(const ModelLink& link) {
@@ -244,10 +245,70 @@ void MujocoRobot::apply_to_follower(const BoundEffect& effect) {
   }
 }
 
-/// Holds joints to those that they follow as tightly as the steps allow: MuJoCo's own default gives
-/// way over 20 ms.
-void MujocoRobot::tie_followers(const Model& truth) {
+/// Holds an equality as tightly as the steps allow: MuJoCo's own default gives way over 20 ms.
+void MujocoRobot::stiffen(int equality) {
   constexpr double kImpedance = 0.9999;  // 1: rigid
+  mjModel& m = *model_;
+  m.eq_solref[mjNREF * equality] = 2.0 * m.opt.timestep;
+  m.eq_solimp[mjNIMP * equality] = m.eq_solimp[mjNIMP * equality + 1] = kImpedance;
+}
+
+/// A frame of a link in MuJoCo's body: the link's origin is at the body's last joint.
+std::pair<int, Pose<double>> MujocoRobot::in_body(const ConstraintEnd& end,
+                                                  const Model& truth) const {
+  if (end.link < 0) return {0, end.X_LF};
+  const mjModel& m = *model_;
+  const int body =
+      find(m, mjOBJ_BODY, truth.links[static_cast<std::size_t>(end.link)].name, "body");
+  Pose<double> X_BL = Pose<double>::identity();
+  if (const int joints = m.body_jntnum[body]; joints > 0) {
+    const mjtNum* p = m.jnt_pos + 3 * (m.body_jntadr[body] + joints - 1);
+    X_BL.p = {p[0], p[1], p[2]};
+  }
+  return {body, X_BL * end.X_LF};
+}
+
+/// Closes loops where the model has them, and as tightly: between bodies MuJoCo would take the
+/// second point from q = 0, wherever the sites of the file are.
+/// @throws ModelError if the document lacks a constraint of the model
+void MujocoRobot::tie_loops(const Model& truth) {
+  mjModel& m = *model_;
+  for (const ConstraintSpec& c : truth.constraints) {
+    const bool weld = c.kind == ConstraintKind::kWeld;
+    const int type = weld ? mjEQ_WELD : mjEQ_CONNECT;
+    int e = mj_name2id(&m, mjOBJ_EQUALITY, c.name.c_str());
+    for (int k = 0; k < m.neq && e < 0; ++k)  // names that io/ gives
+      if (!mj_id2name(&m, mjOBJ_EQUALITY, k) &&
+          c.name.starts_with((weld ? "weld" : "connect") + std::to_string(k + 1)))
+        e = k;
+    if (e < 0 || m.eq_type[e] != type)
+      throw ModelError("MuJoCo world: constraint '" + c.name +
+                       "' of the model is not in the document; expected a connect or weld of that "
+                       "name");
+    const auto [a, X_AJ] = in_body(c.first, truth);
+    const auto [b, X_BK] = in_body(c.second, truth);
+    m.eq_obj1id[e] = a;
+    m.eq_obj2id[e] = b;
+    mjtNum* data = m.eq_data + static_cast<std::ptrdiff_t>(mjNEQDATA) * e;
+    const auto put = [](const Vec3<double>& p, mjtNum* to) {
+      const double numbers[3] = {p.x, p.y, p.z};
+      std::copy_n(numbers, 3, to);
+    };
+    if (weld) {  // x₁ + R₁ relpos = x₂ + R₂ anchor, R₁ relquat = R₂; the anchor leads
+      const Eigen::Quaterniond q(to_eigen(X_AJ.R * transpose(X_BK.R)));
+      const double quat[4] = {q.w(), q.x(), q.y(), q.z()};
+      put(X_BK.p, data);
+      put(X_AJ.p, data + 3);
+      std::copy_n(quat, 4, data + 6);
+    } else {
+      put(X_AJ.p, data);
+      put(X_BK.p, data + 3);
+    }
+    stiffen(e);
+  }
+}
+
+void MujocoRobot::tie_followers(const Model& truth) {
   mjModel& m = *model_;
   for (const TreeJoint& j : tree_joints(truth)) {
     if (!j.follows) continue;
@@ -258,8 +319,7 @@ void MujocoRobot::tie_followers(const Model& truth) {
       if (m.eq_type[e] != mjEQ_JOINT || (m.eq_obj1id[e] != joint && m.eq_obj2id[e] != joint))
         continue;
       tied = true;
-      m.eq_solref[mjNREF * e] = 2.0 * m.opt.timestep;
-      m.eq_solimp[mjNIMP * e] = m.eq_solimp[mjNIMP * e + 1] = kImpedance;
+      stiffen(e);
     }
     if (!tied)
       throw ModelError("MuJoCo world: joint '" + j.name +

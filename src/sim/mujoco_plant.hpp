@@ -49,6 +49,9 @@ class MujocoRobot {
     JointDrive drive;
   };
   void tie_followers(const Model& truth);
+  void tie_loops(const Model& truth);
+  void stiffen(int equality);
+  std::pair<int, Pose<double>> in_body(const ConstraintEnd& end, const Model& truth) const;
   void tie_rotor(const BoundEffect& elasticity, const Model& truth);
   void place_states(BoundEffect effect);
   void turn(const BoundEffect& effect);

@@ -98,6 +98,7 @@ MujocoSimulator::MujocoSimulator(const std::string& mjcf, const Model& truth,
                                  const Model& controller, const MujocoSimulatorOptions& options)
     : MujocoSimulator([&] {
         check(options);
+        require_plain_tree("simulator", controller);
         World w{.robot = std::make_shared<const sim::MujocoRobot>(
                     mjcf, truth, options.controller.control_rate, options.physics_step),
                 .truth = truth,

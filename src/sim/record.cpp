@@ -23,7 +23,7 @@ double torque_scale(const ModelLink& link) {
 
 SimulatedRecording record_model(const Model& robot, const Model& controller,
                                 const Trajectory& trajectory, const RecordOptions& options) {
-  require_plain_tree("simulate", robot);
+  require_fixed_base("simulate", robot);
   sim::ModelPlant plant(robot, options);
   SimulatedRecording out = sim::run_control_loop(plant, robot, controller, trajectory, options);
   out.recording.source = robot.source;

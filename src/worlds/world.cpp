@@ -290,7 +290,7 @@ WorldRecording record_in_world(const WorldSpec& world, const Model& controller,
                                const Trajectory& trajectory, RecordOptions options,
                                std::uint64_t seed, int threads,
                                std::optional<std::uint64_t> number) {
-  require_plain_tree("simulate", controller);
+  require_fixed_base("simulate", controller);
   options.seed = world.seed.value_or(seed);
   const std::uint64_t noise = number.value_or(world.seed ? seed : 0);
   options.actuation_noise = together(options.actuation_noise, world.perturbation.actuation_noise);

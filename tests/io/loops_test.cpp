@@ -10,7 +10,6 @@
 
 #include <diffnea/dynamics/constraint_projection.hpp>
 #include <diffnea/dynamics/tree_constraints.hpp>
-#include <diffnea/excite/fourier.hpp>
 #include <diffnea/identify/identify.hpp>
 #include <diffnea/io/model_info.hpp>
 
@@ -280,8 +279,6 @@ TEST_CASE("loops: info of links that cannot move says whether they are closed", 
 
 TEST_CASE("loops: what does not serve constraints says so", "[io][loops]") {
   const Model model = model_of(four_bar(kPinOfSites));
-  CHECK_THROWS_WITH(random_fourier(model, {}), ContainsSubstring("has constraints, 'pin'") &&
-                                                   ContainsSubstring("--open-loops"));
   IdentifyOptions by_motion;
   by_motion.loss = Loss::kMotion;
   CHECK_THROWS_WITH(identify(model, std::vector<Recording>{}, {}, by_motion),

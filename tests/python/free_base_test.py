@@ -238,9 +238,15 @@ def test_what_is_no_state_is_named(walker: package.Model) -> None:
 def test_what_serves_no_free_base_says_so(
     walker: package.Model, urdf: Path, tmp_path: Path
 ) -> None:
-    refused = r"'trunk' .* floats.*--fix-base \(fix_base=True\)"
+    refused = r"'trunk' .* floats.*--fix-base \(fix_base=True\).*identify. fits logs of its flights"
+    still = np.zeros((2, 3))
+    motion = package.Trajectory(
+        time=[0.0, 1.0], q=still, qd=still, qdd=still, joint_names=walker.joint_names
+    )
     for call in (
         lambda: package.excite(walker),
+        lambda: package.design_excitation(walker),
+        lambda: package.simulate(walker, motion),
         lambda: package.diagnose(walker, "nowhere.csv"),
     ):
         with pytest.raises(package.ModelError, match=refused):

@@ -117,8 +117,13 @@ class Linkage:
             tau[:, k] += dV[k] - 0.5 * np.einsum("ti,tij,tj->t", qd, dM[k], qd)
         return tau
 
+    @property
+    def middle(self) -> np.ndarray:
+        """Angles (drives,) of the driven joints about which it moves far."""
+        return np.array([-1.1] if self.drives == 1 else [-1.6, 1.2])
+
     def mjcf(self) -> str:
-        """The linkage as an MJCF, thin out of its plane."""
+        """The linkage as an MJCF, thin out of its plane; its home is closed, as `joints` has it."""
         text = '<site name="tip" pos="{} 0 0"/>'.format(self.bars[-1].length)
         for i in reversed(range(len(self.bars))):
             b = self.bars[i]
@@ -128,12 +133,14 @@ class Linkage:
                 f'mass="{b.mass}" diaginertia="{b.inertia / 2} {b.inertia} {b.inertia / 2}"/>'
                 f'<joint name="j{i + 1}" axis="0 1 0"/>{text}</body>'
             )
+        home = " ".join(map(repr, self.joints(self.middle[None])[0].tolist()))
         motors = "".join(f'<motor joint="j{i + 1}"/>' for i in range(self.drives))
         return (
             f'<mujoco model="linkage"><option gravity="0 0 -{GRAVITY}"/><worldbody>'
             f'<site name="ground" pos="{self.base} 0 0"/>{text}</worldbody><equality>'
             '<connect name="pin" site1="tip" site2="ground"/></equality>'
-            f"<actuator>{motors}</actuator></mujoco>"
+            f"<actuator>{motors}</actuator>"
+            f'<keyframe><key name="home" qpos="{home}"/></keyframe></mujoco>'
         )
 
 

@@ -5,6 +5,7 @@
 #include <diffnea/dynamics/aba.hpp>
 #include <diffnea/dynamics/derivatives.hpp>
 #include <diffnea/dynamics/mass_matrix.hpp>
+#include <diffnea/dynamics/tree_constraints.hpp>
 #include <diffnea/effects/extended_tree.hpp>
 
 namespace diffnea {
@@ -28,6 +29,10 @@ class ForwardDynamics {
   /// @throws ModelError for effects with memory or of a measurement channel (sim/record.hpp
   /// integrates those), and for gains that turn a torque around
   explicit ForwardDynamics(ExtendedTree model);
+  /// The same under constraints, which acceleration() knows and linearise() refuses.
+  /// @throws ModelError as above; for effects that read q̈ or the transmitted torque, which
+  /// constraints change
+  ForwardDynamics(ExtendedTree model, TreeConstraints<double> constraints);
 
   /// Number of joints.
   int num_dofs() const { return n_; }
@@ -62,7 +67,7 @@ class ForwardDynamics {
   /// Also ∂q̈/∂q, ∂q̈/∂q̇ and M⁻¹, effects included; read them from the accessors. Effects E that read
   /// q̈ or τ make S = M + ∂E/∂q̈ + ∂E/∂τ M_links of M.
   /// @throws ModelError for effects that it has no derivatives of: those that need the time or the
-  /// place of a link
+  /// place of a link; beside constraints
   void linearise(const double* q, const double* qd, const double* u, int run);
   /// (n) accelerations of the last call [rad/s²].
   const VecX<double>& qdd() const { return aba_.qdd; }
@@ -88,6 +93,8 @@ class ForwardDynamics {
   void add_implicit(std::size_t effect, const double* qdd, int run);
 
   ExtendedTree model_;
+  TreeConstraints<double> constraints_;
+  ConstrainedTreeWorkspace<double, double> constrained_ws_;
   /// Joints that an effect of the model depends on.
   struct Reads {
     std::vector<int> joints;

@@ -18,6 +18,10 @@
 /// positions, velocities and accelerations. Torques are no polynomials: they are evaluated every
 /// millisecond or finer, and twice the error of a straight line between the samples, h²/8 |τ̈| with
 /// τ̈ from differences, is added.
+///
+/// Loops that constraints close are led by as many joints with a motor as there are motions; the
+/// others follow, and what their limits leave narrows the ranges. Their positions, velocities
+/// and accelerations are no polynomials: they are looked at on the samples, with a margin.
 
 #include <functional>
 #include <map>
@@ -121,7 +125,8 @@ struct Excitation {
 
 /// Deterministic for a seed.
 /// @throws ModelError if nothing can move, limits are inverted, or no posture can be held or no
-/// motion be made within the torque limits (names joint, torque and limit);
+/// motion be made within the torque limits (names joint, torque and limit); if loops close nowhere
+/// within the limits, or fewer joints have a motor than constraints leave motions;
 ///         Error for options out of range
 Excitation design_excitation(const Model& model, const DesignOptions& options = {});
 

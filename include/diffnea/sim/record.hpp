@@ -52,10 +52,12 @@ struct SimulatedRecording {
 /// too, what they read. A filter in the logged velocity (then `qd` is recorded) and a late clock
 /// change the log alone.
 /// @param controller  the model that the controller compensates gravity with; same joints
+/// Constraints of the robot act, and what follows in its loops is logged without a torque. Without
+/// gains, loops are controlled by computed torque: no gains of single joints hold them.
 /// @param trajectory  of all joints that have a motor, and possibly others; its first row is the
 /// start, at rest
-/// @throws ModelError if joints differ, or effects cannot act at one joint together; ShapeError for
-/// the gains
+/// @throws DataError naming the time where a loop does not close or is not held; ModelError if
+/// joints differ, or effects cannot act at one joint together; ShapeError for the gains
 SimulatedRecording record_model(const Model& robot, const Model& controller,
                                 const Trajectory& trajectory, const RecordOptions& options = {});
 

@@ -213,7 +213,7 @@ DIFFNEA_INLINE void require_fixed_base(const char* what, const Model& model) {
   throw ModelError(std::string(what) + ": the base '" + model.links[0].name + "' of '" +
                    model.name +
                    "' floats, which is not served here yet; --fix-base (fix_base=True) reads it as "
-                   "hung where the file has it");
+                   "hung where the file has it, and `diffnea identify` fits logs of its flights");
 }
 
 DIFFNEA_INLINE void require_no_constraints(const char* what, const Model& model) {
@@ -222,8 +222,9 @@ DIFFNEA_INLINE void require_no_constraints(const char* what, const Model& model)
   for (const ConstraintSpec& c : model.constraints)
     names += (names.empty() ? "'" : ", '") + c.name + "'";
   throw ModelError(std::string(what) + ": '" + model.name + "' has constraints, " + names +
-                   ", whose forces are not served here yet; --open-loops (open_loops=True) reads "
-                   "the tree without them, and their forces then are missing");
+                   ", whose forces are not served here yet; `excite`, `simulate` and `identify` "
+                   "by torques serve loops, and --open-loops (open_loops=True) reads the tree "
+                   "without them, whose forces then are missing");
 }
 
 DIFFNEA_INLINE void require_plain_tree(const char* what, const Model& model) {
