@@ -212,13 +212,22 @@ std::string none_words(const Finding& f) {
   for (const Refusal& r : f.refused)
     if (r.delta_bic > 0.0 && r.reason.starts_with("does not help on held-out data"))
       fit.push_back(at(r.effect, r.where));
-  if (f.held_out != "time blocks" || fit.empty())
-    return f.gain.before > kUneasy
-               ? "N" + no_effect +
-                     "improves the model beyond its noise, though on held-out data its error is " +
-                     number(f.gain.before) + " times that."
-               : (f.tried == Tried::kAll ? "Nothing is left to explain: n" : "N") + no_effect +
-                     "improves the model beyond its noise.";
+  if (f.held_out != "time blocks" || fit.empty()) {
+    const std::string beyond = "improves the model beyond its noise";
+    if (f.gain.before > kUneasy)
+      return "N" + no_effect + beyond + ", though on held-out data its error is " +
+             number(f.gain.before) + " times that.";
+    // What is left of one joint may be little beside the others', or told by the rows before.
+    const auto times_noise = [](const JointGain& g) {
+      return g.noise_floor > 0.0 ? g.extended / g.noise_floor : 0.0;
+    };
+    const auto worst = std::ranges::max_element(f.joints, {}, times_noise);
+    if (worst != f.joints.end() && times_noise(*worst) > kFarOff)
+      return "N" + no_effect + beyond + ", though on held-out data the error of " + worst->joint +
+             " is " + number(times_noise(*worst)) + " times its noise.";
+    return (f.tried == Tried::kAll ? "Nothing is left to explain: n" : "N") + no_effect + beyond +
+           ".";
+  }
   if (fit.size() > kListed) fit.resize(kListed);
   return "N" + no_effect + "helps on the parts of the recording that were held out, though " +
          listed(fit, " and ") +

@@ -35,6 +35,20 @@ TEST_CASE("sentence: what fits and is refuted by parts of the same recording is 
   CHECK_THAT(sentence(finding), ContainsSubstring("Nothing is left to explain"));
 }
 
+TEST_CASE("sentence: nothing is not said to be left where one joint's error is far above its noise",
+          "[report]") {
+  Finding finding;
+  finding.verdict = Verdict::kNone;
+  finding.gain.before = 0.84;  // of all joints, and of what no earlier row tells
+  finding.joints = {{"pan", "N*m", 20.0, 0.2, 0.2, 0.21}, {"lift", "N*m", 15.0, 1.35, 1.35, 0.21}};
+  CHECK_THAT(
+      sentence(finding),
+      ContainsSubstring("though on held-out data the error of lift is 6.429 times its noise") &&
+          !ContainsSubstring("Nothing is left"));
+  finding.joints[1].extended = 0.4;
+  CHECK_THAT(sentence(finding), ContainsSubstring("Nothing is left to explain"));
+}
+
 TEST_CASE("sentence: causes of most of an error come before the one that is not known",
           "[report]") {
   Finding finding;
