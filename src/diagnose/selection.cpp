@@ -177,9 +177,11 @@ bool Selection::helps_anew(std::vector<Term>& terms, std::vector<Term>& with) {
 bool Selection::tilt_helps(const std::vector<Term>& rest, std::vector<Term>& terms) {
   std::vector<Term> level = rest;
   renew(level);
-  const Prediction without = held_out_.predicted(search_, level);
-  renew(terms);
-  return held_out_.compare(without, held_out_.predicted(search_, terms)).helps();
+  const VecX<double> without = held_out_.errors(search_, level);
+  renew(terms);  // both by the noise beside the tilt: beside none, the tilt passes for noise
+  return held_out_
+      .compare(held_out_.predicted(search_, without), held_out_.predicted(search_, terms))
+      .helps();
 }
 
 void Selection::renew(std::vector<Term>& terms) {
