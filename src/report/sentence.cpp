@@ -217,7 +217,7 @@ std::string none_words(const Finding& f) {
     if (f.gain.before > kUneasy)
       return "N" + no_effect + beyond + ", though on held-out data its error is " +
              number(f.gain.before) + " times that.";
-    // What is left of one joint may be little beside the others', or told by the rows before.
+    // The error of one joint may be little beside the others', or told by the rows before.
     const auto times_noise = [](const JointGain& g) {
       return g.noise_floor > 0.0 ? g.extended / g.noise_floor : 0.0;
     };

@@ -39,7 +39,7 @@ TEST_CASE("sentence: nothing is not said to be left where one joint's error is f
           "[report]") {
   Finding finding;
   finding.verdict = Verdict::kNone;
-  finding.gain.before = 0.84;  // of all joints, and of what no earlier row tells
+  finding.gain.before = 0.84;  // mean of all joints, of what no earlier row tells
   finding.joints = {{"pan", "N*m", 20.0, 0.2, 0.2, 0.21}, {"lift", "N*m", 15.0, 1.35, 1.35, 0.21}};
   CHECK_THAT(
       sentence(finding),
