@@ -31,7 +31,7 @@ struct Candidate {
   std::vector<double> shape_low, shape_high;  ///< of `shapes`; 0, infinity: no bound
   double rotor = 0.0;                         ///< behind a spring [kg·m²] or [kg]
   bool rotor_assumed = false;                 ///< no model states it
-  double swings = 0.0;  ///< what a spring may swing behind its encoder [kg·m²] or [kg]
+  double swings = 0.0;  ///< inertia behind an encoder at the motor [kg·m²] or [kg]
   double held = 0.0;  ///< relative uncertainty of what is held at the model's word
   /// How recordings bound the first of `shapes`.
   SearchBound bound() const {

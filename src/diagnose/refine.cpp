@@ -16,10 +16,10 @@ namespace {
 constexpr double kRedundant = 0.02;
 /// χ²: what one or the other makes of a choice that the recording shows.
 constexpr double kSideShows = 1.0;
-/// Of a joint's measured torque: more, that the base takes back, is of a candidate which the base
-/// hides. Of a force in plain sight (share of its torque that the base leaves), like a spring that
-/// carries a weight, it may be any; of what changes more than one joint's torque, like a payload
-/// beside a wrist that carries nothing else, where the base leaves most of it.
+/// Share of a joint's measured torque: more, that the base takes back, is of a candidate which the
+/// base hides. A force in plain sight (share of its torque that the base leaves), like a spring
+/// that carries a weight, may have any; what acts at several joints, like a payload at a wrist that
+/// carries nothing else, where the base leaves most of it.
 constexpr double kWhole = 0.95, kPlainSight = 0.02, kMostlySeen = 0.5;
 /// Beyond, no torque constant is off.
 constexpr double kMostGainError = 0.5;
