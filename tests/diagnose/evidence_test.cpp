@@ -200,8 +200,11 @@ TEST_CASE(
     "diagnose: friction and encoder of an elastic joint are tried on either side at every "
     "stiffness",
     "[diagnose]") {
-  const test::SwingingEvidence evidence(20.0);
-  const Candidate c = candidate(evidence.model, "joint_elasticity", "elbow");
+  Model model = test::SwingingEvidence(20.0).model;
+  // Without a rotor no simulation has an encoder at the motor.
+  CHECK(candidate(model, "joint_elasticity", "elbow").choices == std::vector<int>{3});
+  model.effects.push_back({"armature", "elbow", {{"armature", 0.1, ""}}});
+  const Candidate c = candidate(model, "joint_elasticity", "elbow");
   REQUIRE(c.shapes == std::vector<int>{0});
   REQUIRE(c.choices == std::vector<int>{3, 4});
   CHECK(c.grid.size() == 4 * c.effect.parameter_info[0].search.size());
