@@ -118,7 +118,7 @@ double score(unsigned seed) {
   Search search(*evidence, candidates, prior, {});
   std::vector<Term> none;
   search.refresh(0.0, none);
-  Term spring = term_at(candidates[0], 0, {100.0, 1.0, 0.0});
+  Term spring = term_at(candidates[0], 0, {100.0, 1.0});  // friction turns with the motor
   search.set_columns(spring);  // by its damping and its rotor
   const VecX<double> column = search.projection().expanded(spring.beside).col(1);
   return column.dot(search.projection().residual()) / column.norm();
