@@ -11,7 +11,7 @@ namespace diffnea {
 /// Torque is linear in the parameters of the default fit (inertias, rotors, friction, offsets, the
 /// model's own effects of one instant). Columns that random states within the limits show to be
 /// dependent on others are left out: the rest are the base parameters (pivoted QR, Gautier 1991).
-/// Of a robot with loops rows are those of the leading joints, which D maps all torques to
+/// In a robot with loops rows are those of the leading joints, which D maps all torques to
 /// (dynamics/driven_torques.hpp).
 class Information {
  public:
