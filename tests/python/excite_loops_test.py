@@ -1,13 +1,12 @@
 """From a description of a linkage to its base parameters: excite, simulate, identify."""
 
-import dataclasses
 import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 from cli import done
-from planar_linkage import FIVE_BAR, FOUR_BAR, Linkage
+from planar_linkage import FIVE_BAR, FOUR_BAR, Linkage, described
 
 import diffnea as package
 
@@ -15,29 +14,12 @@ LINKAGES = pytest.mark.parametrize("linkage", [FOUR_BAR, FIVE_BAR], ids=["four-b
 SEEDS = 20
 
 
-def described(tmp_path: Path, linkage: Linkage) -> tuple[package.Model, package.Model]:
-    """Return the truth, and a description whose masses and inertias are a quarter off."""
-    wrong = dataclasses.replace(
-        linkage,
-        bars=tuple(
-            dataclasses.replace(b, mass=1.25 * b.mass, inertia=0.8 * b.inertia)
-            for b in linkage.bars
-        ),
-    )
-    out = []
-    for name, each in (("truth", linkage), ("wrong", wrong)):
-        path = tmp_path / f"{name}.xml"
-        path.write_text(each.mjcf())
-        out.append(package.load_model(path))
-    return out[0], out[1]
-
-
 @LINKAGES
 def test_a_designed_motion_closes_and_tells_all_base_parameters(
     linkage: Linkage, tmp_path: Path
 ) -> None:
     """Better than random motions, within the limits that are asked for."""
-    _, model = described(tmp_path, linkage)
+    _, model = map(package.load_model, described(tmp_path, linkage))
     limit = {"j1": 1.5, f"j{linkage.drives + 1}": 1.0}
     found = package.design_excitation(
         model, duration=10, seed=1, iterations=30, velocity_limits=limit
@@ -60,7 +42,7 @@ def test_a_designed_motion_closes_and_tells_all_base_parameters(
 @LINKAGES
 def test_base_parameters_come_back_through_simulation(linkage: Linkage, tmp_path: Path) -> None:
     """Truth lies in its 95 % intervals in 20 recordings of one designed motion."""
-    truth, wrong = described(tmp_path, linkage)
+    truth, wrong = map(package.load_model, described(tmp_path, linkage))
     motion = package.design_excitation(wrong, duration=10, seed=1, iterations=20).trajectory
     value = dict(
         zip(

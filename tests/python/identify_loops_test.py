@@ -1,12 +1,11 @@
 """Closed linkages identified from torques of their drives; data by Lagrange's equation."""
 
-import dataclasses
 from pathlib import Path
 
 import numpy as np
 import pytest
 from cli import BAD_INPUT, diffnea, done
-from planar_linkage import FIVE_BAR, FOUR_BAR, Linkage
+from planar_linkage import FIVE_BAR, FOUR_BAR, Linkage, described
 
 import diffnea as package
 
@@ -42,27 +41,10 @@ def moves(linkage: Linkage, seed: int) -> package.Recording:
     )
 
 
-def models(tmp_path: Path, linkage: Linkage) -> tuple[package.Model, package.Model]:
-    """Return the truth, and a description whose masses and inertias are a quarter off."""
-    wrong = dataclasses.replace(
-        linkage,
-        bars=tuple(
-            dataclasses.replace(b, mass=1.25 * b.mass, inertia=0.8 * b.inertia)
-            for b in linkage.bars
-        ),
-    )
-    out = []
-    for name, each in (("truth", linkage), ("wrong", wrong)):
-        path = tmp_path / f"{name}.xml"
-        path.write_text(each.mjcf())
-        out.append(package.load_model(path))
-    return out[0], out[1]
-
-
 @pytest.mark.parametrize("linkage", [FOUR_BAR, FIVE_BAR], ids=["four-bar", "five-bar"])
 def test_torques_of_the_drives_are_lagrange_s(linkage: Linkage, tmp_path: Path) -> None:
     """The library's inverse dynamics, and the generator's: no code in common."""
-    truth, _ = models(tmp_path, linkage)
+    truth, _ = map(package.load_model, described(tmp_path, linkage))
     driven = list(truth.joint_names)[: linkage.drives]
     rng = np.random.default_rng(1)
     n = len(linkage.bars)
@@ -81,7 +63,7 @@ def test_torques_of_the_drives_are_lagrange_s(linkage: Linkage, tmp_path: Path) 
 @pytest.mark.parametrize("linkage", [FOUR_BAR, FIVE_BAR], ids=["four-bar", "five-bar"])
 def test_base_parameters_lie_in_their_intervals(linkage: Linkage, tmp_path: Path) -> None:
     """Truth lies in 90 to 98 % of the 95 % intervals of 20 recordings."""
-    truth, wrong = models(tmp_path, linkage)
+    truth, wrong = map(package.load_model, described(tmp_path, linkage))
     value = dict(
         zip(
             (
@@ -110,7 +92,7 @@ def test_base_parameters_lie_in_their_intervals(linkage: Linkage, tmp_path: Path
 
 def test_more_drives_than_motions_share_the_load(tmp_path: Path) -> None:
     """A second drive pushes at random; the first does what is left, by virtual work."""
-    truth, wrong = models(tmp_path, FOUR_BAR)
+    truth, wrong = map(package.load_model, described(tmp_path, FOUR_BAR))
     path = tmp_path / "wrong.xml"
     path.write_text(path.read_text().replace("</actuator>", '<motor joint="j3"/></actuator>'))
     wrong = package.load_model(path)
@@ -144,7 +126,7 @@ def test_more_drives_than_motions_share_the_load(tmp_path: Path) -> None:
 
 def test_the_command_fits_a_four_bar_and_keeps_its_loop(tmp_path: Path) -> None:
     """From CSV, with the default effects; held-out torque is known to the noise."""
-    models(tmp_path, FOUR_BAR)
+    described(tmp_path, FOUR_BAR)
     for name, seed in (("train", 1), ("test", 2)):
         package.write_recording(moves(FOUR_BAR, seed), tmp_path / f"{name}.csv")
     done(
@@ -164,7 +146,7 @@ def test_the_command_fits_a_four_bar_and_keeps_its_loop(tmp_path: Path) -> None:
 
 def test_refusals(tmp_path: Path) -> None:
     """Torques that nobody knows, losses that do not serve loops."""
-    _, wrong = models(tmp_path, FOUR_BAR)
+    _, wrong = map(package.load_model, described(tmp_path, FOUR_BAR))
     without_drives = FOUR_BAR.mjcf().replace('<motor joint="j1"/>', "")
     (tmp_path / "open.xml").write_text(without_drives)
     silent = package.load_model(tmp_path / "open.xml")  # does not say which joints are passive
@@ -184,6 +166,6 @@ def test_refusals(tmp_path: Path) -> None:
 
 def test_an_audit_knows_the_limits_of_a_loop_s_joints(tmp_path: Path) -> None:
     """It looks at channels alone, whatever holds the links together."""
-    models(tmp_path, FOUR_BAR)
+    described(tmp_path, FOUR_BAR)
     package.write_recording(moves(FOUR_BAR, 1), tmp_path / "log.csv")
     done("audit", tmp_path / "log.csv", "--model", tmp_path / "truth.xml")

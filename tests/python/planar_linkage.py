@@ -4,7 +4,8 @@ The plane is x, z; angles are those of joints about y, so that a bar at angle a 
 (cos a, −sin a). Two chains of two bars meet in a pin: of a four-bar the second chain is one bar.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
@@ -161,3 +162,12 @@ FIVE_BAR = Linkage(
     ),
     0.5,
 )
+
+
+def described(folder: Path, linkage: Linkage) -> tuple[Path, Path]:
+    """Write the truth, and a description whose masses and inertias are a quarter off."""
+    bars = tuple(replace(b, mass=1.25 * b.mass, inertia=0.8 * b.inertia) for b in linkage.bars)
+    paths = folder / "truth.xml", folder / "wrong.xml"
+    for path, each in zip(paths, (linkage, replace(linkage, bars=bars)), strict=True):
+        path.write_text(each.mjcf())
+    return paths
