@@ -80,4 +80,32 @@ BlockFit fit_in_blocks(const MatX<double>& x, const VecX<double>& y,
   return out;
 }
 
+double jackknife_z(const MatX<double>& x, const VecX<double>& y, const std::vector<int>& block,
+                   long column) {
+  const VecX<double> size =
+      x.colwise().norm().transpose().cwiseMax(std::numeric_limits<double>::min());
+  const MatX<double> unit = x * size.cwiseInverse().asDiagonal();
+  const MatX<double> gram = unit.transpose() * unit;
+  const VecX<double> right = unit.transpose() * y;
+  std::vector<double> left_out;
+  for (long first = 0, i = 0; i < unit.rows(); ++i) {
+    if (i + 1 < unit.rows() && block[i + 1] == block[i]) continue;
+    const auto rows = unit.middleRows(first, i + 1 - first);
+    const Eigen::CompleteOrthogonalDecomposition<MatX<double>> others(
+        MatX<double>(gram - rows.transpose() * rows));
+    left_out.push_back(others.solve(
+        VecX<double>(right - rows.transpose() * y.segment(first, i + 1 - first)))[column]);
+    first = i + 1;
+  }
+  const double n = static_cast<double>(left_out.size());
+  if (n < 3.0) return 0.0;
+  const Eigen::Map<const VecX<double>> b(left_out.data(), static_cast<long>(left_out.size()));
+  const double std = std::sqrt((n - 1.0) / n * (b.array() - b.mean()).square().sum());
+  if (!(std > 0.0)) return 0.0;
+  const double t = b.mean() / std, dofs = n - 1.0;
+  return std::copysign((8.0 * dofs + 1.0) / (8.0 * dofs + 3.0) *
+                           std::sqrt(dofs * std::log1p(t * t / dofs)),
+                       t);
+}
+
 }  // namespace diffnea::detail

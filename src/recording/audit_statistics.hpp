@@ -27,4 +27,12 @@ struct BlockFit {
 /// @param block  (N) block of every row, 0 … B−1, not decreasing
 BlockFit fit_in_blocks(const MatX<double>& x, const VecX<double>& y, const std::vector<int>& block);
 
+/// By how many standard deviations of a normal distribution a coefficient of that fit is not 0, as
+/// the fits tell that leave out one block each: few blocks make a Student's t of few degrees of
+/// freedom, and a column that does not change within a block has a value for each block, whatever
+/// the number of rows (jackknife: Efron, Stein 1981; t to normal: Wallace 1959).
+/// @return 0 with fewer than three blocks
+double jackknife_z(const MatX<double>& x, const VecX<double>& y, const std::vector<int>& block,
+                   long column);
+
 }  // namespace diffnea::detail

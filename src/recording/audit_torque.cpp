@@ -138,15 +138,31 @@ struct LoggedTorque {
   std::vector<Coefficient> jump, viscous, inertia;  ///< by joint, as in `measured`
 };
 
+VecX<double> torque_of(const AuditContext& c, const BlackBox& box, int joint) {
+  VecX<double> tau(box.x.rows());
+  for (long i = 0; i < tau.size(); ++i)
+    tau[i] = c.stretches[box.rows.at[i].first].tau(box.rows.at[i].second, joint);
+  return tau;
+}
+
+/// How surely a channel jumps where another joint reverses, of which it turns one way all along:
+/// what the black box lacks is as slow as gravity, and has a sign of its own in each of these runs.
+double sureness_by_runs(const AuditContext& c, const BlackBox& box, int channel, int joint) {
+  const long column = box.column(joint);
+  std::vector<int> run{0};
+  for (long i = 1; i < box.x.rows(); ++i)
+    run.push_back(run.back() + (box.rows.at[i].first != box.rows.at[i - 1].first ||
+                                box.x(i, column) * box.x(i - 1, column) < 0.0));
+  return jackknife_z(box.x, torque_of(c, box, channel), run, column);
+}
+
 LoggedTorque fit_channel(const AuditContext& c, const BlackBox& box,
                          const std::vector<int>& measured, int joint) {
   const std::size_t num = measured.size();
   const long m = static_cast<long>(box.moving.size());
   LoggedTorque out{std::vector<Coefficient>(num), std::vector<Coefficient>(num),
                    std::vector<Coefficient>(num)};
-  VecX<double> tau(box.x.rows());
-  for (long i = 0; i < tau.size(); ++i)
-    tau[i] = c.stretches[box.rows.at[i].first].tau(box.rows.at[i].second, joint);
+  const VecX<double> tau = torque_of(c, box, joint);
   const double rms = std::sqrt((tau.array() - tau.mean()).square().mean());
   if (!(rms > 0.0)) return out;
   const BlockFit fit = fit_in_blocks(box.x, tau, box.rows.block);
@@ -195,6 +211,10 @@ void audit_torque(AuditContext& c) {
     const Coefficient& jump = channel[k].jump[j];
     return sign * jump.z > sure && jump.share > kSmallJump;
   };
+  const auto in_all_runs = [&](std::size_t k, std::size_t j, double sign) {
+    return jumps(k, j, sign) &&
+           sign * sureness_by_runs(c, box, measured[k], measured[j]) > c.limits.significance;
+  };
   int by_friction = 0, by_inertia = 0;
   std::vector<bool> swapped(num, false);
   for (std::size_t k = 0; k < num; ++k) {
@@ -205,7 +225,7 @@ void audit_torque(AuditContext& c) {
     if (swapped[k]) continue;
     std::size_t other = k;
     for (std::size_t j = k + 1; j < num; ++j)
-      if (jumps(k, j, 1.0) && jumps(j, k, 1.0) &&
+      if (in_all_runs(k, j, 1.0) && in_all_runs(j, k, 1.0) &&
           channel[k].jump[j].size > 4.0 * std::abs(jump.size) &&
           channel[j].jump[k].size > 4.0 * std::abs(channel[j].jump[j].size))
         other = j;
@@ -231,7 +251,7 @@ void audit_torque(AuditContext& c) {
       f.evidence = std::move(evidence);
       c.add(std::move(f));
     };
-    if (jumps(k, k, -1.0)) {
+    if (in_all_runs(k, k, -1.0)) {
       ++by_friction;
       flipped(jump, unit,
               format("drops by %.3g ± %.2g %s where %s turns from negative to positive velocity; "
