@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include <diffnea/effects/stepping.hpp>
+
 #include "diagnose/signed_fit.hpp"
 
 namespace diffnea {
@@ -33,10 +35,24 @@ void Search::set_projection(std::vector<Term>& terms) {
     projection_ = std::make_unique<Projection>(evidence_, *whitener_, prior());
     for (Term& t : terms) set_columns(t);
     fit(terms);
-    if (const double by = late(terms);
-        by > evidence_.earliest_instant() && by < evidence_.latest_instant())
+    if (std::ranges::any_of(evidence_.joints(), [&](int j) { return is_no_shift(j, terms); }))
       return;
   }
+}
+
+double Search::shift(const Term& term) {
+  if (term.effect.own) return 0.0;
+  DrivePath<double> path{0.0, 0.0, 0.0};
+  add_to_drive(term.effect, path);
+  return clock_shift(term.effect) + path.delay;
+}
+
+bool Search::is_no_shift(int joint, const std::vector<Term>& terms) const {
+  double in_all = late(terms);
+  for (const Term& t : terms)
+    if (std::ranges::find(t.effect.joints, joint) != t.effect.joints.end())
+      in_all += shift(t) / evidence_.series().front().dt;
+  return in_all > evidence_.earliest_instant() && in_all < evidence_.latest_instant();
 }
 
 double Search::late(const std::vector<Term>& terms) const {

@@ -78,6 +78,11 @@ class Search {
   /// By how many samples the torque acts later than its rows say, as the base beside the terms has
   /// it; 0 where it lies beyond a sample, and is left to the causes.
   double late(const std::vector<Term>& terms) const;
+  /// By how much the term has torques act later than their rows say [s].
+  static double shift(const Term& term);
+  /// Tells whether all that shifts a joint's torque, base and terms, comes to no more than a drive
+  /// that samples and holds its torques may have.
+  bool is_no_shift(int joint, const std::vector<Term>& terms) const;
 
   /// What is left beside base and terms at their values, whitened.
   VecX<double> left_by(const std::vector<Term>& terms) const;
@@ -88,8 +93,9 @@ class Search {
  private:
   const Evidence& evidence_;
   const std::vector<Candidate>& candidates_;
-  /// The torque's instant moves with the base where the recording has it within a sample. Where it
-  /// lies beyond, something is late, and the base does not move it.
+  /// The torque's instant moves with the base where the recording has it, and what terms shift
+  /// beside, within a sample at some joint. Where it lies beyond, something is late, and the base
+  /// does not move it: it would take a clock's shift over, and leave its cause nothing to explain.
   const BasePrior& prior() const { return instant_ ? moving_ : held_; }
   void set_projection(std::vector<Term>& terms);
 

@@ -51,22 +51,9 @@ bool stays(const Term& term) { return term.effect.info().has(Trait::kGravity); }
 /// Tells whether a clock that the last of the terms shifts, or a torque that it makes late, is with
 /// all that shifts it where a drive that samples and holds its torques may have it.
 bool is_no_shift(const Search& search, const std::vector<Term>& terms) {
-  const auto shift = [](const Term& t) {
-    if (t.effect.own) return 0.0;
-    DrivePath<double> path{0.0, 0.0, 0.0};
-    add_to_drive(t.effect, path);
-    return clock_shift(t.effect) + path.delay;
-  };
-  if (shift(terms.back()) == 0.0) return false;
-  const Evidence& evidence = search.evidence();
-  const double late = search.late(terms), sample = evidence.series().front().dt;
-  return std::ranges::all_of(terms.back().effect.joints, [&](int j) {
-    double in_all = late;
-    for (const Term& t : terms)
-      if (std::ranges::find(t.effect.joints, j) != t.effect.joints.end())
-        in_all += shift(t) / sample;
-    return in_all > evidence.earliest_instant() && in_all < evidence.latest_instant();
-  });
+  return Search::shift(terms.back()) != 0.0 &&
+         std::ranges::all_of(terms.back().effect.joints,
+                             [&](int j) { return search.is_no_shift(j, terms); });
 }
 
 std::set<int> names(const std::vector<Term>& terms) {

@@ -256,6 +256,26 @@ TEST_CASE("diagnose: a tilted base is named alone, with the first link's masses 
   }
 }
 
+TEST_CASE("diagnose: torques that are late by more than a drive holds them are a clock's shift",
+          "[diagnose]") {
+  // Close to what a drive may hold, the base's own instant could explain them, too.
+  const long samples = GENERATE(2, 3);
+  const auto late = [&](unsigned seed) {
+    Recording r = arm().recorded({}, seed);
+    r.tau.bottomRows(r.rows() - samples) = r.tau.topRows(r.rows() - samples).eval();
+    return r;
+  };
+  const Recording fitted = late(1);
+  const Finding finding = diagnose(arm().nominal, {fitted}, {late(2)});
+  CAPTURE(samples, finding.sentence, finding.notes);
+  REQUIRE(finding.causes.size() == 1);
+  CHECK(finding.causes[0].effect == "time_shift");
+  CHECK(finding.causes[0].where == "all");
+  const double dt = fitted.time[1] - fitted.time[0];
+  CHECK(std::abs(finding.causes[0].parameters[0].value + static_cast<double>(samples) * dt) <
+        0.5 * dt);
+}
+
 TEST_CASE("diagnose: two causes that one effect explains are that one", "[diagnose]") {
   // At the vertical axis nothing hides an offset: Coulomb friction and an offset are the same.
   const EffectSpec hidden{
