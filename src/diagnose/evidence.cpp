@@ -151,10 +151,16 @@ void Evidence::take_series(Stretches& collector, double period) {
 
 void Evidence::take_halves(Stretches& collector, const PreprocessPlan& plan) {
   const std::vector<bool>& driven = collector.about(0).has_tau;
-  apart_ = halves_suffice(plan) && std::ranges::find(driven, true) != driven.end();
+  if (std::ranges::find(driven, true) == driven.end()) return;
+  halves_ = halves_suffice(plan);
+  const std::vector<int> rounded = rounded_joints(plan);
+  apart_ = halves_ || !rounded.empty();
   for (std::size_t i = 0; apart_ && i < series_.size(); ++i) {
-    set_path(half_of(collector.positions()[i], plan, false), plan, series_[i]);
-    collector.set_positions(i, half_of(collector.positions()[i], plan, true), plan);
+    const RowMatX<double> all = collector.positions()[i];
+    const RowMatX<double> seen = halves_ ? half_of(all, plan, false) : all;
+    set_path(seen, plan, series_[i]);
+    smooth_more(seen, plan, rounded, series_[i]);
+    if (halves_) collector.set_positions(i, half_of(all, plan, true), plan);
   }
 }
 
@@ -200,7 +206,7 @@ void Evidence::take_filters(const Model& links, const PreprocessPlan& plan,
     const std::size_t k = static_cast<std::size_t>(j);
     const double torque = k < plan.tau_noise.size() ? plan.tau_noise[k] : 0.0;
     // Between two new positions there is none.
-    const int rows = (k < plan.refresh.size() ? plan.refresh[k] : 1) * (apart_ ? 2 : 1);
+    const int rows = (k < plan.refresh.size() ? plan.refresh[k] : 1) * (halves_ ? 2 : 1);
     noise.position[j] =
         std::max(k < plan.q_noise.size() ? std::sqrt(rows) * plan.q_noise[k] : 0.0, kLeastPosition);
     noise.density[j] = plan.dt * (std::pow(torque > 0.0 ? torque : 0.0, 2) +

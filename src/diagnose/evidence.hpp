@@ -125,6 +125,7 @@ class Evidence {
   bool repeats() const { return repeats_; }
   /// Tells whether the noise of the motion that effects see is another than that of the rows.
   bool apart() const { return apart_; }
+  bool halves() const { return halves_; }
   /// Samples at the recording's rate, as effects see them. Where the log is fast enough, rows are
   /// those of the path through the even samples, and effects see that through the odd ones: its
   /// noise is neither that of the torque, which a controller has made of its positions' noise, nor
@@ -215,7 +216,7 @@ class Evidence {
   double earliest_instant_ = -0.5, latest_instant_ = 1.0;
   bool has_instant_ = false;
   std::vector<double> turns_per_second_, cut_off_;
-  bool repeats_ = false, apart_ = false;
+  bool repeats_ = false, apart_ = false, halves_ = false;
   std::vector<int> joints_, dry_columns_, sticking_, resting_;
   VecX<double> speed_, acceleration_;  ///< RMS, (num_dofs())
   std::map<int, StuckRows> stuck_;     ///< by joint

@@ -2,10 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <vector>
 
 #include "recording/between.hpp"
 #include "recording/fresh_positions.hpp"
+#include "recording/path_smoother.hpp"
 
 namespace diffnea {
 namespace {
@@ -55,6 +55,27 @@ RowMatX<double> half_of(const RowMatX<double>& logged, const PreprocessPlan& pla
       if (!std::ranges::binary_search(known, k)) out(k, j) = detail::between(at, y, known, k);
   }
   return out;
+}
+
+std::vector<int> rounded_joints(const PreprocessPlan& plan) {
+  // Half a step of noise, and what rounding adds to it: 1/4 + 1/12 of a step squared.
+  constexpr double kDithered = 1.0 / 3.0;
+  std::vector<int> out;
+  for (std::size_t j = 0; j < plan.q_step.size(); ++j)
+    if (plan.q_noise[j] * plan.q_noise[j] < kDithered * plan.q_step[j] * plan.q_step[j])
+      out.push_back(static_cast<int>(j));
+  return out;
+}
+
+void smooth_more(const RowMatX<double>& positions, const PreprocessPlan& plan,
+                 const std::vector<int>& joints, JointSeries& path) {
+  if (joints.empty()) return;
+  RowMatX<double> q, qd, qdd;
+  detail::PathSmoother(0.5 * plan.filter_hz, 1.0 / path.dt)
+      .smooth(positions(Eigen::all, joints), q, qd, qdd);
+  path.q(Eigen::all, joints) = q;
+  path.qd(Eigen::all, joints) = qd;
+  path.qdd(Eigen::all, joints) = qdd;
 }
 
 }  // namespace diffnea

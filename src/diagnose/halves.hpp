@@ -1,7 +1,11 @@
 #pragma once
 /// A path known twice, by samples whose noise is independent: what one shows is an instrument for
-/// what the other leaves (Durbin 1954). Internal to diagnose/.
+/// what the other leaves (Durbin 1954). Where it is not, the instrument is smoother. Internal to
+/// diagnose/.
 
+#include <vector>
+
+#include <diffnea/effects/joint_series.hpp>
 #include <diffnea/recording/preprocess.hpp>
 
 namespace diffnea {
@@ -13,5 +17,15 @@ bool halves_suffice(const PreprocessPlan& plan);
 /// that are even, or odd, by their number.
 /// @param logged  (N, n) positions; of slow sensors on lines between new ones
 RowMatX<double> half_of(const RowMatX<double>& logged, const PreprocessPlan& plan, bool even);
+
+/// Joints whose encoder's step is more than twice the noise that dithers it: what rounding leaves is
+/// then no noise (Widrow, Kollár 2008, ch. 19). Of an even motion it is the same line in all samples,
+/// and in a torque that a controller makes of them.
+std::vector<int> rounded_joints(const PreprocessPlan& plan);
+
+/// Smooths the paths of `joints` to half of the plan's cut-off: errors of positions that are alike
+/// at all frequencies have there a 32nd of their power as accelerations, a 128th as a torque's rate.
+void smooth_more(const RowMatX<double>& positions, const PreprocessPlan& plan,
+                 const std::vector<int>& joints, JointSeries& path);
 
 }  // namespace diffnea

@@ -84,6 +84,7 @@ PreprocessPlan plan_held_out(const std::vector<Recording>& sample, const Preproc
   any.min_segment = any.filter_hz = any.decimate_to_hz = 0.0;
   const PreprocessPlan own = plan_preprocess(sample, any);  // for the noise of its sensors
   out.q_noise = own.q_noise;
+  out.q_step = own.q_step;
   out.tau_noise = own.tau_noise;
   return out;
 }

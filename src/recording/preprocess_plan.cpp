@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <numeric>
 #include <span>
 
 #include <diffnea/core/error.hpp>
@@ -124,8 +125,12 @@ struct PositionSpectrum {
 
 /// The accelerations' power falls with the motion and rises again with the noise, as f⁴: its
 /// minimum parts them. The noise of positions does not grow with frequency, so a position spectrum
-/// that rises tenfold above the minimum is motion again, and the search goes on from there.
-PositionSpectrum look_at_position(const std::vector<Eigen::VectorXd>& segments, double rate_hz) {
+/// that rises tenfold above the minimum is motion again, and the search goes on from there; but for
+/// the lines of rounding (an even motion over an encoder's steps): a position that jumps between
+/// two steps has a variance of a quarter of a step squared, and no rounding has more.
+/// @param step  of the encoder [rad] or [m]; 0: none
+PositionSpectrum look_at_position(const std::vector<Eigen::VectorXd>& segments, double rate_hz,
+                                  double step) {
   // Positions are a few slow lines 100 dB above their noise, which side lobes would hide: their
   // second difference goes into the window.
   std::vector<Eigen::VectorXd> second;
@@ -167,6 +172,10 @@ PositionSpectrum look_at_position(const std::vector<Eigen::VectorXd>& segments, 
              acceleration.begin();
     const long again = peak(lowest);
     if (again <= from || position[again] < kMotionAgain * position[lowest]) break;
+    const double variance =
+        std::accumulate(integrated.begin() + lowest, integrated.begin() + end, 0.0) *
+        spectrum.frequency(1);
+    if (variance < 0.25 * step * step) break;
     from = again;
   }
   // The path's gain is flat to 4 % up to two thirds of its cut-off.
@@ -297,14 +306,14 @@ PreprocessPlan plan_preprocess(const std::vector<Recording>& logged,
   for (std::size_t j = 0; j < n; ++j)
     for (Eigen::VectorXd& segment : columns[j]) fill_stale(segment, plan.refresh[j]);
   // Rounding of a joint that hardly moves is no noise that a spectrum shows.
-  const std::vector<double> steps = quantisation_steps(recordings);
+  plan.q_step = quantisation_steps(recordings);
   double cutoff = 0.0, busy = 0.0;
   std::vector<PositionSpectrum> spectra;
   for (std::size_t j = 0; j < n; ++j) {
-    const PositionSpectrum s = look_at_position(columns[j], rate);
+    const PositionSpectrum s = look_at_position(columns[j], rate, plan.q_step[j]);
     spectra.push_back(s);
     plan.joint_hz.push_back(s.cutoff_hz);
-    plan.q_noise.push_back(std::max(s.noise, steps[j] / std::sqrt(12.0)));
+    plan.q_noise.push_back(std::max(s.noise, plan.q_step[j] / std::sqrt(12.0)));
     cutoff = std::max(cutoff, s.cutoff_hz);
     busy = std::max(busy, s.busy_hz);
     const long length = window_length(columns[n + j], plan.dt);

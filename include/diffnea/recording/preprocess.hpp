@@ -52,6 +52,7 @@ struct PreprocessPlan {
   bool measured_velocity = false;
   std::vector<double> joint_hz;
   std::vector<double> q_noise;
+  std::vector<double> q_step;
   std::vector<double> tau_noise;
   std::vector<int> refresh;
   double timing_jitter = 0.0;
@@ -73,6 +74,8 @@ struct PreprocessPlan {
                "0: too short to tell.");
     list.field("q_noise", &PreprocessPlan::q_noise,
                "Likewise: standard deviation of q's noise [rad] or [m].");
+    list.field("q_step", &PreprocessPlan::q_step,
+               "Likewise: step to which q is rounded [rad] or [m]; 0: too fine to be seen.");
     list.field("tau_noise", &PreprocessPlan::tau_noise,
                "Likewise: of the white part of τ's (of a base its wrench τ, f, and NaN); NaN: not "
                "measured.");
