@@ -293,13 +293,11 @@ VecX<double> Search::residual(const std::vector<Term>& terms) const {
 
 double Search::torque_share(const Term& term) const {
   const VecX<double> torque = term.torque();
-  const std::vector<int>& acts = term.effect.joints;
   const long times = evidence_.times();
   double own = 0.0, measured = 0.0;
-  for (std::size_t k = 0; k < evidence_.joints().size(); ++k) {
-    if (std::ranges::find(acts, evidence_.joints()[k]) == acts.end()) continue;
-    const double size = evidence_.size(static_cast<long>(k));
-    own += torque.segment(static_cast<long>(k) * times, times).squaredNorm();
+  for (const long k : evidence_.reached(term.effect.joints)) {
+    const double size = evidence_.size(k);
+    own += torque.segment(k * times, times).squaredNorm();
     measured += size * size * static_cast<double>(times);
   }
   return measured > 0.0 ? std::sqrt(own / measured) : 0.0;
