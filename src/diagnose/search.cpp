@@ -33,10 +33,13 @@ void Search::set_projection(std::vector<Term>& terms) {
     projection_ = std::make_unique<Projection>(evidence_, *whitener_, prior());
     for (Term& t : terms) set_columns(t);
     fit(terms);
-    if (const double by = late(terms);
-        by > evidence_.earliest_instant() && by < evidence_.latest_instant())
-      return;
+    if (samples_and_holds(terms)) return;
   }
+}
+
+bool Search::samples_and_holds(const std::vector<Term>& terms) const {
+  const double by = late(terms);
+  return by > evidence_.earliest_instant() && by < evidence_.latest_instant();
 }
 
 double Search::late(const std::vector<Term>& terms) const {

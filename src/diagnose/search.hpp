@@ -78,6 +78,9 @@ class Search {
   /// By how many samples the torque acts later than its rows say, as the base beside the terms has
   /// it; 0 where it lies beyond a sample, and is left to the causes.
   double late(const std::vector<Term>& terms) const;
+  /// Tells whether that is where a drive that samples and holds its torques may have it. Beside
+  /// fewer terms than the projection was made with, it may lie beyond.
+  bool samples_and_holds(const std::vector<Term>& terms) const;
 
   /// What is left beside base and terms at their values, whitened.
   VecX<double> left_by(const std::vector<Term>& terms) const;

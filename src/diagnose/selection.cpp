@@ -69,6 +69,12 @@ bool is_no_shift(const Search& search, const std::vector<Term>& terms) {
   });
 }
 
+/// Tells whether terms suffice only where torques act at instants that no drive has.
+bool shifts_torques(const Search& search, std::vector<Term> terms) {
+  search.fit(terms);
+  return !search.samples_and_holds(terms);
+}
+
 std::set<int> names(const std::vector<Term>& terms) {
   std::set<int> out;
   for (const Term& t : terms) out.insert(t.candidate);
@@ -243,7 +249,7 @@ bool Selection::eliminate(std::vector<Term>& terms) const {
       const double kept = search_.fit(rest);
       double worse = search_.bic(kept, rest) - with;
       if (all - kept < inexact_at(search_, terms[i], rest)) worse = std::min(worse, 0.0);
-      if (worse < least) {
+      if (worse < least && !shifts_torques(search_, rest)) {
         least = worse;
         drop = i;
       }
@@ -476,8 +482,8 @@ bool Selection::drop_needless(std::vector<Term>& terms) {
                       : terms[i].visible_share() < kAbsorbed      ? kHidden
                       : may_be_nothing(terms[i], sizes(search_, terms, i, covariances(search_, terms)[i]))
                           ? kMayBeNothing
-                      : helps(rest, terms) ? nullptr
-                                           : kHelpsNot;
+                      : shifts_torques(search_, rest) || helps(rest, terms) ? nullptr
+                                                                            : kHelpsNot;
     if (!why) continue;
     note_refusal(c, why, why == kHelpsNot ? 0.0 : worse);
     if (why == kMayBeNothing) {
