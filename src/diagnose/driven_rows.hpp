@@ -23,7 +23,7 @@ struct LoopEquation {
 
 class DrivenRows {
  public:
-  /// Of an open chain.
+  /// Rows of an open chain.
   DrivenRows() = default;
   /// @param first   first row of a stretch, where the joints are chosen
   /// @param among   joints of which they are taken; empty: all
@@ -37,7 +37,7 @@ class DrivenRows {
   /// Tells whether more joints are driven than constraints leave motions: none has a torque that
   /// the motion tells.
   bool shared() const { return shared_; }
-  /// Of which extended trees predict; null of an open chain.
+  /// Torques by which extended trees predict; null of an open chain.
   std::shared_ptr<const LoopTorques> loops() const { return loops_; }
 
   /// Takes the postures of every stretch, at which torques act.

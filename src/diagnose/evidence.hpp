@@ -47,9 +47,9 @@ class Evidence {
   long times() const { return static_cast<long>(time_.size()); }
   /// Degrees of freedom that have rows, ascending: those whose torque is known.
   const std::vector<int>& joints() const { return joints_; }
-  /// What reaches their rows.
+  /// Torques that reach their rows.
   const DrivenRows& driven_rows() const { return driven_rows_; }
-  /// Those of joints(), by index, that torques of some degrees of freedom reach.
+  /// Indices of joints() that torques of some degrees of freedom reach.
   std::vector<long> reached(const std::vector<int>& by) const;
   int num_dofs() const { return num_dofs_; }
 
@@ -218,7 +218,7 @@ class Evidence {
   void set_instant();
   /// Rows of the k-th of joints(), of torques at the recording's rate, a matrix for each stretch.
   MatX<double> rows_of(long k, const std::vector<RowMatX<double>>& stretches) const;
-  /// What encoders show beside the path of a stretch, of the k-th of joints(), (N).
+  /// Positions that encoders show beside the path of a stretch, of the k-th of joints(), (N).
   VecX<double> shown(std::size_t stretch, std::size_t k, const RowMatX<double>& positions,
                      const RowMatX<double>& path) const;
   /// The same of means, not of sums.

@@ -60,7 +60,7 @@ MatX<double> Evidence::columns(const TriedEffect& effect, const std::vector<int>
     return own_.at({effect.own->name, effect.where})(Eigen::all, which);
   }
   if (which.empty() && !torque) return out;
-  // What is torque of one joint reaches few others: their columns need no filter.
+  // Torque of one joint reaches few others: their columns need no filter.
   const Port port = effect.info().port;
   const bool local =
       port == Port::kJointTorque || (port == Port::kMemory && !encoder_at_motor(effect));

@@ -3,8 +3,8 @@
 ///
 ///   D(q) τ at the leading joints, 0 elsewhere   (dynamics/driven_torques.hpp)
 ///
-/// What is given at leading joints alone is left as it is, so that mapping twice is mapping once.
-/// Internal to the library.
+/// Torques of leading joints alone are left as they are: mapping twice is mapping once. Internal to
+/// the library.
 
 #include <vector>
 

@@ -291,6 +291,8 @@ Rows torque_of(const BoundEffect& effect, const ExtendedTree& base, const JointS
     case Port::kModelParameter: {
       Tree<double> changed = base.tree;
       add_to_tree(effect, p, changed);
+      if (base.loops)  // joint by joint, so that what a plane hides is exactly 0
+        return rnea_batch(changed, x.q, x.qd, x.qdd) - rnea_batch(base.tree, x.q, x.qd, x.qdd);
       return rnea_batch(changed, x.q, x.qd, x.qdd) - x.tau - rotor_torque(base.tree, x);
     }
     case Port::kMeasurement: {

@@ -90,7 +90,7 @@ Preprocessed first_row(const JointSeries& s, std::vector<bool> has_torque = {tru
   return out;
 }
 
-/// What the four-bar's crank feels of torques of 1 at every joint.
+/// Rows of the four-bar's crank along a motion.
 DrivenRows rows_along(const Model& model, const JointSeries& s) {
   DrivenRows out(model, first_row(s), {});
   out.set_paths({s});

@@ -3,17 +3,18 @@
 Friction of passive joints reaches the drives by virtual work: no code in common with the library.
 """
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from cli import BAD_INPUT, diffnea, done, load
-from planar_linkage import FIVE_BAR, FOUR_BAR, Linkage, described
+from planar_linkage import FIVE_BAR, FOUR_BAR, Bar, Linkage, described
 
 NOISE, ENCODER = 0.02, 2e-5  # [N·m], [rad]
-Friction = dict[int, tuple[float, float]]  # of joints: viscous, dry
-OF_DRIVES: Friction = {0: (0.2, 0.3), 1: (0.1, 0.2)}  # of which the base model knows
+Friction = dict[int, tuple[float, float]]  # viscous [N·m·s/rad], dry [N·m], by joint
+OF_DRIVES: Friction = {0: (0.2, 0.3), 1: (0.1, 0.2)}  # in the base model
 
 
 def record(path: Path, linkage: Linkage, seed: int, hidden: Friction) -> Path:
@@ -100,8 +101,36 @@ def test_friction_of_a_passive_joint_is_named(
     assert [j["joint"] for j in result["joints"]] == [f"j{k + 1}" for k in range(linkage.drives)]
 
 
+def loaded(bar: Bar, mass: float, along: float) -> Bar:
+    """Return a bar that carries a point mass on its line."""
+    total = bar.mass + mass
+    x, z = (bar.mass * bar.along + mass * along) / total, bar.mass * bar.across / total
+    inertia = bar.inertia + bar.mass * ((bar.along - x) ** 2 + (bar.across - z) ** 2)
+    return Bar(bar.length, total, x, z, inertia + mass * ((along - x) ** 2 + z**2))
+
+
+def test_a_payload_on_the_coupler_is_named(tmp_path: Path) -> None:
+    """Beside what the unloaded linkage has told, at the link that carries it."""
+    diagnosed(tmp_path, FOUR_BAR, {})
+    crank, coupler, rocker = FOUR_BAR.bars
+    heavier = replace(FOUR_BAR, bars=(crank, loaded(coupler, 0.5, 0.4), rocker))
+    train, test = (record(tmp_path / f"{n}.csv", heavier, s, {}) for s, n in ((3, "a"), (4, "b")))
+    done(
+        "diagnose", tmp_path / "run" / "model.json", train, "--test", test, "-o",
+        tmp_path / "payload", "--quiet",
+    )  # fmt: skip
+    result = load(tmp_path / "payload" / "result.json")
+    (cause,) = result["causes"]
+    assert (cause["effect"], cause["where"]) == ("payload", "j2")
+    intervals = {p["name"]: p["ci95"] for p in cause["parameters"] if p["ci95"]}
+    assert set(intervals) == {"mass", "hx", "hz", "Iyy"}  # the plane hides the others
+    for name, true in (("mass", 0.5), ("hx", 0.2), ("hz", 0.0), ("Iyy", 0.08)):
+        low, high = intervals[name]
+        assert low <= true <= high
+
+
 def test_nothing_is_named_where_nothing_is_hidden(tmp_path: Path) -> None:
-    """What is not tried, and that no window is simulated, is said in so many words."""
+    """The result lists what is not tried, and says that no window is simulated."""
     result = diagnosed(tmp_path, FOUR_BAR, {})
     assert result["verdict"] == "NONE"
     assert result["causes"] == []
