@@ -69,8 +69,15 @@ bool is_no_shift(const Search& search, const std::vector<Term>& terms) {
   });
 }
 
-/// Tells whether terms suffice only where torques act at instants that no drive has.
+/// Tells whether terms suffice only where torques act at instants that no drive has, and none of
+/// them may take that over.
 bool shifts_torques(const Search& search, std::vector<Term> terms) {
+  for (const Term& t : terms) {
+    if (t.effect.own) continue;
+    DrivePath<double> path{0.0, 0.0, 0.0};
+    add_to_drive(t.effect, path);
+    if (clock_shift(t.effect) != 0.0 || path.delay != 0.0 || path.lag != 0.0) return false;
+  }
   search.fit(terms);
   return !search.samples_and_holds(terms);
 }
@@ -477,13 +484,14 @@ bool Selection::drop_needless(std::vector<Term>& terms) {
     }
     const bool vague = !has_size(c, terms[i]) &&
                        (c.effect.info().motor != HiddenMotor::kNone || worse < kLeastSizeless);
-    const char* why = impossible(terms[i])                        ? kImpossible
-                      : vague                                     ? kSizeless
-                      : terms[i].visible_share() < kAbsorbed      ? kHidden
-                      : may_be_nothing(terms[i], sizes(search_, terms, i, covariances(search_, terms)[i]))
-                          ? kMayBeNothing
-                      : shifts_torques(search_, rest) || helps(rest, terms) ? nullptr
-                                                                            : kHelpsNot;
+    const char* why =
+        impossible(terms[i])                   ? kImpossible
+        : vague                                ? kSizeless
+        : terms[i].visible_share() < kAbsorbed ? kHidden
+        : may_be_nothing(terms[i], sizes(search_, terms, i, covariances(search_, terms)[i]))
+            ? kMayBeNothing
+        : shifts_torques(search_, rest) || helps(rest, terms) ? nullptr
+                                                              : kHelpsNot;
     if (!why) continue;
     note_refusal(c, why, why == kHelpsNot ? 0.0 : worse);
     if (why == kMayBeNothing) {
