@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include <diffnea/dynamics/mass_matrix.hpp>
-
 #include "core/decompositions.hpp"
 #include "diagnose/reference.hpp"
 
@@ -179,12 +177,10 @@ Model refitted(Base base, const Model& model, const FitLayout& layout, const Evi
 }
 
 bool is_heavier(const Model& model, const Model& before, const Evidence& evidence) {
-  MassMatrixWorkspace<double, double> ws;
   return std::ranges::any_of(evidence.series(), [&](const JointSeries& s) {
     const VecX<double> amid = s.q.row(s.rows() / 2).transpose();
     const auto inertias = [&](const Model& of) -> VecX<double> {
-      return mass_matrix<double, double>(extend(of, evidence.runs(), s.run).tree, amid, ws)
-          .diagonal();
+      return evidence.driven_rows().inertias(extend(of, evidence.runs(), s.run).tree, amid);
     };
     const VecX<double> now = inertias(model), then = inertias(before);
     return std::ranges::any_of(

@@ -143,10 +143,33 @@ void bound_backlash(const std::vector<double>& q_noise, Candidate& c) {
 
 /// Whether all joints of an effect are known to have no torque.
 bool is_passive(const Evidence& evidence, const BoundEffect& effect) {
-  return std::ranges::all_of(effect.joints, [&](int j) {
-    const auto at = std::ranges::find(evidence.joints(), j);
-    return at != evidence.joints().end() && evidence.passive(at - evidence.joints().begin());
-  });
+  return std::ranges::all_of(effect.joints, [&](int j) { return evidence.is_passive(j); });
+}
+
+/// Tells whether an effect needs motors at joints that loops alone move: a rotor, a gear that two
+/// joints share.
+bool lacks_motor(const Evidence& evidence, const BoundEffect& effect) {
+  const EffectInfo& info = effect.info();
+  if (!evidence.driven_rows().closed()) return false;
+  if (info.place == Place::kJointPair)
+    return std::ranges::any_of(effect.joints, [&](int j) { return evidence.is_passive(j); });
+  return (info.has(Trait::kRotor) || info.has(Trait::kAtMotor)) && is_passive(evidence, effect);
+}
+
+/// Why an effect is not tried in closed loops; empty: it is.
+std::string not_in_loops(const Evidence& evidence, const Candidate& c) {
+  const EffectInfo& info = c.effect.info();
+  if (!evidence.driven_rows().closed()) return "";
+  if (info.port == Port::kMeasurement && std::ssize(c.effect.joints) < evidence.num_dofs())
+    return "not tried: where a joint is, the loop's other joints tell better than torques";
+  if (info.motor != HiddenMotor::kNone)
+    return "not tried: a motor that turns beside its joint is not served in closed loops";
+  if (info.has(Trait::kFollowsLoad))
+    return "not tried: what a joint of a closed loop carries hangs on the constraints' forces";
+  if (evidence.driven_rows().shared() && c.of_reference &&
+      (info.has(Trait::kOfDrive) || info.port == Port::kMeasurement))
+    return "not tried: more drives than motions share the torque in ways that no motion tells";
+  return "";
 }
 
 /// Tells whether an effect is one of joints of which one stands still: beside that, what couples
@@ -169,6 +192,16 @@ std::vector<Refusal> bound_shapes(const Evidence& evidence, const FitLayout& lay
   for (Candidate& c : candidates) {
     const EffectInfo& info = c.effect.info();
     if (info.has(Trait::kOfDrive) && is_passive(evidence, c.effect)) continue;
+    if (lacks_motor(evidence, c.effect)) continue;
+    if (std::string why = not_in_loops(evidence, c); !why.empty()) {
+      const auto same = std::ranges::find_if(
+          refused, [&](const Refusal& r) { return r.effect == info.name && r.reason == why; });
+      if (same == refused.end())
+        refused.push_back({info.name, c.effect.where, std::move(why), 0.0});
+      else
+        same->where += ", " + c.effect.where;
+      continue;
+    }
     if (is_of_resting(evidence, c.effect)) continue;
     // Columns of fourth derivatives share the noise of what they are to explain, unless they come
     // from other samples.

@@ -137,7 +137,10 @@ std::vector<Candidate> make_candidates(const Model& model, const Model& links,
       if (runs.size() < 2 && std::ranges::any_of(info.parameters, &ParameterInfo::per_run))
         continue;
       if (info.has(Trait::kIfAsked) || acts_on_ball(info)) continue;
-      for (const std::string& where : places(info, model)) add(info, where);
+      // The last link of a loop's tree is one of many that may carry something.
+      const bool anywhere = info.has(Trait::kInertia) && !model.constraints.empty();
+      for (const std::string& where : anywhere ? joint_names(model) : places(info, model))
+        add(info, where);
       if (info.has(Trait::kShared) && one_type(model)) add(info, "all");
     }
     return out;

@@ -27,7 +27,7 @@ std::vector<std::string> asked_for(const DiagnoseOptions& options, bool of_ball)
 
 Finding find_causes(const Model& model, const RecordingSource& train, const RecordingSource* test,
                     const DiagnoseOptions& options) {
-  require_plain_tree("diagnose", model);
+  require_fixed_base("diagnose", model);
   if (test) refuse_same_recording(train, *test);
   refuse_ball_alone(model, train);
   const std::vector<Recording> balls =
@@ -39,8 +39,10 @@ Finding find_causes(const Model& model, const RecordingSource& train, const Reco
                     (model.ball ? "no recording shows it; expected columns ball_x, ball_y, ball_z "
                                   "[m] in the world's frame"
                                 : "the model has none"));
-  if (balls.empty() && has_commands_alone(model, train))
-    return diagnose_drives(model, train, test, options);
+  const bool drives = balls.empty() && has_commands_alone(model, train);
+  if (drives || !balls.empty())
+    require_plain_tree(drives ? "diagnose by commands" : "diagnose with a ball", model);
+  if (drives) return diagnose_drives(model, train, test, options);
   if (balls.empty()) {
     Finding finding = diagnose_joints(model, train, test, options);
     if (const std::string note = ball_note(model, train); !note.empty())
@@ -89,7 +91,7 @@ Finding find_causes(const Model& model, const RecordingSource& train, const Reco
 
 Finding diagnose(const Model& model, const std::vector<Recording>& train,
                  const std::vector<Recording>& test, const DiagnoseOptions& options) {
-  require_plain_tree("diagnose", model);
+  require_fixed_base("diagnose", model);
   const auto source = recordings_in_memory(model, train);
   std::unique_ptr<RecordingSource> held_out;
   if (!test.empty()) held_out = recordings_in_memory(model, test);

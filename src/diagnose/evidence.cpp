@@ -3,17 +3,14 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/dynamics/batch.hpp>
-#include <diffnea/dynamics/mass_matrix.hpp>
 #include <diffnea/recording/commands.hpp>
 #include <diffnea/recording/refresh.hpp>
 
-#include "core/constants.hpp"
-#include "core/statistics.hpp"
 #include "diagnose/halves.hpp"
-#include "diagnose/noise.hpp"
 #include "recording/overlap.hpp"
 
 namespace diffnea {
@@ -22,39 +19,10 @@ namespace {
 /// Rows of the base that are made at once.
 constexpr long kChunk = 2048;
 
-/// Share of the links' torques that rounding leaves at a joint that nothing drives: its motion
-/// tells of its whole run, however long.
-constexpr double kRounding = 1e-8;
-
 /// Tells whether a joint's torque is known: measured, or passive and hence zero.
 bool known(const Preprocessed& about, const JointSeries& s, int j) {
   return about.has_tau[static_cast<std::size_t>(j)] ||
          (s.rows() > 0 && !std::isnan(s.logged(0, j)));
-}
-
-/// Mean squares of the torques by which noise is told from nothing: as logged, or, of a joint that
-/// nothing drives, what its links take one by one, (n).
-VecX<double> torque_squares(const Tree<double>& tree, const JointSeries& s,
-                            const std::vector<bool>& driven) {
-  const long n = s.q.cols();
-  VecX<double> out = VecX<double>::Zero(n);
-  const VecX<double> still = VecX<double>::Zero(n);
-  RneaWorkspace<double, double> ws;
-  MassMatrixWorkspace<double, double> mass;
-  for (long i = 0; i < s.rows(); ++i) {
-    VecX<double> gravity;
-    for (long j = 0; j < n; ++j) {
-      if (driven[static_cast<std::size_t>(j)]) {
-        out[j] += s.logged(i, j) * s.logged(i, j);
-        continue;
-      }
-      const VecX<double> q = s.q.row(i).transpose();
-      if (gravity.size() == 0) gravity = rnea<double, double>(tree, q, still, still, ws);
-      const double inertia = mass_matrix<double, double>(tree, q, mass)(j, j) * s.qdd(i, j);
-      out[j] += gravity[j] * gravity[j] + inertia * inertia;
-    }
-  }
-  return out;
 }
 
 /// Linear parameters: of the links as in `links`, of effects before the fit.
@@ -82,12 +50,12 @@ Evidence::Evidence(const Model& model, const Model& links, const FitLayout& layo
                  [&](const Preprocessed& block) { collector.add(block); });
   take_series(collector, period);
   const std::vector<RowMatX<double>> positions = collector.positions();
-  if (!series_.empty()) take_halves(collector, plan);
-  take_joints(collector, joint_names(model));
   if (series_.empty())
     throw DataError(source.sample().front().source +
                     ": diagnose: " + detail::why_no_rows(source.sample(), every_) +
                     "; record a motion, e.g. one of `diffnea excite`");
+  take_halves(collector, plan);
+  take_joints(model, collector, fitted);
   if (joints_.empty()) {
     require_torque(describe_joints(model), source.sample());
     throw DataError(source.sample().front().source +
@@ -164,9 +132,18 @@ void Evidence::take_halves(Stretches& collector, const PreprocessPlan& plan) {
   }
 }
 
-void Evidence::take_joints(const Stretches& collector, const std::vector<std::string>& names) {
+void Evidence::take_joints(const Model& model, const Stretches& collector, const Evidence* fitted) {
+  has_torque_ = collector.about(0).has_tau;
+  const std::vector<std::string> names = joint_names(model);
+  if (!model.constraints.empty()) {
+    driven_rows_ = DrivenRows(model, collector.rows_of(0, collector.series()[0], 0, 1),
+                              fitted ? fitted->driven_rows_.joints() : std::vector<int>{});
+    driven_rows_.set_paths(series_);
+    joints_ = driven_rows_.joints();
+  }
   for (std::size_t i = 0; i < series_.size(); ++i)
     for (int j = 0; j < num_dofs_; ++j) {
+      if (driven_rows_.closed() && collector.about(i).has_tau == has_torque_) continue;
       const bool is_known = known(collector.about(i), series_[i], j);
       if (i == 0 && is_known) joints_.push_back(j);
       if (is_known != (std::ranges::find(joints_, j) != joints_.end()))
@@ -187,63 +164,6 @@ void Evidence::take_joints(const Stretches& collector, const std::vector<std::st
   }
 }
 
-void Evidence::take_filters(const Model& links, const PreprocessPlan& plan,
-                            const Stretches& collector) {
-  const std::vector<JointSeries>& own = collector.series();
-  std::vector<bool> driven;
-  for (int j = 0; j < num_dofs_; ++j) driven.push_back(collector.about(0).has_tau[j]);
-  for (const int j : joints_) passive_.push_back(!driven[static_cast<std::size_t>(j)]);
-  std::map<int, Tree<double>> trees;
-  VecX<double> squares = VecX<double>::Zero(num_dofs_);
-  double samples = 0.0;
-  for (const JointSeries& s : own) {
-    if (!trees.contains(s.run)) trees.emplace(s.run, extend(links, runs_, s.run).tree);
-    squares += torque_squares(trees.at(s.run), s, driven);
-    samples += static_cast<double>(s.rows());
-  }
-  SignalNoise noise{VecX<double>(num_dofs_), VecX<double>(num_dofs_)};
-  for (int j = 0; j < num_dofs_; ++j) {
-    const std::size_t k = static_cast<std::size_t>(j);
-    const double torque = k < plan.tau_noise.size() ? plan.tau_noise[k] : 0.0;
-    // Between two new positions there is none.
-    const int rows = (k < plan.refresh.size() ? plan.refresh[k] : 1) * (halves_ ? 2 : 1);
-    noise.position[j] =
-        std::max(k < plan.q_noise.size() ? std::sqrt(rows) * plan.q_noise[k] : 0.0, kLeastPosition);
-    noise.density[j] = plan.dt * (std::pow(torque > 0.0 ? torque : 0.0, 2) +
-                                  std::pow(driven[k] ? kLeastNoise : kRounding, 2) *
-                                      std::max(squares[j] / samples, 1e-300));
-  }
-  constant_.assign(joints_.size(), MatX<double>(times(), 1));
-  std::vector<std::vector<double>> settled(joints_.size());
-  long row = 0;
-  cut_off_.assign(joints_.size(), plan.filter_hz);
-  for (const JointSeries& s : own) {
-    std::vector<TorqueFilter> of;
-    const std::vector<JointEquation> equations =
-        joint_equations(trees.at(s.run), s, joints_, noise, plan.filter_hz, every_);
-    const RowMatX<double> one = RowMatX<double>::Ones(s.rows(), 1);
-    for (std::size_t k = 0; k < joints_.size(); ++k) {
-      of.emplace_back(equations[k], s.dt, every_);
-      constant_[k].middleRows(row, of.back().rows()) = of.back()(one);
-      for (const double of_one : constant_[k].col(0).segment(row, of.back().rows()))
-        settled[k].push_back(of_one);
-      const JointEquation& e = equations[k];
-      const long at = s.rows() / 2;
-      cut_off_[k] = std::max(
-          cut_off_[k],
-          std::pow(e.density[at] / (std::pow(e.inertia[at], 2) * e.variance[at] * s.dt), 0.25) /
-              (2.0 * kPi));
-    }
-    row += of.front().rows();
-    filters_.push_back(std::move(of));
-  }
-  unit_.resize(static_cast<long>(joints_.size()));
-  for (std::size_t k = 0; k < joints_.size(); ++k) {
-    unit_[static_cast<long>(k)] = 1.0 / median(settled[k]);
-    constant_[k] *= unit_[static_cast<long>(k)];
-  }
-}
-
 MatX<double> Evidence::regress(const Model& model, const FitLayout& layout,
                                const PreprocessPlan& plan, const Stretches& collector,
                                const std::vector<JointSeries>& series, VecX<double>* torque) {
@@ -256,6 +176,7 @@ MatX<double> Evidence::regress(const Model& model, const FitLayout& layout,
   all.rest_share = 2.0;
   all.factored = false;
   all.first_run = first_run_;
+  if (driven_rows_.closed()) all.leads = driven_rows_.joints();
   PreprocessPlan every_sample = plan;
   every_sample.decimator = {.rate_hz = 1.0 / plan.dt};
   TorqueRegression samples(model, layout, every_sample, {layout.prior(), shape}, all);
@@ -307,8 +228,7 @@ void Evidence::take_rows(const Model& model, const Model& links, const FitLayout
   for (std::size_t k = 0; k < joints_.size(); ++k) {
     long row = static_cast<long>(k) * m;
     for (std::size_t i = 0; i < filters_.size(); ++i) {
-      const int j = joints_[k];
-      const VecX<double> beside = collector.positions()[i].col(j) - collector.series()[i].q.col(j);
+      const VecX<double> beside = shown(i, k, collector.positions()[i], collector.series()[i].q);
       torque_.segment(row, filters_[i][k].rows()) +=
           unit_[static_cast<long>(k)] * filters_[i][k].shown(beside);
       row += filters_[i][k].rows();
@@ -329,13 +249,6 @@ void Evidence::take_rows(const Model& model, const Model& links, const FitLayout
   }
 }
 
-bool Evidence::begins(long instant, long k) const {
-  const std::size_t stretch = static_cast<std::size_t>(stretch_[static_cast<std::size_t>(instant)]);
-  const auto first = std::ranges::lower_bound(stretch_, static_cast<int>(stretch));
-  return instant - (first - stretch_.begin()) <
-         filters_[stretch][static_cast<std::size_t>(k)].settled();
-}
-
 MatX<double> Evidence::without_scale(long k, const Eigen::Ref<const MatX<double>>& rows,
                                      const VecX<double>& x0) const {
   MatX<double> out = rows;
@@ -350,9 +263,28 @@ MatX<double> Evidence::without_scale(long k, const Eigen::Ref<const MatX<double>
   return out;
 }
 
+bool Evidence::is_passive(int joint) const {
+  if (driven_rows_.closed()) return !has_torque_[static_cast<std::size_t>(joint)];
+  const auto at = std::ranges::find(joints_, joint);
+  return at != joints_.end() && passive(at - joints_.begin());
+}
+
+std::vector<long> Evidence::reached(const std::vector<int>& by) const {
+  std::vector<long> out;
+  for (std::size_t k = 0; k < joints_.size(); ++k)
+    if (driven_rows_.reaches(by, joints_[k])) out.push_back(static_cast<long>(k));
+  return out;
+}
+
 bool Evidence::has_passive_beside_torques() const {
   if (std::ranges::find(passive_, false) == passive_.end()) return false;
   return std::ranges::any_of(factors_, [](const JointFactor& f) { return f.inertia.size() > 0; });
+}
+
+std::vector<int> Evidence::all_joints() const {
+  std::vector<int> out(static_cast<std::size_t>(num_dofs_));
+  std::iota(out.begin(), out.end(), 0);
+  return out;
 }
 
 MatX<double> Evidence::turns(const FitLayout& layout) const {
@@ -362,42 +294,23 @@ MatX<double> Evidence::turns(const FitLayout& layout) const {
     const BoundEffect friction = friction_of(layout, shape);
     out.conservativeResize(Eigen::NoChange, out.cols() + kTurnColumns);
     out.rightCols(kTurnColumns).setZero();
-    for (std::size_t k = 0; k < joints_.size(); ++k)
-      if (std::ranges::find(friction.joints, joints_[k]) != friction.joints.end())
-        out.block(static_cast<long>(k) * times(), out.cols() - kTurnColumns, times(),
-                  kTurnColumns) = rows_of(static_cast<long>(k), [&](const JointSeries& s) {
-          const auto columns = turn_columns(friction, shape.index, reference(s), s);
-          RowMatX<double> own(s.rows(), kTurnColumns);
-          for (int c = 0; c < kTurnColumns; ++c)
-            own.col(c) = columns[static_cast<std::size_t>(c)].col(joints_[k]);
-          return own;
-        });
+    for (const long k : reached(friction.joints)) {
+      std::vector<RowMatX<double>> stretches;
+      for (std::size_t i = 0; i < series_.size(); ++i) {
+        const JointSeries& s = series_[i];
+        const auto columns = turn_columns(friction, shape.index, reference(s), s);
+        stretches.push_back(
+            driven_rows_.at(i, joints_[static_cast<std::size_t>(k)], friction.joints, [&](int j) {
+              RowMatX<double> own(s.rows(), kTurnColumns);
+              for (int c = 0; c < kTurnColumns; ++c)
+                own.col(c) = columns[static_cast<std::size_t>(c)].col(j);
+              return own;
+            }));
+      }
+      out.block(k * times(), out.cols() - kTurnColumns, times(), kTurnColumns) =
+          rows_of(k, stretches);
+    }
   }
-  return out;
-}
-
-MatX<double> Evidence::rows_of(long k, const std::vector<RowMatX<double>>& stretches) const {
-  MatX<double> out(times(), stretches.empty() ? 0 : stretches[0].cols());
-  long row = 0;
-  for (std::size_t i = 0; i < stretches.size(); ++i) {
-    const TorqueFilter& filter = filters_[i][static_cast<std::size_t>(k)];
-    out.middleRows(row, filter.rows()) = unit_[k] * filter(stretches[i]);
-    row += filter.rows();
-  }
-  return out;
-}
-
-MatX<double> Evidence::means_of(long k, const std::vector<RowMatX<double>>& stretches) const {
-  MatX<double> out = rows_of(k, stretches);
-  const MatX<double>& weight = constant_[static_cast<std::size_t>(k)];
-  long row = 0;
-  for (std::size_t i = 0; i < stretches.size(); ++i)
-    for (long m = 0; m < stretches[i].rows() / every_; ++m, ++row)
-      // A first row knows nothing yet.
-      if (std::abs(weight(row, 0)) > 1e-3)
-        out.row(row) /= weight(row, 0);
-      else
-        out.row(row) = stretches[i].middleRows(m * every_, every_).colwise().mean();
   return out;
 }
 
@@ -408,6 +321,7 @@ VecX<double> Evidence::set_reference(const Model& fitted) {
     const RowMatX<double> before = std::move(s.total);
     const auto [at, is_new] = references_.try_emplace(s.run);
     if (is_new) at->second = extend(fitted, runs_, s.run);
+    at->second.loops = driven_rows_.loops();
     predict(at->second, s);
     size += s.total.colwise().squaredNorm().transpose();
     change += (before.size() == 0 ? s.total : RowMatX<double>(s.total - before))
@@ -416,7 +330,9 @@ VecX<double> Evidence::set_reference(const Model& fitted) {
                   .transpose();
   }
   if (has_instant_) set_instant();
-  return (change.array() / size.array().max(1e-300)).sqrt();
+  VecX<double> out = (change.array() / size.array().max(1e-300)).sqrt();
+  if (driven_rows_.closed()) out.setConstant(out.maxCoeff());  // they move together
+  return out;
 }
 
 void Evidence::set_tilt(const Vec3<double>& more, const VecX<double>& x) {
@@ -425,6 +341,7 @@ void Evidence::set_tilt(const Vec3<double>& more, const VecX<double>& x) {
   MatX<double> now = MatX<double>::Zero(rows(), p);
   if (dot(more, more) > 0.0) {
     std::vector<RowMatX<double>> stretches;
+    const std::vector<int> all = all_joints();
     for (const JointSeries& s : series_) {
       Tree<double> tree = reference(s).tree;
       tree.gravity = more;
@@ -434,8 +351,10 @@ void Evidence::set_tilt(const Vec3<double>& more, const VecX<double>& x) {
     }
     for (std::size_t k = 0; k < joints_.size(); ++k) {
       std::vector<RowMatX<double>> of_k;
-      for (const RowMatX<double>& all : stretches)
-        of_k.push_back(all.middleCols(joints_[k] * p, p));
+      for (std::size_t i = 0; i < stretches.size(); ++i)
+        of_k.push_back(driven_rows_.at(i, joints_[k], all, [&](int j) -> RowMatX<double> {
+          return stretches[i].middleCols(j * p, p);
+        }));
       now.middleRows(static_cast<long>(k) * m, m) = rows_of(static_cast<long>(k), of_k);
     }
   }

@@ -4,7 +4,8 @@
 /// signals (torque_filter.hpp), on the scale of a torque that is constant. Internal to diagnose/.
 ///
 /// Rows of the joints whose torque is known are stacked: row m of the k-th such joint is row
-/// k·times() + m. All matrices here are (rows(), columns).
+/// k·times() + m. All matrices here are (rows(), columns). Where constraints close loops, these are
+/// the joints that lead, and their rows hold what is asked of them by all (driven_rows.hpp).
 
 #include <functional>
 #include <map>
@@ -13,6 +14,7 @@
 #include <diffnea/identify/torque_regression.hpp>
 
 #include "diagnose/candidates.hpp"
+#include "diagnose/driven_rows.hpp"
 #include "diagnose/sticking.hpp"
 #include "diagnose/stretches.hpp"
 #include "diagnose/torque_filter.hpp"
@@ -43,8 +45,12 @@ class Evidence {
   long rows() const { return torque_.size(); }
   /// Rows of one joint; the same instants for all.
   long times() const { return static_cast<long>(time_.size()); }
-  /// Degrees of freedom whose torque is known, ascending.
+  /// Degrees of freedom that have rows, ascending: those whose torque is known.
   const std::vector<int>& joints() const { return joints_; }
+  /// Torques that reach their rows.
+  const DrivenRows& driven_rows() const { return driven_rows_; }
+  /// Indices of joints() that torques of some degrees of freedom reach.
+  std::vector<long> reached(const std::vector<int>& by) const;
   int num_dofs() const { return num_dofs_; }
 
   const VecX<double>& torque() const { return torque_; }
@@ -61,6 +67,8 @@ class Evidence {
   bool has_passive_beside_torques() const;
   /// Whether nothing drives the k-th of joints(): its torque is 0, or a ball's pull.
   bool passive(long k) const { return passive_[static_cast<std::size_t>(k)]; }
+  /// Tells whether a degree of freedom has rows that nothing drives, or moves by constraints alone.
+  bool is_passive(int joint) const;
   /// Tells whether a row of the k-th of joints() still hangs on how its stretch begins.
   bool begins(long instant, long k) const;
   /// Tells whether some torque is not 0.
@@ -123,8 +131,9 @@ class Evidence {
   double step() const { return step_; }
   /// Tells whether the motion is the same in every period.
   bool repeats() const { return repeats_; }
-  /// Tells whether the noise of the motion that effects see is another than that of the rows.
+  /// Tells whether effects see another motion than the rows.
   bool apart() const { return apart_; }
+  /// Tells whether that is of other samples, and its noise another.
   bool halves() const { return halves_; }
   /// Samples at the recording's rate, as effects see them. Where the log is fast enough, rows are
   /// those of the path through the even samples, and effects see that through the odd ones: its
@@ -150,13 +159,13 @@ class Evidence {
   /// @param torque  if not null: the effect's own torque at its parameters, too, (rows())
   MatX<double> columns(const TriedEffect& effect, const std::vector<int>& which,
                        VecX<double>* torque = nullptr) const;
-  /// sin nq and cos nq of a joint for `count` n from `first` on, `step` apart, as rows of its torque:
-  /// hands each k < count and its (times(), 2) matrix to `visit`, in order. By the sum of
-  /// angles: a tenth of the time of as many columns().
+  /// sin nq and cos nq of a joint for `count` n from `first` on, `step` apart, as rows that its
+  /// torque reaches: hands each k < count and its (times() · reached(), 2) matrix to `visit`, in
+  /// order. By the sum of angles: a tenth of the time of as many columns().
   void ripples(int joint, double first, double step, int count,
                const std::function<void(int, MatX<double>)>& visit) const;
-  /// Any torques of the k-th of joints() at the recording's rate, a column each, as rows, (times(),
-  /// columns).
+  /// Any torques of the k-th of joints() alone at the recording's rate, a column each, as rows,
+  /// (times(), columns).
   MatX<double> rows_of(long k,
                        const std::function<RowMatX<double>(const JointSeries&)>& columns) const;
   /// Second and third derivatives of the torque that the base predicts for the k-th of joints(),
@@ -177,8 +186,11 @@ class Evidence {
   /// Two paths of each, one for the rows and one for effects; where nothing is driven, no motor is
   /// hidden, and rows that remember the whole run want every sample.
   void take_halves(Stretches& collector, const PreprocessPlan& plan);
-  /// Joints whose torque is known throughout. @param names  of the degrees of freedom
-  void take_joints(const Stretches& collector, const std::vector<std::string>& names);
+  /// Joints whose torque is known throughout; of closed chains those that lead.
+  void take_joints(const Model& model, const Stretches& collector, const Evidence* fitted);
+  /// Equations of the joints along the next stretch. @param own  its path, of the rows
+  std::vector<JointEquation> equations_along(const Tree<double>& tree, const JointSeries& own,
+                                             const SignalNoise& noise, const PreprocessPlan& plan);
   /// A filter for every joint and stretch.
   void take_filters(const Model& links, const PreprocessPlan& plan, const Stretches& collector);
   /// Rows of the base's columns at one motion. @param torque  if not null: of the torque, too
@@ -208,10 +220,18 @@ class Evidence {
   void set_instant();
   /// Rows of the k-th of joints(), of torques at the recording's rate, a matrix for each stretch.
   MatX<double> rows_of(long k, const std::vector<RowMatX<double>>& stretches) const;
+  /// Positions that encoders show beside the path of a stretch, of the k-th of joints(), (N).
+  VecX<double> shown(std::size_t stretch, std::size_t k, const RowMatX<double>& positions,
+                     const RowMatX<double>& path) const;
   /// The same of means, not of sums.
   MatX<double> means_of(long k, const std::vector<RowMatX<double>>& stretches) const;
+  std::vector<int> all_joints() const;
   const ExtendedTree& reference(const JointSeries& s) const { return references_.at(s.run); }
 
+  DrivenRows driven_rows_;
+  std::vector<bool> has_torque_;  ///< by degree of freedom
+  /// By stretch and joint of a closed chain: LoopEquation::shown.
+  std::vector<std::vector<RowMatX<double>>> shown_;
   int num_dofs_ = 0, first_run_ = 0;
   double earliest_instant_ = -0.5, latest_instant_ = 1.0;
   bool has_instant_ = false;

@@ -38,9 +38,16 @@ void Evidence::evaluate(const TriedEffect& effect) {
                         own.parameters[static_cast<std::size_t>(k)].name +
                         "' holds NaN or infinity; expected finite torques at every instant");
   }
-  const auto at = std::ranges::find(joints_, effect.joints[0]);
-  if (at != joints_.end())
-    own_[{own.name, own.where}] = rows_of(at - joints_.begin(), stretches);
+  const long m = times();
+  MatX<double> all = MatX<double>::Zero(rows(), width);
+  for (const long k : reached(effect.joints)) {
+    std::vector<RowMatX<double>> of_k;
+    for (std::size_t i = 0; i < stretches.size(); ++i)
+      of_k.push_back(driven_rows_.at(i, joints_[static_cast<std::size_t>(k)], effect.joints,
+                                     [&](int) { return stretches[i]; }));
+    all.middleRows(k * m, m) = rows_of(k, of_k);
+  }
+  own_[{own.name, own.where}] = std::move(all);
 }
 
 MatX<double> Evidence::columns(const TriedEffect& effect, const std::vector<int>& which,
@@ -50,36 +57,32 @@ MatX<double> Evidence::columns(const TriedEffect& effect, const std::vector<int>
   if (torque) *torque = VecX<double>::Zero(rows());
   if (effect.own) {
     if (torque) *torque = torque_of(effect);
-    const auto at = std::ranges::find(joints_, effect.joints[0]);
-    if (at != joints_.end())
-      out.middleRows((at - joints_.begin()) * m, m) =
-          own_.at({effect.own->name, effect.where})(Eigen::all, which);
-    return out;
+    return own_.at({effect.own->name, effect.where})(Eigen::all, which);
   }
   if (which.empty() && !torque) return out;
-  // Joint torques of one joint reach that joint alone: the others' columns need no filter.
-  std::vector<long> reached;  // index into joints_
+  // Torque of one joint reaches few others: their columns need no filter.
   const Port port = effect.info().port;
   const bool local =
       port == Port::kJointTorque || (port == Port::kMemory && !encoder_at_motor(effect));
-  for (std::size_t k = 0; k < joints_.size(); ++k)
-    if (!local || std::ranges::find(effect.joints, joints_[k]) != effect.joints.end())
-      reached.push_back(static_cast<long>(k));
+  const std::vector<int> from = local ? effect.joints : all_joints();
+  const std::vector<long> reached = this->reached(from);  // index into joints_
   if (reached.empty()) return out;
   const long all = width + (torque ? 1 : 0);
   std::vector<std::vector<RowMatX<double>>> stretches(reached.size());
-  for (const JointSeries& s : series_) {
+  for (std::size_t i = 0; i < series_.size(); ++i) {
+    const JointSeries& s = series_[i];
     RowMatX<double> at;
     std::vector<RowMatX<double>> c = series_columns(effect, reference(s), s,
                                                     effect.parameters.data(), which,
                                                     torque ? &at : nullptr);
     if (torque) c.push_back(std::move(at));
-    for (std::size_t r = 0; r < reached.size(); ++r) {
-      RowMatX<double>& block = stretches[r].emplace_back(s.q.rows(), all);
-      for (long w = 0; w < all; ++w)
-        block.col(w) = c[static_cast<std::size_t>(w)].col(
-            joints_[static_cast<std::size_t>(reached[r])]);
-    }
+    for (std::size_t r = 0; r < reached.size(); ++r)
+      stretches[r].push_back(
+          driven_rows_.at(i, joints_[static_cast<std::size_t>(reached[r])], from, [&](int j) {
+            RowMatX<double> block(s.q.rows(), all);
+            for (long w = 0; w < all; ++w) block.col(w) = c[static_cast<std::size_t>(w)].col(j);
+            return block;
+          }));
   }
   for (std::size_t r = 0; r < reached.size(); ++r) {
     const MatX<double> of = rows_of(reached[r], stretches[r]);
@@ -99,7 +102,8 @@ void Evidence::ripples(int joint, double first, double step, int count,
     out.imag() = angle.sin();
     return out;
   };
-  const long of = std::ranges::find(joints_, joint) - joints_.begin();
+  const std::vector<long> reached = this->reached({joint});
+  const long m = times();
   std::vector<Phasors> at, by;
   for (const JointSeries& s : series_) {
     at.push_back(turns(s, first));
@@ -112,7 +116,15 @@ void Evidence::ripples(int joint, double first, double step, int count,
       stretches.back() << at[i].imag(), at[i].real();
       at[i] *= by[i];
     }
-    visit(k, rows_of(of, stretches));
+    MatX<double> out(m * std::ssize(reached), 2);
+    for (std::size_t r = 0; r < reached.size(); ++r) {
+      std::vector<RowMatX<double>> of_row;
+      for (std::size_t i = 0; i < stretches.size(); ++i)
+        of_row.push_back(driven_rows_.at(i, joints_[static_cast<std::size_t>(reached[r])], {joint},
+                                         [&](int) { return stretches[i]; }));
+      out.middleRows(static_cast<long>(r) * m, m) = rows_of(reached[r], of_row);
+    }
+    visit(k, std::move(out));
   }
 }
 

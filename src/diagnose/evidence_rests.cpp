@@ -46,7 +46,8 @@ void Evidence::take_standstills(const FitLayout& layout, const PreprocessPlan& p
   }
   speed_ = (speed_ / static_cast<double>(samples)).cwiseSqrt();
   acceleration_ = (acceleration_ / static_cast<double>(samples)).cwiseSqrt();
-  const std::set<int> dry = dry_joints(layout);
+  std::set<int> dry = dry_joints(layout);
+  if (driven_rows_.closed() && !dry.empty()) dry.insert(joints_.begin(), joints_.end());
   std::vector<int> moving;
   for (const int j : joints_) {
     const std::size_t at = static_cast<std::size_t>(j);

@@ -102,14 +102,13 @@ double inexact_at(const Search& search, const Term& term, const std::vector<Term
   double out =
       term.effect.info().motor == HiddenMotor::kSpring ? of_moving_noise(search, term, terms) : 0.0;
   for (std::size_t k = 0; k < evidence.joints().size(); ++k) {
-    if (local &&
-        std::ranges::find(term.effect.joints, evidence.joints()[k]) == term.effect.joints.end())
-      continue;
+    const auto acts = [&](const Term& t) {
+      return evidence.driven_rows().reaches(t.effect.joints, evidence.joints()[k]);
+    };
+    if (local && !acts(term)) continue;
     const long begin = static_cast<long>(k) * m;
-    const bool dry = std::ranges::any_of(terms, [&](const Term& t) {
-      return std::ranges::find(t.effect.joints, evidence.joints()[k]) != t.effect.joints.end() &&
-             is_dry(t.effect);
-    });
+    const bool dry =
+        std::ranges::any_of(terms, [&](const Term& t) { return acts(t) && is_dry(t.effect); });
     const double accuracy = dry ? kDryAccuracy : kAccuracy;
     out += accuracy * accuracy *
            std::max(0.0, search.projection().residual().segment(begin, m).squaredNorm() -

@@ -342,6 +342,8 @@ void JointDiagnosis::complete() {
 
 bool JointDiagnosis::simulate(const Model& extended) {
   if (!case_.finding.simulated.reason.empty()) return false;
+  if (!case_.model.constraints.empty())
+    case_.finding.simulated.reason = "windows of closed loops are not simulated";
   for (const Term& t : terms_)
     if (t.effect.own) {
       case_.finding.simulated.reason =

@@ -95,6 +95,8 @@ class Proposal {
   std::optional<NextExperiment> run() {
     if (pairs_.empty()) return {};
     const std::vector<int> moving = moving_links(c_.model);
+    if (!c_.model.constraints.empty())
+      throw ModelError("motions that keep loops closed are not planned here (`diffnea excite`)");
     if (std::ranges::any_of(
             moving, [&](int i) { return c_.model.links[static_cast<std::size_t>(i)].passive; }))
       throw ModelError("a joint without a motor cannot be led along a planned motion");

@@ -9,6 +9,7 @@
 #include <diffnea/dynamics/mass_matrix.hpp>
 
 #include "core/constants.hpp"
+#include "dynamics/loop_motion.hpp"
 #include "recording/overlap.hpp"
 
 namespace diffnea {
@@ -29,20 +30,35 @@ constexpr int kManyStretches = 8;
 /// Of the blocks that are held out [s]; where there are two of them only, they may be shorter.
 constexpr double kLeastBlock = 4.0, kShortestBlock = 3.5;
 
-/// The highest frequency at which the positions' noise, as a torque of a joint's own inertia, is
-/// still below the torque's: beyond, rows tell little (torque_filter.hpp). 0: not known.
-double telling_hz(const Model& links, const PreprocessPlan& plan) {
+/// Inertia that each joint moves: at 0, of a closed chain with all that moves with it, in its first
+/// posture.
+VecX<double> inertias(const Model& links, const std::vector<Recording>& sample) {
   const Tree<double> tree = make_tree(links);
   MassMatrixWorkspace<double, double> ws;
-  const MatX<double>& M =
-      mass_matrix<double, double>(tree, VecX<double>::Zero(tree.num_dofs()), ws);
+  VecX<double> q = VecX<double>::Zero(tree.num_dofs());
+  if (links.constraints.empty()) return mass_matrix<double, double>(tree, q, ws).diagonal();
+  const RowMatX<double>& logged = sample.front().q;
+  for (long k = 0; k < logged.rows(); ++k)
+    if (logged.row(k).allFinite()) {
+      q = logged.row(k).transpose();
+      break;
+    }
+  const MatX<double>& M = mass_matrix<double, double>(tree, q, ws);
+  return loop_mobility(tree, tree_constraints(links), q, M).cwiseInverse();
+}
+
+/// The highest frequency at which the positions' noise, as a torque of a joint's own inertia, is
+/// still below the torque's: beyond, rows tell little (torque_filter.hpp). 0: not known.
+double telling_hz(const Model& links, const std::vector<Recording>& sample,
+                  const PreprocessPlan& plan) {
+  const VecX<double> inertia = inertias(links, sample);
   double out = 0.0;
-  for (int j = 0; j < tree.num_dofs(); ++j) {
+  for (long j = 0; j < inertia.size(); ++j) {
     const std::size_t k = static_cast<std::size_t>(j);
     if (k >= plan.q_noise.size() || k >= plan.tau_noise.size() || !(plan.tau_noise[k] > 0.0))
       continue;
-    if (!(plan.q_noise[k] > 0.0) || !(M(j, j) > 0.0)) return 0.0;
-    out = std::max(out, std::sqrt(plan.tau_noise[k] / (M(j, j) * plan.q_noise[k])) /
+    if (!(plan.q_noise[k] > 0.0) || !(inertia[j] > 0.0)) return 0.0;
+    out = std::max(out, std::sqrt(plan.tau_noise[k] / (inertia[j] * plan.q_noise[k])) /
                             (2.0 * std::numbers::pi));
   }
   return out;
@@ -67,7 +83,7 @@ PreprocessPlan plan_rows(const Model& links, const std::vector<Recording>& sampl
   PreprocessOptions any = options;
   any.min_segment = 0.0;
   PreprocessPlan out = plan_preprocess(sample, any);
-  if (const double hz = telling_hz(links, out); options.decimate_to_hz == 0.0 && hz > 0.0) {
+  if (const double hz = telling_hz(links, sample, out); options.decimate_to_hz == 0.0 && hz > 0.0) {
     const double of_motion = 1.0 / (out.dt * out.decimator.factor);
     const double rows =
         std::clamp(kRowsOverCutOff * hz, kLeastRows, std::max(kMostRows, of_motion));

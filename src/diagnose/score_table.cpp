@@ -45,15 +45,15 @@ ScoreTable::ScoreTable(const Evidence& evidence, const std::vector<Candidate>& c
 
 void ScoreTable::add_ripples(int candidate, bool keep) {
   const Candidate& c = candidates_[static_cast<std::size_t>(candidate)];
-  const auto joint = std::ranges::find(evidence_.joints(), c.effect.joints[0]);
-  if (joint == evidence_.joints().end()) return;
+  const std::vector<long> reached = evidence_.reached({c.effect.joints[0]});
+  if (reached.empty()) return;
   const std::size_t first = variants_.size();
   for (std::size_t g = 0; g < c.grid.size(); ++g) {
     Variant v;
     v.candidate = candidate;
     v.point = static_cast<int>(g);
     v.offset = false;
-    v.joints = {joint - evidence_.joints().begin()};
+    v.joints = reached;
     v.kept = keep;
     variants_.push_back(std::move(v));
   }

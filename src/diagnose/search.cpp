@@ -35,8 +35,7 @@ void Search::set_projection(std::vector<Term>& terms) {
     projection_ = std::make_unique<Projection>(evidence_, *whitener_, prior());
     for (Term& t : terms) set_columns(t);
     fit(terms);
-    if (std::ranges::any_of(evidence_.joints(), [&](int j) { return is_no_shift(j, terms); }))
-      return;
+    if (samples_and_holds(terms)) return;
   }
 }
 
@@ -44,15 +43,20 @@ double Search::shift(const Term& term) {
   if (term.effect.own) return 0.0;
   DrivePath<double> path{0.0, 0.0, 0.0};
   add_to_drive(term.effect, path);
-  return clock_shift(term.effect) + path.delay;
+  return clock_shift(term.effect) + path.delay + path.lag;
 }
 
-bool Search::is_no_shift(int joint, const std::vector<Term>& terms) const {
+bool Search::samples_and_holds(int joint, const std::vector<Term>& terms) const {
   double in_all = late(terms);
   for (const Term& t : terms)
     if (std::ranges::find(t.effect.joints, joint) != t.effect.joints.end())
       in_all += shift(t) / evidence_.series().front().dt;
   return in_all > evidence_.earliest_instant() && in_all < evidence_.latest_instant();
+}
+
+bool Search::samples_and_holds(const std::vector<Term>& terms) const {
+  return std::ranges::any_of(evidence_.joints(),
+                             [&](int j) { return samples_and_holds(j, terms); });
 }
 
 double Search::late(const std::vector<Term>& terms) const {
@@ -309,13 +313,11 @@ VecX<double> Search::residual(const std::vector<Term>& terms) const {
 
 double Search::torque_share(const Term& term) const {
   const VecX<double> torque = term.torque();
-  const std::vector<int>& acts = term.effect.joints;
   const long times = evidence_.times();
   double own = 0.0, measured = 0.0;
-  for (std::size_t k = 0; k < evidence_.joints().size(); ++k) {
-    if (std::ranges::find(acts, evidence_.joints()[k]) == acts.end()) continue;
-    const double size = evidence_.size(static_cast<long>(k));
-    own += torque.segment(static_cast<long>(k) * times, times).squaredNorm();
+  for (const long k : evidence_.reached(term.effect.joints)) {
+    const double size = evidence_.size(k);
+    own += torque.segment(k * times, times).squaredNorm();
     measured += size * size * static_cast<double>(times);
   }
   return measured > 0.0 ? std::sqrt(own / measured) : 0.0;

@@ -78,11 +78,14 @@ class Search {
   /// By how many samples the torque acts later than its rows say, as the base beside the terms has
   /// it; 0 where it lies beyond a sample, and is left to the causes.
   double late(const std::vector<Term>& terms) const;
-  /// By how much the term has torques act later than their rows say [s].
+  /// By how much the term has torques act later than their rows say, to first order [s].
   static double shift(const Term& term);
   /// Tells whether all that shifts a joint's torque, base and terms, comes to no more than a drive
-  /// that samples and holds its torques may have.
-  bool is_no_shift(int joint, const std::vector<Term>& terms) const;
+  /// that samples and holds its torques may have. Beside fewer terms than the projection was made
+  /// with, it may be more.
+  bool samples_and_holds(int joint, const std::vector<Term>& terms) const;
+  /// The same of some joint: that of the others is a cause's.
+  bool samples_and_holds(const std::vector<Term>& terms) const;
 
   /// What is left beside base and terms at their values, whitened.
   VecX<double> left_by(const std::vector<Term>& terms) const;

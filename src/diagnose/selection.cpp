@@ -53,7 +53,16 @@ bool stays(const Term& term) { return term.effect.info().has(Trait::kGravity); }
 bool is_no_shift(const Search& search, const std::vector<Term>& terms) {
   return Search::shift(terms.back()) != 0.0 &&
          std::ranges::all_of(terms.back().effect.joints,
-                             [&](int j) { return search.is_no_shift(j, terms); });
+                             [&](int j) { return search.samples_and_holds(j, terms); });
+}
+
+/// Tells whether terms suffice only where torques act at instants that no drive has, and none of
+/// them may take that over.
+bool shifts_torques(const Search& search, std::vector<Term> terms) {
+  for (const Term& t : terms)
+    if (Search::shift(t) != 0.0) return false;
+  search.fit(terms);
+  return !search.samples_and_holds(terms);
 }
 
 std::set<int> names(const std::vector<Term>& terms) {
@@ -230,7 +239,7 @@ bool Selection::eliminate(std::vector<Term>& terms) const {
       const double kept = search_.fit(rest);
       double worse = search_.bic(kept, rest) - with;
       if (all - kept < inexact_at(search_, terms[i], rest)) worse = std::min(worse, 0.0);
-      if (worse < least) {
+      if (worse < least && !shifts_torques(search_, rest)) {
         least = worse;
         drop = i;
       }
@@ -458,13 +467,14 @@ bool Selection::drop_needless(std::vector<Term>& terms) {
     }
     const bool vague = !has_size(c, terms[i]) &&
                        (c.effect.info().motor != HiddenMotor::kNone || worse < kLeastSizeless);
-    const char* why = impossible(terms[i])                        ? kImpossible
-                      : vague                                     ? kSizeless
-                      : terms[i].visible_share() < kAbsorbed      ? kHidden
-                      : may_be_nothing(terms[i], sizes(search_, terms, i, covariances(search_, terms)[i]))
-                          ? kMayBeNothing
-                      : helps(rest, terms) ? nullptr
-                                           : kHelpsNot;
+    const char* why =
+        impossible(terms[i])                   ? kImpossible
+        : vague                                ? kSizeless
+        : terms[i].visible_share() < kAbsorbed ? kHidden
+        : may_be_nothing(terms[i], sizes(search_, terms, i, covariances(search_, terms)[i]))
+            ? kMayBeNothing
+        : shifts_torques(search_, rest) || helps(rest, terms) ? nullptr
+                                                              : kHelpsNot;
     if (!why) continue;
     note_refusal(c, why, why == kHelpsNot ? 0.0 : worse);
     if (why == kMayBeNothing) {

@@ -252,8 +252,10 @@ VecX<double> LoopMotion::at_drives(const VecX<double>& q, const VecX<double>& ta
   return out;
 }
 
-VecX<double> LoopMotion::mobility(const VecX<double>& q, const MatX<double>& M) const {
-  const MatX<double> N = constraint_null_space(jacobian(q));
+VecX<double> loop_mobility(const Tree<double>& tree, const TreeConstraints<double>& constraints,
+                           const VecX<double>& q, const MatX<double>& M) {
+  const VecX<double> still = VecX<double>::Zero(tree.num_velocities());
+  const MatX<double> N = constraint_null_space(tree_rows(tree, constraints, q, still).J);
   const Eigen::LDLT<MatX<double>> inertia(MatX<double>(N.transpose() * M * N));
   return (N * inertia.solve(MatX<double>(N.transpose()))).diagonal();
 }

@@ -15,6 +15,11 @@
 
 namespace diffnea {
 
+/// Diagonal of N (Nᵀ M N)⁻¹ Nᵀ, (n): acceleration of each joint by a torque of one there.
+/// @param M  of the tree, (n × n)
+VecX<double> loop_mobility(const Tree<double>& tree, const TreeConstraints<double>& constraints,
+                           const VecX<double>& q, const MatX<double>& M);
+
 class LoopMotion {
  public:
   /// The joints with a drive that are closest to the motions at the home posture lead.
@@ -61,9 +66,10 @@ class LoopMotion {
   /// Torques of the tree (n) as the drives have to give them; those of the others are zero.
   /// @return empty at a dead point
   VecX<double> at_drives(const VecX<double>& q, const VecX<double>& tau) const;
-  /// Diagonal of N (Nᵀ M N)⁻¹ Nᵀ, (n): acceleration of each joint by a torque of one there.
-  /// @param M  of the tree, (n × n)
-  VecX<double> mobility(const VecX<double>& q, const MatX<double>& M) const;
+  /// loop_mobility() of this robot.
+  VecX<double> mobility(const VecX<double>& q, const MatX<double>& M) const {
+    return loop_mobility(tree_, constraints_, q, M);
+  }
 
   const TreeConstraints<double>& constraints() const { return constraints_; }
   /// Names the constraint that is furthest from closing at `q`, and by how much.

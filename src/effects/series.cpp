@@ -9,6 +9,7 @@
 #include <diffnea/effects/hidden_motor.hpp>
 #include <diffnea/effects/series.hpp>
 
+#include "effects/loop_torques.hpp"
 #include "effects/swing.hpp"
 
 namespace diffnea {
@@ -23,9 +24,28 @@ Rows rotor_torque(const Tree<double>& tree, const JointSeries& x) {
   return out;
 }
 
+/// Torques along a motion as they act: where loops are closed, those of the leading joints.
+class AtDrives {
+ public:
+  AtDrives(const ExtendedTree& base, const JointSeries& x) : loops_(base.loops.get()) {
+    if (loops_) maps_ = loops_->maps(base.tree, x.q);
+  }
+  Rows operator()(Rows torque) const {
+    if (!loops_) return torque;
+    return loops_->at_leads(maps_, torque);
+  }
+
+ private:
+  const LoopTorques* loops_;
+  std::vector<MatX<double>> maps_;
+};
+
 /// Torque that the links transmit at every row, without rotor inertia.
-Rows link_torque(const Tree<double>& tree, const JointSeries& x) {
-  return rnea_batch(tree, x.q, x.qd, x.qdd) - rotor_torque(tree, x);
+Rows link_torque(const ExtendedTree& base, const JointSeries& x, const AtDrives& at_drives) {
+  return at_drives(rnea_batch(base.tree, x.q, x.qd, x.qdd) - rotor_torque(base.tree, x));
+}
+Rows link_torque(const ExtendedTree& base, const JointSeries& x) {
+  return link_torque(base, x, {base, x});
 }
 
 JointSample<double> sample(const JointSeries& x, long k) {
@@ -71,10 +91,10 @@ void add_local(const BoundEffect& effect, const Tree<double>& tree, const JointS
 }
 
 /// The sign equation with all effects of one instant, at x.tau.
-Rows local_total(const ExtendedTree& base, const JointSeries& x) {
+Rows local_total(const ExtendedTree& base, const JointSeries& x, const AtDrives& at_drives) {
   Rows out = x.tau + rotor_torque(base.tree, x);
   for (const BoundEffect& e : base.effects) add_local(e, base.tree, x, e.parameters.data(), out);
-  return out;
+  return at_drives(std::move(out));
 }
 
 /// Motion as it was, for an effect of a channel.
@@ -160,7 +180,7 @@ JointSeries behind_encoder(const MotorSpring<double>& spring, const ExtendedTree
     links.q.col(joint) = x.q.col(joint) - wound;
     links.qd.col(joint) = x.qd.col(joint) - speed;
     links.qdd.col(joint) = x.qdd.col(joint) - derivative(speed, x.dt);
-    links.tau = link_torque(base.tree, links);
+    links.tau = link_torque(base, links);
   }
   return links;
 }
@@ -253,7 +273,7 @@ class Complete {
     require_shapes(effect, base, x);
     if (x.tau.size() > 0) return;
     own_ = x;
-    own_.tau = link_torque(base.tree, x);
+    own_.tau = link_torque(base, x);
     x_ = &own_;
   }
   Complete(const Complete&) = delete;
@@ -271,12 +291,16 @@ Rows torque_of(const BoundEffect& effect, const ExtendedTree& base, const JointS
     case Port::kModelParameter: {
       Tree<double> changed = base.tree;
       add_to_tree(effect, p, changed);
+      if (base.loops)  // joint by joint, so that what a plane hides is exactly 0
+        return rnea_batch(changed, x.q, x.qd, x.qdd) - rnea_batch(base.tree, x.q, x.qd, x.qdd);
       return rnea_batch(changed, x.q, x.qd, x.qdd) - x.tau - rotor_torque(base.tree, x);
     }
     case Port::kMeasurement: {
       JointSeries truth = true_motion(effect, x, p);
-      truth.tau = link_torque(base.tree, truth);
-      return local_total(base, truth) - (x.total.size() > 0 ? x.total : local_total(base, x));
+      const AtDrives of_truth(base, truth);
+      truth.tau = link_torque(base, truth, of_truth);
+      return local_total(base, truth, of_truth) -
+             (x.total.size() > 0 ? x.total : local_total(base, x, {base, x}));
     }
     case Port::kMemory:
       return memory_torque(effect, base, x, p);
@@ -385,8 +409,9 @@ Rows difference_column(const BoundEffect& effect, const std::vector<double>& p, 
 }  // namespace
 
 void predict(const ExtendedTree& base, JointSeries& x) {
-  x.tau = link_torque(base.tree, x);
-  x.total = local_total(base, x);
+  const AtDrives at_drives(base, x);
+  x.tau = link_torque(base, x, at_drives);
+  x.total = local_total(base, x, at_drives);
   x.inertia.resize(x.rows(), x.q.cols());
   for (int j = 0; j < x.q.cols(); ++j) x.inertia.col(j) = link_inertia(base.tree, x, j);
 }

@@ -42,8 +42,12 @@ std::vector<int> independent(const MatX<double>& N, const std::vector<int>& from
 
 }  // namespace
 
-ConstrainedRows::ConstrainedRows(const Model& model, const PreprocessPlan* plan)
-    : constraints_(tree_constraints(model)), joints_(joint_names(model)), tree_(make_tree(model)) {
+ConstrainedRows::ConstrainedRows(const Model& model, const PreprocessPlan* plan,
+                                 std::vector<int> among)
+    : constraints_(tree_constraints(model)),
+      joints_(joint_names(model)),
+      tree_(make_tree(model)),
+      among_(std::move(among)) {
   const long n = tree_.num_dofs(), base = tree_.num_velocities() - n;
   weights_ = VecX<double>::Ones(base + n);
   if (plan == nullptr || static_cast<long>(plan->q_noise.size()) < n + (base > 0 ? 7 : 0)) return;
@@ -95,9 +99,14 @@ void ConstrainedRows::choose(const Preprocessed& block, const VecX<double>& q) {
   if (!chosen_.empty()) return;
   const VecX<double> still = VecX<double>::Zero(tree_.num_velocities());
   const MatX<double> N = constraint_null_space(tree_rows(tree_, constraints_, q, still).J);
-  const std::vector<int> moved = independent(N, driven, {});
-  const std::vector<int> rest = independent(N, others, moved);
   const auto row_of = [&](int c) { return c < base ? n + c : c - base; };
+  const auto allowed = [&](std::vector<int> from) {
+    if (!among_.empty())
+      std::erase_if(from, [&](int c) { return std::ranges::count(among_, row_of(c)) == 0; });
+    return from;
+  };
+  const std::vector<int> moved = independent(N, allowed(driven), {});
+  const std::vector<int> rest = independent(N, allowed(others), moved);
   for (const int c : moved) chosen_.push_back(row_of(c));
   for (const int c : rest) chosen_.push_back(row_of(c));
   mixes_ = moved.size() < driven.size();

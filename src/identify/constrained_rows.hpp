@@ -19,14 +19,18 @@ namespace diffnea {
 /// Maps of one model's states. Rows are those of FitLayout::num_rows().
 class ConstrainedRows {
  public:
-  /// @param plan  with the positions' noise; null: all coordinates alike
-  explicit ConstrainedRows(const Model& model, const PreprocessPlan* plan = nullptr);
+  /// @param plan   with the positions' noise; null: all coordinates alike
+  /// @param among  rows of which the coordinates are taken; empty: all
+  explicit ConstrainedRows(const Model& model, const PreprocessPlan* plan = nullptr,
+                           std::vector<int> among = {});
 
   /// Takes the coordinates of one run from its first row; they are kept from then on.
   /// @param q  (7 + n), of a fixed base (n): the first state of the block
   /// @throws DataError if the torque of a joint is neither recorded nor known to be zero
   void choose(const Preprocessed& block, const VecX<double>& q);
 
+  /// Rows of the coordinates, driven ones first.
+  const std::vector<int>& chosen() const { return chosen_; }
   /// Tells whether a row is one of the coordinates.
   bool has(int row) const;
   /// Tells whether the torque of such a row is zero whatever the drives do.
@@ -61,6 +65,7 @@ class ConstrainedRows {
   std::vector<std::string> joints_;
   Tree<double> tree_;               ///< the model's
   VecX<double> weights_;            ///< (n_v) of the velocities
+  std::vector<int> among_;          ///< rows that may be chosen; empty: all
   std::vector<int> chosen_, zero_;  ///< rows, and those of them without a torque
   bool mixes_ = false;
   std::string source_;

@@ -53,7 +53,7 @@ TorqueRegression::TorqueRegression(const Model& model, const FitLayout& layout,
     if (reads_links(layout))
       throw ModelError(here + "effects that follow the transmitted torque are not fitted");
     if (options.acceleration) throw ModelError(here + "the forward loss is not served");
-    constraints_ = std::make_shared<ConstrainedRows>(model, &plan);
+    constraints_ = std::make_shared<ConstrainedRows>(model, &plan, options.leads);
   }
   enter_run(-1);
   full_ = RowMatX<double>::Zero(rows, p + static_cast<int>(free_shapes_.size()) + 1);

@@ -118,6 +118,29 @@ class Linkage:
             tau[:, k] += dV[k] - 0.5 * np.einsum("ti,tij,tj->t", qd, dM[k], qd)
         return tau
 
+    def ratios(self, driven: np.ndarray) -> np.ndarray:
+        """Speeds (T, drives, bars) of all joints when one drive alone has the speed 1."""
+        h, out = 1e-6, []
+        for k in range(self.drives):
+            e = h * np.eye(self.drives)[k]
+            turn = self.joints(driven + e) - self.joints(driven - e)
+            out.append(((turn + np.pi) % (2 * np.pi) - np.pi) / (2 * h))
+        return np.stack(out, 1)
+
+    def friction(
+        self, q: np.ndarray, qd: np.ndarray, sizes: dict[int, tuple[float, float]]
+    ) -> np.ndarray:
+        """Torques (T, drives) that friction of joints takes, by virtual work.
+
+        ``sizes`` are viscous [N·m·s/rad] and dry [N·m] friction by joint, from 0.
+        """
+        ratio = self.ratios(q)
+        speed = np.einsum("tkj,tk->tj", ratio, qd)
+        torque = np.zeros_like(speed)
+        for j, (viscous, dry) in sizes.items():
+            torque[:, j] = viscous * speed[:, j] + dry * np.tanh(speed[:, j] / 1e-3)
+        return np.einsum("tkj,tj->tk", ratio, torque)
+
     @property
     def middle(self) -> np.ndarray:
         """Angles (drives,) of the driven joints about which it moves far."""

@@ -3,10 +3,14 @@
 /// the tree, what adds torque is in the list. The right-hand side of the sign equation is RNEA(q,
 /// q̇, q̈) + armature·q̈ + effects.
 
+#include <memory>
+
 #include <diffnea/dynamics/rnea.hpp>
 #include <diffnea/effects/bound_effect.hpp>
 
 namespace diffnea {
+
+class LoopTorques;
 
 /// A model's tree and effects, as extend() makes them; effects of a ball are in neither.
 struct ExtendedTree {
@@ -14,6 +18,9 @@ struct ExtendedTree {
   /// Torques of one instant (BoundEffect::is_local), without armature.
   std::vector<BoundEffect> effects;
   std::vector<BoundEffect> series;  ///< those of the ports kMeasurement and kMemory
+  /// Where constraints close loops: predicted torques of a series are those of the leading joints.
+  /// extend() leaves it null, as of an open chain.
+  std::shared_ptr<const LoopTorques> loops = nullptr;
 };
 
 /// @param runs  recordings that per-run effects have a parameter for

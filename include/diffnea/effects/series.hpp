@@ -9,6 +9,9 @@
 ///     const std::vector<RowMatX<double>> columns = series_columns(lag, base, x,
 ///     lag.parameters.data(), {0});
 ///
+/// Where constraints close loops (ExtendedTree::loops), predicted torques are those of the leading
+/// joints, and so are torques of measurement channels. Others are the joints' own.
+///
 /// Torques of different effects add up, except those of order two in small quantities (a lag of the
 /// torque that a backlash adds). What is linear in its parameters is exactly so; order of accuracy
 /// four in dt elsewhere.

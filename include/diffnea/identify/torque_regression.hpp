@@ -56,6 +56,8 @@ struct RegressionOptions {
   bool acceleration = false;
   /// False: rows are kept, and not factored.
   bool factored = true;
+  /// Joints whose rows stand for all where constraints tie them; empty: as the first row has them.
+  std::vector<int> leads;
   /// Number of the source's first recording among those that effects name (`:run=K`): held-out ones
   /// come after those of the fit.
   int first_run = 0;

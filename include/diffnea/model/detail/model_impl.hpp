@@ -221,10 +221,11 @@ DIFFNEA_INLINE void require_no_constraints(const char* what, const Model& model)
   std::string names;
   for (const ConstraintSpec& c : model.constraints)
     names += (names.empty() ? "'" : ", '") + c.name + "'";
-  throw ModelError(std::string(what) + ": '" + model.name + "' has constraints, " + names +
-                   ", whose forces are not served here yet; `excite`, `simulate` and `identify` "
-                   "by torques serve loops, and --open-loops (open_loops=True) reads the tree "
-                   "without them, whose forces then are missing");
+  throw ModelError(
+      std::string(what) + ": '" + model.name + "' has constraints, " + names +
+      ", whose forces are not served here yet; `excite`, `simulate`, and `identify` "
+      "and `diagnose` by torques serve loops, and --open-loops (open_loops=True) reads the tree "
+      "without them, whose forces then are missing");
 }
 
 DIFFNEA_INLINE void require_plain_tree(const char* what, const Model& model) {
