@@ -99,7 +99,7 @@ class CommandPath {
     return is_on_(row(step.to > step.from ? 0.5 * (step.from + step.to) : time), joint);
   }
 
-  /// What a drive that is on makes of its commands at a time of a step, as said above; at an
+  /// Value that a drive that is on makes of its commands at a time of a step, as said above; at an
   /// instant, without a derivative by the delay.
   /// @param time   [s], within the step, if there is one
   /// @param delay  of the commands [s]
