@@ -430,6 +430,15 @@ void lead_command(const BoundEffect& effect, CommandPath& path) {
   });
 }
 
+double drive_slope(const BoundEffect& effect, const CommandPath& path) {
+  double out = 0.0;
+  visit_formula(effect, [&](const auto& formula) {
+    if constexpr (requires { formula.slope(0, effect.parameters.data(), path); })
+      out = formula.slope(effect.joints.front(), effect.parameters.data(), path);
+  });
+  return out;
+}
+
 void linear_columns(const BoundEffect& effect, const JointSample<double>& x, double* columns) {
   const EffectInfo& info = effect.info();
   if (info.port != Port::kJointTorque)

@@ -19,7 +19,7 @@ std::vector<double> errors_of(const MotionStretch& stretch, int joint, double de
   const CommandPath& led = speed < kNoBound ? limited : *stretch.command;
   std::vector<double> out;
   for (std::size_t k = 0; k < stretch.time.size(); ++k) {
-    const double error = led.gain(joint) * std::abs(led.at(joint, stretch.time[k], delay).q -
+    const double error = led.gain(joint) * std::abs(led.at(joint, stretch.time[k], delay) -
                                                     stretch.q(static_cast<long>(k), joint));
     if (std::isfinite(error)) out.push_back(error);
   }
@@ -117,7 +117,7 @@ double largest_rate(const MotionStretch& stretch, int joint) {
   double most = 0.0;
   for (const double t : stretch.time) {
     const double rate =
-        (stretch.command->at(joint, t, 0.0).q - stretch.command->at(joint, t, kMostDelay).q) /
+        (stretch.command->at(joint, t, 0.0) - stretch.command->at(joint, t, kMostDelay)) /
         kMostDelay;
     if (std::abs(rate) > most) most = std::abs(rate);
   }

@@ -37,8 +37,8 @@ bool has_command(const Recording& r, long joint) {
 /// Rows in which the joint's drive is off.
 std::size_t count_off(const Recording& r, int joint) {
   const CommandPath path = command_path(r);
-  return static_cast<std::size_t>(std::ranges::count_if(
-      r.time, [&](double t) { return std::isnan(path.at(joint, t, 0.0).q); }));
+  return static_cast<std::size_t>(
+      std::ranges::count_if(r.time, [&](double t) { return std::isnan(path.at(joint, t, 0.0)); }));
 }
 
 /// @throws DataError for a joint with commands whose drive is off in every row
@@ -172,7 +172,7 @@ void hold_without_commands(const std::vector<MotionStretch>& stretches,
     const auto is_constant = [&](const MotionStretch& s) {
       double low = kInfinity, high = -kInfinity;
       for (const double t : s.time)
-        if (const double c = s.command->at(j, t, 0.0).q; std::isfinite(c)) {
+        if (const double c = s.command->at(j, t, 0.0); std::isfinite(c)) {
           low = std::min(low, c);
           high = std::max(high, c);
         }
@@ -262,7 +262,7 @@ CountsFor steady_windows(const std::vector<MotionStretch>& stretches, const FitL
     bool forth = false, back = false;
     for (long k = w.first; k < w.first + w.rows; ++k) {
       const double error =
-          s.command->at(joint, s.time[static_cast<std::size_t>(k)], late).q - s.q(k, joint);
+          s.command->at(joint, s.time[static_cast<std::size_t>(k)], late) - s.q(k, joint);
       forth = forth || error > 0.0;
       back = back || error < 0.0;
     }

@@ -83,15 +83,26 @@ double MotionPath::finest_rate(const MotionStretch& stretch, const MotionWindow&
   dynamics_.set_command(led(stretch.command));
   dynamics_.set_time(stretch.time[static_cast<std::size_t>(window.first)]);
   dynamics_.linearise(q.data(), rest.data(), u.data(), stretch.run);
+  const double rate = dry_ ? dynamics_.dqdd_dqd().cwiseAbs().rowwise().sum().maxCoeff() : 0.0;
+  if (dynamics_.command()) {  // drives at their steepest, not as they are at this command
+    dynamics_.set_command(nullptr);
+    dynamics_.linearise(q.data(), rest.data(), u.data(), stretch.run);
+    dynamics_.set_command(&led_);
+  }
   // Joints and their rotors moved together: gears do not wind up.
   MatX<double> by_joint = dynamics_.dqdd_dq().leftCols(rotors_.joints());
+  if (dynamics_.command())
+    for (const BoundEffect& e : dynamics_.model().effects)
+      if (const double slope = drive_slope(e, led_); slope > 0.0)
+        by_joint.col(rotors_.joint_of(e.joints.front())) -=
+            slope * dynamics_.inverse_mass_matrix().col(e.joints.front());
   for (const HiddenRotor& r : rotors_.rotors())
     by_joint.col(r.joint) += dynamics_.dqdd_dq().col(r.rotor);
   const double frequency = std::sqrt(by_joint.cwiseAbs().rowwise().sum().maxCoeff());
   longest_ =
       frequency > 0.0 ? options_.max_phase / frequency : std::numeric_limits<double>::infinity();
   longest_ = std::min(longest_, step_of_gears());
-  return dry_ ? dynamics_.dqdd_dqd().cwiseAbs().rowwise().sum().maxCoeff() : 0.0;
+  return rate;
 }
 
 /// Rate at which friction brakes the joints here [1/s]; leaves mass matrix and D.

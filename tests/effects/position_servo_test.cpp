@@ -21,6 +21,18 @@ CommandPath commands(std::vector<double> time, std::vector<double> q, double gai
   return CommandPath(std::move(time), std::move(column), VecX<double>::Constant(1, gain));
 }
 
+/// Command as a drive without bounds takes it over a step, and its derivatives.
+struct Taken {
+  double q, by_delay, by_speed;
+};
+
+Taken taken(const CommandPath& path, double time, double delay, const SimulationStep& step) {
+  JetD late(delay), speed(0.0);
+  late.v[0] = speed.v[1] = 1.0;
+  const JetD q = path.made_of(0, time, late, speed, step, [](const JetD& c) { return c; });
+  return {q.a, q.v[0], q.v[1]};
+}
+
 /// Torque that the drive adds to the right-hand side at a time.
 template <class T>
 T added(const CommandPath& path, double time, T q, T qd, const std::vector<T>& p) {
@@ -41,14 +53,14 @@ T added(const CommandPath& path, double time, T q, T qd, const std::vector<T>& p
 TEST_CASE("CommandPath: commands that are held, ends, gaps, and a switch that no delay holds back",
           "[effects]") {
   const CommandPath path = commands({0.0, 1.0, 2.0, 3.0}, {0.0, 2.0, kOff, 4.0});
-  CHECK(path.at(0, -1.0, 0.0).q == 0.0);
-  CHECK(path.at(0, 0.99, 0.0).q == 0.0);
-  CHECK(path.at(0, 1.0, 0.0).q == 2.0);
-  CHECK(path.at(0, 1.99, 1.0).q == 0.0);
-  CHECK(std::isnan(path.at(0, 2.5, 0.0).q));
-  CHECK(std::isnan(path.at(0, 2.5, 1.0).q));  // off is off, whatever was told before
-  CHECK(path.at(0, 3.2, 1.0).q == 2.0);
-  CHECK(path.at(0, 9.0, 0.0).q == 4.0);
+  CHECK(path.at(0, -1.0, 0.0) == 0.0);
+  CHECK(path.at(0, 0.99, 0.0) == 0.0);
+  CHECK(path.at(0, 1.0, 0.0) == 2.0);
+  CHECK(path.at(0, 1.99, 1.0) == 0.0);
+  CHECK(std::isnan(path.at(0, 2.5, 0.0)));
+  CHECK(std::isnan(path.at(0, 2.5, 1.0)));  // off is off, whatever was told before
+  CHECK(path.at(0, 3.2, 1.0) == 2.0);
+  CHECK(path.at(0, 9.0, 0.0) == 4.0);
 }
 
 TEST_CASE("CommandPath: over a step, a mass goes where the jumps within it would bring it",
@@ -61,24 +73,34 @@ TEST_CASE("CommandPath: over a step, a mass goes where the jumps within it would
     double speed = 0.0, way = 0.0;
     const int parts = 70000;
     for (int i = 0; i < parts; ++i) {
-      const double t = step.from + h * (i + 0.5) / parts, q = path.at(0, t, delay).q;
+      const double t = step.from + h * (i + 0.5) / parts, q = path.at(0, t, delay);
       speed += q * h / parts;
       way += (step.to - t) * q * h / parts;
     }
     double line_speed = 0.0, line_way = 0.0;
     for (const double side : {-1.0, 1.0}) {
       const double t = step.from + h * (0.5 + side * 0.5 / std::sqrt(3.0));
-      const CommandPath::Sample c = path.at(0, t, delay, step);
+      const Taken c = taken(path, t, delay, step);
       line_speed += 0.5 * h * c.q;
       line_way += 0.5 * h * (step.to - t) * c.q;
       CHECK_THAT(
           c.by_delay,
           WithinAbs(
-              (path.at(0, t, delay + 1e-6, step).q - path.at(0, t, delay - 1e-6, step).q) / 2e-6,
+              (taken(path, t, delay + 1e-6, step).q - taken(path, t, delay - 1e-6, step).q) / 2e-6,
               1e-5));
     }
     CHECK_THAT(line_speed, WithinAbs(speed, 1e-4));
     CHECK_THAT(line_way, WithinAbs(way, 1e-4));
+  }
+}
+
+TEST_CASE("CommandPath: a jump where a step begins has the derivative of one that is later",
+          "[effects]") {
+  const CommandPath path = commands({0.0, 1.0, 2.0}, {0.0, 2.0, -1.0});
+  const SimulationStep step{1.0, 1.5};
+  for (const double t : {1.1, 1.25, 1.5}) {
+    const double later = (taken(path, t, 1e-7, step).q - taken(path, t, 0.0, step).q) / 1e-7;
+    CHECK_THAT(taken(path, t, 0.0, step).by_delay, WithinAbs(later, 1e-4));
   }
 }
 
@@ -89,26 +111,26 @@ TEST_CASE("CommandPath: a setpoint that moves no faster than its speed", "[effec
     path.limit_speed(0, speed);
     return path;
   };
-  CHECK_THAT(led(3.0).at(0, 0.2, 0.0).q, WithinAbs(0.3, 1e-12));  // told at 0.1 s
-  CHECK_THAT(led(3.0).at(0, 0.35, 0.0).q, WithinAbs(0.75, 1e-12));
-  CHECK_THAT(led(3.0).at(0, 0.43, 0.0).q, WithinAbs(0.99, 1e-12));  // there at 0.433 s
-  CHECK_THAT(led(3.0).at(0, 0.44, 0.0).q, WithinAbs(1.0, 1e-12));
+  CHECK_THAT(led(3.0).at(0, 0.2, 0.0), WithinAbs(0.3, 1e-12));  // told at 0.1 s
+  CHECK_THAT(led(3.0).at(0, 0.35, 0.0), WithinAbs(0.75, 1e-12));
+  CHECK_THAT(led(3.0).at(0, 0.43, 0.0), WithinAbs(0.99, 1e-12));  // there at 0.433 s
+  CHECK_THAT(led(3.0).at(0, 0.44, 0.0), WithinAbs(1.0, 1e-12));
   const SimulationStep across{0.35, 0.47};
   // Mean, in the middle: from 0.75 on for 0.0833 s, then 1.
-  CHECK_THAT(led(3.0).at(0, 0.41, 0.0, across).q,
+  CHECK_THAT(taken(led(3.0), 0.41, 0.0, across).q,
              WithinAbs(1.0 - 0.125 * (0.25 / 3.0) / 0.12, 1e-12));
   for (const double t : {0.12, 0.25, 0.42, 0.5})
     for (const SimulationStep& over : {SimulationStep{}, {t - 0.03, t + 0.06}})
-      CHECK_THAT(led(3.0).at(0, t, 0.0, over).by_speed,
-                 WithinAbs((led(3.0 + 1e-6).at(0, t, 0.0, over).q -
-                            led(3.0 - 1e-6).at(0, t, 0.0, over).q) /
+      CHECK_THAT(taken(led(3.0), t, 0.0, over).by_speed,
+                 WithinAbs((taken(led(3.0 + 1e-6), t, 0.0, over).q -
+                            taken(led(3.0 - 1e-6), t, 0.0, over).q) /
                                2e-6,
                            1e-6));
-  CHECK_THAT(led(1e6).at(0, 0.15, 0.0).q, WithinAbs(1.0, 1e-5));
+  CHECK_THAT(led(1e6).at(0, 0.15, 0.0), WithinAbs(1.0, 1e-5));
   // Nothing leads a setpoint before the first command, which holds there.
   for (const double t : {0.05, 0.07, 0.1})
     for (const SimulationStep& over : {SimulationStep{0.04, 0.1}, {0.04, 0.13}})
-      CHECK_THAT(led(3.0).at(0, t, 0.1, over).q, WithinAbs(0.0, 1e-12));
+      CHECK_THAT(taken(led(3.0), t, 0.1, over).q, WithinAbs(0.0, 1e-12));
 }
 
 TEST_CASE("position_servo: dead band, reach, gain, and a drive that is off", "[effects]") {
@@ -120,6 +142,33 @@ TEST_CASE("position_servo: dead band, reach, gain, and a drive that is off", "[e
   CHECK_THAT(added(path, 0.5, 3.0, 0.0, p), WithinAbs(10.0 * 0.3, 1e-12));
   CHECK_THAT(added(twice, 0.5, 0.9, 0.0, p), WithinAbs(-10.0 * (2.0 * 0.1 - 0.1), 1e-12));
   CHECK(added(commands({0.0, 1.0}, {kOff, kOff}), 0.5, 0.0, 1.0, p) == 0.0);
+}
+
+TEST_CASE("position_servo: over a step, a jump between two commands that saturate it",
+          "[effects]") {
+  const CommandPath jump = commands({0.0, 1.0}, {-5.0, 5.0});
+  const double reach = 0.2, delay = 0.015;  // s: the jump is in the middle of the step
+  const auto at = [&](double later) {
+    return added(jump, 1.005, 0.0, 0.0, {10.0, 0.0, delay + later, reach, 0.0, 1e6});
+  };
+  // From 0.975 to 1.045 s: −2 N·m before 1.015 s, then +2. Its mean at Gauss's points:
+  const double h = 0.07, before = 0.04, mean = 2.0 * (h - 2.0 * before) / h;
+  double line = 0.0;
+  for (const double side : {-1.0, 1.0}) {
+    JointSample<double> x;
+    double q = 0.0, qd = 0.0, tau = 0.0;
+    x.time = 1.01 + side * 0.5 * h / std::sqrt(3.0);
+    x.q = &q;
+    x.qd = &qd;
+    x.command = &jump;
+    x.step = {0.975, 1.045};
+    const int joint = 0;
+    const std::vector<double> p{10.0, 0.0, delay, reach, 0.0, 1e6};
+    PositionServo{}.add_torque(x, &joint, p.data(), &tau);
+    line -= 0.5 * tau;
+  }
+  CHECK_THAT(line, WithinAbs(mean, 1e-5));
+  CHECK(std::abs((at(1e-6) - at(-1e-6)) / 2e-6) > 1.0);  // a later jump shows
 }
 
 TEST_CASE("position_servo: derivatives by its delay, its speed and its bounds", "[effects]") {

@@ -218,6 +218,80 @@ TEST_CASE("sensitivities: a servo whose friction follows its load, by central di
   });
 }
 
+namespace {
+
+/// The pendulum led by a servo in steps of its command, of which most saturate it.
+MotionStretch stepped(const std::vector<double>& steps, double rate) {
+  constexpr double kEach = 0.25;  // [s] that a step takes
+  const long n = std::lround(rate * kEach) * static_cast<long>(steps.size());
+  MotionStretch s;
+  RowMatX<double> command(n, 1);
+  for (long k = 0; k < n; ++k) {
+    s.time.push_back(static_cast<double>(k) / rate);
+    command(k, 0) = steps[static_cast<std::size_t>((s.time.back() + 1e-9) / kEach)];
+  }
+  s.q = RowMatX<double>::Zero(n, 1);
+  s.u = s.u_end = s.q;
+  s.command = std::make_shared<const CommandPath>(s.time, command, VecX<double>::Ones(1));
+  return s;
+}
+
+Model servo_that_saturates() {
+  Model model = test::swing_model();
+  model.effects = {
+      {"position_servo",
+       "pendulum",
+       {{"stiffness", 30.0, ""}, {"damping", 0.1, ""}, {"delay", 0.013, ""}, {"reach", 0.03, ""}}},
+      {"armature", "pendulum", {{"armature", 0.004, ""}}}};
+  return model;
+}
+
+}  // namespace
+
+TEST_CASE("sensitivities: delay and reach of a servo that saturates, by central differences",
+          "[motion]") {
+  const Model model = servo_that_saturates();
+  const MotionStretch s = stepped({0.7, -0.6, 0.4, -0.9}, 100.0);
+  MotionWindow w{0, 0, static_cast<long>(s.time.size()), VecX<double>(2)};
+  w.state << 0.2, -0.3;
+  const std::vector<MotionParameter> free{{.effect = 0, .index = 0},
+                                          {.effect = 0, .index = 2},
+                                          {.effect = 0, .index = 3, .logarithmic = true}};
+  JointWindows simulator(extend(model), bound(model), free, {});
+  TriangularFactor rows(5);
+  REQUIRE(simulator.linearise(s, w, VecX<double>::Ones(1), rows));
+  check_rows(rows, 5, [&](int column, double by) {
+    Model m = model;
+    MotionWindow at = w;
+    if (column == 0 || column == 1) at.state[column] += by;
+    std::vector<EffectParameter>& servo = m.effects[0].parameters;
+    if (column == 2) servo[0].value += by;
+    if (column == 3) servo[2].value += by;
+    if (column == 4) servo[3].value *= std::exp(by);
+    return residuals(m, s, at);
+  });
+}
+
+TEST_CASE(
+    "path: a servo that saturates where its window begins moves as in a log ten times as fast",
+    "[motion]") {
+  Model model = servo_that_saturates();
+  model.effects[0].parameters[0].value = 300.0;
+  model.effects[0].parameters[3].value = 0.003;
+  JointWindows simulator(extend(model), bound(model), {}, {});
+  const std::vector<double> steps{0.7, 0.71, 0.69, 0.7};
+  const MotionStretch coarse = stepped(steps, 100.0), fine = stepped(steps, 1000.0);
+  MotionWindow w{0, 0, static_cast<long>(coarse.time.size()), VecX<double>(2)};
+  w.state << 0.0, 0.0;
+  const RowMatX<double> q = simulator.positions(coarse, w);
+  w.rows = static_cast<long>(fine.time.size());
+  const RowMatX<double> exact = simulator.positions(fine, w);
+  double worst = 0.0;
+  for (long k = 0; k < q.rows(); ++k) worst = std::max(worst, std::abs(q(k, 0) - exact(10 * k, 0)));
+  // A row is more than a radian of the swing at full gain: as one step, it would not end.
+  CHECK(worst < 1e-3);
+}
+
 TEST_CASE("path: a gear that locks itself stays where it comes to rest", "[motion]") {
   // mu > 1; no friction at all where the pendulum hangs, and far too steep a one elsewhere.
   Model model = test::swing_model();

@@ -120,6 +120,11 @@ void add_torque(const BoundEffect& effect, const Tree<double>& tree, const Joint
 /// effects leave them.
 void lead_command(const BoundEffect& effect, CommandPath& path);
 
+/// Largest slope of a drive's torque over what its encoder reads, in a run of these commands
+/// [N·m/rad] or [N/m]: where it saturates or rests in its dead band, the slope there is none. 0 for
+/// other effects.
+double drive_slope(const BoundEffect& effect, const CommandPath& path);
+
 /// Adds an effect of the port kModelParameter to the link tree; others leave it.
 /// @param p  parameters in the order of effect.parameter_info
 template <Scalar P>

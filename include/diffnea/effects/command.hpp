@@ -17,19 +17,13 @@ struct SimulationStep {
   double to = 0.0;    ///< where it ends
 };
 
-/// A drive holds each command until the next one, and is off in rows without one (NaN). What a
-/// simulation takes of it over one of its steps is the straight line with the same mean and the
-/// same first moment: it brings a mass to where the jumps within that step would, and has a
-/// derivative by the delay.
+/// A drive holds each command until the next one, and is off in rows without one (NaN). What it
+/// makes of them over a step of a simulation is taken as the straight line with the same mean and
+/// the same first moment: it brings a mass to where the jumps within that step would, and has a
+/// derivative by the delay. Bounds of the drive act on each command: they do not commute with the
+/// mean.
 class CommandPath {
  public:
-  /// One position, and what it changes with.
-  struct Sample {
-    double q = std::numeric_limits<double>::quiet_NaN();  ///< [rad] or [m]; NaN: the drive is off
-    double by_delay = 0.0;                                ///< over the delay [rad/s] or [m/s]
-    double by_speed = 0.0;  ///< over the largest speed [s]
-  };
-
   CommandPath() = default;
   /// @param time  (N) [s], ascending  @param q  (N, n) [rad] or [m]; NaN: off
   /// @param gain  (n) of the run's drives, in the unit of the model's
@@ -92,34 +86,56 @@ class CommandPath {
     }
   }
 
-  /// Command of a delay ago [s], which a drive acts on at a time [s] unless it is off in that step.
-  /// The first and the last one hold beyond the ends.
-  Sample at(int joint, double time, double delay, const SimulationStep& step = {}) const {
-    if (time_.empty()) return {};
-    const double h = step.to - step.from;
-    const bool instant = !(h > 0.0);
-    if (!is_on_(row(instant ? time : 0.5 * (step.from + step.to)), joint)) return {};
-    if (instant) {
-      const Setpoint c = setpoint(row(time - delay), joint, time - delay);
-      return {c.q, 0.0, c.by_speed};
-    }
-    const double from = step.from - delay, to = step.to - delay, middle = 0.5 * (from + to);
-    Setpoint area, moment;  // ∫ c dt, ∫ (t − middle) c dt
+  /// Command of a delay ago [s], which a drive acts on at a time [s]: [rad] or [m], NaN if it is
+  /// off then. The first and the last one hold beyond the ends.
+  double at(int joint, double time, double delay) const {
+    if (!is_on(joint, time, {})) return std::numeric_limits<double>::quiet_NaN();
+    return setpoint(row(time - delay), joint, time - delay).q;
+  }
+
+  /// Tells whether the drive is on at a time [s], or in the middle of the step that it lies in.
+  bool is_on(int joint, double time, const SimulationStep& step) const {
+    if (time_.empty()) return false;
+    return is_on_(row(step.to > step.from ? 0.5 * (step.from + step.to) : time), joint);
+  }
+
+  /// Value that a drive that is on makes of its commands at a time of a step, as said above; at an
+  /// instant, without a derivative by the delay.
+  /// @param time   [s], within the step, if there is one
+  /// @param delay  of the commands [s]
+  /// @param speed  that limit_speed() had
+  /// @param law    what the drive makes of one setpoint [rad] or [m]: T -> T
+  template <Scalar T, class Law>
+  T made_of(int joint, double time, const T& delay, const T& speed, const SimulationStep& step,
+            const Law& law) const {
+    const double late = value_part(delay), h = step.to - step.from;
+    const auto of = [&](const Setpoint& c) {
+      return T(law(T(c.q) + T(c.by_speed) * (speed - T(value_part(speed)))));
+    };
+    if (!(h > 0.0)) return of(setpoint(row(time - late), joint, time - late));
+    const double from = step.from - late, to = step.to - late, middle = 0.5 * (from + to);
     long k = row(from);
-    const double first = setpoint(k, joint, from).q;
+    // A command that comes as the step begins: were it later, the one before would count.
+    if (k > 0 && time_[static_cast<std::size_t>(k)] == from) --k;
+    const T first = of(setpoint(k, joint, from));
+    if (!(end_of(k, to) < to) && arrival(k, joint) <= from) return first;  // one command
+    T area(0.0), moment(0.0);  // ∫ law dt, ∫ (t − middle) law dt
     for (double begin = from; begin < to; ++k) {
-      const double end =
-          k + 1 < told_.rows() ? std::min(to, time_[static_cast<std::size_t>(k + 1)]) : to;
-      const double arrival = time_[static_cast<std::size_t>(k)] + way(k, joint).takes;
-      const double stop = std::clamp(arrival, begin, end);
-      add(k, joint, begin, stop, middle, area, moment);
-      add(k, joint, stop, end, middle, area, moment);
+      const double end = end_of(k, to), stop = std::clamp(arrival(k, joint), begin, end);
+      // Two points of Gauss's make the moment of a straight line exact.
+      const double centre = 0.5 * (begin + stop), off = (stop - begin) / std::sqrt(12.0);
+      for (const double t : {centre - off, centre + off})
+        if (stop > begin)
+          add(of(setpoint(k, joint, t)), 0.5 * (stop - begin), t - middle, area, moment);
+      if (end > stop)
+        add(of(setpoint(k, joint, end)), end - stop, 0.5 * (stop + end) - middle, area, moment);
       begin = end;
     }
-    const double last = setpoint(k - 1, joint, to).q;
-    const double x = time - delay - middle, slope = 12.0 * x / (h * h * h);
-    const double by_delay = -(last - first) / h - slope * (0.5 * h * (first + last) - area.q);
-    return {area.q / h + slope * moment.q, by_delay, area.by_speed / h + slope * moment.by_speed};
+    const T last = of(setpoint(k - 1, joint, to));
+    const double slope = 12.0 * (time - late - middle) / (h * h * h);
+    const T by_delay =
+        T(-1.0 / h) * (last - first) - T(slope) * (T(0.5 * h) * (first + last) - area);
+    return T(1.0 / h) * area + T(slope) * moment + T(value_part(by_delay)) * (delay - T(late));
   }
 
  private:
@@ -130,7 +146,7 @@ class CommandPath {
     double by_speed = 0.0;  ///< derivative over the speed where the row begins [s]
     double side = 0.0;      ///< sign of the rate
   };
-  /// Setpoint, or an integral of it, and its derivative over the speed.
+  /// Setpoint and its derivative over the speed.
   struct Setpoint {
     double q = 0.0, by_speed = 0.0;
   };
@@ -148,22 +164,21 @@ class CommandPath {
     return {told_(k, joint) - w.rate * (w.takes - since), w.by_speed + w.side * since};
   }
 
-  /// Adds the integrals of a stretch of row k in which the setpoint is straight.
-  void add(long k, int joint, double from, double to, double middle, Setpoint& area,
-           Setpoint& moment) const {
-    const double h = to - from;
-    if (!(h > 0.0)) return;
-    const double centre = 0.5 * (from + to);
-    const Setpoint c = setpoint(k, joint, centre);
-    const Way& w = way(k, joint);
-    area.q += h * c.q;
-    area.by_speed += h * c.by_speed;
-    moment.q += h * (centre - middle) * c.q;
-    moment.by_speed += h * (centre - middle) * c.by_speed;
-    const double since = centre - time_[static_cast<std::size_t>(k)];
-    if (!(since > 0.0 && since < w.takes)) return;  // before the first row, no command leads
-    moment.q += h * h * h / 12.0 * w.rate;
-    moment.by_speed += h * h * h / 12.0 * w.side;
+  /// Adds what a value of some duration [s], so long after the middle [s], has of both integrals.
+  template <class T>
+  static void add(const T& value, double duration, double after, T& area, T& moment) {
+    area = area + T(duration) * value;
+    moment = moment + T(duration * after) * value;
+  }
+
+  /// Time at which row k ends, and no later than that given [s].
+  double end_of(long k, double latest) const {
+    return k + 1 < told_.rows() ? std::min(latest, time_[static_cast<std::size_t>(k + 1)]) : latest;
+  }
+
+  /// Time from which on the setpoint is what row k tells [s].
+  double arrival(long k, int joint) const {
+    return time_[static_cast<std::size_t>(k)] + way(k, joint).takes;
   }
 
   /// Row whose command holds at a time, the first one before them all: that where it would be if
