@@ -121,13 +121,13 @@ void Evidence::take_halves(Stretches& collector, const PreprocessPlan& plan) {
   const std::vector<bool>& driven = collector.about(0).has_tau;
   if (std::ranges::find(driven, true) == driven.end()) return;
   halves_ = halves_suffice(plan);
-  const std::vector<int> rounded = rounded_joints(plan);
-  apart_ = halves_ || !rounded.empty();
+  const std::vector<int> alike = joints_alike(plan, collector.positions());
+  apart_ = halves_ || !alike.empty();
   for (std::size_t i = 0; apart_ && i < series_.size(); ++i) {
     const RowMatX<double> all = collector.positions()[i];
     const RowMatX<double> seen = halves_ ? half_of(all, plan, false) : all;
     set_path(seen, plan, series_[i]);
-    smooth_more(seen, plan, rounded, series_[i]);
+    smooth_more(seen, plan, alike, series_[i]);
     if (halves_) collector.set_positions(i, half_of(all, plan, true), plan);
   }
 }

@@ -13,6 +13,9 @@ namespace {
 /// Samples of a half over the path's cut-off: at two thirds of it, where the motion is as small as
 /// the noise, polynomials of degree 5 between them are then good to a tenth.
 constexpr double kRateOfHalf = 2.5;
+/// Correlation of two halves' errors from which they are no instruments for each other. Sums of
+/// sines have up to 0.1, moves at an even speed 0.3 to 0.6 at some joint.
+constexpr double kShared = 0.25;
 /// Change of slope, over the positions' size, that is rounding of lines between new ones.
 constexpr double kRounding = 1e-12;
 
@@ -30,6 +33,34 @@ std::vector<long> new_rows(const VecX<double>& y, int refresh) {
         std::abs(y[k + 1] - 2.0 * y[k] + y[k - 1]) > rounding)
       out.push_back(k);
   return out;
+}
+
+/// Correlation of the accelerations that rounding makes of every other sample and of those between.
+/// Of the own steps, smoothing has taken that away; those of an encoder whose steps are a hundredth
+/// larger are of the same kind.
+double shared_rounding(const PreprocessPlan& plan, const std::vector<RowMatX<double>>& positions,
+                       int joint) {
+  const double step = 1.01 * plan.q_step[static_cast<std::size_t>(joint)];
+  const int refresh = refresh_of(plan, joint);
+  const double hz = std::min(plan.filter_hz, 1.0 / (kRateOfHalf * 2.0 * refresh * plan.dt));
+  const detail::PathSmoother smoother(hz, 1.0 / plan.dt);
+  const long ends = std::lround(2.0 / (hz * plan.dt));  // they hang on few samples
+  double both = 0.0, of_even = 0.0, of_odd = 0.0;
+  for (const RowMatX<double>& stretch : positions) {
+    const long inner = stretch.rows() - 2 * ends;
+    if (inner <= 0) continue;
+    RowMatX<double> q, qd, even, odd;
+    smoother.smooth(RowMatX<double>(stretch.col(joint)), q, qd, even);
+    RowMatX<double> error = step * (q / step).array().round().matrix() - q, other = error;
+    for (long k = 0; k < error.rows(); ++k) (k / refresh % 2 == 0 ? other : error)(k, 0) = 0.0;
+    smoother.smooth(error, q, qd, even);
+    smoother.smooth(other, q, qd, odd);
+    const auto a = even.col(0).segment(ends, inner), b = odd.col(0).segment(ends, inner);
+    both += a.dot(b);
+    of_even += a.squaredNorm();
+    of_odd += b.squaredNorm();
+  }
+  return both / std::max(std::sqrt(of_even * of_odd), 1e-300);
 }
 
 }  // namespace
@@ -57,14 +88,19 @@ RowMatX<double> half_of(const RowMatX<double>& logged, const PreprocessPlan& pla
   return out;
 }
 
-std::vector<int> rounded_joints(const PreprocessPlan& plan) {
+std::vector<int> joints_alike(const PreprocessPlan& plan,
+                              const std::vector<RowMatX<double>>& positions) {
   // Half a step of noise, and what rounding adds to it: 1/4 + 1/12 of a step squared.
   constexpr double kDithered = 1.0 / 3.0;
+  const bool halves = halves_suffice(plan);
   std::vector<int> out;
-  for (std::size_t j = 0; j < plan.q_step.size(); ++j)
-    if (plan.q_noise[j] * plan.q_noise[j] < kDithered * plan.q_step[j] * plan.q_step[j])
+  for (std::size_t j = 0; j < plan.q_noise.size(); ++j)
+    if (!halves || plan.q_noise[j] * plan.q_noise[j] < kDithered * plan.q_step[j] * plan.q_step[j])
       out.push_back(static_cast<int>(j));
-  return out;
+  const bool alike = !halves || std::ranges::any_of(out, [&](int j) {
+    return std::abs(shared_rounding(plan, positions, j)) > kShared;
+  });
+  return alike ? out : std::vector<int>{};
 }
 
 void smooth_more(const RowMatX<double>& positions, const PreprocessPlan& plan,

@@ -18,13 +18,18 @@ bool halves_suffice(const PreprocessPlan& plan);
 /// @param logged  (N, n) positions; of slow sensors on lines between new ones
 RowMatX<double> half_of(const RowMatX<double>& logged, const PreprocessPlan& plan, bool even);
 
-/// Joints whose encoder's step is more than twice the noise that dithers it: what rounding leaves is
-/// then no noise (Widrow, Kollár 2008, ch. 19). Of an even motion it is the same line in all samples,
-/// and in a torque that a controller makes of them.
-std::vector<int> rounded_joints(const PreprocessPlan& plan);
+/// Joints of which another half would have like errors: all, where halves do not suffice; and where
+/// some joint moves so evenly that what rounding leaves is no noise (Widrow, Kollár 2008, ch. 19),
+/// all whose encoder's step is more than twice the noise that dithers it, for each joint's torque
+/// hangs on the accelerations of the others, too. A torque that a controller makes of these
+/// positions has the errors as well.
+/// @param positions  of each stretch, (N, n)
+std::vector<int> joints_alike(const PreprocessPlan& plan,
+                              const std::vector<RowMatX<double>>& positions);
 
 /// Smooths the paths of `joints` to half of the plan's cut-off: errors of positions that are alike
-/// at all frequencies have there a 32nd of their power as accelerations, a 128th as a torque's rate.
+/// at all frequencies have there a 32nd of their power as accelerations, a 128th as a torque's
+/// rate.
 void smooth_more(const RowMatX<double>& positions, const PreprocessPlan& plan,
                  const std::vector<int>& joints, JointSeries& path);
 

@@ -237,8 +237,9 @@ void prepare(JointCase& c) {
     if (tried.effect.own)
       for (Evidence* e : {c.train.get(), c.test.get()})
         if (e) e->evaluate(tried.effect);
-  c.finding.refused = bound_shapes(*c.train, c.layout, c.finding.plan,
-                                   c.train->halves() && (!c.test || c.test->halves()), c.candidates);
+  c.finding.refused =
+      bound_shapes(*c.train, c.layout, c.finding.plan,
+                   c.train->halves() && (!c.test || c.test->halves()), c.candidates);
   c.prior = base_prior(c.base, c.model, c.layout, *c.train);
   const Whitener white(*c.train, white_noise(*c.train), c.fitted_rows);
   c.reference = std::make_unique<Reference>(c.model, c.layout, *c.train, c.test.get());

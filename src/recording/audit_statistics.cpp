@@ -103,9 +103,8 @@ double jackknife_z(const MatX<double>& x, const VecX<double>& y, const std::vect
   const double std = std::sqrt((n - 1.0) / n * (b.array() - b.mean()).square().sum());
   if (!(std > 0.0)) return 0.0;
   const double t = b.mean() / std, dofs = n - 1.0;
-  return std::copysign((8.0 * dofs + 1.0) / (8.0 * dofs + 3.0) *
-                           std::sqrt(dofs * std::log1p(t * t / dofs)),
-                       t);
+  return std::copysign(
+      (8.0 * dofs + 1.0) / (8.0 * dofs + 3.0) * std::sqrt(dofs * std::log1p(t * t / dofs)), t);
 }
 
 }  // namespace diffnea::detail

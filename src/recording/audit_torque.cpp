@@ -145,14 +145,15 @@ VecX<double> torque_of(const AuditContext& c, const BlackBox& box, int joint) {
   return tau;
 }
 
-/// How surely a channel jumps where another joint reverses, of which it turns one way all along:
-/// what the black box lacks is as slow as gravity, and has a sign of its own in each of these runs.
-double sureness_by_runs(const AuditContext& c, const BlackBox& box, int channel, int joint) {
-  const long column = box.column(joint);
+/// How surely a channel has a column of the black box, by the runs in which a joint turns one way:
+/// what the black box lacks is as slow as gravity, and has a size of its own in each of them.
+double sureness_by_runs(const AuditContext& c, const BlackBox& box, int channel, int joint,
+                        long column) {
+  const long sign = box.column(joint);
   std::vector<int> run{0};
   for (long i = 1; i < box.x.rows(); ++i)
     run.push_back(run.back() + (box.rows.at[i].first != box.rows.at[i - 1].first ||
-                                box.x(i, column) * box.x(i - 1, column) < 0.0));
+                                box.x(i, sign) * box.x(i - 1, sign) < 0.0));
   return jackknife_z(box.x, torque_of(c, box, channel), run, column);
 }
 
@@ -213,7 +214,8 @@ void audit_torque(AuditContext& c) {
   };
   const auto in_all_runs = [&](std::size_t k, std::size_t j, double sign) {
     return jumps(k, j, sign) &&
-           sign * sureness_by_runs(c, box, measured[k], measured[j]) > c.limits.significance;
+           sign * sureness_by_runs(c, box, measured[k], measured[j], box.column(measured[j])) >
+               c.limits.significance;
   };
   int by_friction = 0, by_inertia = 0;
   std::vector<bool> swapped(num, false);
@@ -264,7 +266,10 @@ void audit_torque(AuditContext& c) {
         channel[k].viscous[k].z > c.limits.significance)
       continue;
     ++by_inertia;
-    if (inertia.size > 0.0) continue;
+    const long column = 2 * static_cast<long>(box.moving.size()) + box.column(measured[k]);
+    if (inertia.size > 0.0 ||
+        -sureness_by_runs(c, box, measured[k], measured[k], column) < c.limits.significance)
+      continue;
     const std::string per = unit + "/(" + c.position_unit(measured[k]) + "/s^2)";
     flipped(inertia, per,
             format("falls by %.3g ± %.2g %s as %s accelerates, where a mass makes it rise (its "

@@ -11,6 +11,7 @@
 #include <diffnea/dynamics/rnea.hpp>
 
 #include "diagnose/search.hpp"
+#include "diagnose/stretches.hpp"
 
 namespace halves_test {
 
@@ -70,6 +71,50 @@ TEST_CASE("half_of: one half shows nothing of the other's noise", "[diagnose]") 
       CHECK(changed == 1);
     }
   }
+}
+
+TEST_CASE("joints_alike: even moves over an encoder's steps, unless noise dithers them",
+          "[diagnose]") {
+  PreprocessPlan plan = plan_of(1);
+  plan.filter_hz = 40.0;
+  const double step = 1e-5;
+  const auto noise_of = [&](double dither) {
+    return step * std::sqrt(dither * dither + 1.0 / 12.0);
+  };
+  RowMatX<double> q(5000, 3);  // at an even speed and back; the same; a sum of sines
+  for (long k = 0; k < q.rows(); ++k) {
+    const double t = plan.dt * static_cast<double>(k);
+    q(k, 0) = q(k, 1) = 0.1003 * std::abs(t - 5.0);
+    q(k, 2) = std::sin(2.0 * t) + 0.3 * std::sin(7.1 * t + 1.0) + 0.2 * std::sin(11.3 * t + 2.0);
+  }
+  plan.refresh = {1, 1, 1};
+  plan.q_step = {step, step, step};
+  plan.q_noise = {noise_of(0.1), noise_of(0.55), noise_of(0.1)};
+  CHECK(joints_alike(plan, {q}) == std::vector<int>{0, 2});
+  plan.q_noise[0] = noise_of(0.55);  // a sum of sines needs no dither
+  CHECK(joints_alike(plan, {q}).empty());
+  plan.filter_hz = 0.3 / plan.dt;  // too fast for halves
+  CHECK(joints_alike(plan, {q}) == std::vector<int>{0, 1, 2});
+}
+
+TEST_CASE("smooth_more: what shakes above half of the cut-off goes, at the named joints alone",
+          "[diagnose]") {
+  const PreprocessPlan plan = plan_of(1);  // 10 Hz
+  RowMatX<double> q(2001, 2);
+  for (long k = 0; k < q.rows(); ++k)
+    q.row(k).setConstant(std::sin(2.0 * M_PI * 8.0 * plan.dt * static_cast<double>(k)));
+  JointSeries path;
+  path.dt = plan.dt;
+  set_path(q, plan, path);
+  const JointSeries before = path;
+  smooth_more(q, plan, {1}, path);
+  CHECK(path.q.col(0) == before.q.col(0));
+  CHECK(path.qdd.col(0) == before.qdd.col(0));
+  // 1/(1 + (8 Hz/5 Hz)⁸) of it is left.
+  const auto middle = [](const auto& x) { return x.col(1).segment(500, 1000).norm(); };
+  const double left = 1.0 / (1.0 + std::pow(1.6, 8));
+  CHECK_THAT(middle(path.qdd) / middle(q) / std::pow(2.0 * M_PI * 8.0, 2),
+             Catch::Matchers::WithinRel(left, 0.02));
 }
 
 TEST_CASE("halves_suffice: a path needs 2.5 times its cut-off from each", "[diagnose]") {

@@ -266,6 +266,26 @@ TEST_CASE("preprocess: motion behind a quiet band is not cut off", "[recording]"
   CHECK(plan.decimator.factor <= 11);
 }
 
+TEST_CASE("preprocess: lines of an even motion over an encoder's steps are no motion",
+          "[recording]") {
+  const double step = 2.0 * kPi / (1 << 19), dt = 0.004;
+  // Moves at an even speed with pauses, as a robot's controller plans them: 0.02 rad/s, 0.2 rad/s².
+  const auto moves = [](double t) {
+    const double phase = std::fmod(t, 7.0131), back = phase > 3.5 ? 1.0 : 0.0;
+    const double s = phase - 3.5 * back, ramp = 0.1, speed = 0.02, length = 3.1;
+    const double gone = s < ramp            ? 0.5 * speed / ramp * s * s
+                        : s < length - ramp ? speed * (s - 0.5 * ramp)
+                        : s < length
+                            ? speed * (length - ramp) - 0.5 * speed / ramp * std::pow(length - s, 2)
+                            : speed * (length - ramp);
+    return back > 0.0 ? speed * (length - ramp) - gone : gone;
+  };
+  const auto rounded = [&](double t) { return std::round(moves(t) / step) * step; };
+  const PreprocessPlan plan = plan_preprocess({sampled(uniform_times(12'500, dt), rounded)});
+  CHECK(plan.filter_hz < 0.2 / dt);
+  CHECK_THAT(plan.q_step[0], Catch::Matchers::WithinRel(step, 1e-6));
+}
+
 TEST_CASE("preprocess: decimation is about 50 Hz, at most twice the cut-off", "[recording]") {
   const auto factor = [](double dt, double wanted, double filter_hz) {
     Rng rng(5);
