@@ -105,7 +105,7 @@ TEST_CASE("audit: without friction and gravity, inertia tells the sign of a torq
 }
 
 TEST_CASE("audit: a few moves from point to point do not tell that a sign is flipped", "[audit]") {
-  // Of two arms' torques without friction, one holds a load that no black box of angles knows.
+  // Torques without friction hold a load, of each move, that no black box of angles knows.
   int flipped = 0;
   for (unsigned seed = 0; seed < 20; ++seed) {
     Rng rng(seed + 7300);
