@@ -119,11 +119,11 @@ void Evidence::take_series(Stretches& collector, double period) {
 
 void Evidence::take_halves(Stretches& collector, const PreprocessPlan& plan) {
   const std::vector<bool>& driven = collector.about(0).has_tau;
-  if (std::ranges::find(driven, true) == driven.end()) return;
+  apart_ = std::ranges::find(driven, true) != driven.end();
+  if (!apart_) return;
   halves_ = halves_suffice(plan);
   const std::vector<int> alike = joints_alike(plan, collector.positions());
-  apart_ = halves_ || !alike.empty();
-  for (std::size_t i = 0; apart_ && i < series_.size(); ++i) {
+  for (std::size_t i = 0; i < series_.size(); ++i) {
     const RowMatX<double> all = collector.positions()[i];
     const RowMatX<double> seen = halves_ ? half_of(all, plan, false) : all;
     set_path(seen, plan, series_[i]);

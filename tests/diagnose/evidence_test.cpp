@@ -68,17 +68,19 @@ TEST_CASE("diagnose: under a tilt the base's columns are those of a tilted robot
   }();
   const Evidence tilted(tilted_model, tilted_model, level.layout, *level.source, plan, 0.0,
                         IdentifyOptions{});
-  const MatX<double> before = level->base();
+  const MatX<double> before = level->seen_base();
   const VecX<double> torque = level->torque(), x = level.layout.prior();
   level.evidence->set_tilt(more, x);
-  CHECK((tilted.base() - before).norm() > 1.0);
-  const long model = level->base().cols() - 1;  // without the torque's instant, of the reference
-  CHECK((level->base() - tilted.base()).leftCols(model).cwiseAbs().maxCoeff() < kRounding);
-  CHECK((level->torque() - torque - (tilted.base() - before).leftCols(x.size()) * x)
+  CHECK((tilted.seen_base() - before).norm() > 1.0);
+  const long model =
+      level->seen_base().cols() - 1;  // without the torque's instant, of the reference
+  CHECK((level->seen_base() - tilted.seen_base()).leftCols(model).cwiseAbs().maxCoeff() <
+        kRounding);
+  CHECK((level->torque() - torque - (tilted.seen_base() - before).leftCols(x.size()) * x)
             .cwiseAbs()
             .maxCoeff() < kRounding);
   level.evidence->set_tilt({0, 0, 0}, x);  // and back
-  CHECK((level->base() - before).cwiseAbs().maxCoeff() < kRounding);
+  CHECK((level->seen_base() - before).cwiseAbs().maxCoeff() < kRounding);
   CHECK((level->torque() - torque).cwiseAbs().maxCoeff() < kRounding);
 }
 

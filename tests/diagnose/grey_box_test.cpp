@@ -173,11 +173,12 @@ TEST_CASE("grey box: fitted with it at once, base and effects as before, effects
   REQUIRE_FALSE(grey.joints.empty());
   REQUIRE(grey.torque.there.norm() > 0.0);
 
-  // Least squares on base and effects side by side, of the torque less the residual.
+  // Least squares on base and effects side by side, as effects see them, of the torque less the
+  // residual.
   const Whitener& white = search.whitener();
   const long rows = evidence->rows(), k = terms[0].width();
   MatX<double> A = MatX<double>::Zero(rows + p, p + k);
-  A.topRows(rows) << white(evidence->base()), white(terms[0].columns);
+  A.topRows(rows) << white(evidence->seen_base()), white(terms[0].columns);
   A.bottomLeftCorner(p, p) = prior.root;
   const Eigen::ColPivHouseholderQR<MatX<double>> qr(A);
   const auto solved = [&](const VecX<double>& torque) {

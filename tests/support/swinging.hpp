@@ -42,7 +42,7 @@ inline Recording swinging(const Model& model, double seconds, bool repeats, unsi
   return r;
 }
 
-/// Keeps every third row: a log too slow for two paths, so that effects see what rows hold.
+/// Keeps every third row: a log too slow for two halves, so that rows hold all samples.
 inline void slow_down(Recording& r) {
   const auto rows = Eigen::seq(0, r.rows() - 1, 3);
   const RowMatX<double> q = r.q(rows, Eigen::all), tau = r.tau(rows, Eigen::all);
