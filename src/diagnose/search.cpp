@@ -43,7 +43,7 @@ double Search::shift(const Term& term) {
   if (term.effect.own) return 0.0;
   DrivePath<double> path{0.0, 0.0, 0.0};
   add_to_drive(term.effect, path);
-  return clock_shift(term.effect) + path.delay + path.lag;
+  return clock_shift(term.effect) + path.delay;
 }
 
 bool Search::samples_and_holds(int joint, const std::vector<Term>& terms) const {

@@ -78,7 +78,7 @@ class Search {
   /// By how many samples the torque acts later than its rows say, as the base beside the terms has
   /// it; 0 where it lies beyond a sample, and is left to the causes.
   double late(const std::vector<Term>& terms) const;
-  /// By how much the term has torques act later than their rows say, to first order [s].
+  /// By how much the term has torques act later than their rows say [s].
   static double shift(const Term& term);
   /// Tells whether all that shifts a joint's torque, base and terms, comes to no more than a drive
   /// that samples and holds its torques may have. Beside fewer terms than the projection was made

@@ -59,8 +59,11 @@ bool is_no_shift(const Search& search, const std::vector<Term>& terms) {
 /// Tells whether terms suffice only where torques act at instants that no drive has, and none of
 /// them may take that over.
 bool shifts_torques(const Search& search, std::vector<Term> terms) {
-  for (const Term& t : terms)
-    if (Search::shift(t) != 0.0) return false;
+  for (const Term& t : terms) {
+    DrivePath<double> path{0.0, 0.0, 0.0};
+    if (!t.effect.own) add_to_drive(t.effect, path);
+    if (Search::shift(t) != 0.0 || path.lag != 0.0) return false;
+  }
   search.fit(terms);
   return !search.samples_and_holds(terms);
 }
