@@ -184,7 +184,7 @@ bool is_of_resting(const Evidence& evidence, const BoundEffect& effect) {
 }  // namespace
 
 std::vector<Refusal> bound_shapes(const Evidence& evidence, const FitLayout& layout,
-                                  const PreprocessPlan& plan, bool apart,
+                                  const PreprocessPlan& plan, bool halves,
                                   std::vector<Candidate>& candidates) {
   const std::vector<double>& q_noise = plan.q_noise;
   std::vector<Refusal> refused;
@@ -205,7 +205,7 @@ std::vector<Refusal> bound_shapes(const Evidence& evidence, const FitLayout& lay
     if (is_of_resting(evidence, c.effect)) continue;
     // Columns of fourth derivatives share the noise of what they are to explain, unless they come
     // from other samples.
-    if (!apart && info.motor != HiddenMotor::kNone) {
+    if (!halves && info.motor != HiddenMotor::kNone) {
       if (std::ranges::none_of(refused, [&](const Refusal& r) { return r.effect == info.name; }))
         refused.push_back(
             {info.name, "all",

@@ -138,7 +138,8 @@ class Evidence {
   /// Samples at the recording's rate, as effects see them. Where the log is fast enough, rows are
   /// those of the path through the even samples, and effects see that through the odd ones: its
   /// noise is neither that of the torque, which a controller has made of its positions' noise, nor
-  /// that of the base's columns. Columns of high derivatives would find both.
+  /// that of the base's columns. Columns of high derivatives would find both. Where it is not fast
+  /// enough, or both halves would err alike, effects see a smoother path (joints_alike()).
   const std::vector<JointSeries>& series() const { return series_; }
 
   /// Factors of the base columns, unwhitened, all rows.

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include "recording/between.hpp"
 #include "recording/fresh_positions.hpp"
@@ -36,7 +37,7 @@ std::vector<long> new_rows(const VecX<double>& y, int refresh) {
 }
 
 /// Correlation of the accelerations that rounding makes of every other sample and of those between.
-/// Of the own steps, smoothing has taken that away; those of an encoder whose steps are a hundredth
+/// Smoothing has taken that away for the own steps; those of an encoder whose steps are a hundredth
 /// larger are of the same kind.
 double shared_rounding(const PreprocessPlan& plan, const std::vector<RowMatX<double>>& positions,
                        int joint) {
@@ -92,14 +93,17 @@ std::vector<int> joints_alike(const PreprocessPlan& plan,
                               const std::vector<RowMatX<double>>& positions) {
   // Half a step of noise, and what rounding adds to it: 1/4 + 1/12 of a step squared.
   constexpr double kDithered = 1.0 / 3.0;
-  const bool halves = halves_suffice(plan);
   std::vector<int> out;
-  for (std::size_t j = 0; j < plan.q_noise.size(); ++j)
-    if (!halves || plan.q_noise[j] * plan.q_noise[j] < kDithered * plan.q_step[j] * plan.q_step[j])
+  if (!halves_suffice(plan)) {
+    out.resize(static_cast<std::size_t>(positions.front().cols()));
+    std::iota(out.begin(), out.end(), 0);
+    return out;
+  }
+  for (std::size_t j = 0; j < plan.q_step.size(); ++j)
+    if (plan.q_noise[j] * plan.q_noise[j] < kDithered * plan.q_step[j] * plan.q_step[j])
       out.push_back(static_cast<int>(j));
-  const bool alike = !halves || std::ranges::any_of(out, [&](int j) {
-    return std::abs(shared_rounding(plan, positions, j)) > kShared;
-  });
+  const bool alike = std::ranges::any_of(
+      out, [&](int j) { return std::abs(shared_rounding(plan, positions, j)) > kShared; });
   return alike ? out : std::vector<int>{};
 }
 

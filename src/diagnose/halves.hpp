@@ -23,7 +23,7 @@ RowMatX<double> half_of(const RowMatX<double>& logged, const PreprocessPlan& pla
 /// all whose encoder's step is more than twice the noise that dithers it, for each joint's torque
 /// hangs on the accelerations of the others, too. A torque that a controller makes of these
 /// positions has the errors as well.
-/// @param positions  of each stretch, (N, n)
+/// @param positions  of each stretch, (N, n); one or more
 std::vector<int> joints_alike(const PreprocessPlan& plan,
                               const std::vector<RowMatX<double>>& positions);
 
