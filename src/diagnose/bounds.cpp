@@ -161,7 +161,8 @@ std::string not_in_loops(const Evidence& evidence, const Candidate& c) {
   const EffectInfo& info = c.effect.info();
   if (!evidence.driven_rows().closed()) return "";
   if (info.port == Port::kMeasurement && std::ssize(c.effect.joints) < evidence.num_dofs())
-    return "not tried: where a joint is, the loop's other joints tell better than torques";
+    return "not tried: what is wrong with one joint's log, the loop's other joints tell better "
+           "than torques";
   if (info.motor != HiddenMotor::kNone)
     return "not tried: a motor that turns beside its joint is not served in closed loops";
   if (info.has(Trait::kFollowsLoad))
