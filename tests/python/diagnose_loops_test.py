@@ -21,16 +21,8 @@ def record(path: Path, linkage: Linkage, seed: int, hidden: Friction) -> Path:
     """Write twenty seconds of random Fourier series of the drives, and the torque they need."""
     rng = np.random.default_rng(seed)
     t = np.arange(0, 20, 0.002)
-    q, qd, qdd = np.zeros((3, len(t), linkage.drives))
-    for k in range(1, 7):
-        w = 2 * np.pi * k / 10.0
-        a = rng.normal(size=(2, linkage.drives)) / k
-        s, c = np.sin(w * t)[:, None], np.cos(w * t)[:, None]
-        q += a[0] * s + a[1] * c
-        qd += w * (a[0] * c - a[1] * s)
-        qdd -= w * w * (a[0] * s + a[1] * c)
-    scale = (1.2 if linkage.drives == 1 else 0.28) / np.abs(q).max()
-    q, qd, qdd = linkage.middle + scale * q, scale * qd, scale * qdd
+    reach = 1.2 if linkage.drives == 1 else 0.28
+    q, qd, qdd = linkage.moves(rng, t, 10.0, 6, reach)
     tau = linkage.torques(q, qd, qdd) + linkage.friction(q, qd, hidden)
     tau += linkage.friction(q, qd, {j: OF_DRIVES[j] for j in range(linkage.drives)})
     joints = linkage.joints(q)

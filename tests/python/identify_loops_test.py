@@ -17,17 +17,7 @@ def moves(linkage: Linkage, seed: int) -> package.Recording:
     """Ten seconds of random Fourier series of the drives, with the torque they need."""
     rng = np.random.default_rng(seed)
     t = np.arange(0, 10, 0.005)
-    q, qd, qdd = np.zeros((3, len(t), linkage.drives))
-    for k in range(1, 5):
-        w = 2 * np.pi * k / 5.0
-        a = rng.normal(size=(2, linkage.drives)) / k
-        s, c = np.sin(w * t)[:, None], np.cos(w * t)[:, None]
-        q += a[0] * s + a[1] * c
-        qd += w * (a[0] * c - a[1] * s)
-        qdd -= w * w * (a[0] * s + a[1] * c)
-    centre, reach = ([-1.1], 1.2) if linkage.drives == 1 else ([-1.6, 1.2], 0.3)
-    scale = reach / np.abs(q).max()
-    q, qd, qdd = centre + scale * q, scale * qd, scale * qdd
+    q, qd, qdd = linkage.moves(rng, t, 5.0, 4, 1.2 if linkage.drives == 1 else 0.3)
     tau = np.zeros((len(t), len(linkage.bars)))
     tau[:, : linkage.drives] = linkage.torques(q, qd, qdd) + NOISE * rng.normal(size=q.shape)
     names = [f"j{i + 1}" for i in range(len(linkage.bars))]

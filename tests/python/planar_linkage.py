@@ -141,6 +141,21 @@ class Linkage:
             torque[:, j] = viscous * speed[:, j] + dry * np.tanh(speed[:, j] / 1e-3)
         return np.einsum("tkj,tj->tk", ratio, torque)
 
+    def moves(
+        self, rng: np.random.Generator, t: np.ndarray, period: float, terms: int, reach: float
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Angles, speeds and accelerations (T, drives) of random Fourier series about the middle."""
+        q, qd, qdd = np.zeros((3, len(t), self.drives))
+        for k in range(1, terms + 1):
+            w = 2 * np.pi * k / period
+            a = rng.normal(size=(2, self.drives)) / k
+            s, c = np.sin(w * t)[:, None], np.cos(w * t)[:, None]
+            q += a[0] * s + a[1] * c
+            qd += w * (a[0] * c - a[1] * s)
+            qdd -= w * w * (a[0] * s + a[1] * c)
+        scale = reach / np.abs(q).max()
+        return self.middle + scale * q, scale * qd, scale * qdd
+
     @property
     def middle(self) -> np.ndarray:
         """Angles (drives,) of the driven joints about which it moves far."""
