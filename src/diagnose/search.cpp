@@ -55,8 +55,13 @@ bool Search::samples_and_holds(int joint, const std::vector<Term>& terms) const 
 }
 
 bool Search::samples_and_holds(const std::vector<Term>& terms) const {
-  return std::ranges::any_of(evidence_.joints(),
-                             [&](int j) { return samples_and_holds(j, terms); });
+  bool driven = false;
+  for (std::size_t k = 0; k < evidence_.joints().size(); ++k) {
+    if (evidence_.passive(static_cast<long>(k))) continue;
+    if (samples_and_holds(evidence_.joints()[k], terms)) return true;
+    driven = true;
+  }
+  return !driven;
 }
 
 double Search::late(const std::vector<Term>& terms) const {

@@ -84,7 +84,7 @@ class Search {
   /// that samples and holds its torques may have. Beside fewer terms than the projection was made
   /// with, it may be more.
   bool samples_and_holds(int joint, const std::vector<Term>& terms) const;
-  /// The same of some joint: that of the others is a cause's.
+  /// The same of some joint that is driven: that of the others is a cause's.
   bool samples_and_holds(const std::vector<Term>& terms) const;
 
   /// What is left beside base and terms at their values, whitened.
