@@ -135,8 +135,9 @@ void Search::refresh(double period, std::vector<Term>& terms) {
     } else {
       const double fitted = static_cast<double>(projection_->rank() + num_parameters(terms)) /
                             static_cast<double>(evidence_.joints().size());
+      // Late torques are no noise, whether or not the base may move their instant.
       Smoothed smoothed =
-          beside_smooth_functions(evidence_, prior().free, prior().x0, left, rows, fitted);
+          beside_smooth_functions(evidence_, moving_.free, moving_.x0, left, rows, fitted);
       noise = std::move(smoothed.left);
       lost = std::move(smoothed.lost);
       blind_ = std::move(smoothed.blind);
