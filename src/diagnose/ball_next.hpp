@@ -5,7 +5,8 @@
 #include <optional>
 #include <span>
 
-#include <diffnea/diagnose/finding.hpp>
+#include <diffnea/diagnose/cause.hpp>
+#include <diffnea/diagnose/next_experiment.hpp>
 
 #include "diagnose/ball_search.hpp"
 

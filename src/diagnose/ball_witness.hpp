@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include <diffnea/diagnose/finding.hpp>
+#include <diffnea/diagnose/remainder.hpp>
 
 #include "identify/ball_path.hpp"
 

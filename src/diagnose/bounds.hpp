@@ -1,7 +1,7 @@
 #pragma once
 /// What a recording says of candidates' shapes before any is tested. Internal to diagnose/.
 
-#include <diffnea/diagnose/finding.hpp>
+#include <diffnea/diagnose/tried.hpp>
 
 #include "diagnose/candidates.hpp"
 #include "diagnose/evidence.hpp"

@@ -2,7 +2,7 @@
 /// How well the sizes of causes are known: what noise leaves, what is left and goes with the
 /// motion, and how exact their columns are. Internal to diagnose/.
 
-#include <diffnea/diagnose/finding.hpp>
+#include <diffnea/diagnose/cause.hpp>
 
 #include "diagnose/search.hpp"
 

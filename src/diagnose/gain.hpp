@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include <diffnea/diagnose/finding.hpp>
+#include <diffnea/diagnose/cause.hpp>
 
 namespace diffnea {
 

@@ -12,6 +12,10 @@
 /// and a residual that may not undo that does not help on held-out data (docs/diagnosis.md has
 /// figures). The torque ends where the data end, for w weighs bumps and nothing else.
 
+#include <diffnea/diagnose/cause.hpp>
+#include <diffnea/diagnose/remainder.hpp>
+#include <diffnea/diagnose/tried.hpp>
+
 #include "diagnose/held_out.hpp"
 #include "diagnose/witness.hpp"
 

@@ -7,7 +7,8 @@
 /// whitened with the recording's noise; M_b projects out the base, the other causes, and the rival
 /// b, which may take any parameters (Gauss–Newton).
 
-#include <diffnea/diagnose/finding.hpp>
+#include <diffnea/diagnose/cause.hpp>
+#include <diffnea/diagnose/next_experiment.hpp>
 
 #include "diagnose/search.hpp"
 

@@ -5,7 +5,8 @@
 #include <algorithm>
 #include <map>
 
-#include <diffnea/diagnose/finding.hpp>
+#include <diffnea/diagnose/cause.hpp>
+#include <diffnea/diagnose/tried.hpp>
 
 #include "diagnose/held_out.hpp"
 

@@ -4,7 +4,7 @@
 #include <array>
 #include <functional>
 
-#include <diffnea/diagnose/finding.hpp>
+#include <diffnea/diagnose/simulated_motion.hpp>
 
 #include "diagnose/held_out_motion.hpp"
 

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include <diffnea/diagnose/finding.hpp>
+#include <diffnea/diagnose/evidence_plot.hpp>
 
 namespace diffnea::report {
 

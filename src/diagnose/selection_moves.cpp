@@ -1,0 +1,196 @@
+/// What a selection tries with the causes that it has: one fewer, another in its place, one for two
+/// or several for one.
+
+#include <algorithm>
+
+#include "diagnose/cause_sizes.hpp"
+#include "diagnose/inexact.hpp"
+#include "diagnose/refine.hpp"
+#include "diagnose/selection.hpp"
+#include "diagnose/selection_terms.hpp"
+
+namespace diffnea {
+namespace {
+
+constexpr int kInPlaceOfTwo = 3;  ///< candidates that are refined instead of two causes
+constexpr int kMostParts = 4;     ///< simple effects in the place of a compound one
+/// Promise of a shape's derivative, over the gain that it needs, from which it is refined.
+constexpr double kPromise = 0.5;
+
+}  // namespace
+
+bool Selection::eliminate(std::vector<Term>& terms) const {
+  bool any = false;
+  while (!terms.empty()) {
+    const double all = search_.gain_of(terms), with = search_.bic(all, terms);
+    double least = options_.accept;
+    std::size_t drop = terms.size();
+    for (std::size_t i = 0; i < terms.size(); ++i) {
+      if (stays(terms[i])) continue;
+      std::vector<Term> rest = without(terms, i);
+      const double kept = search_.fit(rest);
+      double worse = search_.bic(kept, rest) - with;
+      if (all - kept < inexact_at(search_, terms[i], rest)) worse = std::min(worse, 0.0);
+      if (worse < least && !shifts_torques(search_, rest)) {
+        least = worse;
+        drop = i;
+      }
+    }
+    if (drop == terms.size()) break;
+    terms = without(terms, drop);
+    search_.fit(terms);
+    any = true;
+  }
+  return any;
+}
+
+bool Selection::exchange(std::vector<Term>& terms) const {
+  const double now = search_.bic(search_.gain_of(terms), terms);
+  for (std::size_t i = 0; i < terms.size(); ++i) {
+    if (stays(terms[i])) continue;
+    std::vector<Term> rest = without(terms, i);
+    const double base = search_.bic(search_.gain_of(rest), rest);
+    for (const Offer& offer : offers(rest, 3)) {
+      if (offer.term.candidate == terms[i].candidate || base - offer.delta_bic > now - 1.0)
+        continue;
+      // Parents and children: the child must be better by more than the class's width.
+      const bool child = offer.term.num_parameters() > terms[i].num_parameters() &&
+                         search_.replaced_share(terms[i], offer.term, rest) > kChild;
+      if (child && base - offer.delta_bic > now - kSameClass) continue;
+      std::vector<Term> with = rest;
+      with.push_back(offer.term);
+      if (!helps(rest, with)) continue;
+      search_.fit(with);
+      terms = std::move(with);
+      return true;
+    }
+  }
+  return false;
+}
+
+bool Selection::merge(std::vector<Term>& terms) const {
+  const double now = search_.bic(search_.gain_of(terms), terms);
+  for (std::size_t i = 0; i < terms.size(); ++i)
+    for (std::size_t j = 0; j < i; ++j) {
+      if (stays(terms[i]) || stays(terms[j])) continue;
+      if (terms[i].effect.joints != terms[j].effect.joints) continue;
+      const std::vector<Term> rest = without(without(terms, i), j);
+      const auto at_its_joints = [&](int c) {
+        return candidates_[static_cast<std::size_t>(c)].effect.joints == terms[i].effect.joints;
+      };
+      for (const Offer& offer : offers(rest, kInPlaceOfTwo, at_its_joints)) {
+        std::vector<Term> with = rest;
+        with.push_back(offer.term);
+        if (search_.bic(search_.fit(with), with) > now + kNoWorse && !sharpen(with)) continue;
+        if (search_.bic(search_.gain_of(with), with) > now + kNoWorse) continue;
+        terms = std::move(with);
+        return true;
+      }
+    }
+  return false;
+}
+
+bool Selection::simplify(std::vector<Term>& terms) const {
+  const double now = search_.bic(search_.gain_of(terms), terms);
+  const auto of = [&](const Term& t) -> const Candidate& {
+    return candidates_[static_cast<std::size_t>(t.candidate)];
+  };
+  // A shape that the recording does not tell is none that makes an effect simple.
+  const auto complexity = [&](const Term& t) { return t.linear.size() + of(t).shapes.size(); };
+  for (std::size_t i = 0; i < terms.size(); ++i) {
+    if (stays(terms[i])) continue;
+    const std::vector<Term> rest = without(terms, i);
+    const double base = search_.bic(search_.gain_of(rest), rest);
+    const auto simpler = [&](int candidate) {
+      const Candidate& c = candidates_[static_cast<std::size_t>(candidate)];
+      return std::ranges::any_of(terms[i].effect.joints, [&](int j) {
+        return std::ranges::find(c.effect.joints, j) != c.effect.joints.end();
+      });
+    };
+    for (const Offer& offer : offers(rest, kRivals, simpler)) {
+      const bool tells_size =
+          has_size(of(offer.term), offer.term) && !has_size(of(terms[i]), terms[i]);
+      if (complexity(offer.term) >= complexity(terms[i]) ||
+          base - offer.delta_bic > now + (tells_size ? kLeastSizeless : kSameClass) ||
+          search_.replaced_share(offer.term, terms[i], rest) < (tells_size ? kStandsIn : kChild))
+        continue;
+      std::vector<Term> with = rest;
+      with.push_back(offer.term);
+      search_.fit(with);
+      terms = std::move(with);
+      return true;
+    }
+  }
+  return false;
+}
+
+bool Selection::put_simpler(std::vector<Term>& terms) {
+  std::vector<Term> simpler = terms;
+  if (!merge(simpler) && !simplify(simpler)) return false;
+  // About what the base is beside it, a large offset may be nothing.
+  renew(simpler);
+  if (std::vector<Term> left = simpler; !eliminate(left)) {
+    terms = std::move(simpler);
+    return true;
+  }
+  renew(terms);
+  return false;
+}
+
+bool Selection::sharpen(std::vector<Term>& terms) const {
+  for (std::size_t i = 0; i < terms.size(); ++i) {
+    const std::vector<ParameterInfo>& info = terms[i].effect.parameter_info;
+    const auto smoothing = std::ranges::find(info, "smoothing", &ParameterInfo::name);
+    const int k = static_cast<int>(smoothing - info.begin());
+    if (smoothing == info.end() || std::ranges::find(terms[i].shapes, k) != terms[i].shapes.end())
+      continue;
+    const std::vector<Term> rest = without(terms, i);
+    Term moved = terms[i];
+    moved.shapes.push_back(k);
+    if (search_.gain_by_shape(terms, i, k) < kPromise * options_.accept) continue;
+    std::vector<Term> with = rest;
+    with.push_back(refined(search_, std::move(moved), rest));
+    if (search_.bic(search_.fit(with), with) >
+        search_.bic(search_.gain_of(terms), terms) - options_.accept)
+      continue;
+    terms = std::move(with);
+    return true;
+  }
+  return false;
+}
+
+bool Selection::split(std::vector<Term>& terms) const {
+  for (std::size_t i = 0; i < terms.size(); ++i) {
+    if (stays(terms[i])) continue;
+    const bool compound = terms[i].num_parameters() > 1;
+    const double now = search_.bic(search_.gain_of(terms), terms);
+    const std::vector<int>& joints = terms[i].effect.joints;
+    std::vector<Term> with = without(terms, i);
+    double best = search_.bic(search_.gain_of(with), with);
+    const auto part = [&](int candidate) {
+      const Candidate& c = candidates_[static_cast<std::size_t>(candidate)];
+      return !is_impossible(candidate) && c.effect.info().place == Place::kJoint &&
+             c.linear.size() == 1 && c.shapes.empty() && !c.nonlinear &&
+             candidate != terms[i].candidate && std::ranges::all_of(c.effect.joints, [&](int j) {
+               return std::ranges::find(joints, j) != joints.end();
+             });
+    };
+    for (int parts = 0; parts < kMostParts; ++parts) {
+      const std::vector<Score> scores = search_.scores(with, part);
+      const auto next = std::ranges::find_if(scores, [&](const Score& s) {
+        return s.variant >= 0 && s.delta_bic > options_.accept &&
+               !names(with).contains(s.candidate);
+      });
+      if (next == scores.end()) break;
+      with.push_back(offered(*next, with));
+      best = search_.bic(search_.fit(with), with);
+    }
+    if (best > now - (compound ? 0.0 : options_.accept) || with.size() < terms.size()) continue;
+    if (!helps(without(terms, i), with)) continue;
+    terms = std::move(with);
+    return true;
+  }
+  return false;
+}
+
+}  // namespace diffnea

@@ -1,0 +1,39 @@
+#include "diagnose/selection_terms.hpp"
+
+#include <algorithm>
+
+#include <diffnea/effects/stepping.hpp>
+
+namespace diffnea {
+
+std::vector<Term> without(const std::vector<Term>& terms, std::size_t i) {
+  std::vector<Term> out = terms;
+  out.erase(out.begin() + static_cast<long>(i));
+  return out;
+}
+
+std::set<int> names(const std::vector<Term>& terms) {
+  std::set<int> out;
+  for (const Term& t : terms) out.insert(t.candidate);
+  return out;
+}
+
+bool stays(const Term& term) { return term.effect.info().has(Trait::kGravity); }
+
+bool is_no_shift(const Search& search, const std::vector<Term>& terms) {
+  return Search::shift(terms.back()) != 0.0 &&
+         std::ranges::all_of(terms.back().effect.joints,
+                             [&](int j) { return search.samples_and_holds(j, terms); });
+}
+
+bool shifts_torques(const Search& search, std::vector<Term> terms) {
+  for (const Term& t : terms) {
+    DrivePath<double> path{0.0, 0.0, 0.0};
+    if (!t.effect.own) add_to_drive(t.effect, path);
+    if (Search::shift(t) != 0.0 || path.lag != 0.0) return false;
+  }
+  search.fit(terms);
+  return !search.samples_and_holds(terms);
+}
+
+}  // namespace diffnea
