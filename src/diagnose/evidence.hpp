@@ -212,6 +212,8 @@ class Evidence {
   void take_motion(const PreprocessPlan& plan, const std::vector<RowMatX<double>>& positions,
                    const Evidence* fitted);
   void take_states();
+  /// Rows whose events the path does not follow.
+  void take_events(const PreprocessPlan& plan, const std::vector<RowMatX<double>>& positions);
   /// Rows of the k-th of joints() that whitening has enough rows before.
   long rows_between(long k) const;
 
@@ -241,6 +243,7 @@ class Evidence {
   std::vector<int> joints_, dry_columns_, sticking_, resting_;
   VecX<double> speed_, acceleration_;  ///< RMS, (num_dofs())
   std::map<int, StuckRows> stuck_;     ///< by joint
+  std::vector<std::vector<bool>> events_;  ///< rows of each stretch
   std::vector<JointSeries> series_;
   std::vector<int> runs_;
   std::vector<std::vector<TorqueFilter>> filters_;  ///< by stretch and joint

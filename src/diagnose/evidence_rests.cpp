@@ -5,6 +5,7 @@
 
 #include "diagnose/evidence.hpp"
 #include "diagnose/thresholds.hpp"
+#include "recording/cut_off.hpp"
 
 namespace diffnea {
 namespace {
@@ -71,6 +72,7 @@ void Evidence::take_standstills(const FitLayout& layout, const PreprocessPlan& p
 
 void Evidence::take_motion(const PreprocessPlan& plan,
                            const std::vector<RowMatX<double>>& positions, const Evidence* fitted) {
+  take_events(plan, positions);
   take_states();
   bool again = false;
   for (std::size_t k = 0; k < joints_.size() && !fitted; ++k) {
@@ -90,6 +92,25 @@ void Evidence::take_motion(const PreprocessPlan& plan,
     if (rows.everywhere) sticking_.push_back(j);
   for (const int j : joints_)
     turns_per_second_.push_back(turn_rate(series_, j, kRestShare * speed_[j]));
+}
+
+/// One joint's event bends the equations of all that it moves.
+void Evidence::take_events(const PreprocessPlan& plan,
+                           const std::vector<RowMatX<double>>& positions) {
+  events_.clear();
+  for (const RowMatX<double>& stretch : positions)
+    events_.emplace_back(static_cast<std::size_t>(stretch.rows()), false);
+  const long logged =
+      positions.empty() ? 0 : std::min(positions.front().cols(), std::ssize(plan.q_noise));
+  for (long j = 0; j < logged; ++j) {
+    std::vector<VecX<double>> q;
+    for (const RowMatX<double>& stretch : positions) q.emplace_back(stretch.col(j));
+    const auto rows = detail::jerky_ends(q, 1.0 / plan.dt, plan.filter_hz,
+                                         plan.q_noise[static_cast<std::size_t>(j)]);
+    for (std::size_t i = 0; i < rows.size(); ++i)
+      for (std::size_t at = 0; at < rows[i].size(); ++at)
+        if (rows[i][at]) events_[i][at] = true;
+  }
 }
 
 long Evidence::rows_between(long k) const {
@@ -122,6 +143,8 @@ void Evidence::take_states() {
         for (std::size_t at = 0; at < rows.size(); ++at)
           state(static_cast<long>(at), 3 * n + 1) = rows[at];
       }
+      for (std::size_t at = 0; at < events_[i].size(); ++at)
+        if (events_[i][at]) state(static_cast<long>(at), 3 * n + 1) = 1.0;
       of_k.push_back(std::move(state));
     }
     const MatX<double> means = means_of(k, of_k);

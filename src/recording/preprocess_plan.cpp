@@ -14,6 +14,7 @@
 #include "core/number_text.hpp"
 #include "core/statistics.hpp"
 #include "recording/columns.hpp"
+#include "recording/cut_off.hpp"
 #include "recording/floating_base.hpp"
 #include "recording/fresh_positions.hpp"
 #include "recording/gridder.hpp"
@@ -105,95 +106,6 @@ std::vector<Recording> without_repeats(const std::vector<Recording>& recordings,
   return out;
 }
 
-/// Window of 5 to 10 s, which tells the slow lines of a motion apart; the longest segment holds
-/// three of them. A power of two.
-long window_length(const std::vector<Eigen::VectorXd>& segments, double dt) {
-  long longest = 0;
-  for (const Eigen::VectorXd& s : segments) longest = std::max<long>(longest, s.size());
-  long length = 16;
-  while (2.0 * static_cast<double>(length) * dt <= 10.0 && 6 * length <= longest) length *= 2;
-  return length <= longest ? length : 0;
-}
-
-/// What the spectrum of a position says.
-struct PositionSpectrum {
-  double cutoff_hz = 0.0;  ///< signal below, noise above; 0: too short to tell
-  double busy_hz = 0.0;    ///< below it: 99 % of the accelerations' power
-  double noise = 0.0;      ///< standard deviation of the noise of q, if it is white
-  double acceleration = 0.0;  ///< variance of q̈ below the cut-off, its mean left out
-};
-
-/// The accelerations' power falls with the motion and rises again with the noise, as f⁴: its
-/// minimum parts them. The noise of positions does not grow with frequency, so a position spectrum
-/// that rises tenfold above the minimum is motion again, and the search goes on from there; but for
-/// the lines of rounding (an even motion over an encoder's steps): a position that jumps between
-/// two steps has a variance of a quarter of a step squared, and no rounding has more.
-/// @param step  of the encoder [rad] or [m]; 0: none
-PositionSpectrum look_at_position(const std::vector<Eigen::VectorXd>& segments, double rate_hz,
-                                  double step) {
-  // Positions are a few slow lines 100 dB above their noise, which side lobes would hide: their
-  // second difference goes into the window.
-  std::vector<Eigen::VectorXd> second;
-  for (const Eigen::VectorXd& s : segments)
-    if (s.size() > 2)
-      second.emplace_back(s.tail(s.size() - 2) - 2.0 * s.segment(1, s.size() - 2) +
-                          s.head(s.size() - 2));
-  PositionSpectrum out;
-  const long length = window_length(second, 1.0 / rate_hz);
-  if (length == 0) return out;
-  const detail::Spectrum spectrum = detail::welch(second, rate_hz, length);
-  const long num_bins = static_cast<long>(spectrum.power.size());
-  const long end = num_bins - num_bins / 10;  // the last tenth is folded
-
-  // Mean over an eighth of the frequency either way, at least over the window's main lobe.
-  std::vector<double> acceleration(num_bins, 0.0), position(num_bins, 0.0), integrated(num_bins);
-  for (long i = 1; i < num_bins; ++i) {
-    const double w = 2.0 * std::sin(std::numbers::pi * spectrum.frequency(i) / rate_hz);
-    integrated[i] = spectrum.power[i] / (w * w * w * w);
-  }
-  for (long k = 1; k < num_bins; ++k) {
-    const long reach = std::max(3L, k / 8);
-    const long first = std::max(1L, k - reach), last = std::min(num_bins - 1, k + reach);
-    const double bins = static_cast<double>(last - first + 1);
-    for (long i = first; i <= last; ++i) {
-      acceleration[k] += spectrum.power[i] / bins;
-      position[k] += integrated[i] / bins;
-    }
-  }
-
-  // From the motion's peak: of the positions, because that of the accelerations may be noise.
-  constexpr double kMotionAgain = 10.0;
-  const auto peak = [&](long from) {
-    return std::max_element(position.begin() + from, position.begin() + end) - position.begin();
-  };
-  long from = peak(1), lowest = from;
-  while (true) {
-    lowest = std::min_element(acceleration.begin() + from, acceleration.begin() + end) -
-             acceleration.begin();
-    const long again = peak(lowest);
-    if (again <= from || position[again] < kMotionAgain * position[lowest]) break;
-    const double variance =
-        std::accumulate(integrated.begin() + lowest, integrated.begin() + end, 0.0) *
-        spectrum.frequency(1);
-    if (variance < 0.25 * step * step) break;
-    from = again;
-  }
-  // The path's gain is flat to 4 % up to two thirds of its cut-off.
-  out.cutoff_hz = 1.5 * spectrum.frequency(lowest);
-  const long noise_from = std::min(lowest, end - end / 4);
-  out.noise =
-      std::sqrt(median({position.begin() + noise_from, position.begin() + end}) * 0.5 * rate_hz);
-
-  double total = 0.0, sum = 0.0;
-  for (long k = 1; k <= lowest; ++k) total += spectrum.power[k];
-  out.acceleration = total * spectrum.frequency(1) * std::pow(rate_hz, 4);
-  for (long k = 1; k <= lowest && sum < 0.99 * total; ++k) {
-    sum += spectrum.power[k];
-    out.busy_hz = spectrum.frequency(k);
-  }
-  return out;
-}
-
 /// Of a stretch of the recordings that no pause interrupts [s].
 double longest_of(const std::vector<Recording>& recordings, double longest_pause) {
   double out = 0.0;
@@ -211,7 +123,7 @@ double longest_of(const std::vector<Recording>& recordings, double longest_pause
 /// its end times f. All links move by it, in every row; arms hang on no such measurement.
 /// @param of_pose  spectra of x y z qx qy qz qw
 /// @param longest  stretch without a gap [s]
-double band_of_base(std::span<const PositionSpectrum> of_pose, double dt, double longest) {
+double band_of_base(std::span<const detail::PositionSpectrum> of_pose, double dt, double longest) {
   // Variance of noise over that of motion. Errors in variables shrink parameters by as much, and
   // standard errors of ten seconds of flight show fifty times as much. Noise grows with the fourth
   // power of the frequency: a wider band makes standard errors larger, too.
@@ -223,7 +135,7 @@ double band_of_base(std::span<const PositionSpectrum> of_pose, double dt, double
   double out = kInfinity;
   for (const auto part : {of_pose.first(3), of_pose.subspan(3)}) {
     double motion = 0.0, noise = 0.0;
-    for (const PositionSpectrum& s : part) {
+    for (const detail::PositionSpectrum& s : part) {
       motion = std::max(motion, s.acceleration);
       noise = std::max(noise, s.noise);
     }
@@ -308,15 +220,19 @@ PreprocessPlan plan_preprocess(const std::vector<Recording>& logged,
   // Rounding of a joint that hardly moves is no noise that a spectrum shows.
   plan.q_step = quantisation_steps(recordings);
   double cutoff = 0.0, busy = 0.0;
-  std::vector<PositionSpectrum> spectra;
+  std::vector<detail::PositionSpectrum> spectra;
   for (std::size_t j = 0; j < n; ++j) {
-    const PositionSpectrum s = look_at_position(columns[j], rate, plan.q_step[j]);
+    detail::PositionSpectrum s = detail::look_at_position(columns[j], rate, plan.q_step[j]);
+    if (s.cutoff_hz > 0.0)
+      s.cutoff_hz = detail::cutoff_of_events(columns[j], rate,
+                                             std::clamp(s.cutoff_hz, 1e-3 * rate, kTrueTo * rate),
+                                             kTrueTo * rate, s.noise);
     spectra.push_back(s);
     plan.joint_hz.push_back(s.cutoff_hz);
     plan.q_noise.push_back(std::max(s.noise, plan.q_step[j] / std::sqrt(12.0)));
     cutoff = std::max(cutoff, s.cutoff_hz);
     busy = std::max(busy, s.busy_hz);
-    const long length = window_length(columns[n + j], plan.dt);
+    const long length = detail::window_length(columns[n + j], plan.dt);
     const bool measured = recordings.front().has_tau[j] && length > 0;
     plan.tau_noise.push_back(
         measured ? std::sqrt(detail::noise_floor(detail::welch(columns[n + j], rate, length)) *

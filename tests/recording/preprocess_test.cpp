@@ -267,6 +267,33 @@ TEST_CASE("preprocess: motion behind a quiet band is not cut off", "[recording]"
   CHECK(plan.decimator.factor <= 11);
 }
 
+TEST_CASE("preprocess: what comes at events is motion, however little of all time it takes",
+          "[recording]") {
+  // Twice in each period of a slow motion something lets go, and swings out within 30 ms: an
+  // amplitude of 20 times the noise, spread over all time a slope without a lowest point.
+  const double dt = 0.002, every = 0.5, fades = 0.012, noise = 2e-5;
+  const double events = GENERATE(0.0, 1.0);  // none, or these
+  Rng rng(6);
+  const Recording r = sampled(uniform_times(10'000, dt), [&](double t) {
+    const double since = std::fmod(t, every);
+    return std::sin(2.0 * kPi * 0.3 * t) + noise * rng.normal() +
+           events * 20.0 * noise * std::exp(-since / fades) * std::sin(2.0 * kPi * 20.0 * since);
+  });
+  const PreprocessPlan plan = plan_preprocess({r});
+  CAPTURE(events, plan.filter_hz);
+  CHECK((plan.filter_hz > 20.0) == (events > 0.0));
+}
+
+TEST_CASE("preprocess: one start from rest is no reason for a wider band", "[recording]") {
+  const double dt = 0.002, noise = 2e-5;
+  Rng rng(7);
+  const Recording r =
+      sampled(uniform_times(10'000, dt), [&](double t) {  // a controller's first jerk
+        return std::sin(2.0 * kPi * 0.3 * t) - 0.02 * std::exp(-t / 0.02) + noise * rng.normal();
+      });
+  CHECK(plan_preprocess({r}).filter_hz < 20.0);
+}
+
 TEST_CASE("preprocess: lines of an even motion over an encoder's steps are no motion",
           "[recording]") {
   // Moves at an even speed between pauses, as a controller plans them: a joint that hardly takes
