@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <set>
 
 #include "core/constants.hpp"
 
@@ -134,11 +135,16 @@ void bound_backlash(const std::vector<double>& q_noise, Candidate& c) {
   const double most = c.grid.back()[0];
   if (joint < q_noise.size() && q_noise[joint] > 0.0) least = kGapNoises * q_noise[joint];
   c.shape_low = {least};
+  std::set<std::vector<double>> sides;  // of the encoder: what follows the gap in a point
+  for (const std::vector<double>& point : c.grid) sides.emplace(point.begin() + 1, point.end());
   c.grid.clear();
   if (!(least < most)) return;
   const int steps = static_cast<int>(std::ceil(std::log(most / least) / std::log(kGapStep)));
   for (int k = 0; k <= steps; ++k)
-    c.grid.push_back({least * std::pow(most / least, static_cast<double>(k) / steps)});
+    for (const std::vector<double>& side : sides) {
+      c.grid.push_back({least * std::pow(most / least, static_cast<double>(k) / steps)});
+      c.grid.back().insert(c.grid.back().end(), side.begin(), side.end());
+    }
 }
 
 /// Whether all joints of an effect are known to have no torque.

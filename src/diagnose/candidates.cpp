@@ -96,8 +96,7 @@ Candidate make_candidate(const EffectSpec& spec, const Model& model, const Model
       add_shape(c, k);
     } else if (!p.choices.empty()) {
       // No simulation has a motor behind its encoder without a rotor.
-      if (p.name != "encoder_side" || motor != HiddenMotor::kSpring || !c.rotor_assumed)
-        c.choices.push_back(k);
+      if (p.name != "encoder_side" || !c.rotor_assumed) c.choices.push_back(k);
     } else if (scale(p) == Scale::kPlain && (c.effect.parameter_info.size() == 1 ||
                                              p.sign == Sign::kFree || p.name == "damping")) {
       c.linear.push_back(k);  // by its tangent, which moves with the others; damping from 0 on

@@ -6,6 +6,7 @@
 
 #include <diffnea/effects/stepping.hpp>
 
+#include "core/constants.hpp"
 #include "recording/spectrum.hpp"
 
 namespace diffnea {
@@ -99,8 +100,10 @@ double inexact_at(const Search& search, const Term& term, const std::vector<Term
   const Port port = term.effect.info().port;
   const bool local =
       port == Port::kJointTorque || (port == Port::kMemory && !encoder_at_motor(term.effect));
-  double out =
-      term.effect.info().motor == HiddenMotor::kSpring ? of_moving_noise(search, term, terms) : 0.0;
+  const VecX<double> torque = search.projection().expanded(term.torque_beside()).col(0);
+  const double size = torque.head(evidence.rows()).norm();
+  if (!(size > 0.0)) return kInfinity;
+  double of_joints = 0.0;  // the largest product with what is not exact, over the size
   for (std::size_t k = 0; k < evidence.joints().size(); ++k) {
     const auto acts = [&](const Term& t) {
       return evidence.driven_rows().reaches(t.effect.joints, evidence.joints()[k]);
@@ -110,16 +113,19 @@ double inexact_at(const Search& search, const Term& term, const std::vector<Term
     const bool dry =
         std::ranges::any_of(terms, [&](const Term& t) { return acts(t) && is_dry(t.effect); });
     const double accuracy = dry ? kDryAccuracy : kAccuracy;
-    out += accuracy * accuracy *
-           std::max(0.0, search.projection().residual().segment(begin, m).squaredNorm() -
-                             after.segment(begin, m).squaredNorm());
-    out += unknown[static_cast<long>(k)];
+    double there = accuracy * accuracy *
+                   std::max(0.0, search.projection().residual().segment(begin, m).squaredNorm() -
+                                     after.segment(begin, m).squaredNorm());
+    there += unknown[static_cast<long>(k)];
     // Noise that is assumed stands for errors of filters and integrators, which do not average out.
     const std::vector<bool>& kept = search.whitener().kept();
     const auto rows = std::count(kept.begin() + begin, kept.begin() + begin + m, true);
-    out += search.whitener().noise()[k].assumed * static_cast<double>(rows);
+    there += search.whitener().noise()[k].assumed * static_cast<double>(rows);
+    of_joints += std::sqrt(there) * torque.segment(begin, m).norm() / size;
   }
-  return out;
+  return of_joints * of_joints + (term.effect.info().motor == HiddenMotor::kSpring
+                                      ? of_moving_noise(search, term, terms)
+                                      : 0.0);
 }
 
 VecX<double> inexact_friction(const Search& search, const std::vector<Term>& terms,

@@ -7,11 +7,12 @@
 
 namespace diffnea {
 
-/// χ² at the joints that `term` reaches which base and `terms` leave because their columns are
-/// not exact: (2 %)² of what `terms` remove, where one of them is dry friction (4 %)²; (1 %)² of
-/// the base's dry friction, more where `term` is like friction and the joint turns often; what is
-/// assumed for noise (white_noise()), all along; and of a spring before a motor, what noise that
-/// moves the joint gives it.
+/// χ² that `term` may remove of what base and `terms` leave because their columns are not exact: of
+/// each joint no more than goes with the term's torque there (Cauchy's inequality). That is (2 %)²
+/// of what `terms` remove, where one of them is dry friction (4 %)²; (1 %)² of the base's dry
+/// friction, more where `term` is like friction and the joint turns often; what is assumed for
+/// noise (white_noise()), all along; and of a spring before a motor, what noise that moves the
+/// joint gives it.
 double inexact_at(const Search& search, const Term& term, const std::vector<Term>& terms);
 
 /// χ² that the base leaves at each of evidence().joints() because the torque of its dry friction is

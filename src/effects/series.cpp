@@ -155,13 +155,18 @@ VecX<double> link_inertia(const Tree<double>& tree, const JointSeries& x, int jo
   return rnea_batch(floating, x.q, still, one).col(joint).array() - tree.armature(joint);
 }
 
+/// The same of the base model, as the series has it.
+VecX<double> inertia_behind(const ExtendedTree& base, const JointSeries& x, int joint) {
+  return x.inertia.size() > 0 ? VecX<double>(x.inertia.col(joint))
+                              : link_inertia(base.tree, x, joint);
+}
+
 /// Motion of the links where the log has the motor's at `joint`. The second round takes what hangs
 /// on the link where it is, not where its motor is.
 JointSeries behind_encoder(const MotorSpring<double>& spring, const ExtendedTree& base,
                            const JointSeries& x, int joint) {
   constexpr int kRounds = 2;
-  const VecX<double> inertia =
-      x.inertia.size() > 0 ? VecX<double>(x.inertia.col(joint)) : link_inertia(base.tree, x, joint);
+  const VecX<double> inertia = inertia_behind(base, x, joint);
   JointSeries links = x;
   VecX<double> of_spring =
       VecX<double>::Constant(x.rows(), std::numeric_limits<double>::quiet_NaN());
@@ -185,11 +190,37 @@ JointSeries behind_encoder(const MotorSpring<double>& spring, const ExtendedTree
   return links;
 }
 
+/// Motion of the links where the log has the motor's at `joint`, between flanks. A motor that flies
+/// beside a link that flies: what the log has for the load, over J, and what the links would ask
+/// for, over M. The logged acceleration, which a filter has spread over an impact, is in neither
+/// sum.
+/// @throws DataError without x.logged
+JointSeries behind_encoder(const Backlash& gap, const double* p, const ExtendedTree& base,
+                           const JointSeries& x, int joint) {
+  const VecX<double> M = inertia_behind(base, x, joint);
+  const MotorSpring<double> spring = gap.motor_spring(p);
+  const double J = spring.inertia;
+  JointSeries links = x;
+  if (!(J > 0.0 && M.minCoeff() > 0.0)) return links;
+  if (x.logged.rows() != x.rows())
+    throw DataError("backlash: got no logged torque, by which the rotor flies; set x.logged");
+  const VecX<double> asked = load_on_spring(base, x, joint, spring.friction_share),
+                     given = (x.logged - x.drive()).col(joint) + asked;
+  const VecX<double> push = ((M.array() * given.array() + J * asked.array()) / (J + M.array())),
+                     reduced = J * M.array() / (J + M.array());
+  const Backlash::Flight flight =
+      gap.flight(push, reduced, (asked - given).cwiseQuotient(M), x.dt, p);
+  links.q.col(joint) -= flight.at;
+  links.qd.col(joint) -= flight.speed;
+  links.qdd.col(joint) -= flight.acceleration;
+  links.tau = link_torque(base, links);
+  return links;
+}
+
 /// Torque in addition at all joints because the links do not move as the log has it; the joint's
 /// armature does.
 Rows moved_links(const MotorSpring<double>& spring, const ExtendedTree& base, const JointSeries& x,
-                 int joint) {
-  const JointSeries links = behind_encoder(spring, base, x, joint);
+                 const JointSeries& links, int joint) {
   Rows out = links.tau - x.tau;
   for (const BoundEffect& e : base.effects) {
     const double at_motor = acts_on(e, joint) ? motor_share(e.info(), spring.friction_share) : 0.0;
@@ -227,11 +258,11 @@ Rows memory_torque(const BoundEffect& effect, const ExtendedTree& base, const Jo
     for (const int j : effect.joints) {
       if constexpr (requires { formula.encoder_at_motor(p); })
         if (formula.encoder_at_motor(p)) {
-          if (E::info().motor != HiddenMotor::kSpring)
-            throw ModelError(E::info().name + " at '" + effect.where +
-                             "': with the encoder at the motor (encoder_side 1) no torque follows "
-                             "from a logged motion; simulated runs alone have it");
-          out += moved_links(formula.motor_spring(p), base, x, j);
+          const MotorSpring<double> spring = formula.motor_spring(p);
+          if constexpr (requires { typename E::Flight; })
+            out += moved_links(spring, base, x, behind_encoder(formula, p, base, x, j), j);
+          else
+            out += moved_links(spring, base, x, behind_encoder(spring, base, x, j), j);
           continue;
         }
       if constexpr (requires { formula.torque_series(x, j, p); })

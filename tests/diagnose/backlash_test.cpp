@@ -45,13 +45,15 @@ struct GearedArm {
 
 constexpr double kRotor = 0.3;  // [kg·m²]
 
-EffectSpec gap_of(double gap) {
+/// @param side  of the encoder: 0 the link's, 1 the motor's
+EffectSpec gap_of(double gap, double side) {
   return {"backlash",
           "yaw",
           {{"gap", gap, ""},
            {"stiffness", 1e5, ""},
            {"motor_inertia", kRotor, ""},
-           {"restitution", 0.5, ""}}};
+           {"restitution", 0.5, ""},
+           {"encoder_side", side, ""}}};
 }
 
 const CauseParameter& parameter(const Cause& cause, const std::string& name) {
@@ -64,16 +66,18 @@ TEST_CASE("diagnose: a gap of a few standard deviations of the positions is name
           "[diagnose]") {
   const double gap = 5e-4;                            // [rad]
   const double period = GENERATE(10.0, 30.0);         // [s]; of as long a recording
-  const GearedArm geared(kRotor, gap_of(gap));
+  const double side = GENERATE(0.0, 1.0);
+  const GearedArm geared(kRotor, gap_of(gap, side));
   const Finding finding =
       diagnose(geared.nominal, {geared.recorded(1, period)}, {geared.recorded(2, period)});
-  CAPTURE(period, finding.sentence);
+  CAPTURE(period, side, finding.sentence);
   REQUIRE(finding.causes.size() == 1);
   CHECK(finding.causes[0].effect == "backlash");
   CHECK(finding.causes[0].where == "yaw");
   const CauseParameter& found = parameter(finding.causes[0], "gap");
   CHECK(found.low <= gap);
   CHECK(found.high >= gap);
+  CHECK(parameter(finding.causes[0], "encoder_side").value == side);
 }
 
 TEST_CASE("diagnose: a spring before a rotor is named in a motion that never repeats",

@@ -125,6 +125,48 @@ TEST_CASE("backlash: the rotor flies across the gap and comes to rest at the oth
   CHECK_THAT(moved, Catch::Matchers::WithinAbs(-gap, 2e-3 * gap + 2.0 * x.dt * x.dt * A / J));
 }
 
+TEST_CASE("backlash: behind its motor's encoder the link flies on when the motor brakes",
+          "[effects]") {
+  // θ = −A cos wt is logged. At its middle the motor begins to brake; the link, of mass M and with
+  // nothing else to hold it, goes on at the speed A w until A (w s − sin w s) is the gap.
+  const double gap = 0.01, M = 2.0, J = 0.4, A = 0.5, w = 3.0;
+  const double restitution = GENERATE(0.0, 0.5);
+  JointSeries x = rail_series([=](double t) { return -A * std::cos(w * t); },
+                              [=](double t) { return A * w * std::sin(w * t); },
+                              [=](double t) { return A * w * w * std::cos(w * t); });
+  double s = 0.0;
+  while (A * (w * s - std::sin(w * s)) < gap) s += 1e-6;
+  const double brakes = 0.5 * std::numbers::pi / w;
+  const long leaves = std::lround(brakes / x.dt), hits = static_cast<long>((brakes + s) / x.dt);
+  // The motor moves itself alone in between, else the link as well.
+  Model model = rail();
+  model.effects = {{"armature", "slide", {{"armature", J, "kg"}}}};
+  x.logged = (J + M) * x.qdd;
+  x.logged.middleRows(leaves, hits - leaves) = J * x.qdd.middleRows(leaves, hits - leaves);
+  const BoundEffect effect = bind({"backlash",
+                                   "slide",
+                                   {{"gap", gap, "m"},
+                                    {"motor_inertia", J, "kg"},
+                                    {"restitution", restitution, "1"},
+                                    {"encoder_side", 1.0, "1"}}},
+                                  model);
+  const VecX<double> torque =
+      series_torque(effect, extend(model), x, effect.parameters.data()).col(0);
+  CHECK(torque.head(leaves - 2).isZero(0.0));
+  CHECK(hits - leaves > 20);
+  for (long k = leaves + 2; k < hits - 1; ++k)  // the log lacks what would brake the link
+    CHECK_THAT(torque[k], Catch::Matchers::WithinAbs(-M * x.qdd(k, 0), 1e-3));
+  // Braked by the teeth in the end, it has lost as much momentum, and has moved by the gap.
+  const long rest = static_cast<long>(1.45 * std::numbers::pi / w / x.dt);
+  double momentum = 0.0, moved = 0.0;
+  for (long k = 0; k < rest; ++k) {
+    momentum += torque[k] * x.dt;
+    moved += momentum / M * x.dt;
+  }
+  CHECK_THAT(momentum, Catch::Matchers::WithinAbs(0.0, 1e-9));
+  CHECK_THAT(moved, Catch::Matchers::WithinAbs(gap, 2e-3 * gap + 2.0 * x.dt * x.dt * A * w * w));
+}
+
 TEST_CASE("series: an elastic joint's friction turns with the motor", "[effects]") {
   Model model = rail();
   model.effects = {{"viscous_friction", "slide", {{"viscous", 7.0, ""}}}};

@@ -14,7 +14,9 @@ namespace diffnea {
 /// e. The encoder reads the link's angle q, the motor's, θ, is hidden; the log has J_m(θ̈ − q̈) more
 /// than the base model, whose armature J_m turns with q: inside the gap that is the whole torque
 /// that it takes for transmitted, and an impulse where the teeth meet (Nordin and Gutman 2002). The
-/// rotor leaves a flank where the torque on it, seen from the motor, changes its sign.
+/// rotor leaves a flank where the torque on it, seen from the motor, changes its sign. With
+/// `encoder_side` 1 the log has θ, and the link is hidden: both fly, the rotor under the logged
+/// torque and the link under its own weight, and the log has M(θ̈ − q̈) less.
 struct Backlash {
   static const EffectInfo& info() {
     static const EffectInfo kInfo{
@@ -56,7 +58,8 @@ struct Backlash {
                         .unit_prismatic = "1",
                         .sign = Sign::kNonNegative,
                         .linear = false,
-                        .most = 1.0}},
+                        .most = 1.0,
+                        .choices = {0.0, 1.0}}},
         .motor_side = true,
         .traits = {Trait::kOfDrive},
         .motor = HiddenMotor::kOther,
@@ -110,33 +113,68 @@ struct Backlash {
     return select(value(push) > 0.0, T(side) * push, T(0.0));
   }
 
-  /// (N) torque in addition at `joint`, between flanks that do not yield: the rotor's flight under
-  /// the logged torque less friction. An impulse is shared by the two rows about it.
+  /// (N) torque in addition at `joint` where the log has the link's angle, between flanks that do
+  /// not yield: the rotor's flight under the logged torque less friction.
   /// @throws DataError without x.logged
   VecX<double> torque_series(const JointSeries& x, int joint, const double* p) const {
-    const long n = x.rows();
-    if (x.logged.rows() != n)
+    if (x.logged.rows() != x.rows())
       throw DataError("backlash: got no logged torque, by which the rotor flies; set x.logged");
-    VecX<double> out = VecX<double>::Zero(n);
-    const double half = 0.5 * p[0], J = p[2], dt = x.dt;
-    if (!(J > 0.0)) return out;
+    const double J = p[2];
+    if (!(J > 0.0)) return VecX<double>::Zero(x.rows());
     // What the motor has for its load, as the log says and the model.
     const VecX<double> push = x.logged.col(joint) - x.drive().col(joint) + x.tau.col(joint);
-    double side = push[0] < 0.0 ? -1.0 : 1.0, at = side * half, v = 0.0;
+    const VecX<double> seen = (x.logged - x.drive()).col(joint) / J;
+    return J * flight(push, VecX<double>::Constant(x.rows(), J), seen, x.dt, p).acceleration;
+  }
+
+  /// θ − q between flanks that do not yield, row by row [rad or m, /s, /s²]. An impact's impulse is
+  /// shared by the two rows about it.
+  struct Flight {
+    VecX<double> at, speed, acceleration;
+  };
+
+  /// How two sides fly beside each other.
+  /// @param push     (N) torque that the teeth would transmit [N·m] or [N]
+  /// @param inertia  (N) that turns it into θ̈ − q̈: the rotor's beside a link whose motion is known,
+  ///                 else both sides' reduced one, J M/(J + M) [kg·m²] or [kg], above 0
+  /// @param seen     (N) θ̈ − q̈ as the log has it, with its noise. At rest without a load either
+  ///                 flank may hold when a log begins: it is the one whose first flight is seen.
+  static Flight flight(const VecX<double>& push, const VecX<double>& inertia,
+                       const VecX<double>& seen, double dt, const double* p) {
+    Flight plus = flight_from(1.0, push, inertia, dt, p),
+           minus = flight_from(-1.0, push, inertia, dt, p);
+    double speed = 0.0, of_plus = 0.0, of_minus = 0.0, misfit = 0.0;
+    for (long k = 0; k < push.size() && (k == 0 || plus.at[k] != minus.at[k]); ++k) {
+      speed += seen[k] * dt;
+      of_plus += plus.acceleration[k] * dt;
+      of_minus += minus.acceleration[k] * dt;
+      misfit += std::pow(of_plus - speed, 2) - std::pow(of_minus - speed, 2);
+    }
+    return misfit > 0.0 ? minus : plus;
+  }
+
+ private:
+  /// @param side  the flank that holds at first
+  static Flight flight_from(double side, const VecX<double>& push, const VecX<double>& inertia,
+                            double dt, const double* p) {
+    const long n = push.size();
+    const double half = 0.5 * p[0];
+    double at = side * half, v = 0.0;
+    Flight out{VecX<double>::Constant(n, at), VecX<double>::Zero(n), VecX<double>::Zero(n)};
     bool free = false;
     for (long k = 0; k + 1 < n; ++k) {
       double left = dt;
-      const double force = 0.5 * (push[k] + push[k + 1]);
+      const double force = 0.5 * (push[k] + push[k + 1]), M = 0.5 * (inertia[k] + inertia[k + 1]);
       for (int events = 0; events < 8 && left > 0.0; ++events) {
         if (!free) {
           if (side * force >= 0.0) break;
           free = true;
           v = 0.0;
         }
-        const double a = force / J, hit = first_hit(at, v, a, half, left);
+        const double a = force / M, hit = first_hit(at, v, a, half, left);
         const double flown = std::min(hit, left), middle = (dt - left + 0.5 * flown) / dt;
-        out[k] += force * flown / dt * (1.0 - middle);
-        out[k + 1] += force * flown / dt * middle;
+        out.acceleration[k] += a * flown / dt * (1.0 - middle);
+        out.acceleration[k + 1] += a * flown / dt * middle;
         at += (v + 0.5 * a * flown) * flown;
         v += a * flown;
         left -= flown;
@@ -145,18 +183,19 @@ struct Backlash {
         at = side * half;
         double rebound = -p[3] * v;
         // A bounce that is over within a row is none.
-        if (side * force > 0.0 && 2.0 * J * std::abs(rebound) < std::abs(force) * dt)
+        if (side * force > 0.0 && 2.0 * M * std::abs(rebound) < std::abs(force) * dt)
           rebound = 0.0, free = false;
-        const double impulse = J * (rebound - v) / dt, moment = (dt - left) / dt;
-        out[k] += impulse * (1.0 - moment);
-        out[k + 1] += impulse * moment;
+        const double change = (rebound - v) / dt, moment = (dt - left) / dt;
+        out.acceleration[k] += change * (1.0 - moment);
+        out.acceleration[k + 1] += change * moment;
         v = rebound;
       }
+      out.at[k + 1] = at;
+      out.speed[k + 1] = free ? v : 0.0;
     }
     return out;
   }
 
- private:
   /// When a flight reaches ±half [s]; infinity if not within `most`.
   static double first_hit(double at, double v, double a, double half, double most) {
     if (std::abs(at) >= half && (v * at > 0.0 || (v == 0.0 && a * at > 0.0))) return 0.0;
