@@ -26,8 +26,8 @@ JointWindows::JointWindows(std::vector<ModelOfRuns> models, std::vector<BoundEff
   }
   n_ = models_.front().path.rotors().dofs();
   for (const OfRuns& m : models_)
-    if (m.path.rotors().joints_of_rotors() != models_.front().path.rotors().joints_of_rotors())
-      throw ModelError("motion: a motor is hidden in some runs alone");
+    if (m.path.rotors().joints_behind() != models_.front().path.rotors().joints_behind())
+      throw ModelError("motion: a motor is hidden, or an error integrated, in some runs alone");
   for (std::size_t e = 0; e < effects_.size(); ++e) {
     of_effect_[e].parts = models_.front().path.rotors().parts(effects_[e]);
     of_effect_[e].off = effects_[e].parameters;
@@ -142,8 +142,9 @@ void JointWindows::begin(const VecX<double>& state) {
     A_.block(first, part.column, count, count).setIdentity();
     A_.block(n_ + first, part.column + count, count, count).setIdentity();
     for (const int half : {0, 1})
-      for (const int dof : part.limb.rotors)
-        A_.row(half * n_ + dof) = A_.row(half * n_ + rotors().joint_of(dof));
+      for (const HiddenRotor& r : rotors().rotors())
+        if (std::ranges::find(part.limb.rotors, r.rotor) != part.limb.rotors.end())
+          A_.row(half * n_ + r.rotor) = A_.row(half * n_ + r.joint);
   }
   A_.col(0) = models_[now_].path.first_state(state);
   if (rotors().rotors().empty()) return;
@@ -408,9 +409,10 @@ void JointWindows::add_columns(std::size_t e, const JointSample<double>& x,
                                const JointSample<JetD>& jets) {
   const VecX<double>& gains = models_[now_].path.dynamics().gains();
   OfEffect& of = of_effect_[e];
-  for (const auto& [effect, share] : of.parts) {
+  for (const auto& [effect, share, shapes_alone] : of.parts) {
     // The torque is homogeneous in the linear parameters: one of them 1, the others 0.
     for (const auto& [index, column] : of.linear) {
+      if (shapes_alone) continue;
       for (const int j : effect.joints) scratch_[static_cast<std::size_t>(j)] = 0.0;
       double& p = of.off[static_cast<std::size_t>(index)];
       p = 1.0;
