@@ -1,7 +1,9 @@
 #include "motion/path.hpp"
 
+#include <array>
 #include <limits>
 
+#include <diffnea/effects/position_servo.hpp>
 #include <diffnea/effects/stepping.hpp>
 
 namespace diffnea {
@@ -58,6 +60,39 @@ VecX<double> MotionPath::first_state(const VecX<double>& read) {
   for (const HiddenRotor& r : rotors_.rotors())
     out[r.hidden()] += (r.read ? -1.0 : 1.0) * deflection_at(r.gear, load[r.joint]);
   return out;
+}
+
+VecX<double> MotionPath::first_state(const MotionStretch& stretch, const MotionWindow& window) {
+  VecX<double> out = first_state(window.state);
+  for (const DriveIntegrator& i : rotors_.integrators())
+    out[n_ + i.dof] = summed_before(i, stretch, window).a;
+  return out;
+}
+
+JetD MotionPath::summed_before(const DriveIntegrator& integrator, const MotionStretch& stretch,
+                               const MotionWindow& window) {
+  const CommandPath* path = led(stretch.command);
+  JetD sum(0.0);
+  if (!path) return sum;
+  const int drive = rotors_.drive(integrator.joint);
+  std::array<JetD, 6> p;
+  for (std::size_t k = 0; k < p.size(); ++k)
+    p[k] = JetD(path->servo(drive)[k], static_cast<int>(k));
+  const JetD rate(path->integral_rate(drive), 6);
+  double last = stretch.q(0, integrator.joint);
+  for (long k = 0; k < window.first; ++k) {
+    const SimulationStep row{stretch.time[static_cast<std::size_t>(k)],
+                             stretch.time[static_cast<std::size_t>(k) + 1]};
+    const double middle = 0.5 * (row.from + row.to), next = stretch.q(k + 1, integrator.joint),
+                 read = std::isnan(next)   ? last
+                        : std::isnan(last) ? next
+                                           : 0.5 * (last + next);
+    if (!std::isnan(next)) last = next;
+    if (!std::isnan(read) && path->is_on(drive, middle, row))
+      sum += JetD(row.to - row.from) * PositionServo::summed(*path, drive, middle, row, JetD(read),
+                                                             JetD(rate * sum), p.data());
+  }
+  return sum;
 }
 
 /// Longest step that the gears' own swings allow [s], at the inverse mass matrix of the last

@@ -135,7 +135,8 @@ VecX<double> JointWindows::read(const MatX<double>& z) const {
 
 /// First state of a window and its sensitivities. Hidden sides move as what encoders read does, but
 /// for what gravity and the links' motion wind up.
-void JointWindows::begin(const VecX<double>& state) {
+void JointWindows::begin(const MotionStretch& stretch, const MotionWindow& window) {
+  const VecX<double>& state = window.state;
   A_.setZero(2 * n_, 1 + 2 * joints_ + f_);
   for (const Part& part : parts_) {
     const auto [first, count] = std::pair{part.limb.first, part.limb.count};
@@ -146,7 +147,8 @@ void JointWindows::begin(const VecX<double>& state) {
         if (std::ranges::find(part.limb.rotors, r.rotor) != part.limb.rotors.end())
           A_.row(half * n_ + r.rotor) = A_.row(half * n_ + r.joint);
   }
-  A_.col(0) = models_[now_].path.first_state(state);
+  A_.col(0) = models_[now_].path.first_state(stretch, window);
+  begin_integrators(stretch, window);
   if (rotors().rotors().empty()) return;
   q_.resize(n_);
   qd_.resize(n_);
@@ -162,6 +164,30 @@ void JointWindows::begin(const VecX<double>& state) {
     for (const HiddenRotor& r : rotors().rotors())
       if (std::ranges::find(part.limb.rotors, r.rotor) != part.limb.rotors.end())
         begin_hidden(r, part);
+}
+
+/// Sensitivities of what drives have summed up before a window, by the parameters of their laws.
+void JointWindows::begin_integrators(const MotionStretch& stretch, const MotionWindow& window) {
+  for (const DriveIntegrator& i : rotors().integrators()) {
+    const JetD sum = models_[now_].path.summed_before(i, stretch, window);
+    const auto acts = [&](const EffectPart& p) { return p.effect.joints.front() == i.dof; };
+    const auto sets_rate = [&](const EffectPart& p) {
+      return p.effect.info().has(Trait::kIntegrates) &&
+             p.effect.joints.front() == rotors().drive(i.joint);
+    };
+    for (const Part& part : parts_)
+      for (const OfEffect& of : of_effect_)
+        for (const auto& [index, column] : of.shapes) {
+          if (column < part.parameter || column >= part.parameter + part.parameters) continue;
+          double& entry =
+              A_(n_ + i.dof, part.column + 2 * part.limb.count + column - part.parameter);
+          const bool by_factor = logarithmic_[static_cast<std::size_t>(column)] != 0;
+          if (std::ranges::any_of(of.parts, acts))
+            entry += sum.v[index] * (by_factor ? of.off[static_cast<std::size_t>(index)] : 1.0);
+          else if (std::ranges::any_of(of.parts, sets_rate))
+            entry += sum.v[6];
+        }
+  }
 }
 
 /// Adds what winds a gear up at the beginning to the sensitivities of its hidden side.
@@ -207,7 +233,7 @@ bool JointWindows::linearise(const MotionStretch& stretch, const MotionWindow& w
   constexpr long kBlock = 256;  // rows of the stretch that are handed to the factor at once
   const int width = 2 * joints_ + f_;
   MotionPath& path = enter(stretch.run);
-  begin(window.state);
+  begin(stretch, window);
   std::vector<TriangularFactor> factors;
   for (Part& part : parts_) {
     part.block.resize(kBlock * part.limb.count, part.width() + 1);
