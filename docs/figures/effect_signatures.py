@@ -276,10 +276,46 @@ def position_servo(_: str) -> list[Panel]:
     ]
 
 
+def supply_sag(_: str) -> list[Panel]:
+    """Draw the law: torque over error at three supplies, and over a supply that sags."""
+    stiffness, reach, nominal = 10.0, 0.2, 7.4
+    error = np.linspace(-0.4, 0.4, 401)
+    pull = stiffness * np.clip(error, -reach, reach)
+    time = np.linspace(0.0, SHOWN, 801)
+    volts = nominal * (1.0 - 0.03 * time) - 1.0 * (np.sin(3.0 * time) > 0.0)
+    return [
+        Panel(time, volts / nominal * stiffness * reach, "time [s]", "largest torque [N·m]"),
+        Panel(error, 0.8 * pull, "error of the position [rad]", "torque [N·m]", grey=pull),
+    ]
+
+
+def integral_action(_: str) -> list[Panel]:
+    """Draw a step under a load that pulls back, without and with the integral."""
+    stiffness, damping, inertia, load, rate, step = 10.0, 0.8, 0.03, 2.0, 3.0, 1e-3
+    time = np.arange(0.0, SHOWN, step)
+    moved = []
+    for of_integral in (0.0, rate):
+        q, v, integral, line = -load / stiffness, 0.0, 0.0, np.empty_like(time)
+        for k, t in enumerate(time):
+            error = (1.0 if t > 0.5 else 0.0) - q
+            v += step * (stiffness * (error + of_integral * integral) - damping * v - load) / inertia
+            q += step * v
+            integral += step * error
+            line[k] = q
+        moved.append(line)
+    without, with_it = moved
+    return [
+        Panel(time, with_it, "time [s]", "position [rad]", grey=without),
+        Panel(time, np.where(time > 0.5, 1.0, 0.0) - with_it, "time [s]", "error [rad]"),
+    ]
+
+
 OTHERS: dict[str, Callable[[str], list[Panel]]] = {
     "session_offset": session_offset,
     "velocity_filter_lag": velocity_filter_lag,
     "position_servo": position_servo,
+    "supply_sag": supply_sag,
+    "integral_action": integral_action,
     "residual": residual,
 }
 

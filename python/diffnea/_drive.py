@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
 _SERVO = "position_servo"
+_SUPPLY, _INTEGRAL = "supply_sag", "integral_action"
 # Value of a speed that is no bound, as the effect has it.
 _NO_BOUND = 1e3
 
@@ -25,7 +26,8 @@ class Drive:
 
     The law is that of the effect ``position_servo``: a setpoint that moves no faster than the
     drive's speed, a delay, a dead band, a reach, and the motor's braking; less the joint's
-    ``torque_offset``, which acts in a drive that is off, too. A robot description holds
+    ``torque_offset``, which acts in a drive that is off, too. With a ``supply_sag``, its torque
+    follows the supply; with an ``integral_action``, it integrates its error from call to call. A robot description holds
     stiffness, damping and the largest torque alone (``model.save("robot.xml")``).
 
         >>> drive = diffnea.Drive("run")
@@ -91,6 +93,11 @@ class Drive:
             )
         offsets = [effects.get(("torque_offset", name)) for name in self.joint_names]
         self._offset = np.array([e.parameters["offset"] if e else 0.0 for e in offsets])
+        sags = [effects.get((_SUPPLY, name)) for name in self.joint_names]
+        self._share = np.array([e.parameters["share"] if e else 0.0 for e in sags])
+        self._nominal = np.array([e.parameters["nominal"] if e else 1.0 for e in sags])
+        integrals = [effects.get((_INTEGRAL, name)) for name in self.joint_names]
+        self._rate = np.array([e.parameters["rate"] if e else 0.0 for e in integrals])
         self._friction = [_Friction(effects, name) for name in self.joint_names]
         self.reset()
 
@@ -98,9 +105,16 @@ class Drive:
         """Forget the commands: the next call begins a run."""
         self._told = np.empty(0)
         self._setpoints: deque[tuple[float, NDArray[np.float64]]] = deque()
+        self._last = np.inf
+        self._integral = self._summed = np.zeros(len(self.joint_names))
 
     def __call__(
-        self, time: float, command: ArrayLike, q: ArrayLike, qd: ArrayLike
+        self,
+        time: float,
+        command: ArrayLike,
+        q: ArrayLike,
+        qd: ArrayLike,
+        supply: ArrayLike | None = None,
     ) -> NDArray[np.float64]:
         """Torque of the drives at one instant, (…, n) [N·m] or [N].
 
@@ -109,6 +123,8 @@ class Drive:
             command: positions (…, n) [rad] or [m]; NaN: the drive is off.
             q: positions (…, n) [rad] or [m].
             qd: velocities (…, n) [rad/s] or [m/s].
+            supply: voltage of the drives now, one or (…, n) [V], for those with a ``supply_sag``.
+                Default: the nominal one.
 
         """
         wanted, q, qd = np.broadcast_arrays(
@@ -121,9 +137,14 @@ class Drive:
             )
         setpoint = self._delayed(time, self._led(time, wanted))
         error = self._gain * (setpoint - q)
-        error = np.sign(error) * np.maximum(np.abs(error) - self._dead_band, 0.0)
-        error = np.clip(error, -self._reach, self._reach)
-        torque = self._stiffness * error - self._damping * qd
+        self._integral = self._integral + self._summed * max(time - self._last, 0.0)
+        asked = np.sign(error) * np.maximum(np.abs(error) - self._dead_band, 0.0)
+        asked = asked + self._rate * self._integral
+        # While it saturates, nothing that would drive it on is summed up.
+        held = np.isnan(wanted) | ((np.abs(asked) > self._reach) & (asked * error > 0.0))
+        self._summed, self._last = np.where(held, 0.0, error), time
+        error = np.clip(asked, -self._reach, self._reach)
+        torque = self._strength(supply) * self._stiffness * error - self._damping * qd
         told: NDArray[np.float64] = np.where(np.isnan(wanted), 0.0, torque) - self._offset
         return told
 
@@ -142,6 +163,12 @@ class Drive:
         qd, load = np.broadcast_arrays(np.asarray(qd, float), np.asarray(load, float))
         parts = [f(qd[..., j], load[..., j]) for j, f in enumerate(self._friction)]
         return np.stack(parts, axis=-1)
+
+    def _strength(self, supply: ArrayLike | None) -> NDArray[np.float64]:
+        """Torque over that at the nominal supply."""
+        volts = self._nominal if supply is None else np.asarray(supply, float)
+        strength: NDArray[np.float64] = 1.0 + self._share * (volts / self._nominal - 1.0)
+        return strength
 
     def _led(self, time: float, wanted: NDArray[np.float64]) -> NDArray[np.float64]:
         """Setpoint now, which since the last call moved to what was told then."""

@@ -39,22 +39,51 @@ std::vector<bool> led_joints(const Model& model) {
 /// @param led  joints that drives of the model lead: others have no motor to hide
 bool can_be_simulated(const Candidate& c, const std::vector<bool>& led) {
   const EffectInfo& info = c.effect.info();
-  if (hides_motor(c.effect))
+  if (hides_motor(c.effect) || info.has(Trait::kOfServo))
     return c.effect.joints.size() == 1 && led[static_cast<std::size_t>(c.effect.joints.front())];
   return info.port == Port::kJointTorque && !info.has(Trait::kReadsCommand) &&
          !info.has(Trait::kGain) && !info.has(Trait::kRotor) &&
          !reads_time(c.effect) && c.choices.empty() && !c.linear.empty();
 }
 
+/// Candidates as asked, else all of the catalogue, and parts of the drives' laws.
+std::vector<Candidate> candidates_for(const Model& base, const DiagnoseOptions& options) {
+  std::vector<Candidate> out =
+      make_candidates(base, base, options.effects, {0}, /*link_side=*/false);
+  if (!options.effects.empty()) return out;
+  std::vector<std::string> of_drives;
+  for (const EffectInfo& info : catalogue())
+    if (info.has(Trait::kOfServo)) of_drives.push_back(info.name);
+  for (Candidate& c : make_candidates(base, base, of_drives, {0}, /*link_side=*/false))
+    out.push_back(std::move(c));
+  return out;
+}
+
+/// Sets the supply about which a candidate is tried.
+/// @return false: it needs one that was never logged
+bool has_supply(const std::vector<Recording>& recordings, Candidate& c) {
+  if (!c.effect.info().has(Trait::kReadsSupply)) return true;
+  const double volts = median_supply(recordings, c.effect.joints.front());
+  for (std::size_t k = 0; k < c.effect.parameters.size(); ++k)
+    if (c.effect.parameter_info[k].name == "nominal" && volts > 0.0) c.effect.parameters[k] = volts;
+  return volts > 0.0;
+}
+
 /// Candidates beside the base; the rest is refused by name, once.
 std::vector<Candidate> candidates_beside(const Model& base, const DiagnoseOptions& options,
+                                         const std::vector<Recording>& recordings,
                                          Finding& finding) {
   std::vector<Candidate> out;
   const std::vector<bool> led = led_joints(base);
-  for (Candidate& c : make_candidates(base, base, options.effects, {0}, /*link_side=*/false)) {
+  for (Candidate& c : candidates_for(base, options)) {
     const EffectSpec spec{c.effect.info().name, c.effect.where, {}};
     if (holds_effect(base.effects, spec)) continue;
-    if (can_be_simulated(c, led))
+    if (!has_supply(recordings, c))
+      finding.refused.push_back(
+          {spec.effect, spec.where,
+           "not tried: the recordings have no column voltage or voltage_" + spec.where + " [V]",
+           0.0});
+    else if (can_be_simulated(c, led))
       out.push_back(std::move(c));
     else if (c.effect.info().port == Port::kMemory || !options.effects.empty())
       finding.refused.push_back(
@@ -148,7 +177,8 @@ void require_own_base(const DiagnoseOptions& options) {
 
 /// Fits the base, and what it lacks.
 void search(MotionCase& c, const Model& base, const MotionSearchData& of) {
-  std::vector<Candidate> candidates = candidates_beside(base, c.options, c.finding);
+  std::vector<Candidate> candidates =
+      candidates_beside(base, c.options, of.train.sample(), c.finding);
   for (const Candidate& one : candidates)
     c.candidates.push_back({one.effect.info().name, one.effect.where, {}});
   c.search = std::make_unique<MotionSearch>(

@@ -14,6 +14,20 @@
 
 namespace diffnea {
 
+namespace {
+
+/// A part of a drive's law at the values from which its first parameter is looked for.
+std::vector<EffectSpec> offers_of_law(BoundEffect effect) {
+  std::vector<EffectSpec> out;
+  for (const double value : effect.parameter_info.front().search) {
+    effect.parameters.front() = value;
+    out.push_back(to_spec(effect));
+  }
+  return out;
+}
+
+}  // namespace
+
 struct MotionSearch::Variant {
   std::size_t score;        ///< index among the scores
   EffectSpec spec;          ///< at this point, no torque
@@ -29,9 +43,9 @@ std::vector<WindowScore> MotionSearch::scores(const MotionSolution& at,
     const EffectSpec spec{c.effect.info().name, c.effect.where, {}};
     if (holds_effect(at.terms, spec) || !holds_effect(candidates, spec)) continue;
     if (clashes(at.model, c.effect)) continue;
-    if (hides_motor(c.effect)) {
+    if (hides_motor(c.effect) || c.effect.info().has(Trait::kOfServo)) {
       if (progress_ && !progress_("testing", 0)) return {};
-      if (std::optional<WindowScore> of = score_gear(at, c.effect, together))
+      if (std::optional<WindowScore> of = score_by_steps(at, c.effect, together))
         out.push_back(std::move(*of));
       continue;
     }
@@ -52,9 +66,9 @@ std::vector<WindowScore> MotionSearch::scores(const MotionSolution& at,
   return out;
 }
 
-std::optional<WindowScore> MotionSearch::score_gear(const MotionSolution& at,
-                                                    const BoundEffect& gear,
-                                                    double correlation) const {
+std::optional<WindowScore> MotionSearch::score_by_steps(const MotionSolution& at,
+                                                        const BoundEffect& effect,
+                                                        double correlation) const {
   constexpr int kSteps = 4;  // steps that lead away from where the base has bent to
   const auto tried = [&](const MotionSolution& from, const EffectSpec& spec, int steps) {
     MotionSolution out = from;
@@ -79,15 +93,17 @@ std::optional<WindowScore> MotionSearch::score_gear(const MotionSolution& at,
     return out;
   };
   std::vector<MotionSolution> begun;  // the best of each side
-  for (const std::vector<EffectSpec>& side :
-       gear_offers(gear, at.layout, at.fit.x, at.fit.shape, data_.data)) {
+  const std::vector<std::vector<EffectSpec>> offers =
+      hides_motor(effect) ? gear_offers(effect, at.layout, at.fit.x, at.fit.shape, data_.data)
+                          : std::vector<std::vector<EffectSpec>>{offers_of_law(effect)};
+  for (const std::vector<EffectSpec>& side : offers) {
     std::optional<MotionSolution> first;
     for (const EffectSpec& spec : side)
       if (MotionSolution s = tried(at, spec, 1); !first || s.cost < first->cost)
         first = std::move(s);
     if (first) begun.push_back(std::move(*first));
   }
-  const EffectSpec spec{gear.info().name, gear.where, {}};
+  const EffectSpec spec{effect.info().name, effect.where, {}};
   const MotionSolution* best = nullptr;
   for (MotionSolution& s : begun) {
     if (s.cost < kInfinity) s = tried(s, spec, kSteps);
@@ -95,7 +111,8 @@ std::optional<WindowScore> MotionSearch::score_gear(const MotionSolution& at,
   }
   if (!best) return {};
   const double lm = std::max(at.cost - best->cost, 0.0),
-               parameters = 1.0 + count_free(best->layout) - count_free(at.layout);
+               sides = static_cast<double>(offers.size() - 1),
+               parameters = sides + count_free(best->layout) - count_free(at.layout);
   const auto better = [&](double together) {
     return window_delta_bic(at.cost, at.cost - lm, samples(), together, parameters);
   };

@@ -87,13 +87,14 @@ class MotionSearch {
   /// The solution with all that a joint's drive does times a factor; not fitted.
   MotionSolution at_scale(MotionSolution of, const std::string& joint, double by) const;
   bool may_be_rigid(const MotionSolution& at, int gear) const;
+  bool may_be_none(const MotionSolution& at, const EffectSpec& term) const;
   /// Columns of a term's linear parameters that are fitted.
   std::vector<long> sizes_of(const MotionSolution& at, const EffectSpec& term) const;
   MotionProblem problem(const Model& model, const FitLayout& layout) const;
-  /// Gain of a spring or gap in a gear, which the torque is not linear in: at its offers, what
-  /// a few steps of a fit reach. None: every simulation with it blows up.
-  std::optional<WindowScore> score_gear(const MotionSolution& at, const BoundEffect& gear,
-                                        double correlation) const;
+  /// Gain of what no torque is linear in, a spring or gap in a gear or a part of a drive's law: at
+  /// its offers, what a few steps of a fit reach. None: every simulation with it blows up.
+  std::optional<WindowScore> score_by_steps(const MotionSolution& at, const BoundEffect& effect,
+                                            double correlation) const;
   void score(const MotionSolution& at, const std::vector<Variant>& variants, double correlation,
              std::vector<WindowScore>& out) const;
   std::vector<RowMatX<double>> errors(const MotionSolution& at,

@@ -82,12 +82,26 @@ bool MotionSearch::may_be_rigid(const MotionSolution& at, int gear) const {
   return false;
 }
 
+/// The same of an amplitude that the torque is not linear in.
+bool MotionSearch::may_be_none(const MotionSolution& at, const EffectSpec& term) const {
+  const int e = index_of(at.layout, term);
+  for (std::size_t s = 0; e >= 0 && s < at.layout.shape.size(); ++s) {
+    const FitParameter& p = at.layout.shape[s];
+    if (p.effect != e || p.fixed || p.logarithmic) continue;
+    const long column = at.fit.x.size() + static_cast<long>(s);
+    const double size = at.fit.shape[static_cast<long>(s)],
+                 std = std::sqrt(std::max(at.fit.covariance(column, column), 0.0));
+    return std::abs(size) < kNormal95 * std;
+  }
+  return false;
+}
+
 bool MotionSearch::may_be_nothing(const MotionSolution& at, const EffectSpec& term) const {
   if (const int e = index_of(at.layout, term);
       e >= 0 && hides_motor(at.layout.effects[static_cast<std::size_t>(e)]))
     return may_be_rigid(at, e);
   const std::vector<long> sizes = sizes_of(at, term);
-  if (sizes.empty()) return false;
+  if (sizes.empty()) return may_be_none(at, term);
   const VecX<double> x = at.fit.x(sizes);
   MatX<double> C = at.fit.covariance(sizes, sizes);
   C.diagonal() *= 1.0 + kRidge;

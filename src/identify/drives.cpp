@@ -75,6 +75,31 @@ bool is_asked_for(const FitChoice& choice, const std::string& effect) {
          std::ranges::any_of(choice.fix, names);
 }
 
+/// Begins effects that follow the supply of a joint's drive, where they are asked for, at the one
+/// that was logged.
+/// @throws DataError if none was
+void begin_at_supply(Model& model, const std::vector<Recording>& sample, int joint,
+                     const std::string& name, const FitChoice& choice) {
+  if (!choice.effects) return;
+  for (const std::string& entry : *choice.effects) {
+    const std::string effect = entry.substr(0, entry.find('@'));
+    if (!find_effect(effect).has(Trait::kReadsSupply) ||
+        (entry != effect && entry != effect + "@" + name))
+      continue;
+    if (std::ranges::any_of(model.effects, [&](const EffectSpec& e) {
+          return e.effect == effect && e.where == name;
+        }))
+      continue;
+    const double volts = median_supply(sample, joint);
+    if (!(volts > 0.0))
+      throw DataError(
+          sample.front().source + ": " + effect + " at '" + name +
+          "' needs the supply of the drive, and there is no column voltage or voltage_" + name +
+          " [V]; map it (--map \"COLUMN=voltage [V]\"), or leave the effect out");
+    model.effects.push_back({effect, name, {{"nominal", volts, "V"}}});
+  }
+}
+
 /// Beside a drive that is always on, viscous friction is one with what the motor brakes: held
 /// beside it, it would bound the sum from below.
 /// @return whether the model had some
@@ -165,6 +190,14 @@ void bound_delays(const VecX<double>& period, FitLayout& layout) {
 void hold_without_commands(const std::vector<MotionStretch>& stretches,
                            const std::vector<std::string>& joints, FitLayout& layout,
                            std::vector<std::string>& notes) {
+  for (FitParameter& s : layout.shape) {
+    if (s.effect < 0) continue;
+    const BoundEffect& e = layout.effects[static_cast<std::size_t>(s.effect)];
+    s.fixed = s.fixed || (e.info().has(Trait::kReadsSupply) &&
+                          std::ranges::none_of(stretches, [&](const MotionStretch& m) {
+                            return m.command && m.command->supply(e.joints.front(), 0.0) > 0.0;
+                          }));
+  }
   for (std::size_t e = 0; e < layout.effects.size(); ++e) {
     const BoundEffect& drive = layout.effects[e];
     if (!drive.info().has(Trait::kReadsCommand)) continue;
@@ -210,6 +243,7 @@ bool fit_drives(Model& model, const RecordingSource& train, IdentifyOptions& opt
     if (!std::ranges::any_of(sample, is_led)) continue;
     require_a_drive_that_is_on(sample, static_cast<int>(j), joints[j]);
     led.push_back(joints[j]);
+    begin_at_supply(model, sample, static_cast<int>(j), joints[j], options.choice);
     if (std::ranges::find(model.links, joints[j], &ModelLink::joint)->servo)
       drive_at(model, joints[j]);
     if (std::ranges::any_of(sample, [&](const Recording& r) {

@@ -42,7 +42,8 @@ void require_a_scale(const std::vector<MotionStretch>& stretches, const FitLayou
 /// @param period  (n) between rows [s]
 void bound_delays(const VecX<double>& period, FitLayout& layout);
 
-/// Holds delay and speed of drives whose command never changes within a run, which no motion tells.
+/// Holds delay and speed of drives whose command never changes within a run, which no motion tells,
+/// and what follows a supply that was not logged.
 /// @param notes  gets a line for each
 void hold_without_commands(const std::vector<MotionStretch>& stretches,
                            const std::vector<std::string>& joints, FitLayout& layout,

@@ -49,6 +49,10 @@ std::set<std::size_t> stretches_at_bounds(const std::vector<MotionStretch>& stre
 /// Pieces of the horizon's length: those in which bounds act most, and others drawn at random.
 /// @param each  how many for each of a joint's parameters
 MotionData pieces_of(const MotionData& data, const FitLayout& layout, double horizon, double each) {
+  // A piece does not tell what an integrator has summed up before.
+  if (std::ranges::any_of(layout.effects,
+                          [](const BoundEffect& e) { return e.info().has(Trait::kIntegrates); }))
+    return data;
   std::vector<MotionStretch> all;
   for (const MotionWindow& w : cut_windows(data.train, horizon)) {
     const MotionStretch& s = data.train[w.stretch];

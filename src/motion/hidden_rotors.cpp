@@ -21,6 +21,17 @@ VecX<double> link_inertias(Tree<double> tree) {
   return mass_matrix<double, double>(tree, VecX<double>::Zero(tree.num_dofs()), ws).diagonal();
 }
 
+/// Adds a link that stands beside the tree, with its own degree of freedom.
+void add_beside(JointType type, double inertia, Tree<double>& tree) {
+  Link<double> link;
+  link.type = type;
+  link.armature = inertia;
+  tree.links.push_back(link);
+  if (tree.coordinates.plain()) return;
+  tree.coordinates.joints.push_back({tree.coordinates.count, 1.0, 0.0});
+  ++tree.coordinates.count;
+}
+
 /// The gear between the given degrees of freedom. What bounces off its teeth is the inertia of both
 /// sides in series.
 BoundEffect gear_between(BoundEffect gear, std::vector<int> dofs, double inertia) {
@@ -37,13 +48,23 @@ bool fits_of_gear(const ParameterInfo& p) { return !p.search.empty() || p.name =
 
 HiddenRotors::HiddenRotors(ExtendedTree& model) : joints_(model.tree.num_dofs()) {
   shares_.assign(static_cast<std::size_t>(joints_), -1.0);
-  if (model.tree.free_base || std::ranges::none_of(model.series, hides_motor)) return;
+  const auto integrates = [](const BoundEffect& e) { return e.info().has(Trait::kIntegrates); };
+  if (model.tree.free_base || (std::ranges::none_of(model.series, hides_motor) &&
+                               std::ranges::none_of(model.effects, integrates)))
+    return;
   const VecX<double> inertia = link_inertias(model.tree);
   for (int j = 0; j < joints_; ++j)
     for (const BoundEffect& e : model.series)
       for (std::size_t k = 0; hides_motor(e) && k < e.joints.size(); ++k)
         if (e.joints[k] == j) add(e, k, inertia[j], model.tree);
   std::erase_if(model.series, hides_motor);
+  for (const BoundEffect& e : model.effects)
+    for (const int j : e.joints)
+      if (integrates(e) && !integrator(j)) {
+        integrators_.push_back({j, dofs(), model.tree.num_links()});
+        add_beside(model.tree.links[static_cast<std::size_t>(e.links.front())].type, 1.0,
+                   model.tree);
+      }
   std::vector<BoundEffect> acting;
   for (const BoundEffect& e : model.effects)
     for (const EffectPart& part : parts(e))
@@ -71,15 +92,8 @@ void HiddenRotors::add(const BoundEffect& gear, std::size_t k, double link, Tree
   const double inertia = std::max(carried.armature, kLight * link);
   r.gear = gear_between(gear, {r.joint, r.rotor}, inertia * link / (inertia + link));
   r.gear.links = {gear.links[k]};
-  Link<double> rotor;
-  rotor.type = carried.type;
-  rotor.armature = inertia;
   carried.armature = 0.0;
-  tree.links.push_back(rotor);
-  if (!tree.coordinates.plain()) {
-    tree.coordinates.joints.push_back({tree.coordinates.count, 1.0, 0.0});
-    ++tree.coordinates.count;
-  }
+  add_beside(carried.type, inertia, tree);
   shares_[static_cast<std::size_t>(joint)] = r.friction_share;
   rotors_.push_back(std::move(r));
 }
@@ -95,17 +109,28 @@ int HiddenRotors::encoder(int joint) const {
 }
 
 int HiddenRotors::joint_of(int dof) const {
-  return dof < joints_ ? dof : rotors_[static_cast<std::size_t>(dof - joints_)].joint;
+  return dof < joints_ ? dof : joints_behind()[static_cast<std::size_t>(dof - joints_)];
 }
 
-std::vector<int> HiddenRotors::joints_of_rotors() const {
+std::vector<int> HiddenRotors::joints_behind() const {
   std::vector<int> out;
   for (const HiddenRotor& r : rotors_) out.push_back(r.joint);
+  for (const DriveIntegrator& i : integrators_) out.push_back(i.joint);
   return out;
 }
 
+int HiddenRotors::drive(int joint) const {
+  const HiddenRotor* r = at(joint);
+  return r ? r->rotor : joint;
+}
+
+const DriveIntegrator* HiddenRotors::integrator(int joint) const {
+  const auto found = std::ranges::find(integrators_, joint, &DriveIntegrator::joint);
+  return found == integrators_.end() ? nullptr : &*found;
+}
+
 void HiddenRotors::at_drives(const Eigen::Ref<const VecX<double>>& u, VecX<double>& out) const {
-  out.resize(dofs());
+  out.setZero(dofs());
   out.head(joints_) = u;
   for (const HiddenRotor& r : rotors_) {
     out[r.rotor] = u[r.joint];
@@ -114,6 +139,31 @@ void HiddenRotors::at_drives(const Eigen::Ref<const VecX<double>>& u, VecX<doubl
 }
 
 std::vector<EffectPart> HiddenRotors::parts(const BoundEffect& whole) const {
+  std::vector<EffectPart> out = parts_at_sides(whole);
+  const bool of_law = whole.info().has(Trait::kReadsCommand) || whole.info().has(Trait::kOfServo);
+  if (!of_law || !whole.follows.empty()) return out;
+  std::vector<EffectPart> single;
+  for (const EffectPart& part : out)
+    for (std::size_t k = 0; k < part.effect.joints.size(); ++k) {
+      const int joint = joint_of(part.effect.joints[k]);
+      EffectPart one = part;
+      one.effect.joints = {part.effect.joints[k]};
+      one.effect.links = {part.effect.links[k]};
+      one.effect.encoders = {encoder(joint)};
+      const DriveIntegrator* i = integrator(joint);
+      if (i) one.effect.encoders.push_back(i->dof);
+      single.push_back(one);
+      if (!i || !whole.info().has(Trait::kReadsCommand)) continue;
+      one.effect.joints = {i->dof};
+      one.effect.links = {i->link};
+      one.shapes_alone = true;
+      single.push_back(std::move(one));
+    }
+  return single;
+}
+
+/// Parts on either side of hidden motors.
+std::vector<EffectPart> HiddenRotors::parts_at_sides(const BoundEffect& whole) const {
   const bool acts = std::ranges::any_of(whole.joints, [&](int j) { return at(j); });
   if (!acts || whole.info().port == Port::kModelParameter) return {{whole}};
   if (hides_motor(whole)) {
@@ -144,7 +194,6 @@ std::vector<EffectPart> HiddenRotors::parts(const BoundEffect& whole) const {
     BoundEffect moved = e;
     for (std::size_t k = 0; k < e.joints.size(); ++k) {
       const HiddenRotor* r = at(e.joints[k]);
-      if (e.info().has(Trait::kReadsCommand)) moved.encoders.push_back(encoder(e.joints[k]));
       if (!r) continue;
       moved.joints[k] = r->rotor;
       moved.links[k] = r->link;

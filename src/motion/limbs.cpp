@@ -44,6 +44,8 @@ std::vector<Limb> limbs(const ExtendedTree& model, const HiddenRotors& rotors,
     out.push_back({first, end - first});
     for (const HiddenRotor& r : rotors.rotors())
       if (first <= r.joint && r.joint < end) out.back().rotors.push_back(r.rotor);
+    for (const DriveIntegrator& i : rotors.integrators())
+      if (first <= i.joint && i.joint < end) out.back().rotors.push_back(i.dof);
   }
   return out;
 }

@@ -6,13 +6,13 @@
 
 namespace diffnea {
 
-/// Consecutive joints that move without regard to all others, and their hidden rotors.
+/// Consecutive joints that move without regard to all others, their hidden rotors and integrators.
 struct Limb {
   int first = 0;                 ///< joint
   int count = 0;                 ///< number of joints
-  std::vector<int> rotors = {};  ///< degrees of freedom of hidden rotors, ascending
+  std::vector<int> rotors = {};  ///< degrees of freedom behind the joints, ascending
 
-  /// All degrees of freedom: of joints, then of rotors.
+  /// All degrees of freedom: of joints, then of what is behind them.
   std::vector<int> dofs() const;
 };
 

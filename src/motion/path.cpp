@@ -1,7 +1,9 @@
 #include "motion/path.hpp"
 
+#include <array>
 #include <limits>
 
+#include <diffnea/effects/position_servo.hpp>
 #include <diffnea/effects/stepping.hpp>
 
 namespace diffnea {
@@ -35,7 +37,9 @@ const CommandPath* MotionPath::led(const std::shared_ptr<const CommandPath>& com
   if (!command) return nullptr;
   if (told_ != command) {
     led_ = *command;
-    led_.add_copies(rotors_.joints_of_rotors());
+    led_.add_copies(rotors_.joints_behind());
+    for (const DriveIntegrator& i : rotors_.integrators())
+      led_.set_integrator(rotors_.drive(i.joint), i.dof);
     for (const BoundEffect& e : dynamics_.model().effects) lead_command(e, led_);
     told_ = command;
   }
@@ -43,9 +47,9 @@ const CommandPath* MotionPath::led(const std::shared_ptr<const CommandPath>& com
 }
 
 VecX<double> MotionPath::first_state(const VecX<double>& read) {
-  if (rotors_.rotors().empty()) return read;
+  if (rotors_.dofs() == rotors_.joints()) return read;
   const int n = rotors_.joints();
-  VecX<double> out(2 * n_);
+  VecX<double> out = VecX<double>::Zero(2 * n_);  // integrators begin at 0
   for (const int half : {0, 1}) {
     out.segment(half * n_, n) = read.segment(half * n, n);
     for (const HiddenRotor& r : rotors_.rotors())
@@ -56,6 +60,39 @@ VecX<double> MotionPath::first_state(const VecX<double>& read) {
   for (const HiddenRotor& r : rotors_.rotors())
     out[r.hidden()] += (r.read ? -1.0 : 1.0) * deflection_at(r.gear, load[r.joint]);
   return out;
+}
+
+VecX<double> MotionPath::first_state(const MotionStretch& stretch, const MotionWindow& window) {
+  VecX<double> out = first_state(window.state);
+  for (const DriveIntegrator& i : rotors_.integrators())
+    out[n_ + i.dof] = summed_before(i, stretch, window).a;
+  return out;
+}
+
+JetD MotionPath::summed_before(const DriveIntegrator& integrator, const MotionStretch& stretch,
+                               const MotionWindow& window) {
+  const CommandPath* path = led(stretch.command);
+  JetD sum(0.0);
+  if (!path) return sum;
+  const int drive = rotors_.drive(integrator.joint);
+  std::array<JetD, 6> p;
+  for (std::size_t k = 0; k < p.size(); ++k)
+    p[k] = JetD(path->servo(drive)[k], static_cast<int>(k));
+  const JetD rate(path->integral_rate(drive), 6);
+  double last = stretch.q(0, integrator.joint);
+  for (long k = 0; k < window.first; ++k) {
+    const SimulationStep row{stretch.time[static_cast<std::size_t>(k)],
+                             stretch.time[static_cast<std::size_t>(k) + 1]};
+    const double middle = 0.5 * (row.from + row.to), next = stretch.q(k + 1, integrator.joint),
+                 read = std::isnan(next)   ? last
+                        : std::isnan(last) ? next
+                                           : 0.5 * (last + next);
+    if (!std::isnan(next)) last = next;
+    if (!std::isnan(read) && path->is_on(drive, middle, row))
+      sum += JetD(row.to - row.from) * PositionServo::summed(*path, drive, middle, row, JetD(read),
+                                                             JetD(rate * sum), p.data());
+  }
+  return sum;
 }
 
 /// Longest step that the gears' own swings allow [s], at the inverse mass matrix of the last
@@ -83,7 +120,9 @@ double MotionPath::finest_rate(const MotionStretch& stretch, const MotionWindow&
   dynamics_.set_command(led(stretch.command));
   dynamics_.set_time(stretch.time[static_cast<std::size_t>(window.first)]);
   dynamics_.linearise(q.data(), rest.data(), u.data(), stretch.run);
-  const double rate = dry_ ? dynamics_.dqdd_dqd().cwiseAbs().rowwise().sum().maxCoeff() : 0.0;
+  const long moving = n_ - static_cast<long>(rotors_.integrators().size());  // no friction there
+  const double rate =
+      dry_ ? dynamics_.dqdd_dqd().leftCols(moving).cwiseAbs().rowwise().sum().maxCoeff() : 0.0;
   if (dynamics_.command()) {  // drives at their steepest, not as they are at this command
     dynamics_.set_command(nullptr);
     dynamics_.linearise(q.data(), rest.data(), u.data(), stretch.run);
@@ -114,7 +153,9 @@ double MotionPath::friction_rate(const MatX<double>& A, const VecX<double>& u, i
     probe_[j] = std::abs(qd[j]) > kSlow ? qd[j] : std::copysign(kSlow, qd[j]);
   if (dynamics_.is_implicit()) dynamics_.acceleration(q, qd, u.data(), run, qdd_.data());
   friction(q, probe_.data(), run, moving_);
-  friction(q, still_.data(), run, resting_);
+  VecX<double> rest = still_;
+  for (const DriveIntegrator& i : rotors_.integrators()) rest[i.dof] = probe_[i.dof];
+  friction(q, rest.data(), run, resting_);
   damping_ = (moving_ - resting_).cwiseQuotient(probe_).cwiseMax(0.0);
   mass_ = mass_matrix<double, double>(dynamics_.model().tree, Eigen::Map<const VecX<double>>(q, n_),
                                       mass_ws_);

@@ -37,6 +37,13 @@ class MotionPath {
   /// and the motion of the links ask of them.
   /// @param read  (2n) q, q̇ where encoders read
   VecX<double> first_state(const VecX<double>& read);
+  /// The same where a window begins: integrators have what their drives have summed up of the run
+  /// before, by the positions that were measured.
+  VecX<double> first_state(const MotionStretch& stretch, const MotionWindow& window);
+  /// Sum of one integrator there; derivatives 0 to 5 are those by the parameters of position_servo,
+  /// 6 that by the rate of the integral.
+  JetD summed_before(const DriveIntegrator& integrator, const MotionStretch& stretch,
+                     const MotionWindow& window);
 
   /// Integrates the columns of A = [state | sensitivities] (2N, …) over a window.
   /// @param slope   slope(u, A, dA)
@@ -100,7 +107,7 @@ class MotionPath {
   /// Simulates a window: at_row(k, z) with z (2N, 1).
   template <class AtRow>
   long simulate(const MotionStretch& stretch, const MotionWindow& window, const AtRow& at_row) {
-    state_ = first_state(window.state);
+    state_ = first_state(stretch, window);
     return integrate(
         stretch, window, state_,
         [&](const VecX<double>& u, const MatX<double>& z, MatX<double>& dz) {

@@ -26,8 +26,8 @@ JointWindows::JointWindows(std::vector<ModelOfRuns> models, std::vector<BoundEff
   }
   n_ = models_.front().path.rotors().dofs();
   for (const OfRuns& m : models_)
-    if (m.path.rotors().joints_of_rotors() != models_.front().path.rotors().joints_of_rotors())
-      throw ModelError("motion: a motor is hidden in some runs alone");
+    if (m.path.rotors().joints_behind() != models_.front().path.rotors().joints_behind())
+      throw ModelError("motion: a motor is hidden, or an error integrated, in some runs alone");
   for (std::size_t e = 0; e < effects_.size(); ++e) {
     of_effect_[e].parts = models_.front().path.rotors().parts(effects_[e]);
     of_effect_[e].off = effects_[e].parameters;
@@ -135,17 +135,20 @@ VecX<double> JointWindows::read(const MatX<double>& z) const {
 
 /// First state of a window and its sensitivities. Hidden sides move as what encoders read does, but
 /// for what gravity and the links' motion wind up.
-void JointWindows::begin(const VecX<double>& state) {
+void JointWindows::begin(const MotionStretch& stretch, const MotionWindow& window) {
+  const VecX<double>& state = window.state;
   A_.setZero(2 * n_, 1 + 2 * joints_ + f_);
   for (const Part& part : parts_) {
     const auto [first, count] = std::pair{part.limb.first, part.limb.count};
     A_.block(first, part.column, count, count).setIdentity();
     A_.block(n_ + first, part.column + count, count, count).setIdentity();
     for (const int half : {0, 1})
-      for (const int dof : part.limb.rotors)
-        A_.row(half * n_ + dof) = A_.row(half * n_ + rotors().joint_of(dof));
+      for (const HiddenRotor& r : rotors().rotors())
+        if (std::ranges::find(part.limb.rotors, r.rotor) != part.limb.rotors.end())
+          A_.row(half * n_ + r.rotor) = A_.row(half * n_ + r.joint);
   }
-  A_.col(0) = models_[now_].path.first_state(state);
+  A_.col(0) = models_[now_].path.first_state(stretch, window);
+  begin_integrators(stretch, window);
   if (rotors().rotors().empty()) return;
   q_.resize(n_);
   qd_.resize(n_);
@@ -161,6 +164,30 @@ void JointWindows::begin(const VecX<double>& state) {
     for (const HiddenRotor& r : rotors().rotors())
       if (std::ranges::find(part.limb.rotors, r.rotor) != part.limb.rotors.end())
         begin_hidden(r, part);
+}
+
+/// Sensitivities of what drives have summed up before a window, by the parameters of their laws.
+void JointWindows::begin_integrators(const MotionStretch& stretch, const MotionWindow& window) {
+  for (const DriveIntegrator& i : rotors().integrators()) {
+    const JetD sum = models_[now_].path.summed_before(i, stretch, window);
+    const auto acts = [&](const EffectPart& p) { return p.effect.joints.front() == i.dof; };
+    const auto sets_rate = [&](const EffectPart& p) {
+      return p.effect.info().has(Trait::kIntegrates) &&
+             p.effect.joints.front() == rotors().drive(i.joint);
+    };
+    for (const Part& part : parts_)
+      for (const OfEffect& of : of_effect_)
+        for (const auto& [index, column] : of.shapes) {
+          if (column < part.parameter || column >= part.parameter + part.parameters) continue;
+          double& entry =
+              A_(n_ + i.dof, part.column + 2 * part.limb.count + column - part.parameter);
+          const bool by_factor = logarithmic_[static_cast<std::size_t>(column)] != 0;
+          if (std::ranges::any_of(of.parts, acts))
+            entry += sum.v[index] * (by_factor ? of.off[static_cast<std::size_t>(index)] : 1.0);
+          else if (std::ranges::any_of(of.parts, sets_rate))
+            entry += sum.v[6];
+        }
+  }
 }
 
 /// Adds what winds a gear up at the beginning to the sensitivities of its hidden side.
@@ -206,7 +233,7 @@ bool JointWindows::linearise(const MotionStretch& stretch, const MotionWindow& w
   constexpr long kBlock = 256;  // rows of the stretch that are handed to the factor at once
   const int width = 2 * joints_ + f_;
   MotionPath& path = enter(stretch.run);
-  begin(window.state);
+  begin(stretch, window);
   std::vector<TriangularFactor> factors;
   for (Part& part : parts_) {
     part.block.resize(kBlock * part.limb.count, part.width() + 1);
@@ -408,9 +435,10 @@ void JointWindows::add_columns(std::size_t e, const JointSample<double>& x,
                                const JointSample<JetD>& jets) {
   const VecX<double>& gains = models_[now_].path.dynamics().gains();
   OfEffect& of = of_effect_[e];
-  for (const auto& [effect, share] : of.parts) {
+  for (const auto& [effect, share, shapes_alone] : of.parts) {
     // The torque is homogeneous in the linear parameters: one of them 1, the others 0.
     for (const auto& [index, column] : of.linear) {
+      if (shapes_alone) continue;
       for (const int j : effect.joints) scratch_[static_cast<std::size_t>(j)] = 0.0;
       double& p = of.off[static_cast<std::size_t>(index)];
       p = 1.0;

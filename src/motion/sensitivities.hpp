@@ -80,7 +80,8 @@ class JointWindows : public WindowSimulator {
   void columns(int run, const MatX<double>& A);
   void add_columns(std::size_t effect, const JointSample<double>& x, const JointSample<JetD>& jets);
   const HiddenRotors& rotors() const { return models_[now_].path.rotors(); }
-  void begin(const VecX<double>& state);
+  void begin(const MotionStretch& stretch, const MotionWindow& window);
+  void begin_integrators(const MotionStretch& stretch, const MotionWindow& window);
   void begin_hidden(const HiddenRotor& rotor, const Part& part);
   VecX<double> read(const MatX<double>& z) const;
 

@@ -18,10 +18,40 @@ constexpr double kPause = 5.0;
 /// Degree of the polynomial of a local motion.
 constexpr long kDegree = 3;
 
-/// Column that says whether the drives are on, of all of them or with a joint's name.
-constexpr const char* kEnable = "torque_enable";
+/// Columns that say whether the drives are on, and what their supply is: of all of them, or with a
+/// joint's name.
+constexpr const char *kEnable = "torque_enable", *kVoltage = "voltage";
+
+/// Tells whether a column is that of all joints or of this one.
+bool is_of(const std::string& column, const std::string& name, const std::string& joint) {
+  return column == name || column == name + "_" + joint;
+}
+
+/// Volts in the unit of an extra channel, which keeps the brackets of its column; 0: it is no
+/// supply of this joint.
+double volts_of(const std::string& column, const std::string& joint) {
+  const std::size_t bracket = column.find('[');
+  const std::string unit = bracket == std::string::npos ? "[V]" : column.substr(bracket);
+  std::string name = column.substr(0, bracket);
+  while (name.ends_with(' ')) name.pop_back();
+  if (!is_of(name, kVoltage, joint)) return 0.0;
+  return unit == "[V]" ? 1.0 : unit == "[mV]" ? 1e-3 : 0.0;
+}
 
 }  // namespace
+
+RowMatX<double> supply_of(const Recording& r) {
+  RowMatX<double> out;
+  for (int j = 0; j < r.num_joints(); ++j)
+    for (const ExtraChannel& channel : r.extra) {
+      const double volts = volts_of(channel.name, r.joint_names[static_cast<std::size_t>(j)]);
+      if (!(volts > 0.0) || !(channel.values.array() > 0.0).any()) continue;
+      if (out.size() == 0) out = RowMatX<double>::Constant(r.rows(), r.num_joints(), std::nan(""));
+      for (long k = 0; k < r.rows(); ++k)  // a drive that answers has a supply
+        if (channel.values[k] > 0.0) out(k, j) = volts * channel.values[k];
+    }
+  return out;
+}
 
 CommandPath command_path(const Recording& r) {
   RowMatX<double> q = r.qcmd;
@@ -29,7 +59,7 @@ CommandPath command_path(const Recording& r) {
   for (long j = 0; j < q.cols(); ++j) {
     const std::string& joint = r.joint_names[static_cast<std::size_t>(j)];
     for (const ExtraChannel& channel : r.extra)
-      if (channel.name == kEnable || channel.name == std::string(kEnable) + "_" + joint)
+      if (is_of(channel.name, kEnable, joint))
         for (long k = 0; k < q.rows(); ++k)
           if (!(channel.values[k] > 0.0)) q(k, j) = std::nan("");
     for (const JointValue& c : r.info.controller)
@@ -42,7 +72,18 @@ CommandPath command_path(const Recording& r) {
         gain[j] = c.value;
       }
   }
-  return {std::vector<double>(r.time.begin(), r.time.end()), std::move(q), std::move(gain)};
+  CommandPath out{std::vector<double>(r.time.begin(), r.time.end()), std::move(q), std::move(gain)};
+  out.set_supply(supply_of(r));
+  return out;
+}
+
+double median_supply(const std::vector<Recording>& recordings, int joint) {
+  std::vector<double> volts;
+  for (const Recording& r : recordings)
+    if (const RowMatX<double> supply = supply_of(r); supply.size() > 0)
+      for (const double v : supply.col(joint))
+        if (v > 0.0) volts.push_back(v);
+  return volts.empty() ? 0.0 : median(std::move(volts));
 }
 
 std::vector<MotionStretch> motion_stretches(const Recording& recording, const SensorNoise& noise,

@@ -81,13 +81,7 @@ ExtendedTree ModelPlant::take_apart(ExtendedTree model) {
   MotorShares shares(static_cast<std::size_t>(n_), -1.0);
   for (const Motor& m : motors_)
     shares[static_cast<std::size_t>(m.joint)] = motor_spring(*m.effect).friction_share;
-  for (const BoundEffect& e : model.effects)
-    if (e.info().has(Trait::kReadsCommand)) {
-      servos_.push_back(e);
-      for (const int j : e.joints) servos_.back().encoders.push_back(n_ + j);
-    }
-  std::erase_if(model.effects,
-                [](const BoundEffect& e) { return e.info().has(Trait::kReadsCommand); });
+  take_servos(model.effects);
   for (const BoundEffect& whole : model.effects)
     for (const BoundEffect& e : parts_at_motors(whole, shares)) {
       const double share = share_at_motors(e, shares);
@@ -100,6 +94,30 @@ ExtendedTree ModelPlant::take_apart(ExtendedTree model) {
     }
   model.effects = std::move(at_links);
   return model;
+}
+
+/// Moves drives that read commands, and the other parts of their laws.
+void ModelPlant::take_servos(std::vector<BoundEffect>& effects) {
+  const auto of_law = [](const BoundEffect& e) {
+    return e.info().has(Trait::kReadsCommand) || e.info().has(Trait::kOfServo);
+  };
+  for (const BoundEffect& e : effects) {
+    if (!of_law(e)) continue;
+    std::vector<BoundEffect>& to = e.info().has(Trait::kReadsCommand) ? servos_ : laws_;
+    to.push_back(e);
+    for (const int j : e.joints) {
+      to.back().encoders.push_back(n_ + j);
+      if (e.info().has(Trait::kIntegrates)) integrated_.push_back(j);
+    }
+  }
+  std::erase_if(effects, of_law);
+  for (std::size_t i = 0; i < integrated_.size(); ++i)
+    for (const BoundEffect& e : servos_)
+      if (std::ranges::find(e.joints, integrated_[i]) != e.joints.end()) {
+        integrators_.push_back(e);
+        integrators_.back().joints = {n_ + static_cast<int>(i)};
+        integrators_.back().encoders = {n_ + integrated_[i]};
+      }
 }
 
 int ModelPlant::position_of(const JointState& b) const {
@@ -201,7 +219,7 @@ int ModelPlant::steps_for_friction(const VecX<double>& q) {
 void ModelPlant::start(const JointSeries& x, const RowMatX<double>& torque, long row) {
   constexpr double kMemory = 0.5;  // [s] that states and drives look back
   const int m = static_cast<int>(motors_.size());
-  z_ = VecX<double>::Zero(2 * n_ + 2 * m);
+  z_ = VecX<double>::Zero(2 * n_ + 2 * m + std::ssize(integrated_));
   const RowMatX<double> gain = encoders_.read_velocity(VecX<double>::Ones(n_)).transpose();
   RowMatX<double> q(3, n_), qd(3, n_), qdd(3, n_);
   VecX<double> time(3);
@@ -258,7 +276,7 @@ void ModelPlant::start(const JointSeries& x, const RowMatX<double>& torque, long
 void ModelPlant::reset(const VecX<double>& reading) {
   const VecX<double> read = encoders_.truth(reading);
   const int m = static_cast<int>(motors_.size());
-  z_ = VecX<double>::Zero(2 * n_ + 2 * m);
+  z_ = VecX<double>::Zero(2 * n_ + 2 * m + std::ssize(integrated_));
   VecX<double> q = read;
   // Springs hold the links against gravity: hidden motors start beyond them, links whose motors are
   // read behind these.
@@ -287,7 +305,7 @@ void ModelPlant::reset(const VecX<double>& reading) {
 void ModelPlant::slope(double share, const VecX<double>& z, VecX<double>& dz) {
   const int m = static_cast<int>(motors_.size());
   const double h = share * step_;
-  dz.resize(z.size());
+  dz.setZero(z.size());
   dz.head(n_) = z.segment(n_, n_);
   VecX<double> q = z.head(n_), qd = z.segment(n_, n_);
   for (int k = 0; k < m; ++k) {  // where the motors are
@@ -308,10 +326,17 @@ void ModelPlant::slope(double share, const VecX<double>& z, VecX<double>& dz) {
     VecX<double> both(2 * n_);  // angles, and what encoders read of them
     both << q, encoders_.read(at_encoders(z, 0));
     JointSample<double> led = x;
+    const long sums = std::ssize(integrated_);
+    VecX<double> rates(n_ + sums), torques = VecX<double>::Zero(n_ + sums);
+    rates << qd, z.tail(sums);
     led.q = both.data();
+    led.qd = rates.data();
     led.command = &*commands_;
     led.step = {time_, time_ + step_};
-    for (const BoundEffect& e : servos_) add_torque(e, led, e.parameters.data(), at_motors.data());
+    for (const std::vector<BoundEffect>* list : {&servos_, &integrators_})
+      for (const BoundEffect& e : *list) add_torque(e, led, e.parameters.data(), torques.data());
+    at_motors += torques.head(n_);
+    dz.tail(sums) = -torques.tail(sums);
   }
   const VecX<double> torque = drives_.applied(share) - at_motors;
 
@@ -334,7 +359,11 @@ void ModelPlant::slope(double share, const VecX<double>& z, VecX<double>& dz) {
 }
 
 void ModelPlant::follow(CommandPath commands) {
-  for (const BoundEffect& e : servos_) lead_command(e, commands);
+  commands.add_copies(integrated_);
+  for (std::size_t i = 0; i < integrated_.size(); ++i)
+    commands.set_integrator(integrated_[i], n_ + static_cast<int>(i));
+  for (const std::vector<BoundEffect>* list : {&servos_, &laws_})
+    for (const BoundEffect& e : *list) lead_command(e, commands);
   commands_ = std::move(commands);
 }
 

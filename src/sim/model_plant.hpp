@@ -65,6 +65,7 @@ class ModelPlant : public Plant {
              const Model* described);
   ExtendedTree take_apart(ExtendedTree model);
   void hide_motors(Tree<double>& tree);
+  void take_servos(std::vector<BoundEffect>& effects);
   void place_states();
   int position_of(const JointState& state) const;
   int velocity_of(const JointState& state) const;
@@ -82,6 +83,9 @@ class ModelPlant : public Plant {
   std::vector<BoundEffect> series_;         ///< with memory, or of a channel
   std::vector<BoundEffect> motor_effects_;  ///< of one instant, what turns with hidden motors
   std::vector<BoundEffect> servos_;  ///< drives with a loop of their own, fed back from encoders
+  std::vector<BoundEffect> laws_;    ///< other parts of the drives' laws
+  std::vector<int> integrated_;      ///< joints whose drives integrate their error
+  std::vector<BoundEffect> integrators_;  ///< these drives, at degrees of freedom behind all joints
   std::optional<CommandPath> commands_;
   std::vector<JointState> states_;
   std::vector<Motor> motors_;
@@ -90,7 +94,7 @@ class ModelPlant : public Plant {
   Encoders encoders_;
   double period_, largest_step_, time_ = 0.0, step_ = 0.0;
   int run_ = 0, substeps_ = 1;
-  VecX<double> z_, start_;  ///< q, q̇, θ, θ̇; at the beginning of the step
+  VecX<double> z_, start_;  ///< q, q̇, θ, θ̇, integrals of errors; at the beginning of the step
   RungeKutta4<VecX<double>> integrator_;
 };
 

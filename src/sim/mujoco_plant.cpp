@@ -214,7 +214,8 @@ void MujocoRobot::apply(const EffectSpec& effect, const Model& truth) {
     }
   } else if (info.has(Trait::kGain) && rotors_.empty()) {
     gain_effects_.push_back(std::move(bound));
-  } else if (info.port == Port::kJointTorque && !reads_acceleration(bound)) {
+  } else if (info.port == Port::kJointTorque && !reads_acceleration(bound) &&
+             !info.has(Trait::kOfServo)) {
     turn(bound);
   } else if (const auto delay = view_delay(bound)) {
     camera_delay_ += *delay;

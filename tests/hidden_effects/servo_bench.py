@@ -32,13 +32,22 @@ SIZES = {
     "cogging": 0.06,
     "backlash": 0.03,
     "joint_elasticity": 60.0,
+    "supply_sag": 1.0,
+    "integral_action": 3.0,
 }
-"""Sizes of what can be hidden, in SI: one that a user would see, times 0.5 to 2."""
+"""Sizes of what can be hidden, in SI: one that a user would see, times 0.5 to 2. A voltage behind a
+motor follows its supply by 1, whatever supply is called nominal."""
 
 GEARS = ("backlash", "joint_elasticity")
 """Effects that hide the rotor: by a gap [rad], and by a spring [N·m/rad]."""
 SWING = 0.05
 """Damping ratio of the spring."""
+LATER = ("supply_sag", "integral_action")
+"""Effects that came later: those before keep their draws."""
+NOMINAL = 7.4
+"""Supply of a bench where it is logged [V]."""
+DROOP = 0.2
+"""Sag of the supply by the drive's own torque [V/(N·m)]."""
 
 URDF = """<robot name="bench">
   <link name="base"/>
@@ -76,11 +85,13 @@ class Bench:
 
 
 def draw(effect: str, seed: int) -> Bench:
-    """Draw a bench; its effect is of the size that SIZES has, times 0.5 to 2."""
+    """Draw a bench; its effect is of the size that SIZES says."""
     of_bench = np.random.default_rng(seed)
-    families = sorted(set(SIZES) - set(GEARS)) + list(GEARS)
+    families = sorted(set(SIZES) - {*GEARS, *LATER}) + [*GEARS, *LATER]
     of_effect = np.random.default_rng([seed, families.index(effect)])
-    size = SIZES[effect] * 2.0 ** of_effect.uniform(-1.0, 1.0)
+    size = SIZES[effect]
+    if effect != "supply_sag":
+        size *= 2.0 ** of_effect.uniform(-1.0, 1.0)
     return Bench(
         mass=of_bench.uniform(0.3, 1.2),
         com=of_bench.uniform(0.08, 0.15),
@@ -145,8 +156,18 @@ def record_gear(
     return seen
 
 
+def draw_supply(time: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Draw what a bus with other loads on it supplies without this one [V]: swings and steps."""
+    volts = np.full_like(time, NOMINAL)
+    for _ in range(3):
+        swing, rate, phase = rng.uniform(0.1, 0.4), rng.uniform(0.5, 8.0), rng.uniform(0.0, 6.28)
+        volts += swing * np.sin(rate * time + phase)
+    steps = rng.uniform(-0.4, 0.0, int(time[-1]) + 1)
+    return volts + steps[time.astype(int)]
+
+
 def record(bench: Bench, seconds: float, rng: np.random.Generator) -> np.ndarray:
-    """Record one motion: rows of time, position, command."""
+    """Record one motion: rows of time, position, command, and supply where it is of interest."""
     held = round(1.0 / RATE / STEP)
     time = np.arange(round(seconds / STEP)) * STEP
     command = np.zeros_like(time)
@@ -161,14 +182,23 @@ def record(bench: Bench, seconds: float, rng: np.random.Generator) -> np.ndarray
         return np.column_stack([time[::held], seen, command[::held]])
     total = bench.inertia + bench.armature
     count = 2.0 * np.pi / COUNTS
-    q = v = acceleration = 0.0
-    seen = []
+    q = v = acceleration = pulled = summed = 0.0
+    seen, supplied = [], []
+    has_supply = bench.effect in ("none", "supply_sag")
+    bus = draw_supply(time, np.random.default_rng(rng.bit_generator.seed_seq.spawn(1)[0]))
     for k in range(len(time)):
+        volts = bus[k] - DROOP * abs(pulled)
         if k % held == 0:
             seen.append(count * np.round(q / count + rng.normal(0.0, NOISE)))
+            supplied.append(np.round(volts, 1))
         pull = bench.weight * np.sin(q)
-        tau = bench.stiffness * (command[max(k - late, 0)] - q) - bench.damping * v
-        tau += bench.offset - pull
+        pulled = bench.stiffness * (command[max(k - late, 0)] - q)
+        if bench.effect == "integral_action":
+            summed += STEP * (command[max(k - late, 0)] - q)
+            pulled += bench.stiffness * bench.size * summed
+        if bench.effect == "supply_sag":
+            pulled *= 1.0 + bench.size * (volts / NOMINAL - 1.0)
+        tau = pulled - bench.damping * v + bench.offset - pull
         dry = bench.coulomb
         if bench.effect == "quadratic_friction":
             tau -= bench.size * v * abs(v)
@@ -188,7 +218,8 @@ def record(bench: Bench, seconds: float, rng: np.random.Generator) -> np.ndarray
         # Friction that follows the load needs q̈, which it changes: over half a millisecond.
         acceleration += 0.2 * ((v - before) / STEP - acceleration)
         q += STEP * v
-    return np.column_stack([time[::held], seen, command[::held]])
+    rows = [time[::held], seen, command[::held]]
+    return np.column_stack([*rows, supplied] if has_supply else rows)
 
 
 def write_case(folder: Path, effect: str, seed: int, seconds: float = 10.0) -> Bench:
@@ -197,11 +228,12 @@ def write_case(folder: Path, effect: str, seed: int, seconds: float = 10.0) -> B
     rng = np.random.default_rng([seed, 1])
     folder.mkdir(parents=True, exist_ok=True)
     for name in ("train", "test"):
+        rows = record(bench, seconds, rng)
         np.savetxt(
             folder / f"{name}.csv",
-            record(bench, seconds, rng),
+            rows,
             delimiter=",",
-            header="time,q_servo,qcmd_servo",
+            header=",".join(["time", "q_servo", "qcmd_servo", "voltage [V]"][: rows.shape[1]]),
             comments="",
             fmt="%.9g",
         )

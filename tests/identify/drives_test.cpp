@@ -22,6 +22,7 @@ struct Bench {
   double stiffness = 12.0, damping = 0.5, delay = 0.02, reach = 0.25, speed = 4.0;
   double armature = 0.02, coulomb = 0.08;
   double load = 0.0;  // share of the torque at the arm that friction takes
+  std::function<double(double)> supply;  // over time [s], [V]; nominal: 7.4; empty: not logged
 
   Model model() const { return test::servo_bench(mass, length, inertia); }
 
@@ -71,6 +72,7 @@ struct Bench {
     r.qcmd.resize(rows, 1);
     r.tau = RowMatX<double>::Constant(rows, 1, std::nan(""));
     r.info.controller = {{"servo", "gain", gain}};
+    if (supply) r.extra.push_back({"voltage [mV]", VecX<double>(rows)});
     const double step = 2.0 * M_PI / 4096.0, J = inertia + mass * length * length;
     double q = begin, v = 0.0, setpoint = told(0.0);
     std::vector<double> past(static_cast<std::size_t>(std::lround(delay / h)), setpoint);
@@ -80,12 +82,15 @@ struct Bench {
       r.time[k] = t;
       r.q(k, 0) = step * std::round(q / step);
       r.qcmd(k, 0) = c;
+      if (supply) r.extra[0].values[k] = 1e3 * supply(t);
       for (int i = 0; i < kFine; ++i) {
         setpoint += std::clamp(c - setpoint, -speed * h, speed * h);
         const double late = past[oldest];
         past[oldest] = setpoint;
         oldest = (oldest + 1) % past.size();
-        const double drive = stiffness * std::clamp(gain * (late - q), -reach, reach) - damping * v;
+        const double strength = supply ? supply(t + i * h) / 7.4 : 1.0;
+        const double drive =
+            strength * stiffness * std::clamp(gain * (late - q), -reach, reach) - damping * v;
         v = after(v, drive, mass * 9.81 * length * std::sin(q), J, h);
         q += h * v;
       }
@@ -139,6 +144,26 @@ TEST_CASE("identify: a servo's law from commands and positions alone, runs of tw
   CHECK(result.errors[0].test < 1.5e-3);  // an encoder's step
   CHECK(result.errors[0].nominal_test > 0.1);
   CHECK(result.notes.front().find("no torque was recorded at servo") != std::string::npos);
+}
+
+TEST_CASE("identify: a drive that follows the supply that was logged", "[identify]") {
+  Bench bench;
+  bench.reach = bench.speed = 1e3;
+  bench.supply = [](double t) { return 7.4 * (1.0 - 0.02 * t + 0.1 * std::sin(2.0 * t)); };
+  const Model model = bench.model();
+  const Recording train = bench.record(0.8, 1.5, 1.0, 12.0, 0);
+  IdentifyOptions options;
+  options.choice.effects = {"position_servo", "armature", "coulomb_friction", "supply_sag"};
+  const auto fitted = [&](const Recording& data) { return identify(model, {data}, {}, options); };
+  const IdentifyResult result = fitted(train);
+  const ParameterEstimate share = test::estimate(result, "supply_sag.share");
+  CHECK(share.std < 0.1);
+  CHECK(std::abs(share.value - 1.0) < 3.0 * share.std + 0.02);  // 2 %: smoothed friction creeps
+  // The median of the run, whose middle is at 6 s.
+  CHECK(std::abs(value(result, "supply_sag.nominal") - bench.supply(6.0)) < 0.5);
+  Recording unlogged = train;
+  unlogged.extra.clear();
+  CHECK_THROWS_WITH(fitted(unlogged), Catch::Matchers::ContainsSubstring("voltage_servo [V]"));
 }
 
 TEST_CASE("identify: a rotor that rules what the joint feels", "[identify]") {

@@ -98,6 +98,49 @@ RowMatX<double> positions(const Model& model, const MotionStretch& s, const Moti
   return JointWindows(extend(model), bound(model), {}, {}).positions(s, w);
 }
 
+/// Derivatives of a window by its first state and some parameters, against central differences.
+/// @param tolerance  of an entry of JᵀJ, over the norms of its two columns
+void check_derivatives(const Model& model, const MotionStretch& s, const MotionWindow& w,
+                       const std::vector<MotionParameter>& free, double tolerance) {
+  JointWindows simulator(extend(model), bound(model), free, {});
+  const int columns = 2 + static_cast<int>(free.size());
+  TriangularFactor factor(columns);
+  REQUIRE(simulator.linearise(s, w, VecX<double>::Ones(1), factor));
+  const auto moved = [&](int column, double by) {
+    Model m = model;
+    MotionWindow at = w;
+    if (column >= 0 && column < 2) at.state[column] += by;
+    if (column >= 2) {
+      const MotionParameter& p = free[static_cast<std::size_t>(column - 2)];
+      SpatialInertia<double>& inertia = m.links[1].inertia;
+      if (p.effect < 0) (p.theta == 7 ? inertia.I.yy : inertia.h.z) += by;
+      if (p.effect >= 0) {
+        double& value = m.effects[static_cast<std::size_t>(p.effect)]
+                            .parameters[static_cast<std::size_t>(p.index)]
+                            .value;
+        value = p.logarithmic ? value * std::exp(by) : value + by;
+      }
+    }
+    return VecX<double>(positions(m, s, at).col(0));
+  };
+  const VecX<double> at = moved(-1, 0.0);
+  MatX<double> J(at.size(), columns + 1);
+  constexpr double kStep = 1e-6;
+  for (int c = 0; c < columns; ++c) J.col(c) = (moved(c, kStep) - moved(c, -kStep)) / (2.0 * kStep);
+  J.col(columns) = at;
+  MatX<double> R = MatX<double>::Zero(columns + 1, columns + 1);
+  R.topLeftCorner(columns, columns) = factor.R();
+  R.topRightCorner(columns, 1) = factor.d();
+  R(columns, columns) = std::sqrt(factor.residual_sum_of_squares());
+  const MatX<double> gram = R.transpose() * R, expected = J.transpose() * J;
+  for (int i = 0; i <= columns; ++i)
+    for (int k = 0; k <= columns; ++k) {
+      CAPTURE(i, k);
+      CHECK(std::abs(gram(i, k) - expected(i, k)) <
+            tolerance * std::sqrt(expected(i, i) * expected(k, k)));
+    }
+}
+
 }  // namespace
 
 TEST_CASE("hidden rotors: a step of torque swings two masses as the closed form has it",
@@ -173,46 +216,65 @@ TEST_CASE("hidden rotors: derivatives of windows, by central differences", "[mot
     free.push_back({.effect = 3, .index = 0});
     free.push_back({.effect = 3, .index = 2});
   }
-  JointWindows simulator(extend(model), bound(model), free, {});
-  const int columns = 2 + static_cast<int>(free.size());
-  TriangularFactor factor(columns);
-  REQUIRE(simulator.linearise(s, w, VecX<double>::Ones(1), factor));
-  const auto moved = [&](int column, double by) {
-    Model m = model;
-    MotionWindow at = w;
-    if (column >= 0 && column < 2) at.state[column] += by;
-    if (column >= 2) {
-      const MotionParameter& p = free[static_cast<std::size_t>(column - 2)];
-      SpatialInertia<double>& inertia = m.links[1].inertia;
-      if (p.effect < 0) (p.theta == 7 ? inertia.I.yy : inertia.h.z) += by;
-      if (p.effect >= 0) {
-        double& value = m.effects[static_cast<std::size_t>(p.effect)]
-                            .parameters[static_cast<std::size_t>(p.index)]
-                            .value;
-        value = p.logarithmic ? value * std::exp(by) : value + by;
-      }
-    }
-    return VecX<double>(positions(m, s, at).col(0));
-  };
-  const VecX<double> at = moved(-1, 0.0);
-  MatX<double> J(at.size(), columns + 1);
-  constexpr double kStep = 1e-6;
-  for (int c = 0; c < columns; ++c) J.col(c) = (moved(c, kStep) - moved(c, -kStep)) / (2.0 * kStep);
-  J.col(columns) = at;
-  MatX<double> R = MatX<double>::Zero(columns + 1, columns + 1);
-  R.topLeftCorner(columns, columns) = factor.R();
-  R.topRightCorner(columns, 1) = factor.d();
-  R(columns, columns) = std::sqrt(factor.residual_sum_of_squares());
-  const MatX<double> gram = R.transpose() * R, expected = J.transpose() * J;
   /// A smooth run: what h = 1e-6 leaves. Teeth that meet within a step have a kink there, and their
   /// damping follows the inertias, which the derivatives by these leave out.
-  const double tolerance = gap ? 0.1 : 1e-5;
-  for (int i = 0; i <= columns; ++i)
-    for (int k = 0; k <= columns; ++k) {
-      CAPTURE(i, k);
-      CHECK(std::abs(gram(i, k) - expected(i, k)) <
-            tolerance * std::sqrt(expected(i, i) * expected(k, k)));
-    }
+  check_derivatives(model, s, w, free, gap ? 0.1 : 1e-5);
+}
+
+TEST_CASE("hidden rotors: a drive that integrates its error, and follows its supply", "[motion]") {
+  // A wheel without friction or braking: J q̈ = K (c − q + z w), ẇ = c − q; of a step it is linear.
+  Model model = two_masses(false);
+  constexpr double kGain = 2.0, kRate = 1.5, kVolts = 6.0, kNominal = 7.5;
+  model.effects.push_back(
+      {"position_servo", "servo", {{"stiffness", kGain, ""}, {"damping", 0.3, ""}}});
+  model.effects.push_back({"integral_action", "servo", {{"rate", kRate, ""}}});
+  model.effects.push_back({"supply_sag", "servo", {{"nominal", kNominal, ""}}});
+  MotionStretch s = rows(300, [](double) { return 0.0; });
+  CommandPath path(s.time, RowMatX<double>::Ones(300, 1), VecX<double>::Ones(1));
+  path.set_supply(RowMatX<double>::Constant(300, 1, kVolts));
+  s.command = std::make_shared<const CommandPath>(path);
+  MotionWindow w{0, 0, 300, VecX<double>::Zero(2)};
+  const RowMatX<double> q = positions(model, s, w);
+  Eigen::Matrix3d A;
+  A << 0, 1, 0, -1, 0, kRate, -1, 0, 0;
+  A.row(1) *= kGain * kVolts / kNominal / (kLink + kRotor);
+  A(1, 1) = -0.3 / (kLink + kRotor);
+  // The equilibrium is q = 1, ẇ = 0: x − x∞ decays by exp(A t), in steps of a hundredth of a row.
+  const Eigen::Matrix3d H = A * 0.00005,
+                        step = Eigen::Matrix3d::Identity() + H + 0.5 * H * H + H * H * H / 6.0;
+  Eigen::Vector3d x(-1.0, 0.0, 0.0);
+  for (long k = 0; k < 300; ++k) {
+    CHECK(q(k, 0) == Approx(1.0 + x[0]).margin(1e-5));  // Runge–Kutta at a step's phase of 0.03
+    for (int i = 0; i < 100; ++i) x = step * x;
+  }
+}
+
+TEST_CASE("hidden rotors: derivatives of a drive with an integral and a supply", "[motion]") {
+  const bool geared = GENERATE(false, true);
+  CAPTURE(geared);
+  Model model = two_masses(true);
+  model.effects.push_back(
+      {"coulomb_friction", "servo", {{"coulomb", 0.05, ""}, {"smoothing", 0.2, ""}}});
+  model.effects.push_back({"position_servo",
+                           "servo",
+                           {{"stiffness", 12.0, ""}, {"damping", 0.4, ""}, {"delay", 0.011, ""}}});
+  model.effects.push_back({"integral_action", "servo", {{"rate", 2.5, ""}}});
+  model.effects.push_back({"supply_sag", "servo", {{"share", 0.8, ""}, {"nominal", 7.4, ""}}});
+  if (geared) model.effects.push_back(elasticity(60.0, 0.05, 0.0));
+  MotionStretch s = commanded(150);
+  CommandPath path = *s.command;
+  RowMatX<double> volts(150, 1);
+  for (long k = 0; k < 150; ++k) volts(k, 0) = 7.0 + std::cos(0.1 * static_cast<double>(k));
+  path.set_supply(volts);
+  s.command = std::make_shared<const CommandPath>(path);
+  MotionWindow w{0, 20, 120, VecX<double>(2)};
+  w.state << 0.2, -0.4;
+  // I_yy, armature, gain, damping, delay, rate, share
+  const std::vector<MotionParameter> free{{.dof = 0, .theta = 7},    {.effect = 0, .index = 0},
+                                          {.effect = 2, .index = 0}, {.effect = 2, .index = 1},
+                                          {.effect = 2, .index = 2}, {.effect = 3, .index = 0},
+                                          {.effect = 4, .index = 0}};
+  check_derivatives(model, s, w, free, 1e-5);
 }
 
 TEST_CASE("hidden rotors: where effects act, and what cannot be", "[motion]") {

@@ -46,6 +46,29 @@ def test_an_offset_acts_whether_the_drive_is_on_or_off(tmp_path: Path) -> None:
     assert_allclose(drive(0.1, [NAN], [0.0], [0.0]), [-0.3])
 
 
+def test_a_supply_that_sags(tmp_path: Path) -> None:
+    model = swing(tmp_path, reach=0.5)
+    sag = diffnea.Effect("supply_sag", model.joint_names[0], {"share": 0.8, "nominal": 7.5})
+    drive = diffnea.Drive(model.with_effects([*model.effects, sag]))
+    assert_allclose(drive(0.0, [9.0], [0.0], [0.2], supply=6.0), [4.0 * 0.5 * 0.84 - 0.3 * 0.2])
+    assert_allclose(drive(0.1, [9.0], [0.0], [0.2]), [4.0 * 0.5 - 0.3 * 0.2])  # the nominal one
+
+
+def test_an_integral(tmp_path: Path) -> None:
+    model = swing(tmp_path, reach=0.5)
+    rate = diffnea.Effect("integral_action", model.joint_names[0], {"rate": 2.0})
+    drive = diffnea.Drive(model.with_effects([*model.effects, rate]), damping=False)
+    told = [drive(0.1 * k, [0.1], [0.0], [0.0])[0] / 4.0 for k in range(4)]
+    assert_allclose(told, [0.1, 0.12, 0.14, 0.16])
+    assert_allclose(drive(0.4, [NAN], [0.0], [0.0]), [0.0])
+    assert_allclose(drive(0.5, [0.0], [0.0], [0.0])[0] / 4.0, 0.08)  # the sum is kept
+    drive(0.6, [0.6], [0.0], [0.0])  # saturates: nothing more is summed up
+    drive(9.0, [0.6], [0.0], [0.0])
+    assert_allclose(drive(9.1, [0.0], [0.0], [0.0])[0] / 4.0, 0.08)
+    drive.reset()
+    assert_allclose(drive(0.0, [0.1], [0.0], [0.0])[0] / 4.0, 0.1)
+
+
 def test_a_delay_and_a_speed(tmp_path: Path) -> None:
     late = diffnea.Drive(swing(tmp_path, delay=0.02))
     told = [late(0.01 * k, [1.0 if k > 0 else 0.0], [0.0], [0.0])[0] / 4.0 for k in range(5)]

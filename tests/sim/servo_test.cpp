@@ -114,6 +114,31 @@ TEST_CASE("simulate, identify: a servo's law is read back from commands and posi
   }
 }
 
+TEST_CASE("simulate, identify: a drive that integrates its error leaves none, and is read back",
+          "[sim]") {
+  const double rate = 2.0, told = 0.8;
+  const Model truth = bench({servo(14.0, 0.6, 0.01, 1e3),
+                             {"armature", "servo", {{"armature", 0.02, ""}}},
+                             {"integral_action", "servo", {{"rate", rate, ""}}}});
+  const SimulatedRecording rest = record_model(
+      truth, truth, motion(20.0, [&](double t) { return t < 0.5 ? 0.0 : told; }), at_100_hz(0.0));
+  CHECK(std::abs(rest.recording.q(rest.recording.rows() - 1, 0) - told) < 1e-6);
+
+  const SimulatedRecording out =
+      record_model(truth, truth, motion(14.0, waves_and_steps), at_100_hz(1.0));
+  REQUIRE(out.failure.empty());
+  IdentifyOptions options;
+  options.choice.effects = {"position_servo", "armature", "integral_action"};
+  const IdentifyResult result = identify(bench({}), {out.recording}, {}, options);
+  for (const auto& [name, is] : {std::pair{"stiffness", 14.0}, {"integral_action.rate", rate}}) {
+    const ParameterEstimate& p = test::estimate(result, name);
+    CAPTURE(name, is, p.value, p.std);
+    // Both simulations take the straight line of what a step holds: 2 % where commands jump.
+    CHECK(std::abs(p.value - is) < std::max(4.0 * p.std, 0.02 * is));
+    CHECK(p.std < 0.05 * is);
+  }
+}
+
 TEST_CASE("simulate, identify: a gap behind a servo, encoder on either side", "[sim]") {
   const double side = GENERATE(0.0, 1.0), gap = 0.03;
   const std::vector<EffectSpec> known{servo(14.0, 0.6, 0.02, 1e3),

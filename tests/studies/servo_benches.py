@@ -31,17 +31,19 @@ SETS = {
     "dry friction": "position_servo,armature,viscous_friction,coulomb_friction,torque_offset",
     "and of the load": "position_servo,armature,viscous_friction,coulomb_friction,torque_offset,"
     "load_friction",
+    "and of the supply": "position_servo,armature,viscous_friction,coulomb_friction,torque_offset,"
+    "load_friction,supply_sag",
 }
 
 
 def without_spikes(rows: list[Row]) -> list[Row]:
-    """Rows of time, position, command and enable; single reads that jump are left empty."""
+    """Rows of what a drive tells; single reads that jump are left empty."""
     q = [float(r["q_servo"]) for r in rows]
     for k in range(1, len(q) - 1):
         off = abs(q[k] - 0.5 * (q[k - 1] + q[k + 1]))
         if off > SPIKE and abs(q[k + 1] - q[k - 1]) < 0.5 * off:
             q[k] = float("nan")
-    names = ("time", "q_servo", "qcmd_servo", "torque_enable")
+    names = ("time", "q_servo", "qcmd_servo", "torque_enable", "voltage")
     out = [{name: r[name] for name in names} for r in rows]
     for row, value in zip(out, q, strict=True):
         row["q_servo"] = "" if value != value else value

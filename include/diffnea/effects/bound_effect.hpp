@@ -47,7 +47,8 @@ struct BoundEffect {
   /// How the joints follow these degrees of freedom, for an effect bound at joints that follow
   /// others; empty: they are the degrees of freedom.
   std::vector<JointDrive> follows;
-  /// Degrees of freedom that drives are fed back from, one a joint; empty: their own.
+  /// Degrees of freedom that drives are fed back from, one a joint, then those of their
+  /// integrators; empty: their own.
   std::vector<int> encoders;
   /// Tells whether it acts between the two sides of a gear: `joints` are pairs of a link's degree
   /// of freedom and that of the rotor which it hides.

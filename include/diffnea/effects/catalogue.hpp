@@ -25,6 +25,7 @@
 #include <diffnea/effects/encoder_offset.hpp>
 #include <diffnea/effects/encoder_scale.hpp>
 #include <diffnea/effects/gravity_scale.hpp>
+#include <diffnea/effects/integral_action.hpp>
 #include <diffnea/effects/joint_elasticity.hpp>
 #include <diffnea/effects/joint_spring.hpp>
 #include <diffnea/effects/linear_drag.hpp>
@@ -48,6 +49,7 @@
 #include <diffnea/effects/string_rebound.hpp>
 #include <diffnea/effects/string_wrap.hpp>
 #include <diffnea/effects/sublinear_friction.hpp>
+#include <diffnea/effects/supply_sag.hpp>
 #include <diffnea/effects/time_shift.hpp>
 #include <diffnea/effects/tip_force.hpp>
 #include <diffnea/effects/torque_gain.hpp>
@@ -82,6 +84,7 @@ using EffectVariant = std::variant<  //
     EncoderOffset,                   //
     EncoderScale,                    //
     GravityScale,                    //
+    IntegralAction,                  //
     JointElasticity,                 //
     JointSpring,                     //
     LinearDrag,                      //
@@ -105,6 +108,7 @@ using EffectVariant = std::variant<  //
     StringRebound,                   //
     StringWrap,                      //
     SublinearFriction,               //
+    SupplySag,                       //
     TimeShift,                       //
     TipForce,                        //
     TorqueGain,                      //

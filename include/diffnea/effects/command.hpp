@@ -2,6 +2,7 @@
 /// Commanded positions of one run over time: what a drive with a position loop of its own reads.
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <vector>
@@ -32,6 +33,7 @@ class CommandPath {
         is_on_(q.array() == q.array()),
         told_(std::move(q)),
         way_(static_cast<std::size_t>(told_.size())),
+        laws_(static_cast<std::size_t>(told_.cols())),
         gain_(std::move(gain)) {
     // While it is off, a drive keeps its last command; before the first one, that.
     for (long j = 0; j < told_.cols(); ++j) {
@@ -42,10 +44,81 @@ class CommandPath {
     }
   }
 
+  /// Adds the logged supply of the drives. Gaps are filled along straight lines.
+  /// @param volts  (N, n) [V]; NaN: a gap, or a joint whose supply was not logged
+  void set_supply(RowMatX<double> volts) {
+    supply_ = std::move(volts);
+    for (long j = 0; j < supply_.cols(); ++j) {
+      long last = -1;  // row with a value
+      for (long k = 0; k < supply_.rows(); ++k) {
+        if (!(supply_(k, j) == supply_(k, j))) continue;
+        for (long g = last + 1; g < k; ++g)
+          supply_(g, j) = last < 0 ? supply_(k, j)
+                                   : supply_(last, j) + (supply_(k, j) - supply_(last, j)) *
+                                                            passed(last, g) / passed(last, k);
+        last = k;
+      }
+      for (long g = last + 1; last >= 0 && g < supply_.rows(); ++g)
+        supply_(g, j) = supply_(last, j);
+    }
+  }
+
+  /// Supply of a joint's drive [V], a straight line between two rows; NaN: it was not logged.
+  double supply(int joint, double time) const {
+    if (supply_.size() == 0) return std::numeric_limits<double>::quiet_NaN();
+    const long k = row(time), next = std::min(k + 1, supply_.rows() - 1);
+    const double since = std::max(time - time_[static_cast<std::size_t>(k)], 0.0);
+    if (next == k) return supply_(k, joint);
+    return supply_(k, joint) +
+           (supply_(next, joint) - supply_(k, joint)) * std::min(since / passed(k, next), 1.0);
+  }
+
+  /// Keeps what a joint's drive is in this run, for effects that change its law.
+  /// @param p  parameters of position_servo
+  void set_servo(int joint, const double* p) { std::copy_n(p, kServo, law(joint).servo.begin()); }
+  /// Parameters that set_servo() had; zeros: no drive.
+  const double* servo(int joint) const { return law(joint).servo.data(); }
+
+  /// Lets a share of the torque of a joint's drive follow its supply.
+  /// @param nominal  supply at which it has the gain of the model [V]
+  void follow_supply(int joint, double share, double nominal) {
+    law(joint).share = share;
+    law(joint).nominal = nominal;
+  }
+  /// Supply over the nominal one, less 1; 0 where nothing was logged, or no torque follows it.
+  double sag(int joint, double time) const {
+    const double nominal = law(joint).nominal,
+                 volts = nominal > 0.0 ? supply(joint, time) : nominal;
+    return volts > 0.0 ? volts / nominal - 1.0 : 0.0;
+  }
+  /// Torque of a joint's drive over that at its nominal supply.
+  double strength(int joint, double time) const {
+    return 1.0 + law(joint).share * sag(joint, time);
+  }
+
+  /// Gives the drive of a joint an integrator: a degree of freedom whose velocity is the integral
+  /// of the drive's error.
+  void set_integrator(int joint, int dof) {
+    law(joint).integrator = dof;
+    law(dof).sums = joint;
+  }
+  /// Degree of freedom that integrates the error of a joint's drive; −1: none.
+  int integrator(int joint) const { return law(joint).integrator; }
+  /// Joint whose drive's error a degree of freedom integrates; −1: it is no integrator.
+  int sums(int dof) const { return law(dof).sums; }
+  /// Sets what the integral counts beside the error [1/s].
+  void set_integral_rate(int joint, double rate) { law(joint).rate = rate; }
+  /// Value that set_integral_rate() had, or 0 [1/s].
+  double integral_rate(int joint) const { return law(joint).rate; }
+
   /// Appends channels that are told what these joints are, at speeds of their own.
   void add_copies(const std::vector<int>& joints) {
     const long n = told_.cols(), more = static_cast<long>(joints.size());
     if (more == 0) return;
+    if (supply_.size() > 0) supply_.conservativeResize(Eigen::NoChange, n + more);
+    for (long k = 0; k < more && supply_.size() > 0; ++k)
+      supply_.col(n + k) = supply_.col(joints[static_cast<std::size_t>(k)]);
+    laws_.resize(static_cast<std::size_t>(n + more));
     told_.conservativeResize(Eigen::NoChange, n + more);
     is_on_.conservativeResize(Eigen::NoChange, n + more);
     gain_.conservativeResize(n + more);
@@ -150,6 +223,23 @@ class CommandPath {
   struct Setpoint {
     double q = 0.0, by_speed = 0.0;
   };
+  static constexpr std::size_t kServo = 6;  ///< parameters of position_servo
+  /// Law of a joint's drive.
+  struct Law {
+    std::array<double, kServo> servo{};
+    double share = 0.0;    ///< part of its torque that follows the supply
+    double nominal = 0.0;  ///< supply [V]
+    int integrator = -1;   ///< degree of freedom
+    int sums = -1;         ///< joint, of an integrator
+    double rate = 0.0;     ///< weight of the integral [1/s]
+  };
+
+  Law& law(int joint) { return laws_[static_cast<std::size_t>(joint)]; }
+  const Law& law(int joint) const { return laws_[static_cast<std::size_t>(joint)]; }
+  /// Time from one row to another [s].
+  double passed(long from, long to) const {
+    return time_[static_cast<std::size_t>(to)] - time_[static_cast<std::size_t>(from)];
+  }
 
   Way& way(long k, long joint) { return way_[static_cast<std::size_t>(k * told_.cols() + joint)]; }
   const Way& way(long k, long joint) const {
@@ -207,8 +297,10 @@ class CommandPath {
 
   std::vector<double> time_;
   Eigen::Array<bool, Eigen::Dynamic, Eigen::Dynamic> is_on_;
-  RowMatX<double> told_;  ///< (N, n)
-  std::vector<Way> way_;  ///< (N, n)
+  RowMatX<double> told_;    ///< (N, n)
+  RowMatX<double> supply_;  ///< (N, n) [V]; empty: not logged
+  std::vector<Way> way_;    ///< (N, n)
+  std::vector<Law> laws_;   ///< (n)
   VecX<double> gain_;
 };
 

@@ -131,6 +131,9 @@ enum class Port {
 /// Property of an effect that other parts ask for.
 enum class Trait : std::uint32_t {
   kReadsCommand,       ///< it reads x.command: without it there is no torque
+  kOfServo,            ///< part of the law of a drive that reads commands: no such drive, no torque
+  kReadsSupply,        ///< it reads the supply that was logged, from its parameter `nominal` on
+  kIntegrates,         ///< its joint's drive has an integrator, a state of simulated runs
   kReadsTime,          ///< the torque changes with x.time: without the rows' time there is none
   kReadsAcceleration,  ///< it reads x.qdd or x.tau: in simulation q̈ is the solution of an equation
   kFollowsLoad,        ///< it reads x.tau, and not in proportion: columns change with the fit

@@ -59,28 +59,63 @@ struct PositionServo {
 
   /// Lets the setpoint move no faster than its speed, if it has one.
   static void lead(int joint, const double* p, CommandPath& path) {
+    path.set_servo(joint, p);
     if (p[5] < kJumps) path.limit_speed(joint, p[5]);
   }
 
-  /// Largest slope of the torque over the error, wherever the drive is.
+  /// Largest slope of the torque over the error, wherever the drive is, at its nominal supply; of
+  /// its integrator, that of its acceleration.
   static double slope(int joint, const double* p, const CommandPath& path) {
-    return p[0] * path.gain(joint);
+    return path.sums(joint) < 0 ? p[0] * path.gain(joint) : path.gain(path.sums(joint));
+  }
+
+  /// Error beyond the dead band, and what an integrator adds to it.
+  template <Scalar T>
+  static T asked(const T& error, const T& integral, const T* p) {
+    return error - select(error > p[4], p[4], select(error < -p[4], T(-p[4]), error)) + integral;
+  }
+
+  /// Torque towards the command of a drive that is on, at its nominal supply and without braking.
+  /// @param read      position that it is fed back
+  /// @param integral  what its integrator adds to the error, 0 without one
+  template <Scalar T>
+  static T pull(const CommandPath& command, int joint, double time, const SimulationStep& step,
+                const T& read, const T& integral, const T* p) {
+    const T gain(command.gain(joint));
+    return p[0] * command.made_of(joint, time, p[2], p[5], step, [&](const T& told) {
+      const T out = asked(T(gain * (told - read)), integral, p);
+      return select(out > p[3], p[3], select(out < -p[3], T(-p[3]), out));
+    });
+  }
+
+  /// Rate of its integrator: the error. While the drive saturates, none that would drive it on
+  /// (anti-windup by clamping; Åström, Hägglund 1995).
+  template <Scalar T>
+  static T summed(const CommandPath& command, int joint, double time, const SimulationStep& step,
+                  const T& read, const T& integral, const T* p) {
+    const T gain(command.gain(joint));
+    return command.made_of(joint, time, p[2], p[5], step, [&](const T& told) {
+      const T error = gain * (told - read), out = asked(error, integral, p);
+      const bool on = value_part(out) * value_part(error) > 0.0;
+      return on && (out > p[3] || out < -p[3]) ? T(0.0) : error;
+    });
   }
 
   template <Scalar T>
   void add_torque(const JointSample<T>& x, const int* joint, const T* p, T* tau) const {
     if constexpr (requires { value_part(p[2]); }) {  // packs follow no command
       if (!x.command) return;
-      const int j = *joint;
+      const int sums = x.command->sums(*joint), j = sums < 0 ? *joint : sums;
       if (!x.command->is_on(j, x.time, x.step)) return;
       const T& read = x.q[x.encoder < 0 ? j : x.encoder];
-      const T gain(x.command->gain(j));
-      const T error = x.command->made_of(j, x.time, p[2], p[5], x.step, [&](const T& command) {
-        const T e = gain * (command - read);
-        const T out = e - select(e > p[4], p[4], select(e < -p[4], T(-p[4]), e));
-        return select(out > p[3], p[3], select(out < -p[3], T(-p[3]), out));
-      });
-      tau[j] += p[1] * x.qd[j] - p[0] * error;
+      const int integrator = x.command->integrator(j);
+      const T integral =
+          integrator < 0 ? T(0.0) : T(T(x.command->integral_rate(j)) * x.qd[integrator]);
+      if (sums < 0)
+        tau[j] += p[1] * x.qd[j] - T(x.command->strength(j, x.time)) *
+                                       pull(*x.command, j, x.time, x.step, read, integral, p);
+      else  // its inertia is 1: this is its acceleration
+        tau[*joint] -= summed(*x.command, j, x.time, x.step, read, integral, p);
     }
   }
 };

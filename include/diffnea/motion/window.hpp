@@ -35,9 +35,17 @@ struct MotionWindow {
 };
 
 /// Commands of a recording's drives; off where no position is commanded, or the column
-/// `torque_enable` (of one joint: with `_<joint>`) is not above 0. Gains are those of its sidecar.
+/// `torque_enable` (of one joint: with `_<joint>`) is not above 0. Gains are those of its sidecar,
+/// the supply is that of supply_of().
 /// @throws DataError for a gain that is not above 0
 CommandPath command_path(const Recording& recording);
+
+/// Supply of each joint's drive [V], (N, n): the column `voltage` (of one joint: with `_<joint>`),
+/// in V or `[mV]`. NaN: not logged there; empty: in no row.
+RowMatX<double> supply_of(const Recording& recording);
+
+/// Median supply of a joint's drive over all rows [V]; 0: it was never logged.
+double median_supply(const std::vector<Recording>& recordings, int joint);
 
 /// Stretches of one recording. Where torque drives, a pause of more than five periods and a row
 /// without a torque end a stretch; a robot that nothing drives goes on through both.
