@@ -240,7 +240,7 @@ bool plausible(const Search& search, const Term& term) {
   for (long k = 0; k < static_cast<long>(search.evidence().joints().size()); ++k)
     if ((seen <= kMostlySeen || search.evidence().passive(k)) &&
         torque.segment(k * m, m).norm() >
-            kWhole * search.evidence().size(k) * std::sqrt(static_cast<double>(m)))
+            kWhole * search.evidence().scale(k) * std::sqrt(static_cast<double>(m)))
       return false;
   return true;
 }
