@@ -51,8 +51,7 @@ struct Candidate {
 /// @throws ModelError listing the names if an effect or place does not exist
 std::vector<Candidate> make_candidates(const Model& model, const Model& links,
                                        const std::vector<std::string>& asked,
-                                       const std::vector<int>& runs, bool link_side,
-                                       int base = 0);
+                                       const std::vector<int>& runs, bool link_side, int base = 0);
 
 /// @throws ModelError if a name is taken or empty, a place is no joint, or parameters or columns
 /// are missing

@@ -55,8 +55,8 @@ struct Slopes {
 /// enters as M_ji δq̈_i + D_ji δq̇_i + K_ji δq_i. The middle is a random walk of q_j, of the rate
 /// s² dt/M² with s² the variance of Σ D_ji δq_i, from which the position's own noise R tells q_j
 /// up to ω = s/(M √R); at ω it has the density s² ω² dt.
-double drift(const Slopes& slopes, int j, double inertia, double variance,
-             const SignalNoise& noise, const VecX<double>& q, double dt) {
+double drift(const Slopes& slopes, int j, double inertia, double variance, const SignalNoise& noise,
+             const VecX<double>& q, double dt) {
   VecX<double> K = slopes.by_q.row(j).transpose(), D = slopes.by_qd.row(j).transpose();
   K[j] = D[j] = 0.0;  // these the equation has
   const double s2 = noise.variance(D, q);

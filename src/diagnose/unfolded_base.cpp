@@ -4,7 +4,6 @@
 #include <array>
 #include <cmath>
 #include <optional>
-#include <sstream>
 
 #include <Eigen/Geometry>
 
@@ -279,13 +278,15 @@ UnfoldedBase::UnfoldedBase(const Model& model, const RecordingSource& train,
                     detail::number_text(kLeastCosine, 2) +
                     " or more); give fewer or shorter flights at once");
   if (i != 0 || j != 1) {
-    std::ostringstream lines;
-    lines
-        << "base_yaw and base_roll are not about z of the world and x of the base, which come too "
-           "near each other, but about ("
-        << w.col(i).transpose() << ") of the world and (" << u.col(j).transpose()
-        << ") of the base";
-    note_ = lines.str();
+    const auto text = [](const Vec3d& v) {
+      return "(" + detail::number_text(v[0], 2) + " " + detail::number_text(v[1], 2) + " " +
+             detail::number_text(v[2], 2) + ")";
+    };
+    note_ =
+        "base_yaw and base_roll are not about z of the world and x of the base, which come too "
+        "near "
+        "each other, but about " +
+        text(w.col(i)) + " of the world and " + text(u.col(j)) + " of the base";
   }
   hinges_->outer = Eigen::Quaterniond::FromTwoVectors(Vec3d::UnitZ(), w.col(i)).toRotationMatrix();
   hinges_->inner = Eigen::Quaterniond::FromTwoVectors(u.col(j), Vec3d::UnitX()).toRotationMatrix();

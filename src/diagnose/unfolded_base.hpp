@@ -55,7 +55,7 @@ class UnfoldedBase {
   const RecordingSource& logged_train_;
   const RecordingSource* logged_test_;
   Model unfolded_;
-  std::vector<std::string> names_;  ///< of the six joints
+  std::vector<std::string> names_;  ///< six joints
   std::string note_;                ///< on lines that are not the usual ones; may be empty
   std::unique_ptr<Hinges> hinges_;
   std::unique_ptr<Source> train_, test_;
