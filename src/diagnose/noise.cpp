@@ -144,9 +144,9 @@ Smoothed beside_smooth_functions(const Evidence& e, const std::vector<int>& free
     const VecX<double> q = e.q(own).col(e.joints()[k])(rows),
                        qd = e.qd(own).col(e.joints()[k])(rows);
     // Nothing but the links moves a passive joint: what other links would do there is no noise,
-    // whether or not the base may be refitted.
+    // whether or not the base may be refitted. Where no torque is known these explain all.
     std::vector<int> columns = free;
-    if (e.passive(own)) {
+    if (e.passive(own) && e.has_passive_beside_torques()) {
       columns.resize(static_cast<std::size_t>(e.base().cols()));
       std::iota(columns.begin(), columns.end(), 0);
     }

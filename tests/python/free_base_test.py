@@ -256,7 +256,7 @@ def test_what_serves_no_free_base_says_so(
     assert failed.returncode == BAD_INPUT
     assert "--fix-base" in failed.stderr
     assert len(failed.stderr.strip().splitlines()) == 1
-        assert not list(tmp_path.iterdir())
+    assert not list(tmp_path.iterdir())
 
 
 def test_the_command_shows_and_exports_it(urdf: Path, tmp_path: Path) -> None:
