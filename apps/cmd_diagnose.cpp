@@ -36,7 +36,6 @@ void run_diagnose(DiagnoseCommand c) {
   c.options.effects = with_pairs(c.options.effects);
   check_run_folder(c.out, "diagnose");
   Model model = read_model(c.model, c.reading);
-  require_fixed_base("diagnose", model);
   ResultFolder folder(c.out);  // cannot be written: better known now
 
   const Interruptible interruptible(folder.leftovers(kRunFiles));

@@ -74,7 +74,6 @@ DiagnoseRun diagnose_python(const Model& model, const py::list& train_items,
                             const std::vector<std::string>& lock, const py::object& progress) {
   DiagnoseOptions options;
   set_options(options, "diagnose", given);
-  require_plain_tree("diagnose", model);
   for (const py::handle c : candidates) options.candidates.push_back(own_candidate(c));
   Supervisor supervisor(progress);
   options.progress = [&supervisor](const FitProgress& p) { return supervisor(p); };

@@ -12,8 +12,9 @@ namespace {
 
 /// Whether there are several joints, and all of one type: the same number is then the same thing
 /// everywhere.
-bool one_type(const Model& model) {
-  const std::vector<int> moving = moving_links(model);
+bool one_type(const Model& model, int base) {
+  std::vector<int> moving = moving_links(model);
+  moving.erase(moving.begin(), moving.begin() + base);
   return moving.size() > 1 && std::ranges::all_of(moving, [&](int l) {
            return model.links[static_cast<std::size_t>(l)].type ==
                   model.links[static_cast<std::size_t>(moving[0])].type;
@@ -112,6 +113,42 @@ Candidate make_candidate(const EffectSpec& spec, const Model& model, const Model
   return c;
 }
 
+/// Joints that move a link which carries no other; of those that move together one.
+std::vector<std::string> end_joints(const Model& model) {
+  const Tree<double> tree = make_tree(model);
+  std::vector<std::string> out;
+  std::vector<int> dofs;
+  for (const TreeJoint& j : tree_joints(model)) {
+    if (std::ranges::find(tree.links, j.link, &Link<double>::parent) != tree.links.end()) continue;
+    if (std::ranges::find(dofs, j.drive.dof) != dofs.end()) continue;
+    dofs.push_back(j.drive.dof);
+    out.push_back(j.name);
+  }
+  return out;
+}
+
+/// Places at which an effect is tried: a robot that branches, or closes loops, or floats, has more
+/// links than one that may carry something, or be pulled at.
+std::vector<std::string> places_to_try(const EffectInfo& info, const Model& model, int base) {
+  const std::vector<std::string> ends = end_joints(model);
+  if (info.place != Place::kTip || (ends.size() == 1 && base == 0 && model.constraints.empty()))
+    return places(info, model);
+  if (info.has(Trait::kInertia)) return joint_names(model);
+  return ends.size() == 1 || !model.constraints.empty() ? places(info, model) : ends;
+}
+
+/// Tells whether an effect would sit at a coordinate of a base that floats, where there is no
+/// joint; what the last of them moves is the base itself, and what is of all channels is of its
+/// pose, too.
+bool sits_at_base(const BoundEffect& effect, int base) {
+  const EffectInfo& info = effect.info();
+  const int body = base - 1;
+  if (info.place == Place::kBase || info.port == Port::kMeasurement)
+    return std::ssize(effect.joints) == 1 && effect.joints[0] < base;
+  return std::ranges::any_of(
+      effect.joints, [&](int j) { return j < base && !(info.has(Trait::kInertia) && j == body); });
+}
+
 }  // namespace
 
 void Candidate::set(const std::vector<double>& point, BoundEffect& of) const {
@@ -123,7 +160,7 @@ void Candidate::set(const std::vector<double>& point, BoundEffect& of) const {
 
 std::vector<Candidate> make_candidates(const Model& model, const Model& links,
                                        const std::vector<std::string>& asked,
-                                       const std::vector<int>& runs, bool link_side) {
+                                       const std::vector<int>& runs, bool link_side, int base) {
   std::vector<Candidate> out;
   const auto add = [&](const EffectInfo& info, const std::string& where) {
     out.push_back(make_candidate({info.name, where, {}}, model, links, runs));
@@ -136,13 +173,9 @@ std::vector<Candidate> make_candidates(const Model& model, const Model& links,
       if (runs.size() < 2 && std::ranges::any_of(info.parameters, &ParameterInfo::per_run))
         continue;
       if (info.has(Trait::kIfAsked) || acts_on_ball(info)) continue;
-      // The last link of a loop's tree is one of many that may carry something.
-      const bool anywhere = info.has(Trait::kInertia) && !model.constraints.empty();
-      for (const std::string& where : anywhere ? joint_names(model) : places(info, model))
-        add(info, where);
-      if (info.has(Trait::kShared) && one_type(model)) add(info, "all");
+      for (const std::string& where : places_to_try(info, model, base)) add(info, where);
+      if (info.has(Trait::kShared) && one_type(model, base)) add(info, "all");
     }
-    return out;
   }
   for (const std::string& entry : asked) {
     const std::size_t at = entry.find('@');
@@ -150,8 +183,10 @@ std::vector<Candidate> make_candidates(const Model& model, const Model& links,
     if (at != std::string::npos)
       add(effect_info, entry.substr(at + 1));
     else
-      for (const std::string& where : places(effect_info, model)) add(effect_info, where);
+      for (const std::string& where : places_to_try(effect_info, model, base))
+        add(effect_info, where);
   }
+  std::erase_if(out, [&](const Candidate& c) { return sits_at_base(c.effect, base); });
   return out;
 }
 

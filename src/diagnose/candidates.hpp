@@ -47,10 +47,11 @@ struct Candidate {
 /// @param links  what the joints carry by a fit; the model, where there is none
 /// @param asked  names or "name@where"; empty: all
 /// @param runs   of the recordings
+/// @param base   how many degrees of freedom lead that are a floating base's (UnfoldedBase)
 /// @throws ModelError listing the names if an effect or place does not exist
 std::vector<Candidate> make_candidates(const Model& model, const Model& links,
                                        const std::vector<std::string>& asked,
-                                       const std::vector<int>& runs, bool link_side);
+                                       const std::vector<int>& runs, bool link_side, int base = 0);
 
 /// @throws ModelError if a name is taken or empty, a place is no joint, or parameters or columns
 /// are missing

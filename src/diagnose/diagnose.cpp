@@ -7,6 +7,7 @@
 #include "diagnose/ball_diagnose.hpp"
 #include "diagnose/joint_diagnosis.hpp"
 #include "diagnose/motion_diagnosis.hpp"
+#include "diagnose/unfolded_base.hpp"
 #include "identify/ball_identify.hpp"
 #include "identify/ball_pull.hpp"
 #include "identify/passes.hpp"
@@ -23,11 +24,20 @@ std::vector<std::string> asked_for(const DiagnoseOptions& options, bool of_ball)
   return out;
 }
 
+/// Flights of a robot that floats: its base on joints that nothing drives.
+Finding diagnose_flights(const Model& model, const RecordingSource& train,
+                         const RecordingSource* test, const DiagnoseOptions& options) {
+  const UnfoldedBase floats(model, train, test);
+  Finding out = diagnose_joints(floats.model(), floats.train(), floats.test(),
+                                floats.unfold(options), &floats);
+  floats.fold(out);
+  return out;
+}
+
 }  // namespace
 
 Finding find_causes(const Model& model, const RecordingSource& train, const RecordingSource* test,
                     const DiagnoseOptions& options) {
-  require_fixed_base("diagnose", model);
   if (test) refuse_same_recording(train, *test);
   refuse_ball_alone(model, train);
   const std::vector<Recording> balls =
@@ -42,6 +52,7 @@ Finding find_causes(const Model& model, const RecordingSource& train, const Reco
   const bool drives = balls.empty() && has_commands_alone(model, train);
   if (drives || !balls.empty())
     require_plain_tree(drives ? "diagnose by commands" : "diagnose with a ball", model);
+  if (model.free_base) return diagnose_flights(model, train, test, options);
   if (drives) return diagnose_drives(model, train, test, options);
   if (balls.empty()) {
     Finding finding = diagnose_joints(model, train, test, options);
@@ -91,7 +102,6 @@ Finding find_causes(const Model& model, const RecordingSource& train, const Reco
 
 Finding diagnose(const Model& model, const std::vector<Recording>& train,
                  const std::vector<Recording>& test, const DiagnoseOptions& options) {
-  require_fixed_base("diagnose", model);
   const auto source = recordings_in_memory(model, train);
   std::unique_ptr<RecordingSource> held_out;
   if (!test.empty()) held_out = recordings_in_memory(model, test);

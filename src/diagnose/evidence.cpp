@@ -40,9 +40,11 @@ VecX<double> with_inertias_of(const Model& links, const FitLayout& layout) {
 
 Evidence::Evidence(const Model& model, const Model& links, const FitLayout& layout,
                    const RecordingSource& source, const PreprocessPlan& plan, double period,
-                   const IdentifyOptions& options, int first_run, const Evidence* fitted)
+                   const IdentifyOptions& options, int first_run, const Evidence* fitted,
+                   int base_joints)
     : num_dofs_(layout.num_dofs),
       first_run_(first_run),
+      base_joints_(base_joints),
       runs_(source.runs()),
       every_(plan.decimator.factor) {
   Stretches collector(first_run);

@@ -36,11 +36,13 @@ class Evidence {
   /// @param fitted     of a held-out recording, that of the fitted one: turns of the same joints
   /// are
   ///   left out, for a base that has not seen them says nothing of them
+  /// @param base_joints  how many degrees of freedom lead that are a floating base's (UnfoldedBase)
   /// @throws DataError if no row is left, or a joint's torque is known in some of the recordings
   ///   alone
   Evidence(const Model& model, const Model& links, const FitLayout& layout,
            const RecordingSource& source, const PreprocessPlan& plan, double period,
-           const IdentifyOptions& options, int first_run = 0, const Evidence* fitted = nullptr);
+           const IdentifyOptions& options, int first_run = 0, const Evidence* fitted = nullptr,
+           int base_joints = 0);
 
   long rows() const { return torque_.size(); }
   /// Rows of one joint; the same instants for all.
@@ -235,7 +237,7 @@ class Evidence {
   std::vector<bool> has_torque_;  ///< by degree of freedom
   /// By stretch and joint of a closed chain: LoopEquation::shown.
   std::vector<std::vector<RowMatX<double>>> shown_;
-  int num_dofs_ = 0, first_run_ = 0;
+  int num_dofs_ = 0, first_run_ = 0, base_joints_ = 0;
   double earliest_instant_ = -0.5, latest_instant_ = 1.0;
   bool has_instant_ = false;
   std::vector<double> turns_per_second_, cut_off_;

@@ -80,7 +80,8 @@ void Evidence::take_filters(const Model& links, const PreprocessPlan& plan,
     squares += torque_squares(trees.at(s.run), s, driven);
     samples += static_cast<double>(s.rows());
   }
-  SignalNoise noise{VecX<double>(num_dofs_), VecX<double>(num_dofs_)};
+  SignalNoise noise{VecX<double>(num_dofs_), VecX<double>(num_dofs_),
+                    base_joints_ > 0 ? base_joints_ - 3 : -1};
   for (int j = 0; j < num_dofs_; ++j) {
     const std::size_t k = static_cast<std::size_t>(j);
     const double torque = k < plan.tau_noise.size() ? plan.tau_noise[k] : 0.0;

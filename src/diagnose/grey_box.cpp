@@ -205,7 +205,7 @@ struct Try {
 
 /// Every joint once: witnesses first, then those without one. Time is no variable of a model.
 std::vector<Try> tries(const Model& model, const Evidence& evidence,
-                       const std::vector<WitnessScore>& witness) {
+                       const std::vector<WitnessScore>& witness, int base) {
   const std::vector<std::string> names = joint_names(model);
   std::vector<Try> out;
   const auto is_time = [](const std::string& v) { return v == "time"; };
@@ -218,10 +218,12 @@ std::vector<Try> tries(const Model& model, const Evidence& evidence,
   }
   // The base holds one already: a second look at the same joint would be one too many.
   std::erase_if(out, [&](const Try& t) {
-    return std::ranges::any_of(model.effects, [&](const EffectSpec& e) {
-      return e.effect == Residual::info().name &&
-             e.where == names[static_cast<std::size_t>(t.joint)];
-    });
+    return t.joint < base || std::ranges::any_of(
+                                 model.effects,
+                                 [&](const EffectSpec& e) {
+                                   return e.effect == Residual::info().name &&
+                                          e.where == names[static_cast<std::size_t>(t.joint)];
+                                 });
   });
   return out;
 }
@@ -230,12 +232,12 @@ std::vector<Try> tries(const Model& model, const Evidence& evidence,
 
 GreyBoxResult grey_box(const Model& model, const Evidence& evidence, const Search& search,
                        const std::vector<Term>& terms, const HeldOut& held_out,
-                       const std::vector<WitnessScore>& witness, double accept) {
+                       const std::vector<WitnessScore>& witness, double accept, int base) {
   const Trial trial(model, evidence, search, terms, held_out);
   GreyBoxResult out;
   out.torque = {VecX<double>::Zero(evidence.rows()),
                 VecX<double>::Zero(held_out.evidence().rows())};
-  for (const Try& t : tries(model, evidence, witness)) {
+  for (const Try& t : tries(model, evidence, witness, base)) {
     std::optional<Remainder> learned = trial.learn(t.joint, t.variables, out.torque);
     if (!learned || learned->cause.delta_bic <= accept) continue;
     const Cause& cause = learned->cause;

@@ -43,22 +43,39 @@ void require_same_joints(const std::vector<std::string>& names, const Evidence& 
                     "; give both the same `tau_` columns and the same `passive` joints");
 }
 
+/// A fit of nothing at a floating base's coordinates: there are neither links nor joints.
+/// @param joints  how many of these lead
+FitChoice without_base_joints(const JointCase& c, int joints) {
+  FitChoice out;
+  for (int k = 0; k < joints; ++k)
+    out.fix.push_back(joint_names(c.model)[static_cast<std::size_t>(k)] + ".*");
+  return out;
+}
+
 /// The model at a fit of the rows: its rotors and friction, too, as `identify` fits them, which
 /// files often lack.
 Model fitted_links(const JointCase& c, const IdentifyOptions& reading) {
   if (c.base != Base::kRefit || !c.train->driven()) return c.about.links;
   std::vector<std::string> notes;
-  const FitLayout usual = layout_for(c.model, c.train_source, c.test_source, FitChoice{}, notes);
+  const FitLayout usual = layout_for(c.model, c.train_source, c.test_source,
+                                     without_base_joints(c, c.base_joints()), notes);
   if (usual.linear.size() <= c.layout.linear.size())
     return refitted(c.base, c.model, c.layout, *c.train);
-  return refitted(
-      c.base, c.model, usual,
-      Evidence(c.model, c.about.links, usual, c.train_source, c.finding.plan, c.period, reading));
+  return refitted(c.base, c.model, usual,
+                  Evidence(c.model, c.about.links, usual, c.train_source, c.finding.plan, c.period,
+                           reading, 0, nullptr, c.base_joints()));
+}
+
+AuditReport audit_logged(const JointCase& c, const RecordingSource& source) {
+  std::vector<JointDescription> joints = describe_joints(c.model);
+  joints.erase(joints.begin(), joints.begin() + c.base_joints());
+  return audit(source.sample(), {.joints = std::move(joints)});
 }
 
 /// Faults of held-out channels bias what is said of them; there is no end of notes on clocks.
-void audit_held_out(const std::vector<Recording>& sample, JointCase& c) {
-  for (ChannelFault& fault : audit(sample, {.joints = describe_joints(c.model)}).faults) {
+void audit_held_out(JointCase& c) {
+  const RecordingSource& source = c.floats ? *c.floats->logged_test() : *c.test_source;
+  for (ChannelFault& fault : audit_logged(c, source).faults) {
     if (fault.severity != FaultSeverity::kFault) continue;
     fault.evidence.insert(0, "held-out data: ");
     c.finding.audit.push_back(std::move(fault));
@@ -161,13 +178,14 @@ void prepare(JointCase& c) {
         "--base prior: " + (c.model.source.empty() ? "the model" : c.model.source) +
         " has no posterior; give the model.json that `identify` wrote, or take --base refit");
   c.finding.base = c.base == Base::kRefit ? "refit" : c.base == Base::kPrior ? "prior" : "fixed";
-  FitChoice choice;
+  // The last of a base's joints moves the base itself, which has parameters.
+  FitChoice choice = without_base_joints(c, std::max(c.base_joints() - 1, 0));
   choice.effects = std::vector<std::string>{};
   c.layout = layout_for(c.model, c.train_source, c.test_source, choice, c.finding.notes);
   const IdentifyOptions reading = reading_options(c.options);
   const std::vector<Recording> sample = c.train_source.sample();
   c.link_side = sample.front().info.torque_side == TorqueSide::kLink;
-  const AuditReport report = audit(sample, {.joints = describe_joints(c.model)});
+  const AuditReport report = audit_logged(c, c.floats ? c.floats->logged_train() : c.train_source);
   c.finding.audit = report.faults;
   c.period = sample.front().info.period;
   if (c.period <= 0.0 && !report.periods.empty()) c.period = report.periods.front().seconds;
@@ -177,8 +195,9 @@ void prepare(JointCase& c) {
   const auto read_train = [&] {
     c.finding.plan = plan_rows(c.about.links, sample, c.period, c.options.preprocess);
     c.period = c.finding.plan.dt * std::round(c.period / c.finding.plan.dt);
-    c.train = std::make_unique<Evidence>(c.model, c.about.links, c.layout, c.train_source,
-                                         c.finding.plan, c.period, reading);
+    c.train =
+        std::make_unique<Evidence>(c.model, c.about.links, c.layout, c.train_source, c.finding.plan,
+                                   c.period, reading, 0, nullptr, c.base_joints());
   };
   read_train();
   require_motion(*c.train, c.finding.plan, sample);
@@ -209,7 +228,7 @@ void prepare(JointCase& c) {
   if (c.test_source) {
     const std::vector<Recording> held = c.test_source->sample();
     require_blocks(held);
-    audit_held_out(held, c);
+    audit_held_out(c);
     c.test_plan = plan_held_out(held, c.finding.plan, c.options.preprocess);
     double period = held.front().info.period;
     if (period <= 0.0) period = detect_period(held.front()).seconds;
@@ -217,7 +236,7 @@ void prepare(JointCase& c) {
     const double dt = c.test_plan.dt;
     c.test = std::make_unique<Evidence>(
         c.model, c.about.links, c.layout, *c.test_source, c.test_plan, dt * std::round(period / dt),
-        reading, static_cast<int>(c.train_source.runs().size()), c.train.get());
+        reading, static_cast<int>(c.train_source.runs().size()), c.train.get(), c.base_joints());
     require_same_joints(joint_names(c.model), *c.train, *c.test, held.front().source);
     require_blocks(*c.test, held);
     require_motion(*c.test, c.test_plan, held);
@@ -231,7 +250,7 @@ void prepare(JointCase& c) {
   }
   if (c.options.whole_catalogue() || !c.options.effects.empty())
     c.candidates = make_candidates(c.model, c.about.links, c.options.effects, c.train_source.runs(),
-                                   c.link_side);
+                                   c.link_side, c.base_joints());
   add_own_candidates(c.options.candidates, c.model, c.candidates);
   for (const Candidate& tried : c.candidates)
     if (tried.effect.own)

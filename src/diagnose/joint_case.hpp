@@ -10,6 +10,7 @@
 #include "diagnose/held_out.hpp"
 #include "diagnose/reference.hpp"
 #include "diagnose/rows.hpp"
+#include "diagnose/unfolded_base.hpp"
 
 namespace diffnea {
 
@@ -28,6 +29,7 @@ struct JointCase {
   const RecordingSource* test_source;  ///< null: rows of `train` are held out
   DiagnoseOptions options;
   Linearisation about;  ///< without widths, links move to a fit
+  const UnfoldedBase* floats = nullptr;  ///< whose model and sources these are; null: none
   Finding finding = {};
 
   Base base = Base::kRefit;
@@ -43,6 +45,9 @@ struct JointCase {
   std::unique_ptr<Reference> reference = {};
   std::unique_ptr<HeldOut> held_out = {};
   std::unique_ptr<Search> search = {};
+
+  /// Degrees of freedom that lead and are a floating base's.
+  int base_joints() const { return floats ? kBaseJoints : 0; }
 };
 
 /// Fills in what does not depend on causes. The finding is told of the data and of candidates that

@@ -35,9 +35,10 @@ constexpr int kPassesBesideCauses = 2;
 
 class JointDiagnosis {
  public:
-  /// @param test  null: rows of `train` are held out
+  /// @param test    null: rows of `train` are held out
+  /// @param floats  whose model and sources these are; null: the base is fixed
   JointDiagnosis(const Model& model, const RecordingSource& train, const RecordingSource* test,
-                 const DiagnoseOptions& options, Linearisation about);
+                 const DiagnoseOptions& options, Linearisation about, const UnfoldedBase* floats);
   JointDiagnosis(const JointDiagnosis&) = delete;
   JointDiagnosis& operator=(const JointDiagnosis&) = delete;
 
@@ -83,8 +84,8 @@ class JointDiagnosis {
 
 JointDiagnosis::JointDiagnosis(const Model& model, const RecordingSource& train,
                                const RecordingSource* test, const DiagnoseOptions& options,
-                               Linearisation about)
-    : case_{model, train, test, options, std::move(about)} {
+                               Linearisation about, const UnfoldedBase* floats)
+    : case_{model, train, test, options, std::move(about), floats} {
   if (options.progress)
     case_.options.progress = [this, told = options.progress](const FitProgress& progress) {
       const bool go_on = told(progress);
@@ -120,7 +121,7 @@ Finding JointDiagnosis::finding() {
   if (case_.finding.verdict == Verdict::kUnknown && case_.options.grey_box &&
       !case_.finding.interrupted)
     grey_ = grey_box(case_.model, *case_.train, *case_.search, terms_, *case_.held_out, witness_,
-                     case_.options.accept_delta_bic);
+                     case_.options.accept_delta_bic, case_.base_joints());
   complete();
   plan_next();
   add_grey_box();
@@ -375,6 +376,11 @@ void JointDiagnosis::plan_next() {
   if (case_.finding.interrupted ||
       std::ranges::all_of(case_.finding.causes, [](const Cause& c) { return c.members.empty(); }))
     return;
+  if (case_.floats) {
+    case_.finding.notes.push_back(
+        "no next experiment is proposed: motions of robots that float are not designed");
+    return;
+  }
   Model reference = case_.finding.model;
   // The causes come last, but for those that no model can hold.
   const auto added = std::ranges::count_if(terms_, [](const Term& t) { return !t.effect.own; });
@@ -422,11 +428,12 @@ void JointDiagnosis::judge() {
 }  // namespace
 
 Finding diagnose_joints(const Model& model, const RecordingSource& train,
-                        const RecordingSource* test, const DiagnoseOptions& options) {
+                        const RecordingSource* test, const DiagnoseOptions& options,
+                        const UnfoldedBase* floats) {
   const auto start = std::chrono::steady_clock::now();
   Linearisation about{model};
   for (int passes = kPassesBesideCauses;; --passes) {
-    JointDiagnosis diagnosis(model, train, test, options, about);
+    JointDiagnosis diagnosis(model, train, test, options, about, floats);
     diagnosis.select();
     about = diagnosis.beside_causes();
     if (passes > 0 && !about.widths.empty()) continue;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include "core/decompositions.hpp"
 #include "diagnose/hats.hpp"
@@ -142,8 +143,15 @@ Smoothed beside_smooth_functions(const Evidence& e, const std::vector<int>& free
     const long own = static_cast<long>(k);
     const VecX<double> q = e.q(own).col(e.joints()[k])(rows),
                        qd = e.qd(own).col(e.joints()[k])(rows);
-    const MatX<double> base = e.without_scale(
-        static_cast<long>(k), e.base().middleRows(begin, e.times()), x0)(rows, free);
+    // Nothing but the links moves a passive joint: what other links would do there is no noise,
+    // whether or not the base may be refitted. Where no torque is known these explain all.
+    std::vector<int> columns = free;
+    if (e.passive(own) && e.has_passive_beside_torques()) {
+      columns.resize(static_cast<std::size_t>(e.base().cols()));
+      std::iota(columns.begin(), columns.end(), 0);
+    }
+    const MatX<double> base =
+        e.without_scale(own, e.base().middleRows(begin, e.times()), x0)(rows, columns);
     const long rank = base.cols() ? Eigen::ColPivHouseholderQR<MatX<double>>(base).rank() : 0;
     int count = kKnots;
     while (count > kLeastKnots && (rank + 2 * count) * kRowsAColumn > m) count /= 2;

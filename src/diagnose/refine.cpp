@@ -236,11 +236,14 @@ bool plausible(const Search& search, const Term& term) {
   const double seen = term.visible_share();
   if (term.effect.info().port == Port::kJointTorque && seen > kPlainSight) return true;
   const VecX<double> torque = term.torque();
-  const long m = search.evidence().times();
-  for (long k = 0; k < static_cast<long>(search.evidence().joints().size()); ++k)
-    if ((seen <= kMostlySeen || search.evidence().passive(k)) &&
+  const Evidence& e = search.evidence();
+  const long m = e.times();
+  // Beside torques, those that cancel at a passive joint are its size one by one.
+  const bool cancels = e.has_passive_beside_torques();
+  for (long k = 0; k < static_cast<long>(e.joints().size()); ++k)
+    if ((seen <= kMostlySeen || e.passive(k)) &&
         torque.segment(k * m, m).norm() >
-            kWhole * search.evidence().size(k) * std::sqrt(static_cast<double>(m)))
+            kWhole * (cancels ? e.scale(k) : e.size(k)) * std::sqrt(static_cast<double>(m)))
       return false;
   return true;
 }

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include <diffnea/dynamics/mass_matrix.hpp>
 
@@ -28,7 +29,55 @@ VecX<double> at_ends(long rows, double path_hz, double dt) {
   return (variance.array() - amid).max(0.0);
 }
 
+/// ∂τ/∂q of the links, and ∂τ/∂q̇ − 2 Ṁ: what errors δq of the path leave of M δq̈ + D δq̇ once both
+/// are integrated twice, beside M δq, (n × n) each.
+struct Slopes {
+  Slopes(const Tree<double>& tree, const VecX<double>& q, const VecX<double>& qd,
+         const VecX<double>& qdd)
+      : by_q(q.size(), q.size()), by_qd(q.size(), q.size()) {
+    RneaWorkspace<double, double> ws;
+    for (long i = 0; i < q.size(); ++i) {
+      const VecX<double> step = kStep * VecX<double>::Unit(q.size(), i);
+      const VecX<double> more = rnea<double, double>(tree, q + step, qd, qdd, ws);
+      by_q.col(i) = (more - rnea<double, double>(tree, q - step, qd, qdd, ws)) / (2.0 * kStep);
+      const VecX<double> faster = rnea<double, double>(tree, q, qd + step, qdd, ws);
+      by_qd.col(i) = (faster - rnea<double, double>(tree, q, qd - step, qdd, ws)) / (2.0 * kStep);
+    }
+    MassMatrixWorkspace<double, double> mass;
+    by_qd -= mass_matrix<double, double>(tree, q + kStep * qd, mass) / kStep;
+    by_qd += mass_matrix<double, double>(tree, q - kStep * qd, mass) / kStep;
+  }
+  MatX<double> by_q, by_qd;
+};
+
+/// Density of the torque by which noise of the other positions drifts a coordinate j of a floating
+/// base: nothing else moves it, so that its rows would remember the whole run. White noise δq_i
+/// enters as M_ji δq̈_i + D_ji δq̇_i + K_ji δq_i. The middle is a random walk of q_j, of the rate
+/// s² dt/M² with s² the variance of Σ D_ji δq_i, from which the position's own noise R tells q_j
+/// up to ω = s/(M √R); at ω it has the density s² ω² dt.
+double drift(const Slopes& slopes, int j, double inertia, double variance, const SignalNoise& noise,
+             const VecX<double>& q, double dt) {
+  VecX<double> K = slopes.by_q.row(j).transpose(), D = slopes.by_qd.row(j).transpose();
+  K[j] = D[j] = 0.0;  // these the equation has
+  const double s2 = noise.variance(D, q);
+  return dt * (noise.variance(K, q) + s2 * s2 / (inertia * inertia * variance));
+}
+
 }  // namespace
+
+/// Angles α of the hinges turn by δ = E δα, so that their covariance is σ² (EᵀE)⁻¹: the outer and
+/// the inner axis meet at the cosine −sin α_middle.
+double SignalNoise::variance(const VecX<double>& w, const VecX<double>& q) const {
+  double out = w.cwiseProduct(position).squaredNorm();
+  if (hinges < 0) return out;
+  const VecX<double> of_hinges = w.segment(hinges, 3);
+  out -= of_hinges.cwiseProduct(position.segment(hinges, 3)).squaredNorm();
+  const double sine = std::sin(q[hinges + 1]), outer = of_hinges[0], inner = of_hinges[2];
+  return out +
+         std::pow(position[hinges + 1], 2) *
+             (of_hinges[1] * of_hinges[1] +
+              (outer * outer + inner * inner + 2.0 * sine * outer * inner) / (1.0 - sine * sine));
+}
 
 std::vector<JointEquation> joint_equations(const Tree<double>& tree, const JointSeries& path,
                                            const std::vector<int>& joints, const SignalNoise& noise,
@@ -47,6 +96,8 @@ std::vector<JointEquation> joint_equations(const Tree<double>& tree, const Joint
     const VecX<double> q = path.q.row(at).transpose(), qd = path.qd.row(at).transpose(),
                        qdd = path.qdd.row(at).transpose();
     const MatX<double>& M = mass_matrix<double, double>(tree, q, mass);
+    std::optional<Slopes> slopes;
+    if (noise.hinges >= 0) slopes.emplace(tree, q, qd, qdd);
     for (std::size_t k = 0; k < joints.size(); ++k) {
       const int j = joints[k];
       const auto slope = [&](const VecX<double>& by_q, const VecX<double>& by_qd) {
@@ -55,19 +106,20 @@ std::vector<JointEquation> joint_equations(const Tree<double>& tree, const Joint
                (2.0 * kStep);
       };
       const VecX<double> step = kStep * VecX<double>::Unit(n, j), none = VecX<double>::Zero(n);
-      double others = 0.0, coupled = 0.0;
-      for (long i = 0; i < n; ++i)
-        if (i != j) {
-          others += std::pow(M(j, i) / M(j, j) * noise.position[i], 2);
-          coupled += std::pow(M(j, i) * noise.position[i], 2);
-        }
+      VecX<double> of_others = M.row(j).transpose();
+      of_others[j] = 0.0;
+      const double coupled = noise.variance(of_others, q);
       JointEquation& e = out[k];
       e.inertia.segment(begin, count).setConstant(M(j, j));
       e.stiffness.segment(begin, count).setConstant(slope(step, none));
       e.damping.segment(begin, count).setConstant(slope(none, step));
-      e.variance.segment(begin, count).setConstant(std::pow(noise.position[j], 2) + others);
+      e.variance.segment(begin, count)
+          .setConstant(noise.variance(M.row(j).transpose() / M(j, j), q));
       e.density.segment(begin, count) =
           (noise.density[j] + coupled * ends.segment(begin, count).array()).matrix();
+      if (slopes && j < noise.hinges + 3)
+        e.density.segment(begin, count).array() +=
+            drift(*slopes, j, M(j, j), e.variance[begin], noise, q, path.dt);
     }
   }
   return out;

@@ -34,6 +34,12 @@ inline constexpr double kLeastPosition = 1e-9;
 struct SignalNoise {
   VecX<double> position;  ///< (n) standard deviation [rad] or [m]
   VecX<double> density;   ///< (n) of the torque [N²m²s] or [N²s]
+  /// First of the three hinges of a base that floats (UnfoldedBase): their noise is that of an
+  /// orientation, of the same size about every line, the middle one's; −1: there are none.
+  int hinges = -1;
+
+  /// Variance of Σ w_i δq_i, the positions' noise. @param w, q  (n)
+  double variance(const VecX<double>& w, const VecX<double>& q) const;
 };
 
 /// The equations of `joints` along a stretch. Positions of the others count as noise: the

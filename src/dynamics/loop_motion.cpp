@@ -2,60 +2,28 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include <diffnea/core/error.hpp>
-#include <diffnea/core/random.hpp>
 #include <diffnea/core/text.hpp>
 #include <diffnea/dynamics/driven_torques.hpp>
 #include <diffnea/model/lock.hpp>
 
 #include "core/decompositions.hpp"
 #include "core/number_text.hpp"
+#include "dynamics/closed_posture.hpp"
 
 namespace diffnea {
 namespace {
 
-constexpr double kClosed = 1e-9;  ///< largest residual of a closed loop [m, rad]
-constexpr int kMostSteps = 20;    ///< Gauss–Newton's: near a closed posture three do
 /// Way of a follower from where it was expected that is a jump to another assembly [rad, m].
 constexpr double kJump = 0.5;
 constexpr double kStride = 0.05;  ///< largest way of a leading joint between two postures [rad, m]
 /// Firmness of a posture that counts as held at all: followers a thousand times as fast.
 constexpr double kDeadPoint = 1e-3;
-/// Firmness that a home posture has at least, if any that is found has.
-constexpr double kFirmHome = 0.1;
-constexpr int kHomeTries = 200;      ///< random postures, where the loop is open at rest
-constexpr double kHomeSpread = 1.5;  ///< largest standard deviation of these [rad, m]
 /// Share of the largest column of Nᵀ from which a joint adds a motion.
 constexpr double kAddsMotion = 1e-6;
 
-/// Residual, rounding and all, that closes.
-ProjectionOptions closing(const std::vector<int>& held) {
-  return {.held = held, .tolerance = 1e-11, .most_steps = kMostSteps};
-}
-
 double largest(const VecX<double>& x) { return x.size() > 0 ? x.cwiseAbs().maxCoeff() : 0.0; }
-
-/// Tells whether frames of welds and axes of hinges are no half turn apart: their rows are 0 there,
-/// too (dynamics/constraints.hpp).
-bool faces(const Model& model, const Tree<double>& tree, const VecX<double>& q) {
-  const TreeMap map = map_to_tree(model);
-  LinkKinematics<double> kinematics;
-  forward_kinematics<double, double>(tree, q, kinematics);
-  const auto turn = [&](const ConstraintEnd& end) {
-    const auto [link, X_LF] = place_in_tree(map, end.link);
-    return frame_pose(kinematics, link, X_LF * end.X_LF).R;
-  };
-  return std::ranges::all_of(model.constraints, [&](const ConstraintSpec& c) {
-    if (c.kind != ConstraintKind::kWeld && c.kind != ConstraintKind::kHinge) return true;
-    const Mat3<double> J = turn(c.first), K = turn(c.second);
-    double same = dot(J.col[2], K.col[2]);
-    if (c.kind == ConstraintKind::kWeld)
-      same = std::min({same, dot(J.col[0], K.col[0]), dot(J.col[1], K.col[1])});
-    return same > 0.0;
-  });
-}
 
 }  // namespace
 
@@ -72,10 +40,7 @@ LoopMotion::LoopMotion(std::string where, const Model& model)
                        "' rolls: its place depends on the way there, not on the driven joints, and "
                        "is not simulated here; --open-loops (open_loops=True) reads the tree "
                        "without constraints");
-  const std::vector<int> moving = moving_links(model);
-  for (std::size_t j = 0; j < moving.size(); ++j)
-    if (!model.links[static_cast<std::size_t>(moving[j])].passive)
-      drives_.push_back(static_cast<int>(j));
+  drives_ = driven_joints(model);
   find_home(model);
   choose_leads();
 }
@@ -87,49 +52,17 @@ MatX<double> LoopMotion::jacobian(const VecX<double>& q) const {
   return tree_rows(tree_, constraints_, q, still).J;
 }
 
-/// Where the joints rest, closed; from random postures around it where that is a dead end, as a
-/// linkage is that is stretched out. Postures within the joints' limits come first.
 void LoopMotion::find_home(const Model& model) {
-  const int n = num_joints();
-  const std::vector<int> moving = moving_links(model);
-  VecX<double> rest(n), low(n), high(n);
-  for (int j = 0; j < n; ++j) {
-    const auto at = static_cast<std::size_t>(j);
-    rest[j] = resting_position(model, joints_[at]);
-    const JointLimits& l = model.links[static_cast<std::size_t>(moving[at])].limits;
-    low[j] = l.lower;
-    high[j] = l.upper;
-  }
-  Rng rng(1);
-  double best = std::numeric_limits<double>::infinity();
-  ProjectedPositions open;
-  for (int k = 0; k <= kHomeTries; ++k) {
-    VecX<double> start = rest;
-    for (int j = 0; j < n && k > 0; ++j)
-      start[j] = std::clamp(rest[j] + kHomeSpread * k / kHomeTries * rng.normal(), low[j], high[j]);
-    const ProjectedPositions found = project_positions(tree_, constraints_, start, closing({}));
-    if (k == 0) open = found;
-    if (!(found.residual <= kClosed) || !faces(model, tree_, found.q)) continue;
-    const VecX<double> beyond = (low - found.q).cwiseMax(found.q - high).cwiseMax(0.0);
-    const MatX<double> N = constraint_null_space(jacobian(found.q));
-    double firm = 0.0;
-    if (!drives_.empty() && N.cols() > 0 && static_cast<Eigen::Index>(drives_.size()) >= N.cols())
-      firm = Eigen::JacobiSVD<MatX<double>>(MatX<double>(N(drives_, Eigen::all)))
-                 .singularValues()[N.cols() - 1];
-    // Beyond a limit, or loosely held, counts as far away.
-    const double far =
-        largest(found.q - rest) + 100.0 * largest(beyond) + (firm < kFirmHome ? 10.0 : 0.0);
-    if (far < best) {
-      best = far;
-      home_ = found.q;
-    }
-    if (k == 0 && far < 10.0) return;
-  }
-  if (home_.size() == 0)
+  VecX<double> rest(num_joints());
+  for (int j = 0; j < num_joints(); ++j)
+    rest[j] = resting_position(model, joints_[static_cast<std::size_t>(j)]);
+  const ClosedPosture found = closed_posture(model, tree_, constraints_, rest);
+  if (!found.closes)
     throw ModelError(where_ + ": no posture near where the joints of '" + name_ +
-                     "' rest closes its loops: " + gap_text(open.q) +
+                     "' rest closes its loops: " + gap_text(found.q) +
                      "; expected lengths that close, or a `home` near a closed posture (`diffnea "
                      "info` shows every constraint's gap)");
+  home_ = found.q;
 }
 
 void LoopMotion::choose_leads() {
@@ -147,20 +80,24 @@ void LoopMotion::choose_leads() {
   if (motions > 0 && static_cast<Eigen::Index>(leads_.size()) == motions) return;
   std::vector<std::string> driven;
   for (const int j : drives_) driven.push_back(joints_[static_cast<std::size_t>(j)]);
-  throw ModelError(where_ + ": constraints leave " + std::to_string(motions) + " of " +
-                   std::to_string(num_joints()) + " motions of '" + name_ +
-                   (motions == 0
-                        ? "', so that nothing can move"
-                        : "', and joints with a drive hold " + std::to_string(leads_.size()) +
-                              " of them (" + detail::join_or_none(driven) +
-                              "); expected as many drives as motions"));
+  std::vector<std::string> home;
+  for (int j = 0; j < num_joints(); ++j)
+    home.push_back(joints_[static_cast<std::size_t>(j)] + " = " + detail::number_text(home_[j], 4));
+  // More than elsewhere, where a linkage is stretched.
+  throw ModelError(
+      where_ + ": constraints leave " + std::to_string(motions) + " of " +
+      std::to_string(num_joints()) + " motions of '" + name_ + "' at " + detail::join(home) +
+      (motions == 0
+           ? ", so that nothing can move"
+           : ", and joints with a drive hold " + std::to_string(leads_.size()) + " of them (" +
+                 detail::join_or_none(driven) + "); expected as many drives as motions"));
 }
 
 bool LoopMotion::close(const VecX<double>& y, VecX<double>& q) const {
   VecX<double> at = q;
   at(leads_) = y;
   const ProjectedPositions found = project_positions(tree_, constraints_, at, closing(leads_));
-  if (!(found.residual <= kClosed) || largest(found.q - at) > kJump) return false;
+  if (!(found.residual <= kClosedLoop) || largest(found.q - at) > kJump) return false;
   q = found.q;
   return true;
 }
@@ -183,7 +120,7 @@ bool LoopMotion::hold(VecX<double>& q, VecX<double>& qd) const {
   const ProjectedPositions found = project_positions(tree_, constraints_, q, closing({}));
   q = found.q;
   qd = project_velocities(tree_, constraints_, q, qd);
-  return found.residual <= kClosed;
+  return found.residual <= kClosedLoop;
 }
 
 double LoopMotion::slopes(const VecX<double>& q, MatX<double>& S) const {

@@ -12,6 +12,9 @@
 namespace diffnea {
 namespace {
 
+/// Degree of freedom of a base that floats, which no joint moves.
+constexpr int kNoDof = -1;
+
 /// "did you mean x? choices: a, b, c"
 std::string choices(const std::string& name, const std::vector<std::string>& names) {
   std::string list, nearest;
@@ -75,7 +78,7 @@ std::string names_of_places(Place place) {
     case Place::kJointPair:
       return "two joints, \"first,second\"";
     case Place::kTip:
-      return "`tip` or the joint that moves the link";
+      return "`tip`, the joint that moves the link, or `base` of a robot that floats";
     case Place::kBase:
       return "`base`";
     case Place::kAllJoints:
@@ -121,6 +124,8 @@ std::vector<TreeJoint> resolve_where(const std::string& here, const EffectInfo& 
     if (where != there.front()) throw ModelError(here + ": got '" + where + "'" + expected);
     return {};
   }
+  if (where == "base" && info.has(Trait::kInertia) && model.free_base)
+    return {{.name = where, .link = 0, .drive = {.dof = kNoDof}}};
   if (joints.empty()) throw ModelError(here + ": the model has no moving joint to act on");
   if (where.empty()) throw ModelError(here + ": it is not said where it acts" + expected);
 
@@ -156,7 +161,7 @@ std::vector<TreeJoint> resolve_where(const std::string& here, const EffectInfo& 
 void place_at(const std::vector<TreeJoint>& joints, const std::string& here, BoundEffect& out) {
   const EffectInfo& info = out.info();
   for (const TreeJoint& j : joints) {
-    out.joints.push_back(j.drive.dof);
+    if (j.drive.dof != kNoDof) out.joints.push_back(j.drive.dof);
     out.links.push_back(j.link);
     if (!j.follows || info.place == Place::kTip) continue;
     const bool one_instant = info.port == Port::kJointTorque && info.place == Place::kJoint;

@@ -5,15 +5,13 @@
 
 #include <Eigen/Geometry>
 
-#include <diffnea/dynamics/constraint_projection.hpp>
 #include <diffnea/dynamics/tree_constraints.hpp>
 #include <diffnea/model/lock.hpp>
 
+#include "dynamics/closed_posture.hpp"
+
 namespace diffnea::io {
 namespace {
-
-/// Largest residual [m, rad] of a loop that counts as closed: a micrometre.
-constexpr double kClosed = 1e-6;
 
 VecX<double> reference_positions(const Model& model, const Tree<double>& tree) {
   VecX<double> q(tree.num_positions());
@@ -65,8 +63,8 @@ LoopReport report_loops(const Model& model) {
   LoopReport out;
   for (const ConstraintSpec& c : model.constraints)
     out.gaps.push_back(gap_of(c, in_world(c.first), in_world(c.second)));
-  const ProjectedPositions closed = project_positions(tree, constraints, q);
-  out.closes = closed.residual <= kClosed;
+  const ClosedPosture closed = closed_posture(model, tree, constraints, q);
+  out.closes = closed.closes;
   out.remains = closed.residual;
   for (const double x : difference<double, double>(tree, q, closed.q))
     out.farthest = std::max(out.farthest, std::abs(x));

@@ -20,7 +20,7 @@ struct LoopReport {
   std::vector<ConstraintGap> gaps;  ///< one per constraint
   int coordinates = 0;              ///< number of them in the tree, the base's six among them
   int left = 0;                     ///< number that constraints leave, where they are closed
-  bool closes = false;              ///< Gauss–Newton from the reference posture closes all of them
+  bool closes = false;              ///< a posture near the reference closes all of them
   double remains = 0.0;             ///< largest residual that it leaves, in the constraints' units
   double farthest = 0.0;  ///< largest change of a coordinate to where they are closed [rad, m]
 };

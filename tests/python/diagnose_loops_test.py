@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from cli import BAD_INPUT, diffnea, done, load
+from cli import done, load
 from planar_linkage import FIVE_BAR, FOUR_BAR, Bar, Linkage, described
 
 NOISE, ENCODER = 0.02, 2e-5  # [N·m], [rad]
@@ -133,20 +133,6 @@ def test_nothing_is_named_where_nothing_is_hidden(tmp_path: Path) -> None:
     tried = {(c["effect"], c["where"]) for c in result["candidates"]}
     assert ("coulomb_friction", "j3") in tried
     assert not {("armature", "j3"), ("torque_offset", "j2"), ("cogging", "j2")} & tried
-
-
-def test_robots_that_float_are_refused(tmp_path: Path) -> None:
-    """Before anything is read."""
-    (tmp_path / "flyer.xml").write_text(
-        '<mujoco model="flyer"><worldbody><body name="base"><freejoint/>'
-        '<inertial pos="0 0 0" mass="1" diaginertia=".1 .1 .1"/><body name="arm">'
-        '<inertial pos="0 0 .1" mass="1" diaginertia=".1 .1 .1"/><joint name="j" axis="0 1 0"/>'
-        "</body></body></worldbody></mujoco>"
-    )
-    data = record(tmp_path / "log.csv", FOUR_BAR, 1, {})
-    said = diffnea("diagnose", tmp_path / "flyer.xml", data, "-o", tmp_path / "why")
-    assert said.returncode == BAD_INPUT
-    assert "the base 'base' of 'flyer' floats" in said.stderr
 
 
 @pytest.mark.study

@@ -210,10 +210,12 @@ DIFFNEA_INLINE void let_base_float(Model& model, const std::string& where) {
 
 DIFFNEA_INLINE void require_fixed_base(const char* what, const Model& model) {
   if (!model.free_base) return;
-  throw ModelError(std::string(what) + ": the base '" + model.links[0].name + "' of '" +
-                   model.name +
-                   "' floats, which is not served here yet; --fix-base (fix_base=True) reads it as "
-                   "hung where the file has it, and `diffnea identify` fits logs of its flights");
+  throw ModelError(
+      std::string(what) + ": the base '" + model.links[0].name + "' of '" + model.name +
+      "' floats, and what holds or pushes it is not modelled; --fix-base "
+      "(fix_base=True) reads it as hung where the file has it, `diffnea identify` and "
+      "`diagnose` read torques of its flights, and `diffnea export` writes an MJCF for "
+      "MuJoCo, which has contacts");
 }
 
 DIFFNEA_INLINE void require_no_constraints(const char* what, const Model& model) {
