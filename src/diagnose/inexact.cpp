@@ -100,9 +100,11 @@ double inexact_at(const Search& search, const Term& term, const std::vector<Term
   const Port port = term.effect.info().port;
   const bool local =
       port == Port::kJointTorque || (port == Port::kMemory && !encoder_at_motor(term.effect));
-  const VecX<double> torque = search.projection().expanded(term.torque_beside()).col(0);
-  const double size = torque.head(evidence.rows()).norm();
-  if (!(size > 0.0)) return kInfinity;
+  VecX<double> torque;  // empty where it is not known: a learned one, of one joint
+  if (term.beside.cols() > 0)
+    torque = search.projection().expanded(term.torque_beside()).col(0).head(evidence.rows());
+  const double size = torque.norm();
+  if (torque.size() > 0 && !(size > 0.0)) return kInfinity;
   double of_joints = 0.0;  // the largest product with what is not exact, over the size
   for (std::size_t k = 0; k < evidence.joints().size(); ++k) {
     const auto acts = [&](const Term& t) {
@@ -121,7 +123,8 @@ double inexact_at(const Search& search, const Term& term, const std::vector<Term
     const std::vector<bool>& kept = search.whitener().kept();
     const auto rows = std::count(kept.begin() + begin, kept.begin() + begin + m, true);
     there += search.whitener().noise()[k].assumed * static_cast<double>(rows);
-    of_joints += std::sqrt(there) * torque.segment(begin, m).norm() / size;
+    const double share = torque.size() > 0 ? torque.segment(begin, m).norm() / size : 1.0;
+    of_joints += share * std::sqrt(there);
   }
   return of_joints * of_joints + (term.effect.info().motor == HiddenMotor::kSpring
                                       ? of_moving_noise(search, term, terms)

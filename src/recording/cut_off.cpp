@@ -173,17 +173,13 @@ std::vector<std::vector<bool>> jerky_ends(const std::vector<Eigen::VectorXd>& se
   for (const bool backward : {false, true})
     for (long i = 0; i < count; ++i) {
       const std::size_t at = static_cast<std::size_t>(backward ? count - 1 - i : i);
-      std::vector<bool>& rows = out[windows.segment[at]];
-      // The first of its segment that holds none is the last that an event before it bends.
-      const long first = windows.first[at],
-                 from = backward ? first : std::max(first - windows.rows, 0L);
-      const bool outermost = backward ? first + 2 * windows.rows > std::ssize(rows) : first == 0;
       if (!windows.events[at]) continue;
-      if (!outermost &&
-          !rows[static_cast<std::size_t>(backward ? first + windows.rows : first - 1)])
-        continue;
-      std::fill(rows.begin() + from,
-                rows.begin() + std::min(from + 2 * windows.rows, std::ssize(rows)), true);
+      std::vector<bool>& rows = out[windows.segment[at]];
+      const long first = windows.first[at], last = first + windows.rows, size = std::ssize(rows);
+      const bool outermost = backward ? last + windows.rows > size : first == 0;
+      if (!outermost && !rows[static_cast<std::size_t>(backward ? last : first - 1)]) continue;
+      std::fill(rows.begin() + std::max(first - windows.rows, 0L),
+                rows.begin() + std::min(last + windows.rows, size), true);
     }
   return out;
 }
