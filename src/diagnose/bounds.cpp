@@ -135,7 +135,7 @@ void bound_backlash(const std::vector<double>& q_noise, Candidate& c) {
   const double most = c.grid.back()[0];
   if (joint < q_noise.size() && q_noise[joint] > 0.0) least = kGapNoises * q_noise[joint];
   c.shape_low = {least};
-  std::set<std::vector<double>> sides;  // of the encoder: what follows the gap in a point
+  std::set<std::vector<double>> sides;  // sides of the encoder follow the gap in a point
   for (const std::vector<double>& point : c.grid) sides.emplace(point.begin() + 1, point.end());
   c.grid.clear();
   if (!(least < most)) return;

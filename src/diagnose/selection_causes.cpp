@@ -1,4 +1,4 @@
-/// What is said of the causes that stay: sizes, evidence, rivals, gain.
+/// Describes the causes that stay: sizes, evidence, rivals, gain.
 
 #include <algorithm>
 #include <cmath>

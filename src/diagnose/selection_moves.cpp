@@ -1,4 +1,4 @@
-/// What a selection tries with the causes that it has: one fewer, another in its place, one for two
+/// Moves of a selection with the causes that it has: one fewer, another in its place, one for two
 /// or several for one.
 
 #include <algorithm>

@@ -27,14 +27,14 @@ constexpr long kFewestWindows = 20;
 /// is that much less.
 constexpr long kMeans = 16;
 
-/// What a path leaves of positions, window by window of one period of its cut-off.
+/// Positions less a path of them, window by window of one period of its cut-off.
 struct Windows {
-  long rows = 0;                     ///< of each
+  long rows = 0;                     ///< a window
   std::vector<std::size_t> segment;  ///< whose
   std::vector<long> first;           ///< row of that segment
   std::vector<double> left;          ///< root mean square of means of its rows
   std::vector<bool> events;          ///< holds one
-  double share = 0.0;                ///< of the moving windows, with events
+  double share = 0.0;                ///< moving windows with events, of all of these
 };
 
 /// Root mean square of means of `mean` rows.

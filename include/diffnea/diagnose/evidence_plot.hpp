@@ -1,5 +1,5 @@
 #pragma once
-/// What a cause looks like in the torque error.
+/// Signature of a cause in the torque error, to draw.
 
 #include <limits>
 #include <string>

@@ -1,5 +1,5 @@
 #pragma once
-/// What is left that has no name: the variables it depends on, and what was learned of it.
+/// Errors that no cause explains: the variables it depends on, and what was learned of it.
 
 #include <string>
 #include <vector>

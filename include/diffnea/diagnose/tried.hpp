@@ -1,5 +1,5 @@
 #pragma once
-/// What of the catalogue was tried, and why what is no cause is none.
+/// Candidates that were tried, and why those that are no cause are none.
 
 #include <string>
 #include <vector>

@@ -1,5 +1,5 @@
 #pragma once
-/// What a diagnosis comes to, and from which held-out error on a verdict speaks of it.
+/// Verdicts of a diagnosis, and from which held-out error on a verdict speaks of it.
 
 #include <diffnea/core/fields.hpp>
 
