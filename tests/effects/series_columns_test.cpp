@@ -139,7 +139,7 @@ TEST_CASE("series_columns: a wider gap is as much further for the rotor", "[effe
   const double gap = 0.02, J = 0.4, w = 3.0;
   JointSeries x = rail_at_rest();
   x.logged = sampled([&](double t) { return 20.0 * std::sin(w * t); });
-  x.tau = x.logged;  // what holds the link against the teeth
+  x.tau = x.logged;  // something holds the link against the teeth
   const BoundEffect e =
       bind({"backlash",
             "slide",
