@@ -28,7 +28,6 @@ MISSED = {
     ("first", "backlash"): "a gap of many noises: a spring and two lags are named",
     ("first", "time_shift"): "half a sample, which a drive that holds its torque has as well",
     ("ball", "ball_string_extension"): "a string that gives by much: damping is named beside it",
-    ("rigs", "backlash"): "pulses count as noise where a motion never repeats",
     ("rigs", "presliding_lugre"): "named Coulomb friction, Dahl's in its class, of which it is one",
     ("rigs", "stribeck_friction"): "at 50 Hz no row is slow enough",
     ("rigs", "time_shift"): "its expected LM is 37",

@@ -14,7 +14,8 @@ from diffnea import _core
 ROOT = Path(__file__).resolve().parents[2]
 MODELS = ROOT / "models"
 COMMAND = os.environ.get("DIFFNEA_COMMAND") or str(Path(sys.executable).parent / "diffnea")
-SECONDS = float(os.environ.get("DIFFNEA_COMMAND_SECONDS", "120"))  # sanitizers take longer
+# Catches what hangs: a diagnosis of a servo takes two minutes of a busy core, sanitizers more.
+SECONDS = float(os.environ.get("DIFFNEA_COMMAND_SECONDS", "300"))
 
 PENDULUM = MODELS / "double_pendulum.urdf"
 RUN_FILES = {"result.json", "series.json", "model.json", "model.urdf", "report.html"}
