@@ -173,11 +173,12 @@ void JointDiagnosis::select() {
 void JointDiagnosis::note_rotors() {
   for (const Term& t : terms_) {
     const Candidate& c = case_.candidates[static_cast<std::size_t>(t.candidate)];
-    if (c.swings > 0.0 && encoder_at_motor(t.effect))
-      case_.finding.notes.push_back(
-          t.effect.where +
-          ": its encoder is at the motor, and the link swings behind it (encoder_side 1): the "
-          "log's position is not the link's");
+    if (!t.effect.own && encoder_at_motor(t.effect))
+      case_.finding.notes.push_back(t.effect.where +
+                                    ": its encoder is at the motor, and the link " +
+                                    (c.swings > 0.0 ? "swings" : "has play") +
+                                    " behind it (encoder_side 1): the log's position is not the "
+                                    "link's");
     if (c.effect.info().motor != HiddenMotor::kSpring || !c.rotor_assumed ||
         t.shapes.size() >= c.shapes.size())
       continue;

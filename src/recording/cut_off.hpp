@@ -11,7 +11,7 @@ namespace diffnea::detail {
 /// three of them. A power of two.
 long window_length(const std::vector<Eigen::VectorXd>& segments, double dt);
 
-/// What the spectrum of a position says.
+/// Noise and motion in the spectrum of a position.
 struct PositionSpectrum {
   double cutoff_hz = 0.0;     ///< signal below, noise above; 0: too short to tell
   double busy_hz = 0.0;       ///< below it: 99 % of the accelerations' power

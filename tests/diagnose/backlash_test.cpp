@@ -78,6 +78,10 @@ TEST_CASE("diagnose: a gap of a few standard deviations of the positions is name
   CHECK(found.low <= gap);
   CHECK(found.high >= gap);
   CHECK(parameter(finding.causes[0], "encoder_side").value == side);
+  const auto says_motor = [](const std::string& note) {
+    return note.starts_with("yaw: its encoder is at the motor, and the link has play");
+  };
+  CHECK(std::ranges::any_of(finding.notes, says_motor) == (side > 0.0));
 }
 
 TEST_CASE("diagnose: a spring before a rotor is named in a motion that never repeats",

@@ -57,7 +57,7 @@ struct Rival {
   }
 };
 
-/// What one step (or all of them) gains on held-out data. Errors are of the filtered, decimated
+/// Gain of one step (or of all of them) on held-out data. Errors are of the filtered, decimated
 /// torques, each joint's divided by its noise (of the ball's positions: by the camera's): 1 is
 /// noise alone.
 struct Gain {

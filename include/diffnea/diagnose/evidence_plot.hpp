@@ -29,7 +29,7 @@ struct EvidenceCurve {
   }
 };
 
-/// What an effect looks like in the torque error (measured − predicted) of held-out rows.
+/// Signature of an effect in the torque error (measured − predicted) of held-out rows.
 struct EvidencePlot {
   std::string kind;
   std::string joint;

@@ -8,7 +8,7 @@
 
 namespace diffnea {
 
-/// What the residual depends on.
+/// Variables that the residual depends on.
 struct Witness {
   std::string where;
   std::vector<std::string> variables;
@@ -26,9 +26,9 @@ struct Witness {
   }
 };
 
-/// What the grey box has learned at one joint where the verdict is kUnknown: the torque of the
-/// effect `residual` (effects/residual.hpp) over the variables that the witness names. It is among
-/// the causes as well, kUnknown: a remainder without a name, no physics.
+/// Remainder that the grey box has learned at a joint where the verdict is kUnknown: the torque of
+/// the effect `residual` (effects/residual.hpp) over the variables that the witness names. It is
+/// among the causes as well, kUnknown: a remainder without a name, no physics.
 struct GreyBox {
   std::string where;
   std::string unit;

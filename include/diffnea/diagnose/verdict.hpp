@@ -5,7 +5,7 @@
 
 namespace diffnea {
 
-/// What a diagnosis comes to (docs/diagnosis.md).
+/// Outcome of a diagnosis (docs/diagnosis.md).
 enum class Verdict {
   kNamed,            ///< every cause has one name
   kClass,            ///< some cause cannot be told from its rivals with this recording
