@@ -94,8 +94,11 @@ void begin_at_supply(Model& model, const std::vector<Recording>& sample, int joi
     if (!(volts > 0.0))
       throw DataError(
           sample.front().source + ": " + effect + " at '" + name +
-          "' needs the supply of the drive, and there is no column voltage or voltage_" + name +
-          " [V]; map it (--map \"COLUMN=voltage [V]\"), or leave the effect out");
+          "' needs the supply of the drive, and no row has one: expected a column voltage or "
+          "voltage_" +
+          name +
+          " [V] with values above 0; map it (--map \"COLUMN=voltage [V]\"), or leave the effect "
+          "out");
     model.effects.push_back({effect, name, {{"nominal", volts, "V"}}});
   }
 }

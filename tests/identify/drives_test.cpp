@@ -164,6 +164,9 @@ TEST_CASE("identify: a drive that follows the supply that was logged", "[identif
   Recording unlogged = train;
   unlogged.extra.clear();
   CHECK_THROWS_WITH(fitted(unlogged), Catch::Matchers::ContainsSubstring("voltage_servo [V]"));
+  Recording dead = train;  // the column is there
+  dead.extra[0].values.setZero();
+  CHECK_THROWS_WITH(fitted(dead), Catch::Matchers::ContainsSubstring("no row has one"));
 }
 
 TEST_CASE("identify: a rotor that rules what the joint feels", "[identify]") {
