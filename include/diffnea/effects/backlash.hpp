@@ -127,10 +127,12 @@ struct Backlash {
     return J * flight(push, VecX<double>::Constant(x.rows(), J), seen, x.dt, p).acceleration;
   }
 
-  /// θ − q between flanks that do not yield, row by row [rad or m, /s, /s²]. An impact's impulse is
-  /// shared by the two rows about it.
+  /// θ − q between flanks that do not yield, row by row. An impact's impulse is shared by the two
+  /// rows about it.
   struct Flight {
-    VecX<double> at, speed, acceleration;
+    VecX<double> at;            ///< (N) θ − q [rad or m]
+    VecX<double> speed;         ///< (N) [rad/s or m/s]
+    VecX<double> acceleration;  ///< (N) [rad/s² or m/s²]
   };
 
   /// How two sides fly beside each other.
