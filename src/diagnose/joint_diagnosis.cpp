@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <limits>
 #include <set>
 
 #include <diffnea/core/error.hpp>
@@ -20,6 +21,7 @@
 #include "diagnose/simulated.hpp"
 #include "diagnose/thresholds.hpp"
 #include "diagnose/turns.hpp"
+#include "diagnose/unsteady.hpp"
 
 namespace diffnea {
 namespace {
@@ -60,6 +62,8 @@ class JointDiagnosis {
   /// Says where torques act at other instants than the sidecar tells.
   void note_instant();
   void describe();
+  /// Names oscillations and bursts of joints whose error has no other witness.
+  void add_unsteady();
   void judge();
   /// Errors, parameters and motion of the extended model.
   void complete();
@@ -287,6 +291,7 @@ void JointDiagnosis::describe() {
   for (const WitnessScore& w : witness_)
     case_.finding.witness.push_back(
         {names[static_cast<std::size_t>(w.joint)], w.variables, w.share, w.delta_bic});
+  add_unsteady();
 
   const HeldOutChange change =
       case_.held_out->compare(case_.held_out->predicted(*case_.search, std::vector<Term>{}),
@@ -309,6 +314,29 @@ void JointDiagnosis::describe() {
   if (misfit_) floor = std::min(floor, 1.0);
   case_.finding.gain = gain_of(change, floor);
   for (Cause& c : case_.finding.causes) c.gain.noise_floor = case_.finding.gain.noise_floor;
+}
+
+void JointDiagnosis::add_unsteady() {
+  const std::vector<std::string> names = joint_names(case_.model);
+  const std::vector<Unsteady> found =
+      find_unsteady({*case_.train, case_.search->residual(terms_), case_.search->whitener().kept()},
+                    {case_.held_out->evidence(), case_.held_out->errors(*case_.search, terms_),
+                     case_.held_out->used()});
+  for (const Unsteady& u : found) {
+    const std::string& where =
+        names[static_cast<std::size_t>(case_.train->joints()[static_cast<std::size_t>(u.joint)])];
+    if (std::ranges::find(case_.finding.witness, where, &Witness::where) !=
+        case_.finding.witness.end())
+      continue;
+    constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+    const bool swings = u.frequency_hz > 0.0;
+    case_.finding.witness.push_back({where,
+                                     {"time"},
+                                     u.share,
+                                     kNaN,
+                                     swings ? WitnessForm::kOscillation : WitnessForm::kBursts,
+                                     swings ? u.frequency_hz : kNaN});
+  }
 }
 
 void JointDiagnosis::complete() {

@@ -11,6 +11,7 @@
 #include "report/follows_words.hpp"
 #include "report/format.hpp"
 #include "report/html.hpp"
+#include "report/sentence.hpp"
 
 namespace diffnea {
 namespace {
@@ -239,13 +240,11 @@ std::string left_open(const Finding& f) {
     if (!c.members.empty())
       items.push_back(at(c.effect, c.where) + " cannot be told from " +
                       rival_list(c.members, c.where, c.members.size()) + " with this recording.");
-  for (const Witness& w : f.witness) {
-    std::string variables;
-    for (const std::string& v : w.variables) variables += (variables.empty() ? "" : ", ") + v;
-    items.push_back("What is left of the error of " + w.where + " depends on " + variables + ": " +
-                    percent(w.share) + " of its mean square (ΔBIC " + number(w.delta_bic, 3) +
-                    ").");
-  }
+  for (const Witness& w : f.witness)
+    items.push_back("What is left of the error of " + w.where + " " + witness_clause(w) + ": " +
+                    percent(w.share) + " of its mean square" +
+                    (std::isnan(w.delta_bic) ? "" : " (ΔBIC " + number(w.delta_bic, 3) + ")") +
+                    ".");
   std::string out = element("h2", "What this recording leaves open");
   const std::string next = next_experiment(f);
   if (items.empty() && next.empty() && f.refused.empty() && f.absorbed.empty())

@@ -7,6 +7,7 @@
 #include "report/diagnose_words.hpp"
 #include "report/follows_words.hpp"
 #include "report/format.hpp"
+#include "report/sentence.hpp"
 
 namespace diffnea {
 namespace {
@@ -83,12 +84,9 @@ std::string faults_text(const Finding& f) {
 
 std::string rest_text(const Finding& f) {
   std::string out;
-  for (const Witness& w : f.witness) {
-    std::string variables;
-    for (const std::string& v : w.variables) variables += (variables.empty() ? "" : ", ") + v;
-    out += "left unexplained: the error of " + w.where + " depends on " + variables + " (" +
+  for (const Witness& w : f.witness)
+    out += "left unexplained: the error of " + w.where + " " + witness_clause(w) + " (" +
            percent(w.share) + ")\n";
-  }
   for (const Cause& c : f.causes)
     if (!c.rivals.empty())
       out += "next rival of " + at(c.effect, c.where) + ": " +

@@ -197,9 +197,9 @@ std::string witness_words(const Finding& f) {
            " times the noise comes back in every period, and no smooth function of the motion "
            "explains it on held-out data";
   const Witness& w = f.witness.front();
-  return (w.where == "ball" ? "the error of the ball's path depends on "
-                            : "the torque error of " + w.where + " depends on ") +
-         listed(w.variables, " and ") + " (" + share_of(w.share) + " of its mean square)";
+  return (w.where == "ball" ? "the error of the ball's path "
+                            : "the torque error of " + w.where + " ") +
+         witness_clause(w) + " (" + share_of(w.share) + " of its mean square)";
 }
 
 /// Where parts of one recording are held out: effects that explain the others and do not help
@@ -310,6 +310,18 @@ double beyond_noise(const Gain& gain) {
   const double before = gain.before * gain.before;
   const double removed = before - gain.after * gain.after;
   return removed > 0.0 ? removed / std::max(before - 1.0, removed) : 0.0;
+}
+
+std::string witness_clause(const Witness& w) {
+  switch (w.form) {
+    case WitnessForm::kOscillation:
+      return "oscillates at " + number(w.frequency) + " Hz whatever the motion";
+    case WitnessForm::kBursts:
+      return "comes in bursts where the same motion is quiet elsewhere";
+    case WitnessForm::kFunction:
+      break;
+  }
+  return "depends on " + listed(w.variables, " and ");
 }
 
 std::string sentence(const Finding& f) {

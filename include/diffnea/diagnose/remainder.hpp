@@ -1,6 +1,7 @@
 #pragma once
 /// Errors that no cause explains: the variables it depends on, and what was learned of it.
 
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -8,21 +9,48 @@
 
 namespace diffnea {
 
+/// How an error depends on the variables of its witness.
+enum class WitnessForm {
+  kFunction,     ///< a smooth function of them
+  kOscillation,  ///< a line in its spectrum, in fitted and held-out rows
+  kBursts,       ///< it is many times what the same motion shows elsewhere
+};
+
+/// Names in result files.
+template <>
+struct EnumNames<WitnessForm> {
+  /// All forms.
+  static constexpr NamedValue<WitnessForm> list[] = {{WitnessForm::kFunction, "function"},
+                                                     {WitnessForm::kOscillation, "oscillation"},
+                                                     {WitnessForm::kBursts, "bursts"}};
+};
+
 /// Variables that the residual depends on.
 struct Witness {
   std::string where;
   std::vector<std::string> variables;
   double share = 0.0;
   double delta_bic = 0.0;
+  WitnessForm form = WitnessForm::kFunction;
+  double frequency = std::numeric_limits<double>::quiet_NaN();
 
   template <class List>
   static constexpr void fields(List& list) {
     list.type("Witness", "What the error that is left depends on.");
     list.field("where", &Witness::where, "Joint, or ``ball``.");
     list.field("variables", &Witness::variables,
-               "Channel names as in the recording: ``q_joint2``, ``qd_joint2``.");
+               "Channel names as in the recording: ``q_joint2``, ``qd_joint2``; ``time``.");
     list.field("share", &Witness::share, "Of the mean square of the joint's error.");
-    list.field("delta_bic", &Witness::delta_bic, "Of a smooth function of them beside the causes.");
+    list.field("delta_bic", &Witness::delta_bic,
+               "Of a smooth function of them beside the causes; NaN: of another form.",
+               {.optional = true});
+    list.field(
+        "form", &Witness::form,
+        "A smooth function of the variables, or an oscillation or bursts in the time that go "
+        "with no motion.",
+        {.optional = true});
+    list.field("frequency", &Witness::frequency, "Of an oscillation; else NaN.",
+               {.unit = "Hz", .optional = true});
   }
 };
 
