@@ -18,7 +18,7 @@ namespace {
 constexpr long kLobe = 5;
 /// Bins to each side that tell the spectrum about a line.
 constexpr long kAbout = 24;
-/// That noise of a smooth spectrum has such a line somewhere, in one joint of one recording.
+/// Chance that noise of a smooth spectrum has such a line, in one joint of one recording.
 constexpr double kChance = 1e-3;
 /// Share of the mean square that is left from which an oscillation is worth a word.
 constexpr double kWorth = 0.1;
@@ -34,7 +34,7 @@ constexpr std::size_t kAlike = 6;
 constexpr double kBurst = 10.0;
 /// Share of the mean square that is left which bursts hold.
 constexpr double kMostOfIt = 0.3;
-/// Of the root mean square velocity: slower blocks may stick, and then have any torque.
+/// Share of the root mean square velocity: slower blocks may stick, and then have any torque.
 constexpr double kSlow = 0.2;
 
 bool counts(const Rest& rest, long k, long i) {
@@ -62,7 +62,7 @@ std::vector<VecX<double>> stretches_of(const Rest& rest, long k, const VecX<doub
 /// A peak of a spectrum.
 struct Line {
   double frequency_hz = 0.0, width_hz = 0.0;
-  double share = 0.0;  ///< of the whole spectrum
+  double share = 0.0;  ///< in the whole spectrum
 };
 
 double sum(const std::vector<double>& power, long from, long to) {

@@ -10,18 +10,18 @@
 
 namespace diffnea {
 
-/// What a model leaves of the rows of a recording.
+/// Rest that a model leaves of a recording's rows.
 struct Rest {
   const Evidence& evidence;
   VecX<double> left;       ///< (rows()) [N·m] or [N]
   std::vector<bool> used;  ///< (rows()) rows that count if they do not rest; empty: all
 };
 
-/// What is left of one joint and is no noise.
+/// Rest of one joint that is no noise.
 struct Unsteady {
   long joint = -1;            ///< index into the evidence's joints
-  double frequency_hz = 0.0;  ///< of an oscillation; 0: bursts
-  double share = 0.0;         ///< of the mean square that is left of the joint's fitted rows
+  double frequency_hz = 0.0;  ///< oscillation's [Hz]; 0: bursts
+  double share = 0.0;         ///< part of the mean square left of the joint's fitted rows
 };
 
 /// At most one of each driven joint, seen in the fitted and in the held-out rows: an oscillation

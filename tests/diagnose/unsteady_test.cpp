@@ -80,7 +80,7 @@ TEST_CASE("find_unsteady: an oscillation, whatever its phase", "[diagnose]") {
 }
 
 TEST_CASE("find_unsteady: a line of the motion's own is the model's", "[diagnose]") {
-  // Of what torque and error have alike at 1.25 Hz, the torque has more.
+  // Torque and error both have a line at 1.25 Hz, and the torque has more of it.
   const auto alter = [](Recording& r) {
     for (long i = 0; i < r.rows(); ++i)
       r.tau(i, kJoint) += 30.0 * std::sin(7.8539816339744831 * r.time[i]);
