@@ -6,6 +6,7 @@
 #include <numbers>
 #include <optional>
 
+#include "core/constants.hpp"
 #include "core/statistics.hpp"
 #include "recording/spectrum.hpp"
 
@@ -18,8 +19,13 @@ namespace {
 constexpr long kLobe = 5;
 /// Bins to each side that tell the spectrum about a line.
 constexpr long kAbout = 24;
+/// Steps of a bin in the search of its frequency.
+constexpr int kSteps = 8;
 /// Chance that noise of a smooth spectrum has such a line, in one joint of one recording.
 constexpr double kChance = 1e-3;
+/// Amplitude of the error's line over the torque's from which it is none of the motion's: a model
+/// explains more of these than half.
+constexpr double kOwn = 0.5;
 /// Share of the mean square that is left from which an oscillation is worth a word.
 constexpr double kWorth = 0.1;
 
@@ -43,27 +49,55 @@ bool counts(const Rest& rest, long k, long i) {
          !rest.evidence.rests(i, k);
 }
 
-/// Rows of one joint, stretch by stretch; those that do not count are 0.
-std::vector<VecX<double>> stretches_of(const Rest& rest, long k, const VecX<double>& rows) {
+/// Rows of one joint between gaps of the time.
+struct Stretch {
+  VecX<double> rows;     ///< 0 where they do not count
+  VecX<double> counted;  ///< 1 where they count, else 0
+};
+
+std::vector<Stretch> stretches_of(const Rest& rest, long k, const VecX<double>& rows, bool all) {
   const Evidence& e = rest.evidence;
-  std::vector<VecX<double>> out;
+  std::vector<Stretch> out;
   const long m = e.times();
   for (long begin = 0, end = 0; begin < m; begin = end) {
     while (end < m && e.stretch()[static_cast<std::size_t>(end)] ==
                           e.stretch()[static_cast<std::size_t>(begin)])
       ++end;
-    out.push_back(rows.segment(k * m + begin, end - begin));
-    for (long i = begin; i < end; ++i)
-      if (!counts(rest, k, i)) out.back()[i - begin] = 0.0;
+    Stretch s{rows.segment(k * m + begin, end - begin), VecX<double>::Ones(end - begin)};
+    for (long i = begin; i < end && !all; ++i)
+      if (!counts(rest, k, i)) s.rows[i - begin] = s.counted[i - begin] = 0.0;
+    out.push_back(std::move(s));
   }
   return out;
 }
 
-/// A peak of a spectrum.
-struct Line {
-  double frequency_hz = 0.0, width_hz = 0.0;
-  double share = 0.0;  ///< in the whole spectrum
-};
+double sum_of_squares(const std::vector<Stretch>& stretches) {
+  double out = 0.0;
+  for (const Stretch& s : stretches) out += s.rows.squaredNorm();
+  return out;
+}
+
+/// Rows without what an oscillation explains of them, its amplitude and phase fitted stretch by
+/// stretch. @param turn  2π times its frequency [rad/row]
+std::vector<Stretch> without(const std::vector<Stretch>& stretches, double turn) {
+  std::vector<Stretch> out = stretches;
+  for (Stretch& s : out) {
+    const auto phase =
+        VecX<double>::LinSpaced(s.rows.size(), 0.0, turn * static_cast<double>(s.rows.size() - 1));
+    MatX<double> wave(s.rows.size(), 2);
+    wave << phase.array().sin().matrix().cwiseProduct(s.counted),
+        phase.array().cos().matrix().cwiseProduct(s.counted);
+    const Eigen::Matrix2d K = wave.transpose() * wave + 1e-12 * Eigen::Matrix2d::Identity();
+    s.rows -= wave * K.ldlt().solve(wave.transpose() * s.rows).eval();
+  }
+  return out;
+}
+
+detail::Spectrum spectrum(const std::vector<Stretch>& stretches, double rate_hz, long length) {
+  std::vector<Eigen::VectorXd> rows;
+  for (const Stretch& s : stretches) rows.push_back(s.rows);
+  return detail::welch(rows, rate_hz, length);
+}
 
 double sum(const std::vector<double>& power, long from, long to) {
   double out = 0.0;
@@ -72,34 +106,52 @@ double sum(const std::vector<double>& power, long from, long to) {
   return out;
 }
 
-/// Power about a bin over the median of its surroundings.
-double stands_out(const std::vector<double>& power, long bin) {
-  std::vector<double> beside;
-  for (long b = std::max(1L, bin - kAbout); b <= std::min(bin + kAbout, std::ssize(power) - 1); ++b)
-    if (std::abs(b - bin) > kLobe) beside.push_back(power[static_cast<std::size_t>(b)]);
-  return sum(power, bin - 1, bin + 1) / (3.0 * std::max(median(beside), 1e-300));
-}
+/// A peak of a spectrum.
+struct Line {
+  double frequency_hz = 0.0, width_hz = 0.0;
+  double share = 0.0;   ///< explained part of the mean square
+  double above = 0.0;   ///< power over the median of what its surroundings have without it
+  double square = 0.0;  ///< explained sum of squares
+};
 
-/// Where a parabola through the logarithms about a peak has its top [bins].
-double top(const std::vector<double>& power, long bin) {
-  const auto level = [&](long b) {
-    return std::log(std::max(power[static_cast<std::size_t>(b)], 1e-300));
-  };
-  const double before = level(bin - 1), at = level(bin), after = level(bin + 1);
-  const double bend = before - 2.0 * at + after;
-  return static_cast<double>(bin) + (bend < 0.0 ? 0.5 * (before - after) / bend : 0.0);
+/// Oscillation about a bin that explains most. Rows that do not count spread its line over its
+/// surroundings, so that these are seen once it is taken out.
+Line line_at(const std::vector<Stretch>& stretches, const detail::Spectrum& of, long bin) {
+  const double whole = sum_of_squares(stretches), row = 2.0 * kPi / of.rate_hz;
+  Line out;
+  out.width_hz = of.frequency(kLobe);
+  std::vector<Stretch> left;
+  for (int step = -kSteps; step <= kSteps; ++step) {
+    const double hz =
+        (static_cast<double>(bin) + step / static_cast<double>(kSteps)) * of.frequency(1);
+    std::vector<Stretch> rest = without(stretches, row * hz);
+    const double square = whole - sum_of_squares(rest);
+    if (square <= out.square) continue;
+    out.square = square;
+    out.frequency_hz = hz;
+    left = std::move(rest);
+  }
+  if (left.empty()) return out;
+  out.share = out.square / whole;
+  const long bins = std::ssize(of.power);
+  const detail::Spectrum rest = spectrum(left, of.rate_hz, 2 * (bins - 1));
+  std::vector<double> beside;
+  for (long b = std::max(1L, bin - kAbout); b <= std::min(bin + kAbout, bins - 1); ++b)
+    if (std::abs(b - bin) > kLobe) beside.push_back(rest.power[static_cast<std::size_t>(b)]);
+  out.above = sum(of.power, bin - 1, bin + 1) / (3.0 * std::max(median(beside), 1e-300));
+  return out;
 }
 
 std::vector<Line> lines(const Rest& rest, long k) {
-  const std::vector<VecX<double>> left = stretches_of(rest, k, rest.left),
-                                  torque = stretches_of(rest, k, rest.evidence.torque());
+  const std::vector<Stretch> left = stretches_of(rest, k, rest.left, false),
+                             torque = stretches_of(rest, k, rest.evidence.torque(), true);
   long longest = 0, length = 1;
-  for (const VecX<double>& s : left) longest = std::max<long>(longest, s.size());
+  for (const Stretch& s : left) longest = std::max<long>(longest, s.rows.size());
   while (2 * length <= longest) length *= 2;
   if (length < 4 * kAbout) return {};
   const double rate_hz = 1.0 / rest.evidence.step();
-  const detail::Spectrum of = detail::welch(left, rate_hz, length),
-                         all = detail::welch(torque, rate_hz, length);
+  const detail::Spectrum of = spectrum(left, rate_hz, length),
+                         all = spectrum(torque, rate_hz, length);
   const long bins = std::ssize(of.power);
   const double whole = sum(of.power, 0, bins - 1);
   // Power of noise is distributed exponentially, with ln 2 of its mean as median.
@@ -108,12 +160,13 @@ std::vector<Line> lines(const Rest& rest, long k) {
   for (long b = kLobe; b + 1 < bins; ++b) {
     const double power = of.power[static_cast<std::size_t>(b)];
     if (power < of.power[static_cast<std::size_t>(b - 1)] ||
-        power < of.power[static_cast<std::size_t>(b + 1)])
+        power < of.power[static_cast<std::size_t>(b + 1)] ||
+        sum(of.power, b - kLobe, b + kLobe) < kWorth * whole)
       continue;
-    const double share = sum(of.power, b - kLobe, b + kLobe) / whole,
-                 out_of = stands_out(of.power, b);
-    if (share > kWorth && out_of > limit && out_of > stands_out(all.power, b))
-      out.push_back({top(of.power, b) * of.frequency(1), of.frequency(kLobe), share});
+    const Line line = line_at(left, of, b);
+    if (line.share < kWorth || line.above < limit) continue;
+    const Line driven = line_at(torque, all, b);
+    if (line.square > kOwn * kOwn * driven.square || line.above > driven.above) out.push_back(line);
   }
   return out;
 }

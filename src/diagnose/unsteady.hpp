@@ -25,9 +25,9 @@ struct Unsteady {
 };
 
 /// At most one of each driven joint, seen in the fitted and in the held-out rows: an oscillation
-/// whose line stands out of the spectrum, and further than it does of the torque's, or, where there
-/// is none, bursts: blocks whose error is many times that of blocks with about the same position,
-/// velocity and torque, away from standstills.
+/// whose line stands out of the spectrum, and further than it does of the torque's if that has most
+/// of it, or, where there is none, bursts: blocks whose error is many times that of blocks with
+/// about the same position, velocity and torque, away from standstills.
 std::vector<Unsteady> find_unsteady(const Rest& fitted, const Rest& held_out);
 
 }  // namespace diffnea
