@@ -156,6 +156,38 @@ def test_nothing_hidden_is_nothing_named(arm) -> None:
     assert finding.model.effects == []
 
 
+def hum(time: np.ndarray, phase: float) -> np.ndarray:
+    return 0.1 * np.sin(2 * np.pi * 2.7 * time + phase)
+
+
+def blows(time: np.ndarray, phase: float) -> np.ndarray:
+    at = phase + np.array([1.3, 3.7, 7.1])
+    return np.exp(-0.5 * ((time[:, None] - at) / 0.06) ** 2).sum(axis=1)
+
+
+@pytest.mark.parametrize(
+    ("disturbance", "form", "words"),
+    [(hum, "oscillation", "oscillates at 2.7"), (blows, "bursts", "comes in bursts")],
+)
+def test_what_goes_with_no_motion_is_no_noise(arm, disturbance, form, words) -> None:
+    def disturbed(seed: int) -> diffnea.Recording:
+        recording = recorded(arm, seed)
+        tau = recording.tau.copy()
+        tau[:, 1] += disturbance(recording.time, 0.1 * seed)
+        return diffnea.Recording(
+            time=recording.time, q=recording.q, tau=tau, joint_names=recording.joint_names
+        )
+
+    finding = diffnea.diagnose(arm, disturbed(13), test=disturbed(14))
+    assert finding.verdict == "UNKNOWN"
+    assert words in finding.sentence
+    [witness] = finding.witness
+    assert (witness.where, witness.variables, witness.form) == ("elbow", ["time"], form)
+    if form == "oscillation":
+        # An eighth of a bin of a window of half of the ten seconds.
+        assert witness.frequency == pytest.approx(2.7, abs=0.025)
+
+
 def test_without_a_test_recording_blocks_of_time_are_held_out(arm, train) -> None:
     finding = diffnea.diagnose(arm, train, effects=["coulomb_friction", "cogging@elbow"])
     assert finding.held_out == "time blocks"
