@@ -16,6 +16,10 @@ namespace diffnea {
 
 namespace {
 
+/// Variants that one simulation has sensitivities by: with more, the QR of their columns, by the
+/// square of their number, takes longer than the simulation that they share.
+constexpr std::size_t kMostVariants = 64;
+
 /// A part of a drive's law at the values from which its first parameter is looked for.
 std::vector<EffectSpec> offers_of_law(BoundEffect effect) {
   std::vector<EffectSpec> out;
@@ -30,14 +34,15 @@ std::vector<EffectSpec> offers_of_law(BoundEffect effect) {
 
 struct MotionSearch::Variant {
   std::size_t score;        ///< index among the scores
-  EffectSpec spec;          ///< at this point, no torque
+  BoundEffect effect;       ///< at this point, no torque
   std::vector<int> linear;  ///< its parameters that a fit solves for
 };
 
 std::vector<WindowScore> MotionSearch::scores(const MotionSolution& at,
                                               const std::vector<EffectSpec>& candidates) const {
   std::vector<WindowScore> out;
-  std::vector<std::vector<Variant>> passes;  // an effect acts once at a joint
+  // Beside effects that read accelerations a simulation takes other steps.
+  std::vector<std::vector<Variant>> explicit_passes, implicit_passes;
   const double together = correlation(at);
   for (const Candidate& c : candidates_) {
     const EffectSpec spec{c.effect.info().name, c.effect.where, {}};
@@ -54,14 +59,16 @@ std::vector<WindowScore> MotionSearch::scores(const MotionSolution& at,
       BoundEffect effect = c.effect;
       c.set(c.grid[g], effect);
       for (const int k : c.linear) effect.parameters[static_cast<std::size_t>(k)] = 0.0;
-      if (g >= passes.size()) passes.emplace_back();
-      passes[g].push_back({out.size() - 1, to_spec(effect), c.linear});
+      auto& passes = reads_acceleration(effect) ? implicit_passes : explicit_passes;
+      if (passes.empty() || passes.back().size() >= kMostVariants) passes.emplace_back();
+      passes.back().push_back({out.size() - 1, std::move(effect), c.linear});
     }
   }
-  for (const std::vector<Variant>& pass : passes) {
-    if (progress_ && !progress_("testing", 0)) return {};
-    score(at, pass, together, out);
-  }
+  for (const auto* passes : {&explicit_passes, &implicit_passes})
+    for (const std::vector<Variant>& pass : *passes) {
+      if (progress_ && !progress_("testing", 0)) return {};
+      score(at, pass, together, out);
+    }
   std::ranges::stable_sort(out, std::ranges::greater{}, &WindowScore::promise);
   return out;
 }
@@ -128,13 +135,36 @@ std::optional<WindowScore> MotionSearch::score_by_steps(const MotionSolution& at
 
 void MotionSearch::score(const MotionSolution& at, const std::vector<Variant>& variants,
                          double correlation, std::vector<WindowScore>& out) const {
+  // An effect acts once at a joint of a model: of its variants, which have no torque, the first.
+  // The layout has columns of all.
   Model model = at.model;
-  for (const Variant& v : variants) model.effects.push_back(v.spec);
+  for (const Variant& v : variants)
+    if (const EffectSpec spec = to_spec(v.effect); !holds_effect(model.effects, spec))
+      model.effects.push_back(spec);
   FitLayout layout = layout_of(model, at.terms, at.held);
+  std::vector<int> variant_of(layout.effects.size(), -1);
+  for (std::size_t v = 0; v < variants.size(); ++v) {
+    const int first = index_of(layout, to_spec(variants[v].effect));
+    if (variant_of[static_cast<std::size_t>(first)] < 0) {
+      variant_of[static_cast<std::size_t>(first)] = static_cast<int>(v);
+      continue;
+    }
+    const auto add_copies = [&](std::vector<FitParameter>& list) {
+      for (std::size_t k = 0, n = list.size(); k < n; ++k) {
+        if (list[k].effect != first) continue;
+        FitParameter copy = list[k];
+        copy.effect = static_cast<int>(layout.effects.size());
+        copy.prior = variants[v].effect.parameters[static_cast<std::size_t>(copy.index)];
+        list.push_back(std::move(copy));
+      }
+    };
+    add_copies(layout.linear);
+    add_copies(layout.shape);
+    layout.effects.push_back(variants[v].effect);
+    variant_of.push_back(static_cast<int>(v));
+  }
   const auto of_variant = [&](const FitParameter& p) {
-    for (std::size_t v = 0; p.effect >= 0 && v < variants.size(); ++v)
-      if (index_of(layout, variants[v].spec) == p.effect) return static_cast<int>(v);
-    return -1;
+    return p.effect < 0 ? -1 : variant_of[static_cast<std::size_t>(p.effect)];
   };
   for (FitParameter& p : layout.linear) {
     const int v = of_variant(p);
@@ -211,7 +241,7 @@ void MotionSearch::score(const MotionSolution& at, const std::vector<Variant>& v
     best.parameters = parameters;
     best.lm = lm;
     best.values = fit.x;
-    best.effect = variants[v].spec;
+    best.effect = to_spec(variants[v].effect);
     for (std::size_t k = 0; k < own[v].size(); ++k) {
       const int c = fitter.free()[static_cast<std::size_t>(own[v][k])];
       best.effect

@@ -192,30 +192,16 @@ void ForwardDynamics::linearise(const double* q, const double* qd, const double*
           "forward dynamics: " + e.info().name + " at '" + e.where +
           "' has no derivatives here, so the motion loss cannot have it; the inverse loss "
           "or `diffnea diagnose` can");
-  tau_.setZero();
-  effect_torques(q, qd, run, tau_.data());
-  for (int j = 0; j < n_; ++j) tau_[j] = (u[j] - tau_[j]) / gains_[j];
-  const Eigen::Map<const VecX<double>> q_map(q, n_), qd_map(qd, n_);
-  if (is_implicit()) {
-    solve_implicit(q, qd, tau_, run, solution_.data());
-    tau_ -= implicit_tau_.cwiseQuotient(gains_);
-    for (int j = 0; j < n_; ++j) {
-      qdd_[j] = JetD(solution_[j]);
-      links_[j] = JetD(transmitted_[j]);
-    }
-  }
-  aba_derivatives(model_.tree, q_map, qd_map, tau_, aba_);
-
-  // ∂τ_effects/∂(q, q̇) by Jets. A joint's torque depends on that joint alone, or on the few an
-  // effect couples: directions 2i and 2i+1 belong to the effect's i-th joint, all joints at once
-  // where uncoupled.
+  // τ_effects and ∂τ_effects/∂(q, q̇) by Jets. A joint's torque depends on that joint alone, or on
+  // the few an effect couples: directions 2i and 2i+1 belong to the effect's i-th joint, all joints
+  // at once where uncoupled.
   dtau_dq_.setZero();
   dtau_dqd_.setZero();
   for (int j = 0; j < n_; ++j) {
     q_[j] = JetD(q[j]);
     qd_[j] = JetD(qd[j]);
   }
-  for (std::size_t effect = 0; effect < model_.effects.size(); ++effect) {
+  const auto add_slopes = [&](std::size_t effect, double* torque) {
     const BoundEffect& e = model_.effects[effect];
     const auto& [reads, coupled] = reads_[effect];
     for (std::size_t i = 0; i < reads.size(); ++i) {
@@ -226,6 +212,7 @@ void ForwardDynamics::linearise(const double* q, const double* qd, const double*
     torque_by_jets(e, run);
     for (std::size_t i = 0; i < e.joints.size(); ++i) {
       const int row = e.joints[i];
+      if (torque) torque[row] += effect_tau_[row].a;
       for (std::size_t k = 0; k < reads.size(); ++k) {
         if (!coupled && k != i) continue;
         const long slot = coupled ? 2 * static_cast<long>(k) : 0;
@@ -237,7 +224,22 @@ void ForwardDynamics::linearise(const double* q, const double* qd, const double*
       q_[j].v.setZero();
       qd_[j].v.setZero();
     }
+  };
+  tau_.setZero();
+  for (std::size_t effect = 0; effect < model_.effects.size(); ++effect)
+    if (!reads_acceleration(model_.effects[effect])) add_slopes(effect, tau_.data());
+  for (int j = 0; j < n_; ++j) tau_[j] = (u[j] - tau_[j]) / gains_[j];
+  const Eigen::Map<const VecX<double>> q_map(q, n_), qd_map(qd, n_);
+  if (is_implicit()) {
+    solve_implicit(q, qd, tau_, run, solution_.data());
+    tau_ -= implicit_tau_.cwiseQuotient(gains_);
+    for (int j = 0; j < n_; ++j) {
+      qdd_[j] = JetD(solution_[j]);
+      links_[j] = JetD(transmitted_[j]);
+    }
+    for (const std::size_t effect : implicit_) add_slopes(effect, nullptr);
   }
+  aba_derivatives(model_.tree, q_map, qd_map, tau_, aba_);
   dtau_dq_ = gains_.cwiseInverse().asDiagonal() * dtau_dq_;
   dtau_dqd_ = gains_.cwiseInverse().asDiagonal() * dtau_dqd_;
   if (!is_implicit()) {

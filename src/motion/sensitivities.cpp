@@ -58,7 +58,8 @@ void JointWindows::divide(const std::vector<MotionParameter>& parameters) {
   }
   for (Limb& limb : limbs(models_.front().path.dynamics().model(), rotors(), all)) {
     Part& part = parts_.emplace_back();
-    if (!limb.rotors.empty()) part.dofs = limb.dofs();
+    part.dofs = limb.dofs();
+    part.on_end = part.dofs.back() - part.dofs.front() == static_cast<int>(part.dofs.size()) - 1;
     part.limb = std::move(limb);
   }
   const auto moves = [&](const MotionParameter& p, const Limb& limb) {
@@ -349,11 +350,11 @@ void JointWindows::slope(int run, const VecX<double>& u, const MatX<double>& A, 
   dA.setZero(A.rows(), A.cols());
   dA.topRows(n_) = A.bottomRows(n_);
   for (const Part& part : parts_) {
-    if (!part.dofs.empty()) {
+    if (!part.on_end) {
       slope_of_dofs(part, A, dA);
       continue;
     }
-    const auto [first, count] = std::pair{part.limb.first, part.limb.count};
+    const auto [first, count] = std::pair{part.dofs.front(), static_cast<int>(part.dofs.size())};
     const auto of_limb = [&](const auto& M) { return M.block(first, first, count, count); };
     auto out = dA.block(n_ + first, part.column, count, part.width());
     const auto rows_of = [&](const MatX<double>& M, int row) {
@@ -436,9 +437,10 @@ void JointWindows::add_columns(std::size_t e, const JointSample<double>& x,
   const VecX<double>& gains = models_[now_].path.dynamics().gains();
   OfEffect& of = of_effect_[e];
   for (const auto& [effect, share, shapes_alone] : of.parts) {
+    const bool by_jets = !of.shapes.empty();
     // The torque is homogeneous in the linear parameters: one of them 1, the others 0.
     for (const auto& [index, column] : of.linear) {
-      if (shapes_alone) continue;
+      if (shapes_alone || by_jets) continue;
       for (const int j : effect.joints) scratch_[static_cast<std::size_t>(j)] = 0.0;
       double& p = of.off[static_cast<std::size_t>(index)];
       p = 1.0;
@@ -447,14 +449,16 @@ void JointWindows::add_columns(std::size_t e, const JointSample<double>& x,
       for (const int j : effect.joints)
         C_(j, column) += share * scratch_[static_cast<std::size_t>(j)] / gains[j];
     }
-    if (of.shapes.empty()) continue;
+    if (!by_jets) continue;
     jet_p_.clear();
     for (const double p : effect.parameters) jet_p_.emplace_back(p);
-    // Directions of a Jet may be fewer than a table has shapes.
-    for (std::size_t first = 0; first < of.shapes.size(); first += kJetWidth) {
-      const std::size_t count = std::min<std::size_t>(of.shapes.size() - first, kJetWidth);
+    // One evaluation has the columns of all parameters, as far as a Jet has directions.
+    moved_ = of.shapes;
+    if (!shapes_alone) moved_.insert(moved_.end(), of.linear.begin(), of.linear.end());
+    for (std::size_t first = 0; first < moved_.size(); first += kJetWidth) {
+      const std::size_t count = std::min<std::size_t>(moved_.size() - first, kJetWidth);
       for (std::size_t i = 0; i < count; ++i) {
-        const auto& [index, k] = of.shapes[first + i];
+        const auto& [index, k] = moved_[first + i];
         JetD& p = jet_p_[static_cast<std::size_t>(index)];
         p.v.setZero();
         p.v[static_cast<long>(i)] = logarithmic_[static_cast<std::size_t>(k)] != 0 ? p.a : 1.0;
@@ -462,7 +466,7 @@ void JointWindows::add_columns(std::size_t e, const JointSample<double>& x,
       for (const int j : effect.joints) jet_tau_[static_cast<std::size_t>(j)] = JetD(0.0);
       add_torque(effect, jets, jet_p_.data(), jet_tau_.data());
       for (std::size_t i = 0; i < count; ++i) {
-        const auto& [index, k] = of.shapes[first + i];
+        const auto& [index, k] = moved_[first + i];
         jet_p_[static_cast<std::size_t>(index)].v.setZero();
         for (const int j : effect.joints)
           C_(j, k) +=

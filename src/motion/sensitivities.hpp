@@ -62,7 +62,8 @@ class JointWindows : public WindowSimulator {
   /// A limb's part of [z | Z]: no other column moves it.
   struct Part {
     Limb limb;
-    std::vector<int> dofs;    // degrees of freedom of the limb; empty: its joints, on end
+    std::vector<int> dofs;    // degrees of freedom of the limb
+    bool on_end = true;       // they follow one another
     int column = 0;           // first of its columns in A: of q, of q̇, of its parameters
     int parameter = 0;        // first of these among the columns of C
     int parameters = 0;       // number of these
@@ -112,6 +113,7 @@ class JointWindows : public WindowSimulator {
   RneaDerivatives hanging_;  ///< torques that hold the links where a window begins
   MatX<double> A_, C_, gathered_q_, gathered_qd_, slope_;
   VecX<double> q_, qd_;
+  std::vector<std::pair<int, int>> moved_;  // parameters of an effect, as OfEffect has them
   std::vector<double> scratch_;
   std::vector<JetD> jet_q_, jet_qd_, jet_qdd_, jet_load_, jet_p_, jet_tau_;
 };
