@@ -221,20 +221,24 @@ double of_bursts(const Rest& rest, long k) {
   const double count = static_cast<double>(all.size());
   double middle = 0.0, whole = 0.0, held = 0.0;
   for (const Block& b : all) middle += b.position / count, whole += b.square;
-  double position = 0.0, speed = 0.0, torque = 0.0;
+  double position = 0.0, speed = 0.0, torque = 0.0;  // mean squares
   for (const Block& b : all) {
     position += (b.position - middle) * (b.position - middle) / count;
     speed += b.speed * b.speed / count;
     torque += b.torque * b.torque / count;
   }
-  position = std::sqrt(position), speed = std::sqrt(speed), torque = std::sqrt(torque);
+  std::vector<double> squares;
+  for (const Block& b : all) squares.push_back(b.square);
+  const double usual = median(std::move(squares));
   for (const Block& b : all) {
-    if (std::abs(b.speed) < kSlow * speed) continue;
+    // Few are that loud at all: of a long recording, only these look for their like.
+    if (b.square < kBurst * usual || b.speed * b.speed < kSlow * kSlow * speed) continue;
     std::vector<std::pair<double, double>> others;  // how far their motion is, their mean square
     for (const Block& o : all)
       if (&o != &b)
-        others.push_back({std::hypot((o.position - b.position) / position,
-                                     (o.speed - b.speed) / speed, (o.torque - b.torque) / torque),
+        others.push_back({std::pow(o.position - b.position, 2) / position +
+                              std::pow(o.speed - b.speed, 2) / speed +
+                              std::pow(o.torque - b.torque, 2) / torque,
                           o.square});
     std::ranges::nth_element(others, others.begin() + kAlike);
     std::vector<double> alike;

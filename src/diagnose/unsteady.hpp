@@ -3,7 +3,6 @@
 /// a continuous spectrum, and the same strength wherever the motion is alike. Internal to
 /// diagnose/.
 
-#include <string>
 #include <vector>
 
 #include "diagnose/evidence.hpp"

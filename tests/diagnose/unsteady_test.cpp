@@ -2,7 +2,6 @@
 
 #include "diagnose/unsteady.hpp"
 
-#include <algorithm>
 #include <cmath>
 #include <functional>
 #include <support/swinging.hpp>
@@ -70,8 +69,8 @@ TEST_CASE("find_unsteady: an oscillation, whatever its phase", "[diagnose]") {
       find_unsteady(rest(fitted, 1, sine(1.0, 3.3, 0.4)), rest(held_out, 2, sine(0.7, 3.3, 2.0)));
   REQUIRE(unsteady.size() == 1);
   CHECK(unsteady[0].joint == kJoint);
-  // Windows of 41 and 20 s: a bin of 1/20 Hz, and a parabola through three of them.
-  CHECK_THAT(unsteady[0].frequency_hz, WithinAbs(3.3, 0.025));
+  // A step: an eighth of a bin of a window of 1024 rows of 0.04 s.
+  CHECK_THAT(unsteady[0].frequency_hz, WithinAbs(3.3, 1.0 / (8.0 * 1024.0 * 0.04)));
   CHECK_THAT(unsteady[0].share, WithinAbs(0.5 / 1.5, 0.1));
   // In one recording alone, or at another frequency in each, it is none that comes back.
   CHECK(find_unsteady(rest(fitted, 1, sine(1.0, 3.3, 0.0)), rest(held_out, 2)).empty());
@@ -89,6 +88,28 @@ TEST_CASE("find_unsteady: a line of the motion's own is the model's", "[diagnose
       held_out(40.0, false, 2, "viscous_friction", alter);
   const Torque left = [](double t, double) { return std::sin(7.8539816339744831 * t); };
   CHECK(find_unsteady(rest(fitted, 1, left), rest(held_out, 2, left)).empty());
+}
+
+TEST_CASE("find_unsteady: an oscillation through gaps, and in the torque that answers it",
+          "[diagnose]") {
+  const auto answering = [](Recording& r) {
+    for (long i = 0; i < r.rows(); ++i)
+      r.tau(i, kJoint) = r.q(i, kJoint) + std::sin(2.0 * M_PI * 3.3 * r.time[i]);
+  };
+  const test::SwingingEvidence fitted(60.0, false, 1, "viscous_friction", answering),
+      held_out(40.0, false, 2, "viscous_friction", answering);
+  const Torque loud = [](double t, double) { return 20.0 * std::sin(2.0 * M_PI * 3.3 * t); };
+  const auto in_parts = [&](const test::SwingingEvidence& evidence, unsigned seed) {
+    Rest out = rest(evidence, seed, loud);
+    const VecX<double> qd = evidence->qd(kJoint).col(evidence->joints()[kJoint]);
+    out.used.assign(static_cast<std::size_t>(evidence->rows()), true);
+    for (long i = 0; i < evidence->times(); ++i)
+      out.used[static_cast<std::size_t>(kJoint * evidence->times() + i)] = std::abs(qd[i]) > 0.5;
+    return out;
+  };
+  const std::vector<Unsteady> unsteady = find_unsteady(in_parts(fitted, 1), in_parts(held_out, 2));
+  REQUIRE(unsteady.size() == 1);
+  CHECK_THAT(unsteady[0].frequency_hz, WithinAbs(3.3, 1.0 / (8.0 * 1024.0 * 0.04)));
 }
 
 TEST_CASE("find_unsteady: bursts where the same motion is quiet elsewhere", "[diagnose]") {
