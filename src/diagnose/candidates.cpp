@@ -32,12 +32,20 @@ void multiply_grid(Candidate& c, const std::vector<double>& values) {
   c.grid = std::move(grown);
 }
 
+/// Springs on which a link swings at 1.6 to 50 Hz, its motor held, a factor of √10 apart.
+std::vector<double> springs(double inertia) {
+  std::vector<double> out = log_grid(1e2, 1e5, 7);
+  for (double& squared : out) squared *= inertia;
+  return out;
+}
+
 void add_shape(Candidate& c, int parameter) {
   const ParameterInfo& p = c.effect.parameter_info[static_cast<std::size_t>(parameter)];
   c.shapes.push_back(parameter);
   c.shape_low.push_back(scale(p) == Scale::kLog ? 0.0 : -p.most);
   c.shape_high.push_back(p.most);
-  multiply_grid(c, p.search);
+  const bool of_spring = c.swings > 0.0 && p.name == "stiffness";
+  multiply_grid(c, of_spring ? springs(c.swings) : p.search);
 }
 
 constexpr double kRotorKnown = 0.3;  ///< relative: as well as models state rotors

@@ -13,7 +13,10 @@ namespace diffnea {
 struct HeldOutChange {
   double before = 0.0, after = 0.0;  ///< mean squares, noise is 1
   double low = 0.0, high = 0.0;      ///< 95 % interval of (before − after)/before, bootstrap
-  bool helps() const { return low > 0.0; }
+  /// Lower end of the interval of rows · log(before/after), each block of a noise of its own: an
+  /// impact that comes elsewhere than predicted counts for no more than its block.
+  double log_low = 0.0;
+  bool helps() const { return low > 0.0 || (after < before && log_low > 0.0); }
 };
 
 /// @param floor  mean square that nothing removes

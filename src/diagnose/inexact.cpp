@@ -23,8 +23,9 @@ constexpr double kBaseDryAccuracy = 0.01;
 /// How late one of its turns may be against the others [s]: what holds a joint meanwhile is nothing
 /// that its motion tells. Each leaves 2 F for so long, which the filter spreads over 1/cut-off.
 constexpr double kLateTurn = 1.75e-3;
-/// Peak of a loop's sensitivity: what robust loops stay below (Åström and Murray 2008, sec. 12.3).
-constexpr double kSensitivity = 2.0;
+/// Geometric mean of a stable loop's sensitivity over all frequencies (Bode's integral, Åström and
+/// Murray 2008, sec. 12.3): what it amplifies at some, it attenuates at others.
+constexpr double kSensitivity = 1.0;
 /// Rows of a spectrum's window, at the most; with fewer than the least there is none.
 constexpr long kWindow = 128, kShortestWindow = 4;
 

@@ -6,6 +6,7 @@
 #include <diffnea/effects/stepping.hpp>
 
 #include "core/constants.hpp"
+#include "diagnose/resonance.hpp"
 #include "diagnose/signed_fit.hpp"
 
 namespace diffnea {
@@ -195,6 +196,10 @@ Term refined(const Search& search, Term term, const std::vector<Term>& terms) {
                                                               : plausible(search, other))
         best = std::move(other);
     }
+  }
+  if (!best.effect.own && encoder_at_motor(best.effect)) {
+    Term other = descended(search, narrowed(search, best, terms), terms);
+    if (gain_with(other) > gain_with(best)) best = std::move(other);
   }
   hold_rotor(search, best);
   return best;

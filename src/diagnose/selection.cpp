@@ -15,6 +15,7 @@ namespace {
 constexpr int kRefined = 5;  ///< candidates whose shapes are refined at each step
 /// Chance at which runs that differ no more than their blocks would still be called different.
 constexpr double kByChance = 0.005;
+constexpr const char* kInexact = "explains no more than what the model computes inexactly";
 
 }  // namespace
 
@@ -63,7 +64,10 @@ bool Selection::add_one(std::vector<Term>& terms) {
     std::vector<Term> with = terms;
     with.push_back(offer.term);
     const double gain = search_.fit(with) - search_.gain_of(terms);
-    if (gain < inexact_at(search_, offer.term, terms)) continue;
+    if (gain < inexact_at(search_, offer.term, terms)) {
+      note_refusal(c, kInexact, offer.delta_bic);
+      continue;
+    }
     // The base was fitted to links that follow their motor: what does not bends its inertias as no
     // other effect does.
     const bool helped = helps(terms, with);

@@ -21,9 +21,14 @@ std::set<int> names(const std::vector<Term>& terms) {
 bool stays(const Term& term) { return term.effect.info().has(Trait::kGravity); }
 
 bool is_no_shift(const Search& search, const std::vector<Term>& terms) {
+  const std::vector<int>& joints = terms.back().effect.joints;
+  const std::vector<int>& all = search.evidence().joints();
+  for (std::size_t k = 0; k < all.size(); ++k)
+    if (!search.evidence().passive(static_cast<long>(k)) &&
+        std::ranges::find(joints, all[k]) == joints.end())
+      return false;
   return Search::shift(terms.back()) != 0.0 &&
-         std::ranges::all_of(terms.back().effect.joints,
-                             [&](int j) { return search.samples_and_holds(j, terms); });
+         std::ranges::all_of(joints, [&](int j) { return search.samples_and_holds(j, terms); });
 }
 
 bool shifts_torques(const Search& search, std::vector<Term> terms) {

@@ -45,9 +45,12 @@ Swing led(const VecX<double>& f, const VecX<double>& inertia, double dt,
 
 Swing started(const VecX<double>& f, const VecX<double>& torque, const VecX<double>& inertia,
               double dt, const MotorSpring<double>& spring) {
-  constexpr double kLeastRows = 8.0;
+  constexpr double kLeastRows = 8.0, kDecays = 3.0;
   const double period = 2.0 * kPi * std::sqrt(inertia[0] / spring.stiffness);
-  const long n = std::min<long>(f.size(), std::lround(std::max(period / dt, kLeastRows)));
+  // As long as it lasts: over one period, what else the model lacks looks like a start.
+  const double lasts = 2.0 * kDecays * inertia[0] / spring.damping;
+  const double rows = std::max(std::max(period, lasts) / dt, kLeastRows);
+  const long n = rows < static_cast<double>(f.size()) ? std::lround(rows) : f.size();
   const VecX<double> M = inertia.head(n), none = VecX<double>::Zero(n);
   const auto transmitted = [&](const VecX<double>& push, const Swing& start) {
     const VecX<double> wound = swung(push, M, dt, spring, start);

@@ -25,7 +25,7 @@ VecX<double> swung(const VecX<double>& f, const VecX<double>& inertia, double dt
 Swing led(const VecX<double>& f, const VecX<double>& inertia, double dt,
           const MotorSpring<double>& spring);
 
-/// How a link begins by the spring's torque over its first period: what swings when a log begins may
+/// How a link begins by the spring's torque while that lasts: what swings when a log begins may
 /// swing on for long, and no motion of its motor tells it.
 /// @param torque  (N) of the spring: the logged one less what the motor's side takes
 Swing started(const VecX<double>& f, const VecX<double>& torque, const VecX<double>& inertia,

@@ -79,6 +79,26 @@ TEST_CASE("HeldOut: what the base pays in one of two models counts against it", 
   CHECK_FALSE(change.helps());
 }
 
+TEST_CASE("HeldOut: a block that goes wrong does not outweigh all others", "[diagnose]") {
+  // As where a gap's flight ends elsewhere than predicted: two blocks of twenty are four times as
+  // far off with the cause, in the others half is left.
+  const test::SwingingEvidence evidence(20.0);
+  const HeldOut held_out(*evidence, {}, 0);
+  const long second = std::lround(1.0 / evidence->step());
+  const VecX<double> before = VecX<double>::Ones(evidence->rows());
+  const auto with = [&](long wrong) {
+    VecX<double> after = 0.5 * before;
+    for (long k = 0, m = evidence->times(); k * m < after.size(); ++k)
+      after.segment(k * m, wrong * second).setConstant(2.0);
+    return held_out.compare({before}, {after});
+  };
+  const HeldOutChange change = with(2);
+  CHECK(change.low <= 0.0);
+  CHECK(change.after < change.before);
+  CHECK(change.helps());
+  CHECK_FALSE(with(8).helps());  // more is lost than won
+}
+
 TEST_CASE("HeldOut: a recording of fewer blocks is refused, with what is needed", "[diagnose]") {
   const test::SwingingEvidence enough(20.0), few(1.9);
   require_blocks(*enough, enough.source->sample());
