@@ -5,7 +5,7 @@
 #   make docs     set up, build, and build the site: build/docs/html/index.html; a warning is an error
 #   make setup    set up and build: .venv/bin/diffnea and the Python module
 #   make bench    run the benchmarks
-#   make peers    measure beside Pinocchio, MuJoCo, FIGAROH, MJX and Brax (more than two hours; tests/benchmarks/peers)
+#   make peers    measure beside Pinocchio, MuJoCo, FIGAROH, MJX, Brax and CMA-ES (three hours; tests/benchmarks/peers)
 #   make study    hide effects in hundreds of recordings and diagnose them; can be stopped and resumed
 #   make asan     all C++ tests and the command's, under AddressSanitizer and UndefinedBehaviorSanitizer
 #   make tsan     what uses threads, under ThreadSanitizer
@@ -45,7 +45,9 @@ bench:
 	$(BUILD)/tests/benchmarks/diffnea_bench_ball
 	$(BUILD)/tests/benchmarks/diffnea_bench_policy
 
-peers: setup
+peers:
+	.ci/setup --tests
+	cmake --build $(BUILD) --target servo_runs
 	.venv/bin/python -m venv build/peers/venv
 	build/peers/venv/bin/pip install --quiet --requirement tests/benchmarks/peers/requirements.txt
 	build/peers/venv/bin/python tests/benchmarks/peers/run.py build/peers

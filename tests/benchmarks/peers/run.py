@@ -14,6 +14,7 @@ from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
 SOURCE = HERE.parents[2]
+SERVO_RUNS = SOURCE / "build" / "release" / "tests" / "studies" / "servo_runs"
 
 
 def overlay(python: Path, folder: Path) -> Path:
@@ -39,6 +40,7 @@ def main() -> None:
     )
     parser.add_argument("out", type=Path)
     parser.add_argument("--python", type=Path, default=SOURCE / ".venv" / "bin" / "python")
+    parser.add_argument("--servo-runs", type=Path, default=SERVO_RUNS, help="the study, built")
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--skip-sysid", action="store_true")
     parser.add_argument("--skip-mjx", action="store_true")
@@ -48,10 +50,14 @@ def main() -> None:
     identify = ["--rounds", args.rounds, "--diffnea", args.python.parent / "diffnea"]
     if args.skip_sysid:
         identify += ["--only", "diffnea", "least_squares", "figaroh"]
+    servos = ["--diffnea", args.python.parent / "diffnea", "--servo-runs", args.servo_runs]
+    if args.skip_sysid:
+        servos += ["--only", "servo_diffnea", "servo_cmaes"]
     rollouts = ["--mjx", "--mjx-contacts", "--brax"] if args.skip_mjx else []
     for script, options in (
         ("dynamics", []),
         ("identify", identify),
+        ("servos", servos),
         ("rollouts", rollouts),
         ("table", []),
         ("plots", []),

@@ -159,13 +159,72 @@ def rollouts(result: Json) -> str:
     return out + "".join(f"\nfailed: {f}\n" for f in result["failures"])
 
 
+def servos(results: list[Json]) -> str:
+    out = ""
+    for case in dict.fromkeys(r["case"] for r in results):
+        chosen = [r for r in results if r["case"] == case]
+        splits = list(next(r["errors"]["own"] for r in chosen if "errors" in r))
+        lines = []
+        for r in chosen:
+            if "failed" in r:
+                lines.append(
+                    [r["tool"], f"failed: `{r['failed'][:150]}`", *["–"] * (3 + len(splits) + 2)]
+                )
+                continue
+            e = r["errors"]
+            cross = [
+                ", ".join(f"{e[judge][s]:.3g}" for s in splits[1:]) for judge in ("numpy", "mujoco")
+            ]
+            near = (
+                f"{number(r['near_seconds'])} ({r['near_evaluations']})"
+                if "near_seconds" in r
+                else "–"
+            )
+            off = "–"
+            if r["truth"]:
+                # A drive that is always on tells the sum of what brakes.
+                law = r["law"] | {"damping": r["law"]["damping"] + r["law"]["viscous"]}
+                off = " ".join(f"{100.0 * (law[n] / v - 1.0):+.1f}" for n, v in r["truth"].items())
+            lines.append(
+                [
+                    r["tool"],
+                    number(r["cpu"]),
+                    near,
+                    str(r.get("evaluations", "–")),
+                    *(f"{e['own'][s]:.3g}" for s in splits),
+                    *cross,
+                    off,
+                ]
+            )
+        head = [
+            "by",
+            "processor [s]",
+            "within 1 % of its last score after [s] (simulations of all runs)",
+            "simulations of all runs",
+            *(f"{s} [mrad]" for s in splits),
+            "held out, by NumPy",
+            "held out, by MuJoCo",
+            "off the truth [%]: " + ", ".join(chosen[0]["truth"])
+            if chosen[0]["truth"]
+            else "off the truth",
+        ]
+        out += f"**{chosen[0]['title']}**\n\n{rows(head, lines)}\n"
+        out += "".join(f"- {r['tool']}: {n}\n" for r in chosen for n in r.get("notes", [])) + "\n"
+    return out
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("out", type=Path)
     args = parser.parse_args()
-    parts = {"dynamics": dynamics, "identify": identification, "rollouts": rollouts}
+    parts = {
+        "dynamics": dynamics,
+        "identify": identification,
+        "servos": servos,
+        "rollouts": rollouts,
+    }
     text = f"{processor()}; Python {platform.python_version()}\n"
     together: Json = {"processor": processor()}
     for name, table in parts.items():
