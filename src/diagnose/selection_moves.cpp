@@ -82,7 +82,7 @@ bool Selection::merge(std::vector<Term>& terms) const {
         std::vector<Term> with = rest;
         with.push_back(offer.term);
         search_.fit(with);
-        // What they do beyond it may be what its columns are inexact by.
+        // Two that do no more than the one's columns are inexact by.
         const double inexact = inexact_at(search_, terms[i], with);
         const auto is_worse = [&] {
           return search_.bic(search_.fit(with), with) > now + std::max(kNoWorse, inexact);

@@ -47,7 +47,7 @@ Swing started(const VecX<double>& f, const VecX<double>& torque, const VecX<doub
               double dt, const MotorSpring<double>& spring) {
   constexpr double kLeastRows = 8.0, kDecays = 3.0;
   const double period = 2.0 * kPi * std::sqrt(inertia[0] / spring.stiffness);
-  // As long as it lasts: over one period, what else the model lacks looks like a start.
+  // Over one period, what else the model lacks looks like a start.
   const double lasts = 2.0 * kDecays * inertia[0] / spring.damping;
   const double rows = std::max(std::max(period, lasts) / dt, kLeastRows);
   const long n = rows < static_cast<double>(f.size()) ? std::lround(rows) : f.size();

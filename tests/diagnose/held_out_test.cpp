@@ -80,8 +80,8 @@ TEST_CASE("HeldOut: what the base pays in one of two models counts against it", 
 }
 
 TEST_CASE("HeldOut: a block that goes wrong does not outweigh all others", "[diagnose]") {
-  // As where a gap's flight ends elsewhere than predicted: two blocks of twenty are four times as
-  // far off with the cause, in the others half is left.
+  // A gap's flight ends elsewhere than predicted: two blocks of twenty are twice as far off with
+  // the cause, in the others half is left.
   const test::SwingingEvidence evidence(20.0);
   const HeldOut held_out(*evidence, {}, 0);
   const long second = std::lround(1.0 / evidence->step());
