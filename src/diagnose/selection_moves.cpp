@@ -81,13 +81,8 @@ bool Selection::merge(std::vector<Term>& terms) const {
       for (const Offer& offer : offers(rest, kInPlaceOfTwo, at_its_joints)) {
         std::vector<Term> with = rest;
         with.push_back(offer.term);
-        search_.fit(with);
-        // Two that do no more than the one's columns are inexact by.
-        const double inexact = inexact_at(search_, terms[i], with);
-        const auto is_worse = [&] {
-          return search_.bic(search_.fit(with), with) > now + std::max(kNoWorse, inexact);
-        };
-        if (is_worse() && (!sharpen(with) || is_worse())) continue;
+        if (search_.bic(search_.fit(with), with) > now + kNoWorse && !sharpen(with)) continue;
+        if (search_.bic(search_.gain_of(with), with) > now + kNoWorse) continue;
         terms = std::move(with);
         return true;
       }
