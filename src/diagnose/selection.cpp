@@ -147,7 +147,7 @@ std::vector<Selection::Offer> Selection::offers(const std::vector<Term>& terms, 
     with.push_back(offered(s, terms));
     const double gain = search_.fit(with);
     if (!plausible(search_, with.back()) || with.back().visible_share() < kAbsorbed) continue;
-    if (is_no_shift(search_, with)) continue;
+    if (is_no_shift(search_, with) || is_of_swing(search_, with.back(), terms)) continue;
     out.push_back({with.back(), before - search_.bic(gain, with)});
   }
   std::ranges::stable_sort(out, std::greater<>{}, &Offer::delta_bic);

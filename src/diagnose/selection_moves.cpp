@@ -30,7 +30,8 @@ bool Selection::eliminate(std::vector<Term>& terms) const {
       std::vector<Term> rest = without(terms, i);
       const double kept = search_.fit(rest);
       double worse = search_.bic(kept, rest) - with;
-      if (all - kept < inexact_at(search_, terms[i], rest)) worse = std::min(worse, 0.0);
+      if (all - kept < inexact_at(search_, terms[i], rest) || is_of_swing(search_, terms[i], rest))
+        worse = std::min(worse, 0.0);
       if (worse < least && !shifts_torques(search_, rest)) {
         least = worse;
         drop = i;

@@ -1,6 +1,7 @@
 #include "diagnose/selection_terms.hpp"
 
 #include <algorithm>
+#include <cmath>
 
 #include <diffnea/effects/stepping.hpp>
 
@@ -29,6 +30,23 @@ bool is_no_shift(const Search& search, const std::vector<Term>& terms) {
       return false;
   return Search::shift(terms.back()) != 0.0 &&
          std::ranges::all_of(joints, [&](int j) { return search.samples_and_holds(j, terms); });
+}
+
+bool is_of_swing(const Search& search, const Term& late, const std::vector<Term>& terms) {
+  DrivePath<double> path{0.0, 0.0, 0.0};
+  if (!late.effect.own) add_to_drive(late.effect, path);
+  const double time = std::abs(Search::shift(late)) + path.lag;
+  return time > 0.0 && std::ranges::any_of(terms, [&](const Term& t) {
+           if (t.effect.own || t.effect.info().motor != HiddenMotor::kSpring ||
+               t.effect.joints != late.effect.joints)
+             return false;
+           const MotorSpring<double> s = motor_spring(t.effect);
+           const double inertia =
+               encoder_at_motor(t.effect)
+                   ? search.candidates()[static_cast<std::size_t>(t.candidate)].swings
+                   : s.inertia;
+           return time * time * s.stiffness < inertia;
+         });
 }
 
 bool shifts_torques(const Search& search, std::vector<Term> terms) {

@@ -30,6 +30,10 @@ bool stays(const Term& term);
 /// all that shifts it where a drive that samples and holds its torques may have it.
 bool is_no_shift(const Search& search, const std::vector<Term>& terms);
 
+/// Tells whether something is late by less than one of the terms, a spring at its joint, takes to
+/// swing (1/ω): how that is excited and fades is known no better.
+bool is_of_swing(const Search& search, const Term& late, const std::vector<Term>& terms);
+
 /// Tells whether terms suffice only where torques act at instants that no drive has, and none of
 /// them may take that over.
 bool shifts_torques(const Search& search, std::vector<Term> terms);

@@ -13,6 +13,8 @@
 #include <diffnea/excite/fourier.hpp>
 #include <diffnea/sim/record.hpp>
 
+#include "diagnose/selection_terms.hpp"
+
 namespace diffnea::selection_test {
 namespace {
 
@@ -133,6 +135,34 @@ TEST_CASE("Selection: a spring that rests turns away is an offset, and not named
   CAPTURE(both.sentence);
   REQUIRE(both.causes.size() == 1);
   CHECK(both.causes[0].effect == "torque_offset");
+}
+
+TEST_CASE("Selection: what is late by less than its joint's spring takes to swing is the spring's",
+          "[diagnose]") {
+  const test::SwingingEvidence evidence(20.0);
+  const std::vector<Candidate> candidates = make_candidates(
+      evidence.model, evidence.model,
+      {"joint_elasticity@elbow", "actuator_delay@elbow", "actuator_delay@shoulder"}, {0}, false);
+  Search search(*evidence, candidates, {VecX<double>::Zero(evidence->base().cols()), {}, {}}, {});
+  const auto term = [&](int candidate) {
+    const Candidate& c = candidates[static_cast<std::size_t>(candidate)];
+    return term_at(c, candidate, c.grid.front());
+  };
+  Term spring = term(0);
+  spring.effect.parameters = {100.0, 0.0, 0.01, 1.0, 0.0};  // 1/ω = 10 ms
+  const auto late = [&](int candidate, double delay) {
+    Term out = term(candidate);
+    out.effect.parameters[0] = delay;
+    return is_of_swing(search, out, {spring});
+  };
+  CHECK(late(1, 9e-3));
+  CHECK_FALSE(late(1, 11e-3));
+  CHECK_FALSE(late(2, 9e-3));
+  CHECK_FALSE(is_of_swing(search, spring, {spring}));
+  spring.effect.parameters[4] = 1.0;  // the link swings
+  const double slower = std::sqrt(candidates[0].swings / 100.0);
+  CHECK(late(1, 0.9 * slower));
+  CHECK_FALSE(late(1, 1.1 * slower));
 }
 
 }  // namespace diffnea::selection_test
