@@ -23,9 +23,6 @@ constexpr double kBaseDryAccuracy = 0.01;
 /// How late one of its turns may be against the others [s]: what holds a joint meanwhile is nothing
 /// that its motion tells. Each leaves 2 F for so long, which the filter spreads over 1/cut-off.
 constexpr double kLateTurn = 1.75e-3;
-/// Geometric mean of a stable loop's sensitivity over all frequencies (Bode's integral, Åström and
-/// Murray 2008, sec. 12.3): what it amplifies at some, it attenuates at others.
-constexpr double kSensitivity = 1.0;
 /// Rows of a spectrum's window, at the most; with fewer than the least there is none.
 constexpr long kWindow = 128, kShortestWindow = 4;
 
@@ -63,7 +60,9 @@ detail::Spectrum spectrum(const Evidence& evidence, long k, const VecX<double>& 
 /// predicts, S w is its work, S the loop's sensitivity, and what the model lacks is −w (Forssell,
 /// Ljung 1999). Of what weighs high frequencies more than the motion does, as the second derivative
 /// of that torque, most may be w's, which it then explains. At every frequency that is the column's
-/// share that noise as large as what is lacking has in the predicted torque, at the most all.
+/// share that noise as large as what is lacking has in the predicted torque, at the most all. What
+/// a loop amplifies at some frequencies it attenuates at others: |S| is 1 in the geometric mean
+/// (Bode's integral, Åström and Murray 2008, sec. 12.3).
 double of_moving_noise(const Search& search, const Term& term, const std::vector<Term>& terms) {
   const Evidence& evidence = search.evidence();
   const int j = term.effect.joints.front();
@@ -87,7 +86,7 @@ double of_moving_noise(const Search& search, const Term& term, const std::vector
     mean += (left.frequency(1) - left.frequency(0)) *
             std::sqrt(left.power[f] * column.power[f] * share);
   }
-  const double with = kSensitivity * static_cast<double>(m) * mean;
+  const double with = static_cast<double>(m) * mean;
   return with * with / size;
 }
 

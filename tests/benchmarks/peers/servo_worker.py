@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 import time
 from collections.abc import Callable
@@ -15,7 +14,7 @@ import numpy as np
 from servo_cases import ServoCase, load_servo_case
 from servo_pendulum import Law
 from signals import Array
-from worker import cpu_seconds, peak_megabytes
+from worker import arguments, cpu_seconds, peak_megabytes
 
 TIME_LIMIT = 150.0  # s of processor time, all threads, of a peer's fit
 
@@ -107,11 +106,7 @@ class Scale:
 
 def main(fits: dict[str, Callable[[ServoCase, Path], Fit]]) -> None:
     """`identify_servo_TOOL CASE.json VARIANT OUT`: fit, write OUT.json; files of its own go to OUT as a folder."""
-    parser = argparse.ArgumentParser()
-    parser.add_argument("case", type=Path)
-    parser.add_argument("variant", choices=fits)
-    parser.add_argument("out", type=Path)
-    args = parser.parse_args()
+    args = arguments(fits)
     case = load_servo_case(args.case)
     wall, cpu = time.perf_counter(), cpu_seconds()
     fit = fits[args.variant](case, args.out)

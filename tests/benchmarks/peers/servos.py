@@ -123,6 +123,7 @@ def main() -> None:
     os.environ["DIFFNEA"] = str(args.diffnea)
     folder = args.out.resolve() / "servos"
     tools = [t for t in TOOLS if not args.only or t.worker in args.only]
+    args.out.mkdir(parents=True, exist_ok=True)
     results = []
     for case in make_servo_cases(folder, args.cases):
         check_agreement(case)

@@ -163,7 +163,7 @@ def servos(results: list[Json]) -> str:
     out = ""
     for case in dict.fromkeys(r["case"] for r in results):
         chosen = [r for r in results if r["case"] == case]
-        splits = list(next(r["errors"]["own"] for r in chosen if "errors" in r))
+        splits = next((list(r["errors"]["own"]) for r in chosen if "errors" in r), [])
         lines = []
         for r in chosen:
             if "failed" in r:

@@ -8,7 +8,7 @@ import json
 import os
 import resource
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -68,13 +68,18 @@ def peak_megabytes() -> float:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
 
 
-def main(fits: dict[str, Callable[[Case], Outcome]]) -> None:
-    """`worker CASE.json VARIANT OUT`: fit from the files, write OUT.json, and OUT.npz with held-out torques."""
+def arguments(variants: Iterable[str]) -> argparse.Namespace:
+    """Words that a fit's process is called with: `CASE.json VARIANT OUT`."""
     parser = argparse.ArgumentParser()
     parser.add_argument("case", type=Path)
-    parser.add_argument("variant", choices=fits)
+    parser.add_argument("variant", choices=variants)
     parser.add_argument("out", type=Path)
-    args = parser.parse_args()
+    return parser.parse_args()
+
+
+def main(fits: dict[str, Callable[[Case], Outcome]]) -> None:
+    """`worker CASE.json VARIANT OUT`: fit from the files, write OUT.json, and OUT.npz with held-out torques."""
+    args = arguments(fits)
     case = load_case(args.case)
     before = peak_megabytes()
     wall, cpu = time.perf_counter(), cpu_seconds()
