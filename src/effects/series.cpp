@@ -161,13 +161,15 @@ VecX<double> inertia_behind(const ExtendedTree& base, const JointSeries& x, int 
                               : link_inertia(base.tree, x, joint);
 }
 
-/// Motion of the links where the log has the motor's at `joint`. The second round takes what hangs
-/// on the link where it is, not where its motor is.
+/// Motion of the links where the log has the motor's at `joint`; the motor's where the base, which
+/// a linear fit may have left, gives the links an inertia below zero and nothing swings. The second
+/// round takes what hangs on the link where it is, not where its motor is.
 JointSeries behind_encoder(const MotorSpring<double>& spring, const ExtendedTree& base,
                            const JointSeries& x, int joint) {
   constexpr int kRounds = 2;
   const VecX<double> inertia = inertia_behind(base, x, joint);
   JointSeries links = x;
+  if (!(inertia.minCoeff() > 0.0)) return links;
   VecX<double> of_spring =
       VecX<double>::Constant(x.rows(), std::numeric_limits<double>::quiet_NaN());
   if (x.logged.size() > 0)  // the motor's side takes all but what the links transmit
@@ -177,7 +179,7 @@ JointSeries behind_encoder(const MotorSpring<double>& spring, const ExtendedTree
     const VecX<double> ahead = (x.qdd - links.qdd).col(joint);
     const VecX<double> load = load_on_spring(base, links, joint, spring.friction_share),
                        push = load + inertia.cwiseProduct(ahead);
-    const Swing start = of_spring.allFinite() && inertia[0] > 0.0
+    const Swing start = of_spring.allFinite()
                             ? started(push, of_spring, inertia, x.dt, spring)
                             : led(push, inertia, x.dt, spring);
     const VecX<double> wound = swung(push, inertia, x.dt, spring, start);

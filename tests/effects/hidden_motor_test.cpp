@@ -60,6 +60,21 @@ TEST_CASE("joint_elasticity: a link behind its motor's encoder, in closed form",
              MatrixNear(expected.middleRows(edge, kRows - 2 * edge).eval(), 0.05));
 }
 
+TEST_CASE("joint_elasticity: behind its motor's encoder a link of inertia below zero moves as logged",
+          "[effects]") {
+  // A linear fit may leave such a base; on a spring it would swing ever wider.
+  JointSeries x = rail_series([](double t) { return std::sin(t); },
+                              [](double t) { return std::cos(t); },
+                              [](double t) { return -std::sin(t); });
+  x.inertia = RowMatX<double>::Constant(kRows, 1, -0.5);
+  const RowMatX<double> torque =
+      torque_on_rail({"joint_elasticity",
+                      "slide",
+                      {{"stiffness", 4000.0, "N/m"}, {"encoder_side", 1.0, "1"}}},
+                     x);
+  CHECK(torque.cwiseAbs().maxCoeff() == 0.0);
+}
+
 TEST_CASE("joint_elasticity: what swings behind its encoder when the log begins swings on",
           "[effects]") {
   // The motion above, and B e^{zt} of the spring's own, z² M + z D + K = 0, which fades by e^−1.
