@@ -66,11 +66,15 @@ double shared_rounding(const PreprocessPlan& plan, const std::vector<RowMatX<dou
 
 }  // namespace
 
-bool halves_suffice(const PreprocessPlan& plan) {
-  if (detail::is_slow_and_uneven(plan)) return false;  // which were new is not known any more
+double cutoff_of_halves(const PreprocessPlan& plan) {
+  if (detail::is_slow_and_uneven(plan)) return 0.0;  // which were new is not known any more
   int slowest = 1;
   for (const int r : plan.refresh) slowest = std::max(slowest, r);
-  return plan.filter_hz * kRateOfHalf * 2.0 * slowest * plan.dt <= 1.0;
+  return 1.0 / (kRateOfHalf * 2.0 * slowest * plan.dt);
+}
+
+bool halves_suffice(const PreprocessPlan& plan) {
+  return plan.filter_hz <= cutoff_of_halves(plan);
 }
 
 RowMatX<double> half_of(const RowMatX<double>& logged, const PreprocessPlan& plan, bool even) {

@@ -10,6 +10,9 @@
 
 namespace diffnea {
 
+/// Highest cut-off of a path for which every other sample of the positions is enough [Hz]; 0: none.
+double cutoff_of_halves(const PreprocessPlan& plan);
+
 /// Tells whether every other sample of the positions is enough for the plan's path.
 bool halves_suffice(const PreprocessPlan& plan);
 

@@ -9,6 +9,7 @@
 #include <diffnea/dynamics/mass_matrix.hpp>
 
 #include "core/constants.hpp"
+#include "diagnose/halves.hpp"
 #include "dynamics/loop_motion.hpp"
 #include "recording/overlap.hpp"
 
@@ -83,6 +84,12 @@ PreprocessPlan plan_rows(const Model& links, const std::vector<Recording>& sampl
   PreprocessOptions any = options;
   any.min_segment = 0.0;
   PreprocessPlan out = plan_preprocess(sample, any);
+  // With one path effects see half the cut-off (smooth_more()); two that keep as much are better.
+  if (const double hz = cutoff_of_halves(out);
+      options.filter_hz == 0.0 && hz < out.filter_hz && hz >= 0.5 * out.filter_hz) {
+    any.filter_hz = hz;
+    out = plan_preprocess(sample, any);
+  }
   if (const double hz = telling_hz(links, sample, out); options.decimate_to_hz == 0.0 && hz > 0.0) {
     const double of_motion = 1.0 / (out.dt * out.decimator.factor);
     const double rows =
