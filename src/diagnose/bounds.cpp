@@ -210,6 +210,15 @@ std::vector<Refusal> bound_shapes(const Evidence& evidence, const FitLayout& lay
       continue;
     }
     if (is_of_resting(evidence, c.effect)) continue;
+    // Bristles are why it sticks there, and show in the turns that are left out.
+    if (c.bound() == SearchBound::kPresliding && std::ranges::any_of(c.effect.joints, [&](int j) {
+          return std::ranges::find(evidence.sticking(), j) != evidence.sticking().end();
+        })) {
+      refused.push_back({info.name, c.effect.where,
+                         "not tried: the joint sticks wherever it turns back, which is left out",
+                         0.0});
+      continue;
+    }
     // Columns of fourth derivatives share the noise of what they are to explain, unless they come
     // from other samples.
     if (!halves && info.motor != HiddenMotor::kNone) {

@@ -62,6 +62,9 @@ def test_what_holds_a_joint_that_sticks_is_no_effect(mast: Path, tmp_path: Path,
     assert finding["causes"] == []
     # Whoever reads NONE is told what was not looked at.
     assert any("sticks wherever it turns back" in note for note in finding["notes"])
+    # Bristles are why it sticks, and show in the turns that are left out.
+    untried = [r for r in finding["refused"] if r["effect"] == "presliding_dahl"]
+    assert any("tilt" in r["where"] and "sticks" in r["reason"] for r in untried)
 
 
 def test_a_lag_is_found_beside_it(mast: Path, tmp_path: Path) -> None:
