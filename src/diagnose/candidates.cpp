@@ -159,6 +159,15 @@ bool sits_at_base(const BoundEffect& effect, int base) {
 
 }  // namespace
 
+EffectSpec to_spec(const TriedEffect& effect) {
+  BoundEffect of_model = effect;
+  if (effect.told >= 0) {
+    of_model.parameter_info.pop_back();
+    of_model.parameters.pop_back();
+  }
+  return to_spec(of_model);
+}
+
 void Candidate::set(const std::vector<double>& point, BoundEffect& of) const {
   for (std::size_t s = 0; s < point.size(); ++s) {
     const int k = s < shapes.size() ? shapes[s] : choices[s - shapes.size()];
@@ -235,6 +244,30 @@ void add_own_candidates(const std::vector<OwnCandidate>& own, const Model& model
     for (std::size_t k = 0; k < of.parameters.size(); ++k) c.linear.push_back(static_cast<int>(k));
     c.grid.emplace_back();
     candidates.push_back(std::move(c));
+  }
+}
+
+void tell_flights(std::vector<Candidate>& candidates) {
+  for (Candidate& c : candidates) {
+    if (c.effect.own || c.effect.info().motor != HiddenMotor::kOther) continue;
+    const auto restitution =
+        std::ranges::find(c.effect.parameter_info, "restitution", &ParameterInfo::name);
+    c.shapes.push_back(static_cast<int>(restitution - c.effect.parameter_info.begin()));
+    c.shape_low.push_back(0.0);
+    c.shape_high.push_back(restitution->most);
+    std::vector<std::vector<double>> grown;
+    for (const std::vector<double>& point : c.grid)
+      for (const double bounces : {0.2, 0.5, 0.8}) {
+        grown.push_back(point);  // the gap, then its choices
+        grown.back().insert(grown.back().begin() + 1, bounces);
+      }
+    c.grid = std::move(grown);
+    c.effect.told = static_cast<int>(c.effect.parameters.size());
+    c.effect.parameter_info.push_back(
+        {.name = "told", .unit = "1", .unit_prismatic = "1", .sign = Sign::kNonNegative});
+    c.effect.parameters.push_back(1.0);
+    c.linear.push_back(c.effect.told);
+    c.nonlinear = false;
   }
 }
 

@@ -14,9 +14,17 @@ struct TriedEffect : BoundEffect {
     EffectInfo description;
   };
   std::shared_ptr<const Own> own;  ///< null: of the catalogue
+  /// Index of a parameter of no model, which scales its torque: how well its flights are told.
+  /// Noise and what is wrong about the base move each impact a little, and by as much as they do
+  /// that, the torque that goes with what is missing is smaller than it would be (Fuller 1987, sec.
+  /// 1.1). −1: none.
+  int told = -1;
 
   const EffectInfo& info() const { return own ? own->description : BoundEffect::info(); }
 };
+
+/// Its parameters, without what is of no model.
+EffectSpec to_spec(const TriedEffect& effect);
 
 struct Candidate {
   TriedEffect effect;
@@ -57,5 +65,8 @@ std::vector<Candidate> make_candidates(const Model& model, const Model& links,
 /// are missing
 void add_own_candidates(const std::vector<OwnCandidate>& own, const Model& model,
                         std::vector<Candidate>& candidates);
+
+/// Lets what flies across a gap bounce as it may, and be told in part (TriedEffect::told).
+void tell_flights(std::vector<Candidate>& candidates);
 
 }  // namespace diffnea

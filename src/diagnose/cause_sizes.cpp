@@ -153,6 +153,8 @@ std::vector<MatX<double>> covariances(const Search& search, const std::vector<Te
 }
 
 bool has_size(const Candidate& c, const Term& term) {
+  if (term.effect.told >= 0)  // the gap; how its teeth bounce is no size
+    return std::ranges::find(term.shapes, c.shapes.front()) != term.shapes.end();
   return c.rotor > 0.0 || term.shapes.size() >= c.shapes.size();
 }
 
@@ -196,6 +198,8 @@ std::vector<CauseParameter> sizes(const Search& search, const std::vector<Term>&
       else if (by_rotor)
         set_interval(p, std::hypot(std, of_word * p.value),
                      nonnegative[static_cast<std::size_t>(at)]);
+    } else if (t.effect.told >= 0 && scale(info) == Scale::kPlain) {
+      p.std = kNaN;  // how teeth bounce makes up for flights that are told in part
     } else if (shape != t.shapes.end()) {
       const double noise = by_noise(t.width() + (shape - t.shapes.begin()));
       if (scale(info) == Scale::kPlain)

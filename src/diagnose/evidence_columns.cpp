@@ -60,6 +60,22 @@ MatX<double> Evidence::columns(const TriedEffect& effect, const std::vector<int>
     return own_.at({effect.own->name, effect.where})(Eigen::all, which);
   }
   if (which.empty() && !torque) return out;
+  if (effect.told >= 0) {
+    TriedEffect whole = effect;
+    whole.told = -1;
+    std::vector<int> own = which;
+    std::erase(own, effect.told);
+    VecX<double> at;
+    const MatX<double> of_own = columns(whole, own, &at);
+    const double share = effect.parameters[static_cast<std::size_t>(effect.told)];
+    for (long w = 0, next = 0; w < width; ++w)
+      if (which[static_cast<std::size_t>(w)] == effect.told)
+        out.col(w) = at;
+      else
+        out.col(w) = share * of_own.col(next++);
+    if (torque) *torque = share * at;
+    return out;
+  }
   // Torque of one joint reaches few others: their columns need no filter.
   const Port port = effect.info().port;
   const bool local =

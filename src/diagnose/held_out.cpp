@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <utility>
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/core/random.hpp>
@@ -43,6 +44,10 @@ long block_of(const Evidence& evidence, long instants) {
   const long second = std::lround(kBlockSeconds / evidence.step());
   return std::max(std::min(second, instants / kBlocks), shortest_block(evidence));
 }
+
+/// χ² by which a parameter that is fitted to the held-out rows themselves flatters them (Akaike
+/// 1974).
+constexpr double kOfParameter = 2.0;
 
 }  // namespace
 
@@ -138,7 +143,35 @@ const HeldOut::Known& HeldOut::known(const Search& search) const {
 }
 
 Prediction HeldOut::predicted(const Search& search, const std::vector<Term>& terms) const {
-  return predicted(search, errors(search, terms));
+  Prediction out = predicted(search, errors(search, terms));
+  const long m = evidence_.times();
+  for (const Term& t : terms) {
+    if (t.effect.told < 0) continue;
+    TriedEffect whole = t.effect;
+    const double fitted =
+        std::exchange(whole.parameters[static_cast<std::size_t>(t.effect.told)], 1.0);
+    const VecX<double> flights = predicted(search, evidence_.torque_of(whole)).left;
+    out.left += fitted * flights;
+    const long block = block_of(evidence_, m);
+    for (long i = 0; i < m;) {
+      const long first = i;
+      const int stretch = evidence_.stretch()[static_cast<std::size_t>(i)];
+      while (i < m && i < first + block &&
+             evidence_.stretch()[static_cast<std::size_t>(i)] == stretch)
+        ++i;
+      double square = 0.0, product = 0.0;
+      for (long row = first; row < out.left.size(); row += m) {
+        square += flights.segment(row, i - first).squaredNorm();
+        product += flights.segment(row, i - first).dot(out.left.segment(row, i - first));
+      }
+      if (square < kOfParameter) continue;  // nothing flies
+      const double share = std::clamp(product / square, 0.0, 1.0);
+      for (long row = first; row < out.left.size(); row += m)
+        out.left.segment(row, i - first) -= share * flights.segment(row, i - first);
+      out.moved += kOfParameter;
+    }
+  }
+  return out;
 }
 
 Prediction HeldOut::predicted(const Search& search, const VecX<double>& errors) const {

@@ -259,6 +259,7 @@ void prepare(JointCase& c) {
   c.finding.refused =
       bound_shapes(*c.train, c.layout, c.finding.plan,
                    c.train->halves() && (!c.test || c.test->halves()), c.candidates);
+  tell_flights(c.candidates);
   c.prior = base_prior(c.base, c.model, c.layout, *c.train);
   const Whitener white(*c.train, white_noise(*c.train), c.fitted_rows);
   c.reference = std::make_unique<Reference>(c.model, c.layout, *c.train, c.test.get());

@@ -71,7 +71,7 @@ bool Selection::add_one(std::vector<Term>& terms) {
     // The base was fitted to links that follow their motor: what does not bends its inertias as no
     // other effect does.
     const bool helped = helps(terms, with);
-    const bool anew = !helped && !offer.term.effect.own && encoder_at_motor(offer.term.effect);
+    const bool anew = !helped && !offer.term.effect.own && hides_motor(offer.term.effect);
     if (helped || (anew && helps_anew(terms, with))) {
       terms = std::move(with);
       refused_candidates_.clear();  // beside another set it may help

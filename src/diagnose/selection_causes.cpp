@@ -68,6 +68,7 @@ std::vector<Cause> Selection::causes(const std::vector<Term>& terms) const {
     cause.visible_share = t.visible_share();
     cause.torque_share = search_.torque_share(t);
     cause.parameters = sizes(search_, terms, i, covariances[i]);
+    if (terms[i].effect.told >= 0) cause.parameters.pop_back();
     const HeldOutChange held = change(rest, terms);
     cause.gain = {std::sqrt(held.before), std::sqrt(held.after), 0.0, 0.0, held.low, held.high};
     cause.gain.explained_share = held.before > 0.0 ? 1.0 - held.after / held.before : 0.0;

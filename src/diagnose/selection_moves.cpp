@@ -97,7 +97,9 @@ bool Selection::simplify(std::vector<Term>& terms) const {
     return candidates_[static_cast<std::size_t>(t.candidate)];
   };
   // A shape that the recording does not tell is none that makes an effect simple.
-  const auto complexity = [&](const Term& t) { return t.linear.size() + of(t).shapes.size(); };
+  const auto complexity = [&](const Term& t) {
+    return t.linear.size() + of(t).shapes.size() - (t.effect.told >= 0 ? 1 : 0);
+  };
   for (std::size_t i = 0; i < terms.size(); ++i) {
     if (stays(terms[i])) continue;
     const std::vector<Term> rest = without(terms, i);

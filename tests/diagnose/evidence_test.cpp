@@ -12,6 +12,8 @@
 #include <catch2/matchers/catch_matchers_floating_point.hpp>
 
 #include "diagnose/bounds.hpp"
+#include "diagnose/term.hpp"
+#include "support/matrix_near.hpp"
 
 namespace evidence_test {
 
@@ -183,6 +185,32 @@ TEST_CASE("diagnose: gaps are tried down to what the positions' noise hides", "[
   CHECK(none.empty());
   REQUIRE(refused.size() == 1);
   CHECK(refused[0].effect == "backlash");
+}
+
+TEST_CASE("diagnose: a gap's torque has the size that its flights are told by, and no model has it",
+          "[diagnose]") {
+  const test::SwingingEvidence evidence(20.0);
+  std::vector<Candidate> gaps{candidate(evidence.model, "backlash", "elbow")};
+  const std::size_t points = gaps[0].grid.size();
+  tell_flights(gaps);
+  CHECK(gaps[0].grid.size() == 3 * points);  // each with dull and hard teeth
+  CHECK(gaps[0].shapes.size() == 2);
+  TriedEffect gap = term_at(gaps[0], 0, gaps[0].grid.back()).effect;
+  REQUIRE(gap.told == static_cast<int>(gap.parameters.size()) - 1);
+  double& told = gap.parameters[static_cast<std::size_t>(gap.told)];
+  told = 1.0;
+  const VecX<double> whole = evidence->torque_of(gap);
+  const MatX<double> of_gap = evidence->columns(gap, {0});
+  CHECK(whole.norm() > 0.0);
+  told = 0.25;
+  VecX<double> torque;
+  const MatX<double> columns = evidence->columns(gap, {gap.told, 0}, &torque);
+  CHECK_THAT(torque, test::MatrixNear(0.25 * whole, 1e-12 * whole.norm()));
+  CHECK_THAT(columns.col(0), test::MatrixNear(whole, 1e-12 * whole.norm()));
+  CHECK_THAT(columns.col(1), test::MatrixNear(0.25 * of_gap.col(0), 1e-12 * of_gap.norm()));
+  const EffectSpec spec = to_spec(gap);
+  CHECK(spec.parameters.size() == gap.parameters.size() - 1);
+  CHECK(bind(spec, evidence.model).parameters.size() == spec.parameters.size());
 }
 
 TEST_CASE("diagnose: a tilt leaves a joint without torque what it is", "[diagnose]") {

@@ -99,6 +99,43 @@ TEST_CASE("HeldOut: a block that goes wrong does not outweigh all others", "[dia
   CHECK_FALSE(with(8).helps());  // more is lost than won
 }
 
+TEST_CASE("HeldOut: each block tells how much of a gap's flights it has, from none to all",
+          "[diagnose]") {
+  const test::SwingingEvidence fitted(20.0), held(20.0, false, 2);
+  std::vector<Candidate> gaps =
+      make_candidates(fitted.model, fitted.model, {"backlash@elbow"}, {0}, false);
+  REQUIRE(gaps.size() == 1);
+  tell_flights(gaps);
+  BasePrior prior{VecX<double>::Zero(fitted->base().cols()), {}, {}};
+  Search search(*fitted, gaps, prior, {});
+  std::vector<Term> none;
+  search.refresh(0.0, none);
+  const HeldOut held_out(*held, {}, 0);
+  Term gap = term_at(gaps[0], 0, gaps[0].grid.back());  // the largest
+  REQUIRE(gap.effect.told >= 0);
+  double& told = gap.effect.parameters[static_cast<std::size_t>(gap.effect.told)];
+  told = 1.0;
+  const VecX<double> flights = held_out.whitened(search, held->torque_of(gap.effect));
+  told = 0.0;  // nothing of it on the fitted rows
+  search.set_columns(gap);
+  const VecX<double> before = held_out.predicted(search, none).left;
+  const Prediction with = held_out.predicted(search, {gap});
+  double least = 1.0, most = 0.0;
+  for (long i = 0; i < before.size(); ++i) {
+    if (std::abs(flights[i]) < 1e-3) continue;
+    const double share = (before[i] - with.left[i]) / flights[i];
+    least = std::min(least, share);
+    most = std::max(most, share);
+  }
+  CAPTURE(flights.squaredNorm(), before.squaredNorm(), with.left.squaredNorm());
+  CHECK(least >= 0.0);
+  CHECK(least < 1e-9);  // random torques are no flights, and some blocks go against them
+  CHECK(most > 0.01);
+  CHECK(most <= 1.0 + 1e-9);
+  CHECK(with.left.norm() < before.norm());
+  CHECK(with.moved >= 2.0 * 10.0);  // each block pays, and the motion never rests
+}
+
 TEST_CASE("HeldOut: a recording of fewer blocks is refused, with what is needed", "[diagnose]") {
   const test::SwingingEvidence enough(20.0), few(1.9);
   require_blocks(*enough, enough.source->sample());
