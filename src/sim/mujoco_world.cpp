@@ -211,6 +211,7 @@ std::vector<SimulatedRecording> record_flights(const std::string& mjcf, const Mo
                     " s, expected one flight of " + detail::number_text(seconds, 4) +
                     " s or more; a longer motion, or shorter flights (--flight)");
   RecordOptions own = options;
+  own.period = 0.0;  // no flight repeats another
   if (options.follow) {
     const VecX<double> q0 =
         sim::desired_motion(trajectory, joint_names(truth), nullptr).q.row(0).transpose();
