@@ -104,23 +104,23 @@ def test_causes_in_two_legs_are_named(hangs: bool, tmp_path: Path) -> None:
     assert count(model, FRICTION, range(1, 2)) == (1, 0, 2)
 
 
+def test_causes_beside_known_friction_are_named(tmp_path: Path) -> None:
+    """Ripple of one drive and a wrong torque constant of another, on a hung robot."""
+    model = dog(tmp_path / "dog.xml", ROUGH, hangs=True)
+    assert count(model, DRIVES, range(1, 2)) == (1, 0, 2)
+
+
 @pytest.mark.study
 @HANGS
-@pytest.mark.parametrize(
-    ("drives", "hidden"), [(SMOOTH, FRICTION), (ROUGH, DRIVES)], ids=["friction", "drives"]
-)
-def test_causes_in_two_legs_are_named_in_ten_recordings(
-    drives: str, hidden: Hidden, hangs: bool, tmp_path: Path
-) -> None:
-    """Both right names and no other in eight at least; nine of ten intervals hold the truth."""
-    model = dog(tmp_path / "dog.xml", drives, hangs=hangs)
-    named, _, inside = count(model, hidden, range(10, 20))
-    assert named >= 8
+def test_causes_in_two_legs_are_named_in_ten_recordings(hangs: bool, tmp_path: Path) -> None:
+    """Both names and no other in nine at least; as many intervals hold the truth."""
+    model = dog(tmp_path / "dog.xml", SMOOTH, hangs=hangs)
+    named, _, inside = count(model, FRICTION, range(10, 20))
+    assert named >= 9
     assert inside >= 18
 
 
 @pytest.mark.study
 @HANGS
 def test_nothing_is_named_in_ten_recordings(hangs: bool, tmp_path: Path) -> None:
-    model = dog(tmp_path / "dog.xml", ROUGH, hangs=hangs)
-    assert count(model, {}, range(10, 20)) == (10, 0, 0)
+    assert count(dog(tmp_path / "dog.xml", SMOOTH, hangs=hangs), {}, range(10, 20))[1] == 0
