@@ -30,7 +30,9 @@ LEGS = {"FL": (1, 1), "FR": (1, -1), "RL": (-1, 1), "RR": (-1, -1)}
 
 def dog(path: Path, drives: str, *, hangs: bool) -> package.Model:
     """Write twelve joints on a trunk that floats above a floor; read it as it hangs, or floats."""
-    legs = "".join(LEG.format(n=n, x=0.19 * i, y=0.05 * j, s=0.09 * j) for n, (i, j) in LEGS.items())
+    legs = "".join(
+        LEG.format(n=n, x=0.19 * i, y=0.05 * j, s=0.09 * j) for n, (i, j) in LEGS.items()
+    )
     joints = [f"{n}_{part}" for n in LEGS for part in ("hip", "thigh", "calf")]
     motors = "".join(f'<motor joint="{j}" ctrlrange="-23 23"/>' for j in joints)
     path.write_text(

@@ -115,9 +115,8 @@ def test_a_held_robot_is_a_robot_on_a_fixed_base(
     ours = package.simulate(hung, motions[0], noise=0)
     assert len(theirs.recordings) == 1
     assert theirs.recording.base is None
-    for a, b in ((theirs.recording.q, ours.recording.q), (theirs.recording.tau, ours.recording.tau)):
-        assert a is not None
-        assert b is not None
+    pairs = [(getattr(theirs.recording, x), getattr(ours.recording, x)) for x in ("q", "tau")]
+    for a, b in pairs:
         # Both are Runge–Kutta's of 0.5 ms on the same torques.
         assert np.abs(a - b).max() < 1e-5 * np.abs(b).max()
 
@@ -209,7 +208,8 @@ def test_the_commands_lead_from_a_description_to_flights(
     assert "--world mujoco:FILE.xml" in answer.stderr
     assert not (tmp_path / "x.csv").exists()
     run = tmp_path / "run"
-    done("identify", robot, tmp_path / "flights1.csv", "--test", tmp_path / "flights2.csv", "-o", run)
+    train, test = (tmp_path / f"flights{seed}.csv" for seed in (1, 2))
+    done("identify", robot, train, "--test", test, "-o", run)
     rmse = load(run / "result.json")["rmse"]
     for joint in walker.joints:
         assert rmse["test"][joint] < 0.5 * rmse["nominal_test"][joint]
