@@ -88,7 +88,6 @@ void run_excite(ExciteOptions options) {
                    limits(options.torque)};
   check_output(options.out, {options.model});
   const Model model = read_model(options.model, options.reading);
-  require_fixed_base("excite", model);
   check_trajectory_names(joint_names(model));
   const Interruptible interruptible;
   ProgressLine line(options.common.quiet);
@@ -123,6 +122,7 @@ void add_excite(CLI::App& app) {
       "position limits a joint moves within 1 rad or 0.1 m of its zero; without a velocity limit "
       "(or 0) at up to 2 rad/s or 0.3 m/s; without an effort limit (or 0) torque is not looked at; "
       "a range of zero width holds it.\n"
+      "Of a robot that floats flights are designed: its base gives way to the joints.\n"
       "In closed loops as many driven joints lead as there are motions; ranges are narrowed to "
       "where "
       "the loops close.");

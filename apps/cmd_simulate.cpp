@@ -30,14 +30,18 @@ struct SimulateOptions {
 
 /// Says which joints do not make the motion that was asked for: a recording tells less then than it
 /// was designed to.
-void tell_who_lags(const Recording& r, const std::string& file) {
+void tell_who_lags(const std::vector<Recording>& runs, const std::string& file) {
   constexpr double kWorthAWord = 0.2;  // of the motion, root mean square
-  if (r.qcmd.rows() != r.q.rows()) return;
+  const Recording& r = runs.front();
   for (long j = 0; j < r.q.cols(); ++j) {
     if (!r.has_tau[static_cast<std::size_t>(j)]) continue;  // passive, or led by its own drive
-    const VecX<double> wanted = r.qcmd.col(j);
-    const double motion = (wanted.array() - wanted.mean()).matrix().norm();
-    const double miss = (r.q.col(j) - wanted).norm() / motion;
+    double motion = 0.0, off = 0.0;
+    for (const Recording& run : runs) {
+      const VecX<double> wanted = run.qcmd.col(j);
+      motion += (wanted.array() - wanted.mean()).square().sum();
+      off += (run.q.col(j) - wanted).squaredNorm();
+    }
+    const double miss = std::sqrt(off / motion);
     if (std::isfinite(miss) && miss > kWorthAWord)
       std::fprintf(stderr,
                    "%s: %s is off its command by %.0f %% of the motion (rms): stiffer gains (--kp, "
@@ -71,7 +75,11 @@ void run_simulate(SimulateOptions options) {
   if (!options.truth.empty()) check_model_path(options.truth);
   Trajectory trajectory = read_trajectory(options.trajectory);
   const Model described = read_model(options.model, options.reading);
-  require_fixed_base("simulate", described);
+  if (described.free_base && options.world.empty())
+    throw ModelError(options.model + ": simulate: the base '" + described.links[0].name +
+                     "' floats, and flights are simulated by MuJoCo: --world mujoco:FILE.xml "
+                     "(`diffnea export` writes an MJCF of a URDF); --fix-base holds it where the "
+                     "file has it");
   std::vector<std::string> moved = trajectory.joint_names;
   for (const JointDescription& joint : describe_joints(described))
     if (joint.passive && std::ranges::find(moved, joint.name) == moved.end())
@@ -84,35 +92,50 @@ void run_simulate(SimulateOptions options) {
   options.record.kd = vector_of(options.kd);
   options.record.seed = options.common.seed;
   options.record.follow = true;
-  SimulatedRecording result;
+  std::vector<SimulatedRecording> results;
   Model truth = model;
   if (options.world.empty()) {
     options.record.scale_noise(options.noise.value_or(0.0));
-    result = record_model(model, model, trajectory, options.record);
+    results = {record_model(model, model, trajectory, options.record)};
   } else {
     const WorldSpec world = parse_world(options.world);
     options.record.scale_noise(options.noise.value_or(world.noise));
-    WorldRecording recorded = record_in_world(world, model, trajectory, options.record,
-                                              options.common.seed, threads_of(options.common));
-    result = std::move(recorded.result);
-    truth = std::move(recorded.truth);
+    if (model.free_base) {
+      WorldFlights flown =
+          record_flights_in_world(world, model, trajectory, options.record, options.common.seed);
+      results = std::move(flown.flights);
+      truth = std::move(flown.truth);
+    } else {
+      WorldRecording recorded = record_in_world(world, model, trajectory, options.record,
+                                                options.common.seed, threads_of(options.common));
+      results = {std::move(recorded.result)};
+      truth = std::move(recorded.truth);
+    }
   }
   const auto print = [&] {
-    if (options.common.json) std::fputs(simulate_result_json(result, options.out).c_str(), stdout);
+    if (options.common.json) std::fputs(simulate_result_json(results, options.out).c_str(), stdout);
   };
-  if (!result.failure.empty()) {
+  if (const std::string& failure = results.back().failure; !failure.empty()) {
     print();
     stop(kNoUsableResult,
-         options.out + ": the simulation ended early, nothing was written: " + result.failure);
+         options.out + ": the simulation ended early, nothing was written: " + failure);
+  }
+  std::vector<Recording> runs;
+  long rows = 0, saturated = 0;
+  for (const SimulatedRecording& result : results) {
+    rows += result.recording.rows();
+    saturated += result.saturated;
+    runs.push_back(result.recording);
   }
   if (!options.truth.empty()) write_model(truth, options.truth);
-  write_recording(result.recording, options.out);
-  write_sidecar(result.recording.info, options.out);
+  write_recordings(runs, options.out);
+  write_sidecar(runs.front().info, options.out);
   print();
   if (!options.common.json && !options.common.quiet)
-    std::fprintf(stderr, "%s: %ld rows, %ld with a torque at its limit\n", options.out.c_str(),
-                 result.recording.rows(), result.saturated);
-  tell_who_lags(result.recording, options.out);
+    std::fprintf(stderr, "%s: %s%ld rows, %ld with a torque at its limit\n", options.out.c_str(),
+                 model.free_base ? (std::to_string(runs.size()) + " flights, ").c_str() : "", rows,
+                 saturated);
+  tell_who_lags(runs, options.out);
 }
 
 }  // namespace
@@ -124,6 +147,8 @@ void add_simulate(CLI::App& app) {
       "Follow a desired motion with a controller that knows the model, and record.\n"
       "Without --world the robot is the model itself, without noise; with a MuJoCo world it "
       "differs from it, and its sensors are noisy.\n"
+      "A robot that floats is thrown up in a MuJoCo world, once for each --flight of the motion; "
+      "its pose is logged.\n"
       "Joints without a motor follow in closed loops; they are logged without a torque.");
   add_robot(*command, options->model);
   add_options(*command, options->reading);
@@ -154,6 +179,11 @@ void add_simulate(CLI::App& app) {
       ->check(at_least(0.0));
   command->add_option("--kd", options->kd, "gain per joint [N*m*s/rad]; default: as --kp")
       ->check(at_least(0.0));
+  command
+      ->add_option("--flight", options->record.flight,
+                   "of a robot that floats: duration of each flight [s]")
+      ->check(at_least(0.0, true))
+      ->capture_default_str();
   command->add_option("--rate", options->record.control_rate, "of control and rows [Hz]")
       ->check(at_least(0.0, true))
       ->capture_default_str();

@@ -18,6 +18,7 @@ using namespace pybind11::literals;
 
 struct Simulation {
   Recording recording;
+  std::vector<Recording> recordings;
   Model truth;
   long saturated = 0;
   std::string failure;
@@ -25,7 +26,10 @@ struct Simulation {
   template <class List>
   static constexpr void fields(List& list) {
     list.type("Simulation", "A recording of a simulated robot, and the truth behind it.");
-    list.field("recording", &Simulation::recording, "What the robot's sensors gave.");
+    list.field("recording", &Simulation::recording,
+               "What the robot's sensors gave; of flights the first.");
+    list.field("recordings", &Simulation::recordings,
+               "All of them: the flights of a robot that floats, else one.");
     list.field("truth", &Simulation::truth, "The robot as it was: the model that nobody knows.");
     list.field("saturated", &Simulation::saturated, "Rows where a torque met its limit.");
     list.field("failure", &Simulation::failure,
@@ -41,7 +45,7 @@ Simulation simulate(const Model& model, const Trajectory& trajectory,
                     const std::optional<std::string>& world, std::optional<std::uint64_t> seed,
                     std::optional<double> noise, double rate, const py::object& kp,
                     const py::object& kd, double bandwidth, double damping,
-                    bool gravity_compensation, std::optional<double> period) {
+                    bool gravity_compensation, std::optional<double> period, double flight) {
   RecordOptions options;
   options.control_rate = rate;
   options.kp = gains("kp", kp);
@@ -52,24 +56,34 @@ Simulation simulate(const Model& model, const Trajectory& trajectory,
   options.period = period.value_or(0.0);
   options.seed = seed.value_or(0);
   options.follow = true;
+  options.flight = flight;
 
   const py::gil_scoped_release release;
   Simulation out;
-  SimulatedRecording result;
+  std::vector<SimulatedRecording> results;
   if (!world) {
     options.scale_noise(noise.value_or(0.0));
     out.truth = model;
-    result = record_model(model, model, trajectory, options);
+    results = {record_model(model, model, trajectory, options)};
   } else {
     const WorldSpec spec = parse_world(*world);
     options.scale_noise(noise.value_or(spec.noise));
-    WorldRecording recorded = record_in_world(spec, model, trajectory, options, options.seed);
-    out.truth = std::move(recorded.truth);
-    result = std::move(recorded.result);
+    if (model.free_base) {
+      WorldFlights flown = record_flights_in_world(spec, model, trajectory, options, options.seed);
+      out.truth = std::move(flown.truth);
+      results = std::move(flown.flights);
+    } else {
+      WorldRecording recorded = record_in_world(spec, model, trajectory, options, options.seed);
+      out.truth = std::move(recorded.truth);
+      results = {std::move(recorded.result)};
+    }
   }
-  out.recording = std::move(result.recording);
-  out.saturated = result.saturated;
-  out.failure = std::move(result.failure);
+  for (SimulatedRecording& result : results) {
+    out.saturated += result.saturated;
+    out.failure = std::move(result.failure);
+    out.recordings.push_back(std::move(result.recording));
+  }
+  out.recording = out.recordings.front();
   return out;
 }
 
@@ -122,7 +136,8 @@ Excitation design(const Model& model, double duration, double period, int harmon
 void bind_sim(py::module_& m) {
   value_type<Simulation>(m);
   m.def("_simulate", &simulate, "model"_a, "trajectory"_a, "world"_a, "seed"_a, "noise"_a, "rate"_a,
-        "kp"_a, "kd"_a, "bandwidth"_a, "damping"_a, "gravity_compensation"_a, "period"_a);
+        "kp"_a, "kd"_a, "bandwidth"_a, "damping"_a, "gravity_compensation"_a, "period"_a,
+        "flight"_a);
   const FourierOptions o;
   m.def("excite", &excite, "model"_a, py::kw_only(), "duration"_a = o.duration,
         "period"_a = o.period, "harmonics"_a = o.harmonics, "rate"_a = o.rate, "seed"_a = o.seed,

@@ -26,8 +26,12 @@ def simulate(
     damping: float = 0.7,
     gravity_compensation: bool = True,
     period: float | None = None,
+    flight: float = 2.0,
 ) -> Simulation:
     """Follow a desired motion with a controller that knows the model, and record.
+
+    A robot that floats is thrown up in a MuJoCo world, once for each ``flight`` of the motion:
+    ``Simulation.recordings`` has its flights, with the pose of its base.
 
     Args:
         model: what the controller knows of the robot, or the path of its description.
@@ -48,10 +52,12 @@ def simulate(
         damping: of the gains that are derived.
         gravity_compensation: by the model, at the measured position.
         period: of the desired motion, if it has one [s].
+        flight: of a robot that floats, duration of each flight [s].
 
     Raises:
         DataError: a loop does not close along the motion, or is not held (with the time).
-        ModelError: constraints leave more motions than there are drives; the base floats.
+        ModelError: constraints leave more motions than there are drives; the base floats, and
+            there is no ``world``, or that of one of both alone does.
 
     """
     if not isinstance(model, Model):
@@ -73,6 +79,7 @@ def simulate(
         damping,
         gravity_compensation,
         period,
+        flight,
     )
 
 

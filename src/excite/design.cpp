@@ -197,18 +197,24 @@ class Design {
 
   void set_noise() {
     const long n = static_cast<long>(ranges_.size());
-    VecX<double> noise(n);
+    VecX<double> noise(information_.num_rows());
     require(options_.noise.empty() || static_cast<long>(options_.noise.size()) == n,
             "got the noise of " + std::to_string(options_.noise.size()) + " joints, expected " +
                 std::to_string(n));
     FourierMotion motion = motion_of(draw_starts().front());
     const VecX<double> largest =
         information_.rows(closed(motion)).torque.cwiseAbs().colwise().maxCoeff().transpose();
+    double shares = 0.0;  // squares of what the noise is of the joints' torques
     for (long j = 0; j < n; ++j) {
       const double effort = ranges_[static_cast<std::size_t>(j)].effort;
       noise[j] = !options_.noise.empty() ? options_.noise[static_cast<std::size_t>(j)]
                  : std::isfinite(effort) ? kNoiseShare * effort
                                          : kNoiseShare * largest[j];
+      if (!(noise[j] > 0.0)) noise[j] = 1.0;
+      if (largest[j] > 0.0) shares += std::pow(noise[j] / largest[j], 2) / static_cast<double>(n);
+    }
+    for (long j = n; j < noise.size(); ++j) {
+      noise[j] = std::sqrt(shares) * largest[j];
       if (!(noise[j] > 0.0)) noise[j] = 1.0;
     }
     information_.set_noise(noise);
@@ -303,6 +309,10 @@ class Design {
                           ": within these limits some parameters hardly show; allow more torque, "
                           "speed or range");
     if (loops_) out.notes.insert(out.notes.end(), loops_->notes().begin(), loops_->notes().end());
+    if (model_.free_base)
+      out.notes.push_back("in flight: the base '" + model_.links[0].name +
+                          "' gives way to the joints and no weight acts; torque limits hold with "
+                          "the base held, too");
     add_notes(out.notes);
     if (std::abs(motion.period - m.period) > 1e-9 * m.period)
       out.notes.push_back("the period is " + short_number(motion.period) +
@@ -376,7 +386,7 @@ class Design {
 }  // namespace
 
 Excitation design_excitation(const Model& model, const DesignOptions& options) {
-  require_fixed_base("excite", model);
+  if (model.free_base) require_no_constraints("excite of flights", model);
   check(options);
   return Design(model, options).run();
 }

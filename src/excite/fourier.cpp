@@ -11,6 +11,7 @@
 
 #include "core/constants.hpp"
 #include "excite/loop_rows.hpp"
+#include "model/falling.hpp"
 
 namespace diffnea {
 namespace {
@@ -85,7 +86,10 @@ double effort_share(const Tree<double>& tree, const LoopRows* loops,
 }  // namespace
 
 Trajectory random_fourier(const Model& model, const FourierOptions& o) {
-  require_fixed_base("excite", model);
+  if (model.free_base) {
+    require_no_constraints("excite of flights", model);
+    return random_fourier(falling(model), o);
+  }
   require(o.harmonics >= 3, "harmonics must be at least 3");
   require(o.period > 0 && o.duration > 0 && o.rate > 0,
           "period, duration and rate must be positive");

@@ -35,18 +35,23 @@ Information::Information(const Model& model, const std::vector<JointRange>& rang
   const long n = layout_.num_dofs, p = static_cast<long>(layout_.linear.size());
   links_ = inertial_parameters(tree_);
   prior_ = layout_.prior();
-  noise_ = VecX<double>::Ones(n);
+  noise_ = VecX<double>::Ones(n + layout_.base_rows);
+  if (tree_.free_base) {
+    tree_.gravity = {0.0, 0.0, 0.0};  // free fall
+    recoil_.emplace(tree_);
+  }
   effect_columns_.resize(layout_.effects.size());
   for (long c = 0; c < p; ++c)
     if (const int e = layout_.linear[static_cast<std::size_t>(c)].effect; e >= 0)
       effect_columns_[static_cast<std::size_t>(e)].push_back(static_cast<int>(c));
   for (std::size_t j = 0; j < ranges.size(); ++j)
-    if (ranges[j].driven && !ranges[j].follows) driven_.push_back(static_cast<int>(j));
+    if (ranges[j].driven && !ranges[j].follows) measured_.push_back(static_cast<int>(j));
+  for (int j = 0; j < layout_.base_rows; ++j) measured_.push_back(static_cast<int>(n) + j);
 
-  const long m = static_cast<long>(driven_.size());
+  const long m = static_cast<long>(measured_.size());
   MatX<double> all(kStates * m, p);
-  RowMatX<double> F(n, p);
-  VecX<double> q = VecX<double>::Zero(n), qd = q, qdd = q, torque(n);
+  RowMatX<double> F(num_rows(), p);
+  VecX<double> q = VecX<double>::Zero(n), qd = q, qdd = q, torque(num_rows());
   for (long i = 0, drawn = 0; i < kStates; ++i, ++drawn) {
     for (long j = 0; j < n; ++j) {
       const JointRange& r = ranges[static_cast<std::size_t>(j)];
@@ -65,7 +70,7 @@ Information::Information(const Model& model, const std::vector<JointRange>& rang
       continue;
     }
     fill(q.data(), qd.data(), qdd.data(), F, torque);
-    all.middleRows(i * m, m) = F(driven_, Eigen::all);
+    all.middleRows(i * m, m) = F(measured_, Eigen::all);
   }
   scale_ = (all.colwise().norm() / std::sqrt(static_cast<double>(kStates))).transpose();
   const double largest = scale_.maxCoeff();
@@ -82,12 +87,21 @@ void Information::fill(const double* q, const double* qd, const double* qdd, Row
                        VecX<double>& torque) {
   const long n = layout_.num_dofs;
   using Map = Eigen::Map<const VecX<double>>;
-  const RowMatX<double>& Y =
-      torque_regressor<double, double>(tree_, Map(q, n), Map(qd, n), Map(qdd, n), ws_);
   F.setZero();
-  F.leftCols(Y.cols()) = Y;
-  torque.noalias() = Y * links_;
-  const VecX<double> transmitted = torque;
+  if (recoil_) {
+    recoil_->at(q, qd, qdd);
+    const RowMatX<double>& Y = torque_regressor<double, double>(tree_, VecIn<double>(recoil_->q),
+                                                                VecIn<double>(recoil_->v),
+                                                                VecIn<double>(recoil_->vd), ws_);
+    F.leftCols(Y.cols()) << Y.bottomRows(n), Y.topRows(kBaseVelocities);
+    torque << Y.bottomRows(n) * links_, recoil_->reaction;
+  } else {
+    const RowMatX<double>& Y =
+        torque_regressor<double, double>(tree_, Map(q, n), Map(qd, n), Map(qdd, n), ws_);
+    F.leftCols(Y.cols()) = Y;
+    torque.noalias() = Y * links_;
+  }
+  const VecX<double> transmitted = torque.head(n);
   JointSample<double> x;
   x.q = q;
   x.qd = qd;
@@ -100,8 +114,8 @@ void Information::fill(const double* q, const double* qd, const double* qdd, Row
     scratch_.resize(columns.size() * static_cast<std::size_t>(n));
     linear_columns(effect, x, scratch_.data());
     for (std::size_t k = 0; k < columns.size(); ++k) {
-      F.col(columns[k]) = Map(scratch_.data() + static_cast<long>(k) * n, n);
-      torque += prior_[columns[k]] * F.col(columns[k]);
+      F.col(columns[k]).head(n) = Map(scratch_.data() + static_cast<long>(k) * n, n);
+      torque.head(n) += prior_[columns[k]] * F.col(columns[k]).head(n);
     }
   }
   if (!loops_) return;
@@ -120,15 +134,15 @@ void Information::fill(const double* q, const double* qd, const double* qdd, Row
 }
 
 Information::Rows Information::rows(const MotionRows& motion) {
-  const long count = motion.q.rows(), n = motion.q.cols(), m = static_cast<long>(driven_.size());
-  Rows out{RowMatX<double>(count * m, num_parameters()), RowMatX<double>(count, n)};
-  RowMatX<double> F(n, static_cast<long>(layout_.linear.size()));
-  VecX<double> torque(n);
+  const long count = motion.q.rows(), m = static_cast<long>(measured_.size());
+  Rows out{RowMatX<double>(count * m, num_parameters()), RowMatX<double>(count, num_rows())};
+  RowMatX<double> F(num_rows(), static_cast<long>(layout_.linear.size()));
+  VecX<double> torque(num_rows());
   for (long i = 0; i < count; ++i) {
     fill(motion.q.row(i).data(), motion.qd.row(i).data(), motion.qdd.row(i).data(), F, torque);
     out.torque.row(i) = torque.transpose();
     for (long r = 0; r < m; ++r) {
-      const int j = driven_[static_cast<std::size_t>(r)];
+      const int j = measured_[static_cast<std::size_t>(r)];
       for (std::size_t c = 0; c < base_.size(); ++c)
         out.columns(i * m + r, static_cast<long>(c)) =
             F(j, base_[c]) * scale_[base_[c]] / noise_[j];

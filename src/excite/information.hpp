@@ -5,6 +5,7 @@
 #include <diffnea/identify/layout.hpp>
 
 #include "excite/loop_rows.hpp"
+#include "excite/recoil.hpp"
 
 namespace diffnea {
 
@@ -12,7 +13,8 @@ namespace diffnea {
 /// model's own effects of one instant). Columns that random states within the limits show to be
 /// dependent on others are left out: the rest are the base parameters (pivoted QR, Gautier 1991).
 /// In a robot with loops rows are those of the leading joints, which D maps all torques to
-/// (dynamics/driven_torques.hpp).
+/// (dynamics/driven_torques.hpp). A robot that floats is in flight, its base gives way (Recoil),
+/// and six rows of the wrench on it follow those of the joints.
 class Information {
  public:
   /// Columns are scaled to a root mean square of one over those states.
@@ -21,17 +23,20 @@ class Information {
               const LoopRows* loops = nullptr);
 
   int num_parameters() const { return static_cast<int>(base_.size()); }
-  /// Of the joints' torques, (n) [N·m] or [N]; what a row of each joint is divided by.
+  /// Joints, and the numbers of the wrench on a base that floats.
+  int num_rows() const { return static_cast<int>(noise_.size()); }
+  /// Noise of what is measured, (num_rows()) [N·m] or [N]; rows are divided by it.
   void set_noise(const VecX<double>& noise) { noise_ = noise; }
 
   struct Rows {
-    RowMatX<double> columns;  ///< (N · driven joints, base parameters), divided by the noise
-    RowMatX<double> torque;   ///< (N, n) that the model needs [N·m] or [N]
+    RowMatX<double> columns;  ///< (N · measured, base parameters), divided by the noise
+    /// (N, num_rows()) that the model needs [N·m] or [N]; of a base that floats what would hold it.
+    RowMatX<double> torque;
   };
   Rows rows(const MotionRows& motion);
 
  private:
-  /// Columns of all parameters and the torque at one sample. @param F (n, parameters)
+  /// Columns of all parameters and the torque at one sample. @param F (num_rows(), parameters)
   void fill(const double* q, const double* qd, const double* qdd, RowMatX<double>& F,
             VecX<double>& torque);
 
@@ -39,7 +44,8 @@ class Information {
   FitLayout layout_;
   VecX<double> links_, prior_, noise_;
   const LoopRows* loops_;
-  std::vector<int> driven_, base_;
+  std::optional<Recoil> recoil_;  ///< how a robot that floats gives way
+  std::vector<int> measured_, base_;
   VecX<double> scale_;
   std::vector<std::vector<int>> effect_columns_;
   std::vector<double> scratch_;

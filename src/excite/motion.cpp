@@ -9,6 +9,7 @@
 #include "core/constants.hpp"
 #include "core/decompositions.hpp"
 #include "excite/loop_rows.hpp"
+#include "model/falling.hpp"
 
 namespace diffnea {
 namespace {
@@ -108,7 +109,7 @@ void fill_ranges(const std::vector<JointRange>& ranges, const HarmonicTable& tab
 }
 
 EffortBound::EffortBound(const Model& model, const LoopRows* loops)
-    : model_(extend(model)), loops_(loops) {
+    : model_(extend(falling(model))), loops_(loops) {
   for (const BoundEffect& e : model_.effects)
     if (loops_ && e.info().has(Trait::kReadsAcceleration))
       throw ModelError("excite: " + e.info().name + " at '" + e.where +

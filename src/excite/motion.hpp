@@ -57,7 +57,8 @@ void fill_ranges(const std::vector<JointRange>& ranges, const HarmonicTable& tab
 
 class LoopRows;
 
-/// Torque that the model with all its effects needs, as bounds between instants too.
+/// Torque that the model with all its effects needs, as bounds between instants too; of a robot
+/// that floats without weight, its base held.
 class EffortBound {
  public:
   /// @param loops  of a model with constraints, which outlive it: drives give what all joints need

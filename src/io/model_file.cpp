@@ -177,13 +177,13 @@ std::string document_extension(const Model& model) {
   return original->format == Format::kUrdf ? ".urdf" : ".xml";
 }
 
-std::string read_mjcf(const std::filesystem::path& path) {
+std::string read_mjcf(const std::filesystem::path& path, const ModelReading& reading) {
   const std::string text = read_text_file(path), where = path.string();
   if (format_of(text, where) != Format::kMjcf)
     throw ModelError(where +
                      ": is no MJCF (<mujoco>), which a simulated world needs; `diffnea export " +
                      where + " -o robot.xml` writes one");
-  return io::self_contained_mjcf(io::expand_mjcf(text, path.parent_path(), where));
+  return io::self_contained_mjcf(io::expand_mjcf(text, path.parent_path(), where, reading));
 }
 
 void check_model_path(const std::filesystem::path& path) {

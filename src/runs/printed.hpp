@@ -11,6 +11,7 @@ namespace diffnea {
 /// `diffnea simulate`.
 struct SimulatedFile {
   std::string recording;
+  long runs = 1;
   long rows = 0;
   double seconds = 0.0;
   std::vector<std::string> joints;
@@ -22,8 +23,10 @@ struct SimulatedFile {
   static constexpr void fields(List& list) {
     list.type("Simulate", "A recording that was simulated.");
     list.field("recording", &SimulatedFile::recording, "File that it was written to.");
-    list.field("rows", &SimulatedFile::rows, "Of the recording.");
-    list.field("seconds", &SimulatedFile::seconds, "Time of its last row.", {.unit = "s"});
+    list.field("runs", &SimulatedFile::runs, "Flights of a robot that floats; else 1.",
+               {.optional = true});
+    list.field("rows", &SimulatedFile::rows, "Of the recording, all runs.");
+    list.field("seconds", &SimulatedFile::seconds, "Time of a run's last row.", {.unit = "s"});
     list.field("joints", &SimulatedFile::joints, "In the order of the columns.");
     list.field("passive", &SimulatedFile::passive, "Joints without a motor.");
     list.field("saturated_rows", &SimulatedFile::saturated_rows,

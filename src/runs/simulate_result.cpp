@@ -5,15 +5,19 @@
 
 namespace diffnea {
 
-std::string simulate_result_json(const SimulatedRecording& result, const std::string& file) {
-  const Recording& r = result.recording;
-  const SimulatedFile out{.recording = file,
-                          .rows = r.rows(),
-                          .seconds = r.rows() > 0 ? r.time[r.rows() - 1] : 0.0,
-                          .joints = r.joint_names,
-                          .passive = r.info.passive,
-                          .saturated_rows = result.saturated,
-                          .failure = result.failure};
+std::string simulate_result_json(const std::vector<SimulatedRecording>& runs,
+                                 const std::string& file) {
+  const Recording& r = runs.back().recording;
+  SimulatedFile out{.recording = file,
+                    .runs = std::ssize(runs),
+                    .seconds = r.rows() > 0 ? r.time[r.rows() - 1] : 0.0,
+                    .joints = r.joint_names,
+                    .passive = r.info.passive,
+                    .failure = runs.back().failure};
+  for (const SimulatedRecording& run : runs) {
+    out.rows += run.recording.rows();
+    out.saturated_rows += run.saturated;
+  }
   return io::file_text("diffnea/simulate/1", out, kInResult);
 }
 

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include <Eigen/Geometry>
+
 #include <diffnea/core/error.hpp>
 #include <diffnea/core/text.hpp>
 #include <diffnea/effects/extended_tree.hpp>
@@ -99,7 +101,22 @@ void apply_channels(const std::vector<BoundEffect>& channels, Recording& r) {
     }
 }
 
+/// A pose as markers show it.
+VecX<double> seen_pose(VecX<double> pose, const RecordOptions& o, Rng& rng) {
+  for (int i = 0; i < 3; ++i) pose[i] += o.place_noise * rng.normal();
+  Eigen::Quaterniond q(pose[6], pose[3], pose[4], pose[5]);
+  const double half = 0.5 * o.turn_noise;
+  q *= Eigen::Quaterniond(1.0, half * rng.normal(), half * rng.normal(), half * rng.normal());
+  q.normalize();
+  pose.tail<4>() << q.x(), q.y(), q.z(), q.w();
+  return pose;
+}
+
 }  // namespace
+
+void Plant::launch(const VecX<double>&, const VecX<double>&, const Launch&) {
+  throw ModelError("simulate: the base is fixed, and is to be thrown; expected one that floats");
+}
 
 void Plant::follow(CommandPath) {
   throw ModelError(
@@ -109,7 +126,8 @@ void Plant::follow(CommandPath) {
 }
 
 SimulatedRecording run_control_loop(Plant& plant, const Model& robot, const Model& controller,
-                                    const Trajectory& trajectory, const RecordOptions& o) {
+                                    const Trajectory& trajectory, const RecordOptions& o,
+                                    const Launch* thrown) {
   if (!(o.control_rate > 0.0) || !(o.physics_step > 0.0) || !(o.camera_rate > 0.0))
     throw Error("record: control_rate, camera_rate and physics_step must be positive");
   if (trajectory.rows() < 2)
@@ -180,11 +198,16 @@ SimulatedRecording run_control_loop(Plant& plant, const Model& robot, const Mode
 
   if (std::ranges::any_of(joints, &Joint::led))
     plant.follow(commands_of(Reference(trajectory, robot), trajectory, rows, o.control_rate, n));
-  plant.reset(q0);
-  // Noises of camera and drives are streams of their own: arms without them keep theirs.
-  Rng camera(o.seed ^ 0x63616d657261ULL), drives(o.seed ^ 0x647269766573ULL);
+  if (thrown)
+    plant.launch(q0, qdcmd.array().isNaN().select(0.0, qdcmd), *thrown);
+  else
+    plant.reset(q0);
+  // Noises of camera, drives and base are streams of their own: arms without them keep theirs.
+  Rng camera(o.seed ^ 0x63616d657261ULL), drives(o.seed ^ 0x647269766573ULL),
+      markers(o.seed ^ 0x6d61726b657273ULL);
   const long shown_every = std::max(1L, std::lround(o.control_rate / o.camera_rate));
   if (plant.ball()) r.ball.setConstant(rows, 3, kNaN);
+  if (plant.base().size() > 0) r.base.resize(rows, 7);
   long row = 0;
   for (; row < rows && out.failure.empty(); ++row) {
     const double time = static_cast<double>(row) / o.control_rate;
@@ -210,6 +233,7 @@ SimulatedRecording run_control_loop(Plant& plant, const Model& robot, const Mode
       r.ball.row(row) << ball->x + noise * camera.normal(), ball->y + noise * camera.normal(),
           ball->z + noise * camera.normal();
     }
+    if (r.base.size() > 0) r.base.row(row) = seen_pose(plant.base(), o, markers).transpose();
     r.qcmd.row(row) = qcmd;
     VecX<double> acting = u;
     for (int j = 0; j < n && o.actuation_noise > 0.0; ++j)
@@ -224,6 +248,7 @@ SimulatedRecording run_control_loop(Plant& plant, const Model& robot, const Mode
   r.qcmd.conservativeResize(row, n);
   r.tau.conservativeResize(row, n);
   if (r.ball.size() > 0) r.ball.conservativeResize(row, 3);
+  if (r.base.size() > 0) r.base.conservativeResize(row, 7);
   apply_channels(channels, r);
   return out;
 }

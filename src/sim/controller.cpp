@@ -34,17 +34,22 @@ void require_inertia(const Model& model, const MatX<double>& M) {
 }  // namespace
 
 JointGains joint_gains(const Model& nominal, const ControllerOptions& o, const VecX<double>& q0) {
-  require_fixed_base("controller", nominal);
   const Tree<double> tree = make_tree(nominal);
   VecX<double> inertia = VecX<double>::Ones(tree.num_dofs());
   if (o.law == ControlLaw::kPd) {
     // What a joint feels while the others move freely, 1/(M⁻¹)_jj: with it the sampled loop is
     // stable however the joints are coupled; M_jj can be a hundred times that.
     MassMatrixWorkspace<double, double> ws;
-    const MatX<double> M = mass_matrix(tree, VecIn<double>(q0), ws);
-    require_inertia(nominal, M);
+    const long n = tree.num_dofs();
+    VecX<double> at = q0;  // with a base that floats, and gives way
+    if (tree.free_base) {
+      at.resize(tree.num_positions());
+      at << VecX<double>::Unit(kBasePositions, kBasePositions - 1), q0;
+    }
+    const MatX<double> M = mass_matrix(tree, VecIn<double>(at), ws);
+    require_inertia(nominal, M.bottomRightCorner(n, n));
     const VecX<double> mobility = nominal.constraints.empty()
-                                      ? VecX<double>(M.inverse().diagonal())
+                                      ? VecX<double>(M.inverse().diagonal().tail(n))
                                       : LoopMotion("controller", nominal).mobility(q0, M);
     // A joint that its loop holds here, but for rounding, has no gain.
     const double least = nominal.constraints.empty() ? 0.0 : kHeld * mobility.maxCoeff();

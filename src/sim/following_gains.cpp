@@ -8,6 +8,7 @@
 #include <diffnea/effects/extended_tree.hpp>
 
 #include "core/decompositions.hpp"
+#include "model/falling.hpp"
 #include "sim/desired_motion.hpp"
 
 namespace diffnea::sim {
@@ -72,11 +73,12 @@ JointGains following_gains(const Model& robot, const Model& controller,
   if (o.law == ControlLaw::kComputedTorque && !robot.constraints.empty())
     stiffen(robot, controller, trajectory, o, gains);
   if (o.law != ControlLaw::kPd) return gains;
-  require_plain_tree("simulate", robot);
+  require_no_constraints("simulate", robot);
   const DesiredMotion motion = desired_motion(trajectory, joint_names(robot), nullptr);
   RowMatX<double> known = RowMatX<double>::Zero(motion.q.rows(), motion.q.cols());
-  if (o.gravity_compensation) known = rnea_batch(make_tree(controller), motion.q, known, known);
-  const RowMatX<double> tau = feedback(robot, motion, known);
+  if (o.gravity_compensation)
+    known = rnea_batch(make_tree(falling(controller)), motion.q, known, known);
+  const RowMatX<double> tau = feedback(falling(robot), motion, known);
   const VecX<double> inertia = joint_gains(robot, o, q0).kp / (o.bandwidth * o.bandwidth);
   const double fastest = kPhase * o.control_rate;
   for (long j = 0; j < gains.kp.size(); ++j) {

@@ -5,11 +5,13 @@
 
 #include <diffnea/core/error.hpp>
 
+#include "model/falling.hpp"
+
 namespace diffnea::sim {
 
 JointController::JointController(const Model& nominal, const Model& robot,
                                  const ControllerOptions& options, const VecX<double>& q0)
-    : nominal_(nominal), options_(options), tree_(make_tree(nominal)) {
+    : nominal_(nominal), options_(options), tree_(make_tree(falling(nominal))) {
   if (joint_names(robot) != joint_names(nominal))
     throw ModelError(nominal.source + ": its joints are not those of the robot, " + robot.source);
   if (nominal.constraints.empty() != robot.constraints.empty()) {

@@ -83,6 +83,7 @@ MujocoRobot::MujocoRobot(const std::string& mjcf, const Model& truth, double rat
   const double gravity[3] = {g.x, g.y, g.z};
   std::copy_n(gravity, 3, m.opt.gravity);
   for (const ModelLink& link : truth.links) apply(link);
+  if (truth.free_base) free_base(truth);
   tie_followers(truth);
   shares_.assign(dof_.size(), -1.0);
   for (const EffectSpec& effect : truth.effects)
@@ -125,6 +126,21 @@ void MujocoRobot::apply(const ModelLink& link) {
   if (of_body)
     set_inertia(m, find(m, mjOBJ_BODY, link.name, "body"),
                 to_parent(Pose<double>{Mat3<double>::identity(), anchor}, link.inertia));
+}
+
+/// The free joint of the base, which nothing brakes.
+void MujocoRobot::free_base(const Model& truth) {
+  mjModel& m = *model_;
+  const std::string& name = truth.links[0].name;
+  const int body = find(m, mjOBJ_BODY, name, "body"), joint = m.body_jntadr[body];
+  if (joint < 0 || m.jnt_type[joint] != mjJNT_FREE)
+    throw ModelError("MuJoCo world: '" + name +
+                     "' floats in the model and not in the document; expected a freejoint");
+  base_qpos_ = m.jnt_qposadr[joint];
+  base_dof_ = m.jnt_dofadr[joint];
+  for (const Field field :
+       {&mjModel::dof_armature, &mjModel::dof_damping, &mjModel::dof_frictionloss})
+    std::fill_n(m.*field + base_dof_, kBaseVelocities, 0.0);
 }
 
 MujocoRobot::Rotor* MujocoRobot::rotor_at(int joint) {
@@ -314,7 +330,7 @@ void MujocoRobot::tie_followers(const Model& truth) {
   for (const TreeJoint& j : tree_joints(truth)) {
     if (!j.follows) continue;
     const int joint = find(m, mjOBJ_JOINT, j.name, "joint");
-    followers_.push_back({m.jnt_qposadr[joint], j.drive});
+    followers_.push_back({m.jnt_qposadr[joint], m.jnt_dofadr[joint], j.drive});
     bool tied = false;
     for (int e = 0; e < m.neq; ++e) {
       if (m.eq_type[e] != mjEQ_JOINT || (m.eq_obj1id[e] != joint && m.eq_obj2id[e] != joint))
@@ -377,8 +393,8 @@ MujocoPlant::MujocoPlant(std::shared_ptr<const MujocoRobot> robot)
   }
 }
 
-void MujocoPlant::reset(const VecX<double>& reading) {
-  const VecX<double> q = encoders_.truth(reading);
+/// Joints and rotors at rest, whatever acts forgets what was.
+void MujocoPlant::place_joints(const VecX<double>& q) {
   drives_.reset();
   std::ranges::fill(states_, 0.0);
   mj_resetData(model(), data_.get());
@@ -386,6 +402,38 @@ void MujocoPlant::reset(const VecX<double>& reading) {
   for (const MujocoRobot::Follower& f : robot_->followers_)
     data_->qpos[f.qpos] = f.drive.ratio * q[f.drive.dof] + f.drive.offset;
   for (const MujocoRobot::Rotor& r : robot_->rotors_) data_->qpos[r.qpos] = q[r.joint];
+}
+
+void MujocoPlant::launch(const VecX<double>& reading, const VecX<double>& velocity,
+                         const Launch& thrown) {
+  if (robot_->base_qpos_ < 0) Plant::launch(reading, velocity, thrown);  // throws
+  place_joints(encoders_.truth(reading));
+  const VecX<double> qd =
+      velocity.cwiseQuotient(encoders_.read_velocity(VecX<double>::Ones(velocity.size())));
+  for (std::size_t j = 0; j < robot_->dof_.size(); ++j) data_->qvel[robot_->dof_[j]] = qd[j];
+  for (const MujocoRobot::Follower& f : robot_->followers_)
+    data_->qvel[f.dof] = f.drive.ratio * qd[f.drive.dof];
+  for (const MujocoRobot::Rotor& r : robot_->rotors_) data_->qvel[r.dof] = qd[r.joint];
+  const Pose<double>& X = thrown.X_WB;
+  const Eigen::Quaterniond q(to_eigen(X.R));
+  const Vec3<double> v = X.R * thrown.V_WB_B.linear, &w = thrown.V_WB_B.angular;
+  const double pose[kBasePositions] = {X.p.x, X.p.y, X.p.z, q.w(), q.x(), q.y(), q.z()},
+               twist[kBaseVelocities] = {v.x, v.y, v.z, w.x, w.y, w.z};
+  std::copy_n(pose, kBasePositions, data_->qpos + robot_->base_qpos_);
+  std::copy_n(twist, kBaseVelocities, data_->qvel + robot_->base_dof_);
+  mj_forward(model(), data_.get());
+  read_state();
+}
+
+VecX<double> MujocoPlant::base() const {
+  if (robot_->base_qpos_ < 0) return {};
+  const mjtNum* x = data_->qpos + robot_->base_qpos_;
+  return VecX<double>{{x[0], x[1], x[2], x[4], x[5], x[6], x[3]}};
+}
+
+void MujocoPlant::reset(const VecX<double>& reading) {
+  const VecX<double> q = encoders_.truth(reading);
+  place_joints(q);
   hang_ball();
   // Springs are wound up by what the links weigh; links whose motors are read, where that is so.
   const int rounds = std::ranges::any_of(robot_->rotors_, &MujocoRobot::Rotor::encoder) ? 5 : 1;

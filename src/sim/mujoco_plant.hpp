@@ -45,9 +45,10 @@ class MujocoRobot {
   };
   /// A joint that follows a degree of freedom, by an equality constraint of the document.
   struct Follower {
-    int qpos;
+    int qpos, dof;
     JointDrive drive;
   };
+  void free_base(const Model& truth);
   void tie_followers(const Model& truth);
   void tie_loops(const Model& truth);
   void stiffen(int equality);
@@ -64,7 +65,8 @@ class MujocoRobot {
 
   MujocoModel model_;
   MujocoBall ball_;
-  int cup_ = -1;  ///< site; −1: none
+  int cup_ = -1;                        ///< site; −1: none
+  int base_qpos_ = -1, base_dof_ = -1;  ///< base that floats; −1: it is fixed
   int substeps_ = 1;
   std::vector<int> joint_, qpos_, dof_;  ///< one a degree of freedom
   std::vector<Follower> followers_;
@@ -84,6 +86,10 @@ class MujocoPlant : public Plant {
 
   /// The ball hangs below where it is tied.
   void reset(const VecX<double>& reading) override;
+  /// Springs of elastic drives are slack: no weight winds them up.
+  void launch(const VecX<double>& reading, const VecX<double>& velocity,
+              const Launch& thrown) override;
+  VecX<double> base() const override;
   /// Lets the ball hang at rest again, whatever it did.
   void hang_ball();
   VecX<double> q() const override;
@@ -98,6 +104,7 @@ class MujocoPlant : public Plant {
   Pose<double> cup() const;  ///< X_WC of the site `cup`
 
  private:
+  void place_joints(const VecX<double>& q);
   /// The ball at the end of a control period.
   struct Seen {
     Vec3<double> x, v;

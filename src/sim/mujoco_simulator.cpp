@@ -99,6 +99,7 @@ MujocoSimulator::MujocoSimulator(const std::string& mjcf, const Model& truth,
     : MujocoSimulator([&] {
         check(options);
         require_plain_tree("simulator", controller);
+        require_fixed_base("simulator", truth);
         World w{.robot = std::make_shared<const sim::MujocoRobot>(
                     mjcf, truth, options.controller.control_rate, options.physics_step),
                 .truth = truth,

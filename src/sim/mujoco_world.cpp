@@ -5,6 +5,9 @@
 #include <diffnea/core/random.hpp>
 #include <diffnea/sim/mujoco_world.hpp>
 
+#include "core/number_text.hpp"
+#include "sim/desired_motion.hpp"
+#include "sim/following_gains.hpp"
 #include "sim/mujoco_plant.hpp"
 
 namespace diffnea {
@@ -161,10 +164,80 @@ SimulatedRecording averaged(const std::vector<SimulatedRecording>& repetitions) 
 SimulatedRecording record_in_mujoco(const std::string& mjcf, const Model& truth,
                                     const Model& controller, const Trajectory& trajectory,
                                     const RecordOptions& options) {
+  require_fixed_base("a recording at rest", truth);
   sim::MujocoPlant plant(std::make_shared<const sim::MujocoRobot>(mjcf, truth, options.control_rate,
                                                                   options.physics_step));
   SimulatedRecording out = sim::run_control_loop(plant, truth, controller, trajectory, options);
   out.recording.source = "MuJoCo: " + truth.source;
+  return out;
+}
+
+namespace {
+
+/// The rows of a motion from one time on, and what is between them there.
+Trajectory piece(const Trajectory& t, double from, double seconds) {
+  Trajectory out = t;
+  std::vector<long> kept;
+  for (long k = 0; k < t.rows(); ++k) {
+    const bool next_begins = k + 1 < t.rows() && t.time[k + 1] <= from;
+    const bool before_ended = k > 0 && t.time[k - 1] >= from + seconds;
+    if (!next_begins && !before_ended) kept.push_back(k);
+  }
+  out.time = t.time(kept).eval();
+  for (auto member : {&Trajectory::q, &Trajectory::qd, &Trajectory::qdd})
+    if ((t.*member).rows() == t.rows()) out.*member = (t.*member)(kept, Eigen::all).eval();
+  return out;
+}
+
+}  // namespace
+
+std::vector<SimulatedRecording> record_flights(const std::string& mjcf, const Model& truth,
+                                               const Model& controller,
+                                               const Trajectory& trajectory,
+                                               const RecordOptions& options) {
+  for (const Model* model : {&truth, &controller}) {
+    if (!model->free_base)
+      throw ModelError("simulate: the base of " + model->source +
+                       " is fixed, expected one that floats; --free-base (free_base=True) lets a "
+                       "URDF's or JSON's float");
+    require_no_constraints("simulate of flights", *model);
+  }
+  if (!(options.flight > 0.0)) throw Error("record: flight must be positive");
+  const double seconds = options.flight,
+               whole = trajectory.time[trajectory.rows() - 1] - trajectory.time[0];
+  const long count = static_cast<long>(std::floor(whole / seconds + 1e-9));
+  if (count < 1)
+    throw DataError(trajectory.source + ": lasts " + detail::number_text(whole, 4) +
+                    " s, expected one flight of " + detail::number_text(seconds, 4) +
+                    " s or more; a longer motion, or shorter flights (--flight)");
+  RecordOptions own = options;
+  own.period = 0.0;  // no flight repeats another
+  if (options.follow) {
+    const VecX<double> q0 =
+        sim::desired_motion(trajectory, joint_names(truth), nullptr).q.row(0).transpose();
+    const JointGains gains = sim::following_gains(truth, controller, trajectory, options, q0);
+    own.kp = gains.kp;
+    own.kd = gains.kd;
+    own.follow = false;
+  }
+  sim::MujocoPlant plant(std::make_shared<const sim::MujocoRobot>(mjcf, truth, options.control_rate,
+                                                                  options.physics_step));
+  const Pose<double>& X_WB = truth.links[0].X_PJ;
+  Rng rng(options.seed ^ 0x7468726f77ULL);
+  std::vector<SimulatedRecording> out;
+  for (long k = 0; k < count; ++k) {
+    const auto turning = [&] { return options.spin * rng.normal(); };
+    const sim::Launch thrown{X_WB,
+                             {{turning(), turning(), turning()},
+                              transpose(X_WB.R) * (truth.gravity * (-0.5 * seconds))}};
+    own.seed = options.seed + static_cast<std::uint64_t>(k) * 0x9e3779b97f4a7c15ULL;
+    const double from = trajectory.time[0] + static_cast<double>(k) * seconds;
+    out.push_back(sim::run_control_loop(plant, truth, controller, piece(trajectory, from, seconds),
+                                        own, &thrown));
+    out.back().recording.run = static_cast<int>(k);
+    out.back().recording.source = "MuJoCo: " + truth.source + ", flight " + std::to_string(k + 1);
+    if (!out.back().failure.empty()) break;
+  }
   return out;
 }
 

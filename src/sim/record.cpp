@@ -13,7 +13,8 @@ constexpr double kArmEffort = 40.0;  // [N·m]
 }  // namespace
 
 void RecordOptions::scale_noise(double factor) {
-  for (double* noise : {&position_noise, &slide_noise, &torque_noise, &camera_noise})
+  for (double* noise :
+       {&position_noise, &slide_noise, &torque_noise, &camera_noise, &place_noise, &turn_noise})
     *noise *= factor;
 }
 
@@ -23,7 +24,11 @@ double torque_scale(const ModelLink& link) {
 
 SimulatedRecording record_model(const Model& robot, const Model& controller,
                                 const Trajectory& trajectory, const RecordOptions& options) {
-  require_fixed_base("simulate", robot);
+  if (robot.free_base)
+    throw ModelError("simulate: the base '" + robot.links[0].name + "' of '" + robot.name +
+                     "' floats, and flights are simulated by MuJoCo: give its MJCF, --world "
+                     "mujoco:FILE.xml (world=); --fix-base (fix_base=True) holds it where the file "
+                     "has it");
   sim::ModelPlant plant(robot, options);
   SimulatedRecording out = sim::run_control_loop(plant, robot, controller, trajectory, options);
   out.recording.source = robot.source;

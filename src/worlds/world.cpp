@@ -15,6 +15,7 @@
 
 #include "core/c_numbers.hpp"
 #include "io/json.hpp"
+#include "io/xml.hpp"
 #include "worlds/string_chain.hpp"
 
 namespace diffnea {
@@ -247,6 +248,8 @@ std::vector<std::string> differences(const WorldSpec& world) {
 
 namespace {
 
+constexpr std::uint64_t kOfNumber = 0xd1b54a32d192ed03ULL;  ///< parts seeds of other numbers
+
 /// Deviation of two noises; a negative one stays for those who refuse it.
 double together(double asked, double own) { return asked < 0.0 ? asked : std::hypot(asked, own); }
 
@@ -255,8 +258,25 @@ struct DrawnWorld {
   Model truth;
   std::string document;
 };
-DrawnWorld draw(const WorldSpec& world, std::uint64_t seed) {
+
+/// The document in which nothing touches: legs in the air, a trunk that is held.
+std::string without_contacts(const std::string& mjcf, const std::string& where) {
+  const std::unique_ptr<io::XmlDocument> document = io::parse_xml(mjcf, where);
+  io::child(io::child(*document->RootElement(), "option"), "flag")
+      .SetAttribute("contact", "disable");
+  return io::xml_text(*document);
+}
+
+/// @param floats  whether the base of the controller's robot does; else the world's is held
+DrawnWorld draw(const WorldSpec& world, std::uint64_t seed, bool floats) {
   Model nominal = read_model(world.mjcf);
+  const bool in_air = nominal.free_base;
+  const ModelReading reading{.fix_base = in_air && !floats};
+  if (reading.fix_base) nominal = read_model(world.mjcf, reading);
+  if (floats && !in_air)
+    throw ModelError(nominal.source +
+                     ": its base is fixed, and that of the model floats; expected an MJCF with a "
+                     "freejoint, or --fix-base (fix_base=True)");
   const bool has_string = nominal.ball && nominal.ball->string;
   if ((world.rope || world.string || world.nominal_string || !world.has_ball) && !has_string)
     throw ModelError(nominal.source +
@@ -273,7 +293,8 @@ DrawnWorld draw(const WorldSpec& world, std::uint64_t seed) {
     out.truth.effects.push_back(whole);
   }
   if (world.string) out.truth.ball->string->length = *world.string;
-  out.document = read_mjcf(world.mjcf);
+  out.document = read_mjcf(world.mjcf, reading);
+  if (in_air) out.document = without_contacts(out.document, nominal.source);
   if (world.rope) out.document = io::with_chain(out.document, nominal, out.truth, *world.rope);
   if (!world.has_ball) {
     out.document = io::without_ball(out.document, out.truth);
@@ -290,27 +311,43 @@ WorldRecording record_in_world(const WorldSpec& world, const Model& controller,
                                const Trajectory& trajectory, RecordOptions options,
                                std::uint64_t seed, int threads,
                                std::optional<std::uint64_t> number) {
-  require_fixed_base("simulate", controller);
+  require_fixed_base("a recording at rest", controller);
   options.seed = world.seed.value_or(seed);
   const std::uint64_t noise = number.value_or(world.seed ? seed : 0);
   options.actuation_noise = together(options.actuation_noise, world.perturbation.actuation_noise);
-  DrawnWorld drawn = draw(world, options.seed);
+  DrawnWorld drawn = draw(world, options.seed, false);
   WorldRecording out{.result = {}, .truth = std::move(drawn.truth)};
   std::vector<SimulatedRecording> repetitions(static_cast<std::size_t>(world.repetitions));
   parallel_for(
       repetitions.size(), static_cast<std::size_t>(threads), [&](std::size_t k, std::size_t) {
         RecordOptions own = options;  // other noise; Rng tells neighbouring seeds apart
-        own.seed += k * 0x9e3779b97f4a7c15ULL + noise * 0xd1b54a32d192ed03ULL;
+        own.seed += k * 0x9e3779b97f4a7c15ULL + noise * kOfNumber;
         repetitions[k] = record_in_mujoco(drawn.document, out.truth, controller, trajectory, own);
       });
   out.result = averaged(repetitions);
   return out;
 }
 
+WorldFlights record_flights_in_world(const WorldSpec& world, const Model& controller,
+                                     const Trajectory& trajectory, RecordOptions options,
+                                     std::uint64_t seed) {
+  if (world.repetitions > 1)
+    throw Error("world 'mujoco:" + world.mjcf.string() +
+                "': repetitions of a robot that floats cannot be averaged, each flies elsewhere; "
+                "leave them out");
+  options.seed = world.seed.value_or(seed);
+  options.actuation_noise = together(options.actuation_noise, world.perturbation.actuation_noise);
+  DrawnWorld drawn = draw(world, options.seed, controller.free_base);
+  if (world.seed) options.seed += seed * kOfNumber;
+  WorldFlights out{.flights = {}, .truth = std::move(drawn.truth)};
+  out.flights = record_flights(drawn.document, out.truth, controller, trajectory, options);
+  return out;
+}
+
 std::unique_ptr<Simulator> make_simulator(const WorldSpec& world, const Model& controller,
                                           MujocoSimulatorOptions options, std::uint64_t seed,
                                           Model* truth) {
-  const DrawnWorld drawn = draw(world, world.seed.value_or(seed));
+  const DrawnWorld drawn = draw(world, world.seed.value_or(seed), controller.free_base);
   if (truth) *truth = drawn.truth;
   options.torque_noise = together(options.torque_noise, world.perturbation.actuation_noise);
   return std::make_unique<MujocoSimulator>(drawn.document, drawn.truth, controller, options);

@@ -9,11 +9,11 @@
 #include <diffnea/dynamics/mass_matrix.hpp>
 #include <diffnea/effects/extended_tree.hpp>
 #include <diffnea/effects/forward_dynamics.hpp>
-#include <diffnea/excite/fourier.hpp>
 #include <diffnea/identify/identify.hpp>
 #include <diffnea/io/model_info.hpp>
 #include <diffnea/model/free_base.hpp>
 #include <diffnea/model/lock.hpp>
+#include <diffnea/sim/record.hpp>
 
 #include "support/mjcf_text.hpp"
 #include "support/random_floating.hpp"
@@ -235,7 +235,7 @@ TEST_CASE("free base: what does not serve it yet refuses it, and names --fix-bas
   IdentifyOptions by_motion;
   by_motion.loss = Loss::kMotion;
   refuses([&] { identify(m, std::vector<Recording>{}, std::vector<Recording>{}, by_motion); });
-  refuses([&] { random_fourier(m, {}); });
+  refuses([&] { record_model(m, m, Trajectory{}); });
   // Friction of its joints is served, what acts on links is not.
   const ExtendedTree rubbing = extend(m);
   Rng rng(1);

@@ -123,7 +123,8 @@ struct Excitation {
   }
 };
 
-/// Deterministic for a seed.
+/// Deterministic for a seed. A robot that floats is designed for in flight: its base gives way to
+/// the joints, whose torques count without weight, and six rows of the wrench on it count, too.
 /// @throws ModelError if nothing can move, limits are inverted, or no posture can be held or no
 /// motion be made within the torque limits (names joint, torque and limit); if loops close nowhere
 /// within the limits, or fewer joints have a motor than constraints leave motions;

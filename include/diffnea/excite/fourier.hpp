@@ -35,7 +35,7 @@ struct FourierOptions {
 /// with an amplitude that meets its position and velocity limits on the rows; then all amplitudes
 /// shrink together until the torques that the model (without effects) needs meet the effort limits.
 /// Loops close along it: joints that lead them have series, ranges are narrowed to where they
-/// close.
+/// close. Of a robot that floats torques are those without weight, its base held.
 /// @throws ModelError if no joint has a motor or may move, if limits are inverted, or if holding
 /// the middle posture alone exceeds an effort limit;
 ///         Error for options out of range

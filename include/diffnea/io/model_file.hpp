@@ -73,7 +73,7 @@ std::string document_extension(const Model& model);
 /// An MJCF as one document that needs no other file, for a simulator: includes resolved, textures
 /// gone, and meshes too (the bodies whose inertia they gave state it).
 /// @throws FileError, ModelError as read_model
-std::string read_mjcf(const std::filesystem::path& path);
+std::string read_mjcf(const std::filesystem::path& path, const ModelReading& reading = {});
 
 /// @throws ModelError if the extension names no format that write_model knows
 void check_model_path(const std::filesystem::path& path);

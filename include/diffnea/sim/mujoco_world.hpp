@@ -73,4 +73,17 @@ SimulatedRecording record_in_mujoco(const std::string& mjcf, const Model& truth,
                                     const Model& controller, const Trajectory& trajectory,
                                     const RecordOptions& options = {});
 
+/// Flights of a robot that floats: the motion is cut into pieces of options.flight, whole ones
+/// alone, and at the beginning of each the robot is thrown up from where the file has it, turning,
+/// its joints in the midst of their motion. Nothing else touches it (contacts are the document's).
+/// The controller compensates no gravity, which no joint feels in the air. Recordings have the pose
+/// of the base, and are numbered as runs.
+/// @param mjcf, truth, controller, trajectory  as record_in_mujoco, of robots that float
+/// @throws ModelError as record_in_mujoco, or if a base is fixed or the model has constraints;
+///         Error if options.flight is not positive; DataError of a motion shorter than a flight
+std::vector<SimulatedRecording> record_flights(const std::string& mjcf, const Model& truth,
+                                               const Model& controller,
+                                               const Trajectory& trajectory,
+                                               const RecordOptions& options = {});
+
 }  // namespace diffnea

@@ -21,10 +21,18 @@ struct RecordOptions : ControllerOptions {
   double torque_noise = 0.05;    ///< [N·m] or [N], times torque_scale of the joint
   double actuation_noise = 0.0;  ///< of the torque that acts [N·m] or [N], times torque_scale
   double camera_noise = 1.5e-3;  ///< of a ball's position along one axis [m]
+  // Motion capture of a base that floats, by a cluster of markers 0.5 m wide.
+  double place_noise = 1e-4;     ///< deviation of its position along one axis [m]
+  double turn_noise = 2e-4;      ///< deviation of its orientation about one axis [rad]
   double camera_rate = 100.0;    ///< rows at which the ball is seen [Hz]; every row if higher
   double period =
       0.0;  ///< of the desired motion [s], for the recording's information; 0: not periodic
-  std::uint64_t seed = 0;  ///< of the noise
+  /// Duration of a flight of a robot that floats [s]. It is thrown so that it comes back to where
+  /// it began, which is g (flight)²/8 high: 4.9 m. Of flights of 1 s `identify` gives biased
+  /// parameters.
+  double flight = 2.0;
+  double spin = 0.5;       ///< deviation of its speed of turning about each axis [rad/s]
+  std::uint64_t seed = 0;  ///< noise and throws are drawn from it
   /// Gains that are not given are raised until every joint follows its motion to 10 %, as far as
   /// the rate of control lets them: for light joints, and those with much friction.
   bool follow = false;

@@ -66,7 +66,8 @@ struct WorldRecording {
   Model truth;                ///< the robot as it was drawn
 };
 /// Draws the world's robot and records it: record_in_mujoco with the ball that the world asks for,
-/// repetitions averaged (each with noise of its own). The noise of `options` is taken as it is.
+/// a base that floats held where the document has it and without contacts, repetitions averaged
+/// (each with noise of its own). The noise of `options` is taken as it is.
 /// @param seed     of robot and noise; where the world has one of its own, that is the robot's
 /// @param threads  that repetitions are divided among; the result does not depend on it
 /// @param number   of several recordings of one robot: every number has noise of its own. By
@@ -76,6 +77,20 @@ WorldRecording record_in_world(const WorldSpec& world, const Model& controller,
                                const Trajectory& trajectory, RecordOptions options,
                                std::uint64_t seed, int threads = 1,
                                std::optional<std::uint64_t> number = {});
+
+/// Flights that a world gave, and the robot that flew them.
+struct WorldFlights {
+  std::vector<SimulatedRecording> flights;
+  Model truth;  ///< the robot as it was drawn
+};
+/// Draws the world's robot and throws it: record_flights, without contacts. The noise of `options`
+/// is taken as it is.
+/// @param controller  a model that floats
+/// @param seed  of robot and noise; where the world has one of its own, that is the robot's
+/// @throws as record_flights; Error if the world asks for repetitions
+WorldFlights record_flights_in_world(const WorldSpec& world, const Model& controller,
+                                     const Trajectory& trajectory, RecordOptions options,
+                                     std::uint64_t seed);
 
 /// Draws the world's robot as record_in_world does, for policies to act in. `repetitions` and
 /// `noise` are the caller's: the noise of `options` is taken as it is.
