@@ -10,8 +10,13 @@ namespace diffnea {
 
 MotionPath::MotionPath(ExtendedTree model, const SteppingOptions& options)
     : options_(options), rotors_(model), dynamics_(std::move(model)), n_(dynamics_.num_dofs()) {
-  for (const BoundEffect& e : dynamics_.model().effects)
+  sharp_ = VecX<double>::Constant(n_, std::numeric_limits<double>::infinity());
+  for (const BoundEffect& e : dynamics_.model().effects) {
     dry_ = dry_ || e.info().reads != Reads::kNothing;
+    for (std::size_t k = 0; k < e.parameters.size(); ++k)
+      if (e.parameter_info[k].name == "smoothing")
+        for (const int j : e.joints) sharp_[j] = std::min(sharp_[j], e.parameters[k]);
+  }
   damping_ = moving_ = resting_ = probe_ = still_ = qdd_ = VecX<double>::Zero(n_);
 }
 
@@ -144,14 +149,24 @@ double MotionPath::finest_rate(const MotionStretch& stretch, const MotionWindow&
   return rate;
 }
 
-/// Rate at which friction brakes the joints here [1/s]; leaves mass matrix and D.
-double MotionPath::friction_rate(const MatX<double>& A, const VecX<double>& u, int run) {
+/// Rate at which velocities turn here [1/s], where dry friction reads them; leaves q̈.
+double MotionPath::turning_rate(const MatX<double>& A, const VecX<double>& u, int run) {
+  dynamics_.acceleration(A.data(), A.data() + n_, u.data(), run, qdd_.data());
+  double out = 0.0;
+  for (int j = 0; j < n_; ++j)
+    out = std::max(out, std::abs(qdd_[j]) / std::max(std::abs(A(n_ + j, 0)), sharp_[j]));
+  return out;
+}
+
+/// Rate at which friction brakes the joints here [1/s], at the present q̈; leaves mass matrix and D.
+/// @param speed  of the joints: kAtRest is where it is steepest
+double MotionPath::friction_rate(const MatX<double>& A, Speed speed, int run) {
   constexpr double kSlow = 1e-6;  // [rad/s] or [m/s]: a secant from there is the slope at rest
   const double* q = A.data();
   const double* qd = A.data() + n_;
   for (int j = 0; j < n_; ++j)
-    probe_[j] = std::abs(qd[j]) > kSlow ? qd[j] : std::copysign(kSlow, qd[j]);
-  if (dynamics_.is_implicit()) dynamics_.acceleration(q, qd, u.data(), run, qdd_.data());
+    probe_[j] =
+        speed == kAsItMoves && std::abs(qd[j]) > kSlow ? qd[j] : std::copysign(kSlow, qd[j]);
   friction(q, probe_.data(), run, moving_);
   VecX<double> rest = still_;
   for (const DriveIntegrator& i : rotors_.integrators()) rest[i.dof] = probe_[i.dof];

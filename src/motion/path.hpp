@@ -82,7 +82,11 @@ class MotionPath {
           bool stiff = false;
           if (steep) {
             enter(t);
-            const double rate = friction_rate(A, u_, stretch.run);
+            const double turning = turning_rate(A, u_, stretch.run);
+            const double steepest =
+                dynamics_.is_implicit() ? friction_rate(A, kAtRest, stretch.run) : finest;
+            if (step * steepest > kStops) step = std::min(step, kTurns / turning);
+            const double rate = friction_rate(A, kAsItMoves, stretch.run);
             if (step * rate > kStops) {
               stiff = kStops < kFinest * h * rate;
               step = stiff ? std::min(step, h * kStiff) : kStops / rate;
@@ -123,6 +127,9 @@ class MotionPath {
   static constexpr double kBlowUp = 1e6;
   /// Even steps within a row, at most.
   static constexpr double kMostEven = 8.0;
+  /// Step times the rate at which a velocity turns, where friction is too steep for the step: none
+  /// leads over a reversal, nor from rest to beyond where friction is steep.
+  static constexpr double kTurns = 0.5;
   /// Step times the rate of friction that brings a joint to rest within the step and no further.
   static constexpr double kStops = 1.0;
   /// Parts of a row: beyond, a simulation blows up within them.
@@ -136,7 +143,9 @@ class MotionPath {
   const CommandPath* led(const std::shared_ptr<const CommandPath>& command);
   double finest_rate(const MotionStretch& stretch, const MotionWindow& window);
   double step_of_gears() const;
-  double friction_rate(const MatX<double>& A, const VecX<double>& u, int run);
+  double turning_rate(const MatX<double>& A, const VecX<double>& u, int run);
+  enum Speed { kAtRest, kAsItMoves };
+  double friction_rate(const MatX<double>& A, Speed speed, int run);
   void friction(const double* q, const double* qd, int run, VecX<double>& tau);
 
   template <class Slope>
@@ -163,6 +172,7 @@ class MotionPath {
   ForwardDynamics dynamics_;
   int n_;                 ///< degrees of freedom N
   bool dry_ = false;      ///< some effect's torque reads the velocity
+  VecX<double> sharp_;    ///< (N) speed within which dry friction turns; infinite: there is none
   double longest_ = 0.0;  ///< step that the motion itself allows [s]
   RungeKutta4<MatX<double>> rk_;
   MassMatrixWorkspace<double, double> mass_ws_;
