@@ -26,6 +26,13 @@ long count(const std::vector<MotionStretch>& stretches, const std::vector<Motion
   return out;
 }
 
+/// Mean square of each joint's errors, (n), over rows that have one.
+Eigen::ArrayXd mean_squares(const RowMatX<double>& errors) {
+  const auto known = errors.array() == errors.array();
+  return known.select(errors.array().square(), 0.0).colwise().sum().transpose() /
+         known.cast<double>().colwise().sum().transpose().max(1.0);
+}
+
 /// Scales of its joint's drive at which a cause may have to be looked for: where the model lacks
 /// the cause, no sag and no swing may have said that the drive is as strong as any.
 std::vector<double> other_scales(const MotionSolution& at, const EffectSpec& cause) {
@@ -210,6 +217,23 @@ double MotionSearch::correlation(const MotionSolution& at) const {
       sum += own * correlation_time(r);
     }
   return squares > 0.0 ? sum / squares : 1.0;
+}
+
+bool MotionSearch::is_at_noise(const MotionSolution& at) const {
+  if (!(at.cost < kInfinity)) return false;
+  for (const RowMatX<double>& e : held_out_errors(at))
+    if (!((mean_squares(e) - 1.0).maxCoeff() < kHiddenByNoise)) return false;
+  return true;
+}
+
+bool MotionSearch::is_hidden(const MotionSolution& less, const MotionSolution& more) const {
+  if (!(less.cost < kInfinity)) return false;  // a simulation blows up
+  const std::vector<RowMatX<double>> of_less = held_out_errors(less),
+                                     of_more = held_out_errors(more);
+  for (std::size_t w = 0; w < of_less.size(); ++w)
+    if (!((mean_squares(of_less[w]) - mean_squares(of_more[w])).maxCoeff() < kHiddenByNoise))
+      return false;
+  return true;
 }
 
 double MotionSearch::delta_bic(const MotionSolution& a, const MotionSolution& b) const {

@@ -24,6 +24,10 @@ struct MotionSolution {
   double cost = 0.0;                  ///< Σ (e/σ)² over the windows
 };
 
+/// Mean square of positions that their noise hides, in units of its own: a cause that changes
+/// simulated runs by less is as well the encoder's, or a detail of the drive's firmware.
+inline constexpr double kHiddenByNoise = 1.0;
+
 /// Weight of the least change, where the recording tells no other.
 inline constexpr double kRidge = 1e-9;
 
@@ -75,6 +79,11 @@ class MotionSearch {
   double samples() const { return static_cast<double>(samples_); }
   /// Positions that count as one, of what a solution leaves.
   double correlation(const MotionSolution& at) const;
+  /// Tells whether noise hides what a solution leaves beyond it of held-out positions, in all
+  /// joints and windows: the fitted ones a base may bend to.
+  bool is_at_noise(const MotionSolution& at) const;
+  /// Tells whether noise hides what one leaves of them and another does not.
+  bool is_hidden(const MotionSolution& less, const MotionSolution& more) const;
   /// Held-out stretches.
   const std::vector<MotionStretch>& held_out_stretches() const { return held_; }
 

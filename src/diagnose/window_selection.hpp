@@ -115,13 +115,15 @@ void exchange(WindowCase<Search>& c) {
 /// @param most         causes
 /// @param settle       called after each that was added; may solve the case anew on fewer rows
 /// @param last_resort  called once where nothing helps; whether it changed the case
+/// @param is_enough    whether `best` leaves nothing to look for
 template <class Search>
 void select_windows(
     WindowCase<Search>& c, std::size_t most, const std::function<void()>& settle = [] {},
-    const std::function<bool()>& last_resort = [] { return false; }) {
+    const std::function<bool()>& last_resort = [] { return false; },
+    const std::function<bool()>& is_enough = [] { return false; }) {
   std::vector<WindowScore> scores = c.first_scores;
   bool resorted = false;
-  while (c.best.terms.size() < most && c.go_on()) {
+  while (c.best.terms.size() < most && c.go_on() && !is_enough()) {
     const typename Search::Solution* found = nullptr;
     windows::Tried<Search> tried;
     for (const WindowScore& s : scores) {
@@ -160,7 +162,7 @@ void select_windows(
     } else {
       break;
     }
-    scores = c.search->scores(c.best, c.candidates);
+    if (!is_enough()) scores = c.search->scores(c.best, c.candidates);
   }
   for (const EffectSpec& t : c.best.terms)
     std::erase_if(c.finding.refused,
