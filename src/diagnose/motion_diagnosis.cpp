@@ -271,7 +271,7 @@ void describe_causes(MotionCase& c) {
 void judge(MotionCase& c) {
   Finding& f = c.finding;
   const auto is_class = [](const Cause& x) { return x.verdict == Verdict::kClass; };
-  if (f.gain.after * f.gain.after > 1.0 + kHiddenByNoise && f.gain.explained_share < kExplained)
+  if (f.gain.after * f.gain.after > kLeft && f.gain.explained_share < kExplained)
     f.verdict = Verdict::kUnknown;
   else if (f.causes.empty())
     f.verdict = f.candidates.empty() ? Verdict::kNotIdentifiable : Verdict::kNone;

@@ -24,9 +24,9 @@ struct MotionSolution {
   double cost = 0.0;                  ///< Σ (e/σ)² over the windows
 };
 
-/// Mean square of positions that their noise hides, in units of its own: a cause that changes
-/// simulated runs by less is as well the encoder's, or a detail of the drive's firmware.
-inline constexpr double kHiddenByNoise = 1.0;
+/// Mean square of positions that noise hides, over its own: half of the noise. Filters in a drive's
+/// firmware change simulated runs by a third of it, and springs and ripples stood for them.
+inline constexpr double kHiddenByNoise = 0.25;
 
 /// Weight of the least change, where the recording tells no other.
 inline constexpr double kRidge = 1e-9;

