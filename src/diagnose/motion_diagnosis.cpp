@@ -23,6 +23,10 @@ namespace {
 /// Windows below which some cannot be held out and the rest tell anything.
 constexpr double kFewestWindows = 8.0;
 
+/// Mean square over that of the noise from which more than noise is left: reads of a joint at rest
+/// are rounded alike, and up to half of the encoder's noise does not show in its signal.
+constexpr double kUnseenNoise = 2.0;
+
 struct MotionCase : WindowCase<MotionSearch> {
   using WindowCase::WindowCase;
 };
@@ -271,7 +275,7 @@ void describe_causes(MotionCase& c) {
 void judge(MotionCase& c) {
   Finding& f = c.finding;
   const auto is_class = [](const Cause& x) { return x.verdict == Verdict::kClass; };
-  if (f.gain.after * f.gain.after > kLeft && f.gain.explained_share < kExplained)
+  if (f.gain.after * f.gain.after > kUnseenNoise && f.gain.explained_share < kExplained)
     f.verdict = Verdict::kUnknown;
   else if (f.causes.empty())
     f.verdict = f.candidates.empty() ? Verdict::kNotIdentifiable : Verdict::kNone;
