@@ -25,7 +25,7 @@ struct MotionSolution {
 };
 
 /// Mean square of positions that noise hides, over its own: half of the noise. Filters in a drive's
-/// firmware change simulated runs by a third of it, and springs and ripples stood for them.
+/// firmware mostly change runs by a third of it, and springs and ripples stood for them.
 inline constexpr double kHiddenByNoise = 0.25;
 
 /// Weight of the least change, where the recording tells no other.
