@@ -77,6 +77,7 @@ class MotionPath {
                         .transpose();
           rotors_.at_drives(logged_, u_);
         };
+        long steps = 0;
         for (double t = begin; t < end - 1e-12 * h;) {
           double step = end - t;
           bool stiff = false;
@@ -101,7 +102,7 @@ class MotionPath {
           else
             rk_.step(at_share, step, A);
           t += step;
-          if (!(A.col(0).cwiseAbs().maxCoeff() < kBlowUp)) return k + 1;
+          if (++steps > kMostSteps || !(A.col(0).cwiseAbs().maxCoeff() < kBlowUp)) return k + 1;
         }
       }
     }
@@ -134,6 +135,10 @@ class MotionPath {
   static constexpr double kStops = 1.0;
   /// Parts of a row: beyond, a simulation blows up within them.
   static constexpr double kMostParts = 1e9;
+  /// Steps within a part, which is too short for the motion to turn twenty times: a reversal takes
+  /// some fifty, by kTurns from the fastest speed of a joint to where its friction is sharp and
+  /// back. A run with more of them chatters, and counts as one that blows up.
+  static constexpr long kMostSteps = 1000;
   /// Explicit step over the row's that is not worth its time.
   static constexpr double kFinest = 1.0 / 16.0;
   /// Implicit step over the row's.

@@ -387,4 +387,33 @@ TEST_CASE("path: a joint breaks away and stops within a row as dry friction that
   }
 }
 
+TEST_CASE("path: friction of one direction alone holds a joint against a push that way",
+          "[motion]") {
+  constexpr double kFriction = 50.0, kTorque = 0.08, kSharp = 1e-5;
+  constexpr long kHeld = 25;  // rows that push towards the side of the friction
+  Model model = test::swing_model();
+  model.gravity = {0.0, 0.0, 0.0};
+  model.effects = {{"asymmetric_coulomb",
+                    "pendulum",
+                    {{"coulomb_positive", 0.0, ""},
+                     {"coulomb_negative", kFriction, ""},
+                     {"smoothing", kSharp, ""}}}};
+  Recording r = test::free_swing({}, test::even_times(0.0, 0.5, 100.0));
+  MotionStretch s = motion_stretches(r, sensor_noise({r}, {false}), {false}).at(0);
+  s.u.setConstant(kTorque);
+  s.u.topRows(kHeld).setConstant(-kTorque);
+  s.u_end = s.u;  // held from row to row
+  const double h = s.time[1] - s.time[0];
+  const MotionWindow w{0, 0, static_cast<long>(s.time.size()), VecX<double>::Zero(2)};
+  JointWindows simulator(extend(model), bound(model), {}, {});
+  const RowMatX<double> q = simulator.positions(s, w);
+  for (long k = 0; k < q.rows(); ++k) {
+    CAPTURE(k);
+    const double pushed = h * static_cast<double>(std::max(k - kHeld, 0L)),
+                 exact = 0.5 * kTorque / test::kSwingInertia * pushed * pushed;
+    // Held, it creeps by no more than the speed at which friction turns.
+    CHECK(std::abs(q(k, 0) - exact) < kSharp * h * static_cast<double>(q.rows()));
+  }
+}
+
 }  // namespace sensitivities_test
