@@ -349,4 +349,71 @@ TEST_CASE(
   CHECK(rows.R().allFinite());
 }
 
+TEST_CASE("path: a joint breaks away and stops within a row as dry friction that is sharp has it",
+          "[motion]") {
+  // No gravity: under a constant torque it gains speed evenly, without one it loses it so.
+  constexpr double kFriction = 0.05, kTorque = 0.08, kJ = test::kSwingInertia;
+  constexpr long kPushed = 10;  // rows that begin with the torque
+  Model model = test::swing_model();
+  model.gravity = {0.0, 0.0, 0.0};
+  model.effects = {
+      {"coulomb_friction", "pendulum", {{"coulomb", kFriction, ""}, {"smoothing", 1e-5, ""}}}};
+  Recording r = test::free_swing({}, test::even_times(0.0, 0.5, 100.0));
+  r.info.passive.clear();
+  r.has_tau = {true};
+  r.tau.topRows(kPushed).setConstant(kTorque);
+  MotionStretch s = motion_stretches(r, sensor_noise({r}, {false}), {false}).at(0);
+  s.u.setZero();
+  s.u.topRows(kPushed).setConstant(kTorque);
+  s.u_end = s.u;  // held from row to row
+  const double h = s.time[1] - s.time[0], pushed = h * kPushed, gain = (kTorque - kFriction) / kJ,
+               speed = gain * pushed, stops = pushed + speed / (kFriction / kJ);
+  const auto exact = [&](double t) {
+    if (t < pushed) return 0.5 * gain * t * t;
+    const double left = std::min(t, stops) - pushed;
+    return 0.5 * gain * pushed * pushed + speed * left - 0.5 * kFriction / kJ * left * left;
+  };
+  const MotionWindow w{0, 0, static_cast<long>(s.time.size()), VecX<double>::Zero(2)};
+  JointWindows simulator(extend(model), bound(model), {}, {});
+  const RowMatX<double> q = simulator.positions(s, w);
+  REQUIRE(stops < s.time.back() - s.time.front() - 5.0 * h);
+  /// Share of the way: speeds of 1e-5 rad/s at which friction turns, over 0.4 rad/s, and steps that
+  /// halve the speed at most around the two instants.
+  constexpr double kTol = 1e-3;
+  for (long k = 0; k < q.rows(); ++k) {
+    CAPTURE(k);
+    CHECK(std::abs(q(k, 0) - exact(s.time[static_cast<std::size_t>(k)] - s.time[0])) <
+          kTol * exact(stops));
+  }
+}
+
+TEST_CASE("path: friction of one direction alone holds a joint against a push that way",
+          "[motion]") {
+  constexpr double kFriction = 50.0, kTorque = 0.08, kSharp = 1e-5;
+  constexpr long kHeld = 25;  // rows that push towards the side of the friction
+  Model model = test::swing_model();
+  model.gravity = {0.0, 0.0, 0.0};
+  model.effects = {{"asymmetric_coulomb",
+                    "pendulum",
+                    {{"coulomb_positive", 0.0, ""},
+                     {"coulomb_negative", kFriction, ""},
+                     {"smoothing", kSharp, ""}}}};
+  Recording r = test::free_swing({}, test::even_times(0.0, 0.5, 100.0));
+  MotionStretch s = motion_stretches(r, sensor_noise({r}, {false}), {false}).at(0);
+  s.u.setConstant(kTorque);
+  s.u.topRows(kHeld).setConstant(-kTorque);
+  s.u_end = s.u;  // held from row to row
+  const double h = s.time[1] - s.time[0];
+  const MotionWindow w{0, 0, static_cast<long>(s.time.size()), VecX<double>::Zero(2)};
+  JointWindows simulator(extend(model), bound(model), {}, {});
+  const RowMatX<double> q = simulator.positions(s, w);
+  for (long k = 0; k < q.rows(); ++k) {
+    CAPTURE(k);
+    const double pushed = h * static_cast<double>(std::max(k - kHeld, 0L)),
+                 exact = 0.5 * kTorque / test::kSwingInertia * pushed * pushed;
+    // Held, it creeps by no more than the speed at which friction turns.
+    CHECK(std::abs(q(k, 0) - exact) < kSharp * h * static_cast<double>(q.rows()));
+  }
+}
+
 }  // namespace sensitivities_test
