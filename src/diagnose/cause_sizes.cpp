@@ -173,7 +173,8 @@ std::vector<CauseParameter> sizes(const Search& search, const std::vector<Term>&
                                   std::size_t which, const MatX<double>& covariance) {
   const Term& t = terms[which];
   const Candidate& c = search.candidates()[static_cast<std::size_t>(t.candidate)];
-  const bool shapes_show = t.shapes.size() >= c.shapes.size();
+  const bool shapes_show =
+      t.effect.told >= 0 ? has_size(c, t) : t.shapes.size() >= c.shapes.size();
   // Where stiffness and rotor show as their ratio alone, they are as good as the declared rotor.
   const bool by_rotor = has_size(c, t) && !shapes_show;
   const double of_word = c.rotor > 0.0 && shapes_show ? 0.0 : c.held;
