@@ -11,6 +11,7 @@
 #include "core/constants.hpp"
 #include "diagnose/halves.hpp"
 #include "dynamics/loop_motion.hpp"
+#include "recording/cut_off.hpp"
 #include "recording/overlap.hpp"
 
 namespace diffnea {
@@ -85,8 +86,10 @@ PreprocessPlan plan_rows(const Model& links, const std::vector<Recording>& sampl
   any.min_segment = 0.0;
   PreprocessPlan out = plan_preprocess(sample, any);
   // With one path effects see half the cut-off (smooth_more()); two that keep as much are better.
+  // Not where the cut-off is the highest there is: what moves above either's is no noise then.
+  const double own = out.filter_hz, highest = detail::kTrueTo / out.dt;
   if (const double hz = cutoff_of_halves(out);
-      options.filter_hz == 0.0 && hz < out.filter_hz && hz >= 0.5 * out.filter_hz) {
+      options.filter_hz == 0.0 && own < highest && hz < own && hz >= 0.5 * own) {
     any.filter_hz = hz;
     out = plan_preprocess(sample, any);
   }

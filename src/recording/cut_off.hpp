@@ -7,6 +7,10 @@
 
 namespace diffnea::detail {
 
+/// The difference stencils are true up to this share of the rate: the highest cut-off that is
+/// chosen.
+inline constexpr double kTrueTo = 0.25;
+
 /// Window of 5 to 10 s, which tells the slow lines of a motion apart; the longest segment holds
 /// three of them. A power of two.
 long window_length(const std::vector<Eigen::VectorXd>& segments, double dt);

@@ -35,9 +35,6 @@ constexpr double kShortestPeriod = 1e-6;
 // Bands of torques and regressor, in shares of the output rate as in DecimatorOptions, or of the
 // cut-off where lower.
 constexpr double kPass = 0.35, kStop = 0.65, kPassOfCutoff = 0.5, kStopOfCutoff = 0.95;
-/// The difference stencils are true up to this share of the rate.
-constexpr double kTrueTo = 0.25;
-
 /// The grid's period: mean of the intervals within half of their median, which is the median to the
 /// accuracy that time was written with, and its true value where it was rounded.
 double choose_period(const std::vector<Recording>& recordings, bool measured_velocity,
@@ -224,9 +221,9 @@ PreprocessPlan plan_preprocess(const std::vector<Recording>& logged,
   for (std::size_t j = 0; j < n; ++j) {
     detail::PositionSpectrum s = detail::look_at_position(columns[j], rate, plan.q_step[j]);
     if (s.cutoff_hz > 0.0)
-      s.cutoff_hz = detail::cutoff_of_events(columns[j], rate,
-                                             std::clamp(s.cutoff_hz, 1e-3 * rate, kTrueTo * rate),
-                                             kTrueTo * rate, s.noise);
+      s.cutoff_hz = detail::cutoff_of_events(
+          columns[j], rate, std::clamp(s.cutoff_hz, 1e-3 * rate, detail::kTrueTo * rate),
+          detail::kTrueTo * rate, s.noise);
     spectra.push_back(s);
     plan.joint_hz.push_back(s.cutoff_hz);
     plan.q_noise.push_back(std::max(s.noise, plan.q_step[j] / std::sqrt(12.0)));
@@ -240,7 +237,7 @@ PreprocessPlan plan_preprocess(const std::vector<Recording>& logged,
                  : kNaN);
   }
   plan.filter_hz = options.filter_hz > 0.0 ? options.filter_hz
-                   : cutoff > 0.0          ? std::clamp(cutoff, 1e-3 * rate, kTrueTo * rate)
+                   : cutoff > 0.0          ? std::clamp(cutoff, 1e-3 * rate, detail::kTrueTo * rate)
                                            : 0.1 * rate;
   if (!(options.filter_hz >= 0.0 && options.decimate_to_hz >= 0.0))
     throw DataError("preprocess: filter_hz is " + std::to_string(options.filter_hz) +
@@ -286,7 +283,8 @@ PreprocessPlan plan_like(const PreprocessPlan& plan, const std::vector<Recording
   out.refresh = refresh_rows(recordings);
   const double rate = 1.0 / out.dt;
   // Positions may be smoothed more, as long as that is flat over the band of the torques.
-  out.filter_hz = std::min(plan.filter_hz, std::max(kTrueTo, plan.filter_hz * plan.dt) * rate);
+  out.filter_hz =
+      std::min(plan.filter_hz, std::max(detail::kTrueTo, plan.filter_hz * plan.dt) * rate);
   out.max_gap = std::max(5.0, plan.max_gap * plan.dt / out.dt);
   require_enough(recordings, out, {});
   const double wanted = 1.0 / (plan.dt * plan.decimator.factor);

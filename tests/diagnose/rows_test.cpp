@@ -37,17 +37,27 @@ TEST_CASE("plan_rows: as fast as torques tell, however slow the path", "[diagnos
 TEST_CASE("plan_rows: two paths where they cost no more than a fifth of the cut-off",
           "[diagnose]") {
   const Model model = read_model(DIFFNEA_SOURCE_DIR "/models/double_pendulum.urdf");
-  Recording r = test::swinging(model, 60.0, false, 1);
-  Rng rng(5);
-  for (long i = 0; i < r.rows(); ++i)  // a hum of 23 Hz, and hardly any noise
-    for (double& q : r.q.row(i))
-      q += 1e-3 * std::sin(2.0 * M_PI * 23.0 * r.time[i]) + 1e-7 * rng.normal();
-  const double rate = 100.0, own = plan_preprocess({r}, {}).filter_hz;
+  const double rate = 100.0;
+  const auto humming = [&](double hz) {
+    Recording r = test::swinging(model, 60.0, false, 1);
+    Rng rng(5);
+    for (long i = 0; i < r.rows(); ++i)
+      for (double& q : r.q.row(i))
+        q += 1e-3 * std::sin(2.0 * M_PI * hz * r.time[i]) + 1e-5 * rng.normal();
+    return r;
+  };
+  const Recording slow = humming(12.0), fast = humming(40.0);
+  const double own = plan_preprocess({slow}, {}).filter_hz;
+  CAPTURE(own);
   REQUIRE(own > 0.2 * rate);
-  CHECK(plan_rows(model, {r}, 0.0, {}).filter_hz == 0.2 * rate);
+  REQUIRE(own < 0.25 * rate);
+  CHECK(plan_rows(model, {slow}, 0.0, {}).filter_hz == 0.2 * rate);
   PreprocessOptions asked;
   asked.filter_hz = 0.24 * rate;  // at the user's word
-  CHECK(plan_rows(model, {r}, 0.0, asked).filter_hz == 0.24 * rate);
+  CHECK(plan_rows(model, {slow}, 0.0, asked).filter_hz == 0.24 * rate);
+  // The highest there is: what moves above it is no noise, and halves would not follow it.
+  REQUIRE(plan_preprocess({fast}, {}).filter_hz == 0.25 * rate);
+  CHECK(plan_rows(model, {fast}, 0.0, {}).filter_hz == 0.25 * rate);
 }
 
 }  // namespace diffnea::rows_test
