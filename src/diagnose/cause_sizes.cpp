@@ -5,6 +5,8 @@
 #include <functional>
 #include <map>
 
+#include <diffnea/effects/stepping.hpp>
+
 #include "core/constants.hpp"
 #include "core/decompositions.hpp"
 #include "diagnose/inexact.hpp"
@@ -215,6 +217,22 @@ std::vector<CauseParameter> sizes(const Search& search, const std::vector<Term>&
     out.push_back(p);
   }
   return out;
+}
+
+std::vector<CauseParameter> of_robot(const Candidate& c, const Term& term,
+                                     std::vector<CauseParameter> sizes) {
+  if (term.effect.told >= 0) sizes.erase(sizes.begin() + term.effect.told);
+  if (term.effect.own || !(c.swings > 0.0) || !encoder_at_motor(term.effect)) return sizes;
+  const MotorSpring<double> spring = motor_spring(term.effect);
+  const double ratio = 0.5 * spring.damping / std::sqrt(spring.stiffness * c.swings);
+  for (CauseParameter& p : sizes) {
+    if (!std::isfinite(p.std)) continue;
+    if (p.name == "stiffness")
+      set_log_interval(p, std::hypot(p.std / p.value, ratio), kInfinity);
+    else if (p.name == "damping")
+      p.low = 0.0;
+  }
+  return sizes;
 }
 
 }  // namespace diffnea

@@ -24,4 +24,10 @@ bool may_be_nothing(const Term& term, const std::vector<CauseParameter>& sizes);
 std::vector<CauseParameter> sizes(const Search& search, const std::vector<Term>& terms,
                                   std::size_t which, const MatX<double>& covariance);
 
+/// Sizes of the robot among them. What swings behind an encoder is moved by its log, whose
+/// noise at the resonance is in no measured torque: to a fit that looks like a damper. So a damping
+/// may be none, and the resonance lies within its width, ω² (1 ± ζ) by one standard deviation.
+std::vector<CauseParameter> of_robot(const Candidate& candidate, const Term& term,
+                                     std::vector<CauseParameter> sizes);
+
 }  // namespace diffnea

@@ -67,8 +67,8 @@ std::vector<Cause> Selection::causes(const std::vector<Term>& terms) const {
     cause.delta_bic = search_.bic(gain_without, rest) - search_.bic(all, terms);
     cause.visible_share = t.visible_share();
     cause.torque_share = search_.torque_share(t);
-    cause.parameters = sizes(search_, terms, i, covariances[i]);
-    if (terms[i].effect.told >= 0) cause.parameters.pop_back();
+    cause.parameters = of_robot(candidates_[static_cast<std::size_t>(t.candidate)], t,
+                                sizes(search_, terms, i, covariances[i]));
     const HeldOutChange held = change(rest, terms);
     cause.gain = {std::sqrt(held.before), std::sqrt(held.after), 0.0, 0.0, held.low, held.high};
     cause.gain.explained_share = held.before > 0.0 ? 1.0 - held.after / held.before : 0.0;

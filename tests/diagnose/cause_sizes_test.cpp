@@ -2,7 +2,11 @@
 
 #include "diagnose/cause_sizes.hpp"
 
+#include <cmath>
+#include <support/swinging.hpp>
+
 #include <catch2/catch_test_macros.hpp>
+#include <catch2/matchers/catch_matchers_floating_point.hpp>
 
 namespace diffnea::cause_sizes_test {
 namespace {
@@ -32,6 +36,32 @@ TEST_CASE("may_be_nothing: zero in every interval of what a cause is proportiona
   CHECK_FALSE(may_be_nothing(friction, {between(-1.0, 1.0), between(0.5, 1.0)}));
   CHECK(may_be_nothing(friction, {between(-1.0, 1.0), between(0.0, 1.0)}));
   CHECK(may_be_nothing(friction, {between(-1.0, 1.0), CauseParameter{}}));
+}
+
+TEST_CASE("of_robot: what swings behind its encoder has a damping from none on", "[diagnose]") {
+  const test::SwingingEvidence evidence(20.0);
+  const std::vector<Candidate> candidates =
+      make_candidates(evidence.model, evidence.model, {"joint_elasticity@elbow"}, {0}, false);
+  Term spring = term_at(candidates[0], 0, candidates[0].grid.front());
+  const double stiffness = 100.0, ratio = 0.25,
+               damping = 2.0 * ratio * std::sqrt(stiffness * candidates[0].swings);
+  const auto reported = [&](double side) {
+    spring.effect.parameters = {stiffness, damping, 0.01, 1.0, side};
+    return of_robot(candidates[0], spring,
+                    {{"stiffness", "N*m/rad", stiffness, 1.0, 98.0, 102.0},
+                     {"damping", "N*m*s/rad", damping, 0.1 * damping, 0.8 * damping, 1.2 * damping},
+                     {"motor_inertia", "kg*m^2", 0.01}});
+  };
+  const std::vector<CauseParameter> motor = reported(1.0), link = reported(0.0);
+  CHECK(motor[1].low == 0.0);
+  CHECK(motor[1].high == 1.2 * damping);
+  // By one standard deviation its resonance moves by half of its width.
+  CHECK_THAT(motor[0].std, Catch::Matchers::WithinRel(stiffness * std::hypot(0.01, ratio), 1e-12));
+  CHECK(motor[0].low < 65.0);
+  CHECK(motor[0].high > 155.0);
+  CHECK(std::isnan(motor[2].std));
+  CHECK(link[0].low == 98.0);
+  CHECK(link[1].low == 0.8 * damping);
 }
 
 }  // namespace diffnea::cause_sizes_test
