@@ -80,7 +80,7 @@ WorldRecording record_in_world(const WorldSpec& world, const Model& controller,
 
 /// Flights that a world gave, and the robot that flew them.
 struct WorldFlights {
-  std::vector<SimulatedRecording> flights;
+  std::vector<SimulatedRecording> flights;  ///< one a run
   Model truth;  ///< the robot as it was drawn
 };
 /// Draws the world's robot and throws it: record_flights, without contacts. The noise of `options`
