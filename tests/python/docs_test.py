@@ -201,7 +201,7 @@ NOT_RUN = {
     "docs/guide/servo_arm.md": 2,
     "docs/guide/start.md": 1,
     "docs/identification.md": 1,
-    "docs/models.md": 4,
+    "docs/models.md": 5,
     "docs/policy.md": 2,
     "docs/python.md": 2,
     "docs/recordings.md": 3,
