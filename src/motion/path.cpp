@@ -7,22 +7,11 @@
 #include <diffnea/effects/stepping.hpp>
 
 namespace diffnea {
-namespace {
-
-/// Speed at rest [rad/s] or [m/s]: a secant from there is the slope of friction.
-constexpr double kSlow = 1e-6;
-
-}  // namespace
 
 MotionPath::MotionPath(ExtendedTree model, const SteppingOptions& options)
     : options_(options), rotors_(model), dynamics_(std::move(model)), n_(dynamics_.num_dofs()) {
-  sharp_ = VecX<double>::Constant(n_, std::numeric_limits<double>::infinity());
-  for (const BoundEffect& e : dynamics_.model().effects) {
+  for (const BoundEffect& e : dynamics_.model().effects)
     dry_ = dry_ || e.info().reads != Reads::kNothing;
-    for (std::size_t k = 0; k < e.parameters.size(); ++k)
-      if (e.parameter_info[k].name == "smoothing")
-        for (const int j : e.joints) sharp_[j] = std::min(sharp_[j], e.parameters[k]);
-  }
   damping_ = moving_ = resting_ = probe_ = still_ = qdd_ = VecX<double>::Zero(n_);
 }
 
@@ -130,15 +119,10 @@ double MotionPath::finest_rate(const MotionStretch& stretch, const MotionWindow&
   rotors_.at_drives(stretch.u.row(window.first).transpose(), u);
   dynamics_.set_command(led(stretch.command));
   dynamics_.set_time(stretch.time[static_cast<std::size_t>(window.first)]);
+  dynamics_.linearise(q.data(), rest.data(), u.data(), stretch.run);
   const long moving = n_ - static_cast<long>(rotors_.integrators().size());  // no friction there
-  double rate = 0.0;
-  for (const double side : {-kSlow, 0.0}) {  // friction may be of another size on each
-    const VecX<double> speed = VecX<double>::Constant(n_, side);
-    dynamics_.linearise(q.data(), speed.data(), u.data(), stretch.run);
-    if (dry_)
-      rate = std::max(rate,
-                      dynamics_.dqdd_dqd().leftCols(moving).cwiseAbs().rowwise().sum().maxCoeff());
-  }
+  const double rate =
+      dry_ ? dynamics_.dqdd_dqd().leftCols(moving).cwiseAbs().rowwise().sum().maxCoeff() : 0.0;
   if (dynamics_.command()) {  // drives at their steepest, not as they are at this command
     dynamics_.set_command(nullptr);
     dynamics_.linearise(q.data(), rest.data(), u.data(), stretch.run);
@@ -160,41 +144,19 @@ double MotionPath::finest_rate(const MotionStretch& stretch, const MotionWindow&
   return rate;
 }
 
-/// Rate at which velocities turn here [1/s], where dry friction reads them; leaves q̈.
-double MotionPath::turning_rate(const MatX<double>& A, const VecX<double>& u, int run) {
-  dynamics_.acceleration(A.data(), A.data() + n_, u.data(), run, qdd_.data());
-  double out = 0.0;
-  for (int j = 0; j < n_; ++j)
-    out = std::max(out, std::abs(qdd_[j]) / std::max(std::abs(A(n_ + j, 0)), sharp_[j]));
-  return out;
-}
-
-/// Rate at which friction brakes the joints here [1/s], at the present q̈; leaves mass matrix and D.
-/// @param speed  of the joints: kAtRest is where it is steepest
-double MotionPath::friction_rate(const MatX<double>& A, Speed speed, int run) {
+/// Rate at which friction brakes the joints here [1/s]; leaves mass matrix and D.
+double MotionPath::friction_rate(const MatX<double>& A, const VecX<double>& u, int run) {
+  constexpr double kSlow = 1e-6;  // [rad/s] or [m/s]: a secant from there is the slope at rest
   const double* q = A.data();
   const double* qd = A.data() + n_;
   for (int j = 0; j < n_; ++j)
-    probe_[j] =
-        speed == kAsItMoves && std::abs(qd[j]) > kSlow ? qd[j] : std::copysign(kSlow, qd[j]);
+    probe_[j] = std::abs(qd[j]) > kSlow ? qd[j] : std::copysign(kSlow, qd[j]);
+  if (dynamics_.is_implicit()) dynamics_.acceleration(q, qd, u.data(), run, qdd_.data());
   friction(q, probe_.data(), run, moving_);
   VecX<double> rest = still_;
   for (const DriveIntegrator& i : rotors_.integrators()) rest[i.dof] = probe_[i.dof];
   friction(q, rest.data(), run, resting_);
   damping_ = (moving_ - resting_).cwiseQuotient(probe_).cwiseMax(0.0);
-  // Towards rest, within the speed at which friction turns, a step may lead to the other side of
-  // it, of another size. A joint that breaks away has its own.
-  bool slow = false;
-  for (int j = 0; j < n_; ++j)
-    if (std::isfinite(sharp_[j]) && std::abs(probe_[j]) < sharp_[j] &&
-        (speed == kAtRest || probe_[j] * qdd_[j] < 0.0)) {
-      probe_[j] = -probe_[j];
-      slow = true;
-    }
-  if (slow) {
-    friction(q, probe_.data(), run, moving_);
-    damping_ = damping_.cwiseMax((moving_ - resting_).cwiseQuotient(probe_));
-  }
   mass_ = mass_matrix<double, double>(dynamics_.model().tree, Eigen::Map<const VecX<double>>(q, n_),
                                       mass_ws_);
   factor_.compute(mass_);

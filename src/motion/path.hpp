@@ -77,17 +77,12 @@ class MotionPath {
                         .transpose();
           rotors_.at_drives(logged_, u_);
         };
-        long steps = 0;
         for (double t = begin; t < end - 1e-12 * h;) {
           double step = end - t;
           bool stiff = false;
           if (steep) {
             enter(t);
-            const double turning = turning_rate(A, u_, stretch.run);
-            const double steepest =
-                dynamics_.is_implicit() ? friction_rate(A, kAtRest, stretch.run) : finest;
-            if (step * steepest > kStops) step = std::min(step, kTurns / turning);
-            const double rate = friction_rate(A, kAsItMoves, stretch.run);
+            const double rate = friction_rate(A, u_, stretch.run);
             if (step * rate > kStops) {
               stiff = kStops < kFinest * h * rate;
               step = stiff ? std::min(step, h * kStiff) : kStops / rate;
@@ -102,7 +97,7 @@ class MotionPath {
           else
             rk_.step(at_share, step, A);
           t += step;
-          if (++steps > kMostSteps || !(A.col(0).cwiseAbs().maxCoeff() < kBlowUp)) return k + 1;
+          if (!(A.col(0).cwiseAbs().maxCoeff() < kBlowUp)) return k + 1;
         }
       }
     }
@@ -128,17 +123,10 @@ class MotionPath {
   static constexpr double kBlowUp = 1e6;
   /// Even steps within a row, at most.
   static constexpr double kMostEven = 8.0;
-  /// Step times the rate at which a velocity turns, where friction is too steep for the step: none
-  /// leads over a reversal, nor from rest to beyond where friction is steep.
-  static constexpr double kTurns = 0.5;
   /// Step times the rate of friction that brings a joint to rest within the step and no further.
   static constexpr double kStops = 1.0;
   /// Parts of a row: beyond, a simulation blows up within them.
   static constexpr double kMostParts = 1e9;
-  /// Steps within a part, which is too short for the motion to turn twenty times: a reversal takes
-  /// some fifty, by kTurns from the fastest speed of a joint to where its friction is sharp and
-  /// back. A run with more of them chatters, and counts as one that blows up.
-  static constexpr long kMostSteps = 1000;
   /// Explicit step over the row's that is not worth its time.
   static constexpr double kFinest = 1.0 / 16.0;
   /// Implicit step over the row's.
@@ -148,9 +136,7 @@ class MotionPath {
   const CommandPath* led(const std::shared_ptr<const CommandPath>& command);
   double finest_rate(const MotionStretch& stretch, const MotionWindow& window);
   double step_of_gears() const;
-  double turning_rate(const MatX<double>& A, const VecX<double>& u, int run);
-  enum Speed { kAtRest, kAsItMoves };
-  double friction_rate(const MatX<double>& A, Speed speed, int run);
+  double friction_rate(const MatX<double>& A, const VecX<double>& u, int run);
   void friction(const double* q, const double* qd, int run, VecX<double>& tau);
 
   template <class Slope>
@@ -177,7 +163,6 @@ class MotionPath {
   ForwardDynamics dynamics_;
   int n_;                 ///< degrees of freedom N
   bool dry_ = false;      ///< some effect's torque reads the velocity
-  VecX<double> sharp_;    ///< (N) speed within which dry friction turns; infinite: there is none
   double longest_ = 0.0;  ///< step that the motion itself allows [s]
   RungeKutta4<MatX<double>> rk_;
   MassMatrixWorkspace<double, double> mass_ws_;
