@@ -49,6 +49,26 @@ long block_of(const Evidence& evidence, long instants) {
 /// 1974).
 constexpr double kOfParameter = 2.0;
 
+/// Takes of errors what each block has of a gap's flights, from none to all; each block pays.
+/// @param flights  (rows()) whole, in the units of out.left
+void take_flights(const Evidence& e, const VecX<double>& flights, Prediction& out) {
+  const long m = e.times(), block = block_of(e, m);
+  for (long first = 0, end = 0; first < m; first = end) {
+    const auto stretch = [&](long i) { return e.stretch()[static_cast<std::size_t>(i)]; };
+    while (end < m && end < first + block && stretch(end) == stretch(first)) ++end;
+    double square = 0.0, product = 0.0;
+    for (long row = first; row < out.left.size(); row += m) {
+      square += flights.segment(row, end - first).squaredNorm();
+      product += flights.segment(row, end - first).dot(out.left.segment(row, end - first));
+    }
+    if (square < kOfParameter) continue;  // nothing flies
+    const double share = std::clamp(product / square, 0.0, 1.0);
+    for (long row = first; row < out.left.size(); row += m)
+      out.left.segment(row, end - first) -= share * flights.segment(row, end - first);
+    out.moved += kOfParameter;
+  }
+}
+
 }  // namespace
 
 void require_blocks(const std::vector<Recording>& sample) {
@@ -144,7 +164,6 @@ const HeldOut::Known& HeldOut::known(const Search& search) const {
 
 Prediction HeldOut::predicted(const Search& search, const std::vector<Term>& terms) const {
   Prediction out = predicted(search, errors(search, terms));
-  const long m = evidence_.times();
   for (const Term& t : terms) {
     if (t.effect.told < 0) continue;
     TriedEffect whole = t.effect;
@@ -152,24 +171,7 @@ Prediction HeldOut::predicted(const Search& search, const std::vector<Term>& ter
         std::exchange(whole.parameters[static_cast<std::size_t>(t.effect.told)], 1.0);
     const VecX<double> flights = predicted(search, evidence_.torque_of(whole)).left;
     out.left += fitted * flights;
-    const long block = block_of(evidence_, m);
-    for (long i = 0; i < m;) {
-      const long first = i;
-      const int stretch = evidence_.stretch()[static_cast<std::size_t>(i)];
-      while (i < m && i < first + block &&
-             evidence_.stretch()[static_cast<std::size_t>(i)] == stretch)
-        ++i;
-      double square = 0.0, product = 0.0;
-      for (long row = first; row < out.left.size(); row += m) {
-        square += flights.segment(row, i - first).squaredNorm();
-        product += flights.segment(row, i - first).dot(out.left.segment(row, i - first));
-      }
-      if (square < kOfParameter) continue;  // nothing flies
-      const double share = std::clamp(product / square, 0.0, 1.0);
-      for (long row = first; row < out.left.size(); row += m)
-        out.left.segment(row, i - first) -= share * flights.segment(row, i - first);
-      out.moved += kOfParameter;
-    }
+    take_flights(evidence_, flights, out);
   }
   return out;
 }
