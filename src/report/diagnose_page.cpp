@@ -281,10 +281,11 @@ std::string parameters(const Finding& f) {
   for (const Cause& c : f.causes)
     for (std::size_t k = 0; k < c.parameters.size(); ++k) {
       const CauseParameter p = as_read(c.effect, c.parameters[k]);
-      rows.push_back({k == 0 ? "<b>" + escape(at(c.effect, c.where)) + "</b>" : "",
-                      escape(plain(p.name)), number(p.value),
-                      std::isfinite(p.low) ? number(p.low) + " … " + number(p.high) : "held",
-                      escape(p.unit == "1" ? "" : unit(p.unit))});
+      rows.push_back(
+          {k == 0 ? "<b>" + escape(at(c.effect, c.where)) + "</b>" : "", escape(plain(p.name)),
+           number(p.value),
+           std::isfinite(p.low) ? number(p.low) + " … " + number(p.high) : "held, or not told",
+           escape(p.unit == "1" ? "" : unit(p.unit))});
     }
   return element("h2", "Parameters of the causes") +
          html_table({"cause", "parameter", "value", "95 % interval", "unit"}, rows,
